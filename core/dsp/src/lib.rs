@@ -1,0 +1,1 @@
+//! Windows, transforms, phase retrieval, overlap-add, resampling, filters.

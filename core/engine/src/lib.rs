@@ -1,0 +1,1 @@
+//! Runs a schedule tick by tick.

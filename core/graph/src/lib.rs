@@ -1,0 +1,1 @@
+//! The graph file: read, checked, compiled to a schedule.

@@ -1,0 +1,1 @@
+//! Runs a texture network from an ONNX file.

@@ -1,0 +1,1 @@
+//! What a node is: ports, units, parameters, statuses.

@@ -1,0 +1,1 @@
+//! A strict RON reader that keeps spans.

@@ -1,0 +1,1 @@
+//! Strokes, surfaces, materials and actuators.

@@ -1,0 +1,2 @@
+//! The `asperity` program.
+fn main() {}
