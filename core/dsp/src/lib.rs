@@ -1,1 +1,3 @@
-//! Windows, transforms, phase retrieval, overlap-add, resampling, filters.
+//! Windows, transforms, phase retrieval, overlap-add, resampling and filters: kernels without a graph.
+
+pub mod filter;

@@ -1,1 +1,5 @@
-//! Strokes, surfaces, materials and actuators.
+//! What the rendered world is made of: strokes, materials and the actuator that is driven.
+
+pub mod actuator;
+pub mod material;
+pub mod motion;
