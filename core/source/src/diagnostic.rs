@@ -32,12 +32,17 @@ impl Source {
             return Err(fail("this is not a file".into()));
         }
         if meta.len() > MAX_TEXT_BYTES {
-            return Err(fail(format!("this file has {} bytes; at most {MAX_TEXT_BYTES} are read", meta.len())));
+            return Err(fail(format!(
+                "this file has {} bytes; at most {MAX_TEXT_BYTES} are read",
+                meta.len()
+            )));
         }
         let bytes = std::fs::read(path).map_err(|e| fail(format!("cannot read this file: {e}")))?;
         match String::from_utf8(bytes) {
             Ok(text) => Ok(Self::new(path, text.strip_prefix('\u{feff}').map(str::to_owned).unwrap_or(text))),
-            Err(e) => Err(fail(format!("not a text file: byte {} is not UTF-8", e.utf8_error().valid_up_to()))),
+            Err(e) => {
+                Err(fail(format!("not a text file: byte {} is not UTF-8", e.utf8_error().valid_up_to())))
+            }
         }
     }
 
