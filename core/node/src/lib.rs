@@ -1,1 +1,26 @@
-//! What a node is: ports, units, parameters, statuses.
+//! What a node is.
+//!
+//! A node author writes one type that implements [`Node`]: a [`Descriptor`] (kind, ports, parameters), a
+//! `prepare` that allocates, and a `process` that does not. [`Registry`] holds the kinds a host offers. The
+//! words of the graph live here too: [`PortType`], [`Unit`], [`FrameLayout`], exact time in [`time`].
+
+mod buffer;
+mod descriptor;
+mod kind;
+mod param;
+mod port;
+pub mod random;
+mod registry;
+pub mod time;
+mod unit;
+
+pub use asperity_source::Diagnostic;
+pub use buffer::{Buffer, Frame, InputRef, Inputs, Outputs};
+pub use descriptor::{Descriptor, Resume};
+pub use kind::{Config, Fact, FactValue, Fault, Node, NodeKind, Ports, Processor, Setup, Status, Tick, Wiring};
+pub use num_complex::Complex;
+pub use param::{Param, ParamKind, ParamValue, Params};
+pub use port::{FrameLayout, Input, LayoutSpec, Output, PortType, RateSpec, Shape, ShapeSpec, UnitSpec, Var};
+pub use registry::Registry;
+pub use time::{FrameClock, FrameRate, Latency};
+pub use unit::Unit;

@@ -1,0 +1,266 @@
+//! Parameters: what a descriptor declares and what a graph file sets.
+
+use std::borrow::Cow;
+use std::fmt;
+use std::ops::RangeInclusive;
+use std::path::{Path, PathBuf};
+
+use asperity_source::{Diagnostic, Place};
+
+/// What a parameter may be.
+#[derive(Clone, Debug, PartialEq)]
+pub enum ParamKind {
+    /// A finite number within a range.
+    Number(RangeInclusive<f64>),
+    /// A whole number within a range.
+    Integer(RangeInclusive<i64>),
+    /// True or false.
+    Flag,
+    /// Any text.
+    Text,
+    /// One of a few words.
+    Choice(Cow<'static, [Cow<'static, str>]>),
+    /// A file that must exist; a relative path is relative to the graph file.
+    File,
+    /// A list of finite numbers, each within a range.
+    Numbers(RangeInclusive<f64>),
+}
+
+/// A declared parameter: name, kind, range, unit, default and meaning stand in one place.
+#[derive(Clone, Debug)]
+pub struct Param {
+    /// Name in a graph file.
+    pub name: Cow<'static, str>,
+    /// What it is and what it does, in a sentence.
+    pub doc: Cow<'static, str>,
+    /// Unit of a number; empty for none.
+    pub unit: Cow<'static, str>,
+    /// What it may be.
+    pub kind: ParamKind,
+    /// What it is where a graph does not say; `None` where a graph must.
+    pub default: Option<ParamValue>,
+    /// Whether it may be left out although it has no default.
+    pub optional: bool,
+}
+
+/// The value of a parameter.
+#[derive(Clone, Debug, PartialEq)]
+pub enum ParamValue {
+    /// A number.
+    Number(f64),
+    /// A whole number.
+    Integer(i64),
+    /// True or false.
+    Flag(bool),
+    /// A text, or one of a few words.
+    Text(String),
+    /// A file, its path resolved.
+    File(PathBuf),
+    /// A list of numbers.
+    Numbers(Vec<f64>),
+}
+
+impl fmt::Display for ParamValue {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            ParamValue::Number(x) => write!(f, "{x:?}"),
+            ParamValue::Integer(i) => write!(f, "{i}"),
+            ParamValue::Flag(b) => write!(f, "{b}"),
+            ParamValue::Text(t) => write!(f, "{t:?}"),
+            ParamValue::File(p) => write!(f, "{:?}", p.display().to_string()),
+            ParamValue::Numbers(xs) => write!(f, "{xs:?}"),
+        }
+    }
+}
+
+impl Param {
+    fn new(name: &'static str, kind: ParamKind, default: Option<ParamValue>, doc: &'static str) -> Self {
+        let (name, doc) = (Cow::Borrowed(name), Cow::Borrowed(doc));
+        Self { name, doc, unit: Cow::Borrowed(""), kind, default, optional: false }
+    }
+
+    /// A number with a default.
+    pub fn number(name: &'static str, default: f64, range: RangeInclusive<f64>, doc: &'static str) -> Self {
+        Self::new(name, ParamKind::Number(range), Some(ParamValue::Number(default)), doc)
+    }
+
+    /// A whole number with a default.
+    pub fn integer(name: &'static str, default: i64, range: RangeInclusive<i64>, doc: &'static str) -> Self {
+        Self::new(name, ParamKind::Integer(range), Some(ParamValue::Integer(default)), doc)
+    }
+
+    /// True or false, with a default.
+    pub fn flag(name: &'static str, default: bool, doc: &'static str) -> Self {
+        Self::new(name, ParamKind::Flag, Some(ParamValue::Flag(default)), doc)
+    }
+
+    /// A text with a default.
+    pub fn text(name: &'static str, default: &str, doc: &'static str) -> Self {
+        Self::new(name, ParamKind::Text, Some(ParamValue::Text(default.to_owned())), doc)
+    }
+
+    /// One of a few words, the first of which is the default.
+    pub fn choice(name: &'static str, words: &[&'static str], doc: &'static str) -> Self {
+        let default = words.first().map(|w| ParamValue::Text((*w).to_owned()));
+        let words = words.iter().map(|w| Cow::Borrowed(*w)).collect();
+        Self::new(name, ParamKind::Choice(words), default, doc)
+    }
+
+    /// A file, which a graph must name.
+    pub fn file(name: &'static str, doc: &'static str) -> Self {
+        Self::new(name, ParamKind::File, None, doc)
+    }
+
+    /// A list of numbers with a default.
+    pub fn numbers(name: &'static str, default: &[f64], range: RangeInclusive<f64>, doc: &'static str) -> Self {
+        Self::new(name, ParamKind::Numbers(range), Some(ParamValue::Numbers(default.to_vec())), doc)
+    }
+
+    /// The unit of a number.
+    #[must_use]
+    pub fn unit(mut self, unit: &'static str) -> Self {
+        self.unit = Cow::Borrowed(unit);
+        self
+    }
+
+    /// A graph must set it.
+    #[must_use]
+    pub fn required(mut self) -> Self {
+        self.default = None;
+        self
+    }
+
+    /// A graph may leave it out, and then it has no value.
+    #[must_use]
+    pub fn optional(mut self) -> Self {
+        self.default = None;
+        self.optional = true;
+        self
+    }
+}
+
+/// The parameters of one node, checked against its descriptor.
+#[derive(Clone, Debug, Default)]
+pub struct Params {
+    entries: Vec<Entry>,
+    node: Option<Place>,
+}
+
+#[derive(Clone, Debug)]
+struct Entry {
+    name: String,
+    value: Option<ParamValue>,
+    place: Option<Place>,
+}
+
+impl Params {
+    /// No parameters yet, of a node that stands at `node` in its file.
+    pub fn new(node: Option<Place>) -> Self {
+        Self { entries: Vec::new(), node }
+    }
+
+    /// Adds a parameter. `value` is `None` for an optional one that a graph left out.
+    pub fn insert(&mut self, name: impl Into<String>, value: Option<ParamValue>, place: Option<Place>) {
+        self.entries.push(Entry { name: name.into(), value, place });
+    }
+
+    /// All parameters that have a value, in the descriptor's order.
+    pub fn iter(&self) -> impl Iterator<Item = (&str, &ParamValue)> {
+        self.entries.iter().filter_map(|e| Some((e.name.as_str(), e.value.as_ref()?)))
+    }
+
+    /// Whether the graph sets this parameter itself.
+    pub fn is_set(&self, name: &str) -> bool {
+        self.entry(name).is_some_and(|e| e.place.is_some())
+    }
+
+    fn entry(&self, name: &str) -> Option<&Entry> {
+        self.entries.iter().find(|e| e.name == name)
+    }
+
+    /// The value of a parameter, if it has one.
+    pub fn get(&self, name: &str) -> Option<&ParamValue> {
+        self.entry(name)?.value.as_ref()
+    }
+
+    /// A number. 0 for a name that the descriptor does not declare as one.
+    pub fn number(&self, name: &str) -> f64 {
+        self.get_number(name).unwrap_or(0.0)
+    }
+
+    /// A number that may have been left out.
+    pub fn get_number(&self, name: &str) -> Option<f64> {
+        match self.get(name)? {
+            ParamValue::Number(x) => Some(*x),
+            ParamValue::Integer(i) => Some(*i as f64),
+            _ => None,
+        }
+    }
+
+    /// A whole number. 0 for a name that the descriptor does not declare as one.
+    pub fn integer(&self, name: &str) -> i64 {
+        self.get_integer(name).unwrap_or(0)
+    }
+
+    /// A whole number that may have been left out.
+    pub fn get_integer(&self, name: &str) -> Option<i64> {
+        match self.get(name)? {
+            ParamValue::Integer(i) => Some(*i),
+            _ => None,
+        }
+    }
+
+    /// True or false; false for a name that the descriptor does not declare as one.
+    pub fn flag(&self, name: &str) -> bool {
+        matches!(self.get(name), Some(ParamValue::Flag(true)))
+    }
+
+    /// A text or a choice; empty where there is none.
+    pub fn text(&self, name: &str) -> &str {
+        match self.get(name) {
+            Some(ParamValue::Text(t)) => t,
+            _ => "",
+        }
+    }
+
+    /// A file's path; empty where there is none.
+    pub fn file(&self, name: &str) -> &Path {
+        match self.get(name) {
+            Some(ParamValue::File(p)) => p,
+            _ => Path::new(""),
+        }
+    }
+
+    /// A list of numbers.
+    pub fn numbers(&self, name: &str) -> &[f64] {
+        match self.get(name) {
+            Some(ParamValue::Numbers(xs)) => xs,
+            _ => &[],
+        }
+    }
+
+    /// An error about a parameter, pointing at it in the file, or at the node where the file leaves it out.
+    pub fn error(&self, name: &str, message: impl Into<String>) -> Diagnostic {
+        let place = self.entry(name).and_then(|e| e.place.as_ref()).or(self.node.as_ref());
+        let d = Diagnostic::new(message);
+        match place {
+            Some(p) => d.at(&p.source, p.span),
+            None => d,
+        }
+    }
+
+    /// An error about the node as a whole.
+    pub fn node_error(&self, message: impl Into<String>) -> Diagnostic {
+        self.error("", message)
+    }
+
+    /// Where a parameter stands in the graph file, if it does.
+    pub fn place(&self, name: &str) -> Option<&Place> {
+        self.entry(name)?.place.as_ref()
+    }
+
+    /// Where the node stands in the graph file.
+    pub fn node_place(&self) -> Option<&Place> {
+        self.node.as_ref()
+    }
+}

@@ -1,0 +1,297 @@
+//! Ports: what a wire carries, as a descriptor says it and as the compiler settles it.
+
+use std::borrow::Cow;
+use std::fmt;
+
+use crate::{FrameRate, Unit};
+
+/// How the bins of a [`Shape::Magnitude`] or [`Shape::Spectrum`] came to be.
+///
+/// The window is the periodic Hann window over all of `length`. Bins are amplitudes, 2 |sum w x| / sum w in
+/// the port's unit, so that a sine of amplitude 1 on a bin reads 1 whatever the length; bin 0 and the last
+/// bin of a whole spectrum follow the same rule and read 2 for a constant of 1.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct FrameLayout {
+    /// Samples a second of the signal the frames describe.
+    pub rate_hz: u32,
+    /// Window and DFT length in samples.
+    pub length: u32,
+    /// Bins in a frame, from bin 0 on; at most length / 2 + 1. Bins above them are 0.
+    pub bins: u32,
+    /// Frames a second; frame n starts at sample floor(n * rate / frame rate).
+    pub frame_rate: FrameRate,
+}
+
+impl FrameLayout {
+    /// Distance of two bins in Hz.
+    pub fn bin_hz(&self) -> f64 {
+        f64::from(self.rate_hz) / f64::from(self.length)
+    }
+}
+
+impl fmt::Display for FrameLayout {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { rate_hz, length, bins, frame_rate } = self;
+        write!(f, "{bins} bins of a {length}-point Hann DFT at {rate_hz} Hz, {frame_rate} frames/s")
+    }
+}
+
+/// What one tick carries, all of it known.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Shape {
+    /// `count` values, held between ticks.
+    Control {
+        /// Number of values.
+        count: usize,
+    },
+    /// This tick's samples of one channel.
+    Audio {
+        /// Samples a second.
+        rate_hz: u32,
+    },
+    /// At most one frame of magnitudes.
+    Magnitude(FrameLayout),
+    /// At most one frame of complex bins.
+    Spectrum(FrameLayout),
+}
+
+impl Shape {
+    /// `Control`, `Audio`, `Magnitude` or `Spectrum`.
+    pub fn kind(&self) -> &'static str {
+        match self {
+            Shape::Control { .. } => "Control",
+            Shape::Audio { .. } => "Audio",
+            Shape::Magnitude(_) => "Magnitude",
+            Shape::Spectrum(_) => "Spectrum",
+        }
+    }
+}
+
+impl fmt::Display for Shape {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Shape::Control { count } => write!(f, "Control x{count}"),
+            Shape::Audio { rate_hz } => write!(f, "Audio at {rate_hz} Hz"),
+            Shape::Magnitude(l) => write!(f, "Magnitude of {l}"),
+            Shape::Spectrum(l) => write!(f, "Spectrum of {l}"),
+        }
+    }
+}
+
+/// The settled type of a port.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub struct PortType {
+    /// What a tick carries.
+    pub shape: Shape,
+    /// Unit of each value.
+    pub unit: Unit,
+    /// Whether a limiter stands behind it; only such a signal may reach a device.
+    pub guarded: bool,
+}
+
+impl fmt::Display for PortType {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} [{}]", self.shape, self.unit)
+    }
+}
+
+/// A type variable of a descriptor, by a letter: ports of a node that share it have the same type there.
+pub type Var = char;
+
+/// A rate in a descriptor.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum RateSpec {
+    /// The graph's audio rate.
+    Graph,
+    /// This rate.
+    Hz(u32),
+    /// The rate that every port with this variable has; a frame's rate is the one in its layout.
+    Of(Var),
+}
+
+/// A frame layout in a descriptor.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LayoutSpec {
+    /// This layout.
+    Is(FrameLayout),
+    /// The layout that every port with this variable has.
+    Of(Var),
+}
+
+/// A shape in a descriptor.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ShapeSpec {
+    /// Any shape, the same for every port with this variable.
+    Like(Var),
+    /// `count` values.
+    Control(usize),
+    /// Samples.
+    Audio(RateSpec),
+    /// Magnitudes.
+    Magnitude(LayoutSpec),
+    /// Complex bins.
+    Spectrum(LayoutSpec),
+}
+
+/// A unit in a descriptor.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum UnitSpec {
+    /// This unit.
+    Is(Unit),
+    /// The unit that every port with this variable has; one of `among`, or any where that is empty.
+    Of {
+        /// The variable.
+        var: Var,
+        /// The units it may take; empty for any.
+        among: Cow<'static, [Unit]>,
+    },
+}
+
+/// An input in a descriptor.
+#[derive(Clone, Debug)]
+pub struct Input {
+    /// Name in a graph file.
+    pub name: Cow<'static, str>,
+    /// What it is, in a few words.
+    pub doc: Cow<'static, str>,
+    /// What a tick carries.
+    pub shape: ShapeSpec,
+    /// In which unit.
+    pub unit: UnitSpec,
+    /// Whether it may stay unconnected. A control then reads `default` in every value, audio is silent, and
+    /// no frame comes.
+    pub optional: bool,
+    /// Value of an unconnected control input.
+    pub default: f64,
+    /// Whether only a guarded signal may enter.
+    pub guarded: bool,
+}
+
+/// An output in a descriptor.
+#[derive(Clone, Debug)]
+pub struct Output {
+    /// Name in a graph file.
+    pub name: Cow<'static, str>,
+    /// What it is, in a few words.
+    pub doc: Cow<'static, str>,
+    /// What a tick carries.
+    pub shape: ShapeSpec,
+    /// In which unit.
+    pub unit: UnitSpec,
+    /// Whether the node guards the signal (finite, and within a device's limits).
+    pub guarded: bool,
+}
+
+impl Input {
+    /// A required input.
+    pub fn new(name: impl Into<Cow<'static, str>>, shape: ShapeSpec, unit: Unit) -> Self {
+        Self {
+            name: name.into(),
+            doc: Cow::Borrowed(""),
+            shape,
+            unit: UnitSpec::Is(unit),
+            optional: false,
+            default: 0.0,
+            guarded: false,
+        }
+    }
+
+    /// What it is, in a few words.
+    #[must_use]
+    pub fn doc(mut self, doc: impl Into<Cow<'static, str>>) -> Self {
+        self.doc = doc.into();
+        self
+    }
+
+    /// Any unit, the same for every port with this variable.
+    #[must_use]
+    pub fn unit_of(mut self, var: Var) -> Self {
+        self.unit = UnitSpec::Of { var, among: Cow::Borrowed(&[]) };
+        self
+    }
+
+    /// One of a few units, the same for every port with this variable.
+    #[must_use]
+    pub fn unit_among(mut self, var: Var, among: &'static [Unit]) -> Self {
+        self.unit = UnitSpec::Of { var, among: Cow::Borrowed(among) };
+        self
+    }
+
+    /// May stay unconnected; a control then reads `default`.
+    #[must_use]
+    pub fn or(mut self, default: f64) -> Self {
+        self.optional = true;
+        self.default = default;
+        self
+    }
+
+    /// Takes only a guarded signal.
+    #[must_use]
+    pub fn guarded(mut self) -> Self {
+        self.guarded = true;
+        self
+    }
+}
+
+impl Output {
+    /// An output.
+    pub fn new(name: impl Into<Cow<'static, str>>, shape: ShapeSpec, unit: Unit) -> Self {
+        let doc = Cow::Borrowed("");
+        Self { name: name.into(), doc, shape, unit: UnitSpec::Is(unit), guarded: false }
+    }
+
+    /// What it is, in a few words.
+    #[must_use]
+    pub fn doc(mut self, doc: impl Into<Cow<'static, str>>) -> Self {
+        self.doc = doc.into();
+        self
+    }
+
+    /// Any unit, the same for every port with this variable.
+    #[must_use]
+    pub fn unit_of(mut self, var: Var) -> Self {
+        self.unit = UnitSpec::Of { var, among: Cow::Borrowed(&[]) };
+        self
+    }
+
+    /// Promises a guarded signal.
+    #[must_use]
+    pub fn guarded(mut self) -> Self {
+        self.guarded = true;
+        self
+    }
+}
+
+impl fmt::Display for UnitSpec {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            UnitSpec::Is(u) => write!(f, "{u}"),
+            UnitSpec::Of { among, .. } if among.is_empty() => f.write_str("any unit"),
+            UnitSpec::Of { among, .. } => {
+                let names: Vec<_> = among.iter().map(Unit::symbol).collect();
+                f.write_str(&names.join(" or "))
+            }
+        }
+    }
+}
+
+impl fmt::Display for ShapeSpec {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let rate = |r: &RateSpec| match r {
+            RateSpec::Graph => "the audio rate".to_owned(),
+            RateSpec::Hz(hz) => format!("{hz} Hz"),
+            RateSpec::Of(_) => "any rate".to_owned(),
+        };
+        let layout = |l: &LayoutSpec| match l {
+            LayoutSpec::Is(l) => l.to_string(),
+            LayoutSpec::Of(_) => "any layout".to_owned(),
+        };
+        match self {
+            ShapeSpec::Like(_) => f.write_str("any kind"),
+            ShapeSpec::Control(n) => write!(f, "Control x{n}"),
+            ShapeSpec::Audio(r) => write!(f, "Audio at {}", rate(r)),
+            ShapeSpec::Magnitude(l) => write!(f, "Magnitude of {}", layout(l)),
+            ShapeSpec::Spectrum(l) => write!(f, "Spectrum of {}", layout(l)),
+        }
+    }
+}

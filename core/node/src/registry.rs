@@ -1,0 +1,73 @@
+//! The kinds a host offers.
+
+use std::collections::BTreeMap;
+use std::marker::PhantomData;
+use std::sync::Arc;
+
+use crate::{Config, Descriptor, Diagnostic, Node, NodeKind, Ports, Processor, Setup};
+
+/// Node kinds by name.
+#[derive(Clone, Default)]
+pub struct Registry {
+    kinds: BTreeMap<String, Arc<dyn NodeKind>>,
+}
+
+impl std::fmt::Debug for Registry {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_set().entries(self.kinds.keys()).finish()
+    }
+}
+
+impl Registry {
+    /// A registry with nothing in it.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Adds a node type.
+    #[must_use]
+    pub fn with<N: Node>(mut self) -> Self {
+        self.add(Arc::new(Built { descriptor: N::descriptor(), node: PhantomData::<fn() -> N> }));
+        self
+    }
+
+    /// Adds a kind, in place of one of the same name. Answers the one that was there.
+    pub fn add(&mut self, kind: Arc<dyn NodeKind>) -> Option<Arc<dyn NodeKind>> {
+        self.kinds.insert(kind.descriptor().kind.to_string(), kind)
+    }
+
+    /// A kind by name.
+    pub fn get(&self, kind: &str) -> Option<&Arc<dyn NodeKind>> {
+        self.kinds.get(kind)
+    }
+
+    /// All kinds, by name.
+    pub fn iter(&self) -> impl Iterator<Item = &Arc<dyn NodeKind>> {
+        self.kinds.values()
+    }
+
+    /// The names of all kinds.
+    pub fn names(&self) -> impl Iterator<Item = &str> + Clone {
+        self.kinds.keys().map(String::as_str)
+    }
+}
+
+/// A kind made from a node type of this program.
+struct Built<N> {
+    descriptor: Descriptor,
+    node: PhantomData<fn() -> N>,
+}
+
+impl<N: Node> NodeKind for Built<N> {
+    fn descriptor(&self) -> &Descriptor {
+        &self.descriptor
+    }
+
+    fn ports(&self, config: &Config<'_>) -> Result<Ports, Diagnostic> {
+        N::ports(config, Ports { inputs: self.descriptor.inputs.clone(), outputs: self.descriptor.outputs.clone() })
+    }
+
+    fn prepare(&self, setup: &Setup<'_>) -> Result<Box<dyn Processor>, Diagnostic> {
+        Ok(Box::new(N::prepare(setup)?))
+    }
+}
