@@ -1,0 +1,136 @@
+//! Where frames lie in time, and how they are cut.
+
+/// A short-time Fourier transform's layout at one sample rate.
+///
+/// Frame `n` covers samples `start(n) .. start(n) + fft_len`; its bins are counted from 0, `rate_hz / fft_len` apart.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Framing {
+    /// Samples a second.
+    pub rate_hz: u32,
+    /// Window and transform length N, in samples; odd lengths are allowed.
+    pub fft_len: usize,
+    /// Bins K that are carried, from bin 0; at most `fft_len / 2 + 1`. Bins above are zero.
+    pub bins: usize,
+    /// Frames a second, numerator.
+    pub frame_num: u32,
+    /// Frames a second, denominator.
+    pub frame_den: u32,
+}
+
+/// What is wrong with a [`Framing`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum FramingError {
+    /// A rate, a length, the number of bins or a part of the frame rate is 0.
+    Zero,
+    /// More bins than a real transform of this length has; carries the most.
+    TooManyBins(usize),
+    /// The transform is longer than [`MAX_FFT_LEN`].
+    TooLong,
+    /// More frames a second than samples.
+    HopBelowOne,
+    /// Frames repeat their places only after more samples than [`MAX_PERIOD`], or after so many frames that adding
+    /// their windows up would take seconds; carries the period in samples.
+    PeriodTooLong(u64),
+}
+
+/// Longest transform that is accepted, in samples.
+pub const MAX_FFT_LEN: usize = 1 << 20;
+
+/// Longest period of frame places that is accepted, in samples: one table of this length is kept.
+pub const MAX_PERIOD: u64 = 1 << 20;
+
+impl std::fmt::Display for FramingError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Zero => write!(f, "a rate, a length or a number of bins is 0"),
+            Self::TooManyBins(most) => write!(f, "a real transform of this length has {most} bins"),
+            Self::TooLong => write!(f, "the transform is longer than {MAX_FFT_LEN} samples"),
+            Self::HopBelowOne => write!(f, "there are more frames a second than samples"),
+            Self::PeriodTooLong(p) => {
+                write!(f, "frame places repeat only after {p} samples, which is too many")
+            }
+        }
+    }
+}
+
+impl std::error::Error for FramingError {}
+
+impl Framing {
+    /// Checks the lengths.
+    ///
+    /// # Errors
+    /// Each kind of [`FramingError`].
+    pub fn check(&self) -> Result<(), FramingError> {
+        if self.rate_hz == 0
+            || self.fft_len == 0
+            || self.bins == 0
+            || self.frame_num == 0
+            || self.frame_den == 0
+        {
+            return Err(FramingError::Zero);
+        }
+        if self.fft_len > MAX_FFT_LEN {
+            return Err(FramingError::TooLong);
+        }
+        if self.bins > self.fft_len / 2 + 1 {
+            return Err(FramingError::TooManyBins(self.fft_len / 2 + 1));
+        }
+        let (period, frames) = self.period();
+        if frames > period {
+            return Err(FramingError::HopBelowOne);
+        }
+        if period > MAX_PERIOD || frames.saturating_mul(self.fft_len as u64) > 1 << 31 {
+            return Err(FramingError::PeriodTooLong(period));
+        }
+        Ok(())
+    }
+
+    /// First sample of frame `n`: `floor(n * rate_hz * frame_den / frame_num)`.
+    pub fn start(&self, n: u64) -> u64 {
+        let exact = u128::from(n) * u128::from(self.rate_hz) * u128::from(self.frame_den)
+            / u128::from(self.frame_num.max(1));
+        u64::try_from(exact).unwrap_or(u64::MAX)
+    }
+
+    /// Frame places repeat after this many `(samples, frames)`: the hop as a reduced fraction.
+    pub fn period(&self) -> (u64, u64) {
+        let (a, b) = (u64::from(self.rate_hz) * u64::from(self.frame_den), u64::from(self.frame_num));
+        let g = gcd(a, b).max(1);
+        (a / g, b / g)
+    }
+
+    /// `sum w / 2` of the Hann window: the factor from an amplitude to an unscaled DFT bin.
+    pub fn bin_scale(&self) -> f64 {
+        self.fft_len as f64 / 4.0
+    }
+}
+
+/// Greatest common divisor; of 0 and `b` it is `b`.
+pub(crate) fn gcd(a: u64, b: u64) -> u64 {
+    if b == 0 { a } else { gcd(b, a % b) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn frames_start_at_whole_samples_and_never_drift() {
+        let f = Framing { rate_hz: 44_100, fft_len: 4410, bins: 101, frame_num: 500, frame_den: 1 };
+        assert_eq!(f.check(), Ok(()));
+        assert_eq!(f.period(), (441, 5));
+        assert_eq!([0, 1, 2, 3, 4, 5].map(|n| f.start(n)), [0, 88, 176, 264, 352, 441]);
+        assert_eq!(f.start(5_000_000_000), 441_000_000_000);
+    }
+
+    #[test]
+    fn impossible_framings_are_refused() {
+        let f = Framing { rate_hz: 2500, fft_len: 250, bins: 101, frame_num: 500, frame_den: 1 };
+        assert_eq!(Framing { bins: 127, ..f }.check(), Err(FramingError::TooManyBins(126)));
+        assert_eq!(Framing { rate_hz: 0, ..f }.check(), Err(FramingError::Zero));
+        assert_eq!(Framing { fft_len: usize::MAX, ..f }.check(), Err(FramingError::TooLong));
+        let odd = Framing { rate_hz: 4_294_967_291, ..f };
+        assert_eq!(odd.check(), Err(FramingError::PeriodTooLong(4_294_967_291)));
+    }
+}

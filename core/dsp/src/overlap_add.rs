@@ -1,0 +1,242 @@
+//! Weighted overlap-add: spectra back to a signal, with unit gain at any hop.
+//!
+//! Every frame is transformed back, weighted by a Hann window and added at its place. The sum is divided by the sum of
+//! `analysis window x synthesis window` over all frames that cover a sample (D. Griffin, J. Lim, "Signal Estimation
+//! from Modified Short-Time Fourier Transform", IEEE Trans. ASSP 32(2), 1984, eq. 6). Frames at fractional hops start at whole
+//! samples, so that sum is not constant; it is periodic, and one period of it is kept.
+
+use crate::window::hann;
+use crate::{Float, Framing, FramingError};
+use realfft::num_complex::Complex;
+use realfft::{ComplexToReal, RealFftPlanner};
+use std::sync::Arc;
+
+/// Turns a stream of spectra into samples by weighted overlap-add.
+///
+/// The divisor is that of a stream of frames without beginning. So a signal fades in over the first `fft_len`
+/// samples after a start or a reset, as the first frames alone fade in, and a frame that is missing is silence of the frame's weight.
+/// A consistent stream is given back to rounding error; where no frame has weight (a hop as long as the window), there is silence.
+pub struct OverlapAdd<T> {
+    framing: Framing,
+    inverse: Arc<dyn ComplexToReal<T>>,
+    spectrum: Vec<Complex<T>>,
+    frame: Vec<T>,
+    scratch: Vec<Complex<T>>,
+    /// The synthesis window, with the inverse transform's scale and that of the bins.
+    window: Vec<T>,
+    /// One over the sum of windows, over one period of sample indices.
+    gain: Vec<T>,
+    /// Sums of frames; the sample `next` is at `head`.
+    ring: Vec<T>,
+    head: usize,
+    /// First sample that is not emitted yet.
+    next: u64,
+}
+
+/// Why a frame was not added.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum FrameError {
+    /// It starts more than two hops after the next sample to be emitted.
+    TooEarly,
+    /// All of it lies before the next sample to be emitted.
+    TooLate,
+    /// A bin is NaN or infinite: it would spoil every sample of the frame.
+    NotFinite,
+}
+
+impl std::fmt::Display for FrameError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::TooEarly => "the frame starts more than two hops ahead",
+            Self::TooLate => "the frame's samples have been emitted already",
+            Self::NotFinite => "a bin is not a finite number",
+        })
+    }
+}
+
+impl std::error::Error for FrameError {}
+
+impl<T> std::fmt::Debug for OverlapAdd<T> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("OverlapAdd")
+            .field("framing", &self.framing)
+            .field("next", &self.next)
+            .finish_non_exhaustive()
+    }
+}
+
+impl<T: Float> OverlapAdd<T> {
+    /// Plans the transform and computes the divisor for these frames.
+    ///
+    /// # Errors
+    /// What [`Framing::check`] finds.
+    pub fn new(framing: Framing) -> Result<Self, FramingError> {
+        framing.check()?;
+        let n = framing.fft_len;
+        let inverse = RealFftPlanner::<T>::new().plan_fft_inverse(n);
+        let scale = framing.bin_scale() / n as f64;
+        let (period, frames) = framing.period();
+        let hop = period / frames + 1;
+        let ring = n + 2 * usize::try_from(hop).unwrap_or(n);
+        Ok(Self {
+            spectrum: inverse.make_input_vec(),
+            frame: inverse.make_output_vec(),
+            scratch: inverse.make_scratch_vec(),
+            window: hann::<f64>(n).into_iter().map(|w| T::of(w * scale)).collect(),
+            gain: gain(&framing).into_iter().map(T::of).collect(),
+            ring: vec![T::zero(); ring],
+            head: 0,
+            next: 0,
+            inverse,
+            framing,
+        })
+    }
+
+    /// The frames' layout.
+    pub fn framing(&self) -> Framing {
+        self.framing
+    }
+
+    /// First sample that is not emitted yet.
+    pub fn position(&self) -> u64 {
+        self.next
+    }
+
+    /// Forgets all frames; the next sample to be emitted is `start`.
+    pub fn reset(&mut self, start: u64) {
+        self.ring.fill(T::zero());
+        self.head = 0;
+        self.next = start;
+    }
+
+    /// Adds the frame that covers samples `start .. start + fft_len`.
+    ///
+    /// `spectrum` holds amplitudes `2 sum(w x e^-i..) / sum(w)` from bin 0, phases counted from the frame's first sample. Missing
+    /// bins are 0, more than `framing.bins` are not used. Of bin 0 and Nyquist only the real part can be heard. A sample
+    /// that was emitted already keeps what it had.
+    ///
+    /// # Errors
+    /// A frame out of reach is not added; see [`FrameError`].
+    pub fn add_frame(&mut self, start: u64, spectrum: &[Complex<T>]) -> Result<(), FrameError> {
+        let n = self.frame.len();
+        let skip = usize::try_from(self.next.saturating_sub(start)).unwrap_or(usize::MAX);
+        if skip >= n {
+            return Err(FrameError::TooLate);
+        }
+        let ahead = usize::try_from(start.saturating_sub(self.next)).unwrap_or(usize::MAX);
+        if ahead > self.ring.len() - n {
+            return Err(FrameError::TooEarly);
+        }
+        if !spectrum.iter().take(self.framing.bins).all(|x| finite(x.re) && finite(x.im)) {
+            return Err(FrameError::NotFinite);
+        }
+        self.transform(spectrum);
+        let (frame, window) = (&self.frame[skip..], &self.window[skip..]);
+        let mut at = self.head + ahead;
+        if at >= self.ring.len() {
+            at -= self.ring.len();
+        }
+        let first = frame.len().min(self.ring.len() - at);
+        add(&mut self.ring[at..at + first], &frame[..first], &window[..first]);
+        add(&mut self.ring[..frame.len() - first], &frame[first..], &window[first..]);
+        Ok(())
+    }
+
+    fn transform(&mut self, spectrum: &[Complex<T>]) {
+        let bins = spectrum.len().min(self.framing.bins);
+        self.spectrum[..bins].copy_from_slice(&spectrum[..bins]);
+        self.spectrum[bins..].fill(Complex::default());
+        if let Some(dc) = self.spectrum.first_mut() {
+            dc.im = T::zero();
+        }
+        if self.frame.len().is_multiple_of(2)
+            && let Some(nyquist) = self.spectrum.last_mut()
+        {
+            nyquist.im = T::zero();
+        }
+        // Lengths and the two real bins are as it wants them, so there is nothing it can refuse.
+        let done = self.inverse.process_with_scratch(&mut self.spectrum, &mut self.frame, &mut self.scratch);
+        debug_assert!(done.is_ok());
+    }
+
+    /// Takes out the samples `start .. start + out.len()`; `out` may be empty.
+    ///
+    /// Samples are to be taken in order. Those that a later `start` leaves out are dropped; an earlier one
+    /// begins anew there, with silence.
+    pub fn emit(&mut self, start: u64, out: &mut [T]) {
+        if start < self.next {
+            self.reset(start);
+        }
+        let gap = start - self.next;
+        match usize::try_from(gap) {
+            Ok(gap) if gap < self.ring.len() => self.drop_samples(gap),
+            _ => self.reset(start),
+        }
+        let period = self.gain.len() as u64;
+        // A period is at most MAX_PERIOD, so this fits.
+        let mut phase = (start % period) as usize;
+        for block in out.chunks_mut(self.ring.len()) {
+            let first = block.len().min(self.ring.len() - self.head);
+            let (a, b) = block.split_at_mut(first);
+            for (part, at) in [(a, self.head), (b, 0)] {
+                let ring = &mut self.ring[at..at + part.len()];
+                for (to, from) in part.iter_mut().zip(ring) {
+                    *to = *from * self.gain[phase];
+                    *from = T::zero();
+                    phase += 1;
+                    if phase == self.gain.len() {
+                        phase = 0;
+                    }
+                }
+            }
+            self.advance(block.len());
+        }
+    }
+
+    fn drop_samples(&mut self, count: usize) {
+        let first = count.min(self.ring.len() - self.head);
+        self.ring[self.head..self.head + first].fill(T::zero());
+        self.ring[..count - first].fill(T::zero());
+        self.advance(count);
+    }
+
+    fn advance(&mut self, count: usize) {
+        self.head = (self.head + count) % self.ring.len();
+        self.next = self.next.saturating_add(count as u64);
+    }
+}
+
+fn finite<T: Float>(x: T) -> bool {
+    x >= -T::MAX && x <= T::MAX
+}
+
+fn add<T: Float>(to: &mut [T], frame: &[T], window: &[T]) {
+    for ((to, &x), &w) in to.iter_mut().zip(frame).zip(window) {
+        *to += x * w;
+    }
+}
+
+/// One over the sum of squared windows at each sample of a period, and 0 where that sum all but vanishes.
+fn gain(framing: &Framing) -> Vec<f64> {
+    let (period, frames) = framing.period();
+    let len = usize::try_from(period).unwrap_or(0);
+    let window = hann::<f64>(framing.fft_len);
+    let mut sum = vec![0.0; len];
+    for n in 0..frames {
+        // Below one period, which is at most MAX_PERIOD.
+        let mut at = framing.start(n) as usize % len;
+        for w in &window {
+            sum[at] += w * w;
+            at += 1;
+            if at == len {
+                at = 0;
+            }
+        }
+    }
+    let floor = 1e-6 * sum.iter().fold(0.0, |a: f64, &b| a.max(b));
+    sum.into_iter().map(|s| if s > floor { 1.0 / s } else { 0.0 }).collect()
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,167 @@
+//! Single Pass Spectrogram Inversion: a spectrum for each frame of magnitudes, at once and without iteration.
+//!
+//! After G. T. Beauregard, M. Harish, L. Wyse, "Single Pass Spectrogram Inversion", IEEE DSP 2015: the peaks of a frame
+//! are taken for sinusoids, each runs on from the phase its bin had one hop ago, and the bins around a peak are locked to it.
+//! What differs from that paper:
+//!
+//! * A peak's place between bins is `d = 2 (c - a) / (a + 2 b + c)` for magnitudes `a, b, c` around it, which is exact for a
+//!   Hann window (three-point interpolated DFT: D. Agrez, IEEE Trans. Instrum. Meas. 51(2), 2002) where a
+//!   parabola is off by up to 0.05 bins. It follows from the lobe `sin(pi v) / (pi v (1 - v^2))`.
+//! * Phase is kept at the window's centre, where all bins of a main lobe agree, so a peak may wander over bins.
+//! * The frequency used over a hop is the mean of its two ends (the trapezoidal rule), which is exact for a chirp.
+//! * A run of equal bins is one peak at its middle. A peak at bin 0 or Nyquist gets a phase that a real signal can have.
+//! * Far from the peak a bin is taken for a side lobe, and gets its sign, only where it is as weak as one.
+//! * A bin between two peaks gets the phase of the sum of both main lobes.
+
+mod peak;
+
+use crate::Float;
+use crate::float::unit_circle;
+use peak::{Edges, Peak};
+use realfft::num_complex::Complex;
+
+/// Phase retrieval by Single Pass Spectrogram Inversion, for Hann-windowed frames of one length.
+///
+/// The state is one phase and one frequency a bin.
+#[derive(Debug)]
+pub struct Spsi<T> {
+    fft_len: usize,
+    seed: u64,
+    edges: Edges,
+    /// This frame's magnitudes, with what is not a magnitude set to 0.
+    mags: Vec<T>,
+    /// Phase at the window's centre in turns, in [0, 1).
+    turns: Vec<f64>,
+    /// Frequency in bins over the last frame; negative where there was none.
+    freq: Vec<f64>,
+    peaks: Vec<Peak<T>>,
+    started: bool,
+}
+
+impl<T: Float> Spsi<T> {
+    /// For frames of `bins` magnitudes, from bin 0, of a transform of `fft_len` samples; `bins` may be fewer than
+    /// `fft_len / 2 + 1`. The start phase of bin `k` is a function of `seed` and `k` alone.
+    pub fn new(fft_len: usize, bins: usize, seed: u64) -> Self {
+        let mut new = Self {
+            fft_len: fft_len.max(1),
+            seed,
+            edges: Edges { last_is_nyquist: fft_len.is_multiple_of(2) && bins == fft_len / 2 + 1 },
+            mags: vec![T::zero(); bins],
+            turns: vec![0.0; bins],
+            freq: vec![-1.0; bins],
+            // Peaks are at least one bin apart.
+            peaks: Vec::with_capacity(bins / 2 + 1),
+            started: false,
+        };
+        new.reset();
+        new
+    }
+
+    /// Number of bins a frame has.
+    pub fn bins(&self) -> usize {
+        self.mags.len()
+    }
+
+    /// Forgets all frames: the next one starts from the seeded phases.
+    pub fn reset(&mut self) {
+        for (k, t) in self.turns.iter_mut().enumerate() {
+            *t = start_turns(self.seed, k as u64);
+        }
+        self.freq.fill(-1.0);
+        self.started = false;
+    }
+
+    /// Finds phases for one frame; `out[k]` gets the magnitude `magnitudes[k]`, in the same unit, and a phase counted
+    /// from the first sample of the frame.
+    ///
+    /// `advance` is the number of samples from the start of the frame before to the start of this one; the first frame
+    /// after a reset does not use it. A magnitude that is NaN, infinite or negative is taken as 0; the number of these is
+    /// returned. Bins missing in `magnitudes` count as 0, more than [`bins`](Self::bins) are not used, and
+    /// what is left of `out` is set to 0.
+    pub fn process(&mut self, magnitudes: &[T], advance: u32, out: &mut [Complex<T>]) -> usize {
+        let bad = self.take(magnitudes);
+        let edges = self.edges;
+        peak::find(&self.mags, edges, &mut self.peaks);
+        self.run_on(if self.started { advance } else { 0 });
+        self.started = true;
+        out.fill(Complex::default());
+        self.lock(out);
+        bad
+    }
+
+    fn take(&mut self, magnitudes: &[T]) -> usize {
+        let mut bad = 0;
+        for (to, &from) in self.mags.iter_mut().zip(magnitudes) {
+            let good = from >= T::zero() && from <= T::MAX;
+            *to = if good { from } else { T::zero() };
+            bad += usize::from(!good);
+        }
+        if let Some(rest) = self.mags.get_mut(magnitudes.len()..) {
+            rest.fill(T::zero());
+        }
+        bad
+    }
+
+    /// Each peak's phase, from the one its bin had `advance` samples ago.
+    fn run_on(&mut self, advance: u32) {
+        let hop = f64::from(advance) / self.fft_len as f64;
+        for p in &mut self.peaks {
+            let (Some(&turns), Some(&before)) = (self.turns.get(p.bin), self.freq.get(p.bin)) else {
+                continue;
+            };
+            let freq = p.freq();
+            // Half a bin: what a chirp can move in a hop; beyond that it was another sinusoid.
+            let mean =
+                if before >= 0.0 && (before - freq).abs() < 0.5 { 0.5 * (before + freq) } else { freq };
+            let t = turns + mean * hop;
+            p.turns = t - t.floor();
+            if p.real {
+                p.turns = if (p.turns - 0.5).abs() <= 0.25 { 0.5 } else { 0.0 };
+            }
+            let (cos, sin) = unit_circle(p.turns);
+            p.unit = Complex::new(T::of(cos), T::of(sin));
+        }
+    }
+
+    /// Spreads each peak's phase over its region.
+    fn lock(&mut self, out: &mut [Complex<T>]) {
+        let mut first = 0;
+        let mut left: Option<&Peak<T>> = None;
+        for (i, p) in self.peaks.iter().enumerate() {
+            let right = self.peaks.get(i + 1);
+            let end = p.end.min(self.mags.len());
+            let freq = p.freq();
+            for k in first..end {
+                let (Some(&mag), Some(out)) = (self.mags.get(k), out.get_mut(k)) else { break };
+                if mag <= T::zero() {
+                    // Silence keeps its own phase, so that what comes after is not one click of equal phases.
+                    self.freq[k] = -1.0;
+                    continue;
+                }
+                let other = if k < p.bin { left } else { right };
+                let unit = if k == p.bin { p.unit } else { p.phase_at(k, mag, other) };
+                // From the window's centre to its first sample: half a turn a bin.
+                let value = if k % 2 == 0 { mag } else { -mag };
+                *out = Complex::new(unit.re * value, unit.im * value);
+                self.turns[k] = p.turns;
+                self.freq[k] = freq;
+            }
+            first = end;
+            left = Some(p);
+        }
+        if self.peaks.is_empty() {
+            self.freq.fill(-1.0);
+        }
+    }
+}
+
+/// The start phase of a bin in turns, in [0, 1): SplitMix64 (Steele, Lea, Flood 2014) indexed by bin.
+fn start_turns(seed: u64, bin: u64) -> f64 {
+    let mut z = seed.wrapping_add((bin + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15));
+    z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+    ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,156 @@
+//! The peaks of a frame and the bins that belong to each.
+
+use crate::Float;
+use realfft::num_complex::Complex;
+
+/// What lies beyond the first and last bin.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Edges {
+    /// The last bin is at half the sample rate.
+    pub(super) last_is_nyquist: bool,
+}
+
+/// A sinusoid seen in one frame.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Peak<T> {
+    /// The bin of the maximum.
+    pub(super) bin: usize,
+    /// One past the last bin of its region; the region starts where the one before ends.
+    pub(super) end: usize,
+    /// From the bin to the sinusoid, in bins, in [-0.5, 0.5].
+    pub(super) offset: f64,
+    /// Bin 0 or Nyquist: only a phase of 0 or half a turn can be heard.
+    pub(super) real: bool,
+    /// Phase at the window's centre, in turns.
+    pub(super) turns: f64,
+    /// The same as a point on the unit circle.
+    pub(super) unit: Complex<T>,
+    mag: T,
+    /// The Hann window's lobe at -2, -1, 0, 1, 2 bins from `bin`, relative to 0, signed.
+    lobe: [T; 5],
+}
+
+/// The lobe of a Hann window `m` bins from a bin, relative to that bin, for a sinusoid `d` from it: the ratio of
+/// `sin(pi v) / (v (1 - v^2))` at `v = m - d` and at `v = -d`, which is rational in `d`.
+fn lobe_ratio(m: f64, d: f64, odd: bool) -> f64 {
+    let v = m - d;
+    let r = d * (1.0 - d * d) / (v * (1.0 - v * v));
+    if odd { r } else { -r }
+}
+
+impl<T: Float> Peak<T> {
+    /// In bins.
+    pub(super) fn freq(&self) -> f64 {
+        self.bin as f64 + self.offset
+    }
+
+    fn new(bin: usize, mag: T, offset: f64, real: bool) -> Self {
+        let d = offset;
+        let lobe = [
+            d * (d - 1.0) / ((2.0 + d) * (3.0 + d)),
+            (1.0 - d) / (2.0 + d),
+            1.0,
+            (1.0 + d) / (2.0 - d),
+            d * (1.0 + d) / ((2.0 - d) * (3.0 - d)),
+        ];
+        Self { bin, end: 0, offset, real, turns: 0.0, unit: Complex::default(), mag, lobe: lobe.map(T::of) }
+    }
+
+    /// What this sinusoid puts into bin `k`, with sign, where that is at most two bins from its own.
+    #[inline]
+    fn near(&self, k: usize) -> Option<T> {
+        self.lobe.get((k + 2).wrapping_sub(self.bin)).map(|&r| r * self.mag)
+    }
+
+    /// The phase at the window's centre of bin `k` (not the peak's own) of this peak's region, of magnitude `mag > 0`, as a
+    /// point on the unit circle. `other` is the next peak on the side of `k`.
+    #[inline]
+    pub(super) fn phase_at(&self, k: usize, mag: T, other: Option<&Self>) -> Complex<T> {
+        // How many times a window's own side lobe a bin may be and still be taken for it.
+        const SIDE: f64 = 1.5;
+        let side = T::of(SIDE);
+        let own = match self.near(k) {
+            Some(own) if k.abs_diff(self.bin) < 2 || own.abs() * side > mag => own,
+            Some(_) => mag,
+            None => {
+                let m = k as f64 - self.bin as f64;
+                let own = self.mag * T::of(lobe_ratio(m, self.offset, k.abs_diff(self.bin) % 2 == 1));
+                if own.abs() * side > mag { own } else { mag }
+            }
+        };
+        let Some((other, theirs)) = other.and_then(|o| o.near(k).map(|v| (o, v))) else {
+            return if own < T::zero() { -self.unit } else { self.unit };
+        };
+        let most = T::of(1e6);
+        let weight = theirs / own.abs();
+        let weight = if weight < most { weight } else { most };
+        let mine = if own < T::zero() { -self.unit } else { self.unit };
+        let sum = mine + other.unit * weight;
+        let square = sum.re * sum.re + sum.im * sum.im;
+        // Two lobes that cancel say nothing about the phase.
+        if square > T::of(1e-6) { sum * (T::one() / square.root()) } else { mine }
+    }
+}
+
+/// Finds all maxima; a run of equal bins that stands above both its sides is one, at its middle. Any frame that is not
+/// all zero has at least one.
+pub(super) fn find<T: Float>(mags: &[T], edges: Edges, peaks: &mut Vec<Peak<T>>) {
+    peaks.clear();
+    let mut rising = true;
+    let mut from = 0;
+    let mut valley = 0;
+    let mut valley_mag = T::zero();
+    for (k, &mag) in mags.iter().enumerate() {
+        let next = mags.get(k + 1).copied();
+        if rising {
+            match next {
+                Some(next) if next > mag => from = k + 1,
+                Some(next) if next == mag => {}
+                _ if mag > T::zero() => {
+                    let peak = interpolate(mags, from + (k - from) / 2, edges);
+                    if let Some(before) = peaks.last_mut() {
+                        // The bin in the valley goes to the weaker side, which has less to lose by it.
+                        before.end = if before.mag < peak.mag { valley + 1 } else { valley };
+                    }
+                    if peaks.len() < peaks.capacity() {
+                        peaks.push(peak);
+                    }
+                    rising = false;
+                    (valley, valley_mag) = (k, mag);
+                }
+                _ => from = k + 1,
+            }
+        }
+        if !rising {
+            if mag < valley_mag {
+                (valley, valley_mag) = (k, mag);
+            }
+            if next.is_some_and(|next| next > mag) {
+                rising = true;
+                from = k + 1;
+            }
+        }
+    }
+    if let Some(last) = peaks.last_mut() {
+        last.end = mags.len();
+    }
+}
+
+fn interpolate<T: Float>(mags: &[T], bin: usize, edges: Edges) -> Peak<T> {
+    let at = |k: usize| mags.get(k).map(|m| m.f64());
+    let mag = mags.get(bin).copied().unwrap_or_default();
+    let b = mag.f64();
+    let left = bin.checked_sub(1).and_then(at);
+    let (offset, real) = match (left, at(bin + 1)) {
+        // A real signal's spectrum is even about 0 and about half the rate.
+        (None, _) => (0.0, true),
+        (_, None) if edges.last_is_nyquist => (0.0, true),
+        (Some(a), Some(c)) => (2.0 * (c - a) / (a + 2.0 * b + c), false),
+        (Some(a), None) => {
+            // One side only: Hann lobes give a / b = (1 - d) / (2 + d), from 0.2 (d = 0.5) up. Less is no lobe of this window.
+            let r = a / b;
+            (if r < 0.2 { 0.0 } else { (1.0 - 2.0 * r) / (1.0 + r) }, false)
+        }
+    };
+    Peak::new(bin, mag, if offset.is_finite() { offset.clamp(-0.5, 0.5) } else { 0.0 }, real)
+}
