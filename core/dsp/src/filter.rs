@@ -7,7 +7,7 @@
 use std::f64::consts::{FRAC_1_SQRT_2, PI, TAU};
 use std::fmt;
 
-use realfft::num_complex::Complex64;
+pub use realfft::num_complex::Complex64;
 
 /// A sample that a filter reads or writes; the arithmetic between is f64.
 pub trait Sample: Copy {
