@@ -1,1 +1,16 @@
 //! Runs a schedule tick by tick.
+//!
+//! [`Engine`] has no clock and no device: a driver calls [`Engine::tick`], then reads the sinks. A tick does
+//! not allocate, lock, log or call the system. A node that fails is contained: its outputs hold or fade, the
+//! fault is counted, and after [`FAULTS_BEFORE_QUARANTINE`] of them the node is no longer called.
+
+mod denormals;
+mod engine;
+mod fade;
+mod panics;
+mod slot;
+mod telemetry;
+
+pub use engine::{Engine, Options};
+pub use slot::{FAULTS_BEFORE_QUARANTINE, FAULT_FADE_S, NodeReport};
+pub use telemetry::{Clock, NoClock};

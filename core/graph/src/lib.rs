@@ -1,1 +1,17 @@
 //! The graph file: read, checked, compiled to a schedule.
+//!
+//! [`GraphFile`] is what stands in a RON file, with the place of everything in it. [`compile()`] checks it
+//! against a registry of node kinds and answers a [`Schedule`] (plain data: what runs when, and which buffers
+//! it uses) with the prepared nodes. Whatever is wrong comes back as a list of diagnostics.
+
+mod compile;
+mod format;
+mod params;
+mod schedule;
+mod write;
+
+pub use compile::{Compiled, Options, compile};
+pub use format::{Endpoint, GraphFile, NodeDecl, Setting, WireDecl};
+pub use schedule::{
+    BufferEntry, Dropped, PathLatency, Schedule, ScheduledInput, ScheduledNode, ScheduledOutput, Step,
+};

@@ -12,7 +12,7 @@ pub struct Source {
 }
 
 /// Largest text file that is read, in bytes: far beyond any graph, and small enough to never fill memory.
-pub const MAX_TEXT_BYTES: u64 = 256 << 20;
+const MAX_TEXT_BYTES: u64 = 256 << 20;
 
 impl Source {
     /// A source that is already in memory.

@@ -1,0 +1,32 @@
+//! Panics on the tick thread: caught, and silent.
+
+use std::cell::Cell;
+use std::panic::{self, AssertUnwindSafe};
+use std::sync::Once;
+
+thread_local! {
+    static IN_NODE: Cell<bool> = const { Cell::new(false) };
+}
+
+static HOOK: Once = Once::new();
+
+/// Puts a hook before the program's own that says nothing about panics inside nodes: the default one prints
+/// on the tick thread. They are counted and named in the report instead.
+pub(crate) fn install_silent_hook() {
+    HOOK.call_once(|| {
+        let before = panic::take_hook();
+        panic::set_hook(Box::new(move |info| {
+            if !IN_NODE.with(Cell::get) {
+                before(info);
+            }
+        }));
+    });
+}
+
+/// Runs a node's code. `None` if it panicked; its state is then as the panic left it.
+pub(crate) fn contain<T>(f: impl FnOnce() -> T) -> Option<T> {
+    let before = IN_NODE.replace(true);
+    let result = panic::catch_unwind(AssertUnwindSafe(f));
+    IN_NODE.set(before);
+    result.ok()
+}

@@ -1,0 +1,309 @@
+//! One node in the engine: its state apart from its own.
+
+use std::ops::Range;
+
+use asperity_graph::ScheduledNode;
+use asperity_node::{Buffer, Fault, InputRef, Inputs, Outputs, Processor, Resume, Shape, Status, Tick, time};
+
+use crate::fade::Fade;
+use crate::panics::contain;
+
+/// Faults after which a node is no longer called.
+pub const FAULTS_BEFORE_QUARANTINE: u64 = 8;
+
+/// How long the audio of a node that fails takes to fade to silence, in seconds.
+pub const FAULT_FADE_S: f32 = 0.01;
+
+/// What became of a node so far.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct NodeReport {
+    /// How often `process` was called.
+    pub calls: u64,
+    /// Ticks it slept through.
+    pub slept: u64,
+    /// How often it failed.
+    pub faults: u64,
+    /// How it failed last.
+    pub last_fault: Option<Fault>,
+    /// Whether it is no longer called.
+    pub quarantined: bool,
+}
+
+pub(crate) struct Slot {
+    pub(crate) processor: Box<dyn Processor>,
+    inputs: Box<[InputRef]>,
+    outputs: Range<usize>,
+    rates: Box<[u32]>,
+    /// Last good values of each control output; empty for other outputs.
+    held: Box<[Box<[f64]>]>,
+    fades: Box<[Fade]>,
+    pub(crate) every: u64,
+    pub(crate) guards: Box<[usize]>,
+    resume: Resume,
+    /// What a gate last answered; true for other nodes.
+    pub(crate) wants: bool,
+    /// Tick since which the gates let it sleep.
+    asleep_since: Option<u64>,
+    /// It said it sleeps, until an audio or frame input carries something.
+    dozing: bool,
+    /// Ticks until it may be taken to doze.
+    tail: Option<u64>,
+    pub(crate) report: NodeReport,
+}
+
+/// What the engine is doing, for every slot.
+#[derive(Clone, Copy)]
+pub(crate) struct Now {
+    pub(crate) tick: u64,
+    pub(crate) tick_hz: u32,
+}
+
+impl Slot {
+    pub(crate) fn new(node: &ScheduledNode, processor: Box<dyn Processor>) -> Self {
+        let rate = |s: &Shape| if let Shape::Audio { rate_hz } = s { *rate_hz } else { 0 };
+        let count = |s: &Shape| if let Shape::Control { count } = s { *count } else { 0 };
+        let shapes: Vec<Shape> = node.outputs.iter().map(|o| o.port.shape).collect();
+        Self {
+            processor,
+            inputs: node.inputs.iter().map(|i| i.reads).collect(),
+            outputs: node.buffers.clone(),
+            rates: shapes.iter().map(rate).collect(),
+            held: shapes.iter().map(|s| vec![0.0; count(s)].into()).collect(),
+            fades: shapes.iter().map(|s| Fade::new(rate(s) as f32 * FAULT_FADE_S)).collect(),
+            every: u64::from(node.every),
+            guards: node.guards.clone().into(),
+            resume: node.resume,
+            wants: true,
+            asleep_since: None,
+            dozing: false,
+            tail: None,
+            report: NodeReport { calls: 0, slept: 0, faults: 0, last_fault: None, quarantined: false },
+        }
+    }
+
+    /// A tick in which the gates want this node (`wanted`) or not. Without `sleep` it runs all the same, and
+    /// wakes in the same tick as it would.
+    pub(crate) fn run(&mut self, buffers: &mut [Buffer], now: Now, wanted: bool, sleep: bool) {
+        if !now.tick.is_multiple_of(self.every) {
+            return self.clear(buffers, now);
+        }
+        if !wanted {
+            self.asleep_since.get_or_insert(now.tick);
+            if sleep {
+                self.report.slept += 1;
+                self.fades.iter_mut().for_each(Fade::sleep);
+                return self.clear(buffers, now);
+            }
+        } else if let Some(since) = self.asleep_since.take() {
+            self.wake(now.tick - since);
+        }
+        self.clear(buffers, now);
+        if self.report.quarantined {
+            return self.contain_outputs(buffers);
+        }
+        if self.dozing {
+            let (inputs, _) = split(buffers, &self.outputs, &self.inputs);
+            if (0..inputs.len()).all(|i| inputs.buffer(i).is_none_or(Buffer::is_silent)) {
+                self.report.slept += 1;
+                return;
+            }
+            self.dozing = false;
+        }
+        self.call(buffers, now);
+    }
+
+    fn wake(&mut self, ticks: u64) {
+        self.dozing = false;
+        self.tail = None;
+        let processor = &mut self.processor;
+        let woke = match self.resume {
+            Resume::Restart => contain(|| processor.reset()),
+            Resume::Elapsed => contain(|| processor.elapsed(ticks)),
+            Resume::Resume | Resume::Never => Some(()),
+        };
+        if woke.is_none() {
+            self.fault(Fault::Panicked);
+        }
+    }
+
+    /// Outputs as a node finds them: audio of this tick's length and zero, no frame, controls as they were.
+    fn clear(&mut self, buffers: &mut [Buffer], now: Now) {
+        for (buffer, rate) in buffers[self.outputs.clone()].iter_mut().zip(&self.rates) {
+            match buffer {
+                Buffer::Control { .. } => {}
+                Buffer::Audio { samples, len, silent, .. } => {
+                    let span = time::samples(now.tick, *rate, now.tick_hz);
+                    let before = *len;
+                    *len = ((span.end - span.start) as usize).min(samples.len());
+                    if !*silent || before < *len {
+                        samples.fill(0.0);
+                    }
+                    *silent = true;
+                }
+                Buffer::Magnitude { frame, .. } | Buffer::Spectrum { frame, .. } => *frame = None,
+            }
+        }
+    }
+
+    fn call(&mut self, buffers: &mut [Buffer], now: Now) {
+        let (inputs, outputs) = split(buffers, &self.outputs, &self.inputs);
+        let trusted = (0..inputs.len()).all(|i| inputs.valid(i));
+        let mut tick =
+            Tick { index: now.tick, tick_hz: now.tick_hz, inputs, outputs: Outputs::new(&mut *outputs) };
+        let processor = &mut self.processor;
+        let status = contain(|| processor.process(&mut tick)).unwrap_or(Status::Error(Fault::Panicked));
+        self.report.calls += 1;
+        let fault = match status {
+            Status::Error(fault) => Some(fault),
+            _ if !outputs.iter().all(is_finite) => Some(Fault::NotFinite),
+            _ => None,
+        };
+        if let Some(fault) = fault {
+            self.fault(fault);
+            return self.contain_outputs(buffers);
+        }
+        for ((buffer, held), fade) in outputs.iter_mut().zip(&mut self.held).zip(&mut self.fades) {
+            match buffer {
+                Buffer::Control { values, valid } => {
+                    held.copy_from_slice(values);
+                    *valid = trusted;
+                }
+                Buffer::Audio { samples, len, valid, silent } => {
+                    if matches!(status, Status::Quiet | Status::Asleep) {
+                        if !*silent {
+                            samples.fill(0.0);
+                        }
+                        *silent = true;
+                    }
+                    fade.pass(&mut samples[..*len]);
+                    *valid = trusted;
+                }
+                Buffer::Magnitude { valid, .. } | Buffer::Spectrum { valid, .. } => *valid = trusted,
+            }
+        }
+        self.tail = match (status, self.tail) {
+            (Status::Asleep, _) => {
+                self.dozing = true;
+                None
+            }
+            (Status::Tail(n), None) => Some(n),
+            (Status::Tail(n), Some(left)) => Some(n.min(left.saturating_sub(1))),
+            _ => None,
+        };
+        if self.tail == Some(0) {
+            self.dozing = true;
+            self.tail = None;
+        }
+    }
+
+    fn fault(&mut self, fault: Fault) {
+        self.report.faults += 1;
+        self.report.last_fault = Some(fault);
+        self.report.quarantined |= self.report.faults >= FAULTS_BEFORE_QUARANTINE;
+        if fault != Fault::Panicked || self.report.quarantined {
+            return;
+        }
+        // A panic may have left anything behind; start over, and give up if that panics too.
+        let processor = &mut self.processor;
+        if contain(|| processor.reset()).is_none() {
+            self.report.quarantined = true;
+        }
+    }
+
+    /// Outputs of a node that failed: controls hold, frames are zero, audio fades.
+    fn contain_outputs(&mut self, buffers: &mut [Buffer]) {
+        for ((buffer, held), fade) in
+            buffers[self.outputs.clone()].iter_mut().zip(&self.held).zip(&mut self.fades)
+        {
+            match buffer {
+                Buffer::Control { values, valid } => {
+                    values.copy_from_slice(held);
+                    *valid = false;
+                }
+                Buffer::Audio { samples, len, valid, silent } => {
+                    *silent = fade.fault(&mut samples[..*len]);
+                    *valid = false;
+                }
+                Buffer::Magnitude { bins, valid, .. } => {
+                    bins.fill(0.0);
+                    *valid = false;
+                }
+                Buffer::Spectrum { bins, valid, .. } => {
+                    bins.fill(asperity_node::Complex::default());
+                    *valid = false;
+                }
+            }
+        }
+    }
+
+    /// Asks a gate. A gate that is itself not wanted wants nothing.
+    pub(crate) fn ask(&mut self, buffers: &mut [Buffer], now: Now, wanted: bool) {
+        if !wanted || self.report.quarantined {
+            self.wants = false;
+            return;
+        }
+        let (inputs, _) = split(buffers, &self.outputs, &self.inputs);
+        let mut tick = Tick { index: now.tick, tick_hz: now.tick_hz, inputs, outputs: Outputs::new(&mut []) };
+        let processor = &mut self.processor;
+        match contain(|| processor.wants(&mut tick)) {
+            Some(wants) => self.wants = wants,
+            None => {
+                self.wants = false;
+                self.fault(Fault::Panicked);
+            }
+        }
+    }
+
+    /// Gives a node that closes a cycle its inputs.
+    pub(crate) fn absorb(&mut self, buffers: &mut [Buffer], now: Now) {
+        if self.report.quarantined || !now.tick.is_multiple_of(self.every) {
+            return;
+        }
+        let (inputs, outputs) = split(buffers, &self.outputs, &self.inputs);
+        let trusted = (0..inputs.len()).all(|i| inputs.valid(i));
+        let mut tick =
+            Tick { index: now.tick, tick_hz: now.tick_hz, inputs, outputs: Outputs::new(&mut *outputs) };
+        let processor = &mut self.processor;
+        if contain(|| processor.absorb(&mut tick)).is_none() || !trusted {
+            if trusted {
+                self.fault(Fault::Panicked);
+            }
+            // What it took in is not to be trusted when it comes out again.
+            for buffer in &mut buffers[self.outputs.clone()] {
+                if let Buffer::Control { valid, .. } | Buffer::Audio { valid, .. } = buffer {
+                    *valid = false;
+                }
+            }
+        }
+    }
+
+    pub(crate) fn reset(&mut self) {
+        self.processor.reset();
+        (self.asleep_since, self.dozing, self.tail, self.wants) = (None, false, None, true);
+    }
+}
+
+/// A node's view of the buffers: what it reads, and what it writes.
+fn split<'b>(
+    buffers: &'b mut [Buffer],
+    outputs: &Range<usize>,
+    inputs: &'b [InputRef],
+) -> (Inputs<'b>, &'b mut [Buffer]) {
+    let (before, rest) = buffers.split_at_mut(outputs.start);
+    let (own, after) = rest.split_at_mut(outputs.len());
+    (Inputs::new(before, after, outputs.end, inputs), own)
+}
+
+fn is_finite(buffer: &Buffer) -> bool {
+    const EXPONENT: u32 = 0x7f80_0000;
+    // On bits, and without an early exit, so that it vectorises.
+    fn all(xs: impl Iterator<Item = f32>) -> bool {
+        !xs.fold(false, |bad, x| bad | (x.to_bits() & EXPONENT == EXPONENT))
+    }
+    match buffer {
+        Buffer::Control { values, .. } => values.iter().all(|x| x.is_finite()),
+        Buffer::Audio { samples, len, silent, .. } => *silent || all(samples[..*len].iter().copied()),
+        Buffer::Magnitude { bins, frame, .. } => frame.is_none() || all(bins.iter().copied()),
+        Buffer::Spectrum { bins, frame, .. } => frame.is_none() || all(bins.iter().flat_map(|z| [z.re, z.im])),
+    }
+}

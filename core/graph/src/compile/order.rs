@@ -1,0 +1,283 @@
+//! What is built, in which order, and what may sleep.
+
+use std::collections::BTreeSet;
+
+use asperity_node::{Diagnostic, Resume};
+
+use super::Options;
+use super::resolve::Resolved;
+use crate::{Dropped, GraphFile, Step};
+
+/// Nodes by their index in the file.
+pub(super) struct Ordered {
+    /// Nodes that are built, in the order they run.
+    pub(super) nodes: Vec<usize>,
+    /// Steps of a tick, by index in the file.
+    pub(super) steps: Vec<Step>,
+    pub(super) dropped: Vec<Dropped>,
+    /// Whether a node closes a cycle.
+    pub(super) closes_cycle: Vec<bool>,
+    /// The gates over each node.
+    pub(super) guards: Vec<Vec<usize>>,
+    /// The gated input of each gate.
+    pub(super) gates: Vec<Option<usize>>,
+}
+
+pub(super) fn order(
+    graph: &GraphFile,
+    resolved: &Resolved,
+    options: Options,
+) -> Result<Ordered, Vec<Diagnostic>> {
+    let n = resolved.nodes.len();
+    let live = reaching_sinks(graph, resolved, options)?;
+    check_required(graph, resolved, &live)?;
+    let gates = gates(resolved);
+    let closes_cycle = cut_cycles(graph, resolved, &live)?;
+    let guards = guards(resolved, &live, &gates, &closes_cycle);
+
+    // Vertices: 0..n are nodes, n..2n the questions put to gates.
+    let mut before: Vec<BTreeSet<usize>> = vec![BTreeSet::new(); 2 * n];
+    for w in &resolved.wires {
+        let (from, to) = (w.from.0, w.to.0);
+        if !closes_cycle[to] {
+            before[to].insert(from);
+        }
+        if gates[to].is_some() && gates[to] != Some(w.to.1) {
+            before[n + to].insert(from);
+        }
+    }
+    for node in 0..n {
+        for &gate in &guards[node] {
+            before[node].insert(n + gate);
+            if gates[node].is_some() {
+                before[n + node].insert(n + gate);
+            }
+        }
+        if gates[node].is_some() {
+            before[node].insert(n + node);
+        }
+    }
+    let wanted = |v: usize| live[v % n] && (v < n || gates[v - n].is_some());
+    let vertices = sort(&before, wanted);
+    let nodes = vertices.iter().copied().filter(|&v| v < n).collect();
+    let mut steps: Vec<Step> =
+        vertices.iter().map(|&v| if v < n { Step::Process(v) } else { Step::Wants(v - n) }).collect();
+    steps.extend((0..n).filter(|&i| live[i] && closes_cycle[i]).map(Step::Absorb));
+    let dropped = (0..n).filter(|&i| !live[i]).map(|i| dropped(graph, resolved, i)).collect();
+    Ok(Ordered { nodes, steps, dropped, closes_cycle, guards, gates })
+}
+
+fn dropped(graph: &GraphFile, resolved: &Resolved, i: usize) -> Dropped {
+    let wired = resolved.wires.iter().any(|w| w.from.0 == i);
+    let why = if wired { "no sink is reached from it" } else { "nothing reads its outputs" };
+    Dropped { id: graph.nodes[i].id.clone(), kind: graph.nodes[i].kind.clone(), why: why.into() }
+}
+
+fn reaching_sinks(graph: &GraphFile, resolved: &Resolved, options: Options) -> Result<Vec<bool>, Vec<Diagnostic>> {
+    let n = resolved.nodes.len();
+    let is_sink = |i: usize| resolved.nodes[i].kind.descriptor().sink;
+    if !(0..n).any(is_sink) {
+        let source = &graph.source;
+        let end = source.text().len().min(1);
+        return Err(vec![
+            Diagnostic::new("the graph has no sink, so nothing would be built")
+                .at(source, asperity_source::Span { start: 0, end })
+                .help("add an `audio_out`, `file_out` or `probe`"),
+        ]);
+    }
+    let mut live: Vec<bool> = (0..n).map(|i| is_sink(i) || !options.prune).collect();
+    let mut readers: Vec<Vec<usize>> = vec![Vec::new(); n];
+    for w in &resolved.wires {
+        readers[w.to.0].push(w.from.0);
+    }
+    let mut stack: Vec<usize> = (0..n).filter(|&i| live[i]).collect();
+    while let Some(i) = stack.pop() {
+        for &from in &readers[i] {
+            if !live[from] {
+                live[from] = true;
+                stack.push(from);
+            }
+        }
+    }
+    Ok(live)
+}
+
+fn check_required(graph: &GraphFile, resolved: &Resolved, live: &[bool]) -> Result<(), Vec<Diagnostic>> {
+    let mut errors = Vec::new();
+    for (i, node) in resolved.nodes.iter().enumerate().filter(|(i, _)| live[*i]) {
+        for (input, wire) in node.ports.inputs.iter().zip(&node.input_wires) {
+            if wire.is_none() && !input.optional {
+                let decl = &graph.nodes[i];
+                errors.push(
+                    Diagnostic::new(format!("nothing is wired to `{}.{}`, which must be", decl.id, input.name))
+                        .at(&decl.place.source, decl.place.span)
+                        .label(format!("`{}` is unconnected", input.name))
+                        .help(format!("it takes {} [{}]: {}", input.shape, input.unit, input.doc)),
+                );
+            }
+        }
+    }
+    if errors.is_empty() { Ok(()) } else { Err(errors) }
+}
+
+fn gates(resolved: &Resolved) -> Vec<Option<usize>> {
+    let gated = |node: &super::resolve::ResolvedNode| {
+        let name = node.kind.descriptor().gate.clone()?;
+        node.ports.inputs.iter().position(|p| p.name == name)
+    };
+    resolved.nodes.iter().map(gated).collect()
+}
+
+/// Lets nodes that can close a cycle do so; what is left of cycles is an error.
+fn cut_cycles(graph: &GraphFile, resolved: &Resolved, live: &[bool]) -> Result<Vec<bool>, Vec<Diagnostic>> {
+    let n = resolved.nodes.len();
+    let mut closes = vec![false; n];
+    let mut after: Vec<Vec<usize>> = vec![Vec::new(); n];
+    for w in &resolved.wires {
+        after[w.from.0].push(w.to.0);
+    }
+    for i in (0..n).filter(|&i| live[i] && resolved.nodes[i].kind.descriptor().feedback) {
+        // A node is on a cycle if it is reached from its own outputs; cycles that are cut already do not count.
+        let mut seen = vec![false; n];
+        let mut stack = after[i].clone();
+        while let Some(v) = stack.pop() {
+            if v == i {
+                closes[i] = true;
+                break;
+            }
+            if !seen[v] && !closes[v] {
+                seen[v] = true;
+                stack.extend(&after[v]);
+            }
+        }
+    }
+    match find_cycle(&after, |v| live[v] && !closes[v]) {
+        None => Ok(closes),
+        Some(cycle) => {
+            let mut names: Vec<&str> = cycle.iter().map(|&i| graph.nodes[i].id.as_str()).collect();
+            names.push(names[0]);
+            let (last, first) = (cycle[cycle.len() - 1], cycle[0]);
+            let wire = resolved.wires.iter().position(|w| w.from.0 == last && w.to.0 == first);
+            let place = wire.and_then(|w| graph.wires.get(w)).map_or(&graph.nodes[first].place, |w| &w.from.place);
+            Err(vec![
+                Diagnostic::new(format!("these nodes wait for each other: {}", names.join(" -> ")))
+                    .at(&place.source, place.span)
+                    .label("this wire closes the cycle")
+                    .help("put a `delay` into the cycle"),
+            ])
+        }
+    }
+}
+
+/// Some cycle among the vertices that are `open`, if there is one.
+fn find_cycle(after: &[Vec<usize>], open: impl Fn(usize) -> bool) -> Option<Vec<usize>> {
+    let n = after.len();
+    let mut done = vec![false; n];
+    for root in (0..n).filter(|&v| open(v)) {
+        let mut path: Vec<(usize, usize)> = vec![(root, 0)];
+        let mut on_path = vec![false; n];
+        if done[root] {
+            continue;
+        }
+        on_path[root] = true;
+        while let Some((v, next)) = path.last_mut() {
+            let v = *v;
+            match after[v].get(*next) {
+                None => {
+                    done[v] = true;
+                    on_path[v] = false;
+                    path.pop();
+                }
+                Some(&w) => {
+                    *next += 1;
+                    if on_path[w] {
+                        let start = path.iter().position(|(u, _)| *u == w).unwrap_or(0);
+                        return Some(path[start..].iter().map(|(u, _)| *u).collect());
+                    }
+                    if open(w) && !done[w] {
+                        on_path[w] = true;
+                        path.push((w, 0));
+                    }
+                }
+            }
+        }
+    }
+    None
+}
+
+/// For every node the gates whose gated input is all it serves.
+fn guards(
+    resolved: &Resolved,
+    live: &[bool],
+    gates: &[Option<usize>],
+    closes_cycle: &[bool],
+) -> Vec<Vec<usize>> {
+    let n = resolved.nodes.len();
+    let mut guards = vec![Vec::new(); n];
+    for gate in (0..n).filter(|&g| live[g]) {
+        let Some(gated) = gates[gate] else { continue };
+        // Whoever is needed apart from this gate: sinks, what never sleeps, and all that these read.
+        let mut needed = vec![false; n];
+        let mut stack: Vec<usize> = Vec::new();
+        let need = |i: usize, needed: &mut Vec<bool>, stack: &mut Vec<usize>| {
+            if !needed[i] {
+                needed[i] = true;
+                stack.push(i);
+            }
+        };
+        for i in (0..n).filter(|&i| live[i]) {
+            let d = resolved.nodes[i].kind.descriptor();
+            if d.sink || d.resume == Resume::Never || closes_cycle[i] || i == gate {
+                need(i, &mut needed, &mut stack);
+            }
+        }
+        while let Some(i) = stack.pop() {
+            for (input, wire) in resolved.nodes[i].input_wires.iter().enumerate() {
+                if i == gate && input == gated {
+                    continue;
+                }
+                if let Some(w) = wire {
+                    need(resolved.wires[*w].from.0, &mut needed, &mut stack);
+                }
+            }
+        }
+        // Pruning off keeps nodes that nothing needs; they are left alone.
+        let mut serves = vec![false; n];
+        let mut stack: Vec<usize> =
+            resolved.nodes[gate].input_wires[gated].map(|w| resolved.wires[w].from.0).into_iter().collect();
+        while let Some(i) = stack.pop() {
+            if serves[i] || needed[i] {
+                continue;
+            }
+            serves[i] = true;
+            stack.extend(resolved.nodes[i].input_wires.iter().flatten().map(|&w| resolved.wires[w].from.0));
+        }
+        for i in (0..n).filter(|&i| serves[i]) {
+            guards[i].push(gate);
+        }
+    }
+    guards
+}
+
+/// A topological order; of what may come next, the first in the file comes first.
+fn sort(before: &[BTreeSet<usize>], wanted: impl Fn(usize) -> bool) -> Vec<usize> {
+    let mut missing: Vec<usize> = before.iter().map(|b| b.iter().filter(|&&v| wanted(v)).count()).collect();
+    let mut after: Vec<Vec<usize>> = vec![Vec::new(); before.len()];
+    for (v, b) in before.iter().enumerate().filter(|(v, _)| wanted(*v)) {
+        for &u in b.iter().filter(|&&u| wanted(u)) {
+            after[u].push(v);
+        }
+    }
+    let mut ready: BTreeSet<usize> = (0..before.len()).filter(|&v| wanted(v) && missing[v] == 0).collect();
+    let mut out = Vec::new();
+    while let Some(v) = ready.pop_first() {
+        out.push(v);
+        for &w in &after[v] {
+            missing[w] -= 1;
+            if missing[w] == 0 {
+                ready.insert(w);
+            }
+        }
+    }
+    out
+}

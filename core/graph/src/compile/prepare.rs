@@ -1,0 +1,174 @@
+//! Nodes are prepared, and everything gets its index in the schedule.
+
+use asperity_node::{Diagnostic, InputRef, PortType, Processor, Setup, ShapeSpec, Wiring};
+
+use super::order::Ordered;
+use super::resolve::Resolved;
+use super::types::Typed;
+use super::{Compiled, latency};
+use crate::{BufferEntry, GraphFile, Schedule, ScheduledInput, ScheduledNode, ScheduledOutput, Step};
+
+pub(super) fn prepare(
+    graph: &GraphFile,
+    resolved: Resolved,
+    typed: &Typed,
+    ordered: &Ordered,
+) -> Result<Compiled, Vec<Diagnostic>> {
+    let mut errors = Vec::new();
+    let mut place = vec![usize::MAX; resolved.nodes.len()];
+    for (at, &i) in ordered.nodes.iter().enumerate() {
+        place[i] = at;
+    }
+    let mut buffers = constants(&resolved, ordered);
+    let mut next = buffers.len();
+    let outputs_at: Vec<usize> = {
+        let mut starts = vec![0; resolved.nodes.len()];
+        for &i in &ordered.nodes {
+            starts[i] = next;
+            next += resolved.nodes[i].ports.outputs.len();
+        }
+        starts
+    };
+    let mut constant = 0;
+    let (mut nodes, mut processors) = (Vec::new(), Vec::new());
+    for &i in &ordered.nodes {
+        let node = &resolved.nodes[i];
+        let mut outputs = Vec::new();
+        for (o, output) in node.ports.outputs.iter().enumerate() {
+            let readers = resolved.wires.iter().filter(|w| w.from == (i, o) && place[w.to.0] != usize::MAX).count();
+            match &typed.outputs[i][o] {
+                Some(port) => {
+                    buffers.push(BufferEntry::Output(port.clone()));
+                    outputs.push(ScheduledOutput { name: output.name.to_string(), port: port.clone(), readers });
+                }
+                None => {
+                    let decl = &graph.nodes[i];
+                    let message = format!("nothing settles the type of `{}.{}`", decl.id, output.name);
+                    errors.push(Diagnostic::new(message).at(&decl.place.source, decl.place.span));
+                }
+            }
+        }
+        let mut inputs = Vec::new();
+        for (p, input) in node.ports.inputs.iter().enumerate() {
+            let wire = node.input_wires[p].map(|w| resolved.wires[w]);
+            let reads = match wire {
+                Some(w) => InputRef { buffer: (outputs_at[w.from.0] + w.from.1) as u32, connected: true },
+                None => {
+                    constant += 1;
+                    InputRef { buffer: constant - 1, connected: false }
+                }
+            };
+            inputs.push(ScheduledInput {
+                name: input.name.to_string(),
+                reads,
+                from: wire.map(|w| (place[w.from.0], w.from.1)),
+                port: typed.inputs[i][p].clone(),
+            });
+        }
+        let wirings = |ports: &[Option<PortType>], connected: Vec<bool>| -> Vec<Wiring> {
+            ports.iter().cloned().zip(connected).map(|(port, connected)| Wiring { port, connected }).collect()
+        };
+        let ins = wirings(&typed.inputs[i], node.input_wires.iter().map(Option::is_some).collect());
+        let outs = wirings(&typed.outputs[i], outputs.iter().map(|o| o.readers > 0).collect());
+        if outs.len() != node.ports.outputs.len() {
+            continue;
+        }
+        let setup = Setup {
+            config: node.config(graph, i),
+            inputs: &ins,
+            outputs: &outs,
+            closes_cycle: ordered.closes_cycle[i],
+        };
+        match node.kind.prepare(&setup) {
+            Ok(processor) => {
+                nodes.push(scheduled(graph, &resolved, ordered, i, &place, processor.as_ref(), inputs, outputs));
+                processors.push(processor);
+            }
+            Err(e) => errors.push(with_node(e, graph, i)),
+        }
+    }
+    if !errors.is_empty() {
+        return Err(errors);
+    }
+    let mut start = buffers.len() - nodes.iter().map(|n| n.outputs.len()).sum::<usize>();
+    for node in &mut nodes {
+        node.buffers = start..start + node.outputs.len();
+        start = node.buffers.end;
+    }
+    let steps = ordered.steps.iter().map(|s| match s {
+        Step::Wants(i) => Step::Wants(place[*i]),
+        Step::Process(i) => Step::Process(place[*i]),
+        Step::Absorb(i) => Step::Absorb(place[*i]),
+    });
+    let schedule = Schedule {
+        tick_hz: graph.tick_hz,
+        audio_hz: graph.audio_hz,
+        seed: graph.seed,
+        steps: steps.collect(),
+        dropped: ordered.dropped.clone(),
+        paths: latency::paths(&nodes),
+        nodes,
+        buffers,
+    };
+    Ok(Compiled { schedule, processors })
+}
+
+/// What unconnected inputs read, in the order the nodes run.
+fn constants(resolved: &Resolved, ordered: &Ordered) -> Vec<BufferEntry> {
+    let mut out = Vec::new();
+    for &i in &ordered.nodes {
+        let node = &resolved.nodes[i];
+        for (input, _) in node.ports.inputs.iter().zip(&node.input_wires).filter(|(_, w)| w.is_none()) {
+            let count = if let ShapeSpec::Control(n) = input.shape { n } else { 0 };
+            out.push(BufferEntry::Constant { count, value: input.default });
+        }
+    }
+    out
+}
+
+#[allow(clippy::too_many_arguments)]
+fn scheduled(
+    graph: &GraphFile,
+    resolved: &Resolved,
+    ordered: &Ordered,
+    i: usize,
+    place: &[usize],
+    processor: &dyn Processor,
+    inputs: Vec<ScheduledInput>,
+    outputs: Vec<ScheduledOutput>,
+) -> ScheduledNode {
+    let (decl, node) = (&graph.nodes[i], &resolved.nodes[i]);
+    let descriptor = node.kind.descriptor();
+    ScheduledNode {
+        id: decl.id.clone(),
+        kind: decl.kind.clone(),
+        every: decl.every,
+        params: node.params.clone(),
+        inputs,
+        outputs,
+        buffers: 0..0,
+        guards: ordered.guards[i].iter().map(|&g| place[g]).collect(),
+        resume: descriptor.resume,
+        sink: descriptor.sink,
+        gate: ordered.gates[i],
+        closes_cycle: ordered.closes_cycle[i],
+        latency: processor.latency(),
+        tail: processor.tail(),
+        duration: processor.duration(),
+        allocation_free: processor.allocation_free(),
+        facts: processor.facts(),
+    }
+}
+
+/// An error in another file names the node that reads it.
+fn with_node(error: Diagnostic, graph: &GraphFile, i: usize) -> Diagnostic {
+    let decl = &graph.nodes[i];
+    if error.path() == Some(decl.place.source.path()) {
+        return error;
+    }
+    let label = format!("read by `{}`", decl.id);
+    if error.path().is_none() {
+        return error.at(&decl.place.source, decl.place.span);
+    }
+    error.related(&decl.place.source, decl.place.span, label)
+}

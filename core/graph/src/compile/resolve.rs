@@ -1,0 +1,188 @@
+//! Kinds, parameters, ports and wires by name.
+
+use std::collections::HashMap;
+use std::sync::Arc;
+
+use asperity_node::random::seed_of;
+use asperity_node::{Config, Diagnostic, NodeKind, Params, Ports, Registry, ShapeSpec};
+use asperity_source::one_of;
+
+use crate::{Endpoint, GraphFile, params};
+
+/// A graph whose every name has been found.
+pub(super) struct Resolved {
+    pub(super) nodes: Vec<ResolvedNode>,
+    /// In the order of the file.
+    pub(super) wires: Vec<Wire>,
+}
+
+/// A node with its kind, parameters and ports.
+pub(super) struct ResolvedNode {
+    pub(super) kind: Arc<dyn NodeKind>,
+    pub(super) params: Params,
+    pub(super) ports: Ports,
+    pub(super) seed: u64,
+    /// The wire that ends at each input.
+    pub(super) input_wires: Vec<Option<usize>>,
+}
+
+/// A wire by indices.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Wire {
+    pub(super) from: (usize, usize),
+    pub(super) to: (usize, usize),
+}
+
+impl ResolvedNode {
+    pub(super) fn config<'a>(&'a self, graph: &'a GraphFile, index: usize) -> Config<'a> {
+        let decl = &graph.nodes[index];
+        Config {
+            id: &decl.id,
+            params: &self.params,
+            tick_hz: graph.tick_hz,
+            every: decl.every,
+            audio_hz: graph.audio_hz,
+            seed: self.seed,
+        }
+    }
+}
+
+pub(super) fn resolve(graph: &GraphFile, registry: &Registry) -> Result<Resolved, Vec<Diagnostic>> {
+    let mut errors = Vec::new();
+    let nodes: Vec<Option<ResolvedNode>> =
+        (0..graph.nodes.len()).map(|i| node(graph, i, registry, &mut errors)).collect();
+    let by_id: HashMap<&str, usize> = graph.nodes.iter().enumerate().map(|(i, n)| (n.id.as_str(), i)).collect();
+    let mut wires = Vec::new();
+    let mut taken: HashMap<(usize, usize), usize> = HashMap::new();
+    for (w, decl) in graph.wires.iter().enumerate() {
+        let from = end(graph, &nodes, &by_id, &decl.from, Direction::Output, &mut errors);
+        let to = end(graph, &nodes, &by_id, &decl.to, Direction::Input, &mut errors);
+        let (Some(from), Some(to)) = (from, to) else { continue };
+        if let Some(first) = taken.insert(to, w) {
+            let (here, there) = (&decl.to.place, &graph.wires[first].to.place);
+            errors.push(
+                Diagnostic::new(format!("two wires end at `{}`", name_of(graph, &nodes, to)))
+                    .at(&here.source, here.span)
+                    .label("the second")
+                    .related(&there.source, there.span, "the first")
+                    .help("add signals with a `mix` node"),
+            );
+            continue;
+        }
+        wires.push(Wire { from, to });
+    }
+    if !errors.is_empty() {
+        return Err(errors);
+    }
+    let mut nodes: Vec<ResolvedNode> = nodes.into_iter().flatten().collect();
+    for (w, wire) in wires.iter().enumerate() {
+        nodes[wire.to.0].input_wires[wire.to.1] = Some(w);
+    }
+    Ok(Resolved { nodes, wires })
+}
+
+fn node(
+    graph: &GraphFile,
+    index: usize,
+    registry: &Registry,
+    errors: &mut Vec<Diagnostic>,
+) -> Option<ResolvedNode> {
+    let decl = &graph.nodes[index];
+    let Some(kind) = registry.get(&decl.kind) else {
+        errors.push(
+            Diagnostic::new(format!("there is no node kind `{}`", decl.kind))
+                .at(&decl.kind_place.source, decl.kind_place.span)
+                .label("unknown kind")
+                .help(one_of(&decl.kind, registry.names())),
+        );
+        return None;
+    };
+    let before = errors.len();
+    let params = params::check(decl, kind.descriptor(), errors);
+    if errors.len() > before {
+        return None;
+    }
+    let seed = seed_of(graph.seed, &decl.id);
+    let ports = Ports { inputs: Vec::new(), outputs: Vec::new() };
+    let mut node = ResolvedNode { kind: kind.clone(), params, ports, seed, input_wires: Vec::new() };
+    match kind.ports(&node.config(graph, index)) {
+        Ok(ports) => node.ports = ports,
+        Err(e) => {
+            errors.push(e);
+            return None;
+        }
+    }
+    node.input_wires = vec![None; node.ports.inputs.len()];
+    let mut shapes = node.ports.inputs.iter().map(|p| p.shape).chain(node.ports.outputs.iter().map(|p| p.shape));
+    if decl.every > 1 && shapes.any(|s| matches!(s, ShapeSpec::Audio(_))) {
+        errors.push(
+            Diagnostic::new(format!("`{}` carries audio and must run every tick", decl.id))
+                .at(&decl.place.source, decl.place.span)
+                .help("leave `every` out"),
+        );
+    }
+    Some(node)
+}
+
+#[derive(Clone, Copy, PartialEq)]
+enum Direction {
+    Input,
+    Output,
+}
+
+fn end(
+    graph: &GraphFile,
+    nodes: &[Option<ResolvedNode>],
+    by_id: &HashMap<&str, usize>,
+    end: &Endpoint,
+    direction: Direction,
+    errors: &mut Vec<Diagnostic>,
+) -> Option<(usize, usize)> {
+    let place = &end.place;
+    let mut fail = |message: String, help: String| {
+        errors.push(Diagnostic::new(message).at(&place.source, place.span).help(help));
+    };
+    let Some(&index) = by_id.get(end.node.as_str()) else {
+        let help = one_of(&end.node, graph.nodes.iter().map(|n| n.id.as_str()));
+        fail(format!("there is no node `{}`", end.node), help);
+        return None;
+    };
+    // A node that could not be resolved has its own error already.
+    let ports = &nodes[index].as_ref()?.ports;
+    let (names, others, word): (Vec<&str>, Vec<&str>, &str) = {
+        let ins: Vec<&str> = ports.inputs.iter().map(|p| p.name.as_ref()).collect();
+        let outs: Vec<&str> = ports.outputs.iter().map(|p| p.name.as_ref()).collect();
+        match direction {
+            Direction::Input => (ins, outs, "input"),
+            Direction::Output => (outs, ins, "output"),
+        }
+    };
+    match &end.port {
+        Some(port) => match names.iter().position(|n| n == port) {
+            Some(i) => Some((index, i)),
+            None if others.contains(&port.as_str()) => {
+                let other = if direction == Direction::Input { "output" } else { "input" };
+                let help = "a wire goes from an output to an input".to_owned();
+                fail(format!("`{}.{port}` is an {other}, not an {word}", end.node), help);
+                None
+            }
+            None => {
+                let kind = &graph.nodes[index].kind;
+                fail(format!("`{kind}` has no {word} `{port}`"), one_of(port, names.iter().copied()));
+                None
+            }
+        },
+        None if names.len() == 1 => Some((index, 0)),
+        None => {
+            let all: Vec<String> = names.iter().map(|n| format!("`{}.{n}`", end.node)).collect();
+            let help = if all.is_empty() { "it has none".to_owned() } else { format!("one of {}", all.join(", ")) };
+            fail(format!("`{}` has {} {word}s; say which", end.node, names.len()), help);
+            None
+        }
+    }
+}
+
+fn name_of(graph: &GraphFile, nodes: &[Option<ResolvedNode>], (node, input): (usize, usize)) -> String {
+    let port = nodes[node].as_ref().and_then(|n| n.ports.inputs.get(input)).map_or("", |p| p.name.as_ref());
+    format!("{}.{port}", graph.nodes[node].id)
+}

@@ -1,0 +1,284 @@
+//! Types settle over the wires.
+//!
+//! Every node has variables for what its descriptor leaves open. Wires bind them, from output to input and,
+//! where the output's side is open, back, until nothing changes; then each wire is held against both its ends.
+
+use asperity_node::{
+    Diagnostic, FrameLayout, LayoutSpec, NodeKind, PortType, Ports, RateSpec, Registry, Shape, ShapeSpec, Unit,
+    UnitSpec, Var,
+};
+
+use super::resolve::{Resolved, Wire};
+use crate::GraphFile;
+
+/// Settled types of every node's ports; `None` where nothing settles one.
+pub(super) struct Typed {
+    pub(super) inputs: Vec<Vec<Option<PortType>>>,
+    pub(super) outputs: Vec<Vec<Option<PortType>>>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Kind {
+    Control,
+    Audio,
+    Magnitude,
+    Spectrum,
+}
+
+/// As much of a type as is known.
+#[derive(Clone, Debug, Default, PartialEq)]
+struct Partial {
+    kind: Option<Kind>,
+    count: Option<usize>,
+    rate_hz: Option<u32>,
+    layout: Option<FrameLayout>,
+    unit: Option<Unit>,
+}
+
+/// The variables of one node.
+#[derive(Clone, Debug, Default)]
+struct Env {
+    shapes: Vec<(Var, Partial)>,
+    units: Vec<(Var, Option<Unit>)>,
+}
+
+fn fill<T: Clone>(slot: &mut Option<T>, value: Option<&T>) -> bool {
+    match (&slot, value) {
+        (None, Some(v)) => {
+            *slot = Some(v.clone());
+            true
+        }
+        _ => false,
+    }
+}
+
+impl Env {
+    fn shape(&mut self, var: Var) -> &mut Partial {
+        let i = self.shapes.iter().position(|(v, _)| *v == var).unwrap_or_else(|| {
+            self.shapes.push((var, Partial::default()));
+            self.shapes.len() - 1
+        });
+        &mut self.shapes[i].1
+    }
+
+    fn known_shape(&self, var: Var) -> Partial {
+        self.shapes.iter().find(|(v, _)| *v == var).map(|(_, p)| p.clone()).unwrap_or_default()
+    }
+
+    fn known_unit(&self, var: Var) -> Option<Unit> {
+        self.units.iter().find(|(v, _)| *v == var).and_then(|(_, u)| u.clone())
+    }
+
+    /// What a port's type is, as far as known.
+    fn port(&self, shape: &ShapeSpec, unit: &UnitSpec, audio_hz: u32) -> Partial {
+        let mut p = match shape {
+            ShapeSpec::Like(v) => self.known_shape(*v),
+            ShapeSpec::Control(n) => Partial { kind: Some(Kind::Control), count: Some(*n), ..Partial::default() },
+            ShapeSpec::Audio(rate) => {
+                let rate_hz = match rate {
+                    RateSpec::Graph => Some(audio_hz),
+                    RateSpec::Hz(hz) => Some(*hz),
+                    RateSpec::Of(v) => self.known_shape(*v).rate_hz,
+                };
+                Partial { kind: Some(Kind::Audio), rate_hz, ..Partial::default() }
+            }
+            ShapeSpec::Magnitude(l) | ShapeSpec::Spectrum(l) => {
+                let magnitude = matches!(shape, ShapeSpec::Magnitude(_));
+                let layout = match l {
+                    LayoutSpec::Is(l) => Some(*l),
+                    LayoutSpec::Of(v) => self.known_shape(*v).layout,
+                };
+                let kind = Some(if magnitude { Kind::Magnitude } else { Kind::Spectrum });
+                Partial { kind, rate_hz: layout.map(|l| l.rate_hz), layout, ..Partial::default() }
+            }
+        };
+        p.unit = match unit {
+            UnitSpec::Is(u) => Some(u.clone()),
+            UnitSpec::Of { var, .. } => self.known_unit(*var),
+        };
+        p
+    }
+
+    /// Takes over from `found` what this port's variables do not know yet. Answers whether anything changed.
+    fn bind(&mut self, shape: &ShapeSpec, unit: &UnitSpec, found: &Partial) -> bool {
+        let mut changed = match shape {
+            ShapeSpec::Like(v) => {
+                let p = self.shape(*v);
+                // All or nothing of a kind: a rate means something else for audio than for frames.
+                if p.kind.is_none_or(|k| found.kind == Some(k)) {
+                    fill(&mut p.kind, found.kind.as_ref())
+                        | fill(&mut p.count, found.count.as_ref())
+                        | fill(&mut p.rate_hz, found.rate_hz.as_ref())
+                        | fill(&mut p.layout, found.layout.as_ref())
+                } else {
+                    false
+                }
+            }
+            ShapeSpec::Audio(RateSpec::Of(v)) if found.kind == Some(Kind::Audio) => {
+                fill(&mut self.shape(*v).rate_hz, found.rate_hz.as_ref())
+            }
+            ShapeSpec::Magnitude(LayoutSpec::Of(v)) if found.kind == Some(Kind::Magnitude) => self.layout(*v, found),
+            ShapeSpec::Spectrum(LayoutSpec::Of(v)) if found.kind == Some(Kind::Spectrum) => self.layout(*v, found),
+            _ => false,
+        };
+        if let UnitSpec::Of { var, among } = unit
+            && let Some(u) = &found.unit
+            && (among.is_empty() || among.contains(u))
+        {
+            let i = self.units.iter().position(|(v, _)| v == var).unwrap_or_else(|| {
+                self.units.push((*var, None));
+                self.units.len() - 1
+            });
+            changed |= fill(&mut self.units[i].1, Some(u));
+        }
+        changed
+    }
+
+    fn layout(&mut self, var: Var, found: &Partial) -> bool {
+        let p = self.shape(var);
+        fill(&mut p.layout, found.layout.as_ref()) | fill(&mut p.rate_hz, found.rate_hz.as_ref())
+    }
+}
+
+impl Partial {
+    fn settled(&self, guarded: bool) -> Option<PortType> {
+        let shape = match self.kind? {
+            Kind::Control => Shape::Control { count: self.count? },
+            Kind::Audio => Shape::Audio { rate_hz: self.rate_hz? },
+            Kind::Magnitude => Shape::Magnitude(self.layout?),
+            Kind::Spectrum => Shape::Spectrum(self.layout?),
+        };
+        Some(PortType { shape, unit: self.unit.clone()?, guarded })
+    }
+
+    /// Whether what flows from `self` may enter a port of type `to`; open parts fit.
+    fn fits(&self, to: &Self) -> bool {
+        fn same<T: PartialEq>(a: &Option<T>, b: &Option<T>) -> bool {
+            a.is_none() || b.is_none() || a == b
+        }
+        same(&self.kind, &to.kind)
+            && same(&self.count, &to.count)
+            && same(&self.rate_hz, &to.rate_hz)
+            && same(&self.layout, &to.layout)
+            && same(&self.unit, &to.unit)
+    }
+
+    fn describe(&self) -> String {
+        let unit = self.unit.as_ref().map(|u| format!(" [{u}]")).unwrap_or_default();
+        let shape = match self.kind {
+            None => "any kind".to_owned(),
+            Some(Kind::Control) => self.count.map_or("Control".into(), |n| format!("Control x{n}")),
+            Some(Kind::Audio) => self.rate_hz.map_or("Audio".into(), |hz| format!("Audio at {hz} Hz")),
+            Some(Kind::Magnitude) => self.layout.map_or("Magnitude".into(), |l| format!("Magnitude of {l}")),
+            Some(Kind::Spectrum) => self.layout.map_or("Spectrum".into(), |l| format!("Spectrum of {l}")),
+        };
+        shape + &unit
+    }
+}
+
+pub(super) fn settle(
+    graph: &GraphFile,
+    resolved: &Resolved,
+    registry: &Registry,
+) -> Result<Typed, Vec<Diagnostic>> {
+    let hz = graph.audio_hz;
+    let mut envs = vec![Env::default(); resolved.nodes.len()];
+    loop {
+        let mut changed = false;
+        for Wire { from, to } in &resolved.wires {
+            let (output, input) =
+                (&resolved.nodes[from.0].ports.outputs[from.1], &resolved.nodes[to.0].ports.inputs[to.1]);
+            let found = envs[from.0].port(&output.shape, &output.unit, hz);
+            changed |= envs[to.0].bind(&input.shape, &input.unit, &found);
+            let wanted = envs[to.0].port(&input.shape, &input.unit, hz);
+            changed |= envs[from.0].bind(&output.shape, &output.unit, &wanted);
+        }
+        if !changed {
+            break;
+        }
+    }
+    let errors: Vec<Diagnostic> =
+        resolved.wires.iter().filter_map(|w| check_wire(graph, resolved, &envs, *w, registry)).collect();
+    if !errors.is_empty() {
+        return Err(errors);
+    }
+    let settled = |i: usize, shape: &ShapeSpec, unit: &UnitSpec, guarded: bool| {
+        envs[i].port(shape, unit, hz).settled(guarded)
+    };
+    let per_node = |i: usize, ports: &Ports| {
+        let ins = ports.inputs.iter().map(|p| settled(i, &p.shape, &p.unit, p.guarded)).collect();
+        let outs = ports.outputs.iter().map(|p| settled(i, &p.shape, &p.unit, p.guarded)).collect();
+        (ins, outs)
+    };
+    let (inputs, outputs) = resolved.nodes.iter().enumerate().map(|(i, n)| per_node(i, &n.ports)).unzip();
+    Ok(Typed { inputs, outputs })
+}
+
+fn check_wire(
+    graph: &GraphFile,
+    resolved: &Resolved,
+    envs: &[Env],
+    wire: Wire,
+    registry: &Registry,
+) -> Option<Diagnostic> {
+    let Wire { from, to } = wire;
+    let output = &resolved.nodes[from.0].ports.outputs[from.1];
+    let input = &resolved.nodes[to.0].ports.inputs[to.1];
+    let found = envs[from.0].port(&output.shape, &output.unit, graph.audio_hz);
+    let mut wanted = envs[to.0].port(&input.shape, &input.unit, graph.audio_hz);
+    let unit_fits = match (&input.unit, &found.unit) {
+        (UnitSpec::Of { among, .. }, Some(u)) => among.is_empty() || among.contains(u),
+        _ => true,
+    };
+    let names = (
+        format!("{}.{}", graph.nodes[from.0].id, output.name),
+        format!("{}.{}", graph.nodes[to.0].id, input.name),
+    );
+    let index = resolved.nodes[to.0].input_wires[to.1]?;
+    let place = &graph.wires.get(index)?.to.place;
+    let error = |message: String| Diagnostic::new(message).at(&place.source, place.span).label("does not fit");
+    if !found.fits(&wanted) || !unit_fits {
+        let mut takes = wanted.describe();
+        if let UnitSpec::Of { among, .. } = &input.unit
+            && !among.is_empty()
+            && wanted.unit.is_none()
+        {
+            takes.push_str(&format!(" [{}]", input.unit));
+            wanted.unit = among.first().cloned();
+        }
+        let d = error(format!("`{}` carries {}, but `{}` takes {takes}", names.0, found.describe(), names.1));
+        return Some(match bridges(&found, &wanted, graph.audio_hz, registry).as_slice() {
+            [] => d,
+            kinds => d.help(format!("what goes between: {}", kinds.join(", "))),
+        });
+    }
+    if input.guarded && !output.guarded {
+        let d = error(format!("`{}` takes only what a limiter lets through, and `{}` is not one", names.1, names.0));
+        return Some(d.help("put a `limiter` last before the device; it cannot be left out"));
+    }
+    None
+}
+
+/// Kinds with an input that takes `found` and an output that then fits `wanted`: what would make the wire whole.
+fn bridges(found: &Partial, wanted: &Partial, audio_hz: u32, registry: &Registry) -> Vec<String> {
+    let fits = |kind: &dyn NodeKind| {
+        let d = kind.descriptor();
+        d.inputs.iter().any(|input| {
+            let mut env = Env::default();
+            env.bind(&input.shape, &input.unit, found);
+            let takes = env.port(&input.shape, &input.unit, audio_hz);
+            let unit_ok = match &input.unit {
+                UnitSpec::Is(u) => found.unit.as_ref() == Some(u),
+                UnitSpec::Of { among, .. } => among.is_empty() || found.unit.as_ref().is_some_and(|u| among.contains(u)),
+            };
+            unit_ok
+                && found.fits(&takes)
+                && takes.kind == found.kind
+                && d.outputs.iter().any(|o| {
+                    let gives = env.port(&o.shape, &o.unit, audio_hz);
+                    gives.kind == wanted.kind && gives.unit == wanted.unit && gives.fits(wanted)
+                })
+        })
+    };
+    registry.iter().filter(|k| fits(k.as_ref())).map(|k| format!("`{}`", k.descriptor().kind)).collect()
+}

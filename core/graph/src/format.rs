@@ -1,0 +1,286 @@
+//! What stands in a graph file.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use asperity_source::ron::{self, Value};
+use asperity_source::{Diagnostic, Place, Source, Span, one_of};
+
+/// Tick rates that a graph may ask for, in Hz.
+const TICK_HZ: std::ops::RangeInclusive<i64> = 100..=4000;
+/// Audio rates that a graph may ask for, in Hz.
+const AUDIO_HZ: std::ops::RangeInclusive<i64> = 8000..=192_000;
+/// How rarely a node may run, in ticks.
+const EVERY: std::ops::RangeInclusive<i64> = 1..=1000;
+/// Ticks a second of a graph that does not say.
+const DEFAULT_TICK_HZ: u32 = 500;
+/// Audio rate of a graph that does not say, in Hz.
+const DEFAULT_AUDIO_HZ: u32 = 48_000;
+/// Seed of a graph that does not say.
+const DEFAULT_SEED: u64 = 1;
+
+const GRAPH_FIELDS: &[&str] = &["version", "tick_hz", "audio_hz", "seed", "nodes", "wires"];
+const NODE_FIELDS: &[&str] = &["kind", "every", "params"];
+
+/// A graph as declared, before any of it is looked up.
+#[derive(Clone, Debug)]
+pub struct GraphFile {
+    /// The text it was read from; an empty one for a graph made by a program.
+    pub source: Arc<Source>,
+    /// Ticks a second, 100 to 4000.
+    pub tick_hz: u32,
+    /// Audio rate in Hz, 8000 to 192000.
+    pub audio_hz: u32,
+    /// What every random number of a render follows from.
+    pub seed: u64,
+    /// Nodes in the order of the file.
+    pub nodes: Vec<NodeDecl>,
+    /// Wires in the order of the file.
+    pub wires: Vec<WireDecl>,
+}
+
+/// A declared node.
+#[derive(Clone, Debug)]
+pub struct NodeDecl {
+    /// Its name in the graph.
+    pub id: String,
+    /// Where the name stands.
+    pub place: Place,
+    /// Its kind.
+    pub kind: String,
+    /// Where the kind stands.
+    pub kind_place: Place,
+    /// Runs every so many ticks.
+    pub every: u32,
+    /// What the file sets.
+    pub params: Vec<Setting>,
+}
+
+/// A parameter that is set.
+#[derive(Clone, Debug)]
+pub struct Setting {
+    /// Its name.
+    pub name: String,
+    /// Where the name stands.
+    pub place: Place,
+    /// What it is set to.
+    pub value: Value,
+    /// The text as typed, where it came from a command line: there, texts need no quotes.
+    pub typed: Option<String>,
+}
+
+/// One end of a wire.
+#[derive(Clone, Debug)]
+pub struct Endpoint {
+    /// A node's id.
+    pub node: String,
+    /// A port's name; `None` where the node has but one.
+    pub port: Option<String>,
+    /// Where it stands.
+    pub place: Place,
+}
+
+/// A declared wire.
+#[derive(Clone, Debug)]
+pub struct WireDecl {
+    /// An output.
+    pub from: Endpoint,
+    /// An input.
+    pub to: Endpoint,
+}
+
+impl GraphFile {
+    /// Reads a graph file.
+    ///
+    /// # Errors
+    /// A file that cannot be read, is no RON, or does not have a graph's fields.
+    pub fn read(path: impl AsRef<Path>) -> Result<Self, Diagnostic> {
+        Self::parse(&Source::read(path)?)
+    }
+
+    /// Reads a graph from a text.
+    ///
+    /// # Errors
+    /// A text that is no RON or does not have a graph's fields.
+    pub fn parse(source: &Arc<Source>) -> Result<Self, Diagnostic> {
+        let value = ron::parse(source)?;
+        let mut graph = value.record("Graph")?;
+        let version = graph.required("version")?;
+        if version.i64()? != 1 {
+            return Err(version.error("unknown version of the graph format").help("this program reads version 1"));
+        }
+        let mut number = |name, range, default| match graph.optional(name) {
+            Some(v) => v.i64_in(range, "Hz").map(|hz| hz as u32),
+            None => Ok(default),
+        };
+        let tick_hz = number("tick_hz", TICK_HZ, DEFAULT_TICK_HZ)?;
+        let audio_hz = number("audio_hz", AUDIO_HZ, DEFAULT_AUDIO_HZ)?;
+        let seed = match graph.optional("seed") {
+            Some(v) => v.i64_in(0..=i64::MAX, "")? as u64,
+            None => DEFAULT_SEED,
+        };
+        let nodes = graph.required("nodes")?.map()?;
+        let nodes = nodes.iter().map(|(key, v)| node(key, v)).collect::<Result<_, _>>()?;
+        let wires = match graph.optional("wires") {
+            Some(v) => v.list()?.iter().map(wire).collect::<Result<_, _>>()?,
+            None => Vec::new(),
+        };
+        graph.finish(GRAPH_FIELDS)?;
+        Ok(Self { source: source.clone(), tick_hz, audio_hz, seed, nodes, wires })
+    }
+
+    /// An empty graph, to be filled by a program. `name` is what errors call it.
+    pub fn empty(name: &str) -> Self {
+        Self {
+            source: Source::new(name, ""),
+            tick_hz: DEFAULT_TICK_HZ,
+            audio_hz: DEFAULT_AUDIO_HZ,
+            seed: DEFAULT_SEED,
+            nodes: Vec::new(),
+            wires: Vec::new(),
+        }
+    }
+
+    /// A node by its id.
+    pub fn node(&self, id: &str) -> Option<&NodeDecl> {
+        self.nodes.iter().find(|n| n.id == id)
+    }
+
+    /// Sets a parameter of a node, or a field of the graph, from a text such as `stylus.speed_mm_s=80`,
+    /// `texture.every=2` or `audio_hz=44100`. `origin` is what errors call the text, such as `--set`.
+    ///
+    /// # Errors
+    /// A text without `=`, a node or field that is not there, a value out of range. Whether the node's kind
+    /// has that parameter is only known when the graph is compiled.
+    pub fn set(&mut self, assignment: &str, origin: &str) -> Result<(), Diagnostic> {
+        let source = Source::new(origin, assignment);
+        let whole = Span { start: 0, end: assignment.len() };
+        let fail = |m: String, help: String| Diagnostic::new(m).at(&source, whole).help(help);
+        let Some((target, text)) = assignment.split_once('=') else {
+            return Err(fail("there is no `=` in this".into(), "NODE.PARAM=VALUE".into()));
+        };
+        let value = ron::parse_or_text(&Source::new(origin, text.trim()))?;
+        match target.trim().split_once('.') {
+            None => match target.trim() {
+                "tick_hz" => self.tick_hz = value.i64_in(TICK_HZ, "Hz")? as u32,
+                "audio_hz" => self.audio_hz = value.i64_in(AUDIO_HZ, "Hz")? as u32,
+                "seed" => self.seed = value.i64_in(0..=i64::MAX, "")? as u64,
+                other => {
+                    let help = one_of(other, ["tick_hz", "audio_hz", "seed"]);
+                    return Err(fail(format!("the graph has no setting `{other}`"), help));
+                }
+            },
+            Some((id, param)) => {
+                let ids: Vec<String> = self.nodes.iter().map(|n| n.id.clone()).collect();
+                let Some(node) = self.nodes.iter_mut().find(|n| n.id == id) else {
+                    let help = one_of(id, ids.iter().map(String::as_str));
+                    return Err(fail(format!("the graph has no node `{id}`"), help));
+                };
+                if param == "every" {
+                    node.every = value.i64_in(EVERY, "ticks")? as u32;
+                    return Ok(());
+                }
+                let place = Place { source: source.clone(), span: whole };
+                node.params.retain(|s| s.name != param);
+                let typed = Some(text.trim().to_owned());
+                node.params.push(Setting { name: param.to_owned(), place, value, typed });
+            }
+        }
+        Ok(())
+    }
+
+    /// Adds a node that no file declares, such as a probe asked for on the command line. Parameters are given
+    /// as RON texts. `origin` is what errors call it.
+    ///
+    /// # Errors
+    /// A parameter's text that is no value, an id that is taken.
+    pub fn add_node(
+        &mut self,
+        id: &str,
+        kind: &str,
+        params: &[(&str, &str)],
+        origin: &str,
+    ) -> Result<(), Diagnostic> {
+        let at = |text: &str| Place {
+            source: Source::new(origin, text),
+            span: Span { start: 0, end: text.len() },
+        };
+        if self.node(id).is_some() {
+            return Err(Diagnostic::new(format!("the graph has a node `{id}` already")).in_file(origin));
+        }
+        let mut settings = Vec::new();
+        for (name, text) in params {
+            let value = ron::parse_or_text(&Source::new(origin, *text))?;
+            settings.push(Setting { name: (*name).to_owned(), place: at(name), value, typed: Some((*text).to_owned()) });
+        }
+        let (id, kind_place) = (id.to_owned(), at(kind));
+        let place = at(&id);
+        self.nodes.push(NodeDecl { id, place, kind: kind.to_owned(), kind_place, every: 1, params: settings });
+        Ok(())
+    }
+
+    /// Adds a wire between two endpoints such as `texture.magnitude` and `probe`.
+    pub fn add_wire(&mut self, from: &str, to: &str, origin: &str) {
+        let end = |text: &str| {
+            let source = Source::new(origin, text);
+            endpoint(text, Place { span: Span { start: 0, end: text.len() }, source })
+        };
+        self.wires.push(WireDecl { from: end(from), to: end(to) });
+    }
+}
+
+fn node(key: &ron::Key, value: &Value) -> Result<NodeDecl, Diagnostic> {
+    let source = value.source();
+    let place = |span| Place { source: source.clone(), span };
+    if let Some(bad) = key.name.chars().find(|c| !(c.is_alphanumeric() || matches!(c, '_' | '-' | ' '))) {
+        return Err(Diagnostic::new(format!("a node's id may not contain `{bad}`"))
+            .at(source, key.span)
+            .help("letters, digits, `_`, `-` and spaces"));
+    }
+    if key.name.trim().is_empty() || key.name.trim() != key.name {
+        return Err(Diagnostic::new("a node's id may not be blank or begin or end blank").at(source, key.span));
+    }
+    let mut record = value.record("Node")?;
+    let kind_value = record.required("kind")?;
+    let kind = kind_value.text()?.to_owned();
+    let every = match record.optional("every") {
+        Some(v) => v.i64_in(EVERY, "ticks")? as u32,
+        None => 1,
+    };
+    let mut params = Vec::new();
+    if let Some(v) = record.optional("params") {
+        for (key, value) in v.record("Params")?.all() {
+            let (name, place) = (key.name.clone(), place(key.span));
+            params.push(Setting { name, place, value: value.clone(), typed: None });
+        }
+    }
+    record.finish(NODE_FIELDS)?;
+    Ok(NodeDecl {
+        id: key.name.clone(),
+        place: place(key.span),
+        kind,
+        kind_place: place(kind_value.span()),
+        every,
+        params,
+    })
+}
+
+fn wire(value: &Value) -> Result<WireDecl, Diagnostic> {
+    let ends = value.list()?;
+    let [from, to] = ends else {
+        return Err(value
+            .error(format!("a wire has two ends, found {}", ends.len()))
+            .help("(\"node.output\", \"node.input\")"));
+    };
+    let end = |v: &Value| -> Result<Endpoint, Diagnostic> {
+        Ok(endpoint(v.text()?, Place { source: v.source().clone(), span: v.span() }))
+    };
+    Ok(WireDecl { from: end(from)?, to: end(to)? })
+}
+
+fn endpoint(text: &str, place: Place) -> Endpoint {
+    match text.split_once('.') {
+        Some((node, port)) => Endpoint { node: node.to_owned(), port: Some(port.to_owned()), place },
+        None => Endpoint { node: text.to_owned(), port: None, place },
+    }
+}

@@ -1,0 +1,104 @@
+//! Parameters: what the file sets against what the descriptor declares.
+
+use std::path::{Path, PathBuf};
+
+use asperity_node::{Descriptor, Param, ParamKind, ParamValue, Params};
+use asperity_source::ron::Value;
+use asperity_source::{Diagnostic, Place, nearest, one_of};
+
+use crate::{NodeDecl, Setting};
+
+/// Checks a node's settings. Everything that is wrong goes to `errors`.
+pub(crate) fn check(node: &NodeDecl, descriptor: &Descriptor, errors: &mut Vec<Diagnostic>) -> Params {
+    for setting in &node.params {
+        if !descriptor.params.iter().any(|p| p.name == setting.name) {
+            let names: Vec<&str> = descriptor.params.iter().map(|p| p.name.as_ref()).collect();
+            errors.push(
+                Diagnostic::new(format!("`{}` has no parameter `{}`", node.kind, setting.name))
+                    .at(&setting.place.source, setting.place.span)
+                    .label("unknown parameter")
+                    .help(one_of(&setting.name, names.iter().copied())),
+            );
+        }
+    }
+    let mut params = Params::new(Some(node.place.clone()));
+    for param in &descriptor.params {
+        let setting = node.params.iter().find(|s| s.name == param.name);
+        let place = setting.map(|s| Place { source: s.value.source().clone(), span: s.value.span() });
+        let value = match setting {
+            Some(s) => match read(s, param) {
+                Ok(value) => Some(value),
+                Err(e) => {
+                    errors.push(e);
+                    param.default.clone()
+                }
+            },
+            None => {
+                if param.default.is_none() && !param.optional {
+                    errors.push(
+                        Diagnostic::new(format!("`{}` needs the parameter `{}`", node.kind, param.name))
+                            .at(&node.place.source, node.place.span)
+                            .label(format!("no `{}` set", param.name))
+                            .help(param.doc.to_string()),
+                    );
+                }
+                param.default.clone()
+            }
+        };
+        params.insert(param.name.to_string(), value, place);
+    }
+    params
+}
+
+fn read(setting: &Setting, param: &Param) -> Result<ParamValue, Diagnostic> {
+    let value = &setting.value;
+    let unit = param.unit.as_ref();
+    match &param.kind {
+        ParamKind::Number(range) => value.f64_in(range.clone(), unit).map(ParamValue::Number),
+        ParamKind::Integer(range) => value.i64_in(range.clone(), unit).map(ParamValue::Integer),
+        ParamKind::Flag => value.bool().map(ParamValue::Flag),
+        ParamKind::Text => text(setting).map(|t| ParamValue::Text(t.to_owned())),
+        ParamKind::Choice(words) => {
+            let words: Vec<&str> = words.iter().map(|w| w.as_ref()).collect();
+            value.choice(&words).map(|w| ParamValue::Text(w.to_owned()))
+        }
+        ParamKind::File => file(value, text(setting)?).map(ParamValue::File),
+        ParamKind::Numbers(range) => {
+            let items = value.list()?.iter().map(|v| v.f64_in(range.clone(), unit));
+            items.collect::<Result<_, _>>().map(ParamValue::Numbers)
+        }
+    }
+}
+
+/// A text; from a command line, whatever was typed.
+fn text(setting: &Setting) -> Result<&str, Diagnostic> {
+    match &setting.typed {
+        Some(typed) if setting.value.text().is_err() => Ok(typed),
+        _ => setting.value.text(),
+    }
+}
+
+/// A file that exists, its path relative to the file that names it.
+fn file(value: &Value, text: &str) -> Result<PathBuf, Diagnostic> {
+    let base = value.source().path().parent().unwrap_or(Path::new(""));
+    let path = base.join(text);
+    match std::fs::metadata(&path) {
+        Ok(meta) if meta.is_file() => Ok(path),
+        Ok(_) => Err(value.error(format!("{} is not a file", path.display()))),
+        Err(e) => {
+            let d = value.error(format!("cannot find the file {}: {e}", path.display()));
+            Err(match neighbour(&path) {
+                Some(name) => d.help(format!("did you mean `{name}`? Paths are relative to the graph file")),
+                None => d.help("paths are relative to the graph file"),
+            })
+        }
+    }
+}
+
+fn neighbour(path: &Path) -> Option<String> {
+    let wanted = path.file_name()?.to_str()?;
+    let dir = path.parent().filter(|d| !d.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let names: Vec<String> =
+        std::fs::read_dir(dir).ok()?.take(10_000).filter_map(|e| e.ok()?.file_name().into_string().ok()).collect();
+    nearest(wanted, names.iter().map(String::as_str)).map(str::to_owned)
+}
