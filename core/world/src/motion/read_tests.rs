@@ -1,0 +1,157 @@
+//! Every bad file is refused at its own cell.
+
+use super::*;
+use proptest::prelude::*;
+
+fn parse(text: &str) -> Result<Trajectory, Diagnostic> {
+    Trajectory::parse(&Source::new("t.csv", text), &TrajectoryOptions::default())
+}
+
+const H: &str = "t_s,x_mm,y_mm,z_mm\n";
+
+#[test]
+fn columns_in_any_order_comments_blanks_quotes_and_line_ends() {
+    let text = "# from a device\r\n\r\n z_mm ,\"t_s\",force_n,y_mm,x_mm\r\n#c,1,2\r\n3,0,0.5,2,1\r\n  \r\n\n -1 , \"0.01\" ,1.5,5,4\r\n  # tail";
+    let t = parse(text).unwrap();
+    assert_eq!((t.rows(), t.duration_s()), (2, 0.01));
+    let s = t.sample(0.0);
+    assert_eq!((s.position, s.force, s.speed), ([1.0, 2.0, 3.0], Some(0.5), None));
+    assert_eq!(t.sample(1.0).position, [4.0, 5.0, -1.0]);
+}
+
+#[test]
+fn the_axis_map_turns_positions() {
+    let options = TrajectoryOptions { axes: AxisMap::parse("x,-z,y").unwrap(), ..Default::default() };
+    let t = Trajectory::parse(&Source::new("t.csv", format!("{H}0,1,2,3\n0.01,4,5,6\n")), &options).unwrap();
+    assert_eq!(t.sample(0.0).position, [1.0, -3.0, 2.0]);
+    assert_eq!(t.sample(1.0).position, [4.0, -6.0, 5.0]);
+}
+
+#[test]
+fn bad_files_are_refused_at_the_cell() {
+    let two = "0,0,0,0\n0.01,0,0,0\n";
+    let cases: &[(String, &str)] = &[
+        (String::new(), "t.csv:1:1: no header line"),
+        ("# only this\n\n".into(), "t.csv:3:1: no header line"),
+        (format!("t_s,x_mm,z_mm\n{two}"), "t.csv:1:14: the column `y_mm` is missing"),
+        (format!("#c\nt_s,x_mm,y_mm,z_m\n{two}"), "t.csv:2:15: unknown column `z_m` (did you mean `z_mm`?)"),
+        (
+            format!("t_s;x_mm;y_mm;z_mm\n{two}"),
+            "t.csv:1:1: unknown column `t_s;x_mm;y_mm;z_mm` (the first line",
+        ),
+        (format!("0,0,0,0\n{two}"), "t.csv:1:1: unknown column `0`"),
+        (format!("t_s,x_mm,y_mm,z_mm,x_mm\n{two}"), "t.csv:1:20: the column `x_mm` is there twice"),
+        (H.into(), "t.csv:2:1: a trajectory with no rows"),
+        (format!("{H}0,0,0,0\n"), "t.csv:3:1: a trajectory with only one row"),
+        (format!("{H}0,0,0\n"), "t.csv:2:6: a row of 3 cells under a header of 4"),
+        (format!("{H}0,0,0,0,7\n"), "t.csv:2:9: a row of 5 cells under a header of 4"),
+        (format!("{H}0,0,0,0\n0.01,0,abc,0\n"), "t.csv:3:8: `y_mm` is `abc`, which is not a number"),
+        (format!("{H}0,0,0,0\n0.01,0,1e,0\n"), "t.csv:3:8: `y_mm` is `1e`, which is not a number"),
+        (format!("{H}0,0,0,0\n0.01, ,0,0\n"), "t.csv:3:7: `x_mm` is empty"),
+        (format!("{H}0,0,NaN,0\n"), "t.csv:2:5: `y_mm` is `NaN`, which is not finite"),
+        (format!("{H}0,0,0,-inf\n"), "t.csv:2:7: `z_mm` is `-inf`, which is not finite"),
+        (
+            format!("{H}0,0, 1e50,0\n"),
+            "t.csv:2:6: `y_mm` is `1e50`, out of range (`y_mm` is a number from -100000 to",
+        ),
+        (format!("{H}0,0,0,1e999\n"), "t.csv:2:7: `z_mm` is `1e999`, out of range"),
+        (format!("{H}1e50,0,0,0\n"), "t.csv:2:1: `t_s` is `1e50`, out of range"),
+        (format!("{H}1700000000000,0,0,0\n"), "t.csv:2:1: `t_s` is `1700000000000`, out of range"),
+        ("t_s,x_mm,y_mm,z_mm,force_n\n0,0,0,0,2000\n".into(), "t.csv:2:9: `force_n` is `2000`, out of range"),
+        (
+            "t_s,x_mm,y_mm,z_mm,speed_mm_s\n0,0,0,0,-1\n".into(),
+            "t.csv:2:9: `speed_mm_s` is `-1`, out of range (`speed_mm_s` is a number from 0 to",
+        ),
+        (
+            format!("{H}0,0,0,0\n\n# c\n0.01,0,0,0\n0.005,1,0,0\n"),
+            "t.csv:6:1: the clock goes back: 0.005 s after 0.01 s",
+        ),
+        (format!("{H}0,0,0,0\n0.01,0,0,0\n0.01,1,0,0\n"), "t.csv:4:1: the clock stands still"),
+        ("x_mm,t_s,y_mm,z_mm\n1,0,0,0\n1,0,0,0\n".into(), "t.csv:3:3: the clock stands still"),
+        (
+            format!("{H}0,0,0,0\n0.002,0,0,0\n0.004,0,0,0\n0.2,0,0,0\n"),
+            "t.csv:5:1: a gap of 0.1960 s after 0.004 s (rows may lie 0.1000 s apart",
+        ),
+        (format!("{H}0,0,0,0\n0.002,0,0,0\n1,0,0,0\n"), "t.csv:4:1: a gap of 0.9980 s after 0.002 s"),
+    ];
+    for (text, want) in cases {
+        let e = parse(text).unwrap_err();
+        assert!(e.to_string().starts_with(want), "{text:?}\n  gave {e}\n  want {want}");
+        assert!(e.help.is_some() || !e.related.is_empty(), "{e}");
+    }
+}
+
+#[test]
+fn columns_are_counted_in_characters_after_other_text() {
+    let e = parse("# µ é\nt_s,x_mm,y_mm,z_mm\n0,0,µ,é\n").unwrap_err();
+    assert!(e.to_string().starts_with("t.csv:3:5: `y_mm` is `µ`"), "{e}");
+}
+
+#[test]
+fn slow_and_irregular_rows_are_no_gap() {
+    // 20 Hz with a quarter of a second missing is five steps; a longer gap is not accepted.
+    let rows = |gap: f64| {
+        let mut text = String::from(H);
+        for i in 0..10 {
+            text += &format!("{},0,0,0\n", f64::from(i) * 0.05 + if i > 4 { gap - 0.05 } else { 0.0 });
+        }
+        text
+    };
+    assert!(parse(&rows(0.2499)).is_ok());
+    let e = parse(&rows(0.26)).unwrap_err();
+    assert!(e.to_string().starts_with("t.csv:7:1: a gap of 0.2600 s after 0.2 s"), "{e}");
+    let options = TrajectoryOptions { max_gap_s: Some(0.3), ..Default::default() };
+    assert!(Trajectory::parse(&Source::new("t.csv", rows(0.26)), &options).is_ok());
+    let options = TrajectoryOptions { max_gap_s: Some(0.04), ..Default::default() };
+    let e = Trajectory::parse(&Source::new("t.csv", rows(0.05)), &options).unwrap_err();
+    assert!(e.to_string().starts_with("t.csv:3:1: a gap"), "{e}");
+    // Two rows a second apart are a recording at 1 Hz.
+    assert!(parse(&format!("{H}0,0,0,0\n1,1,1,1\n2,0,0,0\n")).is_ok());
+}
+
+#[test]
+fn a_missing_file_is_an_error() {
+    assert!(Trajectory::read("no/such.csv", &TrajectoryOptions::default()).is_err());
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn no_text_panics(text in "\\PC*") {
+        let _ = parse(&text);
+    }
+
+    #[test]
+    fn nearly_right_text_does_not_panic_and_what_is_read_is_finite(
+        text in "(t_s|\"t_s\"|#|\r|\n){0,3},?x_mm,y_mm,z_mm(,force_n|,speed_mm_s|,é)?\r?\n([0-3]\\.[0-9]{1,3},[-0-9.e\"# ,\n\r]{0,12},[0-9],[0-9]\r?\n){0,6}",
+        at in -1.0..5.0f64,
+    ) {
+        if let Ok(t) = parse(&text) {
+            prop_assert!(t.sample(at).position.iter().all(|v| v.is_finite()));
+            prop_assert!(t.duration_s() > 0.0);
+        }
+    }
+
+    /// The cells a reader sees are the ones that were written, wherever comments and blank lines stand.
+    #[test]
+    fn every_bad_cell_is_found_where_it_was_put(
+        before in proptest::collection::vec("(|#[ -~]{0,9}| {0,3})(\n|\r\n)", 0..5),
+        rows in 1..6usize, row in 0..6usize, cell in 0..4usize,
+    ) {
+        let row = row.min(rows - 1);
+        let mut text = before.concat();
+        text += "t_s,x_mm,y_mm,z_mm\n";
+        for i in 0..rows {
+            text += before.get(i).map_or("", String::as_str);
+            let mut cells = [format!("0.0{i}"), "1".into(), "2".into(), "3".into()];
+            if i == row {
+                cells[cell] = "bäd".into();
+            }
+            text += &(cells.join(",") + "\r\n");
+        }
+        let place = parse(&text).unwrap_err().place.unwrap();
+        prop_assert_eq!(place.span.start, text.rfind("bäd").unwrap());
+        prop_assert_eq!(&text[place.span.start..place.span.end], "bäd");
+    }
+}
