@@ -16,7 +16,8 @@ pub use axes::AxisMap;
 pub use itinerary::{Itinerary, Move};
 pub use minimum_jerk::{minimum_jerk, minimum_jerk_ramp_integral, minimum_jerk_speed};
 pub use read::{
-    DEFAULT_MAX_GAP_S, MAX_ABS_FORCE_N, MAX_ABS_POSITION_MM, MAX_ABS_TIME_S, MAX_SPEED_MM_S, TrajectoryOptions,
+    DEFAULT_MAX_GAP_S, MAX_ABS_FORCE_N, MAX_ABS_POSITION_MM, MAX_ABS_TIME_S, MAX_SPEED_MM_S,
+    TrajectoryOptions,
 };
 pub use stroke::{Shape, Stroke, StrokeParams};
 pub use trajectory::{Cursor, Interpolation, Trajectory};
