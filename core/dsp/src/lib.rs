@@ -8,6 +8,7 @@ mod float;
 mod framing;
 pub mod overlap_add;
 pub mod spsi;
+pub mod stft;
 pub mod window;
 
 pub use float::Float;
@@ -15,3 +16,4 @@ pub use framing::{Framing, FramingError, MAX_FFT_LEN, MAX_PERIOD};
 pub use overlap_add::OverlapAdd;
 pub use realfft::num_complex::Complex;
 pub use spsi::Spsi;
+pub use stft::Stft;

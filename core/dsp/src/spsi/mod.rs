@@ -12,6 +12,24 @@
 //! * A run of equal bins is one peak at its middle. A peak at bin 0 or Nyquist gets a phase that a real signal can have.
 //! * Far from the peak a bin is taken for a side lobe, and gets its sign, only where it is as weak as one.
 //! * A bin between two peaks gets the phase of the sum of both main lobes.
+//!
+//! Spectral convergence on the vectors in `tests/data/phase` (dB, lower is better; "published" is the best of three published
+//! or textbook variants for each vector, all of whose figures are in `sc.json` there):
+//!
+//! | vector | published | this |
+//! |---|---|---|
+//! | sine_off_2500 | -76.4 | -76.3 |
+//! | chirp_2500 | -38.4 | -38.6 |
+//! | texture_2500 | -11.3 | -11.4 |
+//! | two25_2500 | -14.8 | -16.1 |
+//! | taps_2500 | -6.6 | -6.5 |
+//! | contact_2500 | -10.7 | -10.9 |
+//! | nnsmooth_2500 | -1.6 | -1.4 |
+//! | texture_48000 | -11.2 | -11.9 |
+//! | amchirp_48000 | -11.9 | -12.1 |
+//!
+//! What limits the pure sine is its own image at the negative frequency. Smooth magnitudes that are no signal's (nnsmooth, a
+//! mean over phases) are outside what one sinusoid a peak can express.
 
 mod peak;
 

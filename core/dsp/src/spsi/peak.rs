@@ -62,6 +62,13 @@ impl<T: Float> Peak<T> {
         self.lobe.get((k + 2).wrapping_sub(self.bin)).map(|&r| r * self.mag)
     }
 
+    /// The same further away: a side lobe.
+    #[inline]
+    fn far(&self, k: usize) -> T {
+        let m = k as f64 - self.bin as f64;
+        self.mag * T::of(lobe_ratio(m, self.offset, k.abs_diff(self.bin) % 2 == 1))
+    }
+
     /// The phase at the window's centre of bin `k` (not the peak's own) of this peak's region, of magnitude `mag > 0`, as a
     /// point on the unit circle. `other` is the next peak on the side of `k`.
     #[inline]
@@ -73,18 +80,21 @@ impl<T: Float> Peak<T> {
             Some(own) if k.abs_diff(self.bin) < 2 || own.abs() * side > mag => own,
             Some(_) => mag,
             None => {
-                let m = k as f64 - self.bin as f64;
-                let own = self.mag * T::of(lobe_ratio(m, self.offset, k.abs_diff(self.bin) % 2 == 1));
+                let own = self.far(k);
                 if own.abs() * side > mag { own } else { mag }
             }
         };
-        let Some((other, theirs)) = other.and_then(|o| o.near(k).map(|v| (o, v))) else {
-            return if own < T::zero() { -self.unit } else { self.unit };
+        let mine = if own < T::zero() { -self.unit } else { self.unit };
+        let Some(other) = other else { return mine };
+        let theirs = match other.near(k) {
+            Some(theirs) => theirs,
+            // Side lobes of a Hann window stay under 1/37 of its main lobe.
+            None if other.mag * T::of(0.27) > mag => other.far(k),
+            None => return mine,
         };
         let most = T::of(1e6);
         let weight = theirs / own.abs();
-        let weight = if weight < most { weight } else { most };
-        let mine = if own < T::zero() { -self.unit } else { self.unit };
+        let weight = if weight.abs() < most { weight } else { most };
         let sum = mine + other.unit * weight;
         let square = sum.re * sum.re + sum.im * sum.im;
         // Two lobes that cancel say nothing about the phase.

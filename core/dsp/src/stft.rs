@@ -1,0 +1,69 @@
+//! From samples to spectra.
+
+use crate::window::hann;
+use crate::{Complex, Float};
+use realfft::{RealFftPlanner, RealToComplex};
+use std::sync::Arc;
+
+/// Hann-windowed forward transform of single frames.
+pub struct Stft<T> {
+    forward: Arc<dyn RealToComplex<T>>,
+    window: Vec<T>,
+    frame: Vec<T>,
+    spectrum: Vec<Complex<T>>,
+    scratch: Vec<Complex<T>>,
+}
+
+impl<T> std::fmt::Debug for Stft<T> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Stft").field("fft_len", &self.window.len()).finish_non_exhaustive()
+    }
+}
+
+impl<T: Float> Stft<T> {
+    /// Plans a transform of `fft_len` samples (at least 1).
+    pub fn new(fft_len: usize) -> Self {
+        let len = fft_len.max(1);
+        let forward = RealFftPlanner::<T>::new().plan_fft_forward(len);
+        let scale = 4.0 / len as f64;
+        Self {
+            window: hann::<f64>(len).into_iter().map(|w| T::of(w * scale)).collect(),
+            frame: forward.make_input_vec(),
+            spectrum: forward.make_output_vec(),
+            scratch: forward.make_scratch_vec(),
+            forward,
+        }
+    }
+
+    /// Amplitudes `2 sum(w x e^-i..) / sum(w)` of one frame, in the samples' unit, for all `fft_len / 2 + 1` bins; phases
+    /// are counted from the first sample. Missing samples are 0, more than `fft_len` are not used.
+    pub fn process(&mut self, samples: &[T]) -> &[Complex<T>] {
+        self.frame.fill(T::zero());
+        for ((to, &x), &w) in self.frame.iter_mut().zip(samples).zip(&self.window) {
+            *to = x * w;
+        }
+        // The buffers are the plan's own, so there is nothing it can refuse.
+        let done = self.forward.process_with_scratch(&mut self.frame, &mut self.spectrum, &mut self.scratch);
+        debug_assert!(done.is_ok());
+        &self.spectrum
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_unit_sine_on_a_bin_reads_1_at_any_length() {
+        for len in [50usize, 250, 4410, 4800] {
+            let x: Vec<f64> =
+                (0..len).map(|i| (0.3 + std::f64::consts::TAU * 7.0 * i as f64 / len as f64).cos()).collect();
+            let mut stft = Stft::new(len);
+            let s = stft.process(&x);
+            assert_eq!(s.len(), len / 2 + 1);
+            assert!((s[7] - Complex::from_polar(1.0, 0.3)).norm() < 1e-12);
+            assert!((s[6] + Complex::from_polar(0.5, 0.3)).norm() < 1e-12);
+            assert!(s[12].norm() < 1e-12);
+        }
+    }
+}

@@ -1,0 +1,100 @@
+//! Writing float32 arrays.
+
+use std::io::{self, Seek, SeekFrom, Write};
+
+/// Length of the whole header: room for any shape, and a multiple of 64, as NumPy aligns it.
+const HEADER_LEN: usize = 128;
+
+fn header(shape: &[usize]) -> io::Result<[u8; HEADER_LEN]> {
+    let text = format!(
+        "{{'descr': '<f4', 'fortran_order': False, 'shape': {}, }}",
+        super::header::print_shape(shape)
+    );
+    let mut bytes = [b' '; HEADER_LEN];
+    bytes[..10].copy_from_slice(b"\x93NUMPY\x01\x00\x76\x00");
+    bytes[HEADER_LEN - 1] = b'\n';
+    let room = &mut bytes[10..HEADER_LEN - 1];
+    let Some(place) = room.get_mut(..text.len()) else {
+        return Err(io::Error::new(io::ErrorKind::InvalidInput, "too many dimensions for a .npy header"));
+    };
+    place.copy_from_slice(text.as_bytes());
+    Ok(bytes)
+}
+
+/// Writes a float32 array, row by row.
+///
+/// # Errors
+/// What the writer returns; a shape whose product is not the number of values, or of more than about four dimensions.
+pub fn write_f32(mut to: impl Write, shape: &[usize], values: &[f32]) -> io::Result<()> {
+    if shape.iter().try_fold(1usize, |a, &n| a.checked_mul(n)) != Some(values.len()) {
+        return Err(io::Error::new(
+            io::ErrorKind::InvalidInput,
+            "the shape does not fit the number of values",
+        ));
+    }
+    to.write_all(&header(shape)?)?;
+    write_values(&mut to, values)?;
+    to.flush()
+}
+
+fn write_values(to: &mut impl Write, values: &[f32]) -> io::Result<()> {
+    let mut bytes = [0u8; 4096];
+    for block in values.chunks(bytes.len() / 4) {
+        for (b, v) in bytes.as_chunks_mut::<4>().0.iter_mut().zip(block) {
+            *b = v.to_le_bytes();
+        }
+        to.write_all(&bytes[..block.len() * 4])?;
+    }
+    Ok(())
+}
+
+/// Writes a float32 array whose number of rows is not known yet.
+///
+/// The file is a valid, empty array from the start, and holds all rows once [`finish`](Self::finish) has been called.
+#[derive(Debug)]
+pub struct Writer<W> {
+    to: W,
+    columns: Option<usize>,
+    rows: usize,
+}
+
+impl<W: Write + Seek> Writer<W> {
+    /// Starts an array of shape `(rows,)`, or `(rows, columns)` where `columns` is given, at the start of `to`.
+    ///
+    /// # Errors
+    /// What the writer returns.
+    pub fn new(mut to: W, columns: Option<usize>) -> io::Result<Self> {
+        to.write_all(&header(&Self::shape(0, columns))?)?;
+        Ok(Self { to, columns, rows: 0 })
+    }
+
+    fn shape(rows: usize, columns: Option<usize>) -> Vec<usize> {
+        std::iter::once(rows).chain(columns).collect()
+    }
+
+    /// Appends values: whole rows where the array has columns.
+    ///
+    /// # Errors
+    /// What the writer returns; a number of values that is not a number of rows.
+    pub fn append(&mut self, values: &[f32]) -> io::Result<()> {
+        let width = self.columns.unwrap_or(1);
+        if width == 0 || !values.len().is_multiple_of(width) {
+            return Err(io::Error::new(io::ErrorKind::InvalidInput, "not a whole number of rows"));
+        }
+        write_values(&mut self.to, values)?;
+        self.rows += values.len() / width;
+        Ok(())
+    }
+
+    /// Writes the number of rows into the header and returns the writer.
+    ///
+    /// # Errors
+    /// What the writer returns.
+    pub fn finish(mut self) -> io::Result<W> {
+        self.to.seek(SeekFrom::Start(0))?;
+        self.to.write_all(&header(&Self::shape(self.rows, self.columns))?)?;
+        self.to.seek(SeekFrom::End(0))?;
+        self.to.flush()?;
+        Ok(self.to)
+    }
+}
