@@ -17,6 +17,7 @@
 
 mod dynamics;
 mod inverse;
+mod limiter;
 mod plant;
 mod profile;
 
@@ -26,6 +27,7 @@ use asperity_dsp::filter::FilterError;
 
 pub use dynamics::Dynamics;
 pub use inverse::{Inverse, InverseSettings};
+pub use limiter::{Limiter, LimiterReport, LimiterSettings, Limits};
 pub use plant::{Motion, Plant};
 pub use profile::{ActuatorProfile, Quantity};
 
@@ -66,6 +68,20 @@ pub enum ActuatorError {
         /// The unit of the three.
         unit: &'static str,
     },
+    /// An actuator that could pass its stroke in the time its current takes to end.
+    TooStrong {
+        /// What part of the stroke's speed the peak current gives it in that time.
+        share: f64,
+        /// The most that can be guarded.
+        most: f64,
+    },
+    /// An actuator whose back-EMF acts faster than samples of a voltage can.
+    TooQuick {
+        /// mu R / k_f^2 \[s\].
+        emf_s: f64,
+        /// The least that can be guarded \[s\].
+        least_s: f64,
+    },
     /// A filter could not be made.
     Filter(FilterError),
 }
@@ -79,7 +95,11 @@ impl ActuatorError {
         to: f64,
         unit: &'static str,
     ) -> Result<f64, Self> {
-        if (from..=to).contains(&found) { Ok(found) } else { Err(Self::Range { what, found, from, to, unit }) }
+        if (from..=to).contains(&found) {
+            Ok(found)
+        } else {
+            Err(Self::Range { what, found, from, to, unit })
+        }
     }
 }
 
@@ -90,6 +110,18 @@ impl fmt::Display for ActuatorError {
                 let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
                 write!(f, "{what} of {found}{unit} does not fit; from {from} to {to}{unit} does")
             }
+            Self::TooStrong { share, most } => write!(
+                f,
+                "this actuator gains {share:.2} of the speed that its stroke bears before its peak current has \
+                 ended, and at most {most} can be guarded: a higher rate or slew, or a lower peak current"
+            ),
+            Self::TooQuick { emf_s, least_s } => write!(
+                f,
+                "this actuator's back-EMF acts within {:.0} us, and at least {:.0} us can be guarded: a higher \
+                 rate, or a current drive",
+                emf_s * 1e6,
+                least_s * 1e6
+            ),
             Self::Filter(e) => e.fmt(f),
         }
     }

@@ -39,6 +39,11 @@ impl RungeKutta {
         Self { d, drive, dt: 1.0 / rate_hz / f64::from(substeps), substeps, s: [0.0; 5] }
     }
 
+    /// Speed of the mover relative to the handle, now.
+    pub(crate) fn relative_speed(&self) -> f64 {
+        self.s[1] - self.s[3]
+    }
+
     fn slope(&self, s: [f64; 5], u: f64) -> [f64; 5] {
         let d = &self.d;
         let [xm, vm, xh, vh, i] = s;

@@ -1,0 +1,206 @@
+//! One sample after another: the limiter's loop. The order of its stages is told in the parent module.
+
+use super::super::Plant;
+use super::{LimiterReport, TINY};
+
+/// What does not change from sample to sample.
+#[derive(Clone, Debug)]
+pub(super) struct Fixed {
+    pub(super) peak: f64,
+    pub(super) slew: f64,
+    pub(super) ceiling: f64,
+    pub(super) dc: f64,
+    pub(super) release: f64,
+    pub(super) hold: f64,
+    pub(super) mute: f64,
+    pub(super) unmute: f64,
+    pub(super) peak_current: f64,
+    // Squares of currents.
+    pub(super) rated: f64,
+    pub(super) aim: f64,
+    pub(super) heat: f64,
+    pub(super) short: f64,
+    pub(super) wall: f64,
+    pub(super) budget: f64,
+    // Squares of w_n x.
+    pub(super) swing_aim: f64,
+    pub(super) swing_wall: f64,
+    // 1 / (2 T), c / mu, k_f / mu.
+    pub(super) approach: f64,
+    pub(super) drag: f64,
+    pub(super) push: f64,
+    // Seconds that a current lasts once it should end: at all, and per ampere.
+    pub(super) lag: f64,
+    pub(super) slope: f64,
+    pub(super) natural: f64,
+    pub(super) resistance: f64,
+    pub(super) emf: f64,
+}
+
+/// What does.
+#[derive(Clone, Debug)]
+pub(super) struct Run {
+    pub(super) report: LimiterReport,
+    pub(super) good: f64,
+    pub(super) bearable: f64,
+    pub(super) dc: f64,
+    pub(super) gain: f64,
+    pub(super) mute: f64,
+    pub(super) last: f64,
+    // What u, and what y, do to the coil.
+    pub(super) asked: Plant,
+    pub(super) given: Plant,
+    pub(super) power: f64,
+    pub(super) heat: f64,
+    pub(super) hottest: f64,
+    pub(super) farthest: f64,
+}
+
+impl Run {
+    pub(super) fn block<const VOLTAGE: bool>(
+        &mut self,
+        f: &Fixed,
+        muted: bool,
+        input: &[f32],
+        output: &mut [f32],
+    ) {
+        let known = input.len().min(output.len());
+        let (head, tail) = output.split_at_mut(known);
+        for (y, x) in head.iter_mut().zip(input) {
+            *y = self.sample::<VOLTAGE>(f, muted, f64::from(*x));
+        }
+        for y in tail {
+            *y = self.sample::<VOLTAGE>(f, muted, f64::NAN);
+        }
+    }
+
+    #[inline(always)]
+    fn sample<const VOLTAGE: bool>(&mut self, f: &Fixed, muted: bool, x: f64) -> f32 {
+        let count = &mut self.report;
+        count.samples += 1;
+        if x.is_finite() {
+            self.good = x.clamp(-f.ceiling, f.ceiling);
+        } else {
+            self.good *= f.hold;
+            count.not_finite += 1;
+        }
+        if self.bearable < self.gain {
+            self.gain = self.bearable;
+            count.least_gain = count.least_gain.min(self.gain);
+        } else if self.gain < 1.0 {
+            self.gain += f.release * (self.bearable - self.gain);
+            // The last step back, 100 dB down.
+            if self.gain > 0.99999 {
+                self.gain = 1.0;
+            }
+        }
+        count.reduced += u64::from(self.gain < 1.0);
+        let u = self.good - self.dc;
+        let mut want = u * self.gain;
+
+        // What the input so far would do to the coil, and the gain that makes it bearable, for the next sample:
+        // roots and divisions stay off the path from one sample to the next, and the bounds below see to this one.
+        let (mut over_peak, mut over_rms, mut over_stroke, mut over_slew) =
+            (u.abs() > f.peak, false, false, false);
+        self.asked.advance(u);
+        let [ax, av, ai] = self.asked.state;
+        self.power += f.short * (ai * ai - self.power);
+        // The square of the gain as a fraction, so that whatever limits costs one root.
+        let (mut over, mut under) = (1.0, 1.0);
+        let allowed = f.aim + (f.aim - self.heat) * f.budget;
+        if self.power > allowed {
+            (over, under) = (allowed.max(0.0), self.power);
+            over_rms = true;
+        }
+        let swing = ax * ax + av * av;
+        if swing > f.swing_aim {
+            if f.swing_aim * under < over * swing {
+                (over, under) = (f.swing_aim, swing);
+            }
+            over_stroke = true;
+        }
+        if VOLTAGE && ai.abs() > f.peak_current {
+            let (most, square) = (f.peak_current * f.peak_current, ai * ai);
+            if most * under < over * square {
+                (over, under) = (most, square);
+            }
+            over_peak = true;
+        }
+        self.bearable = if over < under { (over / under).sqrt() } else { 1.0 };
+        if u.abs() > f.peak {
+            self.bearable = self.bearable.min(f.peak / u.abs());
+        }
+
+        // Muting.
+        if muted || self.mute < 1.0 {
+            self.mute = if muted { (self.mute - f.mute).max(0.0) } else { (self.mute + f.unmute).min(1.0) };
+            want *= self.mute;
+            count.muted += u64::from(self.mute < 1.0);
+        }
+
+        // Walls, on the current that `want` would drive.
+        let [gx, gv, gi] = self.given.state;
+        let current = if VOLTAGE { (want - f.emf * gv) / f.resistance } else { want };
+        let mut bounded = current;
+        // The speed there would be once the current that flows now had gone down as fast as it may.
+        let speed = gv + f.push * gi * (f.lag + f.slope * gi.abs());
+        let work = f.push * current * speed;
+        let room = (f.swing_wall - gx * gx - speed * speed) * f.approach + f.drag * speed * speed;
+        if work > 0.0 && work > room {
+            bounded = room.max(0.0) / (f.push * speed);
+            over_stroke = true;
+        }
+        let square = f.rated + (f.rated - self.heat) * f.wall;
+        if bounded * bounded > square {
+            bounded = square.max(0.0).sqrt().copysign(bounded);
+            over_rms = true;
+        }
+        if VOLTAGE && bounded.abs() > f.peak_current {
+            bounded = f.peak_current.copysign(bounded);
+            over_peak = true;
+        }
+        if bounded != current {
+            let held = if VOLTAGE { f.resistance * bounded + f.emf * gv } else { bounded };
+            // Muting never asks for a voltage of its own to hold the current down.
+            want = if self.mute < 1.0 && held * want <= 0.0 { 0.0 } else { held };
+        }
+
+        // Peak and slew, exactly.
+        if want.abs() > f.peak {
+            want = f.peak.copysign(want);
+            over_peak = true;
+        }
+        if (want - self.last).abs() > f.slew {
+            want = self.last + f.slew.copysign(want - self.last);
+            over_slew = true;
+        }
+        count.peak += u64::from(over_peak);
+        count.rms += u64::from(over_rms);
+        count.stroke += u64::from(over_stroke);
+        count.slew += u64::from(over_slew);
+
+        let given = want as f32;
+        let y = f64::from(given);
+        self.last = y;
+        self.dc += f.dc * y;
+        self.given.advance(y);
+        // Heat by the larger of the currents at both ends of the interval.
+        let end = self.given.state[2];
+        self.heat += f.heat * (if VOLTAGE { (end * end).max(gi * gi) } else { end * end } - self.heat);
+        self.hottest = self.hottest.max(self.heat);
+        self.farthest = self.farthest.max(self.given.state[0].abs());
+        count.largest = count.largest.max(y.abs());
+        given
+    }
+
+    /// Ends tails before they become denormal, and bounds what no input has yet been seen to drive far.
+    pub(super) fn settle(&mut self, f: &Fixed) {
+        self.dc = self.dc.clamp(-2.0 * f.ceiling, 2.0 * f.ceiling);
+        let states = self.asked.state.iter_mut().chain(&mut self.given.state);
+        for x in states.chain([&mut self.good, &mut self.dc, &mut self.power, &mut self.heat]) {
+            if x.abs() < TINY {
+                *x = 0.0;
+            }
+        }
+    }
+}

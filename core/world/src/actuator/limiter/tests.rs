@@ -1,0 +1,414 @@
+//! The actuator that judges is integrated by Runge-Kutta from the equations of its two masses, or is the exact
+//! plant where minutes pass; the limiter's own simulations are never asked.
+
+use std::f64::consts::TAU;
+
+use asperity_dsp::filter::Biquad;
+use proptest::prelude::*;
+
+use super::super::testing::{RungeKutta, hapcoil, lock_in};
+use super::*;
+
+const RATE: f64 = 48_000.0;
+
+fn limiter(drive: Drive) -> Limiter {
+    Limiter::new(&hapcoil(100.0), drive, RATE, LimiterSettings::default()).unwrap()
+}
+
+fn sine(amplitude: f64, hz: f64, samples: usize) -> Vec<f32> {
+    (0..samples).map(|n| (amplitude * (TAU * hz * n as f64 / RATE).sin()) as f32).collect()
+}
+
+fn run(limiter: &mut Limiter, input: &[f32]) -> Vec<f32> {
+    let mut output = vec![7.0; input.len()];
+    for (x, y) in input.chunks(96).zip(output.chunks_mut(96)) {
+        limiter.process(x, y);
+    }
+    output
+}
+
+/// Holds an output against every promise, sample by sample.
+struct Judge {
+    limits: Limits,
+    coil: RungeKutta,
+    seconds: f64,
+    last: f64,
+    heat: f64,
+    sum: f64,
+    samples: f64,
+    worst_stroke: f64,
+    worst_rms: f64,
+}
+
+impl Judge {
+    fn new(limits: Limits, dynamics: Dynamics, drive: Drive, rate: f64) -> Self {
+        // Runge-Kutta is stable and accurate while a substep is below the coil's own time constant.
+        let substeps = (dynamics.resistance / dynamics.inductance / rate).ceil().max(4.0) as u32;
+        let coil = RungeKutta::new(dynamics, drive, rate, substeps);
+        Self {
+            limits,
+            coil,
+            seconds: 1.0 / rate,
+            last: 0.0,
+            heat: 0.0,
+            sum: 0.0,
+            samples: 0.0,
+            worst_stroke: 0.0,
+            worst_rms: 0.0,
+        }
+    }
+
+    fn see(&mut self, y: f32) -> Result<(), String> {
+        let l = self.limits;
+        if !y.is_finite() {
+            return Err(format!("{y} is not finite"));
+        }
+        let y = f64::from(y);
+        if y.abs() > l.peak {
+            return Err(format!("{y} is over the peak {}", l.peak));
+        }
+        if (y - self.last).abs() > l.slew_per_sample {
+            return Err(format!("{} to {y} is over the slew {}", self.last, l.slew_per_sample));
+        }
+        self.last = y;
+        let motion = self.coil.step(y);
+        self.heat += (motion.current.powi(2) - self.heat) * self.seconds / l.thermal_time_constant;
+        self.worst_rms = self.worst_rms.max(self.heat.sqrt() / l.rated_current);
+        self.worst_stroke = self.worst_stroke.max(motion.displacement.abs() / l.stroke);
+        self.sum += y;
+        self.samples += 1.0;
+        Ok(())
+    }
+
+    fn verdict(&self, rms_tolerance: f64, dc_corner_hz: f64) -> Result<(), String> {
+        if self.worst_stroke > 1.0 {
+            return Err(format!("{} of the stroke", self.worst_stroke));
+        }
+        if self.worst_rms > 1.0 + rms_tolerance {
+            return Err(format!("{} of the rated current", self.worst_rms));
+        }
+        let bound = 8.0 * self.limits.peak / (TAU * dc_corner_hz);
+        let area = self.sum.abs() * self.seconds;
+        if area > bound { Err(format!("a mean of {area} A s or V s, over {bound}")) } else { Ok(()) }
+    }
+}
+
+#[derive(Clone, Debug)]
+enum Piece {
+    Silence,
+    Noise(f64),
+    Sine(f64, f64),
+    Square(f64, f64),
+    Step(f64),
+    Pulses(f64),
+    Constant(f32),
+    Bits(u32),
+    /// What makes the mover move most, whatever the limiter does: it looks at the judge's coil.
+    Spite(f64),
+    Mute(bool),
+    Missing,
+}
+
+fn logarithmic(from: f64, to: f64) -> impl Strategy<Value = f64> {
+    (from.ln()..to.ln()).prop_map(f64::exp)
+}
+
+fn piece() -> impl Strategy<Value = (Piece, usize)> {
+    let level = (-3.0..3.0f64).prop_map(|d| 10f64.powf(d));
+    let hz = (0.0..4.3f64).prop_map(|d| 10f64.powf(d));
+    let strange =
+        prop::sample::select(vec![f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 1e30, -1e30, f32::MAX, 1e-40]);
+    let what = prop_oneof![
+        1 => Just(Piece::Silence),
+        2 => level.clone().prop_map(Piece::Noise),
+        3 => (level.clone(), hz.clone()).prop_map(|(a, f)| Piece::Sine(a, f)),
+        2 => (level.clone(), hz).prop_map(|(a, f)| Piece::Square(a, f)),
+        3 => (level.clone(), 40.0..120.0f64).prop_map(|(a, f)| Piece::Square(a, f)),
+        1 => level.clone().prop_map(Piece::Step),
+        1 => level.clone().prop_map(Piece::Pulses),
+        1 => strange.prop_map(Piece::Constant),
+        1 => any::<u32>().prop_map(Piece::Bits),
+        2 => level.prop_map(Piece::Spite),
+        1 => any::<bool>().prop_map(Piece::Mute),
+        1 => Just(Piece::Missing),
+    ];
+    (what, 1usize..6000)
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 192, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn no_input_breaks_any_promise(
+        pieces in prop::collection::vec(piece(), 1..14),
+        voltage in any::<bool>(),
+        rate in prop::sample::select(vec![8000.0, 44_100.0, 48_000.0, 96_000.0]),
+        grams in 5.0..2000.0f64,
+        k_f in logarithmic(0.3, 10.0),
+        stiffness in logarithmic(100.0, 10_000.0),
+        zeta in logarithmic(0.002, 2.0),
+        stroke_mm in logarithmic(0.1, 10.0),
+        microhenry in logarithmic(30.0, 5000.0),
+        slew_hz in logarithmic(500.0, 20_000.0),
+        dc_corner_hz in 0.5..20.0f64,
+        tau in logarithmic(0.1, 10.0),
+    ) {
+        let mut d = hapcoil(grams);
+        d.force_factor = k_f;
+        d.stiffness = stiffness;
+        d.inductance = microhenry * 1e-6;
+        d.damping = 2.0 * zeta * d.reduced_mass() * d.natural_rad_s();
+        d.stroke = stroke_mm * 1e-3;
+        d.thermal_time_constant = tau;
+        let drive = if voltage { Drive::Voltage } else { Drive::Current };
+        let settings = LimiterSettings { slew_hz, dc_corner_hz, ..LimiterSettings::default() };
+        // Where it agrees to guard, it must.
+        let made = Limiter::new(&d, drive, rate, settings);
+        let Ok(mut limiter) = made else { return Ok(()) };
+        let peak = limiter.limits().peak;
+        let mut judge = Judge::new(limiter.limits(), d, drive, rate);
+        let (mut seed, mut n) = (1u32, 0u64);
+        for (piece, length) in pieces {
+            if let Piece::Mute(muted) = piece {
+                limiter.set_muted(muted);
+            }
+            let mut left = length;
+            while left > 0 {
+                let block = left.min(1 + (seed >> 8) as usize % 200);
+                left -= block;
+                let input: Vec<f32> = (0..block).map(|_| {
+                    seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+                    n += 1;
+                    let phase = |hz: f64| (TAU * hz * n as f64 / rate).sin();
+                    let random = f64::from(seed >> 8) / 8_388_608.0 - 1.0;
+                    (peak * match piece {
+                        Piece::Silence | Piece::Mute(_) | Piece::Missing => 0.0,
+                        Piece::Noise(a) => a * random,
+                        Piece::Sine(a, hz) => a * phase(hz),
+                        Piece::Square(a, hz) => a.copysign(phase(hz)),
+                        Piece::Step(a) => a,
+                        Piece::Pulses(a) => if n % 700 < 35 { a } else { 0.0 },
+                        Piece::Constant(x) => return x,
+                        Piece::Bits(b) => return f32::from_bits(seed ^ b),
+                        Piece::Spite(a) => a.copysign(judge.coil.relative_speed()),
+                    }) as f32
+                }).collect();
+                let mut output = vec![f32::NAN; block];
+                let there = if matches!(piece, Piece::Missing) { 0 } else { block };
+                limiter.process(&input[..there], &mut output);
+                for y in output {
+                    judge.see(y).map_err(|e| TestCaseError::fail(format!("{e} in {piece:?}")))?;
+                }
+            }
+        }
+        judge.verdict(0.01, dc_corner_hz).map_err(TestCaseError::fail)?;
+        prop_assert!(limiter.report().largest <= peak);
+    }
+}
+
+#[test]
+fn two_minutes_at_full_scale_on_the_resonance_stay_in_all_limits() {
+    for drive in [Drive::Current, Drive::Voltage] {
+        let d = hapcoil(100.0);
+        let mut limiter = limiter(drive);
+        let peak = limiter.limits().peak;
+        let mut plant = Plant::new(&d, drive, RATE);
+        let (mut heat, mut worst, mut hottest) = (0.0f64, 0.0f64, 0.0f64);
+        let mut last = Vec::new();
+        let second = sine(3.0 * peak, 65.0, 48_000);
+        for _ in 0..120 {
+            last = run(&mut limiter, &second);
+            for y in &last {
+                let m = plant.step(f64::from(*y));
+                heat += (m.current.powi(2) - heat) / RATE / d.thermal_time_constant;
+                worst = worst.max(m.displacement.abs());
+                hottest = hottest.max(heat);
+            }
+        }
+        let rms = hottest.sqrt() / d.rated_current;
+        assert!(worst <= d.stroke && worst > 0.8 * d.stroke, "{drive:?} {worst}");
+        assert!(rms <= 1.0 && rms > 0.9, "{drive:?} {rms}");
+        // What comes out is a sine still: the gain does the work, not the walls.
+        let wave: Vec<f64> = last.iter().map(|y| f64::from(*y)).collect();
+        let fundamental = lock_in(&wave, 65.0, RATE).norm_sqr() / 2.0;
+        let total = wave.iter().map(|y| y * y).sum::<f64>() / wave.len() as f64;
+        assert!((total / fundamental - 1.0).max(0.0).sqrt() < 0.03, "{drive:?} {total} {fundamental}");
+        assert!(limiter.report().stroke > 0 && limiter.report().rms > 0);
+    }
+}
+
+#[test]
+fn what_exceeds_nothing_passes_with_the_dc_removal_alone() {
+    for drive in [Drive::Current, Drive::Voltage] {
+        let mut limiter = limiter(drive);
+        let peak = limiter.limits().peak;
+        let x: Vec<f32> = (0..96_000)
+            .map(|n| {
+                let at = |hz: f64| (TAU * hz * f64::from(n) / RATE).sin();
+                (peak * 0.12 * (at(40.0) * 0.3 + at(65.0) * 0.2 + at(217.0) + at(430.0) + at(999.0) * 0.5))
+                    as f32
+            })
+            .collect();
+        let y = run(&mut limiter, &x);
+        // (1 - z^-1) / (1 - (1 - p) z^-1), p = 2 pi 5 / 48000.
+        let pole = 1.0 - TAU * 5.0 / RATE;
+        let mut removal = Biquad::new([1.0, -1.0, 0.0], [-pole, 0.0]).unwrap();
+        let worst = x.iter().zip(&y).map(|(x, y)| (removal.step(f64::from(*x)) - f64::from(*y)).abs());
+        let worst = worst.fold(0.0, f64::max) / peak;
+        assert!(worst < 1e-6, "{drive:?} {worst:e}");
+        let report = limiter.report();
+        assert!(!report.acted(), "{report:?}");
+        assert!(report.samples == 96_000 && report.least_gain == 1.0 && report.largest_reduction_db() == 0.0);
+        let fall = 20.0 * removal.response(40.0, RATE).norm().log10();
+        assert!((fall + 0.0645).abs() < 0.0001, "{fall}");
+    }
+}
+
+#[test]
+fn a_sine_at_97_percent_of_the_rated_current_is_left_alone_and_one_above_is_brought_there() {
+    let rated = hapcoil(100.0).rated_current * 2f64.sqrt();
+    let mut quiet = limiter(Drive::Current);
+    for _ in 0..20 {
+        run(&mut quiet, &sine(0.97 * rated, 250.0, 48_000));
+    }
+    assert!(!quiet.report().acted(), "{:?}", quiet.report());
+    let mut loud = limiter(Drive::Current);
+    let mut y = Vec::new();
+    for _ in 0..20 {
+        y = run(&mut loud, &sine(2.5 * rated, 250.0, 48_000));
+    }
+    let rms = (y.iter().map(|y| f64::from(*y).powi(2)).sum::<f64>() / y.len() as f64).sqrt();
+    assert!((rms / hapcoil(100.0).rated_current - 0.98).abs() < 0.02, "{rms}");
+    assert!(loud.report().largest_rms_current <= hapcoil(100.0).rated_current);
+    // The first tenth of a second, on a cold coil, was let through.
+    let mut cold = limiter(Drive::Current);
+    run(&mut cold, &sine(2.5 * rated, 250.0, 4800));
+    assert_eq!(cold.report().rms, 0);
+}
+
+#[test]
+fn it_recovers_to_the_same_samples_as_if_nothing_had_been() {
+    for bad in [f32::NAN, f32::INFINITY, 1e30, -3.0] {
+        let (mut hurt, mut whole) = (limiter(Drive::Current), limiter(Drive::Current));
+        let fine = sine(0.1, 130.0, 48_000);
+        run(&mut whole, &fine);
+        let mut spoiled = fine.clone();
+        spoiled[10_000..20_000].fill(bad);
+        let through = run(&mut hurt, &spoiled);
+        assert!(through.iter().all(|y| y.is_finite()));
+        assert!(hurt.report().acted());
+        let mut worst = 0.0f32;
+        for second in 0..5 {
+            let (a, b) = (run(&mut hurt, &fine), run(&mut whole, &fine));
+            if second == 4 {
+                worst = a.iter().zip(&b).fold(0.0, |w, (a, b)| w.max((a - b).abs()));
+            }
+        }
+        assert!(worst < 1e-6, "{bad} {worst:e}");
+        let report = hurt.report();
+        assert_eq!(report.not_finite, if bad.is_finite() { 0 } else { 10_000 });
+        assert_eq!(report.peak > 0, bad.is_finite());
+    }
+}
+
+#[test]
+fn dc_is_taken_out_and_an_asymmetric_wave_leaves_none() {
+    let mut constant = limiter(Drive::Current);
+    let y = run(&mut constant, &vec![0.2; 96_000]);
+    assert!(y[95_999].abs() < 1e-6 && (constant.report().dc - 0.2).abs() < 1e-6);
+    // Pulses far over the peak: clipping them cannot make a mean.
+    let mut pulses = limiter(Drive::Voltage);
+    let x: Vec<f32> = (0..480_000).map(|n| if n % 480 < 24 { 40.0 } else { 0.0 }).collect();
+    let y = run(&mut pulses, &x);
+    let mean = y[240_000..].iter().map(|y| f64::from(*y)).sum::<f64>() / 240_000.0;
+    assert!(mean.abs() < 2e-3, "{mean}");
+}
+
+#[test]
+fn muting_is_silent_within_20_ms_and_comes_back_as_smoothly() {
+    for drive in [Drive::Current, Drive::Voltage] {
+        let mut limiter = limiter(drive);
+        let x = sine(0.4 * limiter.limits().peak, 65.0, 48_000);
+        run(&mut limiter, &x);
+        limiter.set_muted(true);
+        assert!(limiter.is_muted());
+        let y = run(&mut limiter, &x);
+        assert!(y[960..].iter().all(|y| *y == 0.0));
+        assert!(y[..200].iter().any(|y| *y != 0.0), "a fade, not a cut");
+        limiter.set_muted(false);
+        let y = run(&mut limiter, &x);
+        assert_eq!(y[0].abs().max(y[1].abs()), y[1].abs());
+        assert!(y[40_000..].iter().any(|y| y.abs() > 0.1 * limiter.limits().peak as f32));
+        let muted = limiter.report().muted;
+        assert!((48_000 + 950..=48_000 + 960).contains(&muted), "{muted}");
+    }
+}
+
+#[test]
+fn blocks_of_any_length_give_the_same_samples() {
+    let x: Vec<f32> = (0..5000)
+        .map(|n| if n == 777 { f32::NAN } else { ((n as f32 * 0.013).sin() + (n as f32 * 0.21).cos()) * 0.9 })
+        .collect();
+    let (mut a, mut b) = (limiter(Drive::Current), limiter(Drive::Current));
+    let whole = run(&mut a, &x);
+    let mut parts = vec![0.0; x.len()];
+    let (mut at, mut length) = (0, 0);
+    while at < x.len() {
+        let end = (at + length).min(x.len());
+        b.process(&x[at..end], &mut parts[at..end]);
+        at = end;
+        length = (length * 7 + 1) % 131;
+    }
+    assert_eq!(whole, parts);
+    assert_eq!(a.report(), b.report());
+    b.process(&[], &mut []);
+    assert_eq!(a.report(), b.report());
+}
+
+#[test]
+fn a_decayed_tail_is_zero_and_never_denormal() {
+    let mut limiter = limiter(Drive::Voltage);
+    run(&mut limiter, &sine(1.0, 100.0, 4800));
+    for _ in 0..20 {
+        let y = run(&mut limiter, &vec![0.0; 48_000]);
+        assert!(y.iter().all(|y| *y == 0.0 || y.is_normal()));
+    }
+    assert_eq!(run(&mut limiter, &[0.0; 96]), [0.0; 96]);
+}
+
+#[test]
+fn an_actuator_that_cannot_be_guarded_is_refused_and_the_shipped_one_is_not_near() {
+    let mut strong = hapcoil(100.0);
+    strong.stroke = 2e-5;
+    let made = Limiter::new(&strong, Drive::Current, RATE, LimiterSettings::default());
+    assert!(matches!(made, Err(ActuatorError::TooStrong { .. })), "{made:?}");
+    let mut quick = hapcoil(100.0);
+    quick.force_factor = 15.0;
+    (quick.stroke, quick.peak_current) = (50e-3, 0.1);
+    let made = Limiter::new(&quick, Drive::Voltage, RATE, LimiterSettings::default());
+    assert!(matches!(made, Err(ActuatorError::TooQuick { .. })), "{made:?}");
+    for grams in [10.0, 100.0, 1000.0] {
+        for drive in [Drive::Current, Drive::Voltage] {
+            let mut stronger = hapcoil(grams);
+            stronger.force_factor *= 3.0;
+            assert!(Limiter::new(&stronger, drive, RATE, LimiterSettings::default()).is_ok());
+        }
+    }
+}
+
+#[test]
+fn settings_that_do_not_fit_are_refused() {
+    let make = |rate, settings| Limiter::new(&hapcoil(100.0), Drive::Current, rate, settings).is_ok();
+    let good = LimiterSettings::default();
+    assert!(make(48_000.0, good));
+    assert!(!make(2000.0, good) && !make(f64::NAN, good) && !make(f64::INFINITY, good));
+    for bad in [
+        LimiterSettings { dc_corner_hz: 0.0, ..good },
+        LimiterSettings { slew_hz: f64::INFINITY, ..good },
+        LimiterSettings { release_s: f64::NAN, ..good },
+        LimiterSettings { mute_s: 1.0, ..good },
+        LimiterSettings { unmute_s: -1.0, ..good },
+    ] {
+        assert!(!make(48_000.0, bad), "{bad:?}");
+    }
+}
