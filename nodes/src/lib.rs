@@ -1,1 +1,37 @@
-//! The built-in nodes.
+//! The built-in nodes: one file a node, one folder a stage of the chain.
+//!
+//! [`registry`] answers all of them.
+
+pub mod actuator;
+pub mod contact;
+pub mod motion;
+pub mod phase;
+pub mod sinks;
+pub mod synthesis;
+pub mod texture;
+pub mod utility;
+
+use asperity_node::Registry;
+
+/// All built-in kinds.
+pub fn registry() -> Registry {
+    Registry::new()
+        .with::<motion::Trajectory>()
+        .with::<motion::Stroke>()
+        .with::<motion::Velocity>()
+        .with::<contact::VirtualFloor>()
+        .with::<contact::SpeedGate>()
+        .with::<texture::ActionHistory>()
+        .with::<texture::TextureNetwork>()
+        .with::<phase::Spsi>()
+        .with::<synthesis::OverlapAdd>()
+        .with::<synthesis::Resample>()
+        .with::<actuator::ActuatorInverse>()
+        .with::<actuator::Limiter>()
+        .with::<utility::Delay>()
+        .with::<utility::Gain>()
+        .with::<utility::Mix>()
+        .with::<sinks::AudioOut>()
+        .with::<sinks::FileOut>()
+        .with::<sinks::Probe>()
+}

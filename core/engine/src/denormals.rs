@@ -29,7 +29,9 @@ mod arch {
     pub(super) fn write(value: u32) {
         // SAFETY: `value` came from `read` with flush bits added, so no reserved bit is set, and exception
         // masks are as they were. The flush bits change rounding of denormals only.
-        unsafe { asm!("ldmxcsr [{}]", in(reg) &raw const value, options(nostack, preserves_flags, readonly)) };
+        unsafe {
+            asm!("ldmxcsr [{}]", in(reg) &raw const value, options(nostack, preserves_flags, readonly))
+        };
     }
 }
 

@@ -304,6 +304,8 @@ fn is_finite(buffer: &Buffer) -> bool {
         Buffer::Control { values, .. } => values.iter().all(|x| x.is_finite()),
         Buffer::Audio { samples, len, silent, .. } => *silent || all(samples[..*len].iter().copied()),
         Buffer::Magnitude { bins, frame, .. } => frame.is_none() || all(bins.iter().copied()),
-        Buffer::Spectrum { bins, frame, .. } => frame.is_none() || all(bins.iter().flat_map(|z| [z.re, z.im])),
+        Buffer::Spectrum { bins, frame, .. } => {
+            frame.is_none() || all(bins.iter().flat_map(|z| [z.re, z.im]))
+        }
     }
 }

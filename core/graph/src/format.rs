@@ -107,7 +107,9 @@ impl GraphFile {
         let mut graph = value.record("Graph")?;
         let version = graph.required("version")?;
         if version.i64()? != 1 {
-            return Err(version.error("unknown version of the graph format").help("this program reads version 1"));
+            return Err(version
+                .error("unknown version of the graph format")
+                .help("this program reads version 1"));
         }
         let mut number = |name, range, default| match graph.optional(name) {
             Some(v) => v.i64_in(range, "Hz").map(|hz| hz as u32),
@@ -211,11 +213,23 @@ impl GraphFile {
         let mut settings = Vec::new();
         for (name, text) in params {
             let value = ron::parse_or_text(&Source::new(origin, *text))?;
-            settings.push(Setting { name: (*name).to_owned(), place: at(name), value, typed: Some((*text).to_owned()) });
+            settings.push(Setting {
+                name: (*name).to_owned(),
+                place: at(name),
+                value,
+                typed: Some((*text).to_owned()),
+            });
         }
         let (id, kind_place) = (id.to_owned(), at(kind));
         let place = at(&id);
-        self.nodes.push(NodeDecl { id, place, kind: kind.to_owned(), kind_place, every: 1, params: settings });
+        self.nodes.push(NodeDecl {
+            id,
+            place,
+            kind: kind.to_owned(),
+            kind_place,
+            every: 1,
+            params: settings,
+        });
         Ok(())
     }
 
@@ -238,7 +252,9 @@ fn node(key: &ron::Key, value: &Value) -> Result<NodeDecl, Diagnostic> {
             .help("letters, digits, `_`, `-` and spaces"));
     }
     if key.name.trim().is_empty() || key.name.trim() != key.name {
-        return Err(Diagnostic::new("a node's id may not be blank or begin or end blank").at(source, key.span));
+        return Err(
+            Diagnostic::new("a node's id may not be blank or begin or end blank").at(source, key.span)
+        );
     }
     let mut record = value.record("Node")?;
     let kind_value = record.required("kind")?;

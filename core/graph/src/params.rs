@@ -67,6 +67,10 @@ fn read(setting: &Setting, param: &Param) -> Result<ParamValue, Diagnostic> {
             let items = value.list()?.iter().map(|v| v.f64_in(range.clone(), unit));
             items.collect::<Result<_, _>>().map(ParamValue::Numbers)
         }
+        ParamKind::Texts => {
+            let items = value.list()?.iter().map(|v| v.text().map(str::to_owned));
+            items.collect::<Result<_, _>>().map(ParamValue::Texts)
+        }
     }
 }
 
@@ -98,7 +102,10 @@ fn file(value: &Value, text: &str) -> Result<PathBuf, Diagnostic> {
 fn neighbour(path: &Path) -> Option<String> {
     let wanted = path.file_name()?.to_str()?;
     let dir = path.parent().filter(|d| !d.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let names: Vec<String> =
-        std::fs::read_dir(dir).ok()?.take(10_000).filter_map(|e| e.ok()?.file_name().into_string().ok()).collect();
+    let names: Vec<String> = std::fs::read_dir(dir)
+        .ok()?
+        .take(10_000)
+        .filter_map(|e| e.ok()?.file_name().into_string().ok())
+        .collect();
     nearest(wanted, names.iter().map(String::as_str)).map(str::to_owned)
 }

@@ -52,7 +52,8 @@ fn text_of(value: &Value) -> String {
         Kind::Word(w) => w.clone(),
         Kind::List(items) => format!("[{}]", join(items.iter().map(text_of).collect())),
         Kind::Map(entries) => {
-            let entries = entries.iter().map(|(k, v)| format!("{}: {}", quoted(&k.name), text_of(v))).collect();
+            let entries =
+                entries.iter().map(|(k, v)| format!("{}: {}", quoted(&k.name), text_of(v))).collect();
             format!("{{{}}}", join(entries))
         }
         Kind::Record { name, fields } => {

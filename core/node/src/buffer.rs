@@ -35,9 +35,11 @@ impl Buffer {
             Shape::Magnitude(l) => {
                 Self::Magnitude { bins: vec![0.0; l.bins as usize].into(), frame: None, valid: true }
             }
-            Shape::Spectrum(l) => {
-                Self::Spectrum { bins: vec![Complex::default(); l.bins as usize].into(), frame: None, valid: true }
-            }
+            Shape::Spectrum(l) => Self::Spectrum {
+                bins: vec![Complex::default(); l.bins as usize].into(),
+                frame: None,
+                valid: true,
+            },
         }
     }
 
@@ -237,4 +239,3 @@ impl<'a> Outputs<'a> {
         }
     }
 }
-

@@ -5,7 +5,8 @@ use std::ops::{Deref, Range};
 use std::path::PathBuf;
 
 use crate::{
-    Descriptor, Diagnostic, FrameClock, FrameRate, Input, Inputs, Latency, Output, Outputs, Params, PortType, time,
+    Descriptor, Diagnostic, FrameClock, FrameRate, Input, Inputs, Latency, Output, Outputs, Params, PortType,
+    time,
 };
 
 /// What is known of a node before its ports are settled.

@@ -17,7 +17,9 @@ mod unit;
 pub use asperity_source::Diagnostic;
 pub use buffer::{Buffer, Frame, InputRef, Inputs, Outputs};
 pub use descriptor::{Descriptor, Resume};
-pub use kind::{Config, Fact, FactValue, Fault, Node, NodeKind, Ports, Processor, Setup, Status, Tick, Wiring};
+pub use kind::{
+    Config, Fact, FactValue, Fault, Node, NodeKind, Ports, Processor, Setup, Status, Tick, Wiring,
+};
 pub use num_complex::Complex;
 pub use param::{Param, ParamKind, ParamValue, Params};
 pub use port::{FrameLayout, Input, LayoutSpec, Output, PortType, RateSpec, Shape, ShapeSpec, UnitSpec, Var};

@@ -24,6 +24,8 @@ pub enum ParamKind {
     File,
     /// A list of finite numbers, each within a range.
     Numbers(RangeInclusive<f64>),
+    /// A list of texts.
+    Texts,
 }
 
 /// A declared parameter: name, kind, range, unit, default and meaning stand in one place.
@@ -58,6 +60,8 @@ pub enum ParamValue {
     File(PathBuf),
     /// A list of numbers.
     Numbers(Vec<f64>),
+    /// A list of texts.
+    Texts(Vec<String>),
 }
 
 impl fmt::Display for ParamValue {
@@ -69,6 +73,7 @@ impl fmt::Display for ParamValue {
             ParamValue::Text(t) => write!(f, "{t:?}"),
             ParamValue::File(p) => write!(f, "{:?}", p.display().to_string()),
             ParamValue::Numbers(xs) => write!(f, "{xs:?}"),
+            ParamValue::Texts(ts) => write!(f, "{ts:?}"),
         }
     }
 }
@@ -112,8 +117,18 @@ impl Param {
     }
 
     /// A list of numbers with a default.
-    pub fn numbers(name: &'static str, default: &[f64], range: RangeInclusive<f64>, doc: &'static str) -> Self {
+    pub fn numbers(
+        name: &'static str,
+        default: &[f64],
+        range: RangeInclusive<f64>,
+        doc: &'static str,
+    ) -> Self {
         Self::new(name, ParamKind::Numbers(range), Some(ParamValue::Numbers(default.to_vec())), doc)
+    }
+
+    /// A list of texts, empty by default.
+    pub fn texts(name: &'static str, doc: &'static str) -> Self {
+        Self::new(name, ParamKind::Texts, Some(ParamValue::Texts(Vec::new())), doc)
     }
 
     /// The unit of a number.
@@ -235,6 +250,14 @@ impl Params {
     pub fn numbers(&self, name: &str) -> &[f64] {
         match self.get(name) {
             Some(ParamValue::Numbers(xs)) => xs,
+            _ => &[],
+        }
+    }
+
+    /// A list of texts.
+    pub fn texts(&self, name: &str) -> &[String] {
+        match self.get(name) {
+            Some(ParamValue::Texts(ts)) => ts,
             _ => &[],
         }
     }

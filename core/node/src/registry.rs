@@ -64,7 +64,10 @@ impl<N: Node> NodeKind for Built<N> {
     }
 
     fn ports(&self, config: &Config<'_>) -> Result<Ports, Diagnostic> {
-        N::ports(config, Ports { inputs: self.descriptor.inputs.clone(), outputs: self.descriptor.outputs.clone() })
+        N::ports(
+            config,
+            Ports { inputs: self.descriptor.inputs.clone(), outputs: self.descriptor.outputs.clone() },
+        )
     }
 
     fn prepare(&self, setup: &Setup<'_>) -> Result<Box<dyn Processor>, Diagnostic> {

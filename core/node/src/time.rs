@@ -148,9 +148,13 @@ mod tests {
 
     #[test]
     fn every_frame_is_emitted_once_in_the_tick_it_starts_in() {
-        for (tick_hz, every, wanted) in
-            [(500, 1, (500, 1)), (700, 1, (500, 1)), (4000, 1, (500, 1)), (250, 1, (500, 1)), (500, 3, (500, 1))]
-        {
+        for (tick_hz, every, wanted) in [
+            (500, 1, (500, 1)),
+            (700, 1, (500, 1)),
+            (4000, 1, (500, 1)),
+            (250, 1, (500, 1)),
+            (500, 3, (500, 1)),
+        ] {
             let clock = FrameClock::new(tick_hz, every, FrameRate::new(wanted.0, wanted.1).unwrap());
             let mut next = 0;
             for tick in (0..10_000).step_by(every as usize) {

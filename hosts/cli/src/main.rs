@@ -1,2 +1,32 @@
-//! The `asperity` program.
-fn main() {}
+//! The `asperity` program: graphs from the command line.
+
+// Everything here is the one program; `pub` says what a module offers the others.
+#![allow(unreachable_pub)]
+
+mod args;
+mod commands;
+mod failure;
+mod load;
+mod output;
+mod plot;
+mod render;
+
+use std::process::ExitCode;
+
+use clap::Parser;
+
+use args::{Args, Command};
+
+fn main() -> ExitCode {
+    let result = match Args::parse().command {
+        Command::Render(args) => render::run(&args),
+        Command::Check(args) => commands::check::run(&args),
+        Command::Nodes(args) => commands::nodes::run(&args),
+        Command::Graph(args) => commands::graph::run(&args),
+        Command::Invert(args) => commands::invert::run(&args),
+    };
+    match result {
+        Ok(code) => code,
+        Err(failure) => failure.report(),
+    }
+}

@@ -45,7 +45,11 @@ impl std::fmt::Debug for Compiled {
 ///
 /// # Errors
 /// Everything that is wrong with the graph, as far as it could be looked at; never empty.
-pub fn compile(graph: &GraphFile, registry: &Registry, options: Options) -> Result<Compiled, Vec<Diagnostic>> {
+pub fn compile(
+    graph: &GraphFile,
+    registry: &Registry,
+    options: Options,
+) -> Result<Compiled, Vec<Diagnostic>> {
     let resolved = resolve::resolve(graph, registry)?;
     let typed = types::settle(graph, &resolved, registry)?;
     let ordered = order::order(graph, &resolved, options)?;

@@ -73,7 +73,11 @@ fn dropped(graph: &GraphFile, resolved: &Resolved, i: usize) -> Dropped {
     Dropped { id: graph.nodes[i].id.clone(), kind: graph.nodes[i].kind.clone(), why: why.into() }
 }
 
-fn reaching_sinks(graph: &GraphFile, resolved: &Resolved, options: Options) -> Result<Vec<bool>, Vec<Diagnostic>> {
+fn reaching_sinks(
+    graph: &GraphFile,
+    resolved: &Resolved,
+    options: Options,
+) -> Result<Vec<bool>, Vec<Diagnostic>> {
     let n = resolved.nodes.len();
     let is_sink = |i: usize| resolved.nodes[i].kind.descriptor().sink;
     if !(0..n).any(is_sink) {
@@ -109,10 +113,13 @@ fn check_required(graph: &GraphFile, resolved: &Resolved, live: &[bool]) -> Resu
             if wire.is_none() && !input.optional {
                 let decl = &graph.nodes[i];
                 errors.push(
-                    Diagnostic::new(format!("nothing is wired to `{}.{}`, which must be", decl.id, input.name))
-                        .at(&decl.place.source, decl.place.span)
-                        .label(format!("`{}` is unconnected", input.name))
-                        .help(format!("it takes {} [{}]: {}", input.shape, input.unit, input.doc)),
+                    Diagnostic::new(format!(
+                        "nothing is wired to `{}.{}`, which must be",
+                        decl.id, input.name
+                    ))
+                    .at(&decl.place.source, decl.place.span)
+                    .label(format!("`{}` is unconnected", input.name))
+                    .help(format!("it takes {} [{}]: {}", input.shape, input.unit, input.doc)),
                 );
             }
         }
@@ -158,7 +165,8 @@ fn cut_cycles(graph: &GraphFile, resolved: &Resolved, live: &[bool]) -> Result<V
             names.push(names[0]);
             let (last, first) = (cycle[cycle.len() - 1], cycle[0]);
             let wire = resolved.wires.iter().position(|w| w.from.0 == last && w.to.0 == first);
-            let place = wire.and_then(|w| graph.wires.get(w)).map_or(&graph.nodes[first].place, |w| &w.from.place);
+            let place =
+                wire.and_then(|w| graph.wires.get(w)).map_or(&graph.nodes[first].place, |w| &w.from.place);
             Err(vec![
                 Diagnostic::new(format!("these nodes wait for each other: {}", names.join(" -> ")))
                     .at(&place.source, place.span)

@@ -35,11 +35,16 @@ pub(super) fn prepare(
         let node = &resolved.nodes[i];
         let mut outputs = Vec::new();
         for (o, output) in node.ports.outputs.iter().enumerate() {
-            let readers = resolved.wires.iter().filter(|w| w.from == (i, o) && place[w.to.0] != usize::MAX).count();
+            let readers =
+                resolved.wires.iter().filter(|w| w.from == (i, o) && place[w.to.0] != usize::MAX).count();
             match &typed.outputs[i][o] {
                 Some(port) => {
                     buffers.push(BufferEntry::Output(port.clone()));
-                    outputs.push(ScheduledOutput { name: output.name.to_string(), port: port.clone(), readers });
+                    outputs.push(ScheduledOutput {
+                        name: output.name.to_string(),
+                        port: port.clone(),
+                        readers,
+                    });
                 }
                 None => {
                     let decl = &graph.nodes[i];
@@ -81,7 +86,16 @@ pub(super) fn prepare(
         };
         match node.kind.prepare(&setup) {
             Ok(processor) => {
-                nodes.push(scheduled(graph, &resolved, ordered, i, &place, processor.as_ref(), inputs, outputs));
+                nodes.push(scheduled(
+                    graph,
+                    &resolved,
+                    ordered,
+                    i,
+                    &place,
+                    processor.as_ref(),
+                    inputs,
+                    outputs,
+                ));
                 processors.push(processor);
             }
             Err(e) => errors.push(with_node(e, graph, i)),

@@ -51,7 +51,8 @@ pub(super) fn resolve(graph: &GraphFile, registry: &Registry) -> Result<Resolved
     let mut errors = Vec::new();
     let nodes: Vec<Option<ResolvedNode>> =
         (0..graph.nodes.len()).map(|i| node(graph, i, registry, &mut errors)).collect();
-    let by_id: HashMap<&str, usize> = graph.nodes.iter().enumerate().map(|(i, n)| (n.id.as_str(), i)).collect();
+    let by_id: HashMap<&str, usize> =
+        graph.nodes.iter().enumerate().map(|(i, n)| (n.id.as_str(), i)).collect();
     let mut wires = Vec::new();
     let mut taken: HashMap<(usize, usize), usize> = HashMap::new();
     for (w, decl) in graph.wires.iter().enumerate() {
@@ -113,7 +114,8 @@ fn node(
         }
     }
     node.input_wires = vec![None; node.ports.inputs.len()];
-    let mut shapes = node.ports.inputs.iter().map(|p| p.shape).chain(node.ports.outputs.iter().map(|p| p.shape));
+    let mut shapes =
+        node.ports.inputs.iter().map(|p| p.shape).chain(node.ports.outputs.iter().map(|p| p.shape));
     if decl.every > 1 && shapes.any(|s| matches!(s, ShapeSpec::Audio(_))) {
         errors.push(
             Diagnostic::new(format!("`{}` carries audio and must run every tick", decl.id))
@@ -175,7 +177,8 @@ fn end(
         None if names.len() == 1 => Some((index, 0)),
         None => {
             let all: Vec<String> = names.iter().map(|n| format!("`{}.{n}`", end.node)).collect();
-            let help = if all.is_empty() { "it has none".to_owned() } else { format!("one of {}", all.join(", ")) };
+            let help =
+                if all.is_empty() { "it has none".to_owned() } else { format!("one of {}", all.join(", ")) };
             fail(format!("`{}` has {} {word}s; say which", end.node, names.len()), help);
             None
         }

@@ -4,8 +4,8 @@
 //! where the output's side is open, back, until nothing changes; then each wire is held against both its ends.
 
 use asperity_node::{
-    Diagnostic, FrameLayout, LayoutSpec, NodeKind, PortType, Ports, RateSpec, Registry, Shape, ShapeSpec, Unit,
-    UnitSpec, Var,
+    Diagnostic, FrameLayout, LayoutSpec, NodeKind, PortType, Ports, RateSpec, Registry, Shape, ShapeSpec,
+    Unit, UnitSpec, Var,
 };
 
 use super::resolve::{Resolved, Wire};
@@ -73,7 +73,9 @@ impl Env {
     fn port(&self, shape: &ShapeSpec, unit: &UnitSpec, audio_hz: u32) -> Partial {
         let mut p = match shape {
             ShapeSpec::Like(v) => self.known_shape(*v),
-            ShapeSpec::Control(n) => Partial { kind: Some(Kind::Control), count: Some(*n), ..Partial::default() },
+            ShapeSpec::Control(n) => {
+                Partial { kind: Some(Kind::Control), count: Some(*n), ..Partial::default() }
+            }
             ShapeSpec::Audio(rate) => {
                 let rate_hz = match rate {
                     RateSpec::Graph => Some(audio_hz),
@@ -117,8 +119,12 @@ impl Env {
             ShapeSpec::Audio(RateSpec::Of(v)) if found.kind == Some(Kind::Audio) => {
                 fill(&mut self.shape(*v).rate_hz, found.rate_hz.as_ref())
             }
-            ShapeSpec::Magnitude(LayoutSpec::Of(v)) if found.kind == Some(Kind::Magnitude) => self.layout(*v, found),
-            ShapeSpec::Spectrum(LayoutSpec::Of(v)) if found.kind == Some(Kind::Spectrum) => self.layout(*v, found),
+            ShapeSpec::Magnitude(LayoutSpec::Of(v)) if found.kind == Some(Kind::Magnitude) => {
+                self.layout(*v, found)
+            }
+            ShapeSpec::Spectrum(LayoutSpec::Of(v)) if found.kind == Some(Kind::Spectrum) => {
+                self.layout(*v, found)
+            }
             _ => false,
         };
         if let UnitSpec::Of { var, among } = unit
@@ -236,7 +242,8 @@ fn check_wire(
     );
     let index = resolved.nodes[to.0].input_wires[to.1]?;
     let place = &graph.wires.get(index)?.to.place;
-    let error = |message: String| Diagnostic::new(message).at(&place.source, place.span).label("does not fit");
+    let error =
+        |message: String| Diagnostic::new(message).at(&place.source, place.span).label("does not fit");
     if !found.fits(&wanted) || !unit_fits {
         let mut takes = wanted.describe();
         if let UnitSpec::Of { among, .. } = &input.unit
@@ -253,7 +260,10 @@ fn check_wire(
         });
     }
     if input.guarded && !output.guarded {
-        let d = error(format!("`{}` takes only what a limiter lets through, and `{}` is not one", names.1, names.0));
+        let d = error(format!(
+            "`{}` takes only what a limiter lets through, and `{}` is not one",
+            names.1, names.0
+        ));
         return Some(d.help("put a `limiter` last before the device; it cannot be left out"));
     }
     None
@@ -269,7 +279,9 @@ fn bridges(found: &Partial, wanted: &Partial, audio_hz: u32, registry: &Registry
             let takes = env.port(&input.shape, &input.unit, audio_hz);
             let unit_ok = match &input.unit {
                 UnitSpec::Is(u) => found.unit.as_ref() == Some(u),
-                UnitSpec::Of { among, .. } => among.is_empty() || found.unit.as_ref().is_some_and(|u| among.contains(u)),
+                UnitSpec::Of { among, .. } => {
+                    among.is_empty() || found.unit.as_ref().is_some_and(|u| among.contains(u))
+                }
             };
             unit_ok
                 && found.fits(&takes)

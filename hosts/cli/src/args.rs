@@ -1,0 +1,137 @@
+//! The command line.
+
+use std::path::PathBuf;
+
+use clap::{Parser, Subcommand, ValueEnum};
+
+/// Haptic rendering as a real-time dataflow graph.
+#[derive(Debug, Parser)]
+#[command(name = "asperity", version, about, max_term_width = 100)]
+pub struct Args {
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// What the program does.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Render a graph to a WAV file, as fast as it goes
+    Render(Render),
+    /// Check a graph: order, buffers, rates, latency per path, what was dropped and why
+    Check(Check),
+    /// List the kinds of nodes, or describe one: ports, units, parameters
+    Nodes(Nodes),
+    /// Draw a graph as a picture
+    Graph(Graph),
+    /// Turn magnitude frames from NumPy into a signal by a phase-retrieval node
+    Invert(Invert),
+}
+
+/// A graph and what to change in it.
+#[derive(Clone, Debug, clap::Args)]
+pub struct GraphArgs {
+    /// The graph file
+    pub graph: PathBuf,
+    /// Set a parameter: NODE.PARAM=VALUE, NODE.every=N, or tick_hz, audio_hz, seed
+    #[arg(long = "set", value_name = "NODE.PARAM=VALUE")]
+    pub set: Vec<String>,
+    /// Play this CSV in place of the graph's trajectory or stroke
+    #[arg(long, value_name = "TRAJ.csv")]
+    pub input: Option<PathBuf>,
+    /// Keep nodes from which no sink is reached
+    #[arg(long)]
+    pub no_prune: bool,
+}
+
+/// Sample formats of a WAV file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Format {
+    /// 32-bit float
+    F32,
+    /// 24-bit integer
+    I24,
+    /// 16-bit integer
+    I16,
+}
+
+/// `asperity render`
+#[derive(Debug, clap::Args)]
+pub struct Render {
+    #[command(flatten)]
+    pub graph: GraphArgs,
+    /// Where the samples of `audio_out` go: a .wav, or a .npy file
+    #[arg(long, value_name = "OUT.wav")]
+    pub out: Option<PathBuf>,
+    /// Sample format of the WAV file
+    #[arg(long, value_enum, default_value = "f32")]
+    pub format: Format,
+    /// How long to render; as long as the stroke lasts, unless given
+    #[arg(long, value_name = "S")]
+    pub seconds: Option<f64>,
+    /// Write figures of the run as JSON
+    #[arg(long, value_name = "R.json")]
+    pub report: Option<PathBuf>,
+    /// Record an output of a node
+    #[arg(long, value_name = "NODE.PORT=FILE.csv|.npy")]
+    pub probe: Vec<String>,
+    /// Draw position, speed, force, acceleration, current and a spectrogram
+    #[arg(long, value_name = "P.svg")]
+    pub plot: Option<PathBuf>,
+    /// Run every node in every tick, also those behind a closed gate
+    #[arg(long)]
+    pub no_sleep: bool,
+    /// Say nothing but errors
+    #[arg(long, short)]
+    pub quiet: bool,
+}
+
+/// `asperity check`
+#[derive(Debug, clap::Args)]
+pub struct Check {
+    #[command(flatten)]
+    pub graph: GraphArgs,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `asperity nodes`
+#[derive(Debug, clap::Args)]
+pub struct Nodes {
+    /// Describe this kind
+    pub kind: Option<String>,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `asperity graph`
+#[derive(Debug, clap::Args)]
+pub struct Graph {
+    #[command(flatten)]
+    pub graph: GraphArgs,
+    /// Where the picture goes
+    #[arg(long, value_name = "F.svg")]
+    pub svg: PathBuf,
+}
+
+/// `asperity invert`
+#[derive(Debug, clap::Args)]
+pub struct Invert {
+    /// The node: KIND, or KIND:param=value,... ; `default` is what the shipped graph uses
+    #[arg(long, value_name = "KIND[:param=value,...]", default_value = "default")]
+    pub phase: String,
+    /// Magnitudes, float32 [frames, bins], 2 ms apart, bin 0 first, of an unscaled Hann-windowed DFT of 0.1 s
+    #[arg(long, value_name = "S.npy")]
+    pub magnitudes: PathBuf,
+    /// Sample rate of the signal
+    #[arg(long, value_name = "HZ")]
+    pub rate: u32,
+    /// Where the signal goes: a .wav (float) or .npy file; frame n covers samples [floor(n rate/500), + N)
+    #[arg(long, value_name = "Y.wav|.npy")]
+    pub out: PathBuf,
+    /// Seed of random numbers
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+}

@@ -1,0 +1,208 @@
+//! `asperity check`: what a graph compiles to.
+
+use std::process::ExitCode;
+
+use asperity_graph::{BufferEntry, Schedule, Step};
+use serde_json::{Value, json};
+
+use crate::args::Check;
+use crate::failure::Failure;
+use crate::load;
+
+/// Runs the command.
+pub fn run(args: &Check) -> Result<ExitCode, Failure> {
+    let graph = load::read(&args.graph)?;
+    let schedule = load::compiled(&graph, &args.graph, &asperity_nodes::registry())?.schedule;
+    if args.json {
+        println!("{:#}", as_json(&schedule));
+    } else {
+        print_text(&schedule);
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn print_text(schedule: &Schedule) {
+    println!("{} ticks/s, audio at {} Hz, seed {}", schedule.tick_hz, schedule.audio_hz, schedule.seed);
+    println!("\norder");
+    let id_width = schedule.nodes.iter().map(|n| n.id.chars().count()).max().unwrap_or(0);
+    let kind_width = schedule.nodes.iter().map(|n| n.kind.chars().count()).max().unwrap_or(0);
+    for (i, node) in schedule.nodes.iter().enumerate() {
+        println!("{:>4}  {:id_width$}  {:kind_width$}  {}", i + 1, node.id, node.kind, remarks(schedule, i));
+        for output in node.outputs.iter() {
+            let readers = match output.readers {
+                0 => "unread".to_owned(),
+                1 => "1 reader".to_owned(),
+                n => format!("{n} readers"),
+            };
+            println!("      {:id_width$}    .{}: {} ({readers})", "", output.name, output.port);
+        }
+        for fact in &node.facts {
+            println!("      {:id_width$}    {}: {}", "", fact.name, fact.value);
+        }
+    }
+    let (constants, outputs) = buffer_counts(schedule);
+    let counts: Vec<String> = outputs.iter().map(|(kind, n)| format!("{n} {kind}")).collect();
+    println!("\nbuffers   {}; {constants} constant inputs", counts.join(", "));
+    println!("\nlatency");
+    if schedule.paths.is_empty() {
+        println!("      no path leads from a source to a sink");
+    }
+    for path in &schedule.paths {
+        let name = |i: usize| schedule.nodes[i].id.as_str();
+        let range = if path.least == path.most {
+            format!("{:.4} ms", path.most.ms())
+        } else {
+            format!("{:.4} to {:.4} ms", path.least.ms(), path.most.ms())
+        };
+        let through: Vec<&str> = path.through.iter().map(|&i| name(i)).collect();
+        println!("      {} to {}: {range}", name(path.from), name(path.to));
+        println!("        {}", through.join(" -> "));
+    }
+    println!("\ndropped");
+    if schedule.dropped.is_empty() {
+        println!("      nothing");
+    }
+    for d in &schedule.dropped {
+        println!("      {} ({}): {}", d.id, d.kind, d.why);
+    }
+    match schedule.allocating().as_slice() {
+        [] => println!("\nno node allocates while it runs"),
+        ids => println!("\nallocates while it runs, so not fit for real time: {}", ids.join(", ")),
+    }
+}
+
+fn remarks(schedule: &Schedule, i: usize) -> String {
+    let node = &schedule.nodes[i];
+    let mut out = Vec::new();
+    if node.every > 1 {
+        out.push(format!("every {} ticks", node.every));
+    }
+    if let Some(gated) = node.gate {
+        out.push(format!("gates `{}`", node.inputs[gated].name));
+    }
+    if !node.guards.is_empty() {
+        let gates: Vec<&str> = node.guards.iter().map(|&g| schedule.nodes[g].id.as_str()).collect();
+        out.push(format!("sleeps behind {} ({})", gates.join(", "), node.resume.word()));
+    }
+    if node.closes_cycle {
+        out.push("closes a cycle".into());
+    }
+    if node.latency.as_ratio().0 != 0 {
+        out.push(format!("latency {:.4} ms", node.latency.ms()));
+    }
+    if node.sink {
+        out.push("sink".into());
+    }
+    out.join("; ")
+}
+
+fn buffer_counts(schedule: &Schedule) -> (usize, Vec<(&'static str, usize)>) {
+    let mut counts = vec![("Control", 0), ("Audio", 0), ("Magnitude", 0), ("Spectrum", 0)];
+    let mut constants = 0;
+    for buffer in &schedule.buffers {
+        match buffer {
+            BufferEntry::Constant { .. } => constants += 1,
+            BufferEntry::Output(port) => {
+                if let Some(c) = counts.iter_mut().find(|(kind, _)| *kind == port.shape.kind()) {
+                    c.1 += 1;
+                }
+            }
+        }
+    }
+    (constants, counts)
+}
+
+fn as_json(schedule: &Schedule) -> Value {
+    let nodes: Vec<Value> = schedule
+        .nodes
+        .iter()
+        .map(|node| {
+            let params: serde_json::Map<String, Value> =
+                node.params.iter().map(|(name, v)| (name.to_owned(), json!(v.to_string()))).collect();
+            let inputs: Vec<Value> = node
+                .inputs
+                .iter()
+                .map(|input| {
+                    let from = input.from.map(|(n, o)| {
+                        format!("{}.{}", schedule.nodes[n].id, schedule.nodes[n].outputs[o].name)
+                    });
+                    json!({
+                        "name": input.name,
+                        "from": from,
+                        "buffer": input.reads.buffer,
+                        "type": input.port.as_ref().map(ToString::to_string),
+                    })
+                })
+                .collect();
+            let outputs: Vec<Value> = node
+                .outputs
+                .iter()
+                .zip(node.buffers.clone())
+                .map(|(o, buffer)| {
+                    json!({ "name": o.name, "buffer": buffer, "type": o.port.to_string(), "readers": o.readers })
+                })
+                .collect();
+            let facts: serde_json::Map<String, Value> =
+                node.facts.iter().map(|f| (f.name.to_owned(), json!(f.value.to_string()))).collect();
+            json!({
+                "id": node.id,
+                "kind": node.kind,
+                "every": node.every,
+                "params": params,
+                "inputs": inputs,
+                "outputs": outputs,
+                "guards": node.guards.iter().map(|&g| schedule.nodes[g].id.as_str()).collect::<Vec<_>>(),
+                "resume": node.resume.word(),
+                "sink": node.sink,
+                "closes_cycle": node.closes_cycle,
+                "latency_ms": node.latency.ms(),
+                "allocation_free": node.allocation_free,
+                "facts": facts,
+            })
+        })
+        .collect();
+    let steps: Vec<Value> = schedule
+        .steps
+        .iter()
+        .map(|s| {
+            let (word, i) = match *s {
+                Step::Wants(i) => ("wants", i),
+                Step::Process(i) => ("process", i),
+                Step::Absorb(i) => ("absorb", i),
+            };
+            json!([word, schedule.nodes[i].id])
+        })
+        .collect();
+    let (constants, counts) = buffer_counts(schedule);
+    let paths: Vec<Value> = schedule
+        .paths
+        .iter()
+        .map(|p| {
+            let id = |i: usize| schedule.nodes[i].id.as_str();
+            json!({
+                "from": id(p.from),
+                "to": id(p.to),
+                "least_ms": p.least.ms(),
+                "most_ms": p.most.ms(),
+                "through": p.through.iter().map(|&i| id(i)).collect::<Vec<_>>(),
+            })
+        })
+        .collect();
+    let dropped: Vec<Value> =
+        schedule.dropped.iter().map(|d| json!({ "id": d.id, "kind": d.kind, "why": d.why })).collect();
+    json!({
+        "tick_hz": schedule.tick_hz,
+        "audio_hz": schedule.audio_hz,
+        "seed": schedule.seed,
+        "nodes": nodes,
+        "steps": steps,
+        "buffers": {
+            "constants": constants,
+            "outputs": counts.into_iter().map(|(k, n)| (k.to_owned(), json!(n))).collect::<serde_json::Map<_, _>>(),
+        },
+        "latency": paths,
+        "latency_ms": schedule.latency().ms(),
+        "dropped": dropped,
+        "allocation_free": schedule.allocating().is_empty(),
+    })
+}

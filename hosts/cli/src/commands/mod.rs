@@ -1,0 +1,6 @@
+//! Commands that do not run a graph in time: `check`, `nodes`, `graph`, `invert`.
+
+pub mod check;
+pub mod graph;
+pub mod invert;
+pub mod nodes;

@@ -1,0 +1,173 @@
+//! `asperity nodes`: the kinds there are.
+
+use std::process::ExitCode;
+
+use asperity_node::{Descriptor, ParamKind, ParamValue};
+use asperity_source::{Diagnostic, one_of};
+use serde_json::{Value, json};
+
+use crate::args::Nodes;
+use crate::failure::Failure;
+
+/// Runs the command.
+pub fn run(args: &Nodes) -> Result<ExitCode, Failure> {
+    let registry = asperity_nodes::registry();
+    match &args.kind {
+        Some(name) => {
+            let Some(kind) = registry.get(name) else {
+                return Err(Diagnostic::new(format!("there is no node kind `{name}`"))
+                    .help(one_of(name, registry.names()))
+                    .into());
+            };
+            if args.json {
+                println!("{:#}", as_json(kind.descriptor()));
+            } else {
+                print_one(kind.descriptor());
+            }
+        }
+        None if args.json => {
+            let all: Vec<Value> = registry.iter().map(|k| as_json(k.descriptor())).collect();
+            println!("{:#}", Value::Array(all));
+        }
+        None => {
+            let width = registry.names().map(str::len).max().unwrap_or(0);
+            for kind in registry.iter() {
+                let d = kind.descriptor();
+                println!("{:width$}  {}", d.kind, d.summary);
+            }
+            println!("\nasperity nodes KIND describes one.");
+        }
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn print_one(d: &Descriptor) {
+    println!("{}\n  {}", d.kind, d.summary);
+    if !d.inputs.is_empty() {
+        println!("\ninputs");
+    }
+    for p in &d.inputs {
+        let mut notes = Vec::new();
+        if p.optional {
+            notes.push(if p.default == 0.0 {
+                "optional".into()
+            } else {
+                format!("optional, else {}", p.default)
+            });
+        }
+        if p.guarded {
+            notes.push("only behind a limiter".to_owned());
+        }
+        let notes = if notes.is_empty() { String::new() } else { format!(" ({})", notes.join("; ")) };
+        println!("  {}: {} [{}]{notes}\n      {}", p.name, p.shape, p.unit, p.doc);
+    }
+    if !d.outputs.is_empty() {
+        println!("\noutputs");
+    }
+    for p in &d.outputs {
+        let guarded = if p.guarded { " (limited)" } else { "" };
+        println!("  {}: {} [{}]{guarded}\n      {}", p.name, p.shape, p.unit, p.doc);
+    }
+    if !d.params.is_empty() {
+        println!("\nparameters");
+    }
+    for p in &d.params {
+        let default = match &p.default {
+            Some(ParamValue::Text(t)) if t.is_empty() => "default empty".to_owned(),
+            Some(v) => format!("default {v}"),
+            None if p.optional => "may be left out".to_owned(),
+            None => "required".to_owned(),
+        };
+        let unit = if p.unit.is_empty() { String::new() } else { format!(" {}", p.unit) };
+        println!("  {}: {}{unit}, {default}\n      {}", p.name, range(&p.kind), p.doc);
+    }
+    println!("\nwhen it wakes: {}", d.resume.word());
+    if let Some(gate) = &d.gate {
+        println!("gates what serves `{gate}` alone");
+    }
+    if d.feedback {
+        println!("can close a cycle");
+    }
+    if d.sink {
+        println!("is a sink: a graph is built for its sinks");
+    }
+    if !d.timing.is_empty() {
+        println!("timing: {}", d.timing);
+    }
+}
+
+fn range(kind: &ParamKind) -> String {
+    match kind {
+        ParamKind::Number(r) => format!("number from {} to {}", r.start(), r.end()),
+        ParamKind::Integer(r) if *r.end() == i64::MAX => format!("whole number from {}", r.start()),
+        ParamKind::Integer(r) => format!("whole number from {} to {}", r.start(), r.end()),
+        ParamKind::Flag => "true or false".into(),
+        ParamKind::Text => "text".into(),
+        ParamKind::Choice(words) => words.join(" | "),
+        ParamKind::File => "file".into(),
+        ParamKind::Numbers(r) => format!("list of numbers from {} to {}", r.start(), r.end()),
+        ParamKind::Texts => "list of texts".into(),
+    }
+}
+
+fn as_json(d: &Descriptor) -> Value {
+    let inputs: Vec<Value> = d
+        .inputs
+        .iter()
+        .map(|p| {
+            json!({
+                "name": p.name, "doc": p.doc, "type": p.shape.to_string(), "unit": p.unit.to_string(),
+                "optional": p.optional, "default": p.optional.then_some(p.default), "guarded": p.guarded,
+            })
+        })
+        .collect();
+    let outputs: Vec<Value> = d
+        .outputs
+        .iter()
+        .map(|p| {
+            json!({
+                "name": p.name, "doc": p.doc, "type": p.shape.to_string(), "unit": p.unit.to_string(),
+                "guarded": p.guarded,
+            })
+        })
+        .collect();
+    let params: Vec<Value> = d
+        .params
+        .iter()
+        .map(|p| {
+            let (least, most) = match &p.kind {
+                ParamKind::Number(r) | ParamKind::Numbers(r) => (json!(r.start()), json!(r.end())),
+                ParamKind::Integer(r) => (json!(r.start()), json!(r.end())),
+                _ => (Value::Null, Value::Null),
+            };
+            let (kind, choices) = match &p.kind {
+                ParamKind::Number(_) => ("number", Value::Null),
+                ParamKind::Integer(_) => ("integer", Value::Null),
+                ParamKind::Flag => ("flag", Value::Null),
+                ParamKind::Text => ("text", Value::Null),
+                ParamKind::Choice(words) => ("choice", json!(words)),
+                ParamKind::File => ("file", Value::Null),
+                ParamKind::Numbers(_) => ("numbers", Value::Null),
+                ParamKind::Texts => ("texts", Value::Null),
+            };
+            let default = match &p.default {
+                None => Value::Null,
+                Some(ParamValue::Number(x)) => json!(x),
+                Some(ParamValue::Integer(i)) => json!(i),
+                Some(ParamValue::Flag(b)) => json!(b),
+                Some(ParamValue::Text(t)) => json!(t),
+                Some(ParamValue::File(f)) => json!(f.display().to_string()),
+                Some(ParamValue::Numbers(xs)) => json!(xs),
+                Some(ParamValue::Texts(ts)) => json!(ts),
+            };
+            json!({
+                "name": p.name, "doc": p.doc, "unit": p.unit, "type": kind, "choices": choices,
+                "min": least, "max": most, "default": default, "required": p.default.is_none() && !p.optional,
+            })
+        })
+        .collect();
+    json!({
+        "kind": d.kind, "summary": d.summary, "inputs": inputs, "outputs": outputs, "params": params,
+        "resume": d.resume.word(), "gate": d.gate, "closes_cycles": d.feedback, "sink": d.sink, "timing": d.timing,
+    })
+}

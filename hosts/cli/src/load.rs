@@ -1,0 +1,61 @@
+//! From a path on the command line to a compiled graph.
+
+use asperity_graph::{Compiled, GraphFile, Options, compile};
+use asperity_node::Registry;
+use asperity_source::{Diagnostic, one_of};
+
+use crate::args::GraphArgs;
+use crate::failure::Failure;
+
+/// Kinds that `--input` can take the place of.
+const SOURCES: [&str; 2] = ["trajectory", "stroke"];
+
+/// Reads a graph and applies `--set` and `--input`.
+pub fn read(args: &GraphArgs) -> Result<GraphFile, Failure> {
+    let mut graph = GraphFile::read(&args.graph)?;
+    if let Some(input) = &args.input {
+        let sources: Vec<usize> =
+            (0..graph.nodes.len()).filter(|&i| SOURCES.contains(&graph.nodes[i].kind.as_str())).collect();
+        let &[i] = sources.as_slice() else {
+            let names: Vec<String> = sources.iter().map(|&i| format!("`{}`", graph.nodes[i].id)).collect();
+            let found = if names.is_empty() { "none".to_owned() } else { names.join(", ") };
+            return Err(Diagnostic::new(format!(
+                "--input takes the place of one trajectory or stroke; found {found}"
+            ))
+            .in_file(&args.graph)
+            .help("name the one you mean: --set NODE.file=TRAJ.csv")
+            .into());
+        };
+        let node = &mut graph.nodes[i];
+        // A made stroke's parameters mean nothing to a recorded one.
+        if node.kind != "trajectory" {
+            node.kind = "trajectory".into();
+            node.params.clear();
+        }
+        let assignment = format!("{}.file={}", graph.nodes[i].id, input.display());
+        graph.set(&assignment, "--input")?;
+    }
+    for assignment in &args.set {
+        graph.set(assignment, "--set")?;
+    }
+    Ok(graph)
+}
+
+/// Compiles a graph with the kinds this program has.
+pub fn compiled(graph: &GraphFile, args: &GraphArgs, registry: &Registry) -> Result<Compiled, Failure> {
+    Ok(compile(graph, registry, Options { prune: !args.no_prune })?)
+}
+
+/// Splits `NODE.PORT=FILE` of a probe.
+pub fn probe(text: &str, graph: &GraphFile) -> Result<(String, String), Diagnostic> {
+    let fail = |m: String| Diagnostic::new(m).in_file("--probe");
+    let Some((port, file)) = text.split_once('=') else {
+        return Err(fail(format!("there is no `=` in `{text}`")).help("NODE.PORT=FILE.csv or .npy"));
+    };
+    let node = port.split('.').next().unwrap_or(port);
+    if graph.node(node).is_none() {
+        let ids = graph.nodes.iter().map(|n| n.id.as_str());
+        return Err(fail(format!("the graph has no node `{node}`")).help(one_of(node, ids)));
+    }
+    Ok((port.to_owned(), file.to_owned()))
+}

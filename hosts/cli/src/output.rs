@@ -1,0 +1,166 @@
+//! Files that appear whole or not at all.
+
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+use asperity_measure::npy;
+use tempfile::NamedTempFile;
+
+use crate::args::Format;
+use crate::failure::Failure;
+
+/// A file under a temporary name beside the one it is to have.
+#[derive(Debug)]
+pub struct Pending {
+    path: PathBuf,
+    temp: NamedTempFile,
+}
+
+impl Pending {
+    /// Opens one. The folder must be there.
+    pub fn create(path: &Path) -> Result<Self, Failure> {
+        let dir = path.parent().filter(|d| !d.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let prefix = format!(".{}.", path.file_name().unwrap_or_default().to_string_lossy());
+        let mut builder = tempfile::Builder::new();
+        #[cfg(unix)]
+        {
+            use std::os::unix::fs::PermissionsExt;
+            // As any new file: the umask takes its part of this.
+            builder.permissions(std::fs::Permissions::from_mode(0o666));
+        }
+        let temp = builder
+            .prefix(&prefix)
+            .suffix(".part")
+            .tempfile_in(dir)
+            .map_err(|e| Failure::writing(path, e))?;
+        Ok(Self { path: path.to_owned(), temp })
+    }
+
+    /// A second handle on the file.
+    fn file(&self) -> Result<File, Failure> {
+        self.temp.as_file().try_clone().map_err(|e| Failure::writing(&self.path, e))
+    }
+
+    /// Gives the file its name.
+    pub fn keep(self) -> Result<(), Failure> {
+        let path = self.path.clone();
+        self.temp.as_file().sync_data().map_err(|e| Failure::writing(&path, e))?;
+        self.temp.persist(&path).map(drop).map_err(|e| Failure::writing(&path, e.error))
+    }
+}
+
+/// Writes a whole text.
+pub fn write_text(path: &Path, text: &str) -> Result<(), Failure> {
+    let mut pending = Pending::create(path)?;
+    pending.temp.write_all(text.as_bytes()).map_err(|e| Failure::writing(path, e))?;
+    pending.keep()
+}
+
+/// What takes rows of samples or values.
+#[derive(Debug)]
+pub struct Rows {
+    pending: Pending,
+    to: To,
+}
+
+enum To {
+    Wav(hound::WavWriter<BufWriter<File>>, Format),
+    Npy(npy::Writer<BufWriter<File>>),
+    Csv(BufWriter<File>, Vec<u8>),
+}
+
+impl std::fmt::Debug for To {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            To::Wav(..) => "Wav",
+            To::Npy(..) => "Npy",
+            To::Csv(..) => "Csv",
+        })
+    }
+}
+
+impl Rows {
+    /// A WAV file; a row is one sample of every channel.
+    pub fn wav(path: &Path, channels: usize, rate_hz: u32, format: Format) -> Result<Self, Failure> {
+        let pending = Pending::create(path)?;
+        let (bits_per_sample, sample_format) = match format {
+            Format::F32 => (32, hound::SampleFormat::Float),
+            Format::I24 => (24, hound::SampleFormat::Int),
+            Format::I16 => (16, hound::SampleFormat::Int),
+        };
+        let channels = u16::try_from(channels).map_err(|e| Failure::writing(path, e))?;
+        let spec = hound::WavSpec { channels, sample_rate: rate_hz, bits_per_sample, sample_format };
+        let writer = hound::WavWriter::new(BufWriter::new(pending.file()?), spec);
+        Ok(Self { to: To::Wav(writer.map_err(|e| Failure::writing(path, e))?, format), pending })
+    }
+
+    /// A .npy file of float32: one dimension for `None`, else rows of so many columns.
+    pub fn npy(path: &Path, columns: Option<usize>) -> Result<Self, Failure> {
+        let pending = Pending::create(path)?;
+        let writer = npy::Writer::new(BufWriter::new(pending.file()?), columns);
+        Ok(Self { to: To::Npy(writer.map_err(|e| Failure::writing(path, e))?), pending })
+    }
+
+    /// A CSV file: a time in seconds, then the columns of this header.
+    pub fn csv(path: &Path, header: &[String]) -> Result<Self, Failure> {
+        let pending = Pending::create(path)?;
+        let mut file = BufWriter::new(pending.file()?);
+        writeln!(file, "t_s,{}", header.join(",")).map_err(|e| Failure::writing(path, e))?;
+        Ok(Self { to: To::Csv(file, Vec::new()), pending })
+    }
+
+    /// Appends rows; `time` answers the time of each, in seconds.
+    pub fn append(
+        &mut self,
+        values: &[f32],
+        columns: usize,
+        mut time: impl FnMut(usize) -> f64,
+    ) -> Result<(), Failure> {
+        let path = &self.pending.path;
+        match &mut self.to {
+            To::Wav(writer, format) => {
+                for &x in values {
+                    match format {
+                        Format::F32 => writer.write_sample(x),
+                        Format::I24 => writer.write_sample((x.clamp(-1.0, 1.0) * 8_388_607.0).round() as i32),
+                        Format::I16 => writer.write_sample((x.clamp(-1.0, 1.0) * 32_767.0).round() as i16),
+                    }
+                    .map_err(|e| Failure::writing(path, e))?;
+                }
+                Ok(())
+            }
+            To::Npy(writer) => writer.append(values).map_err(|e| Failure::writing(path, e)),
+            To::Csv(file, line) => {
+                line.clear();
+                for (i, row) in values.chunks(columns.max(1)).enumerate() {
+                    let _ = write!(line, "{}", time(i));
+                    for x in row {
+                        let _ = write!(line, ",{x}");
+                    }
+                    line.push(b'\n');
+                }
+                file.write_all(line).map_err(|e| Failure::writing(path, e))
+            }
+        }
+    }
+
+    /// Where it goes.
+    pub fn path(&self) -> &Path {
+        &self.pending.path
+    }
+
+    /// Completes the file and gives it its name.
+    pub fn keep(self) -> Result<(), Failure> {
+        let path = self.pending.path.clone();
+        match self.to {
+            To::Wav(writer, _) => writer.finalize().map_err(|e| Failure::writing(&path, e))?,
+            To::Npy(writer) => {
+                let mut inner = writer.finish().map_err(|e| Failure::writing(&path, e))?;
+                inner.flush().map_err(|e| Failure::writing(&path, e))?;
+            }
+            To::Csv(mut file, _) => file.flush().map_err(|e| Failure::writing(&path, e))?,
+        }
+        self.pending.keep()
+    }
+}

@@ -1,0 +1,165 @@
+//! A column of a series as an SVG path, no finer than the pixels it covers.
+
+use std::fmt::Write as _;
+
+use super::axis::Axis;
+use super::series::Series;
+
+/// A path and whether it encloses an area to fill.
+pub(super) struct Trace {
+    pub(super) d: String,
+    pub(super) filled: bool,
+}
+
+/// Least and greatest value within a column of pixels.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Band {
+    /// Column of pixels from the left end of the axis.
+    pub(super) column: usize,
+    pub(super) low: f64,
+    pub(super) high: f64,
+}
+
+/// Draws one column of `series`: straight lines where there are few rows, else the band between least and
+/// greatest value in each column of pixels, so that no peak is lost and the text stays short.
+pub(super) fn trace(series: &Series, column: usize, x: &Axis, y: &Axis) -> Trace {
+    let width = (x.pixels[1] - x.pixels[0]).max(1.0);
+    let covered = series.time_range().map_or(0.0, |(a, b)| (x.at(b) - x.at(a)).clamp(1.0, width));
+    let mut d = String::new();
+    if series.rows() as f64 <= 2.0 * covered {
+        let mut pen = Pen::default();
+        for row in 0..series.rows() {
+            let (t, v) = (series.time(row), series.value(row, column));
+            if t.is_finite() && v.is_finite() {
+                pen.to(&mut d, x.at(t), y.at(v));
+            } else {
+                pen = Pen::default();
+            }
+        }
+        return Trace { d, filled: false };
+    }
+    let bands = bands(series, column, x);
+    let mut rest = bands.as_slice();
+    while let Some(first) = rest.first() {
+        let run = rest.iter().zip(first.column..).take_while(|(b, c)| b.column == *c).count();
+        let (band, after) = rest.split_at(run);
+        let centre = |b: &Band| x.pixels[0] + b.column as f64 + 0.5;
+        let mut pen = Pen::default();
+        for b in band {
+            pen.to(&mut d, centre(b), y.at(b.high));
+        }
+        for b in band.iter().rev() {
+            pen.to(&mut d, centre(b), y.at(b.low));
+        }
+        d.push('z');
+        rest = after;
+    }
+    Trace { d, filled: true }
+}
+
+/// The bands of a column of `series`, in order. Each also reaches to the last value before it, so that
+/// neighbours touch.
+pub(super) fn bands(series: &Series, column: usize, x: &Axis) -> Vec<Band> {
+    let columns = (x.pixels[1] - x.pixels[0]).max(1.0) as usize;
+    let mut bands: Vec<Band> = Vec::with_capacity(columns);
+    let mut before = None;
+    for row in 0..series.rows() {
+        let (t, v) = (series.time(row), series.value(row, column));
+        if !(t.is_finite() && v.is_finite()) {
+            before = None;
+            continue;
+        }
+        let at = ((x.at(t) - x.pixels[0]).max(0.0) as usize).min(columns.saturating_sub(1));
+        match bands.last_mut() {
+            Some(b) if b.column >= at => {
+                b.low = b.low.min(v);
+                b.high = b.high.max(v);
+            }
+            _ => {
+                let joined = before.unwrap_or(v);
+                bands.push(Band { column: at, low: v.min(joined), high: v.max(joined) });
+            }
+        }
+        before = Some(v);
+    }
+    bands
+}
+
+/// Writes points relative to each other, in tenths of a pixel, leaving out those that do not move.
+#[derive(Default)]
+struct Pen {
+    last: Option<(i64, i64)>,
+}
+
+impl Pen {
+    fn to(&mut self, d: &mut String, x: f64, y: f64) {
+        let point = ((x * 10.0).round() as i64, (y * 10.0).round() as i64);
+        let tenths = |v: i64| {
+            let sign = if v < 0 { "-" } else { "" };
+            match (v.abs() / 10, v.abs() % 10) {
+                (whole, 0) => format!("{sign}{whole}"),
+                (0, part) => format!("{sign}.{part}"),
+                (whole, part) => format!("{sign}{whole}.{part}"),
+            }
+        };
+        // Writing to a String cannot fail.
+        let _ = match self.last {
+            None => write!(d, "M{} {}l", tenths(point.0), tenths(point.1)),
+            Some(last) if last == point => return,
+            Some((px, py)) => {
+                let (dx, dy) = (tenths(point.0 - px), tenths(point.1 - py));
+                let gap = if dy.starts_with('-') { "" } else { " " };
+                write!(d, "{}{dx}{gap}{dy}", if d.ends_with('l') || dx.starts_with('-') { "" } else { " " })
+            }
+        };
+        self.last = Some(point);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn axes(end: f64) -> (Axis, Axis) {
+        (
+            Axis { low: 0.0, high: end, pixels: [60.0, 160.0] },
+            Axis { low: -1.0, high: 1.0, pixels: [100.0, 0.0] },
+        )
+    }
+
+    #[test]
+    fn few_rows_are_joined_by_lines_and_gaps_stay_open() {
+        let s = Series::sampled("s", "", 2.0, vec![0.0, 1.0, f32::NAN, -1.0, 0.0]);
+        let (x, y) = axes(2.0);
+        let t = trace(&s, 0, &x, &y);
+        assert!(!t.filled);
+        assert_eq!(t.d, "M60 50l25-50M135 100l25-50");
+    }
+
+    #[test]
+    fn one_sample_among_a_million_is_not_lost() {
+        let mut data = vec![0.0f32; 1_000_000];
+        data[123_456] = 1.0;
+        let s = Series::sampled("s", "", 1e6, data);
+        let (x, y) = axes(1.0);
+        let t = trace(&s, 0, &x, &y);
+        assert!(t.filled && t.d.len() < 2_000, "{}", t.d.len());
+        let all = bands(&s, 0, &x);
+        assert_eq!(all.len(), 100);
+        let peaks: Vec<_> = all.iter().filter(|b| b.high == 1.0).map(|b| b.column).collect();
+        assert_eq!(peaks, [12]);
+    }
+
+    /// Against least and greatest found by cutting the data by hand.
+    #[test]
+    fn bands_are_the_least_and_greatest_and_touch() {
+        let data: Vec<f32> = (0..5000).map(|i| (f64::from(i) * 0.7).sin() as f32 * (i % 13) as f32).collect();
+        let s = Series::sampled("s", "", 5000.0, data.clone());
+        let (x, _) = axes(1.0);
+        for b in bands(&s, 0, &x) {
+            let cut = &data[(b.column * 50).max(1) - 1..(b.column + 1) * 50];
+            assert_eq!(b.low, f64::from(cut.iter().copied().fold(f32::MAX, f32::min)), "{}", b.column);
+            assert_eq!(b.high, f64::from(cut.iter().copied().fold(f32::MIN, f32::max)));
+        }
+    }
+}

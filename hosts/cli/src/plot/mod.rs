@@ -1,0 +1,20 @@
+//! Pictures as SVG: what a render did, and the graph that did it.
+//!
+//! [`Render`] holds the signals of a render and stacks them as panels over one time axis; [`Picture`] lays a graph out in layers. The SVG is written here rather than by a chart library: lines are
+//! thinned to what a pixel can show, coordinates keep a tenth of a pixel, and no fonts are loaded.
+
+mod axis;
+mod figure;
+mod layers;
+mod lines;
+mod picture;
+mod series;
+mod spectrogram;
+mod svg;
+
+pub(crate) use figure::Render;
+pub(crate) use picture::{Picture, PictureNode, PictureWire};
+pub(crate) use series::Series;
+
+#[cfg(test)]
+mod tests;

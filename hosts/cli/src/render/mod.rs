@@ -1,0 +1,183 @@
+//! `asperity render`: the virtual clock. Ticks run one after another, as fast as they go.
+
+mod record;
+mod report;
+mod traces;
+
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
+
+use asperity_engine::{Clock, Engine, Options};
+use asperity_measure::timing::Recorder as Times;
+use asperity_node::Buffer;
+use asperity_source::Diagnostic;
+use indicatif::{ProgressBar, ProgressStyle};
+
+use crate::args::Render;
+use crate::failure::Failure;
+use crate::{load, output};
+
+use record::{Master, Recorder};
+use report::Run;
+use traces::Traces;
+
+/// Longest render, in seconds: a year.
+const MAX_SECONDS: f64 = 365.0 * 86_400.0;
+/// Exit code of a render that was interrupted, as a shell would have it.
+const INTERRUPTED: u8 = 130;
+
+/// The computer's own clock.
+struct Wall(Instant);
+
+impl Clock for Wall {
+    fn now_ns(&self) -> u64 {
+        self.0.elapsed().as_nanos() as u64
+    }
+}
+
+/// Runs the command.
+pub fn run(args: &Render) -> Result<ExitCode, Failure> {
+    let registry = asperity_nodes::registry();
+    let mut graph = load::read(&args.graph)?;
+    for (i, text) in args.probe.iter().enumerate() {
+        let (port, file) = load::probe(text, &graph)?;
+        let id = format!("probe {}", i + 1);
+        graph.add_node(&id, "probe", &[("file", &file)], "--probe")?;
+        graph.add_wire(&port, &id, "--probe");
+    }
+    let compiled = load::compiled(&graph, &args.graph, &registry)?;
+    let schedule = &compiled.schedule;
+    let ticks = ticks(args, schedule)?;
+    for allocating in schedule.allocating() {
+        crate::failure::warn(&format!("`{allocating}` allocates in every tick and is not fit for real time"));
+    }
+
+    let mut recorders = Recorder::for_sinks(schedule)?;
+    let mut master = args.out.as_ref().map(|path| Master::new(path, schedule, args.format)).transpose()?;
+    let mut traces = args.plot.as_ref().map(|_| Traces::new(schedule));
+    let mut engine = Engine::new(compiled, Options { sleep: !args.no_sleep });
+    let schedule = engine.schedule().clone();
+    let mut times = Times::new(schedule.nodes.len());
+    let mut drive = report::Level::new(&schedule);
+    let stop = stop_flag();
+    let bar = progress(ticks, args.quiet);
+
+    let wall = Wall(Instant::now());
+    let mut spent = vec![0; schedule.nodes.len()];
+    let mut calls_before = vec![0; schedule.nodes.len()];
+    let mut done = 0;
+    while done < ticks && !stop.load(Ordering::Relaxed) {
+        spent.fill(0);
+        let before = wall.now_ns();
+        engine.tick_timed(&wall, &mut spent);
+        times.tick(wall.now_ns() - before);
+        for (i, ns) in spent.iter().enumerate() {
+            let calls = engine.report(i).map_or(0, |r| r.calls);
+            if calls > calls_before[i] {
+                times.node(i, *ns);
+                calls_before[i] = calls;
+            }
+        }
+        drive.take(&engine);
+        if let Some(master) = &mut master {
+            master.take(&engine)?;
+        }
+        for recorder in &mut recorders {
+            recorder.take(&engine, done)?;
+        }
+        if let Some(traces) = &mut traces {
+            traces.take(&engine, done);
+        }
+        done += 1;
+        if done.is_multiple_of(1024) {
+            bar.set_position(done);
+            set_rate(&bar, done, &schedule, wall.0.elapsed().as_secs_f64());
+        }
+    }
+    let elapsed_s = wall.0.elapsed().as_secs_f64();
+    bar.finish_and_clear();
+
+    let mut written = Vec::new();
+    if let Some(master) = master {
+        written.push(master.keep()?);
+    }
+    for recorder in recorders {
+        written.push(recorder.keep()?);
+    }
+    let run = Run {
+        graph: &args.graph.graph,
+        overrides: &args.graph.set,
+        input: args.graph.input.as_deref(),
+        ticks: done,
+        asked: ticks,
+        elapsed_s,
+    };
+    if let (Some(path), Some(traces)) = (&args.plot, traces) {
+        output::write_text(path, &traces.svg(&args.graph.graph, &schedule))?;
+        written.push(path.clone());
+    }
+    if let Some(path) = &args.report {
+        output::write_text(path, &report::json(&run, &engine, &times, &drive))?;
+        written.push(path.clone());
+    }
+    if !args.quiet {
+        print!("{}", report::summary(&run, &engine, &times, &drive, &written));
+    }
+    Ok(if done < ticks { ExitCode::from(INTERRUPTED) } else { ExitCode::SUCCESS })
+}
+
+fn ticks(args: &Render, schedule: &asperity_graph::Schedule) -> Result<u64, Failure> {
+    match args.seconds {
+        Some(s) if s > 0.0 && s <= MAX_SECONDS => {
+            Ok((s * f64::from(schedule.tick_hz)).round().max(1.0) as u64)
+        }
+        Some(s) => Err(Diagnostic::new(format!("{s} s is out of range"))
+            .in_file("--seconds")
+            .help(format!("above 0, at most {MAX_SECONDS} s"))
+            .into()),
+        None => schedule.duration_ticks().filter(|&t| t > 0).ok_or_else(|| {
+            Diagnostic::new("no source of this graph says how long it lasts")
+                .in_file(&args.graph.graph)
+                .help("say how long to render: --seconds S")
+                .into()
+        }),
+    }
+}
+
+/// Set when the user asks the render to stop; what was rendered until then is kept.
+fn stop_flag() -> Arc<AtomicBool> {
+    let stop = Arc::new(AtomicBool::new(false));
+    let set = stop.clone();
+    // A second handler cannot be set, and one render is all a program runs.
+    if let Err(e) = ctrlc::set_handler(move || set.store(true, Ordering::Relaxed)) {
+        crate::failure::warn(&format!("Ctrl-C will not be caught: {e}"));
+    }
+    stop
+}
+
+fn progress(ticks: u64, quiet: bool) -> ProgressBar {
+    if quiet {
+        return ProgressBar::hidden();
+    }
+    let bar = ProgressBar::new(ticks);
+    if let Ok(style) = ProgressStyle::with_template("rendering {wide_bar} {percent:>3} %  {msg}  {eta} left")
+    {
+        bar.set_style(style);
+    }
+    bar
+}
+
+fn set_rate(bar: &ProgressBar, done: u64, schedule: &asperity_graph::Schedule, elapsed_s: f64) {
+    let seconds = done as f64 / f64::from(schedule.tick_hz);
+    bar.set_message(format!("{seconds:.1} s, {:.0} x real time", seconds / elapsed_s.max(1e-9)));
+}
+
+/// This tick's samples of an audio buffer.
+fn samples(buffer: Option<&Buffer>) -> &[f32] {
+    match buffer {
+        Some(Buffer::Audio { samples, len, .. }) => &samples[..*len],
+        _ => &[],
+    }
+}

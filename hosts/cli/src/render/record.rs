@@ -1,0 +1,168 @@
+//! What a render writes while it runs: one recorder a sink.
+
+use std::path::{Path, PathBuf};
+
+use asperity_engine::Engine;
+use asperity_graph::Schedule;
+use asperity_node::{Buffer, ParamValue, Shape, time};
+use asperity_source::Diagnostic;
+
+use crate::args::Format;
+use crate::failure::Failure;
+use crate::output::Rows;
+
+/// Takes down what a sink's buffer holds after each tick.
+#[derive(Debug)]
+pub struct Recorder {
+    rows: Rows,
+    from: From,
+    columns: usize,
+    shape: Shape,
+    scratch: Vec<f32>,
+}
+
+#[derive(Clone, Copy, Debug)]
+enum From {
+    Input(usize),
+    Output(usize),
+}
+
+impl Recorder {
+    /// Recorders for every `probe` and `file_out` that names a file.
+    pub fn for_sinks(schedule: &Schedule) -> Result<Vec<Self>, Failure> {
+        let mut out = Vec::new();
+        for (i, node) in schedule.nodes.iter().enumerate() {
+            let Some(ParamValue::Text(file)) = node.params.get("file") else { continue };
+            if file.is_empty() {
+                continue;
+            }
+            match node.kind.as_str() {
+                "probe" => {
+                    let Some(port) = &node.inputs[0].port else { continue };
+                    out.push(Self::new(Path::new(file), From::Input(i), port.shape, &port.unit.to_string())?);
+                }
+                "file_out" => {
+                    let port = &node.outputs[0].port;
+                    out.push(Self::new(Path::new(file), From::Output(i), port.shape, "value")?);
+                }
+                _ => {}
+            }
+        }
+        Ok(out)
+    }
+
+    fn new(path: &Path, from: From, shape: Shape, unit: &str) -> Result<Self, Failure> {
+        let (columns, names): (usize, Vec<String>) = match shape {
+            Shape::Control { count: 1 } | Shape::Audio { .. } => (1, vec![unit.to_owned()]),
+            Shape::Control { count } => (count, (0..count).map(|i| format!("{i} [{unit}]")).collect()),
+            Shape::Magnitude(l) => {
+                let hz = |k: u32| format!("{} Hz [{unit}]", f64::from(k) * l.bin_hz());
+                (l.bins as usize, (0..l.bins).map(hz).collect())
+            }
+            Shape::Spectrum(l) => {
+                let part =
+                    |k: u32| ["re", "im"].map(|p| format!("{p} {} Hz [{unit}]", f64::from(k) * l.bin_hz()));
+                (2 * l.bins as usize, (0..l.bins).flat_map(part).collect())
+            }
+        };
+        let rows = match (path.extension().and_then(|e| e.to_str()), shape) {
+            (Some("npy"), _) => Rows::npy(path, (columns > 1).then_some(columns))?,
+            (Some("csv"), _) => Rows::csv(path, &names)?,
+            (Some("wav"), Shape::Audio { rate_hz }) => Rows::wav(path, 1, rate_hz, Format::F32)?,
+            _ => return Err(unknown_format(path, "a .csv or .npy file; .wav for audio").into()),
+        };
+        Ok(Self { rows, from, columns, shape, scratch: Vec::new() })
+    }
+
+    /// Takes down the tick that has just run.
+    pub fn take(&mut self, engine: &Engine, tick: u64) -> Result<(), Failure> {
+        let buffer = match self.from {
+            From::Input(node) => engine.input(node, 0),
+            From::Output(node) => engine.output(node, 0),
+        };
+        let tick_hz = engine.schedule().tick_hz;
+        let scratch = &mut self.scratch;
+        scratch.clear();
+        let (start, rate) = match (buffer, self.shape) {
+            (Some(Buffer::Control { values, .. }), _) => {
+                scratch.extend(values.iter().map(|x| *x as f32));
+                (tick, tick_hz)
+            }
+            (Some(Buffer::Audio { samples, len, .. }), Shape::Audio { rate_hz }) => {
+                scratch.extend_from_slice(&samples[..*len]);
+                (time::first_sample(tick, rate_hz, tick_hz), rate_hz)
+            }
+            (Some(Buffer::Magnitude { bins, frame: Some((_, start)), .. }), Shape::Magnitude(l)) => {
+                scratch.extend_from_slice(bins);
+                (*start, l.rate_hz)
+            }
+            (Some(Buffer::Spectrum { bins, frame: Some((_, start)), .. }), Shape::Spectrum(l)) => {
+                scratch.extend(bins.iter().flat_map(|z| [z.re, z.im]));
+                (*start, l.rate_hz)
+            }
+            _ => return Ok(()),
+        };
+        self.rows.append(&self.scratch, self.columns, |i| (start + i as u64) as f64 / f64::from(rate))
+    }
+
+    /// Completes the file.
+    pub fn keep(self) -> Result<PathBuf, Failure> {
+        let path = self.rows.path().to_owned();
+        self.rows.keep()?;
+        Ok(path)
+    }
+}
+
+/// The file that `--out` names: every `audio_out` of the graph is a channel.
+#[derive(Debug)]
+pub struct Master {
+    rows: Rows,
+    nodes: Vec<usize>,
+    scratch: Vec<f32>,
+}
+
+impl Master {
+    /// Opens it.
+    pub fn new(path: &Path, schedule: &Schedule, format: Format) -> Result<Self, Failure> {
+        let nodes: Vec<usize> =
+            (0..schedule.nodes.len()).filter(|&i| schedule.nodes[i].kind == "audio_out").collect();
+        if nodes.is_empty() {
+            return Err(Diagnostic::new("the graph has no `audio_out`, so there is nothing to write there")
+                .in_file(path)
+                .help("leave --out out, or add an `audio_out`")
+                .into());
+        }
+        let rows = match path.extension().and_then(|e| e.to_str()) {
+            Some("wav") => Rows::wav(path, nodes.len(), schedule.audio_hz, format)?,
+            Some("npy") => Rows::npy(path, (nodes.len() > 1).then_some(nodes.len()))?,
+            _ => return Err(unknown_format(path, "a .wav or .npy file").into()),
+        };
+        Ok(Self { rows, nodes, scratch: Vec::new() })
+    }
+
+    /// Takes down the tick that has just run.
+    pub fn take(&mut self, engine: &Engine) -> Result<(), Failure> {
+        let channels = self.nodes.len();
+        self.scratch.clear();
+        for (c, &node) in self.nodes.iter().enumerate() {
+            if let Some(Buffer::Audio { samples, len, .. }) = engine.output(node, 0) {
+                self.scratch.resize(len * channels, 0.0);
+                for (i, x) in samples[..*len].iter().enumerate() {
+                    self.scratch[i * channels + c] = *x;
+                }
+            }
+        }
+        self.rows.append(&self.scratch, channels, |_| 0.0)
+    }
+
+    /// Completes the file.
+    pub fn keep(self) -> Result<PathBuf, Failure> {
+        let path = self.rows.path().to_owned();
+        self.rows.keep()?;
+        Ok(path)
+    }
+}
+
+fn unknown_format(path: &Path, wanted: &str) -> Diagnostic {
+    Diagnostic::new("cannot tell the format from this name").in_file(path).help(wanted)
+}

@@ -1,0 +1,84 @@
+//! `actuator_inverse`: from the wanted acceleration to what drives the coil.
+
+use asperity_node::{
+    Config, Descriptor, Diagnostic, Fact, FactValue, Input, Node, Output, Param, Ports, RateSpec, Setup,
+    ShapeSpec, Status, Tick, Unit, UnitSpec,
+};
+use asperity_world::actuator::{Drive, Inverse, InverseSettings};
+
+/// Regularised feed-forward inverse of a voice coil on a handle.
+pub struct ActuatorInverse {
+    inverse: Inverse,
+    natural_hz: f64,
+}
+
+impl Node for ActuatorInverse {
+    fn descriptor() -> Descriptor {
+        let [profile, handle] = super::profile_params();
+        let s = InverseSettings::default();
+        Descriptor::new(
+            "actuator_inverse",
+            "Feed-forward inverse of a voice coil on a handle: acceleration to current or voltage.",
+        )
+        .input(
+            Input::new("acceleration", ShapeSpec::Audio(RateSpec::Of('r')), Unit::METRE_PER_SECOND_SQUARED)
+                .doc("what the handle is to do"),
+        )
+        .output(
+            Output::new("drive", ShapeSpec::Audio(RateSpec::Of('r')), Unit::AMPERE)
+                .doc("coil current, or voltage"),
+        )
+        .param(profile)
+        .param(handle)
+        .param(Param::choice("drive", &["current", "voltage"], "What the amplifier puts out."))
+        .param(
+            Param::number(
+                "corner_hz",
+                s.corner_hz,
+                5.0..=60.0,
+                "Corner of the high-pass that inverse and actuator make.",
+            )
+            .unit("Hz"),
+        )
+        .param(Param::number(
+            "corner_damping",
+            s.corner_damping,
+            0.3..=2.0,
+            "Damping ratio of that high-pass.",
+        ))
+    }
+
+    fn ports(config: &Config<'_>, mut ports: Ports) -> Result<Ports, Diagnostic> {
+        if config.params.text("drive") == "voltage" {
+            ports.outputs[0].unit = UnitSpec::Is(Unit::VOLT);
+        }
+        Ok(ports)
+    }
+
+    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
+        let p = setup.params;
+        let dynamics = super::dynamics(setup)?;
+        let drive = if p.text("drive") == "voltage" { Drive::Voltage } else { Drive::Current };
+        let settings =
+            InverseSettings { corner_hz: p.number("corner_hz"), corner_damping: p.number("corner_damping") };
+        let inverse = Inverse::new(&dynamics, drive, f64::from(setup.input_rate(0)), settings)
+            .map_err(|e| p.node_error(e.to_string()))?;
+        Ok(Self { inverse, natural_hz: dynamics.natural_hz() })
+    }
+
+    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
+        self.inverse.process(tick.inputs.audio(0), tick.outputs.audio(0));
+        Status::Continue
+    }
+
+    fn reset(&mut self) {
+        self.inverse.reset();
+    }
+
+    fn facts(&self) -> Vec<Fact> {
+        vec![
+            Fact { name: "resonance", value: FactValue::Number(self.natural_hz, "Hz") },
+            Fact { name: "ignored_samples", value: FactValue::Count(self.inverse.ignored()) },
+        ]
+    }
+}

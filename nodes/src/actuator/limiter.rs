@@ -1,0 +1,104 @@
+//! `limiter`: what no input may do to the coil.
+
+use asperity_node::{
+    Descriptor, Diagnostic, Fact, FactValue, Input, Node, Output, Param, RateSpec, Resume, Setup, ShapeSpec,
+    Status, Tick, Unit,
+};
+use asperity_world::actuator::{self, Drive, LimiterSettings};
+
+/// The last stage before a device: finite, peak, slew, coil heat, stroke, DC. It cannot be left out.
+///
+/// While its input is not to be trusted it fades to zero.
+pub struct Limiter(actuator::Limiter);
+
+impl Node for Limiter {
+    fn descriptor() -> Descriptor {
+        const DRIVES: &[Unit] = &[Unit::AMPERE, Unit::VOLT];
+        let [profile, handle] = super::profile_params();
+        let s = LimiterSettings::default();
+        Descriptor::new(
+            "limiter",
+            "Holds current or voltage to what the actuator stands: finite, peak, slew, heat, stroke, DC.",
+        )
+        .input(
+            Input::new("in", ShapeSpec::Audio(RateSpec::Of('r')), Unit::NONE)
+                .unit_among('u', DRIVES)
+                .doc("what is asked of the coil"),
+        )
+        .output(
+            Output::new("out", ShapeSpec::Audio(RateSpec::Of('r')), Unit::NONE)
+                .unit_of('u')
+                .guarded()
+                .doc("what the coil gets"),
+        )
+        .param(profile)
+        .param(handle)
+        .param(
+            Param::number("dc_corner_hz", s.dc_corner_hz, 0.5..=20.0, "Corner of the DC removal.").unit("Hz"),
+        )
+        .param(
+            Param::number(
+                "slew_hz",
+                s.slew_hz,
+                200.0..=20_000.0,
+                "A sine at the peak is not held back up to here.",
+            )
+            .unit("Hz"),
+        )
+        .param(
+            Param::number(
+                "release_ms",
+                s.release_s * 1e3,
+                10.0..=5000.0,
+                "How fast the gain comes back after limiting.",
+            )
+            .unit("ms"),
+        )
+        .resumes(Resume::Never)
+    }
+
+    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
+        let p = setup.params;
+        let volts = setup.input(0).is_some_and(|port| port.unit == Unit::VOLT);
+        let settings = LimiterSettings {
+            dc_corner_hz: p.number("dc_corner_hz"),
+            slew_hz: p.number("slew_hz"),
+            release_s: p.number("release_ms") * 1e-3,
+            ..LimiterSettings::default()
+        };
+        let drive = if volts { Drive::Voltage } else { Drive::Current };
+        actuator::Limiter::new(&super::dynamics(setup)?, drive, f64::from(setup.input_rate(0)), settings)
+            .map(Self)
+            .map_err(|e| p.node_error(e.to_string()))
+    }
+
+    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
+        self.0.set_muted(!tick.inputs.valid(0));
+        self.0.process(tick.inputs.audio(0), tick.outputs.audio(0));
+        Status::Continue
+    }
+
+    fn reset(&mut self) {
+        self.0.reset();
+    }
+
+    fn facts(&self) -> Vec<Fact> {
+        let r = self.0.report();
+        let unit = if self.0.drive() == Drive::Voltage { "V" } else { "A" };
+        let count = |name, n| Fact { name, value: FactValue::Count(n) };
+        let number = |name, x, unit| Fact { name, value: FactValue::Number(x, unit) };
+        vec![
+            count("limited_not_finite", r.not_finite),
+            count("limited_peak", r.peak),
+            count("limited_slew", r.slew),
+            count("limited_rms", r.rms),
+            count("limited_stroke", r.stroke),
+            count("limited_muted", r.muted),
+            count("reduced", r.reduced),
+            number("largest_reduction", r.largest_reduction_db(), "dB"),
+            number("largest", r.largest, unit),
+            number("largest_rms_current", r.largest_rms_current, "A"),
+            number("largest_displacement", r.largest_displacement * 1e3, "mm"),
+        ]
+    }
+}

@@ -1,0 +1,117 @@
+//! `speed_gate`: no texture without motion on a surface.
+
+use asperity_node::{
+    Descriptor, Diagnostic, Input, Latency, Node, Output, Param, RateSpec, Setup, ShapeSpec, Status, Tick,
+    Unit,
+};
+
+/// Lets audio through while the stylus moves on a surface; fades in and out.
+///
+/// It opens at `open_mm_s` and `contact_n` and closes at `hysteresis` times these. What serves nothing but its
+/// audio input sleeps while it is closed and has faded out.
+pub struct SpeedGate {
+    open_mm_s: f64,
+    close_mm_s: f64,
+    touch_n: f64,
+    leave_n: f64,
+    /// Change of gain per sample.
+    step: f32,
+    moving: bool,
+    touching: bool,
+    gain: f32,
+    fade: Latency,
+}
+
+impl Node for SpeedGate {
+    fn descriptor() -> Descriptor {
+        Descriptor::new(
+            "speed_gate",
+            "Silence while the stylus rests or is off the surface, with hysteresis and a fade.",
+        )
+        .input(
+            Input::new("in", ShapeSpec::Audio(RateSpec::Of('r')), Unit::NONE)
+                .unit_of('u')
+                .doc("what is gated"),
+        )
+        .input(
+            Input::new("speed", ShapeSpec::Control(1), Unit::MILLIMETRE_PER_SECOND)
+                .doc("speed along the surface"),
+        )
+        .input(
+            Input::new("force", ShapeSpec::Control(1), Unit::NEWTON)
+                .or(1e3)
+                .doc("normal force; unconnected, the stylus counts as on the surface"),
+        )
+        .output(
+            Output::new("out", ShapeSpec::Audio(RateSpec::Of('r')), Unit::NONE)
+                .unit_of('u')
+                .doc("what gets through"),
+        )
+        .output(
+            Output::new("active", ShapeSpec::Control(1), Unit::NONE).doc("1 while open or fading, else 0"),
+        )
+        .param(Param::number("speed_mm_s", 5.0, 0.0..=1000.0, "The gate opens at this speed.").unit("mm/s"))
+        .param(
+            Param::number("force_n", 0.02, 0.0..=100.0, "The stylus is on the surface from this force on.")
+                .unit("N"),
+        )
+        .param(Param::number(
+            "hysteresis",
+            0.8,
+            0.0..=1.0,
+            "The gate closes at this part of speed and force.",
+        ))
+        .param(Param::number("fade_ms", 10.0, 0.1..=1000.0, "How long it takes to open or close.").unit("ms"))
+        .gates("in")
+        .timing("opens and closes over `fade_ms`")
+    }
+
+    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
+        let p = setup.params;
+        let (speed, force, part) = (p.number("speed_mm_s"), p.number("force_n"), p.number("hysteresis"));
+        let samples = (p.number("fade_ms") * 1e-3 * f64::from(setup.input_rate(0))).max(1.0).round();
+        Ok(Self {
+            open_mm_s: speed,
+            close_mm_s: speed * part,
+            touch_n: force,
+            leave_n: force * part,
+            step: (1.0 / samples) as f32,
+            moving: false,
+            touching: false,
+            gain: 0.0,
+            fade: Latency::samples(samples as i64, setup.input_rate(0)),
+        })
+    }
+
+    fn wants(&mut self, tick: &mut Tick<'_>) -> bool {
+        let (speed, force) = (tick.inputs.value(1), tick.inputs.value(2));
+        self.moving = speed >= if self.moving { self.close_mm_s } else { self.open_mm_s };
+        // At a threshold of 0 a stylus in the air, whose force is 0, must still count as off.
+        self.touching = force > 0.0 && force >= if self.touching { self.leave_n } else { self.touch_n };
+        (self.moving && self.touching) || self.gain > 0.0
+    }
+
+    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
+        let open = self.moving && self.touching;
+        if !open && self.gain == 0.0 {
+            tick.outputs.set(1, 0.0);
+            return Status::Quiet;
+        }
+        tick.outputs.set(1, 1.0);
+        let step = if open { self.step } else { -self.step };
+        for (y, x) in tick.outputs.audio(0).iter_mut().zip(tick.inputs.audio(0)) {
+            self.gain = (self.gain + step).clamp(0.0, 1.0);
+            // Smoothstep: no corner where the fade begins or ends.
+            *y = x * (self.gain * self.gain * (3.0 - 2.0 * self.gain));
+        }
+        Status::Continue
+    }
+
+    fn reset(&mut self) {
+        (self.moving, self.touching, self.gain) = (false, false, 0.0);
+    }
+
+    fn tail(&self) -> Latency {
+        self.fade
+    }
+}

@@ -1,0 +1,50 @@
+//! `virtual_floor`: Hooke's law against a plane.
+
+use asperity_node::{
+    Descriptor, Diagnostic, Input, Node, Output, Param, Setup, ShapeSpec, Status, Tick, Unit,
+};
+
+/// A horizontal plane that pushes back in proportion to how deep the stylus is in it.
+pub struct VirtualFloor {
+    height_mm: f64,
+    stiffness_n_per_mm: f64,
+    max_force_n: f64,
+}
+
+impl Node for VirtualFloor {
+    fn descriptor() -> Descriptor {
+        Descriptor::new(
+            "virtual_floor",
+            "A horizontal plane: normal force by Hooke's law, clamped to the device's.",
+        )
+        .input(
+            Input::new("position", ShapeSpec::Control(3), Unit::MILLIMETRE)
+                .doc("x, y, z of the stylus, z up"),
+        )
+        .output(
+            Output::new("force", ShapeSpec::Control(1), Unit::NEWTON).doc("normal force, upwards, 0 off it"),
+        )
+        .output(Output::new("depth", ShapeSpec::Control(1), Unit::MILLIMETRE).doc("penetration, 0 off it"))
+        .param(Param::number("stiffness_n_per_mm", 0.5, 0.0..=100.0, "Stiffness of the plane.").unit("N/mm"))
+        .param(Param::number("max_force_n", 3.3, 0.0..=100.0, "The most the device can push.").unit("N"))
+        .param(Param::number("height_mm", 0.0, -1000.0..=1000.0, "Height of the plane.").unit("mm"))
+    }
+
+    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
+        Ok(Self {
+            height_mm: setup.params.number("height_mm"),
+            stiffness_n_per_mm: setup.params.number("stiffness_n_per_mm"),
+            max_force_n: setup.params.number("max_force_n"),
+        })
+    }
+
+    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
+        let z = tick.inputs.control(0)[2];
+        let depth = (self.height_mm - z).max(0.0);
+        tick.outputs.set(0, (self.stiffness_n_per_mm * depth).min(self.max_force_n));
+        tick.outputs.set(1, depth);
+        Status::Continue
+    }
+
+    fn reset(&mut self) {}
+}

@@ -1,0 +1,111 @@
+//! `stroke`: a made stroke.
+
+use asperity_node::{
+    Descriptor, Diagnostic, Latency, Node, Output, Param, Resume, Setup, ShapeSpec, Status, Tick, Unit,
+};
+use asperity_world::motion::{self, Shape, StrokeParams};
+
+use super::microseconds;
+
+/// Makes a stroke by rule: approach, a path on the surface, lift-off. A pure function of time and seed.
+pub struct Stroke(motion::Stroke);
+
+impl Node for Stroke {
+    fn descriptor() -> Descriptor {
+        Descriptor::new(
+            "stroke",
+            "Makes a stroke: zigzag, circle or line, with tremor, approach and lift-off.",
+        )
+        .output(Output::new("position", ShapeSpec::Control(3), Unit::MILLIMETRE).doc("x, y, z, z up"))
+        .param(Param::choice(
+            "shape",
+            &["zigzag", "circle", "line"],
+            "The path on the surface; its turns are minimum-jerk movements.",
+        ))
+        .param(Param::number("extent_mm", 80.0, 0.1..=1000.0, "Length along x, or diameter.").unit("mm"))
+        .param(Param::number("speed_mm_s", 100.0, 0.1..=2000.0, "Mean speed over the path.").unit("mm/s"))
+        .param(
+            Param::number(
+                "force_n",
+                1.0,
+                0.0..=100.0,
+                "Mean normal force on a floor of `stiffness_n_per_mm`.",
+            )
+            .unit("N"),
+        )
+        .param(Param::number("force_swing", 0.3, 0.0..=1.0, "Slow change of the force, as a part of it."))
+        .param(Param::number("force_swing_hz", 0.3, 0.0..=5.0, "How often the force changes so.").unit("Hz"))
+        .param(
+            Param::number(
+                "stiffness_n_per_mm",
+                0.5,
+                0.001..=1000.0,
+                "Stiffness of the floor that is pressed on.",
+            )
+            .unit("N/mm"),
+        )
+        .param(
+            Param::number("clearance_mm", 10.0, 0.0..=1000.0, "Height before approach and after lift-off.")
+                .unit("mm"),
+        )
+        .param(
+            Param::number("approach_s", 0.4, 0.01..=10.0, "Time of the approach, and of the lift-off.")
+                .unit("s"),
+        )
+        .param(Param::number("duration_s", 8.0, 0.2..=1e6, "Time from approach to lift-off.").unit("s"))
+        .param(
+            Param::number("tremor_mm", 0.05, 0.0..=10.0, "Largest displacement by a tremor of 8 to 12 Hz.")
+                .unit("mm"),
+        )
+        .param(
+            Param::number(
+                "quantum_mm",
+                0.055,
+                0.0..=10.0,
+                "The sensor's step, to which positions are rounded; 0 for none.",
+            )
+            .unit("mm"),
+        )
+        .param(
+            Param::integer("seed", 1, 0..=i64::MAX, "Seed of tremor and force; left out, from the graph's.")
+                .optional(),
+        )
+        .resumes(Resume::Resume)
+    }
+
+    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
+        let p = setup.params;
+        let params = StrokeParams {
+            shape: Shape::from_name(p.text("shape")).ok_or_else(|| p.error("shape", "unknown shape"))?,
+            extent_mm: p.number("extent_mm"),
+            mean_speed_mm_s: p.number("speed_mm_s"),
+            force_n: p.number("force_n"),
+            force_swing: p.number("force_swing"),
+            force_swing_hz: p.number("force_swing_hz"),
+            stiffness_n_per_mm: p.number("stiffness_n_per_mm"),
+            clearance_mm: p.number("clearance_mm"),
+            approach_s: p.number("approach_s"),
+            duration_s: p.number("duration_s"),
+            tremor_mm: p.number("tremor_mm"),
+            quantum_mm: p.number("quantum_mm"),
+            seed: p.get_integer("seed").map_or(setup.seed, |s| s as u64),
+        };
+        motion::Stroke::new(params).map(Self).map_err(|e| {
+            let name = e.message.split('`').nth(1).unwrap_or("").to_owned();
+            let d = p.error(&name, e.message.clone());
+            if let Some(help) = e.help { d.help(help) } else { d }
+        })
+    }
+
+    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
+        let sample = self.0.sample(tick.seconds());
+        tick.outputs.control(0).copy_from_slice(&sample.position);
+        Status::Continue
+    }
+
+    fn reset(&mut self) {}
+
+    fn duration(&self) -> Option<Latency> {
+        Some(microseconds(self.0.duration_s()))
+    }
+}

@@ -1,0 +1,103 @@
+//! `trajectory`: a recorded stroke.
+
+use asperity_node::{
+    Descriptor, Diagnostic, Fact, FactValue, Latency, Node, Output, Param, Resume, Setup, ShapeSpec, Status,
+    Tick, Unit,
+};
+use asperity_source::Source;
+use asperity_world::motion::{self, AxisMap, Cursor, Interpolation, TrajectoryOptions};
+
+use super::microseconds;
+
+/// Played where a graph names no file: a zigzag with a pause and a lift-off.
+const SHIPPED: &str = include_str!("../../../graphs/trajectories/zigzag.csv");
+
+/// Plays a CSV file of positions and, where recorded, forces and speeds.
+pub struct Trajectory {
+    trajectory: motion::Trajectory,
+    cursor: Cursor,
+}
+
+impl Node for Trajectory {
+    fn descriptor() -> Descriptor {
+        Descriptor::new("trajectory", "Plays a recorded stroke from a CSV file, interpolated at the tick.")
+            .output(Output::new("position", ShapeSpec::Control(3), Unit::MILLIMETRE).doc("x, y, z, z up"))
+            .output(
+                Output::new("force", ShapeSpec::Control(1), Unit::NEWTON)
+                    .doc("the recorded normal force; the file needs a force_n column"),
+            )
+            .output(
+                Output::new("speed", ShapeSpec::Control(1), Unit::MILLIMETRE_PER_SECOND)
+                    .doc("the recorded speed; the file needs a speed_mm_s column"),
+            )
+            .param(
+                Param::file(
+                    "file",
+                    "CSV with the columns t_s, x_mm, y_mm, z_mm and, where recorded, force_n and speed_mm_s; at any \
+                     rate, also irregular. Left out, a shipped zigzag.",
+                )
+                .optional(),
+            )
+            .param(Param::text(
+                "axes",
+                "x,y,z",
+                "Which of the file's axes are x, y and z here: \"x,-z,y\" for a device whose vertical is y.",
+            ))
+            .param(Param::choice("interpolation", &["cubic", "linear"], "How positions between rows are found."))
+            .param(
+                Param::number("max_gap_s", 0.0, 0.0..=3600.0, "Longest time between rows; 0 for 0.1 s or five median steps.")
+                    .unit("s"),
+            )
+            .resumes(Resume::Resume)
+    }
+
+    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
+        let p = setup.params;
+        let axes = AxisMap::parse(p.text("axes")).map_err(|e| {
+            let d = p.error("axes", e.message.clone());
+            if let Some(help) = e.help { d.help(help) } else { d }
+        })?;
+        let linear = p.text("interpolation") == "linear";
+        let max_gap_s = Some(p.number("max_gap_s")).filter(|s| *s > 0.0);
+        let interpolation = if linear { Interpolation::Linear } else { Interpolation::Cubic };
+        let options = TrajectoryOptions { axes, max_gap_s, interpolation };
+        let trajectory = if p.get("file").is_some() {
+            motion::Trajectory::read(p.file("file"), &options)?
+        } else {
+            motion::Trajectory::parse(&Source::new("trajectories/zigzag.csv (shipped)", SHIPPED), &options)?
+        };
+        let recorded =
+            [("force", trajectory.has_force(), "force_n"), ("speed", trajectory.has_speed(), "speed_mm_s")];
+        for (output, (name, there, column)) in recorded.iter().enumerate() {
+            if setup.outputs[1 + output].connected && !there {
+                let message =
+                    format!("`{}.{name}` is wired, but the file has no column `{column}`", setup.id);
+                return Err(p.error("file", message).help("record it, or compute it with other nodes"));
+            }
+        }
+        Ok(Self { trajectory, cursor: Cursor::default() })
+    }
+
+    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
+        let sample = self.trajectory.sample_from(&mut self.cursor, tick.seconds());
+        tick.outputs.control(0).copy_from_slice(&sample.position);
+        tick.outputs.set(1, sample.force.unwrap_or(0.0));
+        tick.outputs.set(2, sample.speed.unwrap_or(0.0));
+        Status::Continue
+    }
+
+    fn reset(&mut self) {
+        self.cursor = Cursor::default();
+    }
+
+    fn duration(&self) -> Option<Latency> {
+        Some(microseconds(self.trajectory.duration_s()))
+    }
+
+    fn facts(&self) -> Vec<Fact> {
+        vec![
+            Fact { name: "rows", value: FactValue::Count(self.trajectory.rows() as u64) },
+            Fact { name: "duration", value: FactValue::Number(self.trajectory.duration_s(), "s") },
+        ]
+    }
+}

@@ -1,0 +1,5 @@
+//! Phase retrieval: from magnitudes to spectra.
+
+mod spsi;
+
+pub use spsi::Spsi;

@@ -1,0 +1,95 @@
+//! `audio_out`: the way to the actuator.
+
+use asperity_node::{
+    Descriptor, Diagnostic, Fact, FactValue, Input, Node, Output, Param, RateSpec, Setup, ShapeSpec, Status,
+    Tick, Unit,
+};
+
+/// How long the output takes to fade when what it depends on fails, in seconds.
+const FADE_S: f32 = 0.01;
+
+/// The sound card's entry in a graph: turns amperes or volts into samples of a device.
+///
+/// Samples stay within full scale whatever comes in. While the input is not to be trusted they fade to zero.
+pub struct AudioOut {
+    scale: f32,
+    step: f32,
+    gain: f32,
+    clipped: u64,
+}
+
+impl Node for AudioOut {
+    fn descriptor() -> Descriptor {
+        const DRIVES: &[Unit] = &[Unit::AMPERE, Unit::VOLT];
+        Descriptor::new(
+            "audio_out",
+            "Plays a limited current or voltage through the sound card; offline, the WAV file.",
+        )
+        .input(
+            Input::new("in", ShapeSpec::Audio(RateSpec::Graph), Unit::NONE)
+                .unit_among('u', DRIVES)
+                .guarded()
+                .doc("what drives the coil, behind a limiter"),
+        )
+        .output(
+            Output::new("samples", ShapeSpec::Audio(RateSpec::Graph), Unit::FULL_SCALE)
+                .doc("what the device plays"),
+        )
+        .param(
+            Param::number(
+                "volts_at_full_scale",
+                1.0,
+                1e-3..=100.0,
+                "Peak volts the card puts out at full scale.",
+            )
+            .unit("V"),
+        )
+        .param(
+            Param::number(
+                "amps_per_volt",
+                1.0,
+                1e-3..=100.0,
+                "Gain of a current amplifier behind the card (input in A).",
+            )
+            .unit("A/V"),
+        )
+        .param(Param::number(
+            "volts_per_volt",
+            1.0,
+            1e-3..=1000.0,
+            "Gain of a voltage amplifier behind the card (input in V).",
+        ))
+        .sink()
+    }
+
+    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
+        let p = setup.params;
+        let current = setup.input(0).is_some_and(|port| port.unit == Unit::AMPERE);
+        let amplifier = p.number(if current { "amps_per_volt" } else { "volts_per_volt" });
+        let scale = 1.0 / (amplifier * p.number("volts_at_full_scale"));
+        let step = 1.0 / (FADE_S * setup.audio_hz as f32);
+        Ok(Self { scale: scale as f32, step, gain: 1.0, clipped: 0 })
+    }
+
+    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
+        let trusted = tick.inputs.valid(0);
+        let step = if trusted { self.step } else { -self.step };
+        let mut clipped = 0;
+        for (y, x) in tick.outputs.audio(0).iter_mut().zip(tick.inputs.audio(0)) {
+            self.gain = (self.gain + step).clamp(0.0, 1.0);
+            let wanted = self.scale * self.gain * x;
+            *y = wanted.clamp(-1.0, 1.0);
+            clipped += u64::from(*y != wanted);
+        }
+        self.clipped += clipped;
+        Status::Continue
+    }
+
+    fn reset(&mut self) {
+        self.gain = 1.0;
+    }
+
+    fn facts(&self) -> Vec<Fact> {
+        vec![Fact { name: "clipped_samples", value: FactValue::Count(self.clipped) }]
+    }
+}

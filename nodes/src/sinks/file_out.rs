@@ -1,0 +1,55 @@
+//! `file_out`: audio of any kind and rate to a file.
+
+use asperity_node::{
+    Descriptor, Diagnostic, Input, Node, Output, Param, RateSpec, Setup, ShapeSpec, Status, Tick, Unit,
+};
+
+/// A sink for audio of any unit and rate; the host writes its output to a WAV file, or a .npy file.
+pub struct FileOut {
+    scale: f32,
+}
+
+impl Node for FileOut {
+    fn descriptor() -> Descriptor {
+        Descriptor::new("file_out", "Records audio of any unit and rate to a file of its own.")
+            .input(
+                Input::new("in", ShapeSpec::Audio(RateSpec::Of('r')), Unit::NONE)
+                    .unit_of('u')
+                    .doc("what is recorded"),
+            )
+            .output(
+                Output::new("samples", ShapeSpec::Audio(RateSpec::Of('r')), Unit::FULL_SCALE)
+                    .doc("what the host writes"),
+            )
+            .param(
+                Param::text(
+                    "file",
+                    "",
+                    "A .wav (32-bit float) or .npy file, relative to where the program runs.",
+                )
+                .required(),
+            )
+            .param(Param::number("full_scale", 1.0, 1e-9..=1e9, "What is written as 1, in the input's unit."))
+            .sink()
+    }
+
+    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
+        let file = setup.params.text("file");
+        if !(file.ends_with(".wav") || file.ends_with(".npy")) {
+            return Err(setup
+                .params
+                .error("file", format!("cannot tell the format of {file:?}"))
+                .help(".wav or .npy"));
+        }
+        Ok(Self { scale: (1.0 / setup.params.number("full_scale")) as f32 })
+    }
+
+    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
+        for (y, x) in tick.outputs.audio(0).iter_mut().zip(tick.inputs.audio(0)) {
+            *y = self.scale * x;
+        }
+        Status::Continue
+    }
+
+    fn reset(&mut self) {}
+}

@@ -1,0 +1,36 @@
+//! `probe`: keeps what it is wired to in view of the host.
+
+use asperity_node::{Descriptor, Diagnostic, Input, Node, Param, Setup, ShapeSpec, Status, Tick, Unit};
+
+/// A sink for any signal. The host reads its input after every tick and writes what it read.
+pub struct Probe;
+
+impl Node for Probe {
+    fn descriptor() -> Descriptor {
+        Descriptor::new("probe", "Records any signal; the host writes it to a file.")
+            .input(Input::new("in", ShapeSpec::Like('s'), Unit::NONE).unit_of('u').doc("what is recorded"))
+            .param(Param::text(
+                "file",
+                "",
+                "A .csv or .npy file, relative to where the program runs; empty records nothing.",
+            ))
+            .sink()
+    }
+
+    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
+        let file = setup.params.text("file");
+        if !(file.is_empty() || file.ends_with(".csv") || file.ends_with(".npy")) {
+            return Err(setup
+                .params
+                .error("file", format!("cannot tell the format of {file}"))
+                .help(".csv or .npy"));
+        }
+        Ok(Self)
+    }
+
+    fn process(&mut self, _tick: &mut Tick<'_>) -> Status {
+        Status::Continue
+    }
+
+    fn reset(&mut self) {}
+}

@@ -1,0 +1,79 @@
+//! `overlap_add`: spectra to a signal.
+
+use asperity_dsp::Framing;
+use asperity_dsp::overlap_add;
+use asperity_node::{
+    Descriptor, Diagnostic, Fact, FactValue, Input, Latency, LayoutSpec, Node, Output, RateSpec, Setup,
+    Shape, ShapeSpec, Status, Tick, Unit,
+};
+
+/// Inverse FFT and weighted overlap-add, gain-exact for any hop.
+pub struct OverlapAdd {
+    kernel: overlap_add::OverlapAdd<f32>,
+    rate_hz: u32,
+    length: u32,
+    started: bool,
+    refused: u64,
+}
+
+impl Node for OverlapAdd {
+    fn descriptor() -> Descriptor {
+        Descriptor::new("overlap_add", "Inverse FFT and weighted overlap-add with Hann windows; unit gain at any hop.")
+            .input(
+                Input::new("spectrum", ShapeSpec::Spectrum(LayoutSpec::Of('l')), Unit::NONE)
+                    .unit_of('u')
+                    .doc("frames with phases"),
+            )
+            .output(
+                Output::new("signal", ShapeSpec::Audio(RateSpec::Of('l')), Unit::NONE)
+                    .unit_of('u')
+                    .doc("the signal at the frames' rate"),
+            )
+            .timing("no latency: frame n covers samples from its start on; a change of level shows half a window late")
+    }
+
+    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
+        let Some(Shape::Spectrum(l)) = setup.input(0).map(|p| p.shape) else {
+            return Err(setup.params.node_error("nothing settles the layout of the frames"));
+        };
+        let framing = Framing {
+            rate_hz: l.rate_hz,
+            fft_len: l.length as usize,
+            bins: l.bins as usize,
+            frame_num: l.frame_rate.num(),
+            frame_den: l.frame_rate.den(),
+        };
+        let kernel = overlap_add::OverlapAdd::new(framing)
+            .map_err(|e| setup.params.node_error(format!("{e}: {l}")))?;
+        Ok(Self { kernel, rate_hz: l.rate_hz, length: l.length, started: false, refused: 0 })
+    }
+
+    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
+        let span = tick.samples(self.rate_hz);
+        if !self.started {
+            self.kernel.reset(span.start);
+            self.started = true;
+        }
+        if let Some(frame) = tick.inputs.spectrum(0) {
+            self.refused += u64::from(self.kernel.add_frame(frame.start, frame.bins).is_err());
+        }
+        self.kernel.emit(span.start, tick.outputs.audio(0));
+        Status::Continue
+    }
+
+    fn reset(&mut self) {
+        self.started = false;
+    }
+
+    fn tail(&self) -> Latency {
+        Latency::samples(i64::from(self.length), self.rate_hz)
+    }
+
+    fn facts(&self) -> Vec<Fact> {
+        let lag = f64::from(self.length) * 500.0 / f64::from(self.rate_hz);
+        vec![
+            Fact { name: "response_lag", value: FactValue::Number(lag, "ms") },
+            Fact { name: "refused_frames", value: FactValue::Count(self.refused) },
+        ]
+    }
+}

@@ -1,0 +1,104 @@
+//! `resample`: a signal at another rate.
+
+use asperity_dsp::{Conversion, FilterPhase, Resampler};
+use asperity_node::{
+    Config, Descriptor, Diagnostic, Input, Latency, Node, Output, Param, Ports, RateSpec, Setup, ShapeSpec,
+    Status, Tick, Unit,
+};
+
+/// Brings a signal to the audio rate, or any other, by a polyphase filter.
+pub struct Resample {
+    /// None where both rates are the same.
+    kernel: Option<Resampler<f32>>,
+    in_hz: u32,
+    out_hz: u32,
+    latency: Latency,
+}
+
+/// Highest frequency that is kept whatever the rates, in Hz.
+const PASSBAND_HZ: f64 = 1000.0;
+
+impl Node for Resample {
+    fn descriptor() -> Descriptor {
+        Descriptor::new("resample", "Brings a signal to the audio rate, or any other: polyphase, any ratio of the two.")
+            .input(
+                Input::new("in", ShapeSpec::Audio(RateSpec::Of('i')), Unit::NONE).unit_of('u').doc("the signal at its own rate"),
+            )
+            .output(
+                Output::new("out", ShapeSpec::Audio(RateSpec::Graph), Unit::NONE).unit_of('u').doc("the same at the other rate"),
+            )
+            .param(Param::integer("rate_hz", 0, 0..=192_000, "The output's rate; 0 for the graph's audio rate.").unit("Hz"))
+            .param(Param::choice(
+                "phase",
+                &["linear", "minimum"],
+                "`linear` delays all frequencies alike; `minimum` has the least delay, and more of it at high frequencies.",
+            ))
+            .param(
+                Param::number(
+                    "passband",
+                    0.4,
+                    0.05..=0.48,
+                    "Flat to 0.1 dB up to this part of the lower rate: 0.4 of 2500 Hz is 1000 Hz. Nearer 0.5 is longer.",
+                ),
+            )
+            .timing("the filter's delay, stated exactly by `asperity check`")
+    }
+
+    fn ports(config: &Config<'_>, mut ports: Ports) -> Result<Ports, Diagnostic> {
+        match config.params.integer("rate_hz") {
+            0 => {}
+            hz if hz >= 100 => ports.outputs[0].shape = ShapeSpec::Audio(RateSpec::Hz(hz as u32)),
+            _ => {
+                return Err(config
+                    .params
+                    .error("rate_hz", "a rate below 100 Hz carries no texture")
+                    .help("0, or 100 to 192000 Hz"));
+            }
+        }
+        Ok(ports)
+    }
+
+    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
+        let p = setup.params;
+        let (in_hz, out_hz) = (setup.input_rate(0), setup.output_rate(0));
+        let phase = if p.text("phase") == "minimum" { FilterPhase::Minimum } else { FilterPhase::Linear };
+        if in_hz == out_hz {
+            return Ok(Self { kernel: None, in_hz, out_hz, latency: Latency::ZERO });
+        }
+        // Above the band that is predicted there is nothing to keep: a shorter filter does.
+        let mut passband = p.number("passband");
+        if !p.is_set("passband") {
+            passband = passband.min(PASSBAND_HZ / f64::from(in_hz.min(out_hz))).max(0.05);
+        }
+        let conversion = Conversion { in_hz, out_hz, tick_num: setup.tick_hz, tick_den: 1, phase, passband };
+        let kernel = Resampler::new(&conversion)
+            .map_err(|e| p.node_error(format!("cannot go from {in_hz} to {out_hz} Hz: {e}")))?;
+        let (num, den) = kernel.latency();
+        let latency = Latency::ratio(num as i64, den as i64);
+        Ok(Self { kernel: Some(kernel), in_hz, out_hz, latency })
+    }
+
+    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
+        let (first_in, first_out) = (tick.samples(self.in_hz).start, tick.samples(self.out_hz).start);
+        let (input, output) = (tick.inputs.audio(0), tick.outputs.audio(0));
+        match &mut self.kernel {
+            Some(kernel) => kernel.process(first_in, input, first_out, output),
+            None => output.copy_from_slice(input),
+        }
+        Status::Continue
+    }
+
+    fn reset(&mut self) {
+        if let Some(kernel) = &mut self.kernel {
+            kernel.reset();
+        }
+    }
+
+    fn latency(&self) -> Latency {
+        self.latency
+    }
+
+    fn tail(&self) -> Latency {
+        self.latency + self.latency
+    }
+}

@@ -1,0 +1,96 @@
+//! `action_history`: the last forces and velocities, as the texture network reads them.
+
+use asperity_node::{
+    Config, Descriptor, Diagnostic, Input, Node, Output, Param, Ports, Resume, Setup, ShapeSpec, Status,
+    Tick, Unit,
+};
+
+/// Samples force and velocity at a rate of its own and keeps the last ones.
+///
+/// Sample j is taken at time j / rate, between two ticks by linear interpolation, so that the history means
+/// the same whatever the tick rate. It starts with zeros and never sleeps.
+pub struct ActionHistory {
+    points: usize,
+    rate_hz: u64,
+    tick_hz: u64,
+    every: u64,
+    next: u64,
+    /// Force, vx, vy of the last tick.
+    before: Option<[f64; 3]>,
+    /// Oldest first.
+    history: Vec<[f64; 3]>,
+}
+
+impl Node for ActionHistory {
+    fn descriptor() -> Descriptor {
+        Descriptor::new(
+            "action_history",
+            "The last forces and velocities, oldest first, at the model's own rate.",
+        )
+        .input(Input::new("force", ShapeSpec::Control(1), Unit::NEWTON).doc("normal force"))
+        .input(Input::new("velocity", ShapeSpec::Control(2), Unit::MILLIMETRE_PER_SECOND).doc("vx, vy"))
+        .output(
+            Output::new("force", ShapeSpec::Control(10), Unit::NEWTON)
+                .doc("the last forces, zeros at the start"),
+        )
+        .output(
+            Output::new("velocity", ShapeSpec::Control(20), Unit::MILLIMETRE_PER_SECOND)
+                .doc("the last vx, then the last vy, zeros at the start"),
+        )
+        .param(Param::integer("points", 10, 1..=1000, "How many samples are kept."))
+        .param(Param::integer("rate_hz", 500, 1..=4000, "How often a sample is taken.").unit("Hz"))
+        .resumes(Resume::Never)
+    }
+
+    fn ports(config: &Config<'_>, mut ports: Ports) -> Result<Ports, Diagnostic> {
+        let points = config.params.integer("points") as usize;
+        ports.outputs[0].shape = ShapeSpec::Control(points);
+        ports.outputs[1].shape = ShapeSpec::Control(2 * points);
+        Ok(ports)
+    }
+
+    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
+        let points = setup.params.integer("points") as usize;
+        Ok(Self {
+            points,
+            rate_hz: setup.params.integer("rate_hz") as u64,
+            tick_hz: u64::from(setup.tick_hz),
+            every: u64::from(setup.every),
+            next: 0,
+            before: None,
+            history: vec![[0.0; 3]; points],
+        })
+    }
+
+    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
+        let v = tick.inputs.control(1);
+        let now = [tick.inputs.value(0), v[0], v[1]];
+        let before = self.before.replace(now).unwrap_or(now);
+        // Sample j is due when j / rate <= tick / tick_hz; more than `points` of them push each other out.
+        let due = tick.index * self.rate_hz / self.tick_hz + 1;
+        self.next = self.next.max(due.saturating_sub(self.points as u64));
+        while self.next < due {
+            let late = (tick.index * self.rate_hz - self.next * self.tick_hz) as f64;
+            let part = (late / (self.every * self.rate_hz) as f64).min(1.0);
+            self.history.rotate_left(1);
+            for (slot, (b, n)) in self.history[self.points - 1].iter_mut().zip(before.iter().zip(&now)) {
+                *slot = n + (b - n) * part;
+            }
+            self.next += 1;
+        }
+        for (y, h) in tick.outputs.control(0).iter_mut().zip(&self.history) {
+            *y = h[0];
+        }
+        let velocity = tick.outputs.control(1);
+        for (i, h) in self.history.iter().enumerate() {
+            velocity[i] = h[1];
+            velocity[self.points + i] = h[2];
+        }
+        Status::Continue
+    }
+
+    fn reset(&mut self) {
+        (self.next, self.before) = (0, None);
+        self.history.fill([0.0; 3]);
+    }
+}

@@ -1,0 +1,7 @@
+//! Texture: what was done, and what vibration follows.
+
+mod action_history;
+mod texture_network;
+
+pub use action_history::ActionHistory;
+pub use texture_network::TextureNetwork;

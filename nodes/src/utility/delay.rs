@@ -1,0 +1,131 @@
+//! `delay`: the same, later; and what a cycle needs.
+
+use asperity_node::{
+    Descriptor, Diagnostic, Input, Latency, Node, Output, Param, Setup, Shape, ShapeSpec, Status, Tick, Unit,
+    time,
+};
+
+/// Delays a signal by a whole number of samples (audio) or ticks (control).
+pub struct Delay {
+    line: Line,
+    latency: Latency,
+    closes_cycle: bool,
+}
+
+/// What is on its way. Position p holds what came in as sample (or tick) p modulo the length.
+enum Line {
+    Audio { ring: Vec<f32>, delay: u64, rate_hz: u32 },
+    Control { ring: Vec<f64>, delay: u64, count: usize },
+}
+
+impl Node for Delay {
+    fn descriptor() -> Descriptor {
+        Descriptor::new("delay", "Delays a signal, audio or control; a cycle needs one. Silent at the start.")
+            .input(Input::new("in", ShapeSpec::Like('s'), Unit::NONE).unit_of('u').doc("what is delayed"))
+            .output(Output::new("out", ShapeSpec::Like('s'), Unit::NONE).unit_of('u').doc("the same, later"))
+            .param(
+                Param::number(
+                    "delay_ms",
+                    10.0,
+                    0.0..=10_000.0,
+                    "The delay, rounded to whole samples of audio or ticks of a control; in a cycle at least a tick.",
+                )
+                .unit("ms"),
+            )
+            .timing("the delay itself")
+            .closes_cycles()
+    }
+
+    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
+        let seconds = setup.params.number("delay_ms") * 1e-3;
+        let Some(shape) = setup.input(0).map(|p| p.shape) else {
+            return Err(setup.params.node_error("nothing settles what this `delay` carries"));
+        };
+        let (rate, per_tick) = match shape {
+            Shape::Audio { rate_hz } => (rate_hz, time::max_samples(rate_hz, setup.tick_hz) as u64),
+            Shape::Control { .. } => (setup.tick_hz, 1),
+            _ => return Err(setup.params.node_error("`delay` delays audio or a control, not frames")),
+        };
+        let delay = (seconds * f64::from(rate)).round() as u64;
+        if setup.closes_cycle && delay < per_tick {
+            let least = per_tick as f64 * 1e3 / f64::from(rate);
+            return Err(setup
+                .params
+                .error(
+                    "delay_ms",
+                    format!("this delay closes a cycle and is shorter than a tick ({least:.4} ms)"),
+                )
+                .help(format!("at least {least:.4} ms, or a wiring without a cycle")));
+        }
+        if setup.every != 1 {
+            return Err(setup.params.node_error("`delay` must run every tick").help("leave `every` out"));
+        }
+        let line = match shape {
+            Shape::Audio { rate_hz } => {
+                Line::Audio { ring: vec![0.0; (delay + per_tick) as usize], delay, rate_hz }
+            }
+            Shape::Control { count } => {
+                Line::Control { ring: vec![0.0; (delay as usize + 1) * count], delay, count }
+            }
+            _ => unreachable!("refused above"),
+        };
+        Ok(Self { line, latency: Latency::samples(delay as i64, rate), closes_cycle: setup.closes_cycle })
+    }
+
+    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
+        if !self.closes_cycle {
+            self.absorb(tick);
+        }
+        match &self.line {
+            Line::Audio { ring, delay, rate_hz } => {
+                let span = tick.samples(*rate_hz);
+                for (y, at) in tick.outputs.audio(0).iter_mut().zip(span) {
+                    *y = at.checked_sub(*delay).map_or(0.0, |p| ring[(p % ring.len() as u64) as usize]);
+                }
+            }
+            Line::Control { ring, delay, count } => {
+                let out = tick.outputs.control(0);
+                match tick.index.checked_sub(*delay) {
+                    Some(p) => {
+                        let at = (p % (delay + 1)) as usize * count;
+                        out.copy_from_slice(&ring[at..at + count]);
+                    }
+                    None => out.fill(0.0),
+                }
+            }
+        }
+        Status::Continue
+    }
+
+    fn absorb(&mut self, tick: &mut Tick<'_>) {
+        match &mut self.line {
+            Line::Audio { ring, rate_hz, .. } => {
+                let (span, len) = (tick.samples(*rate_hz), ring.len() as u64);
+                for (x, at) in tick.inputs.audio(0).iter().zip(span) {
+                    ring[(at % len) as usize] = *x;
+                }
+            }
+            Line::Control { ring, delay, count } => {
+                let at = (tick.index % (*delay + 1)) as usize * *count;
+                for (slot, x) in ring[at..].iter_mut().zip(tick.inputs.control(0)) {
+                    *slot = *x;
+                }
+            }
+        }
+    }
+
+    fn reset(&mut self) {
+        match &mut self.line {
+            Line::Audio { ring, .. } => ring.fill(0.0),
+            Line::Control { ring, .. } => ring.fill(0.0),
+        }
+    }
+
+    fn latency(&self) -> Latency {
+        self.latency
+    }
+
+    fn tail(&self) -> Latency {
+        self.latency
+    }
+}
