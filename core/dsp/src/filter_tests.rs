@@ -1,6 +1,12 @@
-//! Reference values: SciPy 1.17.1. `scipy.signal.butter(2, 20, fs=fs)`, `group_delay((b, a), [0], fs)`,
-//! `lfilter(b, a, ones(12))`; for the prewarped section, `scipy.signal.bilinear` after s is scaled by
-//! `w / (2 fs tan(w / 2 fs))`, and `freqz`.
+//! Reference values: SciPy 1.17.1, printed with `repr`, from
+//!
+//! ```text
+//! b, a = scipy.signal.butter(2, 20, fs=fs); scipy.signal.group_delay((b, a), w=[0.0], fs=fs)
+//! scipy.signal.lfilter(b, a, numpy.ones(12))                                       # fs = 500
+//! w = 2*pi*65; c = w / (2*48000*tan(w/(2*48000))); wn = w; wc = 2*pi*20            # s -> c s: prewarped at 65 Hz
+//! num = [c*c, c*2*0.18*wn, wn**2]; den = [c*c, c*2*sqrt(.5)*wc, wc**2]
+//! b, a = scipy.signal.bilinear(num, den, 48000); scipy.signal.freqz(b, a, worN=[0, 10, 65, 1000, 10000], fs=48000)
+//! ```
 
 use super::*;
 
