@@ -41,11 +41,11 @@ impl Sample for f32 {
 pub enum FilterError {
     /// A coefficient, a rate or a frequency that is not finite, or a rate that is not positive.
     NotFinite,
-    /// A frequency [Hz] that is not between 0 and half the rate [Hz].
+    /// A frequency \[Hz\] that is not between 0 and half the rate \[Hz\].
     Frequency {
-        /// What was asked for [Hz].
+        /// What was asked for \[Hz\].
         hz: f64,
-        /// The sampling rate [Hz].
+        /// The sampling rate \[Hz\].
         rate_hz: f64,
     },
     /// The order of the numerator is above that of the denominator.
@@ -69,7 +69,7 @@ impl fmt::Display for FilterError {
 
 impl std::error::Error for FilterError {}
 
-/// A transfer function `(n0 s^2 + n1 s + n2) / (d0 s^2 + d1 s + d2)` in s [rad/s], highest power first.
+/// A transfer function `(n0 s^2 + n1 s + n2) / (d0 s^2 + d1 s + d2)` in s \[rad/s\], highest power first.
 ///
 /// `d0 = 0` is a section of first order.
 #[derive(Clone, Copy, Debug, PartialEq)]
