@@ -153,6 +153,9 @@ impl Picture {
             .map(|w| (outputs[w.edge.from].ports[w.ports.0].x, inputs[w.edge.to].ports[w.ports.1].x))
             .collect();
         let right = placement.place(&width, &ends);
+        // Labels stand right of their wires and may reach past the boxes.
+        let labels = outputs.iter().enumerate().flat_map(|(n, side)| side.ports.iter().map(move |p| (n, p)));
+        let right = labels.map(|(n, p)| placement.x[n] + p.x + p.room().1).fold(right, f64::max);
 
         let layers = placement.layers.len().max(1) as f64;
         let lane = |i: usize| right + MARGIN + 18.0 + 14.0 * i as f64;
