@@ -1,0 +1,145 @@
+//! The low-pass that a resampler takes its taps from, as a function of continuous time.
+
+use crate::Complex;
+use realfft::RealFftPlanner;
+use std::f64::consts::PI;
+
+/// Attenuation that the length is designed for, in dB: at the stop band's edge and beyond.
+const ATTENUATION_DB: f64 = 88.0;
+
+/// Grid points a sample of the lower rate, where a minimum-phase response is computed.
+const GRID: usize = 32;
+
+/// Impulse response of a low-pass with its half-amplitude point at half the lower rate.
+///
+/// Time is in samples of the lower rate, and the integral over time is 1.
+pub(super) enum Prototype {
+    /// `sinc(t)` under a Kaiser window, even about 0: on `[-half, half]`.
+    Linear { half: f64 },
+    /// The same magnitude response with all its zeros inside the unit circle: on `[0, len]`, `GRID` points a sample.
+    Minimum { grid: Vec<f64> },
+}
+
+/// Taps a sample of the lower rate needs, even: J. F. Kaiser's estimate for a transition of `1 - 2 passband` (A. Oppenheim,
+/// R. Schafer, "Discrete-Time Signal Processing", 3rd ed., eq. 7.76).
+pub(super) fn length(passband: f64) -> usize {
+    let width = 1.0 - 2.0 * passband;
+    // 14.36 is 2.285 x 2 pi.
+    let taps = (ATTENUATION_DB - 7.95) / (14.36 * width);
+    2 * (taps / 2.0).ceil() as usize
+}
+
+/// `kaiser(t / half) sinc(t)`, the window as in Oppenheim and Schafer, eq. 7.72 and 7.75.
+fn windowed_sinc(t: f64, half: f64) -> f64 {
+    let x = 1.0 - (t / half).powi(2);
+    if x < 0.0 {
+        return 0.0;
+    }
+    let beta = 0.1102 * (ATTENUATION_DB - 8.7);
+    let sinc = if t.abs() < 1e-9 { 1.0 } else { (PI * t).sin() / (PI * t) };
+    sinc * bessel_i0(beta * x.sqrt()) / bessel_i0(beta)
+}
+
+/// Modified Bessel function of the first kind, order 0, by its power series.
+fn bessel_i0(x: f64) -> f64 {
+    let q = x * x / 4.0;
+    let (mut term, mut sum, mut k) = (1.0, 1.0, 1.0);
+    while term > 1e-17 * sum {
+        term *= q / (k * k);
+        sum += term;
+        k += 1.0;
+    }
+    sum
+}
+
+impl Prototype {
+    pub(super) fn linear(passband: f64) -> Self {
+        Self::Linear { half: length(passband) as f64 / 2.0 }
+    }
+
+    /// By the real cepstrum: Oppenheim and Schafer, section 13.7 (homomorphic); folding it makes the phase minimum.
+    pub(super) fn minimum(passband: f64) -> Self {
+        let len = length(passband);
+        let count = len * GRID + 1;
+        // The longer, the less the cepstrum wraps around.
+        let size = (32 * count).next_power_of_two();
+        let mut planner = RealFftPlanner::<f64>::new();
+        let (forward, inverse) = (planner.plan_fft_forward(size), planner.plan_fft_inverse(size));
+        let mut time = forward.make_input_vec();
+        for (i, h) in time.iter_mut().take(count).enumerate() {
+            *h = windowed_sinc(i as f64 / GRID as f64 - len as f64 / 2.0, len as f64 / 2.0) / GRID as f64;
+        }
+        let mut spectrum = forward.make_output_vec();
+        // Buffers come from the plans and the two real bins are real, so none of these can be refused.
+        let _ = forward.process(&mut time, &mut spectrum);
+        // Nulls in the stop band have no logarithm; a floor under it leaves them as deep as matters.
+        for x in &mut spectrum {
+            *x = Complex::new(x.norm().max(10f64.powf(-130.0 / 20.0)).ln(), 0.0);
+        }
+        let _ = inverse.process(&mut spectrum, &mut time);
+        for (i, c) in time.iter_mut().enumerate() {
+            let fold = if i == 0 || i == size / 2 {
+                1.0
+            } else if i < size / 2 {
+                2.0
+            } else {
+                0.0
+            };
+            *c *= fold / size as f64;
+        }
+        let _ = forward.process(&mut time, &mut spectrum);
+        for x in &mut spectrum {
+            *x = x.exp();
+        }
+        for real in [0, size / 2] {
+            spectrum[real].im = 0.0;
+        }
+        let _ = inverse.process(&mut spectrum, &mut time);
+        time.truncate(count);
+        let sum: f64 = time.iter().sum();
+        Self::Minimum { grid: time.into_iter().map(|h| h * GRID as f64 / sum).collect() }
+    }
+
+    /// The response at `t` samples of the lower rate.
+    pub(super) fn at(&self, t: f64) -> f64 {
+        match self {
+            Self::Linear { half } => windowed_sinc(t, *half),
+            Self::Minimum { grid } => {
+                let place = t * GRID as f64;
+                if place < 0.0 || place > (grid.len() - 1) as f64 {
+                    return 0.0;
+                }
+                // Lagrange's polynomial through six points: the response's band is a 27th of the grid's.
+                let base = place.floor();
+                let x = place - base;
+                let mut sum = 0.0;
+                for i in -2i32..=3 {
+                    let Some(h) = (base as usize).checked_add_signed(i as isize).and_then(|k| grid.get(k))
+                    else {
+                        continue;
+                    };
+                    let others = (-2i32..=3).filter(|&j| j != i);
+                    sum += h * others.map(|j| (x - f64::from(j)) / f64::from(i - j)).product::<f64>();
+                }
+                sum
+            }
+        }
+    }
+
+    /// Group delay in samples of the lower rate, at `freq` in cycles a sample.
+    pub(super) fn group_delay(&self, freq: f64) -> f64 {
+        match self {
+            Self::Linear { .. } => 0.0,
+            Self::Minimum { grid } => {
+                let (mut sum, mut moment) = (Complex::<f64>::default(), Complex::<f64>::default());
+                for (i, h) in grid.iter().enumerate() {
+                    let t = i as f64 / GRID as f64;
+                    let x = Complex::from_polar(*h, -2.0 * PI * freq * t);
+                    sum += x;
+                    moment += x * t;
+                }
+                (moment / sum).re
+            }
+        }
+    }
+}
