@@ -164,12 +164,12 @@ fn signals_drawn_from_the_law_have_the_expected_magnitudes() {
     let law = weave();
     let bins = [3, 9, 17, 30, 60];
     for (speed, force) in [(120.0, 1.0), (250.0, 2.0)] {
-        let drawn = drawn_magnitudes(&law, speed, force, &bins, 150);
+        let drawn = drawn_magnitudes(&law, speed, force, &bins, 80);
         let expected = law.expected_magnitudes(speed, force);
         for (&k, drawn) in bins.iter().zip(drawn) {
-            // a Rayleigh mean of 150 draws deviates by 4.3 %; four of those
+            // a Rayleigh mean of 80 draws deviates by 5.8 %; four of those
             let ratio = drawn / expected[k - 1];
-            assert!((ratio - 1.0).abs() < 0.17, "bin {k} at {speed} mm/s: {ratio}");
+            assert!((ratio - 1.0).abs() < 0.235, "bin {k} at {speed} mm/s: {ratio}");
         }
     }
 }

@@ -1,0 +1,287 @@
+//! What the chain measures of a stroke: the network's inputs, with the sensor's faults, and what they stand for.
+
+use asperity_dsp::filter::{Biquad, FilterError, Section};
+use asperity_world::material::Random;
+use asperity_world::motion::Stroke;
+
+/// Samples in a history.
+pub(crate) const HISTORY: usize = 10;
+/// Rate of history samples [Hz].
+pub(crate) const RATE_HZ: f64 = 500.0;
+/// Fastest stroke trained [mm/s].
+pub(crate) const MAX_SPEED_MM_S: f64 = 300.0;
+/// Largest force trained [N].
+pub(crate) const MAX_FORCE_N: f64 = 3.5;
+
+/// Corner of the chain's velocity filter [Hz].
+const CUTOFF_HZ: f64 = 20.0;
+/// The sensor's step [mm].
+const SENSOR_STEP_MM: f64 = 0.055;
+/// Stiffness of the floor [N/mm], which makes force of the sensor's step.
+const STIFFNESS_N_PER_MM: f64 = 0.5;
+/// The largest force of the device [N].
+const DEVICE_FORCE_N: f64 = 3.3;
+/// Ticks a drawn motion runs before its history begins: five time constants of the filter.
+const WARM_UP: usize = 30;
+
+/// One input of the network and what it stands for.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct History {
+    /// Forces [N], oldest first.
+    pub force: [f32; HISTORY],
+    /// 10 vx, then 10 vy [mm/s], oldest first, as measured.
+    pub velocity: [f32; 2 * HISTORY],
+    /// (speed [mm/s], force [N]) for the law: the force as measured, the speed through the same filter but of
+    /// positions that were not rounded.
+    pub clean: [(f64, f64); HISTORY],
+}
+
+impl History {
+    fn silent() -> Self {
+        Self { force: [0.0; HISTORY], velocity: [0.0; 2 * HISTORY], clean: [(0.0, 0.0); HISTORY] }
+    }
+
+    fn push(&mut self, force: f64, measured: [f64; 2], clean: [f64; 2]) {
+        self.force.rotate_left(1);
+        self.velocity[..HISTORY].rotate_left(1);
+        self.velocity[HISTORY..].rotate_left(1);
+        self.clean.rotate_left(1);
+        self.force[HISTORY - 1] = force as f32;
+        self.velocity[HISTORY - 1] = measured[0] as f32;
+        self.velocity[2 * HISTORY - 1] = measured[1] as f32;
+        self.clean[HISTORY - 1] = (clean[0].hypot(clean[1]), force);
+    }
+
+    /// Newest speed [mm/s] and force [N].
+    pub(crate) fn newest(&self) -> (f64, f64) {
+        self.clean[HISTORY - 1]
+    }
+}
+
+/// Velocity as the chain measures it: a finite difference and a second-order 20 Hz low-pass.
+#[derive(Clone, Debug)]
+struct Velocity {
+    filters: [Biquad; 2],
+    last: Option<[f64; 2]>,
+}
+
+impl Velocity {
+    fn new() -> Result<Self, FilterError> {
+        let filter = Section::butterworth_low_pass(CUTOFF_HZ).bilinear(RATE_HZ, CUTOFF_HZ)?;
+        Ok(Self { filters: [filter.clone(), filter], last: None })
+    }
+
+    fn start_at(&mut self, position: [f64; 2], velocity: [f64; 2]) {
+        self.last = Some(position);
+        for (filter, v) in self.filters.iter_mut().zip(velocity) {
+            filter.reset_to(v);
+        }
+    }
+
+    fn step(&mut self, position: [f64; 2]) -> [f64; 2] {
+        let last = self.last.replace(position).unwrap_or(position);
+        std::array::from_fn(|i| self.filters[i].step((position[i] - last[i]) * RATE_HZ))
+    }
+}
+
+fn rounded(x: f64) -> f64 {
+    (x / SENSOR_STEP_MM).round() * SENSOR_STEP_MM
+}
+
+/// A drawn motion: an ellipse of any flatness and slowness, and a tremor, in closed form.
+struct Motion {
+    start: [f64; 2],
+    along: [f64; 2],
+    across: [f64; 2],
+    omega: f64,
+    phase: f64,
+    tremor: [f64; 2],
+    tremor_omega: f64,
+    tremor_phase: f64,
+}
+
+impl Motion {
+    fn draw(random: &mut Random) -> Self {
+        use std::f64::consts::TAU;
+        let still = random.chance(0.05);
+        let omega = TAU * 0.1 * 40f64.powf(random.unit());
+        let tremor = if random.chance(0.5) || still { 0.0 } else { random.range(0.0, 15.0) };
+        let speed = if still { 0.0 } else { (MAX_SPEED_MM_S - tremor) * random.unit().powf(1.2) };
+        let across = if random.chance(0.5) { 0.0 } else { speed * random.range(-1.0, 1.0) };
+        let (sin, cos) = (TAU * random.unit()).sin_cos();
+        let (tremor_sin, tremor_cos) = (TAU * random.unit()).sin_cos();
+        Self {
+            start: [random.range(-50.0, 50.0), random.range(-50.0, 50.0)],
+            along: [speed * cos, speed * sin],
+            across: [-across * sin, across * cos],
+            omega,
+            phase: TAU * random.unit(),
+            tremor: [tremor * tremor_cos, tremor * tremor_sin],
+            tremor_omega: TAU * random.range(8.0, 12.0),
+            tremor_phase: TAU * random.unit(),
+        }
+    }
+
+    fn position(&self, t: f64) -> [f64; 2] {
+        let (sin, cos) = (self.omega * t + self.phase).sin_cos();
+        let tremor = (self.tremor_omega * t + self.tremor_phase).sin() / self.tremor_omega;
+        std::array::from_fn(|i| {
+            self.start[i]
+                + (self.along[i] * sin - self.across[i] * cos) / self.omega
+                + self.tremor[i] * tremor
+        })
+    }
+
+    fn velocity(&self, t: f64) -> [f64; 2] {
+        let (sin, cos) = (self.omega * t + self.phase).sin_cos();
+        let tremor = (self.tremor_omega * t + self.tremor_phase).cos();
+        std::array::from_fn(|i| self.along[i] * cos + self.across[i] * sin + self.tremor[i] * tremor)
+    }
+}
+
+/// Draws forces over a history: level, slope, tremor, contact made or lost on the way, the sensor's steps.
+fn draw_force(random: &mut Random) -> [f64; HISTORY] {
+    let none = random.chance(0.08);
+    let level =
+        if random.chance(0.2) { 0.02 * 25f64.powf(random.unit()) } else { random.range(0.0, MAX_FORCE_N) };
+    let slope = 0.016 * random.normal();
+    let (swing, step, phase) = (random.range(0.0, 0.15), random.range(0.10, 0.15), random.range(0.0, 6.3));
+    let (made, lost) = match random.below(8) {
+        0 => (1 + random.below(HISTORY - 1), HISTORY),
+        1 => (0, 1 + random.below(HISTORY - 1)),
+        _ => (0, HISTORY),
+    };
+    let quantum = if random.chance(0.7) { SENSOR_STEP_MM * STIFFNESS_N_PER_MM } else { 0.0 };
+    std::array::from_fn(|i| {
+        if none || i < made || i >= lost {
+            return 0.0;
+        }
+        let force = level + slope * (i as f64 - 9.0) + swing * (step * i as f64 + phase).sin();
+        let force = if quantum > 0.0 { (force / quantum).round() * quantum } else { force };
+        force.clamp(0.0, MAX_FORCE_N)
+    })
+}
+
+/// Draws histories for training.
+#[derive(Clone, Debug)]
+pub(crate) struct Histories {
+    at_rest: Velocity,
+}
+
+impl Histories {
+    /// A source of histories.
+    ///
+    /// # Errors
+    /// None in practice: the filter's design is fixed.
+    pub(crate) fn new() -> Result<Self, FilterError> {
+        Ok(Self { at_rest: Velocity::new()? })
+    }
+
+    /// One history. One in ten begins less than ten ticks before its end, with zeros for what was not seen.
+    pub(crate) fn draw(&self, random: &mut Random) -> History {
+        let motion = Motion::draw(random);
+        let force = draw_force(random);
+        let (mut measured, mut clean) = (self.at_rest.clone(), self.at_rest.clone());
+        let known = if random.chance(0.1) { 1 + random.below(HISTORY - 1) } else { HISTORY };
+        let mut tick = -1.0;
+        let mut observe = |measured: &mut Velocity, clean: &mut Velocity| {
+            tick += 1.0;
+            let p = motion.position(tick / RATE_HZ);
+            (measured.step(p.map(rounded)), clean.step(p))
+        };
+        if known == HISTORY {
+            let (p, v) = (motion.position(-1.0 / RATE_HZ), motion.velocity(0.0));
+            measured.start_at(p.map(rounded), v);
+            clean.start_at(p, v);
+            for _ in 0..WARM_UP {
+                observe(&mut measured, &mut clean);
+            }
+        }
+        let mut history = History::silent();
+        for force in force.into_iter().skip(HISTORY - known) {
+            let (measured, clean) = observe(&mut measured, &mut clean);
+            history.push(force, measured, clean);
+        }
+        history
+    }
+}
+
+/// The histories of a stroke on the virtual floor, one every `every` ticks of 2 ms, as the chain gives them. `stroke`
+/// is what the sensor reads, `truth` the same stroke without the sensor's step.
+///
+/// # Errors
+/// None in practice: the filter's design is fixed.
+pub(crate) fn of_stroke(stroke: &Stroke, truth: &Stroke, every: usize) -> Result<Vec<History>, FilterError> {
+    let (mut measured, mut clean) = (Velocity::new()?, Velocity::new()?);
+    let mut history = History::silent();
+    let ticks = (stroke.duration_s() * RATE_HZ) as usize;
+    let mut histories = Vec::with_capacity(ticks / every.max(1) + 1);
+    for tick in 0..ticks {
+        let t = tick as f64 / RATE_HZ;
+        let [x, y, z] = stroke.sample(t).position;
+        let [true_x, true_y, _] = truth.sample(t).position;
+        let force = (-z * STIFFNESS_N_PER_MM).clamp(0.0, DEVICE_FORCE_N);
+        history.push(force, measured.step([x, y]), clean.step([true_x, true_y]));
+        if tick % every.max(1) == 0 {
+            histories.push(history.clone());
+        }
+    }
+    Ok(histories)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use asperity_world::motion::StrokeParams;
+
+    #[test]
+    fn drawn_histories_cover_the_stated_ranges_and_never_leave_them() {
+        let histories = Histories::new().unwrap();
+        let mut random = Random::new(5);
+        let (mut fastest, mut strongest, mut still, mut partly) = (0.0f64, 0.0f64, 0, 0);
+        for _ in 0..20_000 {
+            let h = histories.draw(&mut random);
+            for (speed, force) in h.clean {
+                assert!((0.0..=MAX_SPEED_MM_S + 5.0).contains(&speed), "{speed}");
+                assert!((0.0..=MAX_FORCE_N).contains(&force), "{force}");
+                fastest = fastest.max(speed);
+                strongest = strongest.max(force);
+            }
+            still += usize::from(h.velocity == [0.0; 20]);
+            partly += usize::from(h.velocity[0] == 0.0 && h.velocity[9] != 0.0);
+        }
+        assert!(fastest > 290.0 && strongest > 3.45, "{fastest} {strongest}");
+        assert!(still > 500 && partly > 1000, "{still} {partly}");
+    }
+
+    #[test]
+    fn the_sensors_step_shows_in_the_measured_velocity_as_small_noise() {
+        let histories = Histories::new().unwrap();
+        let mut random = Random::new(6);
+        let (mut squares, mut n) = (0.0, 0);
+        for _ in 0..5000 {
+            let h = histories.draw(&mut random);
+            let measured = f64::from(h.velocity[9]).hypot(f64::from(h.velocity[19]));
+            if h.clean[0].0 > 20.0 {
+                squares += (measured - h.newest().0).powi(2);
+                n += 1;
+            }
+        }
+        let rms = (squares / f64::from(n)).sqrt();
+        assert!((0.1..3.0).contains(&rms), "{rms} mm/s");
+    }
+
+    #[test]
+    fn a_stroke_is_silent_in_the_air_and_moves_on_the_floor() {
+        let params = StrokeParams { duration_s: 2.0, ..StrokeParams::default() };
+        let truth = Stroke::new(StrokeParams { quantum_mm: 0.0, ..params.clone() }).unwrap();
+        let all = of_stroke(&Stroke::new(params).unwrap(), &truth, 1).unwrap();
+        assert_eq!(all.len(), 1000);
+        assert_eq!(all[0].force, [0.0; HISTORY]);
+        let middle = &all[500];
+        assert!(middle.newest().1 > 0.3, "{middle:?}");
+        assert!(all.iter().any(|h| h.newest().0 > 100.0));
+        // one tick later, one sample further
+        assert_eq!(all[500].force[1..], all[501].force[..9]);
+    }
+}
