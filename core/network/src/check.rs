@@ -1,0 +1,101 @@
+//! The inputs on which a packed network is compared with tract, and the comparison.
+
+use crate::signature::{FORCE_LEN, SPEED_LEN};
+
+/// Force and velocity histories for one comparison.
+#[derive(Clone, Debug)]
+pub(crate) struct Probe {
+    pub(crate) force: [f32; FORCE_LEN],
+    pub(crate) speed: [f32; SPEED_LEN],
+}
+
+/// Probes within a stylus' range: rest, a steady stroke, and random histories (N, mm/s).
+pub(crate) fn ordinary() -> Vec<Probe> {
+    let mut random = Random(0x9e37_79b9_7f4a_7c15);
+    let mut probes = vec![
+        Probe { force: [0.0; FORCE_LEN], speed: [0.0; SPEED_LEN] },
+        Probe { force: [1.0; FORCE_LEN], speed: [100.0; SPEED_LEN] },
+        Probe { force: [0.0; FORCE_LEN], speed: [-300.0; SPEED_LEN] },
+        Probe { force: [3.3; FORCE_LEN], speed: [0.0; SPEED_LEN] },
+    ];
+    probes.extend((0..8).map(|_| Probe {
+        force: std::array::from_fn(|_| 3.3 * random.unit()),
+        speed: std::array::from_fn(|_| 400.0 * random.unit() - 200.0),
+    }));
+    probes
+}
+
+/// Probes a hundred times beyond it. They have a full scale of their own, so as not to hide errors of the others.
+pub(crate) fn large() -> Vec<Probe> {
+    let mut random = Random(0xd1b5_4a32_d192_ed03);
+    let mut probes = vec![
+        Probe { force: [300.0; FORCE_LEN], speed: [30_000.0; SPEED_LEN] },
+        Probe { force: [-300.0; FORCE_LEN], speed: [-30_000.0; SPEED_LEN] },
+    ];
+    probes.extend((0..2).map(|_| Probe {
+        force: std::array::from_fn(|_| 600.0 * random.unit() - 300.0),
+        speed: std::array::from_fn(|_| 60_000.0 * random.unit() - 30_000.0),
+    }));
+    probes
+}
+
+/// The largest difference as a share of full scale, which is the largest magnitude of `reference`. Infinite where one
+/// is finite and the other is not, or where all of `reference` is zero and `found` is not.
+pub(crate) fn error_of_full_scale(reference: &[f32], found: &[f32]) -> f64 {
+    let full_scale = reference.iter().filter(|x| x.is_finite()).fold(0f64, |m, &x| m.max(f64::from(x).abs()));
+    let worst =
+        reference.iter().zip(found).fold(0f64, |worst, (&r, &f)| match (r.is_finite(), f.is_finite()) {
+            (true, true) => worst.max((f64::from(r) - f64::from(f)).abs()),
+            (false, false) => worst,
+            _ => f64::INFINITY,
+        });
+    if reference.len() != found.len() {
+        f64::INFINITY
+    } else if worst == 0.0 {
+        0.0
+    } else {
+        worst / full_scale
+    }
+}
+
+/// SplitMix64 (Steele, Lea, Flood 2014): the same numbers everywhere.
+struct Random(u64);
+
+impl Random {
+    fn next(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ (z >> 31)
+    }
+
+    /// Uniform in [0, 1).
+    fn unit(&mut self) -> f32 {
+        (self.next() >> 40) as f32 / (1u64 << 24) as f32
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_error_is_a_share_of_full_scale() {
+        assert_eq!(error_of_full_scale(&[0.0, -4.0], &[0.0, -4.0]), 0.0);
+        assert_eq!(error_of_full_scale(&[0.0, -4.0], &[1.0, -4.0]), 0.25);
+        assert_eq!(error_of_full_scale(&[0.0, 0.0], &[0.0, 0.0]), 0.0);
+        assert_eq!(error_of_full_scale(&[0.0, 0.0], &[0.0, 0.1]), f64::INFINITY);
+        assert_eq!(error_of_full_scale(&[1.0, f32::NAN], &[1.0, f32::NAN]), 0.0);
+        assert_eq!(error_of_full_scale(&[1.0, 1.0], &[1.0, f32::NAN]), f64::INFINITY);
+        assert_eq!(error_of_full_scale(&[1.0], &[1.0, 1.0]), f64::INFINITY);
+    }
+
+    #[test]
+    fn splitmix64_gives_its_published_numbers() {
+        // First outputs for seed 1234567, as listed by Rosetta Code's "Pseudo-random numbers/Splitmix64".
+        let mut random = Random(1_234_567);
+        assert_eq!(random.next(), 6_457_827_717_110_365_317);
+        assert_eq!(random.next(), 3_203_168_211_198_807_973);
+    }
+}

@@ -1,0 +1,78 @@
+//! AVX2 with FMA and F16C: 8 lanes, 16 registers.
+
+use super::{Program, Simd, Weight, checksum, execute};
+use std::arch::x86_64::*;
+
+struct Avx2;
+
+impl Simd for Avx2 {
+    const LANES: usize = 8;
+    type Vector = __m256;
+
+    #[inline(always)]
+    unsafe fn splat(x: f32) -> __m256 {
+        // SAFETY: the caller has AVX.
+        unsafe { _mm256_set1_ps(x) }
+    }
+
+    #[inline(always)]
+    unsafe fn load(from: &[f32]) -> __m256 {
+        debug_assert!(from.len() >= 8);
+        // SAFETY: the caller has AVX and gives 8 floats; the load needs no alignment.
+        unsafe { _mm256_loadu_ps(from.as_ptr()) }
+    }
+
+    #[inline(always)]
+    unsafe fn load_f16(from: &[u16]) -> __m256 {
+        debug_assert!(from.len() >= 8);
+        // SAFETY: the caller has F16C and gives 8 halves, 16 bytes; the load needs no alignment.
+        unsafe { _mm256_cvtph_ps(_mm_loadu_si128(from.as_ptr().cast())) }
+    }
+
+    #[inline(always)]
+    unsafe fn store(v: __m256, to: &mut [f32]) {
+        debug_assert!(to.len() >= 8);
+        // SAFETY: the caller has AVX and gives room for 8 floats; the store needs no alignment.
+        unsafe { _mm256_storeu_ps(to.as_mut_ptr(), v) }
+    }
+
+    #[inline(always)]
+    unsafe fn mul_add(a: __m256, b: __m256, c: __m256) -> __m256 {
+        // SAFETY: the caller has FMA.
+        unsafe { _mm256_fmadd_ps(a, b, c) }
+    }
+
+    #[inline(always)]
+    unsafe fn mul(a: __m256, b: __m256) -> __m256 {
+        // SAFETY: the caller has AVX.
+        unsafe { _mm256_mul_ps(a, b) }
+    }
+
+    #[inline(always)]
+    unsafe fn clamp(x: __m256, low: __m256, high: __m256) -> __m256 {
+        // Of a NaN and a number these give the second operand, so NaN is passed on.
+        // SAFETY: the caller has AVX.
+        unsafe { _mm256_min_ps(high, _mm256_max_ps(low, x)) }
+    }
+}
+
+/// # Safety
+/// The CPU has AVX2, FMA and F16C.
+#[target_feature(enable = "avx2,fma,f16c")]
+pub(super) unsafe fn run<W: Weight>(
+    program: &Program,
+    weights: &[W],
+    fixed: &[f32],
+    material: &[f32],
+    arena: &mut [f32],
+) -> Option<()> {
+    // SAFETY: passed on to the caller.
+    unsafe { execute::<Avx2, W>(program, weights, fixed, material, arena) }
+}
+
+/// # Safety
+/// The CPU has AVX2, FMA and F16C.
+#[target_feature(enable = "avx2,fma,f16c")]
+pub(super) unsafe fn read<W: Weight>(weights: &[W]) -> u32 {
+    checksum(weights)
+}

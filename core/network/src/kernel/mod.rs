@@ -1,0 +1,324 @@
+//! The packed network's inner loop, once per instruction set.
+//!
+//! [`execute`] and [`checksum`] are written once over [`Simd`] and inlined into one function per instruction set that is
+//! compiled for it, so that dispatch happens once per run. Indexing is checked, per block of columns; what is unsafe is
+//! calling a function compiled for an instruction set, and loads and stores through the pointers of checked slices.
+
+#[cfg(target_arch = "x86_64")]
+mod avx2;
+#[cfg(target_arch = "x86_64")]
+mod avx512;
+mod portable;
+
+use std::ops::Range;
+
+/// An instruction set that the packed kernels are compiled for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum Isa {
+    /// x86-64 with AVX-512F: 16 lanes.
+    Avx512,
+    /// x86-64 with AVX2, FMA and F16C: 8 lanes.
+    Avx2,
+    /// What the compiler makes of plain code: SSE2 on x86-64, NEON on AArch64.
+    Portable,
+}
+
+impl Isa {
+    /// Those that this machine can run, best first.
+    pub fn available() -> Vec<Isa> {
+        [Isa::Avx512, Isa::Avx2, Isa::Portable].into_iter().filter(|isa| isa.is_available()).collect()
+    }
+
+    /// Whether this machine can run it.
+    pub fn is_available(self) -> bool {
+        match self {
+            #[cfg(target_arch = "x86_64")]
+            Isa::Avx512 => is_x86_feature_detected!("avx512f"),
+            #[cfg(target_arch = "x86_64")]
+            Isa::Avx2 => {
+                is_x86_feature_detected!("avx2")
+                    && is_x86_feature_detected!("fma")
+                    && is_x86_feature_detected!("f16c")
+            }
+            #[cfg(not(target_arch = "x86_64"))]
+            Isa::Avx512 | Isa::Avx2 => false,
+            Isa::Portable => true,
+        }
+    }
+
+    /// Its name in reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Isa::Avx512 => "avx512",
+            Isa::Avx2 => "avx2",
+            Isa::Portable => "portable",
+        }
+    }
+
+    /// f32 lanes of a vector, and how many vectors of sums a block may keep in registers.
+    pub(crate) fn block_shape(self) -> (usize, usize) {
+        match self {
+            Isa::Avx512 => (16, 8),
+            Isa::Avx2 => (8, 12),
+            Isa::Portable => (4, 8),
+        }
+    }
+}
+
+/// Where a block's biases start: in the fixed ones, or in those of the material.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Bias {
+    Fixed(usize),
+    Material(usize),
+}
+
+/// A block of columns of one affine step: reads `runs` of the arena, writes `vectors * lanes` floats at `to`.
+#[derive(Clone, Debug)]
+pub(crate) struct Block {
+    pub(crate) to: usize,
+    pub(crate) vectors: usize,
+    pub(crate) runs: Range<usize>,
+    pub(crate) bias: Bias,
+    /// First weight; they lie row by row, a row being one input's weights for the block's columns.
+    pub(crate) weights: usize,
+    /// What the sums are multiplied by at the end, where weights are stored scaled.
+    pub(crate) unscale: f32,
+    pub(crate) low: f32,
+    pub(crate) high: f32,
+}
+
+/// `scale * arena[from] + offset`.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Pick {
+    pub(crate) from: usize,
+    pub(crate) scale: f32,
+    pub(crate) offset: f32,
+}
+
+/// One thing to do.
+#[derive(Clone, Debug)]
+pub(crate) enum Instruction {
+    Block(Block),
+    /// Writes `picks` at `to`, clamped.
+    Pick {
+        to: usize,
+        picks: Range<usize>,
+        low: f32,
+        high: f32,
+    },
+}
+
+/// What is done in a run, and the arena ranges and picks it refers to.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Program {
+    pub(crate) instructions: Vec<Instruction>,
+    pub(crate) runs: Vec<Range<usize>>,
+    pub(crate) picks: Vec<Pick>,
+}
+
+/// A stored weight: f32, or f16 as its bits.
+pub(crate) trait Weight: Copy {
+    /// Whether blocks are stored scaled.
+    const SCALED: bool;
+    /// # Safety
+    /// The CPU has the instruction set of `S`, and `from` has at least `S::LANES` elements.
+    unsafe fn load<S: Simd>(from: &[Self]) -> S::Vector;
+    fn bits(self) -> u32;
+}
+
+impl Weight for f32 {
+    const SCALED: bool = false;
+    #[inline(always)]
+    unsafe fn load<S: Simd>(from: &[f32]) -> S::Vector {
+        // SAFETY: passed on to the caller.
+        unsafe { S::load(from) }
+    }
+    #[inline(always)]
+    fn bits(self) -> u32 {
+        self.to_bits()
+    }
+}
+
+impl Weight for u16 {
+    const SCALED: bool = true;
+    #[inline(always)]
+    unsafe fn load<S: Simd>(from: &[u16]) -> S::Vector {
+        // SAFETY: passed on to the caller.
+        unsafe { S::load_f16(from) }
+    }
+    #[inline(always)]
+    fn bits(self) -> u32 {
+        u32::from(self)
+    }
+}
+
+/// A vector of f32.
+///
+/// # Safety
+/// Every function needs the CPU to have the instruction set, and slices to have at least [`Simd::LANES`] elements.
+pub(crate) trait Simd {
+    const LANES: usize;
+    type Vector: Copy;
+    unsafe fn splat(x: f32) -> Self::Vector;
+    unsafe fn load(from: &[f32]) -> Self::Vector;
+    unsafe fn load_f16(from: &[u16]) -> Self::Vector;
+    unsafe fn store(v: Self::Vector, to: &mut [f32]);
+    /// `a * b + c`, rounded once where the CPU can.
+    unsafe fn mul_add(a: Self::Vector, b: Self::Vector, c: Self::Vector) -> Self::Vector;
+    unsafe fn mul(a: Self::Vector, b: Self::Vector) -> Self::Vector;
+    /// Clamped to `low..=high`, passing NaN on.
+    unsafe fn clamp(x: Self::Vector, low: Self::Vector, high: Self::Vector) -> Self::Vector;
+}
+
+/// Runs a program. `None` where it does not fit its data, which packing rules out.
+///
+/// # Safety
+/// The CPU has the instruction set of `S`.
+#[inline(always)]
+unsafe fn execute<S: Simd, W: Weight>(
+    program: &Program,
+    weights: &[W],
+    fixed: &[f32],
+    material: &[f32],
+    arena: &mut [f32],
+) -> Option<()> {
+    for instruction in &program.instructions {
+        match instruction {
+            Instruction::Block(b) => {
+                let runs = program.runs.get(b.runs.clone())?;
+                let bias = match b.bias {
+                    Bias::Fixed(at) => fixed.get(at..)?,
+                    Bias::Material(at) => material.get(at..)?,
+                };
+                let weights = weights.get(b.weights..)?;
+                // SAFETY: passed on to the caller.
+                unsafe {
+                    match b.vectors {
+                        1 => block::<S, W, 1>(b, runs, bias, weights, arena)?,
+                        2 => block::<S, W, 2>(b, runs, bias, weights, arena)?,
+                        3 => block::<S, W, 3>(b, runs, bias, weights, arena)?,
+                        4 => block::<S, W, 4>(b, runs, bias, weights, arena)?,
+                        5 => block::<S, W, 5>(b, runs, bias, weights, arena)?,
+                        6 => block::<S, W, 6>(b, runs, bias, weights, arena)?,
+                        7 => block::<S, W, 7>(b, runs, bias, weights, arena)?,
+                        8 => block::<S, W, 8>(b, runs, bias, weights, arena)?,
+                        9 => block::<S, W, 9>(b, runs, bias, weights, arena)?,
+                        10 => block::<S, W, 10>(b, runs, bias, weights, arena)?,
+                        11 => block::<S, W, 11>(b, runs, bias, weights, arena)?,
+                        12 => block::<S, W, 12>(b, runs, bias, weights, arena)?,
+                        _ => return None,
+                    }
+                }
+            }
+            Instruction::Pick { to, picks, low, high } => {
+                for (i, p) in program.picks.get(picks.clone())?.iter().enumerate() {
+                    let x = p.scale * *arena.get(p.from)? + p.offset;
+                    // Not f32::clamp, which panics on bad bounds.
+                    let x = if x < *low { *low } else { x };
+                    *arena.get_mut(to + i)? = if x > *high { *high } else { x };
+                }
+            }
+        }
+    }
+    Some(())
+}
+
+/// # Safety
+/// The CPU has the instruction set of `S`.
+#[inline(always)]
+unsafe fn block<S: Simd, W: Weight, const V: usize>(
+    b: &Block,
+    runs: &[Range<usize>],
+    bias: &[f32],
+    mut weights: &[W],
+    arena: &mut [f32],
+) -> Option<()> {
+    // SAFETY: here and below, the instruction set is the caller's promise, and chunks_exact gives slices of LANES elements.
+    let mut sums = unsafe { [S::splat(0.0); V] };
+    for (sum, bias) in sums.iter_mut().zip(bias.get(..V * S::LANES)?.chunks_exact(S::LANES)) {
+        // SAFETY: as above.
+        *sum = unsafe { S::load(bias) };
+    }
+    for run in runs {
+        let inputs = arena.get(run.clone())?;
+        let (rows, rest) = weights.split_at_checked(inputs.len() * V * S::LANES)?;
+        weights = rest;
+        for (&x, row) in inputs.iter().zip(rows.chunks_exact(V * S::LANES)) {
+            // SAFETY: as above.
+            let x = unsafe { S::splat(x) };
+            for (sum, w) in sums.iter_mut().zip(row.chunks_exact(S::LANES)) {
+                // SAFETY: as above.
+                *sum = unsafe { S::mul_add(W::load::<S>(w), x, *sum) };
+            }
+        }
+    }
+    let to = arena.get_mut(b.to..)?.get_mut(..V * S::LANES)?;
+    for (sum, to) in sums.into_iter().zip(to.chunks_exact_mut(S::LANES)) {
+        // SAFETY: as above; get_mut gave room for V * LANES floats.
+        unsafe {
+            let y = if W::SCALED { S::mul(sum, S::splat(b.unscale)) } else { sum };
+            S::store(S::clamp(y, S::splat(b.low), S::splat(b.high)), to);
+        }
+    }
+    Some(())
+}
+
+/// Reads all weights once, in order, as cheaply as can be: the time below which no run can fall.
+#[inline(always)]
+fn checksum<W: Weight>(weights: &[W]) -> u32 {
+    let mut sums = [0u32; 128];
+    let (chunks, rest) = weights.as_chunks::<128>();
+    for chunk in chunks {
+        for (sum, w) in sums.iter_mut().zip(chunk) {
+            *sum = sum.wrapping_add(w.bits());
+        }
+    }
+    rest.iter().map(|w| w.bits()).chain(sums).fold(0, u32::wrapping_add)
+}
+
+/// Program, weights, fixed biases, the material's biases, arena.
+type Run<W> = unsafe fn(&Program, &[W], &[f32], &[f32], &mut [f32]) -> Option<()>;
+
+/// The functions compiled for one instruction set.
+#[derive(Clone, Copy)]
+pub(crate) struct Entry<W> {
+    run: Run<W>,
+    read: unsafe fn(&[W]) -> u32,
+}
+
+impl<W: Weight> Entry<W> {
+    /// `None` where this machine cannot run it.
+    pub(crate) fn new(isa: Isa) -> Option<Self> {
+        if !isa.is_available() {
+            return None;
+        }
+        Some(match isa {
+            #[cfg(target_arch = "x86_64")]
+            Isa::Avx512 => Self { run: avx512::run::<W>, read: avx512::read::<W> },
+            #[cfg(target_arch = "x86_64")]
+            Isa::Avx2 => Self { run: avx2::run::<W>, read: avx2::read::<W> },
+            _ => Self { run: portable::run::<W>, read: portable::read::<W> },
+        })
+    }
+
+    /// Runs a program over the arena; `None` where it does not fit its data, which packing rules out.
+    #[inline]
+    pub(crate) fn run(
+        &self,
+        program: &Program,
+        weights: &[W],
+        fixed: &[f32],
+        material: &[f32],
+        arena: &mut [f32],
+    ) -> Option<()> {
+        // SAFETY: `new` found the instruction set on this machine.
+        unsafe { (self.run)(program, weights, fixed, material, arena) }
+    }
+
+    /// See [`checksum`].
+    pub(crate) fn read(&self, weights: &[W]) -> u32 {
+        // SAFETY: `new` found the instruction set on this machine.
+        unsafe { (self.read)(weights) }
+    }
+}

@@ -1,0 +1,62 @@
+//! A model read from its file, before it is given materials.
+
+use crate::lower::Lowered;
+use crate::proto;
+use crate::reference::Reference;
+use crate::signature::match_signature;
+use asperity_source::Diagnostic;
+use std::fmt;
+use std::path::{Path, PathBuf};
+
+/// A texture network: checked, compiled by tract and, where it is a multilayer perceptron, lowered.
+///
+/// Inputs `force [1,10]` in N, `speed [1,20]` in mm/s and `texture [1,256]` give `magnitudes [1,100]`, all f32. Inputs
+/// and output are found by name, else by shape; a free batch size is taken as 1.
+pub struct Model {
+    pub(crate) path: PathBuf,
+    pub(crate) reference: Reference,
+    /// The steps, or why there are none.
+    pub(crate) lowered: Result<Lowered, String>,
+}
+
+impl Model {
+    /// Reads an ONNX file of at most [`MAX_MODEL_BYTES`](crate::MAX_MODEL_BYTES).
+    ///
+    /// # Errors
+    /// A file that cannot be read or is no ONNX model, weights stored elsewhere, a signature that does not fit (named
+    /// with the shapes found), or a graph that tract cannot run. A file made for that can still have tract fill much
+    /// memory; sizes that a file states outright are bounded.
+    pub fn load(path: impl AsRef<Path>) -> Result<Self, Diagnostic> {
+        let path = path.as_ref();
+        Self::from_bytes(&proto::read_file(path)?, path)
+    }
+
+    /// A model that is already in memory; `path` is its name in errors.
+    ///
+    /// # Errors
+    /// As [`Model::load`], but for reading.
+    pub fn from_bytes(bytes: &[u8], path: impl AsRef<Path>) -> Result<Self, Diagnostic> {
+        let path = path.as_ref();
+        let (model, graph) = proto::decode(bytes, path)?;
+        let signature = match_signature(&graph, path)?;
+        let reference = Reference::new(&model, &graph, &signature, path)?;
+        let own = model.opset_import.iter().find(|set| matches!(set.domain.as_str(), "" | "ai.onnx"));
+        let opset = own.map_or(0, |set| set.version);
+        let lowered = Lowered::new(&graph, opset, &signature);
+        Ok(Self { path: path.to_owned(), reference, lowered })
+    }
+
+    /// Why the model can only be run by tract; `None` for a multilayer perceptron.
+    pub fn not_lowered_because(&self) -> Option<&str> {
+        self.lowered.as_ref().err().map(String::as_str)
+    }
+}
+
+impl fmt::Debug for Model {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Model")
+            .field("path", &self.path)
+            .field("not_lowered_because", &self.not_lowered_because())
+            .finish_non_exhaustive()
+    }
+}

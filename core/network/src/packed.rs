@@ -1,0 +1,299 @@
+//! A lowered network packed for one instruction set: weights in the order in which they are read, cut into blocks of
+//! columns, 64-byte aligned; what depends on the texture alone folded into biases, once per material.
+
+use crate::kernel::{Bias, Block, Entry, Instruction, Isa, Pick, Program, Weight};
+use crate::lower::{Affine, Element, Lowered, Ref, StepKind};
+use crate::signature::{FORCE_LEN, MAGNITUDES_LEN, Role, SPEED_LEN};
+
+/// Cells in front of which a 64-byte boundary is found; the heap block does not move with its owner.
+struct Aligned<T> {
+    cells: Vec<T>,
+    start: usize,
+    len: usize,
+}
+
+impl<T: Copy + Default> Aligned<T> {
+    fn new(data: &[T]) -> Self {
+        let pad = 64 / size_of::<T>();
+        let mut cells = vec![T::default(); data.len() + pad];
+        let start = cells.as_ptr().align_offset(64).min(pad);
+        cells[start..start + data.len()].copy_from_slice(data);
+        Self { cells, start, len: data.len() }
+    }
+
+    #[inline]
+    fn get(&self) -> &[T] {
+        &self.cells[self.start..self.start + self.len]
+    }
+}
+
+/// A stored weight that can be made from an f64.
+pub(crate) trait Stored: Weight + Default {
+    fn store(x: f64) -> Self;
+    /// The power of two by which a block is scaled, from its largest magnitude.
+    fn scale(largest: f64) -> f64;
+}
+
+impl Stored for f32 {
+    fn store(x: f64) -> f32 {
+        x as f32
+    }
+    fn scale(_: f64) -> f64 {
+        1.0
+    }
+}
+
+impl Stored for u16 {
+    fn store(x: f64) -> u16 {
+        half::f16::from_f64(x).to_bits()
+    }
+    /// Brings the largest weight to 2^8..2^9: normal f16 numbers then reach down to 2^-22 of it, and folded
+    /// normalisation by large or small factors costs no precision. Sums stay far from f32's limits.
+    fn scale(largest: f64) -> f64 {
+        if largest > 0.0 { (8.0 - largest.log2().floor()).clamp(-60.0, 60.0).exp2() } else { 1.0 }
+    }
+}
+
+/// A network ready to run.
+pub(crate) struct Packed<W> {
+    program: Program,
+    entry: Entry<W>,
+    weights: Aligned<W>,
+    fixed: Aligned<f32>,
+    /// Biases of every material, one after the other, `material_len` each.
+    materials: Aligned<f32>,
+    material_len: usize,
+    material_count: usize,
+    arena: Aligned<f32>,
+    force_at: usize,
+    speed_at: usize,
+    output_at: usize,
+    multiply_adds: usize,
+}
+
+impl<W: Stored> Packed<W> {
+    /// Packs for an instruction set, or says why not.
+    pub(crate) fn new(net: &Lowered, materials: &[Vec<f64>], isa: Isa) -> Result<Self, String> {
+        let entry = Entry::new(isa).ok_or_else(|| format!("this machine has no {}", isa.name()))?;
+        let constant = net.depends_on_texture_alone();
+        let needed = net.needed();
+        if constant[net.output] {
+            return Err("its output does not depend on force or speed".into());
+        }
+        let wanted: Vec<bool> = constant.iter().zip(&needed).map(|(c, n)| *c && *n).collect();
+        let of_material: Vec<Vec<Vec<f64>>> = materials
+            .iter()
+            .map(|texture| {
+                // Wanted steps read only the texture.
+                net.evaluate(&wanted, |role| if role == Role::Texture { texture.clone() } else { Vec::new() })
+            })
+            .collect();
+
+        let (lanes, _) = isa.block_shape();
+        let mut at = vec![0; net.steps.len()];
+        let mut arena_len = 0;
+        for (i, step) in net.steps.iter().enumerate() {
+            // Inputs are written whether or not they are read.
+            let input = matches!(step.kind, StepKind::Input(Role::Force | Role::Speed));
+            if input || (needed[i] && !constant[i]) {
+                at[i] = arena_len;
+                arena_len += step.len().next_multiple_of(lanes.max(16));
+            }
+        }
+        let find = |role| {
+            let at_role = |s: &crate::lower::Step| matches!(s.kind, StepKind::Input(r) if r == role);
+            net.steps.iter().position(at_role).map(|i| at[i]).ok_or("an input is missing")
+        };
+        let (force_at, speed_at) = (find(Role::Force)?, find(Role::Speed)?);
+
+        let mut p = Packer {
+            isa,
+            at,
+            constant,
+            of_material,
+            program: Program::default(),
+            weights: Vec::new(),
+            fixed: Vec::new(),
+            materials: vec![Vec::new(); materials.len()],
+            multiply_adds: 0,
+        };
+        for (i, step) in net.steps.iter().enumerate() {
+            if !needed[i] || p.constant[i] {
+                continue;
+            }
+            let clamp = (step.low as f32, step.high as f32);
+            match &step.kind {
+                StepKind::Input(_) => {}
+                StepKind::Affine(a) => p.affine(i, a, clamp),
+                StepKind::Elements(e) => p.elements(i, e, clamp),
+            }
+        }
+        let material_len = p.materials.first().map_or(0, Vec::len);
+        Ok(Self {
+            program: p.program,
+            entry,
+            weights: Aligned::new(&p.weights),
+            fixed: Aligned::new(&p.fixed),
+            materials: Aligned::new(&p.materials.concat()),
+            material_len,
+            material_count: materials.len(),
+            arena: Aligned::new(&vec![0.0; arena_len]),
+            force_at,
+            speed_at,
+            output_at: p.at[net.output],
+            multiply_adds: p.multiply_adds,
+        })
+    }
+
+    /// One run. `None` where a length or the material does not fit.
+    #[inline]
+    pub(crate) fn run(
+        &mut self,
+        material: usize,
+        force: &[f32],
+        speed: &[f32],
+        out: &mut [f32],
+    ) -> Option<()> {
+        if material >= self.material_count {
+            return None;
+        }
+        let biases = self.materials.get().get(material * self.material_len..)?.get(..self.material_len)?;
+        let arena = &mut self.arena.cells[self.arena.start..];
+        copy(arena.get_mut(self.force_at..self.force_at + FORCE_LEN)?, force)?;
+        copy(arena.get_mut(self.speed_at..self.speed_at + SPEED_LEN)?, speed)?;
+        self.entry.run(&self.program, self.weights.get(), self.fixed.get(), biases, arena)?;
+        copy(out, arena.get(self.output_at..self.output_at + MAGNITUDES_LEN)?)
+    }
+
+    pub(crate) fn read(&self) -> u32 {
+        self.entry.read(self.weights.get())
+    }
+
+    pub(crate) fn weights_bytes(&self) -> usize {
+        self.weights.len * size_of::<W>()
+    }
+
+    pub(crate) fn multiply_adds(&self) -> usize {
+        self.multiply_adds
+    }
+}
+
+/// `copy_from_slice` that cannot panic.
+#[inline]
+fn copy(to: &mut [f32], from: &[f32]) -> Option<()> {
+    (to.len() == from.len()).then(|| to.copy_from_slice(from))
+}
+
+/// A network half packed.
+struct Packer<W> {
+    isa: Isa,
+    /// Where each step's result lies in the arena.
+    at: Vec<usize>,
+    constant: Vec<bool>,
+    /// For each material, the results of constant steps.
+    of_material: Vec<Vec<Vec<f64>>>,
+    program: Program,
+    weights: Vec<W>,
+    fixed: Vec<f32>,
+    materials: Vec<Vec<f32>>,
+    multiply_adds: usize,
+}
+
+impl<W: Stored> Packer<W> {
+    fn affine(&mut self, step: usize, a: &Affine, (low, high): (f32, f32)) {
+        let n = a.bias.len();
+        let (constant, moving): (Vec<usize>, Vec<usize>) =
+            (0..a.inputs.len()).partition(|&k| self.constant[a.inputs[k].step]);
+        let folded: Vec<Vec<f64>> = if constant.is_empty() {
+            vec![a.bias.clone()]
+        } else {
+            self.of_material.iter().map(|results| fold(a, &constant, results)).collect()
+        };
+        self.multiply_adds += n * moving.len();
+        let runs = self.runs(moving.iter().map(|&k| a.inputs[k]));
+
+        let (lanes, most) = self.isa.block_shape();
+        let vectors = n.div_ceil(lanes);
+        let blocks = vectors.div_ceil(most);
+        let mut first = 0;
+        for i in 0..blocks {
+            // As even as can be, so that no block is left with a single sum waiting for itself.
+            let vectors = vectors / blocks + usize::from(i < vectors % blocks);
+            let columns = first..(first + vectors * lanes);
+            let real = columns.start.min(n)..columns.end.min(n);
+            let largest = moving
+                .iter()
+                .flat_map(|&k| &a.weights[k * n..][real.clone()])
+                .fold(0f64, |m, w| m.max(w.abs()));
+            let scale = W::scale(largest);
+            let padded = |row: &[f64]| -> Vec<f64> {
+                let pad = columns.len() - real.len();
+                row[real.clone()].iter().map(|x| x * scale).chain(std::iter::repeat_n(0.0, pad)).collect()
+            };
+            let bias = if constant.is_empty() {
+                self.fixed.extend(padded(&a.bias).into_iter().map(|x| x as f32));
+                Bias::Fixed(self.fixed.len() - columns.len())
+            } else {
+                for (to, bias) in self.materials.iter_mut().zip(&folded) {
+                    to.extend(padded(bias).into_iter().map(|x| x as f32));
+                }
+                Bias::Material(self.materials.first().map_or(0, |m| m.len() - columns.len()))
+            };
+            let weights = self.weights.len();
+            for &k in &moving {
+                self.weights.extend(padded(&a.weights[k * n..][..n]).into_iter().map(W::store));
+            }
+            self.program.instructions.push(Instruction::Block(Block {
+                to: self.at[step] + columns.start,
+                vectors,
+                runs: runs.clone(),
+                bias,
+                weights,
+                unscale: (1.0 / scale) as f32,
+                low,
+                high,
+            }));
+            first = columns.end;
+        }
+    }
+
+    fn elements(&mut self, step: usize, elements: &[Element], (low, high): (f32, f32)) {
+        if elements.iter().any(|e| e.of.is_some_and(|of| self.constant[of.step])) {
+            // Offsets differ between materials: biases can do that.
+            return self.affine(step, &crate::lower::diagonal(elements), (low, high));
+        }
+        let first = self.program.picks.len();
+        for e in elements {
+            let from = e.of.map_or(0, |of| self.at[of.step] + of.index);
+            let scale = if e.of.is_some() { e.scale as f32 } else { 0.0 };
+            self.program.picks.push(Pick { from, scale, offset: e.offset as f32 });
+        }
+        let picks = first..self.program.picks.len();
+        self.program.instructions.push(Instruction::Pick { to: self.at[step], picks, low, high });
+    }
+
+    /// Neighbouring elements as ranges of the arena.
+    fn runs(&mut self, refs: impl Iterator<Item = Ref>) -> std::ops::Range<usize> {
+        let first = self.program.runs.len();
+        for r in refs {
+            let at = self.at[r.step] + r.index;
+            match self.program.runs[first..].last_mut() {
+                Some(run) if run.end == at => run.end += 1,
+                _ => self.program.runs.push(at..at + 1),
+            }
+        }
+        first..self.program.runs.len()
+    }
+}
+
+/// The bias of an affine step with its constant inputs added.
+fn fold(a: &Affine, constant: &[usize], results: &[Vec<f64>]) -> Vec<f64> {
+    let n = a.bias.len();
+    let mut bias = a.bias.clone();
+    for &k in constant {
+        let Ref { step, index } = a.inputs[k];
+        let x = results[step][index];
+        bias.iter_mut().zip(&a.weights[k * n..]).for_each(|(b, w)| *b += w * x);
+    }
+    bias
+}

@@ -1,0 +1,114 @@
+//! The model run by tract: any graph of the signature, about 200 allocations a run.
+
+use crate::signature::{FORCE_LEN, MAGNITUDES_LEN, Role, SPEED_LEN, Signature, TEXTURE_LEN, WANTED};
+use asperity_source::Diagnostic;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::Path;
+use std::sync::Arc;
+use tract_onnx::pb::{GraphProto, ModelProto};
+use tract_onnx::prelude::*;
+
+/// A compiled plan. Cheap to clone.
+#[derive(Clone)]
+pub(crate) struct Reference {
+    plan: Arc<TypedRunnableModel>,
+    order: [Role; 3],
+}
+
+/// A texture as tract takes it.
+pub(crate) type TextureTensor = Arc<Tensor>;
+
+impl Reference {
+    /// Compiles the graph for one row of each input.
+    pub(crate) fn new(
+        model: &ModelProto,
+        graph: &GraphProto,
+        signature: &Signature,
+        path: &Path,
+    ) -> Result<Self, Diagnostic> {
+        let refuse = |what: String| Diagnostic::new(what).in_file(path).help(WANTED);
+        // tract panics on some malformed graphs that pass every check made here.
+        let plan = match catch_unwind(AssertUnwindSafe(|| compile(model, graph, signature))) {
+            Ok(Ok(plan)) => plan,
+            Ok(Err(e)) => {
+                let cause: String = format!("{:#}", e).chars().take(400).collect();
+                return Err(refuse(format!("tract cannot run this model: {cause}")));
+            }
+            Err(_) => return Err(refuse("tract panicked over this model".into())),
+        };
+        let fact =
+            plan.model().output_fact(0).map_err(|e| refuse(format!("the output has no shape: {e}")))?;
+        let fits = fact.datum_type == f32::datum_type()
+            && fact.shape.as_concrete().is_some_and(|dims| dims == [1, MAGNITUDES_LEN]);
+        if !fits {
+            let found = format!("{:?} {:?}", fact.shape, fact.datum_type);
+            return Err(refuse(format!(
+                "output {} has shape and type {found}, not [1,100] float",
+                signature.output
+            )));
+        }
+        let roles: Vec<Role> = signature.inputs.iter().map(|(_, role)| *role).collect();
+        let order = roles.try_into().map_err(|_| refuse("this model has not 3 inputs".into()))?;
+        let reference = Self { plan, order };
+        // A graph may compile and still fail on every run.
+        let mut out = [0.0; MAGNITUDES_LEN];
+        match reference.run(&texture(&[0.0; TEXTURE_LEN]), &[0.0; FORCE_LEN], &[0.0; SPEED_LEN], &mut out) {
+            Some(()) => Ok(reference),
+            None => Err(refuse("tract fails to run this model on zeros".into())),
+        }
+    }
+
+    /// One run; `None` where tract fails. Allocates.
+    pub(crate) fn run(
+        &self,
+        texture: &TextureTensor,
+        force: &[f32],
+        speed: &[f32],
+        out: &mut [f32],
+    ) -> Option<()> {
+        let inputs: TVec<TValue> = self
+            .order
+            .iter()
+            .map(|role| match role {
+                Role::Force => row(force),
+                Role::Speed => row(speed),
+                Role::Texture => texture.clone().into_tvalue(),
+            })
+            .collect();
+        let results = catch_unwind(AssertUnwindSafe(|| self.plan.run(inputs))).ok()?.ok()?;
+        let result = results.first()?.try_as_plain_ram().ok()?.as_slice::<f32>().ok()?;
+        (result.len() == out.len()).then(|| out.copy_from_slice(result))
+    }
+}
+
+/// A texture vector as tract takes it.
+pub(crate) fn texture(values: &[f32]) -> TextureTensor {
+    row(values).into_arc_tensor()
+}
+
+fn row(values: &[f32]) -> TValue {
+    let mut tensor = tensor1(values);
+    // A vector of n always becomes a row of n; were it not so, the run would fail and say so.
+    let _ = tensor.insert_axis(0);
+    tensor.into_tvalue()
+}
+
+fn compile(
+    model: &ModelProto,
+    graph: &GraphProto,
+    signature: &Signature,
+) -> TractResult<Arc<TypedRunnableModel>> {
+    let mut graph = graph.clone();
+    graph.output.retain(|v| v.name == signature.output);
+    let proto = ModelProto { graph: Some(graph), ..model.clone() };
+    // Shapes between inputs and output are worked out anew: those in the file may be for another batch size.
+    let parsed = tract_onnx::onnx().with_ignore_value_info(true).parse(&proto, None)?;
+    let mut inference = parsed.model;
+    if let Some(name) = parsed.unresolved_inputs.first() {
+        return Err(TractError::msg(format!("nothing gives \"{name}\"")));
+    }
+    for (i, (_, role)) in signature.inputs.iter().enumerate() {
+        inference = inference.with_input_fact(i, f32::fact([1, role.len()]).into())?;
+    }
+    inference.into_optimized()?.into_runnable()
+}

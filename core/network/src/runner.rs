@@ -1,0 +1,349 @@
+//! A model with its materials, ready to run once a tick.
+
+use crate::check::{self, Probe, error_of_full_scale};
+use crate::kernel::Isa;
+use crate::lower::Lowered;
+use crate::model::Model;
+use crate::packed::{Packed, Stored};
+use crate::reference::{Reference, TextureTensor, texture};
+use crate::signature::{FORCE_LEN, MAGNITUDES_LEN, SPEED_LEN, TEXTURE_LEN};
+use asperity_source::Diagnostic;
+use std::fmt;
+
+/// Largest number of materials that one runner holds.
+pub const MAX_MATERIALS: usize = 4096;
+/// How many materials a packed network is compared with tract on.
+const CHECKED_MATERIALS: usize = 8;
+
+/// How weights are stored in a packed network. Sums are f32 either way.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Precision {
+    /// 32-bit weights, within 1e-4 of full scale of tract.
+    #[default]
+    F32,
+    /// 16-bit weights, scaled by a power of two per block, within 1e-3 of full scale of tract.
+    F16,
+}
+
+impl Precision {
+    /// Largest difference from tract that is accepted, as a share of full scale.
+    pub fn tolerance(self) -> f64 {
+        match self {
+            Precision::F32 => 1e-4,
+            Precision::F16 => 1e-3,
+        }
+    }
+}
+
+/// Which executor is wanted.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Choice {
+    /// Packed kernels on the best instruction set where they agree with tract; failing f16, f32; else tract.
+    #[default]
+    Auto,
+    /// Packed kernels on this instruction set, or an error.
+    Packed(Isa),
+    /// tract.
+    Tract,
+}
+
+/// What runs the network.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Executor {
+    /// Packed kernels, which do not allocate.
+    Packed {
+        /// The instruction set used.
+        isa: Isa,
+        /// How weights are stored.
+        precision: Precision,
+    },
+    /// tract, which allocates about 200 times a run.
+    Tract,
+}
+
+impl Executor {
+    /// Whether a run allocates no memory.
+    pub fn is_allocation_free(self) -> bool {
+        matches!(self, Executor::Packed { .. })
+    }
+}
+
+/// Such as `packed f32 on avx512`.
+impl fmt::Display for Executor {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Executor::Packed { isa, precision: Precision::F32 } => write!(f, "packed f32 on {}", isa.name()),
+            Executor::Packed { isa, precision: Precision::F16 } => write!(f, "packed f16 on {}", isa.name()),
+            Executor::Tract => f.write_str("tract"),
+        }
+    }
+}
+
+/// What a runner is, for reports.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Info {
+    /// What runs the network.
+    pub executor: Executor,
+    /// Bytes of weights that a run reads, padding included; 0 for tract, which does not say.
+    pub weights_bytes: usize,
+    /// Multiply-adds a run, padding and what is folded into biases left out; 0 for tract.
+    pub multiply_adds: usize,
+    /// Largest difference from tract over the check's inputs, as a share of full scale; `None` where nothing was checked.
+    pub max_error_vs_tract: Option<f64>,
+    /// In words: the choice, and why it is not the first choice where it is not.
+    pub report: String,
+}
+
+/// Why a run gave nothing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum RunError {
+    /// There is no such material.
+    Material {
+        /// The index asked for.
+        index: usize,
+        /// How many there are.
+        count: usize,
+    },
+    /// An input or the output has another length than [`FORCE_LEN`], [`SPEED_LEN`] or [`MAGNITUDES_LEN`].
+    Length,
+    /// The executor failed; with packed kernels this cannot happen.
+    Executor,
+}
+
+impl fmt::Display for RunError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            RunError::Material { index, count } => write!(f, "material {index} of {count} does not exist"),
+            RunError::Length => {
+                write!(f, "force, speed or magnitudes have another length than 10, 20 and 100")
+            }
+            RunError::Executor => f.write_str("the network's executor failed"),
+        }
+    }
+}
+
+impl std::error::Error for RunError {}
+
+enum Engine {
+    F32(Box<Packed<f32>>),
+    F16(Box<Packed<u16>>),
+    Tract(Reference, Vec<TextureTensor>),
+}
+
+/// A network with its materials preloaded.
+pub struct Runner {
+    engine: Engine,
+    materials: usize,
+    info: Info,
+}
+
+impl Model {
+    /// Prepares the network for `materials`, each of [`TEXTURE_LEN`] finite numbers: folds their part of the network
+    /// into biases, packs the weights and checks the result against tract. Slow (milliseconds), for the control thread.
+    ///
+    /// # Errors
+    /// No material or more than [`MAX_MATERIALS`], one of another length or not finite; with [`Choice::Packed`], a
+    /// network, machine or result that does not allow it.
+    pub fn runner<M: AsRef<[f32]>>(
+        &self,
+        materials: &[M],
+        precision: Precision,
+        choice: Choice,
+    ) -> Result<Runner, Diagnostic> {
+        let refuse = |what: String| Diagnostic::new(what).in_file(&self.path);
+        if materials.is_empty() || materials.len() > MAX_MATERIALS {
+            return Err(refuse(format!(
+                "{} materials for this network; 1 to {MAX_MATERIALS} fit",
+                materials.len()
+            )));
+        }
+        for (i, m) in materials.iter().enumerate() {
+            let m = m.as_ref();
+            if m.len() != TEXTURE_LEN {
+                let what =
+                    format!("material {i} has a texture vector of {} numbers, not {TEXTURE_LEN}", m.len());
+                return Err(refuse(what));
+            }
+            if let Some(at) = m.iter().position(|x| !x.is_finite()) {
+                return Err(refuse(format!("number {at} of material {i}'s texture vector is not finite")));
+            }
+        }
+        let textures: Vec<TextureTensor> = materials.iter().map(|m| texture(m.as_ref())).collect();
+        let job = Job {
+            reference: &self.reference,
+            textures: &textures,
+            materials: materials.iter().map(|m| m.as_ref().iter().map(|&x| f64::from(x)).collect()).collect(),
+        };
+        let tract = |report: String| Runner {
+            engine: Engine::Tract(self.reference.clone(), textures.clone()),
+            materials: textures.len(),
+            info: Info {
+                executor: Executor::Tract,
+                weights_bytes: 0,
+                multiply_adds: 0,
+                max_error_vs_tract: None,
+                report,
+            },
+        };
+        let isa = match choice {
+            Choice::Tract => return Ok(tract("tract, as asked for".into())),
+            Choice::Auto => Isa::available().first().copied().unwrap_or(Isa::Portable),
+            Choice::Packed(isa) => isa,
+        };
+        let forced = choice != Choice::Auto;
+        let net = match &self.lowered {
+            Ok(net) => net,
+            Err(why) if forced => return Err(refuse(format!("this network cannot be packed: {why}"))),
+            Err(why) => return Ok(tract(format!("tract: not packed, for {why}"))),
+        };
+        let mut refused = String::new();
+        let attempts: &[Precision] = match (precision, forced) {
+            (Precision::F16, false) => &[Precision::F16, Precision::F32],
+            (Precision::F16, true) => &[Precision::F16],
+            (Precision::F32, _) => &[Precision::F32],
+        };
+        for &precision in attempts {
+            let attempt = match precision {
+                Precision::F32 => job.packed::<f32>(net, isa, precision, |p| Engine::F32(Box::new(p))),
+                Precision::F16 => job.packed::<u16>(net, isa, precision, |p| Engine::F16(Box::new(p))),
+            };
+            match attempt {
+                Ok(mut runner) => {
+                    runner.info.report.push_str(&refused);
+                    return Ok(runner);
+                }
+                Err(why) => {
+                    refused = format!("; {precision:?} weights refused: {why}{refused}").to_lowercase()
+                }
+            }
+        }
+        if forced {
+            return Err(refuse(format!("this network cannot be packed{refused}")));
+        }
+        Ok(tract(format!("tract{refused}")))
+    }
+}
+
+/// What packing needs besides the network.
+struct Job<'a> {
+    reference: &'a Reference,
+    textures: &'a [TextureTensor],
+    materials: Vec<Vec<f64>>,
+}
+
+impl Job<'_> {
+    /// Packs and checks, or says why not.
+    fn packed<W: Stored>(
+        &self,
+        net: &Lowered,
+        isa: Isa,
+        precision: Precision,
+        engine: impl FnOnce(Packed<W>) -> Engine,
+    ) -> Result<Runner, String> {
+        let packed = Packed::<W>::new(net, &self.materials, isa)?;
+        let (weights_bytes, multiply_adds) = (packed.weights_bytes(), packed.multiply_adds());
+        let executor = Executor::Packed { isa, precision };
+        let info =
+            Info { executor, weights_bytes, multiply_adds, max_error_vs_tract: None, report: String::new() };
+        let mut runner = Runner { engine: engine(packed), materials: self.textures.len(), info };
+        let error = self.error(&mut runner)?;
+        let tolerance = precision.tolerance();
+        if error.is_nan() || error > tolerance {
+            return Err(format!(
+                "differs from tract by {error:.1e} of full scale, more than {tolerance:.0e}"
+            ));
+        }
+        runner.info.max_error_vs_tract = Some(error);
+        runner.info.report = format!("{executor}, within {error:.1e} of full scale of tract");
+        Ok(runner)
+    }
+
+    /// The largest difference from tract, each group of probes by its own full scale.
+    fn error(&self, runner: &mut Runner) -> Result<f64, String> {
+        let mut worst = 0f64;
+        for probes in [check::ordinary(), check::large()] {
+            let (mut reference, mut found) = (Vec::new(), Vec::new());
+            for (material, texture) in self.textures.iter().enumerate().take(CHECKED_MATERIALS) {
+                for Probe { force, speed } in &probes {
+                    let mut out = [0.0; MAGNITUDES_LEN];
+                    self.reference
+                        .run(texture, force, speed, &mut out)
+                        .ok_or("tract fails on the check's inputs")?;
+                    reference.extend(out);
+                    runner.run(material, force, speed, &mut out).map_err(|e| e.to_string())?;
+                    found.extend(out);
+                }
+            }
+            worst = worst.max(error_of_full_scale(&reference, &found));
+        }
+        Ok(worst)
+    }
+}
+
+impl Runner {
+    /// Predicts magnitudes: `force` of [`FORCE_LEN`] in N, `speed` of [`SPEED_LEN`] in mm/s, `out` of
+    /// [`MAGNITUDES_LEN`] as the model scales them. NaN and infinities are passed on, not refused.
+    ///
+    /// Neither allocates nor locks where [`Executor::is_allocation_free`].
+    ///
+    /// # Errors
+    /// See [`RunError`]; `out` is then untouched.
+    #[inline]
+    pub fn run(
+        &mut self,
+        material: usize,
+        force: &[f32],
+        speed: &[f32],
+        out: &mut [f32],
+    ) -> Result<(), RunError> {
+        if material >= self.materials {
+            return Err(RunError::Material { index: material, count: self.materials });
+        }
+        if force.len() != FORCE_LEN || speed.len() != SPEED_LEN || out.len() != MAGNITUDES_LEN {
+            return Err(RunError::Length);
+        }
+        let done = match &mut self.engine {
+            Engine::F32(packed) => packed.run(material, force, speed, out),
+            Engine::F16(packed) => packed.run(material, force, speed, out),
+            Engine::Tract(reference, textures) => {
+                textures.get(material).and_then(|texture| reference.run(texture, force, speed, out))
+            }
+        };
+        done.ok_or(RunError::Executor)
+    }
+
+    /// What runs the network, and how it was chosen.
+    pub fn describe(&self) -> &Info {
+        &self.info
+    }
+
+    /// How many materials are loaded.
+    pub fn materials(&self) -> usize {
+        self.materials
+    }
+
+    /// Whether a run allocates no memory.
+    pub fn is_allocation_free(&self) -> bool {
+        self.info.executor.is_allocation_free()
+    }
+
+    /// Reads the packed weights once, in order, and returns a checksum: for benches, the time that a run is held
+    /// against. `None` for tract.
+    pub fn read_weights(&self) -> Option<u32> {
+        match &self.engine {
+            Engine::F32(packed) => Some(packed.read()),
+            Engine::F16(packed) => Some(packed.read()),
+            Engine::Tract(..) => None,
+        }
+    }
+}
+
+impl fmt::Debug for Runner {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Runner")
+            .field("materials", &self.materials)
+            .field("info", &self.info)
+            .finish_non_exhaustive()
+    }
+}

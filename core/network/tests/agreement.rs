@@ -1,0 +1,134 @@
+//! Packed kernels against tract and against a plain f64 evaluation, for every spelling and instruction set.
+#![allow(missing_docs, clippy::unwrap_used)]
+
+mod common;
+
+use asperity_network::{Choice, Executor, Isa, Model, Precision};
+use common::{Net, Product, Spelling, bytes, model, motions, textures};
+
+fn load(net: &Net, spelling: Spelling) -> Model {
+    Model::from_bytes(&bytes(&model(net, spelling)), "made.onnx").unwrap()
+}
+
+/// Largest difference from the f64 evaluation as a share of its largest value, over ordinary and large motions.
+fn error_vs_f64(net: &Net, model: &Model, precision: Precision, choice: Choice) -> f64 {
+    let textures = textures(3, 5);
+    let mut runner = model.runner(&textures, precision, choice).unwrap();
+    let (mut worst, mut full_scale) = (0f64, 0f64);
+    for (force, speed) in motions(20, 6).into_iter().filter(|(f, _)| f[0] < 10.0) {
+        for (m, texture) in textures.iter().enumerate() {
+            let mut out = [f32::NAN; 100];
+            runner.run(m, &force, &speed, &mut out).unwrap();
+            for (&y, exact) in out.iter().zip(net.evaluate(&force, &speed, texture)) {
+                worst = worst.max((f64::from(y) - exact).abs());
+                full_scale = full_scale.max(exact);
+            }
+        }
+    }
+    assert!(full_scale > 0.01, "a network that gives nothing tests nothing");
+    worst / full_scale
+}
+
+fn spellings() -> Vec<Spelling> {
+    let d = Spelling::default();
+    vec![
+        d,
+        Spelling { product: Product::Gemm, concat_axis: -1, ..d },
+        Spelling { product: Product::MatMulAdd, typed_data: true, ..d },
+        Spelling { constant_nodes: true, multiply: true, ..d },
+        Spelling { no_ops: true, free_batch: true, clip: true, ..d },
+        Spelling { other_names: true, clip: true, opset: 10, ..d },
+    ]
+}
+
+#[test]
+fn every_spelling_of_the_network_is_packed_and_right() {
+    let net = Net::random(1);
+    for spelling in spellings() {
+        let model = load(&net, spelling);
+        assert_eq!(model.not_lowered_because(), None, "{spelling:?}");
+        let runner = model.runner(&textures(2, 3), Precision::F32, Choice::Auto).unwrap();
+        assert!(runner.is_allocation_free(), "{spelling:?}: {}", runner.describe().report);
+        let error = error_vs_f64(&net, &model, Precision::F32, Choice::Auto);
+        assert!(error < 1e-5, "{spelling:?}: {error}");
+    }
+}
+
+#[test]
+fn every_instruction_set_agrees_with_f64_in_both_precisions() {
+    let net = Net::random(2);
+    let model = load(&net, Spelling::default());
+    for isa in Isa::available() {
+        let (single, half) = (Precision::F32, Precision::F16);
+        let error = error_vs_f64(&net, &model, single, Choice::Packed(isa));
+        assert!(error < 1e-5, "{isa:?} f32: {error}");
+        let error = error_vs_f64(&net, &model, half, Choice::Packed(isa));
+        assert!((1e-6..1e-3).contains(&error), "{isa:?} f16: {error}; f16 weights are not free of rounding");
+    }
+}
+
+#[test]
+fn instruction_sets_agree_with_each_other_and_with_tract() {
+    let model = load(&Net::random(3), Spelling::default());
+    let textures = textures(2, 9);
+    let mut tract = model.runner(&textures, Precision::F32, Choice::Tract).unwrap();
+    for precision in [Precision::F32, Precision::F16] {
+        for isa in Isa::available() {
+            let mut packed = model.runner(&textures, precision, Choice::Packed(isa)).unwrap();
+            for (force, speed) in motions(10, 4) {
+                let (mut a, mut b) = ([0.0; 100], [0.0; 100]);
+                tract.run(1, &force, &speed, &mut a).unwrap();
+                packed.run(1, &force, &speed, &mut b).unwrap();
+                let full_scale = a.iter().fold(0f32, |m, x| m.max(x.abs()));
+                for (x, y) in a.iter().zip(b) {
+                    let error = f64::from((x - y).abs() / full_scale);
+                    assert!(error < precision.tolerance(), "{isa:?} {precision:?}: {x} {y}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn tract_itself_agrees_with_f64() {
+    let net = Net::random(4);
+    let error = error_vs_f64(&net, &load(&net, Spelling::default()), Precision::F32, Choice::Tract);
+    assert!(error < 1e-5, "{error}");
+}
+
+#[test]
+fn the_texture_part_is_folded_away() {
+    let model = load(&Net::random(5), Spelling::default());
+    let runner = model.runner(&textures(1, 1), Precision::F32, Choice::Auto).unwrap();
+    let info = runner.describe();
+    // 496,500 in all, of which 256 x 300 are the texture's.
+    assert_eq!(info.multiply_adds, 496_500 - 256 * 300);
+    let least = 4 * info.multiply_adds;
+    assert!((least..least + least / 20).contains(&info.weights_bytes), "{} bytes", info.weights_bytes);
+    let half = model.runner(&textures(1, 1), Precision::F16, Choice::Auto).unwrap();
+    assert_eq!(half.describe().weights_bytes * 2, info.weights_bytes);
+    let best = Isa::available()[0];
+    assert_eq!(info.executor, Executor::Packed { isa: best, precision: Precision::F32 });
+    assert_eq!(half.describe().executor, Executor::Packed { isa: best, precision: Precision::F16 });
+    assert!(info.max_error_vs_tract.unwrap() < 1e-5, "{}", info.report);
+    assert!(
+        (1e-6..1e-3).contains(&half.describe().max_error_vs_tract.unwrap()),
+        "{}",
+        half.describe().report
+    );
+}
+
+#[test]
+fn weights_are_read_whole() {
+    let model = load(&Net::random(6), Spelling::default());
+    let sums: Vec<u32> = [Choice::Auto, Choice::Packed(Isa::available()[0])]
+        .into_iter()
+        .map(|c| model.runner(&textures(1, 1), Precision::F32, c).unwrap().read_weights().unwrap())
+        .collect();
+    assert_eq!(sums[0], sums[1]);
+    assert_ne!(sums[0], 0);
+    let other = load(&Net::random(7), Spelling::default());
+    let sum = other.runner(&textures(1, 1), Precision::F32, Choice::Auto).unwrap().read_weights().unwrap();
+    assert_ne!(sums[0], sum);
+    assert_eq!(model.runner(&textures(1, 1), Precision::F32, Choice::Tract).unwrap().read_weights(), None);
+}

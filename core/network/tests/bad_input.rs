@@ -1,0 +1,230 @@
+//! Files that are no model, models of another signature, and numbers that are none.
+#![allow(missing_docs, clippy::unwrap_used)]
+
+mod common;
+
+use asperity_network::{Choice, Isa, Model, Precision, RunError, Runner};
+use common::{Net, Random, Spelling, bytes, int, model, tensor, textures, value_info};
+use tract_onnx::pb::{ModelProto, NodeProto, StringStringEntryProto, TensorProto};
+
+fn made() -> ModelProto {
+    model(&Net::random(1), Spelling::default())
+}
+
+/// The error of a made model after `change`.
+fn error(change: impl FnOnce(&mut ModelProto)) -> String {
+    let mut m = made();
+    change(&mut m);
+    let e = Model::from_bytes(&bytes(&m), "some/where.onnx").unwrap_err();
+    assert_eq!(e.path().unwrap(), std::path::Path::new("some/where.onnx"));
+    e.to_string()
+}
+
+#[test]
+fn a_file_cut_short_anywhere_is_an_error() {
+    let whole = bytes(&made());
+    for part in 0..20 {
+        let cut = &whole[..whole.len() * part / 20];
+        let e = Model::from_bytes(cut, "cut.onnx").unwrap_err().to_string();
+        assert!(e.starts_with("cut.onnx: "), "{e}");
+    }
+    Model::from_bytes(&whole, "whole.onnx").unwrap();
+}
+
+#[test]
+fn files_that_are_no_model_are_errors() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut r = Random(3);
+    let noise: Vec<u8> = (0..100_000).map(|_| (r.unit() * 256.0) as u8).collect();
+    let json = br#"{"force": [1, 10], "speed": [1, 20], "texture": [1, 256]}"#.to_vec();
+    for (name, content) in [("noise.onnx", noise), ("model.json", json), ("empty.onnx", vec![])] {
+        let path = dir.path().join(name);
+        std::fs::write(&path, content).unwrap();
+        let e = Model::load(&path).unwrap_err();
+        assert_eq!(e.path().unwrap(), path);
+        assert!(e.help.is_some(), "{e}");
+    }
+    assert!(Model::load(dir.path()).unwrap_err().to_string().contains("not a file"));
+    assert!(Model::load(dir.path().join("none.onnx")).unwrap_err().to_string().contains("cannot read"));
+    let large = dir.path().join("large.onnx");
+    std::fs::File::create(&large).unwrap().set_len(asperity_network::MAX_MODEL_BYTES + 1).unwrap();
+    assert!(Model::load(&large).unwrap_err().to_string().contains("at most"));
+}
+
+#[test]
+fn a_good_file_loads_from_disk() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("made.onnx");
+    std::fs::write(&path, bytes(&made())).unwrap();
+    assert_eq!(Model::load(&path).unwrap().not_lowered_because(), None);
+}
+
+#[test]
+fn flipped_bytes_never_panic_out_of_load() {
+    let whole = bytes(&made());
+    let mut r = Random(4);
+    // The first kilobytes hold the nodes; weights take almost all of the rest.
+    for round in 0..60 {
+        let mut bent = whole.clone();
+        for _ in 0..1 + round % 4 {
+            let reach = if round % 2 == 0 { 3000 } else { bent.len() };
+            let at = (r.unit() * reach as f64) as usize;
+            bent[at] = (r.unit() * 256.0) as u8;
+        }
+        if let Ok(model) = Model::from_bytes(&bent, "bent.onnx") {
+            let _ = model.runner(&textures(1, 1), Precision::F16, Choice::Auto);
+        }
+    }
+}
+
+#[test]
+fn another_signature_is_named_with_what_was_found_and_what_would_fit() {
+    let e = error(|m| m.graph.as_mut().unwrap().input[0] = value_info("force", &[Some(1), Some(12)]));
+    assert!(
+        e.contains("force [1,12]") && e.contains("texture [1,256]") && e.contains("magnitudes [1,100]"),
+        "{e}"
+    );
+    let e = error(|m| m.graph.as_mut().unwrap().input[2] = value_info("texture", &[Some(1), Some(1 << 40)]));
+    assert!(e.contains("texture [1,1099511627776]"), "{e}");
+    let e = error(|m| m.graph.as_mut().unwrap().input[1] = value_info("speed", &[Some(2), Some(20)]));
+    assert!(e.contains("speed [2,20]"), "{e}");
+    let e = error(|m| {
+        m.graph.as_mut().unwrap().input.remove(1);
+    });
+    assert!(e.contains("2 inputs") && e.contains("speed [1,20]"), "{e}");
+    let e = error(|m| m.graph.as_mut().unwrap().input.push(value_info("image", &[Some(1), Some(3)])));
+    assert!(e.contains("4 inputs") && e.contains("image [1,3]"), "{e}");
+    let e = error(|m| m.graph.as_mut().unwrap().output[0] = value_info("magnitudes", &[Some(1), Some(101)]));
+    assert!(e.contains("magnitudes [1,101]"), "{e}");
+    let e = error(|m| {
+        use tract_onnx::pb::type_proto::Value::TensorType;
+        let input = &mut m.graph.as_mut().unwrap().input[0];
+        let TensorType(t) = input.r#type.as_mut().unwrap().value.as_mut().unwrap();
+        t.elem_type = 11;
+    });
+    assert!(e.contains("not 32-bit float"), "{e}");
+}
+
+#[test]
+fn an_output_of_another_shape_than_stated_is_an_error() {
+    let e = error(|m| {
+        let g = m.graph.as_mut().unwrap();
+        let last = g.node.last_mut().unwrap();
+        let input = last.input[0].clone();
+        *last = NodeProto {
+            op_type: "Concat".into(),
+            input: vec![input.clone(), input],
+            output: vec!["magnitudes".into()],
+            attribute: vec![int("axis", 1)],
+            ..Default::default()
+        };
+    });
+    assert!(e.contains("some/where.onnx: "), "{e}");
+}
+
+#[test]
+fn weights_that_lie_about_themselves_are_errors() {
+    let weights = |change: fn(&mut TensorProto)| {
+        error(move |m| {
+            change(m.graph.as_mut().unwrap().initializer.iter_mut().find(|t| t.dims.len() == 2).unwrap())
+        })
+    };
+    assert!(weights(|t| t.dims = vec![1 << 40, 1 << 40]).contains("shape"));
+    assert!(weights(|t| t.dims = vec![-1, 10]).contains("shape"));
+    assert!(weights(|t| t.raw_data.truncate(13)).contains("elements"));
+    assert!(weights(|t| t.data_type = 99).contains("element type"));
+    let e = weights(|t| {
+        t.raw_data.clear();
+        t.data_location = Some(1);
+        t.external_data = vec![StringStringEntryProto { key: "location".into(), value: "/dev/zero".into() }];
+    });
+    assert!(e.contains("in another file"), "{e}");
+}
+
+#[test]
+fn graphs_out_of_order_or_asking_for_the_moon_are_errors() {
+    let e = error(|m| m.graph.as_mut().unwrap().node.reverse());
+    assert!(e.contains("nothing before it gives"), "{e}");
+    let e = error(|m| m.graph.as_mut().unwrap().output[0].name = "elsewhere".into());
+    assert!(e.contains("nothing gives the output"), "{e}");
+    let e = error(|m| {
+        let g = m.graph.as_mut().unwrap();
+        let mut shape = tensor("huge", &[2], &[]);
+        shape.data_type = 7;
+        shape.int64_data = vec![1 << 30, 1 << 30];
+        g.initializer.push(shape);
+        let fill = NodeProto {
+            op_type: "ConstantOfShape".into(),
+            input: vec!["huge".into()],
+            output: vec!["filled".into()],
+            ..Default::default()
+        };
+        g.node.insert(0, fill);
+    });
+    assert!(e.contains("ConstantOfShape") && e.contains("elements"), "{e}");
+}
+
+fn runners() -> Vec<Runner> {
+    let model = Model::from_bytes(&bytes(&made()), "made.onnx").unwrap();
+    let mut choices = vec![(Choice::Tract, Precision::F32)];
+    for isa in Isa::available() {
+        choices.extend([(Choice::Packed(isa), Precision::F32), (Choice::Packed(isa), Precision::F16)]);
+    }
+    choices.into_iter().map(|(c, p)| model.runner(&textures(2, 1), p, c).unwrap()).collect()
+}
+
+#[test]
+fn a_runner_refuses_what_it_does_not_have() {
+    for mut runner in runners() {
+        let mut out = [7.0; 100];
+        assert_eq!(runner.materials(), 2);
+        let e = runner.run(2, &[0.0; 10], &[0.0; 20], &mut out).unwrap_err();
+        assert_eq!(e, RunError::Material { index: 2, count: 2 });
+        assert!(runner.run(usize::MAX, &[0.0; 10], &[0.0; 20], &mut out).is_err());
+        assert_eq!(runner.run(0, &[0.0; 9], &[0.0; 20], &mut out), Err(RunError::Length));
+        assert_eq!(runner.run(0, &[0.0; 10], &[0.0; 21], &mut out), Err(RunError::Length));
+        assert_eq!(runner.run(0, &[0.0; 10], &[0.0; 20], &mut out[..99]), Err(RunError::Length));
+        assert_eq!(out, [7.0; 100]);
+    }
+}
+
+#[test]
+fn packed_networks_pass_nan_on_and_recover_from_it() {
+    for mut runner in runners() {
+        let mut clean = [0.0; 100];
+        runner.run(0, &[1.0; 10], &[50.0; 20], &mut clean).unwrap();
+        for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, f32::MAX] {
+            let mut force = [1.0; 10];
+            force[3] = bad;
+            let mut out = [0.0; 100];
+            runner.run(0, &force, &[50.0; 20], &mut out).unwrap();
+            if bad.is_nan() && runner.is_allocation_free() {
+                assert!(out.iter().all(|x| x.is_nan()), "{:?}", runner.describe().executor);
+            }
+            runner.run(0, &[1.0; 10], &[50.0; 20], &mut out).unwrap();
+            assert_eq!(out, clean, "nothing of {bad} stays behind");
+        }
+    }
+}
+
+#[test]
+fn materials_that_do_not_fit_are_named() {
+    let model = Model::from_bytes(&bytes(&made()), "made.onnx").unwrap();
+    let refused = |materials: &[Vec<f32>]| {
+        model.runner(materials, Precision::F32, Choice::Auto).unwrap_err().to_string()
+    };
+    assert!(refused(&[]).contains("0 materials"));
+    assert!(
+        refused(&[vec![0.0; 256], vec![0.0; 255]]).contains("material 1 has a texture vector of 255 numbers")
+    );
+    let mut bad = vec![0.0; 256];
+    bad[7] = f32::NAN;
+    assert!(refused(&[bad]).contains("number 7 of material 0"));
+}
+
+#[test]
+fn runners_move_between_threads() {
+    fn send<T: Send>() {}
+    send::<Runner>();
+    send::<Model>();
+}
