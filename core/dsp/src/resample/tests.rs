@@ -117,8 +117,7 @@ fn images_and_aliases_are_below_85_db() {
 fn outputs_are_scipys() {
     // scipy 1.17.1: h = sinc(i / L - 14) kaiser(28 L + 1, 0.1102 * 79.3), x = sin(0.7 n) + 0.5 cos(0.011 n^2), n < 60;
     // upfirdn(h, x, L, M)[k]
-    let x: Vec<f64> =
-        (0..60).map(f64::from).map(|n| (0.7 * n).sin() + 0.5 * (0.011 * n * n).cos()).collect();
+    let x: Vec<f64> = (0..60).map(f64::from).map(|n| (0.7 * n).sin() + 0.5 * (0.011 * n * n).cos()).collect();
     let cases = [
         (
             48_000u32,
@@ -150,8 +149,7 @@ fn outputs_are_scipys() {
         }
     }
     // The same for 48000 to 2500: h = 5/96 sinc(u) kaiser(u / 14), u = 5/96 (i / 5 - 269), x = sin(0.02 n) + 0.3 cos(0.5 n).
-    let x: Vec<f64> =
-        (0..3000).map(f64::from).map(|n| (0.02 * n).sin() + 0.3 * (0.5 * n).cos()).collect();
+    let x: Vec<f64> = (0..3000).map(f64::from).map(|n| (0.02 * n).sin() + 0.3 * (0.5 * n).cos()).collect();
     let mut r = Resampler::<f64>::new(&conversion(48_000, 2500, FilterPhase::Linear)).unwrap();
     let mut y = vec![0.0; 156];
     r.process(0, &x, 0, &mut y);
