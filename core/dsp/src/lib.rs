@@ -2,6 +2,19 @@
 //!
 //! Constructors allocate and check; what runs per tick does neither, and does not panic. Samples are counted by absolute
 //! index in integers, so nothing drifts.
+//!
+//! Medians in single precision on a virtual AMD EPYC core (two of them, shared with four times their load in builds, so these are
+//! upper bounds), `cargo bench -p asperity-dsp`, frames of noise, back to back:
+//!
+//! | transform length | bins | `spsi` | `overlap_add` | both |
+//! |---|---|---|---|---|
+//! | 50 | 26 | 0.45 us | 0.17 us | 0.67 us |
+//! | 250 | 101 | 2.2 us | 0.82 us | 3.0 us |
+//! | 4410 | 101 | 2.3 us | 10.5 us | 13.8 us |
+//! | 4800 | 101 | 2.2 us | 9.5 us | 11.7 us |
+//!
+//! `resample`, one tick of 2 ms: 2500 to 48000 Hz 0.82 us, to 44100 Hz 0.84 us, 500 to 48000 Hz 0.79 us. The widest table
+//! made here, 2500 to 44099 Hz at minimum phase, takes 68 ms to compute.
 
 pub mod filter;
 mod float;
