@@ -42,6 +42,14 @@ impl Pending {
         self.temp.as_file().try_clone().map_err(|e| Failure::writing(&self.path, e))
     }
 
+    /// Fills the file and gives it its name, which it answers.
+    pub fn keep_text(mut self, text: &str) -> Result<PathBuf, Failure> {
+        let path = self.path.clone();
+        self.temp.write_all(text.as_bytes()).map_err(|e| Failure::writing(&path, e))?;
+        self.keep()?;
+        Ok(path)
+    }
+
     /// Gives the file its name.
     pub fn keep(self) -> Result<(), Failure> {
         let path = self.path.clone();
@@ -52,9 +60,7 @@ impl Pending {
 
 /// Writes a whole text.
 pub fn write_text(path: &Path, text: &str) -> Result<(), Failure> {
-    let mut pending = Pending::create(path)?;
-    pending.temp.write_all(text.as_bytes()).map_err(|e| Failure::writing(path, e))?;
-    pending.keep()
+    Pending::create(path)?.keep_text(text).map(drop)
 }
 
 /// What takes rows of samples or values.

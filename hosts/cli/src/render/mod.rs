@@ -17,7 +17,8 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::args::Render;
 use crate::failure::Failure;
-use crate::{load, output};
+use crate::load;
+use crate::output::Pending;
 
 use record::{Master, Recorder};
 use report::Run;
@@ -56,6 +57,9 @@ pub fn run(args: &Render) -> Result<ExitCode, Failure> {
 
     let mut recorders = Recorder::for_sinks(schedule)?;
     let mut master = args.out.as_ref().map(|path| Master::new(path, schedule, args.format)).transpose()?;
+    // Opened now, so that a folder that is not there is known before and not after the work.
+    let plot = args.plot.as_deref().map(Pending::create).transpose()?;
+    let report_file = args.report.as_deref().map(Pending::create).transpose()?;
     let mut traces = args.plot.as_ref().map(|_| Traces::new(schedule));
     let mut engine = Engine::new(compiled, Options { sleep: !args.no_sleep });
     let schedule = engine.schedule().clone();
@@ -114,13 +118,11 @@ pub fn run(args: &Render) -> Result<ExitCode, Failure> {
         asked: ticks,
         elapsed_s,
     };
-    if let (Some(path), Some(traces)) = (&args.plot, traces) {
-        output::write_text(path, &traces.svg(&args.graph.graph, &schedule))?;
-        written.push(path.clone());
+    if let (Some(file), Some(traces)) = (plot, traces) {
+        written.push(file.keep_text(&traces.svg(&args.graph.graph, &schedule))?);
     }
-    if let Some(path) = &args.report {
-        output::write_text(path, &report::json(&run, &engine, &times, &drive))?;
-        written.push(path.clone());
+    if let Some(file) = report_file {
+        written.push(file.keep_text(&report::json(&run, &engine, &times, &drive))?);
     }
     if !args.quiet {
         print!("{}", report::summary(&run, &engine, &times, &drive, &written));

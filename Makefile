@@ -1,0 +1,50 @@
+# Two commands to know: `make demo` and `make test`. Both set up what they need.
+
+CARGO ?= cargo
+OUT ?= out
+
+.PHONY: setup demo test test-long lint bench train pictures clean
+
+# Installs what is missing where it may, else says the exact line.
+setup:
+	@sh scripts/setup.sh
+
+# Renders the default stroke over the default material: WAV, plot and report.
+demo: setup
+	$(CARGO) build --release -p asperity
+	mkdir -p $(OUT)
+	target/release/asperity render graphs/heravi2024.ron --out $(OUT)/demo.wav --plot $(OUT)/demo.svg --report $(OUT)/demo.json
+	@echo
+	@echo "listen to  $(OUT)/demo.wav   what the sound card plays: 1 is 1 V, and 1 A behind the amplifier"
+	@echo "look at    $(OUT)/demo.svg   position, speed, force, acceleration, spectrogram, current"
+	@echo "read       $(OUT)/demo.json  what it took"
+
+# Every test but the long ones.
+test: setup
+	$(CARGO) test --workspace
+
+# The tests that take minutes: a million ticks without an allocation.
+test-long: setup
+	ASPERITY_LONG_TICKS=1000000 $(CARGO) test -p asperity --test no_alloc
+
+lint: setup
+	$(CARGO) fmt --all --check
+	$(CARGO) clippy --workspace --all-targets -- -D warnings
+
+# One table: each node and the whole tick, beside a plain read of the network's weights.
+bench: setup
+	$(CARGO) bench -p asperity --bench tick
+
+# Trains the shipped network again.
+train: setup
+	$(CARGO) run --release -p asperity-train -- --out graphs/models/made.onnx --library graphs/materials/made.ron
+
+# The pictures of the README.
+pictures: setup
+	$(CARGO) build --release -p asperity
+	target/release/asperity graph graphs/heravi2024.ron --svg docs/graph.svg
+	target/release/asperity render graphs/heravi2024.ron --plot docs/render.svg
+
+clean:
+	$(CARGO) clean
+	rm -rf $(OUT)

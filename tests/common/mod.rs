@@ -1,0 +1,75 @@
+//! Driving the program as a user would.
+#![allow(dead_code)] // every test file uses a part of this
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+/// The top of the house.
+pub fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
+}
+
+/// A shipped file.
+pub fn graphs(path: &str) -> PathBuf {
+    root().join("graphs").join(path)
+}
+
+/// The program, in a folder.
+pub fn asperity(dir: &Path) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_asperity"));
+    command.current_dir(dir);
+    command
+}
+
+/// What a run left behind.
+pub struct Ran {
+    pub code: i32,
+    pub out: String,
+    pub err: String,
+}
+
+impl Ran {
+    pub fn ok(self) -> Self {
+        assert_eq!(self.code, 0, "stdout: {}\nstderr: {}", self.out, self.err);
+        self
+    }
+}
+
+/// Runs the program to its end.
+pub fn run(dir: &Path, args: &[&str]) -> Ran {
+    let Output { status, stdout, stderr } = asperity(dir).args(args).output().expect("the program starts");
+    Ran {
+        code: status.code().unwrap_or(-1),
+        out: String::from_utf8_lossy(&stdout).into_owned(),
+        err: String::from_utf8_lossy(&stderr).into_owned(),
+    }
+}
+
+/// Files in a folder, hidden ones too, sorted.
+pub fn files(dir: &Path) -> Vec<String> {
+    let mut names: Vec<String> = std::fs::read_dir(dir)
+        .expect("a folder")
+        .map(|e| e.expect("an entry").file_name().to_string_lossy().into_owned())
+        .collect();
+    names.sort();
+    names
+}
+
+/// The shipped graph with absolute paths, so that it can be edited anywhere.
+pub fn shipped_graph() -> String {
+    let text = std::fs::read_to_string(graphs("heravi2024.ron")).expect("the shipped graph");
+    let dir = graphs("").display().to_string();
+    ["trajectories/", "models/", "materials/"].iter().fold(text, |t, p| t.replace(&format!("\"{p}"), &format!("\"{dir}{p}")))
+}
+
+/// Samples of a float WAV file, and its rate.
+pub fn wav(path: &Path) -> (Vec<f32>, u32) {
+    let mut reader = hound::WavReader::open(path).expect("a WAV file");
+    let rate = reader.spec().sample_rate;
+    (reader.samples::<f32>().map(|s| s.expect("a sample")).collect(), rate)
+}
+
+/// A JSON file.
+pub fn json(path: &Path) -> serde_json::Value {
+    serde_json::from_str(&std::fs::read_to_string(path).expect("a file")).expect("JSON")
+}

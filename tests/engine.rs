@@ -1,0 +1,464 @@
+//! The engine under nodes that behave, sleep, fail and panic: what flows on, and what is counted.
+
+use asperity_engine::{Engine, FAULTS_BEFORE_QUARANTINE, Options};
+use asperity_graph::{GraphFile, compile};
+use asperity_node::{
+    Buffer, Descriptor, Diagnostic, Fault, FrameLayout, FrameRate, Input, LayoutSpec, Node, Output, Param, RateSpec,
+    Registry, Resume, Setup, ShapeSpec, Status, Tick, Unit,
+};
+use asperity_source::Source;
+
+/// Emits its sample numbers, as audio, and its tick as a control.
+struct Counter {
+    calls: u64,
+}
+
+impl Node for Counter {
+    fn descriptor() -> Descriptor {
+        Descriptor::new("counter", "Counts.")
+            .output(Output::new("samples", ShapeSpec::Audio(RateSpec::Graph), Unit::NONE))
+            .output(Output::new("tick", ShapeSpec::Control(1), Unit::NONE))
+            .output(Output::new("calls", ShapeSpec::Control(1), Unit::NONE))
+    }
+
+    fn prepare(_: &Setup<'_>) -> Result<Self, Diagnostic> {
+        Ok(Self { calls: 0 })
+    }
+
+    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
+        self.calls += 1;
+        let span = tick.samples(48_000);
+        for (y, n) in tick.outputs.audio(0).iter_mut().zip(span) {
+            *y = n as f32;
+        }
+        tick.outputs.set(1, tick.index as f64);
+        tick.outputs.set(2, self.calls as f64);
+        Status::Continue
+    }
+
+    fn reset(&mut self) {
+        self.calls = 0;
+    }
+}
+
+/// Puts out ones on every kind of port, and goes wrong from tick `from` to tick `to`.
+struct Faulty {
+    from: u64,
+    to: u64,
+    how: String,
+}
+
+const LAYOUT_RATE: u32 = 2500;
+
+impl Node for Faulty {
+    fn descriptor() -> Descriptor {
+        let frame_rate = FrameRate::new(500, 1).expect("a rate");
+        let layout = FrameLayout { rate_hz: LAYOUT_RATE, length: 250, bins: 4, frame_rate };
+        Descriptor::new("faulty", "Fails when told to.")
+            .output(Output::new("audio", ShapeSpec::Audio(RateSpec::Graph), Unit::NONE))
+            .output(Output::new("control", ShapeSpec::Control(2), Unit::NONE))
+            .output(Output::new("frame", ShapeSpec::Magnitude(LayoutSpec::Is(layout)), Unit::NONE))
+            .param(Param::integer("from", 0, 0..=1_000_000, "First bad tick."))
+            .param(Param::integer("to", 0, 0..=1_000_000, "First good tick after that."))
+            .param(Param::choice("how", &["nan", "panic", "error", "nan control", "inf frame"], "How it fails."))
+    }
+
+    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
+        let p = setup.params;
+        Ok(Self { from: p.integer("from") as u64, to: p.integer("to") as u64, how: p.text("how").to_owned() })
+    }
+
+    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
+        tick.outputs.audio(0).fill(1.0);
+        let k = tick.index as f64;
+        tick.outputs.control(1).copy_from_slice(&[k, -k]);
+        let start = tick.samples(LAYOUT_RATE).start;
+        tick.outputs.magnitude(2, tick.index, start).fill(1.0);
+        if (self.from..self.to).contains(&tick.index) {
+            match self.how.as_str() {
+                "nan" => tick.outputs.audio(0)[7] = f32::NAN,
+                "nan control" => tick.outputs.control(1)[1] = f64::NAN,
+                "inf frame" => tick.outputs.magnitude(2, tick.index, start)[3] = f32::INFINITY,
+                "panic" => panic!("as told"),
+                _ => return Status::Error(Fault::Failed(42)),
+            }
+        }
+        Status::Continue
+    }
+
+    fn reset(&mut self) {}
+}
+
+/// A one-pole smoother, so that what it remembers can be seen.
+struct Memory<const RESUME: u8> {
+    value: f64,
+    elapsed: u64,
+}
+
+impl<const RESUME: u8> Node for Memory<RESUME> {
+    fn descriptor() -> Descriptor {
+        let (kind, resume) = match RESUME {
+            0 => ("memory_restart", Resume::Restart),
+            1 => ("memory_elapsed", Resume::Elapsed),
+            2 => ("memory_resume", Resume::Resume),
+            _ => ("memory_never", Resume::Never),
+        };
+        Descriptor::new(kind, "Counts its calls into an audio level.")
+            .input(Input::new("in", ShapeSpec::Audio(RateSpec::Graph), Unit::NONE))
+            .output(Output::new("out", ShapeSpec::Audio(RateSpec::Graph), Unit::NONE))
+            .resumes(resume)
+    }
+
+    fn prepare(_: &Setup<'_>) -> Result<Self, Diagnostic> {
+        Ok(Self { value: 0.0, elapsed: 0 })
+    }
+
+    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
+        self.value += 1.0;
+        tick.outputs.audio(0).fill(self.value as f32 + 1000.0 * self.elapsed as f32);
+        Status::Continue
+    }
+
+    fn elapsed(&mut self, ticks: u64) {
+        self.elapsed = ticks;
+    }
+
+    fn reset(&mut self) {
+        (self.value, self.elapsed) = (0.0, 0);
+    }
+}
+
+/// Open in the ticks that `open_to` says.
+struct TestGate {
+    close: u64,
+    open: u64,
+    wanted: bool,
+}
+
+impl Node for TestGate {
+    fn descriptor() -> Descriptor {
+        Descriptor::new("test_gate", "Closed from tick `close` to tick `open`.")
+            .input(Input::new("in", ShapeSpec::Audio(RateSpec::Graph), Unit::NONE))
+            .output(Output::new("out", ShapeSpec::Audio(RateSpec::Graph), Unit::NONE))
+            .param(Param::integer("close", 3, 0..=100, "First closed tick."))
+            .param(Param::integer("open", 6, 0..=100, "First open tick after that."))
+            .gates("in")
+    }
+
+    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
+        let p = setup.params;
+        Ok(Self { close: p.integer("close") as u64, open: p.integer("open") as u64, wanted: true })
+    }
+
+    fn wants(&mut self, tick: &mut Tick<'_>) -> bool {
+        self.wanted = !(self.close..self.open).contains(&tick.index);
+        self.wanted
+    }
+
+    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
+        if !self.wanted {
+            return Status::Quiet;
+        }
+        tick.outputs.audio(0).copy_from_slice(tick.inputs.audio(0));
+        Status::Continue
+    }
+
+    fn reset(&mut self) {}
+}
+
+/// Emits three ticks of ones, then says it sleeps; wakes to double what comes in.
+struct Dozer;
+
+impl Node for Dozer {
+    fn descriptor() -> Descriptor {
+        Descriptor::new("dozer", "Sleeps while its input is silent.")
+            .input(Input::new("in", ShapeSpec::Audio(RateSpec::Graph), Unit::NONE))
+            .output(Output::new("out", ShapeSpec::Audio(RateSpec::Graph), Unit::NONE))
+    }
+
+    fn prepare(_: &Setup<'_>) -> Result<Self, Diagnostic> {
+        Ok(Self)
+    }
+
+    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
+        let input = tick.inputs.audio(0);
+        if input.iter().all(|x| *x == 0.0) {
+            return Status::Asleep;
+        }
+        for (y, x) in tick.outputs.audio(0).iter_mut().zip(input) {
+            *y = 2.0 * x;
+        }
+        Status::Continue
+    }
+
+    fn reset(&mut self) {}
+}
+
+fn registry() -> Registry {
+    asperity_nodes::registry()
+        .with::<Counter>()
+        .with::<Faulty>()
+        .with::<Memory<0>>()
+        .with::<Memory<1>>()
+        .with::<Memory<2>>()
+        .with::<Memory<3>>()
+        .with::<TestGate>()
+        .with::<Dozer>()
+}
+
+fn engine_with(nodes: &str, wires: &str, options: Options) -> Engine {
+    let text = format!("Graph(version: 1, nodes: {{{nodes}}}, wires: [{wires}])");
+    let graph = GraphFile::parse(&Source::new("test.ron", text)).expect("a graph");
+    match compile(&graph, &registry(), asperity_graph::Options::default()) {
+        Ok(compiled) => Engine::new(compiled, options),
+        Err(errors) => panic!("{}", errors.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n")),
+    }
+}
+
+fn engine(nodes: &str, wires: &str) -> Engine {
+    engine_with(nodes, wires, Options::default())
+}
+
+fn node(engine: &Engine, id: &str) -> usize {
+    engine.schedule().index_of(id).unwrap_or_else(|| panic!("no node {id}"))
+}
+
+fn audio(engine: &Engine, id: &str, output: usize) -> Vec<f32> {
+    match engine.output(node(engine, id), output) {
+        Some(Buffer::Audio { samples, len, .. }) => samples[..*len].to_vec(),
+        other => panic!("no audio: {other:?}"),
+    }
+}
+
+fn control(engine: &Engine, id: &str, output: usize) -> (Vec<f64>, bool) {
+    match engine.output(node(engine, id), output) {
+        Some(Buffer::Control { values, valid }) => (values.to_vec(), *valid),
+        other => panic!("no control: {other:?}"),
+    }
+}
+
+#[test]
+fn every_sample_passes_once_and_in_order_at_44100_and_48000() {
+    for hz in [44_100, 48_000, 96_000, 8_000] {
+        let text = format!(
+            "Graph(version: 1, tick_hz: 700, audio_hz: {hz}, nodes: {{\"c\": (kind: \"counter\"), \"p\": (kind: \
+             \"probe\")}}, wires: [(\"c.samples\", \"p\")])"
+        );
+        let graph = GraphFile::parse(&Source::new("t", text)).unwrap();
+        let mut e = Engine::new(compile(&graph, &registry(), Default::default()).unwrap(), Options::default());
+        let mut count = 0;
+        for _ in 0..7000 {
+            e.tick();
+            count += audio(&e, "c", 0).len();
+        }
+        assert_eq!(count, 10 * hz, "{hz} Hz");
+    }
+}
+
+#[test]
+fn a_nan_fades_within_10_ms_and_the_rest_goes_on() {
+    let mut e = engine(
+        "\"f\": (kind: \"faulty\", params: (from: 10, to: 14, how: nan)), \"g\": (kind: \"gain\"), \"c\": (kind: \
+         \"counter\"), \"p\": (kind: \"probe\"), \"q\": (kind: \"probe\")",
+        "(\"f.audio\", \"g\"), (\"g\", \"p\"), (\"c.samples\", \"q\")",
+    );
+    let mut out = Vec::new();
+    for tick in 0..30 {
+        e.tick();
+        out.extend(audio(&e, "g", 0));
+        assert_eq!(audio(&e, "c", 0)[0], (tick * 96) as f32, "the counter must go on");
+    }
+    assert!(out.iter().all(|x| x.is_finite()));
+    let step = out.windows(2).map(|w| (w[1] - w[0]).abs()).fold(0.0, f32::max);
+    assert!(step < 1.5 / 480.0, "step {step}: a fade over 480 samples has steps of 1/480");
+    // It fails for 8 ms, which is shorter than the fade: it comes back from where it was.
+    let faults = e.report(node(&e, "f")).unwrap();
+    assert_eq!((faults.faults, faults.last_fault, faults.quarantined), (4, Some(Fault::NotFinite), false));
+    assert_eq!(e.faults(), 4);
+    assert_eq!(out[29 * 96], 1.0);
+}
+
+#[test]
+fn a_control_of_a_failing_node_holds_and_is_not_trusted() {
+    let mut e = engine(
+        "\"f\": (kind: \"faulty\", params: (from: 5, to: 8, how: \"nan control\")), \"g\": (kind: \"gain\", params: \
+         (gain: 2.0)), \"p\": (kind: \"probe\")",
+        "(\"f.control\", \"g\"), (\"g\", \"p\")",
+    );
+    for tick in 0..12 {
+        e.tick();
+        let k = if (5..8).contains(&tick) { 4.0 } else { f64::from(tick) };
+        let valid = !(5..8).contains(&tick);
+        assert_eq!(control(&e, "f", 1), (vec![k, -k], valid), "tick {tick}");
+        assert_eq!(control(&e, "g", 0), (vec![2.0 * k, -2.0 * k], valid), "tick {tick}");
+    }
+}
+
+#[test]
+fn a_frame_of_a_failing_node_is_zero() {
+    let mut e = engine(
+        "\"f\": (kind: \"faulty\", params: (from: 2, to: 3, how: \"inf frame\")), \"p\": (kind: \"probe\")",
+        "(\"f.frame\", \"p\")",
+    );
+    for tick in 0..4_u64 {
+        e.tick();
+        let Some(Buffer::Magnitude { bins, frame, valid }) = e.output(node(&e, "f"), 2) else { panic!("no frame") };
+        let good = tick != 2;
+        assert_eq!((bins[3], *valid), (if good { 1.0 } else { 0.0 }, good), "tick {tick}");
+        assert_eq!(*frame, Some((tick, tick * 5)));
+    }
+}
+
+#[test]
+fn a_panic_is_contained_counted_and_quarantined() {
+    let mut e = engine(
+        "\"f\": (kind: \"faulty\", params: (from: 3, to: 1000, how: panic)), \"c\": (kind: \"counter\"), \"p\": \
+         (kind: \"probe\"), \"q\": (kind: \"probe\")",
+        "(\"f.audio\", \"p\"), (\"c.tick\", \"q\")",
+    );
+    for _ in 0..100 {
+        e.tick();
+    }
+    let report = e.report(node(&e, "f")).unwrap().clone();
+    assert_eq!(report.faults, FAULTS_BEFORE_QUARANTINE);
+    assert_eq!(report.calls, 3 + FAULTS_BEFORE_QUARANTINE, "a node in quarantine is not called");
+    assert_eq!((report.last_fault, report.quarantined), (Some(Fault::Panicked), true));
+    assert_eq!(control(&e, "c", 1).0, [99.0]);
+    assert!(audio(&e, "f", 0).iter().all(|x| *x == 0.0));
+}
+
+#[test]
+fn an_error_code_reaches_the_report() {
+    let mut e = engine(
+        "\"f\": (kind: \"faulty\", params: (from: 0, to: 1, how: error)), \"p\": (kind: \"probe\")",
+        "(\"f.audio\", \"p\")",
+    );
+    e.tick();
+    assert_eq!(e.report(node(&e, "f")).unwrap().last_fault, Some(Fault::Failed(42)));
+}
+
+#[test]
+fn what_serves_a_closed_gate_alone_is_not_called() {
+    let nodes = "\"c\": (kind: \"counter\"), \"m\": (kind: \"memory_restart\"), \"g\": (kind: \"test_gate\"), \"p\": \
+                 (kind: \"probe\"), \"shared\": (kind: \"counter\"), \"q\": (kind: \"probe\"), \"n\": (kind: \
+                 \"memory_never\"), \"mix\": (kind: \"mix\", params: (inputs: 3))";
+    let wires = "(\"c.samples\", \"m\"), (\"m\", \"mix.in1\"), (\"shared.samples\", \"mix.in2\"), (\"shared.tick\", \
+                 \"q\"), (\"shared.samples\", \"n\"), (\"n\", \"mix.in3\"), (\"mix\", \"g\"), (\"g\", \"p\")";
+    let mut e = engine(nodes, wires);
+    for _ in 0..10 {
+        e.tick();
+    }
+    let calls = |id: &str| e.report(node(&e, id)).unwrap().calls;
+    assert_eq!((calls("c"), calls("m"), calls("mix")), (7, 7, 7), "closed for 3 of 10 ticks");
+    assert_eq!(calls("shared"), 10, "it serves a probe too");
+    assert_eq!(calls("n"), 10, "it never sleeps");
+    assert_eq!(calls("g"), 10);
+    assert_eq!(e.report(node(&e, "m")).unwrap().slept, 3);
+}
+
+#[test]
+fn a_node_wakes_as_it_says() {
+    for (kind, after) in [("restart", 1.0), ("elapsed", 3.0 * 1000.0 + 4.0), ("resume", 4.0), ("never", 7.0)] {
+        let nodes = format!(
+            "\"c\": (kind: \"counter\"), \"m\": (kind: \"memory_{kind}\"), \"g\": (kind: \"test_gate\"), \"p\": (kind: \
+             \"probe\")"
+        );
+        let mut e = engine(&nodes, "(\"c.samples\", \"m\"), (\"m\", \"g\"), (\"g\", \"p\")");
+        for _ in 0..7 {
+            e.tick();
+        }
+        assert_eq!(audio(&e, "g", 0)[0], after, "{kind}");
+    }
+}
+
+#[test]
+fn the_output_is_the_same_whether_nodes_sleep_or_not() {
+    let nodes = "\"c\": (kind: \"counter\"), \"m\": (kind: \"memory_restart\"), \"g\": (kind: \"test_gate\"), \"p\": \
+                 (kind: \"probe\")";
+    let wires = "(\"c.samples\", \"m\"), (\"m\", \"g\"), (\"g\", \"p\")";
+    let mut sleeping = engine(nodes, wires);
+    let mut awake = engine_with(nodes, wires, Options { sleep: false });
+    for tick in 0..12 {
+        sleeping.tick();
+        awake.tick();
+        assert_eq!(audio(&sleeping, "g", 0), audio(&awake, "g", 0), "tick {tick}");
+    }
+    assert_eq!(awake.report(node(&awake, "m")).unwrap().calls, 12);
+    assert_eq!(sleeping.report(node(&sleeping, "m")).unwrap().calls, 9);
+}
+
+#[test]
+fn a_node_that_dozes_is_woken_by_its_input() {
+    let nodes = "\"f\": (kind: \"faulty\"), \"g\": (kind: \"test_gate\", params: (close: 2, open: 8)), \"d\": (kind: \
+                 \"dozer\"), \"p\": (kind: \"probe\")";
+    let mut e = engine(nodes, "(\"f.audio\", \"g\"), (\"g\", \"d\"), (\"d\", \"p\")");
+    let mut levels = Vec::new();
+    for _ in 0..10 {
+        e.tick();
+        levels.push(audio(&e, "d", 0)[5]);
+    }
+    assert_eq!(levels, [2.0, 2.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 2.0, 2.0]);
+    // Two loud ticks, one in which it falls asleep, two after it was woken.
+    assert_eq!(e.report(node(&e, "d")).unwrap().calls, 5);
+}
+
+#[test]
+fn a_cycle_through_a_delay_gives_the_geometric_series() {
+    let nodes = "\"f\": (kind: \"faulty\"), \"sum\": (kind: \"mix\"), \"half\": (kind: \"gain\", params: (gain: 0.5)), \
+                 \"later\": (kind: \"delay\", params: (delay_ms: 2.0)), \"p\": (kind: \"probe\")";
+    let wires = "(\"f.audio\", \"sum.in1\"), (\"later\", \"sum.in2\"), (\"sum\", \"half\"), (\"half\", \"later\"), \
+                 (\"sum\", \"p\")";
+    let mut e = engine(nodes, wires);
+    for tick in 0..20 {
+        e.tick();
+        let expected = 2.0 - 0.5_f32.powi(tick);
+        assert!(audio(&e, "sum", 0).iter().all(|x| (x - expected).abs() < 1e-6), "tick {tick}");
+    }
+}
+
+#[test]
+fn a_delay_is_exact_in_and_out_of_a_cycle() {
+    for ms in [0.0, 0.02083334, 1.0, 2.0, 37.5] {
+        let samples = (ms * 48.0_f64).round() as usize;
+        let nodes = format!(
+            "\"c\": (kind: \"counter\"), \"d\": (kind: \"delay\", params: (delay_ms: {ms:?})), \"p\": (kind: \"probe\")"
+        );
+        let mut e = engine(&nodes, "(\"c.samples\", \"d\"), (\"d\", \"p\")");
+        let mut out = Vec::new();
+        for _ in 0..30 {
+            e.tick();
+            out.extend(audio(&e, "d", 0));
+        }
+        let expected: Vec<f32> = (0..out.len()).map(|i| i.saturating_sub(samples) as f32).collect();
+        assert_eq!(out, expected, "{ms} ms");
+    }
+}
+
+#[test]
+fn a_node_may_run_every_kth_tick_and_its_control_holds() {
+    let mut e = engine("\"v\": (kind: \"stroke\"), \"h\": (kind: \"virtual_floor\", every: 4), \"p\": (kind: \"probe\")",
+        "(\"v\", \"h\"), (\"h.force\", \"p\")");
+    for _ in 0..400 {
+        e.tick();
+    }
+    assert_eq!(e.report(node(&e, "h")).unwrap().calls, 100);
+    assert_eq!(e.report(node(&e, "v")).unwrap().calls, 400);
+}
+
+#[test]
+fn after_a_reset_the_same_samples_come_again() {
+    let nodes = "\"s\": (kind: \"stroke\"), \"v\": (kind: \"velocity\"), \"p\": (kind: \"probe\")";
+    let mut e = engine(nodes, "(\"s\", \"v\"), (\"v.speed\", \"p\")");
+    let mut run = || {
+        let mut out = Vec::new();
+        for _ in 0..500 {
+            e.tick();
+            out.push(control(&e, "v", 1).0[0].to_bits());
+        }
+        e.reset();
+        out
+    };
+    let first = run();
+    assert!(first.iter().any(|x| *x != 0));
+    assert_eq!(first, run());
+}

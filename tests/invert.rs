@@ -1,0 +1,123 @@
+//! `asperity invert` against published scores, over the shipped vectors.
+
+mod common;
+
+use std::path::PathBuf;
+
+use asperity_measure::{npy, phase};
+use common::{files, root, run, wav};
+
+fn data(name: &str) -> PathBuf {
+    root().join("tests/data/phase").join(name)
+}
+
+/// Magnitudes of a vector as the files have them: unscaled DFTs.
+fn magnitudes(name: &str, rate: u32) -> (Vec<f32>, usize) {
+    let mags = data(&format!("{name}.mag.npy"));
+    if mags.exists() {
+        let array = npy::read(mags).unwrap();
+        return (array.values.into_f32(), array.shape[1]);
+    }
+    let signal = npy::read(data(&format!("{name}.sig.npy"))).unwrap().values.into_f64();
+    let bins = 101;
+    let framing = phase::framing(rate, bins);
+    let length = framing.fft_len;
+    let frames = (signal.len() - length) / (rate as usize / 500) + 1;
+    (phase::magnitudes(&signal, &framing, frames).into_iter().map(|x| x as f32).collect(), bins)
+}
+
+/// Spectral convergence in dB of what the program makes of a vector.
+fn score(name: &str, rate: u32, kind: &str) -> f64 {
+    let dir = tempfile::tempdir().unwrap();
+    let (mags, bins) = magnitudes(name, rate);
+    let path = dir.path().join("m.npy");
+    npy::write_f32(std::fs::File::create(&path).unwrap(), &[mags.len() / bins, bins], &mags).unwrap();
+    let hz = rate.to_string();
+    run(dir.path(), &["invert", "--phase", kind, "--magnitudes", "m.npy", "--rate", &hz, "--out", "y.npy"]).ok();
+    let y = npy::read(dir.path().join("y.npy")).unwrap().values.into_f64();
+    let frames = mags.len() / bins;
+    assert_eq!(y.len(), (frames - 1) * (rate as usize / 500) + rate as usize / 10, "{name}: frame n covers [floor(n rate/500), + N)");
+    phase::score(&mags, &phase::framing(rate, bins), &y).unwrap().convergence_db
+}
+
+#[test]
+fn spsi_reaches_the_published_scores() {
+    let published = common::json(&data("sc.json"));
+    for (name, rate) in [
+        ("texture_2500", 2500),
+        ("sine_off_2500", 2500),
+        ("chirp_2500", 2500),
+        ("taps_2500", 2500),
+        ("contact_2500", 2500),
+        ("two25_2500", 2500),
+        ("texture_48000", 48_000),
+        ("amchirp_48000", 48_000),
+    ] {
+        let reference = published["sc"][name]["spsi_phaseret"]["SC_dB"].as_f64().unwrap_or_else(|| panic!("no score for {name}"));
+        let db = score(name, rate, "spsi");
+        println!("{name}: {db:.2} dB, published {reference:.2} dB");
+        assert!(db < reference + 1.5, "{name}: {db} dB, published {reference} dB");
+    }
+}
+
+#[test]
+fn default_is_what_the_shipped_graph_uses() {
+    let dir = tempfile::tempdir().unwrap();
+    let (mags, bins) = magnitudes("texture_2500", 2500);
+    npy::write_f32(std::fs::File::create(dir.path().join("m.npy")).unwrap(), &[mags.len() / bins, bins], &mags).unwrap();
+    for (kind, out) in [("default", "a.npy"), ("spsi", "b.npy"), ("spsi:seed=77", "c.npy")] {
+        run(dir.path(), &["invert", "--phase", kind, "--magnitudes", "m.npy", "--rate", "2500", "--out", out]).ok();
+    }
+    let read = |n: &str| std::fs::read(dir.path().join(n)).unwrap();
+    assert!(read("a.npy") == read("b.npy"));
+    assert!(read("a.npy") != read("c.npy"), "a parameter must reach the node");
+}
+
+#[test]
+fn a_wav_holds_what_the_npy_holds() {
+    let dir = tempfile::tempdir().unwrap();
+    let (mags, bins) = magnitudes("texture_2500", 2500);
+    npy::write_f32(std::fs::File::create(dir.path().join("m.npy")).unwrap(), &[mags.len() / bins, bins], &mags).unwrap();
+    for out in ["y.npy", "y.wav"] {
+        run(dir.path(), &["invert", "--magnitudes", "m.npy", "--rate", "2500", "--out", out]).ok();
+    }
+    let (samples, rate) = wav(&dir.path().join("y.wav"));
+    assert_eq!(rate, 2500);
+    assert_eq!(samples, npy::read(dir.path().join("y.npy")).unwrap().values.into_f32());
+}
+
+#[test]
+fn bad_magnitudes_are_refused_or_counted() {
+    let dir = tempfile::tempdir().unwrap();
+    let write = |shape: &[usize], values: &[f32]| {
+        npy::write_f32(std::fs::File::create(dir.path().join("m.npy")).unwrap(), shape, values).unwrap();
+    };
+    let invert = |phase: &str, rate: &str, out: &str| {
+        run(dir.path(), &["invert", "--phase", phase, "--magnitudes", "m.npy", "--rate", rate, "--out", out])
+    };
+    write(&[3, 200], &[1.0; 600]);
+    for (phase, rate, out, says) in [
+        ("spsi", "2500", "y.npy", "1 to 126 bins at 2500 Hz"),
+        ("spsi", "2503", "y.npy", "a multiple of 10"),
+        ("spsy", "48000", "y.npy", "did you mean `spsi`?"),
+        ("gain", "48000", "y.npy", "no phase-retrieval node"),
+        ("spsi:sed=1", "48000", "y.npy", "did you mean `seed`?"),
+        ("spsi:seed", "48000", "y.npy", "no `=`"),
+        ("spsi", "48000", "y.mp3", ".wav or .npy"),
+    ] {
+        let ran = invert(phase, rate, out);
+        assert_eq!(ran.code, 2, "{phase} {rate}: {}{}", ran.out, ran.err);
+        assert!(ran.err.contains(says), "{phase} {rate}: expected `{says}` in {}", ran.err);
+    }
+    std::fs::write(dir.path().join("m.npy"), b"not an array").unwrap();
+    assert_eq!(invert("spsi", "2500", "y.npy").code, 2);
+    assert_eq!(files(dir.path()), ["m.npy"]);
+
+    let mut values = vec![1.0_f32; 101 * 20];
+    (values[5], values[300], values[700]) = (f32::NAN, f32::INFINITY, -1.0);
+    write(&[20, 101], &values);
+    let ran = invert("spsi", "2500", "y.npy").ok();
+    assert!(ran.err.contains("3 magnitudes are negative or not finite"), "{}", ran.err);
+    let y = npy::read(dir.path().join("y.npy")).unwrap().values.into_f32();
+    assert!(y.iter().all(|x| x.is_finite()));
+}

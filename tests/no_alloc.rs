@@ -1,0 +1,43 @@
+//! The tick thread neither allocates nor frees.
+
+use asperity_engine::{Engine, Options};
+use asperity_graph::{GraphFile, compile};
+use assert_no_alloc::{AllocDisabler, assert_no_alloc, reset_violation_count, violation_count};
+
+#[global_allocator]
+static ALLOCATOR: AllocDisabler = AllocDisabler;
+
+/// Ticks of one run; `ASPERITY_LONG_TICKS` asks for more.
+fn ticks() -> u64 {
+    std::env::var("ASPERITY_LONG_TICKS").ok().and_then(|t| t.parse().ok()).unwrap_or(20_000)
+}
+
+// One test, since the count of violations is one for the program.
+#[test]
+fn no_tick_of_the_shipped_graph_allocates() {
+    reset_violation_count();
+    assert_no_alloc(|| drop(std::hint::black_box(vec![1_u8; 64])));
+    assert!(violation_count() > 0, "the instrument must see an allocation");
+
+    for (synthesis_hz, tick_hz, audio_hz) in [(2500, 500, 48_000), (0, 500, 48_000), (2500, 1000, 44_100), (500, 500, 48_000)] {
+        let mut graph = GraphFile::read("../../graphs/heravi2024.ron").expect("the shipped graph");
+        for set in [
+            format!("texture.synthesis_hz={synthesis_hz}"),
+            format!("tick_hz={tick_hz}"),
+            format!("audio_hz={audio_hz}"),
+        ] {
+            graph.set(&set, "--set").expect("a setting");
+        }
+        let compiled = compile(&graph, &asperity_nodes::registry(), Default::default()).expect("it compiles");
+        assert!(compiled.schedule.allocating().is_empty());
+        let mut engine = Engine::new(compiled, Options::default());
+        reset_violation_count();
+        assert_no_alloc(|| {
+            for _ in 0..ticks() {
+                engine.tick();
+            }
+        });
+        assert_eq!(violation_count(), 0, "{synthesis_hz} Hz synthesis at {tick_hz} Hz ticks");
+        assert_eq!(engine.faults(), 0);
+    }
+}
