@@ -1,0 +1,289 @@
+//! Every built-in node, by what its descriptor says: it declares itself well, takes any input of its ports' types
+//! at any rate, and is after a reset as it was when fresh.
+
+mod common;
+
+use asperity_engine::{Engine, Options};
+use asperity_graph::{GraphFile, compile};
+use asperity_node::{
+    Buffer, Complex, Config, Descriptor, Diagnostic, FrameClock, FrameLayout, FrameRate, Input, LayoutSpec, Node,
+    NodeKind, Output, Param, ParamKind, ParamValue, Ports, RateSpec, Registry, Setup, ShapeSpec, Status, Tick, Unit,
+    UnitSpec, random,
+};
+
+/// What a source puts out.
+const SIGNALS: [&str; 5] = ["random", "zero", "denormal", "huge", "steps"];
+
+fn value(signal: &str, seed: u64, index: u64) -> f64 {
+    let noise = 2.0 * random::uniform(seed, index) - 1.0;
+    match signal {
+        "zero" => 0.0,
+        "denormal" => 1e-310 * noise + f64::from(f32::MIN_POSITIVE) * 0.3 * noise,
+        "huge" => 1e6 * noise,
+        "steps" => noise.signum() * ((index / 37) % 3) as f64,
+        _ => noise,
+    }
+}
+
+/// Puts out a signal of any shape and unit.
+struct Source {
+    signal: String,
+    seed: u64,
+    clock: Option<(FrameClock, FrameLayout)>,
+    rate_hz: u32,
+}
+
+fn layout(config: &Config<'_>) -> FrameLayout {
+    let wanted = FrameRate::new(500, 1).expect("a rate");
+    FrameLayout { rate_hz: 2500, length: 250, bins: 101, frame_rate: config.frame_clock(wanted).rate() }
+}
+
+impl Node for Source {
+    fn descriptor() -> Descriptor {
+        Descriptor::new("test_source", "Any signal.")
+            .output(Output::new("out", ShapeSpec::Control(1), Unit::NONE))
+            .param(Param::choice("signal", &SIGNALS, "Which."))
+            .param(Param::text("shape", "", "Of which shape."))
+            .param(Param::text("unit", "", "In which unit."))
+            .param(Param::integer("count", 1, 0..=10_000, "Values of a control."))
+            .param(Param::integer("rate_hz", 0, 0..=192_000, "Rate of audio; 0 for the graph's."))
+    }
+
+    fn ports(config: &Config<'_>, mut ports: Ports) -> Result<Ports, Diagnostic> {
+        let p = config.params;
+        ports.outputs[0].shape = match p.text("shape") {
+            "audio" if p.integer("rate_hz") > 0 => ShapeSpec::Audio(RateSpec::Hz(p.integer("rate_hz") as u32)),
+            "audio" => ShapeSpec::Audio(RateSpec::Graph),
+            "magnitude" => ShapeSpec::Magnitude(LayoutSpec::Is(layout(config))),
+            "spectrum" => ShapeSpec::Spectrum(LayoutSpec::Is(layout(config))),
+            _ => ShapeSpec::Control(p.integer("count") as usize),
+        };
+        ports.outputs[0].unit = UnitSpec::Is(Unit::from_symbol(p.text("unit")));
+        Ok(ports)
+    }
+
+    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
+        let p = setup.params;
+        let l = layout(&setup.config);
+        let frames = matches!(p.text("shape"), "magnitude" | "spectrum");
+        Ok(Self {
+            signal: p.text("signal").to_owned(),
+            seed: setup.seed,
+            clock: frames.then(|| (setup.frame_clock(l.frame_rate), l)),
+            rate_hz: setup.output_rate(0),
+        })
+    }
+
+    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
+        let (signal, seed) = (&self.signal, self.seed);
+        if let Some((clock, l)) = &self.clock {
+            let Some(frame) = clock.frame(tick.index) else { return Status::Quiet };
+            let start = l.frame_rate.first_sample(frame, l.rate_hz);
+            for (i, x) in tick.outputs.magnitude(0, frame, start).iter_mut().enumerate() {
+                *x = value(signal, seed, frame * 1000 + i as u64).abs() as f32;
+            }
+            for (i, z) in tick.outputs.spectrum(0, frame, start).iter_mut().enumerate() {
+                let i = frame * 1000 + 2 * i as u64;
+                *z = Complex::new(value(signal, seed, i) as f32, value(signal, seed, i + 1) as f32);
+            }
+            return Status::Continue;
+        }
+        for (i, x) in tick.outputs.control(0).iter_mut().enumerate() {
+            *x = value(signal, seed, tick.index * 100 + i as u64);
+        }
+        let span = tick.samples(self.rate_hz);
+        for (x, n) in tick.outputs.audio(0).iter_mut().zip(span) {
+            *x = value(signal, seed, n) as f32;
+        }
+        Status::Continue
+    }
+
+    fn reset(&mut self) {}
+}
+
+fn registry() -> Registry {
+    asperity_nodes::registry().with::<Source>()
+}
+
+/// Parameters that a kind must be given.
+fn required(kind: &str) -> Vec<(&'static str, String)> {
+    let file = |p: &str| common::graphs(p).display().to_string();
+    match kind {
+        "texture_network" => vec![
+            ("model", file("models/made.onnx")),
+            ("library", file("materials/made.ron")),
+            ("material", "coarse weave".to_owned()),
+        ],
+        "file_out" => vec![("file", "unused.wav".to_owned())],
+        _ => Vec::new(),
+    }
+}
+
+/// A graph of one node, each input fed by a source and each output read by a probe.
+fn graph(kind: &dyn NodeKind, signal: &str, tick_hz: u32, audio_hz: u32) -> GraphFile {
+    let mut graph = GraphFile::empty("conformance");
+    (graph.tick_hz, graph.audio_hz, graph.seed) = (tick_hz, audio_hz, 5);
+    let d = kind.descriptor();
+    let params = required(&d.kind);
+    let params: Vec<(&str, &str)> = params.iter().map(|(n, v)| (*n, v.as_str())).collect();
+    graph.add_node("it", &d.kind, &params, "test").unwrap();
+    for Input { name, shape, unit, guarded, .. } in &d.inputs {
+        let unit = match unit {
+            UnitSpec::Is(u) => u.clone(),
+            UnitSpec::Of { among, .. } => among.first().cloned().unwrap_or(Unit::NEWTON),
+        };
+        let count = if let ShapeSpec::Control(n) = shape { n.to_string() } else { "1".into() };
+        // A rate of its own where the node takes any, so that it is not always the graph's.
+        let (word, rate) = match shape {
+            ShapeSpec::Like(_) | ShapeSpec::Audio(RateSpec::Graph) => ("audio", "0"),
+            ShapeSpec::Audio(_) => ("audio", "8000"),
+            ShapeSpec::Control(_) => ("control", "0"),
+            ShapeSpec::Magnitude(_) => ("magnitude", "0"),
+            ShapeSpec::Spectrum(_) => ("spectrum", "0"),
+        };
+        let source = format!("source {name}");
+        let quoted = format!("{:?}", unit.symbol());
+        let settings = [("signal", signal), ("shape", word), ("unit", &quoted), ("count", &count), ("rate_hz", rate)];
+        graph.add_node(&source, "test_source", &settings, "test").unwrap();
+        if *guarded {
+            graph.add_node("guard", "limiter", &[], "test").unwrap();
+            graph.add_wire(&source, "guard", "test");
+            graph.add_wire("guard", &format!("it.{name}"), "test");
+        } else {
+            graph.add_wire(&source, &format!("it.{name}"), "test");
+        }
+    }
+    for output in &d.outputs {
+        // A recorded force or speed is there only where the file has it.
+        if d.kind == "trajectory" && output.name != "position" {
+            continue;
+        }
+        let probe = format!("probe {}", output.name);
+        graph.add_node(&probe, "probe", &[], "test").unwrap();
+        graph.add_wire(&format!("it.{}", output.name), &probe, "test");
+    }
+    graph
+}
+
+fn engine(graph: &GraphFile) -> Engine {
+    match compile(graph, &registry(), asperity_graph::Options::default()) {
+        Ok(compiled) => Engine::new(compiled, Options::default()),
+        Err(e) => panic!("{}", e.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n")),
+    }
+}
+
+/// All that a node puts out over some ticks, as bits.
+fn run(engine: &mut Engine, ticks: u64) -> Vec<u64> {
+    let it = engine.schedule().index_of("it").expect("the node");
+    let outputs = engine.schedule().nodes[it].outputs.len();
+    let mut out = Vec::new();
+    for _ in 0..ticks {
+        engine.tick();
+        for o in 0..outputs {
+            match engine.output(it, o).expect("an output") {
+                Buffer::Control { values, .. } => out.extend(values.iter().map(|x| x.to_bits())),
+                Buffer::Audio { samples, len, .. } => {
+                    out.extend(samples[..*len].iter().map(|x| u64::from(x.to_bits())));
+                }
+                Buffer::Magnitude { bins, frame: Some(f), .. } => {
+                    out.push(f.0);
+                    out.extend(bins.iter().map(|x| u64::from(x.to_bits())));
+                }
+                Buffer::Spectrum { bins, frame: Some(f), .. } => {
+                    out.push(f.0);
+                    out.extend(bins.iter().map(|z| u64::from(z.re.to_bits()) << 32 | u64::from(z.im.to_bits())));
+                }
+                _ => out.push(u64::MAX),
+            }
+        }
+    }
+    out
+}
+
+#[test]
+fn every_kind_declares_itself_well() {
+    for kind in asperity_nodes::registry().iter() {
+        let d = kind.descriptor();
+        let named = |n: &str| !n.is_empty() && n.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_');
+        assert!(named(&d.kind), "{}", d.kind);
+        assert!(d.summary.ends_with('.'), "{}: {}", d.kind, d.summary);
+        let mut seen = std::collections::HashSet::new();
+        for (name, doc) in d.inputs.iter().map(|p| (&p.name, &p.doc)).chain(d.params.iter().map(|p| (&p.name, &p.doc))) {
+            assert!(named(name) && !doc.is_empty(), "{}.{name}: {doc}", d.kind);
+            assert!(seen.insert(name.clone()) || d.params.iter().any(|p| p.name == *name), "{}.{name} twice", d.kind);
+        }
+        for p in &d.outputs {
+            assert!(named(&p.name) && !p.doc.is_empty(), "{}.{}", d.kind, p.name);
+        }
+        for p in &d.params {
+            match (&p.kind, &p.default) {
+                (ParamKind::Number(r), Some(ParamValue::Number(x))) => assert!(r.contains(x), "{}.{}", d.kind, p.name),
+                (ParamKind::Integer(r), Some(ParamValue::Integer(i))) => assert!(r.contains(i), "{}.{}", d.kind, p.name),
+                (ParamKind::Number(_) | ParamKind::Integer(_), Some(other)) => panic!("{}.{}: {other}", d.kind, p.name),
+                _ => {}
+            }
+        }
+        if let Some(gate) = &d.gate {
+            assert!(d.inputs.iter().any(|p| p.name == *gate), "{} gates `{gate}`, which it has not", d.kind);
+        }
+    }
+}
+
+#[test]
+fn no_node_fails_on_any_finite_input() {
+    for kind in asperity_nodes::registry().iter() {
+        for signal in SIGNALS {
+            let mut e = engine(&graph(kind.as_ref(), signal, 500, 48_000));
+            let out = run(&mut e, 300);
+            assert_eq!(e.faults(), 0, "{} on {signal}", kind.descriptor().kind);
+            assert!(!out.is_empty() || kind.descriptor().outputs.is_empty());
+        }
+    }
+}
+
+#[test]
+fn every_node_runs_at_every_rate() {
+    for kind in asperity_nodes::registry().iter() {
+        for (tick_hz, audio_hz) in [(100, 8_000), (250, 44_100), (500, 44_100), (700, 22_050), (1000, 96_000), (4000, 8_000), (4000, 192_000), (333, 48_000)] {
+            let mut e = engine(&graph(kind.as_ref(), "random", tick_hz, audio_hz));
+            run(&mut e, 120);
+            assert_eq!(e.faults(), 0, "{} at {tick_hz} Hz ticks, {audio_hz} Hz audio", kind.descriptor().kind);
+        }
+    }
+}
+
+#[test]
+fn a_node_that_was_reset_is_as_a_fresh_one() {
+    for kind in asperity_nodes::registry().iter() {
+        // A limiter keeps the heat of the coil, which no reset cools.
+        if kind.descriptor().kind == "limiter" {
+            continue;
+        }
+        let mut e = engine(&graph(kind.as_ref(), "random", 500, 44_100));
+        let fresh = run(&mut e, 200);
+        e.reset();
+        let again = run(&mut e, 200);
+        assert!(fresh == again, "{}", kind.descriptor().kind);
+        assert!(fresh == run(&mut engine(&graph(kind.as_ref(), "random", 500, 44_100)), 200), "{}", kind.descriptor().kind);
+    }
+}
+
+#[test]
+fn every_shipped_graph_says_what_it_shows_and_compiles() {
+    let mut count = 0;
+    for entry in std::fs::read_dir(common::graphs("")).unwrap() {
+        let path = entry.unwrap().path();
+        if path.extension().is_none_or(|e| e != "ron") {
+            continue;
+        }
+        let text = std::fs::read_to_string(&path).unwrap();
+        assert!(text.starts_with("// "), "{} must begin with a comment", path.display());
+        let mut e = engine(&GraphFile::read(&path).unwrap());
+        for _ in 0..1000 {
+            e.tick();
+        }
+        assert_eq!(e.faults(), 0, "{}", path.display());
+        count += 1;
+    }
+    assert!(count > 0);
+}
