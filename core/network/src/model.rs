@@ -39,6 +39,7 @@ impl Model {
         let path = path.as_ref();
         let (model, graph) = proto::decode(bytes, path)?;
         let signature = match_signature(&graph, path)?;
+        proto::check(&graph, path)?;
         let reference = Reference::new(&model, &graph, &signature, path)?;
         let own = model.opset_import.iter().find(|set| matches!(set.domain.as_str(), "" | "ai.onnx"));
         let opset = own.map_or(0, |set| set.version);

@@ -33,7 +33,7 @@ pub(crate) fn read_file(path: &Path) -> Result<Vec<u8>, Diagnostic> {
     Ok(bytes)
 }
 
-/// Decodes and checks a model; its graph is there and in order.
+/// Decodes a model; its graph is there, but unchecked.
 pub(crate) fn decode(bytes: &[u8], path: &Path) -> Result<(ModelProto, GraphProto), Diagnostic> {
     let not_onnx = |what: String| {
         Diagnostic::new(what)
@@ -50,8 +50,12 @@ pub(crate) fn decode(bytes: &[u8], path: &Path) -> Result<(ModelProto, GraphProt
             .in_file(path)
             .help("export it with functions inlined"));
     }
-    check_graph(&graph, &HashSet::new(), 0).map_err(|what| Diagnostic::new(what).in_file(path))?;
     Ok((model, graph))
+}
+
+/// Checks that every name is given before it is read, and that all sizes add up.
+pub(crate) fn check(graph: &GraphProto, path: &Path) -> Result<(), Diagnostic> {
+    check_graph(graph, &HashSet::new(), 0).map_err(|what| Diagnostic::new(what).in_file(path))
 }
 
 fn check_graph(graph: &GraphProto, outer: &HashSet<&str>, depth: usize) -> Result<(), String> {

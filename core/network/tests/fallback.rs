@@ -102,8 +102,8 @@ fn half_weights_that_cancel_are_refused_for_single_ones() {
     let mut made = Net::random(10);
     let last = made.predictor.last_mut().unwrap();
     for j in 0..100 {
-        last.weights[j] = 1000.3;
-        last.weights[100 + j] = -1000.2;
+        last.weights[j] = 100.3;
+        last.weights[100 + j] = -100.2;
     }
     let before = made.predictor.len() - 2;
     let n = made.predictor[before].bias.len();
