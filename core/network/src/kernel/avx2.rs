@@ -3,10 +3,11 @@
 use super::{Program, Simd, Weight, checksum, execute};
 use std::arch::x86_64::*;
 
-struct Avx2;
+pub(super) struct Avx2;
 
 impl Simd for Avx2 {
     const LANES: usize = 8;
+    const MOST: usize = 12;
     type Vector = __m256;
 
     #[inline(always)]
@@ -16,24 +17,21 @@ impl Simd for Avx2 {
     }
 
     #[inline(always)]
-    unsafe fn load(from: &[f32]) -> __m256 {
-        debug_assert!(from.len() >= 8);
-        // SAFETY: the caller has AVX and gives 8 floats; the load needs no alignment.
-        unsafe { _mm256_loadu_ps(from.as_ptr()) }
+    unsafe fn load(from: *const f32) -> __m256 {
+        // SAFETY: the caller has AVX and 8 floats; the load needs no alignment.
+        unsafe { _mm256_loadu_ps(from) }
     }
 
     #[inline(always)]
-    unsafe fn load_f16(from: &[u16]) -> __m256 {
-        debug_assert!(from.len() >= 8);
-        // SAFETY: the caller has F16C and gives 8 halves, 16 bytes; the load needs no alignment.
-        unsafe { _mm256_cvtph_ps(_mm_loadu_si128(from.as_ptr().cast())) }
+    unsafe fn load_f16(from: *const u16) -> __m256 {
+        // SAFETY: the caller has F16C and 8 halves, 16 bytes; the load needs no alignment.
+        unsafe { _mm256_cvtph_ps(_mm_loadu_si128(from.cast())) }
     }
 
     #[inline(always)]
-    unsafe fn store(v: __m256, to: &mut [f32]) {
-        debug_assert!(to.len() >= 8);
-        // SAFETY: the caller has AVX and gives room for 8 floats; the store needs no alignment.
-        unsafe { _mm256_storeu_ps(to.as_mut_ptr(), v) }
+    unsafe fn store(v: __m256, to: *mut f32) {
+        // SAFETY: the caller has AVX and room for 8 floats; the store needs no alignment.
+        unsafe { _mm256_storeu_ps(to, v) }
     }
 
     #[inline(always)]

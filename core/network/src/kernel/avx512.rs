@@ -3,10 +3,11 @@
 use super::{Program, Simd, Weight, checksum, execute};
 use std::arch::x86_64::*;
 
-struct Avx512;
+pub(super) struct Avx512;
 
 impl Simd for Avx512 {
     const LANES: usize = 16;
+    const MOST: usize = 8;
     type Vector = __m512;
 
     #[inline(always)]
@@ -16,24 +17,21 @@ impl Simd for Avx512 {
     }
 
     #[inline(always)]
-    unsafe fn load(from: &[f32]) -> __m512 {
-        debug_assert!(from.len() >= 16);
-        // SAFETY: the caller has AVX-512F and gives 16 floats; the load needs no alignment.
-        unsafe { _mm512_loadu_ps(from.as_ptr()) }
+    unsafe fn load(from: *const f32) -> __m512 {
+        // SAFETY: the caller has AVX-512F and 16 floats; the load needs no alignment.
+        unsafe { _mm512_loadu_ps(from) }
     }
 
     #[inline(always)]
-    unsafe fn load_f16(from: &[u16]) -> __m512 {
-        debug_assert!(from.len() >= 16);
-        // SAFETY: the caller has AVX-512F and gives 16 halves, 32 bytes; the load needs no alignment.
-        unsafe { _mm512_cvtph_ps(_mm256_loadu_si256(from.as_ptr().cast())) }
+    unsafe fn load_f16(from: *const u16) -> __m512 {
+        // SAFETY: the caller has AVX-512F and 16 halves, 32 bytes; the load needs no alignment.
+        unsafe { _mm512_cvtph_ps(_mm256_loadu_si256(from.cast())) }
     }
 
     #[inline(always)]
-    unsafe fn store(v: __m512, to: &mut [f32]) {
-        debug_assert!(to.len() >= 16);
-        // SAFETY: the caller has AVX-512F and gives room for 16 floats; the store needs no alignment.
-        unsafe { _mm512_storeu_ps(to.as_mut_ptr(), v) }
+    unsafe fn store(v: __m512, to: *mut f32) {
+        // SAFETY: the caller has AVX-512F and room for 16 floats; the store needs no alignment.
+        unsafe { _mm512_storeu_ps(to, v) }
     }
 
     #[inline(always)]

@@ -1,8 +1,8 @@
 //! The packed network's inner loop, once per instruction set.
 //!
 //! [`execute`] and [`checksum`] are written once over [`Simd`] and inlined into one function per instruction set that is
-//! compiled for it, so that dispatch happens once per run. Indexing is checked, per block of columns; what is unsafe is
-//! calling a function compiled for an instruction set, and loads and stores through the pointers of checked slices.
+//! compiled for it, so that dispatch happens once per run. Lengths are checked once per block of columns; what is unsafe
+//! is calling a function compiled for an instruction set, and loads and stores within slices of checked length.
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;
@@ -58,10 +58,15 @@ impl Isa {
 
     /// f32 lanes of a vector, and how many vectors of sums a block may keep in registers.
     pub(crate) fn block_shape(self) -> (usize, usize) {
+        fn of<S: Simd>() -> (usize, usize) {
+            (S::LANES, S::MOST)
+        }
         match self {
-            Isa::Avx512 => (16, 8),
-            Isa::Avx2 => (8, 12),
-            Isa::Portable => (4, 8),
+            #[cfg(target_arch = "x86_64")]
+            Isa::Avx512 => of::<avx512::Avx512>(),
+            #[cfg(target_arch = "x86_64")]
+            Isa::Avx2 => of::<avx2::Avx2>(),
+            _ => of::<portable::Portable>(),
         }
     }
 }
@@ -122,15 +127,15 @@ pub(crate) trait Weight: Copy {
     /// Whether blocks are stored scaled.
     const SCALED: bool;
     /// # Safety
-    /// The CPU has the instruction set of `S`, and `from` has at least `S::LANES` elements.
-    unsafe fn load<S: Simd>(from: &[Self]) -> S::Vector;
+    /// The CPU has the instruction set of `S`, and `S::LANES` elements can be read from `from`.
+    unsafe fn load<S: Simd>(from: *const Self) -> S::Vector;
     fn bits(self) -> u32;
 }
 
 impl Weight for f32 {
     const SCALED: bool = false;
     #[inline(always)]
-    unsafe fn load<S: Simd>(from: &[f32]) -> S::Vector {
+    unsafe fn load<S: Simd>(from: *const f32) -> S::Vector {
         // SAFETY: passed on to the caller.
         unsafe { S::load(from) }
     }
@@ -143,7 +148,7 @@ impl Weight for f32 {
 impl Weight for u16 {
     const SCALED: bool = true;
     #[inline(always)]
-    unsafe fn load<S: Simd>(from: &[u16]) -> S::Vector {
+    unsafe fn load<S: Simd>(from: *const u16) -> S::Vector {
         // SAFETY: passed on to the caller.
         unsafe { S::load_f16(from) }
     }
@@ -156,14 +161,16 @@ impl Weight for u16 {
 /// A vector of f32.
 ///
 /// # Safety
-/// Every function needs the CPU to have the instruction set, and slices to have at least [`Simd::LANES`] elements.
+/// Every function needs the CPU to have the instruction set, and [`Simd::LANES`] elements at pointers, aligned as one.
 pub(crate) trait Simd {
     const LANES: usize;
+    /// How many vectors of sums fit the registers, beside an input and a weight.
+    const MOST: usize;
     type Vector: Copy;
     unsafe fn splat(x: f32) -> Self::Vector;
-    unsafe fn load(from: &[f32]) -> Self::Vector;
-    unsafe fn load_f16(from: &[u16]) -> Self::Vector;
-    unsafe fn store(v: Self::Vector, to: &mut [f32]);
+    unsafe fn load(from: *const f32) -> Self::Vector;
+    unsafe fn load_f16(from: *const u16) -> Self::Vector;
+    unsafe fn store(v: Self::Vector, to: *mut f32);
     /// `a * b + c`, rounded once where the CPU can.
     unsafe fn mul_add(a: Self::Vector, b: Self::Vector, c: Self::Vector) -> Self::Vector;
     unsafe fn mul(a: Self::Vector, b: Self::Vector) -> Self::Vector;
@@ -203,10 +210,10 @@ unsafe fn execute<S: Simd, W: Weight>(
                         6 => block::<S, W, 6>(b, runs, bias, weights, arena)?,
                         7 => block::<S, W, 7>(b, runs, bias, weights, arena)?,
                         8 => block::<S, W, 8>(b, runs, bias, weights, arena)?,
-                        9 => block::<S, W, 9>(b, runs, bias, weights, arena)?,
-                        10 => block::<S, W, 10>(b, runs, bias, weights, arena)?,
-                        11 => block::<S, W, 11>(b, runs, bias, weights, arena)?,
-                        12 => block::<S, W, 12>(b, runs, bias, weights, arena)?,
+                        9 if S::MOST >= 9 => block::<S, W, 9>(b, runs, bias, weights, arena)?,
+                        10 if S::MOST >= 10 => block::<S, W, 10>(b, runs, bias, weights, arena)?,
+                        11 if S::MOST >= 11 => block::<S, W, 11>(b, runs, bias, weights, arena)?,
+                        12 if S::MOST >= 12 => block::<S, W, 12>(b, runs, bias, weights, arena)?,
                         _ => return None,
                     }
                 }
@@ -234,31 +241,35 @@ unsafe fn block<S: Simd, W: Weight, const V: usize>(
     mut weights: &[W],
     arena: &mut [f32],
 ) -> Option<()> {
-    // SAFETY: here and below, the instruction set is the caller's promise, and chunks_exact gives slices of LANES elements.
+    let bias = bias.get(..V * S::LANES)?.as_ptr();
+    // SAFETY: the instruction set is the caller's promise; bias has V * LANES floats.
     let mut sums = unsafe { [S::splat(0.0); V] };
-    for (sum, bias) in sums.iter_mut().zip(bias.get(..V * S::LANES)?.chunks_exact(S::LANES)) {
+    for (v, sum) in sums.iter_mut().enumerate() {
         // SAFETY: as above.
-        *sum = unsafe { S::load(bias) };
+        *sum = unsafe { S::load(bias.add(v * S::LANES)) };
     }
     for run in runs {
         let inputs = arena.get(run.clone())?;
-        let (rows, rest) = weights.split_at_checked(inputs.len() * V * S::LANES)?;
+        let (rows, rest) = weights.split_at_checked(inputs.len() * (V * S::LANES))?;
         weights = rest;
-        for (&x, row) in inputs.iter().zip(rows.chunks_exact(V * S::LANES)) {
-            // SAFETY: as above.
-            let x = unsafe { S::splat(x) };
-            for (sum, w) in sums.iter_mut().zip(row.chunks_exact(S::LANES)) {
-                // SAFETY: as above.
-                *sum = unsafe { S::mul_add(W::load::<S>(w), x, *sum) };
+        let mut row = rows.as_ptr();
+        for &x in inputs {
+            // SAFETY: the instruction set is the caller's promise; `rows` has a row of V * LANES weights for each input.
+            unsafe {
+                let x = S::splat(x);
+                for (v, sum) in sums.iter_mut().enumerate() {
+                    *sum = S::mul_add(W::load::<S>(row.add(v * S::LANES)), x, *sum);
+                }
+                row = row.add(V * S::LANES);
             }
         }
     }
-    let to = arena.get_mut(b.to..)?.get_mut(..V * S::LANES)?;
-    for (sum, to) in sums.into_iter().zip(to.chunks_exact_mut(S::LANES)) {
-        // SAFETY: as above; get_mut gave room for V * LANES floats.
+    let to = arena.get_mut(b.to..)?.get_mut(..V * S::LANES)?.as_mut_ptr();
+    for (v, sum) in sums.into_iter().enumerate() {
+        // SAFETY: the instruction set is the caller's promise; `to` has room for V * LANES floats.
         unsafe {
             let y = if W::SCALED { S::mul(sum, S::splat(b.unscale)) } else { sum };
-            S::store(S::clamp(y, S::splat(b.low), S::splat(b.high)), to);
+            S::store(S::clamp(y, S::splat(b.low), S::splat(b.high)), to.add(v * S::LANES));
         }
     }
     Some(())

@@ -1,8 +1,8 @@
-//! Plain code over four lanes, which compilers turn into SSE2 or NEON. Nothing here is unsafe in itself.
+//! Plain code over four lanes, which compilers turn into SSE2 or NEON. Only its pointers are unsafe.
 
 use super::{Program, Simd, Weight, checksum, execute};
 
-struct Portable;
+pub(super) struct Portable;
 
 #[inline(always)]
 fn each(f: impl Fn(usize) -> f32) -> [f32; 4] {
@@ -19,6 +19,7 @@ fn finite_f16(bits: u16) -> f32 {
 
 impl Simd for Portable {
     const LANES: usize = 4;
+    const MOST: usize = 8;
     type Vector = [f32; 4];
 
     #[inline(always)]
@@ -27,18 +28,22 @@ impl Simd for Portable {
     }
 
     #[inline(always)]
-    unsafe fn load(from: &[f32]) -> [f32; 4] {
-        each(|i| from[i])
+    unsafe fn load(from: *const f32) -> [f32; 4] {
+        // SAFETY: the caller gives 4 floats.
+        unsafe { from.cast::<[f32; 4]>().read() }
     }
 
     #[inline(always)]
-    unsafe fn load_f16(from: &[u16]) -> [f32; 4] {
-        each(|i| finite_f16(from[i]))
+    unsafe fn load_f16(from: *const u16) -> [f32; 4] {
+        // SAFETY: the caller gives 4 halves; arrays are aligned as their elements.
+        let bits = unsafe { from.cast::<[u16; 4]>().read() };
+        each(|i| finite_f16(bits[i]))
     }
 
     #[inline(always)]
-    unsafe fn store(v: [f32; 4], to: &mut [f32]) {
-        to[..4].copy_from_slice(&v);
+    unsafe fn store(v: [f32; 4], to: *mut f32) {
+        // SAFETY: the caller gives room for 4 floats.
+        unsafe { to.cast::<[f32; 4]>().write(v) }
     }
 
     #[inline(always)]
