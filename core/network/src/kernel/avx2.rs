@@ -1,6 +1,6 @@
 //! AVX2 with FMA and F16C: 8 lanes, 16 registers.
 
-use super::{Program, Simd, Weight, checksum, execute};
+use super::{Data, Program, Simd, Weight, checksum, execute};
 use std::arch::x86_64::*;
 
 pub(super) struct Avx2;
@@ -57,20 +57,14 @@ impl Simd for Avx2 {
 /// # Safety
 /// The CPU has AVX2, FMA and F16C.
 #[target_feature(enable = "avx2,fma,f16c")]
-pub(super) unsafe fn run<W: Weight>(
-    program: &Program,
-    weights: &[W],
-    fixed: &[f32],
-    material: &[f32],
-    arena: &mut [f32],
-) -> Option<()> {
+pub(super) unsafe fn run<W: Weight>(program: &Program, data: Data<'_, W>, arena: &mut [f32]) -> Option<()> {
     // SAFETY: passed on to the caller.
-    unsafe { execute::<Avx2, W>(program, weights, fixed, material, arena) }
+    unsafe { execute::<Avx2, W>(program, data, arena) }
 }
 
 /// # Safety
 /// The CPU has AVX2, FMA and F16C.
 #[target_feature(enable = "avx2,fma,f16c")]
-pub(super) unsafe fn read<W: Weight>(weights: &[W]) -> u32 {
-    checksum(weights)
+pub(super) unsafe fn read<W: Weight>(data: Data<'_, W>) -> u32 {
+    checksum(data)
 }

@@ -1,6 +1,6 @@
 //! AVX-512F: 16 lanes, 32 registers.
 
-use super::{Program, Simd, Weight, checksum, execute};
+use super::{Data, Program, Simd, Weight, checksum, execute};
 use std::arch::x86_64::*;
 
 pub(super) struct Avx512;
@@ -57,20 +57,14 @@ impl Simd for Avx512 {
 /// # Safety
 /// The CPU has AVX-512F.
 #[target_feature(enable = "avx512f")]
-pub(super) unsafe fn run<W: Weight>(
-    program: &Program,
-    weights: &[W],
-    fixed: &[f32],
-    material: &[f32],
-    arena: &mut [f32],
-) -> Option<()> {
+pub(super) unsafe fn run<W: Weight>(program: &Program, data: Data<'_, W>, arena: &mut [f32]) -> Option<()> {
     // SAFETY: passed on to the caller.
-    unsafe { execute::<Avx512, W>(program, weights, fixed, material, arena) }
+    unsafe { execute::<Avx512, W>(program, data, arena) }
 }
 
 /// # Safety
 /// The CPU has AVX-512F.
 #[target_feature(enable = "avx512f")]
-pub(super) unsafe fn read<W: Weight>(weights: &[W]) -> u32 {
-    checksum(weights)
+pub(super) unsafe fn read<W: Weight>(data: Data<'_, W>) -> u32 {
+    checksum(data)
 }

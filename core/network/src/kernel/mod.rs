@@ -87,6 +87,8 @@ pub(crate) struct Block {
     pub(crate) bias: Bias,
     /// First weight; they lie row by row, a row being one input's weights for the block's columns.
     pub(crate) weights: usize,
+    /// Whether its weights lie in [`Data::wide`].
+    pub(crate) wide: bool,
     /// What the sums are multiplied by at the end, where weights are stored scaled.
     pub(crate) unscale: f32,
     pub(crate) low: f32,
@@ -120,6 +122,17 @@ pub(crate) struct Program {
     pub(crate) instructions: Vec<Instruction>,
     pub(crate) runs: Vec<Range<usize>>,
     pub(crate) picks: Vec<Pick>,
+}
+
+/// What a program reads beside the arena.
+#[derive(Clone, Copy)]
+pub(crate) struct Data<'a, W> {
+    pub(crate) weights: &'a [W],
+    /// f32 weights of layers that are not worth rounding; empty where all are f32.
+    pub(crate) wide: &'a [f32],
+    pub(crate) fixed: &'a [f32],
+    /// The material's biases.
+    pub(crate) material: &'a [f32],
 }
 
 /// A stored weight: f32, or f16 as its bits.
@@ -183,38 +196,21 @@ pub(crate) trait Simd {
 /// # Safety
 /// The CPU has the instruction set of `S`.
 #[inline(always)]
-unsafe fn execute<S: Simd, W: Weight>(
-    program: &Program,
-    weights: &[W],
-    fixed: &[f32],
-    material: &[f32],
-    arena: &mut [f32],
-) -> Option<()> {
+unsafe fn execute<S: Simd, W: Weight>(program: &Program, data: Data<'_, W>, arena: &mut [f32]) -> Option<()> {
     for instruction in &program.instructions {
         match instruction {
             Instruction::Block(b) => {
                 let runs = program.runs.get(b.runs.clone())?;
                 let bias = match b.bias {
-                    Bias::Fixed(at) => fixed.get(at..)?,
-                    Bias::Material(at) => material.get(at..)?,
+                    Bias::Fixed(at) => data.fixed.get(at..)?,
+                    Bias::Material(at) => data.material.get(at..)?,
                 };
-                let weights = weights.get(b.weights..)?;
                 // SAFETY: passed on to the caller.
                 unsafe {
-                    match b.vectors {
-                        1 => block::<S, W, 1>(b, runs, bias, weights, arena)?,
-                        2 => block::<S, W, 2>(b, runs, bias, weights, arena)?,
-                        3 => block::<S, W, 3>(b, runs, bias, weights, arena)?,
-                        4 => block::<S, W, 4>(b, runs, bias, weights, arena)?,
-                        5 => block::<S, W, 5>(b, runs, bias, weights, arena)?,
-                        6 => block::<S, W, 6>(b, runs, bias, weights, arena)?,
-                        7 => block::<S, W, 7>(b, runs, bias, weights, arena)?,
-                        8 => block::<S, W, 8>(b, runs, bias, weights, arena)?,
-                        9 if S::MOST >= 9 => block::<S, W, 9>(b, runs, bias, weights, arena)?,
-                        10 if S::MOST >= 10 => block::<S, W, 10>(b, runs, bias, weights, arena)?,
-                        11 if S::MOST >= 11 => block::<S, W, 11>(b, runs, bias, weights, arena)?,
-                        12 if S::MOST >= 12 => block::<S, W, 12>(b, runs, bias, weights, arena)?,
-                        _ => return None,
+                    if W::SCALED && b.wide {
+                        any_block::<S, f32>(b, runs, bias, data.wide.get(b.weights..)?, arena)?;
+                    } else {
+                        any_block::<S, W>(b, runs, bias, data.weights.get(b.weights..)?, arena)?;
                     }
                 }
             }
@@ -229,6 +225,36 @@ unsafe fn execute<S: Simd, W: Weight>(
         }
     }
     Some(())
+}
+
+/// # Safety
+/// The CPU has the instruction set of `S`.
+#[inline(always)]
+unsafe fn any_block<S: Simd, W: Weight>(
+    b: &Block,
+    runs: &[Range<usize>],
+    bias: &[f32],
+    weights: &[W],
+    arena: &mut [f32],
+) -> Option<()> {
+    // SAFETY: passed on to the caller.
+    unsafe {
+        match b.vectors {
+            1 => block::<S, W, 1>(b, runs, bias, weights, arena),
+            2 => block::<S, W, 2>(b, runs, bias, weights, arena),
+            3 => block::<S, W, 3>(b, runs, bias, weights, arena),
+            4 => block::<S, W, 4>(b, runs, bias, weights, arena),
+            5 => block::<S, W, 5>(b, runs, bias, weights, arena),
+            6 => block::<S, W, 6>(b, runs, bias, weights, arena),
+            7 => block::<S, W, 7>(b, runs, bias, weights, arena),
+            8 => block::<S, W, 8>(b, runs, bias, weights, arena),
+            9 if S::MOST >= 9 => block::<S, W, 9>(b, runs, bias, weights, arena),
+            10 if S::MOST >= 10 => block::<S, W, 10>(b, runs, bias, weights, arena),
+            11 if S::MOST >= 11 => block::<S, W, 11>(b, runs, bias, weights, arena),
+            12 if S::MOST >= 12 => block::<S, W, 12>(b, runs, bias, weights, arena),
+            _ => None,
+        }
+    }
 }
 
 /// # Safety
@@ -277,7 +303,12 @@ unsafe fn block<S: Simd, W: Weight, const V: usize>(
 
 /// Reads all weights once, in order, as cheaply as can be: the time below which no run can fall.
 #[inline(always)]
-fn checksum<W: Weight>(weights: &[W]) -> u32 {
+fn checksum<W: Weight>(data: Data<'_, W>) -> u32 {
+    sum(data.wide).wrapping_add(sum(data.weights))
+}
+
+#[inline(always)]
+fn sum<W: Weight>(weights: &[W]) -> u32 {
     let mut sums = [0u32; 128];
     let (chunks, rest) = weights.as_chunks::<128>();
     for chunk in chunks {
@@ -288,14 +319,13 @@ fn checksum<W: Weight>(weights: &[W]) -> u32 {
     rest.iter().map(|w| w.bits()).chain(sums).fold(0, u32::wrapping_add)
 }
 
-/// Program, weights, fixed biases, the material's biases, arena.
-type Run<W> = unsafe fn(&Program, &[W], &[f32], &[f32], &mut [f32]) -> Option<()>;
+type Run<W> = unsafe fn(&Program, Data<'_, W>, &mut [f32]) -> Option<()>;
 
 /// The functions compiled for one instruction set.
 #[derive(Clone, Copy)]
 pub(crate) struct Entry<W> {
     run: Run<W>,
-    read: unsafe fn(&[W]) -> u32,
+    read: unsafe fn(Data<'_, W>) -> u32,
 }
 
 impl<W: Weight> Entry<W> {
@@ -315,21 +345,14 @@ impl<W: Weight> Entry<W> {
 
     /// Runs a program over the arena; `None` where it does not fit its data, which packing rules out.
     #[inline]
-    pub(crate) fn run(
-        &self,
-        program: &Program,
-        weights: &[W],
-        fixed: &[f32],
-        material: &[f32],
-        arena: &mut [f32],
-    ) -> Option<()> {
+    pub(crate) fn run(&self, program: &Program, data: Data<'_, W>, arena: &mut [f32]) -> Option<()> {
         // SAFETY: `new` found the instruction set on this machine.
-        unsafe { (self.run)(program, weights, fixed, material, arena) }
+        unsafe { (self.run)(program, data, arena) }
     }
 
     /// See [`checksum`].
-    pub(crate) fn read(&self, weights: &[W]) -> u32 {
+    pub(crate) fn read(&self, data: Data<'_, W>) -> u32 {
         // SAFETY: `new` found the instruction set on this machine.
-        unsafe { (self.read)(weights) }
+        unsafe { (self.read)(data) }
     }
 }

@@ -1,6 +1,6 @@
 //! Plain code over four lanes, which compilers turn into SSE2 or NEON. Only its pointers are unsafe.
 
-use super::{Program, Simd, Weight, checksum, execute};
+use super::{Data, Program, Simd, Weight, checksum, execute};
 
 pub(super) struct Portable;
 
@@ -71,21 +71,15 @@ impl Simd for Portable {
 
 /// # Safety
 /// None needed: the signature is that of the other instruction sets.
-pub(super) unsafe fn run<W: Weight>(
-    program: &Program,
-    weights: &[W],
-    fixed: &[f32],
-    material: &[f32],
-    arena: &mut [f32],
-) -> Option<()> {
+pub(super) unsafe fn run<W: Weight>(program: &Program, data: Data<'_, W>, arena: &mut [f32]) -> Option<()> {
     // SAFETY: portable code runs on every CPU.
-    unsafe { execute::<Portable, W>(program, weights, fixed, material, arena) }
+    unsafe { execute::<Portable, W>(program, data, arena) }
 }
 
 /// # Safety
 /// None needed, as for [`run`].
-pub(super) unsafe fn read<W: Weight>(weights: &[W]) -> u32 {
-    checksum(weights)
+pub(super) unsafe fn read<W: Weight>(data: Data<'_, W>) -> u32 {
+    checksum(data)
 }
 
 #[cfg(test)]
