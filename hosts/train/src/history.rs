@@ -68,7 +68,7 @@ struct Velocity {
 impl Velocity {
     fn new() -> Result<Self, FilterError> {
         let filter = Section::butterworth_low_pass(CUTOFF_HZ).bilinear(RATE_HZ, CUTOFF_HZ)?;
-        Ok(Self { filters: [filter.clone(), filter], last: None })
+        Ok(Self { filters: [filter, filter], last: None })
     }
 
     fn start_at(&mut self, position: [f64; 2], velocity: [f64; 2]) {

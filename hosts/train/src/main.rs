@@ -30,7 +30,7 @@ struct Arguments {
     #[arg(long, value_name = "FILE.ron")]
     library: PathBuf,
     /// Steps of the optimiser (Adam).
-    #[arg(long, default_value_t = 50_000, value_parser = clap::value_parser!(u32).range(1..=100_000_000))]
+    #[arg(long, default_value_t = 30_000, value_parser = clap::value_parser!(u32).range(1..=100_000_000))]
     steps: u32,
     /// Histories a step.
     #[arg(long, default_value_t = 256, value_parser = clap::value_parser!(u32).range(1..=65_536))]
@@ -39,7 +39,7 @@ struct Arguments {
     #[arg(long, default_value_t = 1)]
     seed: u64,
     /// Largest learning rate; it falls to a hundredth by half a cosine.
-    #[arg(long, default_value_t = 2e-3, value_parser = positive)]
+    #[arg(long, default_value_t = 1e-3, value_parser = positive)]
     learning_rate: f64,
 }
 

@@ -83,7 +83,7 @@ impl Batches {
             histories: Histories::new()?,
             tables: materials.iter().map(|m| LawTable::new(&m.law, MAX_SPEED_MM_S + 10.0)).collect(),
             textures: materials.iter().map(texture).collect(),
-            random: Random::new(seed ^ 0x5eed_0f_ba7c_4e5),
+            random: Random::new(seed ^ 0x0005_eed0_fba7_c4e5),
         })
     }
 
