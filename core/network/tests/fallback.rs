@@ -100,19 +100,16 @@ fn a_texture_encoder_inside_the_model_is_folded_per_material() {
 fn half_weights_that_cancel_are_refused_for_single_ones() {
     // Two large weights of nearly the same size: f16 rounds away what is left of them.
     let mut made = Net::random(10);
-    let last = made.predictor.last_mut().unwrap();
-    for j in 0..100 {
-        last.weights[j] = 100.3;
-        last.weights[100 + j] = -100.2;
+    let after = &mut made.predictor[2];
+    for j in 0..200 {
+        after.weights[j] = 100.3;
+        after.weights[200 + j] = -100.2;
     }
-    let before = made.predictor.len() - 2;
-    let n = made.predictor[before].bias.len();
-    for k in 0..made.predictor[before].weights.len() / n {
-        let w = made.predictor[before].weights[k * n];
-        made.predictor[before].weights[k * n + 1] = w;
+    let before = &mut made.predictor[1];
+    for row in before.weights.chunks_exact_mut(300) {
+        row[1] = row[0];
     }
-    made.predictor[before].bias[0] = 5.0;
-    made.predictor[before].bias[1] = 5.0;
+    before.bias[..2].fill(5.0);
     let model = load(&model(&made, Spelling::default()));
     let runner = model.runner(&textures(1, 5), Precision::F16, Choice::Auto).unwrap();
     let info = runner.describe();
