@@ -141,19 +141,35 @@ fn measure(synthesis_hz: u32, precision: &str, pace: Pace) {
         }
         pair.record(spent[spsi] + spent[ola]);
     }
-    let at = if synthesis_hz == 0 { "48 kHz, N = 4800".to_owned() } else { format!("{synthesis_hz} Hz, N = {}", synthesis_hz / 10) };
+    let at = if synthesis_hz == 0 {
+        "48 kHz, N = 4800".to_owned()
+    } else {
+        format!("{synthesis_hz} Hz, N = {}", synthesis_hz / 10)
+    };
     let warm = pace == Pace::BackToBack && precision == "f32";
     let goal = |text: &str| if warm { text.to_owned() } else { String::new() };
     let read_p50 = read.summary().p50_ns;
     let mut rows = vec![Row { name: "plain read of the weights".into(), timing: read, goal: String::new() }];
     for (node, timing) in schedule.nodes.iter().zip(nodes) {
         let ratio = timing.summary().p50_ns as f64 / read_p50 as f64;
-        let goal = if node.kind == "texture_network" { format!("{} ({ratio:.2} x the read)", goal("<= 1.2 x the read")) } else { String::new() };
+        let goal = if node.kind == "texture_network" {
+            format!("{} ({ratio:.2} x the read)", goal("<= 1.2 x the read"))
+        } else {
+            String::new()
+        };
         rows.push(Row { name: format!("{} ({})", node.id, node.kind), timing, goal });
     }
     let small = synthesis_hz == 2500;
-    rows.push(Row { name: "spsi + overlap_add".into(), timing: pair, goal: goal(if small { "<= 4" } else { "" }) });
-    rows.push(Row { name: "whole tick, not timed inside".into(), timing: whole, goal: goal(if small { "<= 25" } else { "<= 45" }) });
+    rows.push(Row {
+        name: "spsi + overlap_add".into(),
+        timing: pair,
+        goal: goal(if small { "<= 4" } else { "" }),
+    });
+    rows.push(Row {
+        name: "whole tick, not timed inside".into(),
+        timing: whole,
+        goal: goal(if small { "<= 25" } else { "<= 45" }),
+    });
     table(&format!("synthesis at {at}, {precision} weights, {}", pace.name()), &rows);
 }
 
@@ -192,7 +208,8 @@ fn engine_overhead() {
     );
     let registry: Registry = asperity_nodes::registry().with::<Nothing>();
     let graph = GraphFile::parse(&Source::new("overhead", text)).unwrap_or_else(|e| panic!("{e}"));
-    let compiled = compile(&graph, &registry, asperity_graph::Options::default()).unwrap_or_else(|e| panic!("{}", e[0]));
+    let compiled =
+        compile(&graph, &registry, asperity_graph::Options::default()).unwrap_or_else(|e| panic!("{}", e[0]));
     let mut engine = Engine::new(compiled, Options::default());
     let mut timing = Timing::new(3);
     for _ in 0..20_000 {
@@ -208,7 +225,8 @@ fn engine_overhead() {
 
 fn cpu() -> String {
     let info = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
-    let model = info.lines().find_map(|l| l.strip_prefix("model name")?.split_once(": ").map(|(_, m)| m.to_owned()));
+    let model =
+        info.lines().find_map(|l| l.strip_prefix("model name")?.split_once(": ").map(|(_, m)| m.to_owned()));
     let cores = std::thread::available_parallelism().map_or(0, usize::from);
     format!("{}, {cores} cores, {}", model.unwrap_or_else(|| "unknown CPU".into()), std::env::consts::ARCH)
 }

@@ -27,7 +27,7 @@ if ! command -v cargo >/dev/null 2>&1; then
 fi
 
 # The edition and library features used need this version.
-needed=88
+needed=95
 minor=$(rustc --version | sed -E 's/^rustc 1\.([0-9]+)\..*/\1/')
 case "$minor" in
     *[!0-9]*) ;;

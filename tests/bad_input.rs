@@ -14,7 +14,8 @@ fn good() -> String {
 fn refused(graph: &str, place: Option<&str>, says: &[&str]) {
     let dir = tempfile::tempdir().unwrap();
     std::fs::write(dir.path().join("g.ron"), graph).unwrap();
-    let ran = run(dir.path(), &["render", "g.ron", "--out", "o.wav", "--report", "r.json", "--plot", "p.svg"]);
+    let ran =
+        run(dir.path(), &["render", "g.ron", "--out", "o.wav", "--report", "r.json", "--plot", "p.svg"]);
     assert_eq!(ran.code, 2, "{}{}", ran.out, ran.err);
     if let Some(place) = place {
         let at = graph.find(place).unwrap_or_else(|| panic!("{place} is not in the graph"));
@@ -58,9 +59,17 @@ fn an_unknown_parameter_names_the_nearest() {
 
 #[test]
 fn a_value_out_of_range_says_the_range_and_unit() {
-    refused(&with("cutoff_hz: 20.0", "cutoff_hz: -1.0"), Some("-1.0"), &["-1 Hz is out of range", "from 0 to 1000 Hz"]);
+    refused(
+        &with("cutoff_hz: 20.0", "cutoff_hz: -1.0"),
+        Some("-1.0"),
+        &["-1 Hz is out of range", "from 0 to 1000 Hz"],
+    );
     refused(&with("cutoff_hz: 20.0", "cutoff_hz: 1e50"), Some("1e50"), &["out of range"]);
-    refused(&with("tick_hz: 500", "tick_hz: 5"), Some("5,"), &["5 Hz is out of range", "from 100 to 4000 Hz"]);
+    refused(
+        &with("tick_hz: 500", "tick_hz: 5"),
+        Some("5,"),
+        &["5 Hz is out of range", "from 100 to 4000 Hz"],
+    );
     refused(&with("cutoff_hz: 20.0", "cutoff_hz: 400.0"), Some("400.0"), &["below 250 Hz"]);
 }
 
@@ -73,28 +82,49 @@ fn numbers_that_are_not_finite_are_refused() {
 
 #[test]
 fn a_value_of_another_type_is_refused() {
-    refused(&with("cutoff_hz: 20.0", "cutoff_hz: \"20\""), Some("\"20\""), &["expected a number, found the text \"20\""]);
-    refused(&with("\"floor\": (kind: \"virtual_floor\"", "\"floor\": (kind: 7"), Some("7"), &["expected a text in quotes"]);
+    refused(
+        &with("cutoff_hz: 20.0", "cutoff_hz: \"20\""),
+        Some("\"20\""),
+        &["expected a number, found the text \"20\""],
+    );
+    refused(
+        &with("\"floor\": (kind: \"virtual_floor\"", "\"floor\": (kind: 7"),
+        Some("7"),
+        &["expected a text in quotes"],
+    );
 }
 
 #[test]
 fn duplicate_keys_are_refused_at_the_second() {
     let g = with("cutoff_hz: 20.0", "cutoff_hz: 20.0, cutoff_hz: 30.0");
     refused(&g, Some("cutoff_hz: 30.0"), &["`cutoff_hz` stands here twice", "the first"]);
-    let g = with("\"phase\": (kind: \"spsi\"),", "\"phase\": (kind: \"spsi\"),\n        \"phase\": (kind: \"gain\"),");
+    let g = with(
+        "\"phase\": (kind: \"spsi\"),",
+        "\"phase\": (kind: \"spsi\"),\n        \"phase\": (kind: \"gain\"),",
+    );
     refused(&g, Some("\"phase\": (kind: \"gain\")"), &["`phase` stands here twice"]);
 }
 
 #[test]
 fn a_wrong_unit_says_what_goes_between() {
-    let g = with("(\"gate.out\", \"inverse\")", "(\"gate.out\", \"limiter\")").replace("(\"inverse\", \"limiter\"),", "");
-    refused(&g, Some("\"limiter\"),\n"), &["m/s^2", "`limiter.in` takes Audio", "A or V", "`actuator_inverse`"]);
+    let g = with("(\"gate.out\", \"inverse\")", "(\"gate.out\", \"limiter\")")
+        .replace("(\"inverse\", \"limiter\"),", "");
+    refused(
+        &g,
+        Some("\"limiter\"),\n"),
+        &["m/s^2", "`limiter.in` takes Audio", "A or V", "`actuator_inverse`"],
+    );
 }
 
 #[test]
 fn a_wrong_kind_says_what_goes_between() {
-    let g = with("(\"phase\", \"synthesis\")", "(\"texture\", \"synthesis\")").replace("(\"texture\", \"phase\"),", "");
-    refused(&g, Some("\"synthesis\"),\n"), &["carries Magnitude of 101 bins", "takes Spectrum", "what goes between: `spsi`"]);
+    let g = with("(\"phase\", \"synthesis\")", "(\"texture\", \"synthesis\")")
+        .replace("(\"texture\", \"phase\"),", "");
+    refused(
+        &g,
+        Some("\"synthesis\"),\n"),
+        &["carries Magnitude of 101 bins", "takes Spectrum", "what goes between: `spsi`"],
+    );
 }
 
 #[test]
@@ -113,20 +143,28 @@ fn a_control_of_another_count_is_refused() {
 
 #[test]
 fn nothing_but_a_limiter_reaches_a_device() {
-    let g = with("(\"inverse\", \"limiter\")", "(\"inverse\", \"out\")").replace("(\"limiter\", \"out\"),", "");
+    let g =
+        with("(\"inverse\", \"limiter\")", "(\"inverse\", \"out\")").replace("(\"limiter\", \"out\"),", "");
     refused(&g, Some("\"out\"),\n"), &["takes only what a limiter lets through", "put a `limiter` last"]);
 }
 
 #[test]
 fn a_cycle_without_a_delay_is_named() {
-    let g = with("\"phase\": (kind: \"spsi\"),", "\"phase\": (kind: \"spsi\"), \"a\": (kind: \"mix\"), \"b\": (kind: \"gain\"),")
-        .replace("(\"synthesis\", \"audio rate\")", "(\"synthesis\", \"a.in1\"), (\"b\", \"a.in2\"), (\"a\", \"b\"), (\"a\", \"audio rate\")");
+    let g = with(
+        "\"phase\": (kind: \"spsi\"),",
+        "\"phase\": (kind: \"spsi\"), \"a\": (kind: \"mix\"), \"b\": (kind: \"gain\"),",
+    )
+    .replace(
+        "(\"synthesis\", \"audio rate\")",
+        "(\"synthesis\", \"a.in1\"), (\"b\", \"a.in2\"), (\"a\", \"b\"), (\"a\", \"audio rate\")",
+    );
     refused(&g, None, &["wait for each other", "a -> b -> a", "put a `delay` into the cycle"]);
 }
 
 #[test]
 fn two_wires_into_one_input_are_refused() {
-    let g = with("(\"phase\", \"synthesis\")", "(\"phase\", \"synthesis\"), (\"phase\", \"synthesis.spectrum\")");
+    let g =
+        with("(\"phase\", \"synthesis\")", "(\"phase\", \"synthesis\"), (\"phase\", \"synthesis.spectrum\")");
     refused(&g, Some("\"synthesis.spectrum\""), &["two wires end at `synthesis.spectrum`", "`mix`"]);
 }
 
@@ -138,9 +176,21 @@ fn an_unconnected_input_that_must_be_is_named() {
 
 #[test]
 fn an_unknown_port_or_node_names_the_nearest() {
-    refused(&with("\"motion.speed\"", "\"motion.sped\""), Some("\"motion.sped\""), &["no output `sped`", "did you mean `speed`?"]);
-    refused(&with("\"motion.speed\"", "\"moton.speed\""), Some("\"moton.speed\""), &["no node `moton`", "did you mean `motion`?"]);
-    refused(&with("\"motion.speed\"", "\"motion\""), Some("\"motion\", \"gate"), &["has 2 outputs; say which", "`motion.speed`"]);
+    refused(
+        &with("\"motion.speed\"", "\"motion.sped\""),
+        Some("\"motion.sped\""),
+        &["no output `sped`", "did you mean `speed`?"],
+    );
+    refused(
+        &with("\"motion.speed\"", "\"moton.speed\""),
+        Some("\"moton.speed\""),
+        &["no node `moton`", "did you mean `motion`?"],
+    );
+    refused(
+        &with("\"motion.speed\"", "\"motion\""),
+        Some("\"motion\", \"gate"),
+        &["has 2 outputs; say which", "`motion.speed`"],
+    );
 }
 
 #[test]
@@ -151,12 +201,20 @@ fn a_missing_file_names_its_neighbour() {
 
 #[test]
 fn an_unknown_material_names_the_nearest() {
-    refused(&with("\"coarse weave\"", "\"coarse weav\""), Some("\"coarse weav\""), &["did you mean `coarse weave`?"]);
+    refused(
+        &with("\"coarse weave\"", "\"coarse weav\""),
+        Some("\"coarse weav\""),
+        &["did you mean `coarse weave`?"],
+    );
 }
 
 #[test]
 fn a_window_that_is_not_whole_is_refused() {
-    refused(&with("synthesis_hz: 2500", "synthesis_hz: 2503"), Some("2503"), &["not a whole number of samples at 2503 Hz"]);
+    refused(
+        &with("synthesis_hz: 2500", "synthesis_hz: 2503"),
+        Some("2503"),
+        &["not a whole number of samples at 2503 Hz"],
+    );
 }
 
 #[test]
@@ -172,10 +230,10 @@ fn a_bad_trajectory_points_into_the_csv() {
     let head = "t_s,x_mm,y_mm,z_mm\n0.0,0,0,-1\n0.002,0.1,0,-1\n";
     for (rows, at, says) in [
         ("0.001,0.2,0,-1\n", "4:1", "clock"),
-        ("5.0,0.2,0,-1\n", "4:1", "gap"),
+        ("5.0,0.2,0,-1\n5.002,0.2,0,-1\n#", "4:1", "gap"),
         ("0.004,NaN,0,-1\n", "4:7", "finite"),
         ("0.004,zwei,0,-1\n", "4:7", "number"),
-        ("0.004,0.2,0\n", "4:", ""),
+        ("0.004,0.2,0\n", "4:", "a row of 3 cells"),
     ] {
         let dir = tempfile::tempdir().unwrap();
         std::fs::write(dir.path().join("t.csv"), format!("{head}{rows}0.006,0.3,0,-1\n")).unwrap();
@@ -190,7 +248,9 @@ fn a_bad_trajectory_points_into_the_csv() {
 
 #[test]
 fn a_model_that_is_none_is_refused() {
-    for (name, bytes) in [("json.onnx", b"{\"a\": 1}".to_vec()), ("empty.onnx", vec![]), ("noise.onnx", (0..=255).collect())] {
+    for (name, bytes) in
+        [("json.onnx", b"{\"a\": 1}".to_vec()), ("empty.onnx", vec![]), ("noise.onnx", (0..=255).collect())]
+    {
         let dir = tempfile::tempdir().unwrap();
         std::fs::write(dir.path().join(name), bytes).unwrap();
         let graph = graphs("heravi2024.ron");

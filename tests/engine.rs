@@ -3,8 +3,8 @@
 use asperity_engine::{Engine, FAULTS_BEFORE_QUARANTINE, Options};
 use asperity_graph::{GraphFile, compile};
 use asperity_node::{
-    Buffer, Descriptor, Diagnostic, Fault, FrameLayout, FrameRate, Input, LayoutSpec, Node, Output, Param, RateSpec,
-    Registry, Resume, Setup, ShapeSpec, Status, Tick, Unit,
+    Buffer, Descriptor, Diagnostic, Fault, FrameLayout, FrameRate, Input, LayoutSpec, Node, Output, Param,
+    RateSpec, Registry, Resume, Setup, ShapeSpec, Status, Tick, Unit,
 };
 use asperity_source::Source;
 
@@ -60,7 +60,11 @@ impl Node for Faulty {
             .output(Output::new("frame", ShapeSpec::Magnitude(LayoutSpec::Is(layout)), Unit::NONE))
             .param(Param::integer("from", 0, 0..=1_000_000, "First bad tick."))
             .param(Param::integer("to", 0, 0..=1_000_000, "First good tick after that."))
-            .param(Param::choice("how", &["nan", "panic", "error", "nan control", "inf frame"], "How it fails."))
+            .param(Param::choice(
+                "how",
+                &["nan", "panic", "error", "nan control", "inf frame"],
+                "How it fails.",
+            ))
     }
 
     fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
@@ -245,7 +249,8 @@ fn every_sample_passes_once_and_in_order_at_44100_and_48000() {
              \"probe\")}}, wires: [(\"c.samples\", \"p\")])"
         );
         let graph = GraphFile::parse(&Source::new("t", text)).unwrap();
-        let mut e = Engine::new(compile(&graph, &registry(), Default::default()).unwrap(), Options::default());
+        let mut e =
+            Engine::new(compile(&graph, &registry(), Default::default()).unwrap(), Options::default());
         let mut count = 0;
         for _ in 0..7000 {
             e.tick();
@@ -302,7 +307,9 @@ fn a_frame_of_a_failing_node_is_zero() {
     );
     for tick in 0..4_u64 {
         e.tick();
-        let Some(Buffer::Magnitude { bins, frame, valid }) = e.output(node(&e, "f"), 2) else { panic!("no frame") };
+        let Some(Buffer::Magnitude { bins, frame, valid }) = e.output(node(&e, "f"), 2) else {
+            panic!("no frame")
+        };
         let good = tick != 2;
         assert_eq!((bins[3], *valid), (if good { 1.0 } else { 0.0 }, good), "tick {tick}");
         assert_eq!(*frame, Some((tick, tick * 5)));
@@ -358,7 +365,8 @@ fn what_serves_a_closed_gate_alone_is_not_called() {
 
 #[test]
 fn a_node_wakes_as_it_says() {
-    for (kind, after) in [("restart", 1.0), ("elapsed", 3.0 * 1000.0 + 4.0), ("resume", 4.0), ("never", 7.0)] {
+    for (kind, after) in [("restart", 1.0), ("elapsed", 3.0 * 1000.0 + 4.0), ("resume", 4.0), ("never", 7.0)]
+    {
         let nodes = format!(
             "\"c\": (kind: \"counter\"), \"m\": (kind: \"memory_{kind}\"), \"g\": (kind: \"test_gate\"), \"p\": (kind: \
              \"probe\")"
@@ -436,8 +444,10 @@ fn a_delay_is_exact_in_and_out_of_a_cycle() {
 
 #[test]
 fn a_node_may_run_every_kth_tick_and_its_control_holds() {
-    let mut e = engine("\"v\": (kind: \"stroke\"), \"h\": (kind: \"virtual_floor\", every: 4), \"p\": (kind: \"probe\")",
-        "(\"v\", \"h\"), (\"h.force\", \"p\")");
+    let mut e = engine(
+        "\"v\": (kind: \"stroke\"), \"h\": (kind: \"virtual_floor\", every: 4), \"p\": (kind: \"probe\")",
+        "(\"v\", \"h\"), (\"h.force\", \"p\")",
+    );
     for _ in 0..400 {
         e.tick();
     }

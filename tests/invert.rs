@@ -33,10 +33,15 @@ fn score(name: &str, rate: u32, kind: &str) -> f64 {
     let path = dir.path().join("m.npy");
     npy::write_f32(std::fs::File::create(&path).unwrap(), &[mags.len() / bins, bins], &mags).unwrap();
     let hz = rate.to_string();
-    run(dir.path(), &["invert", "--phase", kind, "--magnitudes", "m.npy", "--rate", &hz, "--out", "y.npy"]).ok();
+    run(dir.path(), &["invert", "--phase", kind, "--magnitudes", "m.npy", "--rate", &hz, "--out", "y.npy"])
+        .ok();
     let y = npy::read(dir.path().join("y.npy")).unwrap().values.into_f64();
     let frames = mags.len() / bins;
-    assert_eq!(y.len(), (frames - 1) * (rate as usize / 500) + rate as usize / 10, "{name}: frame n covers [floor(n rate/500), + N)");
+    assert_eq!(
+        y.len(),
+        (frames - 1) * (rate as usize / 500) + rate as usize / 10,
+        "{name}: frame n covers [floor(n rate/500), + N)"
+    );
     phase::score(&mags, &phase::framing(rate, bins), &y).unwrap().convergence_db
 }
 
@@ -53,7 +58,9 @@ fn spsi_reaches_the_published_scores() {
         ("texture_48000", 48_000),
         ("amchirp_48000", 48_000),
     ] {
-        let reference = published["sc"][name]["spsi_phaseret"]["SC_dB"].as_f64().unwrap_or_else(|| panic!("no score for {name}"));
+        let reference = published["sc"][name]["spsi_phaseret"]["SC_dB"]
+            .as_f64()
+            .unwrap_or_else(|| panic!("no score for {name}"));
         let db = score(name, rate, "spsi");
         println!("{name}: {db:.2} dB, published {reference:.2} dB");
         assert!(db < reference + 1.5, "{name}: {db} dB, published {reference} dB");
@@ -64,9 +71,18 @@ fn spsi_reaches_the_published_scores() {
 fn default_is_what_the_shipped_graph_uses() {
     let dir = tempfile::tempdir().unwrap();
     let (mags, bins) = magnitudes("texture_2500", 2500);
-    npy::write_f32(std::fs::File::create(dir.path().join("m.npy")).unwrap(), &[mags.len() / bins, bins], &mags).unwrap();
+    npy::write_f32(
+        std::fs::File::create(dir.path().join("m.npy")).unwrap(),
+        &[mags.len() / bins, bins],
+        &mags,
+    )
+    .unwrap();
     for (kind, out) in [("default", "a.npy"), ("spsi", "b.npy"), ("spsi:seed=77", "c.npy")] {
-        run(dir.path(), &["invert", "--phase", kind, "--magnitudes", "m.npy", "--rate", "2500", "--out", out]).ok();
+        run(
+            dir.path(),
+            &["invert", "--phase", kind, "--magnitudes", "m.npy", "--rate", "2500", "--out", out],
+        )
+        .ok();
     }
     let read = |n: &str| std::fs::read(dir.path().join(n)).unwrap();
     assert!(read("a.npy") == read("b.npy"));
@@ -77,7 +93,12 @@ fn default_is_what_the_shipped_graph_uses() {
 fn a_wav_holds_what_the_npy_holds() {
     let dir = tempfile::tempdir().unwrap();
     let (mags, bins) = magnitudes("texture_2500", 2500);
-    npy::write_f32(std::fs::File::create(dir.path().join("m.npy")).unwrap(), &[mags.len() / bins, bins], &mags).unwrap();
+    npy::write_f32(
+        std::fs::File::create(dir.path().join("m.npy")).unwrap(),
+        &[mags.len() / bins, bins],
+        &mags,
+    )
+    .unwrap();
     for out in ["y.npy", "y.wav"] {
         run(dir.path(), &["invert", "--magnitudes", "m.npy", "--rate", "2500", "--out", out]).ok();
     }

@@ -1,5 +1,6 @@
 //! Driving the program as a user would.
-#![allow(dead_code)] // every test file uses a part of this
+// Every test file uses a part of this, and none of it is for anybody else.
+#![allow(dead_code, unreachable_pub)]
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -59,7 +60,9 @@ pub fn files(dir: &Path) -> Vec<String> {
 pub fn shipped_graph() -> String {
     let text = std::fs::read_to_string(graphs("heravi2024.ron")).expect("the shipped graph");
     let dir = graphs("").display().to_string();
-    ["trajectories/", "models/", "materials/"].iter().fold(text, |t, p| t.replace(&format!("\"{p}"), &format!("\"{dir}{p}")))
+    ["trajectories/", "models/", "materials/"]
+        .iter()
+        .fold(text, |t, p| t.replace(&format!("\"{p}"), &format!("\"{dir}{p}")))
 }
 
 /// Samples of a float WAV file, and its rate.

@@ -195,10 +195,30 @@ impl fmt::Display for FactValue {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             FactValue::Text(t) => f.write_str(t),
-            FactValue::Number(x, "") => write!(f, "{x}"),
-            FactValue::Number(x, unit) => write!(f, "{x} {unit}"),
+            FactValue::Number(x, "") => f.write_str(&rounded(*x)),
+            FactValue::Number(x, unit) => write!(f, "{} {unit}", rounded(*x)),
             FactValue::Count(n) => write!(f, "{n}"),
         }
+    }
+}
+
+/// Four significant digits, which is what a person reads.
+fn rounded(x: f64) -> String {
+    if x == 0.0 {
+        return "0".into();
+    }
+    let digits = 3 - x.abs().log10().floor() as i32;
+    match digits {
+        0..=6 => {
+            let text = format!("{x:.*}", digits as usize);
+            if text.contains('.') {
+                text.trim_end_matches('0').trim_end_matches('.').to_owned()
+            } else {
+                text
+            }
+        }
+        -5..0 => format!("{x:.0}"),
+        _ => format!("{x:.3e}"),
     }
 }
 
@@ -338,4 +358,21 @@ pub trait NodeKind: Send + Sync {
     /// # Errors
     /// See [`Node::prepare`].
     fn prepare(&self, setup: &Setup<'_>) -> Result<Box<dyn Processor>, Diagnostic>;
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn facts_are_rounded_for_reading() {
+        let text = |x| FactValue::Number(x, "Hz").to_string();
+        assert_eq!(text(64.999_862_5), "65 Hz");
+        assert_eq!(text(11.194_653), "11.19 Hz");
+        assert_eq!(text(1698.125), "1698 Hz");
+        assert_eq!(text(123_456.0), "123456 Hz");
+        assert_eq!(text(1.058_99e-6), "1.059e-6 Hz");
+        assert_eq!(text(-0.0), "0 Hz");
+        assert_eq!(text(-0.25), "-0.25 Hz");
+    }
 }

@@ -67,7 +67,7 @@ pub struct Render {
     #[arg(long, value_enum, default_value = "f32")]
     pub format: Format,
     /// How long to render; as long as the stroke lasts, unless given
-    #[arg(long, value_name = "S")]
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
     pub seconds: Option<f64>,
     /// Write figures of the run as JSON
     #[arg(long, value_name = "R.json")]

@@ -3,6 +3,7 @@
 use std::process::ExitCode;
 
 use asperity_graph::{BufferEntry, Schedule, Step};
+use asperity_node::{Fact, FactValue};
 use serde_json::{Value, json};
 
 use crate::args::Check;
@@ -36,7 +37,8 @@ fn print_text(schedule: &Schedule) {
             };
             println!("      {:id_width$}    .{}: {} ({readers})", "", output.name, output.port);
         }
-        for fact in &node.facts {
+        // What is counted while a graph runs is nothing yet.
+        for fact in node.facts.iter().filter(|f| !is_zero(f)) {
             println!("      {:id_width$}    {}: {}", "", fact.name, fact.value);
         }
     }
@@ -69,6 +71,10 @@ fn print_text(schedule: &Schedule) {
         [] => println!("\nno node allocates while it runs"),
         ids => println!("\nallocates while it runs, so not fit for real time: {}", ids.join(", ")),
     }
+}
+
+fn is_zero(fact: &Fact) -> bool {
+    matches!(fact.value, FactValue::Count(0)) || matches!(fact.value, FactValue::Number(x, _) if x == 0.0)
 }
 
 fn remarks(schedule: &Schedule, i: usize) -> String {
