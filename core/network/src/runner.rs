@@ -199,6 +199,12 @@ impl Model {
         };
         let mut refused = String::new();
         let attempts: &[Precision] = match (precision, forced) {
+            (Precision::F16, false) if isa == Isa::Portable => {
+                refused.push_str(
+                    "; f16 weights refused: without instructions for them they are slower than f32",
+                );
+                &[Precision::F32]
+            }
             (Precision::F16, false) => &[Precision::F16, Precision::F32],
             (Precision::F16, true) => &[Precision::F16],
             (Precision::F32, _) => &[Precision::F32],
