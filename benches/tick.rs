@@ -159,7 +159,6 @@ fn measure(synthesis_hz: u32, precision: &str, pace: Pace) {
         };
         rows.push(Row { name: format!("{} ({})", node.id, node.kind), timing, goal });
     }
-    let small = synthesis_hz == 2500;
     rows.push(Row {
         name: "spsi + overlap_add".into(),
         timing: pair,
@@ -242,6 +241,7 @@ fn main() {
         measure(2500, "f32", pace);
         measure(0, "f32", pace);
     }
+    measure(500, "f32", Pace::BackToBack);
     measure(2500, "f16", Pace::BackToBack);
     engine_overhead();
 }
