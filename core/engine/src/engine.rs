@@ -150,5 +150,6 @@ impl Engine {
 }
 
 fn wanted(slots: &[Slot], node: usize) -> bool {
-    slots[node].guards.iter().all(|&g| slots[g].wants)
+    let guards = &slots[node].guards;
+    guards.is_empty() || guards.iter().any(|way| way.iter().all(|&g| slots[g].wants))
 }

@@ -38,7 +38,8 @@ pub(crate) struct Slot {
     held: Box<[Box<[f64]>]>,
     fades: Box<[Fade]>,
     pub(crate) every: u64,
-    pub(crate) guards: Box<[usize]>,
+    /// Ways in which it is wanted; none for a node that always runs.
+    pub(crate) guards: Box<[Box<[usize]>]>,
     resume: Resume,
     /// What a gate last answered; true for other nodes.
     pub(crate) wants: bool,
@@ -71,7 +72,7 @@ impl Slot {
             held: shapes.iter().map(|s| vec![0.0; count(s)].into()).collect(),
             fades: shapes.iter().map(|s| Fade::new(rate(s) as f32 * FAULT_FADE_S)).collect(),
             every: u64::from(node.every),
-            guards: node.guards.clone().into(),
+            guards: node.guards.iter().map(|way| way.clone().into()).collect(),
             resume: node.resume,
             wants: true,
             asleep_since: None,

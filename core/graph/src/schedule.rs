@@ -53,8 +53,9 @@ pub struct ScheduledNode {
     pub outputs: Vec<ScheduledOutput>,
     /// Its output buffers.
     pub buffers: Range<usize>,
-    /// The gates that let it sleep: it runs while all of them want it.
-    pub guards: Vec<usize>,
+    /// The gates that let it sleep, as ways in which it is wanted: it runs while all gates of one of these sets are
+    /// open. Empty for a node that always runs.
+    pub guards: Vec<Vec<usize>>,
     /// How it wakes.
     pub resume: Resume,
     /// Whether it is wanted for its own sake.

@@ -23,9 +23,9 @@ impl Resume {
     pub fn word(self) -> &'static str {
         match self {
             Resume::Restart => "restart",
-            Resume::Elapsed => "elapsed",
-            Resume::Resume => "resume",
-            Resume::Never => "never sleeps",
+            Resume::Elapsed => "elapsed time",
+            Resume::Resume => "resuming",
+            Resume::Never => "nothing: it never sleeps",
         }
     }
 }

@@ -17,8 +17,8 @@ pub(super) struct Ordered {
     pub(super) dropped: Vec<Dropped>,
     /// Whether a node closes a cycle.
     pub(super) closes_cycle: Vec<bool>,
-    /// The gates over each node.
-    pub(super) guards: Vec<Vec<usize>>,
+    /// The ways in which each node is wanted; see [`guards`].
+    pub(super) guards: Vec<Vec<Vec<usize>>>,
     /// The gated input of each gate.
     pub(super) gates: Vec<Option<usize>>,
 }
@@ -33,9 +33,30 @@ pub(super) fn order(
     check_required(graph, resolved, &live)?;
     let gates = gates(resolved);
     let closes_cycle = cut_cycles(graph, resolved, &live)?;
-    let guards = guards(resolved, &live, &gates, &closes_cycle);
+    let mut guards = guards(resolved, &live, &gates, &closes_cycle);
+    let wanted = |v: usize| live[v % n] && (v < n || gates[v - n].is_some());
+    let mut vertices = sort(&edges(resolved, &gates, &closes_cycle, &guards), wanted);
+    if vertices.len() < (0..2 * n).filter(|&v| wanted(v)).count() {
+        // No graph is known in which gates wait for what they let sleep; it would still run, with all awake.
+        guards = vec![Vec::new(); n];
+        vertices = sort(&edges(resolved, &gates, &closes_cycle, &guards), wanted);
+    }
+    let nodes = vertices.iter().copied().filter(|&v| v < n).collect();
+    let mut steps: Vec<Step> =
+        vertices.iter().map(|&v| if v < n { Step::Process(v) } else { Step::Wants(v - n) }).collect();
+    steps.extend((0..n).filter(|&i| live[i] && closes_cycle[i]).map(Step::Absorb));
+    let dropped = (0..n).filter(|&i| !live[i]).map(|i| dropped(graph, resolved, i)).collect();
+    Ok(Ordered { nodes, steps, dropped, closes_cycle, guards, gates })
+}
 
-    // Vertices: 0..n are nodes, n..2n the questions put to gates.
+/// What comes before what. Vertices 0..n are nodes, n..2n the questions put to gates.
+fn edges(
+    resolved: &Resolved,
+    gates: &[Option<usize>],
+    closes_cycle: &[bool],
+    guards: &[Vec<Vec<usize>>],
+) -> Vec<BTreeSet<usize>> {
+    let n = resolved.nodes.len();
     let mut before: Vec<BTreeSet<usize>> = vec![BTreeSet::new(); 2 * n];
     for w in &resolved.wires {
         let (from, to) = (w.from.0, w.to.0);
@@ -47,7 +68,7 @@ pub(super) fn order(
         }
     }
     for node in 0..n {
-        for &gate in &guards[node] {
+        for &gate in guards[node].iter().flatten() {
             before[node].insert(n + gate);
             if gates[node].is_some() {
                 before[n + node].insert(n + gate);
@@ -57,14 +78,7 @@ pub(super) fn order(
             before[node].insert(n + node);
         }
     }
-    let wanted = |v: usize| live[v % n] && (v < n || gates[v - n].is_some());
-    let vertices = sort(&before, wanted);
-    let nodes = vertices.iter().copied().filter(|&v| v < n).collect();
-    let mut steps: Vec<Step> =
-        vertices.iter().map(|&v| if v < n { Step::Process(v) } else { Step::Wants(v - n) }).collect();
-    steps.extend((0..n).filter(|&i| live[i] && closes_cycle[i]).map(Step::Absorb));
-    let dropped = (0..n).filter(|&i| !live[i]).map(|i| dropped(graph, resolved, i)).collect();
-    Ok(Ordered { nodes, steps, dropped, closes_cycle, guards, gates })
+    before
 }
 
 fn dropped(graph: &GraphFile, resolved: &Resolved, i: usize) -> Dropped {
@@ -213,58 +227,61 @@ fn find_cycle(after: &[Vec<usize>], open: impl Fn(usize) -> bool) -> Option<Vec<
     None
 }
 
-/// For every node the gates whose gated input is all it serves.
+/// More ways than this to be wanted are not kept: such a node runs always.
+const MAX_ALTERNATIVES: usize = 64;
+
+/// For every node the ways in which it is wanted: sets of gates of which all must be open. None for a node that
+/// always runs.
+///
+/// A node is wanted in the ways of those that read it, and through a gated input only while that gate is open too. A way
+/// that another one includes says nothing new. So a gate never stands in a way of what its own question depends on:
+/// such a node is wanted whenever the gate is, which includes the way through the gate.
 fn guards(
     resolved: &Resolved,
     live: &[bool],
     gates: &[Option<usize>],
     closes_cycle: &[bool],
-) -> Vec<Vec<usize>> {
+) -> Vec<Vec<Vec<usize>>> {
     let n = resolved.nodes.len();
-    let mut guards = vec![Vec::new(); n];
-    for gate in (0..n).filter(|&g| live[g]) {
-        let Some(gated) = gates[gate] else { continue };
-        // Whoever is needed apart from this gate: sinks, what never sleeps, and all that these read.
-        let mut needed = vec![false; n];
-        let mut stack: Vec<usize> = Vec::new();
-        let need = |i: usize, needed: &mut Vec<bool>, stack: &mut Vec<usize>| {
-            if !needed[i] {
-                needed[i] = true;
-                stack.push(i);
-            }
-        };
-        for i in (0..n).filter(|&i| live[i]) {
-            let d = resolved.nodes[i].kind.descriptor();
-            if d.sink || d.resume == Resume::Never || closes_cycle[i] || i == gate {
-                need(i, &mut needed, &mut stack);
-            }
-        }
-        while let Some(i) = stack.pop() {
-            for (input, wire) in resolved.nodes[i].input_wires.iter().enumerate() {
-                if i == gate && input == gated {
-                    continue;
-                }
-                if let Some(w) = wire {
-                    need(resolved.wires[*w].from.0, &mut needed, &mut stack);
-                }
-            }
-        }
-        // Pruning off keeps nodes that nothing needs; they are left alone.
-        let mut serves = vec![false; n];
-        let mut stack: Vec<usize> =
-            resolved.nodes[gate].input_wires[gated].map(|w| resolved.wires[w].from.0).into_iter().collect();
-        while let Some(i) = stack.pop() {
-            if serves[i] || needed[i] {
-                continue;
-            }
-            serves[i] = true;
-            stack.extend(resolved.nodes[i].input_wires.iter().flatten().map(|&w| resolved.wires[w].from.0));
-        }
-        for i in (0..n).filter(|&i| serves[i]) {
-            guards[i].push(gate);
+    let mut before: Vec<BTreeSet<usize>> = vec![BTreeSet::new(); n];
+    let mut readers: Vec<Vec<(usize, usize)>> = vec![Vec::new(); n];
+    for w in resolved.wires.iter().filter(|w| live[w.to.0]) {
+        readers[w.from.0].push(w.to);
+        if !closes_cycle[w.to.0] {
+            before[w.to.0].insert(w.from.0);
         }
     }
-    guards
+    // The empty set: no gate has to be open.
+    let always = || vec![BTreeSet::new()];
+    let mut ways: Vec<Vec<BTreeSet<usize>>> = vec![always(); n];
+    for i in sort(&before, |i| live[i]).into_iter().rev() {
+        let d = resolved.nodes[i].kind.descriptor();
+        if d.sink || d.resume == Resume::Never || closes_cycle[i] || readers[i].is_empty() {
+            continue;
+        }
+        let mut all: Vec<BTreeSet<usize>> = Vec::new();
+        for &(reader, input) in &readers[i] {
+            for way in &ways[reader] {
+                let mut way = way.clone();
+                if gates[reader] == Some(input) {
+                    way.insert(reader);
+                }
+                if !all.iter().any(|w| w.is_subset(&way)) {
+                    all.retain(|w| !way.is_subset(w));
+                    all.push(way);
+                }
+            }
+        }
+        ways[i] = if all.len() > MAX_ALTERNATIVES { always() } else { all };
+    }
+    let listed = |ways: Vec<BTreeSet<usize>>| {
+        if ways.iter().any(BTreeSet::is_empty) {
+            Vec::new()
+        } else {
+            ways.into_iter().map(|w| w.into_iter().collect()).collect()
+        }
+    };
+    ways.into_iter().map(listed).collect()
 }
 
 /// A topological order; of what may come next, the first in the file comes first.

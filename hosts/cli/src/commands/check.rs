@@ -87,8 +87,11 @@ fn remarks(schedule: &Schedule, i: usize) -> String {
         out.push(format!("gates `{}`", node.inputs[gated].name));
     }
     if !node.guards.is_empty() {
-        let gates: Vec<&str> = node.guards.iter().map(|&g| schedule.nodes[g].id.as_str()).collect();
-        out.push(format!("sleeps behind {} ({})", gates.join(", "), node.resume.word()));
+        let way = |way: &Vec<usize>| -> String {
+            way.iter().map(|&g| schedule.nodes[g].id.as_str()).collect::<Vec<_>>().join(" and ")
+        };
+        let ways: Vec<String> = node.guards.iter().map(way).collect();
+        out.push(format!("runs while {} is open, wakes by {}", ways.join(", or "), node.resume.word()));
     }
     if node.closes_cycle {
         out.push("closes a cycle".into());
@@ -157,7 +160,11 @@ fn as_json(schedule: &Schedule) -> Value {
                 "params": params,
                 "inputs": inputs,
                 "outputs": outputs,
-                "guards": node.guards.iter().map(|&g| schedule.nodes[g].id.as_str()).collect::<Vec<_>>(),
+                "guards": node
+                    .guards
+                    .iter()
+                    .map(|way| way.iter().map(|&g| schedule.nodes[g].id.as_str()).collect::<Vec<_>>())
+                    .collect::<Vec<_>>(),
                 "resume": node.resume.word(),
                 "sink": node.sink,
                 "closes_cycle": node.closes_cycle,
