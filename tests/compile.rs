@@ -49,7 +49,9 @@ fn texture(id: &str) -> String {
 }
 
 fn texture_wires(id: &str) -> String {
-    format!("(\"h.force\", \"{id}.force\"), (\"h.velocity\", \"{id}.velocity\"), (\"{id}\", \"{id}p\"), (\"{id}p\", \"{id}o\"), ")
+    format!(
+        "(\"h.force\", \"{id}.force\"), (\"h.velocity\", \"{id}.velocity\"), (\"{id}\", \"{id}p\"), (\"{id}p\", \"{id}o\"), "
+    )
 }
 
 const MOTION_WIRES: &str =
@@ -59,7 +61,10 @@ const MOTION_WIRES: &str =
 fn a_gate_is_asked_before_what_it_lets_sleep() {
     let s = schedule(
         &format!("{SOUND}{}\"g\": (kind: \"speed_gate\"), \"p\": (kind: \"probe\")", texture("t")),
-        &format!("{MOTION_WIRES}{}(\"to\", \"g.in\"), (\"m.speed\", \"g.speed\"), (\"g.out\", \"p\")", texture_wires("t")),
+        &format!(
+            "{MOTION_WIRES}{}(\"to\", \"g.in\"), (\"m.speed\", \"g.speed\"), (\"g.out\", \"p\")",
+            texture_wires("t")
+        ),
     );
     for id in ["t", "tp", "to"] {
         assert_eq!(guards(&s, id), ["g"], "{id}");
@@ -167,7 +172,8 @@ fn a_delay_cuts_only_the_cycle_it_is_in() {
 fn a_delay_shorter_than_a_tick_cannot_close_a_cycle() {
     let nodes = "\"s\": (kind: \"stroke\"), \"f\": (kind: \"virtual_floor\"), \"d\": (kind: \"delay\", params: (delay_ms: \
                  0.5)), \"m\": (kind: \"mix\"), \"p\": (kind: \"probe\")";
-    let wires = "(\"s\", \"f\"), (\"f.force\", \"m.in1\"), (\"d\", \"m.in2\"), (\"m\", \"d\"), (\"m\", \"p\")";
+    let wires =
+        "(\"s\", \"f\"), (\"f.force\", \"m.in1\"), (\"d\", \"m.in2\"), (\"m\", \"d\"), (\"m\", \"p\")";
     let error = compiled(&format!("Graph(version: 1, nodes: {{{nodes}}}, wires: [{wires}])")).unwrap_err();
     assert!(error.contains("shorter than a tick") && error.contains("at least 2.0000 ms"), "{error}");
 }
@@ -176,7 +182,8 @@ fn a_delay_shorter_than_a_tick_cannot_close_a_cycle() {
 fn a_type_settles_backwards_and_through_many_nodes() {
     // Only the far end says what flows: the unconnected sum takes its type from the gate's output side.
     let n = 2000;
-    let mut nodes = String::from("\"s\": (kind: \"stroke\"), \"f\": (kind: \"virtual_floor\"), \"p\": (kind: \"probe\")");
+    let mut nodes =
+        String::from("\"s\": (kind: \"stroke\"), \"f\": (kind: \"virtual_floor\"), \"p\": (kind: \"probe\")");
     let mut wires = String::from("(\"s\", \"f\"), (\"f.force\", \"n0\")");
     // Declared from the last to the first, which is the worst order for whatever goes by the order of the file.
     for i in (0..n).rev() {
@@ -189,6 +196,43 @@ fn a_type_settles_backwards_and_through_many_nodes() {
     let s = schedule(&nodes, &wires);
     assert_eq!(s.nodes.len(), n + 3);
     assert_eq!(s.nodes[s.index_of("n1999").unwrap()].outputs[0].port.to_string(), "Control x1 [N]");
+}
+
+#[test]
+fn a_wrong_rate_is_found_whatever_the_order_of_the_wires() {
+    // The synthesis runs at 2500 Hz and is wired to the sound card's rate without a `resample`.
+    let nodes = format!(
+        "{SOUND}{}\"g\": (kind: \"speed_gate\"), \"i\": (kind: \"actuator_inverse\"), \"l\": (kind: \"limiter\"), \
+         \"o\": (kind: \"audio_out\")",
+        texture("t")
+    );
+    let wires = format!(
+        "{MOTION_WIRES}{}(\"to\", \"g.in\"), (\"m.speed\", \"g.speed\"), (\"g.out\", \"i\"), (\"i\", \"l\"), (\"l\", \"o\")",
+        texture_wires("t")
+    );
+    let mut list: Vec<&str> = wires.split_inclusive("), ").collect();
+    for _ in 0..2 {
+        let wires = list.join(", ").replace(", , ", ", ");
+        let error =
+            compiled(&format!("Graph(version: 1, nodes: {{{nodes}}}, wires: [{wires}])")).unwrap_err();
+        assert!(
+            error.contains("`l.out` carries Audio at 2500 Hz") && error.contains("Audio at 48000 Hz"),
+            "{error}"
+        );
+        list.reverse();
+    }
+}
+
+#[test]
+fn pruning_off_keeps_what_can_run_and_refuses_nothing_more() {
+    let text = "Graph(version: 1, nodes: {\"s\": (kind: \"stroke\"), \"f\": (kind: \"virtual_floor\"), \"p\": (kind: \
+                \"probe\"), \"idle\": (kind: \"gain\"), \"loose\": (kind: \"mix\"), \"after\": (kind: \"gain\")}, wires: \
+                [(\"s\", \"f\"), (\"f.force\", \"p\"), (\"f.depth\", \"idle\"), (\"loose\", \"after\")])";
+    let graph = GraphFile::parse(&Source::new("g.ron", text)).unwrap();
+    let options = asperity_graph::Options { prune: false };
+    let s = compile(&graph, &asperity_nodes::registry(), options).expect("it compiles").schedule;
+    assert!(s.index_of("idle").is_some() && s.index_of("loose").is_none() && s.index_of("after").is_none());
+    assert_eq!(s.dropped.len(), 2);
 }
 
 /// Values of a probe's input over some ticks.

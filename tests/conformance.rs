@@ -129,7 +129,7 @@ fn graph(kind: &dyn NodeKind, signal: &str, tick_hz: u32, audio_hz: u32) -> Grap
     let params = required(&d.kind);
     let params: Vec<(&str, &str)> = params.iter().map(|(n, v)| (*n, v.as_str())).collect();
     graph.add_node("it", &d.kind, &params, "test").unwrap();
-    for Input { name, shape, unit, guarded, .. } in &d.inputs {
+    for Input { name, shape, unit, limited, .. } in &d.inputs {
         let unit = match unit {
             UnitSpec::Is(u) => u.clone(),
             UnitSpec::Of { among, .. } => among.first().cloned().unwrap_or(Unit::NEWTON),
@@ -148,7 +148,7 @@ fn graph(kind: &dyn NodeKind, signal: &str, tick_hz: u32, audio_hz: u32) -> Grap
         let settings =
             [("signal", signal), ("shape", word), ("unit", &quoted), ("count", &count), ("rate_hz", rate)];
         graph.add_node(&source, "test_source", &settings, "test").unwrap();
-        if *guarded {
+        if *limited {
             graph.add_node("guard", "limiter", &[], "test").unwrap();
             graph.add_wire(&source, "guard", "test");
             graph.add_wire("guard", &format!("it.{name}"), "test");
@@ -214,16 +214,18 @@ fn every_kind_declares_itself_well() {
         };
         assert!(named(&d.kind), "{}", d.kind);
         assert!(d.summary.ends_with('.'), "{}: {}", d.kind, d.summary);
-        let mut seen = std::collections::HashSet::new();
         for (name, doc) in
             d.inputs.iter().map(|p| (&p.name, &p.doc)).chain(d.params.iter().map(|p| (&p.name, &p.doc)))
         {
             assert!(named(name) && !doc.is_empty(), "{}.{name}: {doc}", d.kind);
-            assert!(
-                seen.insert(name.clone()) || d.params.iter().any(|p| p.name == *name),
-                "{}.{name} twice",
-                d.kind
-            );
+        }
+        for names in [
+            d.inputs.iter().map(|p| p.name.clone()).collect::<Vec<_>>(),
+            d.outputs.iter().map(|p| p.name.clone()).collect(),
+            d.params.iter().map(|p| p.name.clone()).collect(),
+        ] {
+            let distinct: std::collections::HashSet<_> = names.iter().collect();
+            assert_eq!(distinct.len(), names.len(), "{}: {names:?}", d.kind);
         }
         for p in &d.outputs {
             assert!(named(&p.name) && !p.doc.is_empty(), "{}.{}", d.kind, p.name);
@@ -288,9 +290,9 @@ fn every_node_runs_at_every_rate() {
 #[test]
 fn a_node_that_was_reset_is_as_a_fresh_one() {
     for kind in asperity_nodes::registry().iter() {
-        // A limiter keeps the heat of the coil, which no reset cools; a guarded input has one before it.
+        // A limiter keeps the heat of the coil, which no reset cools; a limited input has one before it.
         let d = kind.descriptor();
-        if d.kind == "limiter" || d.inputs.iter().any(|p| p.guarded) {
+        if d.kind == "limiter" || d.inputs.iter().any(|p| p.limited) {
             continue;
         }
         let mut e = engine(&graph(kind.as_ref(), "random", 500, 44_100));

@@ -347,6 +347,23 @@ fn a_model_that_tract_runs_says_that_it_allocates() {
 }
 
 #[test]
+fn two_things_may_not_be_written_to_one_file() {
+    let dir = tempfile::tempdir().unwrap();
+    for args in [
+        ["--out", "a.npy", "--probe", "motion.speed=a.npy"],
+        ["--probe", "motion.velocity=a.npy", "--probe", "motion.speed=a.npy"],
+    ] {
+        let graph = heravi();
+        let mut all = vec!["render", &graph];
+        all.extend(args);
+        let ran = run(dir.path(), &all);
+        assert_eq!(ran.code, 2, "{}", ran.err);
+        assert!(ran.err.contains("would both write this file"), "{}", ran.err);
+        assert!(files(dir.path()).is_empty());
+    }
+}
+
+#[test]
 fn an_old_file_stays_when_a_render_is_refused() {
     let dir = tempfile::tempdir().unwrap();
     std::fs::write(dir.path().join("o.wav"), "precious").unwrap();

@@ -48,7 +48,18 @@ fn the_chain_answers_a_step_of_speed_as_late_as_its_parts_say() {
     let graph = graphs("heravi2024.ron").display().to_string();
     // A material without a line, whose level follows speed smoothly.
     let material = "texture.material=rough sandpaper";
-    let args = ["render", &graph, "--input", "t.csv", "--set", material, "--probe", "synthesis=a.npy", "--probe", "audio rate=b.npy"];
+    let args = [
+        "render",
+        &graph,
+        "--input",
+        "t.csv",
+        "--set",
+        material,
+        "--probe",
+        "synthesis=a.npy",
+        "--probe",
+        "audio rate=b.npy",
+    ];
     run(dir.path(), &args).ok();
     let read = |n: &str| asperity_measure::npy::read(dir.path().join(n)).unwrap().values.into_f32();
     let synthesis = half_way_ms(&read("a.npy"), 2500);

@@ -91,7 +91,7 @@ impl Engine {
                 }
                 Step::Wants(i) => {
                     let wanted = wanted(&self.slots, i);
-                    self.slots[i].ask(&mut self.buffers, now, wanted);
+                    self.slots[i].ask(&mut self.buffers, now, wanted, self.options.sleep);
                     i
                 }
                 Step::Absorb(i) => {
@@ -137,7 +137,7 @@ impl Engine {
         self.slots.iter().map(|s| s.report.faults).sum()
     }
 
-    /// Back to tick 0, every node as after `prepare`. Counters stay.
+    /// Back to tick 0, every node as after `prepare`, out of quarantine too. Counters stay. Control thread.
     pub fn reset(&mut self) {
         self.slots.iter_mut().for_each(Slot::reset);
         for (buffer, entry) in self.buffers.iter_mut().zip(&self.schedule.buffers) {

@@ -20,9 +20,14 @@ impl Fade {
         Self { step: 1.0 / samples.max(1.0), last: 0.0, held: 0.0, held_gain: 0.0, gain: 1.0 }
     }
 
+    /// Whether a fade is under way.
+    pub(crate) fn active(&self) -> bool {
+        self.gain < 1.0 || self.held_gain > 0.0
+    }
+
     /// A good tick.
     pub(crate) fn pass(&mut self, samples: &mut [f32]) {
-        if self.gain < 1.0 || self.held_gain > 0.0 {
+        if self.active() {
             for x in samples.iter_mut() {
                 self.gain = (self.gain + self.step).min(1.0);
                 self.held_gain = (self.held_gain - self.step).max(0.0);
@@ -39,6 +44,7 @@ impl Fade {
         if self.gain > 0.0 {
             (self.held, self.held_gain, self.gain) = (self.last, 1.0, 0.0);
         }
+        let silent = self.held_gain == 0.0 || self.held == 0.0;
         for x in samples.iter_mut() {
             self.held_gain = (self.held_gain - self.step).max(0.0);
             *x = self.held * self.held_gain;
@@ -46,12 +52,17 @@ impl Fade {
         if let Some(x) = samples.last() {
             self.last = *x;
         }
-        self.held_gain == 0.0
+        silent
     }
 
-    /// A tick in which the node slept.
+    /// A tick in which the node slept: whatever was fading is gone.
     pub(crate) fn sleep(&mut self) {
-        self.last = 0.0;
+        (self.last, self.held, self.held_gain) = (0.0, 0.0, 0.0);
+    }
+
+    /// As when new.
+    pub(crate) fn reset(&mut self) {
+        *self = Self { step: self.step, last: 0.0, held: 0.0, held_gain: 0.0, gain: 1.0 };
     }
 }
 

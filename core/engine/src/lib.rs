@@ -12,5 +12,5 @@ mod slot;
 mod telemetry;
 
 pub use engine::{Engine, Options};
-pub use slot::{FAULT_FADE_S, FAULTS_BEFORE_QUARANTINE, NodeReport};
+pub use slot::{FAULT_FADE_S, FAULT_FORGIVEN_S, FAULTS_BEFORE_QUARANTINE, NodeReport};
 pub use telemetry::{Clock, NoClock};

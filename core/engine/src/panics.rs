@@ -1,5 +1,8 @@
 //! Panics on the tick thread: caught, and silent.
 
+#[cfg(panic = "abort")]
+compile_error!("a node that panics is contained by unwinding: build with panic = \"unwind\"");
+
 use std::cell::Cell;
 use std::panic::{self, AssertUnwindSafe};
 use std::sync::Once;
@@ -28,5 +31,12 @@ pub(crate) fn contain<T>(f: impl FnOnce() -> T) -> Option<T> {
     let before = IN_NODE.replace(true);
     let result = panic::catch_unwind(AssertUnwindSafe(f));
     IN_NODE.set(before);
-    result.ok()
+    match result {
+        Ok(value) => Some(value),
+        Err(payload) => {
+            // Dropping it would free memory on the tick thread and might panic again. Quarantine bounds what leaks.
+            std::mem::forget(payload);
+            None
+        }
+    }
 }

@@ -8,8 +8,11 @@ use asperity_node::{Buffer, Fault, InputRef, Inputs, Outputs, Processor, Resume,
 use crate::fade::Fade;
 use crate::panics::contain;
 
-/// Faults after which a node is no longer called.
+/// Faults after which a node is no longer called; one is forgiven every [`FAULT_FORGIVEN_S`].
 pub const FAULTS_BEFORE_QUARANTINE: u64 = 8;
+
+/// Seconds after which one fault no longer counts towards quarantine.
+pub const FAULT_FORGIVEN_S: u64 = 10;
 
 /// How long the audio of a node that fails takes to fade to silence, in seconds.
 pub const FAULT_FADE_S: f32 = 0.01;
@@ -41,6 +44,7 @@ pub(crate) struct Slot {
     /// Ways in which it is wanted; none for a node that always runs.
     pub(crate) guards: Box<[Box<[usize]>]>,
     resume: Resume,
+    closes_cycle: bool,
     /// What a gate last answered; true for other nodes.
     pub(crate) wants: bool,
     /// Tick since which the gates let it sleep.
@@ -49,6 +53,9 @@ pub(crate) struct Slot {
     dozing: bool,
     /// Ticks until it may be taken to doze.
     tail: Option<u64>,
+    /// Faults that count towards quarantine, and when the last one was.
+    strikes: u64,
+    struck: u64,
     pub(crate) report: NodeReport,
 }
 
@@ -74,10 +81,13 @@ impl Slot {
             every: u64::from(node.every),
             guards: node.guards.iter().map(|way| way.clone().into()).collect(),
             resume: node.resume,
+            closes_cycle: node.closes_cycle,
             wants: true,
             asleep_since: None,
             dozing: false,
             tail: None,
+            strikes: 0,
+            struck: 0,
             report: NodeReport { calls: 0, slept: 0, faults: 0, last_fault: None, quarantined: false },
         }
     }
@@ -93,37 +103,55 @@ impl Slot {
             if sleep {
                 self.report.slept += 1;
                 self.fades.iter_mut().for_each(Fade::sleep);
-                return self.clear(buffers, now);
+                self.clear(buffers, now);
+                return self.trust_silence(buffers);
             }
-        } else if let Some(since) = self.asleep_since.take() {
-            self.wake(now.tick - since);
+        } else {
+            self.wake(now, sleep);
         }
         self.clear(buffers, now);
         if self.report.quarantined {
             return self.contain_outputs(buffers);
         }
-        if self.dozing {
+        if self.dozing && sleep {
             let (inputs, _) = split(buffers, &self.outputs, &self.inputs);
             if (0..inputs.len()).all(|i| inputs.buffer(i).is_none_or(Buffer::is_silent)) {
                 self.report.slept += 1;
-                return;
+                return self.trust_silence(buffers);
             }
             self.dozing = false;
         }
         self.call(buffers, now);
     }
 
-    fn wake(&mut self, ticks: u64) {
+    /// Wakes from the sleep that the gates allowed, if it slept. A node that says `Elapsed` is only told of ticks in
+    /// which it was really not called.
+    fn wake(&mut self, now: Now, sleep: bool) {
+        let Some(since) = self.asleep_since.take() else { return };
         self.dozing = false;
         self.tail = None;
         let processor = &mut self.processor;
         let woke = match self.resume {
             Resume::Restart => contain(|| processor.reset()),
-            Resume::Elapsed => contain(|| processor.elapsed(ticks)),
-            Resume::Resume | Resume::Never => Some(()),
+            Resume::Elapsed if sleep => contain(|| processor.elapsed(now.tick - since)),
+            Resume::Elapsed | Resume::Resume | Resume::Never => Some(()),
         };
         if woke.is_none() {
-            self.fault(Fault::Panicked);
+            self.fault(Fault::Panicked, now);
+        }
+    }
+
+    /// What sleeps is silent, and silence can be trusted; controls keep the mark they had.
+    fn trust_silence(&self, buffers: &mut [Buffer]) {
+        for buffer in &mut buffers[self.outputs.clone()] {
+            match buffer {
+                Buffer::Control { .. } => {}
+                Buffer::Audio { valid, .. }
+                | Buffer::Magnitude { valid, .. }
+                | Buffer::Spectrum { valid, .. } => {
+                    *valid = true;
+                }
+            }
         }
     }
 
@@ -148,7 +176,9 @@ impl Slot {
 
     fn call(&mut self, buffers: &mut [Buffer], now: Now) {
         let (inputs, outputs) = split(buffers, &self.outputs, &self.inputs);
-        let trusted = (0..inputs.len()).all(|i| inputs.valid(i));
+        // What closes a cycle puts out what it took in before; a mark that went round the cycle would never end.
+        let trusted = self.closes_cycle || (0..inputs.len()).all(|i| inputs.valid(i));
+        let loud = !(0..inputs.len()).all(|i| inputs.buffer(i).is_none_or(Buffer::is_silent));
         let mut tick =
             Tick { index: now.tick, tick_hz: now.tick_hz, inputs, outputs: Outputs::new(&mut *outputs) };
         let processor = &mut self.processor;
@@ -160,9 +190,10 @@ impl Slot {
             _ => None,
         };
         if let Some(fault) = fault {
-            self.fault(fault);
+            self.fault(fault, now);
             return self.contain_outputs(buffers);
         }
+        let quiet = matches!(status, Status::Quiet | Status::Asleep);
         for ((buffer, held), fade) in outputs.iter_mut().zip(&mut self.held).zip(&mut self.fades) {
             match buffer {
                 Buffer::Control { values, valid } => {
@@ -170,48 +201,56 @@ impl Slot {
                     *valid = trusted;
                 }
                 Buffer::Audio { samples, len, valid, silent } => {
-                    if matches!(status, Status::Quiet | Status::Asleep) {
+                    if quiet {
                         if !*silent {
                             samples.fill(0.0);
                         }
                         *silent = true;
                     }
+                    *silent &= !fade.active();
                     fade.pass(&mut samples[..*len]);
                     *valid = trusted;
                 }
-                Buffer::Magnitude { valid, .. } | Buffer::Spectrum { valid, .. } => *valid = trusted,
+                Buffer::Magnitude { frame, valid, .. } | Buffer::Spectrum { frame, valid, .. } => {
+                    if quiet {
+                        *frame = None;
+                    }
+                    *valid = trusted;
+                }
             }
         }
+        let fading = self.fades.iter().any(Fade::active);
         self.tail = match (status, self.tail) {
-            (Status::Asleep, _) => {
-                self.dozing = true;
-                None
-            }
-            (Status::Tail(n), None) => Some(n),
-            (Status::Tail(n), Some(left)) => Some(n.min(left.saturating_sub(1))),
+            (Status::Asleep, _) => Some(0),
+            (Status::Tail(n), Some(left)) if !loud => Some(n.min(left.saturating_sub(self.every))),
+            (Status::Tail(n), _) => Some(n),
             _ => None,
         };
-        if self.tail == Some(0) {
+        if self.tail == Some(0) && !fading {
             self.dozing = true;
             self.tail = None;
         }
     }
 
-    fn fault(&mut self, fault: Fault) {
+    fn fault(&mut self, fault: Fault, now: Now) {
+        let forgiven = (now.tick - self.struck) / (FAULT_FORGIVEN_S * u64::from(now.tick_hz));
+        self.strikes = self.strikes.saturating_sub(forgiven) + 1;
+        self.struck = now.tick;
         self.report.faults += 1;
         self.report.last_fault = Some(fault);
-        self.report.quarantined |= self.report.faults >= FAULTS_BEFORE_QUARANTINE;
-        if fault != Fault::Panicked || self.report.quarantined {
+        self.report.quarantined |= self.strikes >= FAULTS_BEFORE_QUARANTINE;
+        if matches!(fault, Fault::Failed(_)) || self.report.quarantined {
             return;
         }
-        // A panic may have left anything behind; start over, and give up if that panics too.
+        // A panic may have left anything behind, and a NaN in a filter stays; start over, and give up if that panics.
         let processor = &mut self.processor;
         if contain(|| processor.reset()).is_none() {
             self.report.quarantined = true;
         }
     }
 
-    /// Outputs of a node that failed: controls hold, frames are zero, audio fades.
+    /// Outputs of a node that failed: controls hold and are marked, frames are zero, audio fades. A fade and a zero are
+    /// to be trusted: they are all that is left to do, and what else is mixed in goes on.
     fn contain_outputs(&mut self, buffers: &mut [Buffer]) {
         for ((buffer, held), fade) in
             buffers[self.outputs.clone()].iter_mut().zip(&self.held).zip(&mut self.fades)
@@ -223,26 +262,31 @@ impl Slot {
                 }
                 Buffer::Audio { samples, len, valid, silent } => {
                     *silent = fade.fault(&mut samples[..*len]);
-                    *valid = false;
+                    *valid = true;
                 }
                 Buffer::Magnitude { bins, valid, .. } => {
                     bins.fill(0.0);
-                    *valid = false;
+                    *valid = true;
                 }
                 Buffer::Spectrum { bins, valid, .. } => {
                     bins.fill(asperity_node::Complex::default());
-                    *valid = false;
+                    *valid = true;
                 }
             }
         }
     }
 
     /// Asks a gate. A gate that is itself not wanted wants nothing.
-    pub(crate) fn ask(&mut self, buffers: &mut [Buffer], now: Now, wanted: bool) {
+    pub(crate) fn ask(&mut self, buffers: &mut [Buffer], now: Now, wanted: bool, sleep: bool) {
+        if !now.tick.is_multiple_of(self.every) {
+            return;
+        }
         if !wanted || self.report.quarantined {
             self.wants = false;
             return;
         }
+        // Before the question: waking may reset what the answer is remembered in.
+        self.wake(now, sleep);
         let (inputs, _) = split(buffers, &self.outputs, &self.inputs);
         let mut tick = Tick { index: now.tick, tick_hz: now.tick_hz, inputs, outputs: Outputs::new(&mut []) };
         let processor = &mut self.processor;
@@ -250,7 +294,7 @@ impl Slot {
             Some(wants) => self.wants = wants,
             None => {
                 self.wants = false;
-                self.fault(Fault::Panicked);
+                self.fault(Fault::Panicked, now);
             }
         }
     }
@@ -260,27 +304,25 @@ impl Slot {
         if self.report.quarantined || !now.tick.is_multiple_of(self.every) {
             return;
         }
-        let (inputs, outputs) = split(buffers, &self.outputs, &self.inputs);
-        let trusted = (0..inputs.len()).all(|i| inputs.valid(i));
-        let mut tick =
-            Tick { index: now.tick, tick_hz: now.tick_hz, inputs, outputs: Outputs::new(&mut *outputs) };
+        let (inputs, _) = split(buffers, &self.outputs, &self.inputs);
+        let mut tick = Tick { index: now.tick, tick_hz: now.tick_hz, inputs, outputs: Outputs::new(&mut []) };
         let processor = &mut self.processor;
-        if contain(|| processor.absorb(&mut tick)).is_none() || !trusted {
-            if trusted {
-                self.fault(Fault::Panicked);
-            }
-            // What it took in is not to be trusted when it comes out again.
-            for buffer in &mut buffers[self.outputs.clone()] {
-                if let Buffer::Control { valid, .. } | Buffer::Audio { valid, .. } = buffer {
-                    *valid = false;
-                }
-            }
+        if contain(|| processor.absorb(&mut tick)).is_none() {
+            self.fault(Fault::Panicked, now);
         }
     }
 
+    /// As when new, but for the counts of the report. Control thread.
     pub(crate) fn reset(&mut self) {
-        self.processor.reset();
+        let processor = &mut self.processor;
+        let reset = contain(|| processor.reset()).is_some();
         (self.asleep_since, self.dozing, self.tail, self.wants) = (None, false, None, true);
+        (self.strikes, self.struck) = (0, 0);
+        self.report.quarantined = !reset;
+        self.fades.iter_mut().for_each(Fade::reset);
+        for held in &mut self.held {
+            held.fill(0.0);
+        }
     }
 }
 

@@ -12,8 +12,6 @@
 //! 7.1 to 7.5 us for 0.91 MB, 1.2 to 1.6 times its read; AVX2 14.4 to 14.7 and 8.2 to 8.5 us; SSE2 18.5 us (f32, one
 //! run); tract 49 to 50 us.
 
-
-
 mod check;
 mod kernel;
 mod lower;

@@ -12,7 +12,7 @@ pub enum Resume {
     Restart,
     /// The node is told how many ticks it missed.
     Elapsed,
-    /// The node goes on as it was.
+    /// The node goes on as it was: what it puts out depends on the tick and its inputs, not on how often it was called.
     Resume,
     /// The node never sleeps: what it remembers must stay up to date.
     Never,
@@ -49,8 +49,9 @@ pub struct Descriptor {
     pub sink: bool,
     /// The input that this node gates: while its `wants` answers no, what serves that input alone sleeps.
     pub gate: Option<Cow<'static, str>>,
-    /// Whether it can close a cycle: its output in a tick does not need its input in that tick.
-    pub feedback: bool,
+    /// Names the parameter that says how long it delays, for a node that can close a cycle: its output in a tick then
+    /// does not need its input in that tick.
+    pub feedback: Option<Cow<'static, str>>,
     /// What there is to say of latency and tail; empty where both are zero.
     pub timing: Cow<'static, str>,
 }
@@ -67,7 +68,7 @@ impl Descriptor {
             resume: Resume::Restart,
             sink: false,
             gate: None,
-            feedback: false,
+            feedback: None,
             timing: Cow::Borrowed(""),
         }
     }
@@ -114,10 +115,10 @@ impl Descriptor {
         self
     }
 
-    /// Can close a cycle.
+    /// Can close a cycle; of several the one with the largest `parameter` does.
     #[must_use]
-    pub fn closes_cycles(mut self) -> Self {
-        self.feedback = true;
+    pub fn closes_cycles(mut self, parameter: impl Into<Cow<'static, str>>) -> Self {
+        self.feedback = Some(parameter.into());
         self
     }
 

@@ -265,7 +265,8 @@ pub trait Node: Send + Sized + 'static {
     /// Nodes that close a cycle only: takes this tick's inputs, after `process` has put out without them.
     fn absorb(&mut self, _tick: &mut Tick<'_>) {}
 
-    /// Tells a node of [`Resume::Elapsed`](crate::Resume) how many ticks it slept through.
+    /// Tells a node of [`Resume::Elapsed`](crate::Resume) how many ticks it slept through. It leaves the state that as many
+    /// calls would have left.
     fn elapsed(&mut self, _ticks: u64) {}
 
     /// Latency from inputs to outputs, exact and signed.

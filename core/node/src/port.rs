@@ -86,7 +86,7 @@ pub struct PortType {
     /// Unit of each value.
     pub unit: Unit,
     /// Whether a limiter stands behind it; only such a signal may reach a device.
-    pub guarded: bool,
+    pub limited: bool,
 }
 
 impl fmt::Display for PortType {
@@ -163,8 +163,8 @@ pub struct Input {
     pub optional: bool,
     /// Value of an unconnected control input.
     pub default: f64,
-    /// Whether only a guarded signal may enter.
-    pub guarded: bool,
+    /// Whether only a limited signal may enter.
+    pub limited: bool,
 }
 
 /// An output in a descriptor.
@@ -179,7 +179,7 @@ pub struct Output {
     /// In which unit.
     pub unit: UnitSpec,
     /// Whether the node guards the signal (finite, and within a device's limits).
-    pub guarded: bool,
+    pub limited: bool,
 }
 
 impl Input {
@@ -192,7 +192,7 @@ impl Input {
             unit: UnitSpec::Is(unit),
             optional: false,
             default: 0.0,
-            guarded: false,
+            limited: false,
         }
     }
 
@@ -225,10 +225,10 @@ impl Input {
         self
     }
 
-    /// Takes only a guarded signal.
+    /// Takes only a limited signal.
     #[must_use]
-    pub fn guarded(mut self) -> Self {
-        self.guarded = true;
+    pub fn limited(mut self) -> Self {
+        self.limited = true;
         self
     }
 }
@@ -237,7 +237,7 @@ impl Output {
     /// An output.
     pub fn new(name: impl Into<Cow<'static, str>>, shape: ShapeSpec, unit: Unit) -> Self {
         let doc = Cow::Borrowed("");
-        Self { name: name.into(), doc, shape, unit: UnitSpec::Is(unit), guarded: false }
+        Self { name: name.into(), doc, shape, unit: UnitSpec::Is(unit), limited: false }
     }
 
     /// What it is, in a few words.
@@ -254,10 +254,10 @@ impl Output {
         self
     }
 
-    /// Promises a guarded signal.
+    /// Promises a limited signal.
     #[must_use]
-    pub fn guarded(mut self) -> Self {
-        self.guarded = true;
+    pub fn limited(mut self) -> Self {
+        self.limited = true;
         self
     }
 }

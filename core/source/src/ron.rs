@@ -94,6 +94,34 @@ pub fn parse_or_text(source: &Arc<Source>) -> Result<Value, Diagnostic> {
     Ok(if matches!(value.kind, Kind::Word(_)) { as_text() } else { value })
 }
 
+/// What comes after white space and comments.
+fn after_comments(text: &str) -> &str {
+    let mut rest = text.trim_start();
+    loop {
+        let after = if rest.starts_with("//") {
+            rest.split_once('\n').map(|(_, after)| after)
+        } else if rest.starts_with("/*") {
+            // Comments of this kind nest.
+            let (mut depth, mut at) = (0, 0);
+            loop {
+                let open = rest[at..].starts_with("/*");
+                depth += i32::from(open) - i32::from(rest[at..].starts_with("*/"));
+                at += if open || rest[at..].starts_with("*/") {
+                    2
+                } else {
+                    rest[at..].chars().next().map_or(1, char::len_utf8)
+                };
+                if depth == 0 || at >= rest.len() {
+                    break rest.get(at..);
+                }
+            }
+        } else {
+            return rest;
+        };
+        rest = after.unwrap_or("").trim_start();
+    }
+}
+
 struct Reader<'s> {
     source: &'s Arc<Source>,
 }
@@ -102,9 +130,10 @@ impl<'s> Reader<'s> {
     fn whole(&self) -> Result<Value, Diagnostic> {
         let text = self.source.text();
         let raw: &RawValue = ron::from_str(text).map_err(|e| self.syntax(&e, 0))?;
-        if let Some(start) = text.find("#![").filter(|&s| text[..s].trim().is_empty()) {
+        let start = text.len() - after_comments(text).len();
+        if text[start..].starts_with("#!") {
             return Err(Diagnostic::new("RON extensions are not used here")
-                .at(self.source, Span { start, end: start + 3 })
+                .at(self.source, Span { start, end: start + 2 })
                 .help("delete this line"));
         }
         self.value(raw)
@@ -125,7 +154,11 @@ impl<'s> Reader<'s> {
             base + line_start + within
         };
         let span = Span { start: offset(e.span.start), end: offset(e.span.end).max(offset(e.span.start)) };
-        Diagnostic::new(format!("not valid RON: {}", e.code)).at(self.source, span).label("here")
+        let what = match e.code {
+            ron::Error::ExceededRecursionLimit => "nested too deeply".to_owned(),
+            ref code => format!("not valid RON: {code}"),
+        };
+        Diagnostic::new(what).at(self.source, span).label("here")
     }
 
     fn value(&self, raw: &'s RawValue) -> Result<Value, Diagnostic> {
@@ -595,6 +628,11 @@ mod tests {
         assert!(error("").starts_with("t.ron:1:1:"));
         assert!(error("(a: \"open").contains("t.ron:1:"));
         assert!(error("#![enable(implicit_some)]\n(a: 1)").contains("extensions"));
+        assert!(
+            error("// c\n/* a /* b */ */ #![enable(implicit_some)]\n(a: 1)")
+                .starts_with("t.ron:2:17: RON extensions")
+        );
+        assert!(error(&"[".repeat(10_000)).contains("nested too deeply"));
     }
 
     #[test]

@@ -28,7 +28,7 @@ impl Node for Limiter {
         .output(
             Output::new("out", ShapeSpec::Audio(RateSpec::Of('r')), Unit::NONE)
                 .unit_of('u')
-                .guarded()
+                .limited()
                 .doc("what the coil gets"),
         )
         .param(profile)

@@ -43,7 +43,11 @@ impl Node for Spsi {
         let Some(frame) = tick.inputs.magnitude(0) else { return Status::Quiet };
         let before = self.before.replace(frame.start).unwrap_or(frame.start);
         let out = tick.outputs.spectrum(0, frame.index, frame.start);
-        self.bad += self.spsi.process(frame.bins, (frame.start - before) as u32, out) as u64;
+        self.bad += self.spsi.process(
+            frame.bins,
+            u32::try_from(frame.start.saturating_sub(before)).unwrap_or(u32::MAX),
+            out,
+        ) as u64;
         Status::Continue
     }
 

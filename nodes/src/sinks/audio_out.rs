@@ -28,7 +28,7 @@ impl Node for AudioOut {
         .input(
             Input::new("in", ShapeSpec::Audio(RateSpec::Graph), Unit::NONE)
                 .unit_among('u', DRIVES)
-                .guarded()
+                .limited()
                 .doc("what drives the coil, behind a limiter"),
         )
         .output(

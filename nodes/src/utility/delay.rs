@@ -33,7 +33,7 @@ impl Node for Delay {
                 .unit("ms"),
             )
             .timing("the delay itself")
-            .closes_cycles()
+            .closes_cycles("delay_ms")
     }
 
     fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {

@@ -4,11 +4,17 @@ use asperity_node::Latency;
 
 use crate::{PathLatency, ScheduledNode};
 
-/// For every sink and every source that reaches it, the least and greatest latency of any path. Wires into a
-/// node that closes a cycle do not count: they are of another time.
+/// Most pairs of source and sink that are listed.
+const MAX_PATHS: usize = 10_000;
+
+/// For every sink and every source that reaches it, the least and greatest latency of any path. A node that closes a
+/// cycle counts as a source: what comes into it is of another time. Of more than [`MAX_PATHS`] pairs only the latest
+/// of each sink is listed.
 pub(super) fn paths(nodes: &[ScheduledNode]) -> Vec<PathLatency> {
-    let is_source = |n: &ScheduledNode| n.inputs.iter().all(|i| i.from.is_none());
-    let mut out = Vec::new();
+    let is_source = |n: &ScheduledNode| n.closes_cycle || n.inputs.iter().all(|i| i.from.is_none());
+    let sources = nodes.iter().filter(|n| is_source(n)).count();
+    let all = sources * nodes.iter().filter(|n| n.sink).count() <= MAX_PATHS;
+    let mut out: Vec<PathLatency> = Vec::new();
     for (from, _) in nodes.iter().enumerate().filter(|(_, n)| is_source(n)) {
         // Nodes are in order, so one pass over them settles every path from here.
         let mut best: Vec<Option<(Latency, Latency, usize)>> = vec![None; nodes.len()];
@@ -32,7 +38,12 @@ pub(super) fn paths(nodes: &[ScheduledNode]) -> Vec<PathLatency> {
                 at = via;
             }
             through.reverse();
-            out.push(PathLatency { from, to, least, most, through });
+            let path = PathLatency { from, to, least, most, through };
+            match out.iter_mut().find(|p| !all && p.to == to) {
+                Some(worst) if worst.most < most => *worst = path,
+                Some(_) => {}
+                None => out.push(path),
+            }
         }
     }
     out

@@ -52,6 +52,7 @@ pub fn compile(
 ) -> Result<Compiled, Vec<Diagnostic>> {
     let resolved = resolve::resolve(graph, registry)?;
     let typed = types::settle(graph, &resolved, registry)?;
-    let ordered = order::order(graph, &resolved, options)?;
+    types::check_every(graph, &resolved, &typed)?;
+    let ordered = order::order(graph, &resolved, &typed, options)?;
     prepare::prepare(graph, resolved, &typed, &ordered)
 }

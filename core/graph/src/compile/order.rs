@@ -6,6 +6,7 @@ use asperity_node::{Diagnostic, Resume};
 
 use super::Options;
 use super::resolve::Resolved;
+use super::types::Typed;
 use crate::{Dropped, GraphFile, Step};
 
 /// Nodes by their index in the file.
@@ -26,10 +27,14 @@ pub(super) struct Ordered {
 pub(super) fn order(
     graph: &GraphFile,
     resolved: &Resolved,
+    typed: &Typed,
     options: Options,
 ) -> Result<Ordered, Vec<Diagnostic>> {
     let n = resolved.nodes.len();
-    let live = reaching_sinks(graph, resolved, options)?;
+    let mut live = reaching_sinks(graph, resolved)?;
+    if !options.prune {
+        keep_complete(resolved, typed, &mut live);
+    }
     check_required(graph, resolved, &live)?;
     let gates = gates(resolved);
     let closes_cycle = cut_cycles(graph, resolved, &live)?;
@@ -87,11 +92,23 @@ fn dropped(graph: &GraphFile, resolved: &Resolved, i: usize) -> Dropped {
     Dropped { id: graph.nodes[i].id.clone(), kind: graph.nodes[i].kind.clone(), why: why.into() }
 }
 
-fn reaching_sinks(
-    graph: &GraphFile,
-    resolved: &Resolved,
-    options: Options,
-) -> Result<Vec<bool>, Vec<Diagnostic>> {
+/// Keeps what reaches no sink as well, where it could run.
+fn keep_complete(resolved: &Resolved, typed: &Typed, live: &mut [bool]) {
+    let n = resolved.nodes.len();
+    let reached = live.to_vec();
+    let complete = |i: usize, live: &[bool]| {
+        let node = &resolved.nodes[i];
+        let mut inputs = node.ports.inputs.iter().zip(&node.input_wires);
+        typed.outputs[i].iter().all(Option::is_some)
+            && inputs.all(|(p, wire)| wire.map_or(p.optional, |w| live[resolved.wires[w].from.0]))
+    };
+    live.fill(true);
+    while let Some(i) = (0..n).find(|&i| live[i] && !reached[i] && !complete(i, live)) {
+        live[i] = false;
+    }
+}
+
+fn reaching_sinks(graph: &GraphFile, resolved: &Resolved) -> Result<Vec<bool>, Vec<Diagnostic>> {
     let n = resolved.nodes.len();
     let is_sink = |i: usize| resolved.nodes[i].kind.descriptor().sink;
     if !(0..n).any(is_sink) {
@@ -103,7 +120,7 @@ fn reaching_sinks(
                 .help("add an `audio_out`, `file_out` or `probe`"),
         ]);
     }
-    let mut live: Vec<bool> = (0..n).map(|i| is_sink(i) || !options.prune).collect();
+    let mut live: Vec<bool> = (0..n).map(is_sink).collect();
     let mut readers: Vec<Vec<usize>> = vec![Vec::new(); n];
     for w in &resolved.wires {
         readers[w.to.0].push(w.from.0);
@@ -157,7 +174,15 @@ fn cut_cycles(graph: &GraphFile, resolved: &Resolved, live: &[bool]) -> Result<V
     for w in &resolved.wires {
         after[w.from.0].push(w.to.0);
     }
-    for i in (0..n).filter(|&i| live[i] && resolved.nodes[i].kind.descriptor().feedback) {
+    // The longest delay of a cycle closes it, so that the others may be as short as they like.
+    let length = |i: usize| {
+        let name = resolved.nodes[i].kind.descriptor().feedback.as_ref()?;
+        resolved.nodes[i].params.get_number(name)
+    };
+    let mut delays: Vec<(f64, usize)> =
+        (0..n).filter(|&i| live[i]).filter_map(|i| Some((length(i)?, i))).collect();
+    delays.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+    for (_, i) in delays {
         // A node is on a cycle if it is reached from its own outputs; cycles that are cut already do not count.
         let mut seen = vec![false; n];
         let mut stack = after[i].clone();
@@ -194,13 +219,12 @@ fn cut_cycles(graph: &GraphFile, resolved: &Resolved, live: &[bool]) -> Result<V
 /// Some cycle among the vertices that are `open`, if there is one.
 fn find_cycle(after: &[Vec<usize>], open: impl Fn(usize) -> bool) -> Option<Vec<usize>> {
     let n = after.len();
-    let mut done = vec![false; n];
+    let (mut done, mut on_path) = (vec![false; n], vec![false; n]);
     for root in (0..n).filter(|&v| open(v)) {
-        let mut path: Vec<(usize, usize)> = vec![(root, 0)];
-        let mut on_path = vec![false; n];
         if done[root] {
             continue;
         }
+        let mut path: Vec<(usize, usize)> = vec![(root, 0)];
         on_path[root] = true;
         while let Some((v, next)) = path.last_mut() {
             let v = *v;

@@ -1,6 +1,8 @@
 //! Nodes are prepared, and everything gets its index in the schedule.
 
-use asperity_node::{Diagnostic, InputRef, PortType, Processor, Setup, ShapeSpec, Wiring};
+use std::collections::HashMap;
+
+use asperity_node::{Diagnostic, InputRef, PortType, Processor, Setup, Shape, Wiring};
 
 use super::order::Ordered;
 use super::resolve::Resolved;
@@ -19,7 +21,7 @@ pub(super) fn prepare(
     for (at, &i) in ordered.nodes.iter().enumerate() {
         place[i] = at;
     }
-    let mut buffers = constants(&resolved, ordered);
+    let mut buffers = constants(&resolved, typed, ordered);
     let mut next = buffers.len();
     let outputs_at: Vec<usize> = {
         let mut starts = vec![0; resolved.nodes.len()];
@@ -29,14 +31,17 @@ pub(super) fn prepare(
         }
         starts
     };
+    let mut readers: HashMap<(usize, usize), usize> = HashMap::new();
+    for w in resolved.wires.iter().filter(|w| place[w.to.0] != usize::MAX) {
+        *readers.entry(w.from).or_default() += 1;
+    }
     let mut constant = 0;
     let (mut nodes, mut processors) = (Vec::new(), Vec::new());
     for &i in &ordered.nodes {
         let node = &resolved.nodes[i];
         let mut outputs = Vec::new();
         for (o, output) in node.ports.outputs.iter().enumerate() {
-            let readers =
-                resolved.wires.iter().filter(|w| w.from == (i, o) && place[w.to.0] != usize::MAX).count();
+            let readers = readers.get(&(i, o)).copied().unwrap_or(0);
             match &typed.outputs[i][o] {
                 Some(port) => {
                     buffers.push(BufferEntry::Output(port.clone()));
@@ -128,12 +133,16 @@ pub(super) fn prepare(
 }
 
 /// What unconnected inputs read, in the order the nodes run.
-fn constants(resolved: &Resolved, ordered: &Ordered) -> Vec<BufferEntry> {
+fn constants(resolved: &Resolved, typed: &Typed, ordered: &Ordered) -> Vec<BufferEntry> {
     let mut out = Vec::new();
     for &i in &ordered.nodes {
         let node = &resolved.nodes[i];
-        for (input, _) in node.ports.inputs.iter().zip(&node.input_wires).filter(|(_, w)| w.is_none()) {
-            let count = if let ShapeSpec::Control(n) = input.shape { n } else { 0 };
+        let ports = node.ports.inputs.iter().zip(&typed.inputs[i]).zip(&node.input_wires);
+        for ((input, port), _) in ports.filter(|(_, wire)| wire.is_none()) {
+            let count = match port {
+                Some(PortType { shape: Shape::Control { count }, .. }) => *count,
+                _ => 0,
+            };
             out.push(BufferEntry::Constant { count, value: input.default });
         }
     }

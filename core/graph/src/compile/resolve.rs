@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 use asperity_node::random::seed_of;
-use asperity_node::{Config, Diagnostic, NodeKind, Params, Ports, Registry, ShapeSpec};
+use asperity_node::{Config, Diagnostic, NodeKind, Params, Ports, Registry};
 use asperity_source::one_of;
 
 use crate::{Endpoint, GraphFile, params};
@@ -51,8 +51,14 @@ pub(super) fn resolve(graph: &GraphFile, registry: &Registry) -> Result<Resolved
     let mut errors = Vec::new();
     let nodes: Vec<Option<ResolvedNode>> =
         (0..graph.nodes.len()).map(|i| node(graph, i, registry, &mut errors)).collect();
-    let by_id: HashMap<&str, usize> =
-        graph.nodes.iter().enumerate().map(|(i, n)| (n.id.as_str(), i)).collect();
+    let mut by_id: HashMap<&str, usize> = HashMap::new();
+    for (i, n) in graph.nodes.iter().enumerate() {
+        // A file cannot have two of one key; a program that makes a graph could.
+        if by_id.insert(&n.id, i).is_some() {
+            let message = format!("two nodes are called `{}`", n.id);
+            errors.push(Diagnostic::new(message).at(&n.place.source, n.place.span));
+        }
+    }
     let mut wires = Vec::new();
     let mut taken: HashMap<(usize, usize), usize> = HashMap::new();
     for (w, decl) in graph.wires.iter().enumerate() {
@@ -114,15 +120,6 @@ fn node(
         }
     }
     node.input_wires = vec![None; node.ports.inputs.len()];
-    let mut shapes =
-        node.ports.inputs.iter().map(|p| p.shape).chain(node.ports.outputs.iter().map(|p| p.shape));
-    if decl.every > 1 && shapes.any(|s| matches!(s, ShapeSpec::Audio(_))) {
-        errors.push(
-            Diagnostic::new(format!("`{}` carries audio and must run every tick", decl.id))
-                .at(&decl.place.source, decl.place.span)
-                .help("leave `every` out"),
-        );
-    }
     Some(node)
 }
 

@@ -1,7 +1,10 @@
 //! Types settle over the wires.
 //!
-//! Every node has variables for what its descriptor leaves open. Wires bind them, from output to input and,
-//! where the output's side is open, back, until nothing changes; then each wire is held against both its ends.
+//! Every node has variables for what its descriptor leaves open. Wires bind them from output to input until nothing
+//! changes, and only then, where an output's side is still open, back from an input: so what is found does not depend
+//! on the order of the wires. Then each wire is held against both its ends.
+
+use std::collections::VecDeque;
 
 use asperity_node::{
     Diagnostic, FrameLayout, LayoutSpec, NodeKind, PortType, Ports, RateSpec, Registry, Shape, ShapeSpec,
@@ -80,7 +83,11 @@ impl Env {
                 let rate_hz = match rate {
                     RateSpec::Graph => Some(audio_hz),
                     RateSpec::Hz(hz) => Some(*hz),
-                    RateSpec::Of(v) => self.known_shape(*v).rate_hz,
+                    // Where frames share the variable, it is their layout that says the rate.
+                    RateSpec::Of(v) => {
+                        let shape = self.known_shape(*v);
+                        shape.layout.map(|l| l.rate_hz).or(shape.rate_hz)
+                    }
                 };
                 Partial { kind: Some(Kind::Audio), rate_hz, ..Partial::default() }
             }
@@ -141,20 +148,19 @@ impl Env {
     }
 
     fn layout(&mut self, var: Var, found: &Partial) -> bool {
-        let p = self.shape(var);
-        fill(&mut p.layout, found.layout.as_ref()) | fill(&mut p.rate_hz, found.rate_hz.as_ref())
+        fill(&mut self.shape(var).layout, found.layout.as_ref())
     }
 }
 
 impl Partial {
-    fn settled(&self, guarded: bool) -> Option<PortType> {
+    fn settled(&self, limited: bool) -> Option<PortType> {
         let shape = match self.kind? {
             Kind::Control => Shape::Control { count: self.count? },
             Kind::Audio => Shape::Audio { rate_hz: self.rate_hz? },
             Kind::Magnitude => Shape::Magnitude(self.layout?),
             Kind::Spectrum => Shape::Spectrum(self.layout?),
         };
-        Some(PortType { shape, unit: self.unit.clone()?, guarded })
+        Some(PortType { shape, unit: self.unit.clone()?, limited })
     }
 
     /// Whether what flows from `self` may enter a port of type `to`; open parts fit.
@@ -188,36 +194,61 @@ pub(super) fn settle(
     registry: &Registry,
 ) -> Result<Typed, Vec<Diagnostic>> {
     let hz = graph.audio_hz;
-    let mut envs = vec![Env::default(); resolved.nodes.len()];
-    loop {
-        let mut changed = false;
-        for Wire { from, to } in &resolved.wires {
-            let (output, input) =
-                (&resolved.nodes[from.0].ports.outputs[from.1], &resolved.nodes[to.0].ports.inputs[to.1]);
-            let found = envs[from.0].port(&output.shape, &output.unit, hz);
-            changed |= envs[to.0].bind(&input.shape, &input.unit, &found);
-            let wanted = envs[to.0].port(&input.shape, &input.unit, hz);
-            changed |= envs[from.0].bind(&output.shape, &output.unit, &wanted);
-        }
-        if !changed {
-            break;
-        }
-    }
+    let envs = bind_all(resolved, hz);
     let errors: Vec<Diagnostic> =
         resolved.wires.iter().filter_map(|w| check_wire(graph, resolved, &envs, *w, registry)).collect();
     if !errors.is_empty() {
         return Err(errors);
     }
-    let settled = |i: usize, shape: &ShapeSpec, unit: &UnitSpec, guarded: bool| {
-        envs[i].port(shape, unit, hz).settled(guarded)
+    let settled = |i: usize, shape: &ShapeSpec, unit: &UnitSpec, limited: bool| {
+        envs[i].port(shape, unit, hz).settled(limited)
     };
     let per_node = |i: usize, ports: &Ports| {
-        let ins = ports.inputs.iter().map(|p| settled(i, &p.shape, &p.unit, p.guarded)).collect();
-        let outs = ports.outputs.iter().map(|p| settled(i, &p.shape, &p.unit, p.guarded)).collect();
+        let ins = ports.inputs.iter().map(|p| settled(i, &p.shape, &p.unit, p.limited)).collect();
+        let outs = ports.outputs.iter().map(|p| settled(i, &p.shape, &p.unit, p.limited)).collect();
         (ins, outs)
     };
     let (inputs, outputs) = resolved.nodes.iter().enumerate().map(|(i, n)| per_node(i, &n.ports)).unzip();
     Ok(Typed { inputs, outputs })
+}
+
+fn bind_all(resolved: &Resolved, audio_hz: u32) -> Vec<Env> {
+    let n = resolved.nodes.len();
+    let (mut leaving, mut entering) = (vec![Vec::new(); n], vec![Vec::new(); n]);
+    for (w, wire) in resolved.wires.iter().enumerate() {
+        leaving[wire.from.0].push(w);
+        entering[wire.to.0].push(w);
+    }
+    let ends = |w: usize| {
+        let Wire { from, to } = resolved.wires[w];
+        (
+            &resolved.nodes[from.0].ports.outputs[from.1],
+            &resolved.nodes[to.0].ports.inputs[to.1],
+            from.0,
+            to.0,
+        )
+    };
+    let mut envs = vec![Env::default(); n];
+    let forward = |envs: &mut Vec<Env>, mut queue: VecDeque<usize>| {
+        while let Some(w) = queue.pop_front() {
+            let (output, input, from, to) = ends(w);
+            let found = envs[from].port(&output.shape, &output.unit, audio_hz);
+            if envs[to].bind(&input.shape, &input.unit, &found) {
+                queue.extend(&leaving[to]);
+            }
+        }
+    };
+    forward(&mut envs, (0..resolved.wires.len()).collect());
+    let mut backward: VecDeque<usize> = (0..resolved.wires.len()).rev().collect();
+    while let Some(w) = backward.pop_front() {
+        let (output, input, from, to) = ends(w);
+        let wanted = envs[to].port(&input.shape, &input.unit, audio_hz);
+        if envs[from].bind(&output.shape, &output.unit, &wanted) {
+            backward.extend(&entering[from]);
+            forward(&mut envs, leaving[from].iter().copied().collect());
+        }
+    }
+    envs
 }
 
 fn check_wire(
@@ -259,7 +290,7 @@ fn check_wire(
             kinds => d.help(format!("what goes between: {}", kinds.join(", "))),
         });
     }
-    if input.guarded && !output.guarded {
+    if input.limited && !output.limited {
         let d = error(format!(
             "`{}` takes only what a limiter lets through, and `{}` is not one",
             names.1, names.0
@@ -267,6 +298,43 @@ fn check_wire(
         return Some(d.help("put a `limiter` last before the device; it cannot be left out"));
     }
     None
+}
+
+/// Holds `every` against what flows: audio must run every tick, and a frame must not come while its reader does not run.
+pub(super) fn check_every(
+    graph: &GraphFile,
+    resolved: &Resolved,
+    typed: &Typed,
+) -> Result<(), Vec<Diagnostic>> {
+    let mut errors = Vec::new();
+    for (i, decl) in graph.nodes.iter().enumerate().filter(|(_, n)| n.every > 1) {
+        let mut ports = typed.inputs[i].iter().chain(&typed.outputs[i]).flatten();
+        if ports.any(|p| matches!(p.shape, Shape::Audio { .. })) {
+            errors.push(
+                Diagnostic::new(format!("`{}` carries audio and must run every tick", decl.id))
+                    .at(&decl.place.source, decl.place.span)
+                    .help("leave `every` out"),
+            );
+        }
+    }
+    for (wire, w) in graph.wires.iter().zip(&resolved.wires) {
+        let frames = typed.outputs[w.from.0][w.from.1]
+            .as_ref()
+            .is_some_and(|p| matches!(p.shape, Shape::Magnitude(_) | Shape::Spectrum(_)));
+        let (from, to) = (&graph.nodes[w.from.0], &graph.nodes[w.to.0]);
+        if frames && !from.every.is_multiple_of(to.every) {
+            let place = &wire.to.place;
+            errors.push(
+                Diagnostic::new(format!(
+                    "`{}` runs every {} ticks and would miss frames of `{}`, which comes every {}",
+                    to.id, to.every, from.id, from.every
+                ))
+                .at(&place.source, place.span)
+                .help(format!("`every` of `{}` must divide that of `{}`; or leave it out", to.id, from.id)),
+            );
+        }
+    }
+    if errors.is_empty() { Ok(()) } else { Err(errors) }
 }
 
 /// Kinds with an input that takes `found` and an output that then fits `wanted`: what would make the wire whole.

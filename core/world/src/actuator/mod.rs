@@ -72,14 +72,14 @@ pub enum ActuatorError {
     TooStrong {
         /// What part of the stroke's speed the peak current gives it in that time.
         share: f64,
-        /// The most that can be guarded.
+        /// The most that can be limited.
         most: f64,
     },
     /// An actuator whose back-EMF acts faster than samples of a voltage can.
     TooQuick {
         /// mu R / k_f^2 \[s\].
         emf_s: f64,
-        /// The least that can be guarded \[s\].
+        /// The least that can be limited \[s\].
         least_s: f64,
     },
     /// A filter could not be made.
@@ -113,11 +113,11 @@ impl fmt::Display for ActuatorError {
             Self::TooStrong { share, most } => write!(
                 f,
                 "this actuator gains {share:.2} of the speed that its stroke bears before its peak current has \
-                 ended, and at most {most} can be guarded: a higher rate or slew, or a lower peak current"
+                 ended, and at most {most} can be limited: a higher rate or slew, or a lower peak current"
             ),
             Self::TooQuick { emf_s, least_s } => write!(
                 f,
-                "this actuator's back-EMF acts within {:.0} us, and at least {:.0} us can be guarded: a higher \
+                "this actuator's back-EMF acts within {:.0} us, and at least {:.0} us can be limited: a higher \
                  rate, or a current drive",
                 emf_s * 1e6,
                 least_s * 1e6

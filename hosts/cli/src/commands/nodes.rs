@@ -55,7 +55,7 @@ fn print_one(d: &Descriptor) {
                 format!("optional, else {}", p.default)
             });
         }
-        if p.guarded {
+        if p.limited {
             notes.push("only behind a limiter".to_owned());
         }
         let notes = if notes.is_empty() { String::new() } else { format!(" ({})", notes.join("; ")) };
@@ -65,8 +65,8 @@ fn print_one(d: &Descriptor) {
         println!("\noutputs");
     }
     for p in &d.outputs {
-        let guarded = if p.guarded { " (limited)" } else { "" };
-        println!("  {}: {} [{}]{guarded}\n      {}", p.name, p.shape, p.unit, p.doc);
+        let limited = if p.limited { " (limited)" } else { "" };
+        println!("  {}: {} [{}]{limited}\n      {}", p.name, p.shape, p.unit, p.doc);
     }
     if !d.params.is_empty() {
         println!("\nparameters");
@@ -85,7 +85,7 @@ fn print_one(d: &Descriptor) {
     if let Some(gate) = &d.gate {
         println!("gates what serves `{gate}` alone");
     }
-    if d.feedback {
+    if d.feedback.is_some() {
         println!("can close a cycle");
     }
     if d.sink {
@@ -117,7 +117,7 @@ fn as_json(d: &Descriptor) -> Value {
         .map(|p| {
             json!({
                 "name": p.name, "doc": p.doc, "type": p.shape.to_string(), "unit": p.unit.to_string(),
-                "optional": p.optional, "default": p.optional.then_some(p.default), "guarded": p.guarded,
+                "optional": p.optional, "default": p.optional.then_some(p.default), "limited": p.limited,
             })
         })
         .collect();
@@ -127,7 +127,7 @@ fn as_json(d: &Descriptor) -> Value {
         .map(|p| {
             json!({
                 "name": p.name, "doc": p.doc, "type": p.shape.to_string(), "unit": p.unit.to_string(),
-                "guarded": p.guarded,
+                "limited": p.limited,
             })
         })
         .collect();
@@ -168,6 +168,6 @@ fn as_json(d: &Descriptor) -> Value {
         .collect();
     json!({
         "kind": d.kind, "summary": d.summary, "inputs": inputs, "outputs": outputs, "params": params,
-        "resume": d.resume.word(), "gate": d.gate, "closes_cycles": d.feedback, "sink": d.sink, "timing": d.timing,
+        "resume": d.resume.word(), "gate": d.gate, "closes_cycles": d.feedback.is_some(), "sink": d.sink, "timing": d.timing,
     })
 }

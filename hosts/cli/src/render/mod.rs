@@ -4,6 +4,7 @@ mod record;
 mod report;
 mod traces;
 
+use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -55,6 +56,7 @@ pub fn run(args: &Render) -> Result<ExitCode, Failure> {
         crate::failure::warn(&format!("`{allocating}` allocates in every tick and is not fit for real time"));
     }
 
+    distinct_files(args, schedule)?;
     let mut recorders = Recorder::for_sinks(schedule)?;
     let mut master = args.out.as_ref().map(|path| Master::new(path, schedule, args.format)).transpose()?;
     // Opened now, so that a folder that is not there is known before and not after the work.
@@ -128,6 +130,23 @@ pub fn run(args: &Render) -> Result<ExitCode, Failure> {
         print!("{}", report::summary(&run, &engine, &times, &drive, &written));
     }
     Ok(if done < ticks { ExitCode::from(INTERRUPTED) } else { ExitCode::SUCCESS })
+}
+
+/// Two things written to one file would leave only the last.
+fn distinct_files(args: &Render, schedule: &asperity_graph::Schedule) -> Result<(), Failure> {
+    let named = [("--out", &args.out), ("--plot", &args.plot), ("--report", &args.report)];
+    let mut seen: Vec<(PathBuf, String)> =
+        named.into_iter().filter_map(|(name, path)| Some((path.clone()?, name.to_owned()))).collect();
+    seen.extend(record::files(schedule).map(|(path, id)| (path, format!("`{id}`"))));
+    for (i, (path, who)) in seen.iter().enumerate() {
+        if let Some((_, first)) = seen[..i].iter().find(|(other, _)| other == path) {
+            return Err(Diagnostic::new(format!("{first} and {who} would both write this file"))
+                .in_file(path)
+                .help("give each a file of its own")
+                .into());
+        }
+    }
+    Ok(())
 }
 
 fn ticks(args: &Render, schedule: &asperity_graph::Schedule) -> Result<u64, Failure> {

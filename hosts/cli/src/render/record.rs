@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use asperity_engine::Engine;
-use asperity_graph::Schedule;
+use asperity_graph::{Schedule, ScheduledNode};
 use asperity_node::{Buffer, ParamValue, Shape, time};
 use asperity_source::Diagnostic;
 
@@ -21,6 +21,19 @@ pub struct Recorder {
     scratch: Vec<f32>,
 }
 
+/// The file that a sink wants written, if it wants one.
+fn file_of(node: &ScheduledNode) -> Option<&Path> {
+    match node.params.get("file") {
+        Some(ParamValue::Text(file)) if node.sink && !file.is_empty() => Some(Path::new(file)),
+        _ => None,
+    }
+}
+
+/// The files that sinks want written, each with the node's id.
+pub fn files(schedule: &Schedule) -> impl Iterator<Item = (PathBuf, String)> {
+    schedule.nodes.iter().filter_map(|n| Some((file_of(n)?.to_owned(), n.id.clone())))
+}
+
 #[derive(Clone, Copy, Debug)]
 enum From {
     Input(usize),
@@ -32,18 +45,15 @@ impl Recorder {
     pub fn for_sinks(schedule: &Schedule) -> Result<Vec<Self>, Failure> {
         let mut out = Vec::new();
         for (i, node) in schedule.nodes.iter().enumerate() {
-            let Some(ParamValue::Text(file)) = node.params.get("file") else { continue };
-            if file.is_empty() {
-                continue;
-            }
+            let Some(file) = file_of(node) else { continue };
             match node.kind.as_str() {
                 "probe" => {
                     let Some(port) = &node.inputs[0].port else { continue };
-                    out.push(Self::new(Path::new(file), From::Input(i), port.shape, &port.unit.to_string())?);
+                    out.push(Self::new(file, From::Input(i), port.shape, &port.unit.to_string())?);
                 }
                 "file_out" => {
                     let port = &node.outputs[0].port;
-                    out.push(Self::new(Path::new(file), From::Output(i), port.shape, "value")?);
+                    out.push(Self::new(file, From::Output(i), port.shape, "value")?);
                 }
                 _ => {}
             }
