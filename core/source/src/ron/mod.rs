@@ -1,0 +1,100 @@
+//! A strict reader for RON that keeps the place of every value.
+//!
+//! The grammar is the `ron` crate's. On top of it this reader refuses what `ron` lets pass and a person would
+//! not have meant: duplicate keys and fields, numbers that are not finite, extensions. A value is taken apart
+//! with [`Value::record`] (a struct with named fields), [`Value::map`], [`Value::list`] and the scalar
+//! accessors, each of which answers an error with its place when something else stands there.
+
+mod read;
+#[cfg(test)]
+mod tests;
+mod value;
+
+use std::sync::Arc;
+
+use ron::value::RawValue;
+
+use crate::{Diagnostic, Source, Span};
+
+use read::Reader;
+pub use value::Record;
+
+/// A value and where it stands.
+#[derive(Clone, Debug)]
+pub struct Value {
+    source: Arc<Source>,
+    span: Span,
+    kind: Kind,
+}
+
+/// What kinds of value there are.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Kind {
+    /// `()`
+    Unit,
+    /// `true`, `false`
+    Bool(bool),
+    /// A whole number.
+    Int(i64),
+    /// A number with a point or an exponent; always finite.
+    Float(f64),
+    /// `"text"`
+    Text(String),
+    /// A bare word, such as a variant's name.
+    Word(String),
+    /// `[a, b]`, or a tuple `(a, b)`.
+    List(Vec<Value>),
+    /// `Name(field: value)` or `(field: value)`.
+    Record {
+        /// What stands before the parenthesis, if anything.
+        name: Option<String>,
+        /// Fields in the order of the file.
+        fields: Vec<(Key, Value)>,
+    },
+    /// `{"key": value}`
+    Map(Vec<(Key, Value)>),
+}
+
+impl PartialEq for Value {
+    fn eq(&self, other: &Self) -> bool {
+        self.kind == other.kind
+    }
+}
+
+/// The name of a field or of a map's entry.
+#[derive(Clone, Debug)]
+pub struct Key {
+    /// The name, without quotes.
+    pub name: String,
+    /// Where it stands.
+    pub span: Span,
+}
+
+impl PartialEq for Key {
+    fn eq(&self, other: &Self) -> bool {
+        self.name == other.name
+    }
+}
+
+/// Reads a whole text.
+///
+/// # Errors
+/// What `ron` cannot parse, a duplicate key, a number that is not finite.
+pub fn parse(source: &Arc<Source>) -> Result<Value, Diagnostic> {
+    Reader { source }.whole()
+}
+
+/// Reads a text that came from a command line as a value; a text that is no RON is taken as text.
+///
+/// # Errors
+/// A value that parses, and is refused: duplicate keys, numbers that are not finite.
+pub fn parse_or_text(source: &Arc<Source>) -> Result<Value, Diagnostic> {
+    let text = source.text();
+    let whole = Span { start: 0, end: text.len() };
+    let as_text = || Value { source: source.clone(), span: whole, kind: Kind::Text(text.to_owned()) };
+    if ron::from_str::<&RawValue>(text).is_err() {
+        return Ok(as_text());
+    }
+    let value = parse(source)?;
+    Ok(if matches!(value.kind, Kind::Word(_)) { as_text() } else { value })
+}

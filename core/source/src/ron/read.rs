@@ -1,0 +1,254 @@
+//! From a text to values: `ron`'s raw values borrow from the text, so that their address is their place.
+
+use std::sync::Arc;
+
+use ron::value::RawValue;
+use serde::de::{Deserialize, MapAccess, SeqAccess, Visitor};
+
+use super::{Key, Kind, Value};
+use crate::{Diagnostic, Source, Span};
+
+/// What comes after white space and comments.
+fn after_comments(text: &str) -> &str {
+    let mut rest = text.trim_start();
+    loop {
+        let after = if rest.starts_with("//") {
+            rest.split_once('\n').map(|(_, after)| after)
+        } else if rest.starts_with("/*") {
+            // Comments of this kind nest.
+            let (mut depth, mut at) = (0, 0);
+            loop {
+                let open = rest[at..].starts_with("/*");
+                depth += i32::from(open) - i32::from(rest[at..].starts_with("*/"));
+                at += if open || rest[at..].starts_with("*/") {
+                    2
+                } else {
+                    rest[at..].chars().next().map_or(1, char::len_utf8)
+                };
+                if depth == 0 || at >= rest.len() {
+                    break rest.get(at..);
+                }
+            }
+        } else {
+            return rest;
+        };
+        rest = after.unwrap_or("").trim_start();
+    }
+}
+
+/// Reads one text.
+pub(super) struct Reader<'s> {
+    pub(super) source: &'s Arc<Source>,
+}
+
+impl<'s> Reader<'s> {
+    pub(super) fn whole(&self) -> Result<Value, Diagnostic> {
+        let text = self.source.text();
+        let raw: &RawValue = ron::from_str(text).map_err(|e| self.syntax(&e, 0))?;
+        let start = text.len() - after_comments(text).len();
+        if text[start..].starts_with("#!") {
+            return Err(Diagnostic::new("RON extensions are not used here")
+                .at(self.source, Span { start, end: start + 2 })
+                .help("delete this line"));
+        }
+        self.value(raw)
+    }
+
+    fn span(&self, part: &str) -> Span {
+        let start = (part.as_ptr() as usize).wrapping_sub(self.source.text().as_ptr() as usize);
+        Span { start, end: start + part.len() }
+    }
+
+    fn syntax(&self, e: &ron::error::SpannedError, base: usize) -> Diagnostic {
+        let text = &self.source.text()[base..];
+        let offset = |p: ron::error::Position| -> usize {
+            let line_start =
+                text.split_inclusive('\n').take(p.line.saturating_sub(1)).map(str::len).sum::<usize>();
+            let line = text[line_start..].split('\n').next().unwrap_or("");
+            let within = line.char_indices().nth(p.col.saturating_sub(1)).map_or(line.len(), |(i, _)| i);
+            base + line_start + within
+        };
+        let span = Span { start: offset(e.span.start), end: offset(e.span.end).max(offset(e.span.start)) };
+        let what = match e.code {
+            ron::Error::ExceededRecursionLimit => "nested too deeply".to_owned(),
+            ref code => format!("not valid RON: {code}"),
+        };
+        Diagnostic::new(what).at(self.source, span).label("here")
+    }
+
+    fn value(&self, raw: &'s RawValue) -> Result<Value, Diagnostic> {
+        let text = raw.trim().get_ron();
+        let span = self.span(text);
+        let reparse = |e: ron::error::SpannedError| self.syntax(&e, span.start);
+        let refuse = |what: &str| Diagnostic::new(what).at(self.source, span);
+        let first = text.chars().next().unwrap_or(' ');
+        let word_len = text.find(|c: char| !(c.is_alphanumeric() || c == '_')).unwrap_or(text.len());
+        let kind = match first {
+            '[' => Kind::List(self.values(&ron::from_str::<Parts>(text).map_err(reparse)?)?),
+            '{' => Kind::Map(self.map_entries(ron::from_str(text).map_err(reparse)?)?),
+            '(' => self.parenthesis(None, ron::from_str(text).map_err(reparse)?)?,
+            '"' => Kind::Text(ron::from_str(text).map_err(reparse)?),
+            'r' if text[1..].starts_with(['"', '#']) => Kind::Text(ron::from_str(text).map_err(reparse)?),
+            '0'..='9' | '+' | '-' | '.' => self.number(text).ok_or_else(|| {
+                refuse("not a finite number").help("numbers here are finite, such as 20 or 20.0 or 1e3")
+            })?,
+            _ if word_len == text.len() => match text {
+                "true" => Kind::Bool(true),
+                "false" => Kind::Bool(false),
+                "NaN" | "inf" | "NaNf32" | "NaNf64" | "inff32" | "inff64" => {
+                    return Err(refuse("not a finite number").help("numbers here are finite, such as 20.0"));
+                }
+                word => Kind::Word(word.to_owned()),
+            },
+            c if (c.is_alphabetic() || c == '_') && text[word_len..].trim_start().starts_with('(') => {
+                let name = text[..word_len].to_owned();
+                self.parenthesis(Some(name), ron::from_str(text).map_err(reparse)?)?
+            }
+            _ => return Err(refuse("this kind of value is not used here")),
+        };
+        Ok(Value { source: self.source.clone(), span, kind })
+    }
+
+    fn number(&self, text: &str) -> Option<Kind> {
+        if let Ok(i) = ron::from_str::<i64>(text) {
+            return Some(Kind::Int(i));
+        }
+        ron::from_str::<f64>(text).ok().filter(|x| x.is_finite()).map(Kind::Float)
+    }
+
+    fn values(&self, parts: &Parts<'s>) -> Result<Vec<Value>, Diagnostic> {
+        match parts {
+            Parts::Unit => Ok(Vec::new()),
+            Parts::Items(items) => items.iter().map(|r| self.value(r)).collect(),
+            Parts::Fields(_) => Ok(Vec::new()),
+        }
+    }
+
+    fn parenthesis(&self, name: Option<String>, parts: Parts<'s>) -> Result<Kind, Diagnostic> {
+        match parts {
+            Parts::Unit if name.is_none() => Ok(Kind::Unit),
+            Parts::Unit => Ok(Kind::Record { name, fields: Vec::new() }),
+            Parts::Items(items) => {
+                Ok(Kind::List(items.iter().map(|r| self.value(r)).collect::<Result<_, _>>()?))
+            }
+            Parts::Fields(fields) => {
+                let keyed = fields.into_iter().map(|(k, v)| (self.key(k.to_owned(), self.span(k)), v));
+                Ok(Kind::Record { name, fields: self.entries(keyed)? })
+            }
+        }
+    }
+
+    fn map_entries(&self, raw: RawMap<'s>) -> Result<Vec<(Key, Value)>, Diagnostic> {
+        let mut keyed = Vec::with_capacity(raw.0.len());
+        for (k, v) in raw.0 {
+            let key = self.value(k)?;
+            let Kind::Text(name) = key.kind else {
+                return Err(Diagnostic::new("a key here is a text in quotes").at(self.source, key.span));
+            };
+            keyed.push((self.key(name, key.span), v));
+        }
+        self.entries(keyed)
+    }
+
+    fn key(&self, name: String, span: Span) -> Key {
+        Key { name, span }
+    }
+
+    fn entries(
+        &self,
+        keyed: impl IntoIterator<Item = (Key, &'s RawValue)>,
+    ) -> Result<Vec<(Key, Value)>, Diagnostic> {
+        let mut seen = std::collections::HashMap::<String, Span>::new();
+        let mut entries = Vec::new();
+        for (key, raw) in keyed {
+            if let Some(first) = seen.insert(key.name.clone(), key.span) {
+                return Err(Diagnostic::new(format!("`{}` stands here twice", key.name))
+                    .at(self.source, key.span)
+                    .label("the second")
+                    .related(self.source, first, "the first")
+                    .help("delete or rename one of the two"));
+            }
+            entries.push((key, self.value(raw)?));
+        }
+        Ok(entries)
+    }
+}
+
+/// The parts of a list, tuple, struct or unit, still raw.
+enum Parts<'s> {
+    Unit,
+    Items(Vec<&'s RawValue>),
+    Fields(Vec<(&'s str, &'s RawValue)>),
+}
+
+impl<'de> Deserialize<'de> for Parts<'de> {
+    fn deserialize<D: serde::Deserializer<'de>>(d: D) -> Result<Self, D::Error> {
+        struct PartsVisitor;
+        impl<'de> Visitor<'de> for PartsVisitor {
+            type Value = Parts<'de>;
+            fn expecting(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                f.write_str("a list or named fields")
+            }
+            fn visit_unit<E>(self) -> Result<Self::Value, E> {
+                Ok(Parts::Unit)
+            }
+            fn visit_seq<A: SeqAccess<'de>>(self, mut seq: A) -> Result<Self::Value, A::Error> {
+                let mut items = Vec::new();
+                while let Some(item) = seq.next_element()? {
+                    items.push(item);
+                }
+                Ok(Parts::Items(items))
+            }
+            fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Self::Value, A::Error> {
+                let mut fields = Vec::new();
+                while let Some(Identifier(key)) = map.next_key()? {
+                    fields.push((key, map.next_value()?));
+                }
+                Ok(Parts::Fields(fields))
+            }
+        }
+        d.deserialize_any(PartsVisitor)
+    }
+}
+
+/// A field's name, borrowed from the text so that its place is known.
+struct Identifier<'s>(&'s str);
+
+impl<'de> Deserialize<'de> for Identifier<'de> {
+    fn deserialize<D: serde::Deserializer<'de>>(d: D) -> Result<Self, D::Error> {
+        struct IdentifierVisitor;
+        impl<'de> Visitor<'de> for IdentifierVisitor {
+            type Value = Identifier<'de>;
+            fn expecting(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                f.write_str("a field's name")
+            }
+            fn visit_borrowed_str<E>(self, v: &'de str) -> Result<Self::Value, E> {
+                Ok(Identifier(v))
+            }
+        }
+        d.deserialize_identifier(IdentifierVisitor)
+    }
+}
+
+/// The entries of a map, still raw, duplicates included.
+struct RawMap<'s>(Vec<(&'s RawValue, &'s RawValue)>);
+
+impl<'de> Deserialize<'de> for RawMap<'de> {
+    fn deserialize<D: serde::Deserializer<'de>>(d: D) -> Result<Self, D::Error> {
+        struct RawMapVisitor;
+        impl<'de> Visitor<'de> for RawMapVisitor {
+            type Value = RawMap<'de>;
+            fn expecting(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                f.write_str("a map")
+            }
+            fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Self::Value, A::Error> {
+                let mut entries = Vec::new();
+                while let Some(entry) = map.next_entry()? {
+                    entries.push(entry);
+                }
+                Ok(RawMap(entries))
+            }
+        }
+        d.deserialize_map(RawMapVisitor)
+    }
+}

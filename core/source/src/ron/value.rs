@@ -1,0 +1,246 @@
+//! Taking values apart.
+
+use std::fmt::Display;
+use std::ops::RangeInclusive;
+use std::sync::Arc;
+
+use super::{Key, Kind, Value};
+use crate::{Diagnostic, Source, Span, one_of};
+
+impl Value {
+    /// The text this value stands in.
+    pub fn source(&self) -> &Arc<Source> {
+        &self.source
+    }
+
+    /// Where this value stands.
+    pub fn span(&self) -> Span {
+        self.span
+    }
+
+    /// The value itself.
+    pub fn kind(&self) -> &Kind {
+        &self.kind
+    }
+
+    /// An error that points at this value.
+    pub fn error(&self, message: impl Into<String>) -> Diagnostic {
+        Diagnostic::new(message).at(&self.source, self.span)
+    }
+
+    /// What kind of thing this is, for an error's sentence.
+    pub fn describe(&self) -> String {
+        match &self.kind {
+            Kind::Unit => "nothing `()`".into(),
+            Kind::Bool(b) => format!("`{b}`"),
+            Kind::Int(i) => format!("the number {i}"),
+            Kind::Float(x) => format!("the number {x}"),
+            Kind::Text(t) => format!("the text \"{t}\""),
+            Kind::Word(w) => format!("the word `{w}`"),
+            Kind::List(l) => format!("a list of {}", l.len()),
+            Kind::Record { name: Some(n), .. } => format!("`{n}(...)`"),
+            Kind::Record { name: None, .. } => "named fields `(...)`".into(),
+            Kind::Map(_) => "a map `{...}`".into(),
+        }
+    }
+
+    fn mismatch(&self, wanted: &str) -> Diagnostic {
+        self.error(format!("expected {wanted}, found {}", self.describe()))
+            .label(format!("expected {wanted}"))
+    }
+
+    /// A number, whole or not.
+    ///
+    /// # Errors
+    /// Anything but a number.
+    pub fn f64(&self) -> Result<f64, Diagnostic> {
+        match self.kind {
+            // Whole numbers in a file are far below 2^53.
+            Kind::Int(i) => Ok(i as f64),
+            Kind::Float(x) => Ok(x),
+            _ => Err(self.mismatch("a number")),
+        }
+    }
+
+    /// A number within a range, in a unit that is named in the error.
+    ///
+    /// # Errors
+    /// Anything but a number in the range.
+    pub fn f64_in(&self, range: RangeInclusive<f64>, unit: &str) -> Result<f64, Diagnostic> {
+        let x = self.f64()?;
+        self.check_range(x, &range, unit)?;
+        Ok(x)
+    }
+
+    /// A whole number.
+    ///
+    /// # Errors
+    /// Anything but a whole number.
+    pub fn i64(&self) -> Result<i64, Diagnostic> {
+        match self.kind {
+            Kind::Int(i) => Ok(i),
+            Kind::Float(x) if x.fract() == 0.0 && x.abs() < 9e15 => Ok(x as i64),
+            _ => Err(self.mismatch("a whole number")),
+        }
+    }
+
+    /// A whole number within a range.
+    ///
+    /// # Errors
+    /// Anything but a whole number in the range.
+    pub fn i64_in(&self, range: RangeInclusive<i64>, unit: &str) -> Result<i64, Diagnostic> {
+        let i = self.i64()?;
+        self.check_range(i, &range, unit)?;
+        Ok(i)
+    }
+
+    fn check_range<T: PartialOrd + Display>(
+        &self,
+        x: T,
+        range: &RangeInclusive<T>,
+        unit: &str,
+    ) -> Result<(), Diagnostic> {
+        if range.contains(&x) {
+            return Ok(());
+        }
+        let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
+        Err(self.error(format!("{x}{unit} is out of range")).label("out of range").help(format!(
+            "from {} to {}{unit}",
+            range.start(),
+            range.end()
+        )))
+    }
+
+    /// `true` or `false`.
+    ///
+    /// # Errors
+    /// Anything else.
+    pub fn bool(&self) -> Result<bool, Diagnostic> {
+        match self.kind {
+            Kind::Bool(b) => Ok(b),
+            _ => Err(self.mismatch("true or false")),
+        }
+    }
+
+    /// A text in quotes.
+    ///
+    /// # Errors
+    /// Anything else.
+    pub fn text(&self) -> Result<&str, Diagnostic> {
+        match &self.kind {
+            Kind::Text(t) => Ok(t),
+            Kind::Word(w) => Err(self.mismatch("a text in quotes").help(format!("\"{w}\""))),
+            _ => Err(self.mismatch("a text in quotes")),
+        }
+    }
+
+    /// One of a few words, in quotes or bare.
+    ///
+    /// # Errors
+    /// Anything else, with the nearest of the words.
+    pub fn choice(&self, words: &[&str]) -> Result<&str, Diagnostic> {
+        let (Kind::Text(found) | Kind::Word(found)) = &self.kind else {
+            return Err(self.mismatch("a word").help(one_of("", words.iter().copied())));
+        };
+        if words.contains(&found.as_str()) {
+            return Ok(found);
+        }
+        Err(self.error(format!("unknown choice `{found}`")).help(one_of(found, words.iter().copied())))
+    }
+
+    /// The items of a list or tuple.
+    ///
+    /// # Errors
+    /// Anything but a list.
+    pub fn list(&self) -> Result<&[Value], Diagnostic> {
+        match &self.kind {
+            Kind::List(items) => Ok(items),
+            Kind::Unit => Ok(&[]),
+            _ => Err(self.mismatch("a list `[...]`")),
+        }
+    }
+
+    /// The entries of a map with texts as keys, in the order of the file.
+    ///
+    /// # Errors
+    /// Anything but a map.
+    pub fn map(&self) -> Result<&[(Key, Value)], Diagnostic> {
+        match &self.kind {
+            Kind::Map(entries) => Ok(entries),
+            _ => Err(self.mismatch("a map `{\"name\": ...}`")),
+        }
+    }
+
+    /// A struct with named fields, called `name` or nothing at all.
+    ///
+    /// # Errors
+    /// Anything else, or a struct of another name.
+    pub fn record(&self, name: &str) -> Result<Record<'_>, Diagnostic> {
+        match &self.kind {
+            Kind::Record { name: found, fields } => match found {
+                Some(found) if found != name => {
+                    Err(self.error(format!("expected `{name}(...)`, found `{found}(...)`")))
+                }
+                _ => Ok(Record { value: self, fields, taken: vec![false; fields.len()] }),
+            },
+            Kind::Unit => Ok(Record { value: self, fields: &[], taken: Vec::new() }),
+            _ => Err(self.mismatch(&format!("`{name}(...)`"))),
+        }
+    }
+}
+
+/// A struct that is being taken apart; [`finish`](Self::finish) refuses what nobody asked for.
+#[derive(Debug)]
+pub struct Record<'v> {
+    value: &'v Value,
+    fields: &'v [(Key, Value)],
+    taken: Vec<bool>,
+}
+
+impl<'v> Record<'v> {
+    /// A field that may be left out.
+    pub fn optional(&mut self, name: &str) -> Option<&'v Value> {
+        let i = self.fields.iter().position(|(k, _)| k.name == name)?;
+        self.taken[i] = true;
+        Some(&self.fields[i].1)
+    }
+
+    /// A field that must be there.
+    ///
+    /// # Errors
+    /// The field is missing.
+    pub fn required(&mut self, name: &str) -> Result<&'v Value, Diagnostic> {
+        self.optional(name).ok_or_else(|| {
+            let start = self.value.span.start;
+            Diagnostic::new(format!("the field `{name}` is missing"))
+                .at(&self.value.source, Span { start, end: (start + 1).min(self.value.span.end) })
+                .label(format!("no `{name}` in here"))
+                .help(format!("add `{name}: ...`"))
+        })
+    }
+
+    /// All fields, in the order of the file; they count as asked for.
+    pub fn all(&mut self) -> &'v [(Key, Value)] {
+        self.taken.fill(true);
+        self.fields
+    }
+
+    /// The value this record was made from.
+    pub fn value(&self) -> &'v Value {
+        self.value
+    }
+
+    /// Refuses fields that nobody asked for; `known` are the names there are.
+    ///
+    /// # Errors
+    /// An unknown field, with the nearest known one.
+    pub fn finish(self, known: &[&str]) -> Result<(), Diagnostic> {
+        match self.fields.iter().zip(&self.taken).find(|(_, taken)| !**taken) {
+            None => Ok(()),
+            Some(((key, _), _)) => Err(Diagnostic::new(format!("unknown field `{}`", key.name))
+                .at(&self.value.source, key.span)
+                .label("not known here")
+                .help(one_of(&key.name, known.iter().copied()))),
+        }
+    }
+}
