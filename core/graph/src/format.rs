@@ -161,7 +161,7 @@ impl GraphFile {
         let Some((target, text)) = assignment.split_once('=') else {
             return Err(fail("there is no `=` in this".into(), "NODE.PARAM=VALUE".into()));
         };
-        let value = ron::parse_or_text(&Source::new(origin, text.trim()))?;
+        let value = ron::parse_or_text(&Source::new(format!("{origin} {}", target.trim()), text.trim()))?;
         match target.trim().split_once('.') {
             None => match target.trim() {
                 "tick_hz" => self.tick_hz = value.i64_in(TICK_HZ, "Hz")? as u32,

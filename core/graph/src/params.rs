@@ -3,7 +3,6 @@
 use std::path::{Path, PathBuf};
 
 use asperity_node::{Descriptor, Param, ParamKind, ParamValue, Params};
-use asperity_source::ron::Value;
 use asperity_source::{Diagnostic, Place, nearest, one_of};
 
 use crate::{NodeDecl, Setting};
@@ -62,7 +61,7 @@ fn read(setting: &Setting, param: &Param) -> Result<ParamValue, Diagnostic> {
             let words: Vec<&str> = words.iter().map(|w| w.as_ref()).collect();
             value.choice(&words).map(|w| ParamValue::Text(w.to_owned()))
         }
-        ParamKind::File => file(value, text(setting)?).map(ParamValue::File),
+        ParamKind::File => file(setting, text(setting)?).map(ParamValue::File),
         ParamKind::Numbers(range) => {
             let items = value.list()?.iter().map(|v| v.f64_in(range.clone(), unit));
             items.collect::<Result<_, _>>().map(ParamValue::Numbers)
@@ -83,7 +82,9 @@ fn text(setting: &Setting) -> Result<&str, Diagnostic> {
 }
 
 /// A file that exists, its path relative to the file that names it.
-fn file(value: &Value, text: &str) -> Result<PathBuf, Diagnostic> {
+fn file(setting: &Setting, text: &str) -> Result<PathBuf, Diagnostic> {
+    let value = &setting.value;
+    let base_is = if setting.typed.is_some() { "where the program runs" } else { "the graph file" };
     let base = value.source().path().parent().unwrap_or(Path::new(""));
     let path = base.join(text);
     match std::fs::metadata(&path) {
@@ -92,8 +93,8 @@ fn file(value: &Value, text: &str) -> Result<PathBuf, Diagnostic> {
         Err(e) => {
             let d = value.error(format!("cannot find the file {}: {e}", path.display()));
             Err(match neighbour(&path) {
-                Some(name) => d.help(format!("did you mean `{name}`? Paths are relative to the graph file")),
-                None => d.help("paths are relative to the graph file"),
+                Some(name) => d.help(format!("did you mean `{name}`? Paths are relative to {base_is}")),
+                None => d.help(format!("paths are relative to {base_is}")),
             })
         }
     }

@@ -47,6 +47,8 @@ pub struct Descriptor {
     pub resume: Resume,
     /// Whether a graph wants it for its own sake; what leads to no sink is not built.
     pub sink: bool,
+    /// Whether a sink only looks on: what it reads may sleep as if it were not there.
+    pub passive: bool,
     /// The input that this node gates: while its `wants` answers no, what serves that input alone sleeps.
     pub gate: Option<Cow<'static, str>>,
     /// Names the parameter that says how long it delays, for a node that can close a cycle: its output in a tick then
@@ -67,6 +69,7 @@ impl Descriptor {
             params: Vec::new(),
             resume: Resume::Restart,
             sink: false,
+            passive: false,
             gate: None,
             feedback: None,
             timing: Cow::Borrowed(""),
@@ -105,6 +108,13 @@ impl Descriptor {
     #[must_use]
     pub fn sink(mut self) -> Self {
         self.sink = true;
+        self
+    }
+
+    /// A sink that only looks on, and keeps nothing awake.
+    #[must_use]
+    pub fn passive_sink(mut self) -> Self {
+        (self.sink, self.passive) = (true, true);
         self
     }
 

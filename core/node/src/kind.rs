@@ -295,19 +295,50 @@ pub trait Node: Send + Sized + 'static {
     }
 }
 
-/// A node as the engine calls it: [`Node`] without the parts that need no instance.
-#[allow(missing_docs)]
+/// A node as the engine calls it: [`Node`] without the parts that need no instance. Every [`Node`] is one; a kind that
+/// makes its nodes in another way implements this.
 pub trait Processor: Send {
+    /// See [`Node::process`]. Tick thread.
     fn process(&mut self, tick: &mut Tick<'_>) -> Status;
+
+    /// See [`Node::reset`]. Tick thread.
     fn reset(&mut self);
-    fn wants(&mut self, tick: &mut Tick<'_>) -> bool;
-    fn absorb(&mut self, tick: &mut Tick<'_>);
-    fn elapsed(&mut self, ticks: u64);
-    fn latency(&self) -> Latency;
-    fn tail(&self) -> Latency;
-    fn duration(&self) -> Option<Latency>;
-    fn allocation_free(&self) -> bool;
-    fn facts(&self) -> Vec<Fact>;
+
+    /// See [`Node::wants`]. Tick thread.
+    fn wants(&mut self, _tick: &mut Tick<'_>) -> bool {
+        true
+    }
+
+    /// See [`Node::absorb`]. Tick thread.
+    fn absorb(&mut self, _tick: &mut Tick<'_>) {}
+
+    /// See [`Node::elapsed`]. Tick thread.
+    fn elapsed(&mut self, _ticks: u64) {}
+
+    /// See [`Node::latency`]. Control thread.
+    fn latency(&self) -> Latency {
+        Latency::ZERO
+    }
+
+    /// See [`Node::tail`]. Control thread.
+    fn tail(&self) -> Latency {
+        Latency::ZERO
+    }
+
+    /// See [`Node::duration`]. Control thread.
+    fn duration(&self) -> Option<Latency> {
+        None
+    }
+
+    /// See [`Node::allocation_free`]. Control thread.
+    fn allocation_free(&self) -> bool {
+        true
+    }
+
+    /// See [`Node::facts`]. Control thread.
+    fn facts(&self) -> Vec<Fact> {
+        Vec::new()
+    }
 }
 
 impl<N: Node> Processor for N {

@@ -41,7 +41,11 @@ impl Source {
         match String::from_utf8(bytes) {
             Ok(text) => Ok(Self::new(path, text.strip_prefix('\u{feff}').map(str::to_owned).unwrap_or(text))),
             Err(e) => {
-                Err(fail(format!("not a text file: byte {} is not UTF-8", e.utf8_error().valid_up_to())))
+                let good = e.utf8_error().valid_up_to();
+                let text = String::from_utf8_lossy(&e.as_bytes()[..good]).into_owned();
+                let source = Self::new(path, text);
+                Err(Diagnostic::new("not a text file: what comes here is not UTF-8")
+                    .at(&source, Span::at(good)))
             }
         }
     }

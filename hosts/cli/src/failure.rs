@@ -54,6 +54,17 @@ impl Failure {
     }
 }
 
+/// Prints to the standard output. A reader that has gone away ends the program quietly.
+pub fn print(text: &str) -> Result<(), Failure> {
+    use std::io::Write as _;
+    let mut out = std::io::stdout().lock();
+    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
+        Err(e) if e.kind() == std::io::ErrorKind::BrokenPipe => std::process::exit(0),
+        Err(e) => Err(Failure::Machine(format!("cannot write to the standard output: {e}"))),
+        Ok(()) => Ok(()),
+    }
+}
+
 /// Prints a warning in the way of an error.
 pub fn warn(message: &str) {
     eprintln!("warning: {message}");
@@ -82,7 +93,10 @@ impl fmt::Display for Shown<'_> {
             .related
             .iter()
             .partition(|(p, _)| d.place.as_ref().is_some_and(|at| at.source.path() == p.source.path()));
-        if let Some(place) = &d.place
+        let long = |p: &Place| longest_line(p) > MAX_LINE;
+        if let Some(place) = d.place.as_ref().filter(|p| long(p) || here.iter().any(|(p, _)| long(p))) {
+            writeln!(f, "{}", cut_line(place, &d.label))?;
+        } else if let Some(place) = &d.place
             && !place.source.text().is_empty()
         {
             let mut labels = vec![label(place, &d.label)];
@@ -95,7 +109,11 @@ impl fmt::Display for Shown<'_> {
             handler.render_report(&mut text, &snippet)?;
             // The first line is the report's own title, which stands above already.
             for line in text.lines().skip_while(|l| !l.contains('╭')).filter(|l| !l.trim().is_empty()) {
-                writeln!(f, "{line}")?;
+                // The place stands in the first line, counted in characters; here it is counted otherwise.
+                match line.split_once("─[") {
+                    Some((before, _)) if before.ends_with('╭') => writeln!(f, "{before}────")?,
+                    _ => writeln!(f, "{line}")?,
+                }
             }
         }
         for (p, text) in elsewhere {
@@ -107,6 +125,33 @@ impl fmt::Display for Shown<'_> {
         }
         Ok(())
     }
+}
+
+/// Longest line, in bytes, that is shown whole; beyond 65535 columns the snippet's renderer gives up.
+const MAX_LINE: usize = 240;
+
+/// The longest of the lines that are shown with a place: its own and its neighbours.
+fn longest_line(place: &Place) -> usize {
+    let line = place.position().line;
+    let len = |n: usize| {
+        let span = place.source.line_span(n);
+        span.end - span.start
+    };
+    (line.saturating_sub(1).max(1)..=line + 1).map(len).max().unwrap_or(0)
+}
+
+/// What stands around a place in a long line, with a caret under it.
+fn cut_line(place: &Place, label: &str) -> String {
+    const AROUND: usize = 40;
+    let line = place.source.line_span(place.position().line);
+    let text = &place.source.text()[line.start..line.end];
+    let at = place.position().column - 1;
+    let first = at.saturating_sub(AROUND);
+    let shown: String =
+        text.chars().skip(first).take(2 * AROUND).map(|c| if c.is_control() { ' ' } else { c }).collect();
+    let dots = if first > 0 { "…" } else { "" };
+    let indent = " ".repeat(at - first + dots.chars().count());
+    format!("   │ {dots}{shown}…\n   │ {indent}^ {label}")
 }
 
 /// A piece of a file with carets.

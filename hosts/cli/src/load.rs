@@ -1,6 +1,6 @@
 //! From a path on the command line to a compiled graph.
 
-use asperity_graph::{Compiled, GraphFile, Options, compile};
+use asperity_graph::{Compiled, GraphFile, Options, Schedule, ScheduledNode, compile};
 use asperity_node::Registry;
 use asperity_source::{Diagnostic, one_of};
 
@@ -31,6 +31,11 @@ pub fn read(args: &GraphArgs) -> Result<GraphFile, Failure> {
         if node.kind != "trajectory" {
             node.kind = "trajectory".into();
             node.params.clear();
+            // A stroke has one output, which needs no name; a trajectory has three.
+            let id = node.id.clone();
+            for wire in graph.wires.iter_mut().filter(|w| w.from.node == id) {
+                wire.from.port.get_or_insert_with(|| "position".to_owned());
+            }
         }
         let assignment = format!("{}.file={}", graph.nodes[i].id, input.display());
         graph.set(&assignment, "--input")?;
@@ -46,12 +51,35 @@ pub fn compiled(graph: &GraphFile, args: &GraphArgs, registry: &Registry) -> Res
     Ok(compile(graph, registry, Options { prune: !args.no_prune })?)
 }
 
+/// What compiles and is probably not meant.
+pub fn warnings(schedule: &Schedule) -> Vec<String> {
+    let stages: Vec<&ScheduledNode> =
+        schedule.nodes.iter().filter(|n| matches!(n.kind.as_str(), "actuator_inverse" | "limiter")).collect();
+    let mut out = Vec::new();
+    for pair in stages.windows(2) {
+        for name in ["profile", "handle_mass_g"] {
+            if pair[0].params.get(name) != pair[1].params.get(name) {
+                out.push(format!(
+                    "`{}` and `{}` are set to different actuators: `{name}` differs",
+                    pair[0].id, pair[1].id
+                ));
+            }
+        }
+    }
+    out
+}
+
 /// Splits `NODE.PORT=FILE` of a probe.
 pub fn probe(text: &str, graph: &GraphFile) -> Result<(String, String), Diagnostic> {
     let fail = |m: String| Diagnostic::new(m).in_file("--probe");
     let Some((port, file)) = text.split_once('=') else {
         return Err(fail(format!("there is no `=` in `{text}`")).help("NODE.PORT=FILE.csv or .npy"));
     };
+    if file.trim().is_empty() {
+        return Err(
+            fail(format!("there is no file after the `=` in `{text}`")).help("NODE.PORT=FILE.csv or .npy")
+        );
+    }
     let node = port.split('.').next().unwrap_or(port);
     if graph.node(node).is_none() {
         let ids = graph.nodes.iter().map(|n| n.id.as_str());

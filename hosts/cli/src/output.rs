@@ -5,6 +5,7 @@ use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use asperity_measure::npy;
+use asperity_source::Diagnostic;
 use tempfile::NamedTempFile;
 
 use crate::args::Format;
@@ -18,8 +19,14 @@ pub struct Pending {
 }
 
 impl Pending {
-    /// Opens one. The folder must be there.
+    /// Opens one. The folder must be there, and what already has the name must be a file; a link is followed.
     pub fn create(path: &Path) -> Result<Self, Failure> {
+        let refuse = |what: String| Failure::from(Diagnostic::new(what).in_file(path));
+        let path = &match std::fs::metadata(path) {
+            Ok(meta) if !meta.is_file() => return Err(refuse("this is there already and is no file".into())),
+            Ok(_) => path.canonicalize().map_err(|e| refuse(format!("cannot write here: {e}")))?,
+            Err(_) => path.to_owned(),
+        };
         let dir = path.parent().filter(|d| !d.as_os_str().is_empty()).unwrap_or(Path::new("."));
         let prefix = format!(".{}.", path.file_name().unwrap_or_default().to_string_lossy());
         let mut builder = tempfile::Builder::new();
@@ -33,7 +40,7 @@ impl Pending {
             .prefix(&prefix)
             .suffix(".part")
             .tempfile_in(dir)
-            .map_err(|e| Failure::writing(path, e))?;
+            .map_err(|e| refuse(format!("cannot write here: {}", std::io::Error::from(e.kind()))))?;
         Ok(Self { path: path.to_owned(), temp })
     }
 
@@ -63,6 +70,23 @@ pub fn write_text(path: &Path, text: &str) -> Result<(), Failure> {
     Pending::create(path)?.keep_text(text).map(drop)
 }
 
+/// A path by which two names of one file are the same, also of a file that is not there yet.
+pub fn resolved(path: &Path) -> PathBuf {
+    if let Ok(path) = path.canonicalize() {
+        return path;
+    }
+    let dir = path.parent().filter(|d| !d.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    match (dir.canonicalize(), path.file_name()) {
+        (Ok(dir), Some(name)) => dir.join(name),
+        _ => path.to_owned(),
+    }
+}
+
+/// The ending of a file's name, in lower case.
+pub fn ending(path: &Path) -> String {
+    path.extension().unwrap_or_default().to_string_lossy().to_lowercase()
+}
+
 /// What takes rows of samples or values.
 #[derive(Debug)]
 pub struct Rows {
@@ -86,7 +110,29 @@ impl std::fmt::Debug for To {
     }
 }
 
+/// Largest size of a WAV file's samples in bytes: its header counts them in 32 bits.
+const MAX_WAV_BYTES: u64 = u32::MAX as u64 - 1024;
+
 impl Rows {
+    /// Refuses a WAV file of so many samples in all that its header could not say how many.
+    pub fn check_wav_length(path: &Path, samples: u64, format: Format) -> Result<(), Diagnostic> {
+        let bytes = samples
+            * if format == Format::F32 {
+                4
+            } else if format == Format::I24 {
+                3
+            } else {
+                2
+            };
+        if bytes <= MAX_WAV_BYTES {
+            return Ok(());
+        }
+        let part = 100.0 * MAX_WAV_BYTES as f64 / bytes as f64;
+        Err(Diagnostic::new(format!("a WAV file cannot hold {bytes} bytes of samples"))
+            .in_file(path)
+            .help(format!("render at most {part:.0} % of it, in --format i16, or to a .npy file")))
+    }
+
     /// A WAV file; a row is one sample of every channel.
     pub fn wav(path: &Path, channels: usize, rate_hz: u32, format: Format) -> Result<Self, Failure> {
         let pending = Pending::create(path)?;

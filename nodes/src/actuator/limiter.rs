@@ -40,7 +40,7 @@ impl Node for Limiter {
             Param::number(
                 "slew_hz",
                 s.slew_hz,
-                200.0..=20_000.0,
+                500.0..=20_000.0,
                 "A sine at the peak is not held back up to here.",
             )
             .unit("Hz"),

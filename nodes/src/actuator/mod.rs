@@ -23,7 +23,7 @@ fn profile_params() -> [Param; 2] {
             "hapcoil_one",
             "The actuator: a shipped profile's name, or a RON file relative to the graph file.",
         ),
-        Param::number("handle_mass_g", 100.0, 1.0..=100_000.0, "Mass of what the actuator is mounted on.")
+        Param::number("handle_mass_g", 100.0, 1.0..=10_000.0, "Mass of what the actuator is mounted on.")
             .unit("g"),
     ]
 }

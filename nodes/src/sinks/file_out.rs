@@ -34,7 +34,7 @@ impl Node for FileOut {
     }
 
     fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
-        let file = setup.params.text("file");
+        let file = setup.params.text("file").to_lowercase();
         if !(file.ends_with(".wav") || file.ends_with(".npy")) {
             return Err(setup
                 .params

@@ -2,7 +2,8 @@
 
 use asperity_node::{Descriptor, Diagnostic, Input, Node, Param, Setup, ShapeSpec, Status, Tick, Unit};
 
-/// A sink for any signal. The host reads its input after every tick and writes what it read.
+/// A sink for any signal. The host reads its input after every tick and writes what it read. It keeps nothing awake, so
+/// that a look at a graph does not change what the graph does.
 pub struct Probe;
 
 impl Node for Probe {
@@ -14,11 +15,12 @@ impl Node for Probe {
                 "",
                 "A .csv or .npy file, relative to where the program runs; empty records nothing.",
             ))
-            .sink()
+            .timing("looks on: while what it reads sleeps, audio is zero, a control holds and no frame comes")
+            .passive_sink()
     }
 
     fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
-        let file = setup.params.text("file");
+        let file = setup.params.text("file").to_lowercase();
         if !(file.is_empty() || file.ends_with(".csv") || file.ends_with(".npy")) {
             return Err(setup
                 .params

@@ -43,6 +43,16 @@ impl Node for OverlapAdd {
             frame_num: l.frame_rate.num(),
             frame_den: l.frame_rate.den(),
         };
+        // At longer hops the sum of windows comes near 0, and what is divided by it explodes.
+        let rarely = u64::from(l.frame_rate.num()) * u64::from(l.length)
+            < 2 * u64::from(l.rate_hz) * u64::from(l.frame_rate.den());
+        if rarely {
+            let message = format!("the frames come too rarely to overlap: {l}");
+            return Err(setup
+                .params
+                .node_error(message)
+                .help("at least two frames a window: 20 a second for 0.1 s"));
+        }
         let kernel = overlap_add::OverlapAdd::new(framing)
             .map_err(|e| setup.params.node_error(format!("{e}: {l}")))?;
         Ok(Self { kernel, rate_hz: l.rate_hz, length: l.length, started: false, refused: 0 })

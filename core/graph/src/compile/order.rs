@@ -270,7 +270,9 @@ fn guards(
     let mut before: Vec<BTreeSet<usize>> = vec![BTreeSet::new(); n];
     let mut readers: Vec<Vec<(usize, usize)>> = vec![Vec::new(); n];
     for w in resolved.wires.iter().filter(|w| live[w.to.0]) {
-        readers[w.from.0].push(w.to);
+        if !resolved.nodes[w.to.0].kind.descriptor().passive {
+            readers[w.from.0].push(w.to);
+        }
         if !closes_cycle[w.to.0] {
             before[w.to.0].insert(w.from.0);
         }

@@ -1,5 +1,6 @@
 //! `asperity check`: what a graph compiles to.
 
+use std::fmt::Write as _;
 use std::process::ExitCode;
 
 use asperity_graph::{BufferEntry, Schedule, Step};
@@ -7,7 +8,7 @@ use asperity_node::{Fact, FactValue};
 use serde_json::{Value, json};
 
 use crate::args::Check;
-use crate::failure::Failure;
+use crate::failure::{Failure, print, warn};
 use crate::load;
 
 /// Runs the command.
@@ -15,39 +16,54 @@ pub fn run(args: &Check) -> Result<ExitCode, Failure> {
     let graph = load::read(&args.graph)?;
     let schedule = load::compiled(&graph, &args.graph, &asperity_nodes::registry())?.schedule;
     if args.json {
-        println!("{:#}", as_json(&schedule));
+        print(&format!("{:#}\n", as_json(&schedule)))?;
     } else {
-        print_text(&schedule);
+        print(&text_of(&schedule))?;
+    }
+    for warning in load::warnings(&schedule) {
+        warn(&warning);
     }
     Ok(ExitCode::SUCCESS)
 }
 
-fn print_text(schedule: &Schedule) {
-    println!("{} ticks/s, audio at {} Hz, seed {}", schedule.tick_hz, schedule.audio_hz, schedule.seed);
-    println!("\norder");
+fn text_of(schedule: &Schedule) -> String {
+    let mut out = String::new();
+    let _ = writeln!(
+        out,
+        "{} ticks/s, audio at {} Hz, seed {}",
+        schedule.tick_hz, schedule.audio_hz, schedule.seed
+    );
+    let _ = writeln!(out, "\norder");
     let id_width = schedule.nodes.iter().map(|n| n.id.chars().count()).max().unwrap_or(0);
     let kind_width = schedule.nodes.iter().map(|n| n.kind.chars().count()).max().unwrap_or(0);
     for (i, node) in schedule.nodes.iter().enumerate() {
-        println!("{:>4}  {:id_width$}  {:kind_width$}  {}", i + 1, node.id, node.kind, remarks(schedule, i));
+        let _ = writeln!(
+            out,
+            "{:>4}  {:id_width$}  {:kind_width$}  {}",
+            i + 1,
+            node.id,
+            node.kind,
+            remarks(schedule, i)
+        );
         for output in node.outputs.iter() {
             let readers = match output.readers {
                 0 => "unread".to_owned(),
                 1 => "1 reader".to_owned(),
                 n => format!("{n} readers"),
             };
-            println!("      {:id_width$}    .{}: {} ({readers})", "", output.name, output.port);
+            let _ = writeln!(out, "      {:id_width$}    .{}: {} ({readers})", "", output.name, output.port);
         }
         // What is counted while a graph runs is nothing yet.
         for fact in node.facts.iter().filter(|f| !is_zero(f)) {
-            println!("      {:id_width$}    {}: {}", "", fact.name, fact.value);
+            let _ = writeln!(out, "      {:id_width$}    {}: {}", "", fact.name, fact.value);
         }
     }
     let (constants, outputs) = buffer_counts(schedule);
     let counts: Vec<String> = outputs.iter().map(|(kind, n)| format!("{n} {kind}")).collect();
-    println!("\nbuffers   {}; {constants} constant inputs", counts.join(", "));
-    println!("\nlatency");
+    let _ = writeln!(out, "\nbuffers   {}; {constants} constant inputs", counts.join(", "));
+    let _ = writeln!(out, "\nlatency");
     if schedule.paths.is_empty() {
-        println!("      no path leads from a source to a sink");
+        let _ = writeln!(out, "      no path leads from a source to a sink");
     }
     for path in &schedule.paths {
         let name = |i: usize| schedule.nodes[i].id.as_str();
@@ -57,20 +73,21 @@ fn print_text(schedule: &Schedule) {
             format!("{:.4} to {:.4} ms", path.least.ms(), path.most.ms())
         };
         let through: Vec<&str> = path.through.iter().map(|&i| name(i)).collect();
-        println!("      {} to {}: {range}", name(path.from), name(path.to));
-        println!("        {}", through.join(" -> "));
+        let _ = writeln!(out, "      {} to {}: {range}", name(path.from), name(path.to));
+        let _ = writeln!(out, "        {}", through.join(" -> "));
     }
-    println!("\ndropped");
+    let _ = writeln!(out, "\ndropped");
     if schedule.dropped.is_empty() {
-        println!("      nothing");
+        let _ = writeln!(out, "      nothing");
     }
     for d in &schedule.dropped {
-        println!("      {} ({}): {}", d.id, d.kind, d.why);
+        let _ = writeln!(out, "      {} ({}): {}", d.id, d.kind, d.why);
     }
-    match schedule.allocating().as_slice() {
-        [] => println!("\nno node allocates while it runs"),
-        ids => println!("\nallocates while it runs, so not fit for real time: {}", ids.join(", ")),
-    }
+    let _ = match schedule.allocating().as_slice() {
+        [] => writeln!(out, "\nno node allocates while it runs"),
+        ids => writeln!(out, "\nallocates while it runs, so not fit for real time: {}", ids.join(", ")),
+    };
+    out
 }
 
 fn is_zero(fact: &Fact) -> bool {
@@ -98,6 +115,9 @@ fn remarks(schedule: &Schedule, i: usize) -> String {
     }
     if node.latency.as_ratio().0 != 0 {
         out.push(format!("latency {:.4} ms", node.latency.ms()));
+    }
+    if node.tail.as_ratio().0 != 0 {
+        out.push(format!("tail {:.1} ms", node.tail.ms()));
     }
     if node.sink {
         out.push("sink".into());
@@ -169,6 +189,7 @@ fn as_json(schedule: &Schedule) -> Value {
                 "sink": node.sink,
                 "closes_cycle": node.closes_cycle,
                 "latency_ms": node.latency.ms(),
+                "tail_ms": node.tail.ms(),
                 "allocation_free": node.allocation_free,
                 "facts": facts,
             })

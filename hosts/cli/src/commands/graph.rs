@@ -4,18 +4,25 @@ use std::process::ExitCode;
 
 use asperity_graph::{GraphFile, Schedule};
 use asperity_node::Shape;
+use asperity_source::Diagnostic;
 
 use crate::args::Graph;
-use crate::failure::Failure;
+use crate::failure::{Failure, print};
 use crate::plot::{Picture, PictureNode, PictureWire};
 use crate::{load, output};
 
 /// Runs the command.
 pub fn run(args: &Graph) -> Result<ExitCode, Failure> {
     let graph = load::read(&args.graph)?;
+    if output::resolved(&args.svg) == output::resolved(&args.graph.graph) {
+        return Err(Diagnostic::new("this is the graph itself")
+            .in_file(&args.svg)
+            .help("name another file")
+            .into());
+    }
     let schedule = load::compiled(&graph, &args.graph, &asperity_nodes::registry())?.schedule;
     output::write_text(&args.svg, &picture(&graph, &schedule).to_svg())?;
-    println!("wrote {}", args.svg.display());
+    print(&format!("wrote {}\n", args.svg.display()))?;
     Ok(ExitCode::SUCCESS)
 }
 

@@ -14,8 +14,8 @@ use asperity_node::{
 use asperity_source::{Source, one_of};
 
 use crate::args::{Format, Invert};
-use crate::failure::{Failure, warn};
-use crate::output::Rows;
+use crate::failure::{Failure, print, warn};
+use crate::output::{Rows, ending};
 
 /// Frames a second of the input.
 const FRAME_HZ: u32 = 500;
@@ -50,9 +50,9 @@ pub fn run(args: &Invert) -> Result<ExitCode, Failure> {
             .in_file("--phase")
             .into());
     }
-    let mut rows = match args.out.extension().and_then(|e| e.to_str()) {
-        Some("wav") => Rows::wav(&args.out, 1, rate, Format::F32)?,
-        Some("npy") => Rows::npy(&args.out, None)?,
+    let mut rows = match ending(&args.out).as_str() {
+        "wav" => Rows::wav(&args.out, 1, rate, Format::F32)?,
+        "npy" => Rows::npy(&args.out, None)?,
         _ => {
             return Err(Diagnostic::new("cannot tell the format from this name")
                 .in_file(&args.out)
@@ -76,7 +76,7 @@ pub fn run(args: &Invert) -> Result<ExitCode, Failure> {
     let skip = late.max(0) as usize;
     rows.append(&signal[skip..wanted], 1, |_| 0.0)?;
     rows.keep()?;
-    println!("wrote {}: {samples} samples at {rate} Hz from {count} frames", args.out.display());
+    print(&format!("wrote {}: {samples} samples at {rate} Hz from {count} frames\n", args.out.display()))?;
     match engine.faults() {
         0 => Ok(ExitCode::SUCCESS),
         n => Err(Failure::Machine(format!("the node failed {n} times; what it failed in is silent"))),
@@ -252,15 +252,7 @@ impl NodeKind for MagnitudesKind {
 
 struct Magnitudes(Arc<Frames>);
 
-impl asperity_node::Node for Magnitudes {
-    fn descriptor() -> Descriptor {
-        Descriptor::new(MAGNITUDES, "Plays the frames of the file.")
-    }
-
-    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
-        Err(setup.params.node_error("made by its kind alone"))
-    }
-
+impl Processor for Magnitudes {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         let Frames { layout, bins } = &*self.0;
         let at = tick.index as usize * layout.bins as usize;

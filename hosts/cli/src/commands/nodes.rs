@@ -1,5 +1,6 @@
 //! `asperity nodes`: the kinds there are.
 
+use std::fmt::Write as _;
 use std::process::ExitCode;
 
 use asperity_node::{Descriptor, ParamKind, ParamValue};
@@ -7,7 +8,7 @@ use asperity_source::{Diagnostic, one_of};
 use serde_json::{Value, json};
 
 use crate::args::Nodes;
-use crate::failure::Failure;
+use crate::failure::{Failure, print};
 
 /// Runs the command.
 pub fn run(args: &Nodes) -> Result<ExitCode, Failure> {
@@ -20,31 +21,34 @@ pub fn run(args: &Nodes) -> Result<ExitCode, Failure> {
                     .into());
             };
             if args.json {
-                println!("{:#}", as_json(kind.descriptor()));
+                print(&format!("{:#}\n", as_json(kind.descriptor())))?;
             } else {
-                print_one(kind.descriptor());
+                print(&text_of(kind.descriptor()))?;
             }
         }
         None if args.json => {
             let all: Vec<Value> = registry.iter().map(|k| as_json(k.descriptor())).collect();
-            println!("{:#}", Value::Array(all));
+            print(&format!("{:#}\n", Value::Array(all)))?;
         }
         None => {
             let width = registry.names().map(str::len).max().unwrap_or(0);
+            let mut out = String::new();
             for kind in registry.iter() {
                 let d = kind.descriptor();
-                println!("{:width$}  {}", d.kind, d.summary);
+                let _ = writeln!(out, "{:width$}  {}", d.kind, d.summary);
             }
-            println!("\nasperity nodes KIND describes one.");
+            out.push_str("\nasperity nodes KIND describes one.\n");
+            print(&out)?;
         }
     }
     Ok(ExitCode::SUCCESS)
 }
 
-fn print_one(d: &Descriptor) {
-    println!("{}\n  {}", d.kind, d.summary);
+fn text_of(d: &Descriptor) -> String {
+    let mut out = String::new();
+    let _ = writeln!(out, "{}\n  {}", d.kind, d.summary);
     if !d.inputs.is_empty() {
-        println!("\ninputs");
+        let _ = writeln!(out, "\ninputs");
     }
     for p in &d.inputs {
         let mut notes = Vec::new();
@@ -59,17 +63,17 @@ fn print_one(d: &Descriptor) {
             notes.push("only behind a limiter".to_owned());
         }
         let notes = if notes.is_empty() { String::new() } else { format!(" ({})", notes.join("; ")) };
-        println!("  {}: {} [{}]{notes}\n      {}", p.name, p.shape, p.unit, p.doc);
+        let _ = writeln!(out, "  {}: {} [{}]{notes}\n      {}", p.name, p.shape, p.unit, p.doc);
     }
     if !d.outputs.is_empty() {
-        println!("\noutputs");
+        let _ = writeln!(out, "\noutputs");
     }
     for p in &d.outputs {
         let limited = if p.limited { " (limited)" } else { "" };
-        println!("  {}: {} [{}]{limited}\n      {}", p.name, p.shape, p.unit, p.doc);
+        let _ = writeln!(out, "  {}: {} [{}]{limited}\n      {}", p.name, p.shape, p.unit, p.doc);
     }
     if !d.params.is_empty() {
-        println!("\nparameters");
+        let _ = writeln!(out, "\nparameters");
     }
     for p in &d.params {
         let default = match &p.default {
@@ -79,21 +83,22 @@ fn print_one(d: &Descriptor) {
             None => "required".to_owned(),
         };
         let unit = if p.unit.is_empty() { String::new() } else { format!(" {}", p.unit) };
-        println!("  {}: {}{unit}, {default}\n      {}", p.name, range(&p.kind), p.doc);
+        let _ = writeln!(out, "  {}: {}{unit}, {default}\n      {}", p.name, range(&p.kind), p.doc);
     }
-    println!("\nwhen it wakes: {}", d.resume.word());
+    let _ = writeln!(out, "\nwhen it wakes: {}", d.resume.word());
     if let Some(gate) = &d.gate {
-        println!("gates what serves `{gate}` alone");
+        let _ = writeln!(out, "gates what serves `{gate}` alone");
     }
     if d.feedback.is_some() {
-        println!("can close a cycle");
+        let _ = writeln!(out, "can close a cycle");
     }
     if d.sink {
-        println!("is a sink: a graph is built for its sinks");
+        let _ = writeln!(out, "is a sink: a graph is built for its sinks");
     }
     if !d.timing.is_empty() {
-        println!("timing: {}", d.timing);
+        let _ = writeln!(out, "timing: {}", d.timing);
     }
+    out
 }
 
 fn range(kind: &ParamKind) -> String {

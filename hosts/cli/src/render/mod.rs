@@ -12,14 +12,14 @@ use std::time::Instant;
 
 use asperity_engine::{Clock, Engine, Options};
 use asperity_measure::timing::Recorder as Times;
-use asperity_node::Buffer;
+use asperity_node::{Buffer, ParamValue};
 use asperity_source::Diagnostic;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::args::Render;
-use crate::failure::Failure;
-use crate::load;
+use crate::failure::{Failure, print};
 use crate::output::Pending;
+use crate::{load, output};
 
 use record::{Master, Recorder};
 use report::Run;
@@ -45,18 +45,23 @@ pub fn run(args: &Render) -> Result<ExitCode, Failure> {
     let mut graph = load::read(&args.graph)?;
     for (i, text) in args.probe.iter().enumerate() {
         let (port, file) = load::probe(text, &graph)?;
-        let id = format!("probe {}", i + 1);
+        let id =
+            (i + 1..).map(|n| format!("probe {n}")).find(|id| graph.node(id).is_none()).unwrap_or_default();
         graph.add_node(&id, "probe", &[("file", &file)], "--probe")?;
         graph.add_wire(&port, &id, "--probe");
     }
     let compiled = load::compiled(&graph, &args.graph, &registry)?;
     let schedule = &compiled.schedule;
     let ticks = ticks(args, schedule)?;
+    for warning in load::warnings(schedule) {
+        crate::failure::warn(&warning);
+    }
     for allocating in schedule.allocating() {
         crate::failure::warn(&format!("`{allocating}` allocates in every tick and is not fit for real time"));
     }
 
     distinct_files(args, schedule)?;
+    check_lengths(args, schedule, ticks)?;
     let mut recorders = Recorder::for_sinks(schedule)?;
     let mut master = args.out.as_ref().map(|path| Master::new(path, schedule, args.format)).transpose()?;
     // Opened now, so that a folder that is not there is known before and not after the work.
@@ -119,6 +124,7 @@ pub fn run(args: &Render) -> Result<ExitCode, Failure> {
         ticks: done,
         asked: ticks,
         elapsed_s,
+        options: args,
     };
     if let (Some(file), Some(traces)) = (plot, traces) {
         written.push(file.keep_text(&traces.svg(&args.graph.graph, &schedule))?);
@@ -127,23 +133,56 @@ pub fn run(args: &Render) -> Result<ExitCode, Failure> {
         written.push(file.keep_text(&report::json(&run, &engine, &times, &drive))?);
     }
     if !args.quiet {
-        print!("{}", report::summary(&run, &engine, &times, &drive, &written));
+        print(&report::summary(&run, &engine, &times, &drive, &written))?;
     }
     Ok(if done < ticks { ExitCode::from(INTERRUPTED) } else { ExitCode::SUCCESS })
 }
 
-/// Two things written to one file would leave only the last.
+/// Two things written to one file would leave only the last, and what is read must not be written over.
 fn distinct_files(args: &Render, schedule: &asperity_graph::Schedule) -> Result<(), Failure> {
+    let mut seen: Vec<(PathBuf, String)> = vec![(args.graph.graph.clone(), "the graph".to_owned())];
+    for node in &schedule.nodes {
+        for (name, value) in node.params.iter() {
+            if let ParamValue::File(path) = value {
+                seen.push((path.clone(), format!("`{}.{name}`", node.id)));
+            }
+        }
+    }
+    let read = seen.len();
     let named = [("--out", &args.out), ("--plot", &args.plot), ("--report", &args.report)];
-    let mut seen: Vec<(PathBuf, String)> =
-        named.into_iter().filter_map(|(name, path)| Some((path.clone()?, name.to_owned()))).collect();
+    seen.extend(named.into_iter().filter_map(|(name, path)| Some((path.clone()?, name.to_owned()))));
     seen.extend(record::files(schedule).map(|(path, id)| (path, format!("`{id}`"))));
-    for (i, (path, who)) in seen.iter().enumerate() {
-        if let Some((_, first)) = seen[..i].iter().find(|(other, _)| other == path) {
-            return Err(Diagnostic::new(format!("{first} and {who} would both write this file"))
+    let seen: Vec<(PathBuf, String)> =
+        seen.into_iter().map(|(path, who)| (output::resolved(&path), who)).collect();
+    for (i, (path, who)) in seen.iter().enumerate().skip(read) {
+        if let Some(first) = seen[..i].iter().position(|(other, _)| other == path) {
+            let verb = if first < read {
+                "reads this file, and would be overwritten by"
+            } else {
+                "would write the same file as"
+            };
+            return Err(Diagnostic::new(format!("{} {verb} {who}", seen[first].1))
                 .in_file(path)
                 .help("give each a file of its own")
                 .into());
+        }
+    }
+    Ok(())
+}
+
+/// A WAV file has room for so many samples.
+fn check_lengths(args: &Render, schedule: &asperity_graph::Schedule, ticks: u64) -> Result<(), Failure> {
+    let samples = |rate_hz: u32| asperity_node::time::first_sample(ticks, rate_hz, schedule.tick_hz);
+    if let Some(path) = args.out.as_ref().filter(|p| output::ending(p) == "wav") {
+        let channels = schedule.nodes.iter().filter(|n| n.kind == "audio_out").count() as u64;
+        output::Rows::check_wav_length(path, samples(schedule.audio_hz) * channels, args.format)?;
+    }
+    for node in schedule.nodes.iter().filter(|n| n.kind == "file_out") {
+        if let (Some(path), asperity_node::Shape::Audio { rate_hz }) =
+            (record::file_of(node), node.outputs[0].port.shape)
+            && output::ending(path) == "wav"
+        {
+            output::Rows::check_wav_length(path, samples(rate_hz), crate::args::Format::F32)?;
         }
     }
     Ok(())

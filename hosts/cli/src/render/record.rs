@@ -9,7 +9,7 @@ use asperity_source::Diagnostic;
 
 use crate::args::Format;
 use crate::failure::Failure;
-use crate::output::Rows;
+use crate::output::{Rows, ending};
 
 /// Takes down what a sink's buffer holds after each tick.
 #[derive(Debug)]
@@ -22,7 +22,7 @@ pub struct Recorder {
 }
 
 /// The file that a sink wants written, if it wants one.
-fn file_of(node: &ScheduledNode) -> Option<&Path> {
+pub fn file_of(node: &ScheduledNode) -> Option<&Path> {
     match node.params.get("file") {
         Some(ParamValue::Text(file)) if node.sink && !file.is_empty() => Some(Path::new(file)),
         _ => None,
@@ -75,10 +75,10 @@ impl Recorder {
                 (2 * l.bins as usize, (0..l.bins).flat_map(part).collect())
             }
         };
-        let rows = match (path.extension().and_then(|e| e.to_str()), shape) {
-            (Some("npy"), _) => Rows::npy(path, (columns > 1).then_some(columns))?,
-            (Some("csv"), _) => Rows::csv(path, &names)?,
-            (Some("wav"), Shape::Audio { rate_hz }) => Rows::wav(path, 1, rate_hz, Format::F32)?,
+        let rows = match (ending(path).as_str(), shape) {
+            ("npy", _) => Rows::npy(path, (columns > 1).then_some(columns))?,
+            ("csv", _) => Rows::csv(path, &names)?,
+            ("wav", Shape::Audio { rate_hz }) => Rows::wav(path, 1, rate_hz, Format::F32)?,
             _ => return Err(unknown_format(path, "a .csv or .npy file; .wav for audio").into()),
         };
         Ok(Self { rows, from, columns, shape, scratch: Vec::new() })
@@ -142,9 +142,9 @@ impl Master {
                 .help("leave --out out, or add an `audio_out`")
                 .into());
         }
-        let rows = match path.extension().and_then(|e| e.to_str()) {
-            Some("wav") => Rows::wav(path, nodes.len(), schedule.audio_hz, format)?,
-            Some("npy") => Rows::npy(path, (nodes.len() > 1).then_some(nodes.len()))?,
+        let rows = match ending(path).as_str() {
+            "wav" => Rows::wav(path, nodes.len(), schedule.audio_hz, format)?,
+            "npy" => Rows::npy(path, (nodes.len() > 1).then_some(nodes.len()))?,
             _ => return Err(unknown_format(path, "a .wav or .npy file").into()),
         };
         Ok(Self { rows, nodes, scratch: Vec::new() })

@@ -10,6 +10,7 @@ use asperity_node::{Fact, FactValue};
 use serde_json::{Value, json};
 
 use super::samples;
+use crate::args::Render;
 
 /// What was run.
 pub struct Run<'a> {
@@ -25,6 +26,8 @@ pub struct Run<'a> {
     pub asked: u64,
     /// How long they took.
     pub elapsed_s: f64,
+    /// The command line.
+    pub options: &'a Render,
 }
 
 /// Level of what drives the coil: all that goes into `audio_out`.
@@ -82,6 +85,13 @@ fn realtime_factor(run: &Run<'_>, schedule: &Schedule) -> f64 {
     run.ticks as f64 / f64::from(schedule.tick_hz) / run.elapsed_s.max(1e-9)
 }
 
+/// Samples that did not fit a card's full scale.
+fn clipped(engine: &Engine) -> u64 {
+    let nodes = 0..engine.schedule().nodes.len();
+    let facts = nodes.flat_map(|i| engine.facts(i)).filter(|f| f.name == "clipped_samples");
+    facts.map(|f| if let FactValue::Count(n) = f.value { n } else { 0 }).sum()
+}
+
 /// The report as JSON.
 pub fn json(run: &Run<'_>, engine: &Engine, times: &Times, level: &Level) -> String {
     let schedule = engine.schedule();
@@ -130,7 +140,14 @@ pub fn json(run: &Run<'_>, engine: &Engine, times: &Times, level: &Level) -> Str
         "nodes": nodes,
         "faults": engine.faults(),
         "dropped": dropped,
-        "output": { "peak": level.peak, "rms": level.rms(), "unit": level.unit },
+        "output": { "peak": level.peak, "rms": level.rms(), "unit": level.unit, "clipped": clipped(engine) },
+        "options": {
+            "seconds": run.options.seconds,
+            "probes": run.options.probe,
+            "no_sleep": run.options.no_sleep,
+            "no_prune": run.options.graph.no_prune,
+            "format": format!("{:?}", run.options.format).to_lowercase(),
+        },
     });
     format!("{report:#}\n")
 }
@@ -160,6 +177,18 @@ pub fn summary(run: &Run<'_>, engine: &Engine, times: &Times, level: &Level, wri
     line("latency", format!("{:.2} ms, source to sink", schedule.latency().ms()));
     if !level.unit.is_empty() {
         line("output", format!("peak {:.4} {u}, rms {:.4} {u}", level.peak, level.rms(), u = level.unit));
+        if level.peak == 0.0 {
+            line("", "silent: no gate opened, or nothing moved".into());
+        }
+        let clipped = clipped(engine);
+        if clipped > 0 {
+            line(
+                "",
+                format!(
+                    "{clipped} samples were cut at the card's full scale: raise its volts or amplify more"
+                ),
+            );
+        }
     }
     for (i, node) in schedule.nodes.iter().enumerate() {
         for fact in engine.facts(i) {
@@ -179,7 +208,7 @@ pub fn summary(run: &Run<'_>, engine: &Engine, times: &Times, level: &Level, wri
                 })
                 .collect();
             let text = if acted.is_empty() {
-                "did nothing".into()
+                "removed DC only".into()
             } else {
                 format!("samples: {}", acted.join(", "))
             };

@@ -1,0 +1,159 @@
+//! Every bug found keeps a test here, named for what went wrong.
+
+mod common;
+
+use std::process::Stdio;
+
+use common::{asperity, files, graphs, run};
+
+fn heravi() -> String {
+    graphs("heravi2024.ron").display().to_string()
+}
+
+#[test]
+fn a_wav_of_more_than_4_gib_is_refused_before_it_is_begun() {
+    let dir = tempfile::tempdir().unwrap();
+    let args = ["render", &heravi(), "--set", "audio_hz=192000", "--seconds", "5700", "--out", "a.wav"];
+    let ran = run(dir.path(), &args);
+    assert_eq!(ran.code, 2, "{}", ran.err);
+    assert!(ran.err.contains("a WAV file cannot hold 4377600000 bytes"), "{}", ran.err);
+    assert!(files(dir.path()).is_empty());
+}
+
+#[test]
+fn an_error_far_out_in_a_long_line_is_shown_and_does_not_panic() {
+    let dir = tempfile::tempdir().unwrap();
+    let nodes: Vec<String> = (0..6000).map(|i| format!("\"n{i}\": (kind: \"gain\")")).collect();
+    let text = format!("Graph(version: 1, nodes: {{{}, \"x\": (kind: \"gane\")}})", nodes.join(", "));
+    std::fs::write(dir.path().join("g.ron"), &text).unwrap();
+    let ran = run(dir.path(), &["check", "g.ron"]);
+    assert_eq!(ran.code, 2, "{}", ran.err);
+    assert!(ran.err.contains(&format!("g.ron:1:{}: error: there is no node kind `gane`", text.find("\"gane\"").unwrap() + 1)));
+    assert!(ran.err.contains("did you mean `gain`?") && ran.err.len() < 1000, "{}", ran.err);
+}
+
+#[test]
+fn what_a_render_reads_is_not_written_over() {
+    let dir = tempfile::tempdir().unwrap();
+    let csv = "t_s,x_mm,y_mm,z_mm\n0,0,0,-1\n0.01,1,0,-1\n0.02,2,0,-1\n";
+    std::fs::write(dir.path().join("in.csv"), csv).unwrap();
+    std::fs::write(dir.path().join("g.ron"), common::shipped_graph()).unwrap();
+    for args in [
+        ["render", "g.ron", "--input", "in.csv", "--probe", "stylus.position=in.csv"].as_slice(),
+        &["render", "g.ron", "--input", "in.csv", "--report", "./in.csv"],
+        &["render", "g.ron", "--report", "g.ron"],
+        &["render", "g.ron", "--plot", "../{}/g.ron"],
+        &["graph", "g.ron", "--svg", "g.ron"],
+    ] {
+        let name = dir.path().file_name().unwrap().to_string_lossy().into_owned();
+        let args: Vec<String> = args.iter().map(|a| a.replace("{}", &name)).collect();
+        let ran = run(dir.path(), &args.iter().map(String::as_str).collect::<Vec<_>>());
+        assert_eq!(ran.code, 2, "{args:?}: {}{}", ran.out, ran.err);
+    }
+    assert_eq!(std::fs::read_to_string(dir.path().join("in.csv")).unwrap(), csv);
+    assert_eq!(std::fs::read_to_string(dir.path().join("g.ron")).unwrap(), common::shipped_graph());
+}
+
+#[cfg(unix)]
+#[test]
+fn a_link_is_followed_and_what_is_no_file_is_left_alone() {
+    let dir = tempfile::tempdir().unwrap();
+    std::fs::write(dir.path().join("target.json"), "old").unwrap();
+    std::os::unix::fs::symlink("target.json", dir.path().join("link.json")).unwrap();
+    run(dir.path(), &["render", &heravi(), "--seconds", "0.1", "--report", "link.json"]).ok();
+    assert!(dir.path().join("link.json").is_symlink());
+    assert!(std::fs::read_to_string(dir.path().join("target.json")).unwrap().starts_with('{'));
+    std::fs::create_dir(dir.path().join("d.wav")).unwrap();
+    for path in ["d.wav", "/dev/null"] {
+        let option = if path == "d.wav" { "--out" } else { "--report" };
+        let ran = run(dir.path(), &["render", &heravi(), "--seconds", "0.1", option, path]);
+        assert_eq!(ran.code, 2, "{}", ran.err);
+        assert!(ran.err.contains("is no file"), "{}", ran.err);
+    }
+}
+
+#[test]
+fn an_input_takes_the_place_of_a_stroke_whose_wires_name_no_port() {
+    let dir = tempfile::tempdir().unwrap();
+    let graph = graphs("voltage_amplifier.ron").display().to_string();
+    let csv = graphs("trajectories/zigzag.csv").display().to_string();
+    run(dir.path(), &["render", &graph, "--input", &csv, "--seconds", "1", "--out", "o.wav"]).ok();
+}
+
+#[test]
+fn a_probe_does_not_change_what_is_rendered() {
+    let dir = tempfile::tempdir().unwrap();
+    run(dir.path(), &["render", &heravi(), "--out", "a.wav"]).ok();
+    let probes = ["--probe", "phase=p.npy", "--probe", "synthesis=s.npy", "--probe", "audio rate=r.npy"];
+    let mut args = vec!["render", "--out", "b.wav"];
+    let graph = heravi();
+    args.push(&graph);
+    args.extend(probes);
+    run(dir.path(), &args).ok();
+    let read = |n: &str| std::fs::read(dir.path().join(n)).unwrap();
+    assert!(read("a.wav") == read("b.wav"));
+}
+
+#[test]
+fn frames_too_rare_to_overlap_are_refused() {
+    let dir = tempfile::tempdir().unwrap();
+    let ran = run(dir.path(), &["render", &heravi(), "--set", "texture.every=49", "--out", "o.wav"]);
+    assert_eq!(ran.code, 2, "{}", ran.err);
+    assert!(ran.err.contains("too rarely to overlap"), "{}", ran.err);
+    run(dir.path(), &["render", &heravi(), "--set", "texture.every=25", "--seconds", "2", "--out", "o.wav"]).ok();
+    let (samples, _) = common::wav(&dir.path().join("o.wav"));
+    assert!(samples.iter().all(|x| x.abs() < 0.6), "no explosion at a hop of half a window");
+}
+
+#[cfg(unix)]
+#[test]
+fn a_reader_that_goes_away_is_no_panic() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut child = asperity(dir.path())
+        .args(["nodes", "--json"])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    drop(child.stdout.take());
+    let out = child.wait_with_output().unwrap();
+    assert!(!String::from_utf8_lossy(&out.stderr).contains("panicked"));
+    let full = std::fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
+    let out = asperity(dir.path()).args(["check", &heravi()]).stdout(full).stderr(Stdio::piped()).output().unwrap();
+    let err = String::from_utf8_lossy(&out.stderr);
+    assert_eq!(out.status.code(), Some(1), "{err}");
+    assert!(err.contains("cannot write to the standard output"), "{err}");
+}
+
+#[test]
+fn clipping_at_the_card_is_told() {
+    let dir = tempfile::tempdir().unwrap();
+    let args = ["render", &heravi(), "--set", "out.volts_at_full_scale=0.1", "--out", "o.wav", "--report", "r.json"];
+    let ran = run(dir.path(), &args).ok();
+    assert!(ran.out.contains("samples were cut at the card's full scale"), "{}", ran.out);
+    assert!(common::json(&dir.path().join("r.json"))["output"]["clipped"].as_u64().unwrap() > 100);
+}
+
+#[test]
+fn two_stages_set_to_different_actuators_are_named() {
+    let dir = tempfile::tempdir().unwrap();
+    let ran = run(dir.path(), &["check", &heravi(), "--set", "limiter.handle_mass_g=50"]).ok();
+    assert!(ran.err.contains("`inverse` and `limiter` are set to different actuators"), "{}", ran.err);
+}
+
+#[test]
+fn an_error_from_the_command_line_names_the_assignment() {
+    let dir = tempfile::tempdir().unwrap();
+    let ran = run(dir.path(), &["check", &heravi(), "--set", "motion.cutoff_hz=5", "--set", "tick_hz=99"]);
+    assert_eq!(ran.code, 2);
+    assert!(ran.err.contains("--set tick_hz:1:1: error: 99 Hz is out of range"), "{}", ran.err);
+    let ran = run(dir.path(), &["check", &heravi(), "--set", "texture.model=nowhere.onnx"]);
+    assert!(ran.err.contains("relative to where the program runs"), "{}", ran.err);
+}
+
+#[test]
+fn endings_are_known_in_capitals_too() {
+    let dir = tempfile::tempdir().unwrap();
+    run(dir.path(), &["render", &heravi(), "--seconds", "0.1", "--out", "O.WAV", "--probe", "motion.speed=V.NPY"]).ok();
+    assert_eq!(files(dir.path()), ["O.WAV", "V.NPY"]);
+}
