@@ -157,3 +157,17 @@ fn endings_are_known_in_capitals_too() {
     run(dir.path(), &["render", &heravi(), "--seconds", "0.1", "--out", "O.WAV", "--probe", "motion.speed=V.NPY"]).ok();
     assert_eq!(files(dir.path()), ["O.WAV", "V.NPY"]);
 }
+
+#[test]
+fn a_model_with_a_nan_among_its_weights_is_refused_at_load() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut bytes = std::fs::read(graphs("models/made.onnx")).unwrap();
+    // The weights fill nearly all of the file; four bytes in the middle of them make a NaN wherever a float begins.
+    let middle = bytes.len() / 2;
+    bytes[middle..middle + 8].fill(0xff);
+    std::fs::write(dir.path().join("nan.onnx"), bytes).unwrap();
+    let ran = run(dir.path(), &["render", &heravi(), "--set", "texture.model=nan.onnx", "--out", "o.wav"]);
+    assert_eq!(ran.code, 2, "{}{}", ran.out, ran.err);
+    assert!(ran.err.contains("nan.onnx: error:") && ran.err.contains("not finite at element"), "{}", ran.err);
+    assert_eq!(files(dir.path()), ["nan.onnx"]);
+}

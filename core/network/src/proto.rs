@@ -179,6 +179,11 @@ fn check_tensor(t: &TensorProto) -> Result<(), String> {
     if found != elements || (!t.raw_data.is_empty() && t.raw_data.len() as u64 != elements * width) {
         return Err(format!("the weights \"{name}\" have the shape {:?} but {found} elements", t.dims));
     }
+    // A single infinity may be the open end of a Clip.
+    let bad = |x: &f64| x.is_nan() || (elements > 1 && x.is_infinite());
+    if let Some(at) = values(t, kind).iter().position(bad) {
+        return Err(format!("the weights \"{name}\" are not finite at element {at}"));
+    }
     Ok(())
 }
 
@@ -186,8 +191,12 @@ fn check_tensor(t: &TensorProto) -> Result<(), String> {
 pub(crate) fn numbers(t: &TensorProto) -> Result<Vec<f64>, String> {
     check_tensor(t)?;
     let kind = DataType::try_from(t.data_type).map_err(|_| "unknown element type".to_owned())?;
+    Ok(values(t, kind))
+}
+
+fn values(t: &TensorProto, kind: DataType) -> Vec<f64> {
     if t.raw_data.is_empty() {
-        return Ok(match kind {
+        return match kind {
             DataType::Float => t.float_data.iter().map(|&x| f64::from(x)).collect(),
             DataType::Double => t.double_data.clone(),
             DataType::Int64 => t.int64_data.iter().map(|&x| x as f64).collect(),
@@ -195,13 +204,13 @@ pub(crate) fn numbers(t: &TensorProto) -> Result<Vec<f64>, String> {
                 t.int32_data.iter().map(|&x| half::f16::from_bits(x as u16).to_f64()).collect()
             }
             _ => t.int32_data.iter().map(|&x| f64::from(x)).collect(),
-        });
+        };
     }
     fn each<const N: usize>(raw: &[u8], f: impl Fn([u8; N]) -> f64) -> Vec<f64> {
         raw.as_chunks::<N>().0.iter().map(|&b| f(b)).collect()
     }
     let raw = &t.raw_data;
-    Ok(match kind {
+    match kind {
         DataType::Float => each(raw, |b| f64::from(f32::from_le_bytes(b))),
         DataType::Double => each(raw, f64::from_le_bytes),
         DataType::Int64 => each(raw, |b| i64::from_le_bytes(b) as f64),
@@ -211,7 +220,7 @@ pub(crate) fn numbers(t: &TensorProto) -> Result<Vec<f64>, String> {
         DataType::Uint16 => each(raw, |b| f64::from(u16::from_le_bytes(b))),
         DataType::Int8 => each(raw, |b: [u8; 1]| f64::from(b[0] as i8)),
         _ => each(raw, |b: [u8; 1]| f64::from(b[0])),
-    })
+    }
 }
 
 /// An attribute by name.

@@ -52,7 +52,8 @@ in `{library}` were never trained, and answers to them mean nothing.
 
 Targets were the law's expected magnitudes after the last 20 ms of speed and force, which are taken to go on
 (newest samples weigh most). Being means of Rayleigh-distributed magnitudes, they carry pi/4 of the signal's
-power: a signal synthesised from them is 1.05 dB softer than the law's. Inputs were what the chain measures:
+power: a signal of just these magnitudes is 1.05 dB softer than the law's, and phase retrieval loses more, since
+so smooth a frame belongs to no signal. Inputs were what the chain measures:
 positions rounded to 0.055 mm, differences at 500 Hz, a second-order 20 Hz low-pass; the target took the same
 filter without the rounding. Trained range: speeds of 0 to {MAX_SPEED_MM_S} mm/s in any direction, forces of 0 to
 {MAX_FORCE_N} N, movement at 0.1 to 4 Hz, tremor of 8 to 12 Hz, contact made and lost, partly filled histories.
