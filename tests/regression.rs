@@ -28,7 +28,10 @@ fn an_error_far_out_in_a_long_line_is_shown_and_does_not_panic() {
     std::fs::write(dir.path().join("g.ron"), &text).unwrap();
     let ran = run(dir.path(), &["check", "g.ron"]);
     assert_eq!(ran.code, 2, "{}", ran.err);
-    assert!(ran.err.contains(&format!("g.ron:1:{}: error: there is no node kind `gane`", text.find("\"gane\"").unwrap() + 1)));
+    assert!(ran.err.contains(&format!(
+        "g.ron:1:{}: error: there is no node kind `gane`",
+        text.find("\"gane\"").unwrap() + 1
+    )));
     assert!(ran.err.contains("did you mean `gain`?") && ran.err.len() < 1000, "{}", ran.err);
 }
 
@@ -100,7 +103,8 @@ fn frames_too_rare_to_overlap_are_refused() {
     let ran = run(dir.path(), &["render", &heravi(), "--set", "texture.every=49", "--out", "o.wav"]);
     assert_eq!(ran.code, 2, "{}", ran.err);
     assert!(ran.err.contains("too rarely to overlap"), "{}", ran.err);
-    run(dir.path(), &["render", &heravi(), "--set", "texture.every=25", "--seconds", "2", "--out", "o.wav"]).ok();
+    run(dir.path(), &["render", &heravi(), "--set", "texture.every=25", "--seconds", "2", "--out", "o.wav"])
+        .ok();
     let (samples, _) = common::wav(&dir.path().join("o.wav"));
     assert!(samples.iter().all(|x| x.abs() < 0.6), "no explosion at a hop of half a window");
 }
@@ -119,7 +123,8 @@ fn a_reader_that_goes_away_is_no_panic() {
     let out = child.wait_with_output().unwrap();
     assert!(!String::from_utf8_lossy(&out.stderr).contains("panicked"));
     let full = std::fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
-    let out = asperity(dir.path()).args(["check", &heravi()]).stdout(full).stderr(Stdio::piped()).output().unwrap();
+    let out =
+        asperity(dir.path()).args(["check", &heravi()]).stdout(full).stderr(Stdio::piped()).output().unwrap();
     let err = String::from_utf8_lossy(&out.stderr);
     assert_eq!(out.status.code(), Some(1), "{err}");
     assert!(err.contains("cannot write to the standard output"), "{err}");
@@ -128,7 +133,8 @@ fn a_reader_that_goes_away_is_no_panic() {
 #[test]
 fn clipping_at_the_card_is_told() {
     let dir = tempfile::tempdir().unwrap();
-    let args = ["render", &heravi(), "--set", "out.volts_at_full_scale=0.1", "--out", "o.wav", "--report", "r.json"];
+    let args =
+        ["render", &heravi(), "--set", "out.volts_at_full_scale=0.1", "--out", "o.wav", "--report", "r.json"];
     let ran = run(dir.path(), &args).ok();
     assert!(ran.out.contains("samples were cut at the card's full scale"), "{}", ran.out);
     assert!(common::json(&dir.path().join("r.json"))["output"]["clipped"].as_u64().unwrap() > 100);
@@ -152,9 +158,24 @@ fn an_error_from_the_command_line_names_the_assignment() {
 }
 
 #[test]
+fn a_wire_between_units_says_what_leads_from_one_to_the_other() {
+    let dir = tempfile::tempdir().unwrap();
+    let graph = common::shipped_graph()
+        .replace("(\"motion.speed\", \"gate.speed\")", "(\"floor.force\", \"gate.speed\")");
+    std::fs::write(dir.path().join("g.ron"), graph).unwrap();
+    let ran = run(dir.path(), &["check", "g.ron"]);
+    assert_eq!(ran.code, 2);
+    assert!(ran.err.contains("a `gain` with `unit: \"mm/s\"`"), "{}", ran.err);
+}
+
+#[test]
 fn endings_are_known_in_capitals_too() {
     let dir = tempfile::tempdir().unwrap();
-    run(dir.path(), &["render", &heravi(), "--seconds", "0.1", "--out", "O.WAV", "--probe", "motion.speed=V.NPY"]).ok();
+    run(
+        dir.path(),
+        &["render", &heravi(), "--seconds", "0.1", "--out", "O.WAV", "--probe", "motion.speed=V.NPY"],
+    )
+    .ok();
     assert_eq!(files(dir.path()), ["O.WAV", "V.NPY"]);
 }
 

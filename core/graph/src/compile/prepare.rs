@@ -54,7 +54,8 @@ pub(super) fn prepare(
                 None => {
                     let decl = &graph.nodes[i];
                     let message = format!("nothing settles the type of `{}.{}`", decl.id, output.name);
-                    errors.push(Diagnostic::new(message).at(&decl.place.source, decl.place.span));
+                    let help = "wire something whose type is known into it, or take it out";
+                    errors.push(Diagnostic::new(message).at(&decl.place.source, decl.place.span).help(help));
                 }
             }
         }

@@ -7,8 +7,8 @@
 use std::collections::VecDeque;
 
 use asperity_node::{
-    Diagnostic, FrameLayout, LayoutSpec, NodeKind, PortType, Ports, RateSpec, Registry, Shape, ShapeSpec,
-    Unit, UnitSpec, Var,
+    Descriptor, Diagnostic, FrameLayout, LayoutSpec, NodeKind, PortType, Ports, RateSpec, Registry, Shape,
+    ShapeSpec, Unit, UnitSpec, Var,
 };
 
 use super::resolve::{Resolved, Wire};
@@ -286,6 +286,10 @@ fn check_wire(
         }
         let d = error(format!("`{}` carries {}, but `{}` takes {takes}", names.0, found.describe(), names.1));
         return Some(match bridges(&found, &wanted, graph.audio_hz, registry).as_slice() {
+            [] if found.kind == wanted.kind && found.unit != wanted.unit && wanted.unit.is_some() => {
+                let unit = wanted.unit.as_ref().map(Unit::symbol).unwrap_or_default();
+                d.help(format!("a `gain` with `unit: \"{unit}\"`, where a constant factor leads from the one to the other"))
+            }
             [] => d,
             kinds => d.help(format!("what goes between: {}", kinds.join(", "))),
         });
@@ -360,5 +364,11 @@ fn bridges(found: &Partial, wanted: &Partial, audio_hz: u32, registry: &Registry
                 })
         })
     };
-    registry.iter().filter(|k| fits(k.as_ref())).map(|k| format!("`{}`", k.descriptor().kind)).collect()
+    // A gate's answer has a unit that fits much and means nothing here.
+    let sensible = |d: &Descriptor| d.gate.is_none() && !d.outputs.is_empty();
+    registry
+        .iter()
+        .filter(|k| sensible(k.descriptor()) && fits(k.as_ref()))
+        .map(|k| format!("`{}`", k.descriptor().kind))
+        .collect()
 }

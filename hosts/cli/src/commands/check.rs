@@ -8,8 +8,10 @@ use asperity_node::{Fact, FactValue};
 use serde_json::{Value, json};
 
 use crate::args::Check;
+use crate::commands::nodes::param_json;
 use crate::failure::{Failure, print, warn};
 use crate::load;
+use crate::render::report::fact_json;
 
 /// Runs the command.
 pub fn run(args: &Check) -> Result<ExitCode, Failure> {
@@ -147,7 +149,7 @@ fn as_json(schedule: &Schedule) -> Value {
         .iter()
         .map(|node| {
             let params: serde_json::Map<String, Value> =
-                node.params.iter().map(|(name, v)| (name.to_owned(), json!(v.to_string()))).collect();
+                node.params.iter().map(|(name, v)| (name.to_owned(), param_json(v))).collect();
             let inputs: Vec<Value> = node
                 .inputs
                 .iter()
@@ -172,7 +174,7 @@ fn as_json(schedule: &Schedule) -> Value {
                 })
                 .collect();
             let facts: serde_json::Map<String, Value> =
-                node.facts.iter().map(|f| (f.name.to_owned(), json!(f.value.to_string()))).collect();
+                node.facts.iter().map(|f| (f.name.to_owned(), fact_json(f))).collect();
             json!({
                 "id": node.id,
                 "kind": node.kind,

@@ -115,6 +115,19 @@ fn range(kind: &ParamKind) -> String {
     }
 }
 
+/// A parameter's value as JSON.
+pub fn param_json(value: &ParamValue) -> Value {
+    match value {
+        ParamValue::Number(x) => json!(x),
+        ParamValue::Integer(i) => json!(i),
+        ParamValue::Flag(b) => json!(b),
+        ParamValue::Text(t) => json!(t),
+        ParamValue::File(f) => json!(f.display().to_string()),
+        ParamValue::Numbers(xs) => json!(xs),
+        ParamValue::Texts(ts) => json!(ts),
+    }
+}
+
 fn as_json(d: &Descriptor) -> Value {
     let inputs: Vec<Value> = d
         .inputs
@@ -155,16 +168,7 @@ fn as_json(d: &Descriptor) -> Value {
                 ParamKind::Numbers(_) => ("numbers", Value::Null),
                 ParamKind::Texts => ("texts", Value::Null),
             };
-            let default = match &p.default {
-                None => Value::Null,
-                Some(ParamValue::Number(x)) => json!(x),
-                Some(ParamValue::Integer(i)) => json!(i),
-                Some(ParamValue::Flag(b)) => json!(b),
-                Some(ParamValue::Text(t)) => json!(t),
-                Some(ParamValue::File(f)) => json!(f.display().to_string()),
-                Some(ParamValue::Numbers(xs)) => json!(xs),
-                Some(ParamValue::Texts(ts)) => json!(ts),
-            };
+            let default = p.default.as_ref().map_or(Value::Null, param_json);
             json!({
                 "name": p.name, "doc": p.doc, "unit": p.unit, "type": kind, "choices": choices,
                 "min": least, "max": most, "default": default, "required": p.default.is_none() && !p.optional,

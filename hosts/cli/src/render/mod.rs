@@ -1,7 +1,7 @@
 //! `asperity render`: the virtual clock. Ticks run one after another, as fast as they go.
 
 mod record;
-mod report;
+pub mod report;
 mod traces;
 
 use std::path::PathBuf;

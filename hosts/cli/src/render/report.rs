@@ -72,7 +72,8 @@ fn tick_us(s: &Summary) -> Value {
     json!({ "p50": us(s.p50_ns), "p99": us(s.p99_ns), "p999": us(s.p999_ns), "max": us(s.max_ns) })
 }
 
-fn fact_json(fact: &Fact) -> Value {
+/// A fact as JSON: a number with a unit is an object.
+pub fn fact_json(fact: &Fact) -> Value {
     match &fact.value {
         FactValue::Text(t) => json!(t),
         FactValue::Number(x, "") => json!(x),
