@@ -1,0 +1,123 @@
+//! The stages from motion to the network against closed forms, through the program.
+
+mod common;
+
+use std::f64::consts::{PI, TAU};
+use std::path::Path;
+
+use common::{graphs, run};
+
+/// A trajectory at 1 kHz from a function of time to x, y, z.
+fn csv(seconds: f64, at: impl Fn(f64) -> [f64; 3]) -> String {
+    let mut text = String::from("t_s,x_mm,y_mm,z_mm\n");
+    for k in 0..=(seconds * 1000.0) as usize {
+        let t = k as f64 / 1000.0;
+        let [x, y, z] = at(t);
+        text.push_str(&format!("{t},{x},{y},{z}\n"));
+    }
+    text
+}
+
+/// Renders the shipped graph over a trajectory and answers what the probes saw, row by row.
+fn probed(trajectory: &str, sets: &[&str], ports: &[&str]) -> Vec<(Vec<f32>, usize)> {
+    let dir = tempfile::tempdir().unwrap();
+    std::fs::write(dir.path().join("t.csv"), trajectory).unwrap();
+    let graph = graphs("heravi2024.ron").display().to_string();
+    let mut args = vec!["render".to_owned(), graph, "--input".into(), "t.csv".into()];
+    for set in [&["stylus.interpolation=linear"], sets].concat() {
+        args.extend(["--set".to_owned(), set.to_owned()]);
+    }
+    for (i, port) in ports.iter().enumerate() {
+        args.extend(["--probe".to_owned(), format!("{port}={i}.npy")]);
+    }
+    run(dir.path(), &args.iter().map(String::as_str).collect::<Vec<_>>()).ok();
+    let read = |path: &Path| {
+        let array = asperity_measure::npy::read(path).unwrap();
+        let columns = array.shape.get(1).copied().unwrap_or(1);
+        (array.values.into_f32(), columns)
+    };
+    (0..ports.len()).map(|i| read(&dir.path().join(format!("{i}.npy")))).collect()
+}
+
+#[test]
+fn the_history_is_the_last_ten_samples_at_500_hz_whatever_the_tick() {
+    // Force rises with depth, 0.5 N/mm; interpolating a straight line between ticks is exact.
+    let depth = |t: f64| 1.0 + 0.5 * t;
+    let trajectory = csv(2.0, |t| [40.0 * t, -20.0 * t, -depth(t)]);
+    for tick_hz in [250_usize, 500, 700, 1000] {
+        let set = format!("tick_hz={tick_hz}");
+        let out = probed(&trajectory, &[&set], &["history.force", "history.velocity"]);
+        let (force, columns) = &out[0];
+        assert_eq!(*columns, 10);
+        for (k, row) in force.chunks_exact(10).enumerate() {
+            let newest = (k * 500 / tick_hz) as i64;
+            for (i, f) in row.iter().enumerate() {
+                let j = newest - 9 + i as i64;
+                let expected = if j < 0 { 0.0 } else { 0.5 * depth(j as f64 / 500.0) };
+                // Before the second tick there is nothing to interpolate from.
+                assert!(
+                    (f64::from(*f) - expected).abs() < 2e-6 || k < 2,
+                    "{tick_hz} Hz, tick {k}, {i}: {f}, not {expected}"
+                );
+            }
+        }
+        let (velocity, columns) = &out[1];
+        assert_eq!(*columns, 20);
+        let last = velocity.chunks_exact(20).last().unwrap();
+        assert!(last[..10].iter().all(|v| (v - 40.0).abs() < 0.01), "vx first: {last:?}");
+        assert!(last[10..].iter().all(|v| (v + 20.0).abs() < 0.01), "then vy: {last:?}");
+    }
+}
+
+#[test]
+fn the_velocity_filter_is_3_db_down_at_20_hz() {
+    let (amplitude, hz) = (0.5, 20.0);
+    let trajectory = csv(3.0, |t| [amplitude * (TAU * hz * t).sin(), 0.0, -1.0]);
+    for tick_hz in [500.0, 1000.0] {
+        let set = format!("tick_hz={tick_hz}");
+        let out = probed(&trajectory, &[&set], &["motion.velocity", "motion.speed"]);
+        let vx: Vec<f64> = out[0].0.chunks_exact(2).map(|v| f64::from(v[0])).collect();
+        let steady = &vx[vx.len() / 2..];
+        let rms = (steady.iter().map(|v| v * v).sum::<f64>() / steady.len() as f64).sqrt();
+        // A difference over one tick, then a Butterworth filter at its corner.
+        let u = PI * hz / tick_hz;
+        let expected = amplitude * TAU * hz * (u.sin() / u) / 2.0_f64.sqrt();
+        assert!(
+            (rms * 2.0_f64.sqrt() / expected - 1.0).abs() < 2e-3,
+            "{tick_hz} Hz: {}",
+            rms * 2.0_f64.sqrt() / expected
+        );
+        for (v, s) in out[0].0.chunks_exact(2).zip(&out[1].0) {
+            assert!((v[0].hypot(v[1]) - s).abs() < 1e-4);
+        }
+    }
+}
+
+#[test]
+fn the_floor_pushes_by_hooke_up_to_what_the_device_can() {
+    let trajectory = csv(2.0, |t| [0.0, 0.0, 2.0 - 6.0 * t]);
+    let out = probed(&trajectory, &[], &["floor.force", "floor.depth"]);
+    for (k, (force, depth)) in out[0].0.iter().zip(&out[1].0).enumerate() {
+        let expected = (6.0 * k as f64 / 500.0 - 2.0).max(0.0);
+        assert!((f64::from(*depth) - expected).abs() < 1e-5, "tick {k}");
+        assert!((f64::from(*force) - (0.5 * expected).min(3.3)).abs() < 1e-5, "tick {k}");
+    }
+    assert_eq!(out[0].0.last(), Some(&3.3));
+}
+
+#[test]
+fn the_gate_opens_at_5_and_closes_at_4_mm_s() {
+    // Speed rises to 10 mm/s and falls again.
+    let trajectory = csv(4.0, |t| {
+        [if t < 2.0 { 2.5 * t * t } else { 10.0 + 10.0 * (t - 2.0) - 2.5 * (t - 2.0).powi(2) }, 0.0, -2.0]
+    });
+    let out = probed(&trajectory, &[], &["motion.speed", "gate.active", "gate.out"]);
+    let (speed, active) = (&out[0].0, &out[1].0);
+    let opened = active.iter().position(|a| *a > 0.5).expect("it opens");
+    assert!(speed[opened] >= 5.0 && speed[opened - 1] < 5.0, "{} {}", speed[opened - 1], speed[opened]);
+    let below = (opened..speed.len()).find(|&k| speed[k] < 4.0).expect("it slows down");
+    let closed = (opened..active.len()).find(|&k| active[k] < 0.5).expect("it closes");
+    // It stays active for the 10 ms of the fade, five ticks.
+    assert!((below + 4..=below + 6).contains(&closed), "slow at {below}, closed at {closed}");
+    assert!(out[2].0[(closed + 1) * 96..].iter().all(|x| *x == 0.0));
+}
