@@ -121,3 +121,50 @@ fn the_gate_opens_at_5_and_closes_at_4_mm_s() {
     assert!((below + 4..=below + 6).contains(&closed), "slow at {below}, closed at {closed}");
     assert!(out[2].0[(closed + 1) * 96..].iter().all(|x| *x == 0.0));
 }
+
+#[test]
+fn the_shipped_network_answers_the_law_of_every_material() {
+    // Steady: 100 mm/s and 1 N.
+    let trajectory = csv(1.0, |t| [100.0 * t, 0.0, -2.0]);
+    for material in asperity_world::material::made_materials().expect("the made materials") {
+        let set = format!("texture.material={}", material.name);
+        let out = probed(&trajectory, &[&set], &["texture"]);
+        let predicted = out[0].0.chunks_exact(out[0].1).last().unwrap();
+        let law = material.law.expected_magnitudes(100.0, 1.0);
+        let loudest = law.iter().fold(0.0_f64, |m, x| m.max(*x));
+        let errors: Vec<f64> = (1..=100)
+            .filter(|&b| law[b - 1] > 0.03 * loudest)
+            .map(|b| (20.0 * (f64::from(predicted[b]) / law[b - 1]).log10()).abs())
+            .collect();
+        let mean = errors.iter().sum::<f64>() / errors.len() as f64;
+        assert!(mean < 2.0, "{}: {mean:.2} dB over {} bins", material.name, errors.len());
+        assert_eq!(predicted[0], 0.0);
+    }
+}
+
+#[test]
+fn a_control_picks_among_preloaded_materials() {
+    let dir = tempfile::tempdir().unwrap();
+    // The depth picks: 0.2 mm rounds to the first, 1.2 mm to the second, and 9 mm is held to the last.
+    let graph = common::shipped_graph()
+        .replace("material: \"coarse weave\",", "material: \"coarse weave\", materials: [\"cork\"],")
+        .replace(
+            "\"phase\": (kind: \"spsi\"),",
+            "\"phase\": (kind: \"spsi\"), \"pick\": (kind: \"gain\", params: (unit: \"1\")),",
+        )
+        .replace(
+            "(\"texture\", \"phase\"),",
+            "(\"texture\", \"phase\"), (\"floor.depth\", \"pick\"), (\"pick\", \"texture.material\"),",
+        );
+    std::fs::write(dir.path().join("pick.ron"), graph).unwrap();
+    std::fs::write(dir.path().join("plain.ron"), common::shipped_graph()).unwrap();
+    for (depth, material) in [(0.2, "coarse weave"), (1.2, "cork"), (9.0, "cork")] {
+        let trajectory = csv(0.5, |t| [100.0 * t, 0.0, -depth]);
+        std::fs::write(dir.path().join("t.csv"), trajectory).unwrap();
+        run(dir.path(), &["render", "pick.ron", "--input", "t.csv", "--out", "a.wav"]).ok();
+        let set = format!("texture.material={material}");
+        run(dir.path(), &["render", "plain.ron", "--input", "t.csv", "--out", "b.wav", "--set", &set]).ok();
+        let read = |n: &str| std::fs::read(dir.path().join(n)).unwrap();
+        assert!(read("a.wav") == read("b.wav"), "{depth} mm");
+    }
+}
