@@ -259,6 +259,17 @@ fn a_model_that_is_none_is_refused() {
         assert_eq!(ran.code, 2, "{}{}", ran.out, ran.err);
         assert!(ran.err.contains(name) && !ran.err.contains("panicked"), "{}", ran.err);
         assert_eq!(files(dir.path()), [name]);
+        // From a graph file, the place that names the model is shown.
+        let g = with("models/made.onnx", "MODEL");
+        let at = g.find("MODEL").unwrap();
+        let quote = g[..at].rfind('"').unwrap();
+        let g = format!("{}\"{name}\"{}", &g[..quote], &g[at + "MODEL\"".len()..]);
+        std::fs::write(dir.path().join("g.ron"), &g).unwrap();
+        let ran = run(dir.path(), &["check", "g.ron"]);
+        let line = g[..quote].matches('\n').count() + 1;
+        let column = quote - g[..quote].rfind('\n').unwrap();
+        assert!(ran.err.contains(&format!("read by `texture` at g.ron:{line}:{column}")), "{}", ran.err);
+        assert!(ran.err.contains("──") && ran.err.contains("model:"), "{}", ran.err);
     }
 }
 

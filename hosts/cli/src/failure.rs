@@ -84,47 +84,61 @@ impl fmt::Display for Shown<'_> {
             (None, Some(path)) => writeln!(f, "{}: error: {}", path.display(), d.message)?,
             _ => writeln!(f, "error: {}", d.message)?,
         }
-        let label = |p: &Place, text: &str| {
-            let len = p.span.end.saturating_sub(p.span.start).max(1);
-            LabeledSpan::new_with_span((!text.is_empty()).then(|| text.to_owned()), (p.span.start, len))
-        };
-        // What stands in another file than the error itself is named in a line of its own.
+        // What stands in another file than the error itself is shown for itself.
         let (here, elsewhere): (Vec<_>, Vec<_>) = d
             .related
             .iter()
             .partition(|(p, _)| d.place.as_ref().is_some_and(|at| at.source.path() == p.source.path()));
-        let long = |p: &Place| longest_line(p) > MAX_LINE;
-        if let Some(place) = d.place.as_ref().filter(|p| long(p) || here.iter().any(|(p, _)| long(p))) {
-            writeln!(f, "{}", cut_line(place, &d.label))?;
-        } else if let Some(place) = &d.place
-            && !place.source.text().is_empty()
-        {
-            let mut labels = vec![label(place, &d.label)];
-            labels.extend(here.iter().map(|(p, text)| label(p, text)));
-            let theme = GraphicalTheme::unicode_nocolor();
-            let handler = GraphicalReportHandler::new_themed(theme).with_width(110).with_context_lines(1);
-            let name = place.source.path().display().to_string();
-            let snippet = Snippet { source: NamedSource::new(name, place.source.text().to_owned()), labels };
-            let mut text = String::new();
-            handler.render_report(&mut text, &snippet)?;
-            // The first line is the report's own title, which stands above already.
-            for line in text.lines().skip_while(|l| !l.contains('╭')).filter(|l| !l.trim().is_empty()) {
-                // The place stands in the first line, counted in characters; here it is counted otherwise.
-                match line.split_once("─[") {
-                    Some((before, _)) if before.ends_with('╭') => writeln!(f, "{before}────")?,
-                    _ => writeln!(f, "{line}")?,
-                }
-            }
+        if let Some(place) = &d.place {
+            write_snippet(f, place, &d.label, &here)?;
         }
         for (p, text) in elsewhere {
             let at = p.position();
             writeln!(f, "  {text} at {}:{}:{}", p.source.path().display(), at.line, at.column)?;
+            write_snippet(f, p, "", &[])?;
         }
         if let Some(help) = &d.help {
             writeln!(f, "  help: {help}")?;
         }
         Ok(())
     }
+}
+
+/// Writes the lines around a place with carets under it and under others of the same text.
+fn write_snippet(
+    f: &mut fmt::Formatter<'_>,
+    place: &Place,
+    label: &str,
+    others: &[&(Place, String)],
+) -> fmt::Result {
+    if place.source.text().is_empty() {
+        return Ok(());
+    }
+    let long = |p: &Place| longest_line(p) > MAX_LINE;
+    if long(place) || others.iter().any(|(p, _)| long(p)) {
+        return writeln!(f, "{}", cut_line(place, label));
+    }
+    let labelled = |p: &Place, text: &str| {
+        let len = p.span.end.saturating_sub(p.span.start).max(1);
+        LabeledSpan::new_with_span((!text.is_empty()).then(|| text.to_owned()), (p.span.start, len))
+    };
+    let mut labels = vec![labelled(place, label)];
+    labels.extend(others.iter().map(|(p, text)| labelled(p, text)));
+    let theme = GraphicalTheme::unicode_nocolor();
+    let handler = GraphicalReportHandler::new_themed(theme).with_width(110).with_context_lines(1);
+    let name = place.source.path().display().to_string();
+    let snippet = Snippet { source: NamedSource::new(name, place.source.text().to_owned()), labels };
+    let mut text = String::new();
+    handler.render_report(&mut text, &snippet)?;
+    // The first line is the report's own title, which stands above already.
+    for line in text.lines().skip_while(|l| !l.contains('╭')).filter(|l| !l.trim().is_empty()) {
+        // The place stands in the first line, counted in bytes; above it is counted in characters.
+        match line.split_once("─[") {
+            Some((before, _)) if before.ends_with('╭') => writeln!(f, "{before}────")?,
+            _ => writeln!(f, "{line}")?,
+        }
+    }
+    Ok(())
 }
 
 /// Longest line, in bytes, that is shown whole; beyond 65535 columns the snippet's renderer gives up.

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use asperity_node::{Diagnostic, InputRef, PortType, Processor, Setup, Shape, Wiring};
+use asperity_node::{Diagnostic, InputRef, ParamValue, Params, PortType, Processor, Setup, Shape, Wiring};
 
 use super::order::Ordered;
 use super::resolve::Resolved;
@@ -104,7 +104,7 @@ pub(super) fn prepare(
                 ));
                 processors.push(processor);
             }
-            Err(e) => errors.push(with_node(e, graph, i)),
+            Err(e) => errors.push(with_node(e, graph, i, &node.params)),
         }
     }
     if !errors.is_empty() {
@@ -184,15 +184,17 @@ fn scheduled(
     }
 }
 
-/// An error in another file names the node that reads it.
-fn with_node(error: Diagnostic, graph: &GraphFile, i: usize) -> Diagnostic {
+/// An error in another file names what in the graph reads it.
+fn with_node(error: Diagnostic, graph: &GraphFile, i: usize, params: &Params) -> Diagnostic {
     let decl = &graph.nodes[i];
-    if error.path() == Some(decl.place.source.path()) {
+    let Some(path) = error.path() else {
+        return error.at(&decl.place.source, decl.place.span);
+    };
+    if path == decl.place.source.path() {
         return error;
     }
-    let label = format!("read by `{}`", decl.id);
-    if error.path().is_none() {
-        return error.at(&decl.place.source, decl.place.span);
-    }
-    error.related(&decl.place.source, decl.place.span, label)
+    let names = |value: &ParamValue| matches!(value, ParamValue::File(file) if file == path);
+    let param = params.iter().find(|(_, value)| names(value)).and_then(|(name, _)| params.place(name));
+    let place = param.unwrap_or(&decl.place).clone();
+    error.related(&place.source, place.span, format!("read by `{}`", decl.id))
 }
