@@ -224,6 +224,19 @@ fn a_wrong_rate_is_found_whatever_the_order_of_the_wires() {
 }
 
 #[test]
+fn a_schedule_is_plain_data_that_can_be_compared() {
+    let text = |gain: f64| {
+        format!(
+            "Graph(version: 1, nodes: {{\"s\": (kind: \"stroke\"), \"f\": (kind: \"virtual_floor\"), \"g\": (kind: \"gain\", \
+             params: (gain: {gain:?})), \"p\": (kind: \"probe\")}}, wires: [(\"s\", \"f\"), (\"f.force\", \"g\"), (\"g\", \"p\")])"
+        )
+    };
+    let s = |gain| compiled(&text(gain)).unwrap().schedule;
+    assert_eq!(s(0.5), s(0.5));
+    assert_ne!(s(0.5), s(0.25));
+}
+
+#[test]
 fn pruning_off_keeps_what_can_run_and_refuses_nothing_more() {
     let text = "Graph(version: 1, nodes: {\"s\": (kind: \"stroke\"), \"f\": (kind: \"virtual_floor\"), \"p\": (kind: \
                 \"probe\"), \"idle\": (kind: \"gain\"), \"loose\": (kind: \"mix\"), \"after\": (kind: \"gain\")}, wires: \

@@ -327,3 +327,15 @@ fn every_shipped_graph_says_what_it_shows_and_compiles() {
     }
     assert!(count > 0);
 }
+
+#[test]
+fn the_graph_in_the_readme_compiles() {
+    let readme = std::fs::read_to_string(common::root().join("README.md")).unwrap();
+    let block = readme.split("```ron\n").nth(1).and_then(|rest| rest.split("```").next()).expect("a graph");
+    let graph = GraphFile::parse(&asperity_source::Source::new("README.md", block)).unwrap();
+    let mut e = engine(&graph);
+    for _ in 0..1000 {
+        e.tick();
+    }
+    assert_eq!(e.faults(), 0);
+}

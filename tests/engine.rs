@@ -35,7 +35,7 @@ fn audio(engine: &Engine, id: &str, output: usize) -> Vec<f32> {
 
 fn control(engine: &Engine, id: &str, output: usize) -> (Vec<f64>, bool) {
     match engine.output(node(engine, id), output) {
-        Some(Buffer::Control { values, valid }) => (values.to_vec(), *valid),
+        Some(Buffer::Control { values, valid, .. }) => (values.to_vec(), *valid),
         other => panic!("no control: {other:?}"),
     }
 }
@@ -287,6 +287,28 @@ fn a_fault_before_falling_asleep_leaves_no_buzz() {
     let step = out.windows(2).map(|w| (w[1] - w[0]).abs()).fold(0.0, f32::max);
     assert!(step < 1.5 / 480.0, "step {step}");
     assert!(out[20 * 96..].iter().all(|x| *x == 0.0));
+}
+
+#[test]
+fn a_changed_control_wakes_where_it_is_said_to() {
+    // The floor's force changes while the stylus comes down and presses, and rests in the air before and after.
+    let nodes = "\"s\": (kind: \"stroke\", params: (tremor_mm: 0.0, duration_s: 2.0, approach_s: 0.5)), \
+                 \"f\": (kind: \"virtual_floor\"), \"w\": (kind: \"waker\"), \"d\": (kind: \"deaf\"), \
+                 \"p\": (kind: \"probe\"), \"q\": (kind: \"probe\")";
+    let wires = "(\"s\", \"f\"), (\"f.force\", \"w\"), (\"f.force\", \"d\"), (\"w\", \"p\"), (\"d\", \"q\")";
+    let mut e = engine(nodes, wires);
+    let mut changes = 1;
+    let mut before = 0.0;
+    for tick in 0..1000 {
+        e.tick();
+        let force = control(&e, "f", 0).0[0];
+        changes += u64::from(tick > 0 && force != before);
+        before = force;
+        assert_eq!(control(&e, "w", 0).0[0], force, "tick {tick}");
+    }
+    assert!(changes > 10, "the force must change: {changes}");
+    assert_eq!(e.report(node(&e, "w")).unwrap().calls, changes, "once at the start, then at every change");
+    assert_eq!(e.report(node(&e, "d")).unwrap().calls, 1, "a control that is not said to wake does not");
 }
 
 #[test]

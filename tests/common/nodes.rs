@@ -274,6 +274,30 @@ impl Node for Marked {
     fn reset(&mut self) {}
 }
 
+/// Passes a control on and sleeps until it changes, if it says that this wakes it.
+pub struct Copier<const WAKES: bool>;
+
+impl<const WAKES: bool> Node for Copier<WAKES> {
+    fn descriptor() -> Descriptor {
+        let input = Input::new("in", ShapeSpec::Control(1), Unit::NEWTON);
+        Descriptor::new(if WAKES { "waker" } else { "deaf" }, "Passes a control on.")
+            .input(if WAKES { input.wakes() } else { input })
+            .output(Output::new("out", ShapeSpec::Control(1), Unit::NEWTON))
+    }
+
+    fn prepare(_: &Setup<'_>) -> Result<Self, Diagnostic> {
+        Ok(Self)
+    }
+
+    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
+        let x = tick.inputs.value(0);
+        tick.outputs.set(0, x);
+        Status::Asleep
+    }
+
+    fn reset(&mut self) {}
+}
+
 /// The built-in kinds and these.
 pub fn registry() -> Registry {
     asperity_nodes::registry()
@@ -285,6 +309,8 @@ pub fn registry() -> Registry {
         .with::<Memory<3>>()
         .with::<TestGate>()
         .with::<Dozer>()
+        .with::<Copier<true>>()
+        .with::<Copier<false>>()
         .with::<Sleeper>()
         .with::<Tail3>()
         .with::<Marked>()

@@ -35,6 +35,8 @@ pub struct NodeReport {
 pub(crate) struct Slot {
     pub(crate) processor: Box<dyn Processor>,
     inputs: Box<[InputRef]>,
+    /// Inputs that wake it once it said it sleeps.
+    wakes: Box<[usize]>,
     outputs: Range<usize>,
     rates: Box<[u32]>,
     /// Last good values of each control output; empty for other outputs.
@@ -74,6 +76,7 @@ impl Slot {
         Self {
             processor,
             inputs: node.inputs.iter().map(|i| i.reads).collect(),
+            wakes: (0..node.inputs.len()).filter(|&i| node.inputs[i].wakes).collect(),
             outputs: node.buffers.clone(),
             rates: shapes.iter().map(rate).collect(),
             held: shapes.iter().map(|s| vec![0.0; count(s)].into()).collect(),
@@ -115,7 +118,7 @@ impl Slot {
         }
         if self.dozing && sleep {
             let (inputs, _) = split(buffers, &self.outputs, &self.inputs);
-            if (0..inputs.len()).all(|i| inputs.buffer(i).is_none_or(Buffer::is_silent)) {
+            if !wakened(inputs, &self.wakes) {
                 self.report.slept += 1;
                 return self.trust_silence(buffers);
             }
@@ -159,7 +162,7 @@ impl Slot {
     fn clear(&mut self, buffers: &mut [Buffer], now: Now) {
         for (buffer, rate) in buffers[self.outputs.clone()].iter_mut().zip(&self.rates) {
             match buffer {
-                Buffer::Control { .. } => {}
+                Buffer::Control { changed, .. } => *changed = false,
                 Buffer::Audio { samples, len, silent, .. } => {
                     let span = time::samples(now.tick, *rate, now.tick_hz);
                     let before = *len;
@@ -178,7 +181,7 @@ impl Slot {
         let (inputs, outputs) = split(buffers, &self.outputs, &self.inputs);
         // What closes a cycle puts out what it took in before; a mark that went round the cycle would never end.
         let trusted = self.closes_cycle || (0..inputs.len()).all(|i| inputs.valid(i));
-        let loud = !(0..inputs.len()).all(|i| inputs.buffer(i).is_none_or(Buffer::is_silent));
+        let loud = wakened(inputs, &self.wakes);
         let mut tick =
             Tick { index: now.tick, tick_hz: now.tick_hz, inputs, outputs: Outputs::new(&mut *outputs) };
         let processor = &mut self.processor;
@@ -196,7 +199,8 @@ impl Slot {
         let quiet = matches!(status, Status::Quiet | Status::Asleep);
         for ((buffer, held), fade) in outputs.iter_mut().zip(&mut self.held).zip(&mut self.fades) {
             match buffer {
-                Buffer::Control { values, valid } => {
+                Buffer::Control { values, changed, valid } => {
+                    *changed = held != values;
                     held.copy_from_slice(values);
                     *valid = trusted;
                 }
@@ -256,7 +260,7 @@ impl Slot {
             buffers[self.outputs.clone()].iter_mut().zip(&self.held).zip(&mut self.fades)
         {
             match buffer {
-                Buffer::Control { values, valid } => {
+                Buffer::Control { values, valid, .. } => {
                     values.copy_from_slice(held);
                     *valid = false;
                 }
@@ -335,6 +339,11 @@ fn split<'b>(
     let (before, rest) = buffers.split_at_mut(outputs.start);
     let (own, after) = rest.split_at_mut(outputs.len());
     (Inputs::new(before, after, outputs.end, inputs), own)
+}
+
+/// Whether an input that wakes carries something.
+fn wakened(inputs: Inputs<'_>, wakes: &[usize]) -> bool {
+    wakes.iter().any(|&i| inputs.buffer(i).is_some_and(|b| !b.is_silent()))
 }
 
 fn is_finite(buffer: &Buffer) -> bool {

@@ -5,7 +5,7 @@ use std::ops::Range;
 use asperity_node::{Fact, InputRef, Latency, Params, PortType, Resume};
 
 /// A compiled graph.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Schedule {
     /// Ticks a second.
     pub tick_hz: u32,
@@ -37,7 +37,7 @@ pub enum Step {
 }
 
 /// A node in its place.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct ScheduledNode {
     /// Its name in the graph.
     pub id: String,
@@ -77,7 +77,7 @@ pub struct ScheduledNode {
 }
 
 /// An input in its place.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct ScheduledInput {
     /// Its name.
     pub name: String,
@@ -87,10 +87,12 @@ pub struct ScheduledInput {
     pub from: Option<(usize, usize)>,
     /// Its type, where anything settles it.
     pub port: Option<PortType>,
+    /// Whether it wakes a node that said it sleeps.
+    pub wakes: bool,
 }
 
 /// An output in its place.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct ScheduledOutput {
     /// Its name.
     pub name: String,
@@ -101,7 +103,7 @@ pub struct ScheduledOutput {
 }
 
 /// A buffer.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum BufferEntry {
     /// What an unconnected input reads: `count` times `value`.
     Constant {
@@ -126,7 +128,7 @@ pub struct Dropped {
 }
 
 /// Latency from a source to a sink.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct PathLatency {
     /// Index of the source.
     pub from: usize,

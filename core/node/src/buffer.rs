@@ -11,8 +11,8 @@ use crate::{PortType, Shape, time};
 #[derive(Clone, Debug)]
 #[allow(missing_docs)]
 pub enum Buffer {
-    /// Values, held from tick to tick.
-    Control { values: Box<[f64]>, valid: bool },
+    /// Values, held from tick to tick; `changed` says whether they are others than in the tick before.
+    Control { values: Box<[f64]>, changed: bool, valid: bool },
     /// This tick's samples: the first `len` of `samples`.
     Audio { samples: Box<[f32]>, len: usize, valid: bool, silent: bool },
     /// At most one frame; `frame` is its number and first sample.
@@ -45,7 +45,7 @@ impl Buffer {
 
     /// Values that never change: what an unconnected control input reads.
     pub fn constant(count: usize, value: f64) -> Self {
-        Self::Control { values: vec![value; count].into(), valid: true }
+        Self::Control { values: vec![value; count].into(), changed: false, valid: true }
     }
 
     /// Whether the value is to be trusted.
@@ -58,10 +58,10 @@ impl Buffer {
         }
     }
 
-    /// Whether a sleeping node need not be woken for this: silence, no frame, or a control.
+    /// Whether a sleeping node need not be woken for this: silence, no frame, a control that did not change.
     pub fn is_silent(&self) -> bool {
         match self {
-            Buffer::Control { .. } => true,
+            Buffer::Control { changed, .. } => !changed,
             Buffer::Audio { silent, .. } => *silent,
             Buffer::Magnitude { frame, .. } | Buffer::Spectrum { frame, .. } => frame.is_none(),
         }

@@ -165,7 +165,7 @@ pub enum Status {
     Quiet,
     /// So many more ticks until silence, unless an input wakes the node: call that often, then as `Asleep`.
     Tail(u64),
-    /// Nothing to come until an audio or frame input carries something.
+    /// Nothing to come until an input that wakes carries something; see [`Input::wakes`].
     Asleep,
     /// It went wrong; the engine fades or holds what the node put out.
     Error(Fault),

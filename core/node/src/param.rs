@@ -155,13 +155,13 @@ impl Param {
 }
 
 /// The parameters of one node, checked against its descriptor.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Params {
     entries: Vec<Entry>,
     node: Option<Place>,
 }
 
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 struct Entry {
     name: String,
     value: Option<ParamValue>,

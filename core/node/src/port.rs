@@ -163,6 +163,9 @@ pub struct Input {
     pub optional: bool,
     /// Value of an unconnected control input.
     pub default: f64,
+    /// Whether a node that said it sleeps is woken by this input: by audio that is not silent, a frame, or a control that
+    /// changed. Audio and frames do unless said otherwise, controls only where said so.
+    pub wakes: bool,
     /// Whether only a limited signal may enter.
     pub limited: bool,
 }
@@ -192,6 +195,7 @@ impl Input {
             unit: UnitSpec::Is(unit),
             optional: false,
             default: 0.0,
+            wakes: !matches!(shape, ShapeSpec::Control(_)),
             limited: false,
         }
     }
@@ -222,6 +226,13 @@ impl Input {
     pub fn or(mut self, default: f64) -> Self {
         self.optional = true;
         self.default = default;
+        self
+    }
+
+    /// A change here wakes a node that said it sleeps.
+    #[must_use]
+    pub fn wakes(mut self) -> Self {
+        self.wakes = true;
         self
     }
 

@@ -114,7 +114,7 @@ pub struct Position {
 }
 
 /// A span in a source.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Place {
     /// The text.
     pub source: Arc<Source>,

@@ -74,6 +74,7 @@ pub(super) fn prepare(
                 reads,
                 from: wire.map(|w| (place[w.from.0], w.from.1)),
                 port: typed.inputs[i][p].clone(),
+                wakes: input.wakes,
             });
         }
         let wirings = |ports: &[Option<PortType>], connected: Vec<bool>| -> Vec<Wiring> {
