@@ -9,8 +9,8 @@ use asperity_node::{Buffer, ParamValue, Shape, Unit};
 use super::samples;
 use crate::plot::{Render, Series};
 
-/// Longest part of a render that is drawn, in seconds: half a minute of audio is 6 MB a signal.
-const MAX_S: u64 = 30;
+/// Longest part of a render that is drawn, in seconds: so much audio is 4 MB a signal.
+const MAX_S: u64 = 20;
 
 /// Signals kept for the plot.
 pub struct Traces {
