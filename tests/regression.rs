@@ -41,18 +41,27 @@ fn what_a_render_reads_is_not_written_over() {
     let csv = "t_s,x_mm,y_mm,z_mm\n0,0,0,-1\n0.01,1,0,-1\n0.02,2,0,-1\n";
     std::fs::write(dir.path().join("in.csv"), csv).unwrap();
     std::fs::write(dir.path().join("g.ron"), common::shipped_graph()).unwrap();
+    let profile = std::fs::read_to_string(graphs("actuators/hapcoil_one.ron")).unwrap();
+    std::fs::write(dir.path().join("p.ron"), &profile).unwrap();
+    let mags = std::fs::read(common::root().join("tests/data/phase/texture_2500.mag.npy")).unwrap();
+    std::fs::write(dir.path().join("m.npy"), &mags).unwrap();
     for args in [
         ["render", "g.ron", "--input", "in.csv", "--probe", "stylus.position=in.csv"].as_slice(),
         &["render", "g.ron", "--input", "in.csv", "--report", "./in.csv"],
         &["render", "g.ron", "--report", "g.ron"],
         &["render", "g.ron", "--plot", "../{}/g.ron"],
         &["graph", "g.ron", "--svg", "g.ron"],
+        &["graph", "g.ron", "--input", "in.csv", "--svg", "in.csv"],
+        &["render", "g.ron", "--set", "limiter.profile=p.ron", "--report", "p.ron"],
+        &["invert", "--magnitudes", "m.npy", "--rate", "2500", "--out", "m.npy"],
     ] {
         let name = dir.path().file_name().unwrap().to_string_lossy().into_owned();
         let args: Vec<String> = args.iter().map(|a| a.replace("{}", &name)).collect();
         let ran = run(dir.path(), &args.iter().map(String::as_str).collect::<Vec<_>>());
         assert_eq!(ran.code, 2, "{args:?}: {}{}", ran.out, ran.err);
     }
+    assert_eq!(std::fs::read_to_string(dir.path().join("p.ron")).unwrap(), profile);
+    assert!(std::fs::read(dir.path().join("m.npy")).unwrap() == mags);
     assert_eq!(std::fs::read_to_string(dir.path().join("in.csv")).unwrap(), csv);
     assert_eq!(std::fs::read_to_string(dir.path().join("g.ron")).unwrap(), common::shipped_graph());
 }
@@ -122,7 +131,10 @@ fn a_reader_that_goes_away_is_no_panic() {
     drop(child.stdout.take());
     let out = child.wait_with_output().unwrap();
     assert!(!String::from_utf8_lossy(&out.stderr).contains("panicked"));
-    let full = std::fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
+    let full = || std::fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
+    let out = asperity(dir.path()).args(["check", "nowhere.ron"]).stderr(full()).output().unwrap();
+    assert_eq!(out.status.code(), Some(2), "an error that cannot be told is still one");
+    let full = full();
     let out =
         asperity(dir.path()).args(["check", &heravi()]).stdout(full).stderr(Stdio::piped()).output().unwrap();
     let err = String::from_utf8_lossy(&out.stderr);
@@ -166,6 +178,16 @@ fn a_wire_between_units_says_what_leads_from_one_to_the_other() {
     let ran = run(dir.path(), &["check", "g.ron"]);
     assert_eq!(ran.code, 2);
     assert!(ran.err.contains("a `gain` with `unit: \"mm/s\"`"), "{}", ran.err);
+}
+
+#[test]
+fn what_stands_in_a_file_does_not_reach_the_terminal_raw() {
+    let dir = tempfile::tempdir().unwrap();
+    let text = "Graph(version: 1, nodes: {\"a\": (kind: \"st\\u{1b}[31mroke\u{202e}\")})";
+    std::fs::write(dir.path().join("g.ron"), text).unwrap();
+    let ran = run(dir.path(), &["check", "g.ron"]);
+    assert_eq!(ran.code, 2);
+    assert!(!ran.err.contains('\u{1b}') && !ran.err.contains('\u{202e}'), "{:?}", ran.err);
 }
 
 #[test]

@@ -31,7 +31,10 @@ impl From<Vec<Diagnostic>> for Failure {
 impl Failure {
     /// A file that could not be written.
     pub fn writing(path: &Path, error: impl fmt::Display) -> Self {
-        Self::Machine(format!("cannot write {}: {error}", path.display()))
+        let error = error.to_string();
+        // The temporary name that the file has until it is whole means nothing to anybody.
+        let what = error.split(" at path ").next().unwrap_or_default();
+        Self::Machine(format!("cannot write {}: {what}", path.display()))
     }
 
     /// Prints what is wrong and answers the exit code.
@@ -39,15 +42,15 @@ impl Failure {
         match self {
             Failure::Input(all) => {
                 for d in all {
-                    eprintln!("{}", Shown(d));
+                    complain(&format!("{}\n", Shown(d)));
                 }
                 if all.len() > 1 {
-                    eprintln!("{} errors; nothing was started, nothing written", all.len());
+                    complain(&format!("{} errors; nothing was started, nothing written\n", all.len()));
                 }
                 ExitCode::from(2)
             }
             Failure::Machine(message) => {
-                eprintln!("error: {message}");
+                complain(&format!("error: {message}\n"));
                 ExitCode::from(1)
             }
         }
@@ -67,7 +70,27 @@ pub fn print(text: &str) -> Result<(), Failure> {
 
 /// Prints a warning in the way of an error.
 pub fn warn(message: &str) {
-    eprintln!("warning: {message}");
+    complain(&format!("warning: {message}\n"));
+}
+
+/// Writes to the standard error; where nobody can read it, there is nothing left to do.
+fn complain(text: &str) {
+    use std::io::Write as _;
+    let _ = std::io::stderr().lock().write_all(text.as_bytes());
+}
+
+/// A text from a file, harmless to a terminal, and no longer than a person reads.
+fn clean(text: &str) -> String {
+    const MOST: usize = 600;
+    let harmful = |c: char| {
+        (c.is_control() && c != '\t') || matches!(c, '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
+    };
+    let escaped = |c: char| if harmful(c) { c.escape_unicode().to_string() } else { c.to_string() };
+    let mut out: String = text.chars().take(MOST).map(escaped).collect();
+    if text.chars().count() > MOST {
+        out.push('…');
+    }
+    out
 }
 
 /// A diagnostic as a person reads it: `file:line:column: message` on the first line, then the text with a caret.
@@ -79,10 +102,10 @@ impl fmt::Display for Shown<'_> {
         match (&d.place, d.path()) {
             (Some(place), Some(path)) => {
                 let at = place.position();
-                writeln!(f, "{}:{}:{}: error: {}", path.display(), at.line, at.column, d.message)?;
+                writeln!(f, "{}:{}:{}: error: {}", path.display(), at.line, at.column, clean(&d.message))?;
             }
-            (None, Some(path)) => writeln!(f, "{}: error: {}", path.display(), d.message)?,
-            _ => writeln!(f, "error: {}", d.message)?,
+            (None, Some(path)) => writeln!(f, "{}: error: {}", path.display(), clean(&d.message))?,
+            _ => writeln!(f, "error: {}", clean(&d.message))?,
         }
         // What stands in another file than the error itself is shown for itself.
         let (here, elsewhere): (Vec<_>, Vec<_>) = d
@@ -98,7 +121,7 @@ impl fmt::Display for Shown<'_> {
             write_snippet(f, p, "", &[])?;
         }
         if let Some(help) = &d.help {
-            writeln!(f, "  help: {help}")?;
+            writeln!(f, "  help: {}", clean(help))?;
         }
         Ok(())
     }
@@ -135,7 +158,7 @@ fn write_snippet(
         // The place stands in the first line, counted in bytes; above it is counted in characters.
         match line.split_once("─[") {
             Some((before, _)) if before.ends_with('╭') => writeln!(f, "{before}────")?,
-            _ => writeln!(f, "{line}")?,
+            _ => writeln!(f, "{}", clean(line))?,
         }
     }
     Ok(())

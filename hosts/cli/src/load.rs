@@ -1,7 +1,9 @@
 //! From a path on the command line to a compiled graph.
 
 use asperity_graph::{Compiled, GraphFile, Options, Schedule, ScheduledNode, compile};
-use asperity_node::Registry;
+use std::path::{Path, PathBuf};
+
+use asperity_node::{ParamValue, Registry};
 use asperity_source::{Diagnostic, one_of};
 
 use crate::args::GraphArgs;
@@ -49,6 +51,26 @@ pub fn read(args: &GraphArgs) -> Result<GraphFile, Failure> {
 /// Compiles a graph with the kinds this program has.
 pub fn compiled(graph: &GraphFile, args: &GraphArgs, registry: &Registry) -> Result<Compiled, Failure> {
     Ok(compile(graph, registry, Options { prune: !args.no_prune })?)
+}
+
+/// Every file that a graph was made from, and who reads it.
+pub fn files_read(args: &GraphArgs, schedule: &Schedule) -> Vec<(PathBuf, String)> {
+    let mut files = vec![(args.graph.clone(), "the graph".to_owned())];
+    for node in &schedule.nodes {
+        for (name, value) in node.params.iter() {
+            let path = match value {
+                ParamValue::File(path) => path.clone(),
+                // A profile is a name or a file, relative to where it stands.
+                ParamValue::Text(text) if name == "profile" && text.ends_with(".ron") => {
+                    let place = node.params.place(name).and_then(|p| p.source.path().parent());
+                    place.unwrap_or(Path::new("")).join(text)
+                }
+                _ => continue,
+            };
+            files.push((path, format!("`{}.{name}`", node.id)));
+        }
+    }
+    files
 }
 
 /// What compiles and is probably not meant.

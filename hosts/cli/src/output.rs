@@ -22,11 +22,10 @@ impl Pending {
     /// Opens one. The folder must be there, and what already has the name must be a file; a link is followed.
     pub fn create(path: &Path) -> Result<Self, Failure> {
         let refuse = |what: String| Failure::from(Diagnostic::new(what).in_file(path));
-        let path = &match std::fs::metadata(path) {
-            Ok(meta) if !meta.is_file() => return Err(refuse("this is there already and is no file".into())),
-            Ok(_) => path.canonicalize().map_err(|e| refuse(format!("cannot write here: {e}")))?,
-            Err(_) => path.to_owned(),
-        };
+        let path = &resolved(path);
+        if std::fs::symlink_metadata(path).is_ok_and(|meta| !meta.is_file()) {
+            return Err(refuse("this is there already and is no file".into()));
+        }
         let dir = path.parent().filter(|d| !d.as_os_str().is_empty()).unwrap_or(Path::new("."));
         let prefix = format!(".{}.", path.file_name().unwrap_or_default().to_string_lossy());
         let mut builder = tempfile::Builder::new();
@@ -72,13 +71,19 @@ pub fn write_text(path: &Path, text: &str) -> Result<(), Failure> {
 
 /// A path by which two names of one file are the same, also of a file that is not there yet.
 pub fn resolved(path: &Path) -> PathBuf {
+    let mut path = path.to_owned();
+    // A link may lead to what is not there yet. One that leads to itself ends here as what it is.
+    for _ in 0..40 {
+        let Ok(target) = std::fs::read_link(&path) else { break };
+        path = path.parent().unwrap_or(Path::new("")).join(target);
+    }
     if let Ok(path) = path.canonicalize() {
         return path;
     }
     let dir = path.parent().filter(|d| !d.as_os_str().is_empty()).unwrap_or(Path::new("."));
     match (dir.canonicalize(), path.file_name()) {
         (Ok(dir), Some(name)) => dir.join(name),
-        _ => path.to_owned(),
+        _ => path,
     }
 }
 

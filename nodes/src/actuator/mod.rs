@@ -7,7 +7,7 @@ pub use actuator_inverse::ActuatorInverse;
 pub use limiter::Limiter;
 
 use asperity_node::{Diagnostic, Param, Setup};
-use asperity_source::{Source, one_of};
+use asperity_source::{Place, Source, one_of};
 use asperity_world::actuator::{ActuatorProfile, Dynamics};
 
 /// Profiles that a graph may name without a file.
@@ -39,10 +39,14 @@ fn dynamics(setup: &Setup<'_>) -> Result<Dynamics, Diagnostic> {
             let path = setup.resolve("profile");
             if !path.is_file() {
                 let message = format!("cannot find the actuator profile {}", path.display());
+                // A path on the command line has the option for its source.
+                let typed = |p: &Place| p.source.path().to_string_lossy().starts_with("--");
+                let typed = setup.params.place("profile").is_some_and(typed);
+                let base = if typed { "where the program runs" } else { "the graph file" };
                 return Err(setup
                     .params
                     .error("profile", message)
-                    .help("paths are relative to the graph file"));
+                    .help(format!("paths are relative to {base}")));
             }
             ActuatorProfile::read(path)?
         }

@@ -14,13 +14,16 @@ use crate::{load, output};
 /// Runs the command.
 pub fn run(args: &Graph) -> Result<ExitCode, Failure> {
     let graph = load::read(&args.graph)?;
-    if output::resolved(&args.svg) == output::resolved(&args.graph.graph) {
-        return Err(Diagnostic::new("this is the graph itself")
+    let schedule = load::compiled(&graph, &args.graph, &asperity_nodes::registry())?.schedule;
+    let svg = output::resolved(&args.svg);
+    if let Some((_, who)) =
+        load::files_read(&args.graph, &schedule).iter().find(|(path, _)| output::resolved(path) == svg)
+    {
+        return Err(Diagnostic::new(format!("{who} reads this file, and it would be overwritten"))
             .in_file(&args.svg)
             .help("name another file")
             .into());
     }
-    let schedule = load::compiled(&graph, &args.graph, &asperity_nodes::registry())?.schedule;
     output::write_text(&args.svg, &picture(&graph, &schedule).to_svg())?;
     print(&format!("wrote {}\n", args.svg.display()))?;
     Ok(ExitCode::SUCCESS)

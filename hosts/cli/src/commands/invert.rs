@@ -15,7 +15,7 @@ use asperity_source::{Source, one_of};
 
 use crate::args::{Format, Invert};
 use crate::failure::{Failure, print, warn};
-use crate::output::{Rows, ending};
+use crate::output::{Rows, ending, resolved};
 
 /// Frames a second of the input.
 const FRAME_HZ: u32 = 500;
@@ -26,6 +26,12 @@ const RATES: std::ops::RangeInclusive<u32> = 100..=192_000;
 
 /// Runs the command.
 pub fn run(args: &Invert) -> Result<ExitCode, Failure> {
+    if resolved(&args.out) == resolved(&args.magnitudes) {
+        return Err(Diagnostic::new("these are the magnitudes themselves")
+            .in_file(&args.out)
+            .help("name another file")
+            .into());
+    }
     let frames = Arc::new(read(args)?);
     let mut registry = asperity_nodes::registry();
     let length = u64::from(frames.layout.length);

@@ -12,7 +12,7 @@ use std::time::Instant;
 
 use asperity_engine::{Clock, Engine, Options};
 use asperity_measure::timing::Recorder as Times;
-use asperity_node::{Buffer, ParamValue};
+use asperity_node::Buffer;
 use asperity_source::Diagnostic;
 use indicatif::{ProgressBar, ProgressStyle};
 
@@ -140,14 +140,7 @@ pub fn run(args: &Render) -> Result<ExitCode, Failure> {
 
 /// Two things written to one file would leave only the last, and what is read must not be written over.
 fn distinct_files(args: &Render, schedule: &asperity_graph::Schedule) -> Result<(), Failure> {
-    let mut seen: Vec<(PathBuf, String)> = vec![(args.graph.graph.clone(), "the graph".to_owned())];
-    for node in &schedule.nodes {
-        for (name, value) in node.params.iter() {
-            if let ParamValue::File(path) = value {
-                seen.push((path.clone(), format!("`{}.{name}`", node.id)));
-            }
-        }
-    }
+    let mut seen = load::files_read(&args.graph, schedule);
     let read = seen.len();
     let named = [("--out", &args.out), ("--plot", &args.plot), ("--report", &args.report)];
     seen.extend(named.into_iter().filter_map(|(name, path)| Some((path.clone()?, name.to_owned()))));
