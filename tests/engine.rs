@@ -312,6 +312,20 @@ fn a_changed_control_wakes_where_it_is_said_to() {
 }
 
 #[test]
+fn a_mark_does_not_outlive_the_sleep_of_its_node() {
+    // The wave is marked in tick 3, where its control fails; from tick 4 on its gate is closed and it sleeps.
+    let nodes = "\"f\": (kind: \"faulty\", params: (from: 3, to: 4, how: \"nan control\")), \"n\": (kind: \"faulty\"), \
+                 \"w\": (kind: \"marked\"), \"g\": (kind: \"test_gate\", params: (close: 4, open: 50)), \"p\": (kind: \"probe\")";
+    let wires = "(\"n.audio\", \"w.in\"), (\"f.control\", \"w.control\"), (\"w\", \"g\"), (\"g\", \"p\")";
+    let mut e = engine(nodes, wires);
+    for tick in 0..20 {
+        e.tick();
+        let gate = e.output(node(&e, "g"), 0).expect("audio");
+        assert_eq!(gate.is_valid(), tick != 3, "tick {tick}");
+    }
+}
+
+#[test]
 fn a_tail_rings_out_after_the_input_and_no_longer() {
     let nodes = "\"f\": (kind: \"faulty\"), \"g\": (kind: \"test_gate\", params: (close: 5, open: 50)), \
                  \"t\": (kind: \"tail3\"), \"p\": (kind: \"probe\")";
