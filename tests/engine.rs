@@ -315,8 +315,8 @@ fn a_changed_control_wakes_where_it_is_said_to() {
 fn a_mark_does_not_outlive_the_sleep_of_its_node() {
     // The wave is marked in tick 3, where its control fails; from tick 4 on its gate is closed and it sleeps.
     let nodes = "\"f\": (kind: \"faulty\", params: (from: 3, to: 4, how: \"nan control\")), \"n\": (kind: \"faulty\"), \
-                 \"w\": (kind: \"marked\"), \"g\": (kind: \"test_gate\", params: (close: 4, open: 50)), \"p\": (kind: \"probe\")";
-    let wires = "(\"n.audio\", \"w.in\"), (\"f.control\", \"w.control\"), (\"w\", \"g\"), (\"g\", \"p\")";
+                 \"w\": (kind: \"marked\"), \"g\": (kind: \"test_gate\", params: (close: 4, open: 50)), \"p\": (kind: \"probe\"), \"c\": (kind: \"gain\", params: (unit: \"1\"))";
+    let wires = "(\"n.audio\", \"w.in\"), (\"f.control\", \"w.control\"), (\"w\", \"c\"), (\"c\", \"g\"), (\"g\", \"p\")";
     let mut e = engine(nodes, wires);
     for tick in 0..20 {
         e.tick();
