@@ -2,7 +2,7 @@
 
 mod common;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use asperity_measure::{npy, phase};
 use common::{files, root, run, wav};
@@ -26,12 +26,18 @@ fn magnitudes(name: &str, rate: u32) -> (Vec<f32>, usize) {
     (phase::magnitudes(&signal, &framing, frames).into_iter().map(|x| x as f32).collect(), bins)
 }
 
+/// Writes a vector's magnitudes to `m.npy` and answers them with their number of bins.
+fn write_magnitudes(dir: &Path, name: &str, rate: u32) -> (Vec<f32>, usize) {
+    let (mags, bins) = magnitudes(name, rate);
+    let file = std::fs::File::create(dir.join("m.npy")).unwrap();
+    npy::write_f32(file, &[mags.len() / bins, bins], &mags).unwrap();
+    (mags, bins)
+}
+
 /// Spectral convergence in dB of what the program makes of a vector.
 fn score(name: &str, rate: u32, kind: &str) -> f64 {
     let dir = tempfile::tempdir().unwrap();
-    let (mags, bins) = magnitudes(name, rate);
-    let path = dir.path().join("m.npy");
-    npy::write_f32(std::fs::File::create(&path).unwrap(), &[mags.len() / bins, bins], &mags).unwrap();
+    let (mags, bins) = write_magnitudes(dir.path(), name, rate);
     let hz = rate.to_string();
     run(dir.path(), &["invert", "--phase", kind, "--magnitudes", "m.npy", "--rate", &hz, "--out", "y.npy"])
         .ok();
@@ -70,13 +76,7 @@ fn spsi_reaches_the_published_scores() {
 #[test]
 fn default_is_what_the_shipped_graph_uses() {
     let dir = tempfile::tempdir().unwrap();
-    let (mags, bins) = magnitudes("texture_2500", 2500);
-    npy::write_f32(
-        std::fs::File::create(dir.path().join("m.npy")).unwrap(),
-        &[mags.len() / bins, bins],
-        &mags,
-    )
-    .unwrap();
+    write_magnitudes(dir.path(), "texture_2500", 2500);
     for (kind, out) in [("default", "a.npy"), ("spsi", "b.npy"), ("spsi:seed=77", "c.npy")] {
         run(
             dir.path(),
@@ -92,13 +92,7 @@ fn default_is_what_the_shipped_graph_uses() {
 #[test]
 fn a_wav_holds_what_the_npy_holds() {
     let dir = tempfile::tempdir().unwrap();
-    let (mags, bins) = magnitudes("texture_2500", 2500);
-    npy::write_f32(
-        std::fs::File::create(dir.path().join("m.npy")).unwrap(),
-        &[mags.len() / bins, bins],
-        &mags,
-    )
-    .unwrap();
+    write_magnitudes(dir.path(), "texture_2500", 2500);
     for out in ["y.npy", "y.wav"] {
         run(dir.path(), &["invert", "--magnitudes", "m.npy", "--rate", "2500", "--out", out]).ok();
     }

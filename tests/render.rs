@@ -138,6 +138,7 @@ fn the_level_does_not_depend_on_tick_rate_or_synthesis() {
         ["tick_hz=1000"].as_slice(),
         &["tick_hz=250"],
         &["texture.synthesis_hz=0"],
+        &["texture.synthesis_hz=0", "audio_hz=44100"],
         &["audio_hz=44100"],
         &["tick_hz=700"],
     ] {

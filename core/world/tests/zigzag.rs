@@ -6,7 +6,7 @@ use asperity_source::Source;
 use asperity_world::motion::{Sample, Trajectory, TrajectoryOptions};
 
 #[path = "../examples/make_zigzag.rs"]
-#[allow(dead_code)]
+#[expect(dead_code, reason = "the example's own main is not called here")]
 mod make_zigzag;
 
 fn shipped() -> PathBuf {
