@@ -340,20 +340,44 @@ fn a_tail_rings_out_after_the_input_and_no_longer() {
     assert_eq!(loud, (0..8).collect::<Vec<_>>(), "five loud ticks and a tail of three");
 }
 
-#[test]
-fn the_limiter_fades_while_its_input_rests_on_a_control_that_failed() {
-    let nodes = "\"f\": (kind: \"faulty\", params: (from: 200, to: 207, how: \"nan control\")), \
-                 \"n\": (kind: \"faulty\"), \"w\": (kind: \"marked\"), \"l\": (kind: \"limiter\"), \
-                 \"o\": (kind: \"audio_out\")";
-    let wires = "(\"n.audio\", \"w.in\"), (\"f.control\", \"w.control\"), (\"w\", \"l\"), (\"l\", \"o\")";
-    let mut e = engine(nodes, wires);
-    let mut level = Vec::new();
-    for _ in 0..300 {
+/// Loudest sample of each tick at the output of `last`, fed by a wave that rests on a control which fails in ticks 200
+/// to 206.
+fn level_after_a_failing_control(last: &str) -> Vec<f32> {
+    let nodes = format!(
+        "\"f\": (kind: \"faulty\", params: (from: 200, to: 207, how: \"nan control\")), \"n\": (kind: \"faulty\"), \
+         \"w\": (kind: \"marked\"), \"last\": (kind: \"{last}\"), \"p\": (kind: \"probe\")"
+    );
+    let wires =
+        "(\"n.audio\", \"w.in\"), (\"f.control\", \"w.control\"), (\"w\", \"last\"), (\"last\", \"p\")";
+    let mut e = engine(&nodes, wires);
+    let tick = |_| {
         e.tick();
-        level.push(audio(&e, "o", 0).iter().fold(0.0_f32, |m, x| m.max(x.abs())));
+        audio(&e, "last", 0).iter().fold(0.0_f32, |m, x| m.max(x.abs()))
+    };
+    (0..300).map(tick).collect()
+}
+
+#[test]
+fn limiter_and_audio_out_each_fade_while_their_input_rests_on_a_control_that_failed() {
+    for last in ["limiter", "audio_out"] {
+        let level = level_after_a_failing_control(last);
+        assert!(level[199] > 0.0 && level[206] == 0.0, "{last}: {} {}", level[199], level[206]);
+        assert!(level[299] > 0.5 * level[199], "{last}: and it comes back");
     }
-    assert!(level[199] > 0.0 && level[206] == 0.0, "{} {}", level[199], level[206]);
-    assert!(level[299] > 0.5 * level[199], "and it comes back");
+}
+
+#[test]
+fn a_mix_adds_audio_and_controls_each_with_its_gain() {
+    let nodes = "\"f\": (kind: \"faulty\"), \"a\": (kind: \"mix\", params: (inputs: 3, gains: [0.5, -2.0])), \
+                 \"c\": (kind: \"mix\", params: (gains: [3.0, 0.25])), \"p\": (kind: \"probe\"), \"q\": (kind: \"probe\")";
+    let wires = "(\"f.audio\", \"a.in1\"), (\"f.audio\", \"a.in2\"), (\"f.audio\", \"a.in3\"), \
+                 (\"f.control\", \"c.in1\"), (\"f.control\", \"c.in2\"), (\"a\", \"p\"), (\"c\", \"q\")";
+    let mut e = engine(nodes, wires);
+    for tick in 0..5 {
+        e.tick();
+        assert!(audio(&e, "a", 0).iter().all(|x| *x == 0.5 - 2.0 + 1.0), "a gain left out is 1");
+        assert_eq!(control(&e, "c", 0).0, [3.25 * f64::from(tick), -3.25 * f64::from(tick)]);
+    }
 }
 
 #[test]

@@ -256,7 +256,8 @@ impl Node for Marked {
         Descriptor::new("marked", "A wave.")
             .input(Input::new("in", ShapeSpec::Audio(RateSpec::Graph), Unit::NONE))
             .input(Input::new("control", ShapeSpec::Control(2), Unit::NONE))
-            .output(Output::new("out", ShapeSpec::Audio(RateSpec::Graph), Unit::AMPERE))
+            // As if a limiter stood behind it, so that a sink can be looked at alone.
+            .output(Output::new("out", ShapeSpec::Audio(RateSpec::Graph), Unit::AMPERE).limited())
     }
 
     fn prepare(_: &Setup<'_>) -> Result<Self, Diagnostic> {
