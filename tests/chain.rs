@@ -168,3 +168,43 @@ fn a_control_picks_among_preloaded_materials() {
         assert!(read("a.wav") == read("b.wav"), "{depth} mm");
     }
 }
+
+#[test]
+fn the_drive_makes_a_simulated_handle_do_what_was_wanted() {
+    use asperity_world::actuator::{ActuatorProfile, Drive, Dynamics, Plant};
+    let profile = ActuatorProfile::read(graphs("actuators/hapcoil_one.ron")).expect("the profile");
+    let dynamics = Dynamics::new(&profile, 100.0).expect("the actuator");
+    let trajectory = csv(2.0, |t| [100.0 * t, 0.0, -1.0]);
+    for (name, drive) in [("current", Drive::Current), ("voltage", Drive::Voltage)] {
+        let set = format!("inverse.drive={name}");
+        let out = probed(&trajectory, &[&set], &["gate.out", "inverse"]);
+        // Inverse and actuator together are the stated high-pass, and nothing else.
+        let pair = asperity_dsp::filter::Section::high_pass(20.0, std::f64::consts::FRAC_1_SQRT_2);
+        let mut pair = pair.bilinear(48_000.0, 20.0).expect("a filter");
+        let mut plant = Plant::new(&dynamics, drive, 48_000.0);
+        let (mut error, mut wanted) = (0.0, 0.0);
+        for (a, d) in out[0].0.iter().zip(&out[1].0) {
+            let expected = pair.step(f64::from(*a));
+            error += (plant.step(f64::from(*d)).acceleration - expected).powi(2);
+            wanted += expected.powi(2);
+        }
+        assert!(wanted > 0.0 && error < 1e-2 * wanted, "{name}: {:.5} of the power is error", error / wanted);
+    }
+}
+
+#[test]
+fn a_sparse_recording_is_joined_smoothly_unless_told_otherwise() {
+    let at = |t: f64| 20.0 * (TAU * t).sin();
+    let mut sparse = String::from("t_s,x_mm,y_mm,z_mm\n");
+    for k in 0..=50 {
+        let t = f64::from(k) / 25.0;
+        sparse.push_str(&format!("{t},{},0,-1\n", at(t)));
+    }
+    let worst = |set: &str| {
+        let out = probed(&sparse, &[set], &["stylus.position"]);
+        let x = out[0].0.chunks_exact(3).map(|p| f64::from(p[0]));
+        x.enumerate().map(|(k, x)| (x - at(k as f64 / 500.0)).abs()).fold(0.0, f64::max)
+    };
+    let (linear, cubic) = (worst("stylus.interpolation=linear"), worst("stylus.interpolation=cubic"));
+    assert!(cubic < 0.6 * linear, "cubic {cubic} mm, linear {linear} mm");
+}
