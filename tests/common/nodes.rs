@@ -2,7 +2,7 @@
 #![allow(unreachable_pub)] // for the test that includes it
 
 use asperity_node::{
-    Descriptor, Diagnostic, Fault, FrameLayout, FrameRate, Input, LayoutSpec, Node, Output, Param, RateSpec,
+    Descriptor, Diagnostic, FrameLayout, FrameRate, Input, LayoutSpec, Node, Output, Param, RateSpec,
     Registry, Resume, Setup, ShapeSpec, Status, Tick, Unit,
 };
 
@@ -82,7 +82,7 @@ impl Node for Faulty {
                 "nan control" => tick.outputs.control(1)[1] = f64::NAN,
                 "inf frame" => tick.outputs.magnitude(2, tick.index, start)[3] = f32::INFINITY,
                 "panic" => panic!("as told"),
-                _ => return Status::Error(Fault::Failed(42)),
+                _ => return Status::Error(42),
             }
         }
         Status::Continue
@@ -218,7 +218,7 @@ impl Node for Sleeper {
                 tick.outputs.audio(0).fill(1.0);
                 Status::Continue
             }
-            5..8 => Status::Error(Fault::Failed(1)),
+            5..8 => Status::Error(1),
             _ => Status::Asleep,
         }
     }

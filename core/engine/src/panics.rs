@@ -7,6 +7,8 @@ use std::cell::Cell;
 use std::panic::{self, AssertUnwindSafe};
 use std::sync::Once;
 
+use asperity_node::Fault;
+
 thread_local! {
     static IN_NODE: Cell<bool> = const { Cell::new(false) };
 }
@@ -26,17 +28,17 @@ pub(crate) fn install_silent_hook() {
     });
 }
 
-/// Runs a node's code. `None` if it panicked; its state is then as the panic left it.
-pub(crate) fn contain<T>(f: impl FnOnce() -> T) -> Option<T> {
+/// Runs a node's code. After a panic its state is as that left it.
+pub(crate) fn contain<T>(f: impl FnOnce() -> Result<T, Fault>) -> Result<T, Fault> {
     let before = IN_NODE.replace(true);
     let result = panic::catch_unwind(AssertUnwindSafe(f));
     IN_NODE.set(before);
     match result {
-        Ok(value) => Some(value),
+        Ok(answer) => answer,
         Err(payload) => {
             // Dropping it would free memory on the tick thread and might panic again. Quarantine bounds what leaks.
             std::mem::forget(payload);
-            None
+            Err(Fault::Panicked)
         }
     }
 }

@@ -137,10 +137,10 @@ impl Slot {
         let woke = match self.resume {
             Resume::Restart => contain(|| processor.reset()),
             Resume::Elapsed if sleep => contain(|| processor.elapsed(now.tick - since)),
-            Resume::Elapsed | Resume::Resume | Resume::Never => Some(()),
+            Resume::Elapsed | Resume::Resume | Resume::Never => Ok(()),
         };
-        if woke.is_none() {
-            self.fault(Fault::Panicked, now);
+        if let Err(fault) = woke {
+            self.fault(fault, now);
         }
     }
 
@@ -185,17 +185,19 @@ impl Slot {
         let mut tick =
             Tick { index: now.tick, tick_hz: now.tick_hz, inputs, outputs: Outputs::new(&mut *outputs) };
         let processor = &mut self.processor;
-        let status = contain(|| processor.process(&mut tick)).unwrap_or(Status::Error(Fault::Panicked));
+        let answer = contain(|| processor.process(&mut tick)).and_then(|status| match status {
+            Status::Error(code) => Err(Fault::Failed(code)),
+            _ if !outputs.iter().all(is_finite) => Err(Fault::NotFinite),
+            status => Ok(status),
+        });
         self.report.calls += 1;
-        let fault = match status {
-            Status::Error(fault) => Some(fault),
-            _ if !outputs.iter().all(is_finite) => Some(Fault::NotFinite),
-            _ => None,
+        let status = match answer {
+            Ok(status) => status,
+            Err(fault) => {
+                self.fault(fault, now);
+                return self.contain_outputs(buffers);
+            }
         };
-        if let Some(fault) = fault {
-            self.fault(fault, now);
-            return self.contain_outputs(buffers);
-        }
         let quiet = matches!(status, Status::Quiet | Status::Asleep);
         for ((buffer, held), fade) in outputs.iter_mut().zip(&mut self.held).zip(&mut self.fades) {
             match buffer {
@@ -248,7 +250,7 @@ impl Slot {
         }
         // A panic may have left anything behind, and a NaN in a filter stays; start over, and give up if that panics.
         let processor = &mut self.processor;
-        if contain(|| processor.reset()).is_none() {
+        if contain(|| processor.reset()).is_err() {
             self.report.quarantined = true;
         }
     }
@@ -295,10 +297,10 @@ impl Slot {
         let mut tick = Tick { index: now.tick, tick_hz: now.tick_hz, inputs, outputs: Outputs::new(&mut []) };
         let processor = &mut self.processor;
         match contain(|| processor.wants(&mut tick)) {
-            Some(wants) => self.wants = wants,
-            None => {
+            Ok(wants) => self.wants = wants,
+            Err(fault) => {
                 self.wants = false;
-                self.fault(Fault::Panicked, now);
+                self.fault(fault, now);
             }
         }
     }
@@ -311,15 +313,15 @@ impl Slot {
         let (inputs, _) = split(buffers, &self.outputs, &self.inputs);
         let mut tick = Tick { index: now.tick, tick_hz: now.tick_hz, inputs, outputs: Outputs::new(&mut []) };
         let processor = &mut self.processor;
-        if contain(|| processor.absorb(&mut tick)).is_none() {
-            self.fault(Fault::Panicked, now);
+        if let Err(fault) = contain(|| processor.absorb(&mut tick)) {
+            self.fault(fault, now);
         }
     }
 
     /// As when new, but for the counts of the report. Control thread.
     pub(crate) fn reset(&mut self) {
         let processor = &mut self.processor;
-        let reset = contain(|| processor.reset()).is_some();
+        let reset = contain(|| processor.reset()).is_ok();
         (self.asleep_since, self.dozing, self.tail, self.wants) = (None, false, None, true);
         (self.strikes, self.struck) = (0, 0);
         self.report.quarantined = !reset;

@@ -1,8 +1,11 @@
 //! The node itself: what an author writes, and what the engine calls.
 
+use std::borrow::Cow;
 use std::fmt;
 use std::ops::{Deref, Range};
 use std::path::PathBuf;
+
+use asperity_state::State;
 
 use crate::{
     Descriptor, Diagnostic, FrameClock, FrameRate, Input, Inputs, Latency, Output, Outputs, Params, PortType,
@@ -144,6 +147,8 @@ pub enum Fault {
     Panicked,
     /// The node wrote a NaN or an infinity.
     NotFinite,
+    /// The node took longer than a call may.
+    Overrun,
 }
 
 impl fmt::Display for Fault {
@@ -152,6 +157,7 @@ impl fmt::Display for Fault {
             Fault::Failed(code) => write!(f, "failed with code {code}"),
             Fault::Panicked => f.write_str("panicked"),
             Fault::NotFinite => f.write_str("wrote a value that is not finite"),
+            Fault::Overrun => f.write_str("took longer than it may"),
         }
     }
 }
@@ -167,17 +173,38 @@ pub enum Status {
     Tail(u64),
     /// Nothing to come until an input that wakes carries something; see [`Input::wakes`].
     Asleep,
-    /// It went wrong; the engine fades or holds what the node put out.
-    Error(Fault),
+    /// It went wrong, with a number of the node's own; the engine fades or holds what the node put out.
+    Error(u32),
 }
 
 /// A fact a node tells about itself after it was prepared, or after a run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Fact {
     /// What it is about, as a key: lower case, words joined by `_`.
-    pub name: &'static str,
+    pub name: Cow<'static, str>,
     /// What is so.
     pub value: FactValue,
+}
+
+impl Fact {
+    /// A text.
+    pub fn text(name: impl Into<Cow<'static, str>>, text: impl Into<String>) -> Self {
+        Self { name: name.into(), value: FactValue::Text(text.into()) }
+    }
+
+    /// A number in a unit; an empty unit for none.
+    pub fn number(
+        name: impl Into<Cow<'static, str>>,
+        number: f64,
+        unit: impl Into<Cow<'static, str>>,
+    ) -> Self {
+        Self { name: name.into(), value: FactValue::Number(number, unit.into()) }
+    }
+
+    /// A count.
+    pub fn count(name: impl Into<Cow<'static, str>>, count: u64) -> Self {
+        Self { name: name.into(), value: FactValue::Count(count) }
+    }
 }
 
 /// The value of a [`Fact`].
@@ -186,7 +213,7 @@ pub enum FactValue {
     /// A text.
     Text(String),
     /// A number in a unit.
-    Number(f64, &'static str),
+    Number(f64, Cow<'static, str>),
     /// A count.
     Count(u64),
 }
@@ -195,7 +222,7 @@ impl fmt::Display for FactValue {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             FactValue::Text(t) => f.write_str(t),
-            FactValue::Number(x, "") => f.write_str(&rounded(*x)),
+            FactValue::Number(x, unit) if unit.is_empty() => f.write_str(&rounded(*x)),
             FactValue::Number(x, unit) => write!(f, "{} {unit}", rounded(*x)),
             FactValue::Count(n) => write!(f, "{n}"),
         }
@@ -229,8 +256,8 @@ fn rounded(x: f64) -> String {
 /// 2. `prepare` makes it, and is where it allocates, reads files and fails. Control thread.
 /// 3. `process` is called once a tick, or every k-th. Tick thread: no allocation, lock, log, system call,
 ///    panic or drop of memory in there, nor in 4.
-/// 4. `reset` puts it back to the state after `prepare`; `elapsed` tells it what it slept through. Tick
-///    thread.
+/// 4. `reset` puts it back to the state after `prepare`; `elapsed` tells it what it slept through; `set_parameter` changes
+///    a parameter that is live; `state` hands over what it remembers when the graph is changed under it. Tick thread.
 /// 5. It is dropped on the control thread.
 pub trait Node: Send + Sized + 'static {
     /// Kind, ports and parameters.
@@ -269,6 +296,15 @@ pub trait Node: Send + Sized + 'static {
     /// calls would have left.
     fn elapsed(&mut self, _ticks: u64) {}
 
+    /// Takes a new value of a parameter that is [live](crate::Param::live), by its place in the descriptor; it lies in its
+    /// range. A flag is 0 or 1, a choice the place of its word.
+    fn set_parameter(&mut self, _index: usize, _value: f64) {}
+
+    /// What it remembers from tick to tick, apart from its parameters and what they settle: see [`State`]. An instance
+    /// that was prepared for the same place, perhaps with other parameters, goes on from it. A node that remembers
+    /// nothing, or would rather start anew, leaves it out.
+    fn state(&mut self, _state: &mut State<'_>) {}
+
     /// Latency from inputs to outputs, exact and signed.
     fn latency(&self) -> Latency {
         Latency::ZERO
@@ -295,25 +331,67 @@ pub trait Node: Send + Sized + 'static {
     }
 }
 
-/// A node as the engine calls it: [`Node`] without the parts that need no instance. Every [`Node`] is one; a kind that
-/// makes its nodes in another way implements this.
+/// A node as the engine calls it: [`Node`] without the parts that need no instance, and with what can go wrong. Every
+/// [`Node`] is one; a kind that makes its nodes in another way implements this.
 pub trait Processor: Send {
     /// See [`Node::process`]. Tick thread.
-    fn process(&mut self, tick: &mut Tick<'_>) -> Status;
+    ///
+    /// # Errors
+    /// How it failed.
+    fn process(&mut self, tick: &mut Tick<'_>) -> Result<Status, Fault>;
 
     /// See [`Node::reset`]. Tick thread.
-    fn reset(&mut self);
+    ///
+    /// # Errors
+    /// How it failed.
+    fn reset(&mut self) -> Result<(), Fault>;
 
     /// See [`Node::wants`]. Tick thread.
-    fn wants(&mut self, _tick: &mut Tick<'_>) -> bool {
-        true
+    ///
+    /// # Errors
+    /// How it failed.
+    fn wants(&mut self, _tick: &mut Tick<'_>) -> Result<bool, Fault> {
+        Ok(true)
     }
 
     /// See [`Node::absorb`]. Tick thread.
-    fn absorb(&mut self, _tick: &mut Tick<'_>) {}
+    ///
+    /// # Errors
+    /// How it failed.
+    fn absorb(&mut self, _tick: &mut Tick<'_>) -> Result<(), Fault> {
+        Ok(())
+    }
 
     /// See [`Node::elapsed`]. Tick thread.
-    fn elapsed(&mut self, _ticks: u64) {}
+    ///
+    /// # Errors
+    /// How it failed.
+    fn elapsed(&mut self, _ticks: u64) -> Result<(), Fault> {
+        Ok(())
+    }
+
+    /// See [`Node::set_parameter`]. Tick thread.
+    ///
+    /// # Errors
+    /// How it failed.
+    fn set_parameter(&mut self, _index: usize, _value: f64) -> Result<(), Fault> {
+        Ok(())
+    }
+
+    /// The most bytes that [`save`](Self::save) writes. Control thread.
+    fn state_size(&mut self) -> usize {
+        0
+    }
+
+    /// Writes what it remembers to the front of `bytes` and answers how many bytes; see [`Node::state`]. Tick thread.
+    fn save(&mut self, _bytes: &mut [u8]) -> Option<usize> {
+        Some(0)
+    }
+
+    /// Goes on from what another instance saved. False where it cannot: then it is to be reset. Tick thread.
+    fn restore(&mut self, bytes: &[u8]) -> bool {
+        bytes.is_empty()
+    }
 
     /// See [`Node::latency`]. Control thread.
     fn latency(&self) -> Latency {
@@ -342,20 +420,39 @@ pub trait Processor: Send {
 }
 
 impl<N: Node> Processor for N {
-    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
-        Node::process(self, tick)
+    fn process(&mut self, tick: &mut Tick<'_>) -> Result<Status, Fault> {
+        match Node::process(self, tick) {
+            Status::Error(code) => Err(Fault::Failed(code)),
+            status => Ok(status),
+        }
     }
-    fn reset(&mut self) {
+    fn reset(&mut self) -> Result<(), Fault> {
         Node::reset(self);
+        Ok(())
     }
-    fn wants(&mut self, tick: &mut Tick<'_>) -> bool {
-        Node::wants(self, tick)
+    fn wants(&mut self, tick: &mut Tick<'_>) -> Result<bool, Fault> {
+        Ok(Node::wants(self, tick))
     }
-    fn absorb(&mut self, tick: &mut Tick<'_>) {
+    fn absorb(&mut self, tick: &mut Tick<'_>) -> Result<(), Fault> {
         Node::absorb(self, tick);
+        Ok(())
     }
-    fn elapsed(&mut self, ticks: u64) {
+    fn elapsed(&mut self, ticks: u64) -> Result<(), Fault> {
         Node::elapsed(self, ticks);
+        Ok(())
+    }
+    fn set_parameter(&mut self, index: usize, value: f64) -> Result<(), Fault> {
+        Node::set_parameter(self, index, value);
+        Ok(())
+    }
+    fn state_size(&mut self) -> usize {
+        State::measure(|s| Node::state(self, s))
+    }
+    fn save(&mut self, bytes: &mut [u8]) -> Option<usize> {
+        State::save(bytes, |s| Node::state(self, s))
+    }
+    fn restore(&mut self, bytes: &[u8]) -> bool {
+        State::restore(bytes, |s| Node::state(self, s))
     }
     fn latency(&self) -> Latency {
         Node::latency(self)
@@ -379,6 +476,17 @@ pub trait NodeKind: Send + Sync {
     /// Kind, ports and parameters.
     fn descriptor(&self) -> &Descriptor;
 
+    /// Where it comes from, for a person: `built in`, or a plugin's file.
+    fn origin(&self) -> &str {
+        "built in"
+    }
+
+    /// Tells two builds of a kind's code apart, so that a graph that is compiled again takes the newer one. 0 for what is
+    /// built in.
+    fn build(&self) -> u64 {
+        0
+    }
+
     /// The ports for these parameters.
     ///
     /// # Errors
@@ -398,7 +506,7 @@ mod tests {
 
     #[test]
     fn facts_are_rounded_for_reading() {
-        let text = |x| FactValue::Number(x, "Hz").to_string();
+        let text = |x| FactValue::Number(x, "Hz".into()).to_string();
         assert_eq!(text(64.999_862_5), "65 Hz");
         assert_eq!(text(11.194_653), "11.19 Hz");
         assert_eq!(text(1698.125), "1698 Hz");

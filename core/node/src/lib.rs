@@ -15,6 +15,7 @@ pub mod time;
 mod unit;
 
 pub use asperity_source::Diagnostic;
+pub use asperity_state::{Keep, State};
 pub use buffer::{Buffer, Frame, InputRef, Inputs, Outputs};
 pub use descriptor::{Descriptor, Resume};
 pub use kind::{

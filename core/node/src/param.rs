@@ -43,6 +43,9 @@ pub struct Param {
     pub default: Option<ParamValue>,
     /// Whether it may be left out although it has no default.
     pub optional: bool,
+    /// Whether [`Node::set_parameter`](crate::Node::set_parameter) takes a new value while the node runs; else a change
+    /// makes a new node. Numbers, whole numbers, flags and choices only.
+    pub live: bool,
 }
 
 /// The value of a parameter.
@@ -81,7 +84,7 @@ impl fmt::Display for ParamValue {
 impl Param {
     fn new(name: &'static str, kind: ParamKind, default: Option<ParamValue>, doc: &'static str) -> Self {
         let (name, doc) = (Cow::Borrowed(name), Cow::Borrowed(doc));
-        Self { name, doc, unit: Cow::Borrowed(""), kind, default, optional: false }
+        Self { name, doc, unit: Cow::Borrowed(""), kind, default, optional: false, live: false }
     }
 
     /// A number with a default.
@@ -142,6 +145,13 @@ impl Param {
     #[must_use]
     pub fn required(mut self) -> Self {
         self.default = None;
+        self
+    }
+
+    /// May change while the node runs.
+    #[must_use]
+    pub fn live(mut self) -> Self {
+        self.live = true;
         self
     }
 

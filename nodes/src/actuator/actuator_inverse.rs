@@ -1,8 +1,8 @@
 //! `actuator_inverse`: from the wanted acceleration to what drives the coil.
 
 use asperity_node::{
-    Config, Descriptor, Diagnostic, Fact, FactValue, Input, Node, Output, Param, Ports, RateSpec, Setup,
-    ShapeSpec, Status, Tick, Unit, UnitSpec,
+    Config, Descriptor, Diagnostic, Fact, Input, Node, Output, Param, Ports, RateSpec, Setup, ShapeSpec,
+    Status, Tick, Unit, UnitSpec,
 };
 use asperity_world::actuator::{Drive, Inverse, InverseSettings};
 
@@ -77,8 +77,8 @@ impl Node for ActuatorInverse {
 
     fn facts(&self) -> Vec<Fact> {
         vec![
-            Fact { name: "resonance", value: FactValue::Number(self.natural_hz, "Hz") },
-            Fact { name: "ignored_samples", value: FactValue::Count(self.inverse.ignored()) },
+            Fact::number("resonance", self.natural_hz, "Hz"),
+            Fact::count("ignored_samples", self.inverse.ignored()),
         ]
     }
 }

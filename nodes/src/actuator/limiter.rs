@@ -1,8 +1,8 @@
 //! `limiter`: what no input may do to the coil.
 
 use asperity_node::{
-    Descriptor, Diagnostic, Fact, FactValue, Input, Node, Output, Param, RateSpec, Resume, Setup, ShapeSpec,
-    Status, Tick, Unit,
+    Descriptor, Diagnostic, Fact, Input, Node, Output, Param, RateSpec, Resume, Setup, ShapeSpec, Status,
+    Tick, Unit,
 };
 use asperity_world::actuator::{self, Drive, LimiterSettings};
 
@@ -85,8 +85,8 @@ impl Node for Limiter {
     fn facts(&self) -> Vec<Fact> {
         let r = self.0.report();
         let unit = if self.0.drive() == Drive::Voltage { "V" } else { "A" };
-        let count = |name, n| Fact { name, value: FactValue::Count(n) };
-        let number = |name, x, unit| Fact { name, value: FactValue::Number(x, unit) };
+        let count = |name, n| Fact::count(name, n);
+        let number = |name, x, unit| Fact::number(name, x, unit);
         vec![
             count("limited_not_finite", r.not_finite),
             count("limited_peak", r.peak),

@@ -1,8 +1,7 @@
 //! `trajectory`: a recorded stroke.
 
 use asperity_node::{
-    Descriptor, Diagnostic, Fact, FactValue, Latency, Node, Output, Param, Resume, Setup, ShapeSpec, Status,
-    Tick, Unit,
+    Descriptor, Diagnostic, Fact, Latency, Node, Output, Param, Resume, Setup, ShapeSpec, Status, Tick, Unit,
 };
 use asperity_source::Source;
 use asperity_world::motion::{self, AxisMap, Cursor, Interpolation, TrajectoryOptions};
@@ -96,8 +95,8 @@ impl Node for Trajectory {
 
     fn facts(&self) -> Vec<Fact> {
         vec![
-            Fact { name: "rows", value: FactValue::Count(self.trajectory.rows() as u64) },
-            Fact { name: "duration", value: FactValue::Number(self.trajectory.duration_s(), "s") },
+            Fact::count("rows", self.trajectory.rows() as u64),
+            Fact::number("duration", self.trajectory.duration_s(), "s"),
         ]
     }
 }

@@ -2,8 +2,7 @@
 
 use asperity_dsp::filter::{Biquad, Section};
 use asperity_node::{
-    Descriptor, Diagnostic, Fact, FactValue, Input, Node, Output, Param, Resume, Setup, ShapeSpec, Status,
-    Tick, Unit,
+    Descriptor, Diagnostic, Fact, Input, Node, Output, Param, Resume, Setup, ShapeSpec, Status, Tick, Unit,
 };
 
 /// Finite differences of x and y and a second-order Butterworth low-pass, both in f64.
@@ -80,6 +79,6 @@ impl Node for Velocity {
 
     fn facts(&self) -> Vec<Fact> {
         let lag = self.filters.map_or(0.0, |[x, _]| x.dc_group_delay() / self.rate_hz);
-        vec![Fact { name: "response_lag", value: FactValue::Number(lag * 1e3, "ms") }]
+        vec![Fact::number("response_lag", lag * 1e3, "ms")]
     }
 }

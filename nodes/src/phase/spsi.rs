@@ -2,8 +2,8 @@
 
 use asperity_dsp::spsi;
 use asperity_node::{
-    Descriptor, Diagnostic, Fact, FactValue, Input, LayoutSpec, Node, Output, Param, Setup, Shape, ShapeSpec,
-    Status, Tick, Unit,
+    Descriptor, Diagnostic, Fact, Input, LayoutSpec, Node, Output, Param, Setup, Shape, ShapeSpec, Status,
+    Tick, Unit,
 };
 
 /// Gives every frame of magnitudes a phase at once (Beauregard, Harish, Wyse 2015).
@@ -57,6 +57,6 @@ impl Node for Spsi {
     }
 
     fn facts(&self) -> Vec<Fact> {
-        vec![Fact { name: "bad_magnitudes", value: FactValue::Count(self.bad) }]
+        vec![Fact::count("bad_magnitudes", self.bad)]
     }
 }

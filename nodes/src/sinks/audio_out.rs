@@ -1,8 +1,7 @@
 //! `audio_out`: the way to the actuator.
 
 use asperity_node::{
-    Descriptor, Diagnostic, Fact, FactValue, Input, Node, Output, Param, RateSpec, Setup, ShapeSpec, Status,
-    Tick, Unit,
+    Descriptor, Diagnostic, Fact, Input, Node, Output, Param, RateSpec, Setup, ShapeSpec, Status, Tick, Unit,
 };
 
 /// How long the output takes to fade when what it depends on fails, in seconds.
@@ -90,6 +89,6 @@ impl Node for AudioOut {
     }
 
     fn facts(&self) -> Vec<Fact> {
-        vec![Fact { name: "clipped_samples", value: FactValue::Count(self.clipped) }]
+        vec![Fact::count("clipped_samples", self.clipped)]
     }
 }

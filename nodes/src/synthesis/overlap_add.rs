@@ -3,8 +3,8 @@
 use asperity_dsp::Framing;
 use asperity_dsp::overlap_add;
 use asperity_node::{
-    Descriptor, Diagnostic, Fact, FactValue, Input, Latency, LayoutSpec, Node, Output, RateSpec, Setup,
-    Shape, ShapeSpec, Status, Tick, Unit,
+    Descriptor, Diagnostic, Fact, Input, Latency, LayoutSpec, Node, Output, RateSpec, Setup, Shape,
+    ShapeSpec, Status, Tick, Unit,
 };
 
 /// Inverse FFT and weighted overlap-add, gain-exact for any hop.
@@ -81,9 +81,6 @@ impl Node for OverlapAdd {
 
     fn facts(&self) -> Vec<Fact> {
         let lag = f64::from(self.length) * 500.0 / f64::from(self.rate_hz);
-        vec![
-            Fact { name: "response_lag", value: FactValue::Number(lag, "ms") },
-            Fact { name: "refused_frames", value: FactValue::Count(self.refused) },
-        ]
+        vec![Fact::number("response_lag", lag, "ms"), Fact::count("refused_frames", self.refused)]
     }
 }

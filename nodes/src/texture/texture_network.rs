@@ -2,8 +2,8 @@
 
 use asperity_network::{Choice, FORCE_LEN, MAGNITUDES_LEN, Model, Precision, RunError, Runner, SPEED_LEN};
 use asperity_node::{
-    Config, Descriptor, Diagnostic, Fact, FactValue, Fault, FrameClock, FrameLayout, FrameRate, Input,
-    LayoutSpec, Node, Output, Param, Ports, Setup, ShapeSpec, Status, Tick, Unit,
+    Config, Descriptor, Diagnostic, Fact, FrameClock, FrameLayout, FrameRate, Input, LayoutSpec, Node,
+    Output, Param, Ports, Setup, ShapeSpec, Status, Tick, Unit,
 };
 use asperity_world::material::Library;
 
@@ -152,8 +152,8 @@ impl Node for TextureNetwork {
         self.material = (tick.inputs.value(2).round() as usize).min(self.runner.materials() - 1);
         match self.runner.run(self.material, &self.force, &self.velocity, &mut self.magnitudes) {
             Ok(()) => {}
-            Err(RunError::Executor) => return Status::Error(Fault::Failed(1)),
-            Err(_) => return Status::Error(Fault::Failed(2)),
+            Err(RunError::Executor) => return Status::Error(1),
+            Err(_) => return Status::Error(2),
         }
         let start = self.layout.frame_rate.first_sample(frame, self.layout.rate_hz);
         let bins = tick.outputs.magnitude(0, frame, start);
@@ -176,15 +176,14 @@ impl Node for TextureNetwork {
     fn facts(&self) -> Vec<Fact> {
         let info = self.runner.describe();
         let mut facts = vec![
-            Fact { name: "executor", value: FactValue::Text(info.executor.to_string()) },
-            Fact { name: "choice", value: FactValue::Text(info.report.clone()) },
-            Fact { name: "multiply_adds", value: FactValue::Count(info.multiply_adds as u64) },
-            Fact { name: "weights", value: FactValue::Number(info.weights_bytes as f64 / 1024.0, "KiB") },
-            Fact { name: "materials", value: FactValue::Text(self.names.join(", ")) },
+            Fact::text("executor", info.executor.to_string()),
+            Fact::text("choice", info.report.clone()),
+            Fact::count("multiply_adds", info.multiply_adds as u64),
+            Fact::number("weights", info.weights_bytes as f64 / 1024.0, "KiB"),
+            Fact::text("materials", self.names.join(", ")),
         ];
         if let Some(error) = info.max_error_vs_tract {
-            facts
-                .push(Fact { name: "error_against_tract", value: FactValue::Number(error, "of full scale") });
+            facts.push(Fact::number("error_against_tract", error, "of full scale"));
         }
         facts
     }

@@ -174,7 +174,7 @@ fn as_json(schedule: &Schedule) -> Value {
                 })
                 .collect();
             let facts: serde_json::Map<String, Value> =
-                node.facts.iter().map(|f| (f.name.to_owned(), fact_json(f))).collect();
+                node.facts.iter().map(|f| (f.name.to_string(), fact_json(f))).collect();
             json!({
                 "id": node.id,
                 "kind": node.kind,

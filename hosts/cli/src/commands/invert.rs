@@ -8,8 +8,8 @@ use asperity_engine::{Engine, Options};
 use asperity_graph::{GraphFile, compile};
 use asperity_measure::npy;
 use asperity_node::{
-    Buffer, Config, Descriptor, Diagnostic, FrameLayout, FrameRate, LayoutSpec, NodeKind, Output, Ports,
-    Processor, Registry, Setup, ShapeSpec, Status, Tick, Unit, time,
+    Buffer, Config, Descriptor, Diagnostic, Fault, FrameLayout, FrameRate, LayoutSpec, NodeKind, Output,
+    Ports, Processor, Registry, Setup, ShapeSpec, Status, Tick, Unit, time,
 };
 use asperity_source::{Source, one_of};
 
@@ -259,14 +259,16 @@ impl NodeKind for MagnitudesKind {
 struct Magnitudes(Arc<Frames>);
 
 impl Processor for Magnitudes {
-    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
+    fn process(&mut self, tick: &mut Tick<'_>) -> Result<Status, Fault> {
         let Frames { layout, bins } = &*self.0;
         let at = tick.index as usize * layout.bins as usize;
-        let Some(frame) = bins.get(at..at + layout.bins as usize) else { return Status::Asleep };
+        let Some(frame) = bins.get(at..at + layout.bins as usize) else { return Ok(Status::Asleep) };
         let start = FRAME.first_sample(tick.index, layout.rate_hz);
         tick.outputs.magnitude(0, tick.index, start).copy_from_slice(frame);
-        Status::Continue
+        Ok(Status::Continue)
     }
 
-    fn reset(&mut self) {}
+    fn reset(&mut self) -> Result<(), Fault> {
+        Ok(())
+    }
 }

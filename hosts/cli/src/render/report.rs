@@ -76,7 +76,7 @@ fn tick_us(s: &Summary) -> Value {
 pub fn fact_json(fact: &Fact) -> Value {
     match &fact.value {
         FactValue::Text(t) => json!(t),
-        FactValue::Number(x, "") => json!(x),
+        FactValue::Number(x, unit) if unit.is_empty() => json!(x),
         FactValue::Number(x, unit) => json!({ "value": x, "unit": unit }),
         FactValue::Count(n) => json!(n),
     }
@@ -104,7 +104,7 @@ pub fn json(run: &Run<'_>, engine: &Engine, times: &Times, level: &Level) -> Str
             let report = engine.report(i).cloned();
             let time = times.node_summary(i).unwrap_or_default();
             let facts: serde_json::Map<String, Value> =
-                engine.facts(i).iter().map(|f| (f.name.to_owned(), fact_json(f))).collect();
+                engine.facts(i).iter().map(|f| (f.name.to_string(), fact_json(f))).collect();
             json!({
                 "id": node.id,
                 "kind": node.kind,

@@ -1,0 +1,302 @@
+//! What a node remembers, as bytes that another instance of it can take over.
+//!
+//! A type says in one function what its state is; the same function measures, saves and restores it, so that the three cannot
+//! disagree. Nothing here allocates: the bytes are the caller's, and what is restored already has its size.
+//!
+//! ```
+//! use asperity_state::State;
+//!
+//! struct Filter { gain: f64, memory: Vec<f64>, started: bool }
+//!
+//! impl Filter {
+//!     fn state(&mut self, state: &mut State<'_>) {
+//!         state.keep(&mut self.memory).keep(&mut self.started); // not `gain`: that is a parameter
+//!     }
+//! }
+//!
+//! let mut old = Filter { gain: 1.0, memory: vec![3.0, 4.0], started: true };
+//! let mut new = Filter { gain: 2.0, memory: vec![0.0, 0.0], started: false };
+//! let mut bytes = vec![0; State::measure(|s| old.state(s))];
+//! State::save(&mut bytes, |s| old.state(s)).unwrap();
+//! assert!(State::restore(&bytes, |s| new.state(s)));
+//! assert_eq!((new.gain, new.memory, new.started), (2.0, vec![3.0, 4.0], true));
+//! ```
+
+use num_complex::Complex;
+
+/// A pass over what a node remembers: measuring, saving or restoring.
+#[derive(Debug)]
+pub struct State<'a> {
+    pass: Pass<'a>,
+    /// Bytes passed so far.
+    at: usize,
+    /// Something did not fit.
+    failed: bool,
+}
+
+#[derive(Debug)]
+enum Pass<'a> {
+    Measure,
+    Save(&'a mut [u8]),
+    Restore(&'a [u8]),
+}
+
+impl<'a> State<'a> {
+    fn new(pass: Pass<'a>) -> Self {
+        Self { pass, at: 0, failed: false }
+    }
+
+    /// How many bytes a state needs.
+    pub fn measure(visit: impl FnOnce(&mut State<'_>)) -> usize {
+        let mut state = State::new(Pass::Measure);
+        visit(&mut state);
+        state.at
+    }
+
+    /// Writes a state to the front of `bytes` and answers how many it took; `None` where they are too few.
+    pub fn save(bytes: &'a mut [u8], visit: impl FnOnce(&mut State<'_>)) -> Option<usize> {
+        let mut state = State::new(Pass::Save(bytes));
+        visit(&mut state);
+        (!state.failed).then_some(state.at)
+    }
+
+    /// Reads a state. False where the bytes are not one of this type with these sizes: what has been read until then stays,
+    /// so the caller then resets.
+    #[must_use]
+    pub fn restore(bytes: &'a [u8], visit: impl FnOnce(&mut State<'_>)) -> bool {
+        let mut state = State::new(Pass::Restore(bytes));
+        visit(&mut state);
+        !state.failed && state.at == bytes.len()
+    }
+
+    /// A part of the state: a number, a flag, an `Option`, or a slice, array or `Vec` of these whose length stays.
+    pub fn keep<T: Keep + ?Sized>(&mut self, part: &mut T) -> &mut Self {
+        part.keep(self);
+        self
+    }
+
+    /// A list whose length changes within its capacity.
+    pub fn keep_list<T: Keep + Default + Clone>(&mut self, list: &mut Vec<T>) -> &mut Self {
+        let mut len = list.len();
+        len.keep(self);
+        if self.restores() && len != list.len() {
+            if len > list.capacity() {
+                self.failed = true;
+                return self;
+            }
+            list.resize(len, T::default());
+        }
+        list.iter_mut().for_each(|part| part.keep(self));
+        // Measured at its longest, so that what is measured once is enough for ever.
+        if matches!(self.pass, Pass::Measure) {
+            let spare = list.capacity() - list.len();
+            let mut one = T::default();
+            let before = self.at;
+            one.keep(self);
+            self.at = before + (self.at - before) * spare;
+        }
+        self
+    }
+
+    /// Whether this pass writes to the parts.
+    pub fn restores(&self) -> bool {
+        matches!(self.pass, Pass::Restore(_))
+    }
+
+    /// Says that what was restored cannot be.
+    pub fn refuse(&mut self) {
+        self.failed = true;
+    }
+
+    /// `N` bytes: `out` is saved; what was saved is answered when restoring.
+    fn bytes<const N: usize>(&mut self, out: [u8; N]) -> Option<[u8; N]> {
+        let (start, end) = (self.at, self.at + N);
+        self.at = end;
+        match &mut self.pass {
+            Pass::Measure => None,
+            Pass::Save(bytes) => {
+                match bytes.get_mut(start..end) {
+                    Some(to) => to.copy_from_slice(&out),
+                    None => self.failed = true,
+                }
+                None
+            }
+            Pass::Restore(bytes) => {
+                let found = bytes.get(start..end).and_then(|b| b.try_into().ok());
+                self.failed |= found.is_none();
+                found.filter(|_| !self.failed)
+            }
+        }
+    }
+}
+
+/// What [`State::keep`] takes.
+pub trait Keep {
+    /// Passes every byte of this through `state`.
+    fn keep(&mut self, state: &mut State<'_>);
+}
+
+macro_rules! keep_number {
+    ($($t:ty),*) => {$(
+        impl Keep for $t {
+            fn keep(&mut self, state: &mut State<'_>) {
+                if let Some(bytes) = state.bytes(self.to_le_bytes()) {
+                    *self = Self::from_le_bytes(bytes);
+                }
+            }
+        }
+    )*};
+}
+
+keep_number!(u8, u16, u32, u64, i32, i64, f32, f64);
+
+impl Keep for usize {
+    fn keep(&mut self, state: &mut State<'_>) {
+        let mut wide = *self as u64;
+        wide.keep(state);
+        match usize::try_from(wide) {
+            Ok(it) => *self = it,
+            Err(_) => state.failed = true,
+        }
+    }
+}
+
+impl Keep for bool {
+    fn keep(&mut self, state: &mut State<'_>) {
+        let mut byte = u8::from(*self);
+        byte.keep(state);
+        *self = byte != 0;
+    }
+}
+
+impl<T: Keep> Keep for Complex<T> {
+    fn keep(&mut self, state: &mut State<'_>) {
+        self.re.keep(state);
+        self.im.keep(state);
+    }
+}
+
+/// One byte, and the value's room whether it is there or not, so that the size stays.
+impl<T: Keep + Default> Keep for Option<T> {
+    fn keep(&mut self, state: &mut State<'_>) {
+        let mut there = self.is_some();
+        there.keep(state);
+        let mut value = self.take().unwrap_or_default();
+        value.keep(state);
+        *self = there.then_some(value);
+    }
+}
+
+impl<T: Keep> Keep for [T] {
+    fn keep(&mut self, state: &mut State<'_>) {
+        let mut len = self.len();
+        len.keep(state);
+        if len != self.len() {
+            state.failed = true;
+            return;
+        }
+        self.iter_mut().for_each(|part| part.keep(state));
+    }
+}
+
+impl<T: Keep, const N: usize> Keep for [T; N] {
+    fn keep(&mut self, state: &mut State<'_>) {
+        self.as_mut_slice().keep(state);
+    }
+}
+
+impl<T: Keep> Keep for Vec<T> {
+    fn keep(&mut self, state: &mut State<'_>) {
+        self.as_mut_slice().keep(state);
+    }
+}
+
+impl<T: Keep> Keep for Box<[T]> {
+    fn keep(&mut self, state: &mut State<'_>) {
+        self.as_mut().keep(state);
+    }
+}
+
+impl<A: Keep, B: Keep> Keep for (A, B) {
+    fn keep(&mut self, state: &mut State<'_>) {
+        self.0.keep(state);
+        self.1.keep(state);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[derive(Clone, Debug, Default, PartialEq)]
+    struct All {
+        a: u8,
+        b: i64,
+        c: f32,
+        d: Option<u64>,
+        e: Vec<f64>,
+        f: [bool; 3],
+        g: Complex<f32>,
+        h: Vec<(u32, f32)>,
+        i: usize,
+    }
+
+    impl All {
+        fn state(&mut self, state: &mut State<'_>) {
+            state.keep(&mut self.a).keep(&mut self.b).keep(&mut self.c).keep(&mut self.d);
+            state.keep(&mut self.e).keep(&mut self.f).keep(&mut self.g).keep(&mut self.i);
+            state.keep_list(&mut self.h);
+        }
+    }
+
+    fn some() -> All {
+        let mut h = Vec::with_capacity(4);
+        h.extend([(7, 1.5), (9, -2.5)]);
+        let (e, f, g) = (vec![0.1, f64::NAN.signum(), -3.0], [true, false, true], Complex::new(1.0, -2.0));
+        All { a: 200, b: -5, c: 1e-30, d: Some(u64::MAX), e, f, g, h, i: 77 }
+    }
+
+    fn none() -> All {
+        All { e: vec![0.0; 3], h: Vec::with_capacity(4), ..All::default() }
+    }
+
+    fn saved(all: &mut All) -> Vec<u8> {
+        let mut bytes = vec![0; State::measure(|s| all.state(s))];
+        let len = State::save(&mut bytes, |s| all.state(s)).unwrap();
+        bytes.truncate(len);
+        bytes
+    }
+
+    #[test]
+    fn what_was_saved_is_restored() {
+        let bytes = saved(&mut some());
+        let mut other = none();
+        assert!(State::restore(&bytes, |s| other.state(s)));
+        assert_eq!(format!("{other:?}"), format!("{:?}", some()));
+        let mut back = some();
+        assert!(State::restore(&saved(&mut none()), |s| back.state(s)));
+        assert_eq!(back, none());
+    }
+
+    #[test]
+    fn what_is_measured_once_is_enough_for_ever() {
+        let mut it = none();
+        let size = State::measure(|s| it.state(s));
+        it.h.extend([(1, 1.0); 4]);
+        assert_eq!(State::save(&mut vec![0; size], |s| it.state(s)), Some(size));
+    }
+
+    #[test]
+    fn bytes_of_another_size_are_refused() {
+        let bytes = saved(&mut some());
+        for len in 0..bytes.len() {
+            assert!(!State::restore(&bytes[..len], |s| none().state(s)), "{len}");
+            assert!(State::save(&mut vec![0; len], |s| some().state(s)).is_none());
+        }
+        let mut longer = bytes.clone();
+        longer.push(0);
+        assert!(!State::restore(&longer, |s| none().state(s)));
+        assert!(!State::restore(&bytes, |s| All { e: vec![0.0; 4], ..none() }.state(s)));
+        assert!(!State::restore(&bytes, |s| All { h: Vec::with_capacity(1), ..none() }.state(s)));
+    }
+}
