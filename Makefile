@@ -3,7 +3,7 @@
 CARGO ?= cargo
 OUT ?= out
 
-.PHONY: setup demo test test-long lint bench train pictures clean
+.PHONY: header setup demo test test-long lint bench train pictures clean
 
 # Installs what is missing where it may, else says the exact line.
 setup:
@@ -34,6 +34,10 @@ lint: setup
 # One table: each node and the whole tick, beside a plain read of the network's weights.
 bench: setup
 	$(CARGO) bench -p asperity --bench tick
+
+# Writes the plugin interface's C header anew from its Rust.
+header: setup
+	ASPERITY_WRITE_HEADER=1 $(CARGO) test -p asperity-abi --test header
 
 # Trains the shipped network again.
 train: setup

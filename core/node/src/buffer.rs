@@ -191,6 +191,11 @@ impl<'a> Outputs<'a> {
         Self { buffers }
     }
 
+    /// The buffers themselves, for those who hand them on. What writes to audio or a frame also says so: `silent`, `frame`.
+    pub fn buffers(&mut self) -> &mut [Buffer] {
+        self.buffers
+    }
+
     /// The values of a control; they hold what was last written.
     pub fn control(&mut self, output: usize) -> &mut [f64] {
         match self.buffers.get_mut(output) {

@@ -14,7 +14,7 @@ mod registry;
 pub mod time;
 mod unit;
 
-pub use asperity_source::Diagnostic;
+pub use asperity_source::{Diagnostic, Place, Source, Span};
 pub use asperity_state::{Keep, State};
 pub use buffer::{Buffer, Frame, InputRef, Inputs, Outputs};
 pub use descriptor::{Descriptor, Resume};

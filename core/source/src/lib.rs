@@ -1,12 +1,13 @@
 //! Text that people write, and what is wrong with it.
 //!
-//! [`Source`] is a file with its text, [`Diagnostic`] an error that points into it, and [`ron`] a strict
+//! [`Source`] is a file with its text, [`Diagnostic`] an error that points into it, and `ron` (a feature) a strict
 //! reader for RON that keeps the place of every value. Graphs, materials and actuator profiles are all read
 //! through here, so that every bad file is reported in one way: file, line, column, what was found and what
 //! would fit.
 
 mod diagnostic;
 mod nearest;
+#[cfg(feature = "ron")]
 pub mod ron;
 
 pub use diagnostic::{Diagnostic, Place, Position, Source, Span};

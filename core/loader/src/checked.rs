@@ -1,0 +1,112 @@
+//! What a plugin hands out, read with care: it may be of an older minor version, or lie.
+
+use std::ffi::{CStr, c_char};
+use std::mem::{MaybeUninit, size_of};
+use std::ptr;
+
+/// What is wrong with something a plugin said, in one sentence.
+pub(crate) type Lie = String;
+
+/// The longest text that is read, in bytes.
+const MAX_TEXT: usize = 1 << 16;
+/// The largest struct that is believed, in bytes.
+const MAX_STRUCT: u32 = 1 << 12;
+
+/// A struct of the plugin's that begins with its size; members that its maker did not know are zero.
+///
+/// # Safety
+/// `at` is NULL or points to a struct of the size it says; all-zero bytes are a `T`.
+pub(crate) unsafe fn read<T: Copy>(at: *const T, what: &str) -> Result<T, Lie> {
+    if at.is_null() {
+        return Err(format!("{what} is NULL"));
+    }
+    if !at.is_aligned() {
+        return Err(format!("{what} is not where such a struct can be"));
+    }
+    // SAFETY: every such struct begins with its size.
+    let size = unsafe { *at.cast::<u32>() };
+    // 1.0 is the first version, so nothing smaller is known.
+    if (size as usize) < size_of::<T>() || size > MAX_STRUCT || !size.is_multiple_of(8) {
+        return Err(format!("{what} says it has {size} bytes; {} or a few more would fit", size_of::<T>()));
+    }
+    let mut out = MaybeUninit::<T>::zeroed();
+    // SAFETY: at least size_of::<T>() bytes are there, and zeroed bytes are a T.
+    unsafe {
+        ptr::copy_nonoverlapping(at, out.as_mut_ptr(), 1);
+        Ok(out.assume_init())
+    }
+}
+
+/// An array of such structs, each as far from the next as the first one's size.
+///
+/// # Safety
+/// `first` is NULL or points to `count` structs.
+pub(crate) unsafe fn read_all<T: Copy>(first: *const T, count: u32, what: &str) -> Result<Vec<T>, Lie> {
+    if count > 256 {
+        return Err(format!("{count} of {what}; at most 256 are taken"));
+    }
+    let mut out = Vec::new();
+    let mut stride = 0;
+    for i in 0..count {
+        // SAFETY: `count` structs are there, `stride` bytes apart.
+        unsafe {
+            let at = first.byte_add((i * stride) as usize);
+            out.push(read(at, &format!("{what} {i}"))?);
+            let size = *at.cast::<u32>();
+            if i > 0 && size != stride {
+                return Err(format!("{what} {i} says it has {size} bytes, and the one before {stride}"));
+            }
+            stride = size;
+        }
+    }
+    Ok(out)
+}
+
+/// A text of the plugin's.
+///
+/// # Safety
+/// `text` is NULL or ends with a zero byte.
+pub(crate) unsafe fn text(text: *const c_char, what: &str) -> Result<String, Lie> {
+    // SAFETY: the caller's promise.
+    unsafe { some_text(text, what)? }.ok_or_else(|| format!("{what} is NULL"))
+}
+
+/// A text of the plugin's that may be NULL.
+///
+/// # Safety
+/// As for [`text`].
+pub(crate) unsafe fn some_text(text: *const c_char, what: &str) -> Result<Option<String>, Lie> {
+    if text.is_null() {
+        return Ok(None);
+    }
+    // SAFETY: the caller's promise.
+    let bytes = unsafe { CStr::from_ptr(text) }.to_bytes();
+    if bytes.len() > MAX_TEXT {
+        return Err(format!("{what} has {} bytes", bytes.len()));
+    }
+    match std::str::from_utf8(bytes) {
+        Ok(text) => Ok(Some(text.to_owned())),
+        Err(_) => Err(format!("{what} is not UTF-8")),
+    }
+}
+
+/// A list of texts that ends with NULL.
+///
+/// # Safety
+/// `first` is NULL or points to such a list.
+pub(crate) unsafe fn texts(first: *const *const c_char, what: &str) -> Result<Vec<String>, Lie> {
+    let mut out = Vec::new();
+    if first.is_null() {
+        return Ok(out);
+    }
+    for i in 0..=1024 {
+        // SAFETY: the list goes on until its NULL.
+        let at = unsafe { *first.add(i) };
+        // SAFETY: texts of the list end with a zero byte.
+        match unsafe { some_text(at, what)? } {
+            Some(text) => out.push(text),
+            None => return Ok(out),
+        }
+    }
+    Err(format!("{what} does not end with NULL"))
+}

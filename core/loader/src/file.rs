@@ -1,0 +1,160 @@
+//! The file: what it is, before any of its code runs, and the copy that is loaded.
+
+use std::fs;
+use std::io::Write;
+use std::path::Path;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use asperity_abi::ASPERITY_ENTRY_SYMBOL;
+use asperity_source::Diagnostic;
+use libloading::Library;
+use object::read::NameOrOrdinal;
+use object::{Architecture, BinaryFormat, Object, ObjectKind, ObjectSegment};
+
+/// Largest library that is read, in bytes.
+const MAX_BYTES: u64 = 1 << 30;
+
+static COPIES: AtomicU64 = AtomicU64::new(0);
+
+/// How many copies of plugin files this process has loaded; they are never unloaded.
+pub fn loaded_copies() -> u64 {
+    COPIES.load(Ordering::Relaxed)
+}
+
+/// What kind of file this system loads.
+const FORMAT: BinaryFormat = if cfg!(windows) {
+    BinaryFormat::Pe
+} else if cfg!(target_vendor = "apple") {
+    BinaryFormat::MachO
+} else {
+    BinaryFormat::Elf
+};
+
+fn here() -> Option<Architecture> {
+    match std::env::consts::ARCH {
+        "x86_64" => Some(Architecture::X86_64),
+        "aarch64" => Some(Architecture::Aarch64),
+        "x86" => Some(Architecture::I386),
+        "arm" => Some(Architecture::Arm),
+        "riscv64" => Some(Architecture::Riscv64),
+        _ => None,
+    }
+}
+
+/// Reads a file and makes sure it can be loaded.
+///
+/// # Errors
+/// A missing or unreadable file, and whatever is no complete shared library for this machine that exports the entry symbol.
+pub(crate) fn read(path: &Path) -> Result<Vec<u8>, Diagnostic> {
+    let fail = |message: String| Diagnostic::new(message).in_file(path);
+    let meta = fs::metadata(path).map_err(|e| fail(format!("cannot read this plugin: {e}")))?;
+    if !meta.is_file() {
+        return Err(fail("this is not a file".into()).help("name the plugin's shared library itself"));
+    }
+    if meta.len() > MAX_BYTES {
+        return Err(fail(format!("this file has {} bytes; at most {MAX_BYTES} are read", meta.len())));
+    }
+    let bytes = fs::read(path).map_err(|e| fail(format!("cannot read this plugin: {e}")))?;
+    check(&bytes).map_err(|(message, help)| fail(message).help(help))?;
+    Ok(bytes)
+}
+
+fn check(bytes: &[u8]) -> Result<(), (String, String)> {
+    let is = |what: &str| (what.to_owned(), "a plugin is a shared library: .so, .dylib or .dll".to_owned());
+    if bytes.is_empty() {
+        return Err(is("this file is empty"));
+    }
+    let file = object::File::parse(bytes).map_err(|_| is("this is not a shared library"))?;
+    if file.format() != FORMAT {
+        let found = format!("this is a library for another system ({:?})", file.format());
+        return Err((found, "build it on this system".into()));
+    }
+    if here().is_some_and(|here| here != file.architecture()) {
+        return Err((
+            format!(
+                "this library is for another architecture: {:?}, and this program is {}",
+                file.architecture(),
+                std::env::consts::ARCH
+            ),
+            "build it for this machine".into(),
+        ));
+    }
+    if file.kind() != ObjectKind::Dynamic {
+        return Err(is(match file.kind() {
+            ObjectKind::Executable => "this is a program, not a shared library",
+            ObjectKind::Relocatable => "this is an object file, not a shared library",
+            _ => "this is not a shared library",
+        }));
+    }
+    // A file that is still being written would be mapped past its end, and kill the process when it is touched.
+    let whole = file.segments().all(|s| {
+        let (start, len) = s.file_range();
+        start.checked_add(len).is_some_and(|end| end <= bytes.len() as u64)
+    });
+    if !whole {
+        return Err(("this library is cut short".into(), "build it again".into()));
+    }
+    let mut exports =
+        file.exports().map_err(|e| (format!("its exports cannot be read: {e}"), String::new()))?;
+    let is_entry = |name: &[u8]| name.strip_prefix(b"_").is_some_and(is_it) || is_it(name);
+    if !exports.any(|e| e.is_ok_and(|e| matches!(e.name(), NameOrOrdinal::Name(name) if is_entry(name)))) {
+        return Err((
+            format!("this library has no symbol `{ASPERITY_ENTRY_SYMBOL}`, so it is not a plugin of Asperity"),
+            "in Rust: `asperity_sdk::export!(MyNode);`; in C: `ASPERITY_EXPORT const AsperityEntry asperity_entry`"
+                .into(),
+        ));
+    }
+    Ok(())
+}
+
+fn is_it(name: &[u8]) -> bool {
+    name == ASPERITY_ENTRY_SYMBOL.as_bytes()
+}
+
+/// Loads a copy of a library that has been read, under a name that no other copy has.
+pub(crate) fn load(path: &Path, bytes: &[u8]) -> Result<Library, Diagnostic> {
+    let fail = |message: String| Diagnostic::new(message).in_file(path);
+    let stem = path.file_stem().and_then(|s| s.to_str()).unwrap_or("plugin");
+    let copy = tempfile::Builder::new()
+        .prefix(&format!("{stem}-"))
+        .suffix(std::env::consts::DLL_SUFFIX)
+        .tempfile()
+        .and_then(|mut file| file.write_all(bytes).map(|()| file.into_temp_path()))
+        .map_err(|e| fail(format!("cannot make the copy that is loaded: {e}")))?;
+    // SAFETY: loading runs the library's constructors, which is what a plugin is trusted with; all else about the file
+    // has been checked.
+    let library = unsafe { open(&copy) }.map_err(|e| {
+        let reason = std::error::Error::source(&e).map_or_else(|| e.to_string(), ToString::to_string);
+        // The system names the copy; the person knows the file.
+        let reason = reason.replace(&*copy.to_string_lossy(), &path.display().to_string());
+        fail(format!("the system does not load it: {reason}"))
+    })?;
+    COPIES.fetch_add(1, Ordering::Relaxed);
+    if cfg!(windows) {
+        // A loaded file cannot be deleted there.
+        let _ = copy.keep();
+    }
+    Ok(library)
+}
+
+#[cfg(unix)]
+unsafe fn open(copy: &Path) -> Result<Library, libloading::Error> {
+    use libloading::os::unix;
+    // SAFETY: the caller's promise.
+    unsafe { unix::Library::open(Some(copy), unix::RTLD_NOW | unix::RTLD_LOCAL) }.map(Into::into)
+}
+
+#[cfg(not(unix))]
+unsafe fn open(copy: &Path) -> Result<Library, libloading::Error> {
+    // SAFETY: the caller's promise.
+    unsafe { Library::new(copy) }
+}
+
+/// Tells two builds of a library apart; never 0.
+pub(crate) fn build_of(bytes: &[u8]) -> u64 {
+    // FNV-1a: nobody is to be kept out by it.
+    let hash = bytes
+        .iter()
+        .fold(0xcbf2_9ce4_8422_2325_u64, |h, b| (h ^ u64::from(*b)).wrapping_mul(0x100_0000_01b3));
+    hash.max(1)
+}

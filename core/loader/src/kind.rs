@@ -1,0 +1,197 @@
+//! A plugin's kind as one of the registry's.
+
+use std::ffi::{CStr, c_char, c_void};
+use std::mem::size_of;
+use std::sync::Arc;
+
+use asperity_abi::*;
+use asperity_node::{Config, Descriptor, Diagnostic, Input, NodeKind, Output, Ports, Processor, Setup};
+
+use crate::checked::Lie;
+use crate::describe;
+use crate::processor::PluginProcessor;
+use crate::setup::Lent;
+
+/// The function of the extension `asperity.facts/1`.
+pub(crate) type FactsFn = unsafe extern "C" fn(*const AsperityKind, *mut c_void, *const AsperityFactSink);
+
+/// What an instance keeps of its kind.
+#[derive(Clone, Copy)]
+pub(crate) struct Functions {
+    pub(crate) at: *const AsperityKind,
+    pub(crate) abi: AsperityKind,
+    pub(crate) facts: Option<FactsFn>,
+}
+
+// SAFETY: constant data of a library that is never unloaded; its functions may be called from any thread.
+unsafe impl Send for Functions {}
+// SAFETY: as above.
+unsafe impl Sync for Functions {}
+
+/// A kind of nodes from a plugin.
+pub(crate) struct PluginKind {
+    functions: Functions,
+    descriptor: Descriptor,
+    build: u64,
+    origin: Arc<str>,
+}
+
+impl PluginKind {
+    pub(crate) fn new(
+        at: *const AsperityKind,
+        abi: AsperityKind,
+        descriptor: Descriptor,
+        facts: Option<FactsFn>,
+        build: u64,
+        origin: Arc<str>,
+    ) -> Self {
+        Self { functions: Functions { at, abi, facts }, descriptor, build, origin }
+    }
+
+    fn error(&self, config: &Config<'_>, error: &Said) -> Diagnostic {
+        let message = match error.message() {
+            m if m.is_empty() => format!("the plugin's kind `{}` cannot be prepared", self.descriptor.kind),
+            m => m,
+        };
+        let param = usize::try_from(error.abi.param).ok().and_then(|i| self.descriptor.params.get(i));
+        let d = config.params.error(param.map_or("", |p| &p.name), message);
+        match error.help() {
+            h if h.is_empty() => d,
+            h => d.help(h),
+        }
+    }
+}
+
+impl NodeKind for PluginKind {
+    fn descriptor(&self) -> &Descriptor {
+        &self.descriptor
+    }
+
+    fn origin(&self) -> &str {
+        &self.origin
+    }
+
+    fn build(&self) -> u64 {
+        self.build
+    }
+
+    fn ports(&self, config: &Config<'_>) -> Result<Ports, Diagnostic> {
+        let d = &self.descriptor;
+        let Some(ports) = self.functions.abi.ports else {
+            return Ok(Ports { inputs: d.inputs.clone(), outputs: d.outputs.clone() });
+        };
+        let lent = Lent::config(config, d)?;
+        let mut told = Told::default();
+        let sink = AsperityPortSink {
+            size: size_of::<AsperityPortSink>() as u32,
+            reserved: 0,
+            context: (&raw mut told).cast(),
+            input: Some(add_input),
+            output: Some(add_output),
+        };
+        let mut said = Said::new();
+        // SAFETY: all three live through the call.
+        let answer = unsafe { ports(&lent.abi, &sink, &mut said.abi) };
+        if answer != ASPERITY_OK {
+            return Err(self.error(config, &said));
+        }
+        if let Some(lie) = told.lie {
+            return Err(config.params.node_error(format!("the plugin's kind `{}`: {lie}", d.kind)));
+        }
+        let ports = Ports { inputs: told.inputs, outputs: told.outputs };
+        Ok(ports)
+    }
+
+    fn prepare(&self, setup: &Setup<'_>) -> Result<Box<dyn Processor>, Diagnostic> {
+        let lent = Lent::setup(setup, &self.descriptor)?;
+        let mut said = Said::new();
+        // SAFETY: the setup lives through the call.
+        let made = unsafe { PluginProcessor::new(self.functions, &lent.abi, setup, &mut said.abi) };
+        match made {
+            Ok(processor) => Ok(Box::new(processor)),
+            Err(lie) if lie.is_empty() => Err(self.error(&setup.config, &said)),
+            Err(lie) => {
+                Err(setup.params.node_error(format!("the plugin's kind `{}`: {lie}", self.descriptor.kind)))
+            }
+        }
+    }
+}
+
+/// Room for what a plugin says is wrong.
+struct Said {
+    abi: AsperityError,
+    message: Box<[u8; 1024]>,
+    help: Box<[u8; 1024]>,
+}
+
+impl Said {
+    fn new() -> Self {
+        let (mut message, mut help) = (Box::new([0; 1024]), Box::new([0; 1024]));
+        let abi = AsperityError {
+            size: size_of::<AsperityError>() as u32,
+            param: -1,
+            message_capacity: message.len() as u32,
+            help_capacity: help.len() as u32,
+            message: message.as_mut_ptr().cast::<c_char>(),
+            help: help.as_mut_ptr().cast::<c_char>(),
+        };
+        Self { abi, message, help }
+    }
+
+    fn message(&self) -> String {
+        said(self.message.as_slice())
+    }
+
+    fn help(&self) -> String {
+        said(self.help.as_slice())
+    }
+}
+
+fn said(bytes: &[u8]) -> String {
+    CStr::from_bytes_until_nul(bytes).map_or_else(
+        |_| String::from_utf8_lossy(bytes).into_owned(),
+        |text| text.to_string_lossy().into_owned(),
+    )
+}
+
+/// Ports that a plugin has told.
+#[derive(Default)]
+struct Told {
+    inputs: Vec<Input>,
+    outputs: Vec<Output>,
+    lie: Option<Lie>,
+}
+
+impl Told {
+    /// # Safety
+    /// `context` is one that this file handed out, `port` the plugin's.
+    unsafe fn add(context: *mut c_void, port: *const AsperityPort, input: bool) {
+        // SAFETY: the caller's promise.
+        let Some(told) = (unsafe { context.cast::<Self>().as_mut() }) else { return };
+        // SAFETY: as above; the port is valid during the call.
+        let added = unsafe {
+            crate::checked::read(port, "a port").and_then(|p| {
+                if told.inputs.len() + told.outputs.len() >= 512 {
+                    return Err("it has more than 512 ports".to_owned());
+                }
+                if input {
+                    told.inputs.push(describe::input(&p)?);
+                } else {
+                    told.outputs.push(describe::output(&p)?);
+                }
+                Ok(())
+            })
+        };
+        told.lie = told.lie.take().or(added.err());
+    }
+}
+
+unsafe extern "C" fn add_input(context: *mut c_void, port: *const AsperityPort) {
+    // SAFETY: called by the plugin during `ports`, with the context it was given.
+    unsafe { Told::add(context, port, true) };
+}
+
+unsafe extern "C" fn add_output(context: *mut c_void, port: *const AsperityPort) {
+    // SAFETY: as above.
+    unsafe { Told::add(context, port, false) };
+}

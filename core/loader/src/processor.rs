@@ -1,0 +1,338 @@
+//! An instance of a plugin's kind as the engine calls it.
+
+use std::ffi::{CStr, c_char, c_void};
+use std::mem::size_of;
+use std::ptr::{self, NonNull};
+
+use asperity_abi::*;
+use asperity_node::{Buffer, Fact, Fault, Inputs, Latency, Processor, Setup, Status, Tick};
+
+use crate::checked::Lie;
+use crate::kind::Functions;
+
+/// One instance. Its buffers are the engine's own: nothing is copied on this side.
+pub(crate) struct PluginProcessor {
+    functions: Functions,
+    instance: NonNull<c_void>,
+    inputs: Box<[AsperityBuffer]>,
+    outputs: Box<[AsperityBuffer]>,
+    info: AsperityInfo,
+}
+
+// SAFETY: the interface lets another thread call an instance than before, one at a time; the buffers hold addresses only
+// during a call.
+unsafe impl Send for PluginProcessor {}
+
+const NO_BUFFER: AsperityBuffer = AsperityBuffer {
+    carries: 0,
+    flags: 0,
+    count: 0,
+    reserved: 0,
+    frame_index: 0,
+    frame_start: 0,
+    data: ptr::null_mut(),
+};
+
+impl PluginProcessor {
+    /// Makes and prepares an instance. An empty error means that the plugin has said what is wrong.
+    ///
+    /// # Safety
+    /// `lent` and `error` are valid, and what they point to.
+    pub(crate) unsafe fn new(
+        functions: Functions,
+        lent: &AsperitySetup,
+        setup: &Setup<'_>,
+        error: &mut AsperityError,
+    ) -> Result<Self, Lie> {
+        let kind = &functions.abi;
+        let (Some(create), Some(prepare)) = (kind.create, kind.prepare) else { return Err(Lie::new()) };
+        // SAFETY: the kind is the plugin's own.
+        let instance = unsafe { create(functions.at) };
+        let instance = NonNull::new(instance).ok_or("it cannot make an instance")?;
+        let info = AsperityInfo {
+            size: size_of::<AsperityInfo>() as u32,
+            allocation_free: 1,
+            latency_num: 0,
+            latency_den: 0,
+            tail_num: 0,
+            tail_den: 0,
+            duration_num: 0,
+            duration_den: 0,
+        };
+        // From here on dropping it destroys the instance.
+        let mut it = Self {
+            functions,
+            instance,
+            inputs: vec![NO_BUFFER; setup.inputs.len()].into(),
+            outputs: vec![NO_BUFFER; setup.outputs.len()].into(),
+            info,
+        };
+        // SAFETY: the caller's promise; `prepare` is the first call after `create`.
+        if unsafe { prepare(instance.as_ptr(), lent, error) } != ASPERITY_OK {
+            return Err(Lie::new());
+        }
+        if let Some(info) = kind.info {
+            // SAFETY: the instance is prepared, and the struct lives through the call.
+            unsafe { info(instance.as_ptr(), &mut it.info) };
+        }
+        if it.info.latency_den < 0 || it.info.tail_den < 0 || it.info.duration_den < 0 {
+            return Err("it says a latency, tail or duration with a negative denominator".into());
+        }
+        Ok(it)
+    }
+
+    fn call_with_tick(
+        &mut self,
+        tick: &mut Tick<'_>,
+        outputs: bool,
+        call: Option<unsafe extern "C" fn(*mut c_void, *mut AsperityTick) -> i32>,
+    ) -> (i32, u64) {
+        let Some(call) = call else { return (ASPERITY_OK, 0) };
+        for (i, b) in self.inputs.iter_mut().enumerate() {
+            *b = input(tick.inputs, i);
+        }
+        for (b, buffer) in self.outputs.iter_mut().zip(tick.outputs.buffers()) {
+            *b = output(buffer);
+        }
+        let mut abi = AsperityTick {
+            size: size_of::<AsperityTick>() as u32,
+            buffer_size: size_of::<AsperityBuffer>() as u32,
+            index: tick.index,
+            tick_hz: tick.tick_hz,
+            input_count: self.inputs.len() as u32,
+            output_count: if outputs { self.outputs.len() as u32 } else { 0 },
+            reserved: 0,
+            inputs: self.inputs.as_ptr(),
+            outputs: self.outputs.as_mut_ptr(),
+            detail: 0,
+        };
+        // SAFETY: the instance is prepared; the buffers are the engine's for this tick, inputs and outputs apart.
+        let answer = unsafe { call(self.instance.as_ptr(), &mut abi) };
+        if outputs {
+            for (b, buffer) in self.outputs.iter_mut().zip(tick.outputs.buffers()) {
+                take(b, buffer);
+                b.data = ptr::null_mut();
+            }
+        }
+        (answer, abi.detail)
+    }
+
+    fn call(&mut self, f: Option<impl FnOnce(*mut c_void) -> i32>) -> Result<(), Fault> {
+        f.map_or(Ok(()), |f| outcome(f(self.instance.as_ptr()), 0).map(|_| ()))
+    }
+}
+
+/// What an answer means.
+fn outcome(answer: i32, detail: u64) -> Result<i32, Fault> {
+    match answer {
+        ASPERITY_PANICKED => Err(Fault::Panicked),
+        n if n < 0 => Err(Fault::Failed(u32::try_from(detail).unwrap_or(u32::MAX))),
+        n => Ok(n),
+    }
+}
+
+fn input(inputs: Inputs<'_>, i: usize) -> AsperityBuffer {
+    let Some(buffer) = inputs.buffer(i) else { return NO_BUFFER };
+    let mut b = whole(buffer);
+    b.flags |= u32::from(inputs.connected(i)) * ASPERITY_CONNECTED;
+    b
+}
+
+fn output(buffer: &mut Buffer) -> AsperityBuffer {
+    let mut b = whole(buffer);
+    b.flags = ASPERITY_CONNECTED | ASPERITY_VALID;
+    b
+}
+
+/// A buffer of the engine's in the interface's form. The address of an output is used to write only while nobody else reads.
+fn whole(buffer: &Buffer) -> AsperityBuffer {
+    let flag = |is: bool, flag: u32| if is { flag } else { 0 };
+    let mut b = AsperityBuffer { flags: flag(buffer.is_valid(), ASPERITY_VALID), ..NO_BUFFER };
+    let (data, count): (*const c_void, usize) = match buffer {
+        Buffer::Control { values, changed, .. } => {
+            b.carries = ASPERITY_CONTROL;
+            b.flags |= flag(*changed, ASPERITY_CHANGED);
+            (values.as_ptr().cast(), values.len())
+        }
+        Buffer::Audio { samples, len, silent, .. } => {
+            b.carries = ASPERITY_AUDIO;
+            b.flags |= flag(*silent, ASPERITY_SILENT);
+            (samples.as_ptr().cast(), *len)
+        }
+        Buffer::Magnitude { bins, frame, .. } => {
+            b.carries = ASPERITY_MAGNITUDE;
+            b.flags |= flag(frame.is_some(), ASPERITY_FRAME);
+            (b.frame_index, b.frame_start) = frame.unwrap_or_default();
+            (bins.as_ptr().cast(), bins.len())
+        }
+        Buffer::Spectrum { bins, frame, .. } => {
+            b.carries = ASPERITY_SPECTRUM;
+            b.flags |= flag(frame.is_some(), ASPERITY_FRAME);
+            (b.frame_index, b.frame_start) = frame.unwrap_or_default();
+            (bins.as_ptr().cast(), bins.len())
+        }
+    };
+    if count > 0 {
+        (b.data, b.count) = (data.cast_mut(), count as u32);
+    }
+    b
+}
+
+/// What the node said of an output that it wrote to.
+fn take(b: &AsperityBuffer, buffer: &mut Buffer) {
+    match buffer {
+        Buffer::Control { .. } => {}
+        Buffer::Audio { samples, silent, .. } => {
+            *silent = b.flags & ASPERITY_WRITTEN == 0;
+            if *silent {
+                // It may have written without saying so.
+                samples.fill(0.0);
+            }
+        }
+        Buffer::Magnitude { frame, .. } | Buffer::Spectrum { frame, .. } => {
+            *frame = (b.flags & ASPERITY_FRAME != 0).then_some((b.frame_index, b.frame_start));
+        }
+    }
+}
+
+impl Processor for PluginProcessor {
+    fn process(&mut self, tick: &mut Tick<'_>) -> Result<Status, Fault> {
+        let (answer, detail) = self.call_with_tick(tick, true, self.functions.abi.process);
+        match outcome(answer, detail)? {
+            ASPERITY_CONTINUE => Ok(Status::Continue),
+            ASPERITY_QUIET => Ok(Status::Quiet),
+            ASPERITY_TAIL => Ok(Status::Tail(detail)),
+            ASPERITY_ASLEEP => Ok(Status::Asleep),
+            _ => Err(Fault::Failed(u32::MAX)),
+        }
+    }
+
+    fn reset(&mut self) -> Result<(), Fault> {
+        // SAFETY: the instance is prepared, here and in all calls below.
+        self.call(self.functions.abi.reset.map(|f| move |it| unsafe { f(it) }))
+    }
+
+    fn wants(&mut self, tick: &mut Tick<'_>) -> Result<bool, Fault> {
+        let Some(wants) = self.functions.abi.wants else { return Ok(true) };
+        let (answer, detail) = self.call_with_tick(tick, false, Some(wants));
+        Ok(outcome(answer, detail)? != 0)
+    }
+
+    fn absorb(&mut self, tick: &mut Tick<'_>) -> Result<(), Fault> {
+        let (answer, detail) = self.call_with_tick(tick, false, self.functions.abi.absorb);
+        outcome(answer, detail).map(|_| ())
+    }
+
+    fn elapsed(&mut self, ticks: u64) -> Result<(), Fault> {
+        // SAFETY: see `reset`.
+        self.call(self.functions.abi.elapsed.map(|f| move |it| unsafe { f(it, ticks) }))
+    }
+
+    fn set_parameter(&mut self, index: usize, value: f64) -> Result<(), Fault> {
+        // SAFETY: see `reset`.
+        self.call(self.functions.abi.set_parameter.map(|f| move |it| unsafe { f(it, index as u32, value) }))
+    }
+
+    fn state_size(&mut self) -> usize {
+        // What no node has is a lie, and the state is then not handed over.
+        const MOST: u64 = 1 << 28;
+        // SAFETY: see `reset`.
+        let size = self.functions.abi.state_size.map_or(0, |f| unsafe { f(self.instance.as_ptr()) });
+        if size <= MOST { size as usize } else { 0 }
+    }
+
+    fn save(&mut self, bytes: &mut [u8]) -> Option<usize> {
+        let Some(save) = self.functions.abi.save else { return Some(0) };
+        // SAFETY: see `reset`; the memory has that size.
+        let len = unsafe { save(self.instance.as_ptr(), bytes.as_mut_ptr(), bytes.len() as u64) };
+        usize::try_from(len).ok().filter(|len| *len <= bytes.len())
+    }
+
+    fn restore(&mut self, bytes: &[u8]) -> bool {
+        let Some(restore) = self.functions.abi.restore else { return bytes.is_empty() };
+        // SAFETY: see `reset`; the memory has that size.
+        unsafe { restore(self.instance.as_ptr(), bytes.as_ptr(), bytes.len() as u64) == ASPERITY_OK }
+    }
+
+    fn latency(&self) -> Latency {
+        time(self.info.latency_num, self.info.latency_den).unwrap_or(Latency::ZERO)
+    }
+
+    fn tail(&self) -> Latency {
+        time(self.info.tail_num, self.info.tail_den).unwrap_or(Latency::ZERO)
+    }
+
+    fn duration(&self) -> Option<Latency> {
+        time(self.info.duration_num, self.info.duration_den)
+    }
+
+    fn allocation_free(&self) -> bool {
+        self.info.allocation_free != 0
+    }
+
+    fn facts(&self) -> Vec<Fact> {
+        let mut facts: Vec<Fact> = Vec::new();
+        let Some(tell) = self.functions.facts else { return facts };
+        let sink = AsperityFactSink {
+            size: size_of::<AsperityFactSink>() as u32,
+            reserved: 0,
+            context: (&raw mut facts).cast(),
+            text: Some(fact_text),
+            number: Some(fact_number),
+            count: Some(fact_count),
+        };
+        // SAFETY: the instance is one of this kind, and the sink lives through the call.
+        unsafe { tell(self.functions.at, self.instance.as_ptr(), &sink) };
+        facts
+    }
+}
+
+impl Drop for PluginProcessor {
+    fn drop(&mut self) {
+        if let Some(destroy) = self.functions.abi.destroy {
+            // SAFETY: made by `create`, and this is the last call.
+            unsafe { destroy(self.instance.as_ptr()) };
+        }
+    }
+}
+
+fn time(num: i64, den: i64) -> Option<Latency> {
+    (den > 0).then(|| Latency::ratio(num, den))
+}
+
+/// Adds a fact whose name and text can be read.
+///
+/// # Safety
+/// `context` is one that `facts` handed out; texts end with a zero byte.
+unsafe fn add(context: *mut c_void, name: *const c_char, fact: impl FnOnce(String) -> Option<Fact>) {
+    // SAFETY: the caller's promise.
+    unsafe {
+        if let (Some(facts), Some(name)) = (context.cast::<Vec<Fact>>().as_mut(), text(name))
+            && facts.len() < 256
+        {
+            facts.extend(fact(name));
+        }
+    }
+}
+
+/// # Safety
+/// NULL, or ends with a zero byte.
+unsafe fn text(text: *const c_char) -> Option<String> {
+    // SAFETY: the caller's promise.
+    (!text.is_null()).then(|| unsafe { CStr::from_ptr(text) }.to_string_lossy().into_owned())
+}
+
+unsafe extern "C" fn fact_text(context: *mut c_void, name: *const c_char, value: *const c_char) {
+    // SAFETY: called by the plugin during `facts`, with the context it was given, here and below.
+    unsafe { add(context, name, |name| Some(Fact::text(name, text(value)?))) };
+}
+
+unsafe extern "C" fn fact_number(context: *mut c_void, name: *const c_char, x: f64, unit: *const c_char) {
+    // SAFETY: as above.
+    unsafe { add(context, name, |name| Some(Fact::number(name, x, text(unit).unwrap_or_default()))) };
+}
+
+unsafe extern "C" fn fact_count(context: *mut c_void, name: *const c_char, n: u64) {
+    // SAFETY: as above.
+    unsafe { add(context, name, |name| Some(Fact::count(name, n))) };
+}

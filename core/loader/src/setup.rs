@@ -1,0 +1,179 @@
+//! What an instance is prepared for, in the interface's form.
+
+use std::ffi::{CString, c_char};
+use std::mem::size_of;
+use std::path::Path;
+use std::ptr;
+
+use asperity_abi::*;
+use asperity_node::{Config, Descriptor, Diagnostic, ParamKind, ParamValue, Setup, Shape, Wiring};
+
+/// A setup and all that it points to.
+pub(crate) struct Lent {
+    pub(crate) abi: AsperitySetup,
+    _texts: Vec<CString>,
+    _lists: Vec<Vec<*const c_char>>,
+    _params: Vec<AsperityValue>,
+    _inputs: Vec<AsperityWire>,
+    _outputs: Vec<AsperityWire>,
+}
+
+/// Texts that live as long as the setup.
+#[derive(Default)]
+struct Texts {
+    texts: Vec<CString>,
+    lists: Vec<Vec<*const c_char>>,
+}
+
+impl Texts {
+    fn text(&mut self, text: &str) -> Result<*const c_char, String> {
+        let text = CString::new(text).map_err(|_| "there is a zero character in this text".to_owned())?;
+        let at = text.as_ptr();
+        self.texts.push(text);
+        Ok(at)
+    }
+
+    /// A path in UTF-8, which is what the interface has.
+    fn path(&mut self, path: &Path) -> Result<*const c_char, String> {
+        match path.to_str() {
+            Some(path) => self.text(path),
+            None => {
+                Err(format!("a plugin cannot be given this path, which is not UTF-8: {}", path.display()))
+            }
+        }
+    }
+}
+
+impl Lent {
+    /// Before the ports are settled.
+    pub(crate) fn config(config: &Config<'_>, d: &Descriptor) -> Result<Self, Diagnostic> {
+        Self::new(config, d, &[], &[], false)
+    }
+
+    /// Everything.
+    pub(crate) fn setup(setup: &Setup<'_>, d: &Descriptor) -> Result<Self, Diagnostic> {
+        Self::new(&setup.config, d, setup.inputs, setup.outputs, setup.closes_cycle)
+    }
+
+    fn new(
+        config: &Config<'_>,
+        d: &Descriptor,
+        inputs: &[Wiring],
+        outputs: &[Wiring],
+        closes_cycle: bool,
+    ) -> Result<Self, Diagnostic> {
+        let mut texts = Texts::default();
+        let node = |message| config.params.node_error(message);
+        let id = texts.text(config.id).map_err(node)?;
+        let empty = texts.text("").map_err(node)?;
+        let mut params = Vec::new();
+        for p in &d.params {
+            let value = value(config, &p.name, &p.kind, empty, &mut texts);
+            params.push(value.map_err(|e| config.params.error(&p.name, e))?);
+        }
+        let mut wires = |ports: &[Wiring]| -> Result<Vec<AsperityWire>, Diagnostic> {
+            ports.iter().map(|w| wire(w, &mut texts).map_err(node)).collect()
+        };
+        let (inputs, outputs) = (wires(inputs)?, wires(outputs)?);
+        let abi = AsperitySetup {
+            size: size_of::<AsperitySetup>() as u32,
+            tick_hz: config.tick_hz,
+            every: config.every,
+            audio_hz: config.audio_hz,
+            seed: config.seed,
+            id,
+            params: params.as_ptr(),
+            inputs: inputs.as_ptr(),
+            outputs: outputs.as_ptr(),
+            param_count: params.len() as u32,
+            input_count: inputs.len() as u32,
+            output_count: outputs.len() as u32,
+            closes_cycle: u32::from(closes_cycle),
+        };
+        let Texts { texts, lists } = texts;
+        Ok(Self { abi, _texts: texts, _lists: lists, _params: params, _inputs: inputs, _outputs: outputs })
+    }
+}
+
+fn value(
+    config: &Config<'_>,
+    name: &str,
+    kind: &ParamKind,
+    empty: *const c_char,
+    texts: &mut Texts,
+) -> Result<AsperityValue, String> {
+    let mut v = AsperityValue {
+        size: size_of::<AsperityValue>() as u32,
+        set: 0,
+        number: 0.0,
+        integer: 0,
+        text: empty,
+        base: empty,
+        numbers: ptr::null(),
+        texts: ptr::null(),
+        count: 0,
+        reserved: 0,
+    };
+    let Some(value) = config.params.get(name) else { return Ok(v) };
+    v.set = 1 + u32::from(config.params.is_set(name));
+    let place = config.params.place(name).or(config.params.node_place());
+    if let Some(base) = place.and_then(|p| p.source.path().parent()) {
+        v.base = texts.path(base)?;
+    }
+    match value {
+        ParamValue::Number(x) => v.number = *x,
+        ParamValue::Integer(i) => (v.integer, v.number) = (*i, *i as f64),
+        ParamValue::Flag(b) => v.integer = i64::from(*b),
+        ParamValue::Text(t) => {
+            v.text = texts.text(t)?;
+            if let ParamKind::Choice(words) = kind {
+                v.integer = words.iter().position(|w| w == t).map_or(0, |i| i as i64);
+            }
+        }
+        ParamValue::File(path) => v.text = texts.path(path)?,
+        ParamValue::Numbers(xs) => (v.numbers, v.count) = (xs.as_ptr(), xs.len() as u32),
+        ParamValue::Texts(all) => {
+            let list = all.iter().map(|t| texts.text(t)).collect::<Result<Vec<_>, _>>()?;
+            (v.texts, v.count) = (list.as_ptr(), list.len() as u32);
+            texts.lists.push(list);
+        }
+    }
+    Ok(v)
+}
+
+fn wire(w: &Wiring, texts: &mut Texts) -> Result<AsperityWire, String> {
+    let mut abi = AsperityWire {
+        size: size_of::<AsperityWire>() as u32,
+        connected: u32::from(w.connected),
+        carries: 0,
+        flags: 0,
+        count: 0,
+        rate_hz: 0,
+        length: 0,
+        bins: 0,
+        frame_num: 0,
+        frame_den: 0,
+        unit: texts.text(w.port.as_ref().map_or("1", |p| p.unit.symbol()))?,
+    };
+    let Some(port) = &w.port else { return Ok(abi) };
+    abi.flags = u32::from(port.limited) * ASPERITY_LIMITED;
+    abi.carries = carries(&port.shape);
+    match port.shape {
+        Shape::Control { count } => abi.count = count as u32,
+        Shape::Audio { rate_hz } => abi.rate_hz = rate_hz,
+        Shape::Magnitude(l) | Shape::Spectrum(l) => {
+            (abi.rate_hz, abi.length, abi.bins) = (l.rate_hz, l.length, l.bins);
+            (abi.frame_num, abi.frame_den) = (l.frame_rate.num(), l.frame_rate.den());
+        }
+    }
+    Ok(abi)
+}
+
+fn carries(shape: &Shape) -> u32 {
+    match shape {
+        Shape::Control { .. } => ASPERITY_CONTROL,
+        Shape::Audio { .. } => ASPERITY_AUDIO,
+        Shape::Magnitude(_) => ASPERITY_MAGNITUDE,
+        Shape::Spectrum(_) => ASPERITY_SPECTRUM,
+    }
+}

@@ -1,0 +1,288 @@
+//! The functions of a kind, for any node type: each reads what the host hands in, calls the node, and hands back.
+
+use std::ffi::c_void;
+
+use asperity_abi::*;
+use asperity_node::{Buffer, InputRef, Inputs, Latency, Node, Outputs, Ports, State, Status, Tick, Wiring};
+
+use crate::panics::{caught, guarded};
+use crate::setup::{Prepared, tell};
+use crate::text::Texts;
+use crate::{buffers, describe};
+
+/// A node and its view of the host's buffers.
+pub(crate) struct Instance<N> {
+    node: Option<N>,
+    /// Inputs, then outputs.
+    buffers: Vec<Buffer>,
+    map: Vec<InputRef>,
+}
+
+impl<N: Node> Instance<N> {
+    /// The instance behind the host's pointer.
+    ///
+    /// # Safety
+    /// `instance` is NULL or was made by `create::<N>` and not destroyed, and nobody else uses it meanwhile.
+    pub(crate) unsafe fn of<'a>(instance: *mut c_void) -> Option<&'a mut Self> {
+        // SAFETY: the caller's promise.
+        unsafe { instance.cast::<Self>().as_mut() }
+    }
+
+    /// The node, once it has been prepared.
+    pub(crate) fn node(&mut self) -> Option<&mut N> {
+        self.node.as_mut()
+    }
+
+    /// Calls `f` with the node's view of a tick; outputs are written back where `outputs` says so.
+    ///
+    /// # Safety
+    /// `tick` is the host's.
+    unsafe fn with_tick(
+        &mut self,
+        tick: &mut AsperityTick,
+        outputs: bool,
+        f: impl FnOnce(&mut N, &mut Tick<'_>) -> i32,
+    ) -> i32 {
+        let Some(node) = &mut self.node else { return ASPERITY_FAILED };
+        let (ins, outs) = self.buffers.split_at_mut(self.map.len());
+        // SAFETY: the host's buffers are as many and as long as it says.
+        unsafe {
+            buffers::read(tick.inputs, tick.input_count, tick.buffer_size, ins, &mut self.map);
+            if outputs {
+                buffers::clear(tick.outputs, tick.output_count, tick.buffer_size, outs);
+            }
+        }
+        let mut view = Tick {
+            index: tick.index,
+            tick_hz: tick.tick_hz,
+            inputs: Inputs::new(ins, &[], ins.len(), &self.map),
+            outputs: Outputs::new(if outputs { &mut *outs } else { &mut [] }),
+        };
+        let answer = f(node, &mut view);
+        if outputs {
+            // SAFETY: as above.
+            unsafe { buffers::write(outs, tick.outputs, tick.output_count, tick.buffer_size) };
+        }
+        answer
+    }
+}
+
+/// See [`AsperityKind::create`].
+pub(crate) unsafe extern "C" fn create<N: Node>(_kind: *const AsperityKind) -> *mut c_void {
+    Box::into_raw(Box::new(Instance::<N> { node: None, buffers: Vec::new(), map: Vec::new() })).cast()
+}
+
+/// See [`AsperityKind::destroy`].
+pub(crate) unsafe extern "C" fn destroy<N: Node>(instance: *mut c_void) {
+    if !instance.is_null() {
+        // SAFETY: made by `create`, and the host uses it no more.
+        caught(|| drop(unsafe { Box::from_raw(instance.cast::<Instance<N>>()) }));
+    }
+}
+
+/// See [`AsperityKind::ports`].
+pub(crate) unsafe extern "C" fn ports<N: Node>(
+    setup: *const AsperitySetup,
+    sink: *const AsperityPortSink,
+    error: *mut AsperityError,
+) -> i32 {
+    // SAFETY: the host's structs, valid during this call.
+    guarded(|| unsafe {
+        let d = N::descriptor();
+        let (Some(prepared), Some(sink)) = (Prepared::read(setup, &d), sink.as_ref()) else {
+            return ASPERITY_FAILED;
+        };
+        let Ports { inputs, outputs } =
+            match N::ports(&prepared.config(), Ports { inputs: d.inputs, outputs: d.outputs }) {
+                Ok(ports) => ports,
+                Err(d) => {
+                    prepared.tell(&d, error);
+                    return ASPERITY_FAILED;
+                }
+            };
+        let mut texts = Texts::default();
+        if let Some(add) = sink.input {
+            inputs.iter().for_each(|i| add(sink.context, &describe::input(i, &mut texts)));
+        }
+        if let Some(add) = sink.output {
+            outputs.iter().for_each(|o| add(sink.context, &describe::output(o, &mut texts)));
+        }
+        ASPERITY_OK
+    })
+}
+
+/// See [`AsperityKind::prepare`].
+pub(crate) unsafe extern "C" fn prepare<N: Node>(
+    instance: *mut c_void,
+    setup: *const AsperitySetup,
+    error: *mut AsperityError,
+) -> i32 {
+    // SAFETY: the host's structs, valid during this call.
+    let answer = guarded(|| unsafe {
+        let d = N::descriptor();
+        let (Some(it), Some(prepared)) = (Instance::<N>::of(instance), Prepared::read(setup, &d)) else {
+            return ASPERITY_FAILED;
+        };
+        match N::prepare(&prepared.setup()) {
+            Ok(node) => it.node = Some(node),
+            Err(d) => {
+                prepared.tell(&d, error);
+                return ASPERITY_FAILED;
+            }
+        }
+        let buffer = |w: &Wiring| match &w.port {
+            Some(port) => Buffer::new(port, prepared.tick_hz()),
+            None => Buffer::constant(0, 0.0),
+        };
+        it.buffers = prepared.inputs.iter().chain(&prepared.outputs).map(buffer).collect();
+        let wires = prepared.inputs.iter().enumerate();
+        it.map = wires.map(|(i, w)| InputRef { buffer: i as u32, connected: w.connected }).collect();
+        ASPERITY_OK
+    });
+    if answer == ASPERITY_PANICKED {
+        // SAFETY: the host's.
+        unsafe { tell("the node panicked while it was prepared", "", None, error) };
+    }
+    answer
+}
+
+/// See [`AsperityKind::info`].
+pub(crate) unsafe extern "C" fn info<N: Node>(instance: *mut c_void, info: *mut AsperityInfo) {
+    // SAFETY: the host's struct, valid during this call.
+    let (Some(node), Some(info)) =
+        (unsafe { (Instance::<N>::of(instance).and_then(Instance::node), info.as_mut()) })
+    else {
+        return;
+    };
+    caught(|| {
+        info.allocation_free = u32::from(node.allocation_free());
+        (info.latency_num, info.latency_den) = node.latency().as_ratio();
+        (info.tail_num, info.tail_den) = node.tail().as_ratio();
+        (info.duration_num, info.duration_den) = node.duration().map_or((0, 0), Latency::as_ratio);
+    });
+}
+
+/// See [`AsperityKind::process`].
+pub(crate) unsafe extern "C" fn process<N: Node>(instance: *mut c_void, tick: *mut AsperityTick) -> i32 {
+    // SAFETY: the host's instance and tick, valid during this call.
+    let (Some(it), Some(tick)) = (unsafe { (Instance::<N>::of(instance), tick.as_mut()) }) else {
+        return ASPERITY_FAILED;
+    };
+    let mut detail = 0;
+    // SAFETY: as above.
+    let answer = guarded(|| unsafe {
+        it.with_tick(tick, true, |node, view| match node.process(view) {
+            Status::Continue => ASPERITY_CONTINUE,
+            Status::Quiet => ASPERITY_QUIET,
+            Status::Asleep => ASPERITY_ASLEEP,
+            Status::Tail(ticks) => {
+                detail = ticks;
+                ASPERITY_TAIL
+            }
+            Status::Error(code) => {
+                detail = u64::from(code);
+                ASPERITY_FAILED
+            }
+        })
+    });
+    tick.detail = detail;
+    answer
+}
+
+/// See [`AsperityKind::wants`].
+pub(crate) unsafe extern "C" fn wants<N: Node>(instance: *mut c_void, tick: *mut AsperityTick) -> i32 {
+    // SAFETY: the host's instance and tick, valid during this call.
+    unsafe {
+        let (Some(it), Some(tick)) = (Instance::<N>::of(instance), tick.as_mut()) else {
+            return ASPERITY_FAILED;
+        };
+        guarded(|| it.with_tick(tick, false, |node, view| i32::from(node.wants(view))))
+    }
+}
+
+/// See [`AsperityKind::absorb`].
+pub(crate) unsafe extern "C" fn absorb<N: Node>(instance: *mut c_void, tick: *mut AsperityTick) -> i32 {
+    // SAFETY: the host's instance and tick, valid during this call.
+    unsafe {
+        let (Some(it), Some(tick)) = (Instance::<N>::of(instance), tick.as_mut()) else {
+            return ASPERITY_FAILED;
+        };
+        guarded(|| {
+            it.with_tick(tick, false, |node, view| {
+                node.absorb(view);
+                ASPERITY_OK
+            })
+        })
+    }
+}
+
+/// Calls a node that has been prepared.
+///
+/// # Safety
+/// `instance` is the host's.
+unsafe fn with_node<N: Node>(instance: *mut c_void, f: impl FnOnce(&mut N)) -> i32 {
+    // SAFETY: the caller's promise.
+    let Some(node) = (unsafe { Instance::<N>::of(instance) }).and_then(Instance::node) else {
+        return ASPERITY_FAILED;
+    };
+    guarded(|| {
+        f(node);
+        ASPERITY_OK
+    })
+}
+
+/// See [`AsperityKind::reset`].
+pub(crate) unsafe extern "C" fn reset<N: Node>(instance: *mut c_void) -> i32 {
+    // SAFETY: the host's instance.
+    unsafe { with_node::<N>(instance, Node::reset) }
+}
+
+/// See [`AsperityKind::elapsed`].
+pub(crate) unsafe extern "C" fn elapsed<N: Node>(instance: *mut c_void, ticks: u64) -> i32 {
+    // SAFETY: the host's instance.
+    unsafe { with_node::<N>(instance, |node| node.elapsed(ticks)) }
+}
+
+/// See [`AsperityKind::set_parameter`].
+pub(crate) unsafe extern "C" fn set_parameter<N: Node>(instance: *mut c_void, index: u32, value: f64) -> i32 {
+    // SAFETY: the host's instance.
+    unsafe { with_node::<N>(instance, |node| node.set_parameter(index as usize, value)) }
+}
+
+/// See [`AsperityKind::state_size`].
+pub(crate) unsafe extern "C" fn state_size<N: Node>(instance: *mut c_void) -> u64 {
+    let mut size = 0;
+    // SAFETY: the host's instance.
+    unsafe { with_node::<N>(instance, |node| size = State::measure(|s| node.state(s)) as u64) };
+    size
+}
+
+/// See [`AsperityKind::save`].
+pub(crate) unsafe extern "C" fn save<N: Node>(instance: *mut c_void, bytes: *mut u8, capacity: u64) -> i64 {
+    let bytes = match capacity {
+        0 => &mut [][..],
+        // SAFETY: the host's memory of that size.
+        n if !bytes.is_null() => unsafe { std::slice::from_raw_parts_mut(bytes, n as usize) },
+        _ => return -1,
+    };
+    let mut saved = None;
+    // SAFETY: the host's instance.
+    unsafe { with_node::<N>(instance, |node| saved = State::save(bytes, |s| node.state(s))) };
+    saved.map_or(-1, |n| n as i64)
+}
+
+/// See [`AsperityKind::restore`].
+pub(crate) unsafe extern "C" fn restore<N: Node>(instance: *mut c_void, bytes: *const u8, len: u64) -> i32 {
+    let bytes = match len {
+        0 => &[][..],
+        // SAFETY: the host's memory of that size.
+        n if !bytes.is_null() => unsafe { std::slice::from_raw_parts(bytes, n as usize) },
+        _ => return ASPERITY_FAILED,
+    };
+    let mut restored = false;
+    // SAFETY: the host's instance.
+    match unsafe { with_node::<N>(instance, |node| restored = State::restore(bytes, |s| node.state(s))) } {
+        ASPERITY_OK if !restored => ASPERITY_FAILED,
+        answer => answer,
+    }
+}

@@ -1,0 +1,182 @@
+//! What an instance is prepared for, from the interface's form to a node's.
+
+use std::sync::Arc;
+
+use asperity_abi::*;
+use asperity_node::{
+    Config, Descriptor, Diagnostic, FrameLayout, FrameRate, Param, ParamKind, ParamValue, Params, Place,
+    PortType, Setup, Shape, Source, Span, Unit, Wiring,
+};
+
+use crate::text;
+
+/// A setup that owns what the host's only lends.
+#[derive(Debug)]
+pub(crate) struct Prepared {
+    id: String,
+    params: Params,
+    /// Stands in for the place of each parameter, so that an error about one finds its way back.
+    sources: Vec<Arc<Source>>,
+    tick_hz: u32,
+    every: u32,
+    audio_hz: u32,
+    seed: u64,
+    pub(crate) inputs: Vec<Wiring>,
+    pub(crate) outputs: Vec<Wiring>,
+    closes_cycle: bool,
+}
+
+impl Prepared {
+    /// Reads the host's setup.
+    ///
+    /// # Safety
+    /// `setup` is as the host makes it: valid, with as many values and wires as it says.
+    pub(crate) unsafe fn read(setup: *const AsperitySetup, d: &Descriptor) -> Option<Self> {
+        // SAFETY: the caller's promise.
+        let setup = unsafe { setup.as_ref() }?;
+        let mut params = Params::new(None);
+        let mut sources = Vec::new();
+        for (i, param) in d.params.iter().enumerate().take(setup.param_count as usize) {
+            // SAFETY: there are `param_count` values, each as far apart as the first one's size.
+            let value = unsafe { element(setup.params, i, |v| v.size) }?;
+            // SAFETY: texts of the host end with a zero byte.
+            let base = unsafe { text::read(value.base) };
+            let source = Source::new(std::path::Path::new(&base).join("graph"), "");
+            let place = Place { source: source.clone(), span: Span::default() };
+            sources.push(source);
+            // SAFETY: the host fills a value as its kind asks.
+            let set = (value.set > 0).then(|| unsafe { param_value(value, param) });
+            params.insert(param.name.to_string(), set, (value.set == 2).then_some(place));
+        }
+        // SAFETY: as above, for wires.
+        let (inputs, outputs) =
+            unsafe { (wires(setup.inputs, setup.input_count)?, wires(setup.outputs, setup.output_count)?) };
+        Some(Self {
+            // SAFETY: a text of the host.
+            id: unsafe { text::read(setup.id) },
+            params,
+            sources,
+            tick_hz: setup.tick_hz.max(1),
+            every: setup.every.max(1),
+            audio_hz: setup.audio_hz,
+            seed: setup.seed,
+            inputs,
+            outputs,
+            closes_cycle: setup.closes_cycle != 0,
+        })
+    }
+
+    /// What a node may know before its ports are settled.
+    pub(crate) fn config(&self) -> Config<'_> {
+        let Self { id, params, tick_hz, every, audio_hz, seed, .. } = self;
+        Config { id, params, tick_hz: *tick_hz, every: *every, audio_hz: *audio_hz, seed: *seed }
+    }
+
+    /// Everything a node may know when it is prepared.
+    pub(crate) fn setup(&self) -> Setup<'_> {
+        Setup {
+            config: self.config(),
+            inputs: &self.inputs,
+            outputs: &self.outputs,
+            closes_cycle: self.closes_cycle,
+        }
+    }
+
+    /// Ticks a second.
+    pub(crate) fn tick_hz(&self) -> u32 {
+        self.tick_hz
+    }
+
+    /// Hands a node's error to the host.
+    ///
+    /// # Safety
+    /// `error` is the host's, or NULL.
+    pub(crate) unsafe fn tell(&self, d: &Diagnostic, error: *mut AsperityError) {
+        let place = d.place.as_ref();
+        let param = place.and_then(|p| self.sources.iter().position(|s| Arc::ptr_eq(s, &p.source)));
+        let message = match param {
+            Some(_) => d.message.clone(),
+            // An error in a file that the node read says where.
+            None => Diagnostic { help: None, ..d.clone() }.to_string(),
+        };
+        // SAFETY: the caller's promise.
+        unsafe { tell(&message, d.help.as_deref().unwrap_or(""), param, error) };
+    }
+}
+
+/// Writes an error.
+///
+/// # Safety
+/// `error` is the host's, or NULL.
+pub(crate) unsafe fn tell(message: &str, help: &str, param: Option<usize>, error: *mut AsperityError) {
+    // SAFETY: the caller's promise.
+    let Some(error) = (unsafe { error.as_mut() }) else { return };
+    error.param = param.and_then(|p| i32::try_from(p).ok()).unwrap_or(-1);
+    // SAFETY: both texts have the room that the host says.
+    unsafe {
+        text::write(message, error.message, error.message_capacity);
+        text::write(help, error.help, error.help_capacity);
+    }
+}
+
+/// An element of an array of the host's, whose structs may be longer than ours.
+///
+/// # Safety
+/// `first` is NULL or an array of more than `index` elements, each as far from the next as `size` of the first says.
+unsafe fn element<'a, T>(first: *const T, index: usize, size: impl Fn(&T) -> u32) -> Option<&'a T> {
+    // SAFETY: the caller's promise.
+    unsafe {
+        let stride = size(first.as_ref()?) as usize;
+        first.byte_add(index * stride).as_ref()
+    }
+}
+
+unsafe fn wires(first: *const AsperityWire, count: u32) -> Option<Vec<Wiring>> {
+    // SAFETY: there are `count` wires, each as far apart as the first one's size.
+    (0..count as usize).map(|i| unsafe { Some(wiring(element(first, i, |w| w.size)?)) }).collect()
+}
+
+/// # Safety
+/// `unit` ends with a zero byte.
+unsafe fn wiring(w: &AsperityWire) -> Wiring {
+    let layout = || {
+        let frame_rate = FrameRate::new(w.frame_num, w.frame_den)?;
+        Some(FrameLayout { rate_hz: w.rate_hz, length: w.length, bins: w.bins, frame_rate })
+    };
+    let shape = match w.carries {
+        ASPERITY_CONTROL => Some(Shape::Control { count: w.count as usize }),
+        ASPERITY_AUDIO => Some(Shape::Audio { rate_hz: w.rate_hz }),
+        ASPERITY_MAGNITUDE => layout().map(Shape::Magnitude),
+        ASPERITY_SPECTRUM => layout().map(Shape::Spectrum),
+        _ => None,
+    };
+    // SAFETY: the caller's promise.
+    let unit = Unit::from_symbol(unsafe { text::read(w.unit) });
+    let limited = w.flags & ASPERITY_LIMITED != 0;
+    Wiring { port: shape.map(|shape| PortType { shape, unit, limited }), connected: w.connected != 0 }
+}
+
+/// # Safety
+/// The members that the parameter's kind uses are filled in.
+unsafe fn param_value(v: &AsperityValue, param: &Param) -> ParamValue {
+    let count = v.count as usize;
+    // SAFETY: the caller's promise.
+    unsafe {
+        match &param.kind {
+            ParamKind::Number(_) => ParamValue::Number(v.number),
+            ParamKind::Integer(_) => ParamValue::Integer(v.integer),
+            ParamKind::Flag => ParamValue::Flag(v.integer != 0),
+            ParamKind::Text | ParamKind::Choice(_) => ParamValue::Text(text::read(v.text)),
+            ParamKind::File => ParamValue::File(text::read(v.text).into()),
+            ParamKind::Numbers(_) if v.numbers.is_null() => ParamValue::Numbers(Vec::new()),
+            ParamKind::Numbers(_) => {
+                ParamValue::Numbers(std::slice::from_raw_parts(v.numbers, count).to_vec())
+            }
+            ParamKind::Texts if v.texts.is_null() => ParamValue::Texts(Vec::new()),
+            ParamKind::Texts => {
+                let texts = std::slice::from_raw_parts(v.texts, count);
+                ParamValue::Texts(texts.iter().map(|t| text::read(*t)).collect())
+            }
+        }
+    }
+}
