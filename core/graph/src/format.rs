@@ -19,7 +19,7 @@ const DEFAULT_AUDIO_HZ: u32 = 48_000;
 /// Seed of a graph that does not say.
 const DEFAULT_SEED: u64 = 1;
 
-const GRAPH_FIELDS: &[&str] = &["version", "tick_hz", "audio_hz", "seed", "nodes", "wires"];
+const GRAPH_FIELDS: &[&str] = &["version", "tick_hz", "audio_hz", "seed", "plugins", "nodes", "wires"];
 const NODE_FIELDS: &[&str] = &["kind", "every", "params"];
 
 /// A graph as declared, before any of it is looked up.
@@ -33,10 +33,21 @@ pub struct GraphFile {
     pub audio_hz: u32,
     /// What every random number of a render follows from.
     pub seed: u64,
+    /// Plugins whose kinds the nodes may be of. The host loads them before it compiles the graph.
+    pub plugins: Vec<PluginDecl>,
     /// Nodes in the order of the file.
     pub nodes: Vec<NodeDecl>,
     /// Wires in the order of the file.
     pub wires: Vec<WireDecl>,
+}
+
+/// A plugin that a graph names: by its file, relative to the graph's, or by its name alone.
+#[derive(Clone, Debug)]
+pub struct PluginDecl {
+    /// File or name.
+    pub name: String,
+    /// Where it stands.
+    pub place: Place,
 }
 
 /// A declared node.
@@ -121,6 +132,10 @@ impl GraphFile {
             Some(v) => v.i64_in(0..=i64::MAX, "")? as u64,
             None => DEFAULT_SEED,
         };
+        let plugins = match graph.optional("plugins") {
+            Some(v) => v.list()?.iter().map(plugin).collect::<Result<_, _>>()?,
+            None => Vec::new(),
+        };
         let nodes = graph.required("nodes")?.map()?;
         let nodes = nodes.iter().map(|(key, v)| node(key, v)).collect::<Result<_, _>>()?;
         let wires = match graph.optional("wires") {
@@ -128,7 +143,7 @@ impl GraphFile {
             None => Vec::new(),
         };
         graph.finish(GRAPH_FIELDS)?;
-        Ok(Self { source: source.clone(), tick_hz, audio_hz, seed, nodes, wires })
+        Ok(Self { source: source.clone(), tick_hz, audio_hz, seed, plugins, nodes, wires })
     }
 
     /// An empty graph, to be filled by a program. `name` is what errors call it.
@@ -138,6 +153,7 @@ impl GraphFile {
             tick_hz: DEFAULT_TICK_HZ,
             audio_hz: DEFAULT_AUDIO_HZ,
             seed: DEFAULT_SEED,
+            plugins: Vec::new(),
             nodes: Vec::new(),
             wires: Vec::new(),
         }
@@ -241,6 +257,14 @@ impl GraphFile {
         };
         self.wires.push(WireDecl { from: end(from), to: end(to) });
     }
+}
+
+fn plugin(value: &Value) -> Result<PluginDecl, Diagnostic> {
+    let name = value.text()?.to_owned();
+    if name.trim().is_empty() {
+        return Err(value.error("a plugin has a name or a file").help("plugins: [\"libmy_phase.so\"]"));
+    }
+    Ok(PluginDecl { name, place: Place { source: value.source().clone(), span: value.span() } })
 }
 
 fn node(key: &ron::Key, value: &Value) -> Result<NodeDecl, Diagnostic> {

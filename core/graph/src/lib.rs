@@ -11,7 +11,7 @@ mod schedule;
 mod write;
 
 pub use compile::{Compiled, Options, compile};
-pub use format::{Endpoint, GraphFile, NodeDecl, Setting, WireDecl};
+pub use format::{Endpoint, GraphFile, NodeDecl, PluginDecl, Setting, WireDecl};
 pub use schedule::{
     BufferEntry, Dropped, PathLatency, Schedule, ScheduledInput, ScheduledNode, ScheduledOutput, Step,
 };

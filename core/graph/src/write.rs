@@ -14,6 +14,10 @@ impl fmt::Display for GraphFile {
         writeln!(f, "    tick_hz: {},", self.tick_hz)?;
         writeln!(f, "    audio_hz: {},", self.audio_hz)?;
         writeln!(f, "    seed: {},", self.seed)?;
+        if !self.plugins.is_empty() {
+            let names: Vec<_> = self.plugins.iter().map(|p| quoted(&p.name)).collect();
+            writeln!(f, "    plugins: [{}],", names.join(", "))?;
+        }
         writeln!(f, "    nodes: {{")?;
         for node in &self.nodes {
             write!(f, "        {:?}: (kind: {:?}", node.id, node.kind)?;
@@ -90,7 +94,7 @@ mod tests {
 
     #[test]
     fn a_written_graph_reads_back_the_same() {
-        let text = "Graph(version: 1, tick_hz: 1000, nodes: {\n\"a b\": (kind: \"k\", every: 2, params: \
+        let text = "Graph(version: 1, tick_hz: 1000, plugins: [\"a\", \"../b.so\"], nodes: {\n\"a b\": (kind: \"k\", every: 2, params: \
                     (x: 1.5, t: \"q\\\"\\n\\u{7f}é\", l: [1, 2.0], m: {\"k\": (y: zig)})), \"c\": (kind: \"d\")}, \
                     wires: [(\"a b.out\", \"c\")])";
         let first = GraphFile::parse(&Source::new("a", text)).unwrap();
@@ -98,6 +102,7 @@ mod tests {
         let again = GraphFile::parse(&Source::new("b", written.as_str())).unwrap();
         assert_eq!(written, again.to_string());
         assert_eq!(again.nodes[0].params[1].value.text().unwrap(), "q\"\n\u{7f}é");
+        assert_eq!(again.plugins.iter().map(|p| p.name.as_str()).collect::<Vec<_>>(), ["a", "../b.so"]);
         assert_eq!((again.tick_hz, again.nodes[0].every), (1000, 2));
     }
 }

@@ -7,6 +7,7 @@
 //! A plugin is code in this process: what it does wrong by its return values, by a panic that it caught, or by a NaN is contained
 //! by the engine; a segmentation fault or an endless loop is not, and cannot be.
 
+mod cache;
 mod checked;
 mod describe;
 mod file;
@@ -16,6 +17,7 @@ mod processor;
 mod search;
 mod setup;
 
+pub use cache::Loader;
 pub use file::loaded_copies;
 pub use plugin::Plugin;
 pub use search::{Found, PATH_VARIABLE, file_name, find, is_path, search};

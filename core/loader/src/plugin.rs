@@ -40,8 +40,12 @@ impl Plugin {
     /// version, that the system does not load, or whose descriptors are wrong.
     pub fn load(path: impl AsRef<Path>) -> Result<Self, Diagnostic> {
         let path = path.as_ref();
-        let bytes = file::read(path)?;
-        let library = file::load(path, &bytes)?;
+        Self::from_bytes(path, &file::read(path)?)
+    }
+
+    /// Loads a file that has been read and looked into.
+    pub(crate) fn from_bytes(path: &Path, bytes: &[u8]) -> Result<Self, Diagnostic> {
+        let library = file::load(path, bytes)?;
         // SAFETY: only the address is taken; what lies there is checked below.
         let entry = unsafe { library.get::<*const AsperityEntry>(c"asperity_entry") }
             .map(|s| unsafe { s.try_as_raw_ptr() });
@@ -53,7 +57,7 @@ impl Plugin {
             _ => return Err(refuse("its entry symbol cannot be found".into())),
         };
         // SAFETY: the symbol of a plugin is an entry, and the library stays loaded.
-        unsafe { Self::from_entry(entry, path, file::build_of(&bytes)) }
+        unsafe { Self::from_entry(entry, path, file::build_of(bytes)) }
             .map_err(|lie| refuse(lie).help("build the plugin again with the SDK of this version"))
     }
 

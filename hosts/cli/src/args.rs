@@ -26,6 +26,61 @@ pub enum Command {
     Graph(Graph),
     /// Turn magnitude frames from NumPy into a signal by a phase-retrieval node
     Invert(Invert),
+    /// Make a plugin, or see which are found
+    #[command(subcommand)]
+    Plugin(PluginCommand),
+}
+
+/// `asperity plugin`
+#[derive(Debug, Subcommand)]
+pub enum PluginCommand {
+    /// Make a folder with a plugin that builds, to be changed
+    New(PluginNew),
+    /// List the plugins that are found, where, and the kinds they offer
+    List(PluginList),
+}
+
+/// Languages of a plugin.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Lang {
+    /// Rust, with the SDK
+    Rust,
+    /// C, with the header
+    C,
+    /// C++, with the header
+    Cpp,
+}
+
+/// What a new plugin begins as.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Like {
+    /// A phase-retrieval node: magnitudes in, spectra out
+    Phase,
+    /// A filter: audio in, audio out
+    Audio,
+}
+
+/// `asperity plugin new`
+#[derive(Debug, clap::Args)]
+pub struct PluginNew {
+    /// Folder to make; its last part is the name of the plugin and of its kind
+    pub name: String,
+    /// Language
+    #[arg(long, value_enum, default_value = "rust")]
+    pub lang: Lang,
+    /// What it begins as
+    #[arg(long, value_enum, default_value = "phase")]
+    pub like: Like,
+}
+
+/// `asperity plugin list`
+#[derive(Debug, clap::Args)]
+pub struct PluginList {
+    #[command(flatten)]
+    pub plugins: PluginArgs,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
 }
 
 /// A graph and what to change in it.
@@ -42,6 +97,16 @@ pub struct GraphArgs {
     /// Keep nodes from which no sink is reached
     #[arg(long)]
     pub no_prune: bool,
+    #[command(flatten)]
+    pub plugins: PluginArgs,
+}
+
+/// Plugins to load.
+#[derive(Clone, Debug, Default, clap::Args)]
+pub struct PluginArgs {
+    /// Load a plugin: its file, or its name to be found along ASPERITY_PLUGIN_PATH
+    #[arg(long = "plugin", value_name = "P")]
+    pub plugin: Vec<PathBuf>,
 }
 
 /// Sample formats of a WAV file.
@@ -101,6 +166,8 @@ pub struct Check {
 pub struct Nodes {
     /// Describe this kind
     pub kind: Option<String>,
+    #[command(flatten)]
+    pub plugins: PluginArgs,
     /// Print JSON
     #[arg(long)]
     pub json: bool,
@@ -134,4 +201,6 @@ pub struct Invert {
     /// Seed of random numbers
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
+    #[command(flatten)]
+    pub plugins: PluginArgs,
 }

@@ -6,6 +6,7 @@
 mod args;
 mod commands;
 mod failure;
+mod kinds;
 mod load;
 mod output;
 mod plot;
@@ -24,6 +25,7 @@ fn main() -> ExitCode {
         Command::Nodes(args) => commands::nodes::run(&args),
         Command::Graph(args) => commands::graph::run(&args),
         Command::Invert(args) => commands::invert::run(&args),
+        Command::Plugin(command) => commands::plugin::run(&command),
     };
     match result {
         Ok(code) => code,

@@ -10,13 +10,15 @@ use serde_json::{Value, json};
 use crate::args::Check;
 use crate::commands::nodes::param_json;
 use crate::failure::{Failure, print, warn};
+use crate::kinds::Kinds;
 use crate::load;
 use crate::render::report::fact_json;
 
 /// Runs the command.
 pub fn run(args: &Check) -> Result<ExitCode, Failure> {
     let graph = load::read(&args.graph)?;
-    let schedule = load::compiled(&graph, &args.graph, &asperity_nodes::registry())?.schedule;
+    let registry = Kinds::new(&args.graph.plugins.plugin).registry(Some(&graph))?;
+    let schedule = load::compiled(&graph, &args.graph, &registry)?.schedule;
     if args.json {
         print(&format!("{:#}\n", as_json(&schedule)))?;
     } else {

@@ -8,13 +8,15 @@ use asperity_source::Diagnostic;
 
 use crate::args::Graph;
 use crate::failure::{Failure, print};
+use crate::kinds::Kinds;
 use crate::plot::{Picture, PictureNode, PictureWire};
 use crate::{load, output};
 
 /// Runs the command.
 pub fn run(args: &Graph) -> Result<ExitCode, Failure> {
     let graph = load::read(&args.graph)?;
-    let schedule = load::compiled(&graph, &args.graph, &asperity_nodes::registry())?.schedule;
+    let registry = Kinds::new(&args.graph.plugins.plugin).registry(Some(&graph))?;
+    let schedule = load::compiled(&graph, &args.graph, &registry)?.schedule;
     let svg = output::resolved(&args.svg);
     if let Some((_, who)) =
         load::files_read(&args.graph, &schedule).iter().find(|(path, _)| output::resolved(path) == svg)

@@ -15,6 +15,7 @@ use asperity_source::{Source, one_of};
 
 use crate::args::{Format, Invert};
 use crate::failure::{Failure, print, warn};
+use crate::kinds;
 use crate::output::{Rows, ending, resolved};
 
 /// Frames a second of the input.
@@ -33,7 +34,7 @@ pub fn run(args: &Invert) -> Result<ExitCode, Failure> {
             .into());
     }
     let frames = Arc::new(read(args)?);
-    let mut registry = asperity_nodes::registry();
+    let mut registry = kinds::registry(&args.plugins.plugin)?;
     let length = u64::from(frames.layout.length);
     let count = frames.count() as u64;
     let samples = FRAME.first_sample(count - 1, args.rate) + length;

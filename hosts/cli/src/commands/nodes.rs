@@ -9,10 +9,11 @@ use serde_json::{Value, json};
 
 use crate::args::Nodes;
 use crate::failure::{Failure, print};
+use crate::kinds;
 
 /// Runs the command.
 pub fn run(args: &Nodes) -> Result<ExitCode, Failure> {
-    let registry = asperity_nodes::registry();
+    let registry = kinds::registry(&args.plugins.plugin)?;
     match &args.kind {
         Some(name) => {
             let Some(kind) = registry.get(name) else {

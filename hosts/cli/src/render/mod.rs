@@ -18,6 +18,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::args::Render;
 use crate::failure::{Failure, print};
+use crate::kinds::Kinds;
 use crate::output::Pending;
 use crate::{load, output};
 
@@ -41,8 +42,8 @@ impl Clock for Wall {
 
 /// Runs the command.
 pub fn run(args: &Render) -> Result<ExitCode, Failure> {
-    let registry = asperity_nodes::registry();
     let mut graph = load::read(&args.graph)?;
+    let registry = Kinds::new(&args.graph.plugins.plugin).registry(Some(&graph))?;
     for (i, text) in args.probe.iter().enumerate() {
         let (port, file) = load::probe(text, &graph)?;
         let id =

@@ -1,0 +1,31 @@
+//! Plugins that have been loaded, so that a file is loaded again only when it is another one.
+
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+
+use asperity_source::Diagnostic;
+
+use crate::{Plugin, file};
+
+/// Loads plugins, each build of a file once: copies are never unloaded, so none is loaded in vain.
+#[derive(Debug, Default)]
+pub struct Loader {
+    loaded: HashMap<(PathBuf, u64), Plugin>,
+}
+
+impl Loader {
+    /// The plugin in a file as it is now.
+    ///
+    /// # Errors
+    /// As for [`Plugin::load`].
+    pub fn load(&mut self, path: &Path) -> Result<Plugin, Diagnostic> {
+        let bytes = file::read(path)?;
+        let key = (path.canonicalize().unwrap_or_else(|_| path.to_owned()), file::build_of(&bytes));
+        if let Some(plugin) = self.loaded.get(&key) {
+            return Ok(plugin.clone());
+        }
+        let plugin = Plugin::from_bytes(path, &bytes)?;
+        self.loaded.insert(key, plugin.clone());
+        Ok(plugin)
+    }
+}

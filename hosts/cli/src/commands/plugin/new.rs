@@ -1,0 +1,204 @@
+//! `asperity plugin new`: a folder with a plugin that builds, to be changed.
+
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use asperity_loader::file_name;
+use asperity_source::Diagnostic;
+use include_dir::{Dir, include_dir};
+
+use crate::args::{Lang, Like, PluginNew};
+use crate::failure::{Failure, print};
+
+static TEMPLATES: Dir<'_> = include_dir!("$CARGO_MANIFEST_DIR/../../plugins/template");
+static HEADER: &str = include_str!("../../../../../core/abi/include/asperity.h");
+
+/// The crates that come along with a plugin in Rust.
+static SDK: [(&str, Dir<'_>); 5] = [
+    ("core/abi", include_dir!("$CARGO_MANIFEST_DIR/../../core/abi")),
+    ("core/node", include_dir!("$CARGO_MANIFEST_DIR/../../core/node")),
+    ("core/source", include_dir!("$CARGO_MANIFEST_DIR/../../core/source")),
+    ("core/state", include_dir!("$CARGO_MANIFEST_DIR/../../core/state")),
+    ("plugins/sdk", include_dir!("$CARGO_MANIFEST_DIR/../../plugins/sdk")),
+];
+
+/// Runs the command.
+pub fn run(args: &PluginNew) -> Result<ExitCode, Failure> {
+    let name = checked(&args.name)?;
+    let folder = Path::new(&args.name);
+    if folder.exists() {
+        return Err(Diagnostic::new("this is there already")
+            .in_file(folder)
+            .help("name another folder")
+            .into());
+    }
+    // Made beside its place and moved there at the end: a folder that is there is whole.
+    let parent = folder.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let cannot = |e: io::Error| {
+        Failure::from(Diagnostic::new(format!("cannot make this folder: {e}")).in_file(folder))
+    };
+    let made = tempfile::Builder::new().prefix(&format!(".{name}-")).tempdir_in(parent).map_err(cannot)?;
+    let library = write(&Plan { name, like: args.like, lang: args.lang }, made.path()).map_err(cannot)?;
+    open_to_others(made.path()).map_err(cannot)?;
+    fs::rename(made.path(), folder).map_err(cannot)?;
+    let _ = made.keep();
+    print(&text(args, folder, &library))?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// The last part of the path, as the name of a crate and a kind.
+fn checked(path: &str) -> Result<&str, Diagnostic> {
+    let name = Path::new(path).file_name().and_then(|n| n.to_str()).unwrap_or("");
+    let good = name.starts_with(|c: char| c.is_ascii_lowercase())
+        && name.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_')
+        && name.len() <= 64;
+    if !good {
+        return Err(Diagnostic::new(format!("`{name}` cannot be the name of a plugin"))
+            .help("lower-case letters, digits and `_`, beginning with a letter: it is the kind's name in graph files"));
+    }
+    if asperity_nodes::registry().get(name).is_some() {
+        return Err(Diagnostic::new(format!("there is a built-in kind `{name}`")).help("choose another name"));
+    }
+    Ok(name)
+}
+
+/// What is to be made.
+struct Plan<'a> {
+    name: &'a str,
+    like: Like,
+    lang: Lang,
+}
+
+impl Plan<'_> {
+    /// The name in the template.
+    fn old(&self) -> (&'static str, &'static str) {
+        match self.like {
+            Like::Phase => ("my_phase", "MyPhase"),
+            Like::Audio => ("my_filter", "MyFilter"),
+        }
+    }
+
+    /// A template's text with the plugin's own name.
+    fn named(&self, text: &str) -> String {
+        let (snake, camel) = self.old();
+        let ours: String = self.name.split('_').map(capital).collect();
+        text.replace(snake, self.name).replace(camel, &ours)
+    }
+}
+
+fn capital(word: &str) -> String {
+    let mut chars = word.chars();
+    chars.next().map(|c| c.to_ascii_uppercase()).into_iter().chain(chars).collect()
+}
+
+/// Writes the folder and answers where the library will be in it.
+fn write(plan: &Plan<'_>, to: &Path) -> io::Result<String> {
+    let like = match plan.like {
+        Like::Phase => "phase",
+        Like::Audio => "audio",
+    };
+    let (lang, readme) = match plan.lang {
+        Lang::Rust => ("rust", "README.rust.md"),
+        Lang::C => ("c", "README.make.md"),
+        Lang::Cpp => ("cpp", "README.make.md"),
+    };
+    let missing = || io::Error::other("a template is missing");
+    let template = TEMPLATES.get_dir(format!("{like}/{lang}")).ok_or_else(missing)?;
+    for file in files(template) {
+        let path = file.path().strip_prefix(template.path()).map_err(io::Error::other)?;
+        let text = file.contents_utf8().ok_or_else(missing)?;
+        let path = plan.named(&path.display().to_string());
+        // A package of its own, wherever it lies; the SDK's crates belong to a workspace of theirs.
+        let text = match path.as_str() {
+            "Cargo.toml" => {
+                plan.named(text).replace("../../../sdk", "sdk/plugins/sdk")
+                    + "\n[workspace]\nexclude = [\"sdk\"]\n"
+            }
+            _ => plan.named(text),
+        };
+        put(&to.join(path), &text)?;
+    }
+    let (library, source) = match plan.lang {
+        Lang::Rust => {
+            sdk(&to.join("sdk"))?;
+            put(&to.join(".gitignore"), "/target/\n")?;
+            (format!("target/release/{}", file_name(plan.name)), "src/lib.rs".to_owned())
+        }
+        Lang::C | Lang::Cpp => {
+            put(&to.join("asperity.h"), HEADER)?;
+            put(&to.join(".gitignore"), "*.so\n")?;
+            (format!("./lib{}.so", plan.name), format!("{}.{lang}", plan.name))
+        }
+    };
+    let part = |name: &str| TEMPLATES.get_file(name).and_then(|f| f.contents_utf8()).ok_or_else(missing);
+    let mut text = part(readme)?.replace("my_phase", plan.name);
+    if plan.like == Like::Phase {
+        text += part("README.phase.md")?;
+    }
+    let language = if plan.lang == Lang::C { "C" } else { "C++" };
+    let text = text
+        .replace("target/release/LIBRARY", &library)
+        .replace("LIBRARY_PATH", &library)
+        .replace("LANGUAGE", language)
+        .replace("SOURCE", &source);
+    put(&to.join("README.md"), &text)?;
+    Ok(library)
+}
+
+/// Writes the crates of the SDK, without their tests.
+fn sdk(to: &Path) -> io::Result<()> {
+    let root = TEMPLATES.get_file("sdk.toml").and_then(|f| f.contents_utf8());
+    put(&to.join("Cargo.toml"), root.ok_or_else(|| io::Error::other("the SDK's manifest is missing"))?)?;
+    for (folder, dir) in &SDK {
+        for file in files(dir) {
+            let path = file.path();
+            if path.starts_with("src") || path.starts_with("include") || path == Path::new("Cargo.toml") {
+                let text = file.contents_utf8().ok_or_else(|| io::Error::other("a source is not text"))?;
+                put(&to.join(folder).join(path), text)?;
+            }
+        }
+    }
+    Ok(())
+}
+
+fn files<'a>(dir: &'a Dir<'a>) -> Vec<&'a include_dir::File<'a>> {
+    let mut all: Vec<_> = dir.files().collect();
+    all.extend(dir.dirs().flat_map(files));
+    all
+}
+
+fn put(path: &Path, text: &str) -> io::Result<()> {
+    if let Some(folder) = path.parent() {
+        fs::create_dir_all(folder)?;
+    }
+    fs::write(path, text)
+}
+
+/// A temporary folder is its owner's alone; this one is as any that a person makes.
+#[cfg(unix)]
+fn open_to_others(path: &Path) -> io::Result<()> {
+    use std::os::unix::fs::PermissionsExt as _;
+    fs::set_permissions(path, fs::Permissions::from_mode(0o755))
+}
+
+#[cfg(not(unix))]
+fn open_to_others(_: &Path) -> io::Result<()> {
+    Ok(())
+}
+
+fn text(args: &PluginNew, folder: &Path, library: &str) -> String {
+    let build = if args.lang == Lang::Rust { "cargo build --release" } else { "make" };
+    let compare = match args.like {
+        Like::Phase => format!("    asperity compare --plugin {library}\n"),
+        Like::Audio => String::new(),
+    };
+    let folder: PathBuf = folder.into();
+    format!(
+        "made {}: a plugin with the kind `{}`. Next:\n\n    cd {}\n    {build}\n    asperity plugin check {library}\n{compare}",
+        folder.display(),
+        folder.file_name().unwrap_or_default().display(),
+        folder.display(),
+    )
+}

@@ -1,0 +1,115 @@
+//! The kinds of nodes there are: built in, and from plugins.
+
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+
+use asperity_graph::GraphFile;
+use asperity_loader::{Found, Loader, PATH_VARIABLE, Plugin, find, search};
+use asperity_node::Registry;
+use asperity_source::Diagnostic;
+
+use crate::failure::{Failure, warn};
+
+/// Where kinds come from. Kept while a graph is watched, so that a plugin is loaded again only when its file changed.
+#[derive(Debug, Default)]
+pub struct Kinds {
+    loader: Loader,
+    /// What `--plugin` names.
+    named: Vec<PathBuf>,
+    /// Files of the plugins that the last registry was made of.
+    files: Vec<PathBuf>,
+}
+
+impl Kinds {
+    /// Kinds with the plugins that a command line names.
+    pub fn new(named: &[PathBuf]) -> Self {
+        Self { named: named.to_vec(), ..Self::default() }
+    }
+
+    /// Files of the plugins that the last registry was made of.
+    pub fn files(&self) -> &[PathBuf] {
+        &self.files
+    }
+
+    /// All kinds that a graph may use: built in, from its own plugins, from `--plugin`, and along the plugin path. What a graph or a
+    /// command line names must load and must not be there twice; what merely lies on the path is left out with a warning.
+    pub fn registry(&mut self, graph: Option<&GraphFile>) -> Result<Registry, Failure> {
+        let mut made = Made::new();
+        self.files.clear();
+        let list = || std::env::var_os(PATH_VARIABLE);
+        for decl in graph.map_or(&[][..], |g| &g.plugins) {
+            let place = &decl.place;
+            let base = place.source.path().parent().unwrap_or(Path::new(""));
+            let path = find(&decl.name, base, list()).map_err(|e| match e.path() {
+                Some(_) => e.related(&place.source, place.span, "looked for on behalf of this"),
+                None => e.at(&place.source, place.span),
+            })?;
+            let added = self.loader.load(&path).and_then(|p| made.add(&p));
+            added.map_err(|e| e.related(&place.source, place.span, "named here"))?;
+            self.files.push(path);
+        }
+        for named in &self.named {
+            let name = named.to_string_lossy();
+            let path = find(&name, Path::new(""), list()).map_err(|e| e.in_file("--plugin"))?;
+            made.add(&self.loader.load(&path)?)?;
+            self.files.push(path);
+        }
+        for Found { path, .. } in search(list())? {
+            match self.loader.load(&path).and_then(|p| made.add_where_new(&p)) {
+                Ok(()) => self.files.push(path),
+                Err(e) => warn(&format!("left out of {PATH_VARIABLE}: {e}")),
+            }
+        }
+        Ok(made.registry)
+    }
+}
+
+/// The kinds that are there without a graph.
+pub fn registry(plugins: &[PathBuf]) -> Result<Registry, Failure> {
+    Kinds::new(plugins).registry(None)
+}
+
+/// A registry in the making, and which file each kind of a plugin came from.
+struct Made {
+    registry: Registry,
+    from: HashMap<String, Plugin>,
+}
+
+impl Made {
+    fn new() -> Self {
+        Self { registry: asperity_nodes::registry(), from: HashMap::new() }
+    }
+
+    /// Adds a plugin that was asked for.
+    fn add(&mut self, plugin: &Plugin) -> Result<(), Diagnostic> {
+        self.take(plugin, true)
+    }
+
+    /// Adds a plugin that merely lies on the path; kinds that were asked for from another file are not replaced.
+    fn add_where_new(&mut self, plugin: &Plugin) -> Result<(), Diagnostic> {
+        self.take(plugin, false)
+    }
+
+    fn take(&mut self, plugin: &Plugin, asked: bool) -> Result<(), Diagnostic> {
+        let refuse = |kind: &str, other: &str| {
+            Diagnostic::new(format!("its kind `{kind}` is there already: {other}"))
+                .in_file(plugin.path())
+                .help("name the kind otherwise, or leave one of the two out")
+        };
+        let mut kinds = Vec::new();
+        for kind in plugin.kinds() {
+            let name = kind.descriptor().kind.to_string();
+            match (self.from.get(&name), self.registry.get(&name)) {
+                (Some(other), _) if other.build() == plugin.build() || !asked => continue,
+                (Some(other), _) => return Err(refuse(&name, &other.path().display().to_string())),
+                (None, Some(_)) => return Err(refuse(&name, "it is built in")),
+                (None, None) => kinds.push((name, kind.clone())),
+            }
+        }
+        for (name, kind) in kinds {
+            self.registry.add(kind);
+            self.from.insert(name, plugin.clone());
+        }
+        Ok(())
+    }
+}
