@@ -6,25 +6,25 @@
 #include <stdlib.h>
 #include <string.h>
 
-typedef struct MyFilter {
+typedef struct MyFilterNode {
     float memory;
     float softness;
-} MyFilter;
+} MyFilterNode;
 
 static void *create(const AsperityKind *kind) {
     (void)kind;
-    return calloc(1, sizeof(MyFilter));
+    return calloc(1, sizeof(MyFilterNode));
 }
 
 static int32_t prepare(void *instance, const AsperitySetup *setup, AsperityError *error) {
     (void)error;
-    ((MyFilter *)instance)->softness = (float)setup->params[0].number;
+    ((MyFilterNode *)instance)->softness = (float)setup->params[0].number;
     return ASPERITY_OK;
 }
 
 /* Real time: nothing here may allocate, lock, print or wait. */
 static int32_t process(void *instance, AsperityTick *tick) {
-    MyFilter *it = instance;
+    MyFilterNode *it = instance;
     const float *in = tick->inputs[0].data;
     float *out = tick->outputs[0].data;
     for (uint32_t i = 0; i < tick->outputs[0].count && i < tick->inputs[0].count; i++) {
@@ -38,12 +38,12 @@ static int32_t process(void *instance, AsperityTick *tick) {
 
 static int32_t set_parameter(void *instance, uint32_t index, double value) {
     (void)index;
-    ((MyFilter *)instance)->softness = (float)value;
+    ((MyFilterNode *)instance)->softness = (float)value;
     return ASPERITY_OK;
 }
 
 static int32_t reset(void *instance) {
-    ((MyFilter *)instance)->memory = 0.0f;
+    ((MyFilterNode *)instance)->memory = 0.0f;
     return ASPERITY_OK;
 }
 
@@ -57,7 +57,7 @@ static int64_t save(void *instance, uint8_t *bytes, uint64_t capacity) {
     if (capacity < sizeof(float)) {
         return -1;
     }
-    memcpy(bytes, &((MyFilter *)instance)->memory, sizeof(float));
+    memcpy(bytes, &((MyFilterNode *)instance)->memory, sizeof(float));
     return sizeof(float);
 }
 
@@ -65,7 +65,7 @@ static int32_t restore(void *instance, const uint8_t *bytes, uint64_t len) {
     if (len != sizeof(float)) {
         return ASPERITY_FAILED;
     }
-    memcpy(&((MyFilter *)instance)->memory, bytes, sizeof(float));
+    memcpy(&((MyFilterNode *)instance)->memory, bytes, sizeof(float));
     return ASPERITY_OK;
 }
 
@@ -102,7 +102,7 @@ static const AsperityParam params[] = {{
     .default_number = 0.9,
 }};
 
-static const AsperityKind my_filter = {
+static const AsperityKind my_filter_kind = {
     .size = sizeof(AsperityKind),
     .input_count = 1,
     .output_count = 1,
@@ -124,7 +124,7 @@ static const AsperityKind my_filter = {
 };
 
 static const AsperityPlugin *open_plugin(const AsperityHost *host) {
-    static const AsperityKind *const kinds[] = {&my_filter};
+    static const AsperityKind *const kinds[] = {&my_filter_kind};
     static const AsperityPlugin plugin = {
         .size = sizeof(AsperityPlugin),
         .kind_count = 1,

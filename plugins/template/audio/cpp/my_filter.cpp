@@ -8,7 +8,7 @@
 
 namespace {
 
-struct MyFilter {
+struct MyFilterNode {
     float memory = 0.0f;
     float softness = 0.0f;
 
@@ -26,7 +26,7 @@ struct MyFilter {
     }
 };
 
-MyFilter &self(void *instance) { return *static_cast<MyFilter *>(instance); }
+MyFilterNode &self(void *instance) { return *static_cast<MyFilterNode *>(instance); }
 
 // What the host calls. Nothing below throws; where something could, it would have to be caught and answered as
 // ASPERITY_PANICKED. Members are set by name, since C++11 has no other way to say which is which.
@@ -59,7 +59,7 @@ AsperityKind make_kind() {
     kind.outputs = &output;
     kind.params = &param;
     kind.input_count = kind.output_count = kind.param_count = 1;
-    kind.create = [](const AsperityKind *) -> void * { return new (std::nothrow) MyFilter; };
+    kind.create = [](const AsperityKind *) -> void * { return new (std::nothrow) MyFilterNode; };
     kind.prepare = [](void *instance, const AsperitySetup *setup, AsperityError *) -> int32_t {
         self(instance).softness = float(setup->params[0].number);
         return ASPERITY_OK;
@@ -91,7 +91,7 @@ AsperityKind make_kind() {
         std::memcpy(&self(instance).memory, bytes, sizeof(float));
         return ASPERITY_OK;
     };
-    kind.destroy = [](void *instance) { delete static_cast<MyFilter *>(instance); };
+    kind.destroy = [](void *instance) { delete static_cast<MyFilterNode *>(instance); };
     return kind;
 }
 

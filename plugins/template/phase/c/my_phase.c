@@ -13,7 +13,7 @@
 
 static const AsperityRandom *host_random;
 
-typedef struct MyPhase {
+typedef struct MyPhaseNode {
     uint32_t length; /* samples of a frame */
     uint32_t bins;
     double *turns; /* phase of each bin at the frame's first sample, in turns */
@@ -22,15 +22,15 @@ typedef struct MyPhase {
     double spread;
     uint64_t seed;
     uint64_t bad;
-} MyPhase;
+} MyPhaseNode;
 
 static void *create(const AsperityKind *kind) {
     (void)kind;
-    return calloc(1, sizeof(MyPhase));
+    return calloc(1, sizeof(MyPhaseNode));
 }
 
 static int32_t reset(void *instance) {
-    MyPhase *it = instance;
+    MyPhaseNode *it = instance;
     for (uint32_t k = 0; k < it->bins; k++) {
         it->turns[k] = host_random ? it->spread * host_random->uniform(it->seed, k) : 0.0;
     }
@@ -39,7 +39,7 @@ static int32_t reset(void *instance) {
 }
 
 static int32_t prepare(void *instance, const AsperitySetup *setup, AsperityError *error) {
-    MyPhase *it = instance;
+    MyPhaseNode *it = instance;
     it->length = setup->inputs[0].length;
     it->bins = setup->inputs[0].bins;
     it->spread = setup->params[0].number;
@@ -58,7 +58,7 @@ static int32_t prepare(void *instance, const AsperitySetup *setup, AsperityError
 
 /* Real time: nothing here may allocate, lock, print or wait. */
 static int32_t process(void *instance, AsperityTick *tick) {
-    MyPhase *it = instance;
+    MyPhaseNode *it = instance;
     const AsperityBuffer *in = &tick->inputs[0];
     AsperityBuffer *out = &tick->outputs[0];
     if (!(in->flags & ASPERITY_FRAME)) {
@@ -86,12 +86,12 @@ static int32_t process(void *instance, AsperityTick *tick) {
 
 /* What another instance needs to go on without a break when the plugin is swapped while it runs. */
 static uint64_t state_size(void *instance) {
-    MyPhase *it = instance;
+    MyPhaseNode *it = instance;
     return 2 * sizeof(uint64_t) + it->bins * sizeof(double);
 }
 
 static int64_t save(void *instance, uint8_t *bytes, uint64_t capacity) {
-    MyPhase *it = instance;
+    MyPhaseNode *it = instance;
     if (capacity < state_size(it)) {
         return -1;
     }
@@ -102,7 +102,7 @@ static int64_t save(void *instance, uint8_t *bytes, uint64_t capacity) {
 }
 
 static int32_t restore(void *instance, const uint8_t *bytes, uint64_t len) {
-    MyPhase *it = instance;
+    MyPhaseNode *it = instance;
     if (len != state_size(it)) {
         return ASPERITY_FAILED;
     }
@@ -113,7 +113,7 @@ static int32_t restore(void *instance, const uint8_t *bytes, uint64_t len) {
 }
 
 static void destroy(void *instance) {
-    MyPhase *it = instance;
+    MyPhaseNode *it = instance;
     if (it) {
         free(it->turns);
         free(it);
@@ -123,7 +123,7 @@ static void destroy(void *instance) {
 /* What a report says of the node. */
 static void facts(const AsperityKind *kind, void *instance, const AsperityFactSink *sink) {
     (void)kind;
-    sink->count(sink->context, "bad_magnitudes", ((MyPhase *)instance)->bad);
+    sink->count(sink->context, "bad_magnitudes", ((MyPhaseNode *)instance)->bad);
 }
 
 /* A unit or a layout with a letter is that of every port with the same letter. */
@@ -155,7 +155,7 @@ static const AsperityParam params[] = {{
     .default_number = 1.0,
 }};
 
-static const AsperityKind my_phase = {
+static const AsperityKind my_phase_kind = {
     .size = sizeof(AsperityKind),
     .resume = ASPERITY_RESTART,
     .input_count = 1,
@@ -182,7 +182,7 @@ static const void *extension(const char *name) {
 }
 
 static const AsperityPlugin *open_plugin(const AsperityHost *host) {
-    static const AsperityKind *const kinds[] = {&my_phase};
+    static const AsperityKind *const kinds[] = {&my_phase_kind};
     static const AsperityPlugin plugin = {
         .size = sizeof(AsperityPlugin),
         .kind_count = 1,

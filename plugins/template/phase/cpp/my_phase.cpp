@@ -23,7 +23,7 @@ int32_t fail(AsperityError *error, const char *message) {
     return ASPERITY_FAILED;
 }
 
-class MyPhase {
+class MyPhaseNode {
   public:
     void prepare(const AsperitySetup &setup) {
         length = setup.inputs[0].length;
@@ -92,7 +92,7 @@ class MyPhase {
     uint64_t seed = 0;
 };
 
-MyPhase &self(void *instance) { return *static_cast<MyPhase *>(instance); }
+MyPhaseNode &self(void *instance) { return *static_cast<MyPhaseNode *>(instance); }
 
 // An exception must not leave the plugin.
 template <typename F> int32_t guarded(F f) {
@@ -135,7 +135,7 @@ AsperityKind make_kind() {
     kind.input_count = kind.output_count = kind.param_count = 1;
     kind.create = [](const AsperityKind *) -> void * {
         try {
-            return new MyPhase;
+            return new MyPhaseNode;
         } catch (...) {
             return nullptr;
         }
@@ -171,7 +171,7 @@ AsperityKind make_kind() {
         self(instance).restore(bytes);
         return ASPERITY_OK;
     };
-    kind.destroy = [](void *instance) { delete static_cast<MyPhase *>(instance); };
+    kind.destroy = [](void *instance) { delete static_cast<MyPhaseNode *>(instance); };
     return kind;
 }
 

@@ -24,6 +24,17 @@ static SDK: [(&str, Dir<'_>); 5] = [
     ("plugins/sdk", include_dir!("$CARGO_MANIFEST_DIR/../../plugins/sdk")),
 ];
 
+/// Names that a crate, a variable or a library cannot have.
+const RESERVED: &[&str] = &[
+    "abstract", "alloc", "as", "asperity", "asperity_abi", "asperity_node", "asperity_sdk", "asperity_source",
+    "asperity_state", "async", "await", "become", "box", "break", "build", "c", "const", "continue", "core",
+    "crate", "deps", "do", "dyn", "else", "enum", "examples", "extern", "false", "final", "fn", "for", "gen",
+    "if", "impl", "in", "incremental", "let", "loop", "m", "macro", "match", "mod", "move", "mut", "override",
+    "priv", "proc_macro", "pthread", "pub", "ref", "return", "self", "static", "std", "stdc", "struct", "super",
+    "test", "trait", "true", "try", "type", "typeof", "union", "unsafe", "unsized", "use", "virtual", "where",
+    "while", "yield",
+];
+
 /// Runs the command.
 pub fn run(args: &PluginNew) -> Result<ExitCode, Failure> {
     let name = checked(&args.name)?;
@@ -57,6 +68,10 @@ fn checked(path: &str) -> Result<&str, Diagnostic> {
     if !good {
         return Err(Diagnostic::new(format!("`{name}` cannot be the name of a plugin"))
             .help("lower-case letters, digits and `_`, beginning with a letter: it is the kind's name in graph files"));
+    }
+    if RESERVED.contains(&name) {
+        return Err(Diagnostic::new(format!("`{name}` means something in Rust, C or C++ already"))
+            .help("choose another name"));
     }
     if asperity_nodes::registry().get(name).is_some() {
         return Err(Diagnostic::new(format!("there is a built-in kind `{name}`")).help("choose another name"));

@@ -5,12 +5,12 @@ use asperity_sdk::{
 };
 
 /// A one-pole low pass.
-pub struct MyFilter {
+pub struct MyFilterNode {
     memory: f32,
     softness: f32,
 }
 
-impl Node for MyFilter {
+impl Node for MyFilterNode {
     fn descriptor() -> Descriptor {
         let audio = ShapeSpec::Audio(RateSpec::Of('r'));
         Descriptor::new("my_filter", "Softens a signal.")
@@ -46,4 +46,4 @@ impl Node for MyFilter {
     }
 }
 
-asperity_sdk::export!(MyFilter);
+asperity_sdk::export!(MyFilterNode);

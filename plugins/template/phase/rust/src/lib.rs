@@ -12,7 +12,7 @@ use asperity_sdk::{
 };
 
 /// Magnitudes in, spectra out. An `overlap_add` after it makes the signal.
-pub struct MyPhase {
+pub struct MyPhaseNode {
     /// Samples of a frame.
     length: f64,
     /// Phase of each bin at the frame's first sample, in turns.
@@ -24,7 +24,7 @@ pub struct MyPhase {
     bad: u64,
 }
 
-impl Node for MyPhase {
+impl Node for MyPhaseNode {
     fn descriptor() -> Descriptor {
         Descriptor::new("my_phase", "Lets every bin run on at the frequency of its centre.")
             .input(
@@ -88,4 +88,4 @@ impl Node for MyPhase {
     }
 }
 
-asperity_sdk::export!(MyPhase);
+asperity_sdk::export!(MyPhaseNode);
