@@ -7,6 +7,8 @@
 use std::f64::consts::{FRAC_1_SQRT_2, PI, TAU};
 use std::fmt;
 
+use asperity_state::State;
+
 pub use realfft::num_complex::Complex64;
 
 /// A sample that a filter reads or writes; the arithmetic between is f64.
@@ -249,6 +251,16 @@ impl Biquad {
     /// Forgets all input.
     pub fn reset(&mut self) {
         self.s = [0.0; 2];
+    }
+
+    /// What is remembered of the input. A filter with other coefficients can go on from it: what it puts out then differs
+    /// from what it would have by a transient of its own.
+    pub fn state(&mut self, state: &mut State<'_>) {
+        state.keep(&mut self.s);
+        if state.restores() {
+            let finite = self.settle();
+            state.require(finite);
+        }
     }
 
     /// Puts the filter into the state it would be in after constant input `x`: no transient follows.

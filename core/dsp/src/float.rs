@@ -1,10 +1,11 @@
 //! The two sample types.
 
+use asperity_state::Keep;
 use realfft::FftNum;
 use std::ops::{AddAssign, MulAssign, SubAssign};
 
 /// `f32` or `f64`: what every kernel here is generic over.
-pub trait Float: FftNum + Default + PartialOrd + AddAssign + SubAssign + MulAssign {
+pub trait Float: FftNum + Default + PartialOrd + AddAssign + SubAssign + MulAssign + Keep {
     /// Largest finite value.
     const MAX: Self;
     /// The nearest value to `x`.

@@ -7,6 +7,7 @@
 
 use crate::window::hann;
 use crate::{Float, Framing, FramingError};
+use asperity_state::State;
 use realfft::num_complex::Complex;
 use realfft::{ComplexToReal, RealFftPlanner};
 use std::sync::Arc;
@@ -108,6 +109,16 @@ impl<T: Float> OverlapAdd<T> {
         self.ring.fill(T::zero());
         self.head = 0;
         self.next = start;
+    }
+
+    /// What is remembered: the sums of frames that are not emitted yet, and where they lie. Refused where it is of frames of
+    /// another length or hop.
+    pub fn state(&mut self, state: &mut State<'_>) {
+        state.keep(&mut self.ring).keep(&mut self.head).keep(&mut self.next);
+        if self.head >= self.ring.len() {
+            self.reset(self.next);
+            state.refuse();
+        }
     }
 
     /// Adds the frame that covers samples `start .. start + fft_len`.

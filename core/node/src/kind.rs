@@ -280,7 +280,7 @@ pub trait Node: Send + Sized + 'static {
     /// One tick.
     fn process(&mut self, tick: &mut Tick<'_>) -> Status;
 
-    /// Back to the state after `prepare`.
+    /// Back to the state after `prepare`, with the parameters as they are now.
     fn reset(&mut self);
 
     /// Gates only: whether the gated input is wanted this tick. Called once a tick, before `process`, with

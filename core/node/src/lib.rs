@@ -5,6 +5,7 @@
 //! words of the graph live here too: [`PortType`], [`Unit`], [`FrameLayout`], exact time in [`time`].
 
 mod buffer;
+mod check;
 mod descriptor;
 mod kind;
 mod param;

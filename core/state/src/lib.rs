@@ -108,6 +108,16 @@ impl<'a> State<'a> {
         self.failed = true;
     }
 
+    /// Refuses what was restored unless it fits. A pass that does not restore goes on.
+    pub fn require(&mut self, fits: bool) {
+        self.failed |= self.restores() && !fits;
+    }
+
+    /// Whether something did not fit or was refused; the parts that follow then stay as they are.
+    pub fn failed(&self) -> bool {
+        self.failed
+    }
+
     /// `N` bytes: `out` is saved; what was saved is answered when restoring.
     fn bytes<const N: usize>(&mut self, out: [u8; N]) -> Option<[u8; N]> {
         let (start, end) = (self.at, self.at + N);

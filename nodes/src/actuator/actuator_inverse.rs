@@ -2,7 +2,7 @@
 
 use asperity_node::{
     Config, Descriptor, Diagnostic, Fact, Input, Node, Output, Param, Ports, RateSpec, Setup, ShapeSpec,
-    Status, Tick, Unit, UnitSpec,
+    State, Status, Tick, Unit, UnitSpec,
 };
 use asperity_world::actuator::{Drive, Inverse, InverseSettings};
 
@@ -73,6 +73,11 @@ impl Node for ActuatorInverse {
 
     fn reset(&mut self) {
         self.inverse.reset();
+    }
+
+    /// Another actuator, handle or corner goes on from it; another `drive` starts anew.
+    fn state(&mut self, state: &mut State<'_>) {
+        self.inverse.state(state);
     }
 
     fn facts(&self) -> Vec<Fact> {

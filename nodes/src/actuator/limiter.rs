@@ -1,15 +1,21 @@
 //! `limiter`: what no input may do to the coil.
 
 use asperity_node::{
-    Descriptor, Diagnostic, Fact, Input, Node, Output, Param, RateSpec, Resume, Setup, ShapeSpec, Status,
-    Tick, Unit,
+    Descriptor, Diagnostic, Fact, Input, Node, Output, Param, RateSpec, Resume, Setup, ShapeSpec, State,
+    Status, Tick, Unit,
 };
 use asperity_world::actuator::{self, Drive, LimiterSettings};
 
 /// The last stage before a device: finite, peak, slew, coil heat, stroke, DC. It cannot be left out.
 ///
 /// While its input is not to be trusted it fades to zero.
+///
+/// What holds the coil's limits does not change while it runs: only how DC is followed and how the gain comes back do.
 pub struct Limiter(actuator::Limiter);
+
+/// Places of the live parameters.
+const DC_CORNER_HZ: usize = 2;
+const RELEASE_MS: usize = 4;
 
 impl Node for Limiter {
     fn descriptor() -> Descriptor {
@@ -34,7 +40,9 @@ impl Node for Limiter {
         .param(profile)
         .param(handle)
         .param(
-            Param::number("dc_corner_hz", s.dc_corner_hz, 0.5..=20.0, "Corner of the DC removal.").unit("Hz"),
+            Param::number("dc_corner_hz", s.dc_corner_hz, 0.5..=20.0, "Corner of the DC removal.")
+                .unit("Hz")
+                .live(),
         )
         .param(
             Param::number(
@@ -52,7 +60,8 @@ impl Node for Limiter {
                 10.0..=5000.0,
                 "How fast the gain comes back after limiting.",
             )
-            .unit("ms"),
+            .unit("ms")
+            .live(),
         )
         .resumes(Resume::Never)
     }
@@ -80,6 +89,20 @@ impl Node for Limiter {
 
     fn reset(&mut self) {
         self.0.reset();
+    }
+
+    fn set_parameter(&mut self, index: usize, value: f64) {
+        match index {
+            DC_CORNER_HZ => self.0.set_dc_corner(value),
+            RELEASE_MS => self.0.set_release(value * 1e-3),
+            _ => {}
+        }
+    }
+
+    /// The signal so far, the gain, and where the coil is and how warm. Other settings, or another actuator, go on from
+    /// it within their own limits.
+    fn state(&mut self, state: &mut State<'_>) {
+        self.0.state(state);
     }
 
     fn facts(&self) -> Vec<Fact> {

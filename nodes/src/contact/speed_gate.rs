@@ -1,19 +1,26 @@
 //! `speed_gate`: no texture without motion on a surface.
 
 use asperity_node::{
-    Descriptor, Diagnostic, Input, Latency, Node, Output, Param, RateSpec, Setup, ShapeSpec, Status, Tick,
-    Unit,
+    Descriptor, Diagnostic, Input, Latency, Node, Output, Param, RateSpec, Setup, ShapeSpec, State, Status,
+    Tick, Unit,
 };
+
+/// Places of the live parameters.
+const SPEED_MM_S: usize = 0;
+const FORCE_N: usize = 1;
+const HYSTERESIS: usize = 2;
 
 /// Lets audio through while the stylus moves on a surface; fades in and out.
 ///
 /// It opens at `open_mm_s` and `contact_n` and closes at `hysteresis` times these. What serves nothing but its
 /// audio input sleeps while it is closed and has faded out.
+///
+/// New thresholds and a new hysteresis count from the next tick on; what then opens or closes fades as ever.
 pub struct SpeedGate {
     open_mm_s: f64,
-    close_mm_s: f64,
     touch_n: f64,
-    leave_n: f64,
+    /// The part of both at which it closes.
+    hysteresis: f64,
     /// Change of gain per sample.
     step: f32,
     moving: bool,
@@ -50,17 +57,20 @@ impl Node for SpeedGate {
         .output(
             Output::new("active", ShapeSpec::Control(1), Unit::NONE).doc("1 while open or fading, else 0"),
         )
-        .param(Param::number("speed_mm_s", 5.0, 0.0..=1000.0, "The gate opens at this speed.").unit("mm/s"))
+        .param(
+            Param::number("speed_mm_s", 5.0, 0.0..=1000.0, "The gate opens at this speed.")
+                .unit("mm/s")
+                .live(),
+        )
         .param(
             Param::number("force_n", 0.02, 0.0..=100.0, "The stylus is on the surface from this force on.")
-                .unit("N"),
+                .unit("N")
+                .live(),
         )
-        .param(Param::number(
-            "hysteresis",
-            0.8,
-            0.0..=1.0,
-            "The gate closes at this part of speed and force.",
-        ))
+        .param(
+            Param::number("hysteresis", 0.8, 0.0..=1.0, "The gate closes at this part of speed and force.")
+                .live(),
+        )
         .param(Param::number("fade_ms", 10.0, 0.1..=1000.0, "How long it takes to open or close.").unit("ms"))
         .gates("in")
         .timing("opens and closes over `fade_ms`")
@@ -68,13 +78,11 @@ impl Node for SpeedGate {
 
     fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
         let p = setup.params;
-        let (speed, force, part) = (p.number("speed_mm_s"), p.number("force_n"), p.number("hysteresis"));
         let samples = (p.number("fade_ms") * 1e-3 * f64::from(setup.input_rate(0))).max(1.0).round();
         Ok(Self {
-            open_mm_s: speed,
-            close_mm_s: speed * part,
-            touch_n: force,
-            leave_n: force * part,
+            open_mm_s: p.number("speed_mm_s"),
+            touch_n: p.number("force_n"),
+            hysteresis: p.number("hysteresis"),
             step: (1.0 / samples) as f32,
             moving: false,
             touching: false,
@@ -85,9 +93,11 @@ impl Node for SpeedGate {
 
     fn wants(&mut self, tick: &mut Tick<'_>) -> bool {
         let (speed, force) = (tick.inputs.value(1), tick.inputs.value(2));
-        self.moving = speed >= if self.moving { self.close_mm_s } else { self.open_mm_s };
+        let part = |on: bool| if on { self.hysteresis } else { 1.0 };
+        let (open, touch) = (self.open_mm_s * part(self.moving), self.touch_n * part(self.touching));
+        self.moving = speed >= open;
         // At a threshold of 0 a stylus in the air, whose force is 0, must still count as off.
-        self.touching = force > 0.0 && force >= if self.touching { self.leave_n } else { self.touch_n };
+        self.touching = force > 0.0 && force >= touch;
         (self.moving && self.touching) || self.gain > 0.0
     }
 
@@ -109,6 +119,21 @@ impl Node for SpeedGate {
 
     fn reset(&mut self) {
         (self.moving, self.touching, self.gain) = (false, false, 0.0);
+    }
+
+    fn set_parameter(&mut self, index: usize, value: f64) {
+        match index {
+            SPEED_MM_S => self.open_mm_s = value,
+            FORCE_N => self.touch_n = value,
+            HYSTERESIS => self.hysteresis = value,
+            _ => {}
+        }
+    }
+
+    /// Whether it is open, and how far it has faded.
+    fn state(&mut self, state: &mut State<'_>) {
+        state.keep(&mut self.moving).keep(&mut self.touching).keep(&mut self.gain);
+        state.require((0.0..=1.0).contains(&self.gain));
     }
 
     fn tail(&self) -> Latency {

@@ -5,11 +5,18 @@ use asperity_node::{
 };
 
 /// A horizontal plane that pushes back in proportion to how deep the stylus is in it.
+///
+/// A parameter that changes while it runs counts from the next tick on: the force of a stylus in the plane then jumps.
 pub struct VirtualFloor {
     height_mm: f64,
     stiffness_n_per_mm: f64,
     max_force_n: f64,
 }
+
+/// Places of the live parameters.
+const STIFFNESS_N_PER_MM: usize = 0;
+const MAX_FORCE_N: usize = 1;
+const HEIGHT_MM: usize = 2;
 
 impl Node for VirtualFloor {
     fn descriptor() -> Descriptor {
@@ -25,9 +32,15 @@ impl Node for VirtualFloor {
             Output::new("force", ShapeSpec::Control(1), Unit::NEWTON).doc("normal force, upwards, 0 off it"),
         )
         .output(Output::new("depth", ShapeSpec::Control(1), Unit::MILLIMETRE).doc("penetration, 0 off it"))
-        .param(Param::number("stiffness_n_per_mm", 0.5, 0.0..=100.0, "Stiffness of the plane.").unit("N/mm"))
-        .param(Param::number("max_force_n", 3.3, 0.0..=100.0, "The most the device can push.").unit("N"))
-        .param(Param::number("height_mm", 0.0, -1000.0..=1000.0, "Height of the plane.").unit("mm"))
+        .param(
+            Param::number("stiffness_n_per_mm", 0.5, 0.0..=100.0, "Stiffness of the plane.")
+                .unit("N/mm")
+                .live(),
+        )
+        .param(
+            Param::number("max_force_n", 3.3, 0.0..=100.0, "The most the device can push.").unit("N").live(),
+        )
+        .param(Param::number("height_mm", 0.0, -1000.0..=1000.0, "Height of the plane.").unit("mm").live())
     }
 
     fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
@@ -47,4 +60,13 @@ impl Node for VirtualFloor {
     }
 
     fn reset(&mut self) {}
+
+    fn set_parameter(&mut self, index: usize, value: f64) {
+        match index {
+            STIFFNESS_N_PER_MM => self.stiffness_n_per_mm = value,
+            MAX_FORCE_N => self.max_force_n = value,
+            HEIGHT_MM => self.height_mm = value,
+            _ => {}
+        }
+    }
 }

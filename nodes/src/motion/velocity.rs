@@ -2,15 +2,20 @@
 
 use asperity_dsp::filter::{Biquad, Section};
 use asperity_node::{
-    Descriptor, Diagnostic, Fact, Input, Node, Output, Param, Resume, Setup, ShapeSpec, Status, Tick, Unit,
+    Descriptor, Diagnostic, Fact, Input, Node, Output, Param, Resume, Setup, ShapeSpec, State, Status, Tick,
+    Unit,
 };
 
 /// Finite differences of x and y and a second-order Butterworth low-pass, both in f64.
 pub struct Velocity {
     /// Runs a second.
     rate_hz: f64,
-    filters: Option<[Biquad; 2]>,
+    /// Corner of the low-pass; 0 for none.
+    cutoff_hz: f64,
+    filters: [Biquad; 2],
+    /// Position and velocity of the last run.
     before: Option<[f64; 2]>,
+    velocity: [f64; 2],
 }
 
 impl Node for Velocity {
@@ -42,19 +47,18 @@ impl Node for Velocity {
     }
 
     fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
-        let cutoff = setup.params.number("cutoff_hz");
+        let cutoff_hz = setup.params.number("cutoff_hz");
         let rate_hz = f64::from(setup.tick_hz) / f64::from(setup.every);
-        let filters = if cutoff > 0.0 {
-            let section = Section::butterworth_low_pass(cutoff).bilinear(rate_hz, cutoff).map_err(|e| {
-                let help =
-                    format!("below {} Hz, half of how often this node runs; or 0 for none", rate_hz / 2.0);
-                setup.params.error("cutoff_hz", e.to_string()).help(help)
-            })?;
-            Some([section; 2])
+        let filter = if cutoff_hz > 0.0 {
+            Section::butterworth_low_pass(cutoff_hz).bilinear(rate_hz, cutoff_hz)
         } else {
-            None
+            Biquad::new([1.0, 0.0, 0.0], [0.0; 2])
         };
-        Ok(Self { rate_hz, filters, before: None })
+        let filter = filter.map_err(|e| {
+            let help = format!("below {} Hz, half of how often this node runs; or 0 for none", rate_hz / 2.0);
+            setup.params.error("cutoff_hz", e.to_string()).help(help)
+        })?;
+        Ok(Self { rate_hz, cutoff_hz, filters: [filter; 2], before: None, velocity: [0.0; 2] })
     }
 
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
@@ -62,11 +66,11 @@ impl Node for Velocity {
         let now = [position[0], position[1]];
         let before = self.before.replace(now).unwrap_or(now);
         let mut v = [(now[0] - before[0]) * self.rate_hz, (now[1] - before[1]) * self.rate_hz];
-        if let Some([x, y]) = &mut self.filters {
-            v = [x.step(v[0]), y.step(v[1])];
-            x.settle();
-            y.settle();
+        for (v, filter) in v.iter_mut().zip(&mut self.filters) {
+            *v = filter.step(*v);
+            filter.settle();
         }
+        self.velocity = v;
         tick.outputs.control(0).copy_from_slice(&v);
         tick.outputs.set(1, v[0].hypot(v[1]));
         Status::Continue
@@ -74,11 +78,23 @@ impl Node for Velocity {
 
     fn reset(&mut self) {
         self.before = None;
-        self.filters.iter_mut().flatten().for_each(Biquad::reset);
+        self.velocity = [0.0; 2];
+        self.filters.iter_mut().for_each(Biquad::reset);
+    }
+
+    /// Where the stylus was and how fast. A filter of another corner goes on from that velocity as if it had been
+    /// constant.
+    fn state(&mut self, state: &mut State<'_>) {
+        let mut made_for = [self.cutoff_hz, self.rate_hz];
+        state.keep(&mut made_for).keep(&mut self.before).keep(&mut self.velocity);
+        self.filters.iter_mut().for_each(|f| f.state(state));
+        if state.restores() && made_for != [self.cutoff_hz, self.rate_hz] {
+            self.filters.iter_mut().zip(self.velocity).for_each(|(f, v)| f.reset_to(v));
+        }
     }
 
     fn facts(&self) -> Vec<Fact> {
-        let lag = self.filters.map_or(0.0, |[x, _]| x.dc_group_delay() / self.rate_hz);
+        let lag = self.filters[0].dc_group_delay() / self.rate_hz;
         vec![Fact::number("response_lag", lag * 1e3, "ms")]
     }
 }

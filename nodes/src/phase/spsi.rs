@@ -2,8 +2,8 @@
 
 use asperity_dsp::spsi;
 use asperity_node::{
-    Descriptor, Diagnostic, Fact, Input, LayoutSpec, Node, Output, Param, Setup, Shape, ShapeSpec, Status,
-    Tick, Unit,
+    Descriptor, Diagnostic, Fact, Input, LayoutSpec, Node, Output, Param, Setup, Shape, ShapeSpec, State,
+    Status, Tick, Unit,
 };
 
 /// Gives every frame of magnitudes a phase at once (Beauregard, Harish, Wyse 2015).
@@ -54,6 +54,12 @@ impl Node for Spsi {
     fn reset(&mut self) {
         self.spsi.reset();
         self.before = None;
+    }
+
+    /// Every bin's phase runs on, whatever the seed.
+    fn state(&mut self, state: &mut State<'_>) {
+        self.spsi.state(state);
+        state.keep(&mut self.before);
     }
 
     fn facts(&self) -> Vec<Fact> {

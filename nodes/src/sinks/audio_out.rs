@@ -1,7 +1,8 @@
 //! `audio_out`: the way to the actuator.
 
 use asperity_node::{
-    Descriptor, Diagnostic, Fact, Input, Node, Output, Param, RateSpec, Setup, ShapeSpec, Status, Tick, Unit,
+    Descriptor, Diagnostic, Fact, Input, Node, Output, Param, RateSpec, Setup, ShapeSpec, State, Status,
+    Tick, Unit,
 };
 
 /// How long the output takes to fade when what it depends on fails, in seconds.
@@ -9,7 +10,8 @@ const FADE_S: f32 = 0.01;
 
 /// The sound card's entry in a graph: turns amperes or volts into samples of a device.
 ///
-/// Samples stay within full scale whatever comes in. While the input is not to be trusted they fade to zero.
+/// Samples stay within full scale whatever comes in. While the input is not to be trusted they fade to zero. What is said of
+/// the card and the amplifier does not change while it runs: the limits before it would no longer be those of the coil.
 pub struct AudioOut {
     scale: f32,
     step: f32,
@@ -86,6 +88,12 @@ impl Node for AudioOut {
 
     fn reset(&mut self) {
         self.gain = 1.0;
+    }
+
+    /// How far it has faded.
+    fn state(&mut self, state: &mut State<'_>) {
+        state.keep(&mut self.gain);
+        state.require((0.0..=1.0).contains(&self.gain));
     }
 
     fn facts(&self) -> Vec<Fact> {

@@ -4,7 +4,7 @@ use asperity_dsp::Framing;
 use asperity_dsp::overlap_add;
 use asperity_node::{
     Descriptor, Diagnostic, Fact, Input, Latency, LayoutSpec, Node, Output, RateSpec, Setup, Shape,
-    ShapeSpec, Status, Tick, Unit,
+    ShapeSpec, State, Status, Tick, Unit,
 };
 
 /// Inverse FFT and weighted overlap-add, gain-exact for any hop.
@@ -73,6 +73,11 @@ impl Node for OverlapAdd {
 
     fn reset(&mut self) {
         self.started = false;
+    }
+
+    fn state(&mut self, state: &mut State<'_>) {
+        self.kernel.state(state);
+        state.keep(&mut self.started);
     }
 
     fn tail(&self) -> Latency {

@@ -3,7 +3,7 @@
 use asperity_dsp::{Conversion, FilterPhase, Resampler};
 use asperity_node::{
     Config, Descriptor, Diagnostic, Input, Latency, Node, Output, Param, Ports, RateSpec, Setup, ShapeSpec,
-    Status, Tick, Unit,
+    State, Status, Tick, Unit,
 };
 
 /// Brings a signal to the audio rate, or any other, by a polyphase filter.
@@ -91,6 +91,13 @@ impl Node for Resample {
     fn reset(&mut self) {
         if let Some(kernel) = &mut self.kernel {
             kernel.reset();
+        }
+    }
+
+    /// The newest inputs; a filter of another length, and so with another `passband`, starts anew.
+    fn state(&mut self, state: &mut State<'_>) {
+        if let Some(kernel) = &mut self.kernel {
+            kernel.state(state);
         }
     }
 

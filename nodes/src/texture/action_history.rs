@@ -1,8 +1,8 @@
 //! `action_history`: the last forces and velocities, as the texture network reads them.
 
 use asperity_node::{
-    Config, Descriptor, Diagnostic, Input, Node, Output, Param, Ports, Resume, Setup, ShapeSpec, Status,
-    Tick, Unit,
+    Config, Descriptor, Diagnostic, Input, Node, Output, Param, Ports, Resume, Setup, ShapeSpec, State,
+    Status, Tick, Unit,
 };
 
 /// Samples force and velocity at a rate of its own and keeps the last ones.
@@ -68,7 +68,7 @@ impl Node for ActionHistory {
         let before = self.before.replace(now).unwrap_or(now);
         // Sample j is due when j / rate <= tick / tick_hz; more than `points` of them push each other out.
         let due = tick.index * self.rate_hz / self.tick_hz + 1;
-        self.next = self.next.max(due.saturating_sub(self.points as u64));
+        self.next = self.next.clamp(due.saturating_sub(self.points as u64), due);
         while self.next < due {
             let late = (tick.index * self.rate_hz - self.next * self.tick_hz) as f64;
             let part = (late / (self.every * self.rate_hz) as f64).min(1.0);
@@ -92,5 +92,11 @@ impl Node for ActionHistory {
     fn reset(&mut self) {
         (self.next, self.before) = (0, None);
         self.history.fill([0.0; 3]);
+    }
+
+    /// The samples so far. At another rate they stand for those of the new one until it has taken its own; another number
+    /// of points starts anew.
+    fn state(&mut self, state: &mut State<'_>) {
+        state.keep(&mut self.next).keep(&mut self.before).keep(&mut self.history);
     }
 }

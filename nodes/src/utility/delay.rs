@@ -1,13 +1,15 @@
 //! `delay`: the same, later; and what a cycle needs.
 
 use asperity_node::{
-    Descriptor, Diagnostic, Input, Latency, Node, Output, Param, Setup, Shape, ShapeSpec, Status, Tick, Unit,
-    time,
+    Descriptor, Diagnostic, Input, Keep, Latency, Node, Output, Param, Setup, Shape, ShapeSpec, State,
+    Status, Tick, Unit, time,
 };
 
 /// Delays a signal by a whole number of samples (audio) or ticks (control).
 pub struct Delay {
     line: Line,
+    /// First sample, or tick, that has not come in.
+    next: u64,
     latency: Latency,
     closes_cycle: bool,
 }
@@ -69,7 +71,8 @@ impl Node for Delay {
             }
             _ => unreachable!("refused above"),
         };
-        Ok(Self { line, latency: Latency::samples(delay as i64, rate), closes_cycle: setup.closes_cycle })
+        let latency = Latency::samples(delay as i64, rate);
+        Ok(Self { line, next: 0, latency, closes_cycle: setup.closes_cycle })
     }
 
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
@@ -101,11 +104,13 @@ impl Node for Delay {
         match &mut self.line {
             Line::Audio { ring, rate_hz, .. } => {
                 let (span, len) = (tick.samples(*rate_hz), ring.len() as u64);
+                self.next = span.end;
                 for (x, at) in tick.inputs.audio(0).iter().zip(span) {
                     ring[(at % len) as usize] = *x;
                 }
             }
             Line::Control { ring, delay, count } => {
+                self.next = tick.index + 1;
                 let at = (tick.index % (*delay + 1)) as usize * *count;
                 for (slot, x) in ring[at..].iter_mut().zip(tick.inputs.control(0)) {
                     *slot = *x;
@@ -121,11 +126,47 @@ impl Node for Delay {
         }
     }
 
+    /// What is on its way. A longer or shorter delay takes over as much of it as it keeps itself; what a longer one should
+    /// have kept before that is silence.
+    fn state(&mut self, state: &mut State<'_>) {
+        match &mut self.line {
+            Line::Audio { ring, .. } => keep_line(state, ring, 1, &mut self.next),
+            Line::Control { ring, count, .. } => keep_line(state, ring, *count, &mut self.next),
+        }
+    }
+
     fn latency(&self) -> Latency {
         self.latency
     }
 
     fn tail(&self) -> Latency {
         self.latency
+    }
+}
+
+/// Keeps a ring of places of `width` values each, newest first, place p at p modulo the ring's; `next` is the place after
+/// the newest. What is restored may be longer or shorter.
+fn keep_line<T: Keep + Copy + Default>(state: &mut State<'_>, ring: &mut [T], width: usize, next: &mut u64) {
+    let own = ring.len().checked_div(width).unwrap_or(0) as u64;
+    let (mut len, mut saved_width) = (own, width);
+    state.keep(next).keep(&mut len).keep(&mut saved_width);
+    state.require(saved_width == width && width > 0);
+    if state.restores() {
+        ring.fill(T::default());
+    }
+    for age in 1..=len {
+        // What is refused ends here, whatever length it claims.
+        if state.failed() {
+            return;
+        }
+        let place = next.checked_sub(age).filter(|_| age <= own).map(|p| (p % own) as usize * width);
+        for i in 0..width {
+            let slot = place.and_then(|at| ring.get_mut(at + i));
+            let mut value = slot.as_deref().copied().unwrap_or_default();
+            state.keep(&mut value);
+            if let Some(slot) = slot {
+                *slot = value;
+            }
+        }
     }
 }

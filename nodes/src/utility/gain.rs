@@ -1,22 +1,29 @@
 //! `gain`: a constant factor.
 
-use asperity_node::{Config, Ports, Shape, UnitSpec};
+use asperity_dsp::Ramp;
 use asperity_node::{
-    Descriptor, Diagnostic, Input, Node, Output, Param, Setup, ShapeSpec, Status, Tick, Unit,
+    Config, Descriptor, Diagnostic, Input, Node, Output, Param, Ports, Setup, Shape, ShapeSpec, State,
+    Status, Tick, Unit, UnitSpec,
 };
 
-/// Multiplies a signal by a constant.
+/// Multiplies a signal by a constant. A new factor is reached in a straight line, over 10 ms or from one run to the next
+/// where these are further apart.
 pub struct Gain {
-    gain: f64,
+    gain: Ramp,
     audio: bool,
 }
+
+/// Place of the live parameter.
+const GAIN: usize = 0;
+/// How many times a second a new factor could be reached.
+const RAMPS_PER_SECOND: u32 = 100;
 
 impl Node for Gain {
     fn descriptor() -> Descriptor {
         Descriptor::new("gain", "Multiplies a signal, audio or control, by a constant.")
             .input(Input::new("in", ShapeSpec::Like('s'), Unit::NONE).unit_of('u').doc("what is multiplied"))
             .output(Output::new("out", ShapeSpec::Like('s'), Unit::NONE).unit_of('u').doc("the product"))
-            .param(Param::number("gain", 1.0, -1e6..=1e6, "The factor."))
+            .param(Param::number("gain", 1.0, -1e6..=1e6, "The factor.").live())
             .param(Param::text(
                 "unit",
                 "",
@@ -33,27 +40,42 @@ impl Node for Gain {
     }
 
     fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
-        let audio = match setup.input(0).map(|p| p.shape) {
-            Some(Shape::Audio { .. }) => true,
-            Some(Shape::Control { .. }) => false,
+        let (audio, rate_hz) = match setup.input(0).map(|p| p.shape) {
+            Some(Shape::Audio { rate_hz }) => (true, rate_hz),
+            Some(Shape::Control { .. }) => (false, setup.tick_hz / setup.every.max(1)),
             _ => return Err(setup.params.node_error("`gain` multiplies audio or a control, not frames")),
         };
-        Ok(Self { gain: setup.params.number("gain"), audio })
+        Ok(Self { gain: Ramp::new(setup.params.number("gain"), rate_hz / RAMPS_PER_SECOND), audio })
     }
 
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         if self.audio {
-            let gain = self.gain as f32;
-            for (y, x) in tick.outputs.audio(0).iter_mut().zip(tick.inputs.audio(0)) {
-                *y = gain * x;
+            let samples = tick.outputs.audio(0).iter_mut().zip(tick.inputs.audio(0));
+            match self.gain.at_rest() {
+                Some(gain) => samples.for_each(|(y, x)| *y = gain as f32 * x),
+                None => samples.for_each(|(y, x)| *y = self.gain.step() as f32 * x),
             }
         } else {
+            let gain = self.gain.step();
             for (y, x) in tick.outputs.control(0).iter_mut().zip(tick.inputs.control(0)) {
-                *y = self.gain * x;
+                *y = gain * x;
             }
         }
         Status::Continue
     }
 
-    fn reset(&mut self) {}
+    fn reset(&mut self) {
+        self.gain.reset();
+    }
+
+    fn set_parameter(&mut self, index: usize, value: f64) {
+        if index == GAIN {
+            self.gain.set(value);
+        }
+    }
+
+    /// The factor where it is; it goes on to this node's own.
+    fn state(&mut self, state: &mut State<'_>) {
+        self.gain.state(state);
+    }
 }

@@ -13,6 +13,7 @@ mod prototype;
 
 use crate::Float;
 use crate::framing::gcd;
+use asperity_state::State;
 use prototype::Prototype;
 
 /// Which of the filters with the wanted magnitude response.
@@ -163,6 +164,15 @@ impl<T: Float> Resampler<T> {
     pub fn reset(&mut self) {
         self.ring.fill(T::zero());
         self.next = None;
+    }
+
+    /// What is remembered: the newest inputs. Refused where it is of a filter of another length, or of a ratio of rates that
+    /// keeps more or fewer of them.
+    pub fn state(&mut self, state: &mut State<'_>) {
+        state.keep(&mut self.ring[..self.size]).keep(&mut self.next);
+        if state.restores() {
+            self.ring.copy_within(..self.size, self.size);
+        }
     }
 
     /// Takes the inputs `first_in ..` and computes the outputs `first_out ..`; both may be empty.

@@ -35,6 +35,7 @@ mod peak;
 
 use crate::Float;
 use crate::float::unit_circle;
+use asperity_state::State;
 use peak::{Edges, Peak};
 use realfft::num_complex::Complex;
 
@@ -87,6 +88,15 @@ impl<T: Float> Spsi<T> {
         }
         self.freq.fill(-1.0);
         self.started = false;
+    }
+
+    /// What is remembered from frame to frame: phase and frequency of every bin. Refused where it is of frames of another
+    /// length, or holds what is no phase or frequency.
+    pub fn state(&mut self, state: &mut State<'_>) {
+        let mut fft_len = self.fft_len;
+        state.keep(&mut fft_len).keep(&mut self.turns).keep(&mut self.freq).keep(&mut self.started);
+        let phases = self.turns.iter().all(|t| (0.0..1.0).contains(t));
+        state.require(fft_len == self.fft_len && phases && self.freq.iter().all(|f| f.is_finite()));
     }
 
     /// Finds phases for one frame; `out[k]` gets the magnitude `magnitudes[k]`, in the same unit, and a phase counted

@@ -27,6 +27,7 @@
 use std::f64::consts::{FRAC_1_SQRT_2, TAU};
 
 use asperity_dsp::filter::{Biquad, Complex64, Section};
+use asperity_state::State;
 
 use super::{ActuatorError, Drive, Dynamics};
 
@@ -155,6 +156,17 @@ impl Inverse {
     /// Samples that were not finite and were taken as 0, since construction.
     pub fn ignored(&self) -> u64 {
         self.ignored
+    }
+
+    /// What its filters remember of the input. An inverse for another handle, actuator or corner can go on from it, with a
+    /// transient that decays as fast as the corner lets it; refused is what another kind of drive remembers.
+    pub fn state(&mut self, state: &mut State<'_>) {
+        self.current.state(state);
+        if let Some(v) = &mut self.voltage {
+            v.emf.state(state);
+            v.coil.state(state);
+            v.roof.state(state);
+        }
     }
 
     /// Forgets all input; keeps the count.

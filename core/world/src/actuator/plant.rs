@@ -1,5 +1,7 @@
 //! What coil, mover and handle do with a current or a voltage.
 
+use asperity_state::State;
+
 use super::{Drive, Dynamics};
 
 /// The actuator at an instant. SI units.
@@ -83,6 +85,21 @@ impl Plant {
         let [x, v, i] = self.state;
         let row = |n: usize| (self.a[n][0] * x + self.a[n][1] * v) + (self.a[n][2] * i + self.b[n] * u);
         self.state = [row(0), row(1), row(2)];
+    }
+
+    /// Where the mover is, how fast it is and what current flows. Another actuator, drive or rate can go on from it.
+    /// Refused, with everything at rest, is what no coil can come to: 10^9 m/s, or as many amperes.
+    pub fn state(&mut self, state: &mut State<'_>) {
+        let mut natural = self.natural;
+        state.keep(&mut self.state).keep(&mut natural);
+        if state.restores() {
+            // Exactly 1 for the same actuator.
+            self.state[0] *= self.natural / natural;
+            if !self.state.iter().all(|x| x.abs() < 1e9) {
+                self.reset();
+                state.refuse();
+            }
+        }
     }
 
     /// Puts everything at rest.

@@ -22,6 +22,9 @@
 //! with a time constant of a fraction of a millisecond; a drive that takes energy out is never cut.
 
 use std::f64::consts::TAU;
+use std::ops::RangeInclusive;
+
+use asperity_state::State;
 
 mod run;
 
@@ -129,6 +132,8 @@ impl LimiterReport {
     }
 }
 
+const DC_CORNER_HZ: RangeInclusive<f64> = 0.5..=20.0;
+const RELEASE_S: RangeInclusive<f64> = 0.01..=5.0;
 /// Input is cut at so many peaks.
 const CEILING: f64 = 4.0;
 /// The gain aims at this part of the rated current, and of the stroke; the walls stand at the limits.
@@ -158,6 +163,7 @@ const TINY: f64 = 1e-30;
 pub struct Limiter {
     fixed: Fixed,
     drive: Drive,
+    rate_hz: f64,
     limits: Limits,
     run: Run,
     muted: bool,
@@ -176,9 +182,11 @@ impl Limiter {
         settings: LimiterSettings,
     ) -> Result<Self, ActuatorError> {
         let s = settings;
-        ActuatorError::check("a DC removal's corner", s.dc_corner_hz, 0.5, 20.0, "Hz")?;
+        let (least, most) = DC_CORNER_HZ.into_inner();
+        ActuatorError::check("a DC removal's corner", s.dc_corner_hz, least, most, "Hz")?;
         ActuatorError::check("a slew frequency", s.slew_hz, 500.0, 20_000.0, "Hz")?;
-        ActuatorError::check("a release time", s.release_s, 0.01, 5.0, "s")?;
+        let (least, most) = RELEASE_S.into_inner();
+        ActuatorError::check("a release time", s.release_s, least, most, "s")?;
         ActuatorError::check("a muting time", s.mute_s, 0.001, 0.02, "s")?;
         ActuatorError::check("an unmuting time", s.unmute_s, 0.001, 2.0, "s")?;
         let least = (16.0 * dynamics.natural_hz()).max(4000.0);
@@ -213,8 +221,8 @@ impl Limiter {
             peak,
             slew: slew * SLEW_MARGIN,
             ceiling: CEILING * peak,
-            dc: TAU * s.dc_corner_hz / rate_hz,
-            release: -(-1.0 / (s.release_s * rate_hz)).exp_m1(),
+            dc: dc_part(s.dc_corner_hz, rate_hz),
+            release: release_part(s.release_s, rate_hz),
             hold: (-1.0 / (0.002 * rate_hz)).exp(),
             mute: 1.0 / (s.mute_s * rate_hz).max(1.0),
             unmute: 1.0 / (s.unmute_s * rate_hz).max(1.0),
@@ -260,7 +268,7 @@ impl Limiter {
             hottest: 0.0,
             farthest: 0.0,
         };
-        Ok(Self { fixed, drive, limits, run, muted: false })
+        Ok(Self { fixed, drive, rate_hz, limits, run, muted: false })
     }
 
     /// What it holds to.
@@ -271,6 +279,22 @@ impl Limiter {
     /// What a sample is.
     pub fn drive(&self) -> Drive {
         self.drive
+    }
+
+    /// Sets the corner of the DC removal \[Hz\], between any two blocks; see [`LimiterSettings::dc_corner_hz`]. The DC
+    /// that was found stays, and only how fast it follows changes. Outside 0.5 to 20 nothing does.
+    pub fn set_dc_corner(&mut self, hz: f64) {
+        if DC_CORNER_HZ.contains(&hz) {
+            self.fixed.dc = dc_part(hz, self.rate_hz);
+        }
+    }
+
+    /// Sets how fast the gain comes back \[s\], between any two blocks; see [`LimiterSettings::release_s`]. The gain
+    /// itself does not jump. Outside 0.01 to 5 nothing changes.
+    pub fn set_release(&mut self, seconds: f64) {
+        if RELEASE_S.contains(&seconds) {
+            self.fixed.release = release_part(seconds, self.rate_hz);
+        }
     }
 
     /// Fades to zero, or back. While muted the input still counts for DC and for what it would have asked of
@@ -306,6 +330,31 @@ impl Limiter {
         self.run.settle(&self.fixed);
     }
 
+    /// What it remembers: the signal so far, its gain, where the coil is and how warm; not the report.
+    ///
+    /// A limiter with other settings, or for another actuator, goes on from it within its own limits: a last sample
+    /// above its peak counts as one at the peak, and a coil that is too warm for it gets nothing until it has cooled.
+    /// For another kind of drive only the coil's motion and heat are taken over. What no limiter could have come
+    /// to is refused, and changes nothing.
+    pub fn state(&mut self, state: &mut State<'_>) {
+        let mut voltage = self.drive == Drive::Voltage;
+        let mut run = self.run.clone();
+        state.keep(&mut voltage);
+        run.state(state);
+        if !state.restores() {
+            return;
+        }
+        state.require(run.hold(&self.fixed));
+        if state.failed() {
+            return;
+        }
+        if voltage == (self.drive == Drive::Voltage) {
+            self.run = run;
+        } else {
+            (self.run.given, self.run.heat) = (run.given, run.heat);
+        }
+    }
+
     /// Starts a new signal at rest: forgets input and motion, but neither the coil's heat nor the report.
     ///
     /// The next output may differ from the last by up to the slew, as always.
@@ -314,6 +363,16 @@ impl Limiter {
         (run.good, run.dc, run.power, run.gain, run.bearable) = (0.0, 0.0, 0.0, 1.0, 1.0);
         run.asked.reset();
     }
+}
+
+/// How much of a sample the DC that is taken out follows.
+fn dc_part(corner_hz: f64, rate_hz: f64) -> f64 {
+    TAU * corner_hz / rate_hz
+}
+
+/// How much of its way back the gain goes in a sample.
+fn release_part(release_s: f64, rate_hz: f64) -> f64 {
+    -(-1.0 / (release_s * rate_hz)).exp_m1()
 }
 
 /// Refuses an actuator that no limiter without foresight could keep within its stroke: one whose current still

@@ -1,5 +1,7 @@
 //! One sample after another: the limiter's loop. The order of its stages is told in the parent module.
 
+use asperity_state::State;
+
 use super::super::Plant;
 use super::{LimiterReport, TINY};
 
@@ -191,6 +193,27 @@ impl Run {
         self.farthest = self.farthest.max(self.given.state[0].abs());
         count.largest = count.largest.max(y.abs());
         given
+    }
+
+    pub(super) fn state(&mut self, state: &mut State<'_>) {
+        state.keep(&mut self.good).keep(&mut self.bearable).keep(&mut self.dc).keep(&mut self.gain);
+        state.keep(&mut self.mute).keep(&mut self.last).keep(&mut self.power).keep(&mut self.heat);
+        self.asked.state(state);
+        self.given.state(state);
+    }
+
+    /// Holds what was restored to what these limits allow, and answers whether that could be done.
+    pub(super) fn hold(&mut self, f: &Fixed) -> bool {
+        // NaN is not within.
+        let parts = [self.gain, self.bearable, self.mute].iter().all(|x| (0.0..=1.0).contains(x));
+        let squares = [self.power, self.heat].iter().all(|x| (0.0..1e18).contains(x));
+        let signals = [self.good, self.dc, self.last].iter().all(|x| x.is_finite());
+        self.good = self.good.clamp(-f.ceiling, f.ceiling);
+        self.last = self.last.clamp(-f.peak, f.peak);
+        // Another coil may have been warmer than this one can become; it is not to rest for hours.
+        self.heat = self.heat.min(4.0 * f.rated.max(f.peak_current * f.peak_current));
+        self.settle(f);
+        parts && squares && signals
     }
 
     /// Ends tails before they become denormal, and bounds what no input has yet been seen to drive far.

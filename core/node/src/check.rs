@@ -1,0 +1,277 @@
+//! Whether a descriptor keeps its own rules. Nothing here trusts what it reads: a descriptor may come from a plugin.
+
+use std::borrow::Cow;
+use std::collections::HashSet;
+
+use crate::{
+    Descriptor, Diagnostic, FrameLayout, Input, LayoutSpec, Param, ParamKind, ParamValue, RateSpec, ShapeSpec,
+};
+
+/// Most values of a control, and most samples of a frame's transform.
+const MOST_VALUES: usize = 1 << 20;
+/// Highest rate of a port in Hz.
+const MOST_HZ: u32 = 1 << 20;
+
+impl Descriptor {
+    /// Checks what the fields promise: names are lower case and distinct, everything is documented, ranges have an inside,
+    /// defaults lie in them, `gate` and `feedback` name an input and a number, only what can change is live, and shapes
+    /// have a size.
+    ///
+    /// # Errors
+    /// The first thing that is wrong, with the kind and the port or parameter. Whatever the values are, it does not panic.
+    pub fn check(&self) -> Result<(), Diagnostic> {
+        self.problem().map_or(Ok(()), |what| {
+            Err(Diagnostic::new(format!("the descriptor of node kind {:?} is wrong: {what}", self.kind)))
+        })
+    }
+
+    fn problem(&self) -> Option<String> {
+        if !is_name(&self.kind) {
+            return Some(format!("its name is to be {NAME}"));
+        }
+        if !self.summary.ends_with('.') {
+            return Some("its summary is to be a sentence that ends with a full stop".to_owned());
+        }
+        names("input", self.inputs.iter().map(|p| (&p.name, &p.doc)))
+            .or_else(|| names("output", self.outputs.iter().map(|p| (&p.name, &p.doc))))
+            .or_else(|| names("parameter", self.params.iter().map(|p| (&p.name, &p.doc))))
+            .or_else(|| first("input", &self.inputs, |p| &p.name, input))
+            .or_else(|| first("output", &self.outputs, |p| &p.name, |p| shape(&p.shape)))
+            .or_else(|| first("parameter", &self.params, |p| &p.name, param))
+            .or_else(|| self.roles())
+    }
+
+    fn roles(&self) -> Option<String> {
+        if let Some(gate) = &self.gate
+            && !self.inputs.iter().any(|p| p.name == *gate)
+        {
+            return Some(format!("it gates {gate:?}, and no input has that name"));
+        }
+        if let Some(delay) = &self.feedback
+            && !self.params.iter().any(|p| p.name == *delay && matches!(p.kind, ParamKind::Number(_)))
+        {
+            return Some(format!("it closes cycles by {delay:?}, and no number parameter has that name"));
+        }
+        (self.passive && !self.sink).then(|| "it only looks on, and is no sink".to_owned())
+    }
+}
+
+const NAME: &str = "lower case, of letters, digits and `_`";
+
+fn is_name(name: &str) -> bool {
+    !name.is_empty() && name.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_')
+}
+
+type Text = Cow<'static, str>;
+
+/// Names of one list: well formed, documented, distinct.
+fn names<'a>(what: &str, list: impl Iterator<Item = (&'a Text, &'a Text)>) -> Option<String> {
+    let mut seen = HashSet::new();
+    for (name, doc) in list {
+        if !is_name(name) {
+            return Some(format!("{what} {name:?}: a name is to be {NAME}"));
+        }
+        if doc.trim().is_empty() {
+            return Some(format!("{what} `{name}`: nothing says what it is"));
+        }
+        if !seen.insert(name) {
+            return Some(format!("there are two of {what} `{name}`"));
+        }
+    }
+    None
+}
+
+/// The first thing that is wrong with any of a list.
+fn first<T>(
+    what: &str,
+    list: &[T],
+    name: impl Fn(&T) -> &Text,
+    wrong: impl Fn(&T) -> Option<String>,
+) -> Option<String> {
+    list.iter().find_map(|it| wrong(it).map(|why| format!("{what} `{}`: {why}", name(it))))
+}
+
+fn input(port: &Input) -> Option<String> {
+    if !port.default.is_finite() {
+        return Some(format!("its default of {} is not finite", port.default));
+    }
+    shape(&port.shape)
+}
+
+fn shape(shape: &ShapeSpec) -> Option<String> {
+    match shape {
+        ShapeSpec::Control(n) if !(1..=MOST_VALUES).contains(n) => {
+            Some(format!("a control of {n} values; 1 to {MOST_VALUES} fit"))
+        }
+        ShapeSpec::Audio(RateSpec::Hz(hz)) if !(1..=MOST_HZ).contains(hz) => Some(rate(*hz)),
+        ShapeSpec::Magnitude(LayoutSpec::Is(l)) | ShapeSpec::Spectrum(LayoutSpec::Is(l)) => layout(l),
+        _ => None,
+    }
+}
+
+fn rate(hz: u32) -> String {
+    format!("a rate of {hz} Hz; 1 to {MOST_HZ} Hz fit")
+}
+
+fn layout(l: &FrameLayout) -> Option<String> {
+    if !(1..=MOST_HZ).contains(&l.rate_hz) {
+        return Some(rate(l.rate_hz));
+    }
+    if !(1..=MOST_VALUES).contains(&(l.length as usize)) {
+        return Some(format!("a window of {} samples; 1 to {MOST_VALUES} fit", l.length));
+    }
+    let most = l.length / 2 + 1;
+    (!(1..=most).contains(&l.bins))
+        .then(|| format!("{} bins; 1 to {most} fit a window of {} samples", l.bins, l.length))
+}
+
+fn param(p: &Param) -> Option<String> {
+    let changes = matches!(
+        p.kind,
+        ParamKind::Number(_) | ParamKind::Integer(_) | ParamKind::Flag | ParamKind::Choice(_)
+    );
+    if p.live && !changes {
+        return Some("only a number, a whole number, a flag or a choice can be live".to_owned());
+    }
+    kind(&p.kind).or_else(|| p.default.as_ref().and_then(|value| default(&p.kind, value)))
+}
+
+fn kind(kind: &ParamKind) -> Option<String> {
+    match kind {
+        ParamKind::Number(r) | ParamKind::Numbers(r) => {
+            let fine = r.start().is_finite() && r.end().is_finite() && r.start() <= r.end();
+            (!fine).then(|| format!("no finite number is from {} to {}", r.start(), r.end()))
+        }
+        ParamKind::Integer(r) => {
+            r.is_empty().then(|| format!("no whole number is from {} to {}", r.start(), r.end()))
+        }
+        ParamKind::Choice(words) if words.is_empty() => Some("a choice without words".to_owned()),
+        ParamKind::Choice(words) => {
+            let mut seen = HashSet::new();
+            let bad = words.iter().find(|w| w.is_empty() || !seen.insert(*w));
+            bad.map(|w| format!("its choices are empty or not distinct: {w:?}"))
+        }
+        ParamKind::Flag | ParamKind::Text | ParamKind::File | ParamKind::Texts => None,
+    }
+}
+
+fn default(kind: &ParamKind, value: &ParamValue) -> Option<String> {
+    let fits = match (kind, value) {
+        (ParamKind::Number(r), ParamValue::Number(x)) => r.contains(x),
+        (ParamKind::Numbers(r), ParamValue::Numbers(xs)) => xs.iter().all(|x| r.contains(x)),
+        (ParamKind::Integer(r), ParamValue::Integer(i)) => r.contains(i),
+        (ParamKind::Choice(words), ParamValue::Text(word)) => words.iter().any(|w| w == word),
+        (ParamKind::Flag, ParamValue::Flag(_))
+        | (ParamKind::Text, ParamValue::Text(_))
+        | (ParamKind::File, ParamValue::File(_))
+        | (ParamKind::Texts, ParamValue::Texts(_)) => true,
+        _ => false,
+    };
+    (!fits).then(|| format!("its default {value} is not one of its values"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{FrameRate, Output, Unit};
+
+    fn good() -> Descriptor {
+        let layout = FrameLayout {
+            rate_hz: 2500,
+            length: 250,
+            bins: 101,
+            frame_rate: FrameRate::new(500, 1).unwrap(),
+        };
+        Descriptor::new("a_kind2", "Does a thing.")
+            .input(Input::new("in", ShapeSpec::Audio(RateSpec::Hz(8000)), Unit::NEWTON).doc("a force"))
+            .input(Input::new("other", ShapeSpec::Control(3), Unit::NONE).or(0.5).doc("another"))
+            .output(Output::new("in", ShapeSpec::Magnitude(LayoutSpec::Is(layout)), Unit::NONE).doc("frames"))
+            .param(Param::number("delay_ms", 1.0, 0.0..=2.0, "How long.").live())
+            .param(Param::integer("count", 3, 3..=3, "How many."))
+            .param(Param::choice("word", &["one", "two"], "Which."))
+            .param(Param::numbers("list", &[1.0, 2.0], 0.0..=2.0, "Some."))
+            .param(Param::file("file", "Where from."))
+            .gates("in")
+            .closes_cycles("delay_ms")
+    }
+
+    /// The message for the descriptor after `spoil`; it must name the kind and `about`.
+    #[track_caller]
+    fn wrong(about: &str, spoil: impl FnOnce(&mut Descriptor)) {
+        let mut d = good();
+        spoil(&mut d);
+        let message = d.check().expect_err(about).message;
+        assert!(message.contains(&format!("{:?}", d.kind)) && message.contains(about), "{message}");
+    }
+
+    #[test]
+    fn a_descriptor_that_keeps_its_rules_passes() {
+        good().check().unwrap();
+        Descriptor::new("bare", "Nothing.").check().unwrap();
+    }
+
+    #[test]
+    fn names_are_lower_case_distinct_and_documented() {
+        for name in ["", "Upper", "a b", "gr\u{fc}n", "x\n"] {
+            wrong("name", |d| d.kind = name.into());
+            wrong("parameter", |d| d.params[0].name = name.into());
+            wrong("input", |d| d.inputs[0].name = name.into());
+            wrong("output", |d| d.outputs[0].name = name.into());
+        }
+        wrong("summary", |d| d.summary = "".into());
+        wrong("two of input `in`", |d| d.inputs[1].name = "in".into());
+        wrong("two of parameter `word`", |d| d.params[4].name = "word".into());
+        wrong("output `in`", |d| d.outputs[0].doc = " ".into());
+        wrong("parameter `count`", |d| d.params[1].doc = "".into());
+    }
+
+    #[test]
+    fn ranges_have_an_inside_and_defaults_lie_there() {
+        for (from, to) in [(f64::NAN, 1.0), (0.0, f64::NAN), (1.0, 0.0), (0.0, f64::INFINITY)] {
+            wrong("parameter `delay_ms`", |d| d.params[0].kind = ParamKind::Number(from..=to));
+            wrong("parameter `list`", |d| d.params[3].kind = ParamKind::Numbers(from..=to));
+        }
+        #[expect(clippy::reversed_empty_ranges, reason = "that is what is wrong with it")]
+        let empty = 3..=2;
+        wrong("parameter `count`", |d| d.params[1].kind = ParamKind::Integer(empty));
+        for value in [f64::NAN, f64::INFINITY, 2.1] {
+            wrong("parameter `delay_ms`", |d| d.params[0].default = Some(ParamValue::Number(value)));
+            wrong("parameter `list`", |d| d.params[3].default = Some(ParamValue::Numbers(vec![0.0, value])));
+        }
+        wrong("parameter `delay_ms`", |d| d.params[0].default = Some(ParamValue::Integer(1)));
+        wrong("parameter `count`", |d| d.params[1].default = Some(ParamValue::Integer(4)));
+        wrong("parameter `word`", |d| d.params[2].default = Some(ParamValue::Text("three".into())));
+        wrong("parameter `word`", |d| d.params[2].kind = ParamKind::Choice(Cow::Borrowed(&[])));
+        let twice = vec![Cow::Borrowed("one"), Cow::Borrowed("one")];
+        wrong("parameter `word`", |d| d.params[2].kind = ParamKind::Choice(twice.into()));
+        wrong("input `other`", |d| d.inputs[1].default = f64::NAN);
+    }
+
+    #[test]
+    fn only_what_can_change_is_live_and_roles_name_what_is_there() {
+        for i in [3, 4] {
+            wrong("live", |d| d.params[i].live = true);
+        }
+        wrong("gates \"out\"", |d| d.gate = Some("out".into()));
+        wrong("cycles by \"other\"", |d| d.feedback = Some("other".into()));
+        wrong("cycles by \"count\"", |d| d.feedback = Some("count".into()));
+        wrong("sink", |d| d.passive = true);
+    }
+
+    #[test]
+    fn shapes_have_a_size() {
+        for n in [0, usize::MAX] {
+            wrong("input `in`", |d| d.inputs[0].shape = ShapeSpec::Control(n));
+        }
+        for hz in [0, u32::MAX] {
+            wrong("input `in`", |d| d.inputs[0].shape = ShapeSpec::Audio(RateSpec::Hz(hz)));
+        }
+        let frame_rate = FrameRate::new(500, 1).unwrap();
+        for (rate_hz, length, bins) in
+            [(0, 250, 101), (2500, 0, 1), (2500, 250, 0), (2500, 250, 127), (2500, u32::MAX, 1)]
+        {
+            let layout = FrameLayout { rate_hz, length, bins, frame_rate };
+            wrong("output `in`", |d| d.outputs[0].shape = ShapeSpec::Spectrum(LayoutSpec::Is(layout)));
+        }
+    }
+}
