@@ -2,6 +2,8 @@
 // Every test file uses a part of this, and none of it is for anybody else.
 #![allow(dead_code, unreachable_pub)]
 
+pub mod plugins;
+
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 

@@ -18,7 +18,9 @@ pub(crate) unsafe fn descriptor(kind: &AsperityKind) -> Result<Descriptor, Lie> 
     // SAFETY: the caller's promise.
     let name = unsafe { checked::text(kind.kind, "the name of a kind")? };
     // SAFETY: as above.
-    unsafe { described(kind, &name) }.map_err(|lie| format!("kind `{name}`: {lie}"))
+    let d = unsafe { described(kind, &name) }.map_err(|lie| format!("kind `{name}`: {lie}"))?;
+    d.check().map_err(|e| e.message)?;
+    Ok(d)
 }
 
 unsafe fn described(kind: &AsperityKind, name: &str) -> Result<Descriptor, Lie> {

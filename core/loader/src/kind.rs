@@ -98,6 +98,8 @@ impl NodeKind for PluginKind {
         if let Some(lie) = told.lie {
             return Err(config.params.node_error(format!("the plugin's kind `{}`: {lie}", d.kind)));
         }
+        let told = Descriptor { inputs: told.inputs, outputs: told.outputs, ..d.clone() };
+        told.check().map_err(|e| config.params.node_error(e.message))?;
         let ports = Ports { inputs: told.inputs, outputs: told.outputs };
         Ok(ports)
     }

@@ -107,7 +107,10 @@ impl Plugin {
             let abi = checked::read(plugin, "its description")?;
             (checked::text(abi.name, "its name")?, checked::text(abi.version, "its version")?, abi)
         };
-        if abi.kind_count == 0 || abi.kind_count > 1024 || abi.kinds.is_null() {
+        if abi.kinds.is_null() {
+            return Err("its list of kinds is NULL".into());
+        }
+        if abi.kind_count == 0 || abi.kind_count > 1024 {
             return Err(format!("it offers {} kinds of nodes", abi.kind_count));
         }
         let facts = match abi.extension {
