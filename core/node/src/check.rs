@@ -7,10 +7,12 @@ use crate::{
     Descriptor, Diagnostic, FrameLayout, Input, LayoutSpec, Param, ParamKind, ParamValue, RateSpec, ShapeSpec,
 };
 
-/// Most values of a control, and most samples of a frame's transform.
-const MOST_VALUES: usize = 1 << 20;
+/// Most values of a control.
+const MOST_VALUES: usize = 1 << 16;
 /// Highest rate of a port in Hz.
-const MOST_HZ: u32 = 1 << 20;
+const MOST_HZ: u32 = 1_000_000;
+/// Longest transform of a frame in samples.
+const MOST_SAMPLES: u32 = 1 << 20;
 
 impl Descriptor {
     /// Checks what the fields promise: names are lower case and distinct, everything is documented, ranges have an inside,
@@ -117,8 +119,8 @@ fn layout(l: &FrameLayout) -> Option<String> {
     if !(1..=MOST_HZ).contains(&l.rate_hz) {
         return Some(rate(l.rate_hz));
     }
-    if !(1..=MOST_VALUES).contains(&(l.length as usize)) {
-        return Some(format!("a window of {} samples; 1 to {MOST_VALUES} fit", l.length));
+    if !(1..=MOST_SAMPLES).contains(&l.length) {
+        return Some(format!("a window of {} samples; 1 to {MOST_SAMPLES} fit", l.length));
     }
     let most = l.length / 2 + 1;
     (!(1..=most).contains(&l.bins))

@@ -1,0 +1,286 @@
+//! Every built-in node under a graph that changes: what it remembers goes over to another instance of it, and its live
+//! parameters take any value at any time.
+
+#[path = "common/any_node.rs"]
+mod any_node;
+mod common;
+
+use std::sync::{Arc, Mutex};
+
+use any_node::{SIGNALS, compiled, graph, run};
+use asperity_engine::{Engine, Options};
+use asperity_graph::GraphFile;
+use asperity_node::{Fault, Node, NodeKind, Param, ParamKind, ParamValue, Processor, Status, Tick, random};
+
+/// A node in an engine that the test holds too.
+#[derive(Clone)]
+struct Held(Arc<Mutex<Box<dyn Processor>>>);
+
+impl Held {
+    fn with<T>(&self, f: impl FnOnce(&mut dyn Processor) -> T) -> T {
+        // A panic of the node is the engine's to report, at every call.
+        f(self.0.lock().expect("a node that did not panic").as_mut())
+    }
+
+    fn replace(&self, processor: Box<dyn Processor>) {
+        *self.0.lock().expect("a node that did not panic") = processor;
+    }
+}
+
+impl Processor for Held {
+    fn process(&mut self, tick: &mut Tick<'_>) -> Result<Status, Fault> {
+        self.with(|p| p.process(tick))
+    }
+    fn reset(&mut self) -> Result<(), Fault> {
+        self.with(|p| p.reset())
+    }
+    fn wants(&mut self, tick: &mut Tick<'_>) -> Result<bool, Fault> {
+        self.with(|p| p.wants(tick))
+    }
+    fn absorb(&mut self, tick: &mut Tick<'_>) -> Result<(), Fault> {
+        self.with(|p| p.absorb(tick))
+    }
+    fn elapsed(&mut self, ticks: u64) -> Result<(), Fault> {
+        self.with(|p| p.elapsed(ticks))
+    }
+}
+
+/// An engine, and its node `it`.
+fn held(graph: &GraphFile) -> (Engine, Held) {
+    let mut compiled = compiled(graph);
+    let it = compiled.schedule.index_of("it").expect("the node");
+    let held = Held(Arc::new(Mutex::new(std::mem::replace(&mut compiled.processors[it], fresh(graph)))));
+    compiled.processors[it] = Box::new(held.clone());
+    (Engine::new(compiled, Options::default()), held)
+}
+
+/// Another instance of the node `it`.
+fn fresh(graph: &GraphFile) -> Box<dyn Processor> {
+    let mut compiled = compiled(graph);
+    let it = compiled.schedule.index_of("it").expect("the node");
+    compiled.processors.swap_remove(it)
+}
+
+fn saved(p: &mut dyn Processor) -> Vec<u8> {
+    let mut bytes = vec![0; p.state_size()];
+    let len = p.save(&mut bytes).expect("a state that is no larger than was said");
+    bytes.truncate(len);
+    bytes
+}
+
+fn kinds() -> Vec<Arc<dyn NodeKind>> {
+    asperity_nodes::registry().iter().cloned().collect()
+}
+
+/// Parameters that are live, with their places.
+fn live(kind: &dyn NodeKind) -> Vec<(usize, Param)> {
+    let params = kind.descriptor().params.iter().cloned().enumerate();
+    params.filter(|(_, p)| p.live).collect()
+}
+
+/// The ends of a parameter's range and something between, as the engine and as a graph file say it.
+fn values(param: &Param) -> Vec<(f64, String)> {
+    match &param.kind {
+        ParamKind::Number(r) => [*r.start(), *r.end(), r.start() + 0.3 * (r.end() - r.start())]
+            .map(|x| (x, format!("{x:?}")))
+            .to_vec(),
+        ParamKind::Integer(r) => [*r.start(), *r.end()].map(|i| (i as f64, i.to_string())).to_vec(),
+        ParamKind::Flag => vec![(0.0, "false".into()), (1.0, "true".into())],
+        ParamKind::Choice(words) => {
+            words.iter().enumerate().map(|(i, w)| (i as f64, format!("{w:?}"))).collect()
+        }
+        other => panic!("{} is live and {other:?}", param.name),
+    }
+}
+
+/// Sets each live parameter to one of its values.
+fn set_all(p: &mut dyn Processor, live: &[(usize, Param)], which: usize) {
+    for (i, param) in live {
+        let values = values(param);
+        p.set_parameter(*i, values[which % values.len()].0).expect("a node that takes it");
+    }
+}
+
+fn faults(engine: &Engine) -> (u64, Option<Fault>, bool) {
+    let it = engine.schedule().index_of("it").expect("the node");
+    let report = engine.report(it).expect("a report");
+    (report.faults, report.last_fault, report.quarantined)
+}
+
+#[test]
+fn a_node_goes_on_from_the_state_of_another_as_if_it_were_that_one() {
+    let mut remember = Vec::new();
+    let mut told = Vec::new();
+    for kind in kinds() {
+        let live = live(kind.as_ref());
+        for signal in ["random", "steps", "huge"] {
+            let name = format!("{} on {signal}", kind.descriptor().kind);
+            let graph = graph(kind.as_ref(), signal, 500, 44_100);
+            let (mut a, it) = held(&graph);
+            run(&mut a, 148);
+            // Parameters change shortly before, so that what leads from one value to another is under way.
+            it.with(|p| set_all(p, &live, 2));
+            run(&mut a, 2);
+            let bytes = it.with(saved);
+            assert_eq!(it.with(saved), bytes, "{name}: saving changes what is saved");
+            let expected = run(&mut a, 150);
+
+            let mut after = [true, false].map(|restored| {
+                let (mut b, it) = held(&graph);
+                run(&mut b, 150);
+                let mut new = fresh(&graph);
+                assert_eq!(it.with(|p| p.state_size()), new.state_size(), "{name}");
+                set_all(new.as_mut(), &live, 2);
+                if restored {
+                    assert!(new.restore(&bytes), "{name}");
+                }
+                it.replace(new);
+                run(&mut b, 150)
+            });
+            assert!(after[0] == expected, "{name}");
+            if !bytes.is_empty() {
+                remember.push(kind.descriptor().kind.to_string());
+            }
+            if after[1] != expected {
+                told.push(kind.descriptor().kind.to_string());
+            }
+            after[0].clear();
+        }
+    }
+    remember.dedup();
+    told.dedup();
+    // What has faded in and stays so cannot be told from what never faded: `audio_out` has a test of its own.
+    remember.retain(|k| k != "audio_out");
+    assert_eq!(told, remember, "kinds that differ without their state, and kinds that have one");
+}
+
+/// Bytes like a state's, but wild: some replaced, some cut off or added.
+fn spoilt(bytes: &[u8], seed: u64) -> Vec<u8> {
+    const WILD: [[u8; 8]; 6] = [
+        f64::NAN.to_le_bytes(),
+        f64::INFINITY.to_le_bytes(),
+        1e300_f64.to_le_bytes(),
+        (-1e300_f64).to_le_bytes(),
+        u64::MAX.to_le_bytes(),
+        (u64::MAX / 2).to_le_bytes(),
+    ];
+    let mut out = bytes.to_vec();
+    let draw = |i: u64, below: usize| random::bits(seed, i) as usize % below.max(1);
+    match seed % 5 {
+        0 => out.iter_mut().enumerate().for_each(|(i, b)| *b = random::bits(seed, i as u64) as u8),
+        1 => out.fill(draw(0, 256) as u8),
+        2 => out.truncate(draw(0, bytes.len())),
+        3 => out.extend([0; 8]),
+        _ => {
+            for i in 0..=draw(0, 4) as u64 {
+                let at = draw(2 * i + 1, bytes.len());
+                let n = (out.len() - at).min(8);
+                out[at..at + n].copy_from_slice(&WILD[draw(2 * i + 2, WILD.len())][..n]);
+            }
+        }
+    }
+    out
+}
+
+/// Puts a node that was given `bytes` into a running engine, as the engine does: reset where it refuses them.
+fn survives(name: &str, graph: &GraphFile, bytes: &[u8], reset: bool) {
+    let (mut engine, it) = held(graph);
+    run(&mut engine, 20);
+    let mut new = fresh(graph);
+    if !new.restore(bytes) && reset {
+        new.reset().expect("a node that can be reset");
+    }
+    it.replace(new);
+    for _ in 0..40 {
+        run(&mut engine, 1);
+        let (_, last, quarantined) = faults(&engine);
+        assert!(last != Some(Fault::Panicked) && !quarantined, "{name}: {last:?}, {bytes:?}");
+    }
+}
+
+#[test]
+fn no_bytes_make_a_node_panic_or_keep_it_from_going_on() {
+    for kind in kinds() {
+        let graph = graph(kind.as_ref(), "random", 500, 44_100);
+        let (mut a, it) = held(&graph);
+        run(&mut a, 100);
+        let bytes = it.with(saved);
+        if bytes.is_empty() {
+            continue;
+        }
+        let cheap = kind.descriptor().kind != "texture_network";
+        for seed in 0..if cheap { 60 } else { 5 } {
+            let name = format!("{}, seed {seed}", kind.descriptor().kind);
+            survives(&name, &graph, &spoilt(&bytes, seed), seed % 2 == 0);
+        }
+    }
+}
+
+#[test]
+fn the_state_of_another_kind_is_refused_or_does_no_harm() {
+    let states: Vec<(String, Vec<u8>)> = kinds()
+        .iter()
+        .map(|kind| {
+            let (mut engine, it) = held(&graph(kind.as_ref(), "random", 500, 44_100));
+            run(&mut engine, 50);
+            (kind.descriptor().kind.to_string(), it.with(saved))
+        })
+        .filter(|(_, bytes)| !bytes.is_empty())
+        .collect();
+    for kind in kinds() {
+        let graph = graph(kind.as_ref(), "random", 500, 44_100);
+        let size = fresh(&graph).state_size();
+        for (other, bytes) in states.iter().filter(|(k, _)| *k != kind.descriptor().kind) {
+            let name = format!("{} from {other}", kind.descriptor().kind);
+            if bytes.len() == size {
+                survives(&name, &graph, bytes, true);
+            } else if kind.descriptor().kind != "delay" {
+                assert!(!fresh(&graph).restore(bytes), "{name}");
+            }
+        }
+    }
+}
+
+#[test]
+fn every_live_parameter_takes_any_value_of_its_range_at_any_time() {
+    for kind in kinds() {
+        let live = live(kind.as_ref());
+        if live.is_empty() {
+            continue;
+        }
+        for signal in SIGNALS {
+            let (mut engine, it) = held(&graph(kind.as_ref(), signal, 500, 48_000));
+            for step in 0..60 {
+                it.with(|p| set_all(p, &live, random::bits(3, step) as usize));
+                run(&mut engine, 1 + step % 7);
+            }
+            assert_eq!(faults(&engine).0, 0, "{} on {signal}", kind.descriptor().kind);
+        }
+    }
+}
+
+#[test]
+fn a_live_parameter_and_a_reset_make_what_preparing_with_it_would() {
+    let mut count = 0;
+    for kind in kinds() {
+        let plain = graph(kind.as_ref(), "huge", 500, 48_000);
+        for (i, param) in live(kind.as_ref()) {
+            let mut distinct = std::collections::HashSet::new();
+            for (value, text) in values(&param) {
+                let name = format!("{}.{} = {text}", kind.descriptor().kind, param.name);
+                let (mut a, it) = held(&plain);
+                it.with(|p| p.set_parameter(i, value).and_then(|()| p.reset()))
+                    .expect("a node that takes it");
+                let mut prepared = plain.clone();
+                prepared.set(&format!("it.{}={text}", param.name), "test").expect("a setting");
+                let out = run(&mut a, 100);
+                assert!(out == run(&mut held(&prepared).0, 100), "{name}");
+                distinct.insert(out);
+                count += 1;
+            }
+            // A parameter that does nothing would pass all the same.
+            assert!(distinct.len() > 1, "{}.{}", kind.descriptor().kind, param.name);
+        }
+    }
+    assert!(count > 0);
+}
