@@ -8,18 +8,21 @@ use asperity_node::{Buffer, Fact};
 use crate::denormals::Flushed;
 use crate::panics::install_silent_hook;
 use crate::slot::{NodeReport, Now, Slot};
-use crate::telemetry::{Clock, NoClock};
+use crate::telemetry::{Clock, NoClock, Watch};
 
 /// How to run.
 #[derive(Clone, Copy, Debug)]
 pub struct Options {
     /// Let nodes sleep that serve nothing but a closed gate.
     pub sleep: bool,
+    /// The most nanoseconds that one call of a node may take, by the clock of [`Engine::tick_timed`]; a call that takes
+    /// longer is a fault. `None`, or no clock, for no limit.
+    pub limit_ns: Option<u64>,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Self { sleep: true }
+        Self { sleep: true, limit_ns: None }
     }
 }
 
@@ -80,22 +83,23 @@ impl Engine {
     /// Runs one tick and adds to `spent_ns`, by index of the node, what each node took in nanoseconds.
     pub fn tick_timed<C: Clock>(&mut self, clock: &C, spent_ns: &mut [u64]) {
         let _flushed = Flushed::new();
-        let now = Now { tick: self.tick, tick_hz: self.schedule.tick_hz };
+        let now = Now { tick: self.tick, tick_hz: self.schedule.tick_hz, sleep: self.options.sleep };
+        let watch = Watch { clock, limit_ns: self.options.limit_ns };
         let mut before = if C::TIMES { clock.now_ns() } else { 0 };
         for step in &self.steps {
             let node = match *step {
                 Step::Process(i) => {
                     let wanted = wanted(&self.slots, i);
-                    self.slots[i].run(&mut self.buffers, now, wanted, self.options.sleep);
+                    self.slots[i].run(&mut self.buffers, now, wanted, watch);
                     i
                 }
                 Step::Wants(i) => {
                     let wanted = wanted(&self.slots, i);
-                    self.slots[i].ask(&mut self.buffers, now, wanted, self.options.sleep);
+                    self.slots[i].ask(&mut self.buffers, now, wanted, watch);
                     i
                 }
                 Step::Absorb(i) => {
-                    self.slots[i].absorb(&mut self.buffers, now);
+                    self.slots[i].absorb(&mut self.buffers, now, watch);
                     i
                 }
             };

@@ -10,6 +10,7 @@ mod fade;
 mod panics;
 mod slot;
 mod telemetry;
+mod view;
 
 pub use engine::{Engine, Options};
 pub use slot::{FAULT_FADE_S, FAULT_FORGIVEN_S, FAULTS_BEFORE_QUARANTINE, NodeReport};
