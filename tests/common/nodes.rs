@@ -1,5 +1,5 @@
 //! Nodes that behave, sleep, fail and panic as a test wants.
-#![allow(unreachable_pub)] // for the test that includes it
+#![allow(dead_code, unreachable_pub)] // for the tests that include it
 
 use asperity_node::{
     Descriptor, Diagnostic, FrameLayout, FrameRate, Input, LayoutSpec, Node, Output, Param, RateSpec,

@@ -34,19 +34,22 @@ pub struct NodeReport {
     pub quarantined: bool,
 }
 
+/// Ways in which a node is wanted.
+pub(crate) type Guards = Box<[Box<[usize]>]>;
+
 pub(crate) struct Slot {
     pub(crate) processor: Box<dyn Processor>,
-    inputs: Box<[InputRef]>,
+    pub(crate) inputs: Box<[InputRef]>,
     /// Inputs that wake it once it said it sleeps.
     wakes: Box<[usize]>,
-    outputs: Range<usize>,
+    pub(crate) outputs: Range<usize>,
     rates: Box<[u32]>,
     /// Last good values of each control output; empty for other outputs.
     held: Box<[Box<[f64]>]>,
     fades: Box<[Fade]>,
     pub(crate) every: u64,
     /// Ways in which it is wanted; none for a node that always runs.
-    pub(crate) guards: Box<[Box<[usize]>]>,
+    pub(crate) guards: Guards,
     resume: Resume,
     closes_cycle: bool,
     /// What a gate last answered; true for other nodes.
@@ -332,6 +335,54 @@ impl Slot {
         if let Err(fault) = watch.call(|| processor.absorb(&mut tick)) {
             self.fault(fault, now);
         }
+    }
+
+    /// Sets a live parameter.
+    pub(crate) fn set_parameter(&mut self, index: usize, value: f64, now: Now) {
+        if self.report.quarantined {
+            return;
+        }
+        let processor = &mut self.processor;
+        if let Err(fault) = contain(|| processor.set_parameter(index, value)) {
+            self.fault(fault, now);
+        }
+        // What sleeps may have something else to say now.
+        self.rouse();
+    }
+
+    /// Ends a sleep that the node chose itself: it is called once more at least.
+    pub(crate) fn rouse(&mut self) {
+        (self.dozing, self.tail) = (false, None);
+    }
+
+    /// Exchanges two nodes with all that is theirs; each takes the other's place among buffers and gates.
+    pub(crate) fn trade(&mut self, other: &mut Self) {
+        std::mem::swap(self, other);
+        std::mem::swap(&mut self.inputs, &mut other.inputs);
+        std::mem::swap(&mut self.outputs, &mut other.outputs);
+        std::mem::swap(&mut self.guards, &mut other.guards);
+    }
+
+    /// Goes on where another node was, with its state by way of `room` where that means something. Answers whether it
+    /// could; else it is as new.
+    pub(crate) fn adopt(&mut self, old: &mut Self, room: Option<&mut [u8]>) -> bool {
+        for (held, before) in self.held.iter_mut().zip(&old.held).filter(|(a, b)| a.len() == b.len()) {
+            held.copy_from_slice(before);
+        }
+        self.wants = old.wants;
+        let Some(room) = room.filter(|_| !old.report.quarantined) else { return false };
+        let (from, to) = (&mut old.processor, &mut self.processor);
+        let saved = contain(|| Ok(from.save(room))).ok().flatten();
+        let adopted = saved.and_then(|len| room.get(..len)).is_some_and(|state| {
+            // A panic leaves anything behind.
+            contain(|| Ok(to.restore(state))).unwrap_or(false)
+        });
+        if adopted {
+            self.asleep_since = old.asleep_since;
+        } else {
+            self.report.quarantined = contain(|| to.reset()).is_err();
+        }
+        adopted
     }
 
     /// As when new, but for the counts of the report. Control thread.
