@@ -7,7 +7,7 @@ use asperity_engine::{Engine, FAULTS_BEFORE_QUARANTINE, Options};
 use asperity_graph::{GraphFile, compile};
 use asperity_node::{Buffer, Fault};
 use asperity_source::Source;
-use nodes::registry;
+use nodes::{TestClock, registry};
 
 fn engine_with(nodes: &str, wires: &str, options: Options) -> Engine {
     let text = format!("Graph(version: 1, nodes: {{{nodes}}}, wires: [{wires}])");
@@ -188,7 +188,7 @@ fn the_output_is_the_same_whether_nodes_sleep_or_not() {
                  (kind: \"probe\")";
     let wires = "(\"c.samples\", \"m\"), (\"m\", \"g\"), (\"g\", \"p\")";
     let mut sleeping = engine(nodes, wires);
-    let mut awake = engine_with(nodes, wires, Options { sleep: false });
+    let mut awake = engine_with(nodes, wires, Options { sleep: false, ..Options::default() });
     for tick in 0..12 {
         sleeping.tick();
         awake.tick();
@@ -396,4 +396,43 @@ fn after_a_reset_the_same_samples_come_again() {
     let first = run();
     assert!(first.iter().any(|x| *x != 0));
     assert_eq!(first, run());
+}
+
+#[test]
+fn a_call_that_takes_too_long_fades_out_is_counted_and_ends_in_quarantine() {
+    let limited = Options { limit_ns: Some(100_000), ..Options::default() };
+    let mut e = engine_with(
+        "\"s\": (kind: \"slow\", params: (from: 10, to: 1000)), \"p\": (kind: \"probe\"), \"q\": (kind: \"slow\"), \
+         \"r\": (kind: \"probe\")",
+        "(\"s.out\", \"p\"), (\"q.out\", \"r\")",
+        limited,
+    );
+    let mut out = Vec::new();
+    for tick in 0..40 {
+        e.tick_timed(&TestClock, &mut []);
+        out.extend(audio(&e, "s", 0));
+        let held = if tick < 10 { f64::from(tick) } else { 9.0 };
+        assert_eq!(control(&e, "s", 1), (vec![held], tick < 10), "tick {tick}");
+        assert_eq!(audio(&e, "q", 0)[95], 1.0, "the quick one goes on");
+    }
+    let step = out.windows(2).map(|w| (w[1] - w[0]).abs()).fold(0.0, f32::max);
+    assert!(step < 1.5 / 480.0, "step {step}");
+    assert_eq!((out[10 * 96 - 1], out[15 * 96]), (1.0, 0.0), "10 ms from the first tick that was late");
+    let slow = e.report(node(&e, "s")).unwrap();
+    assert_eq!((slow.faults, slow.last_fault), (FAULTS_BEFORE_QUARANTINE, Some(Fault::Overrun)));
+    assert_eq!((slow.calls, slow.quarantined), (10 + FAULTS_BEFORE_QUARANTINE, true));
+    assert_eq!(e.report(node(&e, "q")).unwrap().faults, 0);
+}
+
+#[test]
+fn without_a_clock_or_a_limit_nothing_takes_too_long() {
+    let graph = "\"s\": (kind: \"slow\", params: (to: 1000)), \"p\": (kind: \"probe\")";
+    let mut unlimited = engine(graph, "(\"s.out\", \"p\")");
+    let limited = Options { limit_ns: Some(100_000), ..Options::default() };
+    let mut without_clock = engine_with(graph, "(\"s.out\", \"p\")", limited);
+    for _ in 0..20 {
+        unlimited.tick_timed(&TestClock, &mut []);
+        without_clock.tick();
+    }
+    assert_eq!((unlimited.faults(), without_clock.faults()), (0, 0));
 }

@@ -1,5 +1,5 @@
 //! Nodes that behave, sleep, fail and panic as a test wants.
-#![allow(unreachable_pub)] // for the test that includes it
+#![allow(dead_code, unreachable_pub)] // for the tests that include it
 
 use asperity_node::{
     Descriptor, Diagnostic, FrameLayout, FrameRate, Input, LayoutSpec, Node, Output, Param, RateSpec,
@@ -299,6 +299,50 @@ impl<const WAKES: bool> Node for Copier<WAKES> {
     fn reset(&mut self) {}
 }
 
+thread_local! {
+    /// What [`TestClock`] reads; [`Slow`] moves it on.
+    static NOW_NS: std::cell::Cell<u64> = const { std::cell::Cell::new(0) };
+}
+
+/// A clock that stands still but for what slow nodes take.
+pub struct TestClock;
+
+impl asperity_engine::Clock for TestClock {
+    fn now_ns(&self) -> u64 {
+        NOW_NS.get()
+    }
+}
+
+/// Puts out ones and takes a microsecond, but a millisecond from tick `from` to tick `to`.
+struct Slow {
+    from: u64,
+    to: u64,
+}
+
+impl Node for Slow {
+    fn descriptor() -> Descriptor {
+        Descriptor::new("slow", "Takes its time.")
+            .output(Output::new("out", ShapeSpec::Audio(RateSpec::Graph), Unit::NONE))
+            .output(Output::new("control", ShapeSpec::Control(1), Unit::NONE))
+            .param(Param::integer("from", 0, 0..=1_000_000, "First slow tick."))
+            .param(Param::integer("to", 0, 0..=1_000_000, "First quick tick after that."))
+    }
+
+    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
+        Ok(Self { from: setup.params.integer("from") as u64, to: setup.params.integer("to") as u64 })
+    }
+
+    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
+        let slow = (self.from..self.to).contains(&tick.index);
+        NOW_NS.set(NOW_NS.get() + if slow { 1_000_000 } else { 1_000 });
+        tick.outputs.audio(0).fill(1.0);
+        tick.outputs.set(1, tick.index as f64);
+        Status::Continue
+    }
+
+    fn reset(&mut self) {}
+}
+
 /// The built-in kinds and these.
 pub fn registry() -> Registry {
     asperity_nodes::registry()
@@ -315,4 +359,5 @@ pub fn registry() -> Registry {
         .with::<Sleeper>()
         .with::<Tail3>()
         .with::<Marked>()
+        .with::<Slow>()
 }

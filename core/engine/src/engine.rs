@@ -2,42 +2,55 @@
 
 use std::sync::Arc;
 
-use asperity_graph::{BufferEntry, Compiled, Schedule, Step};
+use asperity_graph::{Compiled, Schedule};
 use asperity_node::{Buffer, Fact};
 
 use crate::denormals::Flushed;
 use crate::panics::install_silent_hook;
 use crate::slot::{NodeReport, Now, Slot};
-use crate::telemetry::{Clock, NoClock};
+use crate::swap::{self, Controller, Link, Run};
+use crate::telemetry::{Clock, NoClock, Watch};
 
 /// How to run.
 #[derive(Clone, Copy, Debug)]
 pub struct Options {
     /// Let nodes sleep that serve nothing but a closed gate.
     pub sleep: bool,
+    /// The most nanoseconds that one call of a node may take, by the clock of [`Engine::tick_timed`]; a call that takes
+    /// longer is a fault. `None`, or no clock, for no limit.
+    pub limit_ns: Option<u64>,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Self { sleep: true }
+        Self { sleep: true, limit_ns: None }
     }
 }
 
 /// A running graph.
 pub struct Engine {
-    schedule: Arc<Schedule>,
-    buffers: Vec<Buffer>,
-    slots: Vec<Slot>,
-    steps: Vec<Step>,
+    body: Body,
     tick: u64,
     options: Options,
+    /// The other end of its controller, if it has one.
+    link: Option<Box<Link>>,
+}
+
+/// What a swap exchanges.
+pub(crate) struct Body {
+    pub(crate) schedule: Arc<Schedule>,
+    /// Those of the schedule; during and after a swap, more behind them.
+    pub(crate) buffers: Vec<Buffer>,
+    /// Those of the schedule; during and after a swap, more behind them.
+    pub(crate) slots: Vec<Slot>,
+    pub(crate) steps: Vec<Run>,
 }
 
 impl std::fmt::Debug for Engine {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("Engine")
             .field("tick", &self.tick)
-            .field("nodes", &self.slots.len())
+            .field("nodes", &self.body.schedule.nodes.len())
             .finish_non_exhaustive()
     }
 }
@@ -48,23 +61,35 @@ impl Engine {
     pub fn new(compiled: Compiled, options: Options) -> Self {
         install_silent_hook();
         let Compiled { schedule, processors } = compiled;
-        let buffers = schedule.buffers.iter().map(|b| match b {
-            BufferEntry::Constant { count, value } => Buffer::constant(*count, *value),
-            BufferEntry::Output(port) => Buffer::new(port, schedule.tick_hz),
-        });
-        Self {
-            buffers: buffers.collect(),
+        let body = Body {
+            buffers: swap::buffers(&schedule),
             slots: schedule.nodes.iter().zip(processors).map(|(n, p)| Slot::new(n, p)).collect(),
-            steps: schedule.steps.clone(),
+            steps: schedule.steps.iter().map(|s| (*s).into()).collect(),
             schedule: Arc::new(schedule),
-            tick: 0,
-            options,
-        }
+        };
+        Self { body, tick: 0, options, link: None }
     }
 
-    /// What is being run.
+    /// The same with a controller, which changes the graph and live parameters from another thread while this one ticks.
+    pub fn controlled(mut compiled: Compiled, options: Options) -> (Controller, Self) {
+        let (controller, link) = Controller::new(&compiled.schedule, &mut compiled.processors);
+        (controller, Self { link: Some(Box::new(link)), ..Self::new(compiled, options) })
+    }
+
+    /// What is being run. After a swap was taken over, that is the new graph, and all indices are of it;
+    /// [`swaps`](Self::swaps) tells.
     pub fn schedule(&self) -> &Arc<Schedule> {
-        &self.schedule
+        &self.body.schedule
+    }
+
+    /// How many swaps have been taken over.
+    pub fn swaps(&self) -> u64 {
+        self.link.as_ref().map_or(0, |l| l.swaps())
+    }
+
+    /// Whether a crossfade is under way.
+    pub fn is_fading(&self) -> bool {
+        self.link.as_ref().is_some_and(|l| l.is_fading())
     }
 
     /// The number of the next tick.
@@ -80,28 +105,39 @@ impl Engine {
     /// Runs one tick and adds to `spent_ns`, by index of the node, what each node took in nanoseconds.
     pub fn tick_timed<C: Clock>(&mut self, clock: &C, spent_ns: &mut [u64]) {
         let _flushed = Flushed::new();
-        let now = Now { tick: self.tick, tick_hz: self.schedule.tick_hz };
+        let now = Now { tick: self.tick, tick_hz: self.body.schedule.tick_hz, sleep: self.options.sleep };
+        if let Some(link) = &mut self.link {
+            link.listen(&mut self.body, now);
+        }
+        let Body { slots, buffers, steps, .. } = &mut self.body;
+        let watch = Watch { clock, limit_ns: self.options.limit_ns };
         let mut before = if C::TIMES { clock.now_ns() } else { 0 };
-        for step in &self.steps {
+        for step in steps.iter() {
             let node = match *step {
-                Step::Process(i) => {
-                    let wanted = wanted(&self.slots, i);
-                    self.slots[i].run(&mut self.buffers, now, wanted, self.options.sleep);
-                    i
+                Run::Process(i) => {
+                    let wanted = wanted(slots, i);
+                    slots[i].run(buffers, now, wanted, watch);
+                    Some(i)
                 }
-                Step::Wants(i) => {
-                    let wanted = wanted(&self.slots, i);
-                    self.slots[i].ask(&mut self.buffers, now, wanted, self.options.sleep);
-                    i
+                Run::Wants(i) => {
+                    let wanted = wanted(slots, i);
+                    slots[i].ask(buffers, now, wanted, watch);
+                    Some(i)
                 }
-                Step::Absorb(i) => {
-                    self.slots[i].absorb(&mut self.buffers, now);
-                    i
+                Run::Absorb(i) => {
+                    slots[i].absorb(buffers, now, watch);
+                    Some(i)
+                }
+                Run::Fade(point) => {
+                    if let Some(link) = &self.link {
+                        link.fade(point, buffers);
+                    }
+                    None
                 }
             };
             if C::TIMES {
                 let after = clock.now_ns();
-                if let Some(spent) = spent_ns.get_mut(node) {
+                if let Some(spent) = node.and_then(|i| spent_ns.get_mut(i)) {
                     *spent += after.saturating_sub(before);
                 }
                 before = after;
@@ -112,40 +148,48 @@ impl Engine {
 
     /// What an output of a node holds after the last tick.
     pub fn output(&self, node: usize, output: usize) -> Option<&Buffer> {
-        let range = self.schedule.nodes.get(node)?.buffers.clone();
-        self.buffers[range].get(output)
+        let range = self.body.schedule.nodes.get(node)?.buffers.clone();
+        self.body.buffers[range].get(output)
     }
 
-    /// What an input of a node read in the last tick.
+    /// What an input of a node read in the last tick: while it fades, the crossfade.
     pub fn input(&self, node: usize, input: usize) -> Option<&Buffer> {
-        let reads = self.schedule.nodes.get(node)?.inputs.get(input)?.reads;
-        self.buffers.get(reads.buffer as usize)
+        let reads = self.nodes().get(node)?.inputs.get(input)?;
+        self.body.buffers.get(reads.buffer as usize)
     }
 
     /// What became of a node so far.
     pub fn report(&self, node: usize) -> Option<&NodeReport> {
-        Some(&self.slots.get(node)?.report)
+        Some(&self.nodes().get(node)?.report)
     }
 
     /// What a node tells about itself now. Not for the tick thread.
     pub fn facts(&self, node: usize) -> Vec<Fact> {
-        self.slots.get(node).map(|s| s.processor.facts()).unwrap_or_default()
+        self.nodes().get(node).map(|s| s.processor.facts()).unwrap_or_default()
     }
 
-    /// Faults of all nodes so far.
+    /// Faults of all nodes so far, also of those that a swap removed.
     pub fn faults(&self) -> u64 {
-        self.slots.iter().map(|s| s.report.faults).sum()
+        let now: u64 = self.nodes().iter().map(|s| s.report.faults).sum();
+        now + self.link.as_ref().map_or(0, |l| l.faults())
     }
 
-    /// Back to tick 0, every node as after `prepare`, out of quarantine too. Counters stay. Control thread.
+    /// Back to tick 0, every node as after `prepare`, out of quarantine too; a crossfade ends at once. Counters stay.
+    /// Control thread.
     pub fn reset(&mut self) {
-        self.slots.iter_mut().for_each(Slot::reset);
-        for (buffer, entry) in self.buffers.iter_mut().zip(&self.schedule.buffers) {
-            if let BufferEntry::Output(port) = entry {
-                *buffer = Buffer::new(port, self.schedule.tick_hz);
-            }
+        if let Some(link) = &mut self.link {
+            link.settle(&mut self.body);
         }
+        let nodes = self.body.schedule.nodes.len();
+        self.body.slots[..nodes].iter_mut().for_each(Slot::reset);
+        let fresh = swap::buffers(&self.body.schedule);
+        self.body.buffers.splice(..fresh.len(), fresh);
         self.tick = 0;
+    }
+
+    /// The slots of the schedule's nodes.
+    fn nodes(&self) -> &[Slot] {
+        &self.body.slots[..self.body.schedule.nodes.len()]
     }
 }
 

@@ -3,14 +3,22 @@
 //! [`Engine`] has no clock and no device: a driver calls [`Engine::tick`], then reads the sinks. A tick does
 //! not allocate, lock, log or call the system. A node that fails is contained: its outputs hold or fade, the
 //! fault is counted, and after [`FAULTS_BEFORE_QUARANTINE`] of them the node is no longer called.
+//!
+//! A [`Controller`] changes the graph under a running engine, from another thread: see [`Engine::controlled`].
 
 mod denormals;
 mod engine;
 mod fade;
 mod panics;
 mod slot;
+mod swap;
 mod telemetry;
+mod view;
 
 pub use engine::{Engine, Options};
 pub use slot::{FAULT_FADE_S, FAULT_FORGIVEN_S, FAULTS_BEFORE_QUARANTINE, NodeReport};
+pub use swap::{
+    CROSSFADE_S, Change, Controller, Finished, MAX_SWAPS, NodeChange, ParameterChange, ParameterError,
+    SwapError, SwapReport,
+};
 pub use telemetry::{Clock, NoClock};

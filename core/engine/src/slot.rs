@@ -3,10 +3,12 @@
 use std::ops::Range;
 
 use asperity_graph::ScheduledNode;
-use asperity_node::{Buffer, Fault, InputRef, Inputs, Outputs, Processor, Resume, Shape, Status, Tick, time};
+use asperity_node::{Buffer, Fault, InputRef, Outputs, Processor, Resume, Shape, Status, Tick, time};
 
 use crate::fade::Fade;
 use crate::panics::contain;
+use crate::telemetry::{Clock, Watch};
+use crate::view::{is_finite, split, wakened};
 
 /// Faults after which a node is no longer called; one is forgiven every [`FAULT_FORGIVEN_S`].
 pub const FAULTS_BEFORE_QUARANTINE: u64 = 8;
@@ -32,19 +34,22 @@ pub struct NodeReport {
     pub quarantined: bool,
 }
 
+/// Ways in which a node is wanted.
+pub(crate) type Guards = Box<[Box<[usize]>]>;
+
 pub(crate) struct Slot {
     pub(crate) processor: Box<dyn Processor>,
-    inputs: Box<[InputRef]>,
+    pub(crate) inputs: Box<[InputRef]>,
     /// Inputs that wake it once it said it sleeps.
     wakes: Box<[usize]>,
-    outputs: Range<usize>,
+    pub(crate) outputs: Range<usize>,
     rates: Box<[u32]>,
     /// Last good values of each control output; empty for other outputs.
     held: Box<[Box<[f64]>]>,
     fades: Box<[Fade]>,
     pub(crate) every: u64,
     /// Ways in which it is wanted; none for a node that always runs.
-    pub(crate) guards: Box<[Box<[usize]>]>,
+    pub(crate) guards: Guards,
     resume: Resume,
     closes_cycle: bool,
     /// What a gate last answered; true for other nodes.
@@ -66,6 +71,8 @@ pub(crate) struct Slot {
 pub(crate) struct Now {
     pub(crate) tick: u64,
     pub(crate) tick_hz: u32,
+    /// Whether nodes may sleep.
+    pub(crate) sleep: bool,
 }
 
 impl Slot {
@@ -95,28 +102,34 @@ impl Slot {
         }
     }
 
-    /// A tick in which the gates want this node (`wanted`) or not. Without `sleep` it runs all the same, and
+    /// A tick in which the gates want this node (`wanted`) or not. Where nodes may not sleep it runs all the same, and
     /// wakes in the same tick as it would.
-    pub(crate) fn run(&mut self, buffers: &mut [Buffer], now: Now, wanted: bool, sleep: bool) {
+    pub(crate) fn run<C: Clock>(
+        &mut self,
+        buffers: &mut [Buffer],
+        now: Now,
+        wanted: bool,
+        watch: Watch<'_, C>,
+    ) {
         if !now.tick.is_multiple_of(self.every) {
             return self.clear(buffers, now);
         }
         if !wanted {
             self.asleep_since.get_or_insert(now.tick);
-            if sleep {
+            if now.sleep {
                 self.report.slept += 1;
                 self.fades.iter_mut().for_each(Fade::sleep);
                 self.clear(buffers, now);
                 return self.trust_silence(buffers);
             }
         } else {
-            self.wake(now, sleep);
+            self.wake(now);
         }
         self.clear(buffers, now);
         if self.report.quarantined {
             return self.contain_outputs(buffers);
         }
-        if self.dozing && sleep {
+        if self.dozing && now.sleep {
             let (inputs, _) = split(buffers, &self.outputs, &self.inputs);
             if !wakened(inputs, &self.wakes) {
                 self.report.slept += 1;
@@ -124,19 +137,19 @@ impl Slot {
             }
             self.dozing = false;
         }
-        self.call(buffers, now);
+        self.call(buffers, now, watch);
     }
 
     /// Wakes from the sleep that the gates allowed, if it slept. A node that says `Elapsed` is only told of ticks in
     /// which it was really not called.
-    fn wake(&mut self, now: Now, sleep: bool) {
+    fn wake(&mut self, now: Now) {
         let Some(since) = self.asleep_since.take() else { return };
         self.dozing = false;
         self.tail = None;
         let processor = &mut self.processor;
         let woke = match self.resume {
             Resume::Restart => contain(|| processor.reset()),
-            Resume::Elapsed if sleep => contain(|| processor.elapsed(now.tick - since)),
+            Resume::Elapsed if now.sleep => contain(|| processor.elapsed(now.tick - since)),
             Resume::Elapsed | Resume::Resume | Resume::Never => Ok(()),
         };
         if let Err(fault) = woke {
@@ -177,7 +190,7 @@ impl Slot {
         }
     }
 
-    fn call(&mut self, buffers: &mut [Buffer], now: Now) {
+    fn call<C: Clock>(&mut self, buffers: &mut [Buffer], now: Now, watch: Watch<'_, C>) {
         let (inputs, outputs) = split(buffers, &self.outputs, &self.inputs);
         // What closes a cycle puts out what it took in before; a mark that went round the cycle would never end.
         let trusted = self.closes_cycle || (0..inputs.len()).all(|i| inputs.valid(i));
@@ -185,7 +198,7 @@ impl Slot {
         let mut tick =
             Tick { index: now.tick, tick_hz: now.tick_hz, inputs, outputs: Outputs::new(&mut *outputs) };
         let processor = &mut self.processor;
-        let answer = contain(|| processor.process(&mut tick)).and_then(|status| match status {
+        let answer = watch.call(|| processor.process(&mut tick)).and_then(|status| match status {
             Status::Error(code) => Err(Fault::Failed(code)),
             _ if !outputs.iter().all(is_finite) => Err(Fault::NotFinite),
             status => Ok(status),
@@ -245,7 +258,7 @@ impl Slot {
         self.report.faults += 1;
         self.report.last_fault = Some(fault);
         self.report.quarantined |= self.strikes >= FAULTS_BEFORE_QUARANTINE;
-        if matches!(fault, Fault::Failed(_)) || self.report.quarantined {
+        if matches!(fault, Fault::Failed(_) | Fault::Overrun) || self.report.quarantined {
             return;
         }
         // A panic may have left anything behind, and a NaN in a filter stays; start over, and give up if that panics.
@@ -283,7 +296,13 @@ impl Slot {
     }
 
     /// Asks a gate. A gate that is itself not wanted wants nothing.
-    pub(crate) fn ask(&mut self, buffers: &mut [Buffer], now: Now, wanted: bool, sleep: bool) {
+    pub(crate) fn ask<C: Clock>(
+        &mut self,
+        buffers: &mut [Buffer],
+        now: Now,
+        wanted: bool,
+        watch: Watch<'_, C>,
+    ) {
         if !now.tick.is_multiple_of(self.every) {
             return;
         }
@@ -292,11 +311,11 @@ impl Slot {
             return;
         }
         // Before the question: waking may reset what the answer is remembered in.
-        self.wake(now, sleep);
+        self.wake(now);
         let (inputs, _) = split(buffers, &self.outputs, &self.inputs);
         let mut tick = Tick { index: now.tick, tick_hz: now.tick_hz, inputs, outputs: Outputs::new(&mut []) };
         let processor = &mut self.processor;
-        match contain(|| processor.wants(&mut tick)) {
+        match watch.call(|| processor.wants(&mut tick)) {
             Ok(wants) => self.wants = wants,
             Err(fault) => {
                 self.wants = false;
@@ -306,16 +325,64 @@ impl Slot {
     }
 
     /// Gives a node that closes a cycle its inputs.
-    pub(crate) fn absorb(&mut self, buffers: &mut [Buffer], now: Now) {
+    pub(crate) fn absorb<C: Clock>(&mut self, buffers: &mut [Buffer], now: Now, watch: Watch<'_, C>) {
         if self.report.quarantined || !now.tick.is_multiple_of(self.every) {
             return;
         }
         let (inputs, _) = split(buffers, &self.outputs, &self.inputs);
         let mut tick = Tick { index: now.tick, tick_hz: now.tick_hz, inputs, outputs: Outputs::new(&mut []) };
         let processor = &mut self.processor;
-        if let Err(fault) = contain(|| processor.absorb(&mut tick)) {
+        if let Err(fault) = watch.call(|| processor.absorb(&mut tick)) {
             self.fault(fault, now);
         }
+    }
+
+    /// Sets a live parameter.
+    pub(crate) fn set_parameter(&mut self, index: usize, value: f64, now: Now) {
+        if self.report.quarantined {
+            return;
+        }
+        let processor = &mut self.processor;
+        if let Err(fault) = contain(|| processor.set_parameter(index, value)) {
+            self.fault(fault, now);
+        }
+        // What sleeps may have something else to say now.
+        self.rouse();
+    }
+
+    /// Ends a sleep that the node chose itself: it is called once more at least.
+    pub(crate) fn rouse(&mut self) {
+        (self.dozing, self.tail) = (false, None);
+    }
+
+    /// Exchanges two nodes with all that is theirs; each takes the other's place among buffers and gates.
+    pub(crate) fn trade(&mut self, other: &mut Self) {
+        std::mem::swap(self, other);
+        std::mem::swap(&mut self.inputs, &mut other.inputs);
+        std::mem::swap(&mut self.outputs, &mut other.outputs);
+        std::mem::swap(&mut self.guards, &mut other.guards);
+    }
+
+    /// Goes on where another node was, with its state by way of `room` where that means something. Answers whether it
+    /// could; else it is as new.
+    pub(crate) fn adopt(&mut self, old: &mut Self, room: Option<&mut [u8]>) -> bool {
+        for (held, before) in self.held.iter_mut().zip(&old.held).filter(|(a, b)| a.len() == b.len()) {
+            held.copy_from_slice(before);
+        }
+        self.wants = old.wants;
+        let Some(room) = room.filter(|_| !old.report.quarantined) else { return false };
+        let (from, to) = (&mut old.processor, &mut self.processor);
+        let saved = contain(|| Ok(from.save(room))).ok().flatten();
+        let adopted = saved.and_then(|len| room.get(..len)).is_some_and(|state| {
+            // A panic leaves anything behind.
+            contain(|| Ok(to.restore(state))).unwrap_or(false)
+        });
+        if adopted {
+            self.asleep_since = old.asleep_since;
+        } else {
+            self.report.quarantined = contain(|| to.reset()).is_err();
+        }
+        adopted
     }
 
     /// As when new, but for the counts of the report. Control thread.
@@ -328,38 +395,6 @@ impl Slot {
         self.fades.iter_mut().for_each(Fade::reset);
         for held in &mut self.held {
             held.fill(0.0);
-        }
-    }
-}
-
-/// A node's view of the buffers: what it reads, and what it writes.
-fn split<'b>(
-    buffers: &'b mut [Buffer],
-    outputs: &Range<usize>,
-    inputs: &'b [InputRef],
-) -> (Inputs<'b>, &'b mut [Buffer]) {
-    let (before, rest) = buffers.split_at_mut(outputs.start);
-    let (own, after) = rest.split_at_mut(outputs.len());
-    (Inputs::new(before, after, outputs.end, inputs), own)
-}
-
-/// Whether an input that wakes carries something.
-fn wakened(inputs: Inputs<'_>, wakes: &[usize]) -> bool {
-    wakes.iter().any(|&i| inputs.buffer(i).is_some_and(|b| !b.is_silent()))
-}
-
-fn is_finite(buffer: &Buffer) -> bool {
-    const EXPONENT: u32 = 0x7f80_0000;
-    // On bits, and without an early exit, so that it vectorises.
-    fn all(xs: impl Iterator<Item = f32>) -> bool {
-        !xs.fold(false, |bad, x| bad | (x.to_bits() & EXPONENT == EXPONENT))
-    }
-    match buffer {
-        Buffer::Control { values, .. } => values.iter().all(|x| x.is_finite()),
-        Buffer::Audio { samples, len, silent, .. } => *silent || all(samples[..*len].iter().copied()),
-        Buffer::Magnitude { bins, frame, .. } => frame.is_none() || all(bins.iter().copied()),
-        Buffer::Spectrum { bins, frame, .. } => {
-            frame.is_none() || all(bins.iter().flat_map(|z| [z.re, z.im]))
         }
     }
 }

@@ -1,4 +1,8 @@
-//! Time per node, for those who ask.
+//! Time per node, for those who ask; and what a call may take.
+
+use asperity_node::Fault;
+
+use crate::panics::contain;
 
 /// A clock handed in by the host; the engine has none of its own.
 pub trait Clock {
@@ -18,5 +22,34 @@ impl Clock for NoClock {
 
     fn now_ns(&self) -> u64 {
         0
+    }
+}
+
+/// The clock, and the most that one call of a node may take by it.
+#[derive(Debug)]
+pub(crate) struct Watch<'a, C> {
+    pub(crate) clock: &'a C,
+    pub(crate) limit_ns: Option<u64>,
+}
+
+// Derived, these would ask the same of the clock.
+impl<C> Clone for Watch<'_, C> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<C> Copy for Watch<'_, C> {}
+
+impl<C: Clock> Watch<'_, C> {
+    /// Runs a node's code; that it took too long is known only afterwards.
+    pub(crate) fn call<T>(&self, f: impl FnOnce() -> Result<T, Fault>) -> Result<T, Fault> {
+        let Some(limit) = self.limit_ns.filter(|_| C::TIMES) else {
+            return contain(f);
+        };
+        let before = self.clock.now_ns();
+        let answer = contain(f)?;
+        let late = self.clock.now_ns().saturating_sub(before) > limit;
+        if late { Err(Fault::Overrun) } else { Ok(answer) }
     }
 }

@@ -13,5 +13,6 @@ mod write;
 pub use compile::{Compiled, Options, compile};
 pub use format::{Endpoint, GraphFile, NodeDecl, PluginDecl, Setting, WireDecl};
 pub use schedule::{
-    BufferEntry, Dropped, PathLatency, Schedule, ScheduledInput, ScheduledNode, ScheduledOutput, Step,
+    BufferEntry, Dropped, LiveParam, PathLatency, Schedule, ScheduledInput, ScheduledNode, ScheduledOutput,
+    Step,
 };

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use asperity_node::{Fact, InputRef, Latency, Params, PortType, Resume};
+use asperity_node::{Fact, InputRef, Latency, ParamKind, Params, PortType, Resume};
 
 /// A compiled graph.
 #[derive(Clone, Debug, PartialEq)]
@@ -43,10 +43,14 @@ pub struct ScheduledNode {
     pub id: String,
     /// Its kind.
     pub kind: String,
+    /// Which build of its kind's code it is; see [`NodeKind::build`](asperity_node::NodeKind::build).
+    pub build: u64,
     /// It runs every so many ticks.
     pub every: u32,
     /// Its parameters with all defaults filled in.
     pub params: Params,
+    /// Which of them may change while it runs.
+    pub live: Vec<LiveParam>,
     /// Its inputs in the descriptor's order.
     pub inputs: Vec<ScheduledInput>,
     /// Its outputs in the descriptor's order.
@@ -74,6 +78,17 @@ pub struct ScheduledNode {
     pub allocation_free: bool,
     /// What it said of itself when it was prepared.
     pub facts: Vec<Fact>,
+}
+
+/// A parameter that may change while its node runs.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LiveParam {
+    /// Its name.
+    pub name: String,
+    /// Its place in the descriptor.
+    pub index: usize,
+    /// What it may be.
+    pub kind: ParamKind,
 }
 
 /// An input in its place.

@@ -8,7 +8,9 @@ use super::order::Ordered;
 use super::resolve::Resolved;
 use super::types::Typed;
 use super::{Compiled, latency};
-use crate::{BufferEntry, GraphFile, Schedule, ScheduledInput, ScheduledNode, ScheduledOutput, Step};
+use crate::{
+    BufferEntry, GraphFile, LiveParam, Schedule, ScheduledInput, ScheduledNode, ScheduledOutput, Step,
+};
 
 pub(super) fn prepare(
     graph: &GraphFile,
@@ -164,11 +166,18 @@ fn scheduled(
 ) -> ScheduledNode {
     let (decl, node) = (&graph.nodes[i], &resolved.nodes[i]);
     let descriptor = node.kind.descriptor();
+    let live = descriptor.params.iter().enumerate().filter(|(_, p)| p.live).map(|(index, p)| LiveParam {
+        name: p.name.to_string(),
+        index,
+        kind: p.kind.clone(),
+    });
     ScheduledNode {
         id: decl.id.clone(),
         kind: decl.kind.clone(),
+        build: node.kind.build(),
         every: decl.every,
         params: node.params.clone(),
+        live: live.collect(),
         inputs,
         outputs,
         buffers: 0..0,

@@ -69,7 +69,7 @@ pub fn run(args: &Render) -> Result<ExitCode, Failure> {
     let plot = args.plot.as_deref().map(Pending::create).transpose()?;
     let report_file = args.report.as_deref().map(Pending::create).transpose()?;
     let mut traces = args.plot.as_ref().map(|_| Traces::new(schedule));
-    let mut engine = Engine::new(compiled, Options { sleep: !args.no_sleep });
+    let mut engine = Engine::new(compiled, Options { sleep: !args.no_sleep, ..Options::default() });
     let schedule = engine.schedule().clone();
     let mut times = Times::new(schedule.nodes.len());
     let mut drive = report::Level::new(&schedule);

@@ -1,0 +1,184 @@
+//! Everything the tick thread will need, allocated beforehand.
+
+use std::sync::Arc;
+
+use asperity_graph::{BufferEntry, Compiled, Schedule};
+use asperity_node::{Buffer, Processor, Shape};
+
+use super::crossfade::Crossfade;
+use super::plan::{Fate, Place, Plan, Point, live_value};
+use super::shadow::Ways;
+use super::takeover::{Rebuilt, Set, Swap};
+use crate::engine::Body;
+use crate::slot::{Guards, Slot};
+
+/// Makes a swap of a plan. `sizes` and `live` are of the old schedule: bytes of each node's state, and what its live
+/// parameters were last set to.
+pub(super) fn build(
+    number: u64,
+    plan: &Plan,
+    old: &Schedule,
+    sizes: &[usize],
+    live: &[Vec<f64>],
+    compiled: Compiled,
+) -> Swap {
+    let Compiled { schedule: new, processors } = compiled;
+    let mut body = Body {
+        buffers: buffers(&new),
+        slots: new
+            .nodes
+            .iter()
+            .zip(processors)
+            .map(|(n, p): (_, Box<dyn Processor>)| Slot::new(n, p))
+            .collect(),
+        steps: plan.steps.clone(),
+        schedule: Arc::new(new),
+    };
+    let new = body.schedule.clone();
+    let guards = guards(plan, old, &new, &mut body.slots);
+    add_shadows(plan, old, &mut body);
+    let (fades, readers) = plan.points.iter().map(|p| crossfade(plan, &new, *p, &mut body)).unzip();
+    let mut swap = Swap {
+        number,
+        body,
+        settled: new.steps.iter().map(|s| (*s).into()).collect(),
+        fades,
+        readers,
+        kept: Vec::new(),
+        rebuilt: Vec::new(),
+        shadows: plan.shadows.nodes.iter().enumerate().map(|(k, &i)| (new.nodes.len() + k, i)).collect(),
+        gone: (0..old.nodes.len()).filter(|i| !plan.fates.iter().any(|f| f.kept() == Some(*i))).collect(),
+        sets: Vec::new(),
+        guards,
+        every: every(plan, &new),
+        begun: 0,
+    };
+    for (j, fate) in plan.fates.iter().enumerate() {
+        match *fate {
+            Fate::Kept(i) => {
+                swap.kept.push((j, i));
+                swap.sets.extend(sets(&new, j, &live[i]));
+            }
+            Fate::Rebuilt { old, adopts, .. } => {
+                let state = adopts.then(|| vec![0; sizes[old]].into());
+                swap.rebuilt.push(Rebuilt { new: j, old, state, adopted: false });
+            }
+            Fate::New => {}
+        }
+    }
+    swap
+}
+
+/// The buffers of a schedule.
+pub(crate) fn buffers(schedule: &Schedule) -> Vec<Buffer> {
+    let buffer = |entry: &BufferEntry| match entry {
+        BufferEntry::Constant { count, value } => Buffer::constant(*count, *value),
+        BufferEntry::Output(port) => Buffer::new(port, schedule.tick_hz),
+    };
+    schedule.buffers.iter().map(buffer).collect()
+}
+
+/// What the live parameters of a node are worth.
+pub(super) fn live_values(schedule: &Schedule, j: usize) -> Vec<f64> {
+    let node = &schedule.nodes[j];
+    let value = |l: &asperity_graph::LiveParam| {
+        node.params.get(&l.name).and_then(|value| live_value(&l.kind, value)).unwrap_or(f64::NAN)
+    };
+    node.live.iter().map(value).collect()
+}
+
+/// Live parameters of a kept node that the new graph sets to something else.
+fn sets(new: &Schedule, j: usize, before: &[f64]) -> Vec<Set> {
+    let values = live_values(new, j);
+    let changed =
+        new.nodes[j].live.iter().zip(values).zip(before).filter(|((_, x), was)| x != *was && !x.is_nan());
+    changed.map(|((l, value), _)| Set { node: j, param: l.index, value }).collect()
+}
+
+/// Guards as a slot has them.
+fn boxed(ways: &Ways) -> Guards {
+    ways.iter().map(|way| way.clone().into()).collect()
+}
+
+/// Gives new nodes the guards they have while it fades, and answers those they have afterwards.
+fn guards(plan: &Plan, old: &Schedule, new: &Schedule, slots: &mut [Slot]) -> Vec<(usize, Guards)> {
+    let mut after = Vec::new();
+    for (j, ways) in plan.shadows.new_ways(old, new).iter().enumerate() {
+        if *ways != new.nodes[j].guards {
+            after.push((j, std::mem::replace(&mut slots[j].guards, boxed(ways))));
+        }
+    }
+    after
+}
+
+/// Places for old nodes behind the new ones.
+fn add_shadows(plan: &Plan, old: &Schedule, body: &mut Body) {
+    let first = body.slots.len();
+    for &i in &plan.shadows.nodes {
+        let node = &old.nodes[i];
+        let mut slot = Slot::empty(node);
+        slot.guards = boxed(&plan.shadows.old_ways(old, i));
+        let start = body.buffers.len();
+        slot.outputs = start..start + node.outputs.len();
+        body.buffers.extend(node.outputs.iter().map(|o| Buffer::new(&o.port, old.tick_hz)));
+        body.slots.push(slot);
+    }
+    for (k, &i) in plan.shadows.nodes.iter().enumerate() {
+        for (input, port) in old.nodes[i].inputs.iter().enumerate() {
+            let at = match port.from {
+                Some(from) => source(plan, body, from),
+                None => {
+                    let constant = match old.buffers.get(port.reads.buffer as usize) {
+                        Some(BufferEntry::Constant { count, value }) => Buffer::constant(*count, *value),
+                        _ => Buffer::constant(0, 0.0),
+                    };
+                    body.buffers.push(constant);
+                    Some(body.buffers.len() - 1)
+                }
+            };
+            // A gate that only keeps its last answer reads nothing.
+            body.slots[first + k].inputs[input].buffer = at.unwrap_or(0) as u32;
+        }
+    }
+}
+
+/// The buffer of an old node's output in the new body.
+fn source(plan: &Plan, body: &Body, (node, output): (usize, usize)) -> Option<usize> {
+    Some(body.slots[plan.shadows.slot(node)?].outputs.start + output)
+}
+
+/// A crossfade, and who reads it.
+fn crossfade(
+    plan: &Plan,
+    new: &Schedule,
+    point: Point,
+    body: &mut Body,
+) -> (Crossfade, Option<(usize, usize)>) {
+    let (node, output) = point.new;
+    let port = &new.nodes[node].outputs[output].port;
+    let rate_hz = if let Shape::Audio { rate_hz } = port.shape { rate_hz } else { 0 };
+    let old = point.old.and_then(|from| source(plan, body, from));
+    let new = new.nodes[node].buffers.start + output;
+    match point.place {
+        Place::Output(_) => (Crossfade { old, new, mix: None, rate_hz }, None),
+        Place::Input(input) => {
+            let mix = body.buffers.len();
+            body.buffers.push(Buffer::new(port, body.schedule.tick_hz));
+            body.slots[point.node].inputs[input].buffer = mix as u32;
+            (Crossfade { old, new, mix: Some(mix), rate_hz }, Some((point.node, input)))
+        }
+    }
+}
+
+/// Ticks between those in which every new node runs; 1 where that is seldom.
+fn every(plan: &Plan, new: &Schedule) -> u64 {
+    let fresh = plan.fates.iter().zip(&new.nodes).filter(|(fate, _)| **fate == Fate::New);
+    let gcd = |mut a: u64, mut b: u64| {
+        while b > 0 {
+            (a, b) = (b, a % b);
+        }
+        a
+    };
+    let all = fresh.map(|(_, n)| u64::from(n.every)).fold(1, |a: u64, b| (a / gcd(a, b)).saturating_mul(b));
+    if all <= u64::from(new.tick_hz) { all } else { 1 }
+}

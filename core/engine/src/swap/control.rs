@@ -1,0 +1,212 @@
+//! The control thread's end: what changes, and what came of it.
+
+use std::fmt;
+use std::sync::Arc;
+
+use asperity_graph::{Compiled, LiveParam, Schedule};
+use asperity_node::{ParamKind, Processor};
+use ringbuf::traits::{Consumer, Observer, Producer, Split};
+use ringbuf::{HeapCons, HeapProd, HeapRb};
+
+use super::build::{build, live_values};
+use super::plan::{Fate, Plan, Sizes};
+use super::report::{Change, Finished, NodeChange, ParameterChange, ParameterError, SwapError, SwapReport};
+use super::takeover::{Command, Link, Set, Swap};
+
+/// Swaps that may be under way at once. They are taken over one after the other, each when the one before has faded.
+pub const MAX_SWAPS: usize = 4;
+
+/// Commands that may wait for the next tick.
+const MAX_COMMANDS: usize = 256;
+
+/// Changes a running [`Engine`](crate::Engine) from another thread, which neither waits for the other.
+///
+/// It knows the graph that the engine will run once it has taken over all that was sent; changes are worked out against
+/// that.
+pub struct Controller {
+    commands: HeapProd<Command>,
+    retired: HeapCons<Box<Swap>>,
+    schedule: Arc<Schedule>,
+    /// Bytes of each node's state.
+    sizes: Vec<usize>,
+    /// What the live parameters of each node were last set to.
+    live: Vec<Vec<f64>>,
+    sent: u64,
+    back: u64,
+    finished: Vec<Finished>,
+}
+
+impl fmt::Debug for Controller {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let under_way = self.sent - self.back;
+        f.debug_struct("Controller")
+            .field("sent", &self.sent)
+            .field("under_way", &under_way)
+            .finish_non_exhaustive()
+    }
+}
+
+impl Controller {
+    pub(crate) fn new(schedule: &Schedule, processors: &mut [Box<dyn Processor>]) -> (Self, Link) {
+        let (commands, engine_commands) = HeapRb::new(MAX_COMMANDS).split();
+        let (engine_retired, retired) = HeapRb::new(MAX_SWAPS).split();
+        let it = Self {
+            commands,
+            retired,
+            sizes: processors.iter_mut().map(|p| p.state_size()).collect(),
+            live: (0..schedule.nodes.len()).map(|j| live_values(schedule, j)).collect(),
+            schedule: Arc::new(schedule.clone()),
+            sent: 0,
+            back: 0,
+            finished: Vec::new(),
+        };
+        (it, Link::new(engine_commands, engine_retired))
+    }
+
+    /// The graph that the engine will run once it has taken over all that was sent.
+    pub fn schedule(&self) -> &Arc<Schedule> {
+        &self.schedule
+    }
+
+    /// Whether [`swap`](Self::swap) would find room now.
+    pub fn ready(&mut self) -> bool {
+        self.gather();
+        self.sent - self.back < MAX_SWAPS as u64 && self.commands.vacant_len() > 0
+    }
+
+    /// Sends a changed graph to the engine. `changed` names nodes whose files changed although their parameters did not.
+    ///
+    /// Nodes that are as before go on untouched; the others take over the state of the node of the same id and kind. What
+    /// is heard from elsewhere than before is crossfaded in 10 ms. The engine takes over at the start of a tick, after the
+    /// swaps that were sent before have faded.
+    ///
+    /// # Errors
+    /// [`SwapError`] says what to do. Nothing is sent then, and `compiled` is gone: ask [`ready`](Self::ready) first.
+    pub fn swap(&mut self, mut compiled: Compiled, changed: &[String]) -> Result<SwapReport, SwapError> {
+        let (old, new) = (&self.schedule, &compiled.schedule);
+        if old.tick_hz != new.tick_hz {
+            return Err(SwapError::TickRate { running: old.tick_hz, asked: new.tick_hz });
+        }
+        if old.audio_hz != new.audio_hz {
+            return Err(SwapError::AudioRate { running: old.audio_hz, asked: new.audio_hz });
+        }
+        if !self.commands.read_is_held() {
+            return Err(SwapError::Stopped);
+        }
+        if !self.ready() {
+            return Err(SwapError::Busy);
+        }
+        let old = self.schedule.clone();
+        let sizes: Vec<usize> = compiled.processors.iter_mut().map(|p| p.state_size()).collect();
+        let plan = Plan::new(&old, &compiled.schedule, &Sizes { old: &self.sizes, new: &sizes }, changed);
+        let number = self.sent + 1;
+        let swap = build(number, &plan, &old, &self.sizes, &self.live, compiled);
+        let schedule = swap.body.schedule.clone();
+        let report = report(number, &plan, &old, &schedule, &swap);
+        if self.commands.try_push(Command::Swap(Box::new(swap))).is_err() {
+            return Err(SwapError::Busy);
+        }
+        self.sent = number;
+        self.sizes =
+            plan.fates.iter().zip(sizes).map(|(f, new)| f.kept().map_or(new, |i| self.sizes[i])).collect();
+        self.live = (0..schedule.nodes.len()).map(|j| live_values(&schedule, j)).collect();
+        self.schedule = schedule;
+        Ok(report)
+    }
+
+    /// Sets a live parameter. A flag is 0 or 1, a choice the place of its word. A later [`swap`](Self::swap) sets it to
+    /// what the new graph says.
+    ///
+    /// # Errors
+    /// [`ParameterError`] says what to do; nothing is sent then.
+    pub fn set_parameter(&mut self, node: &str, param: &str, value: f64) -> Result<(), ParameterError> {
+        let at = self.schedule.index_of(node).ok_or_else(|| ParameterError::NoNode(node.to_owned()))?;
+        let live = &self.schedule.nodes[at].live;
+        let Some(k) = live.iter().position(|l| l.name == param) else {
+            let names = live.iter().map(|l| l.name.clone()).collect();
+            return Err(ParameterError::NotLive {
+                node: node.to_owned(),
+                param: param.to_owned(),
+                live: names,
+            });
+        };
+        check(&live[k], value)?;
+        if !self.commands.read_is_held() {
+            return Err(ParameterError::Stopped);
+        }
+        let set = Set { node: at, param: live[k].index, value };
+        self.commands.try_push(Command::Set(set)).map_err(|_| ParameterError::Busy)?;
+        self.live[at][k] = value;
+        Ok(())
+    }
+
+    /// Drops what the engine gave back, and says which swaps are over since it was last asked.
+    pub fn collect(&mut self) -> Vec<Finished> {
+        self.gather();
+        std::mem::take(&mut self.finished)
+    }
+
+    fn gather(&mut self) {
+        while let Some(swap) = self.retired.try_pop() {
+            self.back += 1;
+            // The box holds the old graph now; a node that is rebuilt kept its id.
+            let id = |old: usize| swap.body.schedule.nodes[old].id.clone();
+            let anew = swap.rebuilt.iter().filter(|r| !r.adopted).map(|r| id(r.old)).collect();
+            self.finished.push(Finished { number: swap.number, tick: swap.begun, anew });
+        }
+    }
+}
+
+/// Whether a live parameter may take a value.
+fn check(live: &LiveParam, value: f64) -> Result<(), ParameterError> {
+    let whole = |least: f64, most: f64| {
+        let fits = value.fract() == 0.0 && (least..=most).contains(&value);
+        (fits, format!("a whole number from {least} to {most}"))
+    };
+    let (fits, range) = match &live.kind {
+        ParamKind::Number(r) => {
+            (r.contains(&value), format!("a number from {:?} to {:?}", r.start(), r.end()))
+        }
+        ParamKind::Integer(r) => whole(*r.start() as f64, *r.end() as f64),
+        ParamKind::Flag => whole(0.0, 1.0),
+        ParamKind::Choice(words) => whole(0.0, words.len().saturating_sub(1) as f64),
+        ParamKind::Text | ParamKind::File | ParamKind::Numbers(_) | ParamKind::Texts => {
+            (false, "nothing while the node runs".into())
+        }
+    };
+    if fits {
+        Ok(())
+    } else {
+        Err(ParameterError::OutOfRange { param: live.name.clone(), value, takes: range })
+    }
+}
+
+fn report(number: u64, plan: &Plan, old: &Schedule, new: &Schedule, swap: &Swap) -> SwapReport {
+    let mut nodes = Vec::new();
+    for (fate, node) in plan.fates.iter().zip(&new.nodes) {
+        let change = match fate {
+            Fate::Kept(_) => Change::Kept,
+            Fate::Rebuilt { adopts, why, .. } => Change::Rebuilt { why: why.clone(), adopts: *adopts },
+            Fate::New => Change::New,
+        };
+        nodes.push(NodeChange { id: node.id.clone(), kind: node.kind.clone(), change });
+    }
+    let stays = |i: usize| {
+        plan.fates.iter().any(|f| matches!(f, Fate::Kept(o) | Fate::Rebuilt { old: o, .. } if *o == i))
+    };
+    for (_, node) in old.nodes.iter().enumerate().filter(|(i, _)| !stays(*i)) {
+        nodes.push(NodeChange { id: node.id.clone(), kind: node.kind.clone(), change: Change::Removed });
+    }
+    let parameter = |set: &Set| {
+        let node = &new.nodes[set.node];
+        let live = node.live.iter().find(|l| l.index == set.param);
+        let param = live.map(|l| l.name.clone()).unwrap_or_default();
+        ParameterChange { node: node.id.clone(), param, value: set.value }
+    };
+    SwapReport {
+        number,
+        nodes,
+        parameters: swap.sets.iter().map(parameter).collect(),
+        crossfades: plan.points.len(),
+    }
+}

@@ -1,0 +1,161 @@
+//! The steps of a tick in which new nodes, shadows of old ones and crossfades run together.
+
+use std::collections::BTreeSet;
+
+use asperity_graph::{Schedule, ScheduledNode, Step};
+
+use super::plan::{Place, Point};
+use super::shadow::Shadows;
+
+/// One step of a tick: a [`Step`] by slot, or a crossfade.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Run {
+    Wants(usize),
+    Process(usize),
+    Absorb(usize),
+    Fade(usize),
+}
+
+impl From<Step> for Run {
+    fn from(step: Step) -> Self {
+        match step {
+            Step::Wants(i) => Run::Wants(i),
+            Step::Process(i) => Run::Process(i),
+            Step::Absorb(i) => Run::Absorb(i),
+        }
+    }
+}
+
+/// What comes before what. Steps are numbered: `wants` and `process` of every slot, the crossfades, every `absorb`.
+struct Steps<'a> {
+    points: &'a [Point],
+    slots: usize,
+    before: Vec<BTreeSet<usize>>,
+    exists: Vec<bool>,
+}
+
+/// The steps while it fades, each after all that it hears.
+///
+/// There is such an order: old and new nodes meet in kept ones only, and no kept node is both behind a crossfade and
+/// before one.
+pub(super) fn order(old: &Schedule, new: &Schedule, points: &[Point], shadows: &Shadows) -> Vec<Run> {
+    let n = new.nodes.len();
+    let slots = n + shadows.running;
+    let count = 3 * slots + points.len();
+    let mut steps = Steps { points, slots, before: vec![BTreeSet::new(); count], exists: vec![false; count] };
+    for (j, node) in new.nodes.iter().enumerate() {
+        steps.node(j, node, Some, |input, from| {
+            let here = |p: &Point| p.node == j && p.place == Place::Input(input);
+            points
+                .iter()
+                .position(here)
+                .map(|p| steps_fade(slots, p))
+                .unwrap_or_else(|| new_source(points, slots, from))
+        });
+    }
+    for (k, &i) in shadows.nodes[..shadows.running].iter().enumerate() {
+        let slot = |i: usize| shadows.slot(i).filter(|&x| x < slots);
+        steps.node(n + k, &old.nodes[i], slot, |_, (from, _)| process(slot(from).unwrap_or(n + k)));
+    }
+    for (p, point) in points.iter().enumerate() {
+        let fade = steps_fade(slots, p);
+        steps.exists[fade] = true;
+        let hears = match point.place {
+            Place::Input(_) => new_source(points, slots, point.new),
+            Place::Output(_) => process(point.node),
+        };
+        steps.before[fade].insert(hears);
+        steps.before[fade].extend(point.old.and_then(|(i, _)| shadows.slot(i)).map(process));
+    }
+    steps.sort()
+}
+
+fn wants(slot: usize) -> usize {
+    2 * slot
+}
+
+fn process(slot: usize) -> usize {
+    2 * slot + 1
+}
+
+fn steps_fade(slots: usize, point: usize) -> usize {
+    2 * slots + point
+}
+
+/// The step after which an output of a new node is there.
+fn new_source(points: &[Point], slots: usize, from: (usize, usize)) -> usize {
+    let there = |p: &Point| p.new == from && matches!(p.place, Place::Output(_));
+    points.iter().position(there).map_or(process(from.0), |p| steps_fade(slots, p))
+}
+
+impl Steps<'_> {
+    fn absorb(&self, slot: usize) -> usize {
+        2 * self.slots + self.points.len() + slot
+    }
+
+    /// The steps of one node. `slot` is where a gate of its guards is, `source` the step that an input waits for.
+    fn node(
+        &mut self,
+        x: usize,
+        node: &ScheduledNode,
+        slot: impl Fn(usize) -> Option<usize>,
+        source: impl Fn(usize, (usize, usize)) -> usize,
+    ) {
+        let absorb = self.absorb(x);
+        let (asks, closes) = (node.gate.is_some(), node.closes_cycle);
+        self.exists[process(x)] = true;
+        self.exists[wants(x)] = asks;
+        self.exists[absorb] = closes;
+        for (input, port) in node.inputs.iter().enumerate() {
+            let Some(from) = port.from else { continue };
+            let source = source(input, from);
+            self.before[if closes { absorb } else { process(x) }].insert(source);
+            if asks && node.gate != Some(input) {
+                self.before[wants(x)].insert(source);
+            }
+        }
+        self.before[absorb].insert(process(x));
+        if asks {
+            self.before[process(x)].insert(wants(x));
+        }
+        for gate in node.guards.iter().flatten().filter_map(|&g| slot(g)) {
+            self.before[process(x)].insert(wants(gate));
+            self.before[wants(x)].insert(wants(gate));
+        }
+    }
+
+    fn run(&self, step: usize) -> Run {
+        let (fades, absorbs) = (2 * self.slots, 2 * self.slots + self.points.len());
+        match step {
+            s if s >= absorbs => Run::Absorb(s - absorbs),
+            s if s >= fades => Run::Fade(s - fades),
+            s if s % 2 == 0 => Run::Wants(s / 2),
+            s => Run::Process(s / 2),
+        }
+    }
+
+    fn sort(&self) -> Vec<Run> {
+        let all = || (0..self.exists.len()).filter(|&s| self.exists[s]);
+        let mut missing: Vec<usize> =
+            self.before.iter().map(|b| b.iter().filter(|&&s| self.exists[s]).count()).collect();
+        let mut after: Vec<Vec<usize>> = vec![Vec::new(); self.exists.len()];
+        for s in all() {
+            for &b in &self.before[s] {
+                after[b].push(s);
+            }
+        }
+        let mut ready: BTreeSet<usize> = all().filter(|&s| missing[s] == 0).collect();
+        let mut out = Vec::new();
+        while let Some(s) = ready.pop_first() {
+            out.push(self.run(s));
+            for &next in &after[s] {
+                missing[next] -= 1;
+                if missing[next] == 0 {
+                    ready.insert(next);
+                }
+            }
+        }
+        debug_assert_eq!(out.len(), all().count(), "steps that wait for each other");
+        out
+    }
+}

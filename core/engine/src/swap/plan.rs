@@ -1,0 +1,296 @@
+//! Which nodes of a new graph are the old ones, and where the two graphs are crossfaded.
+
+use std::collections::BTreeSet;
+
+use asperity_graph::{Schedule, ScheduledNode};
+use asperity_node::{ParamKind, ParamValue, Shape};
+
+use super::order::{self, Run};
+use super::shadow::Shadows;
+
+/// Where a node of the new graph comes from.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Fate {
+    /// It is this old node and goes on untouched.
+    Kept(usize),
+    /// It takes the place of this old node, and its state where it `adopts`.
+    Rebuilt { old: usize, adopts: bool, why: String },
+    /// There was no such node.
+    New,
+}
+
+impl Fate {
+    /// The old node that it is.
+    pub(super) fn kept(&self) -> Option<usize> {
+        if let Fate::Kept(old) = self { Some(*old) } else { None }
+    }
+}
+
+/// Where the output of an old node is crossfaded to that of a new one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Point {
+    /// The new node that hears it.
+    pub(super) node: usize,
+    pub(super) place: Place,
+    /// Old node and output; `None` fades in from silence.
+    pub(super) old: Option<(usize, usize)>,
+    /// New node and output.
+    pub(super) new: (usize, usize),
+}
+
+/// At which port of its node a crossfade is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Place {
+    /// Before an input: of a kept node, or of one with a memory that begins anew, in which a step would stay.
+    Input(usize),
+    /// On an output of a sink that is not kept, for its host.
+    Output(usize),
+}
+
+/// What a swap does, by index in the two schedules.
+#[derive(Debug)]
+pub(super) struct Plan {
+    /// For every new node.
+    pub(super) fates: Vec<Fate>,
+    pub(super) points: Vec<Point>,
+    pub(super) shadows: Shadows,
+    /// The steps of a tick while it fades.
+    pub(super) steps: Vec<Run>,
+}
+
+/// How many bytes the nodes' states take, by index in the two schedules.
+pub(super) struct Sizes<'a> {
+    pub(super) old: &'a [usize],
+    pub(super) new: &'a [usize],
+}
+
+impl Plan {
+    /// Keeps as many nodes as can be.
+    pub(super) fn new(old: &Schedule, new: &Schedule, sizes: &Sizes<'_>, changed: &[String]) -> Self {
+        let mut between = BTreeSet::new();
+        loop {
+            let fates = fates(old, new, changed, &between);
+            let points = points(old, new, sizes, &fates);
+            let more = cascaded(old, new, &fates, &points);
+            if !more.is_empty() {
+                // Each round keeps fewer nodes, so there is a last one.
+                between.extend(more);
+                continue;
+            }
+            let shadows = Shadows::find(old, new, &fates, &points);
+            let steps = order::order(old, new, &points, &shadows);
+            return Self { fates, points, shadows, steps };
+        }
+    }
+}
+
+/// Kept nodes behind one crossfade and before another. They would be heard with the old input behind the new output, and
+/// the other way round: a factor of 100 that moves from one gain to another would be loud, or gone, for as long as it
+/// fades. So an old and a new one of them run, and what is heard is a mix of the old graph and the new, and no third.
+fn cascaded(old: &Schedule, new: &Schedule, fates: &[Fate], points: &[Point]) -> Vec<usize> {
+    let before_new = upstream(new, points.iter().map(|p| p.new.0));
+    let before_old = upstream(old, points.iter().filter_map(|p| Some(p.old?.0)));
+    let behind = points.iter().filter(|p| matches!(p.place, Place::Input(_))).map(|p| p.node);
+    behind.filter(|&j| fates[j].kept().is_some_and(|i| before_new[j] || before_old[i])).collect()
+}
+
+/// The given nodes and all that they hear in the same tick.
+fn upstream(schedule: &Schedule, of: impl Iterator<Item = usize>) -> Vec<bool> {
+    let mut heard = vec![false; schedule.nodes.len()];
+    of.for_each(|i| heard[i] = true);
+    for (i, node) in schedule.nodes.iter().enumerate().rev().filter(|(_, n)| !n.closes_cycle) {
+        if heard[i] {
+            node.inputs.iter().filter_map(|input| input.from).for_each(|(from, _)| heard[from] = true);
+        }
+    }
+    heard
+}
+
+/// `between` are nodes that cannot be kept since they are between two changes.
+fn fates(old: &Schedule, new: &Schedule, changed: &[String], between: &BTreeSet<usize>) -> Vec<Fate> {
+    let mut fates: Vec<Fate> = new
+        .nodes
+        .iter()
+        .enumerate()
+        .map(|(j, node)| {
+            let found = old.nodes.iter().position(|o| o.id == node.id && o.kind == node.kind);
+            let Some(i) = found else { return Fate::New };
+            let before = &old.nodes[i];
+            let why = if changed.contains(&node.id) {
+                Some("what it reads changed".to_owned())
+            } else if old.seed != new.seed {
+                Some("the graph has another seed".to_owned())
+            } else if between.contains(&j) {
+                Some("it is between two changes".to_owned())
+            } else {
+                difference(before, node)
+            };
+            match why {
+                Some(why) => Fate::Rebuilt { old: i, adopts: same_place(before, node), why },
+                None => Fate::Kept(i),
+            }
+        })
+        .collect();
+    // Frames are not crossfaded: who reads those of a node that is not kept is rebuilt with it.
+    while let Some((j, why)) =
+        (0..new.nodes.len()).find_map(|j| Some((j, other_frames(old, new, &fates, j)?)))
+    {
+        if let Fate::Kept(old) = fates[j] {
+            fates[j] = Fate::Rebuilt { old, adopts: true, why };
+        }
+    }
+    fates
+}
+
+/// Why a kept node would read other frames than before.
+fn other_frames(old: &Schedule, new: &Schedule, fates: &[Fate], j: usize) -> Option<String> {
+    let before = &old.nodes[fates[j].kept()?];
+    let ports = new.nodes[j].inputs.iter().zip(&before.inputs);
+    let frames = |shape: Shape| matches!(shape, Shape::Magnitude(_) | Shape::Spectrum(_));
+    let mut others = ports
+        .filter(|(input, _)| input.port.as_ref().is_some_and(|p| frames(p.shape)))
+        .filter(|(input, was)| !same_source(fates, input.from, was.from))
+        .filter_map(|(input, _)| input.from);
+    others.next().map(|(from, _)| format!("it reads frames of `{}`", new.nodes[from].id))
+}
+
+/// Whether a new source is an old one that is kept.
+fn same_source(fates: &[Fate], new: Option<(usize, usize)>, old: Option<(usize, usize)>) -> bool {
+    match (new, old) {
+        (None, None) => true,
+        (Some((j, output)), Some((i, was))) => output == was && fates[j].kept() == Some(i),
+        _ => false,
+    }
+}
+
+/// Why a node is not the old one of its id and kind.
+fn difference(old: &ScheduledNode, new: &ScheduledNode) -> Option<String> {
+    if old.build != new.build {
+        return Some("its code was built anew".into());
+    }
+    if let Some(name) = other_param(old, new) {
+        return Some(format!("`{name}` changed"));
+    }
+    if old.every != new.every {
+        return Some("it runs more or less often".into());
+    }
+    if !same_place(old, new) {
+        return Some("its ports have other types".into());
+    }
+    let inputs = old.inputs.iter().zip(&new.inputs).all(|(a, b)| a.from.is_some() == b.from.is_some());
+    let outputs = old.outputs.iter().zip(&new.outputs).all(|(a, b)| (a.readers > 0) == (b.readers > 0));
+    (!inputs || !outputs).then(|| "other ports of it are connected".into())
+}
+
+/// Whether a state of the one means something to the other: it runs as often, and its ports carry the same.
+fn same_place(old: &ScheduledNode, new: &ScheduledNode) -> bool {
+    old.every == new.every
+        && old.closes_cycle == new.closes_cycle
+        && old.inputs.iter().map(|i| &i.port).eq(new.inputs.iter().map(|i| &i.port))
+        && old.outputs.iter().map(|o| &o.port).eq(new.outputs.iter().map(|o| &o.port))
+}
+
+/// The first parameter that is not the same and cannot be set while the node runs. A node may ask whether a graph sets
+/// a value and in which file, so these count too.
+fn other_param(old: &ScheduledNode, new: &ScheduledNode) -> Option<String> {
+    let path = |node: &ScheduledNode, name: &str| {
+        let place = node.params.place(name).or(node.params.node_place());
+        place.map(|p| p.source.path().to_owned())
+    };
+    let same = |name: &str| {
+        if new.live.iter().any(|l| l.name == name) && old.live.iter().any(|l| l.name == name) {
+            return old.params.get(name).is_some() == new.params.get(name).is_some();
+        }
+        old.params.get(name) == new.params.get(name)
+            && old.params.is_set(name) == new.params.is_set(name)
+            && path(old, name) == path(new, name)
+    };
+    let names = old.params.iter().chain(new.params.iter()).map(|(name, _)| name);
+    names.into_iter().find(|name| !same(name)).map(str::to_owned)
+}
+
+/// What a live parameter is worth to [`Node::set_parameter`](asperity_node::Node::set_parameter).
+pub(super) fn live_value(kind: &ParamKind, value: &ParamValue) -> Option<f64> {
+    match (kind, value) {
+        (ParamKind::Number(_), ParamValue::Number(x)) => Some(*x),
+        (ParamKind::Integer(_), ParamValue::Integer(i)) => Some(*i as f64),
+        (ParamKind::Flag, ParamValue::Flag(b)) => Some(f64::from(u8::from(*b))),
+        (ParamKind::Choice(words), ParamValue::Text(word)) => {
+            words.iter().position(|w| w == word).map(|i| i as f64)
+        }
+        _ => None,
+    }
+}
+
+/// Every audio and control input of a kept node that hears another source; the audio of sinks that are not kept; and
+/// what enters a memory that begins anew.
+fn points(old: &Schedule, new: &Schedule, sizes: &Sizes<'_>, fates: &[Fate]) -> Vec<Point> {
+    let mut points = on_sinks(old, new, fates);
+    for (j, (fate, node)) in fates.iter().zip(&new.nodes).enumerate() {
+        match *fate {
+            Fate::Kept(i) => {
+                for (input, (port, was)) in node.inputs.iter().zip(&old.nodes[i].inputs).enumerate() {
+                    let (Some(to), Some(from)) = (port.from, was.from) else { continue };
+                    let on_sink = Point { node: to.0, place: Place::Output(to.1), old: Some(from), new: to };
+                    if !same_source(fates, Some(to), Some(from)) && !points.contains(&on_sink) {
+                        let place = Place::Input(input);
+                        points.push(Point { node: j, place, old: Some(from), new: to });
+                    }
+                }
+            }
+            Fate::Rebuilt { old, adopts: true, .. } if sizes.old[old] == sizes.new[j] => {}
+            _ if sizes.new[j] == 0 => {}
+            Fate::Rebuilt { .. } | Fate::New => {
+                let audio = node
+                    .inputs
+                    .iter()
+                    .enumerate()
+                    .filter(|(_, i)| i.port.as_ref().is_some_and(|p| is_audio(p.shape)));
+                points.extend(audio.filter_map(|(input, port)| {
+                    Some(Point { node: j, place: Place::Input(input), old: None, new: port.from? })
+                }));
+            }
+        }
+    }
+    points
+}
+
+/// The audio of sinks that are not kept.
+fn on_sinks(old: &Schedule, new: &Schedule, fates: &[Fate]) -> Vec<Point> {
+    let mut points = Vec::new();
+    let mut removed: BTreeSet<usize> = (0..old.nodes.len()).collect();
+    for fate in fates {
+        if let Fate::Kept(i) | Fate::Rebuilt { old: i, .. } = fate {
+            removed.remove(i);
+        }
+    }
+    for (j, (fate, node)) in fates.iter().zip(&new.nodes).enumerate().filter(|(_, (_, n))| n.sink) {
+        let before = match fate {
+            Fate::Kept(_) => continue,
+            Fate::Rebuilt { old, .. } => Some(*old),
+            // A device that goes by another name goes on playing.
+            Fate::New => removed.iter().copied().find(|&i| drives_same(&old.nodes[i], node)),
+        };
+        if let Some(i) = before {
+            removed.remove(&i);
+        }
+        for (output, port) in node.outputs.iter().enumerate().filter(|(_, o)| is_audio(o.port.shape)) {
+            let was =
+                before.filter(|&i| old.nodes[i].outputs.get(output).is_some_and(|o| o.port == port.port));
+            let old = was.map(|i| (i, output));
+            points.push(Point { node: j, place: Place::Output(output), old, new: (j, output) });
+        }
+    }
+    points
+}
+
+fn is_audio(shape: Shape) -> bool {
+    matches!(shape, Shape::Audio { .. })
+}
+
+/// Whether two sinks drive the same kind of device.
+fn drives_same(old: &ScheduledNode, new: &ScheduledNode) -> bool {
+    let device =
+        |n: &ScheduledNode| n.sink && n.inputs.iter().any(|i| i.port.as_ref().is_some_and(|p| p.limited));
+    old.kind == new.kind && device(old) && device(new)
+}

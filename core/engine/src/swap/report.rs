@@ -1,0 +1,190 @@
+//! What a swap does, in words and numbers.
+
+use std::fmt;
+
+/// What a swap that was sent will do.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SwapReport {
+    /// Counts the swaps of this controller, from 1.
+    pub number: u64,
+    /// Every node of the new graph in the order they run, then those of the old one that are removed.
+    pub nodes: Vec<NodeChange>,
+    /// Live parameters that are set while their node runs on.
+    pub parameters: Vec<ParameterChange>,
+    /// How many signals are crossfaded.
+    pub crossfades: usize,
+}
+
+/// What becomes of a node.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct NodeChange {
+    /// Its name in the graph.
+    pub id: String,
+    /// Its kind.
+    pub kind: String,
+    /// What becomes of it.
+    pub change: Change,
+}
+
+/// What becomes of a node.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Change {
+    /// It goes on untouched.
+    Kept,
+    /// Another instance takes its place.
+    Rebuilt {
+        /// What is not as before.
+        why: String,
+        /// Whether it is handed the state of the one before. [`Finished::anew`] says whether it could use it.
+        adopts: bool,
+    },
+    /// There was no node of this id and kind.
+    New,
+    /// It is gone.
+    Removed,
+}
+
+/// A live parameter that is set.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ParameterChange {
+    /// The node.
+    pub node: String,
+    /// The parameter.
+    pub param: String,
+    /// Its new value.
+    pub value: f64,
+}
+
+impl SwapReport {
+    /// Whether the new graph is the old one.
+    pub fn is_nothing(&self) -> bool {
+        self.parameters.is_empty()
+            && self.crossfades == 0
+            && self.nodes.iter().all(|n| n.change == Change::Kept)
+    }
+}
+
+impl fmt::Display for SwapReport {
+    /// A line: what is rebuilt and why, what is new, removed and set, and how many nodes stay.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut parts = Vec::new();
+        for node in &self.nodes {
+            match &node.change {
+                Change::Kept => {}
+                Change::Rebuilt { why, .. } => parts.push(format!("`{}` rebuilt ({why})", node.id)),
+                Change::New => parts.push(format!("`{}` new", node.id)),
+                Change::Removed => parts.push(format!("`{}` removed", node.id)),
+            }
+        }
+        parts.extend(self.parameters.iter().map(|p| format!("`{}.{}` set to {}", p.node, p.param, p.value)));
+        let kept = self.nodes.iter().filter(|n| n.change == Change::Kept).count();
+        match kept {
+            1 => parts.push("1 node kept".into()),
+            n => parts.push(format!("{n} nodes kept")),
+        }
+        f.write_str(&parts.join(", "))
+    }
+}
+
+/// A swap that is over: the engine runs the new graph alone.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Finished {
+    /// Which one: [`SwapReport::number`].
+    pub number: u64,
+    /// The tick in which the engine took over.
+    pub tick: u64,
+    /// Nodes that were rebuilt and began anew, since the state of the one before meant nothing to them.
+    pub anew: Vec<String>,
+}
+
+/// Why a graph was not sent.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum SwapError {
+    /// The tick rate cannot change while the engine runs: start a new engine.
+    TickRate {
+        /// Ticks a second now.
+        running: u32,
+        /// Ticks a second of the new graph.
+        asked: u32,
+    },
+    /// The audio rate cannot change while the engine runs: start a new engine.
+    AudioRate {
+        /// Samples a second now.
+        running: u32,
+        /// Samples a second of the new graph.
+        asked: u32,
+    },
+    /// Earlier swaps are still under way: let the engine tick, and try again.
+    Busy,
+    /// There is no engine any more.
+    Stopped,
+}
+
+impl fmt::Display for SwapError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            SwapError::TickRate { running, asked } => {
+                write!(f, "runs at {running} ticks a second and cannot go on at {asked}: start anew")
+            }
+            SwapError::AudioRate { running, asked } => {
+                write!(f, "runs at an audio rate of {running} Hz and cannot go on at {asked} Hz: start anew")
+            }
+            SwapError::Busy => f.write_str("earlier changes are still under way: try again"),
+            SwapError::Stopped => f.write_str("the engine is gone"),
+        }
+    }
+}
+
+impl std::error::Error for SwapError {}
+
+/// Why a parameter was not set.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum ParameterError {
+    /// No node has this id.
+    NoNode(String),
+    /// The node has no such parameter that may change while it runs: change the graph instead.
+    NotLive {
+        /// The node.
+        node: String,
+        /// The parameter.
+        param: String,
+        /// Those that may change.
+        live: Vec<String>,
+    },
+    /// The parameter does not take this value.
+    OutOfRange {
+        /// The parameter.
+        param: String,
+        /// What was asked.
+        value: f64,
+        /// What it takes, in words.
+        takes: String,
+    },
+    /// Too much waits for the next tick: try again.
+    Busy,
+    /// There is no engine any more.
+    Stopped,
+}
+
+impl fmt::Display for ParameterError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            ParameterError::NoNode(node) => write!(f, "there is no node `{node}`"),
+            ParameterError::NotLive { node, param, live } if live.is_empty() => {
+                write!(f, "`{node}.{param}` cannot change while the node runs")
+            }
+            ParameterError::NotLive { node, param, live } => {
+                write!(f, "`{node}.{param}` cannot change while the node runs; what can: {}", live.join(", "))
+            }
+            ParameterError::OutOfRange { param, value, takes } => {
+                write!(f, "`{param}` cannot be {value}: it takes {takes}")
+            }
+            ParameterError::Busy => f.write_str("too much waits for the next tick: try again"),
+            ParameterError::Stopped => f.write_str("the engine is gone"),
+        }
+    }
+}
+
+impl std::error::Error for ParameterError {}

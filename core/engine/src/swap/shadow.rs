@@ -1,0 +1,100 @@
+//! Which old nodes run on beside the new ones until the crossfade is over.
+
+use std::collections::BTreeSet;
+
+use asperity_graph::Schedule;
+
+use super::plan::{Fate, Point};
+
+/// Ways in which a node is wanted: sets of gates; no set at all for a node that always runs.
+pub(super) type Ways = Vec<Vec<usize>>;
+
+/// Old nodes beside the new ones. Among all slots they come after the new nodes.
+#[derive(Debug)]
+pub(super) struct Shadows {
+    /// Old nodes: first those that run, then gates that keep the answer they last gave.
+    pub(super) nodes: Vec<usize>,
+    /// How many of them run.
+    pub(super) running: usize,
+    /// The slot of each old node that is still there.
+    slots: Vec<Option<usize>>,
+    /// New and old index of kept nodes that old nodes or a crossfade still hear.
+    heard: Vec<(usize, usize)>,
+}
+
+impl Shadows {
+    /// Everything that the old side of a crossfade needs and that is not kept.
+    pub(super) fn find(old: &Schedule, new: &Schedule, fates: &[Fate], points: &[Point]) -> Self {
+        let mut slots = vec![None; old.nodes.len()];
+        for (j, fate) in fates.iter().enumerate() {
+            if let Some(i) = fate.kept() {
+                slots[i] = Some(j);
+            }
+        }
+        let (mut shadows, mut heard) = (BTreeSet::new(), BTreeSet::new());
+        let mut open: Vec<usize> = points.iter().filter_map(|p| Some(p.old?.0)).collect();
+        while let Some(i) = open.pop() {
+            match slots[i] {
+                Some(j) => {
+                    heard.insert((j, i));
+                }
+                None if shadows.insert(i) => {
+                    open.extend(old.nodes[i].inputs.iter().filter_map(|input| Some(input.from?.0)));
+                }
+                None => {}
+            }
+        }
+        let guards = |i: usize| old.nodes[i].guards.iter().flatten().copied();
+        let asked = shadows.iter().copied().chain(heard.iter().map(|(_, i)| *i)).flat_map(guards);
+        let gates: BTreeSet<usize> = asked.filter(|&g| slots[g].is_none() && !shadows.contains(&g)).collect();
+        let running = shadows.len();
+        let nodes: Vec<usize> = shadows.into_iter().chain(gates).collect();
+        for (k, &i) in nodes.iter().enumerate() {
+            slots[i] = Some(new.nodes.len() + k);
+        }
+        Self { nodes, running, slots, heard: heard.into_iter().collect() }
+    }
+
+    /// The slot of an old node, among new nodes and shadows.
+    pub(super) fn slot(&self, old: usize) -> Option<usize> {
+        self.slots.get(old).copied().flatten()
+    }
+
+    /// The ways in which an old node was wanted, by slot.
+    pub(super) fn old_ways(&self, old: &Schedule, i: usize) -> Ways {
+        let way = |way: &Vec<usize>| way.iter().filter_map(|&g| self.slot(g)).collect();
+        old.nodes[i].guards.iter().map(way).collect()
+    }
+
+    /// The ways in which each new node is wanted while old ones still hear it, or something behind it.
+    pub(super) fn new_ways(&self, old: &Schedule, new: &Schedule) -> Vec<Ways> {
+        let mut ways: Vec<Ways> = new.nodes.iter().map(|n| n.guards.clone()).collect();
+        let mut more: Vec<Ways> = vec![Vec::new(); ways.len()];
+        for &(j, i) in &self.heard {
+            let was = self.old_ways(old, i);
+            more[j] = if was.is_empty() { vec![Vec::new()] } else { was };
+        }
+        // From the sinks up: who is wanted wants what it reads.
+        for j in (0..ways.len()).rev() {
+            for way in std::mem::take(&mut more[j]) {
+                let known = |known: &Vec<usize>| known.iter().all(|gate| way.contains(gate));
+                if ways[j].is_empty() || ways[j].iter().any(known) {
+                    continue;
+                }
+                for (input, port) in new.nodes[j].inputs.iter().enumerate() {
+                    let Some((from, _)) = port.from else { continue };
+                    let mut way = way.clone();
+                    if new.nodes[j].gate == Some(input) && !way.contains(&j) {
+                        way.push(j);
+                    }
+                    more[from].push(way);
+                }
+                ways[j].push(way);
+            }
+            if ways[j].iter().any(Vec::is_empty) {
+                ways[j].clear();
+            }
+        }
+        ways
+    }
+}

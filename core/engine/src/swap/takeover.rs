@@ -1,0 +1,235 @@
+//! What the tick thread does with a swap: nothing here allocates, frees, locks or waits.
+
+use asperity_node::Buffer;
+use ringbuf::traits::{Consumer, Producer};
+use ringbuf::{HeapCons, HeapProd};
+
+use super::crossfade::{self, Crossfade, Ramp};
+use crate::engine::Body;
+use crate::slot::{Guards, Now, Slot};
+
+/// What a controller asks of its engine.
+pub(crate) enum Command {
+    Swap(Box<Swap>),
+    Set(Set),
+}
+
+/// A new value of a live parameter.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Set {
+    pub(super) node: usize,
+    pub(super) param: usize,
+    pub(super) value: f64,
+}
+
+/// A graph on its way into an engine; afterwards what the engine no longer needs.
+pub(crate) struct Swap {
+    pub(super) number: u64,
+    /// The new graph with its shadows, as it runs while it fades; from the takeover on, the old graph.
+    pub(super) body: Body,
+    /// The steps of the new graph, for when it has faded.
+    pub(super) settled: Vec<super::order::Run>,
+    pub(super) fades: Vec<Crossfade>,
+    /// New node and input that read each crossfade; `None` for one on an output.
+    pub(super) readers: Vec<Option<(usize, usize)>>,
+    /// New and old index.
+    pub(super) kept: Vec<(usize, usize)>,
+    pub(super) rebuilt: Vec<Rebuilt>,
+    /// Slot and old index.
+    pub(super) shadows: Vec<(usize, usize)>,
+    /// Old nodes that are not kept.
+    pub(super) gone: Vec<usize>,
+    pub(super) sets: Vec<Set>,
+    /// Guards of the new graph for slots that have others while it fades.
+    pub(super) guards: Vec<(usize, Guards)>,
+    /// It is taken over in a tick that this divides, in which every node runs that is new.
+    pub(super) every: u64,
+    /// The tick of the takeover.
+    pub(super) begun: u64,
+}
+
+/// A node in the place of another.
+pub(super) struct Rebuilt {
+    pub(super) new: usize,
+    pub(super) old: usize,
+    /// Room for the state; `None` where it means nothing to the new node.
+    pub(super) state: Option<Box<[u8]>>,
+    pub(super) adopted: bool,
+}
+
+/// The engine's end of its controller, and the swap that it is fading.
+pub(crate) struct Link {
+    pub(super) commands: HeapCons<Command>,
+    pub(super) retired: HeapProd<Box<Swap>>,
+    /// Taken from the ring and not yet its turn.
+    pub(super) next: Option<Command>,
+    pub(super) fading: Option<(Box<Swap>, Ramp)>,
+    /// Over, and not yet given back.
+    pub(super) over: Option<Box<Swap>>,
+    /// Swaps that were taken over.
+    taken: u64,
+    /// Faults of nodes that are gone.
+    faults: u64,
+}
+
+impl Link {
+    pub(super) fn new(commands: HeapCons<Command>, retired: HeapProd<Box<Swap>>) -> Self {
+        Self { commands, retired, next: None, fading: None, over: None, taken: 0, faults: 0 }
+    }
+
+    /// Runs one crossfade of this tick.
+    pub(crate) fn fade(&self, point: usize, buffers: &mut [Buffer]) {
+        if let Some((swap, ramp)) = &self.fading
+            && let Some(fade) = swap.fades.get(point)
+        {
+            fade.run(buffers, *ramp);
+        }
+    }
+
+    pub(crate) fn faults(&self) -> u64 {
+        self.faults
+    }
+
+    pub(crate) fn swaps(&self) -> u64 {
+        self.taken
+    }
+
+    pub(crate) fn is_fading(&self) -> bool {
+        self.fading.is_some()
+    }
+
+    /// What there is to do before a tick.
+    pub(crate) fn listen(&mut self, body: &mut Body, now: Now) {
+        if let Some((_, ramp)) = &mut self.fading {
+            ramp.tick = now.tick;
+            if now.tick >= ramp.end {
+                self.settle(body);
+            }
+        }
+        if let Some(over) = self.over.take() {
+            self.over = self.retired.try_push(over).err();
+        }
+        while let Some(command) = self.next.take().or_else(|| self.commands.try_pop()) {
+            match command {
+                Command::Set(set) => body.set(set, now),
+                Command::Swap(swap)
+                    if self.fading.is_some()
+                        || self.over.is_some()
+                        || !now.tick.is_multiple_of(swap.every) =>
+                {
+                    self.next = Some(Command::Swap(swap));
+                    return;
+                }
+                Command::Swap(swap) => self.take_over(swap, body, now),
+            }
+        }
+    }
+
+    fn take_over(&mut self, mut swap: Box<Swap>, body: &mut Body, now: Now) {
+        std::mem::swap(body, &mut swap.body);
+        let old = &mut swap.body;
+        for it in &mut swap.rebuilt {
+            let (to, from) = (&mut body.slots[it.new], &mut old.slots[it.old]);
+            it.adopted = to.adopt(from, it.state.as_deref_mut());
+            carry_controls(&mut body.buffers[to.outputs.clone()], &old.buffers[from.outputs.clone()]);
+        }
+        self.taken += 1;
+        self.faults += swap.gone.iter().map(|&i| old.slots[i].report.faults).sum::<u64>();
+        for &(to, from) in swap.kept.iter().chain(&swap.shadows) {
+            let (to, from) = (&mut body.slots[to], &mut old.slots[from]);
+            to.trade(from);
+            let pairs = to.outputs.clone().zip(from.outputs.clone());
+            pairs.for_each(|(to, from)| std::mem::swap(&mut body.buffers[to], &mut old.buffers[from]));
+        }
+        // So that a control that goes on as it was has not changed.
+        for fade in &swap.fades {
+            if let (Some(mix), Some(old)) = (fade.mix, fade.old)
+                && let Some((sources, mix)) = body.buffers.split_at_mut_checked(mix)
+            {
+                carry_controls(&mut mix[..1], &sources[old..=old]);
+            }
+        }
+        self.wake_readers(&swap, body);
+        swap.sets.iter().for_each(|set| body.set(*set, now));
+        swap.begun = now.tick;
+        let ticks = if swap.fades.is_empty() { 0 } else { crossfade::ticks(now.tick_hz) };
+        let end = now.tick + ticks;
+        let ramp = Ramp { begun: now.tick, end, tick: now.tick, tick_hz: now.tick_hz };
+        self.fading = Some((swap, ramp));
+        if ticks == 0 {
+            self.settle(body);
+            self.over = self.over.take().and_then(|over| self.retired.try_push(over).err());
+        }
+    }
+
+    /// Ends a crossfade: readers turn to the new sources, and what the old graph alone needed goes back.
+    pub(crate) fn settle(&mut self, body: &mut Body) {
+        let Some((mut swap, _)) = self.fading.take() else { return };
+        for (fade, reader) in swap.fades.iter().zip(&swap.readers) {
+            if let Some((node, input)) = *reader {
+                body.slots[node].inputs[input].buffer = fade.new as u32;
+            }
+        }
+        self.wake_readers(&swap, body);
+        for (slot, guards) in &mut swap.guards {
+            std::mem::swap(&mut body.slots[*slot].guards, guards);
+        }
+        for &(slot, old) in &swap.shadows {
+            body.slots[slot].trade(&mut swap.body.slots[old]);
+        }
+        std::mem::swap(&mut body.steps, &mut swap.settled);
+        self.over = Some(swap);
+    }
+
+    /// A control that comes from elsewhere is news even for a node that no control wakes: it is called at least once.
+    fn wake_readers(&self, swap: &Swap, body: &mut Body) {
+        for (fade, reader) in swap.fades.iter().zip(&swap.readers) {
+            if let (0, Some((node, _))) = (fade.rate_hz, *reader) {
+                body.slots[node].rouse();
+            }
+        }
+    }
+}
+
+impl Body {
+    fn set(&mut self, set: Set, now: Now) {
+        if let Some(slot) = self.slots.get_mut(set.node) {
+            slot.set_parameter(set.param, set.value, now);
+        }
+    }
+}
+
+/// Controls hold their values until they are written, also from one graph to the next.
+fn carry_controls(to: &mut [Buffer], from: &[Buffer]) {
+    for pair in to.iter_mut().zip(from) {
+        if let (Buffer::Control { values: to, valid, .. }, Buffer::Control { values: from, valid: was, .. }) =
+            pair
+            && to.len() == from.len()
+        {
+            to.copy_from_slice(from);
+            *valid = *was;
+        }
+    }
+}
+
+impl Slot {
+    /// A place that is taken over from another graph.
+    pub(super) fn empty(like: &asperity_graph::ScheduledNode) -> Self {
+        Self::new(like, Box::new(Absent))
+    }
+}
+
+/// Stands where a node was, or will be.
+struct Absent;
+
+impl asperity_node::Processor for Absent {
+    fn process(
+        &mut self,
+        _: &mut asperity_node::Tick<'_>,
+    ) -> Result<asperity_node::Status, asperity_node::Fault> {
+        Ok(asperity_node::Status::Asleep)
+    }
+    fn reset(&mut self) -> Result<(), asperity_node::Fault> {
+        Ok(())
+    }
+}

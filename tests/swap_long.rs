@@ -1,0 +1,187 @@
+//! Any graph that loads may take the place of any other, and the shipped one of itself, a thousand times.
+
+#[path = "common/nodes.rs"]
+mod nodes;
+#[path = "common/swaps.rs"]
+mod swaps;
+#[path = "common/tones.rs"]
+mod tones;
+
+use asperity_graph::{GraphFile, compile};
+use proptest::prelude::*;
+use swaps::{Rig, STEEPEST, TICK, largest_step};
+
+/// A graph, and what its output cannot exceed: in level, and from sample to sample.
+#[derive(Clone, Debug)]
+struct Made {
+    lines: String,
+    peak: f32,
+    step: f32,
+}
+
+/// One node: its kind, which of three parameters, and which nodes before it it reads.
+type Draw = (usize, usize, usize, usize);
+
+/// `names` deals out ids, so that graphs share some of them, in other places.
+fn made(draws: &[Draw], names: &[usize], feedback: Option<usize>, forgetful: bool) -> Made {
+    let mut lines = String::new();
+    // Peak and step of every node so far.
+    let mut levels: Vec<(f32, f32)> = Vec::new();
+    for (i, &(kind, which, a, b)) in draws.iter().enumerate() {
+        let id = format!("n{}", names[i]);
+        let name = |k: usize| format!("n{}", names[k % i.max(1)]);
+        let level = |k: usize| levels[k % i.max(1)];
+        let kind = if i == 0 { 0 } else { kind };
+        let (text, out) = match kind {
+            0 => {
+                let (hz, amplitude) = ([30.0, 55.0, 90.0][which], [1.0, 0.5, -0.7][which]);
+                let step = 1.31e-4 * hz as f32;
+                (format!("{id}: tone(hz: {hz:?}, level: {amplitude:?})\n"), (1.0, step))
+            }
+            1 => {
+                let gain = [1.0, -0.5, 0.3][which];
+                (format!("{id}: gain(gain: {gain:?})\n{} -> {id}\n", name(a)), level(a))
+            }
+            2 => {
+                let text = format!("{id}: mix\n{} -> {id}.in1\n{} -> {id}.in2\n", name(a), name(b));
+                (text, (level(a).0 + level(b).0, level(a).1 + level(b).1))
+            }
+            3 => {
+                let ms = [0.5, 3.0, 20.0][which];
+                (format!("{id}: delay(delay_ms: {ms:?})\n{} -> {id}\n", name(a)), level(a))
+            }
+            4 => {
+                let speed = [10.0, 0.0, 6.0][which];
+                let text = format!(
+                    "v{i}: level(value: {speed:?})\nu{i}: gain(unit: \"mm/s\")\nv{i} -> u{i}\nu{i} -> {id}.speed\n\
+                     {id}: speed_gate\n{} -> {id}.in\n",
+                    name(a)
+                );
+                (text, level(a))
+            }
+            5 if forgetful => {
+                let part = [0.5, 0.01, 0.1][which];
+                let kind = ["one_pole", "forgetful", "one_pole"][b % 3];
+                (format!("{id}: {kind}(part: {part:?})\n{} -> {id}\n", name(a)), level(a))
+            }
+            _ => (format!("{id}: tracked(version: {which})\n{} -> {id}\n", name(a)), level(a)),
+        };
+        lines += &text;
+        levels.push(out);
+    }
+    let last = format!("n{}", names[draws.len() - 1]);
+    let (mut peak, mut step) = levels[draws.len() - 1];
+    match feedback {
+        None => lines += &format!("out: file_out(file: \"x.wav\")\n{last} -> out\n"),
+        Some(which) => {
+            let ms = [2.0, 3.0, 4.0][which];
+            lines += &format!(
+                "fm: mix\nfg: gain(gain: 0.4)\nfd: delay(delay_ms: {ms:?})\nout: file_out(file: \"x.wav\")\n\
+                 {last} -> fm.in1\nfd -> fm.in2\nfm -> fg\nfg -> fd\nfm -> out\n"
+            );
+            (peak, step) = (peak / 0.6, step / 0.6);
+        }
+    }
+    Made { lines, peak, step }
+}
+
+fn any_graph(forgetful: bool) -> impl Strategy<Value = Made> {
+    let draws = prop::collection::vec((0..7_usize, 0..3_usize, 0..7_usize, 0..7_usize), 1..7);
+    let names = Just((0..7).collect::<Vec<usize>>()).prop_shuffle();
+    // Mostly in one order, so that much is kept.
+    let names = prop_oneof![3 => Just((0..7).collect::<Vec<usize>>()), 1 => names];
+    (draws, names, prop::option::of(0..3_usize))
+        .prop_map(move |(draws, names, feedback)| made(&draws, &names, feedback, forgetful))
+}
+
+fn swap_through(graphs: &[Made], waits: &[usize]) -> Rig {
+    let mut rig = Rig::new(&graphs[0].lines);
+    rig.run(40);
+    let mut bound = 0.0_f32;
+    for (pair, wait) in graphs.windows(2).zip(waits) {
+        rig.swap(&pair[1].lines);
+        rig.run(*wait);
+        let fades = 3.0 * STEEPEST * (pair[0].peak + pair[1].peak);
+        bound = bound.max(pair[0].step.max(pair[1].step) + fades);
+    }
+    rig.run(80);
+    let step = largest_step(&rig.heard[30 * TICK..]);
+    let lines = || graphs.iter().map(|g| g.lines.as_str()).collect::<Vec<_>>().join("\nto\n");
+    assert!(rig.heard.iter().all(|x| x.is_finite()));
+    assert!(step < bound, "a step of {step}, {bound} at most:\n{}", lines());
+    assert_eq!(rig.controller.collect().len(), waits.len());
+    rig
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 200, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn any_graph_takes_the_place_of_any_other_without_a_click(
+        graphs in prop::collection::vec(any_graph(true), 2..5),
+        waits in prop::collection::vec(0..9_usize, 3),
+    ) {
+        swap_through(&graphs, &waits[..graphs.len() - 1]);
+    }
+
+    #[test]
+    fn after_the_fade_the_output_is_that_of_an_engine_that_never_ran_anything_else(
+        graphs in prop::collection::vec(any_graph(false), 2..5),
+        waits in prop::collection::vec(0..9_usize, 3),
+    ) {
+        let rig = swap_through(&graphs, &waits[..graphs.len() - 1]);
+        let last = &graphs[graphs.len() - 1].lines;
+        let mut fresh = Rig::new(last);
+        fresh.run(rig.engine.next_tick() as usize);
+        let worst = rig.last().iter().zip(fresh.last()).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+        prop_assert!(worst < 1e-5, "{worst} from a fresh one:\n{last}");
+        prop_assert_eq!(tones::tracked() % 2, 0, "as many in the one as in the other");
+    }
+}
+
+/// The shipped graph under a stroke that never stops, with a part of it changed.
+fn shipped(k: usize) -> GraphFile {
+    let mut graph = GraphFile::read("../../graphs/heravi2024.ron").unwrap_or_else(|e| panic!("{e}"));
+    let stylus = graph.nodes.iter_mut().find(|n| n.id == "stylus").expect("the stylus");
+    stylus.kind = "stroke".into();
+    stylus.params.clear();
+    let mut set = |what: &str| graph.set(what, "test").unwrap_or_else(|e| panic!("{e}"));
+    set("stylus.shape=circle");
+    set("stylus.duration_s=1000");
+    let round = k / 7;
+    match k % 7 {
+        1 => set(&format!("phase.seed={round}")),
+        2 => set("gate.speed_mm_s=4.0"),
+        3 => set("limiter.release_ms=120.0"),
+        4 => set("floor.stiffness_n_per_mm=0.6"),
+        5 => set("out.volts_at_full_scale=1.25"),
+        6 => set("motion.cutoff_hz=25.0"),
+        _ => {}
+    }
+    graph
+}
+
+#[test]
+fn the_shipped_graph_is_swapped_a_thousand_times_without_a_click_or_an_allocation() {
+    let registry = asperity_nodes::registry();
+    let compiled = |k| compile(&shipped(k), &registry, Default::default()).expect("it compiles");
+    let mut still = Rig::of(compiled(0));
+    still.run(3000);
+    let own = largest_step(&still.heard);
+    let mut rig = Rig::of(compiled(0));
+    rig.run(500);
+    let mut over = 0;
+    for k in 1..=1000 {
+        rig.controller.swap(compiled(k), &[]).expect("it is sent");
+        rig.run(6 + k % 3);
+        over += rig.controller.collect().len();
+    }
+    rig.run(10);
+    over += rig.controller.collect().len();
+    assert_eq!((over, rig.engine.swaps(), rig.engine.faults()), (1000, 1000, 0));
+    let step = largest_step(&rig.heard);
+    assert!(own > 0.01 && step <= own, "a step of {step}, where the graph alone has {own}");
+    let rms = |x: &[f32]| (x.iter().map(|x| x * x).sum::<f32>() / x.len() as f32).sqrt();
+    let (with, without) = (rms(&rig.heard[600 * TICK..]), rms(&still.heard[600 * TICK..]));
+    assert!((0.5..2.0).contains(&(with / without)), "it goes on: {with} to {without}");
+}
