@@ -97,7 +97,8 @@ fn a_lie_that_shows_only_later_is_an_error_of_the_graph() {
         let plugin = lie(dir.path(), number);
         let graph = format!(
             "Graph(version: 1, plugins: [{:?}], nodes: {{\n \"s\": (kind: \"stroke\"), \"f\": (kind: \"virtual_floor\"),\n \
-             \"it\": (kind: \"honest\")}}, wires: [(\"s\", \"f\"), (\"f.force\", \"it\")])",
+             \"it\": (kind: \"honest\"), \"p\": (kind: \"probe\")}}, \
+             wires: [(\"s\", \"f\"), (\"f.force\", \"it\"), (\"f.force\", \"p\")])",
             plugin.display().to_string()
         );
         fs::write(dir.path().join("g.ron"), graph).unwrap();

@@ -8,6 +8,10 @@
 #include <stdlib.h>
 #include <time.h>
 
+#ifndef AMPLITUDE
+#define AMPLITUDE 0.1f
+#endif
+
 typedef struct Told {
     uint64_t from, to;
     int64_t what;
@@ -33,7 +37,7 @@ static int32_t process(void *instance, AsperityTick *tick) {
     float *y = out->data;
     uint64_t first = tick->index * 48000 / tick->tick_hz;
     for (uint32_t i = 0; i < out->count; i++) {
-        y[i] = 0.1f * sinf(0.01f * (float)(first + i));
+        y[i] = AMPLITUDE * sinf(0.01f * (float)(first + i));
     }
     out->flags |= ASPERITY_WRITTEN;
     if (tick->index < it->from || tick->index >= it->to) {

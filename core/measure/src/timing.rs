@@ -100,6 +100,13 @@ impl Recorder {
         self.nodes.iter_mut().for_each(Timing::reset);
     }
 
+    /// Goes on with other nodes: `from` names, for each new one, the old one whose calls it goes on with, if any.
+    pub fn renumber(&mut self, from: &[Option<usize>]) {
+        let old = std::mem::take(&mut self.nodes);
+        let of = |i: &Option<usize>| i.and_then(|i| old.get(i).cloned()).unwrap_or_else(|| Timing::new(2));
+        self.nodes = from.iter().map(of).collect();
+    }
+
     /// Figures of the ticks.
     pub fn tick_summary(&self) -> Summary {
         self.tick.summary()

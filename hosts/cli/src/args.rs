@@ -121,7 +121,7 @@ pub enum Format {
 }
 
 /// `asperity render`
-#[derive(Debug, clap::Args)]
+#[derive(Clone, Debug, clap::Args)]
 pub struct Render {
     #[command(flatten)]
     pub graph: GraphArgs,
@@ -146,6 +146,9 @@ pub struct Render {
     /// Run every node in every tick, also those behind a closed gate
     #[arg(long)]
     pub no_sleep: bool,
+    /// Run in real time, and take changes of the graph, its plugins and the files it reads over as they come
+    #[arg(long)]
+    pub watch: bool,
     /// Say nothing but errors
     #[arg(long, short)]
     pub quiet: bool,

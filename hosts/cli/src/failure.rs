@@ -39,20 +39,23 @@ impl Failure {
 
     /// Prints what is wrong and answers the exit code.
     pub fn report(&self) -> ExitCode {
+        complain(&self.text());
         match self {
             Failure::Input(all) => {
-                for d in all {
-                    complain(&format!("{}\n", Shown(d)));
-                }
                 if all.len() > 1 {
                     complain(&format!("{} errors; nothing was started, nothing written\n", all.len()));
                 }
                 ExitCode::from(2)
             }
-            Failure::Machine(message) => {
-                complain(&format!("error: {message}\n"));
-                ExitCode::from(1)
-            }
+            Failure::Machine(_) => ExitCode::from(1),
+        }
+    }
+
+    /// What is wrong, for a person.
+    pub fn text(&self) -> String {
+        match self {
+            Failure::Input(all) => all.iter().map(|d| format!("{}\n", Shown(d))).collect(),
+            Failure::Machine(message) => format!("error: {message}\n"),
         }
     }
 }
@@ -74,7 +77,7 @@ pub fn warn(message: &str) {
 }
 
 /// Writes to the standard error; where nobody can read it, there is nothing left to do.
-fn complain(text: &str) {
+pub fn complain(text: &str) {
     use std::io::Write as _;
     let _ = std::io::stderr().lock().write_all(text.as_bytes());
 }

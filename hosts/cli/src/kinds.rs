@@ -16,7 +16,7 @@ pub struct Kinds {
     loader: Loader,
     /// What `--plugin` names.
     named: Vec<PathBuf>,
-    /// Files of the plugins that the last registry was made of.
+    /// Files of the plugins that the last registry was made of, or was to be.
     files: Vec<PathBuf>,
 }
 
@@ -26,7 +26,7 @@ impl Kinds {
         Self { named: named.to_vec(), ..Self::default() }
     }
 
-    /// Files of the plugins that the last registry was made of.
+    /// Files of the plugins that the last registry was made of, or was to be.
     pub fn files(&self) -> &[PathBuf] {
         &self.files
     }
@@ -44,15 +44,16 @@ impl Kinds {
                 Some(_) => e.related(&place.source, place.span, "looked for on behalf of this"),
                 None => e.at(&place.source, place.span),
             })?;
+            // One that does not load is watched all the same: it may be mended.
+            self.files.push(path.clone());
             let added = self.loader.load(&path).and_then(|p| made.add(&p));
             added.map_err(|e| e.related(&place.source, place.span, "named here"))?;
-            self.files.push(path);
         }
         for named in &self.named {
             let name = named.to_string_lossy();
             let path = find(&name, Path::new(""), list()).map_err(|e| e.in_file("--plugin"))?;
+            self.files.push(path.clone());
             made.add(&self.loader.load(&path)?)?;
-            self.files.push(path);
         }
         for Found { path, .. } in search(list())? {
             match self.loader.load(&path).and_then(|p| made.add_where_new(&p)) {

@@ -56,6 +56,23 @@ pub fn compiled(graph: &GraphFile, args: &GraphArgs, registry: &Registry) -> Res
 /// Every file that a graph was made from, and who reads it.
 pub fn files_read(args: &GraphArgs, schedule: &Schedule) -> Vec<(PathBuf, String)> {
     let mut files = vec![(args.graph.clone(), "the graph".to_owned())];
+    files.extend(node_files(schedule).into_iter().map(|f| (f.path, format!("`{}.{}`", f.node, f.param))));
+    files
+}
+
+/// A file that a node reads.
+pub struct NodeFile {
+    /// The file.
+    pub path: PathBuf,
+    /// The node's id.
+    pub node: String,
+    /// The parameter that names it.
+    pub param: String,
+}
+
+/// Every file that the nodes of a graph read.
+pub fn node_files(schedule: &Schedule) -> Vec<NodeFile> {
+    let mut files = Vec::new();
     for node in &schedule.nodes {
         for (name, value) in node.params.iter() {
             let path = match value {
@@ -67,7 +84,7 @@ pub fn files_read(args: &GraphArgs, schedule: &Schedule) -> Vec<(PathBuf, String
                 }
                 _ => continue,
             };
-            files.push((path, format!("`{}.{name}`", node.id)));
+            files.push(NodeFile { path, node: node.id.clone(), param: name.to_owned() });
         }
     }
     files

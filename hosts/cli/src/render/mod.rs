@@ -2,16 +2,18 @@
 
 mod record;
 pub mod report;
+mod taken;
 mod traces;
+mod watch;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use asperity_engine::{Clock, Engine, Options};
-use asperity_measure::timing::Recorder as Times;
+use asperity_graph::Compiled;
 use asperity_node::Buffer;
 use asperity_source::Diagnostic;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -22,9 +24,9 @@ use crate::kinds::Kinds;
 use crate::output::Pending;
 use crate::{load, output};
 
-use record::{Master, Recorder};
 use report::Run;
-use traces::Traces;
+use taken::Taken;
+use watch::Watch;
 
 /// Longest render, in seconds: a year.
 const MAX_SECONDS: f64 = 365.0 * 86_400.0;
@@ -42,16 +44,8 @@ impl Clock for Wall {
 
 /// Runs the command.
 pub fn run(args: &Render) -> Result<ExitCode, Failure> {
-    let mut graph = load::read(&args.graph)?;
-    let registry = Kinds::new(&args.graph.plugins.plugin).registry(Some(&graph))?;
-    for (i, text) in args.probe.iter().enumerate() {
-        let (port, file) = load::probe(text, &graph)?;
-        let id =
-            (i + 1..).map(|n| format!("probe {n}")).find(|id| graph.node(id).is_none()).unwrap_or_default();
-        graph.add_node(&id, "probe", &[("file", &file)], "--probe")?;
-        graph.add_wire(&port, &id, "--probe");
-    }
-    let compiled = load::compiled(&graph, &args.graph, &registry)?;
+    let mut kinds = Kinds::new(&args.graph.plugins.plugin);
+    let compiled = compiled(args, &mut kinds)?;
     let schedule = &compiled.schedule;
     let ticks = ticks(args, schedule)?;
     for warning in load::warnings(schedule) {
@@ -61,56 +55,42 @@ pub fn run(args: &Render) -> Result<ExitCode, Failure> {
         crate::failure::warn(&format!("`{allocating}` allocates in every tick and is not fit for real time"));
     }
 
-    distinct_files(args, schedule)?;
+    distinct_files(args, schedule, &kinds)?;
     check_lengths(args, schedule, ticks)?;
-    let mut recorders = Recorder::for_sinks(schedule)?;
-    let mut master = args.out.as_ref().map(|path| Master::new(path, schedule, args.format)).transpose()?;
+    let mut taken = Taken::new(args, schedule)?;
     // Opened now, so that a folder that is not there is known before and not after the work.
     let plot = args.plot.as_deref().map(Pending::create).transpose()?;
     let report_file = args.report.as_deref().map(Pending::create).transpose()?;
-    let mut traces = args.plot.as_ref().map(|_| Traces::new(schedule));
-    let mut engine = Engine::new(compiled, Options { sleep: !args.no_sleep, ..Options::default() });
-    let schedule = engine.schedule().clone();
-    let mut times = Times::new(schedule.nodes.len());
-    let mut drive = report::Level::new(&schedule);
+    let options = Options { sleep: !args.no_sleep, ..Options::default() };
     let stop = stop_flag();
     let bar = progress(ticks, args.quiet);
+    let (mut engine, watch) = if args.watch {
+        let (controller, engine) = Engine::controlled(compiled, options);
+        (engine, Some(Watch::start(args, kinds, controller, &bar)))
+    } else {
+        (Engine::new(compiled, options), None)
+    };
 
     let wall = Wall(Instant::now());
-    let mut spent = vec![0; schedule.nodes.len()];
-    let mut calls_before = vec![0; schedule.nodes.len()];
     let mut done = 0;
     while done < ticks && !stop.load(Ordering::Relaxed) {
-        spent.fill(0);
-        let before = wall.now_ns();
-        engine.tick_timed(&wall, &mut spent);
-        times.tick(wall.now_ns() - before);
-        for (i, ns) in spent.iter().enumerate() {
-            let calls = engine.report(i).map_or(0, |r| r.calls);
-            if calls > calls_before[i] {
-                times.node(i, *ns);
-                calls_before[i] = calls;
-            }
+        if args.watch {
+            // Only here does a render wait: who changes a graph while it plays wants to hear it in time.
+            let due = Duration::from_secs_f64(done as f64 / f64::from(engine.schedule().tick_hz));
+            std::thread::sleep(due.saturating_sub(wall.0.elapsed()));
         }
-        drive.take(&engine);
-        if let Some(master) = &mut master {
-            master.take(&engine)?;
-        }
-        for recorder in &mut recorders {
-            recorder.take(&engine, done)?;
-        }
-        if let Some(traces) = &mut traces {
-            traces.take(&engine, done);
-        }
+        taken.tick(&mut engine, &wall, done)?;
         done += 1;
         if done.is_multiple_of(1024) {
             bar.set_position(done);
-            set_rate(&bar, done, &schedule, wall.0.elapsed().as_secs_f64());
+            set_rate(&bar, done, engine.schedule(), wall.0.elapsed().as_secs_f64());
         }
     }
     let elapsed_s = wall.0.elapsed().as_secs_f64();
+    let swaps = watch.map(Watch::finish).unwrap_or_default();
     bar.finish_and_clear();
 
+    let Taken { master, recorders, traces, times, drive, .. } = taken;
     let mut written = Vec::new();
     if let Some(master) = master {
         written.push(master.keep()?);
@@ -126,9 +106,10 @@ pub fn run(args: &Render) -> Result<ExitCode, Failure> {
         asked: ticks,
         elapsed_s,
         options: args,
+        swaps: &swaps,
     };
     if let (Some(file), Some(traces)) = (plot, traces) {
-        written.push(file.keep_text(&traces.svg(&args.graph.graph, &schedule))?);
+        written.push(file.keep_text(&traces.svg(&args.graph.graph, engine.schedule()))?);
     }
     if let Some(file) = report_file {
         written.push(file.keep_text(&report::json(&run, &engine, &times, &drive))?);
@@ -139,9 +120,24 @@ pub fn run(args: &Render) -> Result<ExitCode, Failure> {
     Ok(if done < ticks { ExitCode::from(INTERRUPTED) } else { ExitCode::SUCCESS })
 }
 
+/// Reads and compiles the graph with what the command line changes in it.
+fn compiled(args: &Render, kinds: &mut Kinds) -> Result<Compiled, Failure> {
+    let mut graph = load::read(&args.graph)?;
+    for (i, text) in args.probe.iter().enumerate() {
+        let (port, file) = load::probe(text, &graph)?;
+        let id =
+            (i + 1..).map(|n| format!("probe {n}")).find(|id| graph.node(id).is_none()).unwrap_or_default();
+        graph.add_node(&id, "probe", &[("file", &file)], "--probe")?;
+        graph.add_wire(&port, &id, "--probe");
+    }
+    let registry = kinds.registry(Some(&graph))?;
+    load::compiled(&graph, &args.graph, &registry)
+}
+
 /// Two things written to one file would leave only the last, and what is read must not be written over.
-fn distinct_files(args: &Render, schedule: &asperity_graph::Schedule) -> Result<(), Failure> {
+fn distinct_files(args: &Render, schedule: &asperity_graph::Schedule, kinds: &Kinds) -> Result<(), Failure> {
     let mut seen = load::files_read(&args.graph, schedule);
+    seen.extend(kinds.files().iter().map(|path| (path.clone(), "the graph, as a plugin,".to_owned())));
     let read = seen.len();
     let named = [("--out", &args.out), ("--plot", &args.plot), ("--report", &args.report)];
     seen.extend(named.into_iter().filter_map(|(name, path)| Some((path.clone()?, name.to_owned()))));

@@ -115,6 +115,13 @@ impl Recorder {
         self.rows.append(&self.scratch, self.columns, |i| (start + i as u64) as f64 / f64::from(rate))
     }
 
+    /// Goes on with the same node where another graph has been taken over.
+    pub fn follow(&mut self, moved: impl Fn(usize) -> usize) {
+        match &mut self.from {
+            From::Input(node) | From::Output(node) => *node = moved(*node),
+        }
+    }
+
     /// Completes the file.
     pub fn keep(self) -> Result<PathBuf, Failure> {
         let path = self.rows.path().to_owned();
@@ -148,6 +155,11 @@ impl Master {
             _ => return Err(unknown_format(path, "a .wav or .npy file").into()),
         };
         Ok(Self { rows, nodes, scratch: Vec::new() })
+    }
+
+    /// Goes on with the same nodes where another graph has been taken over.
+    pub fn follow(&mut self, moved: impl Fn(usize) -> usize) {
+        self.nodes.iter_mut().for_each(|node| *node = moved(*node));
     }
 
     /// Takes down the tick that has just run.

@@ -28,6 +28,17 @@ pub struct Run<'a> {
     pub elapsed_s: f64,
     /// The command line.
     pub options: &'a Render,
+    /// Changes that were taken over while it ran.
+    pub swaps: &'a [Swapped],
+}
+
+/// A change that was taken over.
+#[derive(Clone, Debug)]
+pub struct Swapped {
+    /// In which tick; none for one that was sent too late.
+    pub tick: Option<u64>,
+    /// What changed, for a person.
+    pub what: String,
 }
 
 /// Level of what drives the coil: all that goes into `audio_out`.
@@ -46,6 +57,11 @@ impl Level {
         let port = nodes.first().and_then(|&i| schedule.nodes[i].inputs.first()?.port.clone());
         let unit = port.map(|p| p.unit.to_string()).unwrap_or_default();
         Self { nodes, unit, peak: 0.0, sum: 0.0, count: 0 }
+    }
+
+    /// Goes on with the same nodes where another graph has been taken over.
+    pub fn follow(&mut self, moved: impl Fn(usize) -> usize) {
+        self.nodes.iter_mut().for_each(|node| *node = moved(*node));
     }
 
     pub fn take(&mut self, engine: &Engine) {
@@ -140,6 +156,7 @@ pub fn json(run: &Run<'_>, engine: &Engine, times: &Times, level: &Level) -> Str
         "latency_ms": schedule.latency().ms(),
         "nodes": nodes,
         "faults": engine.faults(),
+        "swaps": run.swaps.iter().map(|s| json!({ "tick": s.tick, "what": s.what })).collect::<Vec<_>>(),
         "dropped": dropped,
         "output": { "peak": level.peak, "rms": level.rms(), "unit": level.unit, "clipped": clipped(engine) },
         "options": {
@@ -228,6 +245,12 @@ pub fn summary(run: &Run<'_>, engine: &Engine, times: &Times, level: &Level, wri
                 }
             }
         }
+    }
+    for swap in run.swaps {
+        let at = swap
+            .tick
+            .map_or("too late".into(), |t| format!("{:.2} s", t as f64 / f64::from(schedule.tick_hz)));
+        line("changed", format!("at {at}: {}", swap.what));
     }
     for d in &schedule.dropped {
         line("dropped", format!("`{}` ({}): {}", d.id, d.kind, d.why));

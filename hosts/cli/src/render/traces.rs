@@ -106,6 +106,27 @@ impl Traces {
         }
     }
 
+    /// Goes on with the same meanings where another graph has been taken over. What it no longer has ends.
+    pub fn follow(&mut self, schedule: &Schedule) {
+        let found = Self::new(schedule);
+        let pairs = [
+            (&mut self.position, found.position),
+            (&mut self.speed, found.speed),
+            (&mut self.force, found.force),
+            (&mut self.acceleration, found.acceleration),
+            (&mut self.drive, found.drive),
+            (&mut self.active, found.active),
+        ];
+        for (trace, found) in pairs {
+            let Some(trace) = trace else { continue };
+            // Past the last node there is none, so nothing more comes.
+            (trace.node, trace.output) = match found {
+                Some(f) if f.hz == trace.hz && f.unit == trace.unit => (f.node, f.output),
+                _ => (usize::MAX, 0),
+            };
+        }
+    }
+
     /// The picture.
     pub fn svg(self, graph: &Path, schedule: &Schedule) -> String {
         let series = |t: Option<Trace>, name: &str| t.map(|t| Series::sampled(name, &t.unit, t.hz, t.data));

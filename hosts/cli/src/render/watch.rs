@@ -1,0 +1,188 @@
+//! `--watch`: a thread that compiles what changed and hands it to the running engine.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::JoinHandle;
+use std::time::{Duration, SystemTime};
+
+use asperity_engine::{Controller, SwapError};
+use asperity_graph::{Compiled, Schedule, ScheduledNode};
+use indicatif::ProgressBar;
+
+use super::report::Swapped;
+use super::{compiled, record};
+use crate::args::Render;
+use crate::failure::{Failure, complain};
+use crate::kinds::Kinds;
+use crate::load;
+
+/// How often the files are looked at. Asking works on every system and over a network, where being told does not.
+const POLL: Duration = Duration::from_millis(100);
+
+/// What tells two versions of a file apart without reading it; none for a file that is not there.
+type Stamp = Option<(SystemTime, u64)>;
+
+/// The thread that watches.
+pub struct Watch {
+    stop: Arc<AtomicBool>,
+    thread: JoinHandle<Vec<Swapped>>,
+}
+
+impl Watch {
+    /// Begins to watch.
+    pub fn start(args: &Render, kinds: Kinds, controller: Controller, bar: &ProgressBar) -> Self {
+        let stop = Arc::new(AtomicBool::new(false));
+        let watcher = Watcher::new(args.clone(), kinds, controller, bar.clone());
+        let flag = stop.clone();
+        Self { stop, thread: std::thread::spawn(move || watcher.run(&flag)) }
+    }
+
+    /// Ends, and answers what was taken over.
+    pub fn finish(self) -> Vec<Swapped> {
+        self.stop.store(true, Ordering::Relaxed);
+        self.thread.thread().unpark();
+        self.thread.join().unwrap_or_default()
+    }
+}
+
+struct Watcher {
+    args: Render,
+    kinds: Kinds,
+    controller: Controller,
+    bar: ProgressBar,
+    /// Files as they were when the running graph was made of them.
+    known: BTreeMap<PathBuf, Stamp>,
+    sent: BTreeMap<u64, Swapped>,
+}
+
+impl Watcher {
+    fn new(args: Render, kinds: Kinds, controller: Controller, bar: ProgressBar) -> Self {
+        let mut it = Self { args, kinds, controller, bar, known: BTreeMap::new(), sent: BTreeMap::new() };
+        it.known = it.stamps();
+        it
+    }
+
+    /// Looks until it is told to stop.
+    fn run(mut self, stop: &AtomicBool) -> Vec<Swapped> {
+        let mut before = self.stamps();
+        while !stop.load(Ordering::Relaxed) {
+            std::thread::park_timeout(POLL);
+            self.collect();
+            let now = self.stamps();
+            // Twice the same: whoever writes has finished.
+            if now != self.known && now == before && self.controller.ready() {
+                self.take_over(&now);
+            }
+            before = now;
+        }
+        self.collect();
+        self.sent.into_values().collect()
+    }
+
+    /// Every file that the graph is made of, as it is now.
+    fn stamps(&self) -> BTreeMap<PathBuf, Stamp> {
+        let stamp = |path: &PathBuf| std::fs::metadata(path).and_then(|m| Ok((m.modified()?, m.len()))).ok();
+        let mut files: Vec<PathBuf> = self.kinds.files().to_vec();
+        files.extend(load::files_read(&self.args.graph, self.controller.schedule()).into_iter().map(|f| f.0));
+        files.into_iter().map(|path| (path.clone(), stamp(&path))).collect()
+    }
+
+    /// Drops what the engine gave back, and takes down when it took over.
+    fn collect(&mut self) {
+        for done in self.controller.collect() {
+            if let Some(swapped) = self.sent.get_mut(&done.number) {
+                swapped.tick = Some(done.tick);
+            }
+            for id in done.anew {
+                self.say(&format!("`{id}` could not go on from its state, and began anew\n"));
+            }
+        }
+    }
+
+    fn take_over(&mut self, now: &BTreeMap<PathBuf, Stamp>) {
+        let changed: Vec<&PathBuf> = now
+            .iter()
+            .filter(|(path, stamp)| self.known.get(*path) != Some(*stamp))
+            .map(|(p, _)| p)
+            .collect();
+        let names: Vec<String> = changed.iter().map(|p| p.display().to_string()).collect();
+        // Nodes that read a file which is another one now, though its name stands as it did.
+        let nodes: Vec<String> = load::node_files(self.controller.schedule())
+            .into_iter()
+            .filter(|f| changed.contains(&&f.path))
+            .map(|f| f.node)
+            .collect();
+        let what = if names.is_empty() { "what it is made of".to_owned() } else { names.join(", ") };
+        match self.change(&nodes) {
+            Ok(Some(report)) => self.say(&format!("{what} changed: {report}\n")),
+            Ok(None) => {}
+            Err(failure) => {
+                let text = failure.text();
+                self.say(&format!(
+                    "{what} changed, and cannot be taken over:\n{text}the running graph goes on\n"
+                ));
+            }
+        }
+        self.known = self.stamps();
+        // A file that changed meanwhile is looked at again.
+        for (path, stamp) in now {
+            if let Some(known) = self.known.get_mut(path) {
+                *known = *stamp;
+            }
+        }
+    }
+
+    /// Compiles the graph anew and sends it. `None` where it is what is running.
+    fn change(&mut self, nodes: &[String]) -> Result<Option<String>, Failure> {
+        let compiled: Compiled = compiled(&self.args, &mut self.kinds)?;
+        same_sinks(self.controller.schedule(), &compiled.schedule).map_err(Failure::Machine)?;
+        let report = self.controller.swap(compiled, nodes).map_err(|e| {
+            let start_anew = matches!(e, SwapError::TickRate { .. } | SwapError::AudioRate { .. });
+            Failure::Machine(if start_anew { format!("the graph {e}") } else { e.to_string() })
+        })?;
+        if report.is_nothing() {
+            return Ok(Some("nothing that is heard".into()));
+        }
+        let what = report.to_string();
+        self.sent.insert(report.number, Swapped { tick: None, what: what.clone() });
+        Ok(Some(what))
+    }
+
+    /// Says something beside the progress bar.
+    fn say(&self, text: &str) {
+        if !self.args.quiet {
+            self.bar.suspend(|| complain(text));
+        }
+    }
+}
+
+/// A render's files cannot change while it writes them: what is recorded must stay.
+fn same_sinks(old: &Schedule, new: &Schedule) -> Result<(), String> {
+    let recorded = |s: &Schedule| -> Vec<(String, String)> {
+        s.nodes.iter().filter(|n| is_recorded(n)).map(|n| (n.id.clone(), shape(n))).collect()
+    };
+    let (mut before, mut after) = (recorded(old), recorded(new));
+    // Channels of one file keep their order; other files are each for themselves.
+    let outs = |s: &Schedule| -> Vec<String> {
+        s.nodes.iter().filter(|n| n.kind == "audio_out").map(|n| n.id.clone()).collect()
+    };
+    before.sort();
+    after.sort();
+    if before == after && outs(old).len() == outs(new).len() {
+        return Ok(());
+    }
+    let other = before.iter().find(|b| !after.contains(b)).or(after.iter().find(|a| !before.contains(a)));
+    let id = other.map_or("", |(id, _)| id.as_str());
+    Err(format!("what this render writes would change: `{id}`. Stop it and start again"))
+}
+
+fn is_recorded(node: &ScheduledNode) -> bool {
+    node.kind == "audio_out" || record::file_of(node).is_some()
+}
+
+fn shape(node: &ScheduledNode) -> String {
+    let ports = node.inputs.iter().map(|i| &i.port).map(|p| format!("{p:?}"));
+    format!("{} {:?} {}", node.kind, record::file_of(node), ports.collect::<Vec<_>>().join(" "))
+}
