@@ -1,5 +1,9 @@
 //! The tick thread neither allocates nor frees.
 
+#[path = "common/any_node.rs"]
+mod any_node;
+mod common;
+
 use asperity_engine::{Engine, Options};
 use asperity_graph::{GraphFile, compile};
 use assert_no_alloc::{AllocDisabler, assert_no_alloc, reset_violation_count, violation_count};
@@ -12,12 +16,36 @@ fn ticks() -> u64 {
     std::env::var("ASPERITY_LONG_TICKS").ok().and_then(|t| t.parse().ok()).unwrap_or(20_000)
 }
 
+/// What a change of a running graph asks of a node on the tick thread.
+fn handing_over_a_state_and_setting_a_parameter_allocate_nothing() {
+    for kind in asperity_nodes::registry().iter() {
+        let node = || {
+            let mut compiled = any_node::compiled(&any_node::graph(kind.as_ref(), "random", 500, 48_000));
+            let it = compiled.schedule.index_of("it").expect("the node");
+            compiled.processors.swap_remove(it)
+        };
+        let (mut old, mut new) = (node(), node());
+        let mut bytes = vec![0; old.state_size()];
+        let live: Vec<usize> =
+            (0..kind.descriptor().params.len()).filter(|&i| kind.descriptor().params[i].live).collect();
+        reset_violation_count();
+        let restored = assert_no_alloc(|| {
+            let len = old.save(&mut bytes).unwrap_or(0);
+            let refused = !new.restore(&bytes[..len / 2]) || len == 0;
+            let set = live.iter().all(|i| new.set_parameter(*i, 0.5).is_ok());
+            set && new.restore(&bytes[..len]) && refused && new.reset().is_ok()
+        });
+        assert!(restored && violation_count() == 0, "{}", kind.descriptor().kind);
+    }
+}
+
 // One test, since the count of violations is one for the program.
 #[test]
 fn no_tick_of_the_shipped_graph_allocates() {
     reset_violation_count();
     assert_no_alloc(|| drop(std::hint::black_box(vec![1_u8; 64])));
     assert!(violation_count() > 0, "the instrument must see an allocation");
+    handing_over_a_state_and_setting_a_parameter_allocate_nothing();
 
     for (synthesis_hz, tick_hz, audio_hz) in
         [(2500, 500, 48_000), (0, 500, 48_000), (2500, 1000, 44_100), (500, 500, 48_000)]

@@ -10,7 +10,7 @@ use asperity_node::{
 };
 
 /// What a source puts out.
-pub const SIGNALS: [&str; 5] = ["random", "zero", "denormal", "huge", "steps"];
+pub const SIGNALS: [&str; 6] = ["random", "zero", "denormal", "huge", "steps", "waves"];
 
 fn value(signal: &str, seed: u64, index: u64) -> f64 {
     let noise = 2.0 * random::uniform(seed, index) - 1.0;
@@ -18,6 +18,8 @@ fn value(signal: &str, seed: u64, index: u64) -> f64 {
         "zero" => 0.0,
         "denormal" => 1e-310 * noise + f64::from(f32::MIN_POSITIVE) * 0.3 * noise,
         "huge" => 1e6 * noise,
+        // Of 200 ticks as a control, 20000 samples as audio, through all of a threshold's range.
+        "waves" => 600.0 * (1.0 - (index as f64 * std::f64::consts::TAU / 20_000.0).cos()),
         "steps" => noise.signum() * ((index / 37) % 3) as f64,
         _ => noise,
     }

@@ -237,3 +237,18 @@ fn spsi_is_a_function_of_the_seed() {
     used.reset();
     assert_eq!(run(&mut used, &mags, 5), first(1));
 }
+
+#[test]
+fn spsi_refuses_the_phases_of_another_window_and_what_is_no_phase() {
+    let mut old = Spsi::<f32>::new(250, 101, 1);
+    let mut bytes = vec![0; State::measure(|s| old.state(s))];
+    State::save(&mut bytes, |s| old.state(s)).unwrap();
+    assert!(State::restore(&bytes, |s| Spsi::<f32>::new(250, 101, 2).state(s)));
+    // As many bins, ten times as far apart.
+    assert!(!State::restore(&bytes, |s| Spsi::<f32>::new(2500, 101, 1).state(s)));
+    for wild in [f64::NAN, 1.0, -0.1] {
+        // Behind the length of the window and the number of bins.
+        bytes[16..24].copy_from_slice(&wild.to_le_bytes());
+        assert!(!State::restore(&bytes, |s| Spsi::<f32>::new(250, 101, 1).state(s)), "{wild}");
+    }
+}

@@ -84,7 +84,8 @@ fn text_of(d: &Descriptor) -> String {
             None => "required".to_owned(),
         };
         let unit = if p.unit.is_empty() { String::new() } else { format!(" {}", p.unit) };
-        let _ = writeln!(out, "  {}: {}{unit}, {default}\n      {}", p.name, range(&p.kind), p.doc);
+        let live = if p.live { ", live" } else { "" };
+        let _ = writeln!(out, "  {}: {}{unit}, {default}{live}\n      {}", p.name, range(&p.kind), p.doc);
     }
     let _ = writeln!(out, "\nwhen it wakes: {}", d.resume.word());
     if let Some(gate) = &d.gate {
@@ -173,6 +174,7 @@ fn as_json(d: &Descriptor) -> Value {
             json!({
                 "name": p.name, "doc": p.doc, "unit": p.unit, "type": kind, "choices": choices,
                 "min": least, "max": most, "default": default, "required": p.default.is_none() && !p.optional,
+                "live": p.live,
             })
         })
         .collect();

@@ -412,3 +412,81 @@ fn settings_that_do_not_fit_are_refused() {
         assert!(!make(48_000.0, bad), "{bad:?}");
     }
 }
+
+fn hand_over(from: &mut Limiter, to: &mut Limiter) -> bool {
+    let mut bytes = vec![0; State::measure(|s| from.state(s))];
+    State::save(&mut bytes, |s| from.state(s)).unwrap();
+    State::restore(&bytes, |s| to.state(s))
+}
+
+/// A resonant square that is as loud as can be, with silence between, handed on every 50 ms to a limiter that was just made.
+#[test]
+fn no_promise_is_broken_by_handing_the_coil_from_one_limiter_to_the_next() {
+    for drive in [Drive::Current, Drive::Voltage] {
+        let d = hapcoil(100.0);
+        let mut guard = limiter(drive);
+        let mut judge = Judge::new(guard.limits(), d, drive, RATE);
+        for part in 0..120 {
+            let corner = if part % 3 == 0 { 0.0 } else { 1e3 };
+            let input: Vec<f32> = (part * 2400..part * 2400 + 2400)
+                .map(|n| (corner * (TAU * 65.0 * f64::from(n) / RATE).sin().signum()) as f32)
+                .collect();
+            for y in run(&mut guard, &input) {
+                judge.see(y).unwrap();
+            }
+            let settings = LimiterSettings {
+                dc_corner_hz: if part % 2 == 0 { 5.0 } else { 1.0 },
+                release_s: if part % 5 == 0 { 0.01 } else { 0.2 },
+                ..LimiterSettings::default()
+            };
+            let mut next = Limiter::new(&d, drive, RATE, settings).unwrap();
+            assert!(hand_over(&mut guard, &mut next));
+            guard = next;
+            guard.set_dc_corner(if part % 7 == 0 { 20.0 } else { 1.0 });
+            guard.set_release(0.02);
+        }
+        judge.verdict(0.01, 1.0).unwrap();
+        assert!(judge.worst_rms > 0.9, "the coil is to be driven to its limit: {}", judge.worst_rms);
+    }
+}
+
+#[test]
+fn a_warm_coil_stays_warm_and_a_smaller_peak_holds_at_once() {
+    let mut old = limiter(Drive::Current);
+    let loud = sine(100.0, 200.0, 240_000);
+    let last = run(&mut old, &loud)[239_970];
+    let warm = old.report().rms_current;
+    assert!(warm > 0.14 && last.abs() > 0.1, "{warm} {last}");
+
+    let mut weak = Dynamics { peak_current: 0.2, rated_current: 0.05, ..hapcoil(100.0) };
+    weak.peak_voltage = 1.0;
+    let mut new = Limiter::new(&weak, Drive::Current, RATE, LimiterSettings::default()).unwrap();
+    assert!(hand_over(&mut old, &mut new));
+    assert_eq!(new.report().rms_current, warm);
+    let out = run(&mut new, &loud);
+    assert!(out.iter().all(|y| y.abs() <= new.limits().peak as f32));
+    assert!(out[480..9600].iter().all(|y| *y == 0.0), "a coil this warm is to rest");
+
+    let mut volts = limiter(Drive::Voltage);
+    assert!(hand_over(&mut old, &mut volts));
+    assert_eq!(volts.report().rms_current, warm);
+    assert_eq!(run(&mut volts, &[0.0; 96]), [0.0; 96], "nothing of the signal in amperes is left");
+}
+
+#[test]
+fn what_a_limiter_cannot_have_come_to_changes_nothing() {
+    let mut guard = limiter(Drive::Current);
+    let input = sine(1.0, 65.0, 4800);
+    run(&mut guard, &input);
+    let mut same = guard.clone();
+    let mut bytes = vec![0; State::measure(|s| guard.state(s))];
+    let spoils: [fn(&mut Vec<u8>); 4] =
+        [|b| b.truncate(60), |b| b[1..].fill(0xff), |b| b[9..17].fill(0x7f), |b| b.push(0)];
+    for spoil in spoils {
+        State::save(&mut bytes, |s| guard.state(s)).unwrap();
+        let mut spoilt = bytes.clone();
+        spoil(&mut spoilt);
+        assert!(!State::restore(&spoilt, |s| guard.state(s)));
+    }
+    assert_eq!(run(&mut guard, &input), run(&mut same, &input));
+}
