@@ -23,9 +23,10 @@ demo: setup
 test: setup
 	$(CARGO) test --workspace
 
-# The tests that take minutes: a million ticks without an allocation.
+# The tests that take minutes: a million ticks without an allocation, a thousand swaps of the shipped graph.
 test-long: setup
 	ASPERITY_LONG_TICKS=1000000 $(CARGO) test -p asperity --test no_alloc
+	ASPERITY_LONG_SWAPS=1000 PROPTEST_CASES=5000 $(CARGO) test -p asperity --test swap_long
 
 lint: setup
 	$(CARGO) fmt --all --check

@@ -1,4 +1,4 @@
-//! Any graph that loads may take the place of any other, and the shipped one of itself, a thousand times.
+//! Any graph that loads may take the place of any other; and the shipped one of itself, again and again.
 
 #[path = "common/nodes.rs"]
 mod nodes;
@@ -27,11 +27,17 @@ fn made(draws: &[Draw], names: &[usize], feedback: Option<usize>, forgetful: boo
     let mut lines = String::new();
     // Peak and step of every node so far.
     let mut levels: Vec<(f32, f32)> = Vec::new();
+    let mut ids: Vec<String> = Vec::new();
+    let id = |i: usize, kind: usize, which: usize| match kind {
+        // A delay that grows longer has nothing to put out for a while, which this test is not about.
+        3 => format!("n{}d{which}", names[i]),
+        _ => format!("n{}", names[i]),
+    };
     for (i, &(kind, which, a, b)) in draws.iter().enumerate() {
-        let id = format!("n{}", names[i]);
-        let name = |k: usize| format!("n{}", names[k % i.max(1)]);
-        let level = |k: usize| levels[k % i.max(1)];
         let kind = if i == 0 { 0 } else { kind };
+        let id = id(i, kind, which);
+        let name = |k: usize| format!("{}.out", ids[k % i.max(1)]);
+        let level = |k: usize| levels[k % i.max(1)];
         let (text, out) = match kind {
             0 => {
                 let (hz, amplitude) = ([30.0, 55.0, 90.0][which], [1.0, 0.5, -0.7][which]);
@@ -40,7 +46,7 @@ fn made(draws: &[Draw], names: &[usize], feedback: Option<usize>, forgetful: boo
             }
             1 => {
                 let gain = [1.0, -0.5, 0.3][which];
-                (format!("{id}: gain(gain: {gain:?})\n{} -> {id}\n", name(a)), level(a))
+                (format!("{id}: scale(by: {gain:?})\n{} -> {id}\n", name(a)), level(a))
             }
             2 => {
                 let text = format!("{id}: mix\n{} -> {id}.in1\n{} -> {id}.in2\n", name(a), name(b));
@@ -68,16 +74,17 @@ fn made(draws: &[Draw], names: &[usize], feedback: Option<usize>, forgetful: boo
         };
         lines += &text;
         levels.push(out);
+        ids.push(id);
     }
-    let last = format!("n{}", names[draws.len() - 1]);
+    let last = format!("{}.out", ids[draws.len() - 1]);
     let (mut peak, mut step) = levels[draws.len() - 1];
     match feedback {
         None => lines += &format!("out: file_out(file: \"x.wav\")\n{last} -> out\n"),
         Some(which) => {
             let ms = [2.0, 3.0, 4.0][which];
             lines += &format!(
-                "fm: mix\nfg: gain(gain: 0.4)\nfd: delay(delay_ms: {ms:?})\nout: file_out(file: \"x.wav\")\n\
-                 {last} -> fm.in1\nfd -> fm.in2\nfm -> fg\nfg -> fd\nfm -> out\n"
+                "fm: mix\nfg: scale(by: 0.4)\nfd{which}: delay(delay_ms: {ms:?})\nout: file_out(file: \"x.wav\")\n\
+                 {last} -> fm.in1\nfd{which} -> fm.in2\nfm -> fg\nfg -> fd{which}\nfm -> out\n"
             );
             (peak, step) = (peak / 0.6, step / 0.6);
         }
@@ -114,7 +121,7 @@ fn swap_through(graphs: &[Made], waits: &[usize]) -> Rig {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 200, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
     fn any_graph_takes_the_place_of_any_other_without_a_click(
@@ -135,8 +142,14 @@ proptest! {
         fresh.run(rig.engine.next_tick() as usize);
         let worst = rig.last().iter().zip(fresh.last()).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
         prop_assert!(worst < 1e-5, "{worst} from a fresh one:\n{last}");
-        prop_assert_eq!(tones::tracked() % 2, 0, "as many in the one as in the other");
+        let tracked = last.matches(": tracked").count() as i64;
+        prop_assert_eq!(tones::tracked(), 2 * tracked, "as many in the one as in the other");
     }
+}
+
+/// How often the shipped graph is swapped; `ASPERITY_LONG_SWAPS` asks for more. Most of the time goes to loading the network.
+fn swaps() -> usize {
+    std::env::var("ASPERITY_LONG_SWAPS").ok().and_then(|t| t.parse().ok()).unwrap_or(70)
 }
 
 /// The shipped graph under a stroke that never stops, with a part of it changed.
@@ -151,8 +164,8 @@ fn shipped(k: usize) -> GraphFile {
     let round = k / 7;
     match k % 7 {
         1 => set(&format!("phase.seed={round}")),
-        2 => set("gate.speed_mm_s=4.0"),
-        3 => set("limiter.release_ms=120.0"),
+        2 => set("gate.fade_ms=12.0"),
+        3 => set("limiter.slew_hz=3000"),
         4 => set("floor.stiffness_n_per_mm=0.6"),
         5 => set("out.volts_at_full_scale=1.25"),
         6 => set("motion.cutoff_hz=25.0"),
@@ -162,7 +175,7 @@ fn shipped(k: usize) -> GraphFile {
 }
 
 #[test]
-fn the_shipped_graph_is_swapped_a_thousand_times_without_a_click_or_an_allocation() {
+fn the_shipped_graph_is_swapped_again_and_again_without_a_click_or_an_allocation() {
     let registry = asperity_nodes::registry();
     let compiled = |k| compile(&shipped(k), &registry, Default::default()).expect("it compiles");
     let mut still = Rig::of(compiled(0));
@@ -171,16 +184,16 @@ fn the_shipped_graph_is_swapped_a_thousand_times_without_a_click_or_an_allocatio
     let mut rig = Rig::of(compiled(0));
     rig.run(500);
     let mut over = 0;
-    for k in 1..=1000 {
+    for k in 1..=swaps() {
         rig.controller.swap(compiled(k), &[]).expect("it is sent");
         rig.run(6 + k % 3);
         over += rig.controller.collect().len();
     }
     rig.run(10);
     over += rig.controller.collect().len();
-    assert_eq!((over, rig.engine.swaps(), rig.engine.faults()), (1000, 1000, 0));
+    assert_eq!((over, rig.engine.swaps(), rig.engine.faults()), (swaps(), swaps() as u64, 0));
     let step = largest_step(&rig.heard);
-    assert!(own > 0.01 && step <= own, "a step of {step}, where the graph alone has {own}");
+    assert!(own > 1e-3 && step <= own, "a step of {step}, where the graph alone has {own}");
     let rms = |x: &[f32]| (x.iter().map(|x| x * x).sum::<f32>() / x.len() as f32).sqrt();
     let (with, without) = (rms(&rig.heard[600 * TICK..]), rms(&still.heard[600 * TICK..]));
     assert!((0.5..2.0).contains(&(with / without)), "it goes on: {with} to {without}");

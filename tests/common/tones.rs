@@ -117,6 +117,31 @@ impl Node for Taps {
     }
 }
 
+/// A gain that may not change while it runs.
+struct Scale(f32);
+
+impl Node for Scale {
+    fn descriptor() -> Descriptor {
+        Descriptor::new("scale", "A gain.")
+            .input(Input::new("in", AUDIO, Unit::NONE))
+            .output(Output::new("out", AUDIO, Unit::NONE))
+            .param(Param::number("by", 1.0, -1e6..=1e6, "The factor."))
+    }
+
+    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
+        Ok(Self(setup.params.number("by") as f32))
+    }
+
+    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
+        for (y, x) in tick.outputs.audio(0).iter_mut().zip(tick.inputs.audio(0)) {
+            *y = self.0 * x;
+        }
+        Status::Continue
+    }
+
+    fn reset(&mut self) {}
+}
+
 /// A gain that may change while it runs.
 struct LiveGain(f32);
 
@@ -245,6 +270,7 @@ pub fn with_tones(registry: Registry) -> Registry {
         .with::<OnePole<true>>()
         .with::<OnePole<false>>()
         .with::<Taps>()
+        .with::<Scale>()
         .with::<LiveGain>()
         .with::<Level>()
         .with::<Amps>()

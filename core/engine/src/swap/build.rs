@@ -160,12 +160,12 @@ fn crossfade(
     let old = point.old.and_then(|from| source(plan, body, from));
     let new = new.nodes[node].buffers.start + output;
     match point.place {
-        Place::Output(_) => (Crossfade { old, new, mix: None, rate_hz }, None),
+        Place::Output(_) => (Crossfade { old, new, mix: None, rate_hz, through: false }, None),
         Place::Input(input) => {
             let mix = body.buffers.len();
             body.buffers.push(Buffer::new(port, body.schedule.tick_hz));
             body.slots[point.node].inputs[input].buffer = mix as u32;
-            (Crossfade { old, new, mix: Some(mix), rate_hz }, Some((point.node, input)))
+            (Crossfade { old, new, mix: Some(mix), rate_hz, through: false }, Some((point.node, input)))
         }
     }
 }

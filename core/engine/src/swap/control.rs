@@ -9,7 +9,7 @@ use ringbuf::traits::{Consumer, Observer, Producer, Split};
 use ringbuf::{HeapCons, HeapProd, HeapRb};
 
 use super::build::{build, live_values};
-use super::plan::{Fate, Plan, Sizes};
+use super::plan::{Fate, Plan};
 use super::report::{Change, Finished, NodeChange, ParameterChange, ParameterError, SwapError, SwapReport};
 use super::takeover::{Command, Link, Set, Swap};
 
@@ -98,7 +98,7 @@ impl Controller {
         }
         let old = self.schedule.clone();
         let sizes: Vec<usize> = compiled.processors.iter_mut().map(|p| p.state_size()).collect();
-        let plan = Plan::new(&old, &compiled.schedule, &Sizes { old: &self.sizes, new: &sizes }, changed);
+        let plan = Plan::new(&old, &compiled.schedule, changed);
         let number = self.sent + 1;
         let swap = build(number, &plan, &old, &self.sizes, &self.live, compiled);
         let schedule = swap.body.schedule.clone();
@@ -207,6 +207,10 @@ fn report(number: u64, plan: &Plan, old: &Schedule, new: &Schedule, swap: &Swap)
         number,
         nodes,
         parameters: swap.sets.iter().map(parameter).collect(),
-        crossfades: plan.points.len(),
+        crossfades: plan
+            .points
+            .iter()
+            .filter(|p| !p.on_input() || plan.fates[p.node].kept().is_some())
+            .count(),
     }
 }

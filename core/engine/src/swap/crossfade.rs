@@ -29,6 +29,8 @@ pub(crate) struct Crossfade {
     pub(super) mix: Option<usize>,
     /// Rate of audio; 0 for a control.
     pub(super) rate_hz: u32,
+    /// It is not needed after all: the new signal alone.
+    pub(super) through: bool,
 }
 
 /// Smoothstep: no corner where a fade begins or ends. The two gains of a crossfade add up to 1.
@@ -56,7 +58,10 @@ impl Ramp {
 
 impl Crossfade {
     /// This tick of it.
-    pub(crate) fn run(&self, buffers: &mut [Buffer], ramp: Ramp) {
+    pub(crate) fn run(&self, buffers: &mut [Buffer], mut ramp: Ramp) {
+        if self.through {
+            ramp.tick = ramp.end;
+        }
         match self.mix {
             Some(at) => self.before_input(buffers, at, ramp),
             None => self.on_output(buffers, ramp),

@@ -2,8 +2,8 @@
 
 use std::collections::BTreeSet;
 
-use asperity_graph::{Schedule, ScheduledNode};
-use asperity_node::{ParamKind, ParamValue, Shape};
+use asperity_graph::{Schedule, ScheduledInput, ScheduledNode};
+use asperity_node::{Latency, ParamKind, ParamValue, Shape};
 
 use super::order::{self, Run};
 use super::shadow::Shadows;
@@ -38,10 +38,16 @@ pub(super) struct Point {
     pub(super) new: (usize, usize),
 }
 
+impl Point {
+    pub(super) fn on_input(&self) -> bool {
+        matches!(self.place, Place::Input(_))
+    }
+}
+
 /// At which port of its node a crossfade is.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Place {
-    /// Before an input: of a kept node, or of one with a memory that begins anew, in which a step would stay.
+    /// Before an input: of a kept node, or of one that answers later.
     Input(usize),
     /// On an output of a sink that is not kept, for its host.
     Output(usize),
@@ -58,19 +64,13 @@ pub(super) struct Plan {
     pub(super) steps: Vec<Run>,
 }
 
-/// How many bytes the nodes' states take, by index in the two schedules.
-pub(super) struct Sizes<'a> {
-    pub(super) old: &'a [usize],
-    pub(super) new: &'a [usize],
-}
-
 impl Plan {
     /// Keeps as many nodes as can be.
-    pub(super) fn new(old: &Schedule, new: &Schedule, sizes: &Sizes<'_>, changed: &[String]) -> Self {
+    pub(super) fn new(old: &Schedule, new: &Schedule, changed: &[String]) -> Self {
         let mut between = BTreeSet::new();
         loop {
             let fates = fates(old, new, changed, &between);
-            let points = points(old, new, sizes, &fates);
+            let points = points(old, new, &fates);
             let more = cascaded(old, new, &fates, &points);
             if !more.is_empty() {
                 // Each round keeps fewer nodes, so there is a last one.
@@ -88,10 +88,14 @@ impl Plan {
 /// the other way round: a factor of 100 that moves from one gain to another would be loud, or gone, for as long as it
 /// fades. So an old and a new one of them run, and what is heard is a mix of the old graph and the new, and no third.
 fn cascaded(old: &Schedule, new: &Schedule, fates: &[Fate], points: &[Point]) -> Vec<usize> {
-    let before_new = upstream(new, points.iter().map(|p| p.new.0));
-    let before_old = upstream(old, points.iter().filter_map(|p| Some(p.old?.0)));
-    let behind = points.iter().filter(|p| matches!(p.place, Place::Input(_))).map(|p| p.node);
-    behind.filter(|&j| fates[j].kept().is_some_and(|i| before_new[j] || before_old[i])).collect()
+    let before = |node: usize, i: usize| {
+        // A node that closes a cycle is before its own source.
+        let others = || points.iter().filter(|p| p.node != node);
+        upstream(new, others().map(|p| p.new.0))[node]
+            || upstream(old, others().filter_map(|p| Some(p.old?.0)))[i]
+    };
+    let behind: BTreeSet<usize> = points.iter().filter(|p| p.on_input()).map(|p| p.node).collect();
+    behind.into_iter().filter(|&j| fates[j].kept().is_some_and(|i| before(j, i))).collect()
 }
 
 /// The given nodes and all that they hear in the same tick.
@@ -126,7 +130,7 @@ fn fates(old: &Schedule, new: &Schedule, changed: &[String], between: &BTreeSet<
                 difference(before, node)
             };
             match why {
-                Some(why) => Fate::Rebuilt { old: i, adopts: same_place(before, node), why },
+                Some(why) => Fate::Rebuilt { old: i, adopts: same_ports(before, node), why },
                 None => Fate::Kept(i),
             }
         })
@@ -174,19 +178,20 @@ fn difference(old: &ScheduledNode, new: &ScheduledNode) -> Option<String> {
     if old.every != new.every {
         return Some("it runs more or less often".into());
     }
-    if !same_place(old, new) {
+    if !same_ports(old, new) {
         return Some("its ports have other types".into());
+    }
+    if old.closes_cycle != new.closes_cycle {
+        return Some("it stands otherwise in a cycle".into());
     }
     let inputs = old.inputs.iter().zip(&new.inputs).all(|(a, b)| a.from.is_some() == b.from.is_some());
     let outputs = old.outputs.iter().zip(&new.outputs).all(|(a, b)| (a.readers > 0) == (b.readers > 0));
     (!inputs || !outputs).then(|| "other ports of it are connected".into())
 }
 
-/// Whether a state of the one means something to the other: it runs as often, and its ports carry the same.
-fn same_place(old: &ScheduledNode, new: &ScheduledNode) -> bool {
-    old.every == new.every
-        && old.closes_cycle == new.closes_cycle
-        && old.inputs.iter().map(|i| &i.port).eq(new.inputs.iter().map(|i| &i.port))
+/// Whether a state of the one means something to the other: their ports carry the same.
+fn same_ports(old: &ScheduledNode, new: &ScheduledNode) -> bool {
+    old.inputs.iter().map(|i| &i.port).eq(new.inputs.iter().map(|i| &i.port))
         && old.outputs.iter().map(|o| &o.port).eq(new.outputs.iter().map(|o| &o.port))
 }
 
@@ -223,8 +228,8 @@ pub(super) fn live_value(kind: &ParamKind, value: &ParamValue) -> Option<f64> {
 }
 
 /// Every audio and control input of a kept node that hears another source; the audio of sinks that are not kept; and
-/// what enters a memory that begins anew.
-fn points(old: &Schedule, new: &Schedule, sizes: &Sizes<'_>, fates: &[Fate]) -> Vec<Point> {
+/// what enters others that answer later.
+fn points(old: &Schedule, new: &Schedule, fates: &[Fate]) -> Vec<Point> {
     let mut points = on_sinks(old, new, fates);
     for (j, (fate, node)) in fates.iter().zip(&new.nodes).enumerate() {
         match *fate {
@@ -238,21 +243,35 @@ fn points(old: &Schedule, new: &Schedule, sizes: &Sizes<'_>, fates: &[Fate]) -> 
                     }
                 }
             }
-            Fate::Rebuilt { old, adopts: true, .. } if sizes.old[old] == sizes.new[j] => {}
-            _ if sizes.new[j] == 0 => {}
-            Fate::Rebuilt { .. } | Fate::New => {
-                let audio = node
-                    .inputs
-                    .iter()
-                    .enumerate()
-                    .filter(|(_, i)| i.port.as_ref().is_some_and(|p| is_audio(p.shape)));
-                points.extend(audio.filter_map(|(input, port)| {
-                    Some(Point { node: j, place: Place::Input(input), old: None, new: port.from? })
-                }));
+            _ if node.latency > Latency::ZERO || node.tail > Latency::ZERO => {
+                points.extend(before_memory(old, new, fates, j));
             }
+            Fate::Rebuilt { .. } | Fate::New => {}
         }
     }
     points
+}
+
+/// Crossfades before a node that is not kept and answers later: a step in what enters it would be heard when the rest has
+/// faded. Where it adopts a state, that goes on from what its old self heard; else it begins in silence.
+fn before_memory(old: &Schedule, new: &Schedule, fates: &[Fate], j: usize) -> Vec<Point> {
+    let before = if let Fate::Rebuilt { old: i, .. } = &fates[j] { &old.nodes[*i].inputs[..] } else { &[] };
+    let audio = new.nodes[j]
+        .inputs
+        .iter()
+        .enumerate()
+        .filter(|(_, i)| i.port.as_ref().is_some_and(|p| is_audio(p.shape)));
+    let point = |(input, port): (usize, &ScheduledInput)| {
+        let was = before.get(input).filter(|was| was.port == port.port);
+        let other = was.filter(|was| !same_source(fates, port.from, was.from));
+        Some(Point {
+            node: j,
+            place: Place::Input(input),
+            old: other.and_then(|was| was.from),
+            new: port.from?,
+        })
+    };
+    audio.filter_map(point).collect()
 }
 
 /// The audio of sinks that are not kept.

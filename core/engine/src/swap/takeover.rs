@@ -141,6 +141,17 @@ impl Link {
             let pairs = to.outputs.clone().zip(from.outputs.clone());
             pairs.for_each(|(to, from)| std::mem::swap(&mut body.buffers[to], &mut old.buffers[from]));
         }
+        for (fade, reader) in swap.fades.iter_mut().zip(&swap.readers) {
+            let Some(it) = reader.and_then(|(node, _)| swap.rebuilt.iter().find(|it| it.new == node)) else {
+                continue;
+            };
+            if it.adopted {
+                // It goes on from what it heard, and hears it still.
+                fade.through = fade.old.is_none();
+            } else {
+                fade.old = None;
+            }
+        }
         // So that a control that goes on as it was has not changed.
         for fade in &swap.fades {
             if let (Some(mix), Some(old)) = (fade.mix, fade.old)
