@@ -175,6 +175,41 @@ fn a_folder_of_vectors_is_compared_with_settings_and_published_scores_beside() {
     );
 }
 
+/// Makes the plugin that `asperity plugin new` writes in C, with other words in place of some of its own, and builds it.
+fn plugin(dir: &Path, name: &str, change: &[(&str, &str)]) -> String {
+    run(dir, &["plugin", "new", name, "--lang", "c"]).ok();
+    let path = dir.join(name).join(format!("{name}.c"));
+    let mut source = std::fs::read_to_string(&path).unwrap();
+    for (from, to) in change {
+        assert!(source.contains(from), "{from}");
+        source = source.replace(from, to);
+    }
+    std::fs::write(&path, source).unwrap();
+    let built = std::process::Command::new("make").current_dir(dir.join(name)).output().expect("make");
+    assert!(built.status.success(), "{}", String::from_utf8_lossy(&built.stderr));
+    format!("{name}/lib{name}.so")
+}
+
+#[test]
+fn plugins_take_part_and_one_that_fails_is_a_row_that_says_so() {
+    let dir = tempfile::tempdir().unwrap();
+    let mine = plugin(dir.path(), "mine", &[]);
+    let bad = plugin(dir.path(), "bad", &[("return ASPERITY_CONTINUE;", "return ASPERITY_FAILED;")]);
+    std::fs::create_dir(dir.path().join("v")).unwrap();
+    write_signal(&dir.path().join("v/two_2500.sig.npy"), 2500);
+    let args = ["compare", "--vectors", "v", "--plugin", &mine, "--plugin", &bad, "--phase", "mine:spread=0"];
+    let text = run(dir.path(), &args).ok().out;
+    let line = |label: &str| {
+        let line = text.lines().find(|l| l.split_whitespace().next() == Some(label));
+        line.unwrap_or_else(|| panic!("{label}: {text}")).split_whitespace().nth(1).unwrap().to_owned()
+    };
+    for label in ["mine", "mine:spread=0"] {
+        assert!(line(label).parse::<f64>().unwrap() < -3.0, "{text}");
+    }
+    assert_eq!(line("bad"), "!0.0", "{text}");
+    assert!(text.contains("  bad: it failed 8 times, the last time it failed with code"), "{text}");
+}
+
 #[test]
 fn what_is_wrong_is_told_before_anything_is_written() {
     let dir = tempfile::tempdir().unwrap();

@@ -62,6 +62,8 @@ struct Entry<'a> {
     /// What it made of every vector, from the first round.
     signals: Vec<Option<Vec<f32>>>,
     differs: bool,
+    /// What went wrong, and in which runs.
+    problems: Vec<(String, Vec<String>)>,
 }
 
 /// Runs all methods over all vectors; the best come first.
@@ -130,19 +132,21 @@ impl Row {
             notes: Vec::new(),
         }
     }
-
-    /// Adds a note that is not there yet.
-    fn note(&mut self, note: String) {
-        if !self.notes.contains(&note) {
-            self.notes.push(note);
-        }
-    }
 }
 
 impl<'a> Entry<'a> {
     fn new(method: &'a Method, vectors: usize) -> Self {
         let row = Row { kind: Some(method.kind().to_owned()), ..Row::new(&method.label, vectors) };
-        Self { method, row, timing: BTreeMap::new(), signals: vec![None; vectors], differs: false }
+        let (timing, signals) = (BTreeMap::new(), vec![None; vectors]);
+        Self { method, row, timing, signals, differs: false, problems: Vec::new() }
+    }
+
+    /// Remembers what went wrong in a run; the same thing is said once for all of them.
+    fn problem(&mut self, what: String, run: &str) {
+        match self.problems.iter_mut().find(|(known, _)| *known == what) {
+            Some((_, runs)) => runs.push(run.to_owned()),
+            None => self.problems.push((what, vec![run.to_owned()])),
+        }
     }
 
     /// One vector, once. The first time it is scored, later the samples must be the same.
@@ -150,10 +154,10 @@ impl<'a> Entry<'a> {
         if !first && self.signals[v].is_none() {
             return;
         }
-        let timing = self.timing.entry(vector.rate_hz).or_insert_with(|| Timing::new(3));
+        let mut took = Vec::with_capacity(vector.frames.count());
         let played = contained(|| {
             let mut chain = Chain::new(registry, self.method, &vector.frames, SEED)?;
-            let signal = chain.timed_signal(wall, |ns| timing.record(ns));
+            let signal = chain.timed_signal(wall, |ns| took.push(ns));
             let (faults, report) = chain.faults();
             let why = report.and_then(|r| r.last_fault).map(|f| f.to_string());
             let gone = report.is_some_and(|r| r.quarantined);
@@ -161,8 +165,13 @@ impl<'a> Entry<'a> {
         });
         let (signal, latency_ms, faults, why, gone) = match played {
             Ok(played) => played,
-            Err(why) => return self.row.note(format!("{}: {why}", vector.short_name())),
+            Err(why) => return self.problem(why, vector.short_name()),
         };
+        // What a node takes to fail is not what it costs.
+        if faults == 0 {
+            let timing = self.timing.entry(vector.rate_hz).or_insert_with(|| Timing::new(3));
+            took.into_iter().for_each(|ns| timing.record(ns));
+        }
         if let Some(before) = &self.signals[v] {
             self.differs |= before.iter().map(|x| x.to_bits()).ne(signal.iter().map(|x| x.to_bits()));
             return;
@@ -171,9 +180,9 @@ impl<'a> Entry<'a> {
         self.row.faults[v] = faults;
         if faults > 0 {
             let times = if faults == 1 { "once".into() } else { format!("{faults} times") };
-            let why = why.map(|w| format!(", at last it {w}")).unwrap_or_default();
-            let gone = if gone { "; it is called no more after that" } else { "" };
-            self.row.note(format!("{}: it failed {times}{why}{gone}", vector.short_name()));
+            let why = why.map(|w| format!(", the last time it {w}")).unwrap_or_default();
+            let gone = if gone { ", and was called no more" } else { "" };
+            self.problem(format!("it failed {times}{why}{gone}"), vector.short_name());
         }
         let bins = vector.frames.layout().bins as usize;
         let wide: Vec<f64> = signal.iter().map(|x| f64::from(*x)).collect();
@@ -185,7 +194,7 @@ impl<'a> Entry<'a> {
                     ltas_rms_db: s.ltas_rms_db,
                 });
             }
-            Err(e) => self.row.note(format!("{}: {e}", vector.short_name())),
+            Err(e) => self.problem(e.to_string(), vector.short_name()),
         }
         self.signals[v] = Some(signal);
     }
@@ -194,7 +203,7 @@ impl<'a> Entry<'a> {
         match contained(|| stimulus.drive(registry, self.method)) {
             Ok(lag) => lag,
             Err(why) => {
-                self.row.note(format!("response to a {name}: {why}"));
+                self.problem(why, &format!("response to a {name}"));
                 Lag::default()
             }
         }
@@ -204,8 +213,10 @@ impl<'a> Entry<'a> {
         let timed = self.timing.iter().map(|(&rate, t)| (rate, t.summary()));
         let us = timed.filter(|(_, s)| s.count > 0).map(|(rate, s)| (rate, s.p50_ns as f64 / 1e3));
         self.row.frame_us = us.collect();
+        let problems = self.problems.iter().map(|(what, runs)| format!("{what} ({})", runs.join(", ")));
+        self.row.notes.extend(problems);
         if self.differs {
-            self.row.note("the same frames gave other samples the second time".into());
+            self.row.notes.push("the same frames gave other samples the second time".into());
         }
         self.row
     }

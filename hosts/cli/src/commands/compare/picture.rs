@@ -11,7 +11,7 @@ pub fn svg(set: &Set, rows: &[Row], published: &[Row]) -> String {
     let one_rate = set.rates().len() == 1;
     let convergence = set.vectors.iter().enumerate().map(|(v, vector)| {
         let unit = if one_rate { "dB".into() } else { format!("dB, {} Hz", vector.rate_hz) };
-        accuracy.column(vector.short_name(), &unit, v, |s| s.convergence_db)
+        accuracy.column(vector.short_name(), &unit, v, |s| Some(s.convergence_db))
     });
     let mut groups = vec![("Spectral convergence, less is better".to_owned(), convergence.collect())];
     let mut cost = Vec::new();
@@ -19,11 +19,11 @@ pub fn svg(set: &Set, rows: &[Row], published: &[Row]) -> String {
         let on = |unit: &str| format!("{unit} on {}", set.vectors[v].short_name());
         cost.push(Column {
             decimals: 2,
-            ..accuracy.column("level error", &on("|dB|"), v, |s| s.level_db.abs())
+            ..accuracy.column("level error", &on("|dB|"), v, |s| (!s.is_silent()).then_some(s.level_db.abs()))
         });
         cost.push(Column {
             decimals: 2,
-            ..accuracy.column("LTAS error", &on("rms dB"), v, |s| s.ltas_rms_db)
+            ..accuracy.column("LTAS error", &on("rms dB"), v, |s| (!s.is_silent()).then_some(s.ltas_rms_db))
         });
     }
     let figures = |name: &str, unit: &str, logarithmic: bool, of: &dyn Fn(&Row) -> Vec<f64>| Column {
@@ -66,8 +66,8 @@ struct Accuracy<'a> {
 }
 
 impl Accuracy<'_> {
-    fn column(&self, name: &str, unit: &str, v: usize, of: fn(&Score) -> f64) -> Column {
-        let value = |row: &Row| row.scores[v].as_ref().map(of);
+    fn column(&self, name: &str, unit: &str, v: usize, of: fn(&Score) -> Option<f64>) -> Column {
+        let value = |row: &Row| row.scores[v].as_ref().and_then(of);
         Column {
             name: name.into(),
             unit: unit.into(),

@@ -28,6 +28,13 @@ pub struct Score {
     pub ltas_rms_db: f64,
 }
 
+impl Score {
+    /// Whether the signal has no energy to speak of; its level and long-term spectrum then say nothing.
+    pub fn is_silent(&self) -> bool {
+        self.level_db < -200.0
+    }
+}
+
 /// A published method.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Published {

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use super::contest::Row;
-use super::published::Delay;
+use super::published::{Delay, Score};
 use super::vectors::Set;
 
 /// Widest line.
@@ -74,10 +74,12 @@ fn accuracy(set: &Set) -> Vec<Column<'_>> {
     }
     if let Some(v) = set.smoothest() {
         columns.push(Column::new("level", "", move |row| {
-            row.scores[v].map_or("-".into(), |s| format!("{:+.2}", s.level_db + 0.0))
+            let text = |s: Score| if s.is_silent() { "silent".into() } else { format!("{:+.2}", s.level_db) };
+            row.scores[v].map_or("-".into(), text)
         }));
         columns.push(Column::new("LTAS", "", move |row| {
-            row.scores[v].map_or("-".into(), |s| number(s.ltas_rms_db, 2))
+            let heard = row.scores[v].filter(|s| !s.is_silent());
+            heard.map_or("-".into(), |s| number(s.ltas_rms_db, 2))
         }));
     }
     columns

@@ -49,14 +49,18 @@ fn a_failing_node_is_a_row_that_says_so_and_the_rest_goes_on() {
     let rows = rows(&labels);
     assert_eq!(rows.len(), labels.len());
     for (label, faults, says) in [
-        ("tone:how=nan", 1, "sine: it failed once, at last it wrote a value that is not finite"),
+        ("tone:how=nan", 1, "it failed once, the last time it wrote a value that is not finite (sine)"),
         (
             "tone:how=error",
             8,
-            "sine: it failed 8 times, at last it failed with code 42; it is called no more",
+            "it failed 8 times, the last time it failed with code 42, and was called no more (sine)",
         ),
-        ("tone:how=panic", 1, "sine: it failed once, at last it panicked"),
-        ("tone:how=prepare", 0, "sine: it panicked outside a tick"),
+        ("tone:how=panic", 1, "it failed once, the last time it panicked (sine)"),
+        (
+            "tone:how=prepare",
+            0,
+            "it panicked outside a tick (sine, response to a texture, response to a tone)",
+        ),
         ("tone:how=clock", 0, "the same frames gave other samples the second time"),
     ] {
         let row = row(&rows, label);
@@ -75,7 +79,9 @@ fn a_failing_node_is_a_row_that_says_so_and_the_rest_goes_on() {
         assert!(text.contains(label) && svg.contains(label) && csv.contains(label), "{label}");
     }
     assert_eq!(json["methods"].as_array().unwrap().len(), labels.len());
-    assert!(text.lines().any(|l| l.starts_with("  tone:how=error: sine: it failed 8 times")), "{text}");
+    assert!(text.lines().any(|l| l.starts_with("  tone:how=error: it failed 8 times")), "{text}");
+    assert!(row(&rows, "tone:how=error").frame_us.is_empty(), "what it takes to fail is no cost");
+    assert!(text.contains("silent") && !svg.contains("300"), "nothing is measured of silence: {text}");
     assert!(text.contains(" !"), "a score of a node that failed is marked: {text}");
 }
 
