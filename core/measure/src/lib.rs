@@ -2,4 +2,5 @@
 
 pub mod npy;
 pub mod phase;
+pub mod response;
 pub mod timing;

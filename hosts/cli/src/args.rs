@@ -26,6 +26,8 @@ pub enum Command {
     Graph(Graph),
     /// Turn magnitude frames from NumPy into a signal by a phase-retrieval node
     Invert(Invert),
+    /// Run every phase-retrieval node over vectors: accuracy, response lag, latency, cost
+    Compare(Compare),
     /// Make a plugin, or see which are found
     #[command(subcommand)]
     Plugin(PluginCommand),
@@ -206,4 +208,30 @@ pub struct Invert {
     pub seed: u64,
     #[command(flatten)]
     pub plugins: PluginArgs,
+}
+
+/// `asperity compare`
+#[derive(Debug, clap::Args)]
+pub struct Compare {
+    /// Folder of vectors, NAME_RATE.mag.npy (float32 [frames, bins], unscaled Hann-windowed DFTs of 0.1 s, 2 ms apart) or
+    /// NAME_RATE.sig.npy (a signal), and sc.json with published scores; a small set is built in
+    #[arg(long, value_name = "DIR")]
+    pub vectors: Option<PathBuf>,
+    /// A node with settings, as a row of its own beside those with all defaults
+    #[arg(long, value_name = "KIND[:param=value,...]")]
+    pub phase: Vec<String>,
+    #[command(flatten)]
+    pub plugins: PluginArgs,
+    /// Draw all figures
+    #[arg(long, value_name = "F.svg")]
+    pub svg: Option<PathBuf>,
+    /// Write all figures, a line for each method and vector
+    #[arg(long, value_name = "F.csv", conflicts_with = "json")]
+    pub csv: Option<PathBuf>,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+    /// Show no progress
+    #[arg(long, short)]
+    pub quiet: bool,
 }

@@ -37,6 +37,14 @@ impl Failure {
         Self::Machine(format!("cannot write {}: {what}", path.display()))
     }
 
+    /// What is wrong, in a line.
+    pub fn reason(&self) -> String {
+        match self {
+            Failure::Input(all) => all.first().map(|d| clean(&d.message)).unwrap_or_default(),
+            Failure::Machine(message) => message.clone(),
+        }
+    }
+
     /// Prints what is wrong and answers the exit code.
     pub fn report(&self) -> ExitCode {
         complain(&self.text());

@@ -9,6 +9,7 @@ mod failure;
 mod kinds;
 mod load;
 mod output;
+mod phase;
 mod plot;
 mod render;
 
@@ -25,6 +26,7 @@ fn main() -> ExitCode {
         Command::Nodes(args) => commands::nodes::run(&args),
         Command::Graph(args) => commands::graph::run(&args),
         Command::Invert(args) => commands::invert::run(&args),
+        Command::Compare(args) => commands::compare::run(&args),
         Command::Plugin(command) => commands::plugin::run(&command),
     };
     match result {

@@ -1,6 +1,7 @@
-//! Commands that do not run a graph in time: `check`, `nodes`, `graph`, `invert`.
+//! Commands that do not run a graph in time: `check`, `nodes`, `graph`, `invert`, `compare`.
 
 pub mod check;
+pub mod compare;
 pub mod graph;
 pub mod invert;
 pub mod nodes;

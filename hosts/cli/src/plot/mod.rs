@@ -1,9 +1,10 @@
-//! Pictures as SVG: what a render did, and the graph that did it.
+//! Pictures as SVG: what a render did, the graph that did it, and how phase-retrieval methods compare.
 //!
-//! [`Render`] holds the signals of a render and stacks them as panels over one time axis; [`Picture`] lays a graph out in layers. The SVG is written here rather than by a chart library: lines are
+//! [`Render`] holds the signals of a render and stacks them as panels over one time axis; [`Picture`] lays a graph out in layers; [`Dots`] sets figures side by side. The SVG is written here rather than by a chart library: lines are
 //! thinned to what a pixel can show, coordinates keep a tenth of a pixel, and no fonts are loaded.
 
 mod axis;
+mod dots;
 mod figure;
 mod layers;
 mod lines;
@@ -12,6 +13,7 @@ mod series;
 mod spectrogram;
 mod svg;
 
+pub(crate) use dots::{Column, Dots};
 pub(crate) use figure::Render;
 pub(crate) use picture::{Picture, PictureNode, PictureWire};
 pub(crate) use series::Series;

@@ -1,0 +1,201 @@
+//! How long a signal takes to follow a step of level.
+//!
+//! This response lag is another figure than latency: an overlap-add of 0.1 s windows answers a step 50 ms late although
+//! every sample of it lies where the frames say.
+
+/// Shares of a step whose times are told.
+pub const SHARES: [f64; 3] = [0.1, 0.5, 0.9];
+
+/// Width in seconds over which a level is taken.
+pub const WINDOW_S: f64 = 0.008;
+
+/// Where steps are and how much around them is looked at, all in samples.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Steps<'a> {
+    /// Samples a second.
+    pub rate_hz: u32,
+    /// The sample at which each step is there to be followed.
+    pub at: &'a [usize],
+    /// Samples before a step in which the level is the old one.
+    pub before: usize,
+    /// Samples after a step at whose end the level is the new one: the mean of the last quarter is taken.
+    pub after: usize,
+}
+
+/// Times in ms at which a signal has gone [`SHARES`] of the way to a new level, counted from each step on.
+///
+/// `reference` is the same source without the steps. At i samples from a step the level is the square root of the
+/// energy of all samples within [`WINDOW_S`] of i (less near the step itself, so that what was before it is not seen
+/// through the window), summed over all steps, over the same of the reference. What both signals do alike, such as a
+/// beat between two lines, so drops out; what still wavers is replaced by the nearest level that never falls. The time at
+/// which that reaches each share of the way is answered, linearly between samples and never before the step. None where the
+/// reference is silent, the level does not rise, or no step lies within both signals.
+///
+/// With 120 steps of a white noise at 2500 Hz that shares nothing with its reference, an overlap-add's 90 % comes out with a
+/// standard deviation of 2 ms, its 10 and 50 % of 1 ms.
+pub fn lag_ms(signal: &[f32], reference: &[f32], steps: &Steps<'_>) -> Option<[f64; 3]> {
+    let &Steps { rate_hz, at, before, after } = steps;
+    let (have, want) = (energies(signal, steps)?, energies(reference, steps)?);
+    let level = |from: usize, to: usize| {
+        let (s, r) = (have[to] - have[from], want[to] - want[from]);
+        if r > 0.0 { (s / r).sqrt() } else { 0.0 }
+    };
+    if at.is_empty() || before == 0 || after < 4 {
+        return None;
+    }
+    let end = before + after;
+    let (low, high) = (level(0, before), level(end - after / 4, end));
+    if !(low.is_finite() && high.is_finite()) || high <= low {
+        return None;
+    }
+    let most = (WINDOW_S * f64::from(rate_hz) / 2.0) as usize;
+    // Where the reference has hardly any energy, as a sine at its zeros, the level is that of the next place.
+    let little = 1e-6 * want[end] / end as f64;
+    let mut levels = vec![high; after];
+    let mut next = high;
+    for (i, to) in levels.iter_mut().enumerate().rev() {
+        let half = most.min(i);
+        let window = (before + i - half, (before + i + half + 1).min(end));
+        if want[window.1] - want[window.0] > little {
+            next = level(window.0, window.1);
+        }
+        *to = next;
+    }
+    let rise = never_falling(&levels);
+    let time = |share: f64| {
+        let goal = low + share * (high - low);
+        let i = rise.iter().position(|&l| l >= goal)?;
+        let earlier = i.checked_sub(1).and_then(|j| rise.get(j));
+        let part = earlier.map_or(0.0, |&l| (rise[i] - goal) / (rise[i] - l));
+        Some((i as f64 - part) * 1e3 / f64::from(rate_hz))
+    };
+    let [a, b, c] = SHARES.map(time);
+    Some([a?, b?, c?])
+}
+
+/// The sequence nearest to this one in the mean square that never falls (isotonic regression): neighbours that fall are
+/// pooled to their mean until none do.
+fn never_falling(values: &[f64]) -> Vec<f64> {
+    let mut pools: Vec<(f64, usize)> = Vec::with_capacity(values.len());
+    for &value in values {
+        let mut pool = (value, 1);
+        while let Some(&(sum, count)) = pools.last() {
+            if sum * (pool.1 as f64) < pool.0 * count as f64 {
+                break;
+            }
+            pool = (pool.0 + sum, pool.1 + count);
+            pools.pop();
+        }
+        pools.push(pool);
+    }
+    pools.into_iter().flat_map(|(sum, count)| std::iter::repeat_n(sum / count as f64, count)).collect()
+}
+
+/// Running sum, from 0 on, of the energy around all steps that lie within the signal with what is looked at.
+fn energies(signal: &[f32], steps: &Steps<'_>) -> Option<Vec<f64>> {
+    let length = steps.before.checked_add(steps.after)?;
+    let mut sums = vec![0.0; length];
+    let mut any = false;
+    for &at in steps.at {
+        let Some(from) = at.checked_sub(steps.before) else { continue };
+        let Some(piece) = signal.get(from..from.saturating_add(length)) else { continue };
+        any = true;
+        for (sum, &x) in sums.iter_mut().zip(piece) {
+            *sum += f64::from(x) * f64::from(x);
+        }
+    }
+    let mut total = 0.0;
+    let running = std::iter::once(0.0).chain(sums.into_iter().map(|e| {
+        total += e;
+        total
+    }));
+    any.then(|| running.collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const RATE: u32 = 2500;
+
+    /// A noise of unit variance, the same for the same seed.
+    fn noise(seed: u64, count: usize) -> Vec<f32> {
+        let mut state = seed;
+        let mut uniform = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 40) as f64 / (1u64 << 24) as f64 - 0.5
+        };
+        (0..count).map(|_| ((0..12).map(|_| uniform()).sum::<f64>()) as f32).collect()
+    }
+
+    /// 120 steps from 1 to 4 that a signal follows by `rise` of the time in s since the step.
+    fn stepped(carrier: &[f32], rise: impl Fn(f64) -> f64) -> (Vec<f32>, Vec<usize>) {
+        let at: Vec<usize> = (0..120).map(|k| 500 + 1000 * k).collect();
+        let mut signal = carrier.to_vec();
+        for &step in &at {
+            for (i, x) in signal[step..step + 600].iter_mut().enumerate() {
+                *x *= 1.0 + 3.0 * rise(i as f64 / f64::from(RATE)).clamp(0.0, 1.0) as f32;
+            }
+        }
+        (signal, at)
+    }
+
+    fn lag(signal: &[f32], reference: &[f32], at: &[usize]) -> Option<[f64; 3]> {
+        lag_ms(signal, reference, &Steps { rate_hz: RATE, at, before: 100, after: 500 })
+    }
+
+    #[test]
+    fn a_straight_rise_is_timed_to_the_sample() {
+        let carrier = noise(1, 121_000);
+        let (signal, at) = stepped(&carrier, |t| (t - 0.02) / 0.1);
+        let found = lag(&signal, &carrier, &at).unwrap();
+        for (ms, want) in found.into_iter().zip([30.0, 70.0, 110.0]) {
+            assert!((ms - want).abs() < 0.4, "{found:?}");
+        }
+    }
+
+    #[test]
+    fn what_answers_at_once_has_no_lag_and_never_a_negative_one() {
+        let carrier = noise(2, 121_000);
+        let (signal, at) = stepped(&carrier, |_| 1.0);
+        assert_eq!(lag(&signal, &carrier, &at), Some([0.0; 3]));
+        let (early, _) = stepped(&carrier, |t| t + 1.0);
+        assert!(lag(&early, &carrier, &at).unwrap().iter().all(|ms| *ms >= 0.0));
+    }
+
+    /// How far an overlap-add with Hann windows of 0.1 s is on its way: the part of the squared window that is new.
+    fn overlap_added(t: f64) -> f64 {
+        let x = (t / 0.1).clamp(0.0, 1.0);
+        let (one, two) = (std::f64::consts::TAU * x, 2.0 * std::f64::consts::TAU * x);
+        x - (4.0 / 3.0 * one.sin() - two.sin() / 6.0) / std::f64::consts::TAU
+    }
+
+    #[test]
+    fn a_zero_of_the_reference_at_the_step_is_no_lag() {
+        let sine: Vec<f32> =
+            (0..121_000).map(|i| (std::f64::consts::TAU * f64::from(i) / 10.0).sin() as f32).collect();
+        let (signal, at) = stepped(&sine, |_| 1.0);
+        assert_eq!(lag(&signal, &sine, &at), Some([0.0; 3]));
+    }
+
+    #[test]
+    fn a_signal_that_shares_nothing_with_its_reference_is_timed_all_the_same() {
+        for seed in 0..5 {
+            let (signal, at) = stepped(&noise(10 + seed, 121_000), overlap_added);
+            let found = lag(&signal, &noise(20 + seed, 121_000), &at).unwrap();
+            for (ms, want, most) in [(found[0], 31.4, 2.0), (found[1], 50.0, 2.0), (found[2], 68.6, 5.0)] {
+                assert!((ms - want).abs() < most, "{found:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn without_a_rise_there_is_no_lag() {
+        let carrier = noise(3, 121_000);
+        let (signal, at) = stepped(&carrier, |t| t / 0.1);
+        assert_eq!(lag(&carrier, &carrier, &at), None);
+        assert_eq!(lag(&signal, &vec![0.0; 121_000], &at), None);
+        assert_eq!(lag(&signal, &carrier, &[]), None);
+        assert_eq!(lag(&signal, &carrier, &[3, 120_999]), None, "steps at the very ends");
+    }
+}

@@ -1,0 +1,249 @@
+//! Every method on every vector.
+//!
+//! Methods take turns on each vector, and all that is repeated in rounds, so that what else the machine does falls on all alike.
+
+use std::collections::BTreeMap;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::time::Instant;
+
+use asperity_engine::Clock;
+use asperity_measure::phase;
+use asperity_measure::timing::Timing;
+use asperity_node::Registry;
+use indicatif::{ProgressBar, ProgressStyle};
+
+use super::lag::{Lag, Stimulus};
+use super::published::{Delay, Score};
+use super::vectors::{Set, Vector};
+use crate::failure::Failure;
+use crate::phase::{Chain, Method};
+
+/// How often everything is run for its time.
+const ROUNDS: usize = 3;
+/// Seed of the graphs.
+const SEED: u64 = 1;
+
+/// What one method came to, or is published to have come to.
+#[derive(Clone, Debug)]
+pub struct Row {
+    /// What it is called.
+    pub label: String,
+    /// The node's kind; none of a published method.
+    pub kind: Option<String>,
+    /// For every vector of the set, where there is a score.
+    pub scores: Vec<Option<Score>>,
+    /// For every vector, how often the node failed on it.
+    pub faults: Vec<u64>,
+    /// Declared latency.
+    pub delay: Delay,
+    /// Response lag on a texture, in ms.
+    pub texture_lag_ms: Option<[f64; 3]>,
+    /// Response lag on a tone, in ms.
+    pub tone_lag_ms: Option<[f64; 3]>,
+    /// Median time for a frame until there are samples, in us, by the rate of the vectors in Hz.
+    pub frame_us: BTreeMap<u32, f64>,
+    /// What else a person must know.
+    pub notes: Vec<String>,
+}
+
+struct Wall(Instant);
+
+impl Clock for Wall {
+    fn now_ns(&self) -> u64 {
+        self.0.elapsed().as_nanos() as u64
+    }
+}
+
+/// A method while it is measured.
+struct Entry<'a> {
+    method: &'a Method,
+    row: Row,
+    timing: BTreeMap<u32, Timing>,
+    /// What it made of every vector, from the first round.
+    signals: Vec<Option<Vec<f32>>>,
+    differs: bool,
+    /// What went wrong, and in which runs.
+    problems: Vec<(String, Vec<String>)>,
+}
+
+/// Runs all methods over all vectors; the best come first.
+///
+/// # Errors
+/// None that comes from a method: what fails is said in its row.
+pub fn run(registry: &Registry, methods: &[Method], set: &Set, quiet: bool) -> Result<Vec<Row>, Failure> {
+    let (texture, tone) = (Stimulus::texture()?, Stimulus::tone()?);
+    let bar = progress(methods.len() * (ROUNDS * set.vectors.len() + 2), quiet);
+    let mut entries: Vec<Entry<'_>> = methods.iter().map(|m| Entry::new(m, set.vectors.len())).collect();
+    let wall = Wall(Instant::now());
+    for round in 0..ROUNDS {
+        for (v, vector) in set.vectors.iter().enumerate() {
+            for entry in &mut entries {
+                entry.play(registry, &wall, vector, v, round == 0);
+                bar.inc(1);
+            }
+        }
+    }
+    for entry in &mut entries {
+        let [over_texture, over_tone] = [("texture", &texture), ("tone", &tone)].map(|(name, stimulus)| {
+            let lag = entry.lag(registry, name, stimulus);
+            bar.inc(1);
+            lag
+        });
+        (entry.row.texture_lag_ms, entry.row.tone_lag_ms) = (over_texture.ms, over_tone.ms);
+        entry.differs |= over_texture.differs || over_tone.differs;
+    }
+    bar.finish_and_clear();
+    let mut rows: Vec<Row> = entries.into_iter().map(Entry::into_row).collect();
+    sort(&mut rows);
+    Ok(rows)
+}
+
+/// The published methods that have a score on any of the vectors, as rows; the best come first.
+pub fn published(set: &Set) -> Vec<Row> {
+    let rows = set.published.iter().map(|p| {
+        let scores: Vec<Option<Score>> = set.vectors.iter().map(|v| p.score(v)).collect();
+        Row { delay: p.delay, scores, ..Row::new(&p.name, set.vectors.len()) }
+    });
+    let mut rows: Vec<Row> = rows.filter(|r| r.scores.iter().any(Option::is_some)).collect();
+    sort(&mut rows);
+    rows
+}
+
+/// Runs what may panic where nothing else would catch it: a node while it is prepared.
+fn contained<T>(f: impl FnOnce() -> Result<T, Failure>) -> Result<T, String> {
+    match catch_unwind(AssertUnwindSafe(f)) {
+        Ok(Ok(value)) => Ok(value),
+        Ok(Err(failure)) => Err(failure.reason()),
+        Err(_) => Err("it panicked outside a tick".into()),
+    }
+}
+
+impl Row {
+    fn new(label: &str, vectors: usize) -> Self {
+        Self {
+            label: label.to_owned(),
+            kind: None,
+            scores: vec![None; vectors],
+            faults: vec![0; vectors],
+            delay: Delay::Unknown,
+            texture_lag_ms: None,
+            tone_lag_ms: None,
+            frame_us: BTreeMap::new(),
+            notes: Vec::new(),
+        }
+    }
+}
+
+impl<'a> Entry<'a> {
+    fn new(method: &'a Method, vectors: usize) -> Self {
+        let row = Row { kind: Some(method.kind().to_owned()), ..Row::new(&method.label, vectors) };
+        let (timing, signals) = (BTreeMap::new(), vec![None; vectors]);
+        Self { method, row, timing, signals, differs: false, problems: Vec::new() }
+    }
+
+    /// Remembers what went wrong in a run; the same thing is said once for all of them.
+    fn problem(&mut self, what: String, run: &str) {
+        match self.problems.iter_mut().find(|(known, _)| *known == what) {
+            Some((_, runs)) => runs.push(run.to_owned()),
+            None => self.problems.push((what, vec![run.to_owned()])),
+        }
+    }
+
+    /// One vector, once. The first time it is scored, later the samples must be the same.
+    fn play(&mut self, registry: &Registry, wall: &Wall, vector: &Vector, v: usize, first: bool) {
+        if !first && self.signals[v].is_none() {
+            return;
+        }
+        let mut took = Vec::with_capacity(vector.frames.count());
+        let played = contained(|| {
+            let mut chain = Chain::new(registry, self.method, &vector.frames, SEED)?;
+            let signal = chain.timed_signal(wall, |ns| took.push(ns));
+            let (faults, report) = chain.faults();
+            let why = report.and_then(|r| r.last_fault).map(|f| f.to_string());
+            let gone = report.is_some_and(|r| r.quarantined);
+            Ok((signal, chain.latency().ms(), faults, why, gone))
+        });
+        let (signal, latency_ms, faults, why, gone) = match played {
+            Ok(played) => played,
+            Err(why) => return self.problem(why, vector.short_name()),
+        };
+        // What a node takes to fail is not what it costs.
+        if faults == 0 {
+            let timing = self.timing.entry(vector.rate_hz).or_insert_with(|| Timing::new(3));
+            took.into_iter().for_each(|ns| timing.record(ns));
+        }
+        if let Some(before) = &self.signals[v] {
+            self.differs |= before.iter().map(|x| x.to_bits()).ne(signal.iter().map(|x| x.to_bits()));
+            return;
+        }
+        self.row.delay = Delay::Ms(latency_ms);
+        self.row.faults[v] = faults;
+        if faults > 0 {
+            let times = if faults == 1 { "once".into() } else { format!("{faults} times") };
+            let why = why.map(|w| format!(", the last time it {w}")).unwrap_or_default();
+            let gone = if gone { ", and was called no more" } else { "" };
+            self.problem(format!("it failed {times}{why}{gone}"), vector.short_name());
+        }
+        let bins = vector.frames.layout().bins as usize;
+        let wide: Vec<f64> = signal.iter().map(|x| f64::from(*x)).collect();
+        match phase::score(&vector.unscaled, &phase::framing(vector.rate_hz, bins), &wide) {
+            Ok(s) => {
+                self.row.scores[v] = Some(Score {
+                    convergence_db: s.convergence_db,
+                    level_db: s.gain_db,
+                    ltas_rms_db: s.ltas_rms_db,
+                });
+            }
+            Err(e) => self.problem(e.to_string(), vector.short_name()),
+        }
+        self.signals[v] = Some(signal);
+    }
+
+    fn lag(&mut self, registry: &Registry, name: &str, stimulus: &Stimulus) -> Lag {
+        match contained(|| stimulus.drive(registry, self.method)) {
+            Ok(lag) => lag,
+            Err(why) => {
+                self.problem(why, &format!("response to a {name}"));
+                Lag::default()
+            }
+        }
+    }
+
+    fn into_row(mut self) -> Row {
+        let timed = self.timing.iter().map(|(&rate, t)| (rate, t.summary()));
+        let us = timed.filter(|(_, s)| s.count > 0).map(|(rate, s)| (rate, s.p50_ns as f64 / 1e3));
+        self.row.frame_us = us.collect();
+        let problems = self.problems.iter().map(|(what, runs)| format!("{what} ({})", runs.join(", ")));
+        self.row.notes.extend(problems);
+        if self.differs {
+            self.row.notes.push("the same frames gave other samples the second time".into());
+        }
+        self.row
+    }
+}
+
+/// Puts rows in the order of their mean rank in spectral convergence over the vectors. A vector without a score counts as
+/// the last rank.
+fn sort(rows: &mut [Row]) {
+    let db = |row: &Row, v: usize| row.scores[v].map_or(f64::INFINITY, |s| s.convergence_db);
+    let vectors = rows.first().map_or(0, |r| r.scores.len());
+    let ranks: BTreeMap<String, usize> = rows
+        .iter()
+        .map(|row| {
+            let better = |v: usize| rows.iter().filter(|other| db(other, v) < db(row, v)).count();
+            (row.label.clone(), (0..vectors).map(better).sum())
+        })
+        .collect();
+    rows.sort_by_key(|row| ranks.get(&row.label).copied().unwrap_or(usize::MAX));
+}
+
+fn progress(steps: usize, quiet: bool) -> ProgressBar {
+    if quiet {
+        return ProgressBar::hidden();
+    }
+    let bar = ProgressBar::new(steps as u64);
+    if let Ok(style) = ProgressStyle::with_template("comparing {wide_bar} {percent:>3} %  {eta} left") {
+        bar.set_style(style);
+    }
+    bar
+}

@@ -1,0 +1,86 @@
+//! `asperity compare`: every phase-retrieval node over the same magnitudes, side by side.
+//!
+//! [`vectors`] are what is compared on, [`contest`] runs all methods over them and measures [`lag`], the rest shows
+//! the rows that come of it.
+
+mod builtin;
+mod contest;
+mod files;
+mod lag;
+mod picture;
+mod published;
+mod table;
+#[cfg(test)]
+mod tests;
+mod vectors;
+
+use std::path::Path;
+use std::process::ExitCode;
+
+use asperity_node::Registry;
+use asperity_source::Diagnostic;
+
+use crate::args::Compare;
+use crate::failure::{Failure, print};
+use crate::kinds;
+use crate::output::{Pending, resolved};
+use crate::phase::{Chain, Method, retrievers};
+use vectors::Set;
+
+/// Runs the command.
+pub fn run(args: &Compare) -> Result<ExitCode, Failure> {
+    let registry = kinds::registry(&args.plugins.plugin)?;
+    let set = match &args.vectors {
+        Some(dir) => vectors::read(dir)?,
+        None => builtin::set()?,
+    };
+    let methods = methods(&registry, &args.phase, &set)?;
+    let (svg, csv) = (args.svg.as_deref(), args.csv.as_deref());
+    if let (Some(a), Some(b)) = (svg, csv)
+        && resolved(a) == resolved(b)
+    {
+        return Err(Diagnostic::new("the picture and the table cannot both go here").in_file(a).into());
+    }
+    // Before minutes of work, so that a folder that is not there is told of at once.
+    let pending = |path: Option<&Path>| path.map(Pending::create).transpose();
+    let (svg, csv) = (pending(svg)?, pending(csv)?);
+
+    let rows = contest::run(&registry, &methods, &set, args.quiet)?;
+    let published = contest::published(&set);
+    let mut wrote = String::new();
+    let written = [(svg, &args.svg, picture::svg as fn(_, _, _) -> _), (csv, &args.csv, files::csv)];
+    for (pending, path, text) in written {
+        if let (Some(pending), Some(path)) = (pending, path) {
+            pending.keep_text(&text(&set, &rows[..], &published[..]))?;
+            wrote += &format!("wrote {}\n", path.display());
+        }
+    }
+    if args.json {
+        print(&format!("{:#}\n", files::json(&set, &rows, &published)))?;
+    } else {
+        print(&format!("{}{wrote}", table::text(&set, &rows, &published)))?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Every kind that retrieves phase with all defaults, and what the user asks for beside them.
+///
+/// # Errors
+/// What a user asks for and cannot be made. A kind that fails without being asked for is left to its row.
+fn methods(registry: &Registry, asked: &[String], set: &Set) -> Result<Vec<Method>, Failure> {
+    let kinds = retrievers(registry);
+    let mut all = kinds.iter().map(|d| Method::parse(&d.kind, registry)).collect::<Result<Vec<_>, _>>()?;
+    for text in asked {
+        let method = Method::parse(text, registry)?;
+        if all.iter().all(|m| m.label != method.label) {
+            if let Some(vector) = set.vectors.first() {
+                Chain::new(registry, &method, &vector.frames, 1)?;
+            }
+            all.push(method);
+        }
+    }
+    if all.is_empty() {
+        return Err(Failure::Machine("there is no phase-retrieval node".into()));
+    }
+    Ok(all)
+}

@@ -1,0 +1,151 @@
+//! Methods that fail, and response lags that are known.
+
+use asperity_node::Registry;
+
+use super::contest::{Row, run};
+use super::lag::{Lag, Stimulus};
+use super::published::Delay;
+use super::vectors::{Set, Vector};
+use super::{builtin, files, picture, table};
+use crate::phase::Method;
+use crate::phase::testing::{Counter, Tone};
+
+fn registry() -> Registry {
+    asperity_nodes::registry().with::<Tone>().with::<Counter>()
+}
+
+/// One short vector: the tone that the test node plays.
+fn set() -> Set {
+    let sine = |i: u32| (std::f64::consts::TAU * 250.0 * f64::from(i) / 2500.0).sin();
+    let signal: Vec<f64> = (0..1000).map(sine).collect();
+    let vector = Vector::of_signal("sine_2500", 2500, &signal).unwrap();
+    Set { from: "a test".into(), vectors: vec![vector], published: Vec::new() }
+}
+
+fn rows(labels: &[&str]) -> Vec<Row> {
+    let registry = registry();
+    let methods: Vec<Method> = labels
+        .iter()
+        .map(|l| Method::parse(l, &registry).unwrap_or_else(|e| panic!("{}", e.reason())))
+        .collect();
+    run(&registry, &methods, &set(), true).unwrap_or_else(|e| panic!("{}", e.reason()))
+}
+
+fn row<'a>(rows: &'a [Row], label: &str) -> &'a Row {
+    rows.iter().find(|r| r.label == label).unwrap_or_else(|| panic!("no row {label}"))
+}
+
+#[test]
+fn a_failing_node_is_a_row_that_says_so_and_the_rest_goes_on() {
+    let labels = [
+        "tone",
+        "tone:how=nan",
+        "tone:how=error",
+        "tone:how=panic",
+        "tone:how=prepare",
+        "tone:how=clock",
+        "spsi",
+    ];
+    let rows = rows(&labels);
+    assert_eq!(rows.len(), labels.len());
+    for (label, faults, says) in [
+        ("tone:how=nan", 1, "it failed once, the last time it wrote a value that is not finite (sine)"),
+        (
+            "tone:how=error",
+            8,
+            "it failed 8 times, the last time it failed with code 42, and was called no more (sine)",
+        ),
+        ("tone:how=panic", 1, "it failed once, the last time it panicked (sine)"),
+        (
+            "tone:how=prepare",
+            0,
+            "it panicked outside a tick (sine, response to a texture, response to a tone)",
+        ),
+        ("tone:how=clock", 0, "the same frames gave other samples the second time"),
+    ] {
+        let row = row(&rows, label);
+        assert_eq!(row.faults, [faults], "{label}");
+        assert!(row.notes.iter().any(|n| n.starts_with(says)), "{label}: {:?}", row.notes);
+        assert_eq!(row.scores[0].is_some(), label != "tone:how=prepare", "{label}");
+    }
+    for label in ["tone", "spsi"] {
+        let row = row(&rows, label);
+        assert!(row.notes.is_empty() && row.scores[0].is_some_and(|s| s.convergence_db < -50.0), "{row:?}");
+    }
+    let set = set();
+    let (text, svg) = (table::text(&set, &rows, &[]), picture::svg(&set, &rows, &[]));
+    let (csv, json) = (files::csv(&set, &rows, &[]), files::json(&set, &rows, &[]));
+    for label in labels {
+        assert!(text.contains(label) && svg.contains(label) && csv.contains(label), "{label}");
+    }
+    assert_eq!(json["methods"].as_array().unwrap().len(), labels.len());
+    assert!(text.lines().any(|l| l.starts_with("  tone:how=error: it failed 8 times")), "{text}");
+    assert!(row(&rows, "tone:how=error").frame_us.is_empty(), "what it takes to fail is no cost");
+    assert!(text.contains("silent") && !svg.contains("300"), "nothing is measured of silence: {text}");
+    assert!(text.contains(" !"), "a score of a node that failed is marked: {text}");
+}
+
+#[test]
+fn the_best_on_most_vectors_comes_first() {
+    let rows = rows(&["tone:delay=60", "tone:how=error", "tone"]);
+    assert_eq!(rows[0].label, "tone");
+    assert_eq!(rows[2].label, "tone:how=error");
+    assert_eq!(row(&rows, "tone").delay, Delay::Ms(0.0));
+}
+
+fn lag(stimulus: &Stimulus, label: &str) -> Lag {
+    let registry = registry();
+    let method = Method::parse(label, &registry).unwrap_or_else(|e| panic!("{}", e.reason()));
+    stimulus.drive(&registry, &method).unwrap_or_else(|e| panic!("{}", e.reason()))
+}
+
+#[test]
+fn what_answers_in_the_same_tick_has_no_lag_and_a_delay_has_its_own() {
+    for stimulus in [Stimulus::tone().unwrap(), Stimulus::texture().unwrap()] {
+        assert_eq!(lag(&stimulus, "tone").ms, Some([0.0; 3]));
+        let ms = lag(&stimulus, "tone:delay=10").ms.unwrap();
+        for (ms, early) in ms.into_iter().zip([3.0, 1.0, 0.2]) {
+            // The level is taken over 8 ms, and of 1 + 3 x, squared, more than half lies in the louder part.
+            assert!(ms < 24.0 && ms > 20.0 - 4.2 && ms >= 20.0 - early - 1.0, "{ms}");
+        }
+        assert!(!lag(&stimulus, "tone:delay=10").differs);
+        assert!(lag(&stimulus, "tone:how=clock").differs);
+    }
+}
+
+/// A tone's level behind an overlap-add follows the part of the squared Hann window that is new, from half a hop before
+/// each frame's start on.
+#[test]
+fn spsi_follows_a_tone_as_overlap_add_does() {
+    let part = |t: f64| {
+        let x = std::f64::consts::TAU * (t / 0.1).clamp(0.0, 1.0);
+        (x - 4.0 / 3.0 * x.sin() + (2.0 * x).sin() / 6.0) / std::f64::consts::TAU
+    };
+    let ms = lag(&Stimulus::tone().unwrap(), "spsi").ms.unwrap();
+    for (ms, share) in ms.into_iter().zip([0.1, 0.5, 0.9]) {
+        let near = part(ms * 1e-3 + 1e-3);
+        assert!((near - share).abs() < 0.02, "{ms} ms: {near} for {share}");
+    }
+}
+
+#[test]
+fn a_silent_node_has_no_lag_and_a_long_latency_is_not_taken_for_one() {
+    let stimulus = Stimulus::tone().unwrap();
+    assert_eq!(lag(&stimulus, "tone:how=error").ms, None);
+    let registry = registry();
+    let method = Method::parse("counter:late=200", &registry).unwrap_or_else(|e| panic!("{}", e.reason()));
+    let why = stimulus.drive(&registry, &method).err().map(|e| e.reason()).unwrap_or_default();
+    assert!(why.contains("80 ms of latency"), "{why}");
+}
+
+#[test]
+fn published_rows_are_those_with_a_score_on_the_vectors() {
+    let set = builtin::set().unwrap_or_else(|e| panic!("{}", e.reason()));
+    let rows = super::contest::published(&set);
+    assert_eq!(rows.len(), 24);
+    let row = row(&rows, "scr5x5_centre");
+    assert_eq!(row.delay, Delay::Ms(-50.0));
+    let texture = set.vectors.iter().position(|v| v.name == "texture_2500").unwrap();
+    assert_eq!(row.scores[texture].unwrap().convergence_db, -22.09);
+    assert!(super::contest::published(&self::set()).is_empty());
+}

@@ -1,0 +1,173 @@
+//! Magnitude frames in memory, and the node that plays them.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use asperity_measure::npy;
+use asperity_node::{
+    Config, Descriptor, Diagnostic, Fault, FrameLayout, FrameRate, LayoutSpec, NodeKind, Output, Ports,
+    Processor, Setup, ShapeSpec, Status, Tick, Unit, time,
+};
+
+use crate::failure::Failure;
+
+/// Frames a second of magnitudes from NumPy.
+pub const FRAME_HZ: u32 = 500;
+/// Rates that are accepted, in Hz.
+const RATES: std::ops::RangeInclusive<u32> = 100..=192_000;
+
+/// Magnitudes as amplitudes, at least one frame of them, and their layout.
+pub struct Frames {
+    layout: FrameLayout,
+    bins: Vec<f32>,
+}
+
+/// Refuses a rate at which 0.1 s is no whole number of samples. `what` is what the rate stands in, such as `--rate 44`.
+///
+/// # Errors
+/// A rate that is too low, too high or no multiple of 10.
+pub fn check_rate(what: &str, rate_hz: u32) -> Result<(), Diagnostic> {
+    if RATES.contains(&rate_hz) && rate_hz.is_multiple_of(10) {
+        return Ok(());
+    }
+    let (least, most) = (RATES.start(), RATES.end());
+    Err(Diagnostic::new(format!("{what} does not fit")).help(format!(
+        "{least} to {most} Hz, and a multiple of 10, so that 0.1 s is a whole number of samples"
+    )))
+}
+
+impl Frames {
+    /// Frames of unscaled Hann-windowed DFTs of 0.1 s, `bins` values each, bin 0 first, [`FRAME_HZ`] a second. What is
+    /// negative or not finite becomes 0; answers how many those were.
+    ///
+    /// # Errors
+    /// No whole number of frames, none at all, or more bins than such a transform has.
+    pub fn from_unscaled(mut values: Vec<f32>, bins: usize, rate_hz: u32) -> Result<(Self, u64), Diagnostic> {
+        let length = rate_hz / 10;
+        let most = length as usize / 2 + 1;
+        if bins == 0 || bins > most || values.is_empty() || !values.len().is_multiple_of(bins) {
+            let shape = [values.len() / bins.max(1), bins];
+            return Err(Diagnostic::new(format!("an array of shape {shape:?} does not fit"))
+                .help(format!("at least one frame, and 1 to {most} bins at {rate_hz} Hz")));
+        }
+        // An unscaled DFT of a Hann window, whose sum is half its length, to amplitudes.
+        let scale = 4.0 / length as f32;
+        let mut bad = 0;
+        for x in &mut values {
+            if *x >= 0.0 && x.is_finite() {
+                *x *= scale;
+            } else {
+                bad += 1;
+                *x = 0.0;
+            }
+        }
+        Ok((Self { layout: layout(bins, rate_hz)?, bins: values }, bad))
+    }
+
+    /// The same from a file of shape [frames, bins].
+    ///
+    /// # Errors
+    /// A file that is no such array.
+    pub fn read(path: &Path, rate_hz: u32) -> Result<(Self, u64), Failure> {
+        let array = npy::read(path)?;
+        let &[_, bins] = array.shape.as_slice() else {
+            return Err(Diagnostic::new(format!("an array of shape {:?} does not fit", array.shape))
+                .in_file(path)
+                .help("two dimensions: [frames, bins]")
+                .into());
+        };
+        Ok(Self::from_unscaled(array.values.into_f32(), bins, rate_hz).map_err(|e| e.in_file(path))?)
+    }
+
+    /// Frames that are amplitudes already; a whole number of them, at least one.
+    ///
+    /// # Errors
+    /// A rate of 0 frames a second, which [`FRAME_HZ`] is not.
+    pub fn from_amplitudes(bins: Vec<f32>, bins_a_frame: usize, rate_hz: u32) -> Result<Self, Diagnostic> {
+        Ok(Self { layout: layout(bins_a_frame, rate_hz)?, bins })
+    }
+
+    /// How the frames came to be.
+    pub fn layout(&self) -> FrameLayout {
+        self.layout
+    }
+
+    /// How many frames.
+    pub fn count(&self) -> usize {
+        self.bins.len() / self.layout.bins as usize
+    }
+
+    /// First sample of a frame.
+    pub fn start(&self, frame: u64) -> u64 {
+        time::first_sample(frame, self.layout.rate_hz, FRAME_HZ)
+    }
+
+    /// Samples that the frames cover: frame n those from its start on, as many as its window has.
+    pub fn samples(&self) -> u64 {
+        self.start((self.count() as u64).saturating_sub(1)) + u64::from(self.layout.length)
+    }
+
+    /// All amplitudes, frame by frame.
+    pub fn amplitudes(&self) -> &[f32] {
+        &self.bins
+    }
+
+    /// Magnitudes of the unscaled DFT, as the files have them.
+    pub fn unscaled(&self) -> Vec<f32> {
+        let scale = self.layout.length as f32 / 4.0;
+        self.bins.iter().map(|x| x * scale).collect()
+    }
+}
+
+fn layout(bins: usize, rate_hz: u32) -> Result<FrameLayout, Diagnostic> {
+    let frame_rate = FrameRate::new(FRAME_HZ, 1).ok_or_else(|| Diagnostic::new("no frame rate"))?;
+    Ok(FrameLayout { rate_hz, length: rate_hz / 10, bins: bins as u32, frame_rate })
+}
+
+/// The kind that plays frames. No file can name it: its name has spaces.
+pub(super) const MAGNITUDES: &str = "magnitudes from memory";
+
+/// A source that plays frames from memory, one a tick.
+pub(super) struct MagnitudesKind {
+    descriptor: Descriptor,
+    frames: Arc<Frames>,
+}
+
+impl MagnitudesKind {
+    pub(super) fn new(frames: Arc<Frames>) -> Self {
+        let shape = ShapeSpec::Magnitude(LayoutSpec::Is(frames.layout));
+        let output = Output::new("magnitude", shape, Unit::METRE_PER_SECOND_SQUARED);
+        let descriptor = Descriptor::new(MAGNITUDES, "Plays the frames it was given.").output(output);
+        Self { descriptor, frames }
+    }
+}
+
+impl NodeKind for MagnitudesKind {
+    fn descriptor(&self) -> &Descriptor {
+        &self.descriptor
+    }
+
+    fn ports(&self, _config: &Config<'_>) -> Result<Ports, Diagnostic> {
+        Ok(Ports { inputs: Vec::new(), outputs: self.descriptor.outputs.clone() })
+    }
+
+    fn prepare(&self, _setup: &Setup<'_>) -> Result<Box<dyn Processor>, Diagnostic> {
+        Ok(Box::new(Magnitudes(self.frames.clone())))
+    }
+}
+
+struct Magnitudes(Arc<Frames>);
+
+impl Processor for Magnitudes {
+    fn process(&mut self, tick: &mut Tick<'_>) -> Result<Status, Fault> {
+        let Frames { layout, bins } = &*self.0;
+        let at = tick.index as usize * layout.bins as usize;
+        let Some(frame) = bins.get(at..at + layout.bins as usize) else { return Ok(Status::Asleep) };
+        tick.outputs.magnitude(0, tick.index, self.0.start(tick.index)).copy_from_slice(frame);
+        Ok(Status::Continue)
+    }
+
+    fn reset(&mut self) -> Result<(), Fault> {
+        Ok(())
+    }
+}

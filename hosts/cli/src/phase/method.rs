@@ -1,0 +1,94 @@
+//! Which kinds retrieve phase, and how a command line names one.
+
+use asperity_graph::{GraphFile, NodeDecl};
+use asperity_node::{Descriptor, Diagnostic, NodeKind, Registry, ShapeSpec};
+use asperity_source::{Source, one_of};
+
+use crate::failure::Failure;
+
+/// The graph whose phase-retrieval node is what `default` means, and its name in errors.
+const SHIPPED: (&str, &str) = ("heravi2024.ron (shipped)", include_str!("../../../../graphs/heravi2024.ron"));
+
+/// The option that names methods, for errors.
+const OPTION: &str = "--phase";
+
+/// The node's id in a chain.
+pub(super) const ID: &str = "phase";
+
+/// How a kind retrieves phase.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Retrieval<'a> {
+    /// Its input of magnitudes.
+    pub input: &'a str,
+    /// Its output.
+    pub output: &'a str,
+    /// Whether it answers spectra, so that an `overlap_add` has to follow; else it answers samples.
+    pub spectrum: bool,
+}
+
+/// How a kind retrieves phase, if it does: it has exactly one required input, which takes magnitudes, and one output,
+/// which is spectra or samples.
+pub fn retrieval(d: &Descriptor) -> Option<Retrieval<'_>> {
+    let mut required = d.inputs.iter().filter(|p| !p.optional);
+    let (Some(input), None) = (required.next(), required.next()) else { return None };
+    let [output] = d.outputs.as_slice() else { return None };
+    let spectrum = match output.shape {
+        ShapeSpec::Spectrum(_) => true,
+        ShapeSpec::Audio(_) => false,
+        _ => return None,
+    };
+    let magnitudes = matches!(input.shape, ShapeSpec::Magnitude(_));
+    magnitudes.then_some(Retrieval { input: &input.name, output: &output.name, spectrum })
+}
+
+/// Every kind of a registry that retrieves phase, by name.
+pub fn retrievers(registry: &Registry) -> Vec<&Descriptor> {
+    registry.iter().map(|k| NodeKind::descriptor(&**k)).filter(|d| retrieval(d).is_some()).collect()
+}
+
+/// A phase-retrieval node with its settings.
+#[derive(Clone, Debug)]
+pub struct Method {
+    /// What a person calls it: the text it was made from.
+    pub label: String,
+    /// The node, as a graph declares it.
+    pub(super) node: NodeDecl,
+}
+
+impl Method {
+    /// Reads `KIND` or `KIND:param=value,...`; the kind `default` is the one of the shipped graph, with its settings.
+    /// Whether the kind has those parameters shows when a chain is made of it.
+    ///
+    /// # Errors
+    /// A kind that is not there or does not retrieve phase, a setting without `=`.
+    pub fn parse(text: &str, registry: &Registry) -> Result<Self, Failure> {
+        let (kind, settings) = text.split_once(':').unwrap_or((text, ""));
+        let kinds: Vec<&str> = retrievers(registry).into_iter().map(|d| d.kind.as_ref()).collect();
+        let mut graph = GraphFile::empty(OPTION);
+        if kind == "default" {
+            let shipped = GraphFile::parse(&Source::new(SHIPPED.0, SHIPPED.1))?;
+            let node = shipped.nodes.iter().find(|n| kinds.contains(&n.kind.as_str()));
+            let node =
+                node.ok_or_else(|| Failure::Machine("the shipped graph has no phase retrieval".into()))?;
+            graph.nodes.push(NodeDecl { id: ID.into(), ..node.clone() });
+        } else if kinds.contains(&kind) {
+            graph.add_node(ID, kind, &[], OPTION)?;
+        } else {
+            let names = kinds.iter().copied().chain(["default"]);
+            return Err(Diagnostic::new(format!("`{kind}` is no phase-retrieval node"))
+                .in_file(OPTION)
+                .help(one_of(kind, names))
+                .into());
+        }
+        for setting in settings.split(',').filter(|s| !s.trim().is_empty()) {
+            graph.set(&format!("{ID}.{}", setting.trim()), OPTION)?;
+        }
+        let node = graph.nodes.pop().ok_or_else(|| Failure::Machine("the node is gone".into()))?;
+        Ok(Self { label: text.to_owned(), node })
+    }
+
+    /// The kind of the node.
+    pub fn kind(&self) -> &str {
+        &self.node.kind
+    }
+}
