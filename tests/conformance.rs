@@ -71,7 +71,7 @@ fn subject(kind: &Arc<dyn NodeKind>) -> Subject<'static> {
 
 /// What is known and meant: no reset cools a coil, so the limiter keeps its heat.
 fn is_meant(kind: &str, case: &str) -> bool {
-    kind == "limiter" && matches!(case, "reset" | "state" | "garbage_state")
+    kind == "limiter" && matches!(case, "reset" | "garbage_state")
 }
 
 /// Runs some cases over all built-in kinds.

@@ -39,11 +39,19 @@ pub(super) fn rates(subject: &Subject<'_>) -> Found {
     let main = main(subject)?;
     let first = main.conditions;
     let mut places = Vec::new();
-    let sources = [8000, 2500, 44_100, 500];
-    for tick_hz in [100, 250, 333, 500, 700, 1000, 2500, 4000] {
-        for audio_hz in [8000, 22_050, 44_100, 48_000, 96_000, 192_000] {
-            let source_hz = sources[places.len() % sources.len()];
-            places.push(Conditions { tick_hz, audio_hz, source_hz, ..first });
+    let sources = [8000, 2500, 44_100, 500, 16_000];
+    let mut at = |tick_hz, audio_hz| {
+        let source_hz = sources[places.len() % sources.len()];
+        places.push(Conditions { tick_hz, audio_hz, source_hz, ..first });
+    };
+    for tick_hz in [100, 333, 500, 1000, 4000] {
+        for audio_hz in [8000, 44_100, 48_000, 192_000] {
+            at(tick_hz, audio_hz);
+        }
+    }
+    for tick_hz in [250, 700, 2500] {
+        for audio_hz in [22_050, 96_000] {
+            at(tick_hz, audio_hz);
         }
     }
     let ports = || main.inputs.iter().chain(&main.outputs).filter_map(|w| w.port.as_ref());

@@ -79,7 +79,11 @@ pub(super) fn state(subject: &Subject<'_>) -> Found {
 
 /// Bytes that are no state: of other lengths, random, all alike, or a state with a few bits flipped.
 fn garbage(state: &[u8]) -> Vec<Vec<u8>> {
-    let mut out = vec![vec![], vec![0], vec![0xff; 64]];
+    let mut out = vec![vec![0], vec![0xff; 64]];
+    if state.is_empty() {
+        return out;
+    }
+    out.push(Vec::new());
     for byte in [0, 1, 0x7f, 0x80, 0xff] {
         out.push(vec![byte; state.len()]);
     }
@@ -93,7 +97,7 @@ fn garbage(state: &[u8]) -> Vec<Vec<u8>> {
         out.push((0..state.len()).map(noise).collect());
         let mut flipped = state.to_vec();
         for k in 0..3 {
-            if let Some(byte) = flipped.get_mut(random::bits(100 + n, k) as usize % state.len().max(1)) {
+            if let Some(byte) = flipped.get_mut(random::bits(100 + n, k) as usize % state.len()) {
                 *byte ^= 1 << (random::bits(200 + n, k) % 8);
             }
         }

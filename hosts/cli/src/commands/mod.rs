@@ -1,4 +1,4 @@
-//! Commands that do not run a graph in time: `check`, `nodes`, `graph`, `invert`.
+//! Commands that do not run a graph in time: `check`, `nodes`, `graph`, `invert`, `plugin`.
 
 pub mod check;
 pub mod graph;
