@@ -2,7 +2,8 @@
 //! what a loud signal does.
 
 /// While this lives, denormal results and operands count as zero on this thread.
-pub(crate) struct Flushed {
+#[derive(Debug)]
+pub struct Flushed {
     #[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
     before: Control,
 }
@@ -57,7 +58,9 @@ mod arch {
 
 #[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
 impl Flushed {
-    pub(crate) fn new() -> Self {
+    /// From here on.
+    #[allow(clippy::new_without_default)]
+    pub fn new() -> Self {
         let before = arch::read();
         if before & arch::FLUSH != arch::FLUSH {
             arch::write(before | arch::FLUSH);
@@ -77,7 +80,9 @@ impl Drop for Flushed {
 
 #[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
 impl Flushed {
-    pub(crate) fn new() -> Self {
+    /// From here on.
+    #[allow(clippy::new_without_default)]
+    pub fn new() -> Self {
         Self {}
     }
 }

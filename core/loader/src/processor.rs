@@ -17,6 +17,8 @@ pub(crate) struct PluginProcessor {
     inputs: Box<[AsperityBuffer]>,
     outputs: Box<[AsperityBuffer]>,
     info: AsperityInfo,
+    /// In how many calls it wrote samples without saying so, which makes them silence.
+    unsaid_writes: u64,
 }
 
 // SAFETY: the interface lets another thread call an instance than before, one at a time; the buffers hold addresses only
@@ -66,6 +68,7 @@ impl PluginProcessor {
             inputs: vec![NO_BUFFER; setup.inputs.len()].into(),
             outputs: vec![NO_BUFFER; setup.outputs.len()].into(),
             info,
+            unsaid_writes: 0,
         };
         // SAFETY: the caller's promise; `prepare` is the first call after `create`.
         if unsafe { prepare(instance.as_ptr(), lent, error) } != ASPERITY_OK {
@@ -110,7 +113,7 @@ impl PluginProcessor {
         let answer = unsafe { call(self.instance.as_ptr(), &mut abi) };
         if outputs {
             for (b, buffer) in self.outputs.iter_mut().zip(tick.outputs.buffers()) {
-                take(b, buffer);
+                self.unsaid_writes += u64::from(!take(b, buffer));
                 b.data = ptr::null_mut();
             }
         }
@@ -178,14 +181,15 @@ fn whole(buffer: &Buffer) -> AsperityBuffer {
     b
 }
 
-/// What the node said of an output that it wrote to.
-fn take(b: &AsperityBuffer, buffer: &mut Buffer) {
+/// What the node said of an output that it wrote to. False where it wrote samples without saying so.
+fn take(b: &AsperityBuffer, buffer: &mut Buffer) -> bool {
+    let mut said = true;
     match buffer {
         Buffer::Control { .. } => {}
         Buffer::Audio { samples, silent, .. } => {
             *silent = b.flags & ASPERITY_WRITTEN == 0;
             if *silent {
-                // It may have written without saying so.
+                said = samples.iter().all(|x| *x == 0.0);
                 samples.fill(0.0);
             }
         }
@@ -193,6 +197,7 @@ fn take(b: &AsperityBuffer, buffer: &mut Buffer) {
             *frame = (b.flags & ASPERITY_FRAME != 0).then_some((b.frame_index, b.frame_start));
         }
     }
+    said
 }
 
 impl Processor for PluginProcessor {
@@ -272,6 +277,9 @@ impl Processor for PluginProcessor {
 
     fn facts(&self) -> Vec<Fact> {
         let mut facts: Vec<Fact> = Vec::new();
+        if self.unsaid_writes > 0 {
+            facts.push(Fact::count("unsaid_writes", self.unsaid_writes));
+        }
         let Some(tell) = self.functions.facts else { return facts };
         let sink = AsperityFactSink {
             size: size_of::<AsperityFactSink>() as u32,

@@ -28,7 +28,7 @@ pub enum Command {
     Invert(Invert),
     /// Run every phase-retrieval node over vectors: accuracy, response lag, latency, cost
     Compare(Compare),
-    /// Make a plugin, or see which are found
+    /// Make a plugin, check one, or see which are found
     #[command(subcommand)]
     Plugin(PluginCommand),
 }
@@ -40,6 +40,11 @@ pub enum PluginCommand {
     New(PluginNew),
     /// List the plugins that are found, where, and the kinds they offer
     List(PluginList),
+    /// Run a plugin's conformance cases in a process of its own
+    Check(CheckPlugin),
+    /// That process
+    #[command(hide = true)]
+    Cases(CasesOfPlugin),
 }
 
 /// Languages of a plugin.
@@ -234,4 +239,47 @@ pub struct Compare {
     /// Show no progress
     #[arg(long, short)]
     pub quiet: bool,
+}
+
+/// What is checked of a plugin.
+#[derive(Clone, Debug, clap::Args)]
+pub struct Cases {
+    /// The plugin: its file, or its name
+    #[arg(value_name = "FILE")]
+    pub plugin: String,
+    /// Check this kind of node only
+    #[arg(long, value_name = "KIND")]
+    pub kind: Option<String>,
+    /// Run this case only; may be given more than once
+    #[arg(long = "case", value_name = "CASE")]
+    pub case: Vec<String>,
+    /// Set a parameter of the kinds that have it, such as one that must be set
+    #[arg(long = "set", value_name = "PARAM=VALUE")]
+    pub set: Vec<String>,
+    /// How many random ticks there are
+    #[arg(long, value_name = "N", default_value_t = 100_000)]
+    pub ticks: u64,
+}
+
+/// `asperity plugin check`
+#[derive(Debug, clap::Args)]
+pub struct CheckPlugin {
+    #[command(flatten)]
+    pub cases: Cases,
+    /// How long the plugin may take to answer a call, or a few, before it is given up
+    #[arg(long, value_name = "S", default_value_t = 10)]
+    pub patience: u64,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// The process in which the cases run.
+#[derive(Debug, clap::Args)]
+pub struct CasesOfPlugin {
+    #[command(flatten)]
+    pub cases: Cases,
+    /// So many of the cases have been run
+    #[arg(long, default_value_t = 0)]
+    pub skip: usize,
 }

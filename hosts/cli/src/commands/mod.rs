@@ -1,4 +1,4 @@
-//! Commands that do not run a graph in time: `check`, `nodes`, `graph`, `invert`, `compare`.
+//! Commands that do not run a graph in time: `check`, `nodes`, `graph`, `invert`, `compare`, `plugin`.
 
 pub mod check;
 pub mod compare;

@@ -1,7 +1,11 @@
-//! `asperity plugin`: make one, and see what is found where.
+//! `asperity plugin`: make one, check one, and see what is found where.
 
+mod check;
+mod child;
+mod heap;
 mod list;
 mod new;
+mod report;
 
 use std::process::ExitCode;
 
@@ -13,5 +17,7 @@ pub fn run(command: &PluginCommand) -> Result<ExitCode, Failure> {
     match command {
         PluginCommand::New(args) => new::run(args),
         PluginCommand::List(args) => list::run(args),
+        PluginCommand::Check(args) => check::run(args),
+        PluginCommand::Cases(args) => Ok(child::run(args)),
     }
 }

@@ -1,0 +1,262 @@
+//! `asperity plugin check`: a plugin's conformance cases, in a process of its own.
+//!
+//! What cannot be contained in a process is so contained: a plugin that crashes ends the process that runs the cases, and a new one
+//! goes on behind the case it crashed in; one that never answers is killed. Not seen are threads, locks and system calls
+//! of a plugin, memory that it does not take by way of the C library, and what it writes where it has no business to, unless that
+//! crashes it.
+
+use std::io::{BufRead, BufReader};
+use std::path::PathBuf;
+use std::process::{Child, Command, ExitCode, ExitStatus, Stdio};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
+use std::time::{Duration, Instant};
+
+use asperity_conformance::cases;
+use asperity_source::{Diagnostic, one_of};
+use serde_json::Value;
+
+use super::child::TIME;
+use super::heap::Preload;
+use super::report::{Report, Row};
+use crate::args::{Cases, CheckPlugin};
+use crate::failure::Failure;
+
+/// The case that compares with another process.
+const OTHER_PROCESS: &str = "other_process";
+/// The case whose figures it compares.
+const DETERMINISM: &str = "determinism";
+/// Between the two, so that what follows from the time of day shows.
+const APART: Duration = Duration::from_millis(1100);
+
+/// Runs the command.
+pub fn run(args: &CheckPlugin) -> Result<ExitCode, Failure> {
+    let names: Vec<&str> = cases().iter().map(|c| c.name).chain([TIME, OTHER_PROCESS]).collect();
+    if let Some(unknown) = args.cases.case.iter().find(|c| !names.contains(&c.as_str())) {
+        let help = one_of(unknown, names.iter().copied());
+        return Err(Diagnostic::new(format!("there is no case `{unknown}`")).help(help).into());
+    }
+    let list = std::env::var_os(asperity_loader::PATH_VARIABLE);
+    let path = asperity_loader::find(&args.cases.plugin, "".as_ref(), list)?;
+    let mut checker = Checker {
+        cases: Cases { plugin: path.display().to_string(), ..args.cases.clone() },
+        path,
+        patience: Duration::from_secs(args.patience.max(1)),
+        preload: Preload::new(),
+        report: Report::new(args.json),
+    };
+    let begun = Instant::now();
+    let asked = |case: &str| args.cases.case.is_empty() || args.cases.case.iter().any(|c| c == case);
+    if args.cases.case.is_empty() || args.cases.case.iter().any(|c| c != OTHER_PROCESS) {
+        checker.run_all()?;
+    }
+    if asked(OTHER_PROCESS) {
+        checker.compare(begun)?;
+    }
+    checker.report.finish(&checker.path, args.cases.ticks)
+}
+
+struct Checker {
+    cases: Cases,
+    path: PathBuf,
+    patience: Duration,
+    preload: Preload,
+    report: Report,
+}
+
+/// How a process that runs cases ended.
+enum Ended {
+    /// It ran all there were.
+    Done,
+    /// It came to grief: in this case of this kind, doing this; or outside of any.
+    Broke { row: Option<(String, String)>, doing: String, how: String },
+}
+
+impl Checker {
+    /// Runs all cases; after a crash, those behind the one it happened in.
+    fn run_all(&mut self) -> Result<(), Failure> {
+        let mut done = 0;
+        loop {
+            let mut rows = Vec::new();
+            let cases = self.cases.clone();
+            let ended = self.process(&cases, done, &mut |report, row| {
+                report.row(&row)?;
+                rows.push(row);
+                Ok(())
+            })?;
+            done += rows.len();
+            match ended {
+                Ended::Done => return Ok(()),
+                Ended::Broke { row: Some((kind, case)), doing, how } => {
+                    let during = if doing.is_empty() { String::new() } else { format!(", at: {doing}") };
+                    let found = format!("{how} in case `{case}`{during}");
+                    self.report.row(&Row::new(kind, case, "fail", found))?;
+                    done += 1;
+                }
+                Ended::Broke { row: None, how, .. } => {
+                    let when = if self.report.is_open() { "exit" } else { "load" };
+                    let found = format!("{how} outside of any case");
+                    return self.report.row(&Row::new("".into(), when.into(), "fail", found));
+                }
+            }
+        }
+    }
+
+    /// Runs the case of determinism in yet another process, or in two where it has not been run, and compares.
+    fn compare(&mut self, begun: Instant) -> Result<(), Failure> {
+        let mut before = self.report.rows_of(DETERMINISM);
+        if self.cases.case.is_empty() || self.report.is_open() {
+            std::thread::sleep(APART.saturating_sub(begun.elapsed()));
+        } else {
+            before = self.determinism()?;
+            std::thread::sleep(APART);
+        }
+        if !before.iter().any(|row| row.verdict == "pass") {
+            return Ok(());
+        }
+        let again = self.determinism()?;
+        for row in before.iter().filter(|row| row.verdict == "pass") {
+            let same = again.iter().any(|other| other.kind == row.kind && other.found == row.found);
+            let (verdict, found) = if same {
+                ("pass", "the same".to_owned())
+            } else {
+                ("fail", "another process puts out something else for the same input".to_owned())
+            };
+            self.report.row(&Row::new(row.kind.clone(), OTHER_PROCESS.into(), verdict, found))?;
+        }
+        Ok(())
+    }
+
+    fn determinism(&mut self) -> Result<Vec<Row>, Failure> {
+        let cases = Cases { case: vec![DETERMINISM.to_owned()], ..self.cases.clone() };
+        let mut rows = Vec::new();
+        self.process(&cases, 0, &mut |_, row| {
+            rows.push(row);
+            Ok(())
+        })?;
+        Ok(rows)
+    }
+
+    /// One process, to its end.
+    fn process(
+        &mut self,
+        cases: &Cases,
+        skip: usize,
+        each: &mut dyn FnMut(&mut Report, Row) -> Result<(), Failure>,
+    ) -> Result<Ended, Failure> {
+        let (mut child, lines) = self.spawn(cases, skip)?;
+        let (mut row, mut doing) = (None, String::new());
+        loop {
+            let line = match lines.recv_timeout(self.patience) {
+                Ok(line) => line,
+                Err(RecvTimeoutError::Disconnected) => {
+                    let status = child.wait().map_err(|e| machine("the checking process is lost", &e))?;
+                    return Ok(Ended::Broke { row, doing, how: how(status) });
+                }
+                Err(RecvTimeoutError::Timeout) => {
+                    let _ = child.kill();
+                    let _ = child.wait();
+                    let how = format!("did not answer within {} s", self.patience.as_secs());
+                    return Ok(Ended::Broke { row, doing, how });
+                }
+            };
+            let text = |v: &Value| v.as_str().unwrap_or_default().to_owned();
+            if let Some(begin) = line.get("begin") {
+                doing.clear();
+                row = Some((text(&begin["kind"]), text(&begin["case"])));
+            } else if let Some(what) = line.get("doing") {
+                doing = text(what);
+            } else if let (Some(end), Some((kind, case))) = (line.get("end"), row.clone()) {
+                row = None;
+                let mut of = Row::new(kind, case, &text(&end["verdict"]), text(&end["found"]));
+                of.figures = end.clone();
+                each(&mut self.report, of)?;
+            } else if let Some(plugin) = line.get("plugin") {
+                self.report.open(plugin)?;
+            } else if let Some(refused) = line.get("refused") {
+                let d = Diagnostic::new(text(&refused["message"])).in_file(&self.path);
+                return Err(match refused["help"].as_str() {
+                    Some(help) => d.help(help),
+                    None => d,
+                }
+                .into());
+            } else if line.get("done").is_some() {
+                let status = child.wait().map_err(|e| machine("the checking process is lost", &e))?;
+                return Ok(if status.success() {
+                    Ended::Done
+                } else {
+                    Ended::Broke { row: None, doing, how: how(status) }
+                });
+            }
+        }
+    }
+
+    fn spawn(&self, cases: &Cases, skip: usize) -> Result<(Child, Receiver<Value>), Failure> {
+        let fail = |e: &std::io::Error| machine("cannot start the process that checks", e);
+        let program = std::env::current_exe().map_err(|e| fail(&e))?;
+        let (reader, writer) = std::io::pipe().map_err(|e| fail(&e))?;
+        let mut command = Command::new(program);
+        command.args(["plugin", "cases", "--ticks", &cases.ticks.to_string(), "--skip", &skip.to_string()]);
+        for (option, values) in [("--case", &cases.case), ("--set", &cases.set)] {
+            for value in values {
+                command.arg(option).arg(value);
+            }
+        }
+        if let Some(kind) = &cases.kind {
+            command.arg("--kind").arg(kind);
+        }
+        command.arg("--").arg(&self.path);
+        self.preload.put_before(&mut command);
+        // What the plugin prints is not part of the answer.
+        command.stdin(Stdio::from(writer)).stdout(Stdio::from(std::io::stderr()));
+        let child = command.spawn().map_err(|e| fail(&e))?;
+        // This end of the pipe must be closed, or it never ends.
+        drop(command);
+        let (send, receive) = channel();
+        std::thread::spawn(move || {
+            for line in BufReader::new(reader).lines().map_while(Result::ok) {
+                if let Ok(value) = serde_json::from_str(&line)
+                    && send.send(value).is_err()
+                {
+                    return;
+                }
+            }
+        });
+        Ok((child, receive))
+    }
+}
+
+fn machine(what: &str, e: &std::io::Error) -> Failure {
+    Failure::Machine(format!("{what}: {e}"))
+}
+
+/// How a process ended, in words.
+fn how(status: ExitStatus) -> String {
+    #[cfg(unix)]
+    if let Some(signal) = std::os::unix::process::ExitStatusExt::signal(&status) {
+        return match signal_name(signal) {
+            Some(name) => format!("crashed by signal {signal} ({name})"),
+            None => format!("crashed by signal {signal}"),
+        };
+    }
+    match status.code() {
+        Some(code) => format!("ended the process with code {code}"),
+        None => "ended the process".to_owned(),
+    }
+}
+
+#[cfg(unix)]
+fn signal_name(signal: i32) -> Option<&'static str> {
+    // The numbers differ between systems beyond these.
+    let bus = if cfg!(target_os = "linux") { 7 } else { 10 };
+    match signal {
+        4 => Some("illegal instruction"),
+        5 => Some("trap"),
+        6 => Some("abort"),
+        8 => Some("arithmetic error"),
+        9 => Some("killed"),
+        11 => Some("segmentation fault"),
+        15 => Some("terminated"),
+        n if n == bus => Some("bus error"),
+        _ => None,
+    }
+}

@@ -1,0 +1,116 @@
+//! What a check found: a table for people, as it goes, or JSON at the end.
+
+use std::path::Path;
+use std::process::ExitCode;
+
+use asperity_conformance::cases;
+use serde_json::{Value, json};
+
+use crate::failure::{Failure, print};
+
+/// What became of a case of a kind.
+#[derive(Clone, Debug)]
+pub struct Row {
+    pub kind: String,
+    pub case: String,
+    pub verdict: String,
+    pub found: String,
+    /// The answer as it came, with figures.
+    pub figures: Value,
+}
+
+impl Row {
+    pub fn new(kind: String, case: String, verdict: &str, found: String) -> Self {
+        Self { kind, case, verdict: verdict.to_owned(), found, figures: Value::Null }
+    }
+}
+
+/// All rows so far.
+pub struct Report {
+    json: bool,
+    plugin: Option<Value>,
+    kind_width: usize,
+    rows: Vec<Row>,
+}
+
+impl Report {
+    pub fn new(json: bool) -> Self {
+        Self { json, plugin: None, kind_width: 4, rows: Vec::new() }
+    }
+
+    /// Whether the plugin has been loaded.
+    pub fn is_open(&self) -> bool {
+        self.plugin.is_some()
+    }
+
+    /// The plugin has been loaded, perhaps once more.
+    pub fn open(&mut self, plugin: &Value) -> Result<(), Failure> {
+        if self.plugin.is_some() {
+            return Ok(());
+        }
+        let text = |name: &str| plugin[name].as_str().unwrap_or_default();
+        let kinds = plugin["kinds"].as_array().map(Vec::as_slice).unwrap_or_default();
+        self.kind_width = kinds.iter().filter_map(Value::as_str).map(str::len).max().unwrap_or(0).max(4);
+        self.plugin = Some(plugin.clone());
+        if self.json {
+            return Ok(());
+        }
+        print(&format!(
+            "{} {}\n\n{}",
+            text("name"),
+            text("version"),
+            self.line("kind", "case", "verdict", "found")
+        ))
+    }
+
+    fn line(&self, kind: &str, case: &str, verdict: &str, found: &str) -> String {
+        let cases = cases().iter().map(|c| c.name.len()).max().unwrap_or(0);
+        let text = format!("{kind:width$}  {case:cases$}  {verdict:14}  {found}", width = self.kind_width);
+        format!("{}\n", text.trim_end())
+    }
+
+    /// A case more.
+    pub fn row(&mut self, row: &Row) -> Result<(), Failure> {
+        self.rows.push(row.clone());
+        if self.json {
+            return Ok(());
+        }
+        print(&self.line(&row.kind, &row.case, &row.verdict, &row.found))
+    }
+
+    /// What a case found for each kind.
+    pub fn rows_of(&self, case: &str) -> Vec<Row> {
+        self.rows.iter().filter(|r| r.case == case).cloned().collect()
+    }
+
+    fn count(&self, verdict: &str) -> usize {
+        self.rows.iter().filter(|r| r.verdict == verdict).count()
+    }
+
+    /// Says how it came out, and answers the exit code.
+    pub fn finish(&self, path: &Path, ticks: u64) -> Result<ExitCode, Failure> {
+        let (passed, failed) = (self.count("pass"), self.count("fail"));
+        if self.json {
+            let rows: Vec<Value> = self.rows.iter().map(as_json).collect();
+            let plugin = self.plugin.clone().unwrap_or_default();
+            let all = json!({
+                "file": path.display().to_string(), "name": plugin["name"], "version": plugin["version"],
+                "heap_counted": plugin["heap"], "random_ticks": ticks,
+                "verdict": if failed == 0 { "pass" } else { "fail" }, "cases": rows,
+            });
+            print(&format!("{all:#}\n"))?;
+        } else {
+            let other = self.count("not applicable");
+            print(&format!("\n{passed} passed, {failed} failed, {other} not applicable\n"))?;
+        }
+        Ok(if failed == 0 { ExitCode::SUCCESS } else { ExitCode::from(1) })
+    }
+}
+
+fn as_json(row: &Row) -> Value {
+    let mut out = json!({ "kind": row.kind, "case": row.case, "verdict": row.verdict, "found": row.found });
+    if let (Some(out), Some(figures)) = (out.as_object_mut(), row.figures.as_object()) {
+        figures.iter().for_each(|(name, value)| drop(out.insert(name.clone(), value.clone())));
+    }
+    out
+}
