@@ -315,6 +315,43 @@ fn a_plugin_that_fails_is_faded_counted_and_the_chain_goes_on() {
 }
 
 #[test]
+fn a_plugin_that_takes_too_long_is_faded_counted_and_taken_out() {
+    let dir = folder();
+    // Each call sleeps for 30 ms where 15 may be taken: far beyond what a busy machine adds to an honest call.
+    let render = |to: u32| {
+        let graph = format!(
+            "Graph(version: 1, plugins: [{:?}], nodes: {{\"bad\": (kind: \"told\", params: (from: 20, to: {to}, what: overrun)), \
+             \"guard\": (kind: \"limiter\"), \"out\": (kind: \"audio_out\")}}, wires: [(\"bad\", \"guard\"), (\"guard\", \"out\")])",
+            plugins::c("told").display().to_string()
+        );
+        fs::write(dir.path().join("g.ron"), graph).unwrap();
+        let args = [
+            "render",
+            "g.ron",
+            "--seconds",
+            "0.5",
+            "--limit-us",
+            "15000",
+            "--out",
+            "o.wav",
+            "--report",
+            "r.json",
+        ];
+        run(dir.path(), &args);
+        let report = json(&dir.path().join("r.json"));
+        let bad = report["nodes"].as_array().unwrap().iter().find(|n| n["id"] == "bad").unwrap().clone();
+        (wav(&dir.path().join("o.wav")).0, bad)
+    };
+    let (samples, node) = render(22);
+    assert!(node["faults"].as_u64().unwrap() >= 2 && node["quarantined"] == false, "{node}");
+    assert_eq!(node["last_fault"], "took longer than it may");
+    assert!(samples[12_000..].iter().any(|x| x.abs() > 0.05), "it goes on");
+    let (samples, node) = render(1_000_000);
+    assert!(node["faults"] == 8 && node["quarantined"] == true, "{node}");
+    assert!(samples[12_000..].iter().all(|x| x.abs() < 1e-3), "silent once it is taken out");
+}
+
+#[test]
 fn a_panic_in_a_plugin_is_silent_and_contained() {
     let (samples, report, err) = contained("", 200, 0, &plugins::rust("asperity-test-panics"), "panics");
     assert!(samples.iter().all(|x| x.is_finite()) && samples.iter().any(|x| x.abs() > 0.01));

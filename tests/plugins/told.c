@@ -6,6 +6,7 @@
 
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 #include <time.h>
 
 #ifndef AMPLITUDE
@@ -17,9 +18,28 @@ typedef struct Told {
     int64_t what;
 } Told;
 
+static uint64_t instances;
+
 static void *create(const AsperityKind *kind) {
     (void)kind;
+    instances++;
     return calloc(1, sizeof(Told));
+}
+
+static void destroy(void *instance) {
+    instances--;
+    free(instance);
+}
+
+/* How many instances there are, so that a test sees that none is left behind. */
+static void facts(const AsperityKind *kind, void *instance, const AsperityFactSink *sink) {
+    (void)kind, (void)instance;
+    sink->count(sink->context, "instances", instances);
+}
+
+static const void *extension(const char *name) {
+    static const AsperityFacts told = {.size = sizeof(AsperityFacts), .facts = facts};
+    return strcmp(name, ASPERITY_EXTENSION_FACTS) == 0 ? &told : NULL;
 }
 
 static int32_t prepare(void *instance, const AsperitySetup *setup, AsperityError *error) {
@@ -95,13 +115,13 @@ static const AsperityKind kind = {
     .prepare = prepare,
     .process = process,
     .reset = reset,
-    .destroy = free,
+    .destroy = destroy,
 };
 
 static const AsperityPlugin *open_plugin(const AsperityHost *host) {
     static const AsperityKind *const kinds[] = {&kind};
     static const AsperityPlugin plugin = {
-        .size = sizeof(AsperityPlugin), .kind_count = 1, .kinds = kinds, .name = "told", .version = "1"};
+        .size = sizeof(AsperityPlugin), .kind_count = 1, .kinds = kinds, .name = "told", .version = "1", .extension = extension};
     (void)host;
     return &plugin;
 }

@@ -61,7 +61,8 @@ pub fn run(args: &Render) -> Result<ExitCode, Failure> {
     // Opened now, so that a folder that is not there is known before and not after the work.
     let plot = args.plot.as_deref().map(Pending::create).transpose()?;
     let report_file = args.report.as_deref().map(Pending::create).transpose()?;
-    let options = Options { sleep: !args.no_sleep, ..Options::default() };
+    let limit_ns = args.limit_us.map(|us| us * 1000);
+    let options = Options { sleep: !args.no_sleep, limit_ns };
     let stop = stop_flag();
     let bar = progress(ticks, args.quiet);
     let (mut engine, watch) = if args.watch {

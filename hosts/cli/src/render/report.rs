@@ -163,6 +163,8 @@ pub fn json(run: &Run<'_>, engine: &Engine, times: &Times, level: &Level) -> Str
             "seconds": run.options.seconds,
             "probes": run.options.probe,
             "no_sleep": run.options.no_sleep,
+            "limit_us": run.options.limit_us,
+            "watch": run.options.watch,
             "no_prune": run.options.graph.no_prune,
             "format": format!("{:?}", run.options.format).to_lowercase(),
         },
