@@ -180,7 +180,8 @@ impl<'a> Entry<'a> {
         self.row.faults[v] = faults;
         if faults > 0 {
             let times = if faults == 1 { "once".into() } else { format!("{faults} times") };
-            let why = why.map(|w| format!(", the last time it {w}")).unwrap_or_default();
+            let when = if faults == 1 { ":" } else { ", the last time" };
+            let why = why.map(|w| format!("{when} it {w}")).unwrap_or_default();
             let gone = if gone { ", and was called no more" } else { "" };
             self.problem(format!("it failed {times}{why}{gone}"), vector.short_name());
         }

@@ -74,7 +74,13 @@ fn accuracy(set: &Set) -> Vec<Column<'_>> {
     }
     if let Some(v) = set.smoothest() {
         columns.push(Column::new("level", "", move |row| {
-            let text = |s: Score| if s.is_silent() { "silent".into() } else { format!("{:+.2}", s.level_db) };
+            let text = |s: Score| {
+                if s.is_silent() {
+                    "silent".into()
+                } else {
+                    format!("{:+.2}", (s.level_db * 100.0).round() / 100.0 + 0.0)
+                }
+            };
             row.scores[v].map_or("-".into(), text)
         }));
         columns.push(Column::new("LTAS", "", move |row| {

@@ -49,13 +49,13 @@ fn a_failing_node_is_a_row_that_says_so_and_the_rest_goes_on() {
     let rows = rows(&labels);
     assert_eq!(rows.len(), labels.len());
     for (label, faults, says) in [
-        ("tone:how=nan", 1, "it failed once, the last time it wrote a value that is not finite (sine)"),
+        ("tone:how=nan", 1, "it failed once: it wrote a value that is not finite (sine)"),
         (
             "tone:how=error",
             8,
             "it failed 8 times, the last time it failed with code 42, and was called no more (sine)",
         ),
-        ("tone:how=panic", 1, "it failed once, the last time it panicked (sine)"),
+        ("tone:how=panic", 1, "it failed once: it panicked (sine)"),
         (
             "tone:how=prepare",
             0,
@@ -81,7 +81,7 @@ fn a_failing_node_is_a_row_that_says_so_and_the_rest_goes_on() {
     assert_eq!(json["methods"].as_array().unwrap().len(), labels.len());
     assert!(text.lines().any(|l| l.starts_with("  tone:how=error: it failed 8 times")), "{text}");
     assert!(row(&rows, "tone:how=error").frame_us.is_empty(), "what it takes to fail is no cost");
-    assert!(text.contains("silent") && !svg.contains("300"), "nothing is measured of silence: {text}");
+    assert!(text.contains("silent") && !svg.contains("300.00"), "nothing is measured of silence: {text}");
     assert!(text.contains(" !"), "a score of a node that failed is marked: {text}");
 }
 
