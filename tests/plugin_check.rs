@@ -23,7 +23,12 @@ fn check(file: &Path, more: &[&str]) -> Ran {
 fn fails(dir: &Path, broken: &str, kind: &str, case: &str, found: &str) {
     let ran = check(&built(dir, broken), &["--kind", kind, "--case", case, "--ticks", "3000"]);
     let line = ran.out.lines().find(|l| l.starts_with(kind) && l.contains("fail")).unwrap_or_default();
-    assert!(ran.code == 1 && line.contains(case) && line.contains(found), "{broken}: {}\n{}", ran.out, ran.err);
+    assert!(
+        ran.code == 1 && line.contains(case) && line.contains(found),
+        "{broken}: {}\n{}",
+        ran.out,
+        ran.err
+    );
 }
 
 /// Which plugin fails which case of which kind, and with what.
@@ -54,7 +59,12 @@ const MUTANTS: &[(&str, &str, &str, &str)] = &[
     ("ABSORB_FAILS", "late", "cycle", "failed with code 0"),
     ("SAVES_TOO_LITTLE", "low_pass", "state", "restored at tick 1 into a fresh instance: `out` differs"),
     ("SAVES_TOO_MUCH", "low_pass", "state", "saved 16 bytes into 0"),
-    ("TRUSTS_ANY_STATE", "low_pass", "garbage_state", "crashed by signal 11 (segmentation fault) in case `garbage_state`"),
+    (
+        "TRUSTS_ANY_STATE",
+        "low_pass",
+        "garbage_state",
+        "crashed by signal 11 (segmentation fault) in case `garbage_state`",
+    ),
     ("DIVIDES_BY_GAIN", "low_pass", "live_parameters", "with gain = 0.0"),
     ("TIRES", "low_pass", "random_ticks", "failed with code 0 at tick"),
     ("PROCESS_ID", "low_pass", "other_process", "another process puts out something else"),
@@ -95,7 +105,9 @@ fn a_good_plugin_passes_every_case() {
     for case in cases().iter().map(|c| c.name).chain(["time", "other_process"]) {
         let of: Vec<_> = rows.iter().filter(|r| r["case"] == case).collect();
         assert_eq!(of.len(), 3, "{case} is run for every kind");
-        let known = |r: &&serde_json::Value| ["pass", "not applicable", "measured"].iter().any(|v| r["verdict"] == *v);
+        let known = |r: &&serde_json::Value| {
+            ["pass", "not applicable", "measured"].iter().any(|v| r["verdict"] == *v)
+        };
         assert!(of.iter().all(known), "{of:?}");
         let said = if case == "time" { "measured" } else { "pass" };
         let counted = cfg!(all(target_os = "linux", target_env = "gnu"));
@@ -123,7 +135,10 @@ fn plugins_in_rust_are_checked_too_and_their_allocations_counted() {
 #[test]
 fn a_crash_is_named_and_the_cases_behind_it_still_run() {
     let dir = tempfile::tempdir().unwrap();
-    let ran = check(&built(dir.path(), "SEGFAULT"), &["--case", "zero", "--case", "random", "--case", "descriptor"]);
+    let ran = check(
+        &built(dir.path(), "SEGFAULT"),
+        &["--case", "zero", "--case", "random", "--case", "descriptor"],
+    );
     assert_eq!(ran.code, 1, "{}", ran.err);
     for case in ["zero", "random"] {
         let found = format!("crashed by signal 11 (segmentation fault) in case `{case}`");
