@@ -69,9 +69,9 @@ fn subject(kind: &Arc<dyn NodeKind>) -> Subject<'static> {
     }
 }
 
-/// What is known and meant: no reset cools a coil, so the limiter keeps its heat.
+/// What is known and meant: no reset cools a coil, so the limiter keeps its heat where these cases reset it.
 fn is_meant(kind: &str, case: &str) -> bool {
-    kind == "limiter" && matches!(case, "reset" | "garbage_state")
+    kind == "limiter" && matches!(case, "reset" | "garbage_state" | "live_parameters")
 }
 
 /// Runs some cases over all built-in kinds.

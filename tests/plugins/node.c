@@ -16,7 +16,7 @@ enum {
     WRITES_NAN, NO_SUCH_STATUS, FAILS_WITH_CODE, NO_FULL_STOP, NOT_PREPARED, ZERO_BY_ZERO, TRIPS_ON_STEPS,
     TRIPS_ON_DENORMALS, OVERFLOWS, KEEPS_NAN, SHORT_BUFFER, FEW_BINS, NEEDS_THE_OPTIONAL, NEEDS_EVERY_FRAME, FORGETS_TO_RESET,
     STATIC_COUNTER, SLEEPS_TOO_EARLY, DEAF_TO_ELAPSED, ABSORB_FAILS, SAVES_TOO_LITTLE, SAVES_TOO_MUCH, TRUSTS_ANY_STATE, DIVIDES_BY_GAIN,
-    TIRES, ALLOCATES, ALLOCATES_IN_RESET, PROCESS_ID, WRITES_TO_INPUTS,
+    TIRES, ALLOCATES, ALLOCATES_IN_RESET, PROCESS_ID, WRITES_TO_INPUTS, NO_OUTPUTS,
 };
 #ifndef BREAK
 #define BREAK NOTHING
@@ -124,8 +124,11 @@ static int broken(Node *it, AsperityTick *tick, int32_t *answer) {
         exit(3);
     while (BREAK == ENDLESS && it->calls >= 50)
         (void)*(volatile uint64_t *)&all_calls;
-    if (BREAK == ALLOCATES)
-        free(memset(malloc(100), 1, 100));
+    if (BREAK == ALLOCATES) {
+        /* Volatile, or it would be left out. */
+        void *volatile taken = malloc(100);
+        free(taken);
+    }
     if (BREAK == FAILS_WITH_CODE && it->calls == 50) {
         tick->detail = 7;
         return 1;
@@ -259,7 +262,7 @@ static const AsperityKind low_pass_kind = {COMMON, .kind = "low_pass",
     .inputs = audio_in, .input_count = 2, .outputs = audio_out, .output_count = 1, .params = gain, .param_count = 1,
     .process = low_pass, .set_parameter = set_parameter, .state_size = state_size, .save = save, .restore = restore};
 static const AsperityKind turning_kind = {COMMON, .kind = "turning", .summary = "Turns the phase of every bin.",
-    .inputs = magnitude, .input_count = 1, .outputs = spectrum, .output_count = 1,
+    .inputs = magnitude, .input_count = 1, .outputs = spectrum, .output_count = BREAK == NO_OUTPUTS ? 0 : 1,
     .resume = ASPERITY_ELAPSED, .elapsed = elapsed, .process = turning,
     .state_size = state_size, .save = save, .restore = restore};
 static const AsperityKind late_kind = {COMMON, .kind = "late", .summary = "A tick late.",

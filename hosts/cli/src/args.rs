@@ -41,6 +41,13 @@ pub enum PluginCommand {
     /// List the plugins that are found, where, and the kinds they offer
     List(PluginList),
     /// Run a plugin's conformance cases in a process of its own
+    ///
+    /// A crash, an abort or an endless loop is named with the case it happened in, and the cases behind it still run. Exit
+    /// code 0: all that apply pass; 1: one fails; 2: the plugin does not load.
+    ///
+    /// Allocations are counted on Linux with glibc, by way of the C library's malloc and free. What cannot be seen: locks,
+    /// threads and system calls; memory from mmap or from an allocator that is linked into the plugin; writing where it has no
+    /// business to, unless that crashes it.
     Check(CheckPlugin),
     /// That process
     #[command(hide = true)]

@@ -108,7 +108,10 @@ impl Report {
 }
 
 fn as_json(row: &Row) -> Value {
-    let mut out = json!({ "kind": row.kind, "case": row.case, "verdict": row.verdict, "found": row.found });
+    let about = cases().iter().find(|c| c.name == row.case).map(|c| c.about);
+    let mut out = json!({
+        "kind": row.kind, "case": row.case, "about": about, "verdict": row.verdict, "found": row.found,
+    });
     if let (Some(out), Some(figures)) = (out.as_object_mut(), row.figures.as_object()) {
         figures.iter().for_each(|(name, value)| drop(out.insert(name.clone(), value.clone())));
     }
