@@ -38,12 +38,7 @@ impl<T: Float> RandomPhase<T> {
             Level::Plain => 1.0,
             Level::Keep => (framing.fft_len as f64 * frames as f64 / samples as f64).sqrt(),
         };
-        Ok(Self {
-            fft_len: framing.fft_len,
-            gain: T::of(gain),
-            seed,
-            mags: vec![T::zero(); framing.bins],
-        })
+        Ok(Self { fft_len: framing.fft_len, gain: T::of(gain), seed, mags: vec![T::zero(); framing.bins] })
     }
 
     /// Number of bins a frame has.

@@ -111,33 +111,48 @@ fn phase_vocoder_keeps_the_level() {
 #[test]
 fn random_phase_is_as_quiet_as_published_and_keeps_the_level_if_told_to() {
     each("plain", "random_iid", |a, r| random(a, r, Level::Plain), |n, s, o| no_worse(n, s, o, 1.5));
-    each("keep", "random_iid", |a, r| random(a, r, Level::Keep), |name, score, _| {
-        if name == "nnsmooth_2500" {
-            assert!(score.gain_db.abs() < 0.5, "{score:?}");
-            // -5.7 dB is an independent Gaussian noise.
-            assert!(score.convergence_db < -5.0, "{score:?}");
-        }
-    });
+    each(
+        "keep",
+        "random_iid",
+        |a, r| random(a, r, Level::Keep),
+        |name, score, _| {
+            if name == "nnsmooth_2500" {
+                assert!(score.gain_db.abs() < 0.5, "{score:?}");
+                // -5.7 dB is an independent Gaussian noise.
+                assert!(score.convergence_db < -5.0, "{score:?}");
+            }
+        },
+    );
 }
 
 #[test]
 fn tracked_partials_reach_the_published_scores() {
-    each("tracked", "ob_tracked", |a, r| bank(a, r, Partials::Tracked, 1), |name, score, old| {
-        // A sine's own image beats with it by its phase, which the magnitudes do not tell.
-        let by = if name == "sine_off_2500" { 20.0 } else { 1.5 };
-        no_worse(name, score, old, by);
-    });
+    each(
+        "tracked",
+        "ob_tracked",
+        |a, r| bank(a, r, Partials::Tracked, 1),
+        |name, score, old| {
+            // A sine's own image beats with it by its phase, which the magnitudes do not tell.
+            let by = if name == "sine_off_2500" { 20.0 } else { 1.5 };
+            no_worse(name, score, old, by);
+        },
+    );
 }
 
 #[test]
 fn noise_partials_reach_the_published_scores_and_keep_level_and_spectrum() {
     for seed in 1..6 {
-        each("noise", "ob_bins", |a, r| bank(a, r, Partials::Noise, seed), |name, score, old| {
-            no_worse(name, score, old, 1.5);
-            if name == "nnsmooth_2500" {
-                assert!(score.gain_db.abs() < 0.2 && score.ltas_rms_db < 1.0, "{score:?}");
-            }
-        });
+        each(
+            "noise",
+            "ob_bins",
+            |a, r| bank(a, r, Partials::Noise, seed),
+            |name, score, old| {
+                no_worse(name, score, old, 1.5);
+                if name == "nnsmooth_2500" {
+                    assert!(score.gain_db.abs() < 0.2 && score.ltas_rms_db < 1.0, "{score:?}");
+                }
+            },
+        );
     }
 }
 

@@ -215,7 +215,8 @@ impl<T: Float> Plan<T> {
         let n = self.framing.fft_len;
         let mut at = 0;
         for start in self.starts() {
-            for &found in self.forward.process(&self.signal[start..start + n]).iter().take(self.framing.bins) {
+            for &found in self.forward.process(&self.signal[start..start + n]).iter().take(self.framing.bins)
+            {
                 f(at, found);
                 at += 1;
             }

@@ -109,8 +109,9 @@ fn griffin_lim_finds_a_signal_that_has_the_magnitudes() {
     let f = Framing { rate_hz: 200, fft_len: 25, bins: 13, frame_num: 50, frame_den: 1 };
     let x: Vec<f64> = (0..425).map(|i| (f64::from(i) * 0.9).sin() * (f64::from(i) * 0.03).cos()).collect();
     let mut stft = Stft::new(25);
-    let mags: Vec<f64> =
-        (0..101).flat_map(|n| stft.process(&x[4 * n..][..25]).iter().map(|c| c.norm()).collect::<Vec<_>>()).collect();
+    let mags: Vec<f64> = (0..101)
+        .flat_map(|n| stft.process(&x[4 * n..][..25]).iter().map(|c| c.norm()).collect::<Vec<_>>())
+        .collect();
     let fast = distance(&mags, &f, &run(&mags, f, 200, 0.99, Start::Zero));
     assert!(fast < 0.02, "{fast}");
     let single: Vec<f32> = mags.iter().map(|&m| m as f32).collect();

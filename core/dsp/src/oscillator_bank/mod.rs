@@ -34,8 +34,8 @@ mod segment;
 mod tracked;
 
 use crate::magnitude::take;
-use crate::{Float, Framing, FramingError};
 use crate::spsi::peak::Peak;
+use crate::{Float, Framing, FramingError};
 use noise::Noise;
 use segment::{Renderer, Voice};
 use tracked::Tracker;
@@ -88,7 +88,7 @@ impl<T: Float> OscillatorBank<T> {
         framing.check()?;
         let bins = framing.bins;
         let (period, frames) = framing.period();
-        // A ramp is up to a hop and a half long.
+        // A ramp is up to two hops long.
         let most = usize::try_from(2 * (period / frames + 1)).unwrap_or(usize::MAX);
         let source = match partials {
             Partials::Tracked => Source::Tracked(Box::new(Tracker::new(framing.fft_len, bins, seed))),
@@ -135,8 +135,8 @@ impl<T: Float> OscillatorBank<T> {
 
     /// Takes frame number `frame`, whose first sample is `start`: amplitudes `2 |sum w x| / sum w` from bin 0.
     ///
-    /// It takes the place of one that came before it and has not begun. One that begins later than its first sample
-    /// catches up within one and a half hops. A magnitude that is NaN, infinite or negative is taken as 0; the number
+    /// It takes the place of one that came before it and has not begun. One that comes after its first sample is played late,
+    /// and so are those that follow it without a gap. A magnitude that is NaN, infinite or negative is taken as 0; the number
     /// of these is returned. Missing bins count as 0, more than `framing.bins` are not used.
     pub fn add_frame(&mut self, frame: u64, start: u64, magnitudes: &[T]) -> usize {
         if self.pending.is_some_and(|(_, due)| due <= self.next) && self.used == self.len {
@@ -177,27 +177,28 @@ impl<T: Float> OscillatorBank<T> {
             now.copy_from_slice(&self.segment[self.used..self.used + count]);
             self.used += count;
             self.next = self.next.saturating_add(count as u64);
-            sounded = true;
+            sounded |= !self.voices.is_empty();
             out = later;
         }
-        sounded || self.sounding || self.pending.is_some() || self.used < self.len
+        sounded
+            || self.sounding
+            || self.pending.is_some()
+            || (self.used < self.len && !self.voices.is_empty())
     }
 
     /// Makes the samples up to the next frame; false where there is silence for now.
     fn begin(&mut self) -> bool {
         let from = self.next;
-        let hop = |frame: u64, hops: u64| {
-            self.framing.start(frame.saturating_add(hops)).saturating_sub(self.framing.start(frame))
+        let hop = |frame: u64| {
+            self.framing.start(frame.saturating_add(1)).saturating_sub(self.framing.start(frame))
         };
         let end = match self.pending {
             // While nothing sounds a frame waits for its time; what sounds goes over to it at once if it is due within a hop.
-            Some((frame, start)) if start <= from || (self.sounding && start - from < hop(frame, 1)) => {
+            Some((frame, start)) if start <= from || (self.sounding && start - from < hop(frame)) => {
                 self.pending = None;
-                // The frame's own end, or a later one where that would be too steep.
-                let one = hop(frame, 1);
-                let late = from.saturating_add(one / 2).saturating_sub(start.saturating_add(one));
-                let hops = 1 + late.div_ceil(one.max(1));
-                start.saturating_add(hop(frame, hops)).min(from.saturating_add(self.segment.len() as u64))
+                // A ramp is a hop long: where a frame comes late, it and those that follow in step stay as late.
+                let due = start.max(from).saturating_add(hop(frame));
+                due.min(from.saturating_add(self.segment.len() as u64))
             }
             _ if self.sounding => {
                 self.target.fill(T::zero());
@@ -206,13 +207,14 @@ impl<T: Float> OscillatorBank<T> {
             }
             _ => return false,
         };
-        self.len = usize::try_from(end.saturating_sub(from)).unwrap_or(usize::MAX).clamp(1, self.segment.len());
+        self.len =
+            usize::try_from(end.saturating_sub(from)).unwrap_or(usize::MAX).clamp(1, self.segment.len());
         self.used = 0;
         self.voices.clear();
         match &mut self.source {
             Source::Tracked(tracker) => {
                 tracker.run_on(&self.target, &mut self.peaks, from, self.len, &mut self.voices);
-            },
+            }
             Source::Noise(noise) => noise.run_on(&self.target, from, self.len, &mut self.voices),
         }
         self.sounding = self.voices.iter().any(|v| v.amps.1 > 0.0);

@@ -116,7 +116,7 @@ impl<T: Float> Renderer<T> {
     /// Adds all voices to a segment of `out.len()` samples.
     ///
     /// Phases are computed to double precision every [`BLOCK`] samples; between them they are turned in `T`, which loses
-    /// less than 1e-5 of the amplitude.
+    /// less than 3e-5 of the amplitude.
     pub(super) fn add(&mut self, voices: &[Voice], out: &mut [T]) {
         let len = out.len();
         for (i, block) in out.chunks_mut(BLOCK).enumerate() {

@@ -53,7 +53,8 @@ pub fn published(name: &str, method: &str) -> Option<[f64; 3]> {
     let path = format!("{}/../../tests/data/phase/sc.json", env!("CARGO_MANIFEST_DIR"));
     let text = std::fs::read_to_string(path).unwrap();
     // The file is flat enough to be read by its keys alone: vector, method, figure.
-    let after = |text: &str, key: &str| text.split_once(&format!("\"{key}\"")).map(|(_, rest)| rest.to_owned());
+    let after =
+        |text: &str, key: &str| text.split_once(&format!("\"{key}\"")).map(|(_, rest)| rest.to_owned());
     let method = after(&after(&after(&text, "sc")?, name)?.split("\n  }").next()?.to_owned(), method)?;
     let figure = |key| {
         let rest = after(&method, key)?;
