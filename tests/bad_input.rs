@@ -123,7 +123,7 @@ fn a_wrong_kind_says_what_goes_between() {
     refused(
         &g,
         Some("\"synthesis\"),\n"),
-        &["carries Magnitude of 101 bins", "takes Spectrum", "what goes between: `spsi`"],
+        &["carries Magnitude of 101 bins", "takes Spectrum", "what goes between: `", "`spsi`"],
     );
 }
 

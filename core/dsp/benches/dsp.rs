@@ -1,6 +1,9 @@
 //! What one frame costs each kernel, back to back.
 
-use asperity_dsp::{Complex, Conversion, FilterPhase, Framing, OverlapAdd, Resampler, Spsi};
+use asperity_dsp::{
+    Complex, Conversion, FilterPhase, Framing, Level, OscillatorBank, OverlapAdd, Partials, PhaseVocoder,
+    RandomPhase, Resampler, Spsi, StartPhase,
+};
 use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
 use std::hint::black_box;
 
@@ -61,6 +64,43 @@ fn phase_retrieval(c: &mut Criterion) {
     }
 }
 
+fn plain_phase_retrieval(c: &mut Criterion) {
+    for f in [framing(2500, 101), framing(48_000, 101)] {
+        let n = f.fft_len;
+        let frames = frames(f.bins, 97);
+        let mut spectrum = vec![Complex::default(); f.bins];
+        let mut frame = 0;
+        let mut vocoder = PhaseVocoder::<f32>::new(f, StartPhase::Quadratic, Level::Keep, 1).unwrap();
+        c.bench_function(&format!("phase_vocoder/{n}"), |b| {
+            b.iter(|| {
+                frame += 1;
+                vocoder.process(f.start(frame), black_box(&frames[frame as usize % 97]), &mut spectrum)
+            });
+        });
+        let mut random = RandomPhase::<f32>::new(f, Level::Plain, 1).unwrap();
+        c.bench_function(&format!("random_phase/{n}"), |b| {
+            b.iter(|| {
+                frame += 1;
+                random.process(frame, black_box(&frames[frame as usize % 97]), &mut spectrum)
+            });
+        });
+        let mut out = vec![0.0; f.start(1) as usize];
+        for (name, partials) in [("tracked", Partials::Tracked), ("noise", Partials::Noise)] {
+            let mut bank = OscillatorBank::<f32>::new(f, partials, 1).unwrap();
+            c.bench_function(&format!("oscillator_bank {name}/{n}"), |b| {
+                b.iter(|| {
+                    frame += 1;
+                    // Every fourth frame is another, as peaks of noise live for about ten.
+                    let mags = &frames[frame as usize / 4 % 97];
+                    bank.add_frame(frame, f.start(frame), black_box(mags));
+                    bank.emit(f.start(frame), &mut out);
+                    out[0]
+                });
+            });
+        }
+    }
+}
+
 fn resample(c: &mut Criterion) {
     for (in_hz, out_hz) in [(2500, 48_000), (2500, 44_100), (500, 48_000), (48_000, 2500)] {
         let conversion = Conversion {
@@ -101,6 +141,6 @@ criterion_group! {
     name = dsp;
     config = Criterion::default().warm_up_time(std::time::Duration::from_millis(500))
         .measurement_time(std::time::Duration::from_secs(2)).sample_size(50);
-    targets = phase_retrieval, resample
+    targets = phase_retrieval, plain_phase_retrieval, resample
 }
 criterion_main!(dsp);

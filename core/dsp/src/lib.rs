@@ -19,8 +19,14 @@
 pub mod filter;
 mod float;
 mod framing;
+pub mod griffin_lim;
+mod magnitude;
+pub mod oscillator_bank;
 pub mod overlap_add;
+pub mod phase_vocoder;
 mod ramp;
+mod random;
+pub mod random_phase;
 pub mod resample;
 pub mod spsi;
 pub mod stft;
@@ -28,8 +34,12 @@ pub mod window;
 
 pub use float::Float;
 pub use framing::{Framing, FramingError, MAX_FFT_LEN, MAX_PERIOD};
+pub use magnitude::Level;
+pub use oscillator_bank::{OscillatorBank, Partials};
 pub use overlap_add::OverlapAdd;
+pub use phase_vocoder::{PhaseVocoder, StartPhase};
 pub use ramp::Ramp;
+pub use random_phase::RandomPhase;
 pub use realfft::num_complex::Complex;
 pub use resample::{Conversion, FilterPhase, Resampler};
 pub use spsi::Spsi;

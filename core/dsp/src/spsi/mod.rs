@@ -31,7 +31,7 @@
 //! What limits the pure sine is its own image at the negative frequency. Smooth magnitudes that are no signal's (nnsmooth, a
 //! mean over phases) are outside what one sinusoid a peak can express.
 
-mod peak;
+pub(crate) mod peak;
 
 use crate::Float;
 use crate::float::unit_circle;

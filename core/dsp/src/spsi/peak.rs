@@ -5,22 +5,22 @@ use realfft::num_complex::Complex;
 
 /// What lies beyond the first and last bin.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Edges {
+pub(crate) struct Edges {
     /// The last bin is at half the sample rate.
-    pub(super) last_is_nyquist: bool,
+    pub(crate) last_is_nyquist: bool,
 }
 
 /// A sinusoid seen in one frame.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Peak<T> {
+pub(crate) struct Peak<T> {
     /// The bin of the maximum.
-    pub(super) bin: usize,
+    pub(crate) bin: usize,
     /// One past the last bin of its region; the region starts where the one before ends.
     pub(super) end: usize,
     /// From the bin to the sinusoid, in bins, in [-0.5, 0.5].
-    pub(super) offset: f64,
+    pub(crate) offset: f64,
     /// Bin 0 or Nyquist: only a phase of 0 or half a turn can be heard.
-    pub(super) real: bool,
+    pub(crate) real: bool,
     /// Phase at the window's centre, in turns.
     pub(super) turns: f64,
     /// The same as a point on the unit circle.
@@ -40,7 +40,7 @@ fn lobe_ratio(m: f64, d: f64, odd: bool) -> f64 {
 
 impl<T: Float> Peak<T> {
     /// In bins.
-    pub(super) fn freq(&self) -> f64 {
+    pub(crate) fn freq(&self) -> f64 {
         self.bin as f64 + self.offset
     }
 
@@ -104,7 +104,7 @@ impl<T: Float> Peak<T> {
 
 /// Finds all maxima; a run of equal bins that stands above both its sides is one, at its middle. Any frame that is not
 /// all zero has at least one.
-pub(super) fn find<T: Float>(mags: &[T], edges: Edges, peaks: &mut Vec<Peak<T>>) {
+pub(crate) fn find<T: Float>(mags: &[T], edges: Edges, peaks: &mut Vec<Peak<T>>) {
     peaks.clear();
     let mut rising = true;
     let mut from = 0;

@@ -1,0 +1,388 @@
+use super::*;
+use crate::window::hann_lobe;
+use std::f64::consts::TAU;
+
+fn framing(rate_hz: u32, bins: usize) -> Framing {
+    Framing { rate_hz, fft_len: rate_hz as usize / 10, bins, frame_num: 500, frame_den: 1 }
+}
+
+/// Magnitudes of a sinusoid of amplitude 1 at `freq` bins.
+fn tone(freq: f64, bins: usize) -> Vec<f64> {
+    (0..bins).map(|k| hann_lobe(k as f64 - freq).abs()).collect()
+}
+
+fn new<T: Float>(f: Framing, partials: Partials) -> OscillatorBank<T> {
+    OscillatorBank::new(f, partials, 1).unwrap()
+}
+
+const BOTH: [Partials; 2] = [Partials::Tracked, Partials::Noise];
+
+/// Frames `frames`, each given when it is due, and the samples up to the one after; a frame that `mags` has none for is missing.
+fn run<T: Float>(
+    bank: &mut OscillatorBank<T>,
+    frames: std::ops::Range<u64>,
+    mags: impl Fn(u64) -> Option<Vec<T>>,
+) -> Vec<T> {
+    let (f, first) = (bank.framing(), frames.start);
+    let mut all = vec![T::zero(); (f.start(frames.end) - f.start(first)) as usize];
+    for n in frames {
+        if let Some(mags) = mags(n) {
+            assert_eq!(bank.add_frame(n, f.start(n), &mags), 0);
+        }
+        let (from, to) = ((f.start(n) - f.start(first)) as usize, (f.start(n + 1) - f.start(first)) as usize);
+        bank.emit(f.start(n), &mut all[from..to]);
+    }
+    all
+}
+
+/// How far samples are from the recurrence `y[t + 1] + y[t - 1] = 2 cos(w) y[t]` of a sinusoid at `freq` bins.
+fn off_tone(y: &[f64], freq: f64, fft_len: usize) -> f64 {
+    let c = 2.0 * (TAU * freq / fft_len as f64).cos();
+    y.windows(3).map(|y| (y[2] + y[0] - c * y[1]).abs()).fold(0.0, f64::max)
+}
+
+fn peak(y: &[f64]) -> f64 {
+    y.iter().fold(0.0, |a, y| a.max(y.abs()))
+}
+
+fn steepest(y: &[f64]) -> f64 {
+    y.windows(2).map(|y| (y[1] - y[0]).abs()).fold(0.0, f64::max)
+}
+
+#[test]
+fn oscillators_are_cosines_whose_amplitude_and_frequency_move_in_straight_lines() {
+    // More voices than lanes and more samples than a block, some of them gliding.
+    let voices: Vec<Voice> = (0..11)
+        .map(|i| {
+            let x = f64::from(i);
+            let glide = if i < 8 { 0.0 } else { 0.4 };
+            Voice { turns: 0.1 * x, freqs: (9.0 * x, 9.0 * x + glide), amps: (1.0 - 0.1 * x, 0.1 * x) }
+        })
+        .collect();
+    let (mut single, mut double) = ([1.0f32; 300], [1.0f64; 300]);
+    Renderer::new(4800).add(&voices, &mut single);
+    Renderer::new(4800).add(&voices, &mut double);
+    for t in 0..300 {
+        let x = f64::from(t) / 300.0;
+        let sum: f64 = voices
+            .iter()
+            .map(|v| {
+                let cycles = (v.freqs.0 + 0.5 * (v.freqs.1 - v.freqs.0) * x) * f64::from(t) / 4800.0;
+                (v.amps.0 + (v.amps.1 - v.amps.0) * x) * (TAU * (v.turns + cycles)).cos()
+            })
+            .sum();
+        assert!((double[t as usize] - 1.0 - sum).abs() < 1e-11, "sample {t}");
+        // The amplitudes together are 5.5.
+        assert!((f64::from(single[t as usize]) - 1.0 - sum).abs() < 5.5 * 3e-5, "sample {t}");
+    }
+}
+
+#[test]
+fn a_tracked_partial_is_the_sinusoid_its_peak_says_one_hop_after_the_first_frame() {
+    for (rate, freq) in [(2500, 15.37), (48_000, 40.5), (48_000, 41.0), (48_000, 99.7), (44_100, 33.4)] {
+        let f = framing(rate, 101);
+        let mut bank = new::<f64>(f, Partials::Tracked);
+        let y = run(&mut bank, 0..300, |_| Some(tone(freq, 101)));
+        let hop = f.start(1) as usize;
+        // Side lobes are maxima too; those of a Hann window are below 0.027.
+        let steady = &y[hop..];
+        assert!((peak(steady) - 1.0).abs() < 0.15, "{rate} Hz, {freq}: {}", peak(steady));
+        let mut alone = new::<f64>(f, Partials::Tracked);
+        let lobe = |n: f64| {
+            tone(n, 101)
+                .iter()
+                .enumerate()
+                .map(|(k, m)| if (k as f64 - n).abs() < 2.0 { *m } else { 0.0 })
+                .collect()
+        };
+        let y = run(&mut alone, 0..300, |_| Some(lobe(freq)));
+        assert!(off_tone(&y[hop..], freq, f.fft_len) < 1e-9, "{rate} Hz, {freq}");
+        assert!((peak(&y[hop..]) - 1.0).abs() < 1e-2, "{rate} Hz, {freq}: {}", peak(&y[hop..]));
+    }
+}
+
+#[test]
+fn a_tracked_partial_keeps_its_phase_for_half_an_hour() {
+    // On a bin, whose closed form is exact in integers, with 88 or 89 samples a hop.
+    let f = framing(44_100, 5);
+    let mut bank = new::<f32>(f, Partials::Tracked);
+    let mags = |_| Some(vec![0.0, 0.0, 0.5, 1.0, 0.5]);
+    let frames = 1_000_000;
+    let first = run(&mut bank, 0..51, mags);
+    let mut out = [0.0; 89];
+    for n in 51..frames {
+        bank.add_frame(n, f.start(n), &mags(n).unwrap());
+        bank.emit(f.start(n), &mut out[..(f.start(n + 1) - f.start(n)) as usize]);
+    }
+    let late = run(&mut bank, frames..frames + 51, mags);
+    // Bin 3 repeats every 1470 samples.
+    let shift = (1470 - f.start(frames) % 1470) as usize;
+    for (t, y) in late[shift..shift + 1470].iter().enumerate() {
+        assert!((y - first[1470 + t]).abs() < 1e-4, "sample {t}: {y}, {}", first[1470 + t]);
+    }
+}
+
+#[test]
+fn a_step_is_answered_within_one_hop_and_ends_within_one() {
+    let (f, on, off) = (framing(48_000, 101), 20 * 96, 40 * 96);
+    for partials in BOTH {
+        let mags = |n: u64| Some(vec![if (20..40).contains(&n) { 1.0 } else { 0.0 }; 101]);
+        let y = run(&mut new::<f64>(f, partials), 0..60, mags);
+        assert_eq!(peak(&y[..on]), 0.0, "{partials:?}: silence before");
+        assert_eq!(peak(&y[off + 96..]), 0.0, "{partials:?}: exact silence after the ramp");
+        if partials == Partials::Tracked {
+            assert!(off_tone(&y[on + 96..off], 50.0, 4800) < 1e-9);
+            assert!(peak(&y[on + 96..on + 192]) > 1.0);
+            continue;
+        }
+        // The ramp is straight.
+        let steady = run(&mut new::<f64>(f, partials), 0..60, |_| Some(vec![1.0; 101]));
+        for (t, (y, all)) in y.iter().zip(&steady).enumerate().take(off + 96).skip(on) {
+            let up = ((t - on) as f64 / 96.0).min(1.0);
+            let down = 1.0 - (t.saturating_sub(off) as f64 / 96.0);
+            assert!((y - up * down * all).abs() < 1e-9, "sample {t}");
+        }
+    }
+}
+
+#[test]
+fn noise_is_a_function_of_the_sample_number() {
+    // A bank that joins late, and one that goes on where another graph left it 5.6 hours or years ago.
+    let f = framing(44_100, 101);
+    for join in [7, 10_000_000, 1_000_000_000_000] {
+        let (mut early, mut late) = (new::<f64>(f, Partials::Noise), new::<f64>(f, Partials::Noise));
+        early.reset(f.start(join - 5));
+        late.reset(f.start(join));
+        let flat = |_| Some(vec![1.0; 101]);
+        run(&mut early, join - 5..join, flat);
+        let (x, y) = (run(&mut early, join..join + 50, flat), run(&mut late, join..join + 50, flat));
+        assert_eq!(x[89..], y[89..]);
+        assert!(peak(&y) > 3.0 && peak(&y) < 60.0, "{}", peak(&y));
+    }
+}
+
+#[test]
+fn noise_keeps_the_energy_of_steady_magnitudes_and_does_not_repeat() {
+    let f = framing(2500, 101);
+    let mags: Vec<f64> = (0..101).map(|k| if (4..98).contains(&k) { 1.0 } else { 0.0 }).collect();
+    let y = run(&mut new(f, Partials::Noise), 0..10_000, |_| Some(mags.clone()));
+    let mut stft = crate::Stft::new(250);
+    let energies: Vec<f64> = y[250..]
+        .chunks_exact(250)
+        .map(|x| stft.process(x).iter().map(|c| c.norm_sqr()).sum::<f64>() / 94.0)
+        .collect();
+    let mean = energies.iter().sum::<f64>() / energies.len() as f64;
+    assert!((10.0 * mean.log10()).abs() < 0.1, "{} dB", 10.0 * mean.log10());
+    let y = &y[250..];
+    let like = |lag: usize| {
+        y.iter().zip(&y[lag..]).map(|(a, b)| a * b).sum::<f64>() / y.iter().map(|a| a * a).sum::<f64>()
+    };
+    // Oscillators at the bins' own frequencies would give 1 at each of these.
+    let (one, two, four) = (like(250), like(500), like(1000));
+    assert!(one < 0.5 && two.abs() < 0.2 && four.abs() < 0.1, "{one} {two} {four}");
+}
+
+#[test]
+fn nothing_clicks_at_births_deaths_and_missing_frames() {
+    // Partials that come and go at 100 to 390 Hz; every fifth frame is missing, and some in a row.
+    let f = framing(48_000, 101);
+    let mags = |n: u64| {
+        let there = !n.is_multiple_of(5) && !(200..204).contains(&n);
+        there.then(|| tone(10.0 + ((n / 3) % 30) as f64, 101))
+    };
+    for partials in BOTH {
+        let y = run(&mut new(f, partials), 0..400, mags);
+        assert!(peak(&y) > 0.5);
+        // Two partials of amplitude 1 at most, and a ramp of each over half a hop or more.
+        let most = 2.0 * (1.2 * TAU * 400.0 / 48_000.0 + 1.0 / 48.0);
+        assert!(steepest(&y) < most, "{partials:?}: {} of {most}", steepest(&y));
+    }
+}
+
+#[test]
+fn without_frames_the_bank_is_silent_after_one_hop_and_says_so() {
+    for partials in BOTH {
+        let f = framing(2500, 101);
+        let mut bank = new::<f64>(f, partials);
+        let mut out = [9.0; 5];
+        assert!(!bank.emit(0, &mut out), "nothing came yet");
+        assert_eq!(out, [0.0; 5]);
+        for n in 1..4 {
+            bank.add_frame(n, f.start(n), &tone(40.3, 101));
+            assert!(bank.emit(f.start(n), &mut out));
+        }
+        assert!(bank.emit(20, &mut out), "fading");
+        assert!(peak(&out) > 0.0);
+        assert!(!bank.emit(25, &mut out));
+        assert_eq!(out, [0.0; 5]);
+        // Frames of silence are silence.
+        bank.add_frame(6, 30, &[0.0; 101]);
+        assert!(!bank.emit(30, &mut out));
+        assert_eq!(out, [0.0; 5]);
+    }
+}
+
+#[test]
+fn samples_do_not_hang_on_how_many_are_asked_for() {
+    // Frames at 300 a second and 44.1 kHz, asked for in ticks of 7 to 333 samples; each frame comes in the tick it starts in.
+    let f = Framing { frame_num: 300, ..framing(44_100, 101) };
+    let total = f.start(60) as usize;
+    for partials in BOTH {
+        let whole = run(&mut new::<f32>(f, partials), 0..60, |n| Some(tone_single(10.0 + 0.1 * n as f64)));
+        for tick in [7, 88, 147, 333] {
+            let mut bank = new::<f32>(f, partials);
+            let (mut out, mut at, mut frame) = (vec![0.0f32; total], 0, 0);
+            while at < total {
+                let end = (at + tick).min(total);
+                // Of several frames in a tick, what comes before one is asked for first.
+                while frame < 60 && f.start(frame) < end as u64 {
+                    let start = (f.start(frame) as usize).max(at);
+                    bank.emit(at as u64, &mut out[at..start]);
+                    bank.add_frame(frame, f.start(frame), &tone_single(10.0 + 0.1 * frame as f64));
+                    (at, frame) = (start, frame + 1);
+                }
+                bank.emit(at as u64, &mut out[at..end]);
+                at = end;
+            }
+            assert_eq!(whole, out, "{partials:?}, {tick} samples a tick");
+        }
+    }
+}
+
+fn tone_single(freq: f64) -> Vec<f32> {
+    tone(freq, 101).iter().map(|&m| m as f32).collect()
+}
+
+#[test]
+fn frames_that_come_ahead_of_or_behind_their_time_are_played_in_step() {
+    let f = framing(2500, 101);
+    let due = run(&mut new::<f64>(f, Partials::Noise), 0..40, |_| Some(vec![1.0; 101]));
+    // One hop ahead: each frame still waits for its time.
+    let mut bank = new::<f64>(f, Partials::Noise);
+    let mut ahead = Vec::new();
+    bank.add_frame(0, 0, &[1.0; 101]);
+    for n in 0..40 {
+        bank.add_frame(n + 1, f.start(n + 1), &[1.0; 101]);
+        let mut out = [0.0; 5];
+        bank.emit(f.start(n), &mut out);
+        ahead.extend(out);
+    }
+    assert_eq!(due, ahead);
+    // Two samples behind, always: no gap and no fade between frames.
+    let (mut bank, mut behind) = (new::<f64>(f, Partials::Noise), [0.0; 202]);
+    bank.emit(0, &mut behind[..2]);
+    for n in 0..40 {
+        bank.add_frame(n, f.start(n), &[1.0; 101]);
+        let at = f.start(n) as usize + 2;
+        bank.emit(at as u64, &mut behind[at..at + 5]);
+    }
+    let off = due[7..195].iter().zip(&behind[7..195]).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    assert!(off < 0.02 * peak(&due), "{off}");
+}
+
+#[test]
+fn the_bank_takes_what_is_no_magnitude_for_silence_and_counts_it() {
+    for partials in BOTH {
+        let mut bank = new::<f32>(framing(2500, 101), partials);
+        let mut mags = tone_single(30.3);
+        (mags[3], mags[60], mags[61], mags[90]) = (f32::NAN, f32::INFINITY, f32::NEG_INFINITY, -1.0);
+        let mut out = [0.0; 5];
+        assert_eq!(bank.add_frame(0, 0, &mags), 4);
+        bank.emit(0, &mut out);
+        assert!(out.iter().all(|y| y.is_finite()) && out.iter().any(|&y| y != 0.0));
+        for (n, frame) in [[f32::MAX; 101], [f32::MIN_POSITIVE; 101], [1e-44; 101]].iter().enumerate() {
+            let n = n as u64 + 1;
+            assert_eq!(bank.add_frame(n, 5 * n, frame), 0);
+            bank.emit(5 * n, &mut out);
+            assert!(out.iter().all(|y| y.is_finite()), "{partials:?} {out:?}");
+        }
+        bank.add_frame(5, 25, &mags[..50]);
+        bank.add_frame(u64::MAX, u64::MAX - 1, &mags);
+        bank.emit(u64::MAX - 3, &mut out);
+    }
+}
+
+#[test]
+fn the_bank_does_not_care_about_the_unit() {
+    for partials in BOTH {
+        let mags = |n: u64, scale: f64| -> Vec<f32> {
+            let one = |k| (scale * random_magnitude(n / 4, k)) as f32;
+            (0..101).map(one).collect()
+        };
+        let f = framing(2500, 101);
+        let x = run(&mut new::<f32>(f, partials), 0..200, |n| Some(mags(n, 1.0)));
+        for scale in [1e-12, 1e12] {
+            let y = run(&mut new::<f32>(f, partials), 0..200, |n| Some(mags(n, scale)));
+            let off = x.iter().zip(&y).map(|(x, y)| (f64::from(*x) - f64::from(*y) / scale).abs());
+            assert!(off.fold(0.0, f64::max) < 1e-3, "{partials:?} {scale}");
+        }
+    }
+}
+
+fn random_magnitude(n: u64, k: u64) -> f64 {
+    crate::random::uniform(5, n, k)
+}
+
+#[test]
+fn ties_flat_spectra_and_single_bins_are_tracked() {
+    let f = framing(48_000, 101);
+    let mut alone = vec![0.0; 101];
+    alone[40] = 1.0;
+    let mut plateau = vec![0.0; 101];
+    plateau[20..25].fill(1.0);
+    let between = tone(40.5, 101).iter().map(|m| if *m > 0.1 { *m } else { 0.0 }).collect();
+    for (mags, freq) in [(vec![1.0; 101], 50.0), (alone, 40.0), (plateau, 22.0), (between, 40.5)] {
+        let y = run(&mut new::<f64>(f, Partials::Tracked), 0..50, |_| Some(mags.clone()));
+        assert!(off_tone(&y[96..], freq, 4800) < 1e-9, "{freq}");
+        assert!(peak(&y[96..]) > 0.7 && peak(&y[96..]) < 1.5, "{freq}: {}", peak(&y[96..]));
+    }
+}
+
+#[test]
+fn a_floor_of_noise_does_not_break_up_a_partial() {
+    let f = framing(48_000, 101);
+    // 26 dB below the tone, another in every frame.
+    let mags = |n: u64| {
+        let floor = |k| 0.05 * random_magnitude(n, k as u64);
+        Some(tone(40.3, 101).iter().enumerate().map(|(k, m)| m + floor(k)).collect())
+    };
+    let y = run(&mut new::<f64>(f, Partials::Tracked), 0..500, mags);
+    // The tone's own share of a second, by its transform at 403 Hz.
+    let sum: (f64, f64) = y[96..].iter().enumerate().fold((0.0, 0.0), |s, (t, y)| {
+        let (sin, cos) = (TAU * 403.0 * t as f64 / 48_000.0).sin_cos();
+        (s.0 + y * cos, s.1 + y * sin)
+    });
+    let amp = 2.0 * sum.0.hypot(sum.1) / (y.len() - 96) as f64;
+    assert!(amp > 0.7, "{amp}");
+}
+
+#[test]
+fn the_bank_works_at_the_edges_of_a_layout() {
+    for (fft_len, bins, num) in
+        [(50, 26, 500), (51, 26, 500), (51, 1, 500), (2, 2, 500), (1, 1, 500), (50, 26, 7)]
+    {
+        let f = Framing { rate_hz: 500, fft_len, bins, frame_num: num, frame_den: 1 };
+        for partials in BOTH {
+            let y = run(&mut new::<f64>(f, partials), 0..50, |_| Some(vec![1.0; bins]));
+            assert!(y.iter().all(|y| y.abs() < 30.0), "{f:?} {partials:?}");
+            let y = run(&mut new::<f64>(f, partials), 0..50, |_| Some(tone(0.0, bins)));
+            assert!(peak(&y) > 0.05, "a constant sounds: {f:?} {partials:?}");
+        }
+    }
+    assert!(OscillatorBank::<f32>::new(framing(2500, 127), Partials::Noise, 1).is_err());
+}
+
+#[test]
+fn the_bank_is_a_function_of_the_seed_and_a_reset_bank_is_a_fresh_one() {
+    let f = framing(2500, 101);
+    for partials in BOTH {
+        let mags = |_| Some(tone(30.3, 101));
+        let fresh = run(&mut new(f, partials), 0..50, mags);
+        let other = run(&mut OscillatorBank::new(f, partials, 2).unwrap(), 0..50, mags);
+        assert_ne!(fresh, other);
+        let mut used = new(f, partials);
+        run(&mut used, 0..77, |n| Some(tone(n as f64, 101)));
+        used.reset(0);
+        assert_eq!(run(&mut used, 0..50, mags), fresh);
+    }
+}

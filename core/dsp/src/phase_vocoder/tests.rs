@@ -1,0 +1,146 @@
+use super::*;
+use crate::{OverlapAdd, Stft};
+use std::f64::consts::TAU;
+
+fn framing(rate_hz: u32, bins: usize) -> Framing {
+    Framing { rate_hz, fft_len: rate_hz as usize / 10, bins, frame_num: 500, frame_den: 1 }
+}
+
+const STARTS: [StartPhase; 3] = [StartPhase::Zero, StartPhase::Random, StartPhase::Quadratic];
+
+/// Difference of phases in turns, in [0, 0.5].
+fn apart(a: f64, b: f64) -> f64 {
+    ((a - b) - (a - b).round()).abs()
+}
+
+fn turns(c: Complex<f64>) -> f64 {
+    c.im.atan2(c.re) / TAU
+}
+
+#[test]
+fn phase_vocoder_advances_each_bin_by_its_centre_frequency_for_hours() {
+    // 44.1 kHz at 500 frames a second: 88 or 89 samples.
+    let f = framing(44_100, 101);
+    let mut kernel = PhaseVocoder::new(f, StartPhase::Random, Level::Plain, 1).unwrap();
+    let (mut first, mut out) = (vec![Complex::default(); 101], vec![Complex::default(); 101]);
+    assert_eq!(kernel.process(0, &[1.0; 101], &mut first), 0);
+    // 10^7 frames are 5.6 hours, 10^13 are 634 years.
+    for n in (0..1000).chain(10_000_000..10_000_010).chain([10_000_000_000_000]) {
+        kernel.process(f.start(n), &[1.0; 101], &mut out);
+        for k in 0..101u64 {
+            let exact = (u128::from(k) * u128::from(f.start(n)) % 4410) as f64 / 4410.0;
+            let moved = turns(out[k as usize]) - turns(first[k as usize]);
+            assert!(apart(moved, exact) < 1e-12, "frame {n}, bin {k}");
+        }
+    }
+}
+
+#[test]
+fn phase_vocoder_spreads_quadratic_start_phases_over_the_window() {
+    let (k, start) = (101, |k| StartPhase::Quadratic.turns(k, 101, 0));
+    for i in 1..k - 1 {
+        // The second difference is half a turn, and 1/K to visit every instant of the window.
+        let bend = start(i + 1) - 2.0 * start(i) + start(i - 1);
+        assert!(apart(bend, 0.5 + 1.0 / 101.0) < 1e-12, "bin {i}");
+    }
+}
+
+/// The signal that steady magnitudes make, after it has faded in.
+fn steady(mags: &[f64], start: StartPhase, level: Level) -> Vec<f64> {
+    let f = framing(2500, mags.len());
+    let mut kernel = PhaseVocoder::new(f, start, level, 3).unwrap();
+    let (mut ola, mut spectrum) = (OverlapAdd::new(f).unwrap(), vec![Complex::default(); mags.len()]);
+    let mut all = vec![0.0; 1000];
+    for n in 0..200 {
+        kernel.process(f.start(n), mags, &mut spectrum);
+        ola.add_frame(f.start(n), &spectrum).unwrap();
+        ola.emit(f.start(n), &mut all[5 * n as usize..][..5]);
+    }
+    all.split_off(250)
+}
+
+#[test]
+fn phase_vocoder_makes_oscillators_of_two_thirds_of_the_magnitudes() {
+    let mags: Vec<f64> =
+        (0..101).map(|k| if k == 0 { 0.0 } else { random::uniform(9, 0, k) * 2.0 }).collect();
+    for start in STARTS {
+        for (t, y) in steady(&mags, start, Level::Plain).iter().enumerate() {
+            let t = t as f64 + 250.0;
+            let sum: f64 = (1..101)
+                .map(|k| {
+                    let phase = k as f64 * t / 250.0 + start.turns(k, 101, 3);
+                    2.0 / 3.0 * mags[k] * (TAU * phase).cos()
+                })
+                .sum();
+            assert!((y - sum).abs() < 1e-9, "{start:?}, sample {t}");
+        }
+    }
+}
+
+#[test]
+fn phase_vocoder_keeps_the_energy_of_steady_magnitudes_if_told_to() {
+    // Away from bin 0, where bins beat with their images.
+    let mags: Vec<f64> = (0..101).map(|k| if k < 4 { 0.0 } else { random::uniform(7, 0, k) }).collect();
+    let want: f64 = mags.iter().map(|m| m * m).sum();
+    for (start, level) in STARTS.iter().flat_map(|&s| [(s, Level::Plain), (s, Level::Keep)]) {
+        let signal = steady(&mags, start, level);
+        let mut stft = Stft::new(250);
+        // Over one period of the signal.
+        let energy = |from| stft.process(&signal[from..from + 250]).iter().map(|c| c.norm_sqr()).sum::<f64>();
+        let mean = (0..250).map(energy).sum::<f64>() / 250.0;
+        let factor = if level == Level::Keep { 1.0 } else { 2.0 / 3.0 };
+        assert!((mean / want - factor).abs() < 1e-9, "{start:?} {level:?}: {}", mean / want);
+    }
+}
+
+#[test]
+fn phase_vocoder_gives_bin_0_and_nyquist_a_phase_that_a_real_signal_can_have() {
+    let f = Framing { rate_hz: 500, fft_len: 50, bins: 26, frame_num: 500, frame_den: 1 };
+    for start in STARTS {
+        for seed in 0..8 {
+            let mut kernel = PhaseVocoder::<f64>::new(f, start, Level::Plain, seed).unwrap();
+            let mut out = vec![Complex::default(); 26];
+            kernel.process(0, &[1.0; 26], &mut out);
+            let first = (out[0], out[25]);
+            for n in 1..9 {
+                kernel.process(n, &[1.0; 26], &mut out);
+                let sign = if n % 2 == 0 { 1.0 } else { -1.0 };
+                assert!((out[0] - first.0).norm() < 1e-12 && out[0].im.abs() < 1e-12);
+                assert!((out[25] - first.1 * sign).norm() < 1e-12 && out[25].im.abs() < 1e-12);
+            }
+            assert!((first.0.norm() - 1.0).abs() < 1e-12 && (first.1.norm() - 1.0).abs() < 1e-12);
+        }
+    }
+}
+
+#[test]
+fn phase_vocoder_takes_what_is_no_magnitude_for_silence_and_counts_it() {
+    let mut kernel =
+        PhaseVocoder::<f32>::new(framing(2500, 101), StartPhase::Quadratic, Level::Keep, 1).unwrap();
+    let mut mags = [1.0f32; 101];
+    (mags[3], mags[60], mags[61], mags[90]) = (f32::NAN, f32::INFINITY, f32::NEG_INFINITY, -1.0);
+    let mut out = vec![Complex::new(9.0, 9.0); 200];
+    assert_eq!(kernel.process(5, &mags, &mut out), 4);
+    assert!([3, 60, 61, 90].iter().all(|&k: &usize| out[k] == Complex::default()));
+    assert!((out[30].norm() - 1.5f32.sqrt()).abs() < 1e-6);
+    assert!(out[101..].iter().all(|&c| c == Complex::default()), "what is left of the output is silent");
+    assert_eq!(kernel.process(u64::MAX, &[f32::MAX; 101], &mut out), 0);
+    assert!(out.iter().all(|c| c.re.is_finite() && c.im.is_finite()));
+    kernel.process(5, &mags[..50], &mut out[..60]);
+    assert!(out[50..60].iter().all(|&c| c == Complex::default()), "missing bins are silent");
+    assert_eq!(kernel.process(5, &[0.0; 101], &mut out), 0);
+    assert!(out.iter().all(|&c| c == Complex::default()), "silence is silence");
+}
+
+#[test]
+fn phase_vocoder_does_not_care_about_the_unit() {
+    let new = || PhaseVocoder::<f32>::new(framing(2500, 101), StartPhase::Random, Level::Keep, 1).unwrap();
+    let mags: Vec<f32> = (0..101).map(|k| random::uniform(1, 1, k) as f32).collect();
+    for scale in [1e-12f32, 1e12] {
+        let scaled: Vec<f32> = mags.iter().map(|m| m * scale).collect();
+        let (mut x, mut y) = (vec![Complex::default(); 101], vec![Complex::default(); 101]);
+        new().process(35, &mags, &mut x);
+        new().process(35, &scaled, &mut y);
+        assert!(x.iter().zip(&y).all(|(x, y)| (*x - *y / scale).norm() < 1e-6));
+    }
+}

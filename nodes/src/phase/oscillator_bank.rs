@@ -1,0 +1,92 @@
+//! `oscillator_bank`: magnitudes straight to a signal.
+
+use asperity_dsp::{Framing, Partials, oscillator_bank};
+use asperity_node::{
+    Descriptor, Diagnostic, Fact, FactValue, Input, Latency, LayoutSpec, Node, Output, Param, RateSpec,
+    Setup, ShapeSpec, Status, Tick, Unit,
+};
+
+/// Oscillators whose amplitudes follow the magnitudes within a hop.
+pub struct OscillatorBank {
+    kernel: oscillator_bank::OscillatorBank<f32>,
+    framing: Framing,
+    started: bool,
+    bad: u64,
+}
+
+impl OscillatorBank {
+    /// From one frame to the next.
+    fn hop(&self) -> Latency {
+        Latency::ratio(i64::from(self.framing.frame_den), i64::from(self.framing.frame_num))
+    }
+}
+
+impl Node for OscillatorBank {
+    fn descriptor() -> Descriptor {
+        Descriptor::new("oscillator_bank", "Oscillators whose amplitudes follow the magnitudes within one hop, with no overlap-add in the way.")
+            .input(
+                Input::new("magnitude", ShapeSpec::Magnitude(LayoutSpec::Of('l')), Unit::NONE)
+                    .unit_of('u')
+                    .doc("what is to sound a hop later"),
+            )
+            .output(
+                Output::new("signal", ShapeSpec::Audio(RateSpec::Of('l')), Unit::NONE)
+                    .unit_of('u')
+                    .doc("the signal at the frames' rate"),
+            )
+            .param(Param::choice(
+                "partials",
+                &["noise", "tracked"],
+                "Noise: one wandering oscillator a bin, right in level and spectrum for smooth magnitudes. Tracked: a sinusoid a peak, phase-continuous.",
+            ))
+            .param(Param::integer("seed", 1, 0..=i64::MAX, "Seed of start phases and noise; left out, from the graph's.").optional())
+            .timing("early by half a window less one hop: a frame is reached a hop after it comes, and describes its window's centre")
+    }
+
+    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
+        let partials = match setup.params.text("partials") {
+            "tracked" => Partials::Tracked,
+            _ => Partials::Noise,
+        };
+        let framing = super::framing(setup)?;
+        let kernel = oscillator_bank::OscillatorBank::new(framing, partials, super::seed(setup))
+            .map_err(|e| setup.params.node_error(e.to_string()))?;
+        Ok(Self { kernel, framing, started: false, bad: 0 })
+    }
+
+    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
+        let span = tick.samples(self.framing.rate_hz);
+        if !self.started {
+            self.kernel.reset(span.start);
+            self.started = true;
+        }
+        let frame = tick.inputs.magnitude(0);
+        if let Some(frame) = frame {
+            self.bad += self.kernel.add_frame(frame.index, frame.start, frame.bins) as u64;
+        }
+        match (self.kernel.emit(span.start, tick.outputs.audio(0)), frame) {
+            (true, _) => Status::Continue,
+            (false, Some(_)) => Status::Quiet,
+            (false, None) => Status::Asleep,
+        }
+    }
+
+    fn reset(&mut self) {
+        self.started = false;
+    }
+
+    fn latency(&self) -> Latency {
+        Latency::ratio(-(self.framing.fft_len as i64), 2 * i64::from(self.framing.rate_hz)) + self.hop()
+    }
+
+    fn tail(&self) -> Latency {
+        self.hop()
+    }
+
+    fn facts(&self) -> Vec<Fact> {
+        vec![
+            Fact { name: "response_lag", value: FactValue::Number(self.hop().ms(), "ms") },
+            Fact { name: "bad_magnitudes", value: FactValue::Count(self.bad) },
+        ]
+    }
+}
