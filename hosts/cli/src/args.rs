@@ -206,7 +206,7 @@ pub struct Graph {
 /// `asperity invert`
 #[derive(Debug, clap::Args)]
 pub struct Invert {
-    /// The node: KIND, or KIND:param=value,... ; `default` is what the shipped graph uses
+    /// The node: KIND, or KIND:param=value,... ; `default` is that of graphs/texture.ron; offline griffin_lim, fast_griffin_lim
     #[arg(long, value_name = "KIND[:param=value,...]", default_value = "default")]
     pub phase: String,
     /// Magnitudes, float32 [frames, bins], 2 ms apart, bin 0 first, of an unscaled Hann-windowed DFT of 0.1 s

@@ -2,8 +2,8 @@
 
 use asperity_dsp::{Framing, Partials, oscillator_bank};
 use asperity_node::{
-    Descriptor, Diagnostic, Fact, FactValue, Input, Latency, LayoutSpec, Node, Output, Param, RateSpec,
-    Setup, ShapeSpec, Status, Tick, Unit,
+    Descriptor, Diagnostic, Fact, Input, Latency, LayoutSpec, Node, Output, Param, RateSpec, Setup,
+    ShapeSpec, Status, Tick, Unit,
 };
 
 /// Oscillators whose amplitudes follow the magnitudes within a hop.
@@ -84,9 +84,6 @@ impl Node for OscillatorBank {
     }
 
     fn facts(&self) -> Vec<Fact> {
-        vec![
-            Fact { name: "response_lag", value: FactValue::Number(self.hop().ms(), "ms") },
-            Fact { name: "bad_magnitudes", value: FactValue::Count(self.bad) },
-        ]
+        vec![Fact::number("response_lag", self.hop().ms(), "ms"), Fact::count("bad_magnitudes", self.bad)]
     }
 }

@@ -9,7 +9,7 @@ use crate::args::{Format, Invert};
 use crate::failure::{Failure, print, warn};
 use crate::kinds;
 use crate::output::{Rows, ending, resolved};
-use crate::phase::{Chain, Frames, Method, check_rate};
+use crate::phase::{Chain, Frames, How, Method, check_rate};
 
 /// Runs the command.
 pub fn run(args: &Invert) -> Result<ExitCode, Failure> {
@@ -27,7 +27,11 @@ pub fn run(args: &Invert) -> Result<ExitCode, Failure> {
         warn(&format!("{bad} magnitudes are negative or not finite and are taken as 0"));
     }
     let frames = Arc::new(frames);
-    let mut chain = Chain::new(&registry, &Method::parse(&args.phase, &registry)?, &frames, args.seed)?;
+    let method = Method::parse(&args.phase, &registry)?;
+    let mut chain = match &method.how {
+        How::Node(_) => Some(Chain::new(&registry, &method, &frames, args.seed)?),
+        How::Offline(_) => None,
+    };
     let mut rows = match ending(&args.out).as_str() {
         "wav" => Rows::wav(&args.out, 1, rate, Format::F32)?,
         "npy" => Rows::npy(&args.out, None)?,
@@ -38,7 +42,11 @@ pub fn run(args: &Invert) -> Result<ExitCode, Failure> {
                 .into());
         }
     };
-    let signal = chain.signal();
+    let signal = match (&method.how, &mut chain) {
+        (How::Offline(offline), _) => offline.signal(&frames, args.seed)?,
+        (How::Node(_), Some(chain)) => chain.signal(),
+        (How::Node(_), None) => Vec::new(),
+    };
     rows.append(&signal, 1, |_| 0.0)?;
     rows.keep()?;
     print(&format!(
@@ -47,7 +55,7 @@ pub fn run(args: &Invert) -> Result<ExitCode, Failure> {
         signal.len(),
         frames.count()
     ))?;
-    match chain.faults().0 {
+    match chain.map_or(0, |c| c.faults().0) {
         0 => Ok(ExitCode::SUCCESS),
         n => Err(Failure::Machine(format!("the node failed {n} times; what it failed in is silent"))),
     }

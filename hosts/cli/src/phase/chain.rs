@@ -7,7 +7,7 @@ use asperity_graph::{GraphFile, compile};
 use asperity_node::{Buffer, Diagnostic, Latency, Registry, Shape};
 
 use super::frames::{FRAME_HZ, Frames, MAGNITUDES, MagnitudesKind};
-use super::method::{ID, Method, retrieval};
+use super::method::{How, ID, Method, retrieval};
 use crate::failure::Failure;
 
 /// Most latency that a node may declare, in s: so much silence is run besides the frames.
@@ -142,7 +142,12 @@ fn graph(method: &Method, registry: &Registry, rate_hz: u32, seed: u64) -> Resul
     graph.seed = seed;
     graph.add_node("frames", MAGNITUDES, &[], ORIGIN)?;
     graph.add_node("out", "probe", &[], ORIGIN)?;
-    graph.nodes.push(method.node.clone());
+    let How::Node(node) = &method.how else {
+        return Err(
+            Diagnostic::new(format!("`{}` is no node: it needs all frames at once", method.label)).into()
+        );
+    };
+    graph.nodes.push((**node).clone());
     graph.add_wire("frames.magnitude", &format!("{ID}.{}", ports.input), ORIGIN);
     if ports.spectrum {
         graph.add_node("synthesis", "overlap_add", &[], ORIGIN)?;

@@ -4,13 +4,14 @@ use asperity_graph::{GraphFile, NodeDecl};
 use asperity_node::{Descriptor, Diagnostic, NodeKind, Registry, ShapeSpec};
 use asperity_source::{Source, one_of};
 
+use super::offline::{OFFLINE, Offline};
 use crate::failure::Failure;
 
 /// The graph whose phase-retrieval node is what `default` means, and its name in errors.
 const SHIPPED: (&str, &str) = ("heravi2024.ron (shipped)", include_str!("../../../../graphs/heravi2024.ron"));
 
 /// The option that names methods, for errors.
-const OPTION: &str = "--phase";
+pub(super) const OPTION: &str = "--phase";
 
 /// The node's id in a chain.
 pub(super) const ID: &str = "phase";
@@ -46,23 +47,35 @@ pub fn retrievers(registry: &Registry) -> Vec<&Descriptor> {
     registry.iter().map(|k| NodeKind::descriptor(&**k)).filter(|d| retrieval(d).is_some()).collect()
 }
 
-/// A phase-retrieval node with its settings.
+/// A way to retrieve phase, with its settings.
 #[derive(Clone, Debug)]
 pub struct Method {
     /// What a person calls it: the text it was made from.
     pub label: String,
-    /// The node, as a graph declares it.
-    pub(super) node: NodeDecl,
+    /// What does it.
+    pub how: How,
+}
+
+/// What retrieves phase.
+#[derive(Clone, Debug)]
+pub enum How {
+    /// A node, as a graph declares it.
+    Node(Box<NodeDecl>),
+    /// A method that needs all frames at once.
+    Offline(Offline),
 }
 
 impl Method {
-    /// Reads `KIND` or `KIND:param=value,...`; the kind `default` is the one of the shipped graph, with its settings.
+    /// Reads `KIND` or `KIND:param=value,...`; beside the kinds there are the offline methods, and the kind `default` is the one of the shipped graph, with its settings.
     /// Whether the kind has those parameters shows when a chain is made of it.
     ///
     /// # Errors
     /// A kind that is not there or does not retrieve phase, a setting without `=`.
     pub fn parse(text: &str, registry: &Registry) -> Result<Self, Failure> {
         let (kind, settings) = text.split_once(':').unwrap_or((text, ""));
+        if let Some(offline) = Offline::parse(kind, settings) {
+            return Ok(Self { label: text.to_owned(), how: How::Offline(offline?) });
+        }
         let kinds: Vec<&str> = retrievers(registry).into_iter().map(|d| d.kind.as_ref()).collect();
         let mut graph = GraphFile::empty(OPTION);
         if kind == "default" {
@@ -74,7 +87,7 @@ impl Method {
         } else if kinds.contains(&kind) {
             graph.add_node(ID, kind, &[], OPTION)?;
         } else {
-            let names = kinds.iter().copied().chain(["default"]);
+            let names = kinds.iter().copied().chain(["default"]).chain(OFFLINE);
             return Err(Diagnostic::new(format!("`{kind}` is no phase-retrieval node"))
                 .in_file(OPTION)
                 .help(one_of(kind, names))
@@ -84,11 +97,14 @@ impl Method {
             graph.set(&format!("{ID}.{}", setting.trim()), OPTION)?;
         }
         let node = graph.nodes.pop().ok_or_else(|| Failure::Machine("the node is gone".into()))?;
-        Ok(Self { label: text.to_owned(), node })
+        Ok(Self { label: text.to_owned(), how: How::Node(Box::new(node)) })
     }
 
-    /// The kind of the node.
+    /// The kind of the node, or what an offline method is called.
     pub fn kind(&self) -> &str {
-        &self.node.kind
+        match &self.how {
+            How::Node(node) => &node.kind,
+            How::Offline(_) => self.label.split(':').next().unwrap_or(&self.label),
+        }
     }
 }

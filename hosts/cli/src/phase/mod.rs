@@ -6,10 +6,11 @@
 mod chain;
 mod frames;
 mod method;
+mod offline;
 
 pub use chain::Chain;
 pub use frames::{FRAME_HZ, Frames, check_rate};
-pub use method::{Method, retrievers};
+pub use method::{How, Method, retrievers};
 
 #[cfg(test)]
 pub mod testing;

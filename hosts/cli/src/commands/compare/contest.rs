@@ -16,7 +16,7 @@ use super::lag::{Lag, Stimulus};
 use super::published::{Delay, Score};
 use super::vectors::{Set, Vector};
 use crate::failure::Failure;
-use crate::phase::{Chain, Method};
+use crate::phase::{Chain, How, Method};
 
 /// How often everything is run for its time.
 const ROUNDS: usize = 3;
@@ -151,24 +151,29 @@ impl<'a> Entry<'a> {
 
     /// One vector, once. The first time it is scored, later the samples must be the same.
     fn play(&mut self, registry: &Registry, wall: &Wall, vector: &Vector, v: usize, first: bool) {
-        if !first && self.signals[v].is_none() {
+        // What runs once over a whole signal has no time for a frame, and nothing to be timed again.
+        let again = !first && matches!(self.method.how, How::Offline(_));
+        if again || !first && self.signals[v].is_none() {
             return;
         }
         let mut took = Vec::with_capacity(vector.frames.count());
         let played = contained(|| {
+            if let How::Offline(offline) = &self.method.how {
+                return Ok((offline.signal(&vector.frames, SEED)?, Delay::Offline, 0, None, false));
+            }
             let mut chain = Chain::new(registry, self.method, &vector.frames, SEED)?;
             let signal = chain.timed_signal(wall, |ns| took.push(ns));
             let (faults, report) = chain.faults();
             let why = report.and_then(|r| r.last_fault).map(|f| f.to_string());
             let gone = report.is_some_and(|r| r.quarantined);
-            Ok((signal, chain.latency().ms(), faults, why, gone))
+            Ok((signal, Delay::Ms(chain.latency().ms()), faults, why, gone))
         });
-        let (signal, latency_ms, faults, why, gone) = match played {
+        let (signal, delay, faults, why, gone) = match played {
             Ok(played) => played,
             Err(why) => return self.problem(why, vector.short_name()),
         };
         // What a node takes to fail is not what it costs.
-        if faults == 0 {
+        if faults == 0 && !took.is_empty() {
             let timing = self.timing.entry(vector.rate_hz).or_insert_with(|| Timing::new(3));
             took.into_iter().for_each(|ns| timing.record(ns));
         }
@@ -176,7 +181,7 @@ impl<'a> Entry<'a> {
             self.differs |= before.iter().map(|x| x.to_bits()).ne(signal.iter().map(|x| x.to_bits()));
             return;
         }
-        self.row.delay = Delay::Ms(latency_ms);
+        self.row.delay = delay;
         self.row.faults[v] = faults;
         if faults > 0 {
             let times = if faults == 1 { "once".into() } else { format!("{faults} times") };
@@ -201,6 +206,9 @@ impl<'a> Entry<'a> {
     }
 
     fn lag(&mut self, registry: &Registry, name: &str, stimulus: &Stimulus) -> Lag {
+        if matches!(self.method.how, How::Offline(_)) {
+            return Lag::default();
+        }
         match contained(|| stimulus.drive(registry, self.method)) {
             Ok(lag) => lag,
             Err(why) => {

@@ -24,7 +24,7 @@ use crate::args::Compare;
 use crate::failure::{Failure, print};
 use crate::kinds;
 use crate::output::{Pending, resolved};
-use crate::phase::{Chain, Method, retrievers};
+use crate::phase::{Chain, How, Method, retrievers};
 use vectors::Set;
 
 /// Runs the command.
@@ -73,7 +73,7 @@ fn methods(registry: &Registry, asked: &[String], set: &Set) -> Result<Vec<Metho
     for text in asked {
         let method = Method::parse(text, registry)?;
         if all.iter().all(|m| m.label != method.label) {
-            if let Some(vector) = set.vectors.first() {
+            if let (How::Node(_), Some(vector)) = (&method.how, set.vectors.first()) {
                 Chain::new(registry, &method, &vector.frames, 1)?;
             }
             all.push(method);
