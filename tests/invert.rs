@@ -139,25 +139,12 @@ fn bad_magnitudes_are_refused_or_counted() {
 
 #[test]
 fn griffin_lim_inverts_whole_signals_and_the_fast_one_gets_nearer() {
-    let dir = tempfile::tempdir().unwrap();
-    let magnitudes = common::root().join("tests/data/phase/texture_2500.mag.npy");
-    let signal = |method: &str| {
-        let args = ["invert", "--phase", method, "--rate", "2500", "--out", "y.npy", "--magnitudes"];
-        let all: Vec<&str> = args.iter().copied().chain([magnitudes.to_str().unwrap()]).collect();
-        common::run(dir.path(), &all).ok();
-        let samples = npy::read(&dir.path().join("y.npy")).unwrap().values.into_f32();
-        samples.into_iter().map(f64::from).collect::<Vec<f64>>()
-    };
-    let array = npy::read(&magnitudes).unwrap();
-    let (bins, target) = (array.shape[1], array.values.into_f32());
-    let target: Vec<f64> = target.into_iter().map(f64::from).collect();
-    let db = |method: &str| {
-        phase::score(&target, &phase::framing(2500, bins), &signal(method)).unwrap().convergence_db
-    };
+    let db = |method: &str| score("texture_2500", 2500, method);
     let (plain, fast) = (db("griffin_lim:iterations=30"), db("fast_griffin_lim:iterations=30"));
     assert!(plain < -14.0 && fast < plain - 3.0, "{plain} and {fast} dB");
-    let args = ["invert", "--phase", "griffin_lim:alpha=0.5", "--rate", "2500", "--out", "z.npy", "--magnitudes"];
-    let all: Vec<&str> = args.iter().copied().chain([magnitudes.to_str().unwrap()]).collect();
-    let ran = common::run(dir.path(), &all);
+    let dir = tempfile::tempdir().unwrap();
+    write_magnitudes(dir.path(), "texture_2500", 2500);
+    let args = "invert --phase griffin_lim:alpha=0.5 --magnitudes m.npy --rate 2500 --out y.npy";
+    let ran = run(dir.path(), &args.split(' ').collect::<Vec<_>>());
     assert!(ran.code == 2 && ran.err.contains("`griffin_lim` has no parameter `alpha`"), "{}", ran.err);
 }
