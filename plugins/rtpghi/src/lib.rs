@@ -12,7 +12,19 @@
 //! Spectral convergence on the vectors in `tests/data/phase` (dB, lower is better; "published" from `sc.json` there), at
 //! `look_ahead` 0 and 1:
 //!
-//! TABLE
+//! | vector | published 0 | here 0 | published 1 | here 1 |
+//! |---|---|---|---|---|
+//! | sine_off_2500 | -38.8 | -38.8 | -38.8 | -38.8 |
+//! | chirp_2500 | -43.4 | -43.4 | -43.4 | -43.4 |
+//! | texture_2500 | -17.9 | -16.8 | -17.3 | -17.3 |
+//! | two25_2500 | -16.1 | -16.3 | -16.1 | -16.1 |
+//! | taps_2500 | -20.2 | -20.2 | -20.6 | -20.6 |
+//! | contact_2500 | -16.7 | -16.7 | -16.4 | -16.4 |
+//! | nnsmooth_2500 | -1.5 | -1.5 | -1.5 | -1.5 |
+//! | texture_48000 | -17.8 | -17.9 | -18.5 | -18.6 |
+//! | amchirp_48000 | -25.4 | -25.4 | -25.4 | -25.4 |
+//!
+//! A frame of 101 bins takes 8.6 us (median, one core of a shared virtual AMD EPYC), at 2.5 kHz and at 48 kHz.
 //!
 //! What limits it is the window, which is no Gaussian. Magnitudes that are no signal's (nnsmooth, a mean over phases) have
 //! slopes that say nothing, and collapse.

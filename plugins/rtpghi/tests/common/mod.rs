@@ -35,6 +35,7 @@ pub struct Rig {
 
 impl Rig {
     pub fn new<N: Node>(layout: FrameLayout, params: &[(&str, f64)]) -> Self {
+        assert!(N::descriptor().check().is_ok(), "the descriptor keeps its rules");
         let mut all = Params::new(None);
         for p in N::descriptor().params {
             let value = params.iter().find(|(name, _)| *name == p.name).map(|(_, v)| *v);
