@@ -1,0 +1,319 @@
+//! The estimate itself, frame by frame, without a graph.
+
+use std::f64::consts::TAU;
+use std::sync::Arc;
+
+use asperity_sdk::{Complex, State};
+use realfft::{ComplexToReal, RealFftPlanner, RealToComplex};
+
+use crate::grid::{Grid, Place};
+
+/// Before this part of a window from the last sample that any frame covers, an estimate is trusted fully.
+const TAPER: f64 = 0.145;
+/// The same for a frame of which only the others tell yet.
+const FIRST_TAPER: f64 = 0.1;
+/// How far a bin is moved on in the direction it last went (after N. Perraudin, P. Balazs, P. L. Sondergaard, "A Fast
+/// Griffin-Lim Algorithm", WASPAA 2013).
+const MOMENTUM: f32 = 0.6;
+/// Turns a bin of the phase of what comes out of silence: a pulse late in the frame, where something new enters it.
+const ONSET: f64 = 0.27;
+/// Magnitudes beyond this would overflow in the sums: phases are found as if they were this.
+const LARGEST: f32 = 1e30;
+/// Bins under this are nothing.
+const SMALLEST: f32 = 1e-30;
+/// A sample that is covered by less than this, of squared windows, has no estimate.
+const COVERED: f32 = 1e-7;
+
+/// A frame that is being estimated.
+#[derive(Clone, Debug)]
+struct Flight {
+    place: Place,
+    mags: Vec<f32>,
+    /// Where each bin points: phases from the frame's first sample of the grid.
+    units: Vec<Complex<f32>>,
+    /// The bins as last analysed.
+    bins: Vec<Complex<f32>>,
+    /// Synthesis window.
+    window: Vec<f32>,
+    /// Analysis window, over what covers each sample.
+    analysis: Vec<f32>,
+    /// What this frame has in the sum.
+    part: Vec<f32>,
+}
+
+impl Flight {
+    fn new(size: usize, bins: usize) -> Self {
+        let (samples, none) = (vec![0.0; size], vec![Complex::default(); bins]);
+        Self {
+            place: Place::default(),
+            mags: vec![0.0; bins],
+            units: none.clone(),
+            bins: none,
+            window: samples.clone(),
+            analysis: samples.clone(),
+            part: samples,
+        }
+    }
+
+    fn sane(&self) -> bool {
+        let finite = |c: &Complex<f32>| c.re.is_finite() && c.im.is_finite();
+        self.mags.iter().all(|m| (0.0..=f32::MAX).contains(m))
+            && self.units.iter().chain(&self.bins).all(finite)
+            && self.part.iter().all(|x| x.is_finite())
+    }
+}
+
+/// RTISI with look-ahead, for Hann-windowed frames of one length.
+///
+/// A frame is [`push`](Self::push)ed; then the one `look_ahead` frames before it can be [answered](Self::answer).
+pub struct Estimator {
+    grid: Grid,
+    iterations: usize,
+    forward: Arc<dyn RealToComplex<f32>>,
+    inverse: Arc<dyn ComplexToReal<f32>>,
+    scratch: Vec<Complex<f32>>,
+    frame: Vec<f32>,
+    spectrum: Vec<Complex<f32>>,
+    /// The newest first.
+    flights: Vec<Flight>,
+    /// How many of `flights` there are.
+    filled: usize,
+    /// Sum of all windowed frames that reach beyond `origin`.
+    sum: Vec<f32>,
+    /// Sum of their squared windows.
+    cover: Vec<f32>,
+    /// Sample of the grid where the sums begin.
+    origin: u64,
+    /// Cosine and sine over one turn.
+    circle: Vec<(f64, f64)>,
+    /// Where bins point that nothing is known of.
+    onset: Vec<Complex<f32>>,
+}
+
+impl Estimator {
+    /// For frames of `bins` magnitudes, from bin 0, of a transform of `length` samples, at most `hop` samples apart.
+    /// `iterations` rounds are made over all frames that are not answered yet whenever one comes.
+    pub fn new(length: u32, bins: usize, hop: u64, look_ahead: usize, iterations: usize) -> Self {
+        let grid = Grid::new(length, bins);
+        let size = grid.size();
+        let mut planner = RealFftPlanner::<f32>::new();
+        let (forward, inverse) = (planner.plan_fft_forward(size), planner.plan_fft_inverse(size));
+        let room = size + (look_ahead + 1) * grid.span(hop);
+        let scratch = forward.get_scratch_len().max(inverse.get_scratch_len());
+        let angle = |i: usize| TAU * i as f64 / size as f64;
+        let onset = |k: usize| Complex::from_polar(1.0, (TAU * ONSET * k as f64) as f32);
+        Self {
+            grid,
+            iterations,
+            scratch: vec![Complex::default(); scratch],
+            frame: forward.make_input_vec(),
+            spectrum: forward.make_output_vec(),
+            flights: vec![Flight::new(size, bins); look_ahead + 1],
+            filled: 0,
+            sum: vec![0.0; room],
+            cover: vec![0.0; room],
+            origin: 0,
+            circle: (0..size).map(|i| (angle(i).cos(), angle(i).sin())).collect(),
+            onset: (0..bins).map(onset).collect(),
+            forward,
+            inverse,
+        }
+    }
+
+    /// Forgets all frames.
+    pub fn reset(&mut self) {
+        self.filled = 0;
+        self.sum.fill(0.0);
+        self.cover.fill(0.0);
+    }
+
+    /// What is remembered from frame to frame.
+    pub fn state(&mut self, state: &mut State<'_>) {
+        let mut grid = self.grid;
+        grid.state(state);
+        state.keep(&mut self.filled).keep(&mut self.origin).keep(&mut self.sum).keep(&mut self.cover);
+        let mut sane = grid == self.grid && self.filled <= self.flights.len();
+        sane &= self.sum.iter().chain(&self.cover).all(|x| x.is_finite());
+        let end = self.origin.saturating_add((self.sum.len() - self.grid.size()) as u64);
+        let mut newer = end;
+        for (age, flight) in self.flights.iter_mut().enumerate() {
+            state.keep(&mut flight.place.at).keep(&mut flight.place.part).keep(&mut flight.mags);
+            state.keep(&mut flight.units).keep(&mut flight.bins).keep(&mut flight.part);
+            sane &= flight.sane();
+            if age < self.filled {
+                sane &= (self.origin..=newer).contains(&flight.place.at);
+                newer = flight.place.at;
+            }
+        }
+        state.require(sane);
+        if state.restores() {
+            (0..self.flights.len()).for_each(|age| self.shape(age));
+        }
+    }
+
+    /// Takes the next frame, whose first sample is to be put at `start`, and estimates all that are not answered. A magnitude
+    /// that is NaN, infinite or negative is taken as 0; the number of these is returned. Missing bins count as 0.
+    pub fn push(&mut self, magnitudes: &[f32], start: u64) -> usize {
+        let place = self.grid.place(start);
+        if !self.follows(place) {
+            self.reset();
+        }
+        self.flights.rotate_right(1);
+        self.filled = (self.filled + 1).min(self.flights.len());
+        self.flights[0].place = place;
+        self.slide();
+        let bad = self.take(magnitudes);
+        self.estimate();
+        bad
+    }
+
+    /// Whether a frame can stand beside those in flight: it overlaps the newest, and the oldest is in reach.
+    fn follows(&self, place: Place) -> bool {
+        let kept = self.filled.min(self.flights.len() - 1);
+        let newest = self.flights[0].place.at;
+        let oldest = if kept == 0 { place.at } else { self.flights[kept - 1].place.at };
+        let size = self.grid.size();
+        self.filled == 0
+            || (place.at >= newest
+                && place.at - newest < size as u64
+                && place.at.saturating_sub(oldest) <= (self.sum.len() - size) as u64)
+    }
+
+    /// Whether there is a frame to answer: as many came as are looked ahead, and one.
+    pub fn answers(&self) -> bool {
+        self.filled == self.flights.len()
+    }
+
+    /// The oldest frame in flight: its magnitudes with phases counted from the frame's first sample.
+    pub fn answer(&self, out: &mut [Complex<f32>]) {
+        out.fill(Complex::default());
+        let Some(flight) = self.flights.get(self.filled.wrapping_sub(1)) else { return };
+        // From the grid's sample to where the frame starts.
+        let turn = TAU * self.grid.fraction(flight.place) / self.grid.size() as f64;
+        let bins = flight.mags.iter().zip(&flight.units).enumerate();
+        for (out, (k, (&mag, unit))) in out.iter_mut().zip(bins) {
+            let (sin, cos) = if turn == 0.0 { (0.0, 1.0) } else { (turn * k as f64).sin_cos() };
+            *out = unit * Complex::new(cos as f32, sin as f32) * mag;
+        }
+    }
+
+    /// Moves the sums so that they begin with the oldest frame in flight.
+    fn slide(&mut self) {
+        let Some(oldest) = self.flights.get(self.filled.wrapping_sub(1)) else { return };
+        let by = usize::try_from(oldest.place.at.saturating_sub(self.origin)).unwrap_or(usize::MAX);
+        self.origin = oldest.place.at;
+        for sums in [&mut self.sum, &mut self.cover] {
+            let by = by.min(sums.len());
+            sums.copy_within(by.., 0);
+            let kept = sums.len() - by;
+            sums[kept..].fill(0.0);
+        }
+    }
+
+    fn take(&mut self, magnitudes: &[f32]) -> usize {
+        let flight = &mut self.flights[0];
+        let mut bad = 0;
+        let given = magnitudes.iter().copied().chain(std::iter::repeat(0.0));
+        for (mag, from) in flight.mags.iter_mut().zip(given) {
+            let good = (0.0..=f32::MAX).contains(&from);
+            *mag = if good { from } else { 0.0 };
+            bad += usize::from(!good);
+        }
+        flight.part.fill(0.0);
+        self.shape(0);
+        bad
+    }
+
+    /// The Hann window of a frame where it lies on the grid.
+    fn shape(&mut self, age: usize) {
+        let flight = &mut self.flights[age];
+        let (sin, cos) = (TAU * self.grid.fraction(flight.place) / self.circle.len() as f64).sin_cos();
+        for (w, (c, s)) in flight.window.iter_mut().zip(&self.circle) {
+            *w = (0.5 - 0.5 * (c * cos + s * sin)) as f32;
+        }
+    }
+
+    fn estimate(&mut self) {
+        self.weigh(0, FIRST_TAPER);
+        self.update(0, 0.0);
+        let at = self.offset(0);
+        for (cover, w) in self.cover[at..].iter_mut().zip(&self.flights[0].window) {
+            *cover += w * w;
+        }
+        for age in 0..self.filled {
+            self.weigh(age, TAPER);
+        }
+        for round in 0..self.iterations {
+            for age in usize::from(round == 0)..self.filled {
+                self.update(age, MOMENTUM);
+            }
+        }
+    }
+
+    /// Where a frame lies in the sums.
+    fn offset(&self, age: usize) -> usize {
+        let at = self.flights[age].place.at.saturating_sub(self.origin) as usize;
+        at.min(self.sum.len() - self.grid.size())
+    }
+
+    /// The analysis window of a frame: less weight where the newest frames alone tell, as these are least certain.
+    fn weigh(&mut self, age: usize, taper: f64) {
+        let (at, size) = (self.offset(age), self.grid.size());
+        let end = (self.offset(0) + size - at) as f32;
+        let slope = 1.0 / (taper * size as f64) as f32;
+        let flight = &mut self.flights[age];
+        let covers = flight.window.iter().zip(&self.cover[at..]);
+        for (i, (a, (w, &cover))) in flight.analysis.iter_mut().zip(covers).enumerate() {
+            let ramp = ((end - i as f32 - 0.5) * slope).min(1.0);
+            *a = if cover > COVERED { w * ramp / cover } else { 0.0 };
+        }
+    }
+
+    /// Gives a frame the phases of the sum of all frames, and puts it into the sum as it then is.
+    fn update(&mut self, age: usize, momentum: f32) {
+        let at = self.offset(age);
+        let flight = &mut self.flights[age];
+        let sum = &mut self.sum[at..];
+        for ((x, s), a) in self.frame.iter_mut().zip(sum.iter()).zip(&flight.analysis) {
+            *x = s * a;
+        }
+        // Buffers are the plans' own, and the bins that have to be are real: there is nothing to refuse.
+        let done = self.forward.process_with_scratch(&mut self.frame, &mut self.spectrum, &mut self.scratch);
+        debug_assert!(done.is_ok());
+        let found = self.spectrum.iter().zip(&self.onset);
+        for ((unit, bin), (&now, &onset)) in flight.units.iter_mut().zip(&mut flight.bins).zip(found) {
+            *unit = direction(now + (now - *bin) * momentum).unwrap_or(onset);
+            *bin = now;
+        }
+        let nyquist = (self.frame.len() % 2 == 0).then_some(self.frame.len() / 2);
+        for k in [Some(0), nyquist].into_iter().flatten() {
+            if let Some(unit) = flight.units.get_mut(k) {
+                *unit = Complex::new(if unit.re < 0.0 { -1.0 } else { 1.0 }, 0.0);
+            }
+        }
+        self.spectrum.fill(Complex::default());
+        for (to, (unit, mag)) in self.spectrum.iter_mut().zip(flight.units.iter().zip(&flight.mags)) {
+            // An amplitude is four times the bin of a Hann-windowed frame over its length.
+            *to = unit * (0.25 * mag.min(LARGEST));
+        }
+        let done = self.inverse.process_with_scratch(&mut self.spectrum, &mut self.frame, &mut self.scratch);
+        debug_assert!(done.is_ok());
+        let made = self.frame.iter().zip(&flight.window);
+        for ((sum, part), (x, w)) in sum.iter_mut().zip(&mut flight.part).zip(made) {
+            let new = x * w;
+            *sum += new - *part;
+            *part = new;
+        }
+    }
+}
+
+/// Where a number points; none for what is nothing.
+#[inline]
+fn direction(x: Complex<f32>) -> Option<Complex<f32>> {
+    // Squares of the number itself could overflow or vanish.
+    let top = x.re.abs().max(x.im.abs());
+    (top > SMALLEST).then(|| {
+        let y = x / top;
+        y / (y.re * y.re + y.im * y.im).sqrt()
+    })
+}
