@@ -1,0 +1,127 @@
+//! The frames that are still in use.
+
+use crate::{Float, Framing};
+
+/// One frame of magnitudes.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Slot<T> {
+    /// First sample it covers.
+    pub(super) start: i64,
+    /// Largest magnitude; 0 for silence.
+    pub(super) peak: T,
+}
+
+/// Frames without a gap, the newest of them and as many before it as there are slots.
+#[derive(Debug)]
+pub(super) struct History<T> {
+    framing: Framing,
+    slots: Vec<Slot<T>>,
+    /// Magnitudes, slot by slot, on the kernel's own scale.
+    mags: Vec<T>,
+    /// Number of the first frame, and of the one after the newest.
+    first: u64,
+    next: u64,
+}
+
+impl<T: Float> History<T> {
+    pub(super) fn new(framing: Framing, slots: usize) -> Self {
+        let slots = slots.max(1);
+        Self {
+            framing,
+            slots: vec![Slot { start: 0, peak: T::zero() }; slots],
+            mags: vec![T::zero(); slots * framing.bins],
+            first: 0,
+            next: 0,
+        }
+    }
+
+    pub(super) fn clear(&mut self) {
+        (self.first, self.next) = (0, 0);
+    }
+
+    /// The number of the frame that would come next; none before the first.
+    pub(super) fn expected(&self) -> Option<u64> {
+        (self.next > self.first).then_some(self.next)
+    }
+
+    /// The frame `age` frames before the newest, if there was one.
+    pub(super) fn get(&self, age: u64) -> Option<(Slot<T>, &[T])> {
+        let known = (self.next - self.first).min(self.slots.len() as u64);
+        if age >= known {
+            return None;
+        }
+        let at = self.place(self.next - 1 - age);
+        let bins = self.framing.bins;
+        Some((*self.slots.get(at)?, self.mags.get(at * bins..(at + 1) * bins)?))
+    }
+
+    /// How many frames, from the newest back, start after `sample`.
+    pub(super) fn starting_after(&self, sample: i64) -> u64 {
+        let mut count = 0;
+        while self.get(count).is_some_and(|(slot, _)| slot.start > sample) {
+            count += 1;
+        }
+        count
+    }
+
+    /// Adds silent frames before number `index`: those that never came.
+    pub(super) fn miss_until(&mut self, index: u64) {
+        // More than there are slots would only overwrite each other.
+        self.next = self.next.max(index.saturating_sub(self.slots.len() as u64));
+        while self.next < index {
+            self.add(&[], T::one());
+        }
+    }
+
+    /// Adds the frame after the newest, or any after [`clear`](Self::clear), times `factor`.
+    pub(super) fn add_at(&mut self, index: u64, magnitudes: &[T], factor: T) {
+        if self.next == self.first {
+            (self.first, self.next) = (index, index);
+        }
+        self.add(magnitudes, factor);
+    }
+
+    fn add(&mut self, magnitudes: &[T], factor: T) {
+        let at = self.place(self.next);
+        let bins = self.framing.bins;
+        let start = i64::try_from(self.framing.start(self.next)).unwrap_or(i64::MAX);
+        let mut peak = T::zero();
+        if let Some(to) = self.mags.get_mut(at * bins..(at + 1) * bins) {
+            to.fill(T::zero());
+            for (to, &m) in to.iter_mut().zip(magnitudes) {
+                let m = if usable(m) { m * factor } else { T::zero() };
+                *to = m;
+                peak = if m > peak { m } else { peak };
+            }
+        }
+        if let Some(slot) = self.slots.get_mut(at) {
+            *slot = Slot { start, peak };
+        }
+        self.next += 1;
+    }
+
+    /// Largest magnitude of all frames.
+    pub(super) fn peak(&self) -> T {
+        let mut peak = T::zero();
+        let mut age = 0;
+        while let Some((slot, _)) = self.get(age) {
+            peak = if slot.peak > peak { slot.peak } else { peak };
+            age += 1;
+        }
+        peak
+    }
+
+    pub(super) fn rescale(&mut self, factor: T) {
+        self.mags.iter_mut().for_each(|m| *m *= factor);
+        self.slots.iter_mut().for_each(|s| s.peak *= factor);
+    }
+
+    fn place(&self, index: u64) -> usize {
+        (index % self.slots.len() as u64) as usize
+    }
+}
+
+/// Whether it is a magnitude: finite and not negative.
+pub(super) fn usable<T: Float>(m: T) -> bool {
+    m >= T::zero() && m <= T::MAX
+}

@@ -1,0 +1,415 @@
+//! Phase retrieval that commits to samples, not to frames.
+
+mod history;
+mod project;
+
+use crate::overlap_add::FrameError;
+use crate::spsi::start_turns;
+use crate::{Float, Framing, FramingError};
+use history::{History, usable};
+use project::Projector;
+
+/// How hard, and how early, [`SampleCommit`] works.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Settings {
+    /// Frames that a pass looks at, 1 or more: the newest, and others spread over those that reach past the last emitted sample.
+    pub frames: usize,
+    /// Passes for each frame that comes, 1 or more.
+    pub passes: usize,
+    /// How far a pass runs on in the direction of the one before, in [0, 1).
+    pub momentum: f64,
+    /// Where samples are emitted, in frames: 0 at the start of the newest frame, negative inside it (half a window before its end, at
+    /// its centre, is -25 at 50 frames a window), positive so many frames before its start.
+    pub emission: i32,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self { frames: 8, passes: 3, momentum: 0.9, emission: 0 }
+    }
+}
+
+/// What is wrong with [`Settings`], or with the framing they are for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum SettingsError {
+    /// See [`FramingError`].
+    Framing(FramingError),
+    /// No frames or no passes, or more than [`MAX_WORK`] of one of them.
+    Work,
+    /// The momentum is not in [0, 1).
+    Momentum,
+    /// Emission behind the end of the newest frame, or more than ten windows before its start.
+    Emission,
+}
+
+/// Most frames in a pass, and most passes for a frame.
+pub const MAX_WORK: usize = 1000;
+
+impl std::fmt::Display for SettingsError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Framing(e) => e.fmt(f),
+            Self::Work => write!(f, "frames and passes are 1 to {MAX_WORK}"),
+            Self::Momentum => write!(f, "the momentum is not in [0, 1)"),
+            Self::Emission => write!(f, "samples can be emitted from the end of a window to ten windows before it"),
+        }
+    }
+}
+
+impl std::error::Error for SettingsError {}
+
+impl From<FramingError> for SettingsError {
+    fn from(e: FramingError) -> Self {
+        Self::Framing(e)
+    }
+}
+
+/// Weight of a sample's last value against the windows' squares, where those are small.
+const INERTIA: f64 = 1e-2;
+
+/// Magnitude frames in, samples out.
+pub struct SampleCommit<T> {
+    framing: Framing,
+    settings: Settings,
+    seed: u64,
+    /// Samples from the content's time to the output's; negative is early.
+    delay: i64,
+    history: History<T>,
+    projector: Projector<T>,
+    /// Ages of the frames of a pass.
+    chosen: Vec<u64>,
+    /// The signal over `[next - fft_len, ..)`, from `head` on: as it is, and run on by momentum.
+    x: Vec<T>,
+    z: Vec<T>,
+    head: usize,
+    /// Sums over the same, for one pass.
+    sum: Vec<T>,
+    weight: Vec<T>,
+    /// First sample that is not emitted, in the content's time.
+    next: i64,
+    /// Magnitudes and samples are kept divided by this power of two.
+    scale: f64,
+    /// End of the last frame that was not silent.
+    sounds_until: i64,
+    /// Samples from here to `fade_from` have frames but were never emitted.
+    unheard_from: i64,
+    /// Where the first frame begins to be heard, and how it fades in.
+    fade_from: i64,
+    fade: Vec<T>,
+}
+
+impl<T> std::fmt::Debug for SampleCommit<T> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("SampleCommit")
+            .field("framing", &self.framing)
+            .field("settings", &self.settings)
+            .field("next", &self.next)
+            .finish_non_exhaustive()
+    }
+}
+
+impl<T: Float> SampleCommit<T> {
+    /// Plans transforms and makes room for the frames in use. What is left to chance is a function of `seed` and the frame's number.
+    ///
+    /// # Errors
+    /// Each kind of [`SettingsError`].
+    pub fn new(framing: Framing, settings: Settings, seed: u64) -> Result<Self, SettingsError> {
+        framing.check()?;
+        if [settings.frames, settings.passes].iter().any(|&n| n == 0 || n > MAX_WORK) {
+            return Err(SettingsError::Work);
+        }
+        if !(0.0..1.0).contains(&settings.momentum) {
+            return Err(SettingsError::Momentum);
+        }
+        let n = framing.fft_len;
+        let delay = delay(&framing, settings.emission).ok_or(SettingsError::Emission)?;
+        let (period, frames) = framing.period();
+        let hop = usize::try_from(period / frames + 1).unwrap_or(n);
+        let ahead = usize::try_from(delay).unwrap_or(0) + 2 * hop;
+        // Starts of the frames in use lie in an interval of this length.
+        let reach = (n + ahead) as u64;
+        let slots = usize::try_from(reach * frames / period + 2).unwrap_or(n);
+        let len = 2 * n + ahead;
+        let mut new = Self {
+            history: History::new(framing, slots),
+            projector: Projector::new(&framing, seed),
+            chosen: Vec::with_capacity(settings.frames.min(slots)),
+            // As long again as a window, so that the signal is moved to the front only once a window.
+            x: vec![T::zero(); len + n],
+            z: vec![T::zero(); len + n],
+            sum: vec![T::zero(); len],
+            weight: vec![T::zero(); len],
+            fade: fade(n),
+            head: 0,
+            next: 0,
+            scale: 1.0,
+            sounds_until: i64::MIN,
+            unheard_from: i64::MAX,
+            fade_from: i64::MIN,
+            framing,
+            settings,
+            seed,
+            delay,
+        };
+        new.reset(0);
+        Ok(new)
+    }
+
+    /// The frames' layout.
+    pub fn framing(&self) -> Framing {
+        self.framing
+    }
+
+    /// How many samples later a frame's content comes out than an overlap-add would emit it: `floor(emission * hop)`, negative where
+    /// it is early.
+    pub fn delay(&self) -> i64 {
+        self.delay
+    }
+
+    /// Whether all that comes out until the next frame is zero.
+    pub fn is_silent(&self) -> bool {
+        self.next >= self.sounds_until
+    }
+
+    /// Whether no frame is remembered: what comes next is as after a [`reset`](Self::reset).
+    pub fn is_fresh(&self) -> bool {
+        self.history.expected().is_none()
+    }
+
+    /// Forgets all frames; the next sample to be emitted is `start`.
+    pub fn reset(&mut self, start: u64) {
+        self.history.clear();
+        self.x.fill(T::zero());
+        self.z.fill(T::zero());
+        self.head = 0;
+        self.next = self.content(start);
+        self.scale = 1.0;
+        (self.sounds_until, self.unheard_from, self.fade_from) = (i64::MIN, i64::MAX, i64::MIN);
+    }
+
+    fn content(&self, start: u64) -> i64 {
+        i64::try_from(start).unwrap_or(i64::MAX).saturating_sub(self.delay)
+    }
+
+    /// Takes frame number `index`, which covers `fft_len` samples from `framing.start(index)` on, and works on all that is not emitted.
+    ///
+    /// `magnitudes` are amplitudes `2 |sum w x| / sum w` from bin 0. Missing ones are 0, more than `framing.bins` are not
+    /// used; one that is NaN, infinite or negative is taken as 0, and the number of these is returned. Frames that were left out since the
+    /// one before are silent. Before the first one nothing is known.
+    ///
+    /// # Errors
+    /// A frame out of reach or out of order is not used; see [`FrameError`].
+    pub fn push(&mut self, index: u64, magnitudes: &[T]) -> Result<usize, FrameError> {
+        let n = self.framing.fft_len as i64;
+        let start = i64::try_from(self.framing.start(index)).unwrap_or(i64::MAX);
+        if start.saturating_add(n) <= self.next || self.history.expected().is_some_and(|next| index < next) {
+            return Err(FrameError::TooLate);
+        }
+        if start.saturating_sub(self.next) > self.sum.len() as i64 - 2 * n {
+            return Err(FrameError::TooEarly);
+        }
+        let magnitudes = magnitudes.get(..self.framing.bins).unwrap_or(magnitudes);
+        let bad = magnitudes.iter().filter(|&&m| !usable(m)).count();
+        let peak = magnitudes.iter().fold(T::zero(), |a, &m| if usable(m) && m > a { m } else { a });
+        if self.is_fresh() {
+            self.fade_from = self.next.max(start);
+            self.unheard_from = start;
+        } else {
+            self.history.miss_until(index);
+        }
+        self.set_scale(peak.f64());
+        // See `Projector::project` for the quarter.
+        self.history.add_at(index, magnitudes, T::of(0.25 / self.scale));
+        if peak > T::zero() {
+            self.sounds_until = start + n;
+        }
+        self.refine();
+        Ok(bad)
+    }
+
+    /// Keeps squares within reach of single precision whatever the unit: all is divided by a power of two near the largest magnitude.
+    fn set_scale(&mut self, peak: f64) {
+        let held = self.history.peak().f64() * 4.0 * self.scale;
+        let most = peak.max(held);
+        if most <= 0.0 || (self.scale * 2f64.powi(-16)..=self.scale * 2f64.powi(16)).contains(&most) {
+            return;
+        }
+        // The exponent, kept where its inverse is a normal number too.
+        let exponent = ((most.to_bits() >> 52) as i32 - 1023).clamp(-100, 100);
+        let scale = 2f64.powi(exponent);
+        let factor = T::of(self.scale / scale);
+        self.scale = scale;
+        self.history.rescale(factor);
+        for v in [&mut self.x, &mut self.z] {
+            v.iter_mut().for_each(|x| *x *= factor);
+        }
+    }
+
+    /// Some passes over what is not emitted.
+    fn refine(&mut self) {
+        if self.is_silent() {
+            return;
+        }
+        let origin = self.next - self.framing.fft_len as i64;
+        let candidates = self.history.starting_after(origin);
+        let Some((newest, _)) = self.history.get(0) else { return };
+        // Within the buffers: a frame that starts too early was refused.
+        let end = (newest.start - origin) as usize + self.framing.fft_len;
+        for pass in 0..self.settings.passes {
+            self.choose(candidates, pass);
+            self.pass(origin, end);
+        }
+    }
+
+    /// The newest frame, and of the others one from each of as many equal spans of time, at a place that differs from pass to pass.
+    fn choose(&mut self, candidates: u64, pass: usize) {
+        self.chosen.clear();
+        self.chosen.push(0);
+        let (others, frames) = (candidates.saturating_sub(1), self.settings.frames as u64 - 1);
+        if others <= frames {
+            self.chosen.extend(1..candidates);
+            return;
+        }
+        let turn = self.history.expected().unwrap_or(0).wrapping_mul(MAX_WORK as u64).wrapping_add(pass as u64);
+        let shift = start_turns(self.seed, turn);
+        let span = others as f64 / frames as f64;
+        self.chosen.extend((0..frames).map(|j| 1 + ((j as f64 + shift) * span) as u64));
+    }
+
+    /// Projects the chosen frames, and moves the free samples to their weighted mean.
+    fn pass(&mut self, origin: i64, end: usize) {
+        let n = self.framing.fft_len;
+        let unheard = self.unheard(origin);
+        let from = unheard.clone().map_or(n, |r| r.start);
+        let (sum, weight) = (&mut self.sum[..end], &mut self.weight[..end]);
+        sum[from..].fill(T::zero());
+        weight[from..].fill(T::zero());
+        let z = &mut self.z[self.head..self.head + end];
+        for &age in &self.chosen {
+            let Some((slot, mags)) = self.history.get(age) else { continue };
+            let at = (slot.start - origin) as usize;
+            // What of the frame is free.
+            let free = from.max(at)..at + n;
+            let skip = free.start - at;
+            add(&mut weight[free.clone()], &self.projector.square()[skip..]);
+            if slot.peak > T::zero() {
+                self.projector.project(&z[at..at + n], mags);
+                self.projector.add_to(&mut sum[free], skip);
+            }
+        }
+        let x = &mut self.x[self.head..self.head + end];
+        let momentum = T::of(self.settings.momentum);
+        for range in [unheard.unwrap_or(0..0), n..end] {
+            step(&mut x[range.clone()], &mut z[range.clone()], &sum[range.clone()], &weight[range], momentum);
+        }
+    }
+
+    /// Samples in view that have frames but were not emitted, since the first frame came too late for them.
+    fn unheard(&self, origin: i64) -> Option<std::ops::Range<usize>> {
+        let n = self.framing.fft_len as i64;
+        let range = (self.unheard_from - origin).clamp(0, n)..(self.fade_from - origin).clamp(0, n);
+        (range.start < range.end).then_some(range.start as usize..range.end as usize)
+    }
+
+    /// Takes out the samples `start .. start + out.len()`; `out` may be empty.
+    ///
+    /// Samples are to be taken in order, and after the frames that start among them: one that did not come is silence. Samples that a later
+    /// `start` leaves out are dropped; an earlier one begins anew there, with silence.
+    pub fn emit(&mut self, start: u64, out: &mut [T]) {
+        let at = self.content(start);
+        let gap = at.saturating_sub(self.next);
+        if gap < 0 || gap > self.framing.fft_len as i64 {
+            self.reset(start);
+        } else {
+            self.advance(gap as usize);
+        }
+        self.miss(start.saturating_add(out.len() as u64));
+        let (scale, view) = (T::of(self.scale), self.framing.fft_len);
+        for block in out.chunks_mut(view) {
+            for (i, (to, &x)) in block.iter_mut().zip(&self.x[self.head + view..]).enumerate() {
+                let y = x * scale;
+                let y = if y > T::MAX { T::MAX } else if y < -T::MAX { -T::MAX } else { y };
+                *to = y * self.fade_at(self.next + i as i64);
+            }
+            self.advance(block.len());
+        }
+    }
+
+    fn fade_at(&self, sample: i64) -> T {
+        usize::try_from(sample - self.fade_from)
+            .map_or(T::zero(), |i| self.fade.get(i).copied().unwrap_or_else(T::one))
+    }
+
+    /// Takes frames that should have come before sample `end` for silence.
+    fn miss(&mut self, end: u64) {
+        let Some(expected) = self.history.expected() else { return };
+        if self.framing.start(expected) >= end {
+            return;
+        }
+        if self.is_silent() {
+            let next = self.next;
+            self.reset(0);
+            self.next = next;
+            return;
+        }
+        let mut index = expected;
+        while self.framing.start(index) < end {
+            index += 1;
+        }
+        self.history.miss_until(index);
+        self.refine();
+    }
+
+    /// Freezes samples, at most a window of them.
+    fn advance(&mut self, count: usize) {
+        let n = self.framing.fft_len;
+        let len = self.sum.len();
+        let emitted = self.head + n..self.head + n + count;
+        self.z[emitted.clone()].copy_from_slice(&self.x[emitted]);
+        self.next += count as i64;
+        self.head += count;
+        if self.head + len > self.x.len() {
+            for v in [&mut self.x, &mut self.z] {
+                v.copy_within(self.head.., 0);
+                let kept = v.len() - self.head;
+                v[kept..].fill(T::zero());
+            }
+            self.head = 0;
+        }
+    }
+}
+
+/// `floor(emission * hop)` in samples; none where that is out of reach.
+fn delay(framing: &Framing, emission: i32) -> Option<i64> {
+    let samples = i64::try_from(framing.start(u64::from(emission.unsigned_abs()))).ok()?;
+    let n = framing.fft_len as i64;
+    let delay = if emission < 0 { -samples } else { samples };
+    (delay > -n && delay <= 10 * n).then_some(delay)
+}
+
+/// Half a raised cosine over a tenth of a window: 10 ms of one of 0.1 s.
+fn fade<T: Float>(n: usize) -> Vec<T> {
+    let len = n.div_ceil(10);
+    let step = std::f64::consts::FRAC_PI_2 / len as f64;
+    (0..len).map(|i| T::of(((i as f64 + 0.5) * step).sin().powi(2))).collect()
+}
+
+fn add<T: Float>(to: &mut [T], from: &[T]) {
+    for (to, &x) in to.iter_mut().zip(from) {
+        *to += x;
+    }
+}
+
+/// The weighted mean of what frames say and, where their weight is small, of what was there; then on in the direction taken.
+fn step<T: Float>(x: &mut [T], z: &mut [T], sum: &[T], weight: &[T], momentum: T) {
+    let inertia = T::of(INERTIA);
+    for (((x, z), &sum), &weight) in x.iter_mut().zip(z).zip(sum).zip(weight) {
+        let new = (sum + inertia * *z) / (weight + inertia);
+        *z = new + momentum * (new - *x);
+        *x = new;
+    }
+}
+
+#[cfg(test)]
+mod tests;
