@@ -66,7 +66,7 @@ impl From<FramingError> for SettingsError {
 }
 
 /// Weight of a sample's last value against the windows' squares, where those are small.
-const INERTIA: f64 = 1e-2;
+const INERTIA: f64 = 3e-3;
 
 /// Magnitude frames in, samples out.
 pub struct SampleCommit<T> {
