@@ -1,6 +1,7 @@
 //! The frames that are still in use.
 
 use crate::{Float, Framing};
+use asperity_state::{Keep, State};
 
 /// One frame of magnitudes.
 #[derive(Clone, Copy, Debug)]
@@ -84,19 +85,13 @@ impl<T: Float> History<T> {
     fn add(&mut self, magnitudes: &[T], factor: T) {
         let at = self.place(self.next);
         let bins = self.framing.bins;
-        let start = i64::try_from(self.framing.start(self.next)).unwrap_or(i64::MAX);
-        let mut peak = T::zero();
-        if let Some(to) = self.mags.get_mut(at * bins..(at + 1) * bins) {
-            to.fill(T::zero());
-            for (to, &m) in to.iter_mut().zip(magnitudes) {
-                let m = if usable(m) { m * factor } else { T::zero() };
-                *to = m;
-                peak = if m > peak { m } else { peak };
-            }
+        let mags = &mut self.mags[at * bins..(at + 1) * bins];
+        mags.fill(T::zero());
+        for (to, &m) in mags.iter_mut().zip(magnitudes).filter(|(_, m)| usable(**m)) {
+            *to = m * factor;
         }
-        if let Some(slot) = self.slots.get_mut(at) {
-            *slot = Slot { start, peak };
-        }
+        let peak = largest(mags);
+        self.slots[at] = Slot { start: self.start(self.next), peak };
         self.next += 1;
     }
 
@@ -116,9 +111,40 @@ impl<T: Float> History<T> {
         self.slots.iter_mut().for_each(|s| s.peak *= factor);
     }
 
+    /// Magnitudes and numbers; starts and peaks follow from them.
+    pub(super) fn state(&mut self, state: &mut State<'_>)
+    where
+        T: Keep,
+    {
+        state.keep(&mut self.mags).keep(&mut self.first).keep(&mut self.next);
+        if !state.restores() {
+            return;
+        }
+        if state.failed() || self.first > self.next || !self.mags.iter().all(|&m| usable(m)) {
+            self.clear();
+            return state.refuse();
+        }
+        let known = (self.next - self.first).min(self.slots.len() as u64);
+        for index in self.next - known..self.next {
+            let at = self.place(index);
+            let start = self.start(index);
+            let peak = largest(&self.mags[at * self.framing.bins..][..self.framing.bins]);
+            self.slots[at] = Slot { start, peak };
+        }
+    }
+
+    fn start(&self, index: u64) -> i64 {
+        i64::try_from(self.framing.start(index)).unwrap_or(i64::MAX)
+    }
+
     fn place(&self, index: u64) -> usize {
         (index % self.slots.len() as u64) as usize
     }
+}
+
+/// The largest of some magnitudes; what is none does not count.
+pub(super) fn largest<T: Float>(magnitudes: &[T]) -> T {
+    magnitudes.iter().fold(T::zero(), |a, &m| if m > a && usable(m) { m } else { a })
 }
 
 /// Whether it is a magnitude: finite and not negative.

@@ -2,68 +2,16 @@
 
 mod history;
 mod project;
+mod settings;
+
+pub use settings::{MAX_WORK, Settings, SettingsError};
 
 use crate::overlap_add::FrameError;
 use crate::spsi::start_turns;
-use crate::{Float, Framing, FramingError};
-use history::{History, usable};
+use crate::{Float, Framing};
+use asperity_state::{Keep, State};
+use history::{History, largest, usable};
 use project::Projector;
-
-/// How hard, and how early, [`SampleCommit`] works.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Settings {
-    /// Frames that a pass looks at, 1 or more: the newest, and others spread over those that reach past the last emitted sample.
-    pub frames: usize,
-    /// Passes for each frame that comes, 1 or more.
-    pub passes: usize,
-    /// How far a pass runs on in the direction of the one before, in [0, 1).
-    pub momentum: f64,
-    /// Where samples are emitted, in frames: 0 at the start of the newest frame, negative inside it (half a window before its end, at
-    /// its centre, is -25 at 50 frames a window), positive so many frames before its start.
-    pub emission: i32,
-}
-
-impl Default for Settings {
-    fn default() -> Self {
-        Self { frames: 8, passes: 3, momentum: 0.9, emission: 0 }
-    }
-}
-
-/// What is wrong with [`Settings`], or with the framing they are for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum SettingsError {
-    /// See [`FramingError`].
-    Framing(FramingError),
-    /// No frames or no passes, or more than [`MAX_WORK`] of one of them.
-    Work,
-    /// The momentum is not in [0, 1).
-    Momentum,
-    /// Emission behind the end of the newest frame, or more than ten windows before its start.
-    Emission,
-}
-
-/// Most frames in a pass, and most passes for a frame.
-pub const MAX_WORK: usize = 1000;
-
-impl std::fmt::Display for SettingsError {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            Self::Framing(e) => e.fmt(f),
-            Self::Work => write!(f, "frames and passes are 1 to {MAX_WORK}"),
-            Self::Momentum => write!(f, "the momentum is not in [0, 1)"),
-            Self::Emission => write!(f, "samples can be emitted from the end of a window to ten windows before it"),
-        }
-    }
-}
-
-impl std::error::Error for SettingsError {}
-
-impl From<FramingError> for SettingsError {
-    fn from(e: FramingError) -> Self {
-        Self::Framing(e)
-    }
-}
 
 /// Weight of a sample's last value against the windows' squares, where those are small.
 const INERTIA: f64 = 3e-3;
@@ -116,14 +64,9 @@ impl<T: Float> SampleCommit<T> {
     /// Each kind of [`SettingsError`].
     pub fn new(framing: Framing, settings: Settings, seed: u64) -> Result<Self, SettingsError> {
         framing.check()?;
-        if [settings.frames, settings.passes].iter().any(|&n| n == 0 || n > MAX_WORK) {
-            return Err(SettingsError::Work);
-        }
-        if !(0.0..1.0).contains(&settings.momentum) {
-            return Err(SettingsError::Momentum);
-        }
+        settings.check()?;
         let n = framing.fft_len;
-        let delay = delay(&framing, settings.emission).ok_or(SettingsError::Emission)?;
+        let delay = settings.delay(&framing)?;
         let (period, frames) = framing.period();
         let hop = usize::try_from(period / frames + 1).unwrap_or(n);
         let ahead = usize::try_from(delay).unwrap_or(0) + 2 * hop;
@@ -134,7 +77,7 @@ impl<T: Float> SampleCommit<T> {
         let mut new = Self {
             history: History::new(framing, slots),
             projector: Projector::new(&framing, seed),
-            chosen: Vec::with_capacity(settings.frames.min(slots)),
+            chosen: Vec::with_capacity(slots),
             // As long again as a window, so that the signal is moved to the front only once a window.
             x: vec![T::zero(); len + n],
             z: vec![T::zero(); len + n],
@@ -167,6 +110,16 @@ impl<T: Float> SampleCommit<T> {
         self.delay
     }
 
+    /// Changes how hard it works from the next frame on. The emission stays as it is.
+    ///
+    /// # Errors
+    /// [`SettingsError::Work`] and [`SettingsError::Momentum`]; then nothing changes.
+    pub fn set_work(&mut self, settings: Settings) -> Result<(), SettingsError> {
+        settings.check()?;
+        self.settings = Settings { emission: self.settings.emission, ..settings };
+        Ok(())
+    }
+
     /// Whether all that comes out until the next frame is zero.
     pub fn is_silent(&self) -> bool {
         self.next >= self.sounds_until
@@ -186,6 +139,29 @@ impl<T: Float> SampleCommit<T> {
         self.next = self.content(start);
         self.scale = 1.0;
         (self.sounds_until, self.unheard_from, self.fade_from) = (i64::MIN, i64::MAX, i64::MIN);
+    }
+
+    /// What is remembered: frames in use, the samples they reach, and where they lie. Refused where it is of frames of another
+    /// layout or of another emission, or cannot be.
+    pub fn state(&mut self, state: &mut State<'_>)
+    where
+        T: Keep,
+    {
+        let mut delay = self.delay;
+        self.history.state(state);
+        state.keep(&mut self.x).keep(&mut self.z).keep(&mut self.head).keep(&mut self.next);
+        state.keep(&mut self.scale).keep(&mut self.sounds_until).keep(&mut self.unheard_from);
+        state.keep(&mut self.fade_from).keep(&mut delay);
+        let len = self.sum.len();
+        let ahead = (len - 2 * self.framing.fft_len) as i64;
+        let places = self.head + len <= self.x.len()
+            && (-delay.max(0)..i64::MAX / 2).contains(&self.next)
+            && self.history.get(0).is_none_or(|(newest, _)| newest.start <= self.next + ahead);
+        let finite = self.x.iter().chain(&self.z).all(|&x| x >= -T::MAX && x <= T::MAX) && self.scale.is_normal();
+        if state.restores() && !(delay == self.delay && places && finite && !state.failed()) {
+            self.reset(0);
+            state.refuse();
+        }
     }
 
     fn content(&self, start: u64) -> i64 {
@@ -211,7 +187,7 @@ impl<T: Float> SampleCommit<T> {
         }
         let magnitudes = magnitudes.get(..self.framing.bins).unwrap_or(magnitudes);
         let bad = magnitudes.iter().filter(|&&m| !usable(m)).count();
-        let peak = magnitudes.iter().fold(T::zero(), |a, &m| if usable(m) && m > a { m } else { a });
+        let peak = largest(magnitudes);
         if self.is_fresh() {
             self.fade_from = self.next.max(start);
             self.unheard_from = start;
@@ -308,22 +284,27 @@ impl<T: Float> SampleCommit<T> {
     /// Samples in view that have frames but were not emitted, since the first frame came too late for them.
     fn unheard(&self, origin: i64) -> Option<std::ops::Range<usize>> {
         let n = self.framing.fft_len as i64;
-        let range = (self.unheard_from - origin).clamp(0, n)..(self.fade_from - origin).clamp(0, n);
+        let place = |sample: i64| sample.saturating_sub(origin).clamp(0, n);
+        let range = place(self.unheard_from)..place(self.fade_from);
         (range.start < range.end).then_some(range.start as usize..range.end as usize)
+    }
+
+    /// Says that the next sample to be emitted is `start`. Samples that a later one leaves out are dropped; an earlier one, or one more
+    /// than a window later, begins anew there.
+    pub fn seek(&mut self, start: u64) {
+        let gap = self.content(start).saturating_sub(self.next);
+        match usize::try_from(gap) {
+            Ok(gap) if gap <= self.framing.fft_len => self.advance(gap),
+            _ => self.reset(start),
+        }
     }
 
     /// Takes out the samples `start .. start + out.len()`; `out` may be empty.
     ///
-    /// Samples are to be taken in order, and after the frames that start among them: one that did not come is silence. Samples that a later
-    /// `start` leaves out are dropped; an earlier one begins anew there, with silence.
+    /// Samples are to be taken in order (else see [`seek`](Self::seek)), and after the frames that start among them: one that did not
+    /// come is silence.
     pub fn emit(&mut self, start: u64, out: &mut [T]) {
-        let at = self.content(start);
-        let gap = at.saturating_sub(self.next);
-        if gap < 0 || gap > self.framing.fft_len as i64 {
-            self.reset(start);
-        } else {
-            self.advance(gap as usize);
-        }
+        self.seek(start);
         self.miss(start.saturating_add(out.len() as u64));
         let (scale, view) = (T::of(self.scale), self.framing.fft_len);
         for block in out.chunks_mut(view) {
@@ -337,7 +318,7 @@ impl<T: Float> SampleCommit<T> {
     }
 
     fn fade_at(&self, sample: i64) -> T {
-        usize::try_from(sample - self.fade_from)
+        usize::try_from(sample.saturating_sub(self.fade_from))
             .map_or(T::zero(), |i| self.fade.get(i).copied().unwrap_or_else(T::one))
     }
 
@@ -378,14 +359,6 @@ impl<T: Float> SampleCommit<T> {
             self.head = 0;
         }
     }
-}
-
-/// `floor(emission * hop)` in samples; none where that is out of reach.
-fn delay(framing: &Framing, emission: i32) -> Option<i64> {
-    let samples = i64::try_from(framing.start(u64::from(emission.unsigned_abs()))).ok()?;
-    let n = framing.fft_len as i64;
-    let delay = if emission < 0 { -samples } else { samples };
-    (delay > -n && delay <= 10 * n).then_some(delay)
 }
 
 /// Half a raised cosine over a tenth of a window: 10 ms of one of 0.1 s.
