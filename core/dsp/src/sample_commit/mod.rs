@@ -16,6 +16,9 @@ use project::Projector;
 /// Weight of a sample's last value against the windows' squares, where those are small.
 const INERTIA: f64 = 3e-3;
 
+/// The same over the first window of a stream, where the frames in use are few and do not agree yet.
+const FIRST_INERTIA: f64 = 0.1;
+
 /// Magnitude frames in, samples out.
 pub struct SampleCommit<T> {
     framing: Framing,
@@ -25,6 +28,8 @@ pub struct SampleCommit<T> {
     delay: i64,
     history: History<T>,
     projector: Projector<T>,
+    /// Longest hop in samples.
+    hop: usize,
     /// Ages of the frames of a pass.
     chosen: Vec<u64>,
     /// The signal over `[next - fft_len, ..)`, from `head` on: as it is, and run on by momentum.
@@ -40,11 +45,13 @@ pub struct SampleCommit<T> {
     scale: f64,
     /// End of the last frame that was not silent.
     sounds_until: i64,
-    /// Samples from here to `fade_from` have frames but were never emitted.
+    /// Start of the first frame. Samples from here to `fade_from` were never emitted.
     unheard_from: i64,
     /// Where the first frame begins to be heard, and how it fades in.
     fade_from: i64,
     fade: Vec<T>,
+    /// How it fades in besides, from its own start: there its window says too little.
+    rise: Vec<T>,
 }
 
 impl<T> std::fmt::Debug for SampleCommit<T> {
@@ -77,18 +84,20 @@ impl<T: Float> SampleCommit<T> {
         let mut new = Self {
             history: History::new(framing, slots),
             projector: Projector::new(&framing, seed),
+            hop,
             chosen: Vec::with_capacity(slots),
             // As long again as a window, so that the signal is moved to the front only once a window.
             x: vec![T::zero(); len + n],
             z: vec![T::zero(); len + n],
             sum: vec![T::zero(); len],
             weight: vec![T::zero(); len],
-            fade: fade(n),
+            fade: fade(n.div_ceil(10)),
+            rise: fade(n.div_ceil(4)),
             head: 0,
             next: 0,
             scale: 1.0,
             sounds_until: i64::MIN,
-            unheard_from: i64::MAX,
+            unheard_from: i64::MIN,
             fade_from: i64::MIN,
             framing,
             settings,
@@ -138,7 +147,7 @@ impl<T: Float> SampleCommit<T> {
         self.head = 0;
         self.next = self.content(start);
         self.scale = 1.0;
-        (self.sounds_until, self.unheard_from, self.fade_from) = (i64::MIN, i64::MAX, i64::MIN);
+        (self.sounds_until, self.unheard_from, self.fade_from) = (i64::MIN, i64::MIN, i64::MIN);
     }
 
     /// What is remembered: frames in use, the samples they reach, and where they lie. Refused where it is of frames of another
@@ -157,7 +166,8 @@ impl<T: Float> SampleCommit<T> {
         let places = self.head + len <= self.x.len()
             && (-delay.max(0)..i64::MAX / 2).contains(&self.next)
             && self.history.get(0).is_none_or(|(newest, _)| newest.start <= self.next + ahead);
-        let finite = self.x.iter().chain(&self.z).all(|&x| x >= -T::MAX && x <= T::MAX) && self.scale.is_normal();
+        let finite =
+            self.x.iter().chain(&self.z).all(|&x| x >= -T::MAX && x <= T::MAX) && self.scale.is_normal();
         if state.restores() && !(delay == self.delay && places && finite && !state.failed()) {
             self.reset(0);
             state.refuse();
@@ -247,7 +257,8 @@ impl<T: Float> SampleCommit<T> {
             self.chosen.extend(1..candidates);
             return;
         }
-        let turn = self.history.expected().unwrap_or(0).wrapping_mul(MAX_WORK as u64).wrapping_add(pass as u64);
+        let turn =
+            self.history.expected().unwrap_or(0).wrapping_mul(MAX_WORK as u64).wrapping_add(pass as u64);
         let shift = start_turns(self.seed, turn);
         let span = others as f64 / frames as f64;
         self.chosen.extend((0..frames).map(|j| 1 + ((j as f64 + shift) * span) as u64));
@@ -276,8 +287,10 @@ impl<T: Float> SampleCommit<T> {
         }
         let x = &mut self.x[self.head..self.head + end];
         let momentum = T::of(self.settings.momentum);
+        let inertia = T::of(if self.unheard_from > origin { FIRST_INERTIA } else { INERTIA });
         for range in [unheard.unwrap_or(0..0), n..end] {
-            step(&mut x[range.clone()], &mut z[range.clone()], &sum[range.clone()], &weight[range], momentum);
+            let (sum, weight) = (&sum[range.clone()], &weight[range.clone()]);
+            step(&mut x[range.clone()], &mut z[range], sum, weight, momentum, inertia);
         }
     }
 
@@ -305,12 +318,22 @@ impl<T: Float> SampleCommit<T> {
     /// come is silence.
     pub fn emit(&mut self, start: u64, out: &mut [T]) {
         self.seek(start);
-        self.miss(start.saturating_add(out.len() as u64));
-        let (scale, view) = (T::of(self.scale), self.framing.fft_len);
-        for block in out.chunks_mut(view) {
+        let view = self.framing.fft_len;
+        let mut end = start;
+        // A hop at a time: of the frames that are missed, none is then out of reach.
+        for block in out.chunks_mut(self.hop) {
+            end = end.saturating_add(block.len() as u64);
+            self.miss(end);
+            let scale = T::of(self.scale);
             for (i, (to, &x)) in block.iter_mut().zip(&self.x[self.head + view..]).enumerate() {
                 let y = x * scale;
-                let y = if y > T::MAX { T::MAX } else if y < -T::MAX { -T::MAX } else { y };
+                let y = if y > T::MAX {
+                    T::MAX
+                } else if y < -T::MAX {
+                    -T::MAX
+                } else {
+                    y
+                };
                 *to = y * self.fade_at(self.next + i as i64);
             }
             self.advance(block.len());
@@ -318,8 +341,11 @@ impl<T: Float> SampleCommit<T> {
     }
 
     fn fade_at(&self, sample: i64) -> T {
-        usize::try_from(sample.saturating_sub(self.fade_from))
-            .map_or(T::zero(), |i| self.fade.get(i).copied().unwrap_or_else(T::one))
+        let gain = |from: i64, ramp: &[T]| {
+            let past = usize::try_from(sample.saturating_sub(from));
+            past.map_or(T::zero(), |i| ramp.get(i).copied().unwrap_or_else(T::one))
+        };
+        gain(self.fade_from, &self.fade) * gain(self.unheard_from, &self.rise)
     }
 
     /// Takes frames that should have come before sample `end` for silence.
@@ -361,9 +387,8 @@ impl<T: Float> SampleCommit<T> {
     }
 }
 
-/// Half a raised cosine over a tenth of a window: 10 ms of one of 0.1 s.
-fn fade<T: Float>(n: usize) -> Vec<T> {
-    let len = n.div_ceil(10);
+/// Half a raised cosine.
+fn fade<T: Float>(len: usize) -> Vec<T> {
     let step = std::f64::consts::FRAC_PI_2 / len as f64;
     (0..len).map(|i| T::of(((i as f64 + 0.5) * step).sin().powi(2))).collect()
 }
@@ -375,8 +400,7 @@ fn add<T: Float>(to: &mut [T], from: &[T]) {
 }
 
 /// The weighted mean of what frames say and, where their weight is small, of what was there; then on in the direction taken.
-fn step<T: Float>(x: &mut [T], z: &mut [T], sum: &[T], weight: &[T], momentum: T) {
-    let inertia = T::of(INERTIA);
+fn step<T: Float>(x: &mut [T], z: &mut [T], sum: &[T], weight: &[T], momentum: T, inertia: T) {
     for (((x, z), &sum), &weight) in x.iter_mut().zip(z).zip(sum).zip(weight) {
         let new = (sum + inertia * *z) / (weight + inertia);
         *z = new + momentum * (new - *x);

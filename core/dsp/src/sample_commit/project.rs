@@ -93,7 +93,11 @@ fn hint<T: Float>(framing: &Framing, seed: u64) -> Vec<Complex<T>> {
     let all = (0..bins).map(|k| {
         turns -= 0.25 + 0.5 * k as f64 / bins as f64;
         turns -= turns.floor();
-        let (cos, sin) = if k == 0 || 2 * k == n { (if turns < 0.5 { 1.0 } else { -1.0 }, 0.0) } else { unit_circle(turns) };
+        let (cos, sin) = if k == 0 || 2 * k == n {
+            (if turns < 0.5 { 1.0 } else { -1.0 }, 0.0)
+        } else {
+            unit_circle(turns)
+        };
         let scale = HINT * n as f64;
         Complex::new(T::of(cos * scale), T::of(sin * scale))
     });

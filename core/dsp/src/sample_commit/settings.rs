@@ -45,7 +45,9 @@ impl std::fmt::Display for SettingsError {
             Self::Framing(e) => e.fmt(f),
             Self::Work => write!(f, "frames and passes are 1 to {MAX_WORK}"),
             Self::Momentum => write!(f, "the momentum is not in [0, 1)"),
-            Self::Emission => write!(f, "samples can be emitted from the end of a window to ten windows before it"),
+            Self::Emission => {
+                write!(f, "samples can be emitted from the end of a window to ten windows before it")
+            }
         }
     }
 }
@@ -75,7 +77,8 @@ impl Settings {
     /// # Errors
     /// [`SettingsError::Emission`].
     pub fn delay(&self, framing: &Framing) -> Result<i64, SettingsError> {
-        let samples = i64::try_from(framing.start(u64::from(self.emission.unsigned_abs()))).unwrap_or(i64::MAX);
+        let samples =
+            i64::try_from(framing.start(u64::from(self.emission.unsigned_abs()))).unwrap_or(i64::MAX);
         let n = framing.fft_len as i64;
         let delay = if self.emission < 0 { -samples } else { samples };
         if delay > -n && delay <= 10 * n { Ok(delay) } else { Err(SettingsError::Emission) }
