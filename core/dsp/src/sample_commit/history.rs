@@ -1,0 +1,153 @@
+//! The frames that are still in use.
+
+use crate::{Float, Framing};
+use asperity_state::{Keep, State};
+
+/// One frame of magnitudes.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Slot<T> {
+    /// First sample it covers.
+    pub(super) start: i64,
+    /// Largest magnitude; 0 for silence.
+    pub(super) peak: T,
+}
+
+/// Frames without a gap, the newest of them and as many before it as there are slots.
+#[derive(Debug)]
+pub(super) struct History<T> {
+    framing: Framing,
+    slots: Vec<Slot<T>>,
+    /// Magnitudes, slot by slot, on the kernel's own scale.
+    mags: Vec<T>,
+    /// Number of the first frame, and of the one after the newest.
+    first: u64,
+    next: u64,
+}
+
+impl<T: Float> History<T> {
+    pub(super) fn new(framing: Framing, slots: usize) -> Self {
+        let slots = slots.max(1);
+        Self {
+            framing,
+            slots: vec![Slot { start: 0, peak: T::zero() }; slots],
+            mags: vec![T::zero(); slots * framing.bins],
+            first: 0,
+            next: 0,
+        }
+    }
+
+    pub(super) fn clear(&mut self) {
+        (self.first, self.next) = (0, 0);
+    }
+
+    /// The number of the frame that would come next; none before the first.
+    pub(super) fn expected(&self) -> Option<u64> {
+        (self.next > self.first).then_some(self.next)
+    }
+
+    /// The frame `age` frames before the newest, if there was one.
+    pub(super) fn get(&self, age: u64) -> Option<(Slot<T>, &[T])> {
+        let known = (self.next - self.first).min(self.slots.len() as u64);
+        if age >= known {
+            return None;
+        }
+        let at = self.place(self.next - 1 - age);
+        let bins = self.framing.bins;
+        Some((*self.slots.get(at)?, self.mags.get(at * bins..(at + 1) * bins)?))
+    }
+
+    /// How many frames, from the newest back, start after `sample`.
+    pub(super) fn starting_after(&self, sample: i64) -> u64 {
+        let mut count = 0;
+        while self.get(count).is_some_and(|(slot, _)| slot.start > sample) {
+            count += 1;
+        }
+        count
+    }
+
+    /// Adds silent frames before number `index`: those that never came.
+    pub(super) fn miss_until(&mut self, index: u64) {
+        // More than there are slots would only overwrite each other.
+        self.next = self.next.max(index.saturating_sub(self.slots.len() as u64));
+        while self.next < index {
+            self.add(&[], T::one());
+        }
+    }
+
+    /// Adds the frame after the newest, or any after [`clear`](Self::clear), times `factor`.
+    pub(super) fn add_at(&mut self, index: u64, magnitudes: &[T], factor: T) {
+        if self.next == self.first {
+            (self.first, self.next) = (index, index);
+        }
+        self.add(magnitudes, factor);
+    }
+
+    fn add(&mut self, magnitudes: &[T], factor: T) {
+        let at = self.place(self.next);
+        let bins = self.framing.bins;
+        let mags = &mut self.mags[at * bins..(at + 1) * bins];
+        mags.fill(T::zero());
+        for (to, &m) in mags.iter_mut().zip(magnitudes).filter(|(_, m)| usable(**m)) {
+            *to = m * factor;
+        }
+        let peak = largest(mags);
+        self.slots[at] = Slot { start: self.start(self.next), peak };
+        self.next += 1;
+    }
+
+    /// Largest magnitude of all frames.
+    pub(super) fn peak(&self) -> T {
+        let mut peak = T::zero();
+        let mut age = 0;
+        while let Some((slot, _)) = self.get(age) {
+            peak = if slot.peak > peak { slot.peak } else { peak };
+            age += 1;
+        }
+        peak
+    }
+
+    pub(super) fn rescale(&mut self, factor: T) {
+        self.mags.iter_mut().for_each(|m| *m *= factor);
+        self.slots.iter_mut().for_each(|s| s.peak *= factor);
+    }
+
+    /// Magnitudes and numbers; starts and peaks follow from them.
+    pub(super) fn state(&mut self, state: &mut State<'_>)
+    where
+        T: Keep,
+    {
+        state.keep(&mut self.mags).keep(&mut self.first).keep(&mut self.next);
+        if !state.restores() {
+            return;
+        }
+        if state.failed() || self.first > self.next || !self.mags.iter().all(|&m| usable(m)) {
+            self.clear();
+            return state.refuse();
+        }
+        let known = (self.next - self.first).min(self.slots.len() as u64);
+        for index in self.next - known..self.next {
+            let at = self.place(index);
+            let start = self.start(index);
+            let peak = largest(&self.mags[at * self.framing.bins..][..self.framing.bins]);
+            self.slots[at] = Slot { start, peak };
+        }
+    }
+
+    fn start(&self, index: u64) -> i64 {
+        i64::try_from(self.framing.start(index)).unwrap_or(i64::MAX)
+    }
+
+    fn place(&self, index: u64) -> usize {
+        (index % self.slots.len() as u64) as usize
+    }
+}
+
+/// The largest of some magnitudes; what is none does not count.
+pub(super) fn largest<T: Float>(magnitudes: &[T]) -> T {
+    magnitudes.iter().fold(T::zero(), |a, &m| if m > a && usable(m) { m } else { a })
+}
+
+/// Whether it is a magnitude: finite and not negative.
+pub(super) fn usable<T: Float>(m: T) -> bool {
+    m >= T::zero() && m <= T::MAX
+}

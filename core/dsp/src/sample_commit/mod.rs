@@ -1,0 +1,412 @@
+//! Phase retrieval that commits to samples, not to frames.
+
+mod history;
+mod project;
+mod settings;
+
+pub use settings::{MAX_WORK, Settings, SettingsError};
+
+use crate::overlap_add::FrameError;
+use crate::spsi::start_turns;
+use crate::{Float, Framing};
+use asperity_state::{Keep, State};
+use history::{History, largest, usable};
+use project::Projector;
+
+/// Weight of a sample's last value against the windows' squares, where those are small.
+const INERTIA: f64 = 3e-3;
+
+/// The same over the first window of a stream, where the frames in use are few and do not agree yet.
+const FIRST_INERTIA: f64 = 0.1;
+
+/// Magnitude frames in, samples out.
+pub struct SampleCommit<T> {
+    framing: Framing,
+    settings: Settings,
+    seed: u64,
+    /// Samples from the content's time to the output's; negative is early.
+    delay: i64,
+    history: History<T>,
+    projector: Projector<T>,
+    /// Longest hop in samples.
+    hop: usize,
+    /// Ages of the frames of a pass.
+    chosen: Vec<u64>,
+    /// The signal over `[next - fft_len, ..)`, from `head` on: as it is, and run on by momentum.
+    x: Vec<T>,
+    z: Vec<T>,
+    head: usize,
+    /// Sums over the same, for one pass.
+    sum: Vec<T>,
+    weight: Vec<T>,
+    /// First sample that is not emitted, in the content's time.
+    next: i64,
+    /// Magnitudes and samples are kept divided by this power of two.
+    scale: f64,
+    /// End of the last frame that was not silent.
+    sounds_until: i64,
+    /// Start of the first frame. Samples from here to `fade_from` were never emitted.
+    unheard_from: i64,
+    /// Where the first frame begins to be heard, and how it fades in.
+    fade_from: i64,
+    fade: Vec<T>,
+    /// How it fades in besides, from its own start: there its window says too little.
+    rise: Vec<T>,
+}
+
+impl<T> std::fmt::Debug for SampleCommit<T> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("SampleCommit")
+            .field("framing", &self.framing)
+            .field("settings", &self.settings)
+            .field("next", &self.next)
+            .finish_non_exhaustive()
+    }
+}
+
+impl<T: Float> SampleCommit<T> {
+    /// Plans transforms and makes room for the frames in use. What is left to chance is a function of `seed` and the frame's number.
+    ///
+    /// # Errors
+    /// Each kind of [`SettingsError`].
+    pub fn new(framing: Framing, settings: Settings, seed: u64) -> Result<Self, SettingsError> {
+        framing.check()?;
+        settings.check()?;
+        let n = framing.fft_len;
+        let delay = settings.delay(&framing)?;
+        let (period, frames) = framing.period();
+        let hop = usize::try_from(period / frames + 1).unwrap_or(n);
+        let ahead = usize::try_from(delay).unwrap_or(0) + 2 * hop;
+        // Starts of the frames in use lie in an interval of this length.
+        let reach = (n + ahead) as u64;
+        let slots = usize::try_from(reach * frames / period + 2).unwrap_or(n);
+        let len = 2 * n + ahead;
+        let mut new = Self {
+            history: History::new(framing, slots),
+            projector: Projector::new(&framing, seed),
+            hop,
+            chosen: Vec::with_capacity(slots),
+            // As long again as a window, so that the signal is moved to the front only once a window.
+            x: vec![T::zero(); len + n],
+            z: vec![T::zero(); len + n],
+            sum: vec![T::zero(); len],
+            weight: vec![T::zero(); len],
+            fade: fade(n.div_ceil(10)),
+            rise: fade(n.div_ceil(4)),
+            head: 0,
+            next: 0,
+            scale: 1.0,
+            sounds_until: i64::MIN,
+            unheard_from: i64::MIN,
+            fade_from: i64::MIN,
+            framing,
+            settings,
+            seed,
+            delay,
+        };
+        new.reset(0);
+        Ok(new)
+    }
+
+    /// The frames' layout.
+    pub fn framing(&self) -> Framing {
+        self.framing
+    }
+
+    /// How many samples later a frame's content comes out than an overlap-add would emit it: `floor(emission * hop)`, negative where
+    /// it is early.
+    pub fn delay(&self) -> i64 {
+        self.delay
+    }
+
+    /// Changes how hard it works from the next frame on. The emission stays as it is.
+    ///
+    /// # Errors
+    /// [`SettingsError::Work`] and [`SettingsError::Momentum`]; then nothing changes.
+    pub fn set_work(&mut self, settings: Settings) -> Result<(), SettingsError> {
+        settings.check()?;
+        self.settings = Settings { emission: self.settings.emission, ..settings };
+        Ok(())
+    }
+
+    /// Whether all that comes out until the next frame is zero.
+    pub fn is_silent(&self) -> bool {
+        self.next >= self.sounds_until
+    }
+
+    /// Whether no frame is remembered: what comes next is as after a [`reset`](Self::reset).
+    pub fn is_fresh(&self) -> bool {
+        self.history.expected().is_none()
+    }
+
+    /// Forgets all frames; the next sample to be emitted is `start`.
+    pub fn reset(&mut self, start: u64) {
+        self.history.clear();
+        self.x.fill(T::zero());
+        self.z.fill(T::zero());
+        self.head = 0;
+        self.next = self.content(start);
+        self.scale = 1.0;
+        (self.sounds_until, self.unheard_from, self.fade_from) = (i64::MIN, i64::MIN, i64::MIN);
+    }
+
+    /// What is remembered: frames in use, the samples they reach, and where they lie. Refused where it is of frames of another
+    /// layout or of another emission, or cannot be.
+    pub fn state(&mut self, state: &mut State<'_>)
+    where
+        T: Keep,
+    {
+        let mut delay = self.delay;
+        self.history.state(state);
+        state.keep(&mut self.x).keep(&mut self.z).keep(&mut self.head).keep(&mut self.next);
+        state.keep(&mut self.scale).keep(&mut self.sounds_until).keep(&mut self.unheard_from);
+        state.keep(&mut self.fade_from).keep(&mut delay);
+        let len = self.sum.len();
+        let ahead = (len - 2 * self.framing.fft_len) as i64;
+        let places = self.head + len <= self.x.len()
+            && (-delay.max(0)..i64::MAX / 2).contains(&self.next)
+            && self.history.get(0).is_none_or(|(newest, _)| newest.start <= self.next + ahead);
+        let finite =
+            self.x.iter().chain(&self.z).all(|&x| x >= -T::MAX && x <= T::MAX) && self.scale.is_normal();
+        if state.restores() && !(delay == self.delay && places && finite && !state.failed()) {
+            self.reset(0);
+            state.refuse();
+        }
+    }
+
+    fn content(&self, start: u64) -> i64 {
+        i64::try_from(start).unwrap_or(i64::MAX).saturating_sub(self.delay)
+    }
+
+    /// Takes frame number `index`, which covers `fft_len` samples from `framing.start(index)` on, and works on all that is not emitted.
+    ///
+    /// `magnitudes` are amplitudes `2 |sum w x| / sum w` from bin 0. Missing ones are 0, more than `framing.bins` are not
+    /// used; one that is NaN, infinite or negative is taken as 0, and the number of these is returned. Frames that were left out since the
+    /// one before are silent. Before the first one nothing is known.
+    ///
+    /// # Errors
+    /// A frame out of reach or out of order is not used; see [`FrameError`].
+    pub fn push(&mut self, index: u64, magnitudes: &[T]) -> Result<usize, FrameError> {
+        let n = self.framing.fft_len as i64;
+        let start = i64::try_from(self.framing.start(index)).unwrap_or(i64::MAX);
+        if start.saturating_add(n) <= self.next || self.history.expected().is_some_and(|next| index < next) {
+            return Err(FrameError::TooLate);
+        }
+        if start.saturating_sub(self.next) > self.sum.len() as i64 - 2 * n {
+            return Err(FrameError::TooEarly);
+        }
+        let magnitudes = magnitudes.get(..self.framing.bins).unwrap_or(magnitudes);
+        let bad = magnitudes.iter().filter(|&&m| !usable(m)).count();
+        let peak = largest(magnitudes);
+        if self.is_fresh() {
+            self.fade_from = self.next.max(start);
+            self.unheard_from = start;
+        } else {
+            self.history.miss_until(index);
+        }
+        self.set_scale(peak.f64());
+        // See `Projector::project` for the quarter.
+        self.history.add_at(index, magnitudes, T::of(0.25 / self.scale));
+        if peak > T::zero() {
+            self.sounds_until = start + n;
+        }
+        self.refine();
+        Ok(bad)
+    }
+
+    /// Keeps squares within reach of single precision whatever the unit: all is divided by a power of two near the largest magnitude.
+    fn set_scale(&mut self, peak: f64) {
+        let held = self.history.peak().f64() * 4.0 * self.scale;
+        let most = peak.max(held);
+        if most <= 0.0 || (self.scale * 2f64.powi(-16)..=self.scale * 2f64.powi(16)).contains(&most) {
+            return;
+        }
+        // The exponent, kept where its inverse is a normal number too.
+        let exponent = ((most.to_bits() >> 52) as i32 - 1023).clamp(-100, 100);
+        let scale = 2f64.powi(exponent);
+        let factor = T::of(self.scale / scale);
+        self.scale = scale;
+        self.history.rescale(factor);
+        for v in [&mut self.x, &mut self.z] {
+            v.iter_mut().for_each(|x| *x *= factor);
+        }
+    }
+
+    /// Some passes over what is not emitted.
+    fn refine(&mut self) {
+        if self.is_silent() {
+            return;
+        }
+        let origin = self.next - self.framing.fft_len as i64;
+        let candidates = self.history.starting_after(origin);
+        let Some((newest, _)) = self.history.get(0) else { return };
+        // Within the buffers: a frame that starts too early was refused.
+        let end = (newest.start - origin) as usize + self.framing.fft_len;
+        for pass in 0..self.settings.passes {
+            self.choose(candidates, pass);
+            self.pass(origin, end);
+        }
+    }
+
+    /// The newest frame, and of the others one from each of as many equal spans of time, at a place that differs from pass to pass.
+    fn choose(&mut self, candidates: u64, pass: usize) {
+        self.chosen.clear();
+        self.chosen.push(0);
+        let (others, frames) = (candidates.saturating_sub(1), self.settings.frames as u64 - 1);
+        if others <= frames {
+            self.chosen.extend(1..candidates);
+            return;
+        }
+        let turn =
+            self.history.expected().unwrap_or(0).wrapping_mul(MAX_WORK as u64).wrapping_add(pass as u64);
+        let shift = start_turns(self.seed, turn);
+        let span = others as f64 / frames as f64;
+        self.chosen.extend((0..frames).map(|j| 1 + ((j as f64 + shift) * span) as u64));
+    }
+
+    /// Projects the chosen frames, and moves the free samples to their weighted mean.
+    fn pass(&mut self, origin: i64, end: usize) {
+        let n = self.framing.fft_len;
+        let unheard = self.unheard(origin);
+        let from = unheard.clone().map_or(n, |r| r.start);
+        let (sum, weight) = (&mut self.sum[..end], &mut self.weight[..end]);
+        sum[from..].fill(T::zero());
+        weight[from..].fill(T::zero());
+        let z = &mut self.z[self.head..self.head + end];
+        for &age in &self.chosen {
+            let Some((slot, mags)) = self.history.get(age) else { continue };
+            let at = (slot.start - origin) as usize;
+            // What of the frame is free.
+            let free = from.max(at)..at + n;
+            let skip = free.start - at;
+            add(&mut weight[free.clone()], &self.projector.square()[skip..]);
+            if slot.peak > T::zero() {
+                self.projector.project(&z[at..at + n], mags);
+                self.projector.add_to(&mut sum[free], skip);
+            }
+        }
+        let x = &mut self.x[self.head..self.head + end];
+        let momentum = T::of(self.settings.momentum);
+        let inertia = T::of(if self.unheard_from > origin { FIRST_INERTIA } else { INERTIA });
+        for range in [unheard.unwrap_or(0..0), n..end] {
+            let (sum, weight) = (&sum[range.clone()], &weight[range.clone()]);
+            step(&mut x[range.clone()], &mut z[range], sum, weight, momentum, inertia);
+        }
+    }
+
+    /// Samples in view that have frames but were not emitted, since the first frame came too late for them.
+    fn unheard(&self, origin: i64) -> Option<std::ops::Range<usize>> {
+        let n = self.framing.fft_len as i64;
+        let place = |sample: i64| sample.saturating_sub(origin).clamp(0, n);
+        let range = place(self.unheard_from)..place(self.fade_from);
+        (range.start < range.end).then_some(range.start as usize..range.end as usize)
+    }
+
+    /// Says that the next sample to be emitted is `start`. Samples that a later one leaves out are dropped; an earlier one, or one more
+    /// than a window later, begins anew there.
+    pub fn seek(&mut self, start: u64) {
+        let gap = self.content(start).saturating_sub(self.next);
+        match usize::try_from(gap) {
+            Ok(gap) if gap <= self.framing.fft_len => self.advance(gap),
+            _ => self.reset(start),
+        }
+    }
+
+    /// Takes out the samples `start .. start + out.len()`; `out` may be empty.
+    ///
+    /// Samples are to be taken in order (else see [`seek`](Self::seek)), and after the frames that start among them: one that did not
+    /// come is silence.
+    pub fn emit(&mut self, start: u64, out: &mut [T]) {
+        self.seek(start);
+        let view = self.framing.fft_len;
+        let mut end = start;
+        // A hop at a time: of the frames that are missed, none is then out of reach.
+        for block in out.chunks_mut(self.hop) {
+            end = end.saturating_add(block.len() as u64);
+            self.miss(end);
+            let scale = T::of(self.scale);
+            for (i, (to, &x)) in block.iter_mut().zip(&self.x[self.head + view..]).enumerate() {
+                let y = x * scale;
+                let y = if y > T::MAX {
+                    T::MAX
+                } else if y < -T::MAX {
+                    -T::MAX
+                } else {
+                    y
+                };
+                *to = y * self.fade_at(self.next + i as i64);
+            }
+            self.advance(block.len());
+        }
+    }
+
+    fn fade_at(&self, sample: i64) -> T {
+        let gain = |from: i64, ramp: &[T]| {
+            let past = usize::try_from(sample.saturating_sub(from));
+            past.map_or(T::zero(), |i| ramp.get(i).copied().unwrap_or_else(T::one))
+        };
+        gain(self.fade_from, &self.fade) * gain(self.unheard_from, &self.rise)
+    }
+
+    /// Takes frames that should have come before sample `end` for silence.
+    fn miss(&mut self, end: u64) {
+        let Some(expected) = self.history.expected() else { return };
+        if self.framing.start(expected) >= end {
+            return;
+        }
+        if self.is_silent() {
+            let next = self.next;
+            self.reset(0);
+            self.next = next;
+            return;
+        }
+        let mut index = expected;
+        while self.framing.start(index) < end {
+            index += 1;
+        }
+        self.history.miss_until(index);
+        self.refine();
+    }
+
+    /// Freezes samples, at most a window of them.
+    fn advance(&mut self, count: usize) {
+        let n = self.framing.fft_len;
+        let len = self.sum.len();
+        let emitted = self.head + n..self.head + n + count;
+        self.z[emitted.clone()].copy_from_slice(&self.x[emitted]);
+        self.next += count as i64;
+        self.head += count;
+        if self.head + len > self.x.len() {
+            for v in [&mut self.x, &mut self.z] {
+                v.copy_within(self.head.., 0);
+                let kept = v.len() - self.head;
+                v[kept..].fill(T::zero());
+            }
+            self.head = 0;
+        }
+    }
+}
+
+/// Half a raised cosine.
+fn fade<T: Float>(len: usize) -> Vec<T> {
+    let step = std::f64::consts::FRAC_PI_2 / len as f64;
+    (0..len).map(|i| T::of(((i as f64 + 0.5) * step).sin().powi(2))).collect()
+}
+
+fn add<T: Float>(to: &mut [T], from: &[T]) {
+    for (to, &x) in to.iter_mut().zip(from) {
+        *to += x;
+    }
+}
+
+/// The weighted mean of what frames say and, where their weight is small, of what was there; then on in the direction taken.
+fn step<T: Float>(x: &mut [T], z: &mut [T], sum: &[T], weight: &[T], momentum: T, inertia: T) {
+    for (((x, z), &sum), &weight) in x.iter_mut().zip(z).zip(sum).zip(weight) {
+        let new = (sum + inertia * *z) / (weight + inertia);
+        *z = new + momentum * (new - *x);
+        *x = new;
+    }
+}
+
+#[cfg(test)]
+mod tests;

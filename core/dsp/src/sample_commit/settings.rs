@@ -1,0 +1,86 @@
+//! What can be chosen.
+
+use crate::{Framing, FramingError};
+
+/// How hard, and how early, [`SampleCommit`] works.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Settings {
+    /// Frames that a pass looks at, 1 or more: the newest, and others spread over those that reach past the last emitted sample.
+    pub frames: usize,
+    /// Passes for each frame that comes, 1 or more.
+    pub passes: usize,
+    /// How far a pass runs on in the direction of the one before, in [0, 1).
+    pub momentum: f64,
+    /// Where samples are emitted, in frames: 0 at the start of the newest frame, negative inside it (half a window before its end, at
+    /// its centre, is -25 at 50 frames a window), positive so many frames before its start.
+    pub emission: i32,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self { frames: 5, passes: 5, momentum: 0.9, emission: -20 }
+    }
+}
+
+/// What is wrong with [`Settings`], or with the framing they are for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum SettingsError {
+    /// See [`FramingError`].
+    Framing(FramingError),
+    /// No frames or no passes, or more than [`MAX_WORK`] of one of them.
+    Work,
+    /// The momentum is not in [0, 1).
+    Momentum,
+    /// Emission behind the end of the newest frame, or more than ten windows before its start.
+    Emission,
+}
+
+/// Most frames in a pass, and most passes for a frame.
+pub const MAX_WORK: usize = 1000;
+
+impl std::fmt::Display for SettingsError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Framing(e) => e.fmt(f),
+            Self::Work => write!(f, "frames and passes are 1 to {MAX_WORK}"),
+            Self::Momentum => write!(f, "the momentum is not in [0, 1)"),
+            Self::Emission => {
+                write!(f, "samples can be emitted from the end of a window to ten windows before it")
+            }
+        }
+    }
+}
+
+impl std::error::Error for SettingsError {}
+
+impl From<FramingError> for SettingsError {
+    fn from(e: FramingError) -> Self {
+        Self::Framing(e)
+    }
+}
+
+impl Settings {
+    /// Checks what does not depend on the frames.
+    pub(super) fn check(&self) -> Result<(), SettingsError> {
+        if [self.frames, self.passes].iter().any(|&n| n == 0 || n > MAX_WORK) {
+            return Err(SettingsError::Work);
+        }
+        if !(0.0..1.0).contains(&self.momentum) {
+            return Err(SettingsError::Momentum);
+        }
+        Ok(())
+    }
+
+    /// `floor(emission * hop)` in samples, rounded towards 0.
+    ///
+    /// # Errors
+    /// [`SettingsError::Emission`].
+    pub fn delay(&self, framing: &Framing) -> Result<i64, SettingsError> {
+        let samples =
+            i64::try_from(framing.start(u64::from(self.emission.unsigned_abs()))).unwrap_or(i64::MAX);
+        let n = framing.fft_len as i64;
+        let delay = if self.emission < 0 { -samples } else { samples };
+        if delay > -n && delay <= 10 * n { Ok(delay) } else { Err(SettingsError::Emission) }
+    }
+}

@@ -1,0 +1,408 @@
+use super::*;
+use crate::{FramingError, Stft};
+use std::f64::consts::TAU;
+
+const LOW: Framing = Framing { rate_hz: 2500, fft_len: 250, bins: 101, frame_num: 500, frame_den: 1 };
+
+fn settings(emission: i32) -> Settings {
+    Settings { emission, ..Settings::default() }
+}
+
+fn kernel(emission: i32) -> SampleCommit<f32> {
+    SampleCommit::new(LOW, settings(emission), 1).unwrap()
+}
+
+/// Magnitudes of `frames` frames of a signal, by a transform that the kernel does not use.
+fn analyse(f: &Framing, frames: u64, x: impl Fn(u64) -> f64) -> Vec<Vec<f32>> {
+    let mut stft = Stft::<f64>::new(f.fft_len);
+    let mut frame = |start: u64| -> Vec<f32> {
+        let cut: Vec<f64> = (start..start + f.fft_len as u64).map(&x).collect();
+        stft.process(&cut).iter().take(f.bins).map(|c| c.norm() as f32).collect()
+    };
+    (0..frames).map(|n| frame(f.start(n))).collect()
+}
+
+/// Pushes a frame a hop and returns all samples, and those of `after` hops after the last frame; sample 0 of the answer is
+/// sample 0 of the frames, whatever the emission.
+fn run(c: &mut SampleCommit<f32>, frames: &[Vec<f32>], after: u64) -> Vec<f32> {
+    let f = c.framing();
+    let mut all = vec![0.0; usize::try_from(-c.delay()).unwrap_or(0)];
+    for n in 0..frames.len() as u64 + after {
+        if let Some(frame) = frames.get(n as usize) {
+            c.push(n, frame).unwrap();
+        }
+        let mut out = vec![9.0; (f.start(n + 1) - f.start(n)) as usize];
+        c.emit(f.start(n), &mut out);
+        all.extend(out);
+    }
+    all.split_off(usize::try_from(c.delay()).unwrap_or(0))
+}
+
+/// Spectral convergence in dB over frames from `from` on that the signal covers, and its level over the frames'.
+fn score(f: &Framing, frames: &[Vec<f32>], y: &[f32], from: usize) -> (f64, f64) {
+    let at = |i: u64| y.get(i as usize).map_or(0.0, |&y| f64::from(y));
+    let last =
+        (from..frames.len()).take_while(|&n| f.start(n as u64) as usize + f.fft_len <= y.len()).count();
+    let have = analyse(f, (from + last) as u64, at);
+    let (mut error, mut want, mut got) = (0.0, 0.0, 0.0);
+    for (a, b) in have.iter().zip(frames).skip(from) {
+        for (&a, &b) in a.iter().zip(b) {
+            let (a, b) = (f64::from(a), f64::from(b));
+            (error, want, got) = (error + (a - b).powi(2), want + b * b, got + a * a);
+        }
+    }
+    (10.0 * (error / want).log10(), 10.0 * (got / want).log10())
+}
+
+/// A noise of many sines below `top_hz`, any sample at once.
+fn noise(i: u64, rate: f64, top_hz: f64) -> f64 {
+    let sine = |k: u32| {
+        let (f, p) = (start_turns(7, u64::from(k)), start_turns(8, u64::from(k)));
+        (TAU * (f * top_hz * i as f64 / rate + p)).sin()
+    };
+    (0..60).map(sine).sum::<f64>() / 30f64.sqrt()
+}
+
+fn tone(i: u64, rate: f64, hz: f64) -> f64 {
+    (TAU * hz * i as f64 / rate + 0.3).sin()
+}
+
+#[test]
+fn sample_commit_follows_a_tone_and_a_noise() {
+    for (emission, tone_db, noise_db) in
+        [(0, -75.0, -24.0), (-20, -70.0, -18.0), (-25, -65.0, -16.0), (4, -75.0, -24.0)]
+    {
+        let frames = analyse(&LOW, 300, |i| tone(i, 2500.0, 153.7));
+        let (db, level) = score(&LOW, &frames, &run(&mut kernel(emission), &frames, 0), 70);
+        assert!(db < tone_db && level.abs() < 0.01, "a tone at {emission}: {db} dB, level {level} dB");
+        let frames = analyse(&LOW, 400, |i| noise(i, 2500.0, 900.0));
+        let (db, level) = score(&LOW, &frames, &run(&mut kernel(emission), &frames, 0), 70);
+        assert!(db < noise_db && level.abs() < 0.2, "a noise at {emission}: {db} dB, level {level} dB");
+    }
+}
+
+#[test]
+fn hops_that_alternate_are_counted_by_their_true_starts() {
+    let f = Framing { rate_hz: 44_100, fft_len: 4410, ..LOW };
+    let frames = analyse(&f, 160, |i| tone(i, 44_100.0, 333.3));
+    let mut c = SampleCommit::new(f, settings(0), 1).unwrap();
+    let (db, level) = score(&f, &frames, &run(&mut c, &frames, 0), 70);
+    assert!(db < -55.0 && level.abs() < 0.02, "{db} dB, level {level} dB");
+}
+
+#[test]
+fn emission_moves_the_output_by_whole_hops_and_nothing_else() {
+    let delay = |rate_hz: u32, emission| {
+        let f = Framing { rate_hz, fft_len: rate_hz as usize / 10, bins: 26, ..LOW };
+        SampleCommit::<f32>::new(f, settings(emission), 1).unwrap().delay()
+    };
+    assert_eq!([-25, -1, 0, 3].map(|e| delay(2500, e)), [-125, -5, 0, 15]);
+    assert_eq!([-25, -1, 0, 3].map(|e| delay(44_100, e)), [-2205, -88, 0, 264]);
+    // Where a burst lies in the output: its centre of energy.
+    let burst = |i: u64| tone(i, 2500.0, 200.0) * (-(i as f64 - 1000.0).powi(2) / 5000.0).exp();
+    let frames = analyse(&LOW, 400, burst);
+    for emission in [-20, -10, 0, 5] {
+        let y = run(&mut kernel(emission), &frames, 10);
+        let (sum, moment) = y.iter().enumerate().fold((0.0, 0.0), |(s, m), (i, &y)| {
+            let e = f64::from(y * y);
+            (s + e, m + e * i as f64)
+        });
+        assert!((moment / sum - 1000.0).abs() < 5.0, "{emission}: {}", moment / sum);
+    }
+}
+
+#[test]
+fn what_comes_later_changes_no_sample_emitted_before() {
+    let frames = analyse(&LOW, 200, |i| noise(i, 2500.0, 900.0));
+    let other = analyse(&LOW, 200, |i| 3.0 * tone(i, 2500.0, 95.0));
+    for emission in [-25, -20, 0, 3] {
+        let whole = run(&mut kernel(emission), &frames, 0);
+        let mut mixed = frames[..120].to_vec();
+        mixed.extend_from_slice(&other[120..]);
+        // Frame 120 comes with the samples from its start less the delay on.
+        let until = (600 - kernel(emission).delay()) as usize;
+        for cut in [run(&mut kernel(emission), &frames[..120], 80), run(&mut kernel(emission), &mixed, 0)] {
+            assert!(cut[..until] == whole[..until], "{emission}");
+            assert!(cut[until..] != whole[until..], "{emission}: the test compares nothing");
+        }
+    }
+}
+
+#[test]
+fn any_partition_of_the_samples_gives_the_same_bits() {
+    let frames = analyse(&LOW, 150, |i| noise(i, 2500.0, 900.0));
+    let whole = run(&mut kernel(-20), &frames, 60);
+    let mut c = kernel(-20);
+    let mut parts = vec![0.0; 100];
+    for n in 0..210u64 {
+        if let Some(frame) = frames.get(n as usize) {
+            c.push(n, frame).unwrap();
+        }
+        let mut at = 5 * n;
+        for len in [0usize, 2, 1, 0, 2] {
+            let mut out = vec![9.0; len];
+            c.emit(at, &mut out);
+            at += len as u64;
+            parts.extend(out);
+        }
+    }
+    assert!(parts == whole);
+}
+
+#[test]
+fn what_is_no_magnitude_is_taken_for_0_and_counted() {
+    let clean = analyse(&LOW, 150, |i| noise(i, 2500.0, 900.0));
+    let (mut bad, mut zero) = (clean.clone(), clean);
+    for (k, value) in [(3, f32::NAN), (60, f32::INFINITY), (61, f32::NEG_INFINITY), (90, -1.0)] {
+        bad[100][k] = value;
+        zero[100][k] = 0.0;
+    }
+    assert!(run(&mut kernel(0), &bad, 50) == run(&mut kernel(0), &zero, 50));
+    let mut c = kernel(0);
+    assert_eq!(c.push(0, &bad[100]), Ok(4));
+    assert_eq!(c.push(1, &[1.0; 50]), Ok(0), "missing bins are 0");
+    assert_eq!(c.push(2, &[f32::NAN; 200]), Ok(101), "bins that are not carried do not count");
+    let mut out = [9.0f32; 50];
+    c.emit(0, &mut out);
+    assert!(out.iter().all(|y| y.is_finite()));
+}
+
+#[test]
+fn the_unit_changes_nothing_but_the_scale() {
+    let frames = analyse(&LOW, 120, |i| noise(i, 2500.0, 900.0));
+    let scaled = |factor: f64| -> Vec<f64> {
+        let frames: Vec<Vec<f32>> =
+            frames.iter().map(|f| f.iter().map(|&m| (f64::from(m) * factor) as f32).collect()).collect();
+        run(&mut kernel(0), &frames, 60).iter().map(|&y| f64::from(y) / factor).collect()
+    };
+    let one = scaled(1.0);
+    // Powers of two are exact; others differ by rounding, which the choice of a phase may amplify later on.
+    for exponent in [-60, -20, 20, 60] {
+        assert!(scaled(2f64.powi(exponent)) == one, "2^{exponent}");
+    }
+    for factor in [1e-12, 1e12] {
+        for (a, b) in scaled(factor).iter().zip(&one).take(300) {
+            assert!((a - b).abs() < 1e-3, "{factor}: {a} is not {b}");
+        }
+    }
+}
+
+#[test]
+fn a_level_that_rises_and_falls_a_billionfold_stays_in_reach() {
+    let frames = analyse(&LOW, 600, |i| noise(i, 2500.0, 900.0));
+    let level = |n: usize| if (200..400).contains(&n) { 1e9f32 } else { 1.0 };
+    let moved: Vec<Vec<f32>> =
+        frames.iter().enumerate().map(|(n, f)| f.iter().map(|m| m * level(n)).collect()).collect();
+    let y = run(&mut kernel(0), &moved, 0);
+    let rms = |r: std::ops::Range<usize>| {
+        (y[r.clone()].iter().map(|&y| f64::from(y).powi(2)).sum::<f64>() / r.len() as f64).sqrt()
+    };
+    assert!((0.7..1.3).contains(&(rms(1300..1900) / 1e9)) && (0.7..1.3).contains(&rms(2500..2990)));
+}
+
+#[test]
+fn the_largest_numbers_stay_finite() {
+    let mut c = kernel(0);
+    for n in 0..60 {
+        assert_eq!(c.push(n, &[f32::MAX; 101]), Ok(0));
+        let mut out = [0.0; 5];
+        c.emit(5 * n, &mut out);
+        assert!(out.iter().all(|y| y.is_finite()));
+    }
+}
+
+#[test]
+fn odd_spectra_keep_their_level() {
+    let flat = vec![0.1f32; 101];
+    let one = |k: usize| (0..101).map(|j| if j == k { 1.0 } else { 0.0 }).collect::<Vec<f32>>();
+    let ties: Vec<f32> = (0..101).map(|k| if k / 2 % 2 == 0 { 0.2 } else { 0.1 }).collect();
+    let floor: Vec<f32> = (0..101).map(|k| if k == 40 { 1.0 } else { 0.04 }).collect();
+    for (name, frame) in [
+        ("flat", flat),
+        ("bin 40", one(40)),
+        ("bin 0", one(0)),
+        ("bin 100", one(100)),
+        ("ties", ties),
+        ("floor", floor),
+    ] {
+        let frames = vec![frame; 300];
+        for emission in [0, -20] {
+            let y = run(&mut kernel(emission), &frames, 0);
+            assert!(y.iter().all(|y| y.is_finite()), "{name}");
+            let (db, level) = score(&LOW, &frames, &y, 100);
+            assert!(level.abs() < 4.0 && db < -3.0, "{name} at {emission}: {db} dB, level {level} dB");
+        }
+    }
+}
+
+#[test]
+fn silence_is_exact_and_an_onset_after_it_is_no_click() {
+    let gate = |i: u64| 0.5 - 0.5 * (TAU * ((i as f64 - 500.0) / 100.0).clamp(0.0, 0.5)).cos();
+    let frames = analyse(&LOW, 400, |i| gate(i) * tone(i, 2500.0, 120.0));
+    for emission in [0, -20] {
+        let y = run(&mut kernel(emission), &frames, 0);
+        assert!(y[..250].iter().all(|&y| y == 0.0), "before the first frame that is not silent");
+        let largest = y.windows(2).map(|w| (w[1] - w[0]).abs()).fold(0.0, f32::max);
+        assert!(largest < 1.5 * (TAU * 120.0 / 2500.0) as f32, "{emission}: a step of {largest}");
+    }
+    let mut frames = frames;
+    frames.extend(vec![vec![0.0; 101]; 100]);
+    let y = run(&mut kernel(0), &frames, 0);
+    assert!(y[399 * 5..].iter().any(|&y| y != 0.0));
+    assert!(y[399 * 5 + 250..].iter().all(|&y| y == 0.0), "a window after the last frame that sounds");
+}
+
+#[test]
+fn a_stream_fades_in_at_its_start_and_out_after_its_last_frame() {
+    let slope = (TAU * 120.0 / 2500.0) as f32;
+    let frames = analyse(&LOW, 200, |i| tone(i, 2500.0, 120.0));
+    for emission in [0, -10, -20, -25, 5] {
+        let mut c = kernel(emission);
+        let mut y = run(&mut c, &frames, 120);
+        y.insert(0, 0.0);
+        let (at, largest) = (1..y.len())
+            .map(|i| (i, (y[i] - y[i - 1]).abs()))
+            .fold((0, 0.0), |a, b| if b.1 > a.1 { b } else { a });
+        assert!(largest < 1.8 * slope, "{emission}: a step of {largest} at {at}, the tone's own is {slope}");
+        assert!(y.iter().all(|y| y.abs() < 1.5), "{emission}");
+        assert!(y[199 * 5 + 230..].iter().all(|y| y.abs() < 0.05), "{emission}: cut off at the end");
+        assert!(
+            y[1..].iter().skip(199 * 5 + 250).all(|&y| y == 0.0),
+            "{emission}: nothing after the last frame's end"
+        );
+        assert!(c.is_fresh() && c.is_silent(), "{emission}");
+    }
+}
+
+#[test]
+fn frames_that_never_came_are_silence() {
+    let frames = analyse(&LOW, 200, |i| noise(i, 2500.0, 900.0));
+    let (mut gappy, mut silent) = (kernel(0), kernel(0));
+    let (mut a, mut b) = ([0.0f32; 5], [0.0f32; 5]);
+    for (n, frame) in frames.iter().enumerate() {
+        let missing = (100..110).contains(&n) || n == 150;
+        if !missing {
+            gappy.push(n as u64, frame).unwrap();
+        }
+        silent.push(n as u64, if missing { &[] } else { frame }).unwrap();
+        gappy.emit(5 * n as u64, &mut a);
+        silent.emit(5 * n as u64, &mut b);
+        assert!(a == b, "frame {n}");
+    }
+}
+
+#[test]
+fn reset_is_as_fresh_and_so_is_a_stream_after_a_long_gap() {
+    let frames = analyse(&LOW, 150, |i| noise(i, 2500.0, 900.0));
+    let mut c = kernel(-20);
+    let first = run(&mut c, &frames, 0);
+    c.reset(0);
+    assert!(run(&mut c, &frames, 100)[..first.len()] == first);
+    // The same frames far later, at a number that leaves the same choice of frames to the seed.
+    c.seek(1_000_000);
+    assert!(c.is_fresh());
+    let mut later = kernel(-20);
+    later.reset(1_000_000);
+    for (n, frame) in frames.iter().enumerate() {
+        let n = 200_000 + n as u64;
+        let (mut a, mut b) = ([0.0f32; 5], [1.0f32; 5]);
+        c.push(n, frame).unwrap();
+        later.push(n, frame).unwrap();
+        c.emit(5 * n, &mut a);
+        later.emit(5 * n, &mut b);
+        assert!(a == b);
+    }
+}
+
+#[test]
+fn frames_out_of_reach_or_out_of_order_are_refused() {
+    let frame = [1.0f32; 101];
+    let mut c = kernel(0);
+    assert_eq!(c.push(1000, &frame), Err(FrameError::TooEarly));
+    c.seek(5000);
+    assert_eq!(c.push(900, &frame), Err(FrameError::TooLate));
+    assert_eq!(c.push(1000, &frame), Ok(0));
+    assert_eq!(c.push(1000, &frame), Err(FrameError::TooLate));
+    assert_eq!(c.push(999, &frame), Err(FrameError::TooLate));
+    assert_eq!(c.push(1001, &frame), Ok(0));
+}
+
+#[test]
+fn the_level_stays_over_a_million_frames() {
+    let f = Framing { rate_hz: 500, fft_len: 50, bins: 26, ..LOW };
+    let s = Settings { frames: 3, passes: 1, emission: 0, ..Settings::default() };
+    let mut c = SampleCommit::<f32>::new(f, s, 1).unwrap();
+    let far = 1u64 << 40;
+    c.reset(far);
+    let frames = analyse(&f, 500, |i| noise(i, 500.0, 200.0));
+    let mut power = Vec::new();
+    for n in 0..1_000_000u64 {
+        // Back and forth, so that there is no jump.
+        let at = n as usize % 998;
+        c.push(far + n, &frames[at.min(998 - at)]).unwrap();
+        let mut out = [0.0f32];
+        c.emit(far + n, &mut out);
+        if n % 99_800 == 0 {
+            power.push(0.0);
+        }
+        *power.last_mut().unwrap() += f64::from(out[0] * out[0]) / 99_800.0;
+    }
+    for p in &power[1..power.len() - 1] {
+        assert!((10.0 * (p / power[0]).log10()).abs() < 0.3, "{power:?}");
+    }
+}
+
+#[test]
+fn it_is_a_function_of_the_frames_and_the_seed() {
+    let frames = analyse(&LOW, 100, |i| noise(i, 2500.0, 900.0));
+    let make = |seed| run(&mut SampleCommit::new(LOW, settings(0), seed).unwrap(), &frames, 0);
+    assert!(make(1) == make(1));
+    assert!(make(1) != make(2));
+}
+
+#[test]
+fn a_saved_state_goes_on_where_it_was_and_another_layouts_is_refused() {
+    let frames = analyse(&LOW, 150, |i| noise(i, 2500.0, 900.0));
+    let mut old = kernel(-20);
+    run(&mut old, &frames[..77], 0);
+    let mut bytes = vec![0; State::measure(|s| old.state(s))];
+    assert_eq!(State::save(&mut bytes, |s| old.state(s)), Some(bytes.len()));
+    let mut new = kernel(-20);
+    assert!(State::restore(&bytes, |s| new.state(s)));
+    for n in 77..150u64 {
+        let (mut a, mut b) = ([0.0f32; 5], [1.0f32; 5]);
+        old.push(n, &frames[n as usize]).unwrap();
+        new.push(n, &frames[n as usize]).unwrap();
+        old.emit(5 * n, &mut a);
+        new.emit(5 * n, &mut b);
+        assert!(a == b, "frame {n}");
+    }
+    assert!(!State::restore(&bytes, |s| kernel(-19).state(s)));
+    let other = Framing { bins: 100, ..LOW };
+    assert!(!State::restore(&bytes, |s| SampleCommit::<f32>::new(other, settings(-20), 1).unwrap().state(s)));
+    // Whatever the bytes are, what is left can be used.
+    for at in (0..bytes.len()).rev().take(120) {
+        let mut broken = bytes.clone();
+        broken[at] ^= 0xff;
+        let mut c = kernel(-20);
+        let _ = State::restore(&broken, |s| c.state(s));
+        let _ = c.push(77, &frames[77]);
+        c.emit(385, &mut [0.0; 5]);
+    }
+}
+
+#[test]
+fn impossible_settings_are_refused() {
+    let make = |f: Framing, s: Settings| SampleCommit::<f32>::new(f, s, 1).map(|c| c.delay());
+    let s = settings(0);
+    assert_eq!(make(LOW, Settings { frames: 0, ..s }), Err(SettingsError::Work));
+    assert_eq!(make(LOW, Settings { passes: MAX_WORK + 1, ..s }), Err(SettingsError::Work));
+    assert_eq!(make(LOW, Settings { momentum: 1.0, ..s }), Err(SettingsError::Momentum));
+    assert_eq!(make(LOW, Settings { momentum: f64::NAN, ..s }), Err(SettingsError::Momentum));
+    assert_eq!(make(LOW, settings(-50)), Err(SettingsError::Emission));
+    assert_eq!(make(LOW, settings(i32::MAX)), Err(SettingsError::Emission));
+    assert_eq!(make(LOW, settings(-49)), Ok(-245));
+    assert_eq!(make(LOW, settings(500)), Ok(2500));
+    let f = Framing { bins: 0, ..LOW };
+    assert_eq!(make(f, s), Err(SettingsError::Framing(FramingError::Zero)));
+}
