@@ -3,7 +3,7 @@
 CARGO ?= cargo
 OUT ?= out
 
-.PHONY: header setup demo test test-long lint bench train pictures clean
+.PHONY: header plugins setup demo test test-long lint bench train pictures clean
 
 # Installs what is missing where it may, else says the exact line.
 setup:
@@ -35,6 +35,13 @@ lint: setup
 # One table: each node and the whole tick, beside a plain read of the network's weights.
 bench: setup
 	$(CARGO) bench -p asperity --bench tick
+
+# Builds the shipped plugins: more phase-retrieval nodes.
+plugins: setup
+	$(CARGO) build --release -p asperity-rtpghi -p asperity-gsrtisi-la
+	@echo
+	@echo "to have them in every graph and in compare:"
+	@echo "    export ASPERITY_PLUGIN_PATH=$(CURDIR)/target/release"
 
 # Writes the plugin interface's C header anew from its Rust.
 header: setup

@@ -120,7 +120,7 @@ fn a_good_plugin_passes_every_case() {
 
 #[test]
 fn plugins_in_rust_are_checked_too_and_their_allocations_counted() {
-    for package in ["my_phase", "my_filter"] {
+    for package in ["my_phase", "my_filter", "asperity-rtpghi", "asperity-gsrtisi-la"] {
         let ran = check(&plugins::rust(package), &["--ticks", "5000"]);
         assert!(ran.code == 0 && ran.out.contains(" 0 failed"), "{}\n{}", ran.out, ran.err);
     }

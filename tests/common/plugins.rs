@@ -47,6 +47,15 @@ pub fn c(name: &str) -> PathBuf {
     to
 }
 
+/// Packages of this workspace that are plugins in Rust, and what their libraries are called.
+const RUST: [(&str, &str); 5] = [
+    ("my_phase", "my_phase"),
+    ("my_filter", "my_filter"),
+    ("asperity-rtpghi", "rtpghi"),
+    ("asperity-gsrtisi-la", "gsrtisi_la"),
+    ("asperity-test-panics", "asperity_test_panics"),
+];
+
 /// A plugin of this workspace in Rust, by its package, built by cargo into the folder of the program itself.
 pub fn rust(package: &str) -> PathBuf {
     static BUILT: OnceLock<PathBuf> = OnceLock::new();
@@ -55,7 +64,7 @@ pub fn rust(package: &str) -> PathBuf {
         let folder = program.parent().expect("a folder").to_owned();
         let mut cargo = Command::new(env!("CARGO"));
         cargo.current_dir(root()).arg("build").env("CARGO_TARGET_DIR", folder.parent().expect("a folder"));
-        for package in ["my_phase", "my_filter", "asperity-test-panics"] {
+        for (package, _) in RUST {
             cargo.args(["-p", package]);
         }
         if folder.ends_with("release") {
@@ -64,5 +73,6 @@ pub fn rust(package: &str) -> PathBuf {
         must(&mut cargo);
         folder
     });
-    folder.join(asperity_loader::file_name(package))
+    let library = RUST.iter().find(|(p, _)| *p == package).expect("a package that is a plugin").1;
+    folder.join(asperity_loader::file_name(library))
 }

@@ -3,9 +3,9 @@
 #[path = "../../rtpghi/tests/common/mod.rs"]
 mod common;
 
-use asperity_gsrtisi_la::GsrtisiLa;
 use assert_no_alloc::{AllocDisabler, assert_no_alloc, violation_count};
 use common::{Rig, layout, noise};
+use gsrtisi_la::GsrtisiLa;
 
 #[global_allocator]
 static ALLOCATOR: AllocDisabler = AllocDisabler;

@@ -3,8 +3,8 @@
 #[path = "../../rtpghi/tests/common/mod.rs"]
 mod common;
 
-use asperity_gsrtisi_la::GsrtisiLa;
 use common::{VECTORS, convergence, published, vector};
+use gsrtisi_la::GsrtisiLa;
 
 /// Look ahead, iterations, and what `sc.json` calls that.
 const SETTINGS: [(i32, i32, &str); 4] =

@@ -5,7 +5,7 @@ mod common;
 #[path = "../../rtpghi/tests/common/survival.rs"]
 mod survival;
 
-use asperity_gsrtisi_la::GsrtisiLa;
+use gsrtisi_la::GsrtisiLa;
 
 const SETTINGS: [[(&str, f64); 2]; 3] = [
     [("look_ahead", 0.0), ("iterations", 1.0)],

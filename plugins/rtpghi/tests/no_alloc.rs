@@ -2,9 +2,9 @@
 
 mod common;
 
-use asperity_rtpghi::Rtpghi;
 use assert_no_alloc::{AllocDisabler, assert_no_alloc, violation_count};
 use common::{Rig, layout, noise};
+use rtpghi::Rtpghi;
 
 #[global_allocator]
 static ALLOCATOR: AllocDisabler = AllocDisabler;

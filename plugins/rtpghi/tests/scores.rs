@@ -2,8 +2,8 @@
 
 mod common;
 
-use asperity_rtpghi::Rtpghi;
 use common::{VECTORS, convergence, published, vector};
+use rtpghi::Rtpghi;
 
 #[test]
 fn rtpghi_reaches_the_published_scores() {

@@ -4,7 +4,7 @@ mod common;
 #[path = "common/survival.rs"]
 mod survival;
 
-use asperity_rtpghi::Rtpghi;
+use rtpghi::Rtpghi;
 
 const BOTH: [[(&str, f64); 1]; 2] = [[("look_ahead", 0.0)], [("look_ahead", 1.0)]];
 
