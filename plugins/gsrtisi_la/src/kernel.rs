@@ -285,7 +285,7 @@ impl Estimator {
             *unit = direction(now + (now - *bin) * momentum).unwrap_or(onset);
             *bin = now;
         }
-        let nyquist = (self.frame.len() % 2 == 0).then_some(self.frame.len() / 2);
+        let nyquist = self.frame.len().is_multiple_of(2).then_some(self.frame.len() / 2);
         for k in [Some(0), nyquist].into_iter().flatten() {
             if let Some(unit) = flight.units.get_mut(k) {
                 *unit = Complex::new(if unit.re < 0.0 { -1.0 } else { 1.0 }, 0.0);
