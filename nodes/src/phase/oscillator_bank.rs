@@ -2,8 +2,8 @@
 
 use asperity_dsp::{Framing, Partials, oscillator_bank};
 use asperity_node::{
-    Descriptor, Diagnostic, Fact, FactValue, Input, Latency, LayoutSpec, Node, Output, Param, RateSpec,
-    Setup, ShapeSpec, Status, Tick, Unit,
+    Descriptor, Diagnostic, Fact, Input, Latency, LayoutSpec, Node, Output, Param, RateSpec, Setup,
+    ShapeSpec, State, Status, Tick, Unit,
 };
 
 /// Oscillators whose amplitudes follow the magnitudes within a hop.
@@ -75,6 +75,12 @@ impl Node for OscillatorBank {
         self.started = false;
     }
 
+    /// Every oscillator goes on where it is, whatever the seed; other partials start anew.
+    fn state(&mut self, state: &mut State<'_>) {
+        self.kernel.state(state);
+        state.keep(&mut self.started);
+    }
+
     fn latency(&self) -> Latency {
         Latency::ratio(-(self.framing.fft_len as i64), 2 * i64::from(self.framing.rate_hz)) + self.hop()
     }
@@ -84,9 +90,6 @@ impl Node for OscillatorBank {
     }
 
     fn facts(&self) -> Vec<Fact> {
-        vec![
-            Fact { name: "response_lag", value: FactValue::Number(self.hop().ms(), "ms") },
-            Fact { name: "bad_magnitudes", value: FactValue::Count(self.bad) },
-        ]
+        vec![Fact::number("response_lag", self.hop().ms(), "ms"), Fact::count("bad_magnitudes", self.bad)]
     }
 }

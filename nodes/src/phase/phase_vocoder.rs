@@ -2,8 +2,8 @@
 
 use asperity_dsp::{Level, StartPhase, phase_vocoder};
 use asperity_node::{
-    Descriptor, Diagnostic, Fact, FactValue, Input, LayoutSpec, Node, Output, Param, Resume, Setup,
-    ShapeSpec, Status, Tick, Unit,
+    Descriptor, Diagnostic, Fact, Input, LayoutSpec, Node, Output, Param, Resume, Setup, ShapeSpec, Status,
+    Tick, Unit,
 };
 
 /// Integrates each bin's centre frequency, from start phases that spread the energy over the window.
@@ -64,6 +64,6 @@ impl Node for PhaseVocoder {
     fn reset(&mut self) {}
 
     fn facts(&self) -> Vec<Fact> {
-        vec![Fact { name: "bad_magnitudes", value: FactValue::Count(self.bad) }]
+        vec![Fact::count("bad_magnitudes", self.bad)]
     }
 }

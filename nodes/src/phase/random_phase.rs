@@ -2,8 +2,8 @@
 
 use asperity_dsp::{Level, random_phase};
 use asperity_node::{
-    Descriptor, Diagnostic, Fact, FactValue, Input, LayoutSpec, Node, Output, Param, Resume, Setup,
-    ShapeSpec, Status, Tick, Unit,
+    Descriptor, Diagnostic, Fact, Input, LayoutSpec, Node, Output, Param, Resume, Setup, ShapeSpec, Status,
+    Tick, Unit,
 };
 
 /// Independent uniform phases: what other methods are held against.
@@ -52,6 +52,6 @@ impl Node for RandomPhase {
     fn reset(&mut self) {}
 
     fn facts(&self) -> Vec<Fact> {
-        vec![Fact { name: "bad_magnitudes", value: FactValue::Count(self.bad) }]
+        vec![Fact::count("bad_magnitudes", self.bad)]
     }
 }
