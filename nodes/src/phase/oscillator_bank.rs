@@ -3,7 +3,7 @@
 use asperity_dsp::{Framing, Partials, oscillator_bank};
 use asperity_node::{
     Descriptor, Diagnostic, Fact, Input, Latency, LayoutSpec, Node, Output, Param, RateSpec, Setup,
-    ShapeSpec, Status, Tick, Unit,
+    ShapeSpec, State, Status, Tick, Unit,
 };
 
 /// Oscillators whose amplitudes follow the magnitudes within a hop.
@@ -73,6 +73,12 @@ impl Node for OscillatorBank {
 
     fn reset(&mut self) {
         self.started = false;
+    }
+
+    /// Every oscillator goes on where it is, whatever the seed; other partials start anew.
+    fn state(&mut self, state: &mut State<'_>) {
+        self.kernel.state(state);
+        state.keep(&mut self.started);
     }
 
     fn latency(&self) -> Latency {

@@ -3,6 +3,7 @@
 use super::segment::Voice;
 use crate::phase_vocoder::StartPhase;
 use crate::{Float, random};
+use asperity_state::State;
 
 /// Bins from one wandering phase to the next; between them phases are interpolated.
 const SPACING: usize = 4;
@@ -46,6 +47,12 @@ impl Noise {
 
     pub(super) fn reset(&mut self) {
         self.amps.fill(0.0);
+    }
+
+    /// Amplitudes; the rest follows from seed and sample number.
+    pub(super) fn state(&mut self, state: &mut State<'_>, most: f64) {
+        state.keep(&mut self.amps);
+        state.require(self.amps.iter().all(|a| (0.0..=most).contains(a)));
     }
 
     /// The wandering phase number `i` at a sample, in turns.

@@ -386,3 +386,35 @@ fn the_bank_is_a_function_of_the_seed_and_a_reset_bank_is_a_fresh_one() {
         assert_eq!(run(&mut used, 0..50, mags), fresh);
     }
 }
+
+#[test]
+fn a_bank_goes_on_where_another_was_and_refuses_what_is_none() {
+    // Saved in the middle of a hop, with a frame to come.
+    let f = framing(2500, 101);
+    for partials in BOTH {
+        let mut old = new::<f64>(f, partials);
+        run(&mut old, 0..30, |n| Some(tone(30.3 + 0.01 * n as f64, 101)));
+        old.add_frame(30, 150, &tone(30.6, 101));
+        old.emit(150, &mut [0.0; 2]);
+        old.add_frame(31, 155, &tone(30.6, 101));
+        let mut bytes = vec![0; State::measure(|s| new::<f64>(f, partials).state(s))];
+        let len = State::save(&mut bytes, |s| old.state(s)).unwrap();
+        bytes.truncate(len);
+        let mut on = new::<f64>(f, partials);
+        assert!(State::restore(&bytes, |s| on.state(s)));
+        let (mut x, mut y) = ([0.0; 20], [0.0; 20]);
+        assert_eq!(old.emit(152, &mut x), on.emit(152, &mut y));
+        assert_eq!(x, y);
+        assert!(peak(&x) > 0.1);
+        let mut other =
+            new::<f64>(f, if partials == Partials::Noise { Partials::Tracked } else { Partials::Noise });
+        assert!(!State::restore(&bytes, |s| other.state(s)));
+        assert!(!State::restore(&bytes, |s| new::<f64>(framing(5000, 101), partials).state(s)));
+        // An amplitude or phase, near the end of the bytes, that is none.
+        for wild in [f64::NAN, -2.0, 1e308] {
+            bytes[len - 8..].copy_from_slice(&wild.to_le_bytes());
+            assert!(!State::restore(&bytes, |s| on.state(s)), "{partials:?} {wild}");
+            assert!(!on.emit(on.position(), &mut y), "a bank that refused is reset");
+        }
+    }
+}

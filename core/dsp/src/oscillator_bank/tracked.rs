@@ -4,17 +4,24 @@ use super::segment::Voice;
 use crate::spsi::peak::{self, Edges, Peak};
 use crate::window::hann_lobe;
 use crate::{Float, random};
+use asperity_state::{Keep, State};
 
 /// How far a partial may move in a hop, in bins; beyond, it is another.
 const REACH: f64 = 1.0;
 
 /// A sinusoid at the end of a segment.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 struct Partial {
     /// In bins.
     freq: f64,
     amp: f64,
     turns: f64,
+}
+
+impl Keep for Partial {
+    fn keep(&mut self, state: &mut State<'_>) {
+        state.keep(&mut self.freq).keep(&mut self.amp).keep(&mut self.turns);
+    }
 }
 
 /// A bank of one oscillator a peak.
@@ -50,6 +57,16 @@ impl Tracker {
         for (k, t) in self.turns.iter_mut().enumerate() {
             *t = random::uniform(self.seed, 0, k as u64);
         }
+    }
+
+    /// Every partial, and what those to come start from.
+    pub(super) fn state(&mut self, state: &mut State<'_>, most: f64) {
+        state.keep_list(&mut self.partials).keep(&mut self.turns);
+        let bins = self.turns.len() as f64;
+        let fits = |p: &Partial| {
+            (0.0..bins).contains(&p.freq) && (0.0..=most).contains(&p.amp) && (0.0..=1.0).contains(&p.turns)
+        };
+        state.require(self.partials.iter().all(fits) && self.turns.iter().all(|t| t.abs() <= 1.0));
     }
 
     /// The phase of a bin's centre frequency at a sample, in [0, 1) turns.
