@@ -1,4 +1,39 @@
-//! Phase retrieval that commits to samples, not to frames.
+//! Phase retrieval that commits to samples, not to frames: iterative, causal, with no latency of its own.
+//!
+//! The signal is kept around `t`, the first sample that is not emitted. What lies before `t` was emitted and is frozen; what lies after it, up to
+//! the end of the newest frame, is free, and keeps what earlier passes left there. When a frame comes, passes are made over the free part. A
+//! pass takes some of the frames that reach beyond `t`, windows the signal at their places, gives each bin of its transform the
+//! magnitude of the frame (bins that are not carried get 0), transforms back, and moves the free samples to
+//! `(sum w y + e z) / (sum w^2 + e)`: the least-squares estimate of D. Griffin, J. Lim (IEEE Trans. ASSP 32(2), 1984, eq. 6) from the frames `y`,
+//! which falls back on the last value `z` where the windows `w` all but vanish. The next pass starts from a point further on in the direction of this
+//! one, as in fast Griffin-Lim (N. Perraudin, P. Balazs, P. Sondergaard, WASPAA 2013); the free part keeps this momentum from frame to frame.
+//! Then a hop is emitted. A sample that is emitted depends on no later frame.
+//!
+//! What was tried, and what is kept:
+//!
+//! * The frames of a pass are the newest one and others spread over all that reach beyond `t`, at places that differ from pass to pass.
+//!   Places that stay the same leave a tone's error at -50 dB instead of -80. The newest frames alone diverge; spread ones without the
+//!   newest are 10 dB worse for noise.
+//! * Momentum that ends with each frame costs 2 dB on noise and 5 dB on taps.
+//! * The newest hop starts from 0. Where the signal says nothing yet, phases are those of a sweep through the middle half of the window: from random
+//!   ones, or a sweep elsewhere, two tones take seconds to find their beat.
+//! * Of 1, 3, 10, 30 and 100 thousandths for `e`, 3 does well at all emissions. More is better for smooth magnitudes, and worse at negative
+//!   emissions.
+//!
+//! `emission` says which samples are emitted when a frame comes: at 0 those from its start on, at -20 those 20 hops later. An early sample
+//! stands under fewer frames, so quality falls, while the output answers sooner. Spectral convergence in dB (lower is better), mean of three seeds, on the vectors of
+//! `tests/data/phase`; gain and rms error of the long-term spectrum, in dB, for smooth magnitudes that are no signal's (nnsmooth: what a
+//! network trained on squared error puts out); milliseconds until a step from 1 to 2 in the magnitudes of a noise has shown by 10, 50 and 90 %;
+//! median time a frame at N = 250 and 4800 on one AVX-512 core (AMD EPYC) of a busy machine:
+//!
+//! TABLE
+//!
+//! At -20 a step shows after 16 ms instead of 55, 11 dB better than single-pass methods on noise, and level and spectrum of smooth magnitudes
+//! still are within 0.5 and 1 dB with some room: that is the default. At -25 it shows 7 ms sooner, and the level is 0.46 dB low. At -30 quality breaks
+//! down. Frames and passes: 3 passes are as good as 5 for noise; 5 are better for what starts and stops.
+//!
+//! A stream fades in over a tenth of a window (longer where its first frame's window begins), and nothing is assumed to have
+//! been before its first frame. A frame that does not come is silence, so the signal fades out as the windows do.
 
 mod history;
 mod project;
@@ -7,7 +42,7 @@ mod settings;
 pub use settings::{MAX_WORK, Settings, SettingsError};
 
 use crate::overlap_add::FrameError;
-use crate::spsi::start_turns;
+use crate::random::uniform;
 use crate::{Float, Framing};
 use asperity_state::{Keep, State};
 use history::{History, largest, usable};
@@ -257,9 +292,7 @@ impl<T: Float> SampleCommit<T> {
             self.chosen.extend(1..candidates);
             return;
         }
-        let turn =
-            self.history.expected().unwrap_or(0).wrapping_mul(MAX_WORK as u64).wrapping_add(pass as u64);
-        let shift = start_turns(self.seed, turn);
+        let shift = uniform(self.seed, self.history.expected().unwrap_or(0), pass as u64);
         let span = others as f64 / frames as f64;
         self.chosen.extend((0..frames).map(|j| 1 + ((j as f64 + shift) * span) as u64));
     }

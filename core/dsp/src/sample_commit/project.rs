@@ -89,7 +89,7 @@ fn impose<T: Float>(spectrum: &mut [Complex<T>], magnitudes: &[T], hint: &[Compl
 /// bins of one sinusoid do, and a flat spectrum is no click.
 fn hint<T: Float>(framing: &Framing, seed: u64) -> Vec<Complex<T>> {
     let (n, bins) = (framing.fft_len, framing.bins);
-    let mut turns = crate::spsi::start_turns(seed, 0);
+    let mut turns = crate::random::uniform(seed, 0, 0);
     let all = (0..bins).map(|k| {
         turns -= 0.25 + 0.5 * k as f64 / bins as f64;
         turns -= turns.floor();
