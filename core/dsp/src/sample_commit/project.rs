@@ -84,8 +84,8 @@ fn impose<T: Float>(spectrum: &mut [Complex<T>], magnitudes: &[T], hint: &[Compl
     above.fill(Complex::default());
 }
 
-/// Start phases whose group delay sweeps the middle half of the window (M. R. Schroeder, "Synthesis of low-peak-factor signals and
-/// binary sequences with low autocorrelation", IEEE Trans. Inf. Theory 16(1), 1970): neighbours agree, as the
+/// Start phases whose group delay sweeps the middle half of the window (M. R. Schroeder, "Synthesis of low-peak-factor
+/// signals and binary sequences with low autocorrelation", IEEE Trans. Inf. Theory 16(1), 1970): neighbours agree, as the
 /// bins of one sinusoid do, and a flat spectrum is no click.
 fn hint<T: Float>(framing: &Framing, seed: u64) -> Vec<Complex<T>> {
     let (n, bins) = (framing.fft_len, framing.bins);
