@@ -27,6 +27,7 @@ pub fn registry() -> Registry {
         .with::<phase::PhaseVocoder>()
         .with::<phase::RandomPhase>()
         .with::<phase::OscillatorBank>()
+        .with::<phase::SampleCommit>()
         .with::<synthesis::OverlapAdd>()
         .with::<synthesis::Resample>()
         .with::<actuator::ActuatorInverse>()

@@ -1,5 +1,6 @@
 //! What one frame costs each kernel, back to back.
 
+use asperity_dsp::sample_commit::{SampleCommit, Settings};
 use asperity_dsp::{
     Complex, Conversion, FilterPhase, Framing, Level, OscillatorBank, OverlapAdd, Partials, PhaseVocoder,
     RandomPhase, Resampler, Spsi, StartPhase,
@@ -101,6 +102,26 @@ fn plain_phase_retrieval(c: &mut Criterion) {
     }
 }
 
+fn sample_commit(c: &mut Criterion) {
+    for f in [framing(500, 26), framing(2500, 101), framing(48_000, 101)] {
+        let all = frames(f.bins, 97);
+        let mut out = vec![0.0; f.start(1) as usize];
+        for (frames, passes, emission) in [(5, 2, 0), (5, 3, -20), (5, 5, -20), (5, 5, 0), (10, 5, 0)] {
+            let settings = Settings { frames, passes, emission, ..Settings::default() };
+            let mut kernel = SampleCommit::<f32>::new(f, settings, 1).unwrap();
+            let mut frame = 0;
+            c.bench_function(&format!("sample_commit {frames}x{passes} at {emission}/{}", f.fft_len), |b| {
+                b.iter(|| {
+                    let _ = kernel.push(frame, black_box(&all[frame as usize % 97]));
+                    kernel.emit(f.start(frame), &mut out);
+                    frame += 1;
+                    out[0]
+                });
+            });
+        }
+    }
+}
+
 fn resample(c: &mut Criterion) {
     for (in_hz, out_hz) in [(2500, 48_000), (2500, 44_100), (500, 48_000), (48_000, 2500)] {
         let conversion = Conversion {
@@ -141,6 +162,6 @@ criterion_group! {
     name = dsp;
     config = Criterion::default().warm_up_time(std::time::Duration::from_millis(500))
         .measurement_time(std::time::Duration::from_secs(2)).sample_size(50);
-    targets = phase_retrieval, plain_phase_retrieval, resample
+    targets = phase_retrieval, sample_commit, plain_phase_retrieval, resample
 }
 criterion_main!(dsp);

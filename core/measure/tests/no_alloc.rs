@@ -1,5 +1,6 @@
 //! What runs per tick does not touch the allocator.
 
+use asperity_dsp::sample_commit::{SampleCommit, Settings};
 use asperity_dsp::{Complex, Conversion, FilterPhase, Framing, OverlapAdd, Resampler, Spsi};
 use asperity_measure::timing::Recorder;
 use assert_no_alloc::{AllocDisabler, assert_no_alloc, violation_count};
@@ -28,6 +29,8 @@ fn nothing_is_allocated_after_construction() {
         };
         let mut resampler = Resampler::<f32>::new(&c).unwrap();
         let mut recorder = Recorder::new(3);
+        let settings = Settings { frames: 2, passes: 1, ..Settings::default() };
+        let mut commit = SampleCommit::<f32>::new(f, settings, 1).unwrap();
         let (mut mags, mut spectrum) = (vec![0.0f32; bins], vec![Complex::default(); bins]);
         let (mut low, mut high) = (vec![0.0f32; rate_hz as usize / 500 + 1], vec![0.0f32; 96]);
         assert_no_alloc(|| {
@@ -37,6 +40,10 @@ fn nothing_is_allocated_after_construction() {
                 }
                 let (start, next) = (f.start(n), f.start(n + 1));
                 let samples = &mut low[..(next - start) as usize];
+                if n % 1000 < 900 {
+                    assert!(commit.push(n, &mags).is_ok());
+                }
+                commit.emit(start, samples);
                 spsi.process(&mags, samples.len() as u32, &mut spectrum);
                 assert!(ola.add_frame(start, &spectrum).is_ok());
                 ola.emit(start, samples);
@@ -46,6 +53,7 @@ fn nothing_is_allocated_after_construction() {
             }
             spsi.reset();
             ola.reset(0);
+            commit.reset(0);
             resampler.reset();
             recorder.reset();
         });

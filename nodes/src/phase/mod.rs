@@ -3,11 +3,13 @@
 mod oscillator_bank;
 mod phase_vocoder;
 mod random_phase;
+mod sample_commit;
 mod spsi;
 
 pub use oscillator_bank::OscillatorBank;
 pub use phase_vocoder::PhaseVocoder;
 pub use random_phase::RandomPhase;
+pub use sample_commit::SampleCommit;
 pub use spsi::Spsi;
 
 use asperity_dsp::Framing;

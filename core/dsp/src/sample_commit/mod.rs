@@ -1,15 +1,66 @@
-//! Phase retrieval that commits to samples, not to frames.
+//! Phase retrieval that commits to samples, not to frames: iterative, causal, with no latency of its own.
+//!
+//! The signal is kept around `t`, the first sample that is not emitted. What lies before `t` was emitted and is frozen; what
+//! lies after it, up to the end of the newest frame, is free, and keeps what earlier passes left there. When a frame comes,
+//! passes are made over the free part. A pass takes some of the frames that reach beyond `t`, windows the signal at their
+//! places, gives each bin of its transform the magnitude of the frame (bins that are not carried get 0), transforms back, and
+//! moves the free samples to `(sum w y + e z) / (sum w^2 + e)`: the least-squares estimate of D. Griffin, J. Lim (IEEE Trans.
+//! ASSP 32(2), 1984, eq. 6) from the frames `y`, which falls back on the last value `z` where the windows `w` all but vanish.
+//! The next pass starts from a point further on in the direction of this one, as in fast Griffin-Lim (N. Perraudin, P.
+//! Balazs, P. Sondergaard, WASPAA 2013); the free part keeps this momentum from frame to frame. Then a hop is emitted. A
+//! sample that is emitted depends on no later frame.
+//!
+//! What was tried, and what is kept:
+//!
+//! * The frames of a pass are the newest one and others spread over all that reach beyond `t`, at places that differ from
+//!   pass to pass. Places that stay the same leave a tone's error at -50 dB instead of -80. The newest frames alone diverge
+//!   for two tones and for smooth magnitudes; spread ones without the newest are 6 to 15 dB worse for noise.
+//! * Momentum that ends with each frame costs 2 dB on noise and 5 dB on taps (3 passes).
+//! * The newest hop starts from 0. Where the signal says nothing yet, phases are those of a sweep through the middle half of
+//!   the window: from random ones, or a sweep elsewhere, two tones may take a second and more to find their beat.
+//! * Of 1, 3, 10, 30 and 100 thousandths for `e`, 3 does well at all emissions. More is better for smooth magnitudes, and
+//!   worse at negative emissions.
+//!
+//! `emission` says which samples are emitted when a frame comes: at 0 those from its start on, at -20 those 20 hops later. An
+//! early sample stands under fewer frames, so quality falls, while the output answers sooner. Spectral convergence in dB
+//! (lower is better), mean of three seeds, momentum 0.9, on the vectors of `tests/data/phase`; gain and rms error of the
+//! long-term spectrum, in dB, for smooth magnitudes that are no signal's (nnsmooth: what a network trained on squared error
+//! puts out); milliseconds until a step from 1 to 2 in the magnitudes of a noise has shown by 10, 50 and 90 %; median time a
+//! frame at N = 250 and 4800 on one AVX-512 core (AMD EPYC) of a busy machine:
+//!
+//! | frames x passes | emission | sine | chirp | texture | two tones | taps | contact | nnsmooth | gain, LTAS | texture 48k | amchirp 48k | lag [ms] | time [us] |
+//! |---|---|---|---|---|---|---|---|---|---|---|---|---|---|
+//! | 5 x 2 | 0 | -77.7 | -66.0 | -28.4 | -55.5 | -28.7 | -27.7 | -16.8 | -0.16, 0.32 | -29.4 | -58.3 | 44, 55, 60 | 7.0, 91 |
+//! | 5 x 3 | 0 | -78.0 | -67.2 | -28.7 | -57.0 | -31.2 | -29.0 | -17.1 | -0.14, 0.34 | -29.2 | -64.0 | 44, 55, 60 | 10.4, 136 |
+//! | 5 x 5 | 0 | -77.8 | -68.3 | -29.4 | -62.7 | -34.7 | -31.9 | -16.9 | -0.13, 0.35 | -28.4 | -72.1 | 44, 55, 60 | 16.8, 228 |
+//! | 10 x 5 | 0 | -78.1 | -69.3 | -28.2 | -61.3 | -36.5 | -34.8 | -17.4 | -0.11, 0.44 | -28.5 | -79.4 | 44, 55, 60 | 33.4, 450 |
+//! | 5 x 5 | 10 | -74.5 | -64.6 | -31.0 | -70.7 | -34.3 | -32.6 | -16.6 | -0.08, 0.42 | -31.0 | -67.0 | 63, 74, 80 | 16.8, 228 |
+//! | 5 x 5 | -10 | -76.9 | -66.1 | -27.0 | -42.9 | -27.8 | -29.4 | -17.1 | -0.12, 0.54 | -28.1 | -65.1 | 26, 34, 41 | 16.8, 228 |
+//! | 5 x 5 | -15 | -77.8 | -66.0 | -24.0 | -38.5 | -25.4 | -26.6 | -16.9 | -0.22, 0.53 | -25.5 | -62.8 | 16, 25, 30 | 16.8, 228 |
+//! | 5 x 3 | -20 | -78.6 | -62.8 | -22.3 | -37.9 | -20.7 | -24.3 | -16.7 | -0.37, 0.54 | -23.1 | -53.6 | 11, 16, 22 | 10.4, 136 |
+//! | 5 x 5 | -20 | -78.8 | -64.4 | -23.5 | -35.7 | -22.2 | -25.9 | -16.6 | -0.38, 0.49 | -22.1 | -57.0 | 11, 16, 22 | 16.8, 228 |
+//! | 5 x 3 | -25 | -75.0 | -61.5 | -20.3 | -37.8 | -19.3 | -20.3 | -16.4 | -0.47, 0.57 | -17.5 | -49.0 | 0, 10, 14 | 10.4, 136 |
+//! | 5 x 5 | -25 | -75.3 | -63.1 | -21.7 | -34.8 | -21.5 | -22.0 | -16.4 | -0.45, 0.57 | -19.9 | -51.1 | 0, 10, 14 | 16.8, 228 |
+//! | 10 x 5 | -25 | -74.6 | -63.9 | -20.7 | -31.2 | -22.8 | -24.9 | -16.5 | -0.36, 0.61 | -19.0 | -49.3 | 0, 10, 14 | 33.4, 450 |
+//!
+//! At -20 a step shows after 16 ms instead of 55, and noise is 12 dB better than with `spsi`, and level and spectrum of
+//! smooth magnitudes still are within 0.5 and 1 dB with some room: that is the default. At -25 it shows 6 ms sooner, and the
+//! level is 0.46 dB low. At -30 quality breaks down. Frames and passes: 3 passes are as good as 5 for noise; 5 are better for
+//! what starts and stops.
+//!
+//! A stream fades in over a tenth of a window (longer where its first frame's window begins), and nothing is assumed to have
+//! been before its first frame. A frame that does not come is silence, so the signal fades out as the windows do.
 
 mod history;
 mod project;
 mod settings;
+mod state;
 
 pub use settings::{MAX_WORK, Settings, SettingsError};
 
 use crate::overlap_add::FrameError;
-use crate::spsi::start_turns;
+use crate::random::uniform;
 use crate::{Float, Framing};
-use asperity_state::{Keep, State};
 use history::{History, largest, usable};
 use project::Projector;
 
@@ -65,7 +116,8 @@ impl<T> std::fmt::Debug for SampleCommit<T> {
 }
 
 impl<T: Float> SampleCommit<T> {
-    /// Plans transforms and makes room for the frames in use. What is left to chance is a function of `seed` and the frame's number.
+    /// Plans transforms and makes room for the frames in use. What is left to chance is a function of `seed` and the frame's
+    /// number.
     ///
     /// # Errors
     /// Each kind of [`SettingsError`].
@@ -113,8 +165,8 @@ impl<T: Float> SampleCommit<T> {
         self.framing
     }
 
-    /// How many samples later a frame's content comes out than an overlap-add would emit it: `floor(emission * hop)`, negative where
-    /// it is early.
+    /// How many samples later a frame's content comes out than an overlap-add would emit it: `floor(emission * hop)`,
+    /// negative where it is early.
     pub fn delay(&self) -> i64 {
         self.delay
     }
@@ -150,39 +202,16 @@ impl<T: Float> SampleCommit<T> {
         (self.sounds_until, self.unheard_from, self.fade_from) = (i64::MIN, i64::MIN, i64::MIN);
     }
 
-    /// What is remembered: frames in use, the samples they reach, and where they lie. Refused where it is of frames of another
-    /// layout or of another emission, or cannot be.
-    pub fn state(&mut self, state: &mut State<'_>)
-    where
-        T: Keep,
-    {
-        let mut delay = self.delay;
-        self.history.state(state);
-        state.keep(&mut self.x).keep(&mut self.z).keep(&mut self.head).keep(&mut self.next);
-        state.keep(&mut self.scale).keep(&mut self.sounds_until).keep(&mut self.unheard_from);
-        state.keep(&mut self.fade_from).keep(&mut delay);
-        let len = self.sum.len();
-        let ahead = (len - 2 * self.framing.fft_len) as i64;
-        let places = self.head + len <= self.x.len()
-            && (-delay.max(0)..i64::MAX / 2).contains(&self.next)
-            && self.history.get(0).is_none_or(|(newest, _)| newest.start <= self.next + ahead);
-        let finite =
-            self.x.iter().chain(&self.z).all(|&x| x >= -T::MAX && x <= T::MAX) && self.scale.is_normal();
-        if state.restores() && !(delay == self.delay && places && finite && !state.failed()) {
-            self.reset(0);
-            state.refuse();
-        }
-    }
-
     fn content(&self, start: u64) -> i64 {
         i64::try_from(start).unwrap_or(i64::MAX).saturating_sub(self.delay)
     }
 
-    /// Takes frame number `index`, which covers `fft_len` samples from `framing.start(index)` on, and works on all that is not emitted.
+    /// Takes frame number `index`, which covers `fft_len` samples from `framing.start(index)` on, and works on all that is
+    /// not emitted.
     ///
     /// `magnitudes` are amplitudes `2 |sum w x| / sum w` from bin 0. Missing ones are 0, more than `framing.bins` are not
-    /// used; one that is NaN, infinite or negative is taken as 0, and the number of these is returned. Frames that were left out since the
-    /// one before are silent. Before the first one nothing is known.
+    /// used; one that is NaN, infinite or negative is taken as 0, and the number of these is returned. Frames that were left
+    /// out since the one before are silent. Before the first one nothing is known.
     ///
     /// # Errors
     /// A frame out of reach or out of order is not used; see [`FrameError`].
@@ -214,7 +243,8 @@ impl<T: Float> SampleCommit<T> {
         Ok(bad)
     }
 
-    /// Keeps squares within reach of single precision whatever the unit: all is divided by a power of two near the largest magnitude.
+    /// Keeps squares within reach of single precision whatever the unit: all is divided by a power of two near the largest
+    /// magnitude.
     fn set_scale(&mut self, peak: f64) {
         let held = self.history.peak().f64() * 4.0 * self.scale;
         let most = peak.max(held);
@@ -248,7 +278,8 @@ impl<T: Float> SampleCommit<T> {
         }
     }
 
-    /// The newest frame, and of the others one from each of as many equal spans of time, at a place that differs from pass to pass.
+    /// The newest frame, and of the others one from each of as many equal spans of time, at a place that differs from pass to
+    /// pass.
     fn choose(&mut self, candidates: u64, pass: usize) {
         self.chosen.clear();
         self.chosen.push(0);
@@ -257,9 +288,7 @@ impl<T: Float> SampleCommit<T> {
             self.chosen.extend(1..candidates);
             return;
         }
-        let turn =
-            self.history.expected().unwrap_or(0).wrapping_mul(MAX_WORK as u64).wrapping_add(pass as u64);
-        let shift = start_turns(self.seed, turn);
+        let shift = uniform(self.seed, self.history.expected().unwrap_or(0), pass as u64);
         let span = others as f64 / frames as f64;
         self.chosen.extend((0..frames).map(|j| 1 + ((j as f64 + shift) * span) as u64));
     }
@@ -302,8 +331,8 @@ impl<T: Float> SampleCommit<T> {
         (range.start < range.end).then_some(range.start as usize..range.end as usize)
     }
 
-    /// Says that the next sample to be emitted is `start`. Samples that a later one leaves out are dropped; an earlier one, or one more
-    /// than a window later, begins anew there.
+    /// Says that the next sample to be emitted is `start`. Samples that a later one leaves out are dropped; an earlier one,
+    /// or one more than a window later, begins anew there.
     pub fn seek(&mut self, start: u64) {
         let gap = self.content(start).saturating_sub(self.next);
         match usize::try_from(gap) {
@@ -314,8 +343,8 @@ impl<T: Float> SampleCommit<T> {
 
     /// Takes out the samples `start .. start + out.len()`; `out` may be empty.
     ///
-    /// Samples are to be taken in order (else see [`seek`](Self::seek)), and after the frames that start among them: one that did not
-    /// come is silence.
+    /// Samples are to be taken in order (else see [`seek`](Self::seek)), and after the frames that start among them: one that
+    /// did not come is silence.
     pub fn emit(&mut self, start: u64, out: &mut [T]) {
         self.seek(start);
         let view = self.framing.fft_len;

@@ -84,12 +84,12 @@ fn impose<T: Float>(spectrum: &mut [Complex<T>], magnitudes: &[T], hint: &[Compl
     above.fill(Complex::default());
 }
 
-/// Start phases whose group delay sweeps the middle half of the window (M. R. Schroeder, "Synthesis of low-peak-factor signals and
-/// binary sequences with low autocorrelation", IEEE Trans. Inf. Theory 16(1), 1970): neighbours agree, as the
+/// Start phases whose group delay sweeps the middle half of the window (M. R. Schroeder, "Synthesis of low-peak-factor
+/// signals and binary sequences with low autocorrelation", IEEE Trans. Inf. Theory 16(1), 1970): neighbours agree, as the
 /// bins of one sinusoid do, and a flat spectrum is no click.
 fn hint<T: Float>(framing: &Framing, seed: u64) -> Vec<Complex<T>> {
     let (n, bins) = (framing.fft_len, framing.bins);
-    let mut turns = crate::spsi::start_turns(seed, 0);
+    let mut turns = crate::random::uniform(seed, 0, 0);
     let all = (0..bins).map(|k| {
         turns -= 0.25 + 0.5 * k as f64 / bins as f64;
         turns -= turns.floor();

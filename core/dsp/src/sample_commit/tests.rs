@@ -1,5 +1,6 @@
 use super::*;
 use crate::{FramingError, Stft};
+use asperity_state::State;
 use std::f64::consts::TAU;
 
 const LOW: Framing = Framing { rate_hz: 2500, fft_len: 250, bins: 101, frame_num: 500, frame_den: 1 };
@@ -57,7 +58,7 @@ fn score(f: &Framing, frames: &[Vec<f32>], y: &[f32], from: usize) -> (f64, f64)
 /// A noise of many sines below `top_hz`, any sample at once.
 fn noise(i: u64, rate: f64, top_hz: f64) -> f64 {
     let sine = |k: u32| {
-        let (f, p) = (start_turns(7, u64::from(k)), start_turns(8, u64::from(k)));
+        let (f, p) = (uniform(7, 0, u64::from(k)), uniform(7, 1, u64::from(k)));
         (TAU * (f * top_hz * i as f64 / rate + p)).sin()
     };
     (0..60).map(sine).sum::<f64>() / 30f64.sqrt()
@@ -147,6 +148,31 @@ fn any_partition_of_the_samples_gives_the_same_bits() {
         }
     }
     assert!(parts == whole);
+}
+
+#[test]
+fn ticks_that_are_no_hops_do_no_harm() {
+    let frames = analyse(&LOW, 300, |i| tone(i, 2500.0, 153.7));
+    for (tick_hz, emission) in [(700, 0), (4000, -20), (600, -20), (1000, 2)] {
+        let mut c = kernel(emission);
+        let mut y = vec![0.0; usize::try_from(-c.delay()).unwrap_or(0)];
+        let mut n = 0;
+        for tick in 0..tick_hz * 3 / 5 {
+            let (start, end) = (tick * 2500 / tick_hz, (tick + 1) * 2500 / tick_hz);
+            c.seek(start);
+            // A frame comes in the tick in whose time it starts, also where that tick has no sample.
+            if n * tick_hz < (tick + 1) * 500 {
+                c.push(n, &frames[n as usize]).unwrap();
+                n += 1;
+            }
+            let mut out = vec![0.0; (end - start) as usize];
+            c.emit(start, &mut out);
+            y.extend(out);
+        }
+        let y = y.split_off(usize::try_from(c.delay()).unwrap_or(0));
+        let (db, level) = score(&LOW, &frames, &y, 70);
+        assert!(db < -60.0 && level.abs() < 0.01, "{tick_hz} Hz, {emission}: {db} dB, level {level} dB");
+    }
 }
 
 #[test]

@@ -184,7 +184,7 @@ impl<T: Float> Spsi<T> {
 }
 
 /// The start phase of a bin in turns, in [0, 1): SplitMix64 (Steele, Lea, Flood 2014) indexed by bin.
-pub(crate) fn start_turns(seed: u64, bin: u64) -> f64 {
+fn start_turns(seed: u64, bin: u64) -> f64 {
     let mut z = seed.wrapping_add((bin + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15));
     z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
     z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);

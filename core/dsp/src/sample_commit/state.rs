@@ -1,0 +1,31 @@
+//! Saving and restoring.
+
+use super::SampleCommit;
+use crate::Float;
+use asperity_state::{Keep, State};
+
+impl<T: Float> SampleCommit<T> {
+    /// What is remembered: frames in use, the samples they reach, and where they lie. Refused where it is of frames of another
+    /// layout or of another emission, or cannot be.
+    pub fn state(&mut self, state: &mut State<'_>)
+    where
+        T: Keep,
+    {
+        let mut delay = self.delay;
+        self.history.state(state);
+        state.keep(&mut self.x).keep(&mut self.z).keep(&mut self.head).keep(&mut self.next);
+        state.keep(&mut self.scale).keep(&mut self.sounds_until).keep(&mut self.unheard_from);
+        state.keep(&mut self.fade_from).keep(&mut delay);
+        let len = self.sum.len();
+        let ahead = (len - 2 * self.framing.fft_len) as i64;
+        let places = self.head + len <= self.x.len()
+            && (-delay.max(0)..i64::MAX / 2).contains(&self.next)
+            && self.history.get(0).is_none_or(|(newest, _)| newest.start <= self.next + ahead);
+        let finite =
+            self.x.iter().chain(&self.z).all(|&x| x >= -T::MAX && x <= T::MAX) && self.scale.is_normal();
+        if state.restores() && !(delay == self.delay && places && finite && !state.failed()) {
+            self.reset(0);
+            state.refuse();
+        }
+    }
+}

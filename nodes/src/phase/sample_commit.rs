@@ -1,0 +1,135 @@
+//! `sample_commit`: magnitudes straight to a signal, by iteration over what is not emitted yet.
+
+use asperity_dsp::sample_commit::{self, MAX_WORK, Settings};
+use asperity_node::{
+    Descriptor, Diagnostic, Fact, Input, Latency, LayoutSpec, Node, Output, Param, RateSpec, Setup,
+    ShapeSpec, State, Status, Tick, Unit,
+};
+
+/// Iterative phase retrieval that freezes samples, not frames.
+pub struct SampleCommit {
+    kernel: sample_commit::SampleCommit<f32>,
+    settings: Settings,
+    bad: u64,
+    refused: u64,
+}
+
+impl Node for SampleCommit {
+    fn descriptor() -> Descriptor {
+        let s = Settings::default();
+        let most = MAX_WORK as i64;
+        Descriptor::new("sample_commit", "Iterative phase retrieval that freezes samples as they are emitted and improves all that follow.")
+            .input(
+                Input::new("magnitude", ShapeSpec::Magnitude(LayoutSpec::Of('l')), Unit::NONE)
+                    .unit_of('u')
+                    .doc("what the signal's frames are to have"),
+            )
+            .output(
+                Output::new("signal", ShapeSpec::Audio(RateSpec::Of('l')), Unit::NONE)
+                    .unit_of('u')
+                    .doc("the signal at the frames' rate"),
+            )
+            .param(
+                Param::integer(
+                    "frames",
+                    s.frames as i64,
+                    1..=most,
+                    "Frames a pass looks at: the newest, and others of those that reach beyond what is emitted.",
+                )
+                .live(),
+            )
+            .param(Param::integer("passes", s.passes as i64, 1..=most, "Passes for each frame that comes.").live())
+            .param(
+                Param::number("momentum", s.momentum, 0.0..=0.99, "How far a pass runs on in the direction of the one before.")
+                    .live(),
+            )
+            .param(Param::integer(
+                "emission",
+                i64::from(s.emission),
+                -1000..=1000,
+                "Where samples are emitted, in frames from the newest one's start: negative is inside its window, early and less exact; positive looks ahead.",
+            ))
+            .param(Param::integer("seed", 1, 0..=i64::MAX, "Seed of what is left to chance; left out, from the graph's.").optional())
+            .timing("latency is emission times the hop, so it is early where emission is negative; a change of level shows half a window later than that")
+    }
+
+    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
+        let framing = super::framing(setup)?;
+        let params = setup.params;
+        let settings = Settings {
+            frames: params.integer("frames") as usize,
+            passes: params.integer("passes") as usize,
+            momentum: params.number("momentum"),
+            emission: params.integer("emission") as i32,
+        };
+        if framing.start(2) > framing.fft_len as u64 {
+            return Err(params
+                .node_error("the frames come too rarely to overlap")
+                .help("at least two frames a window: 20 a second for 0.1 s"));
+        }
+        let kernel =
+            sample_commit::SampleCommit::new(framing, settings, super::seed(setup)).map_err(|e| match e {
+                sample_commit::SettingsError::Emission => params.error("emission", e.to_string()),
+                _ => params.node_error(e.to_string()),
+            })?;
+        Ok(Self { kernel, settings, bad: 0, refused: 0 })
+    }
+
+    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
+        let span = tick.samples(self.kernel.framing().rate_hz);
+        self.kernel.seek(span.start);
+        let frame = tick.inputs.magnitude(0);
+        if let Some(frame) = frame {
+            match self.kernel.push(frame.index, frame.bins) {
+                Ok(bad) => self.bad += bad as u64,
+                Err(_) => self.refused += 1,
+            }
+        }
+        let silent = self.kernel.is_silent();
+        self.kernel.emit(span.start, tick.outputs.audio(0));
+        match (silent, self.kernel.is_fresh()) {
+            (false, _) => Status::Continue,
+            (true, false) => Status::Quiet,
+            (true, true) => Status::Asleep,
+        }
+    }
+
+    fn reset(&mut self) {
+        self.kernel.reset(0);
+    }
+
+    fn set_parameter(&mut self, index: usize, value: f64) {
+        match index {
+            0 => self.settings.frames = value as usize,
+            1 => self.settings.passes = value as usize,
+            2 => self.settings.momentum = value,
+            _ => {}
+        }
+        // A value in its range is none that the kernel refuses.
+        let done = self.kernel.set_work(self.settings);
+        debug_assert!(done.is_ok());
+    }
+
+    fn latency(&self) -> Latency {
+        Latency::samples(self.kernel.delay(), self.kernel.framing().rate_hz)
+    }
+
+    fn tail(&self) -> Latency {
+        let f = self.kernel.framing();
+        Latency::samples(f.fft_len as i64 + self.kernel.delay(), f.rate_hz)
+    }
+
+    fn state(&mut self, state: &mut State<'_>) {
+        self.kernel.state(state);
+    }
+
+    fn facts(&self) -> Vec<Fact> {
+        let f = self.kernel.framing();
+        let lag = (f.fft_len as f64 / 2.0 + self.kernel.delay() as f64) * 1e3 / f64::from(f.rate_hz);
+        vec![
+            Fact::number("response_lag", lag, "ms"),
+            Fact::count("bad_magnitudes", self.bad),
+            Fact::count("refused_frames", self.refused),
+        ]
+    }
+}
