@@ -36,6 +36,11 @@ fn write_magnitudes(dir: &Path, name: &str, rate: u32) -> (Vec<f32>, usize) {
 
 /// Spectral convergence in dB of what the program makes of a vector.
 fn score(name: &str, rate: u32, kind: &str) -> f64 {
+    figures(name, rate, kind).convergence_db
+}
+
+/// All figures of what the program makes of a vector.
+fn figures(name: &str, rate: u32, kind: &str) -> phase::Score {
     let dir = tempfile::tempdir().unwrap();
     let (mags, bins) = write_magnitudes(dir.path(), name, rate);
     let hz = rate.to_string();
@@ -48,7 +53,7 @@ fn score(name: &str, rate: u32, kind: &str) -> f64 {
         (frames - 1) * (rate as usize / 500) + rate as usize / 10,
         "{name}: frame n covers [floor(n rate/500), + N)"
     );
-    phase::score(&mags, &phase::framing(rate, bins), &y).unwrap().convergence_db
+    phase::score(&mags, &phase::framing(rate, bins), &y).unwrap()
 }
 
 #[test]
@@ -74,10 +79,59 @@ fn spsi_reaches_the_published_scores() {
 }
 
 #[test]
-fn default_is_what_the_shipped_graph_uses() {
+fn sample_commit_reaches_what_no_other_causal_method_does() {
+    let newest = "sample_commit:emission=0";
+    for (name, most) in
+        [("texture_2500", -25.0), ("contact_2500", -24.0), ("taps_2500", -24.0), ("two25_2500", -35.0)]
+    {
+        let db = score(name, 2500, newest);
+        assert!(db < most, "{name}: {db} dB at emission 0");
+    }
+    let centre = "sample_commit:emission=-25";
+    for (name, most) in
+        [("texture_2500", -21.0), ("contact_2500", -19.5), ("taps_2500", -17.0), ("two25_2500", -27.0)]
+    {
+        let db = score(name, 2500, centre);
+        assert!(db < most, "{name}: {db} dB at emission -25");
+    }
+}
+
+#[test]
+fn the_default_keeps_level_and_spectrum_of_smooth_magnitudes_where_spsi_collapses() {
+    for seed in ["", ":seed=5", ":seed=6"] {
+        let s = figures("nnsmooth_2500", 2500, &format!("default{seed}"));
+        assert!(s.gain_db.abs() < 0.5 && s.ltas_rms_db < 1.0, "seed {seed}: {s:?}");
+    }
+    let spsi = figures("nnsmooth_2500", 2500, "spsi");
+    assert!(spsi.gain_db < -5.0 && spsi.ltas_rms_db > 20.0, "{spsi:?}");
+}
+
+#[test]
+fn the_plain_methods_reach_their_published_scores() {
+    let published = common::json(&data("sc.json"));
+    for (kind, key) in [
+        ("phase_vocoder:start=quadratic", "pv_quad"),
+        ("phase_vocoder:start=random", "pv_rand"),
+        ("phase_vocoder:start=zero", "pv_zero"),
+        ("random_phase", "random_iid"),
+        ("oscillator_bank:partials=tracked", "ob_tracked"),
+        ("oscillator_bank:partials=noise", "ob_bins"),
+    ] {
+        for name in ["texture_2500", "taps_2500", "two25_2500"] {
+            let reference = published["sc"][name][key]["SC_dB"].as_f64().unwrap();
+            let db = score(name, 2500, kind);
+            println!("{kind} on {name}: {db:.2} dB, published {reference:.2} dB");
+            assert!(db < reference + 1.5, "{kind} on {name}: {db} dB, published {reference} dB");
+        }
+    }
+}
+
+#[test]
+fn default_is_what_the_recommended_graph_uses() {
     let dir = tempfile::tempdir().unwrap();
     write_magnitudes(dir.path(), "texture_2500", 2500);
-    for (kind, out) in [("default", "a.npy"), ("spsi", "b.npy"), ("spsi:seed=77", "c.npy")] {
+    let same = "sample_commit:frames=5,passes=5,momentum=0.9,emission=-20";
+    for (kind, out) in [("default", "a.npy"), (same, "b.npy"), ("default:seed=77", "c.npy")] {
         run(
             dir.path(),
             &["invert", "--phase", kind, "--magnitudes", "m.npy", "--rate", "2500", "--out", out],

@@ -144,6 +144,14 @@ impl<'a> State<'a> {
 pub trait Keep {
     /// Passes every byte of this through `state`.
     fn keep(&mut self, state: &mut State<'_>);
+
+    /// Passes many of these through `state`, one after the other.
+    fn keep_each(all: &mut [Self], state: &mut State<'_>)
+    where
+        Self: Sized,
+    {
+        all.iter_mut().for_each(|one| one.keep(state));
+    }
 }
 
 macro_rules! keep_number {
@@ -152,6 +160,33 @@ macro_rules! keep_number {
             fn keep(&mut self, state: &mut State<'_>) {
                 if let Some(bytes) = state.bytes(self.to_le_bytes()) {
                     *self = Self::from_le_bytes(bytes);
+                }
+            }
+
+            // A delay of seconds is hundreds of thousands of these: one look at the bounds for all of them.
+            fn keep_each(all: &mut [Self], state: &mut State<'_>) {
+                const SIZE: usize = size_of::<$t>();
+                let (start, end) = (state.at, state.at + SIZE * all.len());
+                state.at = end;
+                match &mut state.pass {
+                    Pass::Measure => {}
+                    Pass::Save(bytes) => match bytes.get_mut(start..end) {
+                        Some(to) => {
+                            for (to, from) in to.chunks_exact_mut(SIZE).zip(all) {
+                                to.copy_from_slice(&from.to_le_bytes());
+                            }
+                        }
+                        None => state.failed = true,
+                    },
+                    Pass::Restore(bytes) => match bytes.get(start..end) {
+                        Some(from) if !state.failed => {
+                            for (to, from) in all.iter_mut().zip(from.chunks_exact(SIZE)) {
+                                *to = Self::from_le_bytes(from.try_into().unwrap_or_default());
+                            }
+                        }
+                        Some(_) => {}
+                        None => state.failed = true,
+                    },
                 }
             }
         }
@@ -205,7 +240,7 @@ impl<T: Keep> Keep for [T] {
             state.failed = true;
             return;
         }
-        self.iter_mut().for_each(|part| part.keep(state));
+        T::keep_each(self, state);
     }
 }
 

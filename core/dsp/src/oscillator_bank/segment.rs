@@ -79,6 +79,8 @@ impl<T: Float> Group<T> {
     }
 
     /// Adds each lane's samples to `sums`.
+    // One index runs over seven arrays: written so, it is what the compiler makes vectors of.
+    #[allow(clippy::needless_range_loop)]
     #[inline]
     fn run<const BEND: bool>(mut self, sums: &mut [[T; LANES]]) {
         for sum in sums {

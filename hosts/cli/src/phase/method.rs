@@ -8,7 +8,7 @@ use super::offline::{OFFLINE, Offline};
 use crate::failure::Failure;
 
 /// The graph whose phase-retrieval node is what `default` means, and its name in errors.
-const SHIPPED: (&str, &str) = ("heravi2024.ron (shipped)", include_str!("../../../../graphs/heravi2024.ron"));
+const SHIPPED: (&str, &str) = ("texture.ron (shipped)", include_str!("../../../../graphs/texture.ron"));
 
 /// The option that names methods, for errors.
 pub(super) const OPTION: &str = "--phase";
@@ -66,7 +66,8 @@ pub enum How {
 }
 
 impl Method {
-    /// Reads `KIND` or `KIND:param=value,...`; beside the kinds there are the offline methods, and the kind `default` is the one of the shipped graph, with its settings.
+    /// Reads `KIND` or `KIND:param=value,...`; beside the kinds there are the offline methods, and the kind `default` is the one of the
+    /// recommended graph, with its settings.
     /// Whether the kind has those parameters shows when a chain is made of it.
     ///
     /// # Errors
