@@ -80,6 +80,10 @@ impl<T: Float> Group<T> {
 
     /// Adds each lane's samples to `sums`.
     #[inline]
+    #[expect(
+        clippy::needless_range_loop,
+        reason = "one index over many lanes is what is made one instruction"
+    )]
     fn run<const BEND: bool>(mut self, sums: &mut [[T; LANES]]) {
         for sum in sums {
             for l in 0..LANES {
