@@ -82,6 +82,10 @@ impl<T: Float> Group<T> {
     // One index runs over seven arrays: written so, it is what the compiler makes vectors of.
     #[allow(clippy::needless_range_loop)]
     #[inline]
+    #[expect(
+        clippy::needless_range_loop,
+        reason = "one index over many lanes is what is made one instruction"
+    )]
     fn run<const BEND: bool>(mut self, sums: &mut [[T; LANES]]) {
         for sum in sums {
             for l in 0..LANES {
