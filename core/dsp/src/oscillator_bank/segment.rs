@@ -79,8 +79,6 @@ impl<T: Float> Group<T> {
     }
 
     /// Adds each lane's samples to `sums`.
-    // One index runs over seven arrays: written so, it is what the compiler makes vectors of.
-    #[allow(clippy::needless_range_loop)]
     #[inline]
     #[expect(
         clippy::needless_range_loop,
