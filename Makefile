@@ -39,9 +39,12 @@ bench: setup
 # Builds the shipped plugins: more phase-retrieval nodes.
 plugins: setup
 	$(CARGO) build --release -p asperity-rtpghi -p asperity-gsrtisi-la
+	mkdir -p $(OUT)/plugins
+	cp target/release/librtpghi.* target/release/libgsrtisi_la.* $(OUT)/plugins/
+	rm -f $(OUT)/plugins/*.d $(OUT)/plugins/*.rlib
 	@echo
 	@echo "to have them in every graph and in compare:"
-	@echo "    export ASPERITY_PLUGIN_PATH=$(CURDIR)/target/release"
+	@echo "    export ASPERITY_PLUGIN_PATH=$(abspath $(OUT)/plugins)"
 
 # Writes the plugin interface's C header anew from its Rust.
 header: setup

@@ -67,6 +67,7 @@ fn a_plugin_that_lies_is_refused_and_says_where() {
         (33, "no function `create`"),
         (34, "no function `process`"),
         (35, "state_size, save and restore"),
+        (36, "output `out` promises a limited signal"),
         (50, "its description says it has 4 bytes"),
         (51, "it offers 0 kinds"),
         (52, "it offers 4000000000 kinds"),
@@ -135,21 +136,6 @@ fn what_is_no_plugin_is_refused_before_any_of_it_runs() {
         let pe = write("windows.so", &[b"MZ".as_slice(), &[0; 400]].concat());
         assert!(pe.contains("not a shared library"), "{pe}");
     }
-    // Bytes turned at random may leave a plugin that loads; they never bring the program down before that.
-    for i in 0..400_usize {
-        let mut bytes = good.clone();
-        let at = (i * 7919) % 4096.min(bytes.len());
-        bytes[at] ^= 1 << (i % 8);
-        if object_like(&bytes) {
-            continue;
-        }
-        write("turned.so", &bytes);
-    }
-}
-
-/// Whether the system's own loader would be asked: what it does with a library whose tables are wrong is not ours.
-fn object_like(bytes: &[u8]) -> bool {
-    bytes.starts_with(b"\x7fELF") && bytes[4] == 2 && bytes[16] == 3
 }
 
 #[test]
@@ -392,7 +378,7 @@ fn a_new_plugin_in_every_language_builds_and_is_found() {
         let target = Path::new(env!("CARGO_TARGET_TMPDIR")).join("new");
         plugins::must(
             std::process::Command::new(env!("CARGO"))
-                .arg("build")
+                .args(["build", "--locked"])
                 .current_dir(dir.path().join(&name))
                 .env("CARGO_TARGET_DIR", &target),
         );

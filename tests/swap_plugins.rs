@@ -10,7 +10,7 @@ use asperity_graph::{Compiled, GraphFile, compile};
 use asperity_loader::{Loader, Plugin, loaded_copies};
 use asperity_node::{Buffer, FactValue, NodeKind};
 use asperity_source::Source;
-use assert_no_alloc::{AllocDisabler, assert_no_alloc};
+use assert_no_alloc::{AllocDisabler, assert_no_alloc, violation_count};
 use common::plugins;
 
 #[global_allocator]
@@ -79,6 +79,7 @@ fn a_thousand_swaps_of_a_plugin_neither_click_nor_leak_nor_allocate() {
         taken += controller.collect().len();
     }
     assert_eq!((taken, engine.faults()), (1000, 0));
+    assert_eq!(violation_count(), 0, "the engine took or gave back memory on the tick thread");
     // The wave's own slope, and that of a fade from one amplitude to the other.
     let most = 0.13 * 0.01 + 1.6 * 0.03 / (48_000.0 * CROSSFADE_S as f32);
     assert!(steepest < most && steepest > 0.001, "a step of {steepest}, where {most} is the most");

@@ -59,6 +59,15 @@ static const AsperityPort ports[] = {
      .frame_den = 1},
 };
 
+static const AsperityPort out[] = {{
+    .size = sizeof(AsperityPort),
+    .carries = ASPERITY_AUDIO,
+    .name = "out",
+    .doc = "goes to a device past the limiter",
+    .unit = "A",
+    .flags = ASPERITY_LIMITED,
+}};
+
 static const char *const words[] = {"one", "two", NULL};
 
 static const AsperityParam params[] = {{
@@ -79,6 +88,7 @@ static const AsperityParam params[] = {{
         .size = IF_LIE(1, 8, sizeof(AsperityKind)), .flags = IF_LIE(2, 64, 0), .resume = IF_LIE(3, 9, 0),              \
         .input_count = IF_LIE(4, 2, IF_LIE(5, 4000000000u, IF_LIE(6, 3, 1))), .param_count = 1,                        \
         .kind = IF_LIE(7, NULL, IF_LIE(8, "spsi", IF_LIE(9, "No Good", "honest"))), .summary = "Does nothing.",       \
+        .outputs = out, .output_count = IF_LIE(36, 1, 0),                                                              \
         .inputs = IF_LIE(30, NULL, ports), .params = params, .gate = IF_LIE(31, "nothing", NULL),                      \
         .feedback = IF_LIE(32, "nothing", NULL), .create = IF_LIE(33, NULL, create), .prepare = prepare,               \
         .info = info, .process = IF_LIE(34, NULL, process), .reset = reset, .destroy = destroy,                        \

@@ -82,7 +82,7 @@
 // Flag of a control input: a change wakes a node that said it sleeps. Audio and frames always do.
 #define ASPERITY_WAKES 2
 
-// Flag of an input: takes only a limited signal. Flag of an output: promises one.
+// Flag of an input: takes only a limited signal, which the built-in limiter promises; no output of a plugin may.
 #define ASPERITY_LIMITED 4
 
 // A finite number between `min` and `max`, in `default_number`.
@@ -321,9 +321,9 @@ typedef struct AsperityPortSink {
     uint32_t reserved;
     // The first argument of the functions below.
     void *context;
-    // Adds an input. What `port` points at is copied.
+    // Adds an input. What `port` points at is copied. To be called during that call only, on its thread.
     void (*input)(void *context, const struct AsperityPort *port);
-    // Adds an output. What `port` points at is copied.
+    // Adds an output. What `port` points at is copied. To be called during that call only, on its thread.
     void (*output)(void *context, const struct AsperityPort *port);
 } AsperityPortSink;
 
@@ -445,7 +445,8 @@ typedef struct AsperityKind {
     int32_t (*ports)(const struct AsperitySetup *setup,
                      const struct AsperityPortSink *sink,
                      struct AsperityError *error);
-    // Makes an instance that `prepare` fills; NULL where it cannot. Control thread.
+    // Makes an instance that `prepare` fills; NULL where it cannot. `kind` is the very pointer that the plugin handed out. Control
+    // thread.
     void *(*create)(const struct AsperityKind *kind);
     // Makes the instance ready for its place in a graph: allocates, reads files, and may fail with `error` filled in. Called once,
     // before all below; if it fails only `destroy` follows. Control thread.
@@ -462,7 +463,7 @@ typedef struct AsperityKind {
     int32_t (*wants)(void *instance, struct AsperityTick *tick);
     // Nodes that close a cycle only: takes this tick's inputs, after `process` has put out without them. Tick thread.
     int32_t (*absorb)(void *instance, struct AsperityTick *tick);
-    // Optional: with `ASPERITY_ELAPSED`, how many ticks the node slept through. It leaves the state that as many calls
+    // With `ASPERITY_ELAPSED` only, and then needed: how many ticks the node slept through. It leaves the state that as many calls
     // would have left. Tick thread.
     int32_t (*elapsed)(void *instance, uint64_t ticks);
     // Takes a new value of the parameter at `index`, which is live; it lies in its range. A flag is 0 or 1, a choice the place of
@@ -541,7 +542,7 @@ typedef struct AsperityRandom {
     double (*uniform)(uint64_t seed, uint64_t index);
 } AsperityRandom;
 
-// Where facts are told. Names are lower case, words joined by `_`. Valid during the call it is handed to.
+// Where facts are told. Names are lower case, words joined by `_`. Valid during the call it is handed to, on its thread.
 typedef struct AsperityFactSink {
     // `sizeof(AsperityFactSink)`.
     uint32_t size;
@@ -563,7 +564,8 @@ typedef struct AsperityFacts {
     uint32_t size;
     // 0.
     uint32_t reserved;
-    // Tells `sink` every fact of an instance of `kind` that has been prepared. Control thread.
+    // Tells `sink` every fact of an instance of `kind` (the very pointer that the plugin handed out) that has been prepared.
+    // Control thread.
     void (*facts)(const struct AsperityKind *kind, void *instance, const struct AsperityFactSink *sink);
 } AsperityFacts;
 

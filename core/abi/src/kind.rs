@@ -34,7 +34,7 @@ pub const ASPERITY_PASSIVE: u32 = 2;
 pub const ASPERITY_OPTIONAL: u32 = 1;
 /// Flag of a control input: a change wakes a node that said it sleeps. Audio and frames always do.
 pub const ASPERITY_WAKES: u32 = 2;
-/// Flag of an input: takes only a limited signal. Flag of an output: promises one.
+/// Flag of an input: takes only a limited signal, which the built-in limiter promises; no output of a plugin may.
 pub const ASPERITY_LIMITED: u32 = 4;
 
 /// A finite number between `min` and `max`, in `default_number`.
@@ -150,9 +150,9 @@ pub struct AsperityPortSink {
     pub reserved: u32,
     /// The first argument of the functions below.
     pub context: *mut c_void,
-    /// Adds an input. What `port` points at is copied.
+    /// Adds an input. What `port` points at is copied. To be called during that call only, on its thread.
     pub input: Option<unsafe extern "C" fn(context: *mut c_void, port: *const AsperityPort)>,
-    /// Adds an output. What `port` points at is copied.
+    /// Adds an output. What `port` points at is copied. To be called during that call only, on its thread.
     pub output: Option<unsafe extern "C" fn(context: *mut c_void, port: *const AsperityPort)>,
 }
 
@@ -201,7 +201,8 @@ pub struct AsperityKind {
             error: *mut AsperityError,
         ) -> i32,
     >,
-    /// Makes an instance that `prepare` fills; NULL where it cannot. Control thread.
+    /// Makes an instance that `prepare` fills; NULL where it cannot. `kind` is the very pointer that the plugin handed out. Control
+    /// thread.
     pub create: Option<unsafe extern "C" fn(kind: *const AsperityKind) -> *mut c_void>,
     /// Makes the instance ready for its place in a graph: allocates, reads files, and may fail with `error` filled in. Called once,
     /// before all below; if it fails only `destroy` follows. Control thread.
@@ -224,7 +225,7 @@ pub struct AsperityKind {
     pub wants: Option<unsafe extern "C" fn(instance: *mut c_void, tick: *mut AsperityTick) -> i32>,
     /// Nodes that close a cycle only: takes this tick's inputs, after `process` has put out without them. Tick thread.
     pub absorb: Option<unsafe extern "C" fn(instance: *mut c_void, tick: *mut AsperityTick) -> i32>,
-    /// Optional: with [`ASPERITY_ELAPSED`], how many ticks the node slept through. It leaves the state that as many calls
+    /// With [`ASPERITY_ELAPSED`] only, and then needed: how many ticks the node slept through. It leaves the state that as many calls
     /// would have left. Tick thread.
     pub elapsed: Option<unsafe extern "C" fn(instance: *mut c_void, ticks: u64) -> i32>,
     /// Takes a new value of the parameter at `index`, which is live; it lies in its range. A flag is 0 or 1, a choice the place of

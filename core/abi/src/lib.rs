@@ -10,8 +10,8 @@
 //!   constants and extensions; a new major version may change anything, and a host refuses a plugin of another one.
 //! - **Threads.** *Control thread* functions may allocate, lock and read files; the host calls them from any thread but never
 //!   two at once for one instance. *Tick thread* functions run in real time: no allocation, lock, log, system call or wait.
-//!   They too are never called two at once for one instance, but another thread than before may call. Different instances may be called
-//!   at the same time from different threads.
+//!   They too are never called two at once for one instance, but another thread than before may call. Different instances, and `ports` and
+//!   `create` of a kind, may be called at the same time from different threads.
 //! - **Texts** are UTF-8 and end with a zero byte. What a plugin hands out in [`AsperityPlugin`] stays valid for as long as the
 //!   process lives: a plugin is never unloaded. What a host hands in is valid during the call.
 //! - **Nothing unwinds** across a call: a C++ exception or a Rust panic must be caught on the plugin's side, and is then answered
@@ -34,6 +34,75 @@ pub const ASPERITY_MAJOR: u16 = 1;
 pub const ASPERITY_MINOR: u16 = 0;
 /// Name of the one symbol a plugin exports: an [`AsperityEntry`].
 pub const ASPERITY_ENTRY_SYMBOL: &str = "asperity_entry";
+
+/// A struct that begins with its size and may have grown since version 1.0.
+///
+/// # Safety
+/// The type is `repr(C)`, begins with a `u32` that is its size, and all-zero bytes are a value of it.
+pub unsafe trait Grows: Copy {
+    /// Its size in version 1.0, on a machine with pointers of this size.
+    const SIZE_1_0: usize;
+}
+
+macro_rules! grows {
+    ($($t:ty: $members:expr),* $(,)?) => {$(
+        // SAFETY: all are repr(C), begin with `size`, and hold numbers, pointers and optional functions.
+        unsafe impl Grows for $t {
+            const SIZE_1_0: usize = $members;
+        }
+    )*};
+}
+
+const PTR: usize = size_of::<usize>();
+
+/// The size of version 1.0 with pointers of 64 bits; with others, that of this build, which is 1.0.
+const fn size_1_0<T>(bytes: usize) -> usize {
+    if PTR == 8 { bytes } else { size_of::<T>() }
+}
+
+grows! {
+    AsperityHost: size_1_0::<AsperityHost>(32),
+    AsperityPlugin: size_1_0::<AsperityPlugin>(40),
+    AsperityRandom: size_1_0::<AsperityRandom>(16),
+    AsperityFacts: size_1_0::<AsperityFacts>(16),
+    AsperityFactSink: size_1_0::<AsperityFactSink>(40),
+    AsperityPort: size_1_0::<AsperityPort>(88),
+    AsperityParam: size_1_0::<AsperityParam>(112),
+    AsperityPortSink: size_1_0::<AsperityPortSink>(32),
+    AsperityKind: size_1_0::<AsperityKind>(200),
+    AsperityValue: size_1_0::<AsperityValue>(64),
+    AsperityWire: size_1_0::<AsperityWire>(48),
+    AsperitySetup: size_1_0::<AsperitySetup>(72),
+    AsperityError: size_1_0::<AsperityError>(32),
+    AsperityInfo: size_1_0::<AsperityInfo>(56),
+    AsperityTick: size_1_0::<AsperityTick>(56),
+}
+
+/// A struct from the other side of the boundary, which may be of an older or a newer minor version: members that its maker did
+/// not know are zero here, and ones that are not known here are left alone. `None` where it is NULL, not aligned, or says a size
+/// that it cannot have.
+///
+/// # Safety
+/// `at` is NULL or points to at least 4 bytes and to as many as these say.
+pub unsafe fn read_grown<T: Grows>(at: *const T) -> Option<T> {
+    if at.is_null() || !at.is_aligned() {
+        return None;
+    }
+    // SAFETY: the caller's promise; every such struct begins with its size.
+    let size = unsafe { at.cast::<u32>().read() } as usize;
+    if size < T::SIZE_1_0 || size > MAX_STRUCT || !size.is_multiple_of(align_of::<T>()) {
+        return None;
+    }
+    let mut out = core::mem::MaybeUninit::<T>::zeroed();
+    // SAFETY: that many bytes are there and fit, and zeroed bytes are a T.
+    unsafe {
+        core::ptr::copy_nonoverlapping(at.cast::<u8>(), out.as_mut_ptr().cast(), size.min(size_of::<T>()));
+        Some(out.assume_init())
+    }
+}
+
+/// The largest struct that is believed, in bytes.
+const MAX_STRUCT: usize = 1 << 12;
 
 /// What a plugin exports, as constant data under the name `asperity_entry`.
 ///
@@ -116,7 +185,8 @@ pub struct AsperityFacts {
     pub size: u32,
     /// 0.
     pub reserved: u32,
-    /// Tells `sink` every fact of an instance of `kind` that has been prepared. Control thread.
+    /// Tells `sink` every fact of an instance of `kind` (the very pointer that the plugin handed out) that has been prepared.
+    /// Control thread.
     pub facts: Option<
         unsafe extern "C" fn(kind: *const AsperityKind, instance: *mut c_void, sink: *const AsperityFactSink),
     >,
@@ -125,7 +195,7 @@ pub struct AsperityFacts {
 /// Name of [`AsperityFacts`].
 pub const ASPERITY_EXTENSION_FACTS: &str = "asperity.facts/1";
 
-/// Where facts are told. Names are lower case, words joined by `_`. Valid during the call it is handed to.
+/// Where facts are told. Names are lower case, words joined by `_`. Valid during the call it is handed to, on its thread.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct AsperityFactSink {

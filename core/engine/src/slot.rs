@@ -60,7 +60,7 @@ pub(crate) struct Slot {
     dozing: bool,
     /// Ticks until it may be taken to doze.
     tail: Option<u64>,
-    /// Faults that count towards quarantine, and when the last one was.
+    /// Faults that count towards quarantine, and since when no time has been set against them.
     strikes: u64,
     struck: u64,
     pub(crate) report: NodeReport,
@@ -252,9 +252,13 @@ impl Slot {
     }
 
     fn fault(&mut self, fault: Fault, now: Now) {
-        let forgiven = (now.tick - self.struck) / (FAULT_FORGIVEN_S * u64::from(now.tick_hz));
-        self.strikes = self.strikes.saturating_sub(forgiven) + 1;
-        self.struck = now.tick;
+        let period = FAULT_FORGIVEN_S * u64::from(now.tick_hz);
+        let forgiven = now.tick.saturating_sub(self.struck) / period;
+        // Time that was not enough to forgive one counts towards the next.
+        (self.strikes, self.struck) = match self.strikes.checked_sub(forgiven) {
+            Some(left @ 1..) => (left + 1, self.struck + forgiven * period),
+            _ => (1, now.tick),
+        };
         self.report.faults += 1;
         self.report.last_fault = Some(fault);
         self.report.quarantined |= self.strikes >= FAULTS_BEFORE_QUARANTINE;

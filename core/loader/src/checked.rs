@@ -1,47 +1,39 @@
 //! What a plugin hands out, read with care: it may be of an older minor version, or lie.
 
 use std::ffi::{CStr, c_char};
-use std::mem::{MaybeUninit, size_of};
-use std::ptr;
+
+use asperity_abi::{Grows, read_grown};
 
 /// What is wrong with something a plugin said, in one sentence.
 pub(crate) type Lie = String;
 
 /// The longest text that is read, in bytes.
 const MAX_TEXT: usize = 1 << 16;
-/// The largest struct that is believed, in bytes.
-const MAX_STRUCT: u32 = 1 << 12;
 
 /// A struct of the plugin's that begins with its size; members that its maker did not know are zero.
 ///
 /// # Safety
-/// `at` is NULL or points to a struct of the size it says; all-zero bytes are a `T`.
-pub(crate) unsafe fn read<T: Copy>(at: *const T, what: &str) -> Result<T, Lie> {
+/// `at` is NULL or points to a struct of the size it says.
+pub(crate) unsafe fn read<T: Grows>(at: *const T, what: &str) -> Result<T, Lie> {
     if at.is_null() {
         return Err(format!("{what} is NULL"));
     }
     if !at.is_aligned() {
         return Err(format!("{what} is not where such a struct can be"));
     }
-    // SAFETY: every such struct begins with its size.
-    let size = unsafe { *at.cast::<u32>() };
-    // 1.0 is the first version, so nothing smaller is known.
-    if (size as usize) < size_of::<T>() || size > MAX_STRUCT || !size.is_multiple_of(8) {
-        return Err(format!("{what} says it has {size} bytes; {} or a few more would fit", size_of::<T>()));
-    }
-    let mut out = MaybeUninit::<T>::zeroed();
-    // SAFETY: at least size_of::<T>() bytes are there, and zeroed bytes are a T.
-    unsafe {
-        ptr::copy_nonoverlapping(at, out.as_mut_ptr(), 1);
-        Ok(out.assume_init())
-    }
+    // SAFETY: the caller's promise.
+    unsafe { read_grown(at) }.ok_or_else(|| {
+        // SAFETY: every such struct begins with its size.
+        let size = unsafe { at.cast::<u32>().read() };
+        format!("{what} says it has {size} bytes; {} or a few more would fit", T::SIZE_1_0)
+    })
 }
 
 /// An array of such structs, each as far from the next as the first one's size.
 ///
 /// # Safety
 /// `first` is NULL or points to `count` structs.
-pub(crate) unsafe fn read_all<T: Copy>(first: *const T, count: u32, what: &str) -> Result<Vec<T>, Lie> {
+pub(crate) unsafe fn read_all<T: Grows>(first: *const T, count: u32, what: &str) -> Result<Vec<T>, Lie> {
     if count > 256 {
         return Err(format!("{count} of {what}; at most 256 are taken"));
     }

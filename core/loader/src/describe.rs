@@ -115,7 +115,13 @@ pub(crate) unsafe fn input(p: &AsperityPort) -> Result<Input, Lie> {
 pub(crate) unsafe fn output(p: &AsperityPort) -> Result<Output, Lie> {
     // SAFETY: the caller's promise.
     let (name, doc, shape, unit) = unsafe { port(p)? };
-    Ok(Output { name: name.into(), doc: doc.into(), shape, unit, limited: p.flags & ASPERITY_LIMITED != 0 })
+    // What guards a device cannot come from a plugin: nobody but this program answers for it.
+    if p.flags & ASPERITY_LIMITED != 0 {
+        return Err(format!(
+            "output `{name}` promises a limited signal, which only the built-in limiter may"
+        ));
+    }
+    Ok(Output { name: name.into(), doc: doc.into(), shape, unit, limited: false })
 }
 
 unsafe fn port(p: &AsperityPort) -> Result<(String, String, ShapeSpec, UnitSpec), Lie> {

@@ -122,13 +122,13 @@ impl NodeKind for PluginKind {
 /// Room for what a plugin says is wrong.
 struct Said {
     abi: AsperityError,
-    message: Box<[u8; 1024]>,
-    help: Box<[u8; 1024]>,
+    message: Vec<u8>,
+    help: Vec<u8>,
 }
 
 impl Said {
     fn new() -> Self {
-        let (mut message, mut help) = (Box::new([0; 1024]), Box::new([0; 1024]));
+        let (mut message, mut help) = (vec![0; 1024], vec![0; 1024]);
         let abi = AsperityError {
             size: size_of::<AsperityError>() as u32,
             param: -1,
@@ -141,11 +141,11 @@ impl Said {
     }
 
     fn message(&self) -> String {
-        said(self.message.as_slice())
+        said(&self.message)
     }
 
     fn help(&self) -> String {
-        said(self.help.as_slice())
+        said(&self.help)
     }
 }
 

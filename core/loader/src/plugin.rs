@@ -78,6 +78,9 @@ impl Plugin {
         if magic != ASPERITY_MAGIC {
             return Err("its entry does not begin with Asperity's magic number".into());
         }
+        if !entry.is_aligned() {
+            return Err("its entry is not where such a struct can be".into());
+        }
         // SAFETY: the magic number says that this is an entry.
         let (size, major, minor) = unsafe { ((*entry).size, (*entry).major, (*entry).minor) };
         if major != ASPERITY_MAJOR {
@@ -85,7 +88,8 @@ impl Plugin {
                 "it was built for version {major}.{minor} of the plugin interface; this program has {ASPERITY_MAJOR}.{ASPERITY_MINOR}"
             ));
         }
-        if (size as usize) < size_of::<AsperityEntry>() {
+        // Its last member in 1.0 is `open`.
+        if (size as usize) < std::mem::offset_of!(AsperityEntry, open) + size_of::<usize>() {
             return Err(format!("its entry says it has {size} bytes"));
         }
         // SAFETY: the size says that the member is there.

@@ -21,8 +21,8 @@ pub(crate) struct PluginProcessor {
     unsaid_writes: u64,
 }
 
-// SAFETY: the interface lets another thread call an instance than before, one at a time; the buffers hold addresses only
-// during a call.
+// SAFETY: the interface lets another thread call an instance than before, one at a time; what the buffers point to is used during a
+// call only.
 unsafe impl Send for PluginProcessor {}
 
 const NO_BUFFER: AsperityBuffer = AsperityBuffer {
@@ -117,6 +117,7 @@ impl PluginProcessor {
                 b.data = ptr::null_mut();
             }
         }
+        self.inputs.iter_mut().for_each(|b| b.data = ptr::null_mut());
         (answer, abi.detail)
     }
 
@@ -136,22 +137,13 @@ fn outcome(answer: i32, detail: u64) -> Result<i32, Fault> {
 
 fn input(inputs: Inputs<'_>, i: usize) -> AsperityBuffer {
     let Some(buffer) = inputs.buffer(i) else { return NO_BUFFER };
-    let mut b = whole(buffer);
-    b.flags |= u32::from(inputs.connected(i)) * ASPERITY_CONNECTED;
-    b
-}
-
-fn output(buffer: &mut Buffer) -> AsperityBuffer {
-    let mut b = whole(buffer);
-    b.flags = ASPERITY_CONNECTED | ASPERITY_VALID;
-    b
-}
-
-/// A buffer of the engine's in the interface's form. The address of an output is used to write only while nobody else reads.
-fn whole(buffer: &Buffer) -> AsperityBuffer {
     let flag = |is: bool, flag: u32| if is { flag } else { 0 };
-    let mut b = AsperityBuffer { flags: flag(buffer.is_valid(), ASPERITY_VALID), ..NO_BUFFER };
+    let mut b = NO_BUFFER;
+    b.flags = flag(buffer.is_valid(), ASPERITY_VALID) | flag(inputs.connected(i), ASPERITY_CONNECTED);
+    // Only ever read through: the interface forbids writing to an input.
     let (data, count): (*const c_void, usize) = match buffer {
+        // What stands in for an input that nothing settles.
+        Buffer::Control { values, .. } if values.is_empty() => return b,
         Buffer::Control { values, changed, .. } => {
             b.carries = ASPERITY_CONTROL;
             b.flags |= flag(*changed, ASPERITY_CHANGED);
@@ -175,10 +167,35 @@ fn whole(buffer: &Buffer) -> AsperityBuffer {
             (bins.as_ptr().cast(), bins.len())
         }
     };
-    if count > 0 {
-        (b.data, b.count) = (data.cast_mut(), count as u32);
-    }
-    b
+    place(b, data.cast_mut(), count)
+}
+
+/// An output as a node finds it.
+fn output(buffer: &mut Buffer) -> AsperityBuffer {
+    let mut b = AsperityBuffer { flags: ASPERITY_CONNECTED | ASPERITY_VALID, ..NO_BUFFER };
+    let (data, count): (*mut c_void, usize) = match buffer {
+        Buffer::Control { values, .. } => {
+            b.carries = ASPERITY_CONTROL;
+            (values.as_mut_ptr().cast(), values.len())
+        }
+        Buffer::Audio { samples, len, .. } => {
+            b.carries = ASPERITY_AUDIO;
+            (samples.as_mut_ptr().cast(), *len)
+        }
+        Buffer::Magnitude { bins, .. } => {
+            b.carries = ASPERITY_MAGNITUDE;
+            (bins.as_mut_ptr().cast(), bins.len())
+        }
+        Buffer::Spectrum { bins, .. } => {
+            b.carries = ASPERITY_SPECTRUM;
+            (bins.as_mut_ptr().cast(), bins.len())
+        }
+    };
+    place(b, data, count)
+}
+
+fn place(b: AsperityBuffer, data: *mut c_void, count: usize) -> AsperityBuffer {
+    if count > 0 { AsperityBuffer { data, count: count as u32, ..b } } else { b }
 }
 
 /// What the node said of an output that it wrote to. False where it wrote samples without saying so.

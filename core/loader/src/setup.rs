@@ -28,9 +28,8 @@ struct Texts {
 impl Texts {
     fn text(&mut self, text: &str) -> Result<*const c_char, String> {
         let text = CString::new(text).map_err(|_| "there is a zero character in this text".to_owned())?;
-        let at = text.as_ptr();
         self.texts.push(text);
-        Ok(at)
+        Ok(self.texts.last().map_or(ptr::null(), |t| t.as_ptr()))
     }
 
     /// A path in UTF-8, which is what the interface has.

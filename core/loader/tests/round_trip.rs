@@ -28,7 +28,7 @@ impl Node for Everything {
                     .unit_among('v', &VOLT_OR_AMPERE)
                     .doc("frames"),
             )
-            .output(Output::new("force", ShapeSpec::Control(2), Unit::NEWTON).doc("twice that").limited())
+            .output(Output::new("force", ShapeSpec::Control(2), Unit::NEWTON).doc("twice that"))
             .output(
                 Output::new("sound", ShapeSpec::Audio(RateSpec::Of('r')), Unit::NONE)
                     .unit_of('u')

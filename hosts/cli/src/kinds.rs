@@ -56,8 +56,9 @@ impl Kinds {
             made.add(&self.loader.load(&path)?)?;
         }
         for Found { path, .. } in search(list())? {
+            self.files.push(path.clone());
             match self.loader.load(&path).and_then(|p| made.add_where_new(&p)) {
-                Ok(()) => self.files.push(path),
+                Ok(()) => {}
                 Err(e) => warn(&format!("left out of {PATH_VARIABLE}: {e}")),
             }
         }

@@ -144,7 +144,7 @@ impl Node for Delay {
     }
 }
 
-/// Keeps a ring of places of `width` values each, newest first, place p at p modulo the ring's; `next` is the place after
+/// Keeps a ring of places of `width` values each, oldest first, place p at p modulo the ring's; `next` is the place after
 /// the newest. What is restored may be longer or shorter.
 fn keep_line<T: Keep + Copy + Default>(state: &mut State<'_>, ring: &mut [T], width: usize, next: &mut u64) {
     let own = ring.len().checked_div(width).unwrap_or(0) as u64;
@@ -154,7 +154,14 @@ fn keep_line<T: Keep + Copy + Default>(state: &mut State<'_>, ring: &mut [T], wi
     if state.restores() {
         ring.fill(T::default());
     }
-    for age in 1..=len {
+    if len == own && own > 0 {
+        // The whole ring at once: it may be seconds long.
+        let (newer, older) = ring.split_at_mut((*next % own) as usize * width);
+        T::keep_each(older, state);
+        T::keep_each(newer, state);
+        return;
+    }
+    for age in (1..=len).rev() {
         // What is refused ends here, whatever length it claims.
         if state.failed() {
             return;

@@ -2,7 +2,7 @@
 
 use std::ffi::c_void;
 
-use asperity_abi::{AsperityFactSink, AsperityKind};
+use asperity_abi::{AsperityFactSink, AsperityKind, read_grown};
 use asperity_node::{FactValue, Node};
 
 use crate::describe::Record;
@@ -23,9 +23,10 @@ pub(crate) unsafe extern "C" fn facts(
         return;
     }
     // SAFETY: every kind of this plugin is the first member of a record; the sink is valid during this call.
-    let (record, sink) = unsafe { (&*kind.cast::<Record>(), &*sink) };
+    let (record, sink) = unsafe { (&*kind.cast::<Record>(), read_grown(sink)) };
+    let Some(sink) = sink else { return };
     // SAFETY: `instance` is one of this kind, as the caller promises.
-    panics::caught(|| unsafe { (record.facts)(instance, sink) });
+    panics::caught(|| unsafe { (record.facts)(instance, &sink) });
 }
 
 /// Tells the facts of one node.

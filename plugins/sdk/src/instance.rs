@@ -1,6 +1,7 @@
 //! The functions of a kind, for any node type: each reads what the host hands in, calls the node, and hands back.
 
 use std::ffi::c_void;
+use std::mem::size_of;
 
 use asperity_abi::*;
 use asperity_node::{Buffer, InputRef, Inputs, Latency, Node, Outputs, Ports, State, Status, Tick, Wiring};
@@ -39,11 +40,15 @@ impl<N: Node> Instance<N> {
     /// `tick` is the host's.
     unsafe fn with_tick(
         &mut self,
-        tick: &mut AsperityTick,
+        tick: &AsperityTick,
         outputs: bool,
         f: impl FnOnce(&mut N, &mut Tick<'_>) -> i32,
     ) -> i32 {
         let Some(node) = &mut self.node else { return ASPERITY_FAILED };
+        // Nothing is known of a buffer without the members that 1.0 has.
+        if (tick.buffer_size as usize) < size_of::<AsperityBuffer>() {
+            return ASPERITY_FAILED;
+        }
         let (ins, outs) = self.buffers.split_at_mut(self.map.len());
         // SAFETY: the host's buffers are as many and as long as it says.
         unsafe {
@@ -89,7 +94,7 @@ pub(crate) unsafe extern "C" fn ports<N: Node>(
     // SAFETY: the host's structs, valid during this call.
     guarded(|| unsafe {
         let d = N::descriptor();
-        let (Some(prepared), Some(sink)) = (Prepared::read(setup, &d), sink.as_ref()) else {
+        let (Some(prepared), Some(sink)) = (Prepared::read(setup, &d), read_grown(sink)) else {
             return ASPERITY_FAILED;
         };
         let Ports { inputs, outputs } =
@@ -148,30 +153,31 @@ pub(crate) unsafe extern "C" fn prepare<N: Node>(
 
 /// See [`AsperityKind::info`].
 pub(crate) unsafe extern "C" fn info<N: Node>(instance: *mut c_void, info: *mut AsperityInfo) {
-    // SAFETY: the host's struct, valid during this call.
-    let (Some(node), Some(info)) =
-        (unsafe { (Instance::<N>::of(instance).and_then(Instance::node), info.as_mut()) })
+    // SAFETY: the host's instance and struct, valid during this call.
+    let (Some(node), Some(mut told)) =
+        (unsafe { (Instance::<N>::of(instance).and_then(Instance::node), read_grown(info)) })
     else {
         return;
     };
-    caught(|| {
-        info.allocation_free = u32::from(node.allocation_free());
-        (info.latency_num, info.latency_den) = node.latency().as_ratio();
-        (info.tail_num, info.tail_den) = node.tail().as_ratio();
-        (info.duration_num, info.duration_den) = node.duration().map_or((0, 0), Latency::as_ratio);
+    let filled = caught(|| {
+        told.allocation_free = u32::from(node.allocation_free());
+        (told.latency_num, told.latency_den) = node.latency().as_ratio();
+        (told.tail_num, told.tail_den) = node.tail().as_ratio();
+        (told.duration_num, told.duration_den) = node.duration().map_or((0, 0), Latency::as_ratio);
     });
+    if filled.is_some() {
+        let len = (told.size as usize).min(size_of::<AsperityInfo>());
+        // SAFETY: as many bytes as the host says its struct has.
+        unsafe { std::ptr::copy_nonoverlapping((&raw const told).cast::<u8>(), info.cast(), len) };
+    }
 }
 
 /// See [`AsperityKind::process`].
 pub(crate) unsafe extern "C" fn process<N: Node>(instance: *mut c_void, tick: *mut AsperityTick) -> i32 {
-    // SAFETY: the host's instance and tick, valid during this call.
-    let (Some(it), Some(tick)) = (unsafe { (Instance::<N>::of(instance), tick.as_mut()) }) else {
-        return ASPERITY_FAILED;
-    };
     let mut detail = 0;
-    // SAFETY: as above.
-    let answer = guarded(|| unsafe {
-        it.with_tick(tick, true, |node, view| match node.process(view) {
+    // SAFETY: the host's instance and tick, valid during this call.
+    let answer = unsafe {
+        call::<N>(instance, tick, true, |node, view| match node.process(view) {
             Status::Continue => ASPERITY_CONTINUE,
             Status::Quiet => ASPERITY_QUIET,
             Status::Asleep => ASPERITY_ASLEEP,
@@ -184,36 +190,46 @@ pub(crate) unsafe extern "C" fn process<N: Node>(instance: *mut c_void, tick: *m
                 ASPERITY_FAILED
             }
         })
-    });
-    tick.detail = detail;
+    };
+    if !tick.is_null() {
+        // SAFETY: the member is one of 1.0.
+        unsafe { (&raw mut (*tick).detail).write(detail) };
+    }
     answer
 }
 
 /// See [`AsperityKind::wants`].
 pub(crate) unsafe extern "C" fn wants<N: Node>(instance: *mut c_void, tick: *mut AsperityTick) -> i32 {
     // SAFETY: the host's instance and tick, valid during this call.
-    unsafe {
-        let (Some(it), Some(tick)) = (Instance::<N>::of(instance), tick.as_mut()) else {
-            return ASPERITY_FAILED;
-        };
-        guarded(|| it.with_tick(tick, false, |node, view| i32::from(node.wants(view))))
-    }
+    unsafe { call::<N>(instance, tick, false, |node, view| i32::from(node.wants(view))) }
 }
 
 /// See [`AsperityKind::absorb`].
 pub(crate) unsafe extern "C" fn absorb<N: Node>(instance: *mut c_void, tick: *mut AsperityTick) -> i32 {
+    let take = |node: &mut N, view: &mut Tick<'_>| {
+        node.absorb(view);
+        ASPERITY_OK
+    };
     // SAFETY: the host's instance and tick, valid during this call.
-    unsafe {
-        let (Some(it), Some(tick)) = (Instance::<N>::of(instance), tick.as_mut()) else {
-            return ASPERITY_FAILED;
-        };
-        guarded(|| {
-            it.with_tick(tick, false, |node, view| {
-                node.absorb(view);
-                ASPERITY_OK
-            })
-        })
-    }
+    unsafe { call::<N>(instance, tick, false, take) }
+}
+
+/// Calls a node with its view of a tick.
+///
+/// # Safety
+/// `instance` and `tick` are the host's, valid during this call.
+unsafe fn call<N: Node>(
+    instance: *mut c_void,
+    tick: *const AsperityTick,
+    outputs: bool,
+    f: impl FnOnce(&mut N, &mut Tick<'_>) -> i32,
+) -> i32 {
+    // SAFETY: the caller's promise.
+    let (Some(it), Some(tick)) = (unsafe { (Instance::<N>::of(instance), read_grown(tick)) }) else {
+        return ASPERITY_FAILED;
+    };
+    // SAFETY: as above.
+    guarded(|| unsafe { it.with_tick(&tick, outputs, f) })
 }
 
 /// Calls a node that has been prepared.

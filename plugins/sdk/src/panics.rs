@@ -1,14 +1,14 @@
 //! Panics inside a node: caught before they reach the host, and silent.
 
-use std::cell::Cell;
 use std::panic::{self, AssertUnwindSafe};
 use std::sync::Once;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use asperity_abi::ASPERITY_PANICKED;
 
-thread_local! {
-    static IN_NODE: Cell<bool> = const { Cell::new(false) };
-}
+/// Calls of nodes that are under way, on any thread. Not a thread's own: the first touch of such a variable allocates, and
+/// that would be on the tick thread. This library's hook sees panics of this library alone.
+static IN_NODES: AtomicUsize = AtomicUsize::new(0);
 
 /// The default hook prints on the tick thread; faults are counted and named by the host instead.
 pub(crate) fn install_silent_hook() {
@@ -16,7 +16,7 @@ pub(crate) fn install_silent_hook() {
     HOOK.call_once(|| {
         let before = panic::take_hook();
         panic::set_hook(Box::new(move |info| {
-            if !IN_NODE.with(Cell::get) {
+            if IN_NODES.load(Ordering::Relaxed) == 0 {
                 before(info);
             }
         }));
@@ -25,9 +25,9 @@ pub(crate) fn install_silent_hook() {
 
 /// Runs a node's code. `None` if it panicked.
 pub(crate) fn caught<T>(f: impl FnOnce() -> T) -> Option<T> {
-    let before = IN_NODE.replace(true);
+    IN_NODES.fetch_add(1, Ordering::Relaxed);
     let result = panic::catch_unwind(AssertUnwindSafe(f));
-    IN_NODE.set(before);
+    IN_NODES.fetch_sub(1, Ordering::Relaxed);
     // Dropping a payload would free memory on the tick thread and might panic again. The host's quarantine bounds what leaks.
     result.map_err(std::mem::forget).ok()
 }

@@ -33,19 +33,19 @@ impl Prepared {
     /// `setup` is as the host makes it: valid, with as many values and wires as it says.
     pub(crate) unsafe fn read(setup: *const AsperitySetup, d: &Descriptor) -> Option<Self> {
         // SAFETY: the caller's promise.
-        let setup = unsafe { setup.as_ref() }?;
+        let setup = unsafe { read_grown(setup) }?;
         let mut params = Params::new(None);
         let mut sources = Vec::new();
         for (i, param) in d.params.iter().enumerate().take(setup.param_count as usize) {
             // SAFETY: there are `param_count` values, each as far apart as the first one's size.
-            let value = unsafe { element(setup.params, i, |v| v.size) }?;
+            let value = unsafe { element(setup.params, i) }?;
             // SAFETY: texts of the host end with a zero byte.
             let base = unsafe { text::read(value.base) };
             let source = Source::new(std::path::Path::new(&base).join("graph"), "");
             let place = Place { source: source.clone(), span: Span::default() };
             sources.push(source);
             // SAFETY: the host fills a value as its kind asks.
-            let set = (value.set > 0).then(|| unsafe { param_value(value, param) });
+            let set = (value.set > 0).then(|| unsafe { param_value(&value, param) });
             params.insert(param.name.to_string(), set, (value.set == 2).then_some(place));
         }
         // SAFETY: as above, for wires.
@@ -110,12 +110,13 @@ impl Prepared {
 /// `error` is the host's, or NULL.
 pub(crate) unsafe fn tell(message: &str, help: &str, param: Option<usize>, error: *mut AsperityError) {
     // SAFETY: the caller's promise.
-    let Some(error) = (unsafe { error.as_mut() }) else { return };
-    error.param = param.and_then(|p| i32::try_from(p).ok()).unwrap_or(-1);
-    // SAFETY: both texts have the room that the host says.
+    let Some(room) = (unsafe { read_grown(error) }) else { return };
+    let param = param.and_then(|p| i32::try_from(p).ok()).unwrap_or(-1);
+    // SAFETY: the member is one of 1.0, and both texts have the room that the host says.
     unsafe {
-        text::write(message, error.message, error.message_capacity);
-        text::write(help, error.help, error.help_capacity);
+        (&raw mut (*error).param).write(param);
+        text::write(message, room.message, room.message_capacity);
+        text::write(help, room.help, room.help_capacity);
     }
 }
 
@@ -123,17 +124,20 @@ pub(crate) unsafe fn tell(message: &str, help: &str, param: Option<usize>, error
 ///
 /// # Safety
 /// `first` is NULL or an array of more than `index` elements, each as far from the next as `size` of the first says.
-unsafe fn element<'a, T>(first: *const T, index: usize, size: impl Fn(&T) -> u32) -> Option<&'a T> {
-    // SAFETY: the caller's promise.
+unsafe fn element<T: Grows>(first: *const T, index: usize) -> Option<T> {
+    if first.is_null() {
+        return None;
+    }
+    // SAFETY: the caller's promise; every such struct begins with its size.
     unsafe {
-        let stride = size(first.as_ref()?) as usize;
-        first.byte_add(index * stride).as_ref()
+        let stride = first.cast::<u32>().read() as usize;
+        read_grown(first.byte_add(index * stride))
     }
 }
 
 unsafe fn wires(first: *const AsperityWire, count: u32) -> Option<Vec<Wiring>> {
     // SAFETY: there are `count` wires, each as far apart as the first one's size.
-    (0..count as usize).map(|i| unsafe { Some(wiring(element(first, i, |w| w.size)?)) }).collect()
+    (0..count as usize).map(|i| unsafe { Some(wiring(&element(first, i)?)) }).collect()
 }
 
 /// # Safety

@@ -14,11 +14,9 @@ impl Texts {
     /// A text. What follows a zero byte is lost.
     pub(crate) fn text(&mut self, text: &str) -> *const c_char {
         let end = text.find('\0').unwrap_or(text.len());
-        let text = CString::new(&text[..end]).unwrap_or_default();
+        self.texts.push(CString::new(&text[..end]).unwrap_or_default());
         // Where its bytes lie does not change when the list grows.
-        let at = text.as_ptr();
-        self.texts.push(text);
-        at
+        self.texts.last().map_or(ptr::null(), |t| t.as_ptr())
     }
 
     /// The same, NULL for an empty text.
@@ -30,9 +28,8 @@ impl Texts {
     pub(crate) fn list<'a>(&mut self, texts: impl Iterator<Item = &'a str>) -> *const *const c_char {
         let mut list: Vec<*const c_char> = texts.map(|t| self.text(t)).collect();
         list.push(ptr::null());
-        let at = list.as_ptr();
         self.lists.push(list);
-        at
+        self.lists.last().map_or(ptr::null(), |l| l.as_ptr())
     }
 }
 

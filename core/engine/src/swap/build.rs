@@ -60,7 +60,11 @@ pub(super) fn build(
                 swap.sets.extend(sets(&new, j, &live[i]));
             }
             Fate::Rebuilt { old, adopts, .. } => {
-                let state = adopts.then(|| vec![0; sizes[old]].into());
+                // A node that keeps no state but has a past (a latency, a tail) begins anew; one without either has nothing to lose.
+                let (none, node) = (asperity_node::Latency::ZERO, &new.nodes[j]);
+                let has_past = node.latency != none || node.tail != none;
+                let goes_on = adopts && (sizes[old] > 0 || !has_past);
+                let state = goes_on.then(|| vec![0; sizes[old]].into());
                 swap.rebuilt.push(Rebuilt { new: j, old, state, adopted: false });
             }
             Fate::New => {}

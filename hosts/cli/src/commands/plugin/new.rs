@@ -202,6 +202,8 @@ fn write(plan: &Plan<'_>, to: &Path) -> io::Result<String> {
     let (library, source) = match plan.lang {
         Lang::Rust => {
             sdk(&to.join("sdk"))?;
+            let lock = TEMPLATES.get_file("rust.lock").and_then(|f| f.contents_utf8()).ok_or_else(missing)?;
+            put(&to.join("Cargo.lock"), &locked(lock, plan.name))?;
             put(&to.join(".gitignore"), "/target/\n")?;
             (format!("target/release/{}", file_name(plan.name)), "src/lib.rs".to_owned())
         }
@@ -224,6 +226,18 @@ fn write(plan: &Plan<'_>, to: &Path) -> io::Result<String> {
         .replace("SOURCE", &source);
     put(&to.join("README.md"), &text)?;
     Ok(library)
+}
+
+/// The versions that the template was built with, for a package of another name: cargo has packages in the order of their names.
+fn locked(lock: &str, name: &str) -> String {
+    const PACKAGE: &str = "[[package]]\n";
+    let mut parts = lock.split(PACKAGE);
+    let head = parts.next().unwrap_or_default();
+    let mut packages: Vec<String> =
+        parts.map(|p| p.trim_end().replace("name = \"my_phase\"", &format!("name = {name:?}"))).collect();
+    packages.sort_by_key(|p| p.lines().next().unwrap_or_default().to_owned());
+    let packages: Vec<String> = packages.into_iter().map(|p| format!("{PACKAGE}{p}\n")).collect();
+    format!("{head}{}", packages.join("\n"))
 }
 
 /// Writes the crates of the SDK, without their tests.
