@@ -38,7 +38,7 @@ fn measure(title: &str, sets: [&str; 2], swaps: usize) {
     (0..1000).for_each(|_| engine.tick());
     let new = || Timing::new(3);
     let (mut plain, mut takeover, mut fading, mut after, mut plan) = (new(), new(), new(), new(), new());
-    let mut timed = |engine: &mut Engine, timing: &mut Timing| {
+    let timed = |engine: &mut Engine, timing: &mut Timing| {
         let t = Instant::now();
         engine.tick();
         timing.record(t.elapsed().as_nanos() as u64);

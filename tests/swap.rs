@@ -108,10 +108,10 @@ fn a_state_that_does_not_fit_is_left_and_told() {
     let with = |p| format!("t: taps({p})\nout: probe\nt -> out");
     let mut rig = Rig::new(&with("taps: 3"));
     rig.run(7);
-    rig.swap(&with("taps: 3, other: 2"));
+    rig.swap(&with("taps: 3, fails_from: 1000"));
     rig.run(10);
     assert_eq!(rig.control("t"), 17.0, "it goes on counting");
-    rig.swap(&with("taps: 4, other: 2"));
+    rig.swap(&with("taps: 4"));
     rig.run(10);
     assert_eq!(rig.control("t"), 10.0, "it begins anew");
     let anew: Vec<_> = rig.controller.collect().into_iter().map(|f| f.anew).collect();
@@ -355,6 +355,13 @@ fn a_node_that_runs_seldom_starts_in_a_tick_in_which_it_runs() {
         };
         assert_eq!(values[0], 3.0, "tick {tick}");
     }
+    // Two that meet seldom do not wait for each other.
+    let text = "Graph(version: 1, nodes: {\"v\": (kind: \"level\"), \"a\": (kind: \"gain\", every: 23), \"b\": (kind: \"gain\", every: \
+                29), \"out\": (kind: \"probe\")}, wires: [(\"v\", \"a\"), (\"a\", \"b\"), (\"b\", \"out\")])";
+    let file = GraphFile::parse(&Source::new("t", text)).unwrap();
+    rig.controller.swap(compiled_file(&file), &[]).unwrap();
+    rig.run(1);
+    assert_eq!(rig.engine.swaps(), 2);
 }
 
 #[test]

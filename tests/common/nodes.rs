@@ -340,7 +340,10 @@ impl Node for Slow {
         Status::Continue
     }
 
-    fn reset(&mut self) {}
+    /// A slow call is no reason to start over: this would show.
+    fn reset(&mut self) {
+        self.to = 0;
+    }
 }
 
 /// The built-in kinds and these.

@@ -73,7 +73,8 @@ impl Rig {
                 true => self.engine.input(out, 0),
                 false => self.engine.output(out, 0),
             };
-            if let Some(Buffer::Audio { samples, len, .. }) = signal {
+            if let Some(Buffer::Audio { samples, len, silent, .. }) = signal {
+                assert!(!silent || samples[..*len].iter().all(|x| *x == 0.0), "it says it is silent");
                 self.heard.extend(&samples[..*len]);
             }
         }

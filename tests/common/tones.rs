@@ -1,12 +1,13 @@
 //! Nodes to hear a swap by: a tone, a filter with a memory, a live gain; and one that counts how many of it live.
-#![allow(unreachable_pub)] // for the test that includes it
+// Every test file uses a part of this, and none of it is for anybody else.
+#![allow(dead_code, unreachable_pub)]
 
 use std::cell::Cell;
 use std::f64::consts::TAU;
 
 use asperity_node::{
-    Descriptor, Diagnostic, Input, Node, Output, Param, RateSpec, Registry, Resume, Setup, ShapeSpec, State,
-    Status, Tick, Unit,
+    Descriptor, Diagnostic, Input, Latency, Node, Output, Param, RateSpec, Registry, Resume, Setup,
+    ShapeSpec, State, Status, Tick, Unit,
 };
 
 const AUDIO: ShapeSpec = ShapeSpec::Audio(RateSpec::Graph);
@@ -87,24 +88,64 @@ impl<const KEEPS: bool> Node for OnePole<KEEPS> {
     }
 }
 
-/// A list of as many numbers as its parameter says: a state that does not fit another's.
-struct Taps(Vec<f64>);
+/// Counts its calls, and fails from a tick on; it has a list besides, of a length that may not fit another's.
+struct Taps {
+    calls: f64,
+    taps: Vec<f64>,
+    fails_from: u64,
+}
 
 impl Node for Taps {
     fn descriptor() -> Descriptor {
-        Descriptor::new("taps", "Counts its calls in every tap.")
+        Descriptor::new("taps", "Counts its calls.")
             .output(Output::new("out", ShapeSpec::Control(1), Unit::NEWTON))
             .param(Param::integer("taps", 1, 1..=9, "How many."))
-            .param(Param::integer("other", 1, 1..=9, "Changes nothing."))
+            .param(Param::integer("fails_from", 1_000_000, 0..=1_000_000, "Its first bad tick."))
     }
 
     fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
-        Ok(Self(vec![0.0; setup.params.integer("taps") as usize]))
+        let p = setup.params;
+        let taps = vec![0.0; p.integer("taps") as usize];
+        Ok(Self { calls: 0.0, taps, fails_from: p.integer("fails_from") as u64 })
     }
 
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
-        self.0.iter_mut().for_each(|x| *x += 1.0);
-        tick.outputs.set(0, self.0[0]);
+        self.calls += 1.0;
+        tick.outputs.set(0, self.calls);
+        if tick.index >= self.fails_from { Status::Error(1) } else { Status::Continue }
+    }
+
+    fn reset(&mut self) {
+        self.calls = 0.0;
+        self.taps.fill(0.0);
+    }
+
+    fn state(&mut self, state: &mut State<'_>) {
+        state.keep(&mut self.calls).keep(&mut self.taps);
+    }
+}
+
+/// Puts out 15 ms later what comes in, and hands nothing on.
+struct Late(Vec<f32>);
+
+impl Node for Late {
+    fn descriptor() -> Descriptor {
+        Descriptor::new("late", "A delay that forgets.")
+            .input(Input::new("in", AUDIO, Unit::NONE))
+            .output(Output::new("out", AUDIO, Unit::NONE))
+            .param(Param::integer("version", 0, 0..=9, "Changes nothing."))
+    }
+
+    fn prepare(_: &Setup<'_>) -> Result<Self, Diagnostic> {
+        Ok(Self(vec![0.0; 720]))
+    }
+
+    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
+        let input = tick.inputs.audio(0);
+        tick.outputs.audio(0).copy_from_slice(&self.0[..input.len()]);
+        self.0.rotate_left(input.len());
+        let end = self.0.len() - input.len();
+        self.0[end..].copy_from_slice(input);
         Status::Continue
     }
 
@@ -112,9 +153,35 @@ impl Node for Taps {
         self.0.fill(0.0);
     }
 
-    fn state(&mut self, state: &mut State<'_>) {
-        state.keep(&mut self.0);
+    fn latency(&self) -> Latency {
+        Latency::ratio(15, 1000)
     }
+}
+
+/// Lets its upstream sleep for good, asked every third tick.
+struct Shut;
+
+impl Node for Shut {
+    fn descriptor() -> Descriptor {
+        Descriptor::new("shut", "A gate that stays closed.")
+            .input(Input::new("in", ShapeSpec::Control(1), Unit::NEWTON))
+            .output(Output::new("out", ShapeSpec::Control(1), Unit::NEWTON))
+            .gates("in")
+    }
+
+    fn prepare(_: &Setup<'_>) -> Result<Self, Diagnostic> {
+        Ok(Self)
+    }
+
+    fn wants(&mut self, _: &mut Tick<'_>) -> bool {
+        false
+    }
+
+    fn process(&mut self, _: &mut Tick<'_>) -> Status {
+        Status::Continue
+    }
+
+    fn reset(&mut self) {}
 }
 
 /// A gain that may not change while it runs.
@@ -178,14 +245,15 @@ impl Node for LiveGain {
     fn reset(&mut self) {}
 }
 
-/// A value that stands in the graph.
-struct Level(f64);
+/// A value that stands in the graph; `LIVE` or not.
+struct Level<const LIVE: bool>(f64);
 
-impl Node for Level {
+impl<const LIVE: bool> Node for Level<LIVE> {
     fn descriptor() -> Descriptor {
-        Descriptor::new("level", "A control that stays.")
+        let value = Param::number("value", 0.0, -100.0..=100.0, "The value.");
+        Descriptor::new(if LIVE { "live_level" } else { "level" }, "A control that stays.")
             .output(Output::new("out", ShapeSpec::Control(1), Unit::NEWTON))
-            .param(Param::number("value", 0.0, -100.0..=100.0, "The value."))
+            .param(if LIVE { value.live() } else { value })
     }
 
     fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
@@ -195,6 +263,10 @@ impl Node for Level {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         tick.outputs.set(0, self.0);
         Status::Asleep
+    }
+
+    fn set_parameter(&mut self, _: usize, value: f64) {
+        self.0 = value;
     }
 
     fn reset(&mut self) {}
@@ -224,6 +296,12 @@ impl Node for Amps {
 
 thread_local! {
     static TRACKED: Cell<i64> = const { Cell::new(0) };
+    static TRACKED_CALLS: Cell<u64> = const { Cell::new(0) };
+}
+
+/// How often any of them was called.
+pub fn tracked_calls() -> u64 {
+    TRACKED_CALLS.get()
 }
 
 /// How many `tracked` nodes there are, of this thread's making.
@@ -254,6 +332,7 @@ impl Node for Tracked {
     }
 
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
+        TRACKED_CALLS.set(TRACKED_CALLS.get() + 1);
         let input = tick.inputs.audio(0);
         self.0[..input.len()].copy_from_slice(input);
         tick.outputs.audio(0).copy_from_slice(input);
@@ -272,7 +351,10 @@ pub fn with_tones(registry: Registry) -> Registry {
         .with::<Taps>()
         .with::<Scale>()
         .with::<LiveGain>()
-        .with::<Level>()
+        .with::<Late>()
+        .with::<Shut>()
+        .with::<Level<false>>()
+        .with::<Level<true>>()
         .with::<Amps>()
         .with::<Tracked>()
 }

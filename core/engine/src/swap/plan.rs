@@ -196,22 +196,20 @@ fn same_ports(old: &ScheduledNode, new: &ScheduledNode) -> bool {
 }
 
 /// The first parameter that is not the same and cannot be set while the node runs. A node may ask whether a graph sets
-/// a value and in which file, so these count too.
+/// a value, and next to which file it stands, so these count too.
 fn other_param(old: &ScheduledNode, new: &ScheduledNode) -> Option<String> {
-    let path = |node: &ScheduledNode, name: &str| {
-        let place = node.params.place(name).or(node.params.node_place());
-        place.map(|p| p.source.path().to_owned())
-    };
+    let path = |node: &ScheduledNode, name: &str| node.params.place(name).map(|p| p.source.path().to_owned());
     let same = |name: &str| {
+        let (was, is) = (old.params.get(name), new.params.get(name));
         if new.live.iter().any(|l| l.name == name) && old.live.iter().any(|l| l.name == name) {
-            return old.params.get(name).is_some() == new.params.get(name).is_some();
+            return was.is_some() == is.is_some();
         }
-        old.params.get(name) == new.params.get(name)
+        was == is
             && old.params.is_set(name) == new.params.is_set(name)
-            && path(old, name) == path(new, name)
+            && (!matches!(is, Some(ParamValue::Text(_))) || path(old, name) == path(new, name))
     };
-    let names = old.params.iter().chain(new.params.iter()).map(|(name, _)| name);
-    names.into_iter().find(|name| !same(name)).map(str::to_owned)
+    let mut names = old.params.iter().chain(new.params.iter()).map(|(name, _)| name);
+    names.find(|name| !same(name)).map(str::to_owned)
 }
 
 /// What a live parameter is worth to [`Node::set_parameter`](asperity_node::Node::set_parameter).

@@ -145,7 +145,8 @@ impl Link {
             let Some(it) = reader.and_then(|(node, _)| swap.rebuilt.iter().find(|it| it.new == node)) else {
                 continue;
             };
-            if it.adopted {
+            let remembers = it.state.as_ref().is_some_and(|state| !state.is_empty());
+            if it.adopted && remembers {
                 // It goes on from what it heard, and hears it still.
                 fade.through = fade.old.is_none();
             } else {
@@ -160,7 +161,6 @@ impl Link {
                 carry_controls(&mut mix[..1], &sources[old..=old]);
             }
         }
-        self.wake_readers(&swap, body);
         swap.sets.iter().for_each(|set| body.set(*set, now));
         swap.begun = now.tick;
         let ticks = if swap.fades.is_empty() { 0 } else { crossfade::ticks(now.tick_hz) };
@@ -192,7 +192,7 @@ impl Link {
         self.over = Some(swap);
     }
 
-    /// A control that comes from elsewhere is news even for a node that no control wakes: it is called at least once.
+    /// A control from elsewhere is news even for a node that no control wakes: it is called once with the final value.
     fn wake_readers(&self, swap: &Swap, body: &mut Body) {
         for (fade, reader) in swap.fades.iter().zip(&swap.readers) {
             if let (0, Some((node, _))) = (fade.rate_hz, *reader) {
