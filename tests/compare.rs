@@ -262,3 +262,26 @@ fn what_is_wrong_is_told_before_anything_is_written() {
         assert_eq!(files(dir.path()), before, "{args:?}");
     }
 }
+
+#[test]
+fn nothing_that_is_read_is_written_over() {
+    let dir = tempfile::tempdir().unwrap();
+    let plugin = dir.path().join("libtold.so");
+    std::fs::copy(common::plugins::c("told"), &plugin).unwrap();
+    std::fs::create_dir(dir.path().join("v")).unwrap();
+    let vector = dir.path().join("v/a_2500.mag.npy");
+    std::fs::copy(root().join("tests/data/phase/texture_2500.mag.npy"), &vector).unwrap();
+    let (before, vector_before) = (std::fs::read(&plugin).unwrap(), std::fs::read(&vector).unwrap());
+    let graph = "Graph(version: 1, nodes: {\"s\": (kind: \"stroke\"), \"p\": (kind: \"probe\")}, wires: [(\"s\", \"p\")])";
+    std::fs::write(dir.path().join("g.ron"), graph).unwrap();
+    for args in [
+        &["compare", "-q", "--plugin", "libtold.so", "--csv", "libtold.so"][..],
+        &["compare", "-q", "--vectors", "v", "--svg", "v/a_2500.mag.npy"],
+        &["graph", "g.ron", "--plugin", "libtold.so", "--svg", "libtold.so"],
+        &["render", "g.ron", "--seconds", "0.1", "--plugin", "libtold.so", "--report", "libtold.so"],
+    ] {
+        let ran = run(dir.path(), args);
+        assert!(ran.code == 2 && !ran.err.contains("panicked"), "{args:?}: {}{}", ran.out, ran.err);
+    }
+    assert!(std::fs::read(&plugin).unwrap() == before && std::fs::read(&vector).unwrap() == vector_before);
+}

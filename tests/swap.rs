@@ -420,7 +420,7 @@ fn other_rates_are_refused_and_a_reset_ends_a_fade() {
     assert_eq!(rig.controller.collect().len(), 1);
     drop(rig.engine);
     assert_eq!(rig.controller.swap(compiled(lines), &[]).unwrap_err(), SwapError::Stopped);
-    assert_eq!(rig.controller.set_parameter("g", "gain", 1.0).is_err(), true);
+    assert!(rig.controller.set_parameter("g", "gain", 1.0).is_err());
 }
 
 #[test]

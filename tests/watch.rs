@@ -96,6 +96,8 @@ fn a_graph_and_its_plugin_change_while_it_plays_without_a_click() {
         "render",
         "g.ron",
         "--watch",
+        "--limit-us",
+        "9000000",
         "--seconds",
         SECONDS,
         "--out",

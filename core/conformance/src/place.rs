@@ -144,7 +144,9 @@ fn compiled(
     let Some(ports) = watched.seen() else {
         return Err(first.err().map(|e| text(&e)).unwrap_or_default());
     };
-    for (i, input) in ports.inputs.iter().enumerate().filter(|(i, _)| conditions.without >> i & 1 == 0) {
+    for (i, input) in ports.inputs.iter().enumerate().filter(|(i, _)| {
+        !u32::try_from(*i).is_ok_and(|i| conditions.without.checked_shr(i).is_some_and(|w| w & 1 == 1))
+    }) {
         let (name, seed) = (format!("conformance source {i}"), SEED + 100 + i as u64);
         let shape = conditions.shape(input, ports);
         registry.add(Arc::new(Source::new(&name, shape, unit(&input.unit), input.limited, signal, seed)));

@@ -77,6 +77,14 @@ pub(crate) unsafe fn some_text(text: *const c_char, what: &str) -> Result<Option
         return Err(format!("{what} has {} bytes", bytes.len()));
     }
     match std::str::from_utf8(bytes) {
+        // What would move a terminal's cursor, or turn its text around.
+        Ok(text)
+            if text.chars().any(|c| {
+                c.is_control() || matches!(c, '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
+            }) =>
+        {
+            Err(format!("{what} has control characters in it"))
+        }
         Ok(text) => Ok(Some(text.to_owned())),
         Err(_) => Err(format!("{what} is not UTF-8")),
     }

@@ -97,7 +97,7 @@ impl Plugin {
         // SAFETY: `open` is called once for a loaded copy, with a host that stays.
         let plugin = unsafe { open(&HOST.0) };
         if plugin.is_null() {
-            return Err("it does not open with this program".into());
+            return Err("it does not open with this program, or panics while it describes its nodes".into());
         }
         // SAFETY: what `open` answers stays.
         unsafe { Self::described(plugin, path, build) }

@@ -25,6 +25,9 @@ pub(crate) struct PluginProcessor {
 // call only.
 unsafe impl Send for PluginProcessor {}
 
+/// The longest latency and tail that is believed, in seconds.
+const HOUR_S: i64 = 3600;
+
 const NO_BUFFER: AsperityBuffer = AsperityBuffer {
     carries: 0,
     flags: 0,
@@ -80,6 +83,17 @@ impl PluginProcessor {
         }
         if it.info.latency_den < 0 || it.info.tail_den < 0 || it.info.duration_den < 0 {
             return Err("it says a latency, tail or duration with a negative denominator".into());
+        }
+        let beyond = |num: i64, den: i64, least: i64| {
+            den > 0 && (num < least.saturating_mul(den) || num > HOUR_S.saturating_mul(den))
+        };
+        let AsperityInfo { latency_num, latency_den, tail_num, tail_den, duration_num, duration_den, .. } =
+            it.info;
+        if beyond(latency_num, latency_den, -HOUR_S) || beyond(tail_num, tail_den, 0) {
+            return Err("it says a latency or tail of more than an hour, or a negative tail".into());
+        }
+        if duration_den > 0 && duration_num < 0 {
+            return Err("it says a negative duration".into());
         }
         Ok(it)
     }

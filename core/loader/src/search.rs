@@ -33,34 +33,39 @@ fn entries(list: Option<OsString>) -> Vec<PathBuf> {
         .unwrap_or_default()
 }
 
-/// Every shared library in the folders of `list`, and the files it names, each once, in order.
-///
-/// # Errors
-/// A folder or file of the list that is not there.
-pub fn search(list: Option<OsString>) -> Result<Vec<Found>, Diagnostic> {
-    let mut out: Vec<Found> = Vec::new();
+/// Every shared library in the folders of `list`, and the files it names, each once, in order; and what of the list cannot be
+/// looked into.
+pub fn search(list: Option<OsString>) -> (Vec<Found>, Vec<Diagnostic>) {
+    let (mut out, mut problems): (Vec<Found>, Vec<Diagnostic>) = (Vec::new(), Vec::new());
     for by in entries(list) {
-        let fail = |e| Diagnostic::new(format!("cannot look for plugins here: {e}")).in_file(&by);
-        let meta = std::fs::metadata(&by).map_err(|e| fail(e).help(format!("{PATH_VARIABLE} names it")))?;
-        let mut files = Vec::new();
-        if meta.is_dir() {
-            for entry in std::fs::read_dir(&by).map_err(fail)? {
-                let path = entry.map_err(fail)?.path();
-                if path.extension().is_some_and(|e| e == std::env::consts::DLL_EXTENSION) && path.is_file() {
-                    files.push(path);
-                }
-            }
-            files.sort();
-        } else {
-            files.push(by.clone());
-        }
+        let files = libraries(&by).unwrap_or_else(|e| {
+            let message = format!("cannot look for plugins here: {e}");
+            problems.push(Diagnostic::new(message).in_file(&by).help(format!("{PATH_VARIABLE} names it")));
+            Vec::new()
+        });
         for path in files {
             if !out.iter().any(|f| same(&f.path, &path)) {
                 out.push(Found { path, by: by.clone() });
             }
         }
     }
-    Ok(out)
+    (out, problems)
+}
+
+/// The shared libraries of a folder in the order of their names, or the file itself.
+fn libraries(by: &Path) -> std::io::Result<Vec<PathBuf>> {
+    if !std::fs::metadata(by)?.is_dir() {
+        return Ok(vec![by.to_owned()]);
+    }
+    let mut files = Vec::new();
+    for entry in std::fs::read_dir(by)? {
+        let path = entry?.path();
+        if path.extension().is_some_and(|e| e == std::env::consts::DLL_EXTENSION) && path.is_file() {
+            files.push(path);
+        }
+    }
+    files.sort();
+    Ok(files)
 }
 
 /// Whether two paths lead to one file.
@@ -72,7 +77,7 @@ fn same(a: &Path, b: &Path) -> bool {
 /// `base` and then along `list`.
 ///
 /// # Errors
-/// A name that is nowhere; a list that cannot be searched. A path is answered as it is: loading says what is wrong with it.
+/// A name that is nowhere. A path is answered as it is: loading says what is wrong with it.
 pub fn find(plugin: &str, base: &Path, list: Option<OsString>) -> Result<PathBuf, Diagnostic> {
     if is_path(plugin) {
         return Ok(base.join(plugin));
@@ -82,7 +87,7 @@ pub fn find(plugin: &str, base: &Path, list: Option<OsString>) -> Result<PathBuf
     if here.is_file() {
         return Ok(here);
     }
-    let found = search(list)?;
+    let (found, _) = search(list);
     let name = |f: &Found| f.path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
     if let Some(f) = found.iter().find(|f| name(f) == file) {
         return Ok(f.path.clone());

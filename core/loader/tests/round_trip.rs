@@ -380,7 +380,7 @@ fn errors_point_at_the_parameter() {
     for (say, message, help) in [
         ("bad word", "not this word", Some("the other")),
         ("bad node", "this cannot be", None),
-        ("panic early", "the node panicked while it was prepared", None),
+        ("panic early", "the node panicked while it was prepared: early", None),
     ] {
         let mut set = settings();
         set.retain(|s| s.0 != "say");

@@ -160,7 +160,8 @@ pub struct Render {
     /// Run every node in every tick, also those behind a closed gate
     #[arg(long)]
     pub no_sleep: bool,
-    /// Longest that one call of a node may take; a longer one is a fault of the node, which is faded out
+    /// Longest that one call of a node may take; a longer one is a fault of the node, which is faded out. Without it there is no
+    /// limit, with --watch one of 10 ticks
     #[arg(long, value_name = "US", value_parser = clap::value_parser!(u64).range(1..=10_000_000))]
     pub limit_us: Option<u64>,
     /// Run in real time, and take changes of the graph, its plugins and the files it reads over as they come

@@ -9,6 +9,7 @@ use asperity_node::Registry;
 use asperity_source::Diagnostic;
 
 use crate::failure::{Failure, warn};
+use crate::phase::OFFLINE;
 
 /// Where kinds come from. Kept while a graph is watched, so that a plugin is loaded again only when its file changed.
 #[derive(Debug, Default)]
@@ -55,7 +56,9 @@ impl Kinds {
             self.files.push(path.clone());
             made.add(&self.loader.load(&path)?)?;
         }
-        for Found { path, .. } in search(list())? {
+        let (found, problems) = search(list());
+        problems.iter().for_each(|p| warn(&p.to_string()));
+        for Found { path, .. } in found {
             self.files.push(path.clone());
             match self.loader.load(&path).and_then(|p| made.add_where_new(&p)) {
                 Ok(()) => {}
@@ -101,6 +104,12 @@ impl Made {
         let mut kinds = Vec::new();
         for kind in plugin.kinds() {
             let name = kind.descriptor().kind.to_string();
+            // What a command line means by these is no node.
+            if name == "default" || OFFLINE.contains(&name.as_str()) {
+                let message =
+                    format!("its kind cannot be called `{name}`, which `--phase` knows as something else");
+                return Err(Diagnostic::new(message).in_file(plugin.path()).help("name the kind otherwise"));
+            }
             match (self.from.get(&name), self.registry.get(&name)) {
                 (Some(other), _) if other.build() == plugin.build() || !asked => continue,
                 (Some(other), _) => return Err(refuse(&name, &other.path().display().to_string())),

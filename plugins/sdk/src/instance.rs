@@ -6,7 +6,7 @@ use std::mem::size_of;
 use asperity_abi::*;
 use asperity_node::{Buffer, InputRef, Inputs, Latency, Node, Outputs, Ports, State, Status, Tick, Wiring};
 
-use crate::panics::{caught, guarded};
+use crate::panics::{caught, guarded, heard};
 use crate::setup::{Prepared, tell};
 use crate::text::Texts;
 use crate::{buffers, describe};
@@ -123,7 +123,7 @@ pub(crate) unsafe extern "C" fn prepare<N: Node>(
     error: *mut AsperityError,
 ) -> i32 {
     // SAFETY: the host's structs, valid during this call.
-    let answer = guarded(|| unsafe {
+    let answer = heard(|| unsafe {
         let d = N::descriptor();
         let (Some(it), Some(prepared)) = (Instance::<N>::of(instance), Prepared::read(setup, &d)) else {
             return ASPERITY_FAILED;
@@ -144,11 +144,11 @@ pub(crate) unsafe extern "C" fn prepare<N: Node>(
         it.map = wires.map(|(i, w)| InputRef { buffer: i as u32, connected: w.connected }).collect();
         ASPERITY_OK
     });
-    if answer == ASPERITY_PANICKED {
+    answer.unwrap_or_else(|text| {
         // SAFETY: the host's.
-        unsafe { tell("the node panicked while it was prepared", "", None, error) };
-    }
-    answer
+        unsafe { tell(&format!("the node panicked while it was prepared: {text}"), "", None, error) };
+        ASPERITY_PANICKED
+    })
 }
 
 /// See [`AsperityKind::info`].

@@ -32,6 +32,18 @@ pub(crate) fn caught<T>(f: impl FnOnce() -> T) -> Option<T> {
     result.map_err(std::mem::forget).ok()
 }
 
+/// Runs a node's code off the tick thread. What it said where it panicked.
+pub(crate) fn heard<T>(f: impl FnOnce() -> T) -> Result<T, String> {
+    IN_NODES.fetch_add(1, Ordering::Relaxed);
+    let result = panic::catch_unwind(AssertUnwindSafe(f));
+    IN_NODES.fetch_sub(1, Ordering::Relaxed);
+    result.map_err(|payload| match (payload.downcast_ref::<String>(), payload.downcast_ref::<&str>()) {
+        (Some(text), _) => text.clone(),
+        (_, Some(text)) => (*text).to_owned(),
+        _ => "nothing is known of it".to_owned(),
+    })
+}
+
 /// The same for code that answers a status.
 pub(crate) fn guarded(f: impl FnOnce() -> i32) -> i32 {
     caught(f).unwrap_or(ASPERITY_PANICKED)

@@ -15,12 +15,13 @@ use crate::{load, output};
 /// Runs the command.
 pub fn run(args: &Graph) -> Result<ExitCode, Failure> {
     let graph = load::read(&args.graph)?;
-    let registry = Kinds::new(&args.graph.plugins.plugin).registry(Some(&graph))?;
+    let mut kinds = Kinds::new(&args.graph.plugins.plugin);
+    let registry = kinds.registry(Some(&graph))?;
     let schedule = load::compiled(&graph, &args.graph, &registry)?.schedule;
     let svg = output::resolved(&args.svg);
-    if let Some((_, who)) =
-        load::files_read(&args.graph, &schedule).iter().find(|(path, _)| output::resolved(path) == svg)
-    {
+    let mut read = load::files_read(&args.graph, &schedule);
+    read.extend(kinds.files().iter().map(|path| (path.clone(), "the graph, as a plugin,".to_owned())));
+    if let Some((_, who)) = read.iter().find(|(path, _)| output::resolved(path) == svg) {
         return Err(Diagnostic::new(format!("{who} reads this file, and it would be overwritten"))
             .in_file(&args.svg)
             .help("name another file")

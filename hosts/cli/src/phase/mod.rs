@@ -11,6 +11,7 @@ mod offline;
 pub use chain::Chain;
 pub use frames::{FRAME_HZ, Frames, check_rate};
 pub use method::{How, Method, retrievers};
+pub use offline::OFFLINE;
 
 #[cfg(test)]
 pub mod testing;

@@ -30,6 +30,9 @@ use watch::Watch;
 
 /// Longest render, in seconds: a year.
 const MAX_SECONDS: f64 = 365.0 * 86_400.0;
+/// Ticks that one call of a node may take while a render is played in real time, unless `--limit-us` says otherwise. A machine that
+/// is busy with other things stalls for a few ticks now and then; that is no fault of the node.
+const WATCH_LIMIT_TICKS: u64 = 10;
 /// Exit code of a render that was interrupted, as a shell would have it.
 const INTERRUPTED: u8 = 130;
 
@@ -61,7 +64,9 @@ pub fn run(args: &Render) -> Result<ExitCode, Failure> {
     // Opened now, so that a folder that is not there is known before and not after the work.
     let plot = args.plot.as_deref().map(Pending::create).transpose()?;
     let report_file = args.report.as_deref().map(Pending::create).transpose()?;
-    let limit_ns = args.limit_us.map(|us| us * 1000);
+    // Played in real time, a node that takes many ticks for one would stop all that is heard.
+    let patience = WATCH_LIMIT_TICKS * 1_000_000_000 / u64::from(schedule.tick_hz);
+    let limit_ns = args.limit_us.map(|us| us * 1000).or(args.watch.then_some(patience));
     let options = Options { sleep: !args.no_sleep, limit_ns };
     let stop = stop_flag();
     let bar = progress(ticks, args.quiet);

@@ -22,14 +22,15 @@ use asperity_source::Diagnostic;
 
 use crate::args::Compare;
 use crate::failure::{Failure, print};
-use crate::kinds;
+use crate::kinds::Kinds;
 use crate::output::{Pending, resolved};
 use crate::phase::{Chain, How, Method, retrievers};
 use vectors::Set;
 
 /// Runs the command.
 pub fn run(args: &Compare) -> Result<ExitCode, Failure> {
-    let registry = kinds::registry(&args.plugins.plugin)?;
+    let mut kinds = Kinds::new(&args.plugins.plugin);
+    let registry = kinds.registry(None)?;
     let set = match &args.vectors {
         Some(dir) => vectors::read(dir)?,
         None => builtin::set()?,
@@ -40,6 +41,19 @@ pub fn run(args: &Compare) -> Result<ExitCode, Failure> {
         && resolved(a) == resolved(b)
     {
         return Err(Diagnostic::new("the picture and the table cannot both go here").in_file(a).into());
+    }
+    // A picture among the vectors does no harm; one in the place of what is read does.
+    for path in [svg, csv].into_iter().flatten() {
+        let at = resolved(path);
+        let plugin = kinds.files().iter().any(|f| resolved(f) == at);
+        let vectors =
+            args.vectors.as_ref().is_some_and(|dir| at.parent() == Some(&resolved(dir)) && at.exists());
+        if plugin || vectors {
+            return Err(Diagnostic::new("this file is there already, and may be what is compared")
+                .in_file(path)
+                .help("name another file")
+                .into());
+        }
     }
     // Before minutes of work, so that a folder that is not there is told of at once.
     let pending = |path: Option<&Path>| path.map(Pending::create).transpose();

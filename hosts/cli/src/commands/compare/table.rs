@@ -45,7 +45,7 @@ pub fn text(set: &Set, rows: &[Row], published: &[Row]) -> String {
         out,
         "\nResponse lag: ms from a step of 12 dB in the magnitudes until the output is 10, 50, 90 % of the way there.\n\
          Added latency: ms as declared; early where negative. us/frame: median until there are samples, overlap_add\n\
-         included where the node answers spectra; N is the window's length."
+         included where the node answers spectra; N is the window's length, and a frame has the vectors' bins."
     );
     grid(&mut out, &cost(set), "", &[("", rows)]);
     let notes: Vec<String> =

@@ -9,7 +9,7 @@ use asperity_source::Diagnostic;
 use serde_json::{Value, json};
 
 use crate::args::PluginList;
-use crate::failure::{Failure, print};
+use crate::failure::{Failure, print, warn};
 
 /// One file, and what became of it.
 struct Row {
@@ -28,7 +28,9 @@ pub fn run(args: &PluginList) -> Result<ExitCode, Failure> {
             find(&named.to_string_lossy(), Path::new(""), list()).map_err(|e| e.in_file("--plugin"))?;
         rows.push((path, "--plugin".to_owned()));
     }
-    for Found { path, by } in search(list())? {
+    let (found, problems) = search(list());
+    problems.iter().for_each(|p| warn(&p.to_string()));
+    for Found { path, by } in found {
         rows.push((path, format!("{PATH_VARIABLE}, {}", by.display())));
     }
     let rows: Vec<Row> =

@@ -11,6 +11,7 @@ use include_dir::{Dir, include_dir};
 
 use crate::args::{Lang, Like, PluginNew};
 use crate::failure::{Failure, print};
+use crate::phase::OFFLINE;
 
 static TEMPLATES: Dir<'_> = include_dir!("$CARGO_MANIFEST_DIR/../../plugins/template");
 static HEADER: &str = include_str!("../../../../../core/abi/include/asperity.h");
@@ -46,6 +47,7 @@ const RESERVED: &[&str] = &[
     "continue",
     "core",
     "crate",
+    "default",
     "deps",
     "do",
     "dyn",
@@ -137,7 +139,7 @@ fn checked(path: &str) -> Result<&str, Diagnostic> {
         return Err(Diagnostic::new(format!("`{name}` means something in Rust, C or C++ already"))
             .help("choose another name"));
     }
-    if asperity_nodes::registry().get(name).is_some() {
+    if OFFLINE.contains(&name) || asperity_nodes::registry().get(name).is_some() {
         return Err(Diagnostic::new(format!("there is a built-in kind `{name}`")).help("choose another name"));
     }
     Ok(name)
