@@ -317,6 +317,12 @@ fn no_step_enters_a_delay_that_goes_on_or_begins_anew() {
     let delay = |ms: f64| level(0.0, 1.0, format!("delay(delay_ms: {ms:?})"));
     let (went, least) = step(&delay(3.0), &delay(2.0), 40);
     assert!(went < 1e-6 && least > 0.999, "what is adopted is not faded in: {went}, {least}");
+    let other = delay(2.0).replace("level: 1.0", "level: 0.5");
+    let (went, least) = step(&delay(3.0), &other, 40);
+    assert!(
+        went < STEEPEST && least > 0.499,
+        "another source is faded to, not from silence: {went}, {least}"
+    );
     let late = |value, version| level(0.0, value, format!("late(version: {version})"));
     let (went, least) = step(&late(1.0, 1), &late(1.0, 2), 40);
     assert!(went < 1.1 * STEEPEST && least < 0.1, "what forgets fades out and in: {went}, {least}");
