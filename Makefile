@@ -34,7 +34,7 @@ lint: setup
 
 # One table: each node and the whole tick, beside a plain read of the network's weights.
 bench: setup
-	$(CARGO) bench -p asperity --bench tick
+	$(CARGO) bench -p asperity --bench tick --bench swap
 
 # Builds the shipped plugins: more phase-retrieval nodes.
 plugins: setup
@@ -59,6 +59,9 @@ pictures: setup
 	$(CARGO) build --release -p asperity
 	target/release/asperity graph graphs/heravi2024.ron --svg docs/graph.svg
 	target/release/asperity render graphs/heravi2024.ron --plot docs/render.svg
+	$(CARGO) build --release -p asperity-rtpghi -p asperity-gsrtisi-la
+	target/release/asperity compare --plugin target/release/librtpghi.so --plugin target/release/libgsrtisi_la.so \
+	    --phase sample_commit:emission=0 --svg docs/compare.svg
 
 clean:
 	$(CARGO) clean
