@@ -207,7 +207,7 @@ fn inverted(dir: &Path, kind: &str, plugin: &Path) -> Vec<f32> {
     let mut all: Vec<&str> = args.to_vec();
     all.extend([plugin.to_str().unwrap(), "--magnitudes", magnitudes.to_str().unwrap()]);
     run(dir, &all).ok();
-    npy::read(&dir.join("y.npy")).unwrap().values.into_f32()
+    npy::read(dir.join("y.npy")).unwrap().values.into_f32()
 }
 
 #[test]
@@ -238,7 +238,7 @@ fn a_filter_in_rust_c_and_cpp_softens_alike() {
         );
         fs::write(dir.path().join("g.ron"), text).unwrap();
         run(dir.path(), &["render", "g.ron", "--seconds", "0.5"]).ok();
-        npy::read(&dir.path().join("y.npy")).unwrap().values.into_f32()
+        npy::read(dir.path().join("y.npy")).unwrap().values.into_f32()
     };
     let rust = graph(&plugins::rust("my_filter"));
     // The gain of a one-pole low pass at 0.01 rad a sample, in closed form.

@@ -55,7 +55,7 @@ pub fn published(name: &str, method: &str) -> Option<[f64; 3]> {
     // The file is flat enough to be read by its keys alone: vector, method, figure.
     let after =
         |text: &str, key: &str| text.split_once(&format!("\"{key}\"")).map(|(_, rest)| rest.to_owned());
-    let method = after(&after(&after(&text, "sc")?, name)?.split("\n  }").next()?.to_owned(), method)?;
+    let method = after(after(&after(&text, "sc")?, name)?.split("\n  }").next()?, method)?;
     let figure = |key| {
         let rest = after(&method, key)?;
         rest.trim_start_matches([':', ' ']).split([',', '\n']).next()?.trim().parse().ok()
