@@ -162,6 +162,35 @@ fn noise_is_a_function_of_the_sample_number() {
 }
 
 #[test]
+fn a_bin_of_noise_wanders_without_a_break() {
+    let f = framing(48_000, 101);
+    let mut mags = vec![0.0; 101];
+    // A bin whose phase is interpolated between two that are drawn.
+    mags[42] = 1.0;
+    let y = run(&mut new::<f64>(f, Partials::Noise), 0..1000, |_| Some(mags.clone()));
+    // 8 Hz at most from its centre frequency of 420 Hz: y (w^2 - w0^2) is below 1e-4.
+    assert!(off_tone(&y[96..], 42.0, 4800) < 1.5e-4, "{}", off_tone(&y[96..], 42.0, 4800));
+}
+
+#[test]
+fn a_tracked_partial_follows_a_chirp_without_falling_behind() {
+    let (f, hops) = (framing(48_000, 101), 1000u64);
+    let freq = |n: f64| 30.0 + 0.02 * n;
+    let y = run(&mut new::<f64>(f, Partials::Tracked), 0..hops, |n| {
+        Some(tone(freq(n as f64), 101).iter().map(|m| if *m > 0.03 { *m } else { 0.0 }).collect())
+    });
+    // Frame n is reached at the end of its hop; the phase is the integral of the frequency, whatever it starts from.
+    let (mut re, mut im) = (0.0, 0.0);
+    for (t, y) in y.iter().enumerate().skip(96) {
+        let n = t as f64 / 96.0 - 1.0;
+        let (sin, cos) = (TAU * (30.0 * n + 0.01 * n * n) * 96.0 / 4800.0).sin_cos();
+        (re, im) = (re + y * cos, im + y * sin);
+    }
+    let share = 2.0 * re.hypot(im) / (y.len() - 96) as f64;
+    assert!((share - 1.0).abs() < 0.01, "{share} of the chirp is in phase");
+}
+
+#[test]
 fn noise_keeps_the_energy_of_steady_magnitudes_and_does_not_repeat() {
     let f = framing(2500, 101);
     let mags: Vec<f64> = (0..101).map(|k| if (4..98).contains(&k) { 1.0 } else { 0.0 }).collect();
