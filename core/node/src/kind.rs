@@ -1,6 +1,5 @@
 //! The node itself: what an author writes, and what the engine calls.
 
-use std::borrow::Cow;
 use std::fmt;
 use std::ops::{Deref, Range};
 use std::path::PathBuf;
@@ -8,8 +7,8 @@ use std::path::PathBuf;
 use asperity_state::State;
 
 use crate::{
-    Descriptor, Diagnostic, FrameClock, FrameRate, Input, Inputs, Latency, Output, Outputs, Params, PortType,
-    time,
+    Descriptor, Diagnostic, Fact, FrameClock, FrameRate, Input, Inputs, Latency, Output, Outputs, Params,
+    PortType, time,
 };
 
 /// What is known of a node before its ports are settled.
@@ -175,78 +174,6 @@ pub enum Status {
     Asleep,
     /// It went wrong, with a number of the node's own; the engine fades or holds what the node put out.
     Error(u32),
-}
-
-/// A fact a node tells about itself after it was prepared, or after a run.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Fact {
-    /// What it is about, as a key: lower case, words joined by `_`.
-    pub name: Cow<'static, str>,
-    /// What is so.
-    pub value: FactValue,
-}
-
-impl Fact {
-    /// A text.
-    pub fn text(name: impl Into<Cow<'static, str>>, text: impl Into<String>) -> Self {
-        Self { name: name.into(), value: FactValue::Text(text.into()) }
-    }
-
-    /// A number in a unit; an empty unit for none.
-    pub fn number(
-        name: impl Into<Cow<'static, str>>,
-        number: f64,
-        unit: impl Into<Cow<'static, str>>,
-    ) -> Self {
-        Self { name: name.into(), value: FactValue::Number(number, unit.into()) }
-    }
-
-    /// A count.
-    pub fn count(name: impl Into<Cow<'static, str>>, count: u64) -> Self {
-        Self { name: name.into(), value: FactValue::Count(count) }
-    }
-}
-
-/// The value of a [`Fact`].
-#[derive(Clone, Debug, PartialEq)]
-pub enum FactValue {
-    /// A text.
-    Text(String),
-    /// A number in a unit.
-    Number(f64, Cow<'static, str>),
-    /// A count.
-    Count(u64),
-}
-
-impl fmt::Display for FactValue {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            FactValue::Text(t) => f.write_str(t),
-            FactValue::Number(x, unit) if unit.is_empty() => f.write_str(&rounded(*x)),
-            FactValue::Number(x, unit) => write!(f, "{} {unit}", rounded(*x)),
-            FactValue::Count(n) => write!(f, "{n}"),
-        }
-    }
-}
-
-/// Four significant digits, which is what a person reads.
-fn rounded(x: f64) -> String {
-    if x == 0.0 {
-        return "0".into();
-    }
-    let digits = 3 - x.abs().log10().floor() as i32;
-    match digits {
-        0..=6 => {
-            let text = format!("{x:.*}", digits as usize);
-            if text.contains('.') {
-                text.trim_end_matches('0').trim_end_matches('.').to_owned()
-            } else {
-                text
-            }
-        }
-        -5..0 => format!("{x:.0}"),
-        _ => format!("{x:.3e}"),
-    }
 }
 
 /// A node, as its author writes it.
@@ -498,21 +425,4 @@ pub trait NodeKind: Send + Sync {
     /// # Errors
     /// See [`Node::prepare`].
     fn prepare(&self, setup: &Setup<'_>) -> Result<Box<dyn Processor>, Diagnostic>;
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn facts_are_rounded_for_reading() {
-        let text = |x| FactValue::Number(x, "Hz".into()).to_string();
-        assert_eq!(text(64.999_862_5), "65 Hz");
-        assert_eq!(text(11.194_653), "11.19 Hz");
-        assert_eq!(text(1698.125), "1698 Hz");
-        assert_eq!(text(123_456.0), "123456 Hz");
-        assert_eq!(text(1.058_99e-6), "1.059e-6 Hz");
-        assert_eq!(text(-0.0), "0 Hz");
-        assert_eq!(text(-0.25), "-0.25 Hz");
-    }
 }

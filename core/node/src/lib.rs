@@ -7,6 +7,7 @@
 mod buffer;
 mod check;
 mod descriptor;
+mod fact;
 mod kind;
 mod param;
 mod port;
@@ -19,9 +20,8 @@ pub use asperity_source::{Diagnostic, Place, Source, Span};
 pub use asperity_state::{Keep, State};
 pub use buffer::{Buffer, Frame, InputRef, Inputs, Outputs};
 pub use descriptor::{Descriptor, Resume};
-pub use kind::{
-    Config, Fact, FactValue, Fault, Node, NodeKind, Ports, Processor, Setup, Status, Tick, Wiring,
-};
+pub use fact::{Fact, FactValue};
+pub use kind::{Config, Fault, Node, NodeKind, Ports, Processor, Setup, Status, Tick, Wiring};
 pub use num_complex::Complex;
 pub use param::{Param, ParamKind, ParamValue, Params};
 pub use port::{FrameLayout, Input, LayoutSpec, Output, PortType, RateSpec, Shape, ShapeSpec, UnitSpec, Var};

@@ -100,14 +100,15 @@ impl Node for SampleCommit {
 
     fn set_parameter(&mut self, index: usize, value: f64) {
         match index {
-            0 => self.settings.frames = value as usize,
-            1 => self.settings.passes = value as usize,
+            0 => self.settings.frames = (value as usize).max(1),
+            1 => self.settings.passes = (value as usize).max(1),
             2 => self.settings.momentum = value,
             _ => {}
         }
-        // A value in its range is none that the kernel refuses.
-        let done = self.kernel.set_work(self.settings);
-        debug_assert!(done.is_ok());
+        // What the kernel refuses is out of the parameters' ranges, and changes nothing.
+        if self.kernel.set_work(self.settings).is_err() {
+            self.settings = self.kernel.settings();
+        }
     }
 
     fn latency(&self) -> Latency {

@@ -173,6 +173,11 @@ impl<T: Float> SampleCommit<T> {
         self.delay
     }
 
+    /// How it works.
+    pub fn settings(&self) -> Settings {
+        self.settings
+    }
+
     /// Changes how hard it works from the next frame on. The emission stays as it is.
     ///
     /// # Errors

@@ -18,7 +18,7 @@ impl<T: Float> SampleCommit<T> {
         state.keep(&mut self.fade_from).keep(&mut delay);
         let len = self.sum.len();
         let ahead = (len - 2 * self.framing.fft_len) as i64;
-        let places = self.head + len <= self.x.len()
+        let places = self.head.checked_add(len).is_some_and(|end| end <= self.x.len())
             && (-delay.max(0)..i64::MAX / 2).contains(&self.next)
             && self.history.get(0).is_none_or(|(newest, _)| newest.start <= self.next + ahead);
         let finite =
