@@ -38,7 +38,7 @@ pub enum SettingsError {
 }
 
 /// Most frames in a pass, and most passes for a frame.
-pub const MAX_WORK: usize = 1000;
+pub const MAX_WORK: usize = 100;
 
 impl std::fmt::Display for SettingsError {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
