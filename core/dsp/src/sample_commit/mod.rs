@@ -16,7 +16,9 @@
 //!   pass to pass. Places that stay the same leave a tone's error at -50 dB instead of -80. The newest frames alone diverge
 //!   for two tones and for smooth magnitudes; spread ones without the newest are 6 to 15 dB worse for noise.
 //! * Momentum that ends with each frame costs 2 dB on noise and 5 dB on taps (3 passes).
-//! * The newest hop starts from 0. Where the signal says nothing yet, phases are those of a sweep through the middle half of
+//! * The newest hop starts from 0. Extrapolated (the signal repeated at the period of the strongest bin) it came out 0.3 dB worse
+//!   for noise and 2 dB worse for two tones at emission 0, and 0.4 to 1.6 dB better for noise, contact and taps at -20, means of four
+//!   seeds, of which single ones differ by 2 to 3 dB: not worth its cost. Where the signal says nothing yet, phases are those of a sweep through the middle half of
 //!   the window: from random ones, or a sweep elsewhere, two tones may take a second and more to find their beat.
 //! * Of 1, 3, 10, 30 and 100 thousandths for `e`, 3 does well at all emissions. More is better for smooth magnitudes, and
 //!   worse at negative emissions.
