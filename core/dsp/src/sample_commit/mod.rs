@@ -279,8 +279,12 @@ impl<T: Float> SampleCommit<T> {
         let origin = self.next - self.framing.fft_len as i64;
         let candidates = self.history.starting_after(origin);
         let Some((newest, _)) = self.history.get(0) else { return };
-        // Within the buffers: a frame that starts too early was refused.
-        let end = (newest.start - origin) as usize + self.framing.fft_len;
+        // Within the buffers: a frame that starts too early was refused. One that lies behind them has nothing left to say.
+        let Ok(at) = usize::try_from(newest.start.saturating_sub(origin)) else { return };
+        let end = at.saturating_add(self.framing.fft_len);
+        if end > self.sum.len() {
+            return;
+        }
         for pass in 0..self.settings.passes {
             self.choose(candidates, pass);
             self.pass(origin, end);
