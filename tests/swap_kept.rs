@@ -308,6 +308,8 @@ fn no_step_enters_a_delay_that_goes_on_or_begins_anew() {
         rig.run(20);
         rig.swap(to);
         rig.run(ticks);
+        let anew = rig.controller.collect().into_iter().flat_map(|f| f.anew).any(|id| id == "d");
+        assert_eq!(anew, to.contains("late"), "a node that hands nothing on is told to have begun anew");
         let heard = &rig.heard[20 * TICK - 1..];
         (largest_step(heard), heard.iter().copied().fold(1.0, f32::min))
     };

@@ -145,8 +145,7 @@ impl Link {
             let Some(it) = reader.and_then(|(node, _)| swap.rebuilt.iter().find(|it| it.new == node)) else {
                 continue;
             };
-            let remembers = it.state.as_ref().is_some_and(|state| !state.is_empty());
-            if it.adopted && remembers {
+            if it.adopted {
                 // It goes on from what it heard, and hears it still.
                 fade.through = fade.old.is_none();
             } else {
