@@ -4,9 +4,11 @@
 
 pub mod actuator;
 pub mod contact;
+pub mod hand;
 pub mod motion;
 pub mod phase;
 pub mod sinks;
+pub mod sources;
 pub mod synthesis;
 pub mod texture;
 pub mod utility;
@@ -19,6 +21,13 @@ pub fn registry() -> Registry {
         .with::<motion::Trajectory>()
         .with::<motion::Stroke>()
         .with::<motion::Velocity>()
+        .with::<hand::OscInput>()
+        .with::<hand::PointerInput>()
+        .with::<hand::OpenhapticsInput>()
+        .with::<hand::HaplyInput>()
+        .with::<hand::OpenhapticsForce>()
+        .with::<hand::HaplyForce>()
+        .with::<sources::AudioIn>()
         .with::<contact::VirtualFloor>()
         .with::<contact::SpeedGate>()
         .with::<texture::ActionHistory>()

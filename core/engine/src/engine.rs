@@ -3,13 +3,14 @@
 use std::sync::Arc;
 
 use asperity_graph::{Compiled, Schedule};
-use asperity_node::{Buffer, Fact};
+use asperity_node::{Buffer, Fact, Shape, time};
 
 use crate::denormals::Flushed;
 use crate::panics::install_silent_hook;
 use crate::slot::{NodeReport, Now, Slot};
 use crate::swap::{self, Controller, Link, Run};
 use crate::telemetry::{Clock, NoClock, Watch};
+use crate::view::is_finite;
 
 /// How to run.
 #[derive(Clone, Copy, Debug)]
@@ -144,6 +145,72 @@ impl Engine {
             }
         }
         self.tick += 1;
+    }
+
+    /// Gives a control input that is [fed](asperity_graph::ScheduledInput::fed) its values for the next tick and those after
+    /// it, until others are given; `valid` says whether they are to be trusted. Values that are not finite are not taken, and what
+    /// was there is no longer trusted. False where there is no such input or as many values. Tick thread.
+    pub fn feed_control(&mut self, node: usize, input: usize, given: &[f64], valid: bool) -> bool {
+        let Some(Buffer::Control { values, changed, valid: trusted }) = self.fed(node, input) else {
+            return false;
+        };
+        let fits = values.len() == given.len() && given.iter().all(|x| x.is_finite());
+        *trusted = valid && fits;
+        if fits {
+            *changed = **values != *given;
+            values.copy_from_slice(given);
+        }
+        fits
+    }
+
+    /// Gives an audio input that is fed the samples of the next tick: `fill` gets room for exactly these. Not called, the
+    /// input is silent. Samples that are not finite make it silent and not to be trusted. False where there is no such
+    /// input. Tick thread.
+    pub fn feed_audio(
+        &mut self,
+        node: usize,
+        input: usize,
+        valid: bool,
+        fill: impl FnOnce(&mut [f32]),
+    ) -> bool {
+        let (tick, tick_hz) = (self.tick, self.body.schedule.tick_hz);
+        let shape = self.body.schedule.nodes.get(node).and_then(|n| n.inputs.get(input)?.port.as_ref());
+        let Some(Shape::Audio { rate_hz }) = shape.map(|p| p.shape) else { return false };
+        let Some(buffer) = self.fed(node, input) else { return false };
+        if let Buffer::Audio { samples, len, silent, .. } = buffer {
+            let span = time::samples(tick, rate_hz, tick_hz);
+            *len = ((span.end - span.start) as usize).min(samples.len());
+            samples.fill(0.0);
+            fill(&mut samples[..*len]);
+            *silent = samples.iter().all(|x| *x == 0.0);
+        }
+        let finite = is_finite(buffer);
+        if let Buffer::Audio { samples, silent, .. } = buffer
+            && !finite
+        {
+            samples.fill(0.0);
+            *silent = true;
+        }
+        buffer.set_valid(valid && finite);
+        true
+    }
+
+    /// The buffer of an input that the host feeds.
+    fn fed(&mut self, node: usize, input: usize) -> Option<&mut Buffer> {
+        let port = self.body.schedule.nodes.get(node)?.inputs.get(input)?;
+        self.body.buffers.get_mut(port.reads.buffer as usize).filter(|_| port.fed)
+    }
+
+    /// Goes on `ticks` later without running those between, when they can no longer be heard. Nodes take it as a sleep:
+    /// each goes on as its [`Resume`] says. Tick thread.
+    pub fn skip(&mut self, ticks: u64) {
+        if ticks == 0 {
+            return;
+        }
+        let _flushed = Flushed::new();
+        let now = Now { tick: self.tick, tick_hz: self.body.schedule.tick_hz, sleep: self.options.sleep };
+        self.body.slots.iter_mut().for_each(|slot| slot.skip(ticks, now));
+        self.tick += ticks;
     }
 
     /// What an output of a node holds after the last tick.

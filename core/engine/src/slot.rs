@@ -157,6 +157,22 @@ impl Slot {
         }
     }
 
+    /// Time that goes by without a tick. One that sleeps anyhow is told when it wakes.
+    pub(crate) fn skip(&mut self, ticks: u64, now: Now) {
+        let asleep = self.asleep_since.is_some();
+        let processor = &mut self.processor;
+        let told = match self.resume {
+            Resume::Restart if !asleep => contain(|| processor.reset()),
+            // Where nodes may not sleep, it was called all the same.
+            Resume::Elapsed if !asleep || !now.sleep => contain(|| processor.elapsed(ticks)),
+            _ => Ok(()),
+        };
+        self.rouse();
+        if let Err(fault) = told {
+            self.fault(fault, now);
+        }
+    }
+
     /// What sleeps is silent, and silence can be trusted; controls keep the mark they had.
     fn trust_silence(&self, buffers: &mut [Buffer]) {
         for buffer in &mut buffers[self.outputs.clone()] {

@@ -15,7 +15,7 @@ pub struct Schedule {
     pub seed: u64,
     /// Nodes in the order they run.
     pub nodes: Vec<ScheduledNode>,
-    /// Buffers: constants first, then every node's outputs in the order of `nodes`.
+    /// Buffers: constants and what the host gives first, then every node's outputs in the order of `nodes`.
     pub buffers: Vec<BufferEntry>,
     /// What one tick does, in order.
     pub steps: Vec<Step>,
@@ -104,6 +104,8 @@ pub struct ScheduledInput {
     pub port: Option<PortType>,
     /// Whether it wakes a node that said it sleeps.
     pub wakes: bool,
+    /// Whether the host gives its values: no wire ends at it, and its buffer is its own.
+    pub fed: bool,
 }
 
 /// An output in its place.
@@ -127,6 +129,8 @@ pub enum BufferEntry {
         /// The value.
         value: f64,
     },
+    /// What the host gives to an input.
+    Fed(PortType),
     /// A node's output.
     Output(PortType),
 }
@@ -174,6 +178,15 @@ impl Schedule {
         let (num, den) = longest.as_ratio();
         let ticks = (i128::from(num) * i128::from(self.tick_hz) + i128::from(den) - 1) / i128::from(den);
         Some(u64::try_from(ticks).unwrap_or(0))
+    }
+
+    /// Every input that the host is to give values to: node and input.
+    pub fn fed(&self) -> impl Iterator<Item = (usize, usize)> {
+        let of = |(i, n): (usize, &ScheduledNode)| {
+            let fed = n.inputs.iter().enumerate().filter(|(_, p)| p.fed);
+            fed.map(|(p, _)| (i, p)).collect::<Vec<_>>()
+        };
+        self.nodes.iter().enumerate().flat_map(of)
     }
 
     /// Ids of nodes that allocate while they run.

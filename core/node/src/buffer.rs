@@ -58,6 +58,16 @@ impl Buffer {
         }
     }
 
+    /// Says whether the value is to be trusted.
+    pub fn set_valid(&mut self, trusted: bool) {
+        match self {
+            Buffer::Control { valid, .. }
+            | Buffer::Audio { valid, .. }
+            | Buffer::Magnitude { valid, .. }
+            | Buffer::Spectrum { valid, .. } => *valid = trusted,
+        }
+    }
+
     /// Whether a sleeping node need not be woken for this: silence, no frame, a control that did not change.
     pub fn is_silent(&self) -> bool {
         match self {

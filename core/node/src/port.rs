@@ -168,6 +168,9 @@ pub struct Input {
     pub wakes: bool,
     /// Whether only a limited signal may enter.
     pub limited: bool,
+    /// Whether the host gives the values while no wire ends here: what comes from a device, a network or a hand. Until it
+    /// has, nothing there is to be trusted.
+    pub fed: bool,
 }
 
 /// An output in a descriptor.
@@ -197,6 +200,7 @@ impl Input {
             default: 0.0,
             wakes: !matches!(shape, ShapeSpec::Control(_)),
             limited: false,
+            fed: false,
         }
     }
 
@@ -240,6 +244,14 @@ impl Input {
     #[must_use]
     pub fn limited(mut self) -> Self {
         self.limited = true;
+        self
+    }
+
+    /// May stay unconnected; the host then gives the values, tick by tick. Built-in nodes only: a host knows what to give
+    /// by their kind.
+    #[must_use]
+    pub fn fed(mut self) -> Self {
+        (self.optional, self.fed) = (true, true);
         self
     }
 }

@@ -18,6 +18,10 @@ impl Unit {
     pub const NEWTON: Self = Self::new("N");
     /// Acceleration, and the magnitudes and spectra of one.
     pub const METRE_PER_SECOND_SQUARED: Self = Self::new("m/s^2");
+    /// Stiffness.
+    pub const NEWTON_PER_MILLIMETRE: Self = Self::new("N/mm");
+    /// Damping.
+    pub const NEWTON_SECOND_PER_METRE: Self = Self::new("N s/m");
     /// Current.
     pub const AMPERE: Self = Self::new("A");
     /// Voltage.

@@ -13,7 +13,7 @@ const HYSTERESIS: usize = 2;
 /// Lets audio through while the stylus moves on a surface; fades in and out.
 ///
 /// It opens at `open_mm_s` and `contact_n` and closes at `hysteresis` times these. What serves nothing but its
-/// audio input sleeps while it is closed and has faded out.
+/// audio input sleeps while it is closed and has faded out. While speed or force is not to be trusted, it closes.
 ///
 /// New thresholds and a new hysteresis count from the next tick on; what then opens or closes fades as ever.
 pub struct SpeedGate {
@@ -92,6 +92,11 @@ impl Node for SpeedGate {
     }
 
     fn wants(&mut self, tick: &mut Tick<'_>) -> bool {
+        if !(tick.inputs.valid(1) && tick.inputs.valid(2)) {
+            // Nobody knows where the stylus is.
+            (self.moving, self.touching) = (false, false);
+            return self.gain > 0.0;
+        }
         let (speed, force) = (tick.inputs.value(1), tick.inputs.value(2));
         let part = |on: bool| if on { self.hysteresis } else { 1.0 };
         let (open, touch) = (self.open_mm_s * part(self.moving), self.touch_n * part(self.touching));

@@ -15,6 +15,7 @@ pub struct Velocity {
     filters: [Biquad; 2],
     /// Position and velocity of the last run.
     before: Option<[f64; 2]>,
+    stroke: f64,
     velocity: [f64; 2],
 }
 
@@ -27,6 +28,11 @@ impl Node for Velocity {
         .input(
             Input::new("position", ShapeSpec::Control(3), Unit::MILLIMETRE)
                 .doc("x, y, z of the stylus, z up"),
+        )
+        .input(
+            Input::new("stroke", ShapeSpec::Control(1), Unit::NONE)
+                .or(0.0)
+                .doc("another number: the stylus was put down elsewhere, and what lies between is no motion"),
         )
         .output(Output::new("velocity", ShapeSpec::Control(2), Unit::MILLIMETRE_PER_SECOND).doc("vx, vy"))
         .output(
@@ -58,11 +64,16 @@ impl Node for Velocity {
             let help = format!("below {} Hz, half of how often this node runs; or 0 for none", rate_hz / 2.0);
             setup.params.error("cutoff_hz", e.to_string()).help(help)
         })?;
-        Ok(Self { rate_hz, cutoff_hz, filters: [filter; 2], before: None, velocity: [0.0; 2] })
+        Ok(Self { rate_hz, cutoff_hz, filters: [filter; 2], before: None, stroke: 0.0, velocity: [0.0; 2] })
     }
 
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         let position = tick.inputs.control(0);
+        let stroke = tick.inputs.value(1);
+        if stroke != self.stroke {
+            self.reset();
+            self.stroke = stroke;
+        }
         let now = [position[0], position[1]];
         let before = self.before.replace(now).unwrap_or(now);
         let mut v = [(now[0] - before[0]) * self.rate_hz, (now[1] - before[1]) * self.rate_hz];
@@ -78,6 +89,7 @@ impl Node for Velocity {
 
     fn reset(&mut self) {
         self.before = None;
+        self.stroke = 0.0;
         self.velocity = [0.0; 2];
         self.filters.iter_mut().for_each(Biquad::reset);
     }
@@ -86,7 +98,7 @@ impl Node for Velocity {
     /// constant.
     fn state(&mut self, state: &mut State<'_>) {
         let mut made_for = [self.cutoff_hz, self.rate_hz];
-        state.keep(&mut made_for).keep(&mut self.before).keep(&mut self.velocity);
+        state.keep(&mut made_for).keep(&mut self.before).keep(&mut self.stroke).keep(&mut self.velocity);
         self.filters.iter_mut().for_each(|f| f.state(state));
         if state.restores() && made_for != [self.cutoff_hz, self.rate_hz] {
             self.filters.iter_mut().zip(self.velocity).for_each(|(f, v)| f.reset_to(v));

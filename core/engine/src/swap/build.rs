@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use asperity_graph::{BufferEntry, Compiled, Schedule};
-use asperity_node::{Buffer, Processor, Shape};
+use asperity_node::{Buffer, PortType, Processor, Shape};
 
 use super::crossfade::Crossfade;
 use super::plan::{Fate, Place, Plan, Point, live_value};
@@ -36,7 +36,7 @@ pub(super) fn build(
     };
     let new = body.schedule.clone();
     let guards = guards(plan, old, &new, &mut body.slots);
-    add_shadows(plan, old, &mut body);
+    let own = add_shadows(plan, old, &mut body);
     let (fades, readers) = plan.points.iter().map(|p| crossfade(plan, &new, *p, &mut body)).unzip();
     let mut swap = Swap {
         number,
@@ -50,9 +50,11 @@ pub(super) fn build(
         gone: (0..old.nodes.len()).filter(|i| !plan.fates.iter().any(|f| f.kept() == Some(*i))).collect(),
         sets: Vec::new(),
         guards,
+        fed: carried(plan, old, &new),
         every: every(plan, &new),
         begun: 0,
     };
+    swap.fed.extend(own);
     for (j, fate) in plan.fates.iter().enumerate() {
         match *fate {
             Fate::Kept(i) => {
@@ -77,9 +79,17 @@ pub(super) fn build(
 pub(crate) fn buffers(schedule: &Schedule) -> Vec<Buffer> {
     let buffer = |entry: &BufferEntry| match entry {
         BufferEntry::Constant { count, value } => Buffer::constant(*count, *value),
+        BufferEntry::Fed(port) => fed(port, schedule.tick_hz),
         BufferEntry::Output(port) => Buffer::new(port, schedule.tick_hz),
     };
     schedule.buffers.iter().map(buffer).collect()
+}
+
+/// What the host gives, before it has given anything.
+fn fed(port: &PortType, tick_hz: u32) -> Buffer {
+    let mut buffer = Buffer::new(port, tick_hz);
+    buffer.set_valid(false);
+    buffer
 }
 
 /// What the live parameters of a node are worth.
@@ -115,8 +125,30 @@ fn guards(plan: &Plan, old: &Schedule, new: &Schedule, slots: &mut [Slot]) -> Ve
     after
 }
 
-/// Places for old nodes behind the new ones.
-fn add_shadows(plan: &Plan, old: &Schedule, body: &mut Body) {
+/// What the host has given to old nodes, and the new ones in their place go on with: new and old buffer.
+fn carried(plan: &Plan, old: &Schedule, new: &Schedule) -> Vec<(usize, usize)> {
+    let mut pairs = Vec::new();
+    for (fate, node) in plan.fates.iter().zip(&new.nodes) {
+        let (Fate::Kept(i) | Fate::Rebuilt { old: i, .. }) = fate else { continue };
+        let inputs = node.inputs.iter().zip(&old.nodes[*i].inputs);
+        let fed = inputs.filter(|(new, old)| new.fed && old.fed && new.port == old.port);
+        pairs.extend(fed.map(|(new, old)| (new.reads.buffer as usize, old.reads.buffer as usize)));
+    }
+    pairs
+}
+
+/// Where an old node that still runs finds what the host gives to the node in its place.
+fn fed_anew(plan: &Plan, old: &Schedule, new: &Schedule, i: usize, input: usize) -> Option<usize> {
+    let j = plan.fates.iter().position(|f| matches!(f, Fate::Rebuilt { old, .. } if *old == i))?;
+    let (was, is) = (&old.nodes[i].inputs[input], new.nodes[j].inputs.get(input)?);
+    (was.fed && is.fed && is.port == was.port).then_some(is.reads.buffer as usize)
+}
+
+/// Places for old nodes behind the new ones. Answers what the host gave to those whose place nobody takes: new and old
+/// buffer.
+fn add_shadows(plan: &Plan, old: &Schedule, body: &mut Body) -> Vec<(usize, usize)> {
+    let new = body.schedule.clone();
+    let mut own = Vec::new();
     let first = body.slots.len();
     for &i in &plan.shadows.nodes {
         let node = &old.nodes[i];
@@ -131,19 +163,25 @@ fn add_shadows(plan: &Plan, old: &Schedule, body: &mut Body) {
         for (input, port) in old.nodes[i].inputs.iter().enumerate() {
             let at = match port.from {
                 Some(from) => source(plan, body, from),
-                None => {
-                    let constant = match old.buffers.get(port.reads.buffer as usize) {
+                None => Some(fed_anew(plan, old, &new, i, input).unwrap_or_else(|| {
+                    let (was, is) = (port.reads.buffer as usize, body.buffers.len());
+                    body.buffers.push(match old.buffers.get(was) {
                         Some(BufferEntry::Constant { count, value }) => Buffer::constant(*count, *value),
+                        Some(BufferEntry::Fed(port)) => {
+                            // It holds what it heard last.
+                            own.push((is, was));
+                            fed(port, old.tick_hz)
+                        }
                         _ => Buffer::constant(0, 0.0),
-                    };
-                    body.buffers.push(constant);
-                    Some(body.buffers.len() - 1)
-                }
+                    });
+                    is
+                })),
             };
             // A gate that only keeps its last answer reads nothing.
             body.slots[first + k].inputs[input].buffer = at.unwrap_or(0) as u32;
         }
     }
+    own
 }
 
 /// The buffer of an old node's output in the new body.

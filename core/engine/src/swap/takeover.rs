@@ -42,6 +42,8 @@ pub(crate) struct Swap {
     pub(super) sets: Vec<Set>,
     /// Guards of the new graph for slots that have others while it fades.
     pub(super) guards: Vec<(usize, Guards)>,
+    /// What the host has given to old nodes, and others go on with: new and old buffer.
+    pub(super) fed: Vec<(usize, usize)>,
     /// It is taken over in a tick that this divides, in which every node runs that is new.
     pub(super) every: u64,
     /// The tick of the takeover.
@@ -128,6 +130,9 @@ impl Link {
     fn take_over(&mut self, mut swap: Box<Swap>, body: &mut Body, now: Now) {
         std::mem::swap(body, &mut swap.body);
         let old = &mut swap.body;
+        for &(to, from) in &swap.fed {
+            std::mem::swap(&mut body.buffers[to], &mut old.buffers[from]);
+        }
         for it in &mut swap.rebuilt {
             let (to, from) = (&mut body.slots[it.new], &mut old.slots[it.old]);
             it.adopted = to.adopt(from, it.state.as_deref_mut());

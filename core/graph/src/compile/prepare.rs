@@ -77,6 +77,7 @@ pub(super) fn prepare(
                 from: wire.map(|w| (place[w.from.0], w.from.1)),
                 port: typed.inputs[i][p].clone(),
                 wakes: input.wakes,
+                fed: input.fed && wire.is_none(),
             });
         }
         let wirings = |ports: &[Option<PortType>], connected: Vec<bool>| -> Vec<Wiring> {
@@ -136,18 +137,20 @@ pub(super) fn prepare(
     Ok(Compiled { schedule, processors })
 }
 
-/// What unconnected inputs read, in the order the nodes run.
+/// What unconnected inputs read, in the order the nodes run: constants, and what the host gives.
 fn constants(resolved: &Resolved, typed: &Typed, ordered: &Ordered) -> Vec<BufferEntry> {
     let mut out = Vec::new();
     for &i in &ordered.nodes {
         let node = &resolved.nodes[i];
         let ports = node.ports.inputs.iter().zip(&typed.inputs[i]).zip(&node.input_wires);
         for ((input, port), _) in ports.filter(|(_, wire)| wire.is_none()) {
-            let count = match port {
-                Some(PortType { shape: Shape::Control { count }, .. }) => *count,
-                _ => 0,
-            };
-            out.push(BufferEntry::Constant { count, value: input.default });
+            out.push(match port {
+                Some(port) if input.fed => BufferEntry::Fed(port.clone()),
+                Some(PortType { shape: Shape::Control { count }, .. }) => {
+                    BufferEntry::Constant { count: *count, value: input.default }
+                }
+                _ => BufferEntry::Constant { count: 0, value: input.default },
+            });
         }
     }
     out

@@ -53,7 +53,9 @@ fn text_of(d: &Descriptor) -> String {
     }
     for p in &d.inputs {
         let mut notes = Vec::new();
-        if p.optional {
+        if p.fed {
+            notes.push("from the device, unless wired".into());
+        } else if p.optional {
             notes.push(if p.default == 0.0 {
                 "optional".into()
             } else {
@@ -138,6 +140,7 @@ fn as_json(d: &Descriptor) -> Value {
             json!({
                 "name": p.name, "doc": p.doc, "type": p.shape.to_string(), "unit": p.unit.to_string(),
                 "optional": p.optional, "default": p.optional.then_some(p.default), "limited": p.limited,
+                "fed": p.fed,
             })
         })
         .collect();

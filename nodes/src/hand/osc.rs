@@ -1,0 +1,48 @@
+//! `osc_input`: a hand over the network.
+
+use asperity_node::{Descriptor, Diagnostic, Node, Param, Resume, Setup, Status, Tick, Unit};
+
+use super::{pass_on, place, ports, timing};
+
+/// A stylus whose position comes by Open Sound Control over UDP.
+pub struct OscInput;
+
+impl Node for OscInput {
+    fn descriptor() -> Descriptor {
+        let it = Descriptor::new("osc_input", "A stylus that some other program tracks, over OSC (UDP).")
+            .param(Param::text("listen", "127.0.0.1:9000", "Address and port to listen at."))
+            .param(Param::flag(
+                "anywhere",
+                false,
+                "Listen at an address that other machines reach, too. Anybody there can then move the actuator.",
+            ))
+            .param(Param::text("address", "/stylus", "OSC address, or an OSC 1.0 pattern of addresses."))
+            .param(Param::text(
+                "arguments",
+                "x_mm, y_mm, z_mm",
+                "What each argument of a message is, with its unit: x, y, z in mm, cm or m; force_n; pressure (0 to 1); touch \
+                 (0 or 1); time_ms; `_` for one that means nothing here; a minus turns an axis round.",
+            ));
+        ports(timing(it), Unit::NEWTON, "how hard it presses, where a message says so")
+            .resumes(Resume::Resume)
+    }
+
+    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
+        let p = setup.params;
+        let arguments = p.text("arguments");
+        let says = ["force", "pressure"].iter().any(|word| arguments.contains(word));
+        if setup.outputs[place::FORCE].connected && !says {
+            let message = format!("`{}.force` is wired, but no argument of a message says it", setup.id);
+            return Err(p
+                .error("arguments", message)
+                .help("send force_n too, or compute it with virtual_floor"));
+        }
+        Ok(Self)
+    }
+
+    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
+        pass_on(tick)
+    }
+
+    fn reset(&mut self) {}
+}

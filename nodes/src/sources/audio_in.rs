@@ -1,0 +1,52 @@
+//! `audio_in`: a channel of the sound card, such as an accelerometer on a line input.
+
+use asperity_node::{
+    Config, Descriptor, Diagnostic, Input, Node, Output, Param, Ports, RateSpec, Resume, Setup, ShapeSpec,
+    Status, Tick, Unit, UnitSpec,
+};
+
+/// Reads a channel of the device and scales it.
+pub struct AudioIn {
+    full_scale: f32,
+}
+
+impl Node for AudioIn {
+    fn descriptor() -> Descriptor {
+        Descriptor::new(
+            "audio_in",
+            "Reads a channel of the sound card, such as an accelerometer on a line input.",
+        )
+        .input(
+            Input::new("device", ShapeSpec::Audio(RateSpec::Graph), Unit::FULL_SCALE)
+                .fed()
+                .doc("what the device recorded; a wire here takes its place"),
+        )
+        .output(
+            Output::new("out", ShapeSpec::Audio(RateSpec::Graph), Unit::METRE_PER_SECOND_SQUARED)
+                .doc("the signal, in `unit`"),
+        )
+        .param(Param::integer("channel", 1, 1..=1024, "Channel of the device, counted from 1."))
+        .param(Param::number("full_scale", 1.0, 1e-9..=1e9, "What the device's full scale is, in `unit`."))
+        .param(Param::choice("unit", &["m/s^2", "A", "V", "N", "FS"], "The signal's unit."))
+        .resumes(Resume::Resume)
+    }
+
+    fn ports(config: &Config<'_>, mut ports: Ports) -> Result<Ports, Diagnostic> {
+        let unit = Unit::from_symbol(config.params.text("unit"));
+        ports.outputs.iter_mut().for_each(|o| o.unit = UnitSpec::Is(unit.clone()));
+        Ok(ports)
+    }
+
+    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
+        Ok(Self { full_scale: setup.params.number("full_scale") as f32 })
+    }
+
+    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
+        for (y, x) in tick.outputs.audio(0).iter_mut().zip(tick.inputs.audio(0)) {
+            *y = self.full_scale * x;
+        }
+        Status::Continue
+    }
+
+    fn reset(&mut self) {}
+}
