@@ -45,6 +45,8 @@ pub(crate) struct Body {
     /// Those of the schedule; during and after a swap, more behind them.
     pub(crate) slots: Vec<Slot>,
     pub(crate) steps: Vec<Run>,
+    /// Buffers of audio that the host gives, one tick at a time.
+    pub(crate) fed_audio: Vec<usize>,
 }
 
 impl std::fmt::Debug for Engine {
@@ -66,6 +68,7 @@ impl Engine {
             buffers: swap::buffers(&schedule),
             slots: schedule.nodes.iter().zip(processors).map(|(n, p)| Slot::new(n, p)).collect(),
             steps: schedule.steps.iter().map(|s| (*s).into()).collect(),
+            fed_audio: swap::fed_audio(&schedule),
             schedule: Arc::new(schedule),
         };
         Self { body, tick: 0, options, link: None }
@@ -142,6 +145,13 @@ impl Engine {
                     *spent += after.saturating_sub(before);
                 }
                 before = after;
+            }
+        }
+        let Body { buffers, fed_audio, .. } = &mut self.body;
+        for &at in fed_audio.iter() {
+            // What is not given anew is silent.
+            if let Buffer::Audio { len, silent, .. } = &mut buffers[at] {
+                (*len, *silent) = (0, true);
             }
         }
         self.tick += 1;

@@ -32,6 +32,7 @@ pub(super) fn build(
             .map(|(n, p): (_, Box<dyn Processor>)| Slot::new(n, p))
             .collect(),
         steps: plan.steps.clone(),
+        fed_audio: fed_audio(&new),
         schedule: Arc::new(new),
     };
     let new = body.schedule.clone();
@@ -83,6 +84,12 @@ pub(crate) fn buffers(schedule: &Schedule) -> Vec<Buffer> {
         BufferEntry::Output(port) => Buffer::new(port, schedule.tick_hz),
     };
     schedule.buffers.iter().map(buffer).collect()
+}
+
+/// The buffers of audio that the host gives.
+pub(crate) fn fed_audio(schedule: &Schedule) -> Vec<usize> {
+    let audio = |e: &BufferEntry| matches!(e, BufferEntry::Fed(PortType { shape: Shape::Audio { .. }, .. }));
+    (0..schedule.buffers.len()).filter(|&at| audio(&schedule.buffers[at])).collect()
 }
 
 /// What the host gives, before it has given anything.

@@ -18,7 +18,7 @@ mod report;
 mod shadow;
 mod takeover;
 
-pub(crate) use build::buffers;
+pub(crate) use build::{buffers, fed_audio};
 pub use control::{Controller, MAX_SWAPS};
 pub use crossfade::CROSSFADE_S;
 pub(crate) use order::Run;
