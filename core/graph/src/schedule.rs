@@ -89,6 +89,8 @@ pub struct LiveParam {
     pub index: usize,
     /// What it may be.
     pub kind: ParamKind,
+    /// Its unit, for a person; may be empty.
+    pub unit: String,
 }
 
 /// An input in its place.

@@ -18,6 +18,16 @@ pub struct Args {
 pub enum Command {
     /// Render a graph to a WAV file, as fast as it goes
     Render(Render),
+    /// Play a graph in real time: a hand moves, the actuator on the sound card answers
+    Run(Run),
+    /// List audio hosts and devices: rates, formats, channels, buffer sizes
+    Devices(Devices),
+    /// Play a sine on one channel of a device, behind the actuator's limiter, to find the actuator
+    Tone(Tone),
+    /// Measure the latency from a hand to the output and back through a loopback, beside what is declared
+    Latency(LatencyArgs),
+    /// Measure an actuator with an accelerometer on a line input, and write its profile
+    Calibrate(Calibrate),
     /// Check a graph: order, buffers, rates, latency per path, what was dropped and why
     Check(Check),
     /// List the kinds of nodes, or describe one: ports, units, parameters
@@ -105,9 +115,12 @@ pub struct GraphArgs {
     /// Set a parameter: NODE.PARAM=VALUE, NODE.every=N, or tick_hz, audio_hz, seed
     #[arg(long = "set", value_name = "NODE.PARAM=VALUE")]
     pub set: Vec<String>,
-    /// Play this CSV in place of the graph's trajectory or stroke
+    /// Play this CSV in place of the graph's trajectory, stroke or hand
     #[arg(long, value_name = "TRAJ.csv")]
     pub input: Option<PathBuf>,
+    /// Let a hand move the stylus in place of the graph's trajectory or stroke: osc, pointer, openhaptics, haply
+    #[arg(long, value_name = "KIND[:param=value,...]", conflicts_with = "input")]
+    pub hand: Option<String>,
     /// Keep nodes from which no sink is reached
     #[arg(long)]
     pub no_prune: bool,
@@ -293,4 +306,126 @@ pub struct CasesOfPlugin {
     /// So many of the cases have been run
     #[arg(long, default_value_t = 0)]
     pub skip: usize,
+}
+
+/// The sound card, and how ticks keep time with it.
+#[derive(Clone, Debug, Default, clap::Args)]
+pub struct DeviceArgs {
+    /// Audio host: alsa, jack, pulseaudio, simulated; `asperity devices` lists them
+    #[arg(long, value_name = "HOST")]
+    pub host: Option<String>,
+    /// Device to play on: its name, its id, or HOST:ID. The host's default, unless given; never another than the one that is named
+    #[arg(long, value_name = "DEVICE")]
+    pub device: Option<String>,
+    /// Channel of the device, from 1; one for each `audio_out` of the graph, such as 3,4
+    #[arg(long, value_name = "N,...", value_delimiter = ',', value_parser = clap::value_parser!(u16).range(1..))]
+    pub channel: Vec<u16>,
+    /// Device to record from, for `audio_in`; the same host's default, unless given
+    #[arg(long, value_name = "DEVICE")]
+    pub input_device: Option<String>,
+    /// Frames that the device is asked to want at a time; it may do as it likes
+    #[arg(long, value_name = "FRAMES", value_parser = clap::value_parser!(u32).range(1..=65536))]
+    pub period: Option<u32>,
+    /// Sample format that the device is to have: f32, i16, i24, i32
+    #[arg(long, value_name = "FORMAT")]
+    pub device_format: Option<String>,
+    /// What ticks keep time with, unless the device's period decides: the callback for one of at most a tick, else paced
+    #[arg(long, value_enum)]
+    pub clock: Option<ClockKind>,
+    /// Give up when the device is lost, rather than wait for it
+    #[arg(long)]
+    pub no_reconnect: bool,
+}
+
+/// What ticks keep time with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum ClockKind {
+    /// The audio callback: least latency
+    Callback,
+    /// A thread that is steered by the callback's clock: evenly spaced ticks on any device
+    Paced,
+    /// The computer's own clock: no audio device
+    Timer,
+}
+
+/// `asperity run`
+#[derive(Clone, Debug, clap::Args)]
+pub struct Run {
+    #[command(flatten)]
+    pub graph: GraphArgs,
+    #[command(flatten)]
+    pub device: DeviceArgs,
+    /// How long to run; as long as the stroke lasts or until Ctrl-C, unless given
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    pub seconds: Option<f64>,
+    /// Serve the live page, at a port of the computer's choice unless one is given
+    #[arg(long, value_name = "PORT", num_args = 0..=1, default_missing_value = "0")]
+    pub page: Option<u16>,
+    /// Show the run in the terminal
+    #[arg(long)]
+    pub tui: bool,
+    /// Take changes of the graph, its plugins and the files it reads over as they come
+    #[arg(long)]
+    pub watch: bool,
+    /// Write figures of the run as JSON
+    #[arg(long, value_name = "R.json")]
+    pub report: Option<PathBuf>,
+    /// Run every node in every tick, also those behind a closed gate
+    #[arg(long)]
+    pub no_sleep: bool,
+    /// Longest that one call of a node may take; a longer one is a fault of the node, which is faded out. 10 ticks, unless given
+    #[arg(long, value_name = "US", value_parser = clap::value_parser!(u64).range(1..=10_000_000))]
+    pub limit_us: Option<u64>,
+    /// Say nothing but errors
+    #[arg(long, short)]
+    pub quiet: bool,
+}
+
+/// `asperity devices`
+#[derive(Debug, clap::Args)]
+pub struct Devices {
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `asperity tone`
+#[derive(Clone, Debug, clap::Args)]
+pub struct Tone {
+    #[command(flatten)]
+    pub device: DeviceArgs,
+    /// Frequency
+    #[arg(long, default_value_t = 80.0, value_name = "HZ")]
+    pub hz: f64,
+    /// Peak current, behind an amplifier of `--amps-per-volt`
+    #[arg(long, default_value_t = 0.05, value_name = "A")]
+    pub amps: f64,
+    /// How long
+    #[arg(long, default_value_t = 3.0, value_name = "S")]
+    pub seconds: f64,
+    /// Audio rate
+    #[arg(long, default_value_t = 48_000, value_name = "HZ")]
+    pub rate: u32,
+    #[command(flatten)]
+    pub actuator: ActuatorArgs,
+    /// Say nothing but errors
+    #[arg(long, short)]
+    pub quiet: bool,
+}
+
+/// The actuator, and the amplifier before it.
+#[derive(Clone, Debug, clap::Args)]
+pub struct ActuatorArgs {
+    /// The actuator whose limits hold: a shipped profile or a .ron file
+    #[arg(long, default_value = "hapcoil_one", value_name = "PROFILE")]
+    pub profile: String,
+    /// Mass of what it is fixed to
+    #[arg(long, default_value_t = 100.0, value_name = "G")]
+    pub handle_mass_g: f64,
+    /// Peak volts that the card puts out at full scale
+    #[arg(long, default_value_t = 1.0, value_name = "V")]
+    pub volts_at_full_scale: f64,
+    /// Gain of the current amplifier behind the card
+    #[arg(long, default_value_t = 1.0, value_name = "A/V")]
+    pub amps_per_volt: f64,
 }

@@ -8,39 +8,16 @@ use asperity_source::{Diagnostic, one_of};
 
 use crate::args::GraphArgs;
 use crate::failure::Failure;
-
-/// Kinds that `--input` can take the place of.
-const SOURCES: [&str; 2] = ["trajectory", "stroke"];
+use crate::source;
 
 /// Reads a graph and applies `--set` and `--input`.
 pub fn read(args: &GraphArgs) -> Result<GraphFile, Failure> {
     let mut graph = GraphFile::read(&args.graph)?;
     if let Some(input) = &args.input {
-        let sources: Vec<usize> =
-            (0..graph.nodes.len()).filter(|&i| SOURCES.contains(&graph.nodes[i].kind.as_str())).collect();
-        let &[i] = sources.as_slice() else {
-            let names: Vec<String> = sources.iter().map(|&i| format!("`{}`", graph.nodes[i].id)).collect();
-            let found = if names.is_empty() { "none".to_owned() } else { names.join(", ") };
-            return Err(Diagnostic::new(format!(
-                "--input takes the place of one trajectory or stroke; found {found}"
-            ))
-            .in_file(&args.graph)
-            .help("name the one you mean: --set NODE.file=TRAJ.csv")
-            .into());
-        };
-        let node = &mut graph.nodes[i];
-        // A made stroke's parameters mean nothing to a recorded one.
-        if node.kind != "trajectory" {
-            node.kind = "trajectory".into();
-            node.params.clear();
-            // A stroke has one output, which needs no name; a trajectory has three.
-            let id = node.id.clone();
-            for wire in graph.wires.iter_mut().filter(|w| w.from.node == id) {
-                wire.from.port.get_or_insert_with(|| "position".to_owned());
-            }
-        }
-        let assignment = format!("{}.file={}", graph.nodes[i].id, input.display());
-        graph.set(&assignment, "--input")?;
+        source::play(&mut graph, input)?;
+    }
+    if let Some(hand) = &args.hand {
+        source::take_in_hand(&mut graph, hand)?;
     }
     for assignment in &args.set {
         graph.set(assignment, "--set")?;

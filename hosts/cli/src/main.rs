@@ -12,6 +12,8 @@ mod output;
 mod phase;
 mod plot;
 mod render;
+mod source;
+mod watch;
 
 use std::process::ExitCode;
 

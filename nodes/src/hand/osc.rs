@@ -5,7 +5,10 @@ use asperity_node::{Descriptor, Diagnostic, Node, Param, Resume, Setup, Status, 
 use super::{pass_on, place, ports, timing};
 
 /// A stylus whose position comes by Open Sound Control over UDP.
-pub struct OscInput;
+pub struct OscInput {
+    /// Newton of what a message says: of a force itself, or of full pressure.
+    newton: f64,
+}
 
 impl Node for OscInput {
     fn descriptor() -> Descriptor {
@@ -22,7 +25,11 @@ impl Node for OscInput {
                 "x_mm, y_mm, z_mm",
                 "What each argument of a message is, with its unit: x, y, z in mm, cm or m; force_n; pressure (0 to 1); touch \
                  (0 or 1); time_ms; `_` for one that means nothing here; a minus turns an axis round.",
-            ));
+            ))
+            .param(
+                Param::number("max_force_n", 3.3, 0.0..=100.0, "Force at full pressure, where messages say a pressure.")
+                    .unit("N"),
+            );
         ports(timing(it), Unit::NEWTON, "how hard it presses, where a message says so")
             .resumes(Resume::Resume)
     }
@@ -37,11 +44,14 @@ impl Node for OscInput {
                 .error("arguments", message)
                 .help("send force_n too, or compute it with virtual_floor"));
         }
-        Ok(Self)
+        let newton = if arguments.contains("pressure") { p.number("max_force_n") } else { 1.0 };
+        Ok(Self { newton })
     }
 
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
-        pass_on(tick)
+        let status = pass_on(tick);
+        tick.outputs.set(place::FORCE, tick.inputs.value(place::FORCE) * self.newton);
+        status
     }
 
     fn reset(&mut self) {}

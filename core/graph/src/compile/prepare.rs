@@ -173,6 +173,7 @@ fn scheduled(
         name: p.name.to_string(),
         index,
         kind: p.kind.clone(),
+        unit: p.unit.to_string(),
     });
     ScheduledNode {
         id: decl.id.clone(),

@@ -50,6 +50,7 @@ pub fn run(args: &Render) -> Result<ExitCode, Failure> {
     let mut kinds = Kinds::new(&args.graph.plugins.plugin);
     let compiled = compiled(args, &mut kinds)?;
     let schedule = &compiled.schedule;
+    nothing_live(args, schedule)?;
     let ticks = ticks(args, schedule)?;
     for warning in load::warnings(schedule) {
         crate::failure::warn(&warning);
@@ -138,6 +139,16 @@ fn compiled(args: &Render, kinds: &mut Kinds) -> Result<Compiled, Failure> {
     }
     let registry = kinds.registry(Some(&graph))?;
     load::compiled(&graph, &args.graph, &registry)
+}
+
+/// What comes from a device while it happens is not there offline.
+fn nothing_live(args: &Render, schedule: &asperity_graph::Schedule) -> Result<(), Failure> {
+    let Some((node, _)) = schedule.fed().next() else { return Ok(()) };
+    let node = &schedule.nodes[node];
+    Err(Diagnostic::new(format!("`{}` ({}) is live, and a render hears nothing of it", node.id, node.kind))
+        .in_file(&args.graph.graph)
+        .help("play a stroke in its place: --input TRAJ.csv; or run the graph live: asperity run")
+        .into())
 }
 
 /// Two things written to one file would leave only the last, and what is read must not be written over.

@@ -91,28 +91,40 @@ impl Recorder {
             From::Output(node) => engine.output(node, 0),
         };
         let tick_hz = engine.schedule().tick_hz;
-        let scratch = &mut self.scratch;
+        let mut scratch = std::mem::take(&mut self.scratch);
         scratch.clear();
-        let (start, rate) = match (buffer, self.shape) {
+        let start = match (buffer, self.shape) {
             (Some(Buffer::Control { values, .. }), _) => {
                 scratch.extend(values.iter().map(|x| *x as f32));
-                (tick, tick_hz)
+                Some(tick)
             }
             (Some(Buffer::Audio { samples, len, .. }), Shape::Audio { rate_hz }) => {
                 scratch.extend_from_slice(&samples[..*len]);
-                (time::first_sample(tick, rate_hz, tick_hz), rate_hz)
+                Some(time::first_sample(tick, rate_hz, tick_hz))
             }
-            (Some(Buffer::Magnitude { bins, frame: Some((_, start)), .. }), Shape::Magnitude(l)) => {
+            (Some(Buffer::Magnitude { bins, frame: Some((_, start)), .. }), Shape::Magnitude(_)) => {
                 scratch.extend_from_slice(bins);
-                (*start, l.rate_hz)
+                Some(*start)
             }
-            (Some(Buffer::Spectrum { bins, frame: Some((_, start)), .. }), Shape::Spectrum(l)) => {
+            (Some(Buffer::Spectrum { bins, frame: Some((_, start)), .. }), Shape::Spectrum(_)) => {
                 scratch.extend(bins.iter().flat_map(|z| [z.re, z.im]));
-                (*start, l.rate_hz)
+                Some(*start)
             }
-            _ => return Ok(()),
+            _ => None,
         };
-        self.rows.append(&self.scratch, self.columns, |i| (start + i as u64) as f64 / f64::from(rate))
+        let done = start.map_or(Ok(()), |start| self.append(start, &scratch, tick_hz));
+        self.scratch = scratch;
+        done
+    }
+
+    /// Writes values that begin at `start`: a tick for controls, a sample at the signal's rate for audio and frames.
+    pub fn append(&mut self, start: u64, values: &[f32], tick_hz: u32) -> Result<(), Failure> {
+        let rate_hz = match self.shape {
+            Shape::Control { .. } => tick_hz,
+            Shape::Audio { rate_hz } => rate_hz,
+            Shape::Magnitude(l) | Shape::Spectrum(l) => l.rate_hz,
+        };
+        self.rows.append(values, self.columns, |i| (start + i as u64) as f64 / f64::from(rate_hz))
     }
 
     /// Goes on with the same node where another graph has been taken over.

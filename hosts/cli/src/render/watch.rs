@@ -5,7 +5,6 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
-use std::time::{Duration, SystemTime};
 
 use asperity_engine::{Controller, SwapError};
 use asperity_graph::{Compiled, Schedule, ScheduledNode};
@@ -16,13 +15,7 @@ use super::{compiled, record};
 use crate::args::Render;
 use crate::failure::{Failure, complain};
 use crate::kinds::Kinds;
-use crate::load;
-
-/// How often the files are looked at. Asking works on every system and over a network, where being told does not.
-const POLL: Duration = Duration::from_millis(100);
-
-/// What tells two versions of a file apart without reading it; none for a file that is not there.
-type Stamp = Option<(SystemTime, u64)>;
+use crate::watch::{Files, POLL, Stamps, named, readers, stamps};
 
 /// The thread that watches.
 pub struct Watch {
@@ -52,41 +45,35 @@ struct Watcher {
     kinds: Kinds,
     controller: Controller,
     bar: ProgressBar,
-    /// Files as they were when the running graph was made of them.
-    known: BTreeMap<PathBuf, Stamp>,
+    files: Files,
     sent: BTreeMap<u64, Swapped>,
 }
 
 impl Watcher {
     fn new(args: Render, kinds: Kinds, controller: Controller, bar: ProgressBar) -> Self {
-        let mut it = Self { args, kinds, controller, bar, known: BTreeMap::new(), sent: BTreeMap::new() };
-        it.known = it.stamps();
-        it
+        let files = Files::new(stamps(&args.graph, &kinds, controller.schedule()));
+        Self { args, kinds, controller, bar, files, sent: BTreeMap::new() }
     }
 
     /// Looks until it is told to stop.
     fn run(mut self, stop: &AtomicBool) -> Vec<Swapped> {
-        let mut before = self.stamps();
         while !stop.load(Ordering::Relaxed) {
             std::thread::park_timeout(POLL);
             self.collect();
             let now = self.stamps();
-            // Twice the same: whoever writes has finished.
-            if now != self.known && now == before && self.controller.ready() {
-                self.take_over(&now);
+            if self.controller.ready()
+                && let Some(changed) = self.files.changed(&now)
+            {
+                self.take_over(&changed, &now);
             }
-            before = now;
         }
         self.collect();
         self.sent.into_values().collect()
     }
 
     /// Every file that the graph is made of, as it is now.
-    fn stamps(&self) -> BTreeMap<PathBuf, Stamp> {
-        let stamp = |path: &PathBuf| std::fs::metadata(path).and_then(|m| Ok((m.modified()?, m.len()))).ok();
-        let mut files: Vec<PathBuf> = self.kinds.files().to_vec();
-        files.extend(load::files_read(&self.args.graph, self.controller.schedule()).into_iter().map(|f| f.0));
-        files.into_iter().map(|path| (path.clone(), stamp(&path))).collect()
+    fn stamps(&self) -> Stamps {
+        stamps(&self.args.graph, &self.kinds, self.controller.schedule())
     }
 
     /// Drops what the engine gave back, and takes down when it took over.
@@ -101,20 +88,9 @@ impl Watcher {
         }
     }
 
-    fn take_over(&mut self, now: &BTreeMap<PathBuf, Stamp>) {
-        let changed: Vec<&PathBuf> = now
-            .iter()
-            .filter(|(path, stamp)| self.known.get(*path) != Some(*stamp))
-            .map(|(p, _)| p)
-            .collect();
-        let names: Vec<String> = changed.iter().map(|p| p.display().to_string()).collect();
-        // Nodes that read a file which is another one now, though its name stands as it did.
-        let nodes: Vec<String> = load::node_files(self.controller.schedule())
-            .into_iter()
-            .filter(|f| changed.contains(&&f.path))
-            .map(|f| f.node)
-            .collect();
-        let what = if names.is_empty() { "what it is made of".to_owned() } else { names.join(", ") };
+    fn take_over(&mut self, changed: &[PathBuf], now: &Stamps) {
+        let nodes = readers(self.controller.schedule(), changed);
+        let what = named(changed);
         match self.change(&nodes) {
             Ok(Some(report)) => self.say(&format!("{what} changed: {report}\n")),
             Ok(None) => {}
@@ -125,13 +101,7 @@ impl Watcher {
                 ));
             }
         }
-        self.known = self.stamps();
-        // A file that changed meanwhile is looked at again.
-        for (path, stamp) in now {
-            if let Some(known) = self.known.get_mut(path) {
-                *known = *stamp;
-            }
-        }
+        self.files.know(self.stamps(), now);
     }
 
     /// Compiles the graph anew and sends it. `None` where it is what is running.

@@ -1,0 +1,76 @@
+//! `asperity devices`: what there is to play on.
+
+use std::fmt::Write as _;
+use std::process::ExitCode;
+
+use asperity_audio::{DeviceInfo, HostInfo, SideInfo};
+
+use crate::args::Devices;
+use crate::failure::{Failure, print};
+
+/// Runs the command.
+pub fn run(args: &Devices) -> Result<ExitCode, Failure> {
+    let hosts = asperity_audio::hosts();
+    if args.json {
+        let json = serde_json::to_value(&hosts).map_err(|e| Failure::Machine(e.to_string()))?;
+        print(&format!("{json:#}\n"))?;
+    } else {
+        print(&text(&hosts))?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn text(hosts: &[HostInfo]) -> String {
+    let mut out = String::new();
+    for host in hosts {
+        let _ = writeln!(out, "{}", host.name);
+        match &host.note {
+            Some(note) => drop(writeln!(out, "  {note}")),
+            None if host.devices.is_empty() => drop(writeln!(out, "  no device")),
+            None => host.devices.iter().for_each(|d| device(&mut out, d)),
+        }
+        out.push('\n');
+    }
+    let _ = writeln!(
+        out,
+        "`--device` takes a name, an id, or HOST:ID. Without a sound card: --device simulated:frames=256\n\
+         To find the actuator: asperity tone --device D --channel 1 --hz 80 --amps 0.05"
+    );
+    out
+}
+
+fn device(out: &mut String, d: &DeviceInfo) {
+    let default = match (d.default_output, d.default_input) {
+        (true, true) => "  (default)",
+        (true, false) => "  (default output)",
+        (false, true) => "  (default input)",
+        (false, false) => "",
+    };
+    let id = if d.id == d.name { String::new() } else { format!("  [{}]", d.id) };
+    let _ = writeln!(out, "  {}{id}{default}", d.name);
+    for (what, side) in [("out", &d.output), ("in", &d.input)] {
+        if let Some(side) = side {
+            let _ = writeln!(out, "      {what:3} {}", side_text(side));
+        }
+    }
+    if let Some(note) = &d.note {
+        let _ = writeln!(out, "      {note}");
+    }
+}
+
+fn side_text(side: &SideInfo) -> String {
+    let channels = if side.channels == 1 { "1 channel".to_owned() } else { format!("{} channels", side.channels) };
+    let rates: Vec<String> = side.rates_hz.iter().map(u32::to_string).collect();
+    let rates = if rates.is_empty() {
+        format!("{} to {}", side.rate_range_hz.0, side.rate_range_hz.1)
+    } else {
+        rates.join(", ")
+    };
+    let formats: Vec<String> = side.formats.iter().map(ToString::to_string).collect();
+    let frames = match side.buffer_frames {
+        Some((least, most)) if least == most => format!("; {least} frames at a time"),
+        Some((least, most)) => format!("; {least} to {most} frames at a time"),
+        None => String::new(),
+    };
+    format!("{channels}; {rates} Hz; {}{frames}", formats.join(", "))
+}

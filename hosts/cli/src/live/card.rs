@@ -1,0 +1,103 @@
+//! From the command line to a request for a sound card.
+
+use asperity_audio::{Format, OpenError, Request};
+use asperity_graph::Schedule;
+use asperity_live::driver::Clock;
+use asperity_live::{SessionError, SessionOptions};
+use asperity_source::{Diagnostic, one_of};
+
+use crate::args::{ClockKind, DeviceArgs};
+use crate::failure::Failure;
+
+/// Seconds from silence to full at the start of a run.
+const START_S: f64 = 2.0;
+
+/// What a graph asks of a sound card, with what the command line says of it; none where it has nothing to do with one.
+pub fn request(args: &DeviceArgs, schedule: &Schedule) -> Result<Option<Request>, Failure> {
+    let of = |kind: &str| schedule.nodes.iter().filter(move |n| n.kind == kind).collect::<Vec<_>>();
+    let (outs, ins) = (of("audio_out"), of("audio_in"));
+    let timer = args.clock == Some(ClockKind::Timer);
+    if timer && !(outs.is_empty() && ins.is_empty()) {
+        let id = &outs.first().or(ins.first()).map(|n| n.id.clone()).unwrap_or_default();
+        return Err(wrong("--clock", format!("a timer drives no audio device, and `{id}` needs one"))
+            .help("leave --clock out, or take the node out of the graph")
+            .into());
+    }
+    if outs.is_empty() && ins.is_empty() {
+        return Ok(None);
+    }
+    Ok(Some(Request {
+        host: args.host.clone(),
+        device: args.device.clone(),
+        channels: channels(args, outs.len())?,
+        input_device: args.input_device.clone(),
+        inputs: ins.iter().map(|n| u16::try_from(n.params.integer("channel")).unwrap_or(u16::MAX)).collect(),
+        rate_hz: schedule.audio_hz,
+        period_frames: args.period,
+        format: args.device_format.as_deref().map(format).transpose()?,
+    }))
+}
+
+/// One channel of the device for every `audio_out`.
+fn channels(args: &DeviceArgs, outs: usize) -> Result<Vec<u16>, Failure> {
+    let wanted = outs.max(1);
+    if args.channel.is_empty() {
+        return Ok((1..=u16::try_from(wanted).unwrap_or(u16::MAX)).collect());
+    }
+    if args.channel.len() != wanted {
+        let message = format!("{} channels are named, and the graph has {outs} audio_out", args.channel.len());
+        return Err(wrong("--channel", message).help("one channel for each, such as --channel 3,4").into());
+    }
+    Ok(args.channel.clone())
+}
+
+fn format(text: &str) -> Result<Format, Failure> {
+    let names = || Format::ALL.iter().map(|f| f.name());
+    Format::ALL.into_iter().find(|f| f.name() == text).ok_or_else(|| {
+        wrong("--device-format", format!("there is no sample format `{text}`")).help(one_of(text, names())).into()
+    })
+}
+
+/// How a session is to be started.
+pub fn options(args: &DeviceArgs, device: Option<Request>) -> SessionOptions {
+    let clock = args.clock.map(|c| match c {
+        ClockKind::Callback => Clock::Callback,
+        ClockKind::Paced => Clock::Paced,
+        ClockKind::Timer => Clock::Timer,
+    });
+    SessionOptions {
+        clock: if device.is_none() { Some(Clock::Timer) } else { clock },
+        device,
+        reconnect: !args.no_reconnect,
+        start_s: START_S,
+        realtime: true,
+    }
+}
+
+/// A device that cannot be had, in words that help.
+pub fn failed(error: SessionError) -> Failure {
+    let SessionError::Device(e) = error else { return Failure::Machine(error.to_string()) };
+    let option = match &e {
+        OpenError::NoHost { .. } | OpenError::HostAway { .. } => "--host",
+        OpenError::NoChannel { .. } => "--channel",
+        OpenError::NoFormat { .. } => "--device-format",
+        OpenError::NoRate { .. } => "--set audio_hz",
+        _ => "--device",
+    };
+    let help = match &e {
+        OpenError::NoRate { there, .. } => {
+            let rate = there.iter().map(|(low, _)| *low).find(|hz| *hz >= 8000);
+            rate.map(|hz| format!("the graph runs at any rate: --set audio_hz={hz}"))
+        }
+        OpenError::NoDevice { .. } | OpenError::Ambiguous { .. } | OpenError::HostAway { .. } => {
+            Some("`asperity devices` lists what there is; without a sound card: --device simulated:frames=256".into())
+        }
+        _ => None,
+    };
+    let d = wrong(option, e.to_string());
+    help.map_or(d.clone(), |help| d.help(help)).into()
+}
+
+fn wrong(option: &str, message: String) -> Diagnostic {
+    Diagnostic::new(message).in_file(option)
+}

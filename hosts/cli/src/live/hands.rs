@@ -1,0 +1,162 @@
+//! The devices that nodes of a graph are fed by, and push back with.
+
+use std::collections::HashMap;
+use std::path::PathBuf;
+
+use asperity_graph::{Schedule, ScheduledNode};
+use asperity_hand::passivity::{DeviceDamping, passivity};
+use asperity_hand::{Frame, HandError, Handle, haply, openhaptics, osc};
+use asperity_live::{Ends, ForceReader, SampleWriter, force_model, samples};
+use asperity_source::Diagnostic;
+
+use crate::failure::Failure;
+
+/// Servo rate of the devices that push back, in Hz.
+const SERVO_HZ: f64 = 1000.0;
+
+/// Devices and sockets that are open, by the ids of their input nodes.
+#[derive(Debug, Default)]
+pub struct Hands {
+    open: HashMap<String, Handle>,
+    /// What the live page's pointers are sent into; taken by the page.
+    pointer: Option<SampleWriter>,
+}
+
+impl Hands {
+    /// Opens what these nodes of a graph need. What they had open before is closed first: a port or a device is there once.
+    pub fn open(&mut self, schedule: &Schedule, ids: &[String]) -> Result<Ends, Failure> {
+        let mut ends = Ends::default();
+        let nodes = || schedule.nodes.iter().filter(|n| ids.contains(&n.id));
+        nodes().for_each(|n| drop(self.open.remove(&n.id)));
+        let mut models: HashMap<String, ForceReader> = HashMap::new();
+        for node in schedule.nodes.iter().filter(|n| n.kind.ends_with("_force")) {
+            let input = input_of(schedule, node)?;
+            if ids.contains(&node.id) || ids.contains(&input.id) {
+                let (writer, reader) = force_model();
+                ends.forces.insert(node.id.clone(), writer);
+                models.insert(input.id.clone(), reader);
+            }
+        }
+        for node in nodes().filter(|n| n.kind.ends_with("_input")) {
+            let (writer, reader) = samples();
+            ends.hands.insert(node.id.clone(), reader);
+            if node.kind == "pointer_input" {
+                self.pointer = Some(writer);
+                continue;
+            }
+            let model = models.remove(&node.id);
+            let force = force_of(schedule, node);
+            let handle = start(node, force, writer, model).map_err(|e| refused(node, &e))?;
+            self.open.insert(node.id.clone(), handle);
+        }
+        Ok(ends)
+    }
+
+    /// Where the live page's pointers are to be sent, once after it was opened.
+    pub fn take_pointer(&mut self) -> Option<SampleWriter> {
+        self.pointer.take()
+    }
+
+    /// What went wrong, or is right again, since it was last asked.
+    pub fn problems(&self) -> Vec<String> {
+        let of = |(id, handle): (&String, &Handle)| {
+            let all = std::iter::from_fn(|| handle.problem());
+            all.map(|p| format!("`{id}`: {p}")).collect::<Vec<_>>()
+        };
+        self.open.iter().flat_map(of).collect()
+    }
+
+    /// Walls that their device may not render without trembling, with the figures.
+    pub fn warnings(&self, schedule: &Schedule) -> Vec<String> {
+        let walls = schedule.nodes.iter().filter(|n| n.kind.ends_with("_force"));
+        walls.filter_map(|node| warning(schedule, node, self)).collect()
+    }
+}
+
+/// The input node of the device that a force node pushes back with.
+fn input_of<'s>(schedule: &'s Schedule, force: &ScheduledNode) -> Result<&'s ScheduledNode, Failure> {
+    let kind = force.kind.replace("_force", "_input");
+    let same = |n: &&ScheduledNode| n.kind == kind && n.params.text("device") == force.params.text("device");
+    schedule.nodes.iter().find(same).ok_or_else(|| {
+        let message = format!("`{}` ({}) pushes back with a device that no {kind} reads", force.id, force.kind);
+        let help = format!("add a {kind} with the same `device`: who renders a wall has to know where the stylus is");
+        at(force, Diagnostic::new(message).help(help)).into()
+    })
+}
+
+/// The force node that pushes back with an input node's device.
+fn force_of<'s>(schedule: &'s Schedule, input: &ScheduledNode) -> Option<&'s ScheduledNode> {
+    let kind = input.kind.replace("_input", "_force");
+    schedule.nodes.iter().find(|n| n.kind == kind && n.params.text("device") == input.params.text("device"))
+}
+
+/// An error at the place of a node in its file.
+fn at(node: &ScheduledNode, d: Diagnostic) -> Diagnostic {
+    match node.params.node_place() {
+        Some(place) => d.at(&place.source, place.span),
+        None => d,
+    }
+}
+
+fn refused(node: &ScheduledNode, error: &HandError) -> Failure {
+    let message = format!("`{}` ({}): {}", node.id, node.kind, error.message);
+    at(node, Diagnostic::new(message).help(error.help.clone())).into()
+}
+
+fn start(
+    node: &ScheduledNode,
+    force: Option<&ScheduledNode>,
+    writer: SampleWriter,
+    models: Option<ForceReader>,
+) -> Result<Handle, HandError> {
+    let p = &node.params;
+    let text = |name: &str| Some(p.text(name).trim().to_owned()).filter(|t| !t.is_empty());
+    let most = force.map_or(f64::INFINITY, |f| f.params.number("max_force_n"));
+    match node.kind.as_str() {
+        "osc_input" => {
+            let mut options =
+                osc::OscOptions::new(p.text("address"), osc::parse_arguments(p.text("arguments"))?);
+            options.listen = osc::parse_listen(p.text("listen"))?;
+            options.anywhere = p.flag("anywhere");
+            osc::start(options, writer)
+        }
+        "openhaptics_input" => {
+            let mut options = openhaptics::OpenHapticsOptions::new();
+            options.device = text("device");
+            options.library = text("library").map(PathBuf::from);
+            options.frame = Frame::new(p.text("axes"), [0.0; 3])?;
+            options.max_force_n = most;
+            openhaptics::start(options, writer, models)
+        }
+        _ => {
+            let mut options = haply::HaplyOptions::new();
+            options.device = text("device");
+            options.url = p.text("service").to_owned();
+            options.frame = Frame::new(p.text("axes"), [0.0; 3])?;
+            options.max_force_n = most;
+            haply::start(options, writer, models)
+        }
+    }
+}
+
+/// Colgate's bound for one wall, where it does not hold.
+fn warning(schedule: &Schedule, node: &ScheduledNode, hands: &Hands) -> Option<String> {
+    let input = input_of(schedule, node).ok()?;
+    let handle = hands.open.get(&input.id);
+    // The plane's figures are known beforehand where they come from a node that has them as parameters.
+    let number = |input: &str, param: &str| {
+        let port = node.inputs.iter().find(|i| i.name == input)?;
+        schedule.nodes[port.from?.0].params.get_number(param)
+    };
+    let stiffness = number("stiffness", "stiffness_n_per_mm")?;
+    let damping = number("damping", "damping_ns_per_m").unwrap_or(0.0);
+    let own = node.params.number("device_damping_ns_per_m");
+    let recommended = handle.and_then(|h| h.device().max_stiffness_n_per_mm);
+    let device = match recommended {
+        _ if own > 0.0 => DeviceDamping::Known(own),
+        Some(stiffness) => DeviceDamping::Recommended(stiffness),
+        None => DeviceDamping::Unknown,
+    };
+    let bound = passivity(stiffness, damping, SERVO_HZ, device);
+    (!bound.holds()).then(|| format!("`{}`: {}", node.id, bound.sentence))
+}

@@ -1,0 +1,220 @@
+//! `asperity run`: a graph in real time.
+
+pub mod card;
+mod editor;
+mod hands;
+mod report;
+mod shows;
+
+use std::collections::HashMap;
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::time::{Duration, Instant};
+
+use asperity_engine::Options;
+use asperity_graph::Schedule;
+use asperity_live::view::{Condition, Request};
+use asperity_live::{Conductor, FORCES, HANDS, Session, conduct, mic};
+use asperity_node::time::max_samples;
+use asperity_source::Diagnostic;
+
+use crate::args::Run;
+use crate::failure::{Failure, complain, print, warn};
+use crate::load;
+use crate::output::Pending;
+use crate::render::record::Recorder;
+use crate::render::stop_flag;
+use editor::{Editor, Made};
+use hands::Hands;
+use shows::Shows;
+
+/// Ticks that one call of a node may take, unless `--limit-us` says otherwise. A machine that is busy with other things stalls
+/// for a few ticks now and then; that is no fault of the node.
+const LIMIT_TICKS: u64 = 10;
+/// How often devices, files and pages are looked after.
+const PACE: Duration = Duration::from_micros(16_667);
+/// Longest run that may be asked for, in seconds: a year.
+const MAX_SECONDS: f64 = 365.0 * 86_400.0;
+/// Seconds of recorded samples that may wait for the tick thread.
+const MIC_S: f64 = 1.0;
+
+/// Runs the command.
+pub fn run(args: &Run) -> Result<ExitCode, Failure> {
+    let mut editor = Editor::new(&args.graph);
+    let Made { graph, compiled, materials } = editor.make()?;
+    let schedule = &compiled.schedule;
+    let request = card::request(&args.device, schedule)?;
+    let ticks = ticks(args, schedule)?;
+    for warning in load::warnings(schedule) {
+        warn(&warning);
+    }
+    for id in schedule.allocating() {
+        warn(&format!("`{id}` allocates in every tick and is not fit for real time"));
+    }
+    crate::render::distinct(&args.graph, schedule, &[("--report", args.report.as_ref())])?;
+    let report_file = args.report.as_deref().map(Pending::create).transpose()?;
+    let mut recorders = recorders(schedule)?;
+    let mut hands = Hands::default();
+    let outside = |kind: &str| HANDS.contains(&kind) || FORCES.contains(&kind);
+    let ids: Vec<String> =
+        schedule.nodes.iter().filter(|n| outside(&n.kind)).map(|n| n.id.clone()).collect();
+    let ends = hands.open(schedule, &ids)?;
+    for warning in hands.warnings(schedule) {
+        warn(&warning);
+    }
+    if args.watch {
+        editor.watch(schedule);
+    }
+
+    let limit_ns = args.limit_us.map_or(LIMIT_TICKS * 1_000_000_000 / u64::from(schedule.tick_hz), |us| us * 1000);
+    let options = Options { sleep: !args.no_sleep, limit_ns: Some(limit_ns) };
+    let recorded = request.as_ref().map_or(0, |r| r.inputs.len());
+    let (mic_writer, mic_reader) = if recorded > 0 {
+        let room = (f64::from(schedule.audio_hz) * MIC_S) as usize;
+        let (to, from) = mic(recorded, room, max_samples(schedule.audio_hz, schedule.tick_hz));
+        (Some(to), Some(from))
+    } else {
+        (None, None)
+    };
+    let (conductor, player) = conduct(compiled, &graph, options, ends, mic_reader, materials);
+    let stop = stop_flag();
+    let mut shows = Shows::open(args, &conductor, &mut hands)?;
+    let session_options = card::options(&args.device, request);
+    let session = Session::start(conductor, player, mic_writer, session_options).map_err(card::failed)?;
+
+    let mut stage = Stage { session, editor, hands, recorders: &mut recorders, lost: 0 };
+    let outcome = stage.play(&mut shows, &stop, ticks);
+    let Stage { session, lost, .. } = stage;
+    let grants = session.grants();
+    let mut ended = session.stop();
+    let tick_hz = ended.conductor.schedule().tick_hz;
+    let lost = lost.max(drain(&mut ended.conductor, &mut recorders, tick_hz)?);
+    drop(shows);
+    outcome?;
+    let mut written = Vec::new();
+    for recorder in recorders.into_values() {
+        written.push(recorder.keep()?);
+    }
+    if lost > 0 {
+        warn(&format!("{lost} ticks were not recorded: the disk was too slow"));
+    }
+    let run = report::Run { args, ended: &ended, grants };
+    if let Some(file) = report_file {
+        written.push(file.keep_text(&report::json(&run))?);
+    }
+    if !args.quiet {
+        print(&report::summary(&run, &written))?;
+    }
+    Ok(if ended.view.condition == Condition::Failed { ExitCode::FAILURE } else { ExitCode::SUCCESS })
+}
+
+/// What is looked after while a graph plays.
+struct Stage<'a> {
+    session: Session,
+    editor: Editor,
+    hands: Hands,
+    recorders: &'a mut HashMap<String, Recorder>,
+    /// Ticks that were not recorded.
+    lost: u64,
+}
+
+impl Stage<'_> {
+    /// Plays until the end of the stroke, until it is asked to stop, or until it cannot go on.
+    fn play(&mut self, shows: &mut Shows, stop: &Arc<AtomicBool>, ticks: Option<u64>) -> Result<(), Failure> {
+        let mut next = Instant::now();
+        loop {
+            for notice in self.session.tend().map_err(card::failed)? {
+                shows.say(&notice);
+            }
+            self.hands.problems().iter().for_each(|p| shows.say(p));
+            let mut asked_to_stop = stop.load(Relaxed);
+            for request in shows.requests() {
+                asked_to_stop |= request == Request::Stop;
+                self.serve(&request, shows);
+            }
+            if let Some(said) = self.editor.look(self.session.conductor(), &mut self.hands) {
+                shows.say(&said);
+            }
+            let tick_hz = self.session.conductor().schedule().tick_hz;
+            self.lost = drain(self.session.conductor(), self.recorders, tick_hz)?;
+            let view = self.session.view();
+            let done = ticks.is_some_and(|ticks| view.ticks >= ticks);
+            let (condition, losses) = (view.condition, view.losses);
+            shows.show(view, self.session.conductor().layout(), &mut self.hands);
+            if !self.session.goes_on() {
+                return Err(Failure::Machine(match condition {
+                    Condition::Failed => "the engine panicked, and the output was ramped down".into(),
+                    _ => format!("the device is lost ({losses} losses), and --no-reconnect gives up"),
+                }));
+            }
+            if done || asked_to_stop {
+                return Ok(());
+            }
+            next = (next + PACE).max(Instant::now());
+            std::thread::sleep(next.saturating_duration_since(Instant::now()));
+        }
+    }
+
+    /// Does what a person asks for.
+    fn serve(&mut self, request: &Request, shows: &mut Shows) {
+        let done = match request {
+            Request::Set { node, param, value } => {
+                self.editor.set(node, param, *value, self.session.conductor())
+            }
+            Request::Material { node, name } => {
+                self.editor.choose(node, name, self.session.conductor(), &mut self.hands)
+            }
+            Request::Mute(mute) => {
+                self.session.mute(*mute);
+                Ok(())
+            }
+            Request::Stop => Ok(()),
+        };
+        if let Err(failure) = done {
+            shows.say(&failure.reason());
+        }
+    }
+}
+
+/// Writes down what sinks recorded. Answers how many ticks were lost so far.
+fn drain(
+    conductor: &mut Conductor,
+    recorders: &mut HashMap<String, Recorder>,
+    tick_hz: u32,
+) -> Result<u64, Failure> {
+    let mut outcome = Ok(());
+    let lost = conductor.recorded(|id, start, values| {
+        if let (Ok(()), Some(recorder)) = (&outcome, recorders.get_mut(id)) {
+            outcome = recorder.append(start, values, tick_hz);
+        }
+    });
+    outcome.map(|()| lost)
+}
+
+/// The files that sinks want written, by node id.
+fn recorders(schedule: &Schedule) -> Result<HashMap<String, Recorder>, Failure> {
+    let ids = schedule.nodes.iter().filter(|n| crate::render::record::file_of(n).is_some()).map(|n| n.id.clone());
+    Ok(ids.zip(Recorder::for_sinks(schedule)?).collect())
+}
+
+/// Ticks to run; none for until somebody stops it.
+fn ticks(args: &Run, schedule: &Schedule) -> Result<Option<u64>, Failure> {
+    match args.seconds {
+        Some(s) if s > 0.0 && s <= MAX_SECONDS => {
+            Ok(Some((s * f64::from(schedule.tick_hz)).round().max(1.0) as u64))
+        }
+        Some(s) => Err(Diagnostic::new(format!("{s} s is out of range"))
+            .in_file("--seconds")
+            .help(format!("above 0, at most {MAX_SECONDS} s"))
+            .into()),
+        None => Ok(schedule.duration_ticks().filter(|&t| t > 0)),
+    }
+}
+
+/// Says something where no terminal page is in the way.
+fn say(quiet: bool, text: &str) {
+    if !quiet {
+        complain(&format!("{text}\n"));
+    }
+}

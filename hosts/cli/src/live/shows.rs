@@ -1,0 +1,112 @@
+//! Who looks at a run: the live page, the terminal, or lines of text.
+
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+
+use asperity_live::Conductor;
+use asperity_live::view::{Layout, Request, View};
+use asperity_page::{Feed, Page, serve};
+use asperity_terminal::Terminal;
+
+use super::hands::Hands;
+use super::say;
+use crate::args::Run;
+use crate::failure::Failure;
+
+/// Requests that may wait: of more, the newest are refused.
+const REQUESTS: usize = 256;
+
+/// The page, the terminal, and what they ask for.
+pub struct Shows {
+    page: Option<(Page, Arc<Feed>)>,
+    terminal: Option<Terminal>,
+    requests: Receiver<Request>,
+    /// Kept so that the channel stays open where nobody looks.
+    _sender: SyncSender<Request>,
+    layout: Option<Layout>,
+    quiet: bool,
+    begun: bool,
+}
+
+impl Shows {
+    /// Opens what the command line asks for.
+    pub fn open(args: &Run, conductor: &Conductor, hands: &mut Hands) -> Result<Self, Failure> {
+        let (sender, requests) = sync_channel(REQUESTS);
+        let page = match args.page {
+            Some(port) => {
+                let feed = Arc::new(Feed::new());
+                feed.publish_layout(conductor.layout().clone());
+                let options = asperity_page::Options { port, ..asperity_page::Options::default() };
+                let page = serve(options, feed.clone(), sender.clone(), hands.take_pointer())
+                    .map_err(|e| Failure::Machine(format!("cannot serve the page at port {port}: {e}")))?;
+                say(args.quiet && !args.tui, &format!("the page: {}", page.url()));
+                Some((page, feed))
+            }
+            None => None,
+        };
+        let terminal = match args.tui {
+            true => Some(
+                Terminal::open(sender.clone())
+                    .map_err(|e| Failure::Machine(format!("cannot draw in the terminal: {e}")))?,
+            ),
+            false => None,
+        };
+        let quiet = args.quiet || args.tui;
+        let mut it = Self { page, terminal, requests, _sender: sender, layout: None, quiet, begun: false };
+        if let (Some((page, _)), Some(terminal)) = (&it.page, &mut it.terminal) {
+            terminal.note(&format!("the page: {}", page.url()));
+        }
+        Ok(it)
+    }
+
+    /// What a person asked for since the last time.
+    pub fn requests(&self) -> Vec<Request> {
+        self.requests.try_iter().collect()
+    }
+
+    /// Says something to whoever looks.
+    pub fn say(&mut self, text: &str) {
+        match &mut self.terminal {
+            Some(terminal) => terminal.note(text),
+            None => say(self.quiet, text),
+        }
+    }
+
+    /// Shows figures of the moment, and the graph where it changed.
+    pub fn show(&mut self, view: View, layout: &Layout, _hands: &mut Hands) {
+        if self.layout.as_ref() != Some(layout) {
+            if let Some((_, feed)) = &self.page {
+                feed.publish_layout(layout.clone());
+            }
+            if let Some(terminal) = &mut self.terminal {
+                terminal.layout(layout);
+            }
+            self.layout = Some(layout.clone());
+        }
+        if !self.begun && !view.clock.is_empty() && (view.period_frames > 0 || view.device.is_empty()) {
+            self.begun = true;
+            let text = begins(&view, layout);
+            self.say(&text);
+        }
+        if let Some(terminal) = &mut self.terminal
+            && terminal.draw(&view).is_err()
+        {
+            // Nobody can see it any more.
+            self.terminal = None;
+        }
+        if let Some((_, feed)) = &self.page {
+            feed.publish(view);
+        }
+    }
+}
+
+/// How the run goes, in a line.
+fn begins(view: &View, layout: &Layout) -> String {
+    if view.device.is_empty() {
+        return format!("runs at {} ticks/s without audio; Ctrl-C stops", layout.tick_hz);
+    }
+    format!(
+        "plays on {}: {} Hz, {} frames at a time, {} ticks/s by the {} clock; Ctrl-C stops",
+        view.device, layout.audio_hz, view.period_frames, layout.tick_hz, view.clock
+    )
+}

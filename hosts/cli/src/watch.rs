@@ -1,0 +1,73 @@
+//! Files that a running graph was made of, and whether they changed.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::time::{Duration, SystemTime};
+
+use asperity_graph::Schedule;
+
+use crate::args::GraphArgs;
+use crate::kinds::Kinds;
+use crate::load;
+
+/// How often files are looked at. Asking works on every system and over a network, where being told does not.
+pub const POLL: Duration = Duration::from_millis(100);
+
+/// What tells two versions of a file apart without reading it; none for a file that is not there.
+type Stamp = Option<(SystemTime, u64)>;
+
+/// Files as they were.
+pub type Stamps = BTreeMap<PathBuf, Stamp>;
+
+/// The files of a running graph.
+pub struct Files {
+    /// As they were when the running graph was made of them.
+    known: Stamps,
+    /// As they were when they were last looked at.
+    before: Stamps,
+}
+
+/// Every file that a graph is made of, as it is now.
+pub fn stamps(args: &GraphArgs, kinds: &Kinds, schedule: &Schedule) -> Stamps {
+    let stamp = |path: &PathBuf| std::fs::metadata(path).and_then(|m| Ok((m.modified()?, m.len()))).ok();
+    let mut files: Vec<PathBuf> = kinds.files().to_vec();
+    files.extend(load::files_read(args, schedule).into_iter().map(|f| f.0));
+    files.into_iter().map(|path| (path.clone(), stamp(&path))).collect()
+}
+
+impl Files {
+    /// The files as the running graph was made of them.
+    pub fn new(now: Stamps) -> Self {
+        Self { before: now.clone(), known: now }
+    }
+
+    /// Those that changed, once whoever writes has finished: twice in a row they look the same, and other than known.
+    pub fn changed(&mut self, now: &Stamps) -> Option<Vec<PathBuf>> {
+        let settled = *now != self.known && *now == self.before;
+        self.before.clone_from(now);
+        let differs = |(path, stamp): &(&PathBuf, &Stamp)| self.known.get(*path) != Some(*stamp);
+        settled.then(|| now.iter().filter(differs).map(|(path, _)| path.clone()).collect())
+    }
+
+    /// The files of the graph that runs from now on, of which `seen` had been looked at before it was read: what changed
+    /// meanwhile is looked at again.
+    pub fn know(&mut self, after: Stamps, seen: &Stamps) {
+        self.known = after;
+        for (path, stamp) in seen {
+            if let Some(known) = self.known.get_mut(path) {
+                *known = *stamp;
+            }
+        }
+    }
+}
+
+/// Nodes that read one of these files, though their parameters stand as they did.
+pub fn readers(schedule: &Schedule, changed: &[PathBuf]) -> Vec<String> {
+    load::node_files(schedule).into_iter().filter(|f| changed.contains(&f.path)).map(|f| f.node).collect()
+}
+
+/// The files in a line.
+pub fn named(changed: &[PathBuf]) -> String {
+    let names: Vec<String> = changed.iter().map(|p| p.display().to_string()).collect();
+    if names.is_empty() { "what it is made of".to_owned() } else { names.join(", ") }
+}

@@ -1,0 +1,322 @@
+//! The control side of a running graph: changes it, and looks at it.
+
+use std::collections::HashMap;
+use std::fmt;
+use std::sync::Arc;
+use std::sync::atomic::Ordering::Relaxed;
+use std::time::Duration;
+
+use asperity_engine::{Controller, Engine, Finished, Options, ParameterError, SwapError, SwapReport};
+use asperity_graph::{Compiled, GraphFile, Schedule, ScheduledNode};
+use asperity_node::Params;
+use ringbuf::traits::{Consumer, Observer, Producer, Split};
+use ringbuf::{HeapCons, HeapProd, HeapRb};
+
+use crate::layout::{layout, scopes};
+use crate::player::{
+    ForceSlot, HandSlot, MicReader, NodeMeters, Player, Scope, SourceMeter, TapeReader, Wiring, tape,
+};
+use crate::timeline::{Delay, Timeline};
+use crate::view::{Layout, Materials, SourceView, View};
+use crate::{ForceWriter, SampleReader};
+
+/// Kinds of nodes that a host feeds with where a hand is.
+pub const HANDS: [&str; 4] = ["osc_input", "pointer_input", "openhaptics_input", "haply_input"];
+
+/// Kinds of sinks that a device pushes back with.
+pub const FORCES: [&str; 2] = ["openhaptics_force", "haply_force"];
+
+/// How long a scope's samples may wait to be looked at.
+const SCOPE_S: f64 = 0.25;
+
+/// The ends of what reaches nodes from outside, by node id.
+#[derive(Debug, Default)]
+pub struct Ends {
+    /// Where hands come in.
+    pub hands: HashMap<String, SampleReader>,
+    /// Where surfaces to push back with go out.
+    pub forces: HashMap<String, ForceWriter>,
+}
+
+/// What the control side keeps of a graph that it sent.
+struct Sent {
+    /// [`Engine::swaps`] from which on it runs.
+    swap: u64,
+    schedule: Arc<Schedule>,
+    meters: Arc<NodeMeters>,
+    sources: Vec<(String, Arc<SourceMeter>)>,
+    scopes: Vec<HeapCons<f32>>,
+    layout: Layout,
+    /// What its sinks record, by node id.
+    tapes: Vec<(String, TapeReader)>,
+}
+
+/// Changes a running graph from a control thread, and looks at it; the other end of a [`Player`].
+pub struct Conductor {
+    controller: Controller,
+    wirings: HeapProd<Box<Wiring>>,
+    retired: HeapCons<Box<Wiring>>,
+    /// The graph that will run once all that was sent is taken over.
+    sent: Sent,
+    before: Vec<(u64, u64)>,
+    counts: Vec<Rate>,
+    swaps: u64,
+    /// Tapes of earlier graphs first, while there is something on them.
+    tapes: Vec<(String, TapeReader)>,
+    lost: u64,
+}
+
+/// How often something comes, averaged over about a second.
+#[derive(Clone, Copy, Debug, Default)]
+struct Rate {
+    samples: u64,
+    per_s: f64,
+}
+
+impl fmt::Debug for Conductor {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Conductor").field("controller", &self.controller).finish_non_exhaustive()
+    }
+}
+
+/// Makes a graph ready to be run in real time: what a driver runs, and what controls it. `ends` holds an end for every node
+/// of [`HANDS`] and [`FORCES`]; one that is missing stays silent. `materials` says what a person may choose.
+pub fn conduct(
+    compiled: Compiled,
+    graph: &GraphFile,
+    options: Options,
+    ends: Ends,
+    mic: Option<MicReader>,
+    materials: Vec<Materials>,
+) -> (Conductor, Player) {
+    let schedule = Arc::new(compiled.schedule.clone());
+    let (controller, engine) = Engine::controlled(compiled, options);
+    let (mut sent, wiring) = wire(0, graph, schedule, ends, None, materials);
+    let (wirings, to_player) = HeapRb::new(8).split();
+    let (from_player, retired) = HeapRb::new(8).split();
+    let player = Player::new(engine, wiring, mic, to_player, from_player);
+    let conductor = Conductor {
+        controller,
+        wirings,
+        retired,
+        tapes: std::mem::take(&mut sent.tapes),
+        lost: 0,
+        sent,
+        before: Vec::new(),
+        counts: Vec::new(),
+        swaps: 0,
+    };
+    (conductor, player)
+}
+
+impl Conductor {
+    /// The graph that will run once all that was sent is taken over.
+    pub fn schedule(&self) -> &Arc<Schedule> {
+        self.controller.schedule()
+    }
+
+    /// Whether [`swap`](Self::swap) would find room now.
+    pub fn ready(&mut self) -> bool {
+        while self.retired.try_pop().is_some() {}
+        self.controller.ready() && self.wirings.vacant_len() > 0
+    }
+
+    /// The nodes of another graph that need an end of their own: there was none of that name, or it was set otherwise.
+    pub fn needs_ends(&self, schedule: &Schedule) -> Vec<String> {
+        let outside = |n: &&ScheduledNode| is_among(n, &HANDS) || is_among(n, &FORCES);
+        let goes_on = |n: &ScheduledNode| goes_on(&self.sent.schedule, n).is_some();
+        schedule.nodes.iter().filter(outside).filter(|n| !goes_on(n)).map(|n| n.id.clone()).collect()
+    }
+
+    /// Sends a changed graph; see [`Controller::swap`]. `ends` holds those that [`needs_ends`](Self::needs_ends) named.
+    ///
+    /// # Errors
+    /// [`SwapError`] says what to do. Nothing is sent then.
+    pub fn swap(
+        &mut self,
+        compiled: Compiled,
+        graph: &GraphFile,
+        changed: &[String],
+        ends: Ends,
+        materials: Vec<Materials>,
+    ) -> Result<SwapReport, SwapError> {
+        if !self.ready() {
+            return Err(SwapError::Busy);
+        }
+        // All that could go wrong with the swap is asked before anything is sent.
+        let (old, new) = (self.controller.schedule(), &compiled.schedule);
+        if old.tick_hz != new.tick_hz {
+            return Err(SwapError::TickRate { running: old.tick_hz, asked: new.tick_hz });
+        }
+        if old.audio_hz != new.audio_hz {
+            return Err(SwapError::AudioRate { running: old.audio_hz, asked: new.audio_hz });
+        }
+        let schedule = Arc::new(compiled.schedule.clone());
+        let number = self.swaps + 1;
+        let (mut sent, wiring) = wire(number, graph, schedule, ends, Some(&self.sent), materials);
+        // Sent first, so that it is there in the tick that takes the graph over.
+        if self.wirings.try_push(wiring).is_err() {
+            return Err(SwapError::Busy);
+        }
+        let report = self.controller.swap(compiled, changed)?;
+        self.swaps = number;
+        self.tapes.append(&mut sent.tapes);
+        self.sent = sent;
+        self.before.clear();
+        self.counts.clear();
+        Ok(report)
+    }
+
+    /// Sets a live parameter; see [`Controller::set_parameter`].
+    ///
+    /// # Errors
+    /// [`ParameterError`] says what to do; nothing is sent then.
+    pub fn set_parameter(&mut self, node: &str, param: &str, value: f64) -> Result<(), ParameterError> {
+        self.controller.set_parameter(node, param, value)?;
+        let nodes = &mut self.sent.layout.nodes;
+        let live =
+            nodes.iter_mut().find(|n| n.id == node).and_then(|n| n.live.iter_mut().find(|l| l.name == param));
+        if let Some(live) = live {
+            live.value = value;
+        }
+        Ok(())
+    }
+
+    /// Drops what the tick thread gave back, and says which swaps are over.
+    pub fn collect(&mut self) -> Vec<Finished> {
+        while self.retired.try_pop().is_some() {}
+        self.controller.collect()
+    }
+
+    /// Hands on what sinks recorded since it was last asked: the sink's id, where the values begin (a tick for controls, a
+    /// sample at the signal's rate for audio and frames), and the values. Answers how many ticks found no room so far,
+    /// because nobody asked for 4 s.
+    pub fn recorded(&mut self, mut take: impl FnMut(&str, u64, &[f32])) -> u64 {
+        let mut values = Vec::new();
+        for (id, tape) in &mut self.tapes {
+            while let Some(start) = tape.next(&mut values) {
+                take(id, start, &values);
+            }
+        }
+        let ended: Vec<_> = self.tapes.extract_if(.., |(_, tape)| tape.ended()).collect();
+        self.lost += ended.iter().map(|(_, tape)| tape.lost()).sum::<u64>();
+        self.lost + self.tapes.iter().map(|(_, tape)| tape.lost()).sum::<u64>()
+    }
+
+    /// The graph as a person sees it, with what its live parameters are set to now.
+    pub fn layout(&self) -> &Layout {
+        &self.sent.layout
+    }
+
+    /// Adds what is seen of nodes, sources and scopes. `since` is how long it is since it was last asked.
+    pub fn look(&mut self, view: &mut View, since: Duration) {
+        let sent = &mut self.sent;
+        view.layout = sent.swap;
+        view.peak = sent.meters.peak();
+        view.nodes = sent.meters.view(&sent.schedule, &mut self.before);
+        view.faults = view.nodes.iter().map(|n| n.faults).sum();
+        view.scopes = sent.scopes.iter_mut().map(|s| s.pop_iter().collect()).collect();
+        self.counts.resize(sent.sources.len(), Rate::default());
+        let seconds = since.as_secs_f64();
+        let source = |((id, meter), rate): (&(String, Arc<SourceMeter>), &mut Rate)| {
+            let samples = meter.samples.load(Relaxed);
+            let fresh = samples.saturating_sub(rate.samples) as f64;
+            if seconds > 0.0 {
+                rate.per_s += (fresh / seconds - rate.per_s) * (1.0 - (-seconds).exp());
+            }
+            rate.samples = samples;
+            SourceView {
+                id: id.clone(),
+                rate_hz: rate.per_s,
+                age_ms: meter.age_ns.load(Relaxed) as f64 * 1e-6,
+                delay_ms: meter.delay_ns.load(Relaxed) as f64 * 1e-6,
+                stalls: meter.stalls.load(Relaxed),
+                stalled: meter.stalled.load(Relaxed),
+                samples,
+            }
+        };
+        view.sources = sent.sources.iter().zip(&mut self.counts).map(source).collect();
+    }
+}
+
+fn is_among(node: &ScheduledNode, kinds: &[&str]) -> bool {
+    kinds.contains(&node.kind.as_str())
+}
+
+/// The node of the graph before that another goes on as, with what reaches it from outside.
+fn goes_on<'s>(before: &'s Schedule, node: &ScheduledNode) -> Option<&'s ScheduledNode> {
+    let same = |a: &Params, b: &Params| a.iter().eq(b.iter());
+    before.nodes.iter().find(|n| n.id == node.id && n.kind == node.kind && same(&n.params, &node.params))
+}
+
+/// Where the nodes of a graph meet the world.
+fn wire(
+    swap: u64,
+    graph: &GraphFile,
+    schedule: Arc<Schedule>,
+    mut ends: Ends,
+    before: Option<&Sent>,
+    materials: Vec<Materials>,
+) -> (Sent, Box<Wiring>) {
+    // The slots of the graph before are in the order of its nodes.
+    let slot = |node: &ScheduledNode, kinds: &[&str]| {
+        let old = &before?.schedule;
+        let was = goes_on(old, node)?;
+        old.nodes.iter().filter(|n| is_among(n, kinds)).position(|n| n.id == was.id)
+    };
+    let of = |kinds: &'static [&'static str]| {
+        schedule.nodes.iter().enumerate().filter(move |(_, n)| kinds.contains(&n.kind.as_str()))
+    };
+    let mut sources = Vec::new();
+    let mut hands = Vec::new();
+    for (at, node) in of(&HANDS) {
+        let from = slot(node, &HANDS);
+        let timeline = ends.hands.remove(&node.id).map(|reader| {
+            let (delay, timeout_ns) = timing(&node.params);
+            Timeline::new(reader, delay, timeout_ns)
+        });
+        let meter = Arc::new(SourceMeter::default());
+        sources.push((node.id.clone(), meter.clone()));
+        hands.push(HandSlot { node: at, from: from.filter(|_| timeline.is_none()), timeline, meter });
+    }
+    let mut forces = Vec::new();
+    for (at, node) in of(&FORCES) {
+        let writer = ends.forces.remove(&node.id);
+        let from = slot(node, &FORCES).filter(|_| writer.is_none());
+        forces.push(ForceSlot { node: at, max_force_n: node.params.number("max_force_n"), writer, from });
+    }
+    let (mut scopes_out, mut scopes_in) = (Vec::new(), Vec::new());
+    for ((node, output), scope) in scopes(&schedule) {
+        let (to, from) = HeapRb::new((f64::from(scope.rate_hz) * SCOPE_S) as usize + 1).split();
+        scopes_out.push(Scope { node, output, to });
+        scopes_in.push(from);
+    }
+    let (mut tapes_out, mut tapes_in) = (Vec::new(), Vec::new());
+    for (at, node) in of(&["file_out", "probe"]).filter(|(_, n)| !n.params.text("file").is_empty()) {
+        if let Some((to, from)) = tape(at, node, schedule.tick_hz) {
+            tapes_out.push(to);
+            tapes_in.push((node.id.clone(), from));
+        }
+    }
+    let meters = Arc::new(NodeMeters::new(&schedule));
+    let wiring = Wiring {
+        swap,
+        outs: of(&["audio_out"]).map(|(i, _)| i).collect(),
+        hands,
+        mics: of(&["audio_in"]).enumerate().map(|(channel, (i, _))| (i, channel)).collect(),
+        forces,
+        scopes: scopes_out,
+        tapes: tapes_out,
+        meters: meters.clone(),
+        spent: vec![0; schedule.nodes.len()],
+    };
+    let layout = layout(swap, graph, &schedule, materials);
+    (Sent { swap, schedule, meters, sources, scopes: scopes_in, layout, tapes: tapes_in }, Box::new(wiring))
+}
+
+/// When a source is too old, and how far behind it is read.
+fn timing(params: &Params) -> (Delay, u64) {
+    let ns = |ms: f64| (ms * 1e6) as u64;
+    let delay = params.get_number("delay_ms").map_or(Delay::Auto, |ms| Delay::Fixed(ns(ms)));
+    (delay, ns(params.number("timeout_ms")))
+}

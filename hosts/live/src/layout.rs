@@ -1,0 +1,102 @@
+//! A graph as a person sees it.
+
+use asperity_graph::{GraphFile, Schedule};
+use asperity_node::{ParamKind, ParamValue, Shape, Unit};
+
+use crate::view::{Layout, LiveLayout, Materials, NodeLayout, ScopeLayout};
+
+/// A signal for a scope: node and output.
+pub(crate) type Signal = (usize, usize);
+
+/// The signals that tell most about a graph, each with its name: how fast and how hard the hand is, what the texture
+/// model says, what the coil gets.
+pub(crate) fn scopes(schedule: &Schedule) -> Vec<(Signal, ScopeLayout)> {
+    let outputs = || {
+        let of = |(i, n): (usize, &asperity_graph::ScheduledNode)| {
+            let ports = n.outputs.iter().enumerate();
+            ports.map(|(o, out)| ((i, o), out.port.clone(), out.name.clone())).collect::<Vec<_>>()
+        };
+        schedule.nodes.iter().enumerate().flat_map(of)
+    };
+    let control =
+        |unit: &Unit| outputs().find(|(_, p, _)| matches!(p.shape, Shape::Control { .. }) && p.unit == *unit);
+    // The last one in the order they run: what is nearest to the actuator.
+    let audio = |units: &[Unit]| {
+        let fits = |shape: Shape| shape == Shape::Audio { rate_hz: schedule.audio_hz };
+        outputs().filter(|(_, p, _)| fits(p.shape) && units.contains(&p.unit)).last()
+    };
+    let wanted = [
+        ("speed", control(&Unit::MILLIMETRE_PER_SECOND)),
+        ("force", control(&Unit::NEWTON)),
+        ("acceleration", audio(&[Unit::METRE_PER_SECOND_SQUARED])),
+        ("current", audio(&[Unit::AMPERE])),
+        ("voltage", audio(&[Unit::VOLT])),
+    ];
+    let scope = |(name, found): (&str, Option<(Signal, asperity_node::PortType, String)>)| {
+        let (signal, port, _) = found?;
+        let rate_hz = if let Shape::Audio { rate_hz } = port.shape { rate_hz } else { schedule.tick_hz };
+        Some((signal, ScopeLayout { name: name.into(), unit: port.unit.to_string(), rate_hz }))
+    };
+    wanted.into_iter().filter_map(scope).collect()
+}
+
+/// The graph as it is being run.
+pub(crate) fn layout(
+    number: u64,
+    graph: &GraphFile,
+    schedule: &Schedule,
+    materials: Vec<Materials>,
+) -> Layout {
+    let ports = |name: &str, unit: &Unit| [name.to_owned(), unit.to_string()];
+    let node = |n: &asperity_graph::ScheduledNode| NodeLayout {
+        id: n.id.clone(),
+        kind: n.kind.clone(),
+        inputs: n
+            .inputs
+            .iter()
+            .map(|i| ports(&i.name, i.port.as_ref().map_or(&Unit::NONE, |p| &p.unit)))
+            .collect(),
+        outputs: n.outputs.iter().map(|o| ports(&o.name, &o.port.unit)).collect(),
+        live: n.live.iter().filter_map(|l| live(l, n.params.get(&l.name)?)).collect(),
+        sink: n.sink,
+    };
+    let wires = schedule.nodes.iter().enumerate().flat_map(|(to, n)| {
+        let from = n.inputs.iter().enumerate().filter_map(move |(input, i)| Some((i.from?, input)));
+        from.map(move |((node, output), input)| [node, output, to, input])
+    });
+    Layout {
+        number,
+        file: graph.source.path().display().to_string(),
+        tick_hz: schedule.tick_hz,
+        audio_hz: schedule.audio_hz,
+        nodes: schedule.nodes.iter().map(node).collect(),
+        wires: wires.collect(),
+        scopes: scopes(schedule).into_iter().map(|(_, s)| s).collect(),
+        materials,
+    }
+}
+
+/// A live parameter and what it is set to; none for one that is no number.
+fn live(param: &asperity_graph::LiveParam, value: &ParamValue) -> Option<LiveLayout> {
+    let mut out = LiveLayout { name: param.name.clone(), unit: param.unit.clone(), ..LiveLayout::default() };
+    match (&param.kind, value) {
+        (ParamKind::Number(r), ParamValue::Number(x)) => {
+            (out.value, out.least, out.most) = (*x, *r.start(), *r.end());
+        }
+        (ParamKind::Integer(r), ParamValue::Integer(i)) => {
+            (out.value, out.least, out.most) = (*i as f64, *r.start() as f64, *r.end() as f64);
+            out.whole = true;
+        }
+        (ParamKind::Flag, ParamValue::Flag(on)) => {
+            (out.value, out.most, out.whole) = (f64::from(u8::from(*on)), 1.0, true);
+            out.words = vec!["off".into(), "on".into()];
+        }
+        (ParamKind::Choice(words), ParamValue::Text(word)) => {
+            out.value = words.iter().position(|w| w == word)? as f64;
+            (out.most, out.whole) = (words.len().saturating_sub(1) as f64, true);
+            out.words = words.iter().map(|w| w.to_string()).collect();
+        }
+        _ => return None,
+    }
+    Some(out)
+}

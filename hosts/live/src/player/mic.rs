@@ -1,0 +1,123 @@
+//! What the device records, on its way to the tick thread.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering::Relaxed};
+
+use asperity_audio::{Capture, Captured};
+use ringbuf::traits::{Consumer, Observer, Producer, Split};
+use ringbuf::{HeapCons, HeapProd, HeapRb};
+
+/// Figures that both ends keep.
+#[derive(Debug, Default)]
+struct Shared {
+    /// Frames of the longest block that came.
+    block: AtomicUsize,
+    /// Frames that found no room.
+    lost: AtomicU64,
+    /// Frames that were wanted and not there.
+    missing: AtomicU64,
+}
+
+/// Where a device puts what it records.
+pub struct MicWriter {
+    to: HeapProd<f32>,
+    channels: usize,
+    shared: Arc<Shared>,
+}
+
+/// Where the tick thread takes it: as far behind as the longest block of the device is long, so that every tick finds its
+/// samples. What is behind by more is dropped, so that it stays that far behind.
+pub struct MicReader {
+    from: HeapCons<f32>,
+    channels: usize,
+    /// This tick's frames, interleaved.
+    scratch: Vec<f32>,
+    flowing: bool,
+    shared: Arc<Shared>,
+}
+
+/// A way from a device to a tick thread, for `channels` that are recorded; `room` is the most frames that may wait, and
+/// `most` the most of a tick.
+pub fn mic(channels: usize, room: usize, most: usize) -> (MicWriter, MicReader) {
+    let (to, from) = HeapRb::new(room.max(1) * channels.max(1)).split();
+    let shared = Arc::new(Shared::default());
+    let scratch = vec![0.0; most * channels];
+    (
+        MicWriter { to, channels, shared: shared.clone() },
+        MicReader { from, channels, scratch, flowing: false, shared },
+    )
+}
+
+impl Capture for MicWriter {
+    fn capture(&mut self, block: &Captured<'_>) {
+        let wide = block.channels.max(1);
+        let frames = block.input.len() / wide;
+        self.shared.block.fetch_max(frames, Relaxed);
+        let room = self.to.vacant_len() / self.channels.max(1);
+        let taken = frames.min(room);
+        self.shared.lost.fetch_add((frames - taken) as u64, Relaxed);
+        for frame in block.input.chunks_exact(wide).take(taken) {
+            // Whole frames only, so that the channels stay apart.
+            let samples = (0..self.channels).map(|c| frame.get(c).copied().unwrap_or(0.0));
+            self.to.push_iter(samples);
+        }
+    }
+}
+
+impl MicReader {
+    /// Takes the frames of the next tick. False where they are not there: it then waits until a block and a tick are.
+    pub(super) fn advance(&mut self, frames: usize) -> bool {
+        let wide = self.channels.max(1);
+        let wanted = (frames * wide).min(self.scratch.len());
+        let there = self.from.occupied_len() / wide;
+        let behind = self.shared.block.load(Relaxed);
+        let enough = if self.flowing { frames } else { frames + behind.max(1) };
+        if there < enough {
+            self.scratch.fill(0.0);
+            if self.flowing {
+                self.shared.missing.fetch_add(frames as u64, Relaxed);
+            }
+            self.flowing = false;
+            return false;
+        }
+        self.flowing = true;
+        // A block may come just before a tick or just after it; what waits beyond that would only be late.
+        let most = 2 * (behind + frames);
+        if there > most {
+            self.from.skip((there - behind - frames) * wide);
+        }
+        let got = self.from.pop_slice(&mut self.scratch[..wanted]);
+        self.scratch[got..].fill(0.0);
+        true
+    }
+
+    /// A channel's samples of this tick.
+    pub(super) fn read(&self, channel: usize, samples: &mut [f32]) {
+        let frames = self.scratch.chunks_exact(self.channels.max(1));
+        for (y, frame) in samples.iter_mut().zip(frames) {
+            *y = frame.get(channel).copied().unwrap_or(0.0);
+        }
+    }
+
+    /// Frames that go by without a tick.
+    pub(super) fn skip(&mut self, frames: usize) {
+        self.from.skip(frames * self.channels.max(1));
+    }
+
+    /// Frames that were lost or missing so far.
+    pub fn gaps(&self) -> u64 {
+        self.shared.lost.load(Relaxed) + self.shared.missing.load(Relaxed)
+    }
+}
+
+impl std::fmt::Debug for MicWriter {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("MicWriter").field("channels", &self.channels).finish_non_exhaustive()
+    }
+}
+
+impl std::fmt::Debug for MicReader {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("MicReader").field("channels", &self.channels).finish_non_exhaustive()
+    }
+}

@@ -1,0 +1,202 @@
+//! The engine with all that is around it in real time: one call runs a tick and hands its samples on.
+
+mod mic;
+mod node_meters;
+mod tape;
+mod wiring;
+
+pub use mic::{MicReader, MicWriter, mic};
+pub(crate) use node_meters::NodeMeters;
+pub use tape::TapeReader;
+pub(crate) use tape::{TapeWriter, tape};
+pub(crate) use wiring::{ForceSlot, HandSlot, Scope, SourceMeter, Wiring};
+
+use asperity_engine::{Clock, Engine};
+use asperity_node::{Buffer, time};
+use ringbuf::traits::{Consumer, Producer};
+use ringbuf::{HeapCons, HeapProd};
+
+use crate::ForceModel;
+use crate::driver::Ticker;
+use crate::now_ns;
+
+/// Places of what a host feeds to a node that says where a hand is; see the node kinds themselves.
+mod place {
+    pub(super) const POSITION: usize = 0;
+    pub(super) const FORCE: usize = 1;
+    pub(super) const STROKE: usize = 2;
+}
+
+/// The program's clock, for the engine.
+struct Now;
+
+impl Clock for Now {
+    fn now_ns(&self) -> u64 {
+        now_ns()
+    }
+}
+
+/// An engine, its inputs, its sinks, and what is seen of it. Made by [`conduct`](crate::conduct); run by a driver.
+pub struct Player {
+    engine: Engine,
+    wiring: Box<Wiring>,
+    mic: Option<MicReader>,
+    wirings: HeapCons<Box<Wiring>>,
+    retired: HeapProd<Box<Wiring>>,
+    /// Over, and not yet given back.
+    over: Option<Box<Wiring>>,
+    tick_hz: u32,
+    rate_hz: u32,
+    channels: usize,
+}
+
+impl std::fmt::Debug for Player {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Player").field("engine", &self.engine).finish_non_exhaustive()
+    }
+}
+
+impl Player {
+    pub(crate) fn new(
+        engine: Engine,
+        wiring: Box<Wiring>,
+        mic: Option<MicReader>,
+        wirings: HeapCons<Box<Wiring>>,
+        retired: HeapProd<Box<Wiring>>,
+    ) -> Self {
+        let schedule = engine.schedule();
+        let (tick_hz, rate_hz) = (schedule.tick_hz, schedule.audio_hz);
+        let channels = wiring.outs.len();
+        Self { engine, wiring, mic, wirings, retired, over: None, tick_hz, rate_hz, channels }
+    }
+
+    /// The engine, for reports when all is over.
+    pub fn engine(&self) -> &Engine {
+        &self.engine
+    }
+
+    /// Where the hands are at a time, and what the device recorded.
+    fn feed(&mut self, time_ns: u64) {
+        let engine = &mut self.engine;
+        for hand in &mut self.wiring.hands {
+            let Some(timeline) = &mut hand.timeline else { continue };
+            let reading = timeline.at(time_ns);
+            let fresh = !reading.stalled;
+            engine.feed_control(hand.node, place::POSITION, &reading.position, fresh);
+            engine.feed_control(hand.node, place::FORCE, &[reading.force], fresh);
+            engine.feed_control(hand.node, place::STROKE, &[f64::from(reading.stroke)], fresh);
+            hand.meter.take(&reading, timeline);
+        }
+        if let Some(mic) = &mut self.mic {
+            let span = time::samples(engine.next_tick(), self.rate_hz, self.tick_hz);
+            let fresh = mic.advance((span.end - span.start) as usize);
+            for &(node, channel) in &self.wiring.mics {
+                engine.feed_audio(node, 0, fresh, |samples| mic.read(channel, samples));
+            }
+        }
+    }
+
+    /// Goes on with the nodes of another graph, which the engine has just taken over.
+    fn rewire(&mut self) {
+        while self.over.is_none() && self.wiring.swap < self.engine.swaps() {
+            let Some(mut next) = self.wirings.try_pop() else { break };
+            next.take_from(&mut self.wiring);
+            self.over = Some(std::mem::replace(&mut self.wiring, next));
+            self.give_back();
+        }
+    }
+
+    fn give_back(&mut self) {
+        if let Some(over) = self.over.take() {
+            self.over = self.retired.try_push(over).err();
+        }
+    }
+
+    /// What the device is to play in this tick.
+    fn samples(&self, out: &mut [f32]) {
+        let channels = self.channels;
+        if channels == 0 || self.wiring.swap != self.engine.swaps() {
+            // Indices of another graph: no signal but one behind a limiter may reach the device.
+            return;
+        }
+        for (channel, &node) in self.wiring.outs.iter().enumerate().take(channels) {
+            let Some(Buffer::Audio { samples, len, .. }) = self.engine.output(node, 0) else { continue };
+            for (frame, x) in out.chunks_exact_mut(channels).zip(&samples[..*len]) {
+                frame[channel] = *x;
+            }
+        }
+    }
+
+    /// Tells the devices that push back what they are to push with.
+    fn push_back(&mut self) {
+        let engine = &self.engine;
+        for slot in &mut self.wiring.forces {
+            let Some(writer) = &mut slot.writer else { continue };
+            let control = |input| match engine.input(slot.node, input) {
+                Some(Buffer::Control { values, valid, .. }) => (&values[..], *valid),
+                _ => (&[][..], false),
+            };
+            let vector = |values: &[f64]| <[f64; 3]>::try_from(values).unwrap_or_default();
+            let (plane, normal, stiffness, damping) = (control(0), control(1), control(2), control(3));
+            writer.write(ForceModel {
+                point: vector(plane.0),
+                normal: vector(normal.0),
+                stiffness_n_per_mm: stiffness.0.first().copied().unwrap_or(0.0),
+                damping_ns_per_m: damping.0.first().copied().unwrap_or(0.0),
+                max_force_n: slot.max_force_n,
+                valid: plane.1 && normal.1 && stiffness.1 && damping.1,
+                time_ns: now_ns(),
+            });
+        }
+    }
+}
+
+impl Ticker for Player {
+    fn tick_hz(&self) -> u32 {
+        self.tick_hz
+    }
+
+    fn rate_hz(&self) -> u32 {
+        self.rate_hz
+    }
+
+    fn channels(&self) -> usize {
+        // A graph that only records has a device all the same, which plays silence.
+        self.channels.max(1)
+    }
+
+    fn next_tick(&self) -> u64 {
+        self.engine.next_tick()
+    }
+
+    fn tick(&mut self, time_ns: u64, out: &mut [f32]) {
+        self.give_back();
+        self.feed(time_ns);
+        self.wiring.spent.fill(0);
+        self.engine.tick_timed(&Now, &mut self.wiring.spent);
+        if self.engine.swaps() == self.wiring.swap {
+            self.wiring.meters.take(&self.engine, &self.wiring.spent);
+        } else {
+            // This tick's times are by the numbers of the new graph, in a table of the old one: they are left out.
+            self.rewire();
+        }
+        self.samples(out);
+        self.wiring.meters.note_output(out);
+        self.push_back();
+        for scope in &mut self.wiring.scopes {
+            scope.take(&self.engine);
+        }
+        for tape in &mut self.wiring.tapes {
+            tape.take(&self.engine);
+        }
+    }
+
+    fn skip(&mut self, n: u64) {
+        if let Some(mic) = &mut self.mic {
+            let next = self.engine.next_tick();
+            let first = |tick| time::first_sample(tick, self.rate_hz, self.tick_hz);
+            mic.skip((first(next + n) - first(next)) as usize);
+        }
+        self.engine.skip(n);
+    }
+}

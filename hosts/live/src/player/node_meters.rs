@@ -1,0 +1,183 @@
+//! What is seen of every node while it runs: written by the tick thread, read by others, without locks.
+
+use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering::Relaxed};
+
+use asperity_engine::Engine;
+use asperity_graph::Schedule;
+use asperity_node::{Buffer, Fault};
+
+use crate::view::NodeView;
+
+/// Ticks over which the level of audio is averaged, as a first-order mean.
+const LEVEL_TICKS: f32 = 25.0;
+
+/// Every node of a graph, in the order they run.
+#[derive(Debug)]
+pub(crate) struct NodeMeters {
+    nodes: Vec<Meter>,
+    /// Bits of the largest output since it was last looked at.
+    peak: AtomicU32,
+}
+
+#[derive(Debug, Default)]
+struct Meter {
+    calls: AtomicU64,
+    slept: AtomicU64,
+    faults: AtomicU64,
+    fault: AtomicU64,
+    quarantined: AtomicBool,
+    spent_ns: AtomicU64,
+    longest_ns: AtomicU64,
+    /// For every output, the bits of an f32; a mean square for audio.
+    values: Vec<AtomicU32>,
+}
+
+impl NodeMeters {
+    pub(crate) fn new(schedule: &Schedule) -> Self {
+        let meter = |outputs: usize| Meter {
+            values: (0..outputs).map(|_| AtomicU32::new(0)).collect(),
+            ..Meter::default()
+        };
+        Self { nodes: schedule.nodes.iter().map(|n| meter(n.outputs.len())).collect(), peak: AtomicU32::new(0) }
+    }
+
+    /// Takes down what goes to the device. Tick thread.
+    pub(crate) fn note_output(&self, samples: &[f32]) {
+        let peak = samples.iter().fold(0.0_f32, |most, x| x.abs().max(most));
+        // Of numbers above 0 the bits are in the same order.
+        if peak.to_bits() > self.peak.load(Relaxed) {
+            self.peak.store(peak.to_bits(), Relaxed);
+        }
+    }
+
+    /// The largest output since it was last asked.
+    pub(crate) fn peak(&self) -> f32 {
+        f32::from_bits(self.peak.swap(0, Relaxed))
+    }
+
+    /// Takes down a tick. Tick thread.
+    pub(crate) fn take(&self, engine: &Engine, spent_ns: &[u64]) {
+        for (i, (meter, spent)) in self.nodes.iter().zip(spent_ns).enumerate() {
+            let Some(report) = engine.report(i) else { continue };
+            if report.calls > meter.calls.load(Relaxed) {
+                add(&meter.spent_ns, *spent);
+                if *spent > meter.longest_ns.load(Relaxed) {
+                    meter.longest_ns.store(*spent, Relaxed);
+                }
+            }
+            meter.calls.store(report.calls, Relaxed);
+            meter.slept.store(report.slept, Relaxed);
+            if report.faults != meter.faults.load(Relaxed) {
+                meter.faults.store(report.faults, Relaxed);
+                meter.fault.store(report.last_fault.map_or(0, code), Relaxed);
+                meter.quarantined.store(report.quarantined, Relaxed);
+            }
+            for (output, value) in meter.values.iter().enumerate() {
+                if let Some(buffer) = engine.output(i, output) {
+                    let before = f32::from_bits(value.load(Relaxed));
+                    value.store(level(buffer, before).to_bits(), Relaxed);
+                }
+            }
+        }
+    }
+
+    /// What is seen now. `before` holds calls and time of each node when it was last asked.
+    pub(crate) fn view(&self, schedule: &Schedule, before: &mut Vec<(u64, u64)>) -> Vec<NodeView> {
+        before.resize(self.nodes.len(), (0, 0));
+        let of = |((meter, node), was): ((&Meter, _), &mut (u64, u64))| {
+            let (calls, spent) = (meter.calls.load(Relaxed), meter.spent_ns.load(Relaxed));
+            let fresh = calls.saturating_sub(was.0);
+            let us = if fresh == 0 { 0.0 } else { spent.saturating_sub(was.1) as f64 * 1e-3 / fresh as f64 };
+            *was = (calls, spent);
+            let node: &asperity_graph::ScheduledNode = node;
+            let value = |(value, output): (&AtomicU32, &asperity_graph::ScheduledOutput)| {
+                let x = f32::from_bits(value.load(Relaxed));
+                if matches!(output.port.shape, asperity_node::Shape::Audio { .. }) { x.sqrt() } else { x }
+            };
+            NodeView {
+                us,
+                max_us: meter.longest_ns.load(Relaxed) as f64 * 1e-3,
+                calls,
+                slept: meter.slept.load(Relaxed),
+                faults: meter.faults.load(Relaxed),
+                last_fault: fault_text(meter.fault.load(Relaxed)),
+                quarantined: meter.quarantined.load(Relaxed),
+                values: meter.values.iter().zip(&node.outputs).map(value).collect(),
+            }
+        };
+        self.nodes.iter().zip(&schedule.nodes).zip(before).map(of).collect()
+    }
+}
+
+/// One writer: no need to lock the bus.
+fn add(to: &AtomicU64, n: u64) {
+    to.store(to.load(Relaxed).wrapping_add(n), Relaxed);
+}
+
+/// What stands for a buffer in a single number: the first value of a control, the mean square of audio, the largest bin.
+fn level(buffer: &Buffer, before: f32) -> f32 {
+    match buffer {
+        Buffer::Control { values, .. } => values.first().map_or(0.0, |x| *x as f32),
+        Buffer::Audio { silent: true, .. } => before * (1.0 - 1.0 / LEVEL_TICKS),
+        Buffer::Audio { samples, len, .. } => {
+            let power: f32 = samples[..*len].iter().map(|x| x * x).sum();
+            before + (power / (*len).max(1) as f32 - before) / LEVEL_TICKS
+        }
+        Buffer::Magnitude { frame: None, .. } | Buffer::Spectrum { frame: None, .. } => before,
+        Buffer::Magnitude { bins, .. } => bins.iter().fold(0.0, |most, x| x.max(most)),
+        Buffer::Spectrum { bins, .. } => bins.iter().fold(0.0_f32, |most, z| z.norm_sqr().max(most)).sqrt(),
+    }
+}
+
+/// A fault as a number; 0 for none.
+fn code(fault: Fault) -> u64 {
+    match fault {
+        Fault::Panicked => 1,
+        Fault::NotFinite => 2,
+        Fault::Overrun => 3,
+        Fault::Failed(n) => 4 + u64::from(n),
+    }
+}
+
+/// A fault in words; none for 0.
+fn fault_text(code: u64) -> String {
+    let fault = match code {
+        0 => return String::new(),
+        1 => Fault::Panicked,
+        2 => Fault::NotFinite,
+        3 => Fault::Overrun,
+        n => Fault::Failed((n - 4) as u32),
+    };
+    fault.to_string()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_fault_comes_back_in_words() {
+        assert_eq!(fault_text(0), "");
+        for fault in
+            [Fault::Panicked, Fault::NotFinite, Fault::Overrun, Fault::Failed(0), Fault::Failed(u32::MAX)]
+        {
+            assert_eq!(fault_text(code(fault)), fault.to_string());
+        }
+    }
+
+    #[test]
+    fn the_level_of_a_steady_tone_is_its_rms_and_falls_in_silence() {
+        let sine = |n: usize| (0.1 * n as f32).sin();
+        let mut level_of = 0.0;
+        for k in 0..200 {
+            let samples: Box<[f32]> = (0..96).map(|n| sine(96 * k + n)).collect();
+            level_of = level(&Buffer::Audio { samples, len: 96, valid: true, silent: false }, level_of);
+        }
+        assert!((level_of.sqrt() - 0.5_f32.sqrt()).abs() < 0.02, "{level_of}");
+        let silence = Buffer::Audio { samples: vec![0.0; 96].into(), len: 96, valid: true, silent: true };
+        for _ in 0..500 {
+            level_of = level(&silence, level_of);
+        }
+        assert!(level_of < 1e-6);
+    }
+}

@@ -1,0 +1,135 @@
+//! What sinks record, on its way from the tick thread to whoever writes it down.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+
+use asperity_engine::Engine;
+use asperity_graph::ScheduledNode;
+use asperity_node::{Buffer, Shape, time};
+use ringbuf::traits::{Consumer, Observer, Producer, Split};
+use ringbuf::{HeapCons, HeapProd, HeapRb};
+
+/// How long a tape holds what nobody takes.
+const ROOM_S: f64 = 4.0;
+/// Words before the values of a tick: how many, and where they begin, low half first.
+const HEAD: usize = 3;
+
+/// The end of the tick thread.
+pub(crate) struct TapeWriter {
+    node: usize,
+    /// Recorded is what a probe reads, and what another sink puts out.
+    input: bool,
+    shape: Shape,
+    to: HeapProd<u32>,
+    lost: Arc<AtomicU64>,
+}
+
+/// The end of whoever writes it down.
+pub struct TapeReader {
+    from: HeapCons<u32>,
+    lost: Arc<AtomicU64>,
+}
+
+impl std::fmt::Debug for TapeReader {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("TapeReader").finish_non_exhaustive()
+    }
+}
+
+/// A tape for what a sink records; none for one whose type is not settled.
+pub(crate) fn tape(at: usize, node: &ScheduledNode, tick_hz: u32) -> Option<(TapeWriter, TapeReader)> {
+    let input = node.outputs.is_empty();
+    let shape = if input { node.inputs.first()?.port.as_ref()?.shape } else { node.outputs[0].port.shape };
+    let values = match shape {
+        Shape::Control { count } => count,
+        Shape::Audio { rate_hz } => time::max_samples(rate_hz, tick_hz),
+        Shape::Magnitude(l) => l.bins as usize,
+        Shape::Spectrum(l) => 2 * l.bins as usize,
+    };
+    let ticks = (f64::from(tick_hz) * ROOM_S) as usize;
+    let (to, from) = HeapRb::new((values + HEAD) * ticks).split();
+    let lost = Arc::new(AtomicU64::new(0));
+    Some((TapeWriter { node: at, input, shape, to, lost: lost.clone() }, TapeReader { from, lost }))
+}
+
+impl TapeWriter {
+    /// Takes down the tick that has just run. Tick thread.
+    pub(super) fn take(&mut self, engine: &Engine) {
+        let buffer = if self.input { engine.input(self.node, 0) } else { engine.output(self.node, 0) };
+        let tick = engine.next_tick().saturating_sub(1);
+        match (buffer, self.shape) {
+            (Some(Buffer::Control { values, .. }), _) => self.push(tick, values.iter().map(|x| *x as f32)),
+            (Some(Buffer::Audio { samples, len, .. }), Shape::Audio { rate_hz }) => {
+                let start = time::first_sample(tick, rate_hz, engine.schedule().tick_hz);
+                self.push(start, samples[..*len].iter().copied());
+            }
+            (Some(Buffer::Magnitude { bins, frame: Some((_, start)), .. }), _) => {
+                self.push(*start, bins.iter().copied());
+            }
+            (Some(Buffer::Spectrum { bins, frame: Some((_, start)), .. }), _) => {
+                self.push(*start, Pairs(bins.iter(), None));
+            }
+            _ => {}
+        }
+    }
+
+    /// A tick is taken down whole, or lost and counted.
+    fn push(&mut self, start: u64, values: impl ExactSizeIterator<Item = f32>) {
+        let count = values.len();
+        if self.to.vacant_len() < count + HEAD {
+            self.lost.fetch_add(1, Relaxed);
+            return;
+        }
+        let head = [count as u32, start as u32, (start >> 32) as u32];
+        self.to.push_iter(head.into_iter().chain(values.map(f32::to_bits)));
+    }
+}
+
+/// Real and imaginary parts, one after the other.
+struct Pairs<'a>(std::slice::Iter<'a, asperity_node::Complex<f32>>, Option<f32>);
+
+impl Iterator for Pairs<'_> {
+    type Item = f32;
+
+    fn next(&mut self) -> Option<f32> {
+        self.1.take().or_else(|| {
+            let z = self.0.next()?;
+            self.1 = Some(z.im);
+            Some(z.re)
+        })
+    }
+
+    fn size_hint(&self) -> (usize, Option<usize>) {
+        let n = 2 * self.0.len() + usize::from(self.1.is_some());
+        (n, Some(n))
+    }
+}
+
+impl ExactSizeIterator for Pairs<'_> {}
+
+impl TapeReader {
+    /// Takes the values of the next tick that was taken down, and answers where they begin: a tick for controls, a sample
+    /// at the signal's rate for audio and frames.
+    pub fn next(&mut self, values: &mut Vec<f32>) -> Option<u64> {
+        values.clear();
+        // The values are pushed behind their head, perhaps a moment later.
+        let count = *self.from.iter().next()? as usize;
+        if self.from.occupied_len() < count + HEAD {
+            return None;
+        }
+        let mut head = [0; HEAD];
+        self.from.pop_slice(&mut head);
+        values.extend(self.from.pop_iter().take(count).map(f32::from_bits));
+        Some(u64::from(head[1]) | u64::from(head[2]) << 32)
+    }
+
+    /// Whether nothing more will come.
+    pub(crate) fn ended(&self) -> bool {
+        !self.from.write_is_held() && self.from.is_empty()
+    }
+
+    /// Ticks that found no room.
+    pub fn lost(&self) -> u64 {
+        self.lost.load(Relaxed)
+    }
+}

@@ -1,0 +1,402 @@
+//! A run from its start to its end: a device is opened, a clock chosen, a lost device waited for.
+
+mod card;
+mod switch;
+
+use std::sync::Arc;
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use asperity_audio::{OpenError, Request, Stats};
+
+use crate::driver::{Callback, Clock, Controls, Options, Paced, Timer, choose};
+use crate::meters::Meters;
+use crate::player::MicWriter;
+use crate::realtime::{Grants, Machine};
+use crate::view::{Condition, View};
+use crate::{Conductor, Player};
+use card::Card;
+
+/// How often a lost device is looked for.
+const RETRY: Duration = Duration::from_millis(500);
+/// Longest that a device may take to show its period before a clock is chosen without it.
+const LISTEN: Duration = Duration::from_millis(1000);
+/// Callbacks after which its period is known.
+const ENOUGH: u64 = 8;
+
+/// How a run is started.
+#[derive(Clone, Debug)]
+pub struct SessionOptions {
+    /// The device; none runs without audio.
+    pub device: Option<Request>,
+    /// What ticks keep time with; chosen by the device's period unless given.
+    pub clock: Option<Clock>,
+    /// Whether a lost device is waited for.
+    pub reconnect: bool,
+    /// Seconds from silence to full at the start.
+    pub start_s: f64,
+    /// Whether the system is asked for real-time priority, locked memory and waking cores.
+    pub realtime: bool,
+}
+
+/// Why there is no run, or no longer one.
+#[derive(Debug)]
+#[non_exhaustive]
+pub enum SessionError {
+    /// The device cannot be had.
+    Device(OpenError),
+    /// The system gives no thread.
+    Thread(std::io::Error),
+}
+
+impl std::fmt::Display for SessionError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Device(e) => e.fmt(f),
+            Self::Thread(e) => write!(f, "the system gives no thread: {e}"),
+        }
+    }
+}
+
+impl std::error::Error for SessionError {}
+
+/// Who runs the ticks now.
+enum Driver {
+    Callback(Callback<Player>),
+    Paced(Paced<Player>),
+    Timer(Timer<Player>),
+    /// Nobody, while the device's period is being found out.
+    Waiting(Box<Player>),
+    /// A tick never ended, or a thread could not be had: there is nothing left to run.
+    Gone,
+}
+
+/// A run.
+pub struct Session {
+    conductor: Conductor,
+    driver: Driver,
+    card: Option<Card>,
+    options: SessionOptions,
+    mic: Option<card::Recorder>,
+    meters: Arc<Meters>,
+    machine: Option<Machine>,
+    /// What was refused has been said.
+    told: bool,
+    muted: bool,
+    /// Since when the device has been lost, or was last looked for.
+    lost: Option<Instant>,
+    /// A lost device that is being opened, which may take seconds.
+    opening: Option<JoinHandle<Result<Card, OpenError>>>,
+    /// What a device said of itself while it was there, for the view.
+    name: String,
+    notices: Vec<String>,
+    looked: Instant,
+    views: u64,
+    /// Callback gaps and xruns of streams that are closed.
+    xruns: u64,
+}
+
+impl std::fmt::Debug for Session {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Session").field("device", &self.name).finish_non_exhaustive()
+    }
+}
+
+/// What is left of a run.
+#[derive(Debug)]
+pub struct Ended {
+    /// The engine and all around it; none where a tick never ended.
+    pub player: Option<Player>,
+    /// What controlled it.
+    pub conductor: Conductor,
+    /// Figures of the whole run.
+    pub view: View,
+}
+
+impl Session {
+    /// Opens the device and starts to play, or starts a timer without one. `mic` is where what the device records goes.
+    ///
+    /// # Errors
+    /// What the device or the system says; nothing runs then.
+    pub fn start(
+        conductor: Conductor,
+        player: Player,
+        mic: Option<MicWriter>,
+        options: SessionOptions,
+    ) -> Result<Self, SessionError> {
+        let tick_hz = conductor.schedule().tick_hz;
+        let mut it = Self {
+            conductor,
+            driver: Driver::Waiting(Box::new(player)),
+            card: None,
+            mic: mic.map(card::Recorder::new),
+            meters: Arc::new(Meters::new(tick_hz)),
+            machine: options.realtime.then(Machine::ask),
+            options,
+            told: false,
+            muted: false,
+            lost: None,
+            opening: None,
+            name: String::new(),
+            notices: Vec::new(),
+            looked: Instant::now(),
+            views: 0,
+            xruns: 0,
+        };
+        match it.options.device.clone() {
+            Some(request) => {
+                let card = Card::open(&request, it.mic.as_ref()).map_err(SessionError::Device)?;
+                it.name = card.name();
+                it.notices.extend(card.stream().notes().iter().cloned());
+                it.card = Some(card);
+                it.advance()?;
+            }
+            None => it.keep_time()?,
+        }
+        Ok(it)
+    }
+
+    /// What controls the graph.
+    pub fn conductor(&mut self) -> &mut Conductor {
+        &mut self.conductor
+    }
+
+    /// Ramps the output down, or up again. It holds for a device that comes back, too.
+    pub fn mute(&mut self, mute: bool) {
+        self.muted = mute;
+        if let Some(controls) = self.controls() {
+            controls.mute(mute);
+        }
+    }
+
+    /// Whether the run goes on: no tick panicked, and there is or may be a device where one was asked for.
+    pub fn goes_on(&self) -> bool {
+        let gone = matches!(self.driver, Driver::Gone) || self.controls().is_some_and(|c| c.failed());
+        let given_up = self.lost.is_some() && !self.options.reconnect;
+        !(gone || given_up)
+    }
+
+    /// Looks after the device: what it said, whether it is lost, whether it is back. To be called some tens of times a second.
+    /// Answers what a person should know, once.
+    ///
+    /// # Errors
+    /// Where the system gives no thread.
+    pub fn tend(&mut self) -> Result<Vec<String>, SessionError> {
+        self.conductor.collect();
+        if let Some(reason) = self.card.as_mut().and_then(|card| card.lost()) {
+            self.lose(&reason)?;
+        }
+        self.advance()?;
+        self.come_back();
+        self.tell_refusals();
+        Ok(std::mem::take(&mut self.notices))
+    }
+
+    /// How the run stands.
+    pub fn condition(&self) -> Condition {
+        match (self.controls(), self.lost) {
+            (Some(controls), _) if controls.failed() => Condition::Failed,
+            (None, _) if matches!(self.driver, Driver::Gone) => Condition::Failed,
+            (_, Some(_)) => Condition::Lost,
+            (Some(controls), None) => controls.condition(),
+            (None, None) => Condition::Starting,
+        }
+    }
+
+    /// Figures of the moment.
+    pub fn view(&mut self) -> View {
+        let since = self.looked.elapsed();
+        self.looked = Instant::now();
+        self.views += 1;
+        let schedule = self.conductor.schedule().clone();
+        let ticks = self.meters.next_tick();
+        let stats = self.card.as_ref().map(|c| c.stream().stats());
+        let mut view = View {
+            number: self.views,
+            condition: self.condition(),
+            clock: self.clock().map_or("", Clock::name).into(),
+            device: self.name.clone(),
+            period_frames: self.card.as_ref().and_then(|c| c.stream().period()).unwrap_or(0),
+            ticks,
+            seconds: ticks as f64 / f64::from(schedule.tick_hz),
+            timing: self.meters.timing(),
+            underruns: self.meters.underruns.get(),
+            lost_samples: self.meters.lost_samples.get(),
+            xruns: self.meters.xruns.get() + self.xruns + stats.as_ref().map_or(0, |s| s.xruns),
+            losses: self.meters.losses.get(),
+            ..View::default()
+        };
+        self.conductor.look(&mut view, since);
+        view.latency_ms = self.latency(&view, stats.as_ref());
+        view
+    }
+
+    /// Latency from a hand to the actuator, item by item, in milliseconds.
+    fn latency(&self, view: &View, stats: Option<&Stats>) -> Vec<(String, f64)> {
+        let delay = view.sources.iter().map(|s| s.delay_ms).fold(0.0, f64::max);
+        let mut items = Vec::new();
+        if !view.sources.is_empty() {
+            items.push(("hand: read behind".to_owned(), delay));
+        }
+        let lead = self.controls().map_or(0.0, |c| c.lead_ns() as f64 * 1e-6);
+        items.push(("clock: read before the callback".to_owned(), lead));
+        let to_device = self.conductor.schedule().clone();
+        let paths = to_device.paths.iter().filter(|p| to_device.nodes[p.to].kind == "audio_out");
+        let graph = paths.map(|p| p.most.ms()).reduce(f64::max);
+        if let Some(ms) = graph {
+            items.push(("graph: declared by its nodes".to_owned(), ms));
+        }
+        if let Some(stats) = stats {
+            items.push(("device: from callback to sound".to_owned(), stats.latency_ms));
+        }
+        items
+    }
+
+    /// Ramps the output down and ends the run.
+    pub fn stop(mut self) -> Ended {
+        let before = self.view();
+        let player = self.take_player();
+        let mut view = self.view();
+        // Who is gone says nothing any more.
+        (view.clock, view.latency_ms) = (before.clock, before.latency_ms);
+        view.condition = if before.condition == Condition::Failed { Condition::Failed } else { Condition::Stopping };
+        Ended { player, conductor: self.conductor, view }
+    }
+
+    /// What was asked of the system, and what it gave.
+    pub fn grants(&self) -> Option<Grants> {
+        let priority = self.controls()?.priority();
+        Some(self.machine.as_ref()?.grants(priority))
+    }
+
+    fn clock(&self) -> Option<Clock> {
+        match &self.driver {
+            Driver::Callback(_) => Some(Clock::Callback),
+            Driver::Paced(_) => Some(Clock::Paced),
+            Driver::Timer(_) => Some(Clock::Timer),
+            Driver::Waiting(_) | Driver::Gone => None,
+        }
+    }
+
+    fn controls(&self) -> Option<&Arc<Controls>> {
+        match &self.driver {
+            Driver::Callback(d) => Some(d.controls()),
+            Driver::Paced(d) => Some(d.controls()),
+            Driver::Timer(d) => Some(d.controls()),
+            Driver::Waiting(_) | Driver::Gone => None,
+        }
+    }
+
+    fn driver_options(&self, period_frames: u32) -> Options {
+        let mut options = Options::new(self.meters.clone());
+        options.start_s = self.options.start_s;
+        options.period_frames = period_frames;
+        if !self.options.realtime {
+            options.priority = None;
+        }
+        options
+    }
+
+    /// Hands the ticks to the device once its period is known.
+    fn advance(&mut self) -> Result<(), SessionError> {
+        let Some(card) = self.card.as_ref().filter(|card| !card.playing()) else { return Ok(()) };
+        let known = self.options.clock.is_some() || card.stream().stats().callbacks >= ENOUGH;
+        if !known && card.since() < LISTEN {
+            return Ok(());
+        }
+        let (rate_hz, tick_hz) = (card.stream().rate_hz(), self.conductor.schedule().tick_hz);
+        let period = card.stream().period().unwrap_or(0);
+        // A device that has not called yet may do so in any pieces.
+        let clock = choose(self.options.clock, period.max(1), rate_hz, tick_hz);
+        let clock = if period == 0 && self.options.clock.is_none() { Clock::Paced } else { clock };
+        let Some(player) = self.take_player() else { return Ok(()) };
+        let options = self.driver_options(0);
+        let Some(card) = &mut self.card else { return Ok(()) };
+        self.driver = match clock {
+            Clock::Callback => {
+                let (driver, half) = Callback::new(player, &options);
+                card.give(Box::new(half));
+                Driver::Callback(driver)
+            }
+            Clock::Paced => {
+                let (driver, half) = Paced::new(player, &options).map_err(SessionError::Thread)?;
+                card.give(Box::new(half));
+                Driver::Paced(driver)
+            }
+            Clock::Timer => Driver::Timer(Timer::new(player, &options).map_err(SessionError::Thread)?),
+        };
+        card.note_playing();
+        self.mute(self.muted);
+        Ok(())
+    }
+
+    /// Goes on without audio.
+    fn keep_time(&mut self) -> Result<(), SessionError> {
+        let Some(player) = self.take_player() else { return Ok(()) };
+        let options = self.driver_options(0);
+        self.driver = Driver::Timer(Timer::new(player, &options).map_err(SessionError::Thread)?);
+        Ok(())
+    }
+
+    /// Takes the player from whoever runs it, its output down.
+    fn take_player(&mut self) -> Option<Player> {
+        match std::mem::replace(&mut self.driver, Driver::Gone) {
+            Driver::Callback(driver) => driver.stop(),
+            Driver::Paced(driver) => driver.stop(),
+            Driver::Timer(driver) => driver.stop(),
+            Driver::Waiting(player) => Some(*player),
+            Driver::Gone => None,
+        }
+    }
+
+    fn lose(&mut self, reason: &str) -> Result<(), SessionError> {
+        self.meters.losses.add(1);
+        let what = if self.options.reconnect { "; it will go on when the device is back" } else { "" };
+        self.notices.push(format!("`{}` is lost: {reason}{what}", self.name));
+        if let Some(card) = self.card.take() {
+            self.xruns += card.stream().stats().xruns;
+        }
+        self.lost = Some(Instant::now());
+        // Hands and forces go on.
+        self.keep_time()
+    }
+
+    /// Opens a lost device again, the same one, when it is there.
+    fn come_back(&mut self) {
+        if let Some(opening) = self.opening.take_if(|opening| opening.is_finished()) {
+            self.opened(opening.join().ok());
+            return;
+        }
+        let waited = self.lost.is_some_and(|since| since.elapsed() >= RETRY);
+        if !waited || !self.options.reconnect || self.opening.is_some() {
+            return;
+        }
+        let (request, mic) = (self.options.device.clone(), self.mic.clone());
+        let open = move || Card::open(&request.unwrap_or_default(), mic.as_ref());
+        self.opening = std::thread::Builder::new().name("asperity-open".into()).spawn(open).ok();
+    }
+
+    /// What came of looking for a lost device; none where that panicked.
+    fn opened(&mut self, card: Option<Result<Card, OpenError>>) {
+        match card {
+            Some(Ok(card)) => {
+                self.name = card.name();
+                self.notices.push(format!("`{}` is back", self.name));
+                self.card = Some(card);
+                self.lost = None;
+            }
+            Some(Err(_)) | None => self.lost = Some(Instant::now()),
+        }
+    }
+
+    /// What the system refused, once it is known.
+    fn tell_refusals(&mut self) {
+        let asked = |c: &Arc<Controls>| c.priority() != crate::realtime::Grant::NotAsked;
+        if self.told || !self.controls().is_some_and(asked) {
+            return;
+        }
+        self.told = true;
+        let refused = self.grants().map(|g| g.refused()).unwrap_or_default();
+        self.notices.extend(refused.into_iter().map(|line| format!("not granted: {line}")));
+    }
+}
