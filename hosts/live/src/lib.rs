@@ -4,10 +4,21 @@
 //! callback's clock, or a timer where there is no audio. Before a tick, inputs are read at the tick's own time; after it,
 //! sinks are handed on. What happens is counted on the tick thread and looked at from others.
 
+mod dll;
 mod force;
+mod meters;
+mod ramp;
+pub mod realtime;
+mod remote_clock;
 mod sample;
+mod timeline;
 pub mod view;
 
 pub use asperity_audio::now_ns;
+pub use dll::{BANDWIDTH_HZ, Dll, Heard, Line};
 pub use force::{ForceModel, ForceReader, ForceWriter, force_model};
+pub use meters::{Count, Histogram, Meters, Record};
+pub use ramp::{DOWN_S, FED_S, Level, Ramp, START_S, STARVED_S, UNMUTE_S};
+pub use remote_clock::RemoteClock;
 pub use sample::{QUEUE, Sample, SampleReader, SampleWriter, samples};
+pub use timeline::{Delay, MOST_DELAY_NS, Reading, Seen, TIMEOUT_NS, Timeline};
