@@ -5,6 +5,7 @@
 //! sinks are handed on. What happens is counted on the tick thread and looked at from others.
 
 mod dll;
+pub mod driver;
 mod force;
 mod meters;
 mod ramp;
