@@ -5,16 +5,28 @@
 //! sinks are handed on. What happens is counted on the tick thread and looked at from others.
 
 mod conductor;
-mod driver;
+mod dll;
+pub mod driver;
 mod force;
 mod layout;
+mod meters;
 mod player;
+mod ramp;
+pub mod realtime;
+mod remote_clock;
 mod sample;
+mod session;
 mod timeline;
 pub mod view;
 
 pub use asperity_audio::now_ns;
 pub use conductor::{Conductor, Ends, FORCES, HANDS, conduct};
+pub use dll::{BANDWIDTH_HZ, Dll, Heard, Line};
 pub use force::{ForceModel, ForceReader, ForceWriter, force_model};
+pub use meters::{Count, Histogram, Meters, Record};
 pub use player::{MicReader, MicWriter, Player, TapeReader, mic};
+pub use ramp::{DOWN_S, FED_S, Level, Ramp, START_S, STARVED_S, UNMUTE_S};
+pub use remote_clock::RemoteClock;
 pub use sample::{QUEUE, Sample, SampleReader, SampleWriter, samples};
+pub use session::{Ended, Session, SessionError, SessionOptions};
+pub use timeline::{Delay, MOST_DELAY_NS, Reading, Seen, TIMEOUT_NS, Timeline};

@@ -1,0 +1,265 @@
+//! The time of every frame of a device, from when its callbacks came.
+//!
+//! A callback comes late by whatever the machine was doing. A delay-locked loop of second order filters that out (F.
+//! Adriaensen, "Using a DLL to filter time", Linux Audio Conference 2005): the time of a callback is predicted, and a part of
+//! the error goes into the slope until the next one, a smaller part into the rate. Time is a line through frames
+//! without a step, so that what is spaced evenly in frames is spaced evenly in time. The loop starts wide, to find the
+//! rate, and narrows to [`BANDWIDTH_HZ`].
+//!
+//! Measured (tests below): 1024 frames at 48 kHz, callbacks late by 0 to 0.5 ms at random, a rate that is 0.5 % off: after
+//! 5 s, points 2 ms apart are within 0.5 us of that at p99.
+
+use std::f64::consts::{SQRT_2, TAU};
+
+/// Bandwidth of the loop once it is narrow.
+pub const BANDWIDTH_HZ: f64 = 0.1;
+/// Bandwidth at the start.
+const WIDE_HZ: f64 = 2.0;
+/// Callbacks that come within this part of the time they span belong to the wake-up before: a server asks in bunches.
+const BUNCH: f64 = 0.25;
+/// A bunch that is longer than this is a server that runs as fast as it can.
+const LONGEST_BUNCH_NS: f64 = 0.25e9;
+/// A callback that is later than this, and than one and a half periods, is a gap.
+const GAP_NS: f64 = 4e6;
+/// An error larger than this that callbacks share, one after the other, is time lost or gained and not jitter. Larger errors also pull no
+/// harder than this.
+const OFFSET_NS: f64 = 1e6;
+/// For how long, and for how many callbacks.
+const OFFSET_FOR: (f64, u32) = (30e6, 4);
+/// Before this much time, the loop has found neither rate nor place, and reports no loss.
+const SETTLING_NS: f64 = 0.5e9;
+/// How long the longest period and the largest earliness are remembered, at least.
+const REMEMBERED_NS: f64 = 2e9;
+
+/// The line of time through frames, as of the last callback. Plain data, to be handed to other threads.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Line {
+    /// Callbacks so far; 0 for none: then the line says nothing.
+    pub callbacks: u64,
+    /// Frames that a wake-up of the device asks for, the most in the last seconds.
+    pub period_frames: u64,
+    /// How much earlier than predicted callbacks came, the most in the last seconds, in nanoseconds.
+    pub early_ns: f64,
+    first: f64,
+    first_ns: f64,
+    /// Nanoseconds a frame within the last block, correction included.
+    slope: f64,
+    end: f64,
+    end_ns: f64,
+    /// Nanoseconds a frame, filtered.
+    frame_ns: f64,
+}
+
+impl Line {
+    /// When a frame is asked for, in nanoseconds by [`now_ns`](crate::now_ns). Behind the last block, predicted.
+    pub fn time_ns(&self, position: f64) -> f64 {
+        if position <= self.end {
+            self.first_ns + (position - self.first) * self.slope
+        } else {
+            self.end_ns + (position - self.end) * self.frame_ns
+        }
+    }
+
+    /// Which frame is asked for at a time: the inverse of [`time_ns`](Self::time_ns).
+    pub fn position(&self, time_ns: f64) -> f64 {
+        if time_ns <= self.end_ns {
+            self.first + (time_ns - self.first_ns) / self.slope
+        } else {
+            self.end + (time_ns - self.end_ns) / self.frame_ns
+        }
+    }
+
+    /// Filtered frames a second.
+    pub fn rate_hz(&self) -> f64 {
+        1e9 / self.frame_ns
+    }
+
+    /// Frames asked for so far, and lost: the position of the next block.
+    pub fn end(&self) -> f64 {
+        self.end
+    }
+
+    /// Nanoseconds a frame, filtered.
+    pub fn frame_ns(&self) -> f64 {
+        self.frame_ns
+    }
+}
+
+/// What a callback meant.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Heard {
+    /// Position of its first frame.
+    pub position: u64,
+    /// Frames of time that went by before it without being asked for.
+    pub lost: u64,
+}
+
+/// The most of something over [`REMEMBERED_NS`] to twice that.
+#[derive(Clone, Copy, Debug, Default)]
+struct Most {
+    before: f64,
+    now: f64,
+    since_ns: f64,
+}
+
+impl Most {
+    fn see(&mut self, value: f64, now_ns: f64) {
+        if now_ns - self.since_ns > REMEMBERED_NS {
+            *self = Self { before: self.now, now: 0.0, since_ns: now_ns };
+        }
+        self.now = self.now.max(value);
+    }
+
+    fn get(&self) -> f64 {
+        self.before.max(self.now)
+    }
+}
+
+/// A delay-locked loop over callbacks of any length.
+#[derive(Clone, Debug)]
+pub struct Dll {
+    nominal_ns: f64,
+    line: Line,
+    began_ns: f64,
+    /// When the loop last moved, and the frames that were asked for since.
+    moved_ns: f64,
+    since: f64,
+    period: Most,
+    early: Most,
+    /// Errors of one sign beyond [`OFFSET_NS`], one after the other: since when, how many, the smallest.
+    shared: (f64, u32, f64),
+}
+
+impl Dll {
+    /// A loop for a device of a nominal rate.
+    pub fn new(rate_hz: u32) -> Self {
+        let nominal_ns = 1e9 / f64::from(rate_hz.max(1));
+        let line = Line { slope: nominal_ns, frame_ns: nominal_ns, ..Line::default() };
+        Self {
+            nominal_ns,
+            line,
+            began_ns: 0.0,
+            moved_ns: 0.0,
+            since: 0.0,
+            period: Most::default(),
+            early: Most::default(),
+            shared: (0.0, 0, 0.0),
+        }
+    }
+
+    /// Takes note of a callback that wants `frames`. A gap moves the position on by the frames of time that were lost, and the loop
+    /// locks on again with the rate it had. A block of 0 frames says nothing.
+    pub fn callback(&mut self, now_ns: u64, frames: u64) -> Heard {
+        let now = now_ns as f64;
+        if frames == 0 {
+            return Heard { position: self.line.end as u64, lost: 0 };
+        }
+        let mut lost = 0.0;
+        let span = self.since * self.nominal_ns;
+        let bunched = now - self.moved_ns < BUNCH * span;
+        if self.line.callbacks == 0 || (bunched && span > LONGEST_BUNCH_NS) {
+            self.lock_anew(now);
+        } else if !bunched {
+            lost = self.step(now);
+        }
+        if lost > 0.0 {
+            self.line.end += lost;
+        }
+        self.extend(now, frames as f64);
+        Heard { position: self.line.first as u64, lost: lost as u64 }
+    }
+
+    /// The line as of the last callback.
+    pub fn line(&self) -> &Line {
+        &self.line
+    }
+
+    /// Whether the loop has run long enough to tell lost time from finding its place.
+    pub fn settled(&self) -> bool {
+        self.line.callbacks > 8 && self.moved_ns - self.began_ns > SETTLING_NS
+    }
+
+    /// Begins at this callback, with the rate so far and all else forgotten.
+    fn lock_anew(&mut self, now: f64) {
+        self.line.end_ns = now;
+        self.began_ns = now;
+        self.period = Most { since_ns: now, ..Most::default() };
+        self.early = self.period;
+        self.follow(now);
+    }
+
+    /// Goes on without a correction from a place that was just set.
+    fn follow(&mut self, now: f64) {
+        self.line.slope = self.line.frame_ns;
+        self.moved_ns = now;
+        self.since = 0.0;
+        self.shared = (now, 0, 0.0);
+    }
+
+    /// Moves the loop; returns the frames of time that were lost.
+    fn step(&mut self, now: f64) -> f64 {
+        let error = now - self.line.end_ns;
+        let usual = if self.period.get() > 0.0 { self.period.get() } else { self.since };
+        let gap = GAP_NS.max(1.5 * (usual * self.nominal_ns).min(now - self.moved_ns));
+        if error < -gap || (error > gap && !self.settled()) {
+            self.lock_anew(now);
+            return 0.0;
+        }
+        if error > gap {
+            self.line.end_ns = now;
+            self.follow(now);
+            return (error / self.line.frame_ns).round();
+        }
+        let w = TAU * (0.8e9 / (now - self.began_ns).max(1.0)).clamp(BANDWIDTH_HZ, WIDE_HZ);
+        let spanned_s = self.since * self.nominal_ns * 1e-9;
+        let longest_s = self.period.get().max(self.since) * self.nominal_ns * 1e-9;
+        let w = w.min(0.3 / longest_s);
+        let error_s = if self.settled() { error.clamp(-OFFSET_NS, OFFSET_NS) } else { error } * 1e-9;
+        let rate = self.line.frame_ns / self.nominal_ns + w * w * spanned_s * error_s;
+        self.line.frame_ns = self.nominal_ns * rate.clamp(0.95, 1.05);
+        self.line.slope = self.line.frame_ns + self.nominal_ns * (SQRT_2 * w * error_s).clamp(-0.02, 0.02);
+        self.period.see(self.since, now);
+        self.early.see(-error, now);
+        self.moved_ns = now;
+        self.since = 0.0;
+        self.offset(now, error)
+    }
+
+    /// Looks for an error that is no jitter, since callback after callback has it; returns the frames of time that were lost.
+    fn offset(&mut self, now: f64, error: f64) -> f64 {
+        let (from, count, least) = &mut self.shared;
+        if error.abs() < OFFSET_NS || error * *least < 0.0 || *count == 0 {
+            let counts = error.abs() >= OFFSET_NS && self.settled();
+            self.shared = (now, u32::from(counts), error);
+            return 0.0;
+        }
+        *count += 1;
+        if error.abs() < least.abs() {
+            *least = error;
+        }
+        if now - *from < OFFSET_FOR.0 || *count < OFFSET_FOR.1 {
+            return 0.0;
+        }
+        let shift = *least;
+        self.shared = (now, 0, 0.0);
+        self.line.end_ns += shift;
+        self.line.slope = self.line.frame_ns;
+        (shift / self.line.frame_ns).round().max(0.0)
+    }
+
+    fn extend(&mut self, now: f64, frames: f64) {
+        self.since += frames;
+        self.period.see(frames, now);
+        let line = &mut self.line;
+        line.callbacks += 1;
+        (line.first, line.first_ns) = (line.end, line.end_ns);
+        line.end += frames;
+        line.end_ns += frames * line.slope;
+        line.period_frames = self.period.get() as u64;
+        line.early_ns = self.early.get();
+    }
+}
+
+#[cfg(test)]
+#[path = "dll_tests.rs"]
+mod tests;

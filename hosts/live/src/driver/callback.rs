@@ -1,0 +1,214 @@
+//! Ticks inside the audio callback: the least latency.
+//!
+//! Tick k begins at position x_k = k rate / tick rate of the device's frames, and reads the hand at t(x_k) - D: t is the line
+//! of the delay-locked loop, D the device's real period (the frames that one wake-up asks for). A callback runs the ticks that
+//! begin before its end, whose time is that of its beginning plus D at most: the last of them reads the hand at the
+//! callback's own time, and none reads what has not happened. Since t is a line and D steady (it follows a change of the
+//! period by 2 % of time), ticks are evenly spaced in the hand's time, however they bunch in real time. With 64
+//! frames at 48 kHz the delay is 1.3 ms.
+
+use std::ops::Range;
+use std::sync::Arc;
+use std::time::Duration;
+
+use asperity_audio::{Block, Process};
+use asperity_engine::Flushed;
+
+use super::run::{self, Rates, SLEW};
+use super::slot::Slot;
+use super::{Controls, Options, Ticker};
+use crate::dll::{Dll, Heard};
+use crate::ramp::Ramp;
+
+/// Stack that is brought in at the first callback: the thread is the device's, and its stack may be small.
+const STACK: usize = 65_536;
+/// How long a tick may keep the ticker from being taken out.
+const TAKE: Duration = Duration::from_secs(1);
+
+/// A run whose ticks are run by an audio device.
+#[derive(Debug)]
+pub struct Callback<T> {
+    slot: Arc<Slot<T>>,
+    controls: Arc<Controls>,
+}
+
+/// What the device calls.
+#[derive(Debug)]
+pub struct CallbackHalf<T> {
+    slot: Arc<Slot<T>>,
+    controls: Arc<Controls>,
+    ramp: Ramp,
+    stream: Stream,
+}
+
+impl<T: Ticker> Callback<T> {
+    /// A driver, and what the device is to call. The device must have the ticker's rate and channels.
+    pub fn new(ticker: T, options: &Options) -> (Self, CallbackHalf<T>) {
+        let controls = Controls::new(options);
+        let stream = Stream::new(&ticker);
+        let ramp = Ramp::new(stream.rates.rate_hz, stream.rates.channels, options.start_s);
+        let slot = Arc::new(Slot::new(ticker));
+        let half = CallbackHalf { slot: Arc::clone(&slot), controls: Arc::clone(&controls), ramp, stream };
+        (Self { slot, controls }, half)
+    }
+
+    /// Requests, and how it stands.
+    pub fn controls(&self) -> &Arc<Controls> {
+        &self.controls
+    }
+
+    /// Ramps the output down and takes the ticker back; at once where the device no longer calls. `None` where a tick does not end within a
+    /// second.
+    pub fn stop(self) -> Option<T> {
+        self.controls.request_stop();
+        self.controls.wait_until_down();
+        self.take()
+    }
+
+    /// Takes the ticker out at once: the device is lost. If it calls all the same, its output falls silent.
+    pub fn take(self) -> Option<T> {
+        self.controls.request_stop();
+        let began = std::time::Instant::now();
+        while began.elapsed() < TAKE {
+            if let Some(mut entered) = self.slot.enter() {
+                return entered.take();
+            }
+            std::thread::sleep(Duration::from_micros(200));
+        }
+        None
+    }
+}
+
+impl<T: Ticker> Process for CallbackHalf<T> {
+    fn process(&mut self, block: &mut Block<'_>) {
+        let _flushed = Flushed::new();
+        let channels = self.stream.rates.channels;
+        if block.channels != channels {
+            self.controls.fail();
+            return;
+        }
+        self.controls.ask::<STACK>();
+        let frames = block.frames();
+        let heard = self.stream.dll.callback(block.now_ns, frames as u64);
+        self.controls.heard(block.now_ns, frames, self.stream.dll.line().period_frames);
+        self.controls.steer(&mut self.ramp);
+        if heard.lost > 0 {
+            self.controls.meters().xruns.add(1);
+            self.ramp.broken();
+        }
+        let filled = match self.slot.enter().as_deref_mut() {
+            Some(Some(ticker)) if !self.controls.failed() && !self.controls.down() => {
+                self.stream.fill(ticker, &self.controls, heard, block.output)
+            }
+            _ => 0,
+        };
+        self.controls.steer(&mut self.ramp);
+        let (played, starved) = block.output.split_at_mut(filled * channels);
+        self.ramp.play(played);
+        self.ramp.starve(starved);
+        self.controls.note(&self.ramp);
+    }
+}
+
+/// The ticker's samples as the device's frames.
+#[derive(Debug)]
+struct Stream {
+    rates: Rates,
+    dll: Dll,
+    /// Samples of the last tick, and which of them were not played yet (values, not frames).
+    samples: Vec<f32>,
+    left: Range<usize>,
+    /// The ticker's sample at position 0 of the device.
+    origin: i64,
+    /// Frames of time that went by and were not skipped yet: less than a tick.
+    owed: u64,
+    /// D, in nanoseconds; 0 before the first callback.
+    delay_ns: f64,
+    read_ns: u64,
+}
+
+impl Stream {
+    fn new(ticker: &impl Ticker) -> Self {
+        let rates = Rates::of(ticker);
+        Self {
+            rates,
+            dll: Dll::new(rates.rate_hz),
+            samples: vec![0.0; rates.most()],
+            left: 0..0,
+            origin: rates.first_sample(ticker.next_tick()) as i64,
+            owed: 0,
+            delay_ns: 0.0,
+            read_ns: 0,
+        }
+    }
+
+    /// Fills frames by running ticks; returns how many. Fewer than there is room for if a tick panicked.
+    fn fill(
+        &mut self,
+        ticker: &mut impl Ticker,
+        controls: &Controls,
+        heard: Heard,
+        out: &mut [f32],
+    ) -> usize {
+        let channels = self.rates.channels;
+        if heard.lost > 0 {
+            self.catch_up(ticker, controls, heard);
+        }
+        let due_ns = self.dll.line().time_ns(heard.position as f64).max(0.0) as u64;
+        let mut filled = 0;
+        loop {
+            let n = self.left.len().min(out.len() - filled);
+            out[filled..filled + n].copy_from_slice(&self.samples[self.left.start..self.left.start + n]);
+            self.left.start += n;
+            filled += n;
+            if filled == out.len() {
+                return filled / channels;
+            }
+            let (tick, time_ns) = (ticker.next_tick(), self.time_of(ticker.next_tick(), controls));
+            let len = self.rates.len(tick).min(self.samples.len());
+            if !run::tick(ticker, controls, (time_ns, due_ns), &mut self.samples[..len]) {
+                self.left = 0..0;
+                return filled / channels;
+            }
+            self.left = 0..len;
+        }
+    }
+
+    /// When a tick reads the hand. Never before the tick before it.
+    fn time_of(&mut self, tick: u64, controls: &Controls) -> u64 {
+        let line = self.dll.line();
+        let period_ns = line.period_frames as f64 * line.frame_ns();
+        if self.delay_ns == 0.0 {
+            self.delay_ns = period_ns;
+        }
+        let most = SLEW * self.rates.tick_ns();
+        self.delay_ns += (period_ns - self.delay_ns).clamp(-most, most);
+        controls.set_lead(self.delay_ns);
+        let position = self.rates.samples_from(0, tick) - self.origin as f64;
+        let time_ns = (line.time_ns(position) - self.delay_ns).max(0.0) as u64;
+        self.read_ns = self.read_ns.max(time_ns);
+        self.read_ns
+    }
+
+    /// Time went by without being asked for: goes on with the last tick that had begun by then.
+    fn catch_up(&mut self, ticker: &mut impl Ticker, controls: &Controls, heard: Heard) {
+        self.owed += heard.lost;
+        let (tick, left) = (ticker.next_tick(), (self.left.len() / self.rates.channels) as u64);
+        let here = self.rates.first_sample(tick).saturating_sub(left);
+        let to = self.rates.tick_at(here + self.owed);
+        let mut now = here;
+        if to >= tick {
+            ticker.skip(to - tick);
+            self.left = 0..0;
+            now = self.rates.first_sample(to);
+            controls.meters().skipped_ticks.add(to - tick);
+            controls.meters().lost_samples.add(now - here);
+            self.owed -= now - here;
+        }
+        self.origin = now as i64 - heard.position as i64;
+    }
+}
+
+#[cfg(test)]
+#[path = "callback_tests.rs"]
+mod tests;

@@ -1,0 +1,173 @@
+//! What passes between a driver's threads and whoever controls them: atomics alone.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU8, AtomicU32, AtomicU64, Ordering::*};
+use std::time::Duration;
+
+use super::Options;
+use crate::meters::Meters;
+use crate::now_ns;
+use crate::ramp::{Level, Ramp};
+use crate::realtime::{Asked, Grant};
+use crate::view::Condition;
+
+/// A device that has not called for this long while its output is to ramp down will not.
+const DEAD_NS: u64 = 200_000_000;
+
+/// Requests to a running driver, and how it stands. Any thread.
+#[derive(Debug)]
+pub struct Controls {
+    muted: AtomicBool,
+    stopping: AtomicBool,
+    failed: AtomicBool,
+    /// The output is down for good, or there is none.
+    down: AtomicBool,
+    level: AtomicU8,
+    heard_ns: AtomicU64,
+    frames: AtomicU32,
+    period_frames: AtomicU32,
+    lead_ns: AtomicU64,
+    asked: Asked,
+    meters: Arc<Meters>,
+    priority: Option<i32>,
+}
+
+impl Controls {
+    pub(super) fn new(options: &Options) -> Arc<Self> {
+        Arc::new(Self {
+            muted: AtomicBool::new(false),
+            stopping: AtomicBool::new(false),
+            failed: AtomicBool::new(false),
+            down: AtomicBool::new(false),
+            level: AtomicU8::new(Level::Rising as u8),
+            heard_ns: AtomicU64::new(0),
+            frames: AtomicU32::new(0),
+            period_frames: AtomicU32::new(0),
+            lead_ns: AtomicU64::new(0),
+            asked: Asked::default(),
+            meters: Arc::clone(&options.meters),
+            priority: options.priority,
+        })
+    }
+
+    /// Ramps the output down within 15 ms, or up again. Ticks go on.
+    pub fn mute(&self, mute: bool) {
+        self.muted.store(mute, Relaxed);
+    }
+
+    /// How the driver stands; never `Lost`, which is for its owner to know.
+    pub fn condition(&self) -> Condition {
+        if self.failed.load(Relaxed) {
+            Condition::Failed
+        } else if self.stopping.load(Relaxed) {
+            Condition::Stopping
+        } else if self.muted.load(Relaxed) {
+            Condition::Muted
+        } else if self.level.load(Relaxed) == Level::Full as u8 {
+            Condition::Playing
+        } else {
+            Condition::Starting
+        }
+    }
+
+    /// Whether a tick panicked. The output ramped down then, and nothing is run any more.
+    pub fn failed(&self) -> bool {
+        self.failed.load(Relaxed)
+    }
+
+    /// What the thread that ticks got of the real-time priority it asked for; `NotAsked` before it ran.
+    pub fn priority(&self) -> Grant {
+        self.asked.get()
+    }
+
+    /// When the device last called, by [`now_ns`]; 0 for never, or without a device.
+    pub fn last_callback_ns(&self) -> u64 {
+        self.heard_ns.load(Relaxed)
+    }
+
+    /// Frames of the last callback; 0 for none.
+    pub fn callback_frames(&self) -> u32 {
+        self.frames.load(Relaxed)
+    }
+
+    /// Frames that a wake-up of the device really asks for: of all callbacks of a bunch, the most in the last seconds; 0 for none.
+    pub fn period_frames(&self) -> u32 {
+        self.period_frames.load(Relaxed)
+    }
+
+    /// From the time at which a tick reads its inputs to that of the callback which asks for its first sample, in nanoseconds:
+    /// the driver's part of the latency.
+    pub fn lead_ns(&self) -> u64 {
+        self.lead_ns.load(Relaxed)
+    }
+
+    /// Times and counts.
+    pub fn meters(&self) -> &Meters {
+        &self.meters
+    }
+
+    pub(super) fn ask<const STACK: usize>(&self) {
+        self.asked.once::<STACK>(self.priority);
+    }
+
+    pub(super) fn fail(&self) {
+        self.failed.store(true, Relaxed);
+    }
+
+    pub(super) fn request_stop(&self) {
+        self.stopping.store(true, Relaxed);
+    }
+
+    pub(super) fn stopping(&self) -> bool {
+        self.stopping.load(Relaxed)
+    }
+
+    pub(super) fn muted(&self) -> bool {
+        self.muted.load(Relaxed)
+    }
+
+    /// Takes note of a callback.
+    pub(super) fn heard(&self, now_ns: u64, frames: usize, period_frames: u64) {
+        self.heard_ns.store(now_ns, Relaxed);
+        self.frames.store(frames as u32, Relaxed);
+        self.period_frames.store(period_frames as u32, Relaxed);
+    }
+
+    pub(super) fn set_lead(&self, ns: f64) {
+        self.lead_ns.store(ns as u64, Relaxed);
+    }
+
+    /// There is no output that would have to come up.
+    pub(super) fn playing(&self) {
+        self.level.store(Level::Full as u8, Relaxed);
+    }
+
+    /// What the requests mean for the ramp.
+    pub(super) fn steer(&self, ramp: &mut Ramp) {
+        ramp.open(!(self.muted() || self.stopping() || self.failed()));
+    }
+
+    /// What the ramp came to.
+    pub(super) fn note(&self, ramp: &Ramp) {
+        self.level.store(ramp.level() as u8, Relaxed);
+        if ramp.silent() && (self.stopping() || self.failed()) {
+            self.down.store(true, Release);
+        }
+    }
+
+    pub(super) fn down(&self) -> bool {
+        self.down.load(Acquire)
+    }
+
+    /// Whether the device has not called for so long that nobody need wait for its output to ramp down.
+    pub(super) fn dead(&self) -> bool {
+        now_ns().saturating_sub(self.heard_ns.load(Relaxed)) > DEAD_NS
+    }
+
+    /// Waits until the output is down or the device dead. Control thread.
+    pub(super) fn wait_until_down(&self) {
+        while !self.down() && !self.dead() {
+            std::thread::sleep(Duration::from_millis(1));
+        }
+    }
+}

@@ -1,0 +1,147 @@
+//! What calls the next tick: the audio callback itself, a paced thread, or a timer.
+//!
+//! A driver starts with a [`Ticker`] and gives it back when it stops, so that the same run can go on under another one: a
+//! device is lost, a timer takes over, the device is there again. Each fades its output in and out by a
+//! [`Ramp`](crate::Ramp), and counts in [`Meters`] what it could not play.
+
+mod callback;
+mod controls;
+mod paced;
+mod paced_half;
+mod run;
+mod sleep;
+mod slot;
+mod timer;
+
+pub use callback::{Callback, CallbackHalf};
+pub use controls::Controls;
+pub use paced::Paced;
+pub use paced_half::PacedHalf;
+pub use timer::Timer;
+
+use std::sync::Arc;
+
+use crate::meters::Meters;
+use crate::ramp::START_S;
+use crate::realtime::PRIORITY;
+
+/// A graph that can be run tick by tick. Nothing here may wait, allocate or log; a panic is caught, and ends the output.
+pub trait Ticker: Send {
+    /// Ticks a second, at least 1.
+    fn tick_hz(&self) -> u32;
+
+    /// Samples a second of the output.
+    fn rate_hz(&self) -> u32;
+
+    /// Channels of the output, at least 1.
+    fn channels(&self) -> usize;
+
+    /// The number of the tick that is run next.
+    fn next_tick(&self) -> u64;
+
+    /// Runs the next tick. `time_ns`: the virtual time at which inputs are to be read, by [`now_ns`](crate::now_ns). `out`:
+    /// interleaved room for exactly this tick's samples (`asperity_node::time::samples(next_tick, rate_hz, tick_hz)`), zeroed, to be
+    /// filled.
+    fn tick(&mut self, time_ns: u64, out: &mut [f32]);
+
+    /// Goes on `n` ticks later, without running those between.
+    fn skip(&mut self, n: u64);
+}
+
+impl<T: Ticker + ?Sized> Ticker for Box<T> {
+    fn tick_hz(&self) -> u32 {
+        (**self).tick_hz()
+    }
+
+    fn rate_hz(&self) -> u32 {
+        (**self).rate_hz()
+    }
+
+    fn channels(&self) -> usize {
+        (**self).channels()
+    }
+
+    fn next_tick(&self) -> u64 {
+        (**self).next_tick()
+    }
+
+    fn tick(&mut self, time_ns: u64, out: &mut [f32]) {
+        (**self).tick(time_ns, out);
+    }
+
+    fn skip(&mut self, n: u64) {
+        (**self).skip(n);
+    }
+}
+
+/// What drives the ticks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Clock {
+    /// The audio callback.
+    Callback,
+    /// A thread, evenly, steered by the callback's clock.
+    Paced,
+    /// A thread on the system's clock; no audio.
+    Timer,
+}
+
+impl Clock {
+    /// Its name: `callback`, `paced`, `timer`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Callback => "callback",
+            Self::Paced => "paced",
+            Self::Timer => "timer",
+        }
+    }
+}
+
+/// The clock that was asked for; else the callback where the device's real period is at most one tick, a paced thread where it
+/// is longer, and a timer where there is no device (`period_frames` 0).
+pub fn choose(asked: Option<Clock>, period_frames: u32, rate_hz: u32, tick_hz: u32) -> Clock {
+    let fits = u64::from(period_frames) * u64::from(tick_hz) <= u64::from(rate_hz);
+    match (asked, period_frames) {
+        (Some(clock), _) => clock,
+        (None, 0) => Clock::Timer,
+        (None, _) if fits => Clock::Callback,
+        (None, _) => Clock::Paced,
+    }
+}
+
+/// How a driver is started.
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// SCHED_FIFO priority of the thread that ticks; `None` asks for nothing.
+    pub priority: Option<i32>,
+    /// Seconds from silence to full at the start.
+    pub start_s: f64,
+    /// The device's period in frames, for the paced driver; 0: as it is seen, which follows a device that asks in bunches.
+    pub period_frames: u32,
+    /// Where times and counts go.
+    pub meters: Arc<Meters>,
+}
+
+impl Options {
+    /// What a run for a person uses.
+    pub fn new(meters: Arc<Meters>) -> Self {
+        Self { priority: Some(PRIORITY), start_s: START_S, period_frames: 0, meters }
+    }
+}
+
+#[cfg(test)]
+#[path = "testing.rs"]
+mod testing;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_callback_ticks_where_its_period_is_at_most_a_tick() {
+        assert_eq!(choose(None, 96, 48_000, 500), Clock::Callback);
+        assert_eq!(choose(None, 97, 48_000, 500), Clock::Paced);
+        assert_eq!(choose(None, 64, 48_000, 1_000), Clock::Paced);
+        assert_eq!(choose(None, 0, 48_000, 500), Clock::Timer);
+        assert_eq!(choose(Some(Clock::Callback), 1_024, 48_000, 500), Clock::Callback);
+    }
+}

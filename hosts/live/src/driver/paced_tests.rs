@@ -1,0 +1,204 @@
+use super::super::testing::{Counter, Reference, call, options};
+use super::*;
+use crate::view::Condition;
+use asperity_node::random::bits;
+use std::time::Duration;
+
+/// A device in real time. What it hears must be the stream at its own position in time, bit for bit, but for what the meters
+/// say was missing.
+struct Device {
+    half: PacedHalf,
+    options: Options,
+    reference: Reference,
+    rate_hz: u32,
+    first: u64,
+    start_ns: u64,
+    frames: u64,
+    end: u64,
+    played: u64,
+}
+
+impl Device {
+    fn new(ticker: Counter, options: Options) -> (Paced<Counter>, Self) {
+        let (rate_hz, channels, first) = (ticker.rate_hz, ticker.channels, ticker.first_sample());
+        let (driver, half) = Paced::new(ticker, &options).expect("a thread");
+        let reference = Reference::new(rate_hz, channels, first);
+        let start_ns = now_ns();
+        let device =
+            Self { half, options, reference, rate_hz, first, start_ns, frames: 0, end: 0, played: 0 };
+        (driver, device)
+    }
+
+    /// One block when it is time for it; what was heard.
+    fn call(&mut self, frames: usize) -> Vec<f32> {
+        sleep::until(self.start_ns + self.frames * 1_000_000_000 / u64::from(self.rate_hz));
+        self.frames += frames as u64;
+        let (began, before) = (self.half.began, self.options.meters.lost_samples.get());
+        let channels = self.half.channels;
+        let heard = call(&mut self.half, now_ns(), frames, channels);
+        if frames == 0 || self.half.controls.failed() || self.half.controls.stopping() {
+            return heard;
+        }
+        let position = self.half.dll.line().end() as u64 - frames as u64;
+        let lost = position - self.end;
+        self.end = position + frames as u64;
+        let begin = self.half.stream.begin.load(Acquire);
+        let silent = begin.saturating_sub(position).min(frames as u64);
+        let passed = match (began, self.half.began) {
+            (true, _) => lost,
+            (false, true) => position.saturating_sub(begin),
+            _ => 0,
+        };
+        // What the meters say beyond time that passed is missing at the end of this block.
+        let missing = self.options.meters.lost_samples.get() - before - passed;
+        assert!(missing <= frames as u64 - silent, "{missing} of {frames}");
+        if began && lost > 0 {
+            self.reference.ramp.broken();
+        }
+        let mut want = self.reference.starve(silent as usize);
+        self.reference.next = self.first + (position + silent).saturating_sub(begin);
+        let there = frames - (silent + missing) as usize;
+        want.extend(self.reference.play(there));
+        want.extend(self.reference.starve(missing as usize));
+        assert!(heard == want, "at {position}, {frames} frames, {missing} missing, {lost} lost");
+        self.played += there as u64;
+        heard
+    }
+
+    fn run(&mut self, ms: u64, sizes: &[usize]) {
+        let until = now_ns() + ms * 1_000_000;
+        let mut i = 0;
+        while now_ns() < until {
+            i += 1;
+            self.call(sizes[bits(8, i) as usize % sizes.len()]);
+        }
+    }
+
+    /// Goes on calling while something else happens, as a device does.
+    fn while_it<R>(mut self, what: impl FnOnce() -> R) -> (R, Self) {
+        let over = std::sync::atomic::AtomicBool::new(false);
+        std::thread::scope(|scope| {
+            let calling = scope.spawn(|| {
+                while !over.load(Acquire) {
+                    self.call(64);
+                }
+                self
+            });
+            let result = what();
+            over.store(true, Release);
+            (result, calling.join().expect("the device"))
+        })
+    }
+}
+
+/// The samples that were computed are those that were played, those dropped or left out for what was missing, and some ahead.
+fn account(device: &Device, ticker: &Counter, tail_ms: u64) {
+    let rate = u64::from(device.rate_hz);
+    let passed = device.played + device.options.meters.lost_samples.get();
+    let computed = ticker.first_sample() - device.first;
+    assert!(computed + rate * tail_ms / 1000 >= passed, "{computed} computed, {passed} passed");
+    assert_eq!(
+        ticker.next - ticker.times.len() as u64 - device.options.meters.skipped_ticks.get(),
+        ticker.times.first().map_or(ticker.next, |t| t.0)
+    );
+    assert!(ticker.times.windows(2).all(|w| w[0].0 < w[1].0 && w[0].1 <= w[1].1));
+}
+
+#[test]
+fn what_is_heard_is_the_stream_at_its_place_in_time_for_any_callbacks() {
+    for (rate_hz, tick_hz, sizes) in [
+        (48_000, 500, &[1024][..]),
+        (44_100, 500, &[0, 1, 64, 97, 441, 1024]),
+        (96_000, 4_000, &[480, 33]),
+        (48_000, 100, &[256]),
+        (8_000, 3_000, &[160]),
+    ] {
+        let (driver, mut device) = Device::new(Counter::new(rate_hz, tick_hz, 2, 7), options(tick_hz));
+        device.run(500, sizes);
+        assert!(device.half.began && device.played > 0);
+        let meters = Arc::clone(&device.options.meters);
+        println!(
+            "{rate_hz} {tick_hz} {sizes:?}: lead {} us, {} underruns, {} lost, late {:?} us",
+            driver.controls().lead_ns() / 1000,
+            meters.underruns.get(),
+            meters.lost_samples.get(),
+            meters.late.figures_us()
+        );
+        let (ticker, device) = device.while_it(|| driver.stop());
+        account(&device, &ticker.expect("the ticker"), 100);
+    }
+}
+
+#[test]
+fn a_tick_that_stalls_costs_what_is_counted_and_no_latency_after() {
+    for (stall_ms, frames) in [(30, 256), (120, 64), (400, 1024)] {
+        let mut ticker = Counter::new(48_000, 500, 1, 0);
+        ticker.stall = Some((100, Duration::from_millis(stall_ms)));
+        let (driver, mut device) = Device::new(ticker, options(500));
+        device.run(1_200, &[frames]);
+        let meters = Arc::clone(&device.options.meters);
+        let (underruns, lost) = (meters.underruns.get(), meters.lost_samples.get());
+        assert!(underruns > 0 && lost >= (stall_ms - 28) * 48 / 2, "{lost}");
+        assert!(meters.misses() > 0 && meters.caught_up_ticks.get() > 0);
+        assert!(stall_ms < 100 || meters.skipped_ticks.get() > 0);
+        // In the end nothing is owed: the ring holds the stream at its place in time.
+        let owed = |device: &Device| device.half.owed - device.half.stream.skipped.load(Acquire);
+        for _ in 0..2_000 {
+            if owed(&device) > 0 {
+                device.call(frames);
+            }
+        }
+        assert_eq!(owed(&device), 0, "after {stall_ms} ms, {frames} frames");
+        println!("{stall_ms} ms: {underruns} underruns, {lost} lost, {} skipped", meters.skipped_ticks.get());
+        let (ticker, device) = device.while_it(|| driver.stop());
+        account(&device, &ticker.expect("the ticker"), 100);
+    }
+}
+
+#[test]
+fn a_device_that_stood_still_plays_nothing_stale() {
+    let (driver, mut device) = Device::new(Counter::new(48_000, 1_000, 1, 0), options(1_000));
+    device.run(900, &[128]);
+    let before = device.options.meters.lost_samples.get();
+    // The device's own time goes on; its callback does not come for 600 ms, which is more than the ring holds.
+    std::thread::sleep(Duration::from_millis(600));
+    device.start_ns += 600_000_000;
+    device.run(500, &[128]);
+    let meters = Arc::clone(&device.options.meters);
+    assert!(meters.xruns.get() >= 1);
+    let lost = meters.lost_samples.get() - before;
+    assert!(lost >= 590 * 48, "{lost}");
+    assert!(meters.skipped_ticks.get() > 0);
+    let (ticker, device) = device.while_it(|| driver.stop());
+    account(&device, &ticker.expect("the ticker"), 100);
+}
+
+#[test]
+fn a_panic_ends_in_silence_and_the_device_goes_on() {
+    let mut ticker = Counter::new(48_000, 500, 1, 0);
+    ticker.panic_at = Some(60);
+    let (driver, mut device) = Device::new(ticker, options(500));
+    while !driver.controls().failed() {
+        device.call(128);
+    }
+    let heard: Vec<f32> = (0..12).flat_map(|_| device.call(128)).collect();
+    assert!(heard[960..].iter().all(|x| *x == 0.0), "silent within 20 ms");
+    assert_eq!(driver.controls().condition(), Condition::Failed);
+    assert_eq!(driver.stop().expect("the ticker").times.len(), 60);
+    assert_eq!(device.call(128), [0.0; 128]);
+}
+
+#[test]
+fn a_stop_ramps_down_and_a_device_that_is_gone_does_not_hold_it_up() {
+    let (driver, mut device) = Device::new(Counter::new(48_000, 500, 1, 50), options(500));
+    device.run(300, &[256]);
+    assert_eq!(driver.controls().condition(), Condition::Playing);
+    let controls = Arc::clone(driver.controls());
+    let (ticker, mut device) = device.while_it(|| driver.stop());
+    assert!(ticker.is_some() && controls.down());
+    assert_eq!(device.call(64), [0.0; 64]);
+
+    let (driver, mut device) = Device::new(Counter::new(48_000, 500, 1, 50), options(500));
+    device.run(250, &[256]);
+    assert!(driver.stop().expect("the ticker").times.len() > 5);
+}

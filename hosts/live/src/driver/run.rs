@@ -1,0 +1,102 @@
+//! Running one tick: its place in exact time, its panic caught, its times recorded.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+use asperity_node::time;
+
+use super::{Controls, Ticker};
+use crate::meters::Record;
+use crate::now_ns;
+
+/// Ticks that may be behind and are still run, at once: they cost microseconds. Beyond that they are skipped.
+pub(super) const RUN_BEHIND: u64 = 16;
+/// How fast a delay may move, as a part of time, so that no speed is falsified by more.
+pub(super) const SLEW: f64 = 0.02;
+
+/// The rates of a ticker, which do not change.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Rates {
+    pub(super) tick_hz: u32,
+    pub(super) rate_hz: u32,
+    pub(super) channels: usize,
+}
+
+impl Rates {
+    pub(super) fn of(ticker: &impl Ticker) -> Self {
+        Self {
+            tick_hz: ticker.tick_hz().max(1),
+            rate_hz: ticker.rate_hz(),
+            channels: ticker.channels().max(1),
+        }
+    }
+
+    pub(super) fn tick_ns(&self) -> f64 {
+        1e9 / f64::from(self.tick_hz)
+    }
+
+    pub(super) fn first_sample(&self, tick: u64) -> u64 {
+        time::first_sample(tick, self.rate_hz, self.tick_hz)
+    }
+
+    /// Values of a tick.
+    pub(super) fn len(&self, tick: u64) -> usize {
+        let samples = time::samples(tick, self.rate_hz, self.tick_hz);
+        (samples.end - samples.start) as usize * self.channels
+    }
+
+    /// The most values of any tick.
+    pub(super) fn most(&self) -> usize {
+        time::max_samples(self.rate_hz, self.tick_hz) * self.channels
+    }
+
+    /// Samples from `origin` to where a tick begins, without rounding to whole ones: those of 44.1 kHz and 500 Hz are 88 or 89, but the ticks
+    /// are 2 ms apart.
+    pub(super) fn samples_from(&self, origin: u64, tick: u64) -> f64 {
+        let (tick_hz, rate_hz) = (i128::from(self.tick_hz), i128::from(self.rate_hz));
+        (i128::from(tick) * rate_hz - i128::from(origin) * tick_hz) as f64 / tick_hz as f64
+    }
+
+    /// The last tick that begins at or before a sample.
+    pub(super) fn tick_at(&self, sample: u64) -> u64 {
+        let next = (u128::from(sample) + 1) * u128::from(self.tick_hz);
+        (next.div_ceil(u128::from(self.rate_hz.max(1))) - 1) as u64
+    }
+}
+
+/// Runs the next tick into room for it. False if it panicked: the panic is noted, and the ticker not to be run again.
+pub(super) fn tick(
+    ticker: &mut impl Ticker,
+    controls: &Controls,
+    (time_ns, due_ns): (u64, u64),
+    out: &mut [f32],
+) -> bool {
+    let (tick, woke_ns) = (ticker.next_tick(), now_ns());
+    out.fill(0.0);
+    if let Err(payload) = catch_unwind(AssertUnwindSafe(|| ticker.tick(time_ns, out))) {
+        // Freeing it could run anything; it is once in a run.
+        std::mem::forget(payload);
+        controls.fail();
+        return false;
+    }
+    controls.meters().record(Record { tick, due_ns, woke_ns, done_ns: now_ns() });
+    true
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_tick_at_a_sample_is_the_last_that_begins_there_or_before() {
+        for (rate_hz, tick_hz) in
+            [(48_000, 500), (44_100, 500), (2_500, 4_000), (44_100, 4_000), (96_000, 100)]
+        {
+            let rates = Rates { tick_hz, rate_hz, channels: 1 };
+            for sample in (0..3_000).chain([1 << 40]) {
+                let tick = rates.tick_at(sample);
+                assert!(rates.first_sample(tick) <= sample && sample < rates.first_sample(tick + 1));
+            }
+            assert_eq!(rates.samples_from(100, 0), -100.0);
+        }
+    }
+}

@@ -1,0 +1,63 @@
+use super::super::testing::{Counter, Reference, call, options};
+use super::super::{Callback, Paced};
+use super::*;
+use crate::view::Condition;
+
+#[test]
+fn a_timer_ticks_on_time_of_its_own_and_gives_the_ticker_back() {
+    let options = options(1000);
+    let timer = Timer::new(Counter::new(48_000, 1000, 1, 5), &options).expect("a thread");
+    std::thread::sleep(Duration::from_millis(100));
+    assert_eq!(timer.controls().condition(), Condition::Playing);
+    let ticker = timer.stop().expect("the ticker");
+    assert!(ticker.times.len() > 5);
+    let start = ticker.times[0].1;
+    assert!(ticker.times.iter().all(|(tick, time)| time - start == (tick - 5) * 1_000_000));
+    assert_eq!(options.meters.next_tick(), ticker.next);
+}
+
+#[test]
+fn a_timer_that_is_far_behind_leaves_ticks_out_and_counts_them() {
+    let options = options(1000);
+    let mut ticker = Counter::new(48_000, 1000, 1, 0);
+    ticker.stall = Some((20, Duration::from_millis(60)));
+    let timer = Timer::new(ticker, &options).expect("a thread");
+    while options.meters.next_tick() < 120 {
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    let ticker = timer.stop().expect("the ticker");
+    let skipped = options.meters.skipped_ticks.get();
+    assert!(skipped >= 50, "{skipped}");
+    assert_eq!(ticker.next - ticker.times.len() as u64, skipped);
+    let start = ticker.times[0].1;
+    assert!(ticker.times.iter().all(|(tick, time)| time - start == tick * 1_000_000));
+    assert!(options.meters.misses() >= 1);
+}
+
+#[test]
+fn a_run_goes_on_under_a_timer_while_its_device_is_lost_and_on_another_device_after() {
+    let first = options(500);
+    let (driver, mut half) = Callback::new(Counter::new(48_000, 500, 1, 0), &first);
+    (0..30).for_each(|i| drop(call(&mut half, 1_000_000_000 + i * 2_000_000, 96, 1)));
+    // The device never calls again.
+    let ticker = driver.take().expect("the ticker");
+    assert_eq!(ticker.next, 30);
+    assert_eq!(call(&mut half, 1_060_000_000, 0, 1), [] as [f32; 0]);
+    let timer = Timer::new(ticker, &options(500)).expect("a thread");
+    std::thread::sleep(Duration::from_millis(30));
+    let ticker = timer.stop().expect("the ticker");
+    assert!(ticker.next > 30);
+    let mut reference = Reference::new(48_000, 1, ticker.first_sample());
+    let (driver, mut half) = Callback::new(ticker, &options(500));
+    for i in 0..20 {
+        assert_eq!(call(&mut half, 5_000_000_000 + i * 2_000_000, 97, 1), reference.play(97));
+    }
+    // A thread whose device never called gives it back too.
+    let ticker = driver.take().expect("the ticker");
+    let next = ticker.next;
+    while now_ns() < 250_000_000 {
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    let (paced, _half) = Paced::new(ticker, &options(500)).expect("a thread");
+    assert_eq!(paced.stop().expect("the ticker").next, next);
+}

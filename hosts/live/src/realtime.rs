@@ -1,0 +1,268 @@
+//! What a run asks of the system so as to be on time, and what it got.
+//!
+//! Nothing here is needed to run. The part for an audio callback makes three system calls and allocates nothing; the
+//! words for a person are made elsewhere, from the numbers it left.
+
+use std::fs::File;
+use std::sync::OnceLock;
+
+/// Priority that is asked for where nobody says another: below JACK's own threads of most set-ups, above all else.
+pub const PRIORITY: i32 = 80;
+
+/// What became of one request.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Grant {
+    /// It was not asked for.
+    #[default]
+    NotAsked,
+    /// It holds; it was looked at afterwards.
+    Granted,
+    /// The system said no, with this error number; 0 where it said yes and did not do it.
+    Refused(i32),
+    /// This system has no such thing.
+    NotSupported,
+}
+
+impl Grant {
+    /// Whether it was asked for and is not there.
+    pub fn missing(self) -> bool {
+        matches!(self, Self::Refused(_) | Self::NotSupported)
+    }
+
+    fn why(self) -> String {
+        match self {
+            Self::NotAsked => "not asked for".into(),
+            Self::Granted => "granted".into(),
+            Self::Refused(0) => "the system said yes and did not do it".into(),
+            Self::Refused(error) => std::io::Error::from_raw_os_error(error).to_string(),
+            Self::NotSupported => "not supported here".into(),
+        }
+    }
+}
+
+/// All that was asked for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Grants {
+    /// SCHED_FIFO for the thread that ticks.
+    pub priority: Grant,
+    /// The process's memory locked.
+    pub memory: Grant,
+    /// /dev/cpu_dma_latency held at 0: cores that do not sleep deeply.
+    pub latency: Grant,
+}
+
+impl Grants {
+    /// For each thing that was refused: what, why, and the line that would allow it. Allocates.
+    pub fn refused(&self) -> Vec<String> {
+        let all = [
+            (
+                self.priority,
+                "real-time priority (SCHED_FIFO)",
+                "put `@audio - rtprio 90` into /etc/security/limits.d/audio.conf, be in the group audio, and log in again",
+            ),
+            (
+                self.memory,
+                "memory locked (mlockall)",
+                "put `@audio - memlock unlimited` into /etc/security/limits.d/audio.conf (`ulimit -l unlimited` for one shell)",
+            ),
+            (
+                self.latency,
+                "cores kept awake (/dev/cpu_dma_latency at 0)",
+                "put `KERNEL==\"cpu_dma_latency\", GROUP=\"audio\", MODE=\"0660\"` into /etc/udev/rules.d/99-cpu-dma-latency.rules",
+            ),
+        ];
+        let missing = all.into_iter().filter(|(grant, ..)| grant.missing());
+        missing
+            .map(|(grant, what, allow)| match grant {
+                Grant::NotSupported => format!("{what}: not supported here"),
+                _ => format!("{what}: {}; to allow it, {allow}", grant.why()),
+            })
+            .collect()
+    }
+}
+
+/// What holds for the whole process. The cores may sleep again when this is dropped; memory stays locked.
+#[derive(Debug)]
+pub struct Machine {
+    memory: Grant,
+    latency: Grant,
+    _held: Option<File>,
+}
+
+impl Machine {
+    /// Asks for locked memory and for cores that stay awake. Control thread.
+    pub fn ask() -> Self {
+        let memory = os::lock_memory();
+        let (latency, held) = os::hold_latency();
+        Self { memory, latency, _held: held }
+    }
+
+    /// What was granted, with what a thread got for itself.
+    pub fn grants(&self, priority: Grant) -> Grants {
+        Grants { priority, memory: self.memory, latency: self.latency }
+    }
+}
+
+/// Asks for SCHED_FIFO at a priority for the calling thread, and looks whether it is so. A thread that is real-time already keeps what it has.
+/// Allocates nothing; at most three system calls. Any thread.
+pub fn ask_priority(priority: i32) -> Grant {
+    os::ask_priority(priority)
+}
+
+/// What a real-time thread asks for at its start, kept for others to read.
+#[derive(Debug, Default)]
+pub struct Asked(OnceLock<Grant>);
+
+impl Asked {
+    /// Asks the first time it is called: priority (`None` asks for nothing) and `STACK` bytes of stack brought in.
+    pub fn once<const STACK: usize>(&self, priority: Option<i32>) {
+        if self.0.get().is_none() {
+            let _ = self.0.set(priority.map_or(Grant::NotAsked, ask_priority));
+            touch_stack::<STACK>();
+        }
+    }
+
+    /// What the thread got; `NotAsked` before it ran.
+    pub fn get(&self) -> Grant {
+        self.0.get().copied().unwrap_or_default()
+    }
+}
+
+/// Writes to every page of the next `STACK` bytes of stack, so that none is brought in later. No system call.
+#[inline(never)]
+pub fn touch_stack<const STACK: usize>() {
+    let mut stack = [0_u8; STACK];
+    std::hint::black_box(&mut stack);
+}
+
+/// Least time the kernel may lengthen a sleep of this thread by: the default is 50 us where it is not real-time.
+pub(crate) fn sleep_sharply() {
+    os::sleep_sharply();
+}
+
+#[cfg(target_os = "linux")]
+mod os {
+    use super::{File, Grant};
+    use std::io::Write;
+
+    fn errno() -> i32 {
+        std::io::Error::last_os_error().raw_os_error().unwrap_or(0)
+    }
+
+    fn real_time() -> bool {
+        // SAFETY: takes no pointer; 0 is the calling thread.
+        let policy = unsafe { libc::sched_getscheduler(0) } & !libc::SCHED_RESET_ON_FORK;
+        policy == libc::SCHED_FIFO || policy == libc::SCHED_RR
+    }
+
+    pub(super) fn ask_priority(priority: i32) -> Grant {
+        if real_time() {
+            return Grant::Granted;
+        }
+        let param = libc::sched_param { sched_priority: priority.clamp(1, 99) };
+        // SAFETY: the calling thread exists, and `param` outlives the call.
+        let error = unsafe { libc::pthread_setschedparam(libc::pthread_self(), libc::SCHED_FIFO, &param) };
+        match error {
+            0 if real_time() => Grant::Granted,
+            error => Grant::Refused(error),
+        }
+    }
+
+    /// Whether locking what comes later can be trusted not to make a later allocation fail.
+    fn unlimited() -> bool {
+        let mut limit = libc::rlimit { rlim_cur: 0, rlim_max: 0 };
+        // SAFETY: `limit` is of the type that is filled.
+        let known = unsafe { libc::getrlimit(libc::RLIMIT_MEMLOCK, &mut limit) } == 0;
+        if known && limit.rlim_cur == libc::RLIM_INFINITY {
+            return true;
+        }
+        // CAP_IPC_LOCK is bit 14 of the effective capabilities (capabilities(7)).
+        let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+        let effective = status.lines().find_map(|l| l.strip_prefix("CapEff:"));
+        let bits = effective.and_then(|hex| u64::from_str_radix(hex.trim(), 16).ok());
+        bits.is_some_and(|bits| bits & (1 << 14) != 0)
+    }
+
+    pub(super) fn lock_memory() -> Grant {
+        if !unlimited() {
+            return Grant::Refused(libc::ENOMEM);
+        }
+        // SAFETY: takes no pointer.
+        match unsafe { libc::mlockall(libc::MCL_CURRENT | libc::MCL_FUTURE) } {
+            0 => Grant::Granted,
+            _ => Grant::Refused(errno()),
+        }
+    }
+
+    pub(super) fn hold_latency() -> (Grant, Option<File>) {
+        let open = File::options().write(true).open("/dev/cpu_dma_latency");
+        let held = open.and_then(|mut file| file.write_all(&0_i32.to_ne_bytes()).map(|()| file));
+        match held {
+            Ok(file) => (Grant::Granted, Some(file)),
+            Err(e) => (Grant::Refused(e.raw_os_error().unwrap_or(0)), None),
+        }
+    }
+
+    pub(super) fn sleep_sharply() {
+        // SAFETY: takes no pointer; concerns the calling thread alone.
+        unsafe { libc::prctl(libc::PR_SET_TIMERSLACK, 1) };
+    }
+}
+
+#[cfg(not(target_os = "linux"))]
+mod os {
+    use super::{File, Grant};
+
+    pub(super) fn ask_priority(_: i32) -> Grant {
+        Grant::NotSupported
+    }
+
+    pub(super) fn lock_memory() -> Grant {
+        Grant::NotSupported
+    }
+
+    pub(super) fn hold_latency() -> (Grant, Option<File>) {
+        (Grant::NotSupported, None)
+    }
+
+    pub(super) fn sleep_sharply() {}
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_was_refused_is_said_with_the_line_that_allows_it() {
+        let grants =
+            Grants { priority: Grant::Refused(1), memory: Grant::Granted, latency: Grant::NotSupported };
+        let lines = grants.refused();
+        assert_eq!(lines.len(), 2);
+        assert!(
+            lines[0].contains("@audio - rtprio 90") && lines[0].contains("not permitted"),
+            "{}",
+            lines[0]
+        );
+        assert!(lines[1].contains("not supported here"));
+        assert!(Grants::default().refused().is_empty());
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn a_priority_that_is_called_granted_is_what_the_system_says() {
+        let (grant, policy, slept) = std::thread::spawn(|| {
+            let asked = Asked::default();
+            assert_eq!(asked.get(), Grant::NotAsked);
+            asked.once::<65_536>(Some(5));
+            // SAFETY: takes no pointer.
+            let policy = unsafe { libc::sched_getscheduler(0) };
+            asked.once::<16>(None);
+            (asked.get(), policy, ask_priority(5))
+        })
+        .join()
+        .unwrap();
+        assert_eq!(grant == Grant::Granted, policy == libc::SCHED_FIFO);
+        assert_eq!(grant, slept, "a second request changes nothing");
+        assert!(grant == Grant::Granted || matches!(grant, Grant::Refused(e) if e > 0), "{grant:?}");
+    }
+}

@@ -1,0 +1,153 @@
+//! No thread that ticks, and no audio callback, allocates or frees.
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::SeqCst};
+use std::time::Duration;
+
+use asperity_audio::{Block, Process};
+use asperity_live::driver::{Callback, Options, Paced, Ticker, Timer};
+use asperity_live::{
+    Delay, Meters, RemoteClock, Sample, SampleWriter, TIMEOUT_NS, Timeline, now_ns, samples,
+};
+
+/// Counts what is allocated and freed on any thread while somebody looks.
+struct Counting;
+
+static LOOKING: AtomicBool = AtomicBool::new(false);
+static COUNT: AtomicU64 = AtomicU64::new(0);
+
+fn note() {
+    if LOOKING.load(SeqCst) {
+        COUNT.fetch_add(1, SeqCst);
+    }
+}
+
+// SAFETY: everything is handed on to the system's allocator.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        note();
+        // SAFETY: as the caller promised.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, at: *mut u8, layout: Layout) {
+        note();
+        // SAFETY: as the caller promised.
+        unsafe { System.dealloc(at, layout) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+/// Allocations and frees of the program during something.
+fn counted(what: impl FnOnce()) -> u64 {
+    COUNT.store(0, SeqCst);
+    LOOKING.store(true, SeqCst);
+    what();
+    LOOKING.store(false, SeqCst);
+    COUNT.load(SeqCst)
+}
+
+/// A run that reads a hand.
+struct Hand {
+    line: Timeline,
+    to: SampleWriter,
+    clock: RemoteClock,
+    next: u64,
+}
+
+impl Hand {
+    fn new() -> Self {
+        let (to, from) = samples();
+        Self { line: Timeline::new(from, Delay::Auto, TIMEOUT_NS), to, clock: RemoteClock::new(), next: 0 }
+    }
+}
+
+impl Ticker for Hand {
+    fn tick_hz(&self) -> u32 {
+        500
+    }
+    fn rate_hz(&self) -> u32 {
+        48_000
+    }
+    fn channels(&self) -> usize {
+        2
+    }
+    fn next_tick(&self) -> u64 {
+        self.next
+    }
+    fn tick(&mut self, time_ns: u64, out: &mut [f32]) {
+        let sent = self.clock.map(time_ns as f64 * 1e-9 - 3.0, time_ns);
+        let x = self.next as f64;
+        // Longer pauses between, so that it stalls.
+        if self.next % 200 < 150 {
+            self.to.send(Sample {
+                time_ns: sent,
+                arrived_ns: time_ns,
+                position: [x; 3],
+                ..Sample::default()
+            });
+        }
+        out.fill(self.line.at(time_ns).position[0] as f32 * 1e-6);
+        self.next += 1;
+    }
+    fn skip(&mut self, n: u64) {
+        self.next += n;
+    }
+}
+
+fn options() -> Options {
+    Options { priority: None, start_s: 0.5, ..Options::new(Arc::new(Meters::new(500))) }
+}
+
+fn call(half: &mut impl Process, room: &mut [f32], now_ns: u64, frames: usize) {
+    half.process(&mut Block { output: &mut room[..frames * 2], channels: 2, now_ns, ahead_ns: 0 });
+}
+
+// One test: the count is one for the program.
+#[test]
+fn no_driver_allocates_while_it_runs() {
+    assert!(
+        counted(|| drop(std::hint::black_box(vec![1_u8; 64]))) >= 2,
+        "the instrument must see an allocation"
+    );
+    let mut room = vec![0.0; 4096];
+    let sizes = [64, 0, 1, 1024, 97, 441];
+
+    let (driver, mut half) = Callback::new(Hand::new(), &options());
+    let mut now = 1_000_000_000;
+    let allocated = counted(|| {
+        for i in 0..10_000 {
+            let frames = sizes[i % sizes.len()];
+            call(&mut half, &mut room, now, frames);
+            now += frames as u64 * 1_000_000_000 / 48_000 + if i % 900 == 0 { 70_000_000 } else { 0 };
+            driver.controls().mute(i % 1000 > 900);
+        }
+    });
+    assert_eq!(allocated, 0, "callback");
+    assert!(driver.controls().meters().skipped_ticks.get() > 0, "gaps were among it");
+    assert!(driver.take().expect("the ticker").line.seen().stalls > 0, "stalls too");
+
+    let (driver, mut half) = Paced::new(Hand::new(), &options()).expect("a thread");
+    let began = now_ns();
+    let mut frames = 0;
+    let mut play = |ms: u64| {
+        while now_ns() - began < ms * 1_000_000 {
+            let due = began + frames * 1_000_000_000 / 48_000;
+            std::thread::sleep(Duration::from_nanos(due.saturating_sub(now_ns())));
+            call(&mut half, &mut room, now_ns(), 256);
+            frames += 256;
+        }
+    };
+    play(200);
+    assert_eq!(counted(|| play(700)), 0, "paced");
+    assert!(driver.controls().meters().next_tick() > 100);
+    drop(driver.stop());
+
+    let timer = Timer::new(Hand::new(), &options()).expect("a thread");
+    std::thread::sleep(Duration::from_millis(20));
+    assert_eq!(counted(|| std::thread::sleep(Duration::from_millis(100))), 0, "timer");
+    drop(timer.stop());
+}
