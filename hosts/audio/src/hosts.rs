@@ -14,10 +14,6 @@ const PATIENCE: Duration = Duration::from_secs(4);
 /// The host of simulated cards.
 pub(crate) const SIMULATED: &str = "simulated";
 
-/// The name under which JACK and others show this program.
-#[cfg(target_os = "linux")]
-const CLIENT: &str = "asperity";
-
 /// A device of a host.
 #[derive(Clone)]
 pub(crate) struct Listed {
@@ -66,17 +62,7 @@ pub(crate) fn list(host: &str) -> Result<Vec<Listed>, String> {
     found.unwrap_or_else(|| Err(format!("no answer in {} s", PATIENCE.as_secs())))
 }
 
-#[cfg(target_os = "linux")]
 fn look(id: HostId, name: &str) -> Result<Vec<Listed>, String> {
-    if id == HostId::Jack { look_at_jack(name) } else { look_at(id, name) }
-}
-
-#[cfg(not(target_os = "linux"))]
-fn look(id: HostId, name: &str) -> Result<Vec<Listed>, String> {
-    look_at(id, name)
-}
-
-fn look_at(id: HostId, name: &str) -> Result<Vec<Listed>, String> {
     let host = cpal::host_from_id(id).map_err(|error| error.to_string())?;
     let devices = host.devices().map_err(|error| error.to_string())?;
     let mut listed: Vec<_> = devices.map(|device| Listed::new(name, device)).collect();
@@ -91,17 +77,9 @@ fn look_at(id: HostId, name: &str) -> Result<Vec<Listed>, String> {
     };
     mark(host.default_output_device(), true);
     mark(host.default_input_device(), false);
+    // JACK has no devices: cpal makes one of each direction while a server answers.
+    if id == HostId::Jack && listed.is_empty() {
+        return Err("no JACK server answers".to_owned());
+    }
     Ok(listed)
-}
-
-/// JACK has no devices: cpal makes one of each direction, and names the client after the process unless told otherwise.
-#[cfg(target_os = "linux")]
-fn look_at_jack(name: &str) -> Result<Vec<Listed>, String> {
-    let mut host = cpal::platform::JackHost::new().map_err(|error| error.to_string())?;
-    let output = host.output_device_with_name(CLIENT).map(Device::from);
-    let input = host.input_device_with_name(CLIENT).map(Device::from);
-    let output = output.map(|device| Listed { default_output: true, ..Listed::new(name, device) });
-    let input = input.map(|device| Listed { default_input: true, ..Listed::new(name, device) });
-    let all: Vec<_> = output.into_iter().chain(input).collect();
-    if all.is_empty() { Err("no JACK server answers".to_owned()) } else { Ok(all) }
 }

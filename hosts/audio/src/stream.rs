@@ -16,7 +16,7 @@ use crate::format::with_sample;
 use crate::hosts::{Listed, SIMULATED};
 use crate::plan::{Plan, plan};
 use crate::request::{OpenError, Request};
-use crate::watch::{Shared, Watched, watch};
+use crate::watch::{CLOSING, Shared, Watched, watch};
 use crate::{Capture, Events, Format, Process, now_ns};
 
 /// How long a host may take to open a stream.
@@ -132,7 +132,7 @@ pub fn open(
     let theirs = shared.clone();
     let thread = std::thread::Builder::new().name("audio watch".to_owned());
     let watch = thread.spawn(move || watch(&theirs, sides, &events)).map_err(|error| {
-        shared.close();
+        shared.close(CLOSING);
         OpenError::Refused {
             device: output.opened.full_id(),
             reason: format!("no thread to watch it: {error}"),
@@ -342,6 +342,6 @@ impl Drop for Stream {
             watch.thread().unpark();
             let _ = watch.join();
         }
-        self.shared.close();
+        self.shared.close(CLOSING);
     }
 }

@@ -28,8 +28,11 @@ const FIRST_NS: u64 = 3_000_000_000;
 const FLOOD: f64 = 32.0;
 /// ... where so many a second do no harm.
 const TOLERATED_HZ: f64 = 20.0;
-/// How long a host may take to close a stream before it is left to a thread.
-const CLOSING: Duration = Duration::from_millis(500);
+/// How long a host may take to close a stream that is lost before it is left to a thread: word of the loss waits for it, so that
+/// whoever opens the device again does not find it taken.
+const CLOSING_LOST: Duration = Duration::from_millis(100);
+/// The same for a stream that is dropped.
+pub(crate) const CLOSING: Duration = Duration::from_millis(500);
 
 /// What the stream, its watch and its owner share.
 pub(crate) struct Shared {
@@ -47,7 +50,7 @@ pub(crate) struct Shared {
 
 impl Shared {
     /// Closes the streams, on a thread of its own: a server that hangs would hold the caller.
-    pub(crate) fn close(&self) {
+    pub(crate) fn close(&self, patience: Duration) {
         let streams = std::mem::take(&mut *self.streams.lock().unwrap_or_else(PoisonError::into_inner));
         if streams.is_empty() {
             return;
@@ -58,7 +61,7 @@ impl Shared {
             drop(streams);
             drop(closed);
         });
-        let _ = wait.recv_timeout(CLOSING);
+        let _ = wait.recv_timeout(patience);
     }
 }
 
@@ -158,7 +161,7 @@ pub(crate) fn watch(shared: &Shared, mut sides: Vec<Watched>, events: &Events) {
 fn lose(shared: &Shared, sides: &[Watched], reason: String, events: &Events) {
     sides.iter().for_each(|side| side.counts.over.store(true, Relaxed));
     let _ = shared.lost.set(reason.clone());
-    shared.close();
+    shared.close(CLOSING_LOST);
     let mut event = Event::Lost { reason };
     while let Err(mpsc::TrySendError::Full(back)) = events.try_send(event) {
         if shared.done.load(Relaxed) {
