@@ -1,0 +1,77 @@
+//! Calls into audio servers that may never answer.
+
+use std::collections::BTreeSet;
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+use crate::quiet::hush_alsa;
+
+/// Hosts in which a call hangs. Another one is not begun before that has come back, so that threads do not pile up.
+static HANGING: Mutex<BTreeSet<String>> = Mutex::new(BTreeSet::new());
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+enum Answer<T> {
+    Awaited,
+    Here(T),
+    Abandoned,
+}
+
+/// Runs `call` on a thread of its own, where ALSA's library prints nothing. None where it takes longer than `limit`, or where an
+/// earlier call into the same host still hangs; the thread is left to its fate then, and what it answers is dropped.
+pub(crate) fn bounded<T: Send + 'static>(
+    host: &str,
+    limit: Duration,
+    call: impl FnOnce() -> T + Send + 'static,
+) -> Option<T> {
+    if lock(&HANGING).contains(host) {
+        return None;
+    }
+    let place = Arc::new((Mutex::new(Answer::Awaited), Condvar::new()));
+    let theirs = place.clone();
+    let name = host.to_owned();
+    std::thread::spawn(move || {
+        hush_alsa();
+        let answer = call();
+        let (slot, told) = &*theirs;
+        let mut slot = lock(slot);
+        if matches!(*slot, Answer::Abandoned) {
+            lock(&HANGING).remove(&name);
+        } else {
+            *slot = Answer::Here(answer);
+            told.notify_one();
+        }
+    });
+    let (slot, told) = &*place;
+    let waiting = |answer: &mut Answer<T>| matches!(answer, Answer::Awaited);
+    let (mut slot, _) =
+        told.wait_timeout_while(lock(slot), limit, waiting).unwrap_or_else(PoisonError::into_inner);
+    match std::mem::replace(&mut *slot, Answer::Abandoned) {
+        Answer::Here(answer) => Some(answer),
+        _ => {
+            lock(&HANGING).insert(host.to_owned());
+            None
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_host_that_hangs_is_left_alone_until_it_answers() {
+        let (go, wait) = std::sync::mpsc::channel::<()>();
+        let short = Duration::from_millis(20);
+        assert_eq!(bounded("one", short, move || wait.recv().is_ok()), None);
+        assert_eq!(bounded("one", short, || true), None);
+        assert_eq!(bounded("two", Duration::from_secs(10), || true), Some(true));
+        go.send(()).unwrap();
+        while lock(&HANGING).contains("one") {
+            std::thread::yield_now();
+        }
+        assert_eq!(bounded("one", Duration::from_secs(10), || true), Some(true));
+    }
+}

@@ -1,0 +1,241 @@
+//! What runs on a device's thread: fills its blocks, takes what it recorded. No allocation, no lock, no waiting.
+
+use std::any::Any;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering::Relaxed};
+
+use cpal::{InputCallbackInfo, OutputCallbackInfo};
+use ringbuf::HeapProd;
+use ringbuf::traits::Producer;
+
+use crate::format::DeviceSample;
+use crate::quiet::hush_alsa;
+use crate::{Block, Capture, Captured, Process, now_ns};
+
+/// Samples of a piece: longer calls are filled in pieces of this.
+const SCRATCH: usize = 1 << 16;
+/// Calls whose length is remembered.
+const RECENT: usize = 64;
+/// A gap of more than this is told, if it is also more than 3 periods [ns].
+const GAP_NS: u64 = 50_000_000;
+
+/// What a device's threads tell the watch.
+pub(crate) enum Message {
+    /// No call for so many nanoseconds, and then another one.
+    Gap(u64),
+    /// The process panicked.
+    Panic(Box<dyn Any + Send>),
+    /// cpal says so.
+    Error(cpal::Error),
+}
+
+/// What one side of a stream has done.
+pub(crate) struct Counts {
+    pub(crate) rate_hz: u32,
+    pub(crate) calls: AtomicU64,
+    pub(crate) frames: AtomicU64,
+    pub(crate) gaps: AtomicU64,
+    pub(crate) longest_gap_ns: AtomicU64,
+    pub(crate) xruns: AtomicU64,
+    pub(crate) errors: AtomicU64,
+    /// When it last called; 0 before the first time.
+    pub(crate) last_ns: AtomicU64,
+    /// What the host last said of its latency [ns].
+    pub(crate) latency_ns: AtomicU64,
+    /// Whether the stream is over and must be silent.
+    pub(crate) over: AtomicBool,
+    recent: [AtomicU32; RECENT],
+}
+
+impl Counts {
+    pub(crate) fn new(rate_hz: u32) -> Self {
+        Self {
+            rate_hz,
+            calls: AtomicU64::new(0),
+            frames: AtomicU64::new(0),
+            gaps: AtomicU64::new(0),
+            longest_gap_ns: AtomicU64::new(0),
+            xruns: AtomicU64::new(0),
+            errors: AtomicU64::new(0),
+            last_ns: AtomicU64::new(0),
+            latency_ns: AtomicU64::new(0),
+            over: AtomicBool::new(false),
+            recent: [const { AtomicU32::new(0) }; RECENT],
+        }
+    }
+
+    /// Lengths of the last calls [frames], none of them 0, in no order.
+    pub(crate) fn recent(&self) -> Vec<u32> {
+        self.recent.iter().map(|frames| frames.load(Relaxed)).filter(|frames| *frames > 0).collect()
+    }
+
+    /// Counts a call. Answers the gap before it, where there was one that is worth telling [ns].
+    fn called(&self, now: u64, frames: usize, latency_ns: u64) -> Option<u64> {
+        let before = self.last_ns.swap(now, Relaxed);
+        let call = self.calls.fetch_add(1, Relaxed);
+        self.frames.fetch_add(frames as u64, Relaxed);
+        self.latency_ns.store(latency_ns, Relaxed);
+        let place = |call: u64| &self.recent[call as usize % RECENT];
+        let last = u64::from(place(call.wrapping_sub(1)).load(Relaxed)).max(frames as u64);
+        place(call).store(frames.min(u32::MAX as usize) as u32, Relaxed);
+        let gap = now.saturating_sub(before);
+        let told = before > 0 && gap > GAP_NS.max(3 * last * 1_000_000_000 / u64::from(self.rate_hz.max(1)));
+        if told {
+            self.gaps.fetch_add(1, Relaxed);
+            self.longest_gap_ns.fetch_max(gap, Relaxed);
+        }
+        told.then_some(gap)
+    }
+}
+
+/// What both directions have in common.
+struct Line {
+    counts: Arc<Counts>,
+    messages: HeapProd<Message>,
+    /// Which of the device's channels (from 0) each of the block's is.
+    map: Vec<usize>,
+    /// Channels of the device.
+    width: usize,
+    /// Room for one piece of a block.
+    scratch: Vec<f32>,
+    /// Whether ALSA's library may print on this thread.
+    loud: bool,
+    panicked: bool,
+}
+
+impl Line {
+    fn new(counts: Arc<Counts>, messages: HeapProd<Message>, channels: &[u16], width: u16) -> Self {
+        let map: Vec<usize> = channels.iter().map(|channel| usize::from(channel.max(&1) - 1)).collect();
+        let scratch = vec![0.0; SCRATCH / map.len().max(1) * map.len().max(1)];
+        let width = usize::from(width.max(1));
+        Self { counts, messages, map, width, scratch, loud: true, panicked: false }
+    }
+
+    /// Begins a call. False where nothing is to be done but to be silent.
+    fn begin(&mut self, now: u64, samples: usize, latency_ns: u64) -> bool {
+        if std::mem::take(&mut self.loud) {
+            hush_alsa();
+        }
+        if let Some(gap) = self.counts.called(now, samples / self.width, latency_ns) {
+            // Where the watch is that far behind, the count tells.
+            let _ = self.messages.try_push(Message::Gap(gap));
+        }
+        !self.panicked && !self.counts.over.load(Relaxed)
+    }
+
+    /// Samples of the device in one piece.
+    fn piece(&self) -> usize {
+        self.scratch.len() / self.map.len().max(1) * self.width
+    }
+
+    /// From when a call began to the piece that begins at this frame [ns].
+    fn offset_ns(&self, frames: usize) -> u64 {
+        frames as u64 * 1_000_000_000 / u64::from(self.counts.rate_hz.max(1))
+    }
+
+    fn failed(&mut self, panic: Box<dyn Any + Send>) {
+        self.panicked = true;
+        if let Err(Message::Panic(panic)) = self.messages.try_push(Message::Panic(panic)) {
+            // Dropping it would free memory here.
+            std::mem::forget(panic);
+        }
+    }
+}
+
+/// Fills what a device plays.
+pub(crate) struct Filler {
+    line: Line,
+    process: Box<dyn Process>,
+}
+
+impl Filler {
+    pub(crate) fn new(
+        counts: Arc<Counts>,
+        messages: HeapProd<Message>,
+        channels: &[u16],
+        width: u16,
+        process: Box<dyn Process>,
+    ) -> Self {
+        Self { line: Line::new(counts, messages, channels, width), process }
+    }
+
+    pub(crate) fn fill<T: DeviceSample>(&mut self, data: &mut [T], info: &OutputCallbackInfo) {
+        let now_ns = now_ns();
+        let stamp = info.timestamp();
+        let ahead = stamp.playback.saturating_duration_since(stamp.callback).as_nanos() as u64;
+        data.fill(T::ZERO);
+        if !self.line.begin(now_ns, data.len(), ahead) {
+            return;
+        }
+        let width = self.line.width;
+        let channels = self.line.map.len();
+        let whole = data.len() / width * width;
+        let size = self.line.piece();
+        let mut done = 0;
+        for piece in data[..whole].chunks_mut(size) {
+            let frames = piece.len() / width;
+            let ahead_ns = ahead + self.line.offset_ns(done);
+            let output = &mut self.line.scratch[..frames * channels];
+            output.fill(0.0);
+            let mut block = Block { output, channels, now_ns, ahead_ns };
+            if let Err(panic) = catch_unwind(AssertUnwindSafe(|| self.process.process(&mut block))) {
+                return self.line.failed(panic);
+            }
+            let made = self.line.scratch[..frames * channels].chunks_exact(channels);
+            for (frame, made) in piece.chunks_exact_mut(width).zip(made) {
+                for (to, from) in self.line.map.iter().zip(made) {
+                    frame[*to] = T::from_unit(*from);
+                }
+            }
+            done += frames;
+        }
+    }
+}
+
+/// Takes what a device recorded.
+pub(crate) struct Gatherer {
+    line: Line,
+    capture: Box<dyn Capture>,
+}
+
+impl Gatherer {
+    pub(crate) fn new(
+        counts: Arc<Counts>,
+        messages: HeapProd<Message>,
+        channels: &[u16],
+        width: u16,
+        capture: Box<dyn Capture>,
+    ) -> Self {
+        Self { line: Line::new(counts, messages, channels, width), capture }
+    }
+
+    pub(crate) fn gather<T: DeviceSample>(&mut self, data: &[T], info: &InputCallbackInfo) {
+        let now_ns = now_ns();
+        let stamp = info.timestamp();
+        let behind = stamp.callback.saturating_duration_since(stamp.capture).as_nanos() as u64;
+        if !self.line.begin(now_ns, data.len(), behind) {
+            return;
+        }
+        let width = self.line.width;
+        let channels = self.line.map.len();
+        let whole = data.len() / width * width;
+        let mut done = 0;
+        for piece in data[..whole].chunks(self.line.piece()) {
+            let frames = piece.len() / width;
+            let behind_ns = behind.saturating_sub(self.line.offset_ns(done));
+            let taken = self.line.scratch[..frames * channels].chunks_exact_mut(channels);
+            for (frame, taken) in piece.chunks_exact(width).zip(taken) {
+                for (from, to) in self.line.map.iter().zip(taken) {
+                    *to = frame[*from].to_unit();
+                }
+            }
+            let input = &self.line.scratch[..frames * channels];
+            let block = Captured { input, channels, now_ns, behind_ns };
+            if let Err(panic) = catch_unwind(AssertUnwindSafe(|| self.capture.capture(&block))) {
+                return self.line.failed(panic);
+            }
+            done += frames;
+        }
+    }
+}

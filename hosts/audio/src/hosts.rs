@@ -1,0 +1,85 @@
+//! The hosts there are, and what stands in them.
+
+use std::time::Duration;
+
+use cpal::traits::{DeviceTrait, HostTrait};
+use cpal::{Device, HostId};
+
+use crate::bounded::bounded;
+use crate::simulated;
+
+/// How long a host may take to say what it has.
+const PATIENCE: Duration = Duration::from_secs(4);
+
+/// The host of simulated cards.
+pub(crate) const SIMULATED: &str = "simulated";
+
+/// A device of a host.
+#[derive(Clone)]
+pub(crate) struct Listed {
+    pub(crate) host: String,
+    pub(crate) id: String,
+    pub(crate) name: String,
+    pub(crate) device: Device,
+    pub(crate) default_output: bool,
+    pub(crate) default_input: bool,
+}
+
+impl Listed {
+    pub(crate) fn new(host: &str, device: Device) -> Self {
+        let id = device.id().map(|id| id.id().to_owned());
+        let name = device.description().map_or_else(|_| String::new(), |about| about.name().to_owned());
+        let id = id.unwrap_or_else(|_| name.clone());
+        Self { host: host.to_owned(), id, name, device, default_output: false, default_input: false }
+    }
+
+    /// What opens exactly this device: `host:id`.
+    pub(crate) fn full_id(&self) -> String {
+        format!("{}:{}", self.host, self.id)
+    }
+
+    /// For a message: `host:id (name)`.
+    pub(crate) fn label(&self) -> String {
+        format!("{} ({})", self.full_id(), self.name)
+    }
+}
+
+/// Names of all hosts of this build, the one that is asked for a default device first.
+pub(crate) fn names() -> Vec<String> {
+    let real = cpal::ALL_HOSTS.iter().filter(|id| **id != HostId::Custom).map(ToString::to_string);
+    real.chain([SIMULATED.to_owned()]).collect()
+}
+
+/// The devices of a host; the error says why it has none.
+pub(crate) fn list(host: &str) -> Result<Vec<Listed>, String> {
+    if host == SIMULATED {
+        return Ok(simulated::devices().into_iter().map(|device| Listed::new(SIMULATED, device)).collect());
+    }
+    let id = cpal::ALL_HOSTS.iter().copied().find(|id| id.to_string() == host);
+    let id = id.ok_or_else(|| "there is no such host".to_owned())?;
+    let name = host.to_owned();
+    let found = bounded(host, PATIENCE, move || look(id, &name));
+    found.unwrap_or_else(|| Err(format!("no answer in {} s", PATIENCE.as_secs())))
+}
+
+fn look(id: HostId, name: &str) -> Result<Vec<Listed>, String> {
+    let host = cpal::host_from_id(id).map_err(|error| error.to_string())?;
+    let devices = host.devices().map_err(|error| error.to_string())?;
+    let mut listed: Vec<_> = devices.map(|device| Listed::new(name, device)).collect();
+    let mut mark = |device: Option<Device>, output: bool| {
+        let Some(device) = device.map(|device| Listed::new(name, device)) else { return };
+        let at = listed.iter().position(|one| one.id == device.id).unwrap_or_else(|| {
+            listed.push(device);
+            listed.len() - 1
+        });
+        let flag = if output { &mut listed[at].default_output } else { &mut listed[at].default_input };
+        *flag = true;
+    };
+    mark(host.default_output_device(), true);
+    mark(host.default_input_device(), false);
+    // JACK has no devices: cpal makes one of each direction while a server answers.
+    if id == HostId::Jack && listed.is_empty() {
+        return Err("no JACK server answers".to_owned());
+    }
+    Ok(listed)
+}

@@ -1,0 +1,157 @@
+//! What devices there are, for a user to read.
+
+use std::time::Duration;
+
+use cpal::{SupportedBufferSize, SupportedStreamConfigRange};
+use serde::Serialize;
+
+use crate::Format;
+use crate::bounded::bounded;
+use crate::find::Side;
+use crate::hosts::{Listed, list, names};
+use crate::plan::abilities;
+
+/// Rates that are worth a question [Hz].
+pub const RATES_HZ: [u32; 3] = [44_100, 48_000, 96_000];
+
+/// How long a device may take to say what it can do.
+const PATIENCE: Duration = Duration::from_secs(4);
+
+/// A host and what it has.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct HostInfo {
+    /// Its name, as a user types it.
+    pub name: String,
+    /// Why it has no devices, where it does not answer: no server runs, or one hangs.
+    pub note: Option<String>,
+    /// Its devices.
+    pub devices: Vec<DeviceInfo>,
+}
+
+/// A device.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct DeviceInfo {
+    /// Name of its host.
+    pub host: String,
+    /// What a user types to mean this one: `host:id` is unambiguous.
+    pub id: String,
+    /// A name for people; several may share it.
+    pub name: String,
+    /// Whether it is its host's default output.
+    pub default_output: bool,
+    /// Whether it is its host's default input.
+    pub default_input: bool,
+    /// What it plays, if it does.
+    pub output: Option<SideInfo>,
+    /// What it records, if it does.
+    pub input: Option<SideInfo>,
+    /// Why it says nothing of itself: it is busy, or there only in name.
+    pub note: Option<String>,
+}
+
+/// What a device can do on one side.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct SideInfo {
+    /// Channels it has at most. JACK says 64 however many its card has; a server that mixes says its device's own.
+    pub channels: u16,
+    /// Which of 44100, 48000 and 96000 it can [Hz].
+    pub rates_hz: Vec<u32>,
+    /// The lowest and the highest rate [Hz].
+    pub rate_range_hz: (u32, u32),
+    /// The rate it is set to, or would choose [Hz].
+    pub rate_hz: Option<u32>,
+    /// How it can hold samples.
+    pub formats: Vec<Format>,
+    /// The fewest and the most frames a call, if it says. JACK: the only number.
+    pub buffer_frames: Option<(u32, u32)>,
+}
+
+/// Every host of this build, and every device that it has. Never fails as a whole: a host that does not answer says so in its note.
+/// Asks servers and opens devices; may take some seconds where one hangs. The simulated host lists the devices that tests made;
+/// those that are described by their id ([`simulated`](crate::simulated)) are there without being listed.
+pub fn hosts() -> Vec<HostInfo> {
+    let one = |name: String| match list(&name) {
+        Ok(listed) => HostInfo { devices: details(&name, listed), name, note: None },
+        Err(reason) => HostInfo { name, note: Some(reason), devices: Vec::new() },
+    };
+    names().into_iter().map(one).collect()
+}
+
+/// The devices of all hosts that answer.
+pub fn devices() -> Vec<DeviceInfo> {
+    hosts().into_iter().flat_map(|host| host.devices).collect()
+}
+
+fn details(host: &str, listed: Vec<Listed>) -> Vec<DeviceInfo> {
+    let bare: Vec<_> =
+        listed.iter().map(|one| about(one, None, None, Some("no answer".to_owned()))).collect();
+    bounded(host, PATIENCE, move || listed.iter().map(detail).collect()).unwrap_or(bare)
+}
+
+fn detail(listed: &Listed) -> DeviceInfo {
+    let mut note = None;
+    let mut side = |side: Side| {
+        if !side.fits(listed) {
+            return None;
+        }
+        match abilities(listed, side) {
+            Ok((ranges, usual)) => {
+                let rate_hz = usual.as_ref().map(|usual| usual.sample_rate());
+                let own = matches!(listed.host.as_str(), "pulseaudio" | "pipewire");
+                let own = usual.filter(|_| own).map(|usual| usual.channels());
+                summary(&ranges, rate_hz, own)
+            }
+            Err(error) => {
+                note = Some(format!("{}: {error}", side.name()));
+                None
+            }
+        }
+    };
+    let (output, input) = (side(Side::Output), side(Side::Input));
+    // One side that answers says enough.
+    let note = note.filter(|_| output.is_none() && input.is_none());
+    about(listed, output, input, note)
+}
+
+fn about(
+    listed: &Listed,
+    output: Option<SideInfo>,
+    input: Option<SideInfo>,
+    note: Option<String>,
+) -> DeviceInfo {
+    DeviceInfo {
+        host: listed.host.clone(),
+        id: listed.id.clone(),
+        name: listed.name.clone(),
+        default_output: listed.default_output,
+        default_input: listed.default_input,
+        output,
+        input,
+        note,
+    }
+}
+
+fn summary(
+    ranges: &[SupportedStreamConfigRange],
+    rate_hz: Option<u32>,
+    own_channels: Option<u16>,
+) -> Option<SideInfo> {
+    let channels = own_channels.or(ranges.iter().map(|range| range.channels()).max())?;
+    let low = ranges.iter().map(|range| range.min_sample_rate()).min()?;
+    let high = ranges.iter().map(|range| range.max_sample_rate()).max()?;
+    let rates = RATES_HZ.into_iter().filter(|rate| ranges.iter().any(|range| range.contains_rate(*rate)));
+    let has = |format: &Format| ranges.iter().any(|range| range.sample_format() == format.to_cpal());
+    let buffers = ranges.iter().filter_map(|range| match range.buffer_size() {
+        SupportedBufferSize::Range { min, max } => Some((*min, *max)),
+        SupportedBufferSize::Unknown => None,
+    });
+    let buffer_frames = buffers.reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)));
+    Some(SideInfo {
+        channels,
+        rates_hz: rates.collect(),
+        rate_range_hz: (low, high),
+        rate_hz,
+        formats: Format::ALL.into_iter().filter(has).collect(),
+        buffer_frames,
+    })
+}

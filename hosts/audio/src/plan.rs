@@ -1,0 +1,152 @@
+//! How to run a device that was found: width, rate, format, buffer.
+
+use cpal::traits::DeviceTrait;
+use cpal::{
+    BufferSize, StreamConfig, SupportedBufferSize, SupportedStreamConfig, SupportedStreamConfigRange,
+};
+
+use crate::Format;
+use crate::find::Side;
+use crate::hosts::Listed;
+use crate::request::{OpenError, Request};
+
+/// Frames a call where nobody says. A host's own default may be 2 s (PulseAudio), so it is never left to it.
+const USUAL_PERIOD: u32 = 256;
+
+/// How a device is to be run.
+pub(crate) struct Plan {
+    pub(crate) config: StreamConfig,
+    pub(crate) format: Format,
+    /// What a user should know, as sentences.
+    pub(crate) notes: Vec<String>,
+}
+
+/// What a device can do on one side, and what it is set to.
+pub(crate) fn abilities(
+    listed: &Listed,
+    side: Side,
+) -> Result<(Vec<SupportedStreamConfigRange>, Option<SupportedStreamConfig>), cpal::Error> {
+    let device = &listed.device;
+    Ok(match side {
+        Side::Output => (device.supported_output_configs()?.collect(), device.default_output_config().ok()),
+        Side::Input => (device.supported_input_configs()?.collect(), device.default_input_config().ok()),
+    })
+}
+
+/// Frames that a JACK server runs at.
+fn only_period(range: Option<&SupportedStreamConfigRange>) -> Option<u32> {
+    match range?.buffer_size() {
+        SupportedBufferSize::Range { min, max } if min == max => Some(*min),
+        _ => None,
+    }
+}
+
+/// How to run the device for this request; the error says what it can do instead.
+pub(crate) fn plan(
+    listed: &Listed,
+    side: Side,
+    channels: &[u16],
+    request: &Request,
+) -> Result<Plan, OpenError> {
+    let device = listed.full_id();
+    let refused = |reason: String| OpenError::Refused { device: device.clone(), reason };
+    let (ranges, usual) = abilities(listed, side).map_err(|error| refused(error.to_string()))?;
+    if ranges.is_empty() {
+        return Err(refused(format!("it has no {}", side.name())));
+    }
+    let width = width(listed, side, channels, &ranges, usual.as_ref())?;
+    let ranges: Vec<_> = ranges.into_iter().filter(|range| range.channels() == width).collect();
+    let fitting: Vec<_> = ranges.iter().filter(|range| range.contains_rate(request.rate_hz)).collect();
+    if fitting.is_empty() {
+        let mut there: Vec<_> =
+            ranges.iter().map(|range| (range.min_sample_rate(), range.max_sample_rate())).collect();
+        there.sort_unstable();
+        there.dedup();
+        return Err(OpenError::NoRate { device, wanted: request.rate_hz, there });
+    }
+    let can = |format: &Format| fitting.iter().any(|range| range.sample_format() == format.to_cpal());
+    let there: Vec<Format> = Format::ALL.into_iter().filter(can).collect();
+    let format = match request.format {
+        Some(format) => there.iter().copied().find(|one| *one == format),
+        None => there.first().copied(),
+    };
+    let Some(format) = format else {
+        return Err(OpenError::NoFormat { device, wanted: request.format, there });
+    };
+    let mut notes = Vec::new();
+    let range = fitting.iter().copied().find(|range| range.sample_format() == format.to_cpal());
+    let buffer_size = buffer(listed, request.period_frames, range, &mut notes);
+    if let Some(rate) = usual.map(|usual| usual.sample_rate())
+        && is_mixer(listed)
+        && rate != request.rate_hz
+    {
+        notes
+            .push(format!("{device} runs at {rate} Hz: its server resamples {} Hz to that", request.rate_hz));
+    }
+    let config = StreamConfig { channels: width, sample_rate: request.rate_hz, buffer_size };
+    Ok(Plan { config, format, notes })
+}
+
+/// Whether the host is a server that takes any width and rate, and mixes and resamples to what its device has.
+fn is_mixer(listed: &Listed) -> bool {
+    matches!(listed.host.as_str(), "pulseaudio" | "pipewire")
+}
+
+/// Channels to open the device with: a mixing server's own number, since it would spread or fold any other; on JACK as many ports as
+/// are needed; else the smallest number that has room, but not one, which ALSA's converters would copy to all channels.
+fn width(
+    listed: &Listed,
+    side: Side,
+    channels: &[u16],
+    ranges: &[SupportedStreamConfigRange],
+    usual: Option<&SupportedStreamConfig>,
+) -> Result<u16, OpenError> {
+    let highest = channels.iter().copied().max().unwrap_or(1);
+    let all = || ranges.iter().map(SupportedStreamConfigRange::channels);
+    let most = match usual {
+        Some(usual) if is_mixer(listed) => usual.channels(),
+        _ => all().max().unwrap_or(0),
+    };
+    let least = |floor: u16| all().filter(|count| *count >= floor).min();
+    let width = match listed.host.as_str() {
+        _ if highest > most => None,
+        _ if is_mixer(listed) => Some(most),
+        "jack" => Some(highest),
+        _ => least(highest.max(2)).or_else(|| least(highest)),
+    };
+    let device = listed.full_id();
+    width.ok_or(OpenError::NoChannel { device, side: side.name(), wanted: highest, there: most })
+}
+
+/// The buffer to ask for.
+fn buffer(
+    listed: &Listed,
+    wanted: Option<u32>,
+    range: Option<&SupportedStreamConfigRange>,
+    notes: &mut Vec<String>,
+) -> BufferSize {
+    if listed.host == "jack" {
+        if let (Some(wanted), Some(runs)) = (wanted, only_period(range))
+            && wanted != runs
+        {
+            notes.push(format!(
+                "the JACK server runs at {runs} frames a period; {wanted} cannot be had from here"
+            ));
+        }
+        return BufferSize::Default;
+    }
+    let frames = wanted.unwrap_or(USUAL_PERIOD);
+    let bounds = match range.map(SupportedStreamConfigRange::buffer_size) {
+        Some(SupportedBufferSize::Range { min, max }) if min <= max => (*min, *max),
+        _ => (1, u32::MAX),
+    };
+    let had = frames.clamp(bounds.0.max(1), bounds.1.max(1));
+    if had != frames && wanted.is_some() {
+        let device = listed.full_id();
+        notes.push(format!(
+            "{device} does {} to {} frames a period; {frames} cannot be had",
+            bounds.0, bounds.1
+        ));
+    }
+    BufferSize::Fixed(had)
+}

@@ -1,0 +1,198 @@
+//! The card itself: calls its streams, keeps what they play, wires output to input.
+
+use std::collections::VecDeque;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+use cpal::{Data, Error, InputCallbackInfo, OutputCallbackInfo, SampleFormat, StreamInstant};
+
+use super::Params;
+use crate::format::{DeviceSample, Format, with_sample};
+use crate::now_ns;
+
+pub(super) type OutputCall = Box<dyn FnMut(&mut Data, &OutputCallbackInfo) + Send>;
+pub(super) type InputCall = Box<dyn FnMut(&Data, &InputCallbackInfo) + Send>;
+pub(super) type ErrorCall = Box<dyn FnMut(Error) + Send>;
+
+/// What calls a stream.
+pub(super) enum Call {
+    Output(OutputCall),
+    Input(InputCall),
+}
+
+/// A stream that plays or records.
+pub(super) struct Line {
+    pub(super) call: Call,
+    pub(super) error: ErrorCall,
+    pub(super) format: Format,
+    pub(super) rate_hz: u32,
+    pub(super) period: u32,
+    pub(super) playing: bool,
+}
+
+/// A simulated part of the world between an output and an input channel (from 0).
+struct Plant {
+    output: usize,
+    input: usize,
+    respond: Box<dyn FnMut(f32) -> f32 + Send>,
+}
+
+/// What a card remembers.
+#[derive(Default)]
+pub(super) struct State {
+    pub(super) output: Option<Line>,
+    pub(super) input: Option<Line>,
+    pub(super) unplugged: bool,
+    /// Whether calls are withheld.
+    pub(super) stopped: bool,
+    /// Whether a thread calls the streams.
+    pub(super) timed: bool,
+    /// Time to do nothing, from the next call on.
+    pub(super) gap: Duration,
+    plants: Vec<Plant>,
+    played: Vec<f64>,
+    /// Frames on their way from output to input.
+    wire: VecDeque<Vec<f32>>,
+    calls: usize,
+    memory: Vec<u64>,
+}
+
+/// A simulated sound card.
+pub(super) struct Card {
+    pub(super) id: String,
+    pub(super) params: Params,
+    state: Mutex<State>,
+}
+
+impl Card {
+    pub(super) fn new(id: String, params: Params) -> Self {
+        Self { id, params, state: Mutex::default() }
+    }
+
+    pub(super) fn lock(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    pub(super) fn plant(&self, output: usize, input: usize, respond: Box<dyn FnMut(f32) -> f32 + Send>) {
+        self.lock().plants.push(Plant { output, input, respond });
+    }
+
+    pub(super) fn played(&self) -> Vec<f64> {
+        self.lock().played.clone()
+    }
+
+    /// Frames of the next call, and their rate. None while nothing plays.
+    pub(super) fn next_call(&self) -> Option<(usize, u32)> {
+        let state = self.lock();
+        let line = [&state.output, &state.input].into_iter().flatten().find(|line| line.playing)?;
+        let cycle = &self.params.frames;
+        let frames = cycle.get(state.calls % cycle.len().max(1)).copied().unwrap_or(line.period);
+        Some((frames as usize, line.rate_hz))
+    }
+
+    /// Calls what plays, once, with so many frames.
+    pub(super) fn step(&self, frames: usize) {
+        let state = &mut *self.lock();
+        if state.unplugged || state.stopped {
+            return;
+        }
+        state.calls += 1;
+        state.play(frames, &self.params);
+        state.record(frames, &self.params);
+    }
+}
+
+/// Memory for samples of any format.
+fn data(memory: &mut Vec<u64>, samples: usize, format: SampleFormat) -> Data {
+    memory.resize((samples * format.sample_size()).div_ceil(8), 0);
+    // SAFETY: the memory holds that many samples, is aligned for the largest of them, and any bits are a sample. It outlives
+    // the data, which its only callers do not keep.
+    unsafe { Data::from_parts(memory.as_mut_ptr().cast(), samples, format) }
+}
+
+/// Nanoseconds that frames last.
+fn ns(frames: u32, rate_hz: u32) -> u64 {
+    u64::from(frames) * 1_000_000_000 / u64::from(rate_hz.max(1))
+}
+
+impl State {
+    fn play(&mut self, frames: usize, params: &Params) {
+        let width = usize::from(params.channels);
+        let Self { output, memory, played, wire, plants, .. } = self;
+        let mut heard = vec![0.0_f64; frames * width];
+        if let Some(Line { call: Call::Output(call), format, rate_hz, playing: true, .. }) = output {
+            let mut data = data(memory, frames * width, format.to_cpal());
+            with_sample!(*format, T => if let Some(samples) = data.as_slice_mut::<T>() { samples.fill(T::ZERO) });
+            let now = now_ns();
+            let playback = StreamInstant::from_nanos(now + ns(params.latency_frames, *rate_hz));
+            let stamp = cpal::OutputStreamTimestamp { callback: StreamInstant::from_nanos(now), playback };
+            call(&mut data, &OutputCallbackInfo::new(stamp));
+            decode(*format, data.bytes(), &mut heard);
+            if params.keep {
+                played.extend_from_slice(&heard);
+            }
+        }
+        let inputs = usize::from(params.inputs);
+        if inputs == 0 {
+            return;
+        }
+        let latency = params.latency_frames as usize;
+        if wire.is_empty() {
+            wire.extend(std::iter::repeat_n(vec![0.0; inputs], latency));
+        }
+        for frame in heard.chunks_exact(width) {
+            let mut line = vec![0.0; inputs];
+            if params.loopback {
+                line.iter_mut().zip(frame).for_each(|(to, from)| *to = *from as f32);
+            }
+            for plant in &mut *plants {
+                if let (Some(from), Some(to)) = (frame.get(plant.output), line.get_mut(plant.input)) {
+                    *to = (plant.respond)(*from as f32);
+                }
+            }
+            wire.push_back(line);
+        }
+    }
+
+    fn record(&mut self, frames: usize, params: &Params) {
+        let width = usize::from(params.inputs);
+        let arrived: Vec<Vec<f32>> = self.wire.drain(..frames.min(self.wire.len())).collect();
+        let Some(Line { call: Call::Input(call), format, playing: true, .. }) = &mut self.input else {
+            return;
+        };
+        let mut data = data(&mut self.memory, frames * width, format.to_cpal());
+        with_sample!(*format, T => {
+            let samples = data.as_slice_mut::<T>().unwrap_or_default();
+            samples.fill(T::ZERO);
+            for (to, from) in samples.iter_mut().zip(arrived.iter().flatten()) {
+                *to = T::from_unit(*from);
+            }
+        });
+        let now = StreamInstant::from_nanos(now_ns());
+        let stamp = cpal::InputStreamTimestamp { callback: now, capture: now };
+        call(&data, &InputCallbackInfo::new(stamp));
+    }
+}
+
+/// What the bytes of a device sound like, full scale 1, with nothing lost.
+fn decode(format: Format, bytes: &[u8], to: &mut [f64]) {
+    for (to, bytes) in to.iter_mut().zip(bytes.chunks_exact(format.bytes())) {
+        *to = match (format, bytes) {
+            (Format::F32, &[a, b, c, d]) => f64::from(f32::from_ne_bytes([a, b, c, d])),
+            (Format::F64, &[a, b, c, d, e, f, g, h]) => f64::from_ne_bytes([a, b, c, d, e, f, g, h]),
+            (Format::I8, &[a]) => f64::from(i8::from_ne_bytes([a])) / 128.0,
+            (Format::U8, &[a]) => (f64::from(a) - 128.0) / 128.0,
+            (Format::I16, &[a, b]) => f64::from(i16::from_ne_bytes([a, b])) / 32_768.0,
+            (Format::U16, &[a, b]) => (f64::from(u16::from_ne_bytes([a, b])) - 32_768.0) / 32_768.0,
+            (Format::I24, &[a, b, c, d]) => f64::from(i32::from_ne_bytes([a, b, c, d])) / 8_388_608.0,
+            (Format::U24, &[a, b, c, d]) => {
+                (f64::from(i32::from_ne_bytes([a, b, c, d])) - 8_388_608.0) / 8_388_608.0
+            }
+            (Format::I32, &[a, b, c, d]) => f64::from(i32::from_ne_bytes([a, b, c, d])) / 2_147_483_648.0,
+            (Format::U32, &[a, b, c, d]) => {
+                (f64::from(u32::from_ne_bytes([a, b, c, d])) - 2_147_483_648.0) / 2_147_483_648.0
+            }
+            _ => f64::NAN,
+        };
+    }
+}

@@ -1,0 +1,257 @@
+//! The card as cpal sees it.
+
+use std::fmt;
+use std::hash::{Hash, Hasher};
+use std::sync::{Arc, Weak};
+use std::time::{Duration, Instant};
+
+use cpal::traits::{DeviceTrait, StreamTrait};
+use cpal::{
+    BufferSize, Data, DeviceDescription, DeviceDescriptionBuilder, DeviceDirection, DeviceId, Error,
+    ErrorKind, FrameCount, HostId, InputCallbackInfo, OutputCallbackInfo, SampleFormat, StreamConfig,
+    StreamInstant, SupportedBufferSize, SupportedStreamConfig, SupportedStreamConfigRange,
+};
+
+use super::card::{Call, Card, Line};
+use crate::{Format, now_ns};
+
+/// Frames of a call where nobody says.
+const USUAL_PERIOD: u32 = 256;
+
+/// The card as a device of cpal.
+#[derive(Clone)]
+pub(super) struct Device(pub(super) Arc<Card>);
+
+impl Device {
+    fn configs(&self, channels: u16) -> Vec<SupportedStreamConfigRange> {
+        let params = &self.0.params;
+        let buffer = match params.frames.as_slice() {
+            [] => SupportedBufferSize::Range { min: 1, max: 1 << 20 },
+            all => SupportedBufferSize::Range {
+                min: all.iter().copied().min().unwrap_or(1),
+                max: all.iter().copied().max().unwrap_or(1),
+            },
+        };
+        let mut configs = Vec::new();
+        for format in params.formats() {
+            for rate in params.rates() {
+                configs.push(SupportedStreamConfigRange::new(channels, rate, rate, buffer, format.to_cpal()));
+            }
+        }
+        configs
+    }
+
+    fn default_config(&self, channels: u16) -> Result<SupportedStreamConfig, Error> {
+        let wanted = Error::new(ErrorKind::UnsupportedOperation);
+        self.configs(channels)
+            .into_iter()
+            .max_by_key(|config| config.max_sample_rate() == 48_000)
+            .filter(|_| channels > 0)
+            .map(SupportedStreamConfigRange::with_max_sample_rate)
+            .ok_or(wanted)
+    }
+
+    fn open(
+        &self,
+        config: StreamConfig,
+        format: SampleFormat,
+        call: Call,
+        error: super::card::ErrorCall,
+    ) -> Result<Stream, Error> {
+        let params = &self.0.params;
+        let plays = matches!(call, Call::Output(_));
+        let channels = if plays { params.channels } else { params.inputs };
+        let format = Format::from_cpal(format).filter(|format| params.formats().contains(format));
+        let fits = config.channels == channels && params.rates().contains(&config.sample_rate);
+        let format = format.filter(|_| fits).ok_or(Error::new(ErrorKind::UnsupportedConfig))?;
+        let period = match config.buffer_size {
+            BufferSize::Fixed(frames) => frames,
+            BufferSize::Default => USUAL_PERIOD,
+        };
+        let mut state = self.0.lock();
+        if state.unplugged {
+            return Err(Error::new(ErrorKind::DeviceNotAvailable));
+        }
+        let place = if plays { &mut state.output } else { &mut state.input };
+        if place.is_some() {
+            return Err(Error::new(ErrorKind::DeviceBusy));
+        }
+        let rate_hz = config.sample_rate;
+        *place = Some(Line { call, error, format, rate_hz, period, playing: false });
+        if self.0.params.speed > 0.0 && !std::mem::replace(&mut state.timed, true) {
+            let card = Arc::downgrade(&self.0);
+            std::thread::spawn(move || keep_time(&card));
+        }
+        drop(state);
+        Ok(Stream { card: self.0.clone(), plays, period })
+    }
+}
+
+/// Calls a card in time, until its last stream is gone.
+fn keep_time(card: &Weak<Card>) {
+    let mut due = Instant::now();
+    loop {
+        let Some(card) = card.upgrade() else { return };
+        let gap = {
+            let mut state = card.lock();
+            if state.output.is_none() && state.input.is_none() {
+                state.timed = false;
+                return;
+            }
+            std::mem::take(&mut state.gap)
+        };
+        std::thread::sleep(gap);
+        let Some((frames, rate_hz)) = card.next_call() else {
+            std::thread::sleep(Duration::from_millis(1));
+            due = Instant::now();
+            continue;
+        };
+        let now = Instant::now();
+        let lasts = Duration::from_secs_f64(frames as f64 / f64::from(rate_hz) / card.params.speed);
+        // What was missed while this thread could not run is not made up for.
+        if now > due + lasts * 4 {
+            due = now;
+        }
+        std::thread::sleep(due.saturating_duration_since(now));
+        card.step(frames);
+        due += lasts;
+    }
+}
+
+impl fmt::Display for Device {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0.id)
+    }
+}
+
+impl fmt::Debug for Device {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0.id)
+    }
+}
+
+impl PartialEq for Device {
+    fn eq(&self, other: &Self) -> bool {
+        self.0.id == other.0.id
+    }
+}
+
+impl Eq for Device {}
+
+impl Hash for Device {
+    fn hash<H: Hasher>(&self, state: &mut H) {
+        self.0.id.hash(state);
+    }
+}
+
+impl DeviceTrait for Device {
+    type SupportedInputConfigs = std::vec::IntoIter<SupportedStreamConfigRange>;
+    type SupportedOutputConfigs = std::vec::IntoIter<SupportedStreamConfigRange>;
+    type Stream = Stream;
+
+    fn description(&self) -> Result<DeviceDescription, Error> {
+        let direction =
+            if self.0.params.inputs > 0 { DeviceDirection::Duplex } else { DeviceDirection::Output };
+        Ok(DeviceDescriptionBuilder::new("Simulated sound card").direction(direction).build())
+    }
+
+    fn id(&self) -> Result<DeviceId, Error> {
+        Ok(DeviceId::new(HostId::Custom, &self.0.id))
+    }
+
+    fn supported_input_configs(&self) -> Result<Self::SupportedInputConfigs, Error> {
+        let inputs = self.0.params.inputs;
+        Ok(if inputs > 0 { self.configs(inputs) } else { Vec::new() }.into_iter())
+    }
+
+    fn supported_output_configs(&self) -> Result<Self::SupportedOutputConfigs, Error> {
+        Ok(self.configs(self.0.params.channels).into_iter())
+    }
+
+    fn default_input_config(&self) -> Result<SupportedStreamConfig, Error> {
+        self.default_config(self.0.params.inputs)
+    }
+
+    fn default_output_config(&self) -> Result<SupportedStreamConfig, Error> {
+        self.default_config(self.0.params.channels)
+    }
+
+    fn build_input_stream_raw<D, E>(
+        &self,
+        config: StreamConfig,
+        format: SampleFormat,
+        call: D,
+        error: E,
+        _timeout: Option<Duration>,
+    ) -> Result<Stream, Error>
+    where
+        D: FnMut(&Data, &InputCallbackInfo) + Send + 'static,
+        E: FnMut(Error) + Send + 'static,
+    {
+        self.open(config, format, Call::Input(Box::new(call)), Box::new(error))
+    }
+
+    fn build_output_stream_raw<D, E>(
+        &self,
+        config: StreamConfig,
+        format: SampleFormat,
+        call: D,
+        error: E,
+        _timeout: Option<Duration>,
+    ) -> Result<Stream, Error>
+    where
+        D: FnMut(&mut Data, &OutputCallbackInfo) + Send + 'static,
+        E: FnMut(Error) + Send + 'static,
+    {
+        self.open(config, format, Call::Output(Box::new(call)), Box::new(error))
+    }
+}
+
+/// A stream of the card: silent again when it is dropped.
+pub(super) struct Stream {
+    card: Arc<Card>,
+    plays: bool,
+    period: u32,
+}
+
+impl Stream {
+    fn set_playing(&self, playing: bool) -> Result<(), Error> {
+        let mut state = self.card.lock();
+        if state.unplugged {
+            return Err(Error::new(ErrorKind::DeviceNotAvailable));
+        }
+        let line = if self.plays { &mut state.output } else { &mut state.input };
+        if let Some(line) = line {
+            line.playing = playing;
+        }
+        Ok(())
+    }
+}
+
+impl StreamTrait for Stream {
+    fn play(&self) -> Result<(), Error> {
+        self.set_playing(true)
+    }
+
+    fn pause(&self) -> Result<(), Error> {
+        self.set_playing(false)
+    }
+
+    fn buffer_size(&self) -> Result<FrameCount, Error> {
+        Ok(self.period)
+    }
+
+    fn now(&self) -> StreamInstant {
+        StreamInstant::from_nanos(now_ns())
+    }
+}
+
+impl Drop for Stream {
+    fn drop(&mut self) {
+        let mut state = self.card.lock();
+        let line = if self.plays { state.output.take() } else { state.input.take() };
+        // What the line holds may itself wait for the card: it is dropped without it.
+        drop(state);
+        drop(line);
+    }
+}

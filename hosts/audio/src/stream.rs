@@ -1,0 +1,347 @@
+//! A device that plays.
+
+use std::sync::atomic::Ordering::Relaxed;
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use cpal::traits::{DeviceTrait, StreamTrait};
+use ringbuf::HeapRb;
+use ringbuf::traits::{Producer, Split};
+
+use crate::bounded::bounded;
+use crate::callback::{Counts, Filler, Gatherer, Message};
+use crate::find::{Side, find};
+use crate::format::with_sample;
+use crate::hosts::{Listed, SIMULATED};
+use crate::plan::{Plan, plan};
+use crate::request::{OpenError, Request};
+use crate::watch::{CLOSING, Shared, Watched, watch};
+use crate::{Capture, Events, Format, Process, now_ns};
+
+/// How long a host may take to open a stream.
+const PATIENCE: Duration = Duration::from_secs(5);
+
+/// What one side of a stream runs at, and what has happened to it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Stats {
+    /// Times the device has called.
+    pub callbacks: u64,
+    /// Frames it has taken or given.
+    pub frames: u64,
+    /// Underruns or overruns that the host reported. PulseAudio and PipeWire report none.
+    pub xruns: u64,
+    /// Other errors that the host reported.
+    pub errors: u64,
+    /// Times when the device did not call for more than 50 ms and three periods, and went on.
+    pub gaps: u64,
+    /// The longest of them [ms].
+    pub longest_gap_ms: f64,
+    /// Time since the last call [ms]; none before the first.
+    pub silent_ms: Option<f64>,
+    /// What the host last said of its latency [ms]: from the call until the block is heard, or since it was at the input.
+    pub latency_ms: f64,
+}
+
+/// One side of a stream that is open.
+#[derive(Clone)]
+struct Opened {
+    host: String,
+    id: String,
+    name: String,
+    channels: Vec<u16>,
+    width: u16,
+    format: Format,
+    counts: Arc<Counts>,
+}
+
+/// A device that is open. Dropping it closes the device and drops what filled it.
+pub struct Stream {
+    output: Opened,
+    input: Option<Opened>,
+    rate_hz: u32,
+    notes: Vec<String>,
+    shared: Arc<Shared>,
+    watch: Option<JoinHandle<()>>,
+}
+
+/// What cpal opened, before anything watches it.
+struct Built {
+    opened: Opened,
+    stream: cpal::Stream,
+    watched: Watched,
+    notes: Vec<String>,
+}
+
+/// What a device calls.
+enum Work {
+    Output(Box<dyn Process>),
+    Input(Box<dyn Capture>),
+}
+
+impl Work {
+    fn side(&self) -> Side {
+        match self {
+            Self::Output(_) => Side::Output,
+            Self::Input(_) => Side::Input,
+        }
+    }
+}
+
+/// Opens the device that is asked for, and no other: `process` is called for every block it wants, `capture` for every block it
+/// records if channels of an input are asked for. The stream stands still until [`Stream::play`]. What happens to it afterwards is
+/// sent to `events`; after [`Event::Lost`](crate::Event::Lost) it is closed, and to go on it has to be opened anew.
+pub fn open(
+    request: &Request,
+    process: Box<dyn Process>,
+    capture: Option<Box<dyn Capture>>,
+    events: Events,
+) -> Result<Stream, OpenError> {
+    request.check()?;
+    // The first look at the clock sets it up, which must not happen on the audio thread.
+    now_ns();
+    let found = find(request.host.as_deref(), request.device.as_deref(), Side::Output)?;
+    let input = match capture.filter(|_| !request.inputs.is_empty()) {
+        Some(capture) => Some((find_input(request, &found)?, capture)),
+        None => None,
+    };
+    let output = build(found, Work::Output(process), request)?;
+    let input = match input {
+        Some((found, capture)) => Some(build(found, Work::Input(capture), request)?),
+        None => None,
+    };
+    let by_hand =
+        |built: &Built| built.opened.host == SIMULATED && crate::simulated::is_by_hand(&built.opened.id);
+    let timed = !by_hand(&output);
+    let mut notes = output.notes;
+    let (mut streams, mut sides) = (Vec::new(), vec![output.watched]);
+    let input = input.map(|built| {
+        notes.extend(built.notes);
+        streams.push(built.stream);
+        sides.push(built.watched);
+        built.opened
+    });
+    streams.push(output.stream);
+    let shared = Arc::new(Shared {
+        streams: Mutex::new(streams),
+        playing_since: 0.into(),
+        lost: OnceLock::new(),
+        done: false.into(),
+        timed,
+    });
+    let theirs = shared.clone();
+    let thread = std::thread::Builder::new().name("audio watch".to_owned());
+    let watch = thread.spawn(move || watch(&theirs, sides, &events)).map_err(|error| {
+        shared.close(CLOSING);
+        OpenError::Refused {
+            device: output.opened.full_id(),
+            reason: format!("no thread to watch it: {error}"),
+        }
+    })?;
+    let rate_hz = request.rate_hz;
+    Ok(Stream { output: output.opened, input, rate_hz, notes, shared, watch: Some(watch) })
+}
+
+/// The input device: of the same host unless its own id says otherwise, on a simulated card the same card.
+fn find_input(request: &Request, output: &Listed) -> Result<Listed, OpenError> {
+    let wanted = request.input_device.as_deref();
+    let same = wanted.is_none_or(|wanted| wanted == output.id || wanted == output.full_id());
+    if output.host == SIMULATED && same {
+        return Ok(output.clone());
+    }
+    match find(Some(&output.host), wanted, Side::Input) {
+        Err(OpenError::NoDevice { .. }) if request.host.is_none() && wanted.is_some() => {
+            find(None, wanted, Side::Input)
+        }
+        found => found,
+    }
+}
+
+/// Opens one side of a device.
+fn build(found: Listed, work: Work, request: &Request) -> Result<Built, OpenError> {
+    let (host, device) = (found.host.clone(), found.full_id());
+    let request = request.clone();
+    let build = move || {
+        let side = work.side();
+        let channels = if side == Side::Output { &request.channels } else { &request.inputs };
+        let plan = plan(&found, side, channels, &request)?;
+        start(found, &plan, channels, work)
+            .map(|mut built| {
+                built.notes = plan.notes;
+                built
+            })
+            .map_err(|(device, error)| OpenError::Refused { device, reason: error.to_string() })
+    };
+    let reason = "no answer from its host".to_owned();
+    bounded(&host, PATIENCE, build).unwrap_or(Err(OpenError::Refused { device, reason }))
+}
+
+/// Builds the stream of cpal.
+fn start(found: Listed, plan: &Plan, channels: &[u16], work: Work) -> Result<Built, (String, cpal::Error)> {
+    let counts = Arc::new(Counts::new(plan.config.sample_rate));
+    let (messages, from_data) = HeapRb::<Message>::new(16).split();
+    let (mut errors, from_errors) = HeapRb::<Message>::new(64).split();
+    let counting = counts.clone();
+    // May run on the audio thread, and may be called without end.
+    let on_error = move |error: cpal::Error| {
+        let xrun = error.kind() == cpal::ErrorKind::Xrun;
+        let count = if xrun { &counting.xruns } else { &counting.errors };
+        count.fetch_add(1, Relaxed);
+        let _ = errors.try_push(Message::Error(error));
+    };
+    let width = plan.config.channels;
+    let (device, config, wait) = (&found.device, plan.config, Some(Duration::from_secs(3)));
+    let counted = counts.clone();
+    let stream = match work {
+        Work::Output(process) => {
+            let mut filler = Filler::new(counted, messages, channels, width, process);
+            with_sample!(plan.format, T => device.build_output_stream::<T, _, _>(
+                config, move |data, info| filler.fill(data, info), on_error, wait))
+        }
+        Work::Input(capture) => {
+            let mut gatherer = Gatherer::new(counted, messages, channels, width, capture);
+            with_sample!(plan.format, T => device.build_input_stream::<T, _, _>(
+                config, move |data, info| gatherer.gather(data, info), on_error, wait))
+        }
+    };
+    let stream = stream.map_err(|error| (found.full_id(), error))?;
+    let watched = Watched::new(counts.clone(), [from_data, from_errors]);
+    let channels = channels.to_vec();
+    let Listed { host, id, name, .. } = found;
+    let opened = Opened { host, id, name, channels, width, format: plan.format, counts };
+    Ok(Built { opened, stream, watched, notes: Vec::new() })
+}
+
+impl Opened {
+    fn full_id(&self) -> String {
+        format!("{}:{}", self.host, self.id)
+    }
+
+    fn stats(&self) -> Stats {
+        let counts = &self.counts;
+        let last = counts.last_ns.load(Relaxed);
+        Stats {
+            callbacks: counts.calls.load(Relaxed),
+            frames: counts.frames.load(Relaxed),
+            xruns: counts.xruns.load(Relaxed),
+            errors: counts.errors.load(Relaxed),
+            gaps: counts.gaps.load(Relaxed),
+            longest_gap_ms: counts.longest_gap_ns.load(Relaxed) as f64 / 1e6,
+            silent_ms: (last > 0).then(|| now_ns().saturating_sub(last) as f64 / 1e6),
+            latency_ms: counts.latency_ns.load(Relaxed) as f64 / 1e6,
+        }
+    }
+}
+
+impl Stream {
+    /// Starts it, or goes on after [`Stream::pause`]. The error is what the device says.
+    pub fn play(&self) -> Result<(), String> {
+        self.each_side(|counts| counts.last_ns.store(0, Relaxed));
+        self.shared.playing_since.store(now_ns(), Relaxed);
+        self.each_stream(StreamTrait::play)
+    }
+
+    /// Holds it: the device plays silence or stands still, and is not watched. Devices that cannot do this say so.
+    pub fn pause(&self) -> Result<(), String> {
+        self.shared.playing_since.store(0, Relaxed);
+        self.each_stream(StreamTrait::pause)?;
+        self.each_side(|counts| counts.last_ns.store(0, Relaxed));
+        Ok(())
+    }
+
+    fn each_side(&self, act: impl Fn(&Counts)) {
+        [Some(&self.output), self.input.as_ref()].into_iter().flatten().for_each(|side| act(&side.counts));
+    }
+
+    fn each_stream(&self, act: impl Fn(&cpal::Stream) -> Result<(), cpal::Error>) -> Result<(), String> {
+        if let Some(reason) = self.lost() {
+            return Err(reason.to_owned());
+        }
+        let streams = self.shared.streams.lock().unwrap_or_else(PoisonError::into_inner);
+        streams.iter().try_for_each(|stream| act(stream).map_err(|error| error.to_string()))
+    }
+
+    /// Name of its host.
+    pub fn host(&self) -> &str {
+        &self.output.host
+    }
+
+    /// Name of the device, for people.
+    pub fn name(&self) -> &str {
+        &self.output.name
+    }
+
+    /// What opens exactly this device again: `host:id`.
+    pub fn id(&self) -> String {
+        self.output.full_id()
+    }
+
+    /// `host:id` of the input device, if there is one.
+    pub fn input_id(&self) -> Option<String> {
+        self.input.as_ref().map(Opened::full_id)
+    }
+
+    /// Frames a second [Hz].
+    pub fn rate_hz(&self) -> u32 {
+        self.rate_hz
+    }
+
+    /// The device's channels (from 1) that the channels of a block go to.
+    pub fn channels(&self) -> &[u16] {
+        &self.output.channels
+    }
+
+    /// Channels the device was opened with.
+    pub fn device_channels(&self) -> u16 {
+        self.output.width
+    }
+
+    /// How the device holds samples.
+    pub fn format(&self) -> Format {
+        self.output.format
+    }
+
+    /// What a user should know of how the device was opened, as sentences; often nothing.
+    pub fn notes(&self) -> &[String] {
+        &self.notes
+    }
+
+    /// Frames a call, as measured: the median of up to 64 calls. None before the first.
+    pub fn period(&self) -> Option<u32> {
+        let mut recent = self.output.counts.recent();
+        recent.sort_unstable();
+        recent.get(recent.len() / 2).copied()
+    }
+
+    /// The shortest and the longest of the last 64 calls [frames]. None before the first.
+    pub fn period_range(&self) -> Option<(u32, u32)> {
+        let recent = self.output.counts.recent();
+        Some((recent.iter().copied().min()?, recent.iter().copied().max()?))
+    }
+
+    /// What has happened on the output.
+    pub fn stats(&self) -> Stats {
+        self.output.stats()
+    }
+
+    /// What has happened on the input, if there is one.
+    pub fn input_stats(&self) -> Option<Stats> {
+        self.input.as_ref().map(Opened::stats)
+    }
+
+    /// Why the stream was lost, once it was. It never comes back: open another one.
+    pub fn lost(&self) -> Option<&str> {
+        self.shared.lost.get().map(String::as_str)
+    }
+}
+
+impl Drop for Stream {
+    fn drop(&mut self) {
+        self.shared.done.store(true, Relaxed);
+        if let Some(watch) = self.watch.take() {
+            watch.thread().unpark();
+            let _ = watch.join();
+        }
+        self.shared.close(CLOSING);
+    }
+}
