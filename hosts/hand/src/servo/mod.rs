@@ -151,6 +151,11 @@ impl Servo {
         self.step(now_ns, [f64::NAN; 3], &ForceModel::default())
     }
 
+    /// The last force \[N\].
+    pub fn force(&self) -> [f64; 3] {
+        self.force
+    }
+
     /// The part of the last force along the plane's normal \[N\], at least 0: how hard the hand is held up, which at rest is how hard it
     /// presses.
     pub fn normal_force(&self) -> f64 {
