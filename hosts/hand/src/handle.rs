@@ -1,0 +1,207 @@
+//! A running source, as other threads see it.
+
+use std::collections::VecDeque;
+use std::net::SocketAddr;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread::JoinHandle;
+
+use asperity_live::{Sample, SampleWriter};
+
+/// Problems that wait to be read; of more, the newest are lost.
+const PROBLEMS: usize = 16;
+
+/// What is known of the device behind a source.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Device {
+    /// As its maker calls it, or its number; empty for none.
+    pub name: String,
+    /// Largest force that it is driven to \[N\]; 0 where it cannot push.
+    pub max_force_n: f64,
+    /// Largest stiffness that its maker recommends \[N/mm\], where it says so.
+    pub max_stiffness_n_per_mm: Option<f64>,
+}
+
+/// A running source. Dropping it stops the source: a device's force is ramped down first; it takes at most about 100 ms.
+#[derive(Debug)]
+pub struct Handle {
+    shared: Arc<Shared>,
+    thread: Option<JoinHandle<()>>,
+    address: Option<SocketAddr>,
+}
+
+impl Handle {
+    pub(crate) fn new(shared: Arc<Shared>, thread: JoinHandle<()>, address: Option<SocketAddr>) -> Self {
+        Self { shared, thread: Some(thread), address }
+    }
+
+    /// Samples sent to the tick thread so far.
+    pub fn samples(&self) -> u64 {
+        self.shared.samples.load(Relaxed)
+    }
+
+    /// Samples that found the queue to the tick thread full.
+    pub fn lost(&self) -> u64 {
+        self.shared.lost.load(Relaxed)
+    }
+
+    /// Messages that could not be used: not of the format, of a wrong type, not finite.
+    pub fn bad(&self) -> u64 {
+        self.shared.bad.load(Relaxed)
+    }
+
+    /// What was wrong with the last of them, for a person.
+    pub fn last_bad(&self) -> Option<String> {
+        let text = self.shared.text();
+        (!text.bad.is_empty()).then(|| text.bad.clone())
+    }
+
+    /// Whether the device or the peer is there. A network source has no peer: then true while the socket is open.
+    pub fn connected(&self) -> bool {
+        self.shared.connected.load(Relaxed)
+    }
+
+    /// How often the device or the peer was lost.
+    pub fn losses(&self) -> u64 {
+        self.shared.losses.load(Relaxed)
+    }
+
+    /// Size of the force that the device was last told to make \[N\].
+    pub fn force_n(&self) -> f64 {
+        f64::from_bits(self.shared.force.load(Relaxed))
+    }
+
+    /// The oldest thing that went wrong while running and was not read yet; and that it goes again. Each is said once,
+    /// and not again before the source has worked in between.
+    pub fn problem(&self) -> Option<String> {
+        self.shared.text().problems.pop_front()
+    }
+
+    /// Where a network source listens: with port 0 asked for, the port that was given.
+    pub fn address(&self) -> Option<SocketAddr> {
+        self.address
+    }
+
+    /// What is known of the device.
+    pub fn device(&self) -> Device {
+        self.shared.text().device.clone()
+    }
+}
+
+impl Drop for Handle {
+    fn drop(&mut self) {
+        self.shared.stop.store(true, Relaxed);
+        if let Some(thread) = self.thread.take() {
+            thread.thread().unpark();
+            let _ = thread.join();
+        }
+    }
+}
+
+/// What a source's threads and its handle both see. The counters may be touched from a servo callback; the texts not.
+#[derive(Debug, Default)]
+pub(crate) struct Shared {
+    pub(crate) stop: AtomicBool,
+    pub(crate) samples: AtomicU64,
+    pub(crate) lost: AtomicU64,
+    pub(crate) bad: AtomicU64,
+    pub(crate) losses: AtomicU64,
+    pub(crate) connected: AtomicBool,
+    force: AtomicU64,
+    text: Mutex<Text>,
+}
+
+#[derive(Debug, Default)]
+struct Text {
+    bad: String,
+    problems: VecDeque<String>,
+    /// The problem there is now.
+    now: Option<String>,
+    device: Device,
+}
+
+impl Shared {
+    fn text(&self) -> MutexGuard<'_, Text> {
+        self.text.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Sends a sample and counts it.
+    pub(crate) fn send(&self, writer: &mut SampleWriter, sample: Sample) {
+        let counter = if writer.send(sample) { &self.samples } else { &self.lost };
+        counter.fetch_add(1, Relaxed);
+    }
+
+    pub(crate) fn set_force(&self, force_n: f64) {
+        self.force.store(force_n.to_bits(), Relaxed);
+    }
+
+    pub(crate) fn stopped(&self) -> bool {
+        self.stop.load(Relaxed)
+    }
+
+    pub(crate) fn set_device(&self, device: Device) {
+        self.text().device = device;
+    }
+
+    /// Counts a message that could not be used.
+    pub(crate) fn bad(&self, why: String) {
+        self.bad.fetch_add(1, Relaxed);
+        self.text().bad = why;
+    }
+
+    /// Says what went wrong, unless that is what was said last.
+    pub(crate) fn trouble(&self, what: String) {
+        let mut text = self.text();
+        if text.now.as_ref() != Some(&what) {
+            if text.problems.len() < PROBLEMS {
+                text.problems.push_back(what.clone());
+            }
+            text.now = Some(what);
+        }
+    }
+
+    /// It works; what went wrong before may be said again. `what` is told if something had gone wrong.
+    pub(crate) fn well(&self, what: &str) {
+        let mut text = self.text();
+        if text.now.take().is_some() && text.problems.len() < PROBLEMS {
+            text.problems.push_back(what.to_owned());
+        }
+    }
+
+    /// The device or the peer is there, or is gone.
+    pub(crate) fn set_connected(&self, there: bool) {
+        if self.connected.swap(there, Relaxed) && !there {
+            self.losses.fetch_add(1, Relaxed);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_problem_is_said_once_and_again_only_after_it_went_well() {
+        let shared = Arc::new(Shared::default());
+        let handle = Handle::new(shared.clone(), std::thread::spawn(|| {}), None);
+        for _ in 0..100 {
+            shared.trouble("gone".into());
+        }
+        assert_eq!(handle.problem().as_deref(), Some("gone"));
+        assert_eq!(handle.problem(), None);
+        shared.well("back");
+        shared.well("back");
+        shared.trouble("gone".into());
+        assert_eq!(
+            [handle.problem(), handle.problem(), handle.problem()],
+            [Some("back".into()), Some("gone".into()), None]
+        );
+    }
+
+    #[test]
+    fn problems_that_nobody_reads_do_not_pile_up() {
+        let shared = Shared::default();
+        (0..1000).for_each(|i| shared.trouble(format!("problem {i}")));
+        assert_eq!(shared.text().problems.len(), PROBLEMS);
+    }
+}

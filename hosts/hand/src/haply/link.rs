@@ -1,0 +1,136 @@
+//! One connection to the service.
+
+use std::io::ErrorKind;
+use std::net::{TcpStream, ToSocketAddrs};
+use std::time::{Duration, Instant};
+
+use tungstenite::protocol::WebSocketConfig;
+use tungstenite::{Error, HandshakeError, Message, Utf8Bytes, WebSocket, client};
+
+use super::message;
+use crate::HandError;
+
+/// A longer message is not read.
+const LONGEST: usize = 1 << 20;
+/// How long a read waits at once.
+const SLICE: Duration = Duration::from_millis(20);
+/// How long the other side may take to say goodbye.
+const GOODBYE: Duration = Duration::from_millis(30);
+
+pub(super) struct Link {
+    socket: WebSocket<TcpStream>,
+}
+
+impl Link {
+    /// Connects to `host:port`, each step within `patience`.
+    ///
+    /// # Errors
+    /// Nobody is there, or it does not speak WebSocket.
+    pub(super) fn connect(host: &str, patience: Duration) -> Result<Self, HandError> {
+        let absent = |why: String| {
+            HandError::missing(
+                format!("no Haply Inverse Service answers at {host}: {why}"),
+                "start it (the Haply Hub does, or the service alone), or give its address",
+            )
+        };
+        let all = host.to_socket_addrs().map_err(|e| absent(e.to_string()))?;
+        let mut why = "the name has no address".to_owned();
+        let mut found = None;
+        for address in all {
+            match TcpStream::connect_timeout(&address, patience) {
+                Ok(stream) => {
+                    found = Some(stream);
+                    break;
+                }
+                Err(e) => why = e.to_string(),
+            }
+        }
+        let stream = found.ok_or_else(|| absent(why))?;
+        let times = |read| {
+            stream.set_nodelay(true)?;
+            stream.set_write_timeout(Some(patience))?;
+            stream.set_read_timeout(Some(read))
+        };
+        times(patience).map_err(|e| absent(e.to_string()))?;
+        let again = stream.try_clone().map_err(|e| absent(e.to_string()))?;
+        let config = WebSocketConfig::default().max_message_size(Some(LONGEST)).max_frame_size(Some(LONGEST));
+        let (socket, _) = client::client_with_config(format!("ws://{host}/"), stream, Some(config)).map_err(
+            |e| match e {
+                HandshakeError::Interrupted(_) => absent("it does not answer as a WebSocket".to_owned()),
+                HandshakeError::Failure(e) => absent(format!("it does not speak WebSocket: {e}")),
+            },
+        )?;
+        again.set_read_timeout(Some(SLICE)).map_err(|e| absent(e.to_string()))?;
+        Ok(Self { socket })
+    }
+
+    /// Sends a force, which asks for a report.
+    ///
+    /// # Errors
+    /// The connection is gone.
+    pub(super) fn ask(&mut self, id: &str, force: [f64; 3]) -> Result<(), String> {
+        self.socket.send(Message::text(message::command(id, force))).map_err(|e| e.to_string())
+    }
+
+    /// The next report; none when `stopped`, or when none came until `end`.
+    ///
+    /// # Errors
+    /// The connection is gone.
+    pub(super) fn hear(
+        &mut self,
+        end: Instant,
+        stopped: impl Fn() -> bool,
+    ) -> Result<Option<Utf8Bytes>, String> {
+        loop {
+            match self.socket.read() {
+                Ok(Message::Text(text)) => return Ok(Some(text)),
+                // Not of the protocol: read as a text that is no report.
+                Ok(Message::Binary(_)) => return Ok(Some(Utf8Bytes::from_static("binary data"))),
+                Ok(Message::Close(_)) => return Err("it closed the connection".to_owned()),
+                Ok(_) => {}
+                Err(Error::Io(e)) if waits(e.kind()) => {}
+                Err(Error::Utf8(_)) => return Err("it sent a text that is none".to_owned()),
+                Err(e) => return Err(e.to_string()),
+            }
+            if stopped() || Instant::now() >= end {
+                return Ok(None);
+            }
+        }
+    }
+
+    /// Takes what came without being asked for, so that the next report is the newest.
+    ///
+    /// # Errors
+    /// The connection is gone.
+    pub(super) fn drain(&mut self) -> Result<(), String> {
+        let set = |link: &Self, on| link.socket.get_ref().set_nonblocking(on).map_err(|e| e.to_string());
+        set(self, true)?;
+        let end = loop {
+            match self.socket.read() {
+                Ok(Message::Close(_)) => break Err("it closed the connection".to_owned()),
+                Ok(_) => {}
+                Err(Error::Io(e)) if waits(e.kind()) => break Ok(()),
+                Err(e) => break Err(e.to_string()),
+            }
+        };
+        set(self, false)?;
+        end
+    }
+
+    /// Says goodbye, and waits a moment for the other side to say it.
+    pub(super) fn close(mut self) {
+        let end = Instant::now() + GOODBYE;
+        let mut going = self.socket.close(None).is_ok();
+        while going && Instant::now() < end {
+            going = match self.socket.read() {
+                Ok(_) => true,
+                Err(Error::Io(e)) => waits(e.kind()),
+                Err(_) => false,
+            };
+        }
+    }
+}
+
+fn waits(kind: ErrorKind) -> bool {
+    matches!(kind, ErrorKind::WouldBlock | ErrorKind::TimedOut | ErrorKind::Interrupted)
+}

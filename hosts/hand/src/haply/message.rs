@@ -1,0 +1,136 @@
+//! The service's JSON, as far as it is used here.
+
+use std::borrow::Cow;
+use std::fmt::Write;
+
+use serde::Deserialize;
+
+/// A device farther away than this is not there \[m\].
+const FAR_M: f64 = 10.0;
+
+#[derive(Deserialize)]
+struct Report<'a> {
+    #[serde(borrow, default)]
+    inverse3: Vec<Entry<'a>>,
+}
+
+#[derive(Deserialize)]
+struct Entry<'a> {
+    #[serde(borrow)]
+    device_id: Cow<'a, str>,
+    state: Option<State>,
+}
+
+#[derive(Deserialize)]
+struct State {
+    cursor_position: Option<Vector>,
+}
+
+#[derive(Deserialize)]
+struct Vector {
+    x: f64,
+    y: f64,
+    z: f64,
+}
+
+/// What a report says of one device.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Heard {
+    /// Where it is, in mm, in its own axes.
+    At([f64; 3]),
+    /// The report does not have it.
+    Gone,
+}
+
+fn parse(text: &str) -> Result<Report<'_>, String> {
+    serde_json::from_str(text).map_err(|e| {
+        let start: String = text.chars().take(40).collect();
+        format!("`{start}` is no report of the service: {e}")
+    })
+}
+
+/// The devices in a report, by id.
+///
+/// # Errors
+/// What is wrong with the text, for a person.
+pub(super) fn devices(text: &str) -> Result<Vec<String>, String> {
+    Ok(parse(text)?.inverse3.into_iter().map(|d| d.device_id.into_owned()).collect())
+}
+
+/// Reads where a device is.
+///
+/// # Errors
+/// What is wrong with the text, for a person.
+pub(super) fn position(text: &str, id: &str) -> Result<Heard, String> {
+    let report = parse(text)?;
+    let Some(entry) = report.inverse3.iter().find(|d| d.device_id == id) else {
+        return Ok(Heard::Gone);
+    };
+    let at = entry.state.as_ref().and_then(|s| s.cursor_position.as_ref());
+    let at = at.ok_or_else(|| format!("a report has no position of `{id}`"))?;
+    let metres = [at.x, at.y, at.z];
+    if metres.iter().any(|m| m.is_nan() || m.abs() > FAR_M) {
+        return Err(format!("`{id}` cannot be at {metres:?} m"));
+    }
+    Ok(Heard::At(metres.map(|m| m * 1e3)))
+}
+
+/// Writes the command that makes a device push with a finite force \[N\], in its own axes.
+pub(super) fn command(id: &str, force: [f64; 3]) -> String {
+    let mut text = String::with_capacity(160);
+    let id = serde_json::Value::from(id);
+    let [x, y, z] = force;
+    // Writing to a text does not fail.
+    let _ = write!(
+        text,
+        r#"{{"inverse3":[{{"device_id":{id},"commands":{{"set_cursor_force":{{"values":{{"x":{x:.6},"y":{y:.6},"z":{z:.6}}}}}}}}}]}}"#
+    );
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_command_is_json_with_the_force_where_the_service_looks_for_it() {
+        let json: serde_json::Value = serde_json::from_str(&command("04\"9D", [0.5, -1e-7, -2.25])).unwrap();
+        let device = &json["inverse3"][0];
+        assert_eq!(device["device_id"], "04\"9D");
+        let values = &device["commands"]["set_cursor_force"]["values"];
+        assert_eq!(
+            (values["x"].as_f64(), values["y"].as_f64(), values["z"].as_f64()),
+            (Some(0.5), Some(0.0), Some(-2.25))
+        );
+    }
+
+    #[test]
+    fn a_report_is_read_in_mm_whatever_else_it_has() {
+        let text = r#"{"session_id":7,"inverse3":[{"device_id":"A","state":null},
+            {"device_id":"049D","config":{"type":"inverse3","x":[1,2]},"status":{},
+             "state":{"cursor_velocity":{"x":1,"y":1,"z":1},"cursor_position":{"x":0.01,"y":-0.12,"z":0.15}}}],"verse_grip":[]}"#;
+        assert_eq!(position(text, "049D"), Ok(Heard::At([10.0, -120.0, 150.0])));
+        assert_eq!(position(text, "B"), Ok(Heard::Gone));
+        assert!(position(text, "A").unwrap_err().contains("no position of `A`"));
+        assert_eq!(devices(text).unwrap(), ["A", "049D"]);
+        assert!(devices("{}").unwrap().is_empty());
+    }
+
+    #[test]
+    fn what_is_no_report_is_told() {
+        let far = r#"{"inverse3":[{"device_id":"A","state":{"cursor_position":{"x":0,"y":1e9,"z":0}}}]}"#;
+        let null = r#"{"inverse3":[{"device_id":"A","state":{"cursor_position":{"x":0,"y":null,"z":0}}}]}"#;
+        for (text, why) in [
+            ("hello", "`hello` is no report"),
+            ("", "is no report"),
+            ("[1,2]", "is no report"),
+            (r#"{"inverse3":3}"#, "is no report"),
+            (null, "is no report"),
+            (far, "cannot be at"),
+        ] {
+            assert!(position(text, "A").unwrap_err().contains(why), "{text}");
+        }
+        let deep = "[".repeat(100_000);
+        assert!(position(&deep, "A").is_err());
+    }
+}

@@ -1,0 +1,328 @@
+//! Haply's Inverse3, by the Inverse Service.
+//!
+//! The service runs on the same machine and speaks JSON in a WebSocket at localhost:10001. We follow the protocol of its version 3.5 as
+//! documented by the maker (docs.haply.co, Inverse SDK, "WebSocket Protocol", "Basis Permutation", tutorial 01); 3.1 has the same messages. On connecting, the service sends a
+//! report with all devices (`inverse3`, each with `device_id` and `state.cursor_position` in m). After that each message to it is
+//! answered by one report. Our messages carry `commands.set_cursor_force.values` in N; a force has to be sent, if only 0, to be
+//! answered. No session profile is registered and no basis is set, so the axes are the maker's: x right, y forward, z up, origin in the base.
+//!
+//! The servo is this loop: `rate_hz` times a second the newest report is asked for, the force is worked out by the law in
+//! [`servo`](crate::servo) and sent at once, not with the next question. So a hand in contact costs two exchanges a period, and the delay in the
+//! wall's loop is one exchange, not a period. The loop neither locks nor waits for another thread of ours; the WebSocket library
+//! allocates for each message, and the operating system wakes it: it is not real-time as a device's own servo is. A period that is missed
+//! by more than 50 ms begins anew from no force.
+//!
+//! The protocol does not say how much force a device has; [`HaplyOptions::max_force_n`] limits it. A sample's force is what the device is
+//! made to push back with along the surface's normal. When the service or the device goes away, that is told, and both are taken up
+//! again when they are back, with a new stroke.
+
+mod link;
+mod message;
+
+use std::sync::Arc;
+use std::thread;
+use std::time::{Duration, Instant};
+
+use asperity_live::{ForceModel, ForceReader, Sample, SampleWriter, now_ns};
+
+use crate::handle::{Handle, Shared};
+use crate::servo::{Limits, Servo};
+use crate::{Device, Frame, HandError};
+use link::Link;
+use message::Heard;
+
+/// Where the service listens.
+pub const SERVICE: &str = "localhost:10001";
+/// How long each step of a first connection may take.
+const PATIENCE: Duration = Duration::from_secs(2);
+/// The same when it is tried again while running: a source that is dropped meanwhile is waited for.
+const BRIEF: Duration = Duration::from_millis(40);
+/// No report for so long is told.
+const STALL: Duration = Duration::from_millis(100);
+/// No report for so long: the connection is made anew.
+const LOST: Duration = Duration::from_secs(1);
+/// How long between attempts to connect again.
+const AGAIN: Duration = Duration::from_millis(500);
+/// How long the end may take to let go: the law takes 20 ms.
+const LET_GO: Duration = Duration::from_millis(50);
+/// Largest force unless told otherwise \[N\]: a choice of ours, for a hand that does not expect it.
+pub const USUAL_N: f64 = 3.0;
+
+/// Which device, and how it is driven.
+#[derive(Clone, Debug, PartialEq)]
+pub struct HaplyOptions {
+    /// Host and port of the service.
+    pub service: String,
+    /// `device_id` of the Inverse3; none where there is only one.
+    pub device: Option<String>,
+    /// The device's axes and origin.
+    pub frame: Frame,
+    /// Questions a second, 100 to 4000.
+    pub rate_hz: u32,
+    /// Largest force \[N\].
+    pub max_force_n: f64,
+}
+
+impl HaplyOptions {
+    /// The only device of the service on this machine, at 1 kHz.
+    pub fn new() -> Self {
+        Self {
+            service: SERVICE.to_owned(),
+            device: None,
+            frame: Frame::default(),
+            rate_hz: 1000,
+            max_force_n: USUAL_N,
+        }
+    }
+}
+
+impl Default for HaplyOptions {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// Connects to the service and starts the servo. Without `models` the force is always 0.
+///
+/// # Errors
+/// No service, one that is none, no device, several and none chosen, another than the one chosen; an option that cannot be meant.
+pub fn start(
+    options: HaplyOptions,
+    writer: SampleWriter,
+    models: Option<ForceReader>,
+) -> Result<Handle, HandError> {
+    if !(100..=4000).contains(&options.rate_hz) {
+        return Err(HandError::option(
+            format!("{} questions a second", options.rate_hz),
+            "write 100 to 4000",
+        ));
+    }
+    if options.max_force_n.is_nan() || options.max_force_n < 0.0 {
+        return Err(HandError::option(format!("at most {} N", options.max_force_n), "write 0 N or more"));
+    }
+    let shared = Arc::new(Shared::default());
+    let (link, id) = open(&options, PATIENCE, || false)?;
+    let most = if models.is_some() { options.max_force_n } else { 0.0 };
+    shared.set_device(Device { name: id.clone(), max_force_n: most, max_stiffness_n_per_mm: None });
+    shared.set_connected(true);
+    let servo = Servo::new(Limits::of(most));
+    let mut run = Run {
+        options,
+        id,
+        servo,
+        models,
+        writer,
+        shared: shared.clone(),
+        stroke: 0,
+        sent: [0.0; 3],
+        there: true,
+    };
+    let thread =
+        thread::Builder::new().name("haply".to_owned()).spawn(move || run.run(link)).map_err(|e| {
+            HandError::missing(format!("no thread for the device: {e}"), "free some memory or processes")
+        })?;
+    Ok(Handle::new(shared, thread, None))
+}
+
+/// Connects and chooses the device.
+fn open(
+    options: &HaplyOptions,
+    patience: Duration,
+    stopped: impl Fn() -> bool,
+) -> Result<(Link, String), HandError> {
+    let mut link = Link::connect(&options.service, patience)?;
+    let none = |why: &str| {
+        HandError::missing(
+            format!("the service at {} {why}", options.service),
+            "see that it is the Haply Inverse Service, version 3.1 or later",
+        )
+    };
+    let first = link.hear(Instant::now() + PATIENCE, stopped).map_err(|e| none(&e))?;
+    let first = first.ok_or_else(|| none("sends no report"))?;
+    let ids = message::devices(&first).map_err(|e| none(&format!("sends something else: {e}")))?;
+    let list = ids.join("`, `");
+    let id = match (&options.device, ids.as_slice()) {
+        (_, []) => {
+            return Err(HandError::missing(
+                "the Haply Inverse Service knows no Inverse3",
+                "plug one in, switch it on, and wait until the Haply Hub shows it",
+            ));
+        }
+        (None, [one]) => one.clone(),
+        (None, _) => {
+            return Err(HandError::option(
+                format!("there are several devices: `{list}`"),
+                "choose one of them by its `device_id`",
+            ));
+        }
+        (Some(id), all) if all.contains(id) => id.clone(),
+        (Some(id), _) => {
+            return Err(HandError::missing(
+                format!("there is no device `{id}`"),
+                format!("there is `{list}`"),
+            ));
+        }
+    };
+    Ok((link, id))
+}
+
+/// The servo's thread.
+struct Run {
+    options: HaplyOptions,
+    id: String,
+    servo: Servo,
+    models: Option<ForceReader>,
+    writer: SampleWriter,
+    shared: Arc<Shared>,
+    stroke: u32,
+    /// What the device was last told, in its axes.
+    sent: [f64; 3],
+    /// Whether the last report had the device.
+    there: bool,
+}
+
+impl Run {
+    fn run(&mut self, mut link: Link) {
+        loop {
+            match self.serve(&mut link) {
+                Ok(()) => return self.end(link),
+                Err(why) => {
+                    self.shared.set_connected(false);
+                    self.shared.set_force(0.0);
+                    self.shared.trouble(format!("the service at {} is lost: {why}", self.options.service));
+                }
+            }
+            // The service is to see the old connection end before a new one begins.
+            drop(link);
+            let Some(again) = self.reopen() else { return };
+            link = again;
+        }
+    }
+
+    /// Asks and pushes until the source is to stop.
+    fn serve(&mut self, link: &mut Link) -> Result<(), String> {
+        let period = Duration::from_secs(1) / self.options.rate_hz;
+        let mut due = Instant::now();
+        let mut heard = Instant::now();
+        while !self.shared.stopped() {
+            link.drain()?;
+            link.ask(&self.id, self.sent)?;
+            if self.answer(link, &mut heard)? {
+                self.turn(link, &mut heard)?;
+            }
+            due += period;
+            let now = Instant::now();
+            match due.checked_duration_since(now) {
+                Some(rest) => thread::sleep(rest),
+                // What was missed is not made up for.
+                None => due = now,
+            }
+        }
+        Ok(())
+    }
+
+    /// Waits for a report and reads it into the servo. False for a stop.
+    fn answer(&mut self, link: &mut Link, heard: &mut Instant) -> Result<bool, String> {
+        let shared = self.shared.clone();
+        loop {
+            let report = link.hear(Instant::now() + STALL, || shared.stopped())?;
+            let Some(report) = report else {
+                if shared.stopped() {
+                    return Ok(false);
+                }
+                if heard.elapsed() > LOST {
+                    return Err(format!("no answer for {} s", LOST.as_secs()));
+                }
+                shared.trouble(format!("the service at {} does not answer", self.options.service));
+                continue;
+            };
+            *heard = Instant::now();
+            self.read(&report);
+            return Ok(true);
+        }
+    }
+
+    fn read(&mut self, report: &str) {
+        let now = now_ns();
+        let at = match message::position(report, &self.id) {
+            Ok(Heard::At(mm)) => Some(self.options.frame.position(mm)),
+            Ok(Heard::Gone) => {
+                self.gone();
+                None
+            }
+            Err(why) => {
+                self.shared.bad(why);
+                None
+            }
+        };
+        let model = self.models.as_mut().map_or_else(ForceModel::default, |m| *m.read());
+        let force = self.servo.step(now, at.unwrap_or([f64::NAN; 3]), &model);
+        self.shared.set_force(force.iter().map(|x| x * x).sum::<f64>().sqrt());
+        let Some(position) = at else { return };
+        if !self.there {
+            self.there = true;
+            self.stroke = self.stroke.wrapping_add(1);
+            self.shared.set_connected(true);
+        }
+        self.shared.well(&format!("the Inverse3 `{}` works again", self.id));
+        let force = self.servo.normal_force();
+        let sample = Sample { time_ns: now, arrived_ns: now, position, force, stroke: self.stroke };
+        self.shared.send(&mut self.writer, sample);
+    }
+
+    fn gone(&mut self) {
+        self.there = false;
+        self.shared.set_connected(false);
+        self.shared.trouble(format!("the Inverse3 `{}` is no longer there", self.id));
+    }
+
+    /// Sends the force that the last report led to, if it is another; what is answered is taken off.
+    fn turn(&mut self, link: &mut Link, heard: &mut Instant) -> Result<(), String> {
+        let force = self.options.frame.force(self.servo.force());
+        if force != self.sent {
+            self.sent = force;
+            link.ask(&self.id, force)?;
+            let shared = self.shared.clone();
+            if link.hear(Instant::now() + STALL, || shared.stopped())?.is_some() {
+                *heard = Instant::now();
+            }
+        }
+        Ok(())
+    }
+
+    /// Tries to get the service and the device back; none for a stop.
+    fn reopen(&mut self) -> Option<Link> {
+        while !self.shared.stopped() {
+            thread::park_timeout(AGAIN);
+            let shared = self.shared.clone();
+            let again = HaplyOptions { device: Some(self.id.clone()), ..self.options.clone() };
+            if let Ok((link, _)) = open(&again, BRIEF, || shared.stopped()) {
+                self.servo.restart();
+                self.sent = [0.0; 3];
+                self.there = false;
+                return Some(link);
+            }
+        }
+        None
+    }
+
+    /// Lets go, and says goodbye.
+    fn end(&mut self, mut link: Link) {
+        let period = Duration::from_secs(1) / self.options.rate_hz;
+        let end = Instant::now() + LET_GO;
+        loop {
+            let wanted = self.servo.let_go(now_ns());
+            let late = Instant::now() > end;
+            let force = if late { [0.0; 3] } else { self.options.frame.force(wanted) };
+            // An answer that is not read would make the system cut the connection off, and what was sent last be lost.
+            let sent = link.ask(&self.id, force).is_ok();
+            let answered = sent && link.hear(Instant::now(), || false).is_ok();
+            if !answered || force == [0.0; 3] {
+                break;
+            }
+            thread::sleep(period);
+        }
+        self.shared.set_force(0.0);
+        link.close();
+    }
+}

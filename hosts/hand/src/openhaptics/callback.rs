@@ -1,0 +1,166 @@
+//! What runs in the library's servo thread, a thousand times a second: no allocation, no lock, no waiting.
+
+use std::ffi::{c_uint, c_void};
+use std::ptr::NonNull;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering::Relaxed};
+
+use asperity_live::{ForceReader, Sample, SampleWriter, now_ns};
+
+use super::library::{CONTINUE, CURRENT_FORCE, CURRENT_POSITION, DONE, Hd, fatal, force_off};
+use crate::Frame;
+use crate::handle::Shared;
+use crate::servo::Servo;
+
+/// A device that is farther away than this is not there \[mm\].
+const FAR_MM: f64 = 1e4;
+
+/// Nobody knows where the hand was in a longer gap between calls, so that it begins a new stroke.
+const GAP_NS: u64 = 50_000_000;
+
+/// What the servo callback and the source's own thread tell each other.
+#[derive(Debug, Default)]
+pub(super) struct Signals {
+    /// Let go, then say so.
+    pub(super) closing: AtomicBool,
+    /// The force is 0 and stays there.
+    pub(super) quiet: AtomicBool,
+    /// The error with which the device was lost; 0 for none.
+    pub(super) lost: AtomicU32,
+    /// The last error that was not so bad; 0 for none.
+    pub(super) minor: AtomicU32,
+    /// Calls so far.
+    pub(super) ticks: AtomicU64,
+    /// Whether the callback is running now.
+    pub(super) inside: AtomicBool,
+}
+
+/// The state of the servo. The library's thread has it while scheduled, the source's thread otherwise.
+pub(super) struct Tick {
+    pub(super) hd: Hd,
+    pub(super) device: c_uint,
+    pub(super) frame: Frame,
+    pub(super) servo: Servo,
+    pub(super) models: Option<ForceReader>,
+    pub(super) writer: SampleWriter,
+    pub(super) every: u32,
+    pub(super) stroke: u32,
+    pub(super) count: u32,
+    /// When the servo was called last.
+    pub(super) last_ns: Option<u64>,
+    pub(super) shared: Arc<Shared>,
+    pub(super) signals: Arc<Signals>,
+}
+
+/// A [`Tick`] of which the library has the address. Lent to its thread between [`Parked::lend`] and the end of its schedule, and not
+/// touched from here meanwhile.
+pub(super) struct Parked(NonNull<Tick>);
+
+// SAFETY: a tick may be sent (its parts may), and this owns it.
+unsafe impl Send for Parked where Tick: Send {}
+
+impl Parked {
+    pub(super) fn new(tick: Tick) -> Self {
+        Self(NonNull::from(Box::leak(Box::new(tick))))
+    }
+
+    /// What the callback is scheduled with.
+    pub(super) fn lend(&mut self) -> *mut c_void {
+        self.0.as_ptr().cast()
+    }
+
+    /// The tick.
+    ///
+    /// # Safety
+    /// The callback is not scheduled.
+    pub(super) unsafe fn mine(&mut self) -> &mut Tick {
+        // SAFETY: made from a box; nobody else has it, by the caller's promise.
+        unsafe { self.0.as_mut() }
+    }
+}
+
+impl Drop for Parked {
+    fn drop(&mut self) {
+        // SAFETY: made from a box, and dropped by the source's thread, which has taken the callback back before.
+        drop(unsafe { Box::from_raw(self.0.as_ptr()) });
+    }
+}
+
+/// The callback.
+///
+/// # Safety
+/// `user` points to a [`Tick`] that nothing else touches while this is scheduled.
+pub(super) unsafe extern "system" fn tick(user: *mut c_void) -> c_uint {
+    // SAFETY: the caller's promise.
+    let tick = unsafe { &mut *user.cast::<Tick>() };
+    tick.signals.inside.store(true, Relaxed);
+    let answer = tick.run();
+    tick.signals.ticks.fetch_add(1, Relaxed);
+    tick.signals.inside.store(false, Relaxed);
+    answer
+}
+
+impl Tick {
+    fn run(&mut self) -> c_uint {
+        let mut read = [f64::NAN; 3];
+        // SAFETY: the device is initialised while this is scheduled; the position has three values.
+        unsafe {
+            (self.hd.begin_frame)(self.device);
+            (self.hd.get_doubles)(CURRENT_POSITION, read.as_mut_ptr());
+        }
+        let now = now_ns();
+        if self.last_ns.is_some_and(|then| now.saturating_sub(then) > GAP_NS) {
+            self.stroke = self.stroke.wrapping_add(1);
+        }
+        self.last_ns = Some(now);
+        let there = read.iter().all(|x| x.abs() < FAR_MM);
+        let position = self.frame.position(read);
+        let pressing = self.push(now, if there { position } else { [f64::NAN; 3] });
+        // SAFETY: closes the frame that was begun above.
+        unsafe { (self.hd.end_frame)(self.device) };
+        if let Some(code) = self.hd.errors() {
+            if fatal(code) {
+                self.shared.set_force(0.0);
+                self.signals.lost.store(code, Relaxed);
+                return DONE;
+            }
+            if force_off(code) {
+                self.servo.restart();
+            }
+            self.signals.minor.store(code, Relaxed);
+        }
+        if there {
+            self.send(now, position, pressing);
+        } else {
+            self.shared.bad.fetch_add(1, Relaxed);
+        }
+        CONTINUE
+    }
+
+    /// Makes the force; answers its part along the surface's normal.
+    fn push(&mut self, now: u64, position: [f64; 3]) -> f64 {
+        let Some(models) = &mut self.models else {
+            self.signals.quiet.store(self.signals.closing.load(Relaxed), Relaxed);
+            return 0.0;
+        };
+        let closing = self.signals.closing.load(Relaxed);
+        let force =
+            if closing { self.servo.let_go(now) } else { self.servo.step(now, position, models.read()) };
+        let out = self.frame.force(force);
+        // SAFETY: inside a frame; the force has three values.
+        unsafe { (self.hd.set_doubles)(CURRENT_FORCE, out.as_ptr()) };
+        let size = force.iter().map(|x| x * x).sum::<f64>().sqrt();
+        self.shared.set_force(size);
+        self.signals.quiet.store(closing && size == 0.0, Relaxed);
+        self.servo.normal_force()
+    }
+
+    fn send(&mut self, now: u64, position: [f64; 3], force: f64) {
+        self.count += 1;
+        if self.count >= self.every {
+            self.count = 0;
+            let sample = Sample { time_ns: now, arrived_ns: now, position, force, stroke: self.stroke };
+            self.shared.send(&mut self.writer, sample);
+        }
+    }
+}

@@ -1,0 +1,213 @@
+//! The maker's library, loaded at run time: names, types and numbers of its C interface.
+//!
+//! These are facts of the published interface (OpenHaptics Toolkit, API Reference Manual, Device Library, version 3.4): functions, the values
+//! of their constants, the layout of the one struct that is returned by value.
+
+use std::ffi::{CStr, c_char, c_int, c_uint, c_ulong, c_ushort, c_void};
+use std::path::{Path, PathBuf};
+
+use libloading::Library;
+
+use crate::HandError;
+
+/// Position in mm.
+pub(super) const CURRENT_POSITION: c_uint = 0x2050;
+/// Force to be made, in N.
+pub(super) const CURRENT_FORCE: c_uint = 0x2700;
+/// Stiffness in N/mm that the maker recommends at most.
+pub(super) const NOMINAL_MAX_STIFFNESS: c_uint = 0x2602;
+/// Largest force in N.
+pub(super) const NOMINAL_MAX_FORCE: c_uint = 0x2603;
+/// The capability to push.
+pub(super) const FORCE_OUTPUT: c_uint = 0x4000;
+/// No device.
+pub(super) const INVALID_HANDLE: c_uint = 0xFFFF_FFFF;
+/// Answers of a callback.
+pub(super) const DONE: c_uint = 0;
+pub(super) const CONTINUE: c_uint = 1;
+/// The middle of the priorities 0 to 65535.
+pub(super) const DEFAULT_PRIORITY: c_ushort = 32_767;
+
+/// One error of the library's stack.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+pub(super) struct ErrorInfo {
+    pub(super) code: c_uint,
+    pub(super) internal: c_int,
+    pub(super) device: c_uint,
+}
+
+/// What the scheduler calls.
+pub(super) type Callback = unsafe extern "system" fn(*mut c_void) -> c_uint;
+
+/// The library's functions. Plain pointers, good as long as the library is loaded, which is for good.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Hd {
+    pub(super) init_device: unsafe extern "system" fn(*const c_char) -> c_uint,
+    pub(super) disable_device: unsafe extern "system" fn(c_uint),
+    pub(super) make_current: unsafe extern "system" fn(c_uint),
+    pub(super) begin_frame: unsafe extern "system" fn(c_uint),
+    pub(super) end_frame: unsafe extern "system" fn(c_uint),
+    pub(super) get_doubles: unsafe extern "system" fn(c_uint, *mut f64),
+    pub(super) set_doubles: unsafe extern "system" fn(c_uint, *const f64),
+    pub(super) enable: unsafe extern "system" fn(c_uint),
+    pub(super) get_error: unsafe extern "system" fn() -> ErrorInfo,
+    pub(super) error_string: unsafe extern "system" fn(c_uint) -> *const c_char,
+    pub(super) set_rate: unsafe extern "system" fn(c_ulong),
+    pub(super) start_scheduler: unsafe extern "system" fn(),
+    pub(super) stop_scheduler: unsafe extern "system" fn(),
+    pub(super) schedule: unsafe extern "system" fn(Callback, *mut c_void, c_ushort) -> c_ulong,
+    pub(super) unschedule: unsafe extern "system" fn(c_ulong),
+}
+
+/// Names under which the library is looked for, where no path is given.
+fn names() -> &'static [&'static str] {
+    if cfg!(windows) {
+        &["hd.dll"]
+    } else if cfg!(target_os = "macos") {
+        &["libHD.dylib", "/Library/Frameworks/HD.framework/HD"]
+    } else {
+        &["libHD.so", "libHD.so.3.4", "libHD.so.3.4.0", "libHD.so.3"]
+    }
+}
+
+const INSTALL: &str = "install 3D Systems' OpenHaptics and the driver of the device (Touch Device Driver), run the driver's setup once, \
+    or give the path of the library";
+
+impl Hd {
+    /// Loads the library: the one at `path`, or the first of the usual names that the system's loader finds.
+    ///
+    /// # Errors
+    /// Not found, with what was looked for; or found, and a function is missing.
+    pub(super) fn load(path: Option<&Path>) -> Result<Self, HandError> {
+        let wanted = path.map_or_else(|| names().iter().map(PathBuf::from).collect(), |p| vec![p.to_owned()]);
+        let mut said = Vec::new();
+        for name in &wanted {
+            // SAFETY: loading runs the library's initialisers. The user asked for this library by naming the device; it is the
+            // maker's, and there is no other way to the device.
+            match unsafe { Library::new(name) } {
+                Ok(library) => return Self::of(library, name),
+                Err(e) => said.push(format!("{} ({})", name.display(), reason(&e))),
+            }
+        }
+        Err(HandError::missing(
+            format!("OpenHaptics' libHD cannot be loaded; looked for {}", said.join(", ")),
+            INSTALL,
+        ))
+    }
+
+    fn of(library: Library, name: &Path) -> Result<Self, HandError> {
+        // The maker's library has threads of its own and is not made to be unloaded.
+        let library: &'static Library = Box::leak(Box::new(library));
+        macro_rules! function {
+            ($symbol:literal) => {{
+                // SAFETY: the types are those of the published interface.
+                let found = unsafe { library.get(concat!($symbol, "\0").as_bytes()) };
+                *found.map_err(|_| {
+                    HandError::missing(
+                        format!(
+                            "{} has no function {}: it is not OpenHaptics' libHD, or too old",
+                            name.display(),
+                            $symbol
+                        ),
+                        INSTALL,
+                    )
+                })?
+            }};
+        }
+        Ok(Self {
+            init_device: function!("hdInitDevice"),
+            disable_device: function!("hdDisableDevice"),
+            make_current: function!("hdMakeCurrentDevice"),
+            begin_frame: function!("hdBeginFrame"),
+            end_frame: function!("hdEndFrame"),
+            get_doubles: function!("hdGetDoublev"),
+            set_doubles: function!("hdSetDoublev"),
+            enable: function!("hdEnable"),
+            get_error: function!("hdGetError"),
+            error_string: function!("hdGetErrorString"),
+            set_rate: function!("hdSetSchedulerRate"),
+            start_scheduler: function!("hdStartScheduler"),
+            stop_scheduler: function!("hdStopScheduler"),
+            schedule: function!("hdScheduleAsynchronous"),
+            unschedule: function!("hdUnschedule"),
+        })
+    }
+
+    /// Takes all errors off the stack; the newest, or none.
+    pub(super) fn errors(&self) -> Option<c_uint> {
+        let mut newest = None;
+        for _ in 0..ERRORS {
+            // SAFETY: takes nothing, answers a plain struct; may be called at any time.
+            let info = unsafe { (self.get_error)() };
+            if info.code == 0 {
+                break;
+            }
+            newest = newest.or(Some(info.code));
+        }
+        newest
+    }
+
+    /// An error code for a person. Not for the servo thread.
+    pub(super) fn name(&self, code: c_uint) -> String {
+        // SAFETY: answers a constant text or null for any code.
+        let text = unsafe { (self.error_string)(code) };
+        let said = if text.is_null() {
+            String::new()
+        } else {
+            // SAFETY: a text that ends in 0 and lives as long as the library.
+            unsafe { CStr::from_ptr(text) }.to_string_lossy().into_owned()
+        };
+        match (known(code), said.trim()) {
+            (Some(name), said) if said.is_empty() || said == name => name.to_owned(),
+            (Some(name), said) => format!("{name}: {said}"),
+            (None, said) => format!("error 0x{code:04x} {said}").trim_end().to_owned(),
+        }
+    }
+}
+
+/// More errors than this are not taken at once, so that a broken library cannot hold the servo.
+const ERRORS: usize = 32;
+
+/// Whether the device is lost with this error.
+pub(super) fn fatal(code: c_uint) -> bool {
+    matches!(code, 0x0300..=0x0304 | 0x0104)
+}
+
+/// Whether the device switched its motors off by itself.
+pub(super) fn force_off(code: c_uint) -> bool {
+    matches!(code, 0x0200..=0x0204)
+}
+
+fn known(code: c_uint) -> Option<&'static str> {
+    Some(match code {
+        0x0100 => "HD_INVALID_ENUM",
+        0x0101 => "HD_INVALID_VALUE",
+        0x0102 => "HD_INVALID_OPERATION",
+        0x0103 => "HD_INVALID_INPUT_TYPE",
+        0x0104 => "HD_BAD_HANDLE",
+        0x0200 => "HD_WARM_MOTORS",
+        0x0201 => "HD_EXCEEDED_MAX_FORCE",
+        0x0202 => "HD_EXCEEDED_MAX_FORCE_IMPULSE",
+        0x0203 => "HD_EXCEEDED_MAX_VELOCITY",
+        0x0204 => "HD_FORCE_ERROR",
+        0x0300 => "HD_DEVICE_FAULT",
+        0x0301 => "HD_DEVICE_ALREADY_INITIATED",
+        0x0302 => "HD_COMM_ERROR",
+        0x0303 => "HD_COMM_CONFIG_ERROR",
+        0x0304 => "HD_TIMER_ERROR",
+        0x0400 => "HD_ILLEGAL_BEGIN",
+        0x0401 => "HD_ILLEGAL_END",
+        0x0402 => "HD_FRAME_ERROR",
+        0x0500 => "HD_INVALID_PRIORITY",
+        0x0501 => "HD_SCHEDULER_FULL",
+        0x0600 => "HD_INVALID_LICENSE",
+        _ => return None,
+    })
+}
+
+/// The loader's own words, without its type's.
+fn reason(e: &libloading::Error) -> String {
+    let source = std::error::Error::source(e);
+    source.map_or_else(|| e.to_string(), ToString::to_string)
+}

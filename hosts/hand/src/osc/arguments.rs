@@ -1,0 +1,270 @@
+//! What the arguments of a message mean.
+
+use rosc::OscType;
+
+use crate::HandError;
+
+/// Arguments that may be listed.
+const MOST: usize = 64;
+
+/// Standard gravity \[m/s^2\]: one gram-force is a thousandth of it in newtons.
+const GRAVITY: f64 = 9.806_65;
+
+/// What would do, in every error about a list.
+const HELP: &str = "list the message's arguments in their order, apart by commas, each with its unit: `x_mm, y_mm, -z_m, force_n, _, time_ms`. \
+    There are x, y, z in mm, cm or m; force in n or gf; pressure; stroke (or touch), 0 or 1; time in s, ms, us or ns; `_` for what is not \
+    used; and `-` before one that counts the other way";
+
+/// One argument's place among what is read.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Meaning {
+    Skip,
+    /// Axis, and mm in one of its units, with the sign.
+    Axis(usize, f64),
+    /// Newtons in one of its units, with the sign.
+    Force(f64),
+    Pressure,
+    Touch,
+    /// Nanoseconds in one of its units.
+    Time(f64),
+}
+
+/// The list of a message's arguments: which is what, in which unit.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Arguments(Vec<Meaning>);
+
+/// What one message says.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Reading {
+    /// x, y, z in mm; 0 for an axis that is not listed.
+    pub position: [f64; 3],
+    /// Force in N, at least 0, or pressure from 0 to 1; 0 where neither is listed.
+    pub force: f64,
+    /// Whether the hand touches, where that is listed.
+    pub touch: Option<bool>,
+    /// The sender's time in ns, where that is listed.
+    pub time_ns: Option<f64>,
+}
+
+/// Reads a list such as `x_mm, y_mm, -z_m, force_n, _, time_ms`. Spaces and capitals do not matter.
+///
+/// # Errors
+/// A word that is not known, a unit that does not belong to it, something listed twice, no axis at all; the error names what was
+/// found and what would do.
+pub fn parse_arguments(text: &str) -> Result<Arguments, HandError> {
+    let fail = |what: String| Err(HandError::option(what, HELP));
+    let mut list = Vec::new();
+    let mut seen: Vec<&str> = Vec::new();
+    for (place, word) in text.split(',').map(str::trim).enumerate() {
+        if place >= MOST {
+            return fail(format!("there are more than {MOST} arguments"));
+        }
+        if word.is_empty() {
+            return fail(format!("argument {} of `{text}` is empty", place + 1));
+        }
+        let (meaning, name) =
+            one(word).map_err(|what| HandError::option(format!("argument {}: {what}", place + 1), HELP))?;
+        if !name.is_empty() {
+            if seen.contains(&name) {
+                return fail(format!("`{name}` is listed twice in `{text}`"));
+            }
+            seen.push(name);
+        }
+        list.push(meaning);
+    }
+    if seen.contains(&"force") && seen.contains(&"pressure") {
+        return fail(format!("`{text}` has a force and a pressure; a hand's sample carries one of them"));
+    }
+    if !list.iter().any(|m| matches!(m, Meaning::Axis(..))) {
+        return fail(format!("`{text}` has none of x, y and z"));
+    }
+    Ok(Arguments(list))
+}
+
+/// One word: its meaning, and a name under which it must not come again.
+fn one(word: &str) -> Result<(Meaning, &'static str), String> {
+    if word == "_" {
+        return Ok((Meaning::Skip, ""));
+    }
+    let (sign, rest) = match word.strip_prefix('-') {
+        Some(rest) => (-1.0, rest.trim_start()),
+        None => (1.0, word.strip_prefix('+').unwrap_or(word).trim_start()),
+    };
+    let lower = rest.to_ascii_lowercase();
+    let (name, unit) = lower.split_once('_').map_or((lower.as_str(), None), |(n, u)| (n, Some(u)));
+    let scale = |units: &[(&str, f64)]| {
+        let all = units.iter().map(|(u, _)| format!("`{name}_{u}`")).collect::<Vec<_>>().join(", ");
+        match unit {
+            None => Err(format!("`{word}` has no unit; write one of {all}")),
+            Some(unit) => match units.iter().find(|(u, _)| *u == unit) {
+                Some((_, factor)) => Ok(*factor),
+                None => Err(format!("`{unit}` in `{word}` is not a unit of `{name}`; write one of {all}")),
+            },
+        }
+    };
+    let plain = |meaning, name| match (unit, sign < 0.0) {
+        (None, false) => Ok((meaning, name)),
+        (Some(_), _) => Err(format!("`{word}` has a unit, and {name} has none")),
+        (None, true) => Err(format!("`{word}`: {name} has no other way to count")),
+    };
+    let length = [("mm", 1.0), ("cm", 10.0), ("m", 1000.0)];
+    match name {
+        "x" => Ok((Meaning::Axis(0, sign * scale(&length)?), "x")),
+        "y" => Ok((Meaning::Axis(1, sign * scale(&length)?), "y")),
+        "z" => Ok((Meaning::Axis(2, sign * scale(&length)?), "z")),
+        "force" => Ok((Meaning::Force(sign * scale(&[("n", 1.0), ("gf", GRAVITY * 1e-3)])?), "force")),
+        "pressure" => plain(Meaning::Pressure, "pressure"),
+        "stroke" | "touch" => plain(Meaning::Touch, "touch"),
+        "time" if sign < 0.0 => Err(format!("`{word}`: time has no other way to count")),
+        "time" => Ok((Meaning::Time(scale(&[("s", 1e9), ("ms", 1e6), ("us", 1e3), ("ns", 1.0)])?), "time")),
+        _ => Err(format!("`{word}` is not known")),
+    }
+}
+
+impl Arguments {
+    /// How many arguments a message needs.
+    pub fn needed(&self) -> usize {
+        self.0.len()
+    }
+
+    /// Whether what the samples carry as force is a pressure from 0 to 1.
+    pub fn pressure(&self) -> bool {
+        self.0.contains(&Meaning::Pressure)
+    }
+
+    /// Reads a message's arguments; more than are listed are not looked at.
+    ///
+    /// # Errors
+    /// Why the message cannot be used, for a person.
+    pub fn read(&self, args: &[OscType]) -> Result<Reading, String> {
+        if args.len() < self.0.len() {
+            return Err(format!("it has {} arguments, {} are listed", args.len(), self.0.len()));
+        }
+        let mut reading = Reading::default();
+        for (place, (meaning, arg)) in self.0.iter().zip(args).enumerate() {
+            if *meaning == Meaning::Skip {
+                continue;
+            }
+            let value = number(arg, *meaning == Meaning::Touch)
+                .ok_or_else(|| format!("argument {} is {}, not a number", place + 1, kind(arg)))?;
+            if !value.is_finite() {
+                return Err(format!("argument {} is {value}", place + 1));
+            }
+            match *meaning {
+                Meaning::Skip => {}
+                Meaning::Axis(axis, mm) => reading.position[axis] = value * mm,
+                // A gauge at rest wanders around 0.
+                Meaning::Force(newton) => reading.force = (value * newton).max(0.0),
+                Meaning::Pressure if !(-0.01..=1.01).contains(&value) => {
+                    return Err(format!("argument {}, a pressure, is {value}, not from 0 to 1", place + 1));
+                }
+                Meaning::Pressure => reading.force = value.clamp(0.0, 1.0),
+                Meaning::Touch => reading.touch = Some(value != 0.0),
+                Meaning::Time(ns) => reading.time_ns = Some(value * ns),
+            }
+        }
+        if reading.touch == Some(false) {
+            reading.force = 0.0;
+        }
+        let finite = reading.position.iter().all(|x| x.is_finite()) && reading.force.is_finite();
+        if finite { Ok(reading) } else { Err("a value is too large".to_owned()) }
+    }
+}
+
+fn number(arg: &OscType, or_flag: bool) -> Option<f64> {
+    match arg {
+        OscType::Int(x) => Some(f64::from(*x)),
+        OscType::Long(x) => Some(*x as f64),
+        OscType::Float(x) => Some(f64::from(*x)),
+        OscType::Double(x) => Some(*x),
+        OscType::Bool(x) if or_flag => Some(f64::from(u8::from(*x))),
+        _ => None,
+    }
+}
+
+fn kind(arg: &OscType) -> &'static str {
+    match arg {
+        OscType::String(_) => "a text",
+        OscType::Blob(_) => "a blob",
+        OscType::Time(_) => "a time tag",
+        OscType::Bool(_) => "a truth value",
+        OscType::Nil => "nil",
+        _ => "of another type",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_unit_and_sign_comes_to_mm_n_and_ns() {
+        let list = parse_arguments("x_mm, Y_cm,-z_m , force_gf, _, touch, time_ms").unwrap();
+        let args = [
+            OscType::Float(1.5),
+            OscType::Int(2),
+            OscType::Double(0.004),
+            OscType::Long(100),
+            OscType::String("pen".into()),
+            OscType::Bool(true),
+            OscType::Double(12.5),
+            OscType::Nil,
+        ];
+        let r = list.read(&args).unwrap();
+        assert_eq!((r.position, r.touch, r.time_ns), ([1.5, 20.0, -4.0], Some(true), Some(12.5e6)));
+        // 100 gf is 0.980665 N.
+        assert!((r.force - 0.980_665).abs() < 1e-12);
+        assert_eq!(list.needed(), 7);
+    }
+
+    #[test]
+    fn off_the_surface_there_is_no_force_and_pressure_keeps_to_its_range() {
+        let list = parse_arguments("x_m, pressure, stroke").unwrap();
+        assert!(list.pressure());
+        let read = |p: f64, t: i32| list.read(&[OscType::Int(0), OscType::Double(p), OscType::Int(t)]);
+        assert_eq!(read(0.7, 1).unwrap().force, 0.7);
+        assert_eq!(read(0.7, 0).unwrap().force, 0.0);
+        assert_eq!(read(1.005, 1).unwrap().force, 1.0);
+        // A sender that counts to 127 is told, not clamped.
+        assert!(read(64.0, 1).unwrap_err().contains("from 0 to 1"));
+    }
+
+    #[test]
+    fn a_wrong_list_is_told_with_what_was_found_and_what_would_do() {
+        for (text, what) in [
+            ("", "argument 1 of `` is empty"),
+            ("x_mm,,y_mm", "argument 2 of `x_mm,,y_mm` is empty"),
+            ("x, y_mm", "`x` has no unit; write one of `x_mm`, `x_cm`, `x_m`"),
+            ("x_in", "`in` in `x_in` is not a unit of `x`"),
+            ("x_mm, w_mm", "argument 2: `w_mm` is not known"),
+            ("x_mm, x_m", "`x` is listed twice"),
+            ("x_mm, touch, stroke", "`touch` is listed twice"),
+            ("x_mm, force_n, pressure", "has a force and a pressure"),
+            ("_, force_n", "has none of x, y and z"),
+            ("x_mm, -touch", "no other way to count"),
+            ("x_mm, -time_s", "no other way to count"),
+            ("x_mm, pressure_n", "pressure has none"),
+            ("x_mm, --y_mm", "`--y_mm` is not known"),
+        ] {
+            let e = parse_arguments(text).unwrap_err();
+            assert!(e.message.contains(what), "`{text}`: {e}");
+            assert!(e.help.contains("x_mm, y_mm, -z_m"));
+        }
+        assert!(parse_arguments(&vec!["_"; 100].join(",")).unwrap_err().message.contains("more than 64"));
+    }
+
+    #[test]
+    fn a_message_that_cannot_be_used_says_why() {
+        let list = parse_arguments("x_m, y_m").unwrap();
+        for (args, what) in [
+            (vec![OscType::Float(1.0)], "it has 1 arguments, 2 are listed"),
+            (vec![OscType::Float(1.0), OscType::String("2".into())], "argument 2 is a text"),
+            (vec![OscType::Float(f32::NAN), OscType::Int(1)], "argument 1 is NaN"),
+            (vec![OscType::Int(1), OscType::Double(f64::NEG_INFINITY)], "argument 2 is -inf"),
+            (vec![OscType::Int(1), OscType::Double(1e308)], "too large"),
+            (vec![OscType::Bool(true), OscType::Int(1)], "a truth value"),
+        ] {
+            assert!(list.read(&args).unwrap_err().contains(what), "{args:?}");
+        }
+    }
+}

@@ -1,0 +1,316 @@
+//! A hand over the network: Open Sound Control 1.0 in UDP packets.
+//!
+//! Whatever sends positions can be the hand: a tablet's program, a tracker, a script. The option says at which address pattern the messages
+//! come and what their arguments mean, see [`parse_arguments`]. A sample's time is an argument, where one is listed; else the
+//! time tag of its bundle, unless that says "immediately"; else the arrival. Both of the first are mapped to our clock by the fastest packets,
+//! which takes jitter out. (A `time` sent as a 32-bit float counts milliseconds exactly for 4.6 hours; send a double or an integer.)
+//!
+//! A new stroke begins with every 0 to 1 of a listed `touch`, where the sender's clock is set anew, and where another sender takes
+//! over after a pause. What cannot be used is counted, with the reason of the last; it never stops the source. Packets are at
+//! most 64 KiB, bundles nest at most 8 deep, so memory is bounded whatever is sent.
+//!
+//! The pattern is matched by rosc, which is greedy: `*` stands for at least one character, and what follows it is looked for at its last place.
+
+mod arguments;
+mod clock;
+mod packet;
+
+use std::io::ErrorKind;
+use std::net::{IpAddr, Ipv4Addr, SocketAddr, UdpSocket};
+use std::sync::{Arc, atomic::Ordering::Relaxed};
+use std::time::Duration;
+
+use asperity_live::{Sample, SampleWriter, now_ns};
+use rosc::OscMessage;
+use rosc::address::{Matcher, OscAddress};
+
+use crate::handle::{Handle, Shared};
+use crate::{Device, HandError};
+pub use arguments::{Arguments, Reading, parse_arguments};
+use clock::{Clock, Mapped};
+
+/// How long the thread waits for a packet before it looks whether it is to stop.
+const WAIT: Duration = Duration::from_millis(50);
+/// How long it waits before a socket that failed is opened again.
+const AGAIN: Duration = Duration::from_millis(500);
+/// Another sender after a longer pause begins a new stroke.
+const PAUSE_NS: u64 = 50_000_000;
+/// The largest UDP packet.
+const PACKET: usize = 65_536;
+
+/// What is listened for.
+#[derive(Clone, Debug, PartialEq)]
+pub struct OscOptions {
+    /// Address and port to listen at; port 0 takes a free one.
+    pub listen: SocketAddr,
+    /// Whether that may be other than this machine's own loopback: then anybody on the network can move the stylus.
+    pub anywhere: bool,
+    /// An OSC 1.0 address or address pattern, such as `/pen` or `/wacom/{1,2}/*`.
+    pub address: String,
+    /// What the arguments mean.
+    pub arguments: Arguments,
+}
+
+impl OscOptions {
+    /// Listens at 127.0.0.1:9000.
+    pub fn new(address: impl Into<String>, arguments: Arguments) -> Self {
+        let listen = SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), 9000);
+        Self { listen, anywhere: false, address: address.into(), arguments }
+    }
+}
+
+/// Reads where to listen: `127.0.0.1:9000`, `localhost:9000`, or a port alone for this machine's loopback.
+///
+/// # Errors
+/// Anything else.
+pub fn parse_listen(text: &str) -> Result<SocketAddr, HandError> {
+    let here = IpAddr::V4(Ipv4Addr::LOCALHOST);
+    let text = text.trim();
+    let port = text.strip_prefix("localhost:").unwrap_or(text);
+    if let Ok(port) = port.parse::<u16>() {
+        return Ok(SocketAddr::new(here, port));
+    }
+    text.parse().map_err(|_| {
+        HandError::option(
+            format!("`{text}` is no address to listen at"),
+            "write an IP address and a port, such as 127.0.0.1:9000, or a port alone",
+        )
+    })
+}
+
+/// Opens the socket and starts to listen.
+///
+/// # Errors
+/// An address pattern that is none; a listening address beyond loopback without `anywhere`; a port that is in use or not allowed.
+pub fn start(options: OscOptions, writer: SampleWriter) -> Result<Handle, HandError> {
+    let matcher = pattern(&options.address)?;
+    if !options.anywhere && !options.listen.ip().is_loopback() {
+        return Err(HandError::option(
+            format!("{} can be reached from the network", options.listen),
+            "listen at 127.0.0.1, or say `anywhere` if others may move the stylus",
+        ));
+    }
+    let socket = open(options.listen)?;
+    let address = socket.local_addr().unwrap_or(options.listen);
+    let shared = Arc::new(Shared::default());
+    shared.set_device(Device { name: format!("OSC at {address}"), ..Device::default() });
+    shared.set_connected(true);
+    let mut ear = Ear {
+        shared: shared.clone(),
+        writer,
+        arguments: options.arguments,
+        pattern: options.address,
+        matcher,
+        known: (String::new(), false),
+        clock: Clock::default(),
+        sender: None,
+        touched: false,
+        stroke: 0,
+        newest_ns: 0,
+        told: false,
+    };
+    let thread = std::thread::Builder::new()
+        .name("osc".to_owned())
+        .spawn(move || ear.listen(socket, address))
+        .map_err(|e| {
+            HandError::missing(format!("no thread for OSC: {e}"), "free some memory or processes")
+        })?;
+    Ok(Handle::new(shared, thread, Some(address)))
+}
+
+fn pattern(text: &str) -> Result<Matcher, HandError> {
+    // rosc panics at some character classes that it has let through.
+    let made = std::panic::catch_unwind(|| Matcher::new(text));
+    match made {
+        Ok(Ok(matcher)) => Ok(matcher),
+        _ => Err(HandError::option(
+            format!("`{text}` is no OSC address or address pattern"),
+            "write one such as `/pen`, `/pen/*`, `/pen/{1,2}/[a-c]?`: parts after `/`, without spaces or `#`",
+        )),
+    }
+}
+
+fn open(address: SocketAddr) -> Result<UdpSocket, HandError> {
+    let socket = UdpSocket::bind(address).map_err(|e| match e.kind() {
+        ErrorKind::AddrInUse => HandError::taken(
+            format!("UDP port {} is in use", address.port()),
+            "stop the other program or listen at another port",
+        ),
+        _ => HandError::missing(
+            format!("cannot listen at {address}: {e}"),
+            "choose an address of this machine, and a port from 1024 up",
+        ),
+    })?;
+    let ready = socket.set_read_timeout(Some(WAIT));
+    ready.map_err(|e| HandError::missing(format!("cannot listen at {address}: {e}"), "try again"))?;
+    Ok(socket)
+}
+
+/// The listening thread.
+struct Ear {
+    shared: Arc<Shared>,
+    writer: SampleWriter,
+    arguments: Arguments,
+    pattern: String,
+    matcher: Matcher,
+    /// The address that was matched last, and whether it did: senders seldom change it.
+    known: (String, bool),
+    clock: Clock,
+    sender: Option<(SocketAddr, u64)>,
+    touched: bool,
+    stroke: u32,
+    newest_ns: u64,
+    /// Whether a person was told of an address that does not match.
+    told: bool,
+}
+
+impl Ear {
+    fn listen(&mut self, mut socket: UdpSocket, address: SocketAddr) {
+        let mut buffer = vec![0; PACKET];
+        while !self.shared.stopped() {
+            match socket.recv_from(&mut buffer) {
+                Ok((length, from)) => {
+                    let packet = buffer.get(..length).unwrap_or_default();
+                    self.hear(packet, from, now_ns());
+                }
+                Err(e)
+                    if matches!(
+                        e.kind(),
+                        ErrorKind::WouldBlock | ErrorKind::TimedOut | ErrorKind::Interrupted
+                    ) => {}
+                Err(e) => {
+                    self.shared.set_connected(false);
+                    self.shared.trouble(format!("the socket at {address} failed: {e}; it is opened again"));
+                    match self.reopen(address) {
+                        Some(again) => socket = again,
+                        None => return,
+                    }
+                }
+            }
+        }
+    }
+
+    fn reopen(&self, address: SocketAddr) -> Option<UdpSocket> {
+        loop {
+            std::thread::park_timeout(AGAIN);
+            if self.shared.stopped() {
+                return None;
+            }
+            if let Ok(socket) = open(address) {
+                self.shared.set_connected(true);
+                self.shared.well(&format!("listening at {address} again"));
+                return Some(socket);
+            }
+        }
+    }
+
+    fn hear(&mut self, packet: &[u8], from: SocketAddr, arrived_ns: u64) {
+        if let Some((before, then)) = self.sender
+            && before != from
+            && arrived_ns.saturating_sub(then) > PAUSE_NS
+        {
+            self.anew();
+            self.clock = Clock::default();
+        }
+        self.sender = Some((from, arrived_ns));
+        let end = packet::walk(packet, &mut |message, tag| self.message(&message, tag, arrived_ns));
+        if let Err(why) = end {
+            self.shared.bad(format!("a packet of {} bytes from {from}: {why}", packet.len()));
+        }
+    }
+
+    fn message(&mut self, message: &OscMessage, tag: Option<u64>, arrived_ns: u64) {
+        if !self.matches(&message.addr) {
+            if !self.told && self.shared.samples.load(Relaxed) == 0 {
+                self.told = true;
+                let heard = message.addr.chars().take(80).collect::<String>();
+                self.shared.trouble(format!(
+                    "a message for `{heard}` came, which `{}` does not match",
+                    self.pattern
+                ));
+            }
+            return;
+        }
+        match self.arguments.read(&message.args) {
+            Ok(reading) => self.take(reading, tag, arrived_ns),
+            Err(why) => self.shared.bad(format!("a message for `{}`: {why}", message.addr)),
+        }
+    }
+
+    fn matches(&mut self, address: &str) -> bool {
+        if self.known.0 != address {
+            let fits = OscAddress::new(address.to_owned()).is_ok_and(|a| self.matcher.match_address(&a));
+            self.known = (address.to_owned(), fits);
+        }
+        self.known.1
+    }
+
+    fn take(&mut self, reading: Reading, tag: Option<u64>, arrived_ns: u64) {
+        let time = match reading.time_ns.or(tag.map(ntp_ns)).map(|sent| self.clock.map(sent, arrived_ns)) {
+            None => arrived_ns,
+            Some(Mapped::At(time)) => time,
+            Some(Mapped::Anew(time)) => {
+                self.anew();
+                time
+            }
+            Some(Mapped::Late) => return self.shared.bad("a sample came after a later one".to_owned()),
+        };
+        if let Some(touch) = reading.touch {
+            if touch && !self.touched {
+                self.anew();
+            }
+            self.touched = touch;
+        }
+        self.newest_ns = self.newest_ns.max(time);
+        let sample = Sample {
+            time_ns: self.newest_ns,
+            arrived_ns,
+            position: reading.position,
+            force: reading.force,
+            stroke: self.stroke,
+        };
+        self.shared.send(&mut self.writer, sample);
+    }
+
+    fn anew(&mut self) {
+        self.stroke = self.stroke.wrapping_add(1);
+    }
+}
+
+/// An NTP time tag in ns since 1900.
+fn ntp_ns(tag: u64) -> f64 {
+    // In integers, and rounded once: a double holds today's count to half a microsecond.
+    let (seconds, fraction) = (tag >> 32, tag & 0xffff_ffff);
+    (u128::from(seconds) * 1_000_000_000 + ((u128::from(fraction) * 1_000_000_000) >> 32)) as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn half_a_second_of_a_time_tag_is_half_a_second() {
+        assert_eq!(ntp_ns((3 << 32) | (1 << 31)), 3.5e9);
+        let today = 3_970_000_000u64 << 32;
+        assert!((ntp_ns(today + (1 << 22)) - ntp_ns(today) - 976_562.5).abs() < 1000.0);
+    }
+
+    #[test]
+    fn a_place_to_listen_may_be_a_port_alone() {
+        assert_eq!(parse_listen("9001").unwrap(), "127.0.0.1:9001".parse().unwrap());
+        assert_eq!(parse_listen(" localhost:7 ").unwrap(), "127.0.0.1:7".parse().unwrap());
+        assert_eq!(parse_listen("0.0.0.0:9").unwrap(), "0.0.0.0:9".parse().unwrap());
+        assert!(parse_listen("here").unwrap_err().to_string().contains("127.0.0.1:9000"));
+    }
+
+    #[test]
+    fn what_is_no_pattern_is_told_and_none_panics() {
+        for bad in ["", "pen", "/pen/", "/p en", "/#", "/[", "/[]", "/{a", "/a//b", "/[!]", "/[b-a]"] {
+            let e = pattern(bad).unwrap_err();
+            assert!(e.message.contains(&format!("`{bad}`")), "{bad}");
+        }
+        for good in ["/pen", "/pen/*", "/[0-9]/{a,b}?", "/*a*"] {
+            pattern(good).unwrap();
+        }
+    }
+}

@@ -1,0 +1,247 @@
+//! The force law that a device's servo evaluates at its own rate.
+//!
+//! With depth d = n . (p0 - p) in the plane, the force is n (k d - b v), v being the velocity along n; 0 out of contact, never
+//! against n, never larger than the model or the device allows. The velocity is a first difference behind a first-order low-pass
+//! ([`VELOCITY_HZ`]), both by the servo's measured intervals. Around this:
+//!
+//! - A model that is older than [`MODEL_AGE`], not valid or not finite, and a position that is not finite: the force goes to 0
+//!   within [`LET_GO`]. When there is something to trust again, it comes back over [`TAKE_HOLD`], as after a start.
+//! - What the hand does is answered at once, but at most at the slew limit. What the graph changes is not: the
+//!   difference that a new model makes at the hand's place is carried on and decays with [`SETTLE`] (95 % in 9 ms), and where that lets
+//!   the force grow, no faster than the greatest force in [`RISE`]. So a plane that appears under the stylus pushes it out, and does not kick.
+//!   The wall's own loop has no delay from this: with an unchanged model nothing is carried.
+//! - Letting go is never slowed where the force would else pull.
+
+pub mod passivity;
+
+use std::time::Duration;
+
+use asperity_live::ForceModel;
+
+/// A model that is older is not trusted.
+pub const MODEL_AGE: Duration = Duration::from_millis(100);
+/// How long the force takes from its greatest to nothing when there is nothing to trust.
+pub const LET_GO: Duration = Duration::from_millis(20);
+/// How long it takes from nothing to all of it on a start.
+pub const TAKE_HOLD: Duration = Duration::from_millis(500);
+/// Time constant with which the difference that a new model makes is worked off.
+pub const SETTLE: Duration = Duration::from_millis(3);
+/// Time in which a new model may let the force grow from nothing to the greatest.
+pub const RISE: Duration = Duration::from_millis(50);
+/// Corner of the velocity's low-pass in Hz.
+pub const VELOCITY_HZ: f64 = 100.0;
+/// A servo that was not called for so long begins anew.
+const STALL_S: f64 = 0.05;
+/// Time in which the slew limit lets the greatest force come up, unless [`Limits`] say otherwise.
+const SLEW_S: f64 = 0.004;
+
+/// What a device may be driven to.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Limits {
+    /// Largest force \[N\], at least 0.
+    pub force_n: f64,
+    /// Fastest change of the force \[N/s\], above 0.
+    pub slew_n_per_s: f64,
+}
+
+impl Limits {
+    /// Limits of a device with this largest force: all of it within 4 ms. What is not finite or below 0 counts as 0.
+    pub fn of(force_n: f64) -> Self {
+        let force_n = if force_n.is_finite() { force_n.max(0.0) } else { 0.0 };
+        Self { force_n, slew_n_per_s: (force_n / SLEW_S).max(f64::MIN_POSITIVE) }
+    }
+}
+
+/// A trusted model, its normal of length 1 or 0.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Plane {
+    point: [f64; 3],
+    normal: [f64; 3],
+    stiffness: f64,
+    damping: f64,
+    most: f64,
+}
+
+impl Plane {
+    fn trusted(model: &ForceModel, now_ns: u64) -> Option<Self> {
+        let numbers = [model.stiffness_n_per_mm, model.damping_ns_per_m, model.max_force_n];
+        let sound = numbers.iter().all(|x| x.is_finite() && *x >= 0.0)
+            && model.point.iter().chain(&model.normal).all(|x| x.is_finite());
+        let young = u128::from(now_ns.saturating_sub(model.time_ns)) <= MODEL_AGE.as_nanos();
+        if !(model.valid && sound && young) {
+            return None;
+        }
+        let length = size(model.normal);
+        let normal = if length > 1e-9 { model.normal.map(|x| x / length) } else { [0.0; 3] };
+        let [stiffness, damping, most] = numbers;
+        Some(Self { point: model.point, normal, stiffness, damping, most })
+    }
+
+    /// The force on a hand at rest or in motion: mm, mm/s, N.
+    fn force(&self, position: [f64; 3], velocity: [f64; 3], most: f64) -> [f64; 3] {
+        let depth = dot(self.normal, minus(self.point, position));
+        if depth.is_nan() || depth <= 0.0 {
+            return [0.0; 3];
+        }
+        let along = 1e-3 * dot(self.normal, velocity);
+        let push = (self.stiffness * depth - self.damping * along).clamp(0.0, self.most.min(most));
+        self.normal.map(|n| n * push)
+    }
+}
+
+/// Evaluates the law. All of it is plain arithmetic: no allocation, no waiting.
+#[derive(Clone, Debug)]
+pub struct Servo {
+    limits: Limits,
+    plane: Plane,
+    level: f64,
+    last: Option<(u64, [f64; 3])>,
+    velocity: [f64; 3],
+    /// What the force still is beside what the plane says, since the plane was another.
+    carried: [f64; 3],
+    wanted: [f64; 3],
+    force: [f64; 3],
+}
+
+impl Servo {
+    /// A servo that has not begun.
+    pub fn new(limits: Limits) -> Self {
+        Self {
+            limits,
+            plane: Plane::default(),
+            level: 0.0,
+            last: None,
+            velocity: [0.0; 3],
+            carried: [0.0; 3],
+            wanted: [0.0; 3],
+            force: [0.0; 3],
+        }
+    }
+
+    /// Begins anew, from no force: the device was lost, or switched its motors off by itself.
+    pub fn restart(&mut self) {
+        *self = Self::new(self.limits);
+    }
+
+    /// The force \[N\] for a hand at `position` \[mm\] at `now_ns`, in the axes of the model.
+    pub fn step(&mut self, now_ns: u64, position: [f64; 3], model: &ForceModel) -> [f64; 3] {
+        let here = position.iter().all(|x| x.is_finite());
+        let mut dt = self.last.map_or(0.0, |(then, _)| now_ns.saturating_sub(then) as f64 * 1e-9);
+        if dt > STALL_S {
+            self.restart();
+            dt = 0.0;
+        }
+        let trusted = Plane::trusted(model, now_ns);
+        self.turn_level(trusted.is_some() && here, dt);
+        if here {
+            self.measure(position, dt);
+            if let Some(plane) = trusted {
+                self.change(plane, position);
+            }
+            self.want(position, dt);
+        }
+        let there = self.last.map_or([0.0; 3], |(_, p)| p);
+        self.last = Some((now_ns, if here { position } else { there }));
+        self.command(dt);
+        self.force
+    }
+
+    /// Lets go: to be called at the servo's rate instead of [`Servo::step`], within [`LET_GO`] the answer is 0.
+    pub fn let_go(&mut self, now_ns: u64) -> [f64; 3] {
+        self.step(now_ns, [f64::NAN; 3], &ForceModel::default())
+    }
+
+    /// The last force \[N\].
+    pub fn force(&self) -> [f64; 3] {
+        self.force
+    }
+
+    /// The part of the last force along the plane's normal \[N\], at least 0: how hard the hand is held up, which at rest is how hard it
+    /// presses.
+    pub fn normal_force(&self) -> f64 {
+        dot(self.force, self.plane.normal).max(0.0)
+    }
+
+    fn turn_level(&mut self, up: bool, dt: f64) {
+        let time = if up { TAKE_HOLD } else { LET_GO };
+        let step = dt / time.as_secs_f64();
+        self.level = if up { (self.level + step).min(1.0) } else { (self.level - step).max(0.0) };
+        if self.level == 0.0 && !up {
+            self.plane = Plane::default();
+            self.carried = [0.0; 3];
+            self.wanted = [0.0; 3];
+        }
+    }
+
+    fn measure(&mut self, position: [f64; 3], dt: f64) {
+        let Some((_, before)) = self.last else { return };
+        if dt <= 0.0 {
+            return;
+        }
+        let weight = 1.0 - (-dt * std::f64::consts::TAU * VELOCITY_HZ).exp();
+        for ((v, p), q) in self.velocity.iter_mut().zip(position).zip(before) {
+            *v += weight * ((p - q) / dt - *v);
+        }
+    }
+
+    fn change(&mut self, plane: Plane, position: [f64; 3]) {
+        if plane != self.plane {
+            let most = self.limits.force_n;
+            let (old, new) =
+                (self.plane.force(position, self.velocity, most), plane.force(position, self.velocity, most));
+            self.carried = plus(self.carried, minus(old, new));
+            self.plane = plane;
+        }
+    }
+
+    fn want(&mut self, position: [f64; 3], dt: f64) {
+        let target = self.plane.force(position, self.velocity, self.limits.force_n);
+        let before = plus(target, self.carried);
+        let decay = 1.0 - (-dt / SETTLE.as_secs_f64()).exp();
+        let step = self.carried.map(|x| x * decay);
+        // The size is convex in how much of the step is made, so that this share of it grows by no more than is allowed.
+        let growth = size(minus(before, step)) - size(before);
+        let allowed = dt * self.limits.force_n / RISE.as_secs_f64();
+        let share = if growth > allowed { allowed / growth } else { 1.0 };
+        let wanted = push_only(minus(before, step.map(|x| x * share)), self.plane.normal);
+        self.carried = minus(wanted, target);
+        self.wanted = wanted;
+    }
+
+    fn command(&mut self, dt: f64) {
+        let goal = self.wanted.map(|x| x * self.level);
+        let change = minus(goal, self.force);
+        let allowed = self.limits.slew_n_per_s * dt;
+        let share = if size(change) > allowed { allowed / size(change) } else { 1.0 };
+        let slewed = plus(self.force, change.map(|x| x * share));
+        let most =
+            self.limits.force_n.min(if self.plane == Plane::default() { f64::MAX } else { self.plane.most });
+        let over = if size(slewed) > most { most / size(slewed) } else { 1.0 };
+        self.force = push_only(slewed.map(|x| x * over), self.plane.normal);
+    }
+}
+
+/// The force without what of it would pull into the plane.
+fn push_only(force: [f64; 3], normal: [f64; 3]) -> [f64; 3] {
+    let along = dot(force, normal).min(0.0);
+    minus(force, normal.map(|n| n * along))
+}
+
+fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+fn size(a: [f64; 3]) -> f64 {
+    dot(a, a).sqrt()
+}
+
+fn plus(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
+}
+
+fn minus(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,121 @@
+//! Whether a wall of this stiffness can be stable whoever holds the device.
+//!
+//! A spring and damper behind a sampler and a hold are passive where b > K T / 2 + |B|: b is the physical damping of the device, K and B the
+//! wall's stiffness and damping, T the servo's period (J. E. Colgate and G. Schenkel, "Passivity of a class of sampled-data systems:
+//! application to haptic interfaces", American Control Conference 1994; Journal of Robotic Systems 14, 1997, pp. 37-47). There the wall's velocity
+//! is a plain first difference. A low-pass F behind it, as in [`servo`](crate::servo), changes the damper's share from
+//! -B cos wT to -B Re(F e^-jwT), which is at most |B| while |F| is at most 1: the bound stays sufficient.
+//!
+//! The bound is about passivity: any passive hand. A given hand may be stable beyond it, since grips add damping of their own.
+
+/// Damping of the device itself along the normal, and how it is known.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum DeviceDamping {
+    /// Measured, or given by whoever knows the device \[N s/m\].
+    Known(f64),
+    /// Inferred from the stiffness \[N/mm\] that its maker recommends at most at a servo rate of 1 kHz: a passive device that holds it has at
+    /// least K T / 2.
+    Recommended(f64),
+    /// Not known: [`ASSUMED_NS_PER_M`] is taken.
+    Unknown,
+}
+
+/// Damping that is assumed where none is known \[N s/m\]. We found no figure for a Touch or an Inverse3 that could be relied on; this is
+/// a guess on the safe side for a device built to be free of friction, and every sentence made of it says so.
+pub const ASSUMED_NS_PER_M: f64 = 0.1;
+
+impl DeviceDamping {
+    /// The figure \[N s/m\].
+    pub fn ns_per_m(self) -> f64 {
+        match self {
+            Self::Known(b) => b,
+            Self::Recommended(stiffness) => stiffness * 1e3 / 1000.0 / 2.0,
+            Self::Unknown => ASSUMED_NS_PER_M,
+        }
+    }
+}
+
+/// What the bound says of one wall on one device.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Passivity {
+    /// Damping that the device would need \[N s/m\]: K T / 2 + |B|.
+    pub needed_ns_per_m: f64,
+    /// What it has less what it needs \[N s/m\]; passive above 0.
+    pub margin_ns_per_m: f64,
+    /// Largest stiffness that is passive with this wall damping \[N/mm\]; 0 where the damping alone is too much.
+    pub stiffest_n_per_mm: f64,
+    /// The same for a person, with the figures.
+    pub sentence: String,
+}
+
+impl Passivity {
+    /// Whether the bound is met.
+    pub fn holds(&self) -> bool {
+        self.margin_ns_per_m > 0.0
+    }
+}
+
+/// Holds a wall's stiffness \[N/mm\] and damping \[N s/m\] against Colgate's bound, at a servo rate in Hz above 0.
+pub fn passivity(
+    stiffness_n_per_mm: f64,
+    damping_ns_per_m: f64,
+    servo_hz: f64,
+    device: DeviceDamping,
+) -> Passivity {
+    let period = 1.0 / servo_hz;
+    let has = device.ns_per_m();
+    let needed = stiffness_n_per_mm * 1e3 * period / 2.0 + damping_ns_per_m.abs();
+    let stiffest = (2.0 * (has - damping_ns_per_m.abs()) / period * 1e-3).max(0.0);
+    let known = match device {
+        DeviceDamping::Known(_) => "of its own".to_owned(),
+        DeviceDamping::Recommended(k) => {
+            format!("of its own, inferred from the {k:.3} N/mm that its maker recommends at most")
+        }
+        DeviceDamping::Unknown => "assumed, since it is not known".to_owned(),
+    };
+    let margin = has - needed;
+    let verdict =
+        if margin > 0.0 { "passive, whoever holds it" } else { "may buzz or be unstable in some hands" };
+    let sentence = format!(
+        "a wall of {stiffness_n_per_mm:.3} N/mm and {damping_ns_per_m:.3} N s/m at {servo_hz:.0} Hz needs a device with more than \
+         {needed:.3} N s/m (K T / 2 + |B|); this one has {has:.3} N s/m, {known}: {verdict}; the limit is {stiffest:.3} N/mm",
+    );
+    Passivity { needed_ns_per_m: needed, margin_ns_per_m: margin, stiffest_n_per_mm: stiffest, sentence }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_textbook_wall_needs_half_a_newton_second_per_metre() {
+        // 1000 N/m at 1 kHz: 1000 * 0.001 / 2.
+        let p = passivity(1.0, 0.0, 1000.0, DeviceDamping::Known(0.6));
+        assert!((p.needed_ns_per_m - 0.5).abs() < 1e-12 && (p.margin_ns_per_m - 0.1).abs() < 1e-12);
+        assert!(p.holds() && (p.stiffest_n_per_mm - 1.2).abs() < 1e-12);
+        // Virtual damping costs as much as it gives, whichever its sign.
+        assert!(!passivity(1.0, 0.2, 1000.0, DeviceDamping::Known(0.6)).holds());
+        assert!(!passivity(1.0, -0.2, 1000.0, DeviceDamping::Known(0.6)).holds());
+        // A slower servo needs more.
+        assert!(!passivity(1.0, 0.0, 500.0, DeviceDamping::Known(0.6)).holds());
+    }
+
+    #[test]
+    fn the_limit_it_names_is_just_where_the_margin_is_nought() {
+        for device in [DeviceDamping::Known(2.0), DeviceDamping::Recommended(0.8), DeviceDamping::Unknown] {
+            let limit = passivity(1.0, 0.05, 1000.0, device).stiffest_n_per_mm;
+            assert!(passivity(limit, 0.05, 1000.0, device).margin_ns_per_m.abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn the_sentence_has_the_figures_and_says_what_is_assumed() {
+        let p = passivity(1.0, 0.0, 1000.0, DeviceDamping::Unknown);
+        for part in
+            ["1.000 N/mm", "1000 Hz", "0.500 N s/m", "0.100 N s/m", "not known", "0.200 N/mm", "may buzz"]
+        {
+            assert!(p.sentence.contains(part), "{part} is not in: {}", p.sentence);
+        }
+        assert!(passivity(0.5, 0.0, 1000.0, DeviceDamping::Known(1.0)).sentence.contains("passive, whoever"));
+    }
+}

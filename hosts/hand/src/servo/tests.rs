@@ -1,0 +1,260 @@
+//! The law on its own, and a simulated device in its loop.
+
+use super::passivity::{DeviceDamping, passivity};
+use super::*;
+
+const MS: u64 = 1_000_000;
+
+fn floor(stiffness: f64, damping: f64, now_ns: u64) -> ForceModel {
+    ForceModel {
+        point: [0.0; 3],
+        normal: [0.0, 0.0, 1.0],
+        stiffness_n_per_mm: stiffness,
+        damping_ns_per_m: damping,
+        max_force_n: 100.0,
+        valid: true,
+        time_ns: now_ns,
+    }
+}
+
+/// A servo that has held the hand at `z` long enough for all ramps to be over; and the time.
+fn held(limits: Limits, stiffness: f64, z: f64) -> (Servo, u64) {
+    let mut servo = Servo::new(limits);
+    let mut now = MS;
+    for _ in 0..1200 {
+        now += MS;
+        servo.step(now, [0.0, 0.0, z], &floor(stiffness, 0.0, now));
+    }
+    (servo, now)
+}
+
+#[test]
+fn at_rest_the_force_is_stiffness_times_depth_and_nothing_above_the_plane() {
+    let (servo, _) = held(Limits::of(10.0), 0.5, -3.0);
+    assert!((servo.force[2] - 1.5).abs() < 1e-9 && servo.force[0] == 0.0, "{:?}", servo.force);
+    assert!((servo.normal_force() - 1.5).abs() < 1e-9);
+    assert_eq!(held(Limits::of(10.0), 0.5, 0.01).0.force, [0.0; 3]);
+    // Clamped by the device, and by the model.
+    assert!((held(Limits::of(1.0), 0.5, -30.0).0.force[2] - 1.0).abs() < 1e-9);
+}
+
+#[test]
+fn a_steady_descent_feels_the_damper_and_a_steady_rise_is_not_pulled_back() {
+    // 20 mm/s into the plane from 10 mm above, 2 N s/m: 0.04 N beside the spring.
+    for (speed, expect) in [(-20.0, 0.04), (20.0, -0.04)] {
+        let mut servo = Servo::new(Limits::of(10.0));
+        let (mut now, mut z) = (MS, -speed);
+        for _ in 0..1500 {
+            now += MS;
+            z += speed * 1e-3;
+            servo.step(now, [0.0, 0.0, z], &floor(0.5, 2.0, now));
+            assert!(servo.force[2] >= 0.0);
+        }
+        let expect = (-0.5 * z + expect).max(0.0);
+        assert!((servo.force[2] - expect).abs() < 1e-6, "{speed}: {} for {expect}", servo.force[2]);
+    }
+}
+
+#[test]
+fn a_start_comes_in_over_half_a_second() {
+    let mut servo = Servo::new(Limits::of(10.0));
+    let mut at = Vec::new();
+    for k in 0..=700u64 {
+        let now = MS * (k + 1);
+        at.push(servo.step(now, [0.0, 0.0, -2.0], &floor(1.0, 0.0, now))[2]);
+    }
+    assert!(
+        at[0] == 0.0 && (at[250] - 1.0).abs() < 0.02 && (at[700] - 2.0).abs() < 1e-6,
+        "{} {}",
+        at[250],
+        at[700]
+    );
+    let steepest = at.windows(2).map(|w| w[1] - w[0]).fold(0.0, f64::max);
+    assert!(steepest < 0.01, "{steepest} N in a millisecond");
+}
+
+#[test]
+fn an_old_a_bad_or_an_invalid_model_lets_go_within_20_ms_and_comes_back_slowly() {
+    let spoil: [(&str, fn(&mut ForceModel)); 6] = [
+        ("invalid", |m| m.valid = false),
+        ("old", |m| m.time_ns -= 101 * MS),
+        ("stiffness not a number", |m| m.stiffness_n_per_mm = f64::NAN),
+        ("point infinite", |m| m.point[1] = f64::INFINITY),
+        ("normal not a number", |m| m.normal[2] = f64::NAN),
+        ("negative stiffness", |m| m.stiffness_n_per_mm = -1.0),
+    ];
+    for (what, spoil) in spoil {
+        let (mut servo, mut now) = held(Limits::of(10.0), 1.0, -5.0);
+        for k in 1..=21 {
+            now += MS;
+            let mut model = floor(1.0, 0.0, now);
+            spoil(&mut model);
+            let f = servo.step(now, [0.0, 0.0, -5.0], &model)[2];
+            assert!(
+                f.is_finite() && f <= 5.0 * (1.0 - f64::from(k) / 20.0).max(0.0) + 1e-9,
+                "{what}: {f} after {k} ms"
+            );
+        }
+        assert_eq!(servo.force, [0.0; 3], "{what}");
+        now += MS;
+        assert!(
+            servo.step(now, [0.0, 0.0, -5.0], &floor(1.0, 0.0, now))[2] < 0.02,
+            "{what}: comes back at once"
+        );
+    }
+    // A model of 100 ms is still good.
+    let (mut servo, now) = held(Limits::of(10.0), 1.0, -5.0);
+    let old = servo.force[2];
+    assert_eq!(servo.step(now + MS, [0.0, 0.0, -5.0], &floor(1.0, 0.0, now - 99 * MS))[2], old);
+}
+
+#[test]
+fn a_position_that_is_not_finite_lets_go_and_a_stalled_servo_begins_anew() {
+    let (mut servo, mut now) = held(Limits::of(10.0), 1.0, -5.0);
+    for _ in 0..21 {
+        now += MS;
+        let f = servo.step(now, [0.0, f64::NAN, -5.0], &floor(1.0, 0.0, now));
+        assert!(f.iter().all(|x| x.is_finite()));
+    }
+    assert_eq!(servo.force, [0.0; 3]);
+    let (mut servo, now) = held(Limits::of(10.0), 1.0, -5.0);
+    assert_eq!(servo.step(now + 60 * MS, [0.0, 0.0, -5.0], &floor(1.0, 0.0, now + 60 * MS)), [0.0; 3]);
+}
+
+#[test]
+fn a_plane_that_appears_under_the_stylus_does_not_kick_and_one_that_goes_lets_go() {
+    let most = 4.0;
+    let (mut servo, mut now) = held(Limits::of(most), 1.0, 5.0);
+    assert_eq!(servo.force, [0.0; 3]);
+    let mut before = 0.0;
+    let mut took = 0;
+    // It appears with 10 mm over the hand: the law says 4 N at once.
+    for k in 0..200 {
+        now += MS;
+        let model = ForceModel { point: [0.0, 0.0, 15.0], ..floor(1.0, 0.0, now) };
+        let f = servo.step(now, [0.0, 0.0, 5.0], &model)[2];
+        assert!(f - before <= most / 50.0 + 1e-9, "{} N in a millisecond", f - before);
+        (before, took) = (f, if f < 0.95 * most { k } else { took });
+    }
+    assert!((before - most).abs() < 1e-3 && (40..120).contains(&took), "{before} after {took}");
+    // It goes: nothing left after 20 ms, and no step.
+    for _ in 0..20 {
+        now += MS;
+        let f = servo.step(now, [0.0, 0.0, 5.0], &ForceModel { normal: [0.0; 3], ..floor(1.0, 0.0, now) })[2];
+        assert!((0.0..=before).contains(&f) && before - f <= 1.2, "{before} to {f}");
+        before = f;
+    }
+    assert!(before < 0.02, "{before}");
+}
+
+#[test]
+fn a_wall_that_does_not_change_answers_in_the_same_step() {
+    let (mut servo, mut now) = held(Limits::of(10.0), 1.0, -1.0);
+    for z in [-1.1, -1.3, -1.2, -1.6] {
+        now += MS;
+        assert!((servo.step(now, [0.0, 0.0, z], &floor(1.0, 0.0, now))[2] + z).abs() < 1e-9);
+    }
+    // A jump of 9 mm is met at the slew limit: 10 N in 4 ms.
+    now += MS;
+    assert!((servo.step(now, [0.0, 0.0, -10.6], &floor(1.0, 0.0, now))[2] - 4.1).abs() < 1e-6);
+}
+
+#[test]
+fn whatever_comes_the_force_is_finite_within_limits_and_never_pulls() {
+    let mut state = 7u64;
+    let mut random = || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 11) as f64 / (1u64 << 53) as f64 * 2.0 - 1.0
+    };
+    let wild = [f64::NAN, f64::INFINITY, -1e300, 1e300, 0.0];
+    let mut servo = Servo::new(Limits::of(3.0));
+    let mut model = floor(1.0, 1.0, MS);
+    let mut now = MS;
+    for k in 0..200_000 {
+        now += (random().abs() * 2e6) as u64;
+        if random() > 0.95 {
+            let n = [random(), random(), random()];
+            let len = size(n);
+            model = ForceModel { normal: n.map(|x| x / len), point: [random(), random(), random()], ..model };
+            model.stiffness_n_per_mm = random().abs() * 50.0;
+            model.max_force_n = random().abs() * 5.0;
+            model.damping_ns_per_m = if random() > 0.9 { wild[k % 5] } else { random().abs() * 20.0 };
+        }
+        model.time_ns = now;
+        let mut p = [random() * 3.0, random() * 3.0, random() * 3.0];
+        if random() > 0.99 {
+            p[k % 3] = wild[k % 5];
+        }
+        let f = servo.step(now, p, &model);
+        assert!(f.iter().all(|x| x.is_finite()), "step {k}: {f:?}");
+        assert!(size(f) <= 3.0 + 1e-9 && dot(f, servo.plane.normal) >= -1e-9, "step {k}: {f:?}");
+    }
+}
+
+/// A mass with a damper, pushed into the wall by a constant force and driven by the servo's through a hold: solved exactly between
+/// servo ticks. Answers the largest deviation from rest in the last half second, in mm.
+fn ring(mass_kg: f64, device_ns_per_m: f64, stiffness: f64, damping: f64) -> f64 {
+    let (period, push) = (1e-3, 1.0);
+    let rest = -push / stiffness;
+    let decay = (-device_ns_per_m * period / mass_kg).exp();
+    let mut servo = Servo::new(Limits { force_n: 1e6, slew_n_per_s: 1e12 });
+    let (mut z, mut v, mut now, mut worst) = (rest, 0.0, MS, 0.0f64);
+    for k in 0..10_000 {
+        now += MS;
+        let knock = if (1000..1010).contains(&k) { -0.5 } else { 0.0 };
+        let f = servo.step(
+            now,
+            [0.0, 0.0, z],
+            &ForceModel { max_force_n: 1e6, ..floor(stiffness, damping, now) },
+        )[2];
+        // Held until the ramps are over. Then, in m, s, kg: m v' = f - push - b v.
+        if k < 1000 {
+            continue;
+        }
+        let end = (f - push + knock) / device_ns_per_m;
+        let v0 = v;
+        v = end + (v0 - end) * decay;
+        z += 1e3 * (end * period + (v0 - end) * (1.0 - decay) * mass_kg / device_ns_per_m);
+        if k >= 9500 {
+            worst = worst.max((z - rest).abs());
+        }
+    }
+    worst
+}
+
+/// Largest eigenvalue of the same loop without the damper, worked out apart: (x, v) through the hold with f = -k x.
+fn growth(mass_kg: f64, device: f64, stiffness: f64) -> f64 {
+    let t = 1e-3;
+    let e = (-device * t / mass_kg).exp();
+    let g = (1.0 - e) * mass_kg / device;
+    let k = stiffness * 1e3;
+    let [[a, b], [c, d]] = [[1.0 - k * (t - g) / device, g], [-k * (1.0 - e) / device, e]];
+    let (trace, det) = (a + d, a * d - b * c);
+    let root = trace * trace / 4.0 - det;
+    if root < 0.0 { det.sqrt() } else { (trace / 2.0).abs() + root.sqrt() }
+}
+
+#[test]
+fn below_colgates_bound_a_knock_dies_away_and_above_it_rings_on() {
+    for (mass, device) in [(0.1, 0.5), (0.05, 0.3), (0.3, 1.0)] {
+        let limit = passivity(1.0, 0.0, 1000.0, DeviceDamping::Known(device)).stiffest_n_per_mm;
+        let (below, above) = (0.6 * limit, 1.6 * limit);
+        assert!(growth(mass, device, below) < 1.0 && growth(mass, device, above) > 1.0, "the check itself");
+        let (quiet, loud) = (ring(mass, device, below, 0.0), ring(mass, device, above, 0.0));
+        assert!(quiet < 1e-2, "{mass} kg, {below} N/mm: still {quiet} mm");
+        assert!(loud > 0.1, "{mass} kg, {above} N/mm: only {loud} mm");
+    }
+}
+
+#[test]
+fn inside_the_bound_with_a_damper_every_mass_comes_to_rest() {
+    let device = DeviceDamping::Known(1.0);
+    assert!(passivity(1.0, 0.4, 1000.0, device).holds());
+    for mass in [0.005, 0.02, 0.1, 0.5] {
+        let left = ring(mass, 1.0, 1.0, 0.4);
+        assert!(left < 2e-2, "{mass} kg: still {left} mm");
+    }
+    // Far beyond it a light device on a strong damper rings: the damper's own delay drives it.
+    assert!(!passivity(1.0, 15.0, 1000.0, device).holds());
+    assert!(ring(0.005, 1.0, 1.0, 15.0) > 1e-2);
+}
