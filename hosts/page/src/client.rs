@@ -1,0 +1,267 @@
+//! One page that watches.
+
+use std::sync::Arc;
+use std::sync::atomic::Ordering::Relaxed;
+use std::sync::mpsc::TrySendError;
+use std::time::Duration;
+
+use asperity_live::view::{Layout, Request};
+use axum::body::Bytes;
+use axum::extract::ws::{CloseFrame, Message, Utf8Bytes, WebSocket, close_code};
+use futures_util::stream::{SplitSink, SplitStream};
+use futures_util::{SinkExt, StreamExt};
+use tokio::sync::{mpsc, watch};
+use tokio::time::{Instant, sleep_until, timeout};
+
+use crate::hand::Pen;
+use crate::server::Shared;
+use crate::wire::{self, AHEAD, Ask, PATIENCE, Told};
+
+/// Messages a second that a page may send, and how many at once. A pen of 1 kHz sends 1000.
+const MESSAGES: [f64; 2] = [4000.0, 8000.0];
+/// What it may ask for in a second, and at once. A slider sends one a picture.
+const ASKS: [f64; 2] = [250.0, 500.0];
+/// Answers that may wait for a page.
+const ANSWERS: usize = 16;
+
+/// Why a page is let go: the code of the WebSocket, and a reason.
+type Leave = (u16, &'static str);
+
+const SLOW: Leave = (close_code::POLICY, "too slow: what was sent was not taken");
+const GONE: Leave = (close_code::NORMAL, "");
+
+/// Shows the run to a page and hears it, until it leaves, breaks a rule, or the server stops.
+pub(crate) async fn attend(socket: WebSocket, page: u64, shared: Arc<Shared>) {
+    let (mut to, from) = socket.split();
+    let (got, got_by_page) = watch::channel(0);
+    let (answers, mut waiting) = mpsc::channel(ANSWERS);
+    let mut stop = shared.stop.subscribe();
+    let (code, reason) = tokio::select! {
+        leave = listen(from, page, &shared, got, answers) => leave,
+        leave = Show::new(&mut to, page, &shared, got_by_page).run(&mut waiting) => leave,
+        _ = stop.wait_for(|stop| *stop) => (close_code::AWAY, "the run has ended"),
+    };
+    if let Some(hand) = &shared.hand {
+        hand.free(page, &shared.counts);
+    }
+    let close = Message::Close(Some(CloseFrame { code, reason: reason.into() }));
+    let _ = timeout(Duration::from_secs(1), to.send(close)).await;
+}
+
+/// Hears a page.
+async fn listen(
+    mut from: SplitStream<WebSocket>,
+    page: u64,
+    shared: &Shared,
+    got: watch::Sender<u64>,
+    answers: mpsc::Sender<String>,
+) -> Leave {
+    let (mut messages, mut asks) = (Bucket::new(MESSAGES), Bucket::new(ASKS));
+    let mut pen = Pen::default();
+    while let Some(message) = from.next().await {
+        // A message that is too long, or not of the protocol.
+        let Ok(message) = message else { return (close_code::PROTOCOL, "this is not for here") };
+        if !messages.take() {
+            return (close_code::POLICY, "too many messages");
+        }
+        match message {
+            Message::Text(text) => {
+                let Ok(ask) = serde_json::from_str(&text) else {
+                    return (close_code::INVALID, "this asks for nothing known");
+                };
+                if !asks.take() {
+                    return (close_code::POLICY, "too many requests");
+                }
+                if let Err(why) = pass(ask, shared) {
+                    // A page that does not read its answers does without.
+                    let _ = answers.try_send(serde_json::json!({ "refused": why }).to_string());
+                }
+            }
+            Message::Binary(bytes) => match (wire::told(&bytes), &shared.hand) {
+                (None, _) => return (close_code::INVALID, "this is not what a page sends"),
+                (Some(Told::Got(count)), _) => {
+                    got.send_if_modified(|got| std::mem::replace(got, count.max(*got)) < count);
+                }
+                (Some(Told::Hand(sent, strokes)), Some(hand)) => {
+                    hand.moved(page, &mut pen, sent, &strokes, &shared.counts);
+                }
+                (Some(Told::Free), Some(hand)) => hand.free(page, &shared.counts),
+                (Some(Told::Hand(..) | Told::Free), None) => {}
+            },
+            Message::Ping(_) | Message::Pong(_) => {}
+            Message::Close(_) => return GONE,
+        }
+    }
+    GONE
+}
+
+/// Passes on what was asked for, if the graph has it.
+fn pass(ask: Ask, shared: &Shared) -> Result<(), String> {
+    let request = request(ask, &shared.feed.layout())?;
+    shared.requests.try_send(request).map_err(|e| match e {
+        TrySendError::Full(_) => "The run is busy. Try again.".to_owned(),
+        TrySendError::Disconnected(_) => "The run has ended.".to_owned(),
+    })
+}
+
+fn request(ask: Ask, layout: &Layout) -> Result<Request, String> {
+    match ask {
+        Ask::Set { node, param, value } => {
+            let live = layout.nodes.iter().find(|x| x.id == node).map_or(&[][..], |x| &x.live);
+            let Some(live) = live.iter().find(|x| x.name == param) else {
+                return Err(format!("{node} has no {param} that may change while it runs."));
+            };
+            let fits = (live.least..=live.most).contains(&value) && !(live.whole && value.fract() != 0.0);
+            if !fits {
+                return Err(format!(
+                    "{param} of {node} takes {} to {} {}.",
+                    live.least, live.most, live.unit
+                ));
+            }
+            Ok(Request::Set { node, param, value })
+        }
+        Ask::Material { node, name } => {
+            let known = layout.materials.iter().any(|x| x.node == node && x.names.contains(&name));
+            known
+                .then(|| Request::Material { node: node.clone(), name: name.clone() })
+                .ok_or_else(|| format!("{node} has no material {name}."))
+        }
+        Ask::Mute(mute) => Ok(Request::Mute(mute)),
+        Ask::Stop => Ok(Request::Stop),
+    }
+}
+
+/// Shows the run to a page.
+struct Show<'a> {
+    to: &'a mut SplitSink<WebSocket, Message>,
+    page: u64,
+    shared: &'a Shared,
+    /// Views that the page says it has got, and that it was sent.
+    got: watch::Receiver<u64>,
+    sent: u64,
+    /// Since when it owes an answer.
+    since: Instant,
+    layouts: u64,
+    seen: u64,
+}
+
+impl<'a> Show<'a> {
+    fn new(
+        to: &'a mut SplitSink<WebSocket, Message>,
+        page: u64,
+        shared: &'a Shared,
+        got: watch::Receiver<u64>,
+    ) -> Self {
+        Self { to, page, shared, got, sent: 0, since: Instant::now(), layouts: 0, seen: 0 }
+    }
+
+    async fn run(mut self, waiting: &mut mpsc::Receiver<String>) -> Leave {
+        let mut news = self.shared.feed.news();
+        let mut holder = self.shared.hand.as_ref().map(|hand| hand.holder());
+        if let Some(holder) = &mut holder {
+            holder.mark_changed();
+        }
+        loop {
+            news.mark_unchanged();
+            if let Err(leave) = self.catch_up().await {
+                return leave;
+            }
+            let owes = self.sent > *self.got.borrow();
+            let changed = async {
+                match &mut holder {
+                    Some(holder) => holder.changed().await.map(|()| *holder.borrow_and_update()),
+                    None => std::future::pending().await,
+                }
+            };
+            let text = tokio::select! {
+                _ = news.changed() => None,
+                got = self.got.changed() => {
+                    self.since = Instant::now();
+                    if got.is_err() { return GONE }
+                    if *self.got.borrow_and_update() > self.sent {
+                        return (close_code::INVALID, "it says it has got more than was sent");
+                    }
+                    None
+                }
+                Ok(has) = changed => Some(self.hand(has).to_owned()),
+                Some(answer) = waiting.recv() => Some(answer),
+                () = sleep_until(self.since + PATIENCE), if owes => return SLOW,
+            };
+            if let Some(text) = text
+                && let Err(leave) = self.send(Message::Text(text.into())).await
+            {
+                return leave;
+            }
+        }
+    }
+
+    fn hand(&self, has: Option<u64>) -> &'static str {
+        match has {
+            Some(page) if page == self.page => r#"{"hand":"yours"}"#,
+            Some(_) => r#"{"hand":"theirs"}"#,
+            None => r#"{"hand":"free"}"#,
+        }
+    }
+
+    /// Sends what was published, as far as the page keeps up.
+    async fn catch_up(&mut self) -> Result<(), Leave> {
+        let news = self.shared.feed.after(self.layouts, self.seen);
+        if let Some((layout, count)) = news.layout {
+            self.layouts = count;
+            let text: Utf8Bytes = wire::layout(&layout, self.shared.hand.is_some()).into();
+            self.send(Message::Text(text)).await?;
+        }
+        let owed = self.sent.saturating_sub(*self.got.borrow());
+        let room = usize::try_from(AHEAD.saturating_sub(owed)).unwrap_or(0);
+        if room == 0 || news.views.is_empty() {
+            return Ok(());
+        }
+        let views = &news.views[news.views.len().saturating_sub(room)..];
+        self.shared.counts.skipped.fetch_add(news.newest - self.seen - views.len() as u64, Relaxed);
+        self.seen = news.newest;
+        for view in views {
+            self.view(view.clone()).await?;
+        }
+        Ok(())
+    }
+
+    async fn view(&mut self, view: Bytes) -> Result<(), Leave> {
+        if self.sent == *self.got.borrow() {
+            self.since = Instant::now();
+        }
+        self.sent += 1;
+        self.shared.counts.views.fetch_add(1, Relaxed);
+        self.send(Message::Binary(view)).await
+    }
+
+    async fn send(&mut self, message: Message) -> Result<(), Leave> {
+        match timeout(PATIENCE, self.to.send(message)).await {
+            Ok(Ok(())) => Ok(()),
+            Ok(Err(_)) => Err(GONE),
+            Err(_) => Err(SLOW),
+        }
+    }
+}
+
+/// So many a second, and so many at once.
+struct Bucket {
+    a_second: f64,
+    most: f64,
+    left: f64,
+    at: Instant,
+}
+
+impl Bucket {
+    fn new([a_second, most]: [f64; 2]) -> Self {
+        Self { a_second, most, left: most, at: Instant::now() }
+    }
+
+    fn take(&mut self) -> bool {
+        let now = Instant::now();
+        self.left = (self.left + self.a_second * (now - self.at).as_secs_f64()).min(self.most);
+        self.at = now;
+        let there = self.left >= 1.0;
+        self.left -= f64::from(u8::from(there));
+        there
+    }
+}

@@ -1,0 +1,147 @@
+//! Where a run leaves its figures for the pages.
+
+use std::collections::VecDeque;
+use std::sync::Arc;
+
+use asperity_live::view::{Layout, View};
+use axum::body::Bytes;
+use parking_lot::Mutex;
+use tokio::sync::watch;
+
+use crate::wire;
+
+/// Views that are kept for a page that was late by a moment. One that is later than this gets the newest alone.
+const KEPT: usize = 4;
+
+/// What a run shows. Filled by one control thread, read by every page.
+///
+/// Nothing here waits for a page, and nothing grows: the newest layout and the newest few views are kept. The lock is held
+/// for the exchange of a pointer only. A view of four scopes, two of them at 48 kHz, takes about 35 us to pack.
+#[derive(Debug)]
+pub struct Feed {
+    state: Mutex<State>,
+    /// Counts what was published, so that pages need not look.
+    news: watch::Sender<u64>,
+}
+
+#[derive(Debug, Default)]
+struct State {
+    layout: Arc<Layout>,
+    /// Counts layouts that were published.
+    layouts: u64,
+    /// The number of the newest view kept here, counted by us: a run may begin its own count anew.
+    newest: u64,
+    views: VecDeque<Bytes>,
+    /// Samples of each scope since the layout came.
+    seen: Vec<u64>,
+    /// Whose numbers the views are of.
+    of: u64,
+}
+
+/// What a page has not seen.
+#[derive(Debug, Default)]
+pub(crate) struct News {
+    /// A layout that it does not know, and its count.
+    pub(crate) layout: Option<(Arc<Layout>, u64)>,
+    /// Views, oldest first.
+    pub(crate) views: Vec<Bytes>,
+    /// Count of the last of them.
+    pub(crate) newest: u64,
+}
+
+impl Feed {
+    /// A feed with nothing to show yet.
+    #[must_use]
+    pub fn new() -> Self {
+        Self { state: Mutex::default(), news: watch::Sender::new(0) }
+    }
+
+    /// Shows another layout, or the same one with other values: a parameter that was moved is seen on every page once the
+    /// layout says so.
+    pub fn publish_layout(&self, layout: Layout) {
+        let layout = Arc::new(layout);
+        {
+            let mut state = self.state.lock();
+            state.layout = layout;
+            state.layouts += 1;
+        }
+        self.news.send_modify(|n| *n += 1);
+    }
+
+    /// Shows the figures of the moment. Values that are not finite are shown as missing.
+    pub fn publish(&self, view: View) {
+        let mut seen = {
+            let mut state = self.state.lock();
+            if state.of != view.layout {
+                state.of = view.layout;
+                state.seen.clear();
+            }
+            std::mem::take(&mut state.seen)
+        };
+        let packed = Bytes::from(wire::view(view, &mut seen));
+        let old = {
+            let mut state = self.state.lock();
+            state.seen = seen;
+            state.newest += 1;
+            state.views.push_back(packed);
+            if state.views.len() > KEPT { state.views.pop_front() } else { None }
+        };
+        drop(old);
+        self.news.send_modify(|n| *n += 1);
+    }
+
+    /// The layout as it was published last.
+    pub(crate) fn layout(&self) -> Arc<Layout> {
+        self.state.lock().layout.clone()
+    }
+
+    /// Tells when something was published.
+    pub(crate) fn news(&self) -> watch::Receiver<u64> {
+        self.news.subscribe()
+    }
+
+    /// What came after layout count `layouts` and view count `seen`. A page that is at most four views behind gets them all, so
+    /// that its scopes have no holes; one that is further behind gets the newest.
+    pub(crate) fn after(&self, layouts: u64, seen: u64) -> News {
+        let state = self.state.lock();
+        let layout = (state.layouts > layouts).then(|| (state.layout.clone(), state.layouts));
+        let behind = usize::try_from(state.newest - seen.min(state.newest)).unwrap_or(usize::MAX);
+        let take = if behind <= state.views.len() { behind } else { 1.min(state.views.len()) };
+        let views = state.views.iter().skip(state.views.len() - take).cloned().collect();
+        News { layout, views, newest: state.newest }
+    }
+
+    /// Bytes of the views kept.
+    pub(crate) fn kept_bytes(&self) -> usize {
+        self.state.lock().views.iter().map(Bytes::len).sum()
+    }
+}
+
+impl Default for Feed {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_page_that_is_a_little_late_misses_nothing_and_a_late_one_gets_the_newest() {
+        let feed = Feed::new();
+        assert!(feed.after(0, 0).views.is_empty());
+        feed.publish_layout(Layout::default());
+        for number in 0..10 {
+            feed.publish(View { number, ..View::default() });
+        }
+        let news = feed.after(0, 0);
+        assert!(news.layout.is_some());
+        assert_eq!((news.views.len(), news.newest), (1, 10));
+        let news = feed.after(1, 7);
+        assert!(news.layout.is_none());
+        assert_eq!((news.views.len(), news.newest), (3, 10));
+        assert!(feed.after(1, 10).views.is_empty());
+        assert_eq!(feed.state.lock().views.len(), KEPT);
+    }
+}

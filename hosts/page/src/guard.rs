@@ -1,0 +1,96 @@
+//! Who may ask, and what the answer forbids.
+
+use std::sync::Arc;
+
+use axum::extract::{Request, State};
+use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
+use axum::middleware::Next;
+use axum::response::{IntoResponse, Response};
+
+use crate::server::Shared;
+
+/// Lets a request through where host, origin and token are right, and says in every answer what the browser must not do.
+pub(crate) async fn guard(State(shared): State<Arc<Shared>>, request: Request, next: Next) -> Response {
+    let query = request.uri().query().unwrap_or_default();
+    let mut response = match refused(request.headers(), query, shared.port, &shared.token) {
+        None => next.run(request).await,
+        Some(why) => {
+            shared.counts.refused();
+            (StatusCode::FORBIDDEN, why).into_response()
+        }
+    };
+    shut(response.headers_mut(), shared.port);
+    response
+}
+
+/// Why a request is refused.
+///
+/// A request without an origin is not refused for that: browsers leave it out when a page is opened, and always send it with
+/// a WebSocket. What opens a WebSocket without one is a program of this machine, and it knows the token.
+fn refused(headers: &HeaderMap, query: &str, port: u16, token: &str) -> Option<&'static str> {
+    let Some(host) = only(headers, header::HOST) else { return Some("a request needs one Host\n") };
+    if host != format!("127.0.0.1:{port}") && host != format!("localhost:{port}") {
+        return Some("the Host of this request is not this machine\n");
+    }
+    let foreign = headers.contains_key(header::ORIGIN)
+        && only(headers, header::ORIGIN).is_none_or(|origin| origin.strip_prefix("http://") != Some(host));
+    if foreign {
+        return Some("this request comes from another page\n");
+    }
+    let mut tokens = query.split('&').filter_map(|part| part.strip_prefix("token="));
+    match (tokens.next(), tokens.next()) {
+        (Some(told), None) if same(told, token) => None,
+        _ => Some("the address needs the token that the program printed\n"),
+    }
+}
+
+/// The one value of a header.
+fn only(headers: &HeaderMap, name: header::HeaderName) -> Option<&str> {
+    let mut all = headers.get_all(name).iter();
+    match (all.next(), all.next()) {
+        (Some(one), None) => one.to_str().ok(),
+        _ => None,
+    }
+}
+
+/// Whether two texts are the same, in a time that does not tell where they differ.
+fn same(a: &str, b: &str) -> bool {
+    let differ = a.bytes().zip(b.bytes()).fold(0, |differ, (a, b)| std::hint::black_box(differ | (a ^ b)));
+    a.len() == b.len() && differ == 0
+}
+
+/// Forbids all that the page does not need. WebSockets are named beside `'self'`, which older browsers take for HTTP alone.
+fn shut(headers: &mut HeaderMap, port: u16) {
+    let policy = format!(
+        "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; \
+         connect-src 'self' ws://127.0.0.1:{port} ws://localhost:{port}; \
+         base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+    );
+    if let Ok(policy) = HeaderValue::from_str(&policy) {
+        headers.insert(header::CONTENT_SECURITY_POLICY, policy);
+    }
+    let fixed = [
+        (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
+        (header::X_FRAME_OPTIONS, "DENY"),
+        (header::REFERRER_POLICY, "no-referrer"),
+        (header::CACHE_CONTROL, "no-store"),
+        (header::HeaderName::from_static("cross-origin-opener-policy"), "same-origin"),
+        (header::HeaderName::from_static("cross-origin-resource-policy"), "same-origin"),
+    ];
+    for (name, value) in fixed {
+        headers.insert(name, HeaderValue::from_static(value));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn texts_are_the_same_only_where_all_of_them_is() {
+        assert!(same("abc", "abc"));
+        for other in ["", "ab", "abcd", "abd", "bbc"] {
+            assert!(!same("abc", other) && !same(other, "abc"), "{other}");
+        }
+    }
+}

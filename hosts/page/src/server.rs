@@ -1,0 +1,330 @@
+//! The server: a thread of its own, bound to this machine.
+
+use std::io::{self, Write};
+use std::net::Ipv4Addr;
+use std::sync::Arc;
+use std::sync::atomic::AtomicU64;
+use std::sync::atomic::Ordering::Relaxed;
+use std::sync::mpsc::SyncSender;
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use asperity_live::SampleWriter;
+use asperity_live::view::Request;
+use axum::extract::{State, WebSocketUpgrade};
+use axum::http::{StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use axum::routing::get;
+use axum::{Router, middleware};
+use hyper_util::rt::{TokioIo, TokioTimer};
+use hyper_util::service::TowerToHyperService;
+use tokio::net::{TcpListener, TcpStream};
+use tokio::sync::{Semaphore, watch};
+use tokio::time::timeout;
+
+use crate::feed::Feed;
+use crate::hand::Hand;
+use crate::{client, guard, wire};
+
+/// Pages that may watch at a time. One more gets 503.
+pub const PAGES: usize = 16;
+/// Connections at a time beside those of the pages that watch. One more gets 503.
+pub const CONNECTIONS: usize = 64;
+/// How long a request may take to come, and to be answered.
+const REQUEST: [Duration; 2] = [Duration::from_secs(5), Duration::from_secs(10)];
+/// Bytes of the longest request, with all its headers.
+const HEADERS: usize = 16 * 1024;
+/// Bytes that may wait to be written to a page: more than the layout of any graph.
+const WAITING: usize = 16 * 1024 * 1024;
+/// How long pages may take to hear that the run has ended.
+const FAREWELL: Duration = Duration::from_millis(300);
+
+/// How to serve.
+#[derive(Clone, Debug, Default)]
+pub struct Options {
+    /// The port; 0 for any that is free.
+    pub port: u16,
+    /// What the address must hold, of letters, digits, `-` and `_`; none for a new random one of 128 bits.
+    pub token: Option<String>,
+}
+
+/// What happened so far.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counts {
+    /// Pages that watch now.
+    pub pages: u64,
+    /// Requests refused for their host, origin or token, or because too many watch.
+    pub refused: u64,
+    /// Samples of a hand that went on to the graph.
+    pub samples: u64,
+    /// Samples that were lost because nobody took them.
+    pub lost_samples: u64,
+    /// Views sent, to all pages together.
+    pub views: u64,
+    /// Views that pages missed because they were slow, all together.
+    pub skipped_views: u64,
+    /// Bytes of the views that are kept for all pages together.
+    pub kept_bytes: usize,
+}
+
+#[derive(Debug, Default)]
+pub(crate) struct Counters {
+    /// Pages that ever watched.
+    pages: AtomicU64,
+    refused: AtomicU64,
+    pub(crate) samples: AtomicU64,
+    pub(crate) lost: AtomicU64,
+    pub(crate) views: AtomicU64,
+    pub(crate) skipped: AtomicU64,
+}
+
+impl Counters {
+    pub(crate) fn refused(&self) {
+        self.refused.fetch_add(1, Relaxed);
+    }
+}
+
+/// What all requests share.
+pub(crate) struct Shared {
+    pub(crate) port: u16,
+    pub(crate) token: String,
+    pub(crate) feed: Arc<Feed>,
+    pub(crate) requests: SyncSender<Request>,
+    pub(crate) hand: Option<Hand>,
+    pub(crate) counts: Counters,
+    pub(crate) stop: watch::Sender<bool>,
+    places: Arc<Semaphore>,
+}
+
+/// A server that runs. Dropping it stops it and tells the pages that the run has ended.
+pub struct Page {
+    url: String,
+    shared: Arc<Shared>,
+    thread: Option<JoinHandle<()>>,
+}
+
+/// Serves the page on 127.0.0.1, on a thread of its own, until the [`Page`] is dropped.
+///
+/// `feed` is what is shown. What is asked for goes to `requests`, after it was held against the layout; where that is full
+/// the page is told to try again. `pointer` is where a hand on the page puts its samples: x to the right and y away from
+/// the hand, in mm from the middle of the surface, z 0, and a pressure from 0 to 1 as force; none where the graph listens to no pointer.
+///
+/// # Errors
+/// The port is taken, the token is not one that stands in an address, the machine has no random numbers or no thread.
+pub fn serve(
+    options: &Options,
+    feed: Arc<Feed>,
+    requests: SyncSender<Request>,
+    pointer: Option<SampleWriter>,
+) -> io::Result<Page> {
+    let token = options.token.clone().map_or_else(random, Ok)?;
+    if token.is_empty() || !token.bytes().all(|b| b.is_ascii_alphanumeric() || b"-_".contains(&b)) {
+        return Err(io::Error::new(io::ErrorKind::InvalidInput, "a token is of letters, digits, - and _"));
+    }
+    let listener = std::net::TcpListener::bind((Ipv4Addr::LOCALHOST, options.port))?;
+    listener.set_nonblocking(true)?;
+    let port = listener.local_addr()?.port();
+    let shared = Arc::new(Shared {
+        port,
+        token,
+        feed,
+        requests,
+        hand: pointer.map(Hand::new),
+        counts: Counters::default(),
+        stop: watch::Sender::new(false),
+        places: Arc::new(Semaphore::new(PAGES)),
+    });
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_io().enable_time().build()?;
+    let ours = shared.clone();
+    let thread = std::thread::Builder::new().name("asperity-page".to_owned()).spawn(move || {
+        runtime.block_on(async {
+            // Only a runtime without I/O makes this fail.
+            if let Ok(listener) = TcpListener::from_std(listener) {
+                accept(listener, ours).await;
+            }
+        });
+    })?;
+    Ok(Page { url: format!("http://127.0.0.1:{port}/?token={}", shared.token), shared, thread: Some(thread) })
+}
+
+impl Page {
+    /// The address to open, with its token.
+    #[must_use]
+    pub fn url(&self) -> &str {
+        &self.url
+    }
+
+    /// What happened so far.
+    #[must_use]
+    pub fn counts(&self) -> Counts {
+        let Counters { samples, lost, views, skipped, refused, .. } = &self.shared.counts;
+        Counts {
+            pages: self.shared.watching() as u64,
+            refused: refused.load(Relaxed),
+            samples: samples.load(Relaxed),
+            lost_samples: lost.load(Relaxed),
+            views: views.load(Relaxed),
+            skipped_views: skipped.load(Relaxed),
+            kept_bytes: self.shared.feed.kept_bytes(),
+        }
+    }
+}
+
+impl Drop for Page {
+    fn drop(&mut self) {
+        self.shared.stop.send_replace(true);
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}
+
+impl std::fmt::Debug for Page {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Page").field("port", &self.shared.port).finish_non_exhaustive()
+    }
+}
+
+impl Shared {
+    fn watching(&self) -> usize {
+        PAGES - self.places.available_permits()
+    }
+}
+
+/// 128 random bits in hexadecimal.
+fn random() -> io::Result<String> {
+    let mut bytes = [0; 16];
+    getrandom::fill(&mut bytes)?;
+    Ok(bytes.iter().map(|b| format!("{b:02x}")).collect())
+}
+
+/// Takes connections until the server stops.
+async fn accept(listener: TcpListener, shared: Arc<Shared>) {
+    let router = router(&shared);
+    let connections = Arc::new(Semaphore::new(CONNECTIONS));
+    let mut stop = shared.stop.subscribe();
+    loop {
+        let accepted = tokio::select! {
+            _ = stop.wait_for(|stop| *stop) => break,
+            accepted = listener.accept() => accepted,
+        };
+        match (accepted, connections.clone().try_acquire_owned()) {
+            (Ok((stream, _)), Ok(place)) => {
+                let router = router.clone();
+                tokio::spawn(async move {
+                    answer(stream, router).await;
+                    drop(place);
+                });
+            }
+            (Ok((stream, _)), Err(_)) => {
+                shared.counts.refused();
+                turn_away(stream);
+            }
+            // Too many open files, or a connection that was gone again.
+            (Err(_), _) => tokio::time::sleep(Duration::from_millis(20)).await,
+        }
+    }
+    drop(listener);
+    let gone = shared.places.acquire_many(PAGES as u32);
+    let _ = timeout(FAREWELL, gone).await;
+}
+
+/// Answers one request. A WebSocket goes on by itself.
+async fn answer(stream: TcpStream, router: Router) {
+    let _ = stream.set_nodelay(true);
+    let mut http = hyper::server::conn::http1::Builder::new();
+    http.timer(TokioTimer::new()).header_read_timeout(REQUEST[0]).keep_alive(false).max_buf_size(HEADERS);
+    let served =
+        http.serve_connection(TokioIo::new(stream), TowerToHyperService::new(router)).with_upgrades();
+    let _ = timeout(REQUEST[1], served).await;
+}
+
+/// Says once that there are too many, and waits for nothing.
+fn turn_away(stream: TcpStream) {
+    if let Ok(mut stream) = stream.into_std() {
+        let _ = stream
+            .write(b"HTTP/1.1 503 Service Unavailable\r\ncontent-length: 0\r\nconnection: close\r\n\r\n");
+    }
+}
+
+fn router(shared: &Arc<Shared>) -> Router {
+    let mut router = Router::new().route("/ws", get(watch)).route("/places", get(places));
+    for file in FILES {
+        let body = with_token(file.text, &shared.token);
+        let answer = move || async move { ([(header::CONTENT_TYPE, file.kind)], body) };
+        router = router.route(file.path, get(answer));
+    }
+    router
+        .fallback(async || (StatusCode::NOT_FOUND, "there is no such page\n"))
+        .layer(middleware::from_fn_with_state(shared.clone(), guard::guard))
+        .with_state(shared.clone())
+}
+
+/// How many watch and may: a browser does not show a page why its WebSocket was refused.
+async fn places(State(shared): State<Arc<Shared>>) -> Response {
+    let text = serde_json::json!({ "pages": shared.watching(), "most": PAGES }).to_string();
+    ([(header::CONTENT_TYPE, "application/json")], text).into_response()
+}
+
+async fn watch(State(shared): State<Arc<Shared>>, socket: WebSocketUpgrade) -> Response {
+    let Ok(place) = shared.places.clone().try_acquire_owned() else {
+        shared.counts.refused();
+        let why = format!("{PAGES} pages watch this run already; close one\n");
+        return (StatusCode::SERVICE_UNAVAILABLE, why).into_response();
+    };
+    let page = shared.counts.pages.fetch_add(1, Relaxed);
+    socket
+        .max_message_size(wire::MESSAGE)
+        .max_frame_size(wire::MESSAGE)
+        .write_buffer_size(0)
+        .max_write_buffer_size(WAITING)
+        .on_upgrade(async move |socket| {
+            client::attend(socket, page, shared).await;
+            drop(place);
+        })
+}
+
+struct File {
+    path: &'static str,
+    kind: &'static str,
+    text: &'static str,
+}
+
+macro_rules! file {
+    ($path:literal, $name:literal, $kind:literal) => {
+        File { path: $path, kind: $kind, text: include_str!(concat!("../static/", $name)) }
+    };
+}
+
+macro_rules! script {
+    ($name:literal) => {
+        file!($name, $name, "text/javascript; charset=utf-8")
+    };
+}
+
+const FILES: &[File] = &[
+    file!("/", "index.html", "text/html; charset=utf-8"),
+    file!("/page.css", "page.css", "text/css; charset=utf-8"),
+    file!("/icon.svg", "icon.svg", "image/svg+xml"),
+    script!("/main.js"),
+    script!("/link.js"),
+    script!("/hand.js"),
+    script!("/graph.js"),
+    script!("/layers.js"),
+    script!("/scope.js"),
+    script!("/spectrum.js"),
+    script!("/timing.js"),
+    script!("/health.js"),
+    script!("/controls.js"),
+    script!("/draw.js"),
+];
+
+/// Puts the token into the addresses of a file's own imports and links, since every request needs it.
+fn with_token(text: &str, token: &str) -> String {
+    let mut text = text.to_owned();
+    for file in FILES.iter().filter(|file| file.path.len() > 1) {
+        let link = format!("\".{}", file.path);
+        text = text.replace(&format!("{link}\""), &format!("{link}?token={token}\""));
+    }
+    text
+}

@@ -1,0 +1,193 @@
+//! What goes over a page's WebSocket.
+//!
+//! From the server, text: `{"layout": ..., "hand": bool}`, `{"hand": "yours" | "theirs" | "free"}` and
+//! `{"refused": "why"}`. Binary: a view, as the length of its head in bytes (u32), the head in JSON, zeros up to a multiple
+//! of four, and the new samples of every scope (f32). The head is `{"view": View without scopes, "scopes": [[first, count], ...]}`, where
+//! `first` counts the samples of that scope since its layout came, so that a page sees what it missed. All numbers are
+//! little-endian.
+//!
+//! From the page, text: `{"set": {"node", "param", "value"}}`, `{"material": {"node", "name"}}`, `{"mute": bool}`, `"stop"`.
+//! Binary, f64: `[0, view]` has got a view; `[1, sent, (time, x, y, pressure, stroke) ...]` is a hand, with the browser's
+//! times in ms and places in mm; `[2]` lets the hand go.
+
+use std::time::Duration;
+
+use asperity_live::view::{Layout, View};
+use serde::{Deserialize, Serialize};
+
+/// Bytes of the longest message that a page may send.
+pub const MESSAGE: usize = 16 * 1024;
+/// Views that may be on the way to a page.
+pub const AHEAD: u64 = 8;
+/// How long a page may take to say that it has got a view, or to take what was sent.
+pub const PATIENCE: Duration = Duration::from_secs(5);
+/// Samples of a hand in one message.
+const BATCH: usize = 256;
+/// New samples of one scope in a view; where there are more, the newest.
+const SCOPE: usize = 8192;
+/// Greatest distance from the middle of the surface in mm.
+const REACH_MM: f64 = 10_000.0;
+
+/// What a page asks.
+#[derive(Debug, PartialEq, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub(crate) enum Ask {
+    /// Move a parameter.
+    Set { node: String, param: String, value: f64 },
+    /// Give a texture another material.
+    Material { node: String, name: String },
+    /// Mute, or play again.
+    Mute(bool),
+    /// End the run.
+    Stop,
+}
+
+/// One place of a hand, as a page tells it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Stroke {
+    /// The browser's clock, in ms.
+    pub(crate) at_ms: f64,
+    pub(crate) x_mm: f64,
+    pub(crate) y_mm: f64,
+    /// 0 to 1; 0 off the surface.
+    pub(crate) pressure: f64,
+    /// Counts the page's touches.
+    pub(crate) number: u32,
+}
+
+/// A binary message from a page.
+#[derive(Debug, PartialEq)]
+pub(crate) enum Told {
+    /// It has got this view.
+    Got(u64),
+    /// What its hand did, and when it said so.
+    Hand(f64, Vec<Stroke>),
+    /// It lets the hand go.
+    Free,
+}
+
+/// Reads a binary message. None where it is anything else than the page would send.
+pub(crate) fn told(bytes: &[u8]) -> Option<Told> {
+    let (eights, rest) = bytes.as_chunks::<8>();
+    let numbers: Vec<f64> = eights.iter().map(|x| f64::from_le_bytes(*x)).collect();
+    if !rest.is_empty() || !numbers.iter().all(|x| x.is_finite()) {
+        return None;
+    }
+    match numbers.as_slice() {
+        [0.0, view] => Some(Told::Got(whole(*view, 2f64.powi(53))? as u64)),
+        [1.0, sent, strokes @ ..] => {
+            let (strokes, rest) = strokes.as_chunks::<5>();
+            let fits = rest.is_empty() && (1..=BATCH).contains(&strokes.len());
+            let strokes = strokes.iter().map(stroke).collect::<Option<Vec<_>>>()?;
+            fits.then_some(Told::Hand(*sent, strokes))
+        }
+        [2.0] => Some(Told::Free),
+        _ => None,
+    }
+}
+
+fn stroke(&[at_ms, x_mm, y_mm, pressure, number]: &[f64; 5]) -> Option<Stroke> {
+    let there = x_mm.abs() <= REACH_MM && y_mm.abs() <= REACH_MM && (0.0..=1.0).contains(&pressure);
+    let number = whole(number, f64::from(u32::MAX))? as u32;
+    there.then_some(Stroke { at_ms, x_mm, y_mm, pressure, number })
+}
+
+fn whole(x: f64, most: f64) -> Option<f64> {
+    (x.fract() == 0.0 && (0.0..=most).contains(&x)).then_some(x)
+}
+
+/// A layout as a message; `hand` says whether there is something to stroke.
+pub(crate) fn layout(layout: &Layout, hand: bool) -> String {
+    #[derive(Serialize)]
+    struct Message<'a> {
+        layout: &'a Layout,
+        hand: bool,
+    }
+    serde_json::to_string(&Message { layout, hand }).unwrap_or_default()
+}
+
+/// A view as a message. `seen` counts the samples of every scope so far, and is brought up to date.
+pub(crate) fn view(mut view: View, seen: &mut Vec<u64>) -> Vec<u8> {
+    #[derive(Serialize)]
+    struct Head<'a> {
+        view: &'a View,
+        scopes: Vec<(u64, usize)>,
+    }
+    let scopes = std::mem::take(&mut view.scopes);
+    seen.resize(scopes.len(), 0);
+    let newest: Vec<&[f32]> = scopes.iter().map(|x| &x[x.len().saturating_sub(SCOPE)..]).collect();
+    let mut places = Vec::with_capacity(scopes.len());
+    for ((all, new), seen) in scopes.iter().zip(&newest).zip(seen.iter_mut()) {
+        *seen += all.len() as u64;
+        places.push((*seen - new.len() as u64, new.len()));
+    }
+    let mut bytes = vec![0; 4];
+    // Only a map with keys that are not strings, or a Serialize that fails, makes this fail.
+    let _ = serde_json::to_writer(&mut bytes, &Head { view: &view, scopes: places });
+    let head = (bytes.len() - 4) as u32;
+    bytes[..4].copy_from_slice(&head.to_le_bytes());
+    bytes.resize(bytes.len().next_multiple_of(4), 0);
+    bytes.extend(newest.into_iter().flatten().flat_map(|x| x.to_le_bytes()));
+    bytes
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn bytes(numbers: &[f64]) -> Vec<u8> {
+        numbers.iter().flat_map(|x| x.to_le_bytes()).collect()
+    }
+
+    #[test]
+    fn a_view_says_where_the_samples_of_its_scopes_stand() {
+        let mut seen = Vec::new();
+        let of = |scopes: &[usize]| View {
+            number: 7,
+            scopes: scopes.iter().map(|&n| (0..n).map(|i| i as f32).collect()).collect(),
+            ..View::default()
+        };
+        view(of(&[3, 0]), &mut seen);
+        let message = view(of(&[SCOPE + 5, 2]), &mut seen);
+        let head_len = u32::from_le_bytes(message[..4].try_into().unwrap()) as usize;
+        let head: serde_json::Value = serde_json::from_slice(&message[4..4 + head_len]).unwrap();
+        assert_eq!(head["view"]["number"], 7);
+        assert_eq!(head["scopes"], serde_json::json!([[3 + 5, SCOPE], [0, 2]]));
+        let samples = &message[(4 + head_len).next_multiple_of(4)..];
+        assert_eq!(samples.len(), 4 * (SCOPE + 2));
+        assert_eq!(samples[..4], 5f32.to_le_bytes());
+        assert_eq!(samples[4 * SCOPE + 4..], 1f32.to_le_bytes());
+    }
+
+    #[test]
+    fn a_hand_is_read_as_the_page_sends_it() {
+        let read = told(&bytes(&[1.0, 10.5, 10.25, -3.0, 4.0, 0.5, 2.0])).unwrap();
+        let stroke = Stroke { at_ms: 10.25, x_mm: -3.0, y_mm: 4.0, pressure: 0.5, number: 2 };
+        assert_eq!(read, Told::Hand(10.5, vec![stroke]));
+        assert_eq!(told(&bytes(&[0.0, 77.0])), Some(Told::Got(77)));
+        assert_eq!(told(&bytes(&[2.0])), Some(Told::Free));
+    }
+
+    #[test]
+    fn what_no_page_would_send_is_refused() {
+        let good = [1.0, 0.0, 0.0, 1.0, 1.0, 0.5, 1.0];
+        let but = |place: usize, value: f64| {
+            let mut bad = good;
+            bad[place] = value;
+            told(&bytes(&bad))
+        };
+        assert!(told(&bytes(&good)).is_some());
+        for (place, value) in
+            [(0, 3.0), (1, f64::NAN), (3, 1e9), (3, f64::INFINITY), (5, 1.5), (5, -0.1), (6, 0.5)]
+        {
+            assert_eq!(but(place, value), None, "{place} {value}");
+        }
+        assert_eq!(told(&[]), None);
+        assert_eq!(told(&bytes(&good)[..55]), None);
+        assert_eq!(told(&bytes(&good[..6])), None);
+        assert_eq!(told(&bytes(&[1.0, 0.0])), None);
+        let long = [&good[..2], &good[2..].repeat(BATCH + 1)].concat();
+        assert_eq!(told(&bytes(&long)), None);
+        assert_eq!(told(&bytes(&[0.0, -1.0])), None);
+    }
+}

@@ -1,0 +1,82 @@
+// What the parts that draw share: canvases at the screen's own resolution, colours of the style sheet, figures as text.
+
+/** A canvas whose unit is a CSS pixel. */
+export function canvas(element) {
+  const pen = element.getContext("2d");
+  const box = { width: 0, height: 0, scale: 0, stale: true };
+  const measure = () => {
+    const { width, height } = element.getBoundingClientRect();
+    const scale = Math.min(devicePixelRatio || 1, 2);
+    if (width === box.width && height === box.height && scale === box.scale) return;
+    Object.assign(box, { width, height, scale, stale: true });
+  };
+  new ResizeObserver(measure).observe(element);
+  scheme.addEventListener("change", () => (box.stale = true));
+  return {
+    element,
+    resized: () => box.stale,
+    clear() {
+      if (!box.width) measure();
+      const [w, h] = [Math.round(box.width * box.scale), Math.round(box.height * box.scale)];
+      if (element.width !== w || element.height !== h) Object.assign(element, { width: w, height: h });
+      box.stale = false;
+      pen.setTransform(box.scale, 0, 0, box.scale, 0, 0);
+      pen.clearRect(0, 0, box.width, box.height);
+      pen.font = "11px system-ui, sans-serif";
+      return { pen, width: box.width, height: box.height };
+    },
+  };
+}
+
+const scheme = matchMedia("(prefers-color-scheme: dark)");
+const known = new Map();
+scheme.addEventListener("change", () => known.clear());
+
+/** A colour of the style sheet, by the name of its variable. */
+export function colour(name) {
+  if (!known.has(name)) known.set(name, getComputedStyle(document.documentElement).getPropertyValue(name).trim());
+  return known.get(name);
+}
+
+const SIGNALS = { speed: "--speed", force: "--force", acceleration: "--acceleration", current: "--current" };
+const OTHERS = ["--other-1", "--other-2"];
+
+/** The colour of a signal: the same wherever it is drawn. */
+export function signal(name, place) {
+  return colour(SIGNALS[name] ?? OTHERS[place % OTHERS.length]);
+}
+
+/** A number to three places that count, as long whatever it is. */
+export function figure(x) {
+  if (x === null || x === undefined || !Number.isFinite(x)) return "–";
+  const size = Math.abs(x);
+  if (size === 0) return "0";
+  if (size < 0.0005 || size >= 1e6) return x.toExponential(1).replace("-", "−").replace("e+", "e").replace("e-", "e−");
+  const digits = size >= 100 ? 0 : size >= 10 ? 1 : size >= 1 ? 2 : 3;
+  return x.toFixed(digits).replace("-", "−");
+}
+
+/** A whole number with thin spaces between its thousands. */
+export function count(n) {
+  return String(n ?? 0).replace(/\B(?=(\d{3})+$)/g, "\u2009");
+}
+
+/** An element with a class and a text. */
+export function make(tag, name = "", text = "") {
+  const element = document.createElement(tag);
+  if (name) element.className = name;
+  if (text !== "") element.textContent = text;
+  return element;
+}
+
+/** Sets a text only where it is another: the browser lays out no more than it must. */
+export function write(element, text) {
+  if (element.textContent !== text) element.textContent = text;
+}
+
+/** The least of 1, 2, 5, 10, ... that is not under `x`. */
+export function round(x) {
+  if (!(x > 0)) return 1;
+  const ten = 10 ** Math.floor(Math.log10(x));
+  return [1, 2, 5, 10].map((k) => k * ten).find((k) => k >= x * 0.999) ?? 10 * ten;
+}

@@ -1,0 +1,172 @@
+// The graph as it runs: a box for each node, with what it puts out, what it costs and how it fares.
+import { count, figure } from "./draw.js";
+import { place } from "./layers.js";
+
+const NODE = 158;
+const HEAD = 40;
+const ROW = 16;
+const PAD = 8;
+const SVG = "http://www.w3.org/2000/svg";
+/// A node that was not called in this many looks at it sleeps.
+const ASLEEP = 2;
+
+function svg(tag, attributes = {}, text = "") {
+  const element = document.createElementNS(SVG, tag);
+  for (const [name, value] of Object.entries(attributes)) element.setAttribute(name, value);
+  if (text) element.textContent = text;
+  return element;
+}
+
+/** Cuts a text to about so many characters. */
+const cut = (text, most) => (text.length > most ? `${text.slice(0, most - 1)}…` : text);
+
+function write(element, text) {
+  if (element.textContent !== text) element.textContent = text;
+}
+
+export class Graph {
+  #box;
+  #note;
+  #layout = null;
+  #nodes = [];
+  #wires = [];
+  #width = 0;
+
+  constructor(box, note) {
+    this.#box = box;
+    this.#note = note;
+    new ResizeObserver(() => {
+      const width = Math.floor(box.clientWidth);
+      if (width && width !== this.#width) {
+        this.#width = width;
+        this.#build();
+      }
+    }).observe(box);
+  }
+
+  layout(layout) {
+    this.#layout = layout;
+    this.#build();
+  }
+
+  #build() {
+    const layout = this.#layout;
+    if (!layout || !this.#width) return;
+    const rows = (node) => Math.max(node.outputs.length, node.inputs.length > 1 ? node.inputs.length : 0, 1);
+    const sizes = layout.nodes.map((node) => HEAD + rows(node) * ROW + PAD);
+    const wide = Math.min(NODE, this.#width - 4);
+    const placed = place(sizes, layout.wires, this.#width - 2, wide);
+    const root = svg("svg", {
+      viewBox: `-1 -1 ${placed.width + 2} ${placed.height + 2}`,
+      width: placed.width + 2,
+      height: placed.height + 2,
+      role: "img",
+      "aria-label": `Graph of ${layout.nodes.length} nodes`,
+    });
+    this.#wires = layout.wires.map((wire, i) => {
+      const path = svg("path", { class: placed.routes[i].back ? "wire back" : "wire", d: line(wire, placed, i) });
+      root.append(path);
+      return path;
+    });
+    this.#nodes = layout.nodes.map((node, i) => {
+      const drawn = box(node, placed.places[i], wide);
+      root.append(drawn.group);
+      return { ...drawn, calls: null, idle: 0 };
+    });
+    this.#box.replaceChildren(root);
+  }
+
+  show(view) {
+    let asleep = 0;
+    view.nodes.forEach((now, i) => {
+      const node = this.#nodes[i];
+      if (!node) return;
+      node.idle = now.calls === node.calls && node.calls !== null ? node.idle + 1 : 0;
+      node.calls = now.calls;
+      const state = now.quarantined ? "quarantined" : node.idle >= ASLEEP ? "asleep" : "awake";
+      asleep += state === "asleep";
+      node.group.setAttribute("class", `node ${state}${now.faults ? " faulty" : ""}`);
+      write(node.us, state === "awake" ? `${figure(now.us)} us` : state);
+      const faults = now.faults ? `${count(now.faults)} ${now.faults === 1 ? "fault" : "faults"}` : "";
+      write(node.faults, faults);
+      node.outputs.forEach((output, k) => write(output, figure(now.values[k])));
+      write(node.title, this.#told(i, now));
+    });
+    this.#layout.wires.forEach(([from], i) => {
+      const still = this.#nodes[from].idle >= ASLEEP || view.nodes[from]?.quarantined;
+      this.#wires[i].classList.toggle("still", Boolean(still));
+    });
+    const all = view.nodes.reduce((sum, node) => sum + (node.us ?? 0), 0);
+    write(this.#note, `${view.nodes.length - asleep} of ${view.nodes.length} nodes awake, ${figure(all)} us a tick`);
+  }
+
+  #told(i, now) {
+    const { id, kind } = this.#layout.nodes[i];
+    const lines = [`${id}: ${kind}`, `mean ${figure(now.us)} us, longest ${figure(now.max_us)} us`,
+      `${count(now.calls)} calls, slept through ${count(now.slept)} ticks`];
+    if (now.faults) lines.push(`${count(now.faults)} faults; last: ${now.last_fault}`);
+    return lines.join("\n");
+  }
+}
+
+function box(node, { x, y, height }, wide) {
+  const group = svg("g", { class: "node", transform: `translate(${x} ${y})` });
+  const title = svg("title");
+  group.append(title, svg("rect", { class: node.sink ? "box sink" : "box", width: wide, height, rx: 5 }));
+  group.append(svg("text", { class: "id", x: 9, y: 17 }, cut(node.id, 17)));
+  group.append(svg("text", { class: "kind", x: 9, y: 31 }, cut(node.kind, 18)));
+  const us = svg("text", { class: "us", x: wide - 9, y: 17, "text-anchor": "end" });
+  const faults = svg("text", { class: "faults", x: wide - 9, y: 31, "text-anchor": "end" });
+  group.append(us, faults);
+  const several = node.inputs.length > 1;
+  node.inputs.forEach(([name], k) => {
+    const at = HEAD + k * ROW + ROW / 2;
+    group.append(svg("circle", { class: "port", cx: 0, cy: at, r: 2.5 }));
+    if (several) group.append(svg("text", { class: "port-name", x: 9, y: at + 4 }, cut(name, 9)));
+  });
+  const outputs = node.outputs.map(([name, unit], k) => {
+    const at = HEAD + k * ROW + ROW / 2;
+    group.append(svg("circle", { class: "port", cx: wide, cy: at, r: 2.5 }));
+    const text = svg("text", { class: "out", x: wide - 9, y: at + 4, "text-anchor": "end" });
+    const value = svg("tspan", { class: "value" }, "–");
+    if (!several) text.append(svg("tspan", { class: "port-name" }, `${cut(name, 12)} `));
+    text.append(value, svg("tspan", { class: "unit" }, unit ? ` ${unit}` : ""));
+    group.append(text);
+    return value;
+  });
+  return { group, title, us, faults, outputs };
+}
+
+/** The path of a wire: curves between columns, square corners from band to band and back. */
+function line([from, output, to, input], placed, i) {
+  const { places, routes, nodeWidth } = placed;
+  const port = (node, k, x) => ({ x: places[node].x + x, y: places[node].y + HEAD + k * ROW + ROW / 2, band: places[node].band });
+  const start = port(from, output, nodeWidth);
+  const end = port(to, input, 0);
+  const points = [start];
+  for (const { slot } of routes[i].slots) {
+    const y = slot.y + slot.height / 2;
+    points.push({ x: slot.x, y, band: slot.band }, { x: slot.x + nodeWidth, y, band: slot.band });
+  }
+  points.push(end);
+  let path = `M${start.x} ${start.y}`;
+  for (let k = 1; k < points.length; k += 1) {
+    const [a, b] = [points[k - 1], points[k]];
+    const across = routes[i].back || a.band !== b.band;
+    path += across ? corners(a, b, placed, output + input) : a.y === b.y ? `H${b.x}` : curve(a, b);
+  }
+  return path;
+}
+
+function curve(a, b) {
+  const middle = (a.x + b.x) / 2;
+  return `C${middle} ${a.y} ${middle} ${b.y} ${b.x} ${b.y}`;
+}
+
+/** Out to the gap beside the column, down to the gutter under the band, along it, and in. */
+function corners(a, b, { bands, gutter }, shift) {
+  const way = 8 + (shift % 3) * 4;
+  const y = bands[a.band].bottom + gutter / 2 + ((shift * 5) % 14) - 7;
+  const [right, left] = [a.x + way, b.x - way];
+  return `H${right - 4}Q${right} ${a.y} ${right} ${a.y + 4}V${y}H${left}V${b.y}H${b.x}`;
+}

@@ -1,0 +1,75 @@
+// The WebSocket: what comes over it is handed on, and when it is lost it is opened again.
+const TOKEN = new URLSearchParams(location.search).get("token") ?? "";
+const address = (path, scheme) => `${scheme}//${location.host}${path}?token=${encodeURIComponent(TOKEN)}`;
+
+export class Link {
+  onLayout() {}
+  onView() {}
+  onHand() {}
+  onRefused() {}
+  onState() {}
+
+  #socket = null;
+  #got = 0;
+  #wait = 250;
+  #head = new TextDecoder();
+
+  open() {
+    this.onState("opening", "Connecting to the run.");
+    const socket = new WebSocket(address("/ws", "ws:"));
+    socket.binaryType = "arraybuffer";
+    this.#socket = socket;
+    this.#got = 0;
+    socket.onopen = () => {
+      this.#wait = 250;
+      this.onState("open", "");
+    };
+    socket.onmessage = ({ data }) => (typeof data === "string" ? this.#text(data) : this.#view(data));
+    socket.onclose = (event) => this.#closed(event);
+  }
+
+  /** Sends numbers. False where there is no connection. */
+  tell(numbers) {
+    if (this.#socket?.readyState !== WebSocket.OPEN) return false;
+    this.#socket.send(numbers);
+    return true;
+  }
+
+  /** Asks for something. */
+  ask(what) {
+    if (this.#socket?.readyState === WebSocket.OPEN) this.#socket.send(JSON.stringify(what));
+    else this.onRefused("There is no connection to the run.");
+  }
+
+  #text(data) {
+    const message = JSON.parse(data);
+    if (message.layout) this.onLayout(message.layout, message.hand);
+    else if (message.refused) this.onRefused(message.refused);
+    else if (message.hand) this.onHand(message.hand);
+  }
+
+  #view(data) {
+    this.#got += 1;
+    this.tell(new Float64Array([0, this.#got]));
+    const length = new DataView(data).getUint32(0, true);
+    const head = JSON.parse(this.#head.decode(new Uint8Array(data, 4, length)));
+    this.onView(head.view, head.scopes, new Float32Array(data, Math.ceil((4 + length) / 4) * 4));
+  }
+
+  async #closed(event) {
+    const ended = event.code === 1001 && event.reason;
+    let why = ended ? "The run has ended." : "The connection to the run is lost.";
+    if (event.code === 1008) why = `The run let this page go: ${event.reason}.`;
+    this.onState("lost", why);
+    try {
+      const answer = await fetch(address("/places", "http:"));
+      const { pages, most } = answer.ok ? await answer.json() : {};
+      if (pages >= most) this.onState("lost", `${most} pages watch this run already. This one waits for a place.`);
+      if (answer.status === 403) this.onState("lost", "This address is of another run. Open the one that the program printed.");
+    } catch {
+      // Nobody is there: said already.
+    }
+    setTimeout(() => this.open(), this.#wait);
+    this.#wait = Math.min(this.#wait * 1.6, 4000);
+  }
+}

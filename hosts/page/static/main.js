@@ -1,0 +1,163 @@
+// The page: one link to the run, parts that draw what comes over it, one animation frame for all of them.
+import { Link } from "./link.js";
+import { Hand } from "./hand.js";
+import { Graph } from "./graph.js";
+import { Scopes } from "./scope.js";
+import { Spectrum } from "./spectrum.js";
+import { Timing } from "./timing.js";
+import { Health } from "./health.js";
+import { Controls } from "./controls.js";
+
+const by = (id) => document.getElementById(id);
+const WORDS = {
+  starting: "starting",
+  playing: "playing",
+  muted: "muted",
+  lost: "device lost",
+  stopping: "stopping",
+  failed: "failed",
+};
+
+const link = new Link();
+const hand = new Hand(link);
+const graph = new Graph(by("graph"), by("graph-note"));
+const scopes = new Scopes(by("scopes"), by("span"));
+const spectrum = new Spectrum(by("spectrum"), by("spectrum-key"), scopes);
+const timing = new Timing(by("timing"), by("times"), by("deadline"));
+const health = new Health(by("tallies"), by("latency"), by("sources"));
+const controls = new Controls(by("materials"), by("controls"), link);
+
+let layout = null;
+let view = null;
+let fresh = false;
+let muted = false;
+let noticeEnds = 0;
+
+function say(text, forMs = 0) {
+  const notice = by("notice");
+  notice.textContent = text;
+  notice.hidden = text === "";
+  noticeEnds = forMs ? performance.now() + forMs : 0;
+}
+
+function facts(pairs) {
+  by("facts").replaceChildren(...pairs.filter(([, value]) => value).map(([name, value]) => {
+    const pair = document.createElement("div");
+    const [dt, dd] = [document.createElement("dt"), document.createElement("dd")];
+    dt.textContent = name;
+    dd.textContent = value;
+    pair.append(dt, dd);
+    return pair;
+  }));
+}
+
+function clock(seconds) {
+  const s = Math.max(0, seconds ?? 0);
+  const two = (x) => String(Math.floor(x)).padStart(2, "0");
+  return `${Math.floor(s / 3600)}:${two((s / 60) % 60)}:${two(s % 60)}`;
+}
+
+function condition(is, word) {
+  const box = by("condition");
+  if (box.dataset.is !== is) {
+    box.dataset.is = is;
+    box.textContent = word;
+  }
+}
+
+function showMute(now) {
+  muted = now;
+  const button = by("mute");
+  button.setAttribute("aria-pressed", String(now));
+  by("mute-word").textContent = now ? "Muted" : "Mute";
+}
+
+function mute() {
+  link.ask({ mute: !muted });
+}
+
+link.onLayout = (next, withHand) => {
+  const same = layout && layout.number === next.number && layout.file === next.file
+    && layout.nodes.length === next.nodes.length;
+  layout = next;
+  by("file").textContent = next.file;
+  document.title = next.file ? `${next.file} · Asperity` : "Asperity";
+  hand.offer(withHand);
+  controls.layout(next, same);
+  if (!same) {
+    graph.layout(next);
+    scopes.layout(next);
+  }
+};
+link.onView = (next, places, samples) => {
+  if (view && next.number < view.number) scopes.restart();
+  view = next;
+  fresh = true;
+  scopes.take(places, samples);
+};
+link.onHand = (whose) => hand.held(whose);
+link.onRefused = (why) => {
+  say(why, 4000);
+  controls.refused();
+};
+link.onState = (state, why) => {
+  document.body.dataset.link = state;
+  if (state === "open") say("");
+  else {
+    condition("away", "no connection");
+    say(why);
+  }
+  hand.linked(state === "open");
+};
+
+let texted = 0;
+function frame(now) {
+  requestAnimationFrame(frame);
+  if (noticeEnds && now > noticeEnds) say("");
+  hand.draw();
+  if (!fresh || !layout) return;
+  fresh = false;
+  scopes.draw();
+  spectrum.draw(now);
+  if (document.body.dataset.link === "open") condition(view.condition, WORDS[view.condition] ?? view.condition);
+  showMute(view.condition === "muted");
+  // Figures that change 60 times a second cannot be read.
+  if (now - texted < 100) return;
+  texted = now;
+  facts([
+    ["device", view.device],
+    ["clock", view.clock && view.period_frames ? `${view.clock}, ${view.period_frames} frames` : view.clock],
+    ["rate", `${layout.tick_hz} Hz, ${layout.audio_hz / 1000} kHz`],
+    ["time", clock(view.seconds)],
+  ]);
+  if (view.layout === layout.number) graph.show(view);
+  timing.show(view.timing, view.ticks);
+  health.show(view);
+}
+
+by("mute").addEventListener("click", mute);
+addEventListener("keydown", (event) => {
+  const typing = event.target.closest?.("input:not([type=range]), select, textarea");
+  if (event.code !== "Space" || event.repeat || typing || event.ctrlKey || event.metaKey || event.altKey) return;
+  if (event.target.closest?.("button, [type=checkbox]") && event.target.id !== "mute") return;
+  event.preventDefault();
+  mute();
+});
+// A button answers space when the key comes up again: for the mute it was answered already.
+by("mute").addEventListener("keyup", (event) => {
+  if (event.code === "Space") event.preventDefault();
+});
+
+let sure = 0;
+by("stop").addEventListener("click", (event) => {
+  const button = event.currentTarget;
+  if (performance.now() < sure) link.ask("stop");
+  sure = performance.now() + 3000;
+  button.textContent = "Stop the run?";
+  setTimeout(() => {
+    if (performance.now() >= sure - 50) button.textContent = "Stop";
+  }, 3000);
+});
+
+link.open();
+requestAnimationFrame(frame);

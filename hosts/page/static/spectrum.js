@@ -1,0 +1,180 @@
+// The spectrum of acceleration and current: amplitude over a logarithmic frequency axis.
+import { canvas, colour, figure, make, signal } from "./draw.js";
+
+const [LOW_HZ, HIGH_HZ] = [10, 1000];
+const SHOWN = ["acceleration", "current"];
+const RANGE_DB = 70;
+/// Long enough to tell 10 Hz from 12.
+const WINDOW_S = 0.4;
+const EVERY_MS = 80;
+
+/** In place, of a length that is a power of two: Cooley and Tukey 1965, decimation in time. */
+export function fft(re, im) {
+  const n = re.length;
+  for (let i = 1, j = 0; i < n; i += 1) {
+    let bit = n >> 1;
+    for (; j & bit; bit >>= 1) j ^= bit;
+    j ^= bit;
+    if (i < j) {
+      [re[i], re[j]] = [re[j], re[i]];
+      [im[i], im[j]] = [im[j], im[i]];
+    }
+  }
+  const { cos, sin } = turns(n);
+  for (let half = 1; half < n; half *= 2) {
+    const stride = n / (2 * half);
+    for (let start = 0; start < n; start += 2 * half) {
+      for (let k = 0; k < half; k += 1) {
+        const [a, b] = [start + k, start + k + half];
+        const [c, s] = [cos[k * stride], sin[k * stride]];
+        const x = re[b] * c + im[b] * s;
+        const y = im[b] * c - re[b] * s;
+        re[b] = re[a] - x;
+        im[b] = im[a] - y;
+        re[a] += x;
+        im[a] += y;
+      }
+    }
+  }
+}
+
+const tables = new Map();
+
+function turns(n) {
+  if (!tables.has(n)) {
+    const angle = (_, k) => (2 * Math.PI * k) / n;
+    tables.set(n, {
+      cos: Float64Array.from({ length: n / 2 }, (_, k) => Math.cos(angle(_, k))),
+      sin: Float64Array.from({ length: n / 2 }, (_, k) => Math.sin(angle(_, k))),
+    });
+  }
+  return tables.get(n);
+}
+
+/** Amplitudes of the bins of `samples` under a Hann window: a sine of amplitude one on a bin reads one. */
+export function amplitudes(samples) {
+  const n = samples.length;
+  const re = new Float64Array(n);
+  const im = new Float64Array(n);
+  for (let i = 0; i < n; i += 1) re[i] = samples[i] * (0.5 - 0.5 * Math.cos((2 * Math.PI * i) / n));
+  fft(re, im);
+  return Float64Array.from({ length: n / 2 }, (_, k) => (4 * Math.hypot(re[k], im[k])) / n);
+}
+
+export class Spectrum {
+  #canvas;
+  #key;
+  #scopes;
+  #curves = new Map();
+  #drawn = 0;
+  #tops = new Map();
+
+  constructor(element, key, scopes) {
+    this.#canvas = canvas(element);
+    this.#key = key;
+    this.#scopes = scopes;
+  }
+
+  draw(now) {
+    if (now - this.#drawn < EVERY_MS) return;
+    this.#drawn = now;
+    const shown = this.#scopes.all.filter((scope) => SHOWN.includes(scope.name));
+    for (const scope of shown) this.#analyse(scope);
+    const { pen, width, height } = this.#canvas.clear();
+    const box = { left: 40, right: shown.length > 1 ? width - 40 : width - 8, top: 8, bottom: height - 20 };
+    this.#frequencies(pen, box);
+    shown.forEach((scope, i) => this.#curve(pen, box, scope, i === 0 ? "left" : "right"));
+    this.#label(shown);
+  }
+
+  #analyse(scope) {
+    const { rate, whole } = scope.samples;
+    const n = 2 ** Math.ceil(Math.log2(rate * WINDOW_S));
+    if (whole < n) return this.#curves.delete(scope.name);
+    const samples = new Float32Array(n);
+    scope.samples.newest(n, samples);
+    const bins = amplitudes(samples);
+    const hz = rate / n;
+    const last = Math.min(bins.length - 1, Math.ceil(HIGH_HZ / hz));
+    let peak = 1;
+    for (let k = Math.ceil(LOW_HZ / hz); k <= last; k += 1) if (bins[k] > bins[peak]) peak = k;
+    this.#curves.set(scope.name, { bins, hz, last, peak });
+  }
+
+  /** The top of a scale moves in steps of 10 dB, up at once and down when there are 20 to spare. */
+  #top(name, peak_db) {
+    let top = this.#tops.get(name) ?? -Infinity;
+    const need = Math.max(-80, Math.ceil((peak_db + 3) / 10) * 10);
+    if (need > top || need < top - 10) top = need;
+    this.#tops.set(name, top);
+    return top;
+  }
+
+  #frequencies(pen, { left, right, top, bottom }) {
+    pen.strokeStyle = colour("--grid");
+    pen.fillStyle = colour("--quiet");
+    pen.lineWidth = 1;
+    pen.textBaseline = "top";
+    pen.beginPath();
+    for (const hz of [10, 20, 30, 40, 50, 60, 70, 80, 90, 100, 200, 300, 400, 500, 600, 700, 800, 900, 1000]) {
+      const x = Math.round(left + (Math.log10(hz / LOW_HZ) / 2) * (right - left)) + 0.5;
+      pen.moveTo(x, top);
+      pen.lineTo(x, bottom);
+      pen.textAlign = hz === 1000 ? "right" : "center";
+      if ([10, 20, 50, 100, 200, 500, 1000].includes(hz)) {
+        pen.fillText(hz === 1000 ? "1000 Hz" : String(hz), hz === 1000 ? x + 6 : x, bottom + 5);
+      }
+    }
+    pen.stroke();
+  }
+
+  #curve(pen, box, scope, side) {
+    const curve = this.#curves.get(scope.name);
+    if (!curve) return;
+    const { bins, hz, last, peak } = curve;
+    const db = (k) => 20 * Math.log10(bins[k] + 1e-12);
+    const top = this.#top(scope.name, db(peak));
+    const y = (level) => box.top + ((top - level) / RANGE_DB) * (box.bottom - box.top);
+    pen.fillStyle = signal(scope.name, scope.place);
+    pen.textBaseline = "middle";
+    pen.textAlign = side === "left" ? "right" : "left";
+    for (let level = top; level >= top - RANGE_DB; level -= 20) {
+      const x = side === "left" ? box.left - 5 : box.right + 5;
+      pen.fillText(String(level).replace("-", "−"), x, Math.max(y(level), 6));
+    }
+    pen.save();
+    pen.beginPath();
+    pen.rect(box.left, box.top, box.right - box.left, box.bottom - box.top);
+    pen.clip();
+    pen.strokeStyle = pen.fillStyle;
+    pen.lineWidth = 1.4;
+    pen.lineJoin = "round";
+    pen.beginPath();
+    // Where many bins share a pixel the largest is drawn: a line must not be lost between two pixels.
+    let [column, most] = [-1, -Infinity];
+    for (let k = Math.max(1, Math.floor(LOW_HZ / hz)); k <= last; k += 1) {
+      const x = box.left + (Math.log10((k * hz) / LOW_HZ) / 2) * (box.right - box.left);
+      most = Math.max(most, db(k));
+      if (Math.floor(x) === column) continue;
+      column = Math.floor(x);
+      pen.lineTo(x, y(Math.max(most, top - RANGE_DB - 5)));
+      most = -Infinity;
+    }
+    pen.stroke();
+    pen.restore();
+  }
+
+  #label(shown) {
+    this.#key.replaceChildren(...shown.map((scope) => {
+      const one = make("span");
+      const dot = make("i", "dot");
+      dot.style.background = signal(scope.name, scope.place);
+      const curve = this.#curves.get(scope.name);
+      const peak = curve && curve.bins[curve.peak] > 1e-9
+        ? `, most at ${Math.round(curve.peak * curve.hz)} Hz: ${figure(curve.bins[curve.peak])} ${scope.unit}`
+        : "";
+      one.append(dot, `${scope.name}, dB re 1 ${scope.unit}${peak}`);
+      return one;
+    }));
+  }
+}
