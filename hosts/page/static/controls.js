@@ -1,0 +1,158 @@
+// Parameters that may change while the run goes on, and materials to choose.
+import { figure, make } from "./draw.js";
+
+/// A range wider than this, and all above zero, is moved by factors.
+const WIDE = 300;
+const STEPS = 1000;
+
+export class Controls {
+  #materials;
+  #box;
+  #link;
+  #layout = null;
+  /// What is to be sent with the next picture: the newest of each parameter.
+  #waiting = new Map();
+  #shown = new Map();
+
+  constructor(materials, box, link) {
+    this.#materials = materials;
+    this.#box = box;
+    this.#link = link;
+  }
+
+  layout(layout, same) {
+    this.#layout = layout;
+    if (same) this.#refresh();
+    else this.#build();
+  }
+
+  /** What was asked for was refused: show again what holds. */
+  refused() {
+    if (this.#layout) this.#refresh(true);
+  }
+
+  #build() {
+    const { materials, nodes } = this.#layout;
+    this.#shown.clear();
+    this.#materials.replaceChildren(...materials.map((one) => this.#material(one)));
+    const groups = nodes.filter((node) => node.live.length).map((node) => {
+      const group = make("fieldset");
+      group.append(make("legend", "", node.id), ...node.live.map((live) => this.#control(node.id, live)));
+      return group;
+    });
+    const none = make("p", "quiet", "This graph has no parameters that may change while it runs.");
+    this.#box.replaceChildren(...(groups.length || materials.length ? groups : [none]));
+  }
+
+  #refresh(force = false) {
+    for (const node of this.#layout.nodes) {
+      for (const live of node.live) this.#shown.get(`${node.id}\n${live.name}`)?.(live.value, force);
+    }
+    for (const one of this.#layout.materials) this.#shown.get(`material\n${one.node}`)?.(one.chosen);
+  }
+
+  #material({ node, chosen, names }) {
+    const field = make("label", "field material");
+    const select = make("select");
+    for (const name of names) select.append(new Option(name, name));
+    select.value = chosen;
+    select.dataset.node = node;
+    select.addEventListener("change", () => this.#link.ask({ material: { node, name: select.value } }));
+    this.#shown.set(`material\n${node}`, (name) => (select.value = name));
+    const several = this.#layout.materials.length > 1;
+    field.append(make("span", "", several ? `Material of ${node}` : "Material"), select);
+    return field;
+  }
+
+  #control(node, live) {
+    if (live.words.length === 2 && live.words[0] === "off" && live.words[1] === "on") return this.#flag(node, live);
+    return live.words.length ? this.#choice(node, live) : this.#slider(node, live);
+  }
+
+  #flag(node, live) {
+    const field = make("label", "field");
+    const box = make("input");
+    box.type = "checkbox";
+    box.checked = live.value !== 0;
+    box.addEventListener("change", () => this.#set(node, live.name, Number(box.checked)));
+    this.#shown.set(`${node}\n${live.name}`, (value) => (box.checked = value !== 0));
+    field.append(make("span", "", words(live.name)), box);
+    return field;
+  }
+
+  #choice(node, live) {
+    const field = make("label", "field");
+    const select = make("select");
+    live.words.forEach((word, i) => select.append(new Option(word, String(i))));
+    select.value = String(live.value);
+    select.addEventListener("change", () => this.#set(node, live.name, Number(select.value)));
+    this.#shown.set(`${node}\n${live.name}`, (value) => (select.value = String(value)));
+    field.append(make("span", "", words(live.name)), select);
+    return field;
+  }
+
+  #slider(node, live) {
+    const field = make("label", "field");
+    const range = make("input");
+    const now = make("output", "figure");
+    const scale = scaled(live);
+    Object.assign(range, { type: "range", min: 0, max: scale.steps, step: 1 });
+    range.dataset.param = `${node}.${live.name}`;
+    const show = (value) => {
+      range.value = String(Math.round(scale.to(value)));
+      now.textContent = `${figure(value)}${live.unit ? ` ${live.unit}` : ""}`;
+      range.setAttribute("aria-valuetext", now.textContent);
+    };
+    range.addEventListener("input", () => {
+      const value = scale.from(Number(range.value));
+      now.textContent = `${figure(value)}${live.unit ? ` ${live.unit}` : ""}`;
+      range.setAttribute("aria-valuetext", now.textContent);
+      this.#set(node, live.name, value);
+    });
+    // A slider that is being moved is not moved back by what the run says of a moment ago.
+    this.#shown.set(`${node}\n${live.name}`, (value, force) => {
+      if (force || !range.matches(":active")) show(value);
+    });
+    show(live.value);
+    field.append(make("span", "", words(live.name)), range, now);
+    return field;
+  }
+
+  #set(node, param, value) {
+    if (!this.#waiting.size) requestAnimationFrame(() => this.#send());
+    this.#waiting.set(`${node}\n${param}`, { set: { node, param, value } });
+  }
+
+  #send() {
+    for (const what of this.#waiting.values()) this.#link.ask(what);
+    this.#waiting.clear();
+  }
+}
+
+/** A name of a parameter as a person would write it; its unit stands behind the value. */
+const words = (name) => name.replaceAll("_", " ");
+
+/** Between a value and the place of a slider: in equal steps, or by equal factors. */
+function scaled({ least, most, whole }) {
+  if (whole && most - least <= 2 * STEPS) {
+    return { steps: most - least, to: (value) => value - least, from: (at) => least + at };
+  }
+  const factors = least > 0 && most / least > WIDE;
+  const tidy = (value) => {
+    const kept = Math.min(most, Math.max(least, Number(value.toPrecision(4))));
+    return whole ? Math.round(kept) : kept;
+  };
+  if (factors) {
+    const all = Math.log(most / least);
+    return {
+      steps: STEPS,
+      to: (value) => (STEPS * Math.log(value / least)) / all,
+      from: (at) => tidy(least * Math.exp((all * at) / STEPS)),
+    };
+  }
+  return {
+    steps: STEPS,
+    to: (value) => (STEPS * (value - least)) / (most - least),
+    from: (at) => tidy(least + ((most - least) * at) / STEPS),
+  };
+}
