@@ -20,6 +20,10 @@ pub(crate) async fn guard(State(shared): State<Arc<Shared>>, request: Request, n
         }
     };
     shut(response.headers_mut(), shared.port);
+    // One request, one connection: what waits between requests would take the place of another.
+    if response.status() != StatusCode::SWITCHING_PROTOCOLS {
+        response.headers_mut().insert(header::CONNECTION, HeaderValue::from_static("close"));
+    }
     response
 }
 

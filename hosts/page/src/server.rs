@@ -233,7 +233,7 @@ async fn accept(listener: TcpListener, shared: Arc<Shared>) {
 async fn answer(stream: TcpStream, router: Router) {
     let _ = stream.set_nodelay(true);
     let mut http = hyper::server::conn::http1::Builder::new();
-    http.timer(TokioTimer::new()).header_read_timeout(REQUEST[0]).keep_alive(false).max_buf_size(HEADERS);
+    http.timer(TokioTimer::new()).header_read_timeout(REQUEST[0]).max_buf_size(HEADERS);
     let served =
         http.serve_connection(TokioIo::new(stream), TowerToHyperService::new(router)).with_upgrades();
     let _ = timeout(REQUEST[1], served).await;

@@ -127,7 +127,13 @@ pub(crate) fn view(mut view: View, seen: &mut Vec<u64>) -> Vec<u8> {
     let head = (bytes.len() - 4) as u32;
     bytes[..4].copy_from_slice(&head.to_le_bytes());
     bytes.resize(bytes.len().next_multiple_of(4), 0);
-    bytes.extend(newest.into_iter().flatten().flat_map(|x| x.to_le_bytes()));
+    let mut rest = bytes.len();
+    bytes.resize(rest + 4 * newest.iter().map(|x| x.len()).sum::<usize>(), 0);
+    for samples in newest {
+        let (fours, _) = bytes[rest..].as_chunks_mut::<4>();
+        fours.iter_mut().zip(samples).for_each(|(bytes, x)| *bytes = x.to_le_bytes());
+        rest += 4 * samples.len();
+    }
     bytes
 }
 

@@ -76,7 +76,7 @@ export class Controls {
     box.checked = live.value !== 0;
     box.addEventListener("change", () => this.#set(node, live.name, Number(box.checked)));
     this.#shown.set(`${node}\n${live.name}`, (value) => (box.checked = value !== 0));
-    field.append(make("span", "", words(live.name)), box);
+    field.append(make("span", "", words(live)), box);
     return field;
   }
 
@@ -87,7 +87,7 @@ export class Controls {
     select.value = String(live.value);
     select.addEventListener("change", () => this.#set(node, live.name, Number(select.value)));
     this.#shown.set(`${node}\n${live.name}`, (value) => (select.value = String(value)));
-    field.append(make("span", "", words(live.name)), select);
+    field.append(make("span", "", words(live)), select);
     return field;
   }
 
@@ -114,7 +114,7 @@ export class Controls {
       if (force || !range.matches(":active")) show(value);
     });
     show(live.value);
-    field.append(make("span", "", words(live.name)), range, now);
+    field.append(make("span", "", words(live)), range, now);
     return field;
   }
 
@@ -129,8 +129,13 @@ export class Controls {
   }
 }
 
-/** A name of a parameter as a person would write it; its unit stands behind the value. */
-const words = (name) => name.replaceAll("_", " ");
+/** A name of a parameter as a person would write it. Its unit stands behind the value, and is said once. */
+function words({ name, unit }) {
+  const plain = (text) => text.toLowerCase().replace(/\bper\b|[^a-z0-9]+/g, "");
+  const parts = name.split("_");
+  const said = unit && plain(unit) ? parts.findIndex((_, i) => i > 0 && plain(parts.slice(i).join(" ")) === plain(unit)) : -1;
+  return (said > 0 ? parts.slice(0, said) : parts).join(" ");
+}
 
 /** Between a value and the place of a slider: in equal steps, or by equal factors. */
 function scaled({ least, most, whole }) {

@@ -2,7 +2,7 @@
 import { count, figure } from "./draw.js";
 import { place } from "./layers.js";
 
-const NODE = 158;
+const NODE = 174;
 const HEAD = 40;
 const ROW = 16;
 const PAD = 8;
@@ -54,7 +54,8 @@ export class Graph {
     if (!layout || !this.#width) return;
     const rows = (node) => Math.max(node.outputs.length, node.inputs.length > 1 ? node.inputs.length : 0, 1);
     const sizes = layout.nodes.map((node) => HEAD + rows(node) * ROW + PAD);
-    const wide = Math.min(NODE, this.#width - 4);
+    // Two columns on a phone are better than one.
+    const wide = this.#width < 420 ? Math.max(116, (this.#width - 74) / 2) : NODE;
     const placed = place(sizes, layout.wires, this.#width - 2, wide);
     const root = svg("svg", {
       viewBox: `-1 -1 ${placed.width + 2} ${placed.height + 2}`,
@@ -86,7 +87,7 @@ export class Graph {
       const state = now.quarantined ? "quarantined" : node.idle >= ASLEEP ? "asleep" : "awake";
       asleep += state === "asleep";
       node.group.setAttribute("class", `node ${state}${now.faults ? " faulty" : ""}`);
-      write(node.us, state === "awake" ? `${figure(now.us)} us` : state);
+      write(node.us, state === "awake" ? `${figure(now.us)} µs` : state);
       const faults = now.faults ? `${count(now.faults)} ${now.faults === 1 ? "fault" : "faults"}` : "";
       write(node.faults, faults);
       node.outputs.forEach((output, k) => write(output, figure(now.values[k])));
@@ -97,12 +98,12 @@ export class Graph {
       this.#wires[i].classList.toggle("still", Boolean(still));
     });
     const all = view.nodes.reduce((sum, node) => sum + (node.us ?? 0), 0);
-    write(this.#note, `${view.nodes.length - asleep} of ${view.nodes.length} nodes awake, ${figure(all)} us a tick`);
+    write(this.#note, `${view.nodes.length - asleep} of ${view.nodes.length} nodes awake, ${figure(all)} µs a tick`);
   }
 
   #told(i, now) {
     const { id, kind } = this.#layout.nodes[i];
-    const lines = [`${id}: ${kind}`, `mean ${figure(now.us)} us, longest ${figure(now.max_us)} us`,
+    const lines = [`${id}: ${kind}`, `mean ${figure(now.us)} µs, longest ${figure(now.max_us)} µs`,
       `${count(now.calls)} calls, slept through ${count(now.slept)} ticks`];
     if (now.faults) lines.push(`${count(now.faults)} faults; last: ${now.last_fault}`);
     return lines.join("\n");
@@ -113,23 +114,24 @@ function box(node, { x, y, height }, wide) {
   const group = svg("g", { class: "node", transform: `translate(${x} ${y})` });
   const title = svg("title");
   group.append(title, svg("rect", { class: node.sink ? "box sink" : "box", width: wide, height, rx: 5 }));
-  group.append(svg("text", { class: "id", x: 9, y: 17 }, cut(node.id, 17)));
-  group.append(svg("text", { class: "kind", x: 9, y: 31 }, cut(node.kind, 18)));
-  const us = svg("text", { class: "us", x: wide - 9, y: 17, "text-anchor": "end" });
-  const faults = svg("text", { class: "faults", x: wide - 9, y: 31, "text-anchor": "end" });
+  group.append(svg("text", { class: "id", x: 9, y: 17 }, cut(node.id, Math.floor((wide - 68) / 6.4))));
+  group.append(svg("text", { class: "kind", x: 9, y: 31 }, cut(node.kind, Math.floor((wide - 70) / 5.7))));
+  const us = svg("text", { class: "us", x: wide - 9, y: 31, "text-anchor": "end" });
+  const faults = svg("text", { class: "faults", x: wide - 9, y: 17, "text-anchor": "end" });
   group.append(us, faults);
   const several = node.inputs.length > 1;
   node.inputs.forEach(([name], k) => {
     const at = HEAD + k * ROW + ROW / 2;
     group.append(svg("circle", { class: "port", cx: 0, cy: at, r: 2.5 }));
-    if (several) group.append(svg("text", { class: "port-name", x: 9, y: at + 4 }, cut(name, 9)));
+    if (several) group.append(svg("text", { class: "port-name", x: 9, y: at + 4 }, cut(name, 8)));
   });
   const outputs = node.outputs.map(([name, unit], k) => {
     const at = HEAD + k * ROW + ROW / 2;
     group.append(svg("circle", { class: "port", cx: wide, cy: at, r: 2.5 }));
     const text = svg("text", { class: "out", x: wide - 9, y: at + 4, "text-anchor": "end" });
     const value = svg("tspan", { class: "value" }, "–");
-    if (!several) text.append(svg("tspan", { class: "port-name" }, `${cut(name, 12)} `));
+    const narrow = wide < 150;
+    if (!several || !narrow) text.append(svg("tspan", { class: "port-name" }, `${cut(name, narrow ? 7 : several ? 9 : 12)} `));
     text.append(value, svg("tspan", { class: "unit" }, unit ? ` ${unit}` : ""));
     group.append(text);
     return value;
@@ -140,20 +142,21 @@ function box(node, { x, y, height }, wide) {
 /** The path of a wire: curves between columns, square corners from band to band and back. */
 function line([from, output, to, input], placed, i) {
   const { places, routes, nodeWidth } = placed;
-  const port = (node, k, x) => ({ x: places[node].x + x, y: places[node].y + HEAD + k * ROW + ROW / 2, band: places[node].band });
-  const start = port(from, output, nodeWidth);
-  const end = port(to, input, 0);
-  const points = [start];
-  for (const { slot } of routes[i].slots) {
-    const y = slot.y + slot.height / 2;
-    points.push({ x: slot.x, y, band: slot.band }, { x: slot.x + nodeWidth, y, band: slot.band });
+  const port = (node, k, x) => {
+    const slot = places[node];
+    return { x: slot.x + x, y: slot.y + HEAD + k * ROW + ROW / 2, band: slot.band };
+  };
+  const { back, slots, net } = routes[i];
+  const points = [port(from, output, nodeWidth)];
+  for (const { x, y, height, band } of slots) {
+    points.push({ x, y: y + height / 2, band }, { x: x + nodeWidth, y: y + height / 2, band });
   }
-  points.push(end);
-  let path = `M${start.x} ${start.y}`;
+  points.push(port(to, input, 0));
+  let path = `M${points[0].x} ${points[0].y}`;
   for (let k = 1; k < points.length; k += 1) {
     const [a, b] = [points[k - 1], points[k]];
-    const across = routes[i].back || a.band !== b.band;
-    path += across ? corners(a, b, placed, output + input) : a.y === b.y ? `H${b.x}` : curve(a, b);
+    if (back || a.band !== b.band) path += corners(a, b, placed, net);
+    else path += a.y === b.y ? `H${b.x}` : curve(a, b);
   }
   return path;
 }
@@ -163,10 +166,15 @@ function curve(a, b) {
   return `C${middle} ${a.y} ${middle} ${b.y} ${b.x} ${b.y}`;
 }
 
-/** Out to the gap beside the column, down to the gutter under the band, along it, and in. */
-function corners(a, b, { bands, gutter }, shift) {
-  const way = 8 + (shift % 3) * 4;
-  const y = bands[a.band].bottom + gutter / 2 + ((shift * 5) % 14) - 7;
-  const [right, left] = [a.x + way, b.x - way];
-  return `H${right - 4}Q${right} ${a.y} ${right} ${a.y + 4}V${y}H${left}V${b.y}H${b.x}`;
+/** Out to the gap beside the column, down under the band, along it, and in. Each net has lanes of its own. */
+function corners(a, b, { bands, lane }, net) {
+  const { bottom, nets } = bands[a.band];
+  const at = nets.indexOf(net);
+  const y = bottom + 11 + lane * at;
+  const right = a.x + 8 + lane * at;
+  const left = b.x - 8 - lane * (nets.length - 1 - at);
+  const down = b.y > y ? 1 : -1;
+  const r = 3;
+  return `H${right - r}q${r} 0 ${r} ${r}V${y - r}q0 ${r} ${-r} ${r}H${left + r}q${-r} 0 ${-r} ${r * down}`
+    + `V${b.y - r * down}q0 ${r * down} ${r} ${r * down}H${b.x}`;
 }

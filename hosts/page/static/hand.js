@@ -234,7 +234,8 @@ export class Hand {
       where.textContent = last ? "lifted" : "";
       return;
     }
-    where.textContent = `x ${last.x.toFixed(1)}  y ${last.y.toFixed(1)} mm  pressure ${last.pressure.toFixed(2)}`;
+    const mm = (x) => `${x.toFixed(1).replace("-", "−")} mm`;
+    where.textContent = `x ${mm(last.x)}, y ${mm(last.y)}, pressure ${last.pressure.toFixed(2)}`;
     pen.fillStyle = colour("--hand");
     pen.beginPath();
     pen.arc(X(last), Y(last), 3 + 9 * last.pressure, 0, 7);

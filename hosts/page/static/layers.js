@@ -1,28 +1,45 @@
-// Places the nodes of a graph: in columns by the longest path to them, in an order that crosses few wires, and folded
-// into bands where the page is narrower than the graph is long (Sugiyama, Tagawa and Toda 1981, with bands).
+// Places the nodes of a graph: in columns by the longest path to them, in an order that crosses few wires (Sugiyama, Tagawa
+// and Toda 1981), and folded into bands where the page is narrower than the graph is long.
 
-const GAP_X = 34;
+const GAP_X = 30;
 const GAP_Y = 12;
-const BAND = 34;
 /// Height that a wire takes where it passes a column.
-const PASS = 14;
+const PASS = 12;
+/// Between wires that run beside each other.
+const LANE = 6;
+
+/** What stands at one output is one net, however many wires hear it. */
+const net = ([from, output]) => `${from} ${output}`;
 
 /**
- * `sizes` are heights of the nodes; `wires` are [node, output, node, input], where a wire that runs against the order of
- * the nodes closes a cycle. Answers places, and for each wire the points it goes through with the columns between.
+ * `sizes` are heights of the nodes; `wires` are [node, output, node, input], where one that runs against the order of
+ * the nodes closes a cycle. Answers places and routes.
  */
 export function place(sizes, wires, width, nodeWidth) {
   const columns = longestPaths(sizes.length, wires);
   const layers = [];
   columns.forEach((column, node) => ((layers[column] ??= []).push({ node, height: sizes[node], from: [] })));
-  const routes = wires.map((wire) => route(wire, columns, layers));
+  const passes = new Map();
+  const routes = wires.map((wire) => route(wire, columns, layers, passes));
   order(layers);
-  const perBand = Math.max(1, Math.min(layers.length, Math.floor((width + GAP_X) / (nodeWidth + GAP_X))));
-  // Bands of about the same length look better than a last one of a single column.
-  const bands = Math.ceil(layers.length / perBand);
-  const each = Math.ceil(layers.length / bands);
-  const wide = Math.min(GAP_X * 2.2, each > 1 ? (width - each * nodeWidth) / (each - 1) : GAP_X);
-  return { ...stack(layers, each, nodeWidth, Math.max(GAP_X * 0.7, wide)), routes, columns, each };
+  let each = fold(layers.length, width, nodeWidth, 0);
+  let lanes = leave(layers, wires, routes, each);
+  if (lanes.length) {
+    each = fold(layers.length, width, nodeWidth, margin(lanes));
+    lanes = leave(layers, wires, routes, each);
+  }
+  const side = margin(lanes);
+  const room = each > 1 ? (width - 2 * side - each * nodeWidth) / (each - 1) : 0;
+  const gap = Math.max(GAP_X * 0.6, Math.min(GAP_X * 2.4, room));
+  return stack(layers, { each, nodeWidth, gap, side, lanes, routes });
+}
+
+const margin = (lanes) => (lanes.length ? 8 + LANE * Math.max(...lanes.map((nets) => nets.length)) : 0);
+
+/** Columns of a band. Bands of about the same length look better than a last one of a single column. */
+function fold(columns, width, nodeWidth, side) {
+  const most = Math.max(1, Math.floor((width - 2 * side + GAP_X * 0.6) / (nodeWidth + GAP_X * 0.6)));
+  return Math.ceil(columns / Math.ceil(columns / most));
 }
 
 function longestPaths(nodes, wires) {
@@ -36,16 +53,20 @@ function longestPaths(nodes, wires) {
   return columns;
 }
 
-/** The slots that a wire passes, one in each column between its ends; none for one that runs back. */
-function route([from, , to], columns, layers) {
+/** The slots that a wire passes, one in each column between its ends and one for a whole net; none if it runs back. */
+function route(wire, columns, layers, passes) {
+  const [from, , to] = wire;
   const back = from >= to;
   const slots = [];
   let before = layers[columns[from]].find((slot) => slot.node === from);
   for (let column = columns[from] + 1; !back && column < columns[to]; column += 1) {
-    const slot = { height: PASS, from: [before] };
-    layers[column].push(slot);
-    slots.push({ slot, column });
-    before = slot;
+    const key = `${net(wire)} ${column}`;
+    if (!passes.has(key)) {
+      passes.set(key, { height: PASS, from: [before] });
+      layers[column].push(passes.get(key));
+    }
+    before = passes.get(key);
+    slots.push(before);
   }
   if (!back) layers[columns[to]].find((slot) => slot.node === to).from.push(before);
   return { back, slots };
@@ -68,7 +89,27 @@ function order(layers) {
   }
 }
 
-function stack(layers, each, nodeWidth, gap) {
+/** The nets that leave each band for the next, or run back, from the lowest up: in this order they need not cross. */
+function leave(layers, wires, routes, each) {
+  layers.forEach((layer, column) => layer.forEach((slot) => (slot.column = column)));
+  const slotOf = new Map(layers.flat().filter((slot) => slot.node !== undefined).map((slot) => [slot.node, slot]));
+  const lanes = Array.from({ length: Math.ceil(layers.length / each) }, () => new Map());
+  wires.forEach((wire, i) => {
+    const stops = [slotOf.get(wire[0]), ...routes[i].slots, slotOf.get(wire[2])];
+    routes[i].stops = stops;
+    routes[i].net = net(wire);
+    for (let k = 1; k < stops.length; k += 1) {
+      const band = Math.floor(stops[k - 1].column / each);
+      if (routes[i].back || band !== Math.floor(stops[k].column / each)) {
+        lanes[band].set(net(wire), stops[k - 1].at * 100 + (stops[k - 1].node === undefined ? 0 : wire[1]));
+      }
+    }
+  });
+  const sorted = lanes.map((nets) => [...nets].sort((a, b) => b[1] - a[1]).map(([name]) => name));
+  return sorted.some((nets) => nets.length) ? sorted : [];
+}
+
+function stack(layers, { each, nodeWidth, gap, side, lanes, routes }) {
   const places = [];
   const bands = [];
   let top = 0;
@@ -79,14 +120,15 @@ function stack(layers, each, nodeWidth, gap) {
     band.forEach((layer, column) => {
       let y = top + (height - tall[column]) / 2;
       for (const slot of layer) {
-        Object.assign(slot, { x: column * (nodeWidth + gap), y, band: bands.length });
+        Object.assign(slot, { x: side + column * (nodeWidth + gap), y, band: bands.length });
         if (slot.node !== undefined) places[slot.node] = slot;
         y += slot.height + GAP_Y;
       }
     });
-    bands.push({ top, bottom: top + height });
-    top += height + BAND;
+    const nets = lanes[bands.length] ?? [];
+    bands.push({ bottom: top + height, nets });
+    top += height + 22 + LANE * nets.length;
   }
-  const width = each * (nodeWidth + gap) - gap;
-  return { places, bands, gap, nodeWidth, width, height: top - BAND, gutter: BAND };
+  const width = 2 * side + each * (nodeWidth + gap) - gap;
+  return { places, bands, routes, nodeWidth, width, height: top - (bands.at(-1)?.nets.length ? 0 : 22), lane: LANE };
 }

@@ -128,10 +128,10 @@ class Scope {
       if (least[i] < low) low = least[i];
       if (most[i] > high) high = most[i];
     }
-    this.signed = low < 0 || (this.signed && performance.now() - this.quiet < 5000);
+    this.signed = low < -0.05 * high || (this.signed && performance.now() - this.quiet < 5000);
     const [bottom, top] = this.#scale(Math.max(high, -low), this.signed);
     const left = 46;
-    const y = (x) => 5 + ((top - x) / (top - bottom)) * (height - 10);
+    const y = (x) => 5 + ((top - Math.max(x, bottom)) / (top - bottom)) * (height - 10);
     this.#axis(pen, left, width, y, bottom, top);
     pen.strokeStyle = signal(this.name, this.place);
     pen.lineWidth = 1.3;

@@ -81,7 +81,7 @@ export class Spectrum {
     const shown = this.#scopes.all.filter((scope) => SHOWN.includes(scope.name));
     for (const scope of shown) this.#analyse(scope);
     const { pen, width, height } = this.#canvas.clear();
-    const box = { left: 40, right: shown.length > 1 ? width - 40 : width - 8, top: 8, bottom: height - 20 };
+    const box = { left: 40, right: width - 40, top: 8, bottom: height - 20 };
     this.#frequencies(pen, box);
     shown.forEach((scope, i) => this.#curve(pen, box, scope, i === 0 ? "left" : "right"));
     this.#label(shown);
@@ -103,9 +103,11 @@ export class Spectrum {
 
   /** The top of a scale moves in steps of 10 dB, up at once and down when there are 20 to spare. */
   #top(name, peak_db) {
-    let top = this.#tops.get(name) ?? -Infinity;
+    let top = this.#tops.get(name) ?? 0;
     const need = Math.max(-80, Math.ceil((peak_db + 3) / 10) * 10);
-    if (need > top || need < top - 10) top = need;
+    // Silence is no reason to look for something smaller.
+    const silent = peak_db < -120;
+    if (need > top || (need < top - 10 && !silent)) top = need;
     this.#tops.set(name, top);
     return top;
   }
@@ -120,11 +122,12 @@ export class Spectrum {
       const x = Math.round(left + (Math.log10(hz / LOW_HZ) / 2) * (right - left)) + 0.5;
       pen.moveTo(x, top);
       pen.lineTo(x, bottom);
-      pen.textAlign = hz === 1000 ? "right" : "center";
-      if ([10, 20, 50, 100, 200, 500, 1000].includes(hz)) {
-        pen.fillText(hz === 1000 ? "1000 Hz" : String(hz), hz === 1000 ? x + 6 : x, bottom + 5);
-      }
+      pen.textAlign = "center";
+      const roomy = right - left > 220 || [10, 100, 1000].includes(hz);
+      if (roomy && [10, 20, 50, 100, 200, 500, 1000].includes(hz)) pen.fillText(String(hz), x, bottom + 5);
     }
+    pen.textAlign = "left";
+    pen.fillText("Hz", right + 16, bottom + 5);
     pen.stroke();
   }
 

@@ -32,7 +32,7 @@ export class Timing {
     const part = ticks ? (100 * timing.misses) / ticks : 0;
     const missed = timing.misses ? `${count(timing.misses)} missed (${figure(part)} %)` : "none missed";
     const woke = timing.misses ? `, ${count(timing.woke_late)} of them woke too late` : "";
-    write(this.#deadline, `${count(ticks)} ticks of ${figure(timing.deadline_us)} us, ${missed}${woke}`);
+    write(this.#deadline, `${count(ticks)} ticks of ${figure(timing.deadline_us)} µs, ${missed}${woke}`);
     ROWS.forEach((row, i) => {
       this.#cells[i].forEach((cell, k) => {
         const us = timing[row.figures][k];
@@ -59,9 +59,9 @@ export class Timing {
     };
     const most = Math.max(1, ...ROWS.flatMap((row) => timing[row.counts]));
     const decades = Math.max(1, Math.ceil(Math.log10(most + 1)));
-    const tall = (box.bottom - box.top - 12) / ROWS.length;
+    const tall = (box.bottom - box.top - 20) / ROWS.length;
     ROWS.forEach((row, i) => {
-      const floor = box.top + tall * (i + 1) + 12 * i;
+      const floor = box.top + tall * (i + 1) + 20 * i;
       this.#row(pen, box, row, timing[row.counts], { x, floor, tall, decades, late: at(timing.deadline_us) });
     });
     this.#axis(pen, box, x, at, timing.deadline_us);

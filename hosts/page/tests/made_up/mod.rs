@@ -169,7 +169,7 @@ impl Run {
             let n = (until - self.samples[place]) as usize;
             self.samples[place] = until;
             all.push(match place {
-                0 => (0..n).map(|_| (speed + 0.8 * self.noise()) as f32).collect(),
+                0 => (0..n).map(|_| (speed + 0.8 * self.noise()).max(0.0) as f32).collect(),
                 1 => (0..n).map(|_| (force + 0.01 * self.noise()) as f32).collect(),
                 2 => {
                     accelerations =
