@@ -22,12 +22,6 @@ pub enum Command {
     Run(Run),
     /// List audio hosts and devices: rates, formats, channels, buffer sizes
     Devices(Devices),
-    /// Play a sine on one channel of a device, behind the actuator's limiter, to find the actuator
-    Tone(Tone),
-    /// Measure the latency from a hand to the output and back through a loopback, beside what is declared
-    Latency(LatencyArgs),
-    /// Measure an actuator with an accelerometer on a line input, and write its profile
-    Calibrate(Calibrate),
     /// Check a graph: order, buffers, rates, latency per path, what was dropped and why
     Check(Check),
     /// List the kinds of nodes, or describe one: ports, units, parameters

@@ -7,6 +7,7 @@ mod args;
 mod commands;
 mod failure;
 mod kinds;
+mod live;
 mod load;
 mod output;
 mod phase;
@@ -24,6 +25,8 @@ use args::{Args, Command};
 fn main() -> ExitCode {
     let result = match Args::parse().command {
         Command::Render(args) => render::run(&args),
+        Command::Run(args) => live::run(&args),
+        Command::Devices(args) => commands::devices::run(&args),
         Command::Check(args) => commands::check::run(&args),
         Command::Nodes(args) => commands::nodes::run(&args),
         Command::Graph(args) => commands::graph::run(&args),

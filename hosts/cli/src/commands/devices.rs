@@ -59,7 +59,8 @@ fn device(out: &mut String, d: &DeviceInfo) {
 }
 
 fn side_text(side: &SideInfo) -> String {
-    let channels = if side.channels == 1 { "1 channel".to_owned() } else { format!("{} channels", side.channels) };
+    let channels =
+        if side.channels == 1 { "1 channel".to_owned() } else { format!("{} channels", side.channels) };
     let rates: Vec<String> = side.rates_hz.iter().map(u32::to_string).collect();
     let rates = if rates.is_empty() {
         format!("{} to {}", side.rate_range_hz.0, side.rate_range_hz.1)

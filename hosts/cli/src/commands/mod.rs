@@ -2,6 +2,7 @@
 
 pub mod check;
 pub mod compare;
+pub mod devices;
 pub mod graph;
 pub mod invert;
 pub mod nodes;

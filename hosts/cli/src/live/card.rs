@@ -45,7 +45,8 @@ fn channels(args: &DeviceArgs, outs: usize) -> Result<Vec<u16>, Failure> {
         return Ok((1..=u16::try_from(wanted).unwrap_or(u16::MAX)).collect());
     }
     if args.channel.len() != wanted {
-        let message = format!("{} channels are named, and the graph has {outs} audio_out", args.channel.len());
+        let message =
+            format!("{} channels are named, and the graph has {outs} audio_out", args.channel.len());
         return Err(wrong("--channel", message).help("one channel for each, such as --channel 3,4").into());
     }
     Ok(args.channel.clone())
@@ -54,7 +55,9 @@ fn channels(args: &DeviceArgs, outs: usize) -> Result<Vec<u16>, Failure> {
 fn format(text: &str) -> Result<Format, Failure> {
     let names = || Format::ALL.iter().map(|f| f.name());
     Format::ALL.into_iter().find(|f| f.name() == text).ok_or_else(|| {
-        wrong("--device-format", format!("there is no sample format `{text}`")).help(one_of(text, names())).into()
+        wrong("--device-format", format!("there is no sample format `{text}`"))
+            .help(one_of(text, names()))
+            .into()
     })
 }
 
@@ -89,9 +92,10 @@ pub fn failed(error: SessionError) -> Failure {
             let rate = there.iter().map(|(low, _)| *low).find(|hz| *hz >= 8000);
             rate.map(|hz| format!("the graph runs at any rate: --set audio_hz={hz}"))
         }
-        OpenError::NoDevice { .. } | OpenError::Ambiguous { .. } | OpenError::HostAway { .. } => {
-            Some("`asperity devices` lists what there is; without a sound card: --device simulated:frames=256".into())
-        }
+        OpenError::NoDevice { .. } | OpenError::Ambiguous { .. } | OpenError::HostAway { .. } => Some(
+            "`asperity devices` lists what there is; without a sound card: --device simulated:frames=256"
+                .into(),
+        ),
         _ => None,
     };
     let d = wrong(option, e.to_string());

@@ -46,6 +46,11 @@ impl Editor {
         Self { args: args.clone(), kinds, files: None, chosen: Vec::new(), moved: Vec::new() }
     }
 
+    /// The kinds of nodes that the graph may use.
+    pub fn kinds(&self) -> &Kinds {
+        &self.kinds
+    }
+
     /// Reads and compiles the graph.
     pub fn make(&mut self) -> Result<Made, Failure> {
         let mut graph = load::read(&self.args)?;
@@ -90,19 +95,32 @@ impl Editor {
         }
     }
 
-    fn take_over(&mut self, changed: &[PathBuf], conductor: &mut Conductor, hands: &mut Hands) -> Option<String> {
+    fn take_over(
+        &mut self,
+        changed: &[PathBuf],
+        conductor: &mut Conductor,
+        hands: &mut Hands,
+    ) -> Option<String> {
         let nodes = readers(conductor.schedule(), changed);
         let what = named(changed);
         Some(match self.send(&nodes, conductor, hands) {
             Ok(report) => format!("{what} changed: {report}"),
             Err(failure) => {
-                format!("{what} changed, and cannot be taken over:\n{}the running graph goes on", failure.text())
+                format!(
+                    "{what} changed, and cannot be taken over:\n{}the running graph goes on",
+                    failure.text()
+                )
             }
         })
     }
 
     /// Makes the graph and sends it. Answers what that changes.
-    fn send(&mut self, nodes: &[String], conductor: &mut Conductor, hands: &mut Hands) -> Result<String, Failure> {
+    fn send(
+        &mut self,
+        nodes: &[String],
+        conductor: &mut Conductor,
+        hands: &mut Hands,
+    ) -> Result<String, Failure> {
         let Made { graph, compiled, materials } = self.make()?;
         same_channels(conductor.schedule(), &compiled.schedule).map_err(Failure::Machine)?;
         let new_ends = conductor.needs_ends(&compiled.schedule);
@@ -133,14 +151,23 @@ impl Editor {
     }
 
     /// Sets a live parameter, and keeps it set when the graph is made anew for another material.
-    pub fn set(&mut self, node: &str, param: &str, value: f64, conductor: &mut Conductor) -> Result<(), Failure> {
+    pub fn set(
+        &mut self,
+        node: &str,
+        param: &str,
+        value: f64,
+        conductor: &mut Conductor,
+    ) -> Result<(), Failure> {
         conductor.set_parameter(node, param, value).map_err(|e| Failure::Machine(e.to_string()))?;
         let schedule = conductor.schedule();
-        let live = schedule.index_of(node).and_then(|i| schedule.nodes[i].live.iter().find(|l| l.name == param));
+        let live =
+            schedule.index_of(node).and_then(|i| schedule.nodes[i].live.iter().find(|l| l.name == param));
         let Some(live) = live else { return Ok(()) };
         let text = match &live.kind {
             ParamKind::Flag => (value != 0.0).to_string(),
-            ParamKind::Choice(words) => words.get(value as usize).map(|w| format!("{w:?}")).unwrap_or_default(),
+            ParamKind::Choice(words) => {
+                words.get(value as usize).map(|w| format!("{w:?}")).unwrap_or_default()
+            }
             ParamKind::Integer(_) => (value as i64).to_string(),
             _ => format!("{value:?}"),
         };
@@ -158,7 +185,9 @@ fn same_channels(old: &Schedule, new: &Schedule) -> Result<(), String> {
             s.nodes.iter().filter(|n| n.kind == kind).map(|n| n.params.get_integer("channel")).collect()
         };
         if of(old) != of(new) {
-            return Err(format!("the channels of the device would change (`{kind}`): stop the run and start it again"));
+            return Err(format!(
+                "the channels of the device would change (`{kind}`): stop the run and start it again"
+            ));
         }
     }
     Ok(())

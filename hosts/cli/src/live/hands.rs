@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::path::PathBuf;
 
 use asperity_graph::{Schedule, ScheduledNode};
-use asperity_hand::passivity::{DeviceDamping, passivity};
+use asperity_hand::servo::passivity::{DeviceDamping, passivity};
 use asperity_hand::{Frame, HandError, Handle, haply, openhaptics, osc};
 use asperity_live::{Ends, ForceReader, SampleWriter, force_model, samples};
 use asperity_source::Diagnostic;
@@ -78,8 +78,11 @@ fn input_of<'s>(schedule: &'s Schedule, force: &ScheduledNode) -> Result<&'s Sch
     let kind = force.kind.replace("_force", "_input");
     let same = |n: &&ScheduledNode| n.kind == kind && n.params.text("device") == force.params.text("device");
     schedule.nodes.iter().find(same).ok_or_else(|| {
-        let message = format!("`{}` ({}) pushes back with a device that no {kind} reads", force.id, force.kind);
-        let help = format!("add a {kind} with the same `device`: who renders a wall has to know where the stylus is");
+        let message =
+            format!("`{}` ({}) pushes back with a device that no {kind} reads", force.id, force.kind);
+        let help = format!(
+            "add a {kind} with the same `device`: who renders a wall has to know where the stylus is"
+        );
         at(force, Diagnostic::new(message).help(help)).into()
     })
 }
@@ -131,7 +134,7 @@ fn start(
         _ => {
             let mut options = haply::HaplyOptions::new();
             options.device = text("device");
-            options.url = p.text("service").to_owned();
+            options.service = p.text("service").to_owned();
             options.frame = Frame::new(p.text("axes"), [0.0; 3])?;
             options.max_force_n = most;
             haply::start(options, writer, models)

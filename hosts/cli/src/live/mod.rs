@@ -4,6 +4,7 @@ pub mod card;
 mod editor;
 mod hands;
 mod report;
+mod shim;
 mod shows;
 
 use std::collections::HashMap;
@@ -24,7 +25,7 @@ use crate::failure::{Failure, complain, print, warn};
 use crate::load;
 use crate::output::Pending;
 use crate::render::record::Recorder;
-use crate::render::stop_flag;
+use crate::render::{distinct_files, stop_flag};
 use editor::{Editor, Made};
 use hands::Hands;
 use shows::Shows;
@@ -52,13 +53,12 @@ pub fn run(args: &Run) -> Result<ExitCode, Failure> {
     for id in schedule.allocating() {
         warn(&format!("`{id}` allocates in every tick and is not fit for real time"));
     }
-    crate::render::distinct(&args.graph, schedule, &[("--report", args.report.as_ref())])?;
+    distinct_files(&args.graph, schedule, editor.kinds(), &[("--report", &args.report)])?;
     let report_file = args.report.as_deref().map(Pending::create).transpose()?;
     let mut recorders = recorders(schedule)?;
     let mut hands = Hands::default();
     let outside = |kind: &str| HANDS.contains(&kind) || FORCES.contains(&kind);
-    let ids: Vec<String> =
-        schedule.nodes.iter().filter(|n| outside(&n.kind)).map(|n| n.id.clone()).collect();
+    let ids: Vec<String> = schedule.nodes.iter().filter(|n| outside(&n.kind)).map(|n| n.id.clone()).collect();
     let ends = hands.open(schedule, &ids)?;
     for warning in hands.warnings(schedule) {
         warn(&warning);
@@ -67,7 +67,8 @@ pub fn run(args: &Run) -> Result<ExitCode, Failure> {
         editor.watch(schedule);
     }
 
-    let limit_ns = args.limit_us.map_or(LIMIT_TICKS * 1_000_000_000 / u64::from(schedule.tick_hz), |us| us * 1000);
+    let limit_ns =
+        args.limit_us.map_or(LIMIT_TICKS * 1_000_000_000 / u64::from(schedule.tick_hz), |us| us * 1000);
     let options = Options { sleep: !args.no_sleep, limit_ns: Some(limit_ns) };
     let recorded = request.as_ref().map_or(0, |r| r.inputs.len());
     let (mic_writer, mic_reader) = if recorded > 0 {
@@ -194,7 +195,8 @@ fn drain(
 
 /// The files that sinks want written, by node id.
 fn recorders(schedule: &Schedule) -> Result<HashMap<String, Recorder>, Failure> {
-    let ids = schedule.nodes.iter().filter(|n| crate::render::record::file_of(n).is_some()).map(|n| n.id.clone());
+    let ids =
+        schedule.nodes.iter().filter(|n| crate::render::record::file_of(n).is_some()).map(|n| n.id.clone());
     Ok(ids.zip(Recorder::for_sinks(schedule)?).collect())
 }
 

@@ -44,7 +44,8 @@ pub fn json(run: &Run<'_>) -> String {
         .iter()
         .map(|s| json!({ "id": s.id, "samples": s.samples, "stalls": s.stalls, "delay_ms": s.delay_ms }))
         .collect();
-    let latency: Map<String, Value> = view.latency_ms.iter().map(|(what, ms)| (what.clone(), json!(ms))).collect();
+    let latency: Map<String, Value> =
+        view.latency_ms.iter().map(|(what, ms)| (what.clone(), json!(ms))).collect();
     let TimingView { deadline_us, misses, woke_late, late_us, compute_us, .. } = &view.timing;
     let figures = |f: &[f64; 4]| json!({ "p50": f[0], "p99": f[1], "p999": f[2], "max": f[3] });
     let refused = run.grants.map(|g| g.refused()).unwrap_or_default();
@@ -84,15 +85,27 @@ pub fn summary(run: &Run<'_>, written: &[PathBuf]) -> String {
     let mut line = |name: &str, text: String| {
         let _ = writeln!(out, "{name:<10}{text}");
     };
-    line("ran", format!("{:.2} s ({} ticks at {} Hz), {} clock", view.seconds, view.ticks, layout.tick_hz, view.clock));
+    line(
+        "ran",
+        format!(
+            "{:.2} s ({} ticks at {} Hz), {} clock",
+            view.seconds, view.ticks, layout.tick_hz, view.clock
+        ),
+    );
     let t = &view.timing;
-    let figures = |f: &[f64; 4]| format!("p50 {:.1}  p99 {:.1}  p99.9 {:.1}  max {:.1} us", f[0], f[1], f[2], f[3]);
+    let figures =
+        |f: &[f64; 4]| format!("p50 {:.1}  p99 {:.1}  p99.9 {:.1}  max {:.1} us", f[0], f[1], f[2], f[3]);
     line("woke late", figures(&t.late_us));
     line("tick", format!("{} of {:.0} us", figures(&t.compute_us), t.deadline_us));
     let part = 100.0 * t.misses as f64 / view.ticks.max(1) as f64;
     line(
         "misses",
-        format!("{} ({part:.3} %): {} woke too late, {} took too long", t.misses, t.woke_late, t.misses - t.woke_late.min(t.misses)),
+        format!(
+            "{} ({part:.3} %): {} woke too late, {} took too long",
+            t.misses,
+            t.woke_late,
+            t.misses - t.woke_late.min(t.misses)
+        ),
     );
     if !view.device.is_empty() {
         let sum: f64 = view.latency_ms.iter().map(|(_, ms)| ms).sum();
@@ -109,7 +122,13 @@ pub fn summary(run: &Run<'_>, written: &[PathBuf]) -> String {
         );
     }
     for s in &view.sources {
-        line("source", format!("`{}`: {} samples, {} stalls, read {:.1} ms behind", s.id, s.samples, s.stalls, s.delay_ms));
+        line(
+            "source",
+            format!(
+                "`{}`: {} samples, {} stalls, read {:.1} ms behind",
+                s.id, s.samples, s.stalls, s.delay_ms
+            ),
+        );
     }
     if view.faults == 0 {
         line("faults", "none".into());
@@ -117,7 +136,10 @@ pub fn summary(run: &Run<'_>, written: &[PathBuf]) -> String {
         line("faults", view.faults.to_string());
         for (node, v) in layout.nodes.iter().zip(&view.nodes).filter(|(_, v)| v.faults > 0) {
             let end = if v.quarantined { "; it was taken out of the graph" } else { "" };
-            line("", format!("`{}` ({}) {} times, last: {}{end}", node.id, node.kind, v.faults, v.last_fault));
+            line(
+                "",
+                format!("`{}` ({}) {} times, last: {}{end}", node.id, node.kind, v.faults, v.last_fault),
+            );
         }
     }
     for path in written {

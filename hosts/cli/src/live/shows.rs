@@ -3,10 +3,10 @@
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 
+use super::shim::Terminal;
 use asperity_live::Conductor;
 use asperity_live::view::{Layout, Request, View};
 use asperity_page::{Feed, Page, serve};
-use asperity_terminal::Terminal;
 
 use super::hands::Hands;
 use super::say;
@@ -37,7 +37,7 @@ impl Shows {
                 let feed = Arc::new(Feed::new());
                 feed.publish_layout(conductor.layout().clone());
                 let options = asperity_page::Options { port, ..asperity_page::Options::default() };
-                let page = serve(options, feed.clone(), sender.clone(), hands.take_pointer())
+                let page = serve(&options, feed.clone(), sender.clone(), hands.take_pointer())
                     .map_err(|e| Failure::Machine(format!("cannot serve the page at port {port}: {e}")))?;
                 say(args.quiet && !args.tui, &format!("the page: {}", page.url()));
                 Some((page, feed))

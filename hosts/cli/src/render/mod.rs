@@ -1,6 +1,6 @@
 //! `asperity render`: the virtual clock. Ticks run one after another, as fast as they go.
 
-mod record;
+pub mod record;
 pub mod report;
 mod taken;
 mod traces;
@@ -18,7 +18,7 @@ use asperity_node::Buffer;
 use asperity_source::Diagnostic;
 use indicatif::{ProgressBar, ProgressStyle};
 
-use crate::args::Render;
+use crate::args::{GraphArgs, Render};
 use crate::failure::{Failure, print};
 use crate::kinds::Kinds;
 use crate::output::Pending;
@@ -59,7 +59,8 @@ pub fn run(args: &Render) -> Result<ExitCode, Failure> {
         crate::failure::warn(&format!("`{allocating}` allocates in every tick and is not fit for real time"));
     }
 
-    distinct_files(args, schedule, &kinds)?;
+    let named = [("--out", &args.out), ("--plot", &args.plot), ("--report", &args.report)];
+    distinct_files(&args.graph, schedule, &kinds, &named)?;
     check_lengths(args, schedule, ticks)?;
     let mut taken = Taken::new(args, schedule)?;
     // Opened now, so that a folder that is not there is known before and not after the work.
@@ -152,12 +153,16 @@ fn nothing_live(args: &Render, schedule: &asperity_graph::Schedule) -> Result<()
 }
 
 /// Two things written to one file would leave only the last, and what is read must not be written over.
-fn distinct_files(args: &Render, schedule: &asperity_graph::Schedule, kinds: &Kinds) -> Result<(), Failure> {
-    let mut seen = load::files_read(&args.graph, schedule);
+pub fn distinct_files(
+    args: &GraphArgs,
+    schedule: &asperity_graph::Schedule,
+    kinds: &Kinds,
+    named: &[(&str, &Option<PathBuf>)],
+) -> Result<(), Failure> {
+    let mut seen = load::files_read(args, schedule);
     seen.extend(kinds.files().iter().map(|path| (path.clone(), "the graph, as a plugin,".to_owned())));
     let read = seen.len();
-    let named = [("--out", &args.out), ("--plot", &args.plot), ("--report", &args.report)];
-    seen.extend(named.into_iter().filter_map(|(name, path)| Some((path.clone()?, name.to_owned()))));
+    seen.extend(named.iter().filter_map(|(name, path)| Some(((*path).clone()?, (*name).to_owned()))));
     seen.extend(record::files(schedule).map(|(path, id)| (path, format!("`{id}`"))));
     let seen: Vec<(PathBuf, String)> =
         seen.into_iter().map(|(path, who)| (output::resolved(&path), who)).collect();
@@ -214,7 +219,7 @@ fn ticks(args: &Render, schedule: &asperity_graph::Schedule) -> Result<u64, Fail
 }
 
 /// Set when the user asks the render to stop; what was rendered until then is kept.
-fn stop_flag() -> Arc<AtomicBool> {
+pub fn stop_flag() -> Arc<AtomicBool> {
     let stop = Arc::new(AtomicBool::new(false));
     let set = stop.clone();
     // A second handler cannot be set, and one render is all a program runs.

@@ -38,7 +38,10 @@ impl NodeMeters {
             values: (0..outputs).map(|_| AtomicU32::new(0)).collect(),
             ..Meter::default()
         };
-        Self { nodes: schedule.nodes.iter().map(|n| meter(n.outputs.len())).collect(), peak: AtomicU32::new(0) }
+        Self {
+            nodes: schedule.nodes.iter().map(|n| meter(n.outputs.len())).collect(),
+            peak: AtomicU32::new(0),
+        }
     }
 
     /// Takes down what goes to the device. Tick thread.

@@ -259,7 +259,8 @@ impl Session {
         let mut view = self.view();
         // Who is gone says nothing any more.
         (view.clock, view.latency_ms) = (before.clock, before.latency_ms);
-        view.condition = if before.condition == Condition::Failed { Condition::Failed } else { Condition::Stopping };
+        view.condition =
+            if before.condition == Condition::Failed { Condition::Failed } else { Condition::Stopping };
         Ended { player, conductor: self.conductor, view }
     }
 
