@@ -70,8 +70,13 @@ impl Counts {
         self.recent.iter().map(|frames| frames.load(Relaxed)).filter(|frames| *frames > 0).collect()
     }
 
+    /// The longest of the last calls [frames].
+    pub(crate) fn longest(&self) -> u32 {
+        self.recent.iter().map(|frames| frames.load(Relaxed)).max().unwrap_or(0)
+    }
+
     /// Counts a call. Answers the gap before it, where there was one that is worth telling [ns].
-    fn called(&self, now: u64, frames: usize, latency_ns: u64) -> Option<u64> {
+    pub(crate) fn called(&self, now: u64, frames: usize, latency_ns: u64) -> Option<u64> {
         let before = self.last_ns.swap(now, Relaxed);
         let call = self.calls.fetch_add(1, Relaxed);
         self.frames.fetch_add(frames as u64, Relaxed);

@@ -7,7 +7,7 @@ mod servers;
 use std::time::{Duration, Instant};
 
 use asperity_audio::{Event, OpenError, Request, events, hosts, open};
-use parts::{Count, Recorder, play, wait, wait_for_loss};
+use parts::{Count, Loop, Recorder, play, wait, wait_for_loss};
 use servers::{Parec, Pulse, inside};
 
 fn request() -> Request {
@@ -42,6 +42,26 @@ fn every_sample_arrives_at_1024_frames() {
     let mut ahead: Vec<u64> = seen.lock().unwrap().iter().map(|(_, ahead)| *ahead / 1000).collect();
     ahead.sort_unstable();
     println!("ahead p10/p50/p90 {:?} us", [1, 5, 9].map(|tenth| ahead[ahead.len() * tenth / 10]));
+}
+
+#[test]
+fn an_input_hears_what_an_output_plays_and_the_stamps_add_up() {
+    let test = "an_input_hears_what_an_output_plays_and_the_stamps_add_up";
+    let Some(_) = inside(test, Pulse::start) else { return };
+    for period in [1024, 256] {
+        let (tape, process, capture) = Loop::new();
+        let (sender, _events) = events();
+        let input_device = Some("test.monitor".to_owned());
+        let wanted = Request { input_device, inputs: vec![1], period_frames: Some(period), ..request() };
+        let stream = open(&wanted, process, Some(capture), sender).unwrap();
+        assert_eq!(stream.input_id().as_deref(), Some("pulseaudio:test.monitor"));
+        stream.play().unwrap();
+        wait("two seconds", || tape.frames() > 96_000);
+        drop(stream);
+        let (whole, ahead, behind) = tape.check(48_000);
+        assert!((whole - ahead - behind).abs() < 5.0, "loop {whole} ms, ahead {ahead} ms, behind {behind} ms");
+        println!("period {period}: loop {whole:.2} ms, ahead {ahead:.2} ms, behind {behind:.2} ms");
+    }
 }
 
 #[test]
