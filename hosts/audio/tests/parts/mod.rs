@@ -93,11 +93,14 @@ impl<F: FnMut() -> f32 + Send> Process for Each<F> {
     }
 }
 
+/// Frames and `ahead_ns` of blocks.
+type Blocks = Arc<Mutex<Vec<(usize, u64)>>>;
+
 /// Plays [`Count`] and remembers frames and `ahead_ns` of every block.
-pub(crate) struct Recorder(Count, Arc<Mutex<Vec<(usize, u64)>>>);
+pub(crate) struct Recorder(Count, Blocks);
 
 impl Recorder {
-    pub(crate) fn new() -> (Self, Arc<Mutex<Vec<(usize, u64)>>>) {
+    pub(crate) fn new() -> (Self, Blocks) {
         let seen = Arc::default();
         (Self(Count::default(), Arc::clone(&seen)), seen)
     }
@@ -133,6 +136,19 @@ struct Seen {
     frame: usize,
     called_ns: u64,
     sounds_ns: u64,
+}
+
+/// What a loop was like: medians in ms, for the first frame of each block heard.
+#[derive(Debug)]
+pub(crate) struct Heard {
+    /// Frames that were played and not heard, after the first that was.
+    pub(crate) lost: usize,
+    /// From the call that played a frame to the call that heard it.
+    pub(crate) whole: f64,
+    /// The output's latency, as the host says.
+    pub(crate) ahead: f64,
+    /// The input's.
+    pub(crate) behind: f64,
 }
 
 /// Plays and records one channel in a loop, and keeps what the host says of time.
@@ -177,17 +193,16 @@ impl Loop {
         self.heard.lock().unwrap().1.len()
     }
 
-    /// Checks that what was heard is what was played, each sample once and in order, silence apart, but for what was played before
-    /// the loop was closed. Answers medians in ms, for the first frame of each block heard: from the call that played it to the call
-    /// that heard it; what of that is the host's latency of output and of input, as it says.
-    pub(crate) fn check(&self, rate_hz: u32) -> (f64, f64, f64) {
+    /// Checks that what was heard is what was played, in order and nothing twice, silence apart.
+    pub(crate) fn check(&self, rate_hz: u32) -> Heard {
         let played = self.played.lock().unwrap().clone();
         let (blocks, heard) = self.heard.lock().unwrap().clone();
         let number = |sample: f32| (f64::from(sample) * f64::from(1 << 23)) as usize;
-        let mut last = None;
+        let (mut last, mut lost) = (None, 0);
         for (at, sample) in heard.iter().enumerate().filter(|(_, sample)| **sample != 0.0) {
             let this = number(*sample);
-            assert!(last.is_none_or(|last| this == last + 1), "frame {at}: {this} follows {last:?}");
+            assert!(last.is_none_or(|last| this > last), "frame {at}: {this} follows {last:?}");
+            lost += last.map_or(0, |last| this - last - 1);
             last = Some(this);
         }
         let (mut whole, mut ahead, mut behind) = (Vec::new(), Vec::new(), Vec::new());
@@ -206,6 +221,6 @@ impl Loop {
             all.sort_by(f64::total_cmp);
             *all.get(all.len() / 2).expect("something is heard")
         };
-        (median(whole), median(ahead), median(behind))
+        Heard { lost, whole: median(whole), ahead: median(ahead), behind: median(behind) }
     }
 }
