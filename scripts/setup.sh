@@ -4,6 +4,11 @@ set -eu
 
 missing=""
 command -v cc >/dev/null 2>&1 || missing="$missing build-essential"
+command -v pkg-config >/dev/null 2>&1 || missing="$missing pkg-config"
+# ALSA's library is linked. JACK's is opened at run time, and PulseAudio's protocol is spoken without one.
+if [ "$(uname)" = Linux ]; then
+    pkg-config --exists alsa 2>/dev/null || missing="$missing libasound2-dev"
+fi
 
 if [ -n "$missing" ]; then
     line="apt-get install -y$missing"

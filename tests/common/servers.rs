@@ -4,6 +4,7 @@
 //! again as a child that has them set: see [`inside`]. Where a server is not installed the test is skipped, loudly.
 #![allow(dead_code, reason = "no test file uses all of it")]
 
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
@@ -24,11 +25,16 @@ fn unique(what: &str) -> String {
     format!("asperity-{what}-{}-{}", std::process::id(), COUNT.fetch_add(1, Relaxed))
 }
 
+/// Says that a test is skipped, past the harness, which would keep the line to itself.
+pub(crate) fn skipped(why: &str) {
+    let _ = writeln!(std::io::stderr(), "SKIPPED: {why}");
+}
+
 fn installed(program: &str, package: &str) -> bool {
     let found =
         Command::new(program).arg("--version").stdout(Stdio::null()).stderr(Stdio::null()).status().is_ok();
     if !found {
-        eprintln!("SKIPPED: {program} is not installed: apt-get install {package}");
+        skipped(&format!("{program} is not installed: apt-get install {package}"));
     }
     found
 }

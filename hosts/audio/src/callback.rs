@@ -70,8 +70,13 @@ impl Counts {
         self.recent.iter().map(|frames| frames.load(Relaxed)).filter(|frames| *frames > 0).collect()
     }
 
+    /// The longest of the last calls [frames].
+    pub(crate) fn longest(&self) -> u32 {
+        self.recent.iter().map(|frames| frames.load(Relaxed)).max().unwrap_or(0)
+    }
+
     /// Counts a call. Answers the gap before it, where there was one that is worth telling [ns].
-    fn called(&self, now: u64, frames: usize, latency_ns: u64) -> Option<u64> {
+    pub(crate) fn called(&self, now: u64, frames: usize, latency_ns: u64) -> Option<u64> {
         let before = self.last_ns.swap(now, Relaxed);
         let call = self.calls.fetch_add(1, Relaxed);
         self.frames.fetch_add(frames as u64, Relaxed);
@@ -237,5 +242,78 @@ impl Gatherer {
             }
             done += frames;
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use assert_no_alloc::{AllocDisabler, assert_no_alloc, violation_count};
+    use cpal::{InputStreamTimestamp, OutputStreamTimestamp, StreamInstant};
+    use ringbuf::HeapRb;
+    use ringbuf::traits::{Consumer, Split};
+
+    use super::*;
+    use crate::Captured;
+
+    #[global_allocator]
+    static ALLOCATOR: AllocDisabler = AllocDisabler;
+
+    struct Half;
+
+    impl Process for Half {
+        fn process(&mut self, block: &mut Block<'_>) {
+            block.output.fill(0.5);
+        }
+    }
+
+    impl Capture for Half {
+        fn capture(&mut self, block: &Captured<'_>) {
+            assert!(block.input.iter().all(|sample| *sample == 0.5));
+        }
+    }
+
+    #[test]
+    fn a_call_neither_allocates_nor_frees_however_long_it_is_and_also_after_a_gap() {
+        assert_no_alloc(|| drop(std::hint::black_box(vec![1_u8; 64])));
+        let seen = violation_count();
+        assert!(seen > 0, "the instrument must see an allocation");
+        let counts = Arc::new(Counts::new(48_000));
+        let (outward, mut told) = HeapRb::new(4).split();
+        let (inward, _told) = HeapRb::new(4).split();
+        let mut filler = Filler::new(counts.clone(), outward, &[3, 1], 4, Box::new(Half));
+        let mut gatherer = Gatherer::new(counts.clone(), inward, &[1, 3], 4, Box::new(Half));
+        let stamp = StreamInstant::from_nanos(1);
+        let played = OutputCallbackInfo::new(OutputStreamTimestamp { callback: stamp, playback: stamp });
+        let recorded = InputCallbackInfo::new(InputStreamTimestamp { callback: stamp, capture: stamp });
+        let mut data = vec![cpal::I24::new_unchecked(0); 4 * 100_000];
+        now_ns();
+        for frames in [64, 0, 1, 100_000, 441] {
+            // As if the last call had been a day ago.
+            counts.last_ns.store(1, Relaxed);
+            while now_ns() < GAP_NS + 10_000_000 {
+                std::thread::yield_now();
+            }
+            let data = &mut data[..4 * frames];
+            assert_no_alloc(|| filler.fill(data, &played));
+            assert_no_alloc(|| gatherer.gather(data, &recorded));
+            assert!(data.chunks(4).all(|frame| frame[0].to_unit() == 0.5 && frame[1].inner() == 0));
+        }
+        assert_eq!(violation_count(), seen);
+        // A call of 100000 frames may follow late on the one before.
+        assert!(matches!(told.try_pop(), Some(Message::Gap(_))));
+    }
+
+    #[test]
+    fn a_gap_is_more_than_three_periods_and_50_ms() {
+        let counts = Counts::new(48_000);
+        let ms = |ms: u64| ms * 1_000_000;
+        assert_eq!(counts.called(ms(1000), 64, 0), None);
+        assert_eq!(counts.called(ms(1049), 64, 0), None);
+        assert_eq!(counts.called(ms(1100), 64, 0), Some(ms(51)));
+        // 4800 frames are 100 ms.
+        assert_eq!(counts.called(ms(1390), 4800, 0), None);
+        assert_eq!(counts.called(ms(1680), 64, 0), None);
+        assert_eq!(counts.called(ms(1740), 64, 0), Some(ms(60)));
+        assert_eq!((counts.gaps.load(Relaxed), counts.longest_gap_ns.load(Relaxed)), (2, ms(60)));
     }
 }

@@ -1,4 +1,18 @@
 //! A device that plays.
+//!
+//! What a host says of its latency ([`Block::ahead_ns`](crate::Block::ahead_ns), [`Captured::behind_ns`](crate::Captured::behind_ns),
+//! [`Stats::latency_ms`]), measured at 48 kHz against the time that samples took in a loop from output to input:
+//!
+//! | host | frames a call | ahead [ms] | behind [ms] | loop [ms] |
+//! |---|---|---|---|---|
+//! | PulseAudio, null sink and its monitor | 1033 (of 1024) | 31.96 | 0.38 | 32.10 |
+//! | PulseAudio, null sink and its monitor | 265 (of 256) | 7.99 | 0.38 | 8.02 |
+//! | JACK, dummy driver, a cable within JACK | 256 | 5.31 | 5.40 | 0.04 |
+//! | ALSA over PulseAudio | 682 (of 1024) | 28.3 | | |
+//!
+//! PulseAudio's account is right within 0.4 ms. JACK counts from the start of its cycle and speaks of the card's converters, one
+//! period each way with the dummy driver; a cable within JACK passes neither. ALSA says two periods, which is its buffer, and
+//! nothing of the server behind it.
 
 use std::sync::atomic::Ordering::Relaxed;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
@@ -243,8 +257,9 @@ impl Stream {
 
     /// Holds it: the device plays silence or stands still, and is not watched. Devices that cannot do this say so.
     pub fn pause(&self) -> Result<(), String> {
-        self.shared.playing_since.store(0, Relaxed);
-        self.each_stream(StreamTrait::pause)?;
+        let since = self.shared.playing_since.swap(0, Relaxed);
+        self.each_stream(StreamTrait::pause)
+            .inspect_err(|_| self.shared.playing_since.store(since, Relaxed))?;
         self.each_side(|counts| counts.last_ns.store(0, Relaxed));
         Ok(())
     }

@@ -24,6 +24,8 @@ const PERIOD: Duration = Duration::from_millis(5);
 const LOSS_NS: u64 = 1_000_000_000;
 /// How long a device may take to call for the first time [ns].
 const FIRST_NS: u64 = 3_000_000_000;
+/// A watch that has not looked for so long was held up itself [ns].
+const STANDSTILL_NS: u64 = 250_000_000;
 /// More errors than this at once are a loss ...
 const FLOOD: f64 = 32.0;
 /// ... where so many a second do no harm.
@@ -103,16 +105,16 @@ impl Watched {
         lost
     }
 
-    /// Why it counts as lost if it does not call, and that since `playing_since`.
-    fn silent(&self, now: u64, playing_since: u64) -> Option<String> {
+    /// Why it counts as lost, if it has not called for too long; the time before `since` does not count.
+    fn silent(&self, now: u64, since: u64) -> Option<String> {
         let last = self.counts.last_ns.load(Relaxed);
         if last == 0 {
-            let waited = now.saturating_sub(playing_since);
+            let waited = now.saturating_sub(since);
             return (waited > FIRST_NS).then(|| "the device did not begin to call".to_owned());
         }
-        let longest = self.counts.recent().into_iter().max().unwrap_or(0);
-        let ten_periods = 10 * u64::from(longest) * 1_000_000_000 / u64::from(self.counts.rate_hz.max(1));
-        let silence = now.saturating_sub(last.max(playing_since));
+        let ten_periods =
+            10 * u64::from(self.counts.longest()) * 1_000_000_000 / u64::from(self.counts.rate_hz.max(1));
+        let silence = now.saturating_sub(last.max(since));
         let over = silence > LOSS_NS.max(ten_periods);
         over.then(|| format!("the device has not called for {:.1} s", silence as f64 / 1e9))
     }
@@ -136,15 +138,36 @@ fn told(panic: Box<dyn Any + Send>) -> String {
     format!("what filled the device's blocks panicked: {}", text.as_deref().unwrap_or("no message"))
 }
 
+/// Tells a device that is silent from a machine that stood still: nobody calls while this thread cannot run either.
+#[derive(Default)]
+struct Awake {
+    looked: u64,
+    since: u64,
+}
+
+impl Awake {
+    /// Takes note of a look; answers since when this thread has looked without a pause [ns].
+    fn look(&mut self, now: u64) -> u64 {
+        if now.saturating_sub(self.looked) > STANDSTILL_NS {
+            self.since = now;
+        }
+        self.looked = now;
+        self.since
+    }
+}
+
 /// Watches until the stream is lost or done.
 pub(crate) fn watch(shared: &Shared, mut sides: Vec<Watched>, events: &Events) {
     let mut waiting = VecDeque::new();
+    let mut awake = Awake::default();
     while !shared.done.load(Relaxed) {
         let now = now_ns();
-        let since = shared.playing_since.load(Relaxed);
+        let awake_since = awake.look(now);
+        let playing_since = shared.playing_since.load(Relaxed);
+        let timed = shared.timed && playing_since > 0;
         let mut lost = None;
         for side in &mut sides {
-            let quiet = if shared.timed && since > 0 { side.silent(now, since) } else { None };
+            let quiet = if timed { side.silent(now, playing_since.max(awake_since)) } else { None };
             let said = side.look(&mut waiting);
             lost = lost.or(said).or(quiet);
         }
@@ -169,5 +192,40 @@ fn lose(shared: &Shared, sides: &[Watched], reason: String, events: &Events) {
         }
         event = back;
         std::thread::park_timeout(PERIOD);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn ms(ms: u64) -> u64 {
+        ms * 1_000_000
+    }
+
+    #[test]
+    fn a_machine_that_stood_still_is_not_taken_for_a_device_that_is_lost() {
+        let counts = Arc::new(Counts::new(48_000));
+        let (_, data) = ringbuf::traits::Split::split(ringbuf::HeapRb::new(1));
+        let (_, errors) = ringbuf::traits::Split::split(ringbuf::HeapRb::new(1));
+        let side = Watched::new(counts.clone(), [data, errors]);
+        counts.last_ns.store(ms(1000), Relaxed);
+        let mut awake = Awake::default();
+        let mut look = |now: u64| side.silent(now, awake.look(now));
+        assert_eq!((1000..1500).step_by(5).find_map(|at| look(ms(at))), None);
+        // It stands still for 3 s: the device has a second from then on.
+        assert_eq!((4500..=5500).step_by(5).find_map(|at| look(ms(at))), None);
+        assert!(look(ms(5505)).is_some_and(|reason| reason.contains("1.0 s")));
+    }
+
+    #[test]
+    fn long_periods_are_given_more_time() {
+        let counts = Arc::new(Counts::new(1000));
+        let (_, data) = ringbuf::traits::Split::split(ringbuf::HeapRb::new(1));
+        let (_, errors) = ringbuf::traits::Split::split(ringbuf::HeapRb::new(1));
+        let side = Watched::new(counts.clone(), [data, errors]);
+        counts.called(ms(1), 300, 0);
+        assert_eq!(side.silent(ms(3001), 0), None);
+        assert!(side.silent(ms(3002), 0).is_some());
     }
 }

@@ -236,6 +236,16 @@ fn a_device_that_is_described_by_its_id_needs_no_test_to_make_it() {
     assert!(seen.lock().unwrap().iter().all(|(frames, _)| *frames == 97));
 }
 
+#[test]
+fn a_described_device_calls_with_its_lengths_in_turn() {
+    let device = Some("simulated:frames=64+1+1024+97,speed=50".into());
+    let (process, seen) = Recorder::new();
+    let stream = play(&Request { device, ..Request::default() }, process);
+    parts::wait("twelve calls", || stream.stats().callbacks >= 12);
+    let seen: Vec<usize> = seen.lock().unwrap().iter().map(|(frames, _)| *frames).take(12).collect();
+    assert_eq!(seen, [64, 1, 1024, 97].repeat(3));
+}
+
 fn refusal(request: &Request) -> OpenError {
     let (sender, _events) = events();
     let (capture, _) = parts::Ear::new();

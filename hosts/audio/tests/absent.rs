@@ -1,0 +1,52 @@
+//! No server runs: what is asked about devices then. A file of its own, since the environment belongs to the whole process.
+
+mod parts;
+
+use std::process::Command;
+
+use asperity_audio::{OpenError, Request, events, hosts, open};
+use parts::Count;
+
+const INSIDE: &str = "ASPERITY_TEST_INSIDE";
+
+/// Runs the test of that name again where no server can be found. None in the child.
+fn alone(test: &str) -> Option<std::process::Output> {
+    if std::env::var(INSIDE).is_ok() {
+        return None;
+    }
+    let mut child = Command::new(std::env::current_exe().unwrap());
+    child.args(["--exact", test, "--nocapture"]).env(INSIDE, "1");
+    child.env("JACK_DEFAULT_SERVER", "asperity-none").env("PULSE_SERVER", "unix:/nonexistent/asperity");
+    child.env("PULSE_RUNTIME_PATH", "/nonexistent").env("XDG_RUNTIME_DIR", "/nonexistent");
+    child.env("RUST_BACKTRACE", "0");
+    Some(child.output().unwrap())
+}
+
+#[test]
+fn asking_what_there_is_never_fails_and_prints_nothing() {
+    let Some(output) = alone("asking_what_there_is_never_fails_and_prints_nothing") else {
+        let hosts = hosts();
+        let note = |name: &str| hosts.iter().find(|host| host.name == name).unwrap().note.clone();
+        assert!(note("jack").unwrap().contains("no JACK server"), "{:?}", note("jack"));
+        assert!(note("pulseaudio").is_some());
+        assert_eq!((note("alsa"), note("simulated")), (None, None));
+        return;
+    };
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stdout));
+    let printed = String::from_utf8_lossy(&output.stderr);
+    assert!(!printed.contains("ALSA") && !printed.to_lowercase().contains("jack server"), "{printed}");
+}
+
+#[test]
+fn a_host_that_is_named_and_away_is_an_error_and_no_other_is_taken() {
+    let Some(output) = alone("a_host_that_is_named_and_away_is_an_error_and_no_other_is_taken") else {
+        for host in ["jack", "pulseaudio"] {
+            let (sender, _events) = events();
+            let request = Request { host: Some(host.into()), ..Request::default() };
+            let error = open(&request, Box::new(Count::default()), None, sender).err().unwrap();
+            assert!(matches!(&error, OpenError::HostAway { host: away, .. } if away == host), "{error}");
+        }
+        return;
+    };
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+}
