@@ -1,0 +1,100 @@
+//! Graphs that a command makes for itself, played to their end.
+
+use std::path::Path;
+use std::sync::atomic::Ordering::Relaxed;
+use std::time::Duration;
+
+use asperity_engine::Options;
+use asperity_graph::{Compiled, GraphFile, Schedule, compile};
+use asperity_live::view::View;
+use asperity_live::{Ended, Ends, Session, conduct, mic};
+use asperity_node::time::max_samples;
+use asperity_source::{Diagnostic, Source};
+
+use super::{MIC_S, PACE, card};
+use crate::args::{ActuatorArgs, DeviceArgs};
+use crate::failure::{Failure, warn};
+use crate::kinds;
+use crate::render::stop_flag;
+
+/// What is behind the samples of a card: the nodes that stand before every device, from amperes on.
+pub fn output_nodes(actuator: &ActuatorArgs) -> Result<String, Failure> {
+    let profile = profile(&actuator.profile)?;
+    let ActuatorArgs { handle_mass_g, volts_at_full_scale, amps_per_volt, .. } = actuator;
+    Ok(format!(
+        r#""limiter": (kind: "limiter", params: (profile: {profile:?}, handle_mass_g: {handle_mass_g:?})),
+           "out": (kind: "audio_out", params: (volts_at_full_scale: {volts_at_full_scale:?}, amps_per_volt: {amps_per_volt:?})),"#
+    ))
+}
+
+/// A profile by its name, or the file's path from anywhere.
+fn profile(text: &str) -> Result<String, Failure> {
+    if !text.ends_with(".ron") {
+        return Ok(text.to_owned());
+    }
+    let path = std::path::absolute(Path::new(text)).map_err(|e| {
+        Failure::from(Diagnostic::new(format!("cannot read this: {e}")).in_file(text))
+    })?;
+    Ok(path.display().to_string())
+}
+
+/// A graph from its text; `name` is what errors call it.
+pub fn graph(name: &str, rate_hz: u32, nodes: &str, wires: &str) -> Result<(GraphFile, Compiled), Failure> {
+    let text = format!("Graph(version: 1, tick_hz: 500, audio_hz: {rate_hz}, nodes: {{{nodes}}}, wires: [{wires}])");
+    let graph = GraphFile::parse(&Source::new(name, text))?;
+    let compiled = compile(&graph, &kinds::registry(&[])?, asperity_graph::Options::default())?;
+    Ok((graph, compiled))
+}
+
+/// What happens while it plays.
+pub struct Watching<'w> {
+    /// Called with every view; answers whether to go on.
+    pub view: &'w mut dyn FnMut(&View) -> bool,
+    /// Called with what sinks recorded: id, first sample, samples.
+    pub recorded: &'w mut dyn FnMut(&str, u64, &[f32]),
+}
+
+/// Plays a graph until `ticks` have run, or until it is told to stop. False where somebody stopped it.
+pub fn play(
+    (graph, compiled): (GraphFile, Compiled),
+    args: &DeviceArgs,
+    start_s: f64,
+    ends: Ends,
+    ticks: u64,
+    mut watching: Watching<'_>,
+) -> Result<(Ended, bool), Failure> {
+    let schedule: &Schedule = &compiled.schedule;
+    let request = card::request(args, schedule)?;
+    let recorded = request.as_ref().map_or(0, |r| r.inputs.len());
+    let room = (f64::from(schedule.audio_hz) * MIC_S) as usize;
+    let (writer, reader) = mic(recorded, room, max_samples(schedule.audio_hz, schedule.tick_hz));
+    let (writer, reader) = if recorded > 0 { (Some(writer), Some(reader)) } else { (None, None) };
+    let (conductor, player) = conduct(compiled, &graph, Options::default(), ends, reader, Vec::new());
+    let stop = stop_flag();
+    let options = asperity_live::SessionOptions { start_s, reconnect: false, ..card::options(args, request) };
+    let mut session = Session::start(conductor, player, writer, options).map_err(card::failed)?;
+    let mut whole = true;
+    loop {
+        for notice in session.tend().map_err(card::failed)? {
+            warn(&notice);
+        }
+        if session.conductor().recorded(&mut *watching.recorded) > 0 {
+            return Err(Failure::Machine("the machine is too slow to record".into()));
+        }
+        let view = session.view();
+        if !session.goes_on() {
+            return Err(Failure::Machine(format!("`{}` is lost before the end", view.device)));
+        }
+        if view.ticks >= ticks {
+            break;
+        }
+        if stop.load(Relaxed) || !(watching.view)(&view) {
+            whole = false;
+            break;
+        }
+        std::thread::sleep(Duration::min(PACE, Duration::from_millis(10)));
+    }
+    let mut ended = session.stop();
+    ended.conductor.recorded(&mut *watching.recorded);
+    Ok((ended, whole))
+}
