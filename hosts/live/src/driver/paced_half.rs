@@ -124,6 +124,7 @@ impl PacedHalf {
                 self.stream.owed.store(self.owed, Release);
                 self.ring.skip(drop as usize * self.channels);
             }
+            // What the thread may have pushed since is owed too.
             if owed > drop {
                 return 0;
             }
