@@ -63,7 +63,7 @@ impl Process for PacedHalf {
         let frames = block.frames();
         let heard = self.dll.callback(block.now_ns, frames as u64);
         self.lines.write(*self.dll.line());
-        self.controls.heard(block.now_ns, frames, self.dll.line().period_frames);
+        self.controls.heard(block.now_ns, frames, self.dll.line());
         self.controls.steer(&mut self.ramp);
         if heard.lost > 0 {
             self.controls.meters().xruns.add(1);
