@@ -124,6 +124,8 @@ pub struct Dll {
     /// When the loop last moved, and the frames that were asked for since.
     moved_ns: f64,
     since: f64,
+    /// Time that was called lost in gaps, less what came back, in nanoseconds.
+    gone_ns: f64,
     period: Most,
     early: Most,
     /// Errors of one sign beyond [`OFFSET_NS`], one after the other: since when, how many, the smallest.
@@ -141,6 +143,7 @@ impl Dll {
             began_ns: 0.0,
             moved_ns: 0.0,
             since: 0.0,
+            gone_ns: 0.0,
             period: Most::default(),
             early: Most::default(),
             shared: (0.0, 0, 0.0),
@@ -183,6 +186,7 @@ impl Dll {
     fn lock_anew(&mut self, now: f64) {
         self.line.end_ns = now;
         self.began_ns = now;
+        self.gone_ns = 0.0;
         self.period = Most { since_ns: now, ..Most::default() };
         self.early = self.period;
         self.follow(now);
@@ -201,14 +205,16 @@ impl Dll {
         let error = now - self.line.end_ns;
         let usual = if self.period.get() > 0.0 { self.period.get() } else { self.since };
         let gap = GAP_NS.max(1.5 * (usual * self.nominal_ns).min(now - self.moved_ns));
-        if error < -gap || (error > gap && !self.settled()) {
-            self.lock_anew(now);
-            return 0.0;
-        }
-        if error > gap {
+        if error.abs() > gap {
+            // A device with a deeper buffer makes up for a late callback: what was called lost comes back.
+            if !self.settled() || -error > self.gone_ns + gap {
+                self.lock_anew(now);
+                return 0.0;
+            }
+            self.gone_ns = (self.gone_ns + error).max(0.0);
             self.line.end_ns = now;
             self.follow(now);
-            return (error / self.line.frame_ns).round();
+            return (error / self.line.frame_ns).round().max(0.0);
         }
         let w = TAU * (0.8e9 / (now - self.began_ns).max(1.0)).clamp(BANDWIDTH_HZ, WIDE_HZ);
         let spanned_s = self.since * self.nominal_ns * 1e-9;

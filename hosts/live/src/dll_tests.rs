@@ -106,6 +106,26 @@ fn a_gap_is_counted_in_frames_and_not_dragged_along() {
 }
 
 #[test]
+fn a_late_callback_that_the_device_makes_up_for_leaves_the_loop_settled() {
+    let mut device = Device::new(48_000, 1.0, 0.1e6);
+    device.run(64, 4.0);
+    // 20 ms late, then all that were missed at once.
+    let late = device.time_ns + 20e6;
+    let mut lost = 0;
+    while device.time_ns < late {
+        lost += device.dll.callback(late as u64, 64).lost;
+        device.time_ns += 64.0 * device.frame_ns;
+    }
+    assert!((950..=970).contains(&lost), "{lost} of 960");
+    device.run(64, 0.05);
+    let off = device.dll.line().time_ns(device.dll.line().end()) - device.time_ns;
+    assert!(off.abs() < 0.3e6 && device.dll.settled(), "{off}");
+    let before = device.dll.line().end();
+    device.time_ns += 20e6;
+    assert!(device.call(64).lost > 940 && device.dll.line().end() > before);
+}
+
+#[test]
 fn time_lost_in_less_than_a_period_is_found_by_what_all_callbacks_share() {
     let mut device = Device::new(48_000, 1.0, 0.1e6);
     device.run(1024, 4.0);

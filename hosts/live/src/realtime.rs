@@ -3,6 +3,7 @@
 //! Nothing here is needed to run. The part for an audio callback makes three system calls and allocates nothing; the
 //! words for a person are made elsewhere, from the numbers it left.
 
+use std::fmt;
 use std::fs::File;
 use std::sync::OnceLock;
 
@@ -28,14 +29,16 @@ impl Grant {
     pub fn missing(self) -> bool {
         matches!(self, Self::Refused(_) | Self::NotSupported)
     }
+}
 
-    fn why(self) -> String {
+impl fmt::Display for Grant {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::NotAsked => "not asked for".into(),
-            Self::Granted => "granted".into(),
-            Self::Refused(0) => "the system said yes and did not do it".into(),
-            Self::Refused(error) => std::io::Error::from_raw_os_error(error).to_string(),
-            Self::NotSupported => "not supported here".into(),
+            Self::NotAsked => f.write_str("not asked for"),
+            Self::Granted => f.write_str("granted"),
+            Self::Refused(0) => f.write_str("the system said yes and did not do it"),
+            Self::Refused(error) => write!(f, "{}", std::io::Error::from_raw_os_error(*error)),
+            Self::NotSupported => f.write_str("not supported here"),
         }
     }
 }
@@ -74,8 +77,8 @@ impl Grants {
         let missing = all.into_iter().filter(|(grant, ..)| grant.missing());
         missing
             .map(|(grant, what, allow)| match grant {
-                Grant::NotSupported => format!("{what}: not supported here"),
-                _ => format!("{what}: {}; to allow it, {allow}", grant.why()),
+                Grant::NotSupported => format!("{what}: {grant}"),
+                _ => format!("{what}: {grant}; to allow it, {allow}"),
             })
             .collect()
     }

@@ -25,7 +25,7 @@ const STACK: usize = 65_536;
 /// How long a tick may keep the ticker from being taken out.
 const TAKE: Duration = Duration::from_secs(1);
 
-/// A run whose ticks are run by an audio device.
+/// A run whose ticks are run by an audio device. Dropped, it asks for a stop.
 #[derive(Debug)]
 pub struct Callback<T> {
     slot: Arc<Slot<T>>,
@@ -79,6 +79,12 @@ impl<T: Ticker> Callback<T> {
     }
 }
 
+impl<T> Drop for Callback<T> {
+    fn drop(&mut self) {
+        self.controls.request_stop();
+    }
+}
+
 impl<T: Ticker> Process for CallbackHalf<T> {
     fn process(&mut self, block: &mut Block<'_>) {
         let _flushed = Flushed::new();
@@ -90,7 +96,7 @@ impl<T: Ticker> Process for CallbackHalf<T> {
         self.controls.ask::<STACK>();
         let frames = block.frames();
         let heard = self.stream.dll.callback(block.now_ns, frames as u64);
-        self.controls.heard(block.now_ns, frames, self.stream.dll.line().period_frames);
+        self.controls.heard(block.now_ns, frames, self.stream.dll.line());
         self.controls.steer(&mut self.ramp);
         if heard.lost > 0 {
             self.controls.meters().xruns.add(1);

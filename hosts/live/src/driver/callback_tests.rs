@@ -71,6 +71,11 @@ fn ticks_are_evenly_spaced_in_the_hands_time_a_period_ago_and_not_in_its_future(
         let period_ns = frames as f64 * 1e9 / f64::from(rate_hz);
         for _ in 0..(6e9 / period_ns) as usize {
             device.call(frames, 1);
+            let lead = driver.controls().lead_ns() as f64;
+            assert!(
+                (lead / period_ns - 1.0).abs() < 0.01,
+                "{lead} of {period_ns}, from the first callback on"
+            );
             let settled = device.now_ns > 4_000_000_000;
             if let Some(Some(ticker)) = device.half.slot.enter().as_deref() {
                 let newest = ticker.times.last().map_or(0, |t| t.1);
@@ -112,6 +117,14 @@ fn a_gap_of_callbacks_leaves_out_whole_ticks_and_counts_what_was_never_played() 
                 reference.next += options.meters.lost_samples.get() - before.0;
             }
             assert_eq!(heard, reference.play(frames), "callback {i}");
+            if let Some(Some(ticker)) = device.half.slot.enter().as_deref() {
+                // A tick reads the hand a period before the callback's time at its first sample, also after gaps.
+                let (tick, read_ns) = *ticker.times.last().unwrap();
+                let played = frames as f64 + asperity_node::time::first_sample(tick, rate_hz, tick_hz) as f64
+                    - reference.next as f64;
+                let want = device.now_ns as f64 + (played - frames as f64) * 1e9 / f64::from(rate_hz);
+                assert!((read_ns as f64 - want).abs() < 0.1e6, "callback {i}: {read_ns} of {want}");
+            }
             if gaps == 4 {
                 break;
             }

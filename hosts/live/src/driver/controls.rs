@@ -5,14 +5,15 @@ use std::sync::atomic::{AtomicBool, AtomicU8, AtomicU32, AtomicU64, Ordering::*}
 use std::time::Duration;
 
 use super::Options;
+use crate::dll::Line;
 use crate::meters::Meters;
 use crate::now_ns;
 use crate::ramp::{Level, Ramp};
 use crate::realtime::{Asked, Grant};
 use crate::view::Condition;
 
-/// A device that has not called for this long while its output is to ramp down will not.
-const DEAD_NS: u64 = 200_000_000;
+/// A device that has not called for three periods, but at least and at most this long, while its output is to ramp down, will not.
+const DEAD_NS: (u64, u64) = (200_000_000, 800_000_000);
 
 /// Requests to a running driver, and how it stands. Any thread.
 #[derive(Debug)]
@@ -26,6 +27,7 @@ pub struct Controls {
     heard_ns: AtomicU64,
     frames: AtomicU32,
     period_frames: AtomicU32,
+    period_ns: AtomicU64,
     lead_ns: AtomicU64,
     asked: Asked,
     meters: Arc<Meters>,
@@ -43,6 +45,7 @@ impl Controls {
             heard_ns: AtomicU64::new(0),
             frames: AtomicU32::new(0),
             period_frames: AtomicU32::new(0),
+            period_ns: AtomicU64::new(0),
             lead_ns: AtomicU64::new(0),
             asked: Asked::default(),
             meters: Arc::clone(&options.meters),
@@ -127,10 +130,11 @@ impl Controls {
     }
 
     /// Takes note of a callback.
-    pub(super) fn heard(&self, now_ns: u64, frames: usize, period_frames: u64) {
+    pub(super) fn heard(&self, now_ns: u64, frames: usize, line: &Line) {
         self.heard_ns.store(now_ns, Relaxed);
         self.frames.store(frames as u32, Relaxed);
-        self.period_frames.store(period_frames as u32, Relaxed);
+        self.period_frames.store(line.period_frames as u32, Relaxed);
+        self.period_ns.store((line.period_frames as f64 * line.frame_ns()) as u64, Relaxed);
     }
 
     pub(super) fn set_lead(&self, ns: f64) {
@@ -161,7 +165,8 @@ impl Controls {
 
     /// Whether the device has not called for so long that nobody need wait for its output to ramp down.
     pub(super) fn dead(&self) -> bool {
-        now_ns().saturating_sub(self.heard_ns.load(Relaxed)) > DEAD_NS
+        let patience = (3 * self.period_ns.load(Relaxed)).clamp(DEAD_NS.0, DEAD_NS.1);
+        now_ns().saturating_sub(self.heard_ns.load(Relaxed)) > patience
     }
 
     /// Waits until the output is down or the device dead. Control thread.

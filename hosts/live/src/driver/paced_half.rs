@@ -63,7 +63,7 @@ impl Process for PacedHalf {
         let frames = block.frames();
         let heard = self.dll.callback(block.now_ns, frames as u64);
         self.lines.write(*self.dll.line());
-        self.controls.heard(block.now_ns, frames, self.dll.line().period_frames);
+        self.controls.heard(block.now_ns, frames, self.dll.line());
         self.controls.steer(&mut self.ramp);
         if heard.lost > 0 {
             self.controls.meters().xruns.add(1);
@@ -124,6 +124,7 @@ impl PacedHalf {
                 self.stream.owed.store(self.owed, Release);
                 self.ring.skip(drop as usize * self.channels);
             }
+            // What the thread may have pushed since is owed too.
             if owed > drop {
                 return 0;
             }

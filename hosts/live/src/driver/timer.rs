@@ -18,10 +18,10 @@ const STACK: usize = 262_144;
 /// How long a thread may take to end.
 const END: Duration = Duration::from_secs(1);
 
-/// A run without audio. What a tick puts out is computed and dropped.
+/// A run without audio. What a tick puts out is computed and dropped. Dropped, it asks for a stop.
 #[derive(Debug)]
 pub struct Timer<T> {
-    thread: JoinHandle<T>,
+    thread: Option<JoinHandle<T>>,
     controls: Arc<Controls>,
 }
 
@@ -34,7 +34,7 @@ impl<T: Ticker + 'static> Timer<T> {
         let controls = Controls::new(options);
         let shared = Arc::clone(&controls);
         let thread = Builder::new().name("asperity-tick".into()).spawn(move || run(ticker, &shared))?;
-        Ok(Self { thread, controls })
+        Ok(Self { thread: Some(thread), controls })
     }
 
     /// Requests, and how it stands.
@@ -43,9 +43,15 @@ impl<T: Ticker + 'static> Timer<T> {
     }
 
     /// Takes the ticker back, within 20 ms and a tick; `None` where a tick does not end within a second.
-    pub fn stop(self) -> Option<T> {
+    pub fn stop(mut self) -> Option<T> {
         self.controls.request_stop();
-        join(self.thread)
+        self.thread.take().and_then(join)
+    }
+}
+
+impl<T> Drop for Timer<T> {
+    fn drop(&mut self) {
+        self.controls.request_stop();
     }
 }
 
