@@ -3,11 +3,15 @@
 CARGO ?= cargo
 OUT ?= out
 
-.PHONY: header plugins setup demo test test-long lint bench train pictures clean
+.PHONY: setup-tests header plugins setup demo test test-long lint bench train pictures clean
 
 # Installs what is missing where it may, else says the exact line.
 setup:
 	@sh scripts/setup.sh
+
+# And the servers and the browser that tests drive.
+setup-tests:
+	@sh scripts/setup.sh tests
 
 # Renders the default stroke over the default material: WAV, plot and report.
 demo: setup
@@ -20,11 +24,11 @@ demo: setup
 	@echo "read       $(OUT)/demo.json  what it took"
 
 # Every test but the long ones.
-test: setup
+test: setup-tests
 	$(CARGO) test --workspace
 
 # The tests that take minutes: a million ticks without an allocation, a thousand swaps of the shipped graph.
-test-long: setup
+test-long: setup-tests
 	ASPERITY_LONG_TICKS=1000000 $(CARGO) test -p asperity --test no_alloc
 	ASPERITY_LONG_SWAPS=1000 PROPTEST_CASES=5000 $(CARGO) test -p asperity --test swap_long
 

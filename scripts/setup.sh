@@ -10,19 +10,37 @@ if [ "$(uname)" = Linux ]; then
     pkg-config --exists alsa 2>/dev/null || missing="$missing libasound2-dev"
 fi
 
-if [ -n "$missing" ]; then
-    line="apt-get install -y$missing"
-    if ! command -v apt-get >/dev/null 2>&1; then
-        echo "missing:$missing (Debian's names). Install them with this system's package manager, then try again." >&2
-        exit 1
-    elif [ "$(id -u)" = 0 ]; then
-        apt-get update -q && $line
+# Installs Debian packages where that may be done; else answers false.
+install() {
+    command -v apt-get >/dev/null 2>&1 || return 1
+    if [ "$(id -u)" = 0 ]; then
+        as_root=""
     elif command -v sudo >/dev/null 2>&1 && sudo -n true 2>/dev/null; then
-        sudo apt-get update -q && sudo $line
+        as_root="sudo"
     else
-        echo "missing:$missing. Run this, then try again:" >&2
-        echo "    sudo $line" >&2
+        return 1
+    fi
+    $as_root apt-get update -q && $as_root env DEBIAN_FRONTEND=noninteractive apt-get install -y --no-install-recommends "$@"
+}
+
+if [ -n "$missing" ]; then
+    install $missing || {
+        echo "missing:$missing (Debian's names). Install them, then try again:" >&2
+        echo "    sudo apt-get install -y$missing" >&2
         exit 1
+    }
+fi
+
+# Servers and a browser that tests drive. Without them these tests say that they are skipped.
+if [ "${1:-}" = tests ] && [ "$(uname)" = Linux ]; then
+    drive=""
+    command -v jackd >/dev/null 2>&1 || drive="$drive jackd2"
+    command -v pulseaudio >/dev/null 2>&1 || drive="$drive pulseaudio"
+    command -v parec >/dev/null 2>&1 || drive="$drive pulseaudio-utils"
+    command -v pulseaudio >/dev/null 2>&1 && ls /usr/lib/*/alsa-lib/libasound_module_pcm_pulse.so >/dev/null 2>&1 || drive="$drive libasound2-plugins"
+    command -v chromium >/dev/null 2>&1 || command -v google-chrome >/dev/null 2>&1 || drive="$drive chromium"
+    if [ -n "$drive" ]; then
+        install $drive || echo "not installed:$drive; the tests that need them are skipped" >&2
     fi
 fi
 
