@@ -74,7 +74,9 @@ mod tests {
     use super::*;
     use rosc::{OscBundle, OscTime, OscType, encoder};
 
-    fn messages(packet: &[u8]) -> (Vec<(OscMessage, Option<u64>)>, Result<(), String>) {
+    type Got = (Vec<(OscMessage, Option<u64>)>, Result<(), String>);
+
+    fn messages(packet: &[u8]) -> Got {
         let mut all = Vec::new();
         let end = walk(packet, &mut |m, t| all.push((m, t)));
         (all, end)
