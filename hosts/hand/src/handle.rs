@@ -8,6 +8,8 @@ use std::thread::JoinHandle;
 
 use asperity_live::{Sample, SampleWriter};
 
+use crate::servo::passivity::DeviceDamping;
+
 /// Problems that wait to be read; of more, the newest are lost.
 const PROBLEMS: usize = 16;
 
@@ -20,6 +22,13 @@ pub struct Device {
     pub max_force_n: f64,
     /// Largest stiffness that its maker recommends \[N/mm\], where it says so.
     pub max_stiffness_n_per_mm: Option<f64>,
+}
+
+impl Device {
+    /// What is known of its damping, to be held against [`passivity`](crate::servo::passivity::passivity).
+    pub fn damping(&self) -> DeviceDamping {
+        self.max_stiffness_n_per_mm.map_or(DeviceDamping::Unknown, DeviceDamping::Recommended)
+    }
 }
 
 /// A running source. Dropping it stops the source: a device's force is ramped down first; it takes at most about 100 ms.

@@ -177,6 +177,20 @@ fn a_sender_that_dies_and_comes_back_goes_on_in_another_stroke() {
 }
 
 #[test]
+fn a_sender_without_a_clock_that_is_replaced_goes_on_in_another_stroke() {
+    let (handle, mut from, socket) = begin("/pen", "x_mm");
+    send(&socket, &message("/pen", vec![OscType::Int(1)]));
+    take(&mut from, 1);
+    drop(socket);
+    std::thread::sleep(Duration::from_millis(80));
+    let again = UdpSocket::bind(here()).unwrap();
+    again.connect(handle.address().unwrap()).unwrap();
+    send(&again, &message("/pen", vec![OscType::Int(90)]));
+    let after = take(&mut from, 1)[0];
+    assert_eq!((after.position[0], after.stroke), (90.0, 1));
+}
+
+#[test]
 fn a_port_in_use_an_open_address_and_a_bad_pattern_are_told() {
     let (handle, _from, _socket) = begin("/pen", "x_mm");
     let attempt = |listen: SocketAddr, anywhere: bool, address: &str| -> Result<Handle, HandError> {

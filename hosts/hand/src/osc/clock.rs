@@ -91,7 +91,7 @@ mod tests {
         let Mapped::Anew(at) = clock.map(3600e9, 50_000_000) else { panic!() };
         assert_eq!(at, 50_000_000);
         let Mapped::At(at) = clock.map(3600.01e9, 60_000_000) else { panic!() };
-        assert!(at <= 60_000_000 && at >= 59_990_000, "{at}");
+        assert!((59_990_000..=60_000_000).contains(&at), "{at}");
     }
 
     #[test]

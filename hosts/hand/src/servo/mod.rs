@@ -11,6 +11,9 @@
 //!   the force grow, no faster than the greatest force in [`RISE`]. So a plane that appears under the stylus pushes it out, and does not kick.
 //!   The wall's own loop has no delay from this: with an unchanged model nothing is carried.
 //! - Letting go is never slowed where the force would else pull.
+//!
+//! A step takes about 0.1 us (2 cores of a shared virtual AMD EPYC). On a simulated device of 0.1 kg and
+//! 0.5 N s/m an undamped wall at 1 kHz rings on from 1.001 N/mm (by the eigenvalues of the loop); Colgate's bound says 1.000.
 
 pub mod passivity;
 

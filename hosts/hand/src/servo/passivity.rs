@@ -6,6 +6,8 @@
 //! is a plain first difference. A low-pass F behind it, as in [`servo`](crate::servo), changes the damper's share from
 //! -B cos wT to -B Re(F e^-jwT), which is at most |B| while |F| is at most 1: the bound stays sufficient.
 //!
+//! A delay d of the loop besides the hold costs K d more, to first order: hand in 1 / (T + 2 d) for the rate.
+//!
 //! The bound is about passivity: any passive hand. A given hand may be stable beyond it, since grips add damping of their own.
 
 /// Damping of the device itself along the normal, and how it is known.

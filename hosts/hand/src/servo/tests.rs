@@ -75,7 +75,8 @@ fn a_start_comes_in_over_half_a_second() {
 
 #[test]
 fn an_old_a_bad_or_an_invalid_model_lets_go_within_20_ms_and_comes_back_slowly() {
-    let spoil: [(&str, fn(&mut ForceModel)); 6] = [
+    type Spoil = fn(&mut ForceModel);
+    let spoil: [(&str, Spoil); 6] = [
         ("invalid", |m| m.valid = false),
         ("old", |m| m.time_ns -= 101 * MS),
         ("stiffness not a number", |m| m.stiffness_n_per_mm = f64::NAN),
