@@ -208,12 +208,8 @@ fn one(spectra: &Spectra, model: &Model, noise: f64) -> (f64, [f64; EACH], Squar
             }
         }
     }
-    for i in 0..EACH {
-        for j in 0..i {
-            square[j][i] = square[i][j];
-        }
-    }
-    (cost, slope, square)
+    let whole = std::array::from_fn(|i| std::array::from_fn(|j| square[i.max(j)][i.min(j)]));
+    (cost, slope, whole)
 }
 
 /// Fits all recordings by the Levenberg-Marquardt method (D. Marquardt, "An algorithm for least-squares estimation of

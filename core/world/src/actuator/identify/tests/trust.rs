@@ -56,6 +56,9 @@ fn a_clipping_input_is_poor() {
         assert_eq!(f.trust, Trust::Poor, "{part} {f:?}");
         assert!(says(&f, "clips"), "{:?}", f.notes);
     }
+    // A sine without noise, whose peaks are all alike, does not clip.
+    let clean = Scene { snr_db: 300.0, ..Scene::new(100.0) }.play(&hapcoil());
+    assert!(!says(&judged(&clean), "clips"));
     // A coarse converter is not a clipping one: 9 bits.
     let coarse = |x: &f32| (x / peak * 255.0).round() / 255.0 * peak;
     let f = judged(&Tape { acceleration: whole.acceleration.iter().map(coarse).collect(), ..whole.clone() });

@@ -185,3 +185,35 @@ fn intervals_hold_the_truth_about_19_times_in_20() {
     }
     assert!((0.88..=1.0).contains(&(f64::from(inside) / f64::from(all))), "{inside} of {all}");
 }
+
+#[test]
+fn the_slopes_of_the_model_are_its_differences() {
+    for drive in [Drive::Current, Drive::Voltage] {
+        let coil = Coil { drive, resistance: 4.5, inductance: 128e-6, hold: 1.0 / RATE };
+        let at = |p: [f64; 6]| model::Model {
+            coil,
+            force_factor: p[0].exp(),
+            moving_mass: p[1].exp(),
+            stiffness: p[2].exp(),
+            damping: p[3].exp(),
+            handle_mass: p[4].exp(),
+            latency: p[5],
+            sign: -1.0,
+        };
+        let p = [1.78f64.ln(), 4.4e-3f64.ln(), 703f64.ln(), 0.6f64.ln(), 0.02f64.ln(), 3e-4];
+        for hz in [20.0, 70.0, 900.0] {
+            let (h, by) = at(p).gradient(hz);
+            for (i, slope) in by.into_iter().enumerate() {
+                let step = if i == 5 { 1e-8 } else { 1e-5 };
+                let (mut up, mut down) = (p, p);
+                (up[i], down[i]) = (p[i] + step, p[i] - step);
+                let difference = (at(up).gradient(hz).0 - at(down).gradient(hz).0) / (2.0 * step);
+                let scale = h.norm() + difference.norm();
+                assert!(
+                    (slope - difference).norm() < 1e-6 * scale,
+                    "{drive:?} {hz} {i}: {slope} {difference}"
+                );
+            }
+        }
+    }
+}
