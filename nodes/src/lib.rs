@@ -28,6 +28,8 @@ pub fn registry() -> Registry {
         .with::<hand::OpenhapticsForce>()
         .with::<hand::HaplyForce>()
         .with::<sources::AudioIn>()
+        .with::<sources::Sine>()
+        .with::<sources::Sweep>()
         .with::<contact::VirtualFloor>()
         .with::<contact::SpeedGate>()
         .with::<texture::ActionHistory>()

@@ -1,5 +1,31 @@
-//! Signals that come from nowhere else in a graph: `audio_in`.
+//! Signals that come from nowhere else in a graph: `audio_in`, and `sine` and `sweep` to measure with.
 
 mod audio_in;
+mod sine;
+mod sweep;
+#[cfg(test)]
+mod tests;
 
 pub use audio_in::AudioIn;
+pub use sine::Sine;
+pub use sweep::Sweep;
+
+use asperity_node::{Config, Output, Param, Ports, RateSpec, ShapeSpec, Unit, UnitSpec};
+
+/// What a source may put out.
+const UNITS: [&str; 4] = ["A", "V", "m/s^2", "FS"];
+
+fn output() -> Output {
+    Output::new("out", ShapeSpec::Audio(RateSpec::Graph), Unit::AMPERE)
+}
+
+fn unit_param() -> Param {
+    Param::choice("unit", &UNITS, "Unit of the output: a current, a voltage, an acceleration, or full scale.")
+}
+
+/// The ports with the unit that the parameter names.
+fn with_unit(config: &Config<'_>, mut ports: Ports) -> Ports {
+    let unit = Unit::from_symbol(config.params.text("unit"));
+    ports.outputs.iter_mut().for_each(|o| o.unit = UnitSpec::Is(unit.clone()));
+    ports
+}

@@ -13,9 +13,11 @@
 //!
 //! [`ActuatorProfile`] is the actuator as a file in `graphs/actuators/` describes it, [`Dynamics`] the same on a
 //! handle of a given mass, [`Inverse`] turns a wanted acceleration into a current or a voltage, [`Limiter`]
-//! is the last stage before the device, and [`Plant`] simulates what the coil and the handle do.
+//! is the last stage before the device, and [`Plant`] simulates what the coil and the handle do. [`identify`] finds the
+//! figures of a profile from what an accelerometer on the handle heard.
 
 mod dynamics;
+pub mod identify;
 mod inverse;
 mod limiter;
 mod plant;

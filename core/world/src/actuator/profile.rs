@@ -54,9 +54,9 @@ pub struct ActuatorProfile {
 const VERSION: i64 = 1;
 
 /// Field, unit as it stands in the file, unit for a person, least, most, SI of one unit.
-type Field = (&'static str, &'static str, &'static str, f64, f64, f64);
+pub(super) type Field = (&'static str, &'static str, &'static str, f64, f64, f64);
 
-const FIELDS: [Field; 11] = [
+pub(super) const FIELDS: [Field; 11] = [
     ("m_a", "g", "g", 0.05, 1000.0, 1e-3),
     ("k", "n_per_m", "N/m", 1.0, 1e6, 1.0),
     ("damping", "n_s_per_m", "N s/m", 1e-4, 100.0, 1.0),

@@ -1,0 +1,108 @@
+//! `sweep`: all frequencies, one after the other.
+
+use asperity_node::{
+    Config, Descriptor, Diagnostic, Fact, Latency, Node, Param, Ports, Resume, Setup, Status, Tick,
+};
+use asperity_world::actuator::identify::{self, SweepSettings, SweepShape};
+
+/// An exponential sine sweep between two silences; each sample follows from its number alone.
+pub struct Sweep {
+    sweep: identify::Sweep,
+    rate: u32,
+}
+
+impl Node for Sweep {
+    fn descriptor() -> Descriptor {
+        let s = SweepSettings::default();
+        let silence = |name, default, doc| Param::number(name, default, 0.0..=60.0, doc).unit("s");
+        Descriptor::new("sweep", "Makes an exponential sine sweep, to measure an actuator with.")
+            .output(super::output().doc("the sweep"))
+            .param(Param::number("from_hz", s.from_hz, 0.5..=5000.0, "First frequency.").unit("Hz"))
+            .param(
+                Param::number(
+                    "to_hz",
+                    s.to_hz,
+                    1.0..=20_000.0,
+                    "Last frequency: at least 1.5 times the first, at most 0.45 of the audio rate.",
+                )
+                .unit("Hz"),
+            )
+            .param(
+                Param::number(
+                    "seconds",
+                    s.seconds,
+                    0.1..=120.0,
+                    "Length of the sweep without its silences, rounded so that its harmonics are in phase.",
+                )
+                .unit("s"),
+            )
+            .param(Param::number("amplitude", s.amplitude, 0.0..=1000.0, "Largest amplitude, in the output's unit."))
+            .param(Param::choice(
+                "shape",
+                &["flat", "displacement"],
+                "The same amplitude everywhere, or one that falls with the frequency below `corner_hz`, so that the mover \
+                 stays near its middle.",
+            ))
+            .param(
+                Param::number("corner_hz", s.corner_hz, 1.0..=20_000.0, "Below it the shape `displacement` falls.")
+                    .unit("Hz"),
+            )
+            .param(
+                Param::number("fade_ms", s.fade_s * 1e3, 0.0..=1000.0, "Length of each fade, a raised cosine.")
+                    .unit("ms"),
+            )
+            .param(silence("before_s", s.before_s, "Silence before the sweep."))
+            .param(silence("after_s", s.after_s, "Silence after the sweep."))
+            .param(super::unit_param())
+            .resumes(Resume::Resume)
+    }
+
+    fn ports(config: &Config<'_>, ports: Ports) -> Result<Ports, Diagnostic> {
+        Ok(super::with_unit(config, ports))
+    }
+
+    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
+        let p = setup.params;
+        let rate = setup.output_rate(0);
+        let settings = SweepSettings {
+            from_hz: p.number("from_hz"),
+            to_hz: p.number("to_hz"),
+            seconds: p.number("seconds"),
+            amplitude: p.number("amplitude"),
+            shape: if p.text("shape") == "flat" { SweepShape::Flat } else { SweepShape::Displacement },
+            corner_hz: p.number("corner_hz"),
+            fade_s: p.number("fade_ms") * 1e-3,
+            before_s: p.number("before_s"),
+            after_s: p.number("after_s"),
+        };
+        // Ranges are the descriptor's; what is left is how frequencies and rate go together.
+        identify::Sweep::new(settings, f64::from(rate))
+            .map(|sweep| Self { sweep, rate })
+            .map_err(|e| p.error("to_hz", e.to_string()))
+    }
+
+    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
+        let span = tick.samples(self.rate);
+        if self.sweep.is_over(span.start) {
+            return Status::Quiet;
+        }
+        for (y, n) in tick.outputs.audio(0).iter_mut().zip(span) {
+            *y = self.sweep.sample(n) as f32;
+        }
+        Status::Continue
+    }
+
+    fn reset(&mut self) {}
+
+    fn duration(&self) -> Option<Latency> {
+        let samples = i64::try_from(self.sweep.samples()).ok()?;
+        Some(Latency::samples(samples, self.rate))
+    }
+
+    fn facts(&self) -> Vec<Fact> {
+        vec![
+            Fact::number("sweep", self.sweep.seconds(), "s"),
+            Fact::number("time_constant", self.sweep.time_constant_s(), "s"),
+        ]
+    }
+}
