@@ -28,6 +28,7 @@ pub fn registry() -> Registry {
         .with::<hand::OpenhapticsForce>()
         .with::<hand::HaplyForce>()
         .with::<sources::AudioIn>()
+        .with::<sources::Impulse>()
         .with::<sources::Sine>()
         .with::<sources::Sweep>()
         .with::<contact::VirtualFloor>()

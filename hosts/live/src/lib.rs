@@ -24,7 +24,7 @@ pub use conductor::{Conductor, Ends, FORCES, HANDS, conduct};
 pub use dll::{BANDWIDTH_HZ, Dll, Heard, Line};
 pub use force::{ForceModel, ForceReader, ForceWriter, force_model};
 pub use meters::{Count, Histogram, Meters, Record};
-pub use player::{MicReader, MicWriter, Player, TapeReader, mic};
+pub use player::{Listener, MicReader, MicWriter, Player, TapeReader, mic};
 pub use ramp::{DOWN_S, FED_S, Level, Ramp, START_S, STARVED_S, UNMUTE_S};
 pub use remote_clock::RemoteClock;
 pub use sample::{QUEUE, Sample, SampleReader, SampleWriter, samples};

@@ -1,12 +1,14 @@
-//! Signals that come from nowhere else in a graph: `audio_in`, and `sine` and `sweep` to measure with.
+//! Signals that come from nowhere else in a graph: `audio_in`, and `sine`, `sweep` and `impulse` to measure with.
 
 mod audio_in;
+mod impulse;
 mod sine;
 mod sweep;
 #[cfg(test)]
 mod tests;
 
 pub use audio_in::AudioIn;
+pub use impulse::Impulse;
 pub use sine::Sine;
 pub use sweep::Sweep;
 

@@ -31,7 +31,7 @@ pub fn run(args: &Tone) -> Result<ExitCode, Failure> {
     let ticks = (args.seconds * 500.0).round() as u64;
     let mut told = args.quiet;
     let channel = args.device.channel.first().copied().unwrap_or(1);
-    let mut view = |view: &asperity_live::view::View| {
+    let mut view = |view: &asperity_live::view::View, _: &asperity_live::Listener| {
         if !told && view.period_frames > 0 {
             told = true;
             let end = if std::io::stderr().is_terminal() { "; Ctrl-C stops" } else { "" };

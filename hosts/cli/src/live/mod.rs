@@ -3,6 +3,7 @@
 pub mod card;
 mod editor;
 mod hands;
+pub mod perform;
 mod report;
 mod shim;
 mod shows;
@@ -17,7 +18,6 @@ use asperity_engine::Options;
 use asperity_graph::Schedule;
 use asperity_live::view::{Condition, Request};
 use asperity_live::{Conductor, FORCES, HANDS, Session, conduct, mic};
-use asperity_node::time::max_samples;
 use asperity_source::Diagnostic;
 
 use crate::args::Run;
@@ -37,8 +37,6 @@ const LIMIT_TICKS: u64 = 10;
 const PACE: Duration = Duration::from_micros(16_667);
 /// Longest run that may be asked for, in seconds: a year.
 const MAX_SECONDS: f64 = 365.0 * 86_400.0;
-/// Seconds of recorded samples that may wait for the tick thread.
-const MIC_S: f64 = 1.0;
 
 /// Runs the command.
 pub fn run(args: &Run) -> Result<ExitCode, Failure> {
@@ -72,8 +70,7 @@ pub fn run(args: &Run) -> Result<ExitCode, Failure> {
     let options = Options { sleep: !args.no_sleep, limit_ns: Some(limit_ns) };
     let recorded = request.as_ref().map_or(0, |r| r.inputs.len());
     let (mic_writer, mic_reader) = if recorded > 0 {
-        let room = (f64::from(schedule.audio_hz) * MIC_S) as usize;
-        let (to, from) = mic(recorded, room, max_samples(schedule.audio_hz, schedule.tick_hz));
+        let (to, from) = mic(recorded, schedule.audio_hz, schedule.tick_hz);
         (Some(to), Some(from))
     } else {
         (None, None)

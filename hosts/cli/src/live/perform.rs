@@ -7,15 +7,17 @@ use std::time::Duration;
 use asperity_engine::Options;
 use asperity_graph::{Compiled, GraphFile, Schedule, compile};
 use asperity_live::view::View;
-use asperity_live::{Ended, Ends, Session, conduct, mic};
-use asperity_node::time::max_samples;
+use asperity_live::{Ended, Ends, Listener, Session, conduct, mic};
 use asperity_source::{Diagnostic, Source};
 
-use super::{MIC_S, PACE, card};
+use super::card;
 use crate::args::{ActuatorArgs, DeviceArgs};
 use crate::failure::{Failure, warn};
 use crate::kinds;
 use crate::render::stop_flag;
+
+/// How often a run is looked at.
+const LOOK: Duration = Duration::from_millis(5);
 
 /// What is behind the samples of a card: the nodes that stand before every device, from amperes on.
 pub fn output_nodes(actuator: &ActuatorArgs) -> Result<String, Failure> {
@@ -32,15 +34,15 @@ fn profile(text: &str) -> Result<String, Failure> {
     if !text.ends_with(".ron") {
         return Ok(text.to_owned());
     }
-    let path = std::path::absolute(Path::new(text)).map_err(|e| {
-        Failure::from(Diagnostic::new(format!("cannot read this: {e}")).in_file(text))
-    })?;
+    let path = std::path::absolute(Path::new(text))
+        .map_err(|e| Failure::from(Diagnostic::new(format!("cannot read this: {e}")).in_file(text)))?;
     Ok(path.display().to_string())
 }
 
 /// A graph from its text; `name` is what errors call it.
 pub fn graph(name: &str, rate_hz: u32, nodes: &str, wires: &str) -> Result<(GraphFile, Compiled), Failure> {
-    let text = format!("Graph(version: 1, tick_hz: 500, audio_hz: {rate_hz}, nodes: {{{nodes}}}, wires: [{wires}])");
+    let text =
+        format!("Graph(version: 1, tick_hz: 500, audio_hz: {rate_hz}, nodes: {{{nodes}}}, wires: [{wires}])");
     let graph = GraphFile::parse(&Source::new(name, text))?;
     let compiled = compile(&graph, &kinds::registry(&[])?, asperity_graph::Options::default())?;
     Ok((graph, compiled))
@@ -48,8 +50,8 @@ pub fn graph(name: &str, rate_hz: u32, nodes: &str, wires: &str) -> Result<(Grap
 
 /// What happens while it plays.
 pub struct Watching<'w> {
-    /// Called with every view; answers whether to go on.
-    pub view: &'w mut dyn FnMut(&View) -> bool,
+    /// Called some hundred times a second; answers whether to go on.
+    pub view: &'w mut dyn FnMut(&View, &Listener) -> bool,
     /// Called with what sinks recorded: id, first sample, samples.
     pub recorded: &'w mut dyn FnMut(&str, u64, &[f32]),
 }
@@ -66,8 +68,8 @@ pub fn play(
     let schedule: &Schedule = &compiled.schedule;
     let request = card::request(args, schedule)?;
     let recorded = request.as_ref().map_or(0, |r| r.inputs.len());
-    let room = (f64::from(schedule.audio_hz) * MIC_S) as usize;
-    let (writer, reader) = mic(recorded, room, max_samples(schedule.audio_hz, schedule.tick_hz));
+    let (writer, reader) = mic(recorded, schedule.audio_hz, schedule.tick_hz);
+    let listener = writer.listener();
     let (writer, reader) = if recorded > 0 { (Some(writer), Some(reader)) } else { (None, None) };
     let (conductor, player) = conduct(compiled, &graph, Options::default(), ends, reader, Vec::new());
     let stop = stop_flag();
@@ -88,11 +90,11 @@ pub fn play(
         if view.ticks >= ticks {
             break;
         }
-        if stop.load(Relaxed) || !(watching.view)(&view) {
+        if stop.load(Relaxed) || !(watching.view)(&view, &listener) {
             whole = false;
             break;
         }
-        std::thread::sleep(Duration::min(PACE, Duration::from_millis(10)));
+        std::thread::sleep(LOOK);
     }
     let mut ended = session.stop();
     ended.conductor.recorded(&mut *watching.recorded);

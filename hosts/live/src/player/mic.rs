@@ -1,11 +1,15 @@
 //! What the device records, on its way to the tick thread.
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering::Relaxed};
+use std::sync::atomic::{AtomicU32, AtomicU64, AtomicUsize, Ordering::*};
 
 use asperity_audio::{Capture, Captured};
+use asperity_node::time::max_samples;
 use ringbuf::traits::{Consumer, Observer, Producer, Split};
 use ringbuf::{HeapCons, HeapProd, HeapRb};
+
+/// Seconds of samples that may wait for the tick thread.
+const ROOM_S: f64 = 1.0;
 
 /// Figures that both ends keep.
 #[derive(Debug, Default)]
@@ -16,12 +20,35 @@ struct Shared {
     lost: AtomicU64,
     /// Frames that were wanted and not there.
     missing: AtomicU64,
+    /// Bits of the level that is waited for; 0 for none.
+    wanted: AtomicU32,
+    /// When it was heard; 0 for not yet.
+    heard_ns: AtomicU64,
+}
+
+/// Waits for something to be heard at the first recorded channel.
+#[derive(Clone, Debug)]
+pub struct Listener(Arc<Shared>);
+
+impl Listener {
+    /// Waits for the first sample whose size is above `level`, which is more than 0.
+    pub fn listen(&self, level: f32) {
+        self.0.heard_ns.store(0, Relaxed);
+        self.0.wanted.store(level.abs().to_bits(), Release);
+    }
+
+    /// When it was there: the time of the call that brought it and its place in the block, by [`now_ns`](crate::now_ns); and how long
+    /// before it was at the device's input, as far as the device says. None while it was not.
+    pub fn heard_ns(&self) -> Option<u64> {
+        Some(self.0.heard_ns.load(Acquire)).filter(|ns| *ns > 0)
+    }
 }
 
 /// Where a device puts what it records.
 pub struct MicWriter {
     to: HeapProd<f32>,
     channels: usize,
+    rate_hz: u32,
     shared: Arc<Shared>,
 }
 
@@ -36,21 +63,44 @@ pub struct MicReader {
     shared: Arc<Shared>,
 }
 
-/// A way from a device to a tick thread, for `channels` that are recorded; `room` is the most frames that may wait, and
-/// `most` the most of a tick.
-pub fn mic(channels: usize, room: usize, most: usize) -> (MicWriter, MicReader) {
+/// A way from a device to a tick thread, for `channels` that are recorded at a rate, in a run of so many ticks a second.
+pub fn mic(channels: usize, rate_hz: u32, tick_hz: u32) -> (MicWriter, MicReader) {
+    let room = (f64::from(rate_hz) * ROOM_S) as usize;
     let (to, from) = HeapRb::new(room.max(1) * channels.max(1)).split();
     let shared = Arc::new(Shared::default());
-    let scratch = vec![0.0; most * channels];
+    let scratch = vec![0.0; max_samples(rate_hz, tick_hz) * channels];
     (
-        MicWriter { to, channels, shared: shared.clone() },
+        MicWriter { to, channels, rate_hz, shared: shared.clone() },
         MicReader { from, channels, scratch, flowing: false, shared },
     )
+}
+
+impl MicWriter {
+    /// Waits for something to be heard, beside what is recorded.
+    pub fn listener(&self) -> Listener {
+        Listener(self.shared.clone())
+    }
+
+    /// Looks for what is waited for.
+    fn look(&self, block: &Captured<'_>, wide: usize) {
+        let wanted = f32::from_bits(self.shared.wanted.load(Acquire));
+        if wanted == 0.0 {
+            return;
+        }
+        let at =
+            block.input.chunks_exact(wide).position(|frame| frame.first().is_some_and(|x| x.abs() > wanted));
+        if let Some(at) = at {
+            self.shared.wanted.store(0, Relaxed);
+            let ns = at as u64 * 1_000_000_000 / u64::from(self.rate_hz.max(1));
+            self.shared.heard_ns.store(block.now_ns + ns, Release);
+        }
+    }
 }
 
 impl Capture for MicWriter {
     fn capture(&mut self, block: &Captured<'_>) {
         let wide = block.channels.max(1);
+        self.look(block, wide);
         let frames = block.input.len() / wide;
         self.shared.block.fetch_max(frames, Relaxed);
         let room = self.to.vacant_len() / self.channels.max(1);

@@ -5,7 +5,7 @@ mod node_meters;
 mod tape;
 mod wiring;
 
-pub use mic::{MicReader, MicWriter, mic};
+pub use mic::{Listener, MicReader, MicWriter, mic};
 pub(crate) use node_meters::NodeMeters;
 pub use tape::TapeReader;
 pub(crate) use tape::{TapeWriter, tape};

@@ -1,0 +1,95 @@
+//! `impulse`: a click when something happens.
+
+use asperity_node::{
+    Config, Descriptor, Diagnostic, Input, Latency, Node, Param, Ports, Resume, Setup, ShapeSpec, State,
+    Status, Tick, Unit,
+};
+
+/// A short rectangle at each rise of a control through a threshold. It begins with the first sample of the tick.
+pub struct Impulse {
+    threshold: f64,
+    amplitude: f32,
+    /// Samples of the rectangle.
+    length: u64,
+    above: bool,
+    /// Samples of it that are still to come.
+    left: u64,
+    rate: u32,
+}
+
+impl Node for Impulse {
+    fn descriptor() -> Descriptor {
+        Descriptor::new(
+            "impulse",
+            "Clicks when a control rises through a threshold, such as to measure a latency.",
+        )
+        .input(
+            Input::new("trigger", ShapeSpec::Control(1), Unit::NONE)
+                .unit_of('t')
+                .wakes()
+                .doc("what is waited for"),
+        )
+        .output(super::output().doc("the click"))
+        .param(Param::number(
+            "threshold",
+            0.5,
+            -1e9..=1e9,
+            "It clicks when the trigger comes to be above this.",
+        ))
+        .param(Param::number(
+            "amplitude",
+            0.1,
+            -1000.0..=1000.0,
+            "Height of the click, in the output's unit.",
+        ))
+        .param(Param::number("length_ms", 1.0, 0.01..=1000.0, "How long the click is.").unit("ms"))
+        .param(super::unit_param())
+        .resumes(Resume::Resume)
+    }
+
+    fn ports(config: &Config<'_>, ports: Ports) -> Result<Ports, Diagnostic> {
+        Ok(super::with_unit(config, ports))
+    }
+
+    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
+        let (p, rate) = (setup.params, setup.audio_hz);
+        Ok(Self {
+            threshold: p.number("threshold"),
+            amplitude: p.number("amplitude") as f32,
+            length: (p.number("length_ms") * 1e-3 * f64::from(rate)).round().max(1.0) as u64,
+            above: false,
+            left: 0,
+            rate,
+        })
+    }
+
+    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
+        let above = tick.inputs.valid(0) && tick.inputs.value(0) > self.threshold;
+        if above && !self.above {
+            self.left = self.length;
+        }
+        self.above = above;
+        if self.left == 0 {
+            return Status::Quiet;
+        }
+        let span = tick.samples(self.rate);
+        let now = self.left.min(span.end - span.start);
+        tick.outputs.audio(0)[..now as usize].fill(self.amplitude);
+        self.left -= now;
+        Status::Continue
+    }
+
+    fn reset(&mut self) {
+        (self.above, self.left) = (false, 0);
+    }
+
+    /// Whether the trigger was above, and how much of a click is to come.
+    fn state(&mut self, state: &mut State<'_>) {
+        state.keep(&mut self.above).keep(&mut self.left);
+        state.require(self.left <= self.length);
+    }
+
+    fn tail(&self) -> Latency {
+        Latency::samples(self.length as i64, self.rate)
+    }
+}
