@@ -22,6 +22,10 @@ pub enum Command {
     Run(Run),
     /// List audio hosts and devices: rates, formats, channels, buffer sizes
     Devices(Devices),
+    /// Play a sine on one channel of a device, behind the actuator's limiter, to find the actuator
+    Tone(Tone),
+    /// Tell how late graphs answer a hand, and measure what a device adds, over a loopback from its output to its input
+    Latency(LatencyArgs),
     /// Check a graph: order, buffers, rates, latency per path, what was dropped and why
     Check(Check),
     /// List the kinds of nodes, or describe one: ports, units, parameters
@@ -422,4 +426,44 @@ pub struct ActuatorArgs {
     /// Gain of the current amplifier behind the card
     #[arg(long, default_value_t = 1.0, value_name = "A/V")]
     pub amps_per_volt: f64,
+}
+
+/// `asperity latency`
+#[derive(Clone, Debug, clap::Args)]
+pub struct LatencyArgs {
+    /// Graphs whose answer to a step of speed is told
+    pub graphs: Vec<PathBuf>,
+    #[command(flatten)]
+    pub device: DeviceArgs,
+    /// Channel of the input that the output is joined to
+    #[arg(long, default_value_t = 1, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    pub input_channel: u16,
+    /// The loopback is inside the audio server, so that no card adds to it
+    #[arg(long)]
+    pub inside: bool,
+    /// What the input adds, from sound to callback, where it is known
+    #[arg(long, value_name = "MS")]
+    pub input_latency_ms: Option<f64>,
+    /// How many clicks
+    #[arg(long, default_value_t = 50, value_parser = clap::value_parser!(u32).range(3..=10_000))]
+    pub trials: u32,
+    /// Height of a click
+    #[arg(long, default_value_t = 0.1, value_name = "A")]
+    pub amps: f64,
+    /// Level at the input, of full scale, that counts as a click
+    #[arg(long, default_value_t = 0.01)]
+    pub level: f64,
+    /// Audio rate
+    #[arg(long, default_value_t = 48_000, value_name = "HZ")]
+    pub rate: u32,
+    #[command(flatten)]
+    pub actuator: ActuatorArgs,
+    /// Set a parameter of the graphs: NODE.PARAM=VALUE
+    #[arg(long = "set", value_name = "NODE.PARAM=VALUE")]
+    pub set: Vec<String>,
+    #[command(flatten)]
+    pub plugins: PluginArgs,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
 }

@@ -26,6 +26,8 @@ fn main() -> ExitCode {
     let result = match Args::parse().command {
         Command::Render(args) => render::run(&args),
         Command::Run(args) => live::run(&args),
+        Command::Tone(args) => commands::tone::run(&args),
+        Command::Latency(args) => commands::latency::run(&args),
         Command::Devices(args) => commands::devices::run(&args),
         Command::Check(args) => commands::check::run(&args),
         Command::Nodes(args) => commands::nodes::run(&args),

@@ -5,5 +5,7 @@ pub mod compare;
 pub mod devices;
 pub mod graph;
 pub mod invert;
+pub mod latency;
 pub mod nodes;
 pub mod plugin;
+pub mod tone;
