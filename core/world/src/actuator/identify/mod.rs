@@ -10,7 +10,7 @@
 //! one of two things: a second recording with another, known handle mass, whose resonance differs by k (1 / m_1 - 1 / m_2); or
 //! a moving mass from elsewhere, the base profile's. Both go through one fit, which knows how well each of them is known, so that
 //! the intervals say what has been learned. The second resonance differs little where the mover is light beside both handles:
-//! 2.7 % in frequency for 4.4 g on 50 g and on 200 g; the masses must be far apart, and known better than the intervals wanted.
+//! 3.2 % in frequency for 4.4 g on 50 g and on 200 g; the masses must be far apart, and known better than the intervals wanted.
 //! A voltage instead of a current damps by k_f^2 / R more, with R and L those of the base profile; the heat of the coil changes R.
 //!
 //! **How.** Both signals are transformed whole; neighbouring bins are put into bands of 1/24 octave, in which a straight line
@@ -21,6 +21,11 @@
 //!
 //! The model is of continuous time, which a sound card's converters come close to. The simulated [`Plant`](super::Plant) holds each
 //! sample, which delays what the mover does by half a sample but not the push on the handle: [`IdentifySettings::held`].
+//!
+//! **How well.** 59 random actuators (0.5 to 50 g, 25 to 500 Hz, damping ratios 0.02 to 0.9, on handles of 50 to 200 g) in simulation,
+//! sweeps of 4 s through the limiter at 20 dB signal to noise (white noise and hum): with the moving mass known, stiffness, damping and
+//! force factor came out within 0.4 %, and the latency within 0.01 samples. The hold left out of account costs up to 4.4 %, at strongly
+//! damped resonances above 400 Hz. A damping that is small beside k_f^2 / R is not found behind a voltage, and its interval says so.
 
 mod distortion;
 mod findings;
@@ -150,7 +155,7 @@ impl std::error::Error for IdentifyError {}
 /// Finds the actuator that turns every recording's drive into its acceleration.
 ///
 /// `base` gives the coil's resistance and inductance where the drive is a voltage, and the moving mass where the recordings
-/// cannot tell it: one recording, or handles too much alike. 4 s at 48 kHz take about 0.2 s.
+/// cannot tell it: one recording, or handles too much alike. Two recordings of 5 s at 48 kHz took 0.10 to 0.14 s.
 ///
 /// # Errors
 /// Recordings or settings from which nothing can be computed. A recording that is merely bad has [`Findings`] of
