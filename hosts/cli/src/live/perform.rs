@@ -63,7 +63,7 @@ pub fn play(
     start_s: f64,
     ends: Ends,
     ticks: u64,
-    mut watching: Watching<'_>,
+    watching: Watching<'_>,
 ) -> Result<(Ended, bool), Failure> {
     let schedule: &Schedule = &compiled.schedule;
     let request = card::request(args, schedule)?;
