@@ -80,8 +80,10 @@ link.onLayout = (next, withHand) => {
   const same = layout && layout.number === next.number && layout.file === next.file
     && layout.nodes.length === next.nodes.length;
   layout = next;
-  by("file").textContent = next.file;
-  document.title = next.file ? `${next.file} · Asperity` : "Asperity";
+  const name = next.file.split(/[\\/]/).pop();
+  by("file").textContent = name;
+  by("file").title = next.file;
+  document.title = name ? `${name} · Asperity` : "Asperity";
   hand.offer(withHand);
   controls.layout(next, same);
   if (!same) {

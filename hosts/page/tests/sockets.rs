@@ -46,7 +46,7 @@ fn stage() -> Stage {
     feed.publish_layout(made_up::layout());
     let (ask, asked) = sync_channel(4);
     // Nobody reads the hand.
-    let page = serve(&Options::default(), feed.clone(), ask, Some(samples().0)).expect("it serves");
+    let page = serve(Options::default(), feed.clone(), ask, Some(samples().0)).expect("it serves");
     Stage { page, feed, asked }
 }
 
@@ -431,11 +431,11 @@ fn a_port_that_is_taken_and_a_token_that_is_none_are_errors() {
     let stage = stage();
     let taken = Options { port: stage.port(), token: None };
     let (ask, _asked) = sync_channel(1);
-    let error = serve(&taken, stage.feed.clone(), ask.clone(), None).expect_err("it is taken");
+    let error = serve(taken, stage.feed.clone(), ask.clone(), None).expect_err("it is taken");
     assert_eq!(error.kind(), std::io::ErrorKind::AddrInUse);
     let odd = Options { port: 0, token: Some("a&b".into()) };
     assert_eq!(
-        serve(&odd, stage.feed.clone(), ask, None).expect_err("odd").kind(),
+        serve(odd, stage.feed.clone(), ask, None).expect_err("odd").kind(),
         std::io::ErrorKind::InvalidInput
     );
 }
