@@ -145,7 +145,7 @@ addEventListener("keydown", (event) => {
   event.preventDefault();
   mute();
 });
-// A button answers space when the key comes up again: for the mute it was answered already.
+// Firefox presses a button when space comes up again, whatever came of its going down.
 by("mute").addEventListener("keyup", (event) => {
   if (event.code === "Space") event.preventDefault();
 });

@@ -348,8 +348,12 @@ fn garbage_and_what_is_too_long_or_too_often_ends_a_connection_and_nothing_else(
     raw.read_to_end(&mut Vec::new()).ok();
     // Too often.
     let mut flood = stage.watch().expect("a place");
-    let sent = (0..1_000_000).take_while(|_| flood.send(Message::text(r#"{"mute":true}"#)).is_ok()).count();
-    assert!(sent < 1_000_000, "a flood goes on");
+    for _ in 0..4000 {
+        if flood.send(Message::text(r#"{"mute":true}"#)).is_err() {
+            break;
+        }
+    }
+    closed(&mut flood);
     until("all are let go", || stage.page.counts().pages == 1);
     stage.feed.publish(View { number: 9, ..View::default() });
     while !matches!(good.read().expect("the good one is shown what is new"), Message::Binary(_)) {}
