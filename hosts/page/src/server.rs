@@ -37,7 +37,7 @@ const HEADERS: usize = 16 * 1024;
 /// Bytes that may wait to be written to a page: more than the layout of any graph.
 const WAITING: usize = 16 * 1024 * 1024;
 /// How long pages may take to hear that the run has ended.
-const FAREWELL: Duration = Duration::from_millis(300);
+const FAREWELL: Duration = Duration::from_millis(500);
 
 /// How to serve.
 #[derive(Clone, Debug, Default)]

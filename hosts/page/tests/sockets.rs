@@ -424,9 +424,17 @@ fn pages_are_told_that_the_run_has_ended() {
     let stage = stage();
     let mut socket = stage.watch().expect("a place");
     let port = stage.port();
-    drop(stage);
+    let ending = std::thread::spawn(move || drop(stage));
+    // A page that is in the middle of telling something is not cut off before it has heard: a browser that cannot write does not
+    // read on.
+    for _ in 0..5 {
+        std::thread::sleep(Duration::from_millis(10));
+        socket.get_mut().write_all(&[0x8a, 0x80, 0, 0, 0, 0]).expect("it still hears");
+    }
     let frame = closed(&mut socket).expect("a reason");
     assert_eq!((u16::from(frame.code), frame.reason.as_str()), (1001, "the run has ended"));
+    drop(socket);
+    ending.join().expect("it ends");
     assert!(TcpStream::connect(("127.0.0.1", port)).is_err(), "the port is free again");
 }
 
