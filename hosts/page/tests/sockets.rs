@@ -261,7 +261,7 @@ fn pages_that_do_not_read_hold_up_nobody_and_are_let_go() {
         stage.feed.publish(view);
         times.push(start.elapsed().as_secs_f64() * 1e6);
         most_kept = most_kept.max(stage.page.counts().kept_bytes);
-        if n % 2 == 0 {
+        if n.is_multiple_of(2) {
             let _ = liar.send(got(u64::from(n / 4)));
         }
         if stage.page.counts().pages == 1 && gone_after.is_none() {
