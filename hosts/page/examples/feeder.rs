@@ -15,7 +15,7 @@ fn main() -> std::io::Result<()> {
     let (ask, asked) = std::sync::mpsc::sync_channel(64);
     let feed = Arc::new(Feed::new());
     let port = std::env::args().nth(1).and_then(|port| port.parse().ok()).unwrap_or(0);
-    let page = serve(&Options { port, token: None }, feed.clone(), ask, Some(to))?;
+    let page = serve(Options { port, token: None }, feed.clone(), ask, Some(to))?;
     println!("{}", page.url());
     let mut run = made_up::Run::new(Some(from));
     feed.publish_layout(run.layout.clone());

@@ -24,6 +24,9 @@ const ASKS: [f64; 2] = [250.0, 500.0];
 /// Answers that may wait for a page.
 const ANSWERS: usize = 16;
 
+/// How long a page may take to hear why it is let go.
+const FAREWELL: Duration = Duration::from_secs(1);
+
 /// Why a page is let go: the code of the WebSocket, and a reason.
 type Leave = (u16, &'static str);
 
@@ -32,12 +35,12 @@ const GONE: Leave = (close_code::NORMAL, "");
 
 /// Shows the run to a page and hears it, until it leaves, breaks a rule, or the server stops.
 pub(crate) async fn attend(socket: WebSocket, page: u64, shared: Arc<Shared>) {
-    let (mut to, from) = socket.split();
+    let (mut to, mut from) = socket.split();
     let (got, got_by_page) = watch::channel(0);
     let (answers, mut waiting) = mpsc::channel(ANSWERS);
     let mut stop = shared.stop.subscribe();
     let (code, reason) = tokio::select! {
-        leave = listen(from, page, &shared, got, answers) => leave,
+        leave = listen(&mut from, page, &shared, got, answers) => leave,
         leave = Show::new(&mut to, page, &shared, got_by_page).run(&mut waiting) => leave,
         _ = stop.wait_for(|stop| *stop) => (close_code::AWAY, "the run has ended"),
     };
@@ -45,12 +48,18 @@ pub(crate) async fn attend(socket: WebSocket, page: u64, shared: Arc<Shared>) {
         hand.free(page, &shared.counts);
     }
     let close = Message::Close(Some(CloseFrame { code, reason: reason.into() }));
-    let _ = timeout(Duration::from_secs(1), to.send(close)).await;
+    // What is not read when a socket closes takes with it what was sent last: the reason would be lost.
+    let farewell = async {
+        if to.send(close).await.is_ok() {
+            while let Some(Ok(_)) = from.next().await {}
+        }
+    };
+    let _ = timeout(FAREWELL, farewell).await;
 }
 
 /// Hears a page.
 async fn listen(
-    mut from: SplitStream<WebSocket>,
+    from: &mut SplitStream<WebSocket>,
     page: u64,
     shared: &Shared,
     got: watch::Sender<u64>,

@@ -16,7 +16,8 @@ const KEPT: usize = 4;
 /// What a run shows. Filled by one control thread, read by every page.
 ///
 /// Nothing here waits for a page, and nothing grows: the newest layout and the newest few views are kept. The lock is held
-/// for the exchange of a pointer only. A view of four scopes, two of them at 48 kHz, takes about 35 us to pack.
+/// for the exchange of a pointer only. A view of 13 nodes and four scopes, two of them at 48 kHz, takes
+/// 6 us to pack and hand over (median of 2000; 256 kB of samples take 90).
 #[derive(Debug)]
 pub struct Feed {
     state: Mutex<State>,

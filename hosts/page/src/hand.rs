@@ -2,15 +2,12 @@
 
 use std::sync::atomic::Ordering::Relaxed;
 
-use asperity_live::{Sample, SampleWriter, now_ns};
+use asperity_live::{RemoteClock, Sample, SampleWriter, now_ns};
 use parking_lot::Mutex;
 use tokio::sync::watch;
 
 use crate::server::Counters;
 use crate::wire::Stroke;
-
-/// How long the least delay of a message is remembered, twice.
-const WINDOW_NS: u64 = 5_000_000_000;
 
 /// The one hand, which the page that touched last has.
 #[derive(Debug)]
@@ -29,7 +26,8 @@ struct State {
 /// What the server knows of one page's hand.
 #[derive(Debug, Default)]
 pub(crate) struct Pen {
-    clock: Clock,
+    /// The browser's.
+    clock: RemoteClock,
     /// The touch that its last sample belonged to. A page that lost the hand gets it with another touch.
     number: Option<u32>,
 }
@@ -55,7 +53,8 @@ impl Hand {
         counts: &Counters,
     ) {
         let arrived_ns = now_ns();
-        pen.clock.heard(sent_ms, arrived_ns);
+        // A place is older than its message: the message alone says how the clocks stand to each other.
+        pen.clock.map(sent_ms / 1e3, arrived_ns);
         let mut state = self.state.lock();
         for stroke in strokes {
             let begins = pen.number != Some(stroke.number);
@@ -68,7 +67,7 @@ impl Hand {
             }
             pen.number = Some(stroke.number);
             let sample = Sample {
-                time_ns: pen.clock.here(stroke.at_ms),
+                time_ns: pen.clock.map(stroke.at_ms / 1e3, arrived_ns),
                 arrived_ns,
                 position: [stroke.x_mm, stroke.y_mm, 0.0],
                 force: stroke.pressure,
@@ -101,30 +100,6 @@ impl State {
     }
 }
 
-/// A browser's clock as seen from here: the least delay of the last messages is taken for no delay.
-#[derive(Debug, Default)]
-struct Clock {
-    /// Least of arrival less sending in this window and the one before, in ns.
-    least: [Option<f64>; 2],
-    since_ns: u64,
-}
-
-impl Clock {
-    fn heard(&mut self, sent_ms: f64, arrived_ns: u64) {
-        if arrived_ns - self.since_ns.min(arrived_ns) > WINDOW_NS {
-            self.since_ns = arrived_ns;
-            self.least = [None, self.least[0]];
-        }
-        let delay = arrived_ns as f64 - sent_ms * 1e6;
-        self.least[0] = Some(self.least[0].map_or(delay, |least| least.min(delay)));
-    }
-
-    fn here(&self, at_ms: f64) -> u64 {
-        let least = self.least.into_iter().flatten().fold(f64::INFINITY, f64::min);
-        (at_ms * 1e6 + least) as u64
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -154,18 +129,5 @@ mod tests {
         assert_eq!(told, [(1.0, 0.5, 1), (2.0, 0.5, 1), (31.0, 0.5, 2), (4.0, 0.5, 3), (4.0, 0.0, 3)]);
         assert!(all.is_sorted_by(|a, b| a.time_ns < b.time_ns));
         assert!(all.iter().all(|s| s.time_ns <= s.arrived_ns));
-    }
-
-    #[test]
-    fn a_message_that_was_held_up_does_not_move_the_times_of_its_samples() {
-        let mut clock = Clock::default();
-        let mut worst = 0.0f64;
-        for i in 0..4000u32 {
-            let sent_ms = f64::from(i) * 4.0;
-            let held_up_ms = if i % 10 == 3 { 30.0 } else { 0.2 };
-            clock.heard(sent_ms, (7e9 + (sent_ms + held_up_ms) * 1e6) as u64);
-            worst = worst.max((clock.here(sent_ms) as f64 - 7e9 - sent_ms * 1e6).abs());
-        }
-        assert!(worst < 0.3e6, "{worst} ns");
     }
 }

@@ -37,7 +37,7 @@ const HEADERS: usize = 16 * 1024;
 /// Bytes that may wait to be written to a page: more than the layout of any graph.
 const WAITING: usize = 16 * 1024 * 1024;
 /// How long pages may take to hear that the run has ended.
-const FAREWELL: Duration = Duration::from_millis(300);
+const FAREWELL: Duration = Duration::from_millis(500);
 
 /// How to serve.
 #[derive(Clone, Debug, Default)]
@@ -112,12 +112,12 @@ pub struct Page {
 /// # Errors
 /// The port is taken, the token is not one that stands in an address, the machine has no random numbers or no thread.
 pub fn serve(
-    options: &Options,
+    options: Options,
     feed: Arc<Feed>,
     requests: SyncSender<Request>,
     pointer: Option<SampleWriter>,
 ) -> io::Result<Page> {
-    let token = options.token.clone().map_or_else(random, Ok)?;
+    let token = options.token.map_or_else(random, Ok)?;
     if token.is_empty() || !token.bytes().all(|b| b.is_ascii_alphanumeric() || b"-_".contains(&b)) {
         return Err(io::Error::new(io::ErrorKind::InvalidInput, "a token is of letters, digits, - and _"));
     }

@@ -3,6 +3,8 @@ import { count, figure } from "./draw.js";
 import { place } from "./layers.js";
 
 const NODE = 174;
+/// A box narrower than this has no room for two names in a row.
+const NARROW = 150;
 const HEAD = 40;
 const ROW = 16;
 const PAD = 8;
@@ -52,10 +54,10 @@ export class Graph {
   #build() {
     const layout = this.#layout;
     if (!layout || !this.#width) return;
-    const rows = (node) => Math.max(node.outputs.length, node.inputs.length > 1 ? node.inputs.length : 0, 1);
-    const sizes = layout.nodes.map((node) => HEAD + rows(node) * ROW + PAD);
     // Two columns on a phone are better than one.
     const wide = this.#width < 420 ? Math.max(116, (this.#width - 74) / 2) : NODE;
+    const rows = (node) => Math.max(under(node, wide) + node.outputs.length, several(node) ? node.inputs.length : 0, 1);
+    const sizes = layout.nodes.map((node) => HEAD + rows(node) * ROW + PAD);
     const placed = place(sizes, layout.wires, this.#width - 2, wide);
     const root = svg("svg", {
       viewBox: `-1 -1 ${placed.width + 2} ${placed.height + 2}`,
@@ -65,7 +67,7 @@ export class Graph {
       "aria-label": `Graph of ${layout.nodes.length} nodes`,
     });
     this.#wires = layout.wires.map((wire, i) => {
-      const path = svg("path", { class: placed.routes[i].back ? "wire back" : "wire", d: line(wire, placed, i) });
+      const path = svg("path", { class: placed.routes[i].back ? "wire back" : "wire", d: line(wire, placed, i, layout.nodes) });
       root.append(path);
       return path;
     });
@@ -78,6 +80,8 @@ export class Graph {
   }
 
   show(view) {
+    // Nothing is built before the page has a width.
+    if (!this.#nodes.length) return;
     let asleep = 0;
     view.nodes.forEach((now, i) => {
       const node = this.#nodes[i];
@@ -90,6 +94,7 @@ export class Graph {
       write(node.us, state === "awake" ? `${figure(now.us)} µs` : state);
       const faults = now.faults ? `${count(now.faults)} ${now.faults === 1 ? "fault" : "faults"}` : "";
       write(node.faults, faults);
+      write(node.id, node.names[now.faults ? 1 : 0]);
       node.outputs.forEach((output, k) => write(output, figure(now.values[k])));
       write(node.title, this.#told(i, now));
     });
@@ -110,44 +115,52 @@ export class Graph {
   }
 }
 
+/** Whether the inputs of a node have their names beside them. */
+const several = (node) => node.inputs.length > 1;
+
+/** Rows above the first output: where names of inputs and outputs do not fit beside each other, one stands under the other. */
+const under = (node, wide) => (wide < NARROW && several(node) ? node.inputs.length : 0);
+
 function box(node, { x, y, height }, wide) {
   const group = svg("g", { class: "node", transform: `translate(${x} ${y})` });
   const title = svg("title");
   group.append(title, svg("rect", { class: node.sink ? "box sink" : "box", width: wide, height, rx: 5 }));
-  group.append(svg("text", { class: "id", x: 9, y: 17 }, cut(node.id, Math.floor((wide - 68) / 6.4))));
+  // Faults stand beside the name.
+  const names = [18, 78].map((rest) => cut(node.id, Math.floor((wide - rest) / 6.6)));
+  const id = svg("text", { class: "id", x: 9, y: 17 }, names[0]);
+  group.append(id);
   group.append(svg("text", { class: "kind", x: 9, y: 31 }, cut(node.kind, Math.floor((wide - 70) / 5.7))));
   const us = svg("text", { class: "us", x: wide - 9, y: 31, "text-anchor": "end" });
   const faults = svg("text", { class: "faults", x: wide - 9, y: 17, "text-anchor": "end" });
   group.append(us, faults);
-  const several = node.inputs.length > 1;
   node.inputs.forEach(([name], k) => {
     const at = HEAD + k * ROW + ROW / 2;
     group.append(svg("circle", { class: "port", cx: 0, cy: at, r: 2.5 }));
-    if (several) group.append(svg("text", { class: "port-name", x: 9, y: at + 4 }, cut(name, 8)));
+    if (several(node)) group.append(svg("text", { class: "port-name", x: 9, y: at + 4 }, cut(name, 8)));
   });
   const outputs = node.outputs.map(([name, unit], k) => {
-    const at = HEAD + k * ROW + ROW / 2;
+    const at = HEAD + (under(node, wide) + k) * ROW + ROW / 2;
     group.append(svg("circle", { class: "port", cx: wide, cy: at, r: 2.5 }));
     const text = svg("text", { class: "out", x: wide - 9, y: at + 4, "text-anchor": "end" });
     const value = svg("tspan", { class: "value" }, "–");
-    const narrow = wide < 150;
-    if (!several || !narrow) text.append(svg("tspan", { class: "port-name" }, `${cut(name, narrow ? 7 : several ? 9 : 12)} `));
+    const most = wide < NARROW ? 7 : several(node) ? 9 : 12;
+    text.append(svg("tspan", { class: "port-name" }, `${cut(name, most)} `));
     text.append(value, svg("tspan", { class: "unit" }, unit ? ` ${unit}` : ""));
     group.append(text);
     return value;
   });
-  return { group, title, us, faults, outputs };
+  return { group, title, id, names, us, faults, outputs };
 }
 
 /** The path of a wire: curves between columns, square corners from band to band and back. */
-function line([from, output, to, input], placed, i) {
+function line([from, output, to, input], placed, i, nodes) {
   const { places, routes, nodeWidth } = placed;
   const port = (node, k, x) => {
     const slot = places[node];
     return { x: slot.x + x, y: slot.y + HEAD + k * ROW + ROW / 2, band: slot.band };
   };
   const { back, slots, net } = routes[i];
-  const points = [port(from, output, nodeWidth)];
+  const points = [port(from, under(nodes[from], nodeWidth) + output, nodeWidth)];
   for (const { x, y, height, band } of slots) {
     points.push({ x, y: y + height / 2, band }, { x: x + nodeWidth, y: y + height / 2, band });
   }

@@ -12,16 +12,19 @@ export class Link {
   #socket = null;
   #got = 0;
   #wait = 250;
+  /// Why there is no connection; what is found while it is tried again says nothing new.
+  #why = "";
   #head = new TextDecoder();
 
   open() {
-    this.onState("opening", "Connecting to the run.");
+    this.onState("opening", this.#why || "Connecting to the run.");
     const socket = new WebSocket(address("/ws", "ws:"));
     socket.binaryType = "arraybuffer";
     this.#socket = socket;
     this.#got = 0;
     socket.onopen = () => {
       this.#wait = 250;
+      this.#why = "";
       this.onState("open", "");
     };
     socket.onmessage = ({ data }) => (typeof data === "string" ? this.#text(data) : this.#view(data));
@@ -56,16 +59,17 @@ export class Link {
     this.onView(head.view, head.scopes, new Float32Array(data, Math.ceil((4 + length) / 4) * 4));
   }
 
-  async #closed(event) {
-    const ended = event.code === 1001 && event.reason;
-    let why = ended ? "The run has ended." : "The connection to the run is lost.";
-    if (event.code === 1008) why = `The run let this page go: ${event.reason}.`;
-    this.onState("lost", why);
+  async #closed({ code, reason }) {
+    if (code === 1001 && reason) this.#why = "The run has ended.";
+    else if (code === 1008) this.#why = `The run let this page go: ${reason}.`;
+    else this.#why ||= "The connection to the run is lost.";
+    this.onState("lost", this.#why);
     try {
       const answer = await fetch(address("/places", "http:"));
       const { pages, most } = answer.ok ? await answer.json() : {};
-      if (pages >= most) this.onState("lost", `${most} pages watch this run already. This one waits for a place.`);
-      if (answer.status === 403) this.onState("lost", "This address is of another run. Open the one that the program printed.");
+      if (pages >= most) this.#why = `${most} pages watch this run already. This one waits for a place.`;
+      if (answer.status === 403) this.#why = "This address is of another run. Open the one that the program printed.";
+      this.onState("lost", this.#why);
     } catch {
       // Nobody is there: said already.
     }

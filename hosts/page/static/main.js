@@ -80,8 +80,10 @@ link.onLayout = (next, withHand) => {
   const same = layout && layout.number === next.number && layout.file === next.file
     && layout.nodes.length === next.nodes.length;
   layout = next;
-  by("file").textContent = next.file;
-  document.title = next.file ? `${next.file} · Asperity` : "Asperity";
+  const name = next.file.split(/[\\/]/).pop();
+  by("file").textContent = name;
+  by("file").title = next.file;
+  document.title = name ? `${name} · Asperity` : "Asperity";
   hand.offer(withHand);
   controls.layout(next, same);
   if (!same) {
@@ -143,7 +145,7 @@ addEventListener("keydown", (event) => {
   event.preventDefault();
   mute();
 });
-// A button answers space when the key comes up again: for the mute it was answered already.
+// Firefox presses a button when space comes up again, whatever came of its going down.
 by("mute").addEventListener("keyup", (event) => {
   if (event.code === "Space") event.preventDefault();
 });

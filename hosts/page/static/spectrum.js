@@ -2,7 +2,7 @@
 import { canvas, colour, figure, make, signal } from "./draw.js";
 
 const [LOW_HZ, HIGH_HZ] = [10, 1000];
-const SHOWN = ["acceleration", "current"];
+const SHOWN = ["acceleration", "current", "voltage"];
 const RANGE_DB = 70;
 /// Long enough to tell 10 Hz from 12.
 const WINDOW_S = 0.4;
@@ -78,7 +78,7 @@ export class Spectrum {
   draw(now) {
     if (now - this.#drawn < EVERY_MS) return;
     this.#drawn = now;
-    const shown = this.#scopes.all.filter((scope) => SHOWN.includes(scope.name));
+    const shown = this.#scopes.all.filter((scope) => SHOWN.includes(scope.name)).slice(0, 2);
     for (const scope of shown) this.#analyse(scope);
     const { pen, width, height } = this.#canvas.clear();
     const box = { left: 40, right: width - 40, top: 8, bottom: height - 20 };

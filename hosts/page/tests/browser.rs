@@ -26,10 +26,14 @@ struct Stage {
 
 impl Stage {
     fn new(pen: Option<asperity_live::SampleWriter>) -> Self {
+        Self::at(Options::default(), pen)
+    }
+
+    fn at(options: Options, pen: Option<asperity_live::SampleWriter>) -> Self {
         let feed = Arc::new(Feed::new());
         let (ask, requests) = sync_channel(64);
         let (tell, asked) = sync_channel(4096);
-        let page = serve(&Options::default(), feed.clone(), ask, pen).expect("it serves");
+        let page = serve(options, feed.clone(), ask, pen).expect("it serves");
         let stop = Arc::new(AtomicBool::new(false));
         let until = stop.clone();
         let thread = std::thread::spawn(move || {
@@ -54,6 +58,11 @@ impl Stage {
 
     fn page(&self) -> &Page {
         self.page.as_ref().expect("it serves")
+    }
+
+    fn address(&self) -> (u16, String) {
+        let (host, token) = self.page().url().split_once("/?token=").expect("an address with a token");
+        (host.rsplit_once(':').expect("a port").1.parse().expect("a port"), token.to_owned())
     }
 
     fn asked(&self) -> Request {
@@ -90,6 +99,11 @@ fn a_pen_at_250_hz_is_heard_whole_in_place_and_in_order() {
     let at =
         |i: u32| [(x - 50.0 + 0.2 * f64::from(i)).round() + f64::from(i % 5) / 5.0, y - f64::from(i % 40)];
     let force = |i: u32| 0.1 + 0.8 * f64::from(i) / f64::from(EVENTS);
+    // Pictures drawn, and views come, while the pen strokes.
+    browser.eval(
+        "(() => { window.frames_drawn = 0; const f = () => { window.frames_drawn += 1; requestAnimationFrame(f); }; f(); })()",
+    );
+    let views = stage.page().counts().views;
     let mut heard = Vec::new();
     browser.pen("mousePressed", at(0), force(0));
     let began = Instant::now();
@@ -99,6 +113,11 @@ fn a_pen_at_250_hz_is_heard_whole_in_place_and_in_order() {
         drain(&mut from, &mut heard);
     }
     browser.pen("mouseReleased", at(EVENTS - 1), 0.0);
+    let drawn = browser.eval("window.frames_drawn").as_f64().expect("a number");
+    let took = began.elapsed().as_secs_f64();
+    let drawn = drawn / took;
+    let views = (stage.page().counts().views - views) as f64 / took;
+    println!("{drawn:.1} pictures/s drawn, {views:.1} views/s sent");
     let until = Instant::now() + Duration::from_secs(30);
     while heard.last().is_none_or(|s| s.force > 0.0) && Instant::now() < until {
         browser.eval("1");
@@ -111,6 +130,7 @@ fn a_pen_at_250_hz_is_heard_whole_in_place_and_in_order() {
     let beats = strokes.len();
     strokes.dedup_by_key(|s| (s.position.map(f64::to_bits), s.force.to_bits()));
     let beats = beats - strokes.len();
+    assert!(beats < EVENTS as usize / 4, "{beats} samples were said again: each event came twice");
     assert!(heard.is_sorted_by(|a, b| a.time_ns < b.time_ns), "times increase");
     assert!(heard.iter().all(|s| s.stroke == heard[0].stroke), "one stroke");
     assert_eq!(strokes.len(), EVENTS as usize, "every event is heard once");
@@ -173,10 +193,16 @@ fn what_is_moved_on_the_page_is_asked_of_the_run() {
     assert_eq!(stage.asked(), Request::Mute(true));
     assert_eq!(stage.asked.try_recv().ok(), None, "each was asked for once");
     assert_eq!(browser.complaints(), Vec::<String>::new());
-    // The run ends, and the page says so.
+    // The run ends, and the page says so; it begins again, and the page finds it.
+    let (port, token) = stage.address();
     stage.page = None;
     browser.until("document.querySelector('#notice').textContent.includes('ended')");
     browser.until("document.querySelector('#condition').dataset.is === 'away'");
+    browser.complaints();
+    let again = Stage::at(Options { port, token: Some(token) }, None);
+    browser.until("document.querySelector('#condition').dataset.is === 'playing'");
+    browser.until("document.querySelector('#notice').hidden");
+    assert_eq!(again.page().counts().pages, 1);
 }
 
 #[test]

@@ -46,7 +46,7 @@ fn stage() -> Stage {
     feed.publish_layout(made_up::layout());
     let (ask, asked) = sync_channel(4);
     // Nobody reads the hand.
-    let page = serve(&Options::default(), feed.clone(), ask, Some(samples().0)).expect("it serves");
+    let page = serve(Options::default(), feed.clone(), ask, Some(samples().0)).expect("it serves");
     Stage { page, feed, asked }
 }
 
@@ -261,7 +261,7 @@ fn pages_that_do_not_read_hold_up_nobody_and_are_let_go() {
         stage.feed.publish(view);
         times.push(start.elapsed().as_secs_f64() * 1e6);
         most_kept = most_kept.max(stage.page.counts().kept_bytes);
-        if n % 2 == 0 {
+        if n.is_multiple_of(2) {
             let _ = liar.send(got(u64::from(n / 4)));
         }
         if stage.page.counts().pages == 1 && gone_after.is_none() {
@@ -348,8 +348,12 @@ fn garbage_and_what_is_too_long_or_too_often_ends_a_connection_and_nothing_else(
     raw.read_to_end(&mut Vec::new()).ok();
     // Too often.
     let mut flood = stage.watch().expect("a place");
-    let sent = (0..1_000_000).take_while(|_| flood.send(Message::text(r#"{"mute":true}"#)).is_ok()).count();
-    assert!(sent < 1_000_000, "a flood goes on");
+    for _ in 0..4000 {
+        if flood.send(Message::text(r#"{"mute":true}"#)).is_err() {
+            break;
+        }
+    }
+    closed(&mut flood);
     until("all are let go", || stage.page.counts().pages == 1);
     stage.feed.publish(View { number: 9, ..View::default() });
     while !matches!(good.read().expect("the good one is shown what is new"), Message::Binary(_)) {}
@@ -420,9 +424,17 @@ fn pages_are_told_that_the_run_has_ended() {
     let stage = stage();
     let mut socket = stage.watch().expect("a place");
     let port = stage.port();
-    drop(stage);
+    let ending = std::thread::spawn(move || drop(stage));
+    // A page that is in the middle of telling something is not cut off before it has heard: a browser that cannot write does not
+    // read on.
+    for _ in 0..5 {
+        std::thread::sleep(Duration::from_millis(10));
+        socket.get_mut().write_all(&[0x8a, 0x80, 0, 0, 0, 0]).expect("it still hears");
+    }
     let frame = closed(&mut socket).expect("a reason");
     assert_eq!((u16::from(frame.code), frame.reason.as_str()), (1001, "the run has ended"));
+    drop(socket);
+    ending.join().expect("it ends");
     assert!(TcpStream::connect(("127.0.0.1", port)).is_err(), "the port is free again");
 }
 
@@ -431,11 +443,11 @@ fn a_port_that_is_taken_and_a_token_that_is_none_are_errors() {
     let stage = stage();
     let taken = Options { port: stage.port(), token: None };
     let (ask, _asked) = sync_channel(1);
-    let error = serve(&taken, stage.feed.clone(), ask.clone(), None).expect_err("it is taken");
+    let error = serve(taken, stage.feed.clone(), ask.clone(), None).expect_err("it is taken");
     assert_eq!(error.kind(), std::io::ErrorKind::AddrInUse);
     let odd = Options { port: 0, token: Some("a&b".into()) };
     assert_eq!(
-        serve(&odd, stage.feed.clone(), ask, None).expect_err("odd").kind(),
+        serve(odd, stage.feed.clone(), ask, None).expect_err("odd").kind(),
         std::io::ErrorKind::InvalidInput
     );
 }

@@ -170,7 +170,7 @@ impl Run {
             self.samples[place] = until;
             all.push(match place {
                 0 => (0..n).map(|_| (speed + 0.8 * self.noise()).max(0.0) as f32).collect(),
-                1 => (0..n).map(|_| (force + 0.01 * self.noise()) as f32).collect(),
+                1 => (0..n).map(|_| (force * (1.0 + 0.01 * self.noise())) as f32).collect(),
                 2 => {
                     accelerations =
                         (0..n).map(|_| self.acceleration(speed, force, active)).collect::<Vec<f64>>();
