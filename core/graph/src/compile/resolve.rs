@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 use asperity_node::random::seed_of;
-use asperity_node::{Config, Diagnostic, NodeKind, Params, Ports, Registry};
+use asperity_node::{Config, Diagnostic, Input, NodeKind, Params, Ports, Registry};
 use asperity_source::one_of;
 
 use crate::{Endpoint, GraphFile, params};
@@ -172,6 +172,9 @@ fn end(
             }
         },
         None if names.len() == 1 => Some((index, 0)),
+        None if direction == Direction::Input && only_required(&ports.inputs).is_some() => {
+            Some((index, only_required(&ports.inputs)?))
+        }
         None => {
             let all: Vec<String> = names.iter().map(|n| format!("`{}.{n}`", end.node)).collect();
             let help =
@@ -180,6 +183,12 @@ fn end(
             None
         }
     }
+}
+
+/// The one input that has to be connected: what a wire without a port's name means.
+fn only_required(inputs: &[Input]) -> Option<usize> {
+    let mut required = (0..inputs.len()).filter(|&i| !inputs[i].optional);
+    required.next().filter(|_| required.next().is_none())
 }
 
 fn name_of(graph: &GraphFile, nodes: &[Option<ResolvedNode>], (node, input): (usize, usize)) -> String {

@@ -37,7 +37,7 @@ impl Shows {
                 let feed = Arc::new(Feed::new());
                 feed.publish_layout(conductor.layout().clone());
                 let options = asperity_page::Options { port, ..asperity_page::Options::default() };
-                let page = serve(&options, feed.clone(), sender.clone(), hands.take_pointer())
+                let page = serve(options, feed.clone(), sender.clone(), hands.take_pointer())
                     .map_err(|e| Failure::Machine(format!("cannot serve the page at port {port}: {e}")))?;
                 say(args.quiet && !args.tui, &format!("the page: {}", page.url()));
                 Some((page, feed))
