@@ -3,13 +3,16 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use asperity_live::view::{Condition, Layout, NodeView, Request, View};
+use asperity_live::view::{Condition, Layout, NodeLayout, NodeView, Request, View};
 
 use crate::held::{Count, Peak};
+use crate::text::{clean, columns};
 use crate::trace::Trace;
 
 /// How often the figures of nodes change: as fast as a person reads them.
 const READ: Duration = Duration::from_millis(250);
+/// Columns that a name may take.
+const LONGEST: usize = 40;
 /// Notices that are kept.
 const NOTES: usize = 100;
 
@@ -49,6 +52,8 @@ pub(crate) struct Board {
     pub(crate) layout: Layout,
     pub(crate) view: View,
     pub(crate) rows: Vec<Row>,
+    /// Columns of the longest id and kind.
+    pub(crate) names: [usize; 2],
     pub(crate) traces: Vec<Trace>,
     pub(crate) peak: Peak,
     /// Underruns, lost samples, xruns, losses, faults, missed ticks.
@@ -71,7 +76,7 @@ pub(crate) struct Board {
     /// What the keys asked for since this was last emptied.
     pub(crate) requests: Vec<Request>,
     /// When the figures of nodes last changed, and the ticks then.
-    read: Option<(Duration, u64)>,
+    pub(crate) read: Option<(Duration, u64)>,
 }
 
 impl Board {
@@ -87,6 +92,10 @@ impl Board {
         // The parameter that was chosen stays so in another graph, if it is still there.
         let name = self.parameter(self.chosen).map(|(n, p)| self.parameter_name(n, p));
         self.layout = layout.clone();
+        let longest = |name: fn(&NodeLayout) -> &str| {
+            layout.nodes.iter().map(|node| columns(&clean(name(node), LONGEST))).max().unwrap_or(0)
+        };
+        self.names = [longest(|node| &node.id), longest(|node| &node.kind)];
         let all = (0..self.parameters())
             .find(|&k| self.parameter(k).map(|(n, p)| self.parameter_name(n, p)) == name && name.is_some());
         self.chosen = all.unwrap_or(0);
@@ -191,7 +200,7 @@ impl Row {
         let slept = node.slept.saturating_sub(self.slept);
         self.us = if calls > 0 { self.busy_us / calls as f64 } else { 0.0 };
         self.share = if ticks_us > 0.0 { self.busy_us / ticks_us } else { 0.0 };
-        self.asleep = if calls + slept > 0 { slept as f64 / (calls + slept) as f64 } else { 0.0 };
+        self.asleep = if slept > 0 { slept as f64 / (calls as f64 + slept as f64) } else { 0.0 };
         self.value = node.values.first().copied();
         (self.busy_us, self.calls, self.slept) = (0.0, node.calls, node.slept);
     }
@@ -199,7 +208,7 @@ impl Row {
 
 #[cfg(test)]
 mod tests {
-    use asperity_live::view::{LiveLayout, NodeLayout, ScopeLayout, TimingView};
+    use asperity_live::view::{LiveLayout, ScopeLayout, TimingView};
 
     use super::*;
 
@@ -253,7 +262,7 @@ mod tests {
             last_fault: "not a number".into(),
             ..NodeView::default()
         };
-        for faults in 1..=7 {
+        for faults in 0..=7 {
             board.take(&view(faults, node(faults, false)), ms(20 * faults));
         }
         board.take(&view(8, node(8, true)), ms(160));

@@ -5,9 +5,10 @@ use std::time::Duration;
 /// How long a peak, or the rise of a count, stays in sight.
 pub(crate) const HOLD: Duration = Duration::from_secs(2);
 
-/// A count, and by how much it rose of late.
+/// A count, and by how much it rose of late. What it is at first is no rise.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Count {
+    known: bool,
     pub(crate) now: u64,
     rise: u64,
     until: Duration,
@@ -16,7 +17,8 @@ pub(crate) struct Count {
 impl Count {
     /// Takes the count as it is at `time`; true if it has risen.
     pub(crate) fn take(&mut self, count: u64, time: Duration) -> bool {
-        let by = count.saturating_sub(self.now);
+        let by = if self.known { count.saturating_sub(self.now) } else { 0 };
+        self.known = true;
         self.rise = self.risen(time).saturating_add(by);
         self.now = count;
         if by > 0 {

@@ -67,7 +67,7 @@ impl Terminal {
         self.board.take(view, time);
         self.read_keys(time)?;
         self.send();
-        for panic in screen::said() {
+        for panic in self.screen.said() {
             self.note(&panic);
         }
         let board = &mut self.board;

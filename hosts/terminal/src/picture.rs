@@ -12,7 +12,7 @@ use unicode_width::UnicodeWidthStr;
 use crate::board::Board;
 
 /// A cell in pixels.
-const CELL: [f64; 2] = [8.4, 18.0];
+const CELL: [f64; 2] = [8.0, 18.0];
 const MARGIN: f64 = 12.0;
 /// Where letters stand in their cell.
 const BASELINE: f64 = 13.5;
@@ -39,7 +39,7 @@ fn render(buffer: &Buffer) -> String {
     let mut out = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width:.1} {height:.1}\" width=\"{width:.1}\" height=\"{height:.1}\" role=\"img\">\n\
          <title>Figures of a running graph in a terminal</title>\n\
-         <style>text{{font-family:'DejaVu Sans Mono','Liberation Mono',Menlo,Consolas,monospace;font-size:13.5px}}</style>\n\
+         <style>text{{font-family:'DejaVu Sans Mono','Liberation Mono',Menlo,Consolas,monospace;font-size:13.3px}}</style>\n\
          <rect width=\"{width:.1}\" height=\"{height:.1}\" rx=\"8\" fill=\"{GROUND}\"/>\n\
          <g transform=\"translate({MARGIN} {MARGIN})\">\n"
     );
@@ -71,7 +71,7 @@ fn run(out: &mut String, cells: &[&Cell], column: usize, y: f64) -> usize {
         let many = cells[column..]
             .iter()
             .take_while(|cell| cell.symbol() == first.symbol() && Look::of(cell) == look);
-        let many = if c == '─' || c == '█' { many.count() } else { 1 };
+        let many = if matches!(c, '─' | '━' | '█') { many.count() } else { 1 };
         shape(out, c, [x, y], many as f64 * CELL[0], look);
         return many;
     }
@@ -155,7 +155,7 @@ fn rect(out: &mut String, [x, y, w, h]: [f64; 4], fill: &str, opacity: f64) {
 }
 
 fn is_shape(c: char) -> bool {
-    matches!(c, '─' | '│' | '┊' | '┃' | '┌' | '┐' | '└' | '┘' | '▁'..='▏' | '\u{2800}'..='\u{28FF}')
+    matches!(c, '─' | '━' | '╸' | '│' | '┊' | '┃' | '┌' | '┐' | '└' | '┘' | '▁'..='▏' | '\u{2800}'..='\u{28FF}')
 }
 
 /// Draws a block, a line or the dots of a braille character over `width` pixels.
@@ -171,6 +171,8 @@ fn shape(out: &mut String, c: char, [x, y]: [f64; 2], width: f64, look: Look) {
         }
         '▉'..='▏' => rect(out, [x, y, f64::from(0x2590 - code) / 8.0 * w, h], ink, opacity),
         '─' => rect(out, [x, top, width, 1.0], ink, opacity),
+        '━' => rect(out, [x, top - 1.5, width, 4.0], ink, opacity),
+        '╸' => rect(out, [x, top - 1.5, width / 2.0, 4.0], ink, opacity),
         '│' => rect(out, [left, y, 1.0, h], ink, opacity),
         '┃' => rect(out, [left - 0.5, y, 2.0, h], ink, opacity),
         '┊' => {

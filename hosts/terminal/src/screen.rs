@@ -22,7 +22,7 @@ const PATIENCE: Duration = Duration::from_millis(500);
 /// Panics of other threads that are kept.
 const PANICS: usize = 16;
 
-/// Whether the terminal is in the state it was found in, less the thread that draws, plus what panics said meanwhile.
+/// Whether the terminal is taken over, by which thread it is drawn on, and what panics of others said meanwhile.
 static HELD: AtomicBool = AtomicBool::new(false);
 static OWNER: Mutex<Option<ThreadId>> = Mutex::new(None);
 static SAID: Mutex<Vec<String>> = Mutex::new(Vec::new());
@@ -62,6 +62,7 @@ pub(crate) struct Screen {
     next: Buffer,
     pages: SyncSender<Vec<u8>>,
     pen: Arc<Pen>,
+    said: Vec<String>,
 }
 
 impl Screen {
@@ -95,7 +96,15 @@ impl Screen {
         })?;
         let sheet = Sheet::default();
         let (shown, next) = (Buffer::default(), Buffer::default());
-        Ok(Self { backend: CrosstermBackend::new(sheet.clone()), sheet, shown, next, pages, pen })
+        Ok(Self {
+            backend: CrosstermBackend::new(sheet.clone()),
+            sheet,
+            shown,
+            next,
+            pages,
+            pen,
+            said: Vec::new(),
+        })
     }
 
     /// Draws a frame with `draw`, which gets an empty buffer. Does nothing while the frame before is still being written.
@@ -131,6 +140,14 @@ impl Screen {
         Ok(())
     }
 
+    /// What other threads said as they panicked since this was last asked. It is also printed when the terminal is given back.
+    pub(crate) fn said(&mut self) -> Vec<String> {
+        let said = std::mem::take(&mut *lock(&SAID));
+        let room = PANICS.saturating_sub(self.said.len());
+        self.said.extend(said.iter().take(room).cloned());
+        said
+    }
+
     /// Has the next frame drawn on a cleared screen.
     pub(crate) fn redraw(&mut self) {
         self.shown = Buffer::default();
@@ -152,13 +169,21 @@ impl Drop for Screen {
         while self.pen.busy.load(Ordering::SeqCst) && Instant::now() < until {
             thread::sleep(Duration::from_millis(2));
         }
+        self.said();
+        if self.pen.busy.load(Ordering::SeqCst) && HELD.swap(false, Ordering::SeqCst) {
+            // The terminal does not read; it gets the rest if it ever does.
+            let mut page = Vec::new();
+            let _ = leave(&mut page);
+            let _ = self.pages.try_send(page);
+            let _ = disable_raw_mode();
+            return;
+        }
         restore();
+        for panic in &self.said {
+            // Not eprintln, which panics where standard error is gone.
+            let _ = writeln!(io::stderr(), "{panic}");
+        }
     }
-}
-
-/// Takes what other threads said as they panicked.
-pub(crate) fn said() -> Vec<String> {
-    std::mem::take(&mut *lock(&SAID))
 }
 
 fn enter(out: &mut impl Write) -> io::Result<()> {
@@ -166,12 +191,16 @@ fn enter(out: &mut impl Write) -> io::Result<()> {
     execute!(out, EnterAlternateScreen, terminal::DisableLineWrap, cursor::Hide)
 }
 
+fn leave(out: &mut impl Write) -> io::Result<()> {
+    execute!(out, terminal::EnableLineWrap, LeaveAlternateScreen, cursor::Show)
+}
+
 /// Gives the terminal back as it was found, once.
 fn restore() {
     if HELD.swap(false, Ordering::SeqCst) {
         // There is nobody to tell if the terminal is gone.
         if let Ok(mut out) = output() {
-            let _ = execute!(out, terminal::EnableLineWrap, LeaveAlternateScreen, cursor::Show);
+            let _ = leave(&mut out);
         }
         let _ = disable_raw_mode();
     }
@@ -187,7 +216,7 @@ fn output() -> io::Result<File> {
 }
 
 /// A panic of the thread that draws, or of the main one, gives the terminal back before anything is printed: either may end the
-/// program without a drop. What any other thread says would spoil the picture, and is kept for [`said`] instead.
+/// program without a drop. What any other thread says would spoil the picture, and is kept for [`Screen::said`] instead.
 fn install_hook() {
     let before = panic::take_hook();
     panic::set_hook(Box::new(move |info| {
@@ -200,10 +229,13 @@ fn install_hook() {
             restore();
             return before(info);
         }
-        if let Ok(mut said) = SAID.try_lock() {
-            if said.len() < PANICS {
-                said.push(format!("thread {} {info}", here.name().unwrap_or("without a name")));
-            }
+        if let Ok(mut said) = SAID.try_lock()
+            && said.len() < PANICS
+        {
+            let what = info.payload_as_str().unwrap_or("no message");
+            let place =
+                info.location().map(|at| format!(" ({}:{})", at.file(), at.line())).unwrap_or_default();
+            said.push(format!("thread {} panicked: {what}{place}", here.name().unwrap_or("without a name")));
         }
     }));
 }

@@ -5,19 +5,19 @@ use std::time::Duration;
 
 use crate::held::HOLD;
 
-/// Bins that are kept; at [`BINS_HZ`] they are two seconds.
-const BINS: usize = 512;
-const BINS_HZ: u32 = 256;
+/// Bins that are kept; at [`BINS_HZ`] they are two seconds. All scopes have the same, so that their charts show the same time.
+const BINS: usize = 2048;
+const BINS_HZ: u64 = 1024;
+/// A bin without a sample.
+const EMPTY: [f32; 2] = [f32::INFINITY, f32::NEG_INFINITY];
 
 /// One signal.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Trace {
     bins: VecDeque<[f32; 2]>,
-    /// Bins that have ever been begun.
+    /// Bins that have ever been begun, and samples that ever came.
     begun: u64,
-    /// Samples of a bin, and how many the newest one has.
-    samples: u32,
-    filled: u32,
+    samples: u64,
     rate_hz: u32,
     scale: Scale,
 }
@@ -27,7 +27,7 @@ pub(crate) struct Trace {
 pub(crate) struct Scale {
     pub(crate) top: f32,
     pub(crate) signed: bool,
-    since: Duration,
+    pub(crate) since: Duration,
 }
 
 /// What a chart of some columns shows.
@@ -40,26 +40,34 @@ pub(crate) struct Window {
 
 impl Trace {
     pub(crate) fn new(rate_hz: u32) -> Self {
-        Self { samples: (rate_hz / BINS_HZ).max(1), rate_hz: rate_hz.max(1), ..Self::default() }
+        Self { rate_hz: rate_hz.max(1), ..Self::default() }
     }
 
-    /// Takes new samples. What is not finite leaves a gap.
+    /// Takes new samples. What is not finite leaves a gap; where samples are rarer than bins, each fills several.
     pub(crate) fn take(&mut self, samples: &[f32], time: Duration) {
-        let room = BINS * self.samples as usize;
-        for &x in &samples[samples.len().saturating_sub(room)..] {
-            if self.filled == 0 {
+        let rate = u64::from(self.rate_hz.max(1));
+        let many = BINS * rate.div_ceil(BINS_HZ) as usize;
+        let skipped = samples.len().saturating_sub(many);
+        for &x in &samples[skipped..] {
+            self.samples += 1;
+            let wanted = (self.samples * BINS_HZ).div_ceil(rate);
+            for _ in 0..(wanted - self.begun).min(BINS as u64) {
                 if self.bins.len() == BINS {
                     self.bins.pop_front();
                 }
-                self.bins.push_back([f32::INFINITY, f32::NEG_INFINITY]);
-                self.begun += 1;
+                self.bins.push_back(EMPTY);
+                self.merge(x);
             }
-            if let Some(bin) = self.bins.back_mut().filter(|_| x.is_finite()) {
-                *bin = [bin[0].min(x), bin[1].max(x)];
-            }
-            self.filled = (self.filled + 1) % self.samples;
+            self.begun = wanted;
+            self.merge(x);
         }
         self.rescale(time);
+    }
+
+    fn merge(&mut self, x: f32) {
+        if let Some(bin) = self.bins.back_mut().filter(|_| x.is_finite()) {
+            *bin = [bin[0].min(x), bin[1].max(x)];
+        }
     }
 
     /// The scale grows at once, and shrinks when two thirds of it have been empty for a while, so that it does not pump.
@@ -110,8 +118,7 @@ impl Trace {
                 *column = Some(column.map_or([least, most], |c| [c[0].min(least), c[1].max(most)]));
             }
         }
-        let bin_seconds = f64::from(self.samples) / f64::from(self.rate_hz.max(1));
-        Window { columns: out, seconds: columns as f64 * each as f64 * bin_seconds }
+        Window { columns: out, seconds: (columns as u64 * each) as f64 / BINS_HZ as f64 }
     }
 }
 
@@ -147,23 +154,23 @@ mod tests {
 
     #[test]
     fn columns_move_as_wholes_when_samples_come() {
-        let mut trace = Trace::new(256);
-        let samples: Vec<f32> = (0..512).map(|i| i as f32).collect();
+        let mut trace = Trace::new(1024);
+        let samples: Vec<f32> = (0..2048).map(|i| i as f32).collect();
         trace.take(&samples, ms(0));
         let before = trace.window(128).columns;
-        trace.take(&[512.0, 513.0, 514.0, 515.0], ms(10));
+        trace.take(&[2048.0; 16], ms(10));
         let after = trace.window(128).columns;
         assert_eq!(before[1..], after[..127]);
-        assert_eq!(before[127], Some([508.0, 511.0]));
+        assert_eq!(before[127], Some([2032.0, 2047.0]));
     }
 
     #[test]
     fn a_scale_grows_at_once_and_shrinks_late() {
-        let mut trace = Trace::new(256);
+        let mut trace = Trace::new(1024);
         let mut tops = Vec::new();
         for step in 0..100u64 {
             let x = if step == 10 { 40.0 } else { 0.9 };
-            trace.take(&[x; 13], ms(50 * step));
+            trace.take(&[x; 51], ms(50 * step));
             tops.push(trace.scale().top);
         }
         assert_eq!((tops[9], tops[10], tops[49]), (1.0, 50.0, 50.0));
@@ -173,10 +180,26 @@ mod tests {
 
     #[test]
     fn what_is_not_finite_leaves_a_gap_and_no_scale() {
-        let mut trace = Trace::new(256);
+        let mut trace = Trace::new(1024);
         trace.take(&[1.0, f32::NAN, f32::INFINITY, -1.5], ms(0));
-        assert_eq!(trace.window(512).columns[508..], [Some([1.0, 1.0]), None, None, Some([-1.5, -1.5])]);
+        assert_eq!(trace.window(2048).columns[2044..], [Some([1.0, 1.0]), None, None, Some([-1.5, -1.5])]);
         assert_eq!((trace.scale().top, trace.scale().signed), (2.0, true));
+    }
+
+    #[test]
+    fn signals_of_all_rates_show_the_same_time() {
+        for rate in [1, 100, 500, 1000, 44_100, 48_000, 192_000] {
+            let mut trace = Trace::new(rate);
+            // Two seconds, in pieces; the second half is 1.
+            let samples: Vec<f32> = (0..2 * rate).map(|k| if k < rate { 0.0 } else { 1.0 }).collect();
+            samples.chunks(37).for_each(|piece| trace.take(piece, ms(0)));
+            let window = trace.window(64);
+            let (low, high) = window.columns.split_at(32);
+            assert!(low.iter().all(|c| *c == Some([0.0; 2])), "{rate}");
+            // The sample at the middle may begin within the last bin of the first half.
+            assert!(high[1..].iter().all(|c| *c == Some([1.0; 2])), "{rate}");
+            assert_eq!(window.seconds, 2.0);
+        }
     }
 
     #[test]

@@ -25,7 +25,7 @@ const NODES: [Made; 12] = [
 ];
 
 /// Its layout.
-pub fn layout() -> Layout {
+pub(crate) fn layout() -> Layout {
     let text = String::from;
     let nodes = NODES.map(|(id, kind, out, unit, _, _)| NodeLayout {
         id: text(id),
@@ -84,7 +84,7 @@ fn parameters(id: &str) -> Vec<LiveLayout> {
 }
 
 /// Its figures at `seconds`, with the samples of the last `since` seconds.
-pub fn view(seconds: f64, since: f64) -> View {
+pub(crate) fn view(seconds: f64, since: f64) -> View {
     let ticks = (seconds * TICK_HZ) as u64;
     let awake = (seconds / 8.0 * 6.5 * TICK_HZ) as u64;
     let nodes = NODES.map(|(id, _, _, _, us, sleeps)| {
@@ -104,7 +104,7 @@ pub fn view(seconds: f64, since: f64) -> View {
             slept: ticks - calls,
             faults: u64::from(id == "phase"),
             last_fault: String::from(if id == "phase" { "not a number in spectrum" } else { "" }),
-            values: vec![value as f32],
+            values: if id == "card" { vec![] } else { vec![value as f32] },
             ..NodeView::default()
         }
     });
@@ -155,7 +155,8 @@ fn timing(ticks: u64) -> TimingView {
         let count = |us: &f64| {
             let z = (us / median).log10() / width;
             let far = if *us > median { tail * (median / us).powf(1.2) } else { 0.0 };
-            (ticks as f64 * 0.3 * ((-0.5 * z * z).exp() + far)) as u64
+            let misses = if tail > 0.0 && (3000.0..3500.0).contains(us) { ticks / 9500 } else { 0 };
+            (ticks as f64 * 0.3 * ((-0.5 * z * z).exp() + far)) as u64 + misses
         };
         edges.iter().map(count).collect()
     };

@@ -61,7 +61,8 @@ impl Board {
         // Nodes and parameters take what they need, scopes the rest, but never less than a third.
         let list = (self.layout.nodes.len() + 2).max(9).min(rest * 3 / 5);
         if width >= WIDE {
-            let left = (width * 3 / 5).max(78);
+            let wanted = self.names.iter().sum::<usize>() + nodes::REST;
+            let left = (width * 2 / 3).min(wanted.max(78)).min(width - 40);
             nodes::draw(self, &mut body.part(0, top, left, list), time);
             parameters::draw(self, &mut body.part(left + 1, top, width, list));
             scopes::draw(self, &mut body.part(0, top + list, width, rest));
@@ -76,12 +77,12 @@ impl Board {
     fn draw_top(&self, top: &mut Pane, time: Duration) {
         let (width, height) = (top.width(), top.height());
         if width >= WIDE {
-            let (timing, latency) = (width / 2, width / 5);
+            let (timing, latency) = ((width * 2 / 5).max(48), (width / 5).clamp(22, 44));
             timing::draw(self, &mut top.part(0, 0, timing, height), time);
             side::latency(self, &mut top.part(timing + 1, 0, latency, height));
             side::sources(self, &mut top.part(timing + latency + 2, 0, width, height), time);
         } else {
-            let left = width * 11 / 20;
+            let left = width * 21 / 40;
             timing::draw(self, &mut top.part(0, 0, left, height), time);
             let lines = height / 2;
             side::latency(self, &mut top.part(left + 1, 0, width, lines));

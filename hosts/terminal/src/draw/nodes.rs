@@ -10,6 +10,8 @@ use crate::text::{clean, count, micros, number, percent};
 const FIGURES: [(&str, usize); 6] =
     [("us", 6), ("max us", 7), ("% tick", 7), ("calls", 7), ("asleep", 7), ("faults", 7)];
 const VALUE: usize = 19;
+/// What a pane is wide beside the names of nodes, with room for a fault.
+pub(super) const REST: usize = 41 + VALUE + 24;
 
 pub(crate) fn draw(board: &mut Board, pane: &mut Pane, time: Duration) {
     let (many, rows) = (board.layout.nodes.len(), pane.height().saturating_sub(2));
@@ -28,9 +30,10 @@ pub(crate) fn draw(board: &mut Board, pane: &mut Pane, time: Duration) {
     pane.head("nodes", &more);
     let figures: usize = FIGURES.iter().map(|(_, width)| width).sum();
     let names = pane.width().saturating_sub(figures + VALUE + 2);
-    // What is left is shared by id and kind; the id says more.
-    let id = (names * 11 / 20).clamp(6, 40).min(names);
-    let kind = names.saturating_sub(id + 1).min(40);
+    // Where both do not fit, the id says more.
+    let [longest_id, longest_kind] = board.names;
+    let kind = longest_kind.clamp(4, names.saturating_sub(longest_id + 1).max(names * 2 / 5).max(4));
+    let id = longest_id.max(2).min(names.saturating_sub(kind + 1));
     let start = id + kind + 2;
     pane.put(1, 1, id, "id", FAINT);
     pane.put(id + 2, 1, kind, "kind", FAINT);

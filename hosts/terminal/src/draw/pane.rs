@@ -64,7 +64,7 @@ impl<'a> Pane<'a> {
         let width = width.min(self.width() - column);
         let text = clean(text, width);
         let (x, y) = (self.area.x + column as u16, self.area.y + row as u16);
-        let (end, _) = self.buffer.set_stringn(x, y, text, width, style);
+        let (end, _) = self.buffer.set_stringn(x, y, text, width, Style::reset().patch(style));
         usize::from(end - x)
     }
 
@@ -111,13 +111,12 @@ impl<'a> Pane<'a> {
     }
 }
 
-/// A bar of `width` columns, `share` of it full, to an eighth of a column.
+/// A bar of `width` columns, `share` of it full, to half a column.
 pub(crate) fn bar(share: f64, width: usize) -> String {
-    const EIGHTHS: [char; 8] = [' ', '▏', '▎', '▍', '▌', '▋', '▊', '▉'];
-    let eighths = (share.clamp(0.0, 1.0) * 8.0 * width as f64).round() as usize;
-    let mut bar = "█".repeat(eighths / 8);
-    if eighths % 8 > 0 {
-        bar.push(EIGHTHS[eighths % 8]);
+    let halves = (share.clamp(0.0, 1.0) * 2.0 * width as f64).round() as usize;
+    let mut bar = "━".repeat(halves / 2);
+    if halves % 2 == 1 {
+        bar.push('╸');
     }
     bar
 }

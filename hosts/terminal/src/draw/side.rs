@@ -15,7 +15,8 @@ pub(crate) fn latency(board: &Board, pane: &mut Pane) {
         pane.put(1, 1, usize::MAX, "not known yet", FAINT);
         return;
     }
-    pane.head("latency", &format!("{} ms from hand to actuator", millis(sum)));
+    let to = if pane.width() >= 40 { ", hand to actuator" } else { "" };
+    pane.head("latency", &format!("{} ms{to}", millis(sum)));
     if items.len() < rows {
         latency_list(items, sum, pane);
     } else {
@@ -74,9 +75,9 @@ pub(crate) fn sources(board: &Board, pane: &mut Pane, time: Duration) {
         pane.put(1, 1, usize::MAX, "none: no hand moves it", FAINT);
         return;
     }
-    let id = width.saturating_sub(29).min(24);
+    let id = width.saturating_sub(30).min(24);
     pane.put(1, 1, id, "id", FAINT);
-    for (end, title) in [(8, "Hz"), (15, "age ms"), (21, "delay"), (28, "stalls")] {
+    for (end, title) in [(9, "Hz"), (16, "age ms"), (22, "delay"), (29, "stalls")] {
         pane.put_right(id + end, 1, 7, title, FAINT);
     }
     // A source that stalls is never the one that is out of sight.
@@ -86,12 +87,12 @@ pub(crate) fn sources(board: &Board, pane: &mut Pane, time: Duration) {
         let (source, row) = (&sources[k], row + 2);
         pane.put(1, row, id, &source.id, PLAIN);
         if stalled(&k) {
-            pane.put_right(id + 8, row, 8, "STALLED", ALARM);
+            pane.put_right(id + 9, row, 7, "STALLED", ALARM);
         } else {
-            pane.put_right(id + 8, row, 7, &micros(source.rate_hz.round()).replace(".0", ""), PLAIN);
+            pane.put_right(id + 9, row, 7, &micros(source.rate_hz.round()).replace(".0", ""), PLAIN);
         }
-        pane.put_right(id + 15, row, 6, &millis(source.age_ms), PLAIN);
-        pane.put_right(id + 21, row, 6, &millis(source.delay_ms), PLAIN);
-        pane.put_right(id + 28, row, 6, &count(source.stalls), if source.stalls > 0 { BOLD } else { FAINT });
+        pane.put_right(id + 16, row, 6, &millis(source.age_ms), PLAIN);
+        pane.put_right(id + 22, row, 6, &millis(source.delay_ms), PLAIN);
+        pane.put_right(id + 29, row, 6, &count(source.stalls), if source.stalls > 0 { BOLD } else { FAINT });
     }
 }

@@ -13,7 +13,7 @@ const NAMES: usize = 11;
 
 pub(crate) fn draw(board: &Board, pane: &mut Pane, time: Duration) {
     let timing = &board.view.timing;
-    pane.head("timing", &format!("deadline {} us", short(timing.deadline_us)));
+    pane.head("timing", &format!("deadline {} us, at ┊", short(timing.deadline_us)));
     let width = pane.width();
     let ends = [1, 2, 3, 4].map(|k| NAMES + k * ((width - NAMES - 1) / 4).min(9));
     for (end, name) in ends.into_iter().zip(["p50", "p99", "p99.9", "max us"]) {
@@ -95,7 +95,7 @@ fn draw_histogram(timing: &TimingView, pane: &mut Pane) {
             pane.put(1, row, NAMES - 2, name, style);
         }
     }
-    axis.label(&mut pane.part(NAMES, rows, width, 1), deadline);
+    axis.label(&mut pane.part(NAMES, rows, width, 1));
 }
 
 /// Whole decades of microseconds over some columns.
@@ -157,7 +157,7 @@ impl Axis {
         columns
     }
 
-    fn label(&self, line: &mut Pane, deadline: Option<usize>) {
+    fn label(&self, line: &mut Pane) {
         line.put(0, 0, self.width, &"·".repeat(self.width), FAINT);
         let mut free = 0;
         for decade in self.low..=self.high {
@@ -172,9 +172,6 @@ impl Axis {
             if at >= free {
                 free = at + line.put(at, 0, usize::MAX, &label, FAINT) + 1;
             }
-        }
-        if let Some(deadline) = deadline {
-            line.put(deadline, 0, 1, "▲", ALARM);
         }
     }
 }

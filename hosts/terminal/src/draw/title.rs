@@ -11,7 +11,7 @@ use crate::text::{clock, columns, count, dbfs, decibels};
 
 /// Lowest level of the meter in dBFS.
 const FLOOR_DB: f64 = -60.0;
-const METER: usize = 12;
+const METER: usize = 10;
 
 /// A condition as a word, and how it looks.
 pub(crate) fn condition(condition: Condition) -> (&'static str, Style) {
@@ -31,15 +31,17 @@ pub(crate) fn draw(board: &Board, pane: &mut Pane, time: Duration) {
     let word = format!(" {word} ");
     let right = format!(" {} ", clock(view.seconds));
     let room = width.saturating_sub(columns(&word) + columns(&right) + 2);
+    let wide = width >= 100;
     let mut about = Vec::new();
     about.push(if view.device.is_empty() { "no device".into() } else { view.device.clone() });
     about.push(match view.period_frames {
         0 => view.clock.clone(),
-        frames => format!("{} of {frames} frames", view.clock),
+        frames if wide => format!("{}, {frames} frames", view.clock),
+        frames => format!("{} {frames}", view.clock),
     });
     about.push(match layout.audio_hz {
-        0 => format!("{} Hz", layout.tick_hz),
-        audio => format!("{} Hz, audio {audio} Hz", layout.tick_hz),
+        audio if audio > 0 && wide => format!("{} Hz, audio {audio} Hz", layout.tick_hz),
+        _ => format!("{} Hz", layout.tick_hz),
     });
     about.retain(|text| !text.is_empty());
     let about = about.join(" · ");
@@ -49,8 +51,8 @@ pub(crate) fn draw(board: &Board, pane: &mut Pane, time: Duration) {
     pane.put(column, 0, room.saturating_sub(column), &format!(" · {about}"), PLAIN);
     pane.put(room + 2, 0, width, &word, style);
     pane.put_right(width, 0, right.len(), &right, BOLD);
-    draw_meter(board, &mut pane.part(0, 1, 31, 1));
-    draw_counts(board, &mut pane.part(31, 1, width, 1), time);
+    draw_meter(board, &mut pane.part(0, 1, 29, 1));
+    draw_counts(board, &mut pane.part(29, 1, width, 1), time);
 }
 
 /// The last `width` columns of a name.
@@ -73,32 +75,47 @@ fn draw_meter(board: &Board, pane: &mut Pane) {
     let over = held >= 1.0 || held.is_nan();
     let style = if over { ALARM } else { CURVE };
     let column = 1 + pane.put(1, 0, 5, "peak ", FAINT);
-    pane.put(column, 0, METER, &"·".repeat(METER), FAINT);
+    pane.put(column, 0, METER, &"─".repeat(METER), FAINT);
     pane.put(column, 0, METER, &bar(full(board.view.peak), METER), style);
     if held > 0.0 {
         let mark = (full(held) * METER as f64) as usize;
         pane.put(column + mark.min(METER - 1), 0, 1, "┃", style);
     }
     let text = format!("{} dBFS{}", dbfs(held), if over { "!" } else { "" });
-    pane.put_right(30, 0, 12, &text, if over { ALARM } else { PLAIN });
+    pane.put_right(28, 0, 12, &text, if over { ALARM } else { PLAIN });
 }
 
 fn draw_counts(board: &Board, pane: &mut Pane, time: Duration) {
+    let (width, gap) = (pane.width(), if pane.width() > 60 { 3 } else { 1 });
     let names = ["underruns", "lost", "xruns", "losses", "faults"];
+    let mut counts: Vec<_> = names
+        .into_iter()
+        .zip(&board.counts)
+        .map(|(name, held)| {
+            let risen = held.risen(time) > 0;
+            let style = if risen {
+                ALARM
+            } else if held.now > 0 {
+                BOLD
+            } else {
+                FAINT
+            };
+            (name, format!("{}{}", count(held.now), if risen { "!" } else { "" }), style)
+        })
+        .collect();
+    // Where not all fit, what is 0 goes first.
+    let wanted = |counts: &[(&str, String, Style)]| -> usize {
+        counts.iter().map(|(name, text, _)| name.len() + text.len() + 1 + gap).sum()
+    };
+    while wanted(&counts) > width {
+        match counts.iter().rposition(|(_, text, _)| text == "0") {
+            Some(zero) => drop(counts.remove(zero)),
+            None => break,
+        }
+    }
     let mut column = 1;
-    for (name, held) in names.into_iter().zip(&board.counts) {
-        let risen = held.risen(time);
-        let style = if risen > 0 {
-            ALARM
-        } else if held.now > 0 {
-            BOLD
-        } else {
-            FAINT
-        };
-        let sign = if risen > 0 { "!" } else { "" };
-        let text = count(held.now);
-        column = pane.words(column, 0, &[(name, FAINT), (" ", PLAIN), (&text, style), (sign, ALARM)]);
-        column += if pane.width() > 60 { 3 } else { 1 };
+    for (name, text, style) in counts {
+        column = gap + pane.words(column, 0, &[(name, FAINT), (" ", PLAIN), (&text, style)]);
     }
 }
 
@@ -112,7 +129,9 @@ pub(crate) fn draw_keys(board: &Board, pane: &mut Pane, tabs: bool) {
         ("n p", "material"),
         ("?", "help"),
     ];
-    for (key, what) in keys {
+    let short = [("q", "stop"), ("space", "mute"), ("↑↓←→", "set"), ("n p", "material"), ("?", "help")];
+    let keys = if tabs && pane.width() < 100 { &short[..] } else { &keys[..] };
+    for &(key, what) in keys {
         column = pane.words(column, 0, &[(key, BOLD), (" ", PLAIN), (what, FAINT), ("  ", PLAIN)]);
     }
     if tabs {
