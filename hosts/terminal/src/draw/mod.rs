@@ -49,6 +49,7 @@ impl Board {
         let top = if tall { (height / 4).clamp(8, 16) } else { 8 + height.saturating_sub(20) / 3 };
         self.draw_top(&mut body.part(0, 0, width, top), time);
         let rest = height - top;
+        self.all_seen = tall;
         if !tall {
             let mut pane = body.part(0, top, width, rest);
             match self.tab {

@@ -235,6 +235,16 @@ fn the_chosen_parameter_is_always_in_sight() {
 }
 
 #[test]
+fn an_arrow_chooses_at_once_where_the_parameters_are_in_sight() {
+    for (size, chosen) in [((80, 24), 0), ((120, 40), 1)] {
+        let mut board = playing();
+        text(&mut board, size);
+        board.press(KeyEvent::new(KeyCode::Down, KeyModifiers::NONE), NOW);
+        assert_eq!(board.chosen, chosen, "{size:?}");
+    }
+}
+
+#[test]
 fn nothing_at_all_can_be_drawn() {
     for size in SIZES {
         for tab in [Tab::Nodes, Tab::Scopes, Tab::Parameters] {
