@@ -192,15 +192,18 @@ fn bars_beyond_the_deadline_are_told_from_those_before() {
         board.view.timing = timing(late);
         let screen = show(board, (200, 60));
         let is_bar = |symbol: &str| ('▁'..='█').contains(&symbol.chars().next().unwrap_or(' '));
-        let cells = screen.buffer().content().iter().filter(|cell| is_bar(cell.symbol()));
-        let red = cells.clone().filter(|cell| cell.fg == Color::Red).count();
-        (cells.count(), red)
+        let width = usize::from(screen.buffer().area.width);
+        let bars = screen.buffer().content().iter().enumerate().filter(|(_, cell)| is_bar(cell.symbol()));
+        let red = bars.clone().filter(|(_, cell)| cell.fg == Color::Red).map(|(k, _)| k % width);
+        (bars.count(), red.collect::<std::collections::BTreeSet<_>>().len())
     };
     let (all, red) = bars(&mut board, vec![0, 1_000_000, 0, 0, 0, 0]);
     assert!(all > 10 && red == 0, "{all} {red}");
+    // A bin on both sides of the deadline may hold ticks that were in time: the mark alone is red.
+    assert_eq!(bars(&mut board, vec![0, 0, 0, 0, 9, 0]).1, 1);
     // One tick in a million is seen, and it is red.
     let (more, red) = bars(&mut board, vec![0, 1_000_000, 0, 0, 0, 1]);
-    assert!(more > 0 && red > 0, "{more} {red}");
+    assert!(more > 0 && red > 1, "{more} {red}");
 }
 
 #[test]

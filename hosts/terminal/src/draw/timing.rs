@@ -72,12 +72,11 @@ fn draw_histogram(timing: &TimingView, pane: &mut Pane) {
         [(0, upper, &timing.late_counts, CURVE), (upper, rows - upper, &timing.compute_counts, CURVE_2)];
     for (top, height, counts, style) in parts {
         let mut part = pane.part(NAMES, top, width, height);
-        let columns = axis.columns(&timing.edges_us, counts);
-        let most = columns.iter().copied().max().unwrap_or(0).max(1) as f64;
-        for (column, &n) in columns.iter().enumerate() {
+        let columns = axis.columns(timing, counts);
+        let most = columns.iter().map(|(n, _)| *n).max().unwrap_or(0).max(1) as f64;
+        for (column, &(n, late)) in columns.iter().enumerate() {
             let full = height as f64 * 8.0;
             let eighths = if n == 0 { 0.0 } else { ((n as f64).ln_1p() / most.ln_1p() * full).max(1.0) };
-            let late = deadline.is_some_and(|deadline| column > deadline);
             for row in 0..height {
                 let here = (eighths.round() as usize).saturating_sub(8 * (height - 1 - row)).min(8);
                 let mark = deadline == Some(column);
@@ -142,16 +141,19 @@ impl Axis {
             .then(|| ((place.max(0.0) * self.width as f64) as usize).min(self.width - 1))
     }
 
-    /// How many ticks each column stands for. Of bins narrower than a column the fullest counts; a wide bin fills its columns.
-    fn columns(&self, edges: &[f64], counts: &[u64]) -> Vec<u64> {
-        let mut columns = vec![0u64; self.width];
+    /// How many ticks each column stands for, and whether all of them were later than the deadline. Of bins narrower than a
+    /// column the fullest counts; a wide bin fills its columns.
+    fn columns(&self, timing: &TimingView, counts: &[u64]) -> Vec<(u64, bool)> {
+        let edges = &timing.edges_us;
+        let mut columns = vec![(0, false); self.width];
         for (bin, &n) in counts.iter().enumerate().filter(|(_, n)| **n > 0) {
-            let from =
-                bin.checked_sub(1).and_then(|k| edges.get(k)).and_then(|us| self.column(*us)).unwrap_or(0);
+            let least = bin.checked_sub(1).and_then(|k| edges.get(k)).copied();
+            let from = least.and_then(|us| self.column(us)).unwrap_or(0);
             let open = bin + 1 >= counts.len();
             let to = edges.get(bin).filter(|_| !open).and_then(|us| self.column(*us)).unwrap_or(self.width);
-            for column in columns.iter_mut().take(to.max(from + 1)).skip(from) {
-                *column = (*column).max(n);
+            let late = timing.deadline_us > 0.0 && least.is_some_and(|us| us >= timing.deadline_us);
+            for column in columns.iter_mut().take(to.max(from + 1)).skip(from).filter(|(most, _)| n > *most) {
+                *column = (n, late);
             }
         }
         columns
