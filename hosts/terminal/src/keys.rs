@@ -1,0 +1,182 @@
+//! What the keys do.
+
+use std::time::Duration;
+
+use asperity_live::view::{LiveLayout, Request};
+use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
+
+use crate::board::{Board, Tab};
+
+/// Moves from one end of a range to the other.
+const STEPS: f64 = 100.0;
+/// From this ratio of its ends on, a range is moved through by factors.
+const DECADES: f64 = 100.0;
+/// How long a change of mute may take until the run's own word is believed again.
+const MUTING: Duration = Duration::from_secs(1);
+
+/// Keys and what they do, for the help.
+pub(crate) const HELP: [(&str, &str); 10] = [
+    ("q, Ctrl-C", "stop"),
+    ("space, m", "mute, or play again"),
+    ("up, down", "choose a parameter"),
+    ("left, right", "move it; with shift by a tenth of that"),
+    ("n, p", "next or previous material"),
+    ("t", "another texture node"),
+    ("1, 2, 3, Tab", "one pane or another, where not all fit"),
+    ("PgUp, PgDn", "scroll the nodes; Home, End"),
+    ("Ctrl-L", "draw everything anew"),
+    ("?, h", "this help"),
+];
+
+/// What a key asks of the terminal itself.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Answer {
+    /// Nothing.
+    Done,
+    /// To be drawn anew.
+    Redraw,
+}
+
+impl Board {
+    /// Does what a key asks for at `time`. Requests are left in [`Board::requests`].
+    pub(crate) fn press(&mut self, key: KeyEvent, time: Duration) -> Answer {
+        if key.kind == KeyEventKind::Release {
+            return Answer::Done;
+        }
+        if key.modifiers.contains(KeyModifiers::CONTROL) {
+            match key.code {
+                KeyCode::Char('c' | 'C') => self.requests.push(Request::Stop),
+                KeyCode::Char('l' | 'L') => return Answer::Redraw,
+                _ => {}
+            }
+            return Answer::Done;
+        }
+        let fine = key.modifiers.contains(KeyModifiers::SHIFT);
+        let last = self.layout.nodes.len().saturating_sub(1);
+        match key.code {
+            KeyCode::Char('?' | 'h') => self.help = !self.help,
+            KeyCode::Esc => self.help = false,
+            KeyCode::Char('q' | 'Q') => self.requests.push(Request::Stop),
+            KeyCode::Char(' ' | 'm') => self.toggle_mute(time),
+            KeyCode::Char('n') => self.change_material(1),
+            KeyCode::Char('p') => self.change_material(-1),
+            KeyCode::Char('t') => self.texture = (self.texture + 1) % self.layout.materials.len().max(1),
+            KeyCode::Up => self.choose(-1),
+            KeyCode::Down => self.choose(1),
+            KeyCode::Left => self.move_parameter(-1.0, fine),
+            KeyCode::Right => self.move_parameter(1.0, fine),
+            KeyCode::Char('1') => self.tab = Tab::Nodes,
+            KeyCode::Char('2') => self.tab = Tab::Scopes,
+            KeyCode::Char('3') => self.tab = Tab::Parameters,
+            KeyCode::Tab => {
+                self.tab = match self.tab {
+                    Tab::Nodes => Tab::Scopes,
+                    Tab::Scopes => Tab::Parameters,
+                    Tab::Parameters => Tab::Nodes,
+                }
+            }
+            KeyCode::PageUp => self.scroll_to(self.scroll.saturating_sub(self.page.max(1))),
+            KeyCode::PageDown => self.scroll_to((self.scroll + self.page.max(1)).min(last)),
+            KeyCode::Home => self.scroll_to(0),
+            KeyCode::End => self.scroll_to(last),
+            _ => {}
+        }
+        Answer::Done
+    }
+
+    fn scroll_to(&mut self, node: usize) {
+        (self.scroll, self.tab) = (node, Tab::Nodes);
+    }
+
+    fn toggle_mute(&mut self, time: Duration) {
+        let mute = !self.mute(time);
+        self.asked_mute = Some((mute, time + MUTING));
+        self.requests.push(Request::Mute(mute));
+    }
+
+    fn choose(&mut self, by: isize) {
+        let last = self.parameters().saturating_sub(1);
+        // The first press only shows the list, where it was out of sight.
+        if self.tab == Tab::Parameters || self.all_seen {
+            self.chosen = self.chosen.saturating_add_signed(by).min(last);
+        }
+        self.tab = Tab::Parameters;
+    }
+
+    fn move_parameter(&mut self, by: f64, fine: bool) {
+        let Some((n, p)) = self.parameter(self.chosen) else { return };
+        self.tab = Tab::Parameters;
+        let node = &mut self.layout.nodes[n];
+        let value = moved(&node.live[p], by, fine);
+        if value == node.live[p].value || !value.is_finite() {
+            return;
+        }
+        node.live[p].value = value;
+        let (node, param) = (node.id.clone(), node.live[p].name.clone());
+        // A key held down asks often; only the last value counts.
+        self.requests.retain(
+            |request| !matches!(request, Request::Set { node: n, param: p, .. } if *n == node && *p == param),
+        );
+        self.requests.push(Request::Set { node, param, value });
+    }
+
+    fn change_material(&mut self, by: isize) {
+        let Some(materials) = self.layout.materials.get_mut(self.texture) else { return };
+        let many = materials.names.len();
+        let at = materials.names.iter().position(|name| *name == materials.chosen);
+        let next = match at {
+            Some(at) => (at + many).saturating_add_signed(by) % many,
+            None => 0,
+        };
+        let Some(name) = materials.names.get(next).filter(|name| **name != materials.chosen) else { return };
+        materials.chosen.clone_from(name);
+        let node = materials.node.clone();
+        self.requests.retain(|request| !matches!(request, Request::Material { node: n, .. } if *n == node));
+        self.requests
+            .push(Request::Material { node, name: self.layout.materials[self.texture].chosen.clone() });
+    }
+}
+
+/// Whether a range is moved through by factors: it is positive and spans two decades or more.
+pub(crate) fn by_factors(live: &LiveLayout) -> bool {
+    live.least > 0.0 && live.most.is_finite() && live.most / live.least >= DECADES
+}
+
+/// Where in its range a value stands, 0 to 1.
+pub(crate) fn place(live: &LiveLayout) -> f64 {
+    let place = if by_factors(live) {
+        (live.value / live.least).ln() / (live.most / live.least).ln()
+    } else {
+        (live.value - live.least) / (live.most - live.least)
+    };
+    if place.is_finite() { place.clamp(0.0, 1.0) } else { 0.0 }
+}
+
+/// The value one step up (`by` = 1) or down (-1).
+fn moved(live: &LiveLayout, by: f64, fine: bool) -> f64 {
+    let by = if fine { by / 10.0 } else { by };
+    let range = live.most - live.least;
+    let value = [live.value, live.least, 0.0].into_iter().find(|x| x.is_finite()).unwrap_or(0.0);
+    let next = if !live.words.is_empty() {
+        value.round() + by.signum()
+    } else if live.whole {
+        let step = if range.is_finite() { (range / STEPS * by.abs()).round().max(1.0) } else { 1.0 };
+        value.round() + step * by.signum()
+    } else if by_factors(live) {
+        value.max(live.least) * (live.most / live.least).powf(by / STEPS)
+    } else if range.is_finite() {
+        let step = range / STEPS * by;
+        // On a grid from the lower end, so that steps up and down meet the same values.
+        live.least + ((value + step - live.least) / step.abs()).round() * step.abs()
+    } else {
+        value + by * (value.abs() / STEPS).max(0.01)
+    };
+    let most = if live.words.is_empty() { live.most } else { live.words.len() as f64 - 1.0 };
+    // Sums of steps carry an error in the last digits that nobody wants to read.
+    let next = format!("{next:.9e}").parse().unwrap_or(next);
+    if next.is_finite() { next.max(live.least).min(most) } else { live.value }
+}
+
+#[cfg(test)]
+#[path = "keys_tests.rs"]
+mod tests;

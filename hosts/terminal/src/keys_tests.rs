@@ -1,0 +1,175 @@
+use asperity_live::view::{Condition, Layout, Materials, NodeLayout, View};
+
+use super::*;
+
+const NOW: Duration = Duration::from_secs(1);
+
+fn live(name: &str, value: f64, least: f64, most: f64) -> LiveLayout {
+    LiveLayout { name: name.into(), value, least, most, ..LiveLayout::default() }
+}
+
+fn board() -> Board {
+    let flag = LiveLayout { words: vec!["off".into(), "on".into()], ..live("mono", 0.0, 0.0, 1.0) };
+    let whole = LiveLayout { whole: true, ..live("lines", 8.0, 1.0, 64.0) };
+    let gain =
+        NodeLayout { id: "gain".into(), live: vec![live("gain", 0.29, 0.0, 1.0)], ..NodeLayout::default() };
+    let filter = NodeLayout {
+        id: "filter".into(),
+        live: vec![live("cutoff_hz", 20.0, 1.0, 10_000.0), whole, flag],
+        ..NodeLayout::default()
+    };
+    let names = ["brick", "felt", "weave"].map(String::from).to_vec();
+    let materials = ["left", "right"].map(|node| Materials {
+        node: node.into(),
+        chosen: "felt".into(),
+        names: names.clone(),
+    });
+    let mut board = Board { tab: Tab::Parameters, ..Board::default() };
+    board.lay_out(&Layout { nodes: vec![gain, filter], materials: materials.to_vec(), ..Layout::default() });
+    board
+}
+
+fn press(board: &mut Board, code: KeyCode) -> Vec<Request> {
+    board.press(KeyEvent::new(code, KeyModifiers::NONE), NOW);
+    std::mem::take(&mut board.requests)
+}
+
+fn press_with(board: &mut Board, code: KeyCode, modifiers: KeyModifiers) -> Vec<Request> {
+    board.press(KeyEvent::new(code, modifiers), NOW);
+    std::mem::take(&mut board.requests)
+}
+
+fn set(node: &str, param: &str, value: f64) -> Vec<Request> {
+    vec![Request::Set { node: node.into(), param: param.into(), value }]
+}
+
+#[test]
+fn q_and_ctrl_c_stop() {
+    assert_eq!(press(&mut board(), KeyCode::Char('q')), [Request::Stop]);
+    assert_eq!(press_with(&mut board(), KeyCode::Char('c'), KeyModifiers::CONTROL), [Request::Stop]);
+    assert_eq!(press(&mut board(), KeyCode::Char('c')), []);
+}
+
+#[test]
+fn mute_goes_back_and_forth_faster_than_the_run_answers() {
+    let mut board = board();
+    assert_eq!(press(&mut board, KeyCode::Char(' ')), [Request::Mute(true)]);
+    assert_eq!(press(&mut board, KeyCode::Char('m')), [Request::Mute(false)]);
+    // Muted by someone else meanwhile: the run's word counts again after a while.
+    board.take(&View { condition: Condition::Muted, ..View::default() }, NOW);
+    board.press(KeyEvent::new(KeyCode::Char(' '), KeyModifiers::NONE), NOW + MUTING);
+    assert_eq!(board.requests, [Request::Mute(false)]);
+}
+
+#[test]
+fn a_step_is_a_hundredth_of_the_range_and_no_digits_pile_up() {
+    let mut board = board();
+    assert_eq!(press(&mut board, KeyCode::Right), set("gain", "gain", 0.3));
+    assert_eq!(press_with(&mut board, KeyCode::Right, KeyModifiers::SHIFT), set("gain", "gain", 0.301));
+    assert_eq!(press(&mut board, KeyCode::Left), set("gain", "gain", 0.29));
+    for _ in 0..200 {
+        press(&mut board, KeyCode::Left);
+    }
+    assert_eq!(board.layout.nodes[0].live[0].value, 0.0);
+    assert_eq!(press(&mut board, KeyCode::Left), []);
+}
+
+#[test]
+fn a_range_of_decades_is_moved_through_by_factors() {
+    let mut board = board();
+    press(&mut board, KeyCode::Down);
+    // Four decades in a hundred steps: 25 steps are a factor of ten.
+    for _ in 0..25 {
+        press(&mut board, KeyCode::Right);
+    }
+    let value = board.layout.nodes[1].live[0].value;
+    assert!((value - 200.0).abs() < 1e-4, "{value}");
+    for _ in 0..500 {
+        press(&mut board, KeyCode::Right);
+    }
+    assert_eq!(board.layout.nodes[1].live[0].value, 10_000.0);
+}
+
+#[test]
+fn whole_numbers_and_words_move_by_one() {
+    let mut board = board();
+    press(&mut board, KeyCode::Down);
+    press(&mut board, KeyCode::Down);
+    assert_eq!(press(&mut board, KeyCode::Right), set("filter", "lines", 9.0));
+    assert_eq!(press_with(&mut board, KeyCode::Left, KeyModifiers::SHIFT), set("filter", "lines", 8.0));
+    press(&mut board, KeyCode::Down);
+    assert_eq!(press(&mut board, KeyCode::Right), set("filter", "mono", 1.0));
+    assert_eq!(press(&mut board, KeyCode::Right), []);
+    press(&mut board, KeyCode::Down);
+    assert_eq!(press(&mut board, KeyCode::Left), set("filter", "mono", 0.0));
+}
+
+#[test]
+fn a_key_held_down_asks_once_for_the_last_value() {
+    let mut board = board();
+    for _ in 0..5 {
+        board.press(KeyEvent::new(KeyCode::Right, KeyModifiers::NONE), NOW);
+    }
+    assert_eq!(board.requests, set("gain", "gain", 0.34));
+}
+
+#[test]
+fn materials_go_round_and_each_texture_has_its_own() {
+    let mut board = board();
+    let asked = |node: &str, name: &str| vec![Request::Material { node: node.into(), name: name.into() }];
+    assert_eq!(press(&mut board, KeyCode::Char('n')), asked("left", "weave"));
+    assert_eq!(press(&mut board, KeyCode::Char('n')), asked("left", "brick"));
+    assert_eq!(press(&mut board, KeyCode::Char('p')), asked("left", "weave"));
+    press(&mut board, KeyCode::Char('t'));
+    assert_eq!(press(&mut board, KeyCode::Char('p')), asked("right", "brick"));
+}
+
+#[test]
+fn the_first_arrow_only_brings_the_parameters_in_sight() {
+    let mut board = board();
+    board.tab = Tab::Nodes;
+    press(&mut board, KeyCode::Down);
+    assert_eq!((board.tab, board.chosen), (Tab::Parameters, 0));
+    press(&mut board, KeyCode::Down);
+    assert_eq!(board.chosen, 1);
+}
+
+#[test]
+fn keys_do_no_harm_where_there_is_nothing() {
+    let codes = [
+        KeyCode::Up,
+        KeyCode::Down,
+        KeyCode::Left,
+        KeyCode::Right,
+        KeyCode::PageDown,
+        KeyCode::PageUp,
+        KeyCode::End,
+        KeyCode::Char('n'),
+        KeyCode::Char('p'),
+        KeyCode::Char('t'),
+    ];
+    let mut empty = Board::default();
+    let broken =
+        LiveLayout { words: vec!["only".into()], ..live("x", f64::NAN, f64::NEG_INFINITY, f64::INFINITY) };
+    let mut odd = Board::default();
+    odd.lay_out(&Layout {
+        nodes: vec![NodeLayout { live: vec![live("y", 1.0, 1.0, 1.0), broken], ..NodeLayout::default() }],
+        materials: vec![Materials::default()],
+        ..Layout::default()
+    });
+    for board in [&mut empty, &mut odd] {
+        for code in codes.into_iter().chain(codes) {
+            for request in press(board, code) {
+                assert!(!matches!(request, Request::Set { value, .. } if !value.is_finite()));
+            }
+        }
+    }
+}
+
+#[test]
+fn a_release_of_a_key_does_nothing() {
+    let mut board = board();
+    let key = KeyEvent::new_with_kind(KeyCode::Char('q'), KeyModifiers::NONE, KeyEventKind::Release);
+    board.press(key, NOW);
+    assert_eq!(board.requests, []);
+}

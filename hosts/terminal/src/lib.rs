@@ -1,0 +1,110 @@
+//! The figures of a running graph in a terminal: how the run stands, timing against the deadline, nodes, scopes, and
+//! parameters to move.
+//!
+//! [`Terminal`] takes over the terminal, draws [`View`]s and turns keys into [`Request`]s. It never waits for a slow
+//! terminal: a frame that is due while the one before is still being written is left out. [`picture`] draws the same as SVG.
+//!
+//! A view of twelve nodes and four scopes takes the calling thread 0.11 ms at 80 x 24 and 0.41 ms at 200 x 60 to take in and lay out
+//! (medians of 500 frames on a shared virtual machine; what goes to the terminal is only what changed).
+//!
+//! Colours are the terminal's own sixteen, on the terminal's own ground, and nothing is told by colour alone. Peaks, faults and
+//! losses stay for two seconds; figures of nodes change four times a second, as fast as they are read. Names from files are shown without anything that would steer the terminal.
+
+mod board;
+mod draw;
+mod held;
+mod keys;
+pub mod picture;
+mod screen;
+mod text;
+mod trace;
+
+use std::io;
+use std::sync::mpsc::{SyncSender, TrySendError};
+use std::time::{Duration, Instant};
+
+use asperity_live::view::{Layout, Request, View};
+use ratatui::crossterm::event::{self, Event};
+
+use board::Board;
+use keys::Answer;
+use screen::Screen;
+
+/// Keys that are read before a frame; the rest waits for the next one.
+const KEYS: usize = 64;
+
+/// A terminal that shows a running graph. Gives the terminal back when it is dropped, and when a panic ends the program.
+pub struct Terminal {
+    board: Board,
+    screen: Screen,
+    requests: SyncSender<Request>,
+    start: Instant,
+}
+
+impl Terminal {
+    /// Takes over the terminal that standard output goes to: raw mode, so that Ctrl-C is a key like any other, and the alternate
+    /// screen, so that what stood there comes back.
+    ///
+    /// What the keys ask for is sent to `requests`, without ever waiting for room there.
+    ///
+    /// # Errors
+    ///
+    /// [`io::ErrorKind::Unsupported`] where standard output is no terminal, [`io::ErrorKind::AlreadyExists`] while there is another
+    /// `Terminal`, else what the system says.
+    pub fn open(requests: SyncSender<Request>) -> io::Result<Self> {
+        Ok(Self { board: Board::default(), screen: Screen::open()?, requests, start: Instant::now() })
+    }
+
+    /// Takes over another graph, or the same one with other values or materials.
+    pub fn layout(&mut self, layout: &Layout) {
+        self.board.lay_out(layout);
+    }
+
+    /// Reads the keys that were pressed, sends what they ask for, and draws `view`. To be called 20 to 60 times a second.
+    ///
+    /// # Errors
+    ///
+    /// When the terminal is gone.
+    pub fn draw(&mut self, view: &View) -> io::Result<()> {
+        let time = self.start.elapsed();
+        self.board.take(view, time);
+        self.read_keys(time)?;
+        self.send();
+        for panic in self.screen.said() {
+            self.note(&panic);
+        }
+        let board = &mut self.board;
+        self.screen.frame(|buffer| board.draw(buffer, time))
+    }
+
+    /// Shows a notice at the bottom, with the time of the graph: a device that was lost, a file that was read anew.
+    pub fn note(&mut self, text: &str) {
+        self.board.note(text);
+    }
+
+    fn read_keys(&mut self, time: Duration) -> io::Result<()> {
+        for _ in 0..KEYS {
+            if !event::poll(Duration::ZERO)? {
+                break;
+            }
+            if let Event::Key(key) = event::read()?
+                && self.board.press(key, time) == Answer::Redraw
+            {
+                self.screen.redraw();
+            }
+        }
+        Ok(())
+    }
+
+    fn send(&mut self) {
+        for request in std::mem::take(&mut self.board.requests) {
+            match self.requests.try_send(request) {
+                Ok(()) => {}
+                Err(TrySendError::Full(_)) => {
+                    self.board.note("too much was asked at once; the last key did nothing")
+                }
+                Err(TrySendError::Disconnected(_)) => self.board.note("the run takes no requests any more"),
+            }
+        }
+    }
+}

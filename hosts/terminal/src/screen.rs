@@ -1,0 +1,241 @@
+//! The terminal itself: raw mode, the alternate screen, and a thread that writes, so that a slow terminal holds nobody up.
+
+use std::fs::File;
+use std::io::{self, IsTerminal, Write};
+use std::panic;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{SyncSender, sync_channel};
+use std::sync::{Arc, Mutex, MutexGuard, Once, PoisonError};
+use std::thread::{self, ThreadId};
+use std::time::{Duration, Instant};
+
+use ratatui::backend::{Backend, ClearType, CrosstermBackend};
+use ratatui::buffer::Buffer;
+use ratatui::crossterm::terminal::{
+    EnterAlternateScreen, LeaveAlternateScreen, disable_raw_mode, enable_raw_mode,
+};
+use ratatui::crossterm::{cursor, execute, terminal};
+use ratatui::layout::Rect;
+
+/// How long the last frame may take to be written before the terminal is left without it.
+const PATIENCE: Duration = Duration::from_millis(500);
+/// Panics of other threads that are kept.
+const PANICS: usize = 16;
+
+/// Whether the terminal is taken over, by which thread it is drawn on, and what panics of others said meanwhile.
+static HELD: AtomicBool = AtomicBool::new(false);
+static OWNER: Mutex<Option<ThreadId>> = Mutex::new(None);
+static SAID: Mutex<Vec<String>> = Mutex::new(Vec::new());
+static HOOK: Once = Once::new();
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// What a frame is composed in before it is written as a whole.
+#[derive(Clone, Default)]
+struct Sheet(Arc<Mutex<Vec<u8>>>);
+
+impl Write for Sheet {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        lock(&self.0).extend_from_slice(bytes);
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+/// How the writing thread stands.
+#[derive(Default)]
+struct Pen {
+    busy: AtomicBool,
+    failed: AtomicBool,
+}
+
+/// A terminal that is drawn on.
+pub(crate) struct Screen {
+    backend: CrosstermBackend<Sheet>,
+    sheet: Sheet,
+    shown: Buffer,
+    next: Buffer,
+    pages: SyncSender<Vec<u8>>,
+    pen: Arc<Pen>,
+    said: Vec<String>,
+}
+
+impl Screen {
+    /// Takes the terminal over.
+    pub(crate) fn open() -> io::Result<Self> {
+        if !io::stdout().is_terminal() {
+            let what = "standard output is no terminal, and the figures need one";
+            return Err(io::Error::new(io::ErrorKind::Unsupported, what));
+        }
+        if HELD.swap(true, Ordering::SeqCst) {
+            return Err(io::Error::new(io::ErrorKind::AlreadyExists, "the terminal is drawn on already"));
+        }
+        Self::begin().inspect_err(|_| restore())
+    }
+
+    fn begin() -> io::Result<Self> {
+        *lock(&OWNER) = Some(thread::current().id());
+        HOOK.call_once(install_hook);
+        let mut out = output()?;
+        enter(&mut out)?;
+        let pen = Arc::new(Pen::default());
+        let (pages, written) = sync_channel::<Vec<u8>>(1);
+        let thread_pen = Arc::clone(&pen);
+        thread::Builder::new().name("terminal".into()).spawn(move || {
+            for page in written {
+                if out.write_all(&page).is_err() {
+                    thread_pen.failed.store(true, Ordering::SeqCst);
+                }
+                thread_pen.busy.store(false, Ordering::SeqCst);
+            }
+        })?;
+        let sheet = Sheet::default();
+        let (shown, next) = (Buffer::default(), Buffer::default());
+        Ok(Self {
+            backend: CrosstermBackend::new(sheet.clone()),
+            sheet,
+            shown,
+            next,
+            pages,
+            pen,
+            said: Vec::new(),
+        })
+    }
+
+    /// Draws a frame with `draw`, which gets an empty buffer. Does nothing while the frame before is still being written.
+    pub(crate) fn frame(&mut self, draw: impl FnOnce(&mut Buffer)) -> io::Result<()> {
+        if self.pen.failed.load(Ordering::SeqCst) {
+            return Err(io::Error::new(io::ErrorKind::BrokenPipe, "the terminal is gone"));
+        }
+        if self.pen.busy.load(Ordering::SeqCst) {
+            return Ok(());
+        }
+        *lock(&OWNER) = Some(thread::current().id());
+        if !HELD.swap(true, Ordering::SeqCst) {
+            // A panic gave it back, but was caught: the run goes on.
+            enter(&mut output()?)?;
+            self.redraw();
+        }
+        let size = self.backend.size()?;
+        let area = Rect::new(0, 0, size.width, size.height);
+        if area != self.shown.area {
+            self.shown = Buffer::empty(area);
+            self.next = Buffer::empty(area);
+            self.backend.clear_region(ClearType::All)?;
+        }
+        self.next.reset();
+        draw(&mut self.next);
+        let changes = self.shown.diff(&self.next);
+        if !changes.is_empty() {
+            self.backend.draw(changes.into_iter())?;
+        }
+        std::mem::swap(&mut self.shown, &mut self.next);
+        let page = std::mem::take(&mut *lock(&self.sheet.0));
+        self.write(page);
+        Ok(())
+    }
+
+    /// What other threads said as they panicked since this was last asked. It is also printed when the terminal is given back.
+    pub(crate) fn said(&mut self) -> Vec<String> {
+        let said = std::mem::take(&mut *lock(&SAID));
+        let room = PANICS.saturating_sub(self.said.len());
+        self.said.extend(said.iter().take(room).cloned());
+        said
+    }
+
+    /// Has the next frame drawn on a cleared screen.
+    pub(crate) fn redraw(&mut self) {
+        self.shown = Buffer::default();
+    }
+
+    fn write(&self, page: Vec<u8>) {
+        if !page.is_empty() {
+            self.pen.busy.store(true, Ordering::SeqCst);
+            if self.pages.try_send(page).is_err() {
+                self.pen.busy.store(false, Ordering::SeqCst);
+            }
+        }
+    }
+}
+
+impl Drop for Screen {
+    fn drop(&mut self) {
+        let until = Instant::now() + PATIENCE;
+        while self.pen.busy.load(Ordering::SeqCst) && Instant::now() < until {
+            thread::sleep(Duration::from_millis(2));
+        }
+        self.said();
+        if self.pen.busy.load(Ordering::SeqCst) && HELD.swap(false, Ordering::SeqCst) {
+            // The terminal does not read; it gets the rest if it ever does.
+            let mut page = Vec::new();
+            let _ = leave(&mut page);
+            let _ = self.pages.try_send(page);
+            let _ = disable_raw_mode();
+            return;
+        }
+        restore();
+        for panic in &self.said {
+            // Not eprintln, which panics where standard error is gone.
+            let _ = writeln!(io::stderr(), "{panic}");
+        }
+    }
+}
+
+fn enter(out: &mut impl Write) -> io::Result<()> {
+    enable_raw_mode()?;
+    execute!(out, EnterAlternateScreen, terminal::DisableLineWrap, cursor::Hide)
+}
+
+fn leave(out: &mut impl Write) -> io::Result<()> {
+    execute!(out, terminal::EnableLineWrap, LeaveAlternateScreen, cursor::Show)
+}
+
+/// Gives the terminal back as it was found, once.
+fn restore() {
+    if HELD.swap(false, Ordering::SeqCst) {
+        // There is nobody to tell if the terminal is gone.
+        if let Ok(mut out) = output() {
+            let _ = leave(&mut out);
+        }
+        let _ = disable_raw_mode();
+    }
+}
+
+/// Standard output without the lock and the lines of [`io::stdout`], which a slow terminal would keep from everybody.
+fn output() -> io::Result<File> {
+    #[cfg(unix)]
+    let own = std::os::fd::AsFd::as_fd(&io::stdout()).try_clone_to_owned()?;
+    #[cfg(windows)]
+    let own = std::os::windows::io::AsHandle::as_handle(&io::stdout()).try_clone_to_owned()?;
+    Ok(own.into())
+}
+
+/// A panic of the thread that draws, or of the main one, gives the terminal back before anything is printed: either may end the
+/// program without a drop. What any other thread says would spoil the picture, and is kept for [`Screen::said`] instead.
+fn install_hook() {
+    let before = panic::take_hook();
+    panic::set_hook(Box::new(move |info| {
+        if !HELD.load(Ordering::SeqCst) {
+            return before(info);
+        }
+        let here = thread::current();
+        let owner = OWNER.try_lock().is_ok_and(|owner| *owner == Some(here.id()));
+        if owner || here.name() == Some("main") {
+            restore();
+            return before(info);
+        }
+        if let Ok(mut said) = SAID.try_lock()
+            && said.len() < PANICS
+        {
+            let what = info.payload_as_str().unwrap_or("no message");
+            let place =
+                info.location().map(|at| format!(" ({}:{})", at.file(), at.line())).unwrap_or_default();
+            said.push(format!("thread {} panicked: {what}{place}", here.name().unwrap_or("without a name")));
+        }
+    }));
+}

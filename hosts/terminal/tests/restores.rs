@@ -1,0 +1,221 @@
+//! However a program ends, its terminal is as it was. Runs itself in a pseudo-terminal that `script` (util-linux) makes.
+
+use std::io::Write;
+use std::process::{Child, Command, Stdio};
+use std::sync::mpsc::{Receiver, sync_channel};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use asperity_live::view::{Layout, Request, ScopeLayout, View};
+use asperity_terminal::Terminal;
+
+const ENTER: &str = "\x1b[?1049h";
+const LEAVE: &str = "\x1b[?1049l";
+const SHOW_CURSOR: &str = "\x1b[?25h";
+
+fn main() {
+    match std::env::args().nth(1).filter(|arg| arg.starts_with("child-")) {
+        Some(child) => run_child(&child),
+        None if !script_is_there() => {
+            eprintln!("SKIPPED: there is no `script` here to make a pseudo-terminal")
+        }
+        None => {
+            a_panic_of_the_thread_that_draws();
+            a_panic_of_the_main_thread_while_another_one_draws();
+            a_panic_elsewhere_is_shown_and_the_run_goes_on();
+            a_panic_that_is_caught_gives_the_terminal_back_only_for_its_message();
+            ctrl_c_is_a_request();
+            a_pipe_is_refused_with_a_reason();
+            a_terminal_that_does_not_read_holds_nobody_up();
+            println!("7 cases hold");
+        }
+    }
+}
+
+fn script_is_there() -> bool {
+    cfg!(target_os = "linux")
+        && Command::new("script").arg("--version").output().is_ok_and(|out| out.status.success())
+}
+
+fn start_in_terminal(child: &str) -> Child {
+    let own = std::env::current_exe().expect("this program has a path");
+    let command = format!(
+        "stty rows 60 cols 200; a=$(stty -g); '{}' {child} 2>&1; b=$(stty -g); [ \"$a\" = \"$b\" ] && echo SAME",
+        own.display()
+    );
+    Command::new("script")
+        .args(["-qec", &command, "/dev/null"])
+        .env("TERM", "xterm-256color")
+        .env("RUST_BACKTRACE", "0")
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("script starts")
+}
+
+/// What a child wrote to its terminal. `keys` are typed after it has drawn.
+fn run_in_terminal(child: &str, keys: &[u8]) -> String {
+    let mut script = start_in_terminal(child);
+    let mut stdin = script.stdin.take().expect("stdin is a pipe");
+    let keys = keys.to_vec();
+    // The pipe stays open until the child has ended: script passes its end on as Ctrl-D.
+    let typist = thread::spawn(move || {
+        thread::sleep(Duration::from_millis(700));
+        let _ = stdin.write_all(&keys);
+        stdin
+    });
+    let out = script.wait_with_output().expect("script ends");
+    drop(typist.join());
+    String::from_utf8_lossy(&out.stdout).into_owned()
+}
+
+#[track_caller]
+fn assert_restored(out: &str) {
+    let enter = out.find(ENTER).unwrap_or_else(|| panic!("the alternate screen was never entered:\n{out:?}"));
+    let leave = out.rfind(LEAVE).unwrap_or_else(|| panic!("the alternate screen was never left:\n{out:?}"));
+    assert!(enter < leave, "{out:?}");
+    assert!(!out[leave..].contains(ENTER) && out[leave..].contains(SHOW_CURSOR), "{out:?}");
+    assert!(out.contains("SAME"), "the terminal's settings differ:\n{out:?}");
+}
+
+#[track_caller]
+fn assert_after_leaving(out: &str, what: &str) {
+    let leave = out.rfind(LEAVE).unwrap_or(0);
+    assert!(out[leave..].contains(what), "{what:?} is not on the screen that stays:\n{out:?}");
+}
+
+fn a_panic_of_the_thread_that_draws() {
+    let out = run_in_terminal("child-panics", b"");
+    assert_restored(&out);
+    assert_after_leaving(&out, "drawn and done");
+}
+
+fn a_panic_of_the_main_thread_while_another_one_draws() {
+    let out = run_in_terminal("child-main-panics", b"");
+    assert_restored(&out);
+    assert_after_leaving(&out, "main is done");
+}
+
+fn a_panic_elsewhere_is_shown_and_the_run_goes_on() {
+    let out = run_in_terminal("child-worker-panics", b"");
+    assert_restored(&out);
+    assert_eq!(out.matches(ENTER).count(), 1, "{out:?}");
+    let said = out.find("worker-is-done").expect("what the worker said is shown");
+    assert!(said < out.find(LEAVE).expect("left"), "{out:?}");
+    assert_after_leaving(&out, "thread worker panicked: worker-is-done");
+}
+
+fn a_panic_that_is_caught_gives_the_terminal_back_only_for_its_message() {
+    let out = run_in_terminal("child-catches", b"");
+    assert_restored(&out);
+    assert_eq!(out.matches(ENTER).count(), 2, "{out:?}");
+    let first = out.find(LEAVE).expect("left");
+    assert!(out[first..].find("only a try") < out[first..].find(ENTER), "{out:?}");
+}
+
+fn ctrl_c_is_a_request() {
+    let out = run_in_terminal("child-waits", b"\x03");
+    assert_restored(&out);
+    assert_after_leaving(&out, "asked to: Stop");
+}
+
+fn a_pipe_is_refused_with_a_reason() {
+    let own = std::env::current_exe().expect("this program has a path");
+    let out = Command::new(own).arg("child-waits").stdin(Stdio::null()).output().expect("it starts");
+    let text = String::from_utf8_lossy(&out.stdout);
+    assert!(text.contains("standard output is no terminal"), "{text}");
+    assert!(!text.contains('\x1b'), "{text:?}");
+}
+
+fn a_terminal_that_does_not_read_holds_nobody_up() {
+    let done = std::env::temp_dir().join(format!("asperity-terminal-{}", std::process::id()));
+    let mut script = start_in_terminal(&format!("child-floods={}", done.display()));
+    // Nothing reads what script puts out: its pipe fills up, and then the pseudo-terminal.
+    let until = Instant::now() + Duration::from_secs(60);
+    while !done.exists() && Instant::now() < until {
+        thread::sleep(Duration::from_millis(20));
+    }
+    let held_up = !done.exists();
+    let _ = script.kill();
+    let _ = script.wait();
+    let _ = std::fs::remove_file(&done);
+    assert!(!held_up, "the program waits for a terminal that does not read");
+}
+
+/// Frames that have nothing in common, some megabytes in all; then the file that `done` names is made.
+fn flood(terminal: &mut Terminal, done: &str) {
+    let scope = ScopeLayout { name: "noise".into(), rate_hz: 48_000, ..ScopeLayout::default() };
+    terminal.layout(&Layout { number: 1, scopes: vec![scope; 4], ..Layout::default() });
+    for frame in 0..600u32 {
+        let noise = |k: u32| ((k ^ frame).wrapping_mul(2_654_435_761) >> 8) as f32 / 8e6 - 1.0;
+        let samples: Vec<f32> = (0..96_000).map(noise).collect();
+        let view = View { layout: 1, scopes: vec![samples; 4], seconds: f64::from(frame), ..View::default() };
+        if terminal.draw(&view).is_err() {
+            break;
+        }
+        thread::sleep(Duration::from_millis(2));
+    }
+    std::fs::write(done, "done").expect("a file can be made");
+}
+
+fn open() -> Option<(Terminal, Receiver<Request>)> {
+    let (requests, asked) = sync_channel(8);
+    match Terminal::open(requests) {
+        Ok(mut terminal) => {
+            terminal.layout(&Layout { file: "weave.ron".into(), ..Layout::default() });
+            Some((terminal, asked))
+        }
+        Err(error) => {
+            println!("{error}");
+            None
+        }
+    }
+}
+
+fn draw_for(terminal: &mut Terminal, ms: u64) {
+    let until = Instant::now() + Duration::from_millis(ms);
+    while Instant::now() < until {
+        terminal.draw(&View::default()).expect("the terminal is there");
+        thread::sleep(Duration::from_millis(20));
+    }
+}
+
+fn run_child(child: &str) {
+    let Some((mut terminal, asked)) = open() else { return };
+    draw_for(&mut terminal, 100);
+    match child {
+        "child-panics" => panic!("drawn and done"),
+        "child-main-panics" => {
+            thread::spawn(move || draw_for(&mut terminal, 60_000));
+            thread::sleep(Duration::from_millis(200));
+            panic!("main is done");
+        }
+        "child-worker-panics" => {
+            let worker = thread::Builder::new().name("worker".into());
+            let worker = worker.spawn(|| panic!("worker-is-done")).expect("a thread starts");
+            assert!(worker.join().is_err());
+            draw_for(&mut terminal, 200);
+        }
+        _ if child.starts_with("child-floods=") => flood(&mut terminal, &child["child-floods=".len()..]),
+        "child-catches" => {
+            assert!(std::panic::catch_unwind(|| panic!("only a try")).is_err());
+            draw_for(&mut terminal, 200);
+        }
+        _ => {
+            let until = Instant::now() + Duration::from_secs(20);
+            let request = loop {
+                draw_for(&mut terminal, 40);
+                match asked.try_recv() {
+                    Ok(request) => break Some(request),
+                    Err(_) if Instant::now() > until => break None,
+                    Err(_) => {}
+                }
+            };
+            drop(terminal);
+            if let Some(request) = request {
+                println!("asked to: {request:?}");
+            }
+        }
+    }
+}
