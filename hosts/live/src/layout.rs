@@ -23,7 +23,7 @@ pub(crate) fn scopes(schedule: &Schedule) -> Vec<(Signal, ScopeLayout)> {
     // The last one in the order they run: what is nearest to the actuator.
     let audio = |units: &[Unit]| {
         let fits = |shape: Shape| shape == Shape::Audio { rate_hz: schedule.audio_hz };
-        outputs().filter(|(_, p, _)| fits(p.shape) && units.contains(&p.unit)).next_back()
+        outputs().rfind(|(_, p, _)| fits(p.shape) && units.contains(&p.unit))
     };
     let wanted = [
         ("speed", control(&Unit::MILLIMETRE_PER_SECOND)),

@@ -5,7 +5,6 @@ mod editor;
 mod hands;
 pub mod perform;
 mod report;
-mod shim;
 mod shows;
 
 use std::collections::HashMap;
@@ -76,8 +75,6 @@ pub fn run(args: &Run) -> Result<ExitCode, Failure> {
         (None, None)
     };
     let (conductor, player) = conduct(compiled, &graph, options, ends, mic_reader, materials);
-    let stop = stop_flag();
-    let mut shows = Shows::open(args, &conductor, &mut hands)?;
     let session_options = card::options(&args.device, request);
     let session = Session::start(conductor, player, mic_writer, session_options).map_err(card::failed)?;
 
@@ -139,7 +136,7 @@ impl Stage<'_> {
             let view = self.session.view();
             let done = ticks.is_some_and(|ticks| view.ticks >= ticks);
             let (condition, losses) = (view.condition, view.losses);
-            shows.show(view, self.session.conductor().layout(), &mut self.hands);
+            shows.show(view, self.session.conductor().layout());
             if !self.session.goes_on() {
                 return Err(Failure::Machine(match condition {
                     Condition::Failed => "the engine panicked, and the output was ramped down".into(),

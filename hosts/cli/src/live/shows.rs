@@ -3,10 +3,9 @@
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 
-use super::shim::Terminal;
-use asperity_live::Conductor;
 use asperity_live::view::{Layout, Request, View};
 use asperity_page::{Feed, Page, serve};
+use asperity_terminal::Terminal;
 
 use super::hands::Hands;
 use super::say;
@@ -29,13 +28,12 @@ pub struct Shows {
 }
 
 impl Shows {
-    /// Opens what the command line asks for.
-    pub fn open(args: &Run, conductor: &Conductor, hands: &mut Hands) -> Result<Self, Failure> {
+    /// Opens what the command line asks for: before there is an engine, whose way with panics is to be the outer one.
+    pub fn open(args: &Run, hands: &mut Hands) -> Result<Self, Failure> {
         let (sender, requests) = sync_channel(REQUESTS);
         let page = match args.page {
             Some(port) => {
                 let feed = Arc::new(Feed::new());
-                feed.publish_layout(conductor.layout().clone());
                 let options = asperity_page::Options { port, ..asperity_page::Options::default() };
                 let page = serve(options, feed.clone(), sender.clone(), hands.take_pointer())
                     .map_err(|e| Failure::Machine(format!("cannot serve the page at port {port}: {e}")))?;
@@ -73,7 +71,7 @@ impl Shows {
     }
 
     /// Shows figures of the moment, and the graph where it changed.
-    pub fn show(&mut self, view: View, layout: &Layout, _hands: &mut Hands) {
+    pub fn show(&mut self, view: View, layout: &Layout) {
         if self.layout.as_ref() != Some(layout) {
             if let Some((_, feed)) = &self.page {
                 feed.publish_layout(layout.clone());
