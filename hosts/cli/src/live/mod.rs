@@ -64,6 +64,8 @@ pub fn run(args: &Run) -> Result<ExitCode, Failure> {
         editor.watch(schedule);
     }
 
+    let stop = stop_flag();
+    let mut shows = Shows::open(args, &mut hands)?;
     let limit_ns =
         args.limit_us.map_or(LIMIT_TICKS * 1_000_000_000 / u64::from(schedule.tick_hz), |us| us * 1000);
     let options = Options { sleep: !args.no_sleep, limit_ns: Some(limit_ns) };

@@ -17,7 +17,7 @@ use crate::{load, source};
 /// Half a period of the steps, in seconds.
 const HALF_S: f64 = 0.4;
 /// Steps up: more make a random texture's level surer.
-const PERIODS: usize = 60;
+const PERIODS: usize = 150;
 /// Steps that are left out, while the chain starts.
 const LEFT_OUT: usize = 2;
 /// Speeds between which it steps, in mm/s.
