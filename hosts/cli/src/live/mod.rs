@@ -60,6 +60,11 @@ pub fn run(args: &Run) -> Result<ExitCode, Failure> {
     for warning in hands.warnings(schedule) {
         warn(&warning);
     }
+    if args.page.is_none() {
+        for node in schedule.nodes.iter().filter(|n| n.kind == "pointer_input") {
+            warn(&format!("`{}` is moved on the live page, and nobody serves it: add --page", node.id));
+        }
+    }
     if args.watch {
         editor.watch(schedule);
     }
