@@ -117,6 +117,7 @@ fn required(kind: &str) -> Vec<(&'static str, String)> {
             ("material", "coarse weave".to_owned()),
         ],
         "file_out" => vec![("file", "unused.wav".to_owned())],
+        "osc_input" => vec![("arguments", "x_mm, y_mm, z_mm, force_n".to_owned())],
         _ => Vec::new(),
     }
 }
@@ -130,6 +131,10 @@ pub fn graph(kind: &dyn NodeKind, signal: &str, tick_hz: u32, audio_hz: u32) -> 
     let params: Vec<(&str, &str)> = params.iter().map(|(n, v)| (*n, v.as_str())).collect();
     graph.add_node("it", &d.kind, &params, "test").unwrap();
     for Input { name, shape, unit, limited, .. } in &d.inputs {
+        // A stroke that begins anew in every tick leaves nothing to remember.
+        if d.kind == "velocity" && name == "stroke" {
+            continue;
+        }
         let unit = match unit {
             UnitSpec::Is(u) => u.clone(),
             UnitSpec::Of { among, .. } => among.first().cloned().unwrap_or(Unit::NEWTON),

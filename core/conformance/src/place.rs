@@ -6,8 +6,8 @@ use std::sync::Arc;
 use asperity_engine::Engine;
 use asperity_graph::{BufferEntry, Compiled, GraphFile, compile};
 use asperity_node::{
-    Config, Diagnostic, FrameClock, FrameLayout, FrameRate, Input, LayoutSpec, NodeKind, Params, Ports,
-    RateSpec, Registry, Setup, ShapeSpec, Wiring, random,
+    Config, Diagnostic, FrameClock, FrameLayout, FrameRate, Input, LayoutSpec, NodeKind, Params, PortType,
+    Ports, RateSpec, Registry, Setup, Shape, ShapeSpec, Wiring, random,
 };
 
 use crate::fixtures::{Probe, Source, Watched, unit};
@@ -185,6 +185,8 @@ impl Place {
         let node = &schedule.nodes[at];
         let constant = |buffer: usize| match schedule.buffers.get(buffer) {
             Some(BufferEntry::Constant { count, value }) => (*count, *value),
+            // What a host has not given yet.
+            Some(BufferEntry::Fed(PortType { shape: Shape::Control { count }, .. })) => (*count, 0.0),
             _ => (0, 0.0),
         };
         let inputs = node.inputs.iter();

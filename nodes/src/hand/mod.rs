@@ -83,7 +83,9 @@ fn axes(default: &'static str) -> Param {
 /// Passes on what the host gave.
 fn pass_on(tick: &mut Tick<'_>) -> Status {
     for port in [place::POSITION, place::FORCE, place::STROKE] {
-        tick.outputs.control(port).copy_from_slice(tick.inputs.control(port));
+        for (to, from) in tick.outputs.control(port).iter_mut().zip(tick.inputs.control(port)) {
+            *to = *from;
+        }
     }
     Status::Continue
 }

@@ -50,14 +50,10 @@ impl Node for PointerInput {
     }
 
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
-        let position = tick.inputs.control(place::POSITION);
+        let &[x, y, _] = tick.inputs.control(place::POSITION) else { return Status::Continue };
         let pressure = tick.inputs.value(place::FORCE).clamp(0.0, 1.0);
         let above = if pressure > 0.0 { -pressure * self.depth_mm } else { self.lift_mm };
-        tick.outputs.control(place::POSITION).copy_from_slice(&[
-            position[0],
-            position[1],
-            self.height_mm + above,
-        ]);
+        tick.outputs.control(place::POSITION).copy_from_slice(&[x, y, self.height_mm + above]);
         tick.outputs.set(place::FORCE, pressure * self.max_force_n);
         tick.outputs.set(place::STROKE, tick.inputs.value(place::STROKE));
         Status::Continue

@@ -1,8 +1,8 @@
 //! `impulse`: a click when something happens.
 
 use asperity_node::{
-    Config, Descriptor, Diagnostic, Input, Latency, Node, Param, Ports, Resume, Setup, ShapeSpec, State,
-    Status, Tick, Unit,
+    Config, Descriptor, Diagnostic, Input, Latency, Node, Param, Ports, Setup, ShapeSpec, State, Status,
+    Tick, Unit,
 };
 
 /// A short rectangle at each rise of a control through a threshold. It begins with the first sample of the tick.
@@ -44,7 +44,6 @@ impl Node for Impulse {
         ))
         .param(Param::number("length_ms", 1.0, 0.01..=1000.0, "How long the click is.").unit("ms"))
         .param(super::unit_param())
-        .resumes(Resume::Resume)
     }
 
     fn ports(config: &Config<'_>, ports: Ports) -> Result<Ports, Diagnostic> {
