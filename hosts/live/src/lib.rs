@@ -8,6 +8,7 @@ mod conductor;
 mod dll;
 pub mod driver;
 mod force;
+mod latency;
 mod layout;
 mod meters;
 mod player;

@@ -10,6 +10,7 @@ use std::time::{Duration, Instant};
 use asperity_audio::{OpenError, Request, Stats};
 
 use crate::driver::{Callback, Clock, Controls, Options, Paced, Timer, choose};
+use crate::latency::of_graph;
 use crate::meters::Meters;
 use crate::player::MicWriter;
 use crate::realtime::{Grants, Machine};
@@ -238,14 +239,11 @@ impl Session {
         if !view.sources.is_empty() {
             items.push(("hand: read behind".to_owned(), delay));
         }
+        let schedule = self.conductor.schedule();
+        items.push(("tick: half of one, until the next".to_owned(), 500.0 / f64::from(schedule.tick_hz)));
         let lead = self.controls().map_or(0.0, |c| c.lead_ns() as f64 * 1e-6);
         items.push(("clock: read before the callback".to_owned(), lead));
-        let to_device = self.conductor.schedule().clone();
-        let paths = to_device.paths.iter().filter(|p| to_device.nodes[p.to].kind == "audio_out");
-        let graph = paths.map(|p| p.most.ms()).reduce(f64::max);
-        if let Some(ms) = graph {
-            items.push(("graph: declared by its nodes".to_owned(), ms));
-        }
+        items.extend(of_graph(schedule));
         if let Some(stats) = stats {
             items.push(("device: from callback to sound".to_owned(), stats.latency_ms));
         }

@@ -109,7 +109,6 @@ pub fn measure(args: &LatencyArgs) -> Result<Around, Failure> {
     }
     let tick_ms = 1e3 / TICK_HZ;
     let mut items = last.latency_ms;
-    items.insert(1.min(items.len()), ("tick: half of one, until the next".to_owned(), tick_ms / 2.0));
     if args.inside {
         // A cable inside a server has no card on it.
         items.retain(|(what, _)| !what.starts_with("device"));

@@ -106,7 +106,7 @@ fn heard(schedule: &Schedule, path: &Path) -> Result<(usize, usize), Failure> {
             let port = &schedule.nodes[i].outputs[o].port;
             port.shape == Shape::Audio { rate_hz: schedule.audio_hz } && port.unit == *unit
         };
-        outputs.clone().filter(fits).last()
+        outputs.clone().rfind(fits)
     };
     [Unit::METRE_PER_SECOND_SQUARED, Unit::AMPERE, Unit::VOLT].iter().find_map(of).ok_or_else(|| {
         let message = "nothing in this graph is an acceleration, a current or a voltage at the audio rate";

@@ -1,0 +1,36 @@
+//! What makes up the latency from a hand to the actuator, item by item.
+//!
+//! It is the time from where the hand was to when the sample that follows from it is heard. How long a texture takes to follow
+//! a change of speed is another figure: its windows reach into the past, which the latencies that nodes declare
+//! balance with what they emit early. So of a graph only what delays samples counts here.
+
+use asperity_graph::Schedule;
+use asperity_node::Latency;
+
+/// The nodes before a sink of the device that delay what reaches it most, each with its milliseconds.
+pub(crate) fn of_graph(schedule: &Schedule) -> Vec<(String, f64)> {
+    let late = |i: usize| schedule.nodes[i].latency.max(Latency::ZERO).ms();
+    // Nodes stand in the order they run; what closes a cycle is heard a turn later and is left out.
+    let mut sums = vec![0.0; schedule.nodes.len()];
+    let mut before = vec![None; schedule.nodes.len()];
+    for (i, node) in schedule.nodes.iter().enumerate() {
+        let sources = node.inputs.iter().filter_map(|input| Some(input.from?.0)).filter(|&from| from < i);
+        before[i] = sources.max_by(|&a: &usize, &b: &usize| f64::total_cmp(&sums[a], &sums[b]));
+        sums[i] = before[i].map_or(0.0, |from: usize| sums[from]) + late(i);
+    }
+    let sinks = (0..schedule.nodes.len()).filter(|&i| schedule.nodes[i].kind == "audio_out");
+    let Some(mut at) = sinks.max_by(|&a, &b| f64::total_cmp(&sums[a], &sums[b])) else { return Vec::new() };
+    let mut items = Vec::new();
+    loop {
+        if late(at) > 0.0 {
+            let node = &schedule.nodes[at];
+            items.push((format!("graph: `{}` ({})", node.id, node.kind), late(at)));
+        }
+        match before[at] {
+            Some(from) => at = from,
+            None => break,
+        }
+    }
+    items.reverse();
+    items
+}
