@@ -23,33 +23,44 @@ pub struct Hands {
 }
 
 impl Hands {
-    /// Opens what these nodes of a graph need. What they had open before is closed first: a port or a device is there once.
+    /// Opens what these nodes of a graph need. What they had open before is closed once the new is there; before, where both
+    /// cannot be open at once.
     pub fn open(&mut self, schedule: &Schedule, ids: &[String]) -> Result<Ends, Failure> {
         let mut ends = Ends::default();
-        let nodes = || schedule.nodes.iter().filter(|n| ids.contains(&n.id));
-        nodes().for_each(|n| drop(self.open.remove(&n.id)));
+        let mut wanted = ids.to_vec();
         let mut models: HashMap<String, ForceReader> = HashMap::new();
         for node in schedule.nodes.iter().filter(|n| n.kind.ends_with("_force")) {
+            // Who reads the stylus is who pushes it: both begin anew.
             let input = input_of(schedule, node)?;
             if ids.contains(&node.id) || ids.contains(&input.id) {
                 let (writer, reader) = force_model();
                 ends.forces.insert(node.id.clone(), writer);
                 models.insert(input.id.clone(), reader);
+                wanted.push(input.id.clone());
             }
         }
-        for node in nodes().filter(|n| n.kind.ends_with("_input")) {
+        let nodes = schedule.nodes.iter().filter(|n| n.kind.ends_with("_input") && wanted.contains(&n.id));
+        for node in nodes {
             let (writer, reader) = samples();
             ends.hands.insert(node.id.clone(), reader);
             if node.kind == "pointer_input" {
                 self.pointer = Some(writer);
                 continue;
             }
-            let model = models.remove(&node.id);
-            let force = force_of(schedule, node);
-            let handle = start(node, force, writer, model).map_err(|e| refused(node, &e))?;
+            let most = force_of(schedule, node).map_or(f64::INFINITY, |f| f.params.number("max_force_n"));
+            let source = Source { node, most, writer, model: models.remove(&node.id) };
+            let handle = self.start(source).map_err(|e| refused(node, &e))?;
             self.open.insert(node.id.clone(), handle);
         }
         Ok(ends)
+    }
+
+    fn start(&mut self, source: Source<'_>) -> Result<Handle, HandError> {
+        let id = &source.node.id;
+        if self.open.get(id).is_some_and(|_| source.excludes_another()) {
+            drop(self.open.remove(id));
+        }
+        source.start()
     }
 
     /// Where the live page's pointers are to be sent, once after it was opened.
@@ -106,38 +117,54 @@ fn refused(node: &ScheduledNode, error: &HandError) -> Failure {
     at(node, Diagnostic::new(message).help(error.help.clone())).into()
 }
 
-fn start(
-    node: &ScheduledNode,
-    force: Option<&ScheduledNode>,
+/// Whether somebody listens at an address; one that makes no sense is told of when it is opened.
+fn is_taken(listen: &str) -> bool {
+    osc::parse_listen(listen).is_ok_and(|at| std::net::UdpSocket::bind(at).is_err())
+}
+
+/// A source that is to be started.
+struct Source<'s> {
+    node: &'s ScheduledNode,
+    /// Largest force \[N\].
+    most: f64,
     writer: SampleWriter,
-    models: Option<ForceReader>,
-) -> Result<Handle, HandError> {
-    let p = &node.params;
-    let text = |name: &str| Some(p.text(name).trim().to_owned()).filter(|t| !t.is_empty());
-    let most = force.map_or(f64::INFINITY, |f| f.params.number("max_force_n"));
-    match node.kind.as_str() {
-        "osc_input" => {
-            let mut options =
-                osc::OscOptions::new(p.text("address"), osc::parse_arguments(p.text("arguments"))?);
-            options.listen = osc::parse_listen(p.text("listen"))?;
-            options.anywhere = p.flag("anywhere");
-            osc::start(options, writer)
-        }
-        "openhaptics_input" => {
-            let mut options = openhaptics::OpenHapticsOptions::new();
-            options.device = text("device");
-            options.library = text("library").map(PathBuf::from);
-            options.frame = Frame::new(p.text("axes"), [0.0; 3])?;
-            options.max_force_n = most;
-            openhaptics::start(options, writer, models)
-        }
-        _ => {
-            let mut options = haply::HaplyOptions::new();
-            options.device = text("device");
-            options.service = p.text("service").to_owned();
-            options.frame = Frame::new(p.text("axes"), [0.0; 3])?;
-            options.max_force_n = most;
-            haply::start(options, writer, models)
+    model: Option<ForceReader>,
+}
+
+impl Source<'_> {
+    /// Whether the one that this node had has to be closed first: it holds the device or the port.
+    fn excludes_another(&self) -> bool {
+        // A port may be another one now; whether it is, the socket knows best.
+        self.node.kind != "osc_input" || is_taken(self.node.params.text("listen"))
+    }
+
+    fn start(self) -> Result<Handle, HandError> {
+        let p = &self.node.params;
+        let text = |name: &str| Some(p.text(name).trim().to_owned()).filter(|t| !t.is_empty());
+        match self.node.kind.as_str() {
+            "osc_input" => {
+                let mut options =
+                    osc::OscOptions::new(p.text("address"), osc::parse_arguments(p.text("arguments"))?);
+                options.listen = osc::parse_listen(p.text("listen"))?;
+                options.anywhere = p.flag("anywhere");
+                osc::start(options, self.writer)
+            }
+            "openhaptics_input" => {
+                let mut options = openhaptics::OpenHapticsOptions::new();
+                options.device = text("device");
+                options.library = text("library").map(PathBuf::from);
+                options.frame = Frame::new(p.text("axes"), [0.0; 3])?;
+                options.max_force_n = self.most;
+                openhaptics::start(options, self.writer, self.model)
+            }
+            _ => {
+                let mut options = haply::HaplyOptions::new();
+                options.device = text("device");
+                options.service = p.text("service").to_owned();
+                options.frame = Frame::new(p.text("axes"), [0.0; 3])?;
+                options.max_force_n = self.most;
+                haply::start(options, self.writer, self.model)
+            }
         }
     }
 }
