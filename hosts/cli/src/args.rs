@@ -1,8 +1,12 @@
 //! The command line.
 
+mod calibrate;
+
 use std::path::PathBuf;
 
 use clap::{Parser, Subcommand, ValueEnum};
+
+pub use calibrate::{Calibrate, DriveKind};
 
 /// Haptic rendering as a real-time dataflow graph.
 #[derive(Debug, Parser)]
@@ -26,6 +30,11 @@ pub enum Command {
     Tone(Tone),
     /// Tell how late graphs answer a hand, and measure what a device adds, over a loopback from its output to its input
     Latency(LatencyArgs),
+    /// Measure an actuator with an accelerometer on its handle, and write its profile
+    ///
+    /// A quiet sweep first, then the measurement, both behind the limiter of the base profile. Exit code 0: the profile is
+    /// written; 1: something is wrong with what was measured; 2: with what was asked.
+    Calibrate(Box<Calibrate>),
     /// Check a graph: order, buffers, rates, latency per path, what was dropped and why
     Check(Check),
     /// List the kinds of nodes, or describe one: ports, units, parameters

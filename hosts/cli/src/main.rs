@@ -13,6 +13,7 @@ mod output;
 mod phase;
 mod plot;
 mod render;
+mod simulated;
 mod source;
 mod watch;
 
@@ -23,12 +24,14 @@ use clap::Parser;
 use args::{Args, Command};
 
 fn main() -> ExitCode {
+    simulated::register();
     let result = match Args::parse().command {
         Command::Render(args) => render::run(&args),
         Command::Run(args) => live::run(&args),
         Command::Tone(args) => commands::tone::run(&args),
         Command::Latency(args) => commands::latency::run(&args),
         Command::Devices(args) => commands::devices::run(&args),
+        Command::Calibrate(args) => commands::calibrate::run(&args),
         Command::Check(args) => commands::check::run(&args),
         Command::Nodes(args) => commands::nodes::run(&args),
         Command::Graph(args) => commands::graph::run(&args),

@@ -16,6 +16,20 @@ const SHIPPED: [(&str, &str); 2] = [
     ("haptuator_mark_ii", include_str!("../../../graphs/actuators/haptuator_mark_ii.ron")),
 ];
 
+/// The shipped profile of that name, such as `hapcoil_one`; none where nothing of that name is shipped.
+///
+/// # Errors
+/// None in practice: what is shipped can be read.
+pub fn shipped_profile(name: &str) -> Option<Result<ActuatorProfile, Diagnostic>> {
+    let (name, text) = SHIPPED.iter().find(|(n, _)| *n == name)?;
+    Some(ActuatorProfile::parse(&Source::new(format!("actuators/{name}.ron (shipped)"), *text)))
+}
+
+/// The names of the shipped profiles.
+pub fn shipped_profiles() -> impl Iterator<Item = &'static str> + Clone {
+    SHIPPED.iter().map(|(name, _)| *name)
+}
+
 fn profile_params() -> [Param; 2] {
     [
         Param::text(
@@ -31,10 +45,8 @@ fn profile_params() -> [Param; 2] {
 /// The actuator that the parameters `profile` and `handle_mass_g` name.
 fn dynamics(setup: &Setup<'_>) -> Result<Dynamics, Diagnostic> {
     let name = setup.params.text("profile");
-    let profile = match SHIPPED.iter().find(|(n, _)| *n == name) {
-        Some((n, text)) => {
-            ActuatorProfile::parse(&Source::new(format!("actuators/{n}.ron (shipped)"), *text))?
-        }
+    let profile = match shipped_profile(name) {
+        Some(shipped) => shipped?,
         None if name.ends_with(".ron") => {
             let path = setup.resolve("profile");
             if !path.is_file() {
@@ -51,7 +63,7 @@ fn dynamics(setup: &Setup<'_>) -> Result<Dynamics, Diagnostic> {
             ActuatorProfile::read(path)?
         }
         None => {
-            let help = one_of(name, SHIPPED.iter().map(|(n, _)| *n));
+            let help = one_of(name, shipped_profiles());
             let message = format!("there is no shipped actuator profile `{name}`");
             return Err(setup.params.error("profile", message).help(format!("{help}; or name a .ron file")));
         }

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use cpal::{Data, Error, InputCallbackInfo, OutputCallbackInfo, SampleFormat, StreamInstant};
 
-use super::Params;
+use super::{Params, Response};
 use crate::format::{DeviceSample, Format, with_sample};
 use crate::now_ns;
 
@@ -34,7 +34,7 @@ pub(super) struct Line {
 struct Plant {
     output: usize,
     input: usize,
-    respond: Box<dyn FnMut(f32) -> f32 + Send>,
+    respond: Response,
 }
 
 /// What a card remembers.
@@ -73,7 +73,7 @@ impl Card {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    pub(super) fn plant(&self, output: usize, input: usize, respond: Box<dyn FnMut(f32) -> f32 + Send>) {
+    pub(super) fn plant(&self, output: usize, input: usize, respond: Response) {
         self.lock().plants.push(Plant { output, input, respond });
     }
 
@@ -116,6 +116,11 @@ fn ns(frames: u32, rate_hz: u32) -> u64 {
 }
 
 impl State {
+    /// Puts the plant of its description, at rest, between the first output and the first input.
+    pub(super) fn set_plant(&mut self, respond: Response) {
+        self.plants = vec![Plant { output: 0, input: 0, respond }];
+    }
+
     fn play(&mut self, frames: usize, params: &Params) {
         let width = usize::from(params.channels);
         let Self { output, memory, played, wire, plants, .. } = self;

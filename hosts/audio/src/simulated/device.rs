@@ -68,9 +68,14 @@ impl Device {
             BufferSize::Fixed(frames) => frames,
             BufferSize::Default => USUAL_PERIOD,
         };
+        let plant = if plays { super::plant_of(params, f64::from(config.sample_rate)) } else { Ok(None) };
+        let plant = plant.map_err(|text| Error::with_message(ErrorKind::UnsupportedConfig, text))?;
         let mut state = self.0.lock();
         if state.unplugged {
             return Err(Error::new(ErrorKind::DeviceNotAvailable));
+        }
+        if let Some(plant) = plant {
+            state.set_plant(plant);
         }
         let place = if plays { &mut state.output } else { &mut state.input };
         if place.is_some() {

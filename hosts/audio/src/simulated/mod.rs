@@ -1,7 +1,7 @@
 //! A sound card that is not there: for tests, and for users who have none.
 //!
 //! The host `simulated` has every device that can be described: `simulated:frames=97,rate=48000,channels=4,format=i16` is one
-//! (see [`Params`]). It calls in real time and plays to nobody. A test makes a [`Simulated`] of a name, opens it as
+//! (see [`Params`]). It calls in real time and plays to nobody, or to a plant of the program's ([`set_plants`]). A test makes a [`Simulated`] of a name, opens it as
 //! `simulated:NAME`, calls it by hand if it likes, reads back what was played, and lets things go wrong.
 
 mod card;
@@ -9,11 +9,35 @@ mod device;
 mod params;
 
 use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError, Weak};
 use std::time::Duration;
 
 use card::{Card, State};
 pub use params::Params;
+
+/// A simulated part of the world between an output and an input channel: given every sample of the output, it answers the
+/// input's.
+pub type Response = Box<dyn FnMut(f32) -> f32 + Send>;
+
+/// Makes the plant that the `plant` words of a device's text describe, at a rate \[Hz\]; the error says what is wrong with them.
+pub type Plants = fn(&[(String, String)], f64) -> Result<Response, String>;
+
+static PLANTS: OnceLock<Plants> = OnceLock::new();
+
+/// Says who makes plants: this crate knows none. Only the first call counts.
+pub fn set_plants(plants: Plants) {
+    // Set twice is set: a program says it once.
+    let _ = PLANTS.set(plants);
+}
+
+/// The plant of a device, if it has one.
+fn plant_of(params: &Params, rate_hz: f64) -> Result<Option<Response>, String> {
+    match (params.plant.as_slice(), PLANTS.get()) {
+        ([], _) => Ok(None),
+        (_, None) => Err("this program knows no plants".to_owned()),
+        (words, Some(make)) => make(words, rate_hz).map(Some),
+    }
+}
 
 static NAMED: Mutex<BTreeMap<String, Weak<Card>>> = Mutex::new(BTreeMap::new());
 
@@ -33,7 +57,10 @@ pub(crate) fn devices() -> Vec<cpal::Device> {
 
 /// A device that is described by its id; the error says what is wrong with the description.
 pub(crate) fn described(id: &str) -> Result<cpal::Device, String> {
-    Ok(as_device(Arc::new(Card::new(id.to_owned(), id.parse()?))))
+    let params: Params = id.parse()?;
+    // What is wrong with a plant is said before the device is opened.
+    plant_of(&params, f64::from(params.rate_hz.unwrap_or(48_000)))?;
+    Ok(as_device(Arc::new(Card::new(id.to_owned(), params))))
 }
 
 /// Whether the device of that id is called by hand, so that the time between its calls says nothing.

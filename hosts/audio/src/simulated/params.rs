@@ -5,7 +5,8 @@ use std::str::FromStr;
 use crate::Format;
 
 /// What a simulated device is like. As text, everything left out is as in [`Params::default`]:
-/// `frames=64+1+1024,rate=48000,channels=4,inputs=1,format=i16,loopback=1,latency=128,speed=1`.
+/// `frames=64+1+1024,rate=48000,channels=4,inputs=1,format=i16,loopback=1,latency=128,speed=1`. All words that begin with `plant`
+/// are for who makes plants ([`set_plants`](super::set_plants)).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Params {
     /// Frames of its calls, one after the other and then from the front. Empty: what the stream asks for.
@@ -26,6 +27,8 @@ pub struct Params {
     pub speed: f64,
     /// Whether all that is played is kept for [`Simulated::played`](super::Simulated::played).
     pub keep: bool,
+    /// The plant between the first output and the first input, in the words of who makes it; none where empty.
+    pub plant: Vec<(String, String)>,
 }
 
 impl Default for Params {
@@ -40,6 +43,7 @@ impl Default for Params {
             latency_frames: 0,
             speed: 1.0,
             keep: false,
+            plant: Vec::new(),
         }
     }
 }
@@ -91,10 +95,13 @@ impl Params {
             "loopback" => self.loopback = number::<u8>(key, value)? != 0,
             "latency" => self.latency_frames = number(key, value)?,
             "speed" => self.speed = number(key, value)?,
+            _ if key == "plant" || key.starts_with("plant_") => {
+                self.plant.push((key.to_owned(), value.to_owned()));
+            }
             _ => {
                 return Err(format!(
-                    "a simulated device has no `{key}`; it has frames, rate, channels, inputs, format, loopback, latency \
-                     and speed"
+                    "a simulated device has no `{key}`; it has frames, rate, channels, inputs, format, loopback, latency, \
+                     speed and plant"
                 ));
             }
         }

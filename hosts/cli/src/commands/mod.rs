@@ -1,5 +1,6 @@
 //! Commands that do not run a graph in time: `check`, `nodes`, `graph`, `invert`, `compare`, `plugin`.
 
+pub mod calibrate;
 pub mod check;
 pub mod compare;
 pub mod devices;

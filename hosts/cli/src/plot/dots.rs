@@ -183,7 +183,7 @@ fn written(value: f64, decimals: usize) -> String {
 }
 
 /// 1, 2 and 5 of every power of ten within an axis of logarithms; fewer where they would be too near each other.
-fn powers(axis: &Axis) -> Vec<(f64, String)> {
+pub(super) fn powers(axis: &Axis) -> Vec<(f64, String)> {
     let decades = axis.high - axis.low;
     let wanted = (axis.pixels[1] - axis.pixels[0]) / 40.0;
     let factors: &[f64] = if decades * 3.0 <= wanted { &[1.0, 2.0, 5.0] } else { &[1.0] };

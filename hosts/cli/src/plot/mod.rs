@@ -1,6 +1,6 @@
 //! Pictures as SVG: what a render did, the graph that did it, and how phase-retrieval methods compare.
 //!
-//! [`Render`] holds the signals of a render and stacks them as panels over one time axis; [`Picture`] lays a graph out in layers; [`Dots`] sets figures side by side. The SVG is written here rather than by a chart library: lines are
+//! [`Render`] holds the signals of a render and stacks them as panels over one time axis; [`Picture`] lays a graph out in layers; [`Dots`] sets figures side by side; [`Response`] is a frequency response, measured and fitted. The SVG is written here rather than by a chart library: lines are
 //! thinned to what a pixel can show, coordinates keep a tenth of a pixel, and no fonts are loaded.
 
 mod axis;
@@ -9,6 +9,7 @@ mod figure;
 mod layers;
 mod lines;
 mod picture;
+mod response;
 mod series;
 mod spectrogram;
 mod svg;
@@ -16,6 +17,7 @@ mod svg;
 pub(crate) use dots::{Column, Dots};
 pub(crate) use figure::Render;
 pub(crate) use picture::{Picture, PictureNode, PictureWire};
+pub(crate) use response::{Measured, Response};
 pub(crate) use series::Series;
 
 #[cfg(test)]

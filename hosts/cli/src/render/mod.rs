@@ -8,8 +8,8 @@ mod watch;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
 use asperity_engine::{Clock, Engine, Options};
@@ -219,14 +219,19 @@ fn ticks(args: &Render, schedule: &asperity_graph::Schedule) -> Result<u64, Fail
 }
 
 /// Set when the user asks the render to stop; what was rendered until then is kept.
+///
+/// One flag for the whole program, which a command that plays several times asks for again.
 pub fn stop_flag() -> Arc<AtomicBool> {
-    let stop = Arc::new(AtomicBool::new(false));
-    let set = stop.clone();
-    // A second handler cannot be set, and one render is all a program runs.
-    if let Err(e) = ctrlc::set_handler(move || set.store(true, Ordering::Relaxed)) {
-        crate::failure::warn(&format!("Ctrl-C will not be caught: {e}"));
-    }
-    stop
+    static STOP: OnceLock<Arc<AtomicBool>> = OnceLock::new();
+    let make = || {
+        let stop = Arc::new(AtomicBool::new(false));
+        let set = stop.clone();
+        if let Err(e) = ctrlc::set_handler(move || set.store(true, Ordering::Relaxed)) {
+            crate::failure::warn(&format!("Ctrl-C will not be caught: {e}"));
+        }
+        stop
+    };
+    STOP.get_or_init(make).clone()
 }
 
 fn progress(ticks: u64, quiet: bool) -> ProgressBar {

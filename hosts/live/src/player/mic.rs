@@ -26,7 +26,7 @@ struct Shared {
     heard_ns: AtomicU64,
 }
 
-/// Waits for something to be heard at the first recorded channel.
+/// Looks on while a device records: waits for something to be heard at the first recorded channel, and knows of gaps.
 #[derive(Clone, Debug)]
 pub struct Listener(Arc<Shared>);
 
@@ -35,6 +35,11 @@ impl Listener {
     pub fn listen(&self, level: f32) {
         self.0.heard_ns.store(0, Relaxed);
         self.0.wanted.store(level.abs().to_bits(), Release);
+    }
+
+    /// Frames of the recording that were lost or missing so far.
+    pub fn gaps(&self) -> u64 {
+        self.0.lost.load(Relaxed) + self.0.missing.load(Relaxed)
     }
 
     /// When it was there: the time of the call that brought it and its place in the block, by [`now_ns`](crate::now_ns); and how long

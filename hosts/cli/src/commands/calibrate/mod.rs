@@ -1,0 +1,265 @@
+//! `asperity calibrate`: an actuator is measured with an accelerometer on its handle, and its profile written.
+//!
+//! [`bench`] plays sweeps and records them, [`guard`] looks at a quiet one before a loud one is played, the fit is
+//! [`asperity_world::actuator::identify`], and [`report`] says what came of it.
+
+mod bench;
+mod guard;
+mod report;
+#[cfg(test)]
+mod tests;
+
+use std::io::{BufRead, IsTerminal};
+use std::path::Path;
+use std::process::ExitCode;
+use std::sync::atomic::Ordering::Relaxed;
+use std::sync::mpsc::{RecvTimeoutError, channel};
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+
+use asperity_source::{Diagnostic, Source, one_of};
+use asperity_world::actuator::ActuatorProfile;
+use asperity_world::actuator::identify::{Findings, IdentifySettings, Trust, identify, write_profile};
+
+use crate::args::{Calibrate, DriveKind};
+use crate::commands::tone::range;
+use crate::failure::{Failure, complain, print, warn};
+use crate::output::{Pending, resolved};
+use crate::render::stop_flag;
+use bench::{Bench, Outcome, Tape};
+use report::Report;
+
+/// Longest that the quiet sweep takes \[s\].
+const QUIET_S: f64 = 2.0;
+/// Handles must differ by this factor for the second to tell anything.
+const APART: f64 = 1.05;
+
+/// Runs the command.
+pub fn run(args: &Calibrate) -> Result<ExitCode, Failure> {
+    if args.second_mass_g.is_some() && !args.yes && !std::io::stdin().is_terminal() {
+        return Err(Diagnostic::new(
+            "somebody has to change the handle's mass, and there is no terminal to wait at",
+        )
+        .in_file("--second-mass-g")
+        .help("run it at a terminal, or say --yes where the mass changes by itself")
+        .into());
+    }
+    calibrate(args, &mut |grams| if args.yes { Ok(()) } else { wait_for_enter(grams) })
+}
+
+/// Measures and writes. `change` is called when the handle is to weigh so many grams \[g\].
+fn calibrate(
+    args: &Calibrate,
+    change: &mut dyn FnMut(f64) -> Result<(), Failure>,
+) -> Result<ExitCode, Failure> {
+    let bench = Bench::new(args)?;
+    let level = check(args, &bench)?;
+    let base = base(args)?;
+    let profile_file = Pending::create(&args.out)?;
+    let plot_file = args.plot.as_deref().map(Pending::create).transpose()?;
+
+    let settings = IdentifySettings {
+        drive: bench.drive(),
+        band_hz: (args.from_hz, args.to_hz),
+        handle_mass_uncertainty: args.mass_uncertainty / 100.0,
+        ..IdentifySettings::default()
+    };
+    let session = Session { args, bench: &bench, base: &base, settings };
+    let mut tapes = vec![session.measure(args.handle_mass_g, level)?];
+    if let Some(grams) = args.second_mass_g {
+        change(grams)?;
+        tapes.push(session.measure(grams, level)?);
+    }
+    let recordings: Vec<_> = tapes.iter().map(Tape::recording).collect();
+    let findings = identify(&recordings, &base, settings)
+        .map_err(|e| Failure::Machine(format!("{e}\nnothing was written")))?;
+
+    let mut report = Report { args, base: &base, findings: &findings, tapes: &tapes, written: Vec::new() };
+    let trusted = findings.trust > Trust::Poor || args.anyway;
+    let text = trusted.then(|| profile(&findings, &base)).transpose()?;
+    if let Some(file) = plot_file {
+        report.written.push(file.keep_text(&report.picture())?);
+    }
+    if let Some(text) = text {
+        report.written.push(profile_file.keep_text(&text)?);
+    }
+    print(&if args.json { report.json(trusted) } else { report.text(trusted) })?;
+    Ok(if trusted { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+}
+
+/// What the measurements of a run have in common.
+struct Session<'a> {
+    args: &'a Calibrate,
+    bench: &'a Bench<'a>,
+    base: &'a ActuatorProfile,
+    settings: IdentifySettings,
+}
+
+impl Session<'_> {
+    /// A quiet sweep; if it is heard, and not too loud, the measurement.
+    fn measure(&self, handle_mass_g: f64, level: f64) -> Result<Tape, Failure> {
+        let (args, unit) = (self.args, unit(self.args));
+        let quiet = guard::QUIET * level;
+        complain(&format!("quiet sweep: {quiet:.3} {unit}, on {handle_mass_g} g\n"));
+        let heard = match self.bench.play(quiet, args.seconds.min(QUIET_S), handle_mass_g)? {
+            Outcome::Whole(tape) => tape,
+            Outcome::Clipped(hz) => return Err(guard::clips_already(args, quiet, hz)),
+        };
+        let chosen = guard::level(args, &heard, level, self.base, self.settings)?;
+        if let Some(note) = &chosen.note {
+            warn(note);
+        }
+        let amplitude = chosen.amplitude;
+        complain(&format!(
+            "heard; measuring: {amplitude:.3} {unit}, {} to {} Hz in {} s, on {}\n",
+            args.from_hz, args.to_hz, args.seconds, heard.device
+        ));
+        match self.bench.play(amplitude, args.seconds, handle_mass_g)? {
+            Outcome::Whole(tape) => Ok(tape),
+            Outcome::Clipped(hz) => Err(guard::clipped(args, amplitude, hz)),
+        }
+    }
+}
+
+/// Whether the options make sense together; answers the level that is asked for \[A or V\].
+fn check(args: &Calibrate, bench: &Bench<'_>) -> Result<f64, Failure> {
+    let wrong = |option: &str, what: String, help: &str| -> Failure {
+        Diagnostic::new(what).in_file(option).help(help.to_owned()).into()
+    };
+    range("--handle-mass-g", args.handle_mass_g, 1.0, 10_000.0, "g")?;
+    range("--mass-uncertainty", args.mass_uncertainty, 0.01, 50.0, "%")?;
+    range("--accelerometer-full-scale", args.accelerometer_full_scale, 1e-3, 1e6, "m/s^2")?;
+    range("--from-hz", args.from_hz, 1.0, 1000.0, "Hz")?;
+    range("--to-hz", args.to_hz, 4.0 * args.from_hz, 0.45 * f64::from(args.rate), "Hz")?;
+    range("--seconds", args.seconds, 1.0, 120.0, "s")?;
+    range("--volts-at-full-scale", args.volts_at_full_scale, 1e-3, 100.0, "V")?;
+    range("--amps-per-volt", args.amps_per_volt, 1e-3, 100.0, "A/V")?;
+    range("--volts-per-volt", args.volts_per_volt, 1e-3, 1000.0, "V/V")?;
+    if let Some(grams) = args.second_mass_g {
+        range("--second-mass-g", grams, 1.0, 10_000.0, "g")?;
+        let ratio = (grams / args.handle_mass_g).max(args.handle_mass_g / grams);
+        if ratio < APART {
+            let what =
+                format!("{grams} g and {} g are too much alike to tell the moving mass", args.handle_mass_g);
+            return Err(wrong("--second-mass-g", what, "the farther apart the better: 50 and 200 g"));
+        }
+    }
+    if args.device.channel.len() > 1 {
+        return Err(wrong("--channel", "one actuator is measured at a time".into(), "one channel"));
+    }
+    let level = match (args.drive, args.amps, args.volts) {
+        (DriveKind::Current, amps, None) => amps.unwrap_or(0.1),
+        (DriveKind::Voltage, None, volts) => volts.unwrap_or(0.5),
+        (DriveKind::Current, ..) => {
+            return Err(wrong(
+                "--volts",
+                "a current is measured in amperes".into(),
+                "--amps, or --drive voltage",
+            ));
+        }
+        (DriveKind::Voltage, ..) => {
+            return Err(wrong(
+                "--amps",
+                "a voltage is measured in volts".into(),
+                "--volts, or --drive current",
+            ));
+        }
+    };
+    range(option(args), level, 1e-4, bench.most(), unit(args))?;
+    let out = resolved(&args.out);
+    if args.base.ends_with(".ron") && resolved(Path::new(&args.base)) == out {
+        let help = "give the new profile a name of its own";
+        return Err(wrong("--out", "the base profile is read, and would be overwritten".into(), help));
+    }
+    if !args.out.extension().is_some_and(|e| e == "ron") {
+        let what = format!("{} would not be found as a profile", args.out.display());
+        return Err(wrong("--out", what, "a profile's name ends in .ron"));
+    }
+    if let Some(plot) = &args.plot {
+        let plot = resolved(plot);
+        if plot == out || plot == resolved(Path::new(&args.base)) {
+            return Err(wrong(
+                "--plot",
+                "this file is the profile".into(),
+                "give the picture a name of its own",
+            ));
+        }
+    }
+    Ok(level)
+}
+
+/// Unit of the drive.
+fn unit(args: &Calibrate) -> &'static str {
+    if args.drive == DriveKind::Current { "A" } else { "V" }
+}
+
+/// The option that sets the level.
+fn option(args: &Calibrate) -> &'static str {
+    if args.drive == DriveKind::Current { "--amps" } else { "--volts" }
+}
+
+/// The profile whose limits hold.
+fn base(args: &Calibrate) -> Result<ActuatorProfile, Failure> {
+    use asperity_nodes::actuator::{shipped_profile, shipped_profiles};
+    if let Some(profile) = shipped_profile(&args.base) {
+        return Ok(profile?);
+    }
+    if args.base.ends_with(".ron") {
+        return Ok(ActuatorProfile::read(&args.base)?);
+    }
+    let help = format!("{}; or name a .ron file", one_of(&args.base, shipped_profiles()));
+    let what = format!("there is no shipped actuator profile `{}`", args.base);
+    Err(Diagnostic::new(what).in_file("--base").help(help).into())
+}
+
+/// The profile's text, which must be one that can be read again.
+fn profile(findings: &Findings, base: &ActuatorProfile) -> Result<String, Failure> {
+    let text = write_profile(findings, base, Some(&today()));
+    ActuatorProfile::parse(&Source::new("what was found", text.clone())).map_err(|d| {
+        Failure::Machine(format!(
+            "what was found is no actuator that could be used: {d}\nnothing was written"
+        ))
+    })?;
+    Ok(text)
+}
+
+/// The date in UTC, such as 2026-03-01.
+fn today() -> String {
+    let seconds = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |d| d.as_secs());
+    date(i64::try_from(seconds / 86_400).unwrap_or(0))
+}
+
+/// The date so many days after 1 January 1970: years of 365.2425 days that begin in March.
+fn date(days: i64) -> String {
+    let days = days + 719_468;
+    let (era, day) = (days.div_euclid(146_097), days.rem_euclid(146_097));
+    let year = (day - day / 1_460 + day / 36_524 - day / 146_096) / 365;
+    let of_year = day - (365 * year + year / 4 - year / 100);
+    let month = (5 * of_year + 2) / 153;
+    let of_month = of_year - (153 * month + 2) / 5 + 1;
+    let (year, month) =
+        (era * 400 + year + i64::from(month >= 10), if month < 10 { month + 3 } else { month - 9 });
+    format!("{year:04}-{month:02}-{of_month:02}")
+}
+
+/// Waits until somebody says that the handle has its other mass. Ctrl-C ends it.
+fn wait_for_enter(grams: f64) -> Result<(), Failure> {
+    complain(&format!(
+        "now make the handle weigh {grams} g, with all that is fixed to it but not the mover; then press Enter\n"
+    ));
+    let stop = stop_flag();
+    let (sent, came) = channel();
+    std::thread::spawn(move || {
+        let read = std::io::stdin().lock().read_line(&mut String::new());
+        // Nobody waits any more where this fails.
+        let _ = sent.send(read.is_ok_and(|n| n > 0));
+    });
+    let ended = || Failure::Machine("stopped before the second measurement; nothing was written".into());
+    loop {
+        match came.recv_timeout(Duration::from_millis(50)) {
+            Ok(true) => return Ok(()),
+            Ok(false) | Err(RecvTimeoutError::Disconnected) => return Err(ended()),
+            Err(RecvTimeoutError::Timeout) if stop.load(Relaxed) => return Err(ended()),
+            Err(RecvTimeoutError::Timeout) => {}
+        }
+    }
+}

@@ -1,0 +1,175 @@
+//! Calibrations of a simulated actuator whose figures are known.
+
+use std::path::Path;
+use std::process::ExitCode;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+use asperity_audio::simulated::{Params, Response, Simulated};
+use asperity_world::actuator::identify::{Sweep, SweepSettings};
+use asperity_world::actuator::{ActuatorProfile, Quantity};
+use clap::Parser;
+
+use super::{calibrate, date};
+use crate::args::{Args, Calibrate, Command};
+use crate::failure::Failure;
+use crate::simulated::Actuator;
+
+const RATE: f64 = 48_000.0;
+
+/// m_a \[g\], k, c, k_f, and the rest of a HapCoil-One's.
+fn actuator([m_a, k, c, k_f]: [f64; 4]) -> Actuator {
+    let mut profile = asperity_nodes::actuator::shipped_profile("hapcoil_one").unwrap().unwrap();
+    let q = |value| Quantity { value, source: "made up".into(), estimate: false };
+    (profile.moving_mass, profile.stiffness) = (q(m_a * 1e-3), q(k));
+    (profile.damping, profile.force_factor) = (q(c), q(k_f));
+    Actuator::new(profile)
+}
+
+/// The noise at which the measurement has 20 dB of signal over it.
+fn noise(quiet: &Actuator, seconds: f64) -> f64 {
+    let settings = SweepSettings { to_hz: 1000.0, seconds, ..SweepSettings::default() };
+    let sweep = Sweep::new(settings, RATE).unwrap();
+    let mut respond = quiet.at(RATE).unwrap();
+    let heard = |n| f64::from(respond((sweep.sample(n) / quiet.at_full_scale) as f32)) * quiet.full_scale;
+    let power = (0..sweep.samples()).map(heard).map(|x| x * x).sum::<f64>() / sweep.samples() as f64;
+    0.1 * power.sqrt()
+}
+
+/// A card with something between its first output and its first input that can be exchanged, ten times as fast as real time.
+fn card(name: &str, respond: Response) -> (Simulated, Arc<Mutex<Response>>) {
+    let params = Params { frames: vec![64], speed: 10.0, latency_frames: 200, ..Params::default() };
+    let card = Simulated::new(name, params).unwrap();
+    let plant = Arc::new(Mutex::new(respond));
+    let inside = plant.clone();
+    card.plant(1, 1, move |x| inside.lock().unwrap()(x));
+    (card, plant)
+}
+
+fn args(card: &Simulated, dir: &Path, more: &[&str]) -> Calibrate {
+    let (id, out) = (card.id(), dir.join("found.ron").display().to_string());
+    let fixed =
+        ["asperity", "calibrate", "--device", &id, "--out", &out, "--accelerometer-full-scale", "100"];
+    let Command::Calibrate(args) = Args::try_parse_from(fixed.iter().chain(more)).unwrap().command else {
+        panic!("another command");
+    };
+    *args
+}
+
+fn reason(outcome: Result<ExitCode, Failure>) -> String {
+    outcome.map(|_| String::new()).unwrap_or_else(|failure| failure.reason())
+}
+
+fn nothing_is_in(dir: &Path) -> bool {
+    std::fs::read_dir(dir).unwrap().next().is_none()
+}
+
+/// Values of a written profile, and those of the actuator, in the same order.
+fn errors(found: &ActuatorProfile, truth: &ActuatorProfile) -> Vec<f64> {
+    let values = |p: &ActuatorProfile| p.quantities().map(|(_, q)| q.value);
+    values(found).iter().zip(values(truth)).take(4).map(|(a, b)| a / b - 1.0).collect()
+}
+
+const ACTUATORS: [([f64; 4], [f64; 2]); 4] = [
+    ([4.4, 702.97, 0.629, 1.78], [50.0, 200.0]),
+    ([1.0, 400.0, 0.1, 0.5], [50.0, 150.0]),
+    ([10.0, 700.0, 0.2, 3.0], [80.0, 160.0]),
+    ([20.0, 40_000.0, 2.0, 5.0], [50.0, 200.0]),
+];
+
+#[test]
+fn two_handles_give_all_four_figures_within_5_percent_at_20_db() {
+    for (i, (figures, [first, second])) in ACTUATORS.into_iter().enumerate() {
+        let dir = tempfile::tempdir().unwrap();
+        let on = |handle_g: f64| {
+            let quiet = Actuator { handle_g, seed: 7 + handle_g as u64, ..actuator(figures) };
+            Actuator { noise: noise(&quiet, 4.0), ..quiet }
+        };
+        let (card, plant) = card(&format!("two handles {i}"), on(first).at(RATE).unwrap());
+        let (a, b) = (first.to_string(), second.to_string());
+        // Limits wide enough for all of them; its moving mass is another one.
+        let more =
+            ["--handle-mass-g", &a, "--second-mass-g", &b, "--seconds", "4", "--mass-uncertainty", "0.2"];
+        let args = args(&card, dir.path(), &more);
+        let mut change = |grams: f64| {
+            *plant.lock().unwrap() = on(grams).at(RATE).unwrap();
+            Ok(())
+        };
+        assert_eq!(calibrate(&args, &mut change).unwrap(), ExitCode::SUCCESS);
+        let found = ActuatorProfile::read(&args.out).unwrap();
+        let errors = errors(&found, &actuator(figures).profile);
+        assert!(errors.iter().all(|e| e.abs() < 0.05), "{figures:?} {errors:?}");
+        assert!(!found.moving_mass.estimate && found.moving_mass.source.starts_with("measured"));
+    }
+}
+
+#[test]
+fn one_handle_gives_them_with_the_moving_mass_of_the_base() {
+    for (i, (figures, [grams, _])) in ACTUATORS.into_iter().enumerate() {
+        let dir = tempfile::tempdir().unwrap();
+        let base = dir.path().join("base.ron");
+        let shipped = include_str!("../../../../../graphs/actuators/hapcoil_one.ron");
+        std::fs::write(&base, shipped.replace("g: 4.4", &format!("g: {}", figures[0]))).unwrap();
+        let quiet = Actuator { handle_g: grams, invert: i % 2 == 1, ..actuator(figures) };
+        let truth = Actuator { noise: noise(&quiet, 4.0), ..quiet };
+        let (card, _) = card(&format!("one handle {i}"), truth.at(RATE).unwrap());
+        let (grams, base) = (grams.to_string(), base.display().to_string());
+        let args = args(&card, dir.path(), &["--handle-mass-g", &grams, "--seconds", "4", "--base", &base]);
+        assert_eq!(calibrate(&args, &mut |_| panic!("one handle")).unwrap(), ExitCode::SUCCESS);
+        let errors = errors(&ActuatorProfile::read(&args.out).unwrap(), &truth.profile);
+        assert!(errors.iter().all(|e| e.abs() < 0.05), "{figures:?} {errors:?}");
+    }
+}
+
+#[test]
+fn an_input_that_clips_while_measuring_stops_the_sweep_at_once_and_nothing_is_written() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut respond = actuator(ACTUATORS[0].0).at(RATE).unwrap();
+    let heard = Arc::new(AtomicU64::new(0));
+    let count = heard.clone();
+    // The quiet sweep takes 4 s of samples with its silences; some seconds into the measurement a wire comes loose.
+    let loose = 8 * RATE as u64;
+    let plant = move |x| respond(x) + f32::from(u8::from(count.fetch_add(1, Relaxed) > loose));
+    let (card, _) = card("clips while measuring", Box::new(plant));
+    let args = args(&card, dir.path(), &["--handle-mass-g", "100", "--seconds", "100"]);
+    let said = reason(calibrate(&args, &mut |_| Ok(())));
+    assert!(said.contains("clipped at") && said.contains("was stopped"), "{said}");
+    assert!(heard.load(Relaxed) < 50 * RATE as u64, "{}", heard.load(Relaxed));
+    assert!(nothing_is_in(dir.path()));
+}
+
+#[test]
+fn a_device_that_is_lost_in_the_middle_leaves_nothing_behind() {
+    let dir = tempfile::tempdir().unwrap();
+    let (card, _) = card("lost", actuator(ACTUATORS[0].0).at(RATE).unwrap());
+    let args = args(&card, dir.path(), &["--handle-mass-g", "100", "--seconds", "100"]);
+    let card = Arc::new(card);
+    let held = card.clone();
+    let pull = std::thread::spawn(move || {
+        while !held.in_use() {
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        std::thread::sleep(Duration::from_millis(300));
+        held.unplug();
+    });
+    let said = reason(calibrate(&args, &mut |_| Ok(())));
+    pull.join().unwrap();
+    assert!(said.contains("lost before the end") || said.contains("simulated:lost"), "{said}");
+    assert!(nothing_is_in(dir.path()));
+}
+
+/// Against dates of a calendar.
+#[test]
+fn days_since_1970_are_dates() {
+    for (days, text) in [
+        (0, "1970-01-01"),
+        (59, "1970-03-01"),
+        (11_016, "2000-02-29"),
+        (11_017, "2000-03-01"),
+        (20_453, "2025-12-31"),
+        (47_541, "2100-03-01"),
+    ] {
+        assert_eq!(date(days), text);
+    }
+}

@@ -1,0 +1,146 @@
+//! An actuator for the simulated sound card: `simulated:plant=hapcoil_one,plant_handle_g=60` has one between its first output and
+//! its first input, so that what needs an actuator and an accelerometer can be tried without.
+
+use std::str::FromStr;
+
+use asperity_audio::simulated::{Response, set_plants};
+use asperity_source::one_of;
+use asperity_world::actuator::{ActuatorProfile, Drive, Dynamics, Plant};
+
+/// The plant moves so many times a sample, along straight lines between samples: near enough to what a card's converters make of
+/// them.
+const OVERSAMPLING: u32 = 8;
+
+/// Words of a plant's description.
+const WORDS: [&str; 8] = [
+    "plant",
+    "plant_handle_g",
+    "plant_amps",
+    "plant_volts",
+    "plant_full_scale",
+    "plant_noise",
+    "plant_seed",
+    "plant_invert",
+];
+
+/// Makes such devices known.
+pub fn register() {
+    set_plants(|words, rate_hz| {
+        let actuator: Actuator = words.try_into()?;
+        actuator.at(rate_hz)
+    });
+}
+
+/// An actuator on a handle with an accelerometer, from the card's output to its input.
+#[derive(Clone, Debug)]
+pub struct Actuator {
+    /// What it is.
+    pub profile: ActuatorProfile,
+    /// Mass of the handle \[g\].
+    pub handle_g: f64,
+    /// What the amplifier puts out.
+    pub drive: Drive,
+    /// What that is at the card's full scale \[A or V\].
+    pub at_full_scale: f64,
+    /// Acceleration at which the input is at full scale, where it clips \[m/s^2\].
+    pub full_scale: f64,
+    /// White noise of the accelerometer \[m/s^2 rms\].
+    pub noise: f64,
+    /// Of the noise.
+    pub seed: u64,
+    /// Whether the accelerometer points the other way.
+    pub invert: bool,
+}
+
+impl Actuator {
+    /// One on 100 g behind 1 A at full scale, with an accelerometer of 100 m/s^2 at full scale without noise.
+    pub fn new(profile: ActuatorProfile) -> Self {
+        Self {
+            profile,
+            handle_g: 100.0,
+            drive: Drive::Current,
+            at_full_scale: 1.0,
+            full_scale: 100.0,
+            noise: 0.0,
+            seed: 1,
+            invert: false,
+        }
+    }
+
+    /// What it makes of samples at this rate, from rest on.
+    pub fn at(&self, rate_hz: f64) -> Result<Response, String> {
+        let dynamics = Dynamics::new(&self.profile, self.handle_g).map_err(|e| e.to_string())?;
+        let mut plant = Plant::new(&dynamics, self.drive, rate_hz * f64::from(OVERSAMPLING));
+        let sign = if self.invert { -1.0 } else { 1.0 };
+        let Self { at_full_scale, full_scale, noise, seed, .. } = *self;
+        let (mut before, mut random) = (0.0, Random(seed));
+        Ok(Box::new(move |x| {
+            let now = f64::from(x) * at_full_scale;
+            let mut acceleration = 0.0;
+            for i in 1..=OVERSAMPLING {
+                let part = f64::from(i) / f64::from(OVERSAMPLING);
+                acceleration = plant.step(before + (now - before) * part).acceleration;
+            }
+            before = now;
+            let heard = sign * acceleration + noise * random.normal();
+            (heard / full_scale).clamp(-1.0, 1.0) as f32
+        }))
+    }
+
+    fn set(&mut self, word: &str, value: &str) -> Result<(), String> {
+        fn number<T: FromStr + PartialOrd + Copy>(word: &str, value: &str, least: T) -> Result<T, String> {
+            let number = value.parse().ok().filter(|x| *x >= least);
+            number.ok_or_else(|| format!("`{word}={value}`: a number is wanted, not too small"))
+        }
+        match word {
+            "plant" => {}
+            "plant_handle_g" => self.handle_g = number(word, value, 1.0)?,
+            "plant_amps" => (self.drive, self.at_full_scale) = (Drive::Current, number(word, value, 1e-6)?),
+            "plant_volts" => (self.drive, self.at_full_scale) = (Drive::Voltage, number(word, value, 1e-6)?),
+            "plant_full_scale" => self.full_scale = number(word, value, 1e-6)?,
+            "plant_noise" => self.noise = number(word, value, 0.0)?,
+            "plant_seed" => self.seed = number(word, value, 0)?,
+            "plant_invert" => self.invert = number::<u8>(word, value, 0)? != 0,
+            _ => return Err(format!("a plant has no `{word}`: {}", one_of(word, WORDS))),
+        }
+        Ok(())
+    }
+}
+
+impl TryFrom<&[(String, String)]> for Actuator {
+    type Error = String;
+
+    fn try_from(words: &[(String, String)]) -> Result<Self, String> {
+        let name = words.iter().find(|(word, _)| word == "plant").map(|(_, name)| name);
+        let name = name.ok_or("what a plant is like needs a plant, such as `plant=hapcoil_one`")?;
+        let profile = match asperity_nodes::actuator::shipped_profile(name) {
+            Some(profile) => profile,
+            None if name.ends_with(".ron") => ActuatorProfile::read(name),
+            None => {
+                let help = one_of(name, asperity_nodes::actuator::shipped_profiles());
+                return Err(format!("there is no shipped actuator profile `{name}`: {help}"));
+            }
+        };
+        let mut it = Self::new(profile.map_err(|d| d.to_string())?);
+        for (word, value) in words {
+            it.set(word, value)?;
+        }
+        Ok(it)
+    }
+}
+
+/// Random numbers that are the same every time.
+struct Random(u64);
+
+impl Random {
+    /// From -0.5 to 0.5.
+    fn uniform(&mut self) -> f64 {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 11) as f64 / (1u64 << 53) as f64 - 0.5
+    }
+
+    /// Of variance 1: the sum of twelve uniform ones.
+    fn normal(&mut self) -> f64 {
+        (0..12).map(|_| self.uniform()).sum()
+    }
+}
