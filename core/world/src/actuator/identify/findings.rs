@@ -156,7 +156,7 @@ pub(super) fn sum_up(
         trust: Trust::Good,
         notes: Vec::new(),
     };
-    judge::judge(&mut findings, recordings, settings.drive, base_is_estimate);
+    judge::judge(&mut findings, recordings, settings, base_is_estimate);
     findings
 }
 

@@ -5,7 +5,7 @@ use realfft::num_complex::Complex64;
 use super::super::Drive;
 use super::model::Model;
 use super::spectra::{Band, Spectra};
-use super::{Findings, Measurement, Recording, Trust};
+use super::{Findings, IdentifySettings, Measurement, Recording, Trust};
 
 /// Least of the signal-to-noise ratio for good and for fair \[dB\].
 const SNR_DB: (f64, f64) = (15.0, 6.0);
@@ -17,6 +17,9 @@ const MISFIT: (f64, f64) = (0.05, 0.2);
 const WITHIN: (f64, f64) = (0.05, 0.25);
 /// Greatest half interval of moving mass, stiffness and damping, likewise.
 const WITHIN_ABSOLUTE: (f64, f64) = (0.1, 0.6);
+/// How far the handle's mass that fits best may be from the given one, in half intervals of what is known of it, likewise. Two
+/// recordings whose gains go with their masses come to 0.4 by chance; one recording is always right.
+const MASS_OFF: (f64, f64) = (1.0, 2.0);
 /// Greatest distortion, likewise.
 const DISTORTION: (f64, f64) = (0.05, 0.3);
 
@@ -119,13 +122,14 @@ impl Notes {
 pub(super) fn judge(
     findings: &mut Findings,
     recordings: &[Recording<'_>],
-    drive: Drive,
+    settings: &IdentifySettings,
     base_is_estimate: bool,
 ) {
     let mut notes = Notes { found: Vec::new() };
     for (n, (m, r)) in findings.recordings.iter().zip(recordings).enumerate() {
         let which = if recordings.len() > 1 { format!("recording {}: ", n + 1) } else { String::new() };
-        of_recording(&mut notes, &which, drive, m, r);
+        of_recording(&mut notes, &which, settings.drive, m, r);
+        of_mass(&mut notes, &which, settings.handle_mass_uncertainty, m, r);
     }
     of_values(&mut notes, findings, base_is_estimate);
     notes.found.sort_by_key(|(trust, _)| *trust);
@@ -193,6 +197,19 @@ fn of_recording(notes: &mut Notes, which: &str, drive: Drive, m: &Measurement, r
     if r.limited {
         notes.add(Trust::Good, format!("{which}the limiter acted; the fit uses the drive behind it"));
     }
+}
+
+/// Gains of several recordings must go with the masses of their handles.
+fn of_mass(notes: &mut Notes, which: &str, uncertainty: f64, m: &Measurement, r: &Recording<'_>) {
+    let grams = 1e3 * m.handle_mass;
+    let off = (grams / r.handle_mass_g).ln().abs() / uncertainty.ln_1p();
+    notes.most(off, MASS_OFF, || {
+        format!(
+            "{which}the handle moves as if it weighed {grams:.1} g, not {} g: was its mass changed between the recordings, and is \
+             each what was given?",
+            r.handle_mass_g
+        )
+    });
 }
 
 fn of_values(notes: &mut Notes, f: &Findings, base_is_estimate: bool) {

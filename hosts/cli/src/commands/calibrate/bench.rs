@@ -9,7 +9,7 @@ use asperity_node::FactValue;
 use asperity_world::actuator::Drive;
 use asperity_world::actuator::identify::{Recording, Sweep, SweepSettings};
 
-use crate::args::{Calibrate, DriveKind};
+use crate::args::{Calibrate, DeviceArgs, DriveKind};
 use crate::failure::{Failure, complain};
 use crate::live::perform::{Watching, graph, play};
 
@@ -25,12 +25,16 @@ const AFTER_S: f64 = 1.0;
 const CLIPPED: f32 = 0.999;
 /// How often a recording with gaps is made anew.
 const ATTEMPTS: usize = 3;
+/// Frames that the device is asked for, unless the command line says otherwise: nobody waits for an answer here, and long blocks
+/// bear a busy machine.
+const PERIOD: u32 = 1024;
 /// Ticks a second, as the graph of [`graph`] has.
 const TICK_HZ: f64 = 500.0;
 
 /// What does not change from one sweep to the next.
 pub struct Bench<'a> {
     args: &'a Calibrate,
+    device: DeviceArgs,
     /// The base profile as a graph names it.
     base: String,
 }
@@ -94,7 +98,8 @@ impl<'a> Bench<'a> {
         } else {
             args.base.clone()
         };
-        Ok(Self { args, base })
+        let device = DeviceArgs { period: args.device.period.or(Some(PERIOD)), ..args.device.clone() };
+        Ok(Self { args, device, base })
     }
 
     /// What a sample of the drive is.
@@ -187,7 +192,7 @@ impl<'a> Bench<'a> {
         let mut recorded =
             |id: &str, start: u64, samples: &[f32]| log.borrow_mut().take(id, start, samples, limit);
         let watching = Watching { view: &mut view, recorded: &mut recorded };
-        let (ended, whole) = play(made, &self.args.device, START_S, Default::default(), ticks, watching)?;
+        let (ended, whole) = play(made, &self.device, START_S, Default::default(), ticks, watching)?;
         let log = log.into_inner();
         if let Some(at) = log.clipped {
             let since = at as f64 / rate_hz - settings.before_s;

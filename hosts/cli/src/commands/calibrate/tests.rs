@@ -105,6 +105,18 @@ fn two_handles_give_all_four_figures_within_5_percent_at_20_db() {
 }
 
 #[test]
+fn a_mass_that_nobody_changed_is_noticed_and_nothing_is_written() {
+    let dir = tempfile::tempdir().unwrap();
+    let (card, _) = card("not changed", actuator(ACTUATORS[0].0).at(RATE).unwrap());
+    let more = ["--handle-mass-g", "100", "--second-mass-g", "50", "--seconds", "4"];
+    let args = args(&card, dir.path(), &more);
+    assert_eq!(calibrate(&args, &mut |_| Ok(())).unwrap(), ExitCode::FAILURE);
+    assert!(nothing_is_in(dir.path()));
+    let said = reason(calibrate(&args, &mut |_| Err(Failure::Machine("Ctrl-C".into()))));
+    assert!(said == "Ctrl-C" && nothing_is_in(dir.path()));
+}
+
+#[test]
 fn one_handle_gives_them_with_the_moving_mass_of_the_base() {
     for (i, (figures, [grams, _])) in ACTUATORS.into_iter().enumerate() {
         let dir = tempfile::tempdir().unwrap();

@@ -208,3 +208,16 @@ fn a_written_profile_reads_back_with_what_was_measured() {
     let text = write_profile(&poor, &base, None);
     assert!(text.contains("Trust: poor") && read(text).quantities().iter().all(|(_, q)| q.estimate));
 }
+
+#[test]
+fn a_handle_whose_mass_was_not_changed_in_between_is_poor() {
+    let tape = Scene::new(100.0).play(&hapcoil());
+    let recorded = tape.recording();
+    for (other, uncertainty) in [(50.0, 0.01), (200.0, 0.002), (107.0, 0.01)] {
+        let second = Recording { handle_mass_g: other, ..recorded };
+        let settings = IdentifySettings { handle_mass_uncertainty: uncertainty, ..held() };
+        let f = identify(&[recorded, second], &hapcoil(), settings).unwrap();
+        assert_eq!(f.trust, Trust::Poor, "{other} {:?}", f.notes);
+        assert!(says(&f, "moves as if it weighed"), "{:?}", f.notes);
+    }
+}
