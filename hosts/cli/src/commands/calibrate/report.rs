@@ -119,7 +119,7 @@ impl Report<'_> {
             ("resonance", format!("{} Hz", digits(m.natural_hz.value)), interval(&m.natural_hz)),
             ("damping", format!("{} ratio", digits(m.damping_ratio.value)), interval(&m.damping_ratio)),
             ("gain", gain, interval(&m.gain)),
-            ("latency", latency, format!("within {:.3} ms{polarity}", 1e3 * m.latency_within_s)),
+            ("latency", latency, format!("within {:.1} us{polarity}", 1e6 * m.latency_within_s)),
         ]
     }
 
