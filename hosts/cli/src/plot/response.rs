@@ -52,6 +52,9 @@ const STRAY: f64 = 60.0;
 /// Decades beyond the first and last frequency.
 const MARGIN: f64 = 0.02;
 
+/// A panel's name, its unit, and what it shows of a response.
+type Panel<'a> = (&'a str, &'a str, fn(&Measured) -> Trace);
+
 /// What a panel shows of a response: measured values, and a line where something is fitted.
 struct Trace {
     dots: Vec<(f64, f64)>,
@@ -73,7 +76,7 @@ impl Response {
         }
         // Bands lie a little within the frequencies that were played.
         let x = Axis { low: low.log10() - MARGIN, high: high.log10() + MARGIN, pixels: [LEFT, RIGHT] };
-        let panels: [(&str, &str, fn(&Measured) -> Trace); 3] = [
+        let panels: [Panel<'_>; 3] = [
             ("Magnitude", &self.unit, magnitude),
             ("Phase", "degrees, latency taken out", phase),
             ("Coherence", "how much of what was heard follows the drive", coherence),

@@ -170,7 +170,7 @@ fn check(args: &Calibrate, bench: &Bench<'_>) -> Result<f64, Failure> {
         let help = "give the new profile a name of its own";
         return Err(wrong("--out", "the base profile is read, and would be overwritten".into(), help));
     }
-    if !args.out.extension().is_some_and(|e| e == "ron") {
+    if args.out.extension().is_none_or(|e| e != "ron") {
         let what = format!("{} would not be found as a profile", args.out.display());
         return Err(wrong("--out", what, "a profile's name ends in .ron"));
     }
