@@ -53,6 +53,21 @@ fn the_profile_that_it_writes_is_used_by_the_shipped_graph() {
     assert!(with != without && with.iter().any(|x| *x != 0.0));
 }
 
+/// As most sound cards are: long blocks, of integers, in real time, so that the paced clock keeps it.
+#[test]
+fn the_paced_clock_of_a_card_with_long_blocks_measures_as_well() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let card = CARD.replace("frames=64", "format=i16").replace(",speed=10", "");
+    let more = ["--base", "haptuator_mark_ii", "--period", "4096", "--json"];
+    let fixed =
+        ["calibrate", "--device", &card, "--handle-mass-g", "60", "--accelerometer-full-scale", "100"];
+    run(dir.path(), &[&fixed[..], &["--out", "found.ron", "--seconds", "2"], &more].concat()).ok();
+    let (found, truth) = (ActuatorProfile::read(dir.path().join("found.ron")).expect("a profile"), truth());
+    for ((name, found), (_, truth)) in found.quantities().iter().zip(truth.quantities()).take(4) {
+        assert!((found.value / truth.value - 1.0).abs() < 0.05, "{name}: {found:?} {truth:?}");
+    }
+}
+
 #[test]
 fn json_tells_what_was_found_and_how_far_to_trust_it() {
     let dir = tempfile::tempdir().expect("a folder");

@@ -2,7 +2,7 @@
 
 mod parts;
 
-use asperity_audio::simulated::{Params, Simulated};
+use asperity_audio::simulated::{Params, Simulated, set_plants};
 use asperity_audio::{Format, OpenError, Request, events, open};
 use parts::{Count, Ramp, Recorder, by_hand, on, play, ramp};
 use proptest::prelude::*;
@@ -159,6 +159,38 @@ fn a_plant_between_output_and_input_is_heard_after_the_latency_and_not_before() 
         assert_eq!(frame, [0.0, wanted], "frame {at}");
     }
     assert_eq!(stream.input_id(), Some(card.id()));
+}
+
+#[test]
+fn a_plant_in_words_is_made_by_the_program_at_the_rate_of_the_device() {
+    let (capture, heard) = parts::Ear::new();
+    let on = |device: &str| Request {
+        device: Some(device.into()),
+        inputs: vec![2, 1],
+        rate_hz: 96_000,
+        ..Request::default()
+    };
+    let open = |device: &str, capture| {
+        let (sender, _events) = events();
+        open(&on(device), Box::new(parts::Each(|| 0.25)), Some(Box::new(capture)), sender)
+    };
+    let refused = |device: &str| match open(device, parts::Ear::new().0) {
+        Err(OpenError::Request(text)) => text,
+        other => panic!("{:?}", other.err()),
+    };
+    assert!(refused("simulated:plant=kilohertz").contains("knows no plants"));
+    set_plants(|words, rate_hz| match words {
+        [(word, name)] if word == "plant" && name == "kilohertz" => {
+            Ok(Box::new(move |x| x * (rate_hz / 96_000.0) as f32 * 2.0))
+        }
+        _ => Err(format!("no {words:?}")),
+    });
+    assert!(refused("simulated:plant=coil").contains("coil"));
+    let stream = open("simulated:frames=64,plant=kilohertz", capture).unwrap();
+    stream.play().unwrap();
+    // The input may be called before the output plays.
+    parts::wait("the plant to be heard", || heard.lock().unwrap().chunks(2).any(|frame| frame == [0.0, 0.5]));
+    assert!(heard.lock().unwrap().iter().all(|x| [0.0, 0.5].contains(x)));
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! An actuator for the simulated sound card: `simulated:plant=hapcoil_one,plant_handle_g=60` has one between its first output and
 //! its first input, so that what needs an actuator and an accelerometer can be tried without.
 
+use std::fmt::Display;
 use std::str::FromStr;
 
 use asperity_audio::simulated::{Response, set_plants};
@@ -88,9 +89,9 @@ impl Actuator {
     }
 
     fn set(&mut self, word: &str, value: &str) -> Result<(), String> {
-        fn number<T: FromStr + PartialOrd + Copy>(word: &str, value: &str, least: T) -> Result<T, String> {
+        fn number<T: FromStr + PartialOrd + Display>(word: &str, value: &str, least: T) -> Result<T, String> {
             let number = value.parse().ok().filter(|x| *x >= least);
-            number.ok_or_else(|| format!("`{word}={value}`: a number is wanted, not too small"))
+            number.ok_or_else(|| format!("`{word}={value}`: a number of at least {least} is wanted"))
         }
         match word {
             "plant" => {}

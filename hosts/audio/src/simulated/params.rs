@@ -138,6 +138,13 @@ mod tests {
     }
 
     #[test]
+    fn words_of_a_plant_are_kept_for_who_makes_it() {
+        let params: Params = "plant=coil,frames=64,plant_handle_g=60".parse().unwrap();
+        let words = [("plant", "coil"), ("plant_handle_g", "60")].map(|(a, b)| (a.to_owned(), b.to_owned()));
+        assert_eq!((params.plant.as_slice(), params.frames), (&words[..], vec![64]));
+    }
+
+    #[test]
     fn what_makes_no_sense_is_an_error_that_says_what_would() {
         for (text, says) in [
             ("frames=0", "1 to"),
