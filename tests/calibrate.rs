@@ -61,7 +61,7 @@ fn the_paced_clock_of_a_card_with_long_blocks_measures_as_well() {
     let more = ["--base", "haptuator_mark_ii", "--period", "4096", "--json"];
     let fixed =
         ["calibrate", "--device", &card, "--handle-mass-g", "60", "--accelerometer-full-scale", "100"];
-    let ran = run(dir.path(), &[&fixed[..], &["--out", "found.ron", "--seconds", "2"], &more].concat());
+    let ran = run(dir.path(), &[&fixed[..], &["--out", "found.ron", "--seconds", "1"], &more].concat());
     if ran.code == 1 && ran.err.contains("times in a row") {
         // Real time is not to be had on every machine; that nothing was written all the same is.
         let _ = writeln!(std::io::stderr(), "SKIPPED: the machine is too busy to measure in real time");
