@@ -154,6 +154,11 @@ impl Conductor {
         let schedule = Arc::new(compiled.schedule.clone());
         let number = self.swaps + 1;
         let (mut sent, wiring) = wire(number, graph, schedule, ends, Some(&self.sent), materials);
+        let counts = |(_, meter): &(String, Arc<SourceMeter>)| {
+            let was = self.sent.sources.iter().position(|(_, m)| Arc::ptr_eq(m, meter));
+            was.and_then(|i| self.counts.get(i).copied()).unwrap_or_default()
+        };
+        let counts = sent.sources.iter().map(counts).collect();
         // Sent first, so that it is there in the tick that takes the graph over.
         if self.wirings.try_push(wiring).is_err() {
             return Err(SwapError::Busy);
@@ -163,7 +168,7 @@ impl Conductor {
         self.tapes.append(&mut sent.tapes);
         self.sent = sent;
         self.before.clear();
-        self.counts.clear();
+        self.counts = counts;
         Ok(report)
     }
 
@@ -214,7 +219,7 @@ impl Conductor {
         view.layout = sent.swap;
         view.peak = sent.meters.peak();
         view.nodes = sent.meters.view(&sent.schedule, &mut self.before);
-        view.faults = view.nodes.iter().map(|n| n.faults).sum();
+        view.faults = sent.meters.faults();
         view.scopes = sent.scopes.iter_mut().map(|s| s.pop_iter().collect()).collect();
         self.counts.resize(sent.sources.len(), Rate::default());
         let seconds = since.as_secs_f64();
@@ -275,9 +280,11 @@ fn wire(
             let (delay, timeout_ns) = timing(&node.params);
             Timeline::new(reader, delay, timeout_ns)
         });
-        let meter = Arc::new(SourceMeter::default());
+        let from = from.filter(|_| timeline.is_none());
+        let goes_on = from.and_then(|i| before?.sources.get(i)).map(|(_, meter)| meter.clone());
+        let meter = goes_on.unwrap_or_default();
         sources.push((node.id.clone(), meter.clone()));
-        hands.push(HandSlot { node: at, from: from.filter(|_| timeline.is_none()), timeline, meter });
+        hands.push(HandSlot { node: at, from, timeline, meter });
     }
     let mut forces = Vec::new();
     for (at, node) in of(&FORCES) {
@@ -298,7 +305,8 @@ fn wire(
             tapes_in.push((node.id.clone(), from));
         }
     }
-    let meters = Arc::new(NodeMeters::new(&schedule));
+    let meters = NodeMeters::new(&schedule, before.map(|b| (&*b.schedule, &*b.meters)));
+    let meters = Arc::new(meters);
     let wiring = Wiring {
         swap,
         outs: of(&["audio_out"]).map(|(i, _)| i).collect(),

@@ -129,6 +129,10 @@ pub struct View {
     pub xruns: u64,
     /// How often the device was lost.
     pub losses: u64,
+    /// Ticks that were left out, because they were too far behind.
+    pub skipped_ticks: u64,
+    /// Recorded samples of each channel that were lost, or were not there when a tick wanted them.
+    pub recording_gaps: u64,
     /// Faults of all nodes.
     pub faults: u64,
     /// Each node, in the layout's order.

@@ -69,6 +69,8 @@ pub fn json(run: &Run<'_>) -> String {
         "lost_samples": view.lost_samples,
         "xruns": view.xruns,
         "losses": view.losses,
+        "skipped_ticks": view.skipped_ticks,
+        "recording_gaps": view.recording_gaps,
         "faults": view.faults,
         "latency_ms": latency,
         "not_granted": refused,
@@ -101,10 +103,11 @@ pub fn summary(run: &Run<'_>, written: &[PathBuf]) -> String {
     line(
         "misses",
         format!(
-            "{} ({part:.3} %): {} woke too late, {} took too long",
+            "{} ({part:.3} %): {} woke too late, {} took too long; {} more were left out",
             t.misses,
             t.woke_late,
-            t.misses - t.woke_late.min(t.misses)
+            t.misses - t.woke_late.min(t.misses),
+            view.skipped_ticks
         ),
     );
     if !view.device.is_empty() {
@@ -120,6 +123,9 @@ pub fn summary(run: &Run<'_>, written: &[PathBuf]) -> String {
                 view.device, view.underruns, view.lost_samples, view.xruns, view.losses
             ),
         );
+    }
+    if view.recording_gaps > 0 {
+        line("recorded", format!("{} samples are missing", view.recording_gaps));
     }
     for s in &view.sources {
         line(

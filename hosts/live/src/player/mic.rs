@@ -26,20 +26,26 @@ struct Shared {
     heard_ns: AtomicU64,
 }
 
+impl Shared {
+    fn gaps(&self) -> u64 {
+        self.lost.load(Relaxed) + self.missing.load(Relaxed)
+    }
+}
+
 /// Looks on while a device records: waits for something to be heard at the first recorded channel, and knows of gaps.
 #[derive(Clone, Debug)]
 pub struct Listener(Arc<Shared>);
 
 impl Listener {
+    /// Frames that were recorded and lost, and frames that were not there when a tick wanted them.
+    pub fn gaps(&self) -> u64 {
+        self.0.gaps()
+    }
+
     /// Waits for the first sample whose size is above `level`, which is more than 0.
     pub fn listen(&self, level: f32) {
         self.0.heard_ns.store(0, Relaxed);
         self.0.wanted.store(level.abs().to_bits(), Release);
-    }
-
-    /// Frames of the recording that were lost or missing so far.
-    pub fn gaps(&self) -> u64 {
-        self.0.lost.load(Relaxed) + self.0.missing.load(Relaxed)
     }
 
     /// When it was there: the time of the call that brought it and its place in the block, by [`now_ns`](crate::now_ns); and how long
@@ -65,6 +71,8 @@ pub struct MicReader {
     /// This tick's frames, interleaved.
     scratch: Vec<f32>,
     flowing: bool,
+    /// Whether a tick has found its frames.
+    begun: bool,
     shared: Arc<Shared>,
 }
 
@@ -76,7 +84,7 @@ pub fn mic(channels: usize, rate_hz: u32, tick_hz: u32) -> (MicWriter, MicReader
     let scratch = vec![0.0; max_samples(rate_hz, tick_hz) * channels];
     (
         MicWriter { to, channels, rate_hz, shared: shared.clone() },
-        MicReader { from, channels, scratch, flowing: false, shared },
+        MicReader { from, channels, scratch, flowing: false, begun: false, shared },
     )
 }
 
@@ -129,7 +137,7 @@ impl MicReader {
         let enough = if self.flowing { frames } else { frames + behind.max(1) };
         if there < enough {
             self.scratch.fill(0.0);
-            if self.flowing {
+            if self.begun {
                 self.shared.missing.fetch_add(frames as u64, Relaxed);
             }
             self.flowing = false;
@@ -139,8 +147,14 @@ impl MicReader {
         // A block may come just before a tick or just after it; what waits beyond that would only be late.
         let most = 2 * (behind + frames);
         if there > most {
-            self.from.skip((there - behind - frames) * wide);
+            let late = there - behind - frames;
+            self.from.skip(late * wide);
+            // What was there before the first tick was never to be heard.
+            if self.begun {
+                self.shared.lost.fetch_add(late as u64, Relaxed);
+            }
         }
+        self.begun = true;
         let got = self.from.pop_slice(&mut self.scratch[..wanted]);
         self.scratch[got..].fill(0.0);
         true
@@ -161,7 +175,7 @@ impl MicReader {
 
     /// Frames that were lost or missing so far.
     pub fn gaps(&self) -> u64 {
-        self.shared.lost.load(Relaxed) + self.shared.missing.load(Relaxed)
+        self.shared.gaps()
     }
 }
 

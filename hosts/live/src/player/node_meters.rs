@@ -3,7 +3,7 @@
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering::Relaxed};
 
 use asperity_engine::Engine;
-use asperity_graph::Schedule;
+use asperity_graph::{Schedule, ScheduledNode};
 use asperity_node::{Buffer, Fault};
 
 use crate::view::NodeView;
@@ -17,6 +17,8 @@ pub(crate) struct NodeMeters {
     nodes: Vec<Meter>,
     /// Bits of the largest output since it was last looked at.
     peak: AtomicU32,
+    /// Faults of all nodes, those of earlier graphs too.
+    faults: AtomicU64,
 }
 
 #[derive(Debug, Default)]
@@ -26,6 +28,8 @@ struct Meter {
     faults: AtomicU64,
     fault: AtomicU64,
     quarantined: AtomicBool,
+    /// Calls whose time was taken, and how long they took. A node that goes on in another graph is timed there from its start.
+    timed: AtomicU64,
     spent_ns: AtomicU64,
     longest_ns: AtomicU64,
     /// For every output, the bits of an f32; a mean square for audio.
@@ -33,15 +37,33 @@ struct Meter {
 }
 
 impl NodeMeters {
-    pub(crate) fn new(schedule: &Schedule) -> Self {
-        let meter = |outputs: usize| Meter {
-            values: (0..outputs).map(|_| AtomicU32::new(0)).collect(),
-            ..Meter::default()
+    /// Meters of a graph; a node of the graph before that is there again begins with what was seen of it.
+    pub(crate) fn new(schedule: &Schedule, before: Option<(&Schedule, &Self)>) -> Self {
+        let seen = |node: &ScheduledNode| {
+            let (schedule, meters) = before?;
+            let at = schedule.nodes.iter().position(|n| n.id == node.id && n.kind == node.kind)?;
+            meters.nodes.get(at)
+        };
+        let meter = |node: &ScheduledNode| {
+            let new = Meter {
+                values: node.outputs.iter().map(|_| AtomicU32::new(0)).collect(),
+                ..Meter::default()
+            };
+            if let Some(old) = seen(node) {
+                new.go_on(old);
+            }
+            new
         };
         Self {
-            nodes: schedule.nodes.iter().map(|n| meter(n.outputs.len())).collect(),
+            nodes: schedule.nodes.iter().map(meter).collect(),
             peak: AtomicU32::new(0),
+            faults: AtomicU64::new(before.map_or(0, |(_, meters)| meters.faults())),
         }
+    }
+
+    /// Faults of all nodes since the start.
+    pub(crate) fn faults(&self) -> u64 {
+        self.faults.load(Relaxed)
     }
 
     /// Takes down what goes to the device. Tick thread.
@@ -60,9 +82,11 @@ impl NodeMeters {
 
     /// Takes down a tick. Tick thread.
     pub(crate) fn take(&self, engine: &Engine, spent_ns: &[u64]) {
+        self.faults.store(engine.faults(), Relaxed);
         for (i, (meter, spent)) in self.nodes.iter().zip(spent_ns).enumerate() {
             let Some(report) = engine.report(i) else { continue };
-            if report.calls > meter.calls.load(Relaxed) {
+            if report.calls != meter.calls.load(Relaxed) {
+                add(&meter.timed, 1);
                 add(&meter.spent_ns, *spent);
                 if *spent > meter.longest_ns.load(Relaxed) {
                     meter.longest_ns.store(*spent, Relaxed);
@@ -73,8 +97,8 @@ impl NodeMeters {
             if report.faults != meter.faults.load(Relaxed) {
                 meter.faults.store(report.faults, Relaxed);
                 meter.fault.store(report.last_fault.map_or(0, code), Relaxed);
-                meter.quarantined.store(report.quarantined, Relaxed);
             }
+            meter.quarantined.store(report.quarantined, Relaxed);
             for (output, value) in meter.values.iter().enumerate() {
                 if let Some(buffer) = engine.output(i, output) {
                     let before = f32::from_bits(value.load(Relaxed));
@@ -84,15 +108,15 @@ impl NodeMeters {
         }
     }
 
-    /// What is seen now. `before` holds calls and time of each node when it was last asked.
+    /// What is seen now. `before` holds timed calls and time of each node when it was last asked.
     pub(crate) fn view(&self, schedule: &Schedule, before: &mut Vec<(u64, u64)>) -> Vec<NodeView> {
         before.resize(self.nodes.len(), (0, 0));
         let of = |((meter, node), was): ((&Meter, _), &mut (u64, u64))| {
-            let (calls, spent) = (meter.calls.load(Relaxed), meter.spent_ns.load(Relaxed));
-            let fresh = calls.saturating_sub(was.0);
+            let (timed, spent) = (meter.timed.load(Relaxed), meter.spent_ns.load(Relaxed));
+            let fresh = timed.saturating_sub(was.0);
             let us = if fresh == 0 { 0.0 } else { spent.saturating_sub(was.1) as f64 * 1e-3 / fresh as f64 };
-            *was = (calls, spent);
-            let node: &asperity_graph::ScheduledNode = node;
+            *was = (timed, spent);
+            let node: &ScheduledNode = node;
             let value = |(value, output): (&AtomicU32, &asperity_graph::ScheduledOutput)| {
                 let x = f32::from_bits(value.load(Relaxed));
                 if matches!(output.port.shape, asperity_node::Shape::Audio { .. }) { x.sqrt() } else { x }
@@ -100,7 +124,7 @@ impl NodeMeters {
             NodeView {
                 us,
                 max_us: meter.longest_ns.load(Relaxed) as f64 * 1e-3,
-                calls,
+                calls: meter.calls.load(Relaxed),
                 slept: meter.slept.load(Relaxed),
                 faults: meter.faults.load(Relaxed),
                 last_fault: fault_text(meter.fault.load(Relaxed)),
@@ -109,6 +133,22 @@ impl NodeMeters {
             }
         };
         self.nodes.iter().zip(&schedule.nodes).zip(before).map(of).collect()
+    }
+}
+
+impl Meter {
+    /// Begins with what was seen of the node in the graph before.
+    fn go_on(&self, old: &Self) {
+        for (new, old) in [
+            (&self.calls, &old.calls),
+            (&self.slept, &old.slept),
+            (&self.faults, &old.faults),
+            (&self.fault, &old.fault),
+            (&self.longest_ns, &old.longest_ns),
+        ] {
+            new.store(old.load(Relaxed), Relaxed);
+        }
+        self.quarantined.store(old.quarantined.load(Relaxed), Relaxed);
     }
 }
 

@@ -9,6 +9,9 @@ use asperity_audio::{Capture, Captured, Event, OpenError, Process, Request, Stre
 use super::switch::{Give, switch};
 use crate::player::MicWriter;
 
+/// The longest that a device that is closed may take to play what it holds.
+const PLAY_OUT: Duration = Duration::from_millis(500);
+
 /// An open device, which plays silence until it is given something to play.
 pub(super) struct Card {
     stream: Stream,
@@ -34,6 +37,12 @@ impl Capture for Recorder {
         if let Ok(mut writer) = self.0.try_lock() {
             writer.capture(block);
         }
+    }
+}
+
+impl Drop for Card {
+    fn drop(&mut self) {
+        self.play_out();
     }
 }
 
@@ -71,6 +80,14 @@ impl Card {
 
     pub(super) fn give(&mut self, process: Box<dyn Process>) {
         self.give.give(process);
+    }
+
+    /// Waits until what was played last is heard: a device that is closed drops what it still holds.
+    fn play_out(&self) {
+        if self.playing && self.stream.lost().is_none() {
+            let ms = self.stream.stats().latency_ms;
+            std::thread::sleep(Duration::from_secs_f64(ms.max(0.0) * 1e-3).min(PLAY_OUT));
+        }
     }
 
     /// Why the device is lost, if it is. What else it said is counted by the stream itself.

@@ -15,7 +15,7 @@ use crate::meters::Meters;
 use crate::player::MicWriter;
 use crate::realtime::{Grants, Machine};
 use crate::view::{Condition, View};
-use crate::{Conductor, Player};
+use crate::{Conductor, Listener, Player};
 use card::Card;
 
 /// How often a lost device is looked for.
@@ -72,13 +72,45 @@ enum Driver {
     Gone,
 }
 
-/// A run.
+/// The driver of a run. Dropped, the output ramps down before the device, which is dropped after it, is closed.
+struct Running(Driver);
+
+impl Running {
+    /// Takes the player from whoever runs it, its output down. `None` where a tick does not end.
+    fn take(&mut self) -> Option<Player> {
+        match std::mem::replace(&mut self.0, Driver::Gone) {
+            Driver::Callback(driver) => driver.stop(),
+            Driver::Paced(driver) => driver.stop(),
+            Driver::Timer(driver) => driver.stop(),
+            Driver::Waiting(player) => Some(*player),
+            Driver::Gone => None,
+        }
+    }
+
+    /// Takes the player from a device that is lost: nobody hears a ramp.
+    fn take_from_lost(&mut self) -> Option<Player> {
+        match std::mem::replace(&mut self.0, Driver::Gone) {
+            Driver::Callback(driver) => driver.take(),
+            other => Self(other).take(),
+        }
+    }
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        drop(self.take());
+    }
+}
+
+/// A run. Dropped, it ramps down and ends as by [`stop`](Session::stop).
 pub struct Session {
     conductor: Conductor,
-    driver: Driver,
+    driver: Running,
     card: Option<Card>,
     options: SessionOptions,
     mic: Option<card::Recorder>,
+    /// Looks on while the device records.
+    listener: Option<Listener>,
     meters: Arc<Meters>,
     machine: Option<Machine>,
     /// What was refused has been said.
@@ -128,8 +160,9 @@ impl Session {
         let tick_hz = conductor.schedule().tick_hz;
         let mut it = Self {
             conductor,
-            driver: Driver::Waiting(Box::new(player)),
+            driver: Running(Driver::Waiting(Box::new(player))),
             card: None,
+            listener: mic.as_ref().map(MicWriter::listener),
             mic: mic.map(card::Recorder::new),
             meters: Arc::new(Meters::new(tick_hz)),
             machine: options.realtime.then(Machine::ask),
@@ -172,7 +205,7 @@ impl Session {
 
     /// Whether the run goes on: no tick panicked, and there is or may be a device where one was asked for.
     pub fn goes_on(&self) -> bool {
-        let gone = matches!(self.driver, Driver::Gone) || self.controls().is_some_and(|c| c.failed());
+        let gone = matches!(self.driver.0, Driver::Gone) || self.controls().is_some_and(|c| c.failed());
         let given_up = self.lost.is_some() && !self.options.reconnect;
         !(gone || given_up)
     }
@@ -197,8 +230,10 @@ impl Session {
     pub fn condition(&self) -> Condition {
         match (self.controls(), self.lost) {
             (Some(controls), _) if controls.failed() => Condition::Failed,
-            (None, _) if matches!(self.driver, Driver::Gone) => Condition::Failed,
+            (None, _) if matches!(self.driver.0, Driver::Gone) => Condition::Failed,
             (_, Some(_)) => Condition::Lost,
+            // A device that is back and not yet played on.
+            _ if self.card.as_ref().is_some_and(|card| !card.playing()) => Condition::Starting,
             (Some(controls), None) => controls.condition(),
             (None, None) => Condition::Starting,
         }
@@ -225,6 +260,8 @@ impl Session {
             lost_samples: self.meters.lost_samples.get(),
             xruns: self.meters.xruns.get() + self.xruns + stats.as_ref().map_or(0, |s| s.xruns),
             losses: self.meters.losses.get(),
+            skipped_ticks: self.meters.skipped_ticks.get(),
+            recording_gaps: self.listener.as_ref().map_or(0, Listener::gaps),
             ..View::default()
         };
         self.conductor.look(&mut view, since);
@@ -253,7 +290,7 @@ impl Session {
     /// Ramps the output down and ends the run.
     pub fn stop(mut self) -> Ended {
         let before = self.view();
-        let player = self.take_player();
+        let player = self.driver.take();
         let mut view = self.view();
         // Who is gone says nothing any more.
         (view.clock, view.latency_ms) = (before.clock, before.latency_ms);
@@ -269,7 +306,7 @@ impl Session {
     }
 
     fn clock(&self) -> Option<Clock> {
-        match &self.driver {
+        match &self.driver.0 {
             Driver::Callback(_) => Some(Clock::Callback),
             Driver::Paced(_) => Some(Clock::Paced),
             Driver::Timer(_) => Some(Clock::Timer),
@@ -278,7 +315,7 @@ impl Session {
     }
 
     fn controls(&self) -> Option<&Arc<Controls>> {
-        match &self.driver {
+        match &self.driver.0 {
             Driver::Callback(d) => Some(d.controls()),
             Driver::Paced(d) => Some(d.controls()),
             Driver::Timer(d) => Some(d.controls()),
@@ -286,10 +323,9 @@ impl Session {
         }
     }
 
-    fn driver_options(&self, period_frames: u32) -> Options {
+    fn driver_options(&self) -> Options {
         let mut options = Options::new(self.meters.clone());
         options.start_s = self.options.start_s;
-        options.period_frames = period_frames;
         if !self.options.realtime {
             options.priority = None;
         }
@@ -308,10 +344,10 @@ impl Session {
         // A device that has not called yet may do so in any pieces.
         let clock = choose(self.options.clock, period.max(1), rate_hz, tick_hz);
         let clock = if period == 0 && self.options.clock.is_none() { Clock::Paced } else { clock };
-        let Some(player) = self.take_player() else { return Ok(()) };
-        let options = self.driver_options(0);
+        let Some(player) = self.driver.take() else { return Ok(()) };
+        let options = self.driver_options();
         let Some(card) = &mut self.card else { return Ok(()) };
-        self.driver = match clock {
+        self.driver.0 = match clock {
             Clock::Callback => {
                 let (driver, half) = Callback::new(player, &options);
                 card.give(Box::new(half));
@@ -331,21 +367,11 @@ impl Session {
 
     /// Goes on without audio.
     fn keep_time(&mut self) -> Result<(), SessionError> {
-        let Some(player) = self.take_player() else { return Ok(()) };
-        let options = self.driver_options(0);
-        self.driver = Driver::Timer(Timer::new(player, &options).map_err(SessionError::Thread)?);
+        let Some(player) = self.driver.take_from_lost() else { return Ok(()) };
+        let options = self.driver_options();
+        self.driver.0 = Driver::Timer(Timer::new(player, &options).map_err(SessionError::Thread)?);
+        self.mute(self.muted);
         Ok(())
-    }
-
-    /// Takes the player from whoever runs it, its output down.
-    fn take_player(&mut self) -> Option<Player> {
-        match std::mem::replace(&mut self.driver, Driver::Gone) {
-            Driver::Callback(driver) => driver.stop(),
-            Driver::Paced(driver) => driver.stop(),
-            Driver::Timer(driver) => driver.stop(),
-            Driver::Waiting(player) => Some(*player),
-            Driver::Gone => None,
-        }
     }
 
     fn lose(&mut self, reason: &str) -> Result<(), SessionError> {
