@@ -27,10 +27,11 @@ demo: setup
 test: setup-tests
 	$(CARGO) test --workspace
 
-# The tests that take minutes: a million ticks without an allocation, a thousand swaps of the shipped graph.
+# The tests that take minutes: a million ticks without an allocation, a thousand swaps of the shipped graph, a million ticks live.
 test-long: setup-tests
 	ASPERITY_LONG_TICKS=1000000 $(CARGO) test -p asperity --test no_alloc
 	ASPERITY_LONG_SWAPS=1000 PROPTEST_CASES=5000 $(CARGO) test -p asperity --test swap_long
+	ASPERITY_LONG_TICKS=1000000 $(CARGO) test -p asperity --test live_long -- --nocapture
 
 lint: setup
 	$(CARGO) fmt --all --check

@@ -190,3 +190,69 @@ impl std::fmt::Debug for MicReader {
         f.debug_struct("MicReader").field("channels", &self.channels).finish_non_exhaustive()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn record(to: &mut MicWriter, from: usize, frames: usize) {
+        let input: Vec<f32> = (from..from + frames).flat_map(|n| [n as f32, -(n as f32)]).collect();
+        to.capture(&Captured { input: &input, channels: 2, now_ns: 0, behind_ns: 0 });
+    }
+
+    fn first(from: &MicReader) -> (usize, f32) {
+        let (mut left, mut right) = ([0.0], [0.0]);
+        from.read(0, &mut left);
+        from.read(1, &mut right);
+        (left[0] as usize, right[0])
+    }
+
+    /// Ticks of 96 frames against blocks of 441 of a clock that is off by `ppm`, as far as f32 counts: the longest delay, and what was counted.
+    fn drift(ppm: i64) -> (usize, u64, u64) {
+        let (mut to, mut reader) = mic(2, 48_000, 500);
+        let (mut recorded, mut longest, mut gone, mut next) = (0, 0, 0, None);
+        for tick in 0..150_000_i64 {
+            let due = (96 * tick + 96 * tick * ppm / 1_000_000) as usize;
+            while recorded + 441 <= due {
+                record(&mut to, recorded, 441);
+                recorded += 441;
+            }
+            if reader.advance(96) {
+                let (at, right) = first(&reader);
+                assert_eq!(right, -(at as f32), "channels stay apart");
+                gone += next.map_or(0, |next| at - next) as u64;
+                next = Some(at + 96);
+                longest = longest.max(recorded - at);
+            }
+        }
+        (longest, gone, reader.gaps())
+    }
+
+    #[test]
+    fn a_device_that_is_slower_or_faster_never_grows_the_delay_and_what_that_costs_is_counted() {
+        assert_eq!((drift(0).1, drift(0).2), (0, 0));
+        for ppm in [100, -100, 1000, -1000] {
+            let (longest, gone, counted) = drift(ppm);
+            assert!(longest <= 2 * (441 + 96) + 96, "{ppm} ppm: {longest} frames behind");
+            // Faster: frames are dropped. Slower: ticks find none, until a block and a tick are there.
+            assert!(if ppm > 0 { gone == counted && counted > 0 } else { gone == 0 && counted > 0 });
+            let each = 150_000 * 96 * ppm.unsigned_abs() / 1_000_000;
+            assert!(counted <= 2 * each + 2000, "{ppm} ppm: {counted} of {each}");
+        }
+    }
+
+    #[test]
+    fn what_came_before_the_first_tick_is_no_loss_and_a_device_that_stops_is_counted() {
+        let (mut to, mut reader) = mic(2, 48_000, 500);
+        let listener = to.listener();
+        (0..40).for_each(|n| record(&mut to, 441 * n, 441));
+        assert!(reader.advance(96));
+        assert_eq!((first(&reader).0, listener.gaps()), (441 * 40 - 441 - 96, 0));
+        let more = (0..20).filter(|_| reader.advance(96)).count();
+        // Of 537 frames that were left behind, one tick of 96 had been read.
+        assert_eq!((more, listener.gaps()), (4, 16 * 96));
+        // A second of room: more than that finds none.
+        record(&mut to, 0, 100_000);
+        assert!(listener.gaps() > 16 * 96 + 51_000);
+    }
+}
