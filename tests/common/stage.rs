@@ -9,7 +9,7 @@ use asperity_audio::simulated::{Params, Simulated};
 use asperity_engine::{Engine, Options};
 use asperity_graph::{Compiled, GraphFile, compile};
 use asperity_live::driver::Clock;
-use asperity_live::{Ends, MicReader, MicWriter, Session, SessionOptions, conduct};
+use asperity_live::{Ended, Ends, MicReader, MicWriter, Session, SessionOptions, conduct};
 use asperity_node::{Buffer, Registry};
 use asperity_source::Source;
 
@@ -102,6 +102,17 @@ pub fn tend(session: &mut Session, what: &str, mut is_so: impl FnMut(&mut Sessio
         std::thread::sleep(Duration::from_millis(2));
     }
     said
+}
+
+/// Stops a session on a card that has to be told to call.
+pub fn stop(session: Session, card: &Simulated) -> Ended {
+    std::thread::scope(|scope| {
+        let end = scope.spawn(move || session.stop());
+        while !end.is_finished() {
+            card.step(64);
+        }
+        end.join().expect("it stops")
+    })
 }
 
 /// One channel (from 0) of what a card of so many played.

@@ -1,11 +1,16 @@
 //! A graph that changes while it is played.
 
+use std::io::{BufRead, BufReader};
+use std::process::Stdio;
+
 use asperity_audio::Request;
 use asperity_audio::simulated::Simulated;
 use asperity_live::driver::Clock;
 use asperity_live::{Ends, Sample, SessionOptions, now_ns, samples};
 
-use crate::stage::{STEP, by_hand, channel, graph, largest_step, offline, options, start, start_with, voice};
+use crate::stage::{
+    STEP, by_hand, channel, graph, largest_step, offline, options, start, start_with, stop, voice,
+};
 
 /// Two voices; the first is as loud as is asked for, by another limiter.
 fn two(amps: f64, dc_corner_hz: f64) -> (asperity_graph::GraphFile, asperity_graph::Compiled) {
@@ -56,6 +61,12 @@ fn a_swap_while_it_plays_leaves_the_other_channel_as_it_was_and_figures_go_on() 
     let a = channel(&card.played(), 2, 0);
     assert!(largest_step(&a) < STEP, "{}", largest_step(&a));
     assert!(a.iter().zip(&wanted[0]).any(|(y, x)| *y != f64::from(*x)), "the first swap was heard");
+    let ended = stop(session, &card);
+    let engine = ended.player.as_ref().expect("the player").engine();
+    for (i, node) in ended.view.nodes.iter().enumerate() {
+        let report = engine.report(i).expect("a report");
+        assert_eq!((node.calls, node.slept, node.faults), (report.calls, report.slept, report.faults));
+    }
 }
 
 #[test]
@@ -128,4 +139,37 @@ fn a_hand_goes_on_across_a_swap_and_its_rate_does_not_jump() {
     session.conductor().recorded(|id, tick, values| forces.push((id.to_owned(), tick, values[0])));
     assert!(forces.windows(2).all(|w| w[1].1 == w[0].1 + 1), "no tick twice or left out");
     assert!(forces.iter().any(|f| f.2 == 1.65) && forces.iter().any(|f| f.2 == 3.3));
+}
+
+#[test]
+fn a_file_that_would_change_the_devices_channels_is_refused_and_the_run_goes_on() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let write = |voices: &[(String, String)], amps: f64| {
+        let (nodes, wires): (Vec<_>, Vec<_>) = voices.iter().cloned().unzip();
+        let (nodes, wires) = (nodes.concat().replace("0.1", &format!("{amps:?}")), wires.concat());
+        let text =
+            format!("Graph(version: 1, tick_hz: 500, audio_hz: 48000, nodes: {{{nodes}}}, wires: [{wires}])");
+        std::fs::write(dir.path().join("g.ron"), text).expect("a file");
+    };
+    let [one, other] = [voice("a", 80.0, 0.1), voice("b", 123.0, 0.07)];
+    write(std::slice::from_ref(&one), 0.1);
+    let mut run = std::process::Command::new(env!("CARGO_BIN_EXE_asperity"))
+        .args(["run", "g.ron", "--device", "simulated:frames=256", "--watch", "--seconds", "30"])
+        .current_dir(dir.path())
+        .stderr(Stdio::piped())
+        .stdout(Stdio::null())
+        .spawn()
+        .expect("the program starts");
+    let mut lines = BufReader::new(run.stderr.take().expect("its words")).lines().map_while(Result::ok);
+    let mut says = |what: &str| lines.any(|line| line.contains(what));
+    let told = says("plays on") && {
+        write(&[one.clone(), other.clone()], 0.1);
+        says("channels of the device would change") && says("the running graph goes on")
+    };
+    let goes_on = told && {
+        write(std::slice::from_ref(&one), 0.05);
+        says("changed: ")
+    };
+    let _ = (run.kill(), run.wait());
+    assert!(told && goes_on, "told: {told}, taken over afterwards: {goes_on}");
 }

@@ -100,3 +100,28 @@ fn live(param: &asperity_graph::LiveParam, value: &ParamValue) -> Option<LiveLay
     }
     Some(out)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use asperity_graph::LiveParam;
+
+    fn of(kind: ParamKind, value: &ParamValue) -> Option<LiveLayout> {
+        live(&LiveParam { name: "p".into(), index: 3, kind, unit: "mm".into() }, value)
+    }
+
+    #[test]
+    fn every_live_parameter_is_a_number_between_two_others() {
+        let all = |l: LiveLayout| (l.value, l.least, l.most, l.whole, l.words);
+        let number = of(ParamKind::Number(0.5..=4.0), &ParamValue::Number(2.0)).map(all);
+        assert_eq!(number, Some((2.0, 0.5, 4.0, false, vec![])));
+        let integer = of(ParamKind::Integer(-2..=9), &ParamValue::Integer(7)).map(all);
+        assert_eq!(integer, Some((7.0, -2.0, 9.0, true, vec![])));
+        let flag = of(ParamKind::Flag, &ParamValue::Flag(true)).map(all);
+        assert_eq!(flag, Some((1.0, 0.0, 1.0, true, vec!["off".into(), "on".into()])));
+        let words = ParamKind::Choice(vec!["a".into(), "b".into(), "c".into()].into());
+        let choice = of(words.clone(), &ParamValue::Text("c".into())).map(all);
+        assert_eq!(choice, Some((2.0, 0.0, 2.0, true, vec!["a".into(), "b".into(), "c".into()])));
+        assert_eq!(of(words, &ParamValue::Text("d".into())), None);
+    }
+}

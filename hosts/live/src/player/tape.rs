@@ -133,3 +133,45 @@ impl TapeReader {
         self.lost.load(Relaxed)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn blank(words: usize) -> (TapeWriter, TapeReader) {
+        let (to, from) = HeapRb::new(words).split();
+        let (lost, shape) = (Arc::new(AtomicU64::new(0)), Shape::Control { count: 3 });
+        let writer = TapeWriter { node: 0, input: true, shape, to, lost: lost.clone() };
+        (writer, TapeReader { from, lost })
+    }
+
+    #[test]
+    fn a_tick_is_on_the_tape_whole_or_lost_and_counted() {
+        let (mut to, mut from) = blank(20);
+        let mut values = Vec::new();
+        // A start beyond 32 bits; and so often that it goes round.
+        for start in (1 << 40)..(1 << 40) + 30 {
+            (0..4).for_each(|i| to.push(start + i, [start as f32, i as f32, -0.5].into_iter()));
+            for i in 0..3 {
+                assert_eq!(from.next(&mut values), Some(start + i));
+                assert_eq!(values, [start as f32, i as f32, -0.5]);
+            }
+            assert_eq!(from.next(&mut values), None);
+        }
+        assert_eq!(from.lost(), 30);
+    }
+
+    #[test]
+    fn a_tape_ends_when_it_is_read_to_the_end_and_nobody_writes() {
+        let (mut to, mut from) = blank(20);
+        let bins = [asperity_node::Complex::new(1.0, 2.0), asperity_node::Complex::new(3.0, 4.0)];
+        to.push(7, Pairs(bins.iter(), None));
+        assert!(!from.ended());
+        drop(to);
+        assert!(!from.ended());
+        let mut values = Vec::new();
+        assert_eq!(from.next(&mut values), Some(7));
+        assert_eq!(values, [1.0, 2.0, 3.0, 4.0]);
+        assert!(from.ended());
+    }
+}

@@ -1,6 +1,7 @@
 //! A run from its start to its end: a device is opened, a clock chosen, a lost device waited for.
 
 mod card;
+mod running;
 mod switch;
 
 use std::sync::Arc;
@@ -17,6 +18,7 @@ use crate::realtime::{Grants, Machine};
 use crate::view::{Condition, View};
 use crate::{Conductor, Listener, Player};
 use card::Card;
+use running::{Driver, Running};
 
 /// How often a lost device is looked for.
 const RETRY: Duration = Duration::from_millis(500);
@@ -60,47 +62,6 @@ impl std::fmt::Display for SessionError {
 }
 
 impl std::error::Error for SessionError {}
-
-/// Who runs the ticks now.
-enum Driver {
-    Callback(Callback<Player>),
-    Paced(Paced<Player>),
-    Timer(Timer<Player>),
-    /// Nobody, while the device's period is being found out.
-    Waiting(Box<Player>),
-    /// A tick never ended, or a thread could not be had: there is nothing left to run.
-    Gone,
-}
-
-/// The driver of a run. Dropped, the output ramps down before the device, which is dropped after it, is closed.
-struct Running(Driver);
-
-impl Running {
-    /// Takes the player from whoever runs it, its output down. `None` where a tick does not end.
-    fn take(&mut self) -> Option<Player> {
-        match std::mem::replace(&mut self.0, Driver::Gone) {
-            Driver::Callback(driver) => driver.stop(),
-            Driver::Paced(driver) => driver.stop(),
-            Driver::Timer(driver) => driver.stop(),
-            Driver::Waiting(player) => Some(*player),
-            Driver::Gone => None,
-        }
-    }
-
-    /// Takes the player from a device that is lost: nobody hears a ramp.
-    fn take_from_lost(&mut self) -> Option<Player> {
-        match std::mem::replace(&mut self.0, Driver::Gone) {
-            Driver::Callback(driver) => driver.take(),
-            other => Self(other).take(),
-        }
-    }
-}
-
-impl Drop for Running {
-    fn drop(&mut self) {
-        drop(self.take());
-    }
-}
 
 /// A run. Dropped, it ramps down and ends as by [`stop`](Session::stop).
 pub struct Session {
