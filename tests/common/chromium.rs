@@ -232,6 +232,13 @@ impl Chromium {
         }
     }
 
+    /// Sends a signal to the browser and all its processes: STOP, and CONT.
+    pub fn signal(&self, name: &str) {
+        let group = format!("-{}", self.child.id());
+        let done = Command::new("kill").args([&format!("-{name}"), "--", &group]).status();
+        assert!(done.is_ok_and(|status| status.success()), "kill -{name}");
+    }
+
     /// A picture of the whole page, as PNG.
     pub fn picture(&mut self, file: &Path) {
         let height = self.eval("document.documentElement.scrollHeight").as_f64().expect("a height");

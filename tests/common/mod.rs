@@ -2,6 +2,7 @@
 // Every test file uses a part of this, and none of it is for anybody else.
 #![allow(dead_code, unreachable_pub)]
 
+pub mod live;
 pub mod plugins;
 
 use std::path::{Path, PathBuf};

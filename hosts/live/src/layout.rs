@@ -82,10 +82,11 @@ fn live(param: &asperity_graph::LiveParam, value: &ParamValue) -> Option<LiveLay
     match (&param.kind, value) {
         (ParamKind::Number(r), ParamValue::Number(x)) => {
             (out.value, out.least, out.most) = (*x, *r.start(), *r.end());
+            out.reach = reach(out.value, [out.least, out.most]);
         }
         (ParamKind::Integer(r), ParamValue::Integer(i)) => {
             (out.value, out.least, out.most) = (*i as f64, *r.start() as f64, *r.end() as f64);
-            out.whole = true;
+            (out.whole, out.reach) = (true, reach(out.value, [out.least, out.most]));
         }
         (ParamKind::Flag, ParamValue::Flag(on)) => {
             (out.value, out.most, out.whole) = (f64::from(u8::from(*on)), 1.0, true);
@@ -99,6 +100,22 @@ fn live(param: &asperity_graph::LiveParam, value: &ParamValue) -> Option<LiveLay
         _ => return None,
     }
     Some(out)
+}
+
+/// The part of a range that is worth a slider: up to some four times the value. A gain may be a million, and a step of a slider over
+/// all that is two thousand. None where the whole is not much wider, or is moved through by factors.
+fn reach(value: f64, [least, most]: [f64; 2]) -> Option<[f64; 2]> {
+    const FACTORS: f64 = 100.0;
+    if least > 0.0 && most / least > FACTORS {
+        return None;
+    }
+    let far = if value == 0.0 { (most - least) / 100.0 } else { 4.0 * value.abs() };
+    let decade = 10f64.powf(far.log10().floor());
+    let far = [1.0, 2.0, 5.0, 10.0].map(|x| x * decade).into_iter().find(|x| *x >= far * 0.999)?;
+    let low = if value < 0.0 || (value == 0.0 && least < 0.0) { -far } else { 0.0 };
+    let high = if value < 0.0 { 0.0 } else { far };
+    let part = [low.max(least), high.min(most)];
+    (most - least > 4.0 * (part[1] - part[0])).then_some(part)
 }
 
 #[cfg(test)]
@@ -123,5 +140,22 @@ mod tests {
         let choice = of(words.clone(), &ParamValue::Text("c".into())).map(all);
         assert_eq!(choice, Some((2.0, 0.0, 2.0, true, vec!["a".into(), "b".into(), "c".into()])));
         assert_eq!(of(words, &ParamValue::Text("d".into())), None);
+    }
+
+    #[test]
+    fn a_slider_covers_what_a_value_may_sensibly_become() {
+        for (value, range, is) in [
+            (0.5, [-1e6, 1e6], Some([0.0, 2.0])),
+            (-3.0, [-1e6, 1e6], Some([-20.0, 0.0])),
+            (0.0, [-1000.0, 1000.0], Some([-20.0, 20.0])),
+            (5.0, [0.0, 1000.0], Some([0.0, 20.0])),
+            (0.02, [0.0, 100.0], Some([0.0, 0.1])),
+            (5.0, [1.0, 100.0], Some([1.0, 20.0])),
+            (0.9, [0.0, 0.99], None),
+            (5.0, [0.5, 20.0], None),
+            (200.0, [10.0, 5000.0], None),
+        ] {
+            assert_eq!(reach(value, range), is, "{value} of {range:?}");
+        }
     }
 }

@@ -51,6 +51,8 @@ pub struct LiveLayout {
     pub least: f64,
     /// Greatest value.
     pub most: f64,
+    /// The part of the range around its value that is worth a slider, where the whole is far wider.
+    pub reach: Option<[f64; 2]>,
     /// Only whole numbers.
     pub whole: bool,
     /// Words of a choice, `off` and `on` of a flag; empty for a number.
@@ -68,6 +70,13 @@ pub struct ScopeLayout {
     pub unit: String,
     /// Samples a second.
     pub rate_hz: u32,
+}
+
+impl LiveLayout {
+    /// Least and greatest value of a slider: those that it may have, or the part of them that is worth one.
+    pub fn slide(&self) -> [f64; 2] {
+        self.reach.unwrap_or([self.least, self.most])
+    }
 }
 
 /// The textures of a node.

@@ -1,5 +1,5 @@
 // Parameters that may change while the run goes on, and materials to choose.
-import { figure, make } from "./draw.js";
+import { make } from "./draw.js";
 
 /// A range wider than this, and all above zero, is moved by factors.
 const WIDE = 300;
@@ -91,27 +91,45 @@ export class Controls {
     return field;
   }
 
+  /** A slider over what is worth one, and a number that may be anything allowed. */
   #slider(node, live) {
     const field = make("label", "field");
     const range = make("input");
-    const now = make("output", "figure");
-    const scale = scaled(live);
+    const typed = make("input");
+    const now = make("span", "figure");
+    const [least, most] = live.reach ?? [live.least, live.most];
+    const scale = scaled({ least, most, whole: live.whole });
     Object.assign(range, { type: "range", min: 0, max: scale.steps, step: 1 });
     range.dataset.param = `${node}.${live.name}`;
+    Object.assign(typed, { type: "number", min: live.least, max: live.most, step: live.whole ? 1 : "any" });
+    typed.setAttribute("aria-label", `${node} ${words(live)}${live.unit ? ` in ${live.unit}` : ""}`);
+    now.append(typed, live.unit);
+    const write = (value) => {
+      typed.value = String(Number(value.toPrecision(4)));
+      range.setAttribute("aria-valuetext", `${typed.value} ${live.unit}`.trim());
+    };
     const show = (value) => {
       range.value = String(Math.round(scale.to(value)));
-      now.textContent = `${figure(value)}${live.unit ? ` ${live.unit}` : ""}`;
-      range.setAttribute("aria-valuetext", now.textContent);
+      write(value);
     };
+    let held = live.value;
     range.addEventListener("input", () => {
-      const value = scale.from(Number(range.value));
-      now.textContent = `${figure(value)}${live.unit ? ` ${live.unit}` : ""}`;
-      range.setAttribute("aria-valuetext", now.textContent);
-      this.#set(node, live.name, value);
+      held = scale.from(Number(range.value));
+      write(held);
+      this.#set(node, live.name, held);
     });
-    // A slider that is being moved is not moved back by what the run says of a moment ago.
+    typed.addEventListener("change", () => {
+      const value = typed.value === "" ? NaN : Number(typed.value);
+      if (Number.isFinite(value)) {
+        held = Math.min(live.most, Math.max(live.least, live.whole ? Math.round(value) : value));
+        this.#set(node, live.name, held);
+      }
+      show(held);
+    });
+    // What is being moved or typed is not moved back by what the run says of a moment ago.
     this.#shown.set(`${node}\n${live.name}`, (value, force) => {
-      if (force || !range.matches(":active")) show(value);
+      held = value;
+      if (force || !(range.matches(":active") || typed.matches(":focus"))) show(value);
     });
     show(live.value);
     field.append(make("span", "", words(live)), range, now);

@@ -53,7 +53,7 @@ export class Hand {
     this.#surface.classList.toggle("deaf", !there);
     document.getElementById("invite").textContent = there
       ? "Stroke here with a pen, a finger or the mouse"
-      : "This graph does not listen to a pointer";
+      : "This graph does not listen to a pointer. Start it with --hand pointer to stroke it here.";
   }
 
   /** Whose hand it is: yours, theirs or free. */

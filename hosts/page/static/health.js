@@ -77,14 +77,14 @@ export class Health {
     for (const source of sources) {
       const cells = this.#rows.get(source.id);
       const texts = [
-        source.stalled ? "stalled" : source.samples ? "live" : "waiting",
+        source.samples === 0 ? "waiting" : source.stalled ? "stalled" : "live",
         figure(source.rate_hz),
         figure(source.age_ms),
         figure(source.delay_ms),
         count(source.stalls),
       ];
       texts.forEach((text, i) => write(cells[i], text));
-      cells[0].className = source.stalled ? "bad" : "";
+      cells[0].className = source.stalled && source.samples > 0 ? "bad" : "";
     }
   }
 

@@ -139,15 +139,17 @@ impl Board {
 
 /// Whether a range is moved through by factors: it is positive and spans two decades or more.
 pub(crate) fn by_factors(live: &LiveLayout) -> bool {
-    live.least > 0.0 && live.most.is_finite() && live.most / live.least >= DECADES
+    let [least, most] = live.slide();
+    least > 0.0 && most.is_finite() && most / least >= DECADES
 }
 
-/// Where in its range a value stands, 0 to 1.
+/// Where in the range of its slider a value stands, 0 to 1.
 pub(crate) fn place(live: &LiveLayout) -> f64 {
+    let [least, most] = live.slide();
     let place = if by_factors(live) {
-        (live.value / live.least).ln() / (live.most / live.least).ln()
+        (live.value / least).ln() / (most / least).ln()
     } else {
-        (live.value - live.least) / (live.most - live.least)
+        (live.value - least) / (most - least)
     };
     if place.is_finite() { place.clamp(0.0, 1.0) } else { 0.0 }
 }
@@ -155,7 +157,8 @@ pub(crate) fn place(live: &LiveLayout) -> f64 {
 /// The value one step up (`by` = 1) or down (-1).
 fn moved(live: &LiveLayout, by: f64, fine: bool) -> f64 {
     let by = if fine { by / 10.0 } else { by };
-    let range = live.most - live.least;
+    let [low, high] = live.slide();
+    let range = high - low;
     let value = [live.value, live.least, 0.0].into_iter().find(|x| x.is_finite()).unwrap_or(0.0);
     let next = if !live.words.is_empty() {
         value.round() + by.signum()
@@ -163,11 +166,11 @@ fn moved(live: &LiveLayout, by: f64, fine: bool) -> f64 {
         let step = if range.is_finite() { (range / STEPS * by.abs()).round().max(1.0) } else { 1.0 };
         value.round() + step * by.signum()
     } else if by_factors(live) {
-        value.max(live.least) * (live.most / live.least).powf(by / STEPS)
+        value.max(low) * (high / low).powf(by / STEPS)
     } else if range.is_finite() {
         let step = range / STEPS * by;
         // On a grid from the lower end, so that steps up and down meet the same values.
-        live.least + ((value + step - live.least) / step.abs()).round() * step.abs()
+        low + ((value + step - low) / step.abs()).round() * step.abs()
     } else {
         value + by * (value.abs() / STEPS).max(0.01)
     };

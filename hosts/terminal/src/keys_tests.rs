@@ -173,3 +173,12 @@ fn a_release_of_a_key_does_nothing() {
     board.press(key, NOW);
     assert_eq!(board.requests, []);
 }
+
+#[test]
+fn an_arrow_moves_by_a_part_of_the_slider_and_may_go_on_beyond_it() {
+    let gain = LiveLayout { reach: Some([0.0, 2.0]), ..live("gain", 2.0, -1e6, 1e6) };
+    assert_eq!(place(&gain), 1.0);
+    let next = moved(&gain, 1.0, false);
+    assert!(next > 2.0 && next < 2.2, "{next}");
+    assert!(moved(&gain, -1.0, false) < 2.0);
+}

@@ -41,7 +41,8 @@ fn draw_one(node: &str, live: &LiveLayout, chosen: bool, line: &mut Pane) {
     let style = if chosen { BOLD } else { PLAIN };
     line.put(0, 0, 1, if chosen { ">" } else { "" }, BOLD);
     let range = if live.words.is_empty() {
-        format!("{} .. {} {}", short(live.least), short(live.most), live.unit)
+        let [least, most] = live.slide();
+        format!("{} .. {} {}", short(least), short(most), live.unit)
     } else {
         live.words.join(" ")
     };

@@ -2,6 +2,8 @@
 
 use std::time::Duration;
 
+use asperity_live::view::SourceView;
+
 use super::pane::{ALARM, BOLD, CURVE, FAINT, PLAIN, Pane, bar};
 use crate::board::Board;
 use crate::text::{columns, count, micros, millis};
@@ -80,14 +82,17 @@ pub(crate) fn sources(board: &Board, pane: &mut Pane, time: Duration) {
     for (end, title) in [(9, "Hz"), (16, "age ms"), (22, "delay"), (29, "stalls")] {
         pane.put_right(id + end, 1, 7, title, FAINT);
     }
-    // A source that stalls is never the one that is out of sight.
-    let stalled = |k: &usize| sources[*k].stalled || board.stalls.get(*k).is_some_and(|s| s.risen(time) > 0);
+    // A source that stalls is never the one that is out of sight. One that has not begun does not stall.
+    let stalls = |s: &SourceView| s.stalled && s.samples > 0;
+    let stalled = |k: &usize| stalls(&sources[*k]) || board.stalls.get(*k).is_some_and(|s| s.risen(time) > 0);
     let order = (0..sources.len()).filter(stalled).chain((0..sources.len()).filter(|k| !stalled(k)));
     for (row, k) in order.take(rows).enumerate() {
         let (source, row) = (&sources[k], row + 2);
         pane.put(1, row, id, &source.id, PLAIN);
         if stalled(&k) {
             pane.put_right(id + 9, row, 7, "STALLED", ALARM);
+        } else if source.samples == 0 {
+            pane.put_right(id + 9, row, 7, "waits", FAINT);
         } else {
             pane.put_right(id + 9, row, 7, &micros(source.rate_hz.round()).replace(".0", ""), PLAIN);
         }

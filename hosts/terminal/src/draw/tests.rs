@@ -271,6 +271,7 @@ fn hostile(x: f64, n: u64, name: &str) -> (Layout, View) {
         value: x,
         least: -x,
         most: x,
+        reach: Some([x, -x]),
         unit: name.clone(),
         words: words.iter().map(|w| (*w).to_string()).collect(),
         whole: false,
