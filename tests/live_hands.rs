@@ -1,1 +1,400 @@
+//! `asperity run` with hands that are no page: over the network, on arms that push back, without sound.
 
+mod common;
+
+use std::f64::consts::TAU;
+use std::net::{SocketAddr, TcpListener, TcpStream, UdpSocket};
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::sync::{Arc, Mutex};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use common::live::{CARD, EARS, Live, graph, npy, rms, rows};
+use common::{json, root};
+use rosc::{OscMessage, OscPacket, OscType};
+use tungstenite::Message;
+
+/// Samples of a tick at 48 kHz.
+const TICK: usize = 96;
+
+/// A port that nobody has.
+fn free_port() -> u16 {
+    UdpSocket::bind("127.0.0.1:0").and_then(|s| s.local_addr()).expect("a port").port()
+}
+
+/// Something that tracks a stylus: 3 mm deep, 16 mm around, at 100 mm/s.
+struct Tracker {
+    socket: UdpSocket,
+    to: SocketAddr,
+}
+
+impl Tracker {
+    fn to(port: u16) -> Self {
+        let socket = UdpSocket::bind("127.0.0.1:0").expect("a socket");
+        Self { socket, to: SocketAddr::from(([127, 0, 0, 1], port)) }
+    }
+
+    fn packet(&self, bytes: &[u8]) {
+        // A closed port may answer, which the next send reports.
+        let _ = self.socket.send_to(bytes, self.to);
+    }
+
+    /// Goes round for so long, 500 packets a second.
+    fn strokes(&self, seconds: f64) {
+        let began = Instant::now();
+        for i in 1.. {
+            std::thread::sleep((Duration::from_millis(2) * i).saturating_sub(began.elapsed()));
+            let now = began.elapsed().as_secs_f64();
+            let turn = 100.0 / 16.0 * now;
+            let args =
+                [16.0 * turn.cos(), 16.0 * turn.sin(), -3.0].map(|x| OscType::Float(x as f32)).to_vec();
+            let message = OscPacket::Message(OscMessage { addr: "/stylus".into(), args });
+            self.packet(&rosc::encoder::encode(&message).expect("a packet"));
+            if now > seconds {
+                return;
+            }
+        }
+    }
+
+    /// Sends what is no place of a stylus.
+    fn rubbish(&self) {
+        let message = |addr: &str, args: Vec<OscType>| {
+            let packet = OscPacket::Message(OscMessage { addr: addr.into(), args });
+            rosc::encoder::encode(&packet).expect("a packet")
+        };
+        self.packet(b"");
+        self.packet(b"/stylus");
+        self.packet(&[0xff; 1000]);
+        self.packet(&message(
+            "/stylus",
+            vec![OscType::Float(f32::NAN), OscType::Float(0.0), OscType::Float(0.0)],
+        ));
+        self.packet(&message("/stylus", vec![OscType::String("far".into())]));
+        self.packet(&message("/other", vec![OscType::Float(1.0)]));
+    }
+}
+
+/// The live graph with a stylus that listens at a port, and places and recordings in files.
+fn osc_graph(port: u16) -> String {
+    let nodes = r#""place": (kind: "probe", params: (file: "place.csv")), "sent": (kind: "file_out", params: (file: "sent.npy")),"#;
+    let text = graph("live.ron", nodes, r#"("stylus.position", "place"), ("limiter", "sent"),"#);
+    let stylus = r#"(kind: "pointer_input", params: (depth_mm: 6.6))"#;
+    assert!(text.contains(stylus));
+    // On a busy machine a sender may be held back for longer than a source may be silent.
+    text.replace(
+        stylus,
+        &format!(r#"(kind: "osc_input", params: (listen: "127.0.0.1:{port}", timeout_ms: 400))"#),
+    )
+}
+
+/// Puts a file in its place at once, as editors do.
+fn replace(dir: &Path, text: &str) {
+    std::fs::write(dir.join("new"), text).expect("a file");
+    std::fs::rename(dir.join("new"), dir.join("g.ron")).expect("a file");
+}
+
+#[test]
+fn a_stylus_over_the_network_is_heard_whatever_else_comes_and_its_graph_may_change() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let dir = dir.path();
+    let (old, new) = (free_port(), free_port());
+    replace(dir, &osc_graph(old));
+    let mut live = Live::start(dir, &["g.ron", "--watch", "--device", CARD, "--report", "r.json"]);
+    live.says("plays on");
+
+    // The port is taken now: another run says so, and plays nothing.
+    let other = common::run(dir, &["run", "g.ron", "--device", CARD, "--seconds", "1"]);
+    assert_eq!(other.code, 2, "{}", other.err);
+    assert!(other.err.contains(&format!("127.0.0.1:{old}")) && other.err.contains("stylus"), "{}", other.err);
+
+    let tracker = Tracker::to(old);
+    tracker.strokes(0.5);
+    tracker.rubbish();
+    tracker.strokes(0.5);
+    // Gain and material change within one stroke, which goes on.
+    let text = osc_graph(old).replace("(gain: 0.5)", "(gain: 0.25)").replace("coarse weave", "brick");
+    let going = Arc::new(AtomicBool::new(true));
+    let on = going.clone();
+    let sender = std::thread::spawn(move || {
+        while on.load(Relaxed) {
+            tracker.strokes(0.2);
+        }
+        tracker
+    });
+    replace(dir, &text);
+    let said = live.says("changed:");
+    assert!(said.contains("strength.gain") && said.contains("texture"), "{said}");
+    std::thread::sleep(Duration::from_millis(500));
+    going.store(false, Relaxed);
+    let tracker = sender.join().expect("it sends");
+    // Nobody sends any more; then it listens elsewhere.
+    std::thread::sleep(Duration::from_millis(900));
+    replace(dir, &text.replace(&old.to_string(), &new.to_string()));
+    let said = live.says("changed:");
+    assert!(said.contains("stylus"), "{said}");
+    tracker.strokes(0.3);
+    assert!(UdpSocket::bind(("127.0.0.1", old)).is_ok(), "the old port is still held");
+    Tracker::to(new).strokes(0.8);
+    live.stop().ok();
+
+    let report = json(&dir.join("r.json"));
+    println!("{}", report["sources"]);
+    // Of the graph that runs at the end: what came to the new port, and its end.
+    let source = &report["sources"][0];
+    assert!(source["samples"].as_u64() > Some(200), "{source}");
+    assert_eq!(report["faults"], 0);
+    let (sent, places) = (npy(&dir.join("sent.npy")), rows(&dir.join("place.csv")));
+    // Stretches of 50 ms in which the stylus goes on moving, and whether they are heard.
+    let moved = |at: usize| places[at..at + 25].windows(2).filter(|p| p[0] != p[1]).count() > 20;
+    let level = |at: usize| rms(&sent[at * TICK..(at + 25) * TICK]);
+    let stretches: Vec<(bool, f64)> =
+        (0..places.len() / 25).map(|i| (moved(25 * i), level(25 * i))).collect();
+    // A stroke: what moves without a break of 200 ms.
+    let mut strokes: Vec<Vec<f64>> = vec![Vec::new()];
+    let mut still = 0;
+    for (moves, level) in stretches {
+        still = if moves { 0 } else { still + 1 };
+        if moves {
+            strokes.last_mut().expect("one").push(level);
+        } else if still == 4 {
+            strokes.push(Vec::new());
+        }
+    }
+    strokes.retain(|s| s.len() > 5);
+    println!("strokes {strokes:.3?}");
+    assert_eq!(strokes.len(), 2, "one at the old port, which a change does not break, and one at the new");
+    for stroke in &strokes {
+        // It begins behind the network's history, and may be cut short at its end.
+        let heard = stroke[3..stroke.len() - 1].iter().filter(|level| **level > 1e-3).count();
+        assert!(heard + 2 >= stroke.len() - 4, "there are holes in {stroke:.4?}");
+    }
+    let end = &sent[sent.len() - sent.len() / 50..];
+    println!("{:.6} at the end", rms(end));
+}
+
+#[test]
+fn a_source_that_falls_silent_is_counted_and_no_longer_heard() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let dir = dir.path();
+    let port = free_port();
+    replace(dir, &osc_graph(port).replace("timeout_ms: 400", "timeout_ms: 50"));
+    let mut live = Live::start(dir, &["g.ron", "--device", CARD, "--report", "r.json"]);
+    live.says("plays on");
+    let tracker = Tracker::to(port);
+    tracker.strokes(1.0);
+    std::thread::sleep(Duration::from_millis(700));
+    live.stop().ok();
+    let report = json(&dir.join("r.json"));
+    assert!(report["sources"][0]["stalls"].as_u64() > Some(0), "{report}");
+    let (sent, places) = (npy(&dir.join("sent.npy")), rows(&dir.join("place.csv")));
+    let last = (1..places.len()).rev().find(|&i| places[i] != places[i - 1]).expect("it moved");
+    assert!(rms(&sent[(last - 100) * TICK..last * TICK]) > 0.01, "the stroke is not heard");
+    let after = &sent[(last + 35) * TICK..];
+    let peak = after.iter().fold(0.0_f32, |m, x| m.max(x.abs()));
+    println!("peak {peak:.7} from 70 ms after the last place on");
+    assert!(after.len() > 100 * TICK && peak < 1e-3, "it sounds on at {peak}");
+}
+
+#[test]
+fn a_hand_takes_the_place_of_a_trajectory() {
+    let dir = tempfile::tempdir().expect("a folder");
+    std::fs::write(dir.path().join("g.ron"), graph("texture.ron", "", "")).expect("a graph");
+    let port = free_port();
+    let hand = format!("osc:listen=127.0.0.1:{port}");
+    let args = ["g.ron", "--hand", &hand, "--device", CARD, "--report", "r.json"];
+    let mut live = Live::start(dir.path(), &args);
+    live.says("plays on");
+    Tracker::to(port).strokes(0.5);
+    live.stop().ok();
+    let report = json(&dir.path().join("r.json"));
+    assert!(report["sources"][0]["samples"].as_u64() > Some(100), "{}", report["sources"]);
+
+    let pointer =
+        ["run", "g.ron", "--hand", "pointer", "--device", CARD, "--seconds", "0.5", "--report", "p.json"];
+    common::run(dir.path(), &pointer).ok();
+    let report = json(&dir.path().join("p.json"));
+    assert_eq!(
+        report["nodes"].as_array().map(|n| n.iter().any(|n| n["kind"] == "pointer_input")),
+        Some(true)
+    );
+    let none = common::run(dir.path(), &["run", "g.ron", "--hand", "mouse", "--seconds", "1"]);
+    assert!(none.code == 2 && none.err.contains("pointer"), "{}", none.err);
+}
+
+/// Builds the stand-in for the maker's library, with a hand that goes round in the wall.
+fn standin(dir: &Path) -> PathBuf {
+    let library = dir.join("libHD.so");
+    let done = Command::new("cc")
+        .args(["-shared", "-fPIC", "-O1", "-Wall", "-Werror", "-o"])
+        .arg(&library)
+        .arg(root().join("hosts/hand/tests/standin/moving.c"))
+        .args(["-lpthread", "-lm"])
+        .status()
+        .expect("a C compiler, `cc`");
+    assert!(done.success());
+    library
+}
+
+#[test]
+fn an_arm_pushes_back_and_a_wall_that_it_cannot_hold_is_warned_of() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let dir = dir.path();
+    let nodes = format!(r#"{}"pushes": (kind: "probe", params: (file: "force.csv")),"#, EARS[0]);
+    let wires = format!(r#"{}("stylus.force", "pushes"),"#, EARS[1]);
+    std::fs::write(dir.join("g.ron"), graph("openhaptics.ron", &nodes, &wires)).expect("a graph");
+    let library = format!("stylus.library={}", standin(dir).display());
+    let args =
+        ["run", "g.ron", "--device", CARD, "--set", &library, "--seconds", "3.5", "--report", "r.json"];
+    let ran = common::run(dir, &args).ok();
+    assert!(!ran.err.contains("warning"), "{}", ran.err);
+    let report = json(&dir.join("r.json"));
+    println!("{}", report["sources"]);
+    assert!(report["sources"][0]["samples"].as_u64() > Some(1000), "{}", report["sources"]);
+    // 3 mm deep at 0.5 N/mm.
+    let mut forces: Vec<f64> = rows(&dir.join("force.csv")).iter().map(|row| row[0]).collect();
+    forces.sort_by(f64::total_cmp);
+    let median = forces[forces.len() / 2];
+    assert!((median - 1.5).abs() < 0.05, "it pushes with {median} N");
+    let heard = npy(&dir.join("heard.npy"));
+    assert!(rms(&heard[heard.len() - 24_000..]) > 0.01, "the texture is not heard");
+
+    let stiff = [
+        "run",
+        "g.ron",
+        "--device",
+        CARD,
+        "--set",
+        &library,
+        "--set",
+        "floor.stiffness_n_per_mm=5",
+        "--seconds",
+        "0.3",
+    ];
+    let ran = common::run(dir, &stiff).ok();
+    println!("{}", ran.err);
+    let warned = ran.err.lines().find(|line| line.contains("warning")).expect("a warning");
+    assert!(warned.contains("`wall`") && warned.contains("N/mm"), "{warned}");
+
+    for (set, says) in [("stylus.library=nowhere/libHD.so", "nowhere/libHD.so"), ("stylus.library=", "libHD")]
+    {
+        let ran = common::run(dir, &["run", "g.ron", "--device", CARD, "--set", set, "--seconds", "1"]);
+        println!("{}", ran.err);
+        assert!(ran.code == 2 && ran.err.contains(says) && ran.err.contains("help"), "{}", ran.err);
+    }
+}
+
+#[test]
+fn a_graph_that_only_pushes_back_runs_by_the_timer() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let dir = dir.path();
+    let text = r#"Graph(version: 1, tick_hz: 1000, nodes: {
+        "stylus": (kind: "openhaptics_input"), "floor": (kind: "virtual_floor", params: (stiffness_n_per_mm: 0.5)),
+        "wall": (kind: "openhaptics_force"), "pushes": (kind: "probe", params: (file: "force.csv")),
+    }, wires: [("stylus.position", "floor"), ("floor.plane", "wall.plane"), ("floor.normal", "wall.normal"),
+        ("floor.stiffness", "wall.stiffness"), ("floor.damping", "wall.damping"), ("stylus.force", "pushes")])"#;
+    std::fs::write(dir.join("g.ron"), text).expect("a graph");
+    let library = format!("stylus.library={}", standin(dir).display());
+    let ran =
+        common::run(dir, &["run", "g.ron", "--set", &library, "--seconds", "1", "--report", "r.json"]).ok();
+    assert!(ran.err.contains("without audio"), "{}", ran.err);
+    let report = json(&dir.join("r.json"));
+    assert_eq!((report["clock"].as_str(), report["device"].as_str()), (Some("timer"), Some("")));
+    let pushed = rows(&dir.join("force.csv")).iter().filter(|row| (row[0] - 1.5).abs() < 0.05).count();
+    assert!(pushed > 400, "it pushed in {pushed} ticks of a second");
+}
+
+/// A stand-in of the Haply service with one device, whose hand goes round in the wall.
+struct Service {
+    address: SocketAddr,
+    stop: Arc<AtomicBool>,
+    /// The greatest upward force that was asked for.
+    pushed: Arc<Mutex<f64>>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Service {
+    fn start() -> Self {
+        let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
+        listener.set_nonblocking(true).expect("a socket");
+        let address = listener.local_addr().expect("a port");
+        let (stop, pushed) = (Arc::new(AtomicBool::new(false)), Arc::new(Mutex::new(0.0)));
+        let (ends, most) = (stop.clone(), pushed.clone());
+        let thread = std::thread::spawn(move || {
+            while !ends.load(Relaxed) {
+                match listener.accept() {
+                    Ok((stream, _)) => serve(stream, &ends, &most),
+                    Err(_) => std::thread::sleep(Duration::from_millis(2)),
+                }
+            }
+        });
+        Self { address, stop, pushed, thread: Some(thread) }
+    }
+}
+
+impl Drop for Service {
+    fn drop(&mut self) {
+        self.stop.store(true, Relaxed);
+        let _ = self.thread.take().map(JoinHandle::join);
+    }
+}
+
+fn serve(stream: TcpStream, stop: &AtomicBool, pushed: &Mutex<f64>) {
+    let set = stream.set_nonblocking(false).and(stream.set_nodelay(true));
+    set.and(stream.set_read_timeout(Some(Duration::from_millis(100)))).expect("a socket");
+    let Ok(mut socket) = tungstenite::accept(stream) else { return };
+    let began = Instant::now();
+    let report = || {
+        let turn = began.elapsed().as_secs_f64() * 1.0 * TAU;
+        let (x, y) = (0.016 * turn.cos(), 0.016 * turn.sin());
+        format!(
+            r#"{{"inverse3":[{{"device_id":"049D","state":{{"cursor_position":{{"x":{x},"y":{y},"z":-0.003}}}},"status":{{}}}}]}}"#
+        )
+    };
+    let mut sent = socket.send(Message::text(report()));
+    while sent.is_ok() && !stop.load(Relaxed) {
+        match socket.read() {
+            Ok(Message::Text(text)) => {
+                let told: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+                let up = &told["inverse3"][0]["commands"]["set_cursor_force"]["values"]["z"];
+                let mut most = pushed.lock().expect("nobody panicked");
+                *most = most.max(up.as_f64().expect("a force"));
+                drop(most);
+                sent = socket.send(Message::text(report()));
+            }
+            Ok(Message::Close(_)) => return,
+            Err(tungstenite::Error::Io(e)) if e.kind() == std::io::ErrorKind::WouldBlock => {}
+            Ok(_) => {}
+            Err(_) => return,
+        }
+    }
+}
+
+#[test]
+fn an_inverse3_pushes_back_and_one_whose_service_is_not_there_is_an_error() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let dir = dir.path();
+    std::fs::write(dir.join("g.ron"), graph("haply.ron", EARS[0], EARS[1])).expect("a graph");
+    let service = Service::start();
+    let [stylus, wall] = ["stylus", "wall"].map(|node| format!("{node}.service=ws://{}", service.address));
+    let set = ["--device", CARD, "--set", &stylus, "--set", &wall];
+    let args = [&["run", "g.ron", "--seconds", "3.5", "--report", "r.json"], &set[..]].concat();
+    common::run(dir, &args).ok();
+    let pushed = *service.pushed.lock().expect("nobody panicked");
+    assert!((pushed - 1.5).abs() < 0.05, "it pushed with {pushed} N");
+    let report = json(&dir.join("r.json"));
+    assert!(report["sources"][0]["samples"].as_u64() > Some(500), "{}", report["sources"]);
+    let heard = npy(&dir.join("heard.npy"));
+    assert!(rms(&heard[heard.len() - 24_000..]) > 0.01, "the texture is not heard");
+
+    let address = service.address;
+    drop(service);
+    let ran = common::run(dir, &[&["run", "g.ron", "--seconds", "1"], &set[..]].concat());
+    println!("{}", ran.err);
+    assert!(
+        ran.code == 2 && ran.err.contains(&address.to_string()) && ran.err.contains("Haply Hub"),
+        "{}",
+        ran.err
+    );
+}

@@ -1,7 +1,6 @@
 //! `asperity run` as a person would use it: started, listened to, and stopped.
 #![allow(dead_code, reason = "no test file uses all of it")]
 
-use std::io::Read as _;
 use std::path::Path;
 use std::process::{Child, Stdio};
 use std::sync::{Arc, Mutex};
@@ -98,7 +97,10 @@ impl Drop for Live {
     }
 }
 
-fn listen(mut from: impl std::io::Read + Send + 'static, to: Arc<Mutex<String>>) -> std::thread::JoinHandle<()> {
+fn listen(
+    mut from: impl std::io::Read + Send + 'static,
+    to: Arc<Mutex<String>>,
+) -> std::thread::JoinHandle<()> {
     std::thread::spawn(move || {
         let mut some = [0; 4096];
         while let Ok(n @ 1..) = from.read(&mut some) {

@@ -216,6 +216,16 @@ fn the_hand_comes_out_in_mm_and_the_floor_pushes_along_the_devices_axis() {
 }
 
 #[test]
+fn the_service_may_be_named_as_a_websocket_is() {
+    let running = Running::new(&["049D"]);
+    for service in [format!("ws://{}", running.address), format!(" ws://{}/", running.address)] {
+        let handle = start(HaplyOptions { service, ..running.options() }, samples().0, None).unwrap();
+        until("samples", || handle.samples() > 0);
+        drop(handle);
+    }
+}
+
+#[test]
 fn a_killed_service_is_told_once_and_taken_up_again_in_a_new_stroke() {
     let running = Running::new(&["049D"]);
     let address = running.address;

@@ -188,5 +188,11 @@ fn warning(schedule: &Schedule, node: &ScheduledNode, hands: &Hands) -> Option<S
         None => DeviceDamping::Unknown,
     };
     let bound = passivity(stiffness, damping, SERVO_HZ, device);
-    (!bound.holds()).then(|| format!("`{}`: {}", node.id, bound.sentence))
+    let known = match device {
+        DeviceDamping::Unknown => {
+            format!("; if you know its damping: --set {}.device_damping_ns_per_m=", node.id)
+        }
+        _ => String::new(),
+    };
+    (!bound.holds()).then(|| format!("`{}`: {}{known}", node.id, bound.sentence))
 }

@@ -22,7 +22,7 @@ pub(super) struct Link {
 }
 
 impl Link {
-    /// Connects to `host:port`, each step within `patience`.
+    /// Connects to `host:port`, which may be written as `ws://host:port`; each step within `patience`.
     ///
     /// # Errors
     /// Nobody is there, or it does not speak WebSocket.
@@ -33,6 +33,7 @@ impl Link {
                 "start it (the Haply Hub does, or the service alone), or give its address",
             )
         };
+        let host = bare(host);
         let all = host.to_socket_addrs().map_err(|e| absent(e.to_string()))?;
         let mut why = "the name has no address".to_owned();
         let mut found = None;
@@ -129,6 +130,12 @@ impl Link {
             };
         }
     }
+}
+
+/// Host and port of an address that may be written as that of a WebSocket.
+fn bare(address: &str) -> &str {
+    let address = address.trim();
+    address.strip_prefix("ws://").unwrap_or(address).trim_end_matches('/')
 }
 
 fn waits(kind: ErrorKind) -> bool {

@@ -51,7 +51,7 @@ pub const USUAL_N: f64 = 3.0;
 /// Which device, and how it is driven.
 #[derive(Clone, Debug, PartialEq)]
 pub struct HaplyOptions {
-    /// Host and port of the service.
+    /// Host and port of the service, with or without `ws://` before them.
     pub service: String,
     /// `device_id` of the Inverse3; none where there is only one.
     pub device: Option<String>,

@@ -42,8 +42,10 @@ impl DeviceDamping {
 pub struct Passivity {
     /// Damping that the device would need \[N s/m\]: K T / 2 + |B|.
     pub needed_ns_per_m: f64,
-    /// What it has less what it needs \[N s/m\]; passive above 0.
+    /// What it has less what it needs \[N s/m\].
     pub margin_ns_per_m: f64,
+    /// Whether the bound is met: above 0, and also at 0 where the maker recommends that very stiffness.
+    pub passive: bool,
     /// Largest stiffness that is passive with this wall damping \[N/mm\]; 0 where the damping alone is too much.
     pub stiffest_n_per_mm: f64,
     /// The same for a person, with the figures.
@@ -53,7 +55,7 @@ pub struct Passivity {
 impl Passivity {
     /// Whether the bound is met.
     pub fn holds(&self) -> bool {
-        self.margin_ns_per_m > 0.0
+        self.passive
     }
 }
 
@@ -76,13 +78,21 @@ pub fn passivity(
         DeviceDamping::Unknown => "assumed, since it is not known".to_owned(),
     };
     let margin = has - needed;
-    let verdict =
-        if margin > 0.0 { "passive, whoever holds it" } else { "may buzz or be unstable in some hands" };
+    // "At most" includes the most, whatever rounding makes of it.
+    let at_most = matches!(device, DeviceDamping::Recommended(_)) && margin > -1e-9;
+    let passive = margin > 0.0 || at_most;
+    let verdict = if passive { "passive, whoever holds it" } else { "may buzz or be unstable in some hands" };
     let sentence = format!(
         "a wall of {stiffness_n_per_mm:.3} N/mm and {damping_ns_per_m:.3} N s/m at {servo_hz:.0} Hz needs a device with more than \
          {needed:.3} N s/m (K T / 2 + |B|); this one has {has:.3} N s/m, {known}: {verdict}; the limit is {stiffest:.3} N/mm",
     );
-    Passivity { needed_ns_per_m: needed, margin_ns_per_m: margin, stiffest_n_per_mm: stiffest, sentence }
+    Passivity {
+        needed_ns_per_m: needed,
+        margin_ns_per_m: margin,
+        passive,
+        stiffest_n_per_mm: stiffest,
+        sentence,
+    }
 }
 
 #[cfg(test)]
@@ -100,6 +110,16 @@ mod tests {
         assert!(!passivity(1.0, -0.2, 1000.0, DeviceDamping::Known(0.6)).holds());
         // A slower servo needs more.
         assert!(!passivity(1.0, 0.0, 500.0, DeviceDamping::Known(0.6)).holds());
+    }
+
+    #[test]
+    fn the_stiffness_that_the_maker_recommends_at_most_is_not_too_much() {
+        for most in [0.3, 0.5, 0.8, 2.31] {
+            let device = DeviceDamping::Recommended(most);
+            assert!(passivity(most, 0.0, 1000.0, device).holds(), "{most}");
+            assert!(!passivity(1.01 * most, 0.0, 1000.0, device).holds(), "{most}");
+            assert!(!passivity(most, 0.01, 1000.0, device).holds(), "{most}");
+        }
     }
 
     #[test]
