@@ -3,7 +3,7 @@
 CARGO ?= cargo
 OUT ?= out
 
-.PHONY: setup-tests header plugins setup demo test test-long lint bench train pictures clean
+.PHONY: setup-tests header plugins setup demo test test-long lint bench train pictures live-pictures clean
 
 # Installs what is missing where it may, else says the exact line.
 setup:
@@ -67,6 +67,10 @@ pictures: setup
 	$(CARGO) build --release -p asperity-rtpghi -p asperity-gsrtisi-la
 	target/release/asperity compare --plugin target/release/librtpghi.so --plugin target/release/libgsrtisi_la.so \
 	    --phase sample_commit:emission=0 --svg docs/compare.svg
+
+# And those of a run: the page in a browser while a pen strokes, and the terminal.
+live-pictures: setup-tests
+	ASPERITY_PICTURES=$(abspath docs) $(CARGO) test -p asperity --test live_page pictures_of_a_run
 
 clean:
 	$(CARGO) clean

@@ -430,3 +430,39 @@ fn strangers_are_refused_and_a_hundred_pages_cost_no_sample_that_is_not_counted(
     let breaks = breaks(full, 80.0);
     assert!(breaks == 0 || losses > 0, "{breaks} breaks, and nothing is said to be lost");
 }
+
+/// With `ASPERITY_PICTURES=FOLDER`: the page and the terminal of a run of graphs/live.ron, painted while a pen strokes. With
+/// `ASPERITY_EVERY_SIZE` too, the page at other sizes.
+#[test]
+fn pictures_of_a_run() {
+    let Some(folder) = std::env::var_os("ASPERITY_PICTURES").map(std::path::PathBuf::from) else { return };
+    let _alone = alone();
+    let sizes =
+        [("page", 1440, false), ("desk_dark", 1440, true), ("tablet", 900, false), ("phone", 390, false)];
+    let many = if std::env::var_os("ASPERITY_EVERY_SIZE").is_some() { sizes.len() } else { 1 };
+    for (name, width, dark) in &sizes[..many] {
+        let Some((live, mut pen)) = painted(&[], *width, *dark) else { return };
+        pen.strokes(3.0, 110.0);
+        pen.browser.picture(&folder.join(format!("{name}.png")));
+        live.stop().ok();
+    }
+    let terminal = folder.join("terminal.svg");
+    let Some((live, mut pen)) = painted(&["--picture", &terminal.display().to_string()], 800, false) else {
+        return;
+    };
+    pen.strokes(4.0, 110.0);
+    live.stop().ok();
+}
+
+/// A run, and a window on its whole page.
+fn painted(more: &[&str], width: u32, dark: bool) -> Option<(Live, Pen)> {
+    let browser = Chromium::start()?;
+    let args = ["graphs/live.ron", "--page", "--device", "simulated:frames=256"];
+    let mut live = Live::start(&common::root(), &[&args[..], more].concat());
+    let mut pen = Pen::over(browser, &live.says("the page: "));
+    pen.browser.look(&Look { width, height: 800, dark });
+    let height = pen.browser.eval("document.documentElement.scrollHeight").as_u64().expect("a height");
+    pen.browser.look(&Look { width, height: u32::try_from(height).expect("a height"), dark });
+    pen.middle = pen.browser.middle("#surface");
+    Some((live, pen))
+}

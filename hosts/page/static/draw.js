@@ -50,7 +50,8 @@ export function signal(name, place) {
 export function figure(x) {
   if (x === null || x === undefined || !Number.isFinite(x)) return "–";
   const size = Math.abs(x);
-  if (size === 0) return "0";
+  // Of no quantity here is a millionth more than the dregs of a filter.
+  if (size < 1e-6) return "0";
   if (size < 0.0005 || size >= 1e6) return x.toExponential(1).replace("-", "−").replace("e+", "e").replace("e-", "e−");
   const digits = size >= 100 ? 0 : size >= 10 ? 1 : size >= 1 ? 2 : 3;
   return x.toFixed(digits).replace("-", "−");

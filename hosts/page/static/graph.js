@@ -71,8 +71,9 @@ export class Graph {
       root.append(path);
       return path;
     });
+    const wired = new Set(layout.wires.map(([, , to, input]) => `${to} ${input}`));
     this.#nodes = layout.nodes.map((node, i) => {
-      const drawn = box(node, placed.places[i], wide);
+      const drawn = box(node, placed.places[i], wide, (input) => wired.has(`${i} ${input}`));
       root.append(drawn.group);
       return { ...drawn, calls: null, idle: 0 };
     });
@@ -121,7 +122,7 @@ const several = (node) => node.inputs.length > 1;
 /** Rows above the first output: where names of inputs and outputs do not fit beside each other, one stands under the other. */
 const under = (node, wide) => (wide < NARROW && several(node) ? node.inputs.length : 0);
 
-function box(node, { x, y, height }, wide) {
+function box(node, { x, y, height }, wide, wired) {
   const group = svg("g", { class: "node", transform: `translate(${x} ${y})` });
   const title = svg("title");
   group.append(title, svg("rect", { class: node.sink ? "box sink" : "box", width: wide, height, rx: 5 }));
@@ -136,14 +137,17 @@ function box(node, { x, y, height }, wide) {
   node.inputs.forEach(([name], k) => {
     const at = HEAD + k * ROW + ROW / 2;
     group.append(svg("circle", { class: "port", cx: 0, cy: at, r: 2.5 }));
-    if (several(node)) group.append(svg("text", { class: "port-name", x: 9, y: at + 4 }, cut(name, 8)));
+    // What nothing is wired to has a dot, but no name to crowd the row.
+    if (several(node) && wired(k)) group.append(svg("text", { class: "port-name", x: 9, y: at + 4 }, cut(name, 8)));
   });
   const outputs = node.outputs.map(([name, unit], k) => {
     const at = HEAD + (under(node, wide) + k) * ROW + ROW / 2;
     group.append(svg("circle", { class: "port", cx: wide, cy: at, r: 2.5 }));
     const text = svg("text", { class: "out", x: wide - 9, y: at + 4, "text-anchor": "end" });
     const value = svg("tspan", { class: "value" }, "–");
-    const most = wide < NARROW ? 7 : several(node) ? 9 : 12;
+    const beside = several(node) && !under(node, wide) && k < node.inputs.length && wired(k);
+    const taken = beside ? Math.min(8, node.inputs[k][0].length) + 1 : 0;
+    const most = Math.min(12, Math.max(4, Math.floor((wide - 18) / 5.9) - taken - unit.length - 8));
     text.append(svg("tspan", { class: "port-name" }, `${cut(name, most)} `));
     text.append(value, svg("tspan", { class: "unit" }, unit ? ` ${unit}` : ""));
     group.append(text);

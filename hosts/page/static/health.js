@@ -47,7 +47,7 @@ export class Health {
       tally.box.classList.toggle("some", value > 0);
       tally.box.classList.toggle("new", now - tally.grew < NEW_MS);
     }
-    write(this.#peak, view.peak > 0 ? `${(20 * Math.log10(view.peak)).toFixed(1).replace("-", "−")} dB` : "silent");
+    write(this.#peak, view.peak > 1e-6 ? `${(20 * Math.log10(view.peak)).toFixed(1).replace("-", "−")} dB` : "silent");
     this.#itemise(view.latency_ms);
     this.#list(view.sources);
   }

@@ -76,7 +76,16 @@ function mute() {
   link.ask({ mute: !muted });
 }
 
+/** A unit as a person writes it; that of a plain number is none. */
+const written = (unit) => (unit === "1" ? "" : unit.replace("^2", "²"));
+
+function write(layout) {
+  for (const node of layout.nodes) node.outputs = node.outputs.map(([name, unit]) => [name, written(unit)]);
+  for (const scope of layout.scopes) scope.unit = written(scope.unit);
+}
+
 link.onLayout = (next, withHand) => {
+  write(next);
   const same = layout && layout.number === next.number && layout.file === next.file
     && layout.nodes.length === next.nodes.length;
   layout = next;

@@ -104,7 +104,7 @@ export class Spectrum {
   /** The top of a scale moves in steps of 10 dB, up at once and down when there are 20 to spare. */
   #top(name, peak_db) {
     let top = this.#tops.get(name) ?? 0;
-    const need = Math.max(-80, Math.ceil((peak_db + 3) / 10) * 10);
+    const need = Math.max(-40, Math.ceil((peak_db + 3) / 10) * 10);
     // Silence is no reason to look for something smaller.
     const silent = peak_db < -120;
     if (need > top || (need < top - 10 && !silent)) top = need;

@@ -1,7 +1,7 @@
 //! One frame of the terminal as an SVG picture.
 
 use std::fmt::Write as _;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use asperity_live::view::{Layout, View};
 use ratatui::buffer::{Buffer, Cell};
@@ -31,6 +31,37 @@ pub fn svg_of(view: &View, layout: &Layout, columns: u16, rows: u16) -> String {
     let mut buffer = Buffer::empty(Rect::new(0, 0, columns.clamp(1, 1000), rows.clamp(1, 1000)));
     board.draw(&mut buffer, Duration::ZERO);
     render(&buffer)
+}
+
+/// Follows a run as a [`crate::Terminal`] does, where there is no terminal, to draw what one would show.
+pub struct Follower {
+    board: Board,
+    start: Instant,
+}
+
+impl Default for Follower {
+    fn default() -> Self {
+        Self { board: Board::default(), start: Instant::now() }
+    }
+}
+
+impl Follower {
+    /// Takes over another graph, or the same one with other values or materials.
+    pub fn layout(&mut self, layout: &Layout) {
+        self.board.lay_out(layout);
+    }
+
+    /// Takes figures in, 20 to 60 times a second.
+    pub fn take(&mut self, view: &View) {
+        self.board.take(view, self.start.elapsed());
+    }
+
+    /// The frame of now, of some columns and rows.
+    pub fn svg(&mut self, columns: u16, rows: u16) -> String {
+        let mut buffer = Buffer::empty(Rect::new(0, 0, columns.clamp(1, 1000), rows.clamp(1, 1000)));
+        self.board.draw(&mut buffer, self.start.elapsed());
+        render(&buffer)
+    }
 }
 
 fn render(buffer: &Buffer) -> String {

@@ -50,7 +50,13 @@ pub fn run(args: &Run) -> Result<ExitCode, Failure> {
     for id in schedule.allocating() {
         warn(&format!("`{id}` allocates in every tick and is not fit for real time"));
     }
-    distinct_files(&args.graph, schedule, editor.kinds(), &[("--report", &args.report)])?;
+    distinct_files(
+        &args.graph,
+        schedule,
+        editor.kinds(),
+        &[("--report", &args.report), ("--picture", &args.picture)],
+    )?;
+    let picture_file = args.picture.as_deref().map(Pending::create).transpose()?;
     let report_file = args.report.as_deref().map(Pending::create).transpose()?;
     let mut recorders = recorders(schedule)?;
     let mut hands = Hands::default();
@@ -92,9 +98,12 @@ pub fn run(args: &Run) -> Result<ExitCode, Failure> {
     let mut ended = session.stop();
     let tick_hz = ended.conductor.schedule().tick_hz;
     let lost = lost.max(drain(&mut ended.conductor, &mut recorders, tick_hz)?);
-    drop(shows);
+    let picture = shows.close();
     outcome?;
     let mut written = Vec::new();
+    if let (Some(file), Some(svg)) = (picture_file, picture) {
+        written.push(file.keep_text(&svg)?);
+    }
     for recorder in recorders.into_values() {
         written.push(recorder.keep()?);
     }

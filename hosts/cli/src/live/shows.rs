@@ -6,12 +6,16 @@ use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use asperity_live::view::{Layout, Request, View};
 use asperity_page::{Feed, Page, serve};
 use asperity_terminal::Terminal;
+use asperity_terminal::picture::Follower;
 
 use super::hands::Hands;
 use super::say;
 use crate::args::Run;
 use crate::failure::Failure;
 
+/// Size of a picture of the terminal.
+const COLUMNS: u16 = 120;
+const ROWS: u16 = 40;
 /// Requests that may wait: of more, the newest are refused.
 const REQUESTS: usize = 256;
 
@@ -19,6 +23,7 @@ const REQUESTS: usize = 256;
 pub struct Shows {
     page: Option<(Page, Arc<Feed>)>,
     terminal: Option<Terminal>,
+    picture: Option<Follower>,
     requests: Receiver<Request>,
     /// Kept so that the channel stays open where nobody looks.
     _sender: SyncSender<Request>,
@@ -50,7 +55,9 @@ impl Shows {
             false => None,
         };
         let quiet = args.quiet || args.tui;
-        let mut it = Self { page, terminal, requests, _sender: sender, layout: None, quiet, begun: false };
+        let picture = args.picture.is_some().then(Follower::default);
+        let mut it =
+            Self { page, terminal, picture, requests, _sender: sender, layout: None, quiet, begun: false };
         if let (Some((page, _)), Some(terminal)) = (&it.page, &mut it.terminal) {
             terminal.note(&format!("the page: {}", page.url()));
         }
@@ -79,6 +86,9 @@ impl Shows {
             if let Some(terminal) = &mut self.terminal {
                 terminal.layout(layout);
             }
+            if let Some(follower) = &mut self.picture {
+                follower.layout(layout);
+            }
             self.layout = Some(layout.clone());
         }
         if !self.begun && !view.clock.is_empty() && (view.period_frames > 0 || view.device.is_empty()) {
@@ -92,9 +102,17 @@ impl Shows {
             // Nobody can see it any more.
             self.terminal = None;
         }
+        if let Some(follower) = &mut self.picture {
+            follower.take(&view);
+        }
         if let Some((_, feed)) = &self.page {
             feed.publish(view);
         }
+    }
+
+    /// Gives the terminal back and closes the page. Answers the picture that was asked for.
+    pub fn close(self) -> Option<String> {
+        self.picture.map(|mut follower| follower.svg(COLUMNS, ROWS))
     }
 }
 

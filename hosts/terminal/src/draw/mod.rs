@@ -78,7 +78,9 @@ impl Board {
     fn draw_top(&self, top: &mut Pane, time: Duration) {
         let (width, height) = (top.width(), top.height());
         if width >= WIDE {
-            let (timing, latency) = ((width * 2 / 5).max(48), (width / 5).clamp(22, 44));
+            let timing = (width * 2 / 5).max(48);
+            // What sources need is left to them.
+            let latency = width.saturating_sub(timing + 42).clamp(22, 44);
             timing::draw(self, &mut top.part(0, 0, timing, height), time);
             side::latency(self, &mut top.part(timing + 1, 0, latency, height));
             side::sources(self, &mut top.part(timing + latency + 2, 0, width, height), time);
