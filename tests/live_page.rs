@@ -443,7 +443,16 @@ fn pictures_of_a_run() {
     for (name, width, dark) in &sizes[..many] {
         let Some((live, mut pen)) = painted(&[], *width, *dark) else { return };
         pen.strokes(3.0, 110.0);
-        pen.browser.picture(&folder.join(format!("{name}.png")));
+        let (mut turn, middle) = (pen.turn, pen.middle);
+        pen.browser.picture_while(&folder.join(format!("{name}.png")), |browser| {
+            // The stroke goes on until the picture is taken.
+            for _ in 0..250 {
+                std::thread::sleep(Duration::from_millis(4));
+                turn += 110.0 / (RADIUS * MM) * 0.0042;
+                let at = [middle[0] + RADIUS * turn.cos(), middle[1] + RADIUS * turn.sin()];
+                browser.pen("mouseMoved", at, 0.5);
+            }
+        });
         live.stop().ok();
     }
     let terminal = folder.join("terminal.svg");
@@ -463,6 +472,8 @@ fn painted(more: &[&str], width: u32, dark: bool) -> Option<(Live, Pen)> {
     pen.browser.look(&Look { width, height: 800, dark });
     let height = pen.browser.eval("document.documentElement.scrollHeight").as_u64().expect("a height");
     pen.browser.look(&Look { width, height: u32::try_from(height).expect("a height"), dark });
+    // The new size is painted before the stroke begins.
+    std::thread::sleep(Duration::from_millis(500));
     pen.middle = pen.browser.middle("#surface");
     Some((live, pen))
 }

@@ -244,14 +244,25 @@ impl Chromium {
         let height = self.eval("document.documentElement.scrollHeight").as_f64().expect("a height");
         let width = self.eval("innerWidth").as_f64().expect("a width");
         let clip = json!({ "x": 0, "y": 0, "width": width, "height": height, "scale": 1 });
-        // A page that stands in its window as a whole is painted as it is, and not laid out anew for it.
-        let beyond = self.eval("document.documentElement.scrollHeight > innerHeight");
         let shot =
-            self.call("Page.captureScreenshot", json!({ "clip": clip, "captureBeyondViewport": beyond }));
-        let data = shot["data"].as_str().expect("a picture");
-        let png = base64::engine::general_purpose::STANDARD.decode(data).expect("base64");
-        std::fs::write(file, png).expect("a file");
+            self.call("Page.captureScreenshot", json!({ "clip": clip, "captureBeyondViewport": true }));
+        save(&shot, file);
     }
+
+    /// A picture of the window as it stands, while something is done on the page that waits for no answer: nothing is laid out
+    /// anew for it, so that what moves goes on.
+    pub fn picture_while(&mut self, file: &Path, doing: impl FnOnce(&mut Self)) {
+        let id = self.send("Page.captureScreenshot", json!({}));
+        doing(self);
+        let mut answer = wait("a picture", || self.read().filter(|answer| answer["id"] == id));
+        save(&answer["result"].take(), file);
+    }
+}
+
+fn save(shot: &Value, file: &Path) {
+    let data = shot["data"].as_str().expect("a picture");
+    let png = base64::engine::general_purpose::STANDARD.decode(data).expect("base64");
+    std::fs::write(file, png).expect("a file");
 }
 
 impl Drop for Chromium {
