@@ -438,7 +438,7 @@ fn pictures_of_a_run() {
     let Some(folder) = std::env::var_os("ASPERITY_PICTURES").map(std::path::PathBuf::from) else { return };
     let _alone = alone();
     let sizes =
-        [("page", 1440, false), ("desk_dark", 1440, true), ("tablet", 900, false), ("phone", 390, false)];
+        [("page", 1200, false), ("desk_dark", 1440, true), ("tablet", 900, false), ("phone", 390, false)];
     let many = if std::env::var_os("ASPERITY_EVERY_SIZE").is_some() { sizes.len() } else { 1 };
     for (name, width, dark) in &sizes[..many] {
         let Some((live, mut pen)) = painted(&[], *width, *dark) else { return };
@@ -466,7 +466,9 @@ fn pictures_of_a_run() {
 /// A run, and a window on its whole page.
 fn painted(more: &[&str], width: u32, dark: bool) -> Option<(Live, Pen)> {
     let browser = Chromium::start()?;
-    let args = ["graphs/live.ron", "--page", "--device", "simulated:frames=256"];
+    // A browser that paints so much without a graphics card holds events back.
+    let args =
+        ["graphs/live.ron", "--page", "--device", "simulated:frames=256", "--set", "stylus.timeout_ms=200"];
     let mut live = Live::start(&common::root(), &[&args[..], more].concat());
     let mut pen = Pen::over(browser, &live.says("the page: "));
     pen.browser.look(&Look { width, height: 800, dark });
