@@ -70,7 +70,7 @@ pictures: setup
 
 # And those of a run: the page in a browser while a pen strokes, and the terminal.
 live-pictures: setup-tests
-	ASPERITY_PICTURES=$(abspath docs) $(CARGO) test -p asperity --test live_page pictures_of_a_run
+	ASPERITY_PICTURES=$(abspath docs) $(CARGO) test -p asperity --test live_pictures
 
 clean:
 	$(CARGO) clean
