@@ -89,7 +89,7 @@ fn a_pen_on_the_page_is_heard_while_it_moves_and_louder_when_it_is_faster() {
     let mean = |x: &[f64]| x.iter().sum::<f64>() / x.len() as f64;
     println!("{:.2} times as loud at eight times the speed", mean(&fast) / mean(&slow));
     assert!(slow.iter().all(|x| *x > 1e-4), "a slow stroke is not heard");
-    assert!(rest.iter().all(|x| *x < 0.01 * mean(&slow)), "a pen at rest is heard");
+    assert!(rest.iter().all(|x| *x < 0.05 * mean(&slow)), "a pen at rest is heard");
     assert!(mean(&fast) > 1.15 * mean(&slow), "a fast stroke is not louder");
 }
 

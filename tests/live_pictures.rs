@@ -66,6 +66,9 @@ fn painted(more: &[&str], width: u32, dark: bool) -> Option<(Live, Pen)> {
     Some((live, pen))
 }
 
+/// How often colours occur.
+type Counts = HashMap<[u8; 3], u32>;
+
 /// Writes a picture anew with the 256 colours that it has most of: a page has few, and edges between them.
 fn few_colours(file: &Path) {
     let mut reader = png::Decoder::new(BufReader::new(File::open(file).expect("a picture")))
@@ -76,7 +79,7 @@ fn few_colours(file: &Path) {
     let step = info.color_type.samples();
     // Edges in 32 steps of each colour look like edges.
     let near = |p: &[u8]| [0, 1, 2].map(|i| p[i] >> 3);
-    let mut counts: HashMap<[u8; 3], (u32, HashMap<[u8; 3], u32>)> = HashMap::new();
+    let mut counts: HashMap<[u8; 3], (u32, Counts)> = HashMap::new();
     for p in pixels.chunks_exact(step) {
         let (count, exact) = counts.entry(near(p)).or_default();
         *count += 1;
@@ -84,11 +87,11 @@ fn few_colours(file: &Path) {
     }
     let mut all: Vec<_> = counts.into_iter().collect();
     all.sort_by_key(|(near, (count, _))| (std::cmp::Reverse(*count), *near));
-    let exact = |of: &HashMap<[u8; 3], u32>| *of.iter().max_by_key(|(c, n)| (**n, **c)).expect("a colour").0;
+    let exact = |of: &Counts| *of.iter().max_by_key(|(c, n)| (**n, **c)).expect("a colour").0;
     let palette: Vec<[u8; 3]> = all.iter().take(256).map(|(_, (_, of))| exact(of)).collect();
     let far =
         |a: [u8; 3], b: [u8; 3]| (0..3).map(|i| (i32::from(a[i]) - i32::from(b[i])).pow(2)).sum::<i32>();
-    let place = |(near, (_, of)): &([u8; 3], (u32, HashMap<[u8; 3], u32>))| {
+    let place = |(near, (_, of)): &([u8; 3], (u32, Counts))| {
         let colour = exact(of);
         (*near, (0..palette.len()).min_by_key(|&k| far(palette[k], colour)).unwrap_or(0) as u8)
     };

@@ -172,7 +172,8 @@ fn the_hand_comes_out_with_z_up_and_the_floor_pushes_along_the_devices_y() {
     let handle = start(standin.options(), to, Some(reader)).unwrap();
     assert_eq!(handle.device().max_force_n, 3.3);
     assert_eq!(handle.device().max_stiffness_n_per_mm, Some(0.5));
-    assert_eq!((standin.long("standin_rate"), standin.int("standin_output")), (1000, 1));
+    // The scheduler is started once the device is known to be there.
+    until("the servo", || (standin.long("standin_rate"), standin.int("standin_output")) == (1000, 1));
     // 4 mm in a floor of 0.5 N/mm.
     until("the force", || (standin.force()[1] - 2.0).abs() < 1e-6);
     assert!(standin.force()[0] == 0.0 && standin.force()[2] == 0.0, "{:?}", standin.force());
