@@ -49,6 +49,9 @@ struct Sent {
     layout: Layout,
     /// What its sinks record, by node id.
     tapes: Vec<(String, TapeReader)>,
+    /// `audio_out` nodes by channel, and `audio_in` nodes by recorded channel.
+    channels: Vec<String>,
+    recorded: Vec<String>,
 }
 
 /// Changes a running graph from a control thread, and looks at it; the other end of a [`Player`].
@@ -305,13 +308,24 @@ fn wire(
             tapes_in.push((node.id.clone(), from));
         }
     }
+    // In the order of the file at first; afterwards each keeps its channel, wherever it stands.
+    let declared: Vec<&str> = graph.nodes.iter().map(|n| n.id.as_str()).collect();
+    let ordered = |kind: &str, was: Option<&Vec<String>>| {
+        let there = |id: &str| schedule.nodes.iter().any(|n| n.id == id && n.kind == kind);
+        let ids: Vec<String> = declared.iter().filter(|id| there(id)).map(|id| (*id).to_owned()).collect();
+        was.map_or(ids.clone(), |was| kept_in_place(was, &ids))
+    };
+    let channels = ordered("audio_out", before.map(|b| &b.channels));
+    let recorded = ordered("audio_in", before.map(|b| &b.recorded));
+    let places =
+        |ids: &[String]| ids.iter().map(|id| schedule.index_of(id).unwrap_or(usize::MAX)).collect::<Vec<_>>();
     let meters = NodeMeters::new(&schedule, before.map(|b| (&*b.schedule, &*b.meters)));
     let meters = Arc::new(meters);
     let wiring = Wiring {
         swap,
-        outs: of(&["audio_out"]).map(|(i, _)| i).collect(),
+        outs: places(&channels),
         hands,
-        mics: of(&["audio_in"]).enumerate().map(|(channel, (i, _))| (i, channel)).collect(),
+        mics: places(&recorded).into_iter().enumerate().map(|(channel, i)| (i, channel)).collect(),
         forces,
         scopes: scopes_out,
         tapes: tapes_out,
@@ -319,7 +333,28 @@ fn wire(
         spent: vec![0; schedule.nodes.len()],
     };
     let layout = layout(swap, graph, &schedule, materials);
-    (Sent { swap, schedule, meters, sources, scopes: scopes_in, layout, tapes: tapes_in }, Box::new(wiring))
+    (
+        Sent {
+            swap,
+            schedule,
+            meters,
+            sources,
+            scopes: scopes_in,
+            layout,
+            tapes: tapes_in,
+            channels,
+            recorded,
+        },
+        Box::new(wiring),
+    )
+}
+
+/// The nodes of a device by channel after a swap: who was there keeps its channel, and who is new takes the place of one
+/// that is gone.
+fn kept_in_place(was: &[String], are: &[String]) -> Vec<String> {
+    let mut new = are.iter().filter(|id| !was.contains(id));
+    let keep = |id: &String| if are.contains(id) { Some(id.clone()) } else { new.next().cloned() };
+    was.iter().filter_map(keep).collect()
 }
 
 /// When a source is too old, and how far behind it is read.
@@ -327,4 +362,17 @@ fn timing(params: &Params) -> (Delay, u64) {
     let ns = |ms: f64| (ms * 1e6) as u64;
     let delay = params.get_number("delay_ms").map_or(Delay::Auto, |ms| Delay::Fixed(ns(ms)));
     (delay, ns(params.number("timeout_ms")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nodes_that_change_places_in_a_file_keep_their_channels() {
+        let ids = |text: &str| text.split(' ').map(str::to_owned).collect::<Vec<_>>();
+        assert_eq!(kept_in_place(&ids("left right"), &ids("right left")), ids("left right"));
+        assert_eq!(kept_in_place(&ids("left right"), &ids("right other")), ids("other right"));
+        assert_eq!(kept_in_place(&ids("out"), &ids("renamed")), ids("renamed"));
+    }
 }

@@ -20,7 +20,9 @@ mod text;
 mod trace;
 
 use std::io;
-use std::sync::mpsc::{SyncSender, TrySendError};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::sync::mpsc::{Receiver, SyncSender, TryRecvError, TrySendError, sync_channel};
 use std::time::{Duration, Instant};
 
 use asperity_live::view::{Layout, Request, View};
@@ -33,11 +35,51 @@ use screen::Screen;
 /// Keys that are read before a frame; the rest waits for the next one.
 const KEYS: usize = 64;
 
+/// How long the keyboard is waited for before it is looked whether anybody still wants to know.
+const WAIT: Duration = Duration::from_millis(50);
+
+/// What is typed, read by a thread of its own: reading from a terminal whose window was closed may never come back.
+struct Typed {
+    events: Receiver<Event>,
+    over: Arc<AtomicBool>,
+}
+
+impl Typed {
+    fn start() -> io::Result<Self> {
+        let (to, events) = sync_channel(KEYS);
+        let over = Arc::new(AtomicBool::new(false));
+        let ended = over.clone();
+        let read = move || {
+            while !ended.load(Relaxed) {
+                let next = event::poll(WAIT).and_then(|there| there.then(event::read).transpose());
+                match next {
+                    Ok(Some(event)) => {
+                        if to.send(event).is_err() {
+                            break;
+                        }
+                    }
+                    Ok(None) => {}
+                    Err(_) => break,
+                }
+            }
+        };
+        std::thread::Builder::new().name("asperity-keys".into()).spawn(read)?;
+        Ok(Self { events, over })
+    }
+}
+
+impl Drop for Typed {
+    fn drop(&mut self) {
+        self.over.store(true, Relaxed);
+    }
+}
+
 /// A terminal that shows a running graph. Gives the terminal back when it is dropped, and when a panic ends the program.
 pub struct Terminal {
     board: Board,
     screen: Screen,
     requests: SyncSender<Request>,
+    typed: Typed,
     start: Instant,
 }
 
@@ -52,7 +94,8 @@ impl Terminal {
     /// [`io::ErrorKind::Unsupported`] where standard output is no terminal, [`io::ErrorKind::AlreadyExists`] while there is another
     /// `Terminal`, else what the system says.
     pub fn open(requests: SyncSender<Request>) -> io::Result<Self> {
-        Ok(Self { board: Board::default(), screen: Screen::open()?, requests, start: Instant::now() })
+        let screen = Screen::open()?;
+        Ok(Self { board: Board::default(), screen, requests, typed: Typed::start()?, start: Instant::now() })
     }
 
     /// Takes over another graph, or the same one with other values or materials.
@@ -84,13 +127,11 @@ impl Terminal {
 
     fn read_keys(&mut self, time: Duration) -> io::Result<()> {
         for _ in 0..KEYS {
-            if !event::poll(Duration::ZERO)? {
-                break;
-            }
-            if let Event::Key(key) = event::read()?
-                && self.board.press(key, time) == Answer::Redraw
-            {
-                self.screen.redraw();
+            match self.typed.events.try_recv() {
+                Ok(Event::Key(key)) if self.board.press(key, time) == Answer::Redraw => self.screen.redraw(),
+                Ok(_) => {}
+                Err(TryRecvError::Empty) => break,
+                Err(TryRecvError::Disconnected) => return Err(io::ErrorKind::BrokenPipe.into()),
             }
         }
         Ok(())

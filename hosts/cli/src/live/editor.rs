@@ -1,5 +1,6 @@
 //! A graph that changes while it is played: its files, and what a person chooses.
 
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -10,7 +11,7 @@ use asperity_live::view::Materials;
 use asperity_node::ParamKind;
 use asperity_world::material::Library;
 
-use super::hands::Hands;
+use super::hands::{Hands, Opened};
 use crate::args::GraphArgs;
 use crate::failure::Failure;
 use crate::kinds::Kinds;
@@ -122,13 +123,25 @@ impl Editor {
         hands: &mut Hands,
     ) -> Result<String, Failure> {
         let Made { graph, compiled, materials } = self.make()?;
-        same_channels(conductor.schedule(), &compiled.schedule).map_err(Failure::Machine)?;
+        let schedule = conductor.schedule();
+        same_channels(schedule, &compiled.schedule).map_err(Failure::Machine)?;
+        let rates = |s: &Schedule| (s.tick_hz, s.audio_hz);
+        if rates(schedule) == rates(&compiled.schedule) && !conductor.ready() {
+            return Err(Failure::Machine("earlier changes are still under way: try again".into()));
+        }
         let new_ends = conductor.needs_ends(&compiled.schedule);
-        let ends = hands.open(&compiled.schedule, &new_ends)?;
+        let schedule = compiled.schedule.clone();
+        let mut opened = if rates(&schedule) == rates(conductor.schedule()) {
+            hands.open(&schedule, &new_ends)?
+        } else {
+            Opened::default()
+        };
+        let ends = std::mem::take(&mut opened.ends);
         let report = conductor.swap(compiled, &graph, nodes, ends, materials).map_err(|e| {
             let anew = matches!(e, SwapError::TickRate { .. } | SwapError::AudioRate { .. });
             Failure::Machine(if anew { format!("the graph {e}") } else { e.to_string() })
         })?;
+        hands.go_on_with(opened, &schedule)?;
         Ok(if report.is_nothing() { "nothing that is heard".into() } else { report.to_string() })
     }
 
@@ -180,17 +193,21 @@ impl Editor {
 
 /// A device has the channels it was opened with.
 fn same_channels(old: &Schedule, new: &Schedule) -> Result<(), String> {
-    for kind in ["audio_out", "audio_in"] {
-        let of = |s: &Schedule| -> Vec<Option<i64>> {
-            s.nodes.iter().filter(|n| n.kind == kind).map(|n| n.params.get_integer("channel")).collect()
-        };
-        if of(old) != of(new) {
-            return Err(format!(
-                "the channels of the device would change (`{kind}`): stop the run and start it again"
-            ));
-        }
-    }
-    Ok(())
+    let of = |s: &Schedule, kind: &str| -> BTreeMap<String, Option<i64>> {
+        let nodes = s.nodes.iter().filter(|n| n.kind == kind);
+        nodes.map(|n| (n.id.clone(), n.params.get_integer("channel"))).collect()
+    };
+    let (outs, were) = (of(new, "audio_out"), of(old, "audio_out"));
+    // One that goes by another name goes on where it was; of several nobody could say which is which.
+    let gone = were.keys().filter(|id| !outs.contains_key(*id)).count();
+    let kind = if outs.len() != were.len() || gone > 1 {
+        "audio_out"
+    } else if of(new, "audio_in") != of(old, "audio_in") {
+        "audio_in"
+    } else {
+        return Ok(());
+    };
+    Err(format!("the channels of the device would change (`{kind}`): stop the run and start it again"))
 }
 
 /// The textures that each network of a graph may be given: those of its library.

@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use asperity_graph::{Schedule, ScheduledNode};
 use asperity_hand::servo::passivity::{DeviceDamping, passivity};
 use asperity_hand::{Frame, HandError, Handle, haply, openhaptics, osc};
+use asperity_live::view::Layout;
 use asperity_live::{Ends, ForceReader, SampleWriter, force_model, samples};
 use asperity_source::Diagnostic;
 
@@ -20,13 +21,15 @@ pub struct Hands {
     open: HashMap<String, Handle>,
     /// What the live page's pointers are sent into; taken by the page.
     pointer: Option<SampleWriter>,
+    /// Walls that were warned of.
+    warned: Vec<String>,
 }
 
 impl Hands {
-    /// Opens what these nodes of a graph need. What they had open before is closed once the new is there; before, where both
-    /// cannot be open at once.
-    pub fn open(&mut self, schedule: &Schedule, ids: &[String]) -> Result<Ends, Failure> {
-        let mut ends = Ends::default();
+    /// Opens what these nodes of a graph need, beside what is open. A device or a port that is held already is left for
+    /// [`go_on_with`](Self::go_on_with): nothing that is open is closed before the graph is taken over.
+    pub fn open(&self, schedule: &Schedule, ids: &[String]) -> Result<Opened, Failure> {
+        let mut opened = Opened::default();
         let mut wanted = ids.to_vec();
         let mut models: HashMap<String, ForceReader> = HashMap::new();
         for node in schedule.nodes.iter().filter(|n| n.kind.ends_with("_force")) {
@@ -34,7 +37,7 @@ impl Hands {
             let input = input_of(schedule, node)?;
             if ids.contains(&node.id) || ids.contains(&input.id) {
                 let (writer, reader) = force_model();
-                ends.forces.insert(node.id.clone(), writer);
+                opened.ends.forces.insert(node.id.clone(), writer);
                 models.insert(input.id.clone(), reader);
                 wanted.push(input.id.clone());
             }
@@ -42,25 +45,38 @@ impl Hands {
         let nodes = schedule.nodes.iter().filter(|n| n.kind.ends_with("_input") && wanted.contains(&n.id));
         for node in nodes {
             let (writer, reader) = samples();
-            ends.hands.insert(node.id.clone(), reader);
+            opened.ends.hands.insert(node.id.clone(), reader);
             if node.kind == "pointer_input" {
-                self.pointer = Some(writer);
+                opened.pointer = Some(writer);
                 continue;
             }
             let most = force_of(schedule, node).map_or(f64::INFINITY, |f| f.params.number("max_force_n"));
-            let source = Source { node, most, writer, model: models.remove(&node.id) };
-            let handle = self.start(source).map_err(|e| refused(node, &e))?;
-            self.open.insert(node.id.clone(), handle);
+            let source = Source { node: node.clone(), most, writer, model: models.remove(&node.id) };
+            if self.open.get(&node.id).is_some_and(|held| source.excludes(held)) {
+                opened.later.push(source);
+            } else {
+                let handle = source.start().map_err(|e| refused(node, &e))?;
+                opened.handles.push((node.id.clone(), handle));
+            }
         }
-        Ok(ends)
+        Ok(opened)
     }
 
-    fn start(&mut self, source: Source<'_>) -> Result<Handle, HandError> {
-        let id = &source.node.id;
-        if self.open.get(id).is_some_and(|_| source.excludes_another()) {
-            drop(self.open.remove(id));
+    /// Goes on with what was opened for a graph that is being taken over: closes what it no longer needs, and opens what had to wait
+    /// for that.
+    pub fn go_on_with(&mut self, opened: Opened, schedule: &Schedule) -> Result<(), Failure> {
+        self.open.retain(|id, _| schedule.index_of(id).is_some());
+        self.open.extend(opened.handles);
+        if opened.pointer.is_some() {
+            self.pointer = opened.pointer;
         }
-        source.start()
+        for source in opened.later {
+            let node = source.node.clone();
+            drop(self.open.remove(&node.id));
+            let handle = source.start().map_err(|e| refused(&node, &e))?;
+            self.open.insert(node.id, handle);
+        }
+        Ok(())
     }
 
     /// Where the live page's pointers are to be sent, once after it was opened.
@@ -77,10 +93,13 @@ impl Hands {
         self.open.iter().flat_map(of).collect()
     }
 
-    /// Walls that their device may not render without trembling, with the figures.
-    pub fn warnings(&self, schedule: &Schedule) -> Vec<String> {
+    /// Walls that their device may not render without trembling, with the figures: those that were not warned of before.
+    pub fn warnings(&mut self, schedule: &Schedule, live: &Layout) -> Vec<String> {
         let walls = schedule.nodes.iter().filter(|n| n.kind.ends_with("_force"));
-        walls.filter_map(|node| warning(schedule, node, self)).collect()
+        let now: Vec<String> = walls.filter_map(|node| warning(schedule, live, node, self)).collect();
+        let news = now.iter().filter(|w| !self.warned.contains(w)).cloned().collect();
+        self.warned = now;
+        news
     }
 }
 
@@ -117,25 +136,31 @@ fn refused(node: &ScheduledNode, error: &HandError) -> Failure {
     at(node, Diagnostic::new(message).help(error.help.clone())).into()
 }
 
-/// Whether somebody listens at an address; one that makes no sense is told of when it is opened.
-fn is_taken(listen: &str) -> bool {
-    osc::parse_listen(listen).is_ok_and(|at| std::net::UdpSocket::bind(at).is_err())
+/// What was opened for a graph, and is not yet gone on with.
+#[derive(Default)]
+pub struct Opened {
+    /// The ends of nodes.
+    pub ends: Ends,
+    handles: Vec<(String, Handle)>,
+    pointer: Option<SampleWriter>,
+    /// Sources whose device or port is held by the one before.
+    later: Vec<Source>,
 }
 
 /// A source that is to be started.
-struct Source<'s> {
-    node: &'s ScheduledNode,
+struct Source {
+    node: ScheduledNode,
     /// Largest force \[N\].
     most: f64,
     writer: SampleWriter,
     model: Option<ForceReader>,
 }
 
-impl Source<'_> {
-    /// Whether the one that this node had has to be closed first: it holds the device or the port.
-    fn excludes_another(&self) -> bool {
-        // A port may be another one now; whether it is, the socket knows best.
-        self.node.kind != "osc_input" || is_taken(self.node.params.text("listen"))
+impl Source {
+    /// Whether the one that this node has now has to be closed first: it holds the device or the port.
+    fn excludes(&self, held: &Handle) -> bool {
+        let listens = || osc::parse_listen(self.node.params.text("listen")).ok();
+        self.node.kind != "osc_input" || (held.address().is_some() && held.address() == listens())
     }
 
     fn start(self) -> Result<Handle, HandError> {
@@ -170,13 +195,16 @@ impl Source<'_> {
 }
 
 /// Colgate's bound for one wall, where it does not hold.
-fn warning(schedule: &Schedule, node: &ScheduledNode, hands: &Hands) -> Option<String> {
+fn warning(schedule: &Schedule, live: &Layout, node: &ScheduledNode, hands: &Hands) -> Option<String> {
     let input = input_of(schedule, node).ok()?;
     let handle = hands.open.get(&input.id);
-    // The plane's figures are known beforehand where they come from a node that has them as parameters.
+    // The plane's figures are known beforehand where they come from a node that has them as parameters, which a person may have
+    // moved since.
     let number = |input: &str, param: &str| {
         let port = node.inputs.iter().find(|i| i.name == input)?;
-        schedule.nodes[port.from?.0].params.get_number(param)
+        let from = &schedule.nodes[port.from?.0];
+        let moved = live.nodes.iter().find(|n| n.id == from.id)?.live.iter().find(|l| l.name == param);
+        moved.map(|l| l.value).or(from.params.get_number(param))
     };
     let stiffness = number("stiffness", "stiffness_n_per_mm")?;
     let damping = number("damping", "damping_ns_per_m").unwrap_or(0.0);

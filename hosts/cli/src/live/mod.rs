@@ -6,8 +6,9 @@ mod hands;
 pub mod perform;
 mod report;
 mod shows;
+mod speaker;
 
-use std::collections::HashMap;
+use std::collections::{HashMap, VecDeque};
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
@@ -20,7 +21,7 @@ use asperity_live::{Conductor, FORCES, HANDS, Session, conduct, mic};
 use asperity_source::Diagnostic;
 
 use crate::args::Run;
-use crate::failure::{Failure, complain, print, warn};
+use crate::failure::{Failure, print, warn};
 use crate::load;
 use crate::output::Pending;
 use crate::render::record::Recorder;
@@ -32,6 +33,8 @@ use shows::Shows;
 /// Ticks that one call of a node may take, unless `--limit-us` says otherwise. A machine that is busy with other things stalls
 /// for a few ticks now and then; that is no fault of the node.
 const LIMIT_TICKS: u64 = 10;
+/// And at least so long, at any rate of ticks: machines stall by 14 ms and more.
+const LIMIT_NS: u64 = 50_000_000;
 /// How often devices, files and pages are looked after.
 const PACE: Duration = Duration::from_micros(16_667);
 /// Longest run that may be asked for, in seconds: a year.
@@ -62,10 +65,9 @@ pub fn run(args: &Run) -> Result<ExitCode, Failure> {
     let mut hands = Hands::default();
     let outside = |kind: &str| HANDS.contains(&kind) || FORCES.contains(&kind);
     let ids: Vec<String> = schedule.nodes.iter().filter(|n| outside(&n.kind)).map(|n| n.id.clone()).collect();
-    let ends = hands.open(schedule, &ids)?;
-    for warning in hands.warnings(schedule) {
-        warn(&warning);
-    }
+    let mut opened = hands.open(schedule, &ids)?;
+    let ends = std::mem::take(&mut opened.ends);
+    hands.go_on_with(opened, schedule)?;
     if args.page.is_none() {
         for node in schedule.nodes.iter().filter(|n| n.kind == "pointer_input") {
             warn(&format!("`{}` is moved on the live page, and nobody serves it: add --page", node.id));
@@ -77,8 +79,8 @@ pub fn run(args: &Run) -> Result<ExitCode, Failure> {
 
     let stop = stop_flag();
     let mut shows = Shows::open(args, &mut hands)?;
-    let limit_ns =
-        args.limit_us.map_or(LIMIT_TICKS * 1_000_000_000 / u64::from(schedule.tick_hz), |us| us * 1000);
+    let ticks_ns = LIMIT_TICKS * 1_000_000_000 / u64::from(schedule.tick_hz);
+    let limit_ns = args.limit_us.map_or(ticks_ns.max(LIMIT_NS), |us| us * 1000);
     let options = Options { sleep: !args.no_sleep, limit_ns: Some(limit_ns) };
     let recorded = request.as_ref().map_or(0, |r| r.inputs.len());
     let (mic_writer, mic_reader) = if recorded > 0 {
@@ -91,21 +93,27 @@ pub fn run(args: &Run) -> Result<ExitCode, Failure> {
     let session_options = card::options(&args.device, request);
     let session = Session::start(conductor, player, mic_writer, session_options).map_err(card::failed)?;
 
-    let mut stage = Stage { session, editor, hands, recorders: &mut recorders, lost: 0 };
+    let mut stage =
+        Stage { session, editor, hands, recorders: &mut recorders, materials: VecDeque::new(), lost: 0 };
     let outcome = stage.play(&mut shows, &stop, ticks);
     let Stage { session, lost, .. } = stage;
     let grants = session.grants();
     let mut ended = session.stop();
     let tick_hz = ended.conductor.schedule().tick_hz;
-    let lost = lost.max(drain(&mut ended.conductor, &mut recorders, tick_hz)?);
+    let drained = drain(&mut ended.conductor, &mut recorders, tick_hz);
+    let lost = drained.as_ref().map_or(lost, |now| lost.max(*now));
     let picture = shows.close();
-    outcome?;
     let mut written = Vec::new();
     if let (Some(file), Some(svg)) = (picture_file, picture) {
         written.push(file.keep_text(&svg)?);
     }
+    // What was recorded until then is kept, whatever ended the run.
     for recorder in recorders.into_values() {
-        written.push(recorder.keep()?);
+        let (filled, path) = (recorder.filled(), recorder.keep()?);
+        if filled > 0 {
+            warn(&format!("{}: {filled} values of ticks that were left out stand as 0", path.display()));
+        }
+        written.push(path);
     }
     if lost > 0 {
         warn(&format!("{lost} ticks were not recorded: the disk was too slow"));
@@ -117,6 +125,7 @@ pub fn run(args: &Run) -> Result<ExitCode, Failure> {
     if !args.quiet {
         print(&report::summary(&run, &written))?;
     }
+    outcome.and(drained)?;
     Ok(if ended.view.condition == Condition::Failed { ExitCode::FAILURE } else { ExitCode::SUCCESS })
 }
 
@@ -126,6 +135,8 @@ struct Stage<'a> {
     editor: Editor,
     hands: Hands,
     recorders: &'a mut HashMap<String, Recorder>,
+    /// Textures that were chosen and not yet made.
+    materials: VecDeque<Request>,
     /// Ticks that were not recorded.
     lost: u64,
 }
@@ -139,10 +150,15 @@ impl Stage<'_> {
                 shows.say(&notice);
             }
             self.hands.problems().iter().for_each(|p| shows.say(p));
-            let mut asked_to_stop = stop.load(Relaxed);
-            for request in shows.requests() {
-                asked_to_stop |= request == Request::Stop;
-                self.serve(&request, shows);
+            let asked_to_stop = self.serve_all(shows) || stop.load(Relaxed);
+            for warning in self
+                .hands
+                .warnings(&self.session.conductor().schedule().clone(), self.session.conductor().layout())
+            {
+                shows.say(&format!("warning: {warning}"));
+            }
+            if asked_to_stop {
+                return Ok(());
             }
             if let Some(said) = self.editor.look(self.session.conductor(), &mut self.hands) {
                 shows.say(&said);
@@ -152,14 +168,14 @@ impl Stage<'_> {
             let view = self.session.view();
             let done = ticks.is_some_and(|ticks| view.ticks >= ticks);
             let (condition, losses) = (view.condition, view.losses);
-            shows.show(view, self.session.conductor().layout());
+            shows.show(view, self.session.conductor().layout(), &mut self.hands);
             if !self.session.goes_on() {
                 return Err(Failure::Machine(match condition {
                     Condition::Failed => "the engine panicked, and the output was ramped down".into(),
                     _ => format!("the device is lost ({losses} losses), and --no-reconnect gives up"),
                 }));
             }
-            if done || asked_to_stop {
+            if done {
                 return Ok(());
             }
             next = (next + PACE).max(Instant::now());
@@ -167,7 +183,29 @@ impl Stage<'_> {
         }
     }
 
-    /// Does what a person asks for.
+    /// Does what a person asked for since the last time; of materials, which take a while to make, the newest of one node at
+    /// a time, so that nothing else has to wait for them. Answers whether the run is to stop.
+    fn serve_all(&mut self, shows: &mut Shows) -> bool {
+        for request in shows.requests() {
+            match &request {
+                Request::Stop => return true,
+                Request::Material { node, .. } => {
+                    self.materials
+                        .retain(|r| !matches!(r, Request::Material { node: other, .. } if other == node));
+                    self.materials.push_back(request);
+                }
+                _ => self.serve(&request, shows),
+            }
+        }
+        if self.session.conductor().ready()
+            && let Some(material) = self.materials.pop_front()
+        {
+            self.serve(&material, shows);
+        }
+        false
+    }
+
+    /// Does one thing that a person asks for.
     fn serve(&mut self, request: &Request, shows: &mut Shows) {
         let done = match request {
             Request::Set { node, param, value } => {
@@ -221,12 +259,5 @@ fn ticks(args: &Run, schedule: &Schedule) -> Result<Option<u64>, Failure> {
             .help(format!("above 0, at most {MAX_SECONDS} s"))
             .into()),
         None => Ok(schedule.duration_ticks().filter(|&t| t > 0)),
-    }
-}
-
-/// Says something where no terminal page is in the way.
-fn say(quiet: bool, text: &str) {
-    if !quiet {
-        complain(&format!("{text}\n"));
     }
 }

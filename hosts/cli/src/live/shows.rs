@@ -9,7 +9,7 @@ use asperity_terminal::Terminal;
 use asperity_terminal::picture::Follower;
 
 use super::hands::Hands;
-use super::say;
+use super::speaker::Speaker;
 use crate::args::Run;
 use crate::failure::Failure;
 
@@ -28,7 +28,7 @@ pub struct Shows {
     /// Kept so that the channel stays open where nobody looks.
     _sender: SyncSender<Request>,
     layout: Option<Layout>,
-    quiet: bool,
+    speaker: Speaker,
     begun: bool,
 }
 
@@ -36,13 +36,14 @@ impl Shows {
     /// Opens what the command line asks for: before there is an engine, whose way with panics is to be the outer one.
     pub fn open(args: &Run, hands: &mut Hands) -> Result<Self, Failure> {
         let (sender, requests) = sync_channel(REQUESTS);
+        let speaker = Speaker::new(args.quiet || args.tui);
         let page = match args.page {
             Some(port) => {
                 let feed = Arc::new(Feed::new());
                 let options = asperity_page::Options { port, ..asperity_page::Options::default() };
                 let page = serve(options, feed.clone(), sender.clone(), hands.take_pointer())
                     .map_err(|e| Failure::Machine(format!("cannot serve the page at port {port}: {e}")))?;
-                say(args.quiet && !args.tui, &format!("the page: {}", page.url()));
+                speaker.say(&format!("the page: {}", page.url()));
                 Some((page, feed))
             }
             None => None,
@@ -54,10 +55,9 @@ impl Shows {
             ),
             false => None,
         };
-        let quiet = args.quiet || args.tui;
         let picture = args.picture.is_some().then(Follower::default);
         let mut it =
-            Self { page, terminal, picture, requests, _sender: sender, layout: None, quiet, begun: false };
+            Self { page, terminal, picture, requests, _sender: sender, layout: None, speaker, begun: false };
         if let (Some((page, _)), Some(terminal)) = (&it.page, &mut it.terminal) {
             terminal.note(&format!("the page: {}", page.url()));
         }
@@ -73,12 +73,17 @@ impl Shows {
     pub fn say(&mut self, text: &str) {
         match &mut self.terminal {
             Some(terminal) => terminal.note(text),
-            None => say(self.quiet, text),
+            None => self.speaker.say(text),
         }
     }
 
     /// Shows figures of the moment, and the graph where it changed.
-    pub fn show(&mut self, view: View, layout: &Layout) {
+    pub fn show(&mut self, view: View, layout: &Layout, hands: &mut Hands) {
+        if let Some((page, _)) = &self.page
+            && let Some(pointer) = hands.take_pointer()
+        {
+            page.set_pointer(pointer);
+        }
         if self.layout.as_ref() != Some(layout) {
             if let Some((_, feed)) = &self.page {
                 feed.publish_layout(layout.clone());
@@ -112,6 +117,7 @@ impl Shows {
 
     /// Gives the terminal back and closes the page. Answers the picture that was asked for.
     pub fn close(self) -> Option<String> {
+        self.speaker.close();
         self.picture.map(|mut follower| follower.svg(COLUMNS, ROWS))
     }
 }

@@ -19,7 +19,13 @@ pub struct Recorder {
     columns: usize,
     shape: Shape,
     scratch: Vec<f32>,
+    /// The row that comes next.
+    next: u64,
+    filled: u64,
 }
+
+/// Most samples of a mono WAV file of 32-bit floats, with room for its head.
+const MOST_WAV: u64 = (1 << 30) - 1024;
 
 /// The file that a sink wants written, if it wants one.
 pub fn file_of(node: &ScheduledNode) -> Option<&Path> {
@@ -81,7 +87,7 @@ impl Recorder {
             ("wav", Shape::Audio { rate_hz }) => Rows::wav(path, 1, rate_hz, Format::F32)?,
             _ => return Err(unknown_format(path, "a .csv or .npy file; .wav for audio").into()),
         };
-        Ok(Self { rows, from, columns, shape, scratch: Vec::new() })
+        Ok(Self { rows, from, columns, shape, scratch: Vec::new(), next: 0, filled: 0 })
     }
 
     /// Takes down the tick that has just run.
@@ -124,7 +130,31 @@ impl Recorder {
             Shape::Audio { rate_hz } => rate_hz,
             Shape::Magnitude(l) | Shape::Spectrum(l) => l.rate_hz,
         };
+        let even = matches!(self.shape, Shape::Control { .. } | Shape::Audio { .. });
+        // A line of a CSV file has its time; elsewhere what was left out has to stand for itself.
+        if even && ending(self.rows.path()) != "csv" {
+            let zeros = vec![0.0; 1024 * self.columns];
+            while self.next < start {
+                let rows = (start - self.next).min(1024) as usize;
+                self.rows.append(&zeros[..rows * self.columns], self.columns, |_| 0.0)?;
+                self.next += rows as u64;
+                self.filled += rows as u64;
+            }
+        }
+        let rows = (values.len() / self.columns.max(1)) as u64;
+        self.next = start + rows;
+        if ending(self.rows.path()) == "wav" && self.next > MOST_WAV {
+            let path = self.rows.path().display();
+            return Err(Failure::Machine(format!(
+                "{path} is full: a WAV file holds 4 GiB; record a .npy file"
+            )));
+        }
         self.rows.append(values, self.columns, |i| (start + i as u64) as f64 / f64::from(rate_hz))
+    }
+
+    /// Rows of 0 that stand for what was left out.
+    pub fn filled(&self) -> u64 {
+        self.filled
     }
 
     /// Goes on with the same node where another graph has been taken over.

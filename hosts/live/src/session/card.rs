@@ -57,6 +57,12 @@ impl Card {
         Ok(Self { stream, events, give, playing: false, opened: Instant::now() })
     }
 
+    /// The request for exactly this device.
+    pub(super) fn pinned(&self, request: &Request) -> Request {
+        let (device, input_device) = (Some(self.stream.id()), self.stream.input_id());
+        Request { host: None, device, input_device, ..request.clone() }
+    }
+
     pub(super) fn stream(&self) -> &Stream {
         &self.stream
     }

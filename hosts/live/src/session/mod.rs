@@ -79,6 +79,8 @@ pub struct Session {
     muted: bool,
     /// Since when the device has been lost, or was last looked for.
     lost: Option<Instant>,
+    /// Why it was not back when it was last looked for.
+    why: String,
     /// A lost device that is being opened, which may take seconds.
     opening: Option<JoinHandle<Result<Card, OpenError>>>,
     /// What a device said of itself while it was there, for the view.
@@ -131,6 +133,7 @@ impl Session {
             told: false,
             muted: false,
             lost: None,
+            why: String::new(),
             opening: None,
             name: String::new(),
             notices: Vec::new(),
@@ -142,6 +145,8 @@ impl Session {
             Some(request) => {
                 let card = Card::open(&request, it.mic.as_ref()).map_err(SessionError::Device)?;
                 it.name = card.name();
+                // What comes back after a loss is this one, though it was a default that was asked for.
+                it.options.device = Some(card.pinned(&request));
                 it.notices.extend(card.stream().notes().iter().cloned());
                 it.card = Some(card);
                 it.advance()?;
@@ -370,8 +375,19 @@ impl Session {
                 self.notices.push(format!("`{}` is back", self.name));
                 self.card = Some(card);
                 self.lost = None;
+                self.why.clear();
             }
-            Some(Err(_)) | None => self.lost = Some(Instant::now()),
+            Some(Err(error)) => self.still_lost(error.to_string()),
+            None => self.still_lost("opening it failed".into()),
+        }
+    }
+
+    /// A lost device could not be opened: why, where that is news.
+    fn still_lost(&mut self, why: String) {
+        self.lost = Some(Instant::now());
+        if self.why != why {
+            self.notices.push(format!("`{}` is not back: {why}", self.name));
+            self.why = why;
         }
     }
 
