@@ -39,7 +39,8 @@ fn installed(program: &str, package: &str) -> bool {
     found
 }
 
-fn signal(pid: u32, name: &str) {
+/// Sends a signal by its name, such as `INT`.
+pub(crate) fn signal(pid: u32, name: &str) {
     let _ = Command::new("kill").arg(format!("-{name}")).arg(pid.to_string()).stderr(Stdio::null()).status();
 }
 
@@ -131,13 +132,34 @@ pub(crate) trait Server {
 pub(crate) struct Jack {
     child: Child,
     name: String,
+    /// Keeps the name while the server runs; none for a server that comes back under one.
+    claim: Option<std::fs::File>,
+}
+
+/// A name that no server has now, and what keeps it. JACK has room for eight names on a machine, and keeps that of a server which
+/// was killed until another one of the same name starts: so the same few are used again and again.
+fn claim() -> (String, std::fs::File) {
+    let began = Instant::now();
+    loop {
+        for n in 0..3 {
+            let file = std::env::temp_dir().join(format!("asperity-jack-{n}.lock"));
+            let file = std::fs::File::create(file).expect("a lock file");
+            if file.try_lock().is_ok() {
+                return (format!("asperity-{n}"), file);
+            }
+        }
+        assert!(began.elapsed() < 20 * PATIENCE, "other tests run JACK all the time");
+        std::thread::sleep(Duration::from_millis(100));
+    }
 }
 
 impl Jack {
     /// Starts one and waits until its driver runs. None, with a line that says so, where JACK is not installed.
     pub(crate) fn start(rate_hz: u32, period: u32) -> Option<Self> {
-        let name = unique("jack");
-        Self::named(&name, rate_hz, period)
+        let (name, claim) = claim();
+        let mut server = Self::named(&name, rate_hz, period)?;
+        server.claim = Some(claim);
+        Some(server)
     }
 
     /// The same under a name of the caller's choice: one that was used before, for a server that comes back.
@@ -154,11 +176,11 @@ impl Jack {
     fn spawn(name: &str, rate_hz: u32, period: u32, scheduling: &[&str]) -> Option<Self> {
         let (rate, period) = (rate_hz.to_string(), period.to_string());
         let mut command = Command::new("jackd");
-        command.args(scheduling).args(["-n", name, "-S", "-t", "5000", "-d", "dummy"]);
+        command.args(scheduling).args(["-n", name, "-S", "-t", "500", "-d", "dummy"]);
         command.args(["-r", &rate, "-p", &period, "-C", "2", "-P", "2"]);
         command.env("JACK_NO_AUDIO_RESERVATION", "1").env("JACK_DEFAULT_SERVER", name);
         let child = command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null()).spawn().ok()?;
-        let mut server = Self { child, name: name.to_owned() };
+        let mut server = Self { child, name: name.to_owned(), claim: None };
         let began = Instant::now();
         while began.elapsed() < PATIENCE && matches!(server.child.try_wait(), Ok(None)) {
             let sockets = files(name);

@@ -89,7 +89,7 @@ pub fn measure(args: &LatencyArgs) -> Result<Around, Failure> {
     let mut last = View::default();
     let mut view = |view: &View, listener: &Listener| {
         if !view.clock.is_empty() && view.seconds > SETTLE_S {
-            trials.step(&hand, listener);
+            trials.step(&hand, listener, view);
         }
         last.clone_from(view);
         !trials.over()
@@ -108,7 +108,7 @@ pub fn measure(args: &LatencyArgs) -> Result<Around, Failure> {
         )));
     }
     let tick_ms = 1e3 / TICK_HZ;
-    let mut items = last.latency_ms;
+    let mut items = trials.items();
     if args.inside {
         // A cable inside a server has no card on it.
         items.retain(|(what, _)| !what.starts_with("device"));
@@ -175,6 +175,8 @@ struct Trials {
     wanted: u32,
     level: f32,
     measured_ms: Vec<f64>,
+    /// What was declared at each: a lead follows the device, and a machine that is busy makes it longer in mid-run.
+    declared: Vec<Vec<(String, f64)>>,
     missed: u32,
     /// Since when the hand is down, or up.
     since: Instant,
@@ -186,7 +188,16 @@ struct Trials {
 impl Trials {
     fn new(wanted: u32, level: f64) -> Self {
         let since = Instant::now();
-        Self { wanted, level: level as f32, measured_ms: Vec::new(), missed: 0, since, down: false, phase: 0 }
+        Self {
+            wanted,
+            level: level as f32,
+            measured_ms: Vec::new(),
+            declared: Vec::new(),
+            missed: 0,
+            since,
+            down: false,
+            phase: 0,
+        }
     }
 
     fn over(&self) -> bool {
@@ -194,7 +205,7 @@ impl Trials {
     }
 
     /// Goes on with the trial under way.
-    fn step(&mut self, hand: &Hand, listener: &Listener) {
+    fn step(&mut self, hand: &Hand, listener: &Listener, view: &View) {
         // The golden ratio's multiples are spread evenly over a tick.
         let wait = Duration::from_micros(120_000 + u64::from(self.phase.wrapping_mul(1236) % 2000));
         if !self.down && self.since.elapsed() >= wait {
@@ -210,11 +221,24 @@ impl Trials {
                 Some(ns) => {
                     let touched = hand.touched_ns.load(Acquire);
                     self.measured_ms.push((ns as f64 - touched as f64) * 1e-6);
+                    self.declared.push(view.latency_ms.clone());
                 }
                 None => self.missed += 1,
             }
             hand.down.store(false, Release);
             (self.down, self.since) = (false, Instant::now());
         }
+    }
+
+    /// The median of each item that was declared.
+    fn items(&self) -> Vec<(String, f64)> {
+        let names = self.declared.last().into_iter().flatten().map(|(what, _)| what);
+        let median = |name: &String| {
+            let all = self.declared.iter().flatten().filter(|(what, _)| what == name);
+            let mut all: Vec<f64> = all.map(|(_, ms)| *ms).collect();
+            all.sort_by(f64::total_cmp);
+            (name.clone(), all.get(all.len() / 2).copied().unwrap_or(0.0))
+        };
+        names.map(median).collect()
     }
 }

@@ -1,0 +1,174 @@
+//! `asperity run` on a real JACK server, heard sample by sample beside the same graph rendered offline.
+//!
+//! On a machine that is busy the server itself runs late now and then. What the program leaves out for it is no failure, but must be what it
+//! counts. Freewheel is for the callback clock: a paced thread keeps to time.
+
+mod common;
+#[path = "common/ear.rs"]
+mod ear;
+#[path = "common/played.rs"]
+mod played;
+#[path = "common/servers.rs"]
+mod servers;
+
+use std::f64::consts::PI;
+
+use ear::heard_from_the_start;
+use played::{
+    CLICK_TICK, Counted, Followed, START_S, assert_no_clicks, assert_ramps_down, counted, first_sound, follow,
+};
+use servers::{Jack, inside};
+use std::time::Duration;
+
+/// How long a program is held.
+const HELD: Duration = Duration::from_millis(100);
+
+/// What happens to a run.
+struct Run {
+    rate_hz: u32,
+    /// Frames of a callback.
+    period: usize,
+    /// Seconds in real time.
+    seconds: usize,
+    /// Seconds as fast as the server goes.
+    wheeled: usize,
+    /// Whether the program is held for 100 ms in the middle.
+    held: bool,
+    /// The signal that ends it.
+    end: &'static str,
+}
+
+const RUN: Run = Run { rate_hz: 48_000, period: 64, seconds: 5, wheeled: 0, held: false, end: "INT" };
+
+/// Plays, stops, and lays what was heard beside what is rendered.
+fn plays_what_is_rendered(run: &Run) {
+    let &Run { rate_hz, period, seconds, wheeled, .. } = run;
+    let dir = tempfile::tempdir().unwrap();
+    played::write_graph(dir.path(), rate_hz);
+    let rate = rate_hz as usize;
+    let in_callback = period * 500 <= rate;
+    // A paced thread listens first, and the ramp has begun by then.
+    let faint = if in_callback { 1e-12 } else { 1e-8 };
+    let (program, ear) = heard_from_the_start(dir.path(), &[], (seconds + wheeled + 30) * rate, faint);
+    ear.wait(seconds * rate);
+    if run.held {
+        program.signal("STOP");
+        std::thread::sleep(HELD);
+        program.signal("CONT");
+        ear.wait(rate);
+    }
+    if wheeled > 0 {
+        ear.freewheel(wheeled * rate);
+    }
+    program.signal(run.end);
+    program.end().ok();
+    // Silence to the end is heard too.
+    ear.wait(rate / 10);
+    let heard = ear.stop();
+    let count = counted(dir.path());
+    let rendered = played::offline(dir.path(), count.ticks);
+    let channel = |n: usize, of: &[[f32; 2]]| -> Vec<f32> { of.iter().map(|frame| frame[n]).collect() };
+    let (one, offline) = (channel(0, &heard), channel(0, &rendered));
+    let begin = first_sound(one.iter().copied()).unwrap();
+    let start = begin as i64 - first_sound(offline.iter().copied()).unwrap() as i64;
+    let up = begin + (START_S * f64::from(rate_hz)) as usize;
+    let followed =
+        follow(&one, &offline, up, -start, rate_hz).expect("what is heard is nowhere in what is rendered");
+    println!("{rate_hz} Hz, {period} frames: {count:?}, {:?}", followed.breaks);
+    assert_eq!(count.clock, if in_callback { "callback" } else { "paced" });
+    assert_eq!(count.losses, 0);
+    assert!(followed.end - up > (seconds + wheeled - 3) * rate, "only {} samples", followed.end - up);
+    if in_callback {
+        starts_slowly(&one, &offline, start, &followed, rate_hz);
+    }
+    everything_is_counted(&followed, &count, start, in_callback);
+    if run.held {
+        assert!(count.xruns > 0 && !followed.breaks.is_empty());
+        assert!(followed.left_out() as f64 > 0.8 * HELD.as_secs_f64() * f64::from(rate_hz), "{followed:?}");
+    }
+    assert_no_clicks(&one, rate_hz);
+    assert_ramps_down(&one, &offline, &followed, rate_hz);
+    clicks_where_it_should(&heard, &followed, rate_hz);
+}
+
+/// What is left out is what the report counts, and breaks are no more than it counts.
+fn everything_is_counted(followed: &Followed, count: &Counted, start: i64, in_callback: bool) {
+    assert!(followed.breaks.len() as u64 <= count.underruns + count.xruns, "{followed:?} {count:?}");
+    // Time that was left out before following began is in its shift.
+    let left_out = u64::try_from(followed.last_shift() + start).expect("later than it began");
+    if in_callback {
+        assert_eq!(left_out, count.lost_samples);
+    } else {
+        assert!(left_out <= count.lost_samples, "{left_out} {count:?}");
+    }
+}
+
+/// Rises as a raised cosine over two seconds: never above it, and exactly along it as long as nothing breaks.
+fn starts_slowly(heard: &[f32], rendered: &[f32], start: i64, followed: &Followed, rate_hz: u32) {
+    let rise = START_S * f64::from(rate_hz);
+    let first = usize::try_from(start).unwrap();
+    let unbroken = followed.shift == -start;
+    for (k, (x, full)) in heard[first..].iter().zip(rendered).take(rise as usize).enumerate() {
+        let gain = 0.5 - 0.5 * (PI * (k + 1) as f64 / rise).cos();
+        assert!(f64::from(x.abs()) <= 0.1 * gain + 1e-8, "sample {k} of the ramp is {x} at a gain of {gain}");
+        let off = (f64::from(*x) - gain * f64::from(*full)).abs();
+        assert!(!unbroken || off < 1e-8, "sample {k} of the ramp is {x}, not {}", gain * f64::from(*full));
+    }
+    if !unbroken {
+        println!("time was left out in the ramp: only its height is compared");
+    }
+}
+
+/// The click of channel 2 begins with the first sample of its tick, by the places of channel 1.
+fn clicks_where_it_should(heard: &[[f32; 2]], followed: &Followed, rate_hz: u32) {
+    let click = first_sound(heard.iter().map(|frame| frame[1])).expect("a click");
+    let before: usize = followed.breaks.iter().filter(|b| b.at <= click).map(|b| b.left_out).sum();
+    if followed.breaks.iter().any(|b| (b.at..b.at + b.length).contains(&click)) {
+        println!("the click is in a break, and is not compared");
+        return;
+    }
+    let place = click as i64 + followed.shift + before as i64;
+    assert_eq!(place as u64, CLICK_TICK * u64::from(rate_hz) / 500);
+}
+
+#[test]
+fn every_sample_of_a_run_and_of_a_freewheeled_minute_arrives_at_44100_hz() {
+    let test = "every_sample_of_a_run_and_of_a_freewheeled_minute_arrives_at_44100_hz";
+    let Some(_) = inside(test, || Jack::start(44_100, 64)) else { return };
+    plays_what_is_rendered(&Run { rate_hz: 44_100, seconds: 4, wheeled: 60, ..RUN });
+}
+
+#[test]
+fn every_sample_of_ten_seconds_and_of_a_freewheeled_minute_arrives_at_48000_hz() {
+    let test = "every_sample_of_ten_seconds_and_of_a_freewheeled_minute_arrives_at_48000_hz";
+    let Some(_) = inside(test, || Jack::start(48_000, 64)) else { return };
+    plays_what_is_rendered(&Run { seconds: 10, wheeled: 60, ..RUN });
+}
+
+#[test]
+fn every_sample_of_a_run_and_of_a_freewheeled_minute_arrives_at_96000_hz() {
+    let test = "every_sample_of_a_run_and_of_a_freewheeled_minute_arrives_at_96000_hz";
+    let Some(_) = inside(test, || Jack::start(96_000, 128)) else { return };
+    plays_what_is_rendered(&Run { rate_hz: 96_000, period: 128, seconds: 4, wheeled: 60, ..RUN });
+}
+
+#[test]
+fn a_program_that_was_held_leaves_out_what_went_by_and_is_no_later_than_before() {
+    let test = "a_program_that_was_held_leaves_out_what_went_by_and_is_no_later_than_before";
+    let Some(_) = inside(test, || Jack::start(48_000, 64)) else { return };
+    plays_what_is_rendered(&Run { held: true, ..RUN });
+}
+
+#[test]
+fn a_paced_thread_plays_every_sample_at_256_frames_though_it_was_held() {
+    let test = "a_paced_thread_plays_every_sample_at_256_frames_though_it_was_held";
+    let Some(_) = inside(test, || Jack::start(48_000, 256)) else { return };
+    plays_what_is_rendered(&Run { period: 256, held: true, end: "TERM", ..RUN });
+}
+
+#[test]
+fn a_paced_thread_plays_every_sample_at_1024_frames() {
+    let test = "a_paced_thread_plays_every_sample_at_1024_frames";
+    let Some(_) = inside(test, || Jack::start(48_000, 1024)) else { return };
+    plays_what_is_rendered(&Run { period: 1024, end: "TERM", ..RUN });
+}

@@ -1,0 +1,61 @@
+//! `asperity latency` over a cable inside a JACK server.
+
+mod common;
+#[path = "common/ear.rs"]
+mod ear;
+#[path = "common/played.rs"]
+mod played;
+#[path = "common/servers.rs"]
+mod servers;
+
+use ear::joined;
+use jack::{Client, ClientOptions};
+use played::{Program, wait_for};
+use servers::{Jack, inside};
+
+/// Measures at a period, and answers the figures. The program itself says by its exit code whether both agree within a tick.
+fn agrees(clock: &str, period: u64) -> f64 {
+    let dir = tempfile::tempdir().unwrap();
+    let program =
+        Program::start(dir.path(), &["latency", "--host", "jack", "--inside", "--trials", "20", "--json"]);
+    let (client, _) = Client::new("asperity_cable", ClientOptions::NO_START_SERVER).unwrap();
+    let end = |end: &str| format!("cpal_client_{}_{end}", program.id());
+    let (from, to) = (end("out:out_0"), end("in:in_0"));
+    wait_for("ports", || joined(&client, &from) && joined(&client, &to));
+    client.connect_ports_by_name(&from, &to).expect("a cable");
+    let ran = program.end();
+    println!("{}{}", ran.out, ran.err);
+    let ran = ran.ok();
+    let figures: serde_json::Value = serde_json::from_str(&ran.out).unwrap();
+    let around = &figures["around"];
+    let (declared, median) = (around["declared_ms"].as_f64().unwrap(), around["median_ms"].as_f64().unwrap());
+    println!("{clock}, {period} frames: declared {declared:.2} ms, measured {median:.2} ms");
+    assert_eq!((around["clock"].as_str(), around["period_frames"].as_u64()), (Some(clock), Some(period)));
+    assert!((declared - median).abs() <= 2.0);
+    median
+}
+
+#[test]
+fn the_sum_is_what_is_measured_at_64_frames() {
+    let Some(_) = inside("the_sum_is_what_is_measured_at_64_frames", || Jack::start(48_000, 64)) else {
+        return;
+    };
+    agrees("callback", 64);
+}
+
+#[test]
+fn the_sum_is_what_is_measured_at_256_frames() {
+    let Some(_) = inside("the_sum_is_what_is_measured_at_256_frames", || Jack::start(48_000, 256)) else {
+        return;
+    };
+    agrees("paced", 256);
+}
+
+#[test]
+fn the_sum_is_what_is_measured_at_128_frames() {
+    let Some(_) = inside("the_sum_is_what_is_measured_at_128_frames", || Jack::start(48_000, 128)) else {
+        return;
+    };
+    let ms = agrees("paced", 128);
+    println!("from input to output at 48 kHz and 128 frames: {ms:.2} ms, of 15");
+}

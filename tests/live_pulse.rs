@@ -1,0 +1,75 @@
+//! `asperity run` on a PulseAudio server, heard sample by sample beside the same graph rendered offline.
+
+mod common;
+#[path = "common/played.rs"]
+mod played;
+#[path = "common/servers.rs"]
+mod servers;
+
+use std::path::Path;
+
+use played::{Program, START_S, assert_ramps_down, counted, first_sound, follow, wait_for};
+use servers::{Parec, Pulse, inside};
+
+const RATE: usize = 48_000;
+
+/// Plays for a while and stops; answers what was heard of channel 1.
+fn heard(program: Program, recorder: Parec, seconds: f64) -> Vec<f32> {
+    std::thread::sleep(std::time::Duration::from_secs_f64(seconds));
+    program.signal("INT");
+    program.end().ok();
+    // What is on its way.
+    std::thread::sleep(std::time::Duration::from_millis(500));
+    recorder.stop().iter().map(|frame| frame[0]).collect()
+}
+
+fn play(dir: &Path) -> Program {
+    played::write_graph(dir, RATE as u32);
+    let mut program = Program::play(dir, &["--host", "pulseaudio", "--period", "1024"]);
+    program.wait_until_said("plays on");
+    program
+}
+
+#[test]
+fn every_sample_arrives_through_pulseaudio_at_1024_frames() {
+    let test = "every_sample_arrives_through_pulseaudio_at_1024_frames";
+    let Some(_) = inside(test, Pulse::start) else { return };
+    let dir = tempfile::tempdir().unwrap();
+    let recorder = Parec::start();
+    let program = play(dir.path());
+    let heard = heard(program, recorder, 8.0);
+    let count = counted(dir.path());
+    let rendered: Vec<f32> = played::offline(dir.path(), count.ticks).iter().map(|frame| frame[0]).collect();
+    let begin = first_sound(heard.iter().copied()).expect("a sound");
+    let start = begin as i64 - first_sound(rendered.iter().copied()).unwrap() as i64;
+    let up = begin + (START_S * RATE as f64) as usize;
+    let followed = follow(&heard, &rendered, up, -start, RATE as u32).expect("the graph is heard");
+    println!("{count:?} {:?}, {} samples", followed.breaks, followed.end - up);
+    assert_eq!((count.clock.as_str(), count.losses), ("paced", 0));
+    assert!(followed.breaks.len() as u64 <= count.underruns + count.xruns, "{followed:?} {count:?}");
+    assert!(followed.left_out() <= count.lost_samples, "{followed:?} {count:?}");
+    assert!(followed.end - up > 3 * RATE, "only {} samples", followed.end - up);
+    assert_ramps_down(&heard, &rendered, &followed, RATE as u32);
+}
+
+#[test]
+fn a_run_comes_back_when_a_killed_pulseaudio_does() {
+    let test = "a_run_comes_back_when_a_killed_pulseaudio_does";
+    let Some(server) = inside(test, Pulse::start) else { return };
+    let dir = tempfile::tempdir().unwrap();
+    let mut program = play(dir.path());
+    server.kill();
+    program.wait_until_said("is lost: ");
+    let folder = std::env::var("PULSE_RUNTIME_PATH").unwrap();
+    let mut next = None;
+    wait_for("another server", || {
+        next = Pulse::in_folder(Path::new(&folder));
+        next.is_some()
+    });
+    program.wait_until_said("is back");
+    let recorder = Parec::start();
+    let heard = heard(program, recorder, 1.0);
+    let count = counted(dir.path());
+    assert!(count.losses >= 1, "{count:?}");
+    assert!(heard.iter().any(|x| x.abs() > 1e-4), "nothing is heard, {count:?}");
+}
