@@ -11,6 +11,8 @@ use crate::player::MicWriter;
 
 /// The longest that a device that is closed may take to play what it holds.
 const PLAY_OUT: Duration = Duration::from_millis(500);
+/// How much longer than it says a device may take to play what it holds.
+const MARGIN: Duration = Duration::from_millis(20);
 
 /// An open device, which plays silence until it is given something to play.
 pub(super) struct Card {
@@ -91,8 +93,8 @@ impl Card {
     /// Waits until what was played last is heard: a device that is closed drops what it still holds.
     fn play_out(&self) {
         if self.playing && self.stream.lost().is_none() {
-            let ms = self.stream.stats().latency_ms;
-            std::thread::sleep(Duration::from_secs_f64(ms.max(0.0) * 1e-3).min(PLAY_OUT));
+            let left = Duration::try_from_secs_f64(self.stream.stats().latency_ms * 1e-3).unwrap_or_default();
+            std::thread::sleep((left + MARGIN).min(PLAY_OUT));
         }
     }
 

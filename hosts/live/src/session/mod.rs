@@ -27,11 +27,6 @@ const LISTEN: Duration = Duration::from_millis(1000);
 /// Callbacks after which its period is known.
 const ENOUGH: u64 = 8;
 
-/// The most that a device may hold of the ramp down.
-const MOST_LEFT: Duration = Duration::from_millis(500);
-/// How much longer than it says a device may take to play what it holds.
-const MARGIN: Duration = Duration::from_millis(20);
-
 /// How a run is started.
 #[derive(Clone, Debug)]
 pub struct SessionOptions {
@@ -262,26 +257,12 @@ impl Session {
     pub fn stop(mut self) -> Ended {
         let before = self.view();
         let player = self.driver.take();
-        if player.is_some() {
-            self.hear_out();
-        }
         let mut view = self.view();
         // Who is gone says nothing any more.
         (view.clock, view.latency_ms) = (before.clock, before.latency_ms);
         view.condition =
             if before.condition == Condition::Failed { Condition::Failed } else { Condition::Stopping };
         Ended { player, conductor: self.conductor, view }
-    }
-
-    /// Waits until the device has played what it was given: the ramp's end lies in its buffer, which some discard when they are
-    /// closed.
-    fn hear_out(&self) {
-        let Some(stats) = self.card.as_ref().map(|c| c.stream().stats()) else { return };
-        let left = Duration::try_from_secs_f64(stats.latency_ms * 1e-3).unwrap_or_default();
-        let silent = Duration::try_from_secs_f64(stats.silent_ms.unwrap_or(0.0) * 1e-3).unwrap_or_default();
-        if silent < MOST_LEFT {
-            std::thread::sleep((left + MARGIN).min(MOST_LEFT));
-        }
     }
 
     /// What was asked of the system, and what it gave.
