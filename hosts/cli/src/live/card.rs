@@ -24,7 +24,21 @@ pub fn request(args: &DeviceArgs, schedule: &Schedule) -> Result<Option<Request>
             .into());
     }
     if outs.is_empty() && ins.is_empty() {
-        return Ok(None);
+        let named = [
+            ("--host", args.host.is_some()),
+            ("--device", args.device.is_some()),
+            ("--channel", !args.channel.is_empty()),
+            ("--input-device", args.input_device.is_some()),
+            ("--period", args.period.is_some()),
+            ("--device-format", args.device_format.is_some()),
+            ("--clock", args.clock.is_some() && !timer),
+        ];
+        return match named.iter().find(|(_, is)| *is) {
+            Some((option, _)) => Err(wrong(option, "this graph has nothing to do with a sound card".into())
+                .help("it has no audio_out and no audio_in: leave the option out")
+                .into()),
+            None => Ok(None),
+        };
     }
     Ok(Some(Request {
         host: args.host.clone(),
@@ -92,7 +106,10 @@ pub fn failed(error: SessionError) -> Failure {
             let rate = there.iter().map(|(low, _)| *low).find(|hz| *hz >= 8000);
             rate.map(|hz| format!("the graph runs at any rate: --set audio_hz={hz}"))
         }
-        OpenError::NoDevice { .. } | OpenError::Ambiguous { .. } | OpenError::HostAway { .. } => Some(
+        OpenError::NoDevice { .. }
+        | OpenError::Ambiguous { .. }
+        | OpenError::HostAway { .. }
+        | OpenError::Refused { .. } => Some(
             "`asperity devices` lists what there is; without a sound card: --device simulated:frames=256"
                 .into(),
         ),

@@ -79,6 +79,11 @@ pub fn run(args: &Run) -> Result<ExitCode, Failure> {
 
     let stop = stop_flag();
     let mut shows = Shows::open(args, &mut hands)?;
+    for node in schedule.nodes.iter().filter(|n| n.kind == "osc_input") {
+        let text = |name: &str| node.params.text(name).to_owned();
+        let (address, arguments, listen) = (text("address"), text("arguments"), text("listen"));
+        shows.say(&format!("`{}` waits for OSC messages {address} ({arguments}) at {listen}", node.id));
+    }
     let ticks_ns = LIMIT_TICKS * 1_000_000_000 / u64::from(schedule.tick_hz);
     let limit_ns = args.limit_us.map_or(ticks_ns.max(LIMIT_NS), |us| us * 1000);
     let options = Options { sleep: !args.no_sleep, limit_ns: Some(limit_ns) };

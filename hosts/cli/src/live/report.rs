@@ -111,10 +111,12 @@ pub fn summary(run: &Run<'_>, written: &[PathBuf]) -> String {
         ),
     );
     if !view.device.is_empty() {
-        let sum: f64 = view.latency_ms.iter().map(|(_, ms)| ms).sum();
-        line("latency", format!("{sum:.1} ms from hand to actuator"));
-        for (what, ms) in &view.latency_ms {
-            line("", format!("{ms:6.2} ms  {what}"));
+        if !view.latency_ms.is_empty() {
+            let sum: f64 = view.latency_ms.iter().map(|(_, ms)| ms).sum();
+            line("latency", format!("{sum:.1} ms from hand to actuator"));
+            for (what, ms) in &view.latency_ms {
+                line("", format!("{ms:6.2} ms  {what}"));
+            }
         }
         line(
             "device",

@@ -237,6 +237,10 @@ impl Session {
 
     /// Latency from a hand to the actuator, item by item, in milliseconds.
     fn latency(&self, view: &View, stats: Option<&Stats>) -> Vec<(String, f64)> {
+        if self.controls().is_none() || (self.options.device.is_some() && self.card.is_none()) {
+            // Nothing is heard.
+            return Vec::new();
+        }
         let delay = view.sources.iter().map(|s| s.delay_ms).fold(0.0, f64::max);
         let mut items = Vec::new();
         if !view.sources.is_empty() {

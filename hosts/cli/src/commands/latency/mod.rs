@@ -13,6 +13,7 @@ use std::process::ExitCode;
 use asperity_source::Diagnostic;
 use serde_json::{Value, json};
 
+use super::tone::range;
 use crate::args::LatencyArgs;
 use crate::failure::{Failure, print};
 use around::Around;
@@ -27,6 +28,9 @@ pub fn run(args: &LatencyArgs) -> Result<ExitCode, Failure> {
             .help("name graphs to see how late they answer, and a device whose output is looped back to its input: --device D")
             .into());
     }
+    range("--level", args.level, 1e-6, 1.0, "of full scale")?;
+    range("--amps", args.amps, 1e-6, 100.0, "A")?;
+    range("--input-latency-ms", args.input_latency_ms.unwrap_or(0.0), 0.0, 10_000.0, "ms")?;
     let chains: Vec<Chain> = args.graphs.iter().map(|g| chain::measure(g, args)).collect::<Result<_, _>>()?;
     let around = if wanted { Some(around::measure(args)?) } else { None };
     if args.json {
