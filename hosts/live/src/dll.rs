@@ -16,9 +16,9 @@ pub const BANDWIDTH_HZ: f64 = 0.1;
 /// Bandwidth at the start.
 const WIDE_HZ: f64 = 2.0;
 /// Callbacks that come within this part of the time they span belong to the wake-up before: a server asks in bunches.
-const BUNCH: f64 = 0.25;
+pub(crate) const BUNCH: f64 = 0.25;
 /// A bunch that is longer than this is a server that runs as fast as it can.
-const LONGEST_BUNCH_NS: f64 = 0.25e9;
+pub(crate) const LONGEST_BUNCH_NS: f64 = 0.25e9;
 /// A callback that is later than this, and than one and a half periods, is a gap.
 const GAP_NS: f64 = 4e6;
 /// An error larger than this that callbacks share, one after the other, is time lost or gained and not jitter. Larger errors also pull no
@@ -96,21 +96,21 @@ pub struct Heard {
 
 /// The most of something over [`REMEMBERED_NS`] to twice that.
 #[derive(Clone, Copy, Debug, Default)]
-struct Most {
+pub(crate) struct Most {
     before: f64,
     now: f64,
     since_ns: f64,
 }
 
 impl Most {
-    fn see(&mut self, value: f64, now_ns: f64) {
+    pub(crate) fn see(&mut self, value: f64, now_ns: f64) {
         if now_ns - self.since_ns > REMEMBERED_NS {
             *self = Self { before: self.now, now: 0.0, since_ns: now_ns };
         }
         self.now = self.now.max(value);
     }
 
-    fn get(&self) -> f64 {
+    pub(crate) fn get(&self) -> f64 {
         self.before.max(self.now)
     }
 }

@@ -151,7 +151,7 @@ pub struct Meters {
     pub skipped_ticks: Count,
     /// Ticks that ran at once, because they were a tick or more behind.
     pub caught_up_ticks: Count,
-    /// Gaps of callbacks that the watchdog saw, and what the device's host says.
+    /// Gaps of callbacks that the loop over their times saw; what the device's host says is counted by its stream.
     pub xruns: Count,
     /// How often the device was lost.
     pub losses: Count,

@@ -46,7 +46,7 @@ impl fmt::Display for Grant {
 /// All that was asked for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Grants {
-    /// SCHED_FIFO for the thread that ticks.
+    /// SCHED_FIFO for the thread that ticks, and for the device's where that is another.
     pub priority: Grant,
     /// The process's memory locked.
     pub memory: Grant,

@@ -134,7 +134,7 @@ pub struct View {
     pub underruns: u64,
     /// Samples of each channel that were never played.
     pub lost_samples: u64,
-    /// Callback gaps and overruns the host or the watchdog saw.
+    /// Gaps of callbacks that the loop over their times saw, or xruns the host reported; what both saw counts once.
     pub xruns: u64,
     /// How often the device was lost.
     pub losses: u64,

@@ -30,13 +30,25 @@ pub struct Controls {
     period_ns: AtomicU64,
     lead_ns: AtomicU64,
     asked: Asked,
+    /// What the device's thread asked for, where ticks run on another.
+    pub(super) device_asked: Option<Asked>,
     meters: Arc<Meters>,
     priority: Option<i32>,
 }
 
 impl Controls {
+    /// For a driver whose ticks run on one thread, the device's own where there is one.
     pub(super) fn new(options: &Options) -> Arc<Self> {
-        Arc::new(Self {
+        Arc::new(Self::with(options, None))
+    }
+
+    /// For a driver whose ticks run beside the device's thread.
+    pub(super) fn of_two(options: &Options) -> Arc<Self> {
+        Arc::new(Self::with(options, Some(Asked::default())))
+    }
+
+    fn with(options: &Options, device_asked: Option<Asked>) -> Self {
+        Self {
             muted: AtomicBool::new(false),
             stopping: AtomicBool::new(false),
             failed: AtomicBool::new(false),
@@ -48,9 +60,10 @@ impl Controls {
             period_ns: AtomicU64::new(0),
             lead_ns: AtomicU64::new(0),
             asked: Asked::default(),
+            device_asked,
             meters: Arc::clone(&options.meters),
             priority: options.priority,
-        })
+        }
     }
 
     /// Ramps the output down within 15 ms, or up again. Ticks go on.
@@ -78,9 +91,11 @@ impl Controls {
         self.failed.load(Relaxed)
     }
 
-    /// What the thread that ticks got of the real-time priority it asked for; `NotAsked` before it ran.
+    /// What the thread that ticks got of the real-time priority it asked for, or the device's thread beside it if that got less;
+    /// `NotAsked` before both ran, unless the first was refused already.
     pub fn priority(&self) -> Grant {
-        self.asked.get()
+        let device = self.device_asked.as_ref().map(Asked::get);
+        worse(self.asked.get(), device)
     }
 
     /// When the device last called, by [`now_ns`]; 0 for never, or without a device.
@@ -111,6 +126,13 @@ impl Controls {
 
     pub(super) fn ask<const STACK: usize>(&self) {
         self.asked.once::<STACK>(self.priority);
+    }
+
+    /// The same from the device's thread where ticks run on another.
+    pub(super) fn ask_for_device<const STACK: usize>(&self) {
+        if let Some(asked) = &self.device_asked {
+            asked.once::<STACK>(self.priority);
+        }
     }
 
     pub(super) fn fail(&self) {
@@ -173,6 +195,38 @@ impl Controls {
     pub(super) fn wait_until_down(&self) {
         while !self.down() && !self.dead() {
             std::thread::sleep(Duration::from_millis(1));
+        }
+    }
+}
+
+/// Of the grants of two threads, or of one alone, the one that a person should know.
+fn worse(ticks: Grant, device: Option<Grant>) -> Grant {
+    match device {
+        Some(device) if device.missing() && !ticks.missing() => device,
+        Some(Grant::NotAsked) if !ticks.missing() => Grant::NotAsked,
+        _ => ticks,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_refusal_of_either_thread_is_told_and_a_grant_only_once_both_have_it() {
+        use Grant::{Granted, NotAsked, NotSupported, Refused};
+        for (ticks, device, told) in [
+            (Granted, None, Granted),
+            (NotAsked, None, NotAsked),
+            (Granted, Some(Granted), Granted),
+            (Granted, Some(NotAsked), NotAsked),
+            (NotAsked, Some(Granted), NotAsked),
+            (Granted, Some(Refused(1)), Refused(1)),
+            (NotAsked, Some(NotSupported), NotSupported),
+            (Refused(1), Some(Granted), Refused(1)),
+            (Refused(1), Some(NotAsked), Refused(1)),
+        ] {
+            assert_eq!(worse(ticks, device), told, "{ticks:?}, {device:?}");
         }
     }
 }

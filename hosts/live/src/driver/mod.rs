@@ -111,12 +111,14 @@ pub fn choose(asked: Option<Clock>, period_frames: u32, rate_hz: u32, tick_hz: u
 /// How a driver is started.
 #[derive(Clone, Debug)]
 pub struct Options {
-    /// SCHED_FIFO priority of the thread that ticks; `None` asks for nothing.
+    /// SCHED_FIFO priority of the thread that ticks and of the device's; `None` asks for nothing.
     pub priority: Option<i32>,
     /// Seconds from silence to full at the start.
     pub start_s: f64,
     /// The device's period in frames, for the paced driver; 0: as it is seen, which follows a device that asks in bunches.
     pub period_frames: u32,
+    /// The device's period in frames as it was seen before, for the paced driver: how much room it makes; 0 where it is not known.
+    pub seen_frames: u32,
     /// Where times and counts go.
     pub meters: Arc<Meters>,
 }
@@ -124,7 +126,7 @@ pub struct Options {
 impl Options {
     /// What a run for a person uses.
     pub fn new(meters: Arc<Meters>) -> Self {
-        Self { priority: Some(PRIORITY), start_s: START_S, period_frames: 0, meters }
+        Self { priority: Some(PRIORITY), start_s: START_S, period_frames: 0, seen_frames: 0, meters }
     }
 }
 

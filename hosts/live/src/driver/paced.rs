@@ -38,8 +38,11 @@ const MARGIN_NS: f64 = 1e6;
 const LISTEN_NS: u64 = 100_000_000;
 /// The longest sleep: requests and a moved clock are looked at between.
 const NAP_NS: u64 = 5_000_000;
-/// Seconds of samples the ring has room for, beside the ticks that may be run behind.
-const ROOM_S: f64 = 0.25;
+/// Seconds of samples the ring has room for at least, beside the ticks that may be run behind: a device that asks in bunches may
+/// begin to do so later.
+const ROOM_S: f64 = 2.0;
+/// Periods it has room for at least. It holds one, a tick and the margin, as far as the period is the one it was made for.
+const ROOM_PERIODS: usize = 3;
 /// Stack that is brought in.
 const STACK: usize = 262_144;
 
@@ -57,11 +60,9 @@ impl<T: Ticker + 'static> Paced<T> {
     /// # Errors
     /// Where the system gives no thread; the ticker is lost then.
     pub fn new(ticker: T, options: &Options) -> std::io::Result<(Self, PacedHalf)> {
-        let controls = Controls::new(options);
+        let controls = Controls::of_two(options);
         let rates = Rates::of(&ticker);
-        let behind = (RUN_BEHIND as usize + 2) * rates.most();
-        let room = (f64::from(rates.rate_hz) * ROOM_S) as usize + 2 * options.period_frames as usize;
-        let (to, ring) = HeapRb::new(room * rates.channels + behind).split();
+        let (to, ring) = HeapRb::new(room(&rates, options)).split();
         let (lines, heard) = triple_buffer::triple_buffer(&Line::default());
         let stream = Arc::new(Stream::new());
         let half = PacedHalf {
@@ -108,6 +109,13 @@ impl<T> Drop for Paced<T> {
     fn drop(&mut self) {
         self.controls.request_stop();
     }
+}
+
+/// Values that the ring has room for.
+fn room(rates: &Rates, options: &Options) -> usize {
+    let period = options.period_frames.max(options.seen_frames) as usize;
+    let frames = ((f64::from(rates.rate_hz) * ROOM_S) as usize).max(ROOM_PERIODS * period);
+    frames * rates.channels + (RUN_BEHIND as usize + 2) * rates.most()
 }
 
 /// The thread's end.

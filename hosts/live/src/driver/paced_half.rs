@@ -56,10 +56,8 @@ impl Process for PacedHalf {
             self.controls.fail();
             return;
         }
-        if self.dll.line().callbacks == 0 {
-            // The priority of this thread is the device's affair; ticks run on ours.
-            crate::realtime::touch_stack::<STACK>();
-        }
+        // Ticks run on another thread, but one that is late here is heard all the same.
+        self.controls.ask_for_device::<STACK>();
         let frames = block.frames();
         let heard = self.dll.callback(block.now_ns, frames as u64);
         self.lines.write(*self.dll.line());

@@ -1,5 +1,6 @@
 use super::super::testing::{Counter, Reference, call, options};
 use super::*;
+use crate::realtime::{Asked, Grant};
 use crate::view::Condition;
 use asperity_node::random::bits;
 use std::time::Duration;
@@ -147,6 +148,54 @@ fn what_is_heard_is_the_stream_at_its_place_in_time_for_any_callbacks() {
 }
 
 #[test]
+fn there_is_room_for_callbacks_of_any_length() {
+    for (rate_hz, tick_hz, channels, frames, seen) in [
+        (48_000, 500, 2, 16_384, false),
+        (44_100, 500, 1, 65_536, false),
+        (48_000, 500, 8, 65_536, true),
+        (8_000, 100, 2, 65_536, true),
+    ] {
+        let rates = Rates::of(&Counter::new(rate_hz, tick_hz, channels, 0));
+        let options = Options { seen_frames: if seen { frames } else { 0 }, ..options(tick_hz) };
+        let ahead = (MARGIN_NS * 2e-9 * f64::from(rate_hz)) as usize + 1;
+        let holds = (frames as usize + ahead) * channels + rates.most();
+        assert!(room(&rates, &options) >= holds, "{frames} frames at {rate_hz} Hz");
+    }
+}
+
+#[test]
+fn a_callback_of_a_third_of_a_second_is_filled() {
+    for (rate_hz, frames) in [(48_000, 16_384), (96_000, 65_536)] {
+        let (driver, mut device) = Device::new(Counter::new(rate_hz, 500, 1, 0), options(500));
+        // However busy the machine: without room for them, none would be.
+        let filled = (0..40).any(|_| {
+            let lost = device.options.meters.lost_samples.get();
+            device.call(frames);
+            device.played >= frames as u64 && device.options.meters.lost_samples.get() == lost
+        });
+        assert!(filled, "{frames} frames at {rate_hz} Hz");
+        let (ticker, _) = device.while_it(|| driver.stop());
+        assert!(ticker.is_some());
+    }
+}
+
+#[test]
+fn the_thread_of_the_device_asks_for_priority_too() {
+    let options = Options { priority: Some(5), ..options(500) };
+    let (driver, mut half) = Paced::new(Counter::new(48_000, 500, 1, 0), &options).expect("a thread");
+    let controls = Arc::clone(driver.controls());
+    let asked = move || controls.device_asked.as_ref().map(Asked::get);
+    assert_eq!(asked(), Some(Grant::NotAsked));
+    // Not on the test's own thread, which would keep it.
+    let device = std::thread::spawn(move || {
+        call(&mut half, now_ns(), 64, 1);
+        crate::realtime::ask_priority(5)
+    });
+    let granted = device.join().expect("the device");
+    assert_eq!(asked(), Some(granted), "what the thread gets when it asks");
+}
+
+#[test]
 fn a_tick_that_stalls_costs_what_is_counted_and_no_latency_after() {
     for (stall_ms, frames) in [(30, 256), (120, 64), (400, 1024)] {
         let mut ticker = Counter::new(48_000, 500, 1, 0);
@@ -180,14 +229,15 @@ fn a_device_that_stood_still_plays_nothing_stale() {
         device.run(100, &[128]);
     }
     let before = device.options.meters.lost_samples.get();
-    // The device's own time goes on; its callback does not come for 600 ms, which is more than the ring holds.
-    std::thread::sleep(Duration::from_millis(600));
-    device.start_ns += 600_000_000;
+    // The device's own time goes on; its callback does not come for longer than the ring has room for.
+    let ms = (ROOM_S * 1e3) as u64 + 400;
+    std::thread::sleep(Duration::from_millis(ms));
+    device.start_ns += ms * 1_000_000;
     device.run(500, &[128]);
     let meters = Arc::clone(&device.options.meters);
     assert!(meters.xruns.get() >= 1);
     let lost = meters.lost_samples.get() - before;
-    assert!(lost >= 590 * 48, "{lost}");
+    assert!(lost >= (ms - 10) * 48, "{lost}");
     assert!(meters.skipped_ticks.get() > 0);
     let (ticker, device) = device.while_it(|| driver.stop());
     account(&device, &ticker.expect("the ticker"), 100);

@@ -77,7 +77,13 @@ impl Ticker for Counter {
 
 /// Options without a slow start and without a priority.
 pub(super) fn options(tick_hz: u32) -> Options {
-    Options { priority: None, start_s: 0.0, period_frames: 0, meters: Arc::new(Meters::new(tick_hz)) }
+    Options {
+        priority: None,
+        start_s: 0.0,
+        period_frames: 0,
+        seen_frames: 0,
+        meters: Arc::new(Meters::new(tick_hz)),
+    }
 }
 
 /// Calls a device's end for a block, and returns it.

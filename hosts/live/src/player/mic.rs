@@ -8,13 +8,15 @@ use asperity_node::time::max_samples;
 use ringbuf::traits::{Consumer, Observer, Producer, Split};
 use ringbuf::{HeapCons, HeapProd, HeapRb};
 
+use crate::dll::Most;
+
 /// Seconds of samples that may wait for the tick thread.
 const ROOM_S: f64 = 1.0;
 
 /// Figures that both ends keep.
 #[derive(Debug, Default)]
 struct Shared {
-    /// Frames of the longest block that came.
+    /// Frames of the longest block of the last seconds; half the room at most.
     block: AtomicUsize,
     /// Frames that found no room.
     lost: AtomicU64,
@@ -60,10 +62,11 @@ pub struct MicWriter {
     to: HeapProd<f32>,
     channels: usize,
     rate_hz: u32,
+    longest: Most,
     shared: Arc<Shared>,
 }
 
-/// Where the tick thread takes it: as far behind as the longest block of the device is long, so that every tick finds its
+/// Where the tick thread takes it: as far behind as the longest block of the last seconds is long, so that every tick finds its
 /// samples. What is behind by more is dropped, so that it stays that far behind.
 pub struct MicReader {
     from: HeapCons<f32>,
@@ -83,7 +86,7 @@ pub fn mic(channels: usize, rate_hz: u32, tick_hz: u32) -> (MicWriter, MicReader
     let shared = Arc::new(Shared::default());
     let scratch = vec![0.0; max_samples(rate_hz, tick_hz) * channels];
     (
-        MicWriter { to, channels, rate_hz, shared: shared.clone() },
+        MicWriter { to, channels, rate_hz, longest: Most::default(), shared: shared.clone() },
         MicReader { from, channels, scratch, flowing: false, begun: false, shared },
     )
 }
@@ -115,7 +118,10 @@ impl Capture for MicWriter {
         let wide = block.channels.max(1);
         self.look(block, wide);
         let frames = block.input.len() / wide;
-        self.shared.block.fetch_max(frames, Relaxed);
+        self.longest.see(frames as f64, block.now_ns as f64);
+        // A tick that waited for more than there is room for would wait for ever.
+        let half = self.to.capacity().get() / self.channels.max(1) / 2;
+        self.shared.block.store((self.longest.get() as usize).min(half), Relaxed);
         let room = self.to.vacant_len() / self.channels.max(1);
         let taken = frames.min(room);
         self.shared.lost.fetch_add((frames - taken) as u64, Relaxed);
@@ -254,5 +260,21 @@ mod tests {
         // A second of room: more than that finds none.
         record(&mut to, 0, 100_000);
         assert!(listener.gaps() > 16 * 96 + 51_000);
+    }
+
+    #[test]
+    fn one_long_block_is_forgotten_and_what_is_recorded_flows_again() {
+        let (mut to, mut reader) = mic(2, 48_000, 500);
+        record(&mut to, 0, 47_950);
+        let mut flowing = false;
+        // Ten seconds of ticks, with blocks as long as one.
+        for tick in 1..5_000_u64 {
+            let input = [tick as f32; 2 * 96];
+            to.capture(&Captured { input: &input, channels: 2, now_ns: tick * 2_000_000, behind_ns: 0 });
+            flowing = reader.advance(96);
+            assert!(flowing || tick > 1, "the room is not too small for what is waited for");
+        }
+        let (at, _) = first(&reader);
+        assert!(flowing && at >= 4_990, "the block of tick {at} at tick 4999");
     }
 }

@@ -8,6 +8,7 @@ use asperity_audio::{Capture, Captured, Event, OpenError, Process, Request, Stre
 
 use super::switch::{Give, switch};
 use crate::player::MicWriter;
+use crate::realtime::{ask_priority, touch_stack};
 
 /// The longest that a device that is closed may take to play what it holds.
 const PLAY_OUT: Duration = Duration::from_millis(500);
@@ -25,18 +26,31 @@ pub(super) struct Card {
 
 /// Where what is recorded goes: the same place for a device and for the one that is opened after it was lost.
 #[derive(Clone)]
-pub(super) struct Recorder(Arc<Mutex<MicWriter>>);
+pub(super) struct Recorder {
+    to: Arc<Mutex<MicWriter>>,
+    /// What the device's thread is still to ask for.
+    priority: Option<i32>,
+}
+
+/// Stack that is brought in at the first callback.
+const STACK: usize = 32_768;
 
 impl Recorder {
-    pub(super) fn new(writer: MicWriter) -> Self {
-        Self(Arc::new(Mutex::new(writer)))
+    /// With the priority that every device's thread asks for.
+    pub(super) fn new(writer: MicWriter, priority: Option<i32>) -> Self {
+        Self { to: Arc::new(Mutex::new(writer)), priority }
     }
 }
 
 impl Capture for Recorder {
     fn capture(&mut self, block: &Captured<'_>) {
+        if let Some(priority) = self.priority.take() {
+            // Where it is refused, so it is to the threads whose answer is told.
+            let _ = ask_priority(priority);
+            touch_stack::<STACK>();
+        }
         // Nobody holds it but a device that is being closed; it is never waited for.
-        if let Ok(mut writer) = self.0.try_lock() {
+        if let Ok(mut writer) = self.to.try_lock() {
             writer.capture(block);
         }
     }
@@ -55,6 +69,7 @@ impl Card {
         let (to, events) = events();
         let capture = recorder.map(|r| Box::new(r.clone()) as Box<dyn Capture>);
         let stream = open(request, Box::new(switch), capture, to)?;
+        give.listen(stream.rate_hz());
         stream.play().map_err(|reason| OpenError::Refused { device: stream.id(), reason })?;
         Ok(Self { stream, events, give, playing: false, opened: Instant::now() })
     }
@@ -67,6 +82,12 @@ impl Card {
 
     pub(super) fn stream(&self) -> &Stream {
         &self.stream
+    }
+
+    /// Wake-ups that were listened to, and frames that one asks for as far as is known: 0 before the first call.
+    pub(super) fn wakes(&self) -> (u64, u32) {
+        let (wakes, frames) = self.give.heard();
+        (wakes, frames.max(self.stream.period().unwrap_or(0)))
     }
 
     /// The device for a person, with its host.

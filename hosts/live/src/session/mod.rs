@@ -3,6 +3,7 @@
 mod card;
 mod running;
 mod switch;
+mod xruns;
 
 use std::sync::Arc;
 use std::thread::JoinHandle;
@@ -14,17 +15,18 @@ use crate::driver::{Callback, Clock, Controls, Options, Paced, Timer, choose};
 use crate::latency::of_graph;
 use crate::meters::Meters;
 use crate::player::MicWriter;
-use crate::realtime::{Grants, Machine};
+use crate::realtime::{Grants, Machine, PRIORITY};
 use crate::view::{Condition, View};
-use crate::{Conductor, Listener, Player};
+use crate::{Conductor, Listener, Player, now_ns};
 use card::Card;
 use running::{Driver, Running};
+use xruns::Xruns;
 
 /// How often a lost device is looked for.
 const RETRY: Duration = Duration::from_millis(500);
 /// Longest that a device may take to show its period before a clock is chosen without it.
 const LISTEN: Duration = Duration::from_millis(1000);
-/// Callbacks after which its period is known.
+/// Wake-ups after which its period is known.
 const ENOUGH: u64 = 8;
 
 /// How a run is started.
@@ -88,8 +90,7 @@ pub struct Session {
     notices: Vec<String>,
     looked: Instant,
     views: u64,
-    /// Callback gaps and xruns of streams that are closed.
-    xruns: u64,
+    xruns: Xruns,
 }
 
 impl std::fmt::Debug for Session {
@@ -126,7 +127,7 @@ impl Session {
             driver: Running(Driver::Waiting(Box::new(player))),
             card: None,
             listener: mic.as_ref().map(MicWriter::listener),
-            mic: mic.map(card::Recorder::new),
+            mic: mic.map(|to| card::Recorder::new(to, options.realtime.then_some(PRIORITY))),
             meters: Arc::new(Meters::new(tick_hz)),
             machine: options.realtime.then(Machine::ask),
             options,
@@ -139,7 +140,7 @@ impl Session {
             notices: Vec::new(),
             looked: Instant::now(),
             views: 0,
-            xruns: 0,
+            xruns: Xruns::default(),
         };
         match it.options.device.clone() {
             Some(request) => {
@@ -183,6 +184,7 @@ impl Session {
     /// Where the system gives no thread.
     pub fn tend(&mut self) -> Result<Vec<String>, SessionError> {
         self.conductor.collect();
+        self.count_xruns();
         if let Some(reason) = self.card.as_mut().and_then(|card| card.lost()) {
             self.lose(&reason)?;
         }
@@ -224,7 +226,7 @@ impl Session {
             timing: self.meters.timing(),
             underruns: self.meters.underruns.get(),
             lost_samples: self.meters.lost_samples.get(),
-            xruns: self.meters.xruns.get() + self.xruns + stats.as_ref().map_or(0, |s| s.xruns),
+            xruns: self.count_xruns(),
             losses: self.meters.losses.get(),
             skipped_ticks: self.meters.skipped_ticks.get(),
             recording_gaps: self.listener.as_ref().map_or(0, Listener::gaps),
@@ -233,6 +235,11 @@ impl Session {
         self.conductor.look(&mut view, since);
         view.latency_ms = self.latency(&view, stats.as_ref());
         view
+    }
+
+    fn count_xruns(&mut self) -> u64 {
+        let reported = self.card.as_ref().map_or(0, |card| card.stream().stats().xruns);
+        self.xruns.count(self.meters.xruns.get(), reported, now_ns())
     }
 
     /// Latency from a hand to the actuator, item by item, in milliseconds.
@@ -305,17 +312,17 @@ impl Session {
     /// Hands the ticks to the device once its period is known.
     fn advance(&mut self) -> Result<(), SessionError> {
         let Some(card) = self.card.as_ref().filter(|card| !card.playing()) else { return Ok(()) };
-        let known = self.options.clock.is_some() || card.stream().stats().callbacks >= ENOUGH;
+        let (wakes, period) = card.wakes();
+        let known = self.options.clock.is_some() || wakes >= ENOUGH;
         if !known && card.since() < LISTEN {
             return Ok(());
         }
         let (rate_hz, tick_hz) = (card.stream().rate_hz(), self.conductor.schedule().tick_hz);
-        let period = card.stream().period().unwrap_or(0);
         // A device that has not called yet may do so in any pieces.
         let clock = choose(self.options.clock, period.max(1), rate_hz, tick_hz);
         let clock = if period == 0 && self.options.clock.is_none() { Clock::Paced } else { clock };
         let Some(player) = self.driver.take() else { return Ok(()) };
-        let options = self.driver_options();
+        let options = Options { seen_frames: period, ..self.driver_options() };
         let Some(card) = &mut self.card else { return Ok(()) };
         self.driver.0 = match clock {
             Clock::Callback => {
@@ -349,7 +356,7 @@ impl Session {
         let what = if self.options.reconnect { "; it will go on when the device is back" } else { "" };
         self.notices.push(format!("`{}` is lost: {reason}{what}", self.name));
         if let Some(card) = self.card.take() {
-            self.xruns += card.stream().stats().xruns;
+            self.xruns.close(self.meters.xruns.get(), card.stream().stats().xruns, now_ns());
         }
         self.lost = Some(Instant::now());
         // Hands and forces go on.
