@@ -15,12 +15,37 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 
 enum Answer<T> {
     Awaited,
-    Here(T),
+    /// None: the call panicked.
+    Here(Option<T>),
     Abandoned,
 }
 
+/// The slot of an answer, and what tells of it.
+type Place<T> = Arc<(Mutex<Answer<T>>, Condvar)>;
+
+/// Gives the answer when it is dropped, so that a call that panics comes back too.
+struct Return<T> {
+    host: String,
+    place: Place<T>,
+    answer: Option<T>,
+}
+
+impl<T> Drop for Return<T> {
+    fn drop(&mut self) {
+        let (slot, told) = &*self.place;
+        let mut slot = lock(slot);
+        if matches!(*slot, Answer::Abandoned) {
+            lock(&HANGING).remove(&self.host);
+        } else {
+            *slot = Answer::Here(self.answer.take());
+            told.notify_one();
+        }
+    }
+}
+
 /// Runs `call` on a thread of its own, where ALSA's library prints nothing. None where it takes longer than `limit`, or where an
-/// earlier call into the same host still hangs; the thread is left to its fate then, and what it answers is dropped.
+/// earlier call into the same host still hangs; the thread is left to its fate then, and what it answers is dropped. None, at once,
+/// where it panics.
 pub(crate) fn bounded<T: Send + 'static>(
     host: &str,
     limit: Duration,
@@ -29,27 +54,19 @@ pub(crate) fn bounded<T: Send + 'static>(
     if lock(&HANGING).contains(host) {
         return None;
     }
-    let place = Arc::new((Mutex::new(Answer::Awaited), Condvar::new()));
-    let theirs = place.clone();
-    let name = host.to_owned();
+    let place: Place<T> = Arc::new((Mutex::new(Answer::Awaited), Condvar::new()));
+    let back = Return { host: host.to_owned(), place: place.clone(), answer: None };
     std::thread::spawn(move || {
         hush_alsa();
-        let answer = call();
-        let (slot, told) = &*theirs;
-        let mut slot = lock(slot);
-        if matches!(*slot, Answer::Abandoned) {
-            lock(&HANGING).remove(&name);
-        } else {
-            *slot = Answer::Here(answer);
-            told.notify_one();
-        }
+        let mut back = back;
+        back.answer = Some(call());
     });
     let (slot, told) = &*place;
     let waiting = |answer: &mut Answer<T>| matches!(answer, Answer::Awaited);
     let (mut slot, _) =
         told.wait_timeout_while(lock(slot), limit, waiting).unwrap_or_else(PoisonError::into_inner);
     match std::mem::replace(&mut *slot, Answer::Abandoned) {
-        Answer::Here(answer) => Some(answer),
+        Answer::Here(answer) => answer,
         _ => {
             lock(&HANGING).insert(host.to_owned());
             None
@@ -73,5 +90,23 @@ mod tests {
             std::thread::yield_now();
         }
         assert_eq!(bounded("one", Duration::from_secs(10), || true), Some(true));
+    }
+
+    #[test]
+    fn a_call_that_panics_does_not_close_its_host_for_ever() {
+        let long = Duration::from_secs(60);
+        assert_eq!(bounded("panics", long, || -> bool { panic!("within the host") }), None);
+        assert_eq!(bounded("panics", long, || true), Some(true));
+        // The same where nobody waits any more.
+        let (go, wait) = std::sync::mpsc::channel::<()>();
+        let late = move || -> bool { panic!("late: {:?}", wait.recv()) };
+        assert_eq!(bounded("panics", Duration::from_millis(20), late), None);
+        assert!(lock(&HANGING).contains("panics"));
+        go.send(()).unwrap();
+        let began = std::time::Instant::now();
+        while lock(&HANGING).contains("panics") {
+            assert!(began.elapsed() < long, "it hangs for ever");
+            std::thread::yield_now();
+        }
     }
 }

@@ -17,6 +17,8 @@ use crate::{Block, Capture, Captured, Process, now_ns};
 const SCRATCH: usize = 1 << 16;
 /// Calls whose length is remembered.
 const RECENT: usize = 64;
+/// A stream that is over fades out over one of so many parts of a second.
+const FADE_HZ: u32 = 100;
 /// A gap of more than this is told, if it is also more than 3 periods [ns].
 const GAP_NS: u64 = 50_000_000;
 
@@ -45,6 +47,8 @@ pub(crate) struct Counts {
     pub(crate) latency_ns: AtomicU64,
     /// Whether the stream is over and must be silent.
     pub(crate) over: AtomicBool,
+    /// When the last sample of a stream that is over is heard; 0 before its last block is filled.
+    pub(crate) faded_ns: AtomicU64,
     recent: [AtomicU32; RECENT],
 }
 
@@ -61,6 +65,7 @@ impl Counts {
             last_ns: AtomicU64::new(0),
             latency_ns: AtomicU64::new(0),
             over: AtomicBool::new(false),
+            faded_ns: AtomicU64::new(0),
             recent: [const { AtomicU32::new(0) }; RECENT],
         }
     }
@@ -106,6 +111,8 @@ struct Line {
     scratch: Vec<f32>,
     /// Whether ALSA's library may print on this thread.
     loud: bool,
+    /// Whether there was a gap before this call.
+    late: bool,
     panicked: bool,
 }
 
@@ -114,15 +121,17 @@ impl Line {
         let map: Vec<usize> = channels.iter().map(|channel| usize::from(channel.max(&1) - 1)).collect();
         let scratch = vec![0.0; SCRATCH / map.len().max(1) * map.len().max(1)];
         let width = usize::from(width.max(1));
-        Self { counts, messages, map, width, scratch, loud: true, panicked: false }
+        Self { counts, messages, map, width, scratch, loud: true, late: false, panicked: false }
     }
 
-    /// Begins a call. False where nothing is to be done but to be silent.
+    /// Begins a call. False where nothing is to be done but to fall silent.
     fn begin(&mut self, now: u64, samples: usize, latency_ns: u64) -> bool {
         if std::mem::take(&mut self.loud) {
             hush_alsa();
         }
-        if let Some(gap) = self.counts.called(now, samples / self.width, latency_ns) {
+        let gap = self.counts.called(now, samples / self.width, latency_ns);
+        self.late = gap.is_some();
+        if let Some(gap) = gap {
             // Where the watch is that far behind, the count tells.
             let _ = self.messages.try_push(Message::Gap(gap));
         }
@@ -152,6 +161,10 @@ impl Line {
 pub(crate) struct Filler {
     line: Line,
     process: Box<dyn Process>,
+    /// The last frame that was played, channels as in the block.
+    last: Vec<f32>,
+    /// Frames of a fade to silence, all of them and those still to come.
+    fade: (u32, u32),
 }
 
 impl Filler {
@@ -162,7 +175,9 @@ impl Filler {
         width: u16,
         process: Box<dyn Process>,
     ) -> Self {
-        Self { line: Line::new(counts, messages, channels, width), process }
+        let frames = (counts.rate_hz / FADE_HZ).max(1);
+        let last = vec![0.0; channels.len()];
+        Self { line: Line::new(counts, messages, channels, width), process, last, fade: (frames, frames) }
     }
 
     pub(crate) fn fill<T: DeviceSample>(&mut self, data: &mut [T], info: &OutputCallbackInfo) {
@@ -170,22 +185,29 @@ impl Filler {
         let stamp = info.timestamp();
         let ahead = stamp.playback.saturating_duration_since(stamp.callback).as_nanos() as u64;
         data.fill(T::ZERO);
-        if !self.line.begin(now_ns, data.len(), ahead) {
-            return;
+        let goes_on = self.line.begin(now_ns, data.len(), ahead);
+        if self.line.late {
+            // The device has been silent: the fade must not begin with a step.
+            self.last.fill(0.0);
+        }
+        if !goes_on {
+            return self.fade_out(data, now_ns + ahead);
         }
         let width = self.line.width;
         let channels = self.line.map.len();
         let whole = data.len() / width * width;
         let size = self.line.piece();
         let mut done = 0;
-        for piece in data[..whole].chunks_mut(size) {
+        for start in (0..whole).step_by(size.max(1)) {
+            let piece = &mut data[start..whole.min(start + size)];
             let frames = piece.len() / width;
             let ahead_ns = ahead + self.line.offset_ns(done);
             let output = &mut self.line.scratch[..frames * channels];
             output.fill(0.0);
             let mut block = Block { output, channels, now_ns, ahead_ns };
             if let Err(panic) = catch_unwind(AssertUnwindSafe(|| self.process.process(&mut block))) {
-                return self.line.failed(panic);
+                self.line.failed(panic);
+                return self.fade_out(&mut data[done * width..], now_ns + ahead_ns);
             }
             let made = self.line.scratch[..frames * channels].chunks_exact(channels);
             for (frame, made) in piece.chunks_exact_mut(width).zip(made) {
@@ -193,7 +215,32 @@ impl Filler {
                     frame[*to] = T::from_unit(*from);
                 }
             }
+            if let Some(frame) = piece.chunks_exact(width).next_back() {
+                for (last, from) in self.last.iter_mut().zip(&self.line.map) {
+                    *last = frame[*from].to_unit();
+                }
+            }
             done += frames;
+        }
+    }
+
+    /// Fades the last frame to silence, a half period of a cosine; `heard_ns` is when the data is heard.
+    fn fade_out<T: DeviceSample>(&mut self, data: &mut [T], heard_ns: u64) {
+        let (all, left) = &mut self.fade;
+        let mut frames = 0;
+        for frame in data.chunks_exact_mut(self.line.width) {
+            frames += 1;
+            *left = left.saturating_sub(1);
+            let gain = 0.5 - 0.5 * (std::f32::consts::PI * *left as f32 / *all as f32).cos();
+            for (to, last) in self.line.map.iter().zip(&self.last) {
+                frame[*to] = T::from_unit(last * gain);
+            }
+            if *left == 0 {
+                break;
+            }
+        }
+        if *left == 0 && self.line.counts.faded_ns.load(Relaxed) == 0 {
+            self.line.counts.faded_ns.store(heard_ns + self.line.offset_ns(frames), Relaxed);
         }
     }
 }
@@ -301,6 +348,31 @@ mod tests {
         assert_eq!(violation_count(), seen);
         // A call of 100000 frames may follow late on the one before.
         assert!(matches!(told.try_pop(), Some(Message::Gap(_))));
+    }
+
+    #[test]
+    fn a_stream_that_is_over_fades_from_what_it_played_last_and_stays_silent() {
+        let counts = Arc::new(Counts::new(48_000));
+        let (outward, _told) = HeapRb::new(4).split();
+        let mut filler = Filler::new(counts.clone(), outward, &[2], 2, Box::new(Half));
+        let stamp = StreamInstant::from_nanos(1);
+        let info = OutputCallbackInfo::new(OutputStreamTimestamp { callback: stamp, playback: stamp });
+        let mut played = Vec::new();
+        for call in 0..12 {
+            let mut data = [0.0_f32; 2 * 64];
+            counts.over.store(call > 1, Relaxed);
+            // No gap, however busy the machine is.
+            counts.last_ns.store(0, Relaxed);
+            filler.fill(&mut data, &info);
+            assert_eq!(counts.faded_ns.load(Relaxed) > 0, call >= 9, "call {call}");
+            assert!(data.iter().step_by(2).all(|sample| *sample == 0.0));
+            played.extend(data.iter().skip(1).step_by(2).copied());
+        }
+        assert!(played[..128].iter().all(|sample| *sample == 0.5));
+        let steepest = 0.5 * std::f32::consts::FRAC_PI_2 / 480.0 * 1.01;
+        assert!(played.windows(2).all(|pair| (0.0..steepest).contains(&(pair[0] - pair[1]))));
+        assert!((played[128 + 239] - 0.25).abs() < 1e-6);
+        assert!(played[128 + 479..].iter().all(|sample| *sample == 0.0));
     }
 
     #[test]

@@ -15,6 +15,7 @@ mod info;
 mod plan;
 mod quiet;
 mod request;
+mod roll;
 pub mod simulated;
 mod stream;
 mod watch;

@@ -30,6 +30,7 @@ use crate::format::with_sample;
 use crate::hosts::{Listed, SIMULATED};
 use crate::plan::{Plan, plan};
 use crate::request::{OpenError, Request};
+use crate::roll::Roll;
 use crate::watch::{CLOSING, Shared, Watched, watch};
 use crate::{Capture, Events, Format, Process, now_ns};
 
@@ -127,6 +128,8 @@ pub fn open(
     let by_hand =
         |built: &Built| built.opened.host == SIMULATED && crate::simulated::is_by_hand(&built.opened.id);
     let timed = !by_hand(&output);
+    let sides = [Some(&output), input.as_ref()].into_iter().flatten();
+    let roll = Roll::new(sides.map(|side| (side.opened.host.clone(), side.opened.id.clone())));
     let mut notes = output.notes;
     let (mut streams, mut sides) = (Vec::new(), vec![output.watched]);
     let input = input.map(|built| {
@@ -145,7 +148,7 @@ pub fn open(
     });
     let theirs = shared.clone();
     let thread = std::thread::Builder::new().name("audio watch".to_owned());
-    let watch = thread.spawn(move || watch(&theirs, sides, &events)).map_err(|error| {
+    let watch = thread.spawn(move || watch(&theirs, sides, roll, &events)).map_err(|error| {
         shared.close(CLOSING);
         OpenError::Refused {
             device: output.opened.full_id(),
@@ -201,7 +204,12 @@ fn start(found: Listed, plan: &Plan, channels: &[u16], work: Work) -> Result<Bui
         let xrun = error.kind() == cpal::ErrorKind::Xrun;
         let count = if xrun { &counting.xruns } else { &counting.errors };
         count.fetch_add(1, Relaxed);
-        let _ = errors.try_push(Message::Error(error));
+        // Dropping it would free memory here. Where the watch is that far behind it closes the stream, which bounds what is leaked.
+        if let Err(Message::Error(error)) = errors.try_push(Message::Error(error))
+            && !counting.over.load(Relaxed)
+        {
+            std::mem::forget(error);
+        }
     };
     let width = plan.config.channels;
     let (device, config, wait) = (&found.device, plan.config, Some(Duration::from_secs(3)));

@@ -16,6 +16,7 @@ use ringbuf::traits::Consumer;
 
 use crate::callback::{Counts, Message};
 use crate::quiet::hush_alsa;
+use crate::roll::Roll;
 use crate::{Event, Events, now_ns};
 
 /// How often the watch looks.
@@ -30,6 +31,8 @@ const STANDSTILL_NS: u64 = 250_000_000;
 const FLOOD: f64 = 32.0;
 /// ... where so many a second do no harm.
 const TOLERATED_HZ: f64 = 20.0;
+/// How long a lost stream that still calls may take to fade, and again until the fade is heard.
+const FADING: Duration = Duration::from_millis(50);
 /// How long a host may take to close a stream that is lost before it is left to a thread: word of the loss waits for it, so that
 /// whoever opens the device again does not find it taken.
 const CLOSING_LOST: Duration = Duration::from_millis(100);
@@ -157,7 +160,7 @@ impl Awake {
 }
 
 /// Watches until the stream is lost or done.
-pub(crate) fn watch(shared: &Shared, mut sides: Vec<Watched>, events: &Events) {
+pub(crate) fn watch(shared: &Shared, mut sides: Vec<Watched>, mut roll: Roll, events: &Events) {
     let mut waiting = VecDeque::new();
     let mut awake = Awake::default();
     while !shared.done.load(Relaxed) {
@@ -171,6 +174,7 @@ pub(crate) fn watch(shared: &Shared, mut sides: Vec<Watched>, events: &Events) {
             let said = side.look(&mut waiting);
             lost = lost.or(said).or(quiet);
         }
+        lost = lost.or_else(|| roll.look(now));
         // Where nobody reads, what happened is in the counts.
         waiting.drain(..).for_each(|event| drop(events.try_send(event)));
         if let Some(reason) = lost {
@@ -180,9 +184,25 @@ pub(crate) fn watch(shared: &Shared, mut sides: Vec<Watched>, events: &Events) {
     }
 }
 
+/// Waits until an output that still calls has faded and that is heard.
+fn fade(counts: &Counts) {
+    let limit = FADING.as_nanos() as u64;
+    let began = now_ns();
+    let calls = |now: u64| now.saturating_sub(counts.last_ns.load(Relaxed)) < limit;
+    let faded = || counts.faded_ns.load(Relaxed);
+    let heard = |now: u64| faded() > 0 && now > faded();
+    let mut now = began;
+    while calls(now) && !heard(now) && now < began + if faded() > 0 { 2 * limit } else { limit } {
+        std::thread::park_timeout(Duration::from_millis(1));
+        now = now_ns();
+    }
+}
+
 /// Closes the stream and says so, once.
 fn lose(shared: &Shared, sides: &[Watched], reason: String, events: &Events) {
     sides.iter().for_each(|side| side.counts.over.store(true, Relaxed));
+    // The first side is the output.
+    sides.first().iter().for_each(|side| fade(&side.counts));
     let _ = shared.lost.set(reason.clone());
     shared.close(CLOSING_LOST);
     let mut event = Event::Lost { reason };

@@ -4,10 +4,11 @@ mod parts;
 #[path = "../../../tests/common/servers.rs"]
 mod servers;
 
+use std::process::Command;
 use std::time::{Duration, Instant};
 
-use asperity_audio::{Event, OpenError, Request, events, hosts, open};
-use parts::{Count, Loop, Recorder, play, wait, wait_for_loss};
+use asperity_audio::{Capture, Event, OpenError, Request, events, hosts, open};
+use parts::{Count, Ear, Loop, Recorder, play, wait, wait_for_loss};
 use servers::{Parec, Pulse, inside};
 
 fn request() -> Request {
@@ -190,4 +191,40 @@ fn alsa_over_a_server_that_is_killed_is_a_loss_and_its_flood_ends() {
     let errors = stream.stats().errors;
     std::thread::sleep(Duration::from_millis(100));
     assert_eq!(stream.stats().errors, errors, "errors still come");
+}
+
+/// Asks the server something.
+fn pactl(words: &[&str]) -> String {
+    let output = Command::new("pactl").args(words).output().expect("pactl is installed");
+    assert!(output.status.success(), "{words:?}: {}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8_lossy(&output.stdout).trim().to_owned()
+}
+
+#[test]
+fn a_device_that_vanishes_is_a_loss_and_not_replaced_by_another_one() {
+    let test = "a_device_that_vanishes_is_a_loss_and_not_replaced_by_another_one";
+    let Some(_) = inside(test, Pulse::start) else { return };
+    for (what, device, input) in [
+        ("by name", Some("haptic"), None),
+        ("default", None, None),
+        ("input", Some("test"), Some("haptic.monitor")),
+    ] {
+        let sink = pactl(&["load-module", "module-null-sink", "sink_name=haptic", "rate=48000"]);
+        pactl(&["set-default-sink", "haptic"]);
+        let wanted = Request { device: device.map(str::to_owned), ..request() };
+        let inputs = if input.is_some() { vec![1] } else { Vec::new() };
+        let wanted = Request { input_device: input.map(str::to_owned), inputs, ..wanted };
+        let capture = input.map(|_| Box::new(Ear::new().0) as Box<dyn Capture>);
+        let (sender, received) = events();
+        let stream = open(&wanted, Box::new(Count::default()), capture, sender).unwrap();
+        assert!(input.is_some() || stream.id() == "pulseaudio:haptic", "{}", stream.id());
+        stream.play().unwrap();
+        wait("calls", || stream.stats().callbacks > 200);
+        assert_eq!(stream.lost(), None, "{what}");
+        let unloaded = Instant::now();
+        pactl(&["unload-module", &sink]);
+        let (reason, _) = wait_for_loss(&received);
+        println!("{what}: lost after {} ms: {reason}", unloaded.elapsed().as_millis());
+        assert!(reason.contains("the device is gone: pulseaudio:haptic"), "{what}: {reason}");
+    }
 }
