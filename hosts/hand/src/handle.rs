@@ -5,6 +5,7 @@ use std::net::SocketAddr;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
 
 use asperity_live::{Sample, SampleWriter};
 
@@ -12,6 +13,8 @@ use crate::servo::passivity::DeviceDamping;
 
 /// Problems that wait to be read; of more, the newest are lost.
 const PROBLEMS: usize = 16;
+/// Without a good message for so long, the bad ones are told.
+const DEAF: Duration = Duration::from_secs(1);
 
 /// What is known of the device behind a source.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -81,9 +84,12 @@ impl Handle {
     }
 
     /// The oldest thing that went wrong while running and was not read yet; and that it goes again. Each is said once,
-    /// and not again before the source has worked in between.
+    /// and not again before the source has worked in between. The first message that cannot be used is told, and later ones where
+    /// no good one came for a second.
     pub fn problem(&self) -> Option<String> {
-        self.shared.text().problems.pop_front()
+        let (good, bad) = (self.samples() + self.lost(), self.bad());
+        let mut text = self.shared.text();
+        text.problems.pop_front().or_else(|| text.unusable(good, bad, Instant::now()))
     }
 
     /// Where a network source listens: with port 0 asked for, the port that was given.
@@ -127,6 +133,38 @@ struct Text {
     /// The problem there is now.
     now: Option<String>,
     device: Device,
+    heard: Heard,
+}
+
+/// What [`Handle::problem`] saw of the messages when it was asked last.
+#[derive(Debug, Default)]
+struct Heard {
+    good: u64,
+    bad: u64,
+    /// When a good one was seen last.
+    at: Option<Instant>,
+    /// Whether the bad ones were told since.
+    told: bool,
+    /// Whether they were ever told.
+    ever: bool,
+}
+
+impl Text {
+    /// A line on messages that cannot be used, if it is to be said now.
+    fn unusable(&mut self, good: u64, bad: u64, now: Instant) -> Option<String> {
+        let heard = &mut self.heard;
+        if good != heard.good {
+            (heard.good, heard.at, heard.told) = (good, Some(now), false);
+        }
+        let more = bad > std::mem::replace(&mut heard.bad, bad);
+        let deaf = !heard.ever || heard.at.is_none_or(|at| now.saturating_duration_since(at) >= DEAF);
+        // A servo counts without a reason.
+        if !more || !deaf || heard.told || self.bad.is_empty() {
+            return None;
+        }
+        (heard.told, heard.ever) = (true, true);
+        Some(format!("messages that cannot be used: {}", self.bad))
+    }
 }
 
 impl Shared {
@@ -205,6 +243,21 @@ mod tests {
             [handle.problem(), handle.problem(), handle.problem()],
             [Some("back".into()), Some("gone".into()), None]
         );
+    }
+
+    #[test]
+    fn messages_that_cannot_be_used_are_told_once_until_good_ones_came_and_stopped() {
+        let mut text = Text { bad: "a text".into(), ..Text::default() };
+        let begin = Instant::now();
+        let mut said = |good, bad, ms| text.unusable(good, bad, begin + Duration::from_millis(ms));
+        assert_eq!(said(0, 0, 0), None);
+        assert_eq!(said(5, 1, 10).as_deref(), Some("messages that cannot be used: a text"), "the first");
+        assert_eq!(said(5, 9, 5000), None, "once");
+        assert_eq!(said(6, 10, 5010), None, "it works, if not always");
+        assert_eq!(said(6, 11, 5900), None, "not for a second yet");
+        assert_eq!(said(6, 11, 6100), None, "no more of them");
+        assert!(said(6, 12, 6200).is_some(), "again");
+        assert_eq!(said(6, 13, 9000), None);
     }
 
     #[test]

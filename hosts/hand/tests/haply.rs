@@ -26,6 +26,8 @@ struct Service {
     mute: AtomicBool,
     /// Whether it sends reports that nobody asked for.
     chatty: AtomicBool,
+    /// Whether it sends as fast as it can, and hears nothing.
+    flood: AtomicBool,
     forces: Mutex<Vec<[f64; 3]>>,
     asked: AtomicU64,
     closed: AtomicBool,
@@ -47,12 +49,23 @@ impl Service {
         self.forces.lock().unwrap().last().copied().unwrap_or_default()
     }
 
+    fn pour(&self, socket: &mut WebSocket<TcpStream>) {
+        let many = [0x81, 2, b'{', b'}'].repeat(16_384);
+        let mut goes = true;
+        while goes && !self.stop.load(Relaxed) {
+            goes = socket.get_mut().write_all(&many).is_ok();
+        }
+    }
+
     fn talk(&self, mut socket: WebSocket<TcpStream>) {
         let report = self.report();
         if socket.send(Message::text(report)).is_err() {
             return;
         }
         while !self.stop.load(Relaxed) {
+            if self.flood.load(Relaxed) {
+                return self.pour(&mut socket);
+            }
             let text = match socket.read() {
                 Ok(Message::Text(text)) => text,
                 Ok(Message::Close(_)) => return self.closed.store(true, Relaxed),
@@ -307,6 +320,16 @@ fn reports_that_nobody_asked_for_do_not_make_the_hand_lag() {
     until("the new place", || newest(&mut from).is_some_and(|s| s.position[0] == 500.0));
     let more = running.service.asked.load(Relaxed) - asked;
     assert!(more < 100, "it took {more} questions");
+}
+
+#[test]
+fn a_service_that_floods_does_not_hold_the_servo() {
+    let running = Running::new(&["049D"]);
+    let handle = start(running.options(), samples().0, None).unwrap();
+    until("samples", || handle.samples() > 0);
+    running.service.flood.store(true, Relaxed);
+    until("it is told", || handle.problem().is_some_and(|p| p.contains("sends more than can be read")));
+    drop(handle);
 }
 
 #[test]

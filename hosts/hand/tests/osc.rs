@@ -126,6 +126,10 @@ fn garbage_is_counted_with_a_reason_and_does_no_harm() {
         until("a bad message", || handle.bad() == expect);
         assert!(handle.last_bad().unwrap().contains(why), "{:?}", handle.last_bad());
     }
+    // An empty address was told before, as one that does not match.
+    let said = std::iter::from_fn(|| handle.problem()).last().unwrap();
+    assert!(said.contains("cannot be used: a message for `/pen`: it has 1 arguments"), "{said}");
+    assert_eq!(handle.problem(), None);
     let mut nested = two(OscType::Int(1), OscType::Int(2));
     for _ in 0..1000 {
         nested = OscPacket::Bundle(OscBundle {

@@ -38,6 +38,12 @@ impl Hand {
         Self { state: Mutex::new(State { to, last: Sample::default() }), holder: watch::Sender::new(None) }
     }
 
+    /// Writes here from now on; the stroke goes on.
+    pub(crate) fn set_writer(&self, to: SampleWriter) {
+        let old = std::mem::replace(&mut self.state.lock().to, to);
+        drop(old);
+    }
+
     /// Tells which page has the hand.
     pub(crate) fn holder(&self) -> watch::Receiver<Option<u64>> {
         self.holder.subscribe()

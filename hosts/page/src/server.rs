@@ -154,6 +154,13 @@ impl Page {
         &self.url
     }
 
+    /// Hands the samples of the hand to another writer, as after a change of the graph. A stroke goes on in it, numbered as before; the
+    /// old writer is dropped. False, and nothing done, where the page was served without a pointer.
+    pub fn set_pointer(&self, to: SampleWriter) -> bool {
+        let hand = self.shared.hand.as_ref();
+        hand.map(|hand| hand.set_writer(to)).is_some()
+    }
+
     /// What happened so far.
     #[must_use]
     pub fn counts(&self) -> Counts {

@@ -451,3 +451,36 @@ fn a_port_that_is_taken_and_a_token_that_is_none_are_errors() {
         std::io::ErrorKind::InvalidInput
     );
 }
+
+#[test]
+fn the_hand_goes_on_with_another_writer_and_its_strokes_are_numbered_on() {
+    let (ask, asked) = sync_channel(4);
+    let (to, mut first) = samples();
+    let page = serve(Options::default(), Arc::new(Feed::new()), ask, Some(to)).expect("it serves");
+    let stage = Stage { page, feed: Arc::new(Feed::new()), asked };
+    let mut socket = stage.watch().expect("a place");
+    let mut touch = |x: f64, number: f64| {
+        let told = [1.0, x, x, x, 0.0, 0.5, number].map(f64::to_le_bytes).concat();
+        socket.send(Message::binary(told)).expect("it hears");
+    };
+    let mut got = None;
+    touch(1.0, 1.0);
+    until("a sample", || {
+        got = first.take();
+        got.is_some()
+    });
+    let before = got.expect("a sample");
+    let (to, mut second) = samples();
+    assert!(stage.page.set_pointer(to));
+    for (x, number, on) in [(2.0, 1.0, 0), (3.0, 2.0, 1)] {
+        touch(x, number);
+        until("a sample of the new one", || {
+            got = second.take();
+            got.is_some()
+        });
+        let after = got.expect("a sample");
+        assert_eq!((after.position[0], after.stroke), (x, before.stroke + on));
+        assert!(after.time_ns > before.time_ns);
+    }
+    assert!(first.take().is_none());
+}

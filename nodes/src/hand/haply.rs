@@ -39,7 +39,7 @@ impl Node for HaplyForce {
     fn descriptor() -> Descriptor {
         let it =
             Descriptor::new("haply_force", "Renders a plane on an Inverse3, in the loop that talks to it.");
-        force::sink(device(it), 8.0)
+        force::sink(device(it), 3.0)
     }
 
     fn prepare(_setup: &Setup<'_>) -> Result<Self, Diagnostic> {

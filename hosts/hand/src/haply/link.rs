@@ -99,23 +99,24 @@ impl Link {
         }
     }
 
-    /// Takes what came without being asked for, so that the next report is the newest.
+    /// Takes what came without being asked for until `end`, so that the next report is the newest. Whether that was all.
     ///
     /// # Errors
     /// The connection is gone.
-    pub(super) fn drain(&mut self) -> Result<(), String> {
+    pub(super) fn drain(&mut self, end: Instant) -> Result<bool, String> {
         let set = |link: &Self, on| link.socket.get_ref().set_nonblocking(on).map_err(|e| e.to_string());
         set(self, true)?;
-        let end = loop {
+        let all = loop {
             match self.socket.read() {
                 Ok(Message::Close(_)) => break Err("it closed the connection".to_owned()),
+                Ok(_) if Instant::now() >= end => break Ok(false),
                 Ok(_) => {}
-                Err(Error::Io(e)) if waits(e.kind()) => break Ok(()),
+                Err(Error::Io(e)) if waits(e.kind()) => break Ok(true),
                 Err(e) => break Err(e.to_string()),
             }
         };
         set(self, false)?;
-        end
+        all
     }
 
     /// Says goodbye, and waits a moment for the other side to say it.

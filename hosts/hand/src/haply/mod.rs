@@ -45,6 +45,11 @@ const LOST: Duration = Duration::from_secs(1);
 const AGAIN: Duration = Duration::from_millis(500);
 /// How long the end may take to let go: the law takes 20 ms.
 const LET_GO: Duration = Duration::from_millis(50);
+/// Questions a second unless told otherwise.
+pub const USUAL_HZ: u32 = 1000;
+/// Delay d of the wall's loop \[s\], from a report to the force that follows from it: one exchange. Not measured on a device: it is the
+/// longest that lets the two exchanges of a hand in contact fit into a period at [`USUAL_HZ`]; a slower service lowers the rate itself.
+pub const DELAY_S: f64 = 0.5 / USUAL_HZ as f64;
 /// Largest force unless told otherwise \[N\]: a choice of ours, for a hand that does not expect it.
 pub const USUAL_N: f64 = 3.0;
 
@@ -70,7 +75,7 @@ impl HaplyOptions {
             service: SERVICE.to_owned(),
             device: None,
             frame: Frame::default(),
-            rate_hz: 1000,
+            rate_hz: USUAL_HZ,
             max_force_n: USUAL_N,
         }
     }
@@ -204,8 +209,15 @@ impl Run {
         let period = Duration::from_secs(1) / self.options.rate_hz;
         let mut due = Instant::now();
         let mut heard = Instant::now();
+        let mut dry = Instant::now();
         while !self.shared.stopped() {
-            link.drain()?;
+            let now = Instant::now();
+            if link.drain(now + period / 2)? {
+                dry = now;
+            } else if dry.elapsed() > STALL {
+                // What is read by now is old.
+                return Err("it sends more than can be read".to_owned());
+            }
             link.ask(&self.id, self.sent)?;
             if self.answer(link, &mut heard)? {
                 self.turn(link, &mut heard)?;

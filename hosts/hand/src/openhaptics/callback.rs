@@ -3,7 +3,10 @@
 use std::ffi::{c_uint, c_void};
 use std::ptr::NonNull;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering::Relaxed};
+use std::sync::atomic::{
+    AtomicBool, AtomicU32, AtomicU64, Ordering::AcqRel, Ordering::Acquire, Ordering::Relaxed,
+    Ordering::Release,
+};
 
 use asperity_live::{ForceReader, Sample, SampleWriter, now_ns};
 
@@ -31,7 +34,7 @@ pub(super) struct Signals {
     pub(super) minor: AtomicU32,
     /// Calls so far.
     pub(super) ticks: AtomicU64,
-    /// Whether the callback is running now.
+    /// Whether the callback is running now. Released by it when it is done with the tick.
     pub(super) inside: AtomicBool,
 }
 
@@ -54,35 +57,43 @@ pub(super) struct Tick {
 
 /// A [`Tick`] of which the library has the address. Lent to its thread between [`Parked::lend`] and the end of its schedule, and not
 /// touched from here meanwhile.
-pub(super) struct Parked(NonNull<Tick>);
+pub(super) struct Parked<T = Tick> {
+    tick: NonNull<T>,
+    signals: Arc<Signals>,
+}
 
 // SAFETY: a tick may be sent (its parts may), and this owns it.
-unsafe impl Send for Parked where Tick: Send {}
+unsafe impl<T: Send> Send for Parked<T> {}
 
-impl Parked {
-    pub(super) fn new(tick: Tick) -> Self {
-        Self(NonNull::from(Box::leak(Box::new(tick))))
+impl<T> Parked<T> {
+    pub(super) fn new(tick: T, signals: Arc<Signals>) -> Self {
+        Self { tick: NonNull::from(Box::leak(Box::new(tick))), signals }
     }
 
     /// What the callback is scheduled with.
     pub(super) fn lend(&mut self) -> *mut c_void {
-        self.0.as_ptr().cast()
+        self.tick.as_ptr().cast()
     }
 
     /// The tick.
     ///
     /// # Safety
-    /// The callback is not scheduled.
-    pub(super) unsafe fn mine(&mut self) -> &mut Tick {
+    /// The callback is not scheduled, and was seen not to be inside.
+    pub(super) unsafe fn mine(&mut self) -> &mut T {
         // SAFETY: made from a box; nobody else has it, by the caller's promise.
-        unsafe { self.0.as_mut() }
+        unsafe { self.tick.as_mut() }
     }
 }
 
-impl Drop for Parked {
+impl<T> Drop for Parked<T> {
     fn drop(&mut self) {
-        // SAFETY: made from a box, and dropped by the source's thread, which has taken the callback back before.
-        drop(unsafe { Box::from_raw(self.0.as_ptr()) });
+        // A library that is still inside the callback goes on using the tick: it is never freed then.
+        if self.signals.inside.load(Acquire) {
+            return;
+        }
+        // SAFETY: made from a box, and dropped by the source's thread, which has taken the callback back before; what the
+        // callback did last is seen here.
+        drop(unsafe { Box::from_raw(self.tick.as_ptr()) });
     }
 }
 
@@ -93,10 +104,10 @@ impl Drop for Parked {
 pub(super) unsafe extern "system" fn tick(user: *mut c_void) -> c_uint {
     // SAFETY: the caller's promise.
     let tick = unsafe { &mut *user.cast::<Tick>() };
-    tick.signals.inside.store(true, Relaxed);
+    tick.signals.inside.swap(true, AcqRel);
     let answer = tick.run();
     tick.signals.ticks.fetch_add(1, Relaxed);
-    tick.signals.inside.store(false, Relaxed);
+    tick.signals.inside.store(false, Release);
     answer
 }
 
@@ -161,6 +172,23 @@ impl Tick {
             self.count = 0;
             let sample = Sample { time_ns: now, arrived_ns: now, position, force, stroke: self.stroke };
             self.shared.send(&mut self.writer, sample);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_tick_that_the_library_is_still_inside_of_is_never_freed() {
+        for inside in [false, true] {
+            let signals = Arc::new(Signals::default());
+            let tick = Arc::new(());
+            let parked = Parked::new(tick.clone(), signals.clone());
+            signals.inside.store(inside, Release);
+            drop(parked);
+            assert_eq!(Arc::strong_count(&tick), 1 + usize::from(inside));
         }
     }
 }

@@ -17,7 +17,7 @@ mod library;
 use std::ffi::{CString, c_uint, c_ulong};
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::sync::atomic::{AtomicBool, Ordering::Acquire, Ordering::Relaxed};
 use std::sync::mpsc::{self, SyncSender};
 use std::thread;
 use std::time::{Duration, Instant};
@@ -105,7 +105,7 @@ pub fn start(
     // The first look at the clock sets it up, which a servo must not.
     asperity_live::now_ns();
     let pushes = models.is_some();
-    let tick = Parked::new(Tick {
+    let tick = Tick {
         hd,
         device: INVALID_HANDLE,
         frame: options.frame,
@@ -118,7 +118,8 @@ pub fn start(
         last_ns: None,
         shared: shared.clone(),
         signals: signals.clone(),
-    });
+    };
+    let tick = Parked::new(tick, signals.clone());
     let most = options.max_force_n;
     let shared_too = shared.clone();
     let device = INVALID_HANDLE;
@@ -240,7 +241,7 @@ impl Keeper {
         // A device that cannot tell one of these is none the worse.
         self.hd.errors();
         self.device = device;
-        // SAFETY: a device is opened while nothing is scheduled.
+        // SAFETY: a device is opened while nothing is scheduled, and after `stop` has waited for the callback.
         let tick = unsafe { self.tick.mine() };
         tick.device = device;
         tick.servo = Servo::new(Limits::of(most));
@@ -314,8 +315,13 @@ impl Keeper {
             (self.hd.stop_scheduler)();
             (self.hd.unschedule)(handle);
         }
-        // A library that stops without waiting for its thread is waited for here.
-        while self.signals.inside.load(Relaxed) && begin.elapsed() < 2 * LET_GO {
+        // A library that stops without waiting for its thread is waited for here: as long as it takes, since the tick is used
+        // again, but for a source that is to end. That leaves the tick to the library.
+        while self.signals.inside.load(Acquire) {
+            if self.shared.stopped() && begin.elapsed() > 2 * LET_GO {
+                self.shared.set_force(0.0);
+                return;
+            }
             thread::sleep(Duration::from_millis(1));
         }
         self.signals.closing.store(false, Relaxed);
