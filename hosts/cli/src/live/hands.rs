@@ -5,15 +5,12 @@ use std::path::PathBuf;
 
 use asperity_graph::{Schedule, ScheduledNode};
 use asperity_hand::servo::passivity::{DeviceDamping, passivity};
-use asperity_hand::{Frame, HandError, Handle, haply, openhaptics, osc};
+use asperity_hand::{Frame, HandError, Handle, haply, openhaptics, osc, servo_hz};
 use asperity_live::view::Layout;
 use asperity_live::{Ends, ForceReader, SampleWriter, force_model, samples};
 use asperity_source::Diagnostic;
 
 use crate::failure::Failure;
-
-/// Servo rate of the devices that push back, in Hz.
-const SERVO_HZ: f64 = 1000.0;
 
 /// Devices and sockets that are open, by the ids of their input nodes.
 #[derive(Debug, Default)]
@@ -215,7 +212,7 @@ fn warning(schedule: &Schedule, live: &Layout, node: &ScheduledNode, hands: &Han
         Some(stiffness) => DeviceDamping::Recommended(stiffness),
         None => DeviceDamping::Unknown,
     };
-    let bound = passivity(stiffness, damping, SERVO_HZ, device);
+    let bound = passivity(stiffness, damping, servo_hz(&node.kind), device);
     let known = match device {
         DeviceDamping::Unknown => {
             format!("; if you know its damping: --set {}.device_damping_ns_per_m=", node.id)

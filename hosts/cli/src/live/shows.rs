@@ -82,7 +82,8 @@ impl Shows {
         if let Some((page, _)) = &self.page
             && let Some(pointer) = hands.take_pointer()
         {
-            page.set_pointer(pointer);
+            // False where the page is over: then nobody holds the hand.
+            let _ = page.set_pointer(pointer);
         }
         if self.layout.as_ref() != Some(layout) {
             if let Some((_, feed)) = &self.page {
