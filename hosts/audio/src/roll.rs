@@ -4,10 +4,13 @@
 //! them not to. So their devices are listed again and again, beside the watch. A device that goes and comes back under its name
 //! between two looks is not missed, nor is a stream that a user moves by hand.
 
-use std::sync::mpsc::{Receiver, TryRecvError, channel};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::time::Duration;
 
-use crate::hosts::list;
+use cpal::HostId;
+use cpal::traits::HostTrait;
+
+use crate::hosts::Listed;
 
 /// Time from one answer to the next question.
 const PERIOD: Duration = Duration::from_millis(250);
@@ -15,49 +18,63 @@ const PERIOD: Duration = Duration::from_millis(250);
 /// Hosts that move streams.
 const MOVERS: [&str; 2] = ["pulseaudio", "pipewire"];
 
-/// Calls the roll of the devices that a stream has open.
+/// Calls the roll of the devices that a stream has open, on a thread of its own, until it is dropped: a host that hangs keeps that
+/// thread and nobody else.
 pub(crate) struct Roll {
-    /// Host and id of each.
-    devices: Vec<(String, String)>,
-    /// When to ask again [ns].
-    next_ns: u64,
-    asked: Option<Receiver<Option<String>>>,
+    gone: Receiver<String>,
+    /// Dropped with this, which ends the thread.
+    _done: Sender<()>,
 }
 
 impl Roll {
     /// Of devices by host and id; those of hosts that do not move streams are left out.
-    pub(crate) fn new(devices: impl Iterator<Item = (String, String)>) -> Self {
-        let devices = devices.filter(|(host, _)| MOVERS.contains(&host.as_str())).collect();
-        Self { devices, next_ns: 0, asked: None }
+    pub(crate) fn new(devices: impl Iterator<Item = (String, String)>) -> std::io::Result<Self> {
+        let devices: Vec<_> = devices.filter(|(host, _)| MOVERS.contains(&host.as_str())).collect();
+        let (tell, gone) = channel();
+        let (done, wait) = channel();
+        if !devices.is_empty() {
+            let thread = std::thread::Builder::new().name("audio roll".to_owned());
+            thread.spawn(move || call(devices, &tell, &wait))?;
+        }
+        Ok(Self { gone, _done: done })
     }
 
-    /// Answers which device is gone, once one is. Never waits: a thread asks, one at a time, and a host that hangs keeps it.
-    pub(crate) fn look(&mut self, now: u64) -> Option<String> {
-        if let Some(asked) = &self.asked {
-            let answer = asked.try_recv();
-            if answer == Err(TryRecvError::Empty) {
-                return None;
-            }
-            self.asked = None;
-            self.next_ns = now + PERIOD.as_nanos() as u64;
-            return answer.ok().flatten();
-        }
-        if !self.devices.is_empty() && now >= self.next_ns {
-            let (tell, asked) = channel();
-            let devices = self.devices.clone();
-            self.asked = Some(asked);
-            let thread = std::thread::Builder::new().name("audio roll".to_owned());
-            // Where there is no thread, the next look tries again; nobody may wait for the answer any more.
-            let _ = thread.spawn(move || drop(tell.send(missing(&devices))));
-        }
-        None
+    /// Answers which device is gone, once one is. Never waits.
+    pub(crate) fn look(&self) -> Option<String> {
+        self.gone.try_recv().ok()
     }
 }
 
-/// The first device that its host does not list. One whose host does not answer is not missed: the watch sees that it does not call.
-fn missing(devices: &[(String, String)]) -> Option<String> {
-    let gone = |(host, id): &&(String, String)| {
-        list(host).is_ok_and(|listed| listed.iter().all(|one| one.id != *id))
+/// Looks until a device is gone or nobody wants to know. Every device has one connection that is kept: cpal does not always give
+/// up the threads of a PulseAudio connection that is closed.
+fn call(devices: Vec<(String, String)>, tell: &Sender<String>, wait: &Receiver<()>) {
+    let host = |name: &str| cpal::ALL_HOSTS.iter().copied().find(|id: &HostId| id.to_string() == name);
+    let connect = |(name, id): (String, String)| {
+        let host = host(&name).and_then(|host| cpal::host_from_id(host).ok())?;
+        Some((host, name, id))
     };
-    devices.iter().find(gone).map(|(host, id)| format!("the device is gone: {host}:{id}"))
+    let devices: Vec<_> = devices.into_iter().filter_map(connect).collect();
+    while wait.recv_timeout(PERIOD) == Err(RecvTimeoutError::Timeout) {
+        if let Some((_, name, id)) = devices.iter().find(|(host, name, id)| is_gone(host, name, id)) {
+            // Who has lost the stream already does not listen.
+            let _ = tell.send(format!("the device is gone: {name}:{id}"));
+            return;
+        }
+    }
+}
+
+/// Whether a host does not have a device. One that does not answer is not asked again here: the watch sees that it does not call.
+fn is_gone(host: &cpal::Host, name: &str, id: &str) -> bool {
+    let anew;
+    let host = if name == "pipewire" {
+        // PipeWire's lists its devices once, when it is made.
+        let Ok(made) = cpal::host_from_id(host.id()) else { return false };
+        anew = made;
+        &anew
+    } else {
+        host
+    };
+    let Ok(devices) = host.devices() else { return false };
+    let defaults = [host.default_output_device(), host.default_input_device()];
+    devices.chain(defaults.into_iter().flatten()).all(|device| Listed::new(name, device).id != id)
 }

@@ -130,6 +130,10 @@ pub fn open(
     let timed = !by_hand(&output);
     let sides = [Some(&output), input.as_ref()].into_iter().flatten();
     let roll = Roll::new(sides.map(|side| (side.opened.host.clone(), side.opened.id.clone())));
+    let roll = roll.map_err(|error| OpenError::Refused {
+        device: output.opened.full_id(),
+        reason: format!("no thread to see whether it is there: {error}"),
+    })?;
     let mut notes = output.notes;
     let (mut streams, mut sides) = (Vec::new(), vec![output.watched]);
     let input = input.map(|built| {
@@ -148,7 +152,7 @@ pub fn open(
     });
     let theirs = shared.clone();
     let thread = std::thread::Builder::new().name("audio watch".to_owned());
-    let watch = thread.spawn(move || watch(&theirs, sides, roll, &events)).map_err(|error| {
+    let watch = thread.spawn(move || watch(&theirs, sides, &roll, &events)).map_err(|error| {
         shared.close(CLOSING);
         OpenError::Refused {
             device: output.opened.full_id(),

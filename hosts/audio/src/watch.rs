@@ -160,7 +160,7 @@ impl Awake {
 }
 
 /// Watches until the stream is lost or done.
-pub(crate) fn watch(shared: &Shared, mut sides: Vec<Watched>, mut roll: Roll, events: &Events) {
+pub(crate) fn watch(shared: &Shared, mut sides: Vec<Watched>, roll: &Roll, events: &Events) {
     let mut waiting = VecDeque::new();
     let mut awake = Awake::default();
     while !shared.done.load(Relaxed) {
@@ -174,7 +174,7 @@ pub(crate) fn watch(shared: &Shared, mut sides: Vec<Watched>, mut roll: Roll, ev
             let said = side.look(&mut waiting);
             lost = lost.or(said).or(quiet);
         }
-        lost = lost.or_else(|| roll.look(now));
+        lost = lost.or_else(|| roll.look());
         // Where nobody reads, what happened is in the counts.
         waiting.drain(..).for_each(|event| drop(events.try_send(event)));
         if let Some(reason) = lost {

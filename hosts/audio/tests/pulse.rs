@@ -201,6 +201,19 @@ fn pactl(words: &[&str]) -> String {
 }
 
 #[test]
+fn a_stream_that_goes_on_takes_no_more_files_and_threads() {
+    let test = "a_stream_that_goes_on_takes_no_more_files_and_threads";
+    let Some(_) = inside(test, Pulse::start) else { return };
+    let taken = || ["fd", "task"].map(|of| std::fs::read_dir(format!("/proc/self/{of}")).unwrap().count());
+    let stream = play(&request(), Count::default());
+    wait("calls", || stream.stats().callbacks > 200);
+    let before = taken();
+    std::thread::sleep(Duration::from_secs(4));
+    println!("files and threads: {before:?}, 4 s later {:?}", taken());
+    assert!(taken().iter().zip(before).all(|(now, before)| *now <= before + 1));
+}
+
+#[test]
 fn a_device_that_vanishes_is_a_loss_and_not_replaced_by_another_one() {
     let test = "a_device_that_vanishes_is_a_loss_and_not_replaced_by_another_one";
     let Some(_) = inside(test, Pulse::start) else { return };
