@@ -90,6 +90,12 @@ impl Card {
         (wakes, frames.max(self.stream.period().unwrap_or(0)))
     }
 
+    /// Whether its host may cut what one wake-up asks for into several calls. JACK never does: there, calls that come at once are a
+    /// machine that was late, and say nothing of the period.
+    pub(super) fn bunches(&self) -> bool {
+        matches!(self.stream.host(), "pulseaudio" | "pipewire" | "alsa")
+    }
+
     /// The device for a person, with its host.
     pub(super) fn name(&self) -> String {
         format!("{} ({})", self.stream.name(), self.stream.host())

@@ -319,7 +319,8 @@ impl Session {
         }
         let (rate_hz, tick_hz) = (card.stream().rate_hz(), self.conductor.schedule().tick_hz);
         // A device that has not called yet may do so in any pieces.
-        let clock = choose(self.options.clock, period.max(1), rate_hz, tick_hz);
+        let called = if card.bunches() { period } else { card.stream().period().unwrap_or(period) };
+        let clock = choose(self.options.clock, called.max(1), rate_hz, tick_hz);
         let clock = if period == 0 && self.options.clock.is_none() { Clock::Paced } else { clock };
         let Some(player) = self.driver.take() else { return Ok(()) };
         let options = Options { seen_frames: period, ..self.driver_options() };
