@@ -114,9 +114,12 @@ pub fn run(args: &Run) -> Result<ExitCode, Failure> {
     }
     // What was recorded until then is kept, whatever ended the run.
     for recorder in recorders.into_values() {
-        let (filled, path) = (recorder.filled(), recorder.keep()?);
-        if filled > 0 {
-            warn(&format!("{}: {filled} values of ticks that were left out stand as 0", path.display()));
+        let (missing, path) = (recorder.missing(), recorder.keep()?);
+        if missing > 0 {
+            let name = path.display();
+            warn(&format!(
+                "{name}: {missing} rows of ticks that were left out are missing; a .csv has times"
+            ));
         }
         written.push(path);
     }

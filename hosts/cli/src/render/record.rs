@@ -21,7 +21,7 @@ pub struct Recorder {
     scratch: Vec<f32>,
     /// The row that comes next.
     next: u64,
-    filled: u64,
+    missing: u64,
 }
 
 /// Most samples of a mono WAV file of 32-bit floats, with room for its head.
@@ -87,7 +87,7 @@ impl Recorder {
             ("wav", Shape::Audio { rate_hz }) => Rows::wav(path, 1, rate_hz, Format::F32)?,
             _ => return Err(unknown_format(path, "a .csv or .npy file; .wav for audio").into()),
         };
-        Ok(Self { rows, from, columns, shape, scratch: Vec::new(), next: 0, filled: 0 })
+        Ok(Self { rows, from, columns, shape, scratch: Vec::new(), next: 0, missing: 0 })
     }
 
     /// Takes down the tick that has just run.
@@ -131,15 +131,9 @@ impl Recorder {
             Shape::Magnitude(l) | Shape::Spectrum(l) => l.rate_hz,
         };
         let even = matches!(self.shape, Shape::Control { .. } | Shape::Audio { .. });
-        // A line of a CSV file has its time; elsewhere what was left out has to stand for itself.
+        // A line of a CSV file has its time; elsewhere it has to be said that something is not there.
         if even && ending(self.rows.path()) != "csv" {
-            let zeros = vec![0.0; 1024 * self.columns];
-            while self.next < start {
-                let rows = (start - self.next).min(1024) as usize;
-                self.rows.append(&zeros[..rows * self.columns], self.columns, |_| 0.0)?;
-                self.next += rows as u64;
-                self.filled += rows as u64;
-            }
+            self.missing += start.saturating_sub(self.next);
         }
         let rows = (values.len() / self.columns.max(1)) as u64;
         self.next = start + rows;
@@ -152,9 +146,9 @@ impl Recorder {
         self.rows.append(values, self.columns, |i| (start + i as u64) as f64 / f64::from(rate_hz))
     }
 
-    /// Rows of 0 that stand for what was left out.
-    pub fn filled(&self) -> u64 {
-        self.filled
+    /// Rows that are not there, since their ticks were left out, of a file whose rows have no times.
+    pub fn missing(&self) -> u64 {
+        self.missing
     }
 
     /// Goes on with the same node where another graph has been taken over.
