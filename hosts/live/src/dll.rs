@@ -36,9 +36,10 @@ const REMEMBERED_NS: f64 = 2e9;
 pub struct Line {
     /// Callbacks so far; 0 for none: then the line says nothing.
     pub callbacks: u64,
-    /// Frames that a wake-up of the device asks for, the most in the last seconds.
+    /// Frames that a wake-up of the device asks for, the most in the last seconds: less those that it asks for because it came late.
     pub period_frames: u64,
-    /// How much earlier than predicted callbacks came, the most in the last seconds, in nanoseconds.
+    /// How much earlier than predicted callbacks came, the most in the last seconds, in nanoseconds; at most a period. Time that was
+    /// called lost and came back is not counted.
     pub early_ns: f64,
     first: f64,
     first_ns: f64,
@@ -124,7 +125,9 @@ pub struct Dll {
     /// When the loop last moved, and the frames that were asked for since.
     moved_ns: f64,
     since: f64,
-    /// Time that was called lost in gaps, less what came back, in nanoseconds.
+    /// Of these, frames that a wake-up which came in time would have been asked for before.
+    late: f64,
+    /// Time that was called lost, less what came back, in nanoseconds.
     gone_ns: f64,
     period: Most,
     early: Most,
@@ -143,6 +146,7 @@ impl Dll {
             began_ns: 0.0,
             moved_ns: 0.0,
             since: 0.0,
+            late: 0.0,
             gone_ns: 0.0,
             period: Most::default(),
             early: Most::default(),
@@ -197,6 +201,7 @@ impl Dll {
         self.line.slope = self.line.frame_ns;
         self.moved_ns = now;
         self.since = 0.0;
+        self.late = 0.0;
         self.shared = (now, 0, 0.0);
     }
 
@@ -214,7 +219,8 @@ impl Dll {
             self.gone_ns = (self.gone_ns + error).max(0.0);
             self.line.end_ns = now;
             self.follow(now);
-            return (error / self.line.frame_ns).round().max(0.0);
+            self.late = (error / self.line.frame_ns).max(0.0);
+            return self.late.round();
         }
         let w = TAU * (0.8e9 / (now - self.began_ns).max(1.0)).clamp(BANDWIDTH_HZ, WIDE_HZ);
         let spanned_s = self.since * self.nominal_ns * 1e-9;
@@ -224,10 +230,10 @@ impl Dll {
         let rate = self.line.frame_ns / self.nominal_ns + w * w * spanned_s * error_s;
         self.line.frame_ns = self.nominal_ns * rate.clamp(0.95, 1.05);
         self.line.slope = self.line.frame_ns + self.nominal_ns * (SQRT_2 * w * error_s).clamp(-0.02, 0.02);
-        self.period.see(self.since, now);
-        self.early.see(-error, now);
+        self.early.see(-error - self.gone_ns, now);
         self.moved_ns = now;
         self.since = 0.0;
+        self.late = (error / self.line.frame_ns).max(0.0);
         self.offset(now, error)
     }
 
@@ -248,6 +254,7 @@ impl Dll {
         }
         let shift = *least;
         self.shared = (now, 0, 0.0);
+        self.gone_ns = (self.gone_ns + shift).max(0.0);
         self.line.end_ns += shift;
         self.line.slope = self.line.frame_ns;
         (shift / self.line.frame_ns).round().max(0.0)
@@ -255,14 +262,15 @@ impl Dll {
 
     fn extend(&mut self, now: f64, frames: f64) {
         self.since += frames;
-        self.period.see(frames, now);
+        let passed = (now - self.moved_ns) / self.line.frame_ns;
+        self.period.see(self.since - self.late - passed, now);
         let line = &mut self.line;
         line.callbacks += 1;
         (line.first, line.first_ns) = (line.end, line.end_ns);
         line.end += frames;
         line.end_ns += frames * line.slope;
         line.period_frames = self.period.get() as u64;
-        line.early_ns = self.early.get();
+        line.early_ns = self.early.get().clamp(0.0, self.period.get() * line.frame_ns);
     }
 }
 

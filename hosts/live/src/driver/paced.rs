@@ -177,7 +177,7 @@ impl Pace {
     /// The lead that the device needs as it is now.
     fn lead(&self, line: &Line) -> f64 {
         let period = if self.given_frames > 0 { u64::from(self.given_frames) } else { line.period_frames };
-        period as f64 * line.frame_ns() + MARGIN_NS + line.early_ns.max(0.0)
+        period as f64 * line.frame_ns() + MARGIN_NS + line.early_ns
     }
 
     /// Sleeps towards the next tick, or runs it where it is due. False where it panicked.
