@@ -105,8 +105,7 @@ pub fn run(args: &Run) -> Result<ExitCode, Failure> {
     let grants = session.grants();
     let mut ended = session.stop();
     let tick_hz = ended.conductor.schedule().tick_hz;
-    let drained = drain(&mut ended.conductor, &mut recorders, tick_hz);
-    let lost = drained.as_ref().map_or(lost, |now| lost.max(*now));
+    let lost = lost.max(drain(&mut ended.conductor, &mut recorders, tick_hz));
     let picture = shows.close();
     let mut written = Vec::new();
     if let (Some(file), Some(svg)) = (picture_file, picture) {
@@ -114,14 +113,9 @@ pub fn run(args: &Run) -> Result<ExitCode, Failure> {
     }
     // What was recorded until then is kept, whatever ended the run.
     for recorder in recorders.into_values() {
-        let (missing, path) = (recorder.missing(), recorder.keep()?);
-        if missing > 0 {
-            let name = path.display();
-            warn(&format!(
-                "{name}: {missing} rows of ticks that were left out are missing; a .csv has times"
-            ));
-        }
-        written.push(path);
+        let (path, said) = recorder.end();
+        said.iter().for_each(|said| warn(said));
+        written.extend(path);
     }
     if lost > 0 {
         warn(&format!("{lost} ticks were not recorded: the disk was too slow"));
@@ -133,7 +127,7 @@ pub fn run(args: &Run) -> Result<ExitCode, Failure> {
     if !args.quiet {
         print(&report::summary(&run, &written))?;
     }
-    outcome.and(drained)?;
+    outcome?;
     Ok(if ended.view.condition == Condition::Failed { ExitCode::FAILURE } else { ExitCode::SUCCESS })
 }
 
@@ -172,7 +166,8 @@ impl Stage<'_> {
                 shows.say(&said);
             }
             let tick_hz = self.session.conductor().schedule().tick_hz;
-            self.lost = drain(self.session.conductor(), self.recorders, tick_hz)?;
+            self.lost = drain(self.session.conductor(), self.recorders, tick_hz);
+            self.recorders.values_mut().filter_map(Recorder::complaint).for_each(|said| shows.say(&said));
             let view = self.session.view();
             let done = ticks.is_some_and(|ticks| view.ticks >= ticks);
             let (condition, losses) = (view.condition, view.losses);
@@ -235,18 +230,12 @@ impl Stage<'_> {
 }
 
 /// Writes down what sinks recorded. Answers how many ticks were lost so far.
-fn drain(
-    conductor: &mut Conductor,
-    recorders: &mut HashMap<String, Recorder>,
-    tick_hz: u32,
-) -> Result<u64, Failure> {
-    let mut outcome = Ok(());
-    let lost = conductor.recorded(|id, start, values| {
-        if let (Ok(()), Some(recorder)) = (&outcome, recorders.get_mut(id)) {
-            outcome = recorder.append(start, values, tick_hz);
+fn drain(conductor: &mut Conductor, recorders: &mut HashMap<String, Recorder>, tick_hz: u32) -> u64 {
+    conductor.recorded(|id, start, values| {
+        if let Some(recorder) = recorders.get_mut(id) {
+            recorder.append_while_possible(start, values, tick_hz);
         }
-    });
-    outcome.map(|()| lost)
+    })
 }
 
 /// The files that sinks want written, by node id.

@@ -2,6 +2,7 @@
 
 pub mod record;
 pub mod report;
+mod salvage;
 mod taken;
 mod traces;
 mod watch;

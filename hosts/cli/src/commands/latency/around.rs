@@ -6,6 +6,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::*};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
+use asperity_graph::{Compiled, GraphFile};
 use asperity_live::view::View;
 use asperity_live::{Ends, Listener, Sample, SampleWriter, now_ns, samples};
 
@@ -69,8 +70,8 @@ impl Around {
     }
 }
 
-/// Plays clicks at a hand's touches and listens for them.
-pub fn measure(args: &LatencyArgs) -> Result<Around, Failure> {
+/// The graph that clicks at a hand's touches and listens for them.
+pub fn prepare(args: &LatencyArgs) -> Result<(GraphFile, Compiled), Failure> {
     let nodes = format!(
         r#""hand": (kind: "pointer_input", params: (max_force_n: 1.0)),
            "click": (kind: "impulse", params: (threshold: 0.5, amplitude: {:?}, unit: "A")),
@@ -81,7 +82,11 @@ pub fn measure(args: &LatencyArgs) -> Result<Around, Failure> {
         output_nodes(&args.actuator)?
     );
     let wires = r#"("hand.force", "click"), ("click", "limiter"), ("limiter", "out"), ("in", "heard")"#;
-    let made = graph("the measurement", args.rate, &nodes, wires)?;
+    graph("the measurement", args.rate, &nodes, wires)
+}
+
+/// Plays it.
+pub fn measure(args: &LatencyArgs, made: (GraphFile, Compiled)) -> Result<Around, Failure> {
     let (writer, reader) = samples();
     let ends = Ends { hands: HashMap::from([("hand".to_owned(), reader)]), ..Ends::default() };
     let hand = Hand::start(writer);
@@ -95,9 +100,10 @@ pub fn measure(args: &LatencyArgs) -> Result<Around, Failure> {
         !trials.over()
     };
     let watching = Watching { view: &mut view, recorded: &mut |_, _, _| {} };
+    let card = args.output.recording_from(args.input_device.as_deref());
     // Long enough for every trial; it ends by itself.
     let ticks = ((SETTLE_S + 3.0 * f64::from(args.trials)) * TICK_HZ) as u64;
-    let played = play(made, &args.device, START_S, ends, ticks, watching);
+    let played = play(made, &card, START_S, ends, ticks, watching);
     drop(hand);
     let (ended, _) = played?;
     if trials.measured_ms.len() < args.trials as usize / 2 + 1 {
