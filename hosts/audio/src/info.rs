@@ -1,6 +1,5 @@
 //! What devices there are, for a user to read.
 
-use std::sync::mpsc;
 use std::time::{Duration, Instant};
 
 use cpal::{SupportedBufferSize, SupportedStreamConfigRange};
@@ -16,8 +15,8 @@ use crate::plan::abilities;
 /// Rates that are worth a question [Hz].
 pub const RATES_HZ: [u32; 3] = [44_100, 48_000, 96_000];
 
-/// How long a host may take to say what its devices can do, at least.
-const LEAST: Duration = Duration::from_secs(1);
+/// How long a device may take to say what it can do.
+const EACH: Duration = Duration::from_millis(1500);
 
 /// A host and what it has.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -71,29 +70,28 @@ pub struct SideInfo {
 }
 
 /// Every host of this build, and every device that it has. Never fails as a whole: a host that does not answer says so in its note.
-/// Asks servers, all of them at once, and opens devices; takes four to five seconds where one hangs. The simulated host lists the devices that tests made;
+/// Asks servers, all of them at once, and opens devices; takes four seconds where one hangs. The simulated host lists the devices that tests made;
 /// those that are described by their id ([`simulated`](crate::simulated)) are there without being listed.
 pub fn hosts() -> Vec<HostInfo> {
     std::thread::scope(|scope| {
         // All at once: one that hangs holds up no other.
         let asked = names().into_iter().map(|name| (name.clone(), scope.spawn(move || host(name))));
         let asked: Vec<_> = asked.collect();
-        let panicked = |name| HostInfo { name, note: Some("asking it failed".to_owned()), devices: Vec::new() };
+        let panicked =
+            |name| HostInfo { name, note: Some("asking it failed".to_owned()), devices: Vec::new() };
         asked.into_iter().map(|(name, host)| host.join().unwrap_or_else(|_| panicked(name))).collect()
     })
 }
 
-/// A host, within [`PATIENCE`] and a second.
+/// A host and what it says within [`PATIENCE`].
 fn host(name: String) -> HostInfo {
     let began = Instant::now();
     let listed = match list(&name) {
         Ok(listed) => listed,
         Err(reason) => return HostInfo { name, note: Some(reason), devices: Vec::new() },
     };
-    let left = PATIENCE.saturating_sub(began.elapsed()).max(LEAST);
-    let (devices, all) = details(&name, listed, left);
-    let note = (!all).then(|| "some of its devices did not answer".to_owned());
-    HostInfo { name, note, devices }
+    let devices = listed.into_iter().map(|one| detail_within(one, PATIENCE.saturating_sub(began.elapsed())));
+    HostInfo { name, note: None, devices: devices.collect() }
 }
 
 /// The devices of all hosts that answer.
@@ -101,22 +99,13 @@ pub fn devices() -> Vec<DeviceInfo> {
     hosts().into_iter().flat_map(|host| host.devices).collect()
 }
 
-/// What the devices of a host say of themselves in this time, and whether all of them did.
-fn details(host: &str, listed: Vec<Listed>, limit: Duration) -> (Vec<DeviceInfo>, bool) {
-    let bare = |one| about(one, None, None, Some("no answer".to_owned()));
-    let mut devices: Vec<_> = listed.iter().map(bare).collect();
-    let (to, said) = mpsc::channel();
-    let tell = move || {
-        for (at, one) in listed.iter().enumerate() {
-            // Nobody listens any more where this fails.
-            let _ = to.send((at, detail(one)));
-        }
-    };
-    let all = bounded(host, limit, tell).is_some();
-    for (at, device) in said.try_iter() {
-        devices[at] = device;
-    }
-    (devices, all)
+/// What a device says of itself, if it does in [`EACH`] and the time that is left: one that hangs holds up no other.
+fn detail_within(listed: Listed, left: Duration) -> DeviceInfo {
+    let one = listed.clone();
+    let ask = || bounded(&listed.full_id(), EACH.min(left), move || detail(&one));
+    let told = if left.is_zero() { None } else { ask() };
+    let why = if left.is_zero() { "not asked: others of its host took too long" } else { "no answer" };
+    told.unwrap_or_else(|| about(&listed, None, None, Some(why.to_owned())))
 }
 
 fn detail(listed: &Listed) -> DeviceInfo {

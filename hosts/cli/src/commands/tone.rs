@@ -16,10 +16,10 @@ use crate::live::perform::{Watching, graph, output_nodes, play};
 const START_S: f64 = 0.5;
 /// Ticks a second, as the graph of [`graph`] has.
 const TICK_HZ: f64 = 500.0;
-/// Seconds that are tried beforehand, to say how loud it will be.
-const TRIED_S: f64 = 2.0;
-/// The last part of it that is listened to: by then the limiter has found its gain.
-const HEARD: f64 = 0.25;
+/// Longest that is tried beforehand, to say how loud it will be: by then the limiter has found its gain \[s\].
+const TRIED_S: f64 = 3.0;
+/// The last seconds of it, in which it is as loud as it stays.
+const LAST_S: f64 = 0.2;
 /// What is this much below the tone that was asked for is told.
 const AS_ASKED: f64 = 0.99;
 
@@ -34,7 +34,7 @@ pub fn run(args: &Tone) -> Result<ExitCode, Failure> {
     );
     let wires = r#"("tone", "limiter"), ("limiter", "out")"#;
     let (_, tried) = graph("the tone", args.rate, &nodes, wires)?;
-    let peak = peak(tried, args);
+    let peaks = peaks(tried, args);
     let made = graph("the tone", args.rate, &nodes, wires)?;
     let ticks = (args.seconds * TICK_HZ).round() as u64;
     let mut told = args.quiet;
@@ -46,7 +46,7 @@ pub fn run(args: &Tone) -> Result<ExitCode, Failure> {
             complain(&format!(
                 "{} Hz, {} on channel {channel} of {}, for {} s{end}\n",
                 args.hz,
-                loudness(args.amps, peak),
+                loudness(args.amps, peaks),
                 view.device,
                 args.seconds
             ));
@@ -62,31 +62,38 @@ pub fn run(args: &Tone) -> Result<ExitCode, Failure> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// How strong the tone is behind the limiter and within the card's full scale \[A peak\]: it is run without a device.
-fn peak(compiled: Compiled, args: &Tone) -> f64 {
+/// How strong the tone is behind the limiter, within the card's full scale and after the ramp of the start \[A peak\]: at its strongest,
+/// and as it stays. It is run without a device.
+fn peaks(compiled: Compiled, args: &Tone) -> [f64; 2] {
     let full_scale = args.actuator.amps_per_volt * args.actuator.volts_at_full_scale;
-    let Some(out) = compiled.schedule.index_of("out") else { return args.amps.min(full_scale) };
-    let ticks = (TRIED_S * TICK_HZ) as u64;
-    let from = ((1.0 - HEARD) * ticks as f64) as u64;
+    let Some(out) = compiled.schedule.index_of("out") else { return [args.amps.min(full_scale); 2] };
     let mut engine = Engine::new(compiled, Default::default());
-    let mut peak = 0.0_f64;
+    let ticks = (args.seconds.clamp(START_S + LAST_S, TRIED_S) * TICK_HZ) as u64;
+    let last = ticks.saturating_sub((LAST_S * TICK_HZ) as u64);
+    let (mut strongest, mut stays) = (0.0_f64, 0.0_f64);
     for tick in 0..ticks {
         engine.tick();
-        if let Some(Buffer::Audio { samples, len, .. }) = engine.output(out, 0)
-            && tick >= from
-        {
-            peak = samples[..*len].iter().fold(peak, |peak, x| peak.max(f64::from(x.abs())));
+        let Some(Buffer::Audio { samples, len, .. }) = engine.output(out, 0) else { continue };
+        let ramp = (tick as f64 / (START_S * TICK_HZ)).min(1.0);
+        let peak = samples[..*len].iter().fold(0.0_f64, |peak, x| peak.max(f64::from(x.abs())));
+        let peak = ramp * peak.min(1.0) * full_scale;
+        strongest = strongest.max(peak);
+        if tick >= last {
+            stays = stays.max(peak);
         }
     }
-    peak.min(1.0) * full_scale
+    [strongest, stays]
 }
 
 /// What is played, and why it is not what was asked for.
-fn loudness(asked: f64, peak: f64) -> String {
-    if peak >= AS_ASKED * asked {
+fn loudness(asked: f64, [strongest, stays]: [f64; 2]) -> String {
+    if stays >= AS_ASKED * asked {
         return format!("{asked} A peak");
     }
-    format!("{peak:.3} A peak (the limiter and the card's full scale let no more of {asked} A through)")
+    let then = if strongest > stays / AS_ASKED { format!(", then {stays:.3} A") } else { String::new() };
+    format!(
+        "{strongest:.3} A peak{then} ({asked} A are asked for; the limiter and the card's full scale let no more through)"
+    )
 }
 
 /// Whether the limiter had to hold the tone back.

@@ -66,7 +66,9 @@ fn channels(args: &DeviceArgs, outs: usize) -> Result<Vec<u16>, Failure> {
     }
     if let Some(twice) = (1..wanted).find(|&i| args.channel[..i].contains(&args.channel[i])) {
         let message = format!("channel {} is named twice", args.channel[twice]);
-        return Err(wrong("--channel", message).help("a channel for each audio_out; `mix` adds signals").into());
+        return Err(wrong("--channel", message)
+            .help("a channel for each audio_out; `mix` adds signals")
+            .into());
     }
     Ok(args.channel.clone())
 }
@@ -125,7 +127,9 @@ pub fn not_had(error: SessionError, options: Options) -> Failure {
     let SessionError::Device(e) = error else { return Failure::Machine(error.to_string()) };
     let option = match &e {
         OpenError::NoHost { .. } | OpenError::HostAway { .. } => "--host",
-        OpenError::NoDevice { side: "input", .. } => "--input-device",
+        OpenError::NoDevice { side: "input", .. } | OpenError::Description { side: "input", .. } => {
+            "--input-device"
+        }
         OpenError::NoChannel { side: "input", .. } => options.input_channel,
         OpenError::NoChannel { .. } => "--channel",
         OpenError::NoFormat { .. } => "--device-format",

@@ -35,10 +35,7 @@ pub fn output_nodes(args: &ActuatorArgs) -> Result<String, Failure> {
 }
 
 /// The profile that an option names, which must be of an actuator that can be on handles of these masses \[g\].
-pub fn actuator(
-    (option, name): (&str, &str),
-    handles: &[(&str, f64)],
-) -> Result<ActuatorProfile, Failure> {
+pub fn actuator((option, name): (&str, &str), handles: &[(&str, f64)]) -> Result<ActuatorProfile, Failure> {
     let profile = match shipped_profile(name) {
         Some(shipped) => shipped?,
         None if name.ends_with(".ron") => {

@@ -7,9 +7,9 @@ use asperity_graph::{Schedule, ScheduledNode};
 use asperity_node::{Buffer, ParamValue, Shape, time};
 use asperity_source::Diagnostic;
 
+use super::salvage::salvage;
 use crate::args::Format;
 use crate::failure::Failure;
-use super::salvage::salvage;
 use crate::output::{Rows, ending};
 
 /// Takes down what a sink's buffer holds after each tick.
@@ -158,7 +158,9 @@ impl Recorder {
         self.next = start + rows;
         if self.rows_written + rows > self.most {
             let path = self.rows.path().display();
-            return Err(Failure::Machine(format!("{path} is full: a WAV file holds 4 GiB, a .npy file more")));
+            return Err(Failure::Machine(format!(
+                "{path} is full: a WAV file holds 4 GiB, a .npy file more"
+            )));
         }
         self.rows.append(values, self.columns, |i| (start + i as u64) as f64 / f64::from(rate_hz))?;
         self.rows_written += rows;

@@ -8,8 +8,8 @@ use asperity_node::FactValue;
 use asperity_world::actuator::Drive;
 use asperity_world::actuator::identify::{Recording, Sweep, SweepSettings};
 
-use crate::args::{Calibrate, DeviceArgs, DriveKind};
 use super::{amps_per_volt, volts_per_volt};
+use crate::args::{Calibrate, DeviceArgs, DriveKind};
 use crate::failure::{Failure, complain};
 use crate::live::perform::{Watching, graph, named, play};
 

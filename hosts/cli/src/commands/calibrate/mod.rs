@@ -170,9 +170,19 @@ fn level(args: &Calibrate, bench: &Bench<'_>) -> Result<f64, Failure> {
     let (volts, volts_gain) = (args.volts.is_some(), args.volts_per_volt.is_some());
     let others = [
         ("--amps", voltage && amps, "a voltage is measured in volts", "--volts, or --drive current"),
-        ("--amps-per-volt", voltage && gain, "a voltage amplifier has none", "--volts-per-volt, or --drive current"),
+        (
+            "--amps-per-volt",
+            voltage && gain,
+            "a voltage amplifier has none",
+            "--volts-per-volt, or --drive current",
+        ),
         ("--volts", !voltage && volts, "a current is measured in amperes", "--amps, or --drive voltage"),
-        ("--volts-per-volt", !voltage && volts_gain, "a current amplifier has none", "--amps-per-volt, or --drive voltage"),
+        (
+            "--volts-per-volt",
+            !voltage && volts_gain,
+            "a current amplifier has none",
+            "--amps-per-volt, or --drive voltage",
+        ),
     ];
     if let Some((option, _, what, help)) = others.into_iter().find(|(_, given, ..)| *given) {
         return Err(Diagnostic::new(what).in_file(option).help(help).into());
@@ -183,7 +193,10 @@ fn level(args: &Calibrate, bench: &Bench<'_>) -> Result<f64, Failure> {
         let (option, unit) = (option(args), unit(args));
         let gain = if voltage { "--volts-per-volt" } else { "--amps-per-volt" };
         let help = format!("at most {most} {unit}, by --volts-at-full-scale and {gain}");
-        return Err(Diagnostic::new(format!("{level} {unit} is out of range")).in_file(option).help(help).into());
+        return Err(Diagnostic::new(format!("{level} {unit} is out of range"))
+            .in_file(option)
+            .help(help)
+            .into());
     }
     Ok(level)
 }
