@@ -90,8 +90,8 @@ fn host(name: String) -> HostInfo {
         Ok(listed) => listed,
         Err(reason) => return HostInfo { name, note: Some(reason), devices: Vec::new() },
     };
-    let devices = listed.into_iter().map(|one| detail_within(one, PATIENCE.saturating_sub(began.elapsed())));
-    HostInfo { name, note: None, devices: devices.collect() }
+    let devices = details(listed, PATIENCE.saturating_sub(began.elapsed()));
+    HostInfo { name, note: None, devices }
 }
 
 /// The devices of all hosts that answer.
@@ -99,13 +99,37 @@ pub fn devices() -> Vec<DeviceInfo> {
     hosts().into_iter().flat_map(|host| host.devices).collect()
 }
 
-/// What a device says of itself, if it does in [`EACH`] and the time that is left: one that hangs holds up no other.
-fn detail_within(listed: Listed, left: Duration) -> DeviceInfo {
-    let one = listed.clone();
-    let ask = || bounded(&listed.full_id(), EACH.min(left), move || detail(&one));
-    let told = if left.is_zero() { None } else { ask() };
-    let why = if left.is_zero() { "not asked: others of its host took too long" } else { "no answer" };
-    told.unwrap_or_else(|| about(&listed, None, None, Some(why.to_owned())))
+/// What devices of a host say of themselves in this time. Where one hangs, so would the others: ALSA opens one at a time. So those
+/// that lead to another server, which may hang, are asked last.
+fn details(listed: Vec<Listed>, limit: Duration) -> Vec<DeviceInfo> {
+    let began = Instant::now();
+    let mut order: Vec<usize> = (0..listed.len()).collect();
+    order.sort_by_key(|&at| distance(&listed[at].id));
+    let mut said: Vec<Option<DeviceInfo>> = vec![None; listed.len()];
+    let mut hangs: Option<&str> = None;
+    for at in order {
+        let (one, left) = (listed[at].clone(), limit.saturating_sub(began.elapsed()));
+        let ask = || bounded(&listed[at].full_id(), EACH.min(left), move || detail(&one));
+        let bare = |why: String| about(&listed[at], None, None, Some(why));
+        said[at] = Some(match hangs {
+            Some(first) => bare(format!("not asked, since `{first}` does not answer")),
+            None => ask().unwrap_or_else(|| {
+                hangs = Some(&listed[at].id);
+                bare("no answer".to_owned())
+            }),
+        });
+    }
+    said.into_iter().flatten().collect()
+}
+
+/// How far a device of ALSA is from the hardware, for who asks one after the other.
+fn distance(id: &str) -> u8 {
+    match id {
+        "default" => 1,
+        "pulse" | "pipewire" => 2,
+        "jack" => 3,
+        _ => 0,
+    }
 }
 
 fn detail(listed: &Listed) -> DeviceInfo {

@@ -193,7 +193,7 @@ pub struct Render {
     pub no_sleep: bool,
     /// Longest that one call of a node may take; a longer one is a fault of the node, which is faded out. Without it there is no
     /// limit, with --watch one of 10 ticks
-    #[arg(long, value_name = "US", value_parser = number::whole(1, 10_000_000, "us"))]
+    #[arg(long, value_name = "US", value_parser = number::whole(1_u64, 10_000_000, "us"))]
     pub limit_us: Option<u64>,
     /// Run in real time, and take changes of the graph, its plugins and the files it reads over as they come
     #[arg(long)]
@@ -356,7 +356,7 @@ pub struct Run {
     #[arg(long)]
     pub no_sleep: bool,
     /// Longest that one call of a node may take; a longer one is a fault of the node, which is faded out. 10 ticks, unless given
-    #[arg(long, value_name = "US", value_parser = number::whole(1, 10_000_000, "us"))]
+    #[arg(long, value_name = "US", value_parser = number::whole(1_u64, 10_000_000, "us"))]
     pub limit_us: Option<u64>,
     /// Say nothing but errors
     #[arg(long, short)]

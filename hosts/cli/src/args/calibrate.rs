@@ -61,7 +61,7 @@ pub struct Calibrate {
     #[arg(long, default_value_t = 8.0, value_name = "S", value_parser = number(1.0, 120.0, "s"))]
     pub seconds: f64,
     /// Audio rate
-    #[arg(long, default_value_t = 48_000, value_name = "HZ", value_parser = whole(8_000, 192_000, "Hz"))]
+    #[arg(long, default_value_t = 48_000, value_name = "HZ", value_parser = whole(8_000_u32, 192_000, "Hz"))]
     pub rate: u32,
     /// Peak volts that the card puts out at full scale
     #[arg(long, default_value_t = 1.0, value_name = "V", value_parser = number(1e-3, 100.0, "V"))]

@@ -15,7 +15,7 @@ pub struct CardArgs {
     #[arg(long, value_name = "DEVICE")]
     pub device: Option<String>,
     /// Frames that the device is asked to want at a time; it may do as it likes
-    #[arg(long, value_name = "FRAMES", value_parser = whole(1, 65_536, "frames"))]
+    #[arg(long, value_name = "FRAMES", value_parser = whole(1_u32, 65_536, "frames"))]
     pub period: Option<u32>,
     /// Sample format that the device is to have: f32, i16, i24, i32
     #[arg(long, value_name = "FORMAT")]

@@ -28,7 +28,7 @@ pub struct LatencyArgs {
     #[arg(long, value_name = "MS", conflicts_with = "inside", value_parser = number(0.0, 10_000.0, "ms"))]
     pub input_latency_ms: Option<f64>,
     /// How many clicks
-    #[arg(long, default_value_t = 50, value_name = "N", value_parser = whole(3, 10_000, "clicks"))]
+    #[arg(long, default_value_t = 50, value_name = "N", value_parser = whole(3_u32, 10_000, "clicks"))]
     pub trials: u32,
     /// Height of a click
     #[arg(long, default_value_t = 0.1, value_name = "A", value_parser = number(1e-4, 100.0, "A"))]
@@ -37,7 +37,7 @@ pub struct LatencyArgs {
     #[arg(long, default_value_t = 0.01, value_name = "LEVEL", value_parser = number(1e-6, 1.0, "of full scale"))]
     pub level: f64,
     /// Audio rate
-    #[arg(long, default_value_t = 48_000, value_name = "HZ", value_parser = whole(8_000, 192_000, "Hz"))]
+    #[arg(long, default_value_t = 48_000, value_name = "HZ", value_parser = whole(8_000_u32, 192_000, "Hz"))]
     pub rate: u32,
     #[command(flatten)]
     pub actuator: ActuatorArgs,

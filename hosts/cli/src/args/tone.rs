@@ -18,7 +18,7 @@ pub struct Tone {
     #[arg(long, default_value_t = 3.0, value_name = "S", value_parser = number(0.01, 86_400.0, "s"))]
     pub seconds: f64,
     /// Audio rate
-    #[arg(long, default_value_t = 48_000, value_name = "HZ", value_parser = whole(8_000, 192_000, "Hz"))]
+    #[arg(long, default_value_t = 48_000, value_name = "HZ", value_parser = whole(8_000_u32, 192_000, "Hz"))]
     pub rate: u32,
     #[command(flatten)]
     pub actuator: ActuatorArgs,

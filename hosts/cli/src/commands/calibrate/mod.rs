@@ -131,7 +131,11 @@ fn check(args: &Calibrate, bench: &Bench<'_>) -> Result<f64, Failure> {
     };
     let rate = f64::from(args.rate);
     range("--from-hz", args.from_hz, 1.0, (0.45 * rate / 4.0).min(1000.0), "Hz")?;
-    range("--to-hz", args.to_hz, 4.0 * args.from_hz, (0.45 * rate).min(20_000.0), "Hz")?;
+    let (least, most) = (4.0 * args.from_hz, (0.45 * rate).min(20_000.0));
+    if !(least..=most).contains(&args.to_hz) {
+        let help = format!("{least} to {most} Hz: at least 4 times --from-hz, at most 0.45 of --rate");
+        return Err(wrong("--to-hz", format!("{} Hz is out of range", args.to_hz), &help));
+    }
     if let Some(grams) = args.second_mass_g {
         let ratio = (grams / args.handle_mass_g).max(args.handle_mass_g / grams);
         if ratio < APART {
