@@ -178,7 +178,9 @@ fn whatever_is_wrong_the_option_is_named_and_nothing_is_played_or_written() {
         for (option, zero) in command.numbers {
             for value in ABSURD.iter().copied().chain((!zero).then_some("0")) {
                 let said = refused(command, option, value);
-                let range = ["from", "at most", "supplied", "one channel for each"].iter().any(|word| said.contains(word));
+                let range = ["from", "at most", "supplied", "one channel for each"]
+                    .iter()
+                    .any(|word| said.contains(word));
                 assert!(range, "no range: {:?} {option} {value:?}: {said}", command.words);
             }
         }

@@ -334,7 +334,7 @@ pub struct Run {
     #[command(flatten)]
     pub device: DeviceArgs,
     /// How long to run; as long as the stroke lasts or until Ctrl-C, unless given
-    #[arg(long, value_name = "S")]
+    #[arg(long, value_name = "S", value_parser = number::number(1e-3, 31_536_000.0, "s"))]
     pub seconds: Option<f64>,
     /// Serve the live page, at a port of the computer's choice unless one is given
     #[arg(long, value_name = "PORT", num_args = 0..=1, default_missing_value = "0",
