@@ -146,7 +146,7 @@ const COMMANDS: [Command; 4] = [
             DEVICE,
             ("--clock", &["timer", "nope"]),
             ("--set", &["nope", "limiter.nope=1", "tick_hz=50", "limiter.profile=nope", "audio_hz=12345"]),
-            ("--hand", &["nope", "osc:arguments=x,y,z", "osc:nope=1", "osc:"]),
+            ("--hand", &["nope", "osc:arguments=x,y,z", "osc:nope=1"]),
         ],
     },
 ];
