@@ -70,3 +70,14 @@ fn the_chain_answers_a_step_of_speed_as_late_as_its_parts_say() {
     assert!((50.0..80.0).contains(&synthesis), "{synthesis} ms");
     assert!((2.0..10.0).contains(&(audio - synthesis)), "the resampler's 5.6 ms: {synthesis} to {audio} ms");
 }
+
+#[test]
+fn with_a_centre_emission_the_recommended_chain_is_half_way_within_40_ms_and_there_within_60() {
+    let dir = tempfile::tempdir().unwrap();
+    let graph = graphs("texture.ron").display().to_string();
+    let asked = run(dir.path(), &["latency", &graph, "--set", "phase.emission=-25", "--json"]);
+    let figures: serde_json::Value = serde_json::from_str(&asked.ok().out).unwrap();
+    let lag: Vec<f64> = serde_json::from_value(figures["graphs"][0]["lag_ms"].clone()).unwrap();
+    println!("10, 50 and 90 % after {lag:?} ms");
+    assert!(lag[1] <= 40.0 && lag[2] <= 60.0, "{lag:?} ms");
+}

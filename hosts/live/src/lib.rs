@@ -27,7 +27,7 @@ pub use force::{ForceModel, ForceReader, ForceWriter, force_model};
 pub use meters::{Count, Histogram, Meters, Record};
 pub use player::{Listener, MicReader, MicWriter, Player, TapeReader, mic};
 pub use ramp::{DOWN_S, FED_S, Level, Ramp, START_S, STARVED_S, UNMUTE_S};
-pub use remote_clock::RemoteClock;
+pub use remote_clock::{Order, RemoteClock};
 pub use sample::{QUEUE, Sample, SampleReader, SampleWriter, samples};
 pub use session::{Ended, Session, SessionError, SessionOptions};
 pub use timeline::{Delay, MOST_DELAY_NS, Reading, Seen, TIMEOUT_NS, Timeline};

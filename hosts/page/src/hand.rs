@@ -60,7 +60,7 @@ impl Hand {
     ) {
         let arrived_ns = now_ns();
         // A place is older than its message: the message alone says how the clocks stand to each other.
-        pen.clock.map(sent_ms / 1e3, arrived_ns);
+        pen.clock.hear(sent_ms / 1e3, arrived_ns);
         let mut state = self.state.lock();
         for stroke in strokes {
             let begins = pen.number != Some(stroke.number);
@@ -73,7 +73,7 @@ impl Hand {
             }
             pen.number = Some(stroke.number);
             let sample = Sample {
-                time_ns: pen.clock.map(stroke.at_ms / 1e3, arrived_ns),
+                time_ns: pen.clock.time_ns(stroke.at_ms / 1e3, arrived_ns),
                 arrived_ns,
                 position: [stroke.x_mm, stroke.y_mm, 0.0],
                 force: stroke.pressure,

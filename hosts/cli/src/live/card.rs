@@ -3,14 +3,11 @@
 use asperity_audio::{Format, OpenError, Request};
 use asperity_graph::Schedule;
 use asperity_live::driver::Clock;
-use asperity_live::{SessionError, SessionOptions};
+use asperity_live::{START_S, SessionError, SessionOptions};
 use asperity_source::{Diagnostic, one_of};
 
 use crate::args::{ClockKind, DeviceArgs};
 use crate::failure::Failure;
-
-/// Seconds from silence to full at the start of a run.
-const START_S: f64 = 2.0;
 
 /// What a graph asks of a sound card, with what the command line says of it; none where it has nothing to do with one.
 pub fn request(args: &DeviceArgs, schedule: &Schedule) -> Result<Option<Request>, Failure> {

@@ -11,7 +11,6 @@
 //! (p50; p99 58 us on a loaded machine).
 
 mod arguments;
-mod clock;
 mod packet;
 mod pattern;
 
@@ -20,13 +19,12 @@ use std::net::{IpAddr, Ipv4Addr, SocketAddr, UdpSocket};
 use std::sync::{Arc, atomic::Ordering::Relaxed};
 use std::time::Duration;
 
-use asperity_live::{Sample, SampleWriter, now_ns};
+use asperity_live::{Order, RemoteClock, Sample, SampleWriter, now_ns};
 use rosc::OscMessage;
 
 use crate::handle::{Handle, Shared};
 use crate::{Device, HandError};
 pub use arguments::{Arguments, Reading, parse_arguments};
-use clock::{Clock, Mapped};
 use pattern::Pattern;
 
 /// How long the thread waits for a packet before it looks whether it is to stop.
@@ -102,7 +100,7 @@ pub fn start(options: OscOptions, writer: SampleWriter) -> Result<Handle, HandEr
         written: options.address,
         pattern,
         known: (String::new(), false),
-        clock: Clock::default(),
+        clock: RemoteClock::new(),
         sender: None,
         touched: false,
         stroke: 0,
@@ -144,7 +142,7 @@ struct Ear {
     pattern: Pattern,
     /// The address that was matched last, and whether it did: senders seldom change it.
     known: (String, bool),
-    clock: Clock,
+    clock: RemoteClock,
     sender: Option<(SocketAddr, u64)>,
     touched: bool,
     stroke: u32,
@@ -199,7 +197,7 @@ impl Ear {
             && arrived_ns.saturating_sub(then) > PAUSE_NS
         {
             self.anew();
-            self.clock = Clock::default();
+            self.clock = RemoteClock::new();
         }
         self.sender = Some((from, arrived_ns));
         let end = packet::walk(packet, &mut |message, tag| self.message(&message, tag, arrived_ns));
@@ -234,14 +232,17 @@ impl Ear {
     }
 
     fn take(&mut self, reading: Reading, tag: Option<u64>, arrived_ns: u64) {
-        let time = match reading.time_ns.or(tag.map(ntp_ns)).map(|sent| self.clock.map(sent, arrived_ns)) {
+        let time = match reading.time_ns.or(tag.map(ntp_ns)) {
             None => arrived_ns,
-            Some(Mapped::At(time)) => time,
-            Some(Mapped::Anew(time)) => {
-                self.anew();
-                time
+            Some(sent_ns) => {
+                let sent_s = sent_ns * 1e-9;
+                match self.clock.hear(sent_s, arrived_ns) {
+                    Order::Next => {}
+                    Order::Anew => self.anew(),
+                    Order::Late => return self.shared.bad("a sample came after a later one".to_owned()),
+                }
+                self.clock.time_ns(sent_s, arrived_ns)
             }
-            Some(Mapped::Late) => return self.shared.bad("a sample came after a later one".to_owned()),
         };
         if let Some(touch) = reading.touch {
             if touch && !self.touched {

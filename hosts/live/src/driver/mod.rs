@@ -17,6 +17,7 @@ pub use callback::{Callback, CallbackHalf};
 pub use controls::Controls;
 pub use paced::Paced;
 pub use paced_half::PacedHalf;
+pub(crate) use slot::Slot;
 pub use timer::Timer;
 
 use std::sync::Arc;
