@@ -181,7 +181,6 @@ impl Ticker for Player {
             self.rewire();
         }
         self.samples(out);
-        self.wiring.meters.note_output(out);
         self.push_back();
         for scope in &mut self.wiring.scopes {
             scope.take(&self.engine);
