@@ -1,7 +1,7 @@
 //! A graph that changes while it is played: its files, and what a person chooses.
 //!
 //! Nothing here waits. A graph is made ready on another thread, and what came of it is taken when it is there. Of edits that come
-//! meanwhile the newest counts: what is being made of an older one is given up, unless it has closed a device already.
+//! meanwhile the newest counts. What is being made of files that changed again is given up, unless a device was closed for it.
 
 use std::collections::VecDeque;
 use std::path::PathBuf;
@@ -147,13 +147,9 @@ impl Editor {
     /// Gives a texture node another material, as soon as that is made.
     pub fn choose(&mut self, node: String, material: String) {
         self.choices.retain(|(n, _)| *n != node);
-        match self.give_up(|edit| match edit {
-            Edit::Choice(n, _) => *n == node,
-            // Devices may take long to open, a texture does not.
-            Edit::File(_) => true,
-        }) {
-            Some(Edit::File(edit)) => self.file = self.file.take().or(Some(edit)),
-            Some(Edit::Choice(..)) | None => {}
+        // Devices may take long to open. A texture does not: one that is being made is heard, and the newest after it.
+        if let Some(edit) = self.give_up() {
+            self.file = self.file.take().or(Some(edit));
         }
         self.choices.push_back((node, material));
     }
@@ -208,30 +204,29 @@ impl Editor {
         let Some(mut changed) = files.changed(&seen) else { return };
         files.know(seen.clone(), &seen);
         // What changed before and was not taken over yet has still to be read.
-        let earlier = match self.give_up(|edit| matches!(edit, Edit::File(_))) {
-            Some(Edit::File(edit)) => Some(edit),
-            _ => self.file.take(),
-        };
+        let earlier = self.give_up().or_else(|| self.file.take());
         changed.extend(earlier.into_iter().flat_map(|edit| edit.changed));
         changed.sort();
         changed.dedup();
         self.file = Some(FileEdit { changed, seen });
     }
 
-    /// Gives up what is being made, if it is such an edit and has touched nothing yet. Answers the edit.
-    fn give_up(&mut self, is: impl Fn(&Edit) -> bool) -> Option<Edit> {
+    /// Gives up what is being made of changed files, if nothing was touched for it yet. Answers the edit.
+    fn give_up(&mut self) -> Option<FileEdit> {
         let job = self.job.take_if(|job| {
             let touched = match &job.stage {
                 Stage::Making(_) => false,
                 Stage::Exchanging(_) => true,
                 Stage::Ready(ready) => ready.refused.is_some() || ready.opened.came_last(),
             };
-            !touched && is(&job.edit)
+            matches!(job.edit, Edit::File(_)) && !touched
         })?;
-        let Job { edit, over, stage, .. } = job;
-        drop(over);
-        drop_elsewhere(stage);
-        Some(edit)
+        drop(job.over);
+        drop_elsewhere(job.stage);
+        match job.edit {
+            Edit::File(edit) => Some(edit),
+            Edit::Choice(..) => None,
+        }
     }
 
     /// Has the next edit made, a choice first.

@@ -145,6 +145,9 @@ impl Order {
 
     fn made(&self) -> (Vec<PathBuf>, Result<Made, Failure>) {
         let mut kinds = lock(&self.kinds);
+        if self.over.load(Relaxed) {
+            return (kinds.files().to_vec(), Err(unwanted()));
+        }
         let made = make(&self.args, &mut kinds, self.base.clone(), &self.changes);
         (kinds.files().to_vec(), made)
     }
@@ -172,7 +175,7 @@ impl Order {
         if self.over.load(Relaxed) {
             // Dropped while nobody else opens anything.
             drop(opened);
-            return Err(Failure::Machine("it is no longer wanted".into()));
+            return Err(unwanted());
         }
         Ok(opened)
     }
@@ -203,6 +206,11 @@ impl Exchange {
         };
         Answer { plugins: None, result }
     }
+}
+
+/// What nobody hears.
+fn unwanted() -> Failure {
+    Failure::Machine("it is no longer wanted".into())
 }
 
 /// Whether a graph can take the place of another while it plays.
