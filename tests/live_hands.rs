@@ -4,19 +4,17 @@ mod common;
 #[path = "common/haply.rs"]
 mod haply;
 
-use std::f64::consts::TAU;
-use std::net::{SocketAddr, TcpListener, TcpStream, UdpSocket};
+use std::net::{SocketAddr, UdpSocket};
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
-use std::sync::{Arc, Mutex};
-use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use common::live::{CARD, EARS, Live, graph, npy, rms, rows};
 use common::{json, root};
+use haply::Service;
 use rosc::{OscMessage, OscPacket, OscType};
-use tungstenite::Message;
 
 /// Samples of a tick at 48 kHz.
 const TICK: usize = 96;
