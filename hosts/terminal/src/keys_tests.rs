@@ -63,7 +63,7 @@ fn q_and_ctrl_c_stop() {
 #[test]
 fn mute_goes_back_and_forth_and_a_key_held_down_counts_once() {
     let reins = Reins::default();
-    let mut key = |key, kind| does(&reins, KeyCode::Char(key), KeyModifiers::NONE, kind);
+    let key = |key, kind| does(&reins, KeyCode::Char(key), KeyModifiers::NONE, kind);
     assert_eq!(key(' ', KeyEventKind::Press), (true, false, true));
     assert_eq!(key(' ', KeyEventKind::Repeat), (true, false, true));
     assert_eq!(key(' ', KeyEventKind::Release), (false, false, true));

@@ -195,7 +195,7 @@ impl Editor {
 
     /// Looks whether files have changed.
     fn look(&mut self, schedule: &Schedule) {
-        if !self.files.as_ref().is_some_and(|(_, at)| at.elapsed() >= POLL) {
+        if self.files.as_ref().is_none_or(|(_, at)| at.elapsed() < POLL) {
             return;
         }
         let seen = self.stamps(schedule);

@@ -52,7 +52,7 @@ pub fn recorders(schedule: &Schedule, begun: &[Sink]) -> Result<Vec<(Sink, Recor
     let mut new = Vec::new();
     for (i, node) in schedule.nodes.iter().enumerate() {
         let Some(sink) = Sink::of(node).filter(|sink| !goes_on(begun, sink)) else { continue };
-        new.extend(Recorder::for_sink(i, node)?.map(|recorder| (sink, recorder.from_its_first_row())));
+        new.extend(Recorder::for_sink(i, node)?.map(|recorder| (sink, recorder.beginning_late())));
     }
     Ok(new)
 }

@@ -67,7 +67,7 @@ impl Recorder {
     }
 
     /// The same for a sink that comes later: its first row is whichever comes first, and none before it is missing.
-    pub fn from_its_first_row(self) -> Self {
+    pub fn beginning_late(self) -> Self {
         Self { next: None, ..self }
     }
 
