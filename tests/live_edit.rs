@@ -231,9 +231,11 @@ fn outputs_that_change_places_in_the_file_keep_their_channels() {
     for (file, hz) in [("one.npy", 81.0), ("two.npy", 250.0)] {
         let heard = npy(&dir.join(file));
         let end = &heard[heard.len() - 28_800..heard.len() - 4_800];
-        let rises = end.windows(2).filter(|w| w[0] < 0.0 && w[1] >= 0.0).count() as f64;
-        let wanted = hz * end.len() as f64 / 48_000.0;
-        assert!((rises - wanted).abs() < 3.0, "{file}: {rises} periods in half a second");
+        let rises: Vec<usize> = (1..end.len()).filter(|&i| end[i - 1] < 0.0 && end[i] >= 0.0).collect();
+        let mut periods: Vec<usize> = rises.windows(2).map(|w| w[1] - w[0]).collect();
+        periods.sort_unstable();
+        let period = periods[periods.len() / 2] as f64;
+        assert!((period - 48_000.0 / hz).abs() < 2.0, "{file}: a period is {period} samples");
     }
 }
 
@@ -321,7 +323,9 @@ fn files_that_come_and_go_with_an_edit_hold_what_was_played_meanwhile() {
         .map(|x| x.expect("a sample"))
         .collect();
     println!("{} samples: {} early, {} late, {} later", sent.len(), early.len(), late.len(), later.len());
-    assert!(!ran.err.contains("missing"), "{}", ran.err);
+    // What was left out on a busy machine is missing in all of them; else nothing is.
+    let left_out = json(&name("r.json"))["skipped_ticks"].as_u64();
+    assert!(left_out > Some(0) || !ran.err.contains("rows of ticks"), "{}", ran.err);
     assert!(early.len() > 9_600 && late.len() > 9_600 && later.len() > 9_600);
     // One takes up where the other ended; what a new sink hears is faded in.
     let all = [&early[..], &late, &later].concat();
