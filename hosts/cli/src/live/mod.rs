@@ -134,8 +134,8 @@ struct Stage {
 }
 
 impl Stage {
-    /// Plays until the end of the stroke, until it is asked to stop, or until it cannot go on. Nothing that is done here takes
-    /// longer than a few milliseconds.
+    /// Plays until the end of the stroke, until it is asked to stop, or until it cannot go on. Nothing here waits but
+    /// for a disk that is slow, and for the last tick of a device that is lost.
     fn play(&mut self, shows: &mut Shows, ticks: Option<u64>) -> Result<(), Failure> {
         let mut next = Instant::now();
         loop {
