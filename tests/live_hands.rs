@@ -1,20 +1,20 @@
 //! `asperity run` with hands that are no page: over the network, on arms that push back, without sound.
 
 mod common;
+#[path = "common/haply.rs"]
+mod haply;
 
-use std::f64::consts::TAU;
-use std::net::{SocketAddr, TcpListener, TcpStream, UdpSocket};
+use std::net::{SocketAddr, UdpSocket};
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
-use std::sync::{Arc, Mutex};
-use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use common::live::{CARD, EARS, Live, graph, npy, rms, rows};
 use common::{json, root};
+use haply::Service;
 use rosc::{OscMessage, OscPacket, OscType};
-use tungstenite::Message;
 
 /// Samples of a tick at 48 kHz.
 const TICK: usize = 96;
@@ -303,72 +303,6 @@ fn a_graph_that_only_pushes_back_runs_by_the_timer() {
     assert_eq!((report["clock"].as_str(), report["device"].as_str()), (Some("timer"), Some("")));
     let pushed = rows(&dir.join("force.csv")).iter().filter(|row| (row[0] - 1.5).abs() < 0.05).count();
     assert!(pushed > 400, "it pushed in {pushed} ticks of a second");
-}
-
-/// A stand-in of the Haply service with one device, whose hand goes round in the wall.
-struct Service {
-    address: SocketAddr,
-    stop: Arc<AtomicBool>,
-    /// The greatest upward force that was asked for.
-    pushed: Arc<Mutex<f64>>,
-    thread: Option<JoinHandle<()>>,
-}
-
-impl Service {
-    fn start() -> Self {
-        let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
-        listener.set_nonblocking(true).expect("a socket");
-        let address = listener.local_addr().expect("a port");
-        let (stop, pushed) = (Arc::new(AtomicBool::new(false)), Arc::new(Mutex::new(0.0)));
-        let (ends, most) = (stop.clone(), pushed.clone());
-        let thread = std::thread::spawn(move || {
-            while !ends.load(Relaxed) {
-                match listener.accept() {
-                    Ok((stream, _)) => serve(stream, &ends, &most),
-                    Err(_) => std::thread::sleep(Duration::from_millis(2)),
-                }
-            }
-        });
-        Self { address, stop, pushed, thread: Some(thread) }
-    }
-}
-
-impl Drop for Service {
-    fn drop(&mut self) {
-        self.stop.store(true, Relaxed);
-        let _ = self.thread.take().map(JoinHandle::join);
-    }
-}
-
-fn serve(stream: TcpStream, stop: &AtomicBool, pushed: &Mutex<f64>) {
-    let set = stream.set_nonblocking(false).and(stream.set_nodelay(true));
-    set.and(stream.set_read_timeout(Some(Duration::from_millis(100)))).expect("a socket");
-    let Ok(mut socket) = tungstenite::accept(stream) else { return };
-    let began = Instant::now();
-    let report = || {
-        let turn = began.elapsed().as_secs_f64() * 1.0 * TAU;
-        let (x, y) = (0.016 * turn.cos(), 0.016 * turn.sin());
-        format!(
-            r#"{{"inverse3":[{{"device_id":"049D","state":{{"cursor_position":{{"x":{x},"y":{y},"z":-0.003}}}},"status":{{}}}}]}}"#
-        )
-    };
-    let mut sent = socket.send(Message::text(report()));
-    while sent.is_ok() && !stop.load(Relaxed) {
-        match socket.read() {
-            Ok(Message::Text(text)) => {
-                let told: serde_json::Value = serde_json::from_str(&text).expect("JSON");
-                let up = &told["inverse3"][0]["commands"]["set_cursor_force"]["values"]["z"];
-                let mut most = pushed.lock().expect("nobody panicked");
-                *most = most.max(up.as_f64().expect("a force"));
-                drop(most);
-                sent = socket.send(Message::text(report()));
-            }
-            Ok(Message::Close(_)) => return,
-            Err(tungstenite::Error::Io(e)) if e.kind() == std::io::ErrorKind::WouldBlock => {}
-            Ok(_) => {}
-            Err(_) => return,
-        }
-    }
 }
 
 #[test]

@@ -210,7 +210,7 @@ fn mute_gain_and_material_on_the_page_take_effect_within_the_stroke() {
     // A texture's largest steps are as random as it is; a switch without a crossfade steps by as much as the signal itself.
     let most = largest_step(old).max(largest_step(new));
     println!("a hard switch would step by some {:.5}", rms(old));
-    assert!(rms(old) > 5.0 * most && largest_step(swap) <= 3.0 * most, "the swap clicks");
+    assert!(rms(old) > 5.0 * f64::from(most) && largest_step(swap) <= 3.0 * most, "the swap clicks");
     let bright = |x: &[f32]| rms(&x.windows(2).map(|w| w[1] - w[0]).collect::<Vec<_>>()) / rms(x);
     println!("brightness {:.4} before, {:.4} after", bright(old), bright(new));
 }

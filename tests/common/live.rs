@@ -75,9 +75,14 @@ impl Live {
     }
 
     /// Stops it as Ctrl-C does. All that it said stands in `err`.
-    pub fn stop(mut self) -> Ran {
+    pub fn stop(self) -> Ran {
+        self.stop_by("-INT")
+    }
+
+    /// Stops it by a signal.
+    pub fn stop_by(mut self, signal: &str) -> Ran {
         let id = self.child.id().to_string();
-        let sent = std::process::Command::new("kill").args(["-INT", &id]).status().expect("kill");
+        let sent = std::process::Command::new("kill").args([signal, &id]).status().expect("kill");
         assert!(sent.success(), "it is gone: {}", self.said());
         self.end()
     }

@@ -30,10 +30,10 @@ fn a_mute_is_silent_within_20_ms_and_comes_up_again_and_a_graph_under_it_goes_on
     let card = Simulated::new("mute", by_hand()).expect("a card");
     let mut session = start(one_voice(), options(&card, Clock::Callback));
     (0..100).for_each(|_| card.step(97));
-    session.mute(true);
+    session.reins().mute(true);
     assert_eq!(session.view().condition, Condition::Muted);
     (0..40).for_each(|_| card.step(97));
-    session.mute(false);
+    session.reins().mute(false);
     (0..200).for_each(|_| card.step(97));
     assert_eq!(session.view().condition, Condition::Playing);
     let all = heard(&card);

@@ -24,9 +24,9 @@ fn recording() -> (asperity_graph::GraphFile, asperity_graph::Compiled) {
 
 /// All that a sink recorded, with nothing left out.
 fn taped(session: &mut Session, all: &mut Vec<f32>) {
-    let lost = session.conductor().recorded(|_, start, values| {
-        assert_eq!(start, all.len() as u64);
-        all.extend_from_slice(values);
+    let lost = session.conductor().recorded(|r| {
+        assert_eq!(r.start, all.len() as u64);
+        all.extend_from_slice(r.values);
     });
     assert_eq!(lost, 0);
 }
@@ -120,7 +120,7 @@ fn touched(card: &Simulated, clock: Clock) -> (Session, Hand) {
 
 /// The hand's x in every tick [mm].
 fn places(session: &mut Session, all: &mut Vec<f64>) {
-    session.conductor().recorded(|_, _, values| all.push(f64::from(values[0])));
+    session.conductor().recorded(|r| all.push(f64::from(r.values[0])));
 }
 
 #[test]

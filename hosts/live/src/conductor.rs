@@ -47,8 +47,8 @@ struct Sent {
     sources: Vec<(String, Arc<SourceMeter>)>,
     scopes: Vec<HeapCons<f32>>,
     layout: Layout,
-    /// What its sinks record, by node id.
-    tapes: Vec<(String, TapeReader)>,
+    /// What its sinks record.
+    tapes: Vec<Tape>,
     /// `audio_out` nodes by channel, and `audio_in` nodes by recorded channel.
     channels: Vec<String>,
     recorded: Vec<String>,
@@ -65,8 +65,28 @@ pub struct Conductor {
     counts: Vec<Rate>,
     swaps: u64,
     /// Tapes of earlier graphs first, while there is something on them.
-    tapes: Vec<(String, TapeReader)>,
+    tapes: Vec<Tape>,
     lost: u64,
+}
+
+/// What one sink of one graph records.
+struct Tape {
+    sink: String,
+    graph: u64,
+    reader: TapeReader,
+}
+
+/// What a sink recorded in a tick.
+#[derive(Clone, Copy, Debug)]
+pub struct Recorded<'r> {
+    /// The node.
+    pub sink: &'r str,
+    /// The [`Layout`]'s number of the graph it was in.
+    pub graph: u64,
+    /// Where the values begin: a tick for controls, a sample at the signal's rate for audio and frames.
+    pub start: u64,
+    /// The values.
+    pub values: &'r [f32],
 }
 
 /// How often something comes, averaged over about a second.
@@ -124,14 +144,8 @@ impl Conductor {
         self.controller.ready() && self.wirings.vacant_len() > 0
     }
 
-    /// The nodes of another graph that need an end of their own: there was none of that name, or it was set otherwise.
-    pub fn needs_ends(&self, schedule: &Schedule) -> Vec<String> {
-        let outside = |n: &&ScheduledNode| is_among(n, &HANDS) || is_among(n, &FORCES);
-        let goes_on = |n: &ScheduledNode| goes_on(&self.sent.schedule, n).is_some();
-        schedule.nodes.iter().filter(outside).filter(|n| !goes_on(n)).map(|n| n.id.clone()).collect()
-    }
-
-    /// Sends a changed graph; see [`Controller::swap`]. `ends` holds those that [`needs_ends`](Self::needs_ends) named.
+    /// Sends a changed graph; see [`Controller::swap`]. `ends` holds those that [`needs_ends`] named, and others that are to be
+    /// put in the place of those there are.
     ///
     /// # Errors
     /// [`SwapError`] says what to do. Nothing is sent then.
@@ -196,19 +210,18 @@ impl Conductor {
         self.controller.collect()
     }
 
-    /// Hands on what sinks recorded since it was last asked: the sink's id, where the values begin (a tick for controls, a
-    /// sample at the signal's rate for audio and frames), and the values. Answers how many ticks found no room so far,
-    /// because nobody asked for 4 s.
-    pub fn recorded(&mut self, mut take: impl FnMut(&str, u64, &[f32])) -> u64 {
+    /// Hands on what sinks recorded since it was last asked, what an earlier graph recorded first. Answers how many ticks found no
+    /// room so far, because nobody asked for 4 s.
+    pub fn recorded(&mut self, mut take: impl FnMut(Recorded<'_>)) -> u64 {
         let mut values = Vec::new();
-        for (id, tape) in &mut self.tapes {
-            while let Some(start) = tape.next(&mut values) {
-                take(id, start, &values);
+        for Tape { sink, graph, reader } in &mut self.tapes {
+            while let Some(start) = reader.next(&mut values) {
+                take(Recorded { sink, graph: *graph, start, values: &values });
             }
         }
-        let ended: Vec<_> = self.tapes.extract_if(.., |(_, tape)| tape.ended()).collect();
-        self.lost += ended.iter().map(|(_, tape)| tape.lost()).sum::<u64>();
-        self.lost + self.tapes.iter().map(|(_, tape)| tape.lost()).sum::<u64>()
+        let ended: Vec<_> = self.tapes.extract_if(.., |tape| tape.reader.ended()).collect();
+        self.lost += ended.iter().map(|tape| tape.reader.lost()).sum::<u64>();
+        self.lost + self.tapes.iter().map(|tape| tape.reader.lost()).sum::<u64>()
     }
 
     /// The graph as a person sees it, with what its live parameters are set to now.
@@ -220,7 +233,6 @@ impl Conductor {
     pub fn look(&mut self, view: &mut View, since: Duration) {
         let sent = &mut self.sent;
         view.layout = sent.swap;
-        view.peak = sent.meters.peak();
         view.nodes = sent.meters.view(&sent.schedule, &mut self.before);
         view.faults = sent.meters.faults();
         view.scopes = sent.scopes.iter_mut().map(|s| s.pop_iter().collect()).collect();
@@ -245,6 +257,14 @@ impl Conductor {
         };
         view.sources = sent.sources.iter().zip(&mut self.counts).map(source).collect();
     }
+}
+
+/// The nodes of a graph that need an end of their own when it takes the place of another: there was none of that name, or it
+/// was set otherwise.
+pub fn needs_ends(running: &Schedule, next: &Schedule) -> Vec<String> {
+    let outside = |n: &&ScheduledNode| is_among(n, &HANDS) || is_among(n, &FORCES);
+    let anew = |n: &&ScheduledNode| goes_on(running, n).is_none();
+    next.nodes.iter().filter(outside).filter(anew).map(|n| n.id.clone()).collect()
 }
 
 fn is_among(node: &ScheduledNode, kinds: &[&str]) -> bool {
@@ -305,7 +325,7 @@ fn wire(
     for (at, node) in of(&["file_out", "probe"]).filter(|(_, n)| !n.params.text("file").is_empty()) {
         if let Some((to, from)) = tape(at, node, schedule.tick_hz) {
             tapes_out.push(to);
-            tapes_in.push((node.id.clone(), from));
+            tapes_in.push(Tape { sink: node.id.clone(), graph: swap, reader: from });
         }
     }
     // In the order of the file at first; afterwards each keeps its channel, wherever it stands.

@@ -131,7 +131,7 @@ function frame(now) {
   scopes.draw();
   spectrum.draw(now);
   if (document.body.dataset.link === "open") condition(view.condition, WORDS[view.condition] ?? view.condition);
-  showMute(view.condition === "muted");
+  showMute(view.muted);
   // Figures that change 60 times a second cannot be read.
   if (now - texted < 100) return;
   texted = now;

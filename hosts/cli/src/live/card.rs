@@ -3,11 +3,12 @@
 use asperity_audio::{Format, OpenError, Request};
 use asperity_graph::Schedule;
 use asperity_live::driver::Clock;
-use asperity_live::{START_S, SessionError, SessionOptions};
+use asperity_live::{Reins, START_S, SessionError, SessionOptions};
 use asperity_source::{Diagnostic, one_of};
 
 use crate::args::{ClockKind, DeviceArgs};
 use crate::failure::Failure;
+use crate::render::stop_flag;
 
 /// What a graph asks of a sound card, with what the command line says of it; none where it has nothing to do with one.
 pub fn request(args: &DeviceArgs, schedule: &Schedule) -> Result<Option<Request>, Failure> {
@@ -79,7 +80,7 @@ fn format(text: &str) -> Result<Format, Failure> {
     })
 }
 
-/// How a session is to be started.
+/// How a session is to be started: one that Ctrl-C and the signals that ask for an end stop.
 pub fn options(args: &DeviceArgs, device: Option<Request>) -> SessionOptions {
     let clock = args.clock.map(|c| match c {
         ClockKind::Callback => Clock::Callback,
@@ -92,6 +93,7 @@ pub fn options(args: &DeviceArgs, device: Option<Request>) -> SessionOptions {
         reconnect: !args.no_reconnect,
         start_s: START_S,
         realtime: true,
+        reins: Reins::stopped_by(stop_flag()),
     }
 }
 

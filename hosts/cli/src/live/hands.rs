@@ -1,13 +1,15 @@
 //! The devices that nodes of a graph are fed by, and push back with.
 
 use std::collections::HashMap;
+use std::net::SocketAddr;
 use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
 use asperity_graph::{Schedule, ScheduledNode};
 use asperity_hand::servo::passivity::{DeviceDamping, passivity};
 use asperity_hand::{Frame, HandError, Handle, haply, openhaptics, osc, servo_hz};
 use asperity_live::view::Layout;
-use asperity_live::{Ends, ForceReader, SampleWriter, force_model, samples};
+use asperity_live::{Ends, ForceReader, HANDS, SampleWriter, force_model, samples};
 use asperity_source::Diagnostic;
 
 use crate::failure::Failure;
@@ -15,65 +17,59 @@ use crate::failure::Failure;
 /// Devices and sockets that are open, by the ids of their input nodes.
 #[derive(Debug, Default)]
 pub struct Hands {
-    open: HashMap<String, Handle>,
+    open: HashMap<String, Held>,
     /// What the live page's pointers are sent into; taken by the page.
     pointer: Option<SampleWriter>,
     /// Walls that were warned of.
     warned: Vec<String>,
 }
 
+/// A device or a socket that is open.
+#[derive(Debug)]
+pub struct Held {
+    /// The node that it was opened for.
+    pub node: ScheduledNode,
+    handle: Handle,
+}
+
+/// What stands in the way of opening others.
+#[derive(Clone, Debug)]
+pub struct Holding {
+    node: ScheduledNode,
+    address: Option<SocketAddr>,
+}
+
 impl Hands {
-    /// Opens what these nodes of a graph need, beside what is open. A device or a port that is held already is left for
-    /// [`go_on_with`](Self::go_on_with): nothing that is open is closed before the graph is taken over.
-    pub fn open(&self, schedule: &Schedule, ids: &[String]) -> Result<Opened, Failure> {
-        let mut opened = Opened::default();
-        let mut wanted = ids.to_vec();
-        let mut models: HashMap<String, ForceReader> = HashMap::new();
-        for node in schedule.nodes.iter().filter(|n| n.kind.ends_with("_force")) {
-            // Who reads the stylus is who pushes it: both begin anew.
-            let input = input_of(schedule, node)?;
-            if ids.contains(&node.id) || ids.contains(&input.id) {
-                let (writer, reader) = force_model();
-                opened.ends.forces.insert(node.id.clone(), writer);
-                models.insert(input.id.clone(), reader);
-                wanted.push(input.id.clone());
-            }
-        }
-        let nodes = schedule.nodes.iter().filter(|n| n.kind.ends_with("_input") && wanted.contains(&n.id));
-        for node in nodes {
-            let (writer, reader) = samples();
-            opened.ends.hands.insert(node.id.clone(), reader);
-            if node.kind == "pointer_input" {
-                opened.pointer = Some(writer);
-                continue;
-            }
-            let most = force_of(schedule, node).map_or(f64::INFINITY, |f| f.params.number("max_force_n"));
-            let source = Source { node: node.clone(), most, writer, model: models.remove(&node.id) };
-            if self.open.get(&node.id).is_some_and(|held| source.excludes(held)) {
-                opened.later.push(source);
-            } else {
-                let handle = source.start().map_err(|e| refused(node, &e))?;
-                opened.handles.push((node.id.clone(), handle));
-            }
-        }
-        Ok(opened)
+    /// What is open.
+    pub fn holding(&self) -> Vec<Holding> {
+        let of = |held: &Held| Holding { node: held.node.clone(), address: held.handle.address() };
+        self.open.values().map(of).collect()
     }
 
-    /// Goes on with what was opened for a graph that is being taken over: closes what it no longer needs, and opens what had to wait
-    /// for that.
-    pub fn go_on_with(&mut self, opened: Opened, schedule: &Schedule) -> Result<(), Failure> {
-        self.open.retain(|id, _| schedule.index_of(id).is_some());
-        self.open.extend(opened.handles);
+    /// Gives what is open for these nodes away, so that others can have the devices.
+    pub fn let_go(&mut self, ids: &[String]) -> Vec<Held> {
+        ids.iter().filter_map(|id| self.open.remove(id)).collect()
+    }
+
+    /// Goes on with what was opened for a graph that is being taken over, and closes what that no longer needs; nobody waits for
+    /// that.
+    pub fn go_on_with(&mut self, opened: Opened, schedule: &Schedule) {
+        let mut over: Vec<Held> = self
+            .open
+            .extract_if(|id, held| {
+                schedule.index_of(id).is_none_or(|i| schedule.nodes[i].kind != held.node.kind)
+            })
+            .map(|(_, held)| held)
+            .collect();
+        for held in opened.held {
+            over.extend(self.open.insert(held.node.id.clone(), held));
+        }
         if opened.pointer.is_some() {
             self.pointer = opened.pointer;
         }
-        for source in opened.later {
-            let node = source.node.clone();
-            drop(self.open.remove(&node.id));
-            let handle = source.start().map_err(|e| refused(&node, &e))?;
-            self.open.insert(node.id, handle);
+        if !over.is_empty() {
+            drop_elsewhere(over);
         }
-        Ok(())
     }
 
     /// Where the live page's pointers are to be sent, once after it was opened.
@@ -83,8 +79,8 @@ impl Hands {
 
     /// What went wrong, or is right again, since it was last asked.
     pub fn problems(&self) -> Vec<String> {
-        let of = |(id, handle): (&String, &Handle)| {
-            let all = std::iter::from_fn(|| handle.problem());
+        let of = |(id, held): (&String, &Held)| {
+            let all = std::iter::from_fn(|| held.handle.problem());
             all.map(|p| format!("`{id}`: {p}")).collect::<Vec<_>>()
         };
         self.open.iter().flat_map(of).collect()
@@ -138,10 +134,101 @@ fn refused(node: &ScheduledNode, error: &HandError) -> Failure {
 pub struct Opened {
     /// The ends of nodes.
     pub ends: Ends,
-    handles: Vec<(String, Handle)>,
+    /// Nodes whose devices have to be closed before the rest can be opened.
+    pub in_the_way: Vec<String>,
+    held: Vec<Held>,
     pointer: Option<SampleWriter>,
-    /// Sources whose device or port is held by the one before.
     later: Vec<Source>,
+    closed: bool,
+}
+
+/// Opens what these nodes of a graph need. What somebody holds who does not stay as it is is left for
+/// [`open_the_rest`](Opened::open_the_rest): nothing is closed here. A device may take seconds to answer, or not to.
+pub fn open(
+    schedule: &Schedule,
+    ids: &[String],
+    held: &[Holding],
+    over: &AtomicBool,
+) -> Result<Opened, Failure> {
+    let (mut opened, sources) = plan(schedule, ids)?;
+    let anew = |node: &ScheduledNode| sources.iter().any(|s| s.node.id == node.id);
+    let stays = |held: &Holding| {
+        let there = schedule.index_of(&held.node.id).map(|i| &schedule.nodes[i]);
+        there.is_some_and(|n| n.kind == held.node.kind && !anew(n))
+    };
+    let going: Vec<&Holding> = held.iter().filter(|h| !stays(h)).collect();
+    for source in sources {
+        if over.load(Relaxed) {
+            break;
+        }
+        match going.iter().find(|held| source.excludes(held)) {
+            Some(held) => {
+                opened.in_the_way.push(held.node.id.clone());
+                opened.later.push(source);
+            }
+            None => opened.held.push(source.start()?),
+        }
+    }
+    Ok(opened)
+}
+
+/// The ends that these nodes of a graph get, and what is to be opened behind them.
+fn plan(schedule: &Schedule, ids: &[String]) -> Result<(Opened, Vec<Source>), Failure> {
+    let (mut opened, mut sources) = (Opened::default(), Vec::new());
+    let mut wanted = ids.to_vec();
+    let mut models: HashMap<String, ForceReader> = HashMap::new();
+    for node in schedule.nodes.iter().filter(|n| n.kind.ends_with("_force")) {
+        // Who reads the stylus is who pushes it: both begin anew.
+        let input = input_of(schedule, node)?;
+        if ids.contains(&node.id) || ids.contains(&input.id) {
+            let (writer, reader) = force_model();
+            opened.ends.forces.insert(node.id.clone(), writer);
+            models.insert(input.id.clone(), reader);
+            wanted.push(input.id.clone());
+        }
+    }
+    for node in schedule.nodes.iter().filter(|n| n.kind.ends_with("_input") && wanted.contains(&n.id)) {
+        let (writer, reader) = samples();
+        opened.ends.hands.insert(node.id.clone(), reader);
+        if node.kind == "pointer_input" {
+            opened.pointer = Some(writer);
+            continue;
+        }
+        let most = force_of(schedule, node).map_or(f64::INFINITY, |f| f.params.number("max_force_n"));
+        sources.push(Source { node: node.clone(), most, writer, model: models.remove(&node.id) });
+    }
+    Ok((opened, sources))
+}
+
+impl Opened {
+    /// Whether something was closed before all of it was open.
+    pub fn came_last(&self) -> bool {
+        self.closed
+    }
+
+    /// Closes what is in the way and opens the rest.
+    pub fn open_the_rest(&mut self, old: Vec<Held>) -> Result<(), Failure> {
+        drop(old);
+        self.closed = true;
+        self.in_the_way.clear();
+        for source in std::mem::take(&mut self.later) {
+            self.held.push(source.start()?);
+        }
+        Ok(())
+    }
+}
+
+/// Devices of a graph that nobody holds, though it has them: they could not be had again.
+pub fn missing(schedule: &Schedule, held: &[Holding]) -> Vec<String> {
+    let device = |n: &&ScheduledNode| HANDS.contains(&n.kind.as_str()) && n.kind != "pointer_input";
+    let nobody = |n: &&ScheduledNode| !held.iter().any(|h| h.node.id == n.id);
+    schedule.nodes.iter().filter(device).filter(nobody).map(|n| n.id.clone()).collect()
+}
+
+/// Drops what may take a while to go, on a thread that nobody waits for.
+pub fn drop_elsewhere<T: Send + 'static>(what: T) {
+    // Where there is no thread it is dropped here.
+    let _ = std::thread::Builder::new().name("asperity-close".into()).spawn(move || drop(what));
 }
 
 /// A source that is to be started.
@@ -154,13 +241,35 @@ struct Source {
 }
 
 impl Source {
-    /// Whether the one that this node has now has to be closed first: it holds the device or the port.
-    fn excludes(&self, held: &Handle) -> bool {
-        let listens = || osc::parse_listen(self.node.params.text("listen")).ok();
-        self.node.kind != "osc_input" || (held.address().is_some() && held.address() == listens())
+    /// Whether what somebody holds has to be closed first: it is the same device or port.
+    fn excludes(&self, held: &Holding) -> bool {
+        let (ours, theirs) = (&self.node.params, &held.node.params);
+        let same = |name: &str| ours.text(name).trim() == theirs.text(name).trim();
+        if self.node.kind != held.node.kind {
+            return false;
+        }
+        match self.node.kind.as_str() {
+            "osc_input" => {
+                held.address.is_some() && held.address == osc::parse_listen(ours.text("listen")).ok()
+            }
+            // Several may be of one service; without a name it could be any.
+            "haply_input" => {
+                let any = ours.text("device").trim().is_empty() || theirs.text("device").trim().is_empty();
+                same("service") && (any || same("device"))
+            }
+            // The library has one scheduler.
+            _ => true,
+        }
     }
 
-    fn start(self) -> Result<Handle, HandError> {
+    /// Opens it.
+    fn start(self) -> Result<Held, Failure> {
+        let node = self.node.clone();
+        let handle = self.handle().map_err(|e| refused(&node, &e))?;
+        Ok(Held { node, handle })
+    }
+
+    fn handle(self) -> Result<Handle, HandError> {
         let p = &self.node.params;
         let text = |name: &str| Some(p.text(name).trim().to_owned()).filter(|t| !t.is_empty());
         match self.node.kind.as_str() {
@@ -194,7 +303,7 @@ impl Source {
 /// Colgate's bound for one wall, where it does not hold.
 fn warning(schedule: &Schedule, live: &Layout, node: &ScheduledNode, hands: &Hands) -> Option<String> {
     let input = input_of(schedule, node).ok()?;
-    let handle = hands.open.get(&input.id);
+    let handle = hands.open.get(&input.id).map(|held| &held.handle);
     // The plane's figures are known beforehand where they come from a node that has them as parameters, which a person may have
     // moved since.
     let number = |input: &str, param: &str| {

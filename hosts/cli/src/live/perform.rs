@@ -109,7 +109,7 @@ pub fn play(
         for notice in session.tend().map_err(not_had)? {
             once(notice);
         }
-        if session.conductor().recorded(&mut *watching.recorded) > 0 {
+        if session.conductor().recorded(|r| (watching.recorded)(r.sink, r.start, r.values)) > 0 {
             return Err(Failure::Machine("the machine is too slow to record".into()));
         }
         let view = session.view();
@@ -126,7 +126,7 @@ pub fn play(
         std::thread::sleep(LOOK);
     }
     let mut ended = session.stop();
-    ended.conductor.recorded(&mut *watching.recorded);
+    ended.conductor.recorded(|r| (watching.recorded)(r.sink, r.start, r.values));
     Ok((ended, whole))
 }
 

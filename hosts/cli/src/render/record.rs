@@ -20,8 +20,8 @@ pub struct Recorder {
     columns: usize,
     shape: Shape,
     scratch: Vec<f32>,
-    /// The row that comes next.
-    next: u64,
+    /// The row that comes next; none where it is the first, wherever that may be.
+    next: Option<u64>,
     missing: u64,
     /// Rows that were written.
     rows_written: u64,
@@ -56,22 +56,26 @@ enum From {
 impl Recorder {
     /// Recorders for every `probe` and `file_out` that names a file.
     pub fn for_sinks(schedule: &Schedule) -> Result<Vec<Self>, Failure> {
-        let mut out = Vec::new();
-        for (i, node) in schedule.nodes.iter().enumerate() {
-            let Some(file) = file_of(node) else { continue };
-            match node.kind.as_str() {
-                "probe" => {
-                    let Some(port) = &node.inputs[0].port else { continue };
-                    out.push(Self::new(file, From::Input(i), port.shape, &port.unit.to_string())?);
-                }
-                "file_out" => {
-                    let port = &node.outputs[0].port;
-                    out.push(Self::new(file, From::Output(i), port.shape, "value")?);
-                }
-                _ => {}
+        let nodes = schedule.nodes.iter().enumerate();
+        nodes.filter_map(|(i, node)| Self::for_sink(i, node).transpose()).collect()
+    }
+
+    /// A recorder for a node, by its place in the graph; none for one that wants nothing written.
+    pub fn for_sink(i: usize, node: &ScheduledNode) -> Result<Option<Self>, Failure> {
+        let Some(file) = file_of(node) else { return Ok(None) };
+        match node.kind.as_str() {
+            "probe" => {
+                let Some(port) = &node.inputs[0].port else { return Ok(None) };
+                Self::new(file, From::Input(i), port.shape, &port.unit.to_string()).map(Some)
             }
+            "file_out" => Self::new(file, From::Output(i), node.outputs[0].port.shape, "value").map(Some),
+            _ => Ok(None),
         }
-        Ok(out)
+    }
+
+    /// The same for a sink that comes later: its first row is whichever comes first, and none before it is missing.
+    pub fn beginning_late(self) -> Self {
+        Self { next: None, ..self }
     }
 
     fn new(path: &Path, from: From, shape: Shape, unit: &str) -> Result<Self, Failure> {
@@ -101,7 +105,7 @@ impl Recorder {
             columns,
             shape,
             scratch: Vec::new(),
-            next: 0,
+            next: Some(0),
             missing: 0,
             rows_written: 0,
             most,
@@ -152,10 +156,10 @@ impl Recorder {
         let even = matches!(self.shape, Shape::Control { .. } | Shape::Audio { .. });
         // A line of a CSV file has its time; elsewhere it has to be said that something is not there.
         if even && ending(self.rows.path()) != "csv" {
-            self.missing += start.saturating_sub(self.next);
+            self.missing += start.saturating_sub(self.next.unwrap_or(start));
         }
         let rows = (values.len() / self.columns.max(1)) as u64;
-        self.next = start + rows;
+        self.next = Some(start + rows);
         if self.rows_written + rows > self.most {
             let path = self.rows.path().display();
             return Err(Failure::Machine(format!(

@@ -206,7 +206,6 @@ impl Ticker for Player {
             self.rewire();
         }
         self.hand_on(out);
-        self.wiring.meters.note_output(out);
     }
 
     fn skip(&mut self, n: u64) {

@@ -21,7 +21,7 @@ pub struct Run {
     hand: Option<SampleReader>,
     last: Sample,
     heard: u64,
-    muted: bool,
+    pub muted: bool,
     number: u64,
     samples: [u64; 4],
     phase: f64,
@@ -56,8 +56,6 @@ impl Run {
                 live.expect("only what is there is asked for").value = *value;
             }
             Request::Material { name, .. } => self.layout.materials[0].chosen = name.clone(),
-            Request::Mute(mute) => self.muted = *mute,
-            Request::Stop => {}
         }
     }
 
@@ -77,6 +75,7 @@ impl Run {
         View {
             number: self.number,
             layout: 0,
+            muted: self.muted,
             condition: if self.muted {
                 Condition::Muted
             } else if seconds < 2.0 {
