@@ -17,7 +17,7 @@ use ear::heard_from_the_start;
 use played::{
     CLICK_TICK, Counted, Followed, START_S, assert_no_clicks, assert_ramps_down, counted, first_sound, follow,
 };
-use servers::{Jack, inside};
+use servers::{Jack, inside_beside_others};
 use std::time::Duration;
 
 /// How long a program is held.
@@ -38,7 +38,7 @@ struct Run {
     end: &'static str,
 }
 
-const RUN: Run = Run { rate_hz: 48_000, period: 64, seconds: 5, wheeled: 0, held: false, end: "INT" };
+const RUN: Run = Run { rate_hz: 48_000, period: 64, seconds: 4, wheeled: 0, held: false, end: "INT" };
 
 /// Plays, stops, and lays what was heard beside what is rendered.
 fn plays_what_is_rendered(run: &Run) {
@@ -134,41 +134,41 @@ fn clicks_where_it_should(heard: &[[f32; 2]], followed: &Followed, rate_hz: u32)
 #[test]
 fn every_sample_of_a_run_and_of_a_freewheeled_minute_arrives_at_44100_hz() {
     let test = "every_sample_of_a_run_and_of_a_freewheeled_minute_arrives_at_44100_hz";
-    let Some(_) = inside(test, || Jack::start(44_100, 64)) else { return };
+    let Some(_) = inside_beside_others(test, || Jack::start(44_100, 64)) else { return };
     plays_what_is_rendered(&Run { rate_hz: 44_100, seconds: 4, wheeled: 60, ..RUN });
 }
 
 #[test]
 fn every_sample_of_ten_seconds_and_of_a_freewheeled_minute_arrives_at_48000_hz() {
     let test = "every_sample_of_ten_seconds_and_of_a_freewheeled_minute_arrives_at_48000_hz";
-    let Some(_) = inside(test, || Jack::start(48_000, 64)) else { return };
+    let Some(_) = inside_beside_others(test, || Jack::start(48_000, 64)) else { return };
     plays_what_is_rendered(&Run { seconds: 10, wheeled: 60, ..RUN });
 }
 
 #[test]
 fn every_sample_of_a_run_and_of_a_freewheeled_minute_arrives_at_96000_hz() {
     let test = "every_sample_of_a_run_and_of_a_freewheeled_minute_arrives_at_96000_hz";
-    let Some(_) = inside(test, || Jack::start(96_000, 128)) else { return };
+    let Some(_) = inside_beside_others(test, || Jack::start(96_000, 128)) else { return };
     plays_what_is_rendered(&Run { rate_hz: 96_000, period: 128, seconds: 4, wheeled: 60, ..RUN });
 }
 
 #[test]
 fn a_program_that_was_held_leaves_out_what_went_by_and_is_no_later_than_before() {
     let test = "a_program_that_was_held_leaves_out_what_went_by_and_is_no_later_than_before";
-    let Some(_) = inside(test, || Jack::start(48_000, 64)) else { return };
+    let Some(_) = inside_beside_others(test, || Jack::start(48_000, 64)) else { return };
     plays_what_is_rendered(&Run { held: true, ..RUN });
 }
 
 #[test]
 fn a_paced_thread_plays_every_sample_at_256_frames_though_it_was_held() {
     let test = "a_paced_thread_plays_every_sample_at_256_frames_though_it_was_held";
-    let Some(_) = inside(test, || Jack::start(48_000, 256)) else { return };
+    let Some(_) = inside_beside_others(test, || Jack::start(48_000, 256)) else { return };
     plays_what_is_rendered(&Run { period: 256, held: true, end: "TERM", ..RUN });
 }
 
 #[test]
 fn a_paced_thread_plays_every_sample_at_1024_frames() {
     let test = "a_paced_thread_plays_every_sample_at_1024_frames";
-    let Some(_) = inside(test, || Jack::start(48_000, 1024)) else { return };
+    let Some(_) = inside_beside_others(test, || Jack::start(48_000, 1024)) else { return };
     plays_what_is_rendered(&Run { period: 1024, end: "TERM", ..RUN });
 }
