@@ -12,6 +12,8 @@ use played::{Program, START_S, assert_ramps_down, counted, first_sound, follow, 
 use servers::{Parec, Pulse, inside};
 
 const RATE: usize = 48_000;
+/// What is said of a device that is back; "when the device is back" is said of one that is lost.
+const BACK: &str = "` is back";
 
 /// Plays for a while and stops; answers what was heard of channel 1.
 fn heard(program: Program, recorder: Parec, seconds: f64) -> Vec<f32> {
@@ -66,7 +68,7 @@ fn a_run_comes_back_when_a_killed_pulseaudio_does() {
         next = Pulse::in_folder(Path::new(&folder));
         next.is_some()
     });
-    program.wait_until_said("is back");
+    program.wait_until_said(BACK);
     let recorder = Parec::start();
     let heard = heard(program, recorder, 1.0);
     let count = counted(dir.path());
@@ -102,10 +104,10 @@ fn a_default_device_that_was_lost_is_waited_for_though_another_is_the_default_no
     assert_eq!(pactl(&["get-default-sink"]), "test");
     // It is looked for every half second.
     std::thread::sleep(std::time::Duration::from_millis(1200));
-    assert!(!program.said().contains("is back"), "{}", program.said());
+    assert!(!program.said().contains(BACK), "{}", program.said());
     assert_eq!(played_on(), [] as [String; 0], "it plays on another device");
     pactl(&sink);
-    program.wait_until_said("is back");
+    program.wait_until_said(BACK);
     let sinks = pactl(&["list", "short", "sinks"]);
     let haptic = sinks.lines().find(|line| line.contains("haptic")).expect("it is loaded");
     let number = haptic.split('\t').next().unwrap_or_default();

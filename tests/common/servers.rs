@@ -8,7 +8,7 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{PoisonError, RwLock};
 use std::time::{Duration, Instant};
 
 /// How long a server may take to begin or to end, also on a machine that is busy.
@@ -17,7 +17,7 @@ const PATIENCE: Duration = Duration::from_secs(15);
 /// Set for a child that has a server in its environment: the server's process.
 const INSIDE: &str = "ASPERITY_TEST_SERVER";
 
-static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
+static ALONE: RwLock<()> = RwLock::new(());
 static COUNT: AtomicU32 = AtomicU32::new(0);
 
 /// A name that no other test has.
@@ -93,16 +93,21 @@ impl Process {
 /// let Some(server) = inside("the_name_of_this_test", || Jack::start(48_000, 256)) else { return };
 /// ```
 pub(crate) fn inside<S: Server>(test: &str, start: impl FnOnce() -> Option<S>) -> Option<Process> {
-    // What measures time is alone.
-    let _alone: MutexGuard<'_, ()> = ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner);
-    inside_beside_others(test, start)
+    let _alone = ALONE.write().unwrap_or_else(PoisonError::into_inner);
+    inside_then(test, start)
 }
 
-/// The same while other tests of the file run beside it: for those that count samples and measure no time.
+/// The same while others of this kind run beside it: for those that count samples, measure no time, and leave the server its priority,
+/// which it gives away in freewheel.
 pub(crate) fn inside_beside_others<S: Server>(
     test: &str,
     start: impl FnOnce() -> Option<S>,
 ) -> Option<Process> {
+    let _beside = ALONE.read().unwrap_or_else(PoisonError::into_inner);
+    inside_then(test, start)
+}
+
+fn inside_then<S: Server>(test: &str, start: impl FnOnce() -> Option<S>) -> Option<Process> {
     if let Ok(pid) = std::env::var(INSIDE) {
         return Some(Process(pid.parse().expect("a process id")));
     }

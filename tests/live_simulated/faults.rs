@@ -277,7 +277,7 @@ fn a_node_that_panics_is_named_and_the_run_goes_on_by_every_clock() {
         assert!(session.goes_on() && view.condition == Condition::Playing, "{:?}", view.condition);
         let bad = session.conductor().schedule().index_of("bad").expect("the node");
         let node = &view.nodes[bad];
-        assert!(node.quarantined && node.last_fault.contains("as told"), "{node:?}");
+        assert!(node.quarantined && node.last_fault.contains("panicked"), "{node:?}");
         let ended = session.stop();
         assert!(ended.player.is_some());
         if clock != Clock::Timer {
