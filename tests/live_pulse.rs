@@ -12,6 +12,8 @@ use played::{Program, START_S, assert_ramps_down, counted, first_sound, follow, 
 use servers::{Parec, Pulse, inside};
 
 const RATE: usize = 48_000;
+/// What is said of a device that is back; "when the device is back" is said of one that is lost.
+const BACK: &str = "` is back";
 
 /// Plays for a while and stops; answers what was heard of channel 1.
 fn heard(program: Program, recorder: Parec, seconds: f64) -> Vec<f32> {
@@ -66,10 +68,52 @@ fn a_run_comes_back_when_a_killed_pulseaudio_does() {
         next = Pulse::in_folder(Path::new(&folder));
         next.is_some()
     });
-    program.wait_until_said("is back");
+    program.wait_until_said(BACK);
     let recorder = Parec::start();
     let heard = heard(program, recorder, 1.0);
     let count = counted(dir.path());
     assert!(count.losses >= 1, "{count:?}");
     assert!(heard.iter().any(|x| x.abs() > 1e-4), "nothing is heard, {count:?}");
+}
+
+/// Asks the server something.
+fn pactl(words: &[&str]) -> String {
+    let output = std::process::Command::new("pactl").args(words).output().expect("pactl is installed");
+    assert!(output.status.success(), "{words:?}: {}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8_lossy(&output.stdout).trim().to_owned()
+}
+
+/// The sinks that somebody plays on, by their numbers.
+fn played_on() -> Vec<String> {
+    let list = pactl(&["list", "short", "sink-inputs"]);
+    list.lines().filter_map(|line| line.split('\t').nth(1).map(str::to_owned)).collect()
+}
+
+#[test]
+fn a_default_device_that_was_lost_is_waited_for_though_another_is_the_default_now() {
+    let test = "a_default_device_that_was_lost_is_waited_for_though_another_is_the_default_now";
+    let Some(_) = inside(test, Pulse::start) else { return };
+    let dir = tempfile::tempdir().unwrap();
+    let sink = ["load-module", "module-null-sink", "sink_name=haptic", "rate=48000"];
+    let module = pactl(&sink);
+    pactl(&["set-default-sink", "haptic"]);
+    let mut program = play(dir.path());
+    pactl(&["unload-module", &module]);
+    program.wait_until_said("is lost: ");
+    program.wait_until_said("is not back: ");
+    assert_eq!(pactl(&["get-default-sink"]), "test");
+    // It is looked for every half second.
+    std::thread::sleep(std::time::Duration::from_millis(1200));
+    assert!(!program.said().contains(BACK), "{}", program.said());
+    assert_eq!(played_on(), [] as [String; 0], "it plays on another device");
+    pactl(&sink);
+    program.wait_until_said(BACK);
+    let sinks = pactl(&["list", "short", "sinks"]);
+    let haptic = sinks.lines().find(|line| line.contains("haptic")).expect("it is loaded");
+    let number = haptic.split('\t').next().unwrap_or_default();
+    wait_for("a stream", || !played_on().is_empty());
+    assert_eq!(played_on(), [number], "{sinks}");
+    program.signal("INT");
+    program.end().ok();
+    assert_eq!(counted(dir.path()).losses, 1);
 }

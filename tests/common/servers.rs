@@ -8,7 +8,7 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{PoisonError, RwLock};
 use std::time::{Duration, Instant};
 
 /// How long a server may take to begin or to end, also on a machine that is busy.
@@ -17,7 +17,7 @@ const PATIENCE: Duration = Duration::from_secs(15);
 /// Set for a child that has a server in its environment: the server's process.
 const INSIDE: &str = "ASPERITY_TEST_SERVER";
 
-static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
+static ALONE: RwLock<()> = RwLock::new(());
 static COUNT: AtomicU32 = AtomicU32::new(0);
 
 /// A name that no other test has.
@@ -93,11 +93,24 @@ impl Process {
 /// let Some(server) = inside("the_name_of_this_test", || Jack::start(48_000, 256)) else { return };
 /// ```
 pub(crate) fn inside<S: Server>(test: &str, start: impl FnOnce() -> Option<S>) -> Option<Process> {
+    let _alone = ALONE.write().unwrap_or_else(PoisonError::into_inner);
+    inside_then(test, start)
+}
+
+/// The same while others of this kind run beside it: for those that count samples, measure no time, and leave the server its priority,
+/// which it gives away in freewheel.
+pub(crate) fn inside_beside_others<S: Server>(
+    test: &str,
+    start: impl FnOnce() -> Option<S>,
+) -> Option<Process> {
+    let _beside = ALONE.read().unwrap_or_else(PoisonError::into_inner);
+    inside_then(test, start)
+}
+
+fn inside_then<S: Server>(test: &str, start: impl FnOnce() -> Option<S>) -> Option<Process> {
     if let Ok(pid) = std::env::var(INSIDE) {
         return Some(Process(pid.parse().expect("a process id")));
     }
-    // Servers start one after the other: two JACK servers that start at once get into each other's way.
-    let _alone: MutexGuard<'_, ()> = ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner);
     let mut server = start()?;
     let mut child = Command::new(std::env::current_exe().expect("this test's program"));
     child
@@ -153,6 +166,14 @@ fn claim() -> (String, std::fs::File) {
     }
 }
 
+/// Two JACK servers that start or end at once get into each other's way, also those of other programs.
+fn turn() -> std::fs::File {
+    let file = std::env::temp_dir().join("asperity-jack-turn.lock");
+    let file = std::fs::File::create(file).expect("a lock file");
+    file.lock().expect("a turn");
+    file
+}
+
 impl Jack {
     /// Starts one and waits until its driver runs. None, with a line that says so, where JACK is not installed.
     pub(crate) fn start(rate_hz: u32, period: u32) -> Option<Self> {
@@ -174,6 +195,7 @@ impl Jack {
     }
 
     fn spawn(name: &str, rate_hz: u32, period: u32, scheduling: &[&str]) -> Option<Self> {
+        let turn = turn();
         let (rate, period) = (rate_hz.to_string(), period.to_string());
         let mut command = Command::new("jackd");
         command.args(scheduling).args(["-n", name, "-S", "-t", "500", "-d", "dummy"]);
@@ -189,6 +211,8 @@ impl Jack {
             }
             std::thread::sleep(Duration::from_millis(20));
         }
+        // Its end is another turn.
+        drop(turn);
         let _ = server.child.kill();
         None
     }
@@ -227,6 +251,7 @@ impl Server for Jack {
 
 impl Drop for Jack {
     fn drop(&mut self) {
+        let _turn = turn();
         end(&mut self.child);
         // What it leaves behind when it is killed.
         files(&self.name).iter().for_each(|path| drop(std::fs::remove_file(path)));

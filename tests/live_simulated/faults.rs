@@ -5,9 +5,9 @@ use std::time::Duration;
 
 use asperity_audio::simulated::{Params, Simulated};
 use asperity_audio::{Request, events, open};
-use asperity_live::Meters;
-use asperity_live::driver::{Callback, Clock, Options, Ticker};
+use asperity_live::driver::{Callback, Clock, Options, Paced, Ticker, Timer};
 use asperity_live::view::Condition;
+use asperity_live::{Meters, SessionOptions};
 use asperity_node::{
     Descriptor, Diagnostic, Node, Output, RateSpec, Setup, ShapeSpec, Status, Tick, Unit, time,
 };
@@ -200,6 +200,91 @@ fn an_engine_that_panics_is_silent_within_20_ms_without_a_step_and_says_so() {
     // The last sample is held and decays in 5 ms.
     assert!(largest_step(&all) < STEP, "{}", largest_step(&all));
     assert!(driver.stop().is_some(), "the ticker is there for a report");
+}
+
+#[test]
+fn an_engine_that_panics_under_a_timer_says_so_and_is_there_for_a_report() {
+    let options = Options { priority: None, ..Options::new(Arc::new(Meters::new(500))) };
+    let timer = Timer::new(Panics(0), &options).expect("a thread");
+    while !timer.controls().failed() {
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    assert_eq!(timer.controls().condition(), Condition::Failed);
+    assert_eq!(timer.stop().expect("the ticker").0, 100);
+}
+
+#[test]
+fn an_engine_that_panics_under_the_paced_clock_is_silent_within_20_ms_without_a_step() {
+    let card = Simulated::new("paced panic", timed(64)).expect("a card");
+    let meters = Arc::new(Meters::new(500));
+    let options = Options { start_s: 0.0, priority: None, ..Options::new(meters.clone()) };
+    let (driver, half) = Paced::new(Panics(0), &options).expect("a thread");
+    let (to, _events) = events();
+    let request = Request { device: Some(card.id()), ..Request::default() };
+    let stream = open(&request, Box::new(half), None, to).expect("the card");
+    stream.play().expect("it plays");
+    while !driver.controls().failed() {
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    let failed = heard(&card).len();
+    while heard(&card).len() < failed + 9_600 {
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    assert_eq!((driver.controls().condition(), stream.lost()), (Condition::Failed, None));
+    let all = heard(&card);
+    assert!(all.iter().any(|y| y.abs() > 0.05), "nothing was heard before");
+    // What the ring holds is played; the card may have called some times before the failure was seen here.
+    let loud = all.iter().rposition(|y| *y != 0.0).expect("a tone");
+    assert!(loud < failed + 2 * DOWN, "it sounds for {} samples more", loud - failed);
+    assert!(largest_step(&all) < STEP, "{}", largest_step(&all));
+    assert!(driver.stop().is_some(), "the ticker is there for a report");
+}
+
+/// A slow wave, until a tick that panics.
+struct Breaks;
+
+impl Node for Breaks {
+    fn descriptor() -> Descriptor {
+        let out = Output::new("out", ShapeSpec::Audio(RateSpec::Graph), Unit::AMPERE);
+        Descriptor::new("breaks", "A wave, then a panic.").output(out)
+    }
+    fn prepare(_: &Setup<'_>) -> Result<Self, Diagnostic> {
+        Ok(Self)
+    }
+    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
+        assert!(tick.index < 50, "as told");
+        let span = tick.samples(48_000);
+        for (y, n) in tick.outputs.audio(0).iter_mut().zip(span) {
+            *y = 0.1 * (n as f32 * 0.0105).sin();
+        }
+        Status::Continue
+    }
+    fn reset(&mut self) {}
+}
+
+#[test]
+fn a_node_that_panics_is_named_and_the_run_goes_on_by_every_clock() {
+    for clock in [Clock::Callback, Clock::Paced, Clock::Timer] {
+        let card = Simulated::new(&format!("breaks {}", clock.name()), timed(64)).expect("a card");
+        let registry = asperity_nodes::registry().with::<Breaks>();
+        let nodes = r#""bad": (kind: "breaks"), "limiter": (kind: "limiter"), "out": (kind: "audio_out"),"#;
+        let graph = graph(&registry, (500, 48_000), nodes, r#"("bad", "limiter"), ("limiter", "out")"#);
+        let options = options(&card, clock);
+        let device = if clock == Clock::Timer { None } else { options.device.clone() };
+        let mut session = start(graph, SessionOptions { device, ..options });
+        tend(&mut session, "ticks after the panic", |s| s.view().ticks > 200);
+        let view = session.view();
+        assert!(session.goes_on() && view.condition == Condition::Playing, "{:?}", view.condition);
+        let bad = session.conductor().schedule().index_of("bad").expect("the node");
+        let node = &view.nodes[bad];
+        assert!(node.quarantined && node.last_fault.contains("panicked"), "{node:?}");
+        let ended = session.stop();
+        assert!(ended.player.is_some());
+        if clock != Clock::Timer {
+            let all = heard(&card);
+            assert!(largest_step(&all) < STEP, "{}: {}", clock.name(), largest_step(&all));
+        }
+    }
 }
 
 /// A slow wave that is no number from tick 50 on.

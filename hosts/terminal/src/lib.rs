@@ -14,6 +14,7 @@ mod board;
 mod draw;
 mod held;
 mod keys;
+mod line;
 pub mod picture;
 mod screen;
 mod text;
@@ -39,6 +40,9 @@ const KEYS: usize = 64;
 /// How long the keyboard is waited for before it is looked whether anybody still wants to know.
 const WAIT: Duration = Duration::from_millis(50);
 
+/// How long it is waited for once it is known to be there.
+const LEFT: Duration = if cfg!(unix) { Duration::ZERO } else { WAIT };
+
 /// What is typed, read by a thread of its own: reading from a terminal whose window was closed may never come back, and a key that
 /// stops or mutes the run waits for no frame.
 struct Typed {
@@ -53,7 +57,9 @@ impl Typed {
         let ended = over.clone();
         let read = move || {
             while !ended.load(Relaxed) {
-                let next = event::poll(WAIT).and_then(|there| there.then(event::read).transpose());
+                let next = line::wait(WAIT)
+                    .and_then(|()| event::poll(LEFT))
+                    .and_then(|there| there.then(event::read).transpose());
                 match next {
                     Ok(Some(Event::Key(key))) if at_once(&key, &reins) => {}
                     Ok(Some(event)) => {

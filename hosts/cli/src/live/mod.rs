@@ -30,6 +30,7 @@ use hands::Hands;
 use maker::Made;
 use recordings::Recordings;
 use shows::Shows;
+use speaker::Speaker;
 
 /// Ticks that one call of a node may take, unless `--limit-us` says otherwise. A machine that is busy with other things stalls
 /// for a few ticks now and then; that is no fault of the node.
@@ -114,7 +115,10 @@ pub fn run(args: &Run) -> Result<ExitCode, Failure> {
     }
     // What was recorded until then is kept, whatever ended the run.
     let (files, said) = recordings.keep();
-    said.iter().for_each(|said| warn(said));
+    // Nor does the end of a run wait for somebody who does not read.
+    let last = Speaker::new(false);
+    said.iter().for_each(|said| last.say(&format!("warning: {said}")));
+    last.close();
     written.extend(files);
     let run = report::Run { args, ended: &ended, grants };
     if let Some(file) = report_file {
