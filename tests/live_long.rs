@@ -206,12 +206,13 @@ fn run(clock: Clock, tick_hz: u32, frames: u32, ticks: u64) {
     let (lost, breaks) = (meters.lost_samples.get(), meters.underruns.get() + meters.xruns.get());
     let figures = |f: [f64; 4]| format!("{:7.1} {:7.1} {:7.1} {:9.1}", f[0], f[1], f[2], f[3]);
     println!(
-        "{what:<30} {:>8} {} {} {:>6} {:>6.3} % {:>6} {:>6} {:>6} {:>7} {jumped:>7} {:>5} kB",
+        "{what:<30} {:>8} {} {} {:>6} {:>6.3} % {} {:>6} {:>6} {:>6} {:>7} {jumped:>7} {:>5} kB",
         meters.next_tick(),
         figures(timing.late_us),
         figures(timing.compute_us),
         timing.misses,
         100.0 * timing.misses as f64 / meters.next_tick() as f64,
+        figures(timing.recovery_us),
         meters.skipped_ticks.get(),
         meters.caught_up_ticks.get(),
         breaks,
@@ -243,13 +244,14 @@ fn a_long_run_loses_nothing_that_is_not_counted_and_neither_allocates_nor_grows(
     // A run has them; without leave from the system it is worse.
     let _machine = Machine::ask();
     println!(
-        "{:<30} {:>8} {:>33} {:>33} {:>6} {:>8} {:>6} {:>6} {:>6} {:>7} {:>7} {:>8}",
+        "{:<30} {:>8} {:>33} {:>33} {:>6} {:>8} {:>33} {:>6} {:>6} {:>6} {:>7} {:>7} {:>8}",
         "clock",
         "ticks",
         "woke late us: p50 p99 p99.9 max",
         "tick us: p50 p99 p99.9 max",
         "misses",
         "",
+        "in time again us: p50 .. max",
         "skip",
         "behind",
         "breaks",

@@ -34,7 +34,7 @@ pub enum Order {
 /// Maps the times of a device's own clock, of unknown offset and a drift of some 100 ppm, to [`now_ns`](crate::now_ns).
 ///
 /// A clock that is set forward by more than 0.1 s is followed after four messages, which until then count as sent when they arrived: a single
-/// stamp from the future changes nothing. One that is set back by more than 1 s is followed at once, by 0.1 to 1 s after 0.25 s and
+/// stamp from the future changes nothing. A single one that is more than 1 s old begins anew, and so does the next. A clock that is set back by more than 1 s is followed at once, by 0.1 to 1 s after 0.25 s and
 /// four messages, by less within 5 s; until then its messages count as sent too early.
 ///
 /// Of 250 messages a second that are 0 to 8 ms under way beyond the least, the root of the mean squared error is 0.11 ms without drift, 0.15 ms and

@@ -172,6 +172,8 @@ pub struct TimingView {
     pub late_us: [f64; 4],
     /// Computing: p50, p99, p99.9, max.
     pub compute_us: [f64; 4],
+    /// Recovery, from when a tick that was missed was due to when the next one was there in time: p50, p99, p99.9, max; 0 for none.
+    pub recovery_us: [f64; 4],
     /// Upper edges of the histogram's bins; the last bin is open.
     pub edges_us: Vec<f64>,
     /// Ticks by lateness.

@@ -23,7 +23,7 @@ mod trace;
 use std::io;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
-use std::sync::mpsc::{Receiver, TryRecvError, sync_channel};
+use std::sync::mpsc::{Receiver, TryRecvError, TrySendError, sync_channel};
 use std::time::{Duration, Instant};
 
 use asperity_live::view::{Layout, View};
@@ -63,7 +63,8 @@ impl Typed {
                 match next {
                     Ok(Some(Event::Key(key))) if at_once(&key, &reins) => {}
                     Ok(Some(event)) => {
-                        if to.send(event).is_err() {
+                        // One too many is dropped: this thread goes on reading what stops and mutes.
+                        if let Err(TrySendError::Disconnected(_)) = to.try_send(event) {
                             break;
                         }
                     }

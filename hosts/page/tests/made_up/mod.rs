@@ -94,6 +94,7 @@ impl Run {
                 woke_late: self.late[17..].iter().sum(),
                 late_us: [14.2, 24.7, 231.0, 3140.0],
                 compute_us: [48.3, 71.0, 118.0, 402.0],
+                recovery_us: [0.0; 4],
                 edges_us: EDGES_US.to_vec(),
                 late_counts: self.late.clone(),
                 compute_counts: self.compute.clone(),

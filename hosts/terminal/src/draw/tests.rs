@@ -319,6 +319,7 @@ fn hostile(x: f64, n: u64, name: &str) -> (Layout, View) {
         woke_late: n,
         late_us: [x; 4],
         compute_us: [x; 4],
+        recovery_us: [0.0; 4],
         edges_us: vec![x; 7],
         late_counts: vec![n; 8],
         compute_counts: vec![n; 3],
