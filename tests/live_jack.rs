@@ -87,7 +87,7 @@ fn is_heard_as_rendered(run: &Run) -> Result<(), String> {
     assert_eq!(count.clock, if in_callback { "callback" } else { "paced" });
     assert!(followed.end - up > (seconds + wheeled - 3) * rate, "only {} samples", followed.end - up);
     if in_callback {
-        starts_slowly(&one, &offline, start, &followed, rate_hz);
+        starts_slowly(&one, &offline, start, &followed, &count, rate_hz);
     }
     everything_is_counted(&followed, &count, start, in_callback);
     if run.held {
@@ -113,10 +113,19 @@ fn everything_is_counted(followed: &Followed, count: &Counted, start: i64, in_ca
 }
 
 /// Rises as a raised cosine over two seconds: never above it, and exactly along it as long as nothing breaks.
-fn starts_slowly(heard: &[f32], rendered: &[f32], start: i64, followed: &Followed, rate_hz: u32) {
+fn starts_slowly(
+    heard: &[f32],
+    rendered: &[f32],
+    start: i64,
+    followed: &Followed,
+    count: &Counted,
+    rate_hz: u32,
+) {
     let rise = START_S * f64::from(rate_hz);
     let first = usize::try_from(start).unwrap();
-    let unbroken = followed.shift == -start;
+    // A gap that costs no time fades all the same.
+    let after = followed.breaks.len() as u64;
+    let unbroken = followed.shift == -start && count.underruns + count.xruns <= after;
     for (k, (x, full)) in heard[first..].iter().zip(rendered).take(rise as usize).enumerate() {
         let gain = 0.5 - 0.5 * (PI * (k + 1) as f64 / rise).cos();
         assert!(f64::from(x.abs()) <= 0.1 * gain + 1e-8, "sample {k} of the ramp is {x} at a gain of {gain}");
