@@ -10,7 +10,7 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use common::live::{CARD, EARS, PATIENCE, npy, told, until};
+use common::live::{CARD, EARS, Live, PATIENCE, npy, told, until};
 use common::{asperity, json};
 use socket::watch;
 use tungstenite::Message;
@@ -253,4 +253,20 @@ fn messages_that_nobody_reads_hold_up_neither_a_mute_nor_ticks_nor_the_end() {
     let mut rest = Vec::new();
     said.read_to_end(&mut rest).expect("what it said");
     assert!(rest.len() >= PIPE, "only {} bytes stood in the pipe: it was never full", rest.len());
+}
+
+#[test]
+fn a_report_that_cannot_be_written_costs_neither_what_was_recorded_nor_the_summary() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let dir = dir.path();
+    write_graph(dir);
+    std::fs::create_dir(dir.join("gone")).expect("a folder");
+    let mut live =
+        Live::start(dir, &["g.ron", "--device", CARD, "--report", "gone/r.json", "--seconds", "2.5"]);
+    live.says("plays on");
+    std::fs::remove_dir_all(dir.join("gone")).expect("it was there");
+    let ran = live.end();
+    assert!(ran.code != 0, "{}", ran.err);
+    assert!(ran.err.contains("r.json") && ran.err.contains("misses"), "{}", ran.err);
+    assert!(npy(&dir.join("sent.npy")).iter().any(|x| *x != 0.0));
 }

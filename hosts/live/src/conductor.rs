@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::fmt;
 use std::sync::Arc;
-use std::sync::atomic::Ordering::Relaxed;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::time::Duration;
 
 use asperity_engine::{Controller, Engine, Finished, Options, ParameterError, SwapError, SwapReport};
@@ -63,6 +63,8 @@ pub struct Conductor {
     sent: Sent,
     before: Vec<(u64, u64)>,
     counts: Vec<Rate>,
+    /// Of each source, the meters of the devices that it had before.
+    earlier: Vec<Vec<Arc<SourceMeter>>>,
     swaps: u64,
     /// Tapes of earlier graphs first, while there is something on them.
     tapes: Vec<Tape>,
@@ -127,6 +129,7 @@ pub fn conduct(
         sent,
         before: Vec::new(),
         counts: Vec::new(),
+        earlier: Vec::new(),
         swaps: 0,
     };
     (conductor, player)
@@ -176,6 +179,7 @@ impl Conductor {
             was.and_then(|i| self.counts.get(i).copied()).unwrap_or_default()
         };
         let counts = sent.sources.iter().map(counts).collect();
+        let earlier = sent.sources.iter().map(|(id, meter)| self.earlier(id, meter)).collect();
         // Sent first, so that it is there in the tick that takes the graph over.
         if self.wirings.try_push(wiring).is_err() {
             return Err(SwapError::Busy);
@@ -186,7 +190,19 @@ impl Conductor {
         self.sent = sent;
         self.before.clear();
         self.counts = counts;
+        self.earlier = earlier;
         Ok(report)
+    }
+
+    /// The meters of a source's devices before this one, where it goes on under its name.
+    fn earlier(&self, id: &str, meter: &Arc<SourceMeter>) -> Vec<Arc<SourceMeter>> {
+        let Some(i) = self.sent.sources.iter().position(|(was, _)| was == id) else { return Vec::new() };
+        let mut earlier = self.earlier.get(i).cloned().unwrap_or_default();
+        let last = &self.sent.sources[i].1;
+        if !Arc::ptr_eq(last, meter) {
+            earlier.push(last.clone());
+        }
+        earlier
     }
 
     /// Sets a live parameter; see [`Controller::set_parameter`].
@@ -237,8 +253,13 @@ impl Conductor {
         view.faults = sent.meters.faults();
         view.scopes = sent.scopes.iter_mut().map(|s| s.pop_iter().collect()).collect();
         self.counts.resize(sent.sources.len(), Rate::default());
+        self.earlier.resize(sent.sources.len(), Vec::new());
         let seconds = since.as_secs_f64();
-        let source = |((id, meter), rate): (&(String, Arc<SourceMeter>), &mut Rate)| {
+        type Source<'s> = (&'s (String, Arc<SourceMeter>), &'s Vec<Arc<SourceMeter>>);
+        let source = |(((id, meter), earlier), rate): (Source<'_>, &mut Rate)| {
+            let all = |count: fn(&SourceMeter) -> &AtomicU64| -> u64 {
+                earlier.iter().chain([meter]).map(|meter| count(meter).load(Relaxed)).sum()
+            };
             let samples = meter.samples.load(Relaxed);
             let fresh = samples.saturating_sub(rate.samples) as f64;
             if seconds > 0.0 {
@@ -250,12 +271,13 @@ impl Conductor {
                 rate_hz: rate.per_s,
                 age_ms: meter.age_ns.load(Relaxed) as f64 * 1e-6,
                 delay_ms: meter.delay_ns.load(Relaxed) as f64 * 1e-6,
-                stalls: meter.stalls.load(Relaxed),
+                stalls: all(|meter| &meter.stalls),
                 stalled: meter.stalled.load(Relaxed),
-                samples,
+                samples: all(|meter| &meter.samples),
             }
         };
-        view.sources = sent.sources.iter().zip(&mut self.counts).map(source).collect();
+        let sources = sent.sources.iter().zip(&self.earlier);
+        view.sources = sources.zip(&mut self.counts).map(source).collect();
     }
 }
 

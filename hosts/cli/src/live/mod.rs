@@ -109,25 +109,23 @@ pub fn run(args: &Run) -> Result<ExitCode, Failure> {
     drop(hands);
     recordings.drain(&mut ended.conductor);
     let picture = shows.close();
-    let mut written = Vec::new();
-    if let (Some(file), Some(svg)) = (picture_file, picture) {
-        written.push(file.keep_text(&svg)?);
-    }
-    // What was recorded until then is kept, whatever ended the run.
-    let (files, said) = recordings.keep();
+    // What was recorded until then is kept, whatever ended the run and whatever else cannot be written.
+    let (mut written, said) = recordings.keep();
     // Nor does the end of a run wait for somebody who does not read.
     let last = Speaker::new(false);
     said.iter().for_each(|said| last.say(&format!("warning: {said}")));
     last.close();
-    written.extend(files);
     let run = report::Run { args, ended: &ended, grants };
-    if let Some(file) = report_file {
-        written.push(file.keep_text(&report::json(&run))?);
-    }
+    let mut keep = |file: Option<Pending>, text: Option<String>| match (file, text) {
+        (Some(file), Some(text)) => file.keep_text(&text).map(|path| written.push(path)),
+        _ => Ok(()),
+    };
+    let pictured = keep(picture_file, picture);
+    let reported = keep(report_file, Some(report::json(&run)));
     if !args.quiet {
         print(&report::summary(&run, &written))?;
     }
-    outcome?;
+    outcome.and(pictured).and(reported)?;
     Ok(if ended.view.condition == Condition::Failed { ExitCode::FAILURE } else { ExitCode::SUCCESS })
 }
 

@@ -27,7 +27,9 @@ pub struct Controls {
     down: AtomicBool,
     level: AtomicU8,
     /// Bits of the largest sample that the device was given since this was last looked at.
+    /// Bits of the largest sample since it was last asked for, and of the last callback's.
     peak: AtomicU32,
+    last_peak: AtomicU32,
     heard_ns: AtomicU64,
     frames: AtomicU32,
     period_frames: AtomicU32,
@@ -59,6 +61,7 @@ impl Controls {
             down: AtomicBool::new(false),
             level: AtomicU8::new(Level::Rising as u8),
             peak: AtomicU32::new(0),
+            last_peak: AtomicU32::new(0),
             heard_ns: AtomicU64::new(0),
             frames: AtomicU32::new(0),
             period_frames: AtomicU32::new(0),
@@ -174,9 +177,10 @@ impl Controls {
         ramp.open(!(self.reins.muted() || self.stopping() || self.failed()));
     }
 
-    /// The largest sample that the device was given since this was last asked, of full scale.
+    /// The largest sample that the device was given since this was last asked, the last callback's included, of full scale.
     pub fn peak(&self) -> f32 {
-        f32::from_bits(self.peak.swap(0, Relaxed))
+        // It may be asked more often than the device calls; what was given then plays still.
+        f32::from_bits(self.peak.swap(0, Relaxed).max(self.last_peak.load(Relaxed)))
     }
 
     /// What the ramp came to, and what the device is given.
@@ -184,6 +188,7 @@ impl Controls {
         let peak = output.iter().fold(0.0_f32, |most, x| x.abs().max(most));
         // Of numbers above 0 the bits are in the same order.
         self.peak.fetch_max(peak.to_bits(), Relaxed);
+        self.last_peak.store(peak.to_bits(), Relaxed);
         self.level.store(ramp.level() as u8, Relaxed);
         if ramp.silent() && (self.stopping() || self.failed()) {
             self.down.store(true, Release);
@@ -220,6 +225,17 @@ fn worse(ticks: Grant, device: Option<Grant>) -> Grant {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_peak_of_a_device_that_calls_less_often_than_it_is_asked_for_stays_what_plays() {
+        let controls = Controls::new(&Options::new(Arc::new(Meters::new(500))));
+        let ramp = Ramp::new(48_000, 1, 0.0);
+        controls.note(&ramp, &[0.1, -0.75, 0.2]);
+        controls.note(&ramp, &[0.25]);
+        assert_eq!([controls.peak(), controls.peak(), controls.peak()], [0.75, 0.25, 0.25]);
+        controls.note(&ramp, &[0.0]);
+        assert_eq!(controls.peak(), 0.0);
+    }
 
     #[test]
     fn a_refusal_of_either_thread_is_told_and_a_grant_only_once_both_have_it() {
