@@ -54,3 +54,27 @@ pub fn wait(over: &AtomicBool) -> bool {
 pub fn wait_for(most: Duration) {
     let _ = CHANGED.wait_timeout_while(count(), most, |count| *count > 0);
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::{Arc, mpsc};
+
+    use super::*;
+
+    #[test]
+    fn who_opens_something_waits_for_what_was_closed_before_unless_it_is_over() {
+        let (go, told) = mpsc::channel::<()>();
+        let closed = Arc::new(AtomicBool::new(false));
+        let done = closed.clone();
+        elsewhere(move || {
+            let _ = told.recv();
+            std::thread::sleep(Duration::from_millis(20));
+            done.store(true, Relaxed);
+        });
+        assert!(!wait(&AtomicBool::new(true)));
+        wait_for(Duration::from_millis(1));
+        assert!(!closed.load(Relaxed));
+        go.send(()).expect("it waits");
+        assert!(wait(&AtomicBool::new(false)) && closed.load(Relaxed));
+    }
+}
