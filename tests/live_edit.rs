@@ -7,7 +7,7 @@ mod haply;
 mod onlooker;
 
 use std::io::Read as _;
-use std::net::{SocketAddr, TcpListener};
+use std::net::{SocketAddr, TcpListener, UdpSocket};
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 use std::sync::{Arc, mpsc};
@@ -131,6 +131,22 @@ fn a_mute_does_not_wait_for_a_graph_whose_hand_does_not_answer() {
     assert!(fall < DOWN + 300, "it falls in {fall} samples");
 }
 
+/// A hand whose settings were edited, and more recorded of it, so that it was closed and is being opened again, which never answers.
+fn exchanging(dir: &Path) -> (Live, Onlooker, Service) {
+    let service = Service::start();
+    let [nodes, wires] = arm(service.address, "");
+    replace(dir, &tone(&nodes, &wires));
+    let mut live = Live::start(dir, &["g.ron", "--watch", "--page", "--device", CARD, "--report", "r.json"]);
+    let mut onlooker = Onlooker::at(&live.says("the page: "));
+    onlooker.until("the hand", |s| s.view["sources"][0]["samples"].as_u64() > Some(200));
+    service.mute.store(true, Relaxed);
+    let [nodes, wires] = arm(service.address, r#"device: "049D""#);
+    let more = [r#""q": (kind: "probe", params: (file: "q.csv")),"#, r#"("arm.position", "q"),"#];
+    replace(dir, &tone(&(nodes + more[0]), &(wires + more[1])));
+    onlooker.until("that it is being opened", |_| service.unheard.load(Relaxed) > 0);
+    (live, onlooker, service)
+}
+
 #[test]
 fn sigterm_does_not_wait_for_a_hand_that_does_not_answer() {
     let dir = tempfile::tempdir().expect("a folder");
@@ -143,6 +159,61 @@ fn sigterm_does_not_wait_for_a_hand_that_does_not_answer() {
     assert!(report["ticks"].as_u64() >= Some(before), "{report}");
     // Nothing is left of the edit.
     assert_eq!(common::files(dir.path()), ["g.ron", "heard.npy", "r.json", "sent.npy"]);
+
+    let dir = tempfile::tempdir().expect("a folder");
+    let (live, _onlooker, service) = exchanging(dir.path());
+    live.stop_by("-TERM").ok();
+    assert_eq!(common::files(dir.path()), ["g.ron", "heard.npy", "place.csv", "r.json", "sent.npy"]);
+    assert_eq!(service.unheard.load(Relaxed), 1, "it was opened as it was before, though nobody wants it");
+}
+
+#[test]
+fn a_stylus_over_the_network_may_begin_to_listen_everywhere_at_its_port() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let dir = dir.path();
+    let port = UdpSocket::bind("127.0.0.1:0").and_then(|s| s.local_addr()).expect("a port").port();
+    let stylus = |params: &str| {
+        let node = format!(r#""stylus": (kind: "osc_input", params: ({params})),"#);
+        let place = r#""place": (kind: "probe", params: (file: "place.csv")),"#;
+        tone(&(node + place), r#"("stylus.position", "place"),"#)
+    };
+    let here = stylus(&format!(r#"listen: "127.0.0.1:{port}""#));
+    replace(dir, &here);
+    let mut live = Live::start(dir, &["g.ron", "--watch", "--device", CARD]);
+    live.says("plays on");
+    for text in [stylus(&format!(r#"listen: "0.0.0.0:{port}", anywhere: true"#)), here] {
+        replace(dir, &text);
+        let said = live.says("g.ron changed");
+        assert!(said.contains("stylus"), "{said}: {}", live.said());
+    }
+    live.stop().ok();
+}
+
+#[test]
+fn a_texture_is_chosen_also_where_a_hand_could_not_be_had_again() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let dir = dir.path();
+    let service = Service::start();
+    let text = |timeout_ms: u32| {
+        let params = format!(r#"(service: "ws://{}", timeout_ms: {timeout_ms})"#, service.address);
+        let stylus = r#"(kind: "haply_input")"#;
+        let text = graph("haply.ron", "", "");
+        assert!(text.contains(stylus));
+        text.replace(stylus, &format!(r#"(kind: "haply_input", params: {params})"#))
+    };
+    let (with, other) = (text(2000), text(1000));
+    replace(dir, &with);
+    let mut live = Live::start(dir, &["g.ron", "--watch", "--page", "--device", CARD]);
+    let mut onlooker = Onlooker::at(&live.says("the page: "));
+    onlooker.until("the hand", |s| s.view["sources"][0]["samples"].as_u64() > Some(200));
+    drop(service);
+    replace(dir, &other);
+    onlooker.until("that it is gone", |_| live.said().contains("cannot be had again"));
+    let chosen = |layout: &serde_json::Value| layout["materials"][0]["chosen"].clone();
+    assert_ne!(chosen(&onlooker.shown.layout), "brick");
+    onlooker.ask(&json!({ "material": { "node": "texture", "name": "brick" } }));
+    onlooker.until("the texture", |s| chosen(&s.layout) == "brick");
+    live.stop().ok();
 }
 
 #[test]

@@ -4,7 +4,7 @@
 
 use std::f64::consts::TAU;
 use std::net::{SocketAddr, TcpListener, TcpStream};
-use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering::Relaxed};
 use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
@@ -17,6 +17,10 @@ pub struct Service {
     stop: Arc<AtomicBool>,
     /// The greatest upward force that was asked for.
     pub pushed: Arc<Mutex<f64>>,
+    /// Whether who connects from now on never hears a word.
+    pub mute: Arc<AtomicBool>,
+    /// Connections of that kind.
+    pub unheard: Arc<AtomicUsize>,
     thread: Option<JoinHandle<()>>,
 }
 
@@ -27,15 +31,22 @@ impl Service {
         let address = listener.local_addr().expect("a port");
         let (stop, pushed) = (Arc::new(AtomicBool::new(false)), Arc::new(Mutex::new(0.0)));
         let (ends, most) = (stop.clone(), pushed.clone());
+        let (mute, unheard) = (Arc::new(AtomicBool::new(false)), Arc::new(AtomicUsize::new(0)));
+        let (says_nothing, count) = (mute.clone(), unheard.clone());
         let thread = std::thread::spawn(move || {
+            let mut held = Vec::new();
             while !ends.load(Relaxed) {
                 match listener.accept() {
+                    Ok((stream, _)) if says_nothing.load(Relaxed) => {
+                        held.push(stream);
+                        count.fetch_add(1, Relaxed);
+                    }
                     Ok((stream, _)) => serve(stream, &ends, &most),
                     Err(_) => std::thread::sleep(Duration::from_millis(2)),
                 }
             }
         });
-        Self { address, stop, pushed, thread: Some(thread) }
+        Self { address, stop, pushed, mute, unheard, thread: Some(thread) }
     }
 }
 

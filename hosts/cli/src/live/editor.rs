@@ -14,7 +14,8 @@ use asperity_graph::{GraphFile, Schedule};
 use asperity_live::Conductor;
 use asperity_node::ParamKind;
 
-use super::hands::{Hands, drop_elsewhere};
+use super::closing;
+use super::hands::Hands;
 use super::maker::{self, Answer, Changes, Exchange, Made, Order, Ready, elsewhere};
 use super::recordings::Recordings;
 use crate::args::Run;
@@ -90,6 +91,20 @@ struct Over(Arc<AtomicBool>);
 impl Drop for Over {
     fn drop(&mut self) {
         self.0.store(true, Relaxed);
+    }
+}
+
+impl Job {
+    /// Nobody wants it any more: whoever works for it is told, and what comes of it is closed. Answers the edit.
+    fn abandon(self) -> Edit {
+        let Self { edit, over, stage, .. } = self;
+        drop(over);
+        closing::elsewhere(move || match stage {
+            // What is sent when nobody listens would be dropped where nobody waits for it.
+            Stage::Making(from) | Stage::Exchanging(from) => drop(from.recv()),
+            Stage::Ready(ready) => drop(ready),
+        });
+        edit
     }
 }
 
@@ -221,12 +236,15 @@ impl Editor {
             };
             matches!(job.edit, Edit::File(_)) && !touched
         })?;
-        drop(job.over);
-        drop_elsewhere(job.stage);
-        match job.edit {
+        match job.abandon() {
             Edit::File(edit) => Some(edit),
             Edit::Choice(..) => None,
         }
+    }
+
+    /// Gives everything up: the run is over.
+    pub fn end(self) {
+        self.job.map(Job::abandon);
     }
 
     /// Has the next edit made, a choice first.
@@ -238,6 +256,7 @@ impl Editor {
             Edit::File(_) => {
                 order.base = None;
                 order.changes.moved.clear();
+                order.again = true;
             }
             Edit::Choice(node, material) => {
                 order.changes.chosen.retain(|(n, _)| n != node);
@@ -262,6 +281,7 @@ impl Editor {
             },
             running: playing.conductor.schedule().clone(),
             held: playing.hands.holding(),
+            again: false,
             begun: playing.recordings.begun(),
             named: named.map(|(option, file)| (option.to_owned(), file.clone())).to_vec(),
             over: Arc::default(),
@@ -294,8 +314,8 @@ impl Editor {
                 if ready.opened.in_the_way.is_empty() {
                     return self.take_over(job.edit, job.since, *ready, playing);
                 }
-                let back = Order { over: job.over.0.clone(), ..self.order(playing) };
                 let old = playing.hands.let_go(&ready.opened.in_the_way);
+                let back = Order { over: job.over.0.clone(), ..self.order(playing) };
                 let exchange = Exchange { ready: *ready, old, back };
                 job.stage = Stage::Exchanging(elsewhere(move || exchange.carry_out()));
                 self.job = Some(job);
@@ -323,7 +343,7 @@ impl Editor {
         let report = match sent {
             Ok(report) => report,
             Err(e) => {
-                drop_elsewhere(opened);
+                closing::elsewhere(move || drop(opened));
                 return Some(self.refused(edit, &Failure::Machine(e.to_string()), playing));
             }
         };

@@ -12,6 +12,7 @@ use asperity_live::view::Layout;
 use asperity_live::{Ends, ForceReader, HANDS, SampleWriter, force_model, samples};
 use asperity_source::Diagnostic;
 
+use super::closing;
 use crate::failure::Failure;
 
 /// Devices and sockets that are open, by the ids of their input nodes.
@@ -68,7 +69,7 @@ impl Hands {
             self.pointer = opened.pointer;
         }
         if !over.is_empty() {
-            drop_elsewhere(over);
+            closing::elsewhere(move || drop(over));
         }
     }
 
@@ -142,7 +143,7 @@ pub struct Opened {
     closed: bool,
 }
 
-/// Opens what these nodes of a graph need. What somebody holds who does not stay as it is is left for
+/// Opens what these nodes of a graph need, until it is over. What somebody holds who does not stay as it is is left for
 /// [`open_the_rest`](Opened::open_the_rest): nothing is closed here. A device may take seconds to answer, or not to.
 pub fn open(
     schedule: &Schedule,
@@ -161,12 +162,13 @@ pub fn open(
         if over.load(Relaxed) {
             break;
         }
-        match going.iter().find(|held| source.excludes(held)) {
-            Some(held) => {
-                opened.in_the_way.push(held.node.id.clone());
-                opened.later.push(source);
-            }
-            None => opened.held.push(source.start()?),
+        let before = going.iter().filter(|held| source.excludes(held)).map(|held| held.node.id.clone());
+        let before: Vec<String> = before.collect();
+        if before.is_empty() {
+            opened.held.push(source.start()?);
+        } else {
+            opened.in_the_way.extend(before);
+            opened.later.push(source);
         }
     }
     Ok(opened)
@@ -206,12 +208,15 @@ impl Opened {
         self.closed
     }
 
-    /// Closes what is in the way and opens the rest.
-    pub fn open_the_rest(&mut self, old: Vec<Held>) -> Result<(), Failure> {
+    /// Closes what is in the way and opens the rest, until it is over.
+    pub fn open_the_rest(&mut self, old: Vec<Held>, over: &AtomicBool) -> Result<(), Failure> {
         drop(old);
         self.closed = true;
         self.in_the_way.clear();
         for source in std::mem::take(&mut self.later) {
+            if over.load(Relaxed) {
+                break;
+            }
             self.held.push(source.start()?);
         }
         Ok(())
@@ -223,12 +228,6 @@ pub fn missing(schedule: &Schedule, held: &[Holding]) -> Vec<String> {
     let device = |n: &&ScheduledNode| HANDS.contains(&n.kind.as_str()) && n.kind != "pointer_input";
     let nobody = |n: &&ScheduledNode| !held.iter().any(|h| h.node.id == n.id);
     schedule.nodes.iter().filter(device).filter(nobody).map(|n| n.id.clone()).collect()
-}
-
-/// Drops what may take a while to go, on a thread that nobody waits for.
-pub fn drop_elsewhere<T: Send + 'static>(what: T) {
-    // Where there is no thread it is dropped here.
-    let _ = std::thread::Builder::new().name("asperity-close".into()).spawn(move || drop(what));
 }
 
 /// A source that is to be started.
@@ -244,18 +243,19 @@ impl Source {
     /// Whether what somebody holds has to be closed first: it is the same device or port.
     fn excludes(&self, held: &Holding) -> bool {
         let (ours, theirs) = (&self.node.params, &held.node.params);
-        let same = |name: &str| ours.text(name).trim() == theirs.text(name).trim();
         if self.node.kind != held.node.kind {
             return false;
         }
         match self.node.kind.as_str() {
             "osc_input" => {
-                held.address.is_some() && held.address == osc::parse_listen(ours.text("listen")).ok()
+                let wanted = osc::parse_listen(ours.text("listen"));
+                wanted.is_ok_and(|ours| held.address.is_some_and(|theirs| osc::exclude(ours, theirs)))
             }
             // Several may be of one service; without a name it could be any.
             "haply_input" => {
-                let any = ours.text("device").trim().is_empty() || theirs.text("device").trim().is_empty();
-                same("service") && (any || same("device"))
+                let (one, other) = (ours.text("device").trim(), theirs.text("device").trim());
+                haply::same_service(ours.text("service"), theirs.text("service"))
+                    && (one.is_empty() || other.is_empty() || one == other)
             }
             // The library has one scheduler.
             _ => true,

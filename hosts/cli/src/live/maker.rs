@@ -13,6 +13,7 @@ use asperity_live::needs_ends;
 use asperity_live::view::Materials;
 use asperity_world::material::Library;
 
+use super::closing;
 use super::hands::{self, Held, Holding, Opened};
 use super::recordings::{Sink, left_behind, recorders};
 use crate::args::GraphArgs;
@@ -21,9 +22,6 @@ use crate::kinds::Kinds;
 use crate::load;
 use crate::render::distinct_files;
 use crate::render::record::Recorder;
-
-/// One opening at a time: what is no longer wanted must have let go of its devices before another asks for them.
-static OPENING: Mutex<()> = Mutex::new(());
 
 /// What a person changed in a graph, beside its file.
 #[derive(Clone, Debug, Default)]
@@ -60,6 +58,8 @@ pub struct Order {
     pub running: Arc<Schedule>,
     /// Devices that are open.
     pub held: Vec<Holding>,
+    /// Whether devices that could not be had are tried again.
+    pub again: bool,
     /// Files that were begun.
     pub begun: Vec<Sink>,
     /// Files that the run writes at its end, by option.
@@ -82,7 +82,7 @@ pub struct Ready {
     pub made: Made,
     /// What was opened for it.
     pub opened: Opened,
-    /// What is recorded of it that was not before.
+    /// What is recorded of it that was not before. Begun last, so that no file is left of what waits for a device.
     pub recorders: Vec<(Sink, Recorder)>,
     /// Why it is the graph of before, with its devices opened anew.
     pub refused: Option<Failure>,
@@ -94,7 +94,7 @@ pub struct Exchange {
     pub ready: Ready,
     /// What is to be closed.
     pub old: Vec<Held>,
-    /// The graph of before, for the case that its devices are to be opened again.
+    /// The graph of before without them, for the case that they are to be opened again.
     pub back: Order,
 }
 
@@ -129,7 +129,6 @@ pub fn lock(kinds: &Mutex<Kinds>) -> MutexGuard<'_, Kinds> {
 pub fn elsewhere(work: impl FnOnce() -> Answer + Send + 'static) -> Receiver<Answer> {
     let (to, from) = sync_channel(1);
     let _ = std::thread::Builder::new().name("asperity-make".into()).spawn(move || {
-        // What nobody wants any more is dropped here.
         let _ = to.send(work());
     });
     from
@@ -145,8 +144,8 @@ impl Order {
 
     fn made(&self) -> (Vec<PathBuf>, Result<Made, Failure>) {
         let mut kinds = lock(&self.kinds);
-        if self.over.load(Relaxed) {
-            return (kinds.files().to_vec(), Err(unwanted()));
+        if let Err(unwanted) = self.wanted() {
+            return (kinds.files().to_vec(), Err(unwanted));
         }
         let made = make(&self.args, &mut kinds, self.base.clone(), &self.changes);
         (kinds.files().to_vec(), made)
@@ -159,10 +158,15 @@ impl Order {
         named.extend(left_behind(next, &self.begun));
         let named: Vec<_> = named.iter().map(|(who, path)| (who.as_str(), path)).collect();
         distinct_files(&self.args, next, plugins, &named)?;
+        self.wanted()?;
+        // Files that cannot be written are refused before a device is touched.
+        drop(recorders(next, &self.begun)?);
         let mut ids = needs_ends(&self.running, next);
-        ids.extend(hands::missing(next, &self.held));
+        if self.again {
+            ids.extend(hands::missing(next, &self.held));
+        }
         let opened = self.opened(next, &ids)?;
-        let recorders = recorders(next, &self.begun)?;
+        let recorders = if opened.in_the_way.is_empty() { recorders(next, &self.begun)? } else { Vec::new() };
         Ok(Ready { made, opened, recorders, refused: None })
     }
 
@@ -170,14 +174,18 @@ impl Order {
         if ids.is_empty() {
             return Ok(Opened::default());
         }
-        let _alone = OPENING.lock().unwrap_or_else(PoisonError::into_inner);
+        // What is no longer wanted must have let go of its devices before another asks for them.
+        closing::wait(&self.over);
+        self.wanted()?;
         let opened = hands::open(schedule, ids, &self.held, &self.over)?;
-        if self.over.load(Relaxed) {
-            // Dropped while nobody else opens anything.
-            drop(opened);
-            return Err(unwanted());
-        }
+        self.wanted()?;
         Ok(opened)
+    }
+
+    /// Whether somebody still wants it.
+    fn wanted(&self) -> Result<(), Failure> {
+        let over = self.over.load(Relaxed);
+        if over { Err(Failure::Machine("it is no longer wanted".into())) } else { Ok(()) }
     }
 }
 
@@ -186,10 +194,18 @@ impl Exchange {
     pub fn carry_out(self) -> Answer {
         let Self { mut ready, old, back } = self;
         let ids: Vec<String> = old.iter().map(|held: &Held| held.node.id.clone()).collect();
-        let alone = OPENING.lock().unwrap_or_else(PoisonError::into_inner);
-        let opened = ready.opened.open_the_rest(old);
-        drop(alone);
-        let Err(failure) = opened else { return Answer { plugins: None, result: Ok(ready) } };
+        closing::wait(&back.over);
+        let opened = ready.opened.open_the_rest(old, &back.over).and_then(|()| {
+            back.wanted()?;
+            recorders(&ready.made.compiled.schedule, &back.begun)
+        });
+        let failure = match opened {
+            Ok(recorders) => {
+                ready.recorders = recorders;
+                return Answer { plugins: None, result: Ok(ready) };
+            }
+            Err(failure) => failure,
+        };
         drop(ready);
         let (_, made) = back.made();
         let again = made.and_then(|made| {
@@ -206,11 +222,6 @@ impl Exchange {
         };
         Answer { plugins: None, result }
     }
-}
-
-/// What nobody hears.
-fn unwanted() -> Failure {
-    Failure::Machine("it is no longer wanted".into())
 }
 
 /// Whether a graph can take the place of another while it plays.

@@ -1,6 +1,7 @@
 //! `asperity run`: a graph in real time.
 
 pub mod card;
+mod closing;
 mod editor;
 mod hands;
 mod maker;
@@ -39,6 +40,8 @@ const LIMIT_TICKS: u64 = 10;
 const LIMIT_NS: u64 = 50_000_000;
 /// How often devices, files and pages are looked after.
 const PACE: Duration = Duration::from_micros(16_667);
+/// How long the end of a run waits for devices that are being closed: their force is ramped down within 100 ms.
+const LET_GO: Duration = Duration::from_millis(200);
 /// Longest run that may be asked for, in seconds: a year.
 const MAX_SECONDS: f64 = 365.0 * 86_400.0;
 
@@ -103,10 +106,11 @@ pub fn run(args: &Run) -> Result<ExitCode, Failure> {
     let outcome = stage.play(&mut shows, ticks);
     let Stage { session, editor, hands, mut recordings } = stage;
     // Whoever still opens a device for it is told that nobody wants it.
-    drop(editor);
+    editor.end();
     let grants = session.grants();
     let mut ended = session.stop();
     drop(hands);
+    closing::wait_for(LET_GO);
     recordings.drain(&mut ended.conductor);
     let picture = shows.close();
     // What was recorded until then is kept, whatever ended the run and whatever else cannot be written.
@@ -138,8 +142,10 @@ struct Stage {
 }
 
 impl Stage {
-    /// Plays until the end of the stroke, until it is asked to stop, or until it cannot go on. Nothing here waits but
-    /// for a disk that is slow, and for the last tick of a device that is lost.
+    /// Plays until the end of the stroke, until it is asked to stop, or until it cannot go on. It waits for a disk that is slow, and
+    /// where a device is lost for what played on it: by the callback driver, until the tick that runs has ended (1 s at most); by the
+    /// paced driver, until the thread of the ticks has ended, 0.2 to 0.8 s. Pages, edits and recordings wait meanwhile;
+    /// devices that push back have threads of their own, and do not.
     fn play(&mut self, shows: &mut Shows, ticks: Option<u64>) -> Result<(), Failure> {
         let mut next = Instant::now();
         loop {

@@ -76,6 +76,14 @@ pub fn parse_listen(text: &str) -> Result<SocketAddr, HandError> {
     })
 }
 
+/// Whether two sources cannot listen at these addresses at once: the port is the same, and the IP address too, or one of them is all
+/// addresses of the machine (also those of the other version: a socket at `[::]` may take packets of IPv4). Port 0 is a free one.
+pub fn exclude(one: SocketAddr, other: SocketAddr) -> bool {
+    let (a, b) = (one.ip().to_canonical(), other.ip().to_canonical());
+    let all = a.is_unspecified() || b.is_unspecified();
+    one.port() != 0 && one.port() == other.port() && (all || a == b)
+}
+
 /// Opens the socket and starts to listen.
 ///
 /// # Errors
@@ -290,5 +298,25 @@ mod tests {
         assert_eq!(parse_listen(" localhost:7 ").unwrap(), "127.0.0.1:7".parse().unwrap());
         assert_eq!(parse_listen("0.0.0.0:9").unwrap(), "0.0.0.0:9".parse().unwrap());
         assert!(parse_listen("here").unwrap_err().to_string().contains("127.0.0.1:9000"));
+    }
+
+    #[test]
+    fn addresses_exclude_each_other_where_a_socket_at_both_would_hear_the_same_packet() {
+        for (one, other, excluded) in [
+            ("127.0.0.1:9731", "127.0.0.1:9731", true),
+            ("127.0.0.1:9731", "127.0.0.1:9732", false),
+            ("127.0.0.1:9731", "127.0.0.2:9731", false),
+            ("127.0.0.1:9731", "[::1]:9731", false),
+            ("127.0.0.1:9731", "[::ffff:127.0.0.1]:9731", true),
+            ("127.0.0.1:9731", "0.0.0.0:9731", true),
+            ("127.0.0.1:9731", "[::]:9731", true),
+            ("[::1]:9731", "[::]:9731", true),
+            ("0.0.0.0:9731", "[::]:9731", true),
+            ("0.0.0.0:9731", "0.0.0.0:9732", false),
+            ("127.0.0.1:0", "127.0.0.1:0", false),
+        ] {
+            let [a, b] = [one, other].map(|text| parse_listen(text).unwrap());
+            assert_eq!([exclude(a, b), exclude(b, a)], [excluded; 2], "{one} and {other}");
+        }
     }
 }
