@@ -197,7 +197,9 @@ fn plan(schedule: &Schedule, ids: &[String]) -> Result<(Opened, Vec<Source>), Fa
             continue;
         }
         let most = force_of(schedule, node).map_or(f64::INFINITY, |f| f.params.number("max_force_n"));
-        sources.push(Source { node: node.clone(), most, writer, model: models.remove(&node.id) });
+        // What is wrong with them is found before any device is closed for them.
+        let options = Wanted::of(node, most).map_err(|e| refused(node, &e))?;
+        sources.push(Source { node: node.clone(), options, writer, model: models.remove(&node.id) });
     }
     Ok((opened, sources))
 }
@@ -233,8 +235,7 @@ pub fn missing(schedule: &Schedule, held: &[Holding]) -> Vec<String> {
 /// A source that is to be started.
 struct Source {
     node: ScheduledNode,
-    /// Largest force \[N\].
-    most: f64,
+    options: Wanted,
     writer: SampleWriter,
     model: Option<ForceReader>,
 }
@@ -265,38 +266,53 @@ impl Source {
     /// Opens it.
     fn start(self) -> Result<Held, Failure> {
         let node = self.node.clone();
-        let handle = self.handle().map_err(|e| refused(&node, &e))?;
-        Ok(Held { node, handle })
+        let handle = match self.options {
+            Wanted::Osc(options) => osc::start(options, self.writer),
+            Wanted::OpenHaptics(options) => openhaptics::start(options, self.writer, self.model),
+            Wanted::Haply(options) => haply::start(options, self.writer, self.model),
+        };
+        Ok(Held { handle: handle.map_err(|e| refused(&node, &e))?, node })
     }
+}
 
-    fn handle(self) -> Result<Handle, HandError> {
-        let p = &self.node.params;
+/// How a device is opened.
+enum Wanted {
+    Osc(osc::OscOptions),
+    OpenHaptics(openhaptics::OpenHapticsOptions),
+    Haply(haply::HaplyOptions),
+}
+
+impl Wanted {
+    /// As a node says, with a largest force \[N\].
+    fn of(node: &ScheduledNode, most: f64) -> Result<Self, HandError> {
+        let p = &node.params;
         let text = |name: &str| Some(p.text(name).trim().to_owned()).filter(|t| !t.is_empty());
-        match self.node.kind.as_str() {
+        Ok(match node.kind.as_str() {
             "osc_input" => {
                 let mut options =
                     osc::OscOptions::new(p.text("address"), osc::parse_arguments(p.text("arguments"))?);
                 options.listen = osc::parse_listen(p.text("listen"))?;
                 options.anywhere = p.flag("anywhere");
-                osc::start(options, self.writer)
+                options.check()?;
+                Self::Osc(options)
             }
             "openhaptics_input" => {
                 let mut options = openhaptics::OpenHapticsOptions::new();
                 options.device = text("device");
                 options.library = text("library").map(PathBuf::from);
                 options.frame = Frame::new(p.text("axes"), [0.0; 3])?;
-                options.max_force_n = self.most;
-                openhaptics::start(options, self.writer, self.model)
+                options.max_force_n = most;
+                Self::OpenHaptics(options)
             }
             _ => {
                 let mut options = haply::HaplyOptions::new();
                 options.device = text("device");
                 options.service = p.text("service").to_owned();
                 options.frame = Frame::new(p.text("axes"), [0.0; 3])?;
-                options.max_force_n = self.most;
-                haply::start(options, self.writer, self.model)
+                options.max_force_n = most;
+                Self::Haply(options)
             }
-        }
+        })
     }
 }
 

@@ -55,6 +55,25 @@ impl OscOptions {
         let listen = SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), 9000);
         Self { listen, anywhere: false, address: address.into(), arguments }
     }
+
+    /// Whether they could be used, without a look at the port.
+    ///
+    /// # Errors
+    /// An address pattern that is none; a listening address beyond loopback without `anywhere`.
+    pub fn check(&self) -> Result<(), HandError> {
+        self.pattern().map(drop)
+    }
+
+    fn pattern(&self) -> Result<Pattern, HandError> {
+        let pattern = Pattern::parse(&self.address)?;
+        if !self.anywhere && !self.listen.ip().is_loopback() {
+            return Err(HandError::option(
+                format!("{} can be reached from the network", self.listen),
+                "listen at 127.0.0.1, or say `anywhere` if others may move the stylus",
+            ));
+        }
+        Ok(pattern)
+    }
 }
 
 /// Reads where to listen: `127.0.0.1:9000`, `localhost:9000`, or a port alone for this machine's loopback.
@@ -87,15 +106,9 @@ pub fn exclude(one: SocketAddr, other: SocketAddr) -> bool {
 /// Opens the socket and starts to listen.
 ///
 /// # Errors
-/// An address pattern that is none; a listening address beyond loopback without `anywhere`; a port that is in use or not allowed.
+/// Those of [`OscOptions::check`]; a port that is in use or not allowed.
 pub fn start(options: OscOptions, writer: SampleWriter) -> Result<Handle, HandError> {
-    let pattern = Pattern::parse(&options.address)?;
-    if !options.anywhere && !options.listen.ip().is_loopback() {
-        return Err(HandError::option(
-            format!("{} can be reached from the network", options.listen),
-            "listen at 127.0.0.1, or say `anywhere` if others may move the stylus",
-        ));
-    }
+    let pattern = options.pattern()?;
     let socket = open(options.listen)?;
     let address = socket.local_addr().unwrap_or(options.listen);
     let shared = Arc::new(Shared::default());
