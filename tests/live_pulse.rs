@@ -51,7 +51,7 @@ fn every_sample_arrives_through_pulseaudio_at_1024_frames() {
     assert!(followed.breaks.len() as u64 <= count.underruns + count.xruns, "{followed:?} {count:?}");
     assert!(followed.left_out() <= count.lost_samples, "{followed:?} {count:?}");
     assert!(followed.end - up > 3 * RATE, "only {} samples", followed.end - up);
-    assert_ramps_down(&heard, &rendered, &followed, RATE as u32);
+    assert_ramps_down(&heard, &rendered, &followed, &count, RATE as u32);
 }
 
 #[test]
