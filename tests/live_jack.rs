@@ -96,7 +96,7 @@ fn is_heard_as_rendered(run: &Run) -> Result<(), String> {
         assert!(followed.left_out() as f64 > 0.8 * HELD.as_secs_f64() * f64::from(rate_hz), "{followed:?}");
     }
     assert_no_clicks(&one, rate_hz);
-    assert_ramps_down(&one, &offline, &followed, rate_hz);
+    assert_ramps_down(&one, &offline, &followed, &count, rate_hz);
     clicks_where_it_should(&heard, &rendered, &followed, rate_hz);
     Ok(())
 }

@@ -73,7 +73,7 @@ fn is_heard_as_rendered() -> Result<(), String> {
         // The ramp too. Where the server had nothing to play it puts silence in.
         assert_no_clicks(&heard, RATE as u32);
     }
-    assert_ramps_down(&heard, &offline, &followed, RATE as u32);
+    assert_ramps_down(&heard, &offline, &followed, &count, RATE as u32);
     clicks_where_it_should(&both, &rendered, &followed, RATE as u32);
     Ok(())
 }
