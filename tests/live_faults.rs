@@ -47,7 +47,7 @@ fn is_back(dir: &Path, program: Program, least_s: f64) {
     println!("back at {at_s:.3} s of the graph, {count:?}");
     assert!(at_s > least_s, "back at {at_s} s of the graph");
     assert_no_clicks(&heard, RATE as u32);
-    assert_ramps_down(&heard, &rendered, &followed, RATE as u32);
+    assert_ramps_down(&heard, &rendered, &followed, &count, RATE as u32);
 }
 
 #[test]

@@ -3,23 +3,21 @@
 #[path = "common/chromium.rs"]
 mod chromium;
 mod common;
+#[path = "live_page/crowd.rs"]
+mod crowd;
 #[path = "common/pen.rs"]
 mod pen;
 #[path = "common/socket.rs"]
 mod socket;
 
-use std::io::{Read as _, Write as _};
-use std::net::TcpStream;
 use std::path::Path;
 use std::sync::{Mutex, MutexGuard, PoisonError};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use chromium::Chromium;
 use common::json;
-use common::live::{CARD, EARS, Live, PATIENCE, graph, npy, rms, rows, times, told};
+use common::live::{CARD, EARS, Live, graph, npy, rms, rows, times, told};
 use pen::Pen;
-use socket::watch;
-use tungstenite::{Message, WebSocket};
 
 /// Samples of a tick at 48 kHz.
 const TICK: usize = 96;
@@ -359,121 +357,4 @@ fn a_page_that_is_gone_is_silent(kept: &mut Kept) -> Result<(), String> {
         return Err(format!("{quiet} strokes were heard to the end"));
     }
     Ok(())
-}
-
-/// The answer to a request of the page's address with these headers.
-fn get(url: &str, target: &str, headers: &str) -> String {
-    let (host, _) = url["http://".len()..].split_once('/').expect("an address");
-    let mut stream = TcpStream::connect(host).expect("it listens");
-    stream.set_read_timeout(Some(PATIENCE)).expect("a socket");
-    write!(stream, "GET {target} HTTP/1.1\r\nHost: {host}\r\n{headers}\r\n").expect("it hears");
-    let mut answer = String::new();
-    stream.read_to_string(&mut answer).expect("it answers");
-    answer
-}
-
-/// Reads so many views and says that it has got them. False where it is shown out.
-fn views(socket: &mut WebSocket<TcpStream>, many: u64) -> bool {
-    let mut got = 0_u64;
-    while got < many {
-        match socket.read() {
-            Ok(Message::Binary(_)) => {
-                got += 1;
-                let told = [0.0, got as f64].map(f64::to_le_bytes).concat();
-                if socket.send(Message::binary(told)).is_err() {
-                    return false;
-                }
-            }
-            Ok(Message::Close(_)) | Err(_) => return false,
-            Ok(_) => {}
-        }
-    }
-    true
-}
-
-/// Places where a sine breaks, other than at zeros, which are put where nothing was recorded.
-fn breaks(x: &[f32], hz: f64) -> usize {
-    let c = 2.0 * (std::f64::consts::TAU * hz / 48_000.0).cos();
-    let broken = |w: &[f32]| (f64::from(w[2]) - c * f64::from(w[1]) + f64::from(w[0])).abs() > 1e-5;
-    x.windows(3).filter(|w| w.iter().all(|x| *x != 0.0) && broken(w)).count()
-}
-
-#[test]
-fn strangers_are_refused_and_a_hundred_pages_cost_no_sample_that_is_not_counted() {
-    let dir = tempfile::tempdir().expect("a folder");
-    let text = format!(
-        r#"Graph(version: 1, nodes: {{"sine": (kind: "sine", params: (frequency_hz: 80.0)), "limiter": (kind: "limiter"),
-           "out": (kind: "audio_out"), {}}}, wires: [("sine", "limiter"), ("limiter", "out"), {}])"#,
-        EARS[0], EARS[1]
-    );
-    std::fs::write(dir.path().join("g.ron"), text).expect("a graph");
-    let mut live = Live::start(dir.path(), &["g.ron", "--page", "--device", CARD, "--report", "r.json"]);
-    let url = live.says("the page: ");
-    let (host, query) = url.split_once("/?").expect("an address with a token");
-    let right = format!("/?{query}");
-
-    assert!(get(&url, &right, "").starts_with("HTTP/1.1 200"));
-    for (target, headers, says) in [
-        ("/", "", "needs the token"),
-        ("/?token=0123456789abcdef0123456789abcdef", "", "needs the token"),
-        (&right, "Origin: http://evil.example\r\n", "another page"),
-        (&right, "Origin: null\r\n", "another page"),
-    ] {
-        let answer = get(&url, target, headers);
-        assert!(answer.starts_with("HTTP/1.1 403") && answer.contains(says), "{target} {headers}: {answer}");
-    }
-    assert_eq!(watch(&url, "http://evil.example").err(), Some(403));
-    assert_eq!(watch(url.split_once('?').expect("a query").0, host).err(), Some(403));
-
-    // One that never reads, one that behaves, and a crowd.
-    let lazy = watch(&url, host).expect("there is room");
-    let mut good = watch(&url, host).expect("there is room");
-    assert!(views(&mut good, 30));
-    let crowd: Vec<_> = (0..100).map(|_| watch(&url, host)).collect();
-    let (inside, outside): (Vec<_>, Vec<_>) = crowd.into_iter().partition(Result::is_ok);
-    assert!(
-        inside.len() >= 8 && outside.iter().all(|r| r.as_ref().err() == Some(&503)),
-        "{} got in",
-        inside.len()
-    );
-    let readers: Vec<_> = inside
-        .into_iter()
-        .filter_map(Result::ok)
-        .map(|mut socket| std::thread::spawn(move || views(&mut socket, 120)))
-        .collect();
-    // `good` goes on where it was.
-    let begun = Instant::now();
-    for n in 31.. {
-        if n > 150 && begun.elapsed() > Duration::from_secs(3) {
-            break;
-        }
-        let view = loop {
-            match good.read().expect("it is not shown out") {
-                Message::Binary(view) => break view,
-                _ => continue,
-            }
-        };
-        assert!(!view.is_empty() && begun.elapsed() < PATIENCE);
-        good.send(Message::binary([0.0, f64::from(n)].map(f64::to_le_bytes).concat())).expect("it hears");
-    }
-    let read = readers.into_iter().map(|r| r.join().expect("it reads")).filter(|all| *all).count();
-    drop(lazy);
-    live.stop().ok();
-
-    let (sent, heard) = (npy(&dir.path().join("sent.npy")), npy(&dir.path().join("heard.npy")));
-    let report = json(&dir.path().join("r.json"));
-    let count = |name: &str| report[name].as_u64().expect("a count");
-    let losses = count("underruns") + count("lost_samples");
-    let ticks = count("ticks") - count("skipped_ticks");
-    println!(
-        "{read} pages read 120 views; {ticks} ticks, {} misses, {} underruns, {} samples lost",
-        count("misses"),
-        count("underruns"),
-        count("lost_samples")
-    );
-    assert_eq!(sent.len() as u64, ticks * TICK as u64, "a tick is not recorded");
-    // From 2.5 s on the card plays at full level.
-    let full = heard.get(120_000..heard.len() - 12_000).expect("it ran for more than 3 s");
-    let breaks = breaks(full, 80.0);
-    assert!(breaks == 0 || losses > 0, "{breaks} breaks, and nothing is said to be lost");
 }

@@ -41,7 +41,7 @@ pub struct LatencyArgs {
     pub rate: u32,
     #[command(flatten)]
     pub actuator: ActuatorArgs,
-    /// Set a parameter of the graphs: NODE.PARAM=VALUE
+    /// Set a parameter of the graphs that have it: NODE.PARAM=VALUE
     #[arg(long = "set", value_name = "NODE.PARAM=VALUE")]
     pub set: Vec<String>,
     #[command(flatten)]

@@ -28,7 +28,8 @@ pub fn run(args: &LatencyArgs) -> Result<ExitCode, Failure> {
             .into());
     }
     let clicks = wanted.then(|| around::prepare(args)).transpose()?;
-    let chains: Vec<Chain> = args.graphs.iter().map(|g| chain::measure(g, args)).collect::<Result<_, _>>()?;
+    let ready = chain::prepare(args)?;
+    let chains: Vec<Chain> = ready.into_iter().map(chain::measure).collect::<Result<_, _>>()?;
     let around = clicks.map(|made| around::measure(args, made)).transpose()?;
     if args.json {
         print(&format!("{:#}\n", as_json(&chains, around.as_ref())))?;
