@@ -80,3 +80,17 @@ fn at_128_frames_the_sum_is_what_is_measured_and_within_15_ms_and_the_chain_half
     assert!(declared_ms <= REACH_MS, "{declared_ms} ms are declared from input to output");
     assert!(half_ms <= HALF_WAY_MS, "half way after {half_ms} ms: {lag_ms} and {declared_ms}");
 }
+
+#[test]
+fn who_has_not_joined_the_ports_is_told_how_and_may_stop() {
+    let test = "who_has_not_joined_the_ports_is_told_how_and_may_stop";
+    let Some(_server) = inside(test, || Jack::start(48_000, 256)) else { return };
+    let dir = tempfile::tempdir().unwrap();
+    let mut program = Program::start(dir.path(), &["latency", "--host", "jack", "--inside"]);
+    let end = |end: &str| format!("cpal_client_{}_{end}", program.id());
+    let line = format!("jack_connect {} {}", end("out:out_0"), end("in:in_0"));
+    program.wait_until_said(&line);
+    program.signal("INT");
+    let ran = program.end();
+    assert!(ran.code == 1 && ran.err.contains("stopped after 0 of 50 clicks"), "{}: {}", ran.code, ran.err);
+}

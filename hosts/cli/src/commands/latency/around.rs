@@ -22,6 +22,8 @@ const HAND: Duration = Duration::from_millis(1);
 const SETTLE_S: f64 = 2.5;
 /// Longest that a click is waited for.
 const PATIENCE: Duration = Duration::from_secs(1);
+/// Clicks that nobody hears before the first one that is heard, at most: half a minute, in which somebody may join ports.
+const SILENT: u32 = 27;
 /// Seconds from silence to full.
 const START_S: f64 = 0.5;
 
@@ -93,6 +95,9 @@ pub fn measure(args: &LatencyArgs, made: (GraphFile, Compiled)) -> Result<Around
     let mut trials = Trials::new(args.trials, args.level);
     let mut last = View::default();
     let mut view = |view: &View, listener: &Listener| {
+        if last.device.is_empty() && view.device.ends_with("(jack)") {
+            crate::failure::warn(&ports(args));
+        }
         if !view.clock.is_empty() && view.seconds > SETTLE_S {
             trials.step(&hand, listener, view);
         }
@@ -102,15 +107,24 @@ pub fn measure(args: &LatencyArgs, made: (GraphFile, Compiled)) -> Result<Around
     let watching = Watching { view: &mut view, recorded: &mut |_, _, _| {} };
     let card = args.output.recording_from(args.input_device.as_deref());
     // Long enough for every trial; it ends by itself.
-    let ticks = ((SETTLE_S + 3.0 * f64::from(args.trials)) * TICK_HZ) as u64;
+    let ticks = ((SETTLE_S + 3.0 * f64::from(SILENT + args.trials)) * TICK_HZ) as u64;
     let played = play(made, &card, START_S, ends, ticks, watching);
     drop(hand);
-    let (ended, _) = played?;
+    let (ended, whole) = played?;
+    if !whole && !trials.over() {
+        let heard = trials.measured_ms.len();
+        return Err(Failure::Machine(format!("stopped after {heard} of {} clicks", args.trials)));
+    }
     if trials.measured_ms.len() < args.trials as usize / 2 + 1 {
         let heard = trials.measured_ms.len();
+        let of = if heard == 0 {
+            "no click was".to_owned()
+        } else {
+            format!("only {heard} of {} clicks were", args.trials)
+        };
         return Err(Failure::Machine(format!(
-            "only {heard} of {} clicks were heard at input channel {}: join the output to it, and see --level and --amps",
-            args.trials, args.input_channel
+            "{of} heard at input channel {}: join the output to it, and see --level and --amps",
+            args.input_channel
         )));
     }
     let tick_ms = 1e3 / TICK_HZ;
@@ -129,6 +143,15 @@ pub fn measure(args: &LatencyArgs, made: (GraphFile, Compiled)) -> Result<Around
         items,
         measured_ms: trials.measured_ms,
     })
+}
+
+/// How the ends of a loopback on JACK are joined while it plays.
+fn ports(args: &LatencyArgs) -> String {
+    let (id, out, into) = (std::process::id(), args.output.channel() - 1, args.input_channel - 1);
+    format!(
+        "JACK leads clicks back only where ports are joined, here or behind a card: jack_connect cpal_client_{id}_out:out_{out} \
+         cpal_client_{id}_in:in_{into}"
+    )
 }
 
 /// A hand that touches when it is told to.
@@ -184,6 +207,8 @@ struct Trials {
     /// What was declared at each: a lead follows the device, and a machine that is busy makes it longer in mid-run.
     declared: Vec<Vec<(String, f64)>>,
     missed: u32,
+    /// Clicks before the first that was heard.
+    silent: u32,
     /// Since when the hand is down, or up.
     since: Instant,
     down: bool,
@@ -200,6 +225,7 @@ impl Trials {
             measured_ms: Vec::new(),
             declared: Vec::new(),
             missed: 0,
+            silent: 0,
             since,
             down: false,
             phase: 0,
@@ -207,7 +233,7 @@ impl Trials {
     }
 
     fn over(&self) -> bool {
-        self.measured_ms.len() as u32 + self.missed >= self.wanted
+        self.measured_ms.len() as u32 + self.missed >= self.wanted || self.silent >= SILENT
     }
 
     /// Goes on with the trial under way.
@@ -229,6 +255,7 @@ impl Trials {
                     self.measured_ms.push((ns as f64 - touched as f64) * 1e-6);
                     self.declared.push(view.latency_ms.clone());
                 }
+                None if self.measured_ms.is_empty() => self.silent += 1,
                 None => self.missed += 1,
             }
             hand.down.store(false, Release);
