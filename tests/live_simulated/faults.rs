@@ -128,8 +128,11 @@ fn an_underrun_that_the_host_reports_and_a_gap_are_counted_and_the_tone_joins_on
     assert!(view.skipped_ticks >= 40, "{} ticks were left out", view.skipped_ticks);
     assert!(largest_step(&heard(&card)) < STEP);
     // Position is time: what is played is as far on as what went by.
-    let seconds = (heard(&card).len() as u64 + view.lost_samples) as f64 / 48_000.0;
-    assert!((seconds - view.seconds).abs() < 0.02 + 64.0 / 48_000.0, "{seconds} of {}", view.seconds);
+    let heard = heard(&card);
+    // The card was listened to before, for longer on a busy machine.
+    let begin = heard.iter().position(|y| *y != 0.0).expect("a tone");
+    let seconds = ((heard.len() - begin) as u64 + view.lost_samples) as f64 / 48_000.0;
+    assert!((seconds - view.seconds).abs() < 0.02, "{seconds} of {}", view.seconds);
 }
 
 #[test]
