@@ -330,15 +330,23 @@ fn a_graph_that_only_pushes_back_runs_by_the_timer() {
         ("floor.stiffness", "wall.stiffness"), ("floor.damping", "wall.damping"), ("stylus.force", "pushes")])"#;
     std::fs::write(dir.join("g.ron"), text).expect("a graph");
     let library = format!("stylus.library={}", standin(dir).display());
-    let ran =
-        common::run(dir, &["run", "g.ron", "--set", &library, "--seconds", "1", "--report", "r.json"]).ok();
-    assert!(ran.err.contains("without audio"), "{}", ran.err);
-    let report = json(&dir.join("r.json"));
-    assert_eq!((report["clock"].as_str(), report["device"].as_str()), (Some("timer"), Some("")));
-    let forces: Vec<f64> = rows(&dir.join("force.csv")).iter().map(|row| row[0]).collect();
-    let pushed = forces.iter().filter(|force| (*force - 1.5).abs() < 0.05).count();
-    let last = forces.last();
-    assert!(pushed > 400, "it pushed in {pushed} ticks of a second, with {last:?} N at the end; {report}");
+    // A servo that was not called for 50 ms lets go, and takes hold again within half a second.
+    told(|| {
+        let args = ["run", "g.ron", "--set", &library, "--seconds", "1.5", "--report", "r.json"];
+        let ran = common::run(dir, &args).ok();
+        assert!(ran.err.contains("without audio"), "{}", ran.err);
+        let report = json(&dir.join("r.json"));
+        assert_eq!((report["clock"].as_str(), report["device"].as_str()), (Some("timer"), Some("")));
+        let forces: Vec<f64> = rows(&dir.join("force.csv")).iter().map(|row| row[0]).collect();
+        assert!(forces.iter().all(|force| *force < 1.55), "{forces:?}");
+        let pushed = forces.iter().filter(|force| (*force - 1.5).abs() < 0.05).count();
+        let last = forces.last();
+        if pushed > 400 {
+            Ok(())
+        } else {
+            Err(format!("it pushed in {pushed} ticks, with {last:?} N at the end; {report}"))
+        }
+    });
 }
 
 #[test]
