@@ -3,3 +3,4 @@
 pub mod actuator;
 pub mod material;
 pub mod motion;
+pub mod topography;
