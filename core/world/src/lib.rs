@@ -3,4 +3,5 @@
 pub mod actuator;
 pub mod material;
 pub mod motion;
+pub mod stylus;
 pub mod topography;
