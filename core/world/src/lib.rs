@@ -4,4 +4,5 @@ pub mod actuator;
 pub mod material;
 pub mod motion;
 pub mod stylus;
+pub mod tactile;
 pub mod topography;
