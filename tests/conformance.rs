@@ -1,57 +1,25 @@
 //! Every built-in node passes what every node must; the shipped graphs run.
 
 mod common;
+#[path = "common/counting.rs"]
+mod counting;
 
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::cell::Cell;
 use std::sync::Arc;
 
 use asperity_conformance::{Heap, Outcome, Subject, Touched, Verdict, cases, tick_time};
 use asperity_engine::{Engine, Options};
 use asperity_graph::{GraphFile, compile};
 use asperity_node::NodeKind;
-
-/// The system's allocator, which counts while it is told to.
-struct Counting;
-
-thread_local! {
-    static COUNTING: Cell<bool> = const { Cell::new(false) };
-    static TAKEN: Cell<u64> = const { Cell::new(0) };
-    static FREED: Cell<u64> = const { Cell::new(0) };
-}
-
-fn count(what: &'static std::thread::LocalKey<Cell<u64>>) {
-    if COUNTING.with(Cell::get) {
-        what.with(|n| n.set(n.get() + 1));
-    }
-}
-
-// SAFETY: everything is the system's own; counting touches no memory but cells of the thread without a destructor.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        count(&TAKEN);
-        // SAFETY: the caller's promise, here and below.
-        unsafe { System.alloc(layout) }
-    }
-    unsafe fn dealloc(&self, at: *mut u8, layout: Layout) {
-        count(&FREED);
-        // SAFETY: as above.
-        unsafe { System.dealloc(at, layout) }
-    }
-}
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
+use counting::{ALLOCATOR, Counting, bind, own};
 
 impl Heap for Counting {
     fn begin(&self) {
-        TAKEN.with(|n| n.set(0));
-        FREED.with(|n| n.set(0));
-        COUNTING.with(|c| c.set(true));
+        bind(true);
     }
     fn end(&self) -> Touched {
-        COUNTING.with(|c| c.set(false));
-        Touched { taken: TAKEN.with(Cell::get), freed: FREED.with(Cell::get) }
+        bind(false);
+        let (taken, freed) = own();
+        Touched { taken, freed }
     }
 }
 

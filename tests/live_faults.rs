@@ -47,7 +47,7 @@ fn is_back(dir: &Path, program: Program, least_s: f64) {
     println!("back at {at_s:.3} s of the graph, {count:?}");
     assert!(at_s > least_s, "back at {at_s} s of the graph");
     assert_no_clicks(&heard, RATE as u32);
-    assert_ramps_down(&heard, &rendered, &followed, RATE as u32);
+    assert_ramps_down(&heard, &rendered, &followed, &count, RATE as u32);
 }
 
 #[test]
@@ -62,7 +62,7 @@ fn a_run_comes_back_when_a_killed_server_does_and_ticks_have_gone_on() {
     program.wait_until_said("is lost: ");
     let name = std::env::var("JACK_DEFAULT_SERVER").unwrap();
     let _next = Jack::named(&name, 48_000, 128).unwrap();
-    program.wait_until_said("is back");
+    program.wait_until_said("` is back");
     // The graph was up for two seconds, and a lost device is looked for after half of one.
     is_back(dir.path(), program, START_S + 0.4);
 }
@@ -76,7 +76,7 @@ fn a_run_comes_back_when_a_stopped_server_goes_on() {
     server.stop();
     program.wait_until_said("is lost: ");
     server.go_on();
-    program.wait_until_said("is back");
+    program.wait_until_said("` is back");
     drop(ear);
     is_back(dir.path(), program, START_S + 0.4);
 }

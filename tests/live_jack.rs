@@ -13,11 +13,13 @@ mod servers;
 
 use std::f64::consts::PI;
 
+use common::live::told;
 use ear::heard_from_the_start;
 use played::{
-    CLICK_TICK, Counted, Followed, START_S, assert_no_clicks, assert_ramps_down, counted, first_sound, follow,
+    Counted, Followed, START_S, assert_no_clicks, assert_ramps_down, clicks_where_it_should, counted,
+    first_sound, follow,
 };
-use servers::{Jack, inside};
+use servers::{Jack, inside, inside_beside_others};
 use std::time::Duration;
 
 /// How long a program is held.
@@ -38,10 +40,14 @@ struct Run {
     end: &'static str,
 }
 
-const RUN: Run = Run { rate_hz: 48_000, period: 64, seconds: 5, wheeled: 0, held: false, end: "INT" };
+const RUN: Run = Run { rate_hz: 48_000, period: 64, seconds: 4, wheeled: 0, held: false, end: "INT" };
 
 /// Plays, stops, and lays what was heard beside what is rendered.
 fn plays_what_is_rendered(run: &Run) {
+    told(|| is_heard_as_rendered(run));
+}
+
+fn is_heard_as_rendered(run: &Run) -> Result<(), String> {
     let &Run { rate_hz, period, seconds, wheeled, .. } = run;
     let dir = tempfile::tempdir().unwrap();
     played::write_graph(dir.path(), rate_hz);
@@ -61,11 +67,15 @@ fn plays_what_is_rendered(run: &Run) {
         ear.freewheel(wheeled * rate);
     }
     program.signal(run.end);
-    program.end().ok();
+    let said = program.end().ok().err;
     // Silence to the end is heard too.
     ear.wait(rate / 10);
     let heard = ear.stop();
     let count = counted(dir.path());
+    // A server that is kept from calling for a second is lost, as it should be.
+    if count.losses > 0 || count.lost_samples > u64::from(rate_hz) {
+        return Err(format!("{count:?} {said}"));
+    }
     let rendered = played::offline(dir.path(), count.ticks);
     let channel = |n: usize, of: &[[f32; 2]]| -> Vec<f32> { of.iter().map(|frame| frame[n]).collect() };
     let (one, offline) = (channel(0, &heard), channel(0, &rendered));
@@ -76,10 +86,9 @@ fn plays_what_is_rendered(run: &Run) {
         follow(&one, &offline, up, -start, rate_hz).expect("what is heard is nowhere in what is rendered");
     println!("{rate_hz} Hz, {period} frames: {count:?}, {:?}", followed.breaks);
     assert_eq!(count.clock, if in_callback { "callback" } else { "paced" });
-    assert_eq!(count.losses, 0);
     assert!(followed.end - up > (seconds + wheeled - 3) * rate, "only {} samples", followed.end - up);
     if in_callback {
-        starts_slowly(&one, &offline, start, &followed, rate_hz);
+        starts_slowly(&one, &offline, start, &followed, &count, rate_hz);
     }
     everything_is_counted(&followed, &count, start, in_callback);
     if run.held {
@@ -87,8 +96,9 @@ fn plays_what_is_rendered(run: &Run) {
         assert!(followed.left_out() as f64 > 0.8 * HELD.as_secs_f64() * f64::from(rate_hz), "{followed:?}");
     }
     assert_no_clicks(&one, rate_hz);
-    assert_ramps_down(&one, &offline, &followed, rate_hz);
-    clicks_where_it_should(&heard, &followed, rate_hz);
+    assert_ramps_down(&one, &offline, &followed, &count, rate_hz);
+    clicks_where_it_should(&heard, &rendered, &followed, rate_hz);
+    Ok(())
 }
 
 /// What is left out is what the report counts, and breaks are no more than it counts.
@@ -104,10 +114,19 @@ fn everything_is_counted(followed: &Followed, count: &Counted, start: i64, in_ca
 }
 
 /// Rises as a raised cosine over two seconds: never above it, and exactly along it as long as nothing breaks.
-fn starts_slowly(heard: &[f32], rendered: &[f32], start: i64, followed: &Followed, rate_hz: u32) {
+fn starts_slowly(
+    heard: &[f32],
+    rendered: &[f32],
+    start: i64,
+    followed: &Followed,
+    count: &Counted,
+    rate_hz: u32,
+) {
     let rise = START_S * f64::from(rate_hz);
     let first = usize::try_from(start).unwrap();
-    let unbroken = followed.shift == -start;
+    // A gap that costs no time fades all the same.
+    let after = followed.breaks.len() as u64;
+    let unbroken = followed.shift == -start && count.underruns + count.xruns <= after;
     for (k, (x, full)) in heard[first..].iter().zip(rendered).take(rise as usize).enumerate() {
         let gain = 0.5 - 0.5 * (PI * (k + 1) as f64 / rise).cos();
         assert!(f64::from(x.abs()) <= 0.1 * gain + 1e-8, "sample {k} of the ramp is {x} at a gain of {gain}");
@@ -119,23 +138,11 @@ fn starts_slowly(heard: &[f32], rendered: &[f32], start: i64, followed: &Followe
     }
 }
 
-/// The click of channel 2 begins with the first sample of its tick, by the places of channel 1.
-fn clicks_where_it_should(heard: &[[f32; 2]], followed: &Followed, rate_hz: u32) {
-    let click = first_sound(heard.iter().map(|frame| frame[1])).expect("a click");
-    let before: usize = followed.breaks.iter().filter(|b| b.at <= click).map(|b| b.left_out).sum();
-    if followed.breaks.iter().any(|b| (b.at..b.at + b.length).contains(&click)) {
-        println!("the click is in a break, and is not compared");
-        return;
-    }
-    let place = click as i64 + followed.shift + before as i64;
-    assert_eq!(place as u64, CLICK_TICK * u64::from(rate_hz) / 500);
-}
-
 #[test]
-fn every_sample_of_a_run_and_of_a_freewheeled_minute_arrives_at_44100_hz() {
-    let test = "every_sample_of_a_run_and_of_a_freewheeled_minute_arrives_at_44100_hz";
+fn every_sample_of_ten_seconds_and_of_a_freewheeled_minute_arrives_at_44100_hz() {
+    let test = "every_sample_of_ten_seconds_and_of_a_freewheeled_minute_arrives_at_44100_hz";
     let Some(_) = inside(test, || Jack::start(44_100, 64)) else { return };
-    plays_what_is_rendered(&Run { rate_hz: 44_100, seconds: 4, wheeled: 60, ..RUN });
+    plays_what_is_rendered(&Run { rate_hz: 44_100, seconds: 10, wheeled: 60, ..RUN });
 }
 
 #[test]
@@ -146,29 +153,29 @@ fn every_sample_of_ten_seconds_and_of_a_freewheeled_minute_arrives_at_48000_hz()
 }
 
 #[test]
-fn every_sample_of_a_run_and_of_a_freewheeled_minute_arrives_at_96000_hz() {
-    let test = "every_sample_of_a_run_and_of_a_freewheeled_minute_arrives_at_96000_hz";
+fn every_sample_of_ten_seconds_and_of_a_freewheeled_minute_arrives_at_96000_hz() {
+    let test = "every_sample_of_ten_seconds_and_of_a_freewheeled_minute_arrives_at_96000_hz";
     let Some(_) = inside(test, || Jack::start(96_000, 128)) else { return };
-    plays_what_is_rendered(&Run { rate_hz: 96_000, period: 128, seconds: 4, wheeled: 60, ..RUN });
+    plays_what_is_rendered(&Run { rate_hz: 96_000, period: 128, seconds: 10, wheeled: 60, ..RUN });
 }
 
 #[test]
 fn a_program_that_was_held_leaves_out_what_went_by_and_is_no_later_than_before() {
     let test = "a_program_that_was_held_leaves_out_what_went_by_and_is_no_later_than_before";
-    let Some(_) = inside(test, || Jack::start(48_000, 64)) else { return };
+    let Some(_) = inside_beside_others(test, || Jack::start(48_000, 64)) else { return };
     plays_what_is_rendered(&Run { held: true, ..RUN });
 }
 
 #[test]
 fn a_paced_thread_plays_every_sample_at_256_frames_though_it_was_held() {
     let test = "a_paced_thread_plays_every_sample_at_256_frames_though_it_was_held";
-    let Some(_) = inside(test, || Jack::start(48_000, 256)) else { return };
+    let Some(_) = inside_beside_others(test, || Jack::start(48_000, 256)) else { return };
     plays_what_is_rendered(&Run { period: 256, held: true, end: "TERM", ..RUN });
 }
 
 #[test]
 fn a_paced_thread_plays_every_sample_at_1024_frames() {
     let test = "a_paced_thread_plays_every_sample_at_1024_frames";
-    let Some(_) = inside(test, || Jack::start(48_000, 1024)) else { return };
+    let Some(_) = inside_beside_others(test, || Jack::start(48_000, 1024)) else { return };
     plays_what_is_rendered(&Run { period: 1024, end: "TERM", ..RUN });
 }

@@ -2,10 +2,11 @@
 //!
 //! `ASPERITY_LONG_TICKS` says how many ticks; without it, a few seconds.
 
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::cell::Cell;
+#[path = "common/counting.rs"]
+mod counting;
+
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
 use asperity_audio::simulated::{Params, Simulated};
@@ -16,42 +17,7 @@ use asperity_live::driver::{Callback, Clock, Controls, Options, Paced, Ticker};
 use asperity_live::realtime::Machine;
 use asperity_live::{Ends, Meters, Player, conduct};
 use asperity_node::time;
-
-/// Counts what threads that must not do so allocate and free.
-struct Counting;
-
-/// Whether threads are looked at now.
-static LOOKING: AtomicBool = AtomicBool::new(false);
-static COUNT: AtomicU64 = AtomicU64::new(0);
-
-thread_local! {
-    /// Whether this thread must not allocate.
-    static BOUND: Cell<bool> = const { Cell::new(false) };
-}
-
-fn note() {
-    if LOOKING.load(Relaxed) && BOUND.get() {
-        COUNT.fetch_add(1, Relaxed);
-    }
-}
-
-// SAFETY: everything is handed on to the system's allocator.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        note();
-        // SAFETY: as the caller promised.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, at: *mut u8, layout: Layout) {
-        note();
-        // SAFETY: as the caller promised.
-        unsafe { System.dealloc(at, layout) }
-    }
-}
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
+use counting::{Who, assert_it_counts, bind, look, touched};
 
 /// Samples are numbered up to here, and then from the front: numbers that f32 holds exactly.
 const NUMBERS: u64 = 1 << 22;
@@ -74,7 +40,7 @@ impl Ticker for Numbered {
     }
     fn tick(&mut self, time_ns: u64, out: &mut [f32]) {
         // The paced driver's own thread, from its first tick to its last; the device's thread only while it is in our hands.
-        BOUND.set(true);
+        bind(true);
         let span = time::samples(self.next_tick(), self.rate_hz(), self.tick_hz());
         self.0.tick(time_ns, out);
         assert!(out.iter().all(|x| x.abs() <= 1.0));
@@ -144,10 +110,10 @@ impl<P> Ear<P> {
 
 impl<P: Process> Process for Ear<P> {
     fn process(&mut self, block: &mut Block<'_>) {
-        BOUND.set(true);
+        bind(true);
         self.half.process(block);
         block.output.iter().for_each(|x| self.hear(*x));
-        BOUND.set(false);
+        bind(false);
     }
 }
 
@@ -230,30 +196,30 @@ fn run(clock: Clock, tick_hz: u32, frames: u32, ticks: u64) {
         view
     };
     wait(ticks / 5, &mut conductor);
-    COUNT.store(0, Relaxed);
-    LOOKING.store(true, Relaxed);
+    look(Who::Bound);
     let before_kb = memory_kb();
     let view = wait(ticks, &mut conductor);
     let after_kb = memory_kb();
-    LOOKING.store(false, Relaxed);
+    look(Who::Nobody);
     let (timing, grown) = (meters.timing(), after_kb.saturating_sub(before_kb));
     let [jumped, other, repeated] = [&heard.jumped, &heard.other, &heard.repeated].map(|x| x.load(Relaxed));
     let (lost, breaks) = (meters.lost_samples.get(), meters.underruns.get() + meters.xruns.get());
     let figures = |f: [f64; 4]| format!("{:7.1} {:7.1} {:7.1} {:9.1}", f[0], f[1], f[2], f[3]);
     println!(
-        "{what:<30} {:>8} {} {} {:>6} {:>6.3} % {:>6} {:>6} {:>6} {:>7} {jumped:>7} {:>5} kB",
+        "{what:<30} {:>8} {} {} {:>6} {:>6.3} % {} {:>6} {:>6} {:>6} {:>7} {jumped:>7} {:>5} kB",
         meters.next_tick(),
         figures(timing.late_us),
         figures(timing.compute_us),
         timing.misses,
         100.0 * timing.misses as f64 / meters.next_tick() as f64,
+        figures(timing.recovery_us),
         meters.skipped_ticks.get(),
         meters.caught_up_ticks.get(),
         breaks,
         lost,
         grown,
     );
-    assert_eq!(COUNT.load(Relaxed), 0, "{what}: allocations");
+    assert_eq!(touched(), (0, 0), "{what}: allocations");
     assert_eq!(repeated, 0, "{what}: samples were played twice");
     assert!(heard.frames.load(Relaxed) > 0, "{what}: nothing was heard");
     // Frames that went by without a call are jumped over; those that were missing when they were to be played are not.
@@ -271,23 +237,21 @@ fn run(clock: Clock, tick_hz: u32, frames: u32, ticks: u64) {
 
 #[test]
 fn a_long_run_loses_nothing_that_is_not_counted_and_neither_allocates_nor_grows() {
-    BOUND.set(true);
-    LOOKING.store(true, Relaxed);
-    drop(std::hint::black_box(vec![1_u8; 64]));
-    LOOKING.store(false, Relaxed);
-    BOUND.set(false);
-    assert!(COUNT.load(Relaxed) >= 2, "the instrument must see an allocation");
+    bind(true);
+    assert_it_counts(Who::Bound);
+    bind(false);
     let long = std::env::var("ASPERITY_LONG_TICKS").ok().and_then(|t| t.parse::<u64>().ok());
     // A run has them; without leave from the system it is worse.
     let _machine = Machine::ask();
     println!(
-        "{:<30} {:>8} {:>33} {:>33} {:>6} {:>8} {:>6} {:>6} {:>6} {:>7} {:>7} {:>8}",
+        "{:<30} {:>8} {:>33} {:>33} {:>6} {:>8} {:>33} {:>6} {:>6} {:>6} {:>7} {:>7} {:>8}",
         "clock",
         "ticks",
         "woke late us: p50 p99 p99.9 max",
         "tick us: p50 p99 p99.9 max",
         "misses",
         "",
+        "in time again us: p50 .. max",
         "skip",
         "behind",
         "breaks",

@@ -70,3 +70,47 @@ fn the_chain_answers_a_step_of_speed_as_late_as_its_parts_say() {
     assert!((50.0..80.0).contains(&synthesis), "{synthesis} ms");
     assert!((2.0..10.0).contains(&(audio - synthesis)), "the resampler's 5.6 ms: {synthesis} to {audio} ms");
 }
+
+#[test]
+fn with_a_centre_emission_the_recommended_chain_is_half_way_within_40_ms_and_there_within_60() {
+    let dir = tempfile::tempdir().unwrap();
+    let graph = graphs("texture.ron").display().to_string();
+    let asked = run(dir.path(), &["latency", &graph, "--set", "phase.emission=-25", "--json"]);
+    let figures: serde_json::Value = serde_json::from_str(&asked.ok().out).unwrap();
+    let lag: Vec<f64> = serde_json::from_value(figures["graphs"][0]["lag_ms"].clone()).unwrap();
+    println!("10, 50 and 90 % after {lag:?} ms");
+    assert!(lag[1] <= 40.0 && lag[2] <= 60.0, "{lag:?} ms");
+}
+
+#[test]
+fn a_setting_of_one_graph_leaves_the_others_as_they_are_and_one_of_none_is_told_before_anything_is_measured()
+{
+    let dir = tempfile::tempdir().unwrap();
+    let [texture, seed] = ["texture.ron", "heravi2024.ron"].map(|name| graphs(name).display().to_string());
+    let both = run(dir.path(), &["latency", &texture, &seed, "--set", "phase.emission=-25", "--json"]).ok();
+    assert!(both.err.contains("heravi2024.ron has no such parameter"), "{}", both.err);
+    assert_eq!(both.err.matches("note:").count(), 1, "{}", both.err);
+    let figures: serde_json::Value = serde_json::from_str(&both.out).unwrap();
+    let half = |n: usize| figures["graphs"][n]["lag_ms"][1].as_f64().unwrap();
+    println!("{:.1} ms with the setting, {:.1} ms where there is none", half(0), half(1));
+    assert!(half(0) < 40.0 && half(1) > 60.0, "{figures}");
+    // A graph that has no rise of level with speed is told after it was measured: it is, if it is measured at all.
+    let level = graph_without_a_rise(dir.path());
+    let alone = run(dir.path(), &["latency", &level]);
+    assert!(alone.code != 0 && alone.err.contains("does not rise with speed"), "{}", alone.err);
+    for set in ["phase.emision=-25", "fase.emission=-25", "phase.emission=1e9"] {
+        let none = run(dir.path(), &["latency", &level, &texture, "--set", set]);
+        assert!(none.code != 0 && !none.err.contains("does not rise"), "{set}: {}", none.err);
+        assert!(none.err.contains("emision") || none.err.contains("fase") || none.err.contains("emission"));
+    }
+}
+
+/// A tone beside a stylus that it does not follow.
+fn graph_without_a_rise(dir: &std::path::Path) -> String {
+    let text = r#"Graph(version: 1, nodes: {
+        "stylus": (kind: "pointer_input"), "seen": (kind: "probe", params: (file: "seen.csv")),
+        "sine": (kind: "sine"), "limiter": (kind: "limiter"), "out": (kind: "audio_out"),
+    }, wires: [("stylus.position", "seen"), ("sine", "limiter"), ("limiter", "out")])"#;
+    std::fs::write(dir.join("level.ron"), text).unwrap();
+    "level.ron".to_owned()
+}

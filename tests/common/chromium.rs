@@ -121,9 +121,34 @@ impl Chromium {
     /// Sends a command and returns its result.
     pub fn call(&mut self, method: &str, params: Value) -> Value {
         let id = self.send(method, params);
-        let mut answer = wait(method, || self.read().filter(|answer| answer["id"] == id));
+        let mut answer = self.wait_for(method, id);
         assert!(answer["error"].is_null(), "{method}: {}", answer["error"]);
         answer["result"].take()
+    }
+
+    /// Whether an answer to a command has come: what it is. Waits for nothing.
+    pub fn answer(&mut self, id: u64) -> Option<Value> {
+        let set = |browser: &mut Self, waits: bool| {
+            browser.socket.get_mut().set_nonblocking(!waits).expect("a socket");
+        };
+        set(self, false);
+        let mut found = None;
+        while let (None, Some(mut message)) = (&found, self.read()) {
+            found = (message["id"] == id).then(|| message["result"].take());
+        }
+        set(self, true);
+        found
+    }
+
+    /// Waits for the answer to a command, which comes behind those that nobody waited for.
+    fn wait_for(&mut self, what: &str, id: u64) -> Value {
+        wait(what, || {
+            let mut message = self.read();
+            while message.as_ref().is_some_and(|message| message["id"] != id) {
+                message = self.read();
+            }
+            message
+        })
     }
 
     /// One message of the browser, if there is one.
@@ -168,9 +193,32 @@ impl Chromium {
         result["result"]["value"].take()
     }
 
+    /// Runs a script on the page without waiting for it; see [`answer`](Self::answer).
+    pub fn asks(&mut self, script: &str) -> u64 {
+        self.send("Runtime.evaluate", json!({ "expression": script, "returnByValue": true }))
+    }
+
     /// Waits until an expression is true.
     pub fn until(&mut self, script: &str) {
         wait(script, || (self.eval(script) == true).then_some(()));
+    }
+
+    /// Times pictures of the pages that are opened from now on; see [`pictures`](Self::pictures).
+    pub fn times_pictures(&mut self) {
+        const SOURCE: &str = "(() => { const ask = requestAnimationFrame.bind(window); window.drawn = new Map(); \
+            window.requestAnimationFrame = (draw) => ask((now) => { const began = performance.now(); draw(now); \
+            drawn.set(now, (drawn.get(now) ?? 0) + performance.now() - began); }); })()";
+        self.call("Page.addScriptToEvaluateOnNewDocument", json!({ "source": SOURCE }));
+    }
+
+    /// Pictures a second since the last time it was asked, and milliseconds that scripts took for one: median and 95 of 100.
+    pub fn pictures(&mut self) -> [f64; 3] {
+        let drawn = self.eval(
+            "(() => { const [at, took] = [[...drawn.keys()], [...drawn.values()].sort((a, b) => a - b)]; drawn.clear(); \
+             const part = (p) => took[Math.min(took.length - 1, Math.floor(took.length * p))] ?? 0; \
+             return [1000 * (at.length - 1) / (at.at(-1) - at[0]), part(0.5), part(0.95)]; })()",
+        );
+        [0, 1, 2].map(|i| drawn[i].as_f64().unwrap_or(0.0))
     }
 
     /// Says how the page is looked at.
@@ -254,7 +302,7 @@ impl Chromium {
     pub fn picture_while(&mut self, file: &Path, doing: impl FnOnce(&mut Self)) {
         let id = self.send("Page.captureScreenshot", json!({}));
         doing(self);
-        let mut answer = wait("a picture", || self.read().filter(|answer| answer["id"] == id));
+        let mut answer = self.wait_for("a picture", id);
         save(&answer["result"].take(), file);
     }
 }

@@ -9,6 +9,7 @@ use std::time::{Duration, Instant};
 use jack::{AsyncClient, AudioIn, Client, ClientOptions, Control, Port, ProcessHandler, ProcessScope};
 
 use crate::played::{PATIENCE, Program, wait_for};
+use crate::servers::STUCK;
 
 /// How long after the first port of a program its second one may come.
 const SOON: Duration = Duration::from_secs(1);
@@ -89,7 +90,7 @@ impl Ear {
     /// Waits for so many frames more.
     pub(crate) fn wait(&self, frames: usize) {
         let until = self.frames() + frames;
-        wait_for(&format!("{frames} samples more"), || self.frames() >= until);
+        wait_for(&format!("{frames} samples more: {STUCK}"), || self.frames() >= until);
     }
 
     /// Runs the server as fast as it goes until so many frames more have come.

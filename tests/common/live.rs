@@ -11,6 +11,9 @@ use super::{Ran, asperity, graphs};
 /// How long anything may take, also on a machine that is busy.
 pub const PATIENCE: Duration = Duration::from_secs(60);
 
+/// How often what a busy machine spoils is tried.
+const TRIALS: u32 = 5;
+
 /// A sound card whose input hears its output.
 pub const CARD: &str = "simulated:frames=256,loopback=1";
 
@@ -75,9 +78,14 @@ impl Live {
     }
 
     /// Stops it as Ctrl-C does. All that it said stands in `err`.
-    pub fn stop(mut self) -> Ran {
+    pub fn stop(self) -> Ran {
+        self.stop_by("-INT")
+    }
+
+    /// Stops it by a signal.
+    pub fn stop_by(mut self, signal: &str) -> Ran {
         let id = self.child.id().to_string();
-        let sent = std::process::Command::new("kill").args(["-INT", &id]).status().expect("kill");
+        let sent = std::process::Command::new("kill").args([signal, &id]).status().expect("kill");
         assert!(sent.success(), "it is gone: {}", self.said());
         self.end()
     }
@@ -123,9 +131,43 @@ pub fn rows(file: &Path) -> Vec<Vec<f64>> {
     text.lines().skip(1).map(row).collect()
 }
 
+/// Times of a probe's rows [s]: where ticks were left out they are further apart.
+pub fn times(file: &Path) -> Vec<f64> {
+    let text = std::fs::read_to_string(file).expect("a probe");
+    text.lines()
+        .skip(1)
+        .map(|line| line.split(',').next().and_then(|t| t.parse().ok()).expect("a time"))
+        .collect()
+}
+
 /// Root of the mean square; 0 for nothing.
 pub fn rms(x: &[f32]) -> f64 {
     (x.iter().map(|x| f64::from(*x) * f64::from(*x)).sum::<f64>() / x.len().max(1) as f64).sqrt()
+}
+
+/// Tries until it can be told: `Err` says what a busy machine spoilt. What is wrong panics at once.
+pub fn told<T>(mut trial: impl FnMut() -> Result<T, String>) -> T {
+    let mut spoilt = Vec::new();
+    for _ in 0..TRIALS {
+        match trial() {
+            Ok(it) => return it,
+            Err(why) => {
+                println!("again: {why}");
+                spoilt.push(why);
+            }
+        }
+    }
+    panic!("it was never to be told: {spoilt:?}");
+}
+
+/// Waits for a program's end; its exit code.
+pub fn end(child: &mut Child) -> i32 {
+    let mut status = None;
+    until("the program to end", || {
+        status = child.try_wait().expect("a program");
+        status.is_some()
+    });
+    status.and_then(|status| status.code()).unwrap_or(-1)
 }
 
 /// Waits until something is.

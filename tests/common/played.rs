@@ -119,6 +119,11 @@ impl Program {
         }
     }
 
+    /// Whether it has ended by itself.
+    pub(crate) fn is_over(&mut self) -> bool {
+        matches!(self.child.try_wait(), Ok(Some(_)))
+    }
+
     /// Sends it a signal.
     pub(crate) fn signal(&self, name: &str) {
         signal(self.child.id(), name);
@@ -292,10 +297,20 @@ pub(crate) fn assert_no_clicks(heard: &[f32], rate_hz: u32) {
 }
 
 /// How it must end: full until `end`, then down to silence within 20 ms, by gains that only fall, and silent from there on.
-pub(crate) fn assert_ramps_down(heard: &[f32], rendered: &[f32], followed: &Followed, rate_hz: u32) {
+pub(crate) fn assert_ramps_down(
+    heard: &[f32],
+    rendered: &[f32],
+    followed: &Followed,
+    count: &Counted,
+    rate_hz: u32,
+) {
     let down = rate_hz as usize / 50;
     let after = &heard[followed.end..];
     let sounds = after.iter().rposition(|x| *x != 0.0).map_or(0, |at| at + 1);
+    if sounds > down && (followed.breaks.len() as u64) < count.underruns + count.xruns {
+        println!("the end is behind a break of the last moment, and is not compared");
+        return;
+    }
     assert!(sounds <= down, "it sounds for {sounds} samples more at {rate_hz} Hz");
     assert!(after.len() > down, "the capture ended too soon");
     let place = (followed.end as i64 + followed.last_shift()) as usize;
@@ -306,4 +321,26 @@ pub(crate) fn assert_ramps_down(heard: &[f32], rendered: &[f32], followed: &Foll
         gain = now;
     }
     assert!(sounds * 1000 > 5 * rate_hz as usize, "it broke off within {sounds} samples");
+}
+
+/// The click of channel 2 begins with the first sample of its tick, by the places of channel 1, and is the rendered one bit for bit until
+/// something is left out. What was left out before it was silence.
+pub(crate) fn clicks_where_it_should(
+    heard: &[[f32; 2]],
+    rendered: &[[f32; 2]],
+    followed: &Followed,
+    rate_hz: u32,
+) {
+    let click = first_sound(heard.iter().map(|frame| frame[1])).expect("a click");
+    let before: usize = followed.breaks.iter().filter(|b| b.at <= click).map(|b| b.left_out).sum();
+    if followed.breaks.iter().any(|b| (b.at..b.at + b.length).contains(&click)) {
+        println!("the click is in a break, and is not compared");
+        return;
+    }
+    let place = (click as i64 + followed.shift) as usize + before;
+    assert_eq!(place as u64, CLICK_TICK * u64::from(rate_hz) / 500);
+    let until = followed.breaks.iter().map(|b| b.at).find(|at| *at > click).unwrap_or(followed.end);
+    for (n, (x, wanted)) in heard[click..until].iter().zip(&rendered[place..]).enumerate() {
+        assert_eq!(x[1], wanted[1], "channel 2, {n} samples behind the click");
+    }
 }

@@ -9,7 +9,7 @@ use asperity_audio::simulated::{Params, Simulated};
 use asperity_engine::{Engine, Options};
 use asperity_graph::{Compiled, GraphFile, compile};
 use asperity_live::driver::Clock;
-use asperity_live::{Ended, Ends, MicReader, MicWriter, Session, SessionOptions, conduct};
+use asperity_live::{Ended, Ends, MicReader, MicWriter, Reins, Session, SessionOptions, conduct};
 use asperity_node::{Buffer, Registry};
 use asperity_source::Source;
 
@@ -74,7 +74,14 @@ pub fn timed(frames: u32) -> Params {
 /// At once at full level, on a card's first channel.
 pub fn options(card: &Simulated, clock: Clock) -> SessionOptions {
     let device = Some(Request { device: Some(card.id()), ..Request::default() });
-    SessionOptions { device, clock: Some(clock), reconnect: true, start_s: 0.0, realtime: false }
+    SessionOptions {
+        device,
+        clock: Some(clock),
+        reconnect: true,
+        start_s: 0.0,
+        realtime: false,
+        reins: Reins::default(),
+    }
 }
 
 pub fn start(graph: (GraphFile, Compiled), options: SessionOptions) -> Session {

@@ -1,21 +1,37 @@
 //! What goes wrong with a card, and with a graph.
 
+use std::f64::consts::TAU;
 use std::sync::Arc;
 use std::time::Duration;
 
 use asperity_audio::simulated::{Params, Simulated};
 use asperity_audio::{Request, events, open};
-use asperity_live::Meters;
-use asperity_live::driver::{Callback, Clock, Options, Ticker};
+use asperity_live::driver::{Callback, Clock, Options, Paced, Ticker, Timer};
 use asperity_live::view::Condition;
+use asperity_live::{Meters, SessionOptions};
 use asperity_node::{
     Descriptor, Diagnostic, Node, Output, RateSpec, Setup, ShapeSpec, Status, Tick, Unit, time,
 };
 
+use crate::common::live::told;
 use crate::stage::{STEP, by_hand, channel, graph, largest_step, one_voice, options, start, tend, timed};
 
 /// Samples in which a stop, a mute or a panic must be silent: 20 ms.
 const DOWN: usize = 960;
+
+/// Samples from the end of an undisturbed sine to the last that is heard: how long it takes to be silent. None where there is no sine.
+/// Each sample of one follows from the two before it; a ramp, or a value that is held, breaks that by 1e-6 and more.
+fn fall(all: &[f64], radians: f64) -> Option<usize> {
+    /// As many in a row are no ramp that happens to cross zero.
+    const ROW: usize = 16;
+    let last = all.iter().rposition(|y| *y != 0.0)?;
+    let follows = |n: usize| {
+        let w = &all[n - 2..=n];
+        w[2] != 0.0 && (w[2] - 2.0 * radians.cos() * w[1] + w[0]).abs() < 5e-8
+    };
+    let full = (ROW + 2..=last).rev().find(|n| (n - ROW..*n).all(follows))?;
+    Some(last + 1 - full)
+}
 
 fn heard(card: &Simulated) -> Vec<f64> {
     channel(&card.played(), 2, 0)
@@ -30,10 +46,10 @@ fn a_mute_is_silent_within_20_ms_and_comes_up_again_and_a_graph_under_it_goes_on
     let card = Simulated::new("mute", by_hand()).expect("a card");
     let mut session = start(one_voice(), options(&card, Clock::Callback));
     (0..100).for_each(|_| card.step(97));
-    session.mute(true);
+    session.reins().mute(true);
     assert_eq!(session.view().condition, Condition::Muted);
     (0..40).for_each(|_| card.step(97));
-    session.mute(false);
+    session.reins().mute(false);
     (0..200).for_each(|_| card.step(97));
     assert_eq!(session.view().condition, Condition::Playing);
     let all = heard(&card);
@@ -46,43 +62,46 @@ fn a_mute_is_silent_within_20_ms_and_comes_up_again_and_a_graph_under_it_goes_on
 
 #[test]
 fn a_stop_and_a_session_that_is_dropped_ramp_down_within_20_ms_and_nothing_comes_after() {
-    for (name, clock, dropped) in [
-        ("c", Clock::Callback, false),
-        ("d", Clock::Callback, true),
-        ("p", Clock::Paced, false),
-        ("q", Clock::Paced, true),
-    ] {
-        // One that is stopped plays what it was given 100 ms later, and is still to be there.
-        let latency_frames = if dropped { 0 } else { 4800 };
-        let params = Params { latency_frames, ..timed(64) };
-        let card = Simulated::new(&format!("stop {name}"), params).expect("a card");
-        let mut session = start(one_voice(), options(&card, clock));
-        tend(&mut session, "a tone", |s| playing(s) && heard(&card).iter().any(|y| y.abs() > 0.09));
-        let (before, view) = (heard(&card).len(), session.view());
-        if dropped {
-            drop(session);
-        } else {
-            let ended = session.stop();
-            assert!(ended.player.is_some());
-            assert_eq!(ended.view.condition, Condition::Stopping);
-        }
-        let all = heard(&card);
-        let last = all.iter().rposition(|y| *y != 0.0).expect("a tone");
-        // The stop is asked for some blocks after `before` on a busy machine; down it is, and without a step.
-        let silent = all.len() - last;
-        assert!(silent > if dropped { 1 } else { 1000 }, "{name}: cut off {silent} frames after its end");
-        if view.underruns + view.xruns == 0 {
-            assert!(largest_step(&all) < STEP, "{name}: {}", largest_step(&all));
-        }
-        let envelope = |n: usize| all[n.saturating_sub(600)..n].iter().fold(0.0_f64, |m, y| m.max(y.abs()));
-        let full = (before..=last).rev().find(|n| envelope(*n) > 0.099 && all[*n].abs() > 0.09);
-        assert!(
-            last - full.unwrap_or(before) < DOWN + 600,
-            "{name}: down in {} samples",
-            last - full.unwrap_or(before)
-        );
-        assert!(!card.in_use());
+    for (clock, dropped) in
+        [(Clock::Callback, false), (Clock::Callback, true), (Clock::Paced, false), (Clock::Paced, true)]
+    {
+        let mut attempts = 0..;
+        told(|| ramps_down(clock, dropped, attempts.next().unwrap_or(0)));
     }
+}
+
+/// One end of a run. A busy machine may break the sine just before.
+fn ramps_down(clock: Clock, dropped: bool, attempt: u32) -> Result<(), String> {
+    // One that is stopped plays what it was given 100 ms later, and is still to be there.
+    let latency_frames = if dropped { 0 } else { 4800 };
+    let params = Params { latency_frames, ..timed(64) };
+    let name = format!("stop {} {dropped} {attempt}", clock.name());
+    let card = Simulated::new(&name, params).expect("a card");
+    let mut session = start(one_voice(), options(&card, clock));
+    // Half a second, in which the limiter's high-pass forgets the start.
+    tend(&mut session, "a tone", |s| playing(s) && heard(&card).len() > 24_000);
+    let mut view = session.view();
+    if dropped {
+        drop(session);
+    } else {
+        let ended = session.stop();
+        assert!(ended.player.is_some());
+        assert_eq!(ended.view.condition, Condition::Stopping);
+        view = ended.view;
+    }
+    let all = heard(&card);
+    let last = all.iter().rposition(|y| *y != 0.0).expect("a tone");
+    assert!(!card.in_use());
+    let silent = all.len() - last;
+    assert!(silent > if dropped { 1 } else { 1000 }, "{name}: cut off {silent} frames after its end");
+    if view.underruns + view.xruns > 0 {
+        return Err(format!("{name}: {} underruns, {} of the host", view.underruns, view.xruns));
+    }
+    assert!(largest_step(&all) < STEP, "{name}: {}", largest_step(&all));
+    let fall = fall(&all, TAU * 80.0 / 48_000.0).expect("a tone");
+    println!("{name}: down in {fall} samples");
+    assert!(fall <= DOWN, "{name}: down in {fall} samples, not {DOWN}");
+    Ok(())
 }
 
 #[test]
@@ -109,8 +128,11 @@ fn an_underrun_that_the_host_reports_and_a_gap_are_counted_and_the_tone_joins_on
     assert!(view.skipped_ticks >= 40, "{} ticks were left out", view.skipped_ticks);
     assert!(largest_step(&heard(&card)) < STEP);
     // Position is time: what is played is as far on as what went by.
-    let seconds = (heard(&card).len() as u64 + view.lost_samples) as f64 / 48_000.0;
-    assert!((seconds - view.seconds).abs() < 0.02 + 64.0 / 48_000.0, "{seconds} of {}", view.seconds);
+    let heard = heard(&card);
+    // The card was listened to before, for longer on a busy machine.
+    let begin = heard.iter().position(|y| *y != 0.0).expect("a tone");
+    let seconds = ((heard.len() - begin) as u64 + view.lost_samples) as f64 / 48_000.0;
+    assert!((seconds - view.seconds).abs() < 0.02, "{seconds} of {}", view.seconds);
 }
 
 #[test]
@@ -173,7 +195,7 @@ impl Ticker for Panics {
     fn tick(&mut self, _: u64, out: &mut [f32]) {
         assert!(self.0 < 100, "as told");
         for (y, n) in out.iter_mut().zip(time::samples(self.0, 48_000, 500)) {
-            *y = 0.1 * (n as f32 * 0.0105).sin();
+            *y = (0.1 * (n as f64 * 0.0105).sin()) as f32;
         }
         self.0 += 1;
     }
@@ -200,6 +222,98 @@ fn an_engine_that_panics_is_silent_within_20_ms_without_a_step_and_says_so() {
     // The last sample is held and decays in 5 ms.
     assert!(largest_step(&all) < STEP, "{}", largest_step(&all));
     assert!(driver.stop().is_some(), "the ticker is there for a report");
+}
+
+#[test]
+fn an_engine_that_panics_under_a_timer_says_so_and_is_there_for_a_report() {
+    let options = Options { priority: None, ..Options::new(Arc::new(Meters::new(500))) };
+    let timer = Timer::new(Panics(0), &options).expect("a thread");
+    while !timer.controls().failed() {
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    assert_eq!(timer.controls().condition(), Condition::Failed);
+    assert_eq!(timer.stop().expect("the ticker").0, 100);
+}
+
+#[test]
+fn an_engine_that_panics_under_the_paced_clock_is_silent_within_20_ms_without_a_step() {
+    let card = Simulated::new("paced panic", timed(64)).expect("a card");
+    let meters = Arc::new(Meters::new(500));
+    let options = Options { start_s: 0.0, priority: None, ..Options::new(meters.clone()) };
+    let (driver, half) = Paced::new(Panics(0), &options).expect("a thread");
+    let (to, _events) = events();
+    let request = Request { device: Some(card.id()), ..Request::default() };
+    let stream = open(&request, Box::new(half), None, to).expect("the card");
+    stream.play().expect("it plays");
+    while !driver.controls().failed() {
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    let failed = heard(&card).len();
+    while heard(&card).len() < failed + 9_600 {
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    assert_eq!((driver.controls().condition(), stream.lost()), (Condition::Failed, None));
+    let all = heard(&card);
+    assert!(all.iter().any(|y| y.abs() > 0.05), "nothing was heard before");
+    // What the ring holds is played, then the last sample decays. Both together are within 20 ms of the failure, which may be seen
+    // here some callbacks late, but not early.
+    let loud = all.iter().rposition(|y| *y != 0.0).expect("a tone");
+    let fall = fall(&all, 0.0105).expect("a tone");
+    println!(
+        "paced panic: {} samples after it was seen, {fall} of them falling",
+        loud as i64 - failed as i64
+    );
+    assert!(loud < failed + DOWN, "it sounds for {} samples more", loud - failed);
+    assert!(fall <= DOWN, "it falls for {fall} samples");
+    assert!(largest_step(&all) < STEP, "{}", largest_step(&all));
+    assert!(driver.stop().is_some(), "the ticker is there for a report");
+}
+
+/// A slow wave, until a tick that panics.
+struct Breaks;
+
+impl Node for Breaks {
+    fn descriptor() -> Descriptor {
+        let out = Output::new("out", ShapeSpec::Audio(RateSpec::Graph), Unit::AMPERE);
+        Descriptor::new("breaks", "A wave, then a panic.").output(out)
+    }
+    fn prepare(_: &Setup<'_>) -> Result<Self, Diagnostic> {
+        Ok(Self)
+    }
+    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
+        assert!(tick.index < 50, "as told");
+        let span = tick.samples(48_000);
+        for (y, n) in tick.outputs.audio(0).iter_mut().zip(span) {
+            *y = 0.1 * (n as f32 * 0.0105).sin();
+        }
+        Status::Continue
+    }
+    fn reset(&mut self) {}
+}
+
+#[test]
+fn a_node_that_panics_is_named_and_the_run_goes_on_by_every_clock() {
+    for clock in [Clock::Callback, Clock::Paced, Clock::Timer] {
+        let card = Simulated::new(&format!("breaks {}", clock.name()), timed(64)).expect("a card");
+        let registry = asperity_nodes::registry().with::<Breaks>();
+        let nodes = r#""bad": (kind: "breaks"), "limiter": (kind: "limiter"), "out": (kind: "audio_out"),"#;
+        let graph = graph(&registry, (500, 48_000), nodes, r#"("bad", "limiter"), ("limiter", "out")"#);
+        let options = options(&card, clock);
+        let device = if clock == Clock::Timer { None } else { options.device.clone() };
+        let mut session = start(graph, SessionOptions { device, ..options });
+        tend(&mut session, "ticks after the panic", |s| s.view().ticks > 200);
+        let view = session.view();
+        assert!(session.goes_on() && view.condition == Condition::Playing, "{:?}", view.condition);
+        let bad = session.conductor().schedule().index_of("bad").expect("the node");
+        let node = &view.nodes[bad];
+        assert!(node.quarantined && node.last_fault.contains("panicked"), "{node:?}");
+        let ended = session.stop();
+        assert!(ended.player.is_some());
+        if clock != Clock::Timer {
+            let all = heard(&card);
+            assert!(largest_step(&all) < STEP, "{}: {}", clock.name(), largest_step(&all));
+        }
+    }
 }
 
 /// A slow wave that is no number from tick 50 on.

@@ -27,41 +27,42 @@ pub struct Steps<'a> {
 /// `reference` is the same source without the steps. At i samples from a step the level is the square root of the
 /// energy of all samples within [`WINDOW_S`] of i (less near the step itself, so that what was before it is not seen
 /// through the window), summed over all steps, over the same of the reference. What both signals do alike, such as a
-/// beat between two lines, so drops out; what still wavers is replaced by the nearest level that never falls. The time at
-/// which that reaches each share of the way is answered, linearly between samples and never before the step. None where the
-/// reference is silent, the level does not rise, or no step lies within both signals.
+/// beat between two lines, so drops out. What still wavers is replaced by the nearest squared level that never falls: energies, since
+/// pulses that follow one another 50 ms apart, as phase retrieval makes them of magnitudes that stay as they are, have the level of
+/// their energy, and the mean of their levels never comes up to it. The time at which that reaches each share of the way is answered, linearly between
+/// samples and never before the step. None where the reference is silent, the level does not rise, or no step lies within both signals.
 ///
 /// With 120 steps of a white noise at 2500 Hz that shares nothing with its reference, an overlap-add's 90 % comes out with a
 /// standard deviation of 2 ms, its 10 and 50 % of 1 ms.
 pub fn lag_ms(signal: &[f32], reference: &[f32], steps: &Steps<'_>) -> Option<[f64; 3]> {
     let &Steps { rate_hz, at, before, after } = steps;
     let (have, want) = (energies(signal, steps)?, energies(reference, steps)?);
-    let level = |from: usize, to: usize| {
+    let power = |from: usize, to: usize| {
         let (s, r) = (have[to] - have[from], want[to] - want[from]);
-        if r > 0.0 { (s / r).sqrt() } else { 0.0 }
+        if r > 0.0 { s / r } else { 0.0 }
     };
     if at.is_empty() || before == 0 || after < 4 {
         return None;
     }
     let end = before + after;
-    let (low, high) = (level(0, before), level(end - after / 4, end));
+    let (low, high) = (power(0, before).sqrt(), power(end - after / 4, end).sqrt());
     if !(low.is_finite() && high.is_finite()) || high <= low {
         return None;
     }
     let most = (WINDOW_S * f64::from(rate_hz) / 2.0) as usize;
     // Where the reference has hardly any energy, as a sine at its zeros, the level is that of the next place.
     let little = 1e-6 * want[end] / end as f64;
-    let mut levels = vec![high; after];
-    let mut next = high;
-    for (i, to) in levels.iter_mut().enumerate().rev() {
+    let mut powers = vec![high * high; after];
+    let mut next = high * high;
+    for (i, to) in powers.iter_mut().enumerate().rev() {
         let half = most.min(i);
         let window = (before + i - half, (before + i + half + 1).min(end));
         if want[window.1] - want[window.0] > little {
-            next = level(window.0, window.1);
+            next = power(window.0, window.1);
         }
         *to = next;
     }
-    let rise = never_falling(&levels);
+    let rise: Vec<f64> = never_falling(&powers).into_iter().map(f64::sqrt).collect();
     let time = |share: f64| {
         let goal = low + share * (high - low);
         let i = rise.iter().position(|&l| l >= goal)?;
@@ -187,6 +188,24 @@ mod tests {
                 assert!((ms - want).abs() < most, "{found:?}");
             }
         }
+    }
+
+    #[test]
+    fn pulses_that_every_step_sets_off_are_there_with_the_first_of_them() {
+        // Before a step a noise; from 40 ms after it on, pulses of 4 ms every 50 ms with four times the noise's level.
+        let carrier = noise(4, 121_000);
+        let (mut signal, at) = stepped(&carrier, |_| 0.0);
+        for &step in &at {
+            for (i, x) in signal[step + 100..step + 600].iter_mut().enumerate() {
+                *x = if i % 125 < 10 {
+                    4.0 * 12.5_f32.sqrt() * if i % 2 == 0 { 1.0 } else { -1.0 }
+                } else {
+                    0.0
+                };
+            }
+        }
+        let found = lag(&signal, &carrier, &at).unwrap();
+        assert!(found.iter().all(|ms| (34.0..46.0).contains(ms)), "{found:?}");
     }
 
     #[test]

@@ -65,8 +65,11 @@ pub(crate) fn find(host: Option<&str>, device: Option<&str>, side: Side) -> Resu
     if host == Some(SIMULATED) {
         let id = wanted.unwrap_or_default();
         if id.is_empty() || id.contains('=') {
-            let device = simulated::described(id)
-                .map_err(|text| OpenError::Request(format!("`{SIMULATED}:{id}`: {text}")))?;
+            let device = simulated::described(id).map_err(|reason| OpenError::Description {
+                device: format!("{SIMULATED}:{id}"),
+                side: side.name(),
+                reason,
+            })?;
             return Ok(Listed::new(SIMULATED, device));
         }
     }

@@ -9,7 +9,7 @@ use crate::bounded::bounded;
 use crate::simulated;
 
 /// How long a host may take to say what it has.
-const PATIENCE: Duration = Duration::from_secs(4);
+pub(crate) const PATIENCE: Duration = Duration::from_secs(4);
 
 /// The host of simulated cards.
 pub(crate) const SIMULATED: &str = "simulated";

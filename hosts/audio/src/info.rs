@@ -1,6 +1,6 @@
 //! What devices there are, for a user to read.
 
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use cpal::{SupportedBufferSize, SupportedStreamConfigRange};
 use serde::Serialize;
@@ -8,14 +8,15 @@ use serde::Serialize;
 use crate::Format;
 use crate::bounded::bounded;
 use crate::find::Side;
-use crate::hosts::{Listed, list, names};
+use crate::hosts::{Listed, PATIENCE, list, names};
+use crate::jack;
 use crate::plan::abilities;
 
 /// Rates that are worth a question [Hz].
 pub const RATES_HZ: [u32; 3] = [44_100, 48_000, 96_000];
 
 /// How long a device may take to say what it can do.
-const PATIENCE: Duration = Duration::from_secs(4);
+const EACH: Duration = Duration::from_millis(1500);
 
 /// A host and what it has.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -52,8 +53,10 @@ pub struct DeviceInfo {
 /// What a device can do on one side.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SideInfo {
-    /// Channels it has at most. JACK says 64 however many its card has; a server that mixes says its device's own.
+    /// Channels it has at most. JACK says 64 however many its card has (`card_channels`); a server that mixes says its device's own.
     pub channels: u16,
+    /// How many of them lead to a card, from the first on; none where the host does not tell. JACK does.
+    pub card_channels: Option<u16>,
     /// Which of 44100, 48000 and 96000 it can [Hz].
     pub rates_hz: Vec<u32>,
     /// The lowest and the highest rate [Hz].
@@ -67,14 +70,28 @@ pub struct SideInfo {
 }
 
 /// Every host of this build, and every device that it has. Never fails as a whole: a host that does not answer says so in its note.
-/// Asks servers and opens devices; may take some seconds where one hangs. The simulated host lists the devices that tests made;
+/// Asks servers, all of them at once, and opens devices; takes four seconds where one hangs. The simulated host lists the devices that tests made;
 /// those that are described by their id ([`simulated`](crate::simulated)) are there without being listed.
 pub fn hosts() -> Vec<HostInfo> {
-    let one = |name: String| match list(&name) {
-        Ok(listed) => HostInfo { devices: details(&name, listed), name, note: None },
-        Err(reason) => HostInfo { name, note: Some(reason), devices: Vec::new() },
+    std::thread::scope(|scope| {
+        // All at once: one that hangs holds up no other.
+        let asked = names().into_iter().map(|name| (name.clone(), scope.spawn(move || host(name))));
+        let asked: Vec<_> = asked.collect();
+        let panicked =
+            |name| HostInfo { name, note: Some("asking it failed".to_owned()), devices: Vec::new() };
+        asked.into_iter().map(|(name, host)| host.join().unwrap_or_else(|_| panicked(name))).collect()
+    })
+}
+
+/// A host and what it says within [`PATIENCE`].
+fn host(name: String) -> HostInfo {
+    let began = Instant::now();
+    let listed = match list(&name) {
+        Ok(listed) => listed,
+        Err(reason) => return HostInfo { name, note: Some(reason), devices: Vec::new() },
     };
-    names().into_iter().map(one).collect()
+    let devices = details(listed, PATIENCE.saturating_sub(began.elapsed()));
+    HostInfo { name, note: None, devices }
 }
 
 /// The devices of all hosts that answer.
@@ -82,10 +99,37 @@ pub fn devices() -> Vec<DeviceInfo> {
     hosts().into_iter().flat_map(|host| host.devices).collect()
 }
 
-fn details(host: &str, listed: Vec<Listed>) -> Vec<DeviceInfo> {
-    let bare: Vec<_> =
-        listed.iter().map(|one| about(one, None, None, Some("no answer".to_owned()))).collect();
-    bounded(host, PATIENCE, move || listed.iter().map(detail).collect()).unwrap_or(bare)
+/// What devices of a host say of themselves in this time. Where one hangs, so would the others: ALSA opens one at a time. So those
+/// that lead to another server, which may hang, are asked last.
+fn details(listed: Vec<Listed>, limit: Duration) -> Vec<DeviceInfo> {
+    let began = Instant::now();
+    let mut order: Vec<usize> = (0..listed.len()).collect();
+    order.sort_by_key(|&at| distance(&listed[at].id));
+    let mut said: Vec<Option<DeviceInfo>> = vec![None; listed.len()];
+    let mut hangs: Option<&str> = None;
+    for at in order {
+        let (one, left) = (listed[at].clone(), limit.saturating_sub(began.elapsed()));
+        let ask = || bounded(&listed[at].full_id(), EACH.min(left), move || detail(&one));
+        let bare = |why: String| about(&listed[at], None, None, Some(why));
+        said[at] = Some(match hangs {
+            Some(first) => bare(format!("not asked, since `{first}` does not answer")),
+            None => ask().unwrap_or_else(|| {
+                hangs = Some(&listed[at].id);
+                bare("no answer".to_owned())
+            }),
+        });
+    }
+    said.into_iter().flatten().collect()
+}
+
+/// How far a device of ALSA is from the hardware, for who asks one after the other.
+fn distance(id: &str) -> u8 {
+    match id {
+        "default" => 1,
+        "pulse" | "pipewire" => 2,
+        "jack" => 3,
+        _ => 0,
+    }
 }
 
 fn detail(listed: &Listed) -> DeviceInfo {
@@ -99,7 +143,10 @@ fn detail(listed: &Listed) -> DeviceInfo {
                 let rate_hz = usual.as_ref().map(|usual| usual.sample_rate());
                 let own = matches!(listed.host.as_str(), "pulseaudio" | "pipewire");
                 let own = usual.filter(|_| own).map(|usual| usual.channels());
-                summary(&ranges, rate_hz, own)
+                let mut side_info = summary(&ranges, rate_hz, own)?;
+                side_info.card_channels =
+                    if listed.host == "jack" { jack::card_channels(side) } else { None };
+                Some(side_info)
             }
             Err(error) => {
                 note = Some(format!("{}: {error}", side.name()));
@@ -148,6 +195,7 @@ fn summary(
     let buffer_frames = buffers.reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)));
     Some(SideInfo {
         channels,
+        card_channels: None,
         rates_hz: rates.collect(),
         rate_range_hz: (low, high),
         rate_hz,

@@ -12,6 +12,7 @@ mod find;
 mod format;
 mod hosts;
 mod info;
+mod jack;
 mod plan;
 mod quiet;
 mod request;

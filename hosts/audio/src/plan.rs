@@ -8,6 +8,7 @@ use cpal::{
 use crate::Format;
 use crate::find::Side;
 use crate::hosts::Listed;
+use crate::jack;
 use crate::request::{OpenError, Request};
 
 /// Frames a call where nobody says. A host's own default may be 2 s (PulseAudio), so it is never left to it.
@@ -76,6 +77,11 @@ pub(crate) fn plan(
     let mut notes = Vec::new();
     let range = fitting.iter().copied().find(|range| range.sample_format() == format.to_cpal());
     let buffer_size = buffer(listed, request.period_frames, range, &mut notes);
+    if listed.host == "jack"
+        && let Some(card) = jack::card_channels(side)
+    {
+        notes.extend(jack::note(side, width, card));
+    }
     if let Some(rate) = usual.map(|usual| usual.sample_rate())
         && is_mixer(listed)
         && rate != request.rate_hz

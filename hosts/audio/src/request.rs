@@ -71,6 +71,15 @@ impl Request {
 pub enum OpenError {
     /// The request makes no sense for any device.
     Request(String),
+    /// A device is described, and cannot be as the description says: a simulated one.
+    Description {
+        /// `host:id` as it was given.
+        device: String,
+        /// `output` or `input`.
+        side: &'static str,
+        /// What is wrong with it.
+        reason: String,
+    },
     /// There is no host of that name in this build.
     NoHost {
         /// What was asked for.
@@ -145,6 +154,7 @@ impl fmt::Display for OpenError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Request(text) => f.write_str(text),
+            Self::Description { device, reason, .. } => write!(f, "`{device}`: {reason}"),
             Self::NoHost { wanted, there } => {
                 write!(f, "there is no audio host `{wanted}`; there are {}", there.join(", "))
             }

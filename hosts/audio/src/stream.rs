@@ -137,7 +137,8 @@ pub fn open(
     let mut notes = output.notes;
     let (mut streams, mut sides) = (Vec::new(), vec![output.watched]);
     let input = input.map(|built| {
-        notes.extend(built.notes);
+        let news: Vec<_> = built.notes.into_iter().filter(|note| !notes.contains(note)).collect();
+        notes.extend(news);
         streams.push(built.stream);
         sides.push(built.watched);
         built.opened

@@ -24,7 +24,7 @@ const PERIOD: Duration = Duration::from_millis(5);
 /// No call for so long is a loss, if it is also ten periods [ns].
 const LOSS_NS: u64 = 1_000_000_000;
 /// How long a device may take to call for the first time [ns].
-const FIRST_NS: u64 = 3_000_000_000;
+const FIRST_NS: u64 = 2_000_000_000;
 /// A watch that has not looked for so long was held up itself [ns].
 const STANDSTILL_NS: u64 = 250_000_000;
 /// More errors than this at once are a loss ...
@@ -113,7 +113,9 @@ impl Watched {
         let last = self.counts.last_ns.load(Relaxed);
         if last == 0 {
             let waited = now.saturating_sub(since);
-            return (waited > FIRST_NS).then(|| "the device did not begin to call".to_owned());
+            return (waited > FIRST_NS).then(|| {
+                format!("the device is open and has not called once in {:.0} s", FIRST_NS as f64 / 1e9)
+            });
         }
         let ten_periods =
             10 * u64::from(self.counts.longest()) * 1_000_000_000 / u64::from(self.counts.rate_hz.max(1));

@@ -175,10 +175,11 @@ fn a_plant_in_words_is_made_by_the_program_at_the_rate_of_the_device() {
         open(&on(device), Box::new(parts::Each(|| 0.25)), Some(Box::new(capture)), sender)
     };
     let refused = |device: &str| match open(device, parts::Ear::new().0) {
-        Err(OpenError::Request(text)) => text,
+        Err(OpenError::Description { reason, .. }) => reason,
         other => panic!("{:?}", other.err()),
     };
     assert!(refused("simulated:plant=kilohertz").contains("knows no plants"));
+    assert!(refused("simulated:speed=0").contains("nobody would ever call it"));
     set_plants(|words, rate_hz| match words {
         [(word, name)] if word == "plant" && name == "kilohertz" => {
             Ok(Box::new(move |x| x * (rate_hz / 96_000.0) as f32 * 2.0))

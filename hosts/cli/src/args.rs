@@ -1,12 +1,19 @@
 //! The command line.
 
 mod calibrate;
+mod device;
+mod latency;
+mod number;
+mod tone;
 
 use std::path::PathBuf;
 
 use clap::{Parser, Subcommand, ValueEnum};
 
 pub use calibrate::{Calibrate, DriveKind};
+pub use device::{ActuatorArgs, ClockKind, DeviceArgs, OutputArgs};
+pub use latency::LatencyArgs;
+pub use tone::Tone;
 
 /// Haptic rendering as a real-time dataflow graph.
 #[derive(Debug, Parser)]
@@ -23,17 +30,21 @@ pub enum Command {
     /// Render a graph to a WAV file, as fast as it goes
     Render(Render),
     /// Play a graph in real time: a hand moves, the actuator on the sound card answers
+    #[command(mut_args = number::may_be_negative)]
     Run(Run),
     /// List audio hosts and devices: rates, formats, channels, buffer sizes
     Devices(Devices),
     /// Play a sine on one channel of a device, behind the actuator's limiter, to find the actuator
+    #[command(mut_args = number::may_be_negative)]
     Tone(Tone),
     /// Tell how late graphs answer a hand, and measure what a device adds, over a loopback from its output to its input
+    #[command(mut_args = number::may_be_negative, mut_args = latency::only_with_what_it_is_for)]
     Latency(LatencyArgs),
     /// Measure an actuator with an accelerometer on its handle, and write its profile
     ///
     /// A quiet sweep first, then the measurement, both behind the limiter of the base profile. Exit code 0: the profile is
     /// written; 1: something is wrong with what was measured; 2: with what was asked.
+    #[command(mut_args = number::may_be_negative)]
     Calibrate(Box<Calibrate>),
     /// Check a graph: order, buffers, rates, latency per path, what was dropped and why
     Check(Check),
@@ -182,7 +193,7 @@ pub struct Render {
     pub no_sleep: bool,
     /// Longest that one call of a node may take; a longer one is a fault of the node, which is faded out. Without it there is no
     /// limit, with --watch one of 10 ticks
-    #[arg(long, value_name = "US", value_parser = clap::value_parser!(u64).range(1..=10_000_000))]
+    #[arg(long, value_name = "US", value_parser = number::whole(1_u64, 10_000_000, "us"))]
     pub limit_us: Option<u64>,
     /// Run in real time, and take changes of the graph, its plugins and the files it reads over as they come
     #[arg(long)]
@@ -315,46 +326,6 @@ pub struct CasesOfPlugin {
     pub skip: usize,
 }
 
-/// The sound card, and how ticks keep time with it.
-#[derive(Clone, Debug, Default, clap::Args)]
-pub struct DeviceArgs {
-    /// Audio host: alsa, jack, pulseaudio, simulated; `asperity devices` lists them
-    #[arg(long, value_name = "HOST")]
-    pub host: Option<String>,
-    /// Device to play on: its name, its id, or HOST:ID. The host's default, unless given; never another than the one that is named
-    #[arg(long, value_name = "DEVICE")]
-    pub device: Option<String>,
-    /// Channel of the device, from 1; one for each `audio_out` of the graph, such as 3,4
-    #[arg(long, value_name = "N,...", value_delimiter = ',', value_parser = clap::value_parser!(u16).range(1..))]
-    pub channel: Vec<u16>,
-    /// Device to record from, for `audio_in`; the same host's default, unless given
-    #[arg(long, value_name = "DEVICE")]
-    pub input_device: Option<String>,
-    /// Frames that the device is asked to want at a time; it may do as it likes
-    #[arg(long, value_name = "FRAMES", value_parser = clap::value_parser!(u32).range(1..=65536))]
-    pub period: Option<u32>,
-    /// Sample format that the device is to have: f32, i16, i24, i32
-    #[arg(long, value_name = "FORMAT")]
-    pub device_format: Option<String>,
-    /// What ticks keep time with, unless the device's period decides: the callback for one of at most a tick, else paced
-    #[arg(long, value_enum)]
-    pub clock: Option<ClockKind>,
-    /// Give up when the device is lost, rather than wait for it
-    #[arg(long)]
-    pub no_reconnect: bool,
-}
-
-/// What ticks keep time with.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum ClockKind {
-    /// The audio callback: least latency
-    Callback,
-    /// A thread that is steered by the callback's clock: evenly spaced ticks on any device
-    Paced,
-    /// The computer's own clock: no audio device
-    Timer,
-}
-
 /// `asperity run`
 #[derive(Clone, Debug, clap::Args)]
 pub struct Run {
@@ -363,10 +334,11 @@ pub struct Run {
     #[command(flatten)]
     pub device: DeviceArgs,
     /// How long to run; as long as the stroke lasts or until Ctrl-C, unless given
-    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    #[arg(long, value_name = "S", value_parser = number::number(1e-3, 31_536_000.0, "s"))]
     pub seconds: Option<f64>,
     /// Serve the live page, at a port of the computer's choice unless one is given
-    #[arg(long, value_name = "PORT", num_args = 0..=1, default_missing_value = "0")]
+    #[arg(long, value_name = "PORT", num_args = 0..=1, default_missing_value = "0",
+        value_parser = number::whole(0, u16::MAX, ""))]
     pub page: Option<u16>,
     /// Show the run in the terminal
     #[arg(long)]
@@ -384,7 +356,7 @@ pub struct Run {
     #[arg(long)]
     pub no_sleep: bool,
     /// Longest that one call of a node may take; a longer one is a fault of the node, which is faded out. 10 ticks, unless given
-    #[arg(long, value_name = "US", value_parser = clap::value_parser!(u64).range(1..=10_000_000))]
+    #[arg(long, value_name = "US", value_parser = number::whole(1_u64, 10_000_000, "us"))]
     pub limit_us: Option<u64>,
     /// Say nothing but errors
     #[arg(long, short)]
@@ -394,87 +366,6 @@ pub struct Run {
 /// `asperity devices`
 #[derive(Debug, clap::Args)]
 pub struct Devices {
-    /// Print JSON
-    #[arg(long)]
-    pub json: bool,
-}
-
-/// `asperity tone`
-#[derive(Clone, Debug, clap::Args)]
-pub struct Tone {
-    #[command(flatten)]
-    pub device: DeviceArgs,
-    /// Frequency
-    #[arg(long, default_value_t = 80.0, value_name = "HZ")]
-    pub hz: f64,
-    /// Peak current, behind an amplifier of `--amps-per-volt`
-    #[arg(long, default_value_t = 0.05, value_name = "A")]
-    pub amps: f64,
-    /// How long
-    #[arg(long, default_value_t = 3.0, value_name = "S")]
-    pub seconds: f64,
-    /// Audio rate
-    #[arg(long, default_value_t = 48_000, value_name = "HZ")]
-    pub rate: u32,
-    #[command(flatten)]
-    pub actuator: ActuatorArgs,
-    /// Say nothing but errors
-    #[arg(long, short)]
-    pub quiet: bool,
-}
-
-/// The actuator, and the amplifier before it.
-#[derive(Clone, Debug, clap::Args)]
-pub struct ActuatorArgs {
-    /// The actuator whose limits hold: a shipped profile or a .ron file
-    #[arg(long, default_value = "hapcoil_one", value_name = "PROFILE")]
-    pub profile: String,
-    /// Mass of what it is fixed to
-    #[arg(long, default_value_t = 100.0, value_name = "G")]
-    pub handle_mass_g: f64,
-    /// Peak volts that the card puts out at full scale
-    #[arg(long, default_value_t = 1.0, value_name = "V")]
-    pub volts_at_full_scale: f64,
-    /// Gain of the current amplifier behind the card
-    #[arg(long, default_value_t = 1.0, value_name = "A/V")]
-    pub amps_per_volt: f64,
-}
-
-/// `asperity latency`
-#[derive(Clone, Debug, clap::Args)]
-pub struct LatencyArgs {
-    /// Graphs whose answer to a step of speed is told
-    pub graphs: Vec<PathBuf>,
-    #[command(flatten)]
-    pub device: DeviceArgs,
-    /// Channel of the input that the output is joined to
-    #[arg(long, default_value_t = 1, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
-    pub input_channel: u16,
-    /// The loopback is inside the audio server, so that no card adds to it
-    #[arg(long)]
-    pub inside: bool,
-    /// What the input adds, from sound to callback, where it is known
-    #[arg(long, value_name = "MS")]
-    pub input_latency_ms: Option<f64>,
-    /// How many clicks
-    #[arg(long, default_value_t = 50, value_parser = clap::value_parser!(u32).range(3..=10_000))]
-    pub trials: u32,
-    /// Height of a click
-    #[arg(long, default_value_t = 0.1, value_name = "A")]
-    pub amps: f64,
-    /// Level at the input, of full scale, that counts as a click
-    #[arg(long, default_value_t = 0.01)]
-    pub level: f64,
-    /// Audio rate
-    #[arg(long, default_value_t = 48_000, value_name = "HZ")]
-    pub rate: u32,
-    #[command(flatten)]
-    pub actuator: ActuatorArgs,
-    /// Set a parameter of the graphs: NODE.PARAM=VALUE
-    #[arg(long = "set", value_name = "NODE.PARAM=VALUE")]
-    pub set: Vec<String>,
-    #[command(flatten)]
-    pub plugins: PluginArgs,
     /// Print JSON
     #[arg(long)]
     pub json: bool,

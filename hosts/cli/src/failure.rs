@@ -37,6 +37,29 @@ impl Failure {
         Self::Machine(format!("cannot write {}: {what}", path.display()))
     }
 
+    /// Says which option names the file that is wrong.
+    pub fn named_by(self, option: &str) -> Self {
+        let Self::Input(all) = self else { return self };
+        let named = |d: Diagnostic| {
+            let by = format!("{option} names this file");
+            let help = d.help.as_ref().map_or(by.clone(), |help| format!("{help}; {by}"));
+            d.help(help)
+        };
+        Self::Input(all.into_iter().map(named).collect())
+    }
+
+    /// Takes away where it stands in a text that the program wrote for itself, and nobody sees.
+    pub fn not_shown(self, text: &Path) -> Self {
+        let Self::Input(mut all) = self else { return self };
+        for d in &mut all {
+            if d.place.take_if(|place| place.source.path() == text).is_some() {
+                d.file = Some(text.to_owned());
+            }
+            d.related.retain(|(place, _)| place.source.path() != text);
+        }
+        Self::Input(all)
+    }
+
     /// What is wrong, in a line.
     pub fn reason(&self) -> String {
         match self {

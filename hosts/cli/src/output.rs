@@ -44,7 +44,7 @@ impl Pending {
     }
 
     /// A second handle on the file.
-    fn file(&self) -> Result<File, Failure> {
+    pub fn file(&self) -> Result<File, Failure> {
         self.temp.as_file().try_clone().map_err(|e| Failure::writing(&self.path, e))
     }
 
@@ -205,6 +205,13 @@ impl Rows {
     /// Where it goes.
     pub fn path(&self) -> &Path {
         &self.pending.path
+    }
+
+    /// What was written so far, as far as the disk took it, without completing it.
+    pub fn abandon(self) -> Pending {
+        // Who writes puts down what it still holds, where that is possible.
+        drop(self.to);
+        self.pending
     }
 
     /// Completes the file and gives it its name.

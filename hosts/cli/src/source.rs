@@ -32,10 +32,23 @@ pub fn take_in_hand(graph: &mut GraphFile, text: &str) -> Result<(), Failure> {
     let i = only(graph, "--hand", "edit the graph: make the node you mean of that kind")?;
     replace(graph, i, kind);
     let id = graph.nodes[i].id.clone();
+    let mut before = None;
     for setting in settings.split(',').map(str::trim).filter(|s| !s.is_empty()) {
+        let Some((param, _)) = setting.split_once('=') else {
+            return Err(no_setting(&id, setting, before).into());
+        };
         graph.set(&format!("{id}.{setting}"), "--hand")?;
+        before = Some(param);
     }
     Ok(())
+}
+
+/// A part between commas that sets nothing: the rest of a value that has commas of its own, as likely as not.
+fn no_setting(id: &str, part: &str, before: Option<&str>) -> Diagnostic {
+    let set = format!("--set {id}.{}=VALUE", before.unwrap_or("PARAM"));
+    Diagnostic::new(format!("there is no `=` in `{part}`: commas stand between settings"))
+        .in_file("--hand")
+        .help(format!("KIND:param=value,param=value; a value with commas goes by {set}"))
 }
 
 /// The one node that moves the stylus.

@@ -7,7 +7,6 @@ use std::time::{Duration, SystemTime};
 use asperity_graph::Schedule;
 
 use crate::args::GraphArgs;
-use crate::kinds::Kinds;
 use crate::load;
 
 /// How often files are looked at. Asking works on every system and over a network, where being told does not.
@@ -27,10 +26,10 @@ pub struct Files {
     before: Stamps,
 }
 
-/// Every file that a graph is made of, as it is now.
-pub fn stamps(args: &GraphArgs, kinds: &Kinds, schedule: &Schedule) -> Stamps {
+/// Every file that a graph is made of, those of `plugins` among them, as it is now.
+pub fn stamps(args: &GraphArgs, plugins: &[PathBuf], schedule: &Schedule) -> Stamps {
     let stamp = |path: &PathBuf| std::fs::metadata(path).and_then(|m| Ok((m.modified()?, m.len()))).ok();
-    let mut files: Vec<PathBuf> = kinds.files().to_vec();
+    let mut files: Vec<PathBuf> = plugins.to_vec();
     files.extend(load::files_read(args, schedule).into_iter().map(|f| f.0));
     files.into_iter().map(|path| (path.clone(), stamp(&path))).collect()
 }

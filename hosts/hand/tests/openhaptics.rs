@@ -1,17 +1,20 @@
 //! An OpenHaptics device, played by a stand-in library that is built here.
 #![cfg(unix)]
 
+mod common;
+
 use std::ffi::{c_int, c_uint, c_ulong, c_void};
 use std::path::PathBuf;
 use std::process::Command;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::sync::{Mutex, MutexGuard, PoisonError};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use asperity_hand::openhaptics::{OpenHapticsOptions, start};
-use asperity_hand::{Frame, Handle, Next};
-use asperity_live::{ForceModel, ForceWriter, Sample, SampleReader, force_model, now_ns, samples};
+use asperity_hand::{Frame, Next};
+use asperity_live::{force_model, now_ns, samples};
 use assert_no_alloc::{AllocDisabler, assert_no_alloc, violation_count};
+use common::{Floor, newest, problem, until};
 use libloading::{Library, Symbol};
 
 #[global_allocator]
@@ -91,58 +94,6 @@ impl Standin {
     fn options(&self) -> OpenHapticsOptions {
         OpenHapticsOptions { library: Some(self.path.clone()), ..OpenHapticsOptions::new() }
     }
-}
-
-/// A floor at z = 0 of the graph, told anew every millisecond until dropped.
-struct Floor(std::sync::Arc<std::sync::atomic::AtomicBool>, Option<std::thread::JoinHandle<()>>);
-
-impl Floor {
-    fn tell(mut to: ForceWriter, stiffness: f64) -> Self {
-        let stop = std::sync::Arc::new(std::sync::atomic::AtomicBool::new(false));
-        let seen = stop.clone();
-        let thread = std::thread::spawn(move || {
-            while !seen.load(Relaxed) {
-                to.write(ForceModel {
-                    normal: [0.0, 0.0, 1.0],
-                    stiffness_n_per_mm: stiffness,
-                    max_force_n: 10.0,
-                    valid: true,
-                    time_ns: now_ns(),
-                    ..ForceModel::default()
-                });
-                std::thread::sleep(Duration::from_millis(1));
-            }
-        });
-        Self(stop, Some(thread))
-    }
-}
-
-impl Drop for Floor {
-    fn drop(&mut self) {
-        self.0.store(true, Relaxed);
-        self.1.take().unwrap().join().unwrap();
-    }
-}
-
-fn until(what: &str, mut done: impl FnMut() -> bool) {
-    let begin = Instant::now();
-    while !done() {
-        assert!(begin.elapsed() < Duration::from_secs(10), "waited for: {what}");
-        std::thread::sleep(Duration::from_millis(2));
-    }
-}
-
-fn newest(from: &mut SampleReader) -> Option<Sample> {
-    std::iter::from_fn(|| from.take()).last()
-}
-
-fn problem(handle: &Handle) -> String {
-    let mut said = None;
-    until("a problem", || {
-        said = handle.problem();
-        said.is_some()
-    });
-    said.unwrap()
 }
 
 static VIOLATIONS: AtomicU64 = AtomicU64::new(0);
@@ -304,9 +255,11 @@ fn every_kth_reading_is_sent_and_a_device_that_says_nothing_is_held_to_one_newto
     let handle = start(options, samples().0, Some(reader)).unwrap();
     assert_eq!((handle.device().max_force_n, handle.device().max_stiffness_n_per_mm), (1.0, None));
     until("the force", || (standin.force()[1] - 1.0).abs() < 1e-6);
-    // Calls and samples are read one after the other while the servo runs on.
-    let (sent, calls) = (handle.samples() as f64, standin.long("standin_frames") as f64);
-    assert!((calls / sent - 4.0).abs() < 0.1, "{calls} calls for {sent} samples");
+    // Calls and samples are read one after the other while the servo runs on, and this machine may stall in between.
+    until("four calls for a sample", || {
+        let (sent, calls, then) = (handle.samples(), standin.long("standin_frames") as f64, handle.samples());
+        then - sent < 2 && sent > 40 && (calls / sent as f64 - 4.0).abs() < 0.1
+    });
 }
 
 #[test]

@@ -1,10 +1,13 @@
 //! OSC over real sockets, as a sender and a person see it.
 
+mod common;
+
 use std::net::{SocketAddr, UdpSocket};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use asperity_hand::{HandError, Handle, Next, osc};
 use asperity_live::{Sample, SampleReader, samples};
+use common::until;
 use rosc::{OscBundle, OscMessage, OscPacket, OscTime, OscType, encoder};
 
 fn here() -> SocketAddr {
@@ -27,15 +30,6 @@ fn message(address: &str, args: Vec<OscType>) -> OscPacket {
 
 fn send(socket: &UdpSocket, packet: &OscPacket) {
     socket.send(&encoder::encode(packet).unwrap()).unwrap();
-}
-
-/// Waits until `done`, at most 10 s.
-fn until(what: &str, mut done: impl FnMut() -> bool) {
-    let begin = Instant::now();
-    while !done() {
-        assert!(begin.elapsed() < Duration::from_secs(10), "waited for: {what}");
-        std::thread::sleep(Duration::from_millis(2));
-    }
 }
 
 fn take(from: &mut SampleReader, count: usize) -> Vec<Sample> {
@@ -178,6 +172,18 @@ fn a_sender_that_dies_and_comes_back_goes_on_in_another_stroke() {
     assert_eq!((old[1].stroke, new[0].stroke, new[1].stroke), (0, 1, 1));
     assert!(new[0].time_ns > old[1].time_ns && new[1].time_ns >= new[0].time_ns);
     assert!(handle.connected() && handle.bad() == 0);
+}
+
+#[test]
+fn a_recording_that_begins_again_is_another_stroke_and_a_packet_that_was_overtaken_is_left_out() {
+    let (handle, mut from, socket) = begin("/pen", "x_mm, time_s");
+    let at = |x: i32, t: f64| send(&socket, &message("/pen", vec![OscType::Int(x), OscType::Double(t)]));
+    for (x, t) in [(1, 20.0), (2, 20.02), (3, 20.01), (4, 20.03), (5, 0.0), (6, 0.01)] {
+        at(x, t);
+    }
+    let got: Vec<_> = take(&mut from, 5).iter().map(|s| (s.position[0], s.stroke)).collect();
+    assert_eq!(got, [(1.0, 0), (2.0, 0), (4.0, 0), (5.0, 1), (6.0, 1)]);
+    assert!(handle.bad() == 1 && handle.last_bad().unwrap().contains("after a later one"));
 }
 
 #[test]

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::fmt;
 use std::sync::Arc;
-use std::sync::atomic::Ordering::Relaxed;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::time::Duration;
 
 use asperity_engine::{Controller, Engine, Finished, Options, ParameterError, SwapError, SwapReport};
@@ -47,8 +47,8 @@ struct Sent {
     sources: Vec<(String, Arc<SourceMeter>)>,
     scopes: Vec<HeapCons<f32>>,
     layout: Layout,
-    /// What its sinks record, by node id.
-    tapes: Vec<(String, TapeReader)>,
+    /// What its sinks record.
+    tapes: Vec<Tape>,
     /// `audio_out` nodes by channel, and `audio_in` nodes by recorded channel.
     channels: Vec<String>,
     recorded: Vec<String>,
@@ -63,10 +63,32 @@ pub struct Conductor {
     sent: Sent,
     before: Vec<(u64, u64)>,
     counts: Vec<Rate>,
+    /// Of each source, the meters of the devices that it had before.
+    earlier: Vec<Vec<Arc<SourceMeter>>>,
     swaps: u64,
     /// Tapes of earlier graphs first, while there is something on them.
-    tapes: Vec<(String, TapeReader)>,
+    tapes: Vec<Tape>,
     lost: u64,
+}
+
+/// What one sink of one graph records.
+struct Tape {
+    sink: String,
+    graph: u64,
+    reader: TapeReader,
+}
+
+/// What a sink recorded in a tick.
+#[derive(Clone, Copy, Debug)]
+pub struct Recorded<'r> {
+    /// The node.
+    pub sink: &'r str,
+    /// The [`Layout`]'s number of the graph it was in.
+    pub graph: u64,
+    /// Where the values begin: a tick for controls, a sample at the signal's rate for audio and frames.
+    pub start: u64,
+    /// The values.
+    pub values: &'r [f32],
 }
 
 /// How often something comes, averaged over about a second.
@@ -107,6 +129,7 @@ pub fn conduct(
         sent,
         before: Vec::new(),
         counts: Vec::new(),
+        earlier: Vec::new(),
         swaps: 0,
     };
     (conductor, player)
@@ -124,14 +147,8 @@ impl Conductor {
         self.controller.ready() && self.wirings.vacant_len() > 0
     }
 
-    /// The nodes of another graph that need an end of their own: there was none of that name, or it was set otherwise.
-    pub fn needs_ends(&self, schedule: &Schedule) -> Vec<String> {
-        let outside = |n: &&ScheduledNode| is_among(n, &HANDS) || is_among(n, &FORCES);
-        let goes_on = |n: &ScheduledNode| goes_on(&self.sent.schedule, n).is_some();
-        schedule.nodes.iter().filter(outside).filter(|n| !goes_on(n)).map(|n| n.id.clone()).collect()
-    }
-
-    /// Sends a changed graph; see [`Controller::swap`]. `ends` holds those that [`needs_ends`](Self::needs_ends) named.
+    /// Sends a changed graph; see [`Controller::swap`]. `ends` holds those that [`needs_ends`] named, and others that are to be
+    /// put in the place of those there are.
     ///
     /// # Errors
     /// [`SwapError`] says what to do. Nothing is sent then.
@@ -162,6 +179,7 @@ impl Conductor {
             was.and_then(|i| self.counts.get(i).copied()).unwrap_or_default()
         };
         let counts = sent.sources.iter().map(counts).collect();
+        let earlier = sent.sources.iter().map(|(id, meter)| self.earlier(id, meter)).collect();
         // Sent first, so that it is there in the tick that takes the graph over.
         if self.wirings.try_push(wiring).is_err() {
             return Err(SwapError::Busy);
@@ -172,7 +190,19 @@ impl Conductor {
         self.sent = sent;
         self.before.clear();
         self.counts = counts;
+        self.earlier = earlier;
         Ok(report)
+    }
+
+    /// The meters of a source's devices before this one, where it goes on under its name.
+    fn earlier(&self, id: &str, meter: &Arc<SourceMeter>) -> Vec<Arc<SourceMeter>> {
+        let Some(i) = self.sent.sources.iter().position(|(was, _)| was == id) else { return Vec::new() };
+        let mut earlier = self.earlier.get(i).cloned().unwrap_or_default();
+        let last = &self.sent.sources[i].1;
+        if !Arc::ptr_eq(last, meter) {
+            earlier.push(last.clone());
+        }
+        earlier
     }
 
     /// Sets a live parameter; see [`Controller::set_parameter`].
@@ -196,19 +226,18 @@ impl Conductor {
         self.controller.collect()
     }
 
-    /// Hands on what sinks recorded since it was last asked: the sink's id, where the values begin (a tick for controls, a
-    /// sample at the signal's rate for audio and frames), and the values. Answers how many ticks found no room so far,
-    /// because nobody asked for 4 s.
-    pub fn recorded(&mut self, mut take: impl FnMut(&str, u64, &[f32])) -> u64 {
+    /// Hands on what sinks recorded since it was last asked, what an earlier graph recorded first. Answers how many ticks found no
+    /// room so far, because nobody asked for 4 s.
+    pub fn recorded(&mut self, mut take: impl FnMut(Recorded<'_>)) -> u64 {
         let mut values = Vec::new();
-        for (id, tape) in &mut self.tapes {
-            while let Some(start) = tape.next(&mut values) {
-                take(id, start, &values);
+        for Tape { sink, graph, reader } in &mut self.tapes {
+            while let Some(start) = reader.next(&mut values) {
+                take(Recorded { sink, graph: *graph, start, values: &values });
             }
         }
-        let ended: Vec<_> = self.tapes.extract_if(.., |(_, tape)| tape.ended()).collect();
-        self.lost += ended.iter().map(|(_, tape)| tape.lost()).sum::<u64>();
-        self.lost + self.tapes.iter().map(|(_, tape)| tape.lost()).sum::<u64>()
+        let ended: Vec<_> = self.tapes.extract_if(.., |tape| tape.reader.ended()).collect();
+        self.lost += ended.iter().map(|tape| tape.reader.lost()).sum::<u64>();
+        self.lost + self.tapes.iter().map(|tape| tape.reader.lost()).sum::<u64>()
     }
 
     /// The graph as a person sees it, with what its live parameters are set to now.
@@ -220,13 +249,17 @@ impl Conductor {
     pub fn look(&mut self, view: &mut View, since: Duration) {
         let sent = &mut self.sent;
         view.layout = sent.swap;
-        view.peak = sent.meters.peak();
         view.nodes = sent.meters.view(&sent.schedule, &mut self.before);
         view.faults = sent.meters.faults();
         view.scopes = sent.scopes.iter_mut().map(|s| s.pop_iter().collect()).collect();
         self.counts.resize(sent.sources.len(), Rate::default());
+        self.earlier.resize(sent.sources.len(), Vec::new());
         let seconds = since.as_secs_f64();
-        let source = |((id, meter), rate): (&(String, Arc<SourceMeter>), &mut Rate)| {
+        type Source<'s> = (&'s (String, Arc<SourceMeter>), &'s Vec<Arc<SourceMeter>>);
+        let source = |(((id, meter), earlier), rate): (Source<'_>, &mut Rate)| {
+            let all = |count: fn(&SourceMeter) -> &AtomicU64| -> u64 {
+                earlier.iter().chain([meter]).map(|meter| count(meter).load(Relaxed)).sum()
+            };
             let samples = meter.samples.load(Relaxed);
             let fresh = samples.saturating_sub(rate.samples) as f64;
             if seconds > 0.0 {
@@ -238,13 +271,22 @@ impl Conductor {
                 rate_hz: rate.per_s,
                 age_ms: meter.age_ns.load(Relaxed) as f64 * 1e-6,
                 delay_ms: meter.delay_ns.load(Relaxed) as f64 * 1e-6,
-                stalls: meter.stalls.load(Relaxed),
+                stalls: all(|meter| &meter.stalls),
                 stalled: meter.stalled.load(Relaxed),
-                samples,
+                samples: all(|meter| &meter.samples),
             }
         };
-        view.sources = sent.sources.iter().zip(&mut self.counts).map(source).collect();
+        let sources = sent.sources.iter().zip(&self.earlier);
+        view.sources = sources.zip(&mut self.counts).map(source).collect();
     }
+}
+
+/// The nodes of a graph that need an end of their own when it takes the place of another: there was none of that name, or it
+/// was set otherwise.
+pub fn needs_ends(running: &Schedule, next: &Schedule) -> Vec<String> {
+    let outside = |n: &&ScheduledNode| is_among(n, &HANDS) || is_among(n, &FORCES);
+    let anew = |n: &&ScheduledNode| goes_on(running, n).is_none();
+    next.nodes.iter().filter(outside).filter(anew).map(|n| n.id.clone()).collect()
 }
 
 fn is_among(node: &ScheduledNode, kinds: &[&str]) -> bool {
@@ -305,7 +347,7 @@ fn wire(
     for (at, node) in of(&["file_out", "probe"]).filter(|(_, n)| !n.params.text("file").is_empty()) {
         if let Some((to, from)) = tape(at, node, schedule.tick_hz) {
             tapes_out.push(to);
-            tapes_in.push((node.id.clone(), from));
+            tapes_in.push(Tape { sink: node.id.clone(), graph: swap, reader: from });
         }
     }
     // In the order of the file at first; afterwards each keeps its channel, wherever it stands.

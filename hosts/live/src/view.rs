@@ -118,6 +118,8 @@ pub struct View {
     pub layout: u64,
     /// How the run stands.
     pub condition: Condition,
+    /// Whether a person muted it, whatever else is the matter.
+    pub muted: bool,
     /// What drives the ticks: `callback`, `paced`, `timer`.
     pub clock: String,
     /// The device, as a person knows it; empty for none.
@@ -152,7 +154,8 @@ pub struct View {
     pub scopes: Vec<Vec<f32>>,
     /// Latency from a hand to the actuator, itemised: what, milliseconds.
     pub latency_ms: Vec<(String, f64)>,
-    /// Peak of the output since the view before, of full scale.
+    /// Peak of what the device was given since the view before, behind the ramp of start, mute and stop, of full scale; 0 without
+    /// a device.
     pub peak: f32,
 }
 
@@ -169,6 +172,8 @@ pub struct TimingView {
     pub late_us: [f64; 4],
     /// Computing: p50, p99, p99.9, max.
     pub compute_us: [f64; 4],
+    /// Recovery, from when a tick that was missed was due to when the next one was there in time: p50, p99, p99.9, max; 0 for none.
+    pub recovery_us: [f64; 4],
     /// Upper edges of the histogram's bins; the last bin is open.
     pub edges_us: Vec<f64>,
     /// Ticks by lateness.
@@ -217,7 +222,7 @@ pub struct SourceView {
     pub samples: u64,
 }
 
-/// What a person asks of a running graph.
+/// What a person asks of a running graph, beside muting and stopping it: see [`Reins`](crate::Reins).
 #[derive(Clone, Debug, PartialEq)]
 pub enum Request {
     /// Set a live parameter: node, parameter, value.
@@ -236,8 +241,15 @@ pub enum Request {
         /// The material.
         name: String,
     },
-    /// Ramp the output down, or up again.
-    Mute(bool),
-    /// Stop.
-    Stop,
+}
+
+impl Request {
+    /// Whether both are of one parameter, or of one node's texture: then only the newer of them counts.
+    pub fn is_of_the_same(&self, other: &Self) -> bool {
+        match (self, other) {
+            (Self::Set { node, param, .. }, Self::Set { node: n, param: p, .. }) => node == n && param == p,
+            (Self::Material { node, .. }, Self::Material { node: n, .. }) => node == n,
+            _ => false,
+        }
+    }
 }

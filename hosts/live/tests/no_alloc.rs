@@ -1,8 +1,9 @@
 //! No thread that ticks, and no audio callback, allocates or frees.
 
-use std::alloc::{GlobalAlloc, Layout, System};
+#[path = "../../../tests/common/counting.rs"]
+mod counting;
+
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::SeqCst};
 use std::time::Duration;
 
 use asperity_audio::{Block, Process};
@@ -10,44 +11,11 @@ use asperity_live::driver::{Callback, Options, Paced, Ticker, Timer};
 use asperity_live::{
     Delay, Meters, RemoteClock, Sample, SampleWriter, TIMEOUT_NS, Timeline, now_ns, samples,
 };
-
-/// Counts what is allocated and freed on any thread while somebody looks.
-struct Counting;
-
-static LOOKING: AtomicBool = AtomicBool::new(false);
-static COUNT: AtomicU64 = AtomicU64::new(0);
-
-fn note() {
-    if LOOKING.load(SeqCst) {
-        COUNT.fetch_add(1, SeqCst);
-    }
-}
-
-// SAFETY: everything is handed on to the system's allocator.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        note();
-        // SAFETY: as the caller promised.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, at: *mut u8, layout: Layout) {
-        note();
-        // SAFETY: as the caller promised.
-        unsafe { System.dealloc(at, layout) }
-    }
-}
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
+use counting::{Who, assert_it_counts};
 
 /// Allocations and frees of the program during something.
 fn counted(what: impl FnOnce()) -> u64 {
-    COUNT.store(0, SeqCst);
-    LOOKING.store(true, SeqCst);
-    what();
-    LOOKING.store(false, SeqCst);
-    COUNT.load(SeqCst)
+    counting::counted(Who::Everyone, what)
 }
 
 /// A run that reads a hand.
@@ -79,7 +47,9 @@ impl Ticker for Hand {
         self.next
     }
     fn tick(&mut self, time_ns: u64, out: &mut [f32]) {
-        let sent = self.clock.map(time_ns as f64 * 1e-9 - 3.0, time_ns);
+        let sent_s = time_ns as f64 * 1e-9 - 3.0;
+        self.clock.hear(sent_s, time_ns);
+        let sent = self.clock.time_ns(sent_s, time_ns);
         let x = self.next as f64;
         // Longer pauses between, so that it stalls.
         if self.next % 200 < 150 {
@@ -107,10 +77,7 @@ fn call(half: &mut impl Process, room: &mut [f32], now_ns: u64, frames: usize) {
 }
 
 fn main() {
-    assert!(
-        counted(|| drop(std::hint::black_box(vec![1_u8; 64]))) >= 2,
-        "the instrument must see an allocation"
-    );
+    assert_it_counts(Who::Everyone);
     let mut room = vec![0.0; 4096];
     let sizes = [64, 0, 1, 1024, 97, 441];
 
@@ -121,7 +88,7 @@ fn main() {
             let frames = sizes[i % sizes.len()];
             call(&mut half, &mut room, now, frames);
             now += frames as u64 * 1_000_000_000 / 48_000 + if i % 900 == 0 { 70_000_000 } else { 0 };
-            driver.controls().mute(i % 1000 > 900);
+            driver.controls().reins().mute(i % 1000 > 900);
         }
     });
     assert_eq!(allocated, 0, "callback");

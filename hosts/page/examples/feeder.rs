@@ -7,25 +7,26 @@ mod made_up;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use asperity_live::samples;
+use asperity_live::{Reins, samples};
 use asperity_page::{Feed, Options, serve};
 
 fn main() -> std::io::Result<()> {
     let (to, from) = samples();
-    let (ask, asked) = std::sync::mpsc::sync_channel(64);
+    let reins = Reins::default();
     let feed = Arc::new(Feed::new());
     let port = std::env::args().nth(1).and_then(|port| port.parse().ok()).unwrap_or(0);
-    let page = serve(Options { port, token: None }, feed.clone(), ask, Some(to))?;
+    let page = serve(Options { port, token: None }, feed.clone(), reins.clone(), Some(to))?;
     println!("{}", page.url());
     let mut run = made_up::Run::new(Some(from));
     feed.publish_layout(run.layout.clone());
     let began = Instant::now();
     for n in 0u32.. {
-        while let Ok(request) = asked.try_recv() {
+        if reins.stopping() {
+            return Ok(());
+        }
+        run.muted = reins.muted();
+        for request in reins.asked() {
             println!("{request:?}");
-            if request == asperity_live::view::Request::Stop {
-                return Ok(());
-            }
             run.asked(&request);
             feed.publish_layout(run.layout.clone());
         }

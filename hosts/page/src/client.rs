@@ -2,9 +2,9 @@
 
 use std::sync::Arc;
 use std::sync::atomic::Ordering::Relaxed;
-use std::sync::mpsc::TrySendError;
 use std::time::Duration;
 
+use asperity_live::Unheard;
 use asperity_live::view::{Layout, Request};
 use axum::body::Bytes;
 use axum::extract::ws::{CloseFrame, Message, Utf8Bytes, WebSocket, close_code};
@@ -44,9 +44,7 @@ pub(crate) async fn attend(socket: WebSocket, page: u64, shared: Arc<Shared>) {
         leave = Show::new(&mut to, page, &shared, got_by_page).run(&mut waiting) => leave,
         _ = stop.wait_for(|stop| *stop) => (close_code::AWAY, "the run has ended"),
     };
-    if let Some(hand) = &shared.hand {
-        hand.free(page, &shared.counts);
-    }
+    shared.hand.free(page, &shared.counts);
     let close = Message::Close(Some(CloseFrame { code, reason: reason.into() }));
     // What is not read when a socket closes takes with it what was sent last: the reason would be lost.
     let farewell = async {
@@ -86,16 +84,15 @@ async fn listen(
                     let _ = answers.try_send(serde_json::json!({ "refused": why }).to_string());
                 }
             }
-            Message::Binary(bytes) => match (wire::told(&bytes), &shared.hand) {
-                (None, _) => return (close_code::INVALID, "this is not what a page sends"),
-                (Some(Told::Got(count)), _) => {
+            Message::Binary(bytes) => match wire::told(&bytes) {
+                None => return (close_code::INVALID, "this is not what a page sends"),
+                Some(Told::Got(count)) => {
                     got.send_if_modified(|got| std::mem::replace(got, count.max(*got)) < count);
                 }
-                (Some(Told::Hand(sent, strokes)), Some(hand)) => {
-                    hand.moved(page, &mut pen, sent, &strokes, &shared.counts);
+                Some(Told::Hand(sent, strokes)) => {
+                    shared.hand.moved(page, &mut pen, sent, &strokes, &shared.counts);
                 }
-                (Some(Told::Free), Some(hand)) => hand.free(page, &shared.counts),
-                (Some(Told::Hand(..) | Told::Free), None) => {}
+                Some(Told::Free) => shared.hand.free(page, &shared.counts),
             },
             Message::Ping(_) | Message::Pong(_) => {}
             Message::Close(_) => return GONE,
@@ -104,40 +101,44 @@ async fn listen(
     GONE
 }
 
-/// Passes on what was asked for, if the graph has it.
+/// Does what was asked for, or passes it on if the graph has it.
 fn pass(ask: Ask, shared: &Shared) -> Result<(), String> {
-    let request = request(ask, &shared.feed.layout())?;
-    shared.requests.try_send(request).map_err(|e| match e {
-        TrySendError::Full(_) => "The run is busy. Try again.".to_owned(),
-        TrySendError::Disconnected(_) => "The run has ended.".to_owned(),
+    let request = match ask {
+        Ask::Mute(mute) => {
+            shared.reins.mute(mute);
+            return Ok(());
+        }
+        Ask::Stop => {
+            shared.reins.stop();
+            return Ok(());
+        }
+        Ask::Set { node, param, value } => set(node, param, value, &shared.feed.layout())?,
+        Ask::Material { node, name } => material(node, name, &shared.feed.layout())?,
+    };
+    shared.reins.ask(request).map_err(|unheard| match unheard {
+        Unheard::Busy => "The run is busy. Try again.".to_owned(),
+        Unheard::Over => "The run has ended.".to_owned(),
     })
 }
 
-fn request(ask: Ask, layout: &Layout) -> Result<Request, String> {
-    match ask {
-        Ask::Set { node, param, value } => {
-            let live = layout.nodes.iter().find(|x| x.id == node).map_or(&[][..], |x| &x.live);
-            let Some(live) = live.iter().find(|x| x.name == param) else {
-                return Err(format!("{node} has no {param} that may change while it runs."));
-            };
-            let fits = (live.least..=live.most).contains(&value) && !(live.whole && value.fract() != 0.0);
-            if !fits {
-                return Err(format!(
-                    "{param} of {node} takes {} to {} {}.",
-                    live.least, live.most, live.unit
-                ));
-            }
-            Ok(Request::Set { node, param, value })
-        }
-        Ask::Material { node, name } => {
-            let known = layout.materials.iter().any(|x| x.node == node && x.names.contains(&name));
-            known
-                .then(|| Request::Material { node: node.clone(), name: name.clone() })
-                .ok_or_else(|| format!("{node} has no material {name}."))
-        }
-        Ask::Mute(mute) => Ok(Request::Mute(mute)),
-        Ask::Stop => Ok(Request::Stop),
+fn set(node: String, param: String, value: f64, layout: &Layout) -> Result<Request, String> {
+    let live = layout.nodes.iter().find(|x| x.id == node).map_or(&[][..], |x| &x.live);
+    let Some(live) = live.iter().find(|x| x.name == param) else {
+        return Err(format!("{node} has no {param} that may change while it runs."));
+    };
+    let fits = (live.least..=live.most).contains(&value) && !(live.whole && value.fract() != 0.0);
+    if !fits {
+        return Err(format!("{param} of {node} takes {} to {} {}.", live.least, live.most, live.unit));
     }
+    Ok(Request::Set { node, param, value })
+}
+
+fn material(node: String, name: String, layout: &Layout) -> Result<Request, String> {
+    let known = layout.materials.iter().any(|x| x.node == node && x.names.contains(&name));
+    if !known {
+        return Err(format!("{node} has no material {name}."));
+    }
+    Ok(Request::Material { node, name })
 }
 
 /// Shows the run to a page.
@@ -166,22 +167,15 @@ impl<'a> Show<'a> {
 
     async fn run(mut self, waiting: &mut mpsc::Receiver<String>) -> Leave {
         let mut news = self.shared.feed.news();
-        let mut holder = self.shared.hand.as_ref().map(|hand| hand.holder());
-        if let Some(holder) = &mut holder {
-            holder.mark_changed();
-        }
+        let mut holder = self.shared.hand.holder();
+        holder.mark_changed();
         loop {
             news.mark_unchanged();
             if let Err(leave) = self.catch_up().await {
                 return leave;
             }
             let owes = self.sent > *self.got.borrow();
-            let changed = async {
-                match &mut holder {
-                    Some(holder) => holder.changed().await.map(|()| *holder.borrow_and_update()),
-                    None => std::future::pending().await,
-                }
-            };
+            let changed = async { holder.changed().await.map(|()| *holder.borrow_and_update()) };
             let text = tokio::select! {
                 _ = news.changed() => None,
                 got = self.got.changed() => {
@@ -217,7 +211,7 @@ impl<'a> Show<'a> {
         let news = self.shared.feed.after(self.layouts, self.seen);
         if let Some((layout, count)) = news.layout {
             self.layouts = count;
-            let text: Utf8Bytes = wire::layout(&layout, self.shared.hand.is_some()).into();
+            let text: Utf8Bytes = wire::layout(&layout, self.shared.hand.is_there()).into();
             self.send(Message::Text(text)).await?;
         }
         let owed = self.sent.saturating_sub(*self.got.borrow());

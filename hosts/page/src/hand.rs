@@ -9,7 +9,7 @@ use tokio::sync::watch;
 use crate::server::Counters;
 use crate::wire::Stroke;
 
-/// The one hand, which the page that touched last has.
+/// The one hand, which the page that touched last has. It is there while the graph listens to it.
 #[derive(Debug)]
 pub(crate) struct Hand {
     state: Mutex<State>,
@@ -18,7 +18,8 @@ pub(crate) struct Hand {
 
 #[derive(Debug)]
 struct State {
-    to: SampleWriter,
+    /// None while no graph listens.
+    to: Option<SampleWriter>,
     /// The newest sample.
     last: Sample,
 }
@@ -34,14 +35,23 @@ pub(crate) struct Pen {
 
 impl Hand {
     /// A hand that writes here.
-    pub(crate) fn new(to: SampleWriter) -> Self {
+    pub(crate) fn new(to: Option<SampleWriter>) -> Self {
         Self { state: Mutex::new(State { to, last: Sample::default() }), holder: watch::Sender::new(None) }
     }
 
-    /// Writes here from now on; the stroke goes on.
-    pub(crate) fn set_writer(&self, to: SampleWriter) {
+    /// Writes here from now on; the stroke goes on. Without anywhere to write, no page has the hand.
+    pub(crate) fn set_writer(&self, to: Option<SampleWriter>) {
+        let gone = to.is_none();
         let old = std::mem::replace(&mut self.state.lock().to, to);
         drop(old);
+        if gone {
+            self.holder.send_if_modified(|holder| holder.take().is_some());
+        }
+    }
+
+    /// Whether a graph listens.
+    pub(crate) fn is_there(&self) -> bool {
+        self.state.lock().to.is_some()
     }
 
     /// Tells which page has the hand.
@@ -60,8 +70,11 @@ impl Hand {
     ) {
         let arrived_ns = now_ns();
         // A place is older than its message: the message alone says how the clocks stand to each other.
-        pen.clock.map(sent_ms / 1e3, arrived_ns);
+        pen.clock.hear(sent_ms / 1e3, arrived_ns);
         let mut state = self.state.lock();
+        if state.to.is_none() {
+            return;
+        }
         for stroke in strokes {
             let begins = pen.number != Some(stroke.number);
             let takes = *self.holder.borrow() != Some(page);
@@ -73,7 +86,7 @@ impl Hand {
             }
             pen.number = Some(stroke.number);
             let sample = Sample {
-                time_ns: pen.clock.map(stroke.at_ms / 1e3, arrived_ns),
+                time_ns: pen.clock.time_ns(stroke.at_ms / 1e3, arrived_ns),
                 arrived_ns,
                 position: [stroke.x_mm, stroke.y_mm, 0.0],
                 force: stroke.pressure,
@@ -101,7 +114,8 @@ impl State {
     fn put(&mut self, mut sample: Sample, counts: &Counters) {
         sample.time_ns = sample.time_ns.min(sample.arrived_ns).max(self.last.time_ns + 1);
         self.last = sample;
-        let count = if self.to.send(sample) { &counts.samples } else { &counts.lost };
+        let Some(to) = &mut self.to else { return };
+        let count = if to.send(sample) { &counts.samples } else { &counts.lost };
         count.fetch_add(1, Relaxed);
     }
 }
@@ -118,7 +132,7 @@ mod tests {
     #[test]
     fn the_newest_touch_takes_the_hand_and_the_rest_of_an_older_one_is_nothing() {
         let (to, mut from) = samples();
-        let (hand, counts) = (Hand::new(to), Counters::default());
+        let (hand, counts) = (Hand::new(Some(to)), Counters::default());
         let (mut a, mut b) = (Pen::default(), Pen::default());
         hand.moved(1, &mut a, 10.0, &[at(9.0, 1.0, 0.5, 1), at(10.0, 2.0, 0.5, 1)], &counts);
         hand.moved(2, &mut b, 500.0, &[at(500.0, 30.0, 0.0, 1)], &counts);

@@ -2,7 +2,7 @@
 //!
 //! [`serve`] starts a server on a thread of its own. The control thread of a run hands its figures to a [`Feed`] and goes on at
 //! once, whatever the pages do; what a hand does on the page comes out of an
-//! [`asperity_live::SampleReader`], and what a person asks for out of a channel. The tick thread knows nothing of all this.
+//! [`asperity_live::SampleReader`], and what a person asks for out of the run's [`asperity_live::Reins`]. The tick thread knows nothing of all this.
 //!
 //! Who may look: programs on this machine that know the token in the address. Every request names its host, which must be
 //! the loopback address or `localhost` with our port, so that a foreign name that resolves to this machine gets nothing; where it names an

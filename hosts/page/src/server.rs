@@ -5,12 +5,10 @@ use std::net::Ipv4Addr;
 use std::sync::Arc;
 use std::sync::atomic::AtomicU64;
 use std::sync::atomic::Ordering::Relaxed;
-use std::sync::mpsc::SyncSender;
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use asperity_live::SampleWriter;
-use asperity_live::view::Request;
+use asperity_live::{Reins, SampleWriter};
 use axum::extract::{State, WebSocketUpgrade};
 use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
@@ -89,8 +87,8 @@ pub(crate) struct Shared {
     pub(crate) port: u16,
     pub(crate) token: String,
     pub(crate) feed: Arc<Feed>,
-    pub(crate) requests: SyncSender<Request>,
-    pub(crate) hand: Option<Hand>,
+    pub(crate) reins: Reins,
+    pub(crate) hand: Hand,
     pub(crate) counts: Counters,
     pub(crate) stop: watch::Sender<bool>,
     places: Arc<Semaphore>,
@@ -105,16 +103,16 @@ pub struct Page {
 
 /// Serves the page on 127.0.0.1, on a thread of its own, until the [`Page`] is dropped.
 ///
-/// `feed` is what is shown. What is asked for goes to `requests`, after it was held against the layout; where that is full
-/// the page is told to try again. `pointer` is where a hand on the page puts its samples: x to the right and y away from
-/// the hand, in mm from the middle of the surface, z 0, and a pressure from 0 to 1 as force; none where the graph listens to no pointer.
+/// `feed` is what is shown. `reins` are held by every page: mute and stop act at once, and what else is asked for waits there, after
+/// it was held against the layout; where too much waits the page is told to try again. `pointer` is where a hand on the page puts its samples: x to the right and y away from
+/// the hand, in mm from the middle of the surface, z 0, and a pressure from 0 to 1 as force; none while the graph listens to no pointer.
 ///
 /// # Errors
 /// The port is taken, the token is not one that stands in an address, the machine has no random numbers or no thread.
 pub fn serve(
     options: Options,
     feed: Arc<Feed>,
-    requests: SyncSender<Request>,
+    reins: Reins,
     pointer: Option<SampleWriter>,
 ) -> io::Result<Page> {
     let token = options.token.map_or_else(random, Ok)?;
@@ -128,8 +126,8 @@ pub fn serve(
         port,
         token,
         feed,
-        requests,
-        hand: pointer.map(Hand::new),
+        reins,
+        hand: Hand::new(pointer),
         counts: Counters::default(),
         stop: watch::Sender::new(false),
         places: Arc::new(Semaphore::new(PAGES)),
@@ -154,11 +152,11 @@ impl Page {
         &self.url
     }
 
-    /// Hands the samples of the hand to another writer, as after a change of the graph. A stroke goes on in it, numbered as before; the
-    /// old writer is dropped. False, and nothing done, where the page was served without a pointer.
-    pub fn set_pointer(&self, to: SampleWriter) -> bool {
-        let hand = self.shared.hand.as_ref();
-        hand.map(|hand| hand.set_writer(to)).is_some()
+    /// Hands the samples of the hand to another writer, as after a change of the graph; none where the graph no longer listens to a
+    /// pointer. A stroke goes on, numbered as before; the old writer is dropped. Pages hear with the next layout whether there is
+    /// something to stroke.
+    pub fn set_pointer(&self, to: Option<SampleWriter>) {
+        self.shared.hand.set_writer(to);
     }
 
     /// What happened so far.

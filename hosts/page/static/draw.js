@@ -1,8 +1,8 @@
 // What the parts that draw share: canvases at the screen's own resolution, colours of the style sheet, figures as text.
 
-/** A canvas whose unit is a CSS pixel. */
-export function canvas(element) {
-  const pen = element.getContext("2d");
+/** A canvas whose unit is a CSS pixel. One that is `solid` is never seen through. */
+export function canvas(element, solid = false) {
+  const pen = element.getContext("2d", { alpha: !solid });
   const box = { width: 0, height: 0, scale: 0, stale: true };
   const measure = () => {
     const { width, height } = element.getBoundingClientRect();
@@ -15,15 +15,20 @@ export function canvas(element) {
   return {
     element,
     resized: () => box.stale,
+    /** What it is drawn on as it stands: the pen, its size in CSS pixels, and the screen's pixels in one of those. */
+    kept: () => ({ pen, ...box }),
     clear() {
       if (!box.width) measure();
       const [w, h] = [Math.round(box.width * box.scale), Math.round(box.height * box.scale)];
       if (element.width !== w || element.height !== h) Object.assign(element, { width: w, height: h });
       box.stale = false;
       pen.setTransform(box.scale, 0, 0, box.scale, 0, 0);
-      pen.clearRect(0, 0, box.width, box.height);
       pen.font = "11px system-ui, sans-serif";
-      return { pen, width: box.width, height: box.height };
+      if (solid) {
+        pen.fillStyle = colour("--panel");
+        pen.fillRect(0, 0, box.width, box.height);
+      } else pen.clearRect(0, 0, box.width, box.height);
+      return { pen, ...box };
     },
   };
 }
@@ -72,7 +77,9 @@ export function make(tag, name = "", text = "") {
 
 /** Sets a text only where it is another: the browser lays out no more than it must. */
 export function write(element, text) {
-  if (element.textContent !== text) element.textContent = text;
+  if (element.textContent === text) return;
+  if (element.firstChild) element.firstChild.nodeValue = text;
+  else element.textContent = text;
 }
 
 /** The least of 1, 2, 5, 10, ... that is not under `x`. */

@@ -1,5 +1,5 @@
 // The graph as it runs: a box for each node, with what it puts out, what it costs and how it fares.
-import { count, figure } from "./draw.js";
+import { count, figure, write } from "./draw.js";
 import { place } from "./layers.js";
 
 const NODE = 174;
@@ -22,10 +22,6 @@ function svg(tag, attributes = {}, text = "") {
 /** Cuts a text to about so many characters. */
 const cut = (text, most) => (text.length > most ? `${text.slice(0, most - 1)}…` : text);
 
-function write(element, text) {
-  if (element.textContent !== text) element.textContent = text;
-}
-
 export class Graph {
   #box;
   #note;
@@ -33,6 +29,7 @@ export class Graph {
   #nodes = [];
   #wires = [];
   #width = 0;
+  #view = null;
 
   constructor(box, note) {
     this.#box = box;
@@ -75,12 +72,15 @@ export class Graph {
     this.#nodes = layout.nodes.map((node, i) => {
       const drawn = box(node, placed.places[i], wide, (input) => wired.has(`${i} ${input}`));
       root.append(drawn.group);
-      return { ...drawn, calls: null, idle: 0 };
+      // What nobody points at is not written.
+      drawn.group.addEventListener("pointerenter", () => this.#tell(i));
+      return { ...drawn, calls: null, idle: 0, stands: "" };
     });
     this.#box.replaceChildren(root);
   }
 
   show(view) {
+    this.#view = view;
     // Nothing is built before the page has a width.
     if (!this.#nodes.length) return;
     let asleep = 0;
@@ -91,13 +91,14 @@ export class Graph {
       node.calls = now.calls;
       const state = now.quarantined ? "quarantined" : node.idle >= ASLEEP ? "asleep" : "awake";
       asleep += state === "asleep";
-      node.group.setAttribute("class", `node ${state}${now.faults ? " faulty" : ""}`);
+      const stands = `node ${state}${now.faults ? " faulty" : ""}`;
+      if (node.stands !== stands) node.group.setAttribute("class", (node.stands = stands));
       write(node.us, state === "awake" ? `${figure(now.us)} µs` : state);
       const faults = now.faults ? `${count(now.faults)} ${now.faults === 1 ? "fault" : "faults"}` : "";
       write(node.faults, faults);
       write(node.id, node.names[now.faults ? 1 : 0]);
       node.outputs.forEach((output, k) => write(output, figure(now.values[k])));
-      write(node.title, this.#told(i, now));
+      if (node.group.matches(":hover")) this.#tell(i);
     });
     this.#layout.wires.forEach(([from], i) => {
       const still = this.#nodes[from].idle >= ASLEEP || view.nodes[from]?.quarantined;
@@ -107,12 +108,15 @@ export class Graph {
     write(this.#note, `${view.nodes.length - asleep} of ${view.nodes.length} nodes awake, ${figure(all)} µs a tick`);
   }
 
-  #told(i, now) {
+  /** What a node did so far, for who points at it. */
+  #tell(i) {
+    const now = this.#view?.nodes[i];
+    if (!now) return;
     const { id, kind } = this.#layout.nodes[i];
     const lines = [`${id}: ${kind}`, `mean ${figure(now.us)} µs, longest ${figure(now.max_us)} µs`,
       `${count(now.calls)} calls, slept through ${count(now.slept)} ticks`];
     if (now.faults) lines.push(`${count(now.faults)} faults; last: ${now.last_fault}`);
-    return lines.join("\n");
+    write(this.#nodes[i].title, lines.join("\n"));
   }
 }
 

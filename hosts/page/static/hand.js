@@ -1,5 +1,5 @@
 // The surface: what a pointer does on it goes to the run as it happens, and is drawn.
-import { canvas, colour } from "./draw.js";
+import { canvas, colour, write } from "./draw.js";
 
 const INCH_MM = 25.4;
 const BAR_PX = 96;
@@ -8,11 +8,19 @@ const BEAT_MS = 15;
 /// Moves come late, up to a picture where the browser holds them back; a beat must not overtake them.
 const BEHIND_MS = 8;
 const INK_MS = 1200;
+/// Ink fades in so many steps: what is as old is one line.
+const FADES = 16;
+/// Places this close, that press about as hard, are one: a pen tells 250 a second.
+const NEAR_MM = 1.2;
+const LIKE = 0.03;
+/// How often where the hand is is written.
+const TEXT_MS = 100;
 
 export class Hand {
   #link;
   #surface = document.getElementById("surface");
   #ink = canvas(document.getElementById("ink"));
+  #grid = canvas(document.getElementById("grid"));
   #mm = Number(localStorage.getItem("asperity.bar_mm")) || INCH_MM;
   #press = Number(localStorage.getItem("asperity.pressure")) || 0.4;
   #there = false;
@@ -23,6 +31,10 @@ export class Hand {
   #said = 0;
   #trail = [];
   #inked = true;
+  /// Millimetres of the bar that the grid was drawn for.
+  #ruled = 0;
+  #told = 0;
+  #box = null;
   #mouse = false;
   #glide = null;
 
@@ -104,7 +116,9 @@ export class Hand {
   }
 
   #place(event) {
-    const box = this.#surface.getBoundingClientRect();
+    // Where it stands is read once a picture: a pen moves several times in one.
+    this.#box ??= this.#surface.getBoundingClientRect();
+    const box = this.#box;
     const mm = this.#mm / BAR_PX;
     return {
       at: event.timeStamp,
@@ -117,6 +131,7 @@ export class Hand {
   #down(event) {
     if (this.#pointer !== null || !this.#there || event.button !== 0) return;
     this.#surface.setPointerCapture(event.pointerId);
+    this.#box = null;
     this.#pointer = event.pointerId;
     this.#mouse = event.pointerType === "mouse";
     this.#stroke += 1;
@@ -186,11 +201,20 @@ export class Hand {
       const at = Math.min(now, Math.max(place.at, this.#last ? this.#last.at + 0.01 : 0));
       this.#last = { ...place, at };
       numbers.set([at, place.x, place.y, place.pressure, this.#stroke], 2 + 5 * i);
-      this.#trail.push({ ...this.#last, stroke: this.#stroke });
+      this.#keep({ ...this.#last, stroke: this.#stroke });
     });
     this.#said = now;
     this.#inked = true;
     this.#link.tell(numbers);
+  }
+
+  /** Puts a place at the end of the trail, or moves its end there. */
+  #keep(place) {
+    const [before, last] = [this.#trail.at(-2), this.#trail.at(-1)];
+    const near = before && before.stroke === place.stroke && last.stroke === place.stroke && place.pressure > 0
+      && Math.hypot(place.x - before.x, place.y - before.y) < NEAR_MM && Math.abs(place.pressure - before.pressure) < LIKE;
+    if (near) this.#trail[this.#trail.length - 1] = place;
+    else this.#trail.push(place);
   }
 
   #free() {
@@ -201,6 +225,8 @@ export class Hand {
 
   /** Draws the last second of the hand, wide where it pressed. */
   draw() {
+    this.#box = null;
+    this.#rule();
     const now = performance.now();
     const old = this.#trail.findIndex((place) => now - place.at < INK_MS);
     this.#trail.splice(0, old < 0 ? this.#trail.length : old);
@@ -208,46 +234,72 @@ export class Hand {
     this.#inked = this.#trail.length > 0;
     const { pen, width, height } = this.#ink.clear();
     const scale = BAR_PX / this.#mm;
-    this.#grid(pen, width, height, scale);
     const [X, Y] = [(place) => width / 2 + place.x * scale, (place) => height / 2 - place.y * scale];
     pen.strokeStyle = colour("--hand");
-    pen.lineCap = "round";
+    // Round ends of lines that are seen through would be dots where they meet.
+    pen.lineCap = "butt";
+    pen.lineJoin = "round";
+    let like = "";
     for (let i = 1; i < this.#trail.length; i += 1) {
       const [from, to] = [this.#trail[i - 1], this.#trail[i]];
       if (from.stroke !== to.stroke || from.pressure === 0) continue;
-      pen.globalAlpha = Math.max(0, 1 - (now - to.at) / INK_MS);
-      pen.lineWidth = 1 + 9 * to.pressure;
-      pen.beginPath();
-      pen.moveTo(X(from), Y(from));
+      const fade = Math.ceil(FADES * Math.max(0, 1 - (now - to.at) / INK_MS)) / FADES;
+      const wide = 1 + Math.round(18 * to.pressure) / 2;
+      const likeness = `${to.stroke} ${fade} ${wide}`;
+      if (likeness !== like) {
+        if (like) pen.stroke();
+        like = likeness;
+        pen.globalAlpha = fade;
+        pen.lineWidth = wide;
+        pen.beginPath();
+        pen.moveTo(X(from), Y(from));
+      }
       pen.lineTo(X(to), Y(to));
-      pen.stroke();
     }
+    if (like) pen.stroke();
     pen.globalAlpha = 1;
     this.#tip(pen, X, Y);
+    if (now - this.#told >= TEXT_MS || !this.#inked) {
+      this.#told = now;
+      this.#tell();
+    }
+  }
+
+  #touches() {
+    return this.#last && (this.#last.pressure > 0 || this.#pointer !== null);
   }
 
   #tip(pen, X, Y) {
+    if (!this.#touches()) return;
     const last = this.#last;
-    const where = document.getElementById("where");
-    document.getElementById("invite").hidden = this.#pointer !== null && this.#there;
-    if (!last || (last.pressure === 0 && this.#pointer === null)) {
-      where.textContent = last ? "lifted" : "";
-      return;
-    }
-    const mm = (x) => `${x.toFixed(1).replace("-", "−")} mm`;
-    where.textContent = `x ${mm(last.x)}, y ${mm(last.y)}, pressure ${last.pressure.toFixed(2)}`;
     pen.fillStyle = colour("--hand");
     pen.beginPath();
     pen.arc(X(last), Y(last), 3 + 9 * last.pressure, 0, 7);
     pen.fill();
   }
 
+  /** Says where the hand is. */
+  #tell() {
+    const invite = document.getElementById("invite");
+    const touched = this.#pointer !== null && this.#there;
+    if (invite.hidden !== touched) invite.hidden = touched;
+    const last = this.#last;
+    const mm = (x) => `${x.toFixed(1).replace("-", "−")} mm`;
+    const text = this.#touches()
+      ? `x ${mm(last.x)}, y ${mm(last.y)}, pressure ${last.pressure.toFixed(2)}`
+      : last ? "lifted" : "";
+    write(document.getElementById("where"), text);
+  }
+
   /** Lines every 10 mm, so that a speed can be judged. */
-  #grid(pen, width, height, scale) {
+  #rule() {
+    if (!this.#grid.resized() && this.#ruled === this.#mm) return;
+    this.#ruled = this.#mm;
+    const { pen, width, height } = this.#grid.clear();
     pen.strokeStyle = colour("--grid");
     pen.lineWidth = 1;
     pen.beginPath();
-    const step = 10 * scale;
+    const step = (10 * BAR_PX) / this.#mm;
     for (let x = (width / 2) % step; x < width; x += step) {
       pen.moveTo(Math.round(x) + 0.5, 0);
       pen.lineTo(Math.round(x) + 0.5, height);

@@ -7,6 +7,7 @@ import { Spectrum } from "./spectrum.js";
 import { Timing } from "./timing.js";
 import { Health } from "./health.js";
 import { Controls } from "./controls.js";
+import { make, write } from "./draw.js";
 
 const by = (id) => document.getElementById(id);
 const WORDS = {
@@ -40,15 +41,20 @@ function say(text, forMs = 0) {
   noticeEnds = forMs ? performance.now() + forMs : 0;
 }
 
+const told = new Map();
 function facts(pairs) {
-  by("facts").replaceChildren(...pairs.filter(([, value]) => value).map(([name, value]) => {
-    const pair = document.createElement("div");
-    const [dt, dd] = [document.createElement("dt"), document.createElement("dd")];
-    dt.textContent = name;
-    dd.textContent = value;
-    pair.append(dt, dd);
-    return pair;
-  }));
+  for (const [name, value] of pairs) {
+    if (!told.has(name)) {
+      const pair = make("div");
+      const text = make("dd");
+      pair.append(make("dt", "", name), text);
+      by("facts").append(pair);
+      told.set(name, { pair, text });
+    }
+    const { pair, text } = told.get(name);
+    if (pair.hidden !== !value) pair.hidden = !value;
+    if (value) write(text, value);
+  }
 }
 
 function clock(seconds) {
@@ -66,6 +72,7 @@ function condition(is, word) {
 }
 
 function showMute(now) {
+  if (now === muted) return;
   muted = now;
   const button = by("mute");
   button.setAttribute("aria-pressed", String(now));
@@ -79,13 +86,13 @@ function mute() {
 /** A unit as a person writes it; that of a plain number is none. */
 const written = (unit) => (unit === "1" ? "" : unit.replace("^2", "²"));
 
-function write(layout) {
+function tidy(layout) {
   for (const node of layout.nodes) node.outputs = node.outputs.map(([name, unit]) => [name, written(unit)]);
   for (const scope of layout.scopes) scope.unit = written(scope.unit);
 }
 
 link.onLayout = (next, withHand) => {
-  write(next);
+  tidy(next);
   const same = layout && layout.number === next.number && layout.file === next.file
     && layout.nodes.length === next.nodes.length;
   layout = next;
@@ -121,7 +128,21 @@ link.onState = (state, why) => {
   hand.linked(state === "open");
 };
 
+/// Figures that change 60 times a second cannot be read. Each part writes its own ten times a second, in pictures of their own.
+const TEXT_MS = 100;
+const TEXTS = [
+  () => facts([
+    ["device", view.device],
+    ["clock", view.clock && view.period_frames ? `${view.clock}, ${view.period_frames} frames` : view.clock],
+    ["rate", `${layout.tick_hz} Hz, ${layout.audio_hz / 1000} kHz`],
+    ["time", clock(view.seconds)],
+  ]),
+  () => view.layout === layout.number && graph.show(view),
+  () => timing.show(view.timing, view.ticks),
+  () => health.show(view),
+];
 let texted = 0;
+let turn = 0;
 function frame(now) {
   requestAnimationFrame(frame);
   if (noticeEnds && now > noticeEnds) say("");
@@ -131,19 +152,11 @@ function frame(now) {
   scopes.draw();
   spectrum.draw(now);
   if (document.body.dataset.link === "open") condition(view.condition, WORDS[view.condition] ?? view.condition);
-  showMute(view.condition === "muted");
-  // Figures that change 60 times a second cannot be read.
-  if (now - texted < 100) return;
+  showMute(view.muted);
+  if (now - texted < TEXT_MS / TEXTS.length) return;
   texted = now;
-  facts([
-    ["device", view.device],
-    ["clock", view.clock && view.period_frames ? `${view.clock}, ${view.period_frames} frames` : view.clock],
-    ["rate", `${layout.tick_hz} Hz, ${layout.audio_hz / 1000} kHz`],
-    ["time", clock(view.seconds)],
-  ]);
-  if (view.layout === layout.number) graph.show(view);
-  timing.show(view.timing, view.ticks);
-  health.show(view);
+  TEXTS[turn]();
+  turn = (turn + 1) % TEXTS.length;
 }
 
 by("mute").addEventListener("click", mute);

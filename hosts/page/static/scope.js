@@ -1,14 +1,18 @@
 // Scopes: what the signals did in the last seconds, scrolling. A strip keeps the least and the greatest sample of every
-// column, so that drawing costs the same at 500 Hz and at 48 kHz.
+// column of the screen, so that drawing costs the same at 500 Hz and at 48 kHz; what is drawn is shifted, and only the columns that
+// are new are drawn.
 import { canvas, colour, figure, make, round, signal, write } from "./draw.js";
 
-const COLUMNS = 480;
+/// Room for the scale, in CSS pixels.
+const LEFT = 46;
+/// Width of a line, in CSS pixels.
+const LINE = 1.3;
 const SPANS_S = [0.5, 2, 10];
 /// A scale grows at once, and shrinks when the signal stayed under this part of it for so many columns.
 const SMALL = 0.35;
 const PATIENT_S = 1.5;
 /// Samples kept for the spectrum.
-const KEPT = 65536;
+const KEPT = 131072;
 
 /** The last samples of a signal. */
 class Samples {
@@ -38,10 +42,11 @@ class Samples {
 
 /** Least and greatest of every column of the last `span` seconds. */
 class Strip {
-  constructor(rate, span) {
-    this.per = (rate * span) / COLUMNS;
-    this.least = new Float32Array(COLUMNS).fill(NaN);
-    this.most = new Float32Array(COLUMNS).fill(NaN);
+  constructor(rate, span, columns) {
+    this.columns = columns;
+    this.per = (rate * span) / columns;
+    this.least = new Float32Array(columns).fill(NaN);
+    this.most = new Float32Array(columns).fill(NaN);
     this.column = -1;
   }
 
@@ -49,20 +54,21 @@ class Strip {
     for (let i = 0; i < samples.length; i += 1) {
       const column = Math.floor((first + i) / this.per);
       if (column !== this.column) this.#begin(column);
-      const [at, x] = [column % COLUMNS, samples[i]];
+      const [at, x] = [column % this.columns, samples[i]];
       if (!(this.least[at] <= x)) this.least[at] = x;
       if (!(this.most[at] >= x)) this.most[at] = x;
     }
   }
 
   #begin(column) {
+    const { columns } = this;
     // Columns that no sample fell into are empty: a signal slower than the columns is drawn as steps, a hole as a hole.
-    const from = Math.max(this.column + 1, column - COLUMNS + 1);
+    const from = Math.max(this.column + 1, column - columns + 1);
     const step = column - this.column <= Math.ceil(1 / this.per) + 1 && this.column >= 0;
-    const [least, most] = [this.least[this.column % COLUMNS], this.most[this.column % COLUMNS]];
+    const [least, most] = [this.least[this.column % columns], this.most[this.column % columns]];
     for (let c = from; c <= column; c += 1) {
-      this.least[c % COLUMNS] = step && c < column ? least : NaN;
-      this.most[c % COLUMNS] = step && c < column ? most : NaN;
+      this.least[c % columns] = step && c < column ? least : NaN;
+      this.most[c % columns] = step && c < column ? most : NaN;
     }
     this.column = column;
   }
@@ -83,17 +89,21 @@ class Scope {
     element.setAttribute("role", "img");
     element.setAttribute("aria-label", `${layout.name} over time`);
     this.row.append(caption, element);
-    this.canvas = canvas(element);
+    this.canvas = canvas(element, true);
     this.top = 0;
     this.quiet = 0;
     this.last = 0;
     this.written = 0;
+    /// The newest column that is drawn, and the scale it was drawn in.
+    this.drawn = { column: -1, bottom: 0, top: 0 };
+    this.strip = new Strip(this.samples.rate, span, 1);
     this.span(span);
   }
 
-  span(span) {
+  span(span, columns = this.strip.columns) {
     this.seconds = span;
-    this.strip = new Strip(this.samples.rate, span);
+    this.strip = new Strip(this.samples.rate, span, columns);
+    this.drawn.column = -1;
     const n = Math.min(this.samples.whole, Math.floor(this.samples.rate * span), KEPT);
     const old = new Float32Array(n);
     this.samples.newest(n, old);
@@ -121,40 +131,66 @@ class Scope {
   }
 
   draw() {
-    const { least, most, column } = this.strip;
-    const { pen, width, height } = this.canvas.clear();
+    const now = performance.now();
+    if (this.canvas.resized()) this.#begin();
+    const { least, most, column, columns } = this.strip;
     let [low, high] = [0, 0];
-    for (let i = 0; i < COLUMNS; i += 1) {
+    for (let i = 0; i < columns; i += 1) {
       if (least[i] < low) low = least[i];
       if (most[i] > high) high = most[i];
     }
-    this.signed = low < -0.05 * high || (this.signed && performance.now() - this.quiet < 5000);
+    this.signed = low < -0.05 * high || (this.signed && now - this.quiet < 5000);
     const [bottom, top] = this.#scale(Math.max(high, -low), this.signed);
-    const left = 46;
-    const y = (x) => 5 + ((top - Math.max(x, bottom)) / (top - bottom)) * (height - 10);
-    this.#axis(pen, left, width, y, bottom, top);
-    pen.strokeStyle = signal(this.name, this.place);
-    pen.lineWidth = 1.3;
-    pen.lineJoin = "round";
-    pen.beginPath();
-    let drawing = false;
-    for (let i = 0; i < COLUMNS; i += 1) {
-      const at = (column + 1 + i + COLUMNS) % COLUMNS;
-      if (Number.isNaN(least[at])) {
-        drawing = false;
-        continue;
-      }
-      const x = left + ((i + 0.5) / COLUMNS) * (width - left);
-      if (drawing) pen.lineTo(x, y(most[at]));
-      else pen.moveTo(x, y(most[at]));
-      if (least[at] !== most[at]) pen.lineTo(x, y(least[at]));
-      drawing = true;
+    const { drawn } = this;
+    const { pen, width, height, scale } = this.canvas.kept();
+    const all = drawn.column < 0 || column - drawn.column >= columns || drawn.bottom !== bottom || drawn.top !== top;
+    // From here on the unit is a pixel of the screen.
+    const plot = { pen, scale, left: Math.round(LEFT * scale), width: Math.round(width * scale), high: Math.round(height * scale) };
+    plot.y = (x) => (5 + ((top - Math.max(x, bottom)) / (top - bottom)) * (height - 10)) * scale;
+    plot.marks = bottom < 0 ? [top, 0, bottom] : [top, top / 2, 0];
+    const behind = all ? columns - 1 : column - drawn.column;
+    if (all) this.#axis(plot, this.canvas.clear());
+    pen.setTransform(1, 0, 0, 1, 0, 0);
+    if (!all && behind > 0) {
+      const { element } = this.canvas;
+      const [from, wide] = [plot.left + behind, plot.width - plot.left - behind];
+      pen.drawImage(element, from, 0, wide, plot.high, plot.left, 0, wide, plot.high);
     }
-    pen.stroke();
-    this.dot.style.background = signal(this.name, this.place);
-    if (performance.now() - this.written > 100) {
-      this.written = performance.now();
+    this.#columns(plot, Math.max(0, column - behind), column);
+    Object.assign(drawn, { column, bottom, top });
+    if (now - this.written > 100) {
+      this.written = now;
       write(this.now, this.#figure(column));
+    }
+  }
+
+  /** Another size or other colours: a strip of as many columns as there are pixels, and all of it drawn. */
+  #begin() {
+    const { width, scale } = this.canvas.clear();
+    const columns = Math.max(1, Math.round(width * scale) - Math.round(LEFT * scale));
+    if (columns !== this.strip.columns) this.span(this.seconds, columns);
+    this.drawn.column = -1;
+    this.dot.style.background = signal(this.name, this.place);
+  }
+
+  /** Draws columns upon nothing but the lines of the scale. Each reaches to the one before, so that they are a line. */
+  #columns({ pen, scale, left, width, high, y, marks }, from, to) {
+    const { least, most, column, columns } = this.strip;
+    const [x, wide] = [width - 1 - (column - from), to - from + 1];
+    pen.fillStyle = colour("--panel");
+    pen.fillRect(Math.max(x, left), 0, wide, high);
+    pen.fillStyle = colour("--grid");
+    for (const mark of marks) pen.fillRect(Math.max(x, left), Math.round(y(mark)), wide, Math.round(scale));
+    pen.fillStyle = signal(this.name, this.place);
+    for (let c = from; c <= to; c += 1) {
+      const at = c % columns;
+      let [low, top] = [least[at], most[at]];
+      if (Number.isNaN(low)) continue;
+      const before = c > 0 && c > column - columns + 1 ? (c - 1) % columns : at;
+      if (low > most[before]) low = most[before];
+      if (top < least[before]) top = least[before];
+      const begin = y(top) - (LINE * scale) / 2;
+      pen.fillRect(width - 1 - (column - c), begin, 1, y(low) + (LINE * scale) / 2 - begin);
     }
   }
 
@@ -170,21 +206,12 @@ class Scope {
     return `${figure(rms)} ${this.unit} rms`;
   }
 
-  #axis(pen, left, width, y, bottom, top) {
-    pen.strokeStyle = colour("--grid");
+  /** The scale's figures; its lines are drawn with the columns. */
+  #axis({ marks, y, scale }, { pen, height }) {
     pen.fillStyle = colour("--quiet");
     pen.textAlign = "right";
     pen.textBaseline = "middle";
-    pen.lineWidth = 1;
-    const marks = bottom < 0 ? [top, 0, bottom] : [top, top / 2, 0];
-    pen.beginPath();
-    for (const mark of marks) {
-      const line = Math.round(y(mark)) + 0.5;
-      pen.moveTo(left, line);
-      pen.lineTo(width, line);
-      pen.fillText(figure(mark), left - 6, Math.min(Math.max(y(mark), 7), y(bottom) - 1));
-    }
-    pen.stroke();
+    for (const mark of marks) pen.fillText(figure(mark), LEFT - 6, Math.min(Math.max(y(mark) / scale, 7), height - 6));
   }
 }
 

@@ -1,5 +1,5 @@
 // The spectrum of acceleration and current: amplitude over a logarithmic frequency axis.
-import { canvas, colour, figure, make, signal } from "./draw.js";
+import { canvas, colour, figure, make, signal, write } from "./draw.js";
 
 const [LOW_HZ, HIGH_HZ] = [10, 1000];
 const SHOWN = ["acceleration", "current", "voltage"];
@@ -7,6 +7,8 @@ const RANGE_DB = 70;
 /// Long enough to tell 10 Hz from 12.
 const WINDOW_S = 0.4;
 const EVERY_MS = 80;
+/// Rates above twice this are brought down before they are looked at: nothing above HIGH_HZ is shown.
+const ENOUGH_HZ = 5000;
 
 /** In place, of a length that is a power of two: Cooley and Tukey 1965, decimation in time. */
 export function fft(re, im) {
@@ -61,6 +63,39 @@ export function amplitudes(samples) {
   return Float64Array.from({ length: n / 2 }, (_, k) => (4 * Math.hypot(re[k], im[k])) / n);
 }
 
+/**
+ * Every `by`-th sample behind a low-pass: `n` of them, the newest last. A windowed sinc of 12 `by` + 1 taps (Blackman) that halves at
+ * the new Nyquist frequency: what is left above 3/4 of the new rate, where it would fold onto the lowest quarter, is under 1e-3.
+ */
+export function slowed(samples, by, n) {
+  const taps = lowPass(by);
+  const into = new Float64Array(n);
+  const last = samples.length - taps.length;
+  for (let i = 0; i < n; i += 1) {
+    const from = last - (n - 1 - i) * by;
+    let sum = 0;
+    for (let k = 0; k < taps.length; k += 1) sum += taps[k] * samples[from + k];
+    into[i] = sum;
+  }
+  return into;
+}
+
+const filters = new Map();
+
+function lowPass(by) {
+  if (!filters.has(by)) {
+    const n = 12 * by + 1;
+    const taps = Float64Array.from({ length: n }, (_, k) => {
+      const [x, turn] = [(k - (n - 1) / 2) / by, (2 * Math.PI * k) / (n - 1)];
+      const sinc = x === 0 ? 1 : Math.sin(Math.PI * x) / (Math.PI * x);
+      return sinc * (0.42 - 0.5 * Math.cos(turn) + 0.08 * Math.cos(2 * turn));
+    });
+    const sum = taps.reduce((all, x) => all + x, 0);
+    filters.set(by, by > 1 ? taps.map((x) => x / sum) : new Float64Array([1]));
+  }
+  return filters.get(by);
+}
+
 export class Spectrum {
   #canvas;
   #key;
@@ -68,9 +103,10 @@ export class Spectrum {
   #curves = new Map();
   #drawn = 0;
   #tops = new Map();
+  #labels = [];
 
   constructor(element, key, scopes) {
-    this.#canvas = canvas(element);
+    this.#canvas = canvas(element, true);
     this.#key = key;
     this.#scopes = scopes;
   }
@@ -89,12 +125,13 @@ export class Spectrum {
 
   #analyse(scope) {
     const { rate, whole } = scope.samples;
-    const n = 2 ** Math.ceil(Math.log2(rate * WINDOW_S));
-    if (whole < n) return this.#curves.delete(scope.name);
-    const samples = new Float32Array(n);
-    scope.samples.newest(n, samples);
-    const bins = amplitudes(samples);
-    const hz = rate / n;
+    const by = 2 ** Math.max(0, Math.floor(Math.log2(rate / ENOUGH_HZ)));
+    const n = 2 ** Math.ceil(Math.log2((rate / by) * WINDOW_S));
+    const samples = new Float32Array((n - 1) * by + lowPass(by).length);
+    if (whole < samples.length) return this.#curves.delete(scope.name);
+    scope.samples.newest(samples.length, samples);
+    const bins = amplitudes(slowed(samples, by, n));
+    const hz = rate / by / n;
     const last = Math.min(bins.length - 1, Math.ceil(HIGH_HZ / hz));
     let peak = 1;
     for (let k = Math.ceil(LOW_HZ / hz); k <= last; k += 1) if (bins[k] > bins[peak]) peak = k;
@@ -168,16 +205,23 @@ export class Spectrum {
   }
 
   #label(shown) {
-    this.#key.replaceChildren(...shown.map((scope) => {
-      const one = make("span");
-      const dot = make("i", "dot");
-      dot.style.background = signal(scope.name, scope.place);
+    if (shown.length !== this.#labels.length) {
+      this.#labels = shown.map(() => ({ dot: make("i", "dot"), text: make("span"), colour: "" }));
+      this.#key.replaceChildren(...this.#labels.map(({ dot, text }) => {
+        const one = make("span");
+        one.append(dot, text);
+        return one;
+      }));
+    }
+    shown.forEach((scope, i) => {
+      const label = this.#labels[i];
+      const now = signal(scope.name, scope.place);
+      if (label.colour !== now) label.dot.style.background = label.colour = now;
       const curve = this.#curves.get(scope.name);
       const peak = curve && curve.bins[curve.peak] > 1e-9
         ? `, most at ${Math.round(curve.peak * curve.hz)} Hz: ${figure(curve.bins[curve.peak])} ${scope.unit}`
         : "";
-      one.append(dot, `${scope.name}, dB re 1 ${scope.unit}${peak}`);
-      return one;
-    }));
+      write(label.text, `${scope.name}, dB re 1 ${scope.unit}${peak}`);
+    });
   }
 }

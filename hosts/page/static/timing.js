@@ -13,7 +13,7 @@ export class Timing {
   #cells;
 
   constructor(element, table, deadline) {
-    this.#canvas = canvas(element);
+    this.#canvas = canvas(element, true);
     this.#deadline = deadline;
     const body = table.tBodies[0];
     this.#cells = ROWS.map((row) => {

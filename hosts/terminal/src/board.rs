@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use asperity_live::view::{Condition, Layout, NodeLayout, NodeView, Request, View};
+use asperity_live::view::{Layout, NodeLayout, NodeView, Request, View};
 
 use crate::held::{Count, Peak};
 use crate::text::{clean, columns};
@@ -73,8 +73,6 @@ pub(crate) struct Board {
     pub(crate) chosen: usize,
     /// The chosen texture node.
     pub(crate) texture: usize,
-    /// Whether it was last asked to be mute, and until when that is taken for done.
-    pub(crate) asked_mute: Option<(bool, Duration)>,
     /// What the keys asked for since this was last emptied.
     pub(crate) requests: Vec<Request>,
     /// When the figures of nodes last changed, and the ticks then.
@@ -185,14 +183,6 @@ impl Board {
     fn parameter_name(&self, node: usize, param: usize) -> String {
         let node = &self.layout.nodes[node];
         format!("{}.{}", node.id, node.live[param].name)
-    }
-
-    /// Whether it is mute, or will be as soon as what was asked for is done.
-    pub(crate) fn mute(&self, time: Duration) -> bool {
-        match self.asked_mute {
-            Some((mute, until)) if time < until => mute,
-            _ => self.view.condition == Condition::Muted,
-        }
     }
 }
 

@@ -1,7 +1,6 @@
 //! What the keys do.
 
-use std::time::Duration;
-
+use asperity_live::Reins;
 use asperity_live::view::{LiveLayout, Request};
 use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
 
@@ -11,8 +10,6 @@ use crate::board::{Board, Tab};
 const STEPS: f64 = 100.0;
 /// From this ratio of its ends on, a range is moved through by factors.
 const DECADES: f64 = 100.0;
-/// How long a change of mute may take until the run's own word is believed again.
-const MUTING: Duration = Duration::from_secs(1);
 
 /// Keys and what they do, for the help.
 pub(crate) const HELP: [(&str, &str); 10] = [
@@ -37,27 +34,36 @@ pub(crate) enum Answer {
     Redraw,
 }
 
+/// Does what a key asks of the run that is to wait for nothing: to stop, to be mute or not. False for any other key.
+pub(crate) fn at_once(key: &KeyEvent, reins: &Reins) -> bool {
+    if key.kind == KeyEventKind::Release {
+        return false;
+    }
+    match (key.modifiers.contains(KeyModifiers::CONTROL), key.code) {
+        (true, KeyCode::Char('c' | 'C')) | (false, KeyCode::Char('q' | 'Q')) => reins.stop(),
+        // Held down, it would flicker.
+        (false, KeyCode::Char(' ' | 'm')) if key.kind == KeyEventKind::Repeat => {}
+        (false, KeyCode::Char(' ' | 'm')) => reins.toggle_mute(),
+        _ => return false,
+    }
+    true
+}
+
 impl Board {
-    /// Does what a key asks for at `time`. Requests are left in [`Board::requests`].
-    pub(crate) fn press(&mut self, key: KeyEvent, time: Duration) -> Answer {
+    /// Does what a key asks for. Requests are left in [`Board::requests`].
+    pub(crate) fn press(&mut self, key: KeyEvent) -> Answer {
         if key.kind == KeyEventKind::Release {
             return Answer::Done;
         }
         if key.modifiers.contains(KeyModifiers::CONTROL) {
-            match key.code {
-                KeyCode::Char('c' | 'C') => self.requests.push(Request::Stop),
-                KeyCode::Char('l' | 'L') => return Answer::Redraw,
-                _ => {}
-            }
-            return Answer::Done;
+            let redraw = matches!(key.code, KeyCode::Char('l' | 'L'));
+            return if redraw { Answer::Redraw } else { Answer::Done };
         }
         let fine = key.modifiers.contains(KeyModifiers::SHIFT);
         let last = self.layout.nodes.len().saturating_sub(1);
         match key.code {
             KeyCode::Char('?' | 'h') => self.help = !self.help,
             KeyCode::Esc => self.help = false,
-            KeyCode::Char('q' | 'Q') => self.requests.push(Request::Stop),
-            KeyCode::Char(' ' | 'm') => self.toggle_mute(time),
             KeyCode::Char('n') => self.change_material(1),
             KeyCode::Char('p') => self.change_material(-1),
             KeyCode::Char('t') => self.texture = (self.texture + 1) % self.layout.materials.len().max(1),
@@ -88,12 +94,6 @@ impl Board {
         (self.scroll, self.tab) = (node, Tab::Nodes);
     }
 
-    fn toggle_mute(&mut self, time: Duration) {
-        let mute = !self.mute(time);
-        self.asked_mute = Some((mute, time + MUTING));
-        self.requests.push(Request::Mute(mute));
-    }
-
     fn choose(&mut self, by: isize) {
         let last = self.parameters().saturating_sub(1);
         // The first press only shows the list, where it was out of sight.
@@ -113,11 +113,7 @@ impl Board {
         }
         node.live[p].value = value;
         let (node, param) = (node.id.clone(), node.live[p].name.clone());
-        // A key held down asks often; only the last value counts.
-        self.requests.retain(
-            |request| !matches!(request, Request::Set { node: n, param: p, .. } if *n == node && *p == param),
-        );
-        self.requests.push(Request::Set { node, param, value });
+        self.ask(Request::Set { node, param, value });
     }
 
     fn change_material(&mut self, by: isize) {
@@ -131,9 +127,13 @@ impl Board {
         let Some(name) = materials.names.get(next).filter(|name| **name != materials.chosen) else { return };
         materials.chosen.clone_from(name);
         let node = materials.node.clone();
-        self.requests.retain(|request| !matches!(request, Request::Material { node: n, .. } if *n == node));
-        self.requests
-            .push(Request::Material { node, name: self.layout.materials[self.texture].chosen.clone() });
+        self.ask(Request::Material { node, name: self.layout.materials[self.texture].chosen.clone() });
+    }
+
+    /// A key held down asks often; only the last value counts.
+    fn ask(&mut self, request: Request) {
+        self.requests.retain(|waiting| !waiting.is_of_the_same(&request));
+        self.requests.push(request);
     }
 }
 

@@ -1,8 +1,6 @@
-use asperity_live::view::{Condition, Layout, Materials, NodeLayout, View};
+use asperity_live::view::{Layout, Materials, NodeLayout};
 
 use super::*;
-
-const NOW: Duration = Duration::from_secs(1);
 
 fn live(name: &str, value: f64, least: f64, most: f64) -> LiveLayout {
     LiveLayout { name: name.into(), value, least, most, ..LiveLayout::default() }
@@ -30,12 +28,12 @@ fn board() -> Board {
 }
 
 fn press(board: &mut Board, code: KeyCode) -> Vec<Request> {
-    board.press(KeyEvent::new(code, KeyModifiers::NONE), NOW);
+    board.press(KeyEvent::new(code, KeyModifiers::NONE));
     std::mem::take(&mut board.requests)
 }
 
 fn press_with(board: &mut Board, code: KeyCode, modifiers: KeyModifiers) -> Vec<Request> {
-    board.press(KeyEvent::new(code, modifiers), NOW);
+    board.press(KeyEvent::new(code, modifiers));
     std::mem::take(&mut board.requests)
 }
 
@@ -43,22 +41,39 @@ fn set(node: &str, param: &str, value: f64) -> Vec<Request> {
     vec![Request::Set { node: node.into(), param: param.into(), value }]
 }
 
-#[test]
-fn q_and_ctrl_c_stop() {
-    assert_eq!(press(&mut board(), KeyCode::Char('q')), [Request::Stop]);
-    assert_eq!(press_with(&mut board(), KeyCode::Char('c'), KeyModifiers::CONTROL), [Request::Stop]);
-    assert_eq!(press(&mut board(), KeyCode::Char('c')), []);
+/// What a key does to a run at once: whether it is such a key, and whether the run is stopped or muted then.
+fn does(reins: &Reins, code: KeyCode, modifiers: KeyModifiers, kind: KeyEventKind) -> (bool, bool, bool) {
+    let done = at_once(&KeyEvent::new_with_kind(code, modifiers, kind), reins);
+    (done, reins.stopping(), reins.muted())
 }
 
 #[test]
-fn mute_goes_back_and_forth_faster_than_the_run_answers() {
-    let mut board = board();
-    assert_eq!(press(&mut board, KeyCode::Char(' ')), [Request::Mute(true)]);
-    assert_eq!(press(&mut board, KeyCode::Char('m')), [Request::Mute(false)]);
-    // Muted by someone else meanwhile: the run's word counts again after a while.
-    board.take(&View { condition: Condition::Muted, ..View::default() }, NOW);
-    board.press(KeyEvent::new(KeyCode::Char(' '), KeyModifiers::NONE), NOW + MUTING);
-    assert_eq!(board.requests, [Request::Mute(false)]);
+fn q_and_ctrl_c_stop() {
+    for (key, modifiers, stops) in [
+        ('q', KeyModifiers::NONE, true),
+        ('c', KeyModifiers::CONTROL, true),
+        ('c', KeyModifiers::NONE, false),
+        ('q', KeyModifiers::CONTROL, false),
+    ] {
+        let did = does(&Reins::default(), KeyCode::Char(key), modifiers, KeyEventKind::Press);
+        assert_eq!(did, (stops, stops, false), "{key}");
+    }
+}
+
+#[test]
+fn mute_goes_back_and_forth_and_a_key_held_down_counts_once() {
+    let reins = Reins::default();
+    let key = |key, kind| does(&reins, KeyCode::Char(key), KeyModifiers::NONE, kind);
+    assert_eq!(key(' ', KeyEventKind::Press), (true, false, true));
+    assert_eq!(key(' ', KeyEventKind::Repeat), (true, false, true));
+    assert_eq!(key(' ', KeyEventKind::Release), (false, false, true));
+    assert_eq!(key('m', KeyEventKind::Press), (true, false, false));
+    // Muted on the page meanwhile.
+    reins.mute(true);
+    assert_eq!(
+        does(&reins, KeyCode::Char('m'), KeyModifiers::NONE, KeyEventKind::Press),
+        (true, false, false)
+    );
 }
 
 #[test]
@@ -108,7 +123,7 @@ fn whole_numbers_and_words_move_by_one() {
 fn a_key_held_down_asks_once_for_the_last_value() {
     let mut board = board();
     for _ in 0..5 {
-        board.press(KeyEvent::new(KeyCode::Right, KeyModifiers::NONE), NOW);
+        board.press(KeyEvent::new(KeyCode::Right, KeyModifiers::NONE));
     }
     assert_eq!(board.requests, set("gain", "gain", 0.34));
 }
@@ -169,8 +184,8 @@ fn keys_do_no_harm_where_there_is_nothing() {
 #[test]
 fn a_release_of_a_key_does_nothing() {
     let mut board = board();
-    let key = KeyEvent::new_with_kind(KeyCode::Char('q'), KeyModifiers::NONE, KeyEventKind::Release);
-    board.press(key, NOW);
+    let key = KeyEvent::new_with_kind(KeyCode::Right, KeyModifiers::NONE, KeyEventKind::Release);
+    board.press(key);
     assert_eq!(board.requests, []);
 }
 

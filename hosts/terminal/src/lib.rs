@@ -1,7 +1,7 @@
 //! The figures of a running graph in a terminal: how the run stands, timing against the deadline, nodes, scopes, and
 //! parameters to move.
 //!
-//! [`Terminal`] takes over the terminal, draws [`View`]s and turns keys into [`Request`]s. It never waits for a slow
+//! [`Terminal`] takes over the terminal, draws [`View`]s and turns keys into what a person asks of the run. It never waits for a slow
 //! terminal: a frame that is due while the one before is still being written is left out. [`picture`] draws the same as SVG.
 //!
 //! A view of twelve nodes and four scopes takes the calling thread 0.11 ms at 80 x 24 and 0.41 ms at 200 x 60 to take in and lay out
@@ -14,6 +14,7 @@ mod board;
 mod draw;
 mod held;
 mod keys;
+mod line;
 pub mod picture;
 mod screen;
 mod text;
@@ -22,14 +23,15 @@ mod trace;
 use std::io;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
-use std::sync::mpsc::{Receiver, SyncSender, TryRecvError, TrySendError, sync_channel};
+use std::sync::mpsc::{Receiver, TryRecvError, TrySendError, sync_channel};
 use std::time::{Duration, Instant};
 
-use asperity_live::view::{Layout, Request, View};
+use asperity_live::view::{Layout, View};
+use asperity_live::{Reins, Unheard};
 use ratatui::crossterm::event::{self, Event};
 
 use board::Board;
-use keys::Answer;
+use keys::{Answer, at_once};
 use screen::Screen;
 
 /// Keys that are read before a frame; the rest waits for the next one.
@@ -38,23 +40,31 @@ const KEYS: usize = 64;
 /// How long the keyboard is waited for before it is looked whether anybody still wants to know.
 const WAIT: Duration = Duration::from_millis(50);
 
-/// What is typed, read by a thread of its own: reading from a terminal whose window was closed may never come back.
+/// How long it is waited for once it is known to be there.
+const LEFT: Duration = if cfg!(unix) { Duration::ZERO } else { WAIT };
+
+/// What is typed, read by a thread of its own: reading from a terminal whose window was closed may never come back, and a key that
+/// stops or mutes the run waits for no frame.
 struct Typed {
     events: Receiver<Event>,
     over: Arc<AtomicBool>,
 }
 
 impl Typed {
-    fn start() -> io::Result<Self> {
+    fn start(reins: Reins) -> io::Result<Self> {
         let (to, events) = sync_channel(KEYS);
         let over = Arc::new(AtomicBool::new(false));
         let ended = over.clone();
         let read = move || {
             while !ended.load(Relaxed) {
-                let next = event::poll(WAIT).and_then(|there| there.then(event::read).transpose());
+                let next = line::wait(WAIT)
+                    .and_then(|()| event::poll(LEFT))
+                    .and_then(|there| there.then(event::read).transpose());
                 match next {
+                    Ok(Some(Event::Key(key))) if at_once(&key, &reins) => {}
                     Ok(Some(event)) => {
-                        if to.send(event).is_err() {
+                        // One too many is dropped: this thread goes on reading what stops and mutes.
+                        if let Err(TrySendError::Disconnected(_)) = to.try_send(event) {
                             break;
                         }
                     }
@@ -78,7 +88,7 @@ impl Drop for Typed {
 pub struct Terminal {
     board: Board,
     screen: Screen,
-    requests: SyncSender<Request>,
+    reins: Reins,
     typed: Typed,
     start: Instant,
 }
@@ -87,15 +97,16 @@ impl Terminal {
     /// Takes over the terminal that standard output goes to: raw mode, so that Ctrl-C is a key like any other, and the alternate
     /// screen, so that what stood there comes back.
     ///
-    /// What the keys ask for is sent to `requests`, without ever waiting for room there.
+    /// The keys hold `reins`: those that stop and mute act as soon as they are read, also between two frames.
     ///
     /// # Errors
     ///
     /// [`io::ErrorKind::Unsupported`] where standard output is no terminal, [`io::ErrorKind::AlreadyExists`] while there is another
     /// `Terminal`, else what the system says.
-    pub fn open(requests: SyncSender<Request>) -> io::Result<Self> {
+    pub fn open(reins: Reins) -> io::Result<Self> {
         let screen = Screen::open()?;
-        Ok(Self { board: Board::default(), screen, requests, typed: Typed::start()?, start: Instant::now() })
+        let typed = Typed::start(reins.clone())?;
+        Ok(Self { board: Board::default(), screen, reins, typed, start: Instant::now() })
     }
 
     /// Takes over another graph, or the same one with other values or materials.
@@ -111,7 +122,7 @@ impl Terminal {
     pub fn draw(&mut self, view: &View) -> io::Result<()> {
         let time = self.start.elapsed();
         self.board.take(view, time);
-        self.read_keys(time)?;
+        self.read_keys()?;
         self.send();
         for panic in self.screen.said() {
             self.note(&panic);
@@ -125,10 +136,10 @@ impl Terminal {
         self.board.note(text);
     }
 
-    fn read_keys(&mut self, time: Duration) -> io::Result<()> {
+    fn read_keys(&mut self) -> io::Result<()> {
         for _ in 0..KEYS {
             match self.typed.events.try_recv() {
-                Ok(Event::Key(key)) if self.board.press(key, time) == Answer::Redraw => self.screen.redraw(),
+                Ok(Event::Key(key)) if self.board.press(key) == Answer::Redraw => self.screen.redraw(),
                 Ok(_) => {}
                 Err(TryRecvError::Empty) => break,
                 Err(TryRecvError::Disconnected) => return Err(io::ErrorKind::BrokenPipe.into()),
@@ -139,12 +150,10 @@ impl Terminal {
 
     fn send(&mut self) {
         for request in std::mem::take(&mut self.board.requests) {
-            match self.requests.try_send(request) {
+            match self.reins.ask(request) {
                 Ok(()) => {}
-                Err(TrySendError::Full(_)) => {
-                    self.board.note("too much was asked at once; the last key did nothing")
-                }
-                Err(TrySendError::Disconnected(_)) => self.board.note("the run takes no requests any more"),
+                Err(Unheard::Busy) => self.board.note("too much was asked at once; the last key did nothing"),
+                Err(Unheard::Over) => self.board.note("the run takes no requests any more"),
             }
         }
     }

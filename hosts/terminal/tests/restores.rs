@@ -2,11 +2,11 @@
 
 use std::io::Write;
 use std::process::{Child, Command, Stdio};
-use std::sync::mpsc::{Receiver, sync_channel};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use asperity_live::view::{Layout, Request, ScopeLayout, View};
+use asperity_live::Reins;
+use asperity_live::view::{Layout, ScopeLayout, View};
 use asperity_terminal::Terminal;
 
 const ENTER: &str = "\x1b[?1049h";
@@ -117,7 +117,7 @@ fn a_panic_that_is_caught_gives_the_terminal_back_only_for_its_message() {
 fn ctrl_c_is_a_request() {
     let out = run_in_terminal("child-waits", b"\x03");
     assert_restored(&out);
-    assert_after_leaving(&out, "asked to: Stop");
+    assert_after_leaving(&out, "asked to stop");
 }
 
 fn a_pipe_is_refused_with_a_reason() {
@@ -159,12 +159,12 @@ fn flood(terminal: &mut Terminal, done: &str) {
     std::fs::write(done, "done").expect("a file can be made");
 }
 
-fn open() -> Option<(Terminal, Receiver<Request>)> {
-    let (requests, asked) = sync_channel(8);
-    match Terminal::open(requests) {
+fn open() -> Option<(Terminal, Reins)> {
+    let reins = Reins::default();
+    match Terminal::open(reins.clone()) {
         Ok(mut terminal) => {
             terminal.layout(&Layout { file: "weave.ron".into(), ..Layout::default() });
-            Some((terminal, asked))
+            Some((terminal, reins))
         }
         Err(error) => {
             println!("{error}");
@@ -182,7 +182,7 @@ fn draw_for(terminal: &mut Terminal, ms: u64) {
 }
 
 fn run_child(child: &str) {
-    let Some((mut terminal, asked)) = open() else { return };
+    let Some((mut terminal, reins)) = open() else { return };
     draw_for(&mut terminal, 100);
     match child {
         "child-panics" => panic!("drawn and done"),
@@ -204,17 +204,12 @@ fn run_child(child: &str) {
         }
         _ => {
             let until = Instant::now() + Duration::from_secs(20);
-            let request = loop {
+            while !reins.stopping() && Instant::now() < until {
                 draw_for(&mut terminal, 40);
-                match asked.try_recv() {
-                    Ok(request) => break Some(request),
-                    Err(_) if Instant::now() > until => break None,
-                    Err(_) => {}
-                }
-            };
+            }
             drop(terminal);
-            if let Some(request) = request {
-                println!("asked to: {request:?}");
+            if reins.stopping() {
+                println!("asked to stop");
             }
         }
     }

@@ -5,14 +5,11 @@
 //! host has nothing to give, or nothing that is new enough, the last values are held and marked: gates close, and what
 //! leads to a device fades.
 
-mod force;
-mod haply;
-mod openhaptics;
+mod device;
 mod osc;
 mod pointer;
 
-pub use haply::{HaplyForce, HaplyInput};
-pub use openhaptics::{OpenhapticsForce, OpenhapticsInput};
+pub use device::{HaplyForce, HaplyInput, OpenhapticsForce, OpenhapticsInput};
 pub use osc::OscInput;
 pub use pointer::PointerInput;
 
@@ -73,11 +70,6 @@ fn timing(descriptor: Descriptor) -> Descriptor {
             .unit("ms")
             .optional(),
         )
-}
-
-/// The parameter that maps a device's axes.
-fn axes(default: &'static str) -> Param {
-    Param::text("axes", default, "Which of the device's axes are x, y and z here, z up: \"x,-z,y\".")
 }
 
 /// Passes on what the host gave.

@@ -48,6 +48,15 @@ fn write_values(to: &mut impl Write, values: &[f32]) -> io::Result<()> {
     Ok(())
 }
 
+/// Sets the number of rows of a file that a [`Writer`] began and did not finish, as far as it was written. `to` is the file.
+///
+/// # Errors
+/// What the writer returns.
+pub fn set_rows(to: &mut (impl Write + Seek), rows: usize, columns: Option<usize>) -> io::Result<()> {
+    to.seek(SeekFrom::Start(0))?;
+    to.write_all(&header(&std::iter::once(rows).chain(columns).collect::<Vec<_>>())?)
+}
+
 /// Writes a float32 array whose number of rows is not known yet.
 ///
 /// The file is a valid, empty array from the start, and holds all rows once [`finish`](Self::finish) has been called.

@@ -58,6 +58,9 @@ pub(crate) fn devices() -> Vec<cpal::Device> {
 /// A device that is described by its id; the error says what is wrong with the description.
 pub(crate) fn described(id: &str) -> Result<cpal::Device, String> {
     let params: Params = id.parse()?;
+    if params.speed == 0.0 {
+        return Err("`speed=0`: nobody would ever call it; 1 is real time".to_owned());
+    }
     // What is wrong with a plant is said before the device is opened.
     plant_of(&params, f64::from(params.rate_hz.unwrap_or(48_000)))?;
     Ok(as_device(Arc::new(Card::new(id.to_owned(), params))))
@@ -65,8 +68,7 @@ pub(crate) fn described(id: &str) -> Result<cpal::Device, String> {
 
 /// Whether the device of that id is called by hand, so that the time between its calls says nothing.
 pub(crate) fn is_by_hand(id: &str) -> bool {
-    let named = named().get(id).and_then(Weak::upgrade).map(|card| card.params.speed);
-    named.or_else(|| id.parse::<Params>().ok().map(|params| params.speed)) == Some(0.0)
+    named().get(id).and_then(Weak::upgrade).is_some_and(|card| card.params.speed == 0.0)
 }
 
 /// A device that a test has in hand. It is there until this is dropped.

@@ -4,6 +4,9 @@ use std::str::FromStr;
 
 use crate::Format;
 
+/// How fast a device may keep time, beside not at all.
+const SPEEDS: std::ops::RangeInclusive<f64> = 0.01..=1000.0;
+
 /// What a simulated device is like. As text, everything left out is as in [`Params::default`]:
 /// `frames=64+1+1024,rate=48000,channels=4,inputs=1,format=i16,loopback=1,latency=128,speed=1`. All words that begin with `plant`
 /// are for who makes plants ([`set_plants`](super::set_plants)).
@@ -23,7 +26,7 @@ pub struct Params {
     pub loopback: bool,
     /// Frames from the call to the sound, which also come between output and input of a loopback.
     pub latency_frames: u32,
-    /// How many times faster than real time it calls; 0: only when [`Simulated::step`](super::Simulated::step) is called.
+    /// How many times faster than real time it calls, 0.01 to 1000; 0, which a text cannot open: only when [`Simulated::step`](super::Simulated::step) is called.
     pub speed: f64,
     /// Whether all that is played is kept for [`Simulated::played`](super::Simulated::played).
     pub keep: bool,
@@ -72,8 +75,8 @@ impl Params {
             "`rate` must be 1000 to 1000000"
         } else if self.latency_frames > 1 << 20 {
             "`latency` must be 0 to 1048576"
-        } else if self.speed.is_nan() || self.speed < 0.0 {
-            "`speed` must be 0 or more"
+        } else if self.speed != 0.0 && !SPEEDS.contains(&self.speed) {
+            "`speed` must be 0.01 to 1000"
         } else {
             return Ok(());
         };

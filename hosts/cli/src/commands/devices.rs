@@ -27,8 +27,9 @@ fn text(hosts: &[HostInfo]) -> String {
         match &host.note {
             Some(note) => drop(writeln!(out, "  {note}")),
             None if host.devices.is_empty() => drop(writeln!(out, "  no device")),
-            None => host.devices.iter().for_each(|d| device(&mut out, d)),
+            None => {}
         }
+        host.devices.iter().for_each(|d| device(&mut out, d));
         out.push('\n');
     }
     let _ = writeln!(
@@ -61,6 +62,7 @@ fn device(out: &mut String, d: &DeviceInfo) {
 fn side_text(side: &SideInfo) -> String {
     let channels =
         if side.channels == 1 { "1 channel".to_owned() } else { format!("{} channels", side.channels) };
+    let card = side.card_channels.map_or(String::new(), |n| format!(", {n} of them to a card"));
     let rates: Vec<String> = side.rates_hz.iter().map(u32::to_string).collect();
     let rates = if rates.is_empty() {
         format!("{} to {}", side.rate_range_hz.0, side.rate_range_hz.1)
@@ -73,5 +75,5 @@ fn side_text(side: &SideInfo) -> String {
         Some((least, most)) => format!("; {least} to {most} frames at a time"),
         None => String::new(),
     };
-    format!("{channels}; {rates} Hz; {}{frames}", formats.join(", "))
+    format!("{channels}{card}; {rates} Hz; {}{frames}", formats.join(", "))
 }

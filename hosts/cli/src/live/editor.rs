@@ -1,180 +1,186 @@
 //! A graph that changes while it is played: its files, and what a person chooses.
+//!
+//! Nothing here waits. A graph is made ready on another thread, and what came of it is taken when it is there. Of edits that come
+//! meanwhile the newest counts. What is being made of files that changed again is given up, unless a device was closed for it.
 
-use std::collections::BTreeMap;
+use std::collections::VecDeque;
 use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::sync::mpsc::{Receiver, TryRecvError};
+use std::sync::{Arc, Mutex};
 use std::time::Instant;
 
-use asperity_engine::SwapError;
-use asperity_graph::{Compiled, GraphFile, Schedule};
+use asperity_graph::{GraphFile, Schedule};
 use asperity_live::Conductor;
-use asperity_live::view::Materials;
 use asperity_node::ParamKind;
-use asperity_world::material::Library;
 
-use super::hands::{Hands, Opened};
-use crate::args::GraphArgs;
+use super::closing;
+use super::hands::Hands;
+use super::maker::{self, Answer, Changes, Exchange, Made, Order, Ready, elsewhere};
+use super::recordings::Recordings;
+use crate::args::Run;
 use crate::failure::Failure;
 use crate::kinds::Kinds;
-use crate::load;
 use crate::watch::{Files, POLL, Stamps, named, readers, stamps};
 
 /// Makes the graph anew when something changes, and sends it to where it is played.
 pub struct Editor {
-    args: GraphArgs,
-    kinds: Kinds,
+    args: Run,
+    kinds: Arc<Mutex<Kinds>>,
+    /// Files of the plugins that the graph was made with.
+    plugins: Vec<PathBuf>,
+    /// The file of the graph that runs.
+    base: Option<GraphFile>,
     /// The files, where they are watched, and when they were last looked at.
     files: Option<(Files, Instant)>,
     /// Textures that a person chose: node and material. They stay while files change.
     chosen: Vec<(String, String)>,
-    /// Live parameters that a person moved, as settings of the graph. The next change of a file sets them back.
-    moved: Vec<(String, String)>,
+    /// Live parameters that a person moved. The next change of a file sets them back.
+    moved: Vec<Moved>,
+    /// Moves so far.
+    moves: u64,
+    /// Edits that nobody works at yet.
+    file: Option<FileEdit>,
+    choices: VecDeque<(String, String)>,
+    job: Option<Job>,
 }
 
-/// A graph that is ready to be played.
-pub struct Made {
-    /// The file, with what the command line and a person changed in it.
-    pub graph: GraphFile,
-    /// What it compiles to.
-    pub compiled: Compiled,
-    /// Textures that may be chosen.
-    pub materials: Vec<Materials>,
+/// A live parameter that a person moved.
+struct Moved {
+    node: String,
+    param: String,
+    value: f64,
+    /// The same as a setting of the graph.
+    setting: String,
+    /// Which move it was.
+    at: u64,
+}
+
+/// Files that changed, and how all were when that was seen.
+struct FileEdit {
+    changed: Vec<PathBuf>,
+    seen: Stamps,
+}
+
+enum Edit {
+    File(FileEdit),
+    Choice(String, String),
+}
+
+/// An edit that is being worked at.
+struct Job {
+    edit: Edit,
+    /// Moves before it was begun.
+    since: u64,
+    over: Over,
+    stage: Stage,
+}
+
+enum Stage {
+    /// It can be given up.
+    Making(Receiver<Answer>),
+    /// A device was closed for it.
+    Exchanging(Receiver<Answer>),
+    /// It waits until the engine has room.
+    Ready(Box<Ready>),
+}
+
+/// Tells whoever works for a job that nobody wants it any more.
+struct Over(Arc<AtomicBool>);
+
+impl Drop for Over {
+    fn drop(&mut self) {
+        self.0.store(true, Relaxed);
+    }
+}
+
+impl Job {
+    /// Nobody wants it any more: whoever works for it is told, and what comes of it is closed. Answers the edit.
+    fn abandon(self) -> Edit {
+        let Self { edit, over, stage, .. } = self;
+        drop(over);
+        closing::elsewhere(move || match stage {
+            // What is sent when nobody listens would be dropped where nobody waits for it.
+            Stage::Making(from) | Stage::Exchanging(from) => drop(from.recv()),
+            Stage::Ready(ready) => drop(ready),
+        });
+        edit
+    }
+}
+
+/// What an edit is taken over into.
+pub struct Playing<'p> {
+    /// The graph.
+    pub conductor: &'p mut Conductor,
+    /// Its devices.
+    pub hands: &'p mut Hands,
+    /// What it records.
+    pub recordings: &'p mut Recordings,
 }
 
 impl Editor {
     /// An editor of the graph that the command line names.
-    pub fn new(args: &GraphArgs) -> Self {
-        let kinds = Kinds::new(&args.plugins.plugin);
-        Self { args: args.clone(), kinds, files: None, chosen: Vec::new(), moved: Vec::new() }
+    pub fn new(args: &Run) -> Self {
+        Self {
+            args: args.clone(),
+            kinds: Arc::new(Mutex::new(Kinds::new(&args.graph.plugins.plugin))),
+            plugins: Vec::new(),
+            base: None,
+            files: None,
+            chosen: Vec::new(),
+            moved: Vec::new(),
+            moves: 0,
+            file: None,
+            choices: VecDeque::new(),
+            job: None,
+        }
     }
 
-    /// The kinds of nodes that the graph may use.
-    pub fn kinds(&self) -> &Kinds {
-        &self.kinds
+    /// Files of the plugins that the graph was made with.
+    pub fn plugins(&self) -> &[PathBuf] {
+        &self.plugins
     }
 
-    /// Reads and compiles the graph.
+    /// Reads and compiles the graph that is to be played first; that is waited for.
     pub fn make(&mut self) -> Result<Made, Failure> {
-        let mut graph = load::read(&self.args)?;
-        for (target, value) in &self.moved {
-            // What the file no longer has is no longer set.
-            let _ = graph.set(&format!("{target}={value}"), "the page");
-        }
-        for (node, material) in &self.chosen {
-            let _ = graph.set(&format!("{node}.material={material:?}"), "the page");
-        }
-        let registry = self.kinds.registry(Some(&graph))?;
-        let compiled = load::compiled(&graph, &self.args, &registry)?;
-        let materials = materials(&compiled.schedule);
-        Ok(Made { graph, compiled, materials })
+        let mut kinds = maker::lock(&self.kinds);
+        let made = maker::make(&self.args.graph, &mut kinds, None, &Changes::default())?;
+        self.plugins = kinds.files().to_vec();
+        self.base = Some(made.base.clone());
+        Ok(made)
     }
 
     /// Begins to watch the files that the graph is made of.
     pub fn watch(&mut self, schedule: &Schedule) {
-        self.files = Some((Files::new(stamps(&self.args, &self.kinds, schedule)), Instant::now()));
+        self.files = Some((Files::new(self.stamps(schedule)), Instant::now()));
     }
 
-    /// Takes changed files over. Answers what a person should know.
-    pub fn look(&mut self, conductor: &mut Conductor, hands: &mut Hands) -> Option<String> {
-        let due = self.files.as_ref().is_some_and(|(_, at)| at.elapsed() >= POLL);
-        if !due || !conductor.ready() {
-            return None;
+    fn stamps(&self, schedule: &Schedule) -> Stamps {
+        stamps(&self.args.graph, &self.plugins, schedule)
+    }
+
+    /// Gives a texture node another material, as soon as that is made.
+    pub fn choose(&mut self, node: String, material: String) {
+        self.choices.retain(|(n, _)| *n != node);
+        // Devices may take long to open. A texture does not: one that is being made is heard, and the newest after it.
+        if let Some(edit) = self.give_up() {
+            self.file = self.file.take().or(Some(edit));
         }
-        let now = stamps(&self.args, &self.kinds, conductor.schedule());
-        let (files, at) = self.files.as_mut()?;
-        *at = Instant::now();
-        let changed = files.changed(&now)?;
-        self.moved.clear();
-        let said = self.take_over(&changed, conductor, hands);
-        self.know(conductor.schedule(), &now);
-        said
-    }
-
-    fn know(&mut self, schedule: &Schedule, seen: &Stamps) {
-        let after = stamps(&self.args, &self.kinds, schedule);
-        if let Some((files, _)) = &mut self.files {
-            files.know(after, seen);
-        }
-    }
-
-    fn take_over(
-        &mut self,
-        changed: &[PathBuf],
-        conductor: &mut Conductor,
-        hands: &mut Hands,
-    ) -> Option<String> {
-        let nodes = readers(conductor.schedule(), changed);
-        let what = named(changed);
-        Some(match self.send(&nodes, conductor, hands) {
-            Ok(report) => format!("{what} changed: {report}"),
-            Err(failure) => {
-                format!(
-                    "{what} changed, and cannot be taken over:\n{}the running graph goes on",
-                    failure.text()
-                )
-            }
-        })
-    }
-
-    /// Makes the graph and sends it. Answers what that changes.
-    fn send(
-        &mut self,
-        nodes: &[String],
-        conductor: &mut Conductor,
-        hands: &mut Hands,
-    ) -> Result<String, Failure> {
-        let Made { graph, compiled, materials } = self.make()?;
-        let schedule = conductor.schedule();
-        same_channels(schedule, &compiled.schedule).map_err(Failure::Machine)?;
-        let rates = |s: &Schedule| (s.tick_hz, s.audio_hz);
-        if rates(schedule) == rates(&compiled.schedule) && !conductor.ready() {
-            return Err(Failure::Machine("earlier changes are still under way: try again".into()));
-        }
-        let new_ends = conductor.needs_ends(&compiled.schedule);
-        let schedule = compiled.schedule.clone();
-        let mut opened = if rates(&schedule) == rates(conductor.schedule()) {
-            hands.open(&schedule, &new_ends)?
-        } else {
-            Opened::default()
-        };
-        let ends = std::mem::take(&mut opened.ends);
-        let report = conductor.swap(compiled, &graph, nodes, ends, materials).map_err(|e| {
-            let anew = matches!(e, SwapError::TickRate { .. } | SwapError::AudioRate { .. });
-            Failure::Machine(if anew { format!("the graph {e}") } else { e.to_string() })
-        })?;
-        hands.go_on_with(opened, &schedule)?;
-        Ok(if report.is_nothing() { "nothing that is heard".into() } else { report.to_string() })
-    }
-
-    /// Gives a texture node another material.
-    pub fn choose(
-        &mut self,
-        node: &str,
-        material: &str,
-        conductor: &mut Conductor,
-        hands: &mut Hands,
-    ) -> Result<(), Failure> {
-        let before = self.chosen.clone();
-        self.chosen.retain(|(n, _)| n != node);
-        self.chosen.push((node.to_owned(), material.to_owned()));
-        let sent = self.send(&[], conductor, hands);
-        if sent.is_err() {
-            self.chosen = before;
-        }
-        sent.map(drop)
+        self.choices.push_back((node, material));
     }
 
     /// Sets a live parameter, and keeps it set when the graph is made anew for another material.
     pub fn set(
         &mut self,
-        node: &str,
-        param: &str,
+        node: String,
+        param: String,
         value: f64,
         conductor: &mut Conductor,
     ) -> Result<(), Failure> {
-        conductor.set_parameter(node, param, value).map_err(|e| Failure::Machine(e.to_string()))?;
+        conductor.set_parameter(&node, &param, value).map_err(|e| Failure::Machine(e.to_string()))?;
         let schedule = conductor.schedule();
         let live =
-            schedule.index_of(node).and_then(|i| schedule.nodes[i].live.iter().find(|l| l.name == param));
+            schedule.index_of(&node).and_then(|i| schedule.nodes[i].live.iter().find(|l| l.name == param));
         let Some(live) = live else { return Ok(()) };
         let text = match &live.kind {
             ParamKind::Flag => (value != 0.0).to_string(),
@@ -184,39 +190,208 @@ impl Editor {
             ParamKind::Integer(_) => (value as i64).to_string(),
             _ => format!("{value:?}"),
         };
-        let target = format!("{node}.{param}");
-        self.moved.retain(|(t, _)| *t != target);
-        self.moved.push((target, text));
+        self.moves += 1;
+        self.moved.retain(|m| m.node != node || m.param != param);
+        let setting = format!("{node}.{param}={text}");
+        self.moved.push(Moved { node, param, value, setting, at: self.moves });
         Ok(())
     }
-}
 
-/// A device has the channels it was opened with.
-fn same_channels(old: &Schedule, new: &Schedule) -> Result<(), String> {
-    let of = |s: &Schedule, kind: &str| -> BTreeMap<String, Option<i64>> {
-        let nodes = s.nodes.iter().filter(|n| n.kind == kind);
-        nodes.map(|n| (n.id.clone(), n.params.get_integer("channel"))).collect()
-    };
-    let (outs, were) = (of(new, "audio_out"), of(old, "audio_out"));
-    // One that goes by another name goes on where it was; of several nobody could say which is which.
-    let gone = were.keys().filter(|id| !outs.contains_key(*id)).count();
-    let kind = if outs.len() != were.len() || gone > 1 {
-        "audio_out"
-    } else if of(new, "audio_in") != of(old, "audio_in") {
-        "audio_in"
-    } else {
-        return Ok(());
-    };
-    Err(format!("the channels of the device would change (`{kind}`): stop the run and start it again"))
-}
+    /// Looks at the files, takes over what has been made ready, and has the next edit made. To be called some tens of times a
+    /// second. Answers what a person should know.
+    pub fn tend(&mut self, playing: &mut Playing<'_>) -> Option<String> {
+        self.look(playing.conductor.schedule());
+        let said = self.advance(playing);
+        if self.job.is_none() {
+            self.begin(playing);
+        }
+        said
+    }
 
-/// The textures that each network of a graph may be given: those of its library.
-fn materials(schedule: &Schedule) -> Vec<Materials> {
-    let networks = schedule.nodes.iter().filter(|n| n.kind == "texture_network");
-    let of = |node: &asperity_graph::ScheduledNode| {
-        let library = Library::read(node.params.file("library")).ok()?;
-        let names = library.materials().iter().map(|m| m.name.clone()).collect();
-        Some(Materials { node: node.id.clone(), chosen: node.params.text("material").to_owned(), names })
-    };
-    networks.filter_map(of).collect()
+    /// Looks whether files have changed.
+    fn look(&mut self, schedule: &Schedule) {
+        if self.files.as_ref().is_none_or(|(_, at)| at.elapsed() < POLL) {
+            return;
+        }
+        let seen = self.stamps(schedule);
+        let Some((files, at)) = &mut self.files else { return };
+        *at = Instant::now();
+        let Some(mut changed) = files.changed(&seen) else { return };
+        files.know(seen.clone(), &seen);
+        // What changed before and was not taken over yet has still to be read.
+        let earlier = self.give_up().or_else(|| self.file.take());
+        changed.extend(earlier.into_iter().flat_map(|edit| edit.changed));
+        changed.sort();
+        changed.dedup();
+        self.file = Some(FileEdit { changed, seen });
+    }
+
+    /// Gives up what is being made of changed files, if nothing was touched for it yet. Answers the edit.
+    fn give_up(&mut self) -> Option<FileEdit> {
+        let job = self.job.take_if(|job| {
+            let touched = match &job.stage {
+                Stage::Making(_) => false,
+                Stage::Exchanging(_) => true,
+                Stage::Ready(ready) => ready.refused.is_some() || ready.opened.came_last(),
+            };
+            matches!(job.edit, Edit::File(_)) && !touched
+        })?;
+        match job.abandon() {
+            Edit::File(edit) => Some(edit),
+            Edit::Choice(..) => None,
+        }
+    }
+
+    /// Gives everything up: the run is over.
+    pub fn end(self) {
+        self.job.map(Job::abandon);
+    }
+
+    /// Has the next edit made, a choice first.
+    fn begin(&mut self, playing: &Playing<'_>) {
+        let choice = self.choices.pop_front().map(|(node, material)| Edit::Choice(node, material));
+        let Some(edit) = choice.or_else(|| self.file.take().map(Edit::File)) else { return };
+        let mut order = self.order(playing);
+        match &edit {
+            Edit::File(_) => {
+                order.base = None;
+                order.changes.moved.clear();
+                order.again = true;
+            }
+            Edit::Choice(node, material) => {
+                order.changes.chosen.retain(|(n, _)| n != node);
+                order.changes.chosen.push((node.clone(), material.clone()));
+            }
+        }
+        let over = Over(order.over.clone());
+        let stage = Stage::Making(elsewhere(move || order.carry_out()));
+        self.job = Some(Job { edit, since: self.moves, over, stage });
+    }
+
+    /// The order for the graph as it runs.
+    fn order(&self, playing: &Playing<'_>) -> Order {
+        let named = [("--report", &self.args.report), ("--picture", &self.args.picture)];
+        Order {
+            args: self.args.graph.clone(),
+            kinds: self.kinds.clone(),
+            base: self.base.clone(),
+            changes: Changes {
+                moved: self.moved.iter().map(|m| m.setting.clone()).collect(),
+                chosen: self.chosen.clone(),
+            },
+            running: playing.conductor.schedule().clone(),
+            held: playing.hands.holding(),
+            again: false,
+            begun: playing.recordings.begun(),
+            named: named.map(|(option, file)| (option.to_owned(), file.clone())).to_vec(),
+            over: Arc::default(),
+        }
+    }
+
+    /// Goes on with what came from the other thread, if something did.
+    fn advance(&mut self, playing: &mut Playing<'_>) -> Option<String> {
+        let mut job = self.job.take()?;
+        if let Stage::Making(from) | Stage::Exchanging(from) = &job.stage {
+            let answer = match from.try_recv() {
+                Ok(answer) => answer,
+                Err(TryRecvError::Empty) => {
+                    self.job = Some(job);
+                    return None;
+                }
+                Err(TryRecvError::Disconnected) => Answer {
+                    plugins: None,
+                    result: Err(Failure::Machine("the thread that makes it ready broke off".into())),
+                },
+            };
+            self.plugins = answer.plugins.unwrap_or(std::mem::take(&mut self.plugins));
+            match answer.result {
+                Ok(ready) => job.stage = Stage::Ready(Box::new(ready)),
+                Err(failure) => return Some(self.refused(job.edit, &failure, playing)),
+            }
+        }
+        match job.stage {
+            Stage::Ready(ready) if playing.conductor.ready() => {
+                if ready.opened.in_the_way.is_empty() {
+                    return self.take_over(job.edit, job.since, *ready, playing);
+                }
+                let old = playing.hands.let_go(&ready.opened.in_the_way);
+                let back = Order { over: job.over.0.clone(), ..self.order(playing) };
+                let exchange = Exchange { ready: *ready, old, back };
+                job.stage = Stage::Exchanging(elsewhere(move || exchange.carry_out()));
+                self.job = Some(job);
+            }
+            _ => self.job = Some(job),
+        }
+        None
+    }
+
+    /// Sends a graph to where it is played. Answers what that changes.
+    fn take_over(
+        &mut self,
+        edit: Edit,
+        since: u64,
+        ready: Ready,
+        playing: &mut Playing<'_>,
+    ) -> Option<String> {
+        let Ready { made, mut opened, recorders, refused } = ready;
+        let changed = match &edit {
+            Edit::File(edit) => readers(playing.conductor.schedule(), &edit.changed),
+            Edit::Choice(..) => Vec::new(),
+        };
+        let ends = std::mem::take(&mut opened.ends);
+        let sent = playing.conductor.swap(made.compiled, &made.graph, &changed, ends, made.materials);
+        let report = match sent {
+            Ok(report) => report,
+            Err(e) => {
+                closing::elsewhere(move || drop(opened));
+                return Some(self.refused(edit, &Failure::Machine(e.to_string()), playing));
+            }
+        };
+        playing.hands.go_on_with(opened, playing.conductor.schedule());
+        playing.recordings.add(playing.conductor.layout().number, recorders);
+        // What was moved while this was made holds in it too, where it still is.
+        for m in self.moved.iter().filter(|m| m.at > since) {
+            let _ = playing.conductor.set_parameter(&m.node, &m.param, m.value);
+        }
+        if let Some(failure) = refused {
+            return Some(self.refused(edit, &failure, playing));
+        }
+        self.base = Some(made.base);
+        match edit {
+            Edit::File(edit) => {
+                self.moved.retain(|m| m.at > since);
+                self.know(playing.conductor.schedule(), &edit.seen);
+                let report =
+                    if report.is_nothing() { "nothing that is heard".into() } else { report.to_string() };
+                Some(format!("{} changed: {report}", named(&edit.changed)))
+            }
+            Edit::Choice(node, material) => {
+                self.chosen.retain(|(n, _)| *n != node);
+                self.chosen.push((node, material));
+                None
+            }
+        }
+    }
+
+    /// An edit that cannot be taken over. Answers why.
+    fn refused(&mut self, edit: Edit, failure: &Failure, playing: &Playing<'_>) -> String {
+        match edit {
+            Edit::File(edit) => {
+                self.know(playing.conductor.schedule(), &edit.seen);
+                format!(
+                    "{} changed, and cannot be taken over:\n{}the running graph goes on",
+                    named(&edit.changed),
+                    failure.text()
+                )
+            }
+            Edit::Choice(..) => failure.reason(),
+        }
+    }
+
+    fn know(&mut self, schedule: &Schedule, seen: &Stamps) {
+        let after = self.stamps(schedule);
+        if let Some((files, _)) = &mut self.files {
+            files.know(after, seen);
+        }
+    }
 }

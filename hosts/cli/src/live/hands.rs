@@ -1,79 +1,76 @@
 //! The devices that nodes of a graph are fed by, and push back with.
 
 use std::collections::HashMap;
+use std::net::SocketAddr;
 use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
 use asperity_graph::{Schedule, ScheduledNode};
 use asperity_hand::servo::passivity::{DeviceDamping, passivity};
 use asperity_hand::{Frame, HandError, Handle, haply, openhaptics, osc, servo_hz};
 use asperity_live::view::Layout;
-use asperity_live::{Ends, ForceReader, SampleWriter, force_model, samples};
+use asperity_live::{Ends, ForceReader, HANDS, SampleWriter, force_model, samples};
 use asperity_source::Diagnostic;
 
+use super::closing;
 use crate::failure::Failure;
 
 /// Devices and sockets that are open, by the ids of their input nodes.
 #[derive(Debug, Default)]
 pub struct Hands {
-    open: HashMap<String, Handle>,
+    open: HashMap<String, Held>,
     /// What the live page's pointers are sent into; taken by the page.
     pointer: Option<SampleWriter>,
     /// Walls that were warned of.
     warned: Vec<String>,
 }
 
+/// A device or a socket that is open.
+#[derive(Debug)]
+pub struct Held {
+    /// The node that it was opened for.
+    pub node: ScheduledNode,
+    handle: Handle,
+}
+
+/// What stands in the way of opening others.
+#[derive(Clone, Debug)]
+pub struct Holding {
+    node: ScheduledNode,
+    address: Option<SocketAddr>,
+}
+
 impl Hands {
-    /// Opens what these nodes of a graph need, beside what is open. A device or a port that is held already is left for
-    /// [`go_on_with`](Self::go_on_with): nothing that is open is closed before the graph is taken over.
-    pub fn open(&self, schedule: &Schedule, ids: &[String]) -> Result<Opened, Failure> {
-        let mut opened = Opened::default();
-        let mut wanted = ids.to_vec();
-        let mut models: HashMap<String, ForceReader> = HashMap::new();
-        for node in schedule.nodes.iter().filter(|n| n.kind.ends_with("_force")) {
-            // Who reads the stylus is who pushes it: both begin anew.
-            let input = input_of(schedule, node)?;
-            if ids.contains(&node.id) || ids.contains(&input.id) {
-                let (writer, reader) = force_model();
-                opened.ends.forces.insert(node.id.clone(), writer);
-                models.insert(input.id.clone(), reader);
-                wanted.push(input.id.clone());
-            }
-        }
-        let nodes = schedule.nodes.iter().filter(|n| n.kind.ends_with("_input") && wanted.contains(&n.id));
-        for node in nodes {
-            let (writer, reader) = samples();
-            opened.ends.hands.insert(node.id.clone(), reader);
-            if node.kind == "pointer_input" {
-                opened.pointer = Some(writer);
-                continue;
-            }
-            let most = force_of(schedule, node).map_or(f64::INFINITY, |f| f.params.number("max_force_n"));
-            let source = Source { node: node.clone(), most, writer, model: models.remove(&node.id) };
-            if self.open.get(&node.id).is_some_and(|held| source.excludes(held)) {
-                opened.later.push(source);
-            } else {
-                let handle = source.start().map_err(|e| refused(node, &e))?;
-                opened.handles.push((node.id.clone(), handle));
-            }
-        }
-        Ok(opened)
+    /// What is open.
+    pub fn holding(&self) -> Vec<Holding> {
+        let of = |held: &Held| Holding { node: held.node.clone(), address: held.handle.address() };
+        self.open.values().map(of).collect()
     }
 
-    /// Goes on with what was opened for a graph that is being taken over: closes what it no longer needs, and opens what had to wait
-    /// for that.
-    pub fn go_on_with(&mut self, opened: Opened, schedule: &Schedule) -> Result<(), Failure> {
-        self.open.retain(|id, _| schedule.index_of(id).is_some());
-        self.open.extend(opened.handles);
+    /// Gives what is open for these nodes away, so that others can have the devices.
+    pub fn let_go(&mut self, ids: &[String]) -> Vec<Held> {
+        ids.iter().filter_map(|id| self.open.remove(id)).collect()
+    }
+
+    /// Goes on with what was opened for a graph that is being taken over, and closes what that no longer needs; nobody waits for
+    /// that.
+    pub fn go_on_with(&mut self, opened: Opened, schedule: &Schedule) {
+        let mut over: Vec<Held> = self
+            .open
+            .extract_if(|id, held| {
+                schedule.index_of(id).is_none_or(|i| schedule.nodes[i].kind != held.node.kind)
+            })
+            .map(|(_, held)| held)
+            .collect();
+        for held in opened.held {
+            over.extend(self.open.insert(held.node.id.clone(), held));
+        }
         if opened.pointer.is_some() {
             self.pointer = opened.pointer;
         }
-        for source in opened.later {
-            let node = source.node.clone();
-            drop(self.open.remove(&node.id));
-            let handle = source.start().map_err(|e| refused(&node, &e))?;
-            self.open.insert(node.id, handle);
+        if !over.is_empty() {
+            closing::elsewhere(move || drop(over));
         }
-        Ok(())
     }
 
     /// Where the live page's pointers are to be sent, once after it was opened.
@@ -83,8 +80,8 @@ impl Hands {
 
     /// What went wrong, or is right again, since it was last asked.
     pub fn problems(&self) -> Vec<String> {
-        let of = |(id, handle): (&String, &Handle)| {
-            let all = std::iter::from_fn(|| handle.problem());
+        let of = |(id, held): (&String, &Held)| {
+            let all = std::iter::from_fn(|| held.handle.problem());
             all.map(|p| format!("`{id}`: {p}")).collect::<Vec<_>>()
         };
         self.open.iter().flat_map(of).collect()
@@ -138,63 +135,191 @@ fn refused(node: &ScheduledNode, error: &HandError) -> Failure {
 pub struct Opened {
     /// The ends of nodes.
     pub ends: Ends,
-    handles: Vec<(String, Handle)>,
+    /// Nodes whose devices have to be closed before the rest can be opened.
+    pub in_the_way: Vec<String>,
+    held: Vec<Held>,
     pointer: Option<SampleWriter>,
-    /// Sources whose device or port is held by the one before.
     later: Vec<Source>,
+    closed: bool,
+}
+
+/// Opens what these nodes of a graph need, until it is over. What somebody holds who does not stay as it is is left for
+/// [`open_the_rest`](Opened::open_the_rest): nothing is closed here. A device may take seconds to answer, or not to.
+pub fn open(
+    schedule: &Schedule,
+    ids: &[String],
+    held: &[Holding],
+    over: &AtomicBool,
+) -> Result<Opened, Failure> {
+    let (mut opened, sources) = plan(schedule, ids)?;
+    let anew = |node: &ScheduledNode| sources.iter().any(|s| s.node.id == node.id);
+    let stays = |held: &Holding| {
+        let there = schedule.index_of(&held.node.id).map(|i| &schedule.nodes[i]);
+        there.is_some_and(|n| n.kind == held.node.kind && !anew(n))
+    };
+    let going: Vec<&Holding> = held.iter().filter(|h| !stays(h)).collect();
+    for source in sources {
+        if over.load(Relaxed) {
+            break;
+        }
+        let before = going.iter().filter(|held| source.excludes(held)).map(|held| held.node.id.clone());
+        let before: Vec<String> = before.collect();
+        if before.is_empty() {
+            opened.held.push(source.start()?);
+        } else {
+            opened.in_the_way.extend(before);
+            opened.later.push(source);
+        }
+    }
+    Ok(opened)
+}
+
+/// The ends that these nodes of a graph get, and what is to be opened behind them.
+fn plan(schedule: &Schedule, ids: &[String]) -> Result<(Opened, Vec<Source>), Failure> {
+    let (mut opened, mut sources) = (Opened::default(), Vec::new());
+    let mut wanted = ids.to_vec();
+    let mut models: HashMap<String, ForceReader> = HashMap::new();
+    for node in schedule.nodes.iter().filter(|n| n.kind.ends_with("_force")) {
+        // Who reads the stylus is who pushes it: both begin anew.
+        let input = input_of(schedule, node)?;
+        if ids.contains(&node.id) || ids.contains(&input.id) {
+            let (writer, reader) = force_model();
+            opened.ends.forces.insert(node.id.clone(), writer);
+            models.insert(input.id.clone(), reader);
+            wanted.push(input.id.clone());
+        }
+    }
+    for node in schedule.nodes.iter().filter(|n| n.kind.ends_with("_input") && wanted.contains(&n.id)) {
+        let (writer, reader) = samples();
+        opened.ends.hands.insert(node.id.clone(), reader);
+        if node.kind == "pointer_input" {
+            opened.pointer = Some(writer);
+            continue;
+        }
+        let most = force_of(schedule, node).map_or(f64::INFINITY, |f| f.params.number("max_force_n"));
+        // What is wrong with them is found before any device is closed for them.
+        let options = Wanted::of(node, most).map_err(|e| refused(node, &e))?;
+        sources.push(Source { node: node.clone(), options, writer, model: models.remove(&node.id) });
+    }
+    Ok((opened, sources))
+}
+
+impl Opened {
+    /// Whether something was closed before all of it was open.
+    pub fn came_last(&self) -> bool {
+        self.closed
+    }
+
+    /// Closes what is in the way and opens the rest, until it is over.
+    pub fn open_the_rest(&mut self, old: Vec<Held>, over: &AtomicBool) -> Result<(), Failure> {
+        drop(old);
+        self.closed = true;
+        self.in_the_way.clear();
+        for source in std::mem::take(&mut self.later) {
+            if over.load(Relaxed) {
+                break;
+            }
+            self.held.push(source.start()?);
+        }
+        Ok(())
+    }
+}
+
+/// Devices of a graph that nobody holds, though it has them: they could not be had again.
+pub fn missing(schedule: &Schedule, held: &[Holding]) -> Vec<String> {
+    let device = |n: &&ScheduledNode| HANDS.contains(&n.kind.as_str()) && n.kind != "pointer_input";
+    let nobody = |n: &&ScheduledNode| !held.iter().any(|h| h.node.id == n.id);
+    schedule.nodes.iter().filter(device).filter(nobody).map(|n| n.id.clone()).collect()
 }
 
 /// A source that is to be started.
 struct Source {
     node: ScheduledNode,
-    /// Largest force \[N\].
-    most: f64,
+    options: Wanted,
     writer: SampleWriter,
     model: Option<ForceReader>,
 }
 
 impl Source {
-    /// Whether the one that this node has now has to be closed first: it holds the device or the port.
-    fn excludes(&self, held: &Handle) -> bool {
-        let listens = || osc::parse_listen(self.node.params.text("listen")).ok();
-        self.node.kind != "osc_input" || (held.address().is_some() && held.address() == listens())
+    /// Whether what somebody holds has to be closed first: it is the same device or port.
+    fn excludes(&self, held: &Holding) -> bool {
+        let (ours, theirs) = (&self.node.params, &held.node.params);
+        if self.node.kind != held.node.kind {
+            return false;
+        }
+        match self.node.kind.as_str() {
+            "osc_input" => {
+                let wanted = osc::parse_listen(ours.text("listen"));
+                wanted.is_ok_and(|ours| held.address.is_some_and(|theirs| osc::exclude(ours, theirs)))
+            }
+            // Several may be of one service; without a name it could be any.
+            "haply_input" => {
+                let (one, other) = (ours.text("device").trim(), theirs.text("device").trim());
+                haply::same_service(ours.text("service"), theirs.text("service"))
+                    && (one.is_empty() || other.is_empty() || one == other)
+            }
+            // The library has one scheduler.
+            _ => true,
+        }
     }
 
-    fn start(self) -> Result<Handle, HandError> {
-        let p = &self.node.params;
+    /// Opens it.
+    fn start(self) -> Result<Held, Failure> {
+        let node = self.node.clone();
+        let handle = match self.options {
+            Wanted::Osc(options) => osc::start(options, self.writer),
+            Wanted::OpenHaptics(options) => openhaptics::start(options, self.writer, self.model),
+            Wanted::Haply(options) => haply::start(options, self.writer, self.model),
+        };
+        Ok(Held { handle: handle.map_err(|e| refused(&node, &e))?, node })
+    }
+}
+
+/// How a device is opened.
+enum Wanted {
+    Osc(osc::OscOptions),
+    OpenHaptics(openhaptics::OpenHapticsOptions),
+    Haply(haply::HaplyOptions),
+}
+
+impl Wanted {
+    /// As a node says, with a largest force \[N\].
+    fn of(node: &ScheduledNode, most: f64) -> Result<Self, HandError> {
+        let p = &node.params;
         let text = |name: &str| Some(p.text(name).trim().to_owned()).filter(|t| !t.is_empty());
-        match self.node.kind.as_str() {
+        Ok(match node.kind.as_str() {
             "osc_input" => {
                 let mut options =
                     osc::OscOptions::new(p.text("address"), osc::parse_arguments(p.text("arguments"))?);
                 options.listen = osc::parse_listen(p.text("listen"))?;
                 options.anywhere = p.flag("anywhere");
-                osc::start(options, self.writer)
+                options.check()?;
+                Self::Osc(options)
             }
             "openhaptics_input" => {
                 let mut options = openhaptics::OpenHapticsOptions::new();
                 options.device = text("device");
                 options.library = text("library").map(PathBuf::from);
                 options.frame = Frame::new(p.text("axes"), [0.0; 3])?;
-                options.max_force_n = self.most;
-                openhaptics::start(options, self.writer, self.model)
+                options.max_force_n = most;
+                Self::OpenHaptics(options)
             }
             _ => {
                 let mut options = haply::HaplyOptions::new();
                 options.device = text("device");
                 options.service = p.text("service").to_owned();
                 options.frame = Frame::new(p.text("axes"), [0.0; 3])?;
-                options.max_force_n = self.most;
-                haply::start(options, self.writer, self.model)
+                options.max_force_n = most;
+                Self::Haply(options)
             }
-        }
+        })
     }
 }
 
 /// Colgate's bound for one wall, where it does not hold.
 fn warning(schedule: &Schedule, live: &Layout, node: &ScheduledNode, hands: &Hands) -> Option<String> {
     let input = input_of(schedule, node).ok()?;
-    let handle = hands.open.get(&input.id);
+    let handle = hands.open.get(&input.id).map(|held| &held.handle);
     // The plane's figures are known beforehand where they come from a node that has them as parameters, which a person may have
     // moved since.
     let number = |input: &str, param: &str| {

@@ -46,7 +46,7 @@ pub fn json(run: &Run<'_>) -> String {
         .collect();
     let latency: Map<String, Value> =
         view.latency_ms.iter().map(|(what, ms)| (what.clone(), json!(ms))).collect();
-    let TimingView { deadline_us, misses, woke_late, late_us, compute_us, .. } = &view.timing;
+    let TimingView { deadline_us, misses, woke_late, late_us, compute_us, recovery_us, .. } = &view.timing;
     let figures = |f: &[f64; 4]| json!({ "p50": f[0], "p99": f[1], "p999": f[2], "max": f[3] });
     let refused = run.grants.map(|g| g.refused()).unwrap_or_default();
     let report = json!({
@@ -65,6 +65,7 @@ pub fn json(run: &Run<'_>) -> String {
         "misses_woke_late": woke_late,
         "late_us": figures(late_us),
         "tick_us": figures(compute_us),
+        "recovery_us": figures(recovery_us),
         "underruns": view.underruns,
         "lost_samples": view.lost_samples,
         "xruns": view.xruns,
@@ -110,6 +111,9 @@ pub fn summary(run: &Run<'_>, written: &[PathBuf]) -> String {
             view.skipped_ticks
         ),
     );
+    if t.recovery_us[3] > 0.0 {
+        line("in time", format!("again after {}", figures(&t.recovery_us)));
+    }
     if !view.device.is_empty() {
         if !view.latency_ms.is_empty() {
             let sum: f64 = view.latency_ms.iter().map(|(_, ms)| ms).sum();

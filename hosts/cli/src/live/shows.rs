@@ -1,9 +1,9 @@
 //! Who looks at a run: the live page, the terminal, or lines of text.
 
 use std::sync::Arc;
-use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 
-use asperity_live::view::{Layout, Request, View};
+use asperity_live::Reins;
+use asperity_live::view::{Layout, View};
 use asperity_page::{Feed, Page, serve};
 use asperity_terminal::Terminal;
 use asperity_terminal::picture::Follower;
@@ -16,17 +16,12 @@ use crate::failure::Failure;
 /// Size of a picture of the terminal.
 const COLUMNS: u16 = 120;
 const ROWS: u16 = 40;
-/// Requests that may wait: of more, the newest are refused.
-const REQUESTS: usize = 256;
 
-/// The page, the terminal, and what they ask for.
+/// The page and the terminal, which hold the reins of the run.
 pub struct Shows {
     page: Option<(Page, Arc<Feed>)>,
     terminal: Option<Terminal>,
     picture: Option<Follower>,
-    requests: Receiver<Request>,
-    /// Kept so that the channel stays open where nobody looks.
-    _sender: SyncSender<Request>,
     layout: Option<Layout>,
     speaker: Speaker,
     begun: bool,
@@ -34,14 +29,14 @@ pub struct Shows {
 
 impl Shows {
     /// Opens what the command line asks for: before there is an engine, whose way with panics is to be the outer one.
-    pub fn open(args: &Run, hands: &mut Hands) -> Result<Self, Failure> {
-        let (sender, requests) = sync_channel(REQUESTS);
+    pub fn open(args: &Run, reins: &Reins, hands: &mut Hands) -> Result<Self, Failure> {
+        let pointer = hands.take_pointer();
         let speaker = Speaker::new(args.quiet || args.tui);
         let page = match args.page {
             Some(port) => {
                 let feed = Arc::new(Feed::new());
                 let options = asperity_page::Options { port, ..asperity_page::Options::default() };
-                let page = serve(options, feed.clone(), sender.clone(), hands.take_pointer())
+                let page = serve(options, feed.clone(), reins.clone(), pointer)
                     .map_err(|e| Failure::Machine(format!("cannot serve the page at port {port}: {e}")))?;
                 speaker.say(&format!("the page: {}", page.url()));
                 Some((page, feed))
@@ -50,23 +45,17 @@ impl Shows {
         };
         let terminal = match args.tui {
             true => Some(
-                Terminal::open(sender.clone())
+                Terminal::open(reins.clone())
                     .map_err(|e| Failure::Machine(format!("cannot draw in the terminal: {e}")))?,
             ),
             false => None,
         };
         let picture = args.picture.is_some().then(Follower::default);
-        let mut it =
-            Self { page, terminal, picture, requests, _sender: sender, layout: None, speaker, begun: false };
+        let mut it = Self { page, terminal, picture, layout: None, speaker, begun: false };
         if let (Some((page, _)), Some(terminal)) = (&it.page, &mut it.terminal) {
             terminal.note(&format!("the page: {}", page.url()));
         }
         Ok(it)
-    }
-
-    /// What a person asked for since the last time.
-    pub fn requests(&self) -> Vec<Request> {
-        self.requests.try_iter().collect()
     }
 
     /// Says something to whoever looks.
@@ -79,14 +68,19 @@ impl Shows {
 
     /// Shows figures of the moment, and the graph where it changed.
     pub fn show(&mut self, view: View, layout: &Layout, hands: &mut Hands) {
-        if let Some((page, _)) = &self.page
-            && let Some(pointer) = hands.take_pointer()
-        {
-            // False where the page is over: then nobody holds the hand.
-            let _ = page.set_pointer(pointer);
+        if let Some(pointer) = hands.take_pointer() {
+            match &self.page {
+                Some((page, _)) => page.set_pointer(Some(pointer)),
+                None => {
+                    self.say("warning: there is a pointer now, and no page to move it on: start with --page")
+                }
+            }
         }
         if self.layout.as_ref() != Some(layout) {
-            if let Some((_, feed)) = &self.page {
+            if let Some((page, feed)) = &self.page {
+                if layout.nodes.iter().all(|node| node.kind != "pointer_input") {
+                    page.set_pointer(None);
+                }
                 feed.publish_layout(layout.clone());
             }
             if let Some(terminal) = &mut self.terminal {

@@ -2,6 +2,7 @@
 
 pub mod record;
 pub mod report;
+mod salvage;
 mod taken;
 mod traces;
 mod watch;
@@ -60,7 +61,7 @@ pub fn run(args: &Render) -> Result<ExitCode, Failure> {
     }
 
     let named = [("--out", &args.out), ("--plot", &args.plot), ("--report", &args.report)];
-    distinct_files(&args.graph, schedule, &kinds, &named)?;
+    distinct_files(&args.graph, schedule, kinds.files(), &named)?;
     check_lengths(args, schedule, ticks)?;
     let mut taken = Taken::new(args, schedule)?;
     // Opened now, so that a folder that is not there is known before and not after the work.
@@ -156,11 +157,11 @@ fn nothing_live(args: &Render, schedule: &asperity_graph::Schedule) -> Result<()
 pub fn distinct_files(
     args: &GraphArgs,
     schedule: &asperity_graph::Schedule,
-    kinds: &Kinds,
+    plugins: &[PathBuf],
     named: &[(&str, &Option<PathBuf>)],
 ) -> Result<(), Failure> {
     let mut seen = load::files_read(args, schedule);
-    seen.extend(kinds.files().iter().map(|path| (path.clone(), "the graph, as a plugin,".to_owned())));
+    seen.extend(plugins.iter().map(|path| (path.clone(), "the graph, as a plugin,".to_owned())));
     let read = seen.len();
     seen.extend(named.iter().filter_map(|(name, path)| Some(((*path).clone()?, (*name).to_owned()))));
     seen.extend(record::files(schedule).map(|(path, id)| (path, format!("`{id}`"))));

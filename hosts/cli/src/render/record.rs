@@ -7,6 +7,7 @@ use asperity_graph::{Schedule, ScheduledNode};
 use asperity_node::{Buffer, ParamValue, Shape, time};
 use asperity_source::Diagnostic;
 
+use super::salvage::salvage;
 use crate::args::Format;
 use crate::failure::Failure;
 use crate::output::{Rows, ending};
@@ -19,9 +20,15 @@ pub struct Recorder {
     columns: usize,
     shape: Shape,
     scratch: Vec<f32>,
-    /// The row that comes next.
-    next: u64,
+    /// The row that comes next; none where it is the first, wherever that may be.
+    next: Option<u64>,
     missing: u64,
+    /// Rows that were written.
+    rows_written: u64,
+    /// Most samples that the file holds.
+    most: u64,
+    /// Why no more is recorded, and whether that has been told.
+    stopped: Option<(String, bool)>,
 }
 
 /// Most samples of a mono WAV file of 32-bit floats, with room for its head.
@@ -49,22 +56,26 @@ enum From {
 impl Recorder {
     /// Recorders for every `probe` and `file_out` that names a file.
     pub fn for_sinks(schedule: &Schedule) -> Result<Vec<Self>, Failure> {
-        let mut out = Vec::new();
-        for (i, node) in schedule.nodes.iter().enumerate() {
-            let Some(file) = file_of(node) else { continue };
-            match node.kind.as_str() {
-                "probe" => {
-                    let Some(port) = &node.inputs[0].port else { continue };
-                    out.push(Self::new(file, From::Input(i), port.shape, &port.unit.to_string())?);
-                }
-                "file_out" => {
-                    let port = &node.outputs[0].port;
-                    out.push(Self::new(file, From::Output(i), port.shape, "value")?);
-                }
-                _ => {}
+        let nodes = schedule.nodes.iter().enumerate();
+        nodes.filter_map(|(i, node)| Self::for_sink(i, node).transpose()).collect()
+    }
+
+    /// A recorder for a node, by its place in the graph; none for one that wants nothing written.
+    pub fn for_sink(i: usize, node: &ScheduledNode) -> Result<Option<Self>, Failure> {
+        let Some(file) = file_of(node) else { return Ok(None) };
+        match node.kind.as_str() {
+            "probe" => {
+                let Some(port) = &node.inputs[0].port else { return Ok(None) };
+                Self::new(file, From::Input(i), port.shape, &port.unit.to_string()).map(Some)
             }
+            "file_out" => Self::new(file, From::Output(i), node.outputs[0].port.shape, "value").map(Some),
+            _ => Ok(None),
         }
-        Ok(out)
+    }
+
+    /// The same for a sink that comes later: its first row is whichever comes first, and none before it is missing.
+    pub fn beginning_late(self) -> Self {
+        Self { next: None, ..self }
     }
 
     fn new(path: &Path, from: From, shape: Shape, unit: &str) -> Result<Self, Failure> {
@@ -87,7 +98,19 @@ impl Recorder {
             ("wav", Shape::Audio { rate_hz }) => Rows::wav(path, 1, rate_hz, Format::F32)?,
             _ => return Err(unknown_format(path, "a .csv or .npy file; .wav for audio").into()),
         };
-        Ok(Self { rows, from, columns, shape, scratch: Vec::new(), next: 0, missing: 0 })
+        let most = if ending(path) == "wav" { MOST_WAV } else { u64::MAX };
+        Ok(Self {
+            rows,
+            from,
+            columns,
+            shape,
+            scratch: Vec::new(),
+            next: Some(0),
+            missing: 0,
+            rows_written: 0,
+            most,
+            stopped: None,
+        })
     }
 
     /// Takes down the tick that has just run.
@@ -133,22 +156,65 @@ impl Recorder {
         let even = matches!(self.shape, Shape::Control { .. } | Shape::Audio { .. });
         // A line of a CSV file has its time; elsewhere it has to be said that something is not there.
         if even && ending(self.rows.path()) != "csv" {
-            self.missing += start.saturating_sub(self.next);
+            self.missing += start.saturating_sub(self.next.unwrap_or(start));
         }
         let rows = (values.len() / self.columns.max(1)) as u64;
-        self.next = start + rows;
-        if ending(self.rows.path()) == "wav" && self.next > MOST_WAV {
+        self.next = Some(start + rows);
+        if self.rows_written + rows > self.most {
             let path = self.rows.path().display();
             return Err(Failure::Machine(format!(
-                "{path} is full: a WAV file holds 4 GiB; record a .npy file"
+                "{path} is full: a WAV file holds 4 GiB, a .npy file more"
             )));
         }
-        self.rows.append(values, self.columns, |i| (start + i as u64) as f64 / f64::from(rate_hz))
+        self.rows.append(values, self.columns, |i| (start + i as u64) as f64 / f64::from(rate_hz))?;
+        self.rows_written += rows;
+        Ok(())
     }
 
-    /// Rows that are not there, since their ticks were left out, of a file whose rows have no times.
-    pub fn missing(&self) -> u64 {
-        self.missing
+    /// As [`append`](Self::append) where other things go on: what cannot be written ends the recording of this file alone.
+    pub fn append_while_possible(&mut self, start: u64, values: &[f32], tick_hz: u32) {
+        if self.stopped.is_some() {
+            return;
+        }
+        if let Err(failure) = self.append(start, values, tick_hz) {
+            let reason = failure.reason();
+            let said = format!("{reason}; no more of it is recorded, and all else goes on");
+            self.stopped = Some((said, false));
+        }
+    }
+
+    /// Why no more is recorded, once.
+    pub fn complaint(&mut self) -> Option<String> {
+        let (said, told) = self.stopped.as_mut()?;
+        (!std::mem::replace(told, true)).then(|| said.clone())
+    }
+
+    /// Completes the file with what reached the disk, whatever happened; answers where it is, and what a person should know.
+    pub fn end(mut self) -> (Option<PathBuf>, Vec<String>) {
+        let path = self.rows.path().to_owned();
+        let name = path.display().to_string();
+        let mut said: Vec<String> = self.complaint().into_iter().collect();
+        if self.missing > 0 {
+            let missing = self.missing;
+            said.push(format!(
+                "{name}: {missing} rows of ticks that were left out are missing; a .csv has times"
+            ));
+        }
+        let pending = self.rows.abandon();
+        let whole = pending.file().and_then(|mut file| {
+            salvage(&mut file, &ending(&path), self.columns).map_err(|e| Failure::writing(&path, e))
+        });
+        match whole.and_then(|rows| pending.keep().map(|()| rows)) {
+            Ok(Some(rows)) if rows < self.rows_written => {
+                said.push(format!("{name}: the disk took {rows} of {} rows", self.rows_written));
+            }
+            Ok(_) => {}
+            Err(failure) => {
+                said.push(format!("{}: nothing of it is kept", failure.reason()));
+                return (None, said);
+            }
+        }
+        (Some(path), said)
     }
 
     /// Goes on with the same node where another graph has been taken over.
@@ -223,4 +289,60 @@ impl Master {
 
 fn unknown_format(path: &Path, wanted: &str) -> Diagnostic {
     Diagnostic::new("cannot tell the format from this name").in_file(path).help(wanted)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn recorder(path: &Path, most: u64) -> Recorder {
+        let shape = Shape::Audio { rate_hz: 48_000 };
+        Recorder { most, ..Recorder::new(path, From::Output(0), shape, "value").expect("a file") }
+    }
+
+    #[test]
+    fn a_wav_file_that_is_full_is_told_once_stays_valid_and_ends_nothing_else() {
+        let dir = tempfile::tempdir().expect("a folder");
+        let path = dir.path().join("x.wav");
+        let mut it = recorder(&path, 250);
+        let mut said = Vec::new();
+        for n in 0..10 {
+            it.append_while_possible(n * 100, &[0.25; 100], 500);
+            said.extend(it.complaint());
+        }
+        assert!(said.len() == 1 && said[0].contains("4 GiB") && said[0].contains("goes on"), "{said:?}");
+        let (kept, said) = it.end();
+        assert!(kept.as_deref() == Some(&*path) && said.is_empty(), "{said:?}");
+        let samples: Vec<f32> =
+            hound::WavReader::open(&path).expect("a WAV file").samples().map(|s| s.expect("one")).collect();
+        assert_eq!(samples, [0.25; 200]);
+    }
+
+    #[test]
+    fn a_recording_whose_disk_failed_ends_after_its_last_whole_row() {
+        for name in ["x.wav", "x.npy", "x.csv"] {
+            let dir = tempfile::tempdir().expect("a folder");
+            let path = dir.path().join(name);
+            let mut it = recorder(&path, u64::MAX);
+            it.append_while_possible(0, &[0.5; 5000], 500);
+            // So much did not fit on the disk.
+            let Recorder { rows, columns, .. } = it;
+            let pending = rows.abandon();
+            let mut file = pending.file().expect("a handle");
+            file.set_len(file.metadata().expect("a size").len() - 1001).expect("it is cut");
+            salvage(&mut file, &ending(&path), columns).expect("a header");
+            pending.keep().expect("a name");
+            match name {
+                "x.wav" => assert_eq!(hound::WavReader::open(&path).expect("a WAV file").len(), 5000 - 251),
+                "x.npy" => {
+                    let array = asperity_measure::npy::read(&path).expect("an array");
+                    assert_eq!(array.shape, [5000 - 251]);
+                }
+                _ => {
+                    let text = std::fs::read_to_string(&path).expect("a text");
+                    assert!(text.ends_with(",0.5\n") && text.lines().count() > 4000);
+                }
+            }
+        }
+    }
 }

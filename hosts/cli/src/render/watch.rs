@@ -51,7 +51,7 @@ struct Watcher {
 
 impl Watcher {
     fn new(args: Render, kinds: Kinds, controller: Controller, bar: ProgressBar) -> Self {
-        let files = Files::new(stamps(&args.graph, &kinds, controller.schedule()));
+        let files = Files::new(stamps(&args.graph, kinds.files(), controller.schedule()));
         Self { args, kinds, controller, bar, files, sent: BTreeMap::new() }
     }
 
@@ -73,7 +73,7 @@ impl Watcher {
 
     /// Every file that the graph is made of, as it is now.
     fn stamps(&self) -> Stamps {
-        stamps(&self.args.graph, &self.kinds, self.controller.schedule())
+        stamps(&self.args.graph, self.kinds.files(), self.controller.schedule())
     }
 
     /// Drops what the engine gave back, and takes down when it took over.

@@ -1,7 +1,7 @@
 //! One connection to the service.
 
 use std::io::ErrorKind;
-use std::net::{TcpStream, ToSocketAddrs};
+use std::net::{IpAddr, TcpStream, ToSocketAddrs};
 use std::time::{Duration, Instant};
 
 use tungstenite::protocol::WebSocketConfig;
@@ -137,6 +137,21 @@ impl Link {
 fn bare(address: &str) -> &str {
     let address = address.trim();
     address.strip_prefix("ws://").unwrap_or(address).trim_end_matches('/')
+}
+
+/// Host and port of an address as they are compared: names of this machine are one.
+pub(super) fn place(address: &str) -> (String, String) {
+    let host = bare(address);
+    let (name, port) = host.rsplit_once(':').unwrap_or((host, ""));
+    let name = name.trim_start_matches('[').trim_end_matches(']').to_lowercase();
+    let ip = name.parse::<IpAddr>().map(|ip| ip.to_canonical());
+    let name = match ip {
+        // A connection to "any address" goes to this machine.
+        Ok(ip) if ip.is_loopback() || ip.is_unspecified() => "localhost".to_owned(),
+        Ok(ip) => ip.to_string(),
+        Err(_) => name,
+    };
+    (name, port.to_owned())
 }
 
 fn waits(kind: ErrorKind) -> bool {

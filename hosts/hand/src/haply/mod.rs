@@ -87,6 +87,12 @@ impl Default for HaplyOptions {
     }
 }
 
+/// Whether two ways to write a service's address mean the same: with and without `ws://`, and `localhost` for 127.0.0.1 and ::1. No name
+/// is looked up.
+pub fn same_service(one: &str, other: &str) -> bool {
+    link::place(one) == link::place(other)
+}
+
 /// Connects to the service and starts the servo. Without `models` the force is always 0.
 ///
 /// # Errors
@@ -336,5 +342,28 @@ impl Run {
         }
         self.shared.set_force(0.0);
         link.close();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::same_service;
+
+    #[test]
+    fn a_service_is_the_same_however_its_address_is_written() {
+        for (one, other, same) in [
+            ("localhost:10001", "ws://localhost:10001", true),
+            ("localhost:10001", "ws://localhost:10001/ ", true),
+            ("localhost:10001", "127.0.0.1:10001", true),
+            ("localhost:10001", "[::1]:10001", true),
+            ("LocalHost:10001", "ws://127.0.0.1:10001", true),
+            ("localhost:10001", "localhost:10002", false),
+            ("localhost:10001", "192.168.0.7:10001", false),
+            ("ws://192.168.0.7:10001", "192.168.0.7:10001", true),
+            ("ws://Desk:10001", "desk:10001", true),
+            ("desk:10001", "localhost:10001", false),
+        ] {
+            assert_eq!([same_service(one, other), same_service(other, one)], [same; 2], "{one} and {other}");
+        }
     }
 }

@@ -11,7 +11,6 @@
 //! (p50; p99 58 us on a loaded machine).
 
 mod arguments;
-mod clock;
 mod packet;
 mod pattern;
 
@@ -20,13 +19,12 @@ use std::net::{IpAddr, Ipv4Addr, SocketAddr, UdpSocket};
 use std::sync::{Arc, atomic::Ordering::Relaxed};
 use std::time::Duration;
 
-use asperity_live::{Sample, SampleWriter, now_ns};
+use asperity_live::{Order, RemoteClock, Sample, SampleWriter, now_ns};
 use rosc::OscMessage;
 
 use crate::handle::{Handle, Shared};
 use crate::{Device, HandError};
 pub use arguments::{Arguments, Reading, parse_arguments};
-use clock::{Clock, Mapped};
 use pattern::Pattern;
 
 /// How long the thread waits for a packet before it looks whether it is to stop.
@@ -57,6 +55,25 @@ impl OscOptions {
         let listen = SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), 9000);
         Self { listen, anywhere: false, address: address.into(), arguments }
     }
+
+    /// Whether they could be used, without a look at the port.
+    ///
+    /// # Errors
+    /// An address pattern that is none; a listening address beyond loopback without `anywhere`.
+    pub fn check(&self) -> Result<(), HandError> {
+        self.pattern().map(drop)
+    }
+
+    fn pattern(&self) -> Result<Pattern, HandError> {
+        let pattern = Pattern::parse(&self.address)?;
+        if !self.anywhere && !self.listen.ip().is_loopback() {
+            return Err(HandError::option(
+                format!("{} can be reached from the network", self.listen),
+                "listen at 127.0.0.1, or say `anywhere` if others may move the stylus",
+            ));
+        }
+        Ok(pattern)
+    }
 }
 
 /// Reads where to listen: `127.0.0.1:9000`, `localhost:9000`, or a port alone for this machine's loopback.
@@ -78,18 +95,20 @@ pub fn parse_listen(text: &str) -> Result<SocketAddr, HandError> {
     })
 }
 
+/// Whether two sources cannot listen at these addresses at once: the port is the same, and the IP address too, or one of them is all
+/// addresses of the machine (also those of the other version: a socket at `[::]` may take packets of IPv4). Port 0 is a free one.
+pub fn exclude(one: SocketAddr, other: SocketAddr) -> bool {
+    let (a, b) = (one.ip().to_canonical(), other.ip().to_canonical());
+    let all = a.is_unspecified() || b.is_unspecified();
+    one.port() != 0 && one.port() == other.port() && (all || a == b)
+}
+
 /// Opens the socket and starts to listen.
 ///
 /// # Errors
-/// An address pattern that is none; a listening address beyond loopback without `anywhere`; a port that is in use or not allowed.
+/// Those of [`OscOptions::check`]; a port that is in use or not allowed.
 pub fn start(options: OscOptions, writer: SampleWriter) -> Result<Handle, HandError> {
-    let pattern = Pattern::parse(&options.address)?;
-    if !options.anywhere && !options.listen.ip().is_loopback() {
-        return Err(HandError::option(
-            format!("{} can be reached from the network", options.listen),
-            "listen at 127.0.0.1, or say `anywhere` if others may move the stylus",
-        ));
-    }
+    let pattern = options.pattern()?;
     let socket = open(options.listen)?;
     let address = socket.local_addr().unwrap_or(options.listen);
     let shared = Arc::new(Shared::default());
@@ -102,7 +121,7 @@ pub fn start(options: OscOptions, writer: SampleWriter) -> Result<Handle, HandEr
         written: options.address,
         pattern,
         known: (String::new(), false),
-        clock: Clock::default(),
+        clock: RemoteClock::new(),
         sender: None,
         touched: false,
         stroke: 0,
@@ -144,7 +163,7 @@ struct Ear {
     pattern: Pattern,
     /// The address that was matched last, and whether it did: senders seldom change it.
     known: (String, bool),
-    clock: Clock,
+    clock: RemoteClock,
     sender: Option<(SocketAddr, u64)>,
     touched: bool,
     stroke: u32,
@@ -199,7 +218,7 @@ impl Ear {
             && arrived_ns.saturating_sub(then) > PAUSE_NS
         {
             self.anew();
-            self.clock = Clock::default();
+            self.clock = RemoteClock::new();
         }
         self.sender = Some((from, arrived_ns));
         let end = packet::walk(packet, &mut |message, tag| self.message(&message, tag, arrived_ns));
@@ -234,14 +253,17 @@ impl Ear {
     }
 
     fn take(&mut self, reading: Reading, tag: Option<u64>, arrived_ns: u64) {
-        let time = match reading.time_ns.or(tag.map(ntp_ns)).map(|sent| self.clock.map(sent, arrived_ns)) {
+        let time = match reading.time_ns.or(tag.map(ntp_ns)) {
             None => arrived_ns,
-            Some(Mapped::At(time)) => time,
-            Some(Mapped::Anew(time)) => {
-                self.anew();
-                time
+            Some(sent_ns) => {
+                let sent_s = sent_ns * 1e-9;
+                match self.clock.hear(sent_s, arrived_ns) {
+                    Order::Next => {}
+                    Order::Anew => self.anew(),
+                    Order::Late => return self.shared.bad("a sample came after a later one".to_owned()),
+                }
+                self.clock.time_ns(sent_s, arrived_ns)
             }
-            Some(Mapped::Late) => return self.shared.bad("a sample came after a later one".to_owned()),
         };
         if let Some(touch) = reading.touch {
             if touch && !self.touched {
@@ -289,5 +311,25 @@ mod tests {
         assert_eq!(parse_listen(" localhost:7 ").unwrap(), "127.0.0.1:7".parse().unwrap());
         assert_eq!(parse_listen("0.0.0.0:9").unwrap(), "0.0.0.0:9".parse().unwrap());
         assert!(parse_listen("here").unwrap_err().to_string().contains("127.0.0.1:9000"));
+    }
+
+    #[test]
+    fn addresses_exclude_each_other_where_a_socket_at_both_would_hear_the_same_packet() {
+        for (one, other, excluded) in [
+            ("127.0.0.1:9731", "127.0.0.1:9731", true),
+            ("127.0.0.1:9731", "127.0.0.1:9732", false),
+            ("127.0.0.1:9731", "127.0.0.2:9731", false),
+            ("127.0.0.1:9731", "[::1]:9731", false),
+            ("127.0.0.1:9731", "[::ffff:127.0.0.1]:9731", true),
+            ("127.0.0.1:9731", "0.0.0.0:9731", true),
+            ("127.0.0.1:9731", "[::]:9731", true),
+            ("[::1]:9731", "[::]:9731", true),
+            ("0.0.0.0:9731", "[::]:9731", true),
+            ("0.0.0.0:9731", "0.0.0.0:9732", false),
+            ("127.0.0.1:0", "127.0.0.1:0", false),
+        ] {
+            let [a, b] = [one, other].map(|text| parse_listen(text).unwrap());
+            assert_eq!([exclude(a, b), exclude(b, a)], [excluded; 2], "{one} and {other}");
+        }
     }
 }

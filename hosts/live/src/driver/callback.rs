@@ -112,7 +112,7 @@ impl<T: Ticker> Process for CallbackHalf<T> {
         let (played, starved) = block.output.split_at_mut(filled * channels);
         self.ramp.play(played);
         self.ramp.starve(starved);
-        self.controls.note(&self.ramp);
+        self.controls.note(&self.ramp, block.output);
     }
 }
 

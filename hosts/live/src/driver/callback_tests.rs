@@ -153,7 +153,7 @@ fn a_mute_a_stop_and_a_panic_are_silent_within_20_ms() {
         (0..150).for_each(|_| drop(device.call(64, 1)));
         assert_eq!(driver.controls().condition(), Condition::Playing);
         match how {
-            "mute" => driver.controls().mute(true),
+            "mute" => driver.controls().reins().mute(true),
             "stop" => driver.controls().request_stop(),
             _ => {}
         }
@@ -169,7 +169,7 @@ fn a_mute_a_stop_and_a_panic_are_silent_within_20_ms() {
         assert_eq!(driver.controls().condition(), want);
         assert_eq!(driver.controls().down(), how != "mute");
         if how == "mute" {
-            driver.controls().mute(false);
+            driver.controls().reins().mute(false);
             let heard: Vec<f32> = (0..160).flat_map(|_| device.call(64, 1)).collect();
             assert!(heard[9] < 1.0 && heard[heard.len() - 1] > 50_000.0);
         }

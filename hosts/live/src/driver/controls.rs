@@ -5,6 +5,7 @@ use std::sync::atomic::{AtomicBool, AtomicU8, AtomicU32, AtomicU64, Ordering::*}
 use std::time::Duration;
 
 use super::Options;
+use crate::Reins;
 use crate::dll::Line;
 use crate::meters::Meters;
 use crate::now_ns;
@@ -18,12 +19,17 @@ const DEAD_NS: (u64, u64) = (200_000_000, 800_000_000);
 /// Requests to a running driver, and how it stands. Any thread.
 #[derive(Debug)]
 pub struct Controls {
-    muted: AtomicBool,
+    reins: Reins,
+    /// This driver is to stop; the run may go on under another one.
     stopping: AtomicBool,
     failed: AtomicBool,
     /// The output is down for good, or there is none.
     down: AtomicBool,
     level: AtomicU8,
+    /// Bits of the largest sample that the device was given since this was last looked at.
+    /// Bits of the largest sample since it was last asked for, and of the last callback's.
+    peak: AtomicU32,
+    last_peak: AtomicU32,
     heard_ns: AtomicU64,
     frames: AtomicU32,
     period_frames: AtomicU32,
@@ -49,11 +55,13 @@ impl Controls {
 
     fn with(options: &Options, device_asked: Option<Asked>) -> Self {
         Self {
-            muted: AtomicBool::new(false),
+            reins: options.reins.clone(),
             stopping: AtomicBool::new(false),
             failed: AtomicBool::new(false),
             down: AtomicBool::new(false),
             level: AtomicU8::new(Level::Rising as u8),
+            peak: AtomicU32::new(0),
+            last_peak: AtomicU32::new(0),
             heard_ns: AtomicU64::new(0),
             frames: AtomicU32::new(0),
             period_frames: AtomicU32::new(0),
@@ -66,18 +74,18 @@ impl Controls {
         }
     }
 
-    /// Ramps the output down within 15 ms, or up again. Ticks go on.
-    pub fn mute(&self, mute: bool) {
-        self.muted.store(mute, Relaxed);
+    /// Those of the run.
+    pub fn reins(&self) -> &Reins {
+        &self.reins
     }
 
     /// How the driver stands; never `Lost`, which is for its owner to know.
     pub fn condition(&self) -> Condition {
         if self.failed.load(Relaxed) {
             Condition::Failed
-        } else if self.stopping.load(Relaxed) {
+        } else if self.stopping() {
             Condition::Stopping
-        } else if self.muted.load(Relaxed) {
+        } else if self.reins.muted() {
             Condition::Muted
         } else if self.level.load(Relaxed) == Level::Full as u8 {
             Condition::Playing
@@ -144,11 +152,7 @@ impl Controls {
     }
 
     pub(super) fn stopping(&self) -> bool {
-        self.stopping.load(Relaxed)
-    }
-
-    pub(super) fn muted(&self) -> bool {
-        self.muted.load(Relaxed)
+        self.stopping.load(Relaxed) || self.reins.stopping()
     }
 
     /// Takes note of a callback.
@@ -170,11 +174,21 @@ impl Controls {
 
     /// What the requests mean for the ramp.
     pub(super) fn steer(&self, ramp: &mut Ramp) {
-        ramp.open(!(self.muted() || self.stopping() || self.failed()));
+        ramp.open(!(self.reins.muted() || self.stopping() || self.failed()));
     }
 
-    /// What the ramp came to.
-    pub(super) fn note(&self, ramp: &Ramp) {
+    /// The largest sample that the device was given since this was last asked, the last callback's included, of full scale.
+    pub fn peak(&self) -> f32 {
+        // It may be asked more often than the device calls; what was given then plays still.
+        f32::from_bits(self.peak.swap(0, Relaxed).max(self.last_peak.load(Relaxed)))
+    }
+
+    /// What the ramp came to, and what the device is given.
+    pub(super) fn note(&self, ramp: &Ramp, output: &[f32]) {
+        let peak = output.iter().fold(0.0_f32, |most, x| x.abs().max(most));
+        // Of numbers above 0 the bits are in the same order.
+        self.peak.fetch_max(peak.to_bits(), Relaxed);
+        self.last_peak.store(peak.to_bits(), Relaxed);
         self.level.store(ramp.level() as u8, Relaxed);
         if ramp.silent() && (self.stopping() || self.failed()) {
             self.down.store(true, Release);
@@ -211,6 +225,17 @@ fn worse(ticks: Grant, device: Option<Grant>) -> Grant {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_peak_of_a_device_that_calls_less_often_than_it_is_asked_for_stays_what_plays() {
+        let controls = Controls::new(&Options::new(Arc::new(Meters::new(500))));
+        let ramp = Ramp::new(48_000, 1, 0.0);
+        controls.note(&ramp, &[0.1, -0.75, 0.2]);
+        controls.note(&ramp, &[0.25]);
+        assert_eq!([controls.peak(), controls.peak(), controls.peak()], [0.75, 0.25, 0.25]);
+        controls.note(&ramp, &[0.0]);
+        assert_eq!(controls.peak(), 0.0);
+    }
 
     #[test]
     fn a_refusal_of_either_thread_is_told_and_a_grant_only_once_both_have_it() {

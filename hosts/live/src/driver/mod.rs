@@ -17,10 +17,12 @@ pub use callback::{Callback, CallbackHalf};
 pub use controls::Controls;
 pub use paced::Paced;
 pub use paced_half::PacedHalf;
+pub(crate) use slot::Slot;
 pub use timer::Timer;
 
 use std::sync::Arc;
 
+use crate::Reins;
 use crate::meters::Meters;
 use crate::ramp::START_S;
 use crate::realtime::PRIORITY;
@@ -121,12 +123,21 @@ pub struct Options {
     pub seen_frames: u32,
     /// Where times and counts go.
     pub meters: Arc<Meters>,
+    /// What mutes and stops it.
+    pub reins: Reins,
 }
 
 impl Options {
     /// What a run for a person uses.
     pub fn new(meters: Arc<Meters>) -> Self {
-        Self { priority: Some(PRIORITY), start_s: START_S, period_frames: 0, seen_frames: 0, meters }
+        Self {
+            priority: Some(PRIORITY),
+            start_s: START_S,
+            period_frames: 0,
+            seen_frames: 0,
+            meters,
+            reins: Reins::default(),
+        }
     }
 }
 

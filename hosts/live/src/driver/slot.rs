@@ -1,33 +1,40 @@
 //! One thing that two threads may take, where neither ever waits for the other.
 
 use std::cell::UnsafeCell;
+use std::marker::PhantomData;
 use std::ops::{Deref, DerefMut};
 use std::sync::atomic::{AtomicBool, Ordering::*};
 
 /// Holds something for whoever comes first.
 #[derive(Debug)]
-pub(super) struct Slot<T> {
+pub(crate) struct Slot<T> {
     taken: AtomicBool,
     cell: UnsafeCell<Option<T>>,
 }
 
-// SAFETY: the cell is reached through an `Entered` only, and `taken` lets one exist at a time; what is in it moves between threads.
+// SAFETY: a shared slot gives access to the cell through an `Entered` only, and one exists at a time: `enter` makes it after it alone has seen
+// `taken` go from false to true, and nothing but its drop sets `taken` back. The drop's Release and the next `enter`'s Acquire on the
+// same flag put all that one thread did with the cell before all that the next does. So the `T` is never used by two threads at a time
+// but handed from one to the other, which is what `Send` allows.
 unsafe impl<T: Send> Sync for Slot<T> {}
 
 impl<T> Slot<T> {
-    pub(super) fn new(what: T) -> Self {
+    pub(crate) fn new(what: T) -> Self {
         Self { taken: AtomicBool::new(false), cell: UnsafeCell::new(Some(what)) }
     }
 
     /// What is in the slot, until the answer is dropped; `None` where another thread has it at the moment.
-    pub(super) fn enter(&self) -> Option<Entered<'_, T>> {
-        (!self.taken.swap(true, Acquire)).then(|| Entered { slot: self })
+    pub(crate) fn enter(&self) -> Option<Entered<'_, T>> {
+        (!self.taken.swap(true, Acquire)).then(|| Entered { slot: self, as_if: PhantomData })
     }
 }
 
-/// The sole access to a slot.
-pub(super) struct Entered<'a, T> {
+/// The sole access to a slot. Let go when it is dropped, also by a panic.
+pub(crate) struct Entered<'a, T> {
     slot: &'a Slot<T>,
+    /// It is what it stands for, a mutable borrow. Without this it would be `Sync` wherever the slot is, for a `T` that is only `Send`, and
+    /// several threads that share it could use the `T` at once.
+    as_if: PhantomData<&'a mut Option<T>>,
 }
 
 impl<T> Deref for Entered<'_, T> {
@@ -49,5 +56,55 @@ impl<T> DerefMut for Entered<'_, T> {
 impl<T> Drop for Entered<'_, T> {
     fn drop(&mut self) {
         self.slot.taken.store(false, Release);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::cell::Cell;
+
+    /// Has two candidates for `what` where the type is `Sync`, so that naming it does not compile.
+    trait NotSync<Which> {
+        fn what() {}
+    }
+    impl<T: ?Sized> NotSync<()> for T {}
+    impl<T: ?Sized + Sync> NotSync<u8> for T {}
+
+    #[test]
+    fn access_to_what_threads_cannot_share_is_not_shared() {
+        <Entered<'static, Cell<u32>> as NotSync<_>>::what();
+        fn crosses<T: Send>(_: &T) {}
+        crosses(&Slot::new(Cell::new(0)).enter());
+    }
+
+    #[test]
+    fn two_threads_are_never_in_at_once_and_see_what_the_other_did() {
+        let slot = Slot::new(Cell::new(0_u64));
+        let count = || {
+            let mut entered = 0;
+            while entered < 50_000 {
+                if let Some(Some(cell)) = slot.enter().as_deref_mut() {
+                    cell.set(cell.get() + 1);
+                    entered += 1;
+                }
+            }
+        };
+        std::thread::scope(|s| {
+            s.spawn(count);
+            s.spawn(count);
+        });
+        assert_eq!(slot.enter().and_then(|mut e| e.take()).map(|c| c.get()), Some(100_000));
+    }
+
+    #[test]
+    fn a_panic_inside_lets_the_slot_go() {
+        let slot = Slot::new(1);
+        let within = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| {
+            let _entered = slot.enter().expect("it is free");
+            assert!(slot.enter().is_none());
+            std::panic::resume_unwind(Box::new(()));
+        }));
+        assert!(within.is_err() && slot.enter().is_some());
     }
 }

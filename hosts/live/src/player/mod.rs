@@ -112,11 +112,15 @@ impl Player {
         }
     }
 
+    /// Whether the wiring's indices are those of the graph that runs.
+    fn wired(&self) -> bool {
+        self.wiring.swap == self.engine.swaps()
+    }
+
     /// What the device is to play in this tick.
     fn samples(&self, out: &mut [f32]) {
         let channels = self.channels;
-        if channels == 0 || self.wiring.swap != self.engine.swaps() {
-            // Indices of another graph: no signal but one behind a limiter may reach the device.
+        if channels == 0 {
             return;
         }
         for (channel, &node) in self.wiring.outs.iter().enumerate().take(channels) {
@@ -124,6 +128,27 @@ impl Player {
             for (frame, x) in out.chunks_exact_mut(channels).zip(&samples[..*len]) {
                 frame[channel] = *x;
             }
+        }
+    }
+
+    /// Hands on what came out of a tick.
+    fn hand_on(&mut self, out: &mut [f32]) {
+        if !self.wired() {
+            // Indices of another graph: no signal but one behind a limiter may reach a device, and no plane but the one that was meant.
+            for slot in &mut self.wiring.forces {
+                if let Some(writer) = &mut slot.writer {
+                    writer.write(ForceModel { time_ns: now_ns(), ..ForceModel::default() });
+                }
+            }
+            return;
+        }
+        self.samples(out);
+        self.push_back();
+        for scope in &mut self.wiring.scopes {
+            scope.take(&self.engine);
+        }
+        for tape in &mut self.wiring.tapes {
+            tape.take(&self.engine);
         }
     }
 
@@ -174,21 +199,13 @@ impl Ticker for Player {
         self.feed(time_ns);
         self.wiring.spent.fill(0);
         self.engine.tick_timed(&Now, &mut self.wiring.spent);
-        if self.engine.swaps() == self.wiring.swap {
+        if self.wired() {
             self.wiring.meters.take(&self.engine, &self.wiring.spent);
         } else {
             // This tick's times are by the numbers of the new graph, in a table of the old one: they are left out.
             self.rewire();
         }
-        self.samples(out);
-        self.wiring.meters.note_output(out);
-        self.push_back();
-        for scope in &mut self.wiring.scopes {
-            scope.take(&self.engine);
-        }
-        for tape in &mut self.wiring.tapes {
-            tape.take(&self.engine);
-        }
+        self.hand_on(out);
     }
 
     fn skip(&mut self, n: u64) {
@@ -200,3 +217,7 @@ impl Ticker for Player {
         self.engine.skip(n);
     }
 }
+
+#[cfg(test)]
+#[path = "tests.rs"]
+mod tests;

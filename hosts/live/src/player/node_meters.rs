@@ -15,8 +15,6 @@ const LEVEL_TICKS: f32 = 25.0;
 #[derive(Debug)]
 pub(crate) struct NodeMeters {
     nodes: Vec<Meter>,
-    /// Bits of the largest output since it was last looked at.
-    peak: AtomicU32,
     /// Faults of all nodes, those of earlier graphs too.
     faults: AtomicU64,
 }
@@ -56,7 +54,6 @@ impl NodeMeters {
         };
         Self {
             nodes: schedule.nodes.iter().map(meter).collect(),
-            peak: AtomicU32::new(0),
             faults: AtomicU64::new(before.map_or(0, |(_, meters)| meters.faults())),
         }
     }
@@ -64,20 +61,6 @@ impl NodeMeters {
     /// Faults of all nodes since the start.
     pub(crate) fn faults(&self) -> u64 {
         self.faults.load(Relaxed)
-    }
-
-    /// Takes down what goes to the device. Tick thread.
-    pub(crate) fn note_output(&self, samples: &[f32]) {
-        let peak = samples.iter().fold(0.0_f32, |most, x| x.abs().max(most));
-        // Of numbers above 0 the bits are in the same order.
-        if peak.to_bits() > self.peak.load(Relaxed) {
-            self.peak.store(peak.to_bits(), Relaxed);
-        }
-    }
-
-    /// The largest output since it was last asked.
-    pub(crate) fn peak(&self) -> f32 {
-        f32::from_bits(self.peak.swap(0, Relaxed))
     }
 
     /// Takes down a tick. Tick thread.

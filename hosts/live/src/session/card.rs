@@ -1,12 +1,13 @@
 //! A device while it is open.
 
+use std::sync::Arc;
 use std::sync::mpsc::Receiver;
-use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use asperity_audio::{Capture, Captured, Event, OpenError, Process, Request, Stream, events, open};
 
 use super::switch::{Give, switch};
+use crate::driver::Slot;
 use crate::player::MicWriter;
 use crate::realtime::{ask_priority, touch_stack};
 
@@ -27,7 +28,7 @@ pub(super) struct Card {
 /// Where what is recorded goes: the same place for a device and for the one that is opened after it was lost.
 #[derive(Clone)]
 pub(super) struct Recorder {
-    to: Arc<Mutex<MicWriter>>,
+    to: Arc<Slot<MicWriter>>,
     /// What the device's thread is still to ask for.
     priority: Option<i32>,
 }
@@ -38,7 +39,7 @@ const STACK: usize = 32_768;
 impl Recorder {
     /// With the priority that every device's thread asks for.
     pub(super) fn new(writer: MicWriter, priority: Option<i32>) -> Self {
-        Self { to: Arc::new(Mutex::new(writer)), priority }
+        Self { to: Arc::new(Slot::new(writer)), priority }
     }
 }
 
@@ -49,8 +50,8 @@ impl Capture for Recorder {
             let _ = ask_priority(priority);
             touch_stack::<STACK>();
         }
-        // Nobody holds it but a device that is being closed; it is never waited for.
-        if let Ok(mut writer) = self.to.try_lock() {
+        // Nobody holds it but a device that is being closed; it is never waited for, and a panic there does not end it here.
+        if let Some(Some(writer)) = self.to.enter().as_deref_mut() {
             writer.capture(block);
         }
     }

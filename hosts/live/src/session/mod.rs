@@ -17,7 +17,7 @@ use crate::meters::Meters;
 use crate::player::MicWriter;
 use crate::realtime::{Grants, Machine, PRIORITY};
 use crate::view::{Condition, View};
-use crate::{Conductor, Listener, Player, now_ns};
+use crate::{Conductor, Listener, Player, Reins, now_ns};
 use card::Card;
 use running::{Driver, Running};
 use xruns::Xruns;
@@ -42,6 +42,8 @@ pub struct SessionOptions {
     pub start_s: f64,
     /// Whether the system is asked for real-time priority, locked memory and waking cores.
     pub realtime: bool,
+    /// What mutes and stops it, whatever the thread that tends it is doing.
+    pub reins: Reins,
 }
 
 /// Why there is no run, or no longer one.
@@ -78,7 +80,6 @@ pub struct Session {
     machine: Option<Machine>,
     /// What was refused has been said.
     told: bool,
-    muted: bool,
     /// Since when the device has been lost, or was last looked for.
     lost: Option<Instant>,
     /// Why it was not back when it was last looked for.
@@ -132,7 +133,6 @@ impl Session {
             machine: options.realtime.then(Machine::ask),
             options,
             told: false,
-            muted: false,
             lost: None,
             why: String::new(),
             opening: None,
@@ -162,12 +162,9 @@ impl Session {
         &mut self.conductor
     }
 
-    /// Ramps the output down, or up again. It holds for a device that comes back, too.
-    pub fn mute(&mut self, mute: bool) {
-        self.muted = mute;
-        if let Some(controls) = self.controls() {
-            controls.mute(mute);
-        }
+    /// What mutes and stops it.
+    pub fn reins(&self) -> &Reins {
+        &self.options.reins
     }
 
     /// Whether the run goes on: no tick panicked, and there is or may be a device where one was asked for.
@@ -199,7 +196,9 @@ impl Session {
         match (self.controls(), self.lost) {
             (Some(controls), _) if controls.failed() => Condition::Failed,
             (None, _) if matches!(self.driver.0, Driver::Gone) => Condition::Failed,
+            _ if self.reins().stopping() => Condition::Stopping,
             (_, Some(_)) => Condition::Lost,
+            _ if self.reins().muted() => Condition::Muted,
             // A device that is back and not yet played on.
             _ if self.card.as_ref().is_some_and(|card| !card.playing()) => Condition::Starting,
             (Some(controls), None) => controls.condition(),
@@ -218,6 +217,7 @@ impl Session {
         let mut view = View {
             number: self.views,
             condition: self.condition(),
+            muted: self.reins().muted(),
             clock: self.clock().map_or("", Clock::name).into(),
             device: self.name.clone(),
             period_frames: self.card.as_ref().and_then(|c| c.stream().period()).unwrap_or(0),
@@ -230,6 +230,7 @@ impl Session {
             losses: self.meters.losses.get(),
             skipped_ticks: self.meters.skipped_ticks.get(),
             recording_gaps: self.listener.as_ref().map_or(0, Listener::gaps),
+            peak: self.controls().map_or(0.0, |c| c.peak()),
             ..View::default()
         };
         self.conductor.look(&mut view, since);
@@ -303,6 +304,7 @@ impl Session {
     fn driver_options(&self) -> Options {
         let mut options = Options::new(self.meters.clone());
         options.start_s = self.options.start_s;
+        options.reins = self.options.reins.clone();
         if !self.options.realtime {
             options.priority = None;
         }
@@ -339,7 +341,6 @@ impl Session {
             Clock::Timer => Driver::Timer(Timer::new(player, &options).map_err(SessionError::Thread)?),
         };
         card.note_playing();
-        self.mute(self.muted);
         Ok(())
     }
 
@@ -348,7 +349,6 @@ impl Session {
         let Some(player) = self.driver.take_from_lost() else { return Ok(()) };
         let options = self.driver_options();
         self.driver.0 = Driver::Timer(Timer::new(player, &options).map_err(SessionError::Thread)?);
-        self.mute(self.muted);
         Ok(())
     }
 

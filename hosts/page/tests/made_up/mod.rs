@@ -21,7 +21,7 @@ pub struct Run {
     hand: Option<SampleReader>,
     last: Sample,
     heard: u64,
-    muted: bool,
+    pub muted: bool,
     number: u64,
     samples: [u64; 4],
     phase: f64,
@@ -56,8 +56,6 @@ impl Run {
                 live.expect("only what is there is asked for").value = *value;
             }
             Request::Material { name, .. } => self.layout.materials[0].chosen = name.clone(),
-            Request::Mute(mute) => self.muted = *mute,
-            Request::Stop => {}
         }
     }
 
@@ -77,6 +75,7 @@ impl Run {
         View {
             number: self.number,
             layout: 0,
+            muted: self.muted,
             condition: if self.muted {
                 Condition::Muted
             } else if seconds < 2.0 {
@@ -95,6 +94,7 @@ impl Run {
                 woke_late: self.late[17..].iter().sum(),
                 late_us: [14.2, 24.7, 231.0, 3140.0],
                 compute_us: [48.3, 71.0, 118.0, 402.0],
+                recovery_us: [0.0; 4],
                 edges_us: EDGES_US.to_vec(),
                 late_counts: self.late.clone(),
                 compute_counts: self.compute.clone(),

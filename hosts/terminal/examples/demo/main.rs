@@ -3,10 +3,10 @@
 mod plausible;
 
 use std::error::Error;
-use std::sync::mpsc::sync_channel;
 use std::time::{Duration, Instant};
 
-use asperity_live::view::{Condition, Request};
+use asperity_live::Reins;
+use asperity_live::view::Condition;
 use asperity_terminal::{Terminal, picture};
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -17,26 +17,23 @@ fn main() -> Result<(), Box<dyn Error>> {
         let text = picture::svg_of(&view, &plausible::layout(), size(1, 120)?, size(2, 40)?);
         return Ok(std::fs::write(file, text)?);
     }
-    let (requests, asked) = sync_channel(16);
-    let mut terminal = Terminal::open(requests)?;
+    let reins = Reins::default();
+    let mut terminal = Terminal::open(reins.clone())?;
     terminal.layout(&plausible::layout());
     terminal.note("a made-up run: no device, no graph");
-    let (start, mut before, mut mute) = (Instant::now(), 0.0, false);
-    loop {
+    let (start, mut before) = (Instant::now(), 0.0);
+    while !reins.stopping() {
         let seconds = start.elapsed().as_secs_f64();
         let mut view = plausible::view(seconds, seconds - before);
-        if mute {
-            (view.condition, view.peak) = (Condition::Muted, 0.0);
+        if reins.muted() {
+            (view.condition, view.muted, view.peak) = (Condition::Muted, true, 0.0);
         }
         before = seconds;
         terminal.draw(&view)?;
-        for request in asked.try_iter() {
-            match request {
-                Request::Stop => return Ok(()),
-                Request::Mute(wanted) => mute = wanted,
-                other => terminal.note(&format!("{other:?}")),
-            }
+        for request in reins.asked() {
+            terminal.note(&format!("{request:?}"));
         }
         std::thread::sleep(Duration::from_millis(33));
     }
+    Ok(())
 }

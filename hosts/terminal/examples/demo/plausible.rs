@@ -166,6 +166,7 @@ fn timing(ticks: u64) -> TimingView {
         woke_late: ticks / 9500,
         late_us: [14.2, 24.8, 231.0, 3120.0],
         compute_us: [301.0, 412.0, 655.0, 1180.0],
+        recovery_us: [0.0; 4],
         late_counts: spread(14.0, 0.09, 0.002),
         compute_counts: spread(301.0, 0.06, 0.0),
         edges_us: edges,

@@ -213,7 +213,7 @@ fn nodes_scroll_by_pages_and_not_past_the_end() {
     board.lay_out(&Layout { nodes: (0..500).map(node).collect(), ..Layout::default() });
     board.take(&View { nodes: vec![NodeView::default(); 500], ..View::default() }, NOW);
     assert_shows(&text(&mut board, (80, 24)), &["1 to 10 of 500", "node000", "node009"]);
-    let press = |board: &mut Board, code| board.press(KeyEvent::new(code, KeyModifiers::NONE), NOW);
+    let press = |board: &mut Board, code| board.press(KeyEvent::new(code, KeyModifiers::NONE));
     press(&mut board, KeyCode::PageDown);
     assert_shows(&text(&mut board, (80, 24)), &["11 to 20 of 500", "node010"]);
     press(&mut board, KeyCode::End);
@@ -233,7 +233,7 @@ fn the_chosen_parameter_is_always_in_sight() {
             &text(&mut board, (80, 24)),
             &[&format!("> n.p{chosen:02}"), &format!("{} of 80", chosen + 1)],
         );
-        board.press(KeyEvent::new(KeyCode::Down, KeyModifiers::NONE), NOW);
+        board.press(KeyEvent::new(KeyCode::Down, KeyModifiers::NONE));
     }
 }
 
@@ -242,7 +242,7 @@ fn an_arrow_chooses_at_once_where_the_parameters_are_in_sight() {
     for (size, chosen) in [((80, 24), 0), ((120, 40), 1)] {
         let mut board = playing();
         text(&mut board, size);
-        board.press(KeyEvent::new(KeyCode::Down, KeyModifiers::NONE), NOW);
+        board.press(KeyEvent::new(KeyCode::Down, KeyModifiers::NONE));
         assert_eq!(board.chosen, chosen, "{size:?}");
     }
 }
@@ -319,6 +319,7 @@ fn hostile(x: f64, n: u64, name: &str) -> (Layout, View) {
         woke_late: n,
         late_us: [x; 4],
         compute_us: [x; 4],
+        recovery_us: [0.0; 4],
         edges_us: vec![x; 7],
         late_counts: vec![n; 8],
         compute_counts: vec![n; 3],

@@ -6,6 +6,9 @@ use super::model::{EACH, Model, OWN, SHARED};
 use super::spectra::Spectra;
 use super::{IdentifySettings, Recording, WITHIN_95, distortion};
 
+/// Half intervals from here on, as a part of the value, say that the value was not found.
+const UNDETERMINED: f64 = 2.0;
+
 /// A value with its 95 % interval.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Estimate {
@@ -28,6 +31,11 @@ impl Estimate {
     /// Half the interval, as a part of the value: the greater of both sides.
     pub fn relative(&self) -> f64 {
         (self.high / self.value - 1.0).max(1.0 - self.low / self.value)
+    }
+
+    /// Whether the measurement tells the value at all: its interval ends below three times the value.
+    pub fn is_determined(&self) -> bool {
+        self.relative() < UNDETERMINED
     }
 
     /// The same in another unit, `factor` of which are one of this.

@@ -5,7 +5,7 @@ use realfft::num_complex::Complex64;
 use super::super::Drive;
 use super::model::Model;
 use super::spectra::{Band, Spectra};
-use super::{Findings, IdentifySettings, Measurement, Recording, Trust};
+use super::{Estimate, Findings, IdentifySettings, Measurement, Recording, Trust};
 
 /// Least of the signal-to-noise ratio for good and for fair \[dB\].
 const SNR_DB: (f64, f64) = (15.0, 6.0);
@@ -181,12 +181,12 @@ fn of_recording(notes: &mut Notes, which: &str, drive: Drive, m: &Measurement, r
     });
     // Behind a voltage the back-EMF may damp so much that the suspension's damping does not show.
     let damping = if drive == Drive::Current { m.damping_ratio.relative() } else { 0.0 };
-    for (what, within) in
-        [("resonance", m.natural_hz.relative()), ("damping ratio", damping), ("gain", m.gain.relative())]
-    {
-        notes.most(within, WITHIN, || {
-            format!("{which}the {what} is known within {:.0} % only", 100.0 * within)
-        });
+    for (what, value, within) in [
+        ("resonance", m.natural_hz, m.natural_hz.relative()),
+        ("damping ratio", m.damping_ratio, damping),
+        ("gain", m.gain, m.gain.relative()),
+    ] {
+        notes.most(within, WITHIN, || format!("{which}{}", known(what, value)));
     }
     if m.inverted {
         notes.add(
@@ -197,6 +197,21 @@ fn of_recording(notes: &mut Notes, which: &str, drive: Drive, m: &Measurement, r
     if r.limited {
         notes.add(Trust::Good, format!("{which}the limiter acted; the fit uses the drive behind it"));
     }
+}
+
+/// How well a value is known, where that is not well; and what to do where it is not known at all.
+fn known(what: &str, value: Estimate) -> String {
+    if value.is_determined() {
+        return format!("the {what} is known within {:.0} % only", 100.0 * value.relative());
+    }
+    let better = match what {
+        "damping" | "damping ratio" => {
+            "a stronger drive, a longer sweep, or a current amplifier, behind which the coil does not damp as well"
+        }
+        "moving mass" => "handles whose masses are farther apart",
+        _ => "a stronger drive, a longer sweep, or one that reaches farther to both sides of the resonance",
+    };
+    format!("the {what} is not determined by this measurement: {better}")
 }
 
 /// Gains of several recordings must go with the masses of their handles.
@@ -232,8 +247,6 @@ fn of_values(notes: &mut Notes, f: &Findings, base_is_estimate: bool) {
         ("damping", f.damping),
         ("force factor", f.force_factor),
     ] {
-        notes.most(value.relative(), WITHIN_ABSOLUTE, || {
-            format!("the {what} is known within {:.0} % only", 100.0 * value.relative())
-        });
+        notes.most(value.relative(), WITHIN_ABSOLUTE, || known(what, value));
     }
 }

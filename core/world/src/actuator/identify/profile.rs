@@ -60,8 +60,12 @@ fn source(f: &Findings, name: &str, value: Estimate, unit: &str, when: &str) -> 
         "k" | "damping" if !f.moving_mass_measured => ", with the moving mass given here",
         _ => "",
     };
+    let trust = f.trust.word();
+    if !value.is_determined() {
+        return format!("measured{when}, but not determined by that{with}, trust {trust}");
+    }
     let (low, high) = (digits(value.low), digits(value.high));
-    format!("measured{when}: 95 % interval {low} to {high} {unit}{with}, trust {}", f.trust.word())
+    format!("measured{when}: 95 % interval {low} to {high} {unit}{with}, trust {trust}")
 }
 
 /// Five significant digits.

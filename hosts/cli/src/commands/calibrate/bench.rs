@@ -1,7 +1,6 @@
 //! Sweeps that are played and heard.
 
 use std::cell::RefCell;
-use std::path::Path;
 
 use asperity_live::view::View;
 use asperity_live::{Ended, Listener};
@@ -9,9 +8,10 @@ use asperity_node::FactValue;
 use asperity_world::actuator::Drive;
 use asperity_world::actuator::identify::{Recording, Sweep, SweepSettings};
 
+use super::{amps_per_volt, volts_per_volt};
 use crate::args::{Calibrate, DeviceArgs, DriveKind};
 use crate::failure::{Failure, complain};
-use crate::live::perform::{Watching, graph, play};
+use crate::live::perform::{Watching, graph, named, play};
 
 /// Seconds from silence to full at the start of a session.
 const START_S: f64 = 0.5;
@@ -90,16 +90,9 @@ pub enum Outcome {
 impl<'a> Bench<'a> {
     /// A bench for what the command line says.
     pub fn new(args: &'a Calibrate) -> Result<Self, Failure> {
-        let base = if args.base.ends_with(".ron") {
-            let path = std::path::absolute(Path::new(&args.base));
-            path.map_err(|e| Failure::Machine(format!("cannot read {}: {e}", args.base)))?
-                .display()
-                .to_string()
-        } else {
-            args.base.clone()
-        };
-        let device = DeviceArgs { period: args.device.period.or(Some(PERIOD)), ..args.device.clone() };
-        Ok(Self { args, device, base })
+        let mut device = args.output.recording_from(args.input_device.as_deref());
+        device.card.period.get_or_insert(PERIOD);
+        Ok(Self { args, device, base: named(&args.base)? })
     }
 
     /// What a sample of the drive is.
@@ -113,8 +106,8 @@ impl<'a> Bench<'a> {
     /// The most that card and amplifier can put out \[A or V\].
     pub fn most(&self) -> f64 {
         let gain = match self.drive() {
-            Drive::Current => self.args.amps_per_volt,
-            Drive::Voltage => self.args.volts_per_volt,
+            Drive::Current => amps_per_volt(self.args),
+            Drive::Voltage => volts_per_volt(self.args),
         };
         gain * self.args.volts_at_full_scale
     }
@@ -152,8 +145,8 @@ impl<'a> Bench<'a> {
             sweep.before_s,
             sweep.after_s,
             a.volts_at_full_scale,
-            a.amps_per_volt,
-            a.volts_per_volt,
+            amps_per_volt(a),
+            volts_per_volt(a),
             a.input_channel,
             a.accelerometer_full_scale,
         )

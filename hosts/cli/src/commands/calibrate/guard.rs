@@ -97,7 +97,7 @@ fn not_heard(
         let power = x.iter().map(|x| (f64::from(*x) - mean).powi(2)).sum::<f64>() / x.len().max(1) as f64;
         20.0 * (power.sqrt() / args.accelerometer_full_scale).max(1e-9).log10()
     };
-    let channel = args.device.channel.first().copied().unwrap_or(1);
+    let channel = args.output.channel();
     let (input, unit) = (args.input_channel, super::unit(args));
     format!(
         "what comes from input channel {input} does not follow the quiet sweep of {amplitude:.3} {unit} on channel {channel}: coherence \

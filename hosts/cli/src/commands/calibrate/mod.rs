@@ -16,13 +16,14 @@ use std::sync::atomic::Ordering::Relaxed;
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
-use asperity_source::{Diagnostic, Source, one_of};
+use asperity_source::{Diagnostic, Source};
 use asperity_world::actuator::ActuatorProfile;
 use asperity_world::actuator::identify::{Findings, IdentifySettings, Trust, identify, write_profile};
 
 use crate::args::{Calibrate, DriveKind};
 use crate::commands::tone::range;
 use crate::failure::{Failure, complain, print, warn};
+use crate::live::perform::actuator;
 use crate::output::{Pending, resolved};
 use crate::render::stop_flag;
 use bench::{Bench, Outcome, Tape};
@@ -53,9 +54,12 @@ fn calibrate(
 ) -> Result<ExitCode, Failure> {
     let bench = Bench::new(args)?;
     let level = check(args, &bench)?;
-    let base = base(args)?;
-    let profile_file = Pending::create(&args.out)?;
-    let plot_file = args.plot.as_deref().map(Pending::create).transpose()?;
+    let handles = [("--handle-mass-g", Some(args.handle_mass_g)), ("--second-mass-g", args.second_mass_g)];
+    let handles: Vec<_> = handles.into_iter().filter_map(|(option, g)| Some((option, g?))).collect();
+    let base = actuator(("--base", &args.base), &handles)?;
+    let create = |path: &Path, option: &str| Pending::create(path).map_err(|f| f.named_by(option));
+    let profile_file = create(&args.out, "--out")?;
+    let plot_file = args.plot.as_deref().map(|path| create(path, "--plot")).transpose()?;
 
     let settings = IdentifySettings {
         drive: bench.drive(),
@@ -125,17 +129,14 @@ fn check(args: &Calibrate, bench: &Bench<'_>) -> Result<f64, Failure> {
     let wrong = |option: &str, what: String, help: &str| -> Failure {
         Diagnostic::new(what).in_file(option).help(help.to_owned()).into()
     };
-    range("--handle-mass-g", args.handle_mass_g, 1.0, 10_000.0, "g")?;
-    range("--mass-uncertainty", args.mass_uncertainty, 0.01, 50.0, "%")?;
-    range("--accelerometer-full-scale", args.accelerometer_full_scale, 1e-3, 1e6, "m/s^2")?;
-    range("--from-hz", args.from_hz, 1.0, 1000.0, "Hz")?;
-    range("--to-hz", args.to_hz, 4.0 * args.from_hz, 0.45 * f64::from(args.rate), "Hz")?;
-    range("--seconds", args.seconds, 1.0, 120.0, "s")?;
-    range("--volts-at-full-scale", args.volts_at_full_scale, 1e-3, 100.0, "V")?;
-    range("--amps-per-volt", args.amps_per_volt, 1e-3, 100.0, "A/V")?;
-    range("--volts-per-volt", args.volts_per_volt, 1e-3, 1000.0, "V/V")?;
+    let rate = f64::from(args.rate);
+    range("--from-hz", args.from_hz, 1.0, (0.45 * rate / 4.0).min(1000.0), "Hz")?;
+    let (least, most) = (4.0 * args.from_hz, (0.45 * rate).min(20_000.0));
+    if !(least..=most).contains(&args.to_hz) {
+        let help = format!("{least} to {most} Hz: at least 4 times --from-hz, at most 0.45 of --rate");
+        return Err(wrong("--to-hz", format!("{} Hz is out of range", args.to_hz), &help));
+    }
     if let Some(grams) = args.second_mass_g {
-        range("--second-mass-g", grams, 1.0, 10_000.0, "g")?;
         let ratio = (grams / args.handle_mass_g).max(args.handle_mass_g / grams);
         if ratio < APART {
             let what =
@@ -143,28 +144,7 @@ fn check(args: &Calibrate, bench: &Bench<'_>) -> Result<f64, Failure> {
             return Err(wrong("--second-mass-g", what, "the farther apart the better: 50 and 200 g"));
         }
     }
-    if args.device.channel.len() > 1 {
-        return Err(wrong("--channel", "one actuator is measured at a time".into(), "one channel"));
-    }
-    let level = match (args.drive, args.amps, args.volts) {
-        (DriveKind::Current, amps, None) => amps.unwrap_or(0.1),
-        (DriveKind::Voltage, None, volts) => volts.unwrap_or(0.5),
-        (DriveKind::Current, ..) => {
-            return Err(wrong(
-                "--volts",
-                "a current is measured in amperes".into(),
-                "--amps, or --drive voltage",
-            ));
-        }
-        (DriveKind::Voltage, ..) => {
-            return Err(wrong(
-                "--amps",
-                "a voltage is measured in volts".into(),
-                "--volts, or --drive current",
-            ));
-        }
-    };
-    range(option(args), level, 1e-4, bench.most(), unit(args))?;
+    let level = level(args, bench)?;
     let out = resolved(&args.out);
     if args.base.ends_with(".ron") && resolved(Path::new(&args.base)) == out {
         let help = "give the new profile a name of its own";
@@ -187,6 +167,44 @@ fn check(args: &Calibrate, bench: &Bench<'_>) -> Result<f64, Failure> {
     Ok(level)
 }
 
+/// The level that is asked for \[A or V\]. What belongs to the other kind of amplifier is an error.
+fn level(args: &Calibrate, bench: &Bench<'_>) -> Result<f64, Failure> {
+    let voltage = args.drive == DriveKind::Voltage;
+    let (amps, gain) = (args.amps.is_some(), args.amps_per_volt.is_some());
+    let (volts, volts_gain) = (args.volts.is_some(), args.volts_per_volt.is_some());
+    let others = [
+        ("--amps", voltage && amps, "a voltage is measured in volts", "--volts, or --drive current"),
+        (
+            "--amps-per-volt",
+            voltage && gain,
+            "a voltage amplifier has none",
+            "--volts-per-volt, or --drive current",
+        ),
+        ("--volts", !voltage && volts, "a current is measured in amperes", "--amps, or --drive voltage"),
+        (
+            "--volts-per-volt",
+            !voltage && volts_gain,
+            "a current amplifier has none",
+            "--amps-per-volt, or --drive voltage",
+        ),
+    ];
+    if let Some((option, _, what, help)) = others.into_iter().find(|(_, given, ..)| *given) {
+        return Err(Diagnostic::new(what).in_file(option).help(help).into());
+    }
+    let level = if voltage { args.volts.unwrap_or(0.5) } else { args.amps.unwrap_or(0.1) };
+    let most = bench.most();
+    if level > most {
+        let (option, unit) = (option(args), unit(args));
+        let gain = if voltage { "--volts-per-volt" } else { "--amps-per-volt" };
+        let help = format!("at most {most} {unit}, by --volts-at-full-scale and {gain}");
+        return Err(Diagnostic::new(format!("{level} {unit} is out of range"))
+            .in_file(option)
+            .help(help)
+            .into());
+    }
+    Ok(level)
+}
+
 /// Unit of the drive.
 fn unit(args: &Calibrate) -> &'static str {
     if args.drive == DriveKind::Current { "A" } else { "V" }
@@ -197,18 +215,14 @@ fn option(args: &Calibrate) -> &'static str {
     if args.drive == DriveKind::Current { "--amps" } else { "--volts" }
 }
 
-/// The profile whose limits hold.
-fn base(args: &Calibrate) -> Result<ActuatorProfile, Failure> {
-    use asperity_nodes::actuator::{shipped_profile, shipped_profiles};
-    if let Some(profile) = shipped_profile(&args.base) {
-        return Ok(profile?);
-    }
-    if args.base.ends_with(".ron") {
-        return Ok(ActuatorProfile::read(&args.base)?);
-    }
-    let help = format!("{}; or name a .ron file", one_of(&args.base, shipped_profiles()));
-    let what = format!("there is no shipped actuator profile `{}`", args.base);
-    Err(Diagnostic::new(what).in_file("--base").help(help).into())
+/// Gain of a current amplifier \[A/V\].
+fn amps_per_volt(args: &Calibrate) -> f64 {
+    args.amps_per_volt.unwrap_or(1.0)
+}
+
+/// Gain of a voltage amplifier.
+fn volts_per_volt(args: &Calibrate) -> f64 {
+    args.volts_per_volt.unwrap_or(1.0)
 }
 
 /// The profile's text, which must be one that can be read again.

@@ -8,7 +8,7 @@ use asperity_world::actuator::identify::{Estimate, Findings, Measurement};
 use serde_json::{Map, Value, json};
 
 use super::bench::Tape;
-use super::unit;
+use super::{amps_per_volt, unit, volts_per_volt};
 use crate::args::{Calibrate, DriveKind};
 use crate::plot::{Measured, Response};
 
@@ -134,12 +134,13 @@ impl Report<'_> {
         all.push(match a.drive {
             DriveKind::Current => format!(
                 "full scale of the output is {} V, and the amplifier gives {} A/V: an error of either is one of the force factor",
-                a.volts_at_full_scale, a.amps_per_volt
+                a.volts_at_full_scale,
+                amps_per_volt(a)
             ),
             DriveKind::Voltage => format!(
                 "full scale of the output is {} V, the amplifier gives {} V/V, and the coil has {} ohm, known within 3 %, and {} uH",
                 a.volts_at_full_scale,
-                a.volts_per_volt,
+                volts_per_volt(a),
                 digits(self.base.resistance.value),
                 digits(self.base.inductance.value * 1e6)
             ),
@@ -236,8 +237,11 @@ impl Report<'_> {
     }
 }
 
-/// Both ends of an interval.
+/// Both ends of an interval, where it says anything.
 fn interval(e: &Estimate) -> String {
+    if !e.is_determined() {
+        return "not determined".into();
+    }
     format!("{} to {}", digits(e.low), digits(e.high))
 }
 

@@ -6,6 +6,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::*};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
+use asperity_graph::{Compiled, GraphFile};
 use asperity_live::view::View;
 use asperity_live::{Ends, Listener, Sample, SampleWriter, now_ns, samples};
 
@@ -21,6 +22,8 @@ const HAND: Duration = Duration::from_millis(1);
 const SETTLE_S: f64 = 2.5;
 /// Longest that a click is waited for.
 const PATIENCE: Duration = Duration::from_secs(1);
+/// Clicks that nobody hears before the first one that is heard, at most: half a minute, in which somebody may join ports.
+const SILENT: u32 = 27;
 /// Seconds from silence to full.
 const START_S: f64 = 0.5;
 
@@ -69,8 +72,8 @@ impl Around {
     }
 }
 
-/// Plays clicks at a hand's touches and listens for them.
-pub fn measure(args: &LatencyArgs) -> Result<Around, Failure> {
+/// The graph that clicks at a hand's touches and listens for them.
+pub fn prepare(args: &LatencyArgs) -> Result<(GraphFile, Compiled), Failure> {
     let nodes = format!(
         r#""hand": (kind: "pointer_input", params: (max_force_n: 1.0)),
            "click": (kind: "impulse", params: (threshold: 0.5, amplitude: {:?}, unit: "A")),
@@ -81,13 +84,20 @@ pub fn measure(args: &LatencyArgs) -> Result<Around, Failure> {
         output_nodes(&args.actuator)?
     );
     let wires = r#"("hand.force", "click"), ("click", "limiter"), ("limiter", "out"), ("in", "heard")"#;
-    let made = graph("the measurement", args.rate, &nodes, wires)?;
+    graph("the measurement", args.rate, &nodes, wires)
+}
+
+/// Plays it.
+pub fn measure(args: &LatencyArgs, made: (GraphFile, Compiled)) -> Result<Around, Failure> {
     let (writer, reader) = samples();
     let ends = Ends { hands: HashMap::from([("hand".to_owned(), reader)]), ..Ends::default() };
     let hand = Hand::start(writer);
     let mut trials = Trials::new(args.trials, args.level);
     let mut last = View::default();
     let mut view = |view: &View, listener: &Listener| {
+        if last.device.is_empty() && view.device.ends_with("(jack)") {
+            crate::failure::warn(&ports(args));
+        }
         if !view.clock.is_empty() && view.seconds > SETTLE_S {
             trials.step(&hand, listener, view);
         }
@@ -95,16 +105,26 @@ pub fn measure(args: &LatencyArgs) -> Result<Around, Failure> {
         !trials.over()
     };
     let watching = Watching { view: &mut view, recorded: &mut |_, _, _| {} };
+    let card = args.output.recording_from(args.input_device.as_deref());
     // Long enough for every trial; it ends by itself.
-    let ticks = ((SETTLE_S + 3.0 * f64::from(args.trials)) * TICK_HZ) as u64;
-    let played = play(made, &args.device, START_S, ends, ticks, watching);
+    let ticks = ((SETTLE_S + 3.0 * f64::from(SILENT + args.trials)) * TICK_HZ) as u64;
+    let played = play(made, &card, START_S, ends, ticks, watching);
     drop(hand);
-    let (ended, _) = played?;
+    let (ended, whole) = played?;
+    if !whole && !trials.over() {
+        let heard = trials.measured_ms.len();
+        return Err(Failure::Machine(format!("stopped after {heard} of {} clicks", args.trials)));
+    }
     if trials.measured_ms.len() < args.trials as usize / 2 + 1 {
         let heard = trials.measured_ms.len();
+        let of = if heard == 0 {
+            "no click was".to_owned()
+        } else {
+            format!("only {heard} of {} clicks were", args.trials)
+        };
         return Err(Failure::Machine(format!(
-            "only {heard} of {} clicks were heard at input channel {}: join the output to it, and see --level and --amps",
-            args.trials, args.input_channel
+            "{of} heard at input channel {}: join the output to it, and see --level and --amps",
+            args.input_channel
         )));
     }
     let tick_ms = 1e3 / TICK_HZ;
@@ -123,6 +143,15 @@ pub fn measure(args: &LatencyArgs) -> Result<Around, Failure> {
         items,
         measured_ms: trials.measured_ms,
     })
+}
+
+/// How the ends of a loopback on JACK are joined while it plays.
+fn ports(args: &LatencyArgs) -> String {
+    let (id, out, into) = (std::process::id(), args.output.channel() - 1, args.input_channel - 1);
+    format!(
+        "JACK leads clicks back only where ports are joined, here or behind a card: jack_connect cpal_client_{id}_out:out_{out} \
+         cpal_client_{id}_in:in_{into}"
+    )
 }
 
 /// A hand that touches when it is told to.
@@ -178,6 +207,8 @@ struct Trials {
     /// What was declared at each: a lead follows the device, and a machine that is busy makes it longer in mid-run.
     declared: Vec<Vec<(String, f64)>>,
     missed: u32,
+    /// Clicks before the first that was heard.
+    silent: u32,
     /// Since when the hand is down, or up.
     since: Instant,
     down: bool,
@@ -194,6 +225,7 @@ impl Trials {
             measured_ms: Vec::new(),
             declared: Vec::new(),
             missed: 0,
+            silent: 0,
             since,
             down: false,
             phase: 0,
@@ -201,7 +233,7 @@ impl Trials {
     }
 
     fn over(&self) -> bool {
-        self.measured_ms.len() as u32 + self.missed >= self.wanted
+        self.measured_ms.len() as u32 + self.missed >= self.wanted || self.silent >= SILENT
     }
 
     /// Goes on with the trial under way.
@@ -223,6 +255,7 @@ impl Trials {
                     self.measured_ms.push((ns as f64 - touched as f64) * 1e-6);
                     self.declared.push(view.latency_ms.clone());
                 }
+                None if self.measured_ms.is_empty() => self.silent += 1,
                 None => self.missed += 1,
             }
             hand.down.store(false, Release);

@@ -1,16 +1,16 @@
 //! How late a graph answers a change of speed.
 
 use std::fmt::Write as _;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use asperity_engine::Engine;
 use asperity_graph::{Compiled, GraphFile, Schedule};
 use asperity_measure::response::{Steps, lag_ms};
-use asperity_node::{Buffer, Latency, Shape, Unit};
+use asperity_node::{Buffer, Latency, Registry, Shape, Unit};
 use asperity_source::Diagnostic;
 
 use crate::args::{GraphArgs, LatencyArgs};
-use crate::failure::Failure;
+use crate::failure::{Failure, complain};
 use crate::kinds::Kinds;
 use crate::{load, source};
 
@@ -35,25 +35,61 @@ pub struct Chain {
     pub items: Vec<(String, f64)>,
 }
 
-/// Runs a graph offline over strokes whose speed steps.
-pub fn measure(path: &Path, args: &LatencyArgs) -> Result<Chain, Failure> {
+/// A graph that can be measured: compiled to play a stroke whose speed steps, and one whose speed does not.
+pub struct Ready {
+    path: PathBuf,
+    stepped: Compiled,
+    still: Compiled,
+    /// Node and output that are heard.
+    at: (usize, usize),
+}
+
+/// Makes every graph ready, so that nothing is measured where one of them is wrong. A setting goes to the graphs that have what it
+/// sets, and the others are named; where none has, it is an error.
+pub fn prepare(args: &LatencyArgs) -> Result<Vec<Ready>, Failure> {
     let dir = tempfile::tempdir().map_err(|e| Failure::Machine(format!("no folder for a stroke: {e}")))?;
-    let play = |name: &str, speeds: [f64; 2]| -> Result<(Schedule, Vec<f32>, u32), Failure> {
-        let file = dir.path().join(name);
-        std::fs::write(&file, stroke(speeds)).map_err(|e| Failure::writing(&file, e))?;
-        let compiled = compiled(path, &file, args)?;
-        let at = heard(&compiled.schedule, path)?;
-        Ok(run(compiled, at))
+    let (steps, still) = (dir.path().join("steps.csv"), dir.path().join("still.csv"));
+    for (file, speeds) in [(&steps, SPEEDS), (&still, [SPEEDS[0]; 2])] {
+        std::fs::write(file, stroke(speeds)).map_err(|e| Failure::writing(file, e))?;
+    }
+    let drafts = args.graphs.iter().map(|path| Draft::read(path, &steps, args));
+    let drafts: Vec<Draft> = drafts.collect::<Result<_, _>>()?;
+    let mut sets = vec![Vec::new(); drafts.len()];
+    for assignment in &args.set {
+        let has: Vec<bool> = drafts.iter().map(|draft| draft.has(assignment)).collect();
+        let nowhere = !has.contains(&true);
+        for (sets, _) in sets.iter_mut().zip(&has).filter(|(_, has)| nowhere || **has) {
+            sets.push(assignment.as_str());
+        }
+        let others = drafts.iter().zip(&has).filter(|(_, has)| !**has && !nowhere);
+        for (draft, _) in others {
+            complain(&format!(
+                "note: {} has no such parameter and is measured without --set {assignment}\n",
+                draft.args.graph.display()
+            ));
+        }
+    }
+    let ready = |(draft, sets): (Draft, Vec<&str>)| -> Result<Ready, Failure> {
+        let stepped = draft.compiled(&steps, &sets)?;
+        let at = heard(&stepped.schedule, &draft.args.graph)?;
+        let still = draft.compiled(&still, &sets)?;
+        Ok(Ready { path: draft.args.graph, stepped, still, at })
     };
-    let (schedule, stepped, rate_hz) = play("steps.csv", SPEEDS)?;
-    let (_, still, _) = play("still.csv", [SPEEDS[0]; 2])?;
+    drafts.into_iter().zip(sets).map(ready).collect()
+}
+
+/// Runs a graph offline over strokes whose speed steps.
+pub fn measure(ready: Ready) -> Result<Chain, Failure> {
+    let Ready { path, stepped, still, at } = ready;
+    let (schedule, stepped, rate_hz) = run(stepped, at);
+    let (_, still, _) = run(still, at);
     let half = (HALF_S * f64::from(rate_hz)) as usize;
     let at: Vec<usize> = (LEFT_OUT..PERIODS).map(|k| (2 * k + 1) * half).collect();
     let steps = Steps { rate_hz, at: &at, before: half / 2, after: half / 2 };
     let lag_ms = lag_ms(&stepped, &still, &steps).ok_or_else(|| {
         Failure::from(
             Diagnostic::new("the level does not rise with speed, so no answer to a step of it can be seen")
-                .in_file(path)
+                .in_file(&path)
                 .help(
                     "choose a material whose level follows speed: --set texture.material=\"rough sandpaper\"",
                 ),
@@ -75,26 +111,50 @@ fn stroke([slow, fast]: [f64; 2]) -> String {
     csv
 }
 
-fn compiled(path: &Path, stroke: &Path, args: &LatencyArgs) -> Result<Compiled, Failure> {
-    let graph_args = GraphArgs {
-        graph: path.to_owned(),
-        set: Vec::new(),
-        input: None,
-        hand: None,
-        no_prune: false,
-        plugins: args.plugins.clone(),
-    };
-    let mut graph: GraphFile = load::read(&graph_args)?;
-    source::play(&mut graph, stroke)?;
-    for assignment in &args.set {
-        graph.set(assignment, "--set")?;
+/// A graph as its file has it but for the stroke that it plays, and the kinds that it may use.
+struct Draft {
+    args: GraphArgs,
+    graph: GraphFile,
+    registry: Registry,
+}
+
+impl Draft {
+    fn read(path: &Path, stroke: &Path, args: &LatencyArgs) -> Result<Self, Failure> {
+        let args = GraphArgs {
+            graph: path.to_owned(),
+            set: Vec::new(),
+            input: None,
+            hand: None,
+            no_prune: false,
+            plugins: args.plugins.clone(),
+        };
+        let mut graph = load::read(&args)?;
+        source::play(&mut graph, stroke)?;
+        let registry = Kinds::new(&args.plugins.plugin).registry(Some(&graph))?;
+        Ok(Self { args, graph, registry })
     }
-    // What pushes back needs no device here.
-    graph.nodes.retain(|n| !n.kind.ends_with("_force"));
-    let ids: Vec<String> = graph.nodes.iter().map(|n| n.id.clone()).collect();
-    graph.wires.retain(|w| ids.contains(&w.to.node));
-    let registry = Kinds::new(&args.plugins.plugin).registry(Some(&graph))?;
-    load::compiled(&graph, &graph_args, &registry)
+
+    /// Whether it has what an assignment sets, whatever the value. The graph's own settings (`seed`) are in every graph.
+    fn has(&self, assignment: &str) -> bool {
+        let target = assignment.split_once('=').map_or(assignment, |(target, _)| target);
+        let Some((id, name)) = target.trim().split_once('.') else { return true };
+        let kind = self.graph.node(id).and_then(|node| self.registry.get(&node.kind));
+        kind.is_some_and(|kind| name == "every" || kind.descriptor().params.iter().any(|p| p.name == name))
+    }
+
+    /// Compiles it with another stroke.
+    fn compiled(&self, stroke: &Path, sets: &[&str]) -> Result<Compiled, Failure> {
+        let mut graph = self.graph.clone();
+        source::play(&mut graph, stroke)?;
+        for assignment in sets {
+            graph.set(assignment, "--set")?;
+        }
+        // What pushes back needs no device here.
+        graph.nodes.retain(|n| !n.kind.ends_with("_force"));
+        let ids: Vec<String> = graph.nodes.iter().map(|n| n.id.clone()).collect();
+        graph.wires.retain(|w| ids.contains(&w.to.node));
+        load::compiled(&graph, &self.args, &self.registry)
+    }
 }
 
 /// The acceleration nearest to the actuator, else what drives it: node and output.

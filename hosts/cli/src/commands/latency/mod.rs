@@ -13,7 +13,6 @@ use std::process::ExitCode;
 use asperity_source::Diagnostic;
 use serde_json::{Value, json};
 
-use super::tone::range;
 use crate::args::LatencyArgs;
 use crate::failure::{Failure, print};
 use around::Around;
@@ -21,18 +20,17 @@ use chain::Chain;
 
 /// Runs the command.
 pub fn run(args: &LatencyArgs) -> Result<ExitCode, Failure> {
-    let wanted = args.device.device.is_some() || args.device.host.is_some();
+    let wanted = args.output.card.device.is_some() || args.output.card.host.is_some();
     if args.graphs.is_empty() && !wanted {
         return Err(Diagnostic::new("there is nothing to measure")
             .in_file("asperity latency")
             .help("name graphs to see how late they answer, and a device whose output is looped back to its input: --device D")
             .into());
     }
-    range("--level", args.level, 1e-6, 1.0, "of full scale")?;
-    range("--amps", args.amps, 1e-6, 100.0, "A")?;
-    range("--input-latency-ms", args.input_latency_ms.unwrap_or(0.0), 0.0, 10_000.0, "ms")?;
-    let chains: Vec<Chain> = args.graphs.iter().map(|g| chain::measure(g, args)).collect::<Result<_, _>>()?;
-    let around = if wanted { Some(around::measure(args)?) } else { None };
+    let clicks = wanted.then(|| around::prepare(args)).transpose()?;
+    let ready = chain::prepare(args)?;
+    let chains: Vec<Chain> = ready.into_iter().map(chain::measure).collect::<Result<_, _>>()?;
+    let around = clicks.map(|made| around::measure(args, made)).transpose()?;
     if args.json {
         print(&format!("{:#}\n", as_json(&chains, around.as_ref())))?;
     } else {

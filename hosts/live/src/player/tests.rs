@@ -1,0 +1,125 @@
+use super::*;
+use asperity_engine::Options;
+use asperity_graph::{Compiled, GraphFile, compile};
+use asperity_node::{
+    Descriptor, Diagnostic, Input, Node, Output, Param, Registry, Resume, Setup, ShapeSpec, Status, Tick,
+    Unit,
+};
+use asperity_source::Source;
+use ringbuf::HeapRb;
+use ringbuf::traits::Split;
+
+/// A surface of some stiffness.
+struct Surface(f64);
+
+impl Node for Surface {
+    fn descriptor() -> Descriptor {
+        Descriptor::new("surface", "A surface.")
+            .output(Output::new("plane", ShapeSpec::Control(3), Unit::NONE))
+            .output(Output::new("stiffness", ShapeSpec::Control(1), Unit::NONE))
+            .param(Param::number("stiffness", 1.0, 0.0..=10.0, "Stiffness."))
+    }
+
+    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
+        Ok(Self(setup.params.number("stiffness")))
+    }
+
+    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
+        tick.outputs.control(0).fill(1.0);
+        tick.outputs.set(1, self.0);
+        Status::Continue
+    }
+
+    fn reset(&mut self) {}
+}
+
+/// Takes a surface.
+struct Wall;
+
+impl Node for Wall {
+    fn descriptor() -> Descriptor {
+        Descriptor::new("wall", "Takes a surface.")
+            .input(Input::new("plane", ShapeSpec::Control(3), Unit::NONE))
+            .input(Input::new("normal", ShapeSpec::Control(3), Unit::NONE))
+            .input(Input::new("stiffness", ShapeSpec::Control(1), Unit::NONE))
+            .input(Input::new("damping", ShapeSpec::Control(1), Unit::NONE))
+            .resumes(Resume::Never)
+            .sink()
+    }
+
+    fn prepare(_: &Setup<'_>) -> Result<Self, Diagnostic> {
+        Ok(Self)
+    }
+
+    fn process(&mut self, _: &mut Tick<'_>) -> Status {
+        Status::Continue
+    }
+
+    fn reset(&mut self) {}
+}
+
+fn compiled(stiffness: f64) -> Compiled {
+    let text = format!(
+        r#"Graph(version: 1, tick_hz: 500, audio_hz: 48000, seed: 1, nodes: {{
+            "it": (kind: "surface", params: (stiffness: {stiffness:.1})), "wall": (kind: "wall") }},
+        wires: [("it.plane", "wall.plane"), ("it.plane", "wall.normal"), ("it.stiffness", "wall.stiffness"),
+            ("it.stiffness", "wall.damping")])"#
+    );
+    let graph = GraphFile::parse(&Source::new("test.ron", &text)).expect("a graph");
+    compile(&graph, &Registry::new().with::<Surface>().with::<Wall>(), Default::default())
+        .expect("it compiles")
+}
+
+/// A wiring that looks at its stiffness and pushes back with it.
+fn wiring(
+    swap: u64,
+    compiled: &Compiled,
+    writer: crate::ForceWriter,
+) -> (Box<Wiring>, ringbuf::HeapCons<f32>) {
+    let at = |id: &str| compiled.schedule.index_of(id).expect("the node");
+    let (to, seen) = HeapRb::new(100).split();
+    let wiring = Wiring {
+        swap,
+        outs: Vec::new(),
+        hands: Vec::new(),
+        mics: Vec::new(),
+        forces: vec![ForceSlot { node: at("wall"), max_force_n: 3.0, writer: Some(writer), from: None }],
+        scopes: vec![Scope { node: at("it"), output: 1, to }],
+        tapes: Vec::new(),
+        meters: std::sync::Arc::new(NodeMeters::new(&compiled.schedule, None)),
+        spent: vec![0; compiled.schedule.nodes.len()],
+    };
+    (Box::new(wiring), seen)
+}
+
+#[test]
+fn a_graph_whose_wiring_is_not_there_yet_lets_go_is_not_looked_at_and_then_goes_on() {
+    let first = compiled(2.0);
+    let (writer, mut model) = crate::force_model();
+    let (begin, mut seen) = wiring(0, &first, writer);
+    let (mut controller, engine) = Engine::controlled(first, Options::default());
+    let (mut wirings, to_player) = HeapRb::new(2).split();
+    let (from_player, _retired) = HeapRb::new(2).split();
+    let mut player = Player::new(engine, begin, None, to_player, from_player);
+    let mut tick = |player: &mut Player| {
+        let now = *{
+            player.tick(0, &mut [0.0; 96]);
+            model.read()
+        };
+        (now.valid, now.stiffness_n_per_mm, seen.pop_iter().count())
+    };
+    assert_eq!(tick(&mut player), (true, 2.0, 1));
+
+    let second = compiled(5.0);
+    let (writer, mut next_model) = crate::force_model();
+    let (next, mut next_seen) = wiring(1, &second, writer);
+    controller.swap(second, &[]).expect("it is sent");
+    for _ in 0..20 {
+        assert_eq!(tick(&mut player), (false, 0.0, 0), "no wiring was sent");
+    }
+    assert!(wirings.try_push(next).is_ok());
+    let _ = tick(&mut player);
+    let _ = tick(&mut player);
+    assert_eq!((next_model.read().valid, next_model.read().stiffness_n_per_mm), (true, 5.0));
+    assert!(next_seen.pop_iter().count() > 0);
+}

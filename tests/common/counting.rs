@@ -1,0 +1,104 @@
+//! An allocator that counts what threads allocate and free, for tests that include this file.
+#![allow(dead_code)] // not every test asks all of it
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::SeqCst};
+
+/// The system's allocator; what it counts is told by [`look`].
+pub(crate) struct Counting;
+
+#[global_allocator]
+pub(crate) static ALLOCATOR: Counting = Counting;
+
+static EVERY_THREAD: AtomicBool = AtomicBool::new(false);
+static BOUND_THREADS: AtomicBool = AtomicBool::new(false);
+static TAKEN: AtomicU64 = AtomicU64::new(0);
+static FREED: AtomicU64 = AtomicU64::new(0);
+
+thread_local! {
+    static BOUND: Cell<bool> = const { Cell::new(false) };
+    /// What the thread itself took and freed since it was bound.
+    static OWN: Cell<(u64, u64)> = const { Cell::new((0, 0)) };
+}
+
+/// Who is looked at.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Who {
+    /// All threads of the program.
+    Everyone,
+    /// Those that said [`bind`].
+    Bound,
+    /// None.
+    Nobody,
+}
+
+/// Looks at these threads from now on; counts from 0.
+pub(crate) fn look(who: Who) {
+    if who != Who::Nobody {
+        TAKEN.store(0, SeqCst);
+        FREED.store(0, SeqCst);
+    }
+    EVERY_THREAD.store(who == Who::Everyone, SeqCst);
+    BOUND_THREADS.store(who == Who::Bound, SeqCst);
+}
+
+/// Says that this thread must not allocate from now on, or that it may again.
+pub(crate) fn bind(bound: bool) {
+    if bound {
+        OWN.set((0, 0));
+    }
+    BOUND.set(bound);
+}
+
+/// Allocations and frees of this thread alone while it was bound, whoever is looked at.
+pub(crate) fn own() -> (u64, u64) {
+    OWN.get()
+}
+
+/// Allocations and frees since [`look`].
+pub(crate) fn touched() -> (u64, u64) {
+    (TAKEN.load(SeqCst), FREED.load(SeqCst))
+}
+
+/// Allocations and frees of some threads during something.
+pub(crate) fn counted(who: Who, what: impl FnOnce()) -> u64 {
+    look(who);
+    what();
+    look(Who::Nobody);
+    let (taken, freed) = touched();
+    taken + freed
+}
+
+/// Panics where an allocation and a free of these threads, of which this is one, are not counted.
+pub(crate) fn assert_it_counts(who: Who) {
+    let seen = counted(who, || drop(std::hint::black_box(vec![1_u8; 64])));
+    assert!(seen >= 2, "the instrument must see an allocation");
+}
+
+fn note(taken: u64, freed: u64) {
+    let bound = BOUND.get();
+    if bound {
+        let (t, f) = OWN.get();
+        OWN.set((t + taken, f + freed));
+    }
+    if EVERY_THREAD.load(SeqCst) || (BOUND_THREADS.load(SeqCst) && bound) {
+        TAKEN.fetch_add(taken, SeqCst);
+        FREED.fetch_add(freed, SeqCst);
+    }
+}
+
+// SAFETY: everything is the system's own; counting touches no memory but atomics and a cell of the thread without a destructor.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        note(1, 0);
+        // SAFETY: the caller's promise, here and below.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, at: *mut u8, layout: Layout) {
+        note(0, 1);
+        // SAFETY: as above.
+        unsafe { System.dealloc(at, layout) }
+    }
+}
