@@ -1,4 +1,4 @@
-//! What the rendered world is made of: strokes, materials and the actuator that is driven.
+//! What the rendered world is made of: strokes, materials, surfaces with a stylus or a gel on them, and the actuator that is driven.
 
 pub mod actuator;
 pub mod material;
