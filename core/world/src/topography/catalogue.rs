@@ -1,0 +1,420 @@
+//! The made surfaces: which there are, and what each is made of.
+
+use super::HeightField;
+use super::family::{
+    Binding, Carpet, Foam, Grating, Grid, Pebbled, Sheet, Weave, Wood, carpet, foam, grating, pebbled,
+    sandpaper, sheet, weave, wood,
+};
+use crate::material::Random;
+
+/// What kind of surface it is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Family {
+    /// Coated abrasives.
+    Sandpaper,
+    /// Cloth.
+    Weave,
+    /// Straight ridges.
+    Grating,
+    /// Cut foam.
+    Foam,
+    /// Tufts.
+    Carpet,
+    /// Planed boards.
+    Wood,
+    /// Grained plastic.
+    Pebbled,
+    /// Smooth sheets.
+    Sheet,
+}
+
+impl Family {
+    /// All of them.
+    pub const ALL: [Self; 8] = [
+        Self::Sandpaper,
+        Self::Weave,
+        Self::Grating,
+        Self::Foam,
+        Self::Carpet,
+        Self::Wood,
+        Self::Pebbled,
+        Self::Sheet,
+    ];
+
+    /// Its name.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Sandpaper => "sandpaper",
+            Self::Weave => "weave",
+            Self::Grating => "grating",
+            Self::Foam => "foam",
+            Self::Carpet => "carpet",
+            Self::Wood => "wood",
+            Self::Pebbled => "pebbled plastic",
+            Self::Sheet => "sheet",
+        }
+    }
+}
+
+/// What a tip feels of the stuff itself.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Contact {
+    /// Young's modulus in MPa, of the surface alone: the tip is taken as rigid.
+    pub modulus_mpa: f64,
+    /// Coefficient of kinetic friction of a steel tip on it.
+    pub friction: f64,
+    /// Hunt and Crossley's damping, in s/m: the contact's force grows by this part for every metre a second of approach.
+    pub damping_s_m: f64,
+}
+
+/// How a patch is made.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Recipe {
+    Sandpaper(f64),
+    Weave(Weave),
+    Grating(Grating),
+    Foam(Foam),
+    Carpet(Carpet),
+    Wood(Wood),
+    Pebbled(Pebbled),
+    Sheet(Sheet),
+}
+
+/// A surface that is made, not measured.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MadeSurface {
+    /// Its name; no other one has it.
+    pub name: String,
+    /// What it is, in a sentence.
+    pub description: String,
+    /// Its family.
+    pub family: Family,
+    /// What its stuff is like.
+    pub contact: Contact,
+    recipe: Recipe,
+}
+
+impl MadeSurface {
+    /// A patch of it on a grid. Another seed is another piece of the same.
+    pub fn patch(&self, grid: Grid, seed: u64) -> HeightField {
+        let random = &mut Random::new(
+            seed ^ self.name.bytes().fold(0, |h, b| (h ^ u64::from(b)).wrapping_mul(0x0100_0000_01b3)),
+        );
+        match self.recipe {
+            Recipe::Sandpaper(grain_mm) => sandpaper(grid, grain_mm, random),
+            Recipe::Weave(of) => weave(grid, &of, random),
+            Recipe::Grating(of) => grating(grid, &of, random),
+            Recipe::Foam(of) => foam(grid, &of, random),
+            Recipe::Carpet(of) => carpet(grid, &of, random),
+            Recipe::Wood(of) => wood(grid, &of, random),
+            Recipe::Pebbled(of) => pebbled(grid, &of, random),
+            Recipe::Sheet(of) => sheet(grid, &of, random),
+        }
+    }
+}
+
+/// All made surfaces, family by family, fourteen of each; within a family, neighbours are alike.
+pub fn made_surfaces() -> Vec<MadeSurface> {
+    let families = [
+        (Family::Sandpaper, sandpapers as fn() -> Vec<Entry>),
+        (Family::Weave, weaves),
+        (Family::Grating, gratings),
+        (Family::Foam, foams),
+        (Family::Carpet, carpets),
+        (Family::Wood, woods),
+        (Family::Pebbled, pebbles),
+        (Family::Sheet, sheets),
+    ];
+    let of = |(family, entries): (Family, fn() -> Vec<Entry>)| {
+        entries().into_iter().map(move |(name, description, contact, recipe)| MadeSurface {
+            name,
+            description,
+            family,
+            contact,
+            recipe,
+        })
+    };
+    families.into_iter().flat_map(of).collect()
+}
+
+type Entry = (String, String, Contact, Recipe);
+
+const fn contact(modulus_mpa: f64, friction: f64, damping_s_m: f64) -> Contact {
+    Contact { modulus_mpa, friction, damping_s_m }
+}
+
+/// Grades of FEPA 43 with their mean grain sizes in micrometres.
+fn sandpapers() -> Vec<Entry> {
+    let grades = [
+        (36, 538.0),
+        (40, 425.0),
+        (50, 336.0),
+        (60, 269.0),
+        (80, 201.0),
+        (100, 162.0),
+        (120, 125.0),
+        (150, 100.0),
+        (180, 82.0),
+        (220, 68.0),
+        (240, 58.5),
+        (280, 52.2),
+        (320, 46.2),
+        (400, 35.0),
+    ];
+    let entry = |(grade, um): (u32, f64)| {
+        (
+            format!("sandpaper P{grade}"),
+            format!("Coated abrasive of grade P{grade}: grains of {um} um on paper."),
+            contact(1_500.0, 0.7, 0.3),
+            Recipe::Sandpaper(um * 1e-3),
+        )
+    };
+    grades.into_iter().map(entry).collect()
+}
+
+fn weaves() -> Vec<Entry> {
+    use Binding::{Plain, Satin, Twill};
+    // Pitch [mm], binding, thickness, fibre, wander; modulus [MPa], friction.
+    let cloths = [
+        ("voile", 0.33, Plain, 0.30, 0.015, 0.04, 20.0, 0.25),
+        ("percale", 0.36, Plain, 0.45, 0.015, 0.03, 25.0, 0.28),
+        ("poplin", 0.42, Plain, 0.45, 0.020, 0.04, 25.0, 0.30),
+        ("muslin", 0.55, Plain, 0.40, 0.030, 0.07, 15.0, 0.35),
+        ("linen", 0.70, Plain, 0.45, 0.040, 0.10, 30.0, 0.35),
+        ("canvas", 0.95, Plain, 0.55, 0.025, 0.05, 40.0, 0.40),
+        ("hessian", 1.90, Plain, 0.40, 0.040, 0.12, 30.0, 0.45),
+        ("gabardine", 0.40, Twill, 0.40, 0.020, 0.03, 20.0, 0.28),
+        ("drill", 0.55, Twill, 0.45, 0.025, 0.04, 30.0, 0.32),
+        ("denim", 0.70, Twill, 0.50, 0.035, 0.05, 35.0, 0.38),
+        ("heavy denim", 0.85, Twill, 0.50, 0.035, 0.05, 35.0, 0.40),
+        ("sateen", 0.34, Satin, 0.35, 0.012, 0.03, 20.0, 0.20),
+        ("duchesse satin", 0.45, Satin, 0.35, 0.012, 0.03, 20.0, 0.18),
+        ("moleskin", 0.60, Satin, 0.40, 0.030, 0.05, 25.0, 0.30),
+    ];
+    let entry = |(name, pitch_mm, binding, thickness, fibre, wander, modulus, friction): (
+        &str,
+        f64,
+        Binding,
+        f64,
+        f64,
+        f64,
+        f64,
+        f64,
+    )| {
+        let of = Weave { pitch_mm, binding, thickness, fibre, wander };
+        let bound = match binding {
+            Plain => "plain weave",
+            Twill => "two-and-two twill",
+            Satin => "five-end satin",
+        };
+        let threads = 10.0 / pitch_mm;
+        (
+            name.to_owned(),
+            format!("Cloth: {bound}, {threads:.0} threads a centimetre."),
+            contact(modulus, friction, 1.0),
+            Recipe::Weave(of),
+        )
+    };
+    cloths.into_iter().map(entry).collect()
+}
+
+fn gratings() -> Vec<Entry> {
+    // Period, depth [mm], duty, edge.
+    let ridges = [
+        ("square grating 0.5 mm", 0.5, 0.10, 0.5, 0.10),
+        ("square grating 0.8 mm", 0.8, 0.15, 0.5, 0.08),
+        ("square grating 1.2 mm", 1.2, 0.20, 0.5, 0.06),
+        ("square grating 2 mm", 2.0, 0.25, 0.5, 0.05),
+        ("square grating 3 mm", 3.0, 0.30, 0.5, 0.04),
+        ("sine grating 0.6 mm", 0.6, 0.06, 0.5, 0.5),
+        ("sine grating 1 mm", 1.0, 0.10, 0.5, 0.5),
+        ("sine grating 1.6 mm", 1.6, 0.15, 0.5, 0.5),
+        ("sine grating 2.5 mm", 2.5, 0.25, 0.5, 0.5),
+        ("narrow ridges 1 mm", 1.0, 0.15, 0.25, 0.12),
+        ("narrow ridges 1.8 mm", 1.8, 0.20, 0.2, 0.10),
+        ("narrow grooves 1 mm", 1.0, 0.15, 0.75, 0.12),
+        ("narrow grooves 1.8 mm", 1.8, 0.20, 0.8, 0.10),
+        ("narrow grooves 3 mm", 3.0, 0.25, 0.85, 0.06),
+    ];
+    let entry = |(name, period_mm, depth_mm, duty, edge): (&str, f64, f64, f64, f64)| {
+        let of = Grating { period_mm, depth_mm, duty, edge, roughness_mm: 0.002 };
+        (
+            name.to_owned(),
+            format!("Machined acetal: ridges every {period_mm} mm, {depth_mm} mm high."),
+            contact(2_800.0, 0.25, 0.4),
+            Recipe::Grating(of),
+        )
+    };
+    ridges.into_iter().map(entry).collect()
+}
+
+fn foams() -> Vec<Entry> {
+    // Pore [mm], wall, depth, open; modulus [MPa].
+    let cut = [
+        ("microcellular rubber", 0.30, 0.40, 0.35, 0.5, 5.0),
+        ("neoprene foam", 0.42, 0.38, 0.35, 0.6, 2.0),
+        ("EVA foam", 0.55, 0.35, 0.30, 0.6, 4.0),
+        ("dense polyurethane foam", 0.60, 0.25, 0.45, 0.8, 1.0),
+        ("polyurethane foam", 0.80, 0.20, 0.50, 0.85, 0.5),
+        ("upholstery foam", 1.00, 0.18, 0.50, 0.9, 0.3),
+        ("filter foam 45 ppi", 0.56, 0.22, 0.70, 1.0, 0.8),
+        ("filter foam 30 ppi", 0.85, 0.20, 0.70, 1.0, 0.8),
+        ("filter foam 20 ppi", 1.27, 0.18, 0.70, 1.0, 0.8),
+        ("filter foam 10 ppi", 2.54, 0.16, 0.60, 1.0, 0.8),
+        ("extruded polystyrene", 0.35, 0.30, 0.30, 0.9, 15.0),
+        ("polystyrene beads, cut", 2.80, 0.10, 0.10, 0.3, 8.0),
+        ("bath sponge", 1.60, 0.30, 0.60, 0.7, 0.4),
+        ("cellulose sponge", 1.90, 0.35, 0.50, 0.5, 1.5),
+    ];
+    let entry = |(name, pore_mm, wall, depth, open, modulus): (&str, f64, f64, f64, f64, f64)| {
+        let of = Foam { pore_mm, wall, depth, open };
+        (
+            name.to_owned(),
+            format!("Foam, cut: a cell every {pore_mm} mm."),
+            contact(modulus, 0.6, 3.0),
+            Recipe::Foam(of),
+        )
+    };
+    cut.into_iter().map(entry).collect()
+}
+
+fn carpets() -> Vec<Entry> {
+    // Pitch, height [mm], disorder, ply [mm]; modulus [MPa].
+    let piles = [
+        ("needle felt", 1.0, 0.20, 1.0, 0.25, 2.0),
+        ("velour", 0.9, 0.15, 0.8, 0.20, 1.0),
+        ("fine loop pile", 1.8, 0.45, 0.25, 0.35, 1.5),
+        ("loop pile", 2.4, 0.60, 0.25, 0.45, 1.2),
+        ("coarse loop pile", 3.2, 0.80, 0.25, 0.60, 1.0),
+        ("berber", 4.0, 0.90, 0.30, 0.80, 1.0),
+        ("cut pile", 2.0, 0.50, 0.6, 0.30, 0.6),
+        ("plush", 2.4, 0.60, 0.8, 0.25, 0.4),
+        ("saxony", 3.0, 0.80, 0.7, 0.40, 0.4),
+        ("frieze", 3.4, 0.80, 0.9, 0.55, 0.5),
+        ("sisal", 2.6, 0.55, 0.10, 0.50, 8.0),
+        ("seagrass", 3.8, 0.70, 0.08, 0.90, 15.0),
+        ("coir", 3.0, 0.80, 1.0, 0.30, 6.0),
+        ("terry towel", 1.5, 0.45, 0.7, 0.30, 0.5),
+    ];
+    let entry = |(name, pitch_mm, height_mm, disorder, ply_mm, modulus): (&str, f64, f64, f64, f64, f64)| {
+        let of = Carpet { pitch_mm, height_mm, disorder, ply_mm };
+        (
+            name.to_owned(),
+            format!("Tufts every {pitch_mm} mm, {height_mm} mm over the gaps."),
+            contact(modulus, 0.5, 3.0),
+            Recipe::Carpet(of),
+        )
+    };
+    piles.into_iter().map(entry).collect()
+}
+
+fn woods() -> Vec<Entry> {
+    // Ring, its height, fibre, its height, pore [mm]; modulus [MPa].
+    let boards = [
+        ("balsa", 4.0, 0.010, 0.12, 0.012, 0.040, 300.0),
+        ("spruce", 2.2, 0.030, 0.09, 0.008, 0.0, 600.0),
+        ("brushed spruce", 2.2, 0.090, 0.10, 0.014, 0.0, 600.0),
+        ("pine", 3.2, 0.040, 0.10, 0.009, 0.0, 700.0),
+        ("larch", 2.6, 0.050, 0.10, 0.010, 0.0, 800.0),
+        ("cedar", 1.8, 0.030, 0.11, 0.011, 0.0, 500.0),
+        ("beech", 3.0, 0.008, 0.08, 0.006, 0.015, 1_400.0),
+        ("maple", 3.5, 0.006, 0.07, 0.005, 0.008, 1_500.0),
+        ("birch", 3.0, 0.008, 0.08, 0.007, 0.012, 1_200.0),
+        ("cherry", 2.6, 0.008, 0.08, 0.006, 0.020, 1_100.0),
+        ("walnut", 3.2, 0.012, 0.12, 0.008, 0.045, 1_100.0),
+        ("oak", 2.8, 0.030, 0.16, 0.010, 0.080, 1_200.0),
+        ("brushed oak", 2.8, 0.070, 0.18, 0.018, 0.120, 1_200.0),
+        ("ash", 3.4, 0.040, 0.18, 0.010, 0.070, 1_200.0),
+    ];
+    let entry = |(name, ring_mm, ring_height_mm, fibre_mm, fibre_height_mm, pore_mm, modulus): (
+        &str,
+        f64,
+        f64,
+        f64,
+        f64,
+        f64,
+        f64,
+    )| {
+        let of = Wood { ring_mm, ring_height_mm, fibre_mm, fibre_height_mm, pore_mm };
+        (
+            name.to_owned(),
+            format!("A planed board: rings every {ring_mm} mm."),
+            contact(modulus, 0.35, 0.6),
+            Recipe::Wood(of),
+        )
+    };
+    boards.into_iter().map(entry).collect()
+}
+
+fn pebbles() -> Vec<Entry> {
+    // Pitch, height [mm], flatness, matt [mm]; modulus [MPa], friction.
+    let moulds = [
+        ("spark-eroded plastic, fine", 0.18, 0.012, 0.6, 0.0015, 2_200.0, 0.25),
+        ("spark-eroded plastic", 0.28, 0.022, 0.6, 0.002, 2_200.0, 0.25),
+        ("spark-eroded plastic, coarse", 0.42, 0.035, 0.6, 0.003, 2_200.0, 0.28),
+        ("keyboard plastic", 0.35, 0.015, 1.0, 0.001, 2_300.0, 0.25),
+        ("dashboard grain, fine", 0.70, 0.060, 1.8, 0.002, 60.0, 0.45),
+        ("dashboard grain", 1.00, 0.090, 1.8, 0.003, 60.0, 0.45),
+        ("dashboard grain, coarse", 1.50, 0.130, 1.8, 0.003, 60.0, 0.45),
+        ("suitcase shell", 1.30, 0.120, 1.2, 0.002, 1_800.0, 0.30),
+        ("orange peel lacquer", 2.20, 0.040, 0.4, 0.0005, 2_500.0, 0.22),
+        ("leather grain, fine", 0.55, 0.050, 2.4, 0.004, 30.0, 0.50),
+        ("leather grain", 0.85, 0.080, 2.4, 0.005, 30.0, 0.50),
+        ("leather grain, coarse", 1.30, 0.130, 2.6, 0.005, 30.0, 0.50),
+        ("rubber pebble mat", 2.00, 0.250, 2.0, 0.004, 6.0, 0.80),
+        ("pebbled handle", 1.60, 0.220, 1.4, 0.003, 40.0, 0.60),
+    ];
+    let entry = |(name, pitch_mm, height_mm, flatness, matt_mm, modulus, friction): (
+        &str,
+        f64,
+        f64,
+        f64,
+        f64,
+        f64,
+        f64,
+    )| {
+        let of = Pebbled { pitch_mm, height_mm, flatness, matt_mm };
+        (
+            name.to_owned(),
+            format!("Moulded: pebbles every {pitch_mm} mm, {height_mm} mm high."),
+            contact(modulus, friction, 0.6),
+            Recipe::Pebbled(of),
+        )
+    };
+    moulds.into_iter().map(entry).collect()
+}
+
+fn sheets() -> Vec<Entry> {
+    // Height [um], roll-off [1/mm], Hurst, lay; modulus [MPa], friction.
+    let flats = [
+        ("float glass", 0.2, 0.3, 0.9, 1.0, 70_000.0, 0.15),
+        ("acrylic sheet", 0.6, 0.3, 0.9, 1.0, 3_000.0, 0.25),
+        ("frosted acrylic", 4.0, 6.0, 0.7, 1.0, 3_000.0, 0.30),
+        ("ground glass", 6.0, 10.0, 0.6, 1.0, 70_000.0, 0.25),
+        ("anodised aluminium", 3.0, 3.0, 0.7, 1.0, 70_000.0, 0.25),
+        ("brushed aluminium", 3.0, 4.0, 0.6, 30.0, 70_000.0, 0.22),
+        ("brushed steel", 2.0, 7.0, 0.6, 40.0, 200_000.0, 0.20),
+        ("milled aluminium", 6.0, 2.0, 0.9, 20.0, 70_000.0, 0.25),
+        ("sand-blasted steel", 12.0, 5.0, 0.7, 1.0, 200_000.0, 0.30),
+        ("printer paper", 5.0, 4.0, 0.5, 1.5, 2_000.0, 0.35),
+        ("drawing paper", 12.0, 2.5, 0.6, 1.3, 1_500.0, 0.40),
+        ("watercolour paper", 30.0, 0.8, 0.7, 1.2, 1_000.0, 0.45),
+        ("cardboard", 10.0, 1.2, 0.6, 4.0, 800.0, 0.40),
+        ("unglazed tile", 18.0, 2.0, 0.6, 1.0, 40_000.0, 0.45),
+    ];
+    let entry =
+        |(name, um, roll_off_per_mm, hurst, lay, modulus, friction): (&str, f64, f64, f64, f64, f64, f64)| {
+            let of = Sheet { height_mm: um * 1e-3, roll_off_per_mm, hurst, lay };
+            (
+                name.to_owned(),
+                format!("A sheet: {um} um of height, root mean square."),
+                contact(modulus, friction, 0.3),
+                Recipe::Sheet(of),
+            )
+        };
+    flats.into_iter().map(entry).collect()
+}
+
+#[cfg(test)]
+#[path = "catalogue_tests.rs"]
+mod tests;

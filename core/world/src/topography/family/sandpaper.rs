@@ -1,0 +1,49 @@
+use std::f64::consts::TAU;
+
+use super::super::HeightField;
+use super::super::spectrum::{blur, gaussian, self_affine};
+use super::Grid;
+use super::cells::Cells;
+use crate::material::Random;
+
+/// Spread of the logarithm of grain sizes of one grade.
+const SPREAD: f64 = 0.15;
+
+/// Coated abrasive of a mean grain size in millimetres (FEPA 43: P60 is 0.269, P120 0.125, P240 0.0585). Grains are three-sided
+/// pyramids with blunted tops, as high as 0.6 of their size, one every 1.25 sizes; resin rounds them; the backing waves a little.
+pub fn sandpaper(grid: Grid, grain_mm: f64, random: &mut Random) -> HeightField {
+    let (side, step) = grid;
+    let mut field = HeightField::flat(side, step);
+    let cells = Cells::new(grid, 1.25 * grain_mm, 1.0, random);
+    for (_, middle) in cells.all() {
+        let size = grain_mm * (SPREAD * random.normal()).exp();
+        stand(&mut field, middle, size, random);
+    }
+    let mut field = blur(&field, 0.12 * grain_mm);
+    field.add(&gaussian(grid, 0.08 * grain_mm + 0.002, random, self_affine(0.25, 0.8)));
+    field
+}
+
+/// Stands a grain up where it is higher than what is there.
+fn stand(field: &mut HeightField, middle: [f64; 2], size: f64, random: &mut Random) {
+    let (side, step, base) = (field.side() as i64, field.step_mm(), 0.6 * size);
+    let turn = TAU * random.unit();
+    let faces: [(f64, f64, f64); 3] = std::array::from_fn(|i| {
+        let angle = turn + TAU * (i as f64 + 0.6 * (random.unit() - 0.5)) / 3.0;
+        (angle.cos(), angle.sin(), (0.8 + 0.4 * random.unit()) / (0.5 * size))
+    });
+    let height = base * (0.6 + 0.4 * random.unit());
+    let reach = (size / step).ceil() as i64;
+    let [column, row] = middle.map(|m| (m / step).round() as i64);
+    for j in row - reach..=row + reach {
+        for i in column - reach..=column + reach {
+            let (x, y) = (i as f64 * step - middle[0], j as f64 * step - middle[1]);
+            let slope = faces.iter().map(|(c, s, steep)| (c * x + s * y) * steep).fold(0.0, f64::max);
+            let grain = height * (1.0 - slope).min(0.85) as f64;
+            let at = (j.rem_euclid(side) * side + i.rem_euclid(side)) as usize;
+            if let Some(there) = field.heights_mut().get_mut(at) {
+                *there = there.max(grain as f32);
+            }
+        }
+    }
+}
