@@ -161,15 +161,17 @@ fn sandpapers() -> Vec<Entry> {
         (320, 46.2),
         (400, 35.0),
     ];
-    let entry = |(grade, um): (u32, f64)| {
-        (
-            format!("sandpaper P{grade}"),
-            format!("Coated abrasive of grade P{grade}: grains of {um} um on paper."),
-            contact(1_500.0, 0.7, 0.3),
-            Recipe::Sandpaper(um * 1e-3),
-        )
-    };
-    grades.into_iter().map(entry).collect()
+    grades
+        .into_iter()
+        .map(|(grade, um)| {
+            (
+                format!("sandpaper P{grade}"),
+                format!("Coated abrasive of grade P{grade}: grains of {um} um on paper."),
+                contact(1_500.0, 0.7, 0.3),
+                Recipe::Sandpaper(um * 1e-3),
+            )
+        })
+        .collect()
 }
 
 fn weaves() -> Vec<Entry> {
@@ -191,31 +193,24 @@ fn weaves() -> Vec<Entry> {
         ("duchesse satin", 0.45, Satin, 0.35, 0.012, 0.03, 20.0, 0.18),
         ("moleskin", 0.60, Satin, 0.40, 0.030, 0.05, 25.0, 0.30),
     ];
-    let entry = |(name, pitch_mm, binding, thickness, fibre, wander, modulus, friction): (
-        &str,
-        f64,
-        Binding,
-        f64,
-        f64,
-        f64,
-        f64,
-        f64,
-    )| {
-        let of = Weave { pitch_mm, binding, thickness, fibre, wander };
-        let bound = match binding {
-            Plain => "plain weave",
-            Twill => "two-and-two twill",
-            Satin => "five-end satin",
-        };
-        let threads = 10.0 / pitch_mm;
-        (
-            name.to_owned(),
-            format!("Cloth: {bound}, {threads:.0} threads a centimetre."),
-            contact(modulus, friction, 1.0),
-            Recipe::Weave(of),
-        )
-    };
-    cloths.into_iter().map(entry).collect()
+    cloths
+        .into_iter()
+        .map(|(name, pitch_mm, binding, thickness, fibre, wander, modulus, friction)| {
+            let of = Weave { pitch_mm, binding, thickness, fibre, wander };
+            let bound = match binding {
+                Plain => "plain weave",
+                Twill => "two-and-two twill",
+                Satin => "five-end satin",
+            };
+            let threads = 10.0 / pitch_mm;
+            (
+                name.to_owned(),
+                format!("Cloth: {bound}, {threads:.0} threads a centimetre."),
+                contact(modulus, friction, 1.0),
+                Recipe::Weave(of),
+            )
+        })
+        .collect()
 }
 
 fn gratings() -> Vec<Entry> {
@@ -236,16 +231,18 @@ fn gratings() -> Vec<Entry> {
         ("narrow grooves 1.8 mm", 1.8, 0.20, 0.8, 0.10),
         ("narrow grooves 3 mm", 3.0, 0.25, 0.85, 0.06),
     ];
-    let entry = |(name, period_mm, depth_mm, duty, edge): (&str, f64, f64, f64, f64)| {
-        let of = Grating { period_mm, depth_mm, duty, edge, roughness_mm: 0.002 };
-        (
-            name.to_owned(),
-            format!("Machined acetal: ridges every {period_mm} mm, {depth_mm} mm high."),
-            contact(2_800.0, 0.25, 0.4),
-            Recipe::Grating(of),
-        )
-    };
-    ridges.into_iter().map(entry).collect()
+    ridges
+        .into_iter()
+        .map(|(name, period_mm, depth_mm, duty, edge)| {
+            let of = Grating { period_mm, depth_mm, duty, edge, roughness_mm: 0.002 };
+            (
+                name.to_owned(),
+                format!("Machined acetal: ridges every {period_mm} mm, {depth_mm} mm high."),
+                contact(2_800.0, 0.25, 0.4),
+                Recipe::Grating(of),
+            )
+        })
+        .collect()
 }
 
 fn foams() -> Vec<Entry> {
@@ -266,16 +263,17 @@ fn foams() -> Vec<Entry> {
         ("bath sponge", 1.60, 0.30, 0.60, 0.7, 0.4),
         ("cellulose sponge", 1.90, 0.35, 0.50, 0.5, 1.5),
     ];
-    let entry = |(name, pore_mm, wall, depth, open, modulus): (&str, f64, f64, f64, f64, f64)| {
-        let of = Foam { pore_mm, wall, depth, open };
-        (
-            name.to_owned(),
-            format!("Foam, cut: a cell every {pore_mm} mm."),
-            contact(modulus, 0.6, 3.0),
-            Recipe::Foam(of),
-        )
-    };
-    cut.into_iter().map(entry).collect()
+    cut.into_iter()
+        .map(|(name, pore_mm, wall, depth, open, modulus)| {
+            let of = Foam { pore_mm, wall, depth, open };
+            (
+                name.to_owned(),
+                format!("Foam, cut: a cell every {pore_mm} mm."),
+                contact(modulus, 0.6, 3.0),
+                Recipe::Foam(of),
+            )
+        })
+        .collect()
 }
 
 fn carpets() -> Vec<Entry> {
@@ -296,16 +294,18 @@ fn carpets() -> Vec<Entry> {
         ("coir", 3.0, 0.80, 1.0, 0.30, 6.0),
         ("terry towel", 1.5, 0.45, 0.7, 0.30, 0.5),
     ];
-    let entry = |(name, pitch_mm, height_mm, disorder, ply_mm, modulus): (&str, f64, f64, f64, f64, f64)| {
-        let of = Carpet { pitch_mm, height_mm, disorder, ply_mm };
-        (
-            name.to_owned(),
-            format!("Tufts every {pitch_mm} mm, {height_mm} mm over the gaps."),
-            contact(modulus, 0.5, 3.0),
-            Recipe::Carpet(of),
-        )
-    };
-    piles.into_iter().map(entry).collect()
+    piles
+        .into_iter()
+        .map(|(name, pitch_mm, height_mm, disorder, ply_mm, modulus)| {
+            let of = Carpet { pitch_mm, height_mm, disorder, ply_mm };
+            (
+                name.to_owned(),
+                format!("Tufts every {pitch_mm} mm, {height_mm} mm over the gaps."),
+                contact(modulus, 0.5, 3.0),
+                Recipe::Carpet(of),
+            )
+        })
+        .collect()
 }
 
 fn woods() -> Vec<Entry> {
@@ -326,24 +326,18 @@ fn woods() -> Vec<Entry> {
         ("brushed oak", 2.8, 0.070, 0.18, 0.018, 0.120, 1_200.0),
         ("ash", 3.4, 0.040, 0.18, 0.010, 0.070, 1_200.0),
     ];
-    let entry = |(name, ring_mm, ring_height_mm, fibre_mm, fibre_height_mm, pore_mm, modulus): (
-        &str,
-        f64,
-        f64,
-        f64,
-        f64,
-        f64,
-        f64,
-    )| {
-        let of = Wood { ring_mm, ring_height_mm, fibre_mm, fibre_height_mm, pore_mm };
-        (
-            name.to_owned(),
-            format!("A planed board: rings every {ring_mm} mm."),
-            contact(modulus, 0.35, 0.6),
-            Recipe::Wood(of),
-        )
-    };
-    boards.into_iter().map(entry).collect()
+    boards
+        .into_iter()
+        .map(|(name, ring_mm, ring_height_mm, fibre_mm, fibre_height_mm, pore_mm, modulus)| {
+            let of = Wood { ring_mm, ring_height_mm, fibre_mm, fibre_height_mm, pore_mm };
+            (
+                name.to_owned(),
+                format!("A planed board: rings every {ring_mm} mm."),
+                contact(modulus, 0.35, 0.6),
+                Recipe::Wood(of),
+            )
+        })
+        .collect()
 }
 
 fn pebbles() -> Vec<Entry> {
@@ -364,24 +358,18 @@ fn pebbles() -> Vec<Entry> {
         ("rubber pebble mat", 2.00, 0.250, 2.0, 0.004, 6.0, 0.80),
         ("pebbled handle", 1.60, 0.220, 1.4, 0.003, 40.0, 0.60),
     ];
-    let entry = |(name, pitch_mm, height_mm, flatness, matt_mm, modulus, friction): (
-        &str,
-        f64,
-        f64,
-        f64,
-        f64,
-        f64,
-        f64,
-    )| {
-        let of = Pebbled { pitch_mm, height_mm, flatness, matt_mm };
-        (
-            name.to_owned(),
-            format!("Moulded: pebbles every {pitch_mm} mm, {height_mm} mm high."),
-            contact(modulus, friction, 0.6),
-            Recipe::Pebbled(of),
-        )
-    };
-    moulds.into_iter().map(entry).collect()
+    moulds
+        .into_iter()
+        .map(|(name, pitch_mm, height_mm, flatness, matt_mm, modulus, friction)| {
+            let of = Pebbled { pitch_mm, height_mm, flatness, matt_mm };
+            (
+                name.to_owned(),
+                format!("Moulded: pebbles every {pitch_mm} mm, {height_mm} mm high."),
+                contact(modulus, friction, 0.6),
+                Recipe::Pebbled(of),
+            )
+        })
+        .collect()
 }
 
 fn sheets() -> Vec<Entry> {

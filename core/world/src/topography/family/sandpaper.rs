@@ -39,7 +39,7 @@ fn stand(field: &mut HeightField, middle: [f64; 2], size: f64, random: &mut Rand
         for i in column - reach..=column + reach {
             let (x, y) = (i as f64 * step - middle[0], j as f64 * step - middle[1]);
             let slope = faces.iter().map(|(c, s, steep)| (c * x + s * y) * steep).fold(0.0, f64::max);
-            let grain = height * (1.0 - slope).min(0.85) as f64;
+            let grain = height * (1.0 - slope).min(0.85);
             let at = (j.rem_euclid(side) * side + i.rem_euclid(side)) as usize;
             if let Some(there) = field.heights_mut().get_mut(at) {
                 *there = there.max(grain as f32);
