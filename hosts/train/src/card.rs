@@ -3,9 +3,9 @@
 use std::fmt::Write as _;
 
 use crate::evaluation::{AUDIBLE_M_S2, Evaluation, GATE_MM_S, RANGE_DB, overall};
-use crate::history::{MAX_FORCE_N, MAX_SPEED_MM_S};
 use crate::network::NetworkWeights;
 use crate::training::Settings;
+use asperity_dataset::{MAX_FORCE_N, MAX_SPEED_MM_S};
 
 /// The evaluation as a table in Markdown.
 pub(crate) fn table(evaluation: &Evaluation) -> String {

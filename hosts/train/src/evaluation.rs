@@ -5,7 +5,7 @@ use asperity_world::motion::{Shape, Stroke, StrokeParams};
 use tract_onnx::prelude::*;
 
 use crate::Failure;
-use crate::history::{HISTORY, History, MAX_FORCE_N, MAX_SPEED_MM_S, of_stroke};
+use asperity_dataset::{HISTORY, History, MAX_FORCE_N, MAX_SPEED_MM_S, of_stroke};
 
 /// Bins are judged where the expected magnitude is at least this [m/s^2] ..
 pub(crate) const AUDIBLE_M_S2: f64 = 0.01;

@@ -4,7 +4,6 @@
 mod card;
 mod evaluation;
 mod files;
-mod history;
 mod network;
 mod onnx;
 mod training;

@@ -5,7 +5,7 @@ use burn::module::{Module, Param};
 use burn::tensor::activation::relu;
 use burn::tensor::{Device, Tensor, TensorData};
 
-use crate::history::HISTORY;
+use asperity_dataset::HISTORY;
 
 /// Widths of the force branch, its input first.
 pub(crate) const FORCE: [usize; 4] = [HISTORY, 10, 10, 10];

@@ -3,8 +3,8 @@
 use prost::Message;
 use tract_onnx::pb;
 
-use crate::history::HISTORY;
 use crate::network::{NetworkWeights, Weights};
+use asperity_dataset::HISTORY;
 use asperity_world::material::{BINS, VECTOR_LEN};
 
 /// Version of the file format: that of ONNX 1.8, which every current reader knows.

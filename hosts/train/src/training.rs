@@ -11,8 +11,8 @@ use asperity_world::material::{BINS, LawTable, MadeMaterial, Random, VECTOR_LEN,
 use burn::optim::{AdamConfig, GradientsParams};
 use burn::tensor::{Device, Tensor, TensorData};
 
-use crate::history::{HISTORY, Histories, MAX_SPEED_MM_S};
 use crate::network::{FORCE_SCALE, Network, NetworkWeights, SPEED_SCALE, Scaling};
+use asperity_dataset::{HISTORY, Histories, MAX_SPEED_MM_S};
 
 /// Amplitude at which the loss turns from linear to logarithmic [m/s^2]: a third of what a fingertip feels at best.
 pub(crate) const FLOOR_M_S2: f32 = 0.005;

@@ -5,13 +5,13 @@ use asperity_world::material::Random;
 use asperity_world::motion::Stroke;
 
 /// Samples in a history.
-pub(crate) const HISTORY: usize = 10;
+pub const HISTORY: usize = 10;
 /// Rate of history samples [Hz].
-pub(crate) const RATE_HZ: f64 = 500.0;
+pub const RATE_HZ: f64 = 500.0;
 /// Fastest stroke trained [mm/s].
-pub(crate) const MAX_SPEED_MM_S: f64 = 300.0;
+pub const MAX_SPEED_MM_S: f64 = 300.0;
 /// Largest force trained [N].
-pub(crate) const MAX_FORCE_N: f64 = 3.5;
+pub const MAX_FORCE_N: f64 = 3.5;
 
 /// Corner of the chain's velocity filter [Hz].
 const CUTOFF_HZ: f64 = 20.0;
@@ -26,7 +26,7 @@ const WARM_UP: usize = 30;
 
 /// One input of the network and what it stands for.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct History {
+pub struct History {
     /// Forces [N], oldest first.
     pub force: [f32; HISTORY],
     /// 10 vx, then 10 vy [mm/s], oldest first, as measured.
@@ -53,7 +53,7 @@ impl History {
     }
 
     /// Newest speed [mm/s] and force [N].
-    pub(crate) fn newest(&self) -> (f64, f64) {
+    pub fn newest(&self) -> (f64, f64) {
         self.clean[HISTORY - 1]
     }
 }
@@ -164,7 +164,7 @@ fn draw_force(random: &mut Random) -> [f64; HISTORY] {
 
 /// Draws histories for training.
 #[derive(Clone, Debug)]
-pub(crate) struct Histories {
+pub struct Histories {
     at_rest: Velocity,
 }
 
@@ -173,12 +173,12 @@ impl Histories {
     ///
     /// # Errors
     /// None in practice: the filter's design is fixed.
-    pub(crate) fn new() -> Result<Self, FilterError> {
+    pub fn new() -> Result<Self, FilterError> {
         Ok(Self { at_rest: Velocity::new()? })
     }
 
     /// One history. One in ten begins less than ten ticks before its end, with zeros for what was not seen.
-    pub(crate) fn draw(&self, random: &mut Random) -> History {
+    pub fn draw(&self, random: &mut Random) -> History {
         let motion = Motion::draw(random);
         let force = draw_force(random);
         let (mut measured, mut clean) = (self.at_rest.clone(), self.at_rest.clone());
@@ -211,7 +211,7 @@ impl Histories {
 ///
 /// # Errors
 /// None in practice: the filter's design is fixed.
-pub(crate) fn of_stroke(stroke: &Stroke, truth: &Stroke, every: usize) -> Result<Vec<History>, FilterError> {
+pub fn of_stroke(stroke: &Stroke, truth: &Stroke, every: usize) -> Result<Vec<History>, FilterError> {
     let (mut measured, mut clean) = (Velocity::new()?, Velocity::new()?);
     let mut history = History::silent();
     let ticks = (stroke.duration_s() * RATE_HZ) as usize;

@@ -1,0 +1,10 @@
+//! What a texture model is trained on and judged by: tactile images of materials, and pairs of what a hand did and what it felt.
+//!
+//! All sources give the same [`Subject`]s. An [`Example`] is what the chain measures of a stroke at one instant, the last ten forces and
+//! velocities 2 ms apart, and the magnitudes of the 0.1 s of acceleration that begin there.
+
+mod example;
+mod history;
+
+pub use example::{Example, Parts, Subject, Truth};
+pub use history::{HISTORY, Histories, History, MAX_FORCE_N, MAX_SPEED_MM_S, RATE_HZ, of_stroke};
