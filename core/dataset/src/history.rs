@@ -18,9 +18,9 @@ const CUTOFF_HZ: f64 = 20.0;
 /// The sensor's step [mm].
 const SENSOR_STEP_MM: f64 = 0.055;
 /// Stiffness of the floor [N/mm], which makes force of the sensor's step.
-const STIFFNESS_N_PER_MM: f64 = 0.5;
+pub(crate) const STIFFNESS_N_PER_MM: f64 = 0.5;
 /// The largest force of the device [N].
-const DEVICE_FORCE_N: f64 = 3.3;
+pub(crate) const DEVICE_FORCE_N: f64 = 3.3;
 /// Ticks a drawn motion runs before its history begins: five time constants of the filter.
 const WARM_UP: usize = 30;
 
@@ -81,6 +81,30 @@ impl Velocity {
     fn step(&mut self, position: [f64; 2]) -> [f64; 2] {
         let last = self.last.replace(position).unwrap_or(position);
         std::array::from_fn(|i| self.filters[i].step((position[i] - last[i]) * RATE_HZ))
+    }
+}
+
+/// What the chain knows of a stroke, tick by tick of 2 ms.
+#[derive(Clone, Debug)]
+pub struct Recorder {
+    velocity: Velocity,
+    history: History,
+}
+
+impl Recorder {
+    /// One that knows nothing yet.
+    ///
+    /// # Errors
+    /// None in practice: the filter's design is fixed.
+    pub fn new() -> Result<Self, FilterError> {
+        Ok(Self { velocity: Velocity::new()?, history: History::silent() })
+    }
+
+    /// Takes a tick's place in mm and force in N.
+    pub fn observe(&mut self, place_mm: [f64; 2], force_n: f64) -> &History {
+        let velocity = self.velocity.step(place_mm);
+        self.history.push(force_n, velocity, velocity);
+        &self.history
     }
 }
 

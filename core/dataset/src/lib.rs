@@ -4,7 +4,10 @@
 //! velocities 2 ms apart, and the magnitudes of the 0.1 s of acceleration that begin there.
 
 mod example;
+mod frames;
 mod history;
+pub mod made;
 
 pub use example::{Example, Parts, Subject, Truth};
-pub use history::{HISTORY, Histories, History, MAX_FORCE_N, MAX_SPEED_MM_S, RATE_HZ, of_stroke};
+pub use frames::Spectrometer;
+pub use history::{HISTORY, Histories, History, MAX_FORCE_N, MAX_SPEED_MM_S, RATE_HZ, Recorder, of_stroke};

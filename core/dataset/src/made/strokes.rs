@@ -1,0 +1,142 @@
+use std::f64::consts::TAU;
+
+use asperity_source::Diagnostic;
+use asperity_world::material::{Random, WINDOW_S};
+use asperity_world::motion::{Shape, Stroke, StrokeParams};
+use asperity_world::stylus::{Moment, SAMPLE_HZ, Stylus, Tool};
+use asperity_world::topography::{Contact, HeightField, MadeSurface, envelope};
+
+use super::{Example, Settings};
+use crate::frames::Spectrometer;
+use crate::history::{DEVICE_FORCE_N, MAX_SPEED_MM_S, RATE_HZ, Recorder, STIFFNESS_N_PER_MM};
+
+/// Ticks of 2 ms between two examples.
+const EVERY: usize = 10;
+/// Samples of the simulation a tick.
+const SAMPLES: usize = (SAMPLE_HZ as f64 / RATE_HZ) as usize;
+/// Samples of a frame.
+const FRAME: usize = (SAMPLE_HZ as f64 * WINDOW_S) as usize;
+/// Slowest stroke in mm/s, by its mean.
+const SLOWEST_MM_S: f64 = 8.0;
+/// Peak speed of a movement of minimum jerk over its mean.
+const PEAK: f64 = 1.875;
+
+/// A stroke of some kind, speed, force and direction: what the sensor reads, and what the hand does.
+pub struct Drawn {
+    measured: Stroke,
+    /// Without the sensor's step.
+    exact: Stroke,
+    /// How it is turned: sine and cosine.
+    turn: (f64, f64),
+}
+
+impl Drawn {
+    /// Draws one of `duration_s` seconds.
+    ///
+    /// # Errors
+    /// A duration out of a [stroke's](StrokeParams) range.
+    pub fn new(duration_s: f64, random: &mut Random) -> Result<Self, Diagnostic> {
+        let shape = [Shape::Line, Shape::Zigzag, Shape::Circle][random.below(3)];
+        let peak = if shape == Shape::Circle { 1.0 } else { PEAK };
+        let fastest = 0.97 * MAX_SPEED_MM_S / peak;
+        let params = StrokeParams {
+            shape,
+            extent_mm: random.range(20.0, 120.0),
+            mean_speed_mm_s: SLOWEST_MM_S * (fastest / SLOWEST_MM_S).powf(random.unit().sqrt()),
+            force_n: random.range(0.1, 2.2),
+            force_swing: random.range(0.1, 0.55),
+            force_swing_hz: random.range(0.2, 1.2),
+            stiffness_n_per_mm: STIFFNESS_N_PER_MM,
+            clearance_mm: 3.0,
+            approach_s: 0.2,
+            duration_s,
+            tremor_mm: random.range(0.0, 0.08),
+            seed: random.bits(),
+            ..StrokeParams::default()
+        };
+        let exact = Stroke::new(StrokeParams { quantum_mm: 0.0, ..params.clone() })?;
+        Ok(Self { measured: Stroke::new(params)?, exact, turn: (TAU * random.unit()).sin_cos() })
+    }
+
+    /// Where the sensor or the hand is: along the surface, and over it, in mm.
+    fn at(&self, stroke: &Stroke, t: f64) -> ([f64; 2], f64) {
+        let ([x, y, z], (sin, cos)) = (stroke.sample(t).position, self.turn);
+        ([x * cos - y * sin, x * sin + y * cos], z)
+    }
+}
+
+fn force(z_mm: f64) -> f64 {
+    (-z_mm * STIFFNESS_N_PER_MM).clamp(0.0, DEVICE_FORCE_N)
+}
+
+/// What a pen on the [envelope] of a piece feels of a stroke that begins at a place in mm: acceleration in m/s^2 along the normal and along the
+/// stroke, at [`SAMPLE_HZ`].
+pub fn accelerations(
+    envelope: &HeightField,
+    contact: Contact,
+    drawn: &Drawn,
+    place_mm: [f64; 2],
+) -> [Vec<f64>; 2] {
+    let samples = (drawn.exact.duration_s() * f64::from(SAMPLE_HZ)) as usize;
+    let (mut before, _) = drawn.at(&drawn.exact, 0.0);
+    let mut stylus = Stylus::new(Tool::PEN, envelope, contact, place_mm, 0.0);
+    let mut felt = [Vec::with_capacity(samples), Vec::with_capacity(samples)];
+    for sample in 0..samples {
+        let (here, z) = drawn.at(&drawn.exact, (sample + 1) as f64 / f64::from(SAMPLE_HZ));
+        let velocity_mm_s = std::array::from_fn(|i| (here[i] - before[i]) * f64::from(SAMPLE_HZ));
+        before = here;
+        let force_n = force(z);
+        let a = stylus.next(&Moment { velocity_mm_s, force_n });
+        let touches = f64::from(u8::from(force_n > 0.0));
+        felt[0].push(touches * a.normal);
+        felt[1].push(touches * a.along);
+    }
+    felt
+}
+
+/// An example every 20 ms of a stroke, as long as there are 0.1 s to come.
+///
+/// # Errors
+/// None in practice: the chain's filter has a fixed design.
+pub fn examples(
+    drawn: &Drawn,
+    felt: &[Vec<f64>; 2],
+    spectrometer: &mut Spectrometer,
+    examples: &mut Vec<Example>,
+) -> Result<(), Diagnostic> {
+    let mut recorder = Recorder::new().map_err(|e| Diagnostic::new(e.to_string()))?;
+    for tick in 0..felt[0].len() / SAMPLES {
+        let (place, z) = drawn.at(&drawn.measured, tick as f64 / RATE_HZ);
+        let history = recorder.observe(place, force(z));
+        let frame = tick * SAMPLES..tick * SAMPLES + FRAME;
+        let axes = felt.each_ref().map(|axis| axis.get(frame.clone()));
+        if let ([Some(normal), Some(along)], 0) = (axes, tick % EVERY) {
+            let magnitudes = spectrometer.magnitudes(&[normal, along]);
+            examples.push(Example { force: history.force, velocity: history.velocity, magnitudes });
+        }
+    }
+    Ok(())
+}
+
+/// Strokes over a piece, as many as the settings say.
+///
+/// # Errors
+/// As [`Drawn::new`].
+pub(super) fn add(
+    surface: &MadeSurface,
+    piece: &HeightField,
+    settings: &Settings,
+    random: &mut Random,
+    all: &mut Vec<Example>,
+) -> Result<(), Diagnostic> {
+    let envelope = envelope(piece, Tool::PEN.tip_mm);
+    let mut spectrometer = Spectrometer::new(f64::from(SAMPLE_HZ));
+    for _ in 0..settings.strokes {
+        let drawn = Drawn::new(settings.stroke_s, random)?;
+        let length = piece.length_mm();
+        let place = [random.range(0.0, length), random.range(0.0, length)];
+        let felt = accelerations(&envelope, surface.contact, &drawn, place);
+        examples(&drawn, &felt, &mut spectrometer, all)?;
+    }
+    Ok(())
+}
