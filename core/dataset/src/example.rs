@@ -23,6 +23,19 @@ pub enum Truth {
     Rms,
 }
 
+/// One instant of a stroke, and what is known of what should be answered there.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Expectation {
+    /// What the network is given, and the magnitudes of one signal.
+    pub example: Example,
+    /// Those of another signal of the same touch, at another place.
+    pub other: [f32; BINS],
+    /// Mean magnitudes over places.
+    pub mean: [f32; BINS],
+    /// Root mean square magnitudes over places.
+    pub rms: [f32; BINS],
+}
+
 /// What is trained on, and what is held apart to judge by.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Parts<T> {

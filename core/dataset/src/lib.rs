@@ -8,6 +8,6 @@ mod frames;
 mod history;
 pub mod made;
 
-pub use example::{Example, Parts, Subject, Truth};
+pub use example::{Example, Expectation, Parts, Subject, Truth};
 pub use frames::Spectrometer;
 pub use history::{HISTORY, Histories, History, MAX_FORCE_N, MAX_SPEED_MM_S, RATE_HZ, Recorder, of_stroke};

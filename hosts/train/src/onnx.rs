@@ -1,50 +1,88 @@
-//! Writes the network as ONNX: Gemm, Relu and Concat, nothing else.
+//! Writes networks as ONNX: Conv, MaxPool, Flatten, Gemm, Relu, Concat, Mul and Add, nothing else.
 
+use asperity_dataset::{HISTORY, MAX_FORCE_N, MAX_SPEED_MM_S};
+use asperity_world::material::{BINS, VECTOR_LEN};
+use asperity_world::tactile::IMAGE;
 use prost::Message;
 use tract_onnx::pb;
 
-use crate::network::{NetworkWeights, Weights};
-use asperity_dataset::HISTORY;
-use asperity_world::material::{BINS, VECTOR_LEN};
+use crate::encoder::{GEOMETRY, Kernel, PIXEL_SCALE, POOL};
+use crate::layer::Weights;
+use crate::network::NetworkWeights;
 
 /// Version of the file format: that of ONNX 1.8, which every current reader knows.
 const IR_VERSION: i64 = 7;
 /// Version of the operators.
 const OPSET: i64 = 13;
 
-/// The bytes of an ONNX file with inputs `force` \[1, 10\] N, `speed` \[1, 20\] mm/s and `texture` \[1, 256\] and
-/// the output `magnitudes` \[1, 100\] m/s^2. `about` goes into the file's metadata.
-pub(crate) fn encode(network: &NetworkWeights, about: &[(&str, String)]) -> Vec<u8> {
+/// Keys and values of a file's metadata.
+pub(crate) type About<'a> = &'a [(&'a str, String)];
+
+/// The bytes of the network of every tick: inputs `force` \[1, 10\] N, `speed` \[1, 20\] mm/s and `texture` \[1, 256\], output `magnitudes`
+/// \[1, 100\] m/s^2. Its metadata give the trained range, and `about`.
+pub(crate) fn network(network: &NetworkWeights, about: About<'_>) -> Vec<u8> {
     let mut graph = Graph::default();
-    let force = graph.chain("force", "force", &network.force, "force_features");
-    let speed = graph.chain("speed", "speed", &network.speed, "speed_features");
+    let force = graph.chain("force", "force", &network.force, Some("force_features"));
+    let speed = graph.chain("speed", "speed", &network.speed, Some("speed_features"));
     let joined = graph.concat("action_input", [force, speed]);
-    let action = graph.chain("action", &joined, &network.action, "action_features");
+    let action = graph.chain("action", &joined, &network.action, Some("action_features"));
     let joined = graph.concat("predictor_input", ["texture".to_owned(), action]);
-    graph.chain("predictor", &joined, &network.predictor, "magnitudes");
-    let model = pb::ModelProto {
-        ir_version: IR_VERSION,
-        opset_import: vec![pb::OperatorSetIdProto { domain: String::new(), version: OPSET }],
-        producer_name: "asperity-train".to_owned(),
-        producer_version: env!("CARGO_PKG_VERSION").to_owned(),
-        doc_string: "Texture network: 10 forces [N], 10 vx and 10 vy [mm/s], a material's vector, to the \
-                     amplitudes [m/s^2] of the next 0.1 s of acceleration at 10, 20, .. 1000 Hz."
-            .to_owned(),
-        metadata_props: about
-            .iter()
-            .map(|(key, value)| pb::StringStringEntryProto { key: (*key).to_owned(), value: value.clone() })
-            .collect(),
-        graph: Some(pb::GraphProto {
-            name: "texture_network".to_owned(),
-            node: graph.nodes,
-            initializer: graph.tensors,
-            input: vec![value("force", HISTORY), value("speed", 2 * HISTORY), value("texture", VECTOR_LEN)],
-            output: vec![value("magnitudes", BINS)],
-            ..Default::default()
-        }),
-        ..Default::default()
-    };
-    model.encode_to_vec()
+    graph.chain("predictor", &joined, &network.predictor, Some("magnitudes"));
+    let mut range =
+        vec![("force_max_n", MAX_FORCE_N.to_string()), ("speed_max_mm_s", MAX_SPEED_MM_S.to_string())];
+    range.extend_from_slice(about);
+    graph.file(
+        "texture_network",
+        "10 forces [N], 10 vx and 10 vy [mm/s], a material's vector, to the amplitudes [m/s^2] of the next 0.1 s of acceleration \
+         at 10, 20, .. 1000 Hz.",
+        vec![value("force", &[1, HISTORY]), value("speed", &[1, 2 * HISTORY]), value("texture", &[1, VECTOR_LEN])],
+        value("magnitudes", &[1, BINS]),
+        &range,
+    )
+}
+
+/// The bytes of image encoder and texture encoder in one: input `image` \[1, 3, 192, 256\] of 0 to 1, output `texture` \[1, 256\].
+pub(crate) fn encoder(kernels: &[Kernel], texture: &[Weights], about: About<'_>) -> Vec<u8> {
+    let mut graph = Graph::default();
+    let (scale, offset) = PIXEL_SCALE;
+    graph.tensor("scale".to_owned(), &[1], &[scale]);
+    graph.tensor("offset".to_owned(), &[1], &[-scale * offset]);
+    let mut x = graph.step("Mul", "scaled", vec!["image".to_owned(), "scale".to_owned()], &[]);
+    x = graph.step("Add", "centred", vec![x, "offset".to_owned()], &[]);
+    for (i, (kernel, geometry)) in kernels.iter().zip(GEOMETRY).enumerate() {
+        let part = |what: &str| format!("image.{i}.{what}");
+        graph.tensor(part("weight"), &kernel.shape, &kernel.weight);
+        graph.tensor(part("bias"), &kernel.shape[..1], &kernel.bias);
+        let inputs = vec![x, part("weight"), part("bias")];
+        x = graph.step(
+            "Conv",
+            &part("conv"),
+            inputs,
+            &[
+                ("kernel_shape", &[geometry.kernel; 2]),
+                ("strides", &[geometry.stride; 2]),
+                ("pads", &[geometry.padding; 4]),
+            ],
+        );
+        x = graph.step("Relu", &part("relu"), vec![x], &[]);
+        if geometry.pooled {
+            let shape: [(&str, &[usize]); 2] = [("kernel_shape", &[POOL.0; 2]), ("strides", &[POOL.1; 2])];
+            x = graph.step("MaxPool", &part("pool"), vec![x], &shape);
+        }
+    }
+    x = graph.step("Flatten", "features", vec![x], &[]);
+    let (hidden, last) = texture.split_at(texture.len().saturating_sub(1));
+    x = graph.chain("texture", &x, hidden, None);
+    for layer in last {
+        graph.gemm("texture.last", x.clone(), layer, "texture");
+    }
+    graph.file(
+        "texture_encoder",
+        "A tactile image, red, green and blue from 0 to 1, to a material's vector.",
+        vec![value("image", &[1, 3, IMAGE[0], IMAGE[1]])],
+        value("texture", &[1, VECTOR_LEN]),
+        about,
+    )
 }
 
 #[derive(Default)]
@@ -54,7 +92,7 @@ struct Graph {
 }
 
 impl Graph {
-    fn node(&mut self, op: &str, name: &str, inputs: Vec<String>, output: &str) -> usize {
+    fn node(&mut self, op: &str, name: &str, inputs: Vec<String>, output: &str) -> &mut pb::NodeProto {
         self.nodes.push(pb::NodeProto {
             input: inputs,
             output: vec![output.to_owned()],
@@ -62,12 +100,25 @@ impl Graph {
             op_type: op.to_owned(),
             ..Default::default()
         });
-        self.nodes.len() - 1
+        let last = self.nodes.len() - 1;
+        &mut self.nodes[last]
+    }
+
+    /// A node whose output has its name, with lists of whole numbers as attributes.
+    fn step(&mut self, op: &str, name: &str, inputs: Vec<String>, lists: &[(&str, &[usize])]) -> String {
+        let node = self.node(op, name, inputs, name);
+        node.attribute.extend(lists.iter().map(|(key, numbers)| pb::AttributeProto {
+            name: (*key).to_owned(),
+            r#type: pb::attribute_proto::AttributeType::Ints as i32,
+            ints: numbers.iter().map(|n| *n as i64).collect(),
+            ..Default::default()
+        }));
+        name.to_owned()
     }
 
     fn concat(&mut self, name: &str, inputs: [String; 2]) -> String {
         let node = self.node("Concat", name, inputs.to_vec(), name);
-        self.nodes[node].attribute.push(pb::AttributeProto {
+        node.attribute.push(pb::AttributeProto {
             name: "axis".to_owned(),
             r#type: pb::attribute_proto::AttributeType::Int as i32,
             i: 1,
@@ -76,16 +127,24 @@ impl Graph {
         name.to_owned()
     }
 
-    /// Layers with a ReLU after each; the last ReLU's value is called `output`.
-    fn chain(&mut self, name: &str, input: &str, layers: &[Weights], output: &str) -> String {
+    fn gemm(&mut self, name: &str, input: String, layer: &Weights, output: &str) {
+        let (weight, bias) = (format!("{name}.weight"), format!("{name}.bias"));
+        self.tensor(weight.clone(), &[layer.inputs, layer.outputs], &layer.weight);
+        self.tensor(bias.clone(), &[layer.outputs], &layer.bias);
+        self.node("Gemm", &format!("{name}.gemm"), vec![input, weight, bias], output);
+    }
+
+    /// Layers with a ReLU after each; the last one's value is called `output`, if that is given.
+    fn chain(&mut self, name: &str, input: &str, layers: &[Weights], output: Option<&str>) -> String {
         let mut x = input.to_owned();
         for (i, layer) in layers.iter().enumerate() {
-            let part = |what: &str| format!("{name}.{i}.{what}");
-            self.tensor(part("weight"), &[layer.inputs, layer.outputs], &layer.weight);
-            self.tensor(part("bias"), &[layer.outputs], &layer.bias);
-            let (gemm, relu) = (part("gemm"), part("relu"));
-            self.node("Gemm", &gemm, vec![x, part("weight"), part("bias")], &gemm);
-            x = if i + 1 == layers.len() { output.to_owned() } else { relu.clone() };
+            let (part, gemm, relu) =
+                (format!("{name}.{i}"), format!("{name}.{i}.gemm"), format!("{name}.{i}.relu"));
+            self.gemm(&part, x, layer, &gemm);
+            x = match output {
+                Some(output) if i + 1 == layers.len() => output.to_owned(),
+                _ => relu.clone(),
+            };
             self.node("Relu", &relu, vec![gemm], &x);
         }
         x
@@ -100,14 +159,48 @@ impl Graph {
             ..Default::default()
         });
     }
+
+    fn file(
+        self,
+        name: &str,
+        doc: &str,
+        inputs: Vec<pb::ValueInfoProto>,
+        output: pb::ValueInfoProto,
+        about: About<'_>,
+    ) -> Vec<u8> {
+        let model = pb::ModelProto {
+            ir_version: IR_VERSION,
+            opset_import: vec![pb::OperatorSetIdProto { domain: String::new(), version: OPSET }],
+            producer_name: "asperity-train".to_owned(),
+            producer_version: env!("CARGO_PKG_VERSION").to_owned(),
+            doc_string: doc.to_owned(),
+            metadata_props: about
+                .iter()
+                .map(|(key, value)| pb::StringStringEntryProto {
+                    key: (*key).to_owned(),
+                    value: value.clone(),
+                })
+                .collect(),
+            graph: Some(pb::GraphProto {
+                name: name.to_owned(),
+                node: self.nodes,
+                initializer: self.tensors,
+                input: inputs,
+                output: vec![output],
+                ..Default::default()
+            }),
+            ..Default::default()
+        };
+        model.encode_to_vec()
+    }
 }
 
-fn value(name: &str, width: usize) -> pb::ValueInfoProto {
+fn value(name: &str, shape: &[usize]) -> pb::ValueInfoProto {
     use pb::tensor_shape_proto::{Dimension, dimension::Value};
-    let dim = |n: usize| Dimension { value: Some(Value::DimValue(n as i64)), ..Default::default() };
+    let dim = |n: &usize| Dimension { value: Some(Value::DimValue(*n as i64)), ..Default::default() };
     let tensor = pb::type_proto::Tensor {
         elem_type: pb::tensor_proto::DataType::Float as i32,
-        shape: Some(pb::TensorShapeProto { dim: vec![dim(1), dim(width)] }),
+        shape: Some(pb::TensorShapeProto { dim: shape.iter().map(dim).collect() }),
     };
     pb::ValueInfoProto {
         name: name.to_owned(),

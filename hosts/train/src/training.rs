@@ -1,181 +1,119 @@
-//! The training loop.
-//!
-//! Targets are the law's expected magnitudes, not magnitudes of drawn signals: squared error on draws would end at
-//! the same mean, but a draw is Rayleigh distributed, 5.6 dB of noise that the network would first have to average
-//! away, and compressed as below its mean would be another.
+//! A training run, from data to files.
 
-use std::sync::mpsc;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
-use asperity_dsp::filter::FilterError;
-use asperity_world::material::{BINS, LawTable, MadeMaterial, Random, VECTOR_LEN, embed};
-use burn::optim::{AdamConfig, GradientsParams};
-use burn::tensor::{Device, Tensor, TensorData};
+use asperity_dataset::Subject;
+use asperity_source::Diagnostic;
+use asperity_world::material::{Library, LibraryMaterial};
+use asperity_world::tactile::Image;
+use burn::module::Module;
+use burn::tensor::Device;
 
-use crate::network::{FORCE_SCALE, Network, NetworkWeights, SPEED_SCALE, Scaling};
-use asperity_dataset::{HISTORY, Histories, MAX_SPEED_MM_S};
+use crate::arguments::{Settings, Train};
+use crate::data;
+use crate::descent::Stage;
+use crate::encoder::{ImageEncoder, features};
+use crate::failure::Failure;
+use crate::files::write_whole;
+use crate::onnx;
+use crate::progress::Teller;
+use crate::stages::{self, Feeler, Looks, Namer, Touching, mean_vector};
 
-/// Amplitude at which the loss turns from linear to logarithmic [m/s^2]: a third of what a fingertip feels at best.
-pub(crate) const FLOOR_M_S2: f32 = 0.005;
-/// Silence is trained as this [m/s^2], so that the last ReLU makes it exact.
-const BELOW_SILENCE_M_S2: f32 = -0.002;
-/// Batches drawn ahead on the second thread.
-const AHEAD: usize = 4;
-
-/// What a run is given.
-#[derive(Clone, Debug)]
-pub(crate) struct Settings {
-    /// Steps of the optimiser.
-    pub steps: usize,
-    /// Histories a step.
-    pub batch: usize,
-    /// Seed of weights and histories.
-    pub seed: u64,
-    /// Largest learning rate.
-    pub learning_rate: f64,
-}
-
-/// Where a run stands after a step.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Progress {
-    /// Steps done.
-    pub step: usize,
-    /// Mean loss since the last report.
-    pub loss: f64,
-}
-
-/// Steps between two reports.
-pub(crate) const REPORT_EVERY: usize = 50;
-
-/// Compression under which errors are squared: sign(x) ln(1 + |x| / floor).
-pub(crate) fn compressed(x: f32) -> f32 {
-    x.signum() * (x.abs() / FLOOR_M_S2).ln_1p()
-}
-
-/// The target of an expected magnitude, compressed.
-fn target(expected: f32) -> f32 {
-    // fades within a tenth of the floor's dB: above 0.01 m/s^2 a target is the expectation to 0.1 %
-    compressed(expected + BELOW_SILENCE_M_S2 * (-expected / 0.0015).exp())
-}
-
-struct Batch {
-    force: Vec<f32>,
-    speed: Vec<f32>,
-    texture: Vec<f32>,
-    target: Vec<f32>,
-}
-
-/// Draws batches: a history, a material, the law's answer.
-struct Batches {
-    histories: Histories,
-    tables: Vec<LawTable>,
-    textures: Vec<Vec<f32>>,
-    random: Random,
-}
-
-impl Batches {
-    fn new(materials: &[MadeMaterial], scaling: &Scaling, seed: u64) -> Result<Self, FilterError> {
-        let texture = |m: &MadeMaterial| {
-            let vector = embed(&m.law);
-            let scaled = |(x, offset): (&f32, &f32)| scaling.texture_scale * (x - offset);
-            vector.iter().zip(&scaling.texture_offset).map(scaled).collect()
-        };
-        Ok(Self {
-            histories: Histories::new()?,
-            tables: materials.iter().map(|m| LawTable::new(&m.law, MAX_SPEED_MM_S + 10.0)).collect(),
-            textures: materials.iter().map(texture).collect(),
-            random: Random::new(seed ^ 0x0005_eed0_fba7_c4e5),
-        })
-    }
-
-    fn draw(&mut self, n: usize) -> Batch {
-        let mut batch = Batch {
-            force: Vec::with_capacity(n * HISTORY),
-            speed: Vec::with_capacity(n * 2 * HISTORY),
-            texture: Vec::with_capacity(n * VECTOR_LEN),
-            target: Vec::with_capacity(n * BINS),
-        };
-        let mut expected = [0.0; BINS];
-        for _ in 0..n {
-            let history = self.histories.draw(&mut self.random);
-            let material = self.random.below(self.tables.len());
-            self.tables[material].expected_after(&history.clean, &mut expected);
-            batch.force.extend(history.force.map(|f| FORCE_SCALE.0 * (f - FORCE_SCALE.1)));
-            batch.speed.extend(history.velocity.map(|v| SPEED_SCALE * v));
-            batch.texture.extend_from_slice(&self.textures[material]);
-            batch.target.extend(expected.map(target));
-        }
-        batch
-    }
-}
-
-/// Learning rate of a step: a linear start, then half a cosine down to a hundredth.
-fn learning_rate(settings: &Settings, step: usize) -> f64 {
-    let warm_up = (settings.steps / 50).clamp(1, 500);
-    if step < warm_up {
-        return settings.learning_rate * (step + 1) as f64 / warm_up as f64;
-    }
-    let part = (step - warm_up) as f64 / (settings.steps - warm_up).max(1) as f64;
-    let cosine = 0.5 + 0.5 * (std::f64::consts::PI * part).cos();
-    settings.learning_rate * (0.01 + 0.99 * cosine)
-}
-
-/// Trains a network on the made materials and returns it with scaling folded in: inputs in N, mm/s and library vectors.
-/// The same settings give the same bits on one machine type.
+/// Trains a model and writes it.
 ///
 /// # Errors
-/// None in practice: the chain's filter has a fixed design.
-pub(crate) fn train(
-    materials: &[MadeMaterial],
-    settings: &Settings,
-    mut report: impl FnMut(Progress),
-) -> Result<NetworkWeights, FilterError> {
-    let vectors: Vec<_> = materials.iter().map(|m| embed(&m.law)).collect();
-    let scaling = Scaling::of(&vectors.iter().collect::<Vec<_>>());
-    let mut batches = Batches::new(materials, &scaling, settings.seed)?;
-    let device = Device::flex().autodiff();
-
-    let network = std::thread::scope(|scope| {
-        let mut network = Network::new(settings.seed, &device);
-        let mut adam = AdamConfig::new().init();
-        let (send, receive) = mpsc::sync_channel(AHEAD);
-        let (steps, size) = (settings.steps, settings.batch);
-        scope.spawn(move || {
-            for _ in 0..steps {
-                if send.send(batches.draw(size)).is_err() {
-                    break;
-                }
-            }
-        });
-        let mut losses = 0.0;
-        for (step, batch) in receive.iter().enumerate() {
-            let tensor = |numbers: Vec<f32>, width: usize| -> Tensor<2> {
-                Tensor::from_data(TensorData::new(numbers, [size, width]), &device)
-            };
-            let answer = network.forward(
-                tensor(batch.force, HISTORY),
-                tensor(batch.speed, 2 * HISTORY),
-                tensor(batch.texture, VECTOR_LEN),
-            );
-            let compressed = answer.clone().sign() * (answer.abs() / FLOOR_M_S2).log1p();
-            let error = compressed - tensor(batch.target, BINS);
-            let loss = (error.clone() * error).mean();
-            losses += f64::from(loss.clone().into_scalar::<f32>());
-            let gradients = GradientsParams::from_grads(loss.backward(), &network);
-            network = adam.step(learning_rate(settings, step), network, gradients);
-            if (step + 1) % REPORT_EVERY == 0 || step + 1 == settings.steps {
-                let since = step % REPORT_EVERY + 1;
-                report(Progress { step: step + 1, loss: losses / since as f64 });
-                losses = 0.0;
-            }
+/// What the data, the folders or the training say; [`Failure::Stopped`] by Ctrl-C.
+pub(crate) fn train(train: &Train) -> Result<(), Failure> {
+    let settings = &train.settings;
+    let run = run_folder(train)?;
+    let stop = Arc::new(AtomicBool::new(false));
+    let flag = Arc::clone(&stop);
+    ctrlc::set_handler(move || {
+        // a second time: at once
+        if flag.swap(true, Ordering::Relaxed) {
+            std::process::exit(130);
         }
-        network
-    });
+    })
+    .map_err(|e| Failure::Model(format!("cannot listen for Ctrl-C: {e}")))?;
 
-    let mut weights = network.weights();
-    scaling.fold_into(&mut weights);
-    Ok(weights)
+    let data = data::load(settings)?;
+    let device = Device::flex().autodiff();
+    let stage =
+        |name, steps: u32, learning_rate| Stage { name, steps: steps as usize, learning_rate, folder: &run };
+
+    let naming = stage("naming", settings.naming_steps, settings.naming_rate);
+    let mut teller = Teller::new("naming", naming.steps);
+    let namer = Namer::new(settings.preset, data.seen.len(), settings.seed, &device);
+    let batch = (settings.naming_batch as usize, settings.seed);
+    let (namer, _losses) =
+        stages::name(&naming, namer, &data.seen, batch, &device, &stop, |p| teller.progress(p))?;
+
+    let plain = Device::flex();
+    let encoder = namer.encoder.valid();
+    let looks = seen_features(&encoder, &data.seen, &plain);
+    let feeling = stage("feeling", settings.feeling_steps, settings.feeling_rate);
+    let mut teller = Teller::new("feeling", feeling.steps);
+    let touching = Touching {
+        groups: settings.feeling_groups as usize,
+        each: settings.feeling_each as usize,
+        seed: settings.seed,
+        target: settings.target,
+        aim: settings.error,
+    };
+    let feeler = Feeler::new(settings.preset, settings.seed, &device);
+    let images = Looks { numbers: &looks, width: crate::encoder::FEATURES };
+    let (feeler, _losses) =
+        stages::feel(&feeling, feeler, &data.seen, &images, touching, &device, &stop, |p| {
+            teller.progress(p)
+        })?;
+
+    let feeler = feeler.valid();
+    let about = [
+        ("seed", settings.seed.to_string()),
+        ("settings", serde_json::to_string(settings).unwrap_or_default()),
+    ];
+    let texture = onnx::network(&feeler.network.weights(), &about);
+    let encoding = onnx::encoder(&encoder.kernels(), &feeler.texture.weights(), &about);
+    write_whole(&train.out.join("texture.onnx"), &texture)?;
+    write_whole(&train.out.join("encoder.onnx"), &encoding)?;
+    Ok(())
 }
 
-#[cfg(test)]
-#[path = "training_tests.rs"]
-mod tests;
+/// Features of each subject's training images.
+fn seen_features(encoder: &ImageEncoder, subjects: &[Subject], device: &Device) -> Vec<Vec<f32>> {
+    let mut teller = Teller::new("features", subjects.len());
+    let of = |(n, s): (usize, &Subject)| {
+        let images: Vec<&Image> = s.images.train.iter().collect();
+        let features = features(encoder, &images, device);
+        teller.tell(n + 1, "");
+        features
+    };
+    subjects.iter().enumerate().map(of).collect()
+}
+
+/// Makes the folder of a run, or finds it; one that belongs to other settings is refused.
+fn run_folder(train: &Train) -> Result<PathBuf, Diagnostic> {
+    let run = train.run.clone().unwrap_or_else(|| {
+        let mut name = train.out.clone().into_os_string();
+        name.push(".run");
+        name.into()
+    });
+    for folder in [&train.out, &run] {
+        std::fs::create_dir_all(folder)
+            .map_err(|e| Diagnostic::new(format!("cannot make this folder: {e}")).in_file(folder))?;
+    }
+    let path = run.join("settings.json");
+    let wanted = serde_json::to_string_pretty(&train.settings).unwrap_or_default();
+    match std::fs::read_to_string(&path) {
+        Ok(found) if found == wanted => Ok(run),
+        Ok(_) => Err(Diagnostic::new("this run was begun with other settings")
+            .in_file(&path)
+            .help("give the settings it has, name another --run folder, or remove this one")),
+        Err(_) => {
+            write_whole(&path, wanted.as_bytes())?;
+            Ok(run)
+        }
+    }
+}

@@ -6,6 +6,7 @@
 //! A stroke is a line, a zigzag or a circle, turned any way, of up to 300 mm/s and 3.5 N; its force swings. Where there is no force the pen is in the
 //! air, and nothing is felt.
 
+mod expectations;
 mod images;
 mod strokes;
 
@@ -14,7 +15,9 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use asperity_source::Diagnostic;
 use asperity_world::material::Random;
 use asperity_world::topography::{MadeSurface, made_surfaces};
+use rayon::prelude::*;
 
+pub use expectations::expectations;
 pub use strokes::{Drawn, accelerations, examples};
 
 use crate::example::{Example, Parts, Subject, Truth};
@@ -48,6 +51,13 @@ impl Default for Settings {
     }
 }
 
+impl Settings {
+    /// The seed of a piece. Those to train on come first.
+    fn piece(&self, number: usize) -> u64 {
+        Random::new(self.seed ^ ((number as u64) << 32) ^ 0x91ec_e000).bits()
+    }
+}
+
 /// Whether a surface, by its number among [`made_surfaces`], is not to be trained on. With fourteen surfaces a family it is two of each.
 pub fn unseen(number: usize) -> bool {
     number % UNSEEN_EVERY == UNSEEN_AT
@@ -61,9 +71,8 @@ pub fn subject(surface: &MadeSurface, settings: &Settings) -> Result<Subject, Di
     let mut images = Parts::default();
     let mut examples = Parts::default();
     let [train, held] = settings.pieces;
-    let mut seeds = Random::new(settings.seed.wrapping_mul(0x9e37_79b9).wrapping_add(17));
     for number in 0..train + held {
-        let seed = seeds.bits();
+        let seed = settings.piece(number);
         let piece = surface.patch(GRID, seed);
         let (to_images, to_examples) = if number < train {
             (&mut images.train, &mut examples.train)
@@ -84,40 +93,32 @@ pub fn subject(surface: &MadeSurface, settings: &Settings) -> Result<Subject, Di
     })
 }
 
-/// All surfaces, those to train on first and then the [`unseen`] ones, made on all cores; `done` is called after each with how many are done.
+/// Every so-manieth of the [made surfaces](made_surfaces): those to train on, and the [`unseen`] ones.
+pub fn surfaces(every: usize) -> [Vec<MadeSurface>; 2] {
+    let all = made_surfaces().into_iter().enumerate();
+    let (apart, seen): (Vec<_>, Vec<_>) = all.partition(|(number, _)| unseen(*number));
+    [seen, apart].map(|part| part.into_iter().map(|(_, surface)| surface).step_by(every.max(1)).collect())
+}
+
+/// The subjects of two lists of surfaces, made on all cores; `done` is called after each with how many are done.
 ///
 /// # Errors
 /// As [`subject`].
-pub fn subjects(settings: &Settings, done: impl Fn(usize) + Sync) -> Result<[Vec<Subject>; 2], Diagnostic> {
-    let surfaces = made_surfaces();
-    let (next, finished) = (AtomicUsize::new(0), AtomicUsize::new(0));
-    let work = || -> Result<Vec<(usize, Subject)>, Diagnostic> {
-        let mut made = Vec::new();
-        while let Some((number, surface)) = nth(&surfaces, next.fetch_add(1, Ordering::Relaxed)) {
-            made.push((number, subject(surface, settings)?));
-            done(finished.fetch_add(1, Ordering::Relaxed) + 1);
-        }
-        Ok(made)
+pub fn subjects(
+    surfaces: &[Vec<MadeSurface>; 2],
+    settings: &Settings,
+    done: impl Fn(usize) + Sync,
+) -> Result<[Vec<Subject>; 2], Diagnostic> {
+    let all: Vec<&MadeSurface> = surfaces.iter().flatten().collect();
+    let finished = AtomicUsize::new(0);
+    let of = |surface: &&MadeSurface| {
+        let made = subject(surface, settings);
+        done(finished.fetch_add(1, Ordering::Relaxed) + 1);
+        made
     };
-    let cores = std::thread::available_parallelism().map_or(1, usize::from);
-    let mut all = std::thread::scope(|scope| {
-        let workers: Vec<_> = (0..cores).map(|_| scope.spawn(work)).collect();
-        let mut all = Vec::with_capacity(surfaces.len());
-        for worker in workers {
-            match worker.join() {
-                Ok(made) => all.extend(made?),
-                Err(panic) => std::panic::resume_unwind(panic),
-            }
-        }
-        Ok::<_, Diagnostic>(all)
-    })?;
-    all.sort_by_key(|(number, _)| *number);
-    let (apart, seen): (Vec<_>, Vec<_>) = all.into_iter().partition(|(number, _)| unseen(*number));
-    Ok([seen, apart].map(|part| part.into_iter().map(|(_, subject)| subject).collect()))
-}
-
-fn nth<T>(all: &[T], number: usize) -> Option<(usize, &T)> {
-    all.get(number).map(|one| (number, one))
+    let mut made = all.par_iter().map(of).collect::<Result<Vec<Subject>, _>>()?;
+    let apart = made.split_off(surfaces[0].len());
+    Ok([made, apart])
 }
 
 #[cfg(test)]
@@ -126,6 +127,61 @@ mod tests {
     use std::time::Instant;
 
     const SMALL: Settings = Settings { seed: 3, pieces: [1, 1], images: 1, strokes: 1, stroke_s: 2.0 };
+
+    #[test]
+    fn a_surface_is_the_same_by_the_same_settings_and_its_parts_share_nothing() {
+        let surface = &made_surfaces()[60];
+        let made = subject(surface, &SMALL).unwrap();
+        assert_eq!(made, subject(surface, &SMALL).unwrap());
+        assert_eq!([made.images.train.len(), made.images.held.len()], [1, 1]);
+        assert!(made.images.train != made.images.held);
+        assert!(made.examples.train.len() > 90 && made.examples.held.len() > 90);
+        assert!(
+            made.examples.train.iter().all(|e| made
+                .examples
+                .held
+                .iter()
+                .all(|h| h.velocity != e.velocity || e.velocity == [0.0; 20]))
+        );
+        assert_ne!(made, subject(surface, &Settings { seed: 4, ..SMALL }).unwrap());
+    }
+
+    #[test]
+    fn louder_is_what_is_pressed_and_moved_and_nothing_is_felt_in_the_air() {
+        let made = subject(&made_surfaces()[4], &Settings { strokes: 4, ..SMALL }).unwrap();
+        let level = |e: &Example| e.magnitudes.iter().map(|m| m * m).sum::<f32>().sqrt();
+        let (mut loud, mut still) = (0, 0);
+        for example in &made.examples.train {
+            let (force, speed) = (example.force[9], example.velocity[9].hypot(example.velocity[19]));
+            if force > 0.5 && speed > 60.0 {
+                assert!(level(example) > 0.1, "{force} N {speed} mm/s {}", level(example));
+                loud += 1;
+            }
+            if example.force == [0.0; 10] && speed < 1.0 {
+                still += 1;
+            }
+        }
+        assert!(loud > 50 && still > 3, "{loud} {still}");
+    }
+
+    #[test]
+    fn expectations_are_what_draws_come_to() {
+        let surface = &made_surfaces()[4];
+        let strokes = [Drawn::new(1.5, &mut Random::new(9)).unwrap()];
+        let expected = expectations(surface, &SMALL, &strokes, 24).unwrap();
+        assert!(expected.len() > 60);
+        let (mut one, mut rms, mut mean) = (0.0, 0.0, 0.0);
+        for e in &expected {
+            let power = |m: &[f32; 100]| m.iter().map(|m| f64::from(m * m)).sum::<f64>();
+            one += power(&e.example.magnitudes) + power(&e.other);
+            rms += 2.0 * power(&e.rms);
+            mean += 2.0 * power(&e.mean);
+        }
+        assert!((one / rms - 1.0).abs() < 0.3, "{}", one / rms);
+        // a mean of magnitudes has less power than the magnitudes, by 1.05 dB at most for one axis of a Gaussian signal
+        let less = 10.0 * (rms / mean).log10();
+        assert!((0.2..1.2).contains(&less), "{less} dB");
+    }
 
     #[test]
     fn two_surfaces_of_each_family_are_unseen() {

@@ -8,7 +8,7 @@ use asperity_world::topography::{Contact, HeightField, MadeSurface, envelope};
 
 use super::{Example, Settings};
 use crate::frames::Spectrometer;
-use crate::history::{DEVICE_FORCE_N, MAX_SPEED_MM_S, RATE_HZ, Recorder, STIFFNESS_N_PER_MM};
+use crate::history::{MAX_FORCE_N, MAX_SPEED_MM_S, RATE_HZ, Recorder, STIFFNESS_N_PER_MM};
 
 /// Ticks of 2 ms between two examples.
 const EVERY: usize = 10;
@@ -36,14 +36,36 @@ impl Drawn {
     /// # Errors
     /// A duration out of a [stroke's](StrokeParams) range.
     pub fn new(duration_s: f64, random: &mut Random) -> Result<Self, Diagnostic> {
+        Self::up_to(0.97 * MAX_SPEED_MM_S, SLOWEST_MM_S, [0.1, 2.2], duration_s, random)
+    }
+
+    /// Draws one that goes beyond what others do, by half: at more than 300 mm/s, 3.5 N or both.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
+    pub fn beyond(duration_s: f64, random: &mut Random) -> Result<Self, Diagnostic> {
+        let fast = random.chance(0.67);
+        let strong = !fast || random.chance(0.5);
+        let (fastest, slowest) =
+            if fast { (1.5 * MAX_SPEED_MM_S, 150.0) } else { (MAX_SPEED_MM_S, SLOWEST_MM_S) };
+        let force_n = if strong { [MAX_FORCE_N, 1.2 * MAX_FORCE_N] } else { [0.1, 2.2] };
+        Self::up_to(fastest, slowest, force_n, duration_s, random)
+    }
+
+    fn up_to(
+        fastest: f64,
+        slowest: f64,
+        force_n: [f64; 2],
+        duration_s: f64,
+        random: &mut Random,
+    ) -> Result<Self, Diagnostic> {
         let shape = [Shape::Line, Shape::Zigzag, Shape::Circle][random.below(3)];
-        let peak = if shape == Shape::Circle { 1.0 } else { PEAK };
-        let fastest = 0.97 * MAX_SPEED_MM_S / peak;
+        let fastest = fastest / if shape == Shape::Circle { 1.0 } else { PEAK };
         let params = StrokeParams {
             shape,
             extent_mm: random.range(20.0, 120.0),
-            mean_speed_mm_s: SLOWEST_MM_S * (fastest / SLOWEST_MM_S).powf(random.unit().sqrt()),
-            force_n: random.range(0.1, 2.2),
+            mean_speed_mm_s: slowest * (fastest / slowest).powf(random.unit().sqrt()),
+            force_n: random.range(force_n[0], force_n[1]),
             force_swing: random.range(0.1, 0.55),
             force_swing_hz: random.range(0.2, 1.2),
             stiffness_n_per_mm: STIFFNESS_N_PER_MM,
@@ -66,7 +88,7 @@ impl Drawn {
 }
 
 fn force(z_mm: f64) -> f64 {
-    (-z_mm * STIFFNESS_N_PER_MM).clamp(0.0, DEVICE_FORCE_N)
+    (-z_mm * STIFFNESS_N_PER_MM).max(0.0)
 }
 
 /// What a pen on the [envelope] of a piece feels of a stroke that begins at a place in mm: acceleration in m/s^2 along the normal and along the

@@ -1,0 +1,91 @@
+//! The command line.
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand, value_parser};
+use serde::{Deserialize, Serialize};
+
+use crate::data::Origin;
+use crate::encoder::Preset;
+use crate::loss::{Aim, Target};
+
+/// Trains texture models, and says how good they are.
+#[derive(Parser, Debug)]
+#[command(name = "asperity-train", version)]
+pub(crate) struct Arguments {
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+#[derive(Subcommand, Debug)]
+pub(crate) enum Command {
+    /// Trains a model. Ctrl-C keeps what was done; the same command goes on.
+    Train(Train),
+}
+
+/// A training run.
+#[derive(Args, Clone, Debug)]
+pub(crate) struct Train {
+    /// Folder for the model: encoder.onnx, texture.onnx, materials.ron, pictures, curves.
+    #[arg(long, value_name = "FOLDER")]
+    pub out: PathBuf,
+    /// Folder for checkpoints; by default OUT with `.run` after its name.
+    #[arg(long, value_name = "FOLDER")]
+    pub run: Option<PathBuf>,
+    #[command(flatten)]
+    pub settings: Settings,
+}
+
+/// What a run's result follows from.
+#[derive(Args, Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Settings {
+    /// Where images and strokes come from: `made`, `hatt:FOLDER` or `recordings:FOLDER`.
+    #[arg(long, default_value = "made", value_name = "SOURCE")]
+    pub data: Origin,
+    /// Sizes: the paper's, or small enough to ship.
+    #[arg(long, default_value = "compact")]
+    pub preset: Preset,
+    /// What the network answers of a random texture.
+    #[arg(long, default_value = "rms")]
+    pub target: Target,
+    /// How errors are weighed.
+    #[arg(long, default_value = "relative")]
+    pub error: Aim,
+    /// Seed of data, weights and batches.
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+    /// Steps of stage one, which names textures.
+    #[arg(long, default_value_t = 6_000, value_parser = value_parser!(u32).range(1..=100_000_000))]
+    pub naming_steps: u32,
+    /// Images a step of stage one.
+    #[arg(long, default_value_t = 32, value_parser = value_parser!(u32).range(1..=4096))]
+    pub naming_batch: u32,
+    /// Largest learning rate of stage one.
+    #[arg(long, default_value_t = 7e-4, value_parser = rate)]
+    pub naming_rate: f64,
+    /// Steps of stage two, which predicts vibration.
+    #[arg(long, default_value_t = 30_000, value_parser = value_parser!(u32).range(1..=100_000_000))]
+    pub feeling_steps: u32,
+    /// Materials a step of stage two.
+    #[arg(long, default_value_t = 32, value_parser = value_parser!(u32).range(1..=4096))]
+    pub feeling_groups: u32,
+    /// Touches of each of them.
+    #[arg(long, default_value_t = 8, value_parser = value_parser!(u32).range(1..=4096))]
+    pub feeling_each: u32,
+    /// Largest learning rate of stage two.
+    #[arg(long, default_value_t = 1e-3, value_parser = rate)]
+    pub feeling_rate: f64,
+    /// Of made data: every so-manieth surface only.
+    #[arg(long, default_value_t = 1, value_parser = value_parser!(u32).range(1..=16))]
+    pub every: u32,
+    /// Of made data: pieces of each surface to train on.
+    #[arg(long, default_value_t = 8, value_parser = value_parser!(u32).range(1..=1000))]
+    pub pieces: u32,
+}
+
+fn rate(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(x) if x.is_finite() && x > 0.0 && x <= 1.0 => Ok(x),
+        _ => Err("a number above 0 and at most 1".to_owned()),
+    }
+}

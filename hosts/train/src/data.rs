@@ -1,0 +1,74 @@
+//! Where the data come from.
+
+use std::path::PathBuf;
+use std::str::FromStr;
+use std::sync::Mutex;
+
+use asperity_dataset::{Subject, made};
+use serde::{Deserialize, Serialize};
+
+use crate::arguments::Settings;
+use crate::failure::Failure;
+use crate::progress::Teller;
+
+/// A source of data.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub(crate) enum Origin {
+    /// Made by physics.
+    Made,
+    /// The Penn Haptic Texture Toolkit's files, in a folder.
+    Hatt(PathBuf),
+    /// Anyone's recordings, in a folder.
+    Recordings(PathBuf),
+}
+
+impl FromStr for Origin {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text.split_once(':') {
+            None if text == "made" => Ok(Self::Made),
+            Some(("hatt", folder)) if !folder.is_empty() => Ok(Self::Hatt(folder.into())),
+            Some(("recordings", folder)) if !folder.is_empty() => Ok(Self::Recordings(folder.into())),
+            _ => Err("made, hatt:FOLDER or recordings:FOLDER".to_owned()),
+        }
+    }
+}
+
+/// What a run is trained on and judged by.
+pub(crate) struct Data {
+    /// Subjects to train on.
+    pub seen: Vec<Subject>,
+    /// Subjects that are never trained on.
+    pub unseen: Vec<Subject>,
+}
+
+/// The settings of made data.
+pub(crate) fn made_settings(settings: &Settings) -> made::Settings {
+    let pieces = [settings.pieces as usize, made::Settings::default().pieces[1]];
+    made::Settings { seed: settings.seed, pieces, ..made::Settings::default() }
+}
+
+/// Makes or reads the data of a run.
+///
+/// # Errors
+/// What the source finds wrong.
+pub(crate) fn load(settings: &Settings) -> Result<Data, Failure> {
+    match &settings.data {
+        Origin::Made => {
+            let surfaces = made::surfaces(settings.every as usize);
+            let count = surfaces.iter().map(Vec::len).sum();
+            let teller = Mutex::new(Teller::new("surfaces", count));
+            let done = |done: usize| {
+                if let Ok(mut teller) = teller.lock() {
+                    teller.tell(done, "seen and stroked");
+                }
+            };
+            let [seen, unseen] = made::subjects(&surfaces, &made_settings(settings), done)?;
+            Ok(Data { seen, unseen })
+        }
+        Origin::Hatt(_) | Origin::Recordings(_) => {
+            Err(Failure::Model("this source is not read yet".to_owned()))
+        }
+    }
+}

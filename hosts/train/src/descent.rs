@@ -1,0 +1,189 @@
+//! A loop of optimiser steps that can be left at any time and taken up again as if it had not been.
+//!
+//! What a step is given depends on its number alone, and a checkpoint holds the model and the whole state of Adam, so a run that was left ends at the same
+//! bits as one that was not.
+
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc;
+use std::time::{Duration, Instant};
+
+use asperity_source::Diagnostic;
+use burn::grad_clipping::GradientClippingConfig;
+use burn::module::Module;
+use burn::optim::{AdamConfig, GradientsParams, ModuleOptimizer};
+use burn::store::ModuleRecord;
+use burn::tensor::{Bytes, Tensor};
+use serde::{Deserialize, Serialize};
+
+use crate::failure::Failure;
+use crate::files::write_whole;
+
+/// Batches drawn ahead on a second thread.
+const AHEAD: usize = 2;
+/// Time between two checkpoints.
+const CHECKPOINT_EVERY: Duration = Duration::from_secs(60);
+/// Reports of a whole stage.
+const REPORTS: usize = 200;
+/// First bytes of a checkpoint.
+const MAGIC: &[u8; 8] = b"ASPCHK01";
+
+/// One stage of a training run.
+#[derive(Clone, Debug)]
+pub(crate) struct Stage<'a> {
+    /// Its name, which is its checkpoint's.
+    pub name: &'a str,
+    /// Steps in all.
+    pub steps: usize,
+    /// Largest learning rate; it rises over the first fiftieth and falls to a hundredth by half a cosine.
+    pub learning_rate: f64,
+    /// Where checkpoints lie.
+    pub folder: &'a Path,
+}
+
+/// Mean losses of a stage, as far as it went: (steps done, loss).
+pub(crate) type Losses = Vec<(usize, f64)>;
+
+/// Where a stage stands.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Progress {
+    /// Steps done.
+    pub step: usize,
+    /// Mean loss since the last report.
+    pub loss: f64,
+    /// Time left.
+    pub left: Duration,
+    /// Steps a second.
+    pub rate: f64,
+}
+
+#[derive(Serialize, Deserialize)]
+struct Header {
+    step: usize,
+    /// Sum of losses since the last report, as bits, so that a resumed sum is the same.
+    sum: f64,
+    losses: Losses,
+    model_bytes: usize,
+}
+
+impl Stage<'_> {
+    fn path(&self) -> PathBuf {
+        self.folder.join(format!("{}.checkpoint", self.name))
+    }
+
+    fn learning_rate(&self, step: usize) -> f64 {
+        let warm_up = (self.steps / 50).clamp(1, 500);
+        if step < warm_up {
+            return self.learning_rate * (step + 1) as f64 / warm_up as f64;
+        }
+        let part = (step - warm_up) as f64 / (self.steps - warm_up).max(1) as f64;
+        let cosine = 0.5 + 0.5 * (std::f64::consts::PI * part).cos();
+        self.learning_rate * (0.01 + 0.99 * cosine)
+    }
+
+    /// Goes through the steps that are left, from the checkpoint if there is one, and returns the model and all losses. `draw` makes the batch of a
+    /// step, on another thread; `loss` judges a model by it.
+    ///
+    /// # Errors
+    /// [`Failure::Stopped`] when `stop` was set, after a checkpoint; a checkpoint that cannot be read or written; a loss that is not finite.
+    pub(crate) fn descend<M: Module, B: Send>(
+        &self,
+        model: M,
+        stop: &AtomicBool,
+        draw: impl Fn(usize) -> B + Sync,
+        loss: impl Fn(&M, B) -> Tensor<1>,
+        mut report: impl FnMut(&Progress),
+    ) -> Result<(M, Losses), Failure> {
+        let adam = AdamConfig::new().with_grad_clipping(Some(GradientClippingConfig::Norm(1.0))).init();
+        let (model, mut adam, mut header) = self.resume(model, adam)?;
+        let (start, begun) = (Instant::now(), header.step);
+        let every = self.steps.div_ceil(REPORTS).max(1);
+        let model = std::thread::scope(|scope| {
+            let mut model = model;
+            let (send, receive) = mpsc::sync_channel(AHEAD);
+            let draw = &draw;
+            scope.spawn(move || (begun..self.steps).try_for_each(|step| send.send(draw(step))));
+            let mut saved = Instant::now();
+            for batch in receive {
+                let now = loss(&model, batch);
+                header.sum += f64::from(now.clone().into_scalar::<f32>());
+                let gradients = GradientsParams::from_grads(now.backward(), &model);
+                model = adam.step(self.learning_rate(header.step), model, gradients);
+                header.step += 1;
+                if header.step % every == 0 || header.step == self.steps {
+                    let count = header.step - header.losses.last().map_or(0, |(step, _)| *step);
+                    let mean = header.sum / count as f64;
+                    if !mean.is_finite() {
+                        return Err(Failure::Model(format!(
+                            "the loss of stage `{}` is {mean} after {} steps: try a smaller learning rate",
+                            self.name, header.step
+                        )));
+                    }
+                    header.losses.push((header.step, mean));
+                    header.sum = 0.0;
+                    let rate = (header.step - begun) as f64 / start.elapsed().as_secs_f64();
+                    let left = Duration::from_secs_f64((self.steps - header.step) as f64 / rate);
+                    report(&Progress { step: header.step, loss: mean, left, rate });
+                }
+                let stopped = stop.load(Ordering::Relaxed);
+                if stopped || saved.elapsed() > CHECKPOINT_EVERY || header.step == self.steps {
+                    self.save(&model, &adam, &mut header)?;
+                    saved = Instant::now();
+                }
+                if stopped && header.step < self.steps {
+                    return Err(Failure::Stopped);
+                }
+            }
+            Ok(model)
+        })?;
+        Ok((model, header.losses))
+    }
+
+    fn save<M: Module>(&self, model: &M, adam: &ModuleOptimizer, header: &mut Header) -> Result<(), Failure> {
+        let broken = |e: &dyn std::fmt::Display| Failure::Model(format!("a checkpoint cannot be made: {e}"));
+        let model = model.clone().into_record().into_bytes().map_err(|e| broken(&e))?;
+        let adam = adam.into_bytes().map_err(|e| broken(&e))?;
+        header.model_bytes = model.len();
+        let line = serde_json::to_vec(header).map_err(|e| broken(&e))?;
+        let mut bytes = MAGIC.to_vec();
+        bytes.extend((line.len() as u64).to_le_bytes());
+        bytes.extend(line);
+        bytes.extend_from_slice(&model);
+        bytes.extend_from_slice(&adam);
+        Ok(write_whole(&self.path(), &bytes)?)
+    }
+
+    fn resume<M: Module>(
+        &self,
+        model: M,
+        adam: ModuleOptimizer,
+    ) -> Result<(M, ModuleOptimizer, Header), Failure> {
+        let path = self.path();
+        if !path.exists() {
+            return Ok((model, adam, Header { step: 0, sum: 0.0, losses: Vec::new(), model_bytes: 0 }));
+        }
+        let bytes = std::fs::read(&path)
+            .map_err(|e| Diagnostic::new(format!("cannot read this checkpoint: {e}")).in_file(&path))?;
+        let broken = || {
+            Diagnostic::new("this is not a whole checkpoint")
+                .in_file(&path)
+                .help("remove it, and its stage begins anew")
+        };
+        let (header, model_bytes, adam_bytes) = parts(&bytes).ok_or_else(broken)?;
+        let bytes = |part: &[u8]| Bytes::from_bytes_vec(part.to_vec());
+        let record = ModuleRecord::from_bytes(bytes(model_bytes)).map_err(|_| broken())?;
+        let model = model.try_load_record(record).map_err(|_| broken())?;
+        let adam = adam.from_bytes(bytes(adam_bytes)).map_err(|_| broken())?;
+        Ok((model, adam, header))
+    }
+}
+
+/// Header, model and optimiser of a checkpoint.
+fn parts(bytes: &[u8]) -> Option<(Header, &[u8], &[u8])> {
+    let rest = bytes.strip_prefix(MAGIC)?;
+    let (length, rest) = rest.split_first_chunk::<8>()?;
+    let (line, rest) = rest.split_at_checked(usize::try_from(u64::from_le_bytes(*length)).ok()?)?;
+    let header: Header = serde_json::from_slice(line).ok()?;
+    let (model, adam) = rest.split_at_checked(header.model_bytes)?;
+    Some((header, model, adam))
+}

@@ -1,0 +1,27 @@
+//! Why a run ended early.
+
+use asperity_source::Diagnostic;
+
+/// Why a run ended early.
+#[derive(Debug)]
+pub(crate) enum Failure {
+    /// A file, a name or a range.
+    Input(Diagnostic),
+    /// The training or its result is not what it must be.
+    Model(String),
+    /// The user asked for it; everything is kept.
+    Stopped,
+}
+
+impl Failure {
+    /// A network that was written does not run.
+    pub(crate) fn model(e: &dyn std::fmt::Display) -> Self {
+        Self::Model(format!("the written network does not run: {e:#}"))
+    }
+}
+
+impl From<Diagnostic> for Failure {
+    fn from(e: Diagnostic) -> Self {
+        Self::Input(e)
+    }
+}

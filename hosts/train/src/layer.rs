@@ -1,0 +1,111 @@
+//! Fully connected layers, and what all layers are made of.
+
+use asperity_world::material::Random;
+use burn::module::{Module, Param};
+use burn::tensor::activation::relu;
+use burn::tensor::{Device, Tensor, TensorData};
+
+/// A fully connected layer, `x W + b`, `W` of \[in, out\].
+#[derive(Module, Debug)]
+pub(crate) struct Layer {
+    weight: Param<Tensor<2>>,
+    bias: Param<Tensor<1>>,
+}
+
+/// A layer's numbers.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Weights {
+    /// Inputs.
+    pub inputs: usize,
+    /// Outputs.
+    pub outputs: usize,
+    /// \[in, out\], row by row.
+    pub weight: Vec<f32>,
+    /// \[out\].
+    pub bias: Vec<f32>,
+}
+
+/// Numbers of He's uniform initialisation (He, Zhang, Ren, Sun 2015) for `inputs` inputs, times `gain`; from our own generator, so that a seed means
+/// the same everywhere.
+pub(crate) fn initial(count: usize, inputs: usize, gain: f64, random: &mut Random) -> Vec<f32> {
+    let bound = gain * (6.0 / inputs as f64).sqrt();
+    (0..count).map(|_| random.range(-bound, bound) as f32).collect()
+}
+
+impl Layer {
+    /// A layer to be trained.
+    pub(crate) fn new(
+        inputs: usize,
+        outputs: usize,
+        gain: f64,
+        random: &mut Random,
+        device: &Device,
+    ) -> Self {
+        let weight = TensorData::new(initial(inputs * outputs, inputs, gain, random), [inputs, outputs]);
+        Self {
+            weight: Param::from_tensor(Tensor::from_data(weight, device)),
+            bias: Param::from_tensor(Tensor::zeros([outputs], device)),
+        }
+    }
+
+    /// `x W + b` of \[n, in\].
+    pub(crate) fn forward(&self, x: Tensor<2>) -> Tensor<2> {
+        x.matmul(self.weight.val()) + self.bias.val().unsqueeze()
+    }
+
+    /// The numbers.
+    pub(crate) fn weights(&self) -> Weights {
+        let [inputs, outputs] = self.weight.val().dims();
+        Weights { inputs, outputs, weight: numbers(self.weight.val()), bias: numbers(self.bias.val()) }
+    }
+}
+
+/// All numbers of a tensor, the last index fastest.
+pub(crate) fn numbers<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
+    tensor.into_data().iter::<f32>().collect()
+}
+
+/// Layers one after the other, of these widths, the input's first.
+pub(crate) fn layers(widths: &[usize], random: &mut Random, device: &Device) -> Vec<Layer> {
+    widths.windows(2).map(|w| Layer::new(w[0], w[1], 1.0, random, device)).collect()
+}
+
+/// Layers with a ReLU after each.
+pub(crate) fn all_relu(layers: &[Layer], x: Tensor<2>) -> Tensor<2> {
+    layers.iter().fold(x, |x, layer| relu(layer.forward(x)))
+}
+
+/// Layers with a ReLU between.
+pub(crate) fn relu_between(layers: &[Layer], x: Tensor<2>) -> Tensor<2> {
+    match layers.split_last() {
+        Some((last, hidden)) => last.forward(all_relu(hidden, x)),
+        None => x,
+    }
+}
+
+impl Weights {
+    /// Takes x' = scale (x - offset) of the first `n` inputs into the weights.
+    pub(crate) fn fold(&mut self, scaling: impl Fn(usize) -> (f32, f32), n: usize) {
+        for (i, row) in self.weight.chunks_exact_mut(self.outputs).take(n).enumerate() {
+            let (scale, offset) = scaling(i);
+            for (w, b) in row.iter_mut().zip(&mut self.bias) {
+                *w *= scale;
+                *b -= *w * offset;
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn folding_the_scaling_changes_no_answer() {
+        let mut layer = Weights { inputs: 2, outputs: 1, weight: vec![3.0, -2.0], bias: vec![0.5] };
+        let answer = |l: &Weights, x: [f32; 2]| l.bias[0] + x[0] * l.weight[0] + x[1] * l.weight[1];
+        let scaled = answer(&layer, [0.25 * (7.0 - 1.0), 5.0]);
+        layer.fold(|_| (0.25, 1.0), 1);
+        assert_eq!(answer(&layer, [7.0, 5.0]), scaled);
+    }
+}

@@ -1,0 +1,142 @@
+//! What is aimed at, and how far off an answer is.
+
+use asperity_dataset::{Example, HISTORY, Truth};
+use asperity_world::material::BINS;
+use burn::tensor::Tensor;
+use serde::{Deserialize, Serialize};
+
+/// What the network is to answer of a random texture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum, Serialize, Deserialize)]
+pub(crate) enum Target {
+    /// Its mean magnitudes, as in the paper: the least squared error. A signal of them is too quiet, 1.05 dB where one axis of a Gaussian signal is felt.
+    Mean,
+    /// Its root mean square magnitudes, whose signal has the right power.
+    Rms,
+}
+
+/// How errors are weighed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum, Serialize, Deserialize)]
+pub(crate) enum Aim {
+    /// In m/s^2, as in the paper: loud materials count most.
+    Euclidean,
+    /// In parts of what the material's touches of about the same force and speed come to: all count alike.
+    Relative,
+}
+
+/// Magnitude below which a relative error is no longer relative, in m/s^2: about what a fingertip feels at best.
+const FLOOR_M_S2: f32 = 0.02;
+
+/// Mean over root mean square of a Rayleigh distributed magnitude: sqrt(pi / 4).
+const RAYLEIGH: f32 = 0.886_226_9;
+
+impl Target {
+    /// A magnitude of an example, as this target takes it.
+    pub(crate) fn of(self, magnitude: f32, truth: Truth) -> f32 {
+        match (self, truth) {
+            (Self::Mean, Truth::Rms) => RAYLEIGH * magnitude,
+            _ => magnitude,
+        }
+    }
+
+    /// The loss of answers \[n, 100\]: their squared error, whose least is at the mean; or `|y|^3 / 3 - m^2 y`, which is convex, and whose derivative,
+    /// `y |y| - m^2`, is 0 in the mean where y is the root mean square.
+    pub(crate) fn loss(self, answer: Tensor<2>, target: Tensor<2>, weight: Tensor<2>) -> Tensor<1> {
+        let (answer, target) = (answer * weight.clone(), target * weight);
+        match self {
+            Self::Mean => (answer - target).powi_scalar(2).mean(),
+            Self::Rms => {
+                let size = answer.clone().abs();
+                // what the loss is at its least, so that it counts from 0 for a magnitude that is not random
+                let least = target.clone().powi_scalar(3) * (2.0 / 3.0);
+                (size.powi_scalar(3) / 3.0 - target.powi_scalar(2) * answer + least).mean()
+            }
+        }
+    }
+}
+
+/// Upper edges of speed in mm/s and of force in N between which touches count as about the same.
+const SPEEDS_MM_S: [f32; 7] = [5.0, 15.0, 35.0, 70.0, 120.0, 180.0, f32::INFINITY];
+const FORCES_N: [f32; 4] = [0.01, 0.5, 1.2, f32::INFINITY];
+const CELLS: usize = SPEEDS_MM_S.len() * FORCES_N.len();
+
+/// Weights of a material's errors: one over the mean magnitude of its touches of about the same speed and force.
+pub(crate) struct Scales {
+    cells: Vec<[f32; BINS]>,
+}
+
+fn cell(example: &Example) -> usize {
+    let newest = HISTORY - 1;
+    let speed = example.velocity[newest].hypot(example.velocity[HISTORY + newest]);
+    let within =
+        |edges: &[f32], x: f32| edges.iter().take_while(|edge| x >= **edge).count().min(edges.len() - 1);
+    within(&SPEEDS_MM_S, speed) * FORCES_N.len() + within(&FORCES_N, example.force[newest])
+}
+
+impl Scales {
+    /// Those of a material's examples.
+    pub(crate) fn of(examples: &[Example], aim: Aim) -> Self {
+        if aim == Aim::Euclidean {
+            return Self { cells: vec![[1.0; BINS]; CELLS] };
+        }
+        let mut cells = vec![[0.0_f32; BINS]; CELLS];
+        let mut counts = [0_usize; CELLS];
+        for example in examples {
+            let cell = cell(example);
+            counts[cell] += 1;
+            cells[cell].iter_mut().zip(example.magnitudes).for_each(|(sum, m)| *sum += m);
+        }
+        for (cell, count) in cells.iter_mut().zip(counts) {
+            // neighbouring bins say nearly the same, and a pitch that is missing now may come
+            let mean = cell.map(|sum| sum / count.max(1) as f32);
+            let level = mean.iter().sum::<f32>() / BINS as f32;
+            *cell = std::array::from_fn(|k| {
+                let around = &mean[k.saturating_sub(2)..(k + 3).min(BINS)];
+                let around = around.iter().sum::<f32>() / around.len() as f32;
+                1.0 / (around + 0.1 * level + FLOOR_M_S2)
+            });
+        }
+        Self { cells }
+    }
+
+    /// A weight a bin for an example.
+    pub(crate) fn weights(&self, example: &Example) -> &[f32; BINS] {
+        &self.cells[cell(example)]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use burn::tensor::{Device, TensorData};
+
+    /// The loss of one answer to magnitudes that are 1 and 3 by turns.
+    fn loss(target: Target, answer: f32) -> f32 {
+        let device = Device::flex();
+        let row = |x: Vec<f32>| -> Tensor<2> { Tensor::from_data(TensorData::new(x, [2, 1]), &device) };
+        target.loss(row(vec![answer; 2]), row(vec![1.0, 3.0]), row(vec![1.0; 2])).into_scalar::<f32>()
+    }
+
+    #[test]
+    fn the_least_loss_is_at_the_mean_or_at_the_root_mean_square() {
+        for (target, best) in [(Target::Mean, 2.0_f32), (Target::Rms, 5.0_f32.sqrt())] {
+            let least = loss(target, best);
+            for other in [-best, 0.0, 0.9 * best, 1.1 * best, 3.0 * best] {
+                assert!(loss(target, other) > least, "{target:?} {other}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_touch_of_nothing_weighs_by_the_floor_and_a_loud_one_by_its_level() {
+        let example = |speed: f32, magnitude: f32| {
+            let mut example =
+                Example { force: [1.0; HISTORY], velocity: [0.0; 20], magnitudes: [magnitude; BINS] };
+            example.velocity[..HISTORY].fill(speed);
+            example
+        };
+        let scales =
+            Scales::of(&[example(100.0, 2.0), example(101.0, 4.0), example(1.0, 0.0)], Aim::Relative);
+        let [loud, still] = [example(90.0, 0.0), example(0.0, 0.0)].map(|e| scales.weights(&e)[50]);
+        assert!((loud - 1.0 / 3.32).abs() < 1e-4 && (still - 50.0).abs() < 0.1, "{loud} {still}");
+    }
+}

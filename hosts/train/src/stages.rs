@@ -1,0 +1,223 @@
+//! The two stages: naming the texture, and predicting what it feels like.
+
+use std::sync::atomic::AtomicBool;
+
+use asperity_dataset::{Example, HISTORY, Subject, Truth};
+use asperity_world::material::{BINS, Random, VECTOR_LEN};
+use asperity_world::tactile::{IMAGE, Image};
+use burn::module::Module;
+use burn::tensor::activation::log_softmax;
+use burn::tensor::{Device, Int, Tensor, TensorData};
+
+use crate::descent::{Losses, Progress, Stage};
+use crate::encoder::{FEATURES, Head, ImageEncoder, PIXELS, Preset, planes};
+use crate::failure::Failure;
+use crate::layer::numbers;
+use crate::loss::{Aim, Scales, Target};
+use crate::network::{FORCE_SCALE, Network, SPEED_SCALE};
+
+/// Random numbers of a step: another seed or step, others.
+fn random(seed: u64, stage: u64, step: usize) -> Random {
+    let mut mixed = Random::new(seed.wrapping_mul(0x2545_f491_4f6c_dd1d) ^ (stage << 56) ^ step as u64);
+    Random::new(mixed.bits())
+}
+
+/// Image encoder and classifier.
+#[derive(Module, Debug)]
+pub(crate) struct Namer {
+    pub(crate) encoder: ImageEncoder,
+    pub(crate) classifier: Head,
+}
+
+impl Namer {
+    /// One to be trained to tell `classes`.
+    pub(crate) fn new(preset: Preset, classes: usize, seed: u64, device: &Device) -> Self {
+        let random = &mut random(seed, 1, usize::MAX);
+        let encoder = ImageEncoder::new(preset, random, device);
+        Self { encoder, classifier: Head::classifier(preset, classes, random, device) }
+    }
+}
+
+/// Stage one: trains a [`Namer`] to name the subjects by their images.
+///
+/// # Errors
+/// As [`Stage::descend`].
+pub(crate) fn name(
+    stage: &Stage<'_>,
+    namer: Namer,
+    subjects: &[Subject],
+    (batch, seed): (usize, u64),
+    device: &Device,
+    stop: &AtomicBool,
+    report: impl FnMut(&Progress),
+) -> Result<(Namer, Losses), Failure> {
+    let images: Vec<(usize, &Image)> = subjects
+        .iter()
+        .enumerate()
+        .flat_map(|(class, s)| s.images.train.iter().map(move |image| (class, image)))
+        .collect();
+    let draw = |step: usize| {
+        let random = &mut random(seed, 1, step);
+        let (mut pixels, mut classes) = (Vec::with_capacity(batch * PIXELS), Vec::with_capacity(batch));
+        for _ in 0..batch {
+            let (class, image) = images[random.below(images.len())];
+            let light = random.range(0.9, 1.1);
+            planes(image, [0; 3].map(|_| (light * random.range(0.95, 1.05)) as f32), &mut pixels);
+            classes.push(class as i32);
+        }
+        (pixels, classes)
+    };
+    let loss = |namer: &Namer, (pixels, classes): (Vec<f32>, Vec<i32>)| {
+        let pixels = TensorData::new(pixels, [batch, 3, IMAGE[0], IMAGE[1]]);
+        let classes: Tensor<2, Int> = Tensor::from_data(TensorData::new(classes, [batch, 1]), device);
+        let features = namer.encoder.forward(Tensor::from_data(pixels, device));
+        log_softmax(namer.classifier.forward(features), 1).gather(1, classes).mean().neg()
+    };
+    stage.descend(namer, stop, draw, loss, report)
+}
+
+/// Texture encoder and the network of every tick.
+#[derive(Module, Debug)]
+pub(crate) struct Feeler {
+    pub(crate) texture: Head,
+    pub(crate) network: Network,
+}
+
+impl Feeler {
+    /// One to be trained.
+    pub(crate) fn new(preset: Preset, seed: u64, device: &Device) -> Self {
+        let random = &mut random(seed, 2, usize::MAX);
+        Self { texture: Head::texture(preset, random, device), network: Network::new(random, device) }
+    }
+}
+
+/// Examples of one batch, and whose they are.
+struct Touches {
+    /// \[groups, 8960\], or \[groups, 256\] when vectors are fixed.
+    looks: Vec<f32>,
+    force: Vec<f32>,
+    speed: Vec<f32>,
+    target: Vec<f32>,
+    weight: Vec<f32>,
+}
+
+/// How a material looks to stage two: features of its training images, or its vector.
+pub(crate) struct Looks<'a> {
+    /// \[subject\]\[image, width\].
+    pub numbers: &'a [Vec<f32>],
+    /// Numbers of an image: 8960, or 256 of a vector.
+    pub width: usize,
+}
+
+impl Looks<'_> {
+    fn draw(&self, subject: usize, random: &mut Random) -> &[f32] {
+        let all = &self.numbers[subject];
+        let image = random.below(all.len() / self.width);
+        &all[image * self.width..(image + 1) * self.width]
+    }
+}
+
+/// Settings of a stage two.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Touching {
+    /// Materials a step.
+    pub groups: usize,
+    /// Examples of each.
+    pub each: usize,
+    /// Seed of the examples drawn.
+    pub seed: u64,
+    /// What is aimed at.
+    pub target: Target,
+    /// How errors are weighed.
+    pub aim: Aim,
+}
+
+/// One touch in so many is one of nothing: force without speed, or speed without force.
+const SILENT: f64 = 0.04;
+
+/// Stage two: trains texture encoder and network, or where looks are vectors the network alone, to say what a touch feels like.
+///
+/// # Errors
+/// As [`Stage::descend`].
+pub(crate) fn feel(
+    stage: &Stage<'_>,
+    feeler: Feeler,
+    subjects: &[Subject],
+    looks: &Looks<'_>,
+    settings: Touching,
+    device: &Device,
+    stop: &AtomicBool,
+    report: impl FnMut(&Progress),
+) -> Result<(Feeler, Losses), Failure> {
+    let Touching { groups, each, seed, target, aim } = settings;
+    let scales: Vec<Scales> = subjects.iter().map(|s| Scales::of(&s.examples.train, aim)).collect();
+    let count = groups * each;
+    let draw = |step: usize| {
+        let random = &mut random(seed, 2, step);
+        let mut touches = Touches {
+            looks: Vec::with_capacity(groups * looks.width),
+            force: Vec::with_capacity(count * HISTORY),
+            speed: Vec::with_capacity(count * 2 * HISTORY),
+            target: Vec::with_capacity(count * BINS),
+            weight: Vec::with_capacity(count * BINS),
+        };
+        for _ in 0..groups {
+            let number = random.below(subjects.len());
+            touches.looks.extend_from_slice(looks.draw(number, random));
+            let subject = &subjects[number];
+            for _ in 0..each {
+                let example = &subject.examples.train[random.below(subject.examples.train.len())];
+                if random.chance(SILENT) {
+                    touches.push(&silent(example, random), Truth::Rms, target, &scales[number]);
+                } else {
+                    touches.push(example, subject.truth, target, &scales[number]);
+                }
+            }
+        }
+        touches
+    };
+    let loss = |feeler: &Feeler, t: Touches| {
+        let tensor = |numbers: Vec<f32>, rows: usize| -> Tensor<2> {
+            let width = numbers.len() / rows;
+            Tensor::from_data(TensorData::new(numbers, [rows, width]), device)
+        };
+        let looks_of = tensor(t.looks, groups);
+        let vectors = if looks.width == FEATURES { feeler.texture.forward(looks_of) } else { looks_of };
+        let vectors = vectors.unsqueeze_dim::<3>(1).repeat_dim(1, each).reshape([count, VECTOR_LEN]);
+        let answer = feeler.network.forward(tensor(t.force, count), tensor(t.speed, count), vectors);
+        target.loss(answer, tensor(t.target, count), tensor(t.weight, count))
+    };
+    stage.descend(feeler, stop, draw, loss, report)
+}
+
+impl Touches {
+    fn push(&mut self, example: &Example, truth: Truth, target: Target, scales: &Scales) {
+        self.force.extend(example.force.map(|f| FORCE_SCALE.0 * (f - FORCE_SCALE.1)));
+        self.speed.extend(example.velocity.map(|v| SPEED_SCALE * v));
+        self.target.extend(example.magnitudes.map(|m| target.of(m, truth)));
+        self.weight.extend_from_slice(scales.weights(example));
+    }
+}
+
+/// A touch like another but without force or without speed: nothing is felt.
+fn silent(example: &Example, random: &mut Random) -> Example {
+    let mut silent = Example { magnitudes: [0.0; BINS], ..example.clone() };
+    if random.chance(0.5) {
+        silent.force = [0.0; HISTORY]
+    } else {
+        silent.velocity = [0.0; 2 * HISTORY]
+    }
+    silent
+}
+
+/// The mean vector of a material's images.
+pub(crate) fn mean_vector(texture: &Head, features: &[f32], device: &Device) -> [f32; VECTOR_LEN] {
+    let rows = features.len() / FEATURES;
+    let data = TensorData::new(features.to_vec(), [rows, FEATURES]);
+    let vectors = numbers(texture.forward(Tensor::from_data(data, device)));
+    let mut mean = [0.0; VECTOR_LEN];
+    for vector in vectors.chunks_exact(VECTOR_LEN) {
+        mean.iter_mut().zip(vector).for_each(|(m, x)| *m += x / rows.max(1) as f32);
+    }
+    mean
+}
