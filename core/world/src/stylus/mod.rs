@@ -16,7 +16,7 @@
 //! `m`, hangs on the hand, which moves at the stroke's speed `v`; its deflection `u` obeys
 //!
 //! ```text
-//! m u'' = -N E_x - mu N s - k_t u - c_t u',    s = tanh((v + u') / 2 mm/s)
+//! m u'' = -N E_x - mu N s - k_t u - c_t u',    s = w / sqrt(1 + w^2), w = (v + u') / 2 mm/s
 //! ```
 //!
 //! with `E_x` the envelope's slope along the stroke. Contact is conservative but for `b` and `mu`: what the stroke's slope takes from the drag
@@ -26,7 +26,9 @@
 //! mean over its steps.
 
 mod simulate;
+#[cfg(test)]
+mod testing;
 mod tool;
 
 pub use simulate::{Acceleration, Energy, Moment, SAMPLE_HZ, STEPS, Stylus};
-pub use tool::Tool;
+pub use tool::{AVERAGED_N, Tool};

@@ -148,7 +148,7 @@ impl<'s> Stylus<'s> {
         let approach = slope * slip - self.speed[0];
         let hertz = if depth > 0.0 { self.hertz * depth * depth.sqrt() } else { 0.0 };
         let normal = (hertz * (1.0 + self.contact.damping_s_m * approach)).max(0.0);
-        let friction = self.contact.friction * normal * (slip / SLIP_M_S).tanh();
+        let friction = self.contact.friction * normal * saturating(slip / SLIP_M_S);
         let apart = self.speed[0] - self.speed[1];
         let shaft = t.shaft_n_m * (self.at[0] - self.at[1]) + t.shaft_ns_m * apart;
         let hand = t.hand_n_m[0] * (self.at[1] - self.rest) + t.hand_ns_m[0] * self.speed[1];
@@ -173,6 +173,11 @@ impl<'s> Stylus<'s> {
                 + friction * slip
                 + (normal - hertz) * approach);
     }
+}
+
+/// Grows with `x` near 0 and goes to 1 or -1 far from it.
+fn saturating(x: f64) -> f64 {
+    x / (1.0 + x * x).sqrt()
 }
 
 #[cfg(test)]

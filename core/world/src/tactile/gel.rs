@@ -14,34 +14,56 @@ pub struct Press {
 
 /// Highest points that count as dust or as a stray fibre: a gel closes over them.
 const STRAY: f64 = 0.002;
-/// Widths of the blurs in millimetres, from wide to narrow, and how often each is applied.
-const WIDTHS_MM: [f64; 4] = [0.8, 0.35, 0.15, 0.06];
+/// Widths of the blurs in millimetres, from wide to narrow.
+const WIDTHS_MM: [f64; 4] = [0.8, 0.3, 0.12, 0.05];
+/// How far the gel sags into a valley, as a part of the width that it spans: shallower ones it fills. A half-space of modulus `E` under the pressure `p`
+/// fills waves of slope up to `2 p / E` or so; this is for a tenth of the modulus.
+const SAG: f64 = 0.09;
+/// What the skin's own thickness blurs at last, in millimetres.
+const SKIN_MM: f64 = 0.025;
 
 /// The skin of a gel pressed onto a surface, on a grid of `side` points `step_mm` apart around the press, in millimetres over
 /// the surface's zero. The grid's rim is not to be used: the patch is taken to repeat.
 pub fn indentation(surface: &HeightField, press: &Press, (side, step_mm): (usize, f64)) -> HeightField {
-    let (sin, cos) = press.turn.sin_cos();
-    let middle = 0.5 * side as f64 * step_mm;
-    let relief = HeightField::from_fn(side, step_mm, |x, y| {
-        let (u, v) = (x - middle, y - middle);
-        let [px, py] = press.place_mm;
-        surface.sample(px + u * cos - v * sin, py + u * sin + v * cos).height_mm
-    });
-    let mut sorted: Vec<f32> = relief.heights().to_vec();
-    let top = ((1.0 - STRAY) * sorted.len() as f64) as usize;
-    let (_, top, _) = sorted.select_nth_unstable_by(top.min(side * side - 1), f32::total_cmp);
-    let floor = *top - press.depth_mm as f32;
-    let mut skin = relief.clone();
-    skin.heights_mut().iter_mut().for_each(|h| *h = h.max(floor));
-    let touching = skin.clone();
+    let touching = pressed(&relief(surface, press, (side, step_mm)), press.depth_mm);
+    let mut skin = touching.clone();
     for width in WIDTHS_MM {
         skin = blur(&skin, width);
+        let sag = (SAG * width) as f32;
         // The gel is outside the surface; it lies on what it reaches.
         for (skin, relief) in skin.heights_mut().iter_mut().zip(touching.heights()) {
-            *skin = skin.max(*relief);
+            *skin = (*skin - sag).max(*relief);
         }
     }
-    skin
+    blur(&skin, SKIN_MM)
+}
+
+/// The surface under the gel, turned to its grid: means of four places a point, so that what is finer than the grid fades.
+fn relief(surface: &HeightField, press: &Press, (side, step_mm): (usize, f64)) -> HeightField {
+    let (sin, cos) = press.turn.sin_cos();
+    let middle = 0.5 * side as f64 * step_mm;
+    let [px, py] = press.place_mm;
+    let quarter = 0.25 * step_mm;
+    let corners = [(-quarter, -quarter), (quarter, -quarter), (-quarter, quarter), (quarter, quarter)];
+    HeightField::from_fn(side, step_mm, |x, y| {
+        let at = |(dx, dy): (f64, f64)| {
+            let (u, v) = (x - middle + dx, y - middle + dy);
+            surface.level(px + u * cos - v * sin, py + u * sin + v * cos)
+        };
+        0.25 * corners.into_iter().map(at).sum::<f64>()
+    })
+}
+
+/// What is deeper than a press reaches is cut off.
+fn pressed(relief: &HeightField, depth_mm: f64) -> HeightField {
+    let mut sorted: Vec<f32> = relief.heights().to_vec();
+    let top = ((1.0 - STRAY) * sorted.len() as f64) as usize;
+    let last = sorted.len() - 1;
+    let (_, top, _) = sorted.select_nth_unstable_by(top.min(last), f32::total_cmp);
+    let floor = *top - depth_mm as f32;
+    let mut touching = relief.clone();
+    touching.heights_mut().iter_mut().for_each(|h| *h = h.max(floor));
+    touching
 }
 
 #[cfg(test)]

@@ -2,18 +2,19 @@
 //!
 //! # The model
 //!
-//! A soft gel with an opaque skin is pressed onto a surface until so much of the surface's height distribution has gone in, as its `reach` says. Where
+//! A soft gel with an opaque skin is pressed onto a surface. It goes in below the highest points as deep as the press says: where
 //! it touches, the skin takes the surface's shape; where it spans a valley it hangs as the gel's stiffness lets it. Both come from blurring the
 //! pressed relief with Gaussians from wide to narrow, each time restoring what touches, the way of Si and Yuan 2022 ("Taxim: an example-based simulation
-//! model for GelSight tactile sensors"). Three lights, red, green and blue, stand around the gel, 120 degrees apart and low, so that colour tells
-//! the skin's slope (Yuan, Dong, Adelson 2017, "GelSight: high-resolution robot tactile sensors for estimating geometry and
-//! force"). A channel is
+//! model for GelSight tactile sensors"); the skin's own thickness blurs by 0.025 mm at last. Three lights, red, green and blue, stand around the gel,
+//! 120 degrees apart and low, so that colour tells the skin's slope (Yuan, Dong, Adelson 2017, "GelSight: high-resolution robot tactile sensors for
+//! estimating geometry and force"). A channel is
 //!
 //! ```text
-//! I = ambient + light max(0, n . l) (1 - fall r^2) + noise,   n = (-g_x, -g_y, 1) / |..|
+//! I = ambient + light fall s(n . l) / s(l_z) + noise,   n = (-g_x, -g_y, 1) / |..|,   s(c) = (c + sqrt(c^2 + w^2)) / 2
 //! ```
 //!
-//! with a camera's blur, its noise (shot and read), and 8 bits.
+//! `s` is the shade under a light of width `w`, `fall` the lights' unevenness over the field. A camera adds its blur, its noise (shot and read), dust
+//! that sticks to the gel, and 8 bits: what is steep and faces a light is white, what is steep and turned away is dark.
 
 mod camera;
 mod gel;

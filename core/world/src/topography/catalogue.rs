@@ -59,7 +59,8 @@ impl Family {
 /// What a tip feels of the stuff itself.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Contact {
-    /// Young's modulus in MPa, of the surface alone: the tip is taken as rigid.
+    /// Modulus in MPa, of the surface alone, as a ball of millimetres finds it: asperities and what lies below yield too, so that it is far
+    /// below Young's modulus of the stuff where the surface is rough or thin. Chosen, not measured.
     pub modulus_mpa: f64,
     /// Coefficient of kinetic friction of a steel tip on it.
     pub friction: f64,
@@ -167,7 +168,7 @@ fn sandpapers() -> Vec<Entry> {
             (
                 format!("sandpaper P{grade}"),
                 format!("Coated abrasive of grade P{grade}: grains of {um} um on paper."),
-                contact(1_500.0, 0.7, 0.3),
+                contact(90.0, 0.5, 10.0),
                 Recipe::Sandpaper(um * 1e-3),
             )
         })
@@ -206,7 +207,7 @@ fn weaves() -> Vec<Entry> {
             (
                 name.to_owned(),
                 format!("Cloth: {bound}, {threads:.0} threads a centimetre."),
-                contact(modulus, friction, 1.0),
+                contact(modulus, friction, 15.0),
                 Recipe::Weave(of),
             )
         })
@@ -216,29 +217,29 @@ fn weaves() -> Vec<Entry> {
 fn gratings() -> Vec<Entry> {
     // Period, depth [mm], duty, edge.
     let ridges = [
-        ("square grating 0.5 mm", 0.5, 0.10, 0.5, 0.10),
-        ("square grating 0.8 mm", 0.8, 0.15, 0.5, 0.08),
-        ("square grating 1.2 mm", 1.2, 0.20, 0.5, 0.06),
-        ("square grating 2 mm", 2.0, 0.25, 0.5, 0.05),
-        ("square grating 3 mm", 3.0, 0.30, 0.5, 0.04),
-        ("sine grating 0.6 mm", 0.6, 0.06, 0.5, 0.5),
-        ("sine grating 1 mm", 1.0, 0.10, 0.5, 0.5),
-        ("sine grating 1.6 mm", 1.6, 0.15, 0.5, 0.5),
-        ("sine grating 2.5 mm", 2.5, 0.25, 0.5, 0.5),
-        ("narrow ridges 1 mm", 1.0, 0.15, 0.25, 0.12),
-        ("narrow ridges 1.8 mm", 1.8, 0.20, 0.2, 0.10),
-        ("narrow grooves 1 mm", 1.0, 0.15, 0.75, 0.12),
-        ("narrow grooves 1.8 mm", 1.8, 0.20, 0.8, 0.10),
-        ("narrow grooves 3 mm", 3.0, 0.25, 0.85, 0.06),
+        ("square grating 0.5 mm", 0.5, 0.06, 0.5, 0.16),
+        ("square grating 0.8 mm", 0.8, 0.065, 0.5, 0.14),
+        ("square grating 1.2 mm", 1.2, 0.08, 0.5, 0.12),
+        ("square grating 2 mm", 2.0, 0.10, 0.5, 0.10),
+        ("square grating 3 mm", 3.0, 0.12, 0.5, 0.08),
+        ("sine grating 0.6 mm", 0.6, 0.024, 0.5, 0.5),
+        ("sine grating 1 mm", 1.0, 0.05, 0.5, 0.5),
+        ("sine grating 1.6 mm", 1.6, 0.08, 0.5, 0.5),
+        ("sine grating 2.5 mm", 2.5, 0.12, 0.5, 0.5),
+        ("narrow ridges 1 mm", 1.0, 0.045, 0.25, 0.15),
+        ("narrow ridges 1.8 mm", 1.8, 0.08, 0.2, 0.14),
+        ("narrow grooves 1 mm", 1.0, 0.06, 0.75, 0.15),
+        ("narrow grooves 1.8 mm", 1.8, 0.08, 0.8, 0.14),
+        ("narrow grooves 3 mm", 3.0, 0.12, 0.8, 0.10),
     ];
     ridges
         .into_iter()
         .map(|(name, period_mm, depth_mm, duty, edge)| {
-            let of = Grating { period_mm, depth_mm, duty, edge, roughness_mm: 0.002 };
+            let of = Grating { period_mm, depth_mm, duty, edge, roughness_mm: 0.0008 };
             (
                 name.to_owned(),
-                format!("Machined acetal: ridges every {period_mm} mm, {depth_mm} mm high."),
-                contact(2_800.0, 0.25, 0.4),
+                format!("Moulded polypropylene: ridges every {period_mm} mm, {depth_mm} mm high."),
+                contact(1_300.0, 0.25, 15.0),
                 Recipe::Grating(of),
             )
         })
@@ -269,7 +270,7 @@ fn foams() -> Vec<Entry> {
             (
                 name.to_owned(),
                 format!("Foam, cut: a cell every {pore_mm} mm."),
-                contact(modulus, 0.6, 3.0),
+                contact(modulus, 0.6, 20.0),
                 Recipe::Foam(of),
             )
         })
@@ -301,7 +302,7 @@ fn carpets() -> Vec<Entry> {
             (
                 name.to_owned(),
                 format!("Tufts every {pitch_mm} mm, {height_mm} mm over the gaps."),
-                contact(modulus, 0.5, 3.0),
+                contact(modulus, 0.5, 20.0),
                 Recipe::Carpet(of),
             )
         })
@@ -311,20 +312,20 @@ fn carpets() -> Vec<Entry> {
 fn woods() -> Vec<Entry> {
     // Ring, its height, fibre, its height, pore [mm]; modulus [MPa].
     let boards = [
-        ("balsa", 4.0, 0.010, 0.12, 0.012, 0.040, 300.0),
-        ("spruce", 2.2, 0.030, 0.09, 0.008, 0.0, 600.0),
-        ("brushed spruce", 2.2, 0.090, 0.10, 0.014, 0.0, 600.0),
-        ("pine", 3.2, 0.040, 0.10, 0.009, 0.0, 700.0),
-        ("larch", 2.6, 0.050, 0.10, 0.010, 0.0, 800.0),
-        ("cedar", 1.8, 0.030, 0.11, 0.011, 0.0, 500.0),
-        ("beech", 3.0, 0.008, 0.08, 0.006, 0.015, 1_400.0),
-        ("maple", 3.5, 0.006, 0.07, 0.005, 0.008, 1_500.0),
-        ("birch", 3.0, 0.008, 0.08, 0.007, 0.012, 1_200.0),
-        ("cherry", 2.6, 0.008, 0.08, 0.006, 0.020, 1_100.0),
-        ("walnut", 3.2, 0.012, 0.12, 0.008, 0.045, 1_100.0),
-        ("oak", 2.8, 0.030, 0.16, 0.010, 0.080, 1_200.0),
-        ("brushed oak", 2.8, 0.070, 0.18, 0.018, 0.120, 1_200.0),
-        ("ash", 3.4, 0.040, 0.18, 0.010, 0.070, 1_200.0),
+        ("balsa", 4.0, 0.006, 0.12, 0.006, 0.040, 40.0),
+        ("spruce", 2.2, 0.012, 0.09, 0.004, 0.0, 120.0),
+        ("brushed spruce", 2.2, 0.050, 0.10, 0.008, 0.0, 120.0),
+        ("pine", 3.2, 0.016, 0.10, 0.0045, 0.0, 150.0),
+        ("larch", 2.6, 0.024, 0.10, 0.005, 0.0, 200.0),
+        ("cedar", 1.8, 0.014, 0.11, 0.0055, 0.0, 100.0),
+        ("beech", 3.0, 0.004, 0.08, 0.003, 0.015, 400.0),
+        ("maple", 3.5, 0.003, 0.07, 0.0025, 0.008, 450.0),
+        ("birch", 3.0, 0.004, 0.08, 0.0035, 0.012, 350.0),
+        ("cherry", 2.6, 0.004, 0.08, 0.003, 0.020, 300.0),
+        ("walnut", 3.2, 0.006, 0.12, 0.004, 0.045, 300.0),
+        ("oak", 2.8, 0.012, 0.16, 0.005, 0.080, 350.0),
+        ("brushed oak", 2.8, 0.040, 0.18, 0.010, 0.120, 350.0),
+        ("ash", 3.4, 0.018, 0.18, 0.005, 0.070, 350.0),
     ];
     boards
         .into_iter()
@@ -333,7 +334,7 @@ fn woods() -> Vec<Entry> {
             (
                 name.to_owned(),
                 format!("A planed board: rings every {ring_mm} mm."),
-                contact(modulus, 0.35, 0.6),
+                contact(modulus, 0.35, 12.0),
                 Recipe::Wood(of),
             )
         })
@@ -343,20 +344,20 @@ fn woods() -> Vec<Entry> {
 fn pebbles() -> Vec<Entry> {
     // Pitch, height [mm], flatness, matt [mm]; modulus [MPa], friction.
     let moulds = [
-        ("spark-eroded plastic, fine", 0.18, 0.012, 0.6, 0.0015, 2_200.0, 0.25),
-        ("spark-eroded plastic", 0.28, 0.022, 0.6, 0.002, 2_200.0, 0.25),
-        ("spark-eroded plastic, coarse", 0.42, 0.035, 0.6, 0.003, 2_200.0, 0.28),
-        ("keyboard plastic", 0.35, 0.015, 1.0, 0.001, 2_300.0, 0.25),
-        ("dashboard grain, fine", 0.70, 0.060, 1.8, 0.002, 60.0, 0.45),
-        ("dashboard grain", 1.00, 0.090, 1.8, 0.003, 60.0, 0.45),
-        ("dashboard grain, coarse", 1.50, 0.130, 1.8, 0.003, 60.0, 0.45),
-        ("suitcase shell", 1.30, 0.120, 1.2, 0.002, 1_800.0, 0.30),
-        ("orange peel lacquer", 2.20, 0.040, 0.4, 0.0005, 2_500.0, 0.22),
-        ("leather grain, fine", 0.55, 0.050, 2.4, 0.004, 30.0, 0.50),
-        ("leather grain", 0.85, 0.080, 2.4, 0.005, 30.0, 0.50),
-        ("leather grain, coarse", 1.30, 0.130, 2.6, 0.005, 30.0, 0.50),
+        ("spark-eroded plastic, fine", 0.18, 0.010, 0.6, 0.0010, 800.0, 0.25),
+        ("spark-eroded plastic", 0.28, 0.016, 0.6, 0.0012, 800.0, 0.25),
+        ("spark-eroded plastic, coarse", 0.42, 0.020, 0.6, 0.0015, 800.0, 0.28),
+        ("keyboard plastic", 0.35, 0.009, 1.0, 0.0008, 800.0, 0.25),
+        ("dashboard grain, fine", 0.70, 0.050, 1.8, 0.002, 40.0, 0.45),
+        ("dashboard grain", 1.00, 0.075, 1.8, 0.003, 40.0, 0.45),
+        ("dashboard grain, coarse", 1.50, 0.110, 1.8, 0.003, 40.0, 0.45),
+        ("suitcase shell", 1.30, 0.045, 1.2, 0.001, 500.0, 0.30),
+        ("orange peel lacquer", 2.20, 0.030, 0.4, 0.0004, 1_500.0, 0.22),
+        ("leather grain, fine", 0.55, 0.045, 2.4, 0.004, 20.0, 0.50),
+        ("leather grain", 0.85, 0.070, 2.4, 0.005, 20.0, 0.50),
+        ("leather grain, coarse", 1.30, 0.110, 2.6, 0.005, 20.0, 0.50),
         ("rubber pebble mat", 2.00, 0.250, 2.0, 0.004, 6.0, 0.80),
-        ("pebbled handle", 1.60, 0.220, 1.4, 0.003, 40.0, 0.60),
+        ("pebbled handle", 1.60, 0.180, 1.4, 0.003, 25.0, 0.60),
     ];
     moulds
         .into_iter()
@@ -365,7 +366,7 @@ fn pebbles() -> Vec<Entry> {
             (
                 name.to_owned(),
                 format!("Moulded: pebbles every {pitch_mm} mm, {height_mm} mm high."),
-                contact(modulus, friction, 0.6),
+                contact(modulus, friction, 15.0),
                 Recipe::Pebbled(of),
             )
         })
@@ -375,20 +376,20 @@ fn pebbles() -> Vec<Entry> {
 fn sheets() -> Vec<Entry> {
     // Height [um], roll-off [1/mm], Hurst, lay; modulus [MPa], friction.
     let flats = [
-        ("float glass", 0.2, 0.3, 0.9, 1.0, 70_000.0, 0.15),
-        ("acrylic sheet", 0.6, 0.3, 0.9, 1.0, 3_000.0, 0.25),
-        ("frosted acrylic", 4.0, 6.0, 0.7, 1.0, 3_000.0, 0.30),
-        ("ground glass", 6.0, 10.0, 0.6, 1.0, 70_000.0, 0.25),
-        ("anodised aluminium", 3.0, 3.0, 0.7, 1.0, 70_000.0, 0.25),
-        ("brushed aluminium", 3.0, 4.0, 0.6, 30.0, 70_000.0, 0.22),
-        ("brushed steel", 2.0, 7.0, 0.6, 40.0, 200_000.0, 0.20),
-        ("milled aluminium", 6.0, 2.0, 0.9, 20.0, 70_000.0, 0.25),
-        ("sand-blasted steel", 12.0, 5.0, 0.7, 1.0, 200_000.0, 0.30),
-        ("printer paper", 5.0, 4.0, 0.5, 1.5, 2_000.0, 0.35),
-        ("drawing paper", 12.0, 2.5, 0.6, 1.3, 1_500.0, 0.40),
-        ("watercolour paper", 30.0, 0.8, 0.7, 1.2, 1_000.0, 0.45),
-        ("cardboard", 10.0, 1.2, 0.6, 4.0, 800.0, 0.40),
-        ("unglazed tile", 18.0, 2.0, 0.6, 1.0, 40_000.0, 0.45),
+        ("float glass", 0.02, 0.3, 0.9, 1.0, 70_000.0, 0.15),
+        ("acrylic sheet", 0.15, 0.3, 0.9, 1.0, 3_000.0, 0.25),
+        ("frosted acrylic", 1.2, 9.0, 0.7, 1.0, 1_500.0, 0.30),
+        ("ground glass", 1.2, 13.0, 0.6, 1.0, 3_000.0, 0.25),
+        ("anodised aluminium", 0.45, 6.0, 0.7, 1.0, 3_000.0, 0.25),
+        ("brushed aluminium", 0.6, 7.0, 0.6, 30.0, 3_000.0, 0.22),
+        ("brushed steel", 0.5, 11.0, 0.6, 40.0, 4_000.0, 0.20),
+        ("milled aluminium", 1.0, 3.0, 0.9, 20.0, 3_000.0, 0.25),
+        ("sand-blasted steel", 1.8, 7.0, 0.7, 1.0, 3_000.0, 0.30),
+        ("printer paper", 3.0, 5.0, 0.5, 1.5, 60.0, 0.35),
+        ("drawing paper", 7.0, 2.8, 0.6, 1.3, 50.0, 0.40),
+        ("watercolour paper", 18.0, 0.9, 0.7, 1.2, 40.0, 0.45),
+        ("cardboard", 5.0, 1.2, 0.6, 4.0, 30.0, 0.40),
+        ("unglazed tile", 3.0, 3.0, 0.6, 1.0, 1_500.0, 0.45),
     ];
     let entry =
         |(name, um, roll_off_per_mm, hurst, lay, modulus, friction): (&str, f64, f64, f64, f64, f64, f64)| {
@@ -396,7 +397,7 @@ fn sheets() -> Vec<Entry> {
             (
                 name.to_owned(),
                 format!("A sheet: {um} um of height, root mean square."),
-                contact(modulus, friction, 0.3),
+                contact(modulus, friction, 30.0),
                 Recipe::Sheet(of),
             )
         };

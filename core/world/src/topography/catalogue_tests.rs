@@ -39,11 +39,12 @@ fn statistics_are_as_stated() {
         let surface = made_surfaces().into_iter().find(|s| s.name == name).expect("a surface");
         surface.patch(grid, 3)
     };
-    assert!((of("brushed aluminium").rms_mm() - 0.003).abs() < 1e-6);
+    let brushed = of("brushed aluminium").rms_mm();
+    assert!((brushed / 0.000_6 - 1.0).abs() < 0.15, "{brushed}");
     // A square wave with an edge: its depth from top to bottom.
     let grating = of("square grating 2 mm");
     let (low, high) = grating.heights().iter().fold((f32::MAX, f32::MIN), |(l, h), x| (l.min(*x), h.max(*x)));
-    assert!((high - low - 0.25).abs() < 0.03, "{}", high - low);
+    assert!((high - low - 0.1).abs() < 0.012, "{}", high - low);
     // Roughness grows with the grain.
     let rms: Vec<f64> =
         ["sandpaper P36", "sandpaper P80", "sandpaper P180", "sandpaper P400"].map(|n| of(n).rms_mm()).into();

@@ -56,30 +56,64 @@ impl HeightField {
 
     /// The height at a point of the grid, of which there are endlessly many: the patch repeats.
     pub fn point(&self, column: i64, row: i64) -> f32 {
-        let side = self.side as i64;
-        let index = row.rem_euclid(side) as usize * self.side + column.rem_euclid(side) as usize;
+        let index = self.wrap(row) * self.side + self.wrap(column);
         self.heights.get(index).copied().unwrap_or(0.0)
+    }
+
+    /// A column or row among those that there are.
+    fn wrap(&self, index: i64) -> usize {
+        // Sides are powers of two where it matters: a division takes as long as the rest of a sample.
+        if self.side.is_power_of_two() {
+            index as usize & (self.side - 1)
+        } else {
+            index.rem_euclid(self.side as i64) as usize
+        }
     }
 
     /// The height in millimetres at any place, and its slopes along x and y: Catmull and Rom's cubic through the points around it.
     pub fn sample(&self, x_mm: f64, y_mm: f64) -> Sample {
-        let (u, v) = (x_mm / self.step_mm, y_mm / self.step_mm);
-        let (column, row) = (u.floor(), v.floor());
-        let (along, slope_along) = weights(u - column);
-        let (across, slope_across) = weights(v - row);
+        let (column, u) = whole_and_part(x_mm / self.step_mm);
+        let (row, v) = whole_and_part(y_mm / self.step_mm);
+        let (along, slope_along) = weights(u);
+        let (across, slope_across) = weights(v);
+        let (first, row) = (self.wrap(column - 1), self.wrap(row - 1));
         let (mut height, mut dx, mut dy) = (0.0, 0.0, 0.0);
         for (j, (wy, sy)) in across.iter().zip(slope_across).enumerate() {
-            let (mut line, mut slope) = (0.0, 0.0);
-            for (i, (wx, sx)) in along.iter().zip(slope_along).enumerate() {
-                let h = f64::from(self.point(column as i64 + i as i64 - 1, row as i64 + j as i64 - 1));
-                line += wx * h;
-                slope += sx * h;
+            let line = self.four(first, row + j);
+            let (mut level, mut slope) = (0.0, 0.0);
+            for ((h, wx), sx) in line.iter().zip(along).zip(slope_along) {
+                level += wx * f64::from(*h);
+                slope += sx * f64::from(*h);
             }
-            height += wy * line;
+            height += wy * level;
             dx += wy * slope;
-            dy += sy * line;
+            dy += sy * level;
         }
         Sample { height_mm: height, slope: [dx / self.step_mm, dy / self.step_mm] }
+    }
+
+    /// The height in millimetres at any place, along straight lines between points: cheaper than a [sample](Self::sample), without slopes.
+    pub fn level(&self, x_mm: f64, y_mm: f64) -> f64 {
+        let (column, u) = whole_and_part(x_mm / self.step_mm);
+        let (row, v) = whole_and_part(y_mm / self.step_mm);
+        let (u, v) = (u as f32, v as f32);
+        let line = |row| {
+            let (a, b) = (self.point(column, row), self.point(column + 1, row));
+            a + u * (b - a)
+        };
+        let (a, b) = (line(row), line(row + 1));
+        f64::from(a + v * (b - a))
+    }
+
+    /// Four points of a row from a column on; rows go on past the last one.
+    fn four(&self, first: usize, row: usize) -> [f32; 4] {
+        let base = if row < self.side { row } else { row % self.side } * self.side;
+        match self.heights.get(base + first..base + first + 4) {
+            Some(&[a, b, c, d]) if first + 4 <= self.side => [a, b, c, d],
+            _ => std::array::from_fn(|i| {
+                self.heights.get(base + (first + i) % self.side).copied().unwrap_or(0.0)
+            }),
+        }
     }
 
     /// Mean height in millimetres.
@@ -129,6 +163,13 @@ pub struct Sample {
     pub height_mm: f64,
     /// Slopes along x and y, without unit.
     pub slope: [f64; 2],
+}
+
+/// The next whole number below, and what is left. `f64::floor` is a call on processors that have no instruction for it.
+fn whole_and_part(x: f64) -> (i64, f64) {
+    let near = x as i64;
+    let whole = near - i64::from(x < near as f64);
+    (whole, x - whole as f64)
 }
 
 /// Weights of four neighbours at a place `t` of 0 to 1 between the middle two, and their derivatives.

@@ -20,7 +20,7 @@ pub fn sandpaper(grid: Grid, grain_mm: f64, random: &mut Random) -> HeightField 
         stand(&mut field, middle, size, random);
     }
     let mut field = blur(&field, 0.12 * grain_mm);
-    field.add(&gaussian(grid, 0.08 * grain_mm + 0.002, random, self_affine(0.25, 0.8)));
+    field.add(&gaussian(grid, 0.03 * grain_mm + 0.002, random, self_affine(0.25, 0.8)));
     field
 }
 
@@ -32,7 +32,7 @@ fn stand(field: &mut HeightField, middle: [f64; 2], size: f64, random: &mut Rand
         let angle = turn + TAU * (i as f64 + 0.6 * (random.unit() - 0.5)) / 3.0;
         (angle.cos(), angle.sin(), (0.8 + 0.4 * random.unit()) / (0.5 * size))
     });
-    let height = base * (0.6 + 0.4 * random.unit());
+    let height = base * (0.75 + 0.25 * random.unit());
     let reach = (size / step).ceil() as i64;
     let [column, row] = middle.map(|m| (m / step).round() as i64);
     for j in row - reach..=row + reach {

@@ -1,0 +1,64 @@
+//! What tests of the stylus share.
+
+use realfft::RealFftPlanner;
+use std::f64::consts::TAU;
+
+use super::{Acceleration, Moment, SAMPLE_HZ, Stylus, Tool};
+use crate::topography::{Contact, HeightField, MadeSurface, made_surfaces};
+
+/// The grid of the patches that strokes run over.
+pub(super) const GRID: (usize, f64) = (1024, 0.04);
+
+/// What the pen meets of a surface, by its name.
+pub(super) fn surface(name: &str) -> (HeightField, Contact) {
+    met(&made_surfaces().into_iter().find(|s| s.name == name).expect("a surface"), GRID)
+}
+
+/// What the pen meets of a surface.
+pub(super) fn met(made: &MadeSurface, grid: (usize, f64)) -> (HeightField, Contact) {
+    (Tool::PEN.track(&made.patch(grid, 1), &made.contact), made.contact)
+}
+
+/// Accelerations of a steady stroke along a way, after half a second of coming to it.
+pub(super) fn stroke(
+    (envelope, contact): &(HeightField, Contact),
+    (speed, angle): (f64, f64),
+    force_n: f64,
+    seconds: f64,
+    steps: u32,
+) -> Vec<Acceleration> {
+    let mut stylus = Stylus::new(Tool::PEN, envelope, *contact, [1.0, 2.0], force_n).with_steps(steps);
+    let moment = Moment { velocity_mm_s: [speed * angle.cos(), speed * angle.sin()], force_n };
+    let samples = |seconds: f64| (seconds * f64::from(SAMPLE_HZ)) as usize;
+    (0..samples(0.5)).for_each(|_| {
+        stylus.next(&moment);
+    });
+    (0..samples(seconds)).map(|_| stylus.next(&moment)).collect()
+}
+
+/// Mean square of the bins of 10 Hz from 10 to 1000 Hz, in (m/s^2)^2, of one axis: windows of Hann of 0.1 s, half a window apart.
+pub(super) fn spectrum(x: &[f64]) -> Vec<f64> {
+    let window: Vec<f64> = (0..1_000).map(|i| 0.5 - 0.5 * (TAU * i as f64 / 1_000.0).cos()).collect();
+    let squares: f64 = window.iter().map(|w| w * w).sum();
+    let fft = RealFftPlanner::<f64>::new().plan_fft_forward(1_000);
+    let mut sums = vec![0.0; 100];
+    let frames: Vec<&[f64]> = x.windows(1_000).step_by(500).collect();
+    for frame in &frames {
+        let mut line: Vec<f64> = frame.iter().zip(&window).map(|(x, w)| x * w).collect();
+        let mut bins = fft.make_output_vec();
+        fft.process(&mut line, &mut bins).expect("lengths of the plan");
+        sums.iter_mut().zip(&bins[1..]).for_each(|(sum, bin)| *sum += bin.norm_sqr());
+    }
+    sums.iter().map(|sum| 2.0 * sum / (frames.len() as f64 * 1_000.0 * squares)).collect()
+}
+
+/// The same of both axes together.
+pub(super) fn spectrum_of_both(x: &[Acceleration]) -> Vec<f64> {
+    let (normal, along): (Vec<f64>, Vec<f64>) = x.iter().map(|a| (a.normal, a.along)).unzip();
+    spectrum(&normal).iter().zip(spectrum(&along)).map(|(a, b)| a + b).collect()
+}
+
+/// Root mean square of a stroke from 10 to 1000 Hz, both axes together, in m/s^2.
+pub(super) fn level(x: &[Acceleration]) -> f64 {
+    spectrum_of_both(x).iter().sum::<f64>().sqrt()
+}
