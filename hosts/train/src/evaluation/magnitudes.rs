@@ -1,0 +1,239 @@
+use asperity_dataset::{Example, Expectation, HISTORY, MAX_FORCE_N, MAX_SPEED_MM_S, Subject};
+use asperity_world::material::{BINS, Library, Random};
+use serde::Serialize;
+
+use super::Onnx;
+use crate::failure::Failure;
+use crate::loss::Target;
+
+/// Bins are judged where the true magnitude is at least this [m/s^2] ..
+pub(crate) const AUDIBLE_M_S2: f64 = 0.01;
+/// .. and at most this far below the frame's largest [dB].
+pub(crate) const RANGE_DB: f64 = 40.0;
+/// Neighbours of the smoother lookup.
+const SMOOTH: usize = 20;
+
+/// Mean errors of one material's magnitudes in dB, over the judged bins of all frames.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub(crate) struct Score {
+    /// Name of the material.
+    pub material: String,
+    /// Judged bins.
+    pub bins: usize,
+    /// The model: mean of |error|.
+    pub model_db: f64,
+    /// |error| that nine of ten of the model's bins stay within.
+    pub p90_db: f64,
+    /// Mean of the model's error with its sign.
+    pub bias_db: f64,
+    /// Always the material's mean spectrum over its training touches.
+    pub constant_db: f64,
+    /// The training touch nearest in force and speed.
+    pub nearest_db: f64,
+    /// The mean of the twenty nearest.
+    pub smooth_db: f64,
+    /// Two signals of the same touch at two places.
+    pub floor_db: f64,
+}
+
+impl Score {
+    /// Whether the model is better than the constant, and than the nearest touch.
+    pub(crate) fn beats(&self) -> [bool; 2] {
+        [self.model_db < self.constant_db, self.model_db < self.nearest_db]
+    }
+}
+
+/// True magnitudes of held-out strokes.
+pub(crate) struct Judged {
+    frames: Vec<(Expectation, [Option<f64>; BINS])>,
+}
+
+fn decibels(x: f64) -> f64 {
+    20.0 * x.max(1e-4).log10()
+}
+
+impl Judged {
+    /// Those of expectations, as a target takes them.
+    pub(crate) fn of(expectations: Vec<Expectation>, target: Target) -> Self {
+        let frame = |e: Expectation| {
+            let truth = match target {
+                Target::Mean => e.mean,
+                Target::Rms => e.rms,
+            }
+            .map(f64::from);
+            let loudest = truth.iter().copied().fold(0.0, f64::max);
+            let least = AUDIBLE_M_S2.max(loudest * 10f64.powf(-RANGE_DB / 20.0));
+            (e, truth.map(|x| (x >= least).then(|| decibels(x))))
+        };
+        Self { frames: expectations.into_iter().map(frame).collect() }
+    }
+
+    /// Power of a network's answers over the true one, over all frames, in dB.
+    ///
+    /// # Errors
+    /// What tract answers.
+    pub(crate) fn level_db(&self, network: &Onnx, vector: &[f32]) -> Result<f64, Failure> {
+        let power = |m: &[f32; BINS]| m.iter().map(|m| f64::from(*m).powi(2)).sum::<f64>();
+        let (mut answered, mut truth) = (1e-12, 1e-12);
+        for (e, _) in &self.frames {
+            answered += power(&network.touch(&e.example.force, &e.example.velocity, vector)?);
+            truth += power(&e.rms);
+        }
+        Ok(10.0 * f64::log10(answered / truth))
+    }
+}
+
+/// Sum of errors over judged bins.
+#[derive(Default)]
+struct Errors(Vec<f64>);
+
+impl Errors {
+    fn add(&mut self, answer: &[f32; BINS], truth: &[Option<f64>; BINS]) {
+        let judged = answer.iter().zip(truth).filter_map(|(a, t)| t.map(|t| decibels(f64::from(*a)) - t));
+        self.0.extend(judged);
+    }
+
+    fn mean(&self) -> f64 {
+        self.0.iter().map(|e| e.abs()).sum::<f64>() / self.0.len().max(1) as f64
+    }
+}
+
+/// A network that is judged, and what it aims at.
+pub(crate) struct Judge<'a> {
+    pub(crate) network: &'a Onnx,
+    pub(crate) target: Target,
+}
+
+impl Judge<'_> {
+    /// Mean |error| in dB of the network's answers with a vector.
+    ///
+    /// # Errors
+    /// What tract answers.
+    pub(crate) fn error_db(&self, vector: &[f32], judged: &Judged) -> Result<f64, Failure> {
+        Ok(self.errors(vector, judged)?.mean())
+    }
+
+    fn errors(&self, vector: &[f32], judged: &Judged) -> Result<Errors, Failure> {
+        let mut errors = Errors::default();
+        for (e, truth) in &judged.frames {
+            errors.add(&self.network.touch(&e.example.force, &e.example.velocity, vector)?, truth);
+        }
+        Ok(errors)
+    }
+
+    /// All figures of a material.
+    ///
+    /// # Errors
+    /// What tract answers.
+    pub(crate) fn score(&self, subject: &Subject, vector: &[f32], judged: &Judged) -> Result<Score, Failure> {
+        let train = &subject.examples.train;
+        let average = |of: &mut dyn Iterator<Item = &Example>| {
+            let (mut sums, mut count) = ([0.0_f64; BINS], 0.0);
+            for example in of {
+                count += 1.0;
+                for (sum, m) in sums.iter_mut().zip(example.magnitudes) {
+                    *sum += match self.target {
+                        Target::Mean => f64::from(m),
+                        Target::Rms => f64::from(m * m),
+                    };
+                }
+            }
+            sums.map(|s| match self.target {
+                Target::Mean => (s / count) as f32,
+                Target::Rms => (s / count).sqrt() as f32,
+            })
+        };
+        let constant = average(&mut train.iter());
+        let mut errors: [Errors; 4] = Default::default();
+        for (e, truth) in &judged.frames {
+            let here = action(&e.example);
+            let mut by_distance: Vec<(f64, usize)> = train.iter().enumerate().map(|(i, t)| (distance(here, action(t)), i)).collect();
+            let near = SMOOTH.min(by_distance.len()).saturating_sub(1);
+            by_distance.select_nth_unstable_by(near, |a, b| a.0.total_cmp(&b.0));
+            let near = &mut by_distance[..=near];
+            near.sort_by(|a, b| a.0.total_cmp(&b.0));
+            errors[0].add(&constant, truth);
+            errors[1].add(&train[near[0].1].magnitudes, truth);
+            errors[2].add(&average(&mut near.iter().map(|(_, i)| &train[*i])), truth);
+            let other = e.other.map(|m| Some(decibels(f64::from(m))));
+            let both = std::array::from_fn(|k| truth[k].and(other[k]));
+            errors[3].add(&e.example.magnitudes, &both);
+        }
+        let model = self.errors(vector, judged)?;
+        let mut sizes: Vec<f64> = model.0.iter().map(|e| e.abs()).collect();
+        sizes.sort_by(f64::total_cmp);
+        let [constant, nearest, smooth, floor] = errors.map(|e| e.mean());
+        Ok(Score {
+            material: subject.name.clone(),
+            bins: sizes.len(),
+            model_db: model.mean(),
+            p90_db: sizes.get(sizes.len() * 9 / 10).copied().unwrap_or(0.0),
+            bias_db: model.0.iter().sum::<f64>() / model.0.len().max(1) as f64,
+            constant_db: constant,
+            nearest_db: nearest,
+            smooth_db: smooth,
+            floor_db: floor,
+        })
+    }
+}
+
+/// Newest force and speed of a touch, in parts of their trained ranges.
+fn action(example: &Example) -> (f64, f64) {
+    let (vx, vy) = (example.velocity[HISTORY - 1], example.velocity[2 * HISTORY - 1]);
+    (f64::from(example.force[HISTORY - 1]) / MAX_FORCE_N, f64::from(vx.hypot(vy)) / MAX_SPEED_MM_S)
+}
+
+fn distance(a: (f64, f64), b: (f64, f64)) -> f64 {
+    (a.0 - b.0).powi(2) + (a.1 - b.1).powi(2)
+}
+
+/// The largest magnitude answered to strokes without force and to forces without speed, over all materials.
+///
+/// # Errors
+/// What tract answers.
+pub(crate) fn loudest_silence(network: &Onnx, library: &Library) -> Result<f64, Failure> {
+    let mut loudest = 0.0_f32;
+    for material in library.materials() {
+        let mut random = Random::new(77);
+        for case in 0..20 {
+            let (mut force, mut velocity) = ([0.0; HISTORY], [0.0; 2 * HISTORY]);
+            if case % 2 == 0 {
+                force = [random.range(0.0, MAX_FORCE_N) as f32; HISTORY];
+            } else {
+                let (size, angle) = (random.range(0.0, MAX_SPEED_MM_S), random.range(0.0, 6.3));
+                velocity[..HISTORY].fill((size * angle.cos()) as f32);
+                velocity[HISTORY..].fill((size * angle.sin()) as f32);
+            }
+            loudest = network.touch(&force, &velocity, material.vector.as_slice())?.into_iter().fold(loudest, f32::max);
+        }
+    }
+    Ok(f64::from(loudest))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn expectation(magnitude: f32) -> Expectation {
+        let example =
+            Example { force: [1.0; HISTORY], velocity: [50.0; 2 * HISTORY], magnitudes: [magnitude; BINS] };
+        Expectation { other: [2.0 * magnitude; BINS], mean: [0.9; BINS], rms: [1.0; BINS], example }
+    }
+
+    #[test]
+    fn errors_are_decibels_over_what_can_be_felt() {
+        let judged = Judged::of(vec![expectation(1.0)], Target::Rms);
+        let mut errors = Errors::default();
+        errors.add(&[2.0; BINS], &judged.frames[0].1);
+        assert_eq!(errors.0.len(), BINS);
+        assert!((errors.mean() - 6.0206).abs() < 1e-4);
+        let mut quiet = expectation(1.0);
+        quiet.rms = [0.001; BINS];
+        quiet.rms[4] = 0.5;
+        quiet.rms[5] = 0.011;
+        quiet.rms[6] = 0.004;
+        let judged = Judged::of(vec![quiet], Target::Rms);
+        let bins: Vec<usize> = (0..BINS).filter(|k| judged.frames[0].1[*k].is_some()).collect();
+        assert_eq!(bins, [4, 5]);
+    }
+}

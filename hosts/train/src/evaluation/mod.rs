@@ -1,0 +1,149 @@
+//! How good a written model is: everything that its card says.
+
+mod looks;
+mod magnitudes;
+mod onnx;
+mod statistics;
+
+use asperity_dataset::made;
+use asperity_world::material::{Library, Random};
+use rayon::prelude::*;
+use serde::Serialize;
+
+pub(crate) use looks::{Naming, Strangers};
+pub(crate) use magnitudes::{AUDIBLE_M_S2, RANGE_DB, Score};
+pub(crate) use onnx::Onnx;
+
+use crate::arguments::Settings;
+use crate::data::{Data, made_settings};
+use crate::failure::Failure;
+use crate::loss::Target;
+use magnitudes::{Judge, Judged};
+
+/// A model as it was written.
+pub(crate) struct Written {
+    /// From an image to a vector.
+    pub encoder: Onnx,
+    /// From forces, velocities and a vector to magnitudes, aimed at the settings' target.
+    pub network: Onnx,
+    /// The same aimed at the other target, if it was trained.
+    pub other: Option<Onnx>,
+    /// From an image to scores of classes; stays in the run's folder.
+    pub classifier: Option<Onnx>,
+    /// Vectors.
+    pub library: Library,
+}
+
+/// Everything that was found.
+#[derive(Clone, Debug, Serialize)]
+pub(crate) struct Evaluation {
+    /// Names by images that were held apart.
+    pub naming: Naming,
+    /// Surfaces that were never seen.
+    pub strangers: Strangers,
+    /// Errors of magnitudes on held-out strokes, a material.
+    pub scores: Vec<Score>,
+    /// The same beyond the trained range of force and speed, inputs held to the range.
+    pub beyond: Vec<Score>,
+    /// What the two targets come to, a family.
+    pub levels: Vec<Level>,
+    /// Largest magnitude answered to no force, or to no speed, in m/s^2.
+    pub silence_m_s2: f64,
+}
+
+/// Level of the answers of both targets over the truth's, over a family's materials, in dB.
+#[derive(Clone, Debug, Serialize)]
+pub(crate) struct Level {
+    /// The family.
+    pub family: String,
+    /// Of the network trained on the mean.
+    pub mean_db: f64,
+    /// Of the network trained on power.
+    pub rms_db: f64,
+    /// Of the first with a gain of 1.05 dB.
+    pub gained_db: f64,
+}
+
+/// Strokes that are judged by; and how many places of each piece.
+const STROKES: usize = 3;
+const STROKE_S: f64 = 3.0;
+const PLACES: usize = 16;
+
+/// Judges a model by made data.
+///
+/// # Errors
+/// A file that tract cannot run; a material that the library has not.
+pub(crate) fn evaluate(written: &Written, settings: &Settings, data: &Data) -> Result<Evaluation, Failure> {
+    let random = &mut Random::new(settings.seed ^ 0x4e1d_0a7);
+    let inside = (0..STROKES).map(|_| made::Drawn::new(STROKE_S, random)).collect::<Result<Vec<_>, _>>()?;
+    let outside = (0..STROKES).map(|_| made::Drawn::beyond(STROKE_S, random)).collect::<Result<Vec<_>, _>>()?;
+    let surfaces = made::surfaces(settings.every as usize);
+    let made = made_settings(settings);
+    let judge = Judge { network: &written.network, target: settings.target };
+
+    eprintln!("judging names of held-out images");
+    let naming = looks::naming(written, data)?;
+    eprintln!("judging vibration of {} materials", data.seen.len());
+    let [seen, unseen] = &surfaces;
+    let judged: Vec<(Judged, Score, Score)> = (data.seen.par_iter().zip(seen))
+        .map(|(subject, surface)| {
+            let vector = written.library.material(&subject.name)?.vector.as_slice();
+            let truth = made::expectations(surface, &made, &inside, PLACES)?;
+            let beyond = made::expectations(surface, &made, &outside, PLACES / 2)?;
+            let judged = Judged::of(truth, settings.target);
+            let score = judge.score(subject, vector, &judged)?;
+            let beyond = judge.score(subject, vector, &Judged::of(beyond, settings.target))?;
+            Ok((judged, score, beyond))
+        })
+        .collect::<Result<_, Failure>>()?;
+    let levels = match &written.other {
+        Some(other) => levels(written, other, settings.target, data, &judged)?,
+        None => Vec::new(),
+    };
+    eprintln!("judging {} unseen surfaces", data.unseen.len());
+    let truths = unseen.par_iter().map(|s| made::expectations(s, &made, &inside, PLACES)).collect::<Result<Vec<_>, _>>()?;
+    let strangers = looks::strangers(written, data, &judge, truths)?;
+    let (mut scores, mut beyond) = (Vec::new(), Vec::new());
+    for (_, score, out) in judged {
+        scores.push(score);
+        beyond.push(out);
+    }
+    let silence_m_s2 = magnitudes::loudest_silence(&written.network, &written.library)?;
+    Ok(Evaluation { naming, strangers, scores, beyond, levels, silence_m_s2 })
+}
+
+/// Levels of both targets by family, and last over all.
+fn levels(
+    written: &Written,
+    other: &Onnx,
+    target: Target,
+    data: &Data,
+    judged: &[(Judged, Score, Score)],
+) -> Result<Vec<Level>, Failure> {
+    let (mean, rms) = match target {
+        Target::Mean => (&written.network, other),
+        Target::Rms => (other, &written.network),
+    };
+    let mut all = Vec::new();
+    for (subject, (judged, _, _)) in data.seen.iter().zip(judged) {
+        let vector = written.library.material(&subject.name)?.vector.as_slice();
+        let level = |network: &Onnx| judged.level_db(network, vector);
+        all.push((subject.family.clone().unwrap_or_default(), level(mean)?, level(rms)?));
+    }
+    let mut families: Vec<String> = all.iter().map(|(family, ..)| family.clone()).collect();
+    families.dedup();
+    let level = |family: Option<&str>| {
+        let of: Vec<_> = all.iter().filter(|(f, ..)| family.is_none_or(|family| f == family)).collect();
+        let average = |figure: fn(&(String, f64, f64)) -> f64| {
+            of.iter().map(|x| figure(x)).sum::<f64>() / of.len().max(1) as f64
+        };
+        let mean_db = average(|x| x.1);
+        Level {
+            family: family.unwrap_or("all").to_owned(),
+            mean_db,
+            rms_db: average(|x| x.2),
+            gained_db: mean_db + 1.05,
+        }
+    };
+    Ok(families.iter().map(|f| level(Some(f))).chain([level(None)]).collect())
+}
