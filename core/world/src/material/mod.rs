@@ -58,7 +58,7 @@ mod surface;
 
 pub use embedding::{EMBEDDING_LEN, embed};
 pub use law::{BIN_HZ, BINS, Law, LawTable, Line, Parameters, WINDOW_S, expected_amplitude};
-pub use library::{Library, LibraryMaterial, VECTOR_LEN};
+pub use library::{Assignment, Library, LibraryMaterial, Neighbour, VECTOR_LEN};
 pub use made::{MadeMaterial, made_materials};
 pub use random::Random;
 pub use surface::Surface;

@@ -18,6 +18,10 @@
 
 mod camera;
 mod gel;
+mod read;
+#[cfg(test)]
+mod read_tests;
 
 pub use camera::{Camera, IMAGE, Image};
 pub use gel::{Press, indentation};
+pub use read::{MAX_PIXELS, MIN_SIDE, Picture, read};

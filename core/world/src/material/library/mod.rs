@@ -2,15 +2,23 @@
 //!
 //! ```text
 //! Library(
-//!     version: 1,
+//!     version: 2,
+//!     encoder: "../models/made_encoder.onnx",
 //!     materials: {
 //!         "coarse weave": (
 //!             description: "What it feels like, in a sentence.",
+//!             family: "weave",
+//!             images: ["weave_1.png"],
 //!             vector: [-1.25, 0.5, /* 256 numbers in all */],
 //!         ),
 //!     },
 //! )
 //! ```
+//!
+//! `encoder`, `family` and `images` may be left out; version 1 has none of them. Paths are relative to the library's folder.
+
+mod assign;
+mod insert;
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -20,6 +28,8 @@ use asperity_source::ron::{self, Value};
 use asperity_source::{Diagnostic, Source, one_of};
 
 use super::{EMBEDDING_LEN, MadeMaterial, embed};
+
+pub use assign::{Assignment, Neighbour};
 
 /// Numbers in a material's vector.
 pub const VECTOR_LEN: usize = EMBEDDING_LEN;
@@ -34,6 +44,10 @@ pub struct LibraryMaterial {
     pub name: String,
     /// What it feels like, in a sentence.
     pub description: String,
+    /// What it is one of, such as a weave; never empty.
+    pub family: Option<String>,
+    /// Paths of pictures of it, as the file has them: relative to the library's folder.
+    pub images: Vec<String>,
     /// What a texture network is given.
     pub vector: Box<[f32; VECTOR_LEN]>,
 }
@@ -42,10 +56,18 @@ pub struct LibraryMaterial {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Library {
     path: PathBuf,
+    encoder: Option<String>,
     materials: Vec<LibraryMaterial>,
 }
 
 impl Library {
+    /// A library that is to stand at `path`; `encoder` is the path of what made the vectors from pictures, relative to that.
+    ///
+    /// What [`parse`](Self::parse) would refuse is not looked for here.
+    pub fn new(path: impl Into<PathBuf>, encoder: Option<String>, materials: Vec<LibraryMaterial>) -> Self {
+        Self { path: path.into(), encoder, materials }
+    }
+
     /// The library of the made materials, each with [`embed`] of its law.
     pub fn made(materials: &[MadeMaterial]) -> Self {
         let materials = materials
@@ -53,10 +75,12 @@ impl Library {
             .map(|m| LibraryMaterial {
                 name: m.name.to_owned(),
                 description: m.description.to_owned(),
+                family: None,
+                images: Vec::new(),
                 vector: Box::new(embed(&m.law)),
             })
             .collect();
-        Self { path: PathBuf::from("made.ron"), materials }
+        Self::new("made.ron", None, materials)
     }
 
     /// Reads a library file.
@@ -75,9 +99,15 @@ impl Library {
     pub fn parse(source: &Arc<Source>) -> Result<Self, Diagnostic> {
         let whole = ron::parse(source)?;
         let mut record = whole.record("Library")?;
-        record.required("version")?.i64_in(1..=1, "")?;
+        let version = record.required("version")?.i64_in(1..=2, "")?;
+        let later = version > 1;
+        let encoder = if later { record.optional("encoder").map(named).transpose()? } else { None };
         let list = record.required("materials")?;
-        record.finish(&["version", "materials"])?;
+        record.finish(if later {
+            &["version", "encoder", "materials"]
+        } else {
+            &["version", "materials"]
+        })?;
         let entries = list.map()?;
         if entries.is_empty() {
             return Err(list
@@ -89,31 +119,41 @@ impl Library {
             if key.name.trim().is_empty() {
                 return Err(Diagnostic::new("a material without a name").at(source, key.span));
             }
-            let mut m = value.record("Material")?;
-            let description = m.required("description")?.text()?.to_owned();
-            let vector = vector(m.required("vector")?)?;
-            m.finish(&["description", "vector"])?;
-            materials.push(LibraryMaterial { name: key.name.clone(), description, vector });
+            materials.push(material(&key.name, value, later)?);
         }
-        Ok(Self { path: source.path().to_owned(), materials })
+        Ok(Self { path: source.path().to_owned(), encoder, materials })
     }
 
-    /// The text of a library file. Numbers are written so that they read back to the same bits.
+    /// The text of a library file, of version 1 where nothing in it needs 2. Numbers are written so that they read back to the
+    /// same bits.
     pub fn to_ron(&self) -> String {
-        let mut text = String::from("Library(\n    version: 1,\n    materials: {\n");
+        let later = self.encoder.is_some() || self.materials.iter().any(LibraryMaterial::needs_version_2);
+        let mut text = format!("Library(\n    version: {},\n", if later { 2 } else { 1 });
         // writing to a String cannot fail
+        if let Some(encoder) = &self.encoder {
+            let _ = writeln!(text, "    encoder: {},", quoted(encoder));
+        }
+        text.push_str("    materials: {\n");
         for m in &self.materials {
-            let _ = writeln!(text, "        {}: (", quoted(&m.name));
-            let _ = writeln!(text, "            description: {},", quoted(&m.description));
-            text.push_str("            vector: [\n");
-            for row in m.vector.chunks(8) {
-                let row: Vec<String> = row.iter().map(|x| format!("{x:?}")).collect();
-                let _ = writeln!(text, "                {},", row.join(", "));
-            }
-            text.push_str("            ],\n        ),\n");
+            m.write(&mut text, "        ");
         }
         text.push_str("    },\n)\n");
         text
+    }
+
+    /// The file.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Where the encoder is that makes this library's vectors from pictures, if it says.
+    pub fn encoder(&self) -> Option<PathBuf> {
+        self.encoder.as_deref().map(|e| self.beside(e))
+    }
+
+    /// Where a path is that the library names: relative to its folder.
+    pub fn beside(&self, path: &str) -> PathBuf {
+        self.path.parent().unwrap_or(Path::new("")).join(path)
     }
 
     /// The materials, in the order of the file.
@@ -132,6 +172,56 @@ impl Library {
                 .in_file(&self.path)
                 .help(one_of(name, self.materials.iter().map(|m| m.name.as_str())))
         })
+    }
+}
+
+impl LibraryMaterial {
+    fn needs_version_2(&self) -> bool {
+        self.family.is_some() || !self.images.is_empty()
+    }
+
+    /// Writes the entry, each line behind `indent`.
+    fn write(&self, text: &mut String, indent: &str) {
+        let _ = writeln!(text, "{indent}{}: (", quoted(&self.name));
+        let _ = writeln!(text, "{indent}    description: {},", quoted(&self.description));
+        if let Some(family) = &self.family {
+            let _ = writeln!(text, "{indent}    family: {},", quoted(family));
+        }
+        if !self.images.is_empty() {
+            let images: Vec<String> = self.images.iter().map(|i| quoted(i)).collect();
+            let _ = writeln!(text, "{indent}    images: [{}],", images.join(", "));
+        }
+        let _ = writeln!(text, "{indent}    vector: [");
+        for row in self.vector.chunks(8) {
+            let row: Vec<String> = row.iter().map(|x| format!("{x:?}")).collect();
+            let _ = writeln!(text, "{indent}        {},", row.join(", "));
+        }
+        let _ = writeln!(text, "{indent}    ],\n{indent}),");
+    }
+}
+
+fn material(name: &str, value: &Value, later: bool) -> Result<LibraryMaterial, Diagnostic> {
+    let mut m = value.record("Material")?;
+    let description = m.required("description")?.text()?.to_owned();
+    let vector = vector(m.required("vector")?)?;
+    let (mut family, mut images) = (None, Vec::new());
+    if later {
+        family = m.optional("family").map(named).transpose()?;
+        if let Some(list) = m.optional("images") {
+            images = list.list()?.iter().map(named).collect::<Result<_, _>>()?;
+        }
+        m.finish(&["description", "family", "images", "vector"])?;
+    } else {
+        m.finish(&["description", "vector"])?;
+    }
+    Ok(LibraryMaterial { name: name.to_owned(), description, family, images, vector })
+}
+
+/// A text that says something.
+fn named(value: &Value) -> Result<String, Diagnostic> {
+    match value.text()? {
+        text if text.trim().is_empty() => Err(value.error("an empty text").help("leave the field out")),
+        text => Ok(text.to_owned()),
     }
 }
 
@@ -185,6 +275,42 @@ mod tests {
     }
 
     #[test]
+    fn version_2_reads_back_and_its_paths_are_beside_the_file() {
+        let mut library = Library::made(&made_materials().unwrap()[..3]);
+        library.path = "some/where/m.ron".into();
+        library.encoder = Some("../models/e.onnx".into());
+        library.materials[1].family = Some("weave".into());
+        library.materials[2].images = vec!["a.png".into(), "b \"c\".jpg".into()];
+        let text = library.to_ron();
+        assert!(text.starts_with("Library(\n    version: 2,\n    encoder: \"../models/e.onnx\",\n"));
+        let back = Library::parse(&Source::new("some/where/m.ron", text)).unwrap();
+        assert_eq!(library, back);
+        assert_eq!(back.encoder().unwrap(), Path::new("some/where/../models/e.onnx"));
+        assert_eq!(back.beside("a.png"), Path::new("some/where/a.png"));
+        assert_eq!(Library::new("m.ron", None, Vec::new()).beside("a.png"), Path::new("a.png"));
+    }
+
+    #[test]
+    fn what_version_2_adds_is_unknown_in_version_1_and_refused_where_it_is_empty() {
+        let vector = format!("[{}]", "0.5, ".repeat(256));
+        for (version, head, fields, what) in [
+            (1, "encoder: \"e\",", "", "unknown field `encoder`"),
+            (1, "", "family: \"f\",", "unknown field `family`"),
+            (1, "", "images: [\"f\"],", "unknown field `images`"),
+            (2, "encoder: \" \",", "", "1:30: an empty text"),
+            (2, "", "family: \"\",", "an empty text"),
+            (2, "", "images: [\"a\", \"\"],", "an empty text"),
+            (2, "", "images: \"a\",", "expected a list"),
+            (2, "", "famly: \"a\",", "did you mean `family`?"),
+        ] {
+            let e = error(&format!(
+                "Library(version: {version}, {head} materials: {{\"a\": (description: \"d\", {fields} vector: {vector})}})"
+            ));
+            assert!(e.contains(what), "{e}");
+        }
+    }
+
+    #[test]
     fn names_and_sentences_with_quotes_read_back() {
         let mut library = Library::made(&made_materials().unwrap()[..1]);
         library.materials[0].name = "the \"odd\" \\ one".into();
@@ -217,7 +343,7 @@ mod tests {
             let e = error(&with_vector(&vector));
             assert!(e.starts_with("m.ron:3:") && e.contains(what), "{e}");
         }
-        assert!(error("Library(version: 2, materials: {})").starts_with("m.ron:1:18: 2 is out of range"));
+        assert!(error("Library(version: 3, materials: {})").starts_with("m.ron:1:18: 3 is out of range"));
         assert!(error("Library(version: 1, materials: {})").contains("without materials"));
         assert!(error("Library(version: 1)").contains("`materials` is missing"));
         assert!(

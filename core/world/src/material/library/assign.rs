@@ -1,0 +1,123 @@
+//! Which vector a new material gets: a stored one, its own, or what lies between.
+
+use super::{Library, LibraryMaterial, VECTOR_LEN};
+
+/// A material of a library and how far its vector is from one that was asked about.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Neighbour<'l> {
+    /// The material.
+    pub material: &'l LibraryMaterial,
+    /// Euclidean distance of the vectors.
+    pub distance: f64,
+}
+
+/// How a new material's own vector becomes the one that a texture network is given.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Assignment {
+    /// The nearest stored vector, as in Heravi et al. 2024: the network was trained on it.
+    #[default]
+    Nearest,
+    /// Its own.
+    Raw,
+    /// The mean of so many nearest stored vectors, each weighted by one over its distance. 0 counts as 1, more than there are as all.
+    Blend(usize),
+}
+
+impl Library {
+    /// The `n` materials nearest to a vector, nearest first, of equally near ones the first in the file first.
+    pub fn nearest(&self, vector: &[f32; VECTOR_LEN], n: usize) -> Vec<Neighbour<'_>> {
+        let distance = |m: &LibraryMaterial| {
+            let squares = m.vector.iter().zip(vector).map(|(a, b)| (f64::from(*a) - f64::from(*b)).powi(2));
+            squares.sum::<f64>().sqrt()
+        };
+        let mut all: Vec<Neighbour<'_>> = self
+            .materials
+            .iter()
+            .map(|material| Neighbour { material, distance: distance(material) })
+            .collect();
+        all.sort_by(|a, b| a.distance.total_cmp(&b.distance));
+        all.truncate(n);
+        all
+    }
+
+    /// What a new material of this vector gets. A vector that is in the library stays what it is, however it is assigned; in a library
+    /// without materials every vector does.
+    pub fn assign(&self, vector: &[f32; VECTOR_LEN], how: Assignment) -> Box<[f32; VECTOR_LEN]> {
+        let near = match how {
+            Assignment::Raw => Vec::new(),
+            Assignment::Nearest => self.nearest(vector, 1),
+            Assignment::Blend(n) => self.nearest(vector, n.max(1)),
+        };
+        match near.as_slice() {
+            [] => Box::new(*vector),
+            [first, rest @ ..] if rest.is_empty() || first.distance == 0.0 => first.material.vector.clone(),
+            all => {
+                let total: f64 = all.iter().map(|n| 1.0 / n.distance).sum();
+                let mean = |i: usize| {
+                    let part = |n: &Neighbour<'_>| f64::from(n.material.vector[i]) / n.distance;
+                    (all.iter().map(part).sum::<f64>() / total) as f32
+                };
+                Box::new(std::array::from_fn(mean))
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Materials on a line: the first number differs.
+    fn line(places: &[f32]) -> Library {
+        let material = |(i, x): (usize, &f32)| {
+            let mut vector = Box::new([0.5; VECTOR_LEN]);
+            vector[0] = *x;
+            let name = format!("m{i}");
+            LibraryMaterial { name, description: "d".into(), family: None, images: Vec::new(), vector }
+        };
+        Library::new("l.ron", None, places.iter().enumerate().map(material).collect())
+    }
+
+    fn at(x: f32) -> [f32; VECTOR_LEN] {
+        let mut vector = [0.5; VECTOR_LEN];
+        vector[0] = x;
+        vector
+    }
+
+    #[test]
+    fn neighbours_come_nearest_first_with_euclidean_distances() {
+        let library = line(&[10.0, -1.0, 4.0, 1.0]);
+        let mut vector = at(0.0);
+        vector[255] = 3.5;
+        let names: Vec<(&str, f64)> =
+            library.nearest(&vector, 3).iter().map(|n| (n.material.name.as_str(), n.distance)).collect();
+        // Of two equally near ones the first in the file.
+        assert_eq!(names, [("m1", 10_f64.sqrt()), ("m3", 10_f64.sqrt()), ("m2", 5.0)]);
+        assert_eq!(library.nearest(&vector, 9).len(), 4);
+    }
+
+    #[test]
+    fn a_new_material_gets_the_nearest_vector_its_own_or_a_blend() {
+        let library = line(&[0.0, 10.0, 30.0]);
+        let first = |how| library.assign(&at(4.0), how)[0];
+        assert_eq!(first(Assignment::Nearest), 0.0);
+        assert_eq!(first(Assignment::Raw), 4.0);
+        assert_eq!(first(Assignment::Blend(0)), 0.0);
+        assert_eq!(first(Assignment::Blend(1)), 0.0);
+        // Distances 4, 6 and 26.
+        let two = (10.0 / 6.0) / (1.0 / 4.0 + 1.0 / 6.0);
+        let three = (10.0 / 6.0 + 30.0 / 26.0) / (1.0 / 4.0 + 1.0 / 6.0 + 1.0 / 26.0);
+        assert!((f64::from(first(Assignment::Blend(2))) - two).abs() < 1e-6);
+        assert!((f64::from(first(Assignment::Blend(3))) - three).abs() < 1e-6);
+        assert_eq!(first(Assignment::Blend(3)), first(Assignment::Blend(99)));
+        assert_eq!(library.assign(&at(4.0), Assignment::Blend(3))[7], 0.5);
+    }
+
+    #[test]
+    fn a_vector_that_is_stored_stays_what_it_is() {
+        let library = line(&[0.0, 10.0, 10.0, 30.0]);
+        for how in [Assignment::Nearest, Assignment::Raw, Assignment::Blend(3)] {
+            assert_eq!(*library.assign(&at(10.0), how), at(10.0));
+        }
+    }
+}
