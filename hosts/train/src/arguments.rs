@@ -21,6 +21,18 @@ pub(crate) struct Arguments {
 pub(crate) enum Command {
     /// Trains a model. Ctrl-C keeps what was done; the same command goes on.
     Train(Train),
+    /// Judges a trained model by data it was not trained on, and writes its card anew.
+    Evaluate(Evaluate),
+}
+
+/// What is judged.
+#[derive(Args, Clone, Debug)]
+pub(crate) struct Evaluate {
+    /// The model's folder.
+    pub folder: PathBuf,
+    /// The folder of its checkpoints, which has the classifier; by default FOLDER with `.run` after its name.
+    #[arg(long, value_name = "FOLDER")]
+    pub run: Option<PathBuf>,
 }
 
 /// A training run.

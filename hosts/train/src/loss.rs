@@ -30,6 +30,22 @@ const FLOOR_M_S2: f32 = 0.02;
 const RAYLEIGH: f32 = 0.886_226_9;
 
 impl Target {
+    /// Its name in files.
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::Mean => "mean",
+            Self::Rms => "rms",
+        }
+    }
+
+    /// The other one.
+    pub(crate) fn other(self) -> Self {
+        match self {
+            Self::Mean => Self::Rms,
+            Self::Rms => Self::Mean,
+        }
+    }
+
     /// A magnitude of an example, as this target takes it.
     pub(crate) fn of(self, magnitude: f32, truth: Truth) -> f32 {
         match (self, truth) {

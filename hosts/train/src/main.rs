@@ -2,9 +2,11 @@
 //! how good they are.
 
 mod arguments;
+mod card;
 mod data;
 mod descent;
 mod encoder;
+mod evaluation;
 mod failure;
 mod files;
 mod layer;
@@ -24,7 +26,8 @@ use failure::Failure;
 
 fn main() -> ExitCode {
     let result = match Arguments::parse().command {
-        Command::Train(settings) => training::train(&settings),
+        Command::Train(train) => training::train(&train),
+        Command::Evaluate(evaluate) => training::evaluate(&evaluate),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

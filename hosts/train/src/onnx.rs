@@ -41,8 +41,9 @@ pub(crate) fn network(network: &NetworkWeights, about: About<'_>) -> Vec<u8> {
     )
 }
 
-/// The bytes of image encoder and texture encoder in one: input `image` \[1, 3, 192, 256\] of 0 to 1, output `texture` \[1, 256\].
-pub(crate) fn encoder(kernels: &[Kernel], texture: &[Weights], about: About<'_>) -> Vec<u8> {
+/// The bytes of image encoder and a head in one: input `image` \[1, 3, 192, 256\] of 0 to 1, and the head's output by its name, such as `texture`
+/// \[1, 256\].
+pub(crate) fn encoder(kernels: &[Kernel], head: &[Weights], output: &str, about: About<'_>) -> Vec<u8> {
     let mut graph = Graph::default();
     let (scale, offset) = PIXEL_SCALE;
     graph.tensor("scale".to_owned(), &[1], &[scale]);
@@ -71,16 +72,17 @@ pub(crate) fn encoder(kernels: &[Kernel], texture: &[Weights], about: About<'_>)
         }
     }
     x = graph.step("Flatten", "features", vec![x], &[]);
-    let (hidden, last) = texture.split_at(texture.len().saturating_sub(1));
-    x = graph.chain("texture", &x, hidden, None);
+    let (hidden, last) = head.split_at(head.len().saturating_sub(1));
+    x = graph.chain("head", &x, hidden, None);
     for layer in last {
-        graph.gemm("texture.last", x.clone(), layer, "texture");
+        graph.gemm("head.last", x.clone(), layer, output);
     }
+    let width = last.first().map_or(0, |layer| layer.outputs);
     graph.file(
-        "texture_encoder",
-        "A tactile image, red, green and blue from 0 to 1, to a material's vector.",
+        "tactile_encoder",
+        "From a tactile image, red, green and blue from 0 to 1.",
         vec![value("image", &[1, 3, IMAGE[0], IMAGE[1]])],
-        value("texture", &[1, VECTOR_LEN]),
+        value(output, &[1, width]),
         about,
     )
 }

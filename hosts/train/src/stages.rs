@@ -210,14 +210,18 @@ fn silent(example: &Example, random: &mut Random) -> Example {
     silent
 }
 
-/// The mean vector of a material's images.
-pub(crate) fn mean_vector(texture: &Head, features: &[f32], device: &Device) -> [f32; VECTOR_LEN] {
-    let rows = features.len() / FEATURES;
-    let data = TensorData::new(features.to_vec(), [rows, FEATURES]);
-    let vectors = numbers(texture.forward(Tensor::from_data(data, device)));
+/// Vectors \[n, 256\] of features \[n, 8960\].
+pub(crate) fn vectors(texture: &Head, features: &[f32], device: &Device) -> Vec<f32> {
+    let data = TensorData::new(features.to_vec(), [features.len() / FEATURES, FEATURES]);
+    numbers(texture.forward(Tensor::from_data(data, device)))
+}
+
+/// The mean of vectors \[n, 256\].
+pub(crate) fn mean_vector(vectors: &[f32]) -> [f32; VECTOR_LEN] {
     let mut mean = [0.0; VECTOR_LEN];
+    let part = VECTOR_LEN as f32 / vectors.len().max(1) as f32;
     for vector in vectors.chunks_exact(VECTOR_LEN) {
-        mean.iter_mut().zip(vector).for_each(|(m, x)| *m += x / rows.max(1) as f32);
+        mean.iter_mut().zip(vector).for_each(|(m, x)| *m += part * x);
     }
     mean
 }

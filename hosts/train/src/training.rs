@@ -6,20 +6,23 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use asperity_dataset::Subject;
 use asperity_source::Diagnostic;
-use asperity_world::material::{Library, LibraryMaterial};
+use asperity_world::material::{Library, LibraryMaterial, VECTOR_LEN};
 use asperity_world::tactile::Image;
 use burn::module::Module;
 use burn::tensor::Device;
+use image::ExtendedColorType;
+use image::codecs::jpeg::JpegEncoder;
 
-use crate::arguments::{Settings, Train};
-use crate::data;
-use crate::descent::Stage;
-use crate::encoder::{ImageEncoder, features};
+use crate::arguments::{Evaluate, Settings, Train};
+use crate::data::{self, Data};
+use crate::descent::{Losses, Stage};
+use crate::encoder::{FEATURES, ImageEncoder, features};
+use crate::evaluation::{self, Onnx, Written};
 use crate::failure::Failure;
 use crate::files::write_whole;
-use crate::onnx;
 use crate::progress::Teller;
-use crate::stages::{self, Feeler, Looks, Namer, Touching, mean_vector};
+use crate::stages::{self, Feeler, Looks, Namer, Touching, mean_vector, vectors};
+use crate::{card, onnx};
 
 /// Trains a model and writes it.
 ///
@@ -47,11 +50,11 @@ pub(crate) fn train(train: &Train) -> Result<(), Failure> {
     let mut teller = Teller::new("naming", naming.steps);
     let namer = Namer::new(settings.preset, data.seen.len(), settings.seed, &device);
     let batch = (settings.naming_batch as usize, settings.seed);
-    let (namer, _losses) =
+    let (namer, naming_losses) =
         stages::name(&naming, namer, &data.seen, batch, &device, &stop, |p| teller.progress(p))?;
 
     let plain = Device::flex();
-    let encoder = namer.encoder.valid();
+    let (encoder, classifier) = (namer.encoder.valid(), namer.classifier.valid());
     let looks = seen_features(&encoder, &data.seen, &plain);
     let feeling = stage("feeling", settings.feeling_steps, settings.feeling_rate);
     let mut teller = Teller::new("feeling", feeling.steps);
@@ -63,22 +66,140 @@ pub(crate) fn train(train: &Train) -> Result<(), Failure> {
         aim: settings.error,
     };
     let feeler = Feeler::new(settings.preset, settings.seed, &device);
-    let images = Looks { numbers: &looks, width: crate::encoder::FEATURES };
-    let (feeler, _losses) =
-        stages::feel(&feeling, feeler, &data.seen, &images, touching, &device, &stop, |p| {
-            teller.progress(p)
-        })?;
+    let images = Looks { numbers: &looks, width: FEATURES };
+    let feel = |stage: &Stage<'_>, feeler, looks: &Looks<'_>, touching, teller: &mut Teller| {
+        stages::feel(stage, feeler, &data.seen, looks, touching, &device, &stop, |p| teller.progress(p))
+    };
+    let (feeler, feeling_losses) = feel(&feeling, feeler, &images, touching, &mut teller)?;
 
-    let feeler = feeler.valid();
-    let about = [
-        ("seed", settings.seed.to_string()),
-        ("settings", serde_json::to_string(settings).unwrap_or_default()),
+    // The texture encoder is done: what is left is learned from vectors, half of the time the ones that will be stored.
+    let texture = feeler.texture.valid();
+    let vectors: Vec<Vec<f32>> = looks.iter().map(|features| vectors(&texture, features, &plain)).collect();
+    let stored: Vec<[f32; VECTOR_LEN]> = vectors.iter().map(|v| mean_vector(v)).collect();
+    let both: Vec<Vec<f32>> = vectors
+        .iter()
+        .zip(&stored)
+        .map(|(images, mean)| [images.clone(), mean.repeat(images.len() / VECTOR_LEN)].concat())
+        .collect();
+    let both = Looks { numbers: &both, width: VECTOR_LEN };
+    let settle = |name, target| {
+        let settling = stage(name, settings.feeling_steps.div_ceil(3), 0.3 * settings.feeling_rate);
+        let mut teller = Teller::new(name, settling.steps);
+        feel(&settling, feeler.clone(), &both, Touching { target, ..touching }, &mut teller)
+    };
+    let (settled, settling_losses) = settle("settling", settings.target)?;
+    let other = settings.target.other();
+    let (settled_other, other_losses) = settle("settling_other", other)?;
+
+    let about = [("settings", serde_json::to_string(settings).unwrap_or_default())];
+    let out = |name: &str| train.out.join(name);
+    write_whole(
+        &out("encoder.onnx"),
+        &onnx::encoder(&encoder.kernels(), &feeler.texture.weights(), "texture", &about),
+    )?;
+    write_whole(
+        &run.join("classifier.onnx"),
+        &onnx::encoder(&encoder.kernels(), &classifier.weights(), "classes", &about),
+    )?;
+    write_whole(&out("texture.onnx"), &onnx::network(&settled.network.weights(), &about))?;
+    let name = format!("texture_{}.onnx", other.name());
+    write_whole(&out(&name), &onnx::network(&settled_other.network.weights(), &about))?;
+    let materials = materials(&train.out, &data, &stored)?;
+    write_whole(
+        &out("materials.ron"),
+        Library::new(out("materials.ron"), Some("encoder.onnx".to_owned()), materials).to_ron().as_bytes(),
+    )?;
+    write_whole(
+        &out("settings.json"),
+        serde_json::to_string_pretty(settings).unwrap_or_default().as_bytes(),
+    )?;
+    let losses = [
+        ("naming", naming_losses),
+        ("feeling", feeling_losses),
+        ("settling", settling_losses),
+        ("settling_other", other_losses),
     ];
-    let texture = onnx::network(&feeler.network.weights(), &about);
-    let encoding = onnx::encoder(&encoder.kernels(), &feeler.texture.weights(), &about);
-    write_whole(&train.out.join("texture.onnx"), &texture)?;
-    write_whole(&train.out.join("encoder.onnx"), &encoding)?;
+    write_whole(&out("losses.csv"), csv(&losses).as_bytes())?;
+    eprintln!("wrote {}", train.out.display());
+    judge(&train.out, &run, settings, &data)
+}
+
+/// Judges the model of a folder, and writes its card.
+///
+/// # Errors
+/// What the files say, and the data.
+pub(crate) fn evaluate(evaluate: &Evaluate) -> Result<(), Failure> {
+    let path = evaluate.folder.join("settings.json");
+    let text = std::fs::read_to_string(&path)
+        .map_err(|e| Diagnostic::new(format!("cannot read this file: {e}")).in_file(&path))?;
+    let settings: Settings = serde_json::from_str(&text)
+        .map_err(|e| Diagnostic::new(format!("these are not a run's settings: {e}")).in_file(&path))?;
+    let run = evaluate.run.clone().unwrap_or_else(|| beside(&evaluate.folder));
+    judge(&evaluate.folder, &run, &settings, &data::load(&settings)?)
+}
+
+fn judge(folder: &Path, run: &Path, settings: &Settings, data: &Data) -> Result<(), Failure> {
+    let if_there = |path: PathBuf| path.exists().then(|| Onnx::read(&path)).transpose();
+    let written = Written {
+        encoder: Onnx::read(&folder.join("encoder.onnx"))?,
+        network: Onnx::read(&folder.join("texture.onnx"))?,
+        other: if_there(folder.join(format!("texture_{}.onnx", settings.target.other().name())))?,
+        classifier: if_there(run.join("classifier.onnx"))?,
+        library: Library::read(folder.join("materials.ron"))?,
+    };
+    let evaluation = evaluation::evaluate(&written, settings, data)?;
+    let json = serde_json::to_string_pretty(&evaluation).unwrap_or_default();
+    write_whole(&folder.join("evaluation.json"), json.as_bytes())?;
+    write_whole(&folder.join("MODEL_CARD.md"), card::write(settings, data, &evaluation).as_bytes())?;
+    eprintln!("wrote {}", folder.join("MODEL_CARD.md").display());
     Ok(())
+}
+
+/// The library's materials; writes a picture of each.
+fn materials(
+    folder: &Path,
+    data: &Data,
+    vectors: &[[f32; VECTOR_LEN]],
+) -> Result<Vec<LibraryMaterial>, Failure> {
+    let pictures = folder.join("pictures");
+    std::fs::create_dir_all(&pictures)
+        .map_err(|e| Diagnostic::new(format!("cannot make this folder: {e}")).in_file(&pictures))?;
+    let picture = |subject: &Subject| -> Result<Vec<String>, Failure> {
+        let Some(image) = subject.images.held.first() else { return Ok(Vec::new()) };
+        let safe = |c: char| if c.is_ascii_alphanumeric() || c == '.' { c } else { '_' };
+        let name = format!("pictures/{}.jpg", subject.name.chars().map(safe).collect::<String>());
+        write_whole(&folder.join(&name), &jpeg(image)?)?;
+        Ok(vec![name])
+    };
+    // Of what is not known too: to be looked up.
+    data.unseen.iter().try_for_each(|subject| picture(subject).map(drop))?;
+    let material = |(subject, vector): (&Subject, &[f32; VECTOR_LEN])| -> Result<LibraryMaterial, Failure> {
+        Ok(LibraryMaterial {
+            name: subject.name.clone(),
+            description: subject.description.clone(),
+            family: subject.family.clone(),
+            images: picture(subject)?,
+            vector: Box::new(*vector),
+        })
+    };
+    data.seen.iter().zip(vectors).map(material).collect()
+}
+
+/// An image as a JPEG file of good quality.
+fn jpeg(image: &Image) -> Result<Vec<u8>, Failure> {
+    let [rows, columns] = image.size;
+    let mut bytes = Vec::new();
+    JpegEncoder::new_with_quality(&mut bytes, 88)
+        .encode(&image.pixels, columns as u32, rows as u32, ExtendedColorType::Rgb8)
+        .map_err(|e| Failure::Model(format!("a picture cannot be written: {e}")))?;
+    Ok(bytes)
+}
+
+fn csv(stages: &[(&str, Losses)]) -> String {
+    let rows = stages
+        .iter()
+        .flat_map(|(name, losses)| losses.iter().map(move |(step, loss)| format!("{name},{step},{loss}\n")));
+    std::iter::once("stage,step,loss\n".to_owned()).chain(rows).collect()
 }
 
 /// Features of each subject's training images.
@@ -87,19 +208,22 @@ fn seen_features(encoder: &ImageEncoder, subjects: &[Subject], device: &Device) 
     let of = |(n, s): (usize, &Subject)| {
         let images: Vec<&Image> = s.images.train.iter().collect();
         let features = features(encoder, &images, device);
-        teller.tell(n + 1, "");
+        teller.tell(n + 1, "subjects");
         features
     };
     subjects.iter().enumerate().map(of).collect()
 }
 
+/// The folder of checkpoints beside a model's.
+fn beside(out: &Path) -> PathBuf {
+    let mut name = out.as_os_str().to_owned();
+    name.push(".run");
+    name.into()
+}
+
 /// Makes the folder of a run, or finds it; one that belongs to other settings is refused.
 fn run_folder(train: &Train) -> Result<PathBuf, Diagnostic> {
-    let run = train.run.clone().unwrap_or_else(|| {
-        let mut name = train.out.clone().into_os_string();
-        name.push(".run");
-        name.into()
-    });
+    let run = train.run.clone().unwrap_or_else(|| beside(&train.out));
     for folder in [&train.out, &run] {
         std::fs::create_dir_all(folder)
             .map_err(|e| Diagnostic::new(format!("cannot make this folder: {e}")).in_file(folder))?;

@@ -1,5 +1,5 @@
 use asperity_dataset::{Expectation, Subject};
-use asperity_world::material::{Library, VECTOR_LEN};
+use asperity_world::material::{Assignment, Library, VECTOR_LEN};
 use asperity_world::tactile::Image;
 use rayon::prelude::*;
 use serde::Serialize;
@@ -75,15 +75,18 @@ fn largest(scores: &[f32]) -> usize {
     (0..scores.len()).max_by(|a, b| scores[*a].total_cmp(&scores[*b])).unwrap_or(0)
 }
 
-/// Numbers of a library's materials and their distances from a vector, nearest first.
-fn neighbours(library: &Library, vector: &[f32]) -> Vec<(usize, f64)> {
-    let away = |stored: &[f32; VECTOR_LEN]| {
-        stored.iter().zip(vector).map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>().sqrt()
-    };
-    let mut all: Vec<(usize, f64)> =
-        library.materials().iter().enumerate().map(|(n, m)| (n, away(&m.vector))).collect();
-    all.sort_by(|a, b| a.1.total_cmp(&b.1));
-    all
+/// A vector that an encoder answered.
+fn vector(numbers: &[f32]) -> Result<[f32; VECTOR_LEN], Failure> {
+    let wrong =
+        |_| Failure::Model(format!("the encoder answers {} numbers, not {VECTOR_LEN}", numbers.len()));
+    numbers.try_into().map_err(wrong)
+}
+
+/// The number of the material whose vector is nearest.
+fn nearest(library: &Library, numbers: &[f32]) -> Result<usize, Failure> {
+    let near = library.nearest(&vector(numbers)?, 1);
+    let name = near.first().map(|n| n.material.name.as_str());
+    Ok(library.materials().iter().position(|m| Some(m.name.as_str()) == name).unwrap_or(0))
 }
 
 /// Judges names.
@@ -92,20 +95,21 @@ fn neighbours(library: &Library, vector: &[f32]) -> Vec<(usize, f64)> {
 /// What tract answers.
 pub(super) fn naming(written: &Written, data: &Data) -> Result<Naming, Failure> {
     let held = all(&data.seen, |s| &s.images.held);
-    let nearest: Vec<usize> = answers(&written.encoder, &held)?
+    let by_vector = answers(&written.encoder, &held)?
         .iter()
-        .map(|v| neighbours(&written.library, v).first().map_or(0, |(n, _)| *n))
-        .collect();
+        .map(|v| nearest(&written.library, v))
+        .collect::<Result<Vec<usize>, Failure>>()?;
     let named = match &written.classifier {
         Some(classifier) => Some(answers(classifier, &held)?.iter().map(|s| largest(s)).collect::<Vec<_>>()),
         None => None,
     };
     let rightly = |named: &[usize]| {
-        held.iter().zip(named).filter(|((class, _), named)| class == *named).count() as f64 / held.len().max(1) as f64
+        held.iter().zip(named).filter(|((class, _), named)| class == *named).count() as f64
+            / held.len().max(1) as f64
     };
     let statistics = Statistics::trained(&all(&data.seen, |s| &s.images.train), data.seen.len());
     let by_statistics = statistics.names(&held);
-    let judged = named.as_ref().unwrap_or(&nearest);
+    let judged = named.as_ref().unwrap_or(&by_vector);
     let mut worst: Vec<(String, f64, String)> = data
         .seen
         .iter()
@@ -127,7 +131,7 @@ pub(super) fn naming(written: &Written, data: &Data) -> Result<Naming, Failure> 
         images: held.len(),
         classes: data.seen.len(),
         classifier: named.as_ref().map(|named| rightly(named)),
-        vector: rightly(&nearest),
+        vector: rightly(&by_vector),
         statistics: rightly(&by_statistics),
         worst,
     })
@@ -148,22 +152,29 @@ pub(super) fn strangers(
     let images = all(&data.unseen, |s| &s.images.train);
     let vectors = answers(&written.encoder, &images)?;
     let materials = written.library.materials();
-    let near = |vector: &[f32]| neighbours(&written.library, vector);
     let part_in_family = |named: &mut dyn Iterator<Item = usize>| {
-        let right = images.iter().zip(named).filter(|((s, _), named)| family(&data.unseen[*s]) == families[*named]).count();
+        let right = images
+            .iter()
+            .zip(named)
+            .filter(|((s, _), named)| family(&data.unseen[*s]) == families[*named])
+            .count();
         right as f64 / images.len().max(1) as f64
     };
-    let images_in_family = part_in_family(&mut vectors.iter().map(|v| near(v).first().map_or(0, |(n, _)| *n)));
+    let near =
+        vectors.iter().map(|v| nearest(&written.library, v)).collect::<Result<Vec<usize>, Failure>>()?;
+    let images_in_family = part_in_family(&mut near.into_iter());
     let statistics = Statistics::trained(&all(&data.seen, |s| &s.images.train), data.seen.len());
     let statistics_in_family = part_in_family(&mut statistics.names(&images).into_iter());
     let of = |(number, (subject, truth)): (usize, (&Subject, Vec<Expectation>))| {
         let own: Vec<&Vec<f32>> =
             images.iter().zip(&vectors).filter(|((s, _), _)| *s == number).map(|(_, v)| v).collect();
-        let raw: Vec<f32> =
-            (0..VECTOR_LEN).map(|i| own.iter().map(|v| v[i]).sum::<f32>() / own.len().max(1) as f32).collect();
-        let near = near(&raw);
-        let (first, _) = near.first().copied().unwrap_or((0, 0.0));
+        let raw: Vec<f32> = (0..VECTOR_LEN)
+            .map(|i| own.iter().map(|v| v[i]).sum::<f32>() / own.len().max(1) as f32)
+            .collect();
+        let raw = vector(&raw)?;
+        let first = nearest(&written.library, &raw)?;
         let judged = Judged::of(truth, judge.target);
+        let error = |how| judge.error_db(written.library.assign(&raw, how).as_slice(), &judged);
         let mut best_db = f64::INFINITY;
         for material in materials {
             best_db = best_db.min(judge.error_db(material.vector.as_slice(), &judged)?);
@@ -172,9 +183,9 @@ pub(super) fn strangers(
             name: subject.name.clone(),
             family: family(subject),
             neighbour: (materials[first].name.clone(), families[first].clone()),
-            nearest_db: judge.error_db(materials[first].vector.as_slice(), &judged)?,
-            raw_db: judge.error_db(&raw, &judged)?,
-            blend_db: judge.error_db(&blend(&written.library, &near[..BLENDED.min(near.len())]), &judged)?,
+            nearest_db: error(Assignment::Nearest)?,
+            raw_db: error(Assignment::Raw)?,
+            blend_db: error(Assignment::Blend(BLENDED))?,
             best_db,
         })
     };
@@ -187,14 +198,4 @@ pub(super) fn strangers(
         .sum::<f64>()
         / data.unseen.len().max(1) as f64;
     Ok(Strangers { surfaces, images_in_family, statistics_in_family, chance })
-}
-
-/// Vectors blended by one over their distance.
-fn blend(library: &Library, near: &[(usize, f64)]) -> Vec<f32> {
-    let weights: Vec<f64> = near.iter().map(|(_, away)| 1.0 / away.max(1e-9)).collect();
-    let total: f64 = weights.iter().sum();
-    let of = |i: usize| {
-        near.iter().zip(&weights).map(|((n, _), w)| w / total * f64::from(library.materials()[*n].vector[i])).sum::<f64>() as f32
-    };
-    (0..VECTOR_LEN).map(of).collect()
 }

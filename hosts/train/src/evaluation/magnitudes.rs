@@ -147,7 +147,8 @@ impl Judge<'_> {
         let mut errors: [Errors; 4] = Default::default();
         for (e, truth) in &judged.frames {
             let here = action(&e.example);
-            let mut by_distance: Vec<(f64, usize)> = train.iter().enumerate().map(|(i, t)| (distance(here, action(t)), i)).collect();
+            let mut by_distance: Vec<(f64, usize)> =
+                train.iter().enumerate().map(|(i, t)| (distance(here, action(t)), i)).collect();
             let near = SMOOTH.min(by_distance.len()).saturating_sub(1);
             by_distance.select_nth_unstable_by(near, |a, b| a.0.total_cmp(&b.0));
             let near = &mut by_distance[..=near];
@@ -204,7 +205,10 @@ pub(crate) fn loudest_silence(network: &Onnx, library: &Library) -> Result<f64, 
                 velocity[..HISTORY].fill((size * angle.cos()) as f32);
                 velocity[HISTORY..].fill((size * angle.sin()) as f32);
             }
-            loudest = network.touch(&force, &velocity, material.vector.as_slice())?.into_iter().fold(loudest, f32::max);
+            loudest = network
+                .touch(&force, &velocity, material.vector.as_slice())?
+                .into_iter()
+                .fold(loudest, f32::max);
         }
     }
     Ok(f64::from(loudest))

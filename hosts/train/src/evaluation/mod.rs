@@ -76,7 +76,8 @@ const PLACES: usize = 16;
 pub(crate) fn evaluate(written: &Written, settings: &Settings, data: &Data) -> Result<Evaluation, Failure> {
     let random = &mut Random::new(settings.seed ^ 0x4e1d_0a7);
     let inside = (0..STROKES).map(|_| made::Drawn::new(STROKE_S, random)).collect::<Result<Vec<_>, _>>()?;
-    let outside = (0..STROKES).map(|_| made::Drawn::beyond(STROKE_S, random)).collect::<Result<Vec<_>, _>>()?;
+    let outside =
+        (0..STROKES).map(|_| made::Drawn::beyond(STROKE_S, random)).collect::<Result<Vec<_>, _>>()?;
     let surfaces = made::surfaces(settings.every as usize);
     let made = made_settings(settings);
     let judge = Judge { network: &written.network, target: settings.target };
@@ -101,7 +102,10 @@ pub(crate) fn evaluate(written: &Written, settings: &Settings, data: &Data) -> R
         None => Vec::new(),
     };
     eprintln!("judging {} unseen surfaces", data.unseen.len());
-    let truths = unseen.par_iter().map(|s| made::expectations(s, &made, &inside, PLACES)).collect::<Result<Vec<_>, _>>()?;
+    let truths = unseen
+        .par_iter()
+        .map(|s| made::expectations(s, &made, &inside, PLACES))
+        .collect::<Result<Vec<_>, _>>()?;
     let strangers = looks::strangers(written, data, &judge, truths)?;
     let (mut scores, mut beyond) = (Vec::new(), Vec::new());
     for (_, score, out) in judged {

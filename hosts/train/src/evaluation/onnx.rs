@@ -34,7 +34,9 @@ impl Onnx {
     /// What tract answers.
     fn run(&self, inputs: &[(&[usize], &[f32])]) -> Result<Vec<f32>, Failure> {
         let answer = || -> TractResult<Vec<f32>> {
-            let tensor = |(shape, x): &(&[usize], &[f32])| -> TractResult<TValue> { Ok(Tensor::from_shape(shape, x)?.into()) };
+            let tensor = |(shape, x): &(&[usize], &[f32])| -> TractResult<TValue> {
+                Ok(Tensor::from_shape(shape, x)?.into())
+            };
             let inputs = inputs.iter().map(tensor).collect::<TractResult<TVec<TValue>>>()?;
             let outputs = self.0.run(inputs)?;
             Ok(outputs[0].to_plain_array_view::<f32>()?.iter().copied().collect())
@@ -72,7 +74,8 @@ impl Onnx {
             held[i] *= gain;
             held[HISTORY + i] *= gain;
         }
-        let answer = self.run(&[(&[1, HISTORY], &force), (&[1, 2 * HISTORY], &held), (&[1, vector.len()], vector)])?;
+        let answer =
+            self.run(&[(&[1, HISTORY], &force), (&[1, 2 * HISTORY], &held), (&[1, vector.len()], vector)])?;
         answer.try_into().map_err(|_| Failure::Model("the network does not answer 100 magnitudes".to_owned()))
     }
 }

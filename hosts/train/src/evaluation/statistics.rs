@@ -41,7 +41,8 @@ impl Statistics {
         });
         let device = Device::flex().autodiff();
         let random = &mut asperity_world::material::Random::new(1);
-        let mut baseline = Self { layer: Layer::new(NUMBERS, classes, 0.1, random, &device), mean, deviation };
+        let mut baseline =
+            Self { layer: Layer::new(NUMBERS, classes, 0.1, random, &device), mean, deviation };
         let inputs = baseline.scaled(&all, &device);
         let wanted = images.iter().map(|(class, _)| *class as i32).collect::<Vec<_>>();
         let wanted: Tensor<2, Int> = Tensor::from_data(TensorData::new(wanted, [images.len(), 1]), &device);
