@@ -421,3 +421,17 @@ fn the_readme_of_a_new_plugin_names_what_is_there() {
     );
     assert!(graphs("").exists());
 }
+
+#[test]
+fn a_minimal_node_takes_no_more_than_25_lines() {
+    let lines = |file: &str, fence: &str, end: &str| {
+        let text = fs::read_to_string(root().join(file)).unwrap();
+        let block =
+            text.split(fence).nth(1).and_then(|rest| rest.split(end).next()).expect("a block of code");
+        assert!(block.contains("impl Node for"), "{file}: {block}");
+        block.lines().count()
+    };
+    // Both are compiled as documentation tests.
+    assert!(lines("README.md", "```rust\n", "```") <= 25);
+    assert!(lines("plugins/sdk/src/lib.rs", "//! ```\n", "//! ```") <= 25);
+}

@@ -1,4 +1,4 @@
-//! `render --watch`: a graph, a plugin and a file that change while it plays.
+//! `render --watch` and `run --watch`: a graph, a plugin and a file that change while it plays.
 
 mod common;
 
@@ -8,6 +8,7 @@ use std::path::Path;
 use std::process::{Child, Stdio};
 use std::time::{Duration, Instant};
 
+use common::live::{Live, npy};
 use common::{json, plugins, wav};
 
 /// Far longer than the test takes on any machine: it is stopped as a person would stop it.
@@ -155,6 +156,44 @@ fn a_graph_and_its_plugin_change_while_it_plays_without_a_click() {
     let ticks: Vec<u64> = swaps.iter().map(|s| s["tick"].as_u64().unwrap()).collect();
     assert!(ticks[0] > 100 && ticks[1] > ticks[0], "{ticks:?}");
     assert!(json(&dir.join("r.json"))["faults"] == 0);
+}
+
+#[test]
+fn a_plugin_that_is_built_anew_is_swapped_in_while_it_plays_on_a_card() {
+    let trial = || {
+        let dir = tempfile::tempdir().unwrap();
+        let dir = dir.path();
+        told(&dir.join("libtold.so"), "0.1f");
+        let ear = "\"sent\": (kind: \"file_out\", params: (file: \"sent.npy\")),";
+        let heard =
+            graph("1.0", ear).replace("(\"guard\", \"out\")", "(\"guard\", \"out\"), (\"guard\", \"sent\")");
+        fs::write(dir.join("g.ron"), heard).unwrap();
+        let args = ["g.ron", "--device", "simulated:frames=256", "--watch", "--limit-us", "9000000"];
+        let mut live = Live::start(dir, &[&args[..], &["--report", "r.json"]].concat());
+        live.says("plays on");
+        std::thread::sleep(Duration::from_millis(500));
+        replace(dir, "libtold.so", |to| told(to, "-0.15f"));
+        live.says("libtold.so changed: `wave` rebuilt");
+        std::thread::sleep(Duration::from_millis(500));
+        // What does not load leaves it playing.
+        replace(dir, "libtold.so", |to| fs::write(to, "no library").unwrap());
+        live.says("the running graph goes on");
+        std::thread::sleep(Duration::from_millis(200));
+        live.stop().ok();
+        let (samples, report) = (npy(&dir.join("sent.npy")), json(&dir.join("r.json")));
+        assert_eq!(report["faults"], 0);
+        let peak = |x: &[f32]| x.iter().fold(0.0_f32, |m, x| m.max(x.abs()));
+        let (first, last) = (peak(&samples[4_800..19_200]), peak(&samples[samples.len() - 4_800..]));
+        assert!((first - 0.1).abs() < 0.004 && (last - 0.15).abs() < 0.004, "{first}, and then {last}");
+        // Where time was lost the wave has a step of its own.
+        if report["skipped_ticks"] != 0 || report["recording_gaps"] != 0 {
+            return Err(format!("time was lost: {report}"));
+        }
+        Ok(largest_step(&samples))
+    };
+    let step = common::live::told(trial);
+    // The wave's own slope, and that of a fade from one amplitude to the other.
+    assert!(step < 0.15 * 0.01 + 1.6 * 0.25 / 480.0, "a click of {step}");
 }
 
 #[test]

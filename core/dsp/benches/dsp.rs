@@ -106,7 +106,9 @@ fn sample_commit(c: &mut Criterion) {
     for f in [framing(500, 26), framing(2500, 101), framing(48_000, 101)] {
         let all = frames(f.bins, 97);
         let mut out = vec![0.0; f.start(1) as usize];
-        for (frames, passes, emission) in [(5, 2, 0), (5, 3, -20), (5, 5, -20), (5, 5, 0), (10, 5, 0)] {
+        for (frames, passes, emission) in
+            [(5, 2, 0), (5, 3, -20), (5, 5, -20), (5, 5, 0), (10, 5, 0), (5, 6, -25)]
+        {
             let settings = Settings { frames, passes, emission, ..Settings::default() };
             let mut kernel = SampleCommit::<f32>::new(f, settings, 1).unwrap();
             let mut frame = 0;
