@@ -1,6 +1,6 @@
 //! The made surfaces: which there are, and what each is made of. Figures are chosen after what is sold under such names.
 
-use super::family::{Binding, Carpet, Foam, Grating, Pebbled, Pile, Sheet, Weave, Wood};
+use super::family::{Binding, Carpet, Foam, Grating, Mould, Pebbled, Pile, Sheet, Weave, Wood};
 use super::made::{Contact, Family, MadeSurface, Recipe};
 
 /// All made surfaces, family by family, fourteen of each; within a family, neighbours are alike.
@@ -247,26 +247,27 @@ fn woods() -> Vec<Entry> {
 
 fn pebbles() -> Vec<Entry> {
     // Pitch, height [mm], flatness, matt [mm]; modulus [MPa], friction.
+    use Mould::{Hide, Waves};
     let moulds = [
-        ("spark-eroded plastic, fine", 0.18, 0.010, 0.6, 0.0010, 800.0, 0.25),
-        ("spark-eroded plastic", 0.28, 0.016, 0.6, 0.0012, 800.0, 0.25),
-        ("spark-eroded plastic, coarse", 0.42, 0.020, 0.6, 0.0015, 800.0, 0.28),
-        ("keyboard plastic", 0.35, 0.009, 1.0, 0.0008, 800.0, 0.25),
-        ("dashboard grain, fine", 0.70, 0.050, 1.8, 0.002, 40.0, 0.45),
-        ("dashboard grain", 1.00, 0.075, 1.8, 0.003, 40.0, 0.45),
-        ("dashboard grain, coarse", 1.50, 0.110, 1.8, 0.003, 40.0, 0.45),
-        ("suitcase shell", 1.30, 0.045, 1.2, 0.001, 500.0, 0.30),
-        ("orange peel lacquer", 2.20, 0.030, 0.4, 0.0004, 1_500.0, 0.22),
-        ("leather grain, fine", 0.55, 0.045, 2.4, 0.004, 20.0, 0.50),
-        ("leather grain", 0.85, 0.070, 2.4, 0.005, 20.0, 0.50),
-        ("leather grain, coarse", 1.30, 0.110, 2.6, 0.005, 20.0, 0.50),
-        ("rubber pebble mat", 2.00, 0.250, 2.0, 0.004, 6.0, 0.80),
-        ("pebbled handle", 1.60, 0.180, 1.4, 0.003, 25.0, 0.60),
+        ("spark-eroded plastic, fine", Waves, 0.18, 0.010, 0.6, 0.0010, 400.0, 0.25),
+        ("spark-eroded plastic", Waves, 0.28, 0.014, 0.6, 0.0012, 400.0, 0.25),
+        ("spark-eroded plastic, coarse", Waves, 0.42, 0.018, 0.6, 0.0015, 400.0, 0.28),
+        ("keyboard plastic", Waves, 0.35, 0.008, 1.0, 0.0008, 400.0, 0.25),
+        ("dashboard grain, fine", Hide, 0.70, 0.050, 1.8, 0.002, 40.0, 0.45),
+        ("dashboard grain", Hide, 1.00, 0.075, 1.8, 0.003, 40.0, 0.45),
+        ("dashboard grain, coarse", Hide, 1.50, 0.110, 1.8, 0.003, 40.0, 0.45),
+        ("suitcase shell", Waves, 1.30, 0.045, 1.2, 0.001, 500.0, 0.30),
+        ("orange peel lacquer", Waves, 2.20, 0.030, 0.4, 0.0004, 1_500.0, 0.22),
+        ("leather grain, fine", Hide, 0.55, 0.045, 2.4, 0.004, 20.0, 0.50),
+        ("leather grain", Hide, 0.85, 0.070, 2.4, 0.005, 20.0, 0.50),
+        ("leather grain, coarse", Hide, 1.30, 0.110, 2.6, 0.005, 20.0, 0.50),
+        ("rubber pebble mat", Hide, 2.00, 0.250, 2.0, 0.004, 6.0, 0.80),
+        ("pebbled handle", Hide, 1.60, 0.180, 1.4, 0.003, 25.0, 0.60),
     ];
     moulds
         .into_iter()
-        .map(|(name, pitch_mm, height_mm, flatness, matt_mm, modulus, friction)| {
-            let of = Pebbled { pitch_mm, height_mm, flatness, matt_mm };
+        .map(|(name, mould, pitch_mm, height_mm, flatness, matt_mm, modulus, friction)| {
+            let of = Pebbled { mould, pitch_mm, height_mm, flatness, matt_mm };
             (
                 name.to_owned(),
                 format!("Moulded: pebbles every {pitch_mm} mm, {height_mm} mm high."),
@@ -281,13 +282,13 @@ fn sheets() -> Vec<Entry> {
     // Height [um], roll-off [1/mm], Hurst, lay; modulus [MPa], friction.
     let flats = [
         ("float glass", 0.02, 0.3, 0.9, 1.0, 70_000.0, 0.15),
-        ("acrylic sheet", 0.15, 0.3, 0.9, 1.0, 3_000.0, 0.25),
-        ("frosted acrylic", 1.2, 9.0, 0.7, 1.0, 1_500.0, 0.30),
-        ("ground glass", 1.2, 13.0, 0.6, 1.0, 3_000.0, 0.25),
-        ("anodised aluminium", 0.45, 6.0, 0.7, 1.0, 3_000.0, 0.25),
-        ("brushed aluminium", 0.6, 7.0, 0.6, 30.0, 3_000.0, 0.22),
-        ("brushed steel", 0.5, 11.0, 0.6, 40.0, 4_000.0, 0.20),
-        ("milled aluminium", 1.0, 3.0, 0.9, 20.0, 3_000.0, 0.25),
+        ("acrylic sheet", 0.25, 2.5, 0.9, 1.0, 3_000.0, 0.25),
+        ("frosted acrylic", 1.4, 9.0, 0.7, 1.0, 1_500.0, 0.30),
+        ("ground glass", 1.5, 13.0, 0.6, 1.0, 3_000.0, 0.25),
+        ("anodised aluminium", 0.8, 6.0, 0.7, 1.0, 3_000.0, 0.25),
+        ("brushed aluminium", 0.8, 7.0, 0.6, 30.0, 3_000.0, 0.22),
+        ("brushed steel", 0.7, 11.0, 0.6, 40.0, 4_000.0, 0.20),
+        ("milled aluminium", 1.2, 3.0, 0.9, 20.0, 3_000.0, 0.25),
         ("sand-blasted steel", 1.8, 7.0, 0.7, 1.0, 3_000.0, 0.30),
         ("printer paper", 3.0, 5.0, 0.5, 1.5, 60.0, 0.35),
         ("drawing paper", 7.0, 2.8, 0.6, 1.3, 50.0, 0.40),

@@ -155,6 +155,22 @@ mod tests {
     }
 
     #[test]
+    fn waves_along_x_are_as_strong_as_waves_along_y() {
+        let cross = |fx: f64, fy: f64| {
+            f64::from(u8::from((fx == 4.0 && fy == 0.0) || (fx == 0.0 && fy.abs() == 4.0)))
+        };
+        let (mut x, mut y) = (0.0, 0.0);
+        for seed in 0..300 {
+            let field = gaussian((16, 1.0 / 16.0), 1.0, &mut Random::new(seed), cross);
+            for i in 0..16 {
+                x += f64::from(field.point(i + 1, i) - field.point(i, i)).powi(2);
+                y += f64::from(field.point(i, i + 1) - field.point(i, i)).powi(2);
+            }
+        }
+        assert!((0.8..1.25).contains(&(x / y)), "{x} {y}");
+    }
+
+    #[test]
     fn a_blur_is_a_convolution_with_its_gaussian() {
         let mut field = HeightField::flat(64, 0.1);
         field.heights_mut()[32 * 64 + 32] = 1.0;

@@ -8,7 +8,7 @@
 //! | [`foam`](foam()) | pore size, wall, open share | cells of a random tessellation, cut open |
 //! | [`carpet`](carpet()) | tuft pitch, height, disorder | loops of ply yarn, bunches of cut ends, or a felt |
 //! | [`wood`](wood()) | ring width, pore length, roughness | grain that is long one way, growth rings, pores |
-//! | [`pebbled`](pebbled()) | pebble pitch, height, matt | a moulded texture of round-topped pebbles |
+//! | [`pebbled`](pebbled()) | pebble pitch, height, matt | a moulded texture of waves or of a hide's pebbles |
 //! | [`sheet`](sheet()) | height, roll-off, Hurst exponent, lay | a smooth or finely finished sheet |
 
 mod cells;
@@ -23,7 +23,7 @@ mod wood;
 
 pub use foam::{Foam, foam};
 pub use grating::{Grating, grating};
-pub use moulded::{Pebbled, Sheet, pebbled, sheet};
+pub use moulded::{Mould, Pebbled, Sheet, pebbled, sheet};
 pub use sandpaper::sandpaper;
 pub use tufts::{Carpet, Pile, carpet};
 pub use weave::{Binding, Weave, weave};

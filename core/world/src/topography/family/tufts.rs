@@ -122,7 +122,8 @@ fn felt(field: &mut HeightField, of: &Carpet, random: &mut Random) {
     let (radius, long) = (0.5 * of.ply_mm, 2.0 * of.pitch_mm);
     let many = (3.0 * length * length / (2.0 * radius * long)).ceil() as usize;
     for n in 0..many {
-        let axis_mm = Some(of.height_mm * (n as f64 / many as f64 + 0.1 * random.normal()));
+        let layer = n as f64 / many as f64 + 0.05 * random.normal();
+        let axis_mm = Some((of.height_mm - radius) * layer);
         let from = [length * random.unit(), length * random.unit()];
         let curl = 0.5 + of.disorder;
         lay(field, &Strand { from, length_mm: long, radius_mm: radius, curl, axis_mm }, random);
@@ -137,5 +138,42 @@ pub(super) fn fuzz(field: &mut HeightField, per_mm2: f64, random: &mut Random) {
         let from = [length * random.unit(), length * random.unit()];
         let strand = Strand { from, length_mm: random.range(0.4, 1.5), radius_mm, curl: 1.2, axis_mm: None };
         lay(field, &strand, random);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tufts_stand_as_high_as_stated_over_a_backing() {
+        for pile in [Pile::Loop, Pile::Curl, Pile::Cut, Pile::Felt] {
+            let of = Carpet { pile, pitch_mm: 2.0, height_mm: 0.6, disorder: 0.5, ply_mm: 0.3 };
+            let field = carpet((512, 0.04), &of, &mut Random::new(4));
+            let mut sorted = field.heights().to_vec();
+            sorted.sort_by(f32::total_cmp);
+            let high = f64::from(sorted[sorted.len() * 98 / 100]);
+            assert!((high / 0.6 - 1.0).abs() < 0.25, "{pile:?}: {high}");
+            let low = f64::from(sorted[sorted.len() / 100]);
+            assert!(low < 0.3, "{pile:?}: {low}");
+        }
+    }
+
+    #[test]
+    fn cut_pile_looks_the_same_along_and_across_and_loops_lie_in_rows() {
+        let ratio = |pile: Pile| {
+            let of = Carpet { pile, pitch_mm: 2.0, height_mm: 0.6, disorder: 0.2, ply_mm: 0.5 };
+            let field = carpet((512, 0.04), &of, &mut Random::new(4));
+            // How much of the height is left of means over rows and over columns: rows of tufts remain.
+            let line = |at: &dyn Fn(i64, i64) -> f32| {
+                let means: Vec<f64> =
+                    (0..512).map(|i| (0..512).map(|j| f64::from(at(i, j))).sum::<f64>() / 512.0).collect();
+                let mean = means.iter().sum::<f64>() / 512.0;
+                means.iter().map(|m| (m - mean).powi(2)).sum::<f64>()
+            };
+            line(&|i, j| field.point(i, j)) / line(&|i, j| field.point(j, i))
+        };
+        assert!(ratio(Pile::Loop) > 3.0, "{}", ratio(Pile::Loop));
+        assert!((0.4..2.5).contains(&ratio(Pile::Cut)), "{}", ratio(Pile::Cut));
     }
 }

@@ -114,3 +114,39 @@ pub fn weave(grid: Grid, of: &Weave, random: &mut Random) -> HeightField {
     field.add(&gaussian(grid, of.fibre * pitch, random, self_affine(2.0 / pitch, 0.6)));
     field
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn cloth(binding: Binding, cover: f64) -> HeightField {
+        let of = Weave { pitch_mm: 0.8, binding, cover, thickness: 0.5, fibre: 0.0, wander: 0.0, fuzz: 0.0 };
+        weave((800, 0.02), &of, &mut Random::new(2))
+    }
+
+    #[test]
+    fn threads_float_over_as_many_as_the_binding_says_and_dip_between_crossings_elsewhere() {
+        // 0.4 mm a thickness; tops of threads lie at one thickness, twist and size aside.
+        for binding in [Binding::Plain, Binding::Twill, Binding::Satin] {
+            let field = cloth(binding, 0.95);
+            for (i, j) in [(2, 3), (3, 5), (4, 1), (5, 5), (7, 8)] {
+                let top = field.sample((i as f64 + 0.5) * 0.8, (j as f64 + 0.5) * 0.8).height_mm;
+                assert!((top - 0.4).abs() < 0.05, "{binding:?} {i} {j}: {top}");
+                let floats = binding.warp_on_top(i, j) && binding.warp_on_top(i, j + 1);
+                let between = field.sample((i as f64 + 0.5) * 0.8, (j as f64 + 1.0) * 0.8).height_mm;
+                assert!((between > 0.3) == floats, "{binding:?} {i} {j}: {between}");
+            }
+        }
+    }
+
+    #[test]
+    fn an_open_cloth_has_holes_and_a_dense_one_has_none() {
+        let holes = |cover: f64| {
+            let field = cloth(Binding::Plain, cover);
+            field.heights().iter().filter(|h| **h < -0.23).count() as f64 / field.heights().len() as f64
+        };
+        // Square holes between threads of so much of the pitch.
+        assert!((holes(0.6) - 0.16).abs() < 0.04, "{}", holes(0.6));
+        assert!(holes(1.0) < 0.02, "{}", holes(1.0));
+    }
+}

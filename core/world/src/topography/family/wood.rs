@@ -91,3 +91,44 @@ fn pore(field: &mut HeightField, place: [f64; 2], depth: f64, random: &mut Rando
         });
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pores_are_as_deep_as_stated_run_along_the_grain_and_keep_to_early_wood() {
+        let board = |rings_porous: f64| {
+            let of = Wood {
+                ring_mm: 4.0,
+                ring_height_mm: 1e-6,
+                fibre_mm: 0.1,
+                fibre_height_mm: 0.0,
+                pore_mm: 0.1,
+                pores: 2.0,
+                rings_porous,
+            };
+            wood((512, 0.04), &of, &mut Random::new(5))
+        };
+        let (even, ringed) = (board(0.0), board(1.0));
+        let sunk = |f: &HeightField| f.heights().iter().filter(|h| **h < -0.02).count();
+        assert!(
+            3 * sunk(&ringed) < 2 * sunk(&even) && sunk(&ringed) > 0,
+            "{} {}",
+            sunk(&ringed),
+            sunk(&even)
+        );
+        let mut sorted: Vec<f32> = even.heights().iter().copied().filter(|h| *h < -0.02).collect();
+        sorted.sort_by(f32::total_cmp);
+        let deep = f64::from(-sorted[sorted.len() / 20]);
+        assert!((0.07..0.25).contains(&deep), "{deep}");
+        let (mut along, mut across) = (0.0, 0.0);
+        for i in 0..512 {
+            for j in 0..512 {
+                along += f64::from(even.point(i, j + 1) - even.point(i, j)).powi(2);
+                across += f64::from(even.point(i + 1, j) - even.point(i, j)).powi(2);
+            }
+        }
+        assert!(across > 8.0 * along, "{across} {along}");
+    }
+}
