@@ -46,6 +46,8 @@ pub struct Stylus<'s> {
     envelope: &'s HeightField,
     contact: Contact,
     hertz: f64,
+    /// One over the masses of tip, body and both.
+    per_kg: [f64; 3],
     step_s: f64,
     steps: u32,
     /// Whether the hand's rest follows.
@@ -77,6 +79,7 @@ impl<'s> Stylus<'s> {
             envelope,
             contact,
             hertz,
+            per_kg: [tool.tip_kg, tool.body_kg, tool.mass_kg()].map(|kg| 1.0 / kg),
             step_s: 1.0 / f64::from(SAMPLE_HZ * STEPS),
             steps: STEPS,
             follows: true,
@@ -104,8 +107,12 @@ impl<'s> Stylus<'s> {
     /// Goes on by a sample.
     pub fn next(&mut self, moment: &Moment) -> Acceleration {
         let before = self.speed;
+        let [vx, vy] = moment.velocity_mm_s;
+        let speed = vx.hypot(vy);
+        let way = if speed > 0.0 { [vx / speed, vy / speed] } else { [1.0, 0.0] };
+        let force = moment.force_n.max(0.0);
         for _ in 0..self.steps {
-            self.step(moment);
+            self.step(speed * 1e-3, way, force);
         }
         let sample_s = self.step_s * f64::from(self.steps);
         Acceleration {
@@ -138,13 +145,11 @@ impl<'s> Stylus<'s> {
         (surface.height_mm * 1e-3 - self.at[0], slope)
     }
 
-    fn step(&mut self, moment: &Moment) {
+    /// One step at a speed in m/s along a way.
+    fn step(&mut self, speed: f64, way: [f64; 2], force: f64) {
         let (t, dt) = (self.tool, self.step_s);
-        let [vx, vy] = moment.velocity_mm_s;
-        let speed = vx.hypot(vy);
-        let way = if speed > 0.0 { [vx / speed, vy / speed] } else { [1.0, 0.0] };
         let (depth, slope) = self.depth(&way);
-        let slip = speed * 1e-3 + self.speed[2];
+        let slip = speed + self.speed[2];
         let approach = slope * slip - self.speed[0];
         let hertz = if depth > 0.0 { self.hertz * depth * depth.sqrt() } else { 0.0 };
         let normal = (hertz * (1.0 + self.contact.damping_s_m * approach)).max(0.0);
@@ -153,19 +158,18 @@ impl<'s> Stylus<'s> {
         let shaft = t.shaft_n_m * (self.at[0] - self.at[1]) + t.shaft_ns_m * apart;
         let hand = t.hand_n_m[0] * (self.at[1] - self.rest) + t.hand_ns_m[0] * self.speed[1];
         let held = t.hand_n_m[1] * self.at[2] + t.hand_ns_m[1] * self.speed[2];
-        let force = moment.force_n.max(0.0);
         let pull = -normal * slope - friction - held;
-        self.speed[0] += dt * (normal - shaft) / t.tip_kg;
-        self.speed[1] += dt * (shaft - force - hand) / t.body_kg;
-        self.speed[2] += dt * pull / t.mass_kg();
+        let [tip, body, whole] = self.per_kg.map(|per_kg| dt * per_kg);
+        self.speed[0] += tip * (normal - shaft);
+        self.speed[1] += body * (shaft - force - hand);
+        self.speed[2] += whole * pull;
         self.at.iter_mut().zip(self.speed).for_each(|(at, speed)| *at += dt * speed);
-        self.place_mm[0] += vx * dt;
-        self.place_mm[1] += vy * dt;
+        self.place_mm.iter_mut().zip(way).for_each(|(at, way)| *at += 1e3 * speed * dt * way);
         if self.follows {
             self.rest += dt / FOLLOWS_S * (self.at[1] - self.rest);
         }
         // The hand moves at its speed against what pulls at it.
-        self.energy.drag += dt * speed * 1e-3 * (normal * slope + friction);
+        self.energy.drag += dt * speed * (normal * slope + friction);
         self.energy.lost += dt
             * (t.shaft_ns_m * apart * apart
                 + t.hand_ns_m[0] * self.speed[1].powi(2)

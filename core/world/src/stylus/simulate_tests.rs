@@ -1,6 +1,6 @@
 use super::super::testing::{GRID, level, met, spectrum, spectrum_of_both, stroke, surface};
 use super::*;
-use crate::topography::{Family, made_surfaces};
+use crate::topography::made_surfaces;
 
 #[test]
 fn a_grating_sounds_at_speed_over_wavelength() {
@@ -77,21 +77,63 @@ fn halving_the_step_changes_no_band_of_the_spectrum_by_half_a_decibel() {
 
 #[test]
 fn every_surface_stays_finite_under_hard_strokes_and_none() {
-    for (n, made) in made_surfaces().iter().enumerate() {
-        if n % 3 > 0 && made.family != Family::Sheet {
-            continue;
-        }
+    for made in &made_surfaces() {
         let surface = met(made, (256, 0.04));
         for (speed, force) in [(0.0, 0.0), (0.0, 3.0), (400.0, 5.0), (300.0, 0.05)] {
             let x = stroke(&surface, (speed, 0.7), force, 0.2, STEPS);
             let most = x.iter().map(|a| a.normal.abs().max(a.along.abs())).fold(0.0, f64::max);
-            assert!(most.is_finite() && most < 1e5, "{}: {most} m/s^2 at {speed} mm/s, {force} N", made.name);
+            assert!(most.is_finite() && most < 1e4, "{}: {most} m/s^2 at {speed} mm/s, {force} N", made.name);
             if speed == 0.0 && force > 0.0 {
-                // On a slope it settles sideways; strokes make some 20 m/s^2.
-                assert!(most < 0.1, "{} at rest: {most}", made.name);
+                // On a slope it settles sideways.
+                assert!(most < 0.3, "{} at rest: {most}", made.name);
             }
         }
     }
+}
+
+#[test]
+fn landing_and_lifting_off_in_a_stroke_end_as_they_began() {
+    for made in made_surfaces().iter().step_by(3) {
+        let surface = met(made, (256, 0.04));
+        let mut stylus = Stylus::new(Tool::PEN, &surface.0, surface.1, [1.0, 2.0], 0.0);
+        let mut most = [0.0_f64; 2];
+        for n in 0..6_000_u32 {
+            // Three presses of 3.5 N, from nothing and back at once, 0.1 s each and as far apart.
+            let force_n = if (n / 1_000) % 2 == 1 { 3.5 } else { 0.0 };
+            let a = stylus.next(&Moment { velocity_mm_s: [300.0, 20.0], force_n });
+            let half = usize::from(n >= 3_000);
+            most[half] = most[half].max(a.normal.abs()).max(a.along.abs());
+        }
+        assert!(most.iter().all(|m| m.is_finite() && *m < 2e3), "{}: {most:?}", made.name);
+        // A simulation that gains energy is louder each time.
+        assert!(most[1] < 3.0 * most[0] + 10.0, "{}: {most:?}", made.name);
+    }
+}
+
+#[test]
+fn levels_are_those_that_instrumented_pens_measure() {
+    let mut levels: Vec<(f64, String)> = made_surfaces()
+        .into_iter()
+        .map(|made| (level(&stroke(&met(&made, (512, 0.04)), (100.0, 0.3), 1.0, 1.0, STEPS)), made.name))
+        .collect();
+    levels.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let within = levels.iter().filter(|(rms, _)| (0.1..20.0).contains(rms)).count();
+    assert!(within >= 101, "{within}: {levels:.2?}");
+    assert!((1.0..6.0).contains(&levels[56].0), "{:?}", levels[56]);
+    let rank = |name: &str| levels.iter().position(|(_, n)| n == name).expect("a surface");
+    for (quiet, loud) in [
+        ("float glass", "frosted acrylic"),
+        ("printer paper", "watercolour paper"),
+        ("sandpaper P400", "sandpaper P120"),
+        ("sandpaper P120", "sandpaper P36"),
+        ("upholstery foam", "canvas"),
+        ("plush", "seagrass"),
+        ("maple", "brushed oak"),
+        ("sateen", "hessian"),
+    ] {
+        assert!(rank(quiet) < rank(loud), "{quiet} {loud}: {levels:.2?}");
+    }
+    assert!(rank("float glass") == 0 && rank("sandpaper P36") > 90 && rank("square grating 2 mm") > 100);
 }
 
 #[test]
@@ -121,4 +163,20 @@ fn levels() {
         112.0 * 10.0 / spent,
         began.elapsed().as_secs_f64()
     );
+}
+
+#[test]
+#[ignore = "prints how many times faster than real time strokes are, median of nine"]
+fn speed() {
+    let surface = surface("denim");
+    let mut times: Vec<f64> = (0..9)
+        .map(|_| {
+            let began = std::time::Instant::now();
+            let x = stroke(&surface, (120.0, 0.4), 1.0, 4.5, STEPS);
+            assert!(x.iter().all(|a| a.normal.is_finite()));
+            5.0 / began.elapsed().as_secs_f64()
+        })
+        .collect();
+    times.sort_by(f64::total_cmp);
+    println!("{:.0} times real time ({times:.0?})", times[4]);
 }

@@ -71,3 +71,27 @@ impl Tool {
         self.tip_kg + self.body_kg
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::f64::consts::TAU;
+
+    #[test]
+    fn a_soft_surface_is_averaged_over_the_contact_and_a_hard_one_is_not() {
+        let (pen, period) = (Tool::PEN, 1.28);
+        // So flat that the tip follows it everywhere.
+        let wave = HeightField::from_fn(256, 0.02, |x, _| 0.001 * (TAU * x / period).sin());
+        let of = |modulus_mpa: f64| Contact { modulus_mpa, friction: 0.3, damping_s_m: 5.0 };
+        for modulus in [20.0, 200.0, 50_000.0] {
+            // Hertz: a^3 = 3 F R / (4 E*), in N and mm.
+            let yields = (1.0 - 0.35 * 0.35) * (1.0 / modulus + 1.0 / 200_000.0);
+            let radius = (0.75 * pen.tip_mm * yields).cbrt();
+            assert!((pen.touching_mm(&of(modulus), 1.0) / radius - 1.0).abs() < 1e-9);
+            let want = (-0.5 * (TAU / period * radius).powi(2) / 5.0).exp();
+            let track = pen.track(&wave, &of(modulus));
+            let found = track.rms_mm() / wave.rms_mm();
+            assert!((found - want).abs() < 0.03, "{modulus} MPa: {found}, not {want}");
+        }
+    }
+}

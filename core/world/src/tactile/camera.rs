@@ -7,9 +7,9 @@ use crate::topography::spectrum::blur;
 /// Rows and columns of an image.
 pub const IMAGE: [usize; 2] = [192, 256];
 /// Elevation of the lights in radians.
-const ELEVATION: f64 = 0.3;
+const ELEVATION: f64 = 0.25;
 /// How soft the edge of shadow is: lights are as wide as that, in radians.
-const SOFT: f64 = 0.15;
+const SOFT: f64 = 0.12;
 /// Radii and heights of specks in millimetres.
 const SPECK_MM: [[f64; 2]; 2] = [[0.03, 0.12], [0.004, 0.03]];
 
@@ -55,7 +55,7 @@ impl Camera {
         fall: 0.25,
         near: 0.12,
         blur_mm: 0.02,
-        noise: 0.008,
+        noise: 0.006,
         specks: 3.0,
     };
 
@@ -68,7 +68,7 @@ impl Camera {
         it.fall = random.range(0.1, 0.4);
         it.near = random.range(0.04, 0.2);
         it.blur_mm = random.range(0.012, 0.028);
-        it.noise = random.range(0.005, 0.011);
+        it.noise = random.range(0.004, 0.008);
         it.specks = random.range(0.0, 8.0);
         it
     }
@@ -153,72 +153,5 @@ fn slopes(skin: &HeightField, column: i64, row: i64) -> [f64; 2] {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_flat_skin_is_grey_and_a_slope_takes_the_colour_of_the_light_it_faces() {
-        let camera = Camera {
-            noise: 0.0,
-            fall: 0.0,
-            near: 0.0,
-            specks: 0.0,
-            light: [0.4; 3],
-            ambient: [0.1; 3],
-            ..Camera::USUAL
-        };
-        let (side, step) = camera.grid();
-        let tilted = |gx: f64, gy: f64| {
-            let middle = 0.5 * side as f64 * step;
-            // Away from the seam, which is a cliff.
-            let skin = HeightField::from_fn(side, step, |x, y| gx * (x - middle) + gy * (y - middle));
-            let image = camera.picture(&skin, &mut Random::new(1));
-            let at = 3 * (96 * IMAGE[1] + 128);
-            [image.pixels[at], image.pixels[at + 1], image.pixels[at + 2]].map(i32::from)
-        };
-        let flat = tilted(0.0, 0.0);
-        let want = 255.0 * (0.1 + 0.4);
-        assert!(flat.iter().all(|c| (f64::from(*c) - want).abs() <= 1.0), "{flat:?}");
-        // Red stands at +y: a skin that falls towards it faces it.
-        let [red, green, blue] = tilted(0.0, -0.4);
-        assert!(red > flat[0] && green < flat[1] && blue < flat[2] && (green - blue).abs() <= 2);
-    }
-}
-
-#[cfg(test)]
-mod look {
-    use super::super::{Press, indentation};
-    use super::*;
-    use crate::topography::made_surfaces;
-
-    #[test]
-    #[ignore = "writes a picture to look at: ASPERITY_LOOK names the file, a .ppm; prints how long pictures take"]
-    fn a_sheet_of_tactile_images() {
-        let Ok(path) = std::env::var("ASPERITY_LOOK") else { return };
-        let [rows, columns] = IMAGE;
-        let surfaces = made_surfaces();
-        let mut pixels = vec![0_u8; 14 * columns * 8 * rows * 3];
-        let mut spent: Vec<[f64; 3]> = Vec::new();
-        for (n, surface) in surfaces.iter().enumerate() {
-            let began = std::time::Instant::now();
-            let patch = surface.patch((1024, 0.02), 1);
-            let made = began.elapsed().as_secs_f64();
-            let random = &mut Random::new(n as u64);
-            let press = Press { place_mm: [5.0, 6.0], turn: 0.2, depth_mm: 0.4 };
-            let skin = indentation(&patch, &press, Camera::USUAL.grid());
-            let touched = began.elapsed().as_secs_f64();
-            let image = Camera::USUAL.picture(&skin, random);
-            spent.push([made, touched - made, began.elapsed().as_secs_f64() - touched].map(|s| 1e3 * s));
-            for (y, line) in image.pixels.chunks_exact(3 * columns).enumerate() {
-                let to = 3 * (((n / 14) * rows + y) * 14 + n % 14) * columns;
-                pixels[to..to + line.len()].copy_from_slice(line);
-            }
-        }
-        for (surface, ms) in surfaces.iter().zip(&spent).step_by(14) {
-            println!("{}: {ms:.1?} ms for patch, press, camera", surface.name);
-        }
-        let mut file = format!("P6 {} {} 255\n", 14 * columns, 8 * rows).into_bytes();
-        file.extend(pixels);
-        std::fs::write(path, file).expect("a picture");
-    }
-}
+#[path = "camera_tests.rs"]
+mod tests;

@@ -15,6 +15,12 @@
 //!
 //! `s` is the shade under a light of width `w`, `fall` the lights' unevenness over the field. A camera adds its blur, its noise (shot and read), dust
 //! that sticks to the gel, and 8 bits: what is steep and faces a light is white, what is steep and turned away is dark.
+//!
+//! # What it resolves
+//!
+//! A pixel is 0.04 mm. Without noise the fine surfaces differ from a flat skin by, root mean square in parts of 255: sandpaper P400 by 6, maple by 4,
+//! brushed steel by 1.6, against 1.0 of noise in a pixel; only float glass and acrylic are below the noise. Of the coarsest ones less than a tenth of the
+//! values is at an end of the range. A press and its picture take some 20 ms of a server's core, a patch of 1024 x 1024 points 30 to 150 ms.
 
 mod camera;
 mod gel;

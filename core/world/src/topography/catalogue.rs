@@ -1,118 +1,7 @@
-//! The made surfaces: which there are, and what each is made of.
+//! The made surfaces: which there are, and what each is made of. Figures are chosen after what is sold under such names.
 
-use super::HeightField;
-use super::family::{
-    Binding, Carpet, Foam, Grating, Grid, Pebbled, Sheet, Weave, Wood, carpet, foam, grating, pebbled,
-    sandpaper, sheet, weave, wood,
-};
-use crate::material::Random;
-
-/// What kind of surface it is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum Family {
-    /// Coated abrasives.
-    Sandpaper,
-    /// Cloth.
-    Weave,
-    /// Straight ridges.
-    Grating,
-    /// Cut foam.
-    Foam,
-    /// Tufts.
-    Carpet,
-    /// Planed boards.
-    Wood,
-    /// Grained plastic.
-    Pebbled,
-    /// Smooth sheets.
-    Sheet,
-}
-
-impl Family {
-    /// All of them.
-    pub const ALL: [Self; 8] = [
-        Self::Sandpaper,
-        Self::Weave,
-        Self::Grating,
-        Self::Foam,
-        Self::Carpet,
-        Self::Wood,
-        Self::Pebbled,
-        Self::Sheet,
-    ];
-
-    /// Its name.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Sandpaper => "sandpaper",
-            Self::Weave => "weave",
-            Self::Grating => "grating",
-            Self::Foam => "foam",
-            Self::Carpet => "carpet",
-            Self::Wood => "wood",
-            Self::Pebbled => "pebbled plastic",
-            Self::Sheet => "sheet",
-        }
-    }
-}
-
-/// What a tip feels of the stuff itself.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Contact {
-    /// Modulus in MPa, of the surface alone, as a ball of millimetres finds it: asperities and what lies below yield too, so that it is far
-    /// below Young's modulus of the stuff where the surface is rough or thin. Chosen, not measured.
-    pub modulus_mpa: f64,
-    /// Coefficient of kinetic friction of a steel tip on it.
-    pub friction: f64,
-    /// Hunt and Crossley's damping, in s/m: the contact's force grows by this part for every metre a second of approach.
-    pub damping_s_m: f64,
-}
-
-/// How a patch is made.
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Recipe {
-    Sandpaper(f64),
-    Weave(Weave),
-    Grating(Grating),
-    Foam(Foam),
-    Carpet(Carpet),
-    Wood(Wood),
-    Pebbled(Pebbled),
-    Sheet(Sheet),
-}
-
-/// A surface that is made, not measured.
-#[derive(Clone, Debug, PartialEq)]
-pub struct MadeSurface {
-    /// Its name; no other one has it.
-    pub name: String,
-    /// What it is, in a sentence.
-    pub description: String,
-    /// Its family.
-    pub family: Family,
-    /// What its stuff is like.
-    pub contact: Contact,
-    recipe: Recipe,
-}
-
-impl MadeSurface {
-    /// A patch of it on a grid. Another seed is another piece of the same.
-    pub fn patch(&self, grid: Grid, seed: u64) -> HeightField {
-        let random = &mut Random::new(
-            seed ^ self.name.bytes().fold(0, |h, b| (h ^ u64::from(b)).wrapping_mul(0x0100_0000_01b3)),
-        );
-        match self.recipe {
-            Recipe::Sandpaper(grain_mm) => sandpaper(grid, grain_mm, random),
-            Recipe::Weave(of) => weave(grid, &of, random),
-            Recipe::Grating(of) => grating(grid, &of, random),
-            Recipe::Foam(of) => foam(grid, &of, random),
-            Recipe::Carpet(of) => carpet(grid, &of, random),
-            Recipe::Wood(of) => wood(grid, &of, random),
-            Recipe::Pebbled(of) => pebbled(grid, &of, random),
-            Recipe::Sheet(of) => sheet(grid, &of, random),
-        }
-    }
-}
+use super::family::{Binding, Carpet, Foam, Grating, Mould, Pebbled, Pile, Sheet, Weave, Wood};
+use super::made::{Contact, Family, MadeSurface, Recipe};
 
 /// All made surfaces, family by family, fourteen of each; within a family, neighbours are alike.
 pub fn made_surfaces() -> Vec<MadeSurface> {
@@ -177,27 +66,27 @@ fn sandpapers() -> Vec<Entry> {
 
 fn weaves() -> Vec<Entry> {
     use Binding::{Plain, Satin, Twill};
-    // Pitch [mm], binding, thickness, fibre, wander; modulus [MPa], friction.
+    // Pitch [mm], binding, cover, thickness, fibre, wander, fuzz; modulus [MPa], friction.
     let cloths = [
-        ("voile", 0.33, Plain, 0.30, 0.015, 0.04, 20.0, 0.25),
-        ("percale", 0.36, Plain, 0.45, 0.015, 0.03, 25.0, 0.28),
-        ("poplin", 0.42, Plain, 0.45, 0.020, 0.04, 25.0, 0.30),
-        ("muslin", 0.55, Plain, 0.40, 0.030, 0.07, 15.0, 0.35),
-        ("linen", 0.70, Plain, 0.45, 0.040, 0.10, 30.0, 0.35),
-        ("canvas", 0.95, Plain, 0.55, 0.025, 0.05, 40.0, 0.40),
-        ("hessian", 1.90, Plain, 0.40, 0.040, 0.12, 30.0, 0.45),
-        ("gabardine", 0.40, Twill, 0.40, 0.020, 0.03, 20.0, 0.28),
-        ("drill", 0.55, Twill, 0.45, 0.025, 0.04, 30.0, 0.32),
-        ("denim", 0.70, Twill, 0.50, 0.035, 0.05, 35.0, 0.38),
-        ("heavy denim", 0.85, Twill, 0.50, 0.035, 0.05, 35.0, 0.40),
-        ("sateen", 0.34, Satin, 0.35, 0.012, 0.03, 20.0, 0.20),
-        ("duchesse satin", 0.45, Satin, 0.35, 0.012, 0.03, 20.0, 0.18),
-        ("moleskin", 0.60, Satin, 0.40, 0.030, 0.05, 25.0, 0.30),
+        ("voile", 0.33, Plain, 0.62, 0.30, 0.015, 0.04, 0.1, 20.0, 0.25),
+        ("percale", 0.36, Plain, 0.95, 0.40, 0.015, 0.03, 0.1, 25.0, 0.28),
+        ("poplin", 0.42, Plain, 0.95, 0.40, 0.020, 0.04, 0.15, 25.0, 0.30),
+        ("muslin", 0.55, Plain, 0.75, 0.40, 0.030, 0.07, 0.3, 15.0, 0.35),
+        ("linen", 0.70, Plain, 0.85, 0.42, 0.030, 0.10, 0.3, 30.0, 0.35),
+        ("canvas", 0.95, Plain, 0.98, 0.42, 0.020, 0.05, 0.2, 40.0, 0.40),
+        ("hessian", 1.90, Plain, 0.70, 0.35, 0.025, 0.10, 0.6, 30.0, 0.45),
+        ("gabardine", 0.40, Twill, 0.96, 0.40, 0.020, 0.03, 0.1, 20.0, 0.28),
+        ("drill", 0.55, Twill, 0.96, 0.40, 0.025, 0.04, 0.15, 30.0, 0.32),
+        ("denim", 0.70, Twill, 0.97, 0.42, 0.030, 0.05, 0.3, 35.0, 0.38),
+        ("heavy denim", 0.85, Twill, 0.97, 0.42, 0.030, 0.05, 0.3, 35.0, 0.40),
+        ("sateen", 0.34, Satin, 0.97, 0.35, 0.012, 0.03, 0.05, 20.0, 0.20),
+        ("duchesse satin", 0.45, Satin, 0.98, 0.35, 0.012, 0.03, 0.05, 20.0, 0.18),
+        ("moleskin", 0.60, Satin, 0.97, 0.38, 0.030, 0.05, 1.0, 25.0, 0.30),
     ];
     cloths
         .into_iter()
-        .map(|(name, pitch_mm, binding, thickness, fibre, wander, modulus, friction)| {
-            let of = Weave { pitch_mm, binding, thickness, fibre, wander };
+        .map(|(name, pitch_mm, binding, cover, thickness, fibre, wander, fuzz, modulus, friction)| {
+            let of = Weave { pitch_mm, binding, cover, thickness, fibre, wander, fuzz };
             let bound = match binding {
                 Plain => "plain weave",
                 Twill => "two-and-two twill",
@@ -278,91 +167,107 @@ fn foams() -> Vec<Entry> {
 }
 
 fn carpets() -> Vec<Entry> {
-    // Pitch, height [mm], disorder, ply [mm]; modulus [MPa].
+    use Pile::{Curl, Cut, Felt, Loop};
+    // Pile, pitch, height [mm], disorder, ply [mm]; modulus [MPa].
     let piles = [
-        ("needle felt", 1.0, 0.20, 1.0, 0.25, 2.0),
-        ("velour", 0.9, 0.15, 0.8, 0.20, 1.0),
-        ("fine loop pile", 1.8, 0.45, 0.25, 0.35, 1.5),
-        ("loop pile", 2.4, 0.60, 0.25, 0.45, 1.2),
-        ("coarse loop pile", 3.2, 0.80, 0.25, 0.60, 1.0),
-        ("berber", 4.0, 0.90, 0.30, 0.80, 1.0),
-        ("cut pile", 2.0, 0.50, 0.6, 0.30, 0.6),
-        ("plush", 2.4, 0.60, 0.8, 0.25, 0.4),
-        ("saxony", 3.0, 0.80, 0.7, 0.40, 0.4),
-        ("frieze", 3.4, 0.80, 0.9, 0.55, 0.5),
-        ("sisal", 2.6, 0.55, 0.10, 0.50, 8.0),
-        ("seagrass", 3.8, 0.70, 0.08, 0.90, 15.0),
-        ("coir", 3.0, 0.80, 1.0, 0.30, 6.0),
-        ("terry towel", 1.5, 0.45, 0.7, 0.30, 0.5),
+        ("needle felt", Felt, 1.6, 0.20, 1.0, 0.08, 2.0),
+        ("velour", Cut, 0.9, 0.20, 0.8, 0.12, 1.0),
+        ("fine loop pile", Loop, 1.8, 0.45, 0.25, 0.50, 1.5),
+        ("loop pile", Loop, 2.4, 0.60, 0.25, 0.65, 1.2),
+        ("coarse loop pile", Loop, 3.2, 0.80, 0.25, 0.85, 1.0),
+        ("berber", Loop, 4.0, 0.90, 0.35, 1.10, 1.0),
+        ("cut pile", Cut, 2.0, 0.50, 0.6, 0.20, 0.6),
+        ("plush", Cut, 1.6, 0.45, 0.9, 0.16, 0.4),
+        ("saxony", Cut, 3.0, 0.80, 0.7, 0.30, 0.4),
+        ("frieze", Curl, 2.8, 0.80, 0.9, 0.55, 0.5),
+        ("sisal", Loop, 2.6, 0.55, 0.10, 0.35, 8.0),
+        ("seagrass", Loop, 3.8, 0.70, 0.08, 1.60, 15.0),
+        ("coir", Felt, 6.0, 0.80, 0.5, 0.28, 6.0),
+        ("terry towel", Curl, 1.5, 0.45, 0.8, 0.40, 0.5),
     ];
     piles
         .into_iter()
-        .map(|(name, pitch_mm, height_mm, disorder, ply_mm, modulus)| {
-            let of = Carpet { pitch_mm, height_mm, disorder, ply_mm };
-            (
-                name.to_owned(),
-                format!("Tufts every {pitch_mm} mm, {height_mm} mm over the gaps."),
-                contact(modulus, 0.5, 20.0),
-                Recipe::Carpet(of),
-            )
+        .map(|(name, pile, pitch_mm, height_mm, disorder, ply_mm, modulus)| {
+            let of = Carpet { pile, pitch_mm, height_mm, disorder, ply_mm };
+            let made = match pile {
+                Loop => format!("Loops in rows, every {pitch_mm} mm, {height_mm} mm high."),
+                Curl => format!("Loops every {pitch_mm} mm as they fell, {height_mm} mm high."),
+                Cut => format!("Cut tufts every {pitch_mm} mm, {height_mm} mm high."),
+                Felt => format!("Fibres {ply_mm} mm thick across each other."),
+            };
+            (name.to_owned(), made, contact(modulus, 0.5, 20.0), Recipe::Carpet(of))
         })
         .collect()
 }
 
 fn woods() -> Vec<Entry> {
-    // Ring, its height, fibre, its height, pore [mm]; modulus [MPa].
+    // Ring, its height, fibre, its height, pore [mm], pores [1/mm^2], in early wood; modulus [MPa].
     let boards = [
-        ("balsa", 4.0, 0.006, 0.12, 0.006, 0.040, 40.0),
-        ("spruce", 2.2, 0.012, 0.09, 0.004, 0.0, 120.0),
-        ("brushed spruce", 2.2, 0.050, 0.10, 0.008, 0.0, 120.0),
-        ("pine", 3.2, 0.016, 0.10, 0.0045, 0.0, 150.0),
-        ("larch", 2.6, 0.024, 0.10, 0.005, 0.0, 200.0),
-        ("cedar", 1.8, 0.014, 0.11, 0.0055, 0.0, 100.0),
-        ("beech", 3.0, 0.004, 0.08, 0.003, 0.015, 400.0),
-        ("maple", 3.5, 0.003, 0.07, 0.0025, 0.008, 450.0),
-        ("birch", 3.0, 0.004, 0.08, 0.0035, 0.012, 350.0),
-        ("cherry", 2.6, 0.004, 0.08, 0.003, 0.020, 300.0),
-        ("walnut", 3.2, 0.006, 0.12, 0.004, 0.045, 300.0),
-        ("oak", 2.8, 0.012, 0.16, 0.005, 0.080, 350.0),
-        ("brushed oak", 2.8, 0.040, 0.18, 0.010, 0.120, 350.0),
-        ("ash", 3.4, 0.018, 0.18, 0.005, 0.070, 350.0),
+        ("balsa", 4.0, 0.006, 0.12, 0.006, 0.060, 0.8, 0.0, 40.0),
+        ("spruce", 2.2, 0.012, 0.09, 0.004, 0.0, 0.0, 0.0, 120.0),
+        ("brushed spruce", 2.2, 0.050, 0.10, 0.008, 0.0, 0.0, 0.0, 120.0),
+        ("pine", 3.2, 0.016, 0.10, 0.0045, 0.0, 0.0, 0.0, 150.0),
+        ("larch", 2.6, 0.024, 0.10, 0.005, 0.0, 0.0, 0.0, 200.0),
+        ("cedar", 1.8, 0.014, 0.11, 0.0055, 0.0, 0.0, 0.0, 100.0),
+        ("beech", 3.0, 0.004, 0.08, 0.003, 0.020, 6.0, 0.1, 400.0),
+        ("maple", 3.5, 0.003, 0.07, 0.0025, 0.015, 3.0, 0.1, 450.0),
+        ("birch", 3.0, 0.004, 0.08, 0.0035, 0.025, 2.0, 0.1, 350.0),
+        ("cherry", 2.6, 0.004, 0.08, 0.003, 0.018, 5.0, 0.5, 300.0),
+        ("walnut", 3.2, 0.006, 0.12, 0.004, 0.060, 1.0, 0.5, 300.0),
+        ("oak", 2.8, 0.012, 0.16, 0.005, 0.090, 2.5, 1.0, 350.0),
+        ("brushed oak", 2.8, 0.040, 0.18, 0.010, 0.120, 2.5, 1.0, 350.0),
+        ("ash", 3.4, 0.018, 0.18, 0.005, 0.080, 1.6, 1.0, 350.0),
     ];
     boards
         .into_iter()
-        .map(|(name, ring_mm, ring_height_mm, fibre_mm, fibre_height_mm, pore_mm, modulus)| {
-            let of = Wood { ring_mm, ring_height_mm, fibre_mm, fibre_height_mm, pore_mm };
-            (
-                name.to_owned(),
-                format!("A planed board: rings every {ring_mm} mm."),
-                contact(modulus, 0.35, 12.0),
-                Recipe::Wood(of),
-            )
-        })
+        .map(
+            |(
+                name,
+                ring_mm,
+                ring_height_mm,
+                fibre_mm,
+                fibre_height_mm,
+                pore_mm,
+                pores,
+                rings_porous,
+                modulus,
+            )| {
+                let of =
+                    Wood { ring_mm, ring_height_mm, fibre_mm, fibre_height_mm, pore_mm, pores, rings_porous };
+                (
+                    name.to_owned(),
+                    format!("A planed board: rings every {ring_mm} mm."),
+                    contact(modulus, 0.35, 12.0),
+                    Recipe::Wood(of),
+                )
+            },
+        )
         .collect()
 }
 
 fn pebbles() -> Vec<Entry> {
     // Pitch, height [mm], flatness, matt [mm]; modulus [MPa], friction.
+    use Mould::{Hide, Waves};
     let moulds = [
-        ("spark-eroded plastic, fine", 0.18, 0.010, 0.6, 0.0010, 800.0, 0.25),
-        ("spark-eroded plastic", 0.28, 0.016, 0.6, 0.0012, 800.0, 0.25),
-        ("spark-eroded plastic, coarse", 0.42, 0.020, 0.6, 0.0015, 800.0, 0.28),
-        ("keyboard plastic", 0.35, 0.009, 1.0, 0.0008, 800.0, 0.25),
-        ("dashboard grain, fine", 0.70, 0.050, 1.8, 0.002, 40.0, 0.45),
-        ("dashboard grain", 1.00, 0.075, 1.8, 0.003, 40.0, 0.45),
-        ("dashboard grain, coarse", 1.50, 0.110, 1.8, 0.003, 40.0, 0.45),
-        ("suitcase shell", 1.30, 0.045, 1.2, 0.001, 500.0, 0.30),
-        ("orange peel lacquer", 2.20, 0.030, 0.4, 0.0004, 1_500.0, 0.22),
-        ("leather grain, fine", 0.55, 0.045, 2.4, 0.004, 20.0, 0.50),
-        ("leather grain", 0.85, 0.070, 2.4, 0.005, 20.0, 0.50),
-        ("leather grain, coarse", 1.30, 0.110, 2.6, 0.005, 20.0, 0.50),
-        ("rubber pebble mat", 2.00, 0.250, 2.0, 0.004, 6.0, 0.80),
-        ("pebbled handle", 1.60, 0.180, 1.4, 0.003, 25.0, 0.60),
+        ("spark-eroded plastic, fine", Waves, 0.18, 0.010, 0.6, 0.0010, 400.0, 0.25),
+        ("spark-eroded plastic", Waves, 0.28, 0.014, 0.6, 0.0012, 400.0, 0.25),
+        ("spark-eroded plastic, coarse", Waves, 0.42, 0.018, 0.6, 0.0015, 400.0, 0.28),
+        ("keyboard plastic", Waves, 0.35, 0.008, 1.0, 0.0008, 400.0, 0.25),
+        ("dashboard grain, fine", Hide, 0.70, 0.050, 1.8, 0.002, 40.0, 0.45),
+        ("dashboard grain", Hide, 1.00, 0.075, 1.8, 0.003, 40.0, 0.45),
+        ("dashboard grain, coarse", Hide, 1.50, 0.110, 1.8, 0.003, 40.0, 0.45),
+        ("suitcase shell", Waves, 1.30, 0.045, 1.2, 0.001, 500.0, 0.30),
+        ("orange peel lacquer", Waves, 2.20, 0.030, 0.4, 0.0004, 1_500.0, 0.22),
+        ("leather grain, fine", Hide, 0.55, 0.045, 2.4, 0.004, 20.0, 0.50),
+        ("leather grain", Hide, 0.85, 0.070, 2.4, 0.005, 20.0, 0.50),
+        ("leather grain, coarse", Hide, 1.30, 0.110, 2.6, 0.005, 20.0, 0.50),
+        ("rubber pebble mat", Hide, 2.00, 0.250, 2.0, 0.004, 6.0, 0.80),
+        ("pebbled handle", Hide, 1.60, 0.180, 1.4, 0.003, 25.0, 0.60),
     ];
     moulds
         .into_iter()
-        .map(|(name, pitch_mm, height_mm, flatness, matt_mm, modulus, friction)| {
-            let of = Pebbled { pitch_mm, height_mm, flatness, matt_mm };
+        .map(|(name, mould, pitch_mm, height_mm, flatness, matt_mm, modulus, friction)| {
+            let of = Pebbled { mould, pitch_mm, height_mm, flatness, matt_mm };
             (
                 name.to_owned(),
                 format!("Moulded: pebbles every {pitch_mm} mm, {height_mm} mm high."),
@@ -377,13 +282,13 @@ fn sheets() -> Vec<Entry> {
     // Height [um], roll-off [1/mm], Hurst, lay; modulus [MPa], friction.
     let flats = [
         ("float glass", 0.02, 0.3, 0.9, 1.0, 70_000.0, 0.15),
-        ("acrylic sheet", 0.15, 0.3, 0.9, 1.0, 3_000.0, 0.25),
-        ("frosted acrylic", 1.2, 9.0, 0.7, 1.0, 1_500.0, 0.30),
-        ("ground glass", 1.2, 13.0, 0.6, 1.0, 3_000.0, 0.25),
-        ("anodised aluminium", 0.45, 6.0, 0.7, 1.0, 3_000.0, 0.25),
-        ("brushed aluminium", 0.6, 7.0, 0.6, 30.0, 3_000.0, 0.22),
-        ("brushed steel", 0.5, 11.0, 0.6, 40.0, 4_000.0, 0.20),
-        ("milled aluminium", 1.0, 3.0, 0.9, 20.0, 3_000.0, 0.25),
+        ("acrylic sheet", 0.25, 2.5, 0.9, 1.0, 3_000.0, 0.25),
+        ("frosted acrylic", 1.4, 9.0, 0.7, 1.0, 1_500.0, 0.30),
+        ("ground glass", 1.5, 13.0, 0.6, 1.0, 3_000.0, 0.25),
+        ("anodised aluminium", 0.8, 6.0, 0.7, 1.0, 3_000.0, 0.25),
+        ("brushed aluminium", 0.8, 7.0, 0.6, 30.0, 3_000.0, 0.22),
+        ("brushed steel", 0.7, 11.0, 0.6, 40.0, 4_000.0, 0.20),
+        ("milled aluminium", 1.2, 3.0, 0.9, 20.0, 3_000.0, 0.25),
         ("sand-blasted steel", 1.8, 7.0, 0.7, 1.0, 3_000.0, 0.30),
         ("printer paper", 3.0, 5.0, 0.5, 1.5, 60.0, 0.35),
         ("drawing paper", 7.0, 2.8, 0.6, 1.3, 50.0, 0.40),

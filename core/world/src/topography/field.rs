@@ -72,8 +72,9 @@ impl HeightField {
 
     /// The height in millimetres at any place, and its slopes along x and y: Catmull and Rom's cubic through the points around it.
     pub fn sample(&self, x_mm: f64, y_mm: f64) -> Sample {
-        let (column, u) = whole_and_part(x_mm / self.step_mm);
-        let (row, v) = whole_and_part(y_mm / self.step_mm);
+        let per_mm = 1.0 / self.step_mm;
+        let (column, u) = whole_and_part(x_mm * per_mm);
+        let (row, v) = whole_and_part(y_mm * per_mm);
         let (along, slope_along) = weights(u);
         let (across, slope_across) = weights(v);
         let (first, row) = (self.wrap(column - 1), self.wrap(row - 1));
@@ -89,7 +90,7 @@ impl HeightField {
             dx += wy * slope;
             dy += sy * level;
         }
-        Sample { height_mm: height, slope: [dx / self.step_mm, dy / self.step_mm] }
+        Sample { height_mm: height, slope: [dx * per_mm, dy * per_mm] }
     }
 
     /// The height in millimetres at any place, along straight lines between points: cheaper than a [sample](Self::sample), without slopes.

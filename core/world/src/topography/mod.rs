@@ -4,8 +4,10 @@ mod catalogue;
 mod envelope;
 pub mod family;
 mod field;
+mod made;
 pub mod spectrum;
 
-pub use catalogue::{Contact, Family, MadeSurface, made_surfaces};
+pub use catalogue::made_surfaces;
 pub use envelope::envelope;
 pub use field::{HeightField, Sample};
+pub use made::{Contact, Family, MadeSurface};

@@ -35,9 +35,23 @@ pub fn gaussian(
     random: &mut Random,
     density: impl Fn(f64, f64) -> f64,
 ) -> HeightField {
-    let noise = HeightField::from_fn(side, step_mm, |_, _| random.normal());
-    let shape = |fx: f64, fy: f64| if fx == 0.0 && fy == 0.0 { 0.0 } else { density(fx, fy).max(0.0).sqrt() };
-    filter(&noise, shape).with_rms(rms_mm)
+    let (length, bins) = (side as f64 * step_mm, side / 2 + 1);
+    let mut spectrum = vec![Complex::new(0.0_f32, 0.0); bins * side];
+    for (i, line) in spectrum.chunks_exact_mut(side).enumerate() {
+        // Of the lines that are their own mirror images only the even half is used.
+        let whole = if i == 0 || 2 * i == side { std::f64::consts::SQRT_2 } else { 1.0 };
+        for (j, bin) in line.iter_mut().enumerate() {
+            let signed = if j > side / 2 { j as f64 - side as f64 } else { j as f64 };
+            let shape = density(i as f64 / length, signed / length).max(0.0).sqrt();
+            if (i, j) != (0, 0) && shape > 0.0 {
+                let [re, im] = random.normals();
+                *bin = Complex::new((whole * shape * re) as f32, (whole * shape * im) as f32);
+            }
+        }
+    }
+    let mut field = HeightField::flat(side, step_mm);
+    backward(&mut spectrum, field.heights_mut(), side);
+    field.with_rms(rms_mm)
 }
 
 /// A density of an isotropic self-affine surface: flat below the roll-off `q0` in cycles per millimetre, `q^(-2 - 2 H)` above it, H the Hurst
@@ -138,6 +152,22 @@ mod tests {
         let density = self_affine(0.3, 0.8);
         assert!((density(1.2, 0.0) / density(0.0, 0.6) - 2_f64.powf(-3.6)).abs() < 1e-12);
         assert_eq!(density(0.1, 0.2), 1.0);
+    }
+
+    #[test]
+    fn waves_along_x_are_as_strong_as_waves_along_y() {
+        let cross = |fx: f64, fy: f64| {
+            f64::from(u8::from((fx == 4.0 && fy == 0.0) || (fx == 0.0 && fy.abs() == 4.0)))
+        };
+        let (mut x, mut y) = (0.0, 0.0);
+        for seed in 0..300 {
+            let field = gaussian((16, 1.0 / 16.0), 1.0, &mut Random::new(seed), cross);
+            for i in 0..16 {
+                x += f64::from(field.point(i + 1, i) - field.point(i, i)).powi(2);
+                y += f64::from(field.point(i, i + 1) - field.point(i, i)).powi(2);
+            }
+        }
+        assert!((0.8..1.25).contains(&(x / y)), "{x} {y}");
     }
 
     #[test]

@@ -33,22 +33,26 @@ impl Cells {
 
     /// The two nearest points: number and distance in millimetres. Exact for points that lie within a cell's edge.
     pub(super) fn two_nearest(&self, x_mm: f64, y_mm: f64) -> [(usize, f64); 2] {
+        // Squares of distances, in cells.
         let mut nearest = [(0, f64::INFINITY); 2];
         let (u, v) = (x_mm / self.pitch_mm, y_mm / self.pitch_mm);
         let (column, row) = (u.floor() as i64, v.floor() as i64);
         let count = self.count as i64;
         for j in row - 2..=row + 2 {
+            let base = j.rem_euclid(count) * count;
+            let mut number = (column - 2).rem_euclid(count);
             for i in column - 2..=column + 2 {
-                let number = (j.rem_euclid(count) * count + i.rem_euclid(count)) as usize;
-                let [du, dv] = self.places[number];
-                let away = f64::hypot(i as f64 + du - u, j as f64 + dv - v) * self.pitch_mm;
+                let [du, dv] = self.places[(base + number) as usize];
+                let (du, dv) = (i as f64 + du - u, j as f64 + dv - v);
+                let away = du * du + dv * dv;
                 if away < nearest[0].1 {
-                    nearest = [(number, away), nearest[0]];
+                    nearest = [((base + number) as usize, away), nearest[0]];
                 } else if away < nearest[1].1 {
-                    nearest[1] = (number, away);
+                    nearest[1] = ((base + number) as usize, away);
                 }
+                number = if number + 1 == count { 0 } else { number + 1 };
             }
         }
-        nearest
+        nearest.map(|(number, away)| (number, away.sqrt() * self.pitch_mm))
     }
 }

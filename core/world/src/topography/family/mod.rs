@@ -6,9 +6,9 @@
 //! | [`weave`](weave()) | thread pitch, binding, fibre | warp and weft that go over and under, by the binding's rule |
 //! | [`grating`](grating()) | period, depth, duty, edge | straight ridges |
 //! | [`foam`](foam()) | pore size, wall, open share | cells of a random tessellation, cut open |
-//! | [`carpet`](carpet()) | tuft pitch, height, tilt | tufts of ply yarn on a wandering lattice |
+//! | [`carpet`](carpet()) | tuft pitch, height, disorder | loops of ply yarn, bunches of cut ends, or a felt |
 //! | [`wood`](wood()) | ring width, pore length, roughness | grain that is long one way, growth rings, pores |
-//! | [`pebbled`](pebbled()) | pebble pitch, height, matt | a moulded texture of round-topped pebbles |
+//! | [`pebbled`](pebbled()) | pebble pitch, height, matt | a moulded texture of waves or of a hide's pebbles |
 //! | [`sheet`](sheet()) | height, roll-off, Hurst exponent, lay | a smooth or finely finished sheet |
 
 mod cells;
@@ -16,15 +16,16 @@ mod foam;
 mod grating;
 mod moulded;
 mod sandpaper;
+mod stamp;
 mod tufts;
 mod weave;
 mod wood;
 
 pub use foam::{Foam, foam};
 pub use grating::{Grating, grating};
-pub use moulded::{Pebbled, Sheet, pebbled, sheet};
+pub use moulded::{Mould, Pebbled, Sheet, pebbled, sheet};
 pub use sandpaper::sandpaper;
-pub use tufts::{Carpet, carpet};
+pub use tufts::{Carpet, Pile, carpet};
 pub use weave::{Binding, Weave, weave};
 pub use wood::{Wood, wood};
 

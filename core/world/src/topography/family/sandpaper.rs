@@ -4,6 +4,7 @@ use super::super::HeightField;
 use super::super::spectrum::{blur, gaussian, self_affine};
 use super::Grid;
 use super::cells::Cells;
+use super::stamp::stamp;
 use crate::material::Random;
 
 /// Spread of the logarithm of grain sizes of one grade.
@@ -26,24 +27,15 @@ pub fn sandpaper(grid: Grid, grain_mm: f64, random: &mut Random) -> HeightField 
 
 /// Stands a grain up where it is higher than what is there.
 fn stand(field: &mut HeightField, middle: [f64; 2], size: f64, random: &mut Random) {
-    let (side, step, base) = (field.side() as i64, field.step_mm(), 0.6 * size);
+    let base = 0.6 * size;
     let turn = TAU * random.unit();
     let faces: [(f64, f64, f64); 3] = std::array::from_fn(|i| {
         let angle = turn + TAU * (i as f64 + 0.6 * (random.unit() - 0.5)) / 3.0;
         (angle.cos(), angle.sin(), (0.8 + 0.4 * random.unit()) / (0.5 * size))
     });
     let height = base * (0.75 + 0.25 * random.unit());
-    let reach = (size / step).ceil() as i64;
-    let [column, row] = middle.map(|m| (m / step).round() as i64);
-    for j in row - reach..=row + reach {
-        for i in column - reach..=column + reach {
-            let (x, y) = (i as f64 * step - middle[0], j as f64 * step - middle[1]);
-            let slope = faces.iter().map(|(c, s, steep)| (c * x + s * y) * steep).fold(0.0, f64::max);
-            let grain = height * (1.0 - slope).min(0.85);
-            let at = (j.rem_euclid(side) * side + i.rem_euclid(side)) as usize;
-            if let Some(there) = field.heights_mut().get_mut(at) {
-                *there = there.max(grain as f32);
-            }
-        }
-    }
+    stamp(field, middle, size, |x, y, there| {
+        let slope = faces.iter().map(|(c, s, steep)| (c * x + s * y) * steep).fold(0.0, f64::max);
+        there.max(height * (1.0 - slope).min(0.85))
+    });
 }

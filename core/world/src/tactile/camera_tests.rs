@@ -1,0 +1,86 @@
+use super::super::{Press, indentation};
+use super::*;
+use crate::topography::made_surfaces;
+
+#[test]
+fn a_flat_skin_is_grey_and_a_slope_takes_the_colour_of_the_light_it_faces() {
+    let camera = Camera {
+        noise: 0.0,
+        fall: 0.0,
+        near: 0.0,
+        specks: 0.0,
+        light: [0.4; 3],
+        ambient: [0.1; 3],
+        ..Camera::USUAL
+    };
+    let (side, step) = camera.grid();
+    let tilted = |gx: f64, gy: f64| {
+        let middle = 0.5 * side as f64 * step;
+        // Away from the seam, which is a cliff.
+        let skin = HeightField::from_fn(side, step, |x, y| gx * (x - middle) + gy * (y - middle));
+        let image = camera.picture(&skin, &mut Random::new(1));
+        let at = 3 * (96 * IMAGE[1] + 128);
+        [image.pixels[at], image.pixels[at + 1], image.pixels[at + 2]].map(i32::from)
+    };
+    let flat = tilted(0.0, 0.0);
+    let want = 255.0 * (0.1 + 0.4);
+    assert!(flat.iter().all(|c| (f64::from(*c) - want).abs() <= 1.0), "{flat:?}");
+    // Red stands at +y: a skin that falls towards it faces it.
+    let [red, green, blue] = tilted(0.0, -0.4);
+    assert!(red > flat[0] && green < flat[1] && blue < flat[2] && (green - blue).abs() <= 2);
+}
+
+/// Root mean square of what a surface changes in the picture of a flat skin, in parts of 255, and the part of all values that are at an end.
+fn contrast(patch: &HeightField) -> (f64, f64) {
+    let camera = Camera { noise: 0.0, specks: 0.0, ..Camera::USUAL };
+    let press = Press { place_mm: [4.0, 3.0], turn: 0.3, depth_mm: 0.4 };
+    let skin = indentation(patch, &press, camera.grid());
+    let flat = HeightField::flat(skin.side(), skin.step_mm());
+    let [seen, flat] = [&skin, &flat].map(|s| camera.picture(s, &mut Random::new(1)).pixels);
+    let squares: f64 = seen.iter().zip(&flat).map(|(a, b)| (f64::from(*a) - f64::from(*b)).powi(2)).sum();
+    let ends = seen.iter().filter(|p| matches!(p, 0 | 255)).count();
+    ((squares / seen.len() as f64).sqrt(), ends as f64 / seen.len() as f64)
+}
+
+#[test]
+fn fine_surfaces_stand_out_of_the_noise_and_coarse_ones_are_not_burnt_out() {
+    let noise = 255.0 * Camera::USUAL.noise * (Camera::USUAL.light[0] + Camera::USUAL.ambient[0]).sqrt();
+    for surface in made_surfaces() {
+        let (rms, ends) = contrast(&surface.patch((512, 0.02), 1));
+        println!("{:32} {rms:.1} of 255, noise {noise:.1}, {:.1} % at an end", surface.name, 100.0 * ends);
+        assert!(ends < 0.1, "{}: {ends} at an end", surface.name);
+        let polished = ["float glass", "acrylic sheet"].contains(&surface.name.as_str());
+        assert!(rms > noise || polished, "{}: {rms}, noise {noise}", surface.name);
+    }
+}
+
+#[test]
+#[ignore = "writes a picture to look at: ASPERITY_LOOK names the file, a .ppm; prints how long pictures take"]
+fn a_sheet_of_tactile_images() {
+    let Ok(path) = std::env::var("ASPERITY_LOOK") else { return };
+    let [rows, columns] = IMAGE;
+    let surfaces = made_surfaces();
+    let mut pixels = vec![0_u8; 14 * columns * 8 * rows * 3];
+    let mut spent: Vec<[f64; 3]> = Vec::new();
+    for (n, surface) in surfaces.iter().enumerate() {
+        let began = std::time::Instant::now();
+        let patch = surface.patch((1024, 0.02), 1);
+        let made = began.elapsed().as_secs_f64();
+        let random = &mut Random::new(n as u64);
+        let press = Press { place_mm: [5.0, 6.0], turn: 0.2, depth_mm: 0.4 };
+        let skin = indentation(&patch, &press, Camera::USUAL.grid());
+        let touched = began.elapsed().as_secs_f64();
+        let image = Camera::USUAL.picture(&skin, random);
+        spent.push([made, touched - made, began.elapsed().as_secs_f64() - touched].map(|s| 1e3 * s));
+        for (y, line) in image.pixels.chunks_exact(3 * columns).enumerate() {
+            let to = 3 * (((n / 14) * rows + y) * 14 + n % 14) * columns;
+            pixels[to..to + line.len()].copy_from_slice(line);
+        }
+    }
+    for (surface, ms) in surfaces.iter().zip(&spent).step_by(14) {
+        println!("{}: {ms:.1?} ms for patch, press, camera", surface.name);
+    }
+    let mut file = format!("P6 {} {} 255\n", 14 * columns, 8 * rows).into_bytes();
+    file.extend(pixels);
+    std::fs::write(path, file).expect("a picture");
+}
