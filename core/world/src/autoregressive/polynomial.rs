@@ -5,8 +5,7 @@
 pub fn is_stable(a: &[f64]) -> bool {
     let mut lower = a.to_vec();
     while let Some(k) = lower.pop() {
-        // Also false where k is not a number.
-        if !(k.abs() < 1.0) {
+        if k.is_nan() || k.abs() >= 1.0 {
             return false;
         }
         step_down(&mut lower, k);

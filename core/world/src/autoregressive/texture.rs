@@ -48,7 +48,7 @@ impl Model {
             }
             line_spectrum::from_polynomial(coefficients).ok_or_else(|| {
                 Diagnostic::new(format!("the {what} part of a model is {bad}"))
-                    .help(format!("all roots of its polynomial 1 + c_1 z^-1 + .. lie within the unit circle"))
+                    .help("all roots of its polynomial 1 + c_1 z^-1 + .. lie within the unit circle")
             })
         };
         Ok([
