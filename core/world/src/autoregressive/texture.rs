@@ -25,6 +25,14 @@ impl Model {
         Filter::new(&self.ar, &self.ma, self.variance.sqrt() * self.gain)
     }
 
+    /// Whether the model can be.
+    ///
+    /// # Errors
+    /// A number that is not finite or below 0, more than [`MAX_ORDER`] coefficients, a polynomial with a root on or outside the unit circle.
+    pub fn check(&self) -> Result<(), Diagnostic> {
+        self.lines().map(drop)
+    }
+
     /// The line spectral frequencies of both polynomials.
     fn lines(&self) -> Result<[Vec<f64>; 2], Diagnostic> {
         for (name, value) in [
