@@ -12,9 +12,7 @@ const MAX_DEPTH: usize = 8;
 
 /// What stands in a folder, sorted by name. What begins with a point is hidden and left out.
 pub(crate) fn entries(folder: &Path) -> Result<Vec<PathBuf>, Diagnostic> {
-    let fail = |e: std::io::Error| {
-        Diagnostic::new(format!("cannot read this folder: {e}")).in_file(folder)
-    };
+    let fail = |e: std::io::Error| Diagnostic::new(format!("cannot read this folder: {e}")).in_file(folder);
     let mut paths = Vec::new();
     for entry in std::fs::read_dir(folder).map_err(fail)? {
         let path = entry.map_err(fail)?.path();

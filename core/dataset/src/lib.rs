@@ -5,6 +5,8 @@
 
 mod example;
 mod folder;
+#[cfg(test)]
+mod folder_testing;
 mod frames;
 pub mod hatt;
 mod history;

@@ -181,11 +181,7 @@ fn example(history: &History, texture: &Texture, frames: &Frames) -> Example {
             *sum += weight * p;
         }
     }
-    Example {
-        force: history.force,
-        velocity: history.velocity,
-        magnitudes: power.map(|p| p.sqrt() as f32),
-    }
+    Example { force: history.force, velocity: history.velocity, magnitudes: power.map(|p| p.sqrt() as f32) }
 }
 
 #[cfg(test)]

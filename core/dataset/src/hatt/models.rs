@@ -24,7 +24,8 @@ pub fn parse(source: &Arc<Source>) -> Result<Texture, Diagnostic> {
         return Err(Diagnostic::new("no `modelSet` in this file").at(source, Span::at(0)));
     };
     let rate_hz = one(source, set, "SampleRate")?.ok_or_else(|| missing(source, set, "SampleRate"))?;
-    let is_model = |n: &Node<'_, '_>| n.is_element() && (xml::holds(*n, "ARcoeff") || xml::holds(*n, "ARlsf"));
+    let is_model =
+        |n: &Node<'_, '_>| n.is_element() && (xml::holds(*n, "ARcoeff") || xml::holds(*n, "ARlsf"));
     let nodes: Vec<Node<'_, '_>> = set.descendants().filter(is_model).collect();
     if let Some(count) = one(source, set, "numMod")?
         && count != nodes.len() as f64
@@ -71,10 +72,8 @@ fn one(source: &Arc<Source>, node: Node<'_, '_>, name: &str) -> Result<Option<f6
     let Some(numbers) = xml::numbers(source, node, name)? else { return Ok(None) };
     match numbers.values.as_slice() {
         [x] => Ok(Some(*x)),
-        values => {
-            Err(Diagnostic::new(format!("`{name}` holds {} numbers, not one", values.len()))
-                .at(source, numbers.span))
-        }
+        values => Err(Diagnostic::new(format!("`{name}` holds {} numbers, not one", values.len()))
+            .at(source, numbers.span)),
     }
 }
 
@@ -121,9 +120,7 @@ fn polynomial(
             .related(source, lines.span, "the frequencies"));
         }
     };
-    let distance = |sign: f64| {
-        meant.iter().zip(given).map(|(m, c)| (m - sign * c).abs()).fold(0.0, f64::max)
-    };
+    let distance = |sign: f64| meant.iter().zip(given).map(|(m, c)| (m - sign * c).abs()).fold(0.0, f64::max);
     let sign = if distance(1.0) <= distance(-1.0) { 1.0 } else { -1.0 };
     let largest = meant.iter().fold(1.0, |m: f64, c| m.max(c.abs()));
     if distance(sign) > ROUNDED * largest {

@@ -32,8 +32,8 @@
 //!
 //! # What examples are
 //!
-//! An example every 20 ms. Its history is what the chain would have measured: force and motion, each sample the mean of the 2 ms before it, at
-//! 500 Hz, velocity through the chain's 20 Hz filter. Below 0 a force counts as 0. Of a speed alone the direction is not known: each example has
+//! An example every 20 ms. Its history is what the chain would have measured at 500 Hz: the mean force of each 2 ms, and the difference of places 2 ms apart, or
+//! else the mean velocity between, through the chain's 20 Hz filter. Below 0 a force counts as 0. Of a speed alone the direction is not known: each example has
 //! another, a golden angle on from the one before.
 //!
 //! Its magnitudes are those of the 0.1 s that follow, at the file's own rate, several axes as one. A high-pass of 5 Hz and second order goes
@@ -78,8 +78,7 @@ pub fn read(folder: &Path) -> Result<Vec<Subject>, Diagnostic> {
 fn subject(folder: &Path) -> Result<Subject, Diagnostic> {
     let files = folder::entries(folder)?;
     let pictures: Vec<PathBuf> = files.iter().filter(|f| folder::is_picture(f)).cloned().collect();
-    let recordings: Vec<&PathBuf> =
-        files.iter().filter(|f| folder::ends_with(f, &["csv", "wav"])).collect();
+    let recordings: Vec<&PathBuf> = files.iter().filter(|f| folder::ends_with(f, &["csv", "wav"])).collect();
     if pictures.is_empty() {
         return Err(Diagnostic::new("no picture of this material")
             .in_file(folder)

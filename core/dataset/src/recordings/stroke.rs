@@ -118,7 +118,9 @@ impl Stroke {
     /// The place at a tick in mm, from that at the one before: the chain measures places, and takes velocity from them.
     fn advance(&self, place: &mut [f64; 2], tick: usize) {
         match &self.motion {
-            Motion::Place(axes) => *place = axes.each_ref().map(|a| self.mean(a, tick)),
+            Motion::Place(axes) => {
+                *place = axes.each_ref().map(|a| a.get(self.sample(tick)).copied().unwrap_or_default());
+            }
             Motion::Velocity(axes) => {
                 for (place, axis) in place.iter_mut().zip(axes) {
                     *place += self.mean(axis, tick) / RATE_HZ;

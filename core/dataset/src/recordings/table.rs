@@ -106,13 +106,13 @@ fn steady_rate(source: &Arc<Source>, time: &[f64], cells: &[Span]) -> Result<f64
     };
     let step = (last - first) / steps;
     let off = |(i, t): (usize, &f64)| (t - first - i as f64 * step).abs() > 0.5 * step;
-    // Where samples are lost the clock leaves the line through its ends anywhere: the row that is named is that of the widest step.
+    // Where samples are lost the clock leaves the line through its ends anywhere: the row that is named is the first of the oddest step.
     if step <= 0.0 || time.iter().enumerate().any(off) {
-        let widest = (1..time.len()).max_by(|a, b| {
+        let oddest = (1..time.len()).rev().max_by(|a, b| {
             let jump = |i: &usize| (time[*i] - time[*i - 1] - step).abs();
             jump(a).total_cmp(&jump(b))
         });
-        let span = widest.and_then(|i| cells.get(i)).copied().unwrap_or(end);
+        let span = oddest.and_then(|i| cells.get(i)).copied().unwrap_or(end);
         return Err(Diagnostic::new("the clock is not steady")
             .at(source, span)
             .label("furthest from the mean step")
