@@ -46,6 +46,7 @@ use asperity_world::autoregressive::{Frames, Texture};
 use asperity_world::material::{BINS, Random, history_weight};
 
 pub use models::parse;
+use rayon::prelude::*;
 
 use crate::example::{Example, Parts, Subject, Truth};
 use crate::folder;
@@ -100,7 +101,8 @@ pub fn read(folder: &Path, settings: &Settings) -> Result<Vec<Subject>, Diagnost
     }
     let histories = Histories::new().map_err(|e| Diagnostic::new(e.to_string()))?;
     let mut seeds = Random::new(settings.seed);
-    found.iter().map(|material| subject(material, settings, &histories, &mut seeds)).collect()
+    let seeded: Vec<(Found, u64)> = found.into_iter().map(|material| (material, seeds.bits())).collect();
+    seeded.par_iter().map(|(material, seed)| subject(material, settings, &histories, *seed)).collect()
 }
 
 fn materials(files: &[PathBuf]) -> Result<Vec<Found>, Diagnostic> {
@@ -149,7 +151,7 @@ fn subject(
     material: &Found,
     settings: &Settings,
     histories: &Histories,
-    seeds: &mut Random,
+    seed: u64,
 ) -> Result<Subject, Diagnostic> {
     if material.pictures.is_empty() {
         return Err(Diagnostic::new("no picture of this material")
@@ -157,6 +159,7 @@ fn subject(
             .help("a PNG or JPEG file in the folder whose name begins as this file's"));
     }
     let frames = Frames::new(material.texture.rate_hz()).map_err(|e| e.in_file(&material.path))?;
+    let mut seeds = Random::new(seed);
     let mut draw = |count: usize| -> Vec<Example> {
         let mut random = Random::new(seeds.bits());
         let one = |_| example(&histories.draw(&mut random), &material.texture, &frames);

@@ -198,21 +198,24 @@ fn a_folder_gives_the_closed_form_and_each_material_its_own_pictures() {
     assert!(held.iter().filter(|h| h.force != [0.0; 10]).all(|h| !train.contains(h)));
 
     let full = (6.0f32 / 100.0 * 0.04 * 1.5 * 1.5).sqrt();
-    let (mut steady, mut silent) = (0, 0);
+    let (mut steady, mut partly, mut silent) = (0, 0, 0);
     for e in train {
         assert!(e.magnitudes[50..].iter().all(|m| *m == 0.0), "nothing above half the rate");
         assert!(e.magnitudes[..50].iter().all(|m| (m - e.magnitudes[0]).abs() < 1e-6 && *m < full + 1e-6));
-        let touches = |i: usize| e.force[i] > 0.0 && e.velocity[i].hypot(e.velocity[i + 10]) > 5.0;
-        if (0..10).all(touches) {
-            steady += 1;
-            assert!((e.magnitudes[0] - full).abs() < 1e-6);
+        // Where each moment is plainly one of touch or of none, what the weights of the moments leave of the whole power is known.
+        let moves = |i: usize| e.velocity[i].hypot(e.velocity[i + 10]) > 5.0;
+        if (0..10).all(|i| e.force[i] == 0.0 || moves(i)) {
+            let part: f32 = (0..10).filter(|i| e.force[*i] > 0.0).map(|i| 2.0 * (i + 1) as f32 / 110.0).sum();
+            assert!((e.magnitudes[0] - full * part.sqrt()).abs() < 1e-6, "{e:?}");
+            partly += usize::from(part > 0.0 && part < 0.999);
+            steady += usize::from(part > 0.999);
         }
         if e.force == [0.0; 10] {
             silent += 1;
             assert_eq!(e.magnitudes, [0.0; BINS]);
         }
     }
-    assert!(steady > 100 && silent > 5, "{steady} {silent}");
+    assert!(steady > 100 && partly > 20 && silent > 5, "{steady} {partly} {silent}");
     assert_eq!(subjects, read(folder.path(), &settings).unwrap());
     let other = read(folder.path(), &Settings { seed: 10, ..settings }).unwrap();
     assert_ne!(subjects[0].examples, other[0].examples);
