@@ -17,7 +17,7 @@ pub struct Triangles {
     origin: [f64; 2],
     extent: [f64; 2],
     triangles: Vec<[usize; 3]>,
-    /// Of the hull, as pairs of points.
+    /// Of all triangles, as pairs of points, each once.
     edges: Vec<[usize; 2]>,
 }
 
@@ -79,7 +79,7 @@ impl Triangles {
         cross(self.points[a], self.points[b], self.points[c])
     }
 
-    /// Takes triangles that have an area, and the edges that belong to one of them alone.
+    /// Takes triangles that have an area, and their edges.
     fn connect(&mut self, mut triangles: Vec<[usize; 3]>) {
         triangles.retain(|t| self.doubled_area(t).abs() > LEAST_AREA);
         self.triangles = triangles;
@@ -90,10 +90,8 @@ impl Triangles {
             .map(|[a, b]| [a.min(b), a.max(b)])
             .collect();
         edges.sort_unstable();
-        self.edges = edges.chunk_by(|a, b| a == b).filter(|same| same.len() == 1).map(|e| e[0]).collect();
-        if self.edges.is_empty() {
-            self.edges = self.chain();
-        }
+        edges.dedup();
+        self.edges = if edges.is_empty() { self.chain() } else { edges };
     }
 
     /// Neighbours along the line on which all points lie; a lone point is its own neighbour.
@@ -126,6 +124,8 @@ impl Triangles {
         around.unwrap_or_else(|| self.at_edge(point))
     }
 
+    /// The nearest point of any edge. What lies outside is nearest to the hull's; what rounding puts outside both triangles of an inner edge
+    /// is on that.
     fn at_edge(&self, point: [f64; 2]) -> Blend {
         let mut nearest = (f64::INFINITY, Blend { models: [0; 3], weights: [1.0, 0.0, 0.0] });
         for &[a, b] in &self.edges {
@@ -182,6 +182,23 @@ mod tests {
                 "{at:?}: {found:?}"
             );
             assert!((blend.weights.iter().sum::<f64>() - 1.0).abs() < 1e-9);
+        }
+    }
+
+    #[test]
+    fn a_point_on_an_edge_between_two_triangles_is_within_one_of_them() {
+        let mut random = crate::material::Random::new(8);
+        let points: Vec<[f64; 2]> =
+            (0..30).map(|_| [random.range(0.0, 300.0), random.range(0.1, 3.0)]).collect();
+        let all = Triangles::delaunay(&points);
+        for &[a, b, c] in all.corners() {
+            for part in (1..50).map(|i| f64::from(i) / 50.0) {
+                for (from, to) in [(a, b), (b, c), (c, a)].map(|(i, j)| (points[i], points[j])) {
+                    let at: [f64; 2] = std::array::from_fn(|i| from[i] + part * (to[i] - from[i]));
+                    let found = point(&points, &all.at(at[0], at[1]));
+                    assert!((0..2).all(|i| (found[i] - at[i]).abs() < 1e-6), "{at:?}: {found:?}");
+                }
+            }
         }
     }
 
