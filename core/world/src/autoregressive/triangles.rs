@@ -9,7 +9,7 @@ pub struct Blend {
     pub weights: [f64; 3],
 }
 
-/// Points of the plane of speed [mm/s] and force [N] and triangles between them.
+/// Points of the plane of speed in mm/s and force in N, and triangles between them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Triangles {
     /// In parts of the range of each axis.
@@ -29,7 +29,7 @@ const AREA_TOLERANCE: f64 = 0.01;
 const FAR: f64 = 1e9;
 
 impl Triangles {
-    /// Delaunay's triangulation of points (speed [mm/s], force [N]), finite ones and one at least, each axis counted in parts of the range
+    /// Delaunay's triangulation of points (speed in mm/s, force in N), finite ones and one at least, each axis counted in parts of the range
     /// that the points have on it. Points on a line are joined along it.
     pub fn delaunay(points: &[[f64; 2]]) -> Self {
         let mut it = Self::unconnected(points);
