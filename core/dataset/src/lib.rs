@@ -4,9 +4,14 @@
 //! velocities 2 ms apart, and the magnitudes of the 0.1 s of acceleration that begin there.
 
 mod example;
+mod folder;
+#[cfg(test)]
+mod folder_testing;
 mod frames;
+pub mod hatt;
 mod history;
 pub mod made;
+pub mod recordings;
 
 pub use example::{Example, Expectation, Parts, Subject, Truth};
 pub use frames::Spectrometer;

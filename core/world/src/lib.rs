@@ -1,6 +1,7 @@
 //! What the rendered world is made of: strokes, materials, surfaces with a stylus or a gel on them, and the actuator that is driven.
 
 pub mod actuator;
+pub mod autoregressive;
 pub mod material;
 pub mod motion;
 pub mod stylus;

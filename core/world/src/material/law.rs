@@ -212,7 +212,7 @@ impl Law {
 }
 
 /// Weight of sample `i` of a history of `n`, oldest first; the weights sum to 1.
-fn history_weight(i: usize, n: usize) -> f64 {
+pub fn history_weight(i: usize, n: usize) -> f64 {
     2.0 * (i + 1) as f64 / (n * (n + 1)) as f64
 }
 

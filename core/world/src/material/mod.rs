@@ -57,7 +57,7 @@ mod random;
 mod surface;
 
 pub use embedding::{EMBEDDING_LEN, embed};
-pub use law::{BIN_HZ, BINS, Law, LawTable, Line, Parameters, WINDOW_S, expected_amplitude};
+pub use law::{BIN_HZ, BINS, Law, LawTable, Line, Parameters, WINDOW_S, expected_amplitude, history_weight};
 pub use library::{Assignment, Library, LibraryMaterial, Neighbour, VECTOR_LEN};
 pub use made::{MadeMaterial, made_materials};
 pub use random::Random;

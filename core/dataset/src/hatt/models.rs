@@ -1,0 +1,158 @@
+//! A model set from its file.
+
+use std::sync::Arc;
+
+use asperity_source::{Diagnostic, Source, Span};
+use asperity_world::autoregressive::{Model, Texture, Triangles, line_spectrum};
+use roxmltree::Node;
+
+use super::xml::{self, Numbers};
+
+/// How far coefficients may be from those of their frequencies, in parts of the largest: files are rounded.
+const ROUNDED: f64 = 0.1;
+
+/// Reads a model set; see the [module](super) for what it may look like.
+///
+/// # Errors
+/// Each points at the element: text that is not XML, no `modelSet`, a value that is missing, not a number or out of range, coefficients and
+/// frequencies that are not of one filter, a model that is not stable, models of different orders, fewer or more models than `numMod`,
+/// a corner of a triangle that is no model.
+pub fn parse(source: &Arc<Source>) -> Result<Texture, Diagnostic> {
+    let document = xml::document(source)?;
+    let mut elements = document.descendants().filter(Node::is_element);
+    let Some(set) = elements.find(|n| xml::is_named(n.tag_name().name(), "modelSet")) else {
+        return Err(Diagnostic::new("no `modelSet` in this file").at(source, Span::at(0)));
+    };
+    let rate_hz = one(source, set, "SampleRate")?.ok_or_else(|| missing(source, set, "SampleRate"))?;
+    let is_model =
+        |n: &Node<'_, '_>| n.is_element() && (xml::holds(*n, "ARcoeff") || xml::holds(*n, "ARlsf"));
+    let nodes: Vec<Node<'_, '_>> = set.descendants().filter(is_model).collect();
+    if let Some(count) = one(source, set, "numMod")?
+        && count != nodes.len() as f64
+    {
+        return Err(Diagnostic::new(format!("`numMod` is {count}, and there are {} models", nodes.len()))
+            .at(source, xml::tag(set)));
+    }
+    let lists = ["speedList", "forceList"].map(|name| xml::numbers(source, set, name));
+    let [speeds, forces] = lists;
+    let (speeds, forces) = (speeds?, forces?);
+    let of = |list: &Option<Numbers>, i: usize| {
+        list.as_ref().filter(|l| l.values.len() == nodes.len()).and_then(|l| l.values.get(i)).copied()
+    };
+    let mut models = Vec::with_capacity(nodes.len());
+    for (i, &node) in nodes.iter().enumerate() {
+        models.push(model(source, node, [of(&speeds, i), of(&forces, i)])?);
+    }
+    let triangles = triangles(source, set, &models)?;
+    Texture::new(rate_hz, models, triangles.as_deref()).map_err(|e| e.at(source, xml::tag(set)))
+}
+
+fn model(
+    source: &Arc<Source>,
+    node: Node<'_, '_>,
+    [speed, force]: [Option<f64>; 2],
+) -> Result<Model, Diagnostic> {
+    let required = |name: &str, otherwise: Option<f64>| {
+        one(source, node, name)?.or(otherwise).ok_or_else(|| missing(source, node, name))
+    };
+    let model = Model {
+        ar: polynomial(source, node, ["ARcoeff", "ARlsf"])?,
+        ma: polynomial(source, node, ["MAcoeff", "MAlsf"])?,
+        variance: required("var", None)?,
+        gain: required("gain", Some(1.0))?,
+        speed_mm_s: required("speedMod", speed)?,
+        force_n: required("forceMod", force)?,
+    };
+    model.check().map_err(|e| e.at(source, xml::tag(node)))?;
+    Ok(model)
+}
+
+/// The number of a name, where there is one.
+fn one(source: &Arc<Source>, node: Node<'_, '_>, name: &str) -> Result<Option<f64>, Diagnostic> {
+    let Some(numbers) = xml::numbers(source, node, name)? else { return Ok(None) };
+    match numbers.values.as_slice() {
+        [x] => Ok(Some(*x)),
+        values => Err(Diagnostic::new(format!("`{name}` holds {} numbers, not one", values.len()))
+            .at(source, numbers.span)),
+    }
+}
+
+fn missing(source: &Arc<Source>, node: Node<'_, '_>, name: &str) -> Diagnostic {
+    Diagnostic::new(format!("`{name}` is missing"))
+        .at(source, xml::tag(node))
+        .label(format!("no `{name}` in here"))
+}
+
+/// `c_1 ..` of `1 + c_1 z^-1 + ..` from coefficients, line spectral frequencies, or both.
+fn polynomial(
+    source: &Arc<Source>,
+    node: Node<'_, '_>,
+    [of_coefficients, of_lines]: [&str; 2],
+) -> Result<Vec<f64>, Diagnostic> {
+    let filled = |name| Ok(xml::numbers(source, node, name)?.filter(|n| !n.values.is_empty()));
+    let (coefficients, lines) = (filled(of_coefficients)?, filled(of_lines)?);
+    let Some(lines) = lines else {
+        let Some(Numbers { mut values, .. }) = coefficients else { return Ok(Vec::new()) };
+        if values.first() == Some(&1.0) {
+            values.remove(0);
+        }
+        return Ok(values);
+    };
+    if !line_spectrum::are_valid(&lines.values) {
+        return Err(Diagnostic::new(format!("`{of_lines}` are not line spectral frequencies"))
+            .at(source, lines.span)
+            .help("numbers that rise and lie between 0 and pi"));
+    }
+    let order = lines.values.len();
+    let mut meant = vec![0.0; order];
+    line_spectrum::to_polynomial(&lines.values, &mut meant);
+    let Some(coefficients) = coefficients else { return Ok(meant) };
+    let given = match coefficients.values.as_slice() {
+        values if values.len() == order => values,
+        [1.0, values @ ..] if values.len() == order => values,
+        values => {
+            return Err(Diagnostic::new(format!(
+                "`{of_coefficients}` holds {} numbers, and `{of_lines}` {order}",
+                values.len()
+            ))
+            .at(source, coefficients.span)
+            .help("as many, or one more where the first is 1")
+            .related(source, lines.span, "the frequencies"));
+        }
+    };
+    let distance = |sign: f64| meant.iter().zip(given).map(|(m, c)| (m - sign * c).abs()).fold(0.0, f64::max);
+    let sign = if distance(1.0) <= distance(-1.0) { 1.0 } else { -1.0 };
+    let largest = meant.iter().fold(1.0, |m: f64, c| m.max(c.abs()));
+    if distance(sign) > ROUNDED * largest {
+        return Err(Diagnostic::new(format!("`{of_coefficients}` and `{of_lines}` are not of one filter"))
+            .at(source, coefficients.span)
+            .related(source, lines.span, "the frequencies"));
+    }
+    Ok(given.iter().map(|c| sign * c).collect())
+}
+
+/// The file's triangles, corners from 0; none where there are none or they do not tile the hull.
+fn triangles(
+    source: &Arc<Source>,
+    set: Node<'_, '_>,
+    models: &[Model],
+) -> Result<Option<Vec<[usize; 3]>>, Diagnostic> {
+    let Some(numbers) = xml::numbers(source, set, "tri")? else { return Ok(None) };
+    let fail = |what: String| Err(Diagnostic::new(what).at(source, numbers.span));
+    let mut corners = Vec::with_capacity(numbers.values.len());
+    for &x in &numbers.values {
+        if x.fract() != 0.0 || !(1.0..=models.len() as f64).contains(&x) {
+            return fail(format!("the corner {x} in `tri` is none of {} models", models.len()));
+        }
+        corners.push(x as usize - 1);
+    }
+    if corners.len() % 3 != 0 {
+        return fail(format!("`tri` holds {} corners, which is not a multiple of 3", corners.len()));
+    }
+    let points: Vec<[f64; 2]> = models.iter().map(|m| [m.speed_mm_s, m.force_n]).collect();
+    let count = corners.len() / 3;
+    let by_rows: Vec<[usize; 3]> = corners.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect();
+    let by_columns: Vec<[usize; 3]> =
+        (0..count).map(|i| [corners[i], corners[count + i], corners[2 * count + i]]).collect();
+    Ok([by_rows, by_columns].into_iter().find(|t| Triangles::given(&points, t).is_some()))
+}

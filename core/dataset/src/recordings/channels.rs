@@ -1,0 +1,109 @@
+//! What a recording may hold.
+
+use std::ops::RangeInclusive;
+
+use asperity_source::Diagnostic;
+use asperity_world::motion::{MAX_ABS_FORCE_N, MAX_ABS_POSITION_MM, MAX_ABS_TIME_S, MAX_SPEED_MM_S};
+
+use super::stroke::{Motion, Stroke};
+
+/// Largest acceleration in m/s^2, either sign.
+const MAX_ABS_ACCELERATION_M_S2: f64 = 1e5;
+/// Rates that are read, in Hz.
+const RATES_HZ: RangeInclusive<f64> = 1000.0..=10_000.0;
+/// Rates are whole multiples of this, in Hz: what frames need.
+const RATE_STEP_HZ: f64 = 10.0;
+/// How far a rate may be from such a multiple, in parts of it: clocks are not exact.
+const RATE_TOLERANCE: f64 = 1e-3;
+
+/// A quantity's name, its least and greatest value, and the unit for errors.
+pub(super) struct Quantity {
+    pub(super) name: &'static str,
+    pub(super) range: (f64, f64),
+    pub(super) unit: &'static str,
+}
+
+const fn within(name: &'static str, limit: f64, unit: &'static str) -> Quantity {
+    Quantity { name, range: (-limit, limit), unit }
+}
+
+pub(super) const TIME: usize = 0;
+const FORCE: usize = 1;
+const VELOCITY: [usize; 2] = [2, 3];
+const PLACE: [usize; 2] = [4, 5];
+const SPEED: usize = 6;
+const AXES: std::ops::Range<usize> = 7..10;
+const ACCELERATION: usize = 10;
+
+/// All quantities.
+pub(super) const QUANTITIES: [Quantity; 11] = [
+    within("t_s", MAX_ABS_TIME_S, "s"),
+    within("force_n", MAX_ABS_FORCE_N, "N"),
+    within("vx_mm_s", MAX_SPEED_MM_S, "mm/s"),
+    within("vy_mm_s", MAX_SPEED_MM_S, "mm/s"),
+    within("x_mm", MAX_ABS_POSITION_MM, "mm"),
+    within("y_mm", MAX_ABS_POSITION_MM, "mm"),
+    Quantity { name: "speed_mm_s", range: (0.0, MAX_SPEED_MM_S), unit: "mm/s" },
+    within("ax_m_s2", MAX_ABS_ACCELERATION_M_S2, "m/s^2"),
+    within("ay_m_s2", MAX_ABS_ACCELERATION_M_S2, "m/s^2"),
+    within("az_m_s2", MAX_ABS_ACCELERATION_M_S2, "m/s^2"),
+    within("acceleration_m_s2", MAX_ABS_ACCELERATION_M_S2, "m/s^2"),
+];
+
+/// The number of a quantity of a name; `time_s` is another name of `t_s`.
+pub(super) fn quantity(name: &str) -> Option<usize> {
+    let name = if name == "time_s" { "t_s" } else { name };
+    QUANTITIES.iter().position(|q| q.name == name)
+}
+
+/// Samples by quantity; none where a quantity was not recorded.
+pub(super) type Channels = [Option<Vec<f64>>; QUANTITIES.len()];
+
+/// Which of the quantities there are.
+pub(super) fn check(has: impl Fn(usize) -> bool) -> Result<(), Diagnostic> {
+    let missing = |what: &str, help: &str| Err(Diagnostic::new(format!("no {what}")).help(help));
+    let both = |of: [usize; 2]| of.into_iter().all(&has);
+    if !has(FORCE) {
+        return missing("force", "`force_n`");
+    }
+    if !(both(VELOCITY) || both(PLACE) || has(SPEED)) {
+        return missing("motion", "`vx_mm_s` and `vy_mm_s`, or `x_mm` and `y_mm`, or `speed_mm_s`");
+    }
+    let axes = AXES.into_iter().any(&has);
+    match (axes, has(ACCELERATION)) {
+        (false, false) => {
+            missing("acceleration", "`ax_m_s2`, `ay_m_s2`, `az_m_s2`, one at least, or `acceleration_m_s2`")
+        }
+        (true, true) => Err(Diagnostic::new("the acceleration of one axis and of several")
+            .help("either `acceleration_m_s2` or `ax_m_s2`, `ay_m_s2`, `az_m_s2`")),
+        _ => Ok(()),
+    }
+}
+
+/// A rate in Hz as it was meant.
+pub(super) fn rate(hz: f64) -> Result<f64, Diagnostic> {
+    let meant = (hz / RATE_STEP_HZ).round() * RATE_STEP_HZ;
+    if RATES_HZ.contains(&meant) && (hz - meant).abs() <= RATE_TOLERANCE * meant {
+        return Ok(meant);
+    }
+    Err(Diagnostic::new(format!("a rate of {hz:.1} Hz")).help(format!(
+        "recordings are read at {} to {} Hz and whole multiples of {RATE_STEP_HZ} Hz; bring this one to such a rate",
+        RATES_HZ.start(),
+        RATES_HZ.end()
+    )))
+}
+
+/// A stroke from its channels, which [`check`] has passed.
+pub(super) fn stroke(mut channels: Channels, rate_hz: f64) -> Result<Stroke, Diagnostic> {
+    check(|i| channels[i].is_some())?;
+    let mut take = |i: usize| channels[i].take();
+    let force = take(FORCE).unwrap_or_default();
+    let motion = match (VELOCITY.map(&mut take), PLACE.map(&mut take), take(SPEED)) {
+        ([Some(x), Some(y)], _, _) => Motion::Velocity([x, y]),
+        (_, [Some(x), Some(y)], _) => Motion::Place([x, y]),
+        (_, _, speed) => Motion::Speed(speed.unwrap_or_default()),
+    };
+    let mut acceleration: Vec<Vec<f64>> = AXES.filter_map(&mut take).collect();
+    acceleration.extend(take(ACCELERATION));
+    Stroke::new(rate_hz, force, motion, acceleration)
+}

@@ -1,0 +1,131 @@
+//! Anyone's own recordings: a folder with a folder for each material, in it pictures of the material and strokes over it.
+//!
+//! # Strokes
+//!
+//! A stroke is what was measured while a tool was dragged, at 1 to 10 kHz and a whole multiple of 10 Hz, in one of two forms.
+//!
+//! A CSV file: a header that names columns in any order, then a row for each sample of a steady clock. Lines that start with `#`
+//! and blank lines are skipped.
+//!
+//! | column | |
+//! |---|---|
+//! | `t_s` or `time_s` | time in seconds |
+//! | `force_n` | normal force in N |
+//! | `vx_mm_s`, `vy_mm_s` | velocity along the surface in mm/s |
+//! | or `x_mm`, `y_mm` | place on the surface in mm |
+//! | or `speed_mm_s` | speed along the surface in mm/s |
+//! | `ax_m_s2`, `ay_m_s2`, `az_m_s2` | acceleration of the tool in m/s^2, one axis or more |
+//! | or `acceleration_m_s2` | the same of one axis |
+//!
+//! Where there are several kinds of motion the velocity counts before the place, and the place before the speed.
+//!
+//! A WAV file of 16 to 32 bits, whose channels are named in `recording.ron` in the same folder, in order; a channel of `none` is
+//! left out. `full_scale` is the value in the quantity's unit at which the file is full:
+//!
+//! ```text
+//! Recording(channels: [
+//!     (quantity: "force_n", full_scale: 20.0),
+//!     (quantity: "speed_mm_s", full_scale: 500.0),
+//!     (quantity: "acceleration_m_s2", full_scale: 50.0),
+//! ])
+//! ```
+//!
+//! # What examples are
+//!
+//! An example every 20 ms. Its history is what the chain would have measured at 500 Hz: the mean force of each 2 ms, and the difference of places 2 ms apart, or
+//! else the mean velocity between, through the chain's 20 Hz filter. Below 0 a force counts as 0. Of a speed alone the direction is not known: each example has
+//! another, a golden angle on from the one before.
+//!
+//! Its magnitudes are those of the 0.1 s that follow, at the file's own rate, several axes as one. A high-pass of 5 Hz and second order goes
+//! before: gravity turns with the tool, and of what is constant the window puts all of its size into the 10 Hz bin. It takes 0.3 dB from that bin.
+//! Of a recording at less than 2 kHz the bins above half its rate are 0: it says nothing there.
+//!
+//! The last fifth of each stroke is held apart, or of five or more strokes of a material the last fifth of them, sorted by name. No sample counts in
+//! both.
+
+mod channels;
+mod stroke;
+mod table;
+mod wav;
+
+use std::path::{Path, PathBuf};
+
+use asperity_source::Diagnostic;
+
+use crate::example::{Parts, Subject, Truth};
+use crate::folder;
+
+use stroke::Stroke;
+
+/// The name of the file that says what a WAV file's channels are.
+const CHANNELS_FILE: &str = "recording.ron";
+
+/// Reads a folder of materials, in the order of their folders' names.
+///
+/// # Errors
+/// A folder that cannot be read or holds no folder; a material without a picture or a stroke; a file that is not as the
+/// [module](self) says, in a CSV or RON file with line and column; all of [`asperity_world::tactile::read`].
+pub fn read(folder: &Path) -> Result<Vec<Subject>, Diagnostic> {
+    let materials: Vec<PathBuf> = folder::entries(folder)?.into_iter().filter(|p| p.is_dir()).collect();
+    if materials.is_empty() {
+        return Err(Diagnostic::new("no materials in this folder")
+            .in_file(folder)
+            .help("a folder for each material, with its pictures and strokes"));
+    }
+    materials.iter().map(|material| subject(material)).collect()
+}
+
+fn subject(folder: &Path) -> Result<Subject, Diagnostic> {
+    let files = folder::entries(folder)?;
+    let pictures: Vec<PathBuf> = files.iter().filter(|f| folder::is_picture(f)).cloned().collect();
+    let recordings: Vec<&PathBuf> = files.iter().filter(|f| folder::ends_with(f, &["csv", "wav"])).collect();
+    if pictures.is_empty() {
+        return Err(Diagnostic::new("no picture of this material")
+            .in_file(folder)
+            .help("a PNG or JPEG file, one at least"));
+    }
+    if recordings.is_empty() {
+        return Err(Diagnostic::new("no stroke over this material")
+            .in_file(folder)
+            .help("a CSV or WAV file, one at least"));
+    }
+    let whole = recordings.len() >= 5;
+    let seen = recordings.len() - folder::held_of(recordings.len());
+    let mut examples = Parts::default();
+    for (number, path) in recordings.into_iter().enumerate() {
+        let stroke = stroke(path, folder)?;
+        let made = stroke.examples().map_err(|e| e.in_file(path))?;
+        let split_s = match whole {
+            true if number < seen => f64::INFINITY,
+            true => f64::NEG_INFINITY,
+            false => stroke.duration_s() * 0.8,
+        };
+        for timed in made {
+            if timed.end_s() <= split_s {
+                examples.train.push(timed.example);
+            } else if timed.begin_s() >= split_s {
+                examples.held.push(timed.example);
+            }
+        }
+    }
+    let name = folder::name(folder);
+    Ok(Subject {
+        description: format!("Recordings of {name}."),
+        name,
+        family: None,
+        images: folder::pictures(&pictures)?,
+        examples,
+        truth: Truth::Draws,
+    })
+}
+
+fn stroke(path: &Path, folder: &Path) -> Result<Stroke, Diagnostic> {
+    if folder::ends_with(path, &["wav"]) {
+        wav::read(path, &folder.join(CHANNELS_FILE))
+    } else {
+        table::read(path)
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,154 @@
+use std::f64::consts::PI;
+
+use asperity_dsp::filter::Section;
+use asperity_source::Diagnostic;
+use asperity_world::material::WINDOW_S;
+
+use crate::example::Example;
+use crate::frames::Spectrometer;
+use crate::history::{HISTORY, RATE_HZ, Recorder};
+
+/// Ticks until the chain's filter has settled: five of its time constants, and the history.
+const WARM_UP: usize = 30 + HISTORY;
+/// Ticks from one example to the next: 20 ms.
+const EVERY: usize = 10;
+/// Corner of the filter against gravity, in Hz.
+const HIGH_PASS_HZ: f64 = 5.0;
+/// Shortest stroke in seconds.
+const MIN_DURATION_S: f64 = 0.5;
+
+/// How the tool moved along the surface, in mm and mm/s.
+pub(super) enum Motion {
+    Velocity([Vec<f64>; 2]),
+    Place([Vec<f64>; 2]),
+    Speed(Vec<f64>),
+}
+
+/// A stroke as it was recorded, all channels at one rate and of one length.
+pub(super) struct Stroke {
+    rate_hz: f64,
+    force: Vec<f64>,
+    motion: Motion,
+    acceleration: Vec<Vec<f64>>,
+}
+
+/// An example and when it was.
+pub(super) struct Timed {
+    pub(super) example: Example,
+    /// When its newest sample of history was, and its frame began, in seconds from the stroke's beginning.
+    at_s: f64,
+}
+
+impl Timed {
+    /// When the first of its samples was.
+    pub(super) fn begin_s(&self) -> f64 {
+        self.at_s - HISTORY as f64 / RATE_HZ
+    }
+
+    /// When its frame ended.
+    pub(super) fn end_s(&self) -> f64 {
+        self.at_s + WINDOW_S
+    }
+}
+
+impl Stroke {
+    /// A stroke; its rate is a whole multiple of 10 Hz.
+    pub(super) fn new(
+        rate_hz: f64,
+        force: Vec<f64>,
+        motion: Motion,
+        acceleration: Vec<Vec<f64>>,
+    ) -> Result<Self, Diagnostic> {
+        let stroke = Self { rate_hz, force, motion, acceleration };
+        if stroke.duration_s() < MIN_DURATION_S {
+            return Err(Diagnostic::new(format!("a stroke of {:.3} s", stroke.duration_s()))
+                .help(format!("{MIN_DURATION_S} s at least")));
+        }
+        Ok(stroke)
+    }
+
+    /// How long it lasts in seconds.
+    pub(super) fn duration_s(&self) -> f64 {
+        self.force.len() as f64 / self.rate_hz
+    }
+
+    /// The sample at a tick.
+    fn sample(&self, tick: usize) -> usize {
+        (tick as f64 * self.rate_hz / RATE_HZ) as usize
+    }
+
+    /// The mean of a channel over the tick that ends at `tick`, that sample included.
+    fn mean(&self, channel: &[f64], tick: usize) -> f64 {
+        let first = tick.checked_sub(1).map_or(0, |before| self.sample(before) + 1);
+        let part = channel.get(first..=self.sample(tick)).unwrap_or_default();
+        part.iter().sum::<f64>() / part.len().max(1) as f64
+    }
+
+    /// All examples of the stroke.
+    pub(super) fn examples(&self) -> Result<Vec<Timed>, Diagnostic> {
+        let fail = |e: asperity_dsp::filter::FilterError| Diagnostic::new(e.to_string());
+        let acceleration = self.without_gravity().map_err(fail)?;
+        let mut recorder = Recorder::new().map_err(fail)?;
+        let mut spectrometer = Spectrometer::new(self.rate_hz);
+        let mut place = [0.0; 2];
+        let mut examples = Vec::new();
+        for tick in 0.. {
+            let start = self.sample(tick);
+            let frame = start..start + spectrometer.length();
+            if frame.end > self.force.len() {
+                break;
+            }
+            self.advance(&mut place, tick);
+            let history = recorder.observe(place, self.mean(&self.force, tick).max(0.0));
+            if tick < WARM_UP || tick % EVERY != 0 {
+                continue;
+            }
+            let axes: Vec<&[f64]> = acceleration.iter().filter_map(|a| a.get(frame.clone())).collect();
+            let mut velocity = history.velocity;
+            if matches!(self.motion, Motion::Speed(_)) {
+                turn(&mut velocity, examples.len());
+            }
+            let magnitudes = spectrometer.magnitudes(&axes);
+            let example = Example { force: history.force, velocity, magnitudes };
+            examples.push(Timed { example, at_s: tick as f64 / RATE_HZ });
+        }
+        Ok(examples)
+    }
+
+    /// The place at a tick in mm, from that at the one before: the chain measures places, and takes velocity from them.
+    fn advance(&self, place: &mut [f64; 2], tick: usize) {
+        match &self.motion {
+            Motion::Place(axes) => {
+                *place = axes.each_ref().map(|a| a.get(self.sample(tick)).copied().unwrap_or_default());
+            }
+            Motion::Velocity(axes) => {
+                for (place, axis) in place.iter_mut().zip(axes) {
+                    *place += self.mean(axis, tick) / RATE_HZ;
+                }
+            }
+            Motion::Speed(speed) => place[0] += self.mean(speed, tick) / RATE_HZ,
+        }
+    }
+
+    fn without_gravity(&self) -> Result<Vec<Vec<f64>>, asperity_dsp::filter::FilterError> {
+        let filter = Section::high_pass(HIGH_PASS_HZ, std::f64::consts::FRAC_1_SQRT_2)
+            .bilinear(self.rate_hz, HIGH_PASS_HZ)?;
+        let mut axes = self.acceleration.clone();
+        for axis in &mut axes {
+            let mut filter = filter;
+            filter.reset_to(axis.first().copied().unwrap_or(0.0));
+            filter.process_in_place(axis);
+        }
+        Ok(axes)
+    }
+}
+
+/// Turns velocities along x into the direction of an example's number.
+fn turn(velocity: &mut [f32; 2 * HISTORY], number: usize) {
+    let golden = PI * (3.0 - 5.0f64.sqrt());
+    let (sin, cos) = (golden * number as f64).sin_cos();
+    let (along, across) = velocity.split_at_mut(HISTORY);
+    for (x, y) in along.iter_mut().zip(across) {
+        (*x, *y) = ((f64::from(*x) * cos) as f32, (f64::from(*x) * sin) as f32);
+    }
+}

@@ -1,0 +1,50 @@
+//! Monic polynomials `1 + a_1 z^-1 + .. + a_p z^-p`, given by `a_1 .. a_p`.
+
+/// Whether all roots lie within the unit circle, by the step-down recursion: every reflection coefficient is smaller than 1.
+/// False for coefficients that are not finite.
+pub fn is_stable(a: &[f64]) -> bool {
+    let mut lower = a.to_vec();
+    while let Some(k) = lower.pop() {
+        if k.is_nan() || k.abs() >= 1.0 {
+            return false;
+        }
+        step_down(&mut lower, k);
+    }
+    true
+}
+
+/// From the coefficients of order p without the last, which is `k`, to those of order p - 1.
+fn step_down(lower: &mut [f64], k: f64) {
+    let scale = 1.0 / (1.0 - k * k);
+    let n = lower.len();
+    for i in 0..n.div_ceil(2) {
+        let (x, y) = (lower[i], lower[n - 1 - i]);
+        lower[i] = (x - k * y) * scale;
+        lower[n - 1 - i] = (y - k * x) * scale;
+    }
+}
+
+/// Autocovariance at lags `0 .. out.len()` of unit white noise through `1 / A`, `A` stable.
+///
+/// The predictors of all lower orders come from stepping down; each gives one more lag by the equation that it solves
+/// (Levinson's recursion, run backwards and then forwards).
+pub(super) fn autocovariance(a: &[f64], out: &mut [f64]) {
+    let mut predictors = vec![a.to_vec()];
+    let mut variance = 1.0;
+    for order in (1..=a.len()).rev() {
+        let mut lower = predictors.last().cloned().unwrap_or_default();
+        let k = lower.pop().unwrap_or(0.0);
+        debug_assert_eq!(lower.len() + 1, order);
+        variance /= 1.0 - k * k;
+        step_down(&mut lower, k);
+        predictors.push(lower);
+    }
+    predictors.reverse();
+    if let Some(first) = out.first_mut() {
+        *first = variance;
+    }
+    for lag in 1..out.len() {
+        let predictor = &predictors[lag.min(a.len())];
+        out[lag] = -predictor.iter().enumerate().map(|(i, c)| c * out[lag - 1 - i]).sum::<f64>();
+    }
+}
