@@ -1,7 +1,7 @@
 use asperity_source::Diagnostic;
 use asperity_world::material::{BINS, Random};
 use asperity_world::stylus::{SAMPLE_HZ, Tool};
-use asperity_world::topography::{MadeSurface, envelope};
+use asperity_world::topography::MadeSurface;
 
 use super::strokes::{Drawn, accelerations, examples};
 use super::{GRID, Settings};
@@ -24,7 +24,7 @@ pub fn expectations(
     let mut sums: Vec<Vec<Sum>> = strokes.iter().map(|_| Vec::new()).collect();
     for number in train..train + held {
         let seed = settings.piece(number);
-        let envelope = envelope(&surface.patch(GRID, seed), Tool::PEN.tip_mm);
+        let envelope = Tool::PEN.track(&surface.patch(GRID, seed), &surface.contact);
         let random = &mut Random::new(seed ^ 0xe49e_c7ed);
         for (drawn, sums) in strokes.iter().zip(&mut sums) {
             for _ in 0..places {

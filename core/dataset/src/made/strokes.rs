@@ -4,7 +4,7 @@ use asperity_source::Diagnostic;
 use asperity_world::material::{Random, WINDOW_S};
 use asperity_world::motion::{Shape, Stroke, StrokeParams};
 use asperity_world::stylus::{Moment, SAMPLE_HZ, Stylus, Tool};
-use asperity_world::topography::{Contact, HeightField, MadeSurface, envelope};
+use asperity_world::topography::{Contact, HeightField, MadeSurface};
 
 use super::{Example, Settings};
 use crate::frames::Spectrometer;
@@ -91,7 +91,7 @@ fn force(z_mm: f64) -> f64 {
     (-z_mm * STIFFNESS_N_PER_MM).max(0.0)
 }
 
-/// What a pen on the [envelope] of a piece feels of a stroke that begins at a place in mm: acceleration in m/s^2 along the normal and along the
+/// What a pen on its [track](Tool::track) over a piece feels of a stroke that begins at a place in mm: acceleration in m/s^2 along the normal and along the
 /// stroke, at [`SAMPLE_HZ`].
 pub fn accelerations(
     envelope: &HeightField,
@@ -151,7 +151,7 @@ pub(super) fn add(
     random: &mut Random,
     all: &mut Vec<Example>,
 ) -> Result<(), Diagnostic> {
-    let envelope = envelope(piece, Tool::PEN.tip_mm);
+    let envelope = Tool::PEN.track(piece, &surface.contact);
     let mut spectrometer = Spectrometer::new(f64::from(SAMPLE_HZ));
     for _ in 0..settings.strokes {
         let drawn = Drawn::new(settings.stroke_s, random)?;
