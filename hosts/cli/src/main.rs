@@ -11,7 +11,6 @@ mod live;
 mod load;
 mod output;
 mod phase;
-mod plot;
 mod render;
 mod simulated;
 mod source;

@@ -4,12 +4,12 @@ use std::process::ExitCode;
 
 use asperity_graph::{GraphFile, Schedule};
 use asperity_node::Shape;
+use asperity_plot::{Picture, PictureNode, PictureWire};
 use asperity_source::Diagnostic;
 
 use crate::args::Graph;
 use crate::failure::{Failure, print};
 use crate::kinds::Kinds;
-use crate::plot::{Picture, PictureNode, PictureWire};
 use crate::{load, output};
 
 /// Runs the command.

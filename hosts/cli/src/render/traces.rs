@@ -5,9 +5,9 @@ use std::path::Path;
 use asperity_engine::Engine;
 use asperity_graph::Schedule;
 use asperity_node::{Buffer, ParamValue, Shape, Unit};
+use asperity_plot::{Render, Series};
 
 use super::samples;
-use crate::plot::{Render, Series};
 
 /// Longest part of a render that is drawn, in seconds: so much audio is 4 MB a signal.
 const MAX_S: u64 = 20;

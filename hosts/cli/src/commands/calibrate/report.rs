@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
+use asperity_plot::{Measured, Response};
 use asperity_world::actuator::ActuatorProfile;
 use asperity_world::actuator::identify::{Estimate, Findings, Measurement};
 use serde_json::{Map, Value, json};
@@ -10,7 +11,6 @@ use serde_json::{Map, Value, json};
 use super::bench::Tape;
 use super::{amps_per_volt, unit, volts_per_volt};
 use crate::args::{Calibrate, DriveKind};
-use crate::plot::{Measured, Response};
 
 /// A calibration that is over.
 pub struct Report<'a> {

@@ -1,9 +1,10 @@
 //! The result as a picture.
 
+use asperity_plot::{Column, Dots};
+
 use super::contest::Row;
 use super::published::{Delay, Score};
 use super::vectors::Set;
-use crate::plot::{Column, Dots};
 
 /// All figures of all methods; published scores as ticks beside them.
 pub fn svg(set: &Set, rows: &[Row], published: &[Row]) -> String {

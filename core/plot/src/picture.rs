@@ -7,37 +7,37 @@ use super::svg::{Svg, escape, num, text_width};
 
 /// A box.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub(crate) struct PictureNode {
+pub struct PictureNode {
     /// Name of the node; wires refer to it.
-    pub(crate) id: String,
+    pub id: String,
     /// Kind of the node.
-    pub(crate) kind: String,
+    pub kind: String,
     /// Said after the kind; may be empty.
-    pub(crate) note: String,
+    pub note: String,
     /// Whether it is not built: drawn grey.
-    pub(crate) dropped: bool,
+    pub dropped: bool,
 }
 
 /// A wire from an output to an input.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub(crate) struct PictureWire {
+pub struct PictureWire {
     /// Node and output port; the port may be empty.
-    pub(crate) from: (String, String),
+    pub from: (String, String),
     /// Node and input port; the port may be empty.
-    pub(crate) to: (String, String),
+    pub to: (String, String),
     /// What it carries, such as a unit; may be empty.
-    pub(crate) label: String,
+    pub label: String,
     /// Whether it closes a cycle: drawn dashed, outside.
-    pub(crate) feedback: bool,
+    pub feedback: bool,
 }
 
 /// A graph to draw: sources above, sinks below. Wires of nodes that are not there are left out.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub(crate) struct Picture {
+pub struct Picture {
     /// Boxes; ids are unique.
-    pub(crate) nodes: Vec<PictureNode>,
+    pub nodes: Vec<PictureNode>,
     /// Wires.
-    pub(crate) wires: Vec<PictureWire>,
+    pub wires: Vec<PictureWire>,
 }
 
 const MARGIN: f64 = 28.0;
@@ -114,7 +114,7 @@ struct Wire<'a> {
 
 impl Picture {
     /// The picture as an SVG document.
-    pub(crate) fn to_svg(&self) -> String {
+    pub fn to_svg(&self) -> String {
         let index: HashMap<&str, usize> =
             self.nodes.iter().enumerate().map(|(i, n)| (n.id.as_str(), i)).collect();
         let mut outputs = vec![Side::default(); self.nodes.len()];

@@ -11,16 +11,16 @@ use super::svg::{Svg, num, text_width};
 
 /// A dashed level across a panel.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Mark {
+pub struct Mark {
     /// Where, in the panel's unit.
-    pub(crate) value: f64,
+    pub value: f64,
     /// What it says.
-    pub(crate) label: String,
+    pub label: String,
 }
 
 /// One strip of a figure. A panel without finite data is left out.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) enum Panel {
+pub enum Panel {
     /// Lines over time, one for each column.
     Lines {
         /// What is drawn.
@@ -39,45 +39,45 @@ pub(crate) enum Panel {
 
 /// A stack of panels that share their time axis.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(crate) struct Figure {
+pub struct Figure {
     /// Heading.
-    pub(crate) title: String,
+    pub title: String,
     /// Smaller, under the heading.
-    pub(crate) subtitle: String,
+    pub subtitle: String,
     /// From top to bottom.
-    pub(crate) panels: Vec<Panel>,
+    pub panels: Vec<Panel>,
     /// Times, in seconds from and to, to tint in all panels, such as those with the gate open.
-    pub(crate) tinted: Vec<(f64, f64)>,
+    pub tinted: Vec<(f64, f64)>,
     /// What the tint means; nothing is tinted where it is empty.
-    pub(crate) tint_label: String,
+    pub tint_label: String,
 }
 
 /// The signals of a render, each where there is one.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(crate) struct Render {
+pub struct Render {
     /// Heading.
-    pub(crate) title: String,
+    pub title: String,
     /// Smaller, under the heading.
-    pub(crate) subtitle: String,
+    pub subtitle: String,
     /// Position, mm; columns x, y, z.
-    pub(crate) position: Option<Series>,
+    pub position: Option<Series>,
     /// Planar speed, mm/s.
-    pub(crate) speed: Option<Series>,
+    pub speed: Option<Series>,
     /// Speed under which the texture is silent, mm/s.
-    pub(crate) gate_mm_s: Option<f64>,
+    pub gate_mm_s: Option<f64>,
     /// Normal force, N.
-    pub(crate) force: Option<Series>,
+    pub force: Option<Series>,
     /// Acceleration, m/s^2; also shown as a spectrogram.
-    pub(crate) acceleration: Option<Series>,
+    pub acceleration: Option<Series>,
     /// Coil current in A, or voltage in V.
-    pub(crate) drive: Option<Series>,
+    pub drive: Option<Series>,
     /// Times, in seconds from and to, with texture.
-    pub(crate) active: Vec<(f64, f64)>,
+    pub active: Vec<(f64, f64)>,
 }
 
 impl Render {
     /// The figure of these signals: position, speed, force, acceleration and its spectrum to 1000 Hz, drive.
-    pub(crate) fn into_figure(self) -> Figure {
+    pub fn into_figure(self) -> Figure {
         let lines =
             |series: Option<Series>, marks: Vec<Mark>| series.map(|series| Panel::Lines { series, marks });
         let gate = self.gate_mm_s.map(|value| Mark { value, label: format!("gate {value} mm/s") });
@@ -152,7 +152,7 @@ impl Ready {
 impl Figure {
     /// The figure as an SVG document, 1200 pixels wide. Its size does not grow with the length of the
     /// signals.
-    pub(crate) fn to_svg(&self) -> String {
+    pub fn to_svg(&self) -> String {
         let panels: Vec<Ready> = self.panels.iter().filter_map(Ready::of).collect();
         let height = TOP + panels.iter().map(|p| HEADING + p.height()).sum::<f64>() + BOTTOM;
         let mut svg = Svg::new(WIDTH, height, &self.title);

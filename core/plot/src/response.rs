@@ -10,28 +10,28 @@ use super::svg::{Svg, num};
 
 /// A response and how it is to be called.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Measured {
+pub struct Measured {
     /// What it is, such as `on 100 g`.
-    pub(crate) label: String,
+    pub label: String,
     /// In the order of their frequency.
-    pub(crate) points: Vec<Point>,
+    pub points: Vec<Point>,
     /// What is said of it, a line each.
-    pub(crate) figures: Vec<String>,
+    pub figures: Vec<String>,
 }
 
 /// Responses over one axis, with figures beside them.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(crate) struct Response {
+pub struct Response {
     /// Heading.
-    pub(crate) title: String,
+    pub title: String,
     /// Smaller, under the heading.
-    pub(crate) subtitle: String,
+    pub subtitle: String,
     /// Unit of the magnitude.
-    pub(crate) unit: String,
+    pub unit: String,
     /// Each response with a colour of its own.
-    pub(crate) runs: Vec<Measured>,
+    pub runs: Vec<Measured>,
     /// Beside the panels: name, value, smaller lines.
-    pub(crate) figures: Vec<(String, String, Vec<String>)>,
+    pub figures: Vec<(String, String, Vec<String>)>,
 }
 
 const WIDTH: f64 = 1200.0;
@@ -63,7 +63,7 @@ struct Trace {
 
 impl Response {
     /// The responses as an SVG document, 1200 pixels wide.
-    pub(crate) fn to_svg(&self) -> String {
+    pub fn to_svg(&self) -> String {
         let height = TOP + HEIGHTS.iter().map(|h| HEADING + h).sum::<f64>() + BOTTOM;
         let mut svg = Svg::new(WIDTH, height, &self.title);
         svg.text([LEFT, 36.0], "start", "title", &self.title);
@@ -223,7 +223,7 @@ fn legend(svg: &mut Svg, y: f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::plot::tests::tags;
+    use crate::tests::tags;
 
     fn points(shift: f64) -> Vec<Point> {
         let at = |i: i32| {

@@ -5,34 +5,34 @@ use super::svg::{Svg, escape, num, text_width};
 
 /// A figure of every row.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Column {
+pub struct Column {
     /// What it is.
-    pub(crate) name: String,
+    pub name: String,
     /// Its unit, or what else stands smaller under the name.
-    pub(crate) unit: String,
+    pub unit: String,
     /// Decimals of the values that are written beside the dots.
-    pub(crate) decimals: usize,
+    pub decimals: usize,
     /// Whether equal ratios are equally long; all values are then above 0.
-    pub(crate) logarithmic: bool,
+    pub logarithmic: bool,
     /// For each row nothing, a value, or three: a middle one between its ends.
-    pub(crate) values: Vec<Vec<f64>>,
+    pub values: Vec<Vec<f64>>,
     /// Values of others with their names: ticks in a line of their own under the rows.
-    pub(crate) others: Vec<(String, f64)>,
+    pub others: Vec<(String, f64)>,
 }
 
 /// A table of dots.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(crate) struct Dots {
+pub struct Dots {
     /// Heading.
-    pub(crate) title: String,
+    pub title: String,
     /// Smaller, under the heading, a line each.
-    pub(crate) subtitles: Vec<String>,
+    pub subtitles: Vec<String>,
     /// What each row is called.
-    pub(crate) rows: Vec<String>,
+    pub rows: Vec<String>,
     /// What the line of the others is called.
-    pub(crate) others: String,
+    pub others: String,
     /// Groups of columns, one under the other, each with a heading; a group that is too wide goes on below.
-    pub(crate) groups: Vec<(String, Vec<Column>)>,
+    pub groups: Vec<(String, Vec<Column>)>,
 }
 
 const WIDTH: f64 = 1200.0;
@@ -51,7 +51,7 @@ const OTHER: &str = "#8795a1";
 
 impl Dots {
     /// The table as an SVG document, 1200 pixels wide.
-    pub(crate) fn to_svg(&self) -> String {
+    pub fn to_svg(&self) -> String {
         let bands: Vec<(&str, &[Column])> = self
             .groups
             .iter()
@@ -212,7 +212,7 @@ fn cut(text: &str, width: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::plot::tests::tags;
+    use crate::tests::tags;
 
     fn column(values: Vec<Vec<f64>>, logarithmic: bool) -> Column {
         let (name, unit) = ("f".to_owned(), "ms".to_owned());

@@ -2,49 +2,49 @@
 
 /// A signal with one column or several.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Series {
+pub struct Series {
     /// What it is, for its panel's heading.
-    pub(crate) name: String,
+    pub name: String,
     /// Its unit as printed, such as `mm/s`.
-    pub(crate) unit: String,
+    pub unit: String,
     /// Rows a second, in Hz; the first row is at 0 s.
-    pub(crate) hz: f64,
+    pub hz: f64,
     /// Values row by row, the columns of a row side by side. What is not finite is left out.
-    pub(crate) data: Vec<f32>,
+    pub data: Vec<f32>,
     /// A label for each column; of a single column it may be empty.
-    pub(crate) labels: Vec<String>,
+    pub labels: Vec<String>,
 }
 
 impl Series {
     /// One column at a steady rate in Hz from 0 s on.
-    pub(crate) fn sampled(name: &str, unit: &str, hz: f64, data: Vec<f32>) -> Self {
+    pub fn sampled(name: &str, unit: &str, hz: f64, data: Vec<f32>) -> Self {
         Self { name: name.into(), unit: unit.into(), hz, data, labels: vec![String::new()] }
     }
 
     /// The same data read as rows of several columns with these labels.
     #[must_use]
-    pub(crate) fn with_columns(mut self, labels: &[&str]) -> Self {
+    pub fn with_columns(mut self, labels: &[&str]) -> Self {
         self.labels = labels.iter().map(|&l| l.into()).collect();
         self
     }
 
     /// Columns of a row, 1 or more.
-    pub(crate) fn columns(&self) -> usize {
+    pub fn columns(&self) -> usize {
         self.labels.len().max(1)
     }
 
     /// Whole rows.
-    pub(crate) fn rows(&self) -> usize {
+    pub fn rows(&self) -> usize {
         self.data.len() / self.columns()
     }
 
     /// Time of a row in seconds.
-    pub(crate) fn time(&self, row: usize) -> f64 {
+    pub fn time(&self, row: usize) -> f64 {
         row as f64 / self.hz
     }
 
     /// A value, as `f64`; not a number where there is none.
-    pub(crate) fn value(&self, row: usize, column: usize) -> f64 {
+    pub fn value(&self, row: usize, column: usize) -> f64 {
         self.data.get(row * self.columns() + column).map_or(f64::NAN, |v| f64::from(*v))
     }
 
