@@ -87,6 +87,9 @@ pub(crate) struct Settings {
     /// Largest learning rate of stage two.
     #[arg(long, default_value_t = 1e-3, value_parser = rate)]
     pub feeling_rate: f64,
+    /// Of data that are read: how many materials are held apart whole, drawn by the seed.
+    #[arg(long, default_value_t = 0)]
+    pub unseen: u32,
     /// Of made data: every so-manieth surface only.
     #[arg(long, default_value_t = 1, value_parser = value_parser!(u32).range(1..=16))]
     pub every: u32,

@@ -4,7 +4,8 @@ use std::path::PathBuf;
 use std::str::FromStr;
 use std::sync::Mutex;
 
-use asperity_dataset::{Subject, made};
+use asperity_dataset::{Subject, hatt, made, recordings};
+use asperity_world::material::Random;
 use serde::{Deserialize, Serialize};
 
 use crate::arguments::Settings;
@@ -20,6 +21,17 @@ pub(crate) enum Origin {
     Hatt(PathBuf),
     /// Anyone's recordings, in a folder.
     Recordings(PathBuf),
+}
+
+impl Origin {
+    /// Its name, without the folder, which is the user's own affair.
+    pub(crate) fn name(&self) -> &'static str {
+        match self {
+            Self::Made => "made",
+            Self::Hatt(_) => "hatt",
+            Self::Recordings(_) => "recordings",
+        }
+    }
 }
 
 impl FromStr for Origin {
@@ -41,6 +53,14 @@ pub(crate) struct Data {
     pub seen: Vec<Subject>,
     /// Subjects that are never trained on.
     pub unseen: Vec<Subject>,
+}
+
+/// Holds some subjects apart, drawn by the seed.
+fn apart(mut subjects: Vec<Subject>, settings: &Settings) -> Data {
+    let mut random = Random::new(settings.seed ^ 0xa9a7);
+    let count = (settings.unseen as usize).min(subjects.len().saturating_sub(1));
+    let unseen = (0..count).map(|_| subjects.remove(random.below(subjects.len()))).collect();
+    Data { seen: subjects, unseen }
 }
 
 /// The settings of made data.
@@ -67,8 +87,10 @@ pub(crate) fn load(settings: &Settings) -> Result<Data, Failure> {
             let [seen, unseen] = made::subjects(&surfaces, &made_settings(settings), done)?;
             Ok(Data { seen, unseen })
         }
-        Origin::Hatt(_) | Origin::Recordings(_) => {
-            Err(Failure::Model("this source is not read yet".to_owned()))
+        Origin::Hatt(folder) => {
+            let settings_of = hatt::Settings { seed: settings.seed, ..hatt::Settings::default() };
+            Ok(apart(hatt::read(folder, &settings_of)?, settings))
         }
+        Origin::Recordings(folder) => Ok(apart(recordings::read(folder)?, settings)),
     }
 }

@@ -145,17 +145,20 @@ pub(crate) struct Head {
 impl Head {
     /// The classifier of stage one.
     pub(crate) fn classifier(preset: Preset, classes: usize, random: &mut Random, device: &Device) -> Self {
-        Self::new(preset, classes, random, device)
+        // begin undecided
+        Self::new(preset, classes, 0.1, random, device)
     }
 
     /// The texture encoder.
     pub(crate) fn texture(preset: Preset, random: &mut Random, device: &Device) -> Self {
-        Self::new(preset, VECTOR_LEN, random, device)
+        Self::new(preset, VECTOR_LEN, 1.0, random, device)
     }
 
-    fn new(preset: Preset, outputs: usize, random: &mut Random, device: &Device) -> Self {
+    fn new(preset: Preset, outputs: usize, gain: f64, random: &mut Random, device: &Device) -> Self {
         let [first, second] = preset.hidden();
-        Self { layers: layers(&[FEATURES, first, second, outputs], random, device) }
+        let mut layers = layers(&[FEATURES, first, second], random, device);
+        layers.push(Layer::new(second, outputs, gain, random, device));
+        Self { layers }
     }
 
     /// \[n, outputs\] of features \[n, 8960\].

@@ -18,23 +18,6 @@ pub(crate) fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), Diagnostic> {
     })
 }
 
-/// Refuses, before any work is done, a path whose folder is not there.
-///
-/// # Errors
-/// The folder is missing.
-pub(crate) fn check_folder(path: &Path) -> Result<(), Diagnostic> {
-    let folder = match path.parent() {
-        Some(p) if !p.as_os_str().is_empty() => p,
-        _ => Path::new("."),
-    };
-    if folder.is_dir() && path.file_name().is_some() {
-        return Ok(());
-    }
-    Err(Diagnostic::new("cannot write here: there is no such folder")
-        .in_file(path)
-        .help(format!("make the folder {} first", folder.display())))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -49,11 +32,5 @@ mod tests {
         assert_eq!(std::fs::read(&path).unwrap(), b"new bytes");
         assert_eq!(std::fs::read_dir(&folder).unwrap().count(), 1);
         std::fs::remove_dir_all(&folder).unwrap();
-    }
-
-    #[test]
-    fn a_missing_folder_is_refused_by_name() {
-        let e = check_folder(Path::new("no/such/folder/made.onnx")).unwrap_err().to_string();
-        assert!(e.starts_with("no/such/folder/made.onnx:") && e.contains("no/such/folder first"), "{e}");
     }
 }

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use asperity_dataset::Subject;
+use asperity_plot::{Curve, Curves};
 use asperity_source::Diagnostic;
 use asperity_world::material::{Library, LibraryMaterial, VECTOR_LEN};
 use asperity_world::tactile::Image;
@@ -14,6 +15,7 @@ use image::ExtendedColorType;
 use image::codecs::jpeg::JpegEncoder;
 
 use crate::arguments::{Evaluate, Settings, Train};
+use crate::card::Sizes;
 use crate::data::{self, Data};
 use crate::descent::{Losses, Stage};
 use crate::encoder::{FEATURES, ImageEncoder, features};
@@ -120,6 +122,7 @@ pub(crate) fn train(train: &Train) -> Result<(), Failure> {
         ("settling_other", other_losses),
     ];
     write_whole(&out("losses.csv"), csv(&losses).as_bytes())?;
+    write_whole(&out("curves.svg"), curves(&losses).to_svg().as_bytes())?;
     eprintln!("wrote {}", train.out.display());
     judge(&train.out, &run, settings, &data)
 }
@@ -150,7 +153,10 @@ fn judge(folder: &Path, run: &Path, settings: &Settings, data: &Data) -> Result<
     let evaluation = evaluation::evaluate(&written, settings, data)?;
     let json = serde_json::to_string_pretty(&evaluation).unwrap_or_default();
     write_whole(&folder.join("evaluation.json"), json.as_bytes())?;
-    write_whole(&folder.join("MODEL_CARD.md"), card::write(settings, data, &evaluation).as_bytes())?;
+    let size = |name: &str| std::fs::metadata(folder.join(name)).map_or(0, |m| m.len());
+    let sizes = Sizes { encoder_bytes: size("encoder.onnx"), network_bytes: size("texture.onnx") };
+    let card = card::write(settings, sizes, data, &evaluation);
+    write_whole(&folder.join("MODEL_CARD.md"), card.as_bytes())?;
     eprintln!("wrote {}", folder.join("MODEL_CARD.md").display());
     Ok(())
 }
@@ -200,6 +206,19 @@ fn csv(stages: &[(&str, Losses)]) -> String {
         .iter()
         .flat_map(|(name, losses)| losses.iter().map(move |(step, loss)| format!("{name},{step},{loss}\n")));
     std::iter::once("stage,step,loss\n".to_owned()).chain(rows).collect()
+}
+
+fn curves(stages: &[(&str, Losses)]) -> Curves {
+    let curve = |(name, losses): &(&str, Losses)| Curve {
+        name: (*name).to_owned(),
+        remark: losses.last().map(|(_, loss)| format!("{loss:.4} at last")).unwrap_or_default(),
+        points: losses.iter().map(|(step, loss)| (*step as f64, *loss)).collect(),
+    };
+    Curves {
+        title: "Training".to_owned(),
+        subtitle: "mean loss since the last report, by step".to_owned(),
+        curves: stages.iter().map(curve).collect(),
+    }
 }
 
 /// Features of each subject's training images.

@@ -5,17 +5,19 @@ mod magnitudes;
 mod onnx;
 mod statistics;
 
-use asperity_dataset::made;
+use asperity_dataset::{Example, Expectation, Subject, Truth, made};
+use asperity_source::Diagnostic;
 use asperity_world::material::{Library, Random};
+use asperity_world::topography::MadeSurface;
 use rayon::prelude::*;
 use serde::Serialize;
 
-pub(crate) use looks::{Naming, Strangers};
+pub(crate) use looks::{Naming, Stranger, Strangers};
 pub(crate) use magnitudes::{AUDIBLE_M_S2, RANGE_DB, Score};
 pub(crate) use onnx::Onnx;
 
 use crate::arguments::Settings;
-use crate::data::{Data, made_settings};
+use crate::data::{Data, Origin, made_settings};
 use crate::failure::Failure;
 use crate::loss::Target;
 use magnitudes::{Judge, Judged};
@@ -69,31 +71,74 @@ const STROKES: usize = 3;
 const STROKE_S: f64 = 3.0;
 const PLACES: usize = 16;
 
-/// Judges a model by made data.
+/// What is known of a subject that is judged.
+struct Known {
+    within: Vec<Expectation>,
+    /// Beyond the trained range, where it can be known.
+    beyond: Option<Vec<Expectation>>,
+}
+
+/// What all subjects of the data are judged by.
+struct Truths {
+    seen: Vec<Known>,
+    unseen: Vec<Vec<Expectation>>,
+}
+
+/// Made surfaces are stroked anew, at many places; of others the held-out examples stand for themselves.
+fn truths(settings: &Settings, data: &Data) -> Result<Truths, Failure> {
+    let read = |s: &Subject| s.examples.held.iter().map(|e| target_of(e, s.truth)).collect::<Vec<_>>();
+    if settings.data != Origin::Made {
+        let seen = data.seen.iter().map(|s| Known { within: read(s), beyond: None }).collect();
+        return Ok(Truths { seen, unseen: data.unseen.iter().map(read).collect() });
+    }
+    let random = &mut Random::new(settings.seed ^ 0x4e1d_00a7);
+    let inside = (0..STROKES).map(|_| made::Drawn::new(STROKE_S, random)).collect::<Result<Vec<_>, _>>()?;
+    let outside =
+        (0..STROKES).map(|_| made::Drawn::beyond(STROKE_S, random)).collect::<Result<Vec<_>, _>>()?;
+    let made = made_settings(settings);
+    let [seen, unseen] = made::surfaces(settings.every as usize);
+    let known = |surface: &MadeSurface| -> Result<Known, Diagnostic> {
+        let within = made::expectations(surface, &made, &inside, PLACES)?;
+        let beyond = Some(made::expectations(surface, &made, &outside, PLACES / 2)?);
+        Ok(Known { within, beyond })
+    };
+    Ok(Truths {
+        seen: seen.par_iter().map(known).collect::<Result<_, _>>()?,
+        unseen: unseen
+            .par_iter()
+            .map(|s| made::expectations(s, &made, &inside, PLACES))
+            .collect::<Result<_, _>>()?,
+    })
+}
+
+/// An example as an expectation of its own.
+fn target_of(example: &Example, truth: Truth) -> Expectation {
+    let [mean, rms] = [Target::Mean, Target::Rms].map(|t| example.magnitudes.map(|m| t.of(m, truth)));
+    Expectation { other: example.magnitudes, mean, rms, example: example.clone() }
+}
+
+/// Judges a model by data it was not trained on.
 ///
 /// # Errors
 /// A file that tract cannot run; a material that the library has not.
 pub(crate) fn evaluate(written: &Written, settings: &Settings, data: &Data) -> Result<Evaluation, Failure> {
-    let random = &mut Random::new(settings.seed ^ 0x4e1d_0a7);
-    let inside = (0..STROKES).map(|_| made::Drawn::new(STROKE_S, random)).collect::<Result<Vec<_>, _>>()?;
-    let outside =
-        (0..STROKES).map(|_| made::Drawn::beyond(STROKE_S, random)).collect::<Result<Vec<_>, _>>()?;
-    let surfaces = made::surfaces(settings.every as usize);
-    let made = made_settings(settings);
+    let truths = truths(settings, data)?;
     let judge = Judge { network: &written.network, target: settings.target };
 
     eprintln!("judging names of held-out images");
     let naming = looks::naming(written, data)?;
     eprintln!("judging vibration of {} materials", data.seen.len());
-    let [seen, unseen] = &surfaces;
-    let judged: Vec<(Judged, Score, Score)> = (data.seen.par_iter().zip(seen))
-        .map(|(subject, surface)| {
+    let judged: Vec<(Judged, Score, Option<Score>)> = (data.seen.par_iter().zip(&truths.seen))
+        .map(|(subject, truth)| {
             let vector = written.library.material(&subject.name)?.vector.as_slice();
-            let truth = made::expectations(surface, &made, &inside, PLACES)?;
-            let beyond = made::expectations(surface, &made, &outside, PLACES / 2)?;
-            let judged = Judged::of(truth, settings.target);
+            let judged = Judged::of(truth.within.clone(), settings.target);
             let score = judge.score(subject, vector, &judged)?;
-            let beyond = judge.score(subject, vector, &Judged::of(beyond, settings.target))?;
+            let beyond = match &truth.beyond {
+                Some(beyond) => {
+                    Some(judge.score(subject, vector, &Judged::of(beyond.clone(), settings.target))?)
+                }
+                None => None,
+            };
             Ok((judged, score, beyond))
         })
         .collect::<Result<_, Failure>>()?;
@@ -102,15 +147,11 @@ pub(crate) fn evaluate(written: &Written, settings: &Settings, data: &Data) -> R
         None => Vec::new(),
     };
     eprintln!("judging {} unseen surfaces", data.unseen.len());
-    let truths = unseen
-        .par_iter()
-        .map(|s| made::expectations(s, &made, &inside, PLACES))
-        .collect::<Result<Vec<_>, _>>()?;
-    let strangers = looks::strangers(written, data, &judge, truths)?;
+    let strangers = looks::strangers(written, data, &judge, truths.unseen)?;
     let (mut scores, mut beyond) = (Vec::new(), Vec::new());
     for (_, score, out) in judged {
         scores.push(score);
-        beyond.push(out);
+        beyond.extend(out);
     }
     let silence_m_s2 = magnitudes::loudest_silence(&written.network, &written.library)?;
     Ok(Evaluation { naming, strangers, scores, beyond, levels, silence_m_s2 })
@@ -122,7 +163,7 @@ fn levels(
     other: &Onnx,
     target: Target,
     data: &Data,
-    judged: &[(Judged, Score, Score)],
+    judged: &[(Judged, Score, Option<Score>)],
 ) -> Result<Vec<Level>, Failure> {
     let (mean, rms) = match target {
         Target::Mean => (&written.network, other),
