@@ -1,9 +1,10 @@
 //! A model read from its file, before it is given materials.
 
 use crate::lower::Lowered;
-use crate::proto;
+use crate::proto::{self, MAX_MODEL_BYTES};
 use crate::reference::Reference;
 use crate::signature::match_signature;
+use crate::trained::Trained;
 use asperity_source::Diagnostic;
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -17,6 +18,7 @@ pub struct Model {
     pub(crate) reference: Reference,
     /// The steps, or why there are none.
     pub(crate) lowered: Result<Lowered, String>,
+    trained: Trained,
 }
 
 impl Model {
@@ -24,11 +26,11 @@ impl Model {
     ///
     /// # Errors
     /// A file that cannot be read or is no ONNX model, weights stored elsewhere, a signature that does not fit (named
-    /// with the shapes found), or a graph that tract cannot run. A file made for that can still have tract fill much
+    /// with the shapes found), a trained range that is none, or a graph that tract cannot run. A file made for that can still have tract fill much
     /// memory; sizes that a file states outright are bounded.
     pub fn load(path: impl AsRef<Path>) -> Result<Self, Diagnostic> {
         let path = path.as_ref();
-        Self::from_bytes(&proto::read_file(path)?, path)
+        Self::from_bytes(&proto::read_file(path, MAX_MODEL_BYTES)?, path)
     }
 
     /// A model that is already in memory; `path` is its name in errors.
@@ -44,7 +46,13 @@ impl Model {
         let own = model.opset_import.iter().find(|set| matches!(set.domain.as_str(), "" | "ai.onnx"));
         let opset = own.map_or(0, |set| set.version);
         let lowered = Lowered::new(&graph, opset, &signature);
-        Ok(Self { path: path.to_owned(), reference, lowered })
+        let trained = Trained::read(&model.metadata_props, path)?;
+        Ok(Self { path: path.to_owned(), reference, lowered, trained })
+    }
+
+    /// What the file says of the range the model was trained on.
+    pub fn trained(&self) -> Trained {
+        self.trained
     }
 
     /// Why the model can only be run by tract; `None` for a multilayer perceptron.

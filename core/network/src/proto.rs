@@ -11,13 +11,15 @@ use tract_onnx::pb::{AttributeProto, GraphProto, ModelProto, NodeProto, TensorPr
 
 /// Largest model file that is read, in bytes: thirty times a texture network.
 pub const MAX_MODEL_BYTES: u64 = 64 << 20;
+/// Largest encoder file that is read, in bytes: one of AlexNet's features and the paper's texture encoder has 166 MB.
+pub const MAX_ENCODER_BYTES: u64 = 256 << 20;
 /// Largest number of nodes in a graph.
 const MAX_NODES: usize = 10_000;
 /// Largest size that a constant shape may ask an operator to fill, in elements.
 const MAX_FILL: f64 = (1 << 24) as f64;
 
-/// Reads at most [`MAX_MODEL_BYTES`].
-pub(crate) fn read_file(path: &Path) -> Result<Vec<u8>, Diagnostic> {
+/// Reads at most so many bytes.
+pub(crate) fn read_file(path: &Path, most: u64) -> Result<Vec<u8>, Diagnostic> {
     let fail = |what: String| Diagnostic::new(what).in_file(path);
     let file = std::fs::File::open(path).map_err(|e| fail(format!("cannot read this file: {e}")))?;
     let meta = file.metadata().map_err(|e| fail(format!("cannot read this file: {e}")))?;
@@ -25,10 +27,10 @@ pub(crate) fn read_file(path: &Path) -> Result<Vec<u8>, Diagnostic> {
         return Err(fail("this is not a file".into()));
     }
     let mut bytes = Vec::new();
-    let read = file.take(MAX_MODEL_BYTES + 1).read_to_end(&mut bytes);
+    let read = file.take(most + 1).read_to_end(&mut bytes);
     read.map_err(|e| fail(format!("cannot read this file: {e}")))?;
-    if bytes.len() as u64 > MAX_MODEL_BYTES {
-        return Err(fail(format!("this file has {} bytes; at most {MAX_MODEL_BYTES} are read", meta.len())));
+    if bytes.len() as u64 > most {
+        return Err(fail(format!("this file has {} bytes; at most {most} are read", meta.len())));
     }
     Ok(bytes)
 }
@@ -38,7 +40,7 @@ pub(crate) fn decode(bytes: &[u8], path: &Path) -> Result<(ModelProto, GraphProt
     let not_onnx = |what: String| {
         Diagnostic::new(what)
             .in_file(path)
-            .help("a texture network is an ONNX file (.onnx), stored whole and not as text")
+            .help("a network is an ONNX file (.onnx), stored whole and not as text")
     };
     let mut model = ModelProto::decode(bytes)
         .map_err(|e| not_onnx(format!("this is not an ONNX model, or not all of one: {e}")))?;

@@ -147,7 +147,7 @@ pub(crate) fn match_signature(graph: &GraphProto, path: &Path) -> Result<Signatu
     Ok(Signature { inputs: matched, output: output.name.clone() })
 }
 
-fn shape(v: &ValueInfoProto) -> Option<Vec<Option<i64>>> {
+pub(crate) fn shape(v: &ValueInfoProto) -> Option<Vec<Option<i64>>> {
     let TypeValue::TensorType(tensor) = v.r#type.as_ref()?.value.as_ref()?;
     let dims = &tensor.shape.as_ref()?.dim;
     Some(
@@ -172,7 +172,7 @@ fn has_open_row(v: &ValueInfoProto) -> bool {
     matches!(shape(v).as_deref(), Some([None | Some(1), None]))
 }
 
-fn is_float(v: &ValueInfoProto) -> bool {
+pub(crate) fn is_float(v: &ValueInfoProto) -> bool {
     match v.r#type.as_ref().and_then(|t| t.value.as_ref()) {
         Some(TypeValue::TensorType(t)) => t.elem_type == DataType::Float as i32,
         None => false,
@@ -180,7 +180,7 @@ fn is_float(v: &ValueInfoProto) -> bool {
 }
 
 /// `name [1,10]`, with `?` for a free dimension and only the beginning of a very long name.
-fn describe(v: &ValueInfoProto) -> String {
+pub(crate) fn describe(v: &ValueInfoProto) -> String {
     let name: String = v.name.chars().take(40).flat_map(char::escape_default).collect();
     match shape(v) {
         None => format!("{name} [shape not given]"),

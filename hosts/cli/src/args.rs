@@ -3,6 +3,7 @@
 mod calibrate;
 mod device;
 mod latency;
+mod materials;
 mod number;
 mod tone;
 
@@ -13,6 +14,7 @@ use clap::{Parser, Subcommand, ValueEnum};
 pub use calibrate::{Calibrate, DriveKind};
 pub use device::{ActuatorArgs, ClockKind, DeviceArgs, OutputArgs};
 pub use latency::LatencyArgs;
+pub use materials::{As, Encode, Materials};
 pub use tone::Tone;
 
 /// Haptic rendering as a real-time dataflow graph.
@@ -56,6 +58,13 @@ pub enum Command {
     Invert(Invert),
     /// Run every phase-retrieval node over vectors: accuracy, response lag, latency, cost
     Compare(Compare),
+    /// Find the materials nearest to pictures of a surface, and add one to a library
+    ///
+    /// A picture is brought to 192 x 256 pixels: its middle of 4 to 3, smaller or larger. What was done to it is said.
+    #[command(mut_args = number::may_be_negative)]
+    Encode(Encode),
+    /// List the materials of a library: names, families, descriptions, pictures
+    Materials(Materials),
     /// Make a plugin, check one, or see which are found
     #[command(subcommand)]
     Plugin(PluginCommand),

@@ -114,7 +114,7 @@ pub fn complain(text: &str) {
 }
 
 /// A text from a file, harmless to a terminal, and no longer than a person reads.
-fn clean(text: &str) -> String {
+pub fn clean(text: &str) -> String {
     const MOST: usize = 600;
     let harmful = |c: char| {
         (c.is_control() && c != '\t') || matches!(c, '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}')

@@ -36,6 +36,8 @@ fn main() -> ExitCode {
         Command::Graph(args) => commands::graph::run(&args),
         Command::Invert(args) => commands::invert::run(&args),
         Command::Compare(args) => commands::compare::run(&args),
+        Command::Encode(args) => commands::encode::run(&args),
+        Command::Materials(args) => commands::materials::run(&args),
         Command::Plugin(command) => commands::plugin::run(&command),
     };
     match result {

@@ -7,6 +7,8 @@ use asperity_node::{
 };
 use asperity_world::material::Library;
 
+use super::range::{Range, magnitudes};
+
 /// The model's bins are 10 Hz apart: its window is 0.1 s.
 const WINDOWS_PER_SECOND: u32 = 10;
 /// The model predicts this often.
@@ -22,6 +24,19 @@ pub struct TextureNetwork {
     force: [f32; FORCE_LEN],
     velocity: [f32; SPEED_LEN],
     magnitudes: [f32; MAGNITUDES_LEN],
+    range: Range,
+    held: Held,
+}
+
+/// How often something was not as it should be.
+#[derive(Clone, Copy, Debug, Default)]
+struct Held {
+    /// Frames with a force out of range among the last ten.
+    force: u64,
+    /// Frames with a velocity out of range.
+    velocity: u64,
+    /// Magnitudes that were negative or not finite.
+    magnitudes: u64,
 }
 
 /// The frames that follow from the parameters.
@@ -54,11 +69,11 @@ impl Node for TextureNetwork {
         )
         .input(
             Input::new("force", ShapeSpec::Control(FORCE_LEN), Unit::NEWTON)
-                .doc("the last forces, oldest first"),
+                .doc("the last forces, oldest first; held to 0 and the largest that the model was trained on"),
         )
         .input(
             Input::new("velocity", ShapeSpec::Control(SPEED_LEN), Unit::MILLIMETRE_PER_SECOND)
-                .doc("the last vx, then the last vy, oldest first"),
+                .doc("the last vx, then the last vy, oldest first; made slower where faster than any trained"),
         )
         .input(
             Input::new("material", ShapeSpec::Control(1), Unit::NONE)
@@ -75,7 +90,8 @@ impl Node for TextureNetwork {
         )
         .param(Param::file(
             "model",
-            "ONNX: force [1,10], speed [1,20], texture [1,256] to magnitudes [1,100].",
+            "ONNX: force [1,10], speed [1,20], texture [1,256] to magnitudes [1,100]; metadata `force_max_n`, \
+             `speed_max_mm_s`: the range it was trained on.",
         ))
         .param(Param::file("library", "RON: material names and their texture vectors of 256 numbers."))
         .param(Param::text("material", "", "The material's name in the library.").required())
@@ -137,17 +153,16 @@ impl Node for TextureNetwork {
             force: [0.0; FORCE_LEN],
             velocity: [0.0; SPEED_LEN],
             magnitudes: [0.0; MAGNITUDES_LEN],
+            range: Range::new(model.trained()),
+            held: Held::default(),
         })
     }
 
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         let Some(frame) = self.clock.frame(tick.index) else { return Status::Quiet };
-        for (to, from) in self.force.iter_mut().zip(tick.inputs.control(0)) {
-            *to = *from as f32;
-        }
-        for (to, from) in self.velocity.iter_mut().zip(tick.inputs.control(1)) {
-            *to = *from as f32;
-        }
+        let (force, velocity) = (tick.inputs.control(0), tick.inputs.control(1));
+        self.held.force += u64::from(self.range.forces(force, &mut self.force));
+        self.held.velocity += u64::from(self.range.velocities(velocity, &mut self.velocity));
         // A float to an integer saturates, and NaN is 0.
         self.material = (tick.inputs.value(2).round() as usize).min(self.runner.materials() - 1);
         match self.runner.run(self.material, &self.force, &self.velocity, &mut self.magnitudes) {
@@ -158,10 +173,7 @@ impl Node for TextureNetwork {
         let start = self.layout.frame_rate.first_sample(frame, self.layout.rate_hz);
         let bins = tick.outputs.magnitude(0, frame, start);
         bins[0] = 0.0;
-        for (to, from) in bins[1..].iter_mut().zip(&self.magnitudes) {
-            // `max` would hide a NaN from the engine, which is to count it.
-            *to = if *from < 0.0 { 0.0 } else { *from };
-        }
+        self.held.magnitudes += magnitudes(&self.magnitudes, &mut bins[1..]);
         Status::Continue
     }
 
@@ -185,6 +197,16 @@ impl Node for TextureNetwork {
         if let Some(error) = info.max_error_vs_tract {
             facts.push(Fact::number("error_against_tract", error, "of full scale"));
         }
+        let trained = self.range.trained();
+        if let Some(most) = trained.force_max_n {
+            facts.push(Fact::number("trained_force", most, "N"));
+        }
+        if let Some(most) = trained.speed_max_mm_s {
+            facts.push(Fact::number("trained_speed", most, "mm/s"));
+        }
+        facts.push(Fact::count("force_out_of_range", self.held.force));
+        facts.push(Fact::count("velocity_out_of_range", self.held.velocity));
+        facts.push(Fact::count("bad_magnitudes", self.held.magnitudes));
         facts
     }
 }

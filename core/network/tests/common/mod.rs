@@ -400,3 +400,35 @@ pub fn motions(count: usize, seed: u64) -> Vec<(Vec<f32>, Vec<f32>)> {
     all.extend((0..count).map(|_| (r.vector(10, 3.0), r.vector(20, 200.0))));
     all
 }
+
+/// An encoder: means over tiles of 16 x 16 pixels, red's 12 rows of 16, then green's, then blue's, weighted and summed to s.
+/// Number n of the answer is s (1 + n / 256) + n step.
+pub fn encoder(weights: &[f32], step: f32) -> ModelProto {
+    let mut w = Writer::new(Spelling::default());
+    w.graph.input = vec![value_info("image", &[Some(1), Some(3), Some(192), Some(256)])];
+    w.graph.output = vec![value_info("texture", &[Some(1), Some(256)])];
+    let ints = |name: &str, ints: Vec<i64>| AttributeProto {
+        name: name.into(),
+        ints,
+        r#type: 7,
+        ..Default::default()
+    };
+    let tiles = w.node(
+        "AveragePool",
+        &["image"],
+        vec![ints("kernel_shape", vec![16; 2]), ints("strides", vec![16; 2])],
+    );
+    let flat = w.node("Flatten", &[&tiles], vec![int("axis", 1)]);
+    let layer = Layer {
+        weights: weights.iter().flat_map(|x| (0..256).map(move |n| x * (1.0 + n as f32 / 256.0))).collect(),
+        bias: (0..256).map(|n| n as f32 * step).collect(),
+    };
+    w.product(&flat, &layer);
+    w.graph.node.last_mut().expect("the product").output[0] = "texture".into();
+    ModelProto {
+        ir_version: 8,
+        opset_import: vec![OperatorSetIdProto { domain: String::new(), version: 17 }],
+        graph: Some(w.graph),
+        ..Default::default()
+    }
+}

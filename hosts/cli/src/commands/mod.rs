@@ -1,12 +1,14 @@
-//! Commands that do not run a graph in time: `check`, `nodes`, `graph`, `invert`, `compare`, `plugin`.
+//! Commands that do not run a graph in time: `check`, `nodes`, `graph`, `invert`, `compare`, `encode`, `materials`, `plugin`.
 
 pub mod calibrate;
 pub mod check;
 pub mod compare;
 pub mod devices;
+pub mod encode;
 pub mod graph;
 pub mod invert;
 pub mod latency;
+pub mod materials;
 pub mod nodes;
 pub mod plugin;
 pub mod tone;

@@ -9,7 +9,7 @@ use asperity_live::view::TimingView;
 use serde_json::{Map, Value, json};
 
 use crate::args;
-use crate::render::report::fact_json;
+use crate::render::report::{fact_json, out_of_range};
 
 /// What was run.
 pub struct Run<'a> {
@@ -152,6 +152,13 @@ pub fn summary(run: &Run<'_>, written: &[PathBuf]) -> String {
                 "",
                 format!("`{}` ({}) {} times, last: {}{end}", node.id, node.kind, v.faults, v.last_fault),
             );
+        }
+    }
+    if let Some(player) = &run.ended.player {
+        for (i, node) in layout.nodes.iter().enumerate() {
+            for text in out_of_range(&player.engine().facts(i)) {
+                line("network", format!("`{}`: {text}", node.id));
+            }
         }
     }
     for path in written {

@@ -98,6 +98,28 @@ pub fn fact_json(fact: &Fact) -> Value {
     }
 }
 
+/// What a network was given that it was not made for, and what it answered that no magnitude can be.
+pub fn out_of_range(facts: &[Fact]) -> Vec<String> {
+    let find = |name: &str| facts.iter().find(|f| f.name == name);
+    let count = |name: &str| match find(name).map(|f| &f.value) {
+        Some(FactValue::Count(n)) => *n,
+        _ => 0,
+    };
+    let most = |name: &str| find(name).map_or("what is known".to_owned(), |f| f.value.to_string());
+    let mut out = Vec::new();
+    if let n @ 1.. = count("force_out_of_range") {
+        out.push(format!("{n} frames with a force outside 0 to {}, held there", most("trained_force")));
+    }
+    if let n @ 1.. = count("velocity_out_of_range") {
+        out.push(format!("{n} frames with a speed above {}, held there", most("trained_speed")));
+    }
+    // Phase retrieval counts under the same name what it is given.
+    if let (Some(_), n @ 1..) = (find("velocity_out_of_range"), count("bad_magnitudes")) {
+        out.push(format!("{n} magnitudes were negative or not finite, and are taken as 0"));
+    }
+    out
+}
+
 fn realtime_factor(run: &Run<'_>, schedule: &Schedule) -> f64 {
     run.ticks as f64 / f64::from(schedule.tick_hz) / run.elapsed_s.max(1e-9)
 }
@@ -211,10 +233,12 @@ pub fn summary(run: &Run<'_>, engine: &Engine, times: &Times, level: &Level, wri
         }
     }
     for (i, node) in schedule.nodes.iter().enumerate() {
-        for fact in engine.facts(i) {
-            if fact.name == "executor" {
-                line("network", format!("`{}`: {}", node.id, fact.value));
-            }
+        let facts = engine.facts(i);
+        for fact in facts.iter().filter(|f| f.name == "executor") {
+            line("network", format!("`{}`: {}", node.id, fact.value));
+        }
+        for text in out_of_range(&facts) {
+            line("", format!("`{}`: {text}", node.id));
         }
         if node.kind == "limiter" {
             let acted: Vec<String> = engine

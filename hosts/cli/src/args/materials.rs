@@ -1,0 +1,58 @@
+//! `asperity encode`, `asperity materials`
+
+use std::path::PathBuf;
+
+use clap::ValueEnum;
+
+use super::number::whole;
+
+/// Which vector a new material gets.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum As {
+    /// The nearest stored one, which a network was trained on
+    Nearest,
+    /// Its own
+    Raw,
+    /// The mean of the nearest stored ones, each weighted by one over its distance
+    Blend,
+}
+
+/// `asperity encode`
+#[derive(Clone, Debug, clap::Args)]
+pub struct Encode {
+    /// Tactile images of one material, PNG or JPEG; of several the mean vector is taken
+    #[arg(required = true, value_name = "IMAGE")]
+    pub images: Vec<PathBuf>,
+    /// The library that is searched, and gets the material
+    #[arg(long, value_name = "L.ron")]
+    pub library: PathBuf,
+    /// The encoder; the one that the library names, unless given
+    #[arg(long, value_name = "FILE.onnx")]
+    pub encoder: Option<PathBuf>,
+    /// Name of the material; that of the first image's file, unless given
+    #[arg(long)]
+    pub name: Option<String>,
+    /// What it feels like, in a sentence
+    #[arg(long, value_name = "TEXT")]
+    pub description: Option<String>,
+    /// Which vector it gets
+    #[arg(long = "as", value_enum, default_value = "nearest")]
+    pub how: As,
+    /// How many of the nearest materials are listed, and blended by `--as blend`
+    #[arg(long, value_name = "N", default_value_t = 5, value_parser = whole(1_usize, 4096, ""))]
+    pub neighbours: usize,
+    /// Only tell; add nothing to the library
+    #[arg(long)]
+    pub dry_run: bool,
+}
+
+/// `asperity materials`
+#[derive(Clone, Debug, clap::Args)]
+pub struct Materials {
+    /// The library
+    #[arg(long, value_name = "L.ron", default_value = "graphs/materials/made.ron")]
+    pub library: PathBuf,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+}

@@ -1,0 +1,169 @@
+//! `asperity encode`: from pictures of a surface to a material of a library.
+
+use std::fmt::Write as _;
+use std::path::{Component, Path, PathBuf};
+use std::process::ExitCode;
+
+use asperity_network::Encoder;
+use asperity_source::{Diagnostic, Source};
+use asperity_world::material::{Assignment, Library, LibraryMaterial, Neighbour, VECTOR_LEN};
+use asperity_world::tactile;
+
+use crate::args::{As, Encode};
+use crate::failure::{Failure, clean, print, warn};
+use crate::output::{resolved, write_text};
+
+type Vector = [f32; VECTOR_LEN];
+
+/// Runs the command.
+pub fn run(args: &Encode) -> Result<ExitCode, Failure> {
+    let library = Library::read(&args.library).map_err(|e| Failure::from(e).named_by("--library"))?;
+    let name = name(args)?;
+    if library.materials().iter().any(|m| m.name == name) {
+        let what = format!("the library has a material `{}` already", clean(&name));
+        if !args.dry_run {
+            return Err(Diagnostic::new(what).in_file(&args.library).help("choose another --name").into());
+        }
+        warn(&what);
+    }
+    let encoder = encoder(args, &library)?;
+    let mut out = String::new();
+    let mut vectors = Vec::with_capacity(args.images.len());
+    for path in &args.images {
+        let picture = tactile::read(path)?;
+        for note in &picture.notes {
+            let _ = writeln!(out, "{}: {note}", path.display());
+        }
+        vectors.push(encoder.encode(&picture.image)?);
+    }
+    let mean = mean(&vectors);
+    if vectors.len() > 1 {
+        spread(&mut out, args, &library, &vectors, &mean);
+    }
+    let near = library.nearest(&mean, args.neighbours);
+    list(&mut out, &near);
+    let (how, gets) = match args.how {
+        As::Nearest => (
+            Assignment::Nearest,
+            near.first().map_or_else(String::new, |n| format!("the vector of `{}`", n.material.name)),
+        ),
+        As::Raw => (Assignment::Raw, "its own vector".to_owned()),
+        As::Blend => (Assignment::Blend(args.neighbours), format!("a blend of the nearest {}", near.len())),
+    };
+    if args.dry_run {
+        let _ = writeln!(out, "\n`{}` would get {}; nothing was added", clean(&name), clean(&gets));
+        print(&out)?;
+        return Ok(ExitCode::SUCCESS);
+    }
+    let from =
+        if vectors.len() == 1 { "a picture".to_owned() } else { format!("{} pictures", vectors.len()) };
+    let description = args.description.clone().unwrap_or_else(|| format!("From {from}: {gets}."));
+    let images = args.images.iter().map(|image| beside(&args.library, image)).collect::<Result<_, _>>()?;
+    let material =
+        LibraryMaterial { name, description, family: None, images, vector: library.assign(&mean, how) };
+    add(&args.library, &material)?;
+    let _ =
+        writeln!(out, "\nadded `{}` to {}: {}", clean(&material.name), args.library.display(), clean(&gets));
+    print(&out)?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// What the material is to be called.
+fn name(args: &Encode) -> Result<String, Failure> {
+    let stem =
+        || args.images.first().and_then(|i| i.file_stem()).unwrap_or_default().to_string_lossy().into_owned();
+    match args.name.clone().unwrap_or_else(stem) {
+        name if name.trim().is_empty() => {
+            Err(Diagnostic::new("a material without a name").help("give it one by --name").into())
+        }
+        name => Ok(name),
+    }
+}
+
+fn encoder(args: &Encode, library: &Library) -> Result<Encoder, Failure> {
+    let own = library.encoder();
+    match (&args.encoder, own) {
+        (Some(given), own) => {
+            if let Some(own) = own.filter(|own| resolved(own) != resolved(given)) {
+                let own = own.display();
+                warn(&format!(
+                    "the library names another encoder, {own}: distances mean little unless it is the same"
+                ));
+            }
+            Encoder::load(given).map_err(|e| Failure::from(e).named_by("--encoder"))
+        }
+        (None, Some(own)) => {
+            Encoder::load(own).map_err(|e| Failure::from(e).named_by(&args.library.display().to_string()))
+        }
+        (None, None) => Err(Diagnostic::new("this library names no encoder")
+            .in_file(&args.library)
+            .help("name one by --encoder FILE.onnx, or in the library by `encoder: \"FILE.onnx\"`")
+            .into()),
+    }
+}
+
+fn mean(vectors: &[Vector]) -> Vector {
+    let sum = |i: usize| vectors.iter().map(|v| f64::from(v[i])).sum::<f64>();
+    std::array::from_fn(|i| (sum(i) / vectors.len().max(1) as f64) as f32)
+}
+
+fn distance(a: &Vector, b: &Vector) -> f64 {
+    a.iter().zip(b).map(|(a, b)| (f64::from(*a) - f64::from(*b)).powi(2)).sum::<f64>().sqrt()
+}
+
+/// Tells what each picture alone says, and how far the pictures are apart.
+fn spread(out: &mut String, args: &Encode, library: &Library, vectors: &[Vector], mean: &Vector) {
+    for (path, vector) in args.images.iter().zip(vectors) {
+        if let Some(first) = library.nearest(vector, 1).first() {
+            let (name, far) = (clean(&first.material.name), first.distance);
+            let _ = writeln!(out, "{}: nearest `{name}`, at {far:.4}", path.display());
+        }
+    }
+    let far: Vec<f64> = vectors.iter().map(|v| distance(v, mean)).collect();
+    let rms = (far.iter().map(|x| x * x).sum::<f64>() / far.len() as f64).sqrt();
+    let most = far.iter().fold(0.0, |a: f64, b| a.max(*b));
+    let _ =
+        writeln!(out, "spread of {} pictures around their mean: {rms:.4} rms, {most:.4} at most", far.len());
+}
+
+fn list(out: &mut String, near: &[Neighbour<'_>]) {
+    let names: Vec<String> = near.iter().map(|n| clean(&n.material.name)).collect();
+    let width = names.iter().map(|n| n.chars().count()).max().unwrap_or(0).max(7);
+    let _ = writeln!(out, "{:width$}  distance", "nearest");
+    for (neighbour, name) in near.iter().zip(names) {
+        let family =
+            neighbour.material.family.as_deref().map(|f| format!("  {}", clean(f))).unwrap_or_default();
+        let _ = writeln!(out, "{name:width$}  {:8.4}{family}", neighbour.distance);
+    }
+}
+
+/// Puts a material into the file as it is now, all of it or nothing.
+fn add(library: &Path, material: &LibraryMaterial) -> Result<(), Failure> {
+    let text = Library::insert(&Source::read(library)?, material)?;
+    // A reader takes a byte order mark away, and it is not ours to drop.
+    let bytes = std::fs::read(library)
+        .map_err(|e| Failure::Machine(format!("cannot read {}: {e}", library.display())))?;
+    let mark = if bytes.starts_with("\u{feff}".as_bytes()) { "\u{feff}" } else { "" };
+    write_text(library, &format!("{mark}{text}"))
+}
+
+/// A picture's path as the library is to have it: from its folder, with `/`; from the root where they share no folder.
+fn beside(library: &Path, image: &Path) -> Result<String, Failure> {
+    let whole = |path: &Path| {
+        path.canonicalize().map_err(|e| Diagnostic::new(format!("cannot find this file: {e}")).in_file(path))
+    };
+    // A link leads to where the library is, but what it is called by is where its paths start.
+    let folder = library.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let (folder, image) = (whole(folder)?, whole(image)?);
+    let shared = folder.components().zip(image.components()).take_while(|(a, b)| a == b).count();
+    let path = if shared == 0 {
+        image.clone()
+    } else {
+        let up = folder.components().skip(shared).map(|_| Component::ParentDir);
+        up.chain(image.components().skip(shared)).collect::<PathBuf>()
+    };
+    let text = path.to_str().ok_or_else(|| {
+        Diagnostic::new("this picture's path is not UTF-8, and cannot stand in a library").in_file(&image)
+    })?;
+    Ok(if cfg!(windows) { text.replace('\\', "/") } else { text.to_owned() })
+}

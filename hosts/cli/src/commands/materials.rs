@@ -1,0 +1,68 @@
+//! `asperity materials`: what is in a library.
+
+use std::fmt::Write as _;
+use std::process::ExitCode;
+
+use asperity_world::material::Library;
+use serde_json::{Value, json};
+
+use crate::args::Materials;
+use crate::failure::{Failure, clean, print};
+
+/// Runs the command.
+pub fn run(args: &Materials) -> Result<ExitCode, Failure> {
+    let library = Library::read(&args.library).map_err(|e| Failure::from(e).named_by("--library"))?;
+    if args.json {
+        print(&format!("{:#}\n", as_json(&library)))?;
+    } else {
+        print(&text_of(&library))?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn text_of(library: &Library) -> String {
+    let materials = library.materials();
+    let width =
+        |of: fn(&str) -> usize, texts: &mut dyn Iterator<Item = &str>| texts.map(of).max().unwrap_or(0);
+    let length = |t: &str| clean(t).chars().count();
+    let names = width(length, &mut materials.iter().map(|m| m.name.as_str()));
+    let families = width(length, &mut materials.iter().filter_map(|m| m.family.as_deref()));
+    let mut out = String::new();
+    for m in materials {
+        let _ = write!(out, "{:names$}  ", clean(&m.name));
+        if families > 0 {
+            let _ = write!(out, "{:families$}  ", clean(m.family.as_deref().unwrap_or_default()));
+        }
+        let _ = writeln!(out, "{}", clean(&m.description));
+        for image in &m.images {
+            let missing = if library.beside(image).is_file() { "" } else { " (missing)" };
+            let path = library.beside(image).display().to_string();
+            let _ = writeln!(out, "{:names$}  {}{missing}", "", clean(&path));
+        }
+    }
+    let count = materials.len();
+    let _ = writeln!(out, "\n{count} material{}", if count == 1 { "" } else { "s" });
+    if let Some(encoder) = library.encoder() {
+        let missing = if encoder.is_file() { "" } else { " (missing)" };
+        let _ = writeln!(out, "encoder {}{missing}", clean(&encoder.display().to_string()));
+    }
+    out
+}
+
+fn as_json(library: &Library) -> Value {
+    let file =
+        |path: std::path::PathBuf| json!({ "path": path.display().to_string(), "missing": !path.is_file() });
+    let materials: Vec<Value> = library
+        .materials()
+        .iter()
+        .map(|m| {
+            let images: Vec<Value> = m.images.iter().map(|i| file(library.beside(i))).collect();
+            json!({ "name": m.name, "family": m.family, "description": m.description, "images": images })
+        })
+        .collect();
+    json!({
+        "library": library.path().display().to_string(),
+        "encoder": library.encoder().map(file),
+        "materials": materials,
+    })
+}
