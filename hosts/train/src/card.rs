@@ -23,12 +23,16 @@ pub(crate) struct Sizes {
 pub(crate) fn write(settings: &Settings, sizes: Sizes, data: &Data, evaluation: &Evaluation) -> String {
     let mut card = head(settings, sizes, data);
     // writing to a String cannot fail
-    let _ = write!(card, "\n## Names\n\n{}", names(&evaluation.naming));
+    if evaluation.naming.images > 0 {
+        let _ = write!(card, "\n## Names\n\n{}", names(&evaluation.naming));
+    }
     let _ = write!(card, "\n## Vibration\n\n{}", vibration(settings, evaluation));
     if !evaluation.levels.is_empty() {
         let _ = write!(card, "\n## Mean or root mean square\n\n{}", levels(&evaluation.levels));
     }
-    let _ = write!(card, "\n## Surfaces that were never seen\n\n{}", strangers(&evaluation.strangers));
+    if !evaluation.strangers.surfaces.is_empty() {
+        let _ = write!(card, "\n## Surfaces that were never seen\n\n{}", strangers(&evaluation.strangers));
+    }
     let _ = write!(card, "\n## Every material\n\n{}", table(&evaluation.scores));
     card
 }

@@ -5,6 +5,7 @@ use std::str::FromStr;
 use std::sync::Mutex;
 
 use asperity_dataset::{Subject, hatt, made, recordings};
+use asperity_source::Diagnostic;
 use asperity_world::material::Random;
 use serde::{Deserialize, Serialize};
 
@@ -72,8 +73,28 @@ pub(crate) fn made_settings(settings: &Settings) -> made::Settings {
 /// Makes or reads the data of a run.
 ///
 /// # Errors
-/// What the source finds wrong.
+/// What the source finds wrong; fewer than two materials to train on, or one without an image or without a stroke.
 pub(crate) fn load(settings: &Settings) -> Result<Data, Failure> {
+    let data = from(settings)?;
+    if data.seen.len() < 2 {
+        return Err(
+            Diagnostic::new("there is nothing to tell apart: fewer than two materials to train on").into()
+        );
+    }
+    for subject in &data.seen {
+        let missing = match (subject.images.train.is_empty(), subject.examples.train.is_empty()) {
+            (true, _) => "no picture",
+            (_, true) => "no stroke",
+            _ => continue,
+        };
+        return Err(
+            Diagnostic::new(format!("the material `{}` has {missing} to train on", subject.name)).into()
+        );
+    }
+    Ok(data)
+}
+
+fn from(settings: &Settings) -> Result<Data, Failure> {
     match &settings.data {
         Origin::Made => {
             let surfaces = made::surfaces(settings.every as usize);

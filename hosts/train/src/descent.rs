@@ -39,6 +39,8 @@ pub(crate) struct Stage<'a> {
     pub learning_rate: f64,
     /// Where checkpoints lie.
     pub folder: &'a Path,
+    /// Set when the user wants to stop.
+    pub stop: &'a AtomicBool,
 }
 
 /// Mean losses of a stage, as far as it went: (steps done, loss).
@@ -85,11 +87,10 @@ impl Stage<'_> {
     /// step, on another thread; `loss` judges a model by it.
     ///
     /// # Errors
-    /// [`Failure::Stopped`] when `stop` was set, after a checkpoint; a checkpoint that cannot be read or written; a loss that is not finite.
+    /// [`Failure::Stopped`] when [`stop`](Self::stop) was set, after a checkpoint; a checkpoint that cannot be read or written; a loss that is not finite.
     pub(crate) fn descend<M: Module, B: Send>(
         &self,
         model: M,
-        stop: &AtomicBool,
         draw: impl Fn(usize) -> B + Sync,
         loss: impl Fn(&M, B) -> Tensor<1>,
         mut report: impl FnMut(&Progress),
@@ -125,7 +126,7 @@ impl Stage<'_> {
                     let left = Duration::from_secs_f64((self.steps - header.step) as f64 / rate);
                     report(&Progress { step: header.step, loss: mean, left, rate });
                 }
-                let stopped = stop.load(Ordering::Relaxed);
+                let stopped = self.stop.load(Ordering::Relaxed);
                 if stopped || saved.elapsed() > CHECKPOINT_EVERY || header.step == self.steps {
                     self.save(&model, &adam, &mut header)?;
                     saved = Instant::now();
@@ -187,3 +188,7 @@ fn parts(bytes: &[u8]) -> Option<(Header, &[u8], &[u8])> {
     let (model, adam) = rest.split_at_checked(header.model_bytes)?;
     Some((header, model, adam))
 }
+
+#[cfg(test)]
+#[path = "descent_tests.rs"]
+mod tests;

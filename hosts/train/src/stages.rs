@@ -1,7 +1,5 @@
 //! The two stages: naming the texture, and predicting what it feels like.
 
-use std::sync::atomic::AtomicBool;
-
 use asperity_dataset::{Example, HISTORY, Subject, Truth};
 use asperity_world::material::{BINS, Random, VECTOR_LEN};
 use asperity_world::tactile::{IMAGE, Image};
@@ -48,7 +46,6 @@ pub(crate) fn name(
     subjects: &[Subject],
     (batch, seed): (usize, u64),
     device: &Device,
-    stop: &AtomicBool,
     report: impl FnMut(&Progress),
 ) -> Result<(Namer, Losses), Failure> {
     let images: Vec<(usize, &Image)> = subjects
@@ -73,7 +70,7 @@ pub(crate) fn name(
         let features = namer.encoder.forward(Tensor::from_data(pixels, device));
         log_softmax(namer.classifier.forward(features), 1).gather(1, classes).mean().neg()
     };
-    stage.descend(namer, stop, draw, loss, report)
+    stage.descend(namer, draw, loss, report)
 }
 
 /// Texture encoder and the network of every tick.
@@ -146,7 +143,6 @@ pub(crate) fn feel(
     looks: &Looks<'_>,
     settings: Touching,
     device: &Device,
-    stop: &AtomicBool,
     report: impl FnMut(&Progress),
 ) -> Result<(Feeler, Losses), Failure> {
     let Touching { groups, each, seed, target, aim } = settings;
@@ -187,7 +183,7 @@ pub(crate) fn feel(
         let answer = feeler.network.forward(tensor(t.force, count), tensor(t.speed, count), vectors);
         target.loss(answer, tensor(t.target, count), tensor(t.weight, count))
     };
-    stage.descend(feeler, stop, draw, loss, report)
+    stage.descend(feeler, draw, loss, report)
 }
 
 impl Touches {

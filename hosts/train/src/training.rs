@@ -45,15 +45,20 @@ pub(crate) fn train(train: &Train) -> Result<(), Failure> {
 
     let data = data::load(settings)?;
     let device = Device::flex().autodiff();
-    let stage =
-        |name, steps: u32, learning_rate| Stage { name, steps: steps as usize, learning_rate, folder: &run };
+    let stage = |name, steps: u32, learning_rate| Stage {
+        name,
+        steps: steps as usize,
+        learning_rate,
+        folder: &run,
+        stop: &stop,
+    };
 
     let naming = stage("naming", settings.naming_steps, settings.naming_rate);
     let mut teller = Teller::new("naming", naming.steps);
     let namer = Namer::new(settings.preset, data.seen.len(), settings.seed, &device);
     let batch = (settings.naming_batch as usize, settings.seed);
     let (namer, naming_losses) =
-        stages::name(&naming, namer, &data.seen, batch, &device, &stop, |p| teller.progress(p))?;
+        stages::name(&naming, namer, &data.seen, batch, &device, |p| teller.progress(p))?;
 
     let plain = Device::flex();
     let (encoder, classifier) = (namer.encoder.valid(), namer.classifier.valid());
@@ -70,7 +75,7 @@ pub(crate) fn train(train: &Train) -> Result<(), Failure> {
     let feeler = Feeler::new(settings.preset, settings.seed, &device);
     let images = Looks { numbers: &looks, width: FEATURES };
     let feel = |stage: &Stage<'_>, feeler, looks: &Looks<'_>, touching, teller: &mut Teller| {
-        stages::feel(stage, feeler, &data.seen, looks, touching, &device, &stop, |p| teller.progress(p))
+        stages::feel(stage, feeler, &data.seen, looks, touching, &device, |p| teller.progress(p))
     };
     let (feeler, feeling_losses) = feel(&feeling, feeler, &images, touching, &mut teller)?;
 

@@ -62,7 +62,7 @@ pub(crate) struct Stranger {
 /// Neighbours that are blended.
 const BLENDED: usize = 3;
 
-fn all<'a>(subjects: &'a [Subject], part: fn(&Subject) -> &Vec<Image>) -> Vec<(usize, &'a Image)> {
+fn all(subjects: &[Subject], part: fn(&Subject) -> &Vec<Image>) -> Vec<(usize, &Image)> {
     subjects.iter().enumerate().flat_map(|(n, s)| part(s).iter().map(move |image| (n, image))).collect()
 }
 
