@@ -55,9 +55,10 @@ plugins: setup
 header: setup
 	ASPERITY_WRITE_HEADER=1 $(CARGO) test -p asperity-abi --test header
 
-# Trains the shipped network again.
+# Trains the model of the made surfaces again; checkpoints lie in $(OUT).
 train: setup
-	$(CARGO) run --release -p asperity-train -- --out graphs/models/made.onnx --library graphs/materials/made.ron
+	mkdir -p $(OUT)
+	$(CARGO) run --release -p asperity-train -- train --out graphs/models/surfaces --run $(OUT)/surfaces.run
 
 # The pictures of the README.
 pictures: setup

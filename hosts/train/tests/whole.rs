@@ -85,3 +85,62 @@ fn what_cannot_be_trained_on_is_refused_by_name() {
         assert!(said(&output).contains(wanted), "{}", said(&output));
     }
 }
+
+/// A material's folder: two pictures and a stroke of 3 s at 2 kHz that hums at a frequency.
+fn record(folder: &Path, name: &str, hz: f64) {
+    let folder = folder.join(name);
+    std::fs::create_dir_all(&folder).expect("a folder");
+    for number in 0..2 {
+        let shade = |x: u32| (128.0 + 100.0 * (f64::from(x) * hz / 800.0 + f64::from(number)).sin()) as u8;
+        let picture = image::RgbImage::from_fn(320, 240, |x, _| image::Rgb([shade(x), 128, shade(x + 9)]));
+        picture.save(folder.join(format!("{number}.png"))).expect("a picture");
+    }
+    let mut csv = String::from("time_s,force_n,speed_mm_s,acceleration_m_s2\n");
+    for n in 0..6000 {
+        let t = f64::from(n) / 2000.0;
+        let a = 2.0 * (std::f64::consts::TAU * hz * t).sin();
+        csv.push_str(&format!("{t:.4},1.0,{:.2},{a:.4}\n", 80.0 + 20.0 * t.sin()));
+    }
+    std::fs::write(folder.join("stroke.csv"), csv).expect("a stroke");
+}
+
+#[test]
+fn a_folder_of_recordings_becomes_a_model() {
+    let folder = tempfile::tempdir().expect("a folder");
+    for (name, hz) in [("felt", 80.0), ("wire mesh", 240.0), ("slate", 430.0)] {
+        record(&folder.path().join("mine"), name, hz);
+    }
+    let settings = [
+        "train",
+        "--data",
+        "recordings:mine",
+        "--out",
+        "m",
+        "--naming-steps",
+        "5",
+        "--naming-batch",
+        "4",
+        "--feeling-steps",
+        "600",
+        "--feeling-groups",
+        "8",
+    ];
+    let output = train(&settings, folder.path());
+    assert!(output.status.success(), "{}", said(&output));
+    let library =
+        asperity_world::material::Library::read(folder.path().join("m/materials.ron")).expect("a library");
+    let names: Vec<&str> = library.materials().iter().map(|m| m.name.as_str()).collect();
+    assert_eq!(names, ["felt", "slate", "wire mesh"]);
+    // each material hums where it was recorded
+    let model = asperity_network::Model::load(folder.path().join("m/texture.onnx")).expect("a network");
+    for (material, bin) in library.materials().iter().zip([8, 43, 24]) {
+        let vectors = [material.vector.to_vec()];
+        let runner = model.runner(&vectors, asperity_network::Precision::F32, asperity_network::Choice::Auto);
+        let mut magnitudes = [0.0; 100];
+        let mut velocity = [0.0; 20];
+        velocity[..10].fill(80.0);
+        runner.expect("a runner").run(0, &[1.0; 10], &velocity, &mut magnitudes).expect("an answer");
+        let loudest = (0..100).max_by(|a, b| magnitudes[*a].total_cmp(&magnitudes[*b]));
+        assert_eq!(loudest, Some(bin - 1), "{}", material.name);
+    }
+}
