@@ -19,7 +19,9 @@
 //!
 //! **Stroke.** What is bounded is r = sqrt(x^2 + (x' / w_n)^2), the swing that would follow if the drive ceased
 //! at this moment; |x| is never larger. A drive that puts energy in is cut to what lets r^2 approach the stroke
-//! with a time constant of a fraction of a millisecond; a drive that takes energy out is never cut.
+//! with a time constant of a fraction of a millisecond. What it puts in is judged at the speed that the current which
+//! flows, and the one that is wanted, would bring before they can end; what the damping takes out, at the speed there
+//! is. A drive that takes energy out is not cut unless it would turn the mover around within a sample.
 
 use std::f64::consts::TAU;
 use std::ops::RangeInclusive;
@@ -148,10 +150,14 @@ const TINY: f64 = 1e-30;
 ///
 /// Guaranteed for any input, as simulated with the [`Dynamics`] it was made with: every output is finite, at most
 /// [`Limits::peak`] and no further than [`Limits::slew_per_sample`] from the one before; the rms current over the
-/// thermal time constant is at most 1 % over the rating (0.02 % is the most a random search over 6000 actuators found), the
-/// mover within its stroke (0.986 of it, likewise). The output's mean over T seconds is at most `8 peak / (2 pi dc_corner_hz T)`.
-/// A signal that comes near none of these passes with the DC removal as its only change, rounded to f32.
+/// thermal time constant is at most 1 % over the rating (but see below for a voltage drive), the mover within its stroke.
+/// The output's mean over T seconds is at most `8 peak / (2 pi dc_corner_hz T)`. A signal that comes near none of these
+/// passes with the DC removal as its only change, rounded to f32.
 ///
+/// In a random search with inputs that follow the mover to its wall, the farthest of 260 000 actuators went to 0.993 of its
+/// stroke. Of 196 000 like the shipped one, three passed the rating by more than 1 %, the worst by 3.4 %: coils under a
+/// voltage drive that move so fast that the peak voltage does not stop the current of their back-EMF, or that muting
+/// shorts while they move. Over all that a profile may describe, the worst such coil was 10 % over.
 ///
 /// The thermal mean is of first order, as a coil warms; a mean over a window as long as the time constant can read
 /// up to sqrt(2) of the rating just after a cold start.
@@ -205,17 +211,17 @@ impl Limiter {
         let slew = (TAU * s.slew_hz * peak / rate_hz).min(2.0 * peak);
         let (tau, mu) = (dynamics.thermal_time_constant, dynamics.reduced_mass());
         let natural = dynamics.natural_rad_s();
-        // The current must be able to follow the walls: from peak to peak, and through the coil.
-        let swing_time =
-            (8.0 / (TAU * s.slew_hz)).max(5e-4) + 4.0 * dynamics.inductance / dynamics.resistance;
-        let (lag, per_amp) = match drive {
-            Drive::Current => (1.0 / rate_hz, 1.0),
-            Drive::Voltage => {
-                (1.0 / rate_hz + dynamics.inductance / dynamics.resistance, dynamics.resistance)
-            }
+        // What a current takes to end at least, and the units of a sample that an ampere is.
+        let (coil, per_amp) = match drive {
+            Drive::Current => (0.0, 1.0),
+            Drive::Voltage => (dynamics.inductance / dynamics.resistance, dynamics.resistance),
         };
+        let lag = 1.0 / rate_hz + coil;
+        // The current must be able to follow the walls: from peak to peak, and through the coil.
+        let swing_time = (8.0 / (TAU * s.slew_hz)).max(5e-4) + 4.0 * coil;
         guard(dynamics, drive, lag, lag + 0.5 * per_amp * dynamics.peak_current / (slew * rate_hz))?;
         let rated = dynamics.rated_current.powi(2);
+        let push = dynamics.force_factor / mu;
         let swing = |part: f64| (part * natural * dynamics.stroke).powi(2);
         let fixed = Fixed {
             peak,
@@ -235,11 +241,10 @@ impl Limiter {
             budget: tau / (tau / 4.0).min(0.1),
             swing_aim: swing(STROKE_AIM),
             swing_wall: swing(STROKE_WALL),
-            approach: 0.5 / swing_time,
-            drag: dynamics.damping / mu,
-            push: dynamics.force_factor / mu,
-            lag,
-            slope: 0.5 * per_amp / (slew * SLEW_MARGIN * rate_hz),
+            approach: 0.5 / swing_time / push,
+            drag: dynamics.damping / mu / push,
+            kick: push * lag,
+            creep: push * 0.5 * per_amp / (slew * SLEW_MARGIN * rate_hz),
             natural,
             resistance: dynamics.resistance,
             emf: dynamics.force_factor,

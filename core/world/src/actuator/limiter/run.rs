@@ -27,13 +27,12 @@ pub(super) struct Fixed {
     // Squares of w_n x.
     pub(super) swing_aim: f64,
     pub(super) swing_wall: f64,
-    // 1 / (2 T), c / mu, k_f / mu.
+    // 1 / (2 T) and c / mu, both over k_f / mu.
     pub(super) approach: f64,
     pub(super) drag: f64,
-    pub(super) push: f64,
-    // Seconds that a current lasts once it should end: at all, and per ampere.
-    pub(super) lag: f64,
-    pub(super) slope: f64,
+    // The speed that a current gives before it can end: per ampere, and per ampere squared.
+    pub(super) kick: f64,
+    pub(super) creep: f64,
     pub(super) natural: f64,
     pub(super) resistance: f64,
     pub(super) emf: f64,
@@ -144,12 +143,17 @@ impl Run {
         let [gx, gv, gi] = self.given.state;
         let current = if VOLTAGE { (want - f.emf * gv) / f.resistance } else { want };
         let mut bounded = current;
-        // The speed there would be once the current that flows now had gone down as fast as it may.
-        let speed = gv + f.push * gi * (f.lag + f.slope * gi.abs());
-        let work = f.push * current * speed;
-        let room = (f.swing_wall - gx * gx - speed * speed) * f.approach + f.drag * speed * speed;
+        // The speed there would be once the current that flows had gone down as fast as it may; the same, had it first
+        // lasted for the lag; and had `current` flowed for the lag, which tells whether it turns the mover around.
+        let ended = gv + f.creep * gi * gi.abs();
+        let lasted = ended + f.kick * gi;
+        let kicked = ended + f.kick * current;
+        let work = larger(current * lasted, current * kicked);
+        let square = lasted * lasted;
+        // The damping is counted on at the least of the speeds.
+        let room = (f.swing_wall - gx * gx - square) * f.approach + f.drag * smaller(square, lasted * gv);
         if work > 0.0 && work > room {
-            bounded = room.max(0.0) / (f.push * speed);
+            bounded = held_back(current, ended, lasted, room.max(0.0), f.kick);
             over_stroke = true;
         }
         let square = f.rated + (f.rated - self.heat) * f.wall;
@@ -226,4 +230,29 @@ impl Run {
             }
         }
     }
+}
+
+/// The largest current in the direction of `current` whose work, at `lasted` and at the speed that the current itself gives
+/// before it can end, is at most `room`, both over k_f / mu.
+#[inline(always)]
+fn held_back(current: f64, ended: f64, lasted: f64, room: f64, kick: f64) -> f64 {
+    let along = 1.0f64.copysign(current);
+    let (ended, lasted) = (ended * along, lasted * along);
+    // The positive root of kick I^2 + ended I = room.
+    let mut most = ((ended * ended + 4.0 * kick * room).sqrt() - ended) / (2.0 * kick);
+    if lasted > 0.0 {
+        most = most.min(room / lasted);
+    }
+    along * most.min(current.abs())
+}
+
+// One instruction each, as neither is to be right for NaN.
+#[inline(always)]
+fn larger(a: f64, b: f64) -> f64 {
+    if a > b { a } else { b }
+}
+
+#[inline(always)]
+fn smaller(a: f64, b: f64) -> f64 {
+    if a < b { a } else { b }
 }

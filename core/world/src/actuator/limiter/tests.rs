@@ -9,6 +9,8 @@ use proptest::prelude::*;
 use super::super::testing::{RungeKutta, hapcoil, lock_in};
 use super::*;
 
+mod stroke;
+
 const RATE: f64 = 48_000.0;
 
 fn limiter(drive: Drive) -> Limiter {
