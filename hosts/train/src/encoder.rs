@@ -166,9 +166,13 @@ impl Head {
         relu_between(&self.layers, features)
     }
 
-    /// The numbers.
-    pub(crate) fn weights(&self) -> Vec<Weights> {
-        self.layers.iter().map(Layer::weights).collect()
+    /// The numbers, for features that are not yet multiplied by `scale`.
+    pub(crate) fn weights(&self, scale: f32) -> Vec<Weights> {
+        let mut weights: Vec<Weights> = self.layers.iter().map(Layer::weights).collect();
+        if let Some(first) = weights.first_mut() {
+            first.fold(|_| (scale, 0.0), FEATURES);
+        }
+        weights
     }
 }
 

@@ -62,9 +62,7 @@ impl Target {
             Self::Mean => (answer - target).powi_scalar(2).mean(),
             Self::Rms => {
                 let size = answer.clone().abs();
-                // what the loss is at its least, so that it counts from 0 for a magnitude that is not random
-                let least = target.clone().powi_scalar(3) * (2.0 / 3.0);
-                (size.powi_scalar(3) / 3.0 - target.powi_scalar(2) * answer + least).mean()
+                (size.powi_scalar(3) / 3.0 - target.powi_scalar(2) * answer).mean()
             }
         }
     }

@@ -73,6 +73,16 @@ pub(crate) fn name(
     stage.descend(namer, draw, loss, report)
 }
 
+/// Brings features to a root mean square of 1 and returns what they were multiplied by: a texture encoder that begins with numbers of any size may
+/// never come to life.
+pub(crate) fn to_unit(features: &mut [Vec<f32>]) -> f32 {
+    let all = || features.iter().flatten();
+    let mean_square = all().map(|x| f64::from(*x).powi(2)).sum::<f64>() / all().count().max(1) as f64;
+    let scale = if mean_square > 0.0 { mean_square.sqrt().recip() as f32 } else { 1.0 };
+    features.iter_mut().flatten().for_each(|x| *x *= scale);
+    scale
+}
+
 /// Texture encoder and the network of every tick.
 #[derive(Module, Debug)]
 pub(crate) struct Feeler {

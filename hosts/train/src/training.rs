@@ -62,7 +62,8 @@ pub(crate) fn train(train: &Train) -> Result<(), Failure> {
 
     let plain = Device::flex();
     let (encoder, classifier) = (namer.encoder.valid(), namer.classifier.valid());
-    let looks = seen_features(&encoder, &data.seen, &plain);
+    let mut looks = seen_features(&encoder, &data.seen, &plain);
+    let scale = stages::to_unit(&mut looks);
     let feeling = stage("feeling", settings.feeling_steps, settings.feeling_rate);
     let mut teller = Teller::new("feeling", feeling.steps);
     let touching = Touching {
@@ -102,11 +103,11 @@ pub(crate) fn train(train: &Train) -> Result<(), Failure> {
     let out = |name: &str| train.out.join(name);
     write_whole(
         &out("encoder.onnx"),
-        &onnx::encoder(&encoder.kernels(), &feeler.texture.weights(), "texture", &about),
+        &onnx::encoder(&encoder.kernels(), &feeler.texture.weights(scale), "texture", &about),
     )?;
     write_whole(
         &run.join("classifier.onnx"),
-        &onnx::encoder(&encoder.kernels(), &classifier.weights(), "classes", &about),
+        &onnx::encoder(&encoder.kernels(), &classifier.weights(1.0), "classes", &about),
     )?;
     write_whole(&out("texture.onnx"), &onnx::network(&settled.network.weights(), &about))?;
     let name = format!("texture_{}.onnx", other.name());
