@@ -11,11 +11,11 @@ pub struct Curve {
     pub name: String,
     /// What is said of it, such as its last loss.
     pub remark: String,
-    /// Step and loss, in the order of steps; a loss that is not above 0 is left out.
+    /// Step and loss, in the order of steps.
     pub points: Vec<(f64, f64)>,
 }
 
-/// Stages side by side, each with its own axes; losses are logarithmic.
+/// Stages side by side, each with its own axes; losses are logarithmic where all are above 0.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Curves {
     /// Heading.
@@ -51,12 +51,10 @@ impl Curves {
 
 impl Curve {
     fn draw(&self, svg: &mut Svg, left: f64) {
-        let points: Vec<(f64, f64)> = self
-            .points
-            .iter()
-            .filter(|(step, loss)| step.is_finite() && loss.is_finite() && *loss > 0.0)
-            .map(|(step, loss)| (*step, loss.log10()))
-            .collect();
+        let known = || self.points.iter().filter(|(step, loss)| step.is_finite() && loss.is_finite());
+        let logarithmic = known().all(|(_, loss)| *loss > 0.0);
+        let points: Vec<(f64, f64)> =
+            known().map(|(step, loss)| (*step, if logarithmic { loss.log10() } else { *loss })).collect();
         let (Some((low, high)), Some((last, _))) = (padded_range(points.iter().map(|p| p.1)), points.last())
         else {
             svg.text([left, TOP + 24.0], "start", "", "no data");
@@ -64,8 +62,9 @@ impl Curve {
         };
         let x = Axis { low: 0.0, high: last.max(1.0), pixels: [left, left + PANEL[0]] };
         let y = Axis { low, high, pixels: [TOP + PANEL[1], TOP] };
-        // across, as `powers` measures how far it may go from left to right
-        for (at, label) in powers(&Axis { pixels: [0.0, PANEL[1]], ..y }) {
+        // `powers` goes from left to right
+        let marks = if logarithmic { powers(&Axis { pixels: [0.0, PANEL[1]], ..y }) } else { y.ticks(40.0) };
+        for (at, label) in marks {
             svg.path(&format!("M{} {}h{}", num(left), num(y.at(at)), num(PANEL[0])), GRID);
             svg.text([left - 8.0, y.at(at) + 4.0], "end", "small", &label);
         }
@@ -93,12 +92,15 @@ mod tests {
             subtitle: String::new(),
             curves: vec![
                 curve(vec![(1.0, 2.0), (50.0, 0.5), (100.0, 0.1)]),
-                curve(vec![(1.0, f64::NAN), (2.0, 0.0)]),
+                curve(vec![(1.0, 2.0), (50.0, -0.5)]),
+                curve(vec![(1.0, f64::NAN)]),
             ],
         };
         let svg = curves.to_svg();
-        assert_eq!(svg.matches(LINE).count(), 1);
+        assert_eq!(svg.matches(LINE).count(), 2);
         assert!(svg.contains("a &amp; b") && svg.contains("no data"));
+        // a logarithmic mark, and one below 0
+        assert!(svg.contains(">0.2<") && svg.contains(">\u{2212}0.5<"), "{svg}");
         assert!(tags(&svg)["text"] > 10);
     }
 }
