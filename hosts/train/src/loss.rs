@@ -73,6 +73,10 @@ const SPEEDS_MM_S: [f32; 7] = [5.0, 15.0, 35.0, 70.0, 120.0, 180.0, f32::INFINIT
 const FORCES_N: [f32; 4] = [0.01, 0.5, 1.2, f32::INFINITY];
 const CELLS: usize = SPEEDS_MM_S.len() * FORCES_N.len();
 
+/// Part of a material's own level that is added to what a touch comes to: what is all but silent must not count for more than what is felt, or the network
+/// learns silence first and nothing after it.
+const OWN_LEVEL: f32 = 0.15;
+
 /// Weights of a material's errors: one over the mean magnitude of its touches of about the same speed and force.
 pub(crate) struct Scales {
     cells: Vec<[f32; BINS]>,
@@ -99,6 +103,8 @@ impl Scales {
             counts[cell] += 1;
             cells[cell].iter_mut().zip(example.magnitudes).for_each(|(sum, m)| *sum += m);
         }
+        let touches = examples.len().max(1) * BINS;
+        let own = cells.iter().flatten().sum::<f32>() / touches as f32;
         for (cell, count) in cells.iter_mut().zip(counts) {
             // neighbouring bins say nearly the same, and a pitch that is missing now may come
             let mean = cell.map(|sum| sum / count.max(1) as f32);
@@ -106,7 +112,7 @@ impl Scales {
             *cell = std::array::from_fn(|k| {
                 let around = &mean[k.saturating_sub(2)..(k + 3).min(BINS)];
                 let around = around.iter().sum::<f32>() / around.len() as f32;
-                1.0 / (around + 0.1 * level + FLOOR_M_S2)
+                1.0 / (around + 0.1 * level + OWN_LEVEL * own + FLOOR_M_S2)
             });
         }
         Self { cells }
@@ -151,6 +157,7 @@ mod tests {
         let scales =
             Scales::of(&[example(100.0, 2.0), example(101.0, 4.0), example(1.0, 0.0)], Aim::Relative);
         let [loud, still] = [example(90.0, 0.0), example(0.0, 0.0)].map(|e| scales.weights(&e)[50]);
-        assert!((loud - 1.0 / 3.32).abs() < 1e-4 && (still - 50.0).abs() < 0.1, "{loud} {still}");
+        // 3 around, 3 on average of its cell, 2 of the material
+        assert!((loud - 1.0 / 3.62).abs() < 1e-4 && (still - 1.0 / 0.32).abs() < 1e-3, "{loud} {still}");
     }
 }
