@@ -62,10 +62,43 @@ pub(crate) struct Progress {
 #[derive(Serialize, Deserialize)]
 struct Header {
     step: usize,
-    /// Sum of losses since the last report, as bits, so that a resumed sum is the same.
+    /// Sum of losses since the last report.
+    #[serde(with = "bits")]
     sum: f64,
+    #[serde(with = "bits::of_losses")]
     losses: Losses,
     model_bytes: usize,
+}
+
+/// Numbers as their bits: what is read back from decimals may be another number.
+mod bits {
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    pub(super) fn serialize<S: Serializer>(x: &f64, to: S) -> Result<S::Ok, S::Error> {
+        x.to_bits().serialize(to)
+    }
+
+    pub(super) fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
+        u64::deserialize(from).map(f64::from_bits)
+    }
+
+    pub(super) mod of_losses {
+        use super::*;
+
+        pub(in super::super) fn serialize<S: Serializer>(
+            losses: &[(usize, f64)],
+            to: S,
+        ) -> Result<S::Ok, S::Error> {
+            to.collect_seq(losses.iter().map(|(step, loss)| (step, loss.to_bits())))
+        }
+
+        pub(in super::super) fn deserialize<'de, D: Deserializer<'de>>(
+            from: D,
+        ) -> Result<Vec<(usize, f64)>, D::Error> {
+            let all = Vec::<(usize, u64)>::deserialize(from)?;
+            Ok(all.into_iter().map(|(step, bits)| (step, f64::from_bits(bits))).collect())
+        }
+    }
 }
 
 impl Stage<'_> {
