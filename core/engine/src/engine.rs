@@ -5,12 +5,12 @@ use std::sync::Arc;
 use asperity_graph::{Compiled, Schedule};
 use asperity_node::{Buffer, Fact, Shape, time};
 
-use crate::denormals::Flushed;
 use crate::panics::install_silent_hook;
 use crate::slot::{NodeReport, Now, Slot};
 use crate::swap::{self, Controller, Link, Run};
 use crate::telemetry::{Clock, NoClock, Watch};
 use crate::view::is_finite;
+use asperity_dsp::denormals::Flushed;
 
 /// How to run.
 #[derive(Clone, Copy, Debug)]

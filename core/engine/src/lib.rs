@@ -6,7 +6,6 @@
 //!
 //! A [`Controller`] changes the graph under a running engine, from another thread: see [`Engine::controlled`].
 
-mod denormals;
 mod engine;
 mod fade;
 mod panics;
@@ -15,7 +14,7 @@ mod swap;
 mod telemetry;
 mod view;
 
-pub use denormals::Flushed;
+pub use asperity_dsp::denormals::Flushed;
 pub use engine::{Engine, Options};
 pub use slot::{FAULT_FADE_S, FAULT_FORGIVEN_S, FAULTS_BEFORE_QUARANTINE, NodeReport};
 pub use swap::{

@@ -8,6 +8,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc;
 use std::time::{Duration, Instant};
 
+use asperity_dsp::denormals::Flushed;
 use asperity_source::Diagnostic;
 use burn::grad_clipping::GradientClippingConfig;
 use burn::module::Module;
@@ -23,6 +24,8 @@ use crate::files::write_whole;
 const AHEAD: usize = 2;
 /// Time between two checkpoints.
 const CHECKPOINT_EVERY: Duration = Duration::from_secs(60);
+/// Adam's epsilon (Kingma and Ba 2015): gradients of single weights are far below burn's 1e-5.
+const EPSILON: f32 = 1e-8;
 /// Reports of a whole stage.
 const REPORTS: usize = 200;
 /// First bytes of a checkpoint.
@@ -128,7 +131,10 @@ impl Stage<'_> {
         loss: impl Fn(&M, B) -> Tensor<1>,
         mut report: impl FnMut(&Progress),
     ) -> Result<(M, Losses), Failure> {
-        let adam = AdamConfig::new().with_grad_clipping(Some(GradientClippingConfig::Norm(1.0))).init();
+        // momenta of weights that are no longer touched decay for ever
+        let _flushed = Flushed::new();
+        let clipping = Some(GradientClippingConfig::Norm(1.0));
+        let adam = AdamConfig::new().with_epsilon(EPSILON).with_grad_clipping(clipping).init();
         let (model, mut adam, mut header) = self.resume(model, adam)?;
         let (start, begun) = (Instant::now(), header.step);
         let every = self.steps.div_ceil(REPORTS).max(1);

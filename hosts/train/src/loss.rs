@@ -103,16 +103,19 @@ impl Scales {
             counts[cell] += 1;
             cells[cell].iter_mut().zip(example.magnitudes).for_each(|(sum, m)| *sum += m);
         }
-        let touches = examples.len().max(1) * BINS;
-        let own = cells.iter().flatten().sum::<f32>() / touches as f32;
+        let own: [f32; BINS] = std::array::from_fn(|k| {
+            cells.iter().map(|cell| cell[k]).sum::<f32>() / examples.len().max(1) as f32
+        });
         for (cell, count) in cells.iter_mut().zip(counts) {
             // neighbouring bins say nearly the same, and a pitch that is missing now may come
             let mean = cell.map(|sum| sum / count.max(1) as f32);
             let level = mean.iter().sum::<f32>() / BINS as f32;
             *cell = std::array::from_fn(|k| {
-                let around = &mean[k.saturating_sub(2)..(k + 3).min(BINS)];
-                let around = around.iter().sum::<f32>() / around.len() as f32;
-                1.0 / (around + 0.1 * level + OWN_LEVEL * own + FLOOR_M_S2)
+                let around = |all: &[f32; BINS]| {
+                    let some = &all[k.saturating_sub(2)..(k + 3).min(BINS)];
+                    some.iter().sum::<f32>() / some.len() as f32
+                };
+                1.0 / (around(&mean) + 0.03 * level + OWN_LEVEL * around(&own) + FLOOR_M_S2)
             });
         }
         Self { cells }

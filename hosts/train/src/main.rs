@@ -19,12 +19,19 @@ mod training;
 
 use std::process::ExitCode;
 
+use asperity_dsp::denormals::Flushed;
 use clap::Parser;
 
 use arguments::{Arguments, Command};
 use failure::Failure;
 
 fn main() -> ExitCode {
+    // the matrix products of a step run on these
+    let flushed = |_| std::mem::forget(Flushed::new());
+    if let Err(e) = rayon::ThreadPoolBuilder::new().start_handler(flushed).build_global() {
+        eprintln!("error: no threads: {e}");
+        return ExitCode::FAILURE;
+    }
     let result = match Arguments::parse().command {
         Command::Train(train) => training::train(&train),
         Command::Evaluate(evaluate) => training::evaluate(&evaluate),

@@ -8,7 +8,7 @@ use burn::tensor::activation::log_softmax;
 use burn::tensor::{Device, Int, Tensor, TensorData};
 
 use crate::descent::{Losses, Progress, Stage};
-use crate::encoder::{FEATURES, Head, ImageEncoder, PIXELS, Preset, planes};
+use crate::encoder::{FEATURES, Head, ImageEncoder, PIXELS, Preset, features, planes};
 use crate::failure::Failure;
 use crate::layer::numbers;
 use crate::loss::{Aim, Scales, Target};
@@ -55,22 +55,80 @@ pub(crate) fn name(
         .collect();
     let draw = |step: usize| {
         let random = &mut random(seed, 1, step);
-        let (mut pixels, mut classes) = (Vec::with_capacity(batch * PIXELS), Vec::with_capacity(batch));
+        let mut sight = Sight {
+            pixels: Vec::with_capacity(batch * PIXELS),
+            classes: Vec::with_capacity(batch),
+            kept: dropout(batch, random),
+        };
         for _ in 0..batch {
             let (class, image) = images[random.below(images.len())];
             let light = random.range(0.9, 1.1);
-            planes(image, [0; 3].map(|_| (light * random.range(0.95, 1.05)) as f32), &mut pixels);
-            classes.push(class as i32);
+            let by = SHIFT.map(|most| random.below(2 * most + 1) as isize - most as isize);
+            planes(
+                &shifted(image, by),
+                [0; 3].map(|_| (light * random.range(0.95, 1.05)) as f32),
+                &mut sight.pixels,
+            );
+            sight.classes.push(class as i32);
         }
-        (pixels, classes)
+        sight
     };
-    let loss = |namer: &Namer, (pixels, classes): (Vec<f32>, Vec<i32>)| {
-        let pixels = TensorData::new(pixels, [batch, 3, IMAGE[0], IMAGE[1]]);
-        let classes: Tensor<2, Int> = Tensor::from_data(TensorData::new(classes, [batch, 1]), device);
-        let features = namer.encoder.forward(Tensor::from_data(pixels, device));
+    let loss = |namer: &Namer, sight: Sight| {
+        let pixels = TensorData::new(sight.pixels, [batch, 3, IMAGE[0], IMAGE[1]]);
+        let classes: Tensor<2, Int> = Tensor::from_data(TensorData::new(sight.classes, [batch, 1]), device);
+        let kept: Tensor<2> = Tensor::from_data(TensorData::new(sight.kept, [batch, FEATURES]), device);
+        let features = namer.encoder.forward(Tensor::from_data(pixels, device)) * kept;
         log_softmax(namer.classifier.forward(features), 1).gather(1, classes).mean().neg()
     };
     stage.descend(namer, draw, loss, report)
+}
+
+/// Images of one batch.
+struct Sight {
+    pixels: Vec<f32>,
+    classes: Vec<i32>,
+    /// What features are multiplied by: 0 for half of them.
+    kept: Vec<f32>,
+}
+
+/// Most that an image is shifted by, in rows and columns.
+const SHIFT: [usize; 2] = [12, 16];
+
+/// An image shifted down and to the right; what comes in is the edge.
+fn shifted(image: &Image, [down, right]: [isize; 2]) -> Image {
+    let [rows, columns] = image.size;
+    let from = |at: usize, by: isize, count: usize| at.saturating_add_signed(-by).min(count - 1);
+    let pixels = (0..rows * columns).flat_map(|i| {
+        let at = 3 * (from(i / columns, down, rows) * columns + from(i % columns, right, columns));
+        [image.pixels[at], image.pixels[at + 1], image.pixels[at + 2]]
+    });
+    Image { size: image.size, pixels: pixels.collect() }
+}
+
+/// Dropout of features (Srivastava et al. 2014), as AlexNet has it before its first full layer: each is 0 by chance of a half, or doubled.
+fn dropout(batch: usize, random: &mut Random) -> Vec<f32> {
+    let count = batch * FEATURES;
+    let words = (0..count.div_ceil(64)).flat_map(|_| {
+        let word = random.bits();
+        (0..64).map(move |bit| if word >> bit & 1 == 1 { 2.0 } else { 0.0 })
+    });
+    words.take(count).collect()
+}
+
+/// Part of held-out images that are named rightly.
+pub(crate) fn named_rightly(namer: &Namer, subjects: &[Subject], device: &Device) -> f64 {
+    let (mut right, mut count) = (0_usize, 0_usize);
+    for (class, subject) in subjects.iter().enumerate() {
+        let images: Vec<&Image> = subject.images.held.iter().collect();
+        if images.is_empty() {
+            continue;
+        }
+        let features = TensorData::new(features(&namer.encoder, &images, device), [images.len(), FEATURES]);
+        let scores = namer.classifier.forward(Tensor::from_data(features, device));
+        right += scores.argmax(1).into_data().iter::<i64>().filter(|named| *named == class as i64).count();
+        count += images.len();
+    }
+    right as f64 / count.max(1) as f64
 }
 
 /// Brings features to a root mean square of 1 and returns what they were multiplied by: a texture encoder that begins with numbers of any size may
@@ -140,7 +198,7 @@ pub(crate) struct Touching {
 }
 
 /// One touch in so many is one of nothing: force without speed, or speed without force.
-const SILENT: f64 = 0.04;
+const SILENT: f64 = 0.06;
 
 /// Stage two: trains texture encoder and network, or where looks are vectors the network alone, to say what a touch feels like.
 ///
@@ -230,4 +288,27 @@ pub(crate) fn mean_vector(vectors: &[f32]) -> [f32; VECTOR_LEN] {
         mean.iter_mut().zip(vector).for_each(|(m, x)| *m += part * x);
     }
     mean
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_shifted_image_has_its_edge_where_nothing_is_known() {
+        let pixels = (0..12).flat_map(|i| [i, i + 100, i + 200]).collect();
+        let image = Image { size: [3, 4], pixels };
+        let red = |by| shifted(&image, by).pixels.into_iter().step_by(3).collect::<Vec<u8>>();
+        assert_eq!(red([0, 0]), [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11]);
+        assert_eq!(red([1, -2]), [2, 3, 3, 3, 2, 3, 3, 3, 6, 7, 7, 7]);
+        assert_eq!(shifted(&image, [-1, 1]).pixels[3..6], [4, 104, 204]);
+    }
+
+    #[test]
+    fn dropout_takes_half_of_the_features_and_keeps_their_mean() {
+        let kept = dropout(3, &mut Random::new(1));
+        assert_eq!(kept.len(), 3 * FEATURES);
+        let mean = kept.iter().sum::<f32>() / kept.len() as f32;
+        assert!((mean - 1.0).abs() < 0.03 && kept.iter().all(|k| *k == 0.0 || *k == 2.0), "{mean}");
+    }
 }

@@ -61,7 +61,10 @@ pub(crate) fn train(train: &Train) -> Result<(), Failure> {
         stages::name(&naming, namer, &data.seen, batch, &device, |p| teller.progress(p))?;
 
     let plain = Device::flex();
-    let (encoder, classifier) = (namer.encoder.valid(), namer.classifier.valid());
+    let namer = namer.valid();
+    let right = 100.0 * stages::named_rightly(&namer, &data.seen, &plain);
+    eprintln!("naming: {right:.1} % of held-out images are named rightly");
+    let Namer { encoder, classifier } = namer;
     let mut looks = seen_features(&encoder, &data.seen, &plain);
     let scale = stages::to_unit(&mut looks);
     let feeling = stage("feeling", settings.feeling_steps, settings.feeling_rate);

@@ -75,6 +75,11 @@ fn largest(scores: &[f32]) -> usize {
     (0..scores.len()).max_by(|a, b| scores[*a].total_cmp(&scores[*b])).unwrap_or(0)
 }
 
+/// The baseline, trained on what the model was trained on.
+pub(super) fn statistics(data: &Data) -> Statistics {
+    Statistics::trained(&all(&data.seen, |s| &s.images.train), data.seen.len())
+}
+
 /// A vector that an encoder answered.
 fn vector(numbers: &[f32]) -> Result<[f32; VECTOR_LEN], Failure> {
     let wrong =
@@ -93,7 +98,7 @@ fn nearest(library: &Library, numbers: &[f32]) -> Result<usize, Failure> {
 ///
 /// # Errors
 /// What tract answers.
-pub(super) fn naming(written: &Written, data: &Data) -> Result<Naming, Failure> {
+pub(super) fn naming(written: &Written, statistics: &Statistics, data: &Data) -> Result<Naming, Failure> {
     let held = all(&data.seen, |s| &s.images.held);
     let by_vector = answers(&written.encoder, &held)?
         .iter()
@@ -107,7 +112,6 @@ pub(super) fn naming(written: &Written, data: &Data) -> Result<Naming, Failure> 
         held.iter().zip(named).filter(|((class, _), named)| class == *named).count() as f64
             / held.len().max(1) as f64
     };
-    let statistics = Statistics::trained(&all(&data.seen, |s| &s.images.train), data.seen.len());
     let by_statistics = statistics.names(&held);
     let judged = named.as_ref().unwrap_or(&by_vector);
     let mut worst: Vec<(String, f64, String)> = data
@@ -143,6 +147,7 @@ pub(super) fn naming(written: &Written, data: &Data) -> Result<Naming, Failure> 
 /// What tract answers.
 pub(super) fn strangers(
     written: &Written,
+    statistics: &Statistics,
     data: &Data,
     judge: &Judge<'_>,
     truths: Vec<Vec<Expectation>>,
@@ -163,7 +168,6 @@ pub(super) fn strangers(
     let near =
         vectors.iter().map(|v| nearest(&written.library, v)).collect::<Result<Vec<usize>, Failure>>()?;
     let images_in_family = part_in_family(&mut near.into_iter());
-    let statistics = Statistics::trained(&all(&data.seen, |s| &s.images.train), data.seen.len());
     let statistics_in_family = part_in_family(&mut statistics.names(&images).into_iter());
     let of = |(number, (subject, truth)): (usize, (&Subject, Vec<Expectation>))| {
         let own: Vec<&Vec<f32>> =

@@ -126,7 +126,8 @@ pub(crate) fn evaluate(written: &Written, settings: &Settings, data: &Data) -> R
     let judge = Judge { network: &written.network, target: settings.target };
 
     eprintln!("judging names of held-out images");
-    let naming = looks::naming(written, data)?;
+    let statistics = looks::statistics(data);
+    let naming = looks::naming(written, &statistics, data)?;
     eprintln!("judging vibration of {} materials", data.seen.len());
     let judged: Vec<(Judged, Score, Option<Score>)> = (data.seen.par_iter().zip(&truths.seen))
         .map(|(subject, truth)| {
@@ -147,7 +148,7 @@ pub(crate) fn evaluate(written: &Written, settings: &Settings, data: &Data) -> R
         None => Vec::new(),
     };
     eprintln!("judging {} unseen surfaces", data.unseen.len());
-    let strangers = looks::strangers(written, data, &judge, truths.unseen)?;
+    let strangers = looks::strangers(written, &statistics, data, &judge, truths.unseen)?;
     let (mut scores, mut beyond) = (Vec::new(), Vec::new());
     for (_, score, out) in judged {
         scores.push(score);

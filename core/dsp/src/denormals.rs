@@ -1,5 +1,4 @@
-//! Denormal numbers are flushed to zero on the tick thread: a decaying tail must not cost a hundred times
-//! what a loud signal does.
+//! Denormal numbers flushed to zero: a decaying tail must not cost a hundred times what a loud signal does.
 
 /// While this lives, denormal results and operands count as zero on this thread.
 #[derive(Debug)]
