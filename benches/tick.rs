@@ -19,8 +19,8 @@ use asperity_source::Source;
 use asperity_world::material::Library;
 
 const GRAPH: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../graphs/heravi2024.ron");
-const MODEL: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../graphs/models/made.onnx");
-const LIBRARY: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../graphs/materials/made.ron");
+const MODEL: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../graphs/models/surfaces/texture.onnx");
+const LIBRARY: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../graphs/models/surfaces/materials.ron");
 const PERIOD: Duration = Duration::from_millis(2);
 
 struct Wall(Instant);

@@ -201,11 +201,7 @@ fn a_missing_file_names_its_neighbour() {
 
 #[test]
 fn an_unknown_material_names_the_nearest() {
-    refused(
-        &with("\"coarse weave\"", "\"coarse weav\""),
-        Some("\"coarse weav\""),
-        &["did you mean `coarse weave`?"],
-    );
+    refused(&with("\"hessian\"", "\"hessia\""), Some("\"hessia\""), &["did you mean `hessian`?"]);
 }
 
 #[test]
@@ -260,7 +256,7 @@ fn a_model_that_is_none_is_refused() {
         assert!(ran.err.contains(name) && !ran.err.contains("panicked"), "{}", ran.err);
         assert_eq!(files(dir.path()), [name]);
         // From a graph file, the place that names the model is shown.
-        let g = with("models/made.onnx", "MODEL");
+        let g = with("models/surfaces/texture.onnx", "MODEL");
         let at = g.find("MODEL").unwrap();
         let quote = g[..at].rfind('"').unwrap();
         let g = format!("{}\"{name}\"{}", &g[..quote], &g[at + "MODEL\"".len()..]);

@@ -5,6 +5,10 @@ mod common;
 use std::f64::consts::{PI, TAU};
 use std::path::Path;
 
+use asperity_dataset::Spectrometer;
+use asperity_world::material::BINS;
+use asperity_world::stylus::{Moment, SAMPLE_HZ, Stylus, Tool};
+use asperity_world::topography::MadeSurface;
 use common::{graphs, run};
 
 /// A trajectory at 1 kHz from a function of time to x, y, z.
@@ -122,22 +126,50 @@ fn the_gate_opens_at_5_and_closes_at_4_mm_s() {
     assert!(out[2].0[(closed + 1) * 96..].iter().all(|x| *x == 0.0));
 }
 
+/// Root mean square magnitudes of a pen's acceleration at 10, 20, .. 1000 Hz, over pieces of a made surface that no training has seen, along x at 100 mm/s
+/// and 1 N.
+fn felt_by_a_pen(surface: &MadeSurface) -> [f64; BINS] {
+    let mut spectrometer = Spectrometer::new(f64::from(SAMPLE_HZ));
+    let (mut power, mut frames) = ([0.0; BINS], 0.0);
+    for seed in 70_001..70_004 {
+        let track = Tool::PEN.track(&surface.patch((1024, 0.02), seed), &surface.contact);
+        let mut stylus = Stylus::new(Tool::PEN, &track, surface.contact, [0.0, 3.0], 1.0);
+        let moment = Moment { velocity_mm_s: [100.0, 0.0], force_n: 1.0 };
+        let [normal, along] = &mut [Vec::new(), Vec::new()];
+        for _ in 0..3 * SAMPLE_HZ {
+            let a = stylus.next(&moment);
+            normal.push(a.normal);
+            along.push(a.along);
+        }
+        let frame = SAMPLE_HZ as usize / 10;
+        for (normal, along) in normal.chunks_exact(frame).zip(along.chunks_exact(frame)).skip(3) {
+            frames += 1.0;
+            let magnitudes = spectrometer.magnitudes(&[normal, along]);
+            power.iter_mut().zip(magnitudes).for_each(|(sum, m)| *sum += f64::from(m).powi(2));
+        }
+    }
+    power.map(|sum| (sum / frames).sqrt())
+}
+
 #[test]
-fn the_shipped_network_answers_the_law_of_every_material() {
+fn the_shipped_network_answers_what_a_pen_feels() {
     // Steady: 100 mm/s and 1 N.
     let trajectory = csv(1.0, |t| [100.0 * t, 0.0, -2.0]);
-    for material in asperity_world::material::made_materials().expect("the made materials") {
-        let set = format!("texture.material={}", material.name);
+    let surfaces = asperity_world::topography::made_surfaces();
+    // one of each family, and never one that was held apart
+    for surface in surfaces.iter().skip(5).step_by(14) {
+        let set = format!("texture.material={}", surface.name);
         let out = probed(&trajectory, &[&set], &["texture"]);
         let predicted = out[0].0.chunks_exact(out[0].1).last().unwrap();
-        let law = material.law.expected_magnitudes(100.0, 1.0);
-        let loudest = law.iter().fold(0.0_f64, |m, x| m.max(*x));
-        let errors: Vec<f64> = (1..=100)
-            .filter(|&b| law[b - 1] > 0.03 * loudest)
-            .map(|b| (20.0 * (f64::from(predicted[b]) / law[b - 1]).log10()).abs())
+        let felt = felt_by_a_pen(surface);
+        let loudest = felt.iter().fold(0.0_f64, |m, x| m.max(*x));
+        let errors: Vec<f64> = (1..=BINS)
+            .filter(|&b| felt[b - 1] > 0.03 * loudest)
+            .map(|b| (20.0 * (f64::from(predicted[b]) / felt[b - 1]).log10()).abs())
             .collect();
         let mean = errors.iter().sum::<f64>() / errors.len() as f64;
-        assert!(mean < 2.0, "{}: {mean:.2} dB over {} bins", material.name, errors.len());
+        println!("{}: {mean:.2} dB over {} bins", surface.name, errors.len());
+        assert!(mean < 4.0, "{}: {mean:.2} dB over {} bins", surface.name, errors.len());
         assert_eq!(predicted[0], 0.0);
     }
 }
@@ -147,7 +179,7 @@ fn a_control_picks_among_preloaded_materials() {
     let dir = tempfile::tempdir().unwrap();
     // The depth picks: 0.2 mm rounds to the first, 1.2 mm to the second, and 9 mm is held to the last.
     let graph = common::shipped_graph()
-        .replace("material: \"coarse weave\",", "material: \"coarse weave\", materials: [\"cork\"],")
+        .replace("material: \"hessian\",", "material: \"hessian\", materials: [\"oak\"],")
         .replace(
             "\"phase\": (kind: \"spsi\"),",
             "\"phase\": (kind: \"spsi\"), \"pick\": (kind: \"gain\", params: (unit: \"1\")),",
@@ -158,7 +190,7 @@ fn a_control_picks_among_preloaded_materials() {
         );
     std::fs::write(dir.path().join("pick.ron"), graph).unwrap();
     std::fs::write(dir.path().join("plain.ron"), common::shipped_graph()).unwrap();
-    for (depth, material) in [(0.2, "coarse weave"), (1.2, "cork"), (9.0, "cork")] {
+    for (depth, material) in [(0.2, "hessian"), (1.2, "oak"), (9.0, "oak")] {
         let trajectory = csv(0.5, |t| [100.0 * t, 0.0, -depth]);
         std::fs::write(dir.path().join("t.csv"), trajectory).unwrap();
         run(dir.path(), &["render", "pick.ron", "--input", "t.csv", "--out", "a.wav"]).ok();

@@ -41,10 +41,10 @@ const SOUND: &str = "\"s\": (kind: \"stroke\"), \"m\": (kind: \"velocity\"), \"f
 fn texture(id: &str) -> String {
     let file = |p: &str| common::graphs(p).display().to_string();
     format!(
-        "\"{id}\": (kind: \"texture_network\", params: (model: {:?}, library: {:?}, material: \"cork\")), \
+        "\"{id}\": (kind: \"texture_network\", params: (model: {:?}, library: {:?}, material: \"oak\")), \
          \"{id}p\": (kind: \"spsi\"), \"{id}o\": (kind: \"overlap_add\"), ",
-        file("models/made.onnx"),
-        file("materials/made.ron")
+        file("models/surfaces/texture.onnx"),
+        file("models/surfaces/materials.ron")
     )
 }
 

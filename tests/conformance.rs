@@ -29,9 +29,9 @@ fn subject(kind: &Arc<dyn NodeKind>) -> Subject<'static> {
     let subject = Subject::new(kind.clone()).ticks(3000).heap(&ALLOCATOR);
     match &*kind.descriptor().kind {
         "texture_network" => subject
-            .set("model", file("models/made.onnx"))
-            .set("library", file("materials/made.ron"))
-            .set("material", "coarse weave"),
+            .set("model", file("models/surfaces/texture.onnx"))
+            .set("library", file("models/surfaces/materials.ron"))
+            .set("material", "hessian"),
         "file_out" => subject.set("file", "unused.wav"),
         _ => subject,
     }

@@ -66,7 +66,8 @@ fn encode(dir: &Path, args: &[&str]) -> Ran {
 fn a_picture_becomes_a_material_that_a_graph_can_name() {
     let dir = folder();
     let before = text(dir.path());
-    let ran = encode(dir.path(), &["pictures/felt.png", "--description", "Soft \"felt\"."]).ok();
+    let more = ["pictures/felt.png", "--description", "Soft \"felt\".", "--family", "wool"];
+    let ran = encode(dir.path(), &more).ok();
     let line = |name: &str| ran.out.lines().position(|l| l.starts_with(name)).expect(name);
     assert!(line("middle") < line("dark") && line("dark") < line("bright"), "{}", ran.out);
     assert!(ran.out.contains(&format!("middle   {:8.4}  grey", apart(0.4, 0.5))), "{}", ran.out);
@@ -76,7 +77,7 @@ fn a_picture_becomes_a_material_that_a_graph_can_name() {
         (felt.description.as_str(), &felt.images),
         ("Soft \"felt\".", &vec!["../pictures/felt.png".to_owned()])
     );
-    assert_eq!(*felt.vector, vector(0.5));
+    assert_eq!((felt.family.as_deref(), *felt.vector), (Some("wool"), vector(0.5)));
     // The rest of the file is what it was, and nothing else is left.
     let after = text(dir.path());
     let kept = before.strip_suffix("    },\n)\n").expect("an end");
@@ -203,6 +204,7 @@ fn whatever_is_wrong_is_said_and_the_library_stays_as_it_is() {
         (vec![felt, "--as", "nope"], "--as"),
         (vec![felt, "--neighbours", "0"], "--neighbours"),
         (vec![felt, "--neighbours", "-1"], "--neighbours"),
+        (vec![felt, "--family", " "], "--family"),
         (vec![], "IMAGE"),
     ] {
         let ran = encode(dir.path(), &args);
@@ -217,8 +219,9 @@ fn whatever_is_wrong_is_said_and_the_library_stays_as_it_is() {
     let ran = run(dir.path(), &["encode", felt, "--library", "none.ron"]);
     assert!(ran.code == 2 && ran.err.contains("--library names this file"), "{}", ran.err);
     // A library that names no encoder, and one whose encoder is gone.
-    let shipped = common::graphs("materials/made.ron").display().to_string();
-    let ran = run(dir.path(), &["encode", felt, "--library", &shipped]);
+    let lines = before.lines().filter(|line| !line.trim_start().starts_with("encoder:"));
+    std::fs::write(at("plain.ron"), lines.collect::<Vec<_>>().join("\n") + "\n").expect("a library");
+    let ran = run(dir.path(), &["encode", felt, "--library", "plain.ron"]);
     assert!(
         ran.code == 2 && ran.err.contains("names no encoder") && ran.err.contains("--encoder"),
         "{}",
@@ -252,7 +255,37 @@ fn materials_are_listed_with_their_pictures_and_what_is_missing() {
     );
     // Without a name it is the shipped one, from the top of the project.
     let ran = run(&common::root(), &["materials"]).ok();
-    assert!(ran.out.contains("coarse weave"), "{}", ran.out);
+    assert!(ran.out.contains("hessian"), "{}", ran.out);
     let ran = run(dir.path(), &["materials"]);
     assert!(ran.code == 2 && ran.err.contains("--library names this file"), "{}", ran.err);
+}
+
+#[test]
+fn the_shipped_encoder_knows_a_surface_by_a_place_it_has_not_seen_and_a_new_one_by_its_family() {
+    let library = common::graphs("models/surfaces/materials.ron").display().to_string();
+    let nearest = |picture: &str| {
+        let picture =
+            common::graphs(&format!("models/surfaces/pictures/{picture}.jpg")).display().to_string();
+        let dir = tempfile::tempdir().expect("a folder");
+        let ran =
+            run(dir.path(), &["encode", &picture, "--library", &library, "--name", "new", "--dry-run"]).ok();
+        ran.out.lines().next().expect("a neighbour").to_owned()
+    };
+    // a picture of every eleventh material, of a piece that was never trained on
+    let all = asperity_world::material::Library::read(&library).expect("the library");
+    let known: Vec<&str> = all.materials().iter().map(|m| m.name.as_str()).step_by(11).collect();
+    let rightly = known.iter().filter(|name| {
+        let safe = |c: char| if c.is_ascii_alphanumeric() || c == '.' { c } else { '_' };
+        nearest(&name.chars().map(safe).collect::<String>()).starts_with(*name)
+    });
+    assert!(rightly.count() + 1 >= known.len(), "{known:?}");
+    // surfaces that were never trained on
+    let strangers = [
+        ("heavy_denim", "weave"),
+        ("loop_pile", "carpet"),
+        ("square_grating_2_mm", "grating"),
+        ("pine", "wood"),
+    ];
+    let in_family = strangers.iter().filter(|(picture, family)| nearest(picture).ends_with(family));
+    assert!(in_family.count() >= 3);
 }

@@ -243,9 +243,9 @@ fn a_texture_is_chosen_also_where_a_hand_could_not_be_had_again() {
     replace(dir, &other);
     onlooker.until("that it is gone", |_| live.said().contains("cannot be had again"));
     let chosen = |layout: &serde_json::Value| layout["materials"][0]["chosen"].clone();
-    assert_ne!(chosen(&onlooker.shown.layout), "brick");
-    onlooker.ask(&json!({ "material": { "node": "texture", "name": "brick" } }));
-    onlooker.until("the texture", |s| chosen(&s.layout) == "brick");
+    assert_ne!(chosen(&onlooker.shown.layout), "sandpaper P40");
+    onlooker.ask(&json!({ "material": { "node": "texture", "name": "sandpaper P40" } }));
+    onlooker.until("the texture", |s| chosen(&s.layout) == "sandpaper P40");
     live.stop().ok();
 }
 
@@ -365,7 +365,7 @@ fn of_textures_chosen_in_a_burst_the_newest_plays() {
         choose(&mut onlooker, &names[i % names.len()]);
         onlooker.looks_on(Duration::from_millis(5));
     }
-    let newest = names.iter().find(|name| *name == "brick").expect("brick");
+    let newest = names.iter().find(|name| *name == "sandpaper P40").expect("sandpaper P40");
     choose(&mut onlooker, newest);
     let chosen = |layout: &serde_json::Value| layout["materials"][0]["chosen"].clone();
     onlooker.until("the newest", |s| chosen(&s.layout) == newest.as_str());

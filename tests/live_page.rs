@@ -210,7 +210,7 @@ fn what_is_done_takes_effect(kept: &mut Kept) -> Result<(), String> {
     pen.strokes_until(SPEED, &format!("{CURRENT} > 0.02"));
     pen.strokes(0.7, SPEED);
     pen.does(
-        "(() => { const s = document.querySelector('#materials select'); s.value = 'brick'; \
+        "(() => { const s = document.querySelector('#materials select'); s.value = 'sandpaper P40'; \
          s.dispatchEvent(new Event('change', { bubbles: true })); })()",
     );
     pen.strokes(1.4, SPEED);
@@ -218,7 +218,7 @@ fn what_is_done_takes_effect(kept: &mut Kept) -> Result<(), String> {
     let before = pen.browser.eval("window.before");
     // Another page is told what holds now.
     pen.browser.open(&url);
-    pen.browser.until("document.querySelector('#materials select')?.value === 'brick'");
+    pen.browser.until("document.querySelector('#materials select')?.value === 'sandpaper P40'");
     pen.browser.until("document.querySelector('#condition').dataset.is === 'playing'");
     let now = pen.browser.eval(&format!("{slider}.value"));
     assert_eq!(pen.browser.complaints(), Vec::<String>::new());

@@ -47,7 +47,7 @@ fn the_chain_answers_a_step_of_speed_as_late_as_its_parts_say() {
     std::fs::write(dir.path().join("t.csv"), steps(40.0, 120.0)).unwrap();
     let graph = graphs("heravi2024.ron").display().to_string();
     // A material without a line, whose level follows speed smoothly.
-    let material = "texture.material=rough sandpaper";
+    let material = "texture.material=sandpaper P50";
     let args = [
         "render",
         &graph,

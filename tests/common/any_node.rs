@@ -112,9 +112,9 @@ fn required(kind: &str) -> Vec<(&'static str, String)> {
     let file = |p: &str| crate::common::graphs(p).display().to_string();
     match kind {
         "texture_network" => vec![
-            ("model", file("models/made.onnx")),
-            ("library", file("materials/made.ron")),
-            ("material", "coarse weave".to_owned()),
+            ("model", file("models/surfaces/texture.onnx")),
+            ("library", file("models/surfaces/materials.ron")),
+            ("material", "hessian".to_owned()),
         ],
         "file_out" => vec![("file", "unused.wav".to_owned())],
         "osc_input" => vec![("arguments", "x_mm, y_mm, z_mm, force_n".to_owned())],

@@ -137,11 +137,11 @@ fn weights_are_read_whole() {
 
 #[test]
 fn the_shipped_model_is_packed_in_both_precisions() {
-    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../graphs/models/made.onnx");
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../graphs/models/surfaces/texture.onnx");
     let model = Model::load(path).unwrap();
     assert_eq!(model.not_lowered_because(), None);
     // The library's vectors, read without its own reader: numbers between `vector: [` and `]`.
-    let library = concat!(env!("CARGO_MANIFEST_DIR"), "/../../graphs/materials/made.ron");
+    let library = concat!(env!("CARGO_MANIFEST_DIR"), "/../../graphs/models/surfaces/materials.ron");
     let text = std::fs::read_to_string(library).unwrap();
     let vectors: Vec<Vec<f32>> = text
         .split("vector: [")

@@ -198,24 +198,42 @@ impl Stage<'_> {
         model: M,
         adam: ModuleOptimizer,
     ) -> Result<(M, ModuleOptimizer, Header), Failure> {
-        let path = self.path();
-        if !path.exists() {
-            return Ok((model, adam, Header { step: 0, sum: 0.0, losses: Vec::new(), model_bytes: 0 }));
+        match read(&self.path(), model.clone())? {
+            None => Ok((model, adam, Header { step: 0, sum: 0.0, losses: Vec::new(), model_bytes: 0 })),
+            Some((model, header, state)) => {
+                let adam = adam.from_bytes(state).map_err(|_| broken(&self.path()))?;
+                Ok((model, adam, header))
+            }
         }
-        let bytes = std::fs::read(&path)
-            .map_err(|e| Diagnostic::new(format!("cannot read this checkpoint: {e}")).in_file(&path))?;
-        let broken = || {
-            Diagnostic::new("this is not a whole checkpoint")
-                .in_file(&path)
-                .help("remove it, and its stage begins anew")
-        };
-        let (header, model_bytes, adam_bytes) = parts(&bytes).ok_or_else(broken)?;
-        let bytes = |part: &[u8]| Bytes::from_bytes_vec(part.to_vec());
-        let record = ModuleRecord::from_bytes(bytes(model_bytes)).map_err(|_| broken())?;
-        let model = model.try_load_record(record).map_err(|_| broken())?;
-        let adam = adam.from_bytes(bytes(adam_bytes)).map_err(|_| broken())?;
-        Ok((model, adam, header))
     }
+}
+
+/// The model of a checkpoint, if there is one.
+///
+/// # Errors
+/// A checkpoint that cannot be read, or is of another model.
+pub(crate) fn of_checkpoint<M: Module>(path: &Path, model: M) -> Result<Option<M>, Failure> {
+    Ok(read(path, model)?.map(|(model, ..)| model))
+}
+
+fn broken(path: &Path) -> Diagnostic {
+    Diagnostic::new("this is not a whole checkpoint")
+        .in_file(path)
+        .help("remove it, and its stage begins anew")
+}
+
+/// Model, header and the optimiser's state of a checkpoint.
+fn read<M: Module>(path: &Path, model: M) -> Result<Option<(M, Header, Bytes)>, Failure> {
+    if !path.exists() {
+        return Ok(None);
+    }
+    let bytes = std::fs::read(path)
+        .map_err(|e| Diagnostic::new(format!("cannot read this checkpoint: {e}")).in_file(path))?;
+    let (header, model_bytes, adam_bytes) = parts(&bytes).ok_or_else(|| broken(path))?;
+    let bytes = |part: &[u8]| Bytes::from_bytes_vec(part.to_vec());
+    let record = ModuleRecord::from_bytes(bytes(model_bytes)).map_err(|_| broken(path))?;
+    let model = model.try_load_record(record).map_err(|_| broken(path))?;
+    Ok(Some((model, header, bytes(adam_bytes))))
 }
 
 /// Header, model and optimiser of a checkpoint.

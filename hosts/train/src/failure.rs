@@ -13,13 +13,6 @@ pub(crate) enum Failure {
     Stopped,
 }
 
-impl Failure {
-    /// A network that was written does not run.
-    pub(crate) fn model(e: &dyn std::fmt::Display) -> Self {
-        Self::Model(format!("the written network does not run: {e:#}"))
-    }
-}
-
 impl From<Diagnostic> for Failure {
     fn from(e: Diagnostic) -> Self {
         Self::Input(e)

@@ -41,9 +41,8 @@ pub(crate) fn network(network: &NetworkWeights, about: About<'_>) -> Vec<u8> {
     )
 }
 
-/// The bytes of image encoder and a head in one: input `image` \[1, 3, 192, 256\] of 0 to 1, and the head's output by its name, such as `texture`
-/// \[1, 256\].
-pub(crate) fn encoder(kernels: &[Kernel], head: &[Weights], output: &str, about: About<'_>) -> Vec<u8> {
+/// The bytes of image encoder and texture encoder in one: from `image` \[1, 3, 192, 256\] of 0 to 1 to `texture` \[1, 256\].
+pub(crate) fn encoder(kernels: &[Kernel], head: &[Weights], about: About<'_>) -> Vec<u8> {
     let mut graph = Graph::default();
     let (scale, offset) = PIXEL_SCALE;
     graph.tensor("scale".to_owned(), &[1], &[scale]);
@@ -75,14 +74,13 @@ pub(crate) fn encoder(kernels: &[Kernel], head: &[Weights], output: &str, about:
     let (hidden, last) = head.split_at(head.len().saturating_sub(1));
     x = graph.chain("head", &x, hidden, None);
     for layer in last {
-        graph.gemm("head.last", x.clone(), layer, output);
+        graph.gemm("head.last", x.clone(), layer, "texture");
     }
-    let width = last.first().map_or(0, |layer| layer.outputs);
     graph.file(
         "tactile_encoder",
-        "From a tactile image, red, green and blue from 0 to 1.",
+        "From a tactile image, red, green and blue from 0 to 1, to a material's vector.",
         vec![value("image", &[1, 3, IMAGE[0], IMAGE[1]])],
-        value(output, &[1, width]),
+        value("texture", &[1, VECTOR_LEN]),
         about,
     )
 }

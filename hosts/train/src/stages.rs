@@ -34,6 +34,26 @@ impl Namer {
         let encoder = ImageEncoder::new(preset, random, device);
         Self { encoder, classifier: Head::classifier(preset, classes, random, device) }
     }
+
+    /// The classes that it takes images for.
+    pub(crate) fn names<'a>(&self, images: impl Iterator<Item = &'a Image>, device: &Device) -> Vec<usize> {
+        let images: Vec<&Image> = images.collect();
+        let features = features(&self.encoder, &images, device);
+        let features = TensorData::new(features, [images.len(), FEATURES]);
+        let scores = self.classifier.forward(Tensor::from_data(features, device));
+        scores.argmax(1).into_data().iter::<i64>().map(|class| class as usize).collect()
+    }
+
+    /// Part of held-out images that are named rightly, if there are any.
+    pub(crate) fn named_rightly(&self, subjects: &[Subject], device: &Device) -> Option<f64> {
+        let held = |subjects: &'_ [Subject]| subjects.iter().map(|s| s.images.held.len()).sum::<usize>();
+        let right = |(class, subject): (usize, &Subject)| {
+            let names = self.names(subject.images.held.iter(), device);
+            names.into_iter().filter(|named| *named == class).count()
+        };
+        let count = held(subjects);
+        (count > 0).then(|| subjects.iter().enumerate().map(right).sum::<usize>() as f64 / count as f64)
+    }
 }
 
 /// Stage one: trains a [`Namer`] to name the subjects by their images.
@@ -113,22 +133,6 @@ fn dropout(batch: usize, random: &mut Random) -> Vec<f32> {
         (0..64).map(move |bit| if word >> bit & 1 == 1 { 2.0 } else { 0.0 })
     });
     words.take(count).collect()
-}
-
-/// Part of held-out images that are named rightly.
-pub(crate) fn named_rightly(namer: &Namer, subjects: &[Subject], device: &Device) -> f64 {
-    let (mut right, mut count) = (0_usize, 0_usize);
-    for (class, subject) in subjects.iter().enumerate() {
-        let images: Vec<&Image> = subject.images.held.iter().collect();
-        if images.is_empty() {
-            continue;
-        }
-        let features = TensorData::new(features(&namer.encoder, &images, device), [images.len(), FEATURES]);
-        let scores = namer.classifier.forward(Tensor::from_data(features, device));
-        right += scores.argmax(1).into_data().iter::<i64>().filter(|named| *named == class as i64).count();
-        count += images.len();
-    }
-    right as f64 / count.max(1) as f64
 }
 
 /// Brings features to a root mean square of 1 and returns what they were multiplied by: a texture encoder that begins with numbers of any size may

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use asperity_dataset::Subject;
+use asperity_network::Encoder;
 use asperity_plot::{Curve, Curves};
 use asperity_source::Diagnostic;
 use asperity_world::material::{Library, LibraryMaterial, VECTOR_LEN};
@@ -17,9 +18,9 @@ use image::codecs::jpeg::JpegEncoder;
 use crate::arguments::{Evaluate, Settings, Train};
 use crate::card::Sizes;
 use crate::data::{self, Data};
-use crate::descent::{Losses, Stage};
+use crate::descent::{self, Losses, Stage};
 use crate::encoder::{FEATURES, ImageEncoder, features};
-use crate::evaluation::{self, Onnx, Written};
+use crate::evaluation::{self, Network, Written};
 use crate::failure::Failure;
 use crate::files::write_whole;
 use crate::progress::Teller;
@@ -32,7 +33,8 @@ use crate::{card, onnx};
 /// What the data, the folders or the training say; [`Failure::Stopped`] by Ctrl-C.
 pub(crate) fn train(train: &Train) -> Result<(), Failure> {
     let settings = &train.settings;
-    let run = run_folder(train)?;
+    let run = train.run.clone().unwrap_or_else(|| beside(&train.out));
+    belongs(&run, settings)?;
     let stop = Arc::new(AtomicBool::new(false));
     let flag = Arc::clone(&stop);
     ctrlc::set_handler(move || {
@@ -44,6 +46,7 @@ pub(crate) fn train(train: &Train) -> Result<(), Failure> {
     .map_err(|e| Failure::Model(format!("cannot listen for Ctrl-C: {e}")))?;
 
     let data = data::load(settings)?;
+    begin(&train.out, &run, settings)?;
     let device = Device::flex().autodiff();
     let stage = |name, steps: u32, learning_rate| Stage {
         name,
@@ -62,9 +65,10 @@ pub(crate) fn train(train: &Train) -> Result<(), Failure> {
 
     let plain = Device::flex();
     let namer = namer.valid();
-    let right = 100.0 * stages::named_rightly(&namer, &data.seen, &plain);
-    eprintln!("naming: {right:.1} % of held-out images are named rightly");
-    let Namer { encoder, classifier } = namer;
+    if let Some(part) = namer.named_rightly(&data.seen, &plain) {
+        eprintln!("naming: {:.1} % of held-out images are named rightly", 100.0 * part);
+    }
+    let encoder = namer.encoder;
     let mut looks = seen_features(&encoder, &data.seen, &plain);
     let scale = stages::to_unit(&mut looks);
     let feeling = stage("feeling", settings.feeling_steps, settings.feeling_rate);
@@ -106,11 +110,7 @@ pub(crate) fn train(train: &Train) -> Result<(), Failure> {
     let out = |name: &str| train.out.join(name);
     write_whole(
         &out("encoder.onnx"),
-        &onnx::encoder(&encoder.kernels(), &feeler.texture.weights(scale), "texture", &about),
-    )?;
-    write_whole(
-        &run.join("classifier.onnx"),
-        &onnx::encoder(&encoder.kernels(), &classifier.weights(1.0), "classes", &about),
+        &onnx::encoder(&encoder.kernels(), &feeler.texture.weights(scale), &about),
     )?;
     write_whole(&out("texture.onnx"), &onnx::network(&settled.network.weights(), &about))?;
     let name = format!("texture_{}.onnx", other.name());
@@ -151,12 +151,13 @@ pub(crate) fn evaluate(evaluate: &Evaluate) -> Result<(), Failure> {
 }
 
 fn judge(folder: &Path, run: &Path, settings: &Settings, data: &Data) -> Result<(), Failure> {
-    let if_there = |path: PathBuf| path.exists().then(|| Onnx::read(&path)).transpose();
+    let other = folder.join(format!("texture_{}.onnx", settings.target.other().name()));
+    let namer = Namer::new(settings.preset, data.seen.len(), settings.seed, &Device::flex());
     let written = Written {
-        encoder: Onnx::read(&folder.join("encoder.onnx"))?,
-        network: Onnx::read(&folder.join("texture.onnx"))?,
-        other: if_there(folder.join(format!("texture_{}.onnx", settings.target.other().name())))?,
-        classifier: if_there(run.join("classifier.onnx"))?,
+        encoder: Encoder::load(folder.join("encoder.onnx"))?,
+        network: Network::read(&folder.join("texture.onnx"))?,
+        other: other.exists().then(|| Network::read(&other)).transpose()?,
+        namer: descent::of_checkpoint(&run.join("naming.checkpoint"), namer)?,
         library: Library::read(folder.join("materials.ron"))?,
     };
     let evaluation = evaluation::evaluate(&written, settings, data)?;
@@ -249,23 +250,29 @@ fn beside(out: &Path) -> PathBuf {
     name.into()
 }
 
-/// Makes the folder of a run, or finds it; one that belongs to other settings is refused.
-fn run_folder(train: &Train) -> Result<PathBuf, Diagnostic> {
-    let run = train.run.clone().unwrap_or_else(|| beside(&train.out));
-    for folder in [&train.out, &run] {
+/// A run's settings, as its folder has them.
+fn settings_of(run: &Path) -> PathBuf {
+    run.join("settings.json")
+}
+
+/// Refuses a run's folder that belongs to other settings.
+fn belongs(run: &Path, settings: &Settings) -> Result<(), Diagnostic> {
+    let path = settings_of(run);
+    match std::fs::read_to_string(&path) {
+        Ok(found) if serde_json::from_str(&found).ok().as_ref() != Some(settings) => {
+            Err(Diagnostic::new("this run was begun with other settings")
+                .in_file(&path)
+                .help("give the settings it has, name another --run folder, or remove this one"))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Makes a run's folders, and says in them what it is.
+fn begin(out: &Path, run: &Path, settings: &Settings) -> Result<(), Diagnostic> {
+    for folder in [out, run] {
         std::fs::create_dir_all(folder)
             .map_err(|e| Diagnostic::new(format!("cannot make this folder: {e}")).in_file(folder))?;
     }
-    let path = run.join("settings.json");
-    let wanted = serde_json::to_string_pretty(&train.settings).unwrap_or_default();
-    match std::fs::read_to_string(&path) {
-        Ok(found) if found == wanted => Ok(run),
-        Ok(_) => Err(Diagnostic::new("this run was begun with other settings")
-            .in_file(&path)
-            .help("give the settings it has, name another --run folder, or remove this one")),
-        Err(_) => {
-            write_whole(&path, wanted.as_bytes())?;
-            Ok(run)
-        }
-    }
+    write_whole(&settings_of(run), serde_json::to_string_pretty(settings).unwrap_or_default().as_bytes())
 }

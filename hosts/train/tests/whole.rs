@@ -84,6 +84,8 @@ fn what_cannot_be_trained_on_is_refused_by_name() {
         let output = train(&[&["train", "--out", out], &arguments[..]].concat(), folder.path());
         assert_eq!(output.status.code(), Some(2), "{}", said(&output));
         assert!(said(&output).contains(wanted), "{}", said(&output));
+        // and nothing is left of it that would stand in the way of another try
+        assert!(std::fs::read_dir(folder.path()).expect("a folder").next().is_none(), "{out}");
     }
 }
 
@@ -108,7 +110,8 @@ fn record(folder: &Path, name: &str, hz: f64) {
 #[test]
 fn a_folder_of_recordings_becomes_a_model() {
     let folder = tempfile::tempdir().expect("a folder");
-    for (name, hz) in [("felt", 80.0), ("wire mesh", 240.0), ("slate", 430.0)] {
+    let hums = [("felt", 80.0), ("slate", 430.0), ("wire mesh", 240.0)];
+    for (name, hz) in hums {
         record(&folder.path().join("mine"), name, hz);
     }
     let settings = [
@@ -122,7 +125,7 @@ fn a_folder_of_recordings_becomes_a_model() {
         "--naming-batch",
         "4",
         "--feeling-steps",
-        "600",
+        "1200",
         "--feeling-groups",
         "8",
     ];
@@ -131,10 +134,10 @@ fn a_folder_of_recordings_becomes_a_model() {
     let library =
         asperity_world::material::Library::read(folder.path().join("m/materials.ron")).expect("a library");
     let names: Vec<&str> = library.materials().iter().map(|m| m.name.as_str()).collect();
-    assert_eq!(names, ["felt", "slate", "wire mesh"]);
-    // what it answers for each material is something that can be played
+    assert_eq!(names, hums.map(|(name, _)| name));
+    // what it answers for each material is what it hums at
     let model = asperity_network::Model::load(folder.path().join("m/texture.onnx")).expect("a network");
-    for material in library.materials() {
+    for (material, (_, hz)) in library.materials().iter().zip(hums) {
         let vectors = [material.vector.to_vec()];
         let runner = model.runner(&vectors, asperity_network::Precision::F32, asperity_network::Choice::Auto);
         let mut magnitudes = [0.0; 100];
@@ -142,5 +145,8 @@ fn a_folder_of_recordings_becomes_a_model() {
         velocity[..10].fill(80.0);
         runner.expect("a runner").run(0, &[1.0; 10], &velocity, &mut magnitudes).expect("an answer");
         assert!(magnitudes.iter().all(|m| m.is_finite() && *m >= 0.0), "{}", material.name);
+        let loudest =
+            (0..100).max_by(|a, b| f32::total_cmp(&magnitudes[*a], &magnitudes[*b])).expect("a bin");
+        assert_eq!(10 * (loudest + 1), hz as usize, "{}: {magnitudes:?}", material.name);
     }
 }

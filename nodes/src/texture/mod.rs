@@ -1,7 +1,6 @@
 //! Texture: what was done, and what vibration follows.
 
 mod action_history;
-mod range;
 mod texture_network;
 
 pub use action_history::ActionHistory;

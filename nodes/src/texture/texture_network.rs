@@ -7,7 +7,7 @@ use asperity_node::{
 };
 use asperity_world::material::Library;
 
-use super::range::{Range, magnitudes};
+use asperity_network::range::{Range, magnitudes};
 
 /// The model's bins are 10 Hz apart: its window is 0.1 s.
 const WINDOWS_PER_SECOND: u32 = 10;

@@ -30,8 +30,8 @@
 //! # What examples are
 //!
 //! Strokes are [drawn](crate::Histories), and magnitudes are not those of a signal but the root mean square of all signals, from the models' [closed
-//! form](asperity_world::autoregressive): targets without noise. The 20 ms before a frame are weighted as the law of the made materials does
-//! ([`history_weight`]). Speeds and forces beyond those of the recordings have the nearest recorded one's.
+//! form](asperity_world::autoregressive): targets without noise. The 20 ms before a frame are weighted with 1, 2, .. 10, the newest most: a contact that began
+//! 6 ms ago counts for what it is. Speeds and forces beyond those of the recordings have the nearest recorded one's.
 //!
 //! A model of 1000 Hz says nothing above 500 Hz. There magnitudes are 0, as what the toolkit itself renders with that model has nothing there;
 //! a network that is trained on them learns to be silent there too.
@@ -43,7 +43,7 @@ use std::path::{Path, PathBuf};
 
 use asperity_source::{Diagnostic, Source};
 use asperity_world::autoregressive::{Frames, Texture};
-use asperity_world::material::{BINS, Random, history_weight};
+use asperity_world::material::{BINS, Random};
 
 pub use models::parse;
 use rayon::prelude::*;
@@ -179,12 +179,17 @@ fn subject(
 fn example(history: &History, texture: &Texture, frames: &Frames) -> Example {
     let mut power = [0.0; BINS];
     for (i, &(speed, force)) in history.clean.iter().enumerate() {
-        let weight = history_weight(i, history.clean.len());
+        let weight = weight(i, history.clean.len());
         for (sum, p) in power.iter_mut().zip(frames.expected_power(&texture.at(speed, force))) {
             *sum += weight * p;
         }
     }
     Example { force: history.force, velocity: history.velocity, magnitudes: power.map(|p| p.sqrt() as f32) }
+}
+
+/// Weight of sample `i` of a history of `n`, oldest first; the weights sum to 1.
+fn weight(i: usize, n: usize) -> f64 {
+    2.0 * (i + 1) as f64 / (n * (n + 1)) as f64
 }
 
 #[cfg(test)]

@@ -35,6 +35,9 @@ pub struct Encode {
     /// What it feels like, in a sentence
     #[arg(long, value_name = "TEXT")]
     pub description: Option<String>,
+    /// What it is one of, such as a weave
+    #[arg(long, value_name = "TEXT", value_parser = family)]
+    pub family: Option<String>,
     /// Which vector it gets
     #[arg(long = "as", value_enum, default_value = "nearest")]
     pub how: As,
@@ -46,11 +49,15 @@ pub struct Encode {
     pub dry_run: bool,
 }
 
+fn family(text: &str) -> Result<String, String> {
+    if text.trim().is_empty() { Err("an empty text".into()) } else { Ok(text.to_owned()) }
+}
+
 /// `asperity materials`
 #[derive(Clone, Debug, clap::Args)]
 pub struct Materials {
     /// The library
-    #[arg(long, value_name = "L.ron", default_value = "graphs/materials/made.ron")]
+    #[arg(long, value_name = "L.ron", default_value = "graphs/models/surfaces/materials.ron")]
     pub library: PathBuf,
     /// Print JSON
     #[arg(long)]

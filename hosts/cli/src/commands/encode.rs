@@ -59,8 +59,8 @@ pub fn run(args: &Encode) -> Result<ExitCode, Failure> {
         if vectors.len() == 1 { "a picture".to_owned() } else { format!("{} pictures", vectors.len()) };
     let description = args.description.clone().unwrap_or_else(|| format!("From {from}: {gets}."));
     let images = args.images.iter().map(|image| beside(&args.library, image)).collect::<Result<_, _>>()?;
-    let material =
-        LibraryMaterial { name, description, family: None, images, vector: library.assign(&mean, how) };
+    let family = args.family.clone();
+    let material = LibraryMaterial { name, description, family, images, vector: library.assign(&mean, how) };
     add(&args.library, &material)?;
     let _ =
         writeln!(out, "\nadded `{}` to {}: {}", clean(&material.name), args.library.display(), clean(&gets));

@@ -338,8 +338,8 @@ pub fn layout() -> Layout {
         ],
         materials: vec![Materials {
             node: "texture".into(),
-            chosen: "coarse weave".into(),
-            names: ["coarse weave", "fine weave", "felt", "sandpaper 120", "ribbed glass"]
+            chosen: "hessian".into(),
+            names: ["hessian", "fine weave", "felt", "sandpaper 120", "ribbed glass"]
                 .map(str::to_owned)
                 .into(),
         }],

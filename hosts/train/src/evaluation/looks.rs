@@ -1,14 +1,17 @@
 use asperity_dataset::{Expectation, Subject};
+use asperity_network::Encoder;
 use asperity_world::material::{Assignment, Library, VECTOR_LEN};
 use asperity_world::tactile::Image;
+use burn::tensor::Device;
 use rayon::prelude::*;
 use serde::Serialize;
 
+use super::Written;
 use super::magnitudes::{Judge, Judged};
 use super::statistics::Statistics;
-use super::{Onnx, Written};
 use crate::data::Data;
 use crate::failure::Failure;
+use crate::stages::mean_vector;
 
 /// How often images of places that were held apart are given their material's name.
 #[derive(Clone, Debug, Serialize)]
@@ -66,13 +69,9 @@ fn all(subjects: &[Subject], part: fn(&Subject) -> &Vec<Image>) -> Vec<(usize, &
     subjects.iter().enumerate().flat_map(|(n, s)| part(s).iter().map(move |image| (n, image))).collect()
 }
 
-fn answers(onnx: &Onnx, images: &[(usize, &Image)]) -> Result<Vec<Vec<f32>>, Failure> {
-    images.par_iter().map(|(_, image)| onnx.look(image)).collect()
-}
-
-/// Number of the largest.
-fn largest(scores: &[f32]) -> usize {
-    (0..scores.len()).max_by(|a, b| scores[*a].total_cmp(&scores[*b])).unwrap_or(0)
+/// Vectors of images.
+fn vectors(encoder: &Encoder, images: &[(usize, &Image)]) -> Result<Vec<[f32; VECTOR_LEN]>, Failure> {
+    Ok(images.par_iter().map(|(_, image)| encoder.encode(image)).collect::<Result<_, _>>()?)
 }
 
 /// The baseline, trained on what the model was trained on.
@@ -80,34 +79,25 @@ pub(super) fn statistics(data: &Data) -> Statistics {
     Statistics::trained(&all(&data.seen, |s| &s.images.train), data.seen.len())
 }
 
-/// A vector that an encoder answered.
-fn vector(numbers: &[f32]) -> Result<[f32; VECTOR_LEN], Failure> {
-    let wrong =
-        |_| Failure::Model(format!("the encoder answers {} numbers, not {VECTOR_LEN}", numbers.len()));
-    numbers.try_into().map_err(wrong)
-}
-
 /// The number of the material whose vector is nearest.
-fn nearest(library: &Library, numbers: &[f32]) -> Result<usize, Failure> {
-    let near = library.nearest(&vector(numbers)?, 1);
+fn nearest(library: &Library, vector: &[f32; VECTOR_LEN]) -> usize {
+    let near = library.nearest(vector, 1);
     let name = near.first().map(|n| n.material.name.as_str());
-    Ok(library.materials().iter().position(|m| Some(m.name.as_str()) == name).unwrap_or(0))
+    library.materials().iter().position(|m| Some(m.name.as_str()) == name).unwrap_or(0)
 }
 
 /// Judges names.
 ///
 /// # Errors
-/// What tract answers.
+/// An encoder or a network that does not run.
 pub(super) fn naming(written: &Written, statistics: &Statistics, data: &Data) -> Result<Naming, Failure> {
     let held = all(&data.seen, |s| &s.images.held);
-    let by_vector = answers(&written.encoder, &held)?
-        .iter()
-        .map(|v| nearest(&written.library, v))
-        .collect::<Result<Vec<usize>, Failure>>()?;
-    let named = match &written.classifier {
-        Some(classifier) => Some(answers(classifier, &held)?.iter().map(|s| largest(s)).collect::<Vec<_>>()),
-        None => None,
-    };
+    let by_vector: Vec<usize> =
+        vectors(&written.encoder, &held)?.iter().map(|v| nearest(&written.library, v)).collect();
+    let named: Option<Vec<usize>> = written
+        .namer
+        .as_ref()
+        .map(|namer| namer.names(held.iter().map(|(_, image)| *image), &Device::flex()));
     let rightly = |named: &[usize]| {
         held.iter().zip(named).filter(|((class, _), named)| class == *named).count() as f64
             / held.len().max(1) as f64
@@ -144,7 +134,7 @@ pub(super) fn naming(written: &Written, statistics: &Statistics, data: &Data) ->
 /// Judges the neighbours of what was never trained on, whose true magnitudes are given.
 ///
 /// # Errors
-/// What tract answers.
+/// An encoder or a network that does not run.
 pub(super) fn strangers(
     written: &Written,
     statistics: &Statistics,
@@ -155,7 +145,7 @@ pub(super) fn strangers(
     let family = |s: &Subject| s.family.clone().unwrap_or_default();
     let families: Vec<String> = data.seen.iter().map(family).collect();
     let images = all(&data.unseen, |s| &s.images.train);
-    let vectors = answers(&written.encoder, &images)?;
+    let vectors = vectors(&written.encoder, &images)?;
     let materials = written.library.materials();
     let part_in_family = |named: &mut dyn Iterator<Item = usize>| {
         let right = images
@@ -165,18 +155,13 @@ pub(super) fn strangers(
             .count();
         right as f64 / images.len().max(1) as f64
     };
-    let near =
-        vectors.iter().map(|v| nearest(&written.library, v)).collect::<Result<Vec<usize>, Failure>>()?;
-    let images_in_family = part_in_family(&mut near.into_iter());
+    let images_in_family = part_in_family(&mut vectors.iter().map(|v| nearest(&written.library, v)));
     let statistics_in_family = part_in_family(&mut statistics.names(&images).into_iter());
     let of = |(number, (subject, truth)): (usize, (&Subject, Vec<Expectation>))| {
-        let own: Vec<&Vec<f32>> =
-            images.iter().zip(&vectors).filter(|((s, _), _)| *s == number).map(|(_, v)| v).collect();
-        let raw: Vec<f32> = (0..VECTOR_LEN)
-            .map(|i| own.iter().map(|v| v[i]).sum::<f32>() / own.len().max(1) as f32)
-            .collect();
-        let raw = vector(&raw)?;
-        let first = nearest(&written.library, &raw)?;
+        let own = images.iter().zip(&vectors).filter(|((s, _), _)| *s == number);
+        let own: Vec<f32> = own.flat_map(|(_, v)| *v).collect();
+        let raw = mean_vector(&own);
+        let first = nearest(&written.library, &raw);
         let judged = Judged::of(truth, judge.target);
         let error = |how| judge.error_db(written.library.assign(&raw, how).as_slice(), &judged);
         let mut best_db = f64::INFINITY;

@@ -2,7 +2,7 @@ use asperity_dataset::{Example, Expectation, HISTORY, MAX_FORCE_N, MAX_SPEED_MM_
 use asperity_world::material::{BINS, Library, Random};
 use serde::Serialize;
 
-use super::Onnx;
+use super::Network;
 use crate::failure::Failure;
 use crate::loss::Target;
 
@@ -71,12 +71,13 @@ impl Judged {
     /// Power of a network's answers over the true one, over all frames, in dB.
     ///
     /// # Errors
-    /// What tract answers.
-    pub(crate) fn level_db(&self, network: &Onnx, vector: &[f32]) -> Result<f64, Failure> {
+    /// A network that does not run.
+    pub(crate) fn level_db(&self, network: &Network, vector: &[f32]) -> Result<f64, Failure> {
         let power = |m: &[f32; BINS]| m.iter().map(|m| f64::from(*m).powi(2)).sum::<f64>();
         let (mut answered, mut truth) = (1e-12, 1e-12);
+        let mut touched = network.with(vector)?;
         for (e, _) in &self.frames {
-            answered += power(&network.touch(&e.example.force, &e.example.velocity, vector)?);
+            answered += power(&touched.after(&e.example)?);
             truth += power(&e.rms);
         }
         Ok(10.0 * f64::log10(answered / truth))
@@ -100,7 +101,7 @@ impl Errors {
 
 /// A network that is judged, and what it aims at.
 pub(crate) struct Judge<'a> {
-    pub(crate) network: &'a Onnx,
+    pub(crate) network: &'a Network,
     pub(crate) target: Target,
 }
 
@@ -108,15 +109,16 @@ impl Judge<'_> {
     /// Mean |error| in dB of the network's answers with a vector.
     ///
     /// # Errors
-    /// What tract answers.
+    /// A network that does not run.
     pub(crate) fn error_db(&self, vector: &[f32], judged: &Judged) -> Result<f64, Failure> {
         Ok(self.errors(vector, judged)?.mean())
     }
 
     fn errors(&self, vector: &[f32], judged: &Judged) -> Result<Errors, Failure> {
         let mut errors = Errors::default();
+        let mut touched = self.network.with(vector)?;
         for (e, truth) in &judged.frames {
-            errors.add(&self.network.touch(&e.example.force, &e.example.velocity, vector)?, truth);
+            errors.add(&touched.after(&e.example)?, truth);
         }
         Ok(errors)
     }
@@ -124,7 +126,7 @@ impl Judge<'_> {
     /// All figures of a material.
     ///
     /// # Errors
-    /// What tract answers.
+    /// A network that does not run.
     pub(crate) fn score(&self, subject: &Subject, vector: &[f32], judged: &Judged) -> Result<Score, Failure> {
         let train = &subject.examples.train;
         let average = |of: &mut dyn Iterator<Item = &Example>| {
@@ -191,24 +193,23 @@ fn distance(a: (f64, f64), b: (f64, f64)) -> f64 {
 /// The largest magnitude answered to strokes without force and to forces without speed, over all materials.
 ///
 /// # Errors
-/// What tract answers.
-pub(crate) fn loudest_silence(network: &Onnx, library: &Library) -> Result<f64, Failure> {
+/// A network that does not run.
+pub(crate) fn loudest_silence(network: &Network, library: &Library) -> Result<f64, Failure> {
     let mut loudest = 0.0_f32;
     for material in library.materials() {
         let mut random = Random::new(77);
+        let mut touched = network.with(material.vector.as_slice())?;
         for case in 0..20 {
-            let (mut force, mut velocity) = ([0.0; HISTORY], [0.0; 2 * HISTORY]);
+            let mut nothing =
+                Example { force: [0.0; HISTORY], velocity: [0.0; 2 * HISTORY], magnitudes: [0.0; BINS] };
             if case % 2 == 0 {
-                force = [random.range(0.0, MAX_FORCE_N) as f32; HISTORY];
+                nothing.force = [random.range(0.0, MAX_FORCE_N) as f32; HISTORY];
             } else {
                 let (size, angle) = (random.range(0.0, MAX_SPEED_MM_S), random.range(0.0, 6.3));
-                velocity[..HISTORY].fill((size * angle.cos()) as f32);
-                velocity[HISTORY..].fill((size * angle.sin()) as f32);
+                nothing.velocity[..HISTORY].fill((size * angle.cos()) as f32);
+                nothing.velocity[HISTORY..].fill((size * angle.sin()) as f32);
             }
-            loudest = network
-                .touch(&force, &velocity, material.vector.as_slice())?
-                .into_iter()
-                .fold(loudest, f32::max);
+            loudest = touched.after(&nothing)?.into_iter().fold(loudest, f32::max);
         }
     }
     Ok(f64::from(loudest))

@@ -6,6 +6,7 @@ mod onnx;
 mod statistics;
 
 use asperity_dataset::{Example, Expectation, Subject, Truth, made};
+use asperity_network::Encoder;
 use asperity_source::Diagnostic;
 use asperity_world::material::{Library, Random};
 use asperity_world::topography::MadeSurface;
@@ -14,24 +15,25 @@ use serde::Serialize;
 
 pub(crate) use looks::{Naming, Stranger, Strangers};
 pub(crate) use magnitudes::{AUDIBLE_M_S2, RANGE_DB, Score};
-pub(crate) use onnx::Onnx;
+pub(crate) use onnx::Network;
 
 use crate::arguments::Settings;
 use crate::data::{Data, Origin, made_settings};
 use crate::failure::Failure;
 use crate::loss::Target;
+use crate::stages::Namer;
 use magnitudes::{Judge, Judged};
 
 /// A model as it was written.
 pub(crate) struct Written {
     /// From an image to a vector.
-    pub encoder: Onnx,
+    pub encoder: Encoder,
     /// From forces, velocities and a vector to magnitudes, aimed at the settings' target.
-    pub network: Onnx,
+    pub network: Network,
     /// The same aimed at the other target, if it was trained.
-    pub other: Option<Onnx>,
-    /// From an image to scores of classes; stays in the run's folder.
-    pub classifier: Option<Onnx>,
+    pub other: Option<Network>,
+    /// What stage one came to, of the run's folder.
+    pub namer: Option<Namer>,
     /// Vectors.
     pub library: Library,
 }
@@ -120,7 +122,7 @@ fn target_of(example: &Example, truth: Truth) -> Expectation {
 /// Judges a model by data it was not trained on.
 ///
 /// # Errors
-/// A file that tract cannot run; a material that the library has not.
+/// A network that does not run; a material that the library has not.
 pub(crate) fn evaluate(written: &Written, settings: &Settings, data: &Data) -> Result<Evaluation, Failure> {
     let truths = truths(settings, data)?;
     let judge = Judge { network: &written.network, target: settings.target };
@@ -161,7 +163,7 @@ pub(crate) fn evaluate(written: &Written, settings: &Settings, data: &Data) -> R
 /// Levels of both targets by family, and last over all.
 fn levels(
     written: &Written,
-    other: &Onnx,
+    other: &Network,
     target: Target,
     data: &Data,
     judged: &[(Judged, Score, Option<Score>)],
@@ -173,7 +175,7 @@ fn levels(
     let mut all = Vec::new();
     for (subject, (judged, _, _)) in data.seen.iter().zip(judged) {
         let vector = written.library.material(&subject.name)?.vector.as_slice();
-        let level = |network: &Onnx| judged.level_db(network, vector);
+        let level = |network: &Network| judged.level_db(network, vector);
         all.push((subject.family.clone().unwrap_or_default(), level(mean)?, level(rms)?));
     }
     let mut families: Vec<String> = all.iter().map(|(family, ..)| family.clone()).collect();

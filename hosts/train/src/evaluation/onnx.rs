@@ -1,81 +1,54 @@
 use std::path::Path;
-use std::sync::Arc;
 
-use asperity_dataset::{HISTORY, MAX_FORCE_N, MAX_SPEED_MM_S};
-use asperity_source::Diagnostic;
+use asperity_dataset::{Example, HISTORY};
+use asperity_network::range::{Range, magnitudes};
+use asperity_network::{Choice, Model, Precision, Runner};
 use asperity_world::material::BINS;
-use asperity_world::tactile::{IMAGE, Image};
-use tract_onnx::prelude::*;
 
 use crate::failure::Failure;
 
-/// An ONNX file, loaded by tract.
-pub(crate) struct Onnx(Arc<TypedRunnableModel>);
+/// A texture network as it was written, run as the node runs it.
+pub(crate) struct Network(Model);
 
-impl Onnx {
+/// A network with one vector.
+pub(super) struct Touched {
+    range: Range,
+    runner: Runner,
+}
+
+impl Network {
     /// Loads a file.
     ///
     /// # Errors
-    /// A file that cannot be read, or that tract cannot run.
+    /// As [`Model::load`].
     pub(crate) fn read(path: &Path) -> Result<Self, Failure> {
-        let bytes = std::fs::read(path)
-            .map_err(|e| Diagnostic::new(format!("cannot read this file: {e}")).in_file(path))?;
-        let model = tract_onnx::onnx()
-            .model_for_read(&mut std::io::Cursor::new(bytes))
-            .and_then(|m| m.into_optimized())
-            .and_then(|m| m.into_runnable())
-            .map_err(|e| Failure::model(&e))?;
-        Ok(Self(model))
+        Ok(Self(Model::load(path)?))
     }
 
-    /// Numbers answered to inputs, each with its shape.
+    /// The network for a vector.
     ///
     /// # Errors
-    /// What tract answers.
-    fn run(&self, inputs: &[(&[usize], &[f32])]) -> Result<Vec<f32>, Failure> {
-        let answer = || -> TractResult<Vec<f32>> {
-            let tensor = |(shape, x): &(&[usize], &[f32])| -> TractResult<TValue> {
-                Ok(Tensor::from_shape(shape, x)?.into())
-            };
-            let inputs = inputs.iter().map(tensor).collect::<TractResult<TVec<TValue>>>()?;
-            let outputs = self.0.run(inputs)?;
-            Ok(outputs[0].to_plain_array_view::<f32>()?.iter().copied().collect())
-        };
-        answer().map_err(|e| Failure::model(&e))
+    /// A vector that is not finite or has another length.
+    pub(super) fn with(&self, vector: &[f32]) -> Result<Touched, Failure> {
+        let runner = self.0.runner(&[vector], Precision::F32, Choice::Auto)?;
+        Ok(Touched { range: Range::new(self.0.trained()), runner })
     }
+}
 
-    /// What it answers to an image.
+impl Touched {
+    /// Magnitudes in m/s^2 after the forces and velocities of an example, which are held to the trained range.
     ///
     /// # Errors
-    /// As [`run`](Self::run).
-    pub(crate) fn look(&self, image: &Image) -> Result<Vec<f32>, Failure> {
-        let mut planes = Vec::with_capacity(image.pixels.len());
-        for channel in 0..3 {
-            planes.extend(image.pixels.iter().skip(channel).step_by(3).map(|p| f32::from(*p) / 255.0));
-        }
-        self.run(&[(&[1, 3, IMAGE[0], IMAGE[1]], &planes)])
-    }
-
-    /// Magnitudes in m/s^2 of forces in N, velocities in mm/s and a vector; inputs are held to the trained range, as the node does it.
-    ///
-    /// # Errors
-    /// As [`run`](Self::run).
-    pub(crate) fn touch(
-        &self,
-        force: &[f32; HISTORY],
-        velocity: &[f32; 2 * HISTORY],
-        vector: &[f32],
-    ) -> Result<[f32; BINS], Failure> {
-        let force = force.map(|f| f.clamp(0.0, MAX_FORCE_N as f32));
-        let mut held = *velocity;
-        for i in 0..HISTORY {
-            let speed = velocity[i].hypot(velocity[HISTORY + i]);
-            let gain = (MAX_SPEED_MM_S as f32 / speed.max(1e-6)).min(1.0);
-            held[i] *= gain;
-            held[HISTORY + i] *= gain;
-        }
-        let answer =
-            self.run(&[(&[1, HISTORY], &force), (&[1, 2 * HISTORY], &held), (&[1, vector.len()], vector)])?;
-        answer.try_into().map_err(|_| Failure::Model("the network does not answer 100 magnitudes".to_owned()))
+    /// A network that fails to run.
+    pub(super) fn after(&mut self, example: &Example) -> Result<[f32; BINS], Failure> {
+        let (mut force, mut velocity) = ([0.0; HISTORY], [0.0; 2 * HISTORY]);
+        self.range.forces(&example.force.map(f64::from), &mut force);
+        self.range.velocities(&example.velocity.map(f64::from), &mut velocity);
+        let (mut answer, mut held) = ([0.0; BINS], [0.0; BINS]);
+        self.runner
+            .run(0, &force, &velocity, &mut answer)
+            .map_err(|e| Failure::Model(format!("the written network does not run: {e}")))?;
+        magnitudes(&answer, &mut held);
+        Ok(held)
     }
 }

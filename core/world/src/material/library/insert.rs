@@ -117,8 +117,9 @@ fn without_comments(text: &str) -> String {
 
 #[cfg(test)]
 mod tests {
+    use super::super::tests::three;
     use super::*;
-    use crate::material::{VECTOR_LEN, made_materials};
+    use crate::material::VECTOR_LEN;
 
     fn new(name: &str) -> LibraryMaterial {
         LibraryMaterial {
@@ -143,7 +144,7 @@ mod tests {
 
     #[test]
     fn a_library_with_a_material_more_is_as_if_it_had_been_written_so() {
-        let mut library = Library::made(&made_materials().unwrap());
+        let mut library = three();
         let text = library.to_ron();
         let material = new("felt");
         library.materials.push(material.clone());

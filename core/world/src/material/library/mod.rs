@@ -3,12 +3,12 @@
 //! ```text
 //! Library(
 //!     version: 2,
-//!     encoder: "../models/made_encoder.onnx",
+//!     encoder: "encoder.onnx",
 //!     materials: {
-//!         "coarse weave": (
+//!         "denim": (
 //!             description: "What it feels like, in a sentence.",
 //!             family: "weave",
-//!             images: ["weave_1.png"],
+//!             images: ["pictures/denim.jpg"],
 //!             vector: [-1.25, 0.5, /* 256 numbers in all */],
 //!         ),
 //!     },
@@ -27,12 +27,10 @@ use std::sync::Arc;
 use asperity_source::ron::{self, Value};
 use asperity_source::{Diagnostic, Source, one_of};
 
-use super::{EMBEDDING_LEN, MadeMaterial, embed};
-
 pub use assign::{Assignment, Neighbour};
 
 /// Numbers in a material's vector.
-pub const VECTOR_LEN: usize = EMBEDDING_LEN;
+pub const VECTOR_LEN: usize = 256;
 
 /// Largest number a vector may hold, either sign: far beyond any embedding.
 const LARGEST: f64 = 1e6;
@@ -66,21 +64,6 @@ impl Library {
     /// What [`parse`](Self::parse) would refuse is not looked for here.
     pub fn new(path: impl Into<PathBuf>, encoder: Option<String>, materials: Vec<LibraryMaterial>) -> Self {
         Self { path: path.into(), encoder, materials }
-    }
-
-    /// The library of the made materials, each with [`embed`] of its law.
-    pub fn made(materials: &[MadeMaterial]) -> Self {
-        let materials = materials
-            .iter()
-            .map(|m| LibraryMaterial {
-                name: m.name.to_owned(),
-                description: m.description.to_owned(),
-                family: None,
-                images: Vec::new(),
-                vector: Box::new(embed(&m.law)),
-            })
-            .collect();
-        Self::new("made.ron", None, materials)
     }
 
     /// Reads a library file.
@@ -257,7 +240,20 @@ fn quoted(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::material::made_materials;
+    use crate::material::Random;
+
+    /// A library of three.
+    pub(super) fn three() -> Library {
+        let mut random = Random::new(5);
+        let material = |name: &str| LibraryMaterial {
+            name: name.into(),
+            description: format!("What {name} feels like."),
+            family: None,
+            images: Vec::new(),
+            vector: Box::new(std::array::from_fn(|_| random.range(-4.0, 4.0) as f32)),
+        };
+        Library::new("three.ron", None, ["coarse weave", "brick", "cork"].map(material).into())
+    }
 
     fn error(text: &str) -> String {
         Library::parse(&Source::new("m.ron", text)).unwrap_err().to_string()
@@ -269,14 +265,14 @@ mod tests {
 
     #[test]
     fn a_library_reads_back_to_the_same_bits() {
-        let library = Library::made(&made_materials().unwrap());
-        let back = Library::parse(&Source::new("made.ron", library.to_ron())).unwrap();
+        let library = three();
+        let back = Library::parse(&Source::new("three.ron", library.to_ron())).unwrap();
         assert_eq!(library, back);
     }
 
     #[test]
     fn version_2_reads_back_and_its_paths_are_beside_the_file() {
-        let mut library = Library::made(&made_materials().unwrap()[..3]);
+        let mut library = three();
         library.path = "some/where/m.ron".into();
         library.encoder = Some("../models/e.onnx".into());
         library.materials[1].family = Some("weave".into());
@@ -312,16 +308,16 @@ mod tests {
 
     #[test]
     fn names_and_sentences_with_quotes_read_back() {
-        let mut library = Library::made(&made_materials().unwrap()[..1]);
+        let mut library = three();
         library.materials[0].name = "the \"odd\" \\ one".into();
         library.materials[0].description = "two\nlines, é".into();
-        let back = Library::parse(&Source::new("made.ron", library.to_ron())).unwrap();
+        let back = Library::parse(&Source::new("three.ron", library.to_ron())).unwrap();
         assert_eq!(library, back);
     }
 
     #[test]
     fn an_unknown_material_names_the_nearest() {
-        let library = Library::made(&made_materials().unwrap());
+        let library = three();
         let e = library.material("coarse weaves").unwrap_err().to_string();
         assert!(
             e.contains("no material `coarse weaves`") && e.contains("did you mean `coarse weave`?"),

@@ -91,7 +91,7 @@ pub fn measure(ready: Ready) -> Result<Chain, Failure> {
             Diagnostic::new("the level does not rise with speed, so no answer to a step of it can be seen")
                 .in_file(&path)
                 .help(
-                    "choose a material whose level follows speed: --set texture.material=\"rough sandpaper\"",
+                    "choose a material whose level follows speed: --set texture.material=\"sandpaper P50\"",
                 ),
         )
     })?;

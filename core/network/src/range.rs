@@ -3,11 +3,11 @@
 //! Medians of loops over 1000 frames in the test profile: 12 ns for the inputs of a frame that are in range (5 ns for a plain copy), 28 ns where
 //! all of them are not, 54 ns for the 100 magnitudes (6 ns for what only took negative ones as 0).
 
-use asperity_network::Trained;
+use crate::Trained;
 
-/// The range that inputs are held to.
+/// The range that a network was trained on, and that its inputs are held to.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Range {
+pub struct Range {
     trained: Trained,
     /// Largest force in N that a network is given.
     force: f64,
@@ -16,19 +16,20 @@ pub(super) struct Range {
 }
 
 impl Range {
-    pub(super) fn new(trained: Trained) -> Self {
+    /// The range that a [model](crate::Model::trained) tells.
+    pub fn new(trained: Trained) -> Self {
         let most = |limit: Option<f64>| limit.unwrap_or(f64::from(f32::MAX));
         Self { trained, force: most(trained.force_max_n), speed: most(trained.speed_max_mm_s) }
     }
 
     /// What the model says of itself.
-    pub(super) fn trained(&self) -> Trained {
+    pub fn trained(&self) -> Trained {
         self.trained
     }
 
     /// Copies forces in N, each held between 0 and the largest; NaN counts as 0, and so does infinity where no largest is known.
     /// Answers whether any had to be held.
-    pub(super) fn forces(&self, from: &[f64], to: &mut [f32]) -> bool {
+    pub fn forces(&self, from: &[f64], to: &mut [f32]) -> bool {
         let mut held = false;
         for (to, from) in to.iter_mut().zip(from) {
             *to = if (0.0..=self.force).contains(from) {
@@ -46,7 +47,7 @@ impl Range {
 
     /// Copies velocities in mm/s, all x and then all y, each held to the largest speed with its direction kept; NaN counts as 0, and
     /// so does infinity where no largest is known. Answers whether any had to be held.
-    pub(super) fn velocities(&self, from: &[f64], to: &mut [f32]) -> bool {
+    pub fn velocities(&self, from: &[f64], to: &mut [f32]) -> bool {
         let points = from.len().min(to.len()) / 2;
         let ((from_x, from_y), (to_x, to_y)) = (from.split_at(points), to.split_at_mut(points));
         let square = self.speed * self.speed;
@@ -85,7 +86,7 @@ impl Range {
 }
 
 /// Copies magnitudes; what is negative or not finite is 0. Answers how many were.
-pub(super) fn magnitudes(from: &[f32], to: &mut [f32]) -> u64 {
+pub fn magnitudes(from: &[f32], to: &mut [f32]) -> u64 {
     // False for NaN, and without a branch, so that many are done at once.
     let good = |x: f32| x.clamp(0.0, f32::MAX) == x;
     for (to, from) in to.iter_mut().zip(from) {
