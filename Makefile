@@ -3,7 +3,7 @@
 CARGO ?= cargo
 OUT ?= out
 
-.PHONY: setup-tests header plugins setup demo test test-long lint bench train pictures live-pictures clean
+.PHONY: setup-tests header plugins setup demo test test-long lint bench train evaluate pictures live-pictures clean
 
 # Installs what is missing where it may, else says the exact line.
 setup:
@@ -59,6 +59,10 @@ header: setup
 train: setup
 	mkdir -p $(OUT)
 	$(CARGO) run --release -p asperity-train -- train --out graphs/models/surfaces --run $(OUT)/surfaces.run
+
+# Judges it again, and writes its card anew.
+evaluate: setup
+	$(CARGO) run --release -p asperity-train -- evaluate graphs/models/surfaces --run $(OUT)/surfaces.run
 
 # The pictures of the README.
 pictures: setup

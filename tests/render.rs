@@ -189,7 +189,7 @@ fn the_gate_opens_and_closes_without_a_click() {
 #[test]
 fn a_grating_is_felt_at_speed_over_wavelength() {
     // ridges across x, every millimetre
-    let (name, period_mm, speed) = ("sine grating 1 mm", 1.0, 100.0);
+    let (name, period_mm, speed) = ("sine grating 1 mm", 1.0, 200.0);
     let hz = |bin: usize| bin as f64 * 10.0;
     let expected = (speed / period_mm / 10.0) as usize;
 

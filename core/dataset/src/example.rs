@@ -1,3 +1,5 @@
+use std::path::PathBuf;
+
 use asperity_world::material::BINS;
 use asperity_world::tactile::Image;
 
@@ -28,8 +30,8 @@ pub enum Truth {
 pub struct Expectation {
     /// What the network is given, and the magnitudes of one signal.
     pub example: Example,
-    /// Those of another signal of the same touch, at another place.
-    pub other: [f32; BINS],
+    /// Those of another signal of the same touch, at another place, if there is one.
+    pub other: Option<[f32; BINS]>,
     /// Mean magnitudes over places.
     pub mean: [f32; BINS],
     /// Root mean square magnitudes over places.
@@ -66,4 +68,6 @@ pub struct Subject {
     pub examples: Parts<Example>,
     /// What the examples' magnitudes are.
     pub truth: Truth,
+    /// What was done to pictures that were read, or is wrong with them: a picture's file and a note, in order.
+    pub notes: Vec<(PathBuf, String)>,
 }

@@ -62,13 +62,20 @@ pub(crate) fn is_picture(path: &Path) -> bool {
     ends_with(path, &["png", "jpg", "jpeg"])
 }
 
-/// Reads pictures. Of two or more the last fifth, one at least, is held apart.
-pub(crate) fn pictures(paths: &[PathBuf]) -> Result<Parts<Image>, Diagnostic> {
-    let read = |paths: &[PathBuf]| -> Result<Vec<Image>, Diagnostic> {
-        paths.iter().map(|path| Ok(tactile::read(path)?.image)).collect()
+/// Reads pictures, and what is to be said of them. Of two or more the last fifth, one at least, is held apart.
+pub(crate) fn pictures(paths: &[PathBuf]) -> Result<(Parts<Image>, Vec<(PathBuf, String)>), Diagnostic> {
+    let mut notes = Vec::new();
+    let mut read = |paths: &[PathBuf]| -> Result<Vec<Image>, Diagnostic> {
+        let one = |path: &PathBuf| {
+            let picture = tactile::read(path)?;
+            notes.extend(picture.notes.into_iter().map(|note| (path.clone(), note)));
+            Ok(picture.image)
+        };
+        paths.iter().map(one).collect()
     };
     let (train, held) = paths.split_at(paths.len() - held_of(paths.len()));
-    Ok(Parts { train: read(train)?, held: read(held)? })
+    let parts = Parts { train: read(train)?, held: read(held)? };
+    Ok((parts, notes))
 }
 
 /// How many of so many are held apart: a fifth, one of two at least, none of one.

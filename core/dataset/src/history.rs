@@ -2,7 +2,6 @@
 
 use asperity_dsp::filter::{Biquad, FilterError, Section};
 use asperity_world::material::Random;
-use asperity_world::motion::Stroke;
 
 /// Samples in a history.
 pub const HISTORY: usize = 10;
@@ -19,8 +18,6 @@ const CUTOFF_HZ: f64 = 20.0;
 const SENSOR_STEP_MM: f64 = 0.055;
 /// Stiffness of the floor [N/mm], which makes force of the sensor's step.
 pub(crate) const STIFFNESS_N_PER_MM: f64 = 0.5;
-/// The largest force of the device [N].
-pub(crate) const DEVICE_FORCE_N: f64 = 3.3;
 /// Ticks a drawn motion runs before its history begins: five time constants of the filter.
 const WARM_UP: usize = 30;
 
@@ -31,7 +28,7 @@ pub struct History {
     pub force: [f32; HISTORY],
     /// 10 vx, then 10 vy [mm/s], oldest first, as measured.
     pub velocity: [f32; 2 * HISTORY],
-    /// (speed [mm/s], force [N]) for the law: the force as measured, the speed through the same filter but of
+    /// (speed [mm/s], force [N]) that it stands for: the force as measured, the speed of a [drawn](Histories) motion through the same filter but of
     /// positions that were not rounded.
     pub clean: [(f64, f64); HISTORY],
 }
@@ -50,11 +47,6 @@ impl History {
         self.velocity[HISTORY - 1] = measured[0] as f32;
         self.velocity[2 * HISTORY - 1] = measured[1] as f32;
         self.clean[HISTORY - 1] = (clean[0].hypot(clean[1]), force);
-    }
-
-    /// Newest speed [mm/s] and force [N].
-    pub fn newest(&self) -> (f64, f64) {
-        self.clean[HISTORY - 1]
     }
 }
 
@@ -230,33 +222,9 @@ impl Histories {
     }
 }
 
-/// The histories of a stroke on the virtual floor, one every `every` ticks of 2 ms, as the chain gives them. `stroke`
-/// is what the sensor reads, `truth` the same stroke without the sensor's step.
-///
-/// # Errors
-/// None in practice: the filter's design is fixed.
-pub fn of_stroke(stroke: &Stroke, truth: &Stroke, every: usize) -> Result<Vec<History>, FilterError> {
-    let (mut measured, mut clean) = (Velocity::new()?, Velocity::new()?);
-    let mut history = History::silent();
-    let ticks = (stroke.duration_s() * RATE_HZ) as usize;
-    let mut histories = Vec::with_capacity(ticks / every.max(1) + 1);
-    for tick in 0..ticks {
-        let t = tick as f64 / RATE_HZ;
-        let [x, y, z] = stroke.sample(t).position;
-        let [true_x, true_y, _] = truth.sample(t).position;
-        let force = (-z * STIFFNESS_N_PER_MM).clamp(0.0, DEVICE_FORCE_N);
-        history.push(force, measured.step([x, y]), clean.step([true_x, true_y]));
-        if tick % every.max(1) == 0 {
-            histories.push(history.clone());
-        }
-    }
-    Ok(histories)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use asperity_world::motion::StrokeParams;
 
     #[test]
     fn drawn_histories_cover_the_stated_ranges_and_never_leave_them() {
@@ -287,25 +255,11 @@ mod tests {
             let h = histories.draw(&mut random);
             let measured = f64::from(h.velocity[9]).hypot(f64::from(h.velocity[19]));
             if h.clean[0].0 > 20.0 {
-                squares += (measured - h.newest().0).powi(2);
+                squares += (measured - h.clean[HISTORY - 1].0).powi(2);
                 n += 1;
             }
         }
         let rms = (squares / f64::from(n)).sqrt();
         assert!((0.1..3.0).contains(&rms), "{rms} mm/s");
-    }
-
-    #[test]
-    fn a_stroke_is_silent_in_the_air_and_moves_on_the_floor() {
-        let params = StrokeParams { duration_s: 2.0, ..StrokeParams::default() };
-        let truth = Stroke::new(StrokeParams { quantum_mm: 0.0, ..params.clone() }).unwrap();
-        let all = of_stroke(&Stroke::new(params).unwrap(), &truth, 1).unwrap();
-        assert_eq!(all.len(), 1000);
-        assert_eq!(all[0].force, [0.0; HISTORY]);
-        let middle = &all[500];
-        assert!(middle.newest().1 > 0.3, "{middle:?}");
-        assert!(all.iter().any(|h| h.newest().0 > 100.0));
-        // one tick later, one sample further
-        assert_eq!(all[500].force[1..], all[501].force[..9]);
     }
 }

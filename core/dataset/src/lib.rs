@@ -15,4 +15,4 @@ pub mod recordings;
 
 pub use example::{Example, Expectation, Parts, Subject, Truth};
 pub use frames::Spectrometer;
-pub use history::{HISTORY, Histories, History, MAX_FORCE_N, MAX_SPEED_MM_S, RATE_HZ, Recorder, of_stroke};
+pub use history::{HISTORY, Histories, History, MAX_FORCE_N, MAX_SPEED_MM_S, RATE_HZ, Recorder};

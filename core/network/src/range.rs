@@ -86,7 +86,7 @@ impl Range {
 }
 
 /// Copies magnitudes; what is negative or not finite is 0. Answers how many were.
-pub fn magnitudes(from: &[f32], to: &mut [f32]) -> u64 {
+pub fn hold_magnitudes(from: &[f32], to: &mut [f32]) -> u64 {
     // False for NaN, and without a branch, so that many are done at once.
     let good = |x: f32| x.clamp(0.0, f32::MAX) == x;
     for (to, from) in to.iter_mut().zip(from) {
@@ -158,7 +158,8 @@ mod tests {
     #[test]
     fn magnitudes_are_finite_and_not_negative_and_the_others_are_counted() {
         let mut to = [7.0; 6];
-        let bad = magnitudes(&[0.5, -0.5, f32::NAN, f32::INFINITY, f32::NEG_INFINITY, f32::MAX], &mut to);
+        let bad =
+            hold_magnitudes(&[0.5, -0.5, f32::NAN, f32::INFINITY, f32::NEG_INFINITY, f32::MAX], &mut to);
         assert_eq!((to, bad), ([0.5, 0.0, 0.0, 0.0, 0.0, f32::MAX], 4));
     }
 }

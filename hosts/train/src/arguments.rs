@@ -98,6 +98,13 @@ pub(crate) struct Settings {
     pub pieces: u32,
 }
 
+impl Settings {
+    /// Steps in which the network settles on vectors, for each target.
+    pub(crate) fn settling_steps(&self) -> u32 {
+        self.feeling_steps.div_ceil(3)
+    }
+}
+
 fn rate(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(x) if x.is_finite() && x > 0.0 && x <= 1.0 => Ok(x),

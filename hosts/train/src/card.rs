@@ -2,12 +2,10 @@
 
 use std::fmt::Write as _;
 
-use asperity_dataset::{MAX_FORCE_N, MAX_SPEED_MM_S};
-
 use crate::arguments::Settings;
-use crate::data::Data;
+use crate::data::{Data, Origin};
 use crate::encoder::Preset;
-use crate::evaluation::{AUDIBLE_M_S2, Evaluation, Level, Naming, RANGE_DB, Score, Strangers};
+use crate::evaluation::{AUDIBLE_M_S2, Evaluation, Level, Naming, RANGE_DB, Score, Stranger, Strangers};
 use crate::loss::{Aim, Target};
 
 /// What the card says of the files themselves.
@@ -23,6 +21,7 @@ pub(crate) struct Sizes {
 pub(crate) fn write(settings: &Settings, sizes: Sizes, data: &Data, evaluation: &Evaluation) -> String {
     let mut card = head(settings, sizes, data);
     // writing to a String cannot fail
+    let _ = write!(card, "\n## Goals\n\n{}", goals(evaluation));
     if evaluation.naming.images > 0 {
         let _ = write!(card, "\n## Names\n\n{}", names(&evaluation.naming));
     }
@@ -44,6 +43,13 @@ fn head(settings: &Settings, sizes: Sizes, data: &Data) -> String {
         Preset::Paper => "the sizes of Heravi et al. 2024",
         Preset::Compact => "narrower than AlexNet (24, 64, 96, 96 and 256 channels; heads of 192 and 512)",
     };
+    let made = match settings.data {
+        Origin::Made => {
+            " Made data are physics with chosen figures, nothing measured: what holds here need not hold for
+real surfaces."
+        }
+        Origin::Hatt(_) | Origin::Recordings(_) => "",
+    };
     format!(
         "# A texture model
 
@@ -51,18 +57,19 @@ From a tactile image to a material's vector (`encoder.onnx`, {encoder:.1} MB, {p
 magnitudes of the next 0.1 s of acceleration (`texture.onnx`, {network:.1} MB, the layer sizes of Heravi et al. 2024). `materials.ron` has the vectors of
 {materials} materials. Inputs: `image` [1, 3, 192, 256], 0 to 1; `force` [1, 10] in N; `speed` [1, 20] in mm/s, 10 vx, then 10 vy; `texture`
 [1, 256]. Histories are oldest first, 2 ms apart. Output: `magnitudes` [1, 100], amplitudes in m/s^2 (2 |sum w x| / sum w, Hann window) at 10,
-20, .. 1000 Hz. Trained range: 0 to {MAX_FORCE_N} N, 0 to {MAX_SPEED_MM_S} mm/s in any direction.
+20, .. 1000 Hz. Trained range: 0 to {force_n:.2} N, 0 to {speed_mm_s:.0} mm/s in any direction.
 
-Data: `{origin}`. {images} images and {touches} touches of {materials} materials to train on; {held_images} images of other places, and strokes over
-those, to judge by; {unseen} surfaces that were never trained on. Made data are physics with chosen figures, nothing measured: what holds here need not hold for
-real surfaces.
+Data: `{origin}`. {images} images and {touches} touches of {materials} materials to train on; {held_images} other images, and other strokes, to judge by;
+{unseen} surfaces that were never trained on.{made}
 
-The network aims at {target} and its errors are weighed {error}. Stage one took {naming} steps of {batch} images, stage two {feeling} of {touching} touches.
-Everything below is written by `asperity-train evaluate`.
+The network aims at {target} and its errors are weighed {error}. Stage one took {naming} steps of {batch} images, stage two {feeling} of {touching} touches,
+then {settling} for each target. Everything below is written by `asperity-train evaluate`.
 ",
         encoder = megabytes(sizes.encoder_bytes),
         network = megabytes(sizes.network_bytes),
         materials = data.seen.len(),
+        force_n = data.reach.force_n,
+        speed_mm_s = data.reach.speed_mm_s,
         origin = settings.data.name(),
         images = count(|s| s.images.train.len()),
         held_images = count(|s| s.images.held.len()),
@@ -73,13 +80,14 @@ Everything below is written by `asperity-train evaluate`.
             Target::Rms => "root mean square magnitudes",
         },
         error = match settings.error {
-            Aim::Euclidean => "in m/s^2, as in the paper",
+            Aim::Euclidean => "in m/s^2",
             Aim::Relative => "in parts of what such a touch of the material comes to",
         },
         naming = settings.naming_steps,
         batch = settings.naming_batch,
         feeling = settings.feeling_steps,
         touching = settings.feeling_groups * settings.feeling_each,
+        settling = settings.settling_steps(),
     )
 }
 
@@ -87,27 +95,80 @@ fn percent(part: f64) -> String {
     format!("{:.1} %", 100.0 * part)
 }
 
+/// Mean of a figure over the scores that have it.
+fn average<'a, T: 'a>(
+    all: impl IntoIterator<Item = &'a T>,
+    figure: impl Fn(&T) -> Option<f64>,
+) -> Option<f64> {
+    let (sum, count) = all.into_iter().filter_map(figure).fold((0.0, 0.0), |(s, n), x| (s + x, n + 1.0));
+    (count > 0.0).then(|| sum / count)
+}
+
+/// A figure in dB, or that there is none.
+fn decibels(figure: Option<f64>) -> String {
+    figure.map_or_else(|| "-".to_owned(), |db| format!("{db:.2}"))
+}
+
+/// Scores of what could be judged.
+fn judged(scores: &[Score]) -> impl Iterator<Item = &Score> + Clone {
+    scores.iter().filter(|s| s.bins > 0)
+}
+
+/// Part of the materials that the model is better for.
+fn beaten(scores: &[Score], which: usize) -> Option<f64> {
+    average(judged(scores), |s| Some(f64::from(u8::from(s.beats()[which]))))
+}
+
+fn goals(evaluation: &Evaluation) -> String {
+    let naming = &evaluation.naming;
+    let mut text = String::from("| goal | figure | |\n|---|---|---|\n");
+    let mut row = |goal: &str, figure: String, reached: bool| {
+        let _ = writeln!(text, "| {goal} | {figure} | {} |", if reached { "reached" } else { "**short**" });
+    };
+    if naming.images > 0 {
+        let top = naming.classifier.unwrap_or(naming.vector);
+        row("names of held-out images: 95 % rightly", percent(top), top >= 0.95);
+        let figure = format!("{} against {}", percent(1.0 - top), percent(1.0 - naming.statistics));
+        row(
+            "half the errors of plain image statistics or fewer",
+            figure,
+            2.0 * (1.0 - top) <= 1.0 - naming.statistics,
+        );
+    }
+    for (which, rival) in ["(a), the mean spectrum,", "(b), the nearest touch,"].into_iter().enumerate() {
+        if let Some(part) = beaten(&evaluation.scores, which) {
+            row(&format!("better than {rival} for 90 % of materials"), percent(part), part >= 0.9);
+        }
+    }
+    if let Some(families) = &evaluation.strangers.families {
+        let figure =
+            format!("{} of surfaces, {} of images", percent(families.surfaces), percent(families.images));
+        row("a new surface's neighbour is of its family: 80 %", figure, families.images >= 0.8);
+    }
+    text
+}
+
 fn names(naming: &Naming) -> String {
     let mut text = format!(
-        "Of {} images of {} materials, at places that were never trained on, named rightly:
+        "Of {} images of {} materials that were never trained on, named rightly:
 
 | | |
 |---|---|
 ",
         naming.images, naming.classes
     );
-    let mut row = |what: &str, part: f64| {
-        let _ = writeln!(text, "| {what} | {} |", percent(part));
+    let mut row = |what: &str, part: Option<f64>| {
+        let figure =
+            part.map_or_else(|| "not judged: without the run's `naming.checkpoint`".to_owned(), percent);
+        let _ = writeln!(text, "| {what} | {figure} |");
     };
-    if let Some(part) = naming.classifier {
-        row("classifier of stage one", part);
-    }
-    row("nearest stored vector", naming.vector);
+    row("classifier of stage one", naming.classifier);
+    row("nearest stored vector", Some(naming.vector));
     row(
         "linear classifier of image statistics (mean, deviation and radial power spectrum of each colour)",
-        naming.statistics,
+        Some(naming.statistics),
     );
-    row("chance", 1.0 / naming.classes.max(1) as f64);
+    row("chance", Some(1.0 / naming.classes.max(1) as f64));
     if !naming.worst.is_empty() {
         text.push_str("\nNamed worst, and what they are taken for most often:\n\n| material | rightly | taken for |\n|---|---|---|\n");
         for (name, part, other) in &naming.worst {
@@ -117,57 +178,76 @@ fn names(naming: &Naming) -> String {
     text
 }
 
-fn average(scores: &[Score], figure: impl Fn(&Score) -> f64) -> f64 {
-    scores.iter().map(figure).sum::<f64>() / scores.len().max(1) as f64
-}
-
 fn vibration(settings: &Settings, evaluation: &Evaluation) -> String {
-    let scores = &evaluation.scores;
-    let beats =
-        |which: usize| scores.iter().filter(|s| s.beats()[which]).count() as f64 / scores.len().max(1) as f64;
-    let of = |figure: fn(&Score) -> f64| format!("{:.2}", average(scores, figure));
-    let out = |figure: fn(&Score) -> f64| format!("{:.2}", average(&evaluation.beyond, figure));
-    let truth = match settings.target {
-        Target::Mean => "mean",
-        Target::Rms => "root mean square",
+    let truth = match (&settings.data, settings.target) {
+        (Origin::Recordings(_), _) => {
+            "the magnitudes of single recorded frames of held-out strokes, which are random about what can be known"
+        }
+        (Origin::Hatt(_), Target::Mean) => {
+            "the models' mean magnitudes on strokes that were never trained on"
+        }
+        (Origin::Hatt(_), Target::Rms) => {
+            "the models' root mean square magnitudes on strokes that were never trained on"
+        }
+        (Origin::Made, Target::Mean) => {
+            "the mean magnitudes, over 32 places of pieces that were never trained on, of strokes that were never trained on"
+        }
+        (Origin::Made, Target::Rms) => {
+            "the root mean square magnitudes, over 32 places of pieces that were never trained on, of strokes that were never trained on"
+        }
     };
-    format!(
-        "Mean of |error| in dB against the {truth} magnitudes of strokes that were never trained on, each made at many places of pieces that were never
-trained on; bins of at least {AUDIBLE_M_S2} m/s^2 and within {RANGE_DB} dB of the frame's largest; average over materials. Beyond: strokes at up to 450 mm/s or
-6.5 N, inputs held to the trained range as the node holds them.
+    let beyond = if evaluation.beyond.is_empty() {
+        ""
+    } else {
+        " Beyond: strokes at up to 450 mm/s or
+6.5 N; inputs are held to the trained range as the node holds them, those of (b) too."
+    };
+    let mut text = format!(
+        "Mean of |error| in dB against {truth}; bins of at least
+{AUDIBLE_M_S2} m/s^2 and within {RANGE_DB} dB of the frame's largest; average over materials.{beyond} A rival that is one
+signal, as (b) is, carries a single signal's noise; the mean of twenty has little of it.
 
 | | within | beyond | model is better for |
 |---|---|---|---|
-| model | {} | {} | |
-| (a) always the material's mean spectrum | {} | {} | {} of materials |
-| (b) the training touch nearest in force and speed | {} | {} | {} of materials |
-| the mean of the twenty nearest | {} | {} | |
-| (c) two signals of the same touch | {} | {} | |
-
-Bias of the model: {:+.2} dB within, {:+.2} dB beyond. Largest magnitude answered to no force, or to no speed: {:.4} m/s^2.
-",
-        of(|s| s.model_db),
-        out(|s| s.model_db),
-        of(|s| s.constant_db),
-        out(|s| s.constant_db),
-        percent(beats(0)),
-        of(|s| s.nearest_db),
-        out(|s| s.nearest_db),
-        percent(beats(1)),
-        of(|s| s.smooth_db),
-        out(|s| s.smooth_db),
-        of(|s| s.floor_db),
-        out(|s| s.floor_db),
-        average(scores, |s| s.bias_db),
-        average(&evaluation.beyond, |s| s.bias_db),
-        evaluation.silence_m_s2,
-    )
+"
+    );
+    type Figure = fn(&Score) -> Option<f64>;
+    let rows: [(&str, Figure, Option<usize>); 5] = [
+        ("model", |s| Some(s.model_db), None),
+        ("(a) always the material's mean spectrum", |s| Some(s.constant_db), Some(0)),
+        ("(b) the training touch nearest in force and speed", |s| Some(s.nearest_db), Some(1)),
+        ("the mean of the twenty nearest", |s| Some(s.smooth_db), Some(2)),
+        ("(c) two signals of the same touch", |s| s.floor_db, None),
+    ];
+    for (what, figure, rival) in rows {
+        let better = rival
+            .and_then(|which| beaten(&evaluation.scores, which))
+            .map_or_else(String::new, |part| format!("{} of materials", percent(part)));
+        let [within, out] =
+            [&evaluation.scores, &evaluation.beyond].map(|s| decibels(average(judged(s), figure)));
+        let _ = writeln!(text, "| {what} | {within} | {out} | {better} |");
+    }
+    let bias = |scores: &[Score]| average(judged(scores), |s| Some(s.bias_db));
+    let _ = write!(text, "\nBias of the model: {} dB within", decibels(bias(&evaluation.scores)));
+    if let Some(db) = bias(&evaluation.beyond) {
+        let _ = write!(text, ", {db:.2} dB beyond");
+    }
+    let _ = writeln!(
+        text,
+        ". Largest magnitude answered to no force, or to no speed: {:.4} m/s^2.",
+        evaluation.silence_m_s2
+    );
+    let silent = evaluation.scores.len() - judged(&evaluation.scores).count();
+    if silent > 0 {
+        let _ = writeln!(text, "{silent} materials have nothing to be judged by and count nowhere.");
+    }
+    text
 }
 
 fn levels(levels: &[Level]) -> String {
     let mut text = String::from(
         "Power of the answers over the true power of held-out strokes. A network trained on the squared error of magnitudes answers their mean, which is too quiet where
-they are random, and right where they are not: a gain of 1.05 dB for all overdrives gratings.
+they are random and right where they are not, so that no one gain puts it right.
 
 | family | trained on magnitudes, dB | the same with 1.05 dB of gain | trained on power, dB |
 |---|---|---|---|
@@ -185,33 +265,40 @@ they are random, and right where they are not: a gain of 1.05 dB for all overdri
 
 fn strangers(strangers: &Strangers) -> String {
     let surfaces = &strangers.surfaces;
-    let count = surfaces.len().max(1) as f64;
-    let right = surfaces.iter().filter(|s| s.family == s.neighbour.1).count() as f64 / count;
-    let mean =
-        |figure: fn(&crate::evaluation::Stranger) -> f64| surfaces.iter().map(figure).sum::<f64>() / count;
-    let mut text = format!(
-        "The material with the nearest vector is of the right family for {} of {} surfaces, and for {} of single images; a linear classifier of image
-statistics takes {} of images for a material of the right family; chance is {}. Mean of |error| in dB with the neighbour's vector {:.2}, with the surface's own {:.2},
-with a blend of the three nearest {:.2}; the best of all stored vectors would give {:.2}.
+    let mean = |figure: fn(&Stranger) -> f64| decibels(average(surfaces, |s| Some(figure(s))));
+    let mut text = String::new();
+    if let Some(families) = &strangers.families {
+        let _ = writeln!(
+            text,
+            "The material with the nearest vector is of the right family for {} of {} surfaces, and for {} of single images; a linear classifier of image
+statistics takes {} of images for a material of the right family; chance is {}.
+",
+            percent(families.surfaces),
+            surfaces.len(),
+            percent(families.images),
+            percent(families.statistics),
+            percent(families.chance),
+        );
+    }
+    let _ = write!(
+        text,
+        "Mean of |error| in dB with the neighbour's vector {}, with the surface's own {}, with a blend of the three nearest {}; the best of all stored vectors
+would give {}.
 
 | surface | family | neighbour | its family | nearest, dB | own, dB | blend, dB | best, dB |
 |---|---|---|---|---|---|---|---|
 ",
-        percent(right),
-        surfaces.len(),
-        percent(strangers.images_in_family),
-        percent(strangers.statistics_in_family),
-        percent(strangers.chance),
         mean(|s| s.nearest_db),
         mean(|s| s.raw_db),
         mean(|s| s.blend_db),
         mean(|s| s.best_db),
     );
     for s in surfaces {
+        let [family, other] = [&s.family, &s.neighbour.1].map(|f| f.as_deref().unwrap_or("-"));
         let _ = writeln!(
             text,
-            "| {} | {} | {} | {} | {:.1} | {:.1} | {:.1} | {:.1} |",
-            s.name, s.family, s.neighbour.0, s.neighbour.1, s.nearest_db, s.raw_db, s.blend_db, s.best_db
+            "| {} | {family} | {} | {other} | {:.1} | {:.1} | {:.1} | {:.1} |",
+            s.name, s.neighbour.0, s.nearest_db, s.raw_db, s.blend_db, s.best_db
         );
     }
     text
@@ -225,11 +312,18 @@ fn table(scores: &[Score]) -> String {
 |---|---|---|---|---|---|---|---|
 ",
     );
-    for s in scores {
+    for s in judged(scores) {
         let _ = writeln!(
             text,
-            "| {} | {:.2} | {:.2} | {:+.2} | {:.2} | {:.2} | {:.2} | {:.2} |",
-            s.material, s.model_db, s.p90_db, s.bias_db, s.constant_db, s.nearest_db, s.smooth_db, s.floor_db
+            "| {} | {:.2} | {:.2} | {:+.2} | {:.2} | {:.2} | {:.2} | {} |",
+            s.material,
+            s.model_db,
+            s.p90_db,
+            s.bias_db,
+            s.constant_db,
+            s.nearest_db,
+            s.smooth_db,
+            decibels(s.floor_db)
         );
     }
     text

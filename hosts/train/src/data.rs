@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::str::FromStr;
 use std::sync::Mutex;
 
-use asperity_dataset::{Subject, hatt, made, recordings};
+use asperity_dataset::{HISTORY, MAX_FORCE_N, MAX_SPEED_MM_S, Subject, hatt, made, recordings};
 use asperity_source::Diagnostic;
 use asperity_world::material::Random;
 use serde::{Deserialize, Serialize};
@@ -48,20 +48,47 @@ impl FromStr for Origin {
     }
 }
 
+/// How far the touches go that are trained on.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Reach {
+    /// Largest force in N.
+    pub force_n: f64,
+    /// Largest speed in mm/s.
+    pub speed_mm_s: f64,
+}
+
+impl Reach {
+    /// That of strokes that are drawn or made.
+    pub(crate) const DRAWN: Self = Self { force_n: MAX_FORCE_N, speed_mm_s: MAX_SPEED_MM_S };
+
+    /// That of recorded touches; never nothing.
+    fn of(subjects: &[Subject]) -> Self {
+        let (mut force_n, mut speed_mm_s) = (0.1_f64, 1.0_f64);
+        for example in subjects.iter().flat_map(|s| &s.examples.train) {
+            let (vx, vy) = example.velocity.split_at(HISTORY);
+            force_n = example.force.iter().fold(force_n, |most, f| most.max(f64::from(*f)));
+            speed_mm_s = vx.iter().zip(vy).fold(speed_mm_s, |most, (x, y)| most.max(f64::from(x.hypot(*y))));
+        }
+        Self { force_n, speed_mm_s }
+    }
+}
+
 /// What a run is trained on and judged by.
 pub(crate) struct Data {
     /// Subjects to train on.
     pub seen: Vec<Subject>,
     /// Subjects that are never trained on.
     pub unseen: Vec<Subject>,
+    /// How far the touches to train on go.
+    pub reach: Reach,
 }
 
 /// Holds some subjects apart, drawn by the seed.
-fn apart(mut subjects: Vec<Subject>, settings: &Settings) -> Data {
+fn apart(mut subjects: Vec<Subject>, settings: &Settings) -> (Vec<Subject>, Vec<Subject>) {
     let mut random = Random::new(settings.seed ^ 0xa9a7);
     let count = (settings.unseen as usize).min(subjects.len().saturating_sub(1));
     let unseen = (0..count).map(|_| subjects.remove(random.below(subjects.len()))).collect();
-    Data { seen: subjects, unseen }
+    (subjects, unseen)
 }
 
 /// The settings of made data.
@@ -75,7 +102,20 @@ pub(crate) fn made_settings(settings: &Settings) -> made::Settings {
 /// # Errors
 /// What the source finds wrong; fewer than two materials to train on, or one without an image or without a stroke.
 pub(crate) fn load(settings: &Settings) -> Result<Data, Failure> {
+    let made = settings.data == Origin::Made;
+    let refuse = |what: &str| Err(Diagnostic::new(what.to_owned()).into());
+    if made && settings.unseen > 0 {
+        return refuse(
+            "--unseen is for data that are read: of made surfaces, two of each family are held apart",
+        );
+    }
+    if !made && settings.every > 1 {
+        return refuse("--every is for made data");
+    }
     let data = from(settings)?;
+    for (path, note) in data.seen.iter().chain(&data.unseen).flat_map(|s| &s.notes) {
+        eprintln!("{}: {note}", path.display());
+    }
     if data.seen.len() < 2 {
         return Err(
             Diagnostic::new("there is nothing to tell apart: fewer than two materials to train on").into()
@@ -106,12 +146,17 @@ fn from(settings: &Settings) -> Result<Data, Failure> {
                 }
             };
             let [seen, unseen] = made::subjects(&surfaces, &made_settings(settings), done)?;
-            Ok(Data { seen, unseen })
+            Ok(Data { seen, unseen, reach: Reach::DRAWN })
         }
         Origin::Hatt(folder) => {
             let settings_of = hatt::Settings { seed: settings.seed, ..hatt::Settings::default() };
-            Ok(apart(hatt::read(folder, &settings_of)?, settings))
+            let (seen, unseen) = apart(hatt::read(folder, &settings_of)?, settings);
+            Ok(Data { seen, unseen, reach: Reach::DRAWN })
         }
-        Origin::Recordings(folder) => Ok(apart(recordings::read(folder)?, settings)),
+        Origin::Recordings(folder) => {
+            let (seen, unseen) = apart(recordings::read(folder)?, settings);
+            let reach = Reach::of(&seen);
+            Ok(Data { seen, unseen, reach })
+        }
     }
 }

@@ -146,19 +146,20 @@ impl Stage<'_> {
             let mut saved = Instant::now();
             for batch in receive {
                 let now = loss(&model, batch);
-                header.sum += f64::from(now.clone().into_scalar::<f32>());
+                let size = f64::from(now.clone().into_scalar::<f32>());
+                if !size.is_finite() {
+                    return Err(Failure::Model(format!(
+                        "the loss of stage `{}` is {size} at step {}: begin again with a smaller learning rate, in another folder",
+                        self.name, header.step
+                    )));
+                }
+                header.sum += size;
                 let gradients = GradientsParams::from_grads(now.backward(), &model);
                 model = adam.step(self.learning_rate(header.step), model, gradients);
                 header.step += 1;
                 if header.step % every == 0 || header.step == self.steps {
                     let count = header.step - header.losses.last().map_or(0, |(step, _)| *step);
                     let mean = header.sum / count as f64;
-                    if !mean.is_finite() {
-                        return Err(Failure::Model(format!(
-                            "the loss of stage `{}` is {mean} after {} steps: try a smaller learning rate",
-                            self.name, header.step
-                        )));
-                    }
                     header.losses.push((header.step, mean));
                     header.sum = 0.0;
                     let rate = (header.step - begun) as f64 / start.elapsed().as_secs_f64();
@@ -208,12 +209,12 @@ impl Stage<'_> {
     }
 }
 
-/// The model of a checkpoint, if there is one.
+/// The model of a stage's checkpoint, if there is one of its last step.
 ///
 /// # Errors
 /// A checkpoint that cannot be read, or is of another model.
-pub(crate) fn of_checkpoint<M: Module>(path: &Path, model: M) -> Result<Option<M>, Failure> {
-    Ok(read(path, model)?.map(|(model, ..)| model))
+pub(crate) fn of_checkpoint<M: Module>(path: &Path, steps: usize, model: M) -> Result<Option<M>, Failure> {
+    Ok(read(path, model)?.filter(|(_, header, _)| header.step == steps).map(|(model, ..)| model))
 }
 
 fn broken(path: &Path) -> Diagnostic {

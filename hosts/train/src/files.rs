@@ -1,6 +1,8 @@
 //! Output files that are whole or not there.
 
 use std::ffi::OsString;
+use std::fs::File;
+use std::io::Write;
 use std::path::Path;
 
 use asperity_source::Diagnostic;
@@ -12,7 +14,14 @@ use asperity_source::Diagnostic;
 pub(crate) fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), Diagnostic> {
     let mut temporary = OsString::from(path);
     temporary.push(".tmp");
-    std::fs::write(&temporary, bytes).and_then(|()| std::fs::rename(&temporary, path)).map_err(|e| {
+    let write = || {
+        let mut file = File::create(&temporary)?;
+        file.write_all(bytes)?;
+        // a cut of power must not leave an empty file in the place of a good one
+        file.sync_all()?;
+        std::fs::rename(&temporary, path)
+    };
+    write().map_err(|e| {
         let _ = std::fs::remove_file(&temporary);
         Diagnostic::new(format!("cannot write this file: {e}")).in_file(path)
     })

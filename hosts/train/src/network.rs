@@ -5,6 +5,7 @@ use asperity_world::material::{BINS, Random, VECTOR_LEN};
 use burn::module::Module;
 use burn::tensor::{Device, Tensor};
 
+use crate::data::Reach;
 use crate::layer::{Layer, Weights, all_relu, layers, relu_between};
 
 /// Widths of the force branch, its input first.
@@ -16,10 +17,21 @@ const ACTION: [usize; 5] = [20, 400, 300, 200, 100];
 /// Widths of the predictor, whose input is texture and action.
 const PREDICTOR: [usize; 6] = [VECTOR_LEN + 100, 300, 300, 200, 100, BINS];
 
-/// Scale and offset of forces: to about -1.2 .. 1.2.
-pub(crate) const FORCE_SCALE: (f32, f32) = (1.0 / 1.5, 1.75);
-/// Scale of velocities: to about -3 .. 3. No offset, as directions are equal.
-pub(crate) const SPEED_SCALE: f32 = 0.01;
+/// What inputs are made before they are given to the network: x' = scale (x - offset).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Scaling {
+    /// Scale and offset of forces: to about -1.2 .. 1.2.
+    pub force: (f32, f32),
+    /// Scale of velocities: to -3 .. 3. No offset, as directions are equal.
+    pub speed: f32,
+}
+
+impl Scaling {
+    pub(crate) fn of(reach: Reach) -> Self {
+        let (force, speed) = (reach.force_n as f32, reach.speed_mm_s as f32);
+        Self { force: (7.0 / 3.0 / force, 0.5 * force), speed: 3.0 / speed }
+    }
+}
 
 /// The network. It takes forces and velocities scaled, and answers m/s^2, without the last ReLU.
 #[derive(Module, Debug)]
@@ -65,15 +77,15 @@ impl Network {
     }
 
     /// The numbers, with the scaling of inputs folded in.
-    pub(crate) fn weights(&self) -> NetworkWeights {
+    pub(crate) fn weights(&self, scaling: Scaling) -> NetworkWeights {
         let all = |layers: &[Layer]| -> Vec<Weights> { layers.iter().map(Layer::weights).collect() };
         let mut force = all(&self.force);
         if let Some(first) = force.first_mut() {
-            first.fold(|_| FORCE_SCALE, HISTORY);
+            first.fold(|_| scaling.force, HISTORY);
         }
         let mut speed = all(&self.speed);
         if let Some(first) = speed.first_mut() {
-            first.fold(|_| (SPEED_SCALE, 0.0), 2 * HISTORY);
+            first.fold(|_| (scaling.speed, 0.0), 2 * HISTORY);
         }
         NetworkWeights { force, speed, action: all(&self.action), predictor: all(&self.predictor) }
     }
@@ -85,7 +97,7 @@ mod tests {
 
     #[test]
     fn the_layer_sizes_are_the_papers() {
-        let w = Network::new(&mut Random::new(1), &Device::flex()).weights();
+        let w = Network::new(&mut Random::new(1), &Device::flex()).weights(Scaling::of(Reach::DRAWN));
         let all = [w.force, w.speed, w.action, w.predictor].concat();
         let multiply_adds: usize = all.iter().map(|l| l.weight.len()).sum();
         assert_eq!(multiply_adds, 496_500);
@@ -93,7 +105,8 @@ mod tests {
 
     #[test]
     fn a_seed_gives_the_same_network_again() {
-        let made = |seed| Network::new(&mut Random::new(seed), &Device::flex()).weights();
+        let scaling = Scaling::of(Reach::DRAWN);
+        let made = |seed| Network::new(&mut Random::new(seed), &Device::flex()).weights(scaling);
         assert_eq!(made(3), made(3));
         assert_ne!(made(3), made(4));
     }

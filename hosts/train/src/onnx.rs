@@ -1,11 +1,12 @@
 //! Writes networks as ONNX: Conv, MaxPool, Flatten, Gemm, Relu, Concat, Mul and Add, nothing else.
 
-use asperity_dataset::{HISTORY, MAX_FORCE_N, MAX_SPEED_MM_S};
+use asperity_dataset::HISTORY;
 use asperity_world::material::{BINS, VECTOR_LEN};
 use asperity_world::tactile::IMAGE;
 use prost::Message;
 use tract_onnx::pb;
 
+use crate::data::Reach;
 use crate::encoder::{GEOMETRY, Kernel, PIXEL_SCALE, POOL};
 use crate::layer::Weights;
 use crate::network::NetworkWeights;
@@ -20,7 +21,7 @@ pub(crate) type About<'a> = &'a [(&'a str, String)];
 
 /// The bytes of the network of every tick: inputs `force` \[1, 10\] N, `speed` \[1, 20\] mm/s and `texture` \[1, 256\], output `magnitudes`
 /// \[1, 100\] m/s^2. Its metadata give the trained range, and `about`.
-pub(crate) fn network(network: &NetworkWeights, about: About<'_>) -> Vec<u8> {
+pub(crate) fn network(network: &NetworkWeights, reach: Reach, about: About<'_>) -> Vec<u8> {
     let mut graph = Graph::default();
     let force = graph.chain("force", "force", &network.force, Some("force_features"));
     let speed = graph.chain("speed", "speed", &network.speed, Some("speed_features"));
@@ -29,7 +30,7 @@ pub(crate) fn network(network: &NetworkWeights, about: About<'_>) -> Vec<u8> {
     let joined = graph.concat("predictor_input", ["texture".to_owned(), action]);
     graph.chain("predictor", &joined, &network.predictor, Some("magnitudes"));
     let mut range =
-        vec![("force_max_n", MAX_FORCE_N.to_string()), ("speed_max_mm_s", MAX_SPEED_MM_S.to_string())];
+        vec![("force_max_n", reach.force_n.to_string()), ("speed_max_mm_s", reach.speed_mm_s.to_string())];
     range.extend_from_slice(about);
     graph.file(
         "texture_network",

@@ -12,7 +12,7 @@ use crate::encoder::{FEATURES, Head, ImageEncoder, PIXELS, Preset, features, pla
 use crate::failure::Failure;
 use crate::layer::numbers;
 use crate::loss::{Aim, Scales, Target};
-use crate::network::{FORCE_SCALE, Network, SPEED_SCALE};
+use crate::network::{Network, Scaling};
 
 /// Random numbers of a step: another seed or step, others.
 fn random(seed: u64, stage: u64, step: usize) -> Random {
@@ -46,12 +46,11 @@ impl Namer {
 
     /// Part of held-out images that are named rightly, if there are any.
     pub(crate) fn named_rightly(&self, subjects: &[Subject], device: &Device) -> Option<f64> {
-        let held = |subjects: &'_ [Subject]| subjects.iter().map(|s| s.images.held.len()).sum::<usize>();
         let right = |(class, subject): (usize, &Subject)| {
             let names = self.names(subject.images.held.iter(), device);
             names.into_iter().filter(|named| *named == class).count()
         };
-        let count = held(subjects);
+        let count: usize = subjects.iter().map(|s| s.images.held.len()).sum();
         (count > 0).then(|| subjects.iter().enumerate().map(right).sum::<usize>() as f64 / count as f64)
     }
 }
@@ -199,6 +198,8 @@ pub(crate) struct Touching {
     pub target: Target,
     /// How errors are weighed.
     pub aim: Aim,
+    /// What forces and velocities are made.
+    pub scaling: Scaling,
 }
 
 /// One touch in so many is one of nothing: force without speed, or speed without force.
@@ -217,7 +218,7 @@ pub(crate) fn feel(
     device: &Device,
     report: impl FnMut(&Progress),
 ) -> Result<(Feeler, Losses), Failure> {
-    let Touching { groups, each, seed, target, aim } = settings;
+    let Touching { groups, each, seed, target, aim, .. } = settings;
     let scales: Vec<Scales> = subjects.iter().map(|s| Scales::of(&s.examples.train, aim)).collect();
     let count = groups * each;
     let draw = |step: usize| {
@@ -236,9 +237,9 @@ pub(crate) fn feel(
             for _ in 0..each {
                 let example = &subject.examples.train[random.below(subject.examples.train.len())];
                 if random.chance(SILENT) {
-                    touches.push(&silent(example, random), Truth::Rms, target, &scales[number]);
+                    touches.push(&silent(example, random), Truth::Rms, settings, &scales[number]);
                 } else {
-                    touches.push(example, subject.truth, target, &scales[number]);
+                    touches.push(example, subject.truth, settings, &scales[number]);
                 }
             }
         }
@@ -259,9 +260,10 @@ pub(crate) fn feel(
 }
 
 impl Touches {
-    fn push(&mut self, example: &Example, truth: Truth, target: Target, scales: &Scales) {
-        self.force.extend(example.force.map(|f| FORCE_SCALE.0 * (f - FORCE_SCALE.1)));
-        self.speed.extend(example.velocity.map(|v| SPEED_SCALE * v));
+    fn push(&mut self, example: &Example, truth: Truth, settings: Touching, scales: &Scales) {
+        let Touching { target, scaling: Scaling { force: (scale, offset), speed }, .. } = settings;
+        self.force.extend(example.force.map(|f| scale * (f - offset)));
+        self.speed.extend(example.velocity.map(|v| speed * v));
         self.target.extend(example.magnitudes.map(|m| target.of(m, truth)));
         self.weight.extend_from_slice(scales.weights(example));
     }

@@ -1,5 +1,7 @@
 //! A training run, from data to files.
 
+use std::collections::HashSet;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -23,6 +25,7 @@ use crate::encoder::{FEATURES, ImageEncoder, features};
 use crate::evaluation::{self, Network, Written};
 use crate::failure::Failure;
 use crate::files::write_whole;
+use crate::network::Scaling;
 use crate::progress::Teller;
 use crate::stages::{self, Feeler, Looks, Namer, Touching, mean_vector, vectors};
 use crate::{card, onnx};
@@ -38,15 +41,17 @@ pub(crate) fn train(train: &Train) -> Result<(), Failure> {
     let stop = Arc::new(AtomicBool::new(false));
     let flag = Arc::clone(&stop);
     ctrlc::set_handler(move || {
-        // a second time: at once
         if flag.swap(true, Ordering::Relaxed) {
             std::process::exit(130);
         }
+        eprintln!("stopping; Ctrl-C again to leave at once");
     })
     .map_err(|e| Failure::Model(format!("cannot listen for Ctrl-C: {e}")))?;
 
     let data = data::load(settings)?;
     begin(&train.out, &run, settings)?;
+    let unless_stopped = || if stop.load(Ordering::Relaxed) { Err(Failure::Stopped) } else { Ok(()) };
+    unless_stopped()?;
     let device = Device::flex().autodiff();
     let stage = |name, steps: u32, learning_rate| Stage {
         name,
@@ -79,6 +84,7 @@ pub(crate) fn train(train: &Train) -> Result<(), Failure> {
         seed: settings.seed,
         target: settings.target,
         aim: settings.error,
+        scaling: Scaling::of(data.reach),
     };
     let feeler = Feeler::new(settings.preset, settings.seed, &device);
     let images = Looks { numbers: &looks, width: FEATURES };
@@ -98,23 +104,27 @@ pub(crate) fn train(train: &Train) -> Result<(), Failure> {
         .collect();
     let both = Looks { numbers: &both, width: VECTOR_LEN };
     let settle = |name, target| {
-        let settling = stage(name, settings.feeling_steps.div_ceil(3), 0.3 * settings.feeling_rate);
+        let settling = stage(name, settings.settling_steps(), 0.3 * settings.feeling_rate);
         let mut teller = Teller::new(name, settling.steps);
-        feel(&settling, feeler.clone(), &both, Touching { target, ..touching }, &mut teller)
+        // other touches than those of the stage before
+        let touching = Touching { target, seed: settings.seed ^ 0x5e77, ..touching };
+        feel(&settling, feeler.clone(), &both, touching, &mut teller)
     };
     let (settled, settling_losses) = settle("settling", settings.target)?;
     let other = settings.target.other();
     let (settled_other, other_losses) = settle("settling_other", other)?;
 
-    let about = [("settings", serde_json::to_string(settings).unwrap_or_default())];
+    let about = [("settings", about(settings))];
+    let network =
+        |feeler: &Feeler| onnx::network(&feeler.network.weights(touching.scaling), data.reach, &about);
     let out = |name: &str| train.out.join(name);
     write_whole(
         &out("encoder.onnx"),
         &onnx::encoder(&encoder.kernels(), &feeler.texture.weights(scale), &about),
     )?;
-    write_whole(&out("texture.onnx"), &onnx::network(&settled.network.weights(), &about))?;
+    write_whole(&out("texture.onnx"), &network(&settled))?;
     let name = format!("texture_{}.onnx", other.name());
-    write_whole(&out(&name), &onnx::network(&settled_other.network.weights(), &about))?;
+    write_whole(&out(&name), &network(&settled_other))?;
     let materials = materials(&train.out, &data, &stored)?;
     write_whole(
         &out("materials.ron"),
@@ -133,6 +143,7 @@ pub(crate) fn train(train: &Train) -> Result<(), Failure> {
     write_whole(&out("losses.csv"), csv(&losses).as_bytes())?;
     write_whole(&out("curves.svg"), curves(&losses).to_svg().as_bytes())?;
     eprintln!("wrote {}", train.out.display());
+    unless_stopped()?;
     judge(&train.out, &run, settings, &data)
 }
 
@@ -152,14 +163,18 @@ pub(crate) fn evaluate(evaluate: &Evaluate) -> Result<(), Failure> {
 
 fn judge(folder: &Path, run: &Path, settings: &Settings, data: &Data) -> Result<(), Failure> {
     let other = folder.join(format!("texture_{}.onnx", settings.target.other().name()));
+    belongs(run, settings)?;
     let namer = Namer::new(settings.preset, data.seen.len(), settings.seed, &Device::flex());
     let written = Written {
         encoder: Encoder::load(folder.join("encoder.onnx"))?,
         network: Network::read(&folder.join("texture.onnx"))?,
         other: other.exists().then(|| Network::read(&other)).transpose()?,
-        namer: descent::of_checkpoint(&run.join("naming.checkpoint"), namer)?,
-        library: Library::read(folder.join("materials.ron"))?,
+        namer: descent::of_checkpoint(&run.join("naming.checkpoint"), settings.naming_steps as usize, namer)?,
+        library: trained(&Library::read(folder.join("materials.ron"))?, data)?,
     };
+    if written.namer.is_none() {
+        eprintln!("no classifier in {}: names are judged by the nearest vector alone", run.display());
+    }
     let evaluation = evaluation::evaluate(&written, settings, data)?;
     let json = serde_json::to_string_pretty(&evaluation).unwrap_or_default();
     write_whole(&folder.join("evaluation.json"), json.as_bytes())?;
@@ -171,6 +186,20 @@ fn judge(folder: &Path, run: &Path, settings: &Settings, data: &Data) -> Result<
     Ok(())
 }
 
+/// Settings, as the files of a model tell them: where the user's folder is, is the user's own affair.
+fn about(settings: &Settings) -> String {
+    let mut about = serde_json::to_value(settings).unwrap_or_default();
+    about["data"] = settings.data.name().into();
+    about.to_string()
+}
+
+/// Those of a library's materials that were trained on, in the data's order: others may have come in since.
+fn trained(library: &Library, data: &Data) -> Result<Library, Diagnostic> {
+    let of = |subject: &Subject| library.material(&subject.name).cloned();
+    let materials = data.seen.iter().map(of).collect::<Result<_, _>>()?;
+    Ok(Library::new("materials.ron", None, materials))
+}
+
 /// The library's materials; writes a picture of each.
 fn materials(
     folder: &Path,
@@ -180,25 +209,38 @@ fn materials(
     let pictures = folder.join("pictures");
     std::fs::create_dir_all(&pictures)
         .map_err(|e| Diagnostic::new(format!("cannot make this folder: {e}")).in_file(&pictures))?;
-    let picture = |subject: &Subject| -> Result<Vec<String>, Failure> {
-        let Some(image) = subject.images.held.first() else { return Ok(Vec::new()) };
-        let safe = |c: char| if c.is_ascii_alphanumeric() || c == '.' { c } else { '_' };
-        let name = format!("pictures/{}.jpg", subject.name.chars().map(safe).collect::<String>());
+    let mut taken = HashSet::new();
+    let mut picture = |subject: &Subject| -> Result<Vec<String>, Failure> {
+        let images = &subject.images;
+        let Some(image) = images.held.first().or(images.train.first()) else { return Ok(Vec::new()) };
+        let name = format!("pictures/{}.jpg", file_name(&subject.name, &mut taken));
         write_whole(&folder.join(&name), &jpeg(image)?)?;
         Ok(vec![name])
     };
+    let mut material =
+        |(subject, vector): (&Subject, &[f32; VECTOR_LEN])| -> Result<LibraryMaterial, Failure> {
+            Ok(LibraryMaterial {
+                name: subject.name.clone(),
+                description: subject.description.clone(),
+                family: subject.family.clone(),
+                images: picture(subject)?,
+                vector: Box::new(*vector),
+            })
+        };
+    let materials = data.seen.iter().zip(vectors).map(&mut material).collect::<Result<_, _>>()?;
     // Of what is not known too: to be looked up.
     data.unseen.iter().try_for_each(|subject| picture(subject).map(drop))?;
-    let material = |(subject, vector): (&Subject, &[f32; VECTOR_LEN])| -> Result<LibraryMaterial, Failure> {
-        Ok(LibraryMaterial {
-            name: subject.name.clone(),
-            description: subject.description.clone(),
-            family: subject.family.clone(),
-            images: picture(subject)?,
-            vector: Box::new(*vector),
-        })
-    };
-    data.seen.iter().zip(vectors).map(material).collect()
+    Ok(materials)
+}
+
+/// A name that any file system takes, in letters, digits, points and underscores, and that is not taken yet.
+fn file_name(name: &str, taken: &mut HashSet<String>) -> String {
+    let safe = |c: char| if c.is_ascii_alphanumeric() || c == '.' { c } else { '_' };
+    let plain: String = name.chars().map(safe).collect();
+    let numbered = (2_u32..).map(|number| format!("{plain}_{number}"));
+    // some file systems take no notice of case
+    let free = |name: &String| taken.insert(name.to_lowercase());
+    std::iter::once(plain.clone()).chain(numbered).find(free).unwrap_or(plain)
 }
 
 /// An image as a JPEG file of good quality.
@@ -259,12 +301,20 @@ fn settings_of(run: &Path) -> PathBuf {
 fn belongs(run: &Path, settings: &Settings) -> Result<(), Diagnostic> {
     let path = settings_of(run);
     match std::fs::read_to_string(&path) {
-        Ok(found) if serde_json::from_str(&found).ok().as_ref() != Some(settings) => {
-            Err(Diagnostic::new("this run was begun with other settings")
-                .in_file(&path)
-                .help("give the settings it has, name another --run folder, or remove this one"))
+        Ok(found) if serde_json::from_str(&found).ok().as_ref() == Some(settings) => Ok(()),
+        Ok(_) => Err(Diagnostic::new("this run was begun with other settings")
+            .in_file(&path)
+            .help("give the settings it has, name another --run folder, or remove this one")),
+        Err(e) if e.kind() == ErrorKind::NotFound => {
+            let mut files = std::fs::read_dir(run).into_iter().flatten().flatten();
+            match files.find(|file| file.path().extension().is_some_and(|e| e == "checkpoint")) {
+                None => Ok(()),
+                Some(file) => Err(Diagnostic::new("a checkpoint of unknown settings")
+                    .in_file(&file.path())
+                    .help("its run's settings.json is gone: name another --run folder, or remove this one")),
+            }
         }
-        _ => Ok(()),
+        Err(e) => Err(Diagnostic::new(format!("cannot read this file: {e}")).in_file(&path)),
     }
 }
 

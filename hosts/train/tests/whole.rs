@@ -1,6 +1,9 @@
 //! A small training run, from data to files, as a user would start it.
 
 use std::path::Path;
+
+use asperity_source::Source;
+use asperity_world::material::{Library, LibraryMaterial};
 use std::process::{Command, Output};
 
 fn train(arguments: &[&str], folder: &Path) -> Output {
@@ -41,7 +44,7 @@ fn a_small_run_writes_a_whole_model_and_its_card_can_be_written_anew() {
     let model = folder.path().join("a");
     // both files that are shipped, and as many bytes as may be shipped
     assert!(read(&model, "encoder.onnx").len() + read(&model, "texture.onnx").len() < 12_000_000);
-    let library = asperity_world::material::Library::read(model.join("materials.ron")).expect("a library");
+    let library = Library::read(model.join("materials.ron")).expect("a library");
     assert_eq!(library.materials().len(), 8);
     assert_eq!(library.encoder().as_deref(), Some(model.join("encoder.onnx").as_path()));
     for material in library.materials() {
@@ -50,9 +53,13 @@ fn a_small_run_writes_a_whole_model_and_its_card_can_be_written_anew() {
         assert_eq!(picture.image.size, [192, 256]);
     }
     let card = String::from_utf8(read(&model, "MODEL_CARD.md")).expect("text");
-    for heading in
-        ["## Names", "## Vibration", "## Mean or root mean square", "## Surfaces that were never seen"]
-    {
+    for heading in [
+        "## Goals",
+        "## Names",
+        "## Vibration",
+        "## Mean or root mean square",
+        "## Surfaces that were never seen",
+    ] {
         assert!(card.contains(heading), "{card}");
     }
     assert!(!card.contains("NaN") && !card.contains("inf"), "{card}");
@@ -65,10 +72,56 @@ fn a_small_run_writes_a_whole_model_and_its_card_can_be_written_anew() {
     assert!(output.status.success(), "{}", said(&output));
     assert_eq!(String::from_utf8(read(&model, "MODEL_CARD.md")).expect("text"), card);
 
+    // a material that came in since is not judged, and is in nobody's way
+    let more = library.materials()[0].clone();
+    let more = LibraryMaterial { name: "mine".into(), ..more };
+    let text = String::from_utf8(read(&model, "materials.ron")).expect("text");
+    let text = Library::insert(&Source::new("materials.ron", text), &more).expect("one more");
+    std::fs::write(model.join("materials.ron"), text).expect("written");
+    let output = train(&["evaluate", "a"], folder.path());
+    assert!(output.status.success(), "{}", said(&output));
+    assert_eq!(String::from_utf8(read(&model, "MODEL_CARD.md")).expect("text"), card);
+
     // other settings are not mixed into a run
     let output = train(&[&SMALL[..], &["--out", "a", "--seed", "2"]].concat(), folder.path());
     assert_eq!(output.status.code(), Some(2));
     assert!(said(&output).contains("begun with other settings"), "{}", said(&output));
+    std::fs::remove_file(folder.path().join("a.run/settings.json")).expect("removed");
+    let output = train(&[&SMALL[..], &["--out", "a"]].concat(), folder.path());
+    assert_eq!(output.status.code(), Some(2));
+    assert!(said(&output).contains("unknown settings"), "{}", said(&output));
+}
+
+#[cfg(unix)]
+#[test]
+fn a_run_that_was_stopped_ends_at_the_same_bits_as_one_that_was_not() {
+    use std::time::Duration;
+    let folder = tempfile::tempdir().expect("a folder");
+    // the feeling stage must not be over before it is stopped
+    let settings = SMALL.map(|argument| if argument == "90" { "300" } else { argument });
+    let arguments = |out| [&settings[..], &["--out", out]].concat();
+    let mut stopped = Command::new(env!("CARGO_BIN_EXE_asperity-train"))
+        .args(arguments("b"))
+        .current_dir(folder.path())
+        .spawn()
+        .expect("the program starts");
+    while !folder.path().join("b.run/naming.checkpoint").exists() {
+        assert!(stopped.try_wait().expect("a state").is_none(), "it ended early");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    let signal = Command::new("kill").args(["-INT", &stopped.id().to_string()]).status().expect("kill");
+    assert!(signal.success());
+    assert_eq!(stopped.wait().expect("an end").code(), Some(130));
+    assert!(!folder.path().join("b/texture.onnx").exists());
+    for out in ["a", "b"] {
+        let output = train(&arguments(out), folder.path());
+        assert!(output.status.success(), "{}", said(&output));
+    }
+    for name in
+        ["encoder.onnx", "texture.onnx", "texture_mean.onnx", "materials.ron", "losses.csv", "MODEL_CARD.md"]
+    {
+        assert!(read(&folder.path().join("a"), name) == read(&folder.path().join("b"), name), "{name}");
+    }
 }
 
 #[test]
@@ -110,7 +163,7 @@ fn record(folder: &Path, name: &str, hz: f64) {
 #[test]
 fn a_folder_of_recordings_becomes_a_model() {
     let folder = tempfile::tempdir().expect("a folder");
-    let hums = [("felt", 80.0), ("slate", 430.0), ("wire mesh", 240.0)];
+    let hums = [("felt", 80.0), ("slate", 430.0), ("wire mesh", 240.0), ("wire_mesh", 150.0)];
     for (name, hz) in hums {
         record(&folder.path().join("mine"), name, hz);
     }
@@ -128,16 +181,30 @@ fn a_folder_of_recordings_becomes_a_model() {
         "1200",
         "--feeling-groups",
         "8",
+        "--unseen",
+        "1",
     ];
     let output = train(&settings, folder.path());
     assert!(output.status.success(), "{}", said(&output));
-    let library =
-        asperity_world::material::Library::read(folder.path().join("m/materials.ron")).expect("a library");
-    let names: Vec<&str> = library.materials().iter().map(|m| m.name.as_str()).collect();
-    assert_eq!(names, hums.map(|(name, _)| name));
+    assert!(said(&output).contains("slate/0.png: "), "{}", said(&output));
+    let library = Library::read(folder.path().join("m/materials.ron")).expect("a library");
+    assert_eq!(library.materials().len(), 3);
+    // names that a file system may take for one another have pictures of their own
+    assert_eq!(std::fs::read_dir(folder.path().join("m/pictures")).expect("pictures").count(), 4);
     // what it answers for each material is what it hums at
     let model = asperity_network::Model::load(folder.path().join("m/texture.onnx")).expect("a network");
-    for (material, (_, hz)) in library.materials().iter().zip(hums) {
+    // what it was trained on, and no more
+    let reach = model.trained();
+    assert_eq!(reach.force_max_n, Some(1.0));
+    assert!(reach.speed_max_mm_s.is_some_and(|v| (90.0..110.0).contains(&v)), "{reach:?}");
+    // the card says nothing of what is not known: what lies beyond, a second signal, families
+    let card = String::from_utf8(read(&folder.path().join("m"), "MODEL_CARD.md")).expect("text");
+    assert!(card.contains("| (c) two signals of the same touch | - | - |"), "{card}");
+    assert!(!card.contains("family for") && !card.contains("Beyond") && !card.contains("physics"), "{card}");
+    // and nobody's folder
+    assert!(!String::from_utf8_lossy(&read(&folder.path().join("m"), "texture.onnx")).contains("mine"));
+    for material in library.materials() {
+        let (_, hz) = hums.into_iter().find(|(name, _)| *name == material.name).expect("one of them");
         let vectors = [material.vector.to_vec()];
         let runner = model.runner(&vectors, asperity_network::Precision::F32, asperity_network::Choice::Auto);
         let mut magnitudes = [0.0; 100];

@@ -1,13 +1,13 @@
 //! `texture_network`: from forces and velocities to the magnitudes of the vibration they cause.
 
-use asperity_network::{Choice, FORCE_LEN, MAGNITUDES_LEN, Model, Precision, RunError, Runner, SPEED_LEN};
+use asperity_network::{
+    Choice, FORCE_LEN, MAGNITUDES_LEN, Model, Precision, Range, RunError, Runner, SPEED_LEN, hold_magnitudes,
+};
 use asperity_node::{
     Config, Descriptor, Diagnostic, Fact, FrameClock, FrameLayout, FrameRate, Input, LayoutSpec, Node,
     Output, Param, Ports, Setup, ShapeSpec, Status, Tick, Unit,
 };
 use asperity_world::material::Library;
-
-use asperity_network::range::{Range, magnitudes};
 
 /// The model's bins are 10 Hz apart: its window is 0.1 s.
 const WINDOWS_PER_SECOND: u32 = 10;
@@ -173,7 +173,7 @@ impl Node for TextureNetwork {
         let start = self.layout.frame_rate.first_sample(frame, self.layout.rate_hz);
         let bins = tick.outputs.magnitude(0, frame, start);
         bins[0] = 0.0;
-        self.held.magnitudes += magnitudes(&self.magnitudes, &mut bins[1..]);
+        self.held.magnitudes += hold_magnitudes(&self.magnitudes, &mut bins[1..]);
         Status::Continue
     }
 

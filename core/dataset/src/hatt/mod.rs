@@ -166,11 +166,13 @@ fn subject(
         (0..count).map(one).collect()
     };
     let [train, held] = settings.examples;
+    let (images, notes) = folder::pictures(&material.pictures)?;
     Ok(Subject {
         name: title(&material.path),
         description: "A texture of the Penn Haptic Texture Toolkit.".into(),
         family: None,
-        images: folder::pictures(&material.pictures)?,
+        images,
+        notes,
         examples: Parts { train: draw(train), held: draw(held) },
         truth: Truth::Rms,
     })

@@ -47,7 +47,7 @@ pub fn expectations(
 /// Magnitudes of one instant, summed over places.
 struct Sum {
     example: Example,
-    other: [f32; BINS],
+    other: Option<[f32; BINS]>,
     count: f64,
     magnitudes: [f64; BINS],
     powers: [f64; BINS],
@@ -56,11 +56,11 @@ struct Sum {
 impl Sum {
     fn new(example: Example) -> Self {
         let m = example.magnitudes.map(f64::from);
-        Self { other: example.magnitudes, count: 1.0, magnitudes: m, powers: m.map(|m| m * m), example }
+        Self { other: None, count: 1.0, magnitudes: m, powers: m.map(|m| m * m), example }
     }
 
     fn add(&mut self, example: &Example) {
-        self.other = example.magnitudes;
+        self.other = Some(example.magnitudes);
         self.count += 1.0;
         for (k, m) in example.magnitudes.map(f64::from).into_iter().enumerate() {
             self.magnitudes[k] += m;

@@ -1,7 +1,7 @@
 //! Data made by physics: the [made surfaces](made_surfaces), seen by a tactile sensor and stroked by a simulated pen.
 //!
 //! A surface is seen and stroked on pieces of its own, each from a seed: some to train on, others to judge by, so that no place and no stroke that is
-//! judged by was ever seen. [`unseen`] surfaces, two of each family, are not to be trained on at all.
+//! judged by was ever seen. Some surfaces, two of each family, are not to be trained on at all.
 //!
 //! A stroke is a line, a zigzag or a circle, turned any way, of up to 300 mm/s and 3.5 N; its force swings. Where there is no force the pen is in the
 //! air, and nothing is felt.
@@ -18,7 +18,7 @@ use asperity_world::topography::{MadeSurface, made_surfaces};
 use rayon::prelude::*;
 
 pub use expectations::expectations;
-pub use strokes::{Drawn, accelerations, examples};
+pub use strokes::Drawn;
 
 use crate::example::{Example, Parts, Subject, Truth};
 
@@ -59,7 +59,7 @@ impl Settings {
 }
 
 /// Whether a surface, by its number among [`made_surfaces`], is not to be trained on. With fourteen surfaces a family it is two of each.
-pub fn unseen(number: usize) -> bool {
+fn unseen(number: usize) -> bool {
     number % UNSEEN_EVERY == UNSEEN_AT
 }
 
@@ -67,7 +67,7 @@ pub fn unseen(number: usize) -> bool {
 ///
 /// # Errors
 /// A stroke that cannot be, by a [length](Settings::stroke_s) of under a second or over 1e6.
-pub fn subject(surface: &MadeSurface, settings: &Settings) -> Result<Subject, Diagnostic> {
+fn subject(surface: &MadeSurface, settings: &Settings) -> Result<Subject, Diagnostic> {
     let mut images = Parts::default();
     let mut examples = Parts::default();
     let [train, held] = settings.pieces;
@@ -79,8 +79,9 @@ pub fn subject(surface: &MadeSurface, settings: &Settings) -> Result<Subject, Di
         } else {
             (&mut images.held, &mut examples.held)
         };
-        let random = &mut Random::new(seed ^ 0x5eed);
-        images::add(&piece, settings.images, random, to_images);
+        images::add(&piece, settings.images, &mut Random::new(seed ^ 0x5eed), to_images);
+        // no two surfaces are stroked alike
+        let random = &mut Random::new(seed ^ surface.seed() ^ 0x5704);
         strokes::add(surface, &piece, settings, random, to_examples)?;
     }
     Ok(Subject {
@@ -90,10 +91,11 @@ pub fn subject(surface: &MadeSurface, settings: &Settings) -> Result<Subject, Di
         images,
         examples,
         truth: Truth::Draws,
+        notes: Vec::new(),
     })
 }
 
-/// Every so-manieth of the [made surfaces](made_surfaces): those to train on, and the [`unseen`] ones.
+/// Every so-manieth of the [made surfaces](made_surfaces): those to train on, and those that are not.
 pub fn surfaces(every: usize) -> [Vec<MadeSurface>; 2] {
     let all = made_surfaces().into_iter().enumerate();
     let (apart, seen): (Vec<_>, Vec<_>) = all.partition(|(number, _)| unseen(*number));
@@ -103,7 +105,7 @@ pub fn surfaces(every: usize) -> [Vec<MadeSurface>; 2] {
 /// The subjects of two lists of surfaces, made on all cores; `done` is called after each with how many are done.
 ///
 /// # Errors
-/// As [`subject`].
+/// A stroke that cannot be, by a [length](Settings::stroke_s) of under a second or over 1e6.
 pub fn subjects(
     surfaces: &[Vec<MadeSurface>; 2],
     settings: &Settings,
@@ -144,6 +146,8 @@ mod tests {
                 .all(|h| h.velocity != e.velocity || e.velocity == [0.0; 20]))
         );
         assert_ne!(made, subject(surface, &Settings { seed: 4, ..SMALL }).unwrap());
+        let other = subject(&made_surfaces()[61], &SMALL).unwrap();
+        assert!(made.examples.train[60].velocity != other.examples.train[60].velocity, "stroked alike");
     }
 
     #[test]
@@ -173,7 +177,7 @@ mod tests {
         let (mut one, mut rms, mut mean) = (0.0, 0.0, 0.0);
         for e in &expected {
             let power = |m: &[f32; 100]| m.iter().map(|m| f64::from(m * m)).sum::<f64>();
-            one += power(&e.example.magnitudes) + power(&e.other);
+            one += power(&e.example.magnitudes) + power(&e.other.unwrap());
             rms += 2.0 * power(&e.rms);
             mean += 2.0 * power(&e.mean);
         }

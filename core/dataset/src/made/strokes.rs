@@ -93,7 +93,7 @@ fn force(z_mm: f64) -> f64 {
 
 /// What a pen on its [track](Tool::track) over a piece feels of a stroke that begins at a place in mm: acceleration in m/s^2 along the normal and along the
 /// stroke, at [`SAMPLE_HZ`].
-pub fn accelerations(
+pub(super) fn accelerations(
     envelope: &HeightField,
     contact: Contact,
     drawn: &Drawn,
@@ -120,7 +120,7 @@ pub fn accelerations(
 ///
 /// # Errors
 /// None in practice: the chain's filter has a fixed design.
-pub fn examples(
+pub(super) fn examples(
     drawn: &Drawn,
     felt: &[Vec<f64>; 2],
     spectrometer: &mut Spectrometer,

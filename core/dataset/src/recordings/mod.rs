@@ -109,11 +109,13 @@ fn subject(folder: &Path) -> Result<Subject, Diagnostic> {
         }
     }
     let name = folder::name(folder);
+    let (images, notes) = folder::pictures(&pictures)?;
     Ok(Subject {
         description: format!("Recordings of {name}."),
         name,
         family: None,
-        images: folder::pictures(&pictures)?,
+        images,
+        notes,
         examples,
         truth: Truth::Draws,
     })

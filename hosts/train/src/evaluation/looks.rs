@@ -35,11 +35,20 @@ pub(crate) struct Naming {
 pub(crate) struct Strangers {
     /// Each of them.
     pub surfaces: Vec<Stranger>,
-    /// Part of single images whose neighbour is of the right family.
-    pub images_in_family: f64,
-    /// The same of what a linear classifier of plain image statistics takes them for.
-    pub statistics_in_family: f64,
-    /// The same by chance.
+    /// What neighbours tell of families, where materials have them.
+    pub families: Option<Families>,
+}
+
+/// How often what is near is of the right family.
+#[derive(Clone, Debug, Serialize)]
+pub(crate) struct Families {
+    /// Part of surfaces, by the mean of their images' vectors.
+    pub surfaces: f64,
+    /// Part of single images.
+    pub images: f64,
+    /// Part of images that a linear classifier of plain image statistics takes for a material of the family.
+    pub statistics: f64,
+    /// By chance.
     pub chance: f64,
 }
 
@@ -49,9 +58,9 @@ pub(crate) struct Stranger {
     /// Its name.
     pub name: String,
     /// Its family.
-    pub family: String,
+    pub family: Option<String>,
     /// The material nearest to the mean of its images' vectors, with its family.
-    pub neighbour: (String, String),
+    pub neighbour: (String, Option<String>),
     /// Mean |error| of magnitudes in dB: with the neighbour's vector, its own, and a blend of three neighbours'.
     pub nearest_db: f64,
     /// With its own vector.
@@ -142,8 +151,7 @@ pub(super) fn strangers(
     judge: &Judge<'_>,
     truths: Vec<Vec<Expectation>>,
 ) -> Result<Strangers, Failure> {
-    let family = |s: &Subject| s.family.clone().unwrap_or_default();
-    let families: Vec<String> = data.seen.iter().map(family).collect();
+    let families: Vec<Option<String>> = data.seen.iter().map(|s| s.family.clone()).collect();
     let images = all(&data.unseen, |s| &s.images.train);
     let vectors = vectors(&written.encoder, &images)?;
     let materials = written.library.materials();
@@ -151,7 +159,7 @@ pub(super) fn strangers(
         let right = images
             .iter()
             .zip(named)
-            .filter(|((s, _), named)| family(&data.unseen[*s]) == families[*named])
+            .filter(|((s, _), named)| data.unseen[*s].family == families[*named])
             .count();
         right as f64 / images.len().max(1) as f64
     };
@@ -170,7 +178,7 @@ pub(super) fn strangers(
         }
         Ok(Stranger {
             name: subject.name.clone(),
-            family: family(subject),
+            family: subject.family.clone(),
             neighbour: (materials[first].name.clone(), families[first].clone()),
             nearest_db: error(Assignment::Nearest)?,
             raw_db: error(Assignment::Raw)?,
@@ -183,8 +191,16 @@ pub(super) fn strangers(
     let chance = data
         .unseen
         .iter()
-        .map(|s| families.iter().filter(|f| **f == family(s)).count() as f64 / families.len().max(1) as f64)
+        .map(|s| families.iter().filter(|f| **f == s.family).count() as f64 / families.len().max(1) as f64)
         .sum::<f64>()
         / data.unseen.len().max(1) as f64;
-    Ok(Strangers { surfaces, images_in_family, statistics_in_family, chance })
+    let right = surfaces.iter().filter(|s: &&Stranger| s.family == s.neighbour.1).count() as f64;
+    let known = data.unseen.iter().chain(&data.seen).all(|s| s.family.is_some());
+    let families = known.then_some(Families {
+        surfaces: right / surfaces.len().max(1) as f64,
+        images: images_in_family,
+        statistics: statistics_in_family,
+        chance,
+    });
+    Ok(Strangers { surfaces, families })
 }

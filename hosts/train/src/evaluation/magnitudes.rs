@@ -1,8 +1,9 @@
-use asperity_dataset::{Example, Expectation, HISTORY, MAX_FORCE_N, MAX_SPEED_MM_S, Subject};
+use asperity_dataset::{Example, Expectation, HISTORY, Subject};
 use asperity_world::material::{BINS, Library, Random};
 use serde::Serialize;
 
 use super::Network;
+use crate::data::Reach;
 use crate::failure::Failure;
 use crate::loss::Target;
 
@@ -32,14 +33,14 @@ pub(crate) struct Score {
     pub nearest_db: f64,
     /// The mean of the twenty nearest.
     pub smooth_db: f64,
-    /// Two signals of the same touch at two places.
-    pub floor_db: f64,
+    /// Two signals of the same touch at two places, where there are two.
+    pub floor_db: Option<f64>,
 }
 
 impl Score {
-    /// Whether the model is better than the constant, and than the nearest touch.
-    pub(crate) fn beats(&self) -> [bool; 2] {
-        [self.model_db < self.constant_db, self.model_db < self.nearest_db]
+    /// Whether the model is better than the constant, than the nearest touch, and than the mean of the twenty nearest.
+    pub(crate) fn beats(&self) -> [bool; 3] {
+        [self.constant_db, self.nearest_db, self.smooth_db].map(|db| self.model_db < db)
     }
 }
 
@@ -103,6 +104,7 @@ impl Errors {
 pub(crate) struct Judge<'a> {
     pub(crate) network: &'a Network,
     pub(crate) target: Target,
+    pub(crate) reach: Reach,
 }
 
 impl Judge<'_> {
@@ -148,6 +150,7 @@ impl Judge<'_> {
         let constant = average(&mut train.iter());
         let mut errors: [Errors; 4] = Default::default();
         for (e, truth) in &judged.frames {
+            let action = |example| action(example, self.reach);
             let here = action(&e.example);
             let mut by_distance: Vec<(f64, usize)> =
                 train.iter().enumerate().map(|(i, t)| (distance(here, action(t)), i)).collect();
@@ -158,13 +161,15 @@ impl Judge<'_> {
             errors[0].add(&constant, truth);
             errors[1].add(&train[near[0].1].magnitudes, truth);
             errors[2].add(&average(&mut near.iter().map(|(_, i)| &train[*i])), truth);
-            let other = e.other.map(|m| Some(decibels(f64::from(m))));
-            let both = std::array::from_fn(|k| truth[k].and(other[k]));
-            errors[3].add(&e.example.magnitudes, &both);
+            if let Some(other) = e.other {
+                let both = std::array::from_fn(|k| truth[k].map(|_| decibels(f64::from(other[k]))));
+                errors[3].add(&e.example.magnitudes, &both);
+            }
         }
         let model = self.errors(vector, judged)?;
         let mut sizes: Vec<f64> = model.0.iter().map(|e| e.abs()).collect();
         sizes.sort_by(f64::total_cmp);
+        let known = !errors[3].0.is_empty();
         let [constant, nearest, smooth, floor] = errors.map(|e| e.mean());
         Ok(Score {
             material: subject.name.clone(),
@@ -175,15 +180,16 @@ impl Judge<'_> {
             constant_db: constant,
             nearest_db: nearest,
             smooth_db: smooth,
-            floor_db: floor,
+            floor_db: known.then_some(floor),
         })
     }
 }
 
-/// Newest force and speed of a touch, in parts of their trained ranges.
-fn action(example: &Example) -> (f64, f64) {
+/// Newest force and speed of a touch, in parts of their trained ranges, to which they are held.
+fn action(example: &Example, reach: Reach) -> (f64, f64) {
     let (vx, vy) = (example.velocity[HISTORY - 1], example.velocity[2 * HISTORY - 1]);
-    (f64::from(example.force[HISTORY - 1]) / MAX_FORCE_N, f64::from(vx.hypot(vy)) / MAX_SPEED_MM_S)
+    let (force, speed) = (f64::from(example.force[HISTORY - 1]), f64::from(vx.hypot(vy)));
+    ((force / reach.force_n).min(1.0), (speed / reach.speed_mm_s).min(1.0))
 }
 
 fn distance(a: (f64, f64), b: (f64, f64)) -> f64 {
@@ -194,7 +200,7 @@ fn distance(a: (f64, f64), b: (f64, f64)) -> f64 {
 ///
 /// # Errors
 /// A network that does not run.
-pub(crate) fn loudest_silence(network: &Network, library: &Library) -> Result<f64, Failure> {
+pub(crate) fn loudest_silence(network: &Network, library: &Library, reach: Reach) -> Result<f64, Failure> {
     let mut loudest = 0.0_f32;
     for material in library.materials() {
         let mut random = Random::new(77);
@@ -203,9 +209,9 @@ pub(crate) fn loudest_silence(network: &Network, library: &Library) -> Result<f6
             let mut nothing =
                 Example { force: [0.0; HISTORY], velocity: [0.0; 2 * HISTORY], magnitudes: [0.0; BINS] };
             if case % 2 == 0 {
-                nothing.force = [random.range(0.0, MAX_FORCE_N) as f32; HISTORY];
+                nothing.force = [random.range(0.0, reach.force_n) as f32; HISTORY];
             } else {
-                let (size, angle) = (random.range(0.0, MAX_SPEED_MM_S), random.range(0.0, 6.3));
+                let (size, angle) = (random.range(0.0, reach.speed_mm_s), random.range(0.0, 6.3));
                 nothing.velocity[..HISTORY].fill((size * angle.cos()) as f32);
                 nothing.velocity[HISTORY..].fill((size * angle.sin()) as f32);
             }
@@ -222,7 +228,7 @@ mod tests {
     fn expectation(magnitude: f32) -> Expectation {
         let example =
             Example { force: [1.0; HISTORY], velocity: [50.0; 2 * HISTORY], magnitudes: [magnitude; BINS] };
-        Expectation { other: [2.0 * magnitude; BINS], mean: [0.9; BINS], rms: [1.0; BINS], example }
+        Expectation { other: Some([2.0 * magnitude; BINS]), mean: [0.9; BINS], rms: [1.0; BINS], example }
     }
 
     #[test]

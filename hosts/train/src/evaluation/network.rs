@@ -1,8 +1,7 @@
 use std::path::Path;
 
 use asperity_dataset::{Example, HISTORY};
-use asperity_network::range::{Range, magnitudes};
-use asperity_network::{Choice, Model, Precision, Runner};
+use asperity_network::{Choice, Model, Precision, Range, Runner, hold_magnitudes};
 use asperity_world::material::BINS;
 
 use crate::failure::Failure;
@@ -48,7 +47,7 @@ impl Touched {
         self.runner
             .run(0, &force, &velocity, &mut answer)
             .map_err(|e| Failure::Model(format!("the written network does not run: {e}")))?;
-        magnitudes(&answer, &mut held);
+        hold_magnitudes(&answer, &mut held);
         Ok(held)
     }
 }
