@@ -68,8 +68,8 @@
 //! All fourteen gratings at 60, 100 and 180 mm/s and 1 N, straight and 40 degrees aslant: a line stands at `v cos(angle) / period` within 2 Hz, 22 dB or
 //! more above what lies between its multiples. It is not always the loudest. The contact resonates at 200 to 400 Hz, and under a ball even a sine has
 //! sharp valleys, so that of pitches below 175 Hz it is mostly the multiple there, up to 11 dB louder (narrow grooves: 23 dB, the ball all but
-//! fills them); above, the pitch itself but for narrow grooves. At 0.5 N the tip jumps over every second ridge of the finest one at 180 mm/s,
-//! and half the pitch is the loudest.
+//! fills them); above, the pitch itself but for narrow grooves. At 0.5 N, of the finest one at 180 mm/s, half the pitch is the
+//! loudest (seen, not tested).
 //!
 //! # Step
 //!
