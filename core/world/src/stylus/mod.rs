@@ -44,9 +44,40 @@
 //! those of the usual instrument, but stiffness, damping and the surfaces' moduli are chosen so that levels come out like that: what follows from the model
 //! is how they change with force, speed and place. At 250 mm/s machined gratings make the tip jump, up to 50 m/s^2.
 //!
+//! By so many decibels levels rise with a doubling of speed, at 1 N, and of force, at 100 mm/s: ranges of the fourteen surfaces of a family, of
+//! strokes of 2 s, rounded outwards.
+//!
+//! | | 50 to 100 mm/s | 100 to 200 mm/s | 0.4 to 0.8 N | 0.8 to 1.6 N |
+//! |---|---|---|---|---|
+//! | sandpaper | 6 to 8 | 2.5 to 5 | 1 to 3 | 1 to 2 |
+//! | weave | 4 to 7.5 | 3 to 6 | 1.5 to 4 | 2 to 4.5 |
+//! | grating | 5.5 to 11 | 2 to 13 | -3 to 4 | -2 to 1.5 |
+//! | foam | 7 to 10.5 | 5.5 to 10.5 | 1 to 6 | 2 to 6.5 |
+//! | carpet | 5.5 to 10.5 | 5.5 to 10 | 3 to 6.5 | 3.5 to 7.5 |
+//! | wood | 5.5 to 9 | 2 to 7.5 | 0.5 to 2.5 | 0.5 to 2.5 |
+//! | pebbled plastic | 2.5 to 10.5 | -0.5 to 11.5 | 0 to 3.5 | 0 to 4.5 |
+//! | sheet | 6 to 12.5 | 0.5 to 7.5 | -0.5 to 2.5 | -0.5 to 2.5 |
+//!
+//! Where levels do not rise: with force on gratings, on which a light tip jumps (narrow ridges of 1 mm fall by 2.7 dB from 0.4 to 0.8 N, a sine of
+//! 2.5 mm by 1.6, square ridges of 2 mm by 1.4 from 0.8 to 1.6 N), and on smooth hard sheets, which the tip follows at any force (float glass, acrylic;
+//! milled aluminium and tile from 0.8 N on); with speed from 100 mm/s on where waves are so short that they pass above 700 Hz (spark-eroded plastic,
+//! fine and usual).
+//!
+//! # Pitch
+//!
+//! All fourteen gratings at 60, 100 and 180 mm/s and 1 N, straight and 40 degrees aslant: a line stands at `v cos(angle) / period` within 2 Hz, 22 dB or
+//! more above what lies between its multiples. It is not always the loudest. The contact resonates at 200 to 400 Hz, and under a ball even a sine has
+//! sharp valleys, so that of pitches below 175 Hz it is mostly the multiple there, up to 11 dB louder (narrow grooves: 23 dB, the ball all but
+//! fills them); above, the pitch itself but for narrow grooves. At 0.5 N, of the finest one at 180 mm/s, half the pitch is the
+//! loudest (seen, not tested).
+//!
+//! # Step
+//!
 //! The step is a symplectic one of [`STEPS`] a sample (kick, then drift), so that the contact does not gain energy. A sample of acceleration is the
-//! mean over its steps. Halving the step changes no band of 100 Hz of any made surface by 0.5 dB. A second of a stroke
-//! takes 2 ms of a server's core.
+//! mean over its steps. Without friction, what the hand puts in is stored or lost but for 0.2 % at 70 mm/s and 1 N and 0.9 % at 250 mm/s and 2.5 N; that
+//! halves with the step, and extrapolated to no step at all less than 0.02 % is left. Halving the step changes no band of 100 Hz of any made
+//! surface by 0.5 dB at 90 mm/s and 0.8 N; at 250 mm/s and 2.5 N gratings by up to 0.22 dB, float glass by 0.19, all others by less than 0.1. A second of
+//! a stroke takes 2 ms of a server's core.
 
 mod simulate;
 #[cfg(test)]

@@ -1,77 +1,248 @@
-use super::super::testing::{GRID, level, met, spectrum, spectrum_of_both, stroke, surface};
+use super::super::testing::{GRID, fine_spectrum, level, met, spectrum_of_both, stroke, surface};
 use super::*;
-use crate::topography::made_surfaces;
+use crate::topography::{Family, MadeSurface, made_surfaces};
 
 #[test]
 fn a_grating_sounds_at_speed_over_wavelength() {
-    for (name, speed, force) in [("sine grating 1 mm", 100.0, 0.5), ("square grating 2 mm", 150.0, 1.0)] {
-        let surface = surface(name);
-        let period = GRID.0 as f64 * GRID.1
-            / (GRID.0 as f64 * GRID.1 / name.split(' ').nth(2).unwrap_or("1").parse::<f64>().unwrap_or(1.0))
-                .round();
-        let x: Vec<f64> =
-            stroke(&surface, (speed, 0.0), force, 1.0, STEPS).iter().map(|a| a.normal).collect();
-        let spectrum = spectrum(&x);
-        let want = speed / period;
-        // The pitch or a multiple of it: sharp ridges have many.
-        let peak = (0..100).max_by(|a, b| spectrum[*a].total_cmp(&spectrum[*b])).expect("bins");
-        let hz = 10.0 * (peak + 1) as f64;
-        let multiple = (hz / want).round().max(1.0);
-        assert!((hz - multiple * want).abs() <= 10.0, "{name}: {hz} Hz, not {want}");
-        let at = |hz: f64| spectrum[(hz / 10.0).round() as usize - 1];
-        assert!(at(want) > 10.0 * at(1.5 * want), "{name}: {} {}", at(want), at(1.5 * want));
+    let length = GRID.0 as f64 * GRID.1;
+    let mut cases = 0;
+    for made in made_surfaces().into_iter().filter(|made| made.family == Family::Grating) {
+        let named: f64 = made.name.split(' ').find_map(|word| word.parse().ok()).expect("a period");
+        // Whole periods go around the patch.
+        let period = length / (length / named).round();
+        let surface = met(&made, GRID);
+        for (speed, degrees) in [60.0, 100.0, 180.0].into_iter().flat_map(|v| [(v, 0.0_f64), (v, 40.0)]) {
+            let angle = degrees.to_radians();
+            let want = speed * angle.cos() / period;
+            if !(20.0..=900.0).contains(&want) {
+                continue;
+            }
+            cases += 1;
+            let x: Vec<f64> =
+                stroke(&surface, (speed, angle), 1.0, 2.0, STEPS).iter().map(|a| a.normal).collect();
+            let lines = fine_spectrum(&x);
+            let hz = |line: usize| 2.0 * (line + 1) as f64;
+            let loudest = |of: std::ops::Range<usize>| {
+                of.max_by(|a, b| lines[*a].total_cmp(&lines[*b])).expect("lines")
+            };
+            let case = format!("{} at {speed} mm/s, {degrees} degrees: {want:.1} Hz", made.name);
+            // A line stands at the pitch, higher than those beside it and than what lies between multiples.
+            let nearest = (want / 2.0).round() as usize - 1;
+            let at = loudest(nearest - 1..nearest + 2);
+            assert!((hz(at) - want).abs() <= 2.0, "{case}: {}", hz(at));
+            assert!(lines[at] > lines[at - 1] && lines[at] > lines[at + 1], "{case}: {}", hz(at));
+            let mut between: Vec<f64> = (0..lines.len())
+                .filter(|n| hz(*n) < 4.0 * want && (0.25..0.75).contains(&(hz(*n) / want).fract()))
+                .map(|n| lines[n])
+                .collect();
+            between.sort_by(f64::total_cmp);
+            let over = 10.0 * (lines[at] / between[between.len() / 2]).log10();
+            assert!(over > 20.0, "{case}: {over:.1} dB");
+            // The contact resonates at 200 to 400 Hz and under a ball even a sine has sharp valleys: of a lower pitch
+            // the multiple there may be the loudest. The grooves of a narrow groove are all but filled by the ball.
+            let peak = hz(loudest(0..lines.len()));
+            let multiple = (peak / want).round().max(1.0);
+            assert!((peak - multiple * want).abs() <= 2.0, "{case}: {peak}");
+            if want > 175.0 && !made.name.contains("grooves") {
+                assert!(multiple == 1.0, "{case}: {peak}");
+            }
+        }
+    }
+    assert_eq!(cases, 81);
+}
+
+/// Decibels by which a surface's level rises: from 50 to 100 and 200 mm/s at 1 N, from 0.4 to 0.8 and 1.6 N at 100 mm/s.
+fn doublings(made: &MadeSurface) -> [f64; 4] {
+    let surface = met(made, (512, 0.04));
+    let heard = |speed: f64, force: f64| level(&stroke(&surface, (speed, 0.3), force, 2.0, STEPS));
+    let [slow, usual, fast] = [50.0, 100.0, 200.0].map(|speed| heard(speed, 1.0));
+    let [light, medium, firm] = [0.4, 0.8, 1.6].map(|force| heard(100.0, force));
+    [(slow, usual), (usual, fast), (light, medium), (medium, firm)].map(|(a, b)| 20.0 * (b / a).log10())
+}
+
+/// What a doubling does to surfaces of a family, as stated in the module's documentation.
+fn stated_doublings(family: Family) -> [[f64; 2]; 4] {
+    match family {
+        Family::Sandpaper => [[6.0, 8.0], [2.5, 5.0], [1.0, 3.0], [1.0, 2.0]],
+        Family::Weave => [[4.0, 7.5], [3.0, 6.0], [1.5, 4.0], [2.0, 4.5]],
+        Family::Grating => [[5.5, 11.0], [2.0, 13.0], [-3.0, 4.0], [-2.0, 1.5]],
+        Family::Foam => [[7.0, 10.5], [5.5, 10.5], [1.0, 6.0], [2.0, 6.5]],
+        Family::Carpet => [[5.5, 10.5], [5.5, 10.0], [3.0, 6.5], [3.5, 7.5]],
+        Family::Wood => [[5.5, 9.0], [2.0, 7.5], [0.5, 2.5], [0.5, 2.5]],
+        Family::Pebbled => [[2.5, 10.5], [-0.5, 11.5], [0.0, 3.5], [0.0, 4.5]],
+        Family::Sheet => [[6.0, 12.5], [0.5, 7.5], [-0.5, 2.5], [-0.5, 2.5]],
     }
 }
 
 #[test]
-fn level_rises_with_speed_and_with_force() {
-    for name in ["sandpaper P80", "canvas", "dashboard grain", "oak", "watercolour paper"] {
-        let surface = surface(name);
-        let heard = |speed: f64, force: f64| level(&stroke(&surface, (speed, 0.3), force, 1.0, STEPS));
-        let slow_fast = [40.0, 80.0, 160.0].map(|v| heard(v, 0.7));
-        let light_firm = [0.3, 0.8, 2.0].map(|f| heard(80.0, f));
-        println!("{name}: by speed {slow_fast:.2?}, by force {light_firm:.2?}");
-        assert!(slow_fast.windows(2).all(|w| w[1] > 1.1 * w[0]), "{name}: {slow_fast:?}");
-        assert!(light_firm[2] > light_firm[0], "{name}: {light_firm:?}");
+fn a_doubling_of_speed_or_of_force_raises_levels_as_stated() {
+    // Those at the ends of the ranges and one from the middle.
+    let some = [
+        "sandpaper P36",
+        "sandpaper P150",
+        "sandpaper P400",
+        "voile",
+        "muslin",
+        "canvas",
+        "square grating 0.5 mm",
+        "narrow grooves 1.8 mm",
+        "narrow grooves 3 mm",
+        "upholstery foam",
+        "filter foam 10 ppi",
+        "polystyrene beads, cut",
+        "berber",
+        "sisal",
+        "plush",
+        "balsa",
+        "spruce",
+        "cherry",
+        "dashboard grain",
+        "rubber pebble mat",
+        "suitcase shell",
+        "ground glass",
+        "watercolour paper",
+        "cardboard",
+    ];
+    // Of these a doubling of speed from 100 mm/s or of force does not raise the level by 0.2 dB.
+    let exceptions: [(&str, &[usize]); 7] = [
+        ("narrow ridges 1 mm", &[2]),
+        ("square grating 0.8 mm", &[3]),
+        ("sine grating 2.5 mm", &[2]),
+        ("square grating 2 mm", &[3]),
+        ("spark-eroded plastic, fine", &[1]),
+        ("spark-eroded plastic", &[1]),
+        ("acrylic sheet", &[2, 3]),
+    ];
+    let mut tested = 0;
+    for made in made_surfaces() {
+        let exception = exceptions.iter().find(|(name, _)| made.name == *name);
+        if exception.is_none() && !some.contains(&made.name.as_str()) {
+            continue;
+        }
+        tested += 1;
+        let found = doublings(&made);
+        let stated = stated_doublings(made.family);
+        let holds = found.iter().zip(stated).all(|(db, [from, to])| (from..=to).contains(db));
+        assert!(holds, "{}: {found:.1?} dB, not within {stated:?}", made.name);
+        for (n, db) in found.iter().enumerate() {
+            let rises = !exception.is_some_and(|(_, at)| at.contains(&n));
+            assert!((*db > 0.2) == rises, "{}: {found:.2?} dB", made.name);
+        }
     }
+    assert_eq!(tested, 31);
+}
+
+#[test]
+#[ignore = "prints by how many decibels a doubling raises the level of each surface, and the ranges of families"]
+fn all_doublings() {
+    for family in Family::ALL {
+        let mut ranges = [[f64::MAX, f64::MIN]; 4];
+        for made in made_surfaces().iter().filter(|made| made.family == family) {
+            let found = doublings(made);
+            println!("{:30} {found:6.2?}", made.name);
+            ranges.iter_mut().zip(found).for_each(|(r, db)| *r = [r[0].min(db), r[1].max(db)]);
+        }
+        println!("{:30} {ranges:6.2?}", family.name());
+        assert!(ranges.iter().zip(stated_doublings(family)).all(|(r, s)| s[0] <= r[0] && r[1] <= s[1]));
+    }
+}
+
+/// What a stroke of a second along x puts in, in joules, and what of it is neither stored nor lost.
+fn balance(envelope: &HeightField, contact: Contact, (speed, force_n): (f64, f64), steps: u32) -> (f64, f64) {
+    let mut stylus =
+        Stylus::new(Tool::PEN, envelope, contact, [1.0, 2.0], force_n).with_still_hand().with_steps(steps);
+    let moment = Moment { velocity_mm_s: [speed, 0.0], force_n };
+    let began = stylus.energy(force_n);
+    for _ in 0..SAMPLE_HZ {
+        stylus.next(&moment);
+    }
+    let ended = stylus.energy(force_n);
+    assert!(ended.drag > 0.0 && ended.lost > 0.0);
+    (ended.drag, ended.drag - ended.lost - (ended.stored - began.stored))
 }
 
 #[test]
 fn what_the_hand_puts_in_is_stored_or_lost() {
-    for name in ["sandpaper P60", "square grating 2 mm", "upholstery foam", "float glass"] {
-        let (envelope, contact) = surface(name);
-        let mut stylus =
-            Stylus::new(Tool::PEN, &envelope, contact, [1.0, 2.0], 1.0).with_still_hand().with_steps(16);
-        let moment = Moment { velocity_mm_s: [70.0, 20.0], force_n: 1.0 };
-        let began = stylus.energy(1.0);
-        for _ in 0..SAMPLE_HZ {
-            stylus.next(&moment);
-        }
-        let ended = stylus.energy(1.0);
-        let (put_in, lost) = (ended.drag, ended.lost);
-        let off = put_in - lost - (ended.stored - began.stored);
-        println!("{name}: {put_in:.5} J in, {lost:.5} J lost, {off:.6} J off");
-        assert!(put_in > 0.0 && lost > 0.0 && off.abs() < 0.02 * put_in, "{name}: {off} of {put_in} J");
+    for name in [
+        "sandpaper P60",
+        "canvas",
+        "square grating 2 mm",
+        "sine grating 1 mm",
+        "upholstery foam",
+        "sisal",
+        "brushed oak",
+        "dashboard grain",
+        "float glass",
+        "watercolour paper",
+    ] {
+        let made = made_surfaces().into_iter().find(|made| made.name == name).expect("a surface");
+        let (envelope, rubs) = met(&made, (512, 0.04));
+        // Friction takes at once what it is given and would hide what the rest loses: without it.
+        let slides = Contact { friction: 0.0, ..rubs };
+        let usual = (70.0, 1.0);
+        let (put_in, off) = balance(&envelope, slides, usual, STEPS);
+        let (_, finer) = balance(&envelope, slides, usual, 2 * STEPS);
+        let (_, rubbing) = balance(&envelope, rubs, usual, STEPS);
+        let (hard_in, hard) = balance(&envelope, slides, (250.0, 2.5), STEPS);
+        let what = format!(
+            "{name}: {put_in:.2e} J in, off by {off:.1e}, {finer:.1e} at half the step, {rubbing:.1e} with friction; \
+             fast and hard {hard_in:.2e} J, off by {hard:.1e}"
+        );
+        // The step is of first order: its error is a part of w dt, 0.05 where the contact rings at 300 Hz. It was found to be at
+        // most 0.2 % of what is put in, of fast and hard strokes 0.9 %, and to halve with the step: extrapolated to no
+        // step at all, nothing is left. Slips of friction within 2 mm/s add to it, but no more than as much again.
+        assert!(off.abs() < 0.003 * put_in && hard.abs() < 0.012 * hard_in, "{what}");
+        assert!(rubbing.abs() < 0.006 * put_in, "{what}");
+        // What glass takes is 3e-8 J: rounded heights of f32 show.
+        let left = if name == "float glass" { 2e-3 } else { 2e-4 };
+        assert!((2.0 * finer - off).abs() < left * put_in, "{what}");
     }
+}
+
+/// The most by which half the step changes a band of 100 Hz that is heard, in decibels.
+fn changed_by_half_the_step(surface: &(HeightField, Contact), motion: (f64, f64), force: f64) -> f64 {
+    let bands = |steps: u32| -> Vec<f64> {
+        let both = spectrum_of_both(&stroke(surface, motion, force, 2.0, steps));
+        both.chunks(10).map(|b| b.iter().sum()).collect()
+    };
+    let (coarse, fine) = (bands(STEPS), bands(2 * STEPS));
+    let loudest = coarse.iter().copied().fold(0.0, f64::max);
+    let heard = coarse.iter().zip(&fine).filter(|(band, _)| **band > 1e-3 * loudest);
+    heard.map(|(a, b)| 10.0 * (a / b).log10().abs()).fold(0.0, f64::max)
 }
 
 #[test]
 fn halving_the_step_changes_no_band_of_the_spectrum_by_half_a_decibel() {
     for made in made_surfaces() {
-        let surface = met(&made, (512, 0.04));
-        let bands = |steps: u32| -> Vec<f64> {
-            let both = spectrum_of_both(&stroke(&surface, (90.0, 0.2), 0.8, 2.0, steps));
-            both.chunks(10).map(|b| b.iter().sum()).collect()
+        let off = changed_by_half_the_step(&met(&made, (512, 0.04)), (90.0, 0.2), 0.8);
+        assert!(off < 0.5, "{}: {off:.2} dB", made.name);
+    }
+}
+
+#[test]
+fn halving_the_step_changes_fast_and_hard_strokes_no_more() {
+    for made in made_surfaces() {
+        // Where the tip jumps, and where all is quiet, it changes more.
+        let most = match made.name.as_str() {
+            "square grating 2 mm" | "narrow ridges 1.8 mm" | "sine grating 1 mm" | "float glass" => 0.25,
+            "sandpaper P36"
+            | "sandpaper P240"
+            | "canvas"
+            | "hessian"
+            | "upholstery foam"
+            | "filter foam 10 ppi"
+            | "seagrass"
+            | "cut pile"
+            | "brushed oak"
+            | "maple"
+            | "suitcase shell"
+            | "orange peel lacquer"
+            | "sand-blasted steel"
+            | "watercolour paper" => 0.1,
+            _ => continue,
         };
-        let (coarse, fine) = (bands(STEPS), bands(2 * STEPS));
-        let loudest = coarse.iter().copied().fold(0.0, f64::max);
-        let off: Vec<f64> = coarse.iter().zip(&fine).map(|(a, b)| 10.0 * (a / b).log10()).collect();
-        let heard = coarse.iter().map(|b| *b > 1e-3 * loudest);
-        assert!(
-            off.iter().zip(heard).all(|(db, heard)| !heard || db.abs() < 0.5),
-            "{}: {off:.2?} dB",
-            made.name
-        );
+        let off = changed_by_half_the_step(&met(&made, (512, 0.04)), (250.0, 0.2), 2.5);
+        assert!(off < most, "{}: {off:.2} dB", made.name);
     }
 }
 

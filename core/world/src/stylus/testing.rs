@@ -37,19 +37,30 @@ pub(super) fn stroke(
 }
 
 /// Mean square of the bins of 10 Hz from 10 to 1000 Hz, in (m/s^2)^2, of one axis: windows of Hann of 0.1 s, half a window apart.
-pub(super) fn spectrum(x: &[f64]) -> Vec<f64> {
-    let window: Vec<f64> = (0..1_000).map(|i| 0.5 - 0.5 * (TAU * i as f64 / 1_000.0).cos()).collect();
+fn spectrum(x: &[f64]) -> Vec<f64> {
+    windowed(x, 1_000)
+}
+
+/// The same in bins of 2 Hz, from 2 to 1000 Hz: windows of 0.5 s.
+pub(super) fn fine_spectrum(x: &[f64]) -> Vec<f64> {
+    windowed(x, 5_000)
+}
+
+/// Mean square of the bins up to 1000 Hz but the one at 0, of windows of Hann of so many samples, half a window apart.
+fn windowed(x: &[f64], samples: usize) -> Vec<f64> {
+    let window: Vec<f64> =
+        (0..samples).map(|i| 0.5 - 0.5 * (TAU * i as f64 / samples as f64).cos()).collect();
     let squares: f64 = window.iter().map(|w| w * w).sum();
-    let fft = RealFftPlanner::<f64>::new().plan_fft_forward(1_000);
-    let mut sums = vec![0.0; 100];
-    let frames: Vec<&[f64]> = x.windows(1_000).step_by(500).collect();
+    let fft = RealFftPlanner::<f64>::new().plan_fft_forward(samples);
+    let mut sums = vec![0.0; samples / 10];
+    let frames: Vec<&[f64]> = x.windows(samples).step_by(samples / 2).collect();
     for frame in &frames {
         let mut line: Vec<f64> = frame.iter().zip(&window).map(|(x, w)| x * w).collect();
         let mut bins = fft.make_output_vec();
         fft.process(&mut line, &mut bins).expect("lengths of the plan");
         sums.iter_mut().zip(&bins[1..]).for_each(|(sum, bin)| *sum += bin.norm_sqr());
     }
-    sums.iter().map(|sum| 2.0 * sum / (frames.len() as f64 * 1_000.0 * squares)).collect()
+    sums.iter().map(|sum| 2.0 * sum / (frames.len() as f64 * samples as f64 * squares)).collect()
 }
 
 /// The same of both axes together.

@@ -102,6 +102,7 @@ impl MadeSurface {
     }
 
     /// A patch of it on a grid. Another seed is another piece of the same: pitches differ by 1.5 %, heights by 4 %, root mean square.
+    /// That is less than what most neighbouring surfaces differ by: two of 104 pairs overlap in height, slope and wavelength.
     pub fn patch(&self, grid: Grid, seed: u64) -> HeightField {
         let random = &mut Random::new(seed ^ self.seed());
         match self.recipe.piece(random) {
