@@ -256,7 +256,7 @@ fn a_model_that_is_none_is_refused() {
         assert!(ran.err.contains(name) && !ran.err.contains("panicked"), "{}", ran.err);
         assert_eq!(files(dir.path()), [name]);
         // From a graph file, the place that names the model is shown.
-        let g = with("models/surfaces/texture.onnx", "MODEL");
+        let g = with("models/surfaces/texture_mean.onnx", "MODEL");
         let at = g.find("MODEL").unwrap();
         let quote = g[..at].rfind('"').unwrap();
         let g = format!("{}\"{name}\"{}", &g[..quote], &g[at + "MODEL\"".len()..]);

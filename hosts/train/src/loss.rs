@@ -54,19 +54,37 @@ impl Target {
         }
     }
 
-    /// The loss of answers \[n, 100\]: their squared error, whose least is at the mean; or `|y|^3 / 3 - m^2 y`, which is convex, and whose derivative,
-    /// `y |y| - m^2`, is 0 in the mean where y is the root mean square. Weights multiply magnitudes, and so count squared or to the third power.
-    pub(crate) fn loss(self, answer: Tensor<2>, target: Tensor<2>, weight: Tensor<2>) -> Tensor<1> {
-        let (answer, target) = (answer * weight.clone(), target * weight);
-        match self {
-            Self::Mean => (answer - target).powi_scalar(2).mean(),
-            Self::Rms => {
-                let size = answer.clone().abs();
-                (size.powi_scalar(3) / 3.0 - target.powi_scalar(2) * answer).mean()
+    /// The loss of answers `y` to magnitudes `m`, both \[n, 100\] and in parts of what `scale` says.
+    ///
+    /// Its derivative is `a(y) (y - m)` for the mean and `a(y) (y |y| - m^2)` for the root mean square, whatever `a(y) > 0` is, so that its least is there.
+    /// [`Aim::Euclidean`] has `a = 1`: half the squared error, and `|y|^3 / 3 - m^2 y`. [`Aim::Relative`] has `1 / (y + s)^2` and `1 / (y + s)^3`: for
+    /// `s = 0` that is the likelihood of an exponentially distributed magnitude and of a Gaussian signal (the Itakura-Saito distance), to which an
+    /// error in decibels is the same at any level, and an answer far too large pulls no harder than one that is a little too large. Below 0 it goes on as
+    /// it was at 0.
+    pub(crate) fn loss(self, aim: Aim, answer: Tensor<2>, target: Tensor<2>, weight: Tensor<2>) -> Tensor<1> {
+        const S: f32 = SOFT;
+        let (y, m) = (answer * weight.clone(), target * weight);
+        let all = match (self, aim) {
+            (Self::Mean, Aim::Euclidean) => (y - m).powi_scalar(2) / 2.0,
+            (Self::Rms, Aim::Euclidean) => y.clone().abs().powi_scalar(3) / 3.0 - m.powi_scalar(2) * y,
+            (Self::Mean, Aim::Relative) => {
+                let (u, below) = (y.clone().clamp_min(0.0) + S, y.clamp_max(0.0));
+                u.clone().log() + (m.clone() + S) / u - m * below / (S * S)
             }
-        }
+            (Self::Rms, Aim::Relative) => {
+                let (u, below) = (y.clone().clamp_min(0.0) + S, y.clamp_max(0.0));
+                let power = m.powi_scalar(2);
+                let square = u.clone().powi_scalar(2) * 2.0;
+                u.clone().log() + u.recip() * (2.0 * S) + (power.clone() - S * S) / square
+                    - power * below / (S * S * S)
+            }
+        };
+        all.mean()
     }
 }
+
+/// What is added to a relative answer before it is divided by: below this part of what such a touch comes to, decibels no longer count.
+const SOFT: f32 = 0.3;
 
 /// Upper edges of speed in mm/s and of force in N between which touches count as about the same.
 const SPEEDS_MM_S: [f32; 7] = [5.0, 15.0, 35.0, 70.0, 120.0, 180.0, f32::INFINITY];
@@ -125,8 +143,8 @@ impl Scales {
     }
 
     /// A weight a bin for an example.
-    pub(crate) fn weights(&self, example: &Example) -> &[f32; BINS] {
-        &self.cells[cell(example)]
+    pub(crate) fn weights(&self, example: &Example) -> [f32; BINS] {
+        self.cells[cell(example)]
     }
 }
 
@@ -136,18 +154,26 @@ mod tests {
     use burn::tensor::{Device, TensorData};
 
     /// The loss of one answer to magnitudes that are 1 and 3 by turns.
-    fn loss(target: Target, answer: f32) -> f32 {
+    fn loss(target: Target, aim: Aim, answer: f32) -> f32 {
         let device = Device::flex();
         let row = |x: Vec<f32>| -> Tensor<2> { Tensor::from_data(TensorData::new(x, [2, 1]), &device) };
-        target.loss(row(vec![answer; 2]), row(vec![1.0, 3.0]), row(vec![1.0; 2])).into_scalar::<f32>()
+        target.loss(aim, row(vec![answer; 2]), row(vec![1.0, 3.0]), row(vec![1.0; 2])).into_scalar::<f32>()
     }
 
     #[test]
     fn the_least_loss_is_at_the_mean_or_at_the_root_mean_square() {
         for (target, best) in [(Target::Mean, 2.0_f32), (Target::Rms, 5.0_f32.sqrt())] {
-            let least = loss(target, best);
-            for other in [-best, 0.0, 0.9 * best, 1.1 * best, 3.0 * best] {
-                assert!(loss(target, other) > least, "{target:?} {other}");
+            for aim in [Aim::Euclidean, Aim::Relative] {
+                let least = loss(target, aim, best);
+                for other in [-best, -0.01, 0.0, 0.01, 0.98 * best, 1.02 * best, 3.0 * best, 100.0 * best] {
+                    assert!(loss(target, aim, other) > least, "{target:?} {aim:?} {other}");
+                }
+                // no step at 0, and down towards what is right on both sides
+                let near = [-2e-3, -1e-3, 1e-3, 2e-3].map(|y| loss(target, aim, y));
+                assert!(
+                    near.is_sorted_by(|a, b| a > b) && near[1] - near[2] < 0.5,
+                    "{target:?} {aim:?} {near:?}"
+                );
             }
         }
     }

@@ -212,3 +212,67 @@ fn value(name: &str, shape: &[usize]) -> pb::ValueInfoProto {
         ..Default::default()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::encoder::{FEATURES, Head, ImageEncoder, PIXELS, Preset, features};
+    use crate::layer::numbers;
+    use crate::network::{Network, Scaling};
+    use asperity_network::{Choice, Encoder, Model, Precision};
+    use asperity_world::material::Random;
+    use asperity_world::tactile::Image;
+    use burn::tensor::{Device, Tensor, TensorData};
+
+    fn apart(a: &[f32], b: &[f32]) -> f32 {
+        let most = b.iter().fold(1e-6_f32, |most, x| most.max(x.abs()));
+        a.iter().zip(b).fold(0.0_f32, |far, (a, b)| far.max((a - b).abs())) / most
+    }
+
+    #[test]
+    fn a_written_encoder_answers_as_the_trained_one_at_both_sizes() {
+        let (device, random) = (Device::flex(), &mut Random::new(8));
+        let image = Image { size: IMAGE, pixels: (0..PIXELS).map(|_| random.below(256) as u8).collect() };
+        for preset in [Preset::Compact, Preset::Paper] {
+            let images = ImageEncoder::new(preset, random, &device);
+            let head = Head::texture(preset, random, &device);
+            let widths: Vec<usize> = head.weights(1.0).iter().map(|w| w.outputs).collect();
+            assert_eq!(widths, if preset == Preset::Paper { [4096, 512, 256] } else { [192, 512, 256] });
+            // what stage two brings features to is folded in
+            let scale = 0.7;
+            let looks: Vec<f32> =
+                features(&images, &[&image], &device).into_iter().map(|x| scale * x).collect();
+            let looks: Tensor<2> = Tensor::from_data(TensorData::new(looks, [1, FEATURES]), &device);
+            let trained = numbers(head.forward(looks));
+            let bytes = encoder(&images.kernels(), &head.weights(scale), &[]);
+            let written = Encoder::from_bytes(&bytes, "e.onnx").unwrap().encode(&image).unwrap();
+            assert!(apart(&written, &trained) < 1e-4, "{preset:?}: {}", apart(&written, &trained));
+        }
+    }
+
+    #[test]
+    fn a_written_network_answers_as_the_trained_one_and_tells_its_range() {
+        let (device, random) = (Device::flex(), &mut Random::new(9));
+        let reach = Reach { force_n: 6.0, speed_mm_s: 500.0 };
+        let scaling = Scaling::of(reach);
+        let trained = Network::new(random, &device);
+        let bytes = network(&trained.weights(scaling), reach, &[("settings", "{}".to_owned())]);
+        let written = Model::from_bytes(&bytes, "t.onnx").unwrap();
+        assert_eq!(written.trained().force_max_n.zip(written.trained().speed_max_mm_s), Some((6.0, 500.0)));
+        let force: [f32; HISTORY] = std::array::from_fn(|_| random.range(0.0, 6.0) as f32);
+        let speed: [f32; 2 * HISTORY] = std::array::from_fn(|_| random.range(-350.0, 350.0) as f32);
+        let vector: Vec<f32> = (0..VECTOR_LEN).map(|_| random.range(-1.0, 1.0) as f32).collect();
+        let row = |x: Vec<f32>| -> Tensor<2> {
+            let width = x.len();
+            Tensor::from_data(TensorData::new(x, [1, width]), &device)
+        };
+        let scaled_force = force.map(|f| scaling.force.0 * (f - scaling.force.1)).to_vec();
+        let scaled_speed = speed.map(|v| scaling.speed * v).to_vec();
+        let answer = trained.forward(row(scaled_force), row(scaled_speed), row(vector.clone()));
+        let answer: Vec<f32> = numbers(answer).into_iter().map(|m| m.max(0.0)).collect();
+        let mut out = [0.0; BINS];
+        let mut runner = written.runner(&[vector], Precision::F32, Choice::Auto).unwrap();
+        runner.run(0, &force, &speed, &mut out).unwrap();
+        assert!(answer.iter().any(|m| *m > 0.0) && apart(&out, &answer) < 1e-4, "{}", apart(&out, &answer));
+    }
+}

@@ -254,7 +254,7 @@ pub(crate) fn feel(
         let vectors = if looks.width == FEATURES { feeler.texture.forward(looks_of) } else { looks_of };
         let vectors = vectors.unsqueeze_dim::<3>(1).repeat_dim(1, each).reshape([count, VECTOR_LEN]);
         let answer = feeler.network.forward(tensor(t.force, count), tensor(t.speed, count), vectors);
-        target.loss(answer, tensor(t.target, count), tensor(t.weight, count))
+        target.loss(aim, answer, tensor(t.target, count), tensor(t.weight, count))
     };
     stage.descend(feeler, draw, loss, report)
 }
@@ -265,7 +265,7 @@ impl Touches {
         self.force.extend(example.force.map(|f| scale * (f - offset)));
         self.speed.extend(example.velocity.map(|v| speed * v));
         self.target.extend(example.magnitudes.map(|m| target.of(m, truth)));
-        self.weight.extend_from_slice(scales.weights(example));
+        self.weight.extend_from_slice(&scales.weights(example));
     }
 }
 
