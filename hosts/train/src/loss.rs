@@ -60,7 +60,7 @@ impl Target {
     /// [`Aim::Euclidean`] has `a = 1`: half the squared error, and `|y|^3 / 3 - m^2 y`. [`Aim::Relative`] has `1 / (y + s)^2` and `1 / (y + s)^3`: for
     /// `s = 0` that is the likelihood of an exponentially distributed magnitude and of a Gaussian signal (the Itakura-Saito distance), to which an
     /// error in decibels is the same at any level, and an answer far too large pulls no harder than one that is a little too large. Below 0 it goes on as
-    /// it was at 0.
+    /// it was at 0. Where nothing at all is to be felt it is `sqrt(1 + y^2)`, which goes on pulling as a likelihood would not.
     pub(crate) fn loss(self, aim: Aim, answer: Tensor<2>, target: Tensor<2>, weight: Tensor<2>) -> Tensor<1> {
         const S: f32 = SOFT;
         let (y, m) = (answer * weight.clone(), target * weight);
@@ -68,18 +68,38 @@ impl Target {
             (Self::Mean, Aim::Euclidean) => (y - m).powi_scalar(2) / 2.0,
             (Self::Rms, Aim::Euclidean) => y.clone().abs().powi_scalar(3) / 3.0 - m.powi_scalar(2) * y,
             (Self::Mean, Aim::Relative) => {
+                let silent = silence(&y, &m);
                 let (u, below) = (y.clone().clamp_min(0.0) + S, y.clamp_max(0.0));
-                u.clone().log() + (m.clone() + S) / u - m * below / (S * S)
+                silent.or(u.clone().log() + (m.clone() + S) / u - m * below / (S * S))
             }
             (Self::Rms, Aim::Relative) => {
+                let silent = silence(&y, &m);
                 let (u, below) = (y.clone().clamp_min(0.0) + S, y.clamp_max(0.0));
                 let power = m.powi_scalar(2);
                 let square = u.clone().powi_scalar(2) * 2.0;
-                u.clone().log() + u.recip() * (2.0 * S) + (power.clone() - S * S) / square
-                    - power * below / (S * S * S)
+                silent.or(u.clone().log() + u.recip() * (2.0 * S) + (power.clone() - S * S) / square
+                    - power * below / (S * S * S))
             }
         };
         all.mean()
+    }
+}
+
+/// The loss where nothing is to be felt.
+struct Silence {
+    /// 1 there, and 0 elsewhere.
+    there: Tensor<2>,
+    loss: Tensor<2>,
+}
+
+fn silence(y: &Tensor<2>, m: &Tensor<2>) -> Silence {
+    let loss = (y.clone().clamp_min(0.0).powi_scalar(2) + 1.0).sqrt();
+    Silence { there: m.clone().equal_scalar(0.0).float(), loss }
+}
+
+impl Silence {
+    fn or(self, felt: Tensor<2>) -> Tensor<2> {
+        felt.clone() + self.there * (self.loss - felt)
     }
 }
 
