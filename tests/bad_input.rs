@@ -201,7 +201,7 @@ fn a_missing_file_names_its_neighbour() {
 
 #[test]
 fn an_unknown_material_names_the_nearest() {
-    refused(&with("\"hessian\"", "\"hessia\""), Some("\"hessia\""), &["did you mean `hessian`?"]);
+    refused(&with("\"canvas\"", "\"canvs\""), Some("\"canvs\""), &["did you mean `canvas`?"]);
 }
 
 #[test]

@@ -179,7 +179,7 @@ fn a_control_picks_among_preloaded_materials() {
     let dir = tempfile::tempdir().unwrap();
     // The depth picks: 0.2 mm rounds to the first, 1.2 mm to the second, and 9 mm is held to the last.
     let graph = common::shipped_graph()
-        .replace("material: \"hessian\",", "material: \"hessian\", materials: [\"oak\"],")
+        .replace("material: \"canvas\",", "material: \"canvas\", materials: [\"oak\"],")
         .replace(
             "\"phase\": (kind: \"spsi\"),",
             "\"phase\": (kind: \"spsi\"), \"pick\": (kind: \"gain\", params: (unit: \"1\")),",
@@ -190,7 +190,7 @@ fn a_control_picks_among_preloaded_materials() {
         );
     std::fs::write(dir.path().join("pick.ron"), graph).unwrap();
     std::fs::write(dir.path().join("plain.ron"), common::shipped_graph()).unwrap();
-    for (depth, material) in [(0.2, "hessian"), (1.2, "oak"), (9.0, "oak")] {
+    for (depth, material) in [(0.2, "canvas"), (1.2, "oak"), (9.0, "oak")] {
         let trajectory = csv(0.5, |t| [100.0 * t, 0.0, -depth]);
         std::fs::write(dir.path().join("t.csv"), trajectory).unwrap();
         run(dir.path(), &["render", "pick.ron", "--input", "t.csv", "--out", "a.wav"]).ok();

@@ -31,7 +31,7 @@ fn subject(kind: &Arc<dyn NodeKind>) -> Subject<'static> {
         "texture_network" => subject
             .set("model", file("models/surfaces/texture.onnx"))
             .set("library", file("models/surfaces/materials.ron"))
-            .set("material", "hessian"),
+            .set("material", "canvas"),
         "file_out" => subject.set("file", "unused.wav"),
         _ => subject,
     }

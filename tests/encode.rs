@@ -255,7 +255,7 @@ fn materials_are_listed_with_their_pictures_and_what_is_missing() {
     );
     // Without a name it is the shipped one, from the top of the project.
     let ran = run(&common::root(), &["materials"]).ok();
-    assert!(ran.out.contains("hessian"), "{}", ran.out);
+    assert!(ran.out.contains("canvas"), "{}", ran.out);
     let ran = run(dir.path(), &["materials"]);
     assert!(ran.code == 2 && ran.err.contains("--library names this file"), "{}", ran.err);
 }

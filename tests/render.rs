@@ -70,7 +70,7 @@ fn one_command_makes_wav_plot_and_report() {
     assert!(peak > 0.01, "a texture must be there: {peak}");
     assert!(rms(&samples) < 0.1478, "the coil's rating");
     let svg = std::fs::read_to_string(dir.path().join("p.svg")).unwrap();
-    for panel in ["Position", "Speed", "Normal force", "Acceleration", "Coil current", "hessian"] {
+    for panel in ["Position", "Speed", "Normal force", "Acceleration", "Coil current", "canvas"] {
         assert!(svg.contains(panel), "no {panel} in the plot");
     }
 }

@@ -114,7 +114,7 @@ fn required(kind: &str) -> Vec<(&'static str, String)> {
         "texture_network" => vec![
             ("model", file("models/surfaces/texture.onnx")),
             ("library", file("models/surfaces/materials.ron")),
-            ("material", "hessian".to_owned()),
+            ("material", "canvas".to_owned()),
         ],
         "file_out" => vec![("file", "unused.wav".to_owned())],
         "osc_input" => vec![("arguments", "x_mm, y_mm, z_mm, force_n".to_owned())],

@@ -338,8 +338,8 @@ pub fn layout() -> Layout {
         ],
         materials: vec![Materials {
             node: "texture".into(),
-            chosen: "hessian".into(),
-            names: ["hessian", "fine weave", "felt", "sandpaper 120", "ribbed glass"]
+            chosen: "canvas".into(),
+            names: ["canvas", "fine weave", "felt", "sandpaper 120", "ribbed glass"]
                 .map(str::to_owned)
                 .into(),
         }],

@@ -48,8 +48,8 @@ pub(crate) fn layout() -> Layout {
         ],
         materials: vec![Materials {
             node: text("texture"),
-            chosen: text("hessian"),
-            names: ["sandpaper P40", "hessian", "oak", "denim", "felt", "sandpaper 100"].map(text).to_vec(),
+            chosen: text("canvas"),
+            names: ["sandpaper P40", "canvas", "oak", "denim", "felt", "sandpaper 100"].map(text).to_vec(),
         }],
         ..Layout::default()
     }

@@ -73,7 +73,7 @@ fn a_small_terminal_shows_the_run_and_one_pane_at_a_time() {
         &["speed peak", "force peak", "acceleration peak", "current peak"],
     );
     board.tab = Tab::Parameters;
-    assert_shows(&text(&mut board, (80, 24)), &["> floor.stiffness", "0.5000", "0 .. 2 N/mm", "hessian"]);
+    assert_shows(&text(&mut board, (80, 24)), &["> floor.stiffness", "0.5000", "0 .. 2 N/mm", "canvas"]);
     assert_shows(&text(&mut board, (80, 24)), &all);
 }
 
@@ -83,7 +83,7 @@ fn a_large_terminal_shows_everything_at_once() {
         let shown = text(&mut playing(), size);
         let wanted = ["timing", "latency", "sources", "nodes 12", "parameters 1 of 7", "materials", "scopes"];
         assert_shows(&shown, &wanted);
-        assert_shows(&shown, &["speed peak", "current peak", "card", "guard.slew", "hessian", "? help"]);
+        assert_shows(&shown, &["speed peak", "current peak", "card", "guard.slew", "canvas", "? help"]);
     }
     assert_shows(
         &text(&mut playing(), (200, 60)),
