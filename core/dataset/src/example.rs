@@ -53,6 +53,9 @@ impl<T> Default for Parts<T> {
     }
 }
 
+/// A picture's file, and what was done to it or is wrong with it.
+pub type Note = (PathBuf, String);
+
 /// A material: how it looks to a tactile sensor and how it feels.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Subject {
@@ -68,6 +71,6 @@ pub struct Subject {
     pub examples: Parts<Example>,
     /// What the examples' magnitudes are.
     pub truth: Truth,
-    /// What was done to pictures that were read, or is wrong with them: a picture's file and a note, in order.
-    pub notes: Vec<(PathBuf, String)>,
+    /// What was done to pictures that were read, or is wrong with them, in order.
+    pub notes: Vec<Note>,
 }

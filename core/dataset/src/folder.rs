@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use asperity_source::Diagnostic;
 use asperity_world::tactile::{self, Image};
 
-use crate::example::Parts;
+use crate::example::{Note, Parts};
 
 /// How deep folders are looked into.
 const MAX_DEPTH: usize = 8;
@@ -63,7 +63,7 @@ pub(crate) fn is_picture(path: &Path) -> bool {
 }
 
 /// Reads pictures, and what is to be said of them. Of two or more the last fifth, one at least, is held apart.
-pub(crate) fn pictures(paths: &[PathBuf]) -> Result<(Parts<Image>, Vec<(PathBuf, String)>), Diagnostic> {
+pub(crate) fn pictures(paths: &[PathBuf]) -> Result<(Parts<Image>, Vec<Note>), Diagnostic> {
     let mut notes = Vec::new();
     let mut read = |paths: &[PathBuf]| -> Result<Vec<Image>, Diagnostic> {
         let one = |path: &PathBuf| {

@@ -13,6 +13,6 @@ mod history;
 pub mod made;
 pub mod recordings;
 
-pub use example::{Example, Expectation, Parts, Subject, Truth};
+pub use example::{Example, Expectation, Note, Parts, Subject, Truth};
 pub use frames::Spectrometer;
 pub use history::{HISTORY, Histories, History, MAX_FORCE_N, MAX_SPEED_MM_S, RATE_HZ, Recorder};
