@@ -310,7 +310,7 @@ fn belongs(run: &Path, settings: &Settings) -> Result<(), Diagnostic> {
             match files.find(|file| file.path().extension().is_some_and(|e| e == "checkpoint")) {
                 None => Ok(()),
                 Some(file) => Err(Diagnostic::new("a checkpoint of unknown settings")
-                    .in_file(&file.path())
+                    .in_file(file.path())
                     .help("its run's settings.json is gone: name another --run folder, or remove this one")),
             }
         }
