@@ -54,7 +54,7 @@ impl Target {
         }
     }
 
-    /// The loss of answers `y` to magnitudes `m`, both \[n, 100\] and in parts of what `scale` says.
+    /// The loss of answers `y` to magnitudes `m`, both \[n, 100\], each times its `weight`.
     ///
     /// Its derivative is `a(y) (y - m)` for the mean and `a(y) (y |y| - m^2)` for the root mean square, whatever `a(y) > 0` is, so that its least is there.
     /// [`Aim::Euclidean`] has `a = 1`: half the squared error, and `|y|^3 / 3 - m^2 y`. [`Aim::Relative`] has `1 / (y + s)^2` and `1 / (y + s)^3`: for
@@ -163,8 +163,8 @@ impl Scales {
     }
 
     /// A weight a bin for an example.
-    pub(crate) fn weights(&self, example: &Example) -> [f32; BINS] {
-        self.cells[cell(example)]
+    pub(crate) fn weights(&self, example: &Example) -> &[f32; BINS] {
+        &self.cells[cell(example)]
     }
 }
 

@@ -38,6 +38,9 @@ impl Namer {
     /// The classes that it takes images for.
     pub(crate) fn names<'a>(&self, images: impl Iterator<Item = &'a Image>, device: &Device) -> Vec<usize> {
         let images: Vec<&Image> = images.collect();
+        if images.is_empty() {
+            return Vec::new();
+        }
         let features = features(&self.encoder, &images, device);
         let features = TensorData::new(features, [images.len(), FEATURES]);
         let scores = self.classifier.forward(Tensor::from_data(features, device));
@@ -265,7 +268,7 @@ impl Touches {
         self.force.extend(example.force.map(|f| scale * (f - offset)));
         self.speed.extend(example.velocity.map(|v| speed * v));
         self.target.extend(example.magnitudes.map(|m| target.of(m, truth)));
-        self.weight.extend_from_slice(&scales.weights(example));
+        self.weight.extend_from_slice(scales.weights(example));
     }
 }
 
