@@ -38,9 +38,6 @@ impl Namer {
     /// The classes that it takes images for.
     pub(crate) fn names<'a>(&self, images: impl Iterator<Item = &'a Image>, device: &Device) -> Vec<usize> {
         let images: Vec<&Image> = images.collect();
-        if images.is_empty() {
-            return Vec::new();
-        }
         let features = features(&self.encoder, &images, device);
         let features = TensorData::new(features, [images.len(), FEATURES]);
         let scores = self.classifier.forward(Tensor::from_data(features, device));

@@ -60,9 +60,6 @@ impl Statistics {
 
     /// The classes it takes images for.
     pub(super) fn names(&self, images: &[(usize, &Image)]) -> Vec<usize> {
-        if images.is_empty() {
-            return Vec::new();
-        }
         let scores = self.layer.forward(self.scaled(&of(images), &Device::flex()));
         let [_, classes] = scores.dims();
         let largest = |row: &[f32]| (0..classes).max_by(|a, b| row[*a].total_cmp(&row[*b])).unwrap_or(0);
