@@ -87,6 +87,12 @@ pub(crate) struct Settings {
     /// Largest learning rate of stage two.
     #[arg(long, default_value_t = 1e-3, value_parser = rate)]
     pub feeling_rate: f64,
+    /// Steps in which the network then settles on vectors that no longer change, for each target.
+    #[arg(long, default_value_t = 40_000, value_parser = value_parser!(u32).range(1..=100_000_000))]
+    pub settling_steps: u32,
+    /// Of stage two: weight of naming the material, and of telling the family of surfaces that are not known, beside vibration. The paper has none.
+    #[arg(long, default_value_t = 0.2, value_parser = weight)]
+    pub naming_weight: f64,
     /// Of data that are read: how many materials are held apart whole, drawn by the seed.
     #[arg(long, default_value_t = 0)]
     pub unseen: u32,
@@ -94,14 +100,14 @@ pub(crate) struct Settings {
     #[arg(long, default_value_t = 1, value_parser = value_parser!(u32).range(1..=16))]
     pub every: u32,
     /// Of made data: pieces of each surface to train on.
-    #[arg(long, default_value_t = 8, value_parser = value_parser!(u32).range(1..=1000))]
+    #[arg(long, default_value_t = 12, value_parser = value_parser!(u32).range(1..=1000))]
     pub pieces: u32,
 }
 
-impl Settings {
-    /// Steps in which the network settles on vectors, for each target.
-    pub(crate) fn settling_steps(&self) -> u32 {
-        self.feeling_steps.div_ceil(3)
+fn weight(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(x) if (0.0..=100.0).contains(&x) => Ok(x),
+        _ => Err("a number from 0 to 100".to_owned()),
     }
 }
 

@@ -87,7 +87,7 @@ then {settling} for each target. Everything below is written by `asperity-train 
         batch = settings.naming_batch,
         feeling = settings.feeling_steps,
         touching = settings.feeling_groups * settings.feeling_each,
-        settling = settings.settling_steps(),
+        settling = settings.settling_steps,
     )
 }
 

@@ -10,7 +10,7 @@ use burn::tensor::{Device, Tensor, TensorData};
 
 use serde::{Deserialize, Serialize};
 
-use crate::layer::{Layer, Weights, initial, layers, numbers, relu_between};
+use crate::layer::{Layer, Weights, all_relu, initial, layers, numbers, relu_between};
 
 /// Numbers that the image encoder makes of an image: 256 channels of 5 x 7.
 pub(crate) const FEATURES: usize = 256 * 5 * 7;
@@ -145,19 +145,40 @@ pub(crate) struct Head {
 impl Head {
     /// The classifier of stage one.
     pub(crate) fn classifier(preset: Preset, classes: usize, random: &mut Random, device: &Device) -> Self {
-        // begin undecided
-        Self::new(preset, classes, 0.1, random, device)
-    }
-
-    /// The texture encoder.
-    pub(crate) fn texture(preset: Preset, random: &mut Random, device: &Device) -> Self {
-        Self::new(preset, VECTOR_LEN, 1.0, random, device)
-    }
-
-    fn new(preset: Preset, outputs: usize, gain: f64, random: &mut Random, device: &Device) -> Self {
         let [first, second] = preset.hidden();
         let mut layers = layers(&[FEATURES, first, second], random, device);
-        layers.push(Layer::new(second, outputs, gain, random, device));
+        // begin undecided
+        layers.push(Layer::new(second, classes, 0.1, random, device));
+        Self { layers }
+    }
+
+    /// The texture encoder, for features that were multiplied by `scale`: up to its last layer it begins as the classifier, and its vectors as numbers
+    /// of about 1 for the `features` \[n, 8960\] of each list.
+    pub(crate) fn texture(
+        classifier: &Self,
+        (features, scale): (&[Vec<f32>], f32),
+        random: &mut Random,
+        device: &Device,
+    ) -> Self {
+        let mut weights: Vec<Weights> = classifier.layers.iter().map(Layer::weights).collect();
+        weights.pop();
+        if let Some(first) = weights.first_mut() {
+            first.fold(|_| (scale.recip(), 0.0), FEATURES);
+        }
+        let hidden: Vec<Layer> = weights.iter().map(|w| Layer::of(w, device)).collect();
+        let plain: Vec<Layer> = weights.iter().map(|w| Layer::of(w, &Device::flex())).collect();
+        let squares = |features: &Vec<f32>| {
+            let features = TensorData::new(features.clone(), [features.len() / FEATURES, FEATURES]);
+            let answers = numbers(all_relu(&plain, Tensor::from_data(features, &Device::flex())));
+            let mean =
+                answers.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>() / answers.len().max(1) as f64;
+            mean
+        };
+        let mean_square = features.iter().map(squares).sum::<f64>() / features.len().max(1) as f64;
+        let gain = if mean_square > 0.0 { (2.0 * mean_square).sqrt().recip() } else { 1.0 };
+        let width = weights.last().map_or(FEATURES, |w| w.outputs);
+        let mut layers = hidden;
+        layers.push(Layer::new(width, VECTOR_LEN, gain, random, device));
         Self { layers }
     }
 

@@ -48,6 +48,17 @@ impl Layer {
         }
     }
 
+    /// One of these numbers, to be trained on.
+    pub(crate) fn of(weights: &Weights, device: &Device) -> Self {
+        let Weights { inputs, outputs, weight, bias } = weights;
+        let weight = TensorData::new(weight.clone(), [*inputs, *outputs]);
+        let bias = TensorData::new(bias.clone(), [*outputs]);
+        Self {
+            weight: Param::from_tensor(Tensor::from_data(weight, device)),
+            bias: Param::from_tensor(Tensor::from_data(bias, device)),
+        }
+    }
+
     /// `x W + b` of \[n, in\].
     pub(crate) fn forward(&self, x: Tensor<2>) -> Tensor<2> {
         x.matmul(self.weight.val()) + self.bias.val().unsqueeze()

@@ -21,13 +21,12 @@ use crate::arguments::{Evaluate, Settings, Train};
 use crate::card::Sizes;
 use crate::data::{self, Data};
 use crate::descent::{self, Losses, Stage};
-use crate::encoder::{FEATURES, ImageEncoder, features};
 use crate::evaluation::{self, Network, Written};
 use crate::failure::Failure;
 use crate::files::write_whole;
-use crate::network::Scaling;
+use crate::network::{self, Scaling};
 use crate::progress::Teller;
-use crate::stages::{self, Feeler, Looks, Namer, Touching, mean_vector, vectors};
+use crate::stages::{self, Kin, Learner, Looks, Namer, Naming, Touching, mean_vector, vectors};
 use crate::{card, onnx};
 
 /// Trains a model and writes it.
@@ -61,21 +60,21 @@ pub(crate) fn train(train: &Train) -> Result<(), Failure> {
         stop: &stop,
     };
 
+    let kin = Kin::of(data.seen.iter().map(|s| s.family.as_deref()));
+    let kin = kin.as_ref();
     let naming = stage("naming", settings.naming_steps, settings.naming_rate);
     let mut teller = Teller::new("naming", naming.steps);
     let namer = Namer::new(settings.preset, data.seen.len(), settings.seed, &device);
-    let batch = (settings.naming_batch as usize, settings.seed);
+    let naming_of = Naming { batch: settings.naming_batch as usize, seed: settings.seed, kin };
     let (namer, naming_losses) =
-        stages::name(&naming, namer, &data.seen, batch, &device, |p| teller.progress(p))?;
+        stages::name(&naming, namer, &data.seen, naming_of, &device, |p| teller.progress(p))?;
 
     let plain = Device::flex();
     let namer = namer.valid();
     if let Some(part) = namer.named_rightly(&data.seen, &plain) {
         eprintln!("naming: {:.1} % of held-out images are named rightly", 100.0 * part);
     }
-    let encoder = namer.encoder;
-    let mut looks = seen_features(&encoder, &data.seen, &plain);
-    let scale = stages::to_unit(&mut looks);
+    let looks = Looks::of(&namer.encoder, &data.seen, (kin, settings.seed), &plain);
     let feeling = stage("feeling", settings.feeling_steps, settings.feeling_rate);
     let mut teller = Teller::new("feeling", feeling.steps);
     let touching = Touching {
@@ -86,29 +85,27 @@ pub(crate) fn train(train: &Train) -> Result<(), Failure> {
         aim: settings.error,
         scaling: Scaling::of(data.reach),
     };
-    let feeler = Feeler::new(settings.preset, settings.seed, &device);
-    let images = Looks { numbers: &looks, width: FEATURES };
-    let feel = |stage: &Stage<'_>, feeler, looks: &Looks<'_>, touching, teller: &mut Teller| {
-        stages::feel(stage, feeler, &data.seen, looks, touching, &device, |p| teller.progress(p))
-    };
-    let (feeler, feeling_losses) = feel(&feeling, feeler, &images, touching, &mut teller)?;
+    let learner = Learner::new(&namer.classifier, &looks, settings.seed, &device);
+    let beside = (&looks, kin, settings.naming_weight);
+    let (learner, feeling_losses) =
+        stages::feel(&feeling, learner, &data.seen, beside, touching, &device, |p| teller.progress(p))?;
 
     // The texture encoder is done: what is left is learned from vectors, half of the time the ones that will be stored.
-    let texture = feeler.texture.valid();
-    let vectors: Vec<Vec<f32>> = looks.iter().map(|features| vectors(&texture, features, &plain)).collect();
+    let texture = learner.feeler.texture.valid();
+    let vectors: Vec<Vec<f32>> =
+        looks.seen.iter().map(|features| vectors(&texture, features, &plain)).collect();
     let stored: Vec<[f32; VECTOR_LEN]> = vectors.iter().map(|v| mean_vector(v)).collect();
     let both: Vec<Vec<f32>> = vectors
         .iter()
         .zip(&stored)
         .map(|(images, mean)| [images.clone(), mean.repeat(images.len() / VECTOR_LEN)].concat())
         .collect();
-    let both = Looks { numbers: &both, width: VECTOR_LEN };
     let settle = |name, target| {
-        let settling = stage(name, settings.settling_steps(), 0.3 * settings.feeling_rate);
+        let settling = stage(name, settings.settling_steps, 0.5 * settings.feeling_rate);
         let mut teller = Teller::new(name, settling.steps);
-        // other touches than those of the stage before
-        let touching = Touching { target, seed: settings.seed ^ 0x5e77, ..touching };
-        feel(&settling, feeler.clone(), &both, touching, &mut teller)
+        let touching = Touching { target, ..touching };
+        let network = learner.feeler.network.clone();
+        stages::settle(&settling, network, &data.seen, &both, touching, &device, |p| teller.progress(p))
     };
     let (settled, settling_losses) = settle("settling", settings.target)?;
     let other = settings.target.other();
@@ -116,11 +113,11 @@ pub(crate) fn train(train: &Train) -> Result<(), Failure> {
 
     let about = [("settings", about(settings))];
     let network =
-        |feeler: &Feeler| onnx::network(&feeler.network.weights(touching.scaling), data.reach, &about);
+        |network: &network::Network| onnx::network(&network.weights(touching.scaling), data.reach, &about);
     let out = |name: &str| train.out.join(name);
     write_whole(
         &out("encoder.onnx"),
-        &onnx::encoder(&encoder.kernels(), &feeler.texture.weights(scale), &about),
+        &onnx::encoder(&namer.encoder.kernels(), &texture.weights(looks.scale), &about),
     )?;
     write_whole(&out("texture.onnx"), &network(&settled))?;
     let name = format!("texture_{}.onnx", other.name());
@@ -271,18 +268,6 @@ fn curves(stages: &[(&str, Losses)]) -> Curves {
         subtitle: "mean loss since the last report, by step".to_owned(),
         curves: stages.iter().map(curve).collect(),
     }
-}
-
-/// Features of each subject's training images.
-fn seen_features(encoder: &ImageEncoder, subjects: &[Subject], device: &Device) -> Vec<Vec<f32>> {
-    let mut teller = Teller::new("features", subjects.len());
-    let of = |(n, s): (usize, &Subject)| {
-        let images: Vec<&Image> = s.images.train.iter().collect();
-        let features = features(encoder, &images, device);
-        teller.tell(n + 1, "subjects");
-        features
-    };
-    subjects.iter().enumerate().map(of).collect()
 }
 
 /// The folder of checkpoints beside a model's.

@@ -45,9 +45,9 @@ pub struct Settings {
 }
 
 impl Default for Settings {
-    /// 96 images and 160 s of strokes to train on, 24 images and 40 s to judge by.
+    /// 96 images and 180 s of strokes to train on, 32 images and 60 s to judge by.
     fn default() -> Self {
-        Self { seed: 1, pieces: [8, 2], images: 12, strokes: 4, stroke_s: 5.0 }
+        Self { seed: 1, pieces: [12, 4], images: 8, strokes: 3, stroke_s: 5.0 }
     }
 }
 
@@ -79,9 +79,10 @@ fn subject(surface: &MadeSurface, settings: &Settings) -> Result<Subject, Diagno
         } else {
             (&mut images.held, &mut examples.held)
         };
-        images::add(&piece, settings.images, &mut Random::new(seed ^ 0x5eed), to_images);
-        // no two surfaces are stroked alike
-        let random = &mut Random::new(seed ^ surface.seed() ^ 0x5704);
+        // no two surfaces are pressed or stroked alike
+        let own = |salt: u64| Random::new(seed ^ surface.seed() ^ salt);
+        images::add(&piece, settings.images, &mut own(0x5eed), to_images);
+        let random = &mut own(0x5704);
         strokes::add(surface, &piece, settings, random, to_examples)?;
     }
     Ok(Subject {

@@ -101,27 +101,32 @@ impl MadeSurface {
         self.name.bytes().fold(0, |h, b| (h ^ u64::from(b)).wrapping_mul(0x0100_0000_01b3))
     }
 
-    /// A patch of it on a grid. Another seed is another piece of the same: pitches differ by 1.5 %, heights by 4 %, root mean square.
-    /// That is less than what most neighbouring surfaces differ by: two of 104 pairs overlap in height, slope and wavelength.
+    /// A patch of it on a grid. Another seed is another piece of the same: pitches differ by 3 %, heights by 8 %, root mean square, so that
+    /// neighbours in a family overlap.
     pub fn patch(&self, grid: Grid, seed: u64) -> HeightField {
         let random = &mut Random::new(seed ^ self.seed());
-        match self.recipe.piece(random) {
-            Recipe::Sandpaper(grain_mm) => sandpaper(grid, grain_mm, random),
-            Recipe::Weave(of) => weave(grid, &of, random),
-            Recipe::Grating(of) => grating(grid, &of, random),
-            Recipe::Foam(of) => foam(grid, &of, random),
-            Recipe::Carpet(of) => carpet(grid, &of, random),
-            Recipe::Wood(of) => wood(grid, &of, random),
-            Recipe::Pebbled(of) => pebbled(grid, &of, random),
-            Recipe::Sheet(of) => sheet(grid, &of, random),
-        }
+        self.recipe.piece(random).patch(grid, random)
     }
 }
 
 /// Spreads of lengths and of heights from piece to piece.
-const SPREAD: [f64; 2] = [0.015, 0.04];
+const SPREAD: [f64; 2] = [0.03, 0.08];
 
 impl Recipe {
+    /// A patch of just this.
+    pub(super) fn patch(&self, grid: Grid, random: &mut Random) -> HeightField {
+        match self {
+            Self::Sandpaper(grain_mm) => sandpaper(grid, *grain_mm, random),
+            Self::Weave(of) => weave(grid, of, random),
+            Self::Grating(of) => grating(grid, of, random),
+            Self::Foam(of) => foam(grid, of, random),
+            Self::Carpet(of) => carpet(grid, of, random),
+            Self::Wood(of) => wood(grid, of, random),
+            Self::Pebbled(of) => pebbled(grid, of, random),
+            Self::Sheet(of) => sheet(grid, of, random),
+        }
+    }
+
     /// The same as one piece of it is: no two are quite alike.
     fn piece(self, random: &mut Random) -> Self {
         let [long, high] = SPREAD.map(|s| 1.0 + s * random.normal().clamp(-2.5, 2.5));

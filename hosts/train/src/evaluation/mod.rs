@@ -71,7 +71,7 @@ pub(crate) struct Level {
 /// Strokes that are judged by; and how many places of each piece.
 const STROKES: usize = 6;
 const STROKE_S: f64 = 3.0;
-const PLACES: usize = 16;
+const PLACES: usize = 8;
 
 /// What is known of a subject that is judged.
 struct Known {

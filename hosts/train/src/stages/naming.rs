@@ -1,0 +1,126 @@
+//! Stage one: image encoder and classifier.
+
+use asperity_dataset::Subject;
+use asperity_world::tactile::{IMAGE, Image};
+use burn::module::Module;
+use burn::tensor::{Device, Tensor, TensorData};
+
+use super::kin::{Kin, naming_loss};
+use super::random;
+use super::sight::{SHIFT, dropout, shifted, strange};
+use crate::descent::{Losses, Progress, Stage};
+use crate::encoder::{FEATURES, Head, ImageEncoder, PIXELS, Preset, features, planes};
+use crate::failure::Failure;
+
+/// Image encoder and classifier.
+#[derive(Module, Debug)]
+pub(crate) struct Namer {
+    pub(crate) encoder: ImageEncoder,
+    pub(crate) classifier: Head,
+}
+
+impl Namer {
+    /// One to be trained to tell `classes`.
+    pub(crate) fn new(preset: Preset, classes: usize, seed: u64, device: &Device) -> Self {
+        let random = &mut random(seed, 1, usize::MAX);
+        let encoder = ImageEncoder::new(preset, random, device);
+        Self { encoder, classifier: Head::classifier(preset, classes, random, device) }
+    }
+
+    /// The classes that it takes images for.
+    pub(crate) fn names<'a>(&self, images: impl Iterator<Item = &'a Image>, device: &Device) -> Vec<usize> {
+        let images: Vec<&Image> = images.collect();
+        let features = features(&self.encoder, &images, device);
+        let features = TensorData::new(features, [images.len(), FEATURES]);
+        let scores = self.classifier.forward(Tensor::from_data(features, device));
+        scores.argmax(1).into_data().iter::<i64>().map(|class| class as usize).collect()
+    }
+
+    /// Part of held-out images that are named rightly, if there are any.
+    pub(crate) fn named_rightly(&self, subjects: &[Subject], device: &Device) -> Option<f64> {
+        let right = |(class, subject): (usize, &Subject)| {
+            let names = self.names(subject.images.held.iter(), device);
+            names.into_iter().filter(|named| *named == class).count()
+        };
+        let count: usize = subjects.iter().map(|s| s.images.held.len()).sum();
+        (count > 0).then(|| subjects.iter().enumerate().map(right).sum::<usize>() as f64 / count as f64)
+    }
+}
+
+/// Settings of stage one.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Naming<'a> {
+    /// Images a step that are to be named.
+    pub batch: usize,
+    /// Seed of the images drawn.
+    pub seed: u64,
+    /// Families, where they are known: a quarter as many images are then made [strange], and only their families are to be told.
+    pub kin: Option<&'a Kin>,
+}
+
+/// Stage one: trains a [`Namer`] to name the subjects by their images, and to tell the families of images that are [strange].
+///
+/// # Errors
+/// As [`Stage::descend`].
+pub(crate) fn name(
+    stage: &Stage<'_>,
+    namer: Namer,
+    subjects: &[Subject],
+    settings: Naming<'_>,
+    device: &Device,
+    report: impl FnMut(&Progress),
+) -> Result<(Namer, Losses), Failure> {
+    let Naming { batch, seed, kin } = settings;
+    let all = batch + kin.map_or(0, |_| batch.div_ceil(4));
+    let images: Vec<(usize, &Image)> = subjects
+        .iter()
+        .enumerate()
+        .flat_map(|(class, s)| s.images.train.iter().map(move |image| (class, image)))
+        .collect();
+    let draw = |step: usize| {
+        let random = &mut random(seed, 1, step);
+        let mut sight = Sight {
+            pixels: Vec::with_capacity(all * PIXELS),
+            classes: Vec::with_capacity(all),
+            kept: dropout(all, random),
+        };
+        for number in 0..all {
+            let (class, image) = images[random.below(images.len())];
+            let light = random.range(0.9, 1.1);
+            let by = SHIFT.map(|most| random.below(2 * most + 1) as isize - most as isize);
+            let mut image = shifted(image, by);
+            if number >= batch {
+                image = strange(&image, random);
+            }
+            planes(&image, [0; 3].map(|_| (light * random.range(0.95, 1.05)) as f32), &mut sight.pixels);
+            sight.classes.push(class);
+        }
+        sight
+    };
+    let loss = |namer: &Namer, sight: Sight| {
+        let pixels = TensorData::new(sight.pixels, [all, 3, IMAGE[0], IMAGE[1]]);
+        let kept: Tensor<2> = Tensor::from_data(TensorData::new(sight.kept, [all, FEATURES]), device);
+        let features = namer.encoder.forward(Tensor::from_data(pixels, device)) * kept;
+        let scores = namer.classifier.forward(features);
+        let (named, strange) = sight.classes.split_at(batch);
+        let loss = naming_loss(scores.clone().narrow(0, 0, batch), named, device);
+        match kin {
+            Some(kin) => {
+                loss + kin.loss(scores.narrow(0, batch, all - batch), strange, device) * STRANGE_WEIGHT
+            }
+            None => loss,
+        }
+    };
+    stage.descend(namer, draw, loss, report)
+}
+
+/// Weight of a strange image's family beside an image's name.
+pub(super) const STRANGE_WEIGHT: f32 = 0.5;
+
+/// Images of one batch.
+struct Sight {
+    pixels: Vec<f32>,
+    classes: Vec<usize>,
+    /// What features are multiplied by: 0 for half of them.
+    kept: Vec<f32>,
+}
