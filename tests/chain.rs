@@ -135,16 +135,16 @@ fn felt_by_a_pen(surface: &MadeSurface) -> [f64; BINS] {
         let track = Tool::PEN.track(&surface.patch((1024, 0.02), seed), &surface.contact);
         let mut stylus = Stylus::new(Tool::PEN, &track, surface.contact, [0.0, 3.0], 1.0);
         let moment = Moment { velocity_mm_s: [100.0, 0.0], force_n: 1.0 };
-        let [normal, along] = &mut [Vec::new(), Vec::new()];
+        let mut axes = [0; 3].map(|_| Vec::new());
         for _ in 0..3 * SAMPLE_HZ {
-            let a = stylus.next(&moment);
-            normal.push(a.normal);
-            along.push(a.along);
+            let felt = stylus.next(&moment).axes();
+            axes.iter_mut().zip(felt).for_each(|(axis, a)| axis.push(a));
         }
         let frame = SAMPLE_HZ as usize / 10;
-        for (normal, along) in normal.chunks_exact(frame).zip(along.chunks_exact(frame)).skip(3) {
+        for start in (3 * frame..axes[0].len()).step_by(frame) {
             frames += 1.0;
-            let magnitudes = spectrometer.magnitudes(&[normal, along]);
+            let magnitudes =
+                spectrometer.magnitudes(&axes.each_ref().map(|axis| &axis[start..start + frame]));
             power.iter_mut().zip(magnitudes).for_each(|(sum, m)| *sum += f64::from(m).powi(2));
         }
     }

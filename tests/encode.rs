@@ -190,7 +190,7 @@ fn whatever_is_wrong_is_said_and_the_library_stays_as_it_is() {
     std::fs::write(at("broken.onnx"), networks::bytes(&broken)).expect("a file");
     let felt = "pictures/felt.png";
     for (args, names) in [
-        (vec!["text.png"], "text.png: error: neither a PNG nor a JPEG"),
+        (vec!["text.png"], "text.png: error: no PNG, JPEG or BMP picture"),
         (vec!["empty.png"], "empty.png: error: this file is empty"),
         (vec!["cut.png"], "cut.png: error: this PNG picture is damaged or cut off"),
         (vec![felt, "none.png"], "none.png: error: cannot read"),

@@ -59,7 +59,7 @@ pub(crate) fn ends_with(path: &Path, extensions: &[&str]) -> bool {
 
 /// Whether a file is a picture by its name.
 pub(crate) fn is_picture(path: &Path) -> bool {
-    ends_with(path, &["png", "jpg", "jpeg"])
+    ends_with(path, &["png", "jpg", "jpeg", "bmp"])
 }
 
 /// Reads pictures, and what is to be said of them. Of two or more the last fifth, one at least, is held apart.

@@ -67,7 +67,7 @@ pub(crate) struct Settings {
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
     /// Steps of stage one, which names textures.
-    #[arg(long, default_value_t = 6_000, value_parser = value_parser!(u32).range(1..=100_000_000))]
+    #[arg(long, default_value_t = 5_000, value_parser = value_parser!(u32).range(1..=100_000_000))]
     pub naming_steps: u32,
     /// Images a step of stage one.
     #[arg(long, default_value_t = 32, value_parser = value_parser!(u32).range(1..=4096))]
@@ -76,7 +76,7 @@ pub(crate) struct Settings {
     #[arg(long, default_value_t = 7e-4, value_parser = rate)]
     pub naming_rate: f64,
     /// Steps of stage two, which predicts vibration.
-    #[arg(long, default_value_t = 30_000, value_parser = value_parser!(u32).range(1..=100_000_000))]
+    #[arg(long, default_value_t = 20_000, value_parser = value_parser!(u32).range(1..=100_000_000))]
     pub feeling_steps: u32,
     /// Materials a step of stage two.
     #[arg(long, default_value_t = 32, value_parser = value_parser!(u32).range(1..=4096))]
@@ -85,10 +85,10 @@ pub(crate) struct Settings {
     #[arg(long, default_value_t = 8, value_parser = value_parser!(u32).range(1..=4096))]
     pub feeling_each: u32,
     /// Largest learning rate of stage two.
-    #[arg(long, default_value_t = 1e-3, value_parser = rate)]
+    #[arg(long, default_value_t = 6e-4, value_parser = rate)]
     pub feeling_rate: f64,
     /// Steps in which the network then settles on vectors that no longer change, for each target.
-    #[arg(long, default_value_t = 40_000, value_parser = value_parser!(u32).range(1..=100_000_000))]
+    #[arg(long, default_value_t = 30_000, value_parser = value_parser!(u32).range(1..=100_000_000))]
     pub settling_steps: u32,
     /// Of stage two: weight of naming the material, and of telling the family of surfaces that are not known, beside vibration. The paper has none.
     #[arg(long, default_value_t = 0.2, value_parser = weight)]

@@ -63,7 +63,7 @@ Data: `{origin}`. {images} images and {touches} touches of {materials} materials
 {unseen} surfaces that were never trained on.{made}
 
 The network aims at {target} and its errors are weighed {error}. Stage one took {naming} steps of {batch} images, stage two {feeling} of {touching} touches,
-then {settling} for each target. Everything below is written by `asperity-train evaluate`.
+with a weight of {weight} on naming by the vector, then {settling} for each target. Everything below is written by `asperity-train evaluate`.
 ",
         encoder = megabytes(sizes.encoder_bytes),
         network = megabytes(sizes.network_bytes),
@@ -84,6 +84,7 @@ then {settling} for each target. Everything below is written by `asperity-train 
             Aim::Relative => "in parts of what such a touch of the material comes to",
         },
         naming = settings.naming_steps,
+        weight = settings.naming_weight,
         batch = settings.naming_batch,
         feeling = settings.feeling_steps,
         touching = settings.feeling_groups * settings.feeling_each,
@@ -282,7 +283,7 @@ statistics takes {} of images for a material of the right family; chance is {}.
     }
     let _ = write!(
         text,
-        "Mean of |error| in dB with the neighbour's vector {}, with the surface's own {}, with a blend of the three nearest {}; the best of all stored vectors
+        "Mean of |error| in dB, of eight single images each, with the neighbour's vector {}, with the image's own {}, with a blend of the three nearest {}; the best of all stored vectors
 would give {}.
 
 | surface | family | neighbour | its family | nearest, dB | own, dB | blend, dB | best, dB |

@@ -83,6 +83,23 @@ pub(crate) struct Data {
     pub reach: Reach,
 }
 
+impl Data {
+    /// A checksum of all names, images and touches: a run is not to go on with other data than it was begun with.
+    pub(crate) fn checksum(&self) -> u32 {
+        let mut sum = crc32fast::Hasher::new();
+        for subject in self.seen.iter().chain(&self.unseen) {
+            sum.update(subject.name.as_bytes());
+            let Subject { images, examples, .. } = subject;
+            images.train.iter().chain(&images.held).for_each(|image| sum.update(&image.pixels));
+            for e in examples.train.iter().chain(&examples.held) {
+                let numbers = e.force.iter().chain(&e.velocity).chain(&e.magnitudes);
+                numbers.for_each(|x| sum.update(&x.to_le_bytes()));
+            }
+        }
+        sum.finalize()
+    }
+}
+
 /// Holds some subjects apart, drawn by the seed.
 fn apart(mut subjects: Vec<Subject>, settings: &Settings) -> (Vec<Subject>, Vec<Subject>) {
     let mut random = Random::new(settings.seed ^ 0xa9a7);

@@ -26,6 +26,8 @@ const AHEAD: usize = 2;
 const CHECKPOINT_EVERY: Duration = Duration::from_secs(60);
 /// Adam's epsilon (Kingma and Ba 2015): gradients of single weights are far below burn's 1e-5.
 const EPSILON: f32 = 1e-8;
+/// Adam's second decay: with the usual 0.999 it takes steps that are too large when gradients have grown, and a long stage is thrown back.
+const BETA_2: f32 = 0.99;
 /// Reports of a whole stage.
 const REPORTS: usize = 200;
 /// First bytes of a checkpoint.
@@ -134,7 +136,8 @@ impl Stage<'_> {
         // momenta of weights that are no longer touched decay for ever
         let _flushed = Flushed::new();
         let clipping = Some(GradientClippingConfig::Norm(1.0));
-        let adam = AdamConfig::new().with_epsilon(EPSILON).with_grad_clipping(clipping).init();
+        let adam =
+            AdamConfig::new().with_beta_2(BETA_2).with_epsilon(EPSILON).with_grad_clipping(clipping).init();
         let (model, mut adam, mut header) = self.resume(model, adam)?;
         let (start, begun) = (Instant::now(), header.step);
         let every = self.steps.div_ceil(REPORTS).max(1);

@@ -170,9 +170,7 @@ impl Head {
         let squares = |features: &Vec<f32>| {
             let features = TensorData::new(features.clone(), [features.len() / FEATURES, FEATURES]);
             let answers = numbers(all_relu(&plain, Tensor::from_data(features, &Device::flex())));
-            let mean =
-                answers.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>() / answers.len().max(1) as f64;
-            mean
+            answers.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>() / answers.len().max(1) as f64
         };
         let mean_square = features.iter().map(squares).sum::<f64>() / features.len().max(1) as f64;
         let gain = if mean_square > 0.0 { (2.0 * mean_square).sqrt().recip() } else { 1.0 };
@@ -180,6 +178,12 @@ impl Head {
         let mut layers = hidden;
         layers.push(Layer::new(width, VECTOR_LEN, gain, random, device));
         Self { layers }
+    }
+
+    /// What goes into the last layer.
+    #[cfg(test)]
+    pub(crate) fn hidden(&self, features: Tensor<2>) -> Tensor<2> {
+        all_relu(&self.layers[..self.layers.len() - 1], features)
     }
 
     /// \[n, outputs\] of features \[n, 8960\].

@@ -235,15 +235,23 @@ mod tests {
         let image = Image { size: IMAGE, pixels: (0..PIXELS).map(|_| random.below(256) as u8).collect() };
         for preset in [Preset::Compact, Preset::Paper] {
             let images = ImageEncoder::new(preset, random, &device);
-            let head = Head::texture(preset, random, &device);
-            let widths: Vec<usize> = head.weights(1.0).iter().map(|w| w.outputs).collect();
-            assert_eq!(widths, if preset == Preset::Paper { [4096, 512, 256] } else { [192, 512, 256] });
             // what stage two brings features to is folded in
             let scale = 0.7;
-            let looks: Vec<f32> =
-                features(&images, &[&image], &device).into_iter().map(|x| scale * x).collect();
-            let looks: Tensor<2> = Tensor::from_data(TensorData::new(looks, [1, FEATURES]), &device);
-            let trained = numbers(head.forward(looks));
+            let plain = features(&images, &[&image], &device);
+            let looks: Vec<f32> = plain.iter().map(|x| scale * x).collect();
+            let classifier = Head::classifier(preset, 3, random, &device);
+            let head = Head::texture(&classifier, (std::slice::from_ref(&looks), scale), random, &device);
+            let widths: Vec<usize> = head.weights(1.0).iter().map(|w| w.outputs).collect();
+            assert_eq!(widths, if preset == Preset::Paper { [4096, 512, 256] } else { [192, 512, 256] });
+            let row =
+                |x: Vec<f32>| -> Tensor<2> { Tensor::from_data(TensorData::new(x, [1, FEATURES]), &device) };
+            // it begins as the classifier did, with numbers of about 1
+            let [hidden, begun] =
+                [head.hidden(row(looks.clone())), classifier.hidden(row(plain))].map(numbers);
+            assert!(apart(&hidden, &begun) < 1e-4, "{preset:?}: {}", apart(&hidden, &begun));
+            let trained = numbers(head.forward(row(looks)));
+            let rms = (trained.iter().map(|x| x * x).sum::<f32>() / 256.0).sqrt();
+            assert!((0.5..2.0).contains(&rms), "{preset:?}: {rms}");
             let bytes = encoder(&images.kernels(), &head.weights(scale), &[]);
             let written = Encoder::from_bytes(&bytes, "e.onnx").unwrap().encode(&image).unwrap();
             assert!(apart(&written, &trained) < 1e-4, "{preset:?}: {}", apart(&written, &trained));

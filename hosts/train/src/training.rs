@@ -48,7 +48,8 @@ pub(crate) fn train(train: &Train) -> Result<(), Failure> {
     .map_err(|e| Failure::Model(format!("cannot listen for Ctrl-C: {e}")))?;
 
     let data = data::load(settings)?;
-    begin(&train.out, &run, settings)?;
+    same_data(&run, &data)?;
+    begin(&train.out, &run, settings, &data)?;
     let unless_stopped = || if stop.load(Ordering::Relaxed) { Err(Failure::Stopped) } else { Ok(()) };
     unless_stopped()?;
     let device = Device::flex().autodiff();
@@ -60,7 +61,8 @@ pub(crate) fn train(train: &Train) -> Result<(), Failure> {
         stop: &stop,
     };
 
-    let kin = Kin::of(data.seen.iter().map(|s| s.family.as_deref()));
+    // without a weight on names stage two is the paper's, and so is stage one
+    let kin = Kin::of(data.seen.iter().map(|s| s.family.as_deref())).filter(|_| settings.naming_weight > 0.0);
     let kin = kin.as_ref();
     let naming = stage("naming", settings.naming_steps, settings.naming_rate);
     let mut teller = Teller::new("naming", naming.steps);
@@ -101,7 +103,7 @@ pub(crate) fn train(train: &Train) -> Result<(), Failure> {
         .map(|(images, mean)| [images.clone(), mean.repeat(images.len() / VECTOR_LEN)].concat())
         .collect();
     let settle = |name, target| {
-        let settling = stage(name, settings.settling_steps, 0.5 * settings.feeling_rate);
+        let settling = stage(name, settings.settling_steps, 0.25 * settings.feeling_rate);
         let mut teller = Teller::new(name, settling.steps);
         let touching = Touching { target, ..touching };
         let network = learner.feeler.network.clone();
@@ -161,6 +163,7 @@ pub(crate) fn evaluate(evaluate: &Evaluate) -> Result<(), Failure> {
 fn judge(folder: &Path, run: &Path, settings: &Settings, data: &Data) -> Result<(), Failure> {
     let other = folder.join(format!("texture_{}.onnx", settings.target.other().name()));
     belongs(run, settings)?;
+    same_data(run, data)?;
     let namer = Namer::new(settings.preset, data.seen.len(), settings.seed, &Device::flex());
     let written = Written {
         encoder: Encoder::load(folder.join("encoder.onnx"))?,
@@ -303,11 +306,30 @@ fn belongs(run: &Path, settings: &Settings) -> Result<(), Diagnostic> {
     }
 }
 
+/// The file of a run's folder that has the checksum of its data.
+const CHECKSUM: &str = "data.crc32";
+
+/// Refuses a run's folder that was begun with other data.
+fn same_data(run: &Path, data: &Data) -> Result<(), Diagnostic> {
+    let path = run.join(CHECKSUM);
+    match std::fs::read_to_string(&path) {
+        Ok(found) if found != data.checksum().to_string() => {
+            Err(Diagnostic::new("the data have changed since this run was begun")
+                .in_file(&path)
+                .help("name another --run folder, or remove this one"))
+        }
+        Ok(_) => Ok(()),
+        Err(e) if e.kind() == ErrorKind::NotFound => Ok(()),
+        Err(e) => Err(Diagnostic::new(format!("cannot read this file: {e}")).in_file(&path)),
+    }
+}
+
 /// Makes a run's folders, and says in them what it is.
-fn begin(out: &Path, run: &Path, settings: &Settings) -> Result<(), Diagnostic> {
+fn begin(out: &Path, run: &Path, settings: &Settings, data: &Data) -> Result<(), Diagnostic> {
     for folder in [out, run] {
         std::fs::create_dir_all(folder)
             .map_err(|e| Diagnostic::new(format!("cannot make this folder: {e}")).in_file(folder))?;
     }
+    write_whole(&run.join(CHECKSUM), data.checksum().to_string().as_bytes())?;
     write_whole(&settings_of(run), serde_json::to_string_pretty(settings).unwrap_or_default().as_bytes())
 }

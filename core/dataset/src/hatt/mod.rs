@@ -156,7 +156,7 @@ fn subject(
     if material.pictures.is_empty() {
         return Err(Diagnostic::new("no picture of this material")
             .in_file(&material.path)
-            .help("a PNG or JPEG file in the folder whose name begins as this file's"));
+            .help("a PNG, JPEG or BMP file in the folder whose name begins as this file's"));
     }
     let frames = Frames::new(material.texture.rate_hz()).map_err(|e| e.in_file(&material.path))?;
     let mut seeds = Random::new(seed);

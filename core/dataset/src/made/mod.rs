@@ -217,7 +217,7 @@ mod tests {
             println!(
                 "{:32} patch {patch:7.1?} image {image:7.1?} {} strokes {:7.1?}, {} examples, {rms:.2} m/s^2",
                 surface.name,
-                4,
+                Settings::default().strokes,
                 t.elapsed(),
                 all.len()
             );

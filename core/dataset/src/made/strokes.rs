@@ -91,18 +91,18 @@ fn force(z_mm: f64) -> f64 {
     (-z_mm * STIFFNESS_N_PER_MM).max(0.0)
 }
 
-/// What a pen on its [track](Tool::track) over a piece feels of a stroke that begins at a place in mm: acceleration in m/s^2 along the normal and along the
-/// stroke, at [`SAMPLE_HZ`].
+/// What a pen on its [track](Tool::track) over a piece feels of a stroke that begins at a place in mm: acceleration in m/s^2 along the normal and along
+/// the surface, at [`SAMPLE_HZ`].
 pub(super) fn accelerations(
     envelope: &HeightField,
     contact: Contact,
     drawn: &Drawn,
     place_mm: [f64; 2],
-) -> [Vec<f64>; 2] {
+) -> [Vec<f64>; 3] {
     let samples = (drawn.exact.duration_s() * f64::from(SAMPLE_HZ)) as usize;
     let (mut before, _) = drawn.at(&drawn.exact, 0.0);
     let mut stylus = Stylus::new(Tool::PEN, envelope, contact, place_mm, 0.0);
-    let mut felt = [Vec::with_capacity(samples), Vec::with_capacity(samples)];
+    let mut felt = [0; 3].map(|_| Vec::with_capacity(samples));
     for sample in 0..samples {
         let (here, z) = drawn.at(&drawn.exact, (sample + 1) as f64 / f64::from(SAMPLE_HZ));
         let velocity_mm_s = std::array::from_fn(|i| (here[i] - before[i]) * f64::from(SAMPLE_HZ));
@@ -110,8 +110,7 @@ pub(super) fn accelerations(
         let force_n = force(z);
         let a = stylus.next(&Moment { velocity_mm_s, force_n });
         let touches = f64::from(u8::from(force_n > 0.0));
-        felt[0].push(touches * a.normal);
-        felt[1].push(touches * a.along);
+        felt.iter_mut().zip(a.axes()).for_each(|(felt, a)| felt.push(touches * a));
     }
     felt
 }
@@ -122,7 +121,7 @@ pub(super) fn accelerations(
 /// None in practice: the chain's filter has a fixed design.
 pub(super) fn examples(
     drawn: &Drawn,
-    felt: &[Vec<f64>; 2],
+    felt: &[Vec<f64>; 3],
     spectrometer: &mut Spectrometer,
     examples: &mut Vec<Example>,
 ) -> Result<(), Diagnostic> {
@@ -132,8 +131,8 @@ pub(super) fn examples(
         let history = recorder.observe(place, force(z));
         let frame = tick * SAMPLES..tick * SAMPLES + FRAME;
         let axes = felt.each_ref().map(|axis| axis.get(frame.clone()));
-        if let ([Some(normal), Some(along)], 0) = (axes, tick % EVERY) {
-            let magnitudes = spectrometer.magnitudes(&[normal, along]);
+        if let ([Some(a), Some(b), Some(c)], 0) = (axes, tick % EVERY) {
+            let magnitudes = spectrometer.magnitudes(&[a, b, c]);
             examples.push(Example { force: history.force, velocity: history.velocity, magnitudes });
         }
     }

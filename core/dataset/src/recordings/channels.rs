@@ -11,10 +11,12 @@ use super::stroke::{Motion, Stroke};
 const MAX_ABS_ACCELERATION_M_S2: f64 = 1e5;
 /// Rates that are read, in Hz.
 const RATES_HZ: RangeInclusive<f64> = 1000.0..=10_000.0;
-/// Rates are whole multiples of this, in Hz: what frames need.
+/// Rates are taken for a whole multiple of this, in Hz, ..
 const RATE_STEP_HZ: f64 = 10.0;
-/// How far a rate may be from such a multiple, in parts of it: clocks are not exact.
-const RATE_TOLERANCE: f64 = 1e-3;
+/// .. where they are as near to it as this, in parts: clocks are not exact.
+const RATE_TOLERANCE: f64 = 2e-4;
+/// How far they may be beyond the ends of the range, in parts.
+const END_TOLERANCE: f64 = 2e-3;
 
 /// A quantity's name, its least and greatest value, and the unit for errors.
 pub(super) struct Quantity {
@@ -82,12 +84,14 @@ pub(super) fn check(has: impl Fn(usize) -> bool) -> Result<(), Diagnostic> {
 
 /// A rate in Hz as it was meant.
 pub(super) fn rate(hz: f64) -> Result<f64, Diagnostic> {
-    let meant = (hz / RATE_STEP_HZ).round() * RATE_STEP_HZ;
-    if RATES_HZ.contains(&meant) && (hz - meant).abs() <= RATE_TOLERANCE * meant {
+    let round = (hz / RATE_STEP_HZ).round() * RATE_STEP_HZ;
+    let meant = if (hz - round).abs() <= RATE_TOLERANCE * round { round } else { hz };
+    let near = RATES_HZ.start() * (1.0 - END_TOLERANCE)..=RATES_HZ.end() * (1.0 + END_TOLERANCE);
+    if near.contains(&meant) {
         return Ok(meant);
     }
     Err(Diagnostic::new(format!("a rate of {hz:.1} Hz")).help(format!(
-        "recordings are read at {} to {} Hz and whole multiples of {RATE_STEP_HZ} Hz; bring this one to such a rate",
+        "recordings are read at {} to {} Hz; bring this one to such a rate",
         RATES_HZ.start(),
         RATES_HZ.end()
     )))

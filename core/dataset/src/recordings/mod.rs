@@ -2,7 +2,7 @@
 //!
 //! # Strokes
 //!
-//! A stroke is what was measured while a tool was dragged, at 1 to 10 kHz and a whole multiple of 10 Hz, in one of two forms.
+//! A stroke is what was measured while a tool was dragged, at 1 to 10 kHz, in one of two forms.
 //!
 //! A CSV file: a header that names columns in any order, then a row for each sample of a steady clock. Lines that start with `#`
 //! and blank lines are skipped.
@@ -82,7 +82,7 @@ fn subject(folder: &Path) -> Result<Subject, Diagnostic> {
     if pictures.is_empty() {
         return Err(Diagnostic::new("no picture of this material")
             .in_file(folder)
-            .help("a PNG or JPEG file, one at least"));
+            .help("a PNG, JPEG or BMP file, one at least"));
     }
     if recordings.is_empty() {
         return Err(Diagnostic::new("no stroke over this material")

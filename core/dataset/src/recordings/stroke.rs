@@ -52,7 +52,7 @@ impl Timed {
 }
 
 impl Stroke {
-    /// A stroke; its rate is a whole multiple of 10 Hz.
+    /// A stroke.
     pub(super) fn new(
         rate_hz: f64,
         force: Vec<f64>,
@@ -119,7 +119,12 @@ impl Stroke {
     fn advance(&self, place: &mut [f64; 2], tick: usize) {
         match &self.motion {
             Motion::Place(axes) => {
-                *place = axes.each_ref().map(|a| a.get(self.sample(tick)).copied().unwrap_or_default());
+                let at = tick as f64 * self.rate_hz / RATE_HZ;
+                let (sample, part) = (at as usize, at.fract());
+                *place = axes.each_ref().map(|a| {
+                    let here = a.get(sample).copied().unwrap_or_default();
+                    here + part * (a.get(sample + 1).copied().unwrap_or(here) - here)
+                });
             }
             Motion::Velocity(axes) => {
                 for (place, axis) in place.iter_mut().zip(axes) {

@@ -12,21 +12,21 @@
 //! K  = 4/3 E* sqrt(R),        1 / E* = (1 - nu^2) (1 / E_surface + 1 / E_tip)
 //! ```
 //!
-//! The hand presses with the force `F` and yields: its rest `z_h` follows the tool in half a second. Along the stroke the whole tool, mass
-//! `m`, hangs on the hand, which moves at the stroke's speed `v`; its deflection `u` obeys
+//! The hand presses with the force `F` and yields: its rest `z_h` follows the tool in half a second. Along the surface the whole tool, mass
+//! `m`, hangs on the hand, which moves at the stroke's velocity `v`; its deflection `u` along x and y obeys
 //!
 //! ```text
-//! m u'' = -N E_x - mu N s - k_t u - c_t u',    s = w / sqrt(1 + w^2), w = (v + u') / 2 mm/s
+//! m u'' = -N grad E - mu N s - k_t u - c_t u',    s = w / sqrt(|w|^2 + (2 mm/s)^2), w = v + u'
 //! ```
 //!
-//! with `E_x` the envelope's slope along the stroke. Contact is conservative but for `b` and `mu`: what the stroke's slope takes from the drag
+//! with `grad E` the envelope's slopes. Contact is conservative but for `b` and `mu`: what the stroke's slope takes from the drag
 //! is what the contact stores. Weights are in `F`; the stroke's own acceleration, far below 10 Hz, is left out.
 //!
 //! Before it is rolled over, a surface is averaged as far as it yields under the tip ([`Tool::track`]).
 //!
 //! # Levels
 //!
-//! Of the 112 made surfaces at 100 mm/s and 1 N, from 10 to 1000 Hz, both axes together, root mean square in m/s^2:
+//! Of the 112 made surfaces at 100 mm/s and 1 N, from 10 to 1000 Hz, all axes together, root mean square in m/s^2:
 //!
 //! | | quietest | median | loudest |
 //! |---|---|---|---|

@@ -24,14 +24,21 @@ pub struct Moment {
 pub struct Acceleration {
     /// Along the normal.
     pub normal: f64,
-    /// Along the stroke.
-    pub along: f64,
+    /// Along the surface, x and y.
+    pub lateral: [f64; 2],
+}
+
+impl Acceleration {
+    /// All three axes.
+    pub fn axes(&self) -> [f64; 3] {
+        [self.normal, self.lateral[0], self.lateral[1]]
+    }
 }
 
 /// Energy of a run, in joules. What came in is what is stored and what was lost, up to the step's error.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Energy {
-    /// Done by the hand: the drag along the stroke.
+    /// Done by the hand: the drag of the stroke.
     pub drag: f64,
     /// Lost in shaft, hand, contact and friction.
     pub lost: f64,
@@ -54,9 +61,12 @@ pub struct Stylus<'s> {
     follows: bool,
     /// Place of the hand in millimetres.
     place_mm: [f64; 2],
-    /// Heights of tip and body over the patch's zero, deflection along the stroke, in metres; and their speeds.
-    at: [f64; 3],
-    speed: [f64; 3],
+    /// Heights of tip and body over the patch's zero in metres; and their speeds.
+    heights: [f64; 2],
+    rise: [f64; 2],
+    /// How far the tool is off the hand along x and y, in metres; and how that changes.
+    away: [f64; 2],
+    drift: [f64; 2],
     rest: f64,
     energy: Energy,
 }
@@ -84,8 +94,10 @@ impl<'s> Stylus<'s> {
             steps: STEPS,
             follows: true,
             place_mm,
-            at: [height, body, 0.0],
-            speed: [0.0; 3],
+            heights: [height, body],
+            rise: [0.0; 2],
+            away: [0.0; 2],
+            drift: [0.0; 2],
             rest: body,
             energy: Energy::default(),
         }
@@ -106,82 +118,81 @@ impl<'s> Stylus<'s> {
 
     /// Goes on by a sample.
     pub fn next(&mut self, moment: &Moment) -> Acceleration {
-        let before = self.speed;
-        let [vx, vy] = moment.velocity_mm_s;
-        let speed = vx.hypot(vy);
-        let way = if speed > 0.0 { [vx / speed, vy / speed] } else { [1.0, 0.0] };
-        let force = moment.force_n.max(0.0);
+        let (rise, drift) = (self.rise[1], self.drift);
+        let velocity = moment.velocity_mm_s.map(|v| 1e-3 * v);
         for _ in 0..self.steps {
-            self.step(speed * 1e-3, way, force);
+            self.step(velocity, moment.force_n.max(0.0));
         }
-        let sample_s = self.step_s * f64::from(self.steps);
+        let per_s = 1.0 / (self.step_s * f64::from(self.steps));
         Acceleration {
-            normal: (self.speed[1] - before[1]) / sample_s,
-            along: (self.speed[2] - before[2]) / sample_s,
+            normal: per_s * (self.rise[1] - rise),
+            lateral: std::array::from_fn(|i| per_s * (self.drift[i] - drift[i])),
         }
     }
 
     /// Energy since the start, at a force of `force_n` that did not change.
     pub fn energy(&self, force_n: f64) -> Energy {
         let t = &self.tool;
-        let [tip, body, along] = self.at;
-        let motion = t.tip_kg * self.speed[0].powi(2)
-            + t.body_kg * self.speed[1].powi(2)
-            + t.mass_kg() * self.speed[2].powi(2);
+        let [tip, body] = self.heights;
+        let motion = t.tip_kg * self.rise[0].powi(2)
+            + t.body_kg * self.rise[1].powi(2)
+            + t.mass_kg() * dot(self.drift, self.drift);
         let springs = t.shaft_n_m * (tip - body).powi(2)
             + t.hand_n_m[0] * (body - self.rest).powi(2)
-            + t.hand_n_m[1] * along.powi(2);
-        let depth = self.depth(&[1.0, 0.0]).0.max(0.0);
+            + t.hand_n_m[1] * dot(self.away, self.away);
+        let depth = self.depth().0.max(0.0);
         let contact = 0.4 * self.hertz * depth.powf(2.5);
         Energy { stored: 0.5 * (motion + springs) + contact + force_n * body, ..self.energy }
     }
 
-    /// How deep the tip is in the surface in metres, and the slope along the way.
-    fn depth(&self, way: &[f64; 2]) -> (f64, f64) {
-        let away = self.at[2] * 1e3;
-        let surface =
-            self.envelope.sample(self.place_mm[0] + away * way[0], self.place_mm[1] + away * way[1]);
-        let slope = surface.slope[0] * way[0] + surface.slope[1] * way[1];
-        (surface.height_mm * 1e-3 - self.at[0], slope)
+    /// How deep the tip is in the surface in metres, and the surface's slopes there.
+    fn depth(&self) -> (f64, [f64; 2]) {
+        let [x, y] = [0, 1].map(|i| self.place_mm[i] + 1e3 * self.away[i]);
+        let surface = self.envelope.sample(x, y);
+        (surface.height_mm * 1e-3 - self.heights[0], surface.slope)
     }
 
-    /// One step at a speed in m/s along a way.
-    fn step(&mut self, speed: f64, way: [f64; 2], force: f64) {
+    /// One step, the hand at a velocity in m/s.
+    fn step(&mut self, velocity: [f64; 2], force: f64) {
         let (t, dt) = (self.tool, self.step_s);
-        let (depth, slope) = self.depth(&way);
-        let slip = speed + self.speed[2];
-        let approach = slope * slip - self.speed[0];
+        let (depth, slope) = self.depth();
+        let slip: [f64; 2] = std::array::from_fn(|i| velocity[i] + self.drift[i]);
+        let approach = dot(slope, slip) - self.rise[0];
         let hertz = if depth > 0.0 { self.hertz * depth * depth.sqrt() } else { 0.0 };
         let normal = (hertz * (1.0 + self.contact.damping_s_m * approach)).max(0.0);
-        let friction = self.contact.friction * normal * saturating(slip / SLIP_M_S);
-        let apart = self.speed[0] - self.speed[1];
-        let shaft = t.shaft_n_m * (self.at[0] - self.at[1]) + t.shaft_ns_m * apart;
-        let hand = t.hand_n_m[0] * (self.at[1] - self.rest) + t.hand_ns_m[0] * self.speed[1];
-        let held = t.hand_n_m[1] * self.at[2] + t.hand_ns_m[1] * self.speed[2];
-        let pull = -normal * slope - friction - held;
+        // against the slip, and less than all of it where that is slow
+        let rub = self.contact.friction * normal / (SLIP_M_S * SLIP_M_S + dot(slip, slip)).sqrt();
+        let apart = self.rise[0] - self.rise[1];
+        let shaft = t.shaft_n_m * (self.heights[0] - self.heights[1]) + t.shaft_ns_m * apart;
+        let hand = t.hand_n_m[0] * (self.heights[1] - self.rest) + t.hand_ns_m[0] * self.rise[1];
+        // what the surface pulls at the tool with
+        let drag: [f64; 2] = std::array::from_fn(|i| normal * slope[i] + rub * slip[i]);
         let [tip, body, whole] = self.per_kg.map(|per_kg| dt * per_kg);
-        self.speed[0] += tip * (normal - shaft);
-        self.speed[1] += body * (shaft - force - hand);
-        self.speed[2] += whole * pull;
-        self.at.iter_mut().zip(self.speed).for_each(|(at, speed)| *at += dt * speed);
-        self.place_mm.iter_mut().zip(way).for_each(|(at, way)| *at += 1e3 * speed * dt * way);
-        if self.follows {
-            self.rest += dt / FOLLOWS_S * (self.at[1] - self.rest);
+        self.rise[0] += tip * (normal - shaft);
+        self.rise[1] += body * (shaft - force - hand);
+        for i in 0..2 {
+            let held = t.hand_n_m[1] * self.away[i] + t.hand_ns_m[1] * self.drift[i];
+            self.drift[i] -= whole * (drag[i] + held);
+            self.heights[i] += dt * self.rise[i];
+            self.away[i] += dt * self.drift[i];
+            self.place_mm[i] += 1e3 * dt * velocity[i];
         }
-        // The hand moves at its speed against what pulls at it.
-        self.energy.drag += dt * speed * (normal * slope + friction);
+        if self.follows {
+            self.rest += dt / FOLLOWS_S * (self.heights[1] - self.rest);
+        }
+        // The hand moves at its velocity against what pulls at it.
+        self.energy.drag += dt * dot(velocity, drag);
         self.energy.lost += dt
             * (t.shaft_ns_m * apart * apart
-                + t.hand_ns_m[0] * self.speed[1].powi(2)
-                + t.hand_ns_m[1] * self.speed[2].powi(2)
-                + friction * slip
+                + t.hand_ns_m[0] * self.rise[1].powi(2)
+                + t.hand_ns_m[1] * dot(self.drift, self.drift)
+                + rub * dot(slip, slip)
                 + (normal - hertz) * approach);
     }
 }
 
-/// Grows with `x` near 0 and goes to 1 or -1 far from it.
-fn saturating(x: f64) -> f64 {
-    x / (1.0 + x * x).sqrt()
+fn dot(a: [f64; 2], b: [f64; 2]) -> f64 {
+    a[0] * b[0] + a[1] * b[1]
 }
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-use super::super::testing::{GRID, fine_spectrum, level, met, spectrum_of_both, stroke, surface};
+use super::super::testing::{GRID, fine_spectrum, level, met, spectrum_of_all, stroke, surface};
 use super::*;
 use crate::topography::{Family, MadeSurface, made_surfaces};
 
@@ -147,18 +147,42 @@ fn all_doublings() {
     }
 }
 
-/// What a stroke of a second along x puts in, in joules, and what of it is neither stored nor lost.
+/// What a stroke of a second puts in, in joules, and what of it is neither stored nor lost.
 fn balance(envelope: &HeightField, contact: Contact, (speed, force_n): (f64, f64), steps: u32) -> (f64, f64) {
     let mut stylus =
         Stylus::new(Tool::PEN, envelope, contact, [1.0, 2.0], force_n).with_still_hand().with_steps(steps);
-    let moment = Moment { velocity_mm_s: [speed, 0.0], force_n };
     let began = stylus.energy(force_n);
-    for _ in 0..SAMPLE_HZ {
-        stylus.next(&moment);
+    // along no axis, forth and back again with a turn on the way
+    for n in 0..SAMPLE_HZ {
+        let along = speed
+            * (std::f64::consts::TAU * f64::from(n) / f64::from(SAMPLE_HZ)).cos().clamp(-0.7, 0.7)
+            / 0.7;
+        stylus.next(&Moment { velocity_mm_s: [0.8 * along, 0.6 * along.abs()], force_n });
     }
     let ended = stylus.energy(force_n);
     assert!(ended.drag > 0.0 && ended.lost > 0.0);
     (ended.drag, ended.drag - ended.lost - (ended.stored - began.stored))
+}
+
+#[test]
+fn a_tip_does_not_jump_where_the_stroke_turns() {
+    // Smooth but rubbing: all that is felt at a turn is that friction comes from the other side, softly.
+    let flat = HeightField::flat(64, 0.1);
+    let contact = Contact { modulus_mpa: 1_000.0, friction: 0.5, damping_s_m: 15.0 };
+    let mut stylus = Stylus::new(Tool::PEN, &flat, contact, [1.0, 2.0], 1.0);
+    let mut most = [0.0_f64; 2];
+    for n in 0..SAMPLE_HZ {
+        let t = f64::from(n) / f64::from(SAMPLE_HZ);
+        // from 100 mm/s to -100 mm/s in 50 ms, at 0.5 s
+        let speed = 100.0 * ((0.5 - t) / 0.025).clamp(-1.0, 1.0);
+        let before = stylus.away;
+        stylus.next(&Moment { velocity_mm_s: [0.6 * speed, 0.8 * speed], force_n: 1.0 });
+        let moved = (0..2).map(|i| (stylus.away[i] - before[i]).powi(2)).sum::<f64>().sqrt();
+        most[usize::from(t > 0.2)] = most[usize::from(t > 0.2)].max(moved);
+    }
+    // in 0.1 ms less than 0.01 mm: from one side to the other, 0.8 mm, it takes some 10 ms
+    assert!((1e-7..1e-5).contains(&most[1]), "{most:?}");
+    assert!((stylus.away[0].hypot(stylus.away[1]) / (0.5 / 1_200.0) - 1.0).abs() < 0.05, "{:?}", stylus.away);
 }
 
 #[test]
@@ -202,7 +226,7 @@ fn what_the_hand_puts_in_is_stored_or_lost() {
 /// The most by which half the step changes a band of 100 Hz that is heard, in decibels.
 fn changed_by_half_the_step(surface: &(HeightField, Contact), motion: (f64, f64), force: f64) -> f64 {
     let bands = |steps: u32| -> Vec<f64> {
-        let both = spectrum_of_both(&stroke(surface, motion, force, 2.0, steps));
+        let both = spectrum_of_all(&stroke(surface, motion, force, 2.0, steps));
         both.chunks(10).map(|b| b.iter().sum()).collect()
     };
     let (coarse, fine) = (bands(STEPS), bands(2 * STEPS));
@@ -252,7 +276,7 @@ fn every_surface_stays_finite_under_hard_strokes_and_none() {
         let surface = met(made, (256, 0.04));
         for (speed, force) in [(0.0, 0.0), (0.0, 3.0), (400.0, 5.0), (300.0, 0.05)] {
             let x = stroke(&surface, (speed, 0.7), force, 0.2, STEPS);
-            let most = x.iter().map(|a| a.normal.abs().max(a.along.abs())).fold(0.0, f64::max);
+            let most = x.iter().flat_map(Acceleration::axes).fold(0.0, |most: f64, a| most.max(a.abs()));
             assert!(most.is_finite() && most < 1e4, "{}: {most} m/s^2 at {speed} mm/s, {force} N", made.name);
             if speed == 0.0 && force > 0.0 {
                 // On a slope it settles sideways.
@@ -273,7 +297,7 @@ fn landing_and_lifting_off_in_a_stroke_end_as_they_began() {
             let force_n = if (n / 1_000) % 2 == 1 { 3.5 } else { 0.0 };
             let a = stylus.next(&Moment { velocity_mm_s: [300.0, 20.0], force_n });
             let half = usize::from(n >= 3_000);
-            most[half] = most[half].max(a.normal.abs()).max(a.along.abs());
+            most[half] = a.axes().into_iter().fold(most[half], |most, a| most.max(a.abs()));
         }
         assert!(most.iter().all(|m| m.is_finite() && *m < 2e3), "{}: {most:?}", made.name);
         // A simulation that gains energy is louder each time.
@@ -319,7 +343,7 @@ fn levels() {
         let of = |speed, force| level(&stroke(&surface, (speed, 0.3), force, 1.5, STEPS));
         let x = stroke(&surface, (100.0, 0.3), 1.0, 1.5, STEPS);
         let most = x.iter().map(|a| a.normal.abs()).fold(0.0, f64::max);
-        let b: Vec<f64> = spectrum_of_both(&x).chunks(20).map(|b| b.iter().sum::<f64>().sqrt()).collect();
+        let b: Vec<f64> = spectrum_of_all(&x).chunks(20).map(|b| b.iter().sum::<f64>().sqrt()).collect();
         let levels = [level(&x), of(40.0, 1.0), of(250.0, 1.0), of(100.0, 0.3), of(100.0, 2.5)];
         spent += before.elapsed().as_secs_f64();
         println!("{:30} {levels:7.2?} peak {most:.0} bands {b:.2?} rms {:.4}", made.name, surface.0.rms_mm());

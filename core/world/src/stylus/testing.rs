@@ -14,9 +14,9 @@ pub(super) fn surface(name: &str) -> (HeightField, Contact) {
     met(&made_surfaces().into_iter().find(|s| s.name == name).expect("a surface"), GRID)
 }
 
-/// What the pen meets of a surface.
+/// What the pen meets of a surface as it is stated.
 pub(super) fn met(made: &MadeSurface, grid: (usize, f64)) -> (HeightField, Contact) {
-    (Tool::PEN.track(&made.patch(grid, 1), &made.contact), made.contact)
+    (Tool::PEN.track(&made.as_stated(grid, 1), &made.contact), made.contact)
 }
 
 /// Accelerations of a steady stroke along a way, after half a second of coming to it.
@@ -63,13 +63,14 @@ fn windowed(x: &[f64], samples: usize) -> Vec<f64> {
     sums.iter().map(|sum| 2.0 * sum / (frames.len() as f64 * samples as f64 * squares)).collect()
 }
 
-/// The same of both axes together.
-pub(super) fn spectrum_of_both(x: &[Acceleration]) -> Vec<f64> {
-    let (normal, along): (Vec<f64>, Vec<f64>) = x.iter().map(|a| (a.normal, a.along)).unzip();
-    spectrum(&normal).iter().zip(spectrum(&along)).map(|(a, b)| a + b).collect()
+/// The same of all axes together.
+pub(super) fn spectrum_of_all(x: &[Acceleration]) -> Vec<f64> {
+    let axis = |axis: usize| spectrum(&x.iter().map(|a| a.axes()[axis]).collect::<Vec<_>>());
+    let [a, b, c] = [axis(0), axis(1), axis(2)];
+    a.iter().zip(b).zip(c).map(|((a, b), c)| a + b + c).collect()
 }
 
-/// Root mean square of a stroke from 10 to 1000 Hz, both axes together, in m/s^2.
+/// Root mean square of a stroke from 10 to 1000 Hz, all axes together, in m/s^2.
 pub(super) fn level(x: &[Acceleration]) -> f64 {
-    spectrum_of_both(x).iter().sum::<f64>().sqrt()
+    spectrum_of_all(x).iter().sum::<f64>().sqrt()
 }

@@ -22,9 +22,9 @@ pub struct Tool {
     pub shaft_n_m: f64,
     /// Damping of the shaft in N s/m.
     pub shaft_ns_m: f64,
-    /// Stiffness of the hand along the normal and along the stroke, in N/m.
+    /// Stiffness of the hand along the normal and along the surface, in N/m.
     pub hand_n_m: [f64; 2],
-    /// Damping of the hand along the normal and along the stroke, in N s/m.
+    /// Damping of the hand along the normal and along the surface, in N s/m.
     pub hand_ns_m: [f64; 2],
 }
 

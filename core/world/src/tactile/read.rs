@@ -28,14 +28,14 @@ pub struct Picture {
     pub notes: Vec<String>,
 }
 
-/// Reads a PNG or JPEG file: grey or in colour, 1 to 16 bits, with a palette or alpha.
+/// Reads a PNG, JPEG or BMP file: grey or in colour, 1 to 16 bits, with a palette or alpha.
 ///
 /// Alpha is left out, not blended. The picture is turned as its EXIF data says, its middle of 4 to 3 is taken and brought to
 /// [`IMAGE`] with a triangle filter that is as wide as the output's pixels where that makes it smaller, so that fine texture
 /// does not alias into coarse.
 ///
 /// # Errors
-/// A file that is missing, no file (a folder), empty, too large, neither PNG nor JPEG, damaged or cut off; a picture of less than
+/// A file that is missing, no file (a folder), empty, too large, neither PNG, JPEG nor BMP, damaged or cut off; a picture of less than
 /// [`MIN_SIDE`] a side or more than [`MAX_PIXELS`].
 pub fn read(path: &Path) -> Result<Picture, Diagnostic> {
     let bytes = file(path)?;
@@ -92,10 +92,14 @@ fn file(path: &Path) -> Result<Vec<u8>, Diagnostic> {
 fn decoded(bytes: &[u8], path: &Path, notes: &mut Vec<String>) -> Result<DynamicImage, Diagnostic> {
     let fail = |what: String| Diagnostic::new(what).in_file(path);
     let format = match image::guess_format(bytes) {
-        Ok(format @ (ImageFormat::Png | ImageFormat::Jpeg)) => format,
-        _ => return Err(fail("neither a PNG nor a JPEG picture".into()).help("those two are read")),
+        Ok(format @ (ImageFormat::Png | ImageFormat::Jpeg | ImageFormat::Bmp)) => format,
+        _ => return Err(fail("no PNG, JPEG or BMP picture".into()).help("those three are read")),
     };
-    let name = if format == ImageFormat::Png { "PNG" } else { "JPEG" };
+    let name = match format {
+        ImageFormat::Png => "PNG",
+        ImageFormat::Jpeg => "JPEG",
+        _ => "BMP",
+    };
     let damaged = |e: ImageError| match e {
         ImageError::Limits(_) => fail(format!("this {name} unpacks to more than {MAX_UNPACKED} bytes")),
         e => fail(format!("this {name} picture is damaged or cut off: {e}")),

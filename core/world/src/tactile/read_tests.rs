@@ -192,8 +192,8 @@ fn a_picture_cut_off_anywhere_is_an_error_that_names_it() {
 fn what_is_no_picture_is_an_error_that_says_what_it_is() {
     let folder = Folder::new();
     assert!(folder.error(b"").contains("this file is empty"));
-    assert!(folder.error(b"name,force\nfelt,1.5\n").contains("neither a PNG nor a JPEG"));
-    assert!(folder.error(b"GIF89a and so on").contains("neither a PNG nor a JPEG"));
+    assert!(folder.error(b"name,force\nfelt,1.5\n").contains("no PNG, JPEG or BMP picture"));
+    assert!(folder.error(b"GIF89a and so on").contains("no PNG, JPEG or BMP picture"));
     assert!(read(folder.0.path()).unwrap_err().to_string().contains("a folder, not a picture"));
     let missing = read(&folder.0.path().join("none.png")).unwrap_err().to_string();
     assert!(missing.contains("none.png: cannot read this picture"), "{missing}");

@@ -107,6 +107,11 @@ impl MadeSurface {
         let random = &mut Random::new(seed ^ self.seed());
         self.recipe.piece(random).patch(grid, random)
     }
+
+    /// A patch of it with just the figures that are stated, as no piece is.
+    pub fn as_stated(&self, grid: Grid, seed: u64) -> HeightField {
+        self.recipe.patch(grid, &mut Random::new(seed ^ self.seed()))
+    }
 }
 
 /// Spreads of lengths and of heights from piece to piece.

@@ -20,7 +20,7 @@ pub enum As {
 /// `asperity encode`
 #[derive(Clone, Debug, clap::Args)]
 pub struct Encode {
-    /// Tactile images of one material, PNG or JPEG; of several the mean vector is taken
+    /// Tactile images of one material, PNG, JPEG or BMP; of several the mean vector is taken
     #[arg(required = true, value_name = "IMAGE")]
     pub images: Vec<PathBuf>,
     /// The library that is searched, and gets the material

@@ -61,15 +61,18 @@ pub(crate) struct Stranger {
     pub family: Option<String>,
     /// The material nearest to the mean of its images' vectors, with its family.
     pub neighbour: (String, Option<String>),
-    /// Mean |error| of magnitudes in dB: with the neighbour's vector, its own, and a blend of three neighbours'.
+    /// Mean |error| of magnitudes in dB, each of some images by itself: with its neighbour's vector.
     pub nearest_db: f64,
-    /// With its own vector.
+    /// With the image's own vector.
     pub raw_db: f64,
     /// With a blend of the three nearest, by one over distance.
     pub blend_db: f64,
     /// With the vector of the trained material that is best of all: what no choice of neighbour can beat.
     pub best_db: f64,
 }
+
+/// Images of a surface that are each judged alone.
+const ALONE: usize = 8;
 
 /// Neighbours that are blended.
 const BLENDED: usize = 3;
@@ -168,10 +171,18 @@ pub(super) fn strangers(
     let of = |(number, (subject, truth)): (usize, (&Subject, Vec<Expectation>))| {
         let own = images.iter().zip(&vectors).filter(|((s, _), _)| *s == number);
         let own: Vec<f32> = own.flat_map(|(_, v)| *v).collect();
-        let raw = mean_vector(&own);
-        let first = nearest(&written.library, &raw);
+        let mean = mean_vector(&own);
+        let first = nearest(&written.library, &mean);
         let judged = Judged::of(truth, judge.target);
-        let error = |how| judge.error_db(written.library.assign(&raw, how).as_slice(), &judged);
+        // what a user has is one image: the mean of what some of them come to
+        let images: Vec<&[f32]> = own.chunks_exact(VECTOR_LEN).collect();
+        let some = images.iter().step_by((images.len() / ALONE).max(1)).take(ALONE);
+        let alone: Vec<[f32; VECTOR_LEN]> = some.map(|v| mean_vector(v)).collect();
+        let error = |how| -> Result<f64, Failure> {
+            let errors =
+                alone.iter().map(|v| judge.error_db(written.library.assign(v, how).as_slice(), &judged));
+            Ok(errors.sum::<Result<f64, Failure>>()? / alone.len().max(1) as f64)
+        };
         let mut best_db = f64::INFINITY;
         for material in materials {
             best_db = best_db.min(judge.error_db(material.vector.as_slice(), &judged)?);

@@ -135,7 +135,8 @@ impl Judge<'_> {
             let (mut sums, mut count) = ([0.0_f64; BINS], 0.0);
             for example in of {
                 count += 1.0;
-                for (sum, m) in sums.iter_mut().zip(example.magnitudes) {
+                let magnitudes = example.magnitudes.map(|m| self.target.of(m, subject.truth));
+                for (sum, m) in sums.iter_mut().zip(magnitudes) {
                     *sum += match self.target {
                         Target::Mean => f64::from(m),
                         Target::Rms => f64::from(m * m),
@@ -159,7 +160,8 @@ impl Judge<'_> {
             let near = &mut by_distance[..=near];
             near.sort_by(|a, b| a.0.total_cmp(&b.0));
             errors[0].add(&constant, truth);
-            errors[1].add(&train[near[0].1].magnitudes, truth);
+            let nearest = train[near[0].1].magnitudes.map(|m| self.target.of(m, subject.truth));
+            errors[1].add(&nearest, truth);
             errors[2].add(&average(&mut near.iter().map(|(_, i)| &train[*i])), truth);
             if let Some(other) = e.other {
                 let both = std::array::from_fn(|k| truth[k].map(|_| decibels(f64::from(other[k]))));
