@@ -58,8 +58,7 @@ header: setup
 # Trains the model of the made surfaces again; checkpoints lie in $(OUT).
 train: setup
 	mkdir -p $(OUT)
-	$(CARGO) run --release -p asperity-train -- train --out graphs/models/surfaces --run $(OUT)/surfaces.run \
-	    --naming-steps 4500 --feeling-steps 12000 --feeling-rate 6e-4
+	$(CARGO) run --release -p asperity-train -- train --out graphs/models/surfaces --run $(OUT)/surfaces.run
 
 # Judges it again, and writes its card anew.
 evaluate: setup

@@ -88,7 +88,7 @@ pub(crate) struct Settings {
     #[arg(long, default_value_t = 6e-4, value_parser = rate)]
     pub feeling_rate: f64,
     /// Steps in which the network then settles on vectors that no longer change, for each target.
-    #[arg(long, default_value_t = 30_000, value_parser = value_parser!(u32).range(1..=100_000_000))]
+    #[arg(long, default_value_t = 6_000, value_parser = value_parser!(u32).range(1..=100_000_000))]
     pub settling_steps: u32,
     /// Of stage two: weight of naming the material, and of telling the family of surfaces that are not known, beside vibration. The paper has none.
     #[arg(long, default_value_t = 0.2, value_parser = weight)]

@@ -191,11 +191,14 @@ impl Head {
         relu_between(&self.layers, features)
     }
 
-    /// The numbers, for features that are not yet multiplied by `scale`.
-    pub(crate) fn weights(&self, scale: f32) -> Vec<Weights> {
+    /// The numbers, for features that are not yet multiplied by `scale`, and for answers that are to be multiplied by `gain`.
+    pub(crate) fn weights(&self, scale: f32, gain: f32) -> Vec<Weights> {
         let mut weights: Vec<Weights> = self.layers.iter().map(Layer::weights).collect();
         if let Some(first) = weights.first_mut() {
             first.fold(|_| (scale, 0.0), FEATURES);
+        }
+        if let Some(last) = weights.last_mut() {
+            last.weight.iter_mut().chain(&mut last.bias).for_each(|w| *w *= gain);
         }
         weights
     }

@@ -76,6 +76,16 @@ impl Network {
         relu_between(&self.predictor, Tensor::cat(vec![texture, action], 1))
     }
 
+    /// The network that answers vectors times `scale` as this one answers vectors.
+    pub(crate) fn for_vectors_times(mut self, scale: f32, device: &Device) -> Self {
+        if let Some(first) = self.predictor.first_mut() {
+            let mut weights = first.weights();
+            weights.fold(|_| (scale.recip(), 0.0), VECTOR_LEN);
+            *first = Layer::of(&weights, device);
+        }
+        self
+    }
+
     /// The numbers, with the scaling of inputs folded in.
     pub(crate) fn weights(&self, scaling: Scaling) -> NetworkWeights {
         let all = |layers: &[Layer]| -> Vec<Weights> { layers.iter().map(Layer::weights).collect() };
@@ -94,6 +104,8 @@ impl Network {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::layer::numbers;
+    use burn::tensor::TensorData;
 
     #[test]
     fn the_layer_sizes_are_the_papers() {
@@ -101,6 +113,21 @@ mod tests {
         let all = [w.force, w.speed, w.action, w.predictor].concat();
         let multiply_adds: usize = all.iter().map(|l| l.weight.len()).sum();
         assert_eq!(multiply_adds, 496_500);
+    }
+
+    #[test]
+    fn vectors_of_another_size_have_the_same_answer() {
+        let (device, random) = (Device::flex(), &mut Random::new(2));
+        let mut row = |width: usize, scale: f32| -> Tensor<2> {
+            let numbers: Vec<f32> = (0..width).map(|_| scale * random.range(-1.0, 1.0) as f32).collect();
+            Tensor::from_data(TensorData::new(numbers, [1, width]), &device)
+        };
+        let (force, speed, vector) = (row(HISTORY, 1.0), row(2 * HISTORY, 1.0), row(VECTOR_LEN, 6.0));
+        let network = Network::new(&mut Random::new(1), &device);
+        let other = network.clone().for_vectors_times(0.25, &device);
+        let answer = numbers(network.forward(force.clone(), speed.clone(), vector.clone()));
+        let scaled = numbers(other.forward(force, speed, vector * 0.25));
+        assert!(answer.iter().zip(&scaled).all(|(a, b)| (a - b).abs() < 1e-5), "{answer:?} {scaled:?}");
     }
 
     #[test]

@@ -94,8 +94,14 @@ pub(crate) fn train(train: &Train) -> Result<(), Failure> {
 
     // The texture encoder is done: what is left is learned from vectors, half of the time the ones that will be stored.
     let texture = learner.feeler.texture.valid();
-    let vectors: Vec<Vec<f32>> =
+    let mut vectors: Vec<Vec<f32>> =
         looks.seen.iter().map(|features| vectors(&texture, features, &plain)).collect();
+    // Vectors that keep names apart are large: they are brought to a root mean square of 1. At a larger rate the network does not
+    // settle: the loss of power has a long tail, and goes up.
+    let squares = vectors.iter().flatten().map(|x| f64::from(*x).powi(2)).sum::<f64>();
+    let rms = (squares / vectors.iter().map(Vec::len).sum::<usize>().max(1) as f64).sqrt();
+    let gain = if rms > 0.0 { rms.recip() as f32 } else { 1.0 };
+    vectors.iter_mut().flatten().for_each(|x| *x *= gain);
     let stored: Vec<[f32; VECTOR_LEN]> = vectors.iter().map(|v| mean_vector(v)).collect();
     let both: Vec<Vec<f32>> = vectors
         .iter()
@@ -103,10 +109,10 @@ pub(crate) fn train(train: &Train) -> Result<(), Failure> {
         .map(|(images, mean)| [images.clone(), mean.repeat(images.len() / VECTOR_LEN)].concat())
         .collect();
     let settle = |name, target| {
-        let settling = stage(name, settings.settling_steps, 0.25 * settings.feeling_rate);
+        let settling = stage(name, settings.settling_steps, 0.05 * settings.feeling_rate);
         let mut teller = Teller::new(name, settling.steps);
         let touching = Touching { target, ..touching };
-        let network = learner.feeler.network.clone();
+        let network = learner.feeler.network.clone().for_vectors_times(gain, &device);
         stages::settle(&settling, network, &data.seen, &both, touching, &device, |p| teller.progress(p))
     };
     let (settled, settling_losses) = settle("settling", settings.target)?;
@@ -119,7 +125,7 @@ pub(crate) fn train(train: &Train) -> Result<(), Failure> {
     let out = |name: &str| train.out.join(name);
     write_whole(
         &out("encoder.onnx"),
-        &onnx::encoder(&namer.encoder.kernels(), &texture.weights(looks.scale), &about),
+        &onnx::encoder(&namer.encoder.kernels(), &texture.weights(looks.scale, gain), &about),
     )?;
     write_whole(&out("texture.onnx"), &network(&settled))?;
     let name = format!("texture_{}.onnx", other.name());

@@ -241,7 +241,7 @@ fn loudest_hz(model: &asperity_network::Model, material: &LibraryMaterial) -> f6
     runner.expect("a runner").run(0, &[1.0; 10], &velocity, &mut magnitudes).expect("an answer");
     assert!(magnitudes.iter().all(|m| m.is_finite() && *m >= 0.0), "{}", material.name);
     let loudest = (0..100).max_by(|a, b| f32::total_cmp(&magnitudes[*a], &magnitudes[*b])).expect("a bin");
-    10.0 * f64::from(loudest + 1)
+    10.0 * (loudest + 1) as f64
 }
 
 #[test]

@@ -63,14 +63,14 @@ fn doublings(made: &MadeSurface) -> [f64; 4] {
 /// What a doubling does to surfaces of a family, as stated in the module's documentation.
 fn stated_doublings(family: Family) -> [[f64; 2]; 4] {
     match family {
-        Family::Sandpaper => [[6.0, 8.0], [2.5, 5.0], [1.0, 3.0], [1.0, 2.0]],
-        Family::Weave => [[4.0, 7.5], [3.0, 6.0], [1.5, 4.0], [2.0, 4.5]],
-        Family::Grating => [[5.5, 11.0], [2.0, 13.0], [-3.0, 4.0], [-2.0, 1.5]],
-        Family::Foam => [[7.0, 10.5], [5.5, 10.5], [1.0, 6.0], [2.0, 6.5]],
-        Family::Carpet => [[5.5, 10.5], [5.5, 10.0], [3.0, 6.5], [3.5, 7.5]],
-        Family::Wood => [[5.5, 9.0], [2.0, 7.5], [0.5, 2.5], [0.5, 2.5]],
-        Family::Pebbled => [[2.5, 10.5], [-0.5, 11.5], [0.0, 3.5], [0.0, 4.5]],
-        Family::Sheet => [[6.0, 12.5], [0.5, 7.5], [-0.5, 2.5], [-0.5, 2.5]],
+        Family::Sandpaper => [[6.0, 8.0], [3.0, 5.5], [1.0, 3.0], [1.0, 2.0]],
+        Family::Weave => [[4.0, 7.0], [3.0, 5.5], [2.0, 4.0], [2.0, 4.5]],
+        Family::Grating => [[5.0, 11.0], [2.0, 13.5], [-3.0, 4.0], [-1.5, 1.5]],
+        Family::Foam => [[6.0, 10.0], [5.5, 9.0], [1.5, 5.5], [2.0, 6.0]],
+        Family::Carpet => [[6.0, 9.0], [5.5, 9.5], [3.5, 6.5], [3.5, 7.0]],
+        Family::Wood => [[5.5, 8.5], [2.0, 7.5], [1.0, 2.5], [0.5, 2.5]],
+        Family::Pebbled => [[2.0, 10.5], [-0.5, 11.5], [0.0, 3.5], [0.0, 4.5]],
+        Family::Sheet => [[6.5, 12.5], [1.0, 7.5], [-0.5, 2.5], [-0.5, 2.5]],
     }
 }
 
@@ -110,7 +110,7 @@ fn a_doubling_of_speed_or_of_force_raises_levels_as_stated() {
         ("sine grating 2.5 mm", &[2]),
         ("square grating 2 mm", &[3]),
         ("spark-eroded plastic, fine", &[1]),
-        ("spark-eroded plastic", &[1]),
+        ("narrow grooves 1 mm", &[3]),
         ("acrylic sheet", &[2, 3]),
     ];
     let mut tested = 0;
@@ -135,6 +135,7 @@ fn a_doubling_of_speed_or_of_force_raises_levels_as_stated() {
 #[test]
 #[ignore = "prints by how many decibels a doubling raises the level of each surface, and the ranges of families"]
 fn all_doublings() {
+    let mut off = Vec::new();
     for family in Family::ALL {
         let mut ranges = [[f64::MAX, f64::MIN]; 4];
         for made in made_surfaces().iter().filter(|made| made.family == family) {
@@ -143,11 +144,13 @@ fn all_doublings() {
             ranges.iter_mut().zip(found).for_each(|(r, db)| *r = [r[0].min(db), r[1].max(db)]);
         }
         println!("{:30} {ranges:6.2?}", family.name());
-        assert!(ranges.iter().zip(stated_doublings(family)).all(|(r, s)| s[0] <= r[0] && r[1] <= s[1]));
+        let holds = ranges.iter().zip(stated_doublings(family)).all(|(r, s)| s[0] <= r[0] && r[1] <= s[1]);
+        off.extend((!holds).then_some(family.name()));
     }
+    assert!(off.is_empty(), "{off:?}");
 }
 
-/// What a stroke of a second puts in, in joules, and what of it is neither stored nor lost.
+/// What a stroke of a second loses, in joules, and what of all that was put in is neither stored nor lost.
 fn balance(envelope: &HeightField, contact: Contact, (speed, force_n): (f64, f64), steps: u32) -> (f64, f64) {
     let mut stylus =
         Stylus::new(Tool::PEN, envelope, contact, [1.0, 2.0], force_n).with_still_hand().with_steps(steps);
@@ -160,8 +163,8 @@ fn balance(envelope: &HeightField, contact: Contact, (speed, force_n): (f64, f64
         stylus.next(&Moment { velocity_mm_s: [0.8 * along, 0.6 * along.abs()], force_n });
     }
     let ended = stylus.energy(force_n);
-    assert!(ended.drag > 0.0 && ended.lost > 0.0);
-    (ended.drag, ended.drag - ended.lost - (ended.stored - began.stored))
+    assert!(ended.lost > 0.0);
+    (ended.lost, ended.drag - ended.lost - (ended.stored - began.stored))
 }
 
 #[test]
@@ -204,22 +207,23 @@ fn what_the_hand_puts_in_is_stored_or_lost() {
         // Friction takes at once what it is given and would hide what the rest loses: without it.
         let slides = Contact { friction: 0.0, ..rubs };
         let usual = (70.0, 1.0);
-        let (put_in, off) = balance(&envelope, slides, usual, STEPS);
+        let (lost, off) = balance(&envelope, slides, usual, STEPS);
         let (_, finer) = balance(&envelope, slides, usual, 2 * STEPS);
-        let (_, rubbing) = balance(&envelope, rubs, usual, STEPS);
-        let (hard_in, hard) = balance(&envelope, slides, (250.0, 2.5), STEPS);
+        let (rub_lost, rubbing) = balance(&envelope, rubs, usual, STEPS);
+        let (hard_lost, hard) = balance(&envelope, slides, (250.0, 2.5), STEPS);
         let what = format!(
-            "{name}: {put_in:.2e} J in, off by {off:.1e}, {finer:.1e} at half the step, {rubbing:.1e} with friction; \
-             fast and hard {hard_in:.2e} J, off by {hard:.1e}"
+            "{name}: {lost:.2e} J lost, off by {off:.1e}, {finer:.1e} at half the step, {rubbing:.1e} with friction; \
+             fast and hard {hard_lost:.2e} J, off by {hard:.1e}"
         );
         // The step is of first order: its error is a part of w dt, 0.05 where the contact rings at 300 Hz. It was found to be at
-        // most 0.2 % of what is put in, of fast and hard strokes 0.9 %, and to halve with the step: extrapolated to no
+        // most 0.2 % of what is lost, of fast and hard strokes 0.9 %, and to halve with the step: extrapolated to no
         // step at all, nothing is left. Slips of friction within 2 mm/s add to it, but no more than as much again.
-        assert!(off.abs() < 0.003 * put_in && hard.abs() < 0.012 * hard_in, "{what}");
-        assert!(rubbing.abs() < 0.006 * put_in, "{what}");
-        // What glass takes is 3e-8 J: rounded heights of f32 show.
-        let left = if name == "float glass" { 2e-3 } else { 2e-4 };
-        assert!((2.0 * finer - off).abs() < left * put_in, "{what}");
+        // Without friction glass takes all but nothing, 1e-9 J: rounded heights of f32 show.
+        let glass = name == "float glass";
+        let most = if glass { [0.03, 0.1, 0.01] } else { [0.003, 0.012, 2e-4] };
+        assert!(off.abs() < most[0] * lost && hard.abs() < most[1] * hard_lost, "{what}");
+        assert!(rubbing.abs() < 0.006 * rub_lost, "{what}");
+        assert!((2.0 * finer - off).abs() < most[2] * lost, "{what}");
     }
 }
 
@@ -248,7 +252,7 @@ fn halving_the_step_changes_fast_and_hard_strokes_no_more() {
     for made in made_surfaces() {
         // Where the tip jumps, and where all is quiet, it changes more.
         let most = match made.name.as_str() {
-            "square grating 2 mm" | "narrow ridges 1.8 mm" | "sine grating 1 mm" | "float glass" => 0.25,
+            "square grating 2 mm" | "narrow ridges 1.8 mm" | "sine grating 1 mm" | "float glass" => 0.3,
             "sandpaper P36"
             | "sandpaper P240"
             | "canvas"
@@ -266,6 +270,7 @@ fn halving_the_step_changes_fast_and_hard_strokes_no_more() {
             _ => continue,
         };
         let off = changed_by_half_the_step(&met(&made, (512, 0.04)), (250.0, 0.2), 2.5);
+        println!("{}: {off:.3} dB", made.name);
         assert!(off < most, "{}: {off:.2} dB", made.name);
     }
 }

@@ -93,7 +93,7 @@ fn heights_of_foam_pebbles_and_sandpaper_are_as_stated() {
                 // From the walls to the deepest cells.
                 let depth = span(&surface.as_stated((512, 0.04), 3), 1e-3) / (of.depth * of.pore_mm);
                 // Between beads lie shallow grooves: the roughness of the beads is as high.
-                let stated = if name == "polystyrene beads, cut" { 1.6..2.2 } else { 0.9..1.2 };
+                let stated = if name == "polystyrene beads, cut" { 1.3..2.2 } else { 0.85..1.2 };
                 assert!(stated.contains(&depth), "{name}: {depth}");
                 tested[1] += 1;
             }
@@ -182,9 +182,9 @@ fn overlapping(grid: (usize, f64)) -> Vec<[usize; 3]> {
 fn some_neighbours_overlap_in_what_is_measured_of_their_pieces() {
     let found = overlapping((256, 0.04));
     // In each family some pairs share one range; few share two, and hardly any all three: neighbours are alike, not the same.
-    assert!(found.iter().all(|of| of[0] >= 3), "{found:?}");
+    assert!(found.iter().all(|of| of[0] >= 5), "{found:?}");
     let [one, two, three] = [0, 1, 2].map(|n| found.iter().map(|of| of[n]).sum::<usize>());
-    assert!((45..=51).contains(&one) && (7..=11).contains(&two) && (1..=3).contains(&three), "{found:?}");
+    assert!((54..=62).contains(&one) && (12..=20).contains(&two) && (1..=5).contains(&three), "{found:?}");
 }
 
 #[test]

@@ -101,8 +101,8 @@ impl MadeSurface {
         self.name.bytes().fold(0, |h, b| (h ^ u64::from(b)).wrapping_mul(0x0100_0000_01b3))
     }
 
-    /// A patch of it on a grid. Another seed is another piece of the same: pitches differ by 3 %, heights by 8 %, root mean square, so that
-    /// neighbours in a family overlap.
+    /// A patch of it on a grid. Another seed is another piece of the same: pitches differ by 3 %, heights by 8 %, root mean square; of
+    /// gratings, which are machined, heights by 4 % and edges and roughness, rings of wood by up to 15 %.
     pub fn patch(&self, grid: Grid, seed: u64) -> HeightField {
         let random = &mut Random::new(seed ^ self.seed());
         self.recipe.piece(random).patch(grid, random)
