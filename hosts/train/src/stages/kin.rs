@@ -27,7 +27,7 @@ impl Kin {
             }))
         };
         let of = families.map(number).collect::<Option<Vec<_>>>()?;
-        (names.len() > 1).then(|| Self { of, families: names.len() })
+        (names.len() > 1).then_some(Self { of, families: names.len() })
     }
 
     /// Minus the logarithm of the part that scores \[n, classes\] give to all classes of the right class's family.
