@@ -1,6 +1,7 @@
 //! A lowered network packed for one instruction set: weights in the order in which they are read, cut into blocks of
 //! columns, 64-byte aligned; what depends on the texture alone folded into biases, once per material.
 
+use crate::check::{self, Probe};
 use crate::kernel::{Bias, Block, Data, Entry, Instruction, Isa, Pick, Program, Weight};
 use crate::lower::{Affine, Element, Lowered, Ref, StepKind};
 use crate::signature::{FORCE_LEN, MAGNITUDES_LEN, Role, SPEED_LEN};
@@ -32,6 +33,8 @@ pub(crate) trait Stored: Weight + Default {
     fn store(x: f64) -> Self;
     /// The power of two by which a block is scaled, from its largest magnitude.
     fn scale(largest: f64) -> f64;
+    /// What is stored of a weight.
+    fn rounded(x: f64) -> f64;
 }
 
 impl Stored for f32 {
@@ -40,6 +43,9 @@ impl Stored for f32 {
     }
     fn scale(_: f64) -> f64 {
         1.0
+    }
+    fn rounded(x: f64) -> f64 {
+        f64::from(Self::store(x))
     }
 }
 
@@ -51,6 +57,9 @@ impl Stored for u16 {
     /// normalisation by large or small factors costs no precision. Sums stay far from f32's limits.
     fn scale(largest: f64) -> f64 {
         if largest > 0.0 { (8.0 - largest.log2().floor()).clamp(-60.0, 60.0).exp2() } else { 1.0 }
+    }
+    fn rounded(x: f64) -> f64 {
+        half::f16::from_f64(x).to_f64()
     }
 }
 
@@ -118,6 +127,7 @@ impl<W: Stored> Packed<W> {
             at,
             constant,
             of_material,
+            typical: if W::SCALED { typical(net, &needed, materials) } else { Vec::new() },
             program: Program::default(),
             weights: Vec::new(),
             wide: Vec::new(),
@@ -207,6 +217,8 @@ struct Packer<W> {
     constant: Vec<bool>,
     /// For each material, the results of constant steps.
     of_material: Vec<Vec<Vec<f64>>>,
+    /// The mean results of all steps, where weights are rounded.
+    typical: Vec<Vec<f64>>,
     program: Program,
     weights: Vec<W>,
     wide: Vec<f32>,
@@ -247,12 +259,23 @@ impl<W: Stored> Packer<W> {
                 let pad = columns.len() - real.len();
                 row[real.clone()].iter().map(|x| x * scale).chain(std::iter::repeat_n(0.0, pad)).collect()
             };
+            let mut lost = vec![0.0; columns.len()];
+            if W::SCALED && !wide {
+                for &k in &moving {
+                    let x = self.typical[a.inputs[k].step][a.inputs[k].index];
+                    let row = padded(&a.weights[k * n..][..n]);
+                    lost.iter_mut().zip(row).for_each(|(lost, w)| *lost += (w - W::rounded(w)) * x);
+                }
+            }
+            let biases = |bias: &[f64]| -> Vec<f32> {
+                padded(bias).iter().zip(&lost).map(|(bias, lost)| (bias + lost) as f32).collect()
+            };
             let bias = if constant.is_empty() {
-                self.fixed.extend(padded(&a.bias).into_iter().map(|x| x as f32));
+                self.fixed.extend(biases(&a.bias));
                 Bias::Fixed(self.fixed.len() - columns.len())
             } else {
                 for (to, bias) in self.materials.iter_mut().zip(&folded) {
-                    to.extend(padded(bias).into_iter().map(|x| x as f32));
+                    to.extend(biases(bias));
                 }
                 Bias::Material(self.materials.first().map_or(0, |m| m.len() - columns.len()))
             };
@@ -307,6 +330,31 @@ impl<W: Stored> Packer<W> {
         }
         first..self.program.runs.len()
     }
+}
+
+/// Mean results of the needed steps over ordinary inputs and some of the materials.
+fn typical(net: &Lowered, needed: &[bool], materials: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    const MOST: usize = 8;
+    let mut sums: Vec<Vec<f64>> = Vec::new();
+    let mut count = 0.0;
+    for texture in materials.iter().step_by(materials.len().div_ceil(MOST).max(1)) {
+        for Probe { force, speed } in check::ordinary() {
+            let results = net.evaluate(needed, |role| match role {
+                Role::Texture => texture.clone(),
+                Role::Force => force.iter().map(|&x| f64::from(x)).collect(),
+                Role::Speed => speed.iter().map(|&x| f64::from(x)).collect(),
+            });
+            count += 1.0;
+            if sums.is_empty() {
+                sums = results;
+            } else {
+                let all = sums.iter_mut().flatten().zip(results.iter().flatten());
+                all.for_each(|(sum, x)| *sum += x);
+            }
+        }
+    }
+    sums.iter_mut().flatten().for_each(|sum| *sum /= count);
+    sums
 }
 
 /// The bias of an affine step with its constant inputs added.

@@ -136,7 +136,7 @@ fn weights_are_read_whole() {
 }
 
 #[test]
-fn the_shipped_model_is_packed_in_f32_and_refused_in_f16() {
+fn the_shipped_model_is_packed_in_both_precisions() {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../graphs/models/surfaces/texture.onnx");
     let model = Model::load(path).unwrap();
     assert_eq!(model.not_lowered_because(), None);
@@ -151,12 +151,12 @@ fn the_shipped_model_is_packed_in_f32_and_refused_in_f16() {
         })
         .collect();
     assert!(vectors.len() >= 8);
-    let packed = Executor::Packed { isa: Isa::available()[0], precision: Precision::F32 };
-    let runner = model.runner(&vectors, Precision::F32, Choice::Auto).unwrap();
-    let info = runner.describe();
-    assert_eq!((info.executor, info.multiply_adds), (packed, 419_700), "{}", info.report);
-    // Its vectors are large and cancel: with f16 weights it is off by 0.46 % of full scale, and refused.
-    let refused = model.runner(&vectors, Precision::F16, Choice::Packed(Isa::available()[0]));
-    let why = refused.err().map(|e| e.to_string()).unwrap_or_default();
-    assert!(why.contains("f16 weights refused: differs from tract by 4."), "{why}");
+    for (precision, most) in [(Precision::F32, 1e-5), (Precision::F16, 1e-3)] {
+        let runner = model.runner(&vectors, precision, Choice::Auto).unwrap();
+        let info = runner.describe();
+        let packed = Executor::Packed { isa: Isa::available()[0], precision };
+        assert_eq!((info.executor, info.multiply_adds), (packed, 419_700), "{}", info.report);
+        assert!(info.max_error_vs_tract.unwrap() < most, "{}", info.report);
+        eprintln!("{}", info.report);
+    }
 }

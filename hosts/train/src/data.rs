@@ -84,12 +84,14 @@ pub(crate) struct Data {
 }
 
 impl Data {
-    /// A checksum of all names, images and touches: a run is not to go on with other data than it was begun with.
+    /// A checksum of all that a run depends on, and of what is held apart: a run is not to go on with other data than it was begun with.
     pub(crate) fn checksum(&self) -> u32 {
         let mut sum = crc32fast::Hasher::new();
-        for subject in self.seen.iter().chain(&self.unseen) {
-            sum.update(subject.name.as_bytes());
-            let Subject { images, examples, .. } = subject;
+        for (number, subject) in self.seen.iter().chain(&self.unseen).enumerate() {
+            let Subject { name, family, images, examples, truth, .. } = subject;
+            let counts = [images.train.len(), images.held.len(), examples.train.len(), examples.held.len()];
+            let known = (number < self.seen.len(), name, family, truth, counts);
+            sum.update(format!("{known:?}").as_bytes());
             images.train.iter().chain(&images.held).for_each(|image| sum.update(&image.pixels));
             for e in examples.train.iter().chain(&examples.held) {
                 let numbers = e.force.iter().chain(&e.velocity).chain(&e.magnitudes);

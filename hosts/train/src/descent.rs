@@ -26,8 +26,6 @@ const AHEAD: usize = 2;
 const CHECKPOINT_EVERY: Duration = Duration::from_secs(60);
 /// Adam's epsilon (Kingma and Ba 2015): gradients of single weights are far below burn's 1e-5.
 const EPSILON: f32 = 1e-8;
-/// Adam's second decay: with the usual 0.999 it takes steps that are too large when gradients have grown, and a long stage is thrown back.
-const BETA_2: f32 = 0.99;
 /// Reports of a whole stage.
 const REPORTS: usize = 200;
 /// First bytes of a checkpoint.
@@ -42,10 +40,33 @@ pub(crate) struct Stage<'a> {
     pub steps: usize,
     /// Largest learning rate; it rises over the first fiftieth and falls to a hundredth by half a cosine.
     pub learning_rate: f64,
+    /// Adam's second decay, that of the mean squares of gradients. With the usual 0.999 it takes steps that are too large when gradients
+    /// have grown.
+    pub second_decay: f32,
     /// Where checkpoints lie.
     pub folder: &'a Path,
     /// Set when the user wants to stop.
-    pub stop: &'a AtomicBool,
+    pub stop: &'a Stop,
+}
+
+/// A wish to stop, and whether anything is under way that keeps what was done.
+#[derive(Debug, Default)]
+pub(crate) struct Stop {
+    wanted: AtomicBool,
+    heeded: AtomicBool,
+}
+
+impl Stop {
+    /// Asks for it. Answers whether it will be seen to: where it was asked for before, or nothing would be kept, the asker may as well
+    /// end it at once.
+    pub(crate) fn ask(&self) -> bool {
+        !self.wanted.swap(true, Ordering::Relaxed) && self.heeded.load(Ordering::Relaxed)
+    }
+
+    /// Whether it was asked for.
+    pub(crate) fn wanted(&self) -> bool {
+        self.wanted.load(Ordering::Relaxed)
+    }
 }
 
 /// Mean losses of a stage, as far as it went: (steps done, loss).
@@ -136,11 +157,15 @@ impl Stage<'_> {
         // momenta of weights that are no longer touched decay for ever
         let _flushed = Flushed::new();
         let clipping = Some(GradientClippingConfig::Norm(1.0));
-        let adam =
-            AdamConfig::new().with_beta_2(BETA_2).with_epsilon(EPSILON).with_grad_clipping(clipping).init();
+        let adam = AdamConfig::new()
+            .with_beta_2(self.second_decay)
+            .with_epsilon(EPSILON)
+            .with_grad_clipping(clipping)
+            .init();
         let (model, mut adam, mut header) = self.resume(model, adam)?;
         let (start, begun) = (Instant::now(), header.step);
         let every = self.steps.div_ceil(REPORTS).max(1);
+        self.stop.heeded.store(true, Ordering::Relaxed);
         let model = std::thread::scope(|scope| {
             let mut model = model;
             let (send, receive) = mpsc::sync_channel(AHEAD);
@@ -169,7 +194,7 @@ impl Stage<'_> {
                     let left = Duration::from_secs_f64((self.steps - header.step) as f64 / rate);
                     report(&Progress { step: header.step, loss: mean, left, rate });
                 }
-                let stopped = self.stop.load(Ordering::Relaxed);
+                let stopped = self.stop.wanted();
                 if stopped || saved.elapsed() > CHECKPOINT_EVERY || header.step == self.steps {
                     self.save(&model, &adam, &mut header)?;
                     saved = Instant::now();
@@ -180,6 +205,7 @@ impl Stage<'_> {
             }
             Ok(model)
         })?;
+        self.stop.heeded.store(false, Ordering::Relaxed);
         Ok((model, header.losses))
     }
 

@@ -8,8 +8,9 @@ const STEPS: usize = 60;
 /// Learns y = 2 a - b + 1; `stop_at` is the step after which it is told to stop.
 fn learn(folder: &Path, stop_at: Option<usize>) -> Result<(Weights, Losses), Failure> {
     let device = Device::flex().autodiff();
-    let stop = AtomicBool::new(false);
-    let stage = Stage { name: "line", steps: STEPS, learning_rate: 0.1, folder, stop: &stop };
+    let stop = Stop::default();
+    let stage =
+        Stage { name: "line", steps: STEPS, learning_rate: 0.1, second_decay: 0.99, folder, stop: &stop };
     let layer = Layer::new(2, 1, 1.0, &mut Random::new(5), &device);
     let draw = |step: usize| {
         let mut random = Random::new(step as u64);
@@ -18,7 +19,9 @@ fn learn(folder: &Path, stop_at: Option<usize>) -> Result<(Weights, Losses), Fai
         (step, inputs, wanted)
     };
     let loss = |layer: &Layer, (step, inputs, wanted): (usize, Vec<f32>, Vec<f32>)| {
-        stop.fetch_or(Some(step) == stop_at, Ordering::Relaxed);
+        if Some(step) == stop_at {
+            assert!(stop.ask() && !stop.ask(), "seen to, and not twice");
+        }
         let tensor = |x: Vec<f32>, width| Tensor::<2>::from_data(TensorData::new(x, [8, width]), &device);
         (layer.forward(tensor(inputs, 2)) - tensor(wanted, 1)).powi_scalar(2).mean()
     };
@@ -35,6 +38,11 @@ fn a_run_that_was_stopped_twice_ends_at_the_same_bits() {
         assert!(matches!(learn(parts.path(), Some(stop_at)), Err(Failure::Stopped)));
     }
     assert_eq!(learn(parts.path(), None).unwrap(), (weights, losses));
+}
+
+#[test]
+fn where_nothing_is_kept_a_wish_to_stop_is_not_seen_to() {
+    assert!(!Stop::default().ask());
 }
 
 #[test]

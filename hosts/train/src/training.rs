@@ -4,7 +4,6 @@ use std::collections::HashSet;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 
 use asperity_dataset::Subject;
 use asperity_network::Encoder;
@@ -20,7 +19,7 @@ use image::codecs::jpeg::JpegEncoder;
 use crate::arguments::{Evaluate, Settings, Train};
 use crate::card::Sizes;
 use crate::data::{self, Data};
-use crate::descent::{self, Losses, Stage};
+use crate::descent::{self, Losses, Stage, Stop};
 use crate::evaluation::{self, Network, Written};
 use crate::failure::Failure;
 use crate::files::write_whole;
@@ -37,10 +36,10 @@ pub(crate) fn train(train: &Train) -> Result<(), Failure> {
     let settings = &train.settings;
     let run = train.run.clone().unwrap_or_else(|| beside(&train.out));
     belongs(&run, settings)?;
-    let stop = Arc::new(AtomicBool::new(false));
-    let flag = Arc::clone(&stop);
+    let stop = Arc::new(Stop::default());
+    let asked = Arc::clone(&stop);
     ctrlc::set_handler(move || {
-        if flag.swap(true, Ordering::Relaxed) {
+        if !asked.ask() {
             std::process::exit(130);
         }
         eprintln!("stopping; Ctrl-C again to leave at once");
@@ -50,13 +49,12 @@ pub(crate) fn train(train: &Train) -> Result<(), Failure> {
     let data = data::load(settings)?;
     same_data(&run, &data)?;
     begin(&train.out, &run, settings, &data)?;
-    let unless_stopped = || if stop.load(Ordering::Relaxed) { Err(Failure::Stopped) } else { Ok(()) };
-    unless_stopped()?;
     let device = Device::flex().autodiff();
-    let stage = |name, steps: u32, learning_rate| Stage {
+    let stage = |name, steps: u32, (learning_rate, second_decay)| Stage {
         name,
         steps: steps as usize,
         learning_rate,
+        second_decay,
         folder: &run,
         stop: &stop,
     };
@@ -64,7 +62,7 @@ pub(crate) fn train(train: &Train) -> Result<(), Failure> {
     // without a weight on names stage two is the paper's, and so is stage one
     let kin = Kin::of(data.seen.iter().map(|s| s.family.as_deref())).filter(|_| settings.naming_weight > 0.0);
     let kin = kin.as_ref();
-    let naming = stage("naming", settings.naming_steps, settings.naming_rate);
+    let naming = stage("naming", settings.naming_steps, (settings.naming_rate, 0.999));
     let mut teller = Teller::new("naming", naming.steps);
     let namer = Namer::new(settings.preset, data.seen.len(), settings.seed, &device);
     let naming_of = Naming { batch: settings.naming_batch as usize, seed: settings.seed, kin };
@@ -77,7 +75,7 @@ pub(crate) fn train(train: &Train) -> Result<(), Failure> {
         eprintln!("naming: {:.1} % of held-out images are named rightly", 100.0 * part);
     }
     let looks = Looks::of(&namer.encoder, &data.seen, (kin, settings.seed), &plain);
-    let feeling = stage("feeling", settings.feeling_steps, settings.feeling_rate);
+    let feeling = stage("feeling", settings.feeling_steps, (settings.feeling_rate, 0.99));
     let mut teller = Teller::new("feeling", feeling.steps);
     let touching = Touching {
         groups: settings.feeling_groups as usize,
@@ -109,7 +107,7 @@ pub(crate) fn train(train: &Train) -> Result<(), Failure> {
         .map(|(images, mean)| [images.clone(), mean.repeat(images.len() / VECTOR_LEN)].concat())
         .collect();
     let settle = |name, target| {
-        let settling = stage(name, settings.settling_steps, 0.05 * settings.feeling_rate);
+        let settling = stage(name, settings.settling_steps, (0.05 * settings.feeling_rate, 0.99));
         let mut teller = Teller::new(name, settling.steps);
         let touching = Touching { target, ..touching };
         let network = learner.feeler.network.clone().for_vectors_times(gain, &device);
@@ -135,10 +133,7 @@ pub(crate) fn train(train: &Train) -> Result<(), Failure> {
         &out("materials.ron"),
         Library::new(out("materials.ron"), Some("encoder.onnx".to_owned()), materials).to_ron().as_bytes(),
     )?;
-    write_whole(
-        &out("settings.json"),
-        serde_json::to_string_pretty(settings).unwrap_or_default().as_bytes(),
-    )?;
+    write_whole(&out(SETTINGS), serde_json::to_string_pretty(settings).unwrap_or_default().as_bytes())?;
     let losses = [
         ("naming", naming_losses),
         ("feeling", feeling_losses),
@@ -148,7 +143,9 @@ pub(crate) fn train(train: &Train) -> Result<(), Failure> {
     write_whole(&out("losses.csv"), csv(&losses).as_bytes())?;
     write_whole(&out("curves.svg"), curves(&losses).to_svg().as_bytes())?;
     eprintln!("wrote {}", train.out.display());
-    unless_stopped()?;
+    if stop.wanted() {
+        return Err(Failure::Stopped);
+    }
     judge(&train.out, &run, settings, &data)
 }
 
@@ -157,7 +154,7 @@ pub(crate) fn train(train: &Train) -> Result<(), Failure> {
 /// # Errors
 /// What the files say, and the data.
 pub(crate) fn evaluate(evaluate: &Evaluate) -> Result<(), Failure> {
-    let path = evaluate.folder.join("settings.json");
+    let path = evaluate.folder.join(SETTINGS);
     let text = std::fs::read_to_string(&path)
         .map_err(|e| Diagnostic::new(format!("cannot read this file: {e}")).in_file(&path))?;
     let settings: Settings = serde_json::from_str(&text)
@@ -286,26 +283,34 @@ fn beside(out: &Path) -> PathBuf {
     name.into()
 }
 
-/// A run's settings, as its folder has them.
-fn settings_of(run: &Path) -> PathBuf {
-    run.join("settings.json")
-}
+/// The file of a model's or a run's folder that has its settings.
+const SETTINGS: &str = "settings.json";
 
 /// Refuses a run's folder that belongs to other settings.
 fn belongs(run: &Path, settings: &Settings) -> Result<(), Diagnostic> {
-    let path = settings_of(run);
-    match std::fs::read_to_string(&path) {
-        Ok(found) if serde_json::from_str(&found).ok().as_ref() == Some(settings) => Ok(()),
-        Ok(_) => Err(Diagnostic::new("this run was begun with other settings")
-            .in_file(&path)
+    let same = |found: &str| serde_json::from_str(found).ok().as_ref() == Some(settings);
+    match told(run, SETTINGS)? {
+        Some(found) if !same(&found) => Err(Diagnostic::new("this run was begun with other settings")
+            .in_file(run.join(SETTINGS))
             .help("give the settings it has, name another --run folder, or remove this one")),
+        _ => Ok(()),
+    }
+}
+
+/// What a run's folder says in one of its files; nothing where no run was begun there.
+fn told(run: &Path, name: &str) -> Result<Option<String>, Diagnostic> {
+    let path = run.join(name);
+    match std::fs::read_to_string(&path) {
+        Ok(found) => Ok(Some(found)),
         Err(e) if e.kind() == ErrorKind::NotFound => {
             let mut files = std::fs::read_dir(run).into_iter().flatten().flatten();
             match files.find(|file| file.path().extension().is_some_and(|e| e == "checkpoint")) {
-                None => Ok(()),
-                Some(file) => Err(Diagnostic::new("a checkpoint of unknown settings")
+                None => Ok(None),
+                Some(file) => Err(Diagnostic::new("it is not known what this checkpoint was made with")
                     .in_file(file.path())
-                    .help("its run's settings.json is gone: name another --run folder, or remove this one")),
+                    .help(format!(
+                        "its run's {name} is gone: name another --run folder, or remove this one"
+                    ))),
             }
         }
         Err(e) => Err(Diagnostic::new(format!("cannot read this file: {e}")).in_file(&path)),
@@ -317,16 +322,13 @@ const CHECKSUM: &str = "data.crc32";
 
 /// Refuses a run's folder that was begun with other data.
 fn same_data(run: &Path, data: &Data) -> Result<(), Diagnostic> {
-    let path = run.join(CHECKSUM);
-    match std::fs::read_to_string(&path) {
-        Ok(found) if found != data.checksum().to_string() => {
+    match told(run, CHECKSUM)? {
+        Some(found) if found != data.checksum().to_string() => {
             Err(Diagnostic::new("the data have changed since this run was begun")
-                .in_file(&path)
+                .in_file(run.join(CHECKSUM))
                 .help("name another --run folder, or remove this one"))
         }
-        Ok(_) => Ok(()),
-        Err(e) if e.kind() == ErrorKind::NotFound => Ok(()),
-        Err(e) => Err(Diagnostic::new(format!("cannot read this file: {e}")).in_file(&path)),
+        _ => Ok(()),
     }
 }
 
@@ -337,5 +339,5 @@ fn begin(out: &Path, run: &Path, settings: &Settings, data: &Data) -> Result<(),
             .map_err(|e| Diagnostic::new(format!("cannot make this folder: {e}")).in_file(folder))?;
     }
     write_whole(&run.join(CHECKSUM), data.checksum().to_string().as_bytes())?;
-    write_whole(&settings_of(run), serde_json::to_string_pretty(settings).unwrap_or_default().as_bytes())
+    write_whole(&run.join(SETTINGS), serde_json::to_string_pretty(settings).unwrap_or_default().as_bytes())
 }
