@@ -131,6 +131,15 @@ fn a_new_material_may_keep_its_own_vector_or_take_a_blend() {
     assert!(ran.out.contains("a blend of the nearest 2"), "{}", ran.out);
     // 0.1 from 0.5 and 0.3 from 0.1.
     near(&stored(dir.path(), "two"), (0.5 / 0.1 + 0.1 / 0.3) / (1.0 / 0.1 + 1.0 / 0.3));
+    // Unless told otherwise as many as the model's card is about.
+    let ran = encode(dir.path(), &["pictures/felt.png", "--as", "blend", "--dry-run"]).ok();
+    assert!(ran.out.contains("a blend of the nearest 3"), "{}", ran.out);
+}
+
+#[test]
+fn the_shipped_encoder_is_as_small_as_promised() {
+    let bytes = std::fs::metadata(common::graphs("models/surfaces/encoder.onnx")).expect("the encoder").len();
+    assert!(bytes <= 12_000_000, "{bytes}");
 }
 
 #[test]

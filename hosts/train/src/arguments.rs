@@ -33,6 +33,9 @@ pub(crate) struct Evaluate {
     /// The folder of its checkpoints, which has the classifier; by default FOLDER with `.run` after its name.
     #[arg(long, value_name = "FOLDER")]
     pub run: Option<PathBuf>,
+    /// Where the data are now, if not where they were: `hatt:FOLDER` or `recordings:FOLDER`.
+    #[arg(long, value_name = "SOURCE")]
+    pub data: Option<Origin>,
 }
 
 /// A training run.

@@ -2,10 +2,16 @@
 
 use std::fmt::Write as _;
 
+use asperity_dataset::made::{BEYOND_FORCE_N, BEYOND_SPEED_MM_S};
+use asperity_world::material::BLENDED;
+
 use crate::arguments::Settings;
 use crate::data::{Data, Origin};
 use crate::encoder::Preset;
-use crate::evaluation::{AUDIBLE_M_S2, Evaluation, Level, Naming, RANGE_DB, Score, Stranger, Strangers};
+use crate::evaluation::{
+    ALONE, AUDIBLE_M_S2, Evaluation, Level, MEAN_GAIN_DB, Naming, RANGE_DB, Score, Stranger, Strangers,
+    places,
+};
 use crate::loss::{Aim, Target};
 
 /// What the card says of the files themselves.
@@ -27,7 +33,7 @@ pub(crate) fn write(settings: &Settings, sizes: Sizes, data: &Data, evaluation: 
     }
     let _ = write!(card, "\n## Vibration\n\n{}", vibration(settings, evaluation));
     if !evaluation.levels.is_empty() {
-        let _ = write!(card, "\n## Mean or root mean square\n\n{}", levels(&evaluation.levels));
+        let _ = write!(card, "\n## Mean or root mean square\n\n{}", levels(settings, &evaluation.levels));
     }
     if !evaluation.strangers.surfaces.is_empty() {
         let _ = write!(card, "\n## Surfaces that were never seen\n\n{}", strangers(&evaluation.strangers));
@@ -40,13 +46,20 @@ fn head(settings: &Settings, sizes: Sizes, data: &Data) -> String {
     let count = |of: fn(&asperity_dataset::Subject) -> usize| data.seen.iter().map(of).sum::<usize>();
     let megabytes = |bytes: u64| bytes as f64 * 1e-6;
     let preset = match settings.preset {
-        Preset::Paper => "the sizes of Heravi et al. 2024",
-        Preset::Compact => "narrower than AlexNet (24, 64, 96, 96 and 256 channels; heads of 192 and 512)",
+        Preset::Paper => "the sizes of Heravi et al. 2024".to_owned(),
+        Preset::Compact => {
+            let [a, b, c, d, e] = Preset::Compact.channels();
+            let [wide, narrow] = Preset::Compact.hidden();
+            format!(
+                "narrower than AlexNet ({a}, {b}, {c}, {d} and {e} channels; heads of {wide} and {narrow})"
+            )
+        }
     };
     let made = match settings.data {
         Origin::Made => {
             " Made data are physics with chosen figures, nothing measured: what holds here need not hold for
-real surfaces."
+real surfaces. About half of neighbouring surfaces of a family overlap, within their pieces' spread, in what they are made from; the others are neighbours without. Settings
+were chosen by the same held-out images and strokes as everything below is judged by."
         }
         Origin::Hatt(_) | Origin::Recordings(_) => "",
     };
@@ -151,7 +164,7 @@ fn goals(evaluation: &Evaluation) -> String {
 
 fn names(naming: &Naming) -> String {
     let mut text = format!(
-        "Of {} images of {} materials that were never trained on, named rightly:
+        "Of {} images that were never trained on, of {} materials, named rightly:
 
 | | |
 |---|---|
@@ -180,33 +193,38 @@ fn names(naming: &Naming) -> String {
 }
 
 fn vibration(settings: &Settings, evaluation: &Evaluation) -> String {
+    let [places, places_beyond] = places(settings);
+    let of_made = |figure: &str| {
+        format!(
+            "the {figure} magnitudes, over {places} places (beyond: {places_beyond}) of pieces that were never trained on, of strokes that were never trained on"
+        )
+    };
     let truth = match (&settings.data, settings.target) {
         (Origin::Recordings(_), _) => {
-            "the magnitudes of single recorded frames of held-out strokes, which are random about what can be known"
+            "the magnitudes of single recorded frames of held-out strokes, which are random about what can be known".to_owned()
         }
         (Origin::Hatt(_), Target::Mean) => {
-            "the models' mean magnitudes on strokes that were never trained on"
+            "the models' mean magnitudes on strokes that were never trained on".to_owned()
         }
         (Origin::Hatt(_), Target::Rms) => {
-            "the models' root mean square magnitudes on strokes that were never trained on"
+            "the models' root mean square magnitudes on strokes that were never trained on".to_owned()
         }
-        (Origin::Made, Target::Mean) => {
-            "the mean magnitudes, over 32 places of pieces that were never trained on, of strokes that were never trained on"
-        }
-        (Origin::Made, Target::Rms) => {
-            "the root mean square magnitudes, over 32 places of pieces that were never trained on, of strokes that were never trained on"
-        }
+        (Origin::Made, Target::Mean) => of_made("mean"),
+        (Origin::Made, Target::Rms) => of_made("root mean square"),
     };
     let beyond = if evaluation.beyond.is_empty() {
-        ""
+        String::new()
     } else {
-        " Beyond: strokes at up to 450 mm/s or
-6.5 N; inputs are held to the trained range as the node holds them, those of (b) too."
+        format!(
+            " Beyond: strokes at up to {BEYOND_SPEED_MM_S:.0} mm/s or
+{BEYOND_FORCE_N:.1} N; inputs are held to the trained range as the node holds them, those of (b) too."
+        )
     };
     let mut text = format!(
         "Mean of |error| in dB against {truth}; bins of at least
 {AUDIBLE_M_S2} m/s^2 and within {RANGE_DB} dB of the frame's largest; average over materials.{beyond} A rival that is one
-signal, as (b) is, carries a single signal's noise; the mean of twenty has little of it.
+signal, as (b) is, carries a single signal's noise; the mean of twenty has little of it. (c) is no limit for the model: it has the noise of two single signals, and the
+model is judged by what is true on average.
 
 | | within | beyond | model is better for |
 |---|---|---|---|
@@ -245,20 +263,34 @@ signal, as (b) is, carries a single signal's noise; the mean of twenty has littl
     text
 }
 
-fn levels(levels: &[Level]) -> String {
-    let mut text = String::from(
-        "Power of the answers over the true power of held-out strokes. A network trained on the squared error of magnitudes answers their mean, which is too quiet where
-they are random and right where they are not, so that no one gain puts it right.
+fn levels(settings: &Settings, levels: &[Level]) -> String {
+    let losses = match settings.error {
+        Aim::Euclidean => "squared errors of magnitudes, and of power",
+        Aim::Relative => {
+            "a likelihood whose least is at the mean magnitude, and one whose least is at the power"
+        }
+    };
+    let mut text = format!(
+        "Power over the true power of held-out strokes, in dB, mean over materials. The mean of a random magnitude carries {MEAN_GAIN_DB} dB less than its power asks for, and that of a
+sure one nothing less: the first two columns are of the true means, without a network, and of the same with a gain of {MEAN_GAIN_DB} dB. What is below 0 in the
+first is too quiet, what is above 0 in the second is overdriven. The networks were trained on {losses}.
 
-| family | trained on magnitudes, dB | the same with 1.05 dB of gain | trained on power, dB |
-|---|---|---|---|
-",
+| family | true mean | with gain | network for the mean | with gain | network for power |
+|---|---|---|---|---|---|
+"
     );
+    let signed = |db: Option<f64>| db.map_or_else(|| "-".to_owned(), |db| format!("{db:+.2}"));
+    let gained = |db: Option<f64>| signed(db.map(|db| db + MEAN_GAIN_DB));
     for level in levels {
         let _ = writeln!(
             text,
-            "| {} | {:+.2} | {:+.2} | {:+.2} |",
-            level.family, level.mean_db, level.gained_db, level.rms_db
+            "| {} | {} | {} | {} | {} | {} |",
+            level.family,
+            signed(level.exact_mean_db),
+            gained(level.exact_mean_db),
+            signed(level.mean_db),
+            gained(level.mean_db),
+            signed(level.rms_db)
         );
     }
     text
@@ -266,16 +298,17 @@ they are random and right where they are not, so that no one gain puts it right.
 
 fn strangers(strangers: &Strangers) -> String {
     let surfaces = &strangers.surfaces;
-    let mean = |figure: fn(&Stranger) -> f64| decibels(average(surfaces, |s| Some(figure(s))));
+    let mean = |figure: fn(&Stranger) -> Option<f64>| decibels(average(surfaces, figure));
     let mut text = String::new();
     if let Some(families) = &strangers.families {
         let _ = writeln!(
             text,
-            "The material with the nearest vector is of the right family for {} of {} surfaces, and for {} of single images; a linear classifier of image
+            "The material with the nearest vector is of the right family for {} of {} surface{}, and for {} of single images; a linear classifier of image
 statistics takes {} of images for a material of the right family; chance is {}.
 ",
             percent(families.surfaces),
             surfaces.len(),
+            if surfaces.len() == 1 { "" } else { "s" },
             percent(families.images),
             percent(families.statistics),
             percent(families.chance),
@@ -283,7 +316,7 @@ statistics takes {} of images for a material of the right family; chance is {}.
     }
     let _ = write!(
         text,
-        "Mean of |error| in dB, of eight single images each, with the neighbour's vector {}, with the image's own {}, with a blend of the three nearest {}; the best of all stored vectors
+        "Mean of |error| in dB, of up to {ALONE} single images each, with the neighbour's vector {}, with the image's own {}, with a blend of the {BLENDED} nearest {}; the best of all stored vectors
 would give {}.
 
 | surface | family | neighbour | its family | nearest, dB | own, dB | blend, dB | best, dB |
@@ -298,8 +331,13 @@ would give {}.
         let [family, other] = [&s.family, &s.neighbour.1].map(|f| f.as_deref().unwrap_or("-"));
         let _ = writeln!(
             text,
-            "| {} | {family} | {} | {other} | {:.1} | {:.1} | {:.1} | {:.1} |",
-            s.name, s.neighbour.0, s.nearest_db, s.raw_db, s.blend_db, s.best_db
+            "| {} | {family} | {} | {other} | {} | {} | {} | {} |",
+            s.name,
+            s.neighbour.0,
+            decibels(s.nearest_db),
+            decibels(s.raw_db),
+            decibels(s.blend_db),
+            decibels(s.best_db)
         );
     }
     text

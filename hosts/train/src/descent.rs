@@ -29,7 +29,7 @@ const EPSILON: f32 = 1e-8;
 /// Reports of a whole stage.
 const REPORTS: usize = 200;
 /// First bytes of a checkpoint.
-const MAGIC: &[u8; 8] = b"ASPCHK01";
+const MAGIC: &[u8; 8] = b"ASPCHK02";
 
 /// One stage of a training run.
 #[derive(Clone, Debug)]
@@ -94,6 +94,8 @@ struct Header {
     #[serde(with = "bits::of_losses")]
     losses: Losses,
     model_bytes: usize,
+    /// Of all bytes behind the header.
+    crc32: u32,
 }
 
 /// Numbers as their bits: what is read back from decimals may be another number.
@@ -214,6 +216,7 @@ impl Stage<'_> {
         let model = model.clone().into_record().into_bytes().map_err(|e| broken(&e))?;
         let adam = adam.into_bytes().map_err(|e| broken(&e))?;
         header.model_bytes = model.len();
+        header.crc32 = crc32(&[&model, &adam]);
         let line = serde_json::to_vec(header).map_err(|e| broken(&e))?;
         let mut bytes = MAGIC.to_vec();
         bytes.extend((line.len() as u64).to_le_bytes());
@@ -229,7 +232,9 @@ impl Stage<'_> {
         adam: ModuleOptimizer,
     ) -> Result<(M, ModuleOptimizer, Header), Failure> {
         match read(&self.path(), model.clone())? {
-            None => Ok((model, adam, Header { step: 0, sum: 0.0, losses: Vec::new(), model_bytes: 0 })),
+            None => {
+                Ok((model, adam, Header { step: 0, sum: 0.0, losses: Vec::new(), model_bytes: 0, crc32: 0 }))
+            }
             Some((model, header, state)) => {
                 let adam = adam.from_bytes(state).map_err(|_| broken(&self.path()))?;
                 Ok((model, adam, header))
@@ -273,7 +278,13 @@ fn parts(bytes: &[u8]) -> Option<(Header, &[u8], &[u8])> {
     let (line, rest) = rest.split_at_checked(usize::try_from(u64::from_le_bytes(*length)).ok()?)?;
     let header: Header = serde_json::from_slice(line).ok()?;
     let (model, adam) = rest.split_at_checked(header.model_bytes)?;
-    Some((header, model, adam))
+    (crc32(&[model, adam]) == header.crc32).then_some((header, model, adam))
+}
+
+fn crc32(parts: &[&[u8]]) -> u32 {
+    let mut sum = crc32fast::Hasher::new();
+    parts.iter().for_each(|part| sum.update(part));
+    sum.finalize()
 }
 
 #[cfg(test)]

@@ -59,7 +59,10 @@ fn a_broken_checkpoint_is_refused_by_name() {
     learn(folder.path(), None).unwrap();
     let path = folder.path().join("line.checkpoint");
     let bytes = std::fs::read(&path).unwrap();
-    for broken in [&bytes[..0], &bytes[..7], &bytes[..40], &bytes[..bytes.len() / 2]] {
+    let mut flipped = bytes.clone();
+    let last = bytes.len() - 1;
+    flipped[last] ^= 1;
+    for broken in [&bytes[..0], &bytes[..7], &bytes[..40], &bytes[..bytes.len() / 2], &flipped] {
         std::fs::write(&path, broken).unwrap();
         let Err(Failure::Input(e)) = learn(folder.path(), None) else { panic!("taken") };
         assert!(e.to_string().contains("line.checkpoint") && e.to_string().contains("not a whole"), "{e}");

@@ -28,7 +28,7 @@ pub(crate) enum Preset {
 
 impl Preset {
     /// Channels of the five convolutions.
-    fn channels(self) -> [usize; 5] {
+    pub(crate) fn channels(self) -> [usize; 5] {
         match self {
             Self::Paper => [64, 192, 384, 256, 256],
             Self::Compact => [24, 64, 96, 96, 256],
@@ -36,7 +36,7 @@ impl Preset {
     }
 
     /// Widths between the features and a head's output.
-    fn hidden(self) -> [usize; 2] {
+    pub(crate) fn hidden(self) -> [usize; 2] {
         match self {
             Self::Paper => [4096, 512],
             Self::Compact => [192, 512],

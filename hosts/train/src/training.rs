@@ -36,6 +36,7 @@ pub(crate) fn train(train: &Train) -> Result<(), Failure> {
     let settings = &train.settings;
     let run = train.run.clone().unwrap_or_else(|| beside(&train.out));
     belongs(&run, settings)?;
+    fits(&train.out, settings)?;
     let stop = Arc::new(Stop::default());
     let asked = Arc::clone(&stop);
     ctrlc::set_handler(move || {
@@ -48,6 +49,7 @@ pub(crate) fn train(train: &Train) -> Result<(), Failure> {
 
     let data = data::load(settings)?;
     same_data(&run, &data)?;
+    spares(&train.out, &data)?;
     begin(&train.out, &run, settings, &data)?;
     let device = Device::flex().autodiff();
     let stage = |name, steps: u32, (learning_rate, second_decay)| Stage {
@@ -160,7 +162,15 @@ pub(crate) fn evaluate(evaluate: &Evaluate) -> Result<(), Failure> {
     let settings: Settings = serde_json::from_str(&text)
         .map_err(|e| Diagnostic::new(format!("these are not a run's settings: {e}")).in_file(&path))?;
     let run = evaluate.run.clone().unwrap_or_else(|| beside(&evaluate.folder));
-    judge(&evaluate.folder, &run, &settings, &data::load(&settings)?)
+    let now = match &evaluate.data {
+        Some(data) if data.name() != settings.data.name() => {
+            let message = format!("this model was trained on `{}` data", settings.data.name());
+            return Err(Diagnostic::new(message).in_file(&path).into());
+        }
+        Some(data) => Settings { data: data.clone(), ..settings.clone() },
+        None => settings.clone(),
+    };
+    judge(&evaluate.folder, &run, &settings, &data::load(&now)?)
 }
 
 fn judge(folder: &Path, run: &Path, settings: &Settings, data: &Data) -> Result<(), Failure> {
@@ -314,6 +324,38 @@ fn told(run: &Path, name: &str) -> Result<Option<String>, Diagnostic> {
             }
         }
         Err(e) => Err(Diagnostic::new(format!("cannot read this file: {e}")).in_file(&path)),
+    }
+}
+
+/// Refuses a folder that has a model of other settings.
+fn fits(out: &Path, settings: &Settings) -> Result<(), Diagnostic> {
+    let path = out.join(SETTINGS);
+    match std::fs::read_to_string(&path) {
+        Ok(found) if serde_json::from_str(&found).ok().as_ref() != Some(settings) => {
+            Err(Diagnostic::new("a model with other settings lies here")
+                .in_file(&path)
+                .help("name another --out folder, or remove this one"))
+        }
+        Ok(_) => Ok(()),
+        Err(e) if e.kind() == ErrorKind::NotFound => Ok(()),
+        Err(e) => Err(Diagnostic::new(format!("cannot read this file: {e}")).in_file(&path)),
+    }
+}
+
+/// Refuses to write over a library that someone has added to.
+fn spares(out: &Path, data: &Data) -> Result<(), Diagnostic> {
+    let path = out.join("materials.ron");
+    if !path.exists() {
+        return Ok(());
+    }
+    let library = Library::read(&path)?;
+    match library.materials().iter().find(|m| data.seen.iter().all(|s| s.name != m.name)) {
+        None => Ok(()),
+        Some(added) => {
+            Err(Diagnostic::new(format!("`{}` was added to this library, and would be lost", added.name))
+                .in_file(&path)
+                .help("name another --out folder, or move this file away"))
+        }
     }
 }
 

@@ -44,8 +44,12 @@ fn a_small_run_writes_a_whole_model_and_its_card_can_be_written_anew() {
     let output = train(&[&SMALL[..], &["--out", "a"]].concat(), folder.path());
     assert!(output.status.success(), "{}", said(&output));
     let model = folder.path().join("a");
-    // both files that are shipped, and as many bytes as may be shipped
-    assert!(read(&model, "encoder.onnx").len() + read(&model, "texture.onnx").len() < 12_000_000);
+    // a line of progress has loss, rate and time left
+    let progress = said(&output);
+    let line = progress.lines().find(|line| line.starts_with("feeling: ")).expect("progress");
+    assert!(line.contains(", loss ") && line.contains(" steps/s, ") && line.ends_with(" s left"), "{line}");
+    // as many bytes as image and texture encoder may have
+    assert!(read(&model, "encoder.onnx").len() < 12_000_000);
     let library = Library::read(model.join("materials.ron")).expect("a library");
     assert_eq!(library.materials().len(), 8);
     assert_eq!(library.encoder().as_deref(), Some(model.join("encoder.onnx").as_path()));
@@ -79,20 +83,32 @@ fn a_small_run_writes_a_whole_model_and_its_card_can_be_written_anew() {
     assert!(output.status.success(), "{}", said(&output));
     assert_eq!(String::from_utf8(read(&model, "MODEL_CARD.md")).expect("text"), card);
 
-    // other settings are not mixed into a run
+    // training once more would lose it
+    let library = read(&model, "materials.ron");
+    let output = train(&[&SMALL[..], &["--out", "a"]].concat(), folder.path());
+    assert_eq!(output.status.code(), Some(2));
+    assert!(said(&output).contains("`mine` was added"), "{}", said(&output));
+    assert!(library == read(&model, "materials.ron"));
+
+    // other settings are not mixed into a run, nor into a model's folder
+    let output =
+        train(&[&SMALL[..], &["--out", "a", "--run", "b.run", "--seed", "2"]].concat(), folder.path());
+    assert_eq!(output.status.code(), Some(2));
+    assert!(said(&output).contains("a model with other settings"), "{}", said(&output));
     let output = train(&[&SMALL[..], &["--out", "a", "--seed", "2"]].concat(), folder.path());
     assert_eq!(output.status.code(), Some(2));
     assert!(said(&output).contains("begun with other settings"), "{}", said(&output));
     std::fs::remove_file(folder.path().join("a.run/settings.json")).expect("removed");
     let output = train(&[&SMALL[..], &["--out", "a"]].concat(), folder.path());
     assert_eq!(output.status.code(), Some(2));
-    assert!(said(&output).contains("unknown settings"), "{}", said(&output));
+    assert!(said(&output).contains("what this checkpoint was made with"), "{}", said(&output));
 }
 
 #[cfg(unix)]
 #[test]
 fn a_run_that_was_stopped_ends_at_the_same_bits_as_one_that_was_not() {
-    use std::time::Duration;
+    use std::io::{BufRead as _, BufReader};
+    use std::process::Stdio;
     let folder = tempfile::tempdir().expect("a folder");
     for (name, hz) in [("felt", 80.0), ("slate", 430.0)] {
         record(&folder.path().join("mine"), name, hz);
@@ -115,15 +131,16 @@ fn a_run_that_was_stopped_ends_at_the_same_bits_as_one_that_was_not() {
     let mut stopped = Command::new(env!("CARGO_BIN_EXE_asperity-train"))
         .args(arguments("b"))
         .current_dir(folder.path())
+        .stderr(Stdio::piped())
         .spawn()
         .expect("the program starts");
-    while !folder.path().join("b.run/naming.checkpoint").exists() {
-        assert!(stopped.try_wait().expect("a state").is_none(), "it ended early");
-        std::thread::sleep(Duration::from_millis(20));
-    }
+    let mut lines = BufReader::new(stopped.stderr.take().expect("piped")).lines().map_while(Result::ok);
+    assert!(lines.any(|line| line.starts_with("feeling: ")), "it ended early");
     let signal = Command::new("kill").args(["-INT", &stopped.id().to_string()]).status().expect("kill");
     assert!(signal.success());
+    assert!(lines.any(|line| line.contains("the same command goes on")), "in the middle of a stage");
     assert_eq!(stopped.wait().expect("an end").code(), Some(130));
+    assert!(folder.path().join("b.run/feeling.checkpoint").exists());
     assert!(!folder.path().join("b/texture.onnx").exists());
     for out in ["a", "b"] {
         let output = train(&arguments(out), folder.path());
@@ -134,6 +151,11 @@ fn a_run_that_was_stopped_ends_at_the_same_bits_as_one_that_was_not() {
     {
         assert!(read(&folder.path().join("a"), name) == read(&folder.path().join("b"), name), "{name}");
     }
+
+    // what has no picture to be judged by is not said to be named wrongly
+    let card = String::from_utf8(read(&folder.path().join("a"), "MODEL_CARD.md")).expect("text");
+    let names = card.split("## Vibration").next().expect("a part");
+    assert!(names.contains("## Names") && !names.contains("slate"), "{names}");
 
     // a run does not go on with data that have changed
     record(&folder.path().join("mine"), "felt", 90.0);
@@ -162,6 +184,11 @@ fn what_cannot_be_trained_on_is_refused_by_name() {
 
 /// A material's folder: two pictures and a stroke of 3 s at 2 kHz that hums at a frequency.
 fn record(folder: &Path, name: &str, hz: f64) {
+    record_for(3.0, folder, name, hz);
+}
+
+/// The same of some other duration.
+fn record_for(duration_s: f64, folder: &Path, name: &str, hz: f64) {
     let folder = folder.join(name);
     std::fs::create_dir_all(&folder).expect("a folder");
     for number in 0..2 {
@@ -172,12 +199,37 @@ fn record(folder: &Path, name: &str, hz: f64) {
         picture.save(folder.join(format!("{number}.png"))).expect("a picture");
     }
     let mut csv = String::from("time_s,force_n,speed_mm_s,acceleration_m_s2\n");
-    for n in 0..6000 {
+    for n in 0..(2000.0 * duration_s) as u32 {
         let t = f64::from(n) / 2000.0;
         let a = 2.0 * (std::f64::consts::TAU * hz * t).sin();
         csv.push_str(&format!("{t:.4},1.0,{:.2},{a:.4}\n", 80.0 + 20.0 * t.sin()));
     }
     std::fs::write(folder.join("stroke.csv"), csv).expect("a stroke");
+}
+
+#[test]
+fn the_papers_losses_train_too_and_what_cannot_be_judged_has_no_figure() {
+    let folder = tempfile::tempdir().expect("a folder");
+    for (name, hz) in [("felt", 80.0), ("slate", 430.0), ("mesh", 240.0)] {
+        // too short for anything to be held apart
+        record_for(0.55, &folder.path().join("mine"), name, hz);
+    }
+    let settings = "train --data recordings:mine --out m --target mean --error euclidean --naming-weight 0 --unseen 1 --naming-steps 3 \
+                    --naming-batch 4 --feeling-steps 20 --feeling-groups 4 --settling-steps 3";
+    let output = train(&settings.split_whitespace().collect::<Vec<_>>(), folder.path());
+    assert!(output.status.success(), "{}", said(&output));
+    let card = String::from_utf8(read(&folder.path().join("m"), "MODEL_CARD.md")).expect("text");
+    for wanted in [
+        "aims at mean magnitudes, as in the paper,",
+        "errors are weighed in m/s^2",
+        "a weight of 0 on naming",
+        "| model | - | - |",
+        "| all | - | - | - | - | - |",
+        "neighbour's vector -, with the image's own -",
+    ] {
+        assert!(card.contains(wanted), "{wanted}: {card}");
+    }
+    assert!(folder.path().join("m/texture_rms.onnx").exists());
 }
 
 #[test]

@@ -18,7 +18,7 @@ use asperity_world::topography::{MadeSurface, made_surfaces};
 use rayon::prelude::*;
 
 pub use expectations::expectations;
-pub use strokes::Drawn;
+pub use strokes::{BEYOND_FORCE_N, BEYOND_SPEED_MM_S, Drawn};
 
 use crate::example::{Example, Parts, Subject, Truth};
 

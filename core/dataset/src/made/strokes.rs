@@ -20,6 +20,14 @@ const FRAME: usize = (SAMPLE_HZ as f64 * WINDOW_S) as usize;
 const SLOWEST_MM_S: f64 = 8.0;
 /// Peak speed of a movement of minimum jerk over its mean.
 const PEAK: f64 = 1.875;
+/// Part of its mean force by which a stroke's force swings at most.
+const SWING: f64 = 0.55;
+/// The mean force of a stroke [beyond](Drawn::beyond) the range, over the largest of the range, at most.
+const HARDER: f64 = 1.2;
+/// Fastest of strokes beyond the range [mm/s]; tremor comes on top.
+pub const BEYOND_SPEED_MM_S: f64 = 1.5 * MAX_SPEED_MM_S;
+/// Largest force of strokes beyond the range [N]; tremor comes on top.
+pub const BEYOND_FORCE_N: f64 = HARDER * MAX_FORCE_N * (1.0 + SWING);
 
 /// A stroke of some kind, speed, force and direction: what the sensor reads, and what the hand does.
 pub struct Drawn {
@@ -47,8 +55,8 @@ impl Drawn {
         let fast = random.chance(0.67);
         let strong = !fast || random.chance(0.5);
         let (fastest, slowest) =
-            if fast { (1.5 * MAX_SPEED_MM_S, 150.0) } else { (MAX_SPEED_MM_S, SLOWEST_MM_S) };
-        let force_n = if strong { [MAX_FORCE_N, 1.2 * MAX_FORCE_N] } else { [0.1, 2.2] };
+            if fast { (BEYOND_SPEED_MM_S, 150.0) } else { (MAX_SPEED_MM_S, SLOWEST_MM_S) };
+        let force_n = if strong { [MAX_FORCE_N, HARDER * MAX_FORCE_N] } else { [0.1, 2.2] };
         Self::up_to(fastest, slowest, force_n, duration_s, random)
     }
 
@@ -66,7 +74,7 @@ impl Drawn {
             extent_mm: random.range(20.0, 120.0),
             mean_speed_mm_s: slowest * (fastest / slowest).powf(random.unit().sqrt()),
             force_n: random.range(force_n[0], force_n[1]),
-            force_swing: random.range(0.1, 0.55),
+            force_swing: random.range(0.1, SWING),
             force_swing_hz: random.range(0.2, 1.2),
             stiffness_n_per_mm: STIFFNESS_N_PER_MM,
             clearance_mm: 3.0,
@@ -160,4 +168,36 @@ pub(super) fn add(
         examples(&drawn, &felt, &mut spectrometer, all)?;
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Largest force in N and speed in mm/s of many strokes, as the hand makes them.
+    fn reach(draw: impl Fn(&mut Random) -> Result<Drawn, Diagnostic>) -> (f64, f64) {
+        let random = &mut Random::new(9);
+        let (mut most, mut fastest) = (0.0, 0.0);
+        for _ in 0..300 {
+            let drawn = draw(random).unwrap();
+            let at = |tick: usize| drawn.at(&drawn.exact, tick as f64 / RATE_HZ);
+            for tick in 1..1500 {
+                let ((before, _), (here, z)) = (at(tick - 1), at(tick));
+                most = f64::max(most, force(z));
+                let way = (here[0] - before[0]).hypot(here[1] - before[1]);
+                fastest = f64::max(fastest, way * RATE_HZ);
+            }
+        }
+        (most, fastest)
+    }
+
+    #[test]
+    fn strokes_fill_the_range_and_those_beyond_go_as_far_beyond_as_they_say() {
+        let (force_n, speed_mm_s) = reach(|random| Drawn::new(3.0, random));
+        assert!((0.9..=1.01).contains(&(force_n / MAX_FORCE_N)), "{force_n}");
+        assert!((0.9..=1.01).contains(&(speed_mm_s / MAX_SPEED_MM_S)), "{speed_mm_s}");
+        let (force_n, speed_mm_s) = reach(|random| Drawn::beyond(3.0, random));
+        assert!((0.9..=1.02).contains(&(force_n / BEYOND_FORCE_N)), "{force_n}");
+        assert!((0.9..=1.02).contains(&(speed_mm_s / BEYOND_SPEED_MM_S)), "{speed_mm_s}");
+    }
 }

@@ -41,9 +41,9 @@ pub struct Encode {
     /// Which vector it gets
     #[arg(long = "as", value_enum, default_value = "nearest")]
     pub how: As,
-    /// How many of the nearest materials are listed, and blended by `--as blend`
-    #[arg(long, value_name = "N", default_value_t = 5, value_parser = whole(1_usize, 4096, ""))]
-    pub neighbours: usize,
+    /// How many of the nearest materials are listed, 5 unless given, and blended by `--as blend`, 3 unless given
+    #[arg(long, value_name = "N", value_parser = whole(1_usize, 4096, ""))]
+    pub neighbours: Option<usize>,
     /// Only tell; add nothing to the library
     #[arg(long)]
     pub dry_run: bool,

@@ -6,7 +6,7 @@ use std::process::ExitCode;
 
 use asperity_network::Encoder;
 use asperity_source::{Diagnostic, Source};
-use asperity_world::material::{Assignment, Library, LibraryMaterial, Neighbour, VECTOR_LEN};
+use asperity_world::material::{Assignment, BLENDED, Library, LibraryMaterial, Neighbour, VECTOR_LEN};
 use asperity_world::tactile;
 
 use crate::args::{As, Encode};
@@ -14,6 +14,9 @@ use crate::failure::{Failure, clean, print, warn};
 use crate::output::{resolved, write_text};
 
 type Vector = [f32; VECTOR_LEN];
+
+/// Materials that are listed, unless told otherwise.
+const LISTED: usize = 5;
 
 /// Runs the command.
 pub fn run(args: &Encode) -> Result<ExitCode, Failure> {
@@ -40,15 +43,21 @@ pub fn run(args: &Encode) -> Result<ExitCode, Failure> {
     if vectors.len() > 1 {
         spread(&mut out, args, &library, &vectors, &mean);
     }
-    let near = library.nearest(&mean, args.neighbours);
-    list(&mut out, &near);
+    list(&mut out, &library.nearest(&mean, args.neighbours.unwrap_or(LISTED)));
     let (how, gets) = match args.how {
         As::Nearest => (
             Assignment::Nearest,
-            near.first().map_or_else(String::new, |n| format!("the vector of `{}`", n.material.name)),
+            library
+                .nearest(&mean, 1)
+                .first()
+                .map_or_else(String::new, |n| format!("the vector of `{}`", n.material.name)),
         ),
         As::Raw => (Assignment::Raw, "its own vector".to_owned()),
-        As::Blend => (Assignment::Blend(args.neighbours), format!("a blend of the nearest {}", near.len())),
+        As::Blend => {
+            let count = args.neighbours.unwrap_or(BLENDED);
+            let found = count.min(library.materials().len());
+            (Assignment::Blend(count), format!("a blend of the nearest {found}"))
+        }
     };
     if args.dry_run {
         let _ = writeln!(out, "\n`{}` would get {}; nothing was added", clean(&name), clean(&gets));

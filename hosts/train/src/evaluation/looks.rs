@@ -1,6 +1,6 @@
 use asperity_dataset::{Expectation, Subject};
 use asperity_network::Encoder;
-use asperity_world::material::{Assignment, Library, VECTOR_LEN};
+use asperity_world::material::{Assignment, BLENDED, Library, VECTOR_LEN};
 use asperity_world::tactile::Image;
 use burn::tensor::Device;
 use rayon::prelude::*;
@@ -61,21 +61,18 @@ pub(crate) struct Stranger {
     pub family: Option<String>,
     /// The material nearest to the mean of its images' vectors, with its family.
     pub neighbour: (String, Option<String>),
-    /// Mean |error| of magnitudes in dB, each of some images by itself: with its neighbour's vector.
-    pub nearest_db: f64,
+    /// Mean |error| of magnitudes in dB, each of some images by itself: with its neighbour's vector. None where nothing could be judged.
+    pub nearest_db: Option<f64>,
     /// With the image's own vector.
-    pub raw_db: f64,
-    /// With a blend of the three nearest, by one over distance.
-    pub blend_db: f64,
+    pub raw_db: Option<f64>,
+    /// With a blend of the nearest, by one over distance.
+    pub blend_db: Option<f64>,
     /// With the vector of the trained material that is best of all: what no choice of neighbour can beat.
-    pub best_db: f64,
+    pub best_db: Option<f64>,
 }
 
 /// Images of a surface that are each judged alone.
-const ALONE: usize = 8;
-
-/// Neighbours that are blended.
-const BLENDED: usize = 3;
+pub(crate) const ALONE: usize = 8;
 
 fn all(subjects: &[Subject], part: fn(&Subject) -> &Vec<Image>) -> Vec<(usize, &Image)> {
     subjects.iter().enumerate().flat_map(|(n, s)| part(s).iter().map(move |image| (n, image))).collect()
@@ -120,14 +117,17 @@ pub(super) fn naming(written: &Written, statistics: &Statistics, data: &Data) ->
         .seen
         .iter()
         .enumerate()
-        .map(|(class, subject)| {
+        .filter_map(|(class, subject)| {
             let of: Vec<usize> =
                 held.iter().zip(judged).filter(|((c, _), _)| *c == class).map(|(_, named)| *named).collect();
+            if of.is_empty() {
+                return None;
+            }
             let mut counts = vec![0_u32; data.seen.len()];
             of.iter().filter(|named| **named != class).for_each(|named| counts[*named] += 1);
             let most = (0..counts.len()).max_by_key(|n| counts[*n]).unwrap_or(0);
-            let right = of.iter().filter(|named| **named == class).count() as f64 / of.len().max(1) as f64;
-            (subject.name.clone(), right, data.seen[most].name.clone())
+            let right = of.iter().filter(|named| **named == class).count() as f64 / of.len() as f64;
+            Some((subject.name.clone(), right, data.seen[most].name.clone()))
         })
         .collect();
     worst.sort_by(|a, b| a.1.total_cmp(&b.1));
@@ -178,14 +178,18 @@ pub(super) fn strangers(
         let images: Vec<&[f32]> = own.chunks_exact(VECTOR_LEN).collect();
         let some = images.iter().step_by((images.len() / ALONE).max(1)).take(ALONE);
         let alone: Vec<[f32; VECTOR_LEN]> = some.map(|v| mean_vector(v)).collect();
-        let error = |how| -> Result<f64, Failure> {
-            let errors =
-                alone.iter().map(|v| judge.error_db(written.library.assign(v, how).as_slice(), &judged));
-            Ok(errors.sum::<Result<f64, Failure>>()? / alone.len().max(1) as f64)
+        let error = |how| -> Result<Option<f64>, Failure> {
+            let mut sum = (!alone.is_empty()).then_some(0.0);
+            for vector in &alone {
+                let error = judge.error_db(written.library.assign(vector, how).as_slice(), &judged)?;
+                sum = sum.zip(error).map(|(sum, error)| sum + error);
+            }
+            Ok(sum.map(|sum| sum / alone.len() as f64))
         };
-        let mut best_db = f64::INFINITY;
+        let mut best_db = None;
         for material in materials {
-            best_db = best_db.min(judge.error_db(material.vector.as_slice(), &judged)?);
+            let error = judge.error_db(material.vector.as_slice(), &judged)?;
+            best_db = error.map(|error| f64::min(error, best_db.unwrap_or(f64::INFINITY)));
         }
         Ok(Stranger {
             name: subject.name.clone(),

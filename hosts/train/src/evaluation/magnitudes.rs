@@ -19,7 +19,7 @@ const SMOOTH: usize = 20;
 pub(crate) struct Score {
     /// Name of the material.
     pub material: String,
-    /// Judged bins.
+    /// Judged bins; of none, nothing else here counts.
     pub bins: usize,
     /// The model: mean of |error|.
     pub model_db: f64,
@@ -69,23 +69,35 @@ impl Judged {
         Self { frames: expectations.into_iter().map(frame).collect() }
     }
 
-    /// Power of a network's answers over the true one, over all frames, in dB.
+    /// Power of a network's answers over the true one, over all frames, in dB; none where nothing is felt.
     ///
     /// # Errors
     /// A network that does not run.
-    pub(crate) fn level_db(&self, network: &Network, vector: &[f32]) -> Result<f64, Failure> {
-        let power = |m: &[f32; BINS]| m.iter().map(|m| f64::from(*m).powi(2)).sum::<f64>();
-        let (mut answered, mut truth) = (1e-12, 1e-12);
+    pub(crate) fn level_db(&self, network: &Network, vector: &[f32]) -> Result<Option<f64>, Failure> {
+        let mut answered = 0.0;
         let mut touched = network.with(vector)?;
         for (e, _) in &self.frames {
             answered += power(&touched.after(&e.example)?);
-            truth += power(&e.rms);
         }
-        Ok(10.0 * f64::log10(answered / truth))
+        Ok(self.over_truth(answered))
+    }
+
+    /// Power of the true mean magnitudes over the true one: what a network that aimed at them without an error would come to, in dB.
+    pub(crate) fn mean_level_db(&self) -> Option<f64> {
+        self.over_truth(self.frames.iter().map(|(e, _)| power(&e.mean)).sum())
+    }
+
+    fn over_truth(&self, sum: f64) -> Option<f64> {
+        let truth: f64 = self.frames.iter().map(|(e, _)| power(&e.rms)).sum();
+        (truth > 1e-12).then(|| 10.0 * (sum.max(1e-12) / truth).log10())
     }
 }
 
-/// Sum of errors over judged bins.
+fn power(magnitudes: &[f32; BINS]) -> f64 {
+    magnitudes.iter().map(|m| f64::from(*m).powi(2)).sum()
+}
+
+/// Errors over judged bins.
 #[derive(Default)]
 struct Errors(Vec<f64>);
 
@@ -95,8 +107,10 @@ impl Errors {
         self.0.extend(judged);
     }
 
-    fn mean(&self) -> f64 {
-        self.0.iter().map(|e| e.abs()).sum::<f64>() / self.0.len().max(1) as f64
+    /// Their mean size; none where nothing was judged.
+    fn mean(&self) -> Option<f64> {
+        let sum: f64 = self.0.iter().map(|e| e.abs()).sum();
+        (!self.0.is_empty()).then(|| sum / self.0.len() as f64)
     }
 }
 
@@ -108,11 +122,11 @@ pub(crate) struct Judge<'a> {
 }
 
 impl Judge<'_> {
-    /// Mean |error| in dB of the network's answers with a vector.
+    /// Mean |error| in dB of the network's answers with a vector; none where nothing is felt.
     ///
     /// # Errors
     /// A network that does not run.
-    pub(crate) fn error_db(&self, vector: &[f32], judged: &Judged) -> Result<f64, Failure> {
+    pub(crate) fn error_db(&self, vector: &[f32], judged: &Judged) -> Result<Option<f64>, Failure> {
         Ok(self.errors(vector, judged)?.mean())
     }
 
@@ -171,18 +185,17 @@ impl Judge<'_> {
         let model = self.errors(vector, judged)?;
         let mut sizes: Vec<f64> = model.0.iter().map(|e| e.abs()).collect();
         sizes.sort_by(f64::total_cmp);
-        let known = !errors[3].0.is_empty();
         let [constant, nearest, smooth, floor] = errors.map(|e| e.mean());
         Ok(Score {
             material: subject.name.clone(),
             bins: sizes.len(),
-            model_db: model.mean(),
+            model_db: model.mean().unwrap_or_default(),
             p90_db: sizes.get(sizes.len() * 9 / 10).copied().unwrap_or(0.0),
             bias_db: model.0.iter().sum::<f64>() / model.0.len().max(1) as f64,
-            constant_db: constant,
-            nearest_db: nearest,
-            smooth_db: smooth,
-            floor_db: known.then_some(floor),
+            constant_db: constant.unwrap_or_default(),
+            nearest_db: nearest.unwrap_or_default(),
+            smooth_db: smooth.unwrap_or_default(),
+            floor_db: floor,
         })
     }
 }
@@ -239,7 +252,10 @@ mod tests {
         let mut errors = Errors::default();
         errors.add(&[2.0; BINS], &judged.frames[0].1);
         assert_eq!(errors.0.len(), BINS);
-        assert!((errors.mean() - 6.0206).abs() < 1e-4);
+        assert!((errors.mean().unwrap() - 6.0206).abs() < 1e-4);
+        assert_eq!(Errors::default().mean(), None);
+        // 0.9 for 1
+        assert!((judged.mean_level_db().unwrap() - 20.0 * 0.9_f64.log10()).abs() < 1e-4);
         let mut quiet = expectation(1.0);
         quiet.rms = [0.001; BINS];
         quiet.rms[4] = 0.5;
@@ -248,5 +264,6 @@ mod tests {
         let judged = Judged::of(vec![quiet], Target::Rms);
         let bins: Vec<usize> = (0..BINS).filter(|k| judged.frames[0].1[*k].is_some()).collect();
         assert_eq!(bins, [4, 5]);
+        assert_eq!(Judged::of(Vec::new(), Target::Rms).mean_level_db(), None);
     }
 }

@@ -13,7 +13,7 @@ use asperity_world::topography::MadeSurface;
 use rayon::prelude::*;
 use serde::Serialize;
 
-pub(crate) use looks::{Naming, Stranger, Strangers};
+pub(crate) use looks::{ALONE, Naming, Stranger, Strangers};
 pub(crate) use magnitudes::{AUDIBLE_M_S2, RANGE_DB, Score};
 pub(crate) use network::Network;
 
@@ -55,23 +55,32 @@ pub(crate) struct Evaluation {
     pub silence_m_s2: f64,
 }
 
-/// Level of the answers of both targets over the truth's, over a family's materials, in dB.
+/// Power of answers over the true power, over a family's materials, in dB. None where nothing is felt.
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct Level {
     /// The family.
     pub family: String,
-    /// Of the network trained on the mean.
-    pub mean_db: f64,
-    /// Of the network trained on power.
-    pub rms_db: f64,
-    /// Of the first with a gain of 1.05 dB.
-    pub gained_db: f64,
+    /// Of the true means: what a network that aims at them comes to at best.
+    pub exact_mean_db: Option<f64>,
+    /// Of the network that aims at the mean.
+    pub mean_db: Option<f64>,
+    /// Of the network that aims at power.
+    pub rms_db: Option<f64>,
 }
+
+/// What the mean magnitude of a random texture lacks to its root mean square: sqrt(4 / pi), in dB.
+pub(crate) const MEAN_GAIN_DB: f64 = 1.05;
 
 /// Strokes that are judged by; and how many places of each piece.
 const STROKES: usize = 6;
 const STROKE_S: f64 = 3.0;
 const PLACES: usize = 8;
+
+/// Over how many places of pieces that were held apart each touch of a made surface is judged: within the trained range, and beyond.
+pub(crate) fn places(settings: &Settings) -> [usize; 2] {
+    let pieces = made_settings(settings).pieces[1];
+    [PLACES * pieces, PLACES / 2 * pieces]
+}
 
 /// What is known of a subject that is judged.
 struct Known {
@@ -177,23 +186,23 @@ fn levels(
     for (subject, (judged, _, _)) in data.seen.iter().zip(judged) {
         let vector = written.library.material(&subject.name)?.vector.as_slice();
         let level = |network: &Network| judged.level_db(network, vector);
-        all.push((subject.family.clone(), level(mean)?, level(rms)?));
+        all.push((subject.family.clone(), [judged.mean_level_db(), level(mean)?, level(rms)?]));
     }
-    let mut families: Vec<String> = all.iter().filter_map(|(family, ..)| family.clone()).collect();
-    families.dedup();
+    let mut families: Vec<String> = Vec::new();
+    for family in all.iter().filter_map(|(family, ..)| family.as_ref()) {
+        if !families.contains(family) {
+            families.push(family.clone());
+        }
+    }
     let level = |family: Option<&str>| {
         let of: Vec<_> =
             all.iter().filter(|(f, ..)| family.is_none_or(|family| f.as_deref() == Some(family))).collect();
-        let average = |figure: fn(&(Option<String>, f64, f64)) -> f64| {
-            of.iter().map(|x| figure(x)).sum::<f64>() / of.len().max(1) as f64
+        let average = |figure: usize| {
+            let known: Vec<f64> = of.iter().filter_map(|(_, levels)| levels[figure]).collect();
+            (!known.is_empty()).then(|| known.iter().sum::<f64>() / known.len() as f64)
         };
-        let mean_db = average(|x| x.1);
-        Level {
-            family: family.unwrap_or("all").to_owned(),
-            mean_db,
-            rms_db: average(|x| x.2),
-            gained_db: mean_db + 1.05,
-        }
+        let [exact_mean_db, mean_db, rms_db] = [0, 1, 2].map(average);
+        Level { family: family.unwrap_or("all").to_owned(), exact_mean_db, mean_db, rms_db }
     };
     Ok(families.iter().map(|f| level(Some(f))).chain([level(None)]).collect())
 }

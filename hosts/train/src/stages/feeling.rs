@@ -32,7 +32,7 @@ pub(crate) struct Learner {
 }
 
 /// A vector's score for a material falls by this for every squared unit that it lies away from the material's centre.
-const SHARPNESS: f32 = 0.1;
+const SHARPNESS: f32 = 1.0;
 
 impl Learner {
     /// One to be trained, its texture encoder up to the last layer the classifier of stage one, by which materials can be told already.
@@ -236,3 +236,7 @@ fn silent(example: &Example, random: &mut Random) -> Example {
     }
     silent
 }
+
+#[cfg(test)]
+#[path = "feeling_tests.rs"]
+mod tests;

@@ -23,6 +23,9 @@ pub enum Assignment {
     Blend(usize),
 }
 
+/// How many neighbours are blended, unless someone says otherwise.
+pub const BLENDED: usize = 3;
+
 impl Library {
     /// The `n` materials nearest to a vector, nearest first, of equally near ones the first in the file first.
     pub fn nearest(&self, vector: &[f32; VECTOR_LEN], n: usize) -> Vec<Neighbour<'_>> {

@@ -27,7 +27,7 @@ use std::sync::Arc;
 use asperity_source::ron::{self, Value};
 use asperity_source::{Diagnostic, Source, one_of};
 
-pub use assign::{Assignment, Neighbour};
+pub use assign::{Assignment, BLENDED, Neighbour};
 
 /// Numbers in a material's vector.
 pub const VECTOR_LEN: usize = 256;
