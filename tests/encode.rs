@@ -136,6 +136,48 @@ fn a_new_material_may_keep_its_own_vector_or_take_a_blend() {
     assert!(ran.out.contains("a blend of the nearest 3"), "{}", ran.out);
 }
 
+#[cfg(unix)]
+#[test]
+fn a_library_keeps_who_may_read_it_and_one_that_may_not_be_written_is_left_alone() {
+    use std::os::unix::fs::PermissionsExt as _;
+    let dir = folder();
+    let library = dir.path().join("materials/l.ron");
+    let mode = |mode: u32| {
+        std::fs::set_permissions(&library, std::fs::Permissions::from_mode(mode)).expect("a mode")
+    };
+    mode(0o640);
+    encode(dir.path(), &["pictures/felt.png", "--name", "one"]).ok();
+    assert_eq!(std::fs::metadata(&library).expect("a file").permissions().mode() & 0o777, 0o640);
+    mode(0o444);
+    let before = text(dir.path());
+    let ran = encode(dir.path(), &["pictures/felt.png", "--name", "two"]);
+    assert!(ran.code == 2 && ran.err.contains("may not be written"), "{}", ran.err);
+    assert_eq!(text(dir.path()), before);
+}
+
+#[test]
+fn those_who_add_at_the_same_time_all_add() {
+    let dir = folder();
+    let names: Vec<String> = (0..8).map(|n| format!("c{n}")).collect();
+    std::thread::scope(|scope| {
+        for name in &names {
+            scope.spawn(|| encode(dir.path(), &["pictures/felt.png", "--name", name]).ok());
+        }
+    });
+    names.iter().for_each(|name| drop(stored(dir.path(), name)));
+}
+
+#[test]
+fn a_name_of_a_file_that_a_terminal_would_obey_is_shown_as_what_it_is() {
+    let dir = folder();
+    let ran = encode(dir.path(), &["pictures/\u{1b}[31m.png", "--name", "x"]);
+    assert!(
+        ran.code == 2 && ran.err.contains("\\u{1b}[31m.png") && !ran.err.contains('\u{1b}'),
+        "{}",
+        ran.err
+    );
+}
+
 #[test]
 fn the_shipped_encoder_is_as_small_as_promised() {
     let bytes = std::fs::metadata(common::graphs("models/surfaces/encoder.onnx")).expect("the encoder").len();

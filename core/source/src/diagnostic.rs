@@ -197,7 +197,11 @@ impl Diagnostic {
 impl fmt::Display for Diagnostic {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if let Some(path) = self.path() {
-            write!(f, "{}:", path.display())?;
+            // A file's name may hold what a terminal would obey.
+            for c in path.display().to_string().chars() {
+                if c.is_control() { write!(f, "{}", c.escape_unicode())? } else { write!(f, "{c}")? }
+            }
+            f.write_str(":")?;
             if let Some(place) = &self.place {
                 let Position { line, column } = place.position();
                 write!(f, "{line}:{column}:")?;

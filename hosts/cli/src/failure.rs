@@ -136,9 +136,12 @@ impl fmt::Display for Shown<'_> {
         match (&d.place, d.path()) {
             (Some(place), Some(path)) => {
                 let at = place.position();
-                writeln!(f, "{}:{}:{}: error: {}", path.display(), at.line, at.column, clean(&d.message))?;
+                let path = clean(&path.display().to_string());
+                writeln!(f, "{path}:{}:{}: error: {}", at.line, at.column, clean(&d.message))?;
             }
-            (None, Some(path)) => writeln!(f, "{}: error: {}", path.display(), clean(&d.message))?,
+            (None, Some(path)) => {
+                writeln!(f, "{}: error: {}", clean(&path.display().to_string()), clean(&d.message))?
+            }
             _ => writeln!(f, "error: {}", clean(&d.message))?,
         }
         // What stands in another file than the error itself is shown for itself.

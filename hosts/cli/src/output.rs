@@ -26,6 +26,10 @@ impl Pending {
         if std::fs::symlink_metadata(path).is_ok_and(|meta| !meta.is_file()) {
             return Err(refuse("this is there already and is no file".into()));
         }
+        let there = std::fs::metadata(path).ok().map(|meta| meta.permissions());
+        if there.as_ref().is_some_and(|p| p.readonly()) {
+            return Err(refuse("this file is there already, and may not be written".into()));
+        }
         let dir = path.parent().filter(|d| !d.as_os_str().is_empty()).unwrap_or(Path::new("."));
         let prefix = format!(".{}.", path.file_name().unwrap_or_default().to_string_lossy());
         let mut builder = tempfile::Builder::new();
@@ -40,6 +44,10 @@ impl Pending {
             .suffix(".part")
             .tempfile_in(dir)
             .map_err(|e| refuse(format!("cannot write here: {}", std::io::Error::from(e.kind()))))?;
+        if let Some(permissions) = there {
+            // Who may read it stays as it was; a file system without such a thing says no, and nothing is lost.
+            let _ = temp.as_file().set_permissions(permissions);
+        }
         Ok(Self { path: path.to_owned(), temp })
     }
 

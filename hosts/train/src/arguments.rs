@@ -99,10 +99,10 @@ pub(crate) struct Settings {
     /// Of data that are read: how many materials are held apart whole, drawn by the seed.
     #[arg(long, default_value_t = 0)]
     pub unseen: u32,
-    /// Of made data: every so-manieth surface only.
+    /// Of made data: every so-manieth surface only, 1 to 16.
     #[arg(long, default_value_t = 1, value_parser = value_parser!(u32).range(1..=16))]
     pub every: u32,
-    /// Of made data: pieces of each surface to train on.
+    /// Of made data: pieces of each surface to train on, 1 to 1000.
     #[arg(long, default_value_t = 12, value_parser = value_parser!(u32).range(1..=1000))]
     pub pieces: u32,
 }

@@ -105,6 +105,11 @@ with a weight of {weight} on naming by the vector, then {settling} for each targ
     )
 }
 
+/// A name, in a table.
+fn cell(name: &str) -> String {
+    name.replace(char::is_control, " ").replace('|', "\\|")
+}
+
 fn percent(part: f64) -> String {
     format!("{:.1} %", 100.0 * part)
 }
@@ -141,7 +146,8 @@ fn goals(evaluation: &Evaluation) -> String {
     };
     if naming.images > 0 {
         let top = naming.classifier.unwrap_or(naming.vector);
-        row("names of held-out images: 95 % rightly", percent(top), top >= 0.95);
+        let by = if naming.classifier.is_some() { "the classifier" } else { "the nearest vector" };
+        row(&format!("names of held-out images, by {by}: 95 % rightly"), percent(top), top >= 0.95);
         let figure = format!("{} against {}", percent(1.0 - top), percent(1.0 - naming.statistics));
         row(
             "half the errors of plain image statistics or fewer",
@@ -186,7 +192,7 @@ fn names(naming: &Naming) -> String {
     if !naming.worst.is_empty() {
         text.push_str("\nNamed worst, and what they are taken for most often:\n\n| material | rightly | taken for |\n|---|---|---|\n");
         for (name, part, other) in &naming.worst {
-            let _ = writeln!(text, "| {name} | {} | {other} |", percent(*part));
+            let _ = writeln!(text, "| {} | {} | {} |", cell(name), percent(*part), cell(other));
         }
     }
     text
@@ -258,7 +264,11 @@ model is judged by what is true on average.
     );
     let silent = evaluation.scores.len() - judged(&evaluation.scores).count();
     if silent > 0 {
-        let _ = writeln!(text, "{silent} materials have nothing to be judged by and count nowhere.");
+        let _ = writeln!(
+            text,
+            "{silent} of {} materials have nothing to be judged by and count nowhere.",
+            evaluation.scores.len()
+        );
     }
     text
 }
@@ -328,12 +338,12 @@ would give {}.
         mean(|s| s.best_db),
     );
     for s in surfaces {
-        let [family, other] = [&s.family, &s.neighbour.1].map(|f| f.as_deref().unwrap_or("-"));
+        let [family, other] = [&s.family, &s.neighbour.1].map(|f| cell(f.as_deref().unwrap_or("-")));
         let _ = writeln!(
             text,
             "| {} | {family} | {} | {other} | {} | {} | {} | {} |",
-            s.name,
-            s.neighbour.0,
+            cell(&s.name),
+            cell(&s.neighbour.0),
             decibels(s.nearest_db),
             decibels(s.raw_db),
             decibels(s.blend_db),
@@ -355,7 +365,7 @@ fn table(scores: &[Score]) -> String {
         let _ = writeln!(
             text,
             "| {} | {:.2} | {:.2} | {:+.2} | {:.2} | {:.2} | {:.2} | {} |",
-            s.material,
+            cell(&s.material),
             s.model_db,
             s.p90_db,
             s.bias_db,

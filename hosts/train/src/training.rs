@@ -1,6 +1,7 @@
 //! A training run, from data to files.
 
 use std::collections::HashSet;
+use std::fs::{File, TryLockError};
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -18,7 +19,7 @@ use image::codecs::jpeg::JpegEncoder;
 
 use crate::arguments::{Evaluate, Settings, Train};
 use crate::card::Sizes;
-use crate::data::{self, Data};
+use crate::data::{self, Data, Origin};
 use crate::descent::{self, Losses, Stage, Stop};
 use crate::evaluation::{self, Network, Written};
 use crate::failure::Failure;
@@ -50,7 +51,7 @@ pub(crate) fn train(train: &Train) -> Result<(), Failure> {
     let data = data::load(settings)?;
     same_data(&run, &data)?;
     spares(&train.out, &data)?;
-    begin(&train.out, &run, settings, &data)?;
+    let _alone = begin(&train.out, &run, settings, &data)?;
     let device = Device::flex().autodiff();
     let stage = |name, steps: u32, (learning_rate, second_decay)| Stage {
         name,
@@ -170,7 +171,18 @@ pub(crate) fn evaluate(evaluate: &Evaluate) -> Result<(), Failure> {
         Some(data) => Settings { data: data.clone(), ..settings.clone() },
         None => settings.clone(),
     };
-    judge(&evaluate.folder, &run, &settings, &data::load(&now)?)
+    if evaluate.run.is_some() && !run.is_dir() {
+        return Err(Diagnostic::new("there is no such folder").in_file(&run).help("--run names it").into());
+    }
+    let data = data::load(&now).map_err(|e| match e {
+        Failure::Input(d) if now.data != Origin::Made && evaluate.data.is_none() => {
+            let place = "the settings of this model say where its data were; --data says where they are now";
+            let help = d.help.as_ref().map_or(place.to_owned(), |help| format!("{help}; {place}"));
+            d.help(help).into()
+        }
+        e => e,
+    })?;
+    judge(&evaluate.folder, &run, &settings, &data)
 }
 
 fn judge(folder: &Path, run: &Path, settings: &Settings, data: &Data) -> Result<(), Failure> {
@@ -288,9 +300,12 @@ fn curves(stages: &[(&str, Losses)]) -> Curves {
 
 /// The folder of checkpoints beside a model's.
 fn beside(out: &Path) -> PathBuf {
-    let mut name = out.as_os_str().to_owned();
+    // `.` and `..` have no name of their own
+    let whole = if out.file_name().is_none() { out.canonicalize().ok() } else { None };
+    let out = whole.as_deref().unwrap_or(out);
+    let mut name = out.file_name().unwrap_or_default().to_owned();
     name.push(".run");
-    name.into()
+    out.with_file_name(name)
 }
 
 /// The file of a model's or a run's folder that has its settings.
@@ -298,13 +313,16 @@ const SETTINGS: &str = "settings.json";
 
 /// Refuses a run's folder that belongs to other settings.
 fn belongs(run: &Path, settings: &Settings) -> Result<(), Diagnostic> {
-    let same = |found: &str| serde_json::from_str(found).ok().as_ref() == Some(settings);
-    match told(run, SETTINGS)? {
-        Some(found) if !same(&found) => Err(Diagnostic::new("this run was begun with other settings")
-            .in_file(run.join(SETTINGS))
-            .help("give the settings it has, name another --run folder, or remove this one")),
-        _ => Ok(()),
+    let Some(found) = told(run, SETTINGS)? else { return Ok(()) };
+    let path = run.join(SETTINGS);
+    let found: Settings = serde_json::from_str(&found)
+        .map_err(|e| Diagnostic::new(format!("these are not a run's settings: {e}")).in_file(&path))?;
+    if found == *settings {
+        return Ok(());
     }
+    Err(Diagnostic::new("this run was begun with other settings")
+        .in_file(path)
+        .help("give the settings it has, name another --run folder, or remove this one"))
 }
 
 /// What a run's folder says in one of its files; nothing where no run was begun there.
@@ -374,12 +392,21 @@ fn same_data(run: &Path, data: &Data) -> Result<(), Diagnostic> {
     }
 }
 
-/// Makes a run's folders, and says in them what it is.
-fn begin(out: &Path, run: &Path, settings: &Settings, data: &Data) -> Result<(), Diagnostic> {
+/// Makes a run's folders, and says in them what it is. Until the answer is dropped nobody else trains there.
+fn begin(out: &Path, run: &Path, settings: &Settings, data: &Data) -> Result<File, Diagnostic> {
     for folder in [out, run] {
         std::fs::create_dir_all(folder)
             .map_err(|e| Diagnostic::new(format!("cannot make this folder: {e}")).in_file(folder))?;
     }
+    let lock = run.join("lock");
+    let held = File::create(&lock)
+        .map_err(|e| Diagnostic::new(format!("cannot write this file: {e}")).in_file(&lock))?;
+    if let Err(TryLockError::WouldBlock) = held.try_lock() {
+        return Err(Diagnostic::new("another training is going on here")
+            .in_file(run)
+            .help("wait until it is done, or name another --run folder"));
+    }
     write_whole(&run.join(CHECKSUM), data.checksum().to_string().as_bytes())?;
-    write_whole(&run.join(SETTINGS), serde_json::to_string_pretty(settings).unwrap_or_default().as_bytes())
+    write_whole(&run.join(SETTINGS), serde_json::to_string_pretty(settings).unwrap_or_default().as_bytes())?;
+    Ok(held)
 }

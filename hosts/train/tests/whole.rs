@@ -136,6 +136,13 @@ fn a_run_that_was_stopped_ends_at_the_same_bits_as_one_that_was_not() {
         .expect("the program starts");
     let mut lines = BufReader::new(stopped.stderr.take().expect("piped")).lines().map_while(Result::ok);
     assert!(lines.any(|line| line.starts_with("feeling: ")), "it ended early");
+    // nobody else trains there meanwhile
+    let output = train(&arguments("b"), folder.path());
+    assert!(
+        output.status.code() == Some(2) && said(&output).contains("another training"),
+        "{}",
+        said(&output)
+    );
     let signal = Command::new("kill").args(["-INT", &stopped.id().to_string()]).status().expect("kill");
     assert!(signal.success());
     assert!(lines.any(|line| line.contains("the same command goes on")), "in the middle of a stage");
@@ -271,6 +278,22 @@ fn a_folder_of_recordings_becomes_a_model() {
     let reach = model.trained();
     assert_eq!(reach.force_max_n, Some(1.0));
     assert!(reach.speed_max_mm_s.is_some_and(|v| (90.0..110.0).contains(&v)), "{reach:?}");
+    // from anywhere, however the folder is spelled, and not without the classifier that the run had
+    let from = folder.path().join("elsewhere");
+    std::fs::create_dir(&from).expect("a folder");
+    let output = train(&["evaluate", "../m/"], &from);
+    assert!(
+        output.status.code() == Some(2) && said(&output).contains("--data says where"),
+        "{}",
+        said(&output)
+    );
+    let before = read(&folder.path().join("m"), "MODEL_CARD.md");
+    let output = train(&["evaluate", "../m/", "--data", "recordings:../mine"], &from);
+    assert!(output.status.success() && !said(&output).contains("no classifier"), "{}", said(&output));
+    assert!(read(&folder.path().join("m"), "MODEL_CARD.md") == before);
+    let output = train(&["evaluate", "../m/", "--run", "nowhere"], &from);
+    assert!(output.status.code() == Some(2) && said(&output).contains("no such folder"), "{}", said(&output));
+
     // the card says nothing of what is not known: what lies beyond, a second signal, families
     let card = String::from_utf8(read(&folder.path().join("m"), "MODEL_CARD.md")).expect("text");
     assert!(card.contains("| (c) two signals of the same touch | - | - |"), "{card}");

@@ -109,6 +109,11 @@ fn materials(files: &[PathBuf]) -> Result<Vec<Found>, Diagnostic> {
     let mut found: Vec<Found> = Vec::new();
     for path in files.iter().filter(|f| folder::ends_with(f, &["xml"])) {
         let source = Source::read(path)?;
+        if source.text().trim().is_empty() {
+            return Err(Diagnostic::new("this file is empty")
+                .in_file(path)
+                .help("remove it, or download it again"));
+        }
         // The toolkit's recordings are XML too.
         if !source.text().to_ascii_lowercase().contains("<modelset") {
             continue;

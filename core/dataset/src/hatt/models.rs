@@ -47,6 +47,9 @@ pub fn parse(source: &Arc<Source>) -> Result<Texture, Diagnostic> {
     Texture::new(rate_hz, models, triangles.as_deref()).map_err(|e| e.at(source, xml::tag(set)))
 }
 
+/// Most that a model's noise may come to: no tool is shaken more.
+const LOUDEST_M_S2: f64 = 1e4;
+
 fn model(
     source: &Arc<Source>,
     node: Node<'_, '_>,
@@ -64,6 +67,12 @@ fn model(
         force_n: required("forceMod", force)?,
     };
     model.check().map_err(|e| e.at(source, xml::tag(node)))?;
+    let deviation = model.variance.sqrt() * model.gain;
+    if deviation > LOUDEST_M_S2 {
+        return Err(Diagnostic::new(format!("the noise of this model comes to {deviation:.0e} m/s^2"))
+            .at(source, xml::tag(node))
+            .help(format!("the root of `var` times `gain` is at most {LOUDEST_M_S2} m/s^2")));
+    }
     Ok(model)
 }
 

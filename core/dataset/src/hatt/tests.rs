@@ -234,5 +234,11 @@ fn folders_that_will_not_do_are_refused() {
     std::fs::create_dir(folder.path().join("10 kHz")).unwrap();
     std::fs::write(folder.path().join("10 kHz/models_cork.xml"), set("", plain)).unwrap();
     fails("a second material of the name of");
+    std::fs::remove_file(folder.path().join("10 kHz/models_cork.xml")).unwrap();
+    std::fs::write(folder.path().join("Bark.xml"), "\n").unwrap();
+    fails("this file is empty");
+    let loud = set("", plain).replacen("<gain>1.5", "<gain>1e30", 1);
+    std::fs::write(folder.path().join("Bark.xml"), loud).unwrap();
+    fails("the noise of this model comes to 2e29 m/s^2");
     assert!(read(&folder.path().join("none"), &Settings::default()).is_err());
 }

@@ -1,6 +1,9 @@
 //! `asperity encode`: from pictures of a surface to a material of a library.
 
 use std::fmt::Write as _;
+use std::fs::File;
+#[cfg(unix)]
+use std::fs::Metadata;
 use std::path::{Component, Path, PathBuf};
 use std::process::ExitCode;
 
@@ -35,7 +38,7 @@ pub fn run(args: &Encode) -> Result<ExitCode, Failure> {
     for path in &args.images {
         let picture = tactile::read(path)?;
         for note in &picture.notes {
-            let _ = writeln!(out, "{}: {note}", path.display());
+            let _ = writeln!(out, "{}: {note}", clean(&path.display().to_string()));
         }
         vectors.push(encoder.encode(&picture.image)?);
     }
@@ -148,12 +151,39 @@ fn list(out: &mut String, near: &[Neighbour<'_>]) {
 
 /// Puts a material into the file as it is now, all of it or nothing.
 fn add(library: &Path, material: &LibraryMaterial) -> Result<(), Failure> {
+    // Until it is written, so that nobody else adds to what was read.
+    let _held = hold(&resolved(library))?;
     let text = Library::insert(&Source::read(library)?, material)?;
     // A reader takes a byte order mark away, and it is not ours to drop.
     let bytes = std::fs::read(library)
         .map_err(|e| Failure::Machine(format!("cannot read {}: {e}", library.display())))?;
     let mark = if bytes.starts_with("\u{feff}".as_bytes()) { "\u{feff}" } else { "" };
     write_text(library, &format!("{mark}{text}"))
+}
+
+/// Waits until nobody else holds a file, and holds it until the answer is dropped.
+fn hold(path: &Path) -> Result<File, Failure> {
+    let fail = |e: std::io::Error| Failure::Machine(format!("cannot hold {}: {e}", path.display()));
+    loop {
+        let file = File::open(path).map_err(fail)?;
+        file.lock().map_err(fail)?;
+        // Who held it before may have put another file in its place.
+        if is_at(&file, path) {
+            return Ok(file);
+        }
+    }
+}
+
+#[cfg(unix)]
+fn is_at(file: &File, path: &Path) -> bool {
+    use std::os::unix::fs::MetadataExt;
+    let same = |(a, b): (Metadata, Metadata)| (a.dev(), a.ino()) == (b.dev(), b.ino());
+    file.metadata().ok().zip(std::fs::metadata(path).ok()).is_some_and(same)
+}
+
+#[cfg(not(unix))]
+fn is_at(_: &File, _: &Path) -> bool {
+    true
 }
 
 /// A picture's path as the library is to have it: from its folder, with `/`; from the root where they share no folder.

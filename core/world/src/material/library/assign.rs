@@ -19,7 +19,8 @@ pub enum Assignment {
     Nearest,
     /// Its own.
     Raw,
-    /// The mean of so many nearest stored vectors, each weighted by one over its distance. 0 counts as 1, more than there are as all.
+    /// The mean of so many nearest stored vectors, each weighted by one over its distance; materials that share a vector count as one. 0
+    /// counts as 1, more than there are as all.
     Blend(usize),
 }
 
@@ -49,7 +50,12 @@ impl Library {
         let near = match how {
             Assignment::Raw => Vec::new(),
             Assignment::Nearest => self.nearest(vector, 1),
-            Assignment::Blend(n) => self.nearest(vector, n.max(1)),
+            Assignment::Blend(n) => {
+                let mut all = self.nearest(vector, usize::MAX);
+                all.dedup_by(|a, b| a.material.vector == b.material.vector);
+                all.truncate(n.max(1));
+                all
+            }
         };
         match near.as_slice() {
             [] => Box::new(*vector),
@@ -114,6 +120,13 @@ mod tests {
         assert!((f64::from(first(Assignment::Blend(3))) - three).abs() < 1e-6);
         assert_eq!(first(Assignment::Blend(3)), first(Assignment::Blend(99)));
         assert_eq!(library.assign(&at(4.0), Assignment::Blend(3))[7], 0.5);
+    }
+
+    #[test]
+    fn a_blend_is_of_different_vectors_however_often_one_is_stored() {
+        let library = line(&[0.0, 0.0, 10.0, 0.0, 10.0, 30.0]);
+        let two = (10.0 / 6.0) / (1.0 / 4.0 + 1.0 / 6.0);
+        assert!((f64::from(library.assign(&at(4.0), Assignment::Blend(2))[0]) - two).abs() < 1e-6);
     }
 
     #[test]
