@@ -54,7 +54,11 @@ fn scenes() -> Vec<(&'static str, f64, Make)> {
         ("spheres near", 10.0, |_, _, r| Ok((Shape::sphere(10.0)?, near(r, 2.0), [0.0; 3]))),
         ("planes same", 1.0, |_, _, _| Ok((Shape::plane(), [0.0; 3], [0.0; 3]))),
         ("planes coincident", 1.0, |_, _, r| {
-            Ok((Shape::plane(), [r.range(-50.0, 50.0), r.range(-50.0, 50.0), 0.0], [0.0, 0.0, r.range(0.0, 360.0)]))
+            Ok((
+                Shape::plane(),
+                [r.range(-50.0, 50.0), r.range(-50.0, 50.0), 0.0],
+                [0.0, 0.0, r.range(0.0, 360.0)],
+            ))
         }),
         ("planes parallel", 1.0, |i, _, _| Ok((Shape::plane(), [0.0, 0.0, -1e-3 * i as f64], [0.0; 3]))),
         ("planes bundle", 5.0, |_, _, r| Ok((Shape::plane(), near(r, 1.0), turn(r)))),
@@ -66,12 +70,16 @@ fn scenes() -> Vec<(&'static str, f64, Make)> {
         ("boxes near, turned", 9.0, |_, _, r| {
             Ok((Shape::cuboid([20.0, 20.0, 20.0])?, near(r, 2.0), [30.0, 20.0, 10.0]))
         }),
-        ("boxes near, any turn", 13.0, |_, _, r| Ok((Shape::cuboid([20.0, 20.0, 20.0])?, near(r, 2.0), turn(r)))),
+        ("boxes near, any turn", 13.0, |_, _, r| {
+            Ok((Shape::cuboid([20.0, 20.0, 20.0])?, near(r, 2.0), turn(r)))
+        }),
         ("rectangles near", 1.0, |_, _, r| {
             let at = near(r, 2.0);
             Ok((Shape::rectangle([50.0, 50.0], 3.0)?, at, [0.0, 0.0, r.range(0.0, 360.0)]))
         }),
-        ("rectangles, any turn", 8.0, |_, _, r| Ok((Shape::rectangle([50.0, 50.0], 3.0)?, near(r, 2.0), turn(r)))),
+        ("rectangles, any turn", 8.0, |_, _, r| {
+            Ok((Shape::rectangle([50.0, 50.0], 3.0)?, near(r, 2.0), turn(r)))
+        }),
         ("spheres apart", 100.0, |_, _, r| Ok((Shape::sphere(r.range(1.0, 8.0))?, near(r, 100.0), [0.0; 3]))),
         ("boxes apart, any turn", 100.0, |_, _, r| {
             let size = [r.range(2.0, 10.0), r.range(2.0, 10.0), r.range(2.0, 10.0)];

@@ -137,7 +137,7 @@ impl HeightGrid {
             most(least(place, (count - 1) as f64), 0.0)
         };
         let near = place as i64;
-        let whole = near - i64::from(place < near as f64);
+        let whole = near.saturating_sub(i64::from(place < near as f64));
         let part = place - whole as f64;
         if !self.repeats {
             // The last point is the end of the last cell.

@@ -83,11 +83,7 @@ impl Pose {
     pub fn vector_to_local(&self, vector: [f64; 3]) -> [f64; 3] {
         let [a, b, c] = self.turn;
         let [x, y, z] = vector;
-        [
-            a[0] * x + b[0] * y + c[0] * z,
-            a[1] * x + b[1] * y + c[1] * z,
-            a[2] * x + b[2] * y + c[2] * z,
-        ]
+        [a[0] * x + b[0] * y + c[0] * z, a[1] * x + b[1] * y + c[1] * z, a[2] * x + b[2] * y + c[2] * z]
     }
 
     /// A direction, velocity or force of the thing in coordinates of the world.
@@ -114,6 +110,14 @@ fn sine_and_cosine(degrees: f64) -> (f64, f64) {
         1 => (cos, -sin),
         2 => (-sin, -cos),
         _ => (-cos, sin),
+    }
+}
+
+#[cfg(test)]
+impl Pose {
+    /// The same, as much further along the world's axes.
+    pub(super) fn moved(self, by: Vector) -> Self {
+        Self { place_mm: std::array::from_fn(|k| self.place_mm[k] + by[k]), ..self }
     }
 }
 

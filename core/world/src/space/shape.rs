@@ -79,6 +79,28 @@ impl Relief {
         let s = self.grid.sample(x_mm + 0.5 * self.size_mm[0], y_mm + 0.5 * self.size_mm[1]);
         (self.scale * s.height_mm, [self.scale * s.slope[0], self.scale * s.slope[1]])
     }
+
+    fn depth<const OUTSIDE: bool>(&self, at: Vector) -> f64 {
+        let ([x, y, z], [lowest, highest]) = (at, self.bounds_mm);
+        // Most points are far from it, and heights take longest.
+        if z < lowest - self.thickness_mm || (!OUTSIDE && z > highest) {
+            return f64::NEG_INFINITY;
+        }
+        let beside = beside(at, self.size_mm);
+        if beside != [0.0; 2] {
+            return match OUTSIDE {
+                true => edge(beside, z - self.sample(x - beside[0], y - beside[1]).0),
+                false => f64::NEG_INFINITY,
+            };
+        }
+        let (height, [a, b]) = self.sample(x, y);
+        let depth = height - z;
+        if depth > self.thickness_mm {
+            return f64::NEG_INFINITY;
+        }
+        // Rounding may not make it deeper than its greatest height allows.
+        least(depth / (1.0 + a * a + b * b).sqrt(), highest - z)
+    }
 }
 
 /// What can be touched: a [`Form`] whose figures were checked.
@@ -169,44 +191,38 @@ impl Shape {
     /// it is `(h - z) / sqrt(1 + |grad h|^2)`, the distance to the plane that touches it at the same x and y; its distance outside is the same,
     /// or that to its greatest height where that is further.
     pub fn depth_mm(&self, at: [f64; 3]) -> f64 {
-        let [x, y, z] = at;
+        self.depth::<true>(at)
+    }
+
+    /// The same, and outside minus infinity where that is less work than the distance.
+    #[inline]
+    pub(super) fn depth<const OUTSIDE: bool>(&self, at: Vector) -> f64 {
+        let z = at[2];
         match &self.0 {
             Form::Plane => -z,
             Form::Sphere { radius_mm } => radius_mm - norm(at),
             Form::Box { size_mm } => {
                 let over: Vector = std::array::from_fn(|k| at[k].abs() - 0.5 * size_mm[k]);
                 let nearest = most(most(over[0], over[1]), over[2]);
-                if nearest <= 0.0 { -nearest } else { -norm(over.map(|e| most(e, 0.0))) }
+                if nearest <= 0.0 {
+                    -nearest
+                } else if OUTSIDE {
+                    -norm(over.map(|e| most(e, 0.0)))
+                } else {
+                    f64::NEG_INFINITY
+                }
             }
             Form::Rectangle { size_mm, thickness_mm } => {
                 let beside = beside(at, *size_mm);
-                if beside == [0.0; 2] {
-                    if z < -thickness_mm { f64::NEG_INFINITY } else { -z }
+                if beside != [0.0; 2] {
+                    if OUTSIDE { edge(beside, z) } else { f64::NEG_INFINITY }
+                } else if z < -thickness_mm {
+                    f64::NEG_INFINITY
                 } else {
-                    edge(beside, z)
+                    -z
                 }
             }
-            Form::Relief(relief) => {
-                let [_, highest] = relief.bounds_mm;
-                let beside = beside(at, relief.size_mm);
-                if beside == [0.0; 2] {
-                    // Most points are far from it, and heights take longest.
-                    if z < relief.bounds_mm[0] - relief.thickness_mm {
-                        return f64::NEG_INFINITY;
-                    }
-                    let (height, [a, b]) = relief.sample(x, y);
-                    let depth = height - z;
-                    if depth > relief.thickness_mm {
-                        return f64::NEG_INFINITY;
-                    }
-                    let along = depth / (1.0 + a * a + b * b).sqrt();
-                    // Rounding may not make it deeper than its greatest height allows.
-                    least(along, highest - z)
-                } else {
-                    let (height, _) = relief.sample(x - beside[0], y - beside[1]);
-                    edge(beside, z - height)
-                }
-            }
+            Form::Relief(relief) => relief.depth::<OUTSIDE>(at),
         }
     }
 }
@@ -242,7 +258,6 @@ fn thickness(what: &str, thickness_mm: f64) -> Result<(), Diagnostic> {
     if (LEAST_MM..=WORLD_MM).contains(&thickness_mm) {
         return Ok(());
     }
-    Err(Diagnostic::new(format!("{what} {thickness_mm} mm thick")).help(format!(
-        "from {LEAST_MM} to {WORLD_MM} mm: below it nothing is felt"
-    )))
+    Err(Diagnostic::new(format!("{what} {thickness_mm} mm thick"))
+        .help(format!("from {LEAST_MM} to {WORLD_MM} mm: below it nothing is felt")))
 }

@@ -22,6 +22,12 @@ impl Surface {
         if near(point_mm) { self.shape.depth_mm(self.pose.to_local(point_mm)) } else { f64::NEG_INFINITY }
     }
 
+    /// [`depth_mm`](Self::depth_mm) of a point that is near, and outside perhaps minus infinity unless that is asked for.
+    #[inline]
+    pub(super) fn depth<const OUTSIDE: bool>(&self, point_mm: [f64; 3]) -> f64 {
+        self.shape.depth::<OUTSIDE>(self.pose.to_local(point_mm))
+    }
+
     /// Where and how a point of the world touches, as [`Shape::touch`] says, with directions of the world.
     pub fn touch(&self, point_mm: [f64; 3], last: Option<u8>, hysteresis_mm: f64) -> Option<Touch> {
         if !near(point_mm) {
@@ -58,7 +64,8 @@ impl Surface {
             }
             Form::Relief(r) => {
                 let ([x, y], grid) = (r.size_mm(), std::sync::Arc::as_ptr(r.grid()) as usize as u64);
-                let all = [5, grid, x.to_bits(), y.to_bits(), r.scale().to_bits(), r.thickness_mm().to_bits()];
+                let all =
+                    [5, grid, x.to_bits(), y.to_bits(), r.scale().to_bits(), r.thickness_mm().to_bits()];
                 all.into_iter().for_each(add);
             }
         }

@@ -55,20 +55,19 @@ impl Shape {
             return None;
         }
         let [x, y, z] = at;
-        let sheet = |normal: Vector, tangents, place_mm| Touch {
-            depth_mm,
-            normal,
-            tangents,
-            place_mm,
-            feature: 0,
-        };
+        let sheet =
+            |normal: Vector, tangents, place_mm| Touch { depth_mm, normal, tangents, place_mm, feature: 0 };
         let flat = ([0.0, 0.0, 1.0], [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
         Some(match self.form() {
             Form::Plane => sheet(flat.0, flat.1, [x, y]),
             Form::Sphere { radius_mm } => sphere(*radius_mm, at, depth_mm, last),
             Form::Box { size_mm } => {
                 let half = size_mm.map(|s| 0.5 * s);
-                if depth_mm >= 0.0 { inside(half, at, last, hysteresis_mm) } else { outside(half, at, depth_mm) }
+                if depth_mm >= 0.0 {
+                    inside(half, at, last, hysteresis_mm)
+                } else {
+                    outside(half, at, depth_mm)
+                }
             }
             Form::Rectangle { size_mm, .. } => {
                 let [dx, dy] = beside(at, *size_mm);
@@ -177,3 +176,7 @@ fn outside(half: Vector, at: Vector, depth_mm: f64) -> Touch {
         feature,
     }
 }
+
+#[cfg(test)]
+#[path = "touch_tests.rs"]
+mod tests;

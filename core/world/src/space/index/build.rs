@@ -1,126 +1,28 @@
-//! How a tree is made.
+//! How a tree is made: halves of halves, by what surfaces differ most in.
 
 use std::collections::HashMap;
 
 use super::super::shape::Form;
 use super::super::vector::{Vector, dot, least, most, norm, sub};
 use super::Entry;
-use super::tree::{Class, Node, SLACK_MM, Tree};
+use super::block::{Block, Class, LANES, Part, SLACK_MM};
+use super::item::{Boxed, Item, Key};
+use super::tree::Tree;
 
-/// Most surfaces of a leaf: to look at one takes about as long as to look at a node.
-const LEAF: usize = 2;
-/// How far from a node's middle a point is thought to be at most when turns are weighed against places, in millimetres.
-const LEVER_MM: f64 = 50.0;
-/// From how many on, that lie over each other, they are split by depth.
+/// Most surfaces of a leaf.
+const LEAF: usize = 4;
+/// From how many on that lie over each other they are told apart by depth.
 const PILED: f64 = 4.0;
-/// To so many different turns of boxes each gets a part of the tree.
+/// How far from planes a point is thought to be when their turns are weighed against their places, in millimetres.
+const LEVER_MM: f64 = 50.0;
+/// Boxes of so many different turns at most are parted by turn.
 const FEW_TURNS: usize = 8;
-/// What differs by less does not differ.
+/// What differs by less does not differ, in millimetres.
 const ALIKE_MM: f64 = 1e-6;
-
-/// A surface that is to go into a tree.
-struct Item {
-    entry: u32,
-    reach: f64,
-    frame: u32,
-    /// Columns of its turn: its axes as the world sees them.
-    axes: [Vector; 3],
-    /// The point its box is counted from; of an endless plane the one nearest to the middle of the scene.
-    place: Vector,
-    /// Where it is touched, in its own coordinates.
-    low: Vector,
-    high: Vector,
-    /// The least height of its top, above `place`.
-    lowest: f64,
-    round: bool,
-    most: f64,
-    /// Radius of the ball around `place` that holds it.
-    ball: f64,
-    /// Half its longest edge.
-    widest: f64,
-}
-
-impl Item {
-    fn new(number: usize, entry: &Entry, middle: Vector) -> Self {
-        let pose = &entry.surface.pose;
-        let axes = [0, 1, 2].map(|k| pose.axis(k));
-        let mut place = pose.place_mm();
-        let infinite = f64::INFINITY;
-        let (low, high, greatest) = match entry.surface.shape.form() {
-            Form::Plane => {
-                let z = axes[2];
-                let off = dot(z, sub(place, middle));
-                place = std::array::from_fn(|k| middle[k] + off * z[k]);
-                ([-infinite; 3], [infinite, infinite, 0.0], infinite)
-            }
-            Form::Rectangle { size_mm: [x, y], thickness_mm: t } => {
-                ([-0.5 * x, -0.5 * y, -t], [0.5 * x, 0.5 * y, 0.0], *t)
-            }
-            Form::Relief(relief) => {
-                let ([x, y], [low, high]) = (relief.size_mm(), relief.bounds_mm());
-                let t = relief.thickness_mm();
-                ([-0.5 * x, -0.5 * y, low - t], [0.5 * x, 0.5 * y, high], t)
-            }
-            Form::Sphere { radius_mm: r } => ([-r; 3], [*r; 3], *r),
-            Form::Box { size_mm } => {
-                let half = size_mm.map(|s| 0.5 * s);
-                (half.map(|h| -h), half, least(least(half[0], half[1]), half[2]))
-            }
-        };
-        let round = matches!(entry.surface.shape.form(), Form::Sphere { .. });
-        let lowest = match entry.surface.shape.form() {
-            Form::Relief(relief) => relief.bounds_mm()[0],
-            _ => 0.0,
-        };
-        let widest = most(most(high[0], high[1]), high[2]);
-        let ball = if round { high[0] } else { norm(high) };
-        let (entry, reach) = (number as u32, entry.reach_mm);
-        Self { entry, reach, frame: 0, axes, place, low, high, lowest, round, most: greatest, ball, widest }
-    }
-
-    /// Its box in a frame in which it lies at a place: least and greatest along the frame's axes.
-    fn bounds(&self, frame: &[Vector; 3], place: Vector, same: bool) -> (Vector, Vector) {
-        let (mut low, mut high) = (place, place);
-        if same || self.round {
-            return (std::array::from_fn(|k| low[k] + self.low[k]), std::array::from_fn(|k| high[k] + self.high[k]));
-        }
-        for k in 0..3 {
-            for j in 0..3 {
-                let along = dot(frame[k], self.axes[j]);
-                // Nothing times endless is nothing.
-                if along != 0.0 {
-                    let (a, b) = (along * self.low[j], along * self.high[j]);
-                    low[k] += least(a, b);
-                    high[k] += most(a, b);
-                }
-            }
-        }
-        (low, high)
-    }
-}
-
-/// What is known of an item while a node is made of it.
-#[derive(Clone, Copy)]
-struct Boxed {
-    item: u32,
-    /// By what it is sorted.
-    key: f64,
-    /// How far its top lies above the node's middle along its normal.
-    above: f64,
-    place: Vector,
-    low: Vector,
-    high: Vector,
-}
-
-struct Builder {
-    tree: Tree,
-    items: Vec<Item>,
-}
 
 /// A tree over all surfaces of a class, or over those that reach.
 pub(super) fn tree(class: Class, entries: &[Entry], reaching: bool) -> Tree {
-    let tree = Tree { class, frames: Vec::new(), nodes: Vec::new(), items: Vec::new() };
-    let mut of_class: Vec<(usize, &Entry)> = Vec::new();
+    let mut chosen: Vec<(usize, &Entry)> = Vec::new();
     // Of surfaces that are touched alike the one of lowest number always wins, unless another reaches further.
     let mut known: HashMap<[u64; 20], f64> = HashMap::new();
     for (number, entry) in entries.iter().enumerate() {
@@ -132,38 +34,44 @@ pub(super) fn tree(class: Class, entries: &[Entry], reaching: bool) -> Tree {
         let before = known.entry(entry.surface.key()).or_insert(-1.0);
         if reach > *before {
             *before = reach;
-            of_class.push((number, entry));
+            chosen.push((number, entry));
         }
     }
-    let count = of_class.len() as f64;
-    let middle = of_class.iter().fold([0.0; 3], |sum: Vector, (_, e)| {
-        std::array::from_fn(|k| sum[k] + e.surface.pose.place_mm()[k] / count)
+    let part = 1.0 / chosen.len() as f64;
+    let middle = chosen.iter().fold([0.0; 3], |sum: Vector, (_, entry)| {
+        let place = entry.surface.pose.place_mm();
+        std::array::from_fn(|k| sum[k] + part * place[k])
     });
-    let mut frames: HashMap<[u64; 9], u32> = HashMap::new();
-    let mut builder = Builder { tree, items: Vec::with_capacity(of_class.len()) };
-    for (number, entry) in of_class {
+    let mut known: HashMap<[u64; 9], u32> = HashMap::new();
+    let (mut items, mut frames) = (Vec::with_capacity(chosen.len()), Vec::new());
+    for (number, entry) in chosen {
         let mut item = Item::new(number, entry, middle);
         if !reaching {
             item.reach = 0.0;
         }
         let mut bits = [0; 9];
         bits.iter_mut().zip(item.axes.iter().flatten()).for_each(|(to, x)| *to = x.to_bits());
-        item.frame = *frames.entry(bits).or_insert_with(|| {
-            builder.tree.frames.push(item.axes);
-            builder.tree.frames.len() as u32 - 1
+        item.frame = *known.entry(bits).or_insert_with(|| {
+            frames.push(item.axes);
+            frames.len() as u32 - 1
         });
-        builder.items.push(item);
+        items.push(item);
     }
-    let mut order: Vec<Boxed> = (0..builder.items.len() as u32)
-        .map(|item| Boxed { item, key: 0.0, above: 0.0, place: [0.0; 3], low: [0.0; 3], high: [0.0; 3] })
-        .collect();
-    if !order.is_empty() {
-        let root = builder.node(&mut order);
-        builder.tree.nodes.push(root);
-        builder.split(0, &mut order);
+    let mut some: Vec<Boxed> =
+        (0..items.len() as u32).map(|item| Boxed { item, ..Boxed::default() }).collect();
+    let tree = Tree { class, frames, blocks: Vec::new(), items: Vec::with_capacity(items.len()) };
+    let mut builder = Builder { tree, items };
+    if !some.is_empty() {
+        builder.block(&mut some, None);
     }
-    builder.tree.nodes.shrink_to_fit();
+    builder.tree.blocks.shrink_to_fit();
     builder.tree
+}
+
+/// A tree in the making. Where it takes surfaces, there is one at least.
+struct Builder {
+    tree: Tree,
+    items: Vec<Item>,
 }
 
 impl Builder {
@@ -171,205 +79,206 @@ impl Builder {
         &self.items[boxed.item as usize]
     }
 
-    /// The frame in which some surfaces lie most alike: that of the one whose normal is nearest to their mean.
+    fn sheets(&self) -> bool {
+        self.tree.class == Class::Sheets
+    }
+
+    /// The frame of all surfaces, where they have but one.
+    fn common(&self, some: &[Boxed]) -> Option<u32> {
+        let first = self.item(&some[0]).frame;
+        some.iter().all(|b| self.item(b).frame == first).then_some(first)
+    }
+
+    /// The frame that is most like all: of sheets that of the one whose normal is nearest to the mean.
     fn frame(&self, some: &[Boxed]) -> u32 {
         let first = self.item(&some[0]);
-        if self.tree.class == Class::Solids || some.iter().all(|b| self.item(b).frame == first.frame) {
+        if !self.sheets() || self.common(some).is_some() {
             return first.frame;
         }
         let mean = some.iter().fold([0.0; 3], |sum: Vector, b| {
-            std::array::from_fn(|k| sum[k] + self.item(b).axes[2][k])
+            let normal = self.item(b).axes[2];
+            std::array::from_fn(|k| sum[k] + normal[k])
         });
-        let nearest = some.iter().map(|b| self.item(b)).max_by(|a, b| {
-            dot(a.axes[2], mean).total_cmp(&dot(b.axes[2], mean))
-        });
+        let toward = |item: &Item| dot(item.axes[2], mean);
+        let nearest = some.iter().map(|b| self.item(b)).max_by(|a, b| toward(a).total_cmp(&toward(b)));
         nearest.unwrap_or(first).frame
     }
 
-    /// The node of some surfaces, whose boxes in its frame are noted. It is a leaf until it is split.
-    fn node(&self, some: &mut [Boxed]) -> Node {
-        let number = self.frame(some);
+    /// What some surfaces take up in a frame, which is noted of each as well.
+    fn part(&self, some: &mut [Boxed], number: u32) -> Part {
         let frame = &self.tree.frames[number as usize];
-        let sheets = self.tree.class == Class::Sheets;
-        let infinite = f64::INFINITY;
-        let mut node = Node {
-            frame: number,
-            lowest: u32::MAX,
-            first: 0,
-            items: some.len() as u32,
-            low: [infinite; 3],
-            high: [-infinite; 3],
-            core: [[infinite; 3], [-infinite; 3]],
-            above: -infinite,
-            beyond: if sheets { infinite } else { 0.0 },
-            spread: [1.0, 0.0],
-            most: 0.0,
-            reach: 0.0,
-        };
+        let mut part = Part { items: some.len() as u32, ..Part::empty() };
         for boxed in some.iter_mut() {
             let item = &self.items[boxed.item as usize];
             boxed.place = frame.map(|axis| dot(axis, item.place));
-            (boxed.low, boxed.high) = item.bounds(frame, boxed.place, item.frame == number);
+            [boxed.low, boxed.high] = item.bounds(frame, boxed.place, item.frame == number);
             for k in 0..3 {
-                node.low[k] = least(node.low[k], boxed.low[k]);
-                node.high[k] = most(node.high[k], boxed.high[k]);
-                node.core[0][k] = least(node.core[0][k], boxed.place[k]);
-                node.core[1][k] = most(node.core[1][k], boxed.place[k]);
+                part.low[k] = least(part.low[k], boxed.low[k]);
+                part.high[k] = most(part.high[k], boxed.high[k]);
+                part.core[k] = least(part.core[k], boxed.place[k]);
+                part.other[k] = most(part.other[k], boxed.place[k]);
             }
-            node.lowest = node.lowest.min(item.entry);
-            node.most = most(node.most, item.most);
-            node.reach = most(node.reach, item.reach);
+            part.lowest = part.lowest.min(item.entry);
+            part.most = most(part.most, item.most);
+            part.reach = most(part.reach, item.reach);
+            part.above = most(part.above, item.ball);
+            part.beyond = most(part.beyond, item.widest);
         }
-        if sheets {
-            let [low, high] = node.core;
-            let middle = std::array::from_fn(|k| 0.5 * (low[k] + high[k]));
-            node.core = [middle; 2];
+        if self.sheets() {
+            self.lie(some, number, &mut part);
         }
-        let mut spread = 0.0;
+        part.low = part.low.map(|x| x - SLACK_MM);
+        part.high = part.high.map(|x| x + SLACK_MM);
+        part.above += SLACK_MM;
+        part.beyond += if self.sheets() { -SLACK_MM } else { SLACK_MM };
+        part.most += SLACK_MM;
+        part
+    }
+
+    /// How sheets lie: their heights above their midst, each along its own normal, and how normals differ.
+    fn lie(&self, some: &mut [Boxed], number: u32, part: &mut Part) {
+        let frame = &self.tree.frames[number as usize];
+        let normal = |of: u32| match of == number {
+            true => [0.0, 0.0, 1.0],
+            false => frame.map(|axis| dot(axis, self.tree.frames[of as usize][2])),
+        };
+        let middle = std::array::from_fn(|k| 0.5 * (part.core[k] + part.other[k]));
+        let direction = self.frame(some);
+        (part.core, part.other) = (middle, normal(direction));
+        (part.above, part.beyond) = (f64::NEG_INFINITY, f64::INFINITY);
+        let mut chord = 0.0;
         for boxed in some.iter_mut() {
             let item = &self.items[boxed.item as usize];
-            if !sheets {
-                node.above = most(node.above, item.ball);
-                node.beyond = most(node.beyond, item.widest);
-                continue;
+            let own = normal(item.frame);
+            if item.frame != direction {
+                chord = most(chord, norm(sub(own, part.other)));
             }
-            boxed.above = if item.frame == number {
-                boxed.place[2] - node.core[0][2]
+            boxed.above = dot(own, sub(boxed.place, middle));
+            let [low, high] = item.top;
+            part.above = most(part.above, boxed.above + high);
+            part.beyond = least(part.beyond, boxed.above + low);
+        }
+        if chord > 0.0 {
+            // Twice the sine of half the angle.
+            let half = least(0.5 * chord + 1e-12, 1.0);
+            part.spread = [1.0 - 2.0 * half * half, 2.0 * half * (1.0 - half * half).sqrt()];
+        }
+    }
+
+    /// Adds the block of some surfaces, and those that it is split into, which come after it. Surfaces that are turned alike get a frame of their own, others that
+    /// of the block before.
+    fn block(&mut self, some: &mut [Boxed], before: Option<u32>) -> u32 {
+        let common = self.common(some);
+        let frame = common.or(before).unwrap_or_else(|| self.frame(some));
+        let mut ends = [some.len(); LANES];
+        if some.len() > LEAF {
+            let middle = self.halve(some);
+            let (left, right) = some.split_at_mut(middle);
+            ends = [self.halve(left), middle, middle + self.halve(right), some.len()];
+        }
+        let mut parts: [Part; LANES] = std::array::from_fn(|_| Part::empty());
+        let mut begin = 0;
+        for (part, end) in parts.iter_mut().zip(ends) {
+            if begin < end {
+                *part = self.part(&mut some[begin..end], frame);
+            }
+            begin = end;
+        }
+        let number = self.tree.blocks.len();
+        self.tree.blocks.push(Block::new(frame, common.is_some(), &parts));
+        let mut begin = 0;
+        for (lane, end) in ends.into_iter().enumerate() {
+            let some = &mut some[begin..end];
+            begin = end;
+            self.tree.blocks[number].first[lane] = if some.len() > LEAF {
+                self.tree.blocks[number].items[lane] = 0;
+                self.block(some, Some(frame))
             } else {
-                let z = item.axes[2];
-                spread = most(spread, norm(sub(z, frame[2])));
-                dot(frame.map(|axis| dot(axis, z)), sub(boxed.place, node.core[0]))
+                let first = self.tree.items.len() as u32;
+                let numbers = some.iter().map(|b| self.items[b.item as usize].entry);
+                self.tree.items.extend(numbers);
+                first
             };
-            node.above = most(node.above, boxed.above + item.high[2]);
-            node.beyond = least(node.beyond, boxed.above + item.lowest);
         }
-        if spread > 0.0 {
-            // A chord of the unit sphere.
-            let half = least(0.5 * spread + 1e-12, 1.0);
-            node.spread = [1.0 - 2.0 * half * half, 2.0 * half * (1.0 - half * half).sqrt()];
-        }
-        node.low = node.low.map(|x| x - SLACK_MM);
-        node.high = node.high.map(|x| x + SLACK_MM);
-        node.above += SLACK_MM;
-        node.beyond += if sheets { -SLACK_MM } else { SLACK_MM };
-        node.most += SLACK_MM;
-        node
+        number as u32
     }
 
-    /// Splits a node in two halves, and these, until leaves are small.
-    fn split(&mut self, node: usize, some: &mut [Boxed]) {
+    /// Puts the half of some surfaces first that is less in what they differ most in, and answers where the other begins; few are not halved.
+    fn halve(&self, some: &mut [Boxed]) -> usize {
         if some.len() <= LEAF {
-            self.tree.nodes[node].first = self.tree.items.len() as u32;
-            let numbers = some.iter().map(|b| self.items[b.item as usize].entry);
-            self.tree.items.extend(numbers);
-            return;
+            return some.len();
         }
-        self.halve(some, &self.tree.nodes[node]);
-        let (left, right) = some.split_at_mut(some.len() / 2);
-        let (a, b) = (self.node(left), self.node(right));
-        let first = self.tree.nodes.len();
-        self.tree.nodes.extend([a, b]);
-        self.tree.nodes[node].first = first as u32;
-        self.tree.nodes[node].items = 0;
-        self.split(first, left);
-        self.split(first + 1, right);
+        let key = self.key(some);
+        for boxed in some.iter_mut() {
+            boxed.key = key.of(&self.items[boxed.item as usize], boxed);
+        }
+        // Items are in the order of their entries.
+        let middle = some.len().div_ceil(2);
+        some.select_nth_unstable_by(middle, |a, b| a.key.total_cmp(&b.key).then(a.item.cmp(&b.item)));
+        middle
     }
 
-    /// Puts the half of some surfaces first that is less along whatever they differ most in, as a part of what they take up.
-    fn halve(&self, some: &mut [Boxed], node: &Node) {
-        let sheets = self.tree.class == Class::Sheets;
-        let size: Vector = std::array::from_fn(|k| node.high[k] - node.low[k]);
-        // How many lie over each other: of sheets seen from above.
-        let axes = if sheets { 0..2 } else { 0..3 };
-        let share = |b: &Boxed| axes.clone().map(|k| (b.high[k] - b.low[k]) / size[k]).product::<f64>();
-        let piled = !(some.iter().map(share).sum::<f64>() <= PILED);
-        let extent = |key: Key| {
+    /// By what some surfaces are told apart best.
+    ///
+    /// Side by side it is by place: the larger their spread as a part of what they take up, the more likely a point is in one half alone. Where many lie over each other
+    /// a point is in both halves, and one is left out if the other is deeper: sheets are then parted by height and, where normals differ, by normal, whichever
+    /// moves depths by more; solids by their extents, and where they are turned in many ways by their middles, since an extent says little then.
+    fn key(&self, some: &mut [Boxed]) -> Key {
+        let part = self.part(some, self.frame(some));
+        let some = &*some;
+        let size: Vector = std::array::from_fn(|k| part.high[k] - part.low[k]);
+        let spread = |key: Key| {
             let bounds = (f64::INFINITY, f64::NEG_INFINITY);
             let (low, high) = some.iter().fold(bounds, |(low, high), boxed| {
                 let x = key.of(self.item(boxed), boxed);
                 (least(low, x), most(high, x))
             });
-            // Nothing differs by less.
             if high - low > ALIKE_MM { high - low } else { 0.0 }
         };
         let mut best = (Key::Number, 0.0);
-        let mut weigh = |key: Key, gain: f64| {
-            if gain > best.1 {
-                best = (key, gain);
+        let mut weigh = |key: Key, weight: f64| {
+            if weight > best.1 {
+                best = (key, weight);
             }
         };
-        let first = self.item(&some[0]).frame;
-        let mixed = some.iter().any(|b| self.item(b).frame != first && !self.item(b).round);
-        if sheets || !piled {
-            // How likely a point is in one half alone.
-            let axes = if piled { 0..2 } else { 0..3 };
-            for k in axes.filter(|k| size[*k].is_finite()) {
-                weigh(Key::Low(k), extent(Key::Low(k)) / size[k]);
-                weigh(Key::High(k), extent(Key::High(k)) / size[k]);
+        // Sheets lie over each other as seen from above. Endless ones are no number of times over each other.
+        let axes = if self.sheets() { 0..2 } else { 0..3 };
+        let share = |b: &Boxed| axes.clone().map(|k| (b.high[k] - b.low[k]) / size[k]).product::<f64>();
+        let over: f64 = some.iter().map(share).sum();
+        let piled = over.is_nan() || over > PILED;
+        if !piled || self.sheets() {
+            for k in if piled { axes } else { 0..3 }.filter(|k| size[*k].is_finite()) {
+                weigh(Key::Low(k), spread(Key::Low(k)) / size[k]);
+                weigh(Key::High(k), spread(Key::High(k)) / size[k]);
             }
         }
-        if piled && sheets {
-            // One half is deeper, unless normals differ more than places.
+        if piled && self.sheets() {
             let widest = 0.5 * most(most(size[0], size[1]), size[2]);
             let lever = if widest.is_finite() { widest } else { LEVER_MM };
-            let places = extent(Key::Above);
-            let turns = [0, 1, 2].map(|k| lever * extent(Key::Axis(k)));
-            let all = places + most(most(turns[0], turns[1]), turns[2]);
+            let heights = spread(Key::Above);
+            let normals = [0, 1, 2].map(|k| lever * spread(Key::Normal(k)));
+            let all = heights + most(most(normals[0], normals[1]), normals[2]);
             if all > 0.0 {
-                weigh(Key::Above, places / all);
-                (0..3).for_each(|k| weigh(Key::Axis(k), turns[k] / all));
+                weigh(Key::Above, heights / all);
+                (0..3).for_each(|k| weigh(Key::Normal(k), normals[k] / all));
             }
-        } else if piled && mixed {
-            let mut turns = vec![first];
-            for boxed in some.iter() {
+        } else if piled && self.common(some).is_some() {
+            (0..3).for_each(|k| weigh(Key::Low(k), spread(Key::Low(k))));
+            (0..3).for_each(|k| weigh(Key::High(k), spread(Key::High(k))));
+        } else if piled {
+            let mut turns = Vec::with_capacity(FEW_TURNS + 1);
+            for boxed in some {
                 let frame = self.item(boxed).frame;
                 if turns.len() <= FEW_TURNS && !turns.contains(&frame) {
                     turns.push(frame);
                 }
             }
             if turns.len() <= FEW_TURNS {
-                weigh(Key::Frame, f64::INFINITY);
+                return Key::Turn;
             }
-            (0..3).for_each(|k| weigh(Key::Place(k), extent(Key::Place(k))));
-            weigh(Key::Size, extent(Key::Size));
-        } else if piled {
-            (0..3).for_each(|k| weigh(Key::Low(k), extent(Key::Low(k))));
-            (0..3).for_each(|k| weigh(Key::High(k), extent(Key::High(k))));
+            (0..3).for_each(|k| weigh(Key::Place(k), spread(Key::Place(k))));
+            weigh(Key::Size, spread(Key::Size));
         }
-        for boxed in some.iter_mut() {
-            boxed.key = best.0.of(&self.items[boxed.item as usize], boxed);
-        }
-        // Items are in the order of their entries.
-        let middle = some.len() / 2;
-        some.select_nth_unstable_by(middle, |a, b| a.key.total_cmp(&b.key).then(a.item.cmp(&b.item)));
-    }
-}
-
-/// What surfaces are sorted by.
-#[derive(Clone, Copy)]
-enum Key {
-    Low(usize),
-    High(usize),
-    Place(usize),
-    Above,
-    /// A coordinate of the normal.
-    Axis(usize),
-    Frame,
-    Size,
-    Number,
-}
-
-impl Key {
-    fn of(self, item: &Item, boxed: &Boxed) -> f64 {
-        match self {
-            Self::Low(k) => boxed.low[k],
-            Self::High(k) => boxed.high[k],
-            Self::Place(k) => boxed.place[k],
-            Self::Above => boxed.above,
-            Self::Axis(k) => item.axes[2][k],
-            Self::Frame => f64::from(item.frame),
-            Self::Size => item.widest,
-            Self::Number => 0.0,
-        }
+        best.0
     }
 }

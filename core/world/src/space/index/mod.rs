@@ -1,13 +1,16 @@
 //! Which of many surfaces a point touches.
 
+mod block;
 mod build;
+mod item;
 mod tree;
 
 use asperity_source::Diagnostic;
 
 use super::surface::near;
 use super::{Hold, Surface, Touch, WORLD_MM};
-use tree::{Best, Class, Tree};
+use block::Class;
+use tree::{Best, Tree};
 
 /// Most entries of an index.
 pub const MOST_ENTRIES: usize = 1 << 20;
@@ -67,7 +70,8 @@ impl Index {
             return Err(Diagnostic::new(format!("a hysteresis of {hysteresis_mm} mm"))
                 .help(format!("from 0 to {WORLD_MM} mm")));
         }
-        if let Some((number, entry)) = entries.iter().enumerate().find(|(_, e)| !range.contains(&e.reach_mm)) {
+        if let Some((number, entry)) = entries.iter().enumerate().find(|(_, e)| !range.contains(&e.reach_mm))
+        {
             return Err(Diagnostic::new(format!("surface {number} reaches {} mm", entry.reach_mm))
                 .help(format!("from 0 to {WORLD_MM} mm")));
         }
@@ -98,17 +102,26 @@ impl Index {
     /// Depths are compared in steps of 1/8192 mm; of equal ones the lowest number wins. What is held comes from [`Contact::hold`] of the tick before; an entry
     /// that does not exist is as good as none. Nothing is allocated.
     pub fn deepest(&self, point_mm: [f64; 3], last: Option<Hold>) -> Option<Contact> {
-        self.search(&self.touched, point_mm, last, TOUCHED_MM, |_| TOUCHED_MM)
+        self.search::<false>(&self.touched, point_mm, last, TOUCHED_MM, |_| TOUCHED_MM)
+    }
+
+    /// Blocks and surfaces that [`deepest`](Self::deepest) looks at: what it costs, counted.
+    #[cfg(test)]
+    fn looks(&self, point_mm: [f64; 3], last: Option<Hold>) -> u32 {
+        let mut best = self.best(point_mm, last, TOUCHED_MM, |_| TOUCHED_MM).1;
+        let search = |tree: &Tree| tree.search::<false>(point_mm, &self.entries, &mut best, |_| TOUCHED_MM);
+        self.touched.iter().for_each(search);
+        best.looks
     }
 
     /// The same over entries with a reach, and as far as they reach: the deepest of those that are touched, else the nearest.
     pub fn nearest(&self, point_mm: [f64; 3], last: Option<Hold>) -> Option<Contact> {
-        self.search(&self.reaching, point_mm, last, f64::MIN, |e| {
+        self.search::<true>(&self.reaching, point_mm, last, f64::MIN, |e| {
             if e.reach_mm > 0.0 { -e.reach_mm } else { f64::INFINITY }
         })
     }
 
-    fn search(
+    fn search<const REACHING: bool>(
         &self,
         trees: &[Tree; 2],
         point: [f64; 3],
@@ -119,19 +132,31 @@ impl Index {
         if !near(point) {
             return None;
         }
+        let (held, mut best) = self.best(point, last, least, felt);
+        trees.iter().for_each(|tree| tree.search::<REACHING>(point, &self.entries, &mut best, felt));
+        let Some(found) = best.found else { return held };
+        let touch = self.entries.get(found as usize)?.surface.touch(point, None, self.hysteresis_mm)?;
+        Some(Contact { entry: found, touch })
+    }
+
+    /// What is held, if it is still felt, and what has to be found to take over from it.
+    fn best(
+        &self,
+        point: [f64; 3],
+        last: Option<Hold>,
+        least: f64,
+        felt: impl Fn(&Entry) -> f64,
+    ) -> (Option<Contact>, Best) {
         let held = last.and_then(|hold| {
             let entry = self.entries.get(hold.entry as usize)?;
             let touch = entry.surface.touch(point, Some(hold.feature), self.hysteresis_mm)?;
             (touch.depth_mm >= felt(entry)).then_some(Contact { entry: hold.entry, touch })
         });
-        let mut best = match &held {
+        let best = match &held {
             Some(held) => Best::held(held.touch.depth_mm + self.hysteresis_mm),
             None => Best::nothing(least),
         };
-        trees.iter().for_each(|tree| tree.search(point, &self.entries, &mut best, felt));
-        let Some(found) = best.found else { return held };
-        let touch = self.entries.get(found as usize)?.surface.touch(point, None, self.hysteresis_mm)?;
-        Some(Contact { entry: found, touch })
+        (held, best)
     }
 }
 
