@@ -9,6 +9,10 @@ use crate::topography::{HeightField, Sample, weights};
 /// Most points of a grid.
 pub const MOST_POINTS: usize = 1 << 26;
 
+/// Points beyond the ends of a line that are kept with it.
+const BEFORE: usize = 1;
+const AFTER: usize = 2;
+
 /// Heights on a grid, in millimetres, between whose points Catmull and Rom's cubic runs along x and along y (C1: heights and slopes
 /// are continuous; Catmull and Rom 1974, "A class of local interpolating splines"; Keys 1981 for images). The grid repeats, or it ends at its first and last points and
 /// goes on in a straight line where the cubic asks for one more.
@@ -18,6 +22,8 @@ pub struct HeightGrid {
     rows: usize,
     step_mm: [f64; 2],
     repeats: bool,
+    /// Row by row, each with its neighbours beyond the ends, so that a sample needs no more than to look.
+    stride: usize,
     heights: Box<[f32]>,
     bounds_mm: [f64; 2],
 }
@@ -63,11 +69,19 @@ impl HeightGrid {
         let (low, high) = heights_mm.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), h| {
             (least(low, f64::from(*h)), most(high, f64::from(*h)))
         });
-        // The weights of a cubic sum to 1, their absolute values to at most 5/4; with the straight ends to at most 7/5.
+        // The weights of a cubic sum to 1, their absolute values to at most 5/4; with the straight ends to less than 7/5.
         let factor: f64 = if repeats { 1.25 } else { 1.4 };
-        let (middle, half) = (0.5 * (low + high), 0.5 * (high - low) * factor * factor);
+        let (middle, half) = (0.5 * (low + high), 0.5 * (high - low) * factor * factor * (1.0 + 1e-6));
         let bounds_mm = [middle - half, middle + half];
-        Ok(Self { columns, rows, step_mm, repeats, heights: heights_mm.into(), bounds_mm })
+        let lines: Vec<Vec<f32>> = heights_mm.chunks_exact(columns).map(|row| padded(row, repeats)).collect();
+        let stride = columns + BEFORE + AFTER;
+        let mut heights = vec![0.0; stride * (rows + BEFORE + AFTER)];
+        for column in 0..stride {
+            let line: Vec<f32> = lines.iter().filter_map(|line| line.get(column).copied()).collect();
+            let places = heights.iter_mut().skip(column).step_by(stride);
+            places.zip(padded(&line, repeats)).for_each(|(to, height)| *to = height);
+        }
+        Ok(Self { columns, rows, step_mm, repeats, stride, heights: heights.into(), bounds_mm })
     }
 
     /// A patch of a surface, which repeats.
@@ -104,28 +118,22 @@ impl HeightGrid {
         let per_mm = [1.0 / self.step_mm[0], 1.0 / self.step_mm[1]];
         let (column, u) = self.cell(x_mm * per_mm[0], self.columns);
         let (row, v) = self.cell(y_mm * per_mm[1], self.rows);
-        let (along, slope_along) = weights(u);
-        let lines: [(f64, f64); 4] = std::array::from_fn(|j| {
-            let (mut level, mut slope) = (0.0, 0.0);
-            if let Some(row) = self.neighbour(row, j, self.rows) {
-                let line = self.four(column, row);
-                for ((h, w), s) in line.iter().zip(along).zip(slope_along) {
-                    level += w * h;
-                    slope += s * h;
-                }
-            }
-            (level, slope)
-        });
-        let (levels, slopes) = (lines.map(|l| l.0), lines.map(|l| l.1));
-        let (levels, slopes) = (self.straight(row, levels, self.rows), self.straight(row, slopes, self.rows));
-        let (across, slope_across) = weights(v);
-        let (mut height_mm, mut slope) = (0.0, [0.0; 2]);
+        let ((along, slope_along), (across, slope_across)) = (weights(u), weights(v));
+        let (mut height_mm, mut dx, mut dy) = (0.0, 0.0, 0.0);
         for j in 0..4 {
-            height_mm += across[j] * levels[j];
-            slope[0] += across[j] * slopes[j];
-            slope[1] += slope_across[j] * levels[j];
+            let first = (row + j) * self.stride + column;
+            let Some(&[a, b, c, d]) = self.heights.get(first..first + 4) else { continue };
+            let line = [a, b, c, d].map(f64::from);
+            let (mut level, mut slope) = (0.0, 0.0);
+            for k in 0..4 {
+                level += along[k] * line[k];
+                slope += slope_along[k] * line[k];
+            }
+            height_mm += across[j] * level;
+            dx += across[j] * slope;
+            dy += slope_across[j] * level;
         }
-        Sample { height_mm, slope: [slope[0] * per_mm[0], slope[1] * per_mm[1]] }
+        Sample { height_mm, slope: [dx * per_mm[0], dy * per_mm[1]] }
     }
 
     /// The point before a place counted in steps, and how far on it is, 0 to 1.
@@ -153,45 +161,20 @@ impl HeightGrid {
         };
         (wrapped, part)
     }
+}
 
-    /// The column or row `j` of the four around a cell, 0 the one before it; none beyond an end.
-    fn neighbour(&self, cell: usize, j: usize, count: usize) -> Option<usize> {
-        let next = cell + j;
-        match (next, self.repeats) {
-            (0, true) => Some(count - 1),
-            (0, false) => None,
-            (n, true) if n > count => Some((n - 1) % count),
-            (n, false) if n > count => None,
-            (n, _) => Some(n - 1),
-        }
-    }
-
-    /// Four values of which those beyond an end are put on a straight line with the two at the end.
-    fn straight(&self, cell: usize, mut four: [f64; 4], count: usize) -> [f64; 4] {
-        if !self.repeats {
-            if cell == 0 {
-                four[0] = 2.0 * four[1] - four[2];
-            }
-            if cell + 2 == count {
-                four[3] = 2.0 * four[2] - four[1];
-            }
-        }
-        four
-    }
-
-    fn four(&self, column: usize, row: usize) -> [f64; 4] {
-        let line = self.heights.get(row * self.columns..(row + 1) * self.columns).unwrap_or_default();
-        if column > 0
-            && let Some(&[a, b, c, d]) = line.get(column - 1..column + 3)
-        {
-            return [a, b, c, d].map(f64::from);
-        }
-        let four = std::array::from_fn(|j| {
-            let at = self.neighbour(column, j, self.columns).and_then(|c| line.get(c));
-            at.copied().map_or(0.0, f64::from)
-        });
-        self.straight(column, four, self.columns)
-    }
+/// A line with what the cubic asks for beyond its ends.
+fn padded(line: &[f32], repeats: bool) -> Vec<f32> {
+    let at = |index: i64| line.get(index.rem_euclid(line.len() as i64) as usize).copied().unwrap_or(0.0);
+    let last = line.len() as i64 - 1;
+    (-(BEFORE as i64)..=last + AFTER as i64)
+        .map(|index| match index {
+            _ if repeats => at(index),
+            ..0 => 2.0 * at(0) - at(1),
+            _ if index > last => 2.0 * at(last) - at(last - 1),
+            _ => at(index),
+        })
+        .collect()
 }
 
 #[cfg(test)]

@@ -99,7 +99,7 @@ fn scene(random: &mut Random, count: usize, room: f64, turns: usize) -> Vec<Entr
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(3000))]
+    #![proptest_config(ProptestConfig::with_cases(400))]
     #[test]
     fn the_index_answers_as_a_look_at_every_entry_does(
         seed in 0..u64::MAX,

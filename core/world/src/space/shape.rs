@@ -80,27 +80,39 @@ impl Relief {
         (self.scale * s.height_mm, [self.scale * s.slope[0], self.scale * s.slope[1]])
     }
 
-    fn depth<const OUTSIDE: bool>(&self, at: Vector) -> f64 {
+    /// How a point lies to it; none where it is not felt, and outside perhaps unless that is asked for.
+    pub(super) fn over<const OUTSIDE: bool>(&self, at: Vector) -> Option<Over> {
         let ([x, y, z], [lowest, highest]) = (at, self.bounds_mm);
         // Most points are far from it, and heights take longest.
         if z < lowest - self.thickness_mm || (!OUTSIDE && z > highest) {
-            return f64::NEG_INFINITY;
+            return None;
         }
         let beside = beside(at, self.size_mm);
-        if beside != [0.0; 2] {
-            return match OUTSIDE {
-                true => edge(beside, z - self.sample(x - beside[0], y - beside[1]).0),
-                false => f64::NEG_INFINITY,
-            };
+        if beside != [0.0; 2] && !OUTSIDE {
+            return None;
         }
-        let (height, [a, b]) = self.sample(x, y);
+        let (height, slope) = self.sample(x - beside[0], y - beside[1]);
         let depth = height - z;
-        if depth > self.thickness_mm {
-            return f64::NEG_INFINITY;
-        }
-        // Rounding may not make it deeper than its greatest height allows.
-        least(depth / (1.0 + a * a + b * b).sqrt(), highest - z)
+        let depth_mm = if beside != [0.0; 2] {
+            edge(beside, -depth)
+        } else if depth > self.thickness_mm {
+            f64::NEG_INFINITY
+        } else {
+            // Rounding may not make it deeper than its greatest height allows.
+            least(depth / (1.0 + slope[0] * slope[0] + slope[1] * slope[1]).sqrt(), highest - z)
+        };
+        Some(Over { depth_mm, beside, height, slope })
     }
+}
+
+/// How a point lies to a relief.
+pub(super) struct Over {
+    pub depth_mm: f64,
+    /// How far it lies beside it along x and y.
+    pub beside: [f64; 2],
+    /// Of the relief, where it is nearest along x and y.
+    pub height: f64,
+    pub slope: [f64; 2],
 }
 
 /// What can be touched: a [`Form`] whose figures were checked.
@@ -222,7 +234,7 @@ impl Shape {
                     -z
                 }
             }
-            Form::Relief(relief) => relief.depth::<OUTSIDE>(at),
+            Form::Relief(relief) => relief.over::<OUTSIDE>(at).map_or(f64::NEG_INFINITY, |o| o.depth_mm),
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use asperity_state::{Keep, State};
 
-use super::shape::{Form, Relief, Shape, beside};
+use super::shape::{Form, Over, Shape, beside};
 use super::vector::{Vector, cross, dot, most, scaled, sub, tangents, unit};
 
 /// How far past a sphere's equator its half is kept, as the sine of the latitude: 5.7 degrees.
@@ -50,7 +50,12 @@ impl Shape {
     /// middle of a plate is pushed back to where it came from, until it is out. The depth is then that below the kept face. Elsewhere `last` only keeps a
     /// sphere's half, up to 5.7 degrees past the equator.
     pub fn touch(&self, at: [f64; 3], last: Option<u8>, hysteresis_mm: f64) -> Option<Touch> {
-        let depth_mm = self.depth_mm(at);
+        // Heights take longest: once is enough.
+        let over = match self.form() {
+            Form::Relief(relief) => Some(relief.over::<true>(at)?),
+            _ => None,
+        };
+        let depth_mm = over.as_ref().map_or_else(|| self.depth_mm(at), |o| o.depth_mm);
         if depth_mm == f64::NEG_INFINITY || depth_mm.is_nan() {
             return None;
         }
@@ -78,25 +83,19 @@ impl Shape {
                     sheet(normal, tangents(normal), [x - dx, y - dy])
                 }
             }
-            Form::Relief(relief) => {
-                let (normal, tangents, place) = over(relief, at);
-                sheet(normal, tangents, place)
+            Form::Relief(_) => {
+                let Over { beside: [dx, dy], height, slope: [a, b], .. } = over?;
+                let place = [x - dx, y - dy];
+                if [dx, dy] == [0.0; 2] {
+                    let (normal, _) = unit([-a, -b, 1.0]);
+                    let (first, _) = unit([1.0, 0.0, a]);
+                    sheet(normal, [first, cross(normal, first)], place)
+                } else {
+                    let (normal, _) = unit([dx, dy, z - height]);
+                    sheet(normal, tangents(normal), place)
+                }
             }
         })
-    }
-}
-
-fn over(relief: &Relief, at: Vector) -> (Vector, [Vector; 2], [f64; 2]) {
-    let [dx, dy] = beside(at, relief.size_mm());
-    let place = [at[0] - dx, at[1] - dy];
-    let (height, [a, b]) = relief.sample(place[0], place[1]);
-    if [dx, dy] == [0.0; 2] {
-        let (normal, _) = unit([-a, -b, 1.0]);
-        let (first, _) = unit([1.0, 0.0, a]);
-        (normal, [first, cross(normal, first)], place)
-    } else {
-        let (normal, _) = unit([dx, dy, at[2] - height]);
-        (normal, tangents(normal), place)
     }
 }
 

@@ -125,9 +125,9 @@ impl Block {
     #[inline]
     pub(super) fn ceilings<const REACHING: bool>(&self, class: Class, point: Vector) -> Lanes {
         let (mut exit, mut outside) = ([f64::INFINITY; LANES], [0.0; LANES]);
-        for k in 0..3 {
+        for ((low, high), at) in self.low.iter().zip(&self.high).zip(point) {
             for lane in 0..LANES {
-                let within = least(point[k] - self.low[k][lane], self.high[k][lane] - point[k]);
+                let within = least(at - low[lane], high[lane] - at);
                 exit[lane] = least(exit[lane], within);
                 if REACHING {
                     let over = least(within, 0.0);
@@ -137,8 +137,9 @@ impl Block {
         }
         std::array::from_fn(|lane| {
             let inside = exit[lane] >= 0.0;
+            let near = inside || (REACHING && outside[lane] <= self.reach[lane] * self.reach[lane]);
             // Most are out of question by now.
-            if !inside && !(REACHING && outside[lane] <= self.reach[lane] * self.reach[lane]) {
+            if !near {
                 return f64::NEG_INFINITY;
             }
             let bound = match class {
@@ -147,7 +148,8 @@ impl Block {
                 Class::Solids => least(exit[lane], self.around(lane, point)),
             };
             let bound = least(bound, self.most[lane]);
-            if inside { bound } else { least(bound, SLACK_MM - outside[lane].sqrt()) }
+            let bound = if inside { bound } else { least(bound, SLACK_MM - outside[lane].sqrt()) };
+            if REACHING && bound < -self.reach[lane] { f64::NEG_INFINITY } else { bound }
         })
     }
 

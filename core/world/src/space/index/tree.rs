@@ -133,8 +133,7 @@ impl Tree {
         loop {
             let Some(block) = self.blocks.get(number as usize) else { return };
             let below = count;
-            for lane in 0..LANES {
-                let (ceiling, lowest) = (ceilings[lane], block.lowest[lane]);
+            for (lane, (ceiling, lowest)) in ceilings.into_iter().zip(block.lowest).enumerate() {
                 if count == WAITING || !best.admits(ceiling, lowest) {
                     continue;
                 }
