@@ -4,6 +4,7 @@ pub mod actuator;
 pub mod autoregressive;
 pub mod material;
 pub mod motion;
+pub mod space;
 pub mod stylus;
 pub mod tactile;
 pub mod topography;

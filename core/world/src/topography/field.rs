@@ -174,7 +174,7 @@ fn whole_and_part(x: f64) -> (i64, f64) {
 }
 
 /// Weights of four neighbours at a place `t` of 0 to 1 between the middle two, and their derivatives.
-fn weights(t: f64) -> ([f64; 4], [f64; 4]) {
+pub(crate) fn weights(t: f64) -> ([f64; 4], [f64; 4]) {
     let (t2, t3) = (t * t, t * t * t);
     (
         [

@@ -9,5 +9,6 @@ pub mod spectrum;
 
 pub use catalogue::made_surfaces;
 pub use envelope::envelope;
+pub(crate) use field::weights;
 pub use field::{HeightField, Sample};
 pub use made::{Contact, Family, MadeSurface};
