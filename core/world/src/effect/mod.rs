@@ -19,14 +19,22 @@
 pub mod friction;
 mod magnet;
 pub mod passivity;
+mod path;
+pub mod relief;
+mod tap;
 mod vibration;
 mod viscosity;
+pub mod waveform;
 
 use std::fmt;
 
 pub use magnet::Magnet;
+pub use path::{Parts, Path, Point, Smoothing};
+pub use relief::{HeightSpline, Heights, Jet, Relief, ReliefSettings};
+pub use tap::{DecayingSinusoid, Recording, Tap, TapSettings, Transient, crossing};
 pub use vibration::Vibration;
 pub use viscosity::Viscosity;
+pub use waveform::{Waveform, WaveformQuantity, WaveformTable};
 
 /// What cannot be made into an effect.
 #[derive(Clone, Copy, Debug, PartialEq)]
