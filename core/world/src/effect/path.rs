@@ -110,7 +110,12 @@ impl Path {
     pub fn state(&mut self, state: &mut State<'_>) {
         let mut known = self.last.is_some();
         let (mut position, mut velocity, mut before) = self.last.unwrap_or_default();
-        state.keep(&mut known).keep(&mut position).keep(&mut velocity).keep(&mut before).keep(&mut self.cubic);
+        state
+            .keep(&mut known)
+            .keep(&mut position)
+            .keep(&mut velocity)
+            .keep(&mut before)
+            .keep(&mut self.cubic);
         if state.restores() {
             self.last = known.then_some((position, velocity, before));
             let all = position.iter().chain(&velocity).chain(&before).chain(self.cubic.iter().flatten());

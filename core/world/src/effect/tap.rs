@@ -6,9 +6,9 @@ use asperity_state::State;
 use super::{EffectError, counted, counted_positive};
 
 /// Most sinusoids of a transient.
-pub const MAX_SINUSOIDS: usize = 8;
+const MAX_SINUSOIDS: usize = 8;
 /// Taps that sound at a time.
-pub const VOICES: usize = 4;
+const VOICES: usize = 4;
 /// One more, that fades.
 const SLOTS: usize = VOICES + 1;
 /// How long a tap fades that has to make room \[s\], shorter than two taps can follow each other.
@@ -43,7 +43,7 @@ pub struct Recording {
 /// What a tap sounds like.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Transient {
-    /// Sinusoids that decay, added up: 1 to [`MAX_SINUSOIDS`] (A. M. Okamura, J. T. Dennerlein, R. D. Howe, "Vibration feedback models for virtual
+    /// Sinusoids that decay, added up: 1 to 8 (A. M. Okamura, J. T. Dennerlein, R. D. Howe, "Vibration feedback models for virtual
     /// environments", IEEE International Conference on Robotics and Automation, 1998).
     Sinusoids(Vec<DecayingSinusoid>),
     /// A recording, louder and softer in proportion to the speed (K. J. Kuchenbecker, J. Fiene, G. Niemeyer, "Improving contact realism through
@@ -120,13 +120,13 @@ impl Voice {
     }
 }
 
-/// Contact transients, each scaled by the speed of its approach; they overlap, at most [`VOICES`] at full level.
+/// Contact transients, each scaled by the speed of its approach; they overlap, at most 4 at full level.
 ///
 /// A tap begins at the time that it is given, also between two samples, from 0. Sinusoids turn by a recurrence in f64 that stays within 1e-9 of the closed form
 /// over 10 s, and the samples do not depend on how they are cut into ticks. It ends exactly at the sample from which on the envelope
 /// stays below the floor; that sample is known when it begins. Where more would sound the quietest, of equals the oldest, is faded out in a millisecond.
 ///
-/// 96 samples of a tap of three sinusoids take 0.5 us on a virtual AMD EPYC core, of four such taps 1.6 us, of none 20 ns.
+/// 96 samples of a tap of three sinusoids take 0.7 us on a virtual AMD EPYC core, of four such taps 2.1 us, of none 6 ns; a strike 0.9 us.
 #[derive(Clone, Debug)]
 pub struct Tap {
     settings: TapSettings,
@@ -207,6 +207,10 @@ impl Tap {
     /// The samples in m/s^2 from number `first` on. Answers whether a tap goes on behind them.
     pub fn process<T: Sample>(&mut self, first: u64, out: &mut [T]) -> bool {
         let mut first = first;
+        if !self.sounds() {
+            out.fill(T::narrow(0.0));
+            return false;
+        }
         for out in out.chunks_mut(64) {
             let mut sum = [0.0; 64];
             for slot in 0..SLOTS {
@@ -388,7 +392,11 @@ impl Partial {
 impl Recorded {
     fn new(recording: &Recording, rate: f64) -> Result<Self, EffectError> {
         let all = &recording.samples;
-        EffectError::check_list("samples of a recording", all.iter().map(|x| f64::from(*x)), (2, MAX_RECORDED))?;
+        EffectError::check_list(
+            "samples of a recording",
+            all.iter().map(|x| f64::from(*x)),
+            (2, MAX_RECORDED),
+        )?;
         let own = EffectError::check("a recording's rate", recording.rate_hz, (100.0, 1e6), "Hz")?;
         let speed = EffectError::check("a recording's speed", recording.speed_mm_s, (0.1, 1e4), "mm/s")?;
         let mut samples = all.clone();
@@ -418,7 +426,9 @@ impl Recorded {
             let index = usize::try_from(whole as i64 + by).ok();
             index.and_then(|i| self.samples.get(i)).map_or(0.0, |x| f64::from(*x))
         };
-        let (a, b, c, d) = (at(-1), at(0), at(1), at(2));
+        // Before the first it is as if it came up in a straight line.
+        let a = if whole < 1.0 { 2.0 * at(0) - at(1) } else { at(-1) };
+        let (b, c, d) = (at(0), at(1), at(2));
         b + 0.5 * t * (c - a + t * (2.0 * a - 5.0 * b + 4.0 * c - d + t * (3.0 * (b - c) + d - a)))
     }
 }

@@ -104,7 +104,8 @@ fn taps_overlap_and_the_quietest_makes_room_without_a_step() {
             .filter(|(at, _)| n as u64 >= *at)
             .map(|(at, speed)| {
                 // The fifth takes the third's place, the sixth the second's: gone in 48 samples, in a straight line.
-                let gone = [(50.0, 800.0), (100.0, 1000.0)].iter().find(|g| g.0 == *speed).map_or(1e9, |g| g.1);
+                let gone =
+                    [(50.0, 800.0), (100.0, 1000.0)].iter().find(|g| g.0 == *speed).map_or(1e9, |g| g.1);
                 let level = (1.0 - (n as f64 - gone) / 48.0).clamp(0.0, 1.0);
                 1e-3 * speed * level * closed(&all, n as f64 - *at as f64)
             })
@@ -150,8 +151,8 @@ fn samples_that_are_skipped_change_nothing_and_a_late_tap_begins_when_it_can() {
 
 /// A recording of a decaying sinusoid that was made at 10 kHz.
 fn recording(phase: f64) -> Recording {
-    let samples =
-        (0..600).map(|n| (-f64::from(n) / 100.0).exp() * (TAU * 200.0 * f64::from(n) / 1e4 + phase).sin() * 8.0);
+    let samples = (0..600)
+        .map(|n| (-f64::from(n) / 100.0).exp() * (TAU * 200.0 * f64::from(n) / 1e4 + phase).sin() * 8.0);
     Recording { samples: samples.map(|x| x as f32).collect(), rate_hz: 1e4, speed_mm_s: 80.0 }
 }
 
@@ -178,7 +179,9 @@ fn a_recording_that_begins_and_ends_with_a_step_is_faded() {
     tap.strike(0, 0.0, 100.0);
     let mut out = [0.0f64; 600];
     tap.process(0, &mut out);
-    assert!(out[0] == 0.0 && (out[12] - 0.5).abs() < 1e-6 && (out[100] - 1.0).abs() < 1e-6 && out[480] == 0.0);
+    assert!(
+        out[0] == 0.0 && (out[12] - 0.5).abs() < 1e-6 && (out[100] - 1.0).abs() < 1e-6 && out[480] == 0.0
+    );
     assert!(out.windows(2).all(|w| (w[1] - w[0]).abs() < 0.05));
 }
 
@@ -217,7 +220,8 @@ fn a_surface_is_passed_where_the_distance_is_nought() {
 
 #[test]
 fn whatever_comes_is_finite_and_what_cannot_be_is_refused() {
-    let mut tap = tap(&[sinusoid(100.0, 1e5, 1e5)], TapSettings { max_speed_mm_s: 1e4, ..TapSettings::default() });
+    let mut tap =
+        tap(&[sinusoid(100.0, 1e5, 1e5)], TapSettings { max_speed_mm_s: 1e4, ..TapSettings::default() });
     for (n, part) in [f64::NAN, f64::INFINITY, -3.0, 1.0, 7.0, 0.5].into_iter().enumerate() {
         tap.strike(1000 * n as u64, part, f64::MAX);
         let mut out = [0.0f32; 1000];
@@ -234,7 +238,9 @@ fn whatever_comes_is_finite_and_what_cannot_be_is_refused() {
     for bad in [sinusoid(21_601.0, 1.0, 1.0), sinusoid(50.0, 0.0, 1.0)] {
         assert!(new(&Transient::Sinusoids(vec![bad])).contains("does not fit"));
     }
-    assert!(new(&Transient::Sinusoids(vec![sinusoid(50.0, 1.0, f64::NAN)])).contains("number 1 of the sinusoids"));
+    assert!(
+        new(&Transient::Sinusoids(vec![sinusoid(50.0, 1.0, f64::NAN)])).contains("number 1 of the sinusoids")
+    );
     let with = |change: fn(&mut Recording)| {
         let mut r = recording(0.0);
         change(&mut r);
@@ -248,7 +254,12 @@ fn whatever_comes_is_finite_and_what_cannot_be_is_refused() {
     for (least, most, debounce, floor) in
         [(-1.0, 100.0, 20.0, 1e-3), (1.0, 0.0, 20.0, 1e-3), (1.0, 100.0, 1.9, 1e-3), (1.0, 100.0, 20.0, 0.0)]
     {
-        let s = TapSettings { min_speed_mm_s: least, max_speed_mm_s: most, debounce_ms: debounce, floor_m_s2: floor };
+        let s = TapSettings {
+            min_speed_mm_s: least,
+            max_speed_mm_s: most,
+            debounce_ms: debounce,
+            floor_m_s2: floor,
+        };
         assert!(Tap::new(&good, s, RATE).is_err());
     }
     assert!(Tap::new(&good, TapSettings::default(), 99).is_err());

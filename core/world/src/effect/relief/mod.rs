@@ -10,8 +10,26 @@
 //! It then passes a low-pass, of Butterworth's fourth order: -3 dB at the cutoff, within 0.1 dB up to 0.62 of it, 0.42 ms late at 1000 Hz. It is bounded before and behind
 //! that. A sine of amplitude `A` and wavelength `l` so becomes one of `v / l` Hz and `A (2 pi v / l)^2`.
 //!
-//! The path is one tick less a sample late. Of what is told by an exact hand the path's part is exact; a device that tells places in steps makes it rattle: see
-//! [`Smoothing`](super::Smoothing) and the figures at [`Relief`].
+//! The path is one tick less a sample late. A device that tells places in steps makes the relief rattle, since differences of places are what it
+//! is made of. What remains beside a wave of 2 mm, in dB over the wave, with velocities by difference:
+//!
+//! | steps, speed, ticks | [`Hermite`] | [`Parabola`] | [`Hermite`], places behind 20 Hz |
+//! |---|---|---|---|
+//! | 5 um, 19 mm/s, 500 Hz | 4 | -2 | -36 |
+//! | 5 um, 62 mm/s, 500 Hz | -16 | -21 | -51 |
+//! | 5 um, 157 mm/s, 500 Hz | -32 | -37 | -58 |
+//! | 55 um, 19 mm/s, 500 Hz | 25 | 19 | -15 |
+//! | 55 um, 62 mm/s, 500 Hz | 4 | -1 | -32 |
+//! | 55 um, 62 mm/s, 1000 Hz | 13 | 7 | -32 |
+//! | 55 um, 157 mm/s, 1000 Hz | -3 | -8 | -42 |
+//!
+//! So places that come in steps go through a low-pass first, with velocities that are the differences of what comes out (Butterworth of second order at 20 Hz,
+//! 11 ms late).
+//!
+//! 96 samples take 7.4 us on a virtual AMD EPYC core.
+//!
+//! [`Hermite`]: super::Smoothing::Hermite
+//! [`Parabola`]: super::Smoothing::Parabola
 //!
 //! [`HeightSpline`] gives a [`HeightField`](crate::topography::HeightField) the derivatives that it takes. What the tip's own size leaves of the heights is the
 //! field's matter ([`envelope`](crate::topography::envelope)).

@@ -1,13 +1,13 @@
 use std::f64::consts::PI;
 
 /// Values that make one.
-pub(super) const TAPS: usize = 12;
+pub(super) const TAPS: usize = 16;
 /// Of these, values before the place.
 pub(super) const BEFORE: usize = TAPS / 2 - 1;
 /// Places between two values for which weights are tabulated; between these they are mixed.
 const PHASES: usize = 256;
-/// Shape of Kaiser's window: 87 dB.
-const BETA: f64 = 8.6;
+/// Shape of Kaiser's window.
+const BETA: f64 = 11.0;
 
 /// Weights of a windowed sinc that reads between values whose band ends at half of what it could be.
 #[derive(Clone, Debug)]

@@ -20,7 +20,12 @@ fn wave(count: usize, waves: f64, quantity: WaveformQuantity) -> Arc<WaveformTab
 }
 
 /// All samples of a straight stroke aslant, at a speed that is a function of time.
-fn stroke(table: &Arc<WaveformTable>, tick_hz: u32, seconds: f64, speed: impl Fn(f64) -> (f64, f64)) -> Vec<f64> {
+fn stroke(
+    table: &Arc<WaveformTable>,
+    tick_hz: u32,
+    seconds: f64,
+    speed: impl Fn(f64) -> (f64, f64),
+) -> Vec<f64> {
     let (mut path, mut waveform) = (Path::new(Smoothing::Hermite, tick_hz), Waveform::new(table.clone()));
     let mut all = Vec::new();
     for tick in 0..(seconds * f64::from(tick_hz)) as u64 {
@@ -45,7 +50,7 @@ fn decibels(ratio: f64) -> f64 {
 }
 
 #[test]
-fn a_wave_comes_out_as_it_is_up_to_the_edge_of_the_band_with_images_and_errors_85_db_below() {
+fn a_wave_comes_out_as_it_is_up_to_the_edge_of_the_band_with_images_and_errors_95_db_below() {
     let count = 1000;
     let mut worst = f64::NEG_INFINITY;
     for waves in [1.0, 37.0, 250.0, 430.0, 495.0] {
@@ -61,8 +66,7 @@ fn a_wave_comes_out_as_it_is_up_to_the_edge_of_the_band_with_images_and_errors_8
             worst = worst.max(decibels(off / 0.5_f64.sqrt()));
         }
     }
-    println!("{worst} dB");
-    assert!(worst < -85.0, "{worst} dB");
+    assert!(worst < -95.0, "{worst} dB");
 }
 
 #[test]
@@ -109,8 +113,7 @@ fn it_is_read_by_distance_whatever_the_speed_does_between_ticks() {
             (x - (TAU * distance).sin()).abs()
         });
         let worst = worst.fold(0.0, f64::max);
-        println!("{tick_hz}: {worst}");
-        let most = if tick_hz == 100 { 0.05 } else { 0.005 };
+        let most = if tick_hz == 100 { 0.006 } else { 0.002 };
         assert!(worst < most, "{tick_hz} Hz: {worst}");
     }
 }
@@ -118,7 +121,8 @@ fn it_is_read_by_distance_whatever_the_speed_does_between_ticks() {
 #[test]
 fn a_recording_has_its_own_level_at_its_reference_speed_and_goes_with_a_power_of_it() {
     let at = |exponent: f64, speed: f64| {
-        let quantity = WaveformQuantity::Acceleration { reference_speed_mm_s: 80.0, speed_exponent: exponent };
+        let quantity =
+            WaveformQuantity::Acceleration { reference_speed_mm_s: 80.0, speed_exponent: exponent };
         rms(stroke(&wave(1000, 50.0, quantity), 500, 0.5, |t| (speed * t, speed)).into_iter())
     };
     for exponent in [0.0, 0.5, 1.0, 1.7, 2.0] {
@@ -149,7 +153,7 @@ fn heights_become_the_acceleration_of_their_curve() {
 #[test]
 fn a_crossfaded_seam_has_the_level_of_the_rest_and_no_step() {
     use crate::material::Random;
-    // Smooth noise that does not close, and a wave that would not but for the fade.
+    // Smooth noise, of which beginning and end have nothing in common, and a wave, of which they are alike.
     let mut random = Random::new(3);
     let mut noise = vec![0.0; 40_000];
     let mut state = [0.0; 2];
@@ -232,7 +236,8 @@ fn it_goes_on_from_its_state_and_begins_anew_on_a_reset() {
 #[test]
 fn whatever_comes_is_finite_and_what_cannot_be_is_refused() {
     let quantity = WaveformQuantity::Acceleration { reference_speed_mm_s: 0.1, speed_exponent: 2.0 };
-    for table in [wave(4, 1.0, quantity), wave(5, 1.0, WaveformQuantity::Height), wave(1000, 499.0, quantity)] {
+    for table in [wave(4, 1.0, quantity), wave(5, 1.0, WaveformQuantity::Height), wave(1000, 499.0, quantity)]
+    {
         let mut waveform = Waveform::new(table);
         let mut path = Path::new(Smoothing::Hermite, 500);
         for (tick, x) in [f64::NAN, 1e300, -1e300, f64::INFINITY, 3.0, 3.1].into_iter().enumerate() {
@@ -254,7 +259,12 @@ fn whatever_comes_is_finite_and_what_cannot_be_is_refused() {
     refused(&good, f64::NAN, 0.0, flat(1.0));
     refused(&good, 0.1, 0.21, flat(1.0));
     refused(&good, 0.1, 0.0, flat(0.0));
-    refused(&good, 0.1, 0.0, WaveformQuantity::Acceleration { reference_speed_mm_s: 1.0, speed_exponent: 2.1 });
+    refused(
+        &good,
+        0.1,
+        0.0,
+        WaveformQuantity::Acceleration { reference_speed_mm_s: 1.0, speed_exponent: 2.1 },
+    );
     let silent = Arc::new(WaveformTable::new(&[3.0; 100], 0.1, 5.0, WaveformQuantity::Height).unwrap());
     assert!(stroke(&silent, 500, 0.1, |t| (50.0 * t, 50.0)).iter().all(|x| *x == 0.0));
 }
