@@ -159,17 +159,24 @@ mod tests {
             [r * a.cos() * b.sin(), r * a.sin() * b.sin(), r * b.cos()]
         };
         let n = 400_000;
-        let (mut work, mut turned) = (0.0, 0.0);
+        let (mut work, mut turned, mut off) = (0.0, 0.0, 0.0_f64);
+        let above = |p| super::super::length(p) - radius;
+        let start = m.energy_mj(above(place(0.0)));
         for i in 0..n {
             let [here, there] =
                 [i, i + 1].map(|i| place(std::f64::consts::TAU * f64::from(i) / f64::from(n)));
             let middle: [f64; 3] = std::array::from_fn(|k| 0.5 * (here[k] + there[k]));
-            let away = super::super::length(middle);
-            let force = m.force_n(away - radius);
+            let force = m.force_n(above(middle));
+            let away = radius + above(middle);
             let part: f64 = (0..3).map(|k| force * middle[k] / away * (there[k] - here[k])).sum();
             (work, turned) = (work + part, turned + part.abs());
+            // What has been given is what the potential has lost.
+            off = off.max((work + m.energy_mj(above(there)) - start).abs());
         }
-        assert!(turned > 10.0 && work.abs() < 1e-6 * turned, "{work} mJ of {turned}");
+        assert!(
+            turned > 10.0 && work.abs() < 1e-6 * turned && off < 1e-6 * turned,
+            "{work} {off} mJ of {turned}"
+        );
     }
 
     #[test]

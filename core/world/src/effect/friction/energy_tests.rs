@@ -58,17 +58,16 @@ fn ticks() -> impl Strategy<Value = Vec<([f64; 2], f64, f64)>> {
     proptest::collection::vec(one, 1..80)
 }
 
-/// Energy that a law has taken in mJ, after every tick; the sum of the sizes of what it took and gave.
-fn taken(law: &mut impl Law, ticks: &[([f64; 2], f64, f64)]) -> (f64, f64, f64) {
-    let (mut sum, mut least, mut sizes) = (0.0_f64, 0.0_f64, 0.0);
+/// The least of what a law took in a tick beyond what its bristle holds more, in mJ; and the sizes of what it took and gave.
+fn taken(law: &mut impl Law, ticks: &[([f64; 2], f64, f64)]) -> (f64, f64) {
+    let (mut least, mut sizes, mut stored) = (f64::INFINITY, 0.0, law.stored_mj());
     for (velocity, normal, dt) in ticks {
         let force = law.step(*velocity, *normal, *dt);
         let part = -(force[0] * velocity[0] + force[1] * velocity[1]) * dt;
-        (sum, sizes) = (sum + part, sizes + part.abs());
-        // What has been taken is at least what is stored.
-        least = least.min(sum - law.stored_mj());
+        least = least.min(part - (law.stored_mj() - stored));
+        (sizes, stored) = (sizes + part.abs(), law.stored_mj());
     }
-    (least, sizes, sum)
+    (least, sizes)
 }
 
 proptest! {
@@ -76,18 +75,18 @@ proptest! {
 
     #[test]
     fn dahl_gives_no_energy(
-        coefficient in 0.0..3.0f64, stiffness in -3.0..3.0f64, ticks in ticks(), back in any::<bool>(),
+        coefficient in 0.0..3.0f64, stiffness in -3.0..3.0f64, ticks in ticks(),
     ) {
         let mut law = Dahl::new(coefficient, 10.0_f64.powf(stiffness)).unwrap();
-        let (least, sizes, _) = taken(&mut law, &closed(ticks, back));
-        prop_assert!(least >= -1e-12 * sizes, "{least} of {sizes}");
+        let (least, sizes) = taken(&mut law, &ticks);
+        prop_assert!(least >= -1e-12 * sizes - 1e-15, "{least} of {sizes}");
     }
 
     #[test]
-    fn lugre_gives_no_energy(settings in settings(), ticks in ticks(), back in any::<bool>()) {
+    fn lugre_gives_no_energy(settings in settings(), ticks in ticks()) {
         let mut law = LuGre::new(settings).unwrap();
-        let (least, sizes, _) = taken(&mut law, &closed(ticks, back));
-        prop_assert!(least >= -1e-12 * sizes, "{least} of {sizes}");
+        let (least, sizes) = taken(&mut law, &ticks);
+        prop_assert!(least >= -1e-12 * sizes - 1e-15, "{least} of {sizes}");
     }
 
     #[test]
@@ -113,16 +112,6 @@ proptest! {
         rests(&mut lugre, &ticks, normal)?;
         rests(&mut dahl, &ticks, normal)?;
     }
-}
-
-/// The same ticks, and the same way back, so that the cycle is closed.
-fn closed(mut ticks: Vec<([f64; 2], f64, f64)>, back: bool) -> Vec<([f64; 2], f64, f64)> {
-    if back {
-        let forces: Vec<f64> = ticks.iter().map(|t| t.1).collect();
-        let way: Vec<_> = ticks.iter().rev().zip(forces).map(|(t, n)| (t.0.map(|v| -v), n, t.2)).collect();
-        ticks.extend(way);
-    }
-    ticks
 }
 
 fn rests(law: &mut impl Law, ticks: &[([f64; 2], f64, f64)], normal: f64) -> Result<(), TestCaseError> {
