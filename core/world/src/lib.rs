@@ -1,7 +1,8 @@
-//! What the rendered world is made of: strokes, materials, surfaces with a stylus or a gel on them, and the actuator that is driven.
+//! What the rendered world is made of: strokes, materials, surfaces with a stylus or a gel on them, what a surface does to a stylus, and the actuator that is driven.
 
 pub mod actuator;
 pub mod autoregressive;
+pub mod effect;
 pub mod material;
 pub mod motion;
 pub mod space;

@@ -1,0 +1,303 @@
+//! The bound against the condition it is the maximum of, against any motion between ticks, and against masses on simulated walls.
+
+use std::f64::consts::PI;
+
+use proptest::prelude::*;
+
+use super::*;
+
+fn wall(stiffness_n_per_mm: f64, damping_ns_per_m: f64) -> Law {
+    Law { stiffness_n_per_mm, damping_ns_per_m }
+}
+
+fn at(tick_hz: f64, delay_s: f64) -> Sampling {
+    Sampling { tick_hz, delay_s }
+}
+
+#[test]
+fn figures_are_those_of_the_textbook_and_of_the_paper() {
+    // 1000 N/m at 1 kHz: 0.5 N s/m; half as much at 500 Hz is the same; a tick of delay is twice a tick's half.
+    let p = Passivity::of(wall(1.0, 0.0), at(1000.0, 0.0), 0.6);
+    assert!((p.needed_ns_per_m - 0.5).abs() < 1e-12 && (p.margin_ns_per_m - 0.1).abs() < 1e-12 && p.holds());
+    assert!((p.stiffest_n_per_mm - 1.2).abs() < 1e-12);
+    assert!((Passivity::of(wall(0.5, 0.0), at(500.0, 0.0), 0.6).needed_ns_per_m - 0.5).abs() < 1e-12);
+    assert!((Passivity::of(wall(0.5, 0.0), at(500.0, 0.002), 0.6).needed_ns_per_m - 1.5).abs() < 1e-12);
+    assert!(!Passivity::of(wall(1.0, 0.2), at(1000.0, 0.0), 0.6).holds());
+    assert!(!Passivity::of(wall(1.0, -0.2), at(1000.0, 0.0), 0.6).holds());
+    assert_eq!(stiffest_n_per_mm(2.0, at(1000.0, 0.0), 0.6), 0.0);
+    // Diolaiti et al.: 0.5 N/mm seen in steps of 0.055 mm.
+    let q = Quantisation::of(0.5, 0.055, 0.1);
+    assert!((q.needed_n - 0.01375).abs() < 1e-12 && q.holds());
+    assert!((Quantisation::of(q.stiffest_n_per_mm, 0.055, 0.1).margin_n).abs() < 1e-12);
+    assert!(!Quantisation::of(4.0, 0.055, 0.1).holds());
+    assert_eq!(wall(1.0, 2.0) + wall(0.5, -3.0), wall(1.5, -1.0));
+}
+
+#[test]
+fn the_text_has_the_figures_with_their_units() {
+    let text = Passivity::of(wall(1.0, 0.25), at(500.0, 0.001), 0.8).to_string();
+    for part in [
+        "1.000 N/mm",
+        "0.250 N s/m",
+        "500 Hz",
+        "1.00 ms",
+        "2.250 N s/m",
+        "0.800",
+        "not passive by 1.450",
+        "0.275 N/mm",
+    ] {
+        assert!(text.contains(part), "{part} is not in: {text}");
+    }
+    let text = Quantisation::of(0.5, 0.055, 0.1).to_string();
+    assert!(text.contains("13.8 mN") && text.contains("100.0: passive"), "{text}");
+}
+
+#[test]
+fn what_is_not_a_number_is_not_passive() {
+    for bad in [f64::NAN, f64::INFINITY] {
+        assert!(!Passivity::of(wall(bad, 0.0), at(500.0, 0.0), 1.0).holds());
+        assert!(!Passivity::of(wall(0.1, bad), at(500.0, 0.0), 1.0).holds());
+        assert!(!Passivity::of(wall(0.1, 0.0), at(500.0, bad), 1.0).holds());
+        assert!(!Quantisation::of(bad, 0.01, 1.0).holds() && !Quantisation::of(1.0, bad, 1.0).holds());
+    }
+    let never = Passivity::of(wall(0.1, 0.0), at(0.0, 0.0), 1.0);
+    assert!(!never.holds() && never.stiffest_n_per_mm == 0.0);
+    assert!(!Passivity::of(wall(0.1, 0.0), at(500.0, 0.0), f64::NAN).holds());
+}
+
+/// Colgate and Schenkel's condition at one frequency, straight from its complex form.
+fn condition(law: Law, s: Sampling, turn: f64) -> f64 {
+    use asperity_dsp::filter::Complex64;
+    let period = 1.0 / s.tick_hz;
+    let one_less = Complex64::new(1.0, 0.0) - Complex64::from_polar(1.0, -turn);
+    let h = (one_less * (law.damping_ns_per_m / period) + 1e3 * law.stiffness_n_per_mm)
+        * Complex64::from_polar(1.0, -turn * s.delay_s / period);
+    0.5 * period * (one_less * h).re / (1.0 - turn.cos())
+}
+
+#[test]
+fn the_bound_is_the_maximum_over_frequency_of_the_condition() {
+    for tick_hz in [100.0, 500.0, 1000.0, 4000.0] {
+        for (stiffness, damping, late) in [
+            (0.5, 0.0, 0.0),
+            (0.5, 0.3, 0.0),
+            (0.0, 0.3, 0.0),
+            (0.0, -0.3, 0.0),
+            (0.5, 0.0, 1.0),
+            (0.5, 0.0, 3.0),
+        ] {
+            let (law, s) = (wall(stiffness, damping), at(tick_hz, late / tick_hz));
+            let most = (1..=20_000)
+                .map(|i| condition(law, s, PI * f64::from(i) / 20_000.0))
+                .fold(f64::NEG_INFINITY, f64::max);
+            let needed = Passivity::of(law, s, 0.0).needed_ns_per_m;
+            assert!((most / needed - 1.0).abs() < 1e-6, "{law:?} {s:?}: {most}, not {needed}");
+        }
+        // Both together are at most the sum.
+        for (damping, late) in [(-0.3, 0.0), (0.3, 0.5), (0.3, 1.0), (-0.2, 2.0)] {
+            let (law, s) = (wall(0.5, damping), at(tick_hz, late / tick_hz));
+            let needed = Passivity::of(law, s, 0.0).needed_ns_per_m;
+            let all = (1..=20_000).map(|i| condition(law, s, PI * f64::from(i) / 20_000.0));
+            assert!(all.fold(f64::NEG_INFINITY, f64::max) <= needed * (1.0 + 1e-9));
+        }
+    }
+}
+
+/// What wall and device together have given, in mJ, on a motion of straight lines between the depths of the ticks: a line
+/// is the way on which a damper takes least.
+fn given_mj(law: Law, tick_hz: f64, device_ns_per_m: f64, depths_mm: &[f64]) -> f64 {
+    let (mut given, mut before) = (0.0, 0.0);
+    for pair in depths_mm.windows(2) {
+        let [here, there] = [pair[0], pair[1]];
+        // mm/s, N; the wall pushes only, and only what is in it.
+        let rate = (here - before) * tick_hz;
+        let push = law.stiffness_n_per_mm * here + 1e-3 * law.damping_ns_per_m * rate;
+        let push = if here > 0.0 { push.max(0.0) } else { 0.0 };
+        given += push * (here - there) - 1e-3 * device_ns_per_m * tick_hz * (there - here).powi(2);
+        before = here;
+    }
+    given
+}
+
+proptest! {
+    #[test]
+    fn inside_the_bound_no_motion_gets_energy_out_of_the_wall(
+        tick_hz in 100.0..4000.0f64, stiffness in 0.01..5.0f64, share in 0.0..0.9f64,
+        depths in proptest::collection::vec(-1.0..3.0f64, 1..60),
+    ) {
+        let device = 1e3 * stiffness / (2.0 * tick_hz) / (1.0 - share);
+        let law = wall(stiffness, share * device);
+        prop_assert!(Passivity::of(law, at(tick_hz, 0.0), device * (1.0 + 1e-9)).margin_ns_per_m.abs() < 1e-6 * device);
+        let mut motion = vec![0.0];
+        motion.extend(depths);
+        motion.extend([0.0, 0.0]);
+        let given = given_mj(law, tick_hz, device * (1.0 + 1e-9), &motion);
+        prop_assert!(given <= 1e-9, "{given} mJ");
+    }
+}
+
+#[test]
+fn outside_the_bound_a_motion_gets_energy_out_of_the_wall() {
+    for tick_hz in [100.0, 500.0, 4000.0] {
+        let heavy = Passivity::of(wall(0.25, 0.0), at(tick_hz, 0.0), 0.0).needed_ns_per_m;
+        for (law, motion) in [
+            // In and out: with a spring alone any way does.
+            (wall(0.5, 0.0), [0.0, 1.0].iter().cycle().take(41).copied().collect()),
+            (wall(0.5, 0.0), (0..=40).map(|i| 1.0 - f64::from(i - 20).abs() / 20.0).collect()),
+            // With a damper it is to and fro in every tick, well in the wall.
+            (wall(0.25, heavy), {
+                let mut motion: Vec<f64> = (0..=4000).map(|i| 0.025 * f64::from(i)).collect();
+                let back: Vec<f64> = motion.iter().rev().copied().collect();
+                motion.extend([98.0, 100.0].repeat(40_000));
+                motion.extend(back);
+                motion
+            }),
+        ] {
+            let device = Passivity::of(law, at(tick_hz, 0.0), 0.0).needed_ns_per_m;
+            assert!(given_mj(law, tick_hz, 0.98 * device, &motion) > 0.0, "{law:?} at {tick_hz} Hz");
+            assert!(given_mj(law, tick_hz, 1.0001 * device, &motion) < 1e-9, "{law:?} at {tick_hz} Hz");
+        }
+    }
+}
+
+/// A mass with a damper between ticks, in kg, N s/m, N, m, m/s: exact for a force that is held.
+fn hold(mass: f64, damping: f64, force: f64, time: f64, (x, v): (f64, f64)) -> (f64, f64) {
+    let (decay, end) = ((-damping * time / mass).exp(), force / damping);
+    (x + end * time + (v - end) * (1.0 - decay) * mass / damping, end + (v - end) * decay)
+}
+
+/// By what factor a mass on a wall that pushes and pulls swings further after so many swings. The force acts `late` ticks after its place.
+fn swings(mass: f64, device: f64, law: Law, tick_hz: f64, late: usize, swings: f64) -> f64 {
+    let stiffness = 1e3 * law.stiffness_n_per_mm;
+    let count = (swings * 2.0 * PI * (mass / stiffness).sqrt() * tick_hz) as usize;
+    let mut state = (0.0, 1e-3 * (stiffness / mass).sqrt());
+    let mut forces = vec![0.0; late + 1];
+    let (mut before, mut first, mut last) = (0.0, 0.0_f64, 0.0_f64);
+    for k in 0..count {
+        let here = state.0;
+        forces.rotate_right(1);
+        forces[0] = -stiffness * here - law.damping_ns_per_m * (here - before) * tick_hz;
+        before = here;
+        state = hold(mass, device, forces[late], 1.0 / tick_hz, state);
+        let energy = 0.5 * mass * state.1.powi(2) + 0.5 * stiffness * state.0.powi(2);
+        if k < count / 10 {
+            first = first.max(energy);
+        } else if k >= count - count / 10 {
+            last = last.max(energy);
+        }
+    }
+    (last / first).sqrt()
+}
+
+#[test]
+fn a_swinging_mass_comes_to_rest_inside_and_swings_further_outside() {
+    for tick_hz in [100.0, 500.0, 1000.0, 4000.0] {
+        for late in [0, 1, 2] {
+            let (device, s) = (0.8, at(tick_hz, late as f64 / tick_hz));
+            let limit = stiffest_n_per_mm(0.0, s, device);
+            // A mass so heavy that a swing takes 300 ticks: there a spring alone reaches the bound.
+            let heavy = 1e3 * limit * (300.0 / (2.0 * PI * tick_hz)).powi(2);
+            let (inside, outside) = (
+                swings(heavy, device, wall(0.97 * limit, 0.0), tick_hz, late, 200.0),
+                swings(heavy, device, wall(1.03 * limit, 0.0), tick_hz, late, 200.0),
+            );
+            assert!(inside < 0.99 && outside > 1.01, "{tick_hz} Hz, {late} late: {inside} {outside}");
+            // Lighter ones are in a shorter swing and get no more.
+            for lighter in [3.0, 10.0, 100.0, 1e3, 1e4, 1e5] {
+                let ratio = swings(heavy / lighter, device, wall(0.97 * limit, 0.0), tick_hz, late, 200.0);
+                assert!(ratio < 0.99, "{tick_hz} Hz, {late} late, {lighter} times lighter: {ratio}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_damped_wall_inside_the_bound_brings_every_mass_to_rest_and_friction_beyond_it_drives_one() {
+    let (tick_hz, device) = (500.0, 0.8);
+    let law = wall(stiffest_n_per_mm(0.4, at(tick_hz, 0.0), device), 0.4);
+    for mass in [0.0005, 0.002, 0.01, 0.05, 0.3] {
+        assert!(swings(mass, device, law, tick_hz, 0, 100.0) < 0.9, "{mass} kg");
+    }
+    // 2 N under 0.004 s/mm are 8 N s/m: ten times what the device has. A light one rattles at half the rate, a heavy one does not.
+    let rubbed = |mass: f64, slope: f64| {
+        let (mut state, mut before, mut most) = ((0.0, 0.1), 0.0, [0.0_f64; 2]);
+        for k in 0..400 {
+            let here = state.0;
+            let force = -slope * (here - before) * tick_hz;
+            before = here;
+            state = hold(mass, device, force, 1.0 / tick_hz, state);
+            most[k / 200] = most[k / 200].max(state.1.abs());
+        }
+        most[1] / most[0]
+    };
+    assert!(rubbed(0.004, 8.0) > 10.0, "{}", rubbed(0.004, 8.0));
+    assert!(rubbed(0.004, 0.79) < 1e-3 && rubbed(0.0004, 0.79) < 1e-3 && rubbed(0.3, 8.0) < 0.1);
+}
+
+/// The greatest kinetic energy with which a mass leaves a wall over that with which it came, over where between two ticks it came.
+fn bounce(mass: f64, device: f64, law: Law, tick_hz: f64, speed: f64) -> f64 {
+    let mut most = 0.0_f64;
+    for phase in 0..50 {
+        let mut state = (-speed * f64::from(phase) / 50.0 / tick_hz, speed);
+        let mut taken = 0.0;
+        for _ in 0..100_000 {
+            let push = -1e3 * law.stiffness_n_per_mm * state.0.max(0.0);
+            let before = state;
+            state = hold(mass, device, push, 1.0 / tick_hz, state);
+            if before.0 <= 0.0 {
+                // What the damper took outside is not of the wall.
+                let out = |s: (f64, f64)| 0.5 * mass * s.1 * s.1;
+                taken += if state.0 <= 0.0 { out(before) - out(state) } else { 0.0 };
+            }
+            if state.0 <= 0.0 && state.1 < 0.0 {
+                break;
+            }
+        }
+        most = most.max((0.5 * mass * state.1.powi(2) + taken) / (0.5 * mass * speed.powi(2)));
+    }
+    most
+}
+
+#[test]
+fn a_mass_that_bounces_brings_no_energy_out_inside_and_does_outside() {
+    for tick_hz in [100.0, 500.0, 4000.0] {
+        let device = 0.5;
+        let limit = stiffest_n_per_mm(0.0, at(tick_hz, 0.0), device);
+        let heavy = 1e3 * limit * (100.0 / (2.0 * PI * tick_hz)).powi(2);
+        for lighter in [0.1, 1.0, 10.0, 100.0, 1e3, 1e5] {
+            let out = bounce(heavy / lighter, device, wall(limit, 0.0), tick_hz, 0.2);
+            assert!(out <= 1.0 + 1e-9, "{tick_hz} Hz, {lighter}: {out}");
+        }
+        let out = bounce(heavy, device, wall(1.1 * limit, 0.0), tick_hz, 0.2);
+        assert!(out > 1.0, "{tick_hz} Hz: {out}");
+    }
+}
+
+/// A mass with dry friction on a spring whose place is seen in steps, at a rate so high that only the steps matter. How far it swings in
+/// the last fifth over in the first, in steps.
+fn stepped(friction: f64, stiffness: f64, step: f64, swing_steps: f64) -> f64 {
+    let (mass, dt, count) = (0.05, 2e-6, 2_000_000);
+    let (mut x, mut v) = (0.0_f64, swing_steps * step * (stiffness / mass).sqrt());
+    let (mut most, mut seen) = ([0.0_f64; 5], 0.0);
+    for k in 0..count {
+        // A hand's encoder that turns late: the step is told when it has been passed, so that it is half a step behind whichever way it goes.
+        if (x - seen).abs() > step {
+            seen += step * ((x - seen) / step).trunc();
+        }
+        let pull = -stiffness * seen;
+        let rub = friction * dt / mass;
+        let wanted = v + pull * dt / mass;
+        v = if wanted.abs() <= rub { 0.0 } else { wanted - rub.copysign(wanted) };
+        x += v * dt;
+        let part = &mut most[5 * k / count];
+        *part = part.max(x.abs());
+    }
+    most[4] / most[0]
+}
+
+#[test]
+fn dry_friction_beyond_half_a_step_of_force_stops_what_the_steps_drive() {
+    let needed = Quantisation::of(0.5, 0.055, 0.0).needed_n;
+    let [less, more] = [0.9, 1.1].map(|share| stepped(share * needed, 500.0, 0.055e-3, 20.0));
+    assert!(less > 1.2 && more < 0.8, "{less} {more}");
+}
