@@ -30,7 +30,9 @@
 //! On a virtual AMD EPYC core, 60 models of 16 and 4 coefficients: [`Texture::fill`] within their hull 0.33 us, a sample of [`Synthesis`] 40 ns,
 //! [`Frames::expected_power`] with its filter 14 us at 1 kHz and 90 us at 10 kHz.
 
+mod file;
 mod filter;
+pub mod fit;
 mod frames;
 pub mod line_spectrum;
 mod polynomial;
@@ -38,6 +40,7 @@ mod synthesis;
 mod texture;
 mod triangles;
 
+pub use file::{MAX_MODELS, TextureFile};
 pub use filter::{Filter, MAX_ORDER};
 pub use frames::Frames;
 pub use polynomial::is_stable;
