@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use asperity_source::Diagnostic;
 
+use super::burg::Fitted;
 use super::report::{Dropped, Segment, Why};
 use super::{Recording, Settings, prepared};
 
@@ -15,14 +16,14 @@ const SMOOTH: usize = 5;
 const STILL_S: f64 = 0.02;
 /// And at the limit of the sensor; three samples at least.
 const CLIPPED_S: f64 = 0.001;
+/// Blocks before and behind such a place that go with it: what is as loud.
+const GUARD: usize = 3;
 /// How far around a block its neighbours count, in blocks.
 const AROUND: usize = 50;
 /// How much louder than the median of its neighbours a click is, as a ratio of powers.
 const LOUD: f64 = 100.0;
 /// Most blocks of clicks among the neighbours: more are the texture.
 const RARE: usize = 5;
-/// Blocks before and behind a click that go with it.
-const GUARD: [usize; 2] = [1, 2];
 
 /// Blocks from one to another.
 pub(super) type Span = Range<usize>;
@@ -43,34 +44,38 @@ pub(super) struct Blocks {
 impl Blocks {
     pub(super) fn new(recording: &Recording<'_>, settings: &Settings) -> Result<Self, Diagnostic> {
         let rate_hz = f64::from(settings.model_hz);
+        let rate_of_recording = recording.rate_hz.round();
         let len = (rate_hz / BLOCKS_HZ).round() as usize;
-        let mut signal = prepared(recording, settings)?;
-        let count = signal.len() / len;
-        signal.truncate(count * len);
+        let mut samples = recording.acceleration_m_s2.to_vec();
+        let count = (samples.len() as f64 / rate_of_recording * rate_hz) as usize / len;
         // Samples of the recording in a block of the signal.
-        let each = len as f64 / rate_hz * recording.rate_hz.round();
-        let sample = |block: usize| (block as f64 * each).round() as usize;
-        let mean = |channel: &[f64], block: usize, of: fn(f64) -> f64| {
-            let end = sample(block + 1).min(channel.len());
-            let part = channel.get(sample(block)..end).unwrap_or_default();
+        let each = len as f64 / rate_hz * rate_of_recording;
+        let sample = |block: usize| ((block as f64 * each).round() as usize).min(samples.len());
+        let spans: Vec<Range<usize>> = (0..count).map(|b| sample(b)..sample(b + 1)).collect();
+        let mean = |channel: &[f64], span: &Range<usize>, of: fn(f64) -> f64| {
+            let part = channel.get(span.clone()).unwrap_or_default();
             part.iter().map(|x| of(*x)).sum::<f64>() / part.len().max(1) as f64
         };
-        let means: Vec<[f64; 2]> = (0..count)
-            .map(|b| [mean(recording.speed_mm_s, b, f64::abs), mean(recording.force_n, b, |f| f)])
+        let means: Vec<[f64; 2]> = spans
+            .iter()
+            .map(|span| [mean(recording.speed_mm_s, span, f64::abs), mean(recording.force_n, span, |f| f)])
             .collect();
         let smooth = (0..count)
             .map(|b| average(&means[b.saturating_sub(SMOOTH / 2)..(b + SMOOTH / 2 + 1).min(count)]))
             .collect();
-        let mut it = Self { rate_hz, len, signal, means, smooth, why: vec![None; count] };
+        let mut it = Self { rate_hz, len, signal: Vec::new(), means, smooth, why: vec![None; count] };
         let block = |sample: usize| (sample as f64 / each) as usize;
-        for (run, why) in stuck(recording.acceleration_m_s2, recording.rate_hz) {
-            for b in block(run.start)..=block(run.end - 1) {
+        for (run, why) in stuck(&samples, recording.rate_hz) {
+            let guard = if why == Why::Clipped { GUARD } else { 0 };
+            for b in block(run.start).saturating_sub(guard)..=block(run.end - 1) + guard {
                 it.mark(b, why);
             }
         }
         it.mark_low(1, settings.least_force_n, Why::NoContact);
         it.mark_low(0, settings.least_speed_mm_s, Why::Slow);
-        it.mark_clicks();
+        it.mark_clicks(&mut samples, &spans);
+        it.signal = prepared(samples, rate_of_recording, settings)?;
+        it.signal.resize(count * len, 0.0);
         Ok(it)
     }
 
@@ -89,9 +94,13 @@ impl Blocks {
         }
     }
 
-    fn mark_clicks(&mut self) {
-        let powers: Vec<f64> =
-            self.signal.chunks_exact(self.len).map(|c| c.iter().map(|x| x * x).sum()).collect();
+    /// Marks clicks, and draws a line through them.
+    fn mark_clicks(&mut self, samples: &mut [f64], spans: &[Range<usize>]) {
+        let power = |span: &Range<usize>| {
+            let part = samples.get(span.start.saturating_sub(1)..span.end).unwrap_or_default();
+            part.windows(2).map(|pair| (pair[1] - pair[0]).powi(2)).sum::<f64>()
+        };
+        let powers: Vec<f64> = spans.iter().map(power).collect();
         let mut clicks = Vec::new();
         let mut near: Vec<f64> = Vec::new();
         for b in 0..powers.len() {
@@ -108,8 +117,10 @@ impl Blocks {
                 clicks.push(b);
             }
         }
-        for b in clicks {
-            for near in b.saturating_sub(GUARD[0])..=b + GUARD[1] {
+        for run in clicks.chunk_by(|a, b| a + 1 == *b) {
+            let (first, last) = (run[0], run[run.len() - 1]);
+            line(samples, spans[first].start, spans[last].end);
+            for near in first.saturating_sub(1)..=last + 1 {
                 self.mark(near, Why::Click);
             }
         }
@@ -169,6 +180,11 @@ impl Blocks {
         self.seconds(self.why.len())
     }
 
+    /// Samples of all blocks.
+    pub(super) fn samples(&self) -> usize {
+        self.signal.len()
+    }
+
     /// Samples of a block.
     pub(super) fn len(&self) -> usize {
         self.len
@@ -189,26 +205,20 @@ impl Blocks {
         average(self.means.get(span.clone()).unwrap_or_default())
     }
 
-    /// Mean square over some blocks.
-    pub(super) fn mean_square(&self, span: &Span) -> f64 {
-        let signal = self.signal(span);
-        signal.iter().map(|x| x * x).sum::<f64>() / signal.len().max(1) as f64
-    }
-
     /// The greatest speed and force of any block.
     pub(super) fn greatest(&self) -> [f64; 2] {
         [0, 1].map(|axis| self.means.iter().map(|m| m[axis]).fold(f64::NEG_INFINITY, f64::max))
     }
 
-    pub(super) fn segment(&self, span: &Span, residual_variance: f64, model: usize) -> Segment {
+    pub(super) fn segment(&self, span: &Span, fitted: &Fitted, model: usize) -> Segment {
         let [speed_mm_s, force_n] = self.mean(span);
         Segment {
             start_s: self.seconds(span.start),
             length_s: self.seconds(span.len()),
             speed_mm_s,
             force_n,
-            residual_variance,
-            mean_square: self.mean_square(span),
+            residual_variance: fitted.residual,
+            mean_square: fitted.mean_square,
             model,
         }
     }
@@ -216,6 +226,16 @@ impl Blocks {
 
 fn average(means: &[[f64; 2]]) -> [f64; 2] {
     [0, 1].map(|axis| means.iter().map(|m| m[axis]).sum::<f64>() / means.len().max(1) as f64)
+}
+
+/// A straight line between the samples before `start` and at `end`.
+fn line(samples: &mut [f64], start: usize, end: usize) {
+    let before = start.checked_sub(1).and_then(|i| samples.get(i)).or(samples.get(end)).copied();
+    let behind = samples.get(end).copied().or(before).unwrap_or(0.0);
+    let (from, steps) = (before.unwrap_or(behind), (end - start + 1) as f64);
+    for (i, x) in samples[start..end].iter_mut().enumerate() {
+        *x = from + (behind - from) * (i + 1) as f64 / steps;
+    }
 }
 
 /// Where samples stand still: at the highest or lowest value, or for long.

@@ -1,12 +1,27 @@
 //! Models of pieces, and the order for all of them.
 
-use super::blocks::{Blocks, Span};
-use super::{Criterion, Order};
+use std::f64::consts::TAU;
 
-/// A residual variance below this part of the mean square is as good as none.
-const NOTHING: f64 = 1e-14;
+use asperity_dsp::filter::Section;
+use asperity_source::Diagnostic;
+
+use super::super::Filter;
+use super::blocks::{Blocks, Span};
+use super::{Criterion, Order, Settings, filter};
+use crate::material::Random;
+
+/// Of the noise that stands for what is missing.
+const SEED: u64 = 6;
+
+/// A residual variance below this part of the mean square is rounding, of which no model is made.
+const NOTHING: f64 = 1e-10;
 /// Largest reflection coefficient: that of a signal without noise comes out as 1.
 const REFLECTION: f64 = 1.0 - 1e-12;
+
+/// How often the density below the high-pass is looked for; the first is from a signal without any there.
+const ROUNDS: usize = 2;
+/// Most that is put back, as a part of the mean square of what there is: beside a tone the density is none.
+const MOST_PUT_BACK: f64 = 0.5;
 
 /// What was fitted to a piece.
 pub(super) struct Fitted {
@@ -14,15 +29,30 @@ pub(super) struct Fitted {
     pub(super) ar: Vec<f64>,
     /// Residual variance in (m/s^2)^2.
     pub(super) residual: f64,
+    /// Mean square in (m/s^2)^2 of what was fitted.
+    pub(super) mean_square: f64,
 }
 
 /// The order, the criterion by order less its least, and a model of that order for each piece.
-pub(super) fn fit(blocks: &Blocks, pieces: &[Span], order: Order) -> (usize, Vec<(usize, f64)>, Vec<Fitted>) {
-    let most = match order {
+pub(super) fn fit(
+    blocks: &Blocks,
+    pieces: &[Span],
+    settings: &Settings,
+) -> Result<(usize, Vec<(usize, f64)>, Vec<Fitted>), Diagnostic> {
+    let most = match settings.order {
         Order::Given(order) | Order::Best { most: order, .. } => order,
     };
-    let lattices: Vec<Lattice> = pieces.iter().map(|p| Lattice::new(blocks.signal(p), most)).collect();
-    let (order, curve) = match order {
+    let missing = missing(blocks, settings)?;
+    let lattices: Vec<Lattice> = pieces
+        .iter()
+        .map(|piece| {
+            let signal = blocks.signal(piece);
+            let start = piece.start * blocks.len();
+            let missing = missing.get(start..start + signal.len()).unwrap_or_default();
+            whole(signal, missing, TAU * 2.0 * settings.high_pass_hz / blocks.rate_hz(), most)
+        })
+        .collect();
+    let (order, curve) = match settings.order {
         Order::Given(order) => (order, Vec::new()),
         Order::Best { most, by } => {
             let sum = |p: usize| lattices.iter().map(|l| l.criterion(p, by)).sum::<f64>();
@@ -32,13 +62,50 @@ pub(super) fn fit(blocks: &Blocks, pieces: &[Span], order: Order) -> (usize, Vec
             (best, curve)
         }
     };
-    let fitted = lattices.iter().map(|l| Fitted { ar: l.coefficients(order), residual: l.residual(order) });
-    (order, curve, fitted.collect())
+    let fitted = lattices.iter().map(|l| Fitted {
+        ar: l.coefficients(order),
+        residual: l.residual(order),
+        mean_square: l.residual(0),
+    });
+    Ok((order, curve, fitted.collect()))
+}
+
+/// Noise of power 1 a sample through the low-pass that lets through the power that the high-pass does not: `|L|^2 + |H|^2 = 1` of Butterworth's
+/// filters of one corner, by the same transform. Empty where there is no high-pass.
+fn missing(blocks: &Blocks, settings: &Settings) -> Result<Vec<f64>, Diagnostic> {
+    if settings.high_pass_hz == 0.0 {
+        return Ok(Vec::new());
+    }
+    let mut random = Random::new(SEED);
+    let mut noise: Vec<f64> = (0..blocks.samples()).map(|_| random.normal()).collect();
+    filter(&mut noise, Section::low_pass, blocks.rate_hz(), settings.high_pass_hz)?;
+    Ok(noise)
+}
+
+/// The lattice of a signal with what the high-pass took of it; `w` is where the spectrum counts for what is missing, in radians a sample.
+fn whole(signal: &[f64], missing: &[f64], w: f64, most: usize) -> Lattice {
+    let mut lattice = Lattice::new(signal, most);
+    if missing.is_empty() {
+        return lattice;
+    }
+    let mean_square = |x: &[f64]| x.iter().map(|x| x * x).sum::<f64>() / x.len().max(1) as f64;
+    let (of_signal, of_missing) = (mean_square(signal), mean_square(missing));
+    for _ in 0..ROUNDS {
+        let filter = Filter::new(&lattice.coefficients(most), &[], lattice.residual(most).sqrt());
+        let density = filter.power(w).min(MOST_PUT_BACK * of_signal / of_missing.max(f64::MIN_POSITIVE));
+        if !density.is_finite() {
+            break;
+        }
+        let scale = density.sqrt();
+        let sum: Vec<f64> = signal.iter().zip(missing).map(|(x, m)| x + scale * m).collect();
+        lattice = Lattice::new(&sum, most);
+    }
+    lattice
 }
 
 /// Reflection coefficients by Burg's method (J. P. Burg, "Maximum entropy spectral analysis", 1975): each makes the mean of the squares that
 /// the predictors forwards and backwards leave as small as it can be. None exceeds 1, so that every order is stable.
-struct Lattice {
+pub(super) struct Lattice {
     samples: f64,
     reflections: Vec<f64>,
     /// Residual variances of orders 0, 1, ..
@@ -46,7 +113,7 @@ struct Lattice {
 }
 
 impl Lattice {
-    fn new(signal: &[f64], most: usize) -> Self {
+    pub(super) fn new(signal: &[f64], most: usize) -> Self {
         let samples = signal.len() as f64;
         let mean_square = signal.iter().map(|x| x * x).sum::<f64>() / samples.max(1.0);
         let (mut forward, mut backward) = (signal.to_vec(), signal.to_vec());
@@ -59,7 +126,8 @@ impl Lattice {
                 both += f * b;
                 squares += f * f + b * b;
             }
-            let k = if squares > 0.0 { (-2.0 * both / squares).clamp(-REFLECTION, REFLECTION) } else { 0.0 };
+            let left = variance > NOTHING * mean_square && squares > 0.0;
+            let k = if left { (-2.0 * both / squares).clamp(-REFLECTION, REFLECTION) } else { 0.0 };
             for n in (order..signal.len()).rev() {
                 let (f, b) = (forward[n], backward[n - 1]);
                 forward[n] = f + k * b;
@@ -72,7 +140,8 @@ impl Lattice {
         Self { samples, reflections, residuals }
     }
 
-    fn residual(&self, order: usize) -> f64 {
+    /// The residual variance of an order; of order 0 it is the mean square.
+    pub(super) fn residual(&self, order: usize) -> f64 {
         self.residuals.get(order).or(self.residuals.last()).copied().unwrap_or(0.0)
     }
 

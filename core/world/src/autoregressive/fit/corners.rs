@@ -60,7 +60,7 @@ pub(super) fn merge(
         .map(|(i, (piece, fitted))| Corner {
             samples: (piece.len() * blocks.len()) as f64,
             place: blocks.mean(piece),
-            mean_square: blocks.mean_square(piece),
+            mean_square: fitted.mean_square,
             lines: lines(&fitted.ar, blocks.rate_hz()),
             pieces: vec![i],
         })

@@ -1,6 +1,7 @@
 //! Stretches of nearly constant speed and force, and pieces of them that have one spectrum.
 
 use super::blocks::{Blocks, Span};
+use super::burg::Lattice;
 use super::report::Why;
 use super::{Settings, Tolerance};
 
@@ -10,8 +11,10 @@ const ORDER: usize = 8;
 const COST: f64 = (ORDER + 2) as f64;
 /// Places that are tried at first; then those around the best.
 const PLACES: usize = 256;
-/// A residual variance below this part of the mean square is as good as none.
-const NOTHING: f64 = 1e-12;
+/// A residual variance below this part of the mean square is as good as none: no texture can be told so well from its past.
+const NOTHING: f64 = 1e-4;
+/// Least blocks that are cut off where speed or force change.
+const MARGIN: usize = 2;
 
 /// The parts of a run in which speed and force are nearly constant, in order of time; the rest is dropped.
 pub(super) fn steady(
@@ -82,9 +85,9 @@ impl Sums {
             .sum()
     }
 
-    /// Where to cut so that both sides scatter least. A hundredth is left on either side: that bounds how often a part can be cut.
+    /// Where to cut so that both sides scatter least.
     fn best_cut(&self, part: &Span, scale: [f64; 2]) -> usize {
-        let margin = (part.len() / 100).max(1);
+        let margin = MARGIN.min(part.len() / 2);
         let cost = |cut: usize| self.scatter(part.start, cut, scale) + self.scatter(cut, part.end, scale);
         (part.start + margin..part.end + 1 - margin)
             .map(|cut| (cost(cut), cut))
@@ -147,21 +150,25 @@ impl<'a> Products<'a> {
         n * residual(&r).max(self.floor).ln()
     }
 
-    /// Where some blocks change most, if they do.
+    /// Where some blocks change most, if they do. The place is found by autocorrelations, which are at hand for any blocks; whether it
+    /// is a change is judged by Burg's method, since what is nearly a tone looks different to the former by where in a period it ends.
     fn change(&self, part: &Span, shortest: usize) -> Option<usize> {
         let places = part.start + shortest..(part.end + 1).saturating_sub(shortest);
-        if places.is_empty() {
-            return None;
-        }
-        let whole = self.cost(part.start, part.end);
-        let ratio = |cut: usize| whole - self.cost(part.start, cut) - self.cost(cut, part.end);
+        let cost = |cut: usize| self.cost(part.start, cut) + self.cost(cut, part.end);
         let best = |of: &mut dyn Iterator<Item = usize>| {
-            of.map(|cut| (ratio(cut), cut)).max_by(|a, b| a.0.total_cmp(&b.0))
+            of.map(|cut| (cost(cut), cut)).min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, cut)| cut)
         };
-        let step = places.len().div_ceil(PLACES);
-        let (_, near) = best(&mut places.clone().step_by(step))?;
+        let step = places.len().div_ceil(PLACES).max(1);
+        let near = best(&mut places.clone().step_by(step))?;
         let around = near.saturating_sub(step).max(places.start)..(near + step).min(places.end);
-        let (ratio, cut) = best(&mut around.into_iter())?;
+        let cut = best(&mut around.into_iter())?;
+        let judged = |from: usize, to: usize| {
+            let signal = self.signal.get(from * self.len..to * self.len).unwrap_or_default();
+            let lattice = Lattice::new(signal, ORDER);
+            let variance = lattice.residual(ORDER).max(NOTHING * lattice.residual(0));
+            signal.len() as f64 * variance.max(self.floor).ln()
+        };
+        let ratio = judged(part.start, part.end) - judged(part.start, cut) - judged(cut, part.end);
         let samples = (part.len() * self.len) as f64;
         (ratio > COST * samples.ln()).then_some(cut)
     }
@@ -246,9 +253,9 @@ mod tests {
                 })
                 .sum()
         };
-        for part in [0..80, 10..55, 3..5] {
+        for part in [0..80, 10..55, 3..7] {
             let cost = |cut: usize| scatter(&values[part.start..cut]) + scatter(&values[cut..part.end]);
-            let want = (part.start + 1..part.end).min_by(|a, b| cost(*a).total_cmp(&cost(*b))).unwrap();
+            let want = (part.start + 2..part.end - 1).min_by(|a, b| cost(*a).total_cmp(&cost(*b))).unwrap();
             assert_eq!(sums.best_cut(&part, [10.0, 0.1]), want);
         }
     }

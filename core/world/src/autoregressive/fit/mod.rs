@@ -4,11 +4,12 @@
 //!
 //! # What is done
 //!
-//! 1. The acceleration goes through a high-pass of second order (Butterworth), 10 Hz unless said otherwise: what is slower is the hand's motion and
+//! 1. In blocks of 10 ms is dropped, in this order: where samples stand still for 20 ms (the sensor gave nothing) or for 1 ms at the recording's
+//!    highest or lowest value (it was at its limit), with three blocks before and behind; where the force, then where the speed, is too low, each as the mean of five blocks;
+//!    clicks, which are at most 50 ms within a second in which the power of the signal's differences is 20 dB above that second's median, with a
+//!    block before and behind. A straight line takes the place of a click, so that no filter rings from it.
+//! 2. The acceleration goes through a high-pass of fourth order (Butterworth), 10 Hz unless said otherwise: what is slower is the hand's motion and
 //!    gravity. It is then brought to the models' rate, 1 kHz unless said otherwise, by [`asperity_dsp::resample`].
-//! 2. In blocks of 10 ms is dropped, in this order: where samples stand still for 20 ms (the sensor gave nothing) or for 1 ms at the recording's
-//!    highest or lowest value (it was at its limit); where the force, then where the speed, is too low, each as the mean of five blocks;
-//!    clicks, which are at most 50 ms within a second whose power is 20 dB above that second's median, with a block before and two behind.
 //! 3. What is left is cut into stretches of nearly constant speed and force: as long as either leaves its tolerance around the middle of
 //!    its range, a stretch is cut in two where that leaves the least sum of squares (binary segmentation, Vostrikova 1981).
 //! 4. Each is cut where its spectrum changes, by the generalised likelihood ratio of autoregressive models (Appel and Brandt 1983, "Adaptive sequential
@@ -19,16 +20,17 @@
 //!    n ln s0^2 - n1 ln s1^2 - n2 ln s2^2 > (8 + 2) ln n
 //!    ```
 //!
-//!    at the place where the left side is greatest: the criterion of Schwarz (BIC) for nine parameters and a place more. No piece gets shorter than
-//!    the shortest.
-//! 5. Models of each order are fitted to each piece by Burg's method (1975), which makes stable ones. One order serves all pieces: that of the least
+//!    at the place where the left side is greatest: the criterion of Schwarz (BIC) for nine parameters and a place more. A residual 40 dB below
+//!    the signal counts as that. No piece gets shorter than the shortest.
+//! 5. What the high-pass took of a piece is put back as noise through a low-pass of the same corner, whose power is what is missing: as if the spectrum were
+//!    level below twice the corner. Its density is that of a model of the highest order there, found twice over. Else the
+//!    high-pass would be fitted with the texture, and no order would be high enough.
+//! 6. Models of each order are fitted to each piece by Burg's method (1975), which makes stable ones. One order serves all pieces: that of the least
 //!    sum over them of the [criterion](Criterion).
-//! 6. Resonances narrower than 0.3 Hz, of which seconds of recording say nothing, are widened to that. So a pure tone has a model too.
-//! 7. Pieces that differ by less than the tolerances in speed and force become one, the longest first: line spectral frequencies, speed, force and mean
+//! 7. Resonances narrower than 0.3 Hz, of which seconds of recording say nothing, are widened to that. So a pure tone has a model too.
+//! 8. Pieces that differ by less than the tolerances in speed and force become one, the longest first: line spectral frequencies, speed, force and mean
 //!    square are means, weighted by length. The variance is then that with which the model's signal has this mean square; the gain is 1.
-//! 8. Delaunay's triangulation joins them.
-//!
-//! The high-pass is part of what is fitted: its slope takes some of the order. With 10 Hz under 1 kHz that is a few coefficients.
+//! 9. Delaunay's triangulation joins them.
 //!
 //! The moving-average part stays empty: models of order q = 0. A texture of the Penn toolkit with such a part is read and rendered all the same.
 //!
@@ -39,6 +41,8 @@ mod burg;
 mod corners;
 mod cut;
 mod report;
+
+use std::f64::consts::PI;
 
 use asperity_dsp::filter::Section;
 use asperity_dsp::resample::{Conversion, FilterPhase, Resampler};
@@ -175,13 +179,13 @@ impl Recording<'_> {
         if pieces.is_empty() {
             return Err(nothing(&blocks, &dropped, settings));
         }
-        let (order, criterion, fitted) = burg::fit(&blocks, &pieces, settings.order);
+        let (order, criterion, fitted) = burg::fit(&blocks, &pieces, settings)?;
         let (models, owners) = corners::merge(&blocks, &pieces, &fitted, settings);
         let segments = pieces
             .iter()
             .zip(&fitted)
             .zip(owners)
-            .map(|((piece, fitted), model)| blocks.segment(piece, fitted.residual, model))
+            .map(|((piece, fitted), model)| blocks.segment(piece, fitted, model))
             .collect();
         let texture = Texture::new(rate_hz, models, None)?;
         let report = Report {
@@ -303,16 +307,29 @@ fn nothing(blocks: &blocks::Blocks, dropped: &[Dropped], settings: &Settings) ->
         .help(help)
 }
 
-/// The acceleration without slow motion, at the models' rate.
-fn prepared(recording: &Recording<'_>, settings: &Settings) -> Result<Vec<f64>, Diagnostic> {
-    let rate = recording.rate_hz.round();
-    let mut signal = recording.acceleration_m_s2.to_vec();
+/// A Butterworth filter of fourth order, from second-order sections by corner in Hz and damping.
+fn filter(
+    signal: &mut [f64],
+    section: fn(f64, f64) -> Section,
+    rate_hz: f64,
+    corner_hz: f64,
+) -> Result<(), Diagnostic> {
+    for angle in [PI / 8.0, 3.0 * PI / 8.0] {
+        section(corner_hz, angle.cos())
+            .bilinear(rate_hz, corner_hz)
+            .map_err(|e| Diagnostic::new(e.to_string()))?
+            .process_in_place(signal);
+    }
+    Ok(())
+}
+
+/// The acceleration, at a rate that is a whole number, without slow motion and at the models' rate.
+fn prepared(mut signal: Vec<f64>, rate: f64, settings: &Settings) -> Result<Vec<f64>, Diagnostic> {
     if settings.high_pass_hz > 0.0 {
-        let mut filter = Section::high_pass(settings.high_pass_hz, std::f64::consts::FRAC_1_SQRT_2)
-            .bilinear(rate, settings.high_pass_hz)
-            .map_err(|e| Diagnostic::new(e.to_string()))?;
-        filter.reset_to(signal.first().copied().unwrap_or(0.0));
-        filter.process_in_place(&mut signal);
+        // Nothing comes before the first sample.
+        let first = signal.first().copied().unwrap_or(0.0);
+        signal.iter_mut().for_each(|x| *x -= first);
+        filter(&mut signal, Section::high_pass, rate, settings.high_pass_hz)?;
     }
     // In range, as was checked.
     let in_hz = rate as u32;

@@ -15,7 +15,7 @@ pub struct Segment {
     pub force_n: f64,
     /// Variance in (m/s^2)^2 of what its own model, of the order that was chosen, leaves unexplained.
     pub residual_variance: f64,
-    /// Its mean square in (m/s^2)^2.
+    /// Its mean square in (m/s^2)^2, with what the high-pass took put back.
     pub mean_square: f64,
     /// The model that it is part of, by number, from 0.
     pub model: usize,
