@@ -151,7 +151,7 @@ fn every_error_stands_where_it_is() {
         (error(&with(&good, "triangles: [[0, 1, 1]]")), "t.ron:8:16: a triangle with one corner twice"),
         (
             error(&with(&good, &format!("triangles: [{}]", "[0, 1, 2], ".repeat(9)))),
-            "t.ron:8:14: 9 triangles between 4 models",
+            "t.ron:8:15: 9 triangles between 4 models",
         ),
         (error(&with(&good, "").replace("version: 1", "version: 2")), "t.ron:1:25: 2 is out of range"),
         (error("Autoregressive(version: 1)"), "t.ron:1:1: the field `description` is missing"),
@@ -159,7 +159,7 @@ fn every_error_stands_where_it_is() {
     ] {
         assert!(found.starts_with(want), "{found}\nwanted {want}");
     }
-    let twice = parse(&with(&good.replace("200", "20").replace("2,", "0.5,"), "")).unwrap_err();
+    let twice = parse(&with(&(line("0.1", 20.0, 1.0) + &line("0.2", 20.0, 1.0)), "")).unwrap_err();
     assert_eq!(twice.related.len(), 1);
     assert!(
         TextureFile::read("no/such.ron").unwrap_err().to_string().starts_with("no/such.ron: cannot read")

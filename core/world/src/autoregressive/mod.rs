@@ -40,6 +40,11 @@ mod synthesis;
 mod texture;
 mod triangles;
 
+#[cfg(test)]
+mod facts_tests;
+#[cfg(test)]
+mod made_tests;
+
 pub use file::{MAX_MODELS, TextureFile};
 pub use filter::{Filter, MAX_ORDER};
 pub use frames::Frames;

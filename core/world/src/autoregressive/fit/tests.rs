@@ -333,8 +333,7 @@ fn a_pure_tone_has_a_model_of_its_frequency_and_level() {
     for (n, x) in recorded.acceleration.iter_mut().enumerate() {
         *x = 2.0 * (TAU * 137.0 * n as f64 / 1000.0).sin();
     }
-    let (texture, report) = recorded.fit(&Settings::default());
-    println!("{report:?} {:?}", texture.models());
+    let (texture, _) = recorded.fit(&Settings::default());
     let filter = texture.models()[0].filter();
     let peak = (1..500).max_by(|a, b| {
         let power = |hz: &i32| filter.power(TAU * f64::from(*hz) / 1000.0);
