@@ -159,45 +159,85 @@ fn without_variance_it_is_silent_to_the_last_bit() {
     assert!(out[0] != 0.0 && out[2999] == 0.0, "what sounded dies away, to nothing");
 }
 
-/// From corner to corner and back, again and again, at once or within 20 ms: the largest step from sample to sample, as a part of the largest of the
-/// corners' own signals.
-fn largest_step(texture: &Arc<Texture>, ramp: f64, forgets: bool, random: &mut Random) -> f32 {
-    let sounding: Vec<Place> = texture.models().iter().filter(|m| m.variance > 0.0).map(place).collect();
-    let pair = [0; 2].map(|_| sounding[random.below(sounding.len())]);
-    let largest = |out: &[f32]| out.windows(2).map(|p| (p[1] - p[0]).abs()).fold(0.0, f32::max);
-    let run = |way: &dyn Fn(u64) -> f64| {
-        let mut synthesis = Synthesis::new(texture.clone(), 21);
-        let mut out = vec![0.0; 60_000];
-        for (tick, part) in out.chunks_mut(2).enumerate() {
-            let part_of = way(tick as u64);
-            let [speed, force] = [0, 1].map(|k| pair[0][k] + part_of * (pair[1][k] - pair[0][k]));
-            if forgets && tick % 75 == 0 {
-                synthesis.reset();
-            }
-            synthesis.touch(speed, force);
-            synthesis.process(2 * tick as u64, part);
-        }
-        largest(&out)
-    };
-    let steady = run(&|_| 0.0).max(run(&|_| 1.0));
-    let changing = run(&|tick| {
-        let (turn, since) = (tick / 75, (tick % 75) as f64);
-        let part = if ramp > 0.0 { (since / ramp).min(1.0) } else { 1.0 };
-        if turn % 2 == 0 { part } else { 1.0 - part }
-    });
-    changing / steady
-}
-
+/// The recursion as it is written down, from the noise of a texture without any, which is the noise itself: history is kept whatever changes.
 #[test]
-fn a_change_of_speed_and_force_does_not_click() {
+fn a_changing_signal_is_the_recursion_over_one_history() {
     for (name, file) in shipped() {
         let texture = Arc::new(file.texture);
-        for (ramp, forgets) in [(0.0, false), (10.0, false), (10.0, true)] {
-            let mut random = Random::new(5);
-            let worst =
-                (0..40).map(|_| largest_step(&texture, ramp, forgets, &mut random)).fold(0.0, f32::max);
-            println!("{name} {ramp} {forgets}: {worst}");
+        let white = Model { ar: vec![], ma: vec![], variance: 1.0, gain: 1.0, speed_mm_s: 1.0, force_n: 1.0 };
+        let mut noise = Synthesis::new(Arc::new(Texture::new(1000.0, vec![white], None).unwrap()), 12);
+        noise.touch(1.0, 1.0);
+        let mut e = vec![0.0f32; 6000];
+        noise.process(0, &mut e);
+        let mut synthesis = Synthesis::new(texture.clone(), 12);
+        let mut found = vec![0.0f32; 6000];
+        let (mut excitation, mut want) = (vec![0.0; 6000], vec![0.0f64; 6000]);
+        for tick in 0..3000 {
+            // There and back, a jump, a pause without force.
+            let speed = 150.0 + 140.0 * (0.01 * tick as f64).sin() + if tick > 1500 { 20.0 } else { 0.0 };
+            let force = if (700..750).contains(&tick) { 0.0 } else { 1.2 + (0.017 * tick as f64).sin() };
+            let filter = texture.at(speed, force);
+            synthesis.touch(speed, force);
+            synthesis.process(2 * tick as u64, &mut found[2 * tick..2 * tick + 2]);
+            for n in 2 * tick..2 * tick + 2 {
+                excitation[n] = filter.deviation * f64::from(e[n]);
+                let sum = |c: &[f64], of: &[f64]| -> f64 {
+                    c.iter().zip(of[..n].iter().rev()).map(|(c, x)| c * x).sum()
+                };
+                want[n] = excitation[n] + sum(filter.ma(), &excitation) - sum(filter.ar(), &want);
+            }
         }
+        let peak = want.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
+        for (n, (x, y)) in found.iter().zip(&want).enumerate() {
+            assert!((f64::from(*x) - y).abs() < 1e-5 * peak, "{name}, sample {n}: {x}, not {y}");
+        }
+    }
+}
+
+/// Largest steps from sample to sample on the way from one place to another and back, again and again, each way in some ticks of 2 ms; and of
+/// steady signals at places along it.
+fn largest_steps(texture: &Arc<Texture>, [from, to]: [Place; 2], ticks: u64) -> [f32; 2] {
+    let run = |way: &dyn Fn(u64) -> f64| {
+        let mut synthesis = Synthesis::new(texture.clone(), 21);
+        let mut out = vec![0.0; 20_000];
+        for (tick, out) in out.chunks_mut(2).enumerate() {
+            let part = way(tick as u64);
+            let [speed, force] = [0, 1].map(|k| from[k] + part * (to[k] - from[k]));
+            synthesis.touch(speed, force);
+            synthesis.process(2 * tick as u64, out);
+        }
+        out.windows(2).map(|p| (p[1] - p[0]).abs()).fold(0.0, f32::max)
+    };
+    let steady = (0..=8).map(|i| run(&|_| f64::from(i) / 8.0)).fold(0.0, f32::max);
+    let changing = run(&|tick| {
+        let (turn, since) = (tick / 75, tick % 75);
+        let part = (since as f64 / ticks.max(1) as f64).min(1.0);
+        let part = if ticks == 0 { 1.0 } else { part };
+        if turn % 2 == 0 { part } else { 1.0 - part }
+    });
+    [changing, steady]
+}
+
+/// From one corner to any other within 100 ms, no step is larger than those of steady signals on the way, but for a quarter. Of resonances as broad as
+/// those of the rough texture that is so however fast it goes. Sharp ones that move at once give what they hold a kick: within 20 ms it is up to four times as
+/// large for the ringing texture, and at once ten times.
+#[test]
+fn a_change_of_speed_and_force_does_not_click() {
+    let mut random = Random::new(5);
+    for (name, file) in shipped() {
+        let texture = Arc::new(file.texture);
+        let sounding: Vec<Place> = texture.models().iter().filter(|m| m.variance > 0.0).map(place).collect();
+        let mut worst = [0.0f32; 3];
+        for _ in 0..10 {
+            let pair = [0; 2].map(|_| sounding[random.below(sounding.len())]);
+            for (worst, ticks) in worst.iter_mut().zip([50, 10, 0]) {
+                let [changing, steady] = largest_steps(&texture, pair, ticks);
+                *worst = worst.max(changing / steady);
+            }
+        }
+        println!("{name}: within 100 ms {:.2}, 20 ms {:.2}, at once {:.2}", worst[0], worst[1], worst[2]);
+        let limits = if name == "ringing" { [1.25, 4.0, 10.0] } else { [1.25; 3] };
+        assert!(worst.iter().zip(limits).all(|(w, l)| *w < l), "{name}: {worst:?}");
     }
 }
 
@@ -413,4 +453,45 @@ fn worst_band(found: &Filter, want: &Filter) -> f64 {
     let whole: f64 = bands.iter().map(|b| b[1]).sum();
     let held = bands.iter().filter(|b| b[1] > 1e-3 * whole);
     held.map(|[x, y]| (10.0 * (x / y).log10()).abs()).fold(0.0, f64::max)
+}
+
+#[test]
+#[ignore = "prints how long a filter and a sample take, medians of nine"]
+fn cost() {
+    let median = |run: &mut dyn FnMut()| {
+        let mut times: Vec<f64> = (0..9)
+            .map(|_| {
+                let start = std::time::Instant::now();
+                run();
+                start.elapsed().as_secs_f64()
+            })
+            .collect();
+        times.sort_by(f64::total_cmp);
+        times[4]
+    };
+    let mut random = Random::new(2);
+    let models: Vec<Model> = (0..60)
+        .map(|_| {
+            let mut polynomial = |order: usize| {
+                let lines: Vec<f64> = (1..=order)
+                    .map(|i| (i as f64 + random.range(-0.3, 0.3)) * PI / (order + 1) as f64)
+                    .collect();
+                let mut a = vec![0.0; order];
+                line_spectrum::to_polynomial(&lines, &mut a);
+                a
+            };
+            let (ar, ma) = (polynomial(16), polynomial(4));
+            let [speed_mm_s, force_n] = [random.range(10.0, 300.0), random.range(0.2, 3.0)];
+            Model { ar, ma, variance: 0.1, gain: 1.0, speed_mm_s, force_n }
+        })
+        .collect();
+    let texture = Arc::new(Texture::new(1000.0, models, None).unwrap());
+    let places: Vec<Place> = (0..1000).map(|_| [random.range(50.0, 250.0), random.range(0.5, 2.5)]).collect();
+    let mut filter = texture.silence();
+    let fill = median(&mut || places.iter().for_each(|p| texture.fill(p[0], p[1], &mut filter)));
+    let mut synthesis = Synthesis::new(texture, 1);
+    synthesis.touch(100.0, 1.0);
+    let mut out = vec![0.0; 100_000];
+    let sample = median(&mut || synthesis.process(0, &mut out));
+    println!("fill {:.3} us, sample {:.1} ns", fill * 1e3, sample * 1e4);
 }

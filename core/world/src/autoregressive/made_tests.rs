@@ -60,14 +60,12 @@ const ALL: [Made; 3] = [
     }),
     (
         "ringing",
-        "A glazed tile under a light tool: two sharp resonances of the tool on the contact, whose stiffness is as the force, and two of its own.",
+        "A glazed tile under a light tool: sharp resonances on the contact, whose stiffness grows with the third root of the force.",
         |speed, force| Sound {
-            poles: vec![
-                [70.0 * (force / 0.3).sqrt(), 6.0],
-                [105.0 * (force / 0.3).sqrt(), 7.0],
-                [380.0 + 0.05 * speed, 10.0],
-                [455.0, 12.0],
-            ],
+            // Of a ball on a plane (Hertz 1882).
+            poles: [[70.0, 6.0], [82.0, 7.0], [230.0, 10.0], [270.0, 12.0]]
+                .map(|[hz, bandwidth_hz]| [hz * (force / 0.3).powf(1.0 / 6.0), bandwidth_hz])
+                .to_vec(),
             real: vec![],
             zeros: vec![],
             gain: 1.0,

@@ -15,6 +15,8 @@
 //! linearly, the polynomials by their line spectral frequencies, which keep every mixture stable. Outside the triangles the nearest point
 //! of their hull answers, near in parts of the models' range of speed and of force. No speed or no force is no vibration.
 //!
+//! Textures come from a [file](TextureFile), from a recording by a [fit], or from the Penn toolkit's files (`asperity_dataset::hatt`).
+//!
 //! # Magnitudes in closed form
 //!
 //! A frame is a Hann window `w` of 0.1 s. The mean square of its transform follows from the autocovariance `r` of the model,
