@@ -33,12 +33,17 @@ pub(super) struct Fitted {
     pub(super) mean_square: f64,
 }
 
-/// The order, the criterion by order less its least, and a model of that order for each piece.
-pub(super) fn fit(
-    blocks: &Blocks,
-    pieces: &[Span],
-    settings: &Settings,
-) -> Result<(usize, Vec<(usize, f64)>, Vec<Fitted>), Diagnostic> {
+/// Models of all pieces.
+pub(super) struct Fits {
+    pub(super) order: usize,
+    /// The criterion by order, less its least.
+    pub(super) criterion: Vec<(usize, f64)>,
+    /// A model of the order for each piece.
+    pub(super) pieces: Vec<Fitted>,
+}
+
+/// Fits a model to each piece, all of one order.
+pub(super) fn fit(blocks: &Blocks, pieces: &[Span], settings: &Settings) -> Result<Fits, Diagnostic> {
     let most = match settings.order {
         Order::Given(order) | Order::Best { most: order, .. } => order,
     };
@@ -67,7 +72,7 @@ pub(super) fn fit(
         residual: l.residual(order),
         mean_square: l.residual(0),
     });
-    Ok((order, curve, fitted.collect()))
+    Ok(Fits { order, criterion: curve, pieces: fitted.collect() })
 }
 
 /// Noise of power 1 a sample through the low-pass that lets through the power that the high-pass does not: `|L|^2 + |H|^2 = 1` of Butterworth's

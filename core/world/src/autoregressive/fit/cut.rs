@@ -29,7 +29,7 @@ pub(super) fn steady(
         return Vec::new();
     }
     let sums = Sums::new(blocks.smooth(&run));
-    let mut left = vec![0..run.len()];
+    let mut left = vec![Span { start: 0, end: run.len() }];
     let mut found = Vec::new();
     while let Some(part) = left.pop() {
         let place = run.start + part.start..run.start + part.end;
@@ -100,7 +100,7 @@ impl Sums {
 pub(super) fn stationary(blocks: &Blocks, stretch: Span, settings: &Settings, pieces: &mut Vec<Span>) {
     let products = Products::new(blocks.signal(&stretch), blocks.len());
     let shortest = blocks.count(settings.shortest_s);
-    let mut left = vec![0..stretch.len()];
+    let mut left = vec![Span { start: 0, end: stretch.len() }];
     while let Some(part) = left.pop() {
         match products.change(&part, shortest) {
             Some(cut) => {
@@ -209,9 +209,8 @@ mod tests {
             for j in 0..ORDER {
                 if j != i {
                     let factor = rows[j][i] / rows[i][i];
-                    for k in i..=ORDER {
-                        rows[j][k] -= factor * rows[i][k];
-                    }
+                    let pivot = rows[i].clone();
+                    rows[j].iter_mut().zip(&pivot).for_each(|(x, p)| *x -= factor * p);
                 }
             }
         }

@@ -181,11 +181,11 @@ impl Recording<'_> {
         if pieces.is_empty() {
             return Err(nothing(&blocks, &dropped, settings));
         }
-        let (order, criterion, fitted) = burg::fit(&blocks, &pieces, settings)?;
-        let (models, owners) = corners::merge(&blocks, &pieces, &fitted, settings);
+        let fits = burg::fit(&blocks, &pieces, settings)?;
+        let (models, owners) = corners::merge(&blocks, &pieces, &fits.pieces, settings);
         let segments = pieces
             .iter()
-            .zip(&fitted)
+            .zip(&fits.pieces)
             .zip(owners)
             .map(|((piece, fitted), model)| blocks.segment(piece, fitted, model))
             .collect();
@@ -195,8 +195,8 @@ impl Recording<'_> {
             duration_s: blocks.duration_s(),
             model_hz: rate_hz,
             high_pass_hz: settings.high_pass_hz,
-            order,
-            criterion,
+            order: fits.order,
+            criterion: fits.criterion,
             segments,
             dropped,
         };
