@@ -7,7 +7,7 @@ use super::Filter;
 use crate::material::{BIN_HZ, BINS, WINDOW_S};
 
 /// Rates of models, in Hz.
-const RATES_HZ: std::ops::RangeInclusive<f64> = 100.0..=100_000.0;
+pub(super) const RATES_HZ: std::ops::RangeInclusive<f64> = 100.0..=100_000.0;
 
 /// What magnitudes frames of a signal have on average, for signals of one rate.
 #[derive(Clone, Debug)]

@@ -15,6 +15,8 @@
 //! linearly, the polynomials by their line spectral frequencies, which keep every mixture stable. Outside the triangles the nearest point
 //! of their hull answers, near in parts of the models' range of speed and of force. No speed or no force is no vibration.
 //!
+//! Textures come from a [file](TextureFile), from a recording by a [fit], or from the Penn toolkit's files (`asperity_dataset::hatt`).
+//!
 //! # Magnitudes in closed form
 //!
 //! A frame is a Hann window `w` of 0.1 s. The mean square of its transform follows from the autocovariance `r` of the model,
@@ -30,7 +32,9 @@
 //! On a virtual AMD EPYC core, 60 models of 16 and 4 coefficients: [`Texture::fill`] within their hull 0.33 us, a sample of [`Synthesis`] 40 ns,
 //! [`Frames::expected_power`] with its filter 14 us at 1 kHz and 90 us at 10 kHz.
 
+mod file;
 mod filter;
+pub mod fit;
 mod frames;
 pub mod line_spectrum;
 mod polynomial;
@@ -38,6 +42,12 @@ mod synthesis;
 mod texture;
 mod triangles;
 
+#[cfg(test)]
+mod facts_tests;
+#[cfg(test)]
+mod made_tests;
+
+pub use file::{MAX_MODELS, TextureFile};
 pub use filter::{Filter, MAX_ORDER};
 pub use frames::Frames;
 pub use polynomial::is_stable;

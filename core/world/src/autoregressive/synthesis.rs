@@ -36,6 +36,10 @@ impl Synthesis {
     }
 
     /// Moves on to a speed in mm/s and a force in N; 0, less or not a number is silence, into which the signal dies away.
+    ///
+    /// What sounded goes on through the new filter. Where that has its resonances elsewhere, and they are sharp, it gets a kick: with those of 6 Hz of
+    /// `graphs/models/made_ar/ringing.ron`, from 0.3 to 3 N at once, steps are up to eight times as large as in any steady signal on the way, within 20 ms three
+    /// times, within 100 ms 1.2 times. Resonances of 15 Hz and more show none of it.
     pub fn touch(&mut self, speed_mm_s: f64, force_n: f64) {
         self.texture.fill(speed_mm_s, force_n, &mut self.filter);
     }

@@ -67,7 +67,7 @@ impl Model {
 }
 
 /// A texture: models at some speeds and forces, and what lies between them.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Texture {
     rate_hz: f64,
     models: Vec<Model>,
@@ -88,26 +88,37 @@ impl Texture {
         models: Vec<Model>,
         triangles: Option<&[[usize; 3]]>,
     ) -> Result<Self, Diagnostic> {
+        Self::checked(rate_hz, models, triangles).map_err(|(model, e)| match model {
+            Some(i) => Diagnostic { message: format!("model {}: {}", i + 1, e.message), ..e },
+            None => e,
+        })
+    }
+
+    /// As [`new`](Self::new); an error comes with the number of the model that it is of, from 0.
+    pub(super) fn checked(
+        rate_hz: f64,
+        models: Vec<Model>,
+        triangles: Option<&[[usize; 3]]>,
+    ) -> Result<Self, (Option<usize>, Diagnostic)> {
         if !(rate_hz.is_finite() && rate_hz > 0.0) {
-            return Err(Diagnostic::new(format!("a rate of {rate_hz} Hz")).help("a finite number above 0"));
+            let e = Diagnostic::new(format!("a rate of {rate_hz} Hz")).help("a finite number above 0");
+            return Err((None, e));
         }
         let Some(first) = models.first() else {
-            return Err(Diagnostic::new("a texture without models"));
+            return Err((None, Diagnostic::new("a texture without models")));
         };
         let orders = [first.ar.len(), first.ma.len()];
         let mut lines = Vec::with_capacity(models.len());
         for (i, model) in models.iter().enumerate() {
-            let fail = |e: Diagnostic| Diagnostic { message: format!("model {}: {}", i + 1, e.message), ..e };
-            lines.push(model.lines().map_err(fail)?);
+            lines.push(model.lines().map_err(|e| (Some(i), e))?);
             let found = [model.ar.len(), model.ma.len()];
             if found != orders {
-                return Err(fail(
-                    Diagnostic::new(format!(
-                        "{} and {} coefficients, where the first has {} and {}",
-                        found[0], found[1], orders[0], orders[1]
-                    ))
-                    .help("models can be mixed when they are of the same order"),
-                ));
+                let e = Diagnostic::new(format!(
+                    "{} and {} coefficients, where the first has {} and {}",
+                    found[0], found[1], orders[0], orders[1]
+                ))
+                .help("models can be mixed when they are of the same order");
+                return Err((Some(i), e));
             }
         }
         let points: Vec<[f64; 2]> = models.iter().map(|m| [m.speed_mm_s, m.force_n]).collect();
