@@ -5,6 +5,7 @@ pub mod autoregressive;
 pub mod effect;
 pub mod material;
 pub mod motion;
+pub mod scene;
 pub mod space;
 pub mod stylus;
 pub mod tactile;

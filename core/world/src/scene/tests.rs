@@ -1,0 +1,140 @@
+use super::*;
+use crate::space::Form;
+
+fn parse(text: &str) -> Result<Scene, String> {
+    Scene::parse(&Source::new("s.ron", text)).map_err(|e| e.to_string())
+}
+
+/// A scene of these surfaces.
+fn scene(surfaces: &str) -> Result<Scene, String> {
+    parse(&format!(
+        "Scene(version: 1, input: stroke(speed_mm_s: 80), network: (model: \"m.onnx\", library: \"l.ron\"),\n surfaces: {{\n{surfaces}\n}})"
+    ))
+}
+
+fn refused(surfaces: &str, wanted: &[&str]) {
+    let e = scene(surfaces).expect_err(surfaces);
+    assert!(wanted.iter().all(|w| e.contains(w)), "{e}");
+}
+
+const WALL: &str = "stiffness: (stiffness_n_per_mm: 0.5)";
+
+#[test]
+fn a_scene_is_read_with_what_it_says_and_what_it_leaves_out() {
+    let scene = scene(&format!(
+        "\"left\": (shape: rectangle(size_mm: (40, 60), thickness_mm: 5), place_mm: (-20, 0, 0), material: \"canvas\",\n effects: ({WALL}, friction: \
+         dahl(coefficient: 0.4), texture: [network, relief(heights: made(surface: \"hessian\", side: 64))], tap: (sinusoids: [(frequency_hz: 180, decay_ms: 9, gain: -40)]))),\n\
+         \"ball\": (shape: sphere(radius_mm: 12), effects: (magnet: (stiffness_n_per_mm: 0.2, max_force_n: 0.5, reach_mm: 6)))"
+    ))
+    .unwrap();
+    assert_eq!((scene.tick_hz, scene.audio_hz, scene.seed), (500, 48_000, 1));
+    assert_eq!(
+        (scene.input.kind.as_str(), scene.input.settings[0].0.name.as_str()),
+        ("stroke", "speed_mm_s")
+    );
+    assert_eq!((scene.motion.kind.as_str(), scene.gate.kind.as_str()), ("velocity", "speed_gate"));
+    let [left, ball] = &scene.surfaces[..] else { panic!("{:?}", scene.surfaces) };
+    assert_eq!(left.surface.pose.place_mm(), [-20.0, 0.0, 0.0]);
+    assert!(matches!(left.surface.shape.form(), Form::Rectangle { thickness_mm: 5.0, .. }));
+    let effects = &left.effects;
+    assert_eq!(effects.stiffness.as_ref().unwrap().of, 0.5);
+    assert_eq!(
+        effects.friction.as_ref().unwrap().of,
+        Friction::Dahl { coefficient: 0.4, bristle_stiffness_n_per_mm: 1.0 }
+    );
+    assert_eq!(effects.textures.len(), 2);
+    assert_eq!(left.place.position().line, 3);
+    assert!(ball.effects.stiffness.is_none() && ball.effects.magnet.as_ref().unwrap().of.reach_mm == 6.0);
+}
+
+#[test]
+fn what_is_wrong_has_a_place_and_the_nearest_name() {
+    let plane = |effects: &str| format!("\"a\": (shape: plane, effects: ({effects}))");
+    refused(&plane(&format!("{WALL}, fricton: dahl")), &["s.ron:3:", "unknown field `fricton`", "friction"]);
+    refused(&plane(&format!("{WALL}, friction: dall")), &["unknown friction `dall`", "dahl"]);
+    refused(&plane(&format!("{WALL}, texture: netwrk")), &["unknown texture `netwrk`", "network"]);
+    refused(&plane("stiffness: (stiffness_n_per_mm: 1e4)"), &["out of range", "N/mm"]);
+    refused(&plane(&format!("{WALL}, friction: lugre(static_coefficient: 0.2)")), &["s.ron:3:"]);
+    refused("\"a\": (shape: cube)", &["unknown shape `cube`"]);
+    refused("\"a\": (shape: rectangle(size_mm: (10, 0)))", &["s.ron:3:", "a rectangle"]);
+    refused("\"a\": (shape: sphere)", &["a sphere of no size", "radius_mm"]);
+    refused("\"a\": (shape: sphere(radius_mm: -1))", &["out of range"]);
+    refused("\"a\": (shape: relief(heights: made(surface: \"hesian\")))", &["hesian", "hessian"]);
+    refused("\"a\": (shape: plane, effects: (texture: network))", &["does not push back"]);
+    refused(&plane(&format!("{WALL}, texture: network")), &["of no material"]);
+    refused(
+        &format!("\"a\": (shape: plane, material: \"x\", effects: ({WALL}, texture: [network, network]))"),
+        &["two network textures"],
+    );
+    refused("", &["nothing to touch"]);
+    refused("\"a\": (shape: plane), \"a\": (shape: plane)", &["s.ron:3:"]);
+    let e = parse(
+        "Scene(version: 1, input: stroke, surfaces: {\"a\": (shape: plane, material: \"x\", effects: (stiffness: (stiffness_n_per_mm: 1), texture: network))})",
+    );
+    assert!(e.unwrap_err().contains("without a network"));
+}
+
+#[test]
+fn no_scene_panics_however_it_is_cut() {
+    let text = include_str!("testing.ron");
+    assert!(parse(text).is_ok(), "{:?}", parse(text).err());
+    for end in 0..text.len() {
+        if text.is_char_boundary(end) {
+            drop(parse(&text[..end]));
+        }
+    }
+}
+
+#[test]
+fn surfaces_that_feel_alike_share_slots() {
+    let wall = |name: &str, material: &str, more: &str| {
+        format!(
+            "\"{name}\": (shape: plane, material: \"{material}\", effects: ({WALL}, texture: network{more})),\n"
+        )
+    };
+    let text = [
+        wall("a", "oak", ""),
+        wall("b", "ash", ", friction: dahl"),
+        wall("c", "oak", ", friction: dahl(coefficient: 0.5)"),
+        wall("d", "oak", ", friction: dahl(coefficient: 0.3)"),
+    ]
+    .concat();
+    let scene = scene(&text).unwrap();
+    assert_eq!(
+        scene.slots(Kind::Network),
+        Slots { first: vec![0, 1], of: vec![Some(0), Some(1), Some(0), Some(0)] }
+    );
+    assert_eq!(
+        scene.slots(Kind::Friction),
+        Slots { first: vec![1, 2], of: vec![None, Some(0), Some(1), Some(0)] }
+    );
+    assert_eq!(scene.slots(Kind::Tap).first, Vec::<usize>::new());
+}
+
+#[test]
+fn a_stiffness_past_what_the_rate_keeps_passive_is_found_with_its_numbers() {
+    let at = |device: &str, tick_hz: u32, effects: &str| {
+        let text = format!(
+            "Scene(version: 1, tick_hz: {tick_hz}, input: stroke, device: ({device}), surfaces: {{\"wall\": (shape: plane, effects: ({effects}))}})"
+        );
+        parse(&text).unwrap().findings()
+    };
+    // b > K T / 2: 0.5 N/mm at 500 Hz take 0.5 N s/m
+    assert!(at("damping_ns_per_m: 0.51", 500, WALL).is_empty());
+    let found = at("damping_ns_per_m: 0.49", 500, WALL);
+    assert_eq!(found.len(), 1);
+    assert!(found[0].message.contains("`wall` along its normal") && found[0].message.contains("0.500 N s/m"));
+    assert_eq!(found[0].place.position().line, 1);
+    assert!(at("damping_ns_per_m: 0.26", 1000, WALL).is_empty());
+    // a delay of 1 ms counts as K t_d
+    assert_eq!(at("damping_ns_per_m: 0.51, delay_ms: 1", 500, WALL).len(), 1);
+    // damping counts in full
+    assert_eq!(at("damping_ns_per_m: 1", 500, &format!("{WALL}, damping: (damping_ns_per_m: 0.6)")).len(), 1);
+    // 0.004 s/mm of 3.3 N is 13.2 N s/m
+    let found = at("damping_ns_per_m: 10", 500, &format!("{WALL}, friction: viscous_coulomb"));
+    assert!(found.len() == 1 && found[0].message.contains("13.2"), "{found:?}");
+    // 13.8 mN at 0.5 N/mm and 0.055 mm
+    let quantised = "damping_ns_per_m: 2, position_step_mm: 0.055, friction_n";
+    assert!(at(&format!("{quantised}: 0.0139"), 500, WALL).is_empty());
+    assert_eq!(at(&format!("{quantised}: 0.0136"), 500, WALL).len(), 1);
+}
