@@ -6,10 +6,10 @@ use asperity_source::{Diagnostic, Place};
 use super::read::{body, error, file, number, numbers, place, variant};
 use super::surface::heights;
 use super::{Drag, Effects, Friction, Hum, Knock, Placed, Pull, Texture};
-use crate::effect::friction::{Dahl, LuGre, ViscousCoulomb};
+use crate::effect::friction::{Dahl, LuGre, LuGreSettings, ViscousCoulomb};
 use crate::effect::{
-    DecayingSinusoid, EffectError, LuGreSettings, Magnet, ReliefSettings, Tap, TapSettings, Transient,
-    Vibration, Viscosity, WaveformQuantity, WaveformTable,
+    DecayingSinusoid, EffectError, Magnet, ReliefSettings, Tap, TapSettings, Transient, Vibration, Viscosity,
+    WaveformQuantity, WaveformTable,
 };
 
 const EFFECTS: &[&str] =

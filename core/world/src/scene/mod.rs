@@ -42,7 +42,8 @@ use std::sync::Arc;
 use asperity_source::ron::{Key, Value};
 use asperity_source::{Place, Source};
 
-use crate::effect::{LuGreSettings, TapSettings, Transient, WaveformQuantity};
+use crate::effect::friction::LuGreSettings;
+use crate::effect::{TapSettings, Transient, WaveformQuantity};
 use crate::space::Surface;
 
 pub use passivity::Finding;
