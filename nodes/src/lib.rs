@@ -32,6 +32,7 @@ pub fn registry() -> Registry {
         .with::<sources::Sine>()
         .with::<sources::Sweep>()
         .with::<contact::VirtualFloor>()
+        .with::<contact::Contact>()
         .with::<contact::SpeedGate>()
         .with::<texture::ActionHistory>()
         .with::<texture::TextureNetwork>()

@@ -137,7 +137,7 @@ pub struct PluginList {
 /// A graph and what to change in it.
 #[derive(Clone, Debug, clap::Args)]
 pub struct GraphArgs {
-    /// The graph file
+    /// The graph file, or a scene file
     pub graph: PathBuf,
     /// Set a parameter: NODE.PARAM=VALUE, NODE.every=N, or tick_hz, audio_hz, seed
     #[arg(long = "set", value_name = "NODE.PARAM=VALUE")]
@@ -148,9 +148,12 @@ pub struct GraphArgs {
     /// Let a hand move the stylus in place of the graph's trajectory or stroke: osc, pointer, openhaptics, haply
     #[arg(long, value_name = "KIND[:param=value,...]", conflicts_with = "input")]
     pub hand: Option<String>,
-    /// Keep nodes from which no sink is reached
+    /// Keep nodes from which no sink is reached; build the nodes of effects that no surface of a scene has
     #[arg(long)]
     pub no_prune: bool,
+    /// Take what a scene asks of its device beyond what is passive for an error
+    #[arg(long)]
+    pub strict: bool,
     #[command(flatten)]
     pub plugins: PluginArgs,
 }

@@ -28,6 +28,7 @@
 //!
 //! Effects of one surface add. Where surfaces overlap the deepest is touched, until another is deeper by `hysteresis_mm`.
 
+mod contact;
 mod effects;
 mod passivity;
 mod read;
@@ -46,6 +47,7 @@ use crate::effect::friction::LuGreSettings;
 use crate::effect::{TapSettings, Transient, WaveformQuantity};
 use crate::space::Surface;
 
+pub use contact::{ContactSettings, Contacts, Felt, Motion, VOICED, Voice};
 pub use passivity::Finding;
 pub use slots::{Kind, Slots};
 

@@ -131,7 +131,7 @@ pub fn run(args: &Render) -> Result<ExitCode, Failure> {
 
 /// Reads and compiles the graph with what the command line changes in it.
 fn compiled(args: &Render, kinds: &mut Kinds) -> Result<Compiled, Failure> {
-    let mut graph = load::read(&args.graph)?;
+    let mut graph = load::read(&args.graph, kinds)?;
     for (i, text) in args.probe.iter().enumerate() {
         let (port, file) = load::probe(text, &graph)?;
         let id =
