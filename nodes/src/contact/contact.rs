@@ -89,7 +89,7 @@ impl Node for Contact {
         PORTS
             .iter()
             .fold(it, |it, Port(name, count, unit, doc, _)| {
-                it.output(Output::new(*name, ShapeSpec::Control(*count), *unit).doc(*doc))
+                it.output(Output::new(*name, ShapeSpec::Control(*count), unit.clone()).doc(*doc))
             })
             .param(Param::file(
                 "scene",
