@@ -5,6 +5,7 @@ mod device;
 mod latency;
 mod materials;
 mod number;
+mod scene;
 mod tone;
 
 use std::path::PathBuf;
@@ -15,6 +16,7 @@ pub use calibrate::{Calibrate, DriveKind};
 pub use device::{ActuatorArgs, ClockKind, DeviceArgs, OutputArgs};
 pub use latency::LatencyArgs;
 pub use materials::{As, Encode, Materials};
+pub use scene::{Expand, Explain, SceneCommand};
 pub use tone::Tone;
 
 /// Haptic rendering as a real-time dataflow graph.
@@ -65,6 +67,9 @@ pub enum Command {
     Encode(Encode),
     /// List the materials of a library: names, families, descriptions, pictures
     Materials(Materials),
+    /// Print the graph that a scene lowers to, or say what of it is built, why, and what it costs
+    #[command(subcommand)]
+    Scene(SceneCommand),
     /// Make a plugin, check one, or see which are found
     #[command(subcommand)]
     Plugin(PluginCommand),

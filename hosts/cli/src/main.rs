@@ -38,6 +38,7 @@ fn main() -> ExitCode {
         Command::Compare(args) => commands::compare::run(&args),
         Command::Encode(args) => commands::encode::run(&args),
         Command::Materials(args) => commands::materials::run(&args),
+        Command::Scene(command) => commands::scene::run(&command),
         Command::Plugin(command) => commands::plugin::run(&command),
     };
     match result {

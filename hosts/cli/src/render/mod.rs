@@ -38,7 +38,14 @@ const WATCH_LIMIT_TICKS: u64 = 10;
 const INTERRUPTED: u8 = 130;
 
 /// The computer's own clock.
-struct Wall(Instant);
+pub struct Wall(Instant);
+
+impl Wall {
+    /// A clock that began then.
+    pub fn new(began: Instant) -> Self {
+        Self(began)
+    }
+}
 
 impl Clock for Wall {
     fn now_ns(&self) -> u64 {
