@@ -293,7 +293,8 @@ impl Contacts {
         let most = self.settings.max_force_n;
         let hooke = stiffness * depth_mm;
         let outward = dot(motion.unfiltered_mm_s, normal);
-        let pushed = if touched.is_some() { (hooke - 1e-3 * damping * outward).clamp(0.0, most) } else { 0.0 };
+        let pushed =
+            if touched.is_some() { (hooke - 1e-3 * damping * outward).clamp(0.0, most) } else { 0.0 };
         let zone = self.zone(at);
         let of_zone = |pick: fn(&Zone) -> f64| zone.as_ref().map_or(NONE, pick);
         let of_wall = |pick: fn(&Wall) -> f64| wall.as_ref().map_or(NONE, pick);
@@ -456,10 +457,9 @@ impl Contacts {
             let part = |x: f64| (0.0..=1.0).contains(&x);
             let length = |tangents: &[[f64; 3]; 2]| tangents.iter().flatten().all(|x| x.abs() < 1.1);
             let sound = self.voices.iter().all(|voice| {
-                part(voice.gain)
-                    && length(&voice.tangents)
-                    && voice.place_mm.iter().all(|x| x.abs() < FAR_MM)
-            }) && length(&self.tangents) && part(self.network)
+                part(voice.gain) && length(&voice.tangents) && voice.place_mm.iter().all(|x| x.abs() < FAR_MM)
+            }) && length(&self.tangents)
+                && part(self.network)
                 && self.current.is_none_or(|i| i < 2)
                 && self.material.is_finite()
                 && self.before.is_none_or(|p| p.iter().all(|x| x.is_finite()));

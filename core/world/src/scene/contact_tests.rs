@@ -9,8 +9,7 @@ const WALL: &str = "stiffness: (stiffness_n_per_mm: 0.5)";
 const LOOP: &str = "texture: waveform(segments: [(0, 0), (0.5, 1), (1, 0)])";
 
 fn scene(surfaces: &str) -> Scene {
-    let text =
-        format!("Scene(version: 1, input: stroke, hysteresis_mm: 0.1, surfaces: {{\n{surfaces}\n}})");
+    let text = format!("Scene(version: 1, input: stroke, hysteresis_mm: 0.1, surfaces: {{\n{surfaces}\n}})");
     Scene::parse(&Source::new("s.ron", text)).unwrap_or_else(|e| panic!("{e}"))
 }
 
@@ -46,7 +45,8 @@ fn go(contacts: &mut Contacts, from: [f64; 3], to: [f64; 3], ticks: usize) -> Ve
 
 #[test]
 fn a_plane_pushes_back_by_hookes_law_with_its_damping_and_never_pulls() {
-    let mut c = contacts(&format!("\"a\": (shape: plane, effects: ({WALL}, damping: (damping_ns_per_m: 2)))"));
+    let mut c =
+        contacts(&format!("\"a\": (shape: plane, effects: ({WALL}, damping: (damping_ns_per_m: 2)))"));
     let at = |z: f64, vz: f64| Motion {
         position_mm: [3.0, -4.0, z],
         velocity_mm_s: [7.0, -9.0, 1.0],
@@ -173,9 +173,11 @@ fn a_voice_stays_in_the_air_for_what_fades_it_and_what_is_touched_after_begins_a
     let stays = air.iter().take_while(|f| f.voices[0].level == 1.0).count();
     // 20 ms and not less.
     assert_eq!(stays, 10);
-    assert!(air[..stays].windows(2).all(|w| {
-        (w[1].voices[0].place_mm[0] - w[0].voices[0].place_mm[0] - 0.2).abs() < 1e-9
-    }));
+    assert!(
+        air[..stays]
+            .windows(2)
+            .all(|w| { (w[1].voices[0].place_mm[0] - w[0].voices[0].place_mm[0] - 0.2).abs() < 1e-9 })
+    );
     assert!(air[stays..].iter().all(|f| f.voices.iter().all(|v| v.level == 0.0)));
     let again = go(&mut c, [16.0, 0.0, -1.0], [16.0, 0.0, -1.0], 1);
     assert_eq!(again[0].voices[0].level, 1.0);
