@@ -33,7 +33,7 @@ fn main() {
             let material = MATERIALS[(number * 7 + row) % MATERIALS.len()];
             let friction = [
                 "",
-                ", friction: viscous_coulomb(coefficient: 0.3)",
+                ", friction: viscous_coulomb(coefficient: 0.3, viscosity_s_per_mm: 0.0005)",
                 ", friction: dahl(coefficient: 0.5)",
                 ", friction: lugre",
             ][number % 4];

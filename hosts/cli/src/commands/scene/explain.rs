@@ -226,9 +226,13 @@ impl<'a> Told<'a> {
     fn surfaces(&self, out: &mut String) {
         let all = &self.scene().surfaces;
         let _ = writeln!(out, "\nsurface");
+        let mut asked = BTreeSet::new();
         for (surface, ticks) in all.iter().zip(&self.account.touched).take(MOST_SURFACES) {
             let seconds = *ticks as f64 / f64::from(self.schedule.tick_hz);
             let effects = names(surface);
+            if let Some(passivity) = self.scene().passivity(surface) {
+                asked.insert(passivity.to_string());
+            }
             let effects = if effects.is_empty() {
                 "no effect: it cannot be felt".to_owned()
             } else {
@@ -245,6 +249,10 @@ impl<'a> Told<'a> {
         if let Some(more) = all.len().checked_sub(MOST_SURFACES).filter(|n| *n > 0) {
             let touched = self.account.touched.iter().filter(|ticks| **ticks > 0).count();
             let _ = writeln!(out, "and {more} more; {touched} of all were touched");
+        }
+        let _ = writeln!(out, "\nwall");
+        for asked in asked {
+            let _ = writeln!(out, "{asked}");
         }
     }
 
