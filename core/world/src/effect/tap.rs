@@ -235,6 +235,11 @@ impl Tap {
         self.slots.iter().any(Voice::sounds)
     }
 
+    /// Samples of the longest tap, that of the greatest speed.
+    pub fn longest(&self) -> u64 {
+        self.length(1e-3 * self.settings.max_speed_mm_s).unwrap_or(0)
+    }
+
     /// Fades out in a millisecond whatever sounds.
     pub fn release(&mut self) {
         let fade = self.fade;

@@ -269,6 +269,8 @@ fn whatever_comes_is_finite_and_what_cannot_be_is_refused() {
 fn what_is_released_fades_out_in_a_millisecond_without_a_step() {
     let all = [sinusoid(250.0, 1e4, 300.0)];
     let mut tap = tap(&all, TapSettings::default());
+    // 300 m/s^2 fall to 1e-3 in 12.6 times 10 s.
+    assert_eq!(tap.longest(), 60 * u64::from(RATE));
     assert!(tap.strike(0, 0.0, 100.0) && tap.strike(1000, 0.0, 100.0));
     let mut out = vec![0.0f64; 3000];
     assert!(tap.process(0, &mut out[..2000]));
