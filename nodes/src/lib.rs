@@ -4,6 +4,7 @@
 
 pub mod actuator;
 pub mod contact;
+pub mod effects;
 pub mod hand;
 pub mod motion;
 pub mod phase;
@@ -33,6 +34,9 @@ pub fn registry() -> Registry {
         .with::<sources::Sweep>()
         .with::<contact::VirtualFloor>()
         .with::<contact::SpeedGate>()
+        .with::<effects::Friction>()
+        .with::<effects::Viscosity>()
+        .with::<effects::Magnet>()
         .with::<texture::ActionHistory>()
         .with::<texture::TextureNetwork>()
         .with::<phase::Spsi>()

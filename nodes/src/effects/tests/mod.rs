@@ -1,0 +1,4 @@
+//! Effects in an engine, against their kernels driven directly and against closed forms.
+
+mod bench;
+mod forces;
