@@ -37,6 +37,7 @@ pub fn registry() -> Registry {
         .with::<effects::Friction>()
         .with::<effects::Viscosity>()
         .with::<effects::Magnet>()
+        .with::<effects::ForceLimiter>()
         .with::<texture::ActionHistory>()
         .with::<texture::TextureNetwork>()
         .with::<phase::Spsi>()

@@ -4,6 +4,7 @@
 //! A node that renders an effect holds it for many surfaces: a list of texts, each as it stands behind the effect's field in a
 //! [scene](asperity_world::scene). The number in its input `slot` picks one, 0 the first; none where it is below 0, beyond the list or not a number.
 
+mod force_limiter;
 mod friction;
 mod magnet;
 #[cfg(test)]
@@ -12,6 +13,7 @@ mod texts;
 mod viscosity;
 mod voices;
 
+pub use force_limiter::ForceLimiter;
 pub use friction::Friction;
 pub use magnet::Magnet;
 pub use viscosity::Viscosity;
