@@ -38,6 +38,7 @@ pub fn registry() -> Registry {
         .with::<effects::Viscosity>()
         .with::<effects::Magnet>()
         .with::<effects::ForceLimiter>()
+        .with::<effects::Tap>()
         .with::<texture::ActionHistory>()
         .with::<texture::TextureNetwork>()
         .with::<phase::Spsi>()

@@ -7,6 +7,8 @@
 mod force_limiter;
 mod friction;
 mod magnet;
+mod mix;
+mod tap;
 #[cfg(test)]
 mod tests;
 mod texts;
@@ -16,6 +18,7 @@ mod voices;
 pub use force_limiter::ForceLimiter;
 pub use friction::Friction;
 pub use magnet::Magnet;
+pub use tap::Tap;
 pub use viscosity::Viscosity;
 
 use asperity_node::{Diagnostic, Input, Inputs, Output, RateSpec, ShapeSpec, Status, Tick, Unit};

@@ -3,3 +3,4 @@
 mod bench;
 mod forces;
 mod limiter;
+mod tap;
