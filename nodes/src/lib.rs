@@ -39,6 +39,7 @@ pub fn registry() -> Registry {
         .with::<effects::Magnet>()
         .with::<effects::ForceLimiter>()
         .with::<effects::Tap>()
+        .with::<effects::Vibration>()
         .with::<texture::ActionHistory>()
         .with::<texture::TextureNetwork>()
         .with::<phase::Spsi>()

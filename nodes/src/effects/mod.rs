@@ -12,6 +12,7 @@ mod tap;
 #[cfg(test)]
 mod tests;
 mod texts;
+mod vibration;
 mod viscosity;
 mod voices;
 
@@ -19,6 +20,7 @@ pub use force_limiter::ForceLimiter;
 pub use friction::Friction;
 pub use magnet::Magnet;
 pub use tap::Tap;
+pub use vibration::Vibration;
 pub use viscosity::Viscosity;
 
 use asperity_node::{Diagnostic, Input, Inputs, Output, RateSpec, ShapeSpec, Status, Tick, Unit};

@@ -4,3 +4,4 @@ mod bench;
 mod forces;
 mod limiter;
 mod tap;
+mod vibration;
