@@ -6,6 +6,7 @@
 
 mod force_limiter;
 mod friction;
+mod level;
 mod magnet;
 mod mix;
 mod tap;
@@ -18,6 +19,7 @@ mod voices;
 
 pub use force_limiter::ForceLimiter;
 pub use friction::Friction;
+pub use level::Level;
 pub use magnet::Magnet;
 pub use tap::Tap;
 pub use vibration::Vibration;

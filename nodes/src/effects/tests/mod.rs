@@ -2,6 +2,7 @@
 
 mod bench;
 mod forces;
+mod level;
 mod limiter;
 mod tap;
 mod vibration;
