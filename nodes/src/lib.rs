@@ -40,6 +40,7 @@ pub fn registry() -> Registry {
         .with::<effects::ForceLimiter>()
         .with::<effects::Tap>()
         .with::<effects::Vibration>()
+        .with::<effects::Autoregressive>()
         .with::<effects::Level>()
         .with::<texture::ActionHistory>()
         .with::<texture::TextureNetwork>()

@@ -4,6 +4,7 @@
 //! A node that renders an effect holds it for many surfaces: a list of texts, each as it stands behind the effect's field in a
 //! [scene](asperity_world::scene). The number in its input `slot` picks one, 0 the first; none where it is below 0, beyond the list or not a number.
 
+mod autoregressive;
 mod force_limiter;
 mod friction;
 mod level;
@@ -17,6 +18,7 @@ mod vibration;
 mod viscosity;
 mod voices;
 
+pub use autoregressive::Autoregressive;
 pub use force_limiter::ForceLimiter;
 pub use friction::Friction;
 pub use level::Level;

@@ -1,5 +1,6 @@
 //! Effects in an engine, against their kernels driven directly and against closed forms.
 
+mod autoregressive;
 mod bench;
 mod forces;
 mod level;
