@@ -41,6 +41,8 @@ pub fn registry() -> Registry {
         .with::<effects::Tap>()
         .with::<effects::Vibration>()
         .with::<effects::Autoregressive>()
+        .with::<effects::Waveform>()
+        .with::<effects::Relief>()
         .with::<effects::Level>()
         .with::<texture::ActionHistory>()
         .with::<texture::TextureNetwork>()

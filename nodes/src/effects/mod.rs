@@ -10,22 +10,27 @@ mod friction;
 mod level;
 mod magnet;
 mod mix;
+mod relief;
 mod tap;
 #[cfg(test)]
 mod tests;
 mod texts;
+mod track;
 mod vibration;
 mod viscosity;
 mod voices;
+mod waveform;
 
 pub use autoregressive::Autoregressive;
 pub use force_limiter::ForceLimiter;
 pub use friction::Friction;
 pub use level::Level;
 pub use magnet::Magnet;
+pub use relief::Relief;
 pub use tap::Tap;
 pub use vibration::Vibration;
 pub use viscosity::Viscosity;
+pub use waveform::Waveform;
 
 use asperity_node::{Diagnostic, Input, Inputs, Output, RateSpec, ShapeSpec, Status, Tick, Unit};
 use asperity_source::ron::Value;

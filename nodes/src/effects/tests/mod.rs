@@ -3,6 +3,7 @@
 mod autoregressive;
 mod bench;
 mod forces;
+mod gliding;
 mod level;
 mod limiter;
 mod tap;
