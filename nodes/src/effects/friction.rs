@@ -15,6 +15,9 @@ const VELOCITY: usize = 1;
 const FORCE: usize = 2;
 const TANGENTS: usize = 3;
 
+/// Tangents of a floor.
+const FLAT: [f64; 6] = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0];
+
 /// A force along the surface against the velocity there, by the law of the surface that is touched.
 ///
 /// It is called in contact and once more to let go. Bristles are unbent whenever another law comes on.
@@ -84,7 +87,8 @@ impl Node for Friction {
             .input(Input::new("force", ShapeSpec::Control(1), Unit::NEWTON).doc("normal force"))
             .input(
                 Input::new("tangents", ShapeSpec::Control(6), Unit::NONE)
-                    .doc("two directions along the surface, of length 1: x, y, z of the first, then of the second"),
+                    .or(0.0)
+                    .doc("two directions along the surface, of length 1: x, y, z of the first, then of the second; unconnected, x and y"),
             )
             .output(super::force("force on the stylus, x, y, z"))
             .param(Param::texts(
@@ -107,7 +111,7 @@ impl Node for Friction {
         self.laws.turn(tick.inputs.value(SLOT));
         let Some(law) = self.laws.on().first_mut() else { return let_go(tick, self.every) };
         let [u, v] = law.step(vector(&tick.inputs, VELOCITY), tick.inputs.value(FORCE), self.dt_s);
-        let t: [f64; 6] = vector(&tick.inputs, TANGENTS);
+        let t = if tick.inputs.connected(TANGENTS) { vector(&tick.inputs, TANGENTS) } else { FLAT };
         put(tick, [u * t[0] + v * t[3], u * t[1] + v * t[4], u * t[2] + v * t[5]]);
         Status::Continue
     }

@@ -22,7 +22,8 @@ impl Node for Magnet {
             )
             .input(
                 Input::new("normal", ShapeSpec::Control(3), Unit::NONE)
-                    .doc("the surface's outward normal, of length 1"),
+                    .or(0.0)
+                    .doc("the surface's outward normal, of length 1; unconnected, z"),
             )
             .output(super::force("force on the stylus, x, y, z"))
             .param(Param::texts(
@@ -45,7 +46,7 @@ impl Node for Magnet {
         let Some(magnet) = magnet else { return let_go(tick, self.every) };
         // Along the outward normal: below 0 outside.
         let force = magnet.force_n(tick.inputs.value(1));
-        let normal: [f64; 3] = vector(&tick.inputs, 2);
+        let normal = if tick.inputs.connected(2) { vector(&tick.inputs, 2) } else { [0.0, 0.0, 1.0] };
         put(tick, normal.map(|n| force * n));
         Status::Continue
     }

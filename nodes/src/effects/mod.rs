@@ -3,6 +3,7 @@
 //!
 //! A node that renders an effect holds it for many surfaces: a list of texts, each as it stands behind the effect's field in a
 //! [scene](asperity_world::scene). The number in its input `slot` picks one, 0 the first; none where it is below 0, beyond the list or not a number.
+//! Unconnected it picks the first: a graph of one surface needs nothing that picks.
 
 mod autoregressive;
 mod force_limiter;
@@ -42,9 +43,9 @@ fn pick(slot: f64, count: usize) -> Option<usize> {
     (slot >= 0.0).then_some(slot as usize).filter(|entry| *entry < count)
 }
 
-/// The input that picks.
+/// The input that picks; unconnected, the first.
 fn slot(doc: &'static str) -> Input {
-    Input::new("slot", ShapeSpec::Control(1), Unit::NONE).doc(doc)
+    Input::new("slot", ShapeSpec::Control(1), Unit::NONE).or(0.0).doc(doc)
 }
 
 /// The output of what vibrates.

@@ -117,6 +117,7 @@ impl Node for Tap {
             )
             .input(
                 Input::new("moment", ShapeSpec::Control(1), Unit::NONE)
+                    .or(0.0)
                     .doc("the part of the tick at which the contact was, 0 to 1"),
             )
             .output(acceleration().doc("the transients"))

@@ -105,6 +105,24 @@ fn friction_that_does_not_run_in_every_tick_stays_awake_and_knows_how_long_it_is
 }
 
 #[test]
+fn a_graph_of_one_floor_needs_neither_slot_nor_directions() {
+    let outputs = [("velocity", 2, Unit::MILLIMETRE_PER_SECOND), ("force", 1, Unit::NEWTON)];
+    let script = Script::new(&outputs, |_| vec![vec![30.0, -40.0], vec![2.0]]);
+    let (run, calls) = Bench::new(500, 48_000, "friction", &[("laws", LAWS)], script).run("it", 200);
+    // LuGre's in steady motion, against it.
+    let [x, y, z] = run.control[199][..] else { panic!() };
+    assert!(
+        (x / y + 0.75).abs() < 1e-9 && (x * x + y * y).sqrt() > 0.79 && x < 0.0 && z == 0.0,
+        "{x} {y} {z}"
+    );
+    assert_eq!(calls, 200);
+    let script = Script::new(&[("distance", 1, Unit::MILLIMETRE)], |_| vec![vec![0.3]]);
+    let magnets = "[\"(stiffness_n_per_mm: 0.5, max_force_n: 0.4, reach_mm: 2.5)\"]";
+    let (run, _) = Bench::new(500, 48_000, "magnet", &[("magnets", magnets)], script).run("it", 2);
+    assert!(run.control[1][2] == -0.15 && run.control[1][..2].iter().all(|f| *f == 0.0), "{:?}", run.control);
+}
+
+#[test]
 fn what_is_no_direction_is_no_force() {
     let outputs = [
         ("slot", 1, Unit::NONE),
