@@ -55,12 +55,13 @@ const PORTS: &[Port] = &[
     Port("velocity", 2, MM_S, "along these, behind the low-pass: for textures", all!(velocity_mm_s)),
     Port("speed", 1, MM_S, "its length", one!(speed_mm_s)),
     Port("slide", 2, MM_S, "along these, without the low-pass: for friction", all!(slide_mm_s)),
+    Port("surface", 1, Unit::NONE, "number of the wall in the scene, from 0; -1 in the air", one!(surface)),
     Port(
-        "surface",
+        "volume",
         1,
         Unit::NONE,
-        "number of the surface in the scene, from 0; -1 in the air",
-        one!(surface),
+        "number of the volume, a surface that does not push back; -1 outside of all",
+        one!(volume),
     ),
     Port(
         "approach",

@@ -81,8 +81,10 @@ pub struct Felt {
     pub speed_mm_s: f64,
     /// Along them, as it is, in mm/s.
     pub slide_mm_s: [f64; 2],
-    /// The surface's number in the scene.
+    /// The wall's number in the scene.
     pub surface: f64,
+    /// The volume's.
+    pub volume: f64,
     /// Speed at which it was reached in this tick, in mm/s; else 0.
     pub approach_mm_s: f64,
     /// When in the tick that was, 0 to 1.
@@ -312,7 +314,8 @@ impl Contacts {
             velocity_mm_s,
             speed_mm_s: velocity_mm_s[0].hypot(velocity_mm_s[1]),
             slide_mm_s: along(tangents, motion.unfiltered_mm_s),
-            surface: first(of_wall(|w| w.number), of_zone(|z| z.number)),
+            surface: of_wall(|w| w.number),
+            volume: of_zone(|z| z.number),
             approach_mm_s,
             moment,
             friction: of_wall(|w| w.friction),

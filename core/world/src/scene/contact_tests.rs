@@ -198,14 +198,15 @@ fn a_volume_is_felt_beside_the_wall_in_it_and_gives_way_to_the_walls_own() {
     ));
     let mut at = |x: f64, z: f64| c.step(&Motion { position_mm: [x, 0.0, z], ..Motion::default() });
     let felt = at(0.0, 5.0);
-    assert_eq!((felt.surface, felt.viscosity, felt.vibration, felt.force_n), (0.0, 0.0, 0.0, 0.0));
+    assert_eq!((felt.surface, felt.volume), (-1.0, 0.0));
+    assert_eq!((felt.volume, felt.viscosity, felt.vibration, felt.force_n), (0.0, 0.0, 0.0, 0.0));
     // Deep in the honey and a little in the floor: both.
     let felt = at(0.0, -1.0);
     assert_eq!((felt.surface, felt.viscosity, felt.vibration, felt.force_n), (1.0, 0.0, 0.0, 0.5));
     let felt = at(10.0, 0.2);
     assert_eq!((felt.surface, felt.viscosity, felt.vibration), (2.0, 0.0, 1.0));
     let felt = at(0.0, 11.0);
-    assert_eq!((felt.surface, felt.viscosity, felt.vibration), (-1.0, -1.0, -1.0));
+    assert_eq!((felt.volume, felt.viscosity, felt.vibration), (-1.0, -1.0, -1.0));
 }
 
 #[test]

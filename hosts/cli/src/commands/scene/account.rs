@@ -42,8 +42,10 @@ impl Account {
     pub fn of(compiled: Compiled, sleep: bool, ticks: u64, surfaces: usize) -> Self {
         let nodes: Vec<(String, String)> =
             compiled.schedule.nodes.iter().map(|n| (n.id.clone(), n.kind.clone())).collect();
-        let contact = compiled.schedule.nodes.iter().position(|n| n.kind == "contact").and_then(|node| {
-            let output = compiled.schedule.nodes[node].outputs.iter().position(|o| o.name == "surface")?;
+        // Walls and volumes are told of apart.
+        let contact = ["surface", "volume"].map(|name| {
+            let node = compiled.schedule.nodes.iter().position(|n| n.kind == "contact")?;
+            let output = compiled.schedule.nodes[node].outputs.iter().position(|o| o.name == name)?;
             Some((node, output))
         });
         let mut engine = Engine::new(compiled, Options { sleep, limit_ns: None });
@@ -58,15 +60,21 @@ impl Account {
             let began = Instant::now();
             engine.tick_timed(&wall, &mut spent);
             let tick_ns = began.elapsed().as_nanos() as u64;
-            let surface = contact.and_then(|(node, output)| match engine.output(node, output) {
-                Some(Buffer::Control { values, .. }) => values.first().copied(),
-                _ => None,
+            let now = contact.map(|port| {
+                let (node, output) = port?;
+                match engine.output(node, output) {
+                    Some(Buffer::Control { values, .. }) => {
+                        values.first().filter(|number| **number >= 0.0).map(|number| *number as usize)
+                    }
+                    _ => None,
+                }
             });
-            let surface = surface.filter(|s| *s >= 0.0).map(|s| s as usize);
-            if let Some(count) = surface.and_then(|s| touched.get_mut(s)) {
-                *count += 1;
+            for surface in now.into_iter().flatten() {
+                if let Some(count) = touched.get_mut(surface) {
+                    *count += 1;
+                }
             }
-            ticks_of[usize::from(surface.is_none())].tick(tick_ns);
+            ticks_of[usize::from(now == [None, None])].tick(tick_ns);
             for (node, spent) in spent.iter().enumerate() {
                 total[node] += spent;
                 let now = engine.report(node).map_or(0, |r| r.calls);

@@ -73,8 +73,9 @@ impl Effect<'_> {
         self.nodes.iter().map(|work| work.tick_us).sum()
     }
 
+    /// Calls of what makes it; the level of a voice is asked before that is known.
     fn calls(&self) -> u64 {
-        self.nodes.iter().map(|work| work.calls).max().unwrap_or(0)
+        self.nodes.iter().filter(|work| work.kind != "level").map(|work| work.calls).max().unwrap_or(0)
     }
 }
 
