@@ -116,6 +116,7 @@ fn required(kind: &str) -> Vec<(&'static str, String)> {
             ("library", file("models/surfaces/materials.ron")),
             ("material", "canvas".to_owned()),
         ],
+        "contact" => vec![("scene", file("scenes/every_effect.ron"))],
         "file_out" => vec![("file", "unused.wav".to_owned())],
         "osc_input" => vec![("arguments", "x_mm, y_mm, z_mm, force_n".to_owned())],
         kind => crate::common::effects(kind),
@@ -132,7 +133,7 @@ pub fn graph(kind: &dyn NodeKind, signal: &str, tick_hz: u32, audio_hz: u32) -> 
     graph.add_node("it", &d.kind, &params, "test").unwrap();
     for Input { name, shape, unit, limited, .. } in &d.inputs {
         // A stroke that begins anew in every tick leaves nothing to remember.
-        if name == "stroke" && matches!(&*d.kind, "velocity" | "waveform" | "relief") {
+        if name == "stroke" && matches!(&*d.kind, "velocity" | "contact" | "waveform" | "relief") {
             continue;
         }
         // Nor does an effect that is another in every tick.
