@@ -32,7 +32,7 @@ fn subject(kind: &Arc<dyn NodeKind>) -> Subject<'static> {
             .set("model", file("models/surfaces/texture.onnx"))
             .set("library", file("models/surfaces/materials.ron"))
             .set("material", "canvas"),
-        "contact" => subject.set("scene", file("scenes/every_effect.ron")),
+        "contact" => subject.set("scene", file("../tests/common/near.ron")),
         "file_out" => subject.set("file", "unused.wav"),
         kind => {
             common::effects(kind).into_iter().fold(subject, |subject, (name, value)| subject.set(name, value))

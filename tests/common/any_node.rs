@@ -116,7 +116,7 @@ fn required(kind: &str) -> Vec<(&'static str, String)> {
             ("library", file("models/surfaces/materials.ron")),
             ("material", "canvas".to_owned()),
         ],
-        "contact" => vec![("scene", file("scenes/every_effect.ron"))],
+        "contact" => vec![("scene", file("../tests/common/near.ron"))],
         "file_out" => vec![("file", "unused.wav".to_owned())],
         "osc_input" => vec![("arguments", "x_mm, y_mm, z_mm, force_n".to_owned())],
         kind => crate::common::effects(kind),
