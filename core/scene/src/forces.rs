@@ -21,9 +21,9 @@ impl Builder<'_> {
         if input.outputs.iter().all(|output| output.name != "position") {
             let place = &scene.input.place;
             let message = format!("`{}` does not tell where a stylus is", scene.input.kind);
-            return Err(Diagnostic::new(message)
-                .at(&place.source, place.span)
-                .help("trajectory, stroke, or a hand: osc_input, pointer_input, openhaptics_input, haply_input"));
+            return Err(Diagnostic::new(message).at(&place.source, place.span).help(
+                "trajectory, stroke, or a hand: osc_input, pointer_input, openhaptics_input, haply_input",
+            ));
         }
         let strokes = input.outputs.iter().any(|output| output.name == "stroke");
         self.part("motion", &scene.motion)?;
@@ -57,9 +57,12 @@ impl Builder<'_> {
         let walls = scene.surfaces.iter().any(|surface| surface.effects.stiffness.is_some());
         let mut beside = Vec::new();
         if self.is_built(Kind::Friction) {
-            self.effect(Kind::Friction, "laws", &["slot", "velocity", "force", "tangents"], &[
-                "friction", "slide", "force", "tangents",
-            ]);
+            self.effect(
+                Kind::Friction,
+                "laws",
+                &["slot", "velocity", "force", "tangents"],
+                &["friction", "slide", "force", "tangents"],
+            );
             beside.push("friction.force".to_owned());
         }
         if self.is_built(Kind::Viscosity) {
@@ -68,9 +71,12 @@ impl Builder<'_> {
             beside.push("viscosity.force".to_owned());
         }
         if self.is_built(Kind::Magnet) {
-            self.effect(Kind::Magnet, "magnets", &["slot", "distance", "normal"], &[
-                "magnet", "magnet_distance", "magnet_normal",
-            ]);
+            self.effect(
+                Kind::Magnet,
+                "magnets",
+                &["slot", "distance", "normal"],
+                &["magnet", "magnet_distance", "magnet_normal"],
+            );
             beside.push("magnet.force".to_owned());
         }
         let mut all = beside.clone();

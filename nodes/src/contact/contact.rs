@@ -1,8 +1,8 @@
 //! `contact`: what a stylus touches in a scene.
 
 use asperity_node::{
-    Config, Descriptor, Diagnostic, Fact, Input, Node, Output, Param, Resume, Setup, ShapeSpec, State, Status,
-    Tick, Unit,
+    Config, Descriptor, Diagnostic, Fact, Input, Node, Output, Param, Resume, Setup, ShapeSpec, State,
+    Status, Tick, Unit,
 };
 use asperity_world::scene::{ContactSettings, Contacts, Felt, Motion, Scene};
 
@@ -32,10 +32,22 @@ const N: Unit = Unit::NEWTON;
 const PORTS: &[Port] = &[
     Port("force", 1, N, "normal force by Hooke's law, 0 in the air", one!(force_n)),
     Port("depth", 1, MM, "penetration, 0 in the air", one!(depth_mm)),
-    Port("plane", 3, MM, "a point of the plane that touches the surface, for a device that pushes back by itself", all!(plane_mm)),
+    Port(
+        "plane",
+        3,
+        MM,
+        "a point of the plane that touches the surface, for a device that pushes back by itself",
+        all!(plane_mm),
+    ),
     Port("normal", 3, Unit::NONE, "that plane's outward normal; 0 where there is no surface", all!(normal)),
     Port("stiffness", 1, Unit::NEWTON_PER_MILLIMETRE, "stiffness of the surface", one!(stiffness_n_per_mm)),
-    Port("damping", 1, Unit::NEWTON_SECOND_PER_METRE, "damping of the surface along its normal", one!(damping_ns_per_m)),
+    Port(
+        "damping",
+        1,
+        Unit::NEWTON_SECOND_PER_METRE,
+        "damping of the surface along its normal",
+        one!(damping_ns_per_m),
+    ),
     Port("push", 3, N, "force of the wall with its damping, never a pull", all!(push_n)),
     Port("tangents", 6, Unit::NONE, "two directions along the surface, of length 1", |felt, to| {
         to.copy_from_slice(felt.tangents.as_flattened());
@@ -43,8 +55,20 @@ const PORTS: &[Port] = &[
     Port("velocity", 2, MM_S, "along these, behind the low-pass: for textures", all!(velocity_mm_s)),
     Port("speed", 1, MM_S, "its length", one!(speed_mm_s)),
     Port("slide", 2, MM_S, "along these, without the low-pass: for friction", all!(slide_mm_s)),
-    Port("surface", 1, Unit::NONE, "number of the surface in the scene, from 0; -1 in the air", one!(surface)),
-    Port("approach", 1, MM_S, "speed at which a wall was reached in this tick from the air, else 0", one!(approach_mm_s)),
+    Port(
+        "surface",
+        1,
+        Unit::NONE,
+        "number of the surface in the scene, from 0; -1 in the air",
+        one!(surface),
+    ),
+    Port(
+        "approach",
+        1,
+        MM_S,
+        "speed at which a wall was reached in this tick from the air, else 0",
+        one!(approach_mm_s),
+    ),
     Port("moment", 1, Unit::NONE, "when in the tick that was, 0 to 1", one!(moment)),
     Port("friction", 1, Unit::NONE, "slot of friction; -1 for none, as all slots", one!(friction)),
     Port("tap", 1, Unit::NONE, "slot of taps", one!(tap)),
@@ -52,7 +76,13 @@ const PORTS: &[Port] = &[
     Port("network", 1, Unit::NONE, "level of the network, 0 to 1", one!(network)),
     Port("level_a", 1, Unit::NONE, "level of the first voice of textures, 0 to 1", one!(voices[0].level)),
     Port("place_a", 2, MM, "where the stylus is on that voice's surface", all!(voices[0].place_mm)),
-    Port("stroke_a", 1, Unit::NONE, "another number: that voice is of another surface", one!(voices[0].stroke)),
+    Port(
+        "stroke_a",
+        1,
+        Unit::NONE,
+        "another number: that voice is of another surface",
+        one!(voices[0].stroke),
+    ),
     Port("autoregressive_a", 1, Unit::NONE, "slot of its autoregressive texture", one!(voices[0].slots[0])),
     Port("waveform_a", 1, Unit::NONE, "slot of its waveform", one!(voices[0].slots[1])),
     Port("relief_a", 1, Unit::NONE, "slot of its relief", one!(voices[0].slots[2])),
@@ -138,13 +168,14 @@ impl Node for Contact {
             hold_s: 1e-3 * p.number("hold_ms"),
             anticipate_mm: p.number("anticipate_mm"),
         };
-        Ok(Self { contacts: Contacts::new(&scene, settings, runs_hz(setup))?, surfaces: scene.surfaces.len() })
+        Ok(Self {
+            contacts: Contacts::new(&scene, settings, runs_hz(setup))?,
+            surfaces: scene.surfaces.len(),
+        })
     }
 
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
-        let three = |input: usize| -> [f64; 3] {
-            tick.inputs.control(input).try_into().unwrap_or([0.0; 3])
-        };
+        let three = |input: usize| -> [f64; 3] { tick.inputs.control(input).try_into().unwrap_or([0.0; 3]) };
         let motion = Motion {
             position_mm: three(0),
             velocity_mm_s: three(1),

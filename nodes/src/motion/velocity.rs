@@ -39,9 +39,7 @@ impl Node for Velocity {
             Output::new("speed", ShapeSpec::Control(1), Unit::MILLIMETRE_PER_SECOND)
                 .doc("planar speed, at least 0"),
         )
-        .output(
-            Output::new("spatial", ShapeSpec::Control(3), Unit::MILLIMETRE_PER_SECOND).doc("vx, vy, vz"),
-        )
+        .output(Output::new("spatial", ShapeSpec::Control(3), Unit::MILLIMETRE_PER_SECOND).doc("vx, vy, vz"))
         .output(
             Output::new("unfiltered", ShapeSpec::Control(3), Unit::MILLIMETRE_PER_SECOND)
                 .doc("vx, vy, vz by the difference alone, for forces, which a low-pass would make unstable"),

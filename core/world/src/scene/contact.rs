@@ -5,10 +5,12 @@ use asperity_state::State;
 
 use super::{Kind, Scene, Slots};
 use crate::effect::crossing;
-use crate::space::{Contact, Entry, Hold, Index, Touch};
+use crate::space::{Contact, Entry, Hold, Index};
 
 /// How deep a stylus is at least in what it touches \[mm\].
 const TOUCHED_MM: f64 = 1e-6;
+/// No place on a surface is further from its middle \[mm\].
+const FAR_MM: f64 = 1e7;
 /// What no surface, slot or material is.
 const NONE: f64 = -1.0;
 
@@ -130,13 +132,19 @@ struct Zone {
 }
 
 /// One of two that fade.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 struct Fading {
     of: Option<Hold>,
     gain: f64,
     place_mm: [f64; 2],
+    /// Along which the place goes on where the surface is no longer touched.
+    tangents: [[f64; 3]; 2],
     stroke: u64,
 }
+
+const SILENT: Fading = Fading { of: None, gain: 0.0, place_mm: [0.0; 2], tangents: FLAT, stroke: 0 };
+/// Directions along a surface that is not turned.
+const FLAT: [[f64; 3]; 2] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
 
 /// Finds what a stylus touches, and says what each effect is to do about it.
 ///
@@ -161,6 +169,8 @@ pub struct Contacts {
     touching: bool,
     air_ticks: u64,
     before: Option<[f64; 3]>,
+    /// Of what was touched last.
+    tangents: [[f64; 3]; 2],
     stroke: f64,
     voices: [Fading; 2],
     current: Option<usize>,
@@ -224,8 +234,9 @@ impl Contacts {
             touching: false,
             air_ticks: 0,
             before: None,
+            tangents: FLAT,
             stroke: 0.0,
-            voices: [Fading::default(); 2],
+            voices: [SILENT; 2],
             current: None,
             rested: true,
             network: 0.0,
@@ -258,10 +269,9 @@ impl Contacts {
             self.held[0] = Some(contact.hold());
         }
         // In the air what was touched last says which way is along, so that what fades goes on as it was.
-        let touch = found.map(|contact| contact.touch).or_else(|| self.last_touch(at));
-        let tangents = touch.map_or([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], |touch| touch.tangents);
-        let along = |v: [f64; 3]| tangents.map(|t| t[0] * v[0] + t[1] * v[1] + t[2] * v[2]);
-        let velocity_mm_s = along(motion.velocity_mm_s);
+        self.tangents = touched.map_or(self.tangents, |contact| contact.touch.tangents);
+        let tangents = self.tangents;
+        let velocity_mm_s = along(tangents, motion.velocity_mm_s);
         let wall = touched.and_then(|contact| self.of_walls.get(contact.entry as usize).copied());
         let approach = match (before, touched) {
             (Some(before), Some(contact)) if !was_touching => self.approach(before, &contact),
@@ -269,7 +279,7 @@ impl Contacts {
         };
         let (approach_mm_s, moment) = approach.unwrap_or_default();
         self.fade(touched.as_ref(), wall.as_ref());
-        self.follow(at, touched.as_ref());
+        self.follow(motion.unfiltered_mm_s, touched.as_ref());
 
         let near = found.and_then(|contact| self.of_walls.get(contact.entry as usize).copied());
         let depth_mm = touched.map_or(0.0, |contact| contact.touch.depth_mm);
@@ -283,7 +293,8 @@ impl Contacts {
         let most = self.settings.max_force_n;
         let hooke = stiffness * depth_mm;
         let outward = dot(motion.unfiltered_mm_s, normal);
-        let pushed = if touched.is_some() { (hooke - 1e-3 * damping * outward).clamp(0.0, most) } else { 0.0 };
+        let pushed =
+            if touched.is_some() { (hooke - 1e-3 * damping * outward).clamp(0.0, most) } else { 0.0 };
         let zone = self.zone(at);
         let of_zone = |pick: fn(&Zone) -> f64| zone.as_ref().map_or(NONE, pick);
         let of_wall = |pick: fn(&Wall) -> f64| wall.as_ref().map_or(NONE, pick);
@@ -300,7 +311,7 @@ impl Contacts {
             tangents,
             velocity_mm_s,
             speed_mm_s: velocity_mm_s[0].hypot(velocity_mm_s[1]),
-            slide_mm_s: along(motion.unfiltered_mm_s),
+            slide_mm_s: along(tangents, motion.unfiltered_mm_s),
             surface: first(of_wall(|w| w.number), of_zone(|z| z.number)),
             approach_mm_s,
             moment,
@@ -325,13 +336,6 @@ impl Contacts {
         } else {
             self.walls.deepest(at, held)
         }
-    }
-
-    /// How the wall that was touched last lies to a point in the air, for as long as its textures fade.
-    fn last_touch(&self, at: [f64; 3]) -> Option<Touch> {
-        let hold = self.held[0]?;
-        let entry = self.walls.entries().get(hold.entry as usize)?;
-        entry.surface.touch(at, Some(hold.feature), self.walls.hysteresis_mm())
     }
 
     /// Speed and part of the tick at which a wall was reached from outside.
@@ -399,21 +403,20 @@ impl Contacts {
         self.network = towards(self.network, wall.material >= 0.0, step);
     }
 
-    /// Takes the places of textures on to where the stylus is.
-    fn follow(&mut self, at: [f64; 3], touched: Option<&Contact>) {
-        let walls = &self.walls;
-        for voice in &mut self.voices {
-            let Some(hold) = voice.of else { continue };
-            let touch = match touched {
-                Some(contact) if contact.hold() == hold => Some(contact.touch),
-                _ if voice.gain == 0.0 => None,
-                _ => walls.entries().get(hold.entry as usize).and_then(|entry| {
-                    entry.surface.touch(at, Some(hold.feature), walls.hysteresis_mm())
-                }),
-            };
-            // Of another face coordinates are others.
-            if let Some(touch) = touch.filter(|touch| touch.feature == hold.feature) {
-                voice.place_mm = touch.place_mm;
+    /// Takes the places of textures on: to where their surface is touched, else as far as the stylus goes, as if the surface went on.
+    fn follow(&mut self, velocity_mm_s: [f64; 3], touched: Option<&Contact>) {
+        for voice in self.voices.iter_mut().filter(|voice| voice.gain > 0.0) {
+            match touched.filter(|contact| Some(contact.hold()) == voice.of) {
+                Some(Contact { touch, .. }) => {
+                    (voice.place_mm, voice.tangents) = (touch.place_mm, touch.tangents);
+                }
+                None => {
+                    let way = along(voice.tangents, velocity_mm_s);
+                    let here = std::array::from_fn(|k| voice.place_mm[k] + self.tick_s * way[k]);
+                    if here.iter().all(|x| x.abs() < FAR_MM) {
+                        voice.place_mm = here;
+                    }
+                }
             }
         }
     }
@@ -432,7 +435,7 @@ impl Contacts {
     pub fn reset(&mut self) {
         self.held = [None; 3];
         (self.touching, self.air_ticks, self.before, self.stroke) = (false, 0, None, 0.0);
-        self.voices = [Fading::default(); 2];
+        (self.tangents, self.voices) = (FLAT, [SILENT; 2]);
         (self.current, self.rested, self.network, self.material) = (None, true, 0.0, 0.0);
     }
 
@@ -443,16 +446,20 @@ impl Contacts {
             .keep(&mut self.touching)
             .keep(&mut self.air_ticks)
             .keep(&mut self.before)
+            .keep(&mut self.tangents)
             .keep(&mut self.stroke);
         for voice in &mut self.voices {
-            state.keep(&mut voice.of).keep(&mut voice.gain).keep(&mut voice.place_mm).keep(&mut voice.stroke);
+            state.keep(&mut voice.of).keep(&mut voice.gain).keep(&mut voice.place_mm);
+            state.keep(&mut voice.tangents).keep(&mut voice.stroke);
         }
         state.keep(&mut self.current).keep(&mut self.rested).keep(&mut self.network).keep(&mut self.material);
         if state.restores() {
             let part = |x: f64| (0.0..=1.0).contains(&x);
+            let length = |tangents: &[[f64; 3]; 2]| tangents.iter().flatten().all(|x| x.abs() < 1.1);
             let sound = self.voices.iter().all(|voice| {
-                part(voice.gain) && voice.place_mm.iter().all(|x| x.is_finite())
-            }) && part(self.network)
+                part(voice.gain) && length(&voice.tangents) && voice.place_mm.iter().all(|x| x.abs() < FAR_MM)
+            }) && length(&self.tangents)
+                && part(self.network)
                 && self.current.is_none_or(|i| i < 2)
                 && self.material.is_finite()
                 && self.before.is_none_or(|p| p.iter().all(|x| x.is_finite()));
@@ -480,6 +487,11 @@ fn towards(gain: f64, up: bool, step: f64) -> f64 {
     } else {
         gain
     }
+}
+
+/// A velocity along two directions; 0 where it is no number.
+fn along(tangents: [[f64; 3]; 2], velocity: [f64; 3]) -> [f64; 2] {
+    tangents.map(|t| Some(dot(t, velocity)).filter(|v| v.is_finite()).unwrap_or(0.0))
 }
 
 fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {

@@ -31,7 +31,8 @@ pub fn run(args: &Explain) -> Result<ExitCode, Failure> {
     let compiled = load::compiled(&graph, &args.scene, &registry)?;
     if let Some((node, _)) = compiled.schedule.fed().next() {
         let node = &compiled.schedule.nodes[node];
-        let message = format!("`{}` ({}) is live, and nothing is measured without a hand", node.id, node.kind);
+        let message =
+            format!("`{}` ({}) is live, and nothing is measured without a hand", node.id, node.kind);
         return Err(Diagnostic::new(message)
             .in_file(&args.scene.graph)
             .help("measure a stroke in its place: --input TRAJ.csv")
@@ -150,7 +151,11 @@ impl<'a> Told<'a> {
                 })
             });
             let why = plural(count.count(), "surface");
-            all.push((file, self.of_scene.rendered.iter().any(|(k, ids)| *k == Kind::Autoregressive && !ids.is_empty()), why));
+            all.push((
+                file,
+                self.of_scene.rendered.iter().any(|(k, ids)| *k == Kind::Autoregressive && !ids.is_empty()),
+                why,
+            ));
         }
         all
     }
@@ -184,7 +189,8 @@ impl<'a> Told<'a> {
             let built = if effect.built { "yes" } else { "no" };
             let _ = writeln!(out, "{:<15} {built:<7} {figures}   {}", effect.name, clean(&effect.why));
         }
-        let _ = writeln!(out, "\nnode                    kind                   calls   us a call   us a tick");
+        let _ =
+            writeln!(out, "\nnode                    kind                   calls   us a call   us a tick");
         for work in &account.nodes {
             let _ = writeln!(
                 out,
@@ -220,9 +226,13 @@ impl<'a> Told<'a> {
     fn surfaces(&self, out: &mut String) {
         let all = &self.scene().surfaces;
         let _ = writeln!(out, "\nsurface");
+        let mut asked = BTreeSet::new();
         for (surface, ticks) in all.iter().zip(&self.account.touched).take(MOST_SURFACES) {
             let seconds = *ticks as f64 / f64::from(self.schedule.tick_hz);
             let effects = names(surface);
+            if let Some(passivity) = self.scene().passivity(surface) {
+                asked.insert(passivity.to_string());
+            }
             let effects = if effects.is_empty() {
                 "no effect: it cannot be felt".to_owned()
             } else {
@@ -239,6 +249,10 @@ impl<'a> Told<'a> {
         if let Some(more) = all.len().checked_sub(MOST_SURFACES).filter(|n| *n > 0) {
             let touched = self.account.touched.iter().filter(|ticks| **ticks > 0).count();
             let _ = writeln!(out, "and {more} more; {touched} of all were touched");
+        }
+        let _ = writeln!(out, "\nwall");
+        for asked in asked {
+            let _ = writeln!(out, "{asked}");
         }
     }
 
