@@ -161,7 +161,9 @@ fn view(way: Option<Bounds>, surfaces: impl Iterator<Item = Bounds>) -> Bounds {
     let extent = |[low, high]: Bounds| (high[0] - low[0]).max(high[1] - low[1]).max(LEAST_MM);
     let shown = match way {
         Some(way) => {
-            let (near, far) = (wider(way, NEAR * extent(way)), wider(way, FAR * extent(way)));
+            let least = 0.5 * (LEAST_MM - (way[1][0] - way[0][0]).max(way[1][1] - way[0][1]));
+            let near = wider(way, least.max(NEAR * extent(way)));
+            let far = wider(way, FAR * extent(way));
             let cut = |[low, high]: Bounds| -> Bounds {
                 [
                     std::array::from_fn(|k| low[k].max(far[0][k])),

@@ -47,48 +47,41 @@ pub(super) struct Piece {
     pub(super) joined: bool,
 }
 
-/// The way in pieces, at most [`MOST_PIECES`]: what moves by less than two pixels is one, or by more where there would be too many.
-pub(super) fn pieces(stops: impl Iterator<Item = Stop> + Clone) -> Vec<Piece> {
-    let mut step = STEP;
-    for _ in 0..16 {
-        if let Some(pieces) = pieces_of(stops.clone(), step, MOST_PIECES) {
-            return pieces;
-        }
-        step *= 2.0;
-    }
-    // It does nothing but jump.
-    let mut pieces = pieces_of(stops, step, usize::MAX).unwrap_or_default();
+/// The way in pieces: each is two pixels long or more, and of so many ticks that there are [`MOST_PIECES`] at most.
+pub(super) fn pieces(stops: impl ExactSizeIterator<Item = Stop>) -> Vec<Piece> {
+    let ticks = stops.len().div_ceil(MOST_PIECES - 1).max(1);
+    let mut pieces = pieces_of(stops, STEP, ticks);
+    // There may be more where it does nothing but jump.
     pieces.truncate(MOST_PIECES);
     pieces
 }
 
-/// Pieces that are at least so long. The place of every tick is nearer than that to where its piece begins, and its effects are among the piece's. None where
-/// there are more than `most`.
-fn pieces_of(stops: impl Iterator<Item = Stop>, step: f64, most: usize) -> Option<Vec<Piece>> {
+/// Pieces that are at least so long and of so many ticks. The effects of every tick are among those of the piece that it is of.
+fn pieces_of(stops: impl Iterator<Item = Stop>, step: f64, ticks: usize) -> Vec<Piece> {
     let mut pieces: Vec<Piece> = Vec::new();
-    let mut open: Option<Piece> = None;
+    // The piece in the making, and the ticks that it has.
+    let mut open: Option<(Piece, usize)> = None;
     for Stop { at, effects, touches, jumps } in stops {
         let Some(at) = at else {
-            pieces.extend(open.take());
+            pieces.extend(open.take().map(|(piece, _)| piece));
             continue;
         };
         let mut joined = false;
-        if let Some(piece) = open.as_mut().filter(|_| !jumps) {
+        if let Some((piece, of)) = open.as_mut().filter(|_| !jumps) {
             piece.to = at;
-            if distance(piece.from, at) < step {
+            if *of < ticks || distance(piece.from, at) < step {
                 piece.effects |= effects;
                 piece.touches |= touches;
+                *of += 1;
                 continue;
             }
             joined = true;
         }
-        pieces.extend(open.replace(Piece { from: at, to: at, effects, touches, joined }));
-        if pieces.len() >= most {
-            return None;
-        }
+        let next = Piece { from: at, to: at, effects, touches, joined };
+        pieces.extend(open.replace((next, 1)).map(|(piece, _)| piece));
     }
-    pieces.extend(open);
-    Some(pieces)
+    pieces.extend(open.map(|(piece, _)| piece));
+    pieces
 }
 
 /// The way itself as a path: where something is touched, and where not.
@@ -142,12 +135,23 @@ fn along(d: &mut String, run: &[Piece], ways: &[Point], off: f64) {
     }
     let mut points: Vec<Point> = Vec::with_capacity(run.len() + 1);
     for (piece, way) in run.iter().zip(ways.windows(2)) {
-        let turns = way[0][0] * way[1][0] + way[0][1] * way[1][1] < SHARP;
-        if points.is_empty() {
-            points.push(beside(piece.from, way[0]));
-        }
-        points.push(beside(piece.to, if turns { way[0] } else { way[1] }));
+        let (mut begin, mut end) = (way[0], way[1]);
+        let turns = dot(begin, end) < SHARP;
         if turns {
+            let along = [piece.to[0] - piece.from[0], piece.to[1] - piece.from[1]];
+            if dot(along, begin) < dot(along, end) {
+                // It has turned already.
+                write(d, &std::mem::take(&mut points));
+                begin = end;
+            } else {
+                end = begin;
+            }
+        }
+        if points.is_empty() {
+            points.push(beside(piece.from, begin));
+        }
+        points.push(beside(piece.to, end));
+        if turns && end == way[0] {
             write(d, &std::mem::take(&mut points));
         }
     }
@@ -181,7 +185,7 @@ fn ways(chain: &[Piece]) -> Vec<Point> {
         }
         let across = distance(points[before], points[after]);
         let way = if across < BACK * (lengths[after] - lengths[before]) {
-            unit(points[before], *point).or_else(|| unit(*point, points[after]))
+            unit(points[at.saturating_sub(1)], *point).or_else(|| unit(*point, points[after]))
         } else {
             unit(points[before], points[after])
         };
@@ -233,6 +237,10 @@ fn beyond(a: Point, b: Point, p: Point) -> f64 {
     } else {
         distance(a, p).min(distance(b, p))
     }
+}
+
+fn dot(a: Point, b: Point) -> f64 {
+    a[0] * b[0] + a[1] * b[1]
 }
 
 fn distance(a: Point, b: Point) -> f64 {
