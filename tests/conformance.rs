@@ -33,7 +33,9 @@ fn subject(kind: &Arc<dyn NodeKind>) -> Subject<'static> {
             .set("library", file("models/surfaces/materials.ron"))
             .set("material", "canvas"),
         "file_out" => subject.set("file", "unused.wav"),
-        _ => subject,
+        kind => {
+            common::effects(kind).into_iter().fold(subject, |subject, (name, value)| subject.set(name, value))
+        }
     }
 }
 

@@ -76,7 +76,10 @@ pub fn compiled(graph: &GraphFile, args: &GraphArgs, registry: &Registry) -> Res
 /// Every file that a graph was made from, and who reads it.
 pub fn files_read(args: &GraphArgs, schedule: &Schedule) -> Vec<(PathBuf, String)> {
     let mut files = vec![(args.graph.clone(), "the graph".to_owned())];
-    files.extend(node_files(schedule).into_iter().map(|f| (f.path, format!("`{}.{}`", f.node, f.param))));
+    files.extend(node_files(schedule).into_iter().map(|f| {
+        let reader = if f.param.is_empty() { f.node } else { format!("{}.{}", f.node, f.param) };
+        (f.path, format!("`{reader}`"))
+    }));
     files
 }
 
@@ -86,7 +89,7 @@ pub struct NodeFile {
     pub path: PathBuf,
     /// The node's id.
     pub node: String,
-    /// The parameter that names it.
+    /// The parameter that names it; empty where it stands within one.
     pub param: String,
 }
 
@@ -106,6 +109,12 @@ pub fn node_files(schedule: &Schedule) -> Vec<NodeFile> {
             };
             files.push(NodeFile { path, node: node.id.clone(), param: name.to_owned() });
         }
+        let within = node.files.iter().map(|path| NodeFile {
+            path: path.clone(),
+            node: node.id.clone(),
+            param: String::new(),
+        });
+        files.extend(within);
     }
     files
 }

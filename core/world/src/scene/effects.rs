@@ -5,7 +5,7 @@ use asperity_source::{Diagnostic, Place};
 
 use super::read::{body, error, file, number, numbers, place, variant};
 use super::surface::heights;
-use super::{Drag, Effects, Friction, Hum, Knock, Placed, Pull, Texture};
+use super::{Drag, Effects, Friction, Hum, Knock, Placed, Pull, Sound, Texture};
 use crate::effect::friction::{Dahl, LuGre, LuGreSettings, ViscousCoulomb};
 use crate::effect::{
     DecayingSinusoid, EffectError, Magnet, ReliefSettings, Tap, TapSettings, Transient, Vibration, Viscosity,
@@ -30,8 +30,7 @@ pub(super) fn effects(value: Option<&Value>) -> Result<Effects, Diagnostic> {
     effects.damping = one(&mut record, "damping", |v| damping(v))?;
     effects.friction = one(&mut record, "friction", |v| friction(v))?;
     if let Some(value) = record.optional("texture") {
-        let all = value.list().map_or_else(|_| std::slice::from_ref(value), |list| list);
-        for value in all {
+        for value in one_or_more(value) {
             effects.textures.push(Placed { of: texture(value)?, place: place(value) });
         }
     }
@@ -50,6 +49,11 @@ fn one<T>(
     read: impl FnOnce(&Value) -> Result<T, Diagnostic>,
 ) -> Result<Option<Placed<T>>, Diagnostic> {
     record.optional(name).map(|value| Ok(Placed { of: read(value)?, place: place(value) })).transpose()
+}
+
+/// The values of a list, or the one that stands there without a list.
+pub(super) fn one_or_more(value: &Value) -> &[Value] {
+    value.list().map_or_else(|_| std::slice::from_ref(value), |list| list)
 }
 
 /// What an effect's constructor says, at the effect.
@@ -71,7 +75,7 @@ fn damping(value: &Value) -> Result<f64, Diagnostic> {
     Ok(damping)
 }
 
-fn friction(value: &Value) -> Result<Friction, Diagnostic> {
+pub(super) fn friction(value: &Value) -> Result<Friction, Diagnostic> {
     let name = variant(value, "friction", FRICTIONS)?;
     let mut record = body(value, name)?;
     let record = record.as_mut();
@@ -180,7 +184,7 @@ fn finish(value: &Value, name: &str, known: &[&str]) -> Result<(), Diagnostic> {
     record.finish(known)
 }
 
-fn texture(value: &Value) -> Result<Texture, Diagnostic> {
+pub(super) fn texture(value: &Value) -> Result<Texture, Diagnostic> {
     let name = variant(value, "texture", TEXTURES)?;
     let record = body(value, name)?;
     if name == "network" {
@@ -250,18 +254,9 @@ fn waveform(value: &Value, mut record: Record<'_>, gain: f64) -> Result<Texture,
     Ok(Texture::Waveform { segments, spacing_mm, crossfade_mm, quantity, gain })
 }
 
-fn tap(value: &Value) -> Result<Knock, Diagnostic> {
+pub(super) fn tap(value: &Value) -> Result<Knock, Diagnostic> {
     let mut record = value.record("tap")?;
-    let mut sinusoids = Vec::new();
-    for item in record.required("sinusoids")?.list()? {
-        let mut one = item.record("sinusoid")?;
-        sinusoids.push(DecayingSinusoid {
-            frequency_hz: one.required("frequency_hz")?.f64_in(1.0..=20_000.0, "Hz")?,
-            decay_ms: one.required("decay_ms")?.f64_in(0.1..=1e5, "ms")?,
-            gain: one.required("gain")?.f64_in(-1e5..=1e5, "(m/s^2)/(m/s)")?,
-        });
-        one.finish(&["frequency_hz", "decay_ms", "gain"])?;
-    }
+    let said = (record.optional("sinusoids"), record.optional("recording"));
     let usual = TapSettings::default();
     let mut field = |name, range, unit, default: f64| number(&mut record, name, range, unit, Some(default));
     let settings = TapSettings {
@@ -270,13 +265,58 @@ fn tap(value: &Value) -> Result<Knock, Diagnostic> {
         debounce_ms: field("debounce_ms", 2.0..=1000.0, "ms", usual.debounce_ms)?,
         floor_m_s2: field("floor_m_s2", 1e-6..=1.0, "m/s^2", usual.floor_m_s2)?,
     };
-    record.finish(&["sinusoids", "min_speed_mm_s", "max_speed_mm_s", "debounce_ms", "floor_m_s2"])?;
-    let transient = Transient::Sinusoids(sinusoids);
-    at(value, Tap::new(&transient, settings, TRIED_HZ))?;
-    Ok(Knock { transient, settings })
+    record.finish(&[
+        "sinusoids",
+        "recording",
+        "min_speed_mm_s",
+        "max_speed_mm_s",
+        "debounce_ms",
+        "floor_m_s2",
+    ])?;
+    let sound = match said {
+        (Some(list), None) => Sound::Sinusoids(sinusoids(list)?),
+        (None, Some(value)) => recording(value)?,
+        (Some(_), Some(second)) => {
+            return Err(second.error("sinusoids and a recording of one tap").help("one of the two"));
+        }
+        (None, None) => {
+            return Err(value.error("a tap of no sound").help(
+                "sinusoids: [(frequency_hz: 200, decay_ms: 10, gain: 30)], or recording: (file: \"tap.wav\", speed_mm_s: 100, \
+                 full_scale_m_s2: 50)",
+            ));
+        }
+    };
+    if let Sound::Sinusoids(sinusoids) = &sound {
+        at(value, Tap::new(&Transient::Sinusoids(sinusoids.clone()), settings, TRIED_HZ))?;
+    }
+    Ok(Knock { sound, settings })
 }
 
-fn vibration(value: &Value) -> Result<Hum, Diagnostic> {
+fn sinusoids(list: &Value) -> Result<Vec<DecayingSinusoid>, Diagnostic> {
+    let one = |item: &Value| {
+        let mut one = item.record("sinusoid")?;
+        let sinusoid = DecayingSinusoid {
+            frequency_hz: one.required("frequency_hz")?.f64_in(1.0..=20_000.0, "Hz")?,
+            decay_ms: one.required("decay_ms")?.f64_in(0.1..=1e5, "ms")?,
+            gain: one.required("gain")?.f64_in(-1e5..=1e5, "(m/s^2)/(m/s)")?,
+        };
+        one.finish(&["frequency_hz", "decay_ms", "gain"])?;
+        Ok(sinusoid)
+    };
+    list.list()?.iter().map(one).collect()
+}
+
+fn recording(value: &Value) -> Result<Sound, Diagnostic> {
+    let mut record = value.record("recording")?;
+    let file = file(record.required("file")?)?;
+    let speed_mm_s = record.required("speed_mm_s")?.f64_in(0.1..=1e4, "mm/s")?;
+    let full_scale_m_s2 = record.required("full_scale_m_s2")?.f64_in(1e-3..=1e5, "m/s^2")?;
+    let gain = number(&mut record, "gain", GAIN, "", Some(1.0))?;
+    record.finish(&["file", "speed_mm_s", "full_scale_m_s2", "gain"])?;
+    Ok(Sound::Recorded { file, speed_mm_s, full_scale_m_s2, gain })
+}
+
+pub(super) fn vibration(value: &Value) -> Result<Hum, Diagnostic> {
     let mut record = value.record("vibration")?;
     let frequency_hz = record.required("frequency_hz")?.f64()?;
     let amplitude_m_s2 = record.required("amplitude_m_s2")?.f64()?;
@@ -285,7 +325,7 @@ fn vibration(value: &Value) -> Result<Hum, Diagnostic> {
     Ok(Hum { frequency_hz, amplitude_m_s2 })
 }
 
-fn viscosity(value: &Value) -> Result<Drag, Diagnostic> {
+pub(super) fn viscosity(value: &Value) -> Result<Drag, Diagnostic> {
     let mut record = value.record("viscosity")?;
     let viscosity_ns_per_m = record.required("viscosity_ns_per_m")?.f64()?;
     let max_force_n = number(&mut record, "max_force_n", 0.0..=100.0, "N", Some(3.3))?;
@@ -294,7 +334,7 @@ fn viscosity(value: &Value) -> Result<Drag, Diagnostic> {
     Ok(Drag { viscosity_ns_per_m, max_force_n })
 }
 
-fn magnet(value: &Value) -> Result<Pull, Diagnostic> {
+pub(super) fn magnet(value: &Value) -> Result<Pull, Diagnostic> {
     let mut record = value.record("magnet")?;
     let stiffness_n_per_mm = record.required("stiffness_n_per_mm")?.f64()?;
     let max_force_n = record.required("max_force_n")?.f64()?;
