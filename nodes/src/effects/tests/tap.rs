@@ -126,7 +126,7 @@ fn of_more_slots_than_can_sound_the_first_fades_and_nothing_steps() {
     let long = "(sinusoids: [(frequency_hz: 60, decay_ms: 3000, gain: 40)])";
     let taps = format!("[{}]", vec![format!("{long:?}"); 40].join(", "));
     let contacts = |tick: u64| {
-        (tick >= 10 && tick < 130).then_some(((tick / 3 % 40) as f64, 100.0, 0.5)).filter(|_| tick % 3 == 0)
+        ((10..130).contains(&tick) && tick.is_multiple_of(3)).then_some(((tick / 3 % 40) as f64, 100.0, 0.5))
     };
     let bench = bench(4000, 48_000, &taps, contacts);
     let (out, _) = bench.run("it", 2000);
