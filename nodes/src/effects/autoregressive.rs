@@ -126,8 +126,9 @@ impl Node for Autoregressive {
             .output(acceleration().doc("the vibration of gliding"))
             .param(Param::texts(
                 "models",
-                "Textures, each as behind `texture` in a scene: `autoregressive(model: \"models/made_ar/rough.ron\", gain: 1)` with a RON file, or the \
-                 Penn toolkit's XML, relative to the graph file; or a list of them, `[autoregressive(..), autoregressive(..)]`, whose sum is one entry.",
+                "Textures, each a text as behind `texture` in a scene: `autoregressive(model: \"models/made_ar/rough.ron\", gain: 1)` with a RON file, or the \
+                 Penn toolkit's XML, relative to the graph file; or a list of them, `[autoregressive(..), autoregressive(..)]`, whose sum is one entry. Quotes within a text are written \
+                 r#\"..\"#.",
             ))
             .timing("the delay of the filter that brings the models' rate to the audio rate, as short as can be")
             .resumes(Resume::Restart)

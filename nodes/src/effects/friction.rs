@@ -93,7 +93,7 @@ impl Node for Friction {
             .output(super::force("force on the stylus, x, y, z"))
             .param(Param::texts(
                 "laws",
-                "Laws, each as behind `friction` in a scene: `viscous_coulomb(coefficient: 0.3, viscosity_s_per_mm: 0.004)`, \
+                "Laws, each a text as behind `friction` in a scene, such as [\"dahl\", \"viscous_coulomb(coefficient: 0.5)\"]: `viscous_coulomb(coefficient: 0.3, viscosity_s_per_mm: 0.004)`, \
                  `dahl(coefficient: 0.3, bristle_stiffness_n_per_mm: 1)`, `lugre(static_coefficient: 0.8, kinetic_coefficient: 0.5, \
                  stribeck_speed_mm_s: 30, bristle_stiffness_n_per_mm: 1, bristle_damping_ns_per_m: 0.3, viscosity_s_per_mm: 0)`, which are their \
                  usual values.",

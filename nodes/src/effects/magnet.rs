@@ -28,7 +28,7 @@ impl Node for Magnet {
             .output(super::force("force on the stylus, x, y, z"))
             .param(Param::texts(
                 "magnets",
-                "Magnets, each as behind `magnet` in a scene: `(stiffness_n_per_mm: 0.2, max_force_n: 0.5, reach_mm: 4)`.",
+                "Magnets, each a text as behind `magnet` in a scene: [\"(stiffness_n_per_mm: 0.2, max_force_n: 0.5, reach_mm: 4)\"].",
             ))
             .timing("no latency; not called while none pulls")
     }

@@ -4,6 +4,21 @@
 //! A node that renders an effect holds it for many surfaces: a list of texts, each as it stands behind the effect's field in a
 //! [scene](asperity_world::scene). The number in its input `slot` picks one, 0 the first; none where it is below 0, beyond the list or not a number.
 //! Unconnected it picks the first: a graph of one surface needs nothing that picks.
+//!
+//! What a tick takes at 500 Hz and 48 kHz in an engine, in us, medians on a virtual AMD EPYC core (`tests/cost.rs`, with the tests' optimisation; 0.05 us
+//! of each is the clock's). A thousand slots take what one takes.
+//!
+//! | | on | no slot on |
+//! |---|---|---|
+//! | `friction` (LuGre) | 0.15 | 0.05, not called |
+//! | `viscosity`, `magnet` | 0.09 | 0.05, not called |
+//! | `tap`, a new one of three sinusoids every 32 ms | 2.3 | 0.06, not called |
+//! | `vibration` | 1.1 | 0.06, not called |
+//! | `autoregressive`, `made_ar/rough.ron` | 2.3 | 0.09; not called behind a `level` of 0 |
+//! | `waveform` | 4.5 | 0.11; the same |
+//! | `relief` | 7.6 | 0.11; the same |
+//! | `level` | 0.4 | 0.14 |
+//! | `force_limiter` | 0.10 | 0.10 |
 
 mod autoregressive;
 mod force_limiter;

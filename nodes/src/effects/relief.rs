@@ -75,9 +75,9 @@ impl Node for Relief {
             .output(acceleration().doc("the vibration of gliding"))
             .param(Param::texts(
                 "reliefs",
-                "Reliefs, each as behind `texture` in a scene: `relief(heights: made(surface: \"hessian\", side: 512, step_mm: 0.04, piece: 1), \
+                "Reliefs, each a text as behind `texture` in a scene: `relief(heights: made(surface: \"hessian\", side: 512, step_mm: 0.04, piece: 1), \
                  cutoff_hz: 1000, max_m_s2: 200, gain: 1)`, or `heights: picture(file: \"heights.png\", step_mm: 0.05, height_mm: 0.2)`, light is \
-                 high; or a list of them, `[relief(..), relief(..)]`, whose sum is one entry.",
+                 high; or a list of them, `[relief(..), relief(..)]`, whose sum is one entry. Quotes within a text are written r#\"..\"#.",
             ))
             .param(
                 Param::number(

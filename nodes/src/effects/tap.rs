@@ -123,9 +123,9 @@ impl Node for Tap {
             .output(acceleration().doc("the transients"))
             .param(Param::texts(
                 "taps",
-                "Taps, each as behind `tap` in a scene: `(sinusoids: [(frequency_hz: 200, decay_ms: 10, gain: 30)], min_speed_mm_s: 2, \
+                "Taps, each a text as behind `tap` in a scene: `(sinusoids: [(frequency_hz: 200, decay_ms: 10, gain: 30)], min_speed_mm_s: 2, \
                  max_speed_mm_s: 1000, debounce_ms: 20, floor_m_s2: 0.001)`, the gain in m/s^2 per m/s; or `(recording: (file: \"tap.wav\", \
-                 speed_mm_s: 100, full_scale_m_s2: 50, gain: 1))`, a WAV file whose first channel was recorded at that speed.",
+                 speed_mm_s: 100, full_scale_m_s2: 50, gain: 1))`, a WAV file whose first channel was recorded at that speed. Quotes within a text are written r#\"..\"#.",
             ))
             .timing("one tick: a contact sounds as late in the tick after it was as it was in its own; not called while nothing sounds")
     }

@@ -81,7 +81,7 @@ impl Node for Waveform {
             .output(acceleration().doc("the vibration of gliding"))
             .param(Param::texts(
                 "loops",
-                "Loops, each as behind `texture` in a scene: `waveform(segments: [(0, 0), (0.5, 1), (1, 0)], spacing_mm: 0.05, crossfade_mm: 0, \
+                "Loops, each a text as behind `texture` in a scene: `waveform(segments: [(0, 0), (0.5, 1), (1, 0)], spacing_mm: 0.05, crossfade_mm: 0, \
                  reference_speed_mm_s: 100, speed_exponent: 1, gain: 1)` with pairs of a distance in mm and an acceleration in m/s^2, or with \
                  `quantity: height` and heights in mm; or a list of them, `[waveform(..), waveform(..)]`, whose sum is one entry.",
             ))

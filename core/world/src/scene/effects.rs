@@ -26,18 +26,18 @@ pub(super) fn effects(value: Option<&Value>) -> Result<Effects, Diagnostic> {
     let mut effects = Effects::default();
     let Some(value) = value else { return Ok(effects) };
     let mut record = value.record("Effects")?;
-    effects.stiffness = one(&mut record, "stiffness", |v| stiffness(v))?;
-    effects.damping = one(&mut record, "damping", |v| damping(v))?;
-    effects.friction = one(&mut record, "friction", |v| friction(v))?;
+    effects.stiffness = one(&mut record, "stiffness", stiffness)?;
+    effects.damping = one(&mut record, "damping", damping)?;
+    effects.friction = one(&mut record, "friction", friction)?;
     if let Some(value) = record.optional("texture") {
         for value in one_or_more(value) {
             effects.textures.push(Placed { of: texture(value)?, place: place(value) });
         }
     }
-    effects.tap = one(&mut record, "tap", |v| tap(v))?;
-    effects.vibration = one(&mut record, "vibration", |v| vibration(v))?;
-    effects.viscosity = one(&mut record, "viscosity", |v| viscosity(v))?;
-    effects.magnet = one(&mut record, "magnet", |v| magnet(v))?;
+    effects.tap = one(&mut record, "tap", tap)?;
+    effects.vibration = one(&mut record, "vibration", vibration)?;
+    effects.viscosity = one(&mut record, "viscosity", viscosity)?;
+    effects.magnet = one(&mut record, "magnet", magnet)?;
     record.finish(EFFECTS)?;
     agree(&effects)?;
     Ok(effects)
@@ -53,7 +53,7 @@ fn one<T>(
 
 /// The values of a list, or the one that stands there without a list.
 pub(super) fn one_or_more(value: &Value) -> &[Value] {
-    value.list().map_or_else(|_| std::slice::from_ref(value), |list| list)
+    value.list().unwrap_or_else(|_| std::slice::from_ref(value))
 }
 
 /// What an effect's constructor says, at the effect.

@@ -52,7 +52,11 @@ struct Direct {
 impl Direct {
     /// A model of the node `it` of a graph of seed 1, which is the `number`th of its slot.
     fn new(name: &str, number: u64, rate: u32, tick_hz: u32) -> Self {
-        let texture = texture(name);
+        Self::of(&format!("{MADE}{name}.ron"), number, rate, tick_hz)
+    }
+
+    fn of(file: &str, number: u64, rate: u32, tick_hz: u32) -> Self {
+        let texture = Arc::new(Texture::read(file).unwrap());
         let in_hz = texture.rate_hz() as u32;
         let passband = (450.0 / texture.rate_hz()).clamp(0.4, 0.45);
         let phase = FilterPhase::Minimum;
@@ -128,25 +132,38 @@ fn it_is_its_kernels_begun_anew_with_every_slot() {
 
 #[test]
 fn models_of_one_text_add_whatever_their_rates_and_their_noise_is_not_the_same() {
-    let both = format!("[{}, {}, {}]", model("rough", "1"), model("ringing", "0.5"), model("rough", "2"));
-    let (run, _) = bench(500, 48_000, &[both], |tick| [0.0, speed(tick), force(tick), 1.0]).run("it", 300);
-    let mut all = [("rough", 1.0), ("ringing", 0.5), ("rough", 2.0)]
-        .iter()
-        .enumerate()
-        .map(|(n, (name, gain))| (Direct::new(name, n as u64, 48_000, 500), *gain))
-        .collect::<Vec<(Direct, f32)>>();
-    let (mut off, mut most) = (0.0_f32, 0.0_f32);
-    for (tick, first, len) in spans(300, 48_000, 500) {
-        let mut want = vec![0.0_f32; len];
-        for (direct, gain) in &mut all {
-            let part = direct.tick(tick, 500, (first, len), speed(tick), force(tick));
-            want.iter_mut().zip(part).for_each(|(sum, x)| *sum += *gain * x);
+    // One at another rate, between two of the same.
+    let dir = tempfile::tempdir().unwrap();
+    let text = std::fs::read_to_string(format!("{MADE}ringing.ron")).unwrap();
+    std::fs::write(dir.path().join("fast.ron"), text.replace("rate_hz: 1000.0", "rate_hz: 2750.0")).unwrap();
+    let fast = dir.path().join("fast.ron").display().to_string();
+    let both = format!(
+        "[{}, autoregressive(model: {fast:?}, gain: 0.5), {}]",
+        model("rough", "1"),
+        model("rough", "2")
+    );
+    for (tick_hz, rate) in [(500, 48_000), (4000, 44_100)] {
+        let play = |tick| [0.0, speed(tick), force(tick), 1.0];
+        let (run, _) = bench(tick_hz, rate, std::slice::from_ref(&both), play).run("it", 300);
+        let mut all =
+            [(format!("{MADE}rough.ron"), 1.0), (fast.clone(), 0.5), (format!("{MADE}rough.ron"), 2.0)]
+                .iter()
+                .enumerate()
+                .map(|(n, (file, gain))| (Direct::of(file, n as u64, rate, tick_hz), *gain))
+                .collect::<Vec<(Direct, f32)>>();
+        let (mut off, mut most) = (0.0_f32, 0.0_f32);
+        for (tick, first, len) in spans(300, rate, tick_hz) {
+            let mut want = vec![0.0_f32; len];
+            for (direct, gain) in &mut all {
+                let part = direct.tick(tick, tick_hz, (first, len), speed(tick), force(tick));
+                want.iter_mut().zip(part).for_each(|(sum, x)| *sum += *gain * x);
+            }
+            for (y, x) in run.audio[first as usize..].iter().zip(want) {
+                (off, most) = (off.max((y - x).abs()), most.max(x.abs()));
+            }
         }
-        for (y, x) in run.audio[first as usize..].iter().zip(want) {
-            (off, most) = (off.max((y - x).abs()), most.max(x.abs()));
-        }
+        assert!(off < 1e-5 * most && most > 0.1, "{off} of {most}");
     }
-    assert!(off < 1e-5 * most && most > 0.1, "{off} of {most}");
 }
 
 #[test]

@@ -83,9 +83,9 @@ fn levels_go_in_straight_lines_whatever_the_rates() {
 fn the_first_level_is_taken_at_once_and_no_slot_is_no_sound() {
     let mut it = level(48_000, 500);
     let x = [0.5_f32; 96];
-    for _ in 0..2 {
-        let (wants, _, out) = step(&mut *it, (7, 500), &x, (0.5, 3.0, true));
-        assert!(wants && out.iter().all(|y| *y == 0.25));
+    for level in [0.5, 0.25] {
+        let (wants, _, out) = step(&mut *it, (7, 500), &x, (level, 3.0, true));
+        assert!(wants && out.iter().all(|y| f64::from(*y) == 0.5 * level));
         it.reset().unwrap();
     }
     step(&mut *it, (0, 500), &x, (1.0, 0.0, true));

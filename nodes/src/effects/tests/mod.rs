@@ -2,6 +2,7 @@
 
 mod autoregressive;
 mod bench;
+mod cost;
 mod forces;
 mod gliding;
 mod level;

@@ -90,12 +90,15 @@ fn contacts_in_tick_after_tick_are_the_same_whether_it_sleeps_or_not() {
         15..18 => Some((1.0, 100.0, 0.25)),
         18..20 => Some((0.0, 1.0, 0.5)),
         20 => Some((0.0, 100.0, 0.5)),
+        // Of the same speed as one that struck nothing.
+        30 => Some((-1.0, 100.0, 0.5)),
+        31 => Some((0.0, 100.0, 0.5)),
         _ => None,
     };
     let (run, _) = bench(100, 48_000, &format!("[{short:?}, {short:?}]"), contacts).run("it", 40);
     let sounds = |tick: usize| run.audio[tick * 480..][..480].iter().any(|y| *y != 0.0);
     let heard: Vec<usize> = (0..40).filter(|t| sounds(*t)).collect();
-    assert_eq!(heard, [10, 11, 12, 13, 14, 15, 16, 17, 20]);
+    assert_eq!(heard, [10, 11, 12, 13, 14, 15, 16, 17, 20, 31]);
     // Many, of any speed at any moment.
     let many = |tick: u64| {
         let draw = |what: u64| asperity_node::random::uniform(3 + what, tick);
@@ -126,7 +129,7 @@ fn of_more_slots_than_can_sound_the_first_fades_and_nothing_steps() {
     let long = "(sinusoids: [(frequency_hz: 60, decay_ms: 3000, gain: 40)])";
     let taps = format!("[{}]", vec![format!("{long:?}"); 40].join(", "));
     let contacts = |tick: u64| {
-        (tick >= 10 && tick < 130).then_some(((tick / 3 % 40) as f64, 100.0, 0.5)).filter(|_| tick % 3 == 0)
+        ((10..130).contains(&tick) && tick.is_multiple_of(3)).then_some(((tick / 3 % 40) as f64, 100.0, 0.5))
     };
     let bench = bench(4000, 48_000, &taps, contacts);
     let (out, _) = bench.run("it", 2000);
