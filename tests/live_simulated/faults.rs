@@ -106,33 +106,40 @@ fn ramps_down(clock: Clock, dropped: bool, attempt: u32) -> Result<(), String> {
 
 #[test]
 fn an_underrun_that_the_host_reports_and_a_gap_are_counted_and_the_tone_joins_on_without_a_step() {
-    let card = Simulated::new("gaps", timed(64)).expect("a card");
-    let mut session = start(one_voice(), options(&card, Clock::Callback));
-    tend(&mut session, "a second", |s| playing(s) && heard(&card).len() > 48_000);
-    let xruns = session.view().xruns;
-    card.xrun();
-    tend(&mut session, "the underrun", |s| s.view().xruns > xruns);
-    let before = session.view();
-    // While the card's time is being found, as after a stall of a busy machine, a gap shifts that and is no loss: then another.
-    let mut frames = 0;
-    tend(&mut session, "the gap", |s| {
-        if heard(&card).len() > frames {
-            frames = heard(&card).len() + 48_000;
-            card.gap(Duration::from_millis(120));
+    told(|| {
+        let card = Simulated::new("gaps", timed(64)).expect("a card");
+        let mut session = start(one_voice(), options(&card, Clock::Callback));
+        tend(&mut session, "a second", |s| playing(s) && heard(&card).len() > 48_000);
+        let xruns = session.view().xruns;
+        card.xrun();
+        tend(&mut session, "the underrun", |s| s.view().xruns > xruns);
+        let before = session.view();
+        // While the card's time is being found, as after a stall of a busy machine, a gap shifts that and is no loss: then another.
+        let mut frames = 0;
+        tend(&mut session, "the gap", |s| {
+            if heard(&card).len() > frames {
+                frames = heard(&card).len() + 48_000;
+                card.gap(Duration::from_millis(120));
+            }
+            s.view().lost_samples >= before.lost_samples + 4000
+        });
+        let frames = heard(&card).len();
+        tend(&mut session, "more", |_| heard(&card).len() > frames + 9600);
+        let view = session.stop().view;
+        assert!(view.skipped_ticks >= 40, "{} ticks were left out", view.skipped_ticks);
+        assert!(largest_step(&heard(&card)) < STEP);
+        // Position is time: what is played is as far on as what went by.
+        let heard = heard(&card);
+        // The card was listened to before, for longer on a busy machine.
+        let begin = heard.iter().position(|y| *y != 0.0).expect("a tone");
+        let seconds = ((heard.len() - begin) as u64 + view.lost_samples) as f64 / 48_000.0;
+        // A stall while the card's time is being found shifts that.
+        if (seconds - view.seconds).abs() < 0.02 {
+            Ok(())
+        } else {
+            Err(format!("{seconds} of {}", view.seconds))
         }
-        s.view().lost_samples >= before.lost_samples + 4000
     });
-    let frames = heard(&card).len();
-    tend(&mut session, "more", |_| heard(&card).len() > frames + 9600);
-    let view = session.stop().view;
-    assert!(view.skipped_ticks >= 40, "{} ticks were left out", view.skipped_ticks);
-    assert!(largest_step(&heard(&card)) < STEP);
-    // Position is time: what is played is as far on as what went by.
-    let heard = heard(&card);
-    // The card was listened to before, for longer on a busy machine.
-    let begin = heard.iter().position(|y| *y != 0.0).expect("a tone");
-    let seconds = ((heard.len() - begin) as u64 + view.lost_samples) as f64 / 48_000.0;
-    assert!((seconds - view.seconds).abs() < 0.02, "{seconds} of {}", view.seconds);
 }
 
 #[test]

@@ -193,7 +193,7 @@ mod tests {
 
     #[test]
     fn strokes_fill_the_range_and_those_beyond_go_as_far_beyond_as_they_say() {
-        // At the turns of a zigzag both directions are fast at once.
+        // At the turns of a zigzag both directions are fast at once, and tremor comes on top.
         let near = |found: f64, most: f64, above: f64| (0.9..=above).contains(&(found / most));
         let (force_n, speed_mm_s) = reach(|random| Drawn::new(3.0, random));
         assert!(
@@ -202,7 +202,7 @@ mod tests {
         );
         let (force_n, speed_mm_s) = reach(|random| Drawn::beyond(3.0, random));
         assert!(
-            near(force_n, BEYOND_FORCE_N, 1.02) && near(speed_mm_s, BEYOND_SPEED_MM_S, 1.2),
+            near(force_n, BEYOND_FORCE_N, 1.02) && near(speed_mm_s, BEYOND_SPEED_MM_S, 1.25),
             "{force_n} {speed_mm_s}"
         );
     }

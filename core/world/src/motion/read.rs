@@ -65,8 +65,8 @@ impl Trajectory {
         Self::parse(&Source::read(path)?, options)
     }
 
-    /// Reads a CSV text: a header that names `t_s` [s], `x_mm`, `y_mm`, `z_mm` [mm] and, where recorded,
-    /// `force_n` [N] and `speed_mm_s` [mm/s], in any order, then one row for each moment, at any rate and
+    /// Reads a CSV text: a header that names `t_s` \[s\], `x_mm`, `y_mm`, `z_mm` \[mm\] and, where recorded,
+    /// `force_n` \[N\] and `speed_mm_s` \[mm/s\], in any order, then one row for each moment, at any rate and
     /// also irregular. Lines that start with `#` and blank lines are skipped; names and numbers may stand
     /// in double quotes.
     ///
