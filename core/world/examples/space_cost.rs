@@ -31,6 +31,22 @@ fn tile(i: usize, n: usize, mm: f64) -> [f64; 3] {
 
 fn scenes() -> Vec<(&'static str, f64, Make)> {
     vec![
+        ("one among balls", 0.4, |i, _, r| match i {
+            0 => Ok((Shape::rectangle([60.0, 60.0], 3.0)?, [0.0; 3], [0.0; 3])),
+            // Above it, as near as 3 mm.
+            _ => Ok((
+                Shape::sphere(1.0)?,
+                [r.range(-30.0, 30.0), r.range(-30.0, 30.0), r.range(4.0, 34.0)],
+                [0.0; 3],
+            )),
+        }),
+        ("one, others far", 0.4, |i, n, r| match i {
+            0 => Ok((Shape::rectangle([60.0, 60.0], 3.0)?, [0.0; 3], [0.0; 3])),
+            _ => {
+                let [x, y, _] = tile(i, n, 5.0);
+                Ok((Shape::rectangle([5.0, 5.0], 3.0)?, [x + 1000.0, y, r.range(-5.0, 5.0)], turn(r)))
+            }
+        }),
         ("tiles", 0.4, |i, n, _| Ok((Shape::rectangle([5.0, 5.0], 3.0)?, tile(i, n, 5.0), [0.0; 3]))),
         ("tiles tilted", 0.4, |i, n, _| {
             let tilt = [30.0, 20.0, 10.0];

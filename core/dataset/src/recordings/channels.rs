@@ -2,7 +2,7 @@
 
 use std::ops::RangeInclusive;
 
-use asperity_source::Diagnostic;
+use asperity_source::{Diagnostic, one_of};
 use asperity_world::motion::{MAX_ABS_FORCE_N, MAX_ABS_POSITION_MM, MAX_ABS_TIME_S, MAX_SPEED_MM_S};
 
 use super::stroke::{Motion, Stroke};
@@ -29,6 +29,8 @@ const fn within(name: &'static str, limit: f64, unit: &'static str) -> Quantity 
     Quantity { name, range: (-limit, limit), unit }
 }
 
+/// What a channel is called that is left out.
+pub(super) const NONE: &str = "none";
 pub(super) const TIME: usize = 0;
 const FORCE: usize = 1;
 const VELOCITY: [usize; 2] = [2, 3];
@@ -95,6 +97,38 @@ pub(super) fn rate(hz: f64) -> Result<f64, Diagnostic> {
         RATES_HZ.start(),
         RATES_HZ.end()
     )))
+}
+
+/// A stroke from columns by name.
+pub(super) fn named(columns: Vec<(&str, Vec<f64>)>, rate_hz: f64) -> Result<Stroke, Diagnostic> {
+    let known = || QUANTITIES.iter().skip(TIME + 1).map(|q| q.name).chain([NONE]);
+    let mut channels: Channels = std::array::from_fn(|_| None);
+    let len = columns.first().map_or(0, |(_, samples)| samples.len());
+    for (name, samples) in columns {
+        let number = match quantity(name).filter(|q| *q != TIME) {
+            Some(number) => number,
+            None if name == NONE => continue,
+            None => {
+                return Err(Diagnostic::new(format!("unknown column `{name}`"))
+                    .help(one_of(name, known().collect::<Vec<_>>())));
+            }
+        };
+        if samples.len() != len {
+            return Err(Diagnostic::new(format!("columns of {len} and of {} samples", samples.len())));
+        }
+        let Quantity { range: (least, greatest), unit, .. } = &QUANTITIES[number];
+        if let Some((row, x)) = samples.iter().enumerate().find(|(_, x)| !(*least..=*greatest).contains(*x)) {
+            return Err(Diagnostic::new(format!(
+                "`{name}` is {x} in row {row}, at {} s",
+                row as f64 / rate_hz
+            ))
+            .help(format!("`{name}` is a number from {least} to {greatest} {unit}")));
+        }
+        if channels[number].replace(samples).is_some() {
+            return Err(Diagnostic::new(format!("the column `{name}` is there twice")));
+        }
+    }
+    stroke(channels, rate_hz)
 }
 
 /// A stroke from its channels, which [`check`] has passed.

@@ -1,4 +1,4 @@
-//! Anyone's own recordings: a folder with a folder for each material, in it pictures of the material and strokes over it.
+//! Anyone's own recordings: a folder with a folder for each material, in it pictures of the material and strokes over it; or one stroke by itself ([`recorded`]).
 //!
 //! # Strokes
 //!
@@ -56,6 +56,45 @@ use crate::example::{Parts, Subject, Truth};
 use crate::folder;
 
 use stroke::Stroke;
+
+/// One stroke as it was recorded, all channels at one rate and of one length.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Recorded {
+    /// Samples a second: 1 to 10 kHz, or off by no more than clocks are.
+    pub rate_hz: f64,
+    /// Normal force in N.
+    pub force_n: Vec<f64>,
+    /// Speed along the surface in mm/s. From velocities or places it is the length of their mean change over 20 ms: of single samples noise would count as speed.
+    pub speed_mm_s: Vec<f64>,
+    /// Acceleration of the tool in m/s^2 by axes, one to three.
+    pub acceleration_m_s2: Vec<Vec<f64>>,
+}
+
+impl Recorded {
+    /// A stroke from columns by name, where a file says no names: `force_n`, `ax_m_s2` and the others of the [table](self), but no clock. A column `none` is left
+    /// out.
+    ///
+    /// # Errors
+    /// A name that is unknown or there twice, quantities that are missing, columns of different lengths, a number out of range, a rate that is not 1 to 10 kHz, less than
+    /// 0.5 s.
+    pub fn from_columns(rate_hz: f64, columns: Vec<(&str, Vec<f64>)>) -> Result<Self, Diagnostic> {
+        channels::named(columns, channels::rate(rate_hz)?).map(Stroke::recorded)
+    }
+}
+
+/// Reads one stroke: a WAV file by its name's ending, with the file that names its channels beside it, else a table.
+///
+/// # Errors
+/// A file that is not as the [module](self) says, in a CSV or RON file with line and column.
+pub fn recorded(path: &Path) -> Result<Recorded, Diagnostic> {
+    let folder = path.parent().unwrap_or(Path::new(""));
+    stroke(path, folder).map(Stroke::recorded)
+}
+
+/// The file that says what the channels of a WAV file are.
+pub fn channels_file(path: &Path) -> PathBuf {
+    path.parent().unwrap_or(Path::new("")).join(CHANNELS_FILE)
+}
 
 /// The name of the file that says what a WAV file's channels are.
 const CHANNELS_FILE: &str = "recording.ron";

@@ -4,6 +4,7 @@ use asperity_dsp::filter::Section;
 use asperity_source::Diagnostic;
 use asperity_world::material::WINDOW_S;
 
+use super::Recorded;
 use crate::example::Example;
 use crate::frames::Spectrometer;
 use crate::history::{HISTORY, RATE_HZ, Recorder};
@@ -14,6 +15,8 @@ const WARM_UP: usize = 30 + HISTORY;
 const EVERY: usize = 10;
 /// Corner of the filter against gravity, in Hz.
 const HIGH_PASS_HZ: f64 = 5.0;
+/// Over how long before and behind a sample the motion's mean is its speed, in seconds.
+const AROUND_S: f64 = 0.01;
 /// Shortest stroke in seconds.
 const MIN_DURATION_S: f64 = 0.5;
 
@@ -70,6 +73,43 @@ impl Stroke {
     /// How long it lasts in seconds.
     pub(super) fn duration_s(&self) -> f64 {
         self.force.len() as f64 / self.rate_hz
+    }
+
+    /// What it is, with the motion as a speed.
+    pub(super) fn recorded(self) -> Recorded {
+        let (count, around) = (self.force.len(), (AROUND_S * self.rate_hz).round() as usize);
+        // What is moved between two samples, in mm.
+        let length = |moved: &dyn Fn(usize, usize) -> [f64; 2]| -> Vec<f64> {
+            let speed = |n: usize| {
+                let (from, to) = (n.saturating_sub(around), (n + around).min(count - 1));
+                let [x, y] = moved(from, to);
+                x.hypot(y) * self.rate_hz / (to - from).max(1) as f64
+            };
+            (0..count).map(speed).collect()
+        };
+        let speed_mm_s = match self.motion {
+            Motion::Speed(speed) => speed,
+            Motion::Place(axes) => length(&|from, to| axes.each_ref().map(|axis| axis[to] - axis[from])),
+            Motion::Velocity(axes) => {
+                // Trapezes from the first sample on.
+                let places = axes.map(|axis| {
+                    let mut place = 0.0;
+                    let next = |pair: &[f64]| {
+                        place += 0.5 * (pair[0] + pair[1]) / self.rate_hz;
+                        place
+                    };
+                    let rest: Vec<f64> = axis.windows(2).map(next).collect();
+                    [vec![0.0], rest].concat()
+                });
+                length(&|from, to| places.each_ref().map(|axis| axis[to] - axis[from]))
+            }
+        };
+        Recorded {
+            rate_hz: self.rate_hz,
+            force_n: self.force,
+            speed_mm_s,
+            acceleration_m_s2: self.acceleration,
+        }
     }
 
     /// The sample at a tick.

@@ -90,6 +90,81 @@ fn places_velocities_and_speeds_tell_one_motion() {
     assert!(directions.windows(2).all(|d| (d[0] - d[1]).abs() > 0.5), "{directions:?}");
 }
 
+#[test]
+fn one_stroke_is_read_as_it_was_recorded_and_its_speed_is_that_of_its_motion() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("s.csv");
+    // A circle of 30 mm at 1.5 turns a second: 283 mm/s all the way.
+    let (radius, w) = (30.0, TAU * 1.5);
+    let read = |names: &str, row: &dyn Fn(f64) -> Vec<f64>| {
+        std::fs::write(
+            &path,
+            table(&format!("t_s,force_n,{names}"), 1000.0, 1.0, |t| [vec![2.0 + t], row(t)].concat()),
+        )
+        .unwrap();
+        recorded(&path).unwrap()
+    };
+    // Noise of velocities does not count as speed: here 200 mm/s up and down.
+    let rattle = |t: f64| if (t * 1000.0).round() as i64 % 2 == 0 { 200.0 } else { -200.0 };
+    let places = read("x_mm,y_mm,az_m_s2", &|t| vec![radius * (w * t).cos(), radius * (w * t).sin(), 9.81]);
+    let velocities = read("vx_mm_s,vy_mm_s,acceleration_m_s2", &|t| {
+        vec![-radius * w * (w * t).sin() + rattle(t), radius * w * (w * t).cos(), t]
+    });
+    for found in [&places, &velocities] {
+        let off = found.speed_mm_s.iter().map(|v| (v - radius * w).abs()).fold(0.0, f64::max);
+        assert!(found.speed_mm_s.len() == 1000 && off < 1.5, "{off}");
+    }
+    let speeds = read("speed_mm_s,ax_m_s2,az_m_s2", &|t| vec![100.0 * t, t, -t]);
+    assert_eq!((speeds.rate_hz, speeds.speed_mm_s[700], speeds.force_n[500]), (1000.0, 70.0, 2.5));
+    assert_eq!(speeds.acceleration_m_s2.len(), 2);
+    assert_eq!([speeds.acceleration_m_s2[0][250], speeds.acceleration_m_s2[1][250]], [0.25, -0.25]);
+    assert_eq!(velocities.acceleration_m_s2[0][999], 0.999);
+    assert!(recorded(&folder.path().join("none.csv")).unwrap_err().to_string().contains("none.csv"));
+    let wav_path = folder.path().join("s.wav");
+    std::fs::write(folder.path().join(CHANNELS_FILE), NAMES).unwrap();
+    wav(&wav_path, (hound::SampleFormat::Float, 32), 2000, 1.0);
+    let found = recorded(&wav_path).unwrap();
+    assert!(found.rate_hz == 2000.0 && (found.speed_mm_s[77] - 100.0).abs() < 1e-3);
+    assert_eq!(channels_file(&wav_path), folder.path().join("recording.ron"));
+}
+
+#[test]
+fn columns_without_a_header_are_named_by_whoever_has_them() {
+    let column = |x: f64| vec![x; 1000];
+    let columns = || {
+        vec![
+            ("force_n", column(2.0)),
+            ("none", column(f64::NAN)),
+            ("speed_mm_s", column(30.0)),
+            ("ax_m_s2", column(0.5)),
+        ]
+    };
+    let found = Recorded::from_columns(1000.0, columns()).unwrap();
+    assert_eq!((found.force_n, found.speed_mm_s), (column(2.0), column(30.0)));
+    assert_eq!((found.rate_hz, found.acceleration_m_s2), (1000.0, vec![column(0.5)]));
+    type Columns = Vec<(&'static str, Vec<f64>)>;
+    let error = |rate_hz: f64, change: fn(&mut Columns)| {
+        let mut columns = columns();
+        change(&mut columns);
+        Recorded::from_columns(rate_hz, columns).unwrap_err().to_string()
+    };
+    for (found, want) in [
+        (error(1e3, |c| c[0].0 = "force"), "unknown column `force` (did you mean `force_n`?)"),
+        (error(1e3, |c| c[0].0 = "t_s"), "unknown column `t_s`"),
+        (error(1e3, |c| c[1] = c[0].clone()), "the column `force_n` is there twice"),
+        (error(1e3, |c| drop(c.remove(0))), "no force (`force_n`)"),
+        (error(1e3, |c| c[2].1[7] = -1.0), "`speed_mm_s` is -1 in row 7, at 0.007 s"),
+        (error(1e3, |c| c[3].1[0] = f64::NAN), "`ax_m_s2` is NaN in row 0"),
+        (error(1e3, |c| c[3].1.truncate(99)), "columns of 1000 and of 99 samples"),
+        (error(500.0, |_| ()), "a rate of 500.0 Hz"),
+        (error(f64::NAN, |_| ()), "a rate of NaN Hz"),
+        (error(1e3, |c| c.iter_mut().for_each(|c| c.1.truncate(400))), "a stroke of 0.400 s"),
+        (error(1e3, |c| c.clear()), "no force"),
+    ] {
+        assert!(found.starts_with(want), "{found}\nwanted {want}");
+    }
+}
+
 fn write(folder: &Path, name: &str, text: &str) {
     std::fs::create_dir_all(folder).unwrap();
     std::fs::write(folder.join(name), text).unwrap();

@@ -6,11 +6,9 @@ use asperity_source::ron;
 use asperity_source::{Diagnostic, Source, one_of};
 use asperity_world::wav::Wav;
 
-use super::channels::{self, Channels, QUANTITIES, TIME};
+use super::channels::{self, Channels, NONE, QUANTITIES, TIME};
 use super::stroke::Stroke;
 
-/// What a channel is called that is left out.
-const NONE: &str = "none";
 /// Largest value of a full file, in any unit.
 const MAX_FULL_SCALE: f64 = 1e6;
 

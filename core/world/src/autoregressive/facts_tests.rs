@@ -43,8 +43,11 @@ fn frequencies_variance_and_gain_are_mixed_by_barycentric_weights() {
             let mean = |of: &dyn Fn(&Model) -> f64| -> f64 {
                 triangle.iter().zip(weights).map(|(i, w)| w * of(&texture.models()[*i])).sum()
             };
-            let deviation = mean(&|m| m.variance).sqrt() * mean(&|m| m.gain);
-            assert!((found.deviation - deviation).abs() < 1e-9 * deviation.max(1e-9), "{name}");
+            for (found, want) in
+                [(found.deviation.powi(2), mean(&|m| m.variance)), (found.gain, mean(&|m| m.gain))]
+            {
+                assert!((found - want).abs() < 1e-9 * want.max(1e-9), "{name}: {found}, not {want}");
+            }
             for autoregressive in [true, false] {
                 let found = if autoregressive { found.ar() } else { found.ma() };
                 let of = |m: &Model| if autoregressive { m.ar.clone() } else { m.ma.clone() };
@@ -109,7 +112,8 @@ fn beyond_the_hull_the_nearest_point_of_it_answers_as_just_inside() {
             let edge = nearest_of_hull(&points, at);
             let just_inside = [0, 1].map(|k| edge[k] + 1e-6 * (centre[k] - edge[k]));
             let (found, want) = (texture.at(at[0], at[1]), texture.at(just_inside[0], just_inside[1]));
-            assert!((found.deviation / want.deviation - 1.0).abs() < 1e-3, "{name} at {at:?}, {edge:?}");
+            let level = |filter: &Filter| filter.deviation * filter.gain;
+            assert!((level(&found) / level(&want) - 1.0).abs() < 1e-3, "{name} at {at:?}, {edge:?}");
             assert!(found.ar().iter().zip(want.ar()).all(|(x, y)| (x - y).abs() < 2e-3), "{name} at {at:?}");
         }
         assert!(beyond > 20, "{beyond}");
@@ -159,7 +163,8 @@ fn without_variance_it_is_silent_to_the_last_bit() {
     assert!(out[0] != 0.0 && out[2999] == 0.0, "what sounded dies away, to nothing");
 }
 
-/// The recursion as it is written down, from the noise of a texture without any, which is the noise itself: history is kept whatever changes.
+/// `y = -sum a_i y[-i] + gain (e + sum b_i e[-i])` as it is written down, from the noise of a texture without coefficients, which is the noise itself: history is
+/// kept whatever changes.
 #[test]
 fn a_changing_signal_is_the_recursion_over_one_history() {
     for (name, file) in shipped() {
@@ -184,7 +189,8 @@ fn a_changing_signal_is_the_recursion_over_one_history() {
                 let sum = |c: &[f64], of: &[f64]| -> f64 {
                     c.iter().zip(of[..n].iter().rev()).map(|(c, x)| c * x).sum()
                 };
-                want[n] = excitation[n] + sum(filter.ma(), &excitation) - sum(filter.ar(), &want);
+                let excited = excitation[n] + sum(filter.ma(), &excitation);
+                want[n] = filter.gain * excited - sum(filter.ar(), &want);
             }
         }
         let peak = want.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
@@ -426,7 +432,7 @@ fn a_fit_to_what_a_texture_renders_is_that_texture() {
             rate_hz: 1000.0,
             force_n: &force,
             speed_mm_s: &speed,
-            acceleration_m_s2: &acceleration,
+            acceleration_m_s2: vec![&acceleration],
         };
         let (fitted, report) = recording.fit(&Settings::default()).unwrap();
         for [v, f] in corners {

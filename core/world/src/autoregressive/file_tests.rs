@@ -112,6 +112,15 @@ fn gain_and_moving_average_may_be_left_out() {
 }
 
 #[test]
+fn a_model_of_zeros_alone_and_one_without_coefficients_read_back() {
+    for orders in [[0, 1], [0, 0]] {
+        let texture = Texture::new(100.0, drawn(0, 1, orders), None).unwrap();
+        let file = TextureFile { description: String::new(), origin: String::new(), texture };
+        assert_eq!(parse(&file.to_ron().unwrap()).unwrap(), file);
+    }
+}
+
+#[test]
 fn every_error_stands_where_it_is() {
     let good = square();
     let second = |what: &str, by: &str| {

@@ -9,8 +9,10 @@ pub const MAX_ORDER: usize = 64;
 /// allocates nothing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Filter {
-    /// Standard deviation of the noise with the gain in it, in m/s^2; 0 is silence.
+    /// Standard deviation of the noise in m/s^2; 0 is silence.
     pub deviation: f64,
+    /// What the noise is multiplied by, with what the moving average adds to it.
+    pub gain: f64,
     orders: [usize; 2],
     ar: [f64; MAX_ORDER],
     ma: [f64; MAX_ORDER],
@@ -20,11 +22,11 @@ impl Filter {
     /// A silent filter of these orders, `[p, q]`; an order above [`MAX_ORDER`] is taken as that.
     pub(super) fn silent(orders: [usize; 2]) -> Self {
         let orders = orders.map(|n| n.min(MAX_ORDER));
-        Self { deviation: 0.0, orders, ar: [0.0; MAX_ORDER], ma: [0.0; MAX_ORDER] }
+        Self { deviation: 0.0, gain: 1.0, orders, ar: [0.0; MAX_ORDER], ma: [0.0; MAX_ORDER] }
     }
 
-    /// A filter from `a_1 .. a_p`, `b_1 .. b_q`, at most [`MAX_ORDER`] each, and the noise's deviation in m/s^2. Whether it is
-    /// stable is not asked.
+    /// A filter from `a_1 .. a_p`, `b_1 .. b_q`, at most [`MAX_ORDER`] each, and the noise's deviation in m/s^2; the gain
+    /// is 1. Whether it is stable is not asked.
     pub fn new(ar: &[f64], ma: &[f64], deviation: f64) -> Self {
         let mut filter = Self::silent([ar.len(), ma.len()]);
         filter.ar.iter_mut().zip(ar).for_each(|(to, x)| *to = *x);
@@ -54,7 +56,7 @@ impl Filter {
             let z = Complex::from_polar(1.0, -w);
             coefficients.iter().rev().fold(Complex::new(0.0, 0.0), |sum, c| (sum + c) * z) + 1.0
         };
-        self.deviation.powi(2) * at(self.ma()).norm_sqr() / at(self.ar()).norm_sqr()
+        (self.deviation * self.gain).powi(2) * at(self.ma()).norm_sqr() / at(self.ar()).norm_sqr()
     }
 
     /// The autocovariance of the signal at lags 0, 1, .. `out.len() - 1`, in (m/s^2)^2, exactly.
@@ -65,7 +67,7 @@ impl Filter {
         let b = |i: usize| if i == 0 { 1.0 } else { self.ma.get(i - 1).copied().unwrap_or(0.0) };
         // What the moving average adds: the correlation of its coefficients with themselves, over lags -q to q.
         let spread: Vec<f64> = (0..=q).map(|d| (d..=q).map(|i| b(i) * b(i - d)).sum()).collect();
-        let scale = self.deviation.powi(2);
+        let scale = (self.deviation * self.gain).powi(2);
         for (lag, r) in out.iter_mut().enumerate() {
             let sides: f64 = (1..=q).map(|d| spread[d] * (of_ar[lag + d] + of_ar[lag.abs_diff(d)])).sum();
             *r = scale * (spread[0] * of_ar[lag] + sides);

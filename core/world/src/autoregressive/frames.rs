@@ -59,7 +59,7 @@ impl Frames {
     /// [`known_bins`](Self::known_bins) are 0.
     pub fn expected_power(&self, filter: &Filter) -> [f64; BINS] {
         let mut power = [0.0; BINS];
-        if filter.deviation == 0.0 {
+        if filter.deviation == 0.0 || filter.gain == 0.0 {
             return power;
         }
         let mut products = vec![0.0; self.correlation.len()];

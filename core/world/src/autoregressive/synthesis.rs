@@ -17,7 +17,7 @@ pub struct Synthesis {
     texture: Arc<Texture>,
     seed: u64,
     filter: Filter,
-    /// Noise with its level, newest first.
+    /// Noise as it was put in, newest first, each at the level of its time.
     noise: [f64; MAX_ORDER],
     /// Samples, newest first.
     samples: [f64; MAX_ORDER],
@@ -48,15 +48,15 @@ impl Synthesis {
     pub fn process(&mut self, first: u64, out: &mut [f32]) {
         let (p, q) = (self.filter.ar().len(), self.filter.ma().len());
         for (i, out) in out.iter_mut().enumerate() {
-            let excitation = if self.filter.deviation > 0.0 {
+            let newest = if self.filter.deviation > 0.0 {
                 self.filter.deviation * noise(self.seed, first.wrapping_add(i as u64))
             } else {
                 0.0
             };
             let ahead: f64 = self.filter.ma().iter().zip(&self.noise).map(|(b, e)| b * e).sum();
             let back: f64 = self.filter.ar().iter().zip(&self.samples).map(|(a, x)| a * x).sum();
-            let sample = excitation + ahead - back;
-            push(&mut self.noise, q, excitation);
+            let sample = self.filter.gain * (newest + ahead) - back;
+            push(&mut self.noise, q, newest);
             push(&mut self.samples, p, sample);
             *out = sample as f32;
         }

@@ -107,7 +107,7 @@ fn at_a_model_the_model_answers_and_between_two_the_resonance_lies_between() {
     let texture = three();
     for m in texture.models() {
         let (at, own) = (texture.at(m.speed_mm_s, m.force_n), m.filter());
-        assert!((at.deviation - own.deviation).abs() < 1e-9);
+        assert!((at.deviation - own.deviation).abs() < 1e-9 && (at.gain - own.gain).abs() < 1e-9);
         assert!(at.ar().iter().zip(own.ar()).all(|(x, y)| (x - y).abs() < 1e-9));
         assert!(at.ma().iter().zip(own.ma()).all(|(x, y)| (x - y).abs() < 1e-9));
     }

@@ -22,7 +22,9 @@ pub struct Model {
 impl Model {
     /// The model as a filter.
     pub fn filter(&self) -> Filter {
-        Filter::new(&self.ar, &self.ma, self.variance.sqrt() * self.gain)
+        let mut filter = Filter::new(&self.ar, &self.ma, self.variance.sqrt());
+        filter.gain = self.gain;
+        filter
     }
 
     /// Whether the model can be.
@@ -173,6 +175,7 @@ impl Texture {
             line_spectrum::to_polynomial(&lines[..order], to);
         }
         let moves = speed_mm_s > 0.0 && force_n > 0.0;
-        filter.deviation = if moves { variance.max(0.0).sqrt() * gain } else { 0.0 };
+        filter.deviation = if moves { variance.max(0.0).sqrt() } else { 0.0 };
+        filter.gain = gain;
     }
 }

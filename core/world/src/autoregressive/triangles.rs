@@ -58,6 +58,12 @@ impl Triangles {
         &self.triangles
     }
 
+    /// Points on the convex hull, by number, around it; of points on a line all, from one end to the other.
+    pub fn hull(&self) -> Vec<usize> {
+        let places: Vec<Point> = self.points.iter().map(|&[x, y]| Point { x, y }).collect();
+        triangulate(&places).hull
+    }
+
     fn unconnected(points: &[[f64; 2]]) -> Self {
         let bounds = |axis: usize| {
             let values = points.iter().map(|p| p[axis]);
@@ -231,6 +237,26 @@ mod tests {
         assert!(all.corners().is_empty());
         assert_eq!(point(&line, &all.at(45.0, 2.0)), [45.0, 1.0]);
         assert_eq!(point(&line, &all.at(200.0, 0.1)), [90.0, 1.0]);
+    }
+
+    #[test]
+    fn the_hull_is_what_has_all_points_on_one_side() {
+        let mut random = crate::material::Random::new(6);
+        let mut points: Vec<[f64; 2]> =
+            (0..30).map(|_| [random.range(0.0, 300.0), random.range(0.1, 3.0)]).collect();
+        points.push([-10.0, 1.0]);
+        let all = Triangles::delaunay(&points);
+        let hull = all.hull();
+        assert!(hull.contains(&30) && (3..15).contains(&hull.len()));
+        let mut senses = Vec::new();
+        for (i, a) in hull.iter().enumerate() {
+            let b = hull[(i + 1) % hull.len()];
+            let others = (0..points.len()).filter(|p| p != a && *p != b);
+            senses.extend(others.map(|p| cross(all.points[*a], all.points[b], all.points[p]).signum()));
+        }
+        assert!(senses.iter().all(|s| *s == senses[0]));
+        assert_eq!(Triangles::delaunay(&[[50.0, 1.0]]).hull(), [0]);
+        assert_eq!(Triangles::delaunay(&[[90.0, 1.0], [30.0, 1.0], [60.0, 1.0]]).hull(), [1, 2, 0]);
     }
 
     #[test]

@@ -91,7 +91,12 @@ fn scene(random: &mut Random, count: usize, room: f64, turns: usize) -> Vec<Entr
         };
         // Planes everywhere would leave nothing untouched.
         let away = if kind == 0 { room } else { 0.0 };
-        let place = [random.range(-room, room), random.range(-room, room), random.range(-room, room) - away];
+        let mut place =
+            [random.range(-room, room), random.range(-room, room), random.range(-room, room) - away];
+        // Some lie apart.
+        if kind > 0 && random.chance(0.2) {
+            place[random.below(3)] += random.range(-1.0, 1.0) * 10f64.powf(random.range(0.0, 4.0));
+        }
         let reach = if random.chance(0.3) { random.range(0.0, 4.0) } else { 0.0 };
         entries.push(Entry { reach_mm: reach, ..at(shape, place, turn) });
     }
@@ -244,6 +249,13 @@ fn crowds() -> Vec<(&'static str, u32, Make)> {
             let place = [r.range(-2.0, 2.0), r.range(-2.0, 2.0), r.range(-2.0, 2.0)];
             at(sheet(50.0, 3.0), place, [0.0, 0.0, r.range(0.0, 360.0)])
         }),
+        ("one, and others far", 5, |i, n, _| match i {
+            0 => flat(sheet(40.0, 3.0), [0.0; 3]),
+            _ => {
+                let [x, y, _] = tile(i, n);
+                flat(sheet(5.0, 3.0), [x + 1000.0, y, 0.0])
+            }
+        }),
         ("planes of all turns", 60, |_, _, r| {
             let mut any = |most: f64| [0.0; 3].map(|_: f64| r.range(-most, most));
             let (place, turn) = (any(1.0), any(180.0));
@@ -270,5 +282,36 @@ fn a_tick_looks_at_no_more_of_10000_surfaces_than_a_few() {
             println!("{name}, {count}: {:.2} looks, {greatest} at most", f64::from(sum) / 4000.0);
             assert!(greatest <= most, "{name}: {greatest} looks among {count}");
         }
+    }
+}
+
+/// Levels of blocks from one on.
+fn height(tree: &Tree, number: u32) -> usize {
+    let block = &tree.blocks[number as usize];
+    let split = (0..4).filter(|lane| block.items[*lane] == 0 && block.lowest[*lane] != u32::MAX);
+    1 + split.map(|lane| height(tree, block.first[lane])).max().unwrap_or(0)
+}
+
+#[test]
+fn what_lies_apart_at_every_scale_is_found_and_the_tree_stays_low() {
+    // Each cluster is twice as far off as the one before, so that a cut into halves never is the best.
+    for each in [1, 40, 1500] {
+        let clusters = 26;
+        let place = |cluster: i32, i: i32| {
+            let off = 9e4 * 0.5_f64.powi(cluster);
+            [off, 1e-2 * off * f64::from(i) / f64::from(each), 0.0]
+        };
+        let all = (0..clusters).flat_map(|c| (0..each).map(move |i| (c, i)));
+        let places: Vec<[f64; 3]> = all.map(|(c, i)| place(c, i)).collect();
+        let entries = places.iter().map(|p| flat(Shape::sphere(1e-3).unwrap(), *p)).collect();
+        let index = Index::new(entries, 0.0).unwrap();
+        for place in places.iter().step_by(places.len().div_ceil(200)) {
+            let point = [place[0] + 5e-4, place[1], place[2]];
+            let found = index.deepest(point, None).map(|c| c.hold());
+            assert_eq!(found, brute_force(&index, point, None, false), "{point:?}");
+            assert!(found.is_some());
+        }
+        let levels = height(&index.touched[1], 0);
+        assert!(levels <= tree::MOST_LEVELS, "{levels} levels of {} surfaces", places.len());
     }
 }

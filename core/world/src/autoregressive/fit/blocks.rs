@@ -46,11 +46,12 @@ impl Blocks {
         let rate_hz = f64::from(settings.model_hz);
         let rate_of_recording = recording.rate_hz.round();
         let len = (rate_hz / BLOCKS_HZ).round() as usize;
-        let mut samples = recording.acceleration_m_s2.to_vec();
-        let count = (samples.len() as f64 / rate_of_recording * rate_hz) as usize / len;
+        let mut axes: Vec<Vec<f64>> = recording.acceleration_m_s2.iter().map(|axis| axis.to_vec()).collect();
+        let samples = recording.force_n.len();
+        let count = (samples as f64 / rate_of_recording * rate_hz) as usize / len;
         // Samples of the recording in a block of the signal.
         let each = len as f64 / rate_hz * rate_of_recording;
-        let sample = |block: usize| ((block as f64 * each).round() as usize).min(samples.len());
+        let sample = |block: usize| ((block as f64 * each).round() as usize).min(samples);
         let spans: Vec<Range<usize>> = (0..count).map(|b| sample(b)..sample(b + 1)).collect();
         let mean = |channel: &[f64], span: &Range<usize>, of: fn(f64) -> f64| {
             let part = channel.get(span.clone()).unwrap_or_default();
@@ -64,17 +65,12 @@ impl Blocks {
             .map(|b| average(&means[b.saturating_sub(SMOOTH / 2)..(b + SMOOTH / 2 + 1).min(count)]))
             .collect();
         let mut it = Self { rate_hz, len, signal: Vec::new(), means, smooth, why: vec![None; count] };
-        let block = |sample: usize| (sample as f64 / each) as usize;
-        for (run, why) in stuck(&samples, recording.rate_hz) {
-            let guard = if why == Why::Clipped { GUARD } else { 0 };
-            for b in block(run.start).saturating_sub(guard)..=block(run.end - 1) + guard {
-                it.mark(b, why);
-            }
-        }
+        let block = |sample: usize| ((sample as f64 / each) as usize).min(count);
+        it.mark_stuck(&axes, recording.rate_hz, &block);
         it.mark_low(1, settings.least_force_n, Why::NoContact);
         it.mark_low(0, settings.least_speed_mm_s, Why::Slow);
-        it.mark_clicks(&mut samples, &spans);
-        it.signal = prepared(samples, rate_of_recording, settings)?;
+        it.mark_clicks(&mut axes, &spans);
+        it.signal = prepared(axes, rate_of_recording, settings)?;
         it.signal.resize(count * len, 0.0);
         Ok(it)
     }
@@ -86,6 +82,29 @@ impl Blocks {
         }
     }
 
+    /// Marks where all axes stand still, and where one is at its limit.
+    fn mark_stuck(&mut self, axes: &[Vec<f64>], rate_hz: f64, block: &dyn Fn(usize) -> usize) {
+        let mut still = vec![0; self.why.len()];
+        let mut clipped = Vec::new();
+        for axis in axes {
+            let mut of_axis = vec![false; self.why.len()];
+            for (run, why) in stuck(axis, rate_hz) {
+                let (first, last) = (block(run.start), block(run.end - 1));
+                match why {
+                    Why::Clipped => clipped.push(first.saturating_sub(GUARD)..last + GUARD + 1),
+                    _ => of_axis.iter_mut().take(last + 1).skip(first).for_each(|b| *b = true),
+                }
+            }
+            still.iter_mut().zip(of_axis).for_each(|(axes, of_axis)| *axes += usize::from(of_axis));
+        }
+        for (b, count) in still.into_iter().enumerate() {
+            if count == axes.len() {
+                self.mark(b, Why::Still);
+            }
+        }
+        clipped.into_iter().flatten().for_each(|b| self.mark(b, Why::Clipped));
+    }
+
     fn mark_low(&mut self, axis: usize, least: f64, why: Why) {
         for b in 0..self.smooth.len() {
             if self.smooth[b][axis] < least {
@@ -95,10 +114,10 @@ impl Blocks {
     }
 
     /// Marks clicks, and draws a line through them.
-    fn mark_clicks(&mut self, samples: &mut [f64], spans: &[Range<usize>]) {
+    fn mark_clicks(&mut self, axes: &mut [Vec<f64>], spans: &[Range<usize>]) {
         let power = |span: &Range<usize>| {
-            let part = samples.get(span.start.saturating_sub(1)..span.end).unwrap_or_default();
-            part.windows(2).map(|pair| (pair[1] - pair[0]).powi(2)).sum::<f64>()
+            let parts = axes.iter().filter_map(|a| a.get(span.start.saturating_sub(1)..span.end));
+            parts.flat_map(|part| part.windows(2)).map(|pair| (pair[1] - pair[0]).powi(2)).sum::<f64>()
         };
         let powers: Vec<f64> = spans.iter().map(power).collect();
         let mut clicks = Vec::new();
@@ -119,7 +138,7 @@ impl Blocks {
         }
         for run in clicks.chunk_by(|a, b| a + 1 == *b) {
             let (first, last) = (run[0], run[run.len() - 1]);
-            line(samples, spans[first].start, spans[last].end);
+            axes.iter_mut().for_each(|axis| line(axis, spans[first].start, spans[last].end));
             for near in first.saturating_sub(1)..=last + 1 {
                 self.mark(near, Why::Click);
             }
@@ -198,6 +217,22 @@ impl Blocks {
     /// Samples of some blocks.
     pub(super) fn signal(&self, span: &Span) -> &[f64] {
         self.signal.get(span.start * self.len..span.end * self.len).unwrap_or_default()
+    }
+
+    /// Speed and force of all blocks, smoothed, one after the other.
+    pub(super) fn course(&self) -> &[[f64; 2]] {
+        &self.smooth
+    }
+
+    /// Which blocks a segment is.
+    pub(super) fn span(&self, segment: &Segment) -> Span {
+        let block = |seconds: f64| (seconds * self.rate_hz / self.len as f64).round() as usize;
+        block(segment.start_s)..block(segment.start_s + segment.length_s)
+    }
+
+    /// Some samples.
+    pub(super) fn samples_at(&self, range: Range<usize>) -> &[f64] {
+        self.signal.get(range).unwrap_or_default()
     }
 
     /// Mean speed and force over some blocks.

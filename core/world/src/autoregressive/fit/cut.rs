@@ -236,6 +236,24 @@ mod tests {
         }
     }
 
+    /// Halves of 4 s that differ by a ratio `r` of powers alone are told apart where `8000 (ln (1 + r) / 2 - ln(r) / 2)` is above `10 ln 8000 = 90`: 163 for 1.5, 9 for 1.1.
+    #[test]
+    fn the_least_change_that_counts_is_the_one_of_the_criterion() {
+        for (ratio, told) in [(1.5f64, true), (1.1, false)] {
+            for seed in 0..5 {
+                let mut random = Random::new(seed);
+                let mut signal = vec![0.0; 8000];
+                for n in 2..8000 {
+                    let level = if n < 4000 { 1.0 } else { ratio.sqrt() };
+                    signal[n] = 1.4 * signal[n - 1] - 0.8 * signal[n - 2] + level * random.normal();
+                }
+                let found = Products::new(&signal, 10).change(&(0..800), 20);
+                assert_eq!(found.is_some(), told, "{ratio}, seed {seed}: {found:?}");
+                assert!(found.is_none_or(|cut| cut.abs_diff(400) < 60), "{found:?}");
+            }
+        }
+    }
+
     #[test]
     fn the_best_cut_is_the_best_of_all() {
         let mut random = Random::new(2);

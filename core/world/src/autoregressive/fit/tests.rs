@@ -9,7 +9,7 @@ use super::*;
 use crate::material::Random;
 
 /// Poles at frequencies in Hz with bandwidths in Hz.
-fn poles(resonances: &[[f64; 2]], rate_hz: f64) -> Vec<f64> {
+pub(super) fn poles(resonances: &[[f64; 2]], rate_hz: f64) -> Vec<f64> {
     let mut a = vec![1.0];
     for [hz, bandwidth_hz] in resonances {
         let radius = (-PI * bandwidth_hz / rate_hz).exp();
@@ -26,27 +26,27 @@ fn poles(resonances: &[[f64; 2]], rate_hz: f64) -> Vec<f64> {
 }
 
 /// A stretch at one speed in mm/s and force in N, and what sounds there: a filter and a level as its deviation.
-struct Stay {
+pub(super) struct Stay {
     speed: f64,
     force: f64,
     seconds: f64,
     filter: Filter,
 }
 
-fn stay(speed: f64, force: f64, seconds: f64, ar: &[f64], deviation: f64) -> Stay {
+pub(super) fn stay(speed: f64, force: f64, seconds: f64, ar: &[f64], deviation: f64) -> Stay {
     Stay { speed, force, seconds, filter: Filter::new(ar, &[], deviation) }
 }
 
-struct Recorded {
-    rate_hz: f64,
-    force: Vec<f64>,
-    speed: Vec<f64>,
-    acceleration: Vec<f64>,
+pub(super) struct Recorded {
+    pub(super) rate_hz: f64,
+    pub(super) force: Vec<f64>,
+    pub(super) speed: Vec<f64>,
+    pub(super) acceleration: Vec<f64>,
 }
 
 impl Recorded {
     /// Stays one after the other, with `ramp_s` from each to the next; the history of the signal is kept.
-    fn new(rate_hz: f64, stays: &[Stay], ramp_s: f64, seed: u64) -> Self {
+    pub(super) fn new(rate_hz: f64, stays: &[Stay], ramp_s: f64, seed: u64) -> Self {
         let mut random = Random::new(seed);
         let mut it = Self { rate_hz, force: vec![], speed: vec![], acceleration: vec![] };
         let mut history = vec![0.0; 64];
@@ -67,16 +67,16 @@ impl Recorded {
         it
     }
 
-    fn recording(&self) -> Recording<'_> {
+    pub(super) fn recording(&self) -> Recording<'_> {
         Recording {
             rate_hz: self.rate_hz,
             force_n: &self.force,
             speed_mm_s: &self.speed,
-            acceleration_m_s2: &self.acceleration,
+            acceleration_m_s2: vec![&self.acceleration],
         }
     }
 
-    fn fit(&self, settings: &Settings) -> (Texture, Report) {
+    pub(super) fn fit(&self, settings: &Settings) -> (Texture, Report) {
         let (texture, report) = self.recording().fit(settings).unwrap();
         accounts(&report);
         (texture, report)
@@ -88,7 +88,7 @@ impl Recorded {
 }
 
 /// Every block is in one stretch, fitted or not.
-fn accounts(report: &Report) {
+pub(super) fn accounts(report: &Report) {
     let mut all: Vec<[f64; 2]> = report.segments.iter().map(|s| [s.start_s, s.length_s]).collect();
     assert!(all.is_sorted_by(|a, b| a[0] < b[0]));
     all.extend(report.dropped.iter().map(|d| [d.start_s, d.length_s]));
@@ -106,7 +106,7 @@ fn without_high_pass(by: Criterion) -> Settings {
 }
 
 /// The largest difference in dB in third-octave bands from 25 to 400 Hz; spectra a Hz.
-fn bands_off(found: &Filter, found_hz: f64, truth: &Filter, truth_hz: f64) -> f64 {
+pub(super) fn bands_off(found: &Filter, found_hz: f64, truth: &Filter, truth_hz: f64) -> f64 {
     let mut worst: f64 = 0.0;
     for band in 14..=26 {
         let centre = 10f64.powf(f64::from(band) / 10.0);
@@ -265,7 +265,7 @@ fn faster_recordings_are_brought_to_the_models_rate() {
     assert_eq!(recorded.fit(&settings).0.rate_hz(), 5000.0);
 }
 
-fn noise(seconds: f64) -> Recorded {
+pub(super) fn noise(seconds: f64) -> Recorded {
     Recorded::new(1000.0, &[stay(50.0, 1.0, seconds, &[-0.5, 0.2], 0.3)], 0.0, 1)
 }
 
@@ -280,7 +280,7 @@ fn what_cannot_be_fitted_is_refused_in_words_that_help() {
         (with(|r| r.acceleration[1234] = f64::NAN), "the acceleration is NaN at sample 1234, at 1.2340 s"),
         (with(|r| r.force[7] = f64::NEG_INFINITY), "the force is -inf at sample 7"),
         (with(|r| r.speed[0] = 1e6), "the speed is 1000000 at sample 0"),
-        (with(|r| r.speed.truncate(9)), "3000 samples of force, 9 of speed and 3000 of acceleration"),
+        (with(|r| r.speed.truncate(9)), "3000 samples of force, and 9 of speed"),
         (with(|r| r.rate_hz = 500.0), "a recording at 500 Hz"),
         (with(|r| r.rate_hz = f64::NAN), "a recording at NaN Hz"),
         (with(|r| r.rate_hz = 44_100.0), "1000 to 10000 Hz"),
@@ -392,6 +392,15 @@ fn contact_and_motion_bound_what_is_fitted() {
         assert!((report.dropped_s(why) - seconds).abs() < 0.06, "{why}: {report:#?}");
     }
     assert!((report.dropped_s(Why::Short) - 0.1).abs() < 0.06, "{report:#?}");
+}
+
+#[test]
+fn a_recording_that_ends_within_a_block_is_fitted_up_to_there() {
+    for (seconds, whole) in [(4.024_402, 4.02), (2.509_423, 2.5), (1.0, 1.0)] {
+        let (_, report) = noise(seconds).fit(&Settings::default());
+        assert!((report.duration_s - whole).abs() < 1e-9 && report.segments.len() == 1, "{report:#?}");
+        assert!((report.segments[0].length_s - whole).abs() < 1e-9);
+    }
 }
 
 #[test]

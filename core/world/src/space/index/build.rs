@@ -1,4 +1,4 @@
-//! How a tree is made: halves of halves, by what surfaces differ most in.
+//! How a tree is made: halves of halves, by what surfaces differ most in; what lies apart from the rest is parted from it.
 
 use std::collections::HashMap;
 
@@ -7,7 +7,7 @@ use super::super::vector::{Vector, dot, least, most, norm, sub};
 use super::Entry;
 use super::block::{Block, Class, LANES, Part, SLACK_MM};
 use super::item::{Boxed, Item, Key};
-use super::tree::Tree;
+use super::tree::{MOST_LEVELS, Tree};
 
 /// Most surfaces of a leaf.
 const LEAF: usize = 4;
@@ -19,6 +19,10 @@ const LEVER_MM: f64 = 50.0;
 const FEW_TURNS: usize = 8;
 /// What differs by less does not differ, in millimetres.
 const ALIKE_MM: f64 = 1e-6;
+/// Places between which a cut is looked for that is better than one into halves, ..
+const BINS: usize = 16;
+/// .. and is taken where its cost is below this part of theirs.
+const BETTER: f64 = 0.7;
 
 /// A tree over all surfaces of a class, or over those that reach.
 pub(super) fn tree(class: Class, entries: &[Entry], reaching: bool) -> Tree {
@@ -62,10 +66,82 @@ pub(super) fn tree(class: Class, entries: &[Entry], reaching: bool) -> Tree {
     let tree = Tree { class, frames, blocks: Vec::new(), items: Vec::with_capacity(items.len()) };
     let mut builder = Builder { tree, items };
     if !some.is_empty() {
-        builder.block(&mut some, None);
+        builder.block(&mut some, None, 0);
     }
     builder.tree.blocks.shrink_to_fit();
     builder.tree
+}
+
+/// Levels of blocks over so many surfaces that are halved and halved again.
+fn levels(count: usize) -> usize {
+    let leaves = count.div_ceil(LEAF);
+    1 + (0..).take_while(|level| LANES.pow(*level) < leaves).count()
+}
+
+/// How many surfaces go before a cut by their keys that is better than one into halves: of the volumes of both parts, times how many there are in each, the sum is
+/// to be least, as a part is looked into when a point is in it (after MacDonald and Booth 1990, "Heuristics for ray tracing using space subdivision").
+fn apart(some: &[Boxed]) -> Option<usize> {
+    let bounds = (f64::INFINITY, f64::NEG_INFINITY);
+    let (first, last) = some.iter().fold(bounds, |(a, b), boxed| (least(a, boxed.key), most(b, boxed.key)));
+    let per_bin = BINS as f64 / (last - first);
+    if !per_bin.is_finite() {
+        return None;
+    }
+    let mut bins = [Extent::NONE; BINS];
+    for boxed in some {
+        bins[(((boxed.key - first) * per_bin) as usize).min(BINS - 1)].add(&boxed.low, &boxed.high, 1);
+    }
+    let mut behind = [Extent::NONE; BINS + 1];
+    for i in (0..BINS).rev() {
+        behind[i] = behind[i + 1];
+        behind[i].add(&bins[i].low, &bins[i].high, bins[i].count);
+    }
+    let mut before = Extent::NONE;
+    // The cut nearest to one into halves stands for that.
+    let (mut best, mut halves) = ((f64::INFINITY, 0), (usize::MAX, f64::INFINITY));
+    for (bin, behind) in bins.iter().zip(&behind[1..]) {
+        before.add(&bin.low, &bin.high, bin.count);
+        if before.count == 0 || behind.count == 0 {
+            continue;
+        }
+        let cost = before.cost() + behind.cost();
+        if cost < best.0 {
+            best = (cost, before.count);
+        }
+        let off = before.count.abs_diff(some.len() / 2);
+        if off < halves.0 {
+            halves = (off, cost);
+        }
+    }
+    // Where all but all are in one bin, that is no cut into halves.
+    let even = if halves.0 > some.len() / 4 { behind[0].cost() } else { halves.1 };
+    (best.0 < BETTER * even).then_some(best.1)
+}
+
+/// How far some surfaces reach, and how many they are.
+#[derive(Clone, Copy)]
+struct Extent {
+    low: Vector,
+    high: Vector,
+    count: usize,
+}
+
+impl Extent {
+    const NONE: Self = Self { low: [f64::INFINITY; 3], high: [f64::NEG_INFINITY; 3], count: 0 };
+
+    fn add(&mut self, low: &Vector, high: &Vector, count: usize) {
+        for k in 0..3 {
+            self.low[k] = least(self.low[k], low[k]);
+            self.high[k] = most(self.high[k], high[k]);
+        }
+        self.count += count;
+    }
+
+    /// Volume times count; a sheet is as thick as nothing, but not without volume.
+    fn cost(&self) -> f64 {
+        let volume: f64 = (0..3).map(|k| self.high[k] - self.low[k] + ALIKE_MM).product();
+        volume * self.count as f64
+    }
 }
 
 /// A tree in the making. Where it takes surfaces, there is one at least.
@@ -167,14 +243,15 @@ impl Builder {
 
     /// Adds the block of some surfaces, and those that it is split into, which come after it. Surfaces that are turned alike get a frame of their own, others that
     /// of the block before.
-    fn block(&mut self, some: &mut [Boxed], before: Option<u32>) -> u32 {
+    fn block(&mut self, some: &mut [Boxed], before: Option<u32>, level: usize) -> u32 {
         let common = self.common(some);
         let frame = common.or(before).unwrap_or_else(|| self.frame(some));
         let mut ends = [some.len(); LANES];
         if some.len() > LEAF {
-            let middle = self.halve(some);
+            let even = level + 1 + levels(some.len()) > MOST_LEVELS;
+            let middle = self.cut(some, even);
             let (left, right) = some.split_at_mut(middle);
-            ends = [self.halve(left), middle, middle + self.halve(right), some.len()];
+            ends = [self.cut(left, even), middle, middle + self.cut(right, even), some.len()];
         }
         let mut parts: [Part; LANES] = std::array::from_fn(|_| Part::empty());
         let mut begin = 0;
@@ -192,7 +269,7 @@ impl Builder {
             begin = end;
             self.tree.blocks[number].first[lane] = if some.len() > LEAF {
                 self.tree.blocks[number].items[lane] = 0;
-                self.block(some, Some(frame))
+                self.block(some, Some(frame), level + 1)
             } else {
                 let first = self.tree.items.len() as u32;
                 let numbers = some.iter().map(|b| self.items[b.item as usize].entry);
@@ -203,8 +280,9 @@ impl Builder {
         number as u32
     }
 
-    /// Puts the half of some surfaces first that is less in what they differ most in, and answers where the other begins; few are not halved.
-    fn halve(&self, some: &mut [Boxed]) -> usize {
+    /// Puts those of some surfaces first that are less in what they differ most in, and answers where the others begin; few are not cut. Into halves, or, unless it
+    /// has to be `even`, where it is likelier that a point is in none or one part alone.
+    fn cut(&self, some: &mut [Boxed], even: bool) -> usize {
         if some.len() <= LEAF {
             return some.len();
         }
@@ -212,10 +290,12 @@ impl Builder {
         for boxed in some.iter_mut() {
             boxed.key = key.of(&self.items[boxed.item as usize], boxed);
         }
+        let by_place = matches!(key, Key::Low(_) | Key::High(_) | Key::Place(_));
+        let place = if by_place && !even { apart(some) } else { None };
+        let place = place.unwrap_or(some.len().div_ceil(2));
         // Items are in the order of their entries.
-        let middle = some.len().div_ceil(2);
-        some.select_nth_unstable_by(middle, |a, b| a.key.total_cmp(&b.key).then(a.item.cmp(&b.item)));
-        middle
+        some.select_nth_unstable_by(place, |a, b| a.key.total_cmp(&b.key).then(a.item.cmp(&b.item)));
+        place
     }
 
     /// By what some surfaces are told apart best.

@@ -10,8 +10,11 @@ const STEPS_PER_MM: f64 = 8192.0;
 /// Ceilings that differ by less are the same.
 const NEARLY_MM: f64 = 1e-7;
 
-/// Parts that wait to be looked at: three of each level and four of the last, and there are at most ten levels over 2^20 entries.
-const WAITING: usize = 32;
+/// Most levels of blocks: as many as halves of halves of 2^20 entries have.
+pub(super) const MOST_LEVELS: usize = 10;
+
+/// Parts that wait to be looked at: three of each level, and four of the last.
+const WAITING: usize = 3 * MOST_LEVELS + 1;
 
 /// The deepest so far, and what can still be deeper.
 #[derive(Clone, Copy, Debug)]
