@@ -3,7 +3,7 @@
 use asperity_source::ron::{Record, Value};
 use asperity_source::{Diagnostic, Place};
 
-use super::read::{body, error, file, number, numbers, place, variant};
+use super::read::{Known, body, error, file, number, numbers, place, variant};
 use super::surface::heights;
 use super::{Drag, Effects, Friction, Hum, Knock, Placed, Pull, Sound, Texture};
 use crate::effect::friction::{Dahl, LuGre, LuGreSettings, ViscousCoulomb};
@@ -22,7 +22,7 @@ const TRIED_HZ: u32 = 48_000;
 const GAIN: std::ops::RangeInclusive<f64> = 0.0..=100.0;
 
 /// The field `effects` of a surface.
-pub(super) fn effects(value: Option<&Value>) -> Result<Effects, Diagnostic> {
+pub(super) fn effects(value: Option<&Value>, known: &mut Known) -> Result<Effects, Diagnostic> {
     let mut effects = Effects::default();
     let Some(value) = value else { return Ok(effects) };
     let mut record = value.record("Effects")?;
@@ -31,7 +31,8 @@ pub(super) fn effects(value: Option<&Value>) -> Result<Effects, Diagnostic> {
     effects.friction = one(&mut record, "friction", friction)?;
     if let Some(value) = record.optional("texture") {
         for value in one_or_more(value) {
-            effects.textures.push(Placed { of: texture(value)?, place: place(value) });
+            let of = known.texture(value, texture)?;
+            effects.textures.push(Placed { of, place: place(value) });
         }
     }
     effects.tap = one(&mut record, "tap", tap)?;

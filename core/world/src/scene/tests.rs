@@ -212,3 +212,44 @@ fn a_tap_is_of_sinusoids_or_recorded() {
     let Transient::Recorded(found) = (Knock { sound, ..recorded }).transient().unwrap() else { panic!() };
     assert_eq!((found.samples, found.rate_hz, found.speed_mm_s), (vec![25.0, -50.0], 8000.0, 80.0));
 }
+
+#[test]
+fn a_scene_is_told_from_a_graph_behind_any_comments() {
+    let meant = |text: &str| Scene::is_meant(&Source::new("s.ron", text));
+    assert!(
+        meant("Scene(version: 1)") && meant("// Graph(\n\n  /* a /* b */ Graph( */ // c\nScene (version: 1)")
+    );
+    assert!(meant("\u{feff}Scene(") && meant("Scene"));
+    for other in [
+        "",
+        "//",
+        "// Scene(",
+        "/* Scene(",
+        "/* /* */ Scene(",
+        "Graph(version: 1)",
+        "Scenery(",
+        "(Scene: 1)",
+        "\"Scene\"",
+    ] {
+        assert!(!meant(other), "{other}");
+    }
+}
+
+#[test]
+fn surfaces_of_the_same_heights_share_them() {
+    let relief =
+        "shape: relief(heights: made(surface: \"hessian\", side: 16, step_mm: 0.1), size_mm: (30, 30))";
+    let other = relief.replace("side: 16", "side: 32");
+    let scene =
+        scene(&format!("\"a\": ({relief}), \"b\": ({relief}, place_mm: (40, 0, 0)), \"c\": ({other})"))
+            .unwrap();
+    let grids: Vec<_> = scene
+        .surfaces
+        .iter()
+        .map(|s| match s.surface.shape.form() {
+            Form::Relief(relief) => relief.grid().clone(),
+            other => panic!("{other:?}"),
+        })
+        .collect();
+    assert!(std::sync::Arc::ptr_eq(&grids[0], &grids[1]) && !std::sync::Arc::ptr_eq(&grids[0], &grids[2]));
+}
