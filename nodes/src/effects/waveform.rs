@@ -12,7 +12,7 @@ use super::mix::Mix;
 use super::texts::{self, Shared};
 use super::track::Track;
 use super::voices::{Voice, Voices};
-use super::{acceleration, at, slot, vector};
+use super::{acceleration, at, slot};
 
 const SLOT: usize = 0;
 const PLACE: usize = 1;
@@ -105,7 +105,8 @@ impl Node for Waveform {
 
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         let turned = self.loops.turn(tick.inputs.value(SLOT));
-        let path = self.track.advance(vector(&tick.inputs, PLACE), tick.inputs.value(STROKE)).copied();
+        let place = tick.inputs.control(PLACE).try_into().unwrap_or([f64::NAN; 2]);
+        let path = self.track.advance(place, tick.inputs.value(STROKE)).copied();
         let loops = self.loops.on();
         let Some(path) = path.filter(|_| !loops.is_empty()) else { return Status::Quiet };
         if self.track.begins() {
