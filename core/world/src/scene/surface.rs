@@ -1,7 +1,5 @@
 //! Shapes and where they are.
 
-use std::sync::Arc;
-
 use asperity_source::Diagnostic;
 use asperity_source::ron::{Record, Value};
 
