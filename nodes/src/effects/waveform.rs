@@ -1,12 +1,14 @@
 //! `waveform`: a texture that is read by the distance travelled.
 
+use std::path::PathBuf;
+
 use asperity_node::{
     Descriptor, Diagnostic, Fact, Input, Latency, Node, Param, Resume, Setup, ShapeSpec, State, Status, Tick,
     Unit,
 };
 use asperity_source::ron::Value;
 use asperity_world::effect::{self, Parts, WaveformTable};
-use asperity_world::scene::Texture;
+use asperity_world::scene::{self, Texture};
 
 use super::mix::Mix;
 use super::texts::{self, Shared};
@@ -28,6 +30,8 @@ pub struct Waveform {
     rate_hz: u32,
     latency: Latency,
     tables: u64,
+    /// Recordings.
+    files: Vec<PathBuf>,
 }
 
 /// A loop as it is read.
@@ -57,17 +61,27 @@ pub(super) fn place() -> [Input; 2] {
     ]
 }
 
-fn read(value: &Value, tables: &mut Shared<Texture, WaveformTable>) -> Result<Loop, Diagnostic> {
-    let Texture::Waveform { segments, spacing_mm, crossfade_mm, quantity, gain } = Texture::parse(value)?
-    else {
-        return Err(value
-            .error("a texture of another kind")
-            .help("waveform(segments: [(0, 0), (0.5, 1), (1, 0)])"));
+fn read(
+    value: &Value,
+    tables: &mut Shared<Texture, WaveformTable>,
+    files: &mut Vec<PathBuf>,
+) -> Result<Loop, Diagnostic> {
+    let other =
+        || value.error("a texture of another kind").help("waveform(segments: [(0, 0), (0.5, 1), (1, 0)])");
+    let Texture::Waveform { values, crossfade_mm, quantity, gain } = Texture::parse(value)? else {
+        return Err(other());
     };
-    let made = || at(value, WaveformTable::from_segments(&segments, spacing_mm, crossfade_mm, quantity));
-    let plain =
-        Texture::Waveform { segments: segments.clone(), spacing_mm, crossfade_mm, quantity, gain: 1.0 };
-    let table = tables.get(plain, made)?;
+    if let scene::Loop::Recorded { file, .. } = &values {
+        files.push(file.clone());
+    }
+    let plain = Texture::Waveform { values, crossfade_mm, quantity, gain: 1.0 };
+    let made = || match plain.table() {
+        Ok(table) => table.ok_or_else(other),
+        // What is wrong in a file is said of the file.
+        Err(e) if e.path().is_some() => Err(e),
+        Err(e) => Err(value.error(e.message)),
+    };
+    let table = tables.get(plain.clone(), made)?;
     Ok(Loop { waveform: effect::Waveform::new(table), gain })
 }
 
@@ -83,15 +97,16 @@ impl Node for Waveform {
                 "loops",
                 "Loops, each a text as behind `texture` in a scene: `waveform(segments: [(0, 0), (0.5, 1), (1, 0)], spacing_mm: 0.05, crossfade_mm: 0, \
                  reference_speed_mm_s: 100, speed_exponent: 1, gain: 1)` with pairs of a distance in mm and an acceleration in m/s^2, or with \
-                 `quantity: height` and heights in mm; or a list of them, `[waveform(..), waveform(..)]`, whose sum is one entry.",
+                 `quantity: height` and heights in mm; `waveform(recording: (file: \"felt.wav\", speed_mm_s: 100, full_scale_m_s2: 50), crossfade_mm: 5)`; \
+                 or a list of them, `[waveform(..), waveform(..)]`, whose sum is one entry.",
             ))
             .timing("a tick and a half less a sample; silent in the first tick after it wakes, which has no speed yet, and faded in over the second")
             .resumes(Resume::Restart)
     }
 
     fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
-        let mut tables = Shared::default();
-        let loops = texts::read_each(setup, "loops", |value| read(value, &mut tables))?;
+        let (mut tables, mut files) = (Shared::default(), Vec::new());
+        let loops = texts::read_each(setup, "loops", |value| read(value, &mut tables, &mut files))?;
         let track = Track::new(setup, 0.0)?;
         Ok(Self {
             loops: Voices::new(loops),
@@ -100,6 +115,7 @@ impl Node for Waveform {
             mix: Mix::new(setup),
             rate_hz: setup.audio_hz,
             tables: tables.count(),
+            files,
         })
     }
 
@@ -138,6 +154,10 @@ impl Node for Waveform {
 
     fn latency(&self) -> Latency {
         self.latency
+    }
+
+    fn files(&self) -> Vec<PathBuf> {
+        self.files.clone()
     }
 
     fn facts(&self) -> Vec<Fact> {

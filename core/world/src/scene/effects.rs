@@ -1,11 +1,13 @@
 //! The effects of a surface.
 
+use std::path::PathBuf;
+
 use asperity_source::ron::{Record, Value};
 use asperity_source::{Diagnostic, Place};
 
 use super::read::{Known, body, error, file, number, numbers, place, variant};
 use super::surface::heights;
-use super::{Drag, Effects, Friction, Hum, Knock, Placed, Pull, Sound, Texture};
+use super::{Drag, Effects, Friction, Hum, Knock, Loop, Placed, Pull, Sound, Texture};
 use crate::effect::friction::{Dahl, LuGre, LuGreSettings, ViscousCoulomb};
 use crate::effect::{
     DecayingSinusoid, EffectError, Magnet, ReliefSettings, Tap, TapSettings, Transient, Vibration, Viscosity,
@@ -221,14 +223,33 @@ pub(super) fn texture(value: &Value) -> Result<Texture, Diagnostic> {
 }
 
 fn waveform(value: &Value, mut record: Record<'_>, gain: f64) -> Result<Texture, Diagnostic> {
-    let list = record.required("segments")?;
+    let crossfade_mm = number(&mut record, "crossfade_mm", 0.0..=1e5, "mm", Some(0.0))?;
+    let speed_exponent = number(&mut record, "speed_exponent", 0.0..=2.0, "", Some(1.0))?;
+    let list = match (record.optional("segments"), record.optional("recording")) {
+        (Some(list), None) => list,
+        (None, Some(value)) => {
+            record.finish(&["recording", "crossfade_mm", "speed_exponent", "gain"])?;
+            let (file, speed_mm_s, full_scale_m_s2) = recorded_loop(value)?;
+            let quantity =
+                WaveformQuantity::Acceleration { reference_speed_mm_s: speed_mm_s, speed_exponent };
+            let values = Loop::Recorded { file, speed_mm_s, full_scale_m_s2 };
+            return Ok(Texture::Waveform { values, crossfade_mm, quantity, gain });
+        }
+        (Some(_), Some(second)) => {
+            return Err(second.error("segments and a recording of one waveform").help("one of the two"));
+        }
+        (None, None) => {
+            return Err(value.error("a waveform of no values").help(
+                "segments: [(0, 0), (0.5, 1), (1, 0)], or recording: (file: \"felt.wav\", speed_mm_s: 100, full_scale_m_s2: 50)",
+            ));
+        }
+    };
     let mut segments = Vec::new();
     for pair in list.list()? {
         let [distance, height] = numbers::<2>(pair, &(-1e6..=1e6), "")?;
         segments.push((distance, height));
     }
     let spacing_mm = number(&mut record, "spacing_mm", 1e-4..=100.0, "mm", Some(0.05))?;
-    let crossfade_mm = number(&mut record, "crossfade_mm", 0.0..=1e5, "mm", Some(0.0))?;
     let quantity = match record.optional("quantity") {
         Some(word) if word.choice(&["acceleration", "height"])? == "height" => WaveformQuantity::Height,
         _ => WaveformQuantity::Acceleration {
@@ -239,7 +260,7 @@ fn waveform(value: &Value, mut record: Record<'_>, gain: f64) -> Result<Texture,
                 "mm/s",
                 Some(100.0),
             )?,
-            speed_exponent: number(&mut record, "speed_exponent", 0.0..=2.0, "", Some(1.0))?,
+            speed_exponent,
         },
     };
     record.finish(&[
@@ -252,7 +273,17 @@ fn waveform(value: &Value, mut record: Record<'_>, gain: f64) -> Result<Texture,
         "gain",
     ])?;
     at(value, WaveformTable::from_segments(&segments, spacing_mm, crossfade_mm, quantity))?;
-    Ok(Texture::Waveform { segments, spacing_mm, crossfade_mm, quantity, gain })
+    Ok(Texture::Waveform { values: Loop::Segments { segments, spacing_mm }, crossfade_mm, quantity, gain })
+}
+
+/// File, speed and full scale of a recorded loop.
+fn recorded_loop(value: &Value) -> Result<(PathBuf, f64, f64), Diagnostic> {
+    let mut record = value.record("recording")?;
+    let file = file(record.required("file")?)?;
+    let speed_mm_s = record.required("speed_mm_s")?.f64_in(0.1..=5000.0, "mm/s")?;
+    let full_scale_m_s2 = record.required("full_scale_m_s2")?.f64_in(1e-3..=1e5, "m/s^2")?;
+    record.finish(&["file", "speed_mm_s", "full_scale_m_s2"])?;
+    Ok((file, speed_mm_s, full_scale_m_s2))
 }
 
 pub(super) fn tap(value: &Value) -> Result<Knock, Diagnostic> {

@@ -201,10 +201,8 @@ pub enum Texture {
     },
     /// A loop that is read by distance.
     Waveform {
-        /// Pairs of distance in mm and value.
-        segments: Vec<(f64, f64)>,
-        /// Distance of the values that are made of them, in mm.
-        spacing_mm: f64,
+        /// What its values are.
+        values: Loop,
         /// How much of the end is faded into the beginning, in mm.
         crossfade_mm: f64,
         /// What the values are.
@@ -222,6 +220,27 @@ pub enum Texture {
         max_m_s2: f64,
         /// What it is multiplied by, 0 to 100.
         gain: f64,
+    },
+}
+
+/// Where the values of a loop come from.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Loop {
+    /// They were drawn.
+    Segments {
+        /// Pairs of distance in mm and value.
+        segments: Vec<(f64, f64)>,
+        /// Distance of the values that are made of them, in mm.
+        spacing_mm: f64,
+    },
+    /// They were recorded at a constant speed.
+    Recorded {
+        /// A WAV file; of several channels the first.
+        file: PathBuf,
+        /// The speed, in mm/s.
+        speed_mm_s: f64,
+        /// What full scale stands for, in m/s^2.
+        full_scale_m_s2: f64,
     },
 }
 

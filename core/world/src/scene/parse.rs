@@ -3,8 +3,8 @@
 use asperity_source::Diagnostic;
 use asperity_source::ron::Value;
 
-use super::{Drag, Friction, Hum, Knock, Pull, Sound, Texture, effects};
-use crate::effect::{Recording, Transient};
+use super::{Drag, Friction, Hum, Knock, Loop, Pull, Sound, Texture, effects};
+use crate::effect::{Recording, Transient, WaveformTable};
 use crate::wav::Wav;
 
 /// Longest recording of a tap in samples: a minute and a half at 48 kHz.
@@ -35,6 +35,28 @@ impl Texture {
     /// As [`parse`](Self::parse).
     pub fn parse_all(value: &Value) -> Result<Vec<Self>, Diagnostic> {
         effects::one_or_more(value).iter().map(Self::parse).collect()
+    }
+
+    /// The loop of a waveform, ready to be read; none of another texture. A recording is read from its file.
+    ///
+    /// # Errors
+    /// A file that is no WAV file or is longer than 2^22 samples; values that no loop can have (see [`WaveformTable::new`]).
+    pub fn table(&self) -> Result<Option<WaveformTable>, Diagnostic> {
+        let Self::Waveform { values, crossfade_mm, quantity, .. } = self else { return Ok(None) };
+        match values {
+            Loop::Segments { segments, spacing_mm } => {
+                WaveformTable::from_segments(segments, *spacing_mm, *crossfade_mm, *quantity)
+                    .map_err(|e| Diagnostic::new(e.to_string()))
+            }
+            Loop::Recorded { file, speed_mm_s, full_scale_m_s2 } => {
+                let wav = Wav::read(file, MAX_RECORDED)?;
+                let values: Vec<f64> = wav.channel(0).map(|x| full_scale_m_s2 * x).collect();
+                let spacing_mm = speed_mm_s / f64::from(wav.rate_hz);
+                WaveformTable::new(&values, spacing_mm, *crossfade_mm, *quantity)
+                    .map_err(|e| Diagnostic::new(e.to_string()).in_file(file))
+            }
+        }
+        .map(Some)
     }
 
     /// How a scene calls its kind.

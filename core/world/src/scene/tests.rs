@@ -253,3 +253,22 @@ fn surfaces_of_the_same_heights_share_them() {
         .collect();
     assert!(std::sync::Arc::ptr_eq(&grids[0], &grids[1]) && !std::sync::Arc::ptr_eq(&grids[0], &grids[2]));
 }
+
+#[test]
+fn a_waveform_may_be_recorded_and_has_then_no_other_speed() {
+    let wave =
+        |fields: &str| format!("\"a\": (shape: plane, effects: ({WALL}, texture: waveform({fields})))");
+    let recording = "recording: (file: \"felt.wav\", speed_mm_s: 80, full_scale_m_s2: 50)";
+    let found = scene(&wave(&format!("{recording}, crossfade_mm: 5, gain: 2"))).unwrap();
+    let Texture::Waveform { values, crossfade_mm: 5.0, quantity, gain: 2.0 } =
+        &found.surfaces[0].effects.textures[0].of
+    else {
+        panic!("{found:?}")
+    };
+    assert_eq!(values, &Loop::Recorded { file: "felt.wav".into(), speed_mm_s: 80.0, full_scale_m_s2: 50.0 });
+    assert!(matches!(quantity, WaveformQuantity::Acceleration { reference_speed_mm_s: 80.0, .. }));
+    refused(&wave(&format!("{recording}, reference_speed_mm_s: 90")), &["s.ron:3:", "reference_speed_mm_s"]);
+    refused(&wave(&format!("{recording}, segments: [(0, 0), (1, 1)]")), &["one of the two"]);
+    refused(&wave("gain: 1"), &["a waveform of no values", "recording"]);
+    refused(&wave("recording: (file: \"felt.wav\", speed_mm_s: 80)"), &["full_scale_m_s2"]);
+}

@@ -273,3 +273,46 @@ fn a_slot_that_is_none_is_silence_and_texts_of_other_kinds_are_refused() {
         "{e}"
     );
 }
+
+#[test]
+fn a_recorded_waveform_played_at_its_own_speed_is_the_recording_and_faster_is_higher_and_louder() {
+    let dir = tempfile::tempdir().unwrap();
+    let spec = hound::WavSpec {
+        channels: 1,
+        sample_rate: 16_000,
+        bits_per_sample: 32,
+        sample_format: hound::SampleFormat::Float,
+    };
+    let mut writer = hound::WavWriter::create(dir.path().join("felt.wav"), spec).unwrap();
+    // 100 Hz at half of full scale, whole periods.
+    (0..16_000).for_each(|n| {
+        writer.write_sample((0.5 * (std::f64::consts::TAU * 0.00625 * f64::from(n)).sin()) as f32).unwrap();
+    });
+    writer.finalize().unwrap();
+    let text = "waveform(recording: (file: \"felt.wav\", speed_mm_s: 80, full_scale_m_s2: 6))";
+    let file = dir.path().join("g.ron");
+    for (speed, hz) in [(80.0, 100.0), (160.0, 200.0)] {
+        let play = move |tick: u64| (0.0, [speed * tick as f64 / 500.0, 0.0], 0.0, 1.0);
+        let settings = [("loops", &*format!("[{text:?}]"))];
+        let mut bench =
+            Bench::beside(file.to_str().unwrap(), 500, 48_000, "waveform", &settings, script(play));
+        bench.drop_wires("level");
+        let (run, _) = bench.run("it", 300);
+        // Half a second behind the beginning: its component at that frequency, and what is left.
+        let part = &run.audio[4800..28_800];
+        let turn = |n: usize| std::f64::consts::TAU * hz * n as f64 / 48_000.0;
+        let [s, c] = [f64::sin, f64::cos].map(|of: fn(f64) -> f64| {
+            part.iter().enumerate().map(|(n, y)| f64::from(*y) * of(turn(n))).sum::<f64>() / 12_000.0
+        });
+        let power = part.iter().map(|y| f64::from(*y).powi(2)).sum::<f64>() / 24_000.0;
+        let amplitude = s.hypot(c);
+        assert!((amplitude - 3.0 * speed / 80.0).abs() < 0.01 * amplitude, "{speed}: {amplitude}");
+        assert!((power - 0.5 * amplitude * amplitude).abs() < 1e-3 * power, "nothing else sounds");
+        let engine = bench.engine("it", true).unwrap();
+        let it = engine.schedule().nodes.iter().find(|n| n.id == "it").unwrap();
+        assert_eq!(it.files, [dir.path().join("felt.wav")]);
+    }
+    let missing = text.replace("felt", "gone");
+    let e = refused::<effects::Waveform>(&[("loops", &format!("[{missing:?}]"))]);
+    assert!(e.to_string().contains("gone.wav"), "{e}");
+}
