@@ -162,7 +162,9 @@ impl Figure {
         let panels: Vec<Ready> = self.panels.iter().filter_map(Ready::of).collect();
         let above = self.above.as_ref().map(|above| above.laid(TOP));
         let first = above.as_ref().map_or(TOP, |above| above.bottom());
-        let height = first + panels.iter().map(|p| HEADING + p.height()).sum::<f64>() + BOTTOM;
+        let strip = self.above.as_ref().map_or(0.0, Above::strip_height);
+        let strip = if strip > 0.0 { HEADING + strip } else { 0.0 };
+        let height = first + strip + panels.iter().map(|p| HEADING + p.height()).sum::<f64>() + BOTTOM;
         let mut svg = Svg::new(WIDTH, height, &self.title);
         svg.text([LEFT, 36.0], "start", "title", &self.title);
         svg.text([LEFT, 57.0], "start", "", &self.subtitle);
@@ -186,7 +188,16 @@ impl Figure {
             svg.rect([left, 46.0], [13.0, 12.0], "fill=\"#e3eef5\" stroke=\"#c8d9e4\"");
             svg.text([RIGHT, 56.0], "end", "small", &self.tint_label);
         }
-        let mut top = first;
+        let mut top = first + strip;
+        if let Some(above) = self.above.as_ref().filter(|_| strip > 0.0) {
+            let y = Axis { low: 0.0, high: 1.0, pixels: [top, first + HEADING] };
+            let [bottom, top] = y.pixels.map(num);
+            let grid = x.ticks(110.0).into_iter().map(|(t, _)| format!("M{} {bottom}V{top}", num(x.at(t))));
+            svg.path(&grid.collect::<String>(), GRID);
+            svg.heading([LEFT, y.pixels[1] - 9.0], "Effects", "active in these ticks");
+            above.draw_strip(&mut svg, &x, y.pixels[1]);
+            draw_frame(&mut svg, &y);
+        }
         for panel in &panels {
             top += HEADING;
             let y = [top + panel.height(), top];

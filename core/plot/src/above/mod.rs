@@ -5,6 +5,7 @@
 
 mod names;
 mod outline;
+mod strip;
 mod way;
 
 use asperity_world::space::Surface;
@@ -25,6 +26,8 @@ pub struct Above {
     pub effects: Vec<String>,
     /// The way of the stylus, tick by tick.
     pub moments: Vec<Moment>,
+    /// Ticks a second.
+    pub hz: f64,
 }
 
 /// A surface to be drawn.

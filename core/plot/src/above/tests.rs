@@ -29,7 +29,7 @@ fn along(mm: f32, effects: impl Fn(usize) -> u16) -> Vec<Moment> {
 
 fn above(surfaces: Vec<Seen>, moments: Vec<Moment>) -> Above {
     let effects = ["stiffness", "friction", "a <texture>"].map(String::from).to_vec();
-    Above { surfaces, effects, moments }
+    Above { surfaces, effects, moments, hz: 100.0 }
 }
 
 fn svg(above: Above) -> String {
@@ -110,6 +110,27 @@ fn only_what_was_active_is_in_the_legend_with_its_part_of_the_time() {
     assert!(svg.contains(">30 %</text>") && svg.contains("in the air") && svg.contains("a &amp; b"));
     let lanes: Vec<&str> = svg.matches("<title>stiffness</title>").collect();
     assert_eq!(lanes.len(), 1);
+}
+
+#[test]
+fn bars_stand_where_effects_are_active_and_are_no_more_than_can_be_seen() {
+    let x = Axis { low: 0.0, high: 10.0, pixels: [100.0, 1100.0] };
+    let bars = |moments: Vec<Moment>, hz: f64| Above { hz, ..above(Vec::new(), moments) }.bars(0, &x);
+    // 1000 ticks of a pixel.
+    let found = bars(along(50.0, |k| u16::from((200..300).contains(&k) || k == 700 || k == 703)), 100.0);
+    assert_eq!(found, [[300.0, 400.0], [800.0, 801.0], [803.0, 804.0]]);
+    // 100 ticks a pixel, of which every other one is active.
+    let many: Vec<Moment> = (0..100_000).map(|k| Moment { effects: k % 2, ..Moment::default() }).collect();
+    let found = bars(many.iter().copied().cycle().take(300_000).collect(), 1e4);
+    assert_eq!(found.len(), 1);
+    assert!((found[0][0] - 100.0).abs() < 0.1 && found[0][1] == 1100.0, "{found:?}");
+    let noise = |k: u16| Moment { effects: u16::from(k % 4 < 2), ..Moment::default() };
+    assert!(bars((0..20_000).map(noise).collect(), 2000.0).len() <= 501);
+    for hz in [0.0, f64::NAN, f64::INFINITY] {
+        assert!(
+            bars(along(50.0, |_| 1), hz).iter().flatten().all(|v| v.is_nan() || (100.0..=1101.0).contains(v))
+        );
+    }
 }
 
 #[test]

@@ -139,10 +139,10 @@ impl Effects {
     }
 
     /// The picture.
-    pub fn into_above(self) -> Above {
+    pub fn into_above(self, tick_hz: u32) -> Above {
         let rendered = self.rendered.iter().map(|(kind, _)| kind.word());
         let effects = OF_SURFACES.into_iter().chain(rendered).map(str::to_owned).collect();
-        Above { surfaces: self.surfaces, effects, moments: self.moments }
+        Above { surfaces: self.surfaces, effects, moments: self.moments, hz: f64::from(tick_hz) }
     }
 }
 

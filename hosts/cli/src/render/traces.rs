@@ -163,7 +163,7 @@ impl Traces {
         Render {
             title: format!("{material}{name}"),
             subtitle: format!("{} Hz ticks, {} Hz audio{cut}", schedule.tick_hz, schedule.audio_hz),
-            above: self.effects.map(Effects::into_above),
+            above: self.effects.map(|effects| effects.into_above(schedule.tick_hz)),
             active: self.active.map(spans).unwrap_or_default(),
             position: series(self.position, "position").map(|s| s.with_columns(&["x", "y", "z"])),
             speed: series(self.speed, "speed"),
