@@ -39,7 +39,7 @@ lint: setup
 
 # One table: each node and the whole tick, beside a plain read of the network's weights.
 bench: setup
-	$(CARGO) bench -p asperity --bench tick --bench swap
+	$(CARGO) bench -p asperity --bench tick --bench swap --bench scene
 
 # Builds the shipped plugins: more phase-retrieval nodes.
 plugins: setup

@@ -105,7 +105,7 @@ fn a_control_that_is_on_its_way_arrives_through_a_delay_of_another_length() {
 
 #[test]
 fn a_velocity_with_another_cutoff_does_not_start_from_rest() {
-    let mut out = [control(&[0.0; 2]), control(&[0.0])];
+    let mut out = [control(&[0.0; 2]), control(&[0.0]), control(&[0.0; 3]), control(&[0.0; 3])];
     // 60 mm/s along x, 80 mm/s along y.
     let position = |k: u64| [control(&[0.12 * k as f64, 0.16 * k as f64, 0.0])];
     let mut old = one("velocity", &[]);

@@ -189,7 +189,7 @@ fn an_unknown_port_or_node_names_the_nearest() {
     refused(
         &with("\"motion.speed\"", "\"motion\""),
         Some("\"motion\", \"gate"),
-        &["has 2 outputs; say which", "`motion.speed`"],
+        &["has 4 outputs; say which", "`motion.speed`"],
     );
 }
 

@@ -32,8 +32,11 @@ fn subject(kind: &Arc<dyn NodeKind>) -> Subject<'static> {
             .set("model", file("models/surfaces/texture.onnx"))
             .set("library", file("models/surfaces/materials.ron"))
             .set("material", "canvas"),
+        "contact" => subject.set("scene", file("../tests/common/near.ron")),
         "file_out" => subject.set("file", "unused.wav"),
-        _ => subject,
+        kind => {
+            common::effects(kind).into_iter().fold(subject, |subject, (name, value)| subject.set(name, value))
+        }
     }
 }
 

@@ -197,6 +197,34 @@ fn a_plugin_that_is_built_anew_is_swapped_in_while_it_plays_on_a_card() {
 }
 
 #[test]
+fn a_file_that_a_text_names_is_seen_to_change() {
+    let dir = tempfile::tempdir().unwrap();
+    let dir = dir.path();
+    let made = |name: &str| fs::read(common::graphs("models/made_ar").join(name)).unwrap();
+    fs::write(dir.join("m.ron"), made("rough.ron")).unwrap();
+    let graph = "Graph(version: 1, nodes: {\"hand\": (kind: \"stroke\"), \"motion\": (kind: \"velocity\"), \"floor\": (kind: \"virtual_floor\"), \
+                 \"rub\": (kind: \"autoregressive\", params: (models: [\"autoregressive(model: \\\"m.ron\\\")\"])), \
+                 \"inverse\": (kind: \"actuator_inverse\"), \"guard\": (kind: \"limiter\"), \"out\": (kind: \"audio_out\")}, \
+                 wires: [(\"hand.position\", \"motion\"), (\"hand.position\", \"floor\"), (\"motion.speed\", \"rub.speed\"), \
+                 (\"floor.force\", \"rub.force\"), (\"rub\", \"inverse\"), (\"inverse\", \"guard\"), (\"guard\", \"out\")])";
+    fs::write(dir.join("g.ron"), graph).unwrap();
+    // Nor is it written over.
+    let over = common::run(dir, &["render", "g.ron", "--seconds", "1", "--report", "m.ron"]);
+    assert!(over.code == 2 && over.err.contains("`rub` reads this file"), "{}", over.err);
+    let mut playing = Playing::start(
+        dir,
+        &["render", "g.ron", "--watch", "--limit-us", "9000000", "--seconds", SECONDS, "--out", "o.wav"],
+    );
+    std::thread::sleep(Duration::from_millis(600));
+    replace(dir, "m.ron", |to| fs::write(to, made("smooth.ron")).unwrap());
+    playing.says("m.ron changed: `rub` rebuilt");
+    replace(dir, "m.ron", |to| fs::write(to, "Autoregressive(").unwrap());
+    playing.says("cannot be taken over:");
+    playing.says("the running graph goes on");
+    playing.stop();
+}
+
+#[test]
 fn without_watch_a_graph_that_changes_is_left_as_it_was() {
     let dir = tempfile::tempdir().unwrap();
     told(&dir.path().join("libtold.so"), "0.1f");

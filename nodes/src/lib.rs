@@ -4,6 +4,7 @@
 
 pub mod actuator;
 pub mod contact;
+pub mod effects;
 pub mod hand;
 pub mod motion;
 pub mod phase;
@@ -32,7 +33,18 @@ pub fn registry() -> Registry {
         .with::<sources::Sine>()
         .with::<sources::Sweep>()
         .with::<contact::VirtualFloor>()
+        .with::<contact::Contact>()
         .with::<contact::SpeedGate>()
+        .with::<effects::Friction>()
+        .with::<effects::Viscosity>()
+        .with::<effects::Magnet>()
+        .with::<effects::ForceLimiter>()
+        .with::<effects::Tap>()
+        .with::<effects::Vibration>()
+        .with::<effects::Autoregressive>()
+        .with::<effects::Waveform>()
+        .with::<effects::Relief>()
+        .with::<effects::Level>()
         .with::<texture::ActionHistory>()
         .with::<texture::TextureNetwork>()
         .with::<phase::Spsi>()

@@ -116,9 +116,10 @@ fn required(kind: &str) -> Vec<(&'static str, String)> {
             ("library", file("models/surfaces/materials.ron")),
             ("material", "canvas".to_owned()),
         ],
+        "contact" => vec![("scene", file("../tests/common/near.ron"))],
         "file_out" => vec![("file", "unused.wav".to_owned())],
         "osc_input" => vec![("arguments", "x_mm, y_mm, z_mm, force_n".to_owned())],
-        _ => Vec::new(),
+        kind => crate::common::effects(kind),
     }
 }
 
@@ -132,9 +133,11 @@ pub fn graph(kind: &dyn NodeKind, signal: &str, tick_hz: u32, audio_hz: u32) -> 
     graph.add_node("it", &d.kind, &params, "test").unwrap();
     for Input { name, shape, unit, limited, .. } in &d.inputs {
         // A stroke that begins anew in every tick leaves nothing to remember.
-        if d.kind == "velocity" && name == "stroke" {
+        if name == "stroke" && matches!(&*d.kind, "velocity" | "contact" | "waveform" | "relief") {
             continue;
         }
+        // Nor does an effect that is another in every tick.
+        let signal = if name == "slot" { "zero" } else { signal };
         let unit = match unit {
             UnitSpec::Is(u) => u.clone(),
             UnitSpec::Of { among, .. } => among.first().cloned().unwrap_or(Unit::NEWTON),

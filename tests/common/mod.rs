@@ -59,6 +59,51 @@ pub fn files(dir: &Path) -> Vec<String> {
     names
 }
 
+/// Parameters with which the nodes of effects have something to do, as a graph file says them; none of other kinds.
+pub fn effects(kind: &str) -> Vec<(&'static str, String)> {
+    let model = |name: &str, gain: &str| {
+        let file = graphs("models/made_ar").join(name).display().to_string();
+        format!("autoregressive(model: {file:?}, gain: {gain})")
+    };
+    let hessian = "made(surface: \"hessian\", side: 32, step_mm: 0.1)";
+    let (name, texts): (&str, Vec<String>) = match kind {
+        "friction" => (
+            "laws",
+            ["lugre(static_coefficient: 0.6)", "dahl", "viscous_coulomb"].map(str::to_owned).to_vec(),
+        ),
+        "viscosity" => ("drags", vec!["(viscosity_ns_per_m: 2)".into(), "(viscosity_ns_per_m: 900)".into()]),
+        "magnet" => ("magnets", vec!["(stiffness_n_per_mm: 0.5, max_force_n: 0.4, reach_mm: 3)".into()]),
+        "tap" => {
+            let tap = |hz: f64| {
+                format!("(sinusoids: [(frequency_hz: {hz:?}, decay_ms: 30, gain: 40)], min_speed_mm_s: 0)")
+            };
+            ("taps", vec![tap(200.0), tap(340.0), tap(90.0)])
+        }
+        "vibration" => {
+            let sine = |hz: f64| format!("(frequency_hz: {hz:?}, amplitude_m_s2: 2)");
+            ("sources", vec![sine(120.0), sine(80.5)])
+        }
+        "autoregressive" => {
+            let two = format!("[{}, {}]", model("smooth.ron", "1"), model("ringing.ron", "0.5"));
+            ("models", vec![model("rough.ron", "1"), two])
+        }
+        "waveform" => {
+            let one = "waveform(segments: [(0, 0), (0.3, 1), (1, 0)])";
+            (
+                "loops",
+                vec![one.into(), format!("[{one}, waveform(segments: [(0, 0), (1, 1), (2, 0)], gain: 2)]")],
+            )
+        }
+        "relief" => (
+            "reliefs",
+            vec![format!("relief(heights: {hessian})"), format!("relief(heights: {hessian}, gain: 2)")],
+        ),
+        "force_limiter" => return vec![("slew_n_per_s", "10".into())],
+        _ => return Vec::new(),
+    };
+    vec![(name, format!("{texts:?}"))]
+}
+
 /// The shipped graph with absolute paths, so that it can be edited anywhere.
 pub fn shipped_graph() -> String {
     let text = std::fs::read_to_string(graphs("heravi2024.ron")).expect("the shipped graph");

@@ -248,6 +248,11 @@ impl Biquad {
         true
     }
 
+    /// Whether nothing of its input is left: of zeros follow zeros, without a sign.
+    pub fn is_at_rest(&self) -> bool {
+        self.s.iter().all(|s| s.to_bits() == 0)
+    }
+
     /// Forgets all input.
     pub fn reset(&mut self) {
         self.s = [0.0; 2];

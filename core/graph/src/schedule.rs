@@ -1,6 +1,7 @@
 //! What the compiler answers: plain data that can be printed, compared and run.
 
 use std::ops::Range;
+use std::path::PathBuf;
 
 use asperity_node::{Fact, InputRef, Latency, ParamKind, Params, PortType, Resume};
 
@@ -78,6 +79,8 @@ pub struct ScheduledNode {
     pub allocation_free: bool,
     /// What it said of itself when it was prepared.
     pub facts: Vec<Fact>,
+    /// Files that it read beside those that its parameters of kind `File` name.
+    pub files: Vec<PathBuf>,
 }
 
 /// A parameter that may change while its node runs.

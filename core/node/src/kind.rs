@@ -256,6 +256,12 @@ pub trait Node: Send + Sized + 'static {
     fn facts(&self) -> Vec<Fact> {
         Vec::new()
     }
+
+    /// Files that it read and that no parameter of kind [`File`](crate::ParamKind::File) names, so that a host can see when they
+    /// change. Control thread.
+    fn files(&self) -> Vec<PathBuf> {
+        Vec::new()
+    }
 }
 
 /// A node as the engine calls it: [`Node`] without the parts that need no instance, and with what can go wrong. Every
@@ -344,6 +350,11 @@ pub trait Processor: Send {
     fn facts(&self) -> Vec<Fact> {
         Vec::new()
     }
+
+    /// See [`Node::files`]. Control thread.
+    fn files(&self) -> Vec<PathBuf> {
+        Vec::new()
+    }
 }
 
 impl<N: Node> Processor for N {
@@ -395,6 +406,9 @@ impl<N: Node> Processor for N {
     }
     fn facts(&self) -> Vec<Fact> {
         Node::facts(self)
+    }
+    fn files(&self) -> Vec<PathBuf> {
+        Node::files(self)
     }
 }
 

@@ -3,6 +3,7 @@
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 
+use super::above::Above;
 use super::axis::{Axis, padded_range};
 use super::lines::trace;
 use super::series::Series;
@@ -44,6 +45,8 @@ pub struct Figure {
     pub title: String,
     /// Smaller, under the heading.
     pub subtitle: String,
+    /// Over all panels: a scene, with an axis of its own.
+    pub above: Option<Above>,
     /// From top to bottom.
     pub panels: Vec<Panel>,
     /// Times, in seconds from and to, to tint in all panels, such as those with the gate open.
@@ -59,6 +62,8 @@ pub struct Render {
     pub title: String,
     /// Smaller, under the heading.
     pub subtitle: String,
+    /// The scene that was touched.
+    pub above: Option<Above>,
     /// Position, mm; columns x, y, z.
     pub position: Option<Series>,
     /// Planar speed, mm/s.
@@ -76,7 +81,7 @@ pub struct Render {
 }
 
 impl Render {
-    /// The figure of these signals: position, speed, force, acceleration and its spectrum to 1000 Hz, drive.
+    /// The figure of these signals: the scene from above, position, speed, force, acceleration and its spectrum to 1000 Hz, drive.
     pub fn into_figure(self) -> Figure {
         let lines =
             |series: Option<Series>, marks: Vec<Mark>| series.map(|series| Panel::Lines { series, marks });
@@ -93,6 +98,7 @@ impl Render {
         Figure {
             title: self.title,
             subtitle: self.subtitle,
+            above: self.above,
             panels: panels.into_iter().flatten().collect(),
             tinted: self.active,
             tint_label: "texture active".into(),
@@ -154,16 +160,21 @@ impl Figure {
     /// signals.
     pub fn to_svg(&self) -> String {
         let panels: Vec<Ready> = self.panels.iter().filter_map(Ready::of).collect();
-        let height = TOP + panels.iter().map(|p| HEADING + p.height()).sum::<f64>() + BOTTOM;
+        let above = self.above.as_ref().map(|above| above.laid(TOP));
+        let first = above.as_ref().map_or(TOP, |above| above.bottom());
+        let height = first + panels.iter().map(|p| HEADING + p.height()).sum::<f64>() + BOTTOM;
         let mut svg = Svg::new(WIDTH, height, &self.title);
         svg.text([LEFT, 36.0], "start", "title", &self.title);
         svg.text([LEFT, 57.0], "start", "", &self.subtitle);
+        if let Some(above) = &above {
+            above.draw(&mut svg);
+        }
 
         let ranges = || panels.iter().filter_map(|p| p.series().time_range());
         let low = ranges().map(|r| r.0).fold(f64::MAX, f64::min);
         let high = ranges().map(|r| r.1).fold(f64::MIN, f64::max);
         if low > high {
-            svg.text([LEFT, TOP + 24.0], "start", "", "no data");
+            svg.text([LEFT, first + 24.0], "start", "", "no data");
             return svg.finish();
         }
         let high = if high > low { high } else { low + 1.0 };
@@ -175,7 +186,7 @@ impl Figure {
             svg.rect([left, 46.0], [13.0, 12.0], "fill=\"#e3eef5\" stroke=\"#c8d9e4\"");
             svg.text([RIGHT, 56.0], "end", "small", &self.tint_label);
         }
-        let mut top = TOP;
+        let mut top = first;
         for panel in &panels {
             top += HEADING;
             let y = [top + panel.height(), top];

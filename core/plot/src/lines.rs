@@ -87,12 +87,12 @@ pub(super) fn bands(series: &Series, column: usize, x: &Axis) -> Vec<Band> {
 
 /// Writes points relative to each other, in tenths of a pixel, leaving out those that do not move.
 #[derive(Default)]
-struct Pen {
+pub(super) struct Pen {
     last: Option<(i64, i64)>,
 }
 
 impl Pen {
-    fn to(&mut self, d: &mut String, x: f64, y: f64) {
+    pub(super) fn to(&mut self, d: &mut String, x: f64, y: f64) {
         let point = ((x * 10.0).round() as i64, (y * 10.0).round() as i64);
         let tenths = |v: i64| {
             let sign = if v < 0 { "-" } else { "" };

@@ -53,6 +53,13 @@ impl Svg {
         }
     }
 
+    /// A path that says what it is where a pointer rests on it.
+    pub(super) fn titled_path(&mut self, d: &str, attributes: &str, title: &str) {
+        if !d.is_empty() {
+            self.raw(format_args!("<path d=\"{d}\" {attributes}><title>{}</title></path>\n", escape(title)));
+        }
+    }
+
     /// Text at a baseline point; `anchor` is start, middle or end.
     pub(super) fn text(&mut self, at: [f64; 2], anchor: &str, class: &str, text: &str) {
         if !text.is_empty() {

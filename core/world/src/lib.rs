@@ -10,3 +10,4 @@ pub mod space;
 pub mod stylus;
 pub mod tactile;
 pub mod topography;
+pub mod wav;

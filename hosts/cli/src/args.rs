@@ -6,6 +6,7 @@ mod fit_ar;
 mod latency;
 mod materials;
 mod number;
+mod scene;
 mod tone;
 
 use std::path::PathBuf;
@@ -17,6 +18,7 @@ pub use device::{ActuatorArgs, ClockKind, DeviceArgs, OutputArgs};
 pub use fit_ar::{By, FitAr};
 pub use latency::LatencyArgs;
 pub use materials::{As, Encode, Materials};
+pub use scene::{Expand, Explain, SceneCommand};
 pub use tone::Tone;
 
 /// Haptic rendering as a real-time dataflow graph.
@@ -74,6 +76,9 @@ pub enum Command {
     FitAr(Box<FitAr>),
     /// List the materials of a library: names, families, descriptions, pictures
     Materials(Materials),
+    /// Print the graph that a scene lowers to, or say what of it is built, why, and what it costs
+    #[command(subcommand)]
+    Scene(SceneCommand),
     /// Make a plugin, check one, or see which are found
     #[command(subcommand)]
     Plugin(PluginCommand),
@@ -146,7 +151,7 @@ pub struct PluginList {
 /// A graph and what to change in it.
 #[derive(Clone, Debug, clap::Args)]
 pub struct GraphArgs {
-    /// The graph file
+    /// The graph file, or a scene file
     pub graph: PathBuf,
     /// Set a parameter: NODE.PARAM=VALUE, NODE.every=N, or tick_hz, audio_hz, seed
     #[arg(long = "set", value_name = "NODE.PARAM=VALUE")]
@@ -157,9 +162,12 @@ pub struct GraphArgs {
     /// Let a hand move the stylus in place of the graph's trajectory or stroke: osc, pointer, openhaptics, haply
     #[arg(long, value_name = "KIND[:param=value,...]", conflicts_with = "input")]
     pub hand: Option<String>,
-    /// Keep nodes from which no sink is reached
+    /// Keep nodes from which no sink is reached; build the nodes of effects that no surface of a scene has
     #[arg(long)]
     pub no_prune: bool,
+    /// Take what a scene asks of its device beyond what is passive for an error
+    #[arg(long)]
+    pub strict: bool,
     #[command(flatten)]
     pub plugins: PluginArgs,
 }

@@ -4,15 +4,58 @@ use asperity_graph::{Compiled, GraphFile, Options, Schedule, ScheduledNode, comp
 use std::path::{Path, PathBuf};
 
 use asperity_node::{ParamValue, Registry};
-use asperity_source::{Diagnostic, one_of};
+use asperity_scene::{Lowering, draft, lower};
+use asperity_source::{Diagnostic, Source, one_of};
+use asperity_world::scene::{Kind, Scene};
 
 use crate::args::GraphArgs;
-use crate::failure::Failure;
+use crate::failure::{Failure, warn};
+use crate::kinds::Kinds;
 use crate::source;
 
-/// Reads a graph and applies `--set` and `--input`.
-pub fn read(args: &GraphArgs) -> Result<GraphFile, Failure> {
-    let mut graph = GraphFile::read(&args.graph)?;
+/// A scene, and which nodes of its graph render which kind of effect.
+pub struct OfScene {
+    /// It.
+    pub scene: Scene,
+    /// Kinds in their order, with ids of nodes.
+    pub rendered: Vec<(Kind, Vec<String>)>,
+}
+
+/// Reads a graph, or lowers a scene to one, and applies `--set` and `--input`.
+pub fn read(args: &GraphArgs, kinds: &mut Kinds) -> Result<GraphFile, Failure> {
+    Ok(read_all(args, kinds)?.0)
+}
+
+/// The same with the scene, where the file is one.
+pub fn read_all(args: &GraphArgs, kinds: &mut Kinds) -> Result<(GraphFile, Option<OfScene>), Failure> {
+    let source = Source::read(&args.graph)?;
+    if !Scene::is_meant(&source) {
+        return Ok((changed(GraphFile::parse(&source)?, args)?, None));
+    }
+    let scene = Scene::parse(&source)?;
+    judge(&scene, args.strict)?;
+    let registry = kinds.registry(Some(&draft(&scene)?))?;
+    let lowered = lower(&scene, &registry, Lowering { prune: !args.no_prune })?;
+    let graph = changed(lowered.graph, args)?;
+    Ok((graph, Some(OfScene { scene, rendered: lowered.rendered })))
+}
+
+/// What a scene asks of its device that it may not bear: warnings, or an error.
+fn judge(scene: &Scene, strict: bool) -> Result<(), Failure> {
+    for finding in scene.findings() {
+        let place = &finding.place;
+        let found = Diagnostic::new(finding.message).at(&place.source, place.span);
+        if strict {
+            return Err(found.into());
+        }
+        let at = place.position();
+        warn(&format!("{}:{}:{}: {}", place.source.path().display(), at.line, at.column, found.message));
+    }
+    Ok(())
+}
+
+/// A graph with what the command line changes in it.
+fn changed(mut graph: GraphFile, args: &GraphArgs) -> Result<GraphFile, Failure> {
     if let Some(input) = &args.input {
         source::play(&mut graph, input)?;
     }
@@ -33,7 +76,10 @@ pub fn compiled(graph: &GraphFile, args: &GraphArgs, registry: &Registry) -> Res
 /// Every file that a graph was made from, and who reads it.
 pub fn files_read(args: &GraphArgs, schedule: &Schedule) -> Vec<(PathBuf, String)> {
     let mut files = vec![(args.graph.clone(), "the graph".to_owned())];
-    files.extend(node_files(schedule).into_iter().map(|f| (f.path, format!("`{}.{}`", f.node, f.param))));
+    files.extend(node_files(schedule).into_iter().map(|f| {
+        let reader = if f.param.is_empty() { f.node } else { format!("{}.{}", f.node, f.param) };
+        (f.path, format!("`{reader}`"))
+    }));
     files
 }
 
@@ -43,7 +89,7 @@ pub struct NodeFile {
     pub path: PathBuf,
     /// The node's id.
     pub node: String,
-    /// The parameter that names it.
+    /// The parameter that names it; empty where it stands within one.
     pub param: String,
 }
 
@@ -63,6 +109,12 @@ pub fn node_files(schedule: &Schedule) -> Vec<NodeFile> {
             };
             files.push(NodeFile { path, node: node.id.clone(), param: name.to_owned() });
         }
+        let within = node.files.iter().map(|path| NodeFile {
+            path: path.clone(),
+            node: node.id.clone(),
+            param: String::new(),
+        });
+        files.extend(within);
     }
     files
 }

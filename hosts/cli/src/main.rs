@@ -39,6 +39,7 @@ fn main() -> ExitCode {
         Command::Encode(args) => commands::encode::run(&args),
         Command::FitAr(args) => commands::fit_ar::run(&args),
         Command::Materials(args) => commands::materials::run(&args),
+        Command::Scene(command) => commands::scene::run(&command),
         Command::Plugin(command) => commands::plugin::run(&command),
     };
     match result {

@@ -12,6 +12,8 @@ pub struct ForceModel {
     pub stiffness_n_per_mm: f64,
     /// Damping along the normal while in the plane \[N s/m\], at least 0.
     pub damping_ns_per_m: f64,
+    /// What there is beside the plane \[N\]: friction, drag, pull; as it was in the tick.
+    pub beside_n: [f64; 3],
     /// Largest force \[N\]; the device's own limit counts besides.
     pub max_force_n: f64,
     /// Whether the values are to be trusted; if not, the device lets go.

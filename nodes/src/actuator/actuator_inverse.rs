@@ -67,6 +67,9 @@ impl Node for ActuatorInverse {
     }
 
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
+        if self.inverse.rests() && tick.inputs.is_zero(0) {
+            return Status::Quiet;
+        }
         self.inverse.process(tick.inputs.audio(0), tick.outputs.audio(0));
         Status::Continue
     }

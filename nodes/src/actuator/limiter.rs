@@ -83,6 +83,11 @@ impl Node for Limiter {
 
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         self.0.set_muted(!tick.inputs.valid(0));
+        let asked = tick.inputs.audio(0).len();
+        if self.0.rests() && tick.inputs.is_zero(0) && tick.outputs.audio(0).len() == asked {
+            self.0.rest(asked);
+            return Status::Quiet;
+        }
         self.0.process(tick.inputs.audio(0), tick.outputs.audio(0));
         Status::Continue
     }

@@ -139,6 +139,11 @@ fn sink(descriptor: Descriptor, max_force_n: f64) -> Descriptor {
                 .or(0.0)
                 .doc("damping along the normal while in the plane"),
         )
+        .input(
+            Input::new("force", ShapeSpec::Control(3), Unit::NEWTON)
+                .or(0.0)
+                .doc("what there is beside the plane: friction, drag, pull; smoothed over 3 ms"),
+        )
         .param(
             Param::number("max_force_n", max_force_n, 0.0..=100.0, "The most it pushes; the device's own limit counts too.")
                 .unit("N"),

@@ -6,17 +6,17 @@ use asperity_node::{
     Unit,
 };
 
-/// Finite differences of x and y and a second-order Butterworth low-pass, both in f64.
+/// Finite differences and a second-order Butterworth low-pass, both in f64.
 pub struct Velocity {
     /// Runs a second.
     rate_hz: f64,
     /// Corner of the low-pass; 0 for none.
     cutoff_hz: f64,
-    filters: [Biquad; 2],
+    filters: [Biquad; 3],
     /// Position and velocity of the last run.
-    before: Option<[f64; 2]>,
+    before: Option<[f64; 3]>,
     stroke: f64,
-    velocity: [f64; 2],
+    velocity: [f64; 3],
 }
 
 impl Node for Velocity {
@@ -38,6 +38,11 @@ impl Node for Velocity {
         .output(
             Output::new("speed", ShapeSpec::Control(1), Unit::MILLIMETRE_PER_SECOND)
                 .doc("planar speed, at least 0"),
+        )
+        .output(Output::new("spatial", ShapeSpec::Control(3), Unit::MILLIMETRE_PER_SECOND).doc("vx, vy, vz"))
+        .output(
+            Output::new("unfiltered", ShapeSpec::Control(3), Unit::MILLIMETRE_PER_SECOND)
+                .doc("vx, vy, vz by the difference alone, for forces, which a low-pass would make unstable"),
         )
         .param(
             Param::number(
@@ -64,7 +69,7 @@ impl Node for Velocity {
             let help = format!("below {} Hz, half of how often this node runs; or 0 for none", rate_hz / 2.0);
             setup.params.error("cutoff_hz", e.to_string()).help(help)
         })?;
-        Ok(Self { rate_hz, cutoff_hz, filters: [filter; 2], before: None, stroke: 0.0, velocity: [0.0; 2] })
+        Ok(Self { rate_hz, cutoff_hz, filters: [filter; 3], before: None, stroke: 0.0, velocity: [0.0; 3] })
     }
 
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
@@ -74,23 +79,26 @@ impl Node for Velocity {
             self.reset();
             self.stroke = stroke;
         }
-        let now = [position[0], position[1]];
+        let now = [position[0], position[1], position[2]];
         let before = self.before.replace(now).unwrap_or(now);
-        let mut v = [(now[0] - before[0]) * self.rate_hz, (now[1] - before[1]) * self.rate_hz];
+        let unfiltered: [f64; 3] = std::array::from_fn(|i| (now[i] - before[i]) * self.rate_hz);
+        let mut v = unfiltered;
         for (v, filter) in v.iter_mut().zip(&mut self.filters) {
             *v = filter.step(*v);
             filter.settle();
         }
         self.velocity = v;
-        tick.outputs.control(0).copy_from_slice(&v);
+        tick.outputs.control(0).copy_from_slice(&v[..2]);
         tick.outputs.set(1, v[0].hypot(v[1]));
+        tick.outputs.control(2).copy_from_slice(&v);
+        tick.outputs.control(3).copy_from_slice(&unfiltered);
         Status::Continue
     }
 
     fn reset(&mut self) {
         self.before = None;
         self.stroke = 0.0;
-        self.velocity = [0.0; 2];
+        self.velocity = [0.0; 3];
         self.filters.iter_mut().for_each(Biquad::reset);
     }
 

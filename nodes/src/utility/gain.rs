@@ -50,6 +50,9 @@ impl Node for Gain {
 
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         if self.audio {
+            if self.gain.at_rest().is_some_and(|gain| gain >= 0.0) && tick.inputs.is_zero(0) {
+                return Status::Quiet;
+            }
             let samples = tick.outputs.audio(0).iter_mut().zip(tick.inputs.audio(0));
             match self.gain.at_rest() {
                 Some(gain) => samples.for_each(|(y, x)| *y = gain as f32 * x),

@@ -50,8 +50,12 @@ impl Node for Mix {
 
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         if self.audio {
+            let sounds = |i: usize| !tick.inputs.is_zero(i);
+            if !(0..self.gains.len()).any(sounds) {
+                return Status::Quiet;
+            }
             let out = tick.outputs.audio(0);
-            for (i, gain) in self.gains.iter().enumerate() {
+            for (i, gain) in self.gains.iter().enumerate().filter(|(i, _)| sounds(*i)) {
                 let gain = *gain as f32;
                 for (y, x) in out.iter_mut().zip(tick.inputs.audio(i)) {
                     *y += gain * x;

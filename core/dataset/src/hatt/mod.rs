@@ -4,25 +4,8 @@
 //!
 //! # What is looked for
 //!
-//! XML files with a `modelSet`, anywhere in the folder. One file is one material:
-//!
-//! | of the set | |
-//! |---|---|
-//! | `SampleRate` | rate of the models in Hz |
-//! | `numMod` | how many models there are; may be missing |
-//! | `speedList`, `forceList` | speeds in mm/s and forces in N, one for each model, where the models do not say theirs |
-//! | `tri` | corners of triangles, counted from 1, by rows or by columns; where they do not tile the hull of the models, or are missing, Delaunay's triangulation is made |
-//!
-//! | of a model | |
-//! |---|---|
-//! | `ARcoeff`, `ARlsf` | `A = 1 + a_1 z^-1 + ..`, with or without the 1 in front, and its line spectral frequencies in radians; one of the two will do |
-//! | `MAcoeff`, `MAlsf` | the same of `B`; both may be missing, `B` then is 1 |
-//! | `var`, `gain` | variance of the noise in (m/s^2)^2, and what the noise is multiplied by; without a gain that is 1 |
-//! | `speedMod`, `forceMod` | speed in mm/s and force in N |
-//!
-//! Which sign a file gives coefficients is seen from the frequencies: of `1 + ..` and `1 - ..` that is meant which has them. Without frequencies
-//! it is `1 + ..`. A model is any element that holds `ARcoeff` or `ARlsf`. Names are read in any case; what they name may be an attribute,
-//! an element with numbers as text, separated by spaces or commas, or an element of elements, one for each number or row.
+//! XML files with a `modelSet`, anywhere in the folder. One file is one material, and is read as
+//! [`toolkit`](asperity_world::autoregressive::toolkit) says.
 //!
 //! A picture belongs to the material with whose file's name its own begins, the longest such; letters and digits alone count, and `models`,
 //! `model`, `images` and `image` in front do not.
@@ -36,16 +19,13 @@
 //! A model of 1000 Hz says nothing above 500 Hz. There magnitudes are 0, as what the toolkit itself renders with that model has nothing there;
 //! a network that is trained on them learns to be silent there too.
 
-mod models;
-mod xml;
-
 use std::path::{Path, PathBuf};
 
 use asperity_source::{Diagnostic, Source};
 use asperity_world::autoregressive::{Frames, Texture};
 use asperity_world::material::{BINS, Random};
 
-pub use models::parse;
+pub use asperity_world::autoregressive::toolkit::parse;
 use rayon::prelude::*;
 
 use crate::example::{Example, Parts, Subject, Truth};

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use asperity_source::ron;
 use asperity_source::{Diagnostic, Source, one_of};
-use hound::{SampleFormat, WavReader};
+use asperity_world::wav::Wav;
 
 use super::channels::{self, Channels, NONE, QUANTITIES, TIME};
 use super::stroke::Stroke;
@@ -24,26 +24,16 @@ pub(super) fn read(path: &Path, names: &Path) -> Result<Stroke, Diagnostic> {
     }
     let source = Source::read(names)?;
     let listed = names_of(&source)?;
-    let reader = WavReader::open(path).map_err(|e| fail(format!("not a WAV file: {e}")))?;
-    let spec = reader.spec();
-    let rate_hz = channels::rate(f64::from(spec.sample_rate)).map_err(|e| e.in_file(path))?;
-    if usize::from(spec.channels) != listed.len() {
-        return Err(fail(format!("{} channels, and {} are named", spec.channels, listed.len()))
+    let wav = Wav::read(path, u32::MAX)?;
+    let rate_hz = channels::rate(f64::from(wav.rate_hz)).map_err(|e| e.in_file(path))?;
+    if wav.channels != listed.len() {
+        return Err(fail(format!("{} channels, and {} are named", wav.channels, listed.len()))
             .help(format!("{} names all, those to be left out as `{NONE}`", names.display())));
     }
-    let samples: Result<Vec<f64>, hound::Error> = match spec.sample_format {
-        SampleFormat::Float => reader.into_samples::<f32>().map(|s| s.map(f64::from)).collect(),
-        SampleFormat::Int => {
-            let full = 2f64.powi(i32::from(spec.bits_per_sample) - 1);
-            reader.into_samples::<i32>().map(|s| s.map(|x| f64::from(x) / full)).collect()
-        }
-    };
-    let samples = samples.map_err(|e| fail(format!("not a WAV file that can be read: {e}")))?;
     let mut read: Channels = std::array::from_fn(|_| None);
     for (number, &(quantity, full_scale)) in listed.iter().enumerate() {
         let Some(quantity) = quantity else { continue };
-        let channel: Vec<f64> =
-            samples.iter().skip(number).step_by(listed.len()).map(|x| x * full_scale).collect();
+        let channel: Vec<f64> = wav.channel(number).map(|x| x * full_scale).collect();
         let channels::Quantity { name, range: (least, greatest), unit } = &QUANTITIES[quantity];
         if let Some((i, x)) = channel.iter().enumerate().find(|(_, x)| !(*least..=*greatest).contains(*x)) {
             return Err(fail(format!("`{name}` is {x} at {} s", i as f64 / rate_hz))

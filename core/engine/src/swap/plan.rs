@@ -206,7 +206,8 @@ fn other_param(old: &ScheduledNode, new: &ScheduledNode) -> Option<String> {
         }
         was == is
             && old.params.is_set(name) == new.params.is_set(name)
-            && (!matches!(is, Some(ParamValue::Text(_))) || path(old, name) == path(new, name))
+            && (!matches!(is, Some(ParamValue::Text(_) | ParamValue::Texts(_)))
+                || path(old, name) == path(new, name))
     };
     let mut names = old.params.iter().chain(new.params.iter()).map(|(name, _)| name);
     names.find(|name| !same(name)).map(str::to_owned)

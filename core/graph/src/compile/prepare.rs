@@ -195,6 +195,7 @@ fn scheduled(
         duration: processor.duration(),
         allocation_free: processor.allocation_free(),
         facts: processor.facts(),
+        files: processor.files(),
     }
 }
 

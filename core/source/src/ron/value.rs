@@ -5,9 +5,19 @@ use std::ops::RangeInclusive;
 use std::sync::Arc;
 
 use super::{Key, Kind, Value};
-use crate::{Diagnostic, Source, Span, one_of};
+use crate::{Diagnostic, Place, Source, Span, one_of};
 
 impl Value {
+    /// A value that a program made because of what stands at a place: errors point there, and relative paths are relative to that file.
+    pub fn made(kind: Kind, place: &Place) -> Self {
+        Self { source: place.source.clone(), span: place.span, kind }
+    }
+
+    /// Where this value stands, with its text.
+    pub fn place(&self) -> Place {
+        Place { source: self.source.clone(), span: self.span }
+    }
+
     /// The text this value stands in.
     pub fn source(&self) -> &Arc<Source> {
         &self.source

@@ -107,6 +107,13 @@ impl Inverse {
         Ok(Self { current, voltage, rate_hz, ignored: 0 })
     }
 
+    /// Whether silence gives silence: nothing of what came in before is left.
+    pub fn rests(&self) -> bool {
+        let voltage = self.voltage.as_ref();
+        self.current.is_at_rest()
+            && voltage.is_none_or(|v| [v.emf, v.coil, v.roof].iter().all(Biquad::is_at_rest))
+    }
+
     /// Turns a block of accelerations \[m/s^2\] into drive \[A or V\]; blocks of any length give the same
     /// samples. A sample that is not finite is taken as 0 and counted.
     pub fn process(&mut self, acceleration: &[f32], drive: &mut [f32]) {

@@ -32,7 +32,7 @@ use asperity_source::ron::{self, Value};
 use asperity_source::{Diagnostic, Source};
 
 use super::frames::RATES_HZ;
-use super::{MAX_ORDER, Model, Texture, Triangles};
+use super::{MAX_ORDER, Model, Texture, Triangles, toolkit};
 use crate::motion::{MAX_ABS_FORCE_N, MAX_SPEED_MM_S};
 
 /// Most models of a file. The Penn toolkit's textures have some tens; a tick looks at every triangle.
@@ -142,6 +142,20 @@ impl TextureFile {
             Ok(_) => Err(Diagnostic::new("this texture cannot be written so that it stays what it is")),
             Err(e) => Err(Diagnostic { place: None, file: None, related: Vec::new(), ..e }),
         }
+    }
+}
+
+impl Texture {
+    /// Reads a texture from a file: the Penn [toolkit]'s where its name ends in `.xml`, else a [`TextureFile`].
+    ///
+    /// # Errors
+    /// A file that cannot be read, and all of [`toolkit::parse`] or [`TextureFile::parse`].
+    pub fn read(path: impl AsRef<Path>) -> Result<Self, Diagnostic> {
+        let path = path.as_ref();
+        if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("xml")) {
+            return toolkit::parse(&Source::read(path)?);
+        }
+        TextureFile::read(path).map(|file| file.texture)
     }
 }
 

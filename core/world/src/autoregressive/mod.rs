@@ -15,7 +15,7 @@
 //! linearly, the polynomials by their line spectral frequencies, which keep every mixture stable. Outside the triangles the nearest point
 //! of their hull answers, near in parts of the models' range of speed and of force. No speed or no force is no vibration.
 //!
-//! Textures come from a [file](TextureFile), from a recording by a [fit], or from the Penn toolkit's files (`asperity_dataset::hatt`).
+//! Textures come from a [file](TextureFile), from a recording by a [fit], or from the Penn [toolkit]'s files.
 //!
 //! # Magnitudes in closed form
 //!
@@ -40,6 +40,7 @@ pub mod line_spectrum;
 mod polynomial;
 mod synthesis;
 mod texture;
+pub mod toolkit;
 mod triangles;
 
 #[cfg(test)]

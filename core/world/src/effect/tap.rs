@@ -115,6 +115,12 @@ impl Voice {
         self.next < self.end
     }
 
+    /// Fades out over so many samples.
+    fn release(&mut self, fade: u32) {
+        self.fade = fade;
+        self.end = self.end.min(self.next.saturating_add(u64::from(fade)));
+    }
+
     fn age(&self, sample: u64) -> f64 {
         sample.saturating_sub(self.from) as f64 - self.part
     }
@@ -229,6 +235,19 @@ impl Tap {
         self.slots.iter().any(Voice::sounds)
     }
 
+    /// Samples of the longest tap, that of the greatest speed.
+    pub fn longest(&self) -> u64 {
+        self.length(1e-3 * self.settings.max_speed_mm_s).unwrap_or(0)
+    }
+
+    /// Fades out in a millisecond whatever sounds.
+    pub fn release(&mut self) {
+        let fade = self.fade;
+        for voice in self.slots.iter_mut().filter(|v| v.sounds() && v.fade == 0) {
+            voice.release(fade);
+        }
+    }
+
     /// Ends all taps at once, and forgets when the last one was.
     pub fn reset(&mut self) {
         self.slots = [Voice::default(); SLOTS];
@@ -268,9 +287,7 @@ impl Tap {
             let all = self.slots.iter().enumerate().filter(|(_, v)| full(v));
             let quietest = all.min_by(|(_, a), (_, b)| louder(a, b)).map(|(i, _)| i)?;
             let fade = self.fade;
-            let voice = self.slots.get_mut(quietest)?;
-            voice.fade = fade;
-            voice.end = voice.end.min(voice.next.saturating_add(u64::from(fade)));
+            self.slots.get_mut(quietest)?.release(fade);
         }
         Some(free)
     }

@@ -264,3 +264,24 @@ fn whatever_comes_is_finite_and_what_cannot_be_is_refused() {
     }
     assert!(Tap::new(&good, TapSettings::default(), 99).is_err());
 }
+
+#[test]
+fn what_is_released_fades_out_in_a_millisecond_without_a_step() {
+    let all = [sinusoid(250.0, 1e4, 300.0)];
+    let mut tap = tap(&all, TapSettings::default());
+    // 300 m/s^2 fall to 1e-3 in 12.6 times 10 s.
+    assert_eq!(tap.longest(), 60 * u64::from(RATE));
+    assert!(tap.strike(0, 0.0, 100.0) && tap.strike(1000, 0.0, 100.0));
+    let mut out = vec![0.0f64; 3000];
+    assert!(tap.process(0, &mut out[..2000]));
+    let steady = out[1000..2000].windows(2).map(|w| (w[1] - w[0]).abs()).fold(0.0, f64::max);
+    tap.release();
+    tap.release();
+    assert!(!tap.process(2000, &mut out[2000..]) && !tap.sounds());
+    assert!(out[2001].abs() > 1.0 && out[2048..].iter().all(|x| *x == 0.0));
+    // 60 m/s^2 at the most go in 48 steps.
+    let step = out[1999..].windows(2).map(|w| (w[1] - w[0]).abs()).fold(0.0, f64::max);
+    assert!(step < steady + 60.0 / 48.0, "{step} {steady}");
+    // It taps again as ever.
+    assert!(tap.strike(4000, 0.0, 100.0));
+}

@@ -1,11 +1,13 @@
 //! The effects of a surface.
 
+use std::path::PathBuf;
+
 use asperity_source::ron::{Record, Value};
 use asperity_source::{Diagnostic, Place};
 
-use super::read::{body, error, file, number, numbers, place, variant};
+use super::read::{Known, body, error, file, number, numbers, place, variant};
 use super::surface::heights;
-use super::{Drag, Effects, Friction, Hum, Knock, Placed, Pull, Texture};
+use super::{Drag, Effects, Friction, Hum, Knock, Loop, Placed, Pull, Sound, Texture};
 use crate::effect::friction::{Dahl, LuGre, LuGreSettings, ViscousCoulomb};
 use crate::effect::{
     DecayingSinusoid, EffectError, Magnet, ReliefSettings, Tap, TapSettings, Transient, Vibration, Viscosity,
@@ -22,23 +24,23 @@ const TRIED_HZ: u32 = 48_000;
 const GAIN: std::ops::RangeInclusive<f64> = 0.0..=100.0;
 
 /// The field `effects` of a surface.
-pub(super) fn effects(value: Option<&Value>) -> Result<Effects, Diagnostic> {
+pub(super) fn effects(value: Option<&Value>, known: &mut Known) -> Result<Effects, Diagnostic> {
     let mut effects = Effects::default();
     let Some(value) = value else { return Ok(effects) };
     let mut record = value.record("Effects")?;
-    effects.stiffness = one(&mut record, "stiffness", |v| stiffness(v))?;
-    effects.damping = one(&mut record, "damping", |v| damping(v))?;
-    effects.friction = one(&mut record, "friction", |v| friction(v))?;
+    effects.stiffness = one(&mut record, "stiffness", stiffness)?;
+    effects.damping = one(&mut record, "damping", damping)?;
+    effects.friction = one(&mut record, "friction", friction)?;
     if let Some(value) = record.optional("texture") {
-        let all = value.list().map_or_else(|_| std::slice::from_ref(value), |list| list);
-        for value in all {
-            effects.textures.push(Placed { of: texture(value)?, place: place(value) });
+        for value in one_or_more(value) {
+            let of = known.texture(value, texture)?;
+            effects.textures.push(Placed { of, place: place(value) });
         }
     }
-    effects.tap = one(&mut record, "tap", |v| tap(v))?;
-    effects.vibration = one(&mut record, "vibration", |v| vibration(v))?;
-    effects.viscosity = one(&mut record, "viscosity", |v| viscosity(v))?;
-    effects.magnet = one(&mut record, "magnet", |v| magnet(v))?;
+    effects.tap = one(&mut record, "tap", tap)?;
+    effects.vibration = one(&mut record, "vibration", vibration)?;
+    effects.viscosity = one(&mut record, "viscosity", viscosity)?;
+    effects.magnet = one(&mut record, "magnet", magnet)?;
     record.finish(EFFECTS)?;
     agree(&effects)?;
     Ok(effects)
@@ -50,6 +52,11 @@ fn one<T>(
     read: impl FnOnce(&Value) -> Result<T, Diagnostic>,
 ) -> Result<Option<Placed<T>>, Diagnostic> {
     record.optional(name).map(|value| Ok(Placed { of: read(value)?, place: place(value) })).transpose()
+}
+
+/// The values of a list, or the one that stands there without a list.
+pub(super) fn one_or_more(value: &Value) -> &[Value] {
+    value.list().unwrap_or_else(|_| std::slice::from_ref(value))
 }
 
 /// What an effect's constructor says, at the effect.
@@ -71,7 +78,7 @@ fn damping(value: &Value) -> Result<f64, Diagnostic> {
     Ok(damping)
 }
 
-fn friction(value: &Value) -> Result<Friction, Diagnostic> {
+pub(super) fn friction(value: &Value) -> Result<Friction, Diagnostic> {
     let name = variant(value, "friction", FRICTIONS)?;
     let mut record = body(value, name)?;
     let record = record.as_mut();
@@ -180,7 +187,7 @@ fn finish(value: &Value, name: &str, known: &[&str]) -> Result<(), Diagnostic> {
     record.finish(known)
 }
 
-fn texture(value: &Value) -> Result<Texture, Diagnostic> {
+pub(super) fn texture(value: &Value) -> Result<Texture, Diagnostic> {
     let name = variant(value, "texture", TEXTURES)?;
     let record = body(value, name)?;
     if name == "network" {
@@ -216,14 +223,33 @@ fn texture(value: &Value) -> Result<Texture, Diagnostic> {
 }
 
 fn waveform(value: &Value, mut record: Record<'_>, gain: f64) -> Result<Texture, Diagnostic> {
-    let list = record.required("segments")?;
+    let crossfade_mm = number(&mut record, "crossfade_mm", 0.0..=1e5, "mm", Some(0.0))?;
+    let speed_exponent = number(&mut record, "speed_exponent", 0.0..=2.0, "", Some(1.0))?;
+    let list = match (record.optional("segments"), record.optional("recording")) {
+        (Some(list), None) => list,
+        (None, Some(value)) => {
+            record.finish(&["recording", "crossfade_mm", "speed_exponent", "gain"])?;
+            let (file, speed_mm_s, full_scale_m_s2) = recorded_loop(value)?;
+            let quantity =
+                WaveformQuantity::Acceleration { reference_speed_mm_s: speed_mm_s, speed_exponent };
+            let values = Loop::Recorded { file, speed_mm_s, full_scale_m_s2 };
+            return Ok(Texture::Waveform { values, crossfade_mm, quantity, gain });
+        }
+        (Some(_), Some(second)) => {
+            return Err(second.error("segments and a recording of one waveform").help("one of the two"));
+        }
+        (None, None) => {
+            return Err(value.error("a waveform of no values").help(
+                "segments: [(0, 0), (0.5, 1), (1, 0)], or recording: (file: \"felt.wav\", speed_mm_s: 100, full_scale_m_s2: 50)",
+            ));
+        }
+    };
     let mut segments = Vec::new();
     for pair in list.list()? {
         let [distance, height] = numbers::<2>(pair, &(-1e6..=1e6), "")?;
         segments.push((distance, height));
     }
     let spacing_mm = number(&mut record, "spacing_mm", 1e-4..=100.0, "mm", Some(0.05))?;
-    let crossfade_mm = number(&mut record, "crossfade_mm", 0.0..=1e5, "mm", Some(0.0))?;
     let quantity = match record.optional("quantity") {
         Some(word) if word.choice(&["acceleration", "height"])? == "height" => WaveformQuantity::Height,
         _ => WaveformQuantity::Acceleration {
@@ -234,7 +260,7 @@ fn waveform(value: &Value, mut record: Record<'_>, gain: f64) -> Result<Texture,
                 "mm/s",
                 Some(100.0),
             )?,
-            speed_exponent: number(&mut record, "speed_exponent", 0.0..=2.0, "", Some(1.0))?,
+            speed_exponent,
         },
     };
     record.finish(&[
@@ -247,21 +273,22 @@ fn waveform(value: &Value, mut record: Record<'_>, gain: f64) -> Result<Texture,
         "gain",
     ])?;
     at(value, WaveformTable::from_segments(&segments, spacing_mm, crossfade_mm, quantity))?;
-    Ok(Texture::Waveform { segments, spacing_mm, crossfade_mm, quantity, gain })
+    Ok(Texture::Waveform { values: Loop::Segments { segments, spacing_mm }, crossfade_mm, quantity, gain })
 }
 
-fn tap(value: &Value) -> Result<Knock, Diagnostic> {
+/// File, speed and full scale of a recorded loop.
+fn recorded_loop(value: &Value) -> Result<(PathBuf, f64, f64), Diagnostic> {
+    let mut record = value.record("recording")?;
+    let file = file(record.required("file")?)?;
+    let speed_mm_s = record.required("speed_mm_s")?.f64_in(0.1..=5000.0, "mm/s")?;
+    let full_scale_m_s2 = record.required("full_scale_m_s2")?.f64_in(1e-3..=1e5, "m/s^2")?;
+    record.finish(&["file", "speed_mm_s", "full_scale_m_s2"])?;
+    Ok((file, speed_mm_s, full_scale_m_s2))
+}
+
+pub(super) fn tap(value: &Value) -> Result<Knock, Diagnostic> {
     let mut record = value.record("tap")?;
-    let mut sinusoids = Vec::new();
-    for item in record.required("sinusoids")?.list()? {
-        let mut one = item.record("sinusoid")?;
-        sinusoids.push(DecayingSinusoid {
-            frequency_hz: one.required("frequency_hz")?.f64_in(1.0..=20_000.0, "Hz")?,
-            decay_ms: one.required("decay_ms")?.f64_in(0.1..=1e5, "ms")?,
-            gain: one.required("gain")?.f64_in(-1e5..=1e5, "(m/s^2)/(m/s)")?,
-        });
-        one.finish(&["frequency_hz", "decay_ms", "gain"])?;
-    }
+    let said = (record.optional("sinusoids"), record.optional("recording"));
     let usual = TapSettings::default();
     let mut field = |name, range, unit, default: f64| number(&mut record, name, range, unit, Some(default));
     let settings = TapSettings {
@@ -270,13 +297,58 @@ fn tap(value: &Value) -> Result<Knock, Diagnostic> {
         debounce_ms: field("debounce_ms", 2.0..=1000.0, "ms", usual.debounce_ms)?,
         floor_m_s2: field("floor_m_s2", 1e-6..=1.0, "m/s^2", usual.floor_m_s2)?,
     };
-    record.finish(&["sinusoids", "min_speed_mm_s", "max_speed_mm_s", "debounce_ms", "floor_m_s2"])?;
-    let transient = Transient::Sinusoids(sinusoids);
-    at(value, Tap::new(&transient, settings, TRIED_HZ))?;
-    Ok(Knock { transient, settings })
+    record.finish(&[
+        "sinusoids",
+        "recording",
+        "min_speed_mm_s",
+        "max_speed_mm_s",
+        "debounce_ms",
+        "floor_m_s2",
+    ])?;
+    let sound = match said {
+        (Some(list), None) => Sound::Sinusoids(sinusoids(list)?),
+        (None, Some(value)) => recording(value)?,
+        (Some(_), Some(second)) => {
+            return Err(second.error("sinusoids and a recording of one tap").help("one of the two"));
+        }
+        (None, None) => {
+            return Err(value.error("a tap of no sound").help(
+                "sinusoids: [(frequency_hz: 200, decay_ms: 10, gain: 30)], or recording: (file: \"tap.wav\", speed_mm_s: 100, \
+                 full_scale_m_s2: 50)",
+            ));
+        }
+    };
+    if let Sound::Sinusoids(sinusoids) = &sound {
+        at(value, Tap::new(&Transient::Sinusoids(sinusoids.clone()), settings, TRIED_HZ))?;
+    }
+    Ok(Knock { sound, settings })
 }
 
-fn vibration(value: &Value) -> Result<Hum, Diagnostic> {
+fn sinusoids(list: &Value) -> Result<Vec<DecayingSinusoid>, Diagnostic> {
+    let one = |item: &Value| {
+        let mut one = item.record("sinusoid")?;
+        let sinusoid = DecayingSinusoid {
+            frequency_hz: one.required("frequency_hz")?.f64_in(1.0..=20_000.0, "Hz")?,
+            decay_ms: one.required("decay_ms")?.f64_in(0.1..=1e5, "ms")?,
+            gain: one.required("gain")?.f64_in(-1e5..=1e5, "(m/s^2)/(m/s)")?,
+        };
+        one.finish(&["frequency_hz", "decay_ms", "gain"])?;
+        Ok(sinusoid)
+    };
+    list.list()?.iter().map(one).collect()
+}
+
+fn recording(value: &Value) -> Result<Sound, Diagnostic> {
+    let mut record = value.record("recording")?;
+    let file = file(record.required("file")?)?;
+    let speed_mm_s = record.required("speed_mm_s")?.f64_in(0.1..=1e4, "mm/s")?;
+    let full_scale_m_s2 = record.required("full_scale_m_s2")?.f64_in(1e-3..=1e5, "m/s^2")?;
+    let gain = number(&mut record, "gain", GAIN, "", Some(1.0))?;
+    record.finish(&["file", "speed_mm_s", "full_scale_m_s2", "gain"])?;
+    Ok(Sound::Recorded { file, speed_mm_s, full_scale_m_s2, gain })
+}
+
+pub(super) fn vibration(value: &Value) -> Result<Hum, Diagnostic> {
     let mut record = value.record("vibration")?;
     let frequency_hz = record.required("frequency_hz")?.f64()?;
     let amplitude_m_s2 = record.required("amplitude_m_s2")?.f64()?;
@@ -285,7 +357,7 @@ fn vibration(value: &Value) -> Result<Hum, Diagnostic> {
     Ok(Hum { frequency_hz, amplitude_m_s2 })
 }
 
-fn viscosity(value: &Value) -> Result<Drag, Diagnostic> {
+pub(super) fn viscosity(value: &Value) -> Result<Drag, Diagnostic> {
     let mut record = value.record("viscosity")?;
     let viscosity_ns_per_m = record.required("viscosity_ns_per_m")?.f64()?;
     let max_force_n = number(&mut record, "max_force_n", 0.0..=100.0, "N", Some(3.3))?;
@@ -294,7 +366,7 @@ fn viscosity(value: &Value) -> Result<Drag, Diagnostic> {
     Ok(Drag { viscosity_ns_per_m, max_force_n })
 }
 
-fn magnet(value: &Value) -> Result<Pull, Diagnostic> {
+pub(super) fn magnet(value: &Value) -> Result<Pull, Diagnostic> {
     let mut record = value.record("magnet")?;
     let stiffness_n_per_mm = record.required("stiffness_n_per_mm")?.f64()?;
     let max_force_n = record.required("max_force_n")?.f64()?;

@@ -26,9 +26,13 @@
 //! (`texture_network`), `gate` (`speed_gate`) and `actuator` (`actuator_inverse` and `limiter`): they are handed on as they stand, and
 //! looked at where the graph is compiled that the scene comes to. All else is read here, and has its ranges here.
 //!
+//! What stands behind an effect's field is read without a scene as well, by `parse` of the effect's type: nodes that render effects take it as a text.
+//!
 //! Effects of one surface add. Where surfaces overlap the deepest is touched, until another is deeper by `hysteresis_mm`.
 
+mod contact;
 mod effects;
+mod parse;
 mod passivity;
 mod read;
 mod slots;
@@ -43,9 +47,10 @@ use asperity_source::ron::{Key, Value};
 use asperity_source::{Place, Source};
 
 use crate::effect::friction::LuGreSettings;
-use crate::effect::{TapSettings, Transient, WaveformQuantity};
+use crate::effect::{DecayingSinusoid, TapSettings, WaveformQuantity};
 use crate::space::Surface;
 
+pub use contact::{ContactSettings, Contacts, Felt, Motion, VOICED, Voice};
 pub use passivity::Finding;
 pub use slots::{Kind, Slots};
 
@@ -196,10 +201,8 @@ pub enum Texture {
     },
     /// A loop that is read by distance.
     Waveform {
-        /// Pairs of distance in mm and value.
-        segments: Vec<(f64, f64)>,
-        /// Distance of the values that are made of them, in mm.
-        spacing_mm: f64,
+        /// What its values are.
+        values: Loop,
         /// How much of the end is faded into the beginning, in mm.
         crossfade_mm: f64,
         /// What the values are.
@@ -217,6 +220,27 @@ pub enum Texture {
         max_m_s2: f64,
         /// What it is multiplied by, 0 to 100.
         gain: f64,
+    },
+}
+
+/// Where the values of a loop come from.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Loop {
+    /// They were drawn.
+    Segments {
+        /// Pairs of distance in mm and value.
+        segments: Vec<(f64, f64)>,
+        /// Distance of the values that are made of them, in mm.
+        spacing_mm: f64,
+    },
+    /// They were recorded at a constant speed.
+    Recorded {
+        /// A WAV file; of several channels the first.
+        file: PathBuf,
+        /// The speed, in mm/s.
+        speed_mm_s: f64,
+        /// What full scale stands for, in m/s^2.
+        full_scale_m_s2: f64,
     },
 }
 
@@ -248,10 +272,28 @@ pub enum Heights {
 /// A tap.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Knock {
-    /// What it sounds like.
-    pub transient: Transient,
+    /// What it sounds like; [`transient`](Self::transient) reads it.
+    pub sound: Sound,
     /// When it sounds.
     pub settings: TapSettings,
+}
+
+/// What a tap sounds like.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Sound {
+    /// Sinusoids that decay.
+    Sinusoids(Vec<DecayingSinusoid>),
+    /// A recorded acceleration.
+    Recorded {
+        /// A WAV file, of which the first channel counts.
+        file: PathBuf,
+        /// Speed of approach at which it was recorded in mm/s, 0.1 to 10 000.
+        speed_mm_s: f64,
+        /// Acceleration at which the file is full in m/s^2, 0.001 to 10^5.
+        full_scale_m_s2: f64,
+        /// What it is multiplied by, 0 to 100.
+        gain: f64,
+    },
 }
 
 /// A fixed source.

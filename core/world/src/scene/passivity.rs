@@ -1,5 +1,7 @@
 //! What a scene asks of its device.
 
+use std::collections::HashMap;
+
 use super::{Friction, Placed, Scene, Touchable};
 use crate::effect::Magnet;
 use crate::effect::friction::{Dahl, LuGre, ViscousCoulomb};
@@ -21,28 +23,48 @@ impl Scene {
         Sampling { tick_hz: f64::from(self.tick_hz), delay_s: 1e-3 * self.device.delay_ms }
     }
 
-    /// Every law of force that is not passive on this device in any hand, and every stiffness at which its steps of place can be felt.
-    pub fn findings(&self) -> Vec<Finding> {
-        self.surfaces.iter().flat_map(|surface| self.of(surface)).collect()
+    /// What a wall asks of the device along its normal; none of a surface without stiffness.
+    pub fn passivity(&self, surface: &Touchable) -> Option<Passivity> {
+        let wall = Law {
+            stiffness_n_per_mm: surface.effects.stiffness.as_ref()?.of,
+            damping_ns_per_m: surface.effects.damping.as_ref().map_or(0.0, |d| d.of),
+        };
+        Some(Passivity::of(wall, self.sampling(), self.device.damping_ns_per_m))
     }
 
-    fn of(&self, surface: &Touchable) -> Vec<Finding> {
+    /// Every law of force that is not passive on this device in any hand, and every stiffness at which its steps of place can be felt; once for all surfaces of
+    /// which the same is to be said, at the first of them.
+    pub fn findings(&self) -> Vec<Finding> {
+        let mut all: Vec<(String, &str, Place, usize)> = Vec::new();
+        let mut known: HashMap<String, usize> = HashMap::new();
+        for surface in &self.surfaces {
+            for (message, place) in self.of(surface) {
+                let at = *known.entry(message.clone()).or_insert(all.len());
+                match all.get_mut(at) {
+                    Some((.., count)) => *count += 1,
+                    None => all.push((message, &surface.name, place, 1)),
+                }
+            }
+        }
+        let told = |(message, name, place, count): (String, &str, Place, usize)| {
+            let more = if count > 1 { format!(" and {} more", count - 1) } else { String::new() };
+            Finding { message: format!("`{name}`{more}{message}"), place }
+        };
+        all.into_iter().map(told).collect()
+    }
+
+    fn of(&self, surface: &Touchable) -> Vec<(String, Place)> {
         let mut all = Vec::new();
         let mut check = |law: Law, along: &str, place: &Place| {
             let passivity = Passivity::of(law, self.sampling(), self.device.damping_ns_per_m);
             // Nothing that is asked for is always borne.
             if !passivity.holds() && law != Law::default() {
-                let message = format!("`{}` {along}: {passivity}", surface.name);
-                all.push(Finding { message, place: place.clone() });
+                all.push((format!(" {along}: {passivity}"), place.clone()));
             }
         };
         let effects = &surface.effects;
-        let wall =
-            effects.stiffness.as_ref().map(|s| Law { stiffness_n_per_mm: s.of, damping_ns_per_m: 0.0 });
-        let damped =
-            effects.damping.as_ref().map(|d| Law { stiffness_n_per_mm: 0.0, damping_ns_per_m: d.of });
-        if let Some(Placed { place, .. }) = &effects.stiffness {
-            check(wall.unwrap_or_default() + damped.unwrap_or_default(), "along its normal", place);
+        if let (Some(Placed { place, .. }), Some(wall)) = (&effects.stiffness, self.passivity(surface)) {
+            check(wall.law, "along its normal", place);
         }
         if let Some(Placed { of, place }) = &effects.friction {
             check(law(*of, self.device.max_force_n), "along its surface", place);
@@ -62,8 +84,7 @@ impl Scene {
             let quantisation =
                 Quantisation::of(*stiffness, self.device.position_step_mm, self.device.friction_n);
             if !quantisation.holds() {
-                let message = format!("`{}`: {quantisation}", surface.name);
-                all.push(Finding { message, place: place.clone() });
+                all.push((format!(": {quantisation}"), place.clone()));
             }
         }
         all

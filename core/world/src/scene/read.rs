@@ -1,11 +1,14 @@
 //! The file's own fields.
 
+use std::collections::HashMap;
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use asperity_source::ron::{self, Kind, Record, Value};
 use asperity_source::{Diagnostic, Place, Source, Span, nearest, one_of};
+
+use crate::space::HeightGrid;
 
 use super::{Device, Part, Placed, Scene, Texture, Touchable, effects, surface};
 
@@ -42,9 +45,17 @@ impl Scene {
 
     /// Whether a text is meant as a scene: it begins, after comments, with `Scene`.
     pub fn is_meant(source: &Arc<Source>) -> bool {
-        ron::parse(source).is_ok_and(
-            |value| matches!(value.kind(), Kind::Record { name: Some(name), .. } if name == "Scene"),
-        )
+        let mut text = source.text().trim_start_matches('\u{feff}').trim_start();
+        loop {
+            text = match (text.strip_prefix("//"), text.strip_prefix("/*")) {
+                (Some(comment), _) => comment.split_once('\n').map_or("", |(_, rest)| rest),
+                (_, Some(comment)) => after_comment(comment),
+                _ => break,
+            }
+            .trim_start();
+        }
+        let name = text.split(|c: char| !(c.is_alphanumeric() || c == '_')).next();
+        name == Some("Scene")
     }
 
     /// Reads a scene from a text.
@@ -83,6 +94,7 @@ impl Scene {
         let device = device(scene.optional("device"), here)?;
         let gain = number(&mut scene, "gain", 0.0..=100.0, "", Some(1.0))?;
         let hysteresis_mm = number(&mut scene, "hysteresis_mm", 0.0..=10.0, "mm", Some(0.1))?;
+        let mut known = Known::default();
         let list = scene.required("surfaces")?;
         let entries = list.map()?;
         if entries.is_empty() {
@@ -90,8 +102,10 @@ impl Scene {
                 .error("a scene of nothing to touch")
                 .help("surfaces: {\"floor\": (shape: plane, ...)}"));
         }
-        let surfaces =
-            entries.iter().map(|(key, value)| touchable(key, value)).collect::<Result<Vec<_>, _>>()?;
+        let surfaces = entries
+            .iter()
+            .map(|(key, value)| touchable(key, value, &mut known))
+            .collect::<Result<Vec<_>, _>>()?;
         scene.finish(FIELDS)?;
         let networked = surfaces.iter().flat_map(|s| &s.effects.textures).find(|t| t.of == Texture::Network);
         if let (Some(texture), None) = (networked, &network) {
@@ -118,6 +132,60 @@ impl Scene {
             surfaces,
         })
     }
+}
+
+/// The text behind a comment that has begun; comments may stand in comments.
+fn after_comment(text: &str) -> &str {
+    let (mut depth, mut at) = (1, 0);
+    while depth > 0 {
+        let Some(rest) = text.get(at..) else { return "" };
+        match (rest.find("/*"), rest.find("*/")) {
+            (Some(open), Some(close)) if open < close => (depth, at) = (depth + 1, at + open + 2),
+            (_, Some(close)) => (depth, at) = (depth - 1, at + close + 2),
+            _ => return "",
+        }
+    }
+    text.get(at..).unwrap_or("")
+}
+
+/// What was made of texts that stand in the file more than once, as they do where surfaces are alike. Checking a table or making heights takes a millisecond and more.
+#[derive(Default)]
+pub(super) struct Known {
+    textures: HashMap<String, Texture>,
+    grids: HashMap<String, Arc<HeightGrid>>,
+}
+
+impl Known {
+    pub(super) fn texture(
+        &mut self,
+        value: &Value,
+        read: impl FnOnce(&Value) -> Result<Texture, Diagnostic>,
+    ) -> Result<Texture, Diagnostic> {
+        remembered(&mut self.textures, value, read)
+    }
+
+    pub(super) fn grid(
+        &mut self,
+        value: &Value,
+        make: impl FnOnce(&Value) -> Result<HeightGrid, Diagnostic>,
+    ) -> Result<Arc<HeightGrid>, Diagnostic> {
+        remembered(&mut self.grids, value, |value| make(value).map(Arc::new))
+    }
+}
+
+fn remembered<T: Clone>(
+    known: &mut HashMap<String, T>,
+    value: &Value,
+    make: impl FnOnce(&Value) -> Result<T, Diagnostic>,
+) -> Result<T, Diagnostic> {
+    let span = value.span();
+    let text = value.source().text().get(span.start..span.end).unwrap_or_default();
+    if let Some(found) = known.get(text) {
+        return Ok(found.clone());
+    }
+    let made = make(value)?;
+    known.insert(text.to_owned(), made.clone());
+    Ok(made)
 }
 
 /// An error at a place.
@@ -241,15 +309,15 @@ fn device(value: Option<&Value>, here: Place) -> Result<Device, Diagnostic> {
     Ok(device)
 }
 
-fn touchable(key: &ron::Key, value: &Value) -> Result<Touchable, Diagnostic> {
+fn touchable(key: &ron::Key, value: &Value, known: &mut Known) -> Result<Touchable, Diagnostic> {
     let place = Place { source: value.source().clone(), span: key.span };
     if key.name.trim().is_empty() {
         return Err(error(&place, "a surface without a name"));
     }
     let mut record = value.record("Surface")?;
-    let surface = surface::surface(&mut record)?;
+    let surface = surface::surface(&mut record, known)?;
     let material = record.optional("material").map(material).transpose()?;
-    let effects = effects::effects(record.optional("effects"))?;
+    let effects = effects::effects(record.optional("effects"), known)?;
     record.finish(TOUCHABLE)?;
     let network = effects.textures.iter().find(|t| t.of == Texture::Network);
     if let (Some(texture), None) = (network, &material) {

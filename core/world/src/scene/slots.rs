@@ -1,6 +1,11 @@
 //! The different settings of an effect in a scene: surfaces that feel alike share them.
 
-use super::{Effects, Scene, Texture, Touchable};
+use std::collections::HashMap;
+use std::fmt::Write as _;
+
+use asperity_source::Place;
+
+use super::{Effects, Placed, Scene, Texture, Touchable};
 
 /// A kind of effect that a node renders, for all surfaces that have it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -54,37 +59,50 @@ impl Kind {
         }
     }
 
-    /// Whether two surfaces have the same of it; both have it.
-    fn same(self, a: &Touchable, b: &Touchable) -> bool {
-        let (x, y) = (&a.effects, &b.effects);
-        match self {
-            Self::Friction => of(&x.friction) == of(&y.friction),
-            Self::Network => of(&a.material) == of(&b.material),
-            Self::Autoregressive | Self::Waveform | Self::Relief => self.textures(x).eq(self.textures(y)),
-            Self::Tap => of(&x.tap) == of(&y.tap),
-            Self::Vibration => of(&x.vibration) == of(&y.vibration),
-            Self::Viscosity => of(&x.viscosity) == of(&y.viscosity),
-            Self::Magnet => of(&x.magnet) == of(&y.magnet),
-        }
-    }
-
     /// Whether a surface has it.
     pub fn is_of(self, effects: &Effects) -> bool {
+        !self.places(effects).is_empty()
+    }
+
+    /// Where a surface's effects of this kind stand; none where it has none.
+    pub fn places(self, effects: &Effects) -> Vec<&Place> {
+        fn of<T>(effect: &Option<Placed<T>>) -> Vec<&Place> {
+            effect.iter().map(|placed| &placed.place).collect()
+        }
         match self {
-            Self::Friction => effects.friction.is_some(),
+            Self::Friction => of(&effects.friction),
+            Self::Tap => of(&effects.tap),
+            Self::Vibration => of(&effects.vibration),
+            Self::Viscosity => of(&effects.viscosity),
+            Self::Magnet => of(&effects.magnet),
             Self::Network | Self::Autoregressive | Self::Waveform | Self::Relief => {
-                self.textures(effects).next().is_some()
+                let textures = effects.textures.iter().filter(|t| self == Self::of_texture(&t.of));
+                textures.map(|texture| &texture.place).collect()
             }
-            Self::Tap => effects.tap.is_some(),
-            Self::Vibration => effects.vibration.is_some(),
-            Self::Viscosity => effects.viscosity.is_some(),
-            Self::Magnet => effects.magnet.is_some(),
         }
     }
 
-    /// The textures of this kind.
-    pub fn textures(self, effects: &Effects) -> impl Iterator<Item = &Texture> {
-        effects.textures.iter().map(|t| &t.of).filter(move |t| self == Self::of_texture(t))
+    /// What two surfaces that have the same of it have in common: all settings, of which none is a NaN.
+    fn settings(self, surface: &Touchable) -> Option<String> {
+        let effects = &surface.effects;
+        if !self.is_of(effects) {
+            return None;
+        }
+        let mut key = String::new();
+        let _ = match self {
+            Self::Friction => write!(key, "{:?}", effects.friction.as_ref().map(|e| &e.of)),
+            Self::Network => write!(key, "{:?}", surface.material.as_ref().map(|m| &m.of)),
+            Self::Tap => write!(key, "{:?}", effects.tap.as_ref().map(|e| &e.of)),
+            Self::Vibration => write!(key, "{:?}", effects.vibration.as_ref().map(|e| &e.of)),
+            Self::Viscosity => write!(key, "{:?}", effects.viscosity.as_ref().map(|e| &e.of)),
+            Self::Magnet => write!(key, "{:?}", effects.magnet.as_ref().map(|e| &e.of)),
+            Self::Autoregressive | Self::Waveform | Self::Relief => {
+                let all: Vec<&Texture> = effects.textures.iter().map(|t| &t.of).collect();
+                let of_kind: Vec<_> = all.into_iter().filter(|t| self == Self::of_texture(t)).collect();
+                write!(key, "{of_kind:?}")
+            }
+        };
+        Some(key)
     }
 
     fn of_texture(texture: &Texture) -> Self {
@@ -97,10 +115,6 @@ impl Kind {
     }
 }
 
-fn of<T>(placed: &Option<super::Placed<T>>) -> Option<&T> {
-    placed.as_ref().map(|p| &p.of)
-}
-
 /// Which surfaces share settings of one kind.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Slots {
@@ -110,14 +124,21 @@ pub struct Slots {
     pub of: Vec<Option<usize>>,
 }
 
+impl Slots {
+    /// How many surfaces have the effect.
+    pub fn surfaces(&self) -> usize {
+        self.of.iter().flatten().count()
+    }
+}
+
 impl Scene {
     /// The slots of a kind: as many as there are different settings, in the order of the file.
     pub fn slots(&self, kind: Kind) -> Slots {
         let mut slots = Slots::default();
+        let mut known: HashMap<String, usize> = HashMap::new();
         for (number, surface) in self.surfaces.iter().enumerate() {
-            let slot = kind.is_of(&surface.effects).then(|| {
-                let known = slots.first.iter().position(|first| kind.same(&self.surfaces[*first], surface));
-                known.unwrap_or_else(|| {
+            let slot = kind.settings(surface).map(|settings| {
+                *known.entry(settings).or_insert_with(|| {
                     slots.first.push(number);
                     slots.first.len() - 1
                 })
@@ -125,5 +146,23 @@ impl Scene {
             slots.of.push(slot);
         }
         slots
+    }
+
+    /// What stands in the file of a slot: as a text for the parameter of the kind's node. Materials are names.
+    pub fn slot_text(&self, kind: Kind, slots: &Slots, slot: usize) -> String {
+        let Some(surface) = slots.first.get(slot).and_then(|first| self.surfaces.get(*first)) else {
+            return String::new();
+        };
+        if kind == Kind::Network {
+            return surface.material.as_ref().map(|m| m.of.clone()).unwrap_or_default();
+        }
+        let text = |place: &Place| {
+            let whole = place.source.text();
+            whole.get(place.span.start..place.span.end).unwrap_or_default().to_owned()
+        };
+        match &kind.places(&surface.effects)[..] {
+            [one] => text(one),
+            all => format!("[{}]", all.iter().map(|place| text(place)).collect::<Vec<_>>().join(", ")),
+        }
     }
 }

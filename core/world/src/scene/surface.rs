@@ -1,12 +1,10 @@
 //! Shapes and where they are.
 
-use std::sync::Arc;
-
 use asperity_source::Diagnostic;
 use asperity_source::ron::{Record, Value};
 
 use super::Heights;
-use super::read::{body, file, number, numbers, variant};
+use super::read::{Known, body, file, number, numbers, variant};
 use crate::space::{HeightGrid, Pose, Shape, Surface, WORLD_MM};
 use crate::topography::{HeightField, made_surfaces};
 
@@ -16,9 +14,9 @@ const HEIGHTS: &[&str] = &["made", "picture"];
 const THICKNESS_MM: f64 = 20.0;
 
 /// The fields `shape`, `place_mm` and `turn_deg` of a surface.
-pub(super) fn surface(record: &mut Record<'_>) -> Result<Surface, Diagnostic> {
+pub(super) fn surface(record: &mut Record<'_>, known: &mut Known) -> Result<Surface, Diagnostic> {
     let value = record.required("shape")?;
-    let shape = shape(value)?;
+    let shape = shape(value, known)?;
     let mut three = |name, most: f64, unit| {
         record.optional(name).map_or(Ok([0.0; 3]), |v| numbers::<3>(v, &(-most..=most), unit))
     };
@@ -32,7 +30,7 @@ fn at(value: &Value, e: Diagnostic) -> Diagnostic {
     e.at(value.source(), value.span())
 }
 
-fn shape(value: &Value) -> Result<Shape, Diagnostic> {
+fn shape(value: &Value, known_before: &mut Known) -> Result<Shape, Diagnostic> {
     let name = variant(value, "shape", SHAPES)?;
     let size = 0.0..=WORLD_MM;
     let Some(mut record) = body(value, name)? else {
@@ -62,11 +60,11 @@ fn shape(value: &Value) -> Result<Shape, Diagnostic> {
         _ => {
             known = &["heights", "size_mm", "scale", "thickness_mm"];
             let from = record.required("heights")?;
-            let grid = grid(&heights(from)?).map_err(|e| at(from, e))?;
+            let grid = known_before.grid(from, |from| grid(&heights(from)?).map_err(|e| at(from, e)))?;
             let sides = record.optional("size_mm").map(|v| numbers::<2>(v, &size, "mm")).transpose()?;
             let scale = number(&mut record, "scale", -1000.0..=1000.0, "", Some(1.0))?;
             let thickness_mm = number(&mut record, "thickness_mm", size, "mm", Some(THICKNESS_MM))?;
-            Shape::relief(Arc::new(grid), sides, scale, thickness_mm).map_err(|e| at(value, e))?
+            Shape::relief(grid, sides, scale, thickness_mm).map_err(|e| at(value, e))?
         }
     };
     record.finish(known)?;

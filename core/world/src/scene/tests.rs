@@ -1,4 +1,5 @@
 use super::*;
+use crate::effect::Transient;
 use crate::space::Form;
 
 fn parse(text: &str) -> Result<Scene, String> {
@@ -137,4 +138,137 @@ fn a_stiffness_past_what_the_rate_keeps_passive_is_found_with_its_numbers() {
     let quantised = "damping_ns_per_m: 2, position_step_mm: 0.055, friction_n";
     assert!(at(&format!("{quantised}: 0.0139"), 500, WALL).is_empty());
     assert_eq!(at(&format!("{quantised}: 0.0136"), 500, WALL).len(), 1);
+}
+
+fn value(text: &str) -> asperity_source::ron::Value {
+    asperity_source::ron::parse(&Source::new("folder/g.ron", text)).unwrap()
+}
+
+#[test]
+fn an_effect_is_read_without_its_scene() {
+    assert_eq!(
+        Friction::parse(&value("dahl")).unwrap(),
+        Friction::Dahl { coefficient: 0.3, bristle_stiffness_n_per_mm: 1.0 }
+    );
+    assert_eq!(
+        Hum::parse(&value("(frequency_hz: 120, amplitude_m_s2: 2)")).unwrap(),
+        Hum { frequency_hz: 120.0, amplitude_m_s2: 2.0 }
+    );
+    assert_eq!(Drag::parse(&value("(viscosity_ns_per_m: 2)")).unwrap().max_force_n, 3.3);
+    assert_eq!(
+        Pull::parse(&value("(stiffness_n_per_mm: 0.2, max_force_n: 0.5, reach_mm: 4)")).unwrap().reach_mm,
+        4.0
+    );
+    let all = Texture::parse_all(&value(
+        "[autoregressive(model: \"a.ron\"), relief(heights: made(surface: \"hessian\"))]",
+    ));
+    assert_eq!(all.unwrap().iter().map(Texture::word).collect::<Vec<_>>(), ["autoregressive", "relief"]);
+    let one = Texture::parse_all(&value("autoregressive(model: \"a.ron\", gain: 0.5)")).unwrap();
+    assert_eq!(one, [Texture::Autoregressive { model: "folder/a.ron".into(), gain: 0.5 }]);
+    assert!(
+        Texture::parse_all(&value("[autoregressiv(model: \"a.ron\")]"))
+            .unwrap_err()
+            .to_string()
+            .contains("autoregressive")
+    );
+}
+
+#[test]
+fn a_tap_is_of_sinusoids_or_recorded() {
+    let knock = |text: &str| Knock::parse(&value(text)).map_err(|e| e.to_string());
+    let sinusoids = "sinusoids: [(frequency_hz: 180, decay_ms: 9, gain: 40)]";
+    let recording = "recording: (file: \"tap.wav\", speed_mm_s: 80, full_scale_m_s2: 50, gain: 2)";
+    let recorded = knock(&format!("({recording}, debounce_ms: 30)")).unwrap();
+    assert_eq!(
+        recorded.sound,
+        Sound::Recorded { file: "folder/tap.wav".into(), speed_mm_s: 80.0, full_scale_m_s2: 50.0, gain: 2.0 }
+    );
+    assert_eq!(recorded.settings.debounce_ms, 30.0);
+    assert!(recorded.transient().unwrap_err().to_string().contains("tap.wav: not a WAV file"));
+    for (text, wanted) in [
+        (format!("({sinusoids}, {recording})"), "sinusoids and a recording"),
+        ("(min_speed_mm_s: 3)".to_owned(), "a tap of no sound"),
+        ("(sinusoid: [])".to_owned(), "unknown field `sinusoid`"),
+        ("(sinusoids: [])".to_owned(), "0 sinusoids"),
+        ("(recording: (file: \"tap.wav\", speed_mm_s: 80))".to_owned(), "full_scale_m_s2"),
+        ("(recording: (file: \"tap.wav\", speed_mm_s: 0, full_scale_m_s2: 1))".to_owned(), "out of range"),
+        ("(recording: (file: \"\", speed_mm_s: 1, full_scale_m_s2: 1))".to_owned(), "an empty path"),
+    ] {
+        let e = knock(&text).unwrap_err();
+        assert!(e.contains(wanted) && e.starts_with("folder/g.ron:1:"), "{e}");
+    }
+    let dir = tempfile::tempdir().unwrap();
+    let file = dir.path().join("tap.wav");
+    let spec = hound::WavSpec {
+        channels: 2,
+        sample_rate: 8000,
+        bits_per_sample: 16,
+        sample_format: hound::SampleFormat::Int,
+    };
+    let mut writer = hound::WavWriter::create(&file, spec).unwrap();
+    [8192_i16, 1, -16_384, 1].iter().for_each(|x| writer.write_sample(*x).unwrap());
+    writer.finalize().unwrap();
+    let sound = Sound::Recorded { file, speed_mm_s: 80.0, full_scale_m_s2: 50.0, gain: 2.0 };
+    let Transient::Recorded(found) = (Knock { sound, ..recorded }).transient().unwrap() else { panic!() };
+    assert_eq!((found.samples, found.rate_hz, found.speed_mm_s), (vec![25.0, -50.0], 8000.0, 80.0));
+}
+
+#[test]
+fn a_scene_is_told_from_a_graph_behind_any_comments() {
+    let meant = |text: &str| Scene::is_meant(&Source::new("s.ron", text));
+    assert!(
+        meant("Scene(version: 1)") && meant("// Graph(\n\n  /* a /* b */ Graph( */ // c\nScene (version: 1)")
+    );
+    assert!(meant("\u{feff}Scene(") && meant("Scene"));
+    for other in [
+        "",
+        "//",
+        "// Scene(",
+        "/* Scene(",
+        "/* /* */ Scene(",
+        "Graph(version: 1)",
+        "Scenery(",
+        "(Scene: 1)",
+        "\"Scene\"",
+    ] {
+        assert!(!meant(other), "{other}");
+    }
+}
+
+#[test]
+fn surfaces_of_the_same_heights_share_them() {
+    let relief =
+        "shape: relief(heights: made(surface: \"hessian\", side: 16, step_mm: 0.1), size_mm: (30, 30))";
+    let other = relief.replace("side: 16", "side: 32");
+    let scene =
+        scene(&format!("\"a\": ({relief}), \"b\": ({relief}, place_mm: (40, 0, 0)), \"c\": ({other})"))
+            .unwrap();
+    let grids: Vec<_> = scene
+        .surfaces
+        .iter()
+        .map(|s| match s.surface.shape.form() {
+            Form::Relief(relief) => relief.grid().clone(),
+            other => panic!("{other:?}"),
+        })
+        .collect();
+    assert!(std::sync::Arc::ptr_eq(&grids[0], &grids[1]) && !std::sync::Arc::ptr_eq(&grids[0], &grids[2]));
+}
+
+#[test]
+fn a_waveform_may_be_recorded_and_has_then_no_other_speed() {
+    let wave =
+        |fields: &str| format!("\"a\": (shape: plane, effects: ({WALL}, texture: waveform({fields})))");
+    let recording = "recording: (file: \"felt.wav\", speed_mm_s: 80, full_scale_m_s2: 50)";
+    let found = scene(&wave(&format!("{recording}, crossfade_mm: 5, gain: 2"))).unwrap();
+    let Texture::Waveform { values, crossfade_mm: 5.0, quantity, gain: 2.0 } =
+        &found.surfaces[0].effects.textures[0].of
+    else {
+        panic!("{found:?}")
+    };
+    assert_eq!(values, &Loop::Recorded { file: "felt.wav".into(), speed_mm_s: 80.0, full_scale_m_s2: 50.0 });
+    assert!(matches!(quantity, WaveformQuantity::Acceleration { reference_speed_mm_s: 80.0, .. }));
+    refused(&wave(&format!("{recording}, reference_speed_mm_s: 90")), &["s.ron:3:", "reference_speed_mm_s"]);
+    refused(&wave(&format!("{recording}, segments: [(0, 0), (1, 1)]")), &["one of the two"]);
+    refused(&wave("gain: 1"), &["a waveform of no values", "recording"]);
+    refused(&wave("recording: (file: \"felt.wav\", speed_mm_s: 80)"), &["full_scale_m_s2"]);
 }

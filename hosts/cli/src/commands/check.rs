@@ -16,8 +16,9 @@ use crate::render::report::fact_json;
 
 /// Runs the command.
 pub fn run(args: &Check) -> Result<ExitCode, Failure> {
-    let graph = load::read(&args.graph)?;
-    let registry = Kinds::new(&args.graph.plugins.plugin).registry(Some(&graph))?;
+    let mut kinds = Kinds::new(&args.graph.plugins.plugin);
+    let graph = load::read(&args.graph, &mut kinds)?;
+    let registry = kinds.registry(Some(&graph))?;
     let schedule = load::compiled(&graph, &args.graph, &registry)?.schedule;
     if args.json {
         print(&format!("{:#}\n", as_json(&schedule)))?;

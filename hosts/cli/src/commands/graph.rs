@@ -14,8 +14,8 @@ use crate::{load, output};
 
 /// Runs the command.
 pub fn run(args: &Graph) -> Result<ExitCode, Failure> {
-    let graph = load::read(&args.graph)?;
     let mut kinds = Kinds::new(&args.graph.plugins.plugin);
+    let graph = load::read(&args.graph, &mut kinds)?;
     let registry = kinds.registry(Some(&graph))?;
     let schedule = load::compiled(&graph, &args.graph, &registry)?.schedule;
     let svg = output::resolved(&args.svg);

@@ -12,4 +12,5 @@ pub mod latency;
 pub mod materials;
 pub mod nodes;
 pub mod plugin;
+pub mod scene;
 pub mod tone;

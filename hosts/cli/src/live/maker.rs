@@ -105,7 +105,7 @@ pub fn make(
     base: Option<GraphFile>,
     changes: &Changes,
 ) -> Result<Made, Failure> {
-    let base = base.map_or_else(|| load::read(args), Ok)?;
+    let base = base.map_or_else(|| load::read(args, kinds), Ok)?;
     let mut graph = base.clone();
     for setting in &changes.moved {
         // What the file no longer has is no longer set.

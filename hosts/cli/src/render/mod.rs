@@ -1,5 +1,6 @@
 //! `asperity render`: the virtual clock. Ticks run one after another, as fast as they go.
 
+mod effects;
 pub mod record;
 pub mod report;
 mod salvage;
@@ -38,7 +39,14 @@ const WATCH_LIMIT_TICKS: u64 = 10;
 const INTERRUPTED: u8 = 130;
 
 /// The computer's own clock.
-struct Wall(Instant);
+pub struct Wall(Instant);
+
+impl Wall {
+    /// A clock that began then.
+    pub fn new(began: Instant) -> Self {
+        Self(began)
+    }
+}
 
 impl Clock for Wall {
     fn now_ns(&self) -> u64 {
@@ -49,7 +57,7 @@ impl Clock for Wall {
 /// Runs the command.
 pub fn run(args: &Render) -> Result<ExitCode, Failure> {
     let mut kinds = Kinds::new(&args.graph.plugins.plugin);
-    let compiled = compiled(args, &mut kinds)?;
+    let (compiled, scene) = compiled(args, &mut kinds)?;
     let schedule = &compiled.schedule;
     nothing_live(args, schedule)?;
     let ticks = ticks(args, schedule)?;
@@ -63,7 +71,7 @@ pub fn run(args: &Render) -> Result<ExitCode, Failure> {
     let named = [("--out", &args.out), ("--plot", &args.plot), ("--report", &args.report)];
     distinct_files(&args.graph, schedule, kinds.files(), &named)?;
     check_lengths(args, schedule, ticks)?;
-    let mut taken = Taken::new(args, schedule)?;
+    let mut taken = Taken::new(args, schedule, scene)?;
     // Opened now, so that a folder that is not there is known before and not after the work.
     let plot = args.plot.as_deref().map(Pending::create).transpose()?;
     let report_file = args.report.as_deref().map(Pending::create).transpose()?;
@@ -129,9 +137,9 @@ pub fn run(args: &Render) -> Result<ExitCode, Failure> {
     Ok(if done < ticks { ExitCode::from(INTERRUPTED) } else { ExitCode::SUCCESS })
 }
 
-/// Reads and compiles the graph with what the command line changes in it.
-fn compiled(args: &Render, kinds: &mut Kinds) -> Result<Compiled, Failure> {
-    let mut graph = load::read(&args.graph)?;
+/// Reads and compiles the graph with what the command line changes in it. Where it is of a scene, that too.
+fn compiled(args: &Render, kinds: &mut Kinds) -> Result<(Compiled, Option<load::OfScene>), Failure> {
+    let (mut graph, scene) = load::read_all(&args.graph, kinds)?;
     for (i, text) in args.probe.iter().enumerate() {
         let (port, file) = load::probe(text, &graph)?;
         let id =
@@ -140,7 +148,7 @@ fn compiled(args: &Render, kinds: &mut Kinds) -> Result<Compiled, Failure> {
         graph.add_wire(&port, &id, "--probe");
     }
     let registry = kinds.registry(Some(&graph))?;
-    load::compiled(&graph, &args.graph, &registry)
+    Ok((load::compiled(&graph, &args.graph, &registry)?, scene))
 }
 
 /// What comes from a device while it happens is not there offline.

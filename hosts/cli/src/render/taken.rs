@@ -12,6 +12,7 @@ use super::report::Level;
 use super::traces::Traces;
 use crate::args::Render;
 use crate::failure::Failure;
+use crate::load::OfScene;
 
 /// Files, figures and traces in the making.
 pub struct Taken {
@@ -29,12 +30,12 @@ pub struct Taken {
 
 impl Taken {
     /// Opens what the command line and the graph's sinks ask for.
-    pub fn new(args: &Render, schedule: &Schedule) -> Result<Self, Failure> {
+    pub fn new(args: &Render, schedule: &Schedule, scene: Option<OfScene>) -> Result<Self, Failure> {
         let nodes = schedule.nodes.len();
         Ok(Self {
             recorders: Recorder::for_sinks(schedule)?,
             master: args.out.as_ref().map(|path| Master::new(path, schedule, args.format)).transpose()?,
-            traces: args.plot.as_ref().map(|_| Traces::new(schedule)),
+            traces: args.plot.as_ref().map(|_| Traces::new(schedule).with(scene, schedule)),
             times: Times::new(nodes),
             drive: Level::new(schedule),
             schedule: Arc::new(schedule.clone()),

@@ -7,7 +7,9 @@ use asperity_graph::Schedule;
 use asperity_node::{Buffer, ParamValue, Shape, Unit};
 use asperity_plot::{Render, Series};
 
+use super::effects::Effects;
 use super::samples;
+use crate::load::OfScene;
 
 /// Longest part of a render that is drawn, in seconds: so much audio is 4 MB a signal.
 const MAX_S: u64 = 20;
@@ -21,6 +23,7 @@ pub struct Traces {
     drive: Option<Trace>,
     active: Option<Trace>,
     gate_mm_s: Option<f64>,
+    effects: Option<Effects>,
 }
 
 struct Trace {
@@ -82,13 +85,22 @@ impl Traces {
             drive: into("audio_out"),
             active: control(1, Unit::NONE, "active"),
             gate_mm_s,
+            effects: None,
         }
+    }
+
+    /// With what is felt of a scene, where the graph is of one.
+    pub fn with(self, scene: Option<OfScene>, schedule: &Schedule) -> Self {
+        Self { effects: scene.map(|scene| Effects::new(scene, schedule)), ..self }
     }
 
     /// Takes down the tick that has just run.
     pub fn take(&mut self, engine: &Engine, tick: u64) {
         if tick >= MAX_S * u64::from(engine.schedule().tick_hz) {
             return;
+        }
+        if let Some(effects) = &mut self.effects {
+            effects.take(engine);
         }
         let all = [
             &mut self.position,
@@ -108,6 +120,9 @@ impl Traces {
 
     /// Goes on with the same meanings where another graph has been taken over. What it no longer has ends.
     pub fn follow(&mut self, schedule: &Schedule) {
+        if let Some(effects) = &mut self.effects {
+            effects.find(schedule);
+        }
         let found = Self::new(schedule);
         let pairs = [
             (&mut self.position, found.position),
@@ -136,7 +151,9 @@ impl Traces {
                 _ => None,
             })
         };
-        let material = text("material").map(|m| format!("{m}: ")).unwrap_or_default();
+        // A scene has a material for each surface.
+        let material = text("material").filter(|_| self.effects.is_none());
+        let material = material.map(|m| format!("{m}: ")).unwrap_or_default();
         let name = graph.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
         let drawn =
             self.position.as_ref().map_or(0, |p| p.data.len() as u64 / 3) / u64::from(schedule.tick_hz);
@@ -146,6 +163,7 @@ impl Traces {
         Render {
             title: format!("{material}{name}"),
             subtitle: format!("{} Hz ticks, {} Hz audio{cut}", schedule.tick_hz, schedule.audio_hz),
+            above: self.effects.map(Effects::into_above),
             active: self.active.map(spans).unwrap_or_default(),
             position: series(self.position, "position").map(|s| s.with_columns(&["x", "y", "z"])),
             speed: series(self.speed, "speed"),

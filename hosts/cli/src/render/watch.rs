@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 
 use asperity_engine::{Controller, SwapError};
-use asperity_graph::{Compiled, Schedule, ScheduledNode};
+use asperity_graph::{Schedule, ScheduledNode};
 use indicatif::ProgressBar;
 
 use super::report::Swapped;
@@ -106,7 +106,7 @@ impl Watcher {
 
     /// Compiles the graph anew and sends it. `None` where it is what is running.
     fn change(&mut self, nodes: &[String]) -> Result<Option<String>, Failure> {
-        let compiled: Compiled = compiled(&self.args, &mut self.kinds)?;
+        let (compiled, _) = compiled(&self.args, &mut self.kinds)?;
         same_sinks(self.controller.schedule(), &compiled.schedule).map_err(Failure::Machine)?;
         let report = self.controller.swap(compiled, nodes).map_err(|e| {
             let start_anew = matches!(e, SwapError::TickRate { .. } | SwapError::AudioRate { .. });

@@ -11,6 +11,7 @@ fn floor(stiffness: f64, damping: f64, now_ns: u64) -> ForceModel {
         normal: [0.0, 0.0, 1.0],
         stiffness_n_per_mm: stiffness,
         damping_ns_per_m: damping,
+        beside_n: [0.0; 3],
         max_force_n: 100.0,
         valid: true,
         time_ns: now_ns,
@@ -36,6 +37,37 @@ fn at_rest_the_force_is_stiffness_times_depth_and_nothing_above_the_plane() {
     assert_eq!(held(Limits::of(10.0), 0.5, 0.01).0.force, [0.0; 3]);
     // Clamped by the device, and by the model.
     assert!((held(Limits::of(1.0), 0.5, -30.0).0.force[2] - 1.0).abs() < 1e-9);
+}
+
+#[test]
+fn what_is_beside_the_plane_is_added_smoothly_may_pull_and_goes_with_what_is_not_trusted() {
+    let (mut servo, mut now) = held(Limits::of(10.0), 0.5, -3.0);
+    let mut model = floor(0.5, 0.0, now);
+    // Friction along x, and a magnet that pulls into the plane.
+    model.beside_n = [0.8, 0.0, -2.5];
+    let mut last = servo.force();
+    for ms in 0..50 {
+        now += MS;
+        model.time_ns = now;
+        let force = servo.step(now, [0.0, 0.0, -3.0], &model);
+        // Of a first-order lag with 3 ms.
+        let part = 1.0 - (-f64::from(ms + 1) / 3.0).exp();
+        let want = [0.8 * part, 0.0, 1.5 - 2.5 * part];
+        assert!((0..3).all(|i| (force[i] - want[i]).abs() < 1e-9), "{ms}: {force:?} for {want:?}");
+        last = force;
+    }
+    assert!((last[2] + 1.0).abs() < 1e-6, "it pulls: {last:?}");
+    // Held to the greatest force as a whole.
+    model.max_force_n = 0.5;
+    now += MS;
+    model.time_ns = now;
+    let force = servo.step(now, [0.0, 0.0, -3.0], &model);
+    assert!(size(force) <= 0.5 + 1e-12, "{force:?}");
+    for _ in 0..25 {
+        now += MS;
+        servo.let_go(now);
+    }
+    assert_eq!(servo.force(), [0.0; 3]);
 }
 
 #[test]

@@ -163,11 +163,14 @@ impl Player {
             };
             let vector = |values: &[f64]| <[f64; 3]>::try_from(values).unwrap_or_default();
             let (plane, normal, stiffness, damping) = (control(0), control(1), control(2), control(3));
+            let beside = control(4);
             writer.write(ForceModel {
                 point: vector(plane.0),
                 normal: vector(normal.0),
                 stiffness_n_per_mm: stiffness.0.first().copied().unwrap_or(0.0),
                 damping_ns_per_m: damping.0.first().copied().unwrap_or(0.0),
+                // What fails beside the wall takes nothing of the wall with it.
+                beside_n: if beside.1 { vector(beside.0) } else { [0.0; 3] },
                 max_force_n: slot.max_force_n,
                 valid: plane.1 && normal.1 && stiffness.1 && damping.1,
                 time_ns: now_ns(),

@@ -335,6 +335,17 @@ impl Limiter {
         self.run.settle(&self.fixed);
     }
 
+    /// Whether silence gives silence: the signal has ended, the coil lies still and the gain is back. It may still be warm.
+    pub fn rests(&self) -> bool {
+        !self.muted && self.run.rests()
+    }
+
+    /// As [`process`](Self::process) of so many samples of silence while it [rests](Self::rests), to the bit.
+    pub fn rest(&mut self, samples: usize) {
+        self.run.rest(&self.fixed, samples);
+        self.run.settle(&self.fixed);
+    }
+
     /// What it remembers: the signal so far, its gain, where the coil is and how warm; not the report.
     ///
     /// A limiter with other settings, or for another actuator, goes on from it within its own limits: a last sample

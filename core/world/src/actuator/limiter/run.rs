@@ -75,6 +75,23 @@ impl Run {
         }
     }
 
+    pub(super) fn rests(&self) -> bool {
+        let zeros = [self.good, self.dc, self.last, self.power];
+        let states = self.asked.state.iter().chain(&self.given.state);
+        zeros.iter().chain(states).all(|x| x.to_bits() == 0)
+            && [self.gain, self.bearable, self.mute].iter().all(|x| *x == 1.0)
+    }
+
+    /// What silence does to it then: the coil cools.
+    pub(super) fn rest(&mut self, f: &Fixed, samples: usize) {
+        self.report.samples += samples as u64;
+        if self.heat != 0.0 {
+            for _ in 0..samples {
+                self.heat += f.heat * (0.0 - self.heat);
+            }
+        }
+    }
+
     #[inline(always)]
     fn sample<const VOLTAGE: bool>(&mut self, f: &Fixed, muted: bool, x: f64) -> f32 {
         let count = &mut self.report;

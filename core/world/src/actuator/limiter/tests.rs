@@ -368,6 +368,35 @@ fn blocks_of_any_length_give_the_same_samples() {
 }
 
 #[test]
+fn to_rest_is_to_be_given_silence_to_the_bit() {
+    for drive in [Drive::Current, Drive::Voltage] {
+        let mut long = limiter(drive);
+        assert!(long.rests());
+        // Loud enough for every stage to have something to remember.
+        run(&mut long, &sine(20.0, 80.0, 48_000));
+        let mut seconds = 0;
+        while !long.rests() {
+            assert!(!long.rests() && seconds < 60, "it comes to rest");
+            run(&mut long, &vec![0.0; 48_000]);
+            seconds += 1;
+        }
+        assert!(long.report().rms_current > 0.0, "the coil is still warm");
+        let mut short = long.clone();
+        for _ in 0..100 {
+            let silence = run(&mut long, &[0.0; 96]);
+            assert!(silence.iter().all(|y| y.to_bits() == 0));
+            assert!(short.rests());
+            short.rest(96);
+        }
+        assert_eq!(long.report(), short.report());
+        let again = sine(20.0, 81.0, 9600);
+        assert!(run(&mut long, &again) == run(&mut short, &again));
+        short.set_muted(true);
+        assert!(!short.rests());
+    }
+}
+
+#[test]
 fn a_decayed_tail_is_zero_and_never_denormal() {
     let mut limiter = limiter(Drive::Voltage);
     run(&mut limiter, &sine(1.0, 100.0, 4800));

@@ -76,6 +76,11 @@ impl Waveform {
         }
     }
 
+    /// Forgets where the stylus was and goes on where it is in the table: it was put down elsewhere, and what lies between is no way.
+    pub fn lift(&mut self) {
+        self.last = None;
+    }
+
     /// Begins at the table's beginning again.
     pub fn reset(&mut self) {
         (self.distance_mm, self.last) = (0.0, None);

@@ -126,11 +126,13 @@ impl Draft {
             input: None,
             hand: None,
             no_prune: false,
+            strict: false,
             plugins: args.plugins.clone(),
         };
-        let mut graph = load::read(&args)?;
+        let mut kinds = Kinds::new(&args.plugins.plugin);
+        let mut graph = load::read(&args, &mut kinds)?;
         source::play(&mut graph, stroke)?;
-        let registry = Kinds::new(&args.plugins.plugin).registry(Some(&graph))?;
+        let registry = kinds.registry(Some(&graph))?;
         Ok(Self { args, graph, registry })
     }
 

@@ -1,12 +1,35 @@
-//! A model set from its file.
+//! A texture from a file of the Penn Haptic Texture Toolkit (Culbertson, Lopez Delgado, Kuchenbecker 2014, "One hundred data-driven haptic texture models
+//! and open-source methods for rendering on 3D objects").
+//!
+//! XML with a `modelSet`:
+//!
+//! | of the set | |
+//! |---|---|
+//! | `SampleRate` | rate of the models in Hz |
+//! | `numMod` | how many models there are; may be missing |
+//! | `speedList`, `forceList` | speeds in mm/s and forces in N, one for each model, where the models do not say theirs |
+//! | `tri` | corners of triangles, counted from 1, by rows or by columns; where they do not tile the hull of the models, or are missing, Delaunay's triangulation is made |
+//!
+//! | of a model | |
+//! |---|---|
+//! | `ARcoeff`, `ARlsf` | `A = 1 + a_1 z^-1 + ..`, with or without the 1 in front, and its line spectral frequencies in radians; one of the two will do |
+//! | `MAcoeff`, `MAlsf` | the same of `B`; both may be missing, `B` then is 1 |
+//! | `var`, `gain` | variance of the noise in (m/s^2)^2, and what the noise is multiplied by; without a gain that is 1 |
+//! | `speedMod`, `forceMod` | speed in mm/s and force in N |
+//!
+//! Which sign a file gives coefficients is seen from the frequencies: of `1 + ..` and `1 - ..` that is meant which has them. Without frequencies
+//! it is `1 + ..`. A model is any element that holds `ARcoeff` or `ARlsf`. Names are read in any case; what they name may be an attribute,
+//! an element with numbers as text, separated by spaces or commas, or an element of elements, one for each number or row.
+
+mod xml;
 
 use std::sync::Arc;
 
 use asperity_source::{Diagnostic, Source, Span};
-use asperity_world::autoregressive::{Model, Texture, Triangles, line_spectrum};
 use roxmltree::Node;
 
-use super::xml::{self, Numbers};
+use super::{Model, Texture, Triangles, line_spectrum};
+use xml::Numbers;
 
 /// How far coefficients may be from those of their frequencies, in parts of the largest: files are rounded.
 const ROUNDED: f64 = 0.1;

@@ -1,0 +1,195 @@
+//! What a scene costs: of 1 to 10000 surfaces one is touched, and a tick is to cost what it would alone.
+//!
+//! All sizes of a table take turns tick by tick in one loop, so that what the machine does besides is the same for all; figures are medians. `far`: the other
+//! surfaces lie in a grid 200 mm and more away. `near`: all lie on each other, half a millimetre and less apart, so that any of them could be the one.
+//! The goals are printed beside what was measured, and nothing fails on them: machines differ.
+
+use std::fmt::Write as _;
+use std::path::Path;
+use std::time::Instant;
+
+use asperity_engine::{Clock, Engine, NoClock, Options};
+use asperity_graph::compile;
+use asperity_measure::timing::Timing;
+use asperity_scene::{Lowering, lower};
+use asperity_world::scene::{Kind, Scene};
+
+const COUNTS: [usize; 5] = [1, 10, 100, 1000, 10_000];
+const ROUNDS: usize = 6000;
+const MODELS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../graphs/models");
+
+struct Wall(Instant);
+
+impl Clock for Wall {
+    fn now_ns(&self) -> u64 {
+        self.0.elapsed().as_nanos() as u64
+    }
+}
+
+/// How a stylus moves.
+#[derive(Clone, Copy)]
+enum Hand {
+    /// In circles on the surface.
+    Touching,
+    /// Over it.
+    Air,
+}
+
+/// What surfaces do.
+#[derive(Clone, Copy)]
+struct What {
+    name: &'static str,
+    effects: &'static str,
+    /// Whether there is something to play.
+    sounds: bool,
+}
+
+const STIFFNESS: What =
+    What { name: "stiffness alone", effects: "stiffness: (stiffness_n_per_mm: 0.5)", sounds: false };
+const WAVEFORM: What = What {
+    name: "waveform",
+    effects: "stiffness: (stiffness_n_per_mm: 0.5), texture: waveform(segments: [(0, 0), (0.5, 4), (1, 0)])",
+    sounds: true,
+};
+const NETWORK: What = What {
+    name: "network",
+    effects: "stiffness: (stiffness_n_per_mm: 0.5), friction: viscous_coulomb(coefficient: 0.3), texture: network",
+    sounds: true,
+};
+
+fn scene(count: usize, what: What, near: bool, hand: Hand) -> String {
+    let mut out = String::from("Scene(\n    version: 1,\n");
+    let _ = match hand {
+        Hand::Touching => writeln!(
+            out,
+            "    input: stroke(shape: circle, extent_mm: 10.0, speed_mm_s: 60.0, duration_s: 100000.0, quantum_mm: 0.0),"
+        ),
+        Hand::Air => writeln!(out, "    input: trajectory(file: \"air.csv\"),"),
+    };
+    if what.sounds {
+        let _ = writeln!(
+            out,
+            "    network: (model: \"{MODELS}/surfaces/texture.onnx\", library: \"{MODELS}/surfaces/materials.ron\"),\n    \
+             actuator: (profile: \"hapcoil_one\", handle_mass_g: 100.0),\n    \
+             output: audio_out(volts_at_full_scale: 1.0, amps_per_volt: 1.0),"
+        );
+    }
+    let _ = writeln!(out, "    surfaces: {{");
+    for i in 0..count {
+        let [x, y, z] = match (i, near) {
+            (0, _) => [0.0; 3],
+            (_, true) => [0.37 * (i % 7) as f64 - 1.0, 0.29 * (i % 5) as f64, -1e-4 * (i % 5000) as f64],
+            (_, false) => [200.0 + 45.0 * (i % 100) as f64, 45.0 * (i / 100) as f64, 0.0],
+        };
+        let _ = writeln!(
+            out,
+            "        \"{i}\": (shape: rectangle(size_mm: (40, 40), thickness_mm: 10), place_mm: ({x}, {y}, {z}), material: \"canvas\", effects: ({})),",
+            what.effects
+        );
+    }
+    out + "    },\n)\n"
+}
+
+/// A scene that runs, and how it was loaded.
+struct Loaded {
+    engine: Engine,
+    /// Nodes of the network's chain.
+    of_network: Vec<usize>,
+    load_ms: f64,
+    grown_kib: Option<i64>,
+}
+
+/// Memory of this process in KiB, where the system tells.
+fn resident_kib() -> Option<i64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find(|line| line.starts_with("VmRSS:"))?;
+    line.split_whitespace().nth(1)?.parse().ok()
+}
+
+fn load(dir: &Path, text: &str) -> Loaded {
+    let file = dir.join("scene.ron");
+    std::fs::write(&file, text).expect("a scene file");
+    let registry = asperity_nodes::registry();
+    let before = resident_kib();
+    let began = Instant::now();
+    let scene = Scene::read(&file).unwrap_or_else(|e| panic!("{e}"));
+    let lowered = lower(&scene, &registry, Lowering::default()).unwrap_or_else(|e| panic!("{e}"));
+    drop(scene);
+    let compiled = compile(&lowered.graph, &registry, asperity_graph::Options::default())
+        .unwrap_or_else(|e| panic!("{}", e[0]));
+    drop(lowered.graph);
+    let load_ms = began.elapsed().as_secs_f64() * 1e3;
+    let grown_kib = before.zip(resident_kib()).map(|(before, after)| after - before);
+    let ids = lowered.rendered.iter().find(|(kind, _)| *kind == Kind::Network).map(|(_, ids)| ids.clone());
+    let of_network = ids.unwrap_or_default().iter().filter_map(|id| compiled.schedule.index_of(id)).collect();
+    Loaded { engine: Engine::new(compiled, Options::default()), of_network, load_ms, grown_kib }
+}
+
+/// One table: every size takes its turn in every round.
+fn table(dir: &Path, what: What, near: bool, hand: Hand, goal: &str) {
+    let mut all: Vec<Loaded> = COUNTS.iter().map(|n| load(dir, &scene(*n, what, near, hand))).collect();
+    let wall = Wall(Instant::now());
+    let mut whole = vec![Timing::new(3); all.len()];
+    let mut without = vec![Timing::new(3); all.len()];
+    for loaded in &mut all {
+        for _ in 0..1000 {
+            loaded.engine.tick_timed(&NoClock, &mut []);
+        }
+    }
+    let mut spent = vec![0; 64];
+    for round in 0..ROUNDS {
+        for i in 0..all.len() {
+            // Not always in the same order: who comes after whom finds other caches.
+            let i = (i + round) % all.len();
+            let Loaded { engine, of_network, .. } = &mut all[i];
+            // A clock around every node costs as much as some of them.
+            if of_network.is_empty() || matches!(hand, Hand::Air) {
+                let began = wall.now_ns();
+                engine.tick_timed(&NoClock, &mut []);
+                let took = wall.now_ns() - began;
+                whole[i].record(took);
+                without[i].record(took);
+            } else {
+                spent.fill(0);
+                let began = wall.now_ns();
+                engine.tick_timed(&wall, &mut spent);
+                let took = wall.now_ns() - began;
+                whole[i].record(took);
+                let network: u64 = of_network.iter().map(|n| spent[*n]).sum();
+                without[i].record(took.saturating_sub(network));
+            }
+        }
+    }
+    let place = if near { "all near" } else { "all but one far" };
+    let hand = if matches!(hand, Hand::Air) { "in the air" } else { "one touched" };
+    println!("\n{}, {place}, {hand}   (goal: {goal})", what.name);
+    println!(
+        "  {:>8} {:>12} {:>20} {:>8} {:>10} {:>12}",
+        "surfaces", "tick us", "without network us", "ratio", "load ms", "memory KiB"
+    );
+    let us = |timing: &Timing| timing.summary().p50_ns as f64 / 1e3;
+    for (i, count) in COUNTS.iter().enumerate() {
+        let memory = all[i].grown_kib.map_or("?".into(), |kib| kib.to_string());
+        println!(
+            "  {count:>8} {:>12.2} {:>20.2} {:>8.2} {:>10.1} {memory:>12}",
+            us(&whole[i]),
+            us(&without[i]),
+            us(&without[i]) / us(&without[0]),
+            all[i].load_ms,
+        );
+    }
+}
+
+fn main() {
+    let dir = tempfile::tempdir().expect("a folder");
+    std::fs::write(dir.path().join("air.csv"), "t_s,x_mm,y_mm,z_mm\n0,0,0,3\n100000,10,0,3\n")
+        .expect("a stroke");
+    let growth = "at most 1.10 times one surface";
+    for near in [false, true] {
+        table(dir.path(), STIFFNESS, near, Hand::Touching, &format!("3 us; {growth}"));
+        table(dir.path(), WAVEFORM, near, Hand::Touching, growth);
+        table(dir.path(), NETWORK, near, Hand::Touching, growth);
+    }
+    table(dir.path(), NETWORK, false, Hand::Air, "2 us idle");
+    table(dir.path(), STIFFNESS, false, Hand::Air, "2 us idle");
+}

@@ -1,0 +1,146 @@
+//! Outlines of surfaces as they are seen from above, along -z: on x and y, in millimetres.
+
+use asperity_world::space::{Form, Surface, WORLD_MM};
+
+/// A place on x and y.
+pub(super) type Point = [f64; 2];
+/// Least and greatest x and y.
+pub(super) type Bounds = [Point; 2];
+
+/// Of a plane that stands upright, an upward component of its normal below this.
+const UPRIGHT: f64 = 1e-6;
+
+/// What is seen of a surface.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Outline {
+    /// All there is: a plane.
+    Everywhere,
+    /// A line that does not end: a plane that stands upright. Two points of it, outside of the world.
+    Edge([Point; 2]),
+    /// A convex area, corner by corner; on one line where it is seen from the side.
+    Polygon(Vec<Point>),
+    /// A ball.
+    Circle {
+        /// Its middle.
+        middle: Point,
+        /// Its radius.
+        radius: f64,
+    },
+}
+
+impl Outline {
+    /// Of a surface. A rectangle is its upper face, a relief the rectangle at its height 0; a box is all of it.
+    pub(super) fn of(surface: &Surface) -> Self {
+        let pose = &surface.pose;
+        let seen = |at: [f64; 3]| {
+            let [x, y, _] = pose.to_world(at);
+            [x, y]
+        };
+        let face = |[x, y]: [f64; 2]| {
+            let corners = [[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]];
+            Self::Polygon(corners.iter().map(|[a, b]| seen([a * x, b * y, 0.0])).collect())
+        };
+        match surface.shape.form() {
+            Form::Plane => {
+                let [nx, ny, nz] = pose.vector_to_world([0.0, 0.0, 1.0]);
+                if nz.abs() > UPRIGHT {
+                    return Self::Everywhere;
+                }
+                let ([x, y], far) = (seen([0.0; 3]), 4.0 * WORLD_MM);
+                Self::Edge([[x - far * ny, y + far * nx], [x + far * ny, y - far * nx]])
+            }
+            Form::Rectangle { size_mm, .. } => face(*size_mm),
+            Form::Relief(relief) => face(relief.size_mm()),
+            Form::Sphere { radius_mm } => Self::Circle { middle: seen([0.0; 3]), radius: *radius_mm },
+            Form::Box { size_mm: [x, y, z] } => {
+                let corner = |i: usize| {
+                    let half =
+                        |bit: usize, edge: &f64| if i >> bit & 1 == 1 { 0.5 * edge } else { -0.5 * edge };
+                    seen([half(0, x), half(1, y), half(2, z)])
+                };
+                Self::Polygon(hull((0..8).map(corner).collect()))
+            }
+        }
+    }
+
+    /// Where it is, if it ends.
+    pub(super) fn bounds(&self) -> Option<Bounds> {
+        match self {
+            Self::Everywhere | Self::Edge(_) => None,
+            Self::Polygon(points) => bounds(points.iter().copied()),
+            Self::Circle { middle: [x, y], radius: r } => Some([[x - r, y - r], [x + r, y + r]]),
+        }
+    }
+}
+
+/// Least and greatest of the finite points.
+pub(super) fn bounds(points: impl Iterator<Item = Point>) -> Option<Bounds> {
+    points.filter(|p| p.iter().all(|v| v.is_finite())).fold(None, |all: Option<Bounds>, p| {
+        let [low, high] = all.unwrap_or([p, p]);
+        Some([[low[0].min(p[0]), low[1].min(p[1])], [high[0].max(p[0]), high[1].max(p[1])]])
+    })
+}
+
+/// Whether two share a point.
+pub(super) fn meet(a: Bounds, b: Bounds) -> bool {
+    (0..2).all(|k| a[0][k] <= b[1][k] && b[0][k] <= a[1][k])
+}
+
+/// The convex hull, counterclockwise, without points within its edges (A. M. Andrew, "Another efficient algorithm for convex hulls in two
+/// dimensions", 1979).
+pub(super) fn hull(mut points: Vec<Point>) -> Vec<Point> {
+    points.sort_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
+    points.dedup();
+    if points.len() < 3 {
+        return points;
+    }
+    let chain = |points: &mut dyn Iterator<Item = &Point>| {
+        let mut chain: Vec<Point> = Vec::new();
+        for p in points {
+            while let [.., a, b] = chain[..]
+                && left_of(a, b, *p) <= 0.0
+            {
+                chain.pop();
+            }
+            chain.push(*p);
+        }
+        chain.pop();
+        chain
+    };
+    let mut lower = chain(&mut points.iter());
+    lower.extend(chain(&mut points.iter().rev()));
+    lower
+}
+
+/// Above 0 where `p` lies left of the way from `a` to `b`.
+pub(super) fn left_of(a: Point, b: Point, p: Point) -> f64 {
+    (b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0])
+}
+
+/// What of a convex polygon lies within bounds, edges included (I. E. Sutherland, G. W. Hodgman, "Reentrant polygon clipping", 1974).
+pub(super) fn clipped(polygon: &[Point], [low, high]: Bounds) -> Vec<Point> {
+    let mut points = polygon.to_vec();
+    for (axis, edge, sign) in [(0, low[0], 1.0), (0, high[0], -1.0), (1, low[1], 1.0), (1, high[1], -1.0)] {
+        let within = |p: &Point| sign * (p[axis] - edge) >= 0.0;
+        let mut kept: Vec<Point> = Vec::with_capacity(points.len() + 1);
+        let before = points.last().copied().into_iter().chain(points.iter().copied());
+        for (a, b) in before.zip(&points) {
+            if within(&a) != within(b) {
+                let part = (edge - a[axis]) / (b[axis] - a[axis]);
+                let mut cross = [a[0] + part * (b[0] - a[0]), a[1] + part * (b[1] - a[1])];
+                cross[axis] = edge;
+                kept.push(cross);
+            }
+            if within(b) {
+                kept.push(*b);
+            }
+        }
+        points = kept;
+    }
+    points.dedup();
+    points
+}
+
+#[cfg(test)]
+#[path = "outline_tests.rs"]
+mod tests;

@@ -1,0 +1,252 @@
+//! The way of a stylus in pixels, no finer than can be seen, and lanes beside it.
+
+use super::outline::{Point, left_of};
+use crate::lines::Pen;
+
+/// A piece is at least so long, unless the way ends.
+const STEP: f64 = 2.0;
+/// Pieces at most.
+pub(super) const MOST_PIECES: usize = 6000;
+/// What is written keeps so near to the pieces.
+const STRAY: f64 = 0.1;
+/// Width of a lane, and how far the first is from the way.
+pub(super) const LANE: f64 = 3.0;
+const CLEAR: f64 = 1.0;
+/// So much of the way before and after a point says which way it goes there.
+const AHEAD: f64 = 6.0;
+/// A way back begins where that is shorter by this factor than along the way.
+const BACK: f64 = 0.5;
+/// Cosine of a turn that a lane does not follow.
+const SHARP: f64 = 0.3;
+/// What lasts for less is drawn so long.
+const LEAST: f64 = 2.5;
+
+/// A tick at a place.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Stop {
+    /// Where, in pixels; none where nobody knows.
+    pub(super) at: Option<Point>,
+    /// Bits of effects.
+    pub(super) effects: u16,
+    /// Whether something is touched.
+    pub(super) touches: bool,
+    /// Whether there is no way to it from the one before.
+    pub(super) jumps: bool,
+}
+
+/// A straight piece of the way.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Piece {
+    pub(super) from: Point,
+    pub(super) to: Point,
+    /// All effects of its ticks.
+    pub(super) effects: u16,
+    /// Whether something was touched in one of them.
+    pub(super) touches: bool,
+    /// Whether it begins where the one before ends.
+    pub(super) joined: bool,
+}
+
+/// The way in pieces: each is two pixels long or more, and of so many ticks that there are [`MOST_PIECES`] at most.
+pub(super) fn pieces(stops: impl ExactSizeIterator<Item = Stop>) -> Vec<Piece> {
+    let ticks = stops.len().div_ceil(MOST_PIECES - 1).max(1);
+    let mut pieces = pieces_of(stops, STEP, ticks);
+    // There may be more where it does nothing but jump.
+    pieces.truncate(MOST_PIECES);
+    pieces
+}
+
+/// Pieces that are at least so long and of so many ticks. The effects of every tick are among those of the piece that it is of.
+fn pieces_of(stops: impl Iterator<Item = Stop>, step: f64, ticks: usize) -> Vec<Piece> {
+    let mut pieces: Vec<Piece> = Vec::new();
+    // The piece in the making, and the ticks that it has.
+    let mut open: Option<(Piece, usize)> = None;
+    for Stop { at, effects, touches, jumps } in stops {
+        let Some(at) = at else {
+            pieces.extend(open.take().map(|(piece, _)| piece));
+            continue;
+        };
+        let mut joined = false;
+        if let Some((piece, of)) = open.as_mut().filter(|_| !jumps) {
+            piece.to = at;
+            if *of < ticks || distance(piece.from, at) < step {
+                piece.effects |= effects;
+                piece.touches |= touches;
+                *of += 1;
+                continue;
+            }
+            joined = true;
+        }
+        let next = Piece { from: at, to: at, effects, touches, joined };
+        pieces.extend(open.replace((next, 1)).map(|(piece, _)| piece));
+    }
+    pieces.extend(open.map(|(piece, _)| piece));
+    pieces
+}
+
+/// The way itself as a path: where something is touched, and where not.
+pub(super) fn line(pieces: &[Piece], touches: bool) -> String {
+    let mut d = String::new();
+    for run in pieces.chunk_by(|a, b| b.joined && a.touches == b.touches) {
+        let Some(first) = run.first().filter(|piece| piece.touches == touches) else { continue };
+        let points: Vec<Point> = std::iter::once(first.from).chain(run.iter().map(|p| p.to)).collect();
+        write(&mut d, &points);
+    }
+    d
+}
+
+/// A path for each of so many effects: a lane on the right of the way wherever it is active. Those that are active together lie side by side, the first nearest to the
+/// way.
+pub(super) fn lanes(pieces: &[Piece], effects: usize) -> Vec<String> {
+    let mut paths = vec![String::new(); effects.min(u16::BITS as usize)];
+    for chain in pieces.chunk_by(|_, b| b.joined) {
+        let ways = ways(chain);
+        let mut at = 0;
+        for run in chain.chunk_by(|a, b| a.effects == b.effects) {
+            let ways = &ways[at..=at + run.len()];
+            at += run.len();
+            let active = (0..paths.len()).filter(|bit| run[0].effects >> bit & 1 == 1);
+            for (lane, bit) in active.enumerate() {
+                along(&mut paths[bit], run, ways, CLEAR + (lane as f64 + 0.5) * LANE);
+            }
+        }
+    }
+    paths
+}
+
+/// Writes a lane.
+fn along(d: &mut String, run: &[Piece], ways: &[Point], off: f64) {
+    let beside = |p: Point, way: Point| [p[0] - off * way[1], p[1] + off * way[0]];
+    let Some((first, last)) = run.first().zip(run.last()) else { return };
+    let length: f64 = run.iter().map(|piece| distance(piece.from, piece.to)).sum();
+    if length < LEAST {
+        let (way, more) = (ways[0], 0.5 * (LEAST - length));
+        let [a, b] = [(first.from, -more), (last.to, more)]
+            .map(|(p, by)| beside([p[0] + by * way[0], p[1] + by * way[1]], way));
+        // What goes to and fro within so little may end where it began.
+        return write(
+            d,
+            &if distance(a, b) < more {
+                vec![a, [a[0] + LEAST * way[0], a[1] + LEAST * way[1]]]
+            } else {
+                vec![a, b]
+            },
+        );
+    }
+    let mut points: Vec<Point> = Vec::with_capacity(run.len() + 1);
+    for (piece, way) in run.iter().zip(ways.windows(2)) {
+        let (mut begin, mut end) = (way[0], way[1]);
+        let turns = dot(begin, end) < SHARP;
+        if turns {
+            let along = [piece.to[0] - piece.from[0], piece.to[1] - piece.from[1]];
+            if dot(along, begin) < dot(along, end) {
+                // It has turned already.
+                write(d, &std::mem::take(&mut points));
+                begin = end;
+            } else {
+                end = begin;
+            }
+        }
+        if points.is_empty() {
+            points.push(beside(piece.from, begin));
+        }
+        points.push(beside(piece.to, end));
+        if turns && end == way[0] {
+            write(d, &std::mem::take(&mut points));
+        }
+    }
+    write(d, &points);
+}
+
+/// Which way it goes at each end of the pieces of a chain, as vectors of length 1.
+fn ways(chain: &[Piece]) -> Vec<Point> {
+    let Some(first) = chain.first() else { return Vec::new() };
+    let points: Vec<Point> = std::iter::once(first.from).chain(chain.iter().map(|p| p.to)).collect();
+    let mut length = 0.0;
+    let lengths: Vec<f64> = std::iter::once(0.0)
+        .chain(points.windows(2).map(|w| {
+            length += distance(w[0], w[1]);
+            length
+        }))
+        .collect();
+    let unit = |a: Point, b: Point| {
+        let length = distance(a, b);
+        (length > 1e-9).then(|| [(b[0] - a[0]) / length, (b[1] - a[1]) / length])
+    };
+    let (mut before, mut after) = (0, 0);
+    let mut last = [1.0, 0.0];
+    let mut ways = Vec::with_capacity(points.len());
+    for (at, point) in points.iter().enumerate() {
+        while lengths[at] - lengths[before] > AHEAD {
+            before += 1;
+        }
+        while after + 1 < points.len() && lengths[after] - lengths[at] < AHEAD {
+            after += 1;
+        }
+        let across = distance(points[before], points[after]);
+        let way = if across < BACK * (lengths[after] - lengths[before]) {
+            unit(points[at.saturating_sub(1)], *point).or_else(|| unit(*point, points[after]))
+        } else {
+            unit(points[before], points[after])
+        };
+        last = way.unwrap_or(last);
+        ways.push(last);
+    }
+    ways
+}
+
+/// Writes a line through points, if it goes anywhere.
+fn write(d: &mut String, points: &[Point]) {
+    let (mut pen, mut line) = (Pen::default(), String::new());
+    straight(points, STRAY).into_iter().for_each(|[x, y]| pen.to(&mut line, x, y));
+    // A pen that never moved leaves off after its command.
+    if !line.ends_with('l') {
+        d.push_str(&line);
+    }
+}
+
+/// Points without those that are nearer than `stray` to the lines through the others (U. Ramer, "An iterative procedure for the polygonal approximation of
+/// plane curves", 1972; D. Douglas, T. Peucker, 1973).
+fn straight(points: &[Point], stray: f64) -> Vec<Point> {
+    /// So many are looked at together, so that many take no longer each than few.
+    const TOGETHER: usize = 256;
+    let mut keep = vec![false; points.len()];
+    let Some(last) = points.len().checked_sub(1) else { return Vec::new() };
+    let mut spans: Vec<(usize, usize)> =
+        (0..last).step_by(TOGETHER).map(|a| (a, (a + TOGETHER).min(last))).collect();
+    keep[last] = true;
+    while let Some((a, b)) = spans.pop() {
+        keep[a] = true;
+        let off = |i: usize| (i, beyond(points[a], points[b], points[i]));
+        let furthest = (a + 1..b).map(off).max_by(|x, y| x.1.total_cmp(&y.1));
+        if let Some((i, off)) = furthest
+            && off > stray
+        {
+            spans.extend([(a, i), (i, b)]);
+        }
+    }
+    points.iter().zip(keep).filter(|(_, keep)| *keep).map(|(p, _)| *p).collect()
+}
+
+/// How far a point is from the line between two others, which ends at them.
+fn beyond(a: Point, b: Point, p: Point) -> f64 {
+    let length = distance(a, b);
+    let part = ((p[0] - a[0]) * (b[0] - a[0]) + (p[1] - a[1]) * (b[1] - a[1])) / (length * length);
+    if part > 0.0 && part < 1.0 {
+        left_of(a, b, p).abs() / length
+    } else {
+        distance(a, p).min(distance(b, p))
+    }
+}
+
+fn dot(a: Point, b: Point) -> f64 {
+    a[0] * b[0] + a[1] * b[1]
+}
+
+fn distance(a: Point, b: Point) -> f64 {
+    (b[0] - a[0]).hypot(b[1] - a[1])
+}
+
+#[cfg(test)]
+#[path = "way_tests.rs"]
+pub(super) mod tests;

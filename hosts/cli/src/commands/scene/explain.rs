@@ -1,0 +1,351 @@
+//! `asperity scene explain`: every effect, node and model: built or not, why, and what it costs.
+
+use std::collections::BTreeSet;
+use std::fmt::Write as _;
+use std::process::ExitCode;
+
+use asperity_graph::Schedule;
+use asperity_source::Diagnostic;
+use asperity_world::scene::{Kind, Scene, Texture, Touchable};
+use asperity_world::space::Form;
+use serde_json::{Value, json};
+
+use super::account::{Account, Work};
+use super::no_scene;
+use crate::args::Explain;
+use crate::failure::{Failure, clean, print};
+use crate::kinds::Kinds;
+use crate::load::{self, OfScene};
+
+/// Longest part of a stroke that is run \[s\].
+const MOST_S: f64 = 60.0;
+/// Most surfaces that are told of one by one.
+const MOST_SURFACES: usize = 40;
+
+/// Runs the command.
+pub fn run(args: &Explain) -> Result<ExitCode, Failure> {
+    let mut kinds = Kinds::new(&args.scene.plugins.plugin);
+    let (graph, of_scene) = load::read_all(&args.scene, &mut kinds)?;
+    let Some(of_scene) = of_scene else { return Err(no_scene(&args.scene.graph).into()) };
+    let registry = kinds.registry(Some(&graph))?;
+    let compiled = load::compiled(&graph, &args.scene, &registry)?;
+    if let Some((node, _)) = compiled.schedule.fed().next() {
+        let node = &compiled.schedule.nodes[node];
+        let message =
+            format!("`{}` ({}) is live, and nothing is measured without a hand", node.id, node.kind);
+        return Err(Diagnostic::new(message)
+            .in_file(&args.scene.graph)
+            .help("measure a stroke in its place: --input TRAJ.csv")
+            .into());
+    }
+    let schedule = compiled.schedule.clone();
+    let tick_hz = f64::from(schedule.tick_hz);
+    let whole = schedule.duration_ticks().unwrap_or((MOST_S * tick_hz) as u64);
+    let most = (args.seconds.unwrap_or(MOST_S) * tick_hz) as u64;
+    let ticks = whole.min(most).max(1);
+    let account = Account::of(compiled, !args.no_sleep, ticks, of_scene.scene.surfaces.len());
+    let told = Told { schedule: &schedule, of_scene: &of_scene, account: &account };
+    if args.json {
+        print(&format!("{:#}\n", told.json()))?;
+    } else {
+        print(&told.text())?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// What is told.
+struct Told<'a> {
+    schedule: &'a Schedule,
+    of_scene: &'a OfScene,
+    account: &'a Account,
+}
+
+/// A kind of effect: whether it is built, why, and what of the graph it is.
+struct Effect<'a> {
+    name: &'static str,
+    built: bool,
+    why: String,
+    nodes: Vec<&'a Work>,
+}
+
+impl Effect<'_> {
+    fn tick_us(&self) -> f64 {
+        self.nodes.iter().map(|work| work.tick_us).sum()
+    }
+
+    /// Calls of what makes it; the level of a voice is asked before that is known.
+    fn calls(&self) -> u64 {
+        self.nodes.iter().filter(|work| work.kind != "level").map(|work| work.calls).max().unwrap_or(0)
+    }
+}
+
+impl<'a> Told<'a> {
+    fn scene(&self) -> &'a Scene {
+        &self.of_scene.scene
+    }
+
+    fn effects(&self) -> Vec<Effect<'a>> {
+        let walls = self.scene().surfaces.iter().filter(|s| s.effects.stiffness.is_some()).count();
+        let damped = self.scene().surfaces.iter().filter(|s| s.effects.damping.is_some()).count();
+        let contact: Vec<&Work> = self.account.node("contact").into_iter().collect();
+        let of_contact = |name, count: usize| Effect {
+            name,
+            built: count > 0,
+            why: if count > 0 {
+                format!("{}: by `contact`", plural(count, "surface"))
+            } else {
+                "no surface has it".into()
+            },
+            nodes: if count > 0 { contact.clone() } else { Vec::new() },
+        };
+        let mut all = vec![of_contact("stiffness", walls)];
+        // `contact` is counted once.
+        all.push(Effect { nodes: Vec::new(), ..of_contact("damping", damped) });
+        for (kind, ids) in &self.of_scene.rendered {
+            let slots = self.scene().slots(*kind);
+            let nodes: Vec<&Work> = ids.iter().filter_map(|id| self.account.node(id)).collect();
+            let what = if *kind == Kind::Network { "material" } else { "setting" };
+            let why = match (slots.surfaces(), ids.is_empty(), nodes.is_empty()) {
+                (0, true, _) => "no surface has it".into(),
+                (0, false, _) => "no surface has it; built since nothing is to be left out".into(),
+                (_, false, true) => "nothing that it leads to is wanted".into(),
+                (n, ..) => format!("{}, {}", plural(n, "surface"), plural(slots.first.len(), what)),
+            };
+            all.push(Effect { name: kind.word(), built: !nodes.is_empty(), why, nodes });
+        }
+        all
+    }
+
+    /// Models and recordings: file, whether it was loaded, why.
+    fn models(&self) -> Vec<(String, bool, String)> {
+        let scene = self.scene();
+        let mut all = Vec::new();
+        let network = scene.slots(Kind::Network);
+        if let Some(part) = &scene.network {
+            let file = |name: &str| {
+                let value = part.settings.iter().find(|(key, _)| key.name == name);
+                value.and_then(|(_, v)| v.text().ok()).unwrap_or_default().to_owned()
+            };
+            let loaded = self.schedule.nodes.iter().any(|n| n.kind == "texture_network");
+            let why = match network.first.len() {
+                0 => "no surface has a network texture".to_owned(),
+                n => {
+                    let names: Vec<String> =
+                        (0..n.min(12)).map(|slot| scene.slot_text(Kind::Network, &network, slot)).collect();
+                    let more = if n > 12 { format!(" and {} more", n - 12) } else { String::new() };
+                    format!("{}: {}{more}", plural(n, "material"), names.join(", "))
+                }
+            };
+            all.push((file("model"), loaded, why.clone()));
+            all.push((file("library"), loaded, why));
+        }
+        let mut files = BTreeSet::new();
+        for texture in scene.surfaces.iter().flat_map(|s| &s.effects.textures) {
+            if let Texture::Autoregressive { model, .. } = &texture.of {
+                files.insert(model.display().to_string());
+            }
+        }
+        for file in files {
+            let count = scene.surfaces.iter().filter(|s| {
+                s.effects.textures.iter().any(|t| {
+                    matches!(&t.of, Texture::Autoregressive { model, .. } if model.display().to_string() == file)
+                })
+            });
+            let why = plural(count.count(), "surface");
+            all.push((
+                file,
+                self.of_scene.rendered.iter().any(|(k, ids)| *k == Kind::Autoregressive && !ids.is_empty()),
+                why,
+            ));
+        }
+        all
+    }
+
+    fn text(&self) -> String {
+        let (scene, account) = (self.scene(), self.account);
+        let mut out = String::new();
+        let _ = writeln!(
+            out,
+            "{}: {}, {} nodes, {} ticks/s",
+            scene.source.path().display(),
+            plural(scene.surfaces.len(), "surface"),
+            self.schedule.nodes.len(),
+            self.schedule.tick_hz
+        );
+        let _ = writeln!(
+            out,
+            "run for {:.2} s of its stroke; a tick took {:.1} us while touching, {:.1} us in the air (medians)",
+            account.ticks as f64 / f64::from(self.schedule.tick_hz),
+            account.tick_us[0],
+            account.tick_us[1]
+        );
+        let _ = writeln!(out, "\neffect          built   us a tick  active   why");
+        for effect in self.effects() {
+            let share = 100.0 * effect.calls() as f64 / account.ticks.max(1) as f64;
+            let figures = if effect.nodes.is_empty() {
+                format!("{:>9}  {:>6}", "", "")
+            } else {
+                format!("{:>9.2}  {share:>4.0} %", effect.tick_us())
+            };
+            let built = if effect.built { "yes" } else { "no" };
+            let _ = writeln!(out, "{:<15} {built:<7} {figures}   {}", effect.name, clean(&effect.why));
+        }
+        let _ =
+            writeln!(out, "\nnode                    kind                   calls   us a call   us a tick");
+        for work in &account.nodes {
+            let _ = writeln!(
+                out,
+                "{:<23} {:<20} {:>7}   {:>9.2}   {:>9.2}",
+                clean(&work.id),
+                clean(&work.kind),
+                work.calls,
+                work.call_us,
+                work.tick_us
+            );
+        }
+        for dropped in &self.schedule.dropped {
+            let _ = writeln!(
+                out,
+                "{:<23} {:<20} dropped: {}",
+                clean(&dropped.id),
+                clean(&dropped.kind),
+                clean(&dropped.why)
+            );
+        }
+        let models = self.models();
+        if !models.is_empty() {
+            let _ = writeln!(out, "\nmodel");
+            for (file, loaded, why) in models {
+                let loaded = if loaded { "loaded" } else { "not loaded" };
+                let _ = writeln!(out, "{}: {loaded}: {}", clean(&file), clean(&why));
+            }
+        }
+        self.surfaces(&mut out);
+        out
+    }
+
+    fn surfaces(&self, out: &mut String) {
+        let all = &self.scene().surfaces;
+        let _ = writeln!(out, "\nsurface");
+        let mut asked = BTreeSet::new();
+        for (surface, ticks) in all.iter().zip(&self.account.touched).take(MOST_SURFACES) {
+            let seconds = *ticks as f64 / f64::from(self.schedule.tick_hz);
+            let effects = names(surface);
+            if let Some(passivity) = self.scene().passivity(surface) {
+                asked.insert(passivity.to_string());
+            }
+            let effects = if effects.is_empty() {
+                "no effect: it cannot be felt".to_owned()
+            } else {
+                effects.join(", ")
+            };
+            let _ = writeln!(
+                out,
+                "{} ({}): touched for {seconds:.2} s: {}",
+                clean(&surface.name),
+                form(surface),
+                clean(&effects)
+            );
+        }
+        if let Some(more) = all.len().checked_sub(MOST_SURFACES).filter(|n| *n > 0) {
+            let touched = self.account.touched.iter().filter(|ticks| **ticks > 0).count();
+            let _ = writeln!(out, "and {more} more; {touched} of all were touched");
+        }
+        let _ = writeln!(out, "\nwall");
+        for asked in asked {
+            let _ = writeln!(out, "{asked}");
+        }
+    }
+
+    fn json(&self) -> Value {
+        let effects: Vec<Value> = self
+            .effects()
+            .iter()
+            .map(|e| {
+                let nodes: Vec<&str> = e.nodes.iter().map(|w| w.id.as_str()).collect();
+                json!({
+                    "effect": e.name,
+                    "built": e.built,
+                    "why": e.why,
+                    "nodes": nodes,
+                    "us_per_tick": e.tick_us(),
+                    "calls": e.calls(),
+                })
+            })
+            .collect();
+        let nodes: Vec<Value> = self
+            .account
+            .nodes
+            .iter()
+            .map(|w| {
+                json!({ "id": w.id, "kind": w.kind, "calls": w.calls, "us_per_call": w.call_us, "us_per_tick": w.tick_us })
+            })
+            .collect();
+        let models: Vec<Value> = self
+            .models()
+            .into_iter()
+            .map(|(file, loaded, why)| json!({ "file": file, "loaded": loaded, "why": why }))
+            .collect();
+        let surfaces: Vec<Value> = self
+            .scene()
+            .surfaces
+            .iter()
+            .zip(&self.account.touched)
+            .map(|(s, ticks)| {
+                json!({ "name": s.name, "shape": form(s), "effects": names(s), "ticks_touched": ticks })
+            })
+            .collect();
+        let dropped: Vec<Value> = self
+            .schedule
+            .dropped
+            .iter()
+            .map(|d| json!({ "id": d.id, "kind": d.kind, "why": d.why }))
+            .collect();
+        json!({
+            "ticks": self.account.ticks,
+            "tick_hz": self.schedule.tick_hz,
+            "us_per_tick": { "touching": self.account.tick_us[0], "in_the_air": self.account.tick_us[1] },
+            "effects": effects,
+            "nodes": nodes,
+            "dropped": dropped,
+            "models": models,
+            "surfaces": surfaces,
+        })
+    }
+}
+
+fn plural(count: usize, what: &str) -> String {
+    if count == 1 { format!("1 {what}") } else { format!("{count} {what}s") }
+}
+
+fn form(surface: &Touchable) -> &'static str {
+    match surface.surface.shape.form() {
+        Form::Plane => "plane",
+        Form::Rectangle { .. } => "rectangle",
+        Form::Sphere { .. } => "sphere",
+        Form::Box { .. } => "box",
+        Form::Relief(_) => "relief",
+    }
+}
+
+/// The effects of a surface by name, with the material of a network's.
+fn names(surface: &Touchable) -> Vec<String> {
+    let effects = &surface.effects;
+    let mut all = Vec::new();
+    if effects.stiffness.is_some() {
+        all.push("stiffness".to_owned());
+    }
+    if effects.damping.is_some() {
+        all.push("damping".to_owned());
+    }
+    for kind in Kind::ALL {
+        let count = kind.places(effects).len();
+        match (kind, &surface.material) {
+            (_, _) if count == 0 => {}
+            (Kind::Network, Some(material)) => all.push(format!("network of {}", material.of)),
+            _ if count > 1 => all.push(format!("{count} {}s", kind.word())),
+            _ => all.push(kind.word().to_owned()),
+        }
+    }
+    all
+}

@@ -1,0 +1,219 @@
+//! `contact`: what a stylus touches in a scene.
+
+use asperity_node::{
+    Config, Descriptor, Diagnostic, Fact, Input, Node, Output, Param, Resume, Setup, ShapeSpec, State,
+    Status, Tick, Unit,
+};
+use asperity_world::scene::{ContactSettings, Contacts, Felt, Motion, Scene};
+
+/// Finds which surface of a scene a stylus touches, and tells the nodes of the effects what to do.
+pub struct Contact {
+    contacts: Contacts,
+    surfaces: usize,
+}
+
+/// Puts what is felt where a port is.
+type Put = fn(&Felt, &mut [f64]);
+
+/// An output: name, number of values, unit, what it is.
+struct Port(&'static str, usize, Unit, &'static str, Put);
+
+macro_rules! one {
+    ($($field:tt)+) => { |felt, to| to[0] = felt.$($field)+ };
+}
+macro_rules! all {
+    ($($field:tt)+) => { |felt, to| to.copy_from_slice(&felt.$($field)+) };
+}
+
+const MM: Unit = Unit::MILLIMETRE;
+const MM_S: Unit = Unit::MILLIMETRE_PER_SECOND;
+const N: Unit = Unit::NEWTON;
+
+const PORTS: &[Port] = &[
+    Port("force", 1, N, "normal force by Hooke's law, 0 in the air", one!(force_n)),
+    Port("depth", 1, MM, "penetration, 0 in the air", one!(depth_mm)),
+    Port(
+        "plane",
+        3,
+        MM,
+        "a point of the plane that touches the surface, for a device that pushes back by itself",
+        all!(plane_mm),
+    ),
+    Port("normal", 3, Unit::NONE, "that plane's outward normal; 0 where there is no surface", all!(normal)),
+    Port("stiffness", 1, Unit::NEWTON_PER_MILLIMETRE, "stiffness of the surface", one!(stiffness_n_per_mm)),
+    Port(
+        "damping",
+        1,
+        Unit::NEWTON_SECOND_PER_METRE,
+        "damping of the surface along its normal",
+        one!(damping_ns_per_m),
+    ),
+    Port("push", 3, N, "force of the wall with its damping, never a pull", all!(push_n)),
+    Port("tangents", 6, Unit::NONE, "two directions along the surface, of length 1", |felt, to| {
+        to.copy_from_slice(felt.tangents.as_flattened());
+    }),
+    Port("velocity", 2, MM_S, "along these, behind the low-pass: for textures", all!(velocity_mm_s)),
+    Port("speed", 1, MM_S, "its length", one!(speed_mm_s)),
+    Port("slide", 2, MM_S, "along these, without the low-pass: for friction", all!(slide_mm_s)),
+    Port("surface", 1, Unit::NONE, "number of the wall in the scene, from 0; -1 in the air", one!(surface)),
+    Port(
+        "volume",
+        1,
+        Unit::NONE,
+        "number of the volume, a surface that does not push back; -1 outside of all",
+        one!(volume),
+    ),
+    Port(
+        "approach",
+        1,
+        MM_S,
+        "speed at which a wall was reached in this tick from the air, else 0",
+        one!(approach_mm_s),
+    ),
+    Port("moment", 1, Unit::NONE, "when in the tick that was, 0 to 1", one!(moment)),
+    Port("friction", 1, Unit::NONE, "slot of friction; -1 for none, as all slots", one!(friction)),
+    Port("tap", 1, Unit::NONE, "slot of taps", one!(tap)),
+    Port("material", 1, Unit::NONE, "material of the network", one!(material)),
+    Port("network", 1, Unit::NONE, "level of the network, 0 to 1", one!(network)),
+    Port("level_a", 1, Unit::NONE, "level of the first voice of textures, 0 to 1", one!(voices[0].level)),
+    Port("place_a", 2, MM, "where the stylus is on that voice's surface", all!(voices[0].place_mm)),
+    Port(
+        "stroke_a",
+        1,
+        Unit::NONE,
+        "another number: that voice is of another surface",
+        one!(voices[0].stroke),
+    ),
+    Port("autoregressive_a", 1, Unit::NONE, "slot of its autoregressive texture", one!(voices[0].slots[0])),
+    Port("waveform_a", 1, Unit::NONE, "slot of its waveform", one!(voices[0].slots[1])),
+    Port("relief_a", 1, Unit::NONE, "slot of its relief", one!(voices[0].slots[2])),
+    Port("level_b", 1, Unit::NONE, "the same of the second voice", one!(voices[1].level)),
+    Port("place_b", 2, MM, "where the stylus is on its surface", all!(voices[1].place_mm)),
+    Port("stroke_b", 1, Unit::NONE, "another number: it is of another surface", one!(voices[1].stroke)),
+    Port("autoregressive_b", 1, Unit::NONE, "slot of its autoregressive texture", one!(voices[1].slots[0])),
+    Port("waveform_b", 1, Unit::NONE, "slot of its waveform", one!(voices[1].slots[1])),
+    Port("relief_b", 1, Unit::NONE, "slot of its relief", one!(voices[1].slots[2])),
+    Port("vibration", 1, Unit::NONE, "slot of vibration", one!(vibration)),
+    Port("viscosity", 1, Unit::NONE, "slot of drag", one!(viscosity)),
+    Port("magnet", 1, Unit::NONE, "slot of pull", one!(magnet)),
+    Port("magnet_distance", 1, MM, "distance to what pulls, below 0 inside", one!(magnet_distance_mm)),
+    Port("magnet_normal", 3, Unit::NONE, "the way from it", all!(magnet_normal)),
+];
+
+impl Node for Contact {
+    fn descriptor() -> Descriptor {
+        let velocity = |name: &'static str, doc: &'static str| {
+            Input::new(name, ShapeSpec::Control(3), MM_S).or(0.0).doc(doc)
+        };
+        let it = Descriptor::new(
+            "contact",
+            "Which surface of a scene a stylus touches, where and how; what each effect is to do about it.",
+        )
+        .input(Input::new("position", ShapeSpec::Control(3), MM).doc("x, y, z of the stylus, z up"))
+        .input(velocity("velocity", "behind a low-pass, as `velocity.spatial`"))
+        .input(velocity("unfiltered", "without, as `velocity.unfiltered`"))
+        .input(
+            Input::new("stroke", ShapeSpec::Control(1), Unit::NONE)
+                .or(0.0)
+                .doc("another number: the stylus was put down elsewhere, and no wall was reached on the way"),
+        );
+        PORTS
+            .iter()
+            .fold(it, |it, Port(name, count, unit, doc, _)| {
+                it.output(Output::new(*name, ShapeSpec::Control(*count), unit.clone()).doc(*doc))
+            })
+            .param(Param::file(
+                "scene",
+                "RON: a scene, of which the surfaces count, and which of them share settings of an effect (slots).",
+            ))
+            .param(
+                Param::number("max_force_n", 3.3, 0.0..=100.0, "The most a surface pushes.").unit("N"),
+            )
+            .param(
+                Param::number(
+                    "crossfade_ms",
+                    20.0,
+                    0.1..=1000.0,
+                    "How long textures of one surface take to go over into another's.",
+                )
+                .unit("ms"),
+            )
+            .param(
+                Param::number(
+                    "hold_ms",
+                    20.0,
+                    0.0..=10_000.0,
+                    "How long a surface's textures stay in the air, for a gate to fade them out.",
+                )
+                .unit("ms"),
+            )
+            .param(
+                Param::number(
+                    "anticipate_mm",
+                    0.0,
+                    0.0..=100.0,
+                    "From how far the plane of a surface is told of that is not yet touched, for a device with a loop of its own.",
+                )
+                .unit("mm"),
+            )
+            .timing("no latency; a tap shows in the tick in which the wall is reached")
+            .resumes(Resume::Never)
+    }
+
+    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
+        let p = setup.params;
+        let scene = Scene::read(p.file("scene"))?;
+        let settings = ContactSettings {
+            max_force_n: p.number("max_force_n"),
+            crossfade_s: 1e-3 * p.number("crossfade_ms"),
+            hold_s: 1e-3 * p.number("hold_ms"),
+            anticipate_mm: p.number("anticipate_mm"),
+        };
+        Ok(Self {
+            contacts: Contacts::new(&scene, settings, runs_hz(setup))?,
+            surfaces: scene.surfaces.len(),
+        })
+    }
+
+    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
+        let three = |input: usize| -> [f64; 3] { tick.inputs.control(input).try_into().unwrap_or([0.0; 3]) };
+        let motion = Motion {
+            position_mm: three(0),
+            velocity_mm_s: three(1),
+            unfiltered_mm_s: three(2),
+            stroke: tick.inputs.value(3),
+        };
+        let felt = self.contacts.step(&motion);
+        for (output, Port(.., put)) in PORTS.iter().enumerate() {
+            put(&felt, tick.outputs.control(output));
+        }
+        Status::Continue
+    }
+
+    fn reset(&mut self) {
+        self.contacts.reset();
+    }
+
+    /// What is held. Of another scene, surfaces are others: it begins anew.
+    fn state(&mut self, state: &mut State<'_>) {
+        let mut surfaces = self.surfaces;
+        state.keep(&mut surfaces);
+        state.require(surfaces == self.surfaces);
+        self.contacts.state(state);
+    }
+
+    fn facts(&self) -> Vec<Fact> {
+        let [walls, volumes, magnets] = self.contacts.counts();
+        vec![
+            Fact::count("surfaces", self.surfaces as u64),
+            Fact::count("walls", walls as u64),
+            Fact::count("volumes", volumes as u64),
+            Fact::count("magnets", magnets as u64),
+            Fact::number("index", self.contacts.bytes() as f64 / 1024.0, "KiB"),
+        ]
+    }
+}
+
+fn runs_hz(config: &Config<'_>) -> f64 {
+    f64::from(config.tick_hz) / f64::from(config.every)
+}

@@ -1,0 +1,155 @@
+//! `force_limiter`: what no effect may ask of a device that pushes back.
+
+use asperity_node::{
+    Descriptor, Diagnostic, Fact, Input, Node, Output, Param, Resume, Setup, ShapeSpec, State, Status, Tick,
+    Unit,
+};
+
+/// Places of the live parameters.
+const MAX_FORCE_N: usize = 0;
+const SLEW_N_PER_S: usize = 1;
+/// How long a force takes to go when it is no longer to be trusted, and to come back \[s\].
+const FADE_S: f64 = 0.02;
+
+/// Holds a force to a greatest length, keeping its direction, and its change to a greatest rate.
+///
+/// While its input is not to be trusted the force goes from where it was to 0 within 20 ms, and comes back as slowly.
+pub struct ForceLimiter {
+    max_force_n: f64,
+    /// 0 for none.
+    slew_n_per_s: f64,
+    dt_s: f64,
+    /// Runs of a fade, 1 at least.
+    fade: u32,
+    /// Of these, how far it is faded in; none before the first run.
+    trust: Option<u32>,
+    /// The force of the last run.
+    last: [f64; 3],
+    counts: Counts,
+}
+
+/// Runs in which something was held.
+#[derive(Clone, Copy, Debug, Default)]
+struct Counts {
+    force: u64,
+    slew: u64,
+    trust: u64,
+}
+
+/// A vector, no longer than so much. Answers whether it was.
+fn held(v: [f64; 3], most: f64) -> ([f64; 3], bool) {
+    // By the largest part, lest squares of large numbers overflow.
+    let largest = v.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
+    if largest == 0.0 {
+        return (v, false);
+    }
+    let direction = v.map(|x| x / largest);
+    let length = direction.iter().map(|x| x * x).sum::<f64>().sqrt();
+    if largest * length <= most { (v, false) } else { (direction.map(|x| x * (most / length)), true) }
+}
+
+/// A vector by a part of a whole; 0 where there is none.
+fn scaled(v: [f64; 3], part: u32, whole: u32) -> [f64; 3] {
+    let share = if whole > 0 { f64::from(part) / f64::from(whole) } else { 0.0 };
+    v.map(|x| share * x)
+}
+
+impl Node for ForceLimiter {
+    fn descriptor() -> Descriptor {
+        Descriptor::new(
+            "force_limiter",
+            "Holds a force to what a device may be asked: length, change, trust.",
+        )
+        .input(
+            Input::new("force", ShapeSpec::Control(3), Unit::NEWTON)
+                .doc("what the effects add up to, x, y, z"),
+        )
+        .output(
+            Output::new("force", ShapeSpec::Control(3), Unit::NEWTON)
+                .limited()
+                .doc("what the device gets, in the same direction"),
+        )
+        .param(
+            Param::number("max_force_n", 3.3, 0.0..=100.0, "The greatest length of the force.")
+                .unit("N")
+                .live(),
+        )
+        .param(
+            Param::number("slew_n_per_s", 0.0, 0.0..=1e4, "The greatest change of the force; 0 for any.")
+                .unit("N/s")
+                .live(),
+        )
+        .timing("no latency; a force that is no longer to be trusted is gone after 20 ms")
+        .resumes(Resume::Never)
+    }
+
+    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
+        let runs_hz = f64::from(setup.tick_hz) / f64::from(setup.every);
+        Ok(Self {
+            max_force_n: setup.params.number("max_force_n"),
+            slew_n_per_s: setup.params.number("slew_n_per_s"),
+            dt_s: 1.0 / runs_hz,
+            fade: (FADE_S * runs_hz).max(1.0) as u32,
+            trust: None,
+            last: [0.0; 3],
+            counts: Counts::default(),
+        })
+    }
+
+    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
+        let wanted = <[f64; 3]>::try_from(tick.inputs.control(0)).unwrap_or_default();
+        let trusted = tick.inputs.valid(0) && wanted.iter().all(|f| f.is_finite());
+        let before = self.trust.unwrap_or(if trusted { self.fade } else { 0 });
+        let trust = if trusted { self.fade.min(before + 1) } else { before.saturating_sub(1) };
+        self.trust = Some(trust);
+        if trusted {
+            let (wanted, longer) = held(wanted, self.max_force_n);
+            self.counts.force += u64::from(longer);
+            let wanted = if trust < self.fade { scaled(wanted, trust, self.fade) } else { wanted };
+            let change = std::array::from_fn(|i| wanted[i] - self.last[i]);
+            let most = if self.slew_n_per_s > 0.0 { self.slew_n_per_s * self.dt_s } else { f64::INFINITY };
+            let (change, faster) = held(change, most);
+            self.counts.slew += u64::from(faster);
+            self.last = if faster { std::array::from_fn(|i| self.last[i] + change[i]) } else { wanted };
+            // A greatest force that was lowered counts before a change that is too great.
+            self.last = held(self.last, self.max_force_n).0;
+        } else {
+            self.counts.trust += 1;
+            self.last = scaled(self.last, trust, before);
+        }
+        tick.outputs.control(0).iter_mut().zip(self.last).for_each(|(out, f)| *out = f);
+        Status::Continue
+    }
+
+    fn reset(&mut self) {
+        (self.trust, self.last) = (None, [0.0; 3]);
+    }
+
+    fn set_parameter(&mut self, index: usize, value: f64) {
+        match index {
+            MAX_FORCE_N => self.max_force_n = value,
+            SLEW_N_PER_S => self.slew_n_per_s = value,
+            _ => {}
+        }
+    }
+
+    /// The force, and how far it is faded.
+    fn state(&mut self, state: &mut State<'_>) {
+        state.keep(&mut self.trust).keep(&mut self.last);
+        if state.restores() {
+            let sound = self.trust.is_none_or(|t| t <= self.fade) && self.last.iter().all(|f| f.abs() <= 1e3);
+            if !sound {
+                Node::reset(self);
+                state.refuse();
+            }
+        }
+    }
+
+    fn facts(&self) -> Vec<Fact> {
+        vec![
+            Fact::count("limited_force", self.counts.force),
+            Fact::count("limited_slew", self.counts.slew),
+            Fact::count("limited_trust", self.counts.trust),
+        ]
+    }
+}

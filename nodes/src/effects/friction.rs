@@ -1,0 +1,131 @@
+//! `friction`: force against the motion along a surface.
+
+use asperity_node::{
+    Descriptor, Diagnostic, Fact, Input, Node, Param, Setup, ShapeSpec, State, Status, Tick, Unit,
+};
+use asperity_source::ron::Value;
+use asperity_world::effect::friction::{Dahl, LuGre, ViscousCoulomb};
+use asperity_world::scene;
+
+use super::voices::{Voice, Voices};
+use super::{at, let_go, put, slot, texts, vector};
+
+const SLOT: usize = 0;
+const VELOCITY: usize = 1;
+const FORCE: usize = 2;
+const TANGENTS: usize = 3;
+
+/// Tangents of a floor.
+const FLAT: [f64; 6] = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0];
+
+/// A force along the surface against the velocity there, by the law of the surface that is touched.
+///
+/// It is called in contact and once more to let go. Bristles are unbent whenever another law comes on.
+pub struct Friction {
+    laws: Voices<Law>,
+    dt_s: f64,
+    every: u32,
+}
+
+/// One of the laws.
+#[derive(Clone, Copy)]
+enum Law {
+    ViscousCoulomb(ViscousCoulomb),
+    Dahl(Dahl),
+    LuGre(LuGre),
+}
+
+impl Law {
+    fn read(value: &Value) -> Result<Self, Diagnostic> {
+        match scene::Friction::parse(value)? {
+            scene::Friction::ViscousCoulomb { coefficient, viscosity_s_per_mm } => {
+                at(value, ViscousCoulomb::new(coefficient, viscosity_s_per_mm)).map(Self::ViscousCoulomb)
+            }
+            scene::Friction::Dahl { coefficient, bristle_stiffness_n_per_mm } => {
+                at(value, Dahl::new(coefficient, bristle_stiffness_n_per_mm)).map(Self::Dahl)
+            }
+            scene::Friction::LuGre(settings) => at(value, LuGre::new(settings)).map(Self::LuGre),
+        }
+    }
+
+    fn step(&mut self, velocity_mm_s: [f64; 2], normal_force_n: f64, dt_s: f64) -> [f64; 2] {
+        match self {
+            Self::ViscousCoulomb(law) => law.force_n(velocity_mm_s, normal_force_n),
+            Self::Dahl(law) => law.step(velocity_mm_s, normal_force_n, dt_s),
+            Self::LuGre(law) => law.step(velocity_mm_s, normal_force_n, dt_s),
+        }
+    }
+}
+
+impl Voice for Law {
+    fn reset(&mut self) {
+        match self {
+            Self::ViscousCoulomb(_) => {}
+            Self::Dahl(law) => law.reset(),
+            Self::LuGre(law) => law.reset(),
+        }
+    }
+
+    fn state(&mut self, state: &mut State<'_>) {
+        match self {
+            // As much room as a bristle takes.
+            Self::ViscousCoulomb(_) => _ = state.keep(&mut [0.0_f64; 2]),
+            Self::Dahl(law) => law.state(state),
+            Self::LuGre(law) => law.state(state),
+        }
+    }
+}
+
+impl Node for Friction {
+    fn descriptor() -> Descriptor {
+        Descriptor::new("friction", "Force against the motion along a surface, by the law of the one that is touched.")
+            .input(slot("which of `laws`, from 0; below 0 nothing is touched").wakes())
+            .input(
+                Input::new("velocity", ShapeSpec::Control(2), Unit::MILLIMETRE_PER_SECOND)
+                    .doc("along the two tangents, as it is: behind a low-pass friction drives what it should brake"),
+            )
+            .input(Input::new("force", ShapeSpec::Control(1), Unit::NEWTON).doc("normal force"))
+            .input(
+                Input::new("tangents", ShapeSpec::Control(6), Unit::NONE)
+                    .or(0.0)
+                    .doc("two directions along the surface, of length 1: x, y, z of the first, then of the second; unconnected, x and y"),
+            )
+            .output(super::force("force on the stylus, x, y, z"))
+            .param(Param::texts(
+                "laws",
+                "Laws, each a text as behind `friction` in a scene, such as [\"dahl\", \"viscous_coulomb(coefficient: 0.5)\"]: `viscous_coulomb(coefficient: 0.3, viscosity_s_per_mm: 0.004)`, \
+                 `dahl(coefficient: 0.3, bristle_stiffness_n_per_mm: 1)`, `lugre(static_coefficient: 0.8, kinetic_coefficient: 0.5, \
+                 stribeck_speed_mm_s: 30, bristle_stiffness_n_per_mm: 1, bristle_damping_ns_per_m: 0.3, viscosity_s_per_mm: 0)`, which are their \
+                 usual values.",
+            ))
+            .timing("no latency: the force of a tick's velocity in that tick; not called while nothing is touched")
+    }
+
+    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
+        let laws = texts::read(setup, "laws", |value| Law::read(value).map(|law| vec![law]))?;
+        let dt_s = f64::from(setup.every) / f64::from(setup.tick_hz);
+        Ok(Self { laws: Voices::new(laws), dt_s, every: setup.every })
+    }
+
+    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
+        self.laws.turn(tick.inputs.value(SLOT));
+        let Some(law) = self.laws.on().first_mut() else { return let_go(tick, self.every) };
+        let [u, v] = law.step(vector(&tick.inputs, VELOCITY), tick.inputs.value(FORCE), self.dt_s);
+        let t = if tick.inputs.connected(TANGENTS) { vector(&tick.inputs, TANGENTS) } else { FLAT };
+        put(tick, [u * t[0] + v * t[3], u * t[1] + v * t[4], u * t[2] + v * t[5]]);
+        Status::Continue
+    }
+
+    fn reset(&mut self) {
+        self.laws.reset();
+    }
+
+    /// Which law is on, and how its bristle is bent.
+    fn state(&mut self, state: &mut State<'_>) {
+        self.laws.state(state);
+    }
+
+    fn facts(&self) -> Vec<Fact> {
+        vec![Fact::count("slots", self.laws.count() as u64)]
+    }
+}

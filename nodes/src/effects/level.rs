@@ -1,0 +1,107 @@
+//! `level`: a gate that follows a level.
+
+use asperity_dsp::filter::Sample;
+use asperity_node::{
+    Descriptor, Diagnostic, Input, Inputs, Node, Output, RateSpec, Setup, ShapeSpec, State, Status, Tick,
+    Unit,
+};
+use asperity_world::effect::Parts;
+
+const IN: usize = 0;
+const LEVEL: usize = 1;
+const SLOT: usize = 2;
+
+/// Multiplies audio by a level, which goes in a straight line through the samples of a tick from the last tick's level to this one's.
+///
+/// What serves nothing but its audio input sleeps while the level is 0 and was, or no slot is on. A level or slot that is not to be
+/// trusted counts as a level of 0.
+pub struct Level {
+    rate_hz: u32,
+    /// The last tick's level; none at the beginning, which has no ramp.
+    last: Option<f64>,
+}
+
+impl Level {
+    /// The levels at the beginning and at the end of the tick; none where no slot is on.
+    fn levels(&self, inputs: &Inputs<'_>) -> Option<[f64; 2]> {
+        // What is no number is not at least 0.
+        let on = inputs.value(SLOT) >= 0.0;
+        let trusted = inputs.valid(LEVEL) && inputs.valid(SLOT);
+        let level = inputs.value(LEVEL);
+        let level = if trusted && level > 0.0 { level.min(1.0) } else { 0.0 };
+        on.then(|| [self.last.unwrap_or(level), level])
+    }
+}
+
+impl Node for Level {
+    fn descriptor() -> Descriptor {
+        Descriptor::new(
+            "level",
+            "Lets audio through at a level, and lets what makes it sleep while that is 0.",
+        )
+        .input(
+            Input::new("in", ShapeSpec::Audio(RateSpec::Of('r')), Unit::NONE)
+                .unit_of('u')
+                .doc("what is let through"),
+        )
+        .input(
+            Input::new("level", ShapeSpec::Control(1), Unit::NONE)
+                .or(1.0)
+                .doc("the level, held to 0 and 1; it is reached in a straight line by the end of the tick"),
+        )
+        .input(
+            Input::new("slot", ShapeSpec::Control(1), Unit::NONE)
+                .or(0.0)
+                .doc("below 0 nothing is let through, and the next level begins at 0"),
+        )
+        .output(
+            Output::new("out", ShapeSpec::Audio(RateSpec::Of('r')), Unit::NONE)
+                .unit_of('u')
+                .doc("what gets through"),
+        )
+        .gates("in")
+        .timing("no latency: a level is reached at the end of its tick")
+    }
+
+    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
+        Ok(Self { rate_hz: setup.input_rate(IN), last: None })
+    }
+
+    fn wants(&mut self, tick: &mut Tick<'_>) -> bool {
+        self.levels(&tick.inputs).is_some_and(|[from, to]| from > 0.0 || to > 0.0)
+    }
+
+    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
+        let levels = self.levels(&tick.inputs);
+        let [from, to] = levels.unwrap_or([0.0; 2]);
+        self.last = Some(to);
+        let silent = tick.inputs.buffer(IN).is_none_or(|b| b.is_silent());
+        if silent || (from == 0.0 && to == 0.0) {
+            return Status::Quiet;
+        }
+        let first = tick.samples(self.rate_hz).start;
+        let parts = Parts::new(tick.index, first, self.rate_hz, tick.tick_hz);
+        let (input, out) = (tick.inputs.audio(IN), tick.outputs.audio(0));
+        if from == 1.0 && to == 1.0 {
+            out.iter_mut().zip(input).for_each(|(y, x)| *y = *x);
+            return Status::Continue;
+        }
+        for (n, (y, x)) in out.iter_mut().zip(input).enumerate() {
+            *y = f32::narrow((from + (to - from) * parts.at(n)) * f64::from(*x));
+        }
+        Status::Continue
+    }
+
+    fn reset(&mut self) {
+        self.last = None;
+    }
+
+    /// The last level.
+    fn state(&mut self, state: &mut State<'_>) {
+        state.keep(&mut self.last);
+        if state.restores() && !self.last.is_none_or(|level| (0.0..=1.0).contains(&level)) {
+            self.last = None;
+            state.refuse();
+        }
+    }
+}

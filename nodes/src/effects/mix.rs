@@ -1,0 +1,50 @@
+//! Sums of kernels over a tick.
+
+use asperity_dsp::filter::Sample;
+use asperity_node::{Setup, time};
+use asperity_world::effect::Parts;
+
+/// Room for the samples of a tick, in which parts are added up.
+pub(super) struct Mix {
+    sum: Box<[f64]>,
+    part: Box<[f64]>,
+    len: usize,
+}
+
+impl Mix {
+    /// Room for any tick at the audio rate.
+    pub(super) fn new(setup: &Setup<'_>) -> Self {
+        let room = || vec![0.0; time::max_samples(setup.audio_hz, setup.tick_hz)].into();
+        Self { sum: room(), part: room(), len: 0 }
+    }
+
+    /// Begins a tick of so many samples.
+    pub(super) fn begin(&mut self, len: usize) {
+        self.len = len.min(self.sum.len());
+        self.sum[..self.len].fill(0.0);
+    }
+
+    /// Adds what `fill` writes, times a gain.
+    pub(super) fn add(&mut self, gain: f64, fill: impl FnOnce(&mut [f64])) {
+        let part = &mut self.part[..self.len];
+        fill(part);
+        self.sum.iter_mut().zip(part).for_each(|(sum, x)| *sum += gain * *x);
+    }
+
+    /// Adds what `fill` writes, each sample times what `gain` answers in turn.
+    pub(super) fn add_each(&mut self, mut gain: impl FnMut() -> f64, fill: impl FnOnce(&mut [f64])) {
+        let part = &mut self.part[..self.len];
+        fill(part);
+        self.sum.iter_mut().zip(part).for_each(|(sum, x)| *sum += gain() * *x);
+    }
+
+    /// Lets the sum rise from 0 at the beginning of the tick to itself at its end.
+    pub(super) fn fade_in(&mut self, parts: &Parts) {
+        self.sum[..self.len].iter_mut().enumerate().for_each(|(n, x)| *x *= parts.at(n));
+    }
+
+    /// The sum.
+    pub(super) fn write(&self, out: &mut [f32]) {
+        out.iter_mut().zip(&self.sum[..self.len]).for_each(|(out, x)| *out = f32::narrow(*x));
+    }
+}

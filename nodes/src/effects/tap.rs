@@ -1,0 +1,234 @@
+//! `tap`: the transient of a contact.
+
+use std::path::PathBuf;
+
+use asperity_node::{
+    Descriptor, Diagnostic, Fact, Input, Latency, Node, Param, Setup, ShapeSpec, State, Status, Tick, Unit,
+};
+use asperity_source::ron::Value;
+use asperity_world::effect;
+use asperity_world::scene::{Knock, Sound};
+
+use super::mix::Mix;
+use super::{acceleration, at, pick, slot, texts};
+
+const SLOT: usize = 0;
+const APPROACH: usize = 1;
+const MOMENT: usize = 2;
+/// Slots that sound at a time at full level.
+const MOST: usize = 6;
+/// Slots that are remembered: those, those that fade, and others that were struck lately.
+const ROOM: usize = 12;
+/// After so long without a sound a slot is as if it had never been struck: no tap holds the next off for longer \[s\].
+const FORGOTTEN_S: u64 = 1;
+
+/// Vibration of coming into contact: of each contact a transient, scaled by the speed of approach.
+///
+/// Each slot has its taps, which ring out whatever is touched next. At most six slots sound at a time: at a seventh the one that was struck
+/// first fades out in a millisecond.
+pub struct Tap {
+    kernels: Vec<effect::Tap>,
+    /// In place of kernels that the state has room for and that are not there.
+    spare: Option<effect::Tap>,
+    struck: [Option<Struck>; ROOM],
+    mix: Mix,
+    rate_hz: u32,
+    tick_hz: u32,
+    longest: u64,
+    files: Vec<PathBuf>,
+    counts: [u64; 2],
+}
+
+/// A slot that was struck lately.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Struck {
+    slot: usize,
+    /// At which sample.
+    at: u64,
+    /// It fades.
+    released: bool,
+}
+
+/// Where in a tick a moment of it stands: a sample, and the part of it that has passed by then.
+fn sample(tick: u64, moment: f64, rate_hz: u32, tick_hz: u32) -> (u64, f64) {
+    let place = u128::from(tick) * u128::from(rate_hz);
+    let (whole, rest) = (place / u128::from(tick_hz), place % u128::from(tick_hz));
+    let moment = if moment.is_finite() { moment.clamp(0.0, 1.0) } else { 0.0 };
+    let further = (rest as f64 + moment * f64::from(rate_hz)) / f64::from(tick_hz);
+    (u64::try_from(whole).unwrap_or(u64::MAX).saturating_add(further as u64), further.fract())
+}
+
+impl Tap {
+    /// Strikes a slot, as much as there is room.
+    fn strike(&mut self, slot: usize, (sample, part): (u64, f64), speed_mm_s: f64) {
+        let forgotten = FORGOTTEN_S * u64::from(self.rate_hz);
+        let Self { kernels, struck, .. } = self;
+        for entry in struck.iter_mut() {
+            *entry = entry.filter(|s| {
+                let sounds = kernels.get(s.slot).is_some_and(effect::Tap::sounds);
+                sounds || sample.saturating_sub(s.at) <= forgotten
+            });
+        }
+        let known = struck.iter().position(|s| s.is_some_and(|s| s.slot == slot));
+        let place = known.or_else(|| struck.iter().position(Option::is_none)).or_else(|| {
+            // One that is silent, and only not forgotten yet.
+            let silent = |s: &Struck| kernels.get(s.slot).is_none_or(|k| !k.sounds());
+            let all = struck.iter().enumerate().filter_map(|(i, s)| Some((i, s.filter(silent)?)));
+            all.min_by_key(|(_, s)| s.at).map(|(i, _)| i)
+        });
+        let (Some(place), Some(kernel)) = (place, kernels.get_mut(slot)) else { return };
+        if known.is_none() {
+            // As if it had never been struck.
+            kernel.reset();
+        }
+        if !kernel.strike(sample, part, speed_mm_s) {
+            return;
+        }
+        self.counts[0] += 1;
+        struck[place] = Some(Struck { slot, at: sample, released: false });
+        let full = |s: &&mut Struck| !s.released && kernels.get(s.slot).is_some_and(effect::Tap::sounds);
+        if struck.iter_mut().flatten().filter(full).count() > MOST
+            && let Some(first) = struck.iter_mut().flatten().filter(full).min_by_key(|s| s.at)
+        {
+            first.released = true;
+            let slot = first.slot;
+            self.counts[1] += 1;
+            kernels.get_mut(slot).into_iter().for_each(effect::Tap::release);
+        }
+    }
+}
+
+fn read(value: &Value, rate_hz: u32, files: &mut Vec<PathBuf>) -> Result<effect::Tap, Diagnostic> {
+    let knock = Knock::parse(value)?;
+    if let Sound::Recorded { file, .. } = &knock.sound {
+        files.push(file.clone());
+    }
+    at(value, effect::Tap::new(&knock.transient()?, knock.settings, rate_hz))
+}
+
+impl Node for Tap {
+    fn descriptor() -> Descriptor {
+        Descriptor::new("tap", "The transient of each contact, scaled by the speed of approach: decaying sinusoids, or recorded.")
+            .input(slot("which of `taps` is struck, from 0; below 0 none"))
+            .input(
+                Input::new("approach", ShapeSpec::Control(1), Unit::MILLIMETRE_PER_SECOND)
+                    .wakes()
+                    .doc("speed of approach in the tick of a contact, 0 in others"),
+            )
+            .input(
+                Input::new("moment", ShapeSpec::Control(1), Unit::NONE)
+                    .or(0.0)
+                    .doc("the part of the tick at which the contact was, 0 to 1"),
+            )
+            .output(acceleration().doc("the transients"))
+            .param(Param::texts(
+                "taps",
+                "Taps, each a text as behind `tap` in a scene: `(sinusoids: [(frequency_hz: 200, decay_ms: 10, gain: 30)], min_speed_mm_s: 2, \
+                 max_speed_mm_s: 1000, debounce_ms: 20, floor_m_s2: 0.001)`, the gain in m/s^2 per m/s; or `(recording: (file: \"tap.wav\", \
+                 speed_mm_s: 100, full_scale_m_s2: 50, gain: 1))`, a WAV file whose first channel was recorded at that speed. Quotes within a text are written r#\"..\"#.",
+            ))
+            .timing("one tick: a contact sounds as late in the tick after it was as it was in its own; not called while nothing sounds")
+    }
+
+    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
+        let (rate_hz, mut files) = (setup.audio_hz, Vec::new());
+        let kernels = texts::read(setup, "taps", |value| read(value, rate_hz, &mut files))?;
+        Ok(Self {
+            spare: kernels.first().cloned(),
+            struck: [None; ROOM],
+            mix: Mix::new(setup),
+            rate_hz,
+            tick_hz: setup.tick_hz,
+            longest: kernels.iter().map(effect::Tap::longest).max().unwrap_or(0),
+            kernels,
+            files,
+            counts: [0; 2],
+        })
+    }
+
+    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
+        let approach = if tick.inputs.valid(APPROACH) { tick.inputs.value(APPROACH) } else { 0.0 };
+        let came = approach > 0.0;
+        if came && let Some(slot) = pick(tick.inputs.value(SLOT), self.kernels.len()) {
+            let place = sample(tick.index, tick.inputs.value(MOMENT), self.rate_hz, tick.tick_hz);
+            self.strike(slot, place, approach);
+        }
+        let span = tick.samples(self.rate_hz);
+        let Self { kernels, struck, mix, .. } = self;
+        let mut any = false;
+        for s in struck.iter().flatten() {
+            let Some(kernel) = kernels.get_mut(s.slot).filter(|k| k.sounds()) else { continue };
+            if !any {
+                mix.begin((span.end - span.start) as usize);
+            }
+            any = true;
+            mix.add(1.0, |part| _ = kernel.process(span.start, part));
+        }
+        if any {
+            mix.write(tick.outputs.audio(0));
+        }
+        match (any, came) {
+            (true, _) => Status::Continue,
+            // Another contact of the very same speed would not be a change that wakes.
+            (false, true) => Status::Quiet,
+            (false, false) => Status::Asleep,
+        }
+    }
+
+    fn reset(&mut self) {
+        for s in self.struck.iter_mut().filter_map(Option::take) {
+            self.kernels.get_mut(s.slot).into_iter().for_each(effect::Tap::reset);
+        }
+    }
+
+    /// What sounds, and what was struck lately. A slot that is no longer there falls silent.
+    fn state(&mut self, state: &mut State<'_>) {
+        if state.restores() {
+            Node::reset(self);
+        }
+        for entry in &mut self.struck {
+            let mut there = entry.is_some();
+            let mut s = entry.unwrap_or_default();
+            state.keep(&mut there).keep(&mut s.slot).keep(&mut s.at).keep(&mut s.released);
+            *entry = there.then_some(s);
+        }
+        let Self { kernels, spare, struck, .. } = self;
+        let Some(spare) = spare else { return };
+        for i in 0..ROOM {
+            let slot = struck[i].map(|s| s.slot);
+            let again = struck[..i].iter().flatten().any(|s| Some(s.slot) == slot);
+            state.require(!again || slot.is_none());
+            match slot.and_then(|slot| kernels.get_mut(slot)).filter(|_| !again) {
+                Some(kernel) => kernel.state(state),
+                None => {
+                    spare.state(state);
+                    spare.reset();
+                    struck[i] = None;
+                }
+            }
+        }
+        if state.restores() && state.failed() {
+            Node::reset(self);
+        }
+    }
+
+    fn latency(&self) -> Latency {
+        Latency::ratio(1, i64::from(self.tick_hz))
+    }
+
+    fn tail(&self) -> Latency {
+        Latency::samples(i64::try_from(self.longest).unwrap_or(i64::MAX), self.rate_hz)
+    }
+
+    fn files(&self) -> Vec<PathBuf> {
+        self.files.clone()
+    }
+
+    fn facts(&self) -> Vec<Fact> {
+        vec![
+            Fact::count("slots", self.kernels.len() as u64),
+            Fact::count("taps", self.counts[0]),
+            Fact::count("cut_short", self.counts[1]),
+        ]
+    }
+}

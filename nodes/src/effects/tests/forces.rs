@@ -1,0 +1,212 @@
+//! `friction`, `viscosity` and `magnet`.
+
+use asperity_node::Unit;
+use asperity_world::effect::friction::{Dahl, LuGre, LuGreSettings, ViscousCoulomb};
+use asperity_world::effect::{Magnet, Viscosity};
+
+use super::bench::{Bench, Script, refused};
+use crate::effects;
+
+/// Out of contact, in contact with one surface, with another, out, and with the last one again.
+fn touched(tick: u64) -> f64 {
+    match tick {
+        0..10 => -1.0,
+        10..60 => 2.0,
+        60..90 => 0.0,
+        90..140 => -1.0,
+        140..150 => 0.0,
+        150..170 => 1.0,
+        // Beyond the list.
+        170..180 => 3.0,
+        180..190 => -0.5,
+        190..200 => 2.7,
+        _ => -3.0,
+    }
+}
+
+/// The first tick of all, those in which something is touched, and those in which the slot becomes another that is none.
+const CALLS: u64 = 1 + (80 + 30 + 10) + 4;
+
+fn velocity(tick: u64) -> [f64; 2] {
+    let t = tick as f64 * 0.05;
+    [40.0 * t.sin(), 25.0 * (1.7 * t).cos()]
+}
+
+fn normal_force(tick: u64) -> f64 {
+    1.0 + 0.5 * (tick as f64 * 0.031).sin()
+}
+
+/// Two directions at right angles, aslant.
+const TANGENTS: [f64; 6] = [0.6, 0.8, 0.0, -0.48, 0.36, 0.8];
+
+const LAWS: &str = r#"["lugre(static_coefficient: 0.7, kinetic_coefficient: 0.4)", "viscous_coulomb(coefficient: 0.2)", "dahl(coefficient: 0.5, bristle_stiffness_n_per_mm: 2)"]"#;
+
+fn friction(tick_hz: u32) -> Bench {
+    let outputs = [
+        ("slot", 1, Unit::NONE),
+        ("velocity", 2, Unit::MILLIMETRE_PER_SECOND),
+        ("force", 1, Unit::NEWTON),
+        ("tangents", 6, Unit::NONE),
+    ];
+    let script = Script::new(&outputs, |tick| {
+        vec![vec![touched(tick)], velocity(tick).to_vec(), vec![normal_force(tick)], TANGENTS.to_vec()]
+    });
+    Bench::new(tick_hz, 48_000, "friction", &[("laws", LAWS)], script)
+}
+
+#[test]
+fn friction_is_its_law_along_the_tangents_begun_anew_with_every_contact_and_sleeps_between() {
+    for tick_hz in [500, 4000] {
+        let (run, calls) = friction(tick_hz).run("it", 250);
+        let dt = 1.0 / f64::from(tick_hz);
+        let mut lugre = None;
+        let mut dahl = None;
+        for (tick, force) in run.control.iter().enumerate() {
+            let tick = tick as u64;
+            let settings = LuGreSettings {
+                static_coefficient: 0.7,
+                kinetic_coefficient: 0.4,
+                ..LuGreSettings::default()
+            };
+            let (v, n) = (velocity(tick), normal_force(tick));
+            let along = match touched(tick) {
+                0.0 => lugre.get_or_insert_with(|| LuGre::new(settings).unwrap()).step(v, n, dt),
+                1.0 => ViscousCoulomb::new(0.2, 0.004).unwrap().force_n(v, n),
+                2.0 | 2.7 => dahl.get_or_insert_with(|| Dahl::new(0.5, 2.0).unwrap()).step(v, n, dt),
+                _ => [0.0; 2],
+            };
+            if touched(tick) != 0.0 {
+                lugre = None;
+            }
+            if !matches!(touched(tick), 2.0 | 2.7) {
+                dahl = None;
+            }
+            for (i, f) in force.iter().enumerate() {
+                assert_eq!(*f, along[0] * TANGENTS[i] + along[1] * TANGENTS[3 + i], "tick {tick}");
+            }
+        }
+        let most = run.control.iter().flatten().fold(0.0_f64, |m, f| m.max(f.abs()));
+        assert!(most > 0.3, "{most}");
+        assert_eq!(calls, CALLS);
+    }
+}
+
+#[test]
+fn friction_that_does_not_run_in_every_tick_stays_awake_and_knows_how_long_it_is() {
+    let mut engine = friction(1000).every(2).engine("it", true).unwrap();
+    let run = super::bench::run(&mut engine, "it", 60);
+    let mut dahl = Dahl::new(0.5, 2.0).unwrap();
+    for tick in (10..60).step_by(2) {
+        let [u, v] = dahl.step(velocity(tick), normal_force(tick), 2e-3);
+        assert_eq!(run.control[tick as usize][2], u * TANGENTS[2] + v * TANGENTS[5]);
+    }
+    let it = engine.schedule().index_of("it").unwrap();
+    assert_eq!(engine.report(it).unwrap().calls, 30);
+}
+
+#[test]
+fn a_graph_of_one_floor_needs_neither_slot_nor_directions() {
+    let outputs = [("velocity", 2, Unit::MILLIMETRE_PER_SECOND), ("force", 1, Unit::NEWTON)];
+    let script = Script::new(&outputs, |_| vec![vec![30.0, -40.0], vec![2.0]]);
+    let (run, calls) = Bench::new(500, 48_000, "friction", &[("laws", LAWS)], script).run("it", 200);
+    // LuGre's in steady motion, against it.
+    let [x, y, z] = run.control[199][..] else { panic!() };
+    assert!(
+        (x / y + 0.75).abs() < 1e-9 && (x * x + y * y).sqrt() > 0.79 && x < 0.0 && z == 0.0,
+        "{x} {y} {z}"
+    );
+    assert_eq!(calls, 200);
+    let script = Script::new(&[("distance", 1, Unit::MILLIMETRE)], |_| vec![vec![0.3]]);
+    let magnets = "[\"(stiffness_n_per_mm: 0.5, max_force_n: 0.4, reach_mm: 2.5)\"]";
+    let (run, _) = Bench::new(500, 48_000, "magnet", &[("magnets", magnets)], script).run("it", 2);
+    assert!(run.control[1][2] == -0.15 && run.control[1][..2].iter().all(|f| *f == 0.0), "{:?}", run.control);
+}
+
+#[test]
+fn what_is_no_direction_is_no_force() {
+    let outputs = [
+        ("slot", 1, Unit::NONE),
+        ("velocity", 2, Unit::MILLIMETRE_PER_SECOND),
+        ("force", 1, Unit::NEWTON),
+        ("tangents", 6, Unit::NONE),
+    ];
+    let script = Script::new(&outputs, |tick| {
+        let tangents = if tick % 2 == 0 { vec![f64::MAX; 6] } else { vec![1.0; 6] };
+        vec![vec![0.0], vec![30.0, 0.0], vec![1e6], tangents]
+    });
+    let (run, _) =
+        Bench::new(500, 48_000, "friction", &[("laws", "[\"viscous_coulomb\"]")], script).run("it", 4);
+    assert_eq!(run.control[2], [0.0; 3]);
+    assert_eq!(run.control[3], [-1.2e5; 3], "0.004 s/mm of a million newtons at 30 mm/s");
+}
+
+#[test]
+fn drag_is_against_the_velocity_and_sleeps_outside() {
+    let velocity = |tick: u64| [30.0 * (tick as f64 * 0.1).sin(), -400.0, 12.0];
+    let outputs = [("slot", 1, Unit::NONE), ("velocity", 3, Unit::MILLIMETRE_PER_SECOND)];
+    let script = Script::new(&outputs, move |tick| vec![vec![touched(tick)], velocity(tick).to_vec()]);
+    let drags = r#"["(viscosity_ns_per_m: 2)", "(viscosity_ns_per_m: 8, max_force_n: 1.5)", "(viscosity_ns_per_m: 0)"]"#;
+    let (run, calls) = Bench::new(500, 48_000, "viscosity", &[("drags", drags)], script).run("it", 250);
+    let kernels = [(2.0, 3.3), (8.0, 1.5), (0.0, 3.3)].map(|(c, most)| Viscosity::new(c, most).unwrap());
+    for (tick, force) in run.control.iter().enumerate() {
+        let tick = tick as u64;
+        let slot = touched(tick);
+        let want = if (0.0..3.0).contains(&slot) {
+            kernels[slot as usize].force_n(velocity(tick))
+        } else {
+            [0.0; 3]
+        };
+        assert_eq!(*force, want, "tick {tick}");
+        if slot == 0.0 {
+            // 2 N s/m at 400 mm/s.
+            assert!((force[1] - 0.8).abs() < 1e-12);
+        }
+    }
+    assert_eq!(calls, CALLS);
+}
+
+#[test]
+fn a_magnet_pulls_to_the_surface_from_both_sides() {
+    let normal = [0.0, 0.6, 0.8];
+    let distance = |tick: u64| 3.0 * (tick as f64 * 0.07).sin();
+    let outputs = [("slot", 1, Unit::NONE), ("distance", 1, Unit::MILLIMETRE), ("normal", 3, Unit::NONE)];
+    let script =
+        Script::new(&outputs, move |tick| vec![vec![touched(tick)], vec![distance(tick)], normal.to_vec()]);
+    let one = "\"(stiffness_n_per_mm: 0.5, max_force_n: 0.4, reach_mm: 2.5)\"";
+    let magnets = format!("[{one}, {one}, {one}]");
+    let (run, calls) = Bench::new(500, 48_000, "magnet", &[("magnets", &magnets)], script).run("it", 250);
+    let kernel = Magnet::new(0.5, 0.4, 2.5).unwrap();
+    for (tick, force) in run.control.iter().enumerate() {
+        let d = distance(tick as u64);
+        if !(0.0..3.0).contains(&touched(tick as u64)) {
+            assert_eq!(*force, [0.0; 3]);
+            continue;
+        }
+        let along: f64 = force.iter().zip(normal).map(|(f, n)| f * n).sum();
+        assert!((along - kernel.force_n(d)).abs() < 1e-15 && force[0] == 0.0);
+        if d.abs() < 2.4 && d.abs() > 0.01 {
+            assert!(along * d < 0.0, "toward the surface from both sides: {along} N at {d} mm");
+        }
+        // Halfway up the spring.
+        if d.abs() < 0.4 {
+            assert!((along + 0.5 * d).abs() < 1e-12);
+        }
+    }
+    assert_eq!(calls, CALLS);
+}
+
+#[test]
+fn a_bad_text_is_told_with_its_place_its_slot_and_what_would_fit() {
+    let e = refused::<effects::Friction>(&[("laws", "[\"dahl\", \"lugr(static_coefficient: 0.4)\"]")]);
+    assert!(
+        e.starts_with("folder/g.ron:1:")
+            && e.contains("slot 1: unknown friction `lugr` (did you mean `lugre`?"),
+        "{e}"
+    );
+    let e = refused::<effects::Friction>(&[("laws", "[\"dahl(coefficient: 11)\"]")]);
+    assert!(e.contains("slot 0: 11 is out of range"), "{e}");
+    let e = refused::<effects::Viscosity>(&[("drags", "[\"(viscosity_ns_per_m: -1)\"]")]);
+    assert!(e.contains("slot 0: a viscosity of -1 N s/m does not fit"), "{e}");
+    let e = refused::<effects::Magnet>(&[("magnets", "[\"(stiffness_n_per_mm: 1)\"]")]);
+    assert!(e.contains("slot 0:") && e.contains("max_force_n"), "{e}");
+}

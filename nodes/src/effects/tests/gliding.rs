@@ -1,0 +1,318 @@
+//! `waveform` and `relief`.
+
+use std::sync::Arc;
+
+use asperity_dsp::filter::Section;
+use asperity_node::Unit;
+use asperity_source::{Source, ron};
+use asperity_world::effect::{
+    HeightSpline, Parts, Path, Relief, ReliefSettings, Smoothing, Waveform, WaveformQuantity, WaveformTable,
+};
+use asperity_world::scene::Texture;
+
+use super::bench::{Bench, Script, largest_step, refused, spans};
+use crate::effects;
+
+/// Slot, place, stroke and level of a tick.
+type Told = (f64, [f64; 2], f64, f64);
+
+fn script(play: impl Fn(u64) -> Told + Send + Sync + 'static) -> Script {
+    let outputs = [
+        ("slot", 1, Unit::NONE),
+        ("place", 2, Unit::MILLIMETRE),
+        ("stroke", 1, Unit::NONE),
+        ("level", 1, Unit::NONE),
+    ];
+    Script::new(&outputs, move |tick| {
+        let (slot, place, stroke, level) = play(tick);
+        vec![vec![slot], place.to_vec(), vec![stroke], vec![level]]
+    })
+}
+
+fn bench(
+    tick_hz: u32,
+    rate: u32,
+    kind: &str,
+    settings: &[(&str, &str)],
+    play: impl Fn(u64) -> Told + Send + Sync + 'static,
+) -> Bench {
+    let mut it = Bench::new(tick_hz, rate, kind, settings, script(play));
+    it.drop_wires("level");
+    it
+}
+
+const LOOP: &str =
+    "waveform(segments: [(0, 0), (0.3, 1), (1, 0)], spacing_mm: 0.02, reference_speed_mm_s: 80)";
+const OTHER: &str = "waveform(segments: [(0, 0), (0.5, 0.02), (1.3, 0)], quantity: height, gain: 0.5)";
+const HEIGHTS: &str = "made(surface: \"hessian\", side: 64, step_mm: 0.1)";
+
+/// Round and round at some 100 mm/s.
+fn place(tick: u64, tick_hz: u32) -> [f64; 2] {
+    let t = tick as f64 / f64::from(tick_hz);
+    [20.0 * (5.0 * t).cos(), 15.0 * (6.0 * t).sin()]
+}
+
+fn loops() -> [(Arc<WaveformTable>, f64); 2] {
+    let drawn = WaveformQuantity::Acceleration { reference_speed_mm_s: 80.0, speed_exponent: 1.0 };
+    let table = |segments: &[(f64, f64)], spacing, quantity| {
+        Arc::new(WaveformTable::from_segments(segments, spacing, 0.0, quantity).unwrap())
+    };
+    [
+        (table(&[(0.0, 0.0), (0.3, 1.0), (1.0, 0.0)], 0.02, drawn), 1.0),
+        (table(&[(0.0, 0.0), (0.5, 0.02), (1.3, 0.0)], 0.05, WaveformQuantity::Height), 0.5),
+    ]
+}
+
+/// The path of every tick from `begin` on by places alone, as the node has it: none in the first tick, then with the velocity of the first two.
+fn paths(
+    ticks: std::ops::Range<u64>,
+    tick_hz: u32,
+    place: impl Fn(u64) -> [f64; 2],
+) -> impl Iterator<Item = (u64, Path)> {
+    let mut path = Path::new(Smoothing::Parabola, tick_hz);
+    let begin = ticks.start;
+    ticks.skip(1).map(move |tick| {
+        let (now, before) = (place(tick), place(tick - 1));
+        let velocity = [0, 1].map(|i| (now[i] - before[i]) * f64::from(tick_hz));
+        path.advance(now, if tick == begin + 1 { velocity } else { [f64::NAN; 2] });
+        (tick, path)
+    })
+}
+
+#[test]
+fn a_waveform_is_its_kernel_along_the_path_of_places() {
+    for (tick_hz, rate) in [(500, 48_000), (500, 44_100), (4000, 48_000), (333, 44_100)] {
+        let loops_text = format!("[{LOOP:?}, {:?}]", format!("[{LOOP}, {OTHER}]"));
+        let play = move |tick: u64| (if tick < 200 { 0.0 } else { 1.0 }, place(tick, tick_hz), 0.0, 1.0);
+        let (run, _) = bench(tick_hz, rate, "waveform", &[("loops", &loops_text)], play).run("it", 400);
+        let [(drawn, _), (height, gain)] = loops();
+        let mut on = vec![(Waveform::new(drawn.clone()), 1.0)];
+        for ((tick, path), (_, first, len)) in
+            paths(0..400, tick_hz, |t| place(t, tick_hz)).zip(spans(400, rate, tick_hz).skip(1))
+        {
+            if tick == 200 {
+                on = vec![(Waveform::new(drawn.clone()), 1.0), (Waveform::new(height.clone()), gain)];
+            }
+            let parts = Parts::new(tick, first, rate, tick_hz);
+            let mut want = vec![0.0_f64; len];
+            for (kernel, gain) in &mut on {
+                let mut part = vec![0.0_f64; len];
+                kernel.process(&path, &parts, &mut part);
+                want.iter_mut().zip(part).for_each(|(sum, x)| *sum += *gain * x);
+            }
+            if tick == 1 || tick == 200 {
+                want.iter_mut().enumerate().for_each(|(n, x)| *x *= parts.at(n));
+            }
+            for (y, x) in run.audio[first as usize..].iter().zip(want) {
+                assert_eq!(*y, x as f32, "tick {tick}");
+            }
+        }
+        assert!(
+            run.audio[..96.min(run.audio.len())]
+                .iter()
+                .take(rate as usize / tick_hz as usize)
+                .all(|y| *y == 0.0)
+        );
+        assert!(run.audio.iter().any(|y| y.abs() > 0.3));
+    }
+}
+
+#[test]
+fn a_stroke_that_begins_elsewhere_is_no_way_between() {
+    // 80 mm/s, put down 90 mm away in tick 100: no sample is louder for it.
+    let play = |moved: bool| {
+        move |tick: u64| {
+            let elsewhere = moved && tick >= 100;
+            let x = 0.16 * tick as f64 + if elsewhere { 90.0 } else { 0.0 };
+            (0.0, [x, 0.0], f64::from(u8::from(elsewhere)), 1.0)
+        }
+    };
+    let run = |moved| {
+        bench(500, 48_000, "waveform", &[("loops", &format!("[{LOOP:?}]"))], play(moved))
+            .run("it", 200)
+            .0
+            .audio
+    };
+    let (plain, moved) = (run(false), run(true));
+    assert!(moved[9600..9696].iter().all(|y| *y == 0.0), "the tick of a new stroke has no speed yet");
+    let most = |x: &[f32]| x.iter().fold(0.0_f32, |m, y| m.max(y.abs()));
+    assert!(most(&moved) <= 1.001 * most(&plain), "{} {}", most(&moved), most(&plain));
+    assert_eq!(moved[..9600], plain[..9600]);
+    // It goes on in the loop where it was: what was not played is a tick behind.
+    let gap = moved[9792..].iter().zip(&plain[9696..]).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+    assert!(gap < 1e-3, "{gap}");
+}
+
+#[test]
+fn a_relief_is_its_kernel_along_the_path_of_places_smoothed_or_not() {
+    let value = ron::parse(&Source::new("", format!("relief(heights: {HEIGHTS})"))).unwrap();
+    let Texture::Relief { heights, .. } = Texture::parse(&value).unwrap() else { panic!() };
+    let spline = HeightSpline::new(&heights.field().unwrap());
+    for (tick_hz, rate, smooth) in
+        [(500, 48_000, 0.0), (500, 44_100, 20.0), (4000, 48_000, 20.0), (4000, 44_100, 0.0)]
+    {
+        let text = format!("relief(heights: {HEIGHTS}, cutoff_hz: 800, max_m_s2: 100, gain: 0.5)");
+        let reliefs = format!("[{text:?}]");
+        let smooth_hz = format!("{smooth:?}");
+        let play = move |tick: u64| (0.0, place(tick, tick_hz), 5.0, 1.0);
+        let (run, _) =
+            bench(tick_hz, rate, "relief", &[("reliefs", &reliefs), ("smooth_hz", &smooth_hz)], play)
+                .run("it", 300);
+        let smoothed: Vec<[f64; 2]> = {
+            let filter = || {
+                (smooth > 0.0).then(|| {
+                    Section::butterworth_low_pass(smooth).bilinear(f64::from(tick_hz), smooth).unwrap()
+                })
+            };
+            let mut filters = [filter(), filter()];
+            let one = |tick: u64| {
+                let mut at = place(tick, tick_hz);
+                for (x, filter) in at.iter_mut().zip(&mut filters) {
+                    if let Some(filter) = filter {
+                        if tick == 0 {
+                            filter.reset_to(*x);
+                        }
+                        *x = filter.step(*x);
+                    }
+                }
+                at
+            };
+            (0..300).map(one).collect()
+        };
+        let settings = ReliefSettings { cutoff_hz: 800.0, max_m_s2: 100.0 };
+        let mut kernel = Relief::new(settings, rate).unwrap();
+        for ((tick, path), (_, first, len)) in
+            paths(0..300, tick_hz, |t| smoothed[t as usize]).zip(spans(300, rate, tick_hz).skip(1))
+        {
+            let mut want = vec![0.0_f64; len];
+            let parts = Parts::new(tick, first, rate, tick_hz);
+            kernel.process(&spline, &path, &parts, &mut want);
+            for (n, (y, x)) in run.audio[first as usize..].iter().zip(want).enumerate() {
+                let x = if tick == 1 { 0.5 * x * parts.at(n) } else { 0.5 * x };
+                assert_eq!(*y, x as f32, "tick {tick}");
+            }
+        }
+        assert!(run.audio.iter().any(|y| y.abs() > 0.3));
+    }
+}
+
+#[test]
+fn heights_that_several_slots_want_are_there_once() {
+    let relief = |more: &str| format!("{:?}", format!("relief(heights: {HEIGHTS}{more})"));
+    let other =
+        format!("{:?}", "relief(heights: made(surface: \"hessian\", side: 64, step_mm: 0.1, piece: 2))");
+    let reliefs =
+        format!("[{}, {}, {other}, {}]", relief(""), relief(", gain: 2"), relief(", cutoff_hz: 300"));
+    let it = bench(500, 48_000, "relief", &[("reliefs", &reliefs)], |_| (0.0, [0.0; 2], 0.0, 1.0))
+        .engine("it", true)
+        .unwrap();
+    let facts = it.facts(it.schedule().index_of("it").unwrap());
+    let facts: Vec<String> = facts.iter().map(|f| format!("{} {}", f.name, f.value)).collect();
+    assert_eq!(facts, ["slots 4", "height_fields 2"]);
+}
+
+#[test]
+fn they_start_and_stop_behind_a_level_without_a_click_the_same_asleep_or_not() {
+    // Open for three quarters of a period of 400 ticks, with ramps of 20 ms.
+    let level = |tick: u64, tick_hz: u32| {
+        let (t, ramp) = ((tick % 400) as f64, 0.02 * f64::from(tick_hz));
+        ((t - 50.0) / ramp).clamp(0.0, 1.0).min(((350.0 - t) / ramp).clamp(0.0, 1.0))
+    };
+    let reliefs = format!("[{:?}]", format!("relief(heights: {HEIGHTS})"));
+    let loops = format!("[{LOOP:?}]");
+    for (kind, setting) in
+        [("waveform", ("loops", loops.as_str())), ("relief", ("reliefs", reliefs.as_str()))]
+    {
+        for (tick_hz, rate) in [(500, 48_000), (500, 44_100), (4000, 48_000)] {
+            let at = move |tick| (0.0, place(tick, tick_hz), 0.0);
+            let steady = bench(tick_hz, rate, kind, &[setting], move |tick| {
+                let (slot, place, stroke) = at(tick);
+                (slot, place, stroke, 1.0)
+            });
+            let gated = bench(tick_hz, rate, kind, &[setting], move |tick| {
+                let (slot, place, stroke) = at(tick);
+                (slot, place, stroke, level(tick, tick_hz))
+            });
+            let (steady, _) = steady.run("it", 4000);
+            let (gated, calls) = gated.behind_level().run("level", 4000);
+            assert!(calls < 3100, "{calls}");
+            // But for its very first samples, which no level faded in.
+            let (own, most) = (largest_step(&steady.audio[400..]), largest_step(&gated.audio));
+            assert!(
+                // Loops begin at other places.
+                most <= 1.01 * own && most > 0.3 * own,
+                "{kind}: a step of {most}, where {own} is the largest of the steady signal"
+            );
+        }
+    }
+}
+
+#[test]
+fn a_slot_that_is_none_is_silence_and_texts_of_other_kinds_are_refused() {
+    let loops = format!("[{LOOP:?}, \"[]\"]");
+    let play = |tick: u64| ((tick / 10 % 4) as f64 - 1.0, place(tick, 500), 0.0, 1.0);
+    let (run, _) = bench(500, 48_000, "waveform", &[("loops", &loops)], play).run("it", 80);
+    for (tick, first, len) in spans(80, 48_000, 500) {
+        let sounds = run.audio[first as usize..][..len].iter().any(|y| *y != 0.0);
+        assert_eq!(sounds, tick / 10 % 4 == 1, "tick {tick}");
+    }
+    let e =
+        refused::<effects::Waveform>(&[("loops", "[\"relief(heights: made(surface: \\\"hessian\\\"))\"]")]);
+    assert!(e.contains("slot 0: a texture of another kind"), "{e}");
+    let e = refused::<effects::Relief>(&[(
+        "reliefs",
+        "[\"relief(heights: picture(file: \\\"no.png\\\", step_mm: 1, height_mm: 1))\"]",
+    )]);
+    assert!(e.starts_with("folder/no.png: cannot read this picture"), "{e}");
+    let e = refused::<effects::Relief>(&[
+        ("reliefs", &format!("[{:?}]", format!("relief(heights: {HEIGHTS}, cutoff_hz: 19999)"))),
+        ("smooth_hz", "250.0"),
+    ]);
+    assert!(
+        e.contains("smooth_hz") || e.contains("250 Hz is not between 0 and half the rate of 500 Hz"),
+        "{e}"
+    );
+}
+
+#[test]
+fn a_recorded_waveform_played_at_its_own_speed_is_the_recording_and_faster_is_higher_and_louder() {
+    let dir = tempfile::tempdir().unwrap();
+    let spec = hound::WavSpec {
+        channels: 1,
+        sample_rate: 16_000,
+        bits_per_sample: 32,
+        sample_format: hound::SampleFormat::Float,
+    };
+    let mut writer = hound::WavWriter::create(dir.path().join("felt.wav"), spec).unwrap();
+    // 100 Hz at half of full scale, whole periods.
+    (0..16_000).for_each(|n| {
+        writer.write_sample((0.5 * (std::f64::consts::TAU * 0.00625 * f64::from(n)).sin()) as f32).unwrap();
+    });
+    writer.finalize().unwrap();
+    let text = "waveform(recording: (file: \"felt.wav\", speed_mm_s: 80, full_scale_m_s2: 6))";
+    let file = dir.path().join("g.ron");
+    for (speed, hz) in [(80.0, 100.0), (160.0, 200.0)] {
+        let play = move |tick: u64| (0.0, [speed * tick as f64 / 500.0, 0.0], 0.0, 1.0);
+        let settings = [("loops", &*format!("[{text:?}]"))];
+        let mut bench =
+            Bench::beside(file.to_str().unwrap(), 500, 48_000, "waveform", &settings, script(play));
+        bench.drop_wires("level");
+        let (run, _) = bench.run("it", 300);
+        // Half a second behind the beginning: its component at that frequency, and what is left.
+        let part = &run.audio[4800..28_800];
+        let turn = |n: usize| std::f64::consts::TAU * hz * n as f64 / 48_000.0;
+        let [s, c] = [f64::sin, f64::cos].map(|of: fn(f64) -> f64| {
+            part.iter().enumerate().map(|(n, y)| f64::from(*y) * of(turn(n))).sum::<f64>() / 12_000.0
+        });
+        let power = part.iter().map(|y| f64::from(*y).powi(2)).sum::<f64>() / 24_000.0;
+        let amplitude = s.hypot(c);
+        assert!((amplitude - 3.0 * speed / 80.0).abs() < 0.01 * amplitude, "{speed}: {amplitude}");
+        assert!((power - 0.5 * amplitude * amplitude).abs() < 1e-3 * power, "nothing else sounds");
+        let engine = bench.engine("it", true).unwrap();
+        let it = engine.schedule().nodes.iter().find(|n| n.id == "it").unwrap();
+        assert_eq!(it.files, [dir.path().join("felt.wav")]);
+    }
+    let missing = text.replace("felt", "gone");
+    let e = refused::<effects::Waveform>(&[("loops", &format!("[{missing:?}]"))]);
+    assert!(e.to_string().contains("gone.wav"), "{e}");
+}

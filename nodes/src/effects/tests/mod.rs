@@ -1,0 +1,11 @@
+//! Effects in an engine, against their kernels driven directly and against closed forms.
+
+mod autoregressive;
+mod bench;
+mod cost;
+mod forces;
+mod gliding;
+mod level;
+mod limiter;
+mod tap;
+mod vibration;

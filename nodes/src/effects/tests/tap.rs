@@ -1,0 +1,194 @@
+//! `tap`.
+
+use std::f64::consts::TAU;
+
+use asperity_node::Unit;
+
+use super::bench::{Bench, Script, largest_step, refused, run};
+use crate::effects;
+
+/// Slot, speed and moment of the contact in a tick.
+type Contact = (f64, f64, f64);
+
+fn bench(
+    tick_hz: u32,
+    rate: u32,
+    taps: &str,
+    contact: impl Fn(u64) -> Option<Contact> + Send + Sync + 'static,
+) -> Bench {
+    Bench::new(tick_hz, rate, "tap", &[("taps", taps)], script(contact))
+}
+
+fn script(contact: impl Fn(u64) -> Option<Contact> + Send + Sync + 'static) -> Script {
+    let outputs =
+        [("slot", 1, Unit::NONE), ("approach", 1, Unit::MILLIMETRE_PER_SECOND), ("moment", 1, Unit::NONE)];
+    Script::new(&outputs, move |tick| {
+        let (slot, approach, moment) = contact(tick).unwrap_or((-1.0, 0.0, 0.3));
+        vec![vec![slot], vec![approach], vec![moment]]
+    })
+}
+
+const HZ: f64 = 237.0;
+const DECAY_S: f64 = 0.012;
+
+/// A tap of 40 (m/s^2)/(m/s), `t` after a contact at 100 mm/s.
+fn closed(t: f64) -> f64 {
+    if t < 0.0 { 0.0 } else { 4.0 * (-t / DECAY_S).exp() * (TAU * HZ * t).sin() }
+}
+
+const ONE: &str = "(sinusoids: [(frequency_hz: 237, decay_ms: 12, gain: 40)], floor_m_s2: 1e-6)";
+
+#[test]
+fn a_contact_between_samples_sounds_one_tick_after_it_was() {
+    for (tick_hz, rate) in [(500, 48_000), (500, 44_100), (4000, 48_000), (333, 44_100)] {
+        let (hz, fs) = (f64::from(tick_hz), f64::from(rate));
+        for (n, moment) in [0.0, 0.1, 1.0 / 3.0, 0.5, 0.77777, 0.999, 1.0].into_iter().enumerate() {
+            let at = 10 + n as u64;
+            let bench = bench(tick_hz, rate, &format!("[{ONE:?}]"), move |tick| {
+                (tick == at).then_some((0.0, 100.0, moment))
+            });
+            let (run, calls) = bench.run("it", u64::from(tick_hz));
+            // It was at this part of the time from the tick before to this one.
+            let was = (at as f64 - 1.0 + moment) / hz;
+            for (n, y) in run.audio.iter().enumerate() {
+                let want = closed(n as f64 / fs - was - 1.0 / hz);
+                assert!(
+                    (f64::from(*y) - want).abs() < 2e-6,
+                    "{tick_hz} Hz, {rate} Hz, {moment}: {y} at {n}, not {want}"
+                );
+            }
+            assert!(run.audio.iter().any(|y| *y > 1.0));
+            // 4 m/s^2 fall to 1e-6 in 15.2 times 12 ms.
+            let ticks = 0.012 * 4e6_f64.ln() * hz;
+            assert!((calls as f64 - ticks).abs() < 5.0, "{calls} calls for {ticks} ticks");
+        }
+    }
+}
+
+#[test]
+fn contacts_that_are_none_do_not_sound() {
+    let contacts = |tick: u64| match tick {
+        5 => Some((-1.0, 100.0, 0.5)),
+        10 => Some((2.0, 100.0, 0.5)),
+        15 => Some((0.0, -100.0, 0.5)),
+        // Slower than the least speed.
+        20 => Some((0.0, 1.9, 0.5)),
+        _ => None,
+    };
+    let (run, calls) = bench(500, 48_000, &format!("[{ONE:?}, {ONE:?}]"), contacts).run("it", 50);
+    assert!(run.audio.iter().all(|y| *y == 0.0));
+    // The first of all, and for each two changes.
+    assert_eq!(calls, 1 + 4 * 2);
+}
+
+#[test]
+fn contacts_in_tick_after_tick_are_the_same_whether_it_sleeps_or_not() {
+    // Ticks of 10 ms and taps that are over within one: equal speeds are no change that wakes.
+    let short = "(sinusoids: [(frequency_hz: 900, decay_ms: 0.2, gain: 40)], debounce_ms: 2)";
+    let contacts = |tick: u64| match tick {
+        10..15 => Some((0.0, 100.0, 0.5)),
+        15..18 => Some((1.0, 100.0, 0.25)),
+        18..20 => Some((0.0, 1.0, 0.5)),
+        20 => Some((0.0, 100.0, 0.5)),
+        // Of the same speed as one that struck nothing.
+        30 => Some((-1.0, 100.0, 0.5)),
+        31 => Some((0.0, 100.0, 0.5)),
+        _ => None,
+    };
+    let (run, _) = bench(100, 48_000, &format!("[{short:?}, {short:?}]"), contacts).run("it", 40);
+    let sounds = |tick: usize| run.audio[tick * 480..][..480].iter().any(|y| *y != 0.0);
+    let heard: Vec<usize> = (0..40).filter(|t| sounds(*t)).collect();
+    assert_eq!(heard, [10, 11, 12, 13, 14, 15, 16, 17, 20, 31]);
+    // Many, of any speed at any moment.
+    let many = |tick: u64| {
+        let draw = |what: u64| asperity_node::random::uniform(3 + what, tick);
+        (draw(0) < 0.15).then(|| ((draw(1) * 5.0 - 0.5).floor(), 300.0 * draw(2), draw(3)))
+    };
+    let taps = format!("[{ONE:?}, {short:?}, {ONE:?}, {ONE:?}]");
+    let (run, _) = bench(500, 44_100, &taps, many).run("it", 5000);
+    assert!(run.audio.iter().any(|y| y.abs() > 5.0));
+}
+
+#[test]
+fn taps_of_several_slots_add_and_ring_on_when_another_is_touched() {
+    let contacts = |tick: u64| match tick {
+        10 => Some((0.0, 100.0, 0.0)),
+        13 => Some((1.0, 100.0, 0.5)),
+        _ => None,
+    };
+    let (run, _) = bench(500, 48_000, &format!("[{ONE:?}, {ONE:?}]"), contacts).run("it", 100);
+    for (n, y) in run.audio.iter().enumerate() {
+        let at = |sample: f64| closed((n as f64 - sample) / 48_000.0);
+        let want = at(960.0) + at(13.5 * 96.0);
+        assert!((f64::from(*y) - want).abs() < 4e-6, "{n}: {y}");
+    }
+}
+
+#[test]
+fn of_more_slots_than_can_sound_the_first_fades_and_nothing_steps() {
+    let long = "(sinusoids: [(frequency_hz: 60, decay_ms: 3000, gain: 40)])";
+    let taps = format!("[{}]", vec![format!("{long:?}"); 40].join(", "));
+    let contacts = |tick: u64| {
+        ((10..130).contains(&tick) && tick.is_multiple_of(3)).then_some(((tick / 3 % 40) as f64, 100.0, 0.5))
+    };
+    let bench = bench(4000, 48_000, &taps, contacts);
+    let (out, _) = bench.run("it", 2000);
+    // Six of 4 m/s^2, and those that fade.
+    let most = out.audio.iter().fold(0.0_f32, |m, y| m.max(y.abs()));
+    assert!(most > 4.0 && most < 9.0 * 4.0, "{most}");
+    let steepest = 4.0 * TAU * 60.0 / 48_000.0;
+    assert!(
+        f64::from(largest_step(&out.audio)) < 12.0 * steepest + 2.0 * 4.0 / 48.0,
+        "{}",
+        largest_step(&out.audio)
+    );
+    let mut engine = bench.engine("it", true).unwrap();
+    run(&mut engine, "it", 300);
+    let it = engine.schedule().index_of("it").unwrap();
+    let facts: Vec<String> = engine.facts(it).iter().map(|f| format!("{} {}", f.name, f.value)).collect();
+    assert_eq!(facts, ["slots 40", "taps 40", "cut_short 34"]);
+}
+
+#[test]
+fn a_thousand_slots_call_for_no_more_than_one() {
+    let contacts = |slot: f64| move |tick: u64| (tick == 30).then_some((slot, 100.0, 0.5));
+    let (one, calls) = bench(500, 48_000, &format!("[{ONE:?}]"), contacts(0.0)).run("it", 200);
+    let all = format!("[{}]", vec![format!("{ONE:?}"); 1000].join(", "));
+    let (thousand, of_all) = bench(500, 48_000, &all, contacts(777.0)).run("it", 200);
+    assert!(one == thousand && calls == of_all);
+}
+
+#[test]
+fn a_recorded_tap_is_read_beside_the_graph_and_scaled_by_the_speed() {
+    let dir = tempfile::tempdir().unwrap();
+    let spec = hound::WavSpec {
+        channels: 2,
+        sample_rate: 48_000,
+        bits_per_sample: 16,
+        sample_format: hound::SampleFormat::Int,
+    };
+    let mut writer = hound::WavWriter::create(dir.path().join("tap.wav"), spec).unwrap();
+    let wave = |n: i32| (8000.0 * (f64::from(n) * 0.05).sin()) as i16;
+    (0..2000).for_each(|n| [wave(n), 77].iter().for_each(|x| writer.write_sample(*x).unwrap()));
+    writer.finalize().unwrap();
+    let text = "(recording: (file: \"tap.wav\", speed_mm_s: 50, full_scale_m_s2: 20, gain: 2))";
+    let contacts = |tick: u64| (tick == 10).then_some((0.0, 100.0, 0.0));
+    let file = dir.path().join("g.ron");
+    let file = file.to_str().unwrap();
+    let bench =
+        Bench::beside(file, 500, 48_000, "tap", &[("taps", &format!("[{text:?}]"))], script(contacts));
+    let (out, _) = bench.run("it", 100);
+    for n in 0..1800 {
+        let want = 2.0 * 2.0 * 20.0 * f64::from(wave(n)) / 32_768.0;
+        assert!((f64::from(out.audio[960 + n as usize]) - want).abs() < 1e-3, "{n}");
+    }
+    // A host sees when it changes.
+    let engine = bench.engine("it", true).unwrap();
+    let it = engine.schedule().nodes.iter().find(|n| n.id == "it").unwrap();
+    assert_eq!(it.files, [dir.path().join("tap.wav")]);
+    let e = refused::<effects::Tap>(&[(
+        "taps",
+        "[\"(recording: (file: \\\"no.wav\\\", speed_mm_s: 50, full_scale_m_s2: 20))\"]",
+    )]);
+    assert!(e.starts_with("folder/no.wav: not a WAV file"), "{e}");
+}

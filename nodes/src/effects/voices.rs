@@ -1,0 +1,72 @@
+//! Kernels for every slot, of which those of one are on.
+
+use asperity_node::State;
+
+use super::pick;
+
+/// What plays one setting of an effect.
+pub(super) trait Voice: Clone {
+    /// Begins anew.
+    fn reset(&mut self);
+    /// What it remembers, of one size for all of a node.
+    fn state(&mut self, state: &mut State<'_>);
+}
+
+/// The voices of every slot. Those of a slot that comes on begin anew, so that nothing depends on what was before.
+pub(super) struct Voices<V> {
+    slots: Vec<Vec<V>>,
+    on: Option<usize>,
+    /// Most voices of a slot, and one in place of those that a slot has not: all states are of one size.
+    most: usize,
+    spare: Option<V>,
+}
+
+impl<V: Voice> Voices<V> {
+    pub(super) fn new(slots: Vec<Vec<V>>) -> Self {
+        let most = slots.iter().map(Vec::len).max().unwrap_or(0);
+        let spare = slots.iter().flatten().next().cloned();
+        Self { slots, on: None, most, spare }
+    }
+
+    /// Turns to what a number picks. Answers whether that is another slot than before.
+    pub(super) fn turn(&mut self, slot: f64) -> bool {
+        let on = pick(slot, self.slots.len());
+        if on == self.on {
+            return false;
+        }
+        self.on = on;
+        self.on().iter_mut().for_each(V::reset);
+        true
+    }
+
+    /// The voices that are on.
+    pub(super) fn on(&mut self) -> &mut [V] {
+        self.on.and_then(|slot| self.slots.get_mut(slot)).map_or(&mut [], Vec::as_mut_slice)
+    }
+
+    /// How many slots there are.
+    pub(super) fn count(&self) -> usize {
+        self.slots.len()
+    }
+
+    /// Turns to none.
+    pub(super) fn reset(&mut self) {
+        self.on = None;
+    }
+
+    /// Which slot is on, and what its voices remember. Refused is a slot that is not there.
+    pub(super) fn state(&mut self, state: &mut State<'_>) {
+        let mut on = self.on;
+        state.keep(&mut on);
+        if state.restores() {
+            state.require(on.is_none_or(|slot| slot < self.slots.len()));
+            self.on = on.filter(|slot| *slot < self.slots.len());
+        }
+        for i in 0..self.most {
+            let on = self.on.and_then(|slot| self.slots.get_mut(slot)?.get_mut(i));
+            if let Some(voice) = on.or(self.spare.as_mut()) {
+                voice.state(state);
+            }
+        }
+    }
+}
