@@ -318,6 +318,31 @@ fn a_tool_that_shakes_askew_is_as_loud() {
 }
 
 #[test]
+fn a_scene_renders_what_was_fitted() {
+    let dir = folder();
+    fit(dir.path(), &["s.csv", "--out", "m.ron"]).ok();
+    let stroke = graphs("trajectories/zigzag.csv").display().to_string();
+    let scene = |texture: &str| {
+        format!(
+            "Scene(version: 1, input: trajectory(file: {stroke:?}), surfaces: {{\"cloth\": (shape: plane, \
+             effects: (stiffness: (stiffness_n_per_mm: 0.5){texture}))}})"
+        )
+    };
+    let power = |name: &str, texture: &str| {
+        std::fs::write(dir.path().join("scene.ron"), scene(texture)).expect("a file");
+        run(dir.path(), &["render", "scene.ron", "--seconds", "2", "--out", name]).ok();
+        let (samples, _) = common::wav(&dir.path().join(name));
+        samples.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>() / samples.len() as f64
+    };
+    let [twice, once] = [
+        ", texture: autoregressive(model: \"m.ron\", gain: 0.2)",
+        ", texture: autoregressive(model: \"m.ron\", gain: 0.1)",
+    ]
+    .map(|texture| power("o.wav", texture));
+    assert!(once > 0.0 && (twice / once / 4.0 - 1.0).abs() < 0.1, "{twice} and {once}");
+}
+
+#[test]
 fn what_is_wrong_is_said_where_it_is_and_nothing_is_written() {
     let dir = tempfile::tempdir().expect("a folder");
     let at = |name: &str| dir.path().join(name);
