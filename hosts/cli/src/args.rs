@@ -2,6 +2,7 @@
 
 mod calibrate;
 mod device;
+mod fit_ar;
 mod latency;
 mod materials;
 mod number;
@@ -14,6 +15,7 @@ use clap::{Parser, Subcommand, ValueEnum};
 
 pub use calibrate::{Calibrate, DriveKind};
 pub use device::{ActuatorArgs, ClockKind, DeviceArgs, OutputArgs};
+pub use fit_ar::{By, FitAr};
 pub use latency::LatencyArgs;
 pub use materials::{As, Encode, Materials};
 pub use scene::{Expand, Explain, SceneCommand};
@@ -65,6 +67,13 @@ pub enum Command {
     /// A picture is brought to 192 x 256 pixels: its middle of 4 to 3, smaller or larger. What was done to it is said.
     #[command(mut_args = number::may_be_negative)]
     Encode(Encode),
+    /// Fit a texture of autoregressive models to a recording of force, speed and acceleration
+    ///
+    /// RECORDING is a table, whose first line names its columns: t_s; force_n; vx_mm_s and vy_mm_s, or x_mm and y_mm, or speed_mm_s; ax_m_s2, ay_m_s2, az_m_s2, one
+    /// at least, or acceleration_m_s2. Or a WAV file, whose channels are named in recording.ron beside it; or a NumPy array of a row for each
+    /// sample. At 1 to 10 kHz; hold speed and force for a second at each of some values.
+    #[command(mut_args = number::may_be_negative)]
+    FitAr(Box<FitAr>),
     /// List the materials of a library: names, families, descriptions, pictures
     Materials(Materials),
     /// Print the graph that a scene lowers to, or say what of it is built, why, and what it costs

@@ -37,6 +37,7 @@ fn main() -> ExitCode {
         Command::Invert(args) => commands::invert::run(&args),
         Command::Compare(args) => commands::compare::run(&args),
         Command::Encode(args) => commands::encode::run(&args),
+        Command::FitAr(args) => commands::fit_ar::run(&args),
         Command::Materials(args) => commands::materials::run(&args),
         Command::Scene(command) => commands::scene::run(&command),
         Command::Plugin(command) => commands::plugin::run(&command),

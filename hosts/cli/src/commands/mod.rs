@@ -1,10 +1,11 @@
-//! Commands that do not run a graph in time: `check`, `nodes`, `graph`, `invert`, `compare`, `encode`, `materials`, `plugin`.
+//! Commands that do not run a graph in time: `check`, `nodes`, `graph`, `invert`, `compare`, `encode`, `fit-ar`, `materials`, `plugin`.
 
 pub mod calibrate;
 pub mod check;
 pub mod compare;
 pub mod devices;
 pub mod encode;
+pub mod fit_ar;
 pub mod graph;
 pub mod invert;
 pub mod latency;

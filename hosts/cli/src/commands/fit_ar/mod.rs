@@ -1,0 +1,157 @@
+//! `asperity fit-ar`: from a recording of force, speed and acceleration to a texture of autoregressive models.
+
+mod picture;
+mod report;
+
+use std::path::Path;
+use std::process::ExitCode;
+use std::sync::Arc;
+
+use asperity_dataset::recordings::{self, Recorded};
+use asperity_measure::npy;
+use asperity_source::Diagnostic;
+use asperity_world::autoregressive::TextureFile;
+use asperity_world::autoregressive::fit::{Criterion, Order, Recording, Settings, Tolerance};
+
+use crate::args::{By, FitAr};
+use crate::failure::{Failure, clean, print, warn};
+use crate::output::{Pending, ending, resolved};
+use report::Report;
+
+/// A band that is off by more than this, in dB, is worth a warning.
+const FAR_OFF_DB: f64 = 3.0;
+
+/// Runs the command.
+pub fn run(args: &FitAr) -> Result<ExitCode, Failure> {
+    check(args)?;
+    let create = |path: &Path, option: &str| Pending::create(path).map_err(|f| f.named_by(option));
+    let texture_file = create(&args.out, "--out")?;
+    let plot_file = args.plot.as_deref().map(|path| create(path, "--plot")).transpose()?;
+
+    let recorded = read(args)?;
+    let settings = settings(args);
+    let recording = Recording {
+        // Clocks are not exact, and ends of the range are ends.
+        rate_hz: recorded.rate_hz.clamp(1000.0, 10_000.0),
+        force_n: &recorded.force_n,
+        speed_mm_s: &recorded.speed_mm_s,
+        acceleration_m_s2: recorded.acceleration_m_s2.iter().map(Vec::as_slice).collect(),
+    };
+    let fail = |e: Diagnostic| e.in_file(&args.recording);
+    let (texture, fitted) = recording.fit(&settings).map_err(fail)?;
+    let texture = Arc::new(texture);
+    let compared = recording.compare(&settings, &texture, &fitted).map_err(fail)?;
+
+    let name = args.recording.file_name().unwrap_or_default().to_string_lossy();
+    let seconds: f64 = fitted.segments.iter().map(|s| s.length_s).sum();
+    let file = TextureFile {
+        description: args.description.clone().unwrap_or_else(|| format!("What was felt in {name}.")),
+        origin: format!("Fitted by `asperity fit-ar` to {seconds:.1} s of {name}."),
+        texture: (*texture).clone(),
+    };
+    let text = file.to_ron().map_err(fail)?;
+    let mut report = Report {
+        args,
+        recorded: &recorded,
+        texture: &texture,
+        fitted: &fitted,
+        compared: &compared,
+        written: Vec::new(),
+    };
+    if let Some(worst) = compared.all.worst().filter(|b| b.off_db().abs() > FAR_OFF_DB) {
+        warn(&format!(
+            "the band at {:.0} Hz is rendered {:+.1} dB off what was recorded",
+            worst.centre_hz,
+            worst.off_db()
+        ));
+    }
+    if let Some(file) = plot_file {
+        report.written.push(file.keep_text(&picture::svg(&report))?);
+    }
+    report.written.push(texture_file.keep_text(&text)?);
+    print(&if args.json { report.json() } else { report.text() })?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Whether what is written is none of what is read.
+fn check(args: &FitAr) -> Result<(), Failure> {
+    let wrong = |option: &str, what: String, help: &str| -> Failure {
+        Diagnostic::new(what).in_file(option).help(help.to_owned()).into()
+    };
+    let (out, recording) = (resolved(&args.out), resolved(&args.recording));
+    let names = resolved(&recordings::channels_file(&args.recording));
+    let own = "give the texture a name of its own";
+    if out == recording {
+        return Err(wrong("--out", "the recording is read, and would be overwritten".into(), own));
+    }
+    if out == names {
+        return Err(wrong("--out", "this is where the channels of a WAV file are named".into(), own));
+    }
+    if ending(&args.out) != "ron" {
+        let what = format!("{} would not be found as a texture", clean(&args.out.display().to_string()));
+        return Err(wrong("--out", what, "a texture's name ends in .ron"));
+    }
+    let plot = args.plot.as_deref().map(resolved);
+    if plot.as_ref().is_some_and(|plot| [&out, &recording, &names].contains(&plot)) {
+        let help = "give the picture a name of its own";
+        return Err(wrong("--plot", "this file is read, or is the texture".into(), help));
+    }
+    Ok(())
+}
+
+fn settings(args: &FitAr) -> Settings {
+    let by = match args.by {
+        By::Aicc => Criterion::Aicc,
+        By::Bic => Criterion::Bic,
+    };
+    Settings {
+        model_hz: args.model_hz,
+        high_pass_hz: args.high_pass_hz,
+        order: args.order.map_or(Order::Best { most: args.max_order, by }, Order::Given),
+        shortest_s: args.shortest_s,
+        least_speed_mm_s: args.least_speed_mm_s,
+        least_force_n: args.least_force_n,
+        tolerance: Tolerance {
+            speed_mm_s: args.speed_tolerance_mm_s,
+            force_n: args.force_tolerance_n,
+            part: args.tolerance_percent / 100.0,
+        },
+        most_models: args.most_models,
+    }
+}
+
+/// What was recorded, by the ending of the file's name.
+fn read(args: &FitAr) -> Result<Recorded, Failure> {
+    let path = &args.recording;
+    let array = ending(path) == "npy";
+    let Some(rate_hz) = args.rate_hz else {
+        if array {
+            return Err(Diagnostic::new("nothing says what the columns of this array are")
+                .in_file(path)
+                .help("--columns force_n,speed_mm_s,ax_m_s2 --rate-hz 1000, for example")
+                .into());
+        }
+        return Ok(recordings::recorded(path)?);
+    };
+    if !array {
+        let what = "a table names its own columns and has a clock, and a WAV file's are in recording.ron";
+        return Err(Diagnostic::new(what).in_file("--columns").help("for a .npy array only").into());
+    }
+    let array = npy::read(path)?;
+    let count = args.columns.len();
+    let [_, columns] = array.shape[..] else {
+        return Err(Diagnostic::new("an array of one dimension, where a row of several columns is a sample")
+            .in_file(path)
+            .into());
+    };
+    if columns != count {
+        return Err(Diagnostic::new(format!("{columns} columns, and {count} are named"))
+            .in_file(path)
+            .help("--columns names all, those to be left out as `none`")
+            .into());
+    }
+    let values = array.values.into_f64();
+    let of = |(i, name)| (name, values.iter().skip(i).step_by(count).copied().collect());
+    let named = args.columns.iter().map(String::as_str).enumerate().map(of).collect();
+    Ok(Recorded::from_columns(rate_hz, named).map_err(|e| e.in_file(path))?)
+}
