@@ -266,20 +266,20 @@ impl Settings {
         };
         let t = &self.tolerance;
         let limits = [
-            ("rate of models", rate, 500.0, *RATES_HZ.end(), "Hz"),
-            ("corner of the high-pass", self.high_pass_hz, 0.0, rate / 10.0, "Hz"),
-            ("order", most as f64, 1.0, MAX_ORDER as f64, ""),
-            ("shortest piece", self.shortest_s, 0.05, 10.0, "s"),
-            ("least speed", self.least_speed_mm_s, 0.0, MAX_SPEED_MM_S, "mm/s"),
-            ("least force", self.least_force_n, 0.0, MAX_ABS_FORCE_N, "N"),
-            ("tolerance of speed", t.speed_mm_s, 0.01, MAX_SPEED_MM_S, "mm/s"),
-            ("tolerance of force", t.force_n, 1e-4, MAX_ABS_FORCE_N, "N"),
-            ("tolerance as a part", t.part, 0.0, 1.0, ""),
-            ("number of models", self.most_models as f64, 1.0, super::MAX_MODELS as f64, ""),
+            ("a rate of models", rate, 500.0, *RATES_HZ.end(), "Hz"),
+            ("a corner of the high-pass", self.high_pass_hz, 0.0, rate / 10.0, "Hz"),
+            ("an order", most as f64, 1.0, MAX_ORDER as f64, ""),
+            ("a shortest piece", self.shortest_s, 0.05, 10.0, "s"),
+            ("a least speed", self.least_speed_mm_s, 0.0, MAX_SPEED_MM_S, "mm/s"),
+            ("a least force", self.least_force_n, 0.0, MAX_ABS_FORCE_N, "N"),
+            ("a tolerance of speed", t.speed_mm_s, 0.01, MAX_SPEED_MM_S, "mm/s"),
+            ("a tolerance of force", t.force_n, 1e-4, MAX_ABS_FORCE_N, "N"),
+            ("a tolerance as a part", t.part, 0.0, 1.0, ""),
+            ("a number of models", self.most_models as f64, 1.0, super::MAX_MODELS as f64, ""),
         ];
         for (name, value, least, most, unit) in limits {
             if !(least..=most).contains(&value) {
-                return Err(Diagnostic::new(format!("a {name} of {value} {unit}").trim_end().to_owned())
+                return Err(Diagnostic::new(format!("{name} of {value} {unit}").trim_end().to_owned())
                     .help(format!("{least} to {most} {unit}").trim_end().to_owned()));
             }
         }

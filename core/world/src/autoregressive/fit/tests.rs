@@ -315,7 +315,7 @@ fn what_cannot_be_fitted_is_refused_in_words_that_help() {
     for (found, wanted) in [
         (set(|s| s.model_hz = 2000), "models at 2000 Hz of a recording at 1000 Hz"),
         (set(|s| s.model_hz = 100), "a rate of models of 100 Hz (500 to 10000 Hz)"),
-        (set(|s| s.order = Order::Given(0)), "a order of 0"),
+        (set(|s| s.order = Order::Given(0)), "an order of 0"),
         (set(|s| s.order = Order::Given(65)), "(1 to 64)"),
         (set(|s| s.order = Order::Given(64)), "models of order 64 of pieces of 0.2 s (pieces of 0.256 s"),
         (set(|s| s.high_pass_hz = f64::NAN), "a corner of the high-pass of NaN Hz"),
