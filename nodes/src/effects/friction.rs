@@ -16,13 +16,15 @@ const FORCE: usize = 2;
 const TANGENTS: usize = 3;
 
 /// Tangents of a floor.
-const FLAT: [f64; 6] = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0];
+const FLAT: [[f64; 3]; 2] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
 
 /// A force along the surface against the velocity there, by the law of the surface that is touched.
 ///
-/// It is called in contact and once more to let go. Bristles are unbent whenever another law comes on.
+/// It is called in contact and once more to let go. Bristles are unbent whenever another law comes on, and stay as they stand in space where tangents change.
 pub struct Friction {
     laws: Voices<Law>,
+    /// Those of the tick before, along which bristles are bent.
+    tangents: [[f64; 3]; 2],
     dt_s: f64,
     every: u32,
 }
@@ -53,6 +55,16 @@ impl Law {
             Self::ViscousCoulomb(law) => law.force_n(velocity_mm_s, normal_force_n),
             Self::Dahl(law) => law.step(velocity_mm_s, normal_force_n, dt_s),
             Self::LuGre(law) => law.step(velocity_mm_s, normal_force_n, dt_s),
+        }
+    }
+}
+
+impl Law {
+    fn turn(&mut self, from: &[[f64; 3]; 2], to: &[[f64; 3]; 2]) {
+        match self {
+            Self::ViscousCoulomb(_) => {}
+            Self::Dahl(law) => law.turn(from, to),
+            Self::LuGre(law) => law.turn(from, to),
         }
     }
 }
@@ -104,25 +116,38 @@ impl Node for Friction {
     fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
         let laws = texts::read(setup, "laws", |value| Law::read(value).map(|law| vec![law]))?;
         let dt_s = f64::from(setup.every) / f64::from(setup.tick_hz);
-        Ok(Self { laws: Voices::new(laws), dt_s, every: setup.every })
+        Ok(Self { laws: Voices::new(laws), tangents: FLAT, dt_s, every: setup.every })
     }
 
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         self.laws.turn(tick.inputs.value(SLOT));
         let Some(law) = self.laws.on().first_mut() else { return let_go(tick, self.every) };
+        let mut tangents = FLAT;
+        if tick.inputs.connected(TANGENTS) {
+            tangents.as_flattened_mut().copy_from_slice(&vector::<6>(&tick.inputs, TANGENTS));
+        }
+        if tangents != self.tangents {
+            law.turn(&self.tangents, &tangents);
+            self.tangents = tangents;
+        }
         let [u, v] = law.step(vector(&tick.inputs, VELOCITY), tick.inputs.value(FORCE), self.dt_s);
-        let t = if tick.inputs.connected(TANGENTS) { vector(&tick.inputs, TANGENTS) } else { FLAT };
-        put(tick, [u * t[0] + v * t[3], u * t[1] + v * t[4], u * t[2] + v * t[5]]);
+        put(tick, std::array::from_fn(|k| u * tangents[0][k] + v * tangents[1][k]));
         Status::Continue
     }
 
     fn reset(&mut self) {
         self.laws.reset();
+        self.tangents = FLAT;
     }
 
     /// Which law is on, and how its bristle is bent.
     fn state(&mut self, state: &mut State<'_>) {
         self.laws.state(state);
+        state.keep(&mut self.tangents);
+        if state.restores() && !self.tangents.as_flattened().iter().all(|x| x.abs() < 1e3) {
+            self.tangents = FLAT;
+            state.refuse();
+        }
     }
 
     fn facts(&self) -> Vec<Fact> {

@@ -104,6 +104,35 @@ fn friction_that_does_not_run_in_every_tick_stays_awake_and_knows_how_long_it_is
     assert_eq!(engine.report(it).unwrap().calls, 30);
 }
 
+/// A hand that goes round over a plane whose directions are others from time to time: the same velocity in space.
+#[test]
+fn a_bristle_stays_as_it_is_bent_where_directions_turn_round() {
+    let outputs = [
+        ("slot", 1, Unit::NONE),
+        ("velocity", 2, Unit::MILLIMETRE_PER_SECOND),
+        ("force", 1, Unit::NEWTON),
+        ("tangents", 6, Unit::NONE),
+    ];
+    let forces = |slot: f64, turning: bool| {
+        let script = Script::new(&outputs, move |tick| {
+            let [u, v] = velocity(tick);
+            let (velocity, tangents) = match tick / 7 % 3 {
+                1 if turning => ([-u, -v], TANGENTS.map(|x| -x).to_vec()),
+                2 if turning => ([v, -u], [&TANGENTS[3..], &TANGENTS.map(|x| -x)[..3]].concat()),
+                _ => ([u, v], TANGENTS.to_vec()),
+            };
+            vec![vec![slot], velocity.to_vec(), vec![normal_force(tick)], tangents]
+        });
+        Bench::new(500, 48_000, "friction", &[("laws", LAWS)], script).run("it", 200).0.control
+    };
+    for slot in [0.0, 1.0, 2.0] {
+        let (still, turning) = (forces(slot, false), forces(slot, true));
+        for (tick, (a, b)) in still.iter().flatten().zip(turning.iter().flatten()).enumerate() {
+            assert!((a - b).abs() < 1e-12, "slot {slot}, tick {}: {a} and {b}", tick / 3);
+        }
+    }
+}
+
 #[test]
 fn a_graph_of_one_floor_needs_neither_slot_nor_directions() {
     let outputs = [("velocity", 2, Unit::MILLIMETRE_PER_SECOND), ("force", 1, Unit::NEWTON)];

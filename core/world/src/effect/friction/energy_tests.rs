@@ -12,6 +12,7 @@ trait Law {
     fn stored_mj(&self) -> f64;
     fn state(&mut self, state: &mut State<'_>);
     fn reset(&mut self);
+    fn turn(&mut self, from: &[[f64; 3]; 2], to: &[[f64; 3]; 2]);
 }
 
 macro_rules! laws {
@@ -28,6 +29,9 @@ macro_rules! laws {
             }
             fn reset(&mut self) {
                 <$t>::reset(self);
+            }
+            fn turn(&mut self, from: &[[f64; 3]; 2], to: &[[f64; 3]; 2]) {
+                <$t>::turn(self, from, to);
             }
         }
     )*};
@@ -260,4 +264,74 @@ fn whatever_comes_is_finite_and_what_cannot_be_is_refused() {
     error(|s| s.bristle_damping_ns_per_m = f64::INFINITY);
     error(|s| s.viscosity_s_per_mm = -1.0);
     assert!(Dahl::new(f64::NAN, 1.0).is_err() && Dahl::new(0.5, 0.0).is_err());
+}
+
+/// Two directions of length 1 at right angles, from three angles.
+fn tangents([a, b, c]: [f64; 3]) -> [[f64; 3]; 2] {
+    // Turned about z by a, about x by b, about z by c.
+    let about = |t: [f64; 3]| {
+        let [x, y, z] = t;
+        let (x, y) = (x * a.cos() - y * a.sin(), x * a.sin() + y * a.cos());
+        let (y, z) = (y * b.cos() - z * b.sin(), y * b.sin() + z * b.cos());
+        [x * c.cos() - y * c.sin(), x * c.sin() + y * c.cos(), z]
+    };
+    [about([1.0, 0.0, 0.0]), about([0.0, 1.0, 0.0])]
+}
+
+/// As [`taken`], over a surface whose tangents are others in every tick.
+fn taken_turning(law: &mut impl Law, ticks: &[([f64; 2], f64, f64)], ways: &[[f64; 3]]) -> (f64, f64) {
+    let (mut least, mut sizes, mut stored) = (f64::INFINITY, 0.0, law.stored_mj());
+    let mut before = tangents([0.0; 3]);
+    for ((velocity, normal, dt), angles) in ticks.iter().zip(ways) {
+        let now = tangents(*angles);
+        law.turn(&before, &now);
+        before = now;
+        let force = law.step(*velocity, *normal, *dt);
+        let part = -(force[0] * velocity[0] + force[1] * velocity[1]) * dt;
+        least = least.min(part - (law.stored_mj() - stored));
+        (sizes, stored) = (sizes + part.abs(), law.stored_mj());
+    }
+    (least, sizes)
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(1000))]
+
+    #[test]
+    fn where_the_surface_turns_no_energy_is_given_either(
+        settings in settings(), ticks in ticks(),
+        ways in proptest::collection::vec([-4.0..4.0f64, -4.0..4.0f64, -4.0..4.0f64], 80),
+    ) {
+        let mut dahl = Dahl::new(settings.kinetic_coefficient, settings.bristle_stiffness_n_per_mm).unwrap();
+        let (least, sizes) = taken_turning(&mut dahl, &ticks, &ways);
+        prop_assert!(least >= -1e-9 * (1.0 + sizes), "{least} of {sizes}");
+        let mut lugre = LuGre::new(settings).unwrap();
+        let (least, sizes) = taken_turning(&mut lugre, &ticks, &ways);
+        prop_assert!(least >= -1e-9 * (1.0 + sizes), "{least} of {sizes}");
+    }
+
+    #[test]
+    fn a_bristle_stays_as_it_stands_in_space(
+        bend in [-1.0..1.0f64, -1.0..1.0], angle in -4.0..4.0f64, way in [-4.0..4.0f64, -4.0..4.0, -4.0..4.0],
+    ) {
+        let mut law = Dahl::new(1.0, 1.0).unwrap();
+        // Slowly bent, far from giving way: the force is that of a spring.
+        law.step(bend, 1e6, 1e-3);
+        let from = tangents(way);
+        let force = |law: &mut Dahl, t: [[f64; 3]; 2]| -> [f64; 3] {
+            let [u, v] = law.step([0.0; 2], 1e6, 1e-3);
+            std::array::from_fn(|k| u * t[0][k] + v * t[1][k])
+        };
+        let before = force(&mut law, from);
+        // Other directions along the same plane.
+        let to = [
+            std::array::from_fn(|k| from[0][k] * angle.cos() + from[1][k] * angle.sin()),
+            std::array::from_fn(|k| from[1][k] * angle.cos() - from[0][k] * angle.sin()),
+        ];
+        law.turn(&from, &to);
+        let after = force(&mut law, to);
+        for k in 0..3 {
+            prop_assert!((after[k] - before[k]).abs() < 1e-15, "{before:?} -> {after:?}");
+        }
+    }
 }

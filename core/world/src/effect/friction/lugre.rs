@@ -139,6 +139,11 @@ impl LuGre {
         self.bristle = Bristle::default();
     }
 
+    /// Takes the bristle from one pair of tangents, directions along the surface of length 1, to another. It gives no energy.
+    pub fn turn(&mut self, from: &[[f64; 3]; 2], to: &[[f64; 3]; 2]) {
+        self.bristle.turn(from, to);
+    }
+
     /// How the bristle is bent.
     pub fn state(&mut self, state: &mut State<'_>) {
         self.bristle.state(state);

@@ -20,6 +20,9 @@
 //! `mu F_n / s0`. When the normal force falls, a bristle that is bent further is let go to there at once, and what that frees is lost. A stiffness that grew
 //! with the normal force would give what it never took: bend it under a light hand, press, let go. A bristle that held is kept while the normal force trembles.
 //!
+//! Where the surface curves or another one of the same law begins, its tangents are others: `turn` keeps the bristle as it stands in space, and lets go
+//! what stands out of the new plane.
+//!
 //! For one tick of constant v and F_n the bristle obeys `z' = v - a z`, `a = s0 |v| / g`, a linear equation that is solved exactly,
 //!
 //! ```text
@@ -66,6 +69,17 @@ impl Bristle {
             let share = most_mm / square.sqrt();
             self.bent_mm = self.bent_mm.map(|z| share * z);
         }
+    }
+
+    /// The surface goes on another way: what is bent stays as it stands in space, but for what stands out of the new tangents, which is let go. It never
+    /// gets longer, whatever the tangents are.
+    fn turn(&mut self, from: &[[f64; 3]; 2], to: &[[f64; 3]; 2]) {
+        let [u, v] = self.bent_mm;
+        let bent: [f64; 3] = std::array::from_fn(|k| u * from[0][k] + v * from[1][k]);
+        let turned = to.map(|t| bent[0] * t[0] + bent[1] * t[1] + bent[2] * t[2]);
+        let most_mm = dot(self.bent_mm, self.bent_mm).sqrt();
+        *self = Self { bent_mm: counted_vector(turned) };
+        self.hold(most_mm);
     }
 
     /// A tick in which the surface passes at `velocity`, of size `speed`; the bend goes toward `end_mm` along it.
