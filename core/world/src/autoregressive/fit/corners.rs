@@ -9,13 +9,19 @@ use super::burg::Fitted;
 
 /// Least bandwidth of a resonance in Hz.
 const BANDWIDTH_HZ: f64 = 0.3;
+/// What has less than this part of the samples of a neighbour's longest piece is the way to it or from it, ..
+const WAY: f64 = 0.1;
+/// .. up to so many tolerances from it.
+const WAY_TOLERANCES: f64 = 3.0;
 /// How much the tolerance grows while there are too many models.
 const WIDER: f64 = 1.25;
 
-/// One piece, or several that became one. All but the samples are means over these.
+/// One piece, or several that became one, of which place, mean square and lines are means.
 #[derive(Clone)]
 struct Corner {
     samples: f64,
+    /// Samples of its longest piece.
+    longest: f64,
     /// Speed in mm/s and force in N.
     place: [f64; 2],
     mean_square: f64,
@@ -24,15 +30,24 @@ struct Corner {
 }
 
 impl Corner {
-    /// Takes in another.
+    /// Whether it is so short beside another that it tells nothing of a spectrum that the other does not tell better.
+    fn is_way_to(&self, other: &Self) -> bool {
+        self.samples < WAY * other.longest
+    }
+
+    /// Takes in another. A way to it counts for nothing.
     fn absorb(&mut self, other: &Self) {
+        self.pieces.extend(&other.pieces);
+        if other.is_way_to(self) {
+            return;
+        }
+        self.longest = self.longest.max(other.longest);
         self.samples += other.samples;
         let part = other.samples / self.samples;
         let mean = |x: &mut f64, y: f64| *x += part * (y - *x);
         mean(&mut self.mean_square, other.mean_square);
         self.place.iter_mut().zip(other.place).for_each(|(x, y)| mean(x, y));
         self.lines.iter_mut().zip(&other.lines).for_each(|(x, y)| mean(x, *y));
-        self.pieces.extend(&other.pieces);
     }
 
     fn model(&self) -> Model {
@@ -59,6 +74,7 @@ pub(super) fn merge(
         .enumerate()
         .map(|(i, (piece, fitted))| Corner {
             samples: (piece.len() * blocks.len()) as f64,
+            longest: (piece.len() * blocks.len()) as f64,
             place: blocks.mean(piece),
             mean_square: fitted.mean_square,
             lines: lines(&fitted.ar, blocks.rate_hz()),
@@ -87,7 +103,7 @@ pub(super) fn merge(
     (corners.iter().map(Corner::model).collect(), owners)
 }
 
-/// Each, the longest first, goes to the nearest of those before it that is within tolerance, or stays by itself.
+/// Each, the longest first, goes to the nearest of those before it that is within tolerance, or stays by itself; a way goes further.
 fn joined(mut corners: Vec<Corner>, settings: &Settings, wider: f64) -> Vec<Corner> {
     corners.sort_by(|a, b| b.samples.total_cmp(&a.samples));
     // The places by which others are judged stay while they come.
@@ -101,7 +117,7 @@ fn joined(mut corners: Vec<Corner>, settings: &Settings, wider: f64) -> Vec<Corn
         let nearest = kept
             .iter_mut()
             .map(|(place, kept)| (away(*place), kept))
-            .filter(|(away, _)| *away < 1.0)
+            .filter(|(away, kept)| *away < if corner.is_way_to(kept) { WAY_TOLERANCES } else { 1.0 })
             .min_by(|a, b| a.0.total_cmp(&b.0));
         match nearest {
             Some((_, kept)) => kept.absorb(&corner),

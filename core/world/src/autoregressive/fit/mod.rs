@@ -32,7 +32,8 @@
 //!    sum over them of the [criterion](Criterion).
 //! 7. Resonances narrower than 0.3 Hz, of which seconds of recording say nothing, are widened to that. So a pure tone has a model too.
 //! 8. Pieces that differ by less than the tolerances in speed and force become one, the longest first: line spectral frequencies, speed, force and mean
-//!    square are means, weighted by length. The variance is then that with which the model's signal has this mean square; the gain is 1.
+//!    square are means, weighted by length. The variance is then that with which the model's signal has this mean square; the gain is 1. A piece that is not a tenth as long as
+//!    one within three tolerances is the way to it or from it: it is of that model and counts for nothing, since some tenths of a second tell little of a spectrum.
 //! 9. Delaunay's triangulation joins them, less triangles along the border that are thinner than a hundredth of their length: three models whose forces
 //!    are nearly one are meant to be on a line, and what is beyond is to get the nearest of them and not a mixture of the first and the third.
 //!
@@ -380,5 +381,7 @@ fn prepared(axes: Vec<Vec<f64>>, rate: f64, settings: &Settings) -> Result<Vec<f
 mod axes_tests;
 #[cfg(test)]
 mod compare_tests;
+#[cfg(test)]
+mod corners_tests;
 #[cfg(test)]
 mod tests;

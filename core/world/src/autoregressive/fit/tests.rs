@@ -403,43 +403,6 @@ fn a_recording_that_ends_within_a_block_is_fitted_up_to_there() {
     }
 }
 
-#[test]
-fn no_more_models_than_asked_for() {
-    let stays: Vec<Stay> = (0..20)
-        .map(|i| stay(20.0 * 1.3f64.powi(i % 10), 0.4 + f64::from(i / 10), 1.0, &[-0.5], 0.3))
-        .collect();
-    let recorded = Recorded::new(1000.0, &stays, 0.0, 2);
-    let count = |most_models| {
-        let settings = Settings { most_models, ..Settings::default() };
-        let (texture, report) = recorded.fit(&settings);
-        assert!(report.segments.iter().all(|s| s.model < texture.models().len()));
-        texture.models().len()
-    };
-    let free = count(64);
-    assert!((12..=20).contains(&free), "{free}");
-    assert!((3..=6).contains(&count(6)));
-    assert_eq!(count(1), 1);
-}
-
-/// 84 and 118 mm/s are within a fifth of 100, and not of each other: who comes first decides, and that is the longest, whenever it was.
-#[test]
-fn shorter_pieces_go_to_the_longest_near_them() {
-    let pieces = [(84.0, 1.0), (100.0, 4.0), (118.0, 1.0)];
-    for order in [[0, 1, 2], [1, 0, 2], [2, 0, 1]] {
-        let stays: Vec<Stay> = order
-            .iter()
-            .flat_map(|&i| {
-                let (speed, seconds) = pieces[i];
-                [(1.0, seconds), (0.0, 0.5)].map(|(force, s)| stay(speed, force, s, &[-0.5], 0.3))
-            })
-            .collect();
-        let (texture, report) = Recorded::new(1000.0, &stays, 0.0, 4).fit(&Settings::default());
-        assert_eq!((texture.models().len(), report.segments.len()), (1, 3), "{order:?}: {report:#?}");
-        let mean = texture.models()[0].speed_mm_s;
-        assert!((mean - 602.0 / 6.0).abs() < 0.5, "{order:?}: {mean} mm/s");
-    }
-}
-
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(48))]
     #[test]
