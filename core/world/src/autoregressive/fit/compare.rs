@@ -39,6 +39,13 @@ impl Band {
     pub fn off_db(&self) -> f64 {
         decibels(self.rendered_m_s2.powi(2), self.recorded_m_s2.powi(2))
     }
+
+    /// How far the level of noise in it that lasts so long is off by chance, in dB: a standard deviation.
+    pub fn chance_db(&self, seconds: f64) -> f64 {
+        // Of the power it is one by the root of the number of independent samples, the band's width times the time.
+        let width_hz = self.centre_hz * (10f64.powf(0.05) - 10f64.powf(-0.05));
+        10.0 / std::f64::consts::LN_10 / (width_hz * seconds).sqrt()
+    }
 }
 
 fn decibels(rendered: f64, recorded: f64) -> f64 {
@@ -177,20 +184,27 @@ impl Meter {
         (spectrum.iter().map(|x| scale * x.norm_sqr()).collect(), self.rate_hz / len as f64)
     }
 
-    /// Adds the power of a part by bands, times its length and a weight.
+    /// Adds the power of a part by bands, times its length and a weight: a mean over frames of a second that overlap by half or more, so that every sample counts.
     fn add(&mut self, signal: &[f64], weight: f64, bands: &mut [f64]) {
-        if signal.len() < 2 {
+        let len = signal.len().min(self.rate_hz.round() as usize);
+        if len < 2 {
             return;
         }
-        let (squares, step_hz) = self.squares(signal);
-        let weight = weight * signal.len() as f64;
-        for (centre, sum) in self.centres_hz.iter().zip(bands) {
-            let edge = |by: f64| centre * 10f64.powf(by) / step_hz;
-            // A bin holds what is half of a step to either side.
-            let (low, high) = (edge(-0.05), edge(0.05));
-            for bin in (low - 0.5).max(0.0) as usize..=(high + 0.5) as usize {
-                let (from, to) = (low.max(bin as f64 - 0.5), high.min(bin as f64 + 0.5));
-                *sum += weight * (to - from).max(0.0) * squares.get(bin).copied().unwrap_or(0.0);
+        let (rest, hop) = (signal.len() - len, (len / 2).max(1));
+        let steps = rest.div_ceil(hop);
+        let weight = weight * signal.len() as f64 / (steps + 1) as f64;
+        for step in 0..=steps {
+            // From the first sample to the last.
+            let start = rest * step / steps.max(1);
+            let (squares, step_hz) = self.squares(signal.get(start..start + len).unwrap_or_default());
+            for (centre, sum) in self.centres_hz.iter().zip(bands.iter_mut()) {
+                let edge = |by: f64| centre * 10f64.powf(by) / step_hz;
+                // A bin holds what is half of a step to either side.
+                let (low, high) = (edge(-0.05), edge(0.05));
+                for bin in (low - 0.5).max(0.0) as usize..=(high + 0.5) as usize {
+                    let (from, to) = (low.max(bin as f64 - 0.5), high.min(bin as f64 + 0.5));
+                    *sum += weight * (to - from).max(0.0) * squares.get(bin).copied().unwrap_or(0.0);
+                }
             }
         }
     }
@@ -250,6 +264,65 @@ impl Sums {
                 })
                 .collect(),
             density: self.density.iter().map(|x| x / self.frames.max(1) as f64).collect(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::material::Random;
+
+    /// A window over all of six seconds would leave 1.03 dB to chance in the band of 25 Hz.
+    #[test]
+    fn a_level_is_known_as_well_as_its_time_and_width_allow() {
+        let mut random = Random::new(3);
+        let mut meter = Meter::new(1000.0);
+        let (seconds, draws) = (6, 300);
+        let all: Vec<Vec<f64>> = (0..draws)
+            .map(|_| {
+                let signal: Vec<f64> = (0..1000 * seconds).map(|_| random.normal()).collect();
+                let mut bands = vec![0.0; meter.centres_hz.len()];
+                meter.add(&signal, 1.0, &mut bands);
+                bands.iter().map(|b| b / signal.len() as f64).collect()
+            })
+            .collect();
+        for (number, centre_hz) in meter.centres_hz.iter().enumerate() {
+            // White noise of power 1: twice the density of 1 / rate, times the width.
+            let want = 0.002 * centre_hz * (10f64.powf(0.05) - 10f64.powf(-0.05));
+            let of = || all.iter().map(|bands| bands[number]);
+            let mean = of().sum::<f64>() / draws as f64;
+            let deviation = (of().map(|b| (b - mean).powi(2)).sum::<f64>() / draws as f64).sqrt();
+            assert!((mean / want - 1.0).abs() < 0.05, "{centre_hz} Hz: {mean}, not {want}");
+            let db = 10.0 / std::f64::consts::LN_10 * deviation / mean;
+            let band = Band { centre_hz: *centre_hz, recorded_m_s2: 1.0, rendered_m_s2: 1.0 };
+            let chance = band.chance_db(f64::from(seconds));
+            assert!((0.85..1.2).contains(&(db / chance)), "{centre_hz} Hz: {db} dB, not {chance}");
+        }
+    }
+
+    #[test]
+    fn every_sample_counts_and_the_power_of_a_tone_is_that_of_the_tone() {
+        let mut meter = Meter::new(1000.0);
+        for len in [2, 150, 999, 1000, 1001, 1499, 2750] {
+            let mut bands = vec![0.0; meter.centres_hz.len()];
+            let tone: Vec<f64> =
+                (0..len).map(|n| (0.2 * std::f64::consts::PI * f64::from(n)).sin()).collect();
+            meter.add(&tone, 2.0, &mut bands);
+            assert!(bands.iter().all(|b| b.is_finite()));
+            if len > 500 {
+                // 100 Hz; a sine has a mean square of a half.
+                let off = bands[6] / f64::from(len) - 1.0;
+                assert!(off.abs() < 0.01, "{len}: {off}");
+            }
+        }
+        // What comes at the very end is heard.
+        for at in [40, 1500, 2700] {
+            let mut click = vec![0.0; 2750];
+            click[at] = 1.0;
+            let mut bands = vec![0.0; meter.centres_hz.len()];
+            meter.add(&click, 1.0, &mut bands);
+            assert!(bands.iter().all(|b| *b > 0.0), "{at}");
         }
     }
 }
