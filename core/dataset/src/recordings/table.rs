@@ -69,9 +69,11 @@ fn columns(source: &Arc<Source>, header: Span) -> Result<Vec<Column>, Diagnostic
     for span in cells(source.text(), header) {
         let name = &source.text()[span.start..span.end];
         let Some(quantity) = channels::quantity(name) else {
-            return Err(Diagnostic::new(format!("unknown column `{name}`"))
-                .at(source, span)
-                .help(one_of(name, QUANTITIES.iter().map(|q| q.name))));
+            let help = match name.contains([';', '\t']) {
+                true => "cells are separated by commas, and a decimal mark is a point".to_owned(),
+                false => one_of(name, QUANTITIES.iter().map(|q| q.name)),
+            };
+            return Err(Diagnostic::new(format!("unknown column `{name}`")).at(source, span).help(help));
         };
         if let Some(first) = columns.iter().find(|c| c.quantity == quantity) {
             return Err(Diagnostic::new(format!("the column `{name}` is there twice"))

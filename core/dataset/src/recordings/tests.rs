@@ -225,6 +225,10 @@ fn bad_tables_are_refused_at_the_cell() {
     for (found, want) in [
         (error("# nothing\n\n"), "s.csv:3:1: no header line"),
         (error("t_s,force_n,speed_mm_s,accel\n"), "s.csv:1:24: unknown column `accel`"),
+        (
+            error("t_s;force_n;speed_mm_s;ax_m_s2\n0;1;50;0,1\n"),
+            "s.csv:1:1: unknown column `t_s;force_n;speed_mm_s;ax_m_s2` (cells are separated by commas",
+        ),
         (error("t_s,force_n,force_n\n"), "s.csv:1:13: the column `force_n` is there twice"),
         (error("t_s,time_s\n"), "s.csv:1:5: the column `time_s` is there twice"),
         (error("force_n,speed_mm_s,ax_m_s2\n"), "s.csv:1:27: no clock"),
