@@ -134,11 +134,13 @@ fn the_models_that_were_rendered_are_found_again() {
     assert_eq!(files(dir.path()), ["m.ron", "m.svg", "s.csv"]);
     let file = read(dir.path(), "m.ron");
     assert_eq!(file.description, "Ribs \"of\" cloth.");
-    assert!(
-        file.origin.starts_with("Fitted by `asperity fit-ar` to 5") && file.origin.ends_with("s of s.csv.")
-    );
+    let origin = file.origin.strip_prefix("Fitted by `asperity fit-ar` to ");
+    let seconds = origin.and_then(|o| o.strip_suffix(" s of s.csv.")).and_then(|s| s.parse::<f64>().ok());
+    // All but what is on the way.
+    assert!(seconds.is_some_and(|s| (54.0..63.0).contains(&s)), "{}", file.origin);
     assert_eq!((file.texture.models().len(), file.texture.rate_hz()), (9, 1000.0), "{}", ran.out);
-    assert_eq!(file.texture.triangles().corners().len(), 8);
+    // Five of the nine are on the hull, which makes eleven triangles; the one below the three of the least force is a sliver.
+    assert_eq!(file.texture.triangles().corners().len(), 10);
     for m in &stroke().models {
         let off = worst_band(&file.texture.at(m.speed_mm_s, m.force_n), m);
         assert!(off < WITHIN_DB, "{} mm/s, {} N: {off} dB\n{}", m.speed_mm_s, m.force_n, ran.out);
@@ -147,13 +149,14 @@ fn the_models_that_were_rendered_are_found_again() {
         "s.csv: 63.00 s at 1000 Hz, one axis of acceleration",
         "with speed or force changing",
         "of least AICc from 1 to 24: ",
-        "9 models at 1000 Hz, 8 triangles",
+        "9 models at 1000 Hz, 10 triangles",
         "   31.5 ",
-        "wrote m.ron",
-        "wrote m.svg",
+        "/m.ron\n",
+        "/m.svg\n",
     ] {
         assert!(ran.out.contains(said), "{said}\n{}", ran.out);
     }
+    assert_eq!(ran.err, "", "nothing to warn of");
     let svg = std::fs::read_to_string(dir.path().join("m.svg")).expect("a picture");
     assert!(svg.starts_with("<svg") && svg.contains("A texture fitted to s.csv") && svg.contains("within "));
 
@@ -181,8 +184,11 @@ fn what_is_printed_as_json_is_what_was_found() {
     assert_eq!((curve.len(), &least[0], &least[1]), (12, &told["order"], &0.0.into()));
     let number = |value: &Value| value.as_f64().unwrap_or_else(|| panic!("{value}"));
     for (m, told) in file.texture.models().iter().zip(told["models"].as_array().expect("models")) {
-        assert_eq!((number(&told["speed_mm_s"]), number(&told["force_n"])), (m.speed_mm_s, m.force_n));
-        assert!(number(&told["seconds"]) > 5.0 && number(&told["worst_off_db"]).abs() < 2.0, "{told}");
+        // JSON is read to all but the last bit.
+        let same = |name: &str, value: f64| (number(&told[name]) / value - 1.0).abs() < 1e-12;
+        assert!(same("speed_mm_s", m.speed_mm_s) && same("force_n", m.force_n), "{told} of {m:?}");
+        // Of 117 bands with deviations of up to 0.74 dB each, the recording's own chance.
+        assert!(number(&told["seconds"]) > 5.0 && number(&told["worst_off_db"]).abs() < 3.0, "{told}");
     }
     // Every 10 ms is in a segment or was dropped.
     let sum =
@@ -202,7 +208,8 @@ fn what_is_printed_as_json_is_what_was_found() {
     }
     let level = 10.0 * (power("rendered_m_s2") / recorded).log10();
     assert!((number(&told["all"]["level_off_db"]) - level).abs() < 1e-6 && level.abs() < 0.3, "{level} dB");
-    assert_eq!(told["written"], serde_json::json!(["m.ron"]));
+    let written = dir.path().canonicalize().expect("a folder").join("m.ron");
+    assert_eq!(told["written"], serde_json::json!([written]));
     // A file as well as a terminal can hold it.
     std::fs::write(dir.path().join("t.json"), told.to_string()).expect("a file");
     assert_eq!(json(&dir.path().join("t.json")), told);
@@ -324,7 +331,8 @@ fn a_scene_renders_what_was_fitted() {
     let stroke = graphs("trajectories/zigzag.csv").display().to_string();
     let scene = |texture: &str| {
         format!(
-            "Scene(version: 1, input: trajectory(file: {stroke:?}), surfaces: {{\"cloth\": (shape: plane, \
+            "Scene(version: 1, input: trajectory(file: {stroke:?}), output: audio_out(volts_at_full_scale: 1.0, \
+             amps_per_volt: 1.0), surfaces: {{\"cloth\": (shape: plane, \
              effects: (stiffness: (stiffness_n_per_mm: 0.5){texture}))}})"
         )
     };
@@ -340,6 +348,57 @@ fn a_scene_renders_what_was_fitted() {
     ]
     .map(|texture| power("o.wav", texture));
     assert!(once > 0.0 && (twice / once / 4.0 - 1.0).abs() < 0.1, "{twice} and {once}");
+}
+
+#[test]
+fn a_band_that_is_far_off_is_warned_of() {
+    let dir = folder();
+    let ran = fit(dir.path(), &["s.csv", "--out", "m.ron", "--order", "1"]).ok();
+    let said = ran.err.strip_prefix("warning: the band at ").unwrap_or_else(|| panic!("{}", ran.err));
+    let (hz, rest) = said.split_once(" Hz is rendered ").unwrap_or_else(|| panic!("{said}"));
+    let (db, rest) = rest.split_once(" dB off").unwrap_or_else(|| panic!("{rest}"));
+    assert_eq!(rest.trim_end(), " what was recorded");
+    let [hz, db] = [hz, db].map(|x| x.parse::<f64>().unwrap_or_else(|e| panic!("{x}: {e}")));
+    assert!((24.0..=401.0).contains(&hz) && db.abs() > 3.0, "{said}");
+    let told = ran.out.split_once("dB, at most ").and_then(|(_, rest)| rest.split_once(" dB"));
+    let told = told.and_then(|(db, _)| db.parse::<f64>().ok());
+    assert!(told.is_some_and(|told| (told - db).abs() < 0.051), "{said}{}", ran.out);
+    assert!(
+        !files(dir.path()).contains(&"m.svg".to_owned())
+            && read(dir.path(), "m.ron").texture.models()[0].ar.len() == 1
+    );
+}
+
+/// Three corners at which nothing sounds, around all that the stroke does, and a loud one beyond.
+#[test]
+fn between_corners_without_variance_a_scene_is_silent_to_the_last_bit() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let stroke = graphs("trajectories/zigzag.csv").display().to_string();
+    let peak = |silent: f64| {
+        let corner = |speed: f64, force: f64, variance: f64| {
+            format!(
+                "(speed_mm_s: {speed:?}, force_n: {force:?}, variance: {variance:?}, ar: [-1.2, 0.9], ma: [0.3]),"
+            )
+        };
+        let models = [(1.0, 0.01, silent), (2000.0, 0.01, silent), (1.0, 20.0, silent), (2000.0, 20.0, 0.5)]
+            .map(|(v, f, s)| corner(v, f, s))
+            .concat();
+        let text = format!(
+            "Autoregressive(version: 1, description: \"d\", origin: \"o\", rate_hz: 1000, models: [{models}], \
+             triangles: [[0, 1, 2], [1, 2, 3]])"
+        );
+        std::fs::write(dir.path().join("m.ron"), text).expect("a file");
+        let scene = format!(
+            "Scene(version: 1, input: trajectory(file: {stroke:?}), output: audio_out(volts_at_full_scale: 1.0, \
+             amps_per_volt: 1.0), surfaces: {{\"cloth\": (shape: plane, \
+             effects: (stiffness: (stiffness_n_per_mm: 0.5), texture: autoregressive(model: \"m.ron\")))}})"
+        );
+        std::fs::write(dir.path().join("scene.ron"), scene).expect("a file");
+        run(dir.path(), &["render", "scene.ron", "--seconds", "3", "--out", "o.wav"]).ok();
+        common::wav(&dir.path().join("o.wav")).0.iter().fold(0.0f32, |m, x| m.max(x.abs()))
+    };
+    assert_eq!(peak(0.0), 0.0);
+    assert!(peak(1e-6) > 0.0);
 }
 
 #[test]
@@ -365,6 +424,16 @@ fn what_is_wrong_is_said_where_it_is_and_nothing_is_written() {
     changed("clock.csv", 12, &|l| l.replacen("0.009", "0.0099", 1));
     write("still.csv", &table_of(3000, |_| vec![1.0, 0.0, 0.5]));
     write("quiet.csv", &table_of(3000, |n| vec![0.0, 50.0, (n as f64).sin()]));
+    changed("nan.csv", 12, &|l| {
+        let (time, rest) = l.split_once(',').expect("cells");
+        let (_, rest) = rest.split_once(',').expect("cells");
+        format!("{time},nan,{rest}")
+    });
+    let first = |count: usize| table_of(count, |n| vec![1.0, 50.0, (n as f64).sin()]);
+    write("header.csv", &first(0));
+    write("one.csv", &first(1));
+    write("brief.csv", &first(100));
+    std::fs::write(at("s.mat"), b"MATLAB 5.0 \xff\xfe\x00").expect("a file");
     write("empty.csv", "");
     write("bad.npy", "no array");
     write("alone.wav", "RIFF");
@@ -378,6 +447,11 @@ fn what_is_wrong_is_said_where_it_is_and_nothing_is_written() {
     for (args, said) in [
         (vec!["nothing.csv"], "nothing.csv: error: cannot read"),
         (vec!["folder"], "folder: error: "),
+        (vec!["s.mat"], "a recording is a table (.csv), a WAV file (.wav) or an array (.npy)"),
+        (vec!["header.csv"], "header.csv:2:1: error: a stroke of no rows or one"),
+        (vec!["one.csv"], "a stroke of no rows or one"),
+        (vec!["brief.csv"], "a stroke of 0.100 s"),
+        (vec!["nan.csv"], "nan.csv:12:7: error: `force_n` is `nan`, which is not finite"),
         (vec!["empty.csv"], "empty.csv:1:1: error: no header line"),
         (vec!["cell.csv"], "cell.csv:12:7: error: `force_n` is `x"),
         (vec!["short.csv"], "error: a row with fewer cells than the header"),

@@ -11,15 +11,17 @@ use asperity_dataset::recordings::{self, Recorded};
 use asperity_measure::npy;
 use asperity_source::Diagnostic;
 use asperity_world::autoregressive::TextureFile;
-use asperity_world::autoregressive::fit::{Criterion, Order, Recording, Settings, Tolerance};
+use asperity_world::autoregressive::fit::{Band, Criterion, Order, Recording, Settings, Tolerance};
 
 use crate::args::{By, FitAr};
 use crate::failure::{Failure, clean, print, warn};
 use crate::output::{Pending, ending, resolved};
 use report::Report;
 
-/// A band that is off by more than this, in dB, is worth a warning.
+/// A band that is off by more than this, in dB, is worth a warning, ..
 const FAR_OFF_DB: f64 = 3.0;
+/// .. and by so many times what chance makes of a recording of its length.
+const CHANCES: f64 = 4.0;
 
 /// Runs the command.
 pub fn run(args: &FitAr) -> Result<ExitCode, Failure> {
@@ -58,7 +60,9 @@ pub fn run(args: &FitAr) -> Result<ExitCode, Failure> {
         compared: &compared,
         written: Vec::new(),
     };
-    if let Some(worst) = compared.all.worst().filter(|b| b.off_db().abs() > FAR_OFF_DB) {
+    let all = &compared.all;
+    let far_off = |band: &&Band| band.off_db().abs() > FAR_OFF_DB.max(CHANCES * band.chance_db(all.seconds));
+    if let Some(worst) = all.worst().filter(far_off) {
         warn(&format!(
             "the band at {:.0} Hz is rendered {:+.1} dB off what was recorded",
             worst.centre_hz,
@@ -131,7 +135,11 @@ fn read(args: &FitAr) -> Result<Recorded, Failure> {
                 .help("--columns force_n,speed_mm_s,ax_m_s2 --rate-hz 1000, for example")
                 .into());
         }
-        return Ok(recordings::recorded(path)?);
+        let known = ["csv", "wav"].contains(&ending(path).as_str());
+        return Ok(recordings::recorded(path).map_err(|e| match &e.help {
+            None if !known => e.help("a recording is a table (.csv), a WAV file (.wav) or an array (.npy)"),
+            _ => e,
+        })?);
     };
     if !array {
         let what = "a table names its own columns and has a clock, and a WAV file's are in recording.ron";

@@ -36,7 +36,8 @@ pub fn svg(report: &Report<'_>) -> String {
             "{} models of order {}; rendered against recorded: {:+.1} dB in all{worst}",
             texture.models().len(),
             report.fitted.order,
-            all.level_off_db()
+            // To a tenth, of which none is less than nothing.
+            (10.0 * all.level_off_db()).round() / 10.0 + 0.0
         ),
         corners: texture.models().iter().map(|m| [m.speed_mm_s, m.force_n]).collect(),
         triangles: texture.triangles().corners().to_vec(),

@@ -101,9 +101,10 @@ impl Report<'_> {
     fn models(&self) -> String {
         let triangles = self.texture.triangles().corners().len();
         let (models, rate) = (count(self.texture.models().len(), "model"), self.texture.rate_hz());
-        let joined = match triangles {
-            0 => "no triangle: between them, along a line".to_owned(),
-            n => count(n, "triangle"),
+        let joined = match (triangles, self.texture.models().len()) {
+            (0, 1) => "the same at every speed and force".to_owned(),
+            (0, _) => "no triangle: between them, along a line".to_owned(),
+            (n, _) => count(n, "triangle"),
         };
         format!("{models} at {rate:.0} Hz, {joined}")
     }
