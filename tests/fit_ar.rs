@@ -1,67 +1,16 @@
 //! From a recording to a texture of autoregressive models, as a user does it: `asperity fit-ar`.
 
 mod common;
+#[path = "fit_ar/stroke.rs"]
+mod stroke;
 
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::TAU;
 use std::path::Path;
-use std::sync::{Arc, OnceLock};
 
-use asperity_measure::npy;
-use asperity_world::autoregressive::{Filter, Model, Synthesis, TextureFile};
+use asperity_world::autoregressive::{Filter, Model, TextureFile};
 use common::{Ran, files, graphs, json, run};
 use serde_json::Value;
-
-/// A stroke over a shipped texture: six seconds at each of nine of its models, a second on the way from one to the next.
-struct Stroke {
-    force: Vec<f64>,
-    speed: Vec<f64>,
-    acceleration: Vec<f64>,
-    models: Vec<Model>,
-}
-
-fn stroke() -> &'static Stroke {
-    static STROKE: OnceLock<Stroke> = OnceLock::new();
-    STROKE.get_or_init(|| {
-        let file = TextureFile::read(graphs("models/made_ar/rough.ron")).unwrap_or_else(|e| panic!("{e}"));
-        let sounding = file.texture.models().iter().filter(|m| m.variance > 0.0 && m.speed_mm_s > 50.0);
-        let models: Vec<Model> = sounding.filter(|m| m.speed_mm_s < 250.0).cloned().collect();
-        assert_eq!(models.len(), 9);
-        let mut synthesis = Synthesis::new(Arc::new(file.texture), 6);
-        let (mut force, mut speed, mut acceleration) = (vec![], vec![], vec![]);
-        let place = |m: &Model| [m.speed_mm_s, m.force_n];
-        let mut from = place(&models[0]);
-        for to in models.iter().map(place) {
-            for n in 0..7000 {
-                let part = 0.5 - 0.5 * (PI * f64::from(n.min(1000)) / 1000.0).cos();
-                let [v, f] = [0, 1].map(|k| from[k] + part * (to[k] - from[k]));
-                speed.push(v);
-                force.push(f);
-                synthesis.touch(v, f);
-                let mut out = [0.0];
-                synthesis.process(acceleration.len() as u64, &mut out);
-                acceleration.push(f64::from(out[0]));
-            }
-            from = to;
-        }
-        Stroke { force, speed, acceleration, models }
-    })
-}
-
-fn table(columns: &str, row: impl Fn(usize) -> Vec<f64>) -> String {
-    let mut text = format!("# made\nt_s,{columns}\n");
-    for n in 0..stroke().force.len() {
-        let cells: Vec<String> = row(n).iter().map(|x| format!("{x:?}")).collect();
-        text.push_str(&format!("{:?},{}\n", n as f64 / 1000.0, cells.join(",")));
-    }
-    text
-}
-
-const COLUMNS: &str = "force_n,speed_mm_s,acceleration_m_s2";
-
-fn row(n: usize) -> Vec<f64> {
-    let s = stroke();
-    vec![s.force[n], s.speed[n], s.acceleration[n]]
-}
+use stroke::{COLUMNS, row, stroke, table, table_of, write_npy};
 
 /// A folder with the stroke as a table.
 fn folder() -> tempfile::TempDir {
@@ -168,6 +117,15 @@ fn the_models_that_were_rendered_are_found_again() {
 }
 
 #[test]
+#[ignore = "draws docs/autoregressive.svg"]
+fn the_picture_of_the_documentation() {
+    let dir = tempfile::tempdir().expect("a folder");
+    std::fs::write(dir.path().join("rough.csv"), table(COLUMNS, row)).expect("a file");
+    let picture = common::root().join("docs/autoregressive.svg").display().to_string();
+    fit(dir.path(), &["rough.csv", "--out", "m.ron", "--plot", &picture]).ok();
+}
+
+#[test]
 fn what_is_printed_as_json_is_what_was_found() {
     let dir = folder();
     let told = told(dir.path(), &["s.csv", "--out", "m.ron", "--by", "bic", "--max-order", "12"]);
@@ -239,24 +197,6 @@ fn options_are_taken_to_the_fit() {
     assert_eq!(read(dir.path(), "m.ron").texture.rate_hz(), 500.0);
     assert_eq!(slow["all"]["bands"].as_array().map(Vec::len), Some(10));
     assert!(slow["segments"].as_array().expect("a list").iter().all(|s| s["length_s"].as_f64() >= Some(1.0)));
-}
-
-/// The recording's samples in a row each, with a column that is left out, as float64.
-fn write_npy(path: &Path) {
-    let rows: Vec<f64> = (0..stroke().force.len())
-        .flat_map(|n| {
-            let [force, speed, acceleration] = row(n)[..] else { panic!("three columns") };
-            [speed, f64::NAN, force, acceleration]
-        })
-        .collect();
-    let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
-    let header = format!("{{'descr': '<f8', 'fortran_order': False, 'shape': ({}, 4), }}", rows.len() / 4);
-    let header = format!("{header:<117}\n");
-    bytes.extend((header.len() as u16).to_le_bytes());
-    bytes.extend(header.as_bytes());
-    bytes.extend(rows.iter().flat_map(|x| x.to_le_bytes()));
-    npy::parse(&bytes).unwrap_or_else(|e| panic!("{e}"));
-    std::fs::write(path, bytes).expect("a file");
 }
 
 const NPY: [&str; 4] = ["--columns", "speed_mm_s,none,force_n,acceleration_m_s2", "--rate-hz", "1000"];
@@ -521,14 +461,4 @@ fn what_is_wrong_is_said_where_it_is_and_nothing_is_written() {
     }
     fit(dir.path(), &["s.csv", "--out", "mine.ron"]).ok();
     assert_eq!(read(dir.path(), "mine.ron").texture.models().len(), 1);
-}
-
-/// A table of so many rows.
-fn table_of(count: usize, row: impl Fn(usize) -> Vec<f64>) -> String {
-    let mut text = format!("t_s,{COLUMNS}\n");
-    for n in 0..count {
-        let cells: Vec<String> = row(n).iter().map(|x| format!("{x:?}")).collect();
-        text.push_str(&format!("{:?},{}\n", n as f64 / 1000.0, cells.join(",")));
-    }
-    text
 }
