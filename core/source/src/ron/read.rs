@@ -102,7 +102,14 @@ impl<'s> Reader<'s> {
             },
             c if (c.is_alphabetic() || c == '_') && text[word_len..].trim_start().starts_with('(') => {
                 let name = text[..word_len].to_owned();
-                self.parenthesis(Some(name), ron::from_str(text).map_err(reparse)?)?
+                match ron::from_str(text).map_err(reparse)? {
+                    Parts::Items(items) if !items.is_empty() => {
+                        return Err(refuse(&format!("what stands in `{name}(...)` has no names"))
+                            .help(format!("{name}(field: value, ...)")));
+                    }
+                    Parts::Items(_) => Kind::Record { name: Some(name), fields: Vec::new() },
+                    parts => self.parenthesis(Some(name), parts)?,
+                }
             }
             _ => return Err(refuse("this kind of value is not used here")),
         };

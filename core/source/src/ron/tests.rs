@@ -90,3 +90,23 @@ fn no_prefix_of_a_good_text_panics() {
         let _ = read(&good[i..]);
     }
 }
+
+#[test]
+fn a_name_with_nothing_in_its_parentheses_is_one_without_fields() {
+    let v = read("(a: audio_out(), b: audio_out( /* none */ ), c: audio_out)").unwrap();
+    let mut r = v.record("Graph").unwrap();
+    for name in ["a", "b"] {
+        let field = r.required(name).unwrap();
+        assert!(
+            matches!(field.kind(), Kind::Record { name: Some(n), fields } if n == "audio_out" && fields.is_empty())
+        );
+        assert!(field.record("audio_out").unwrap().finish(&[]).is_ok());
+    }
+    assert!(matches!(r.required("c").unwrap().kind(), Kind::Word(w) if w == "audio_out"));
+}
+
+#[test]
+fn fields_without_names_in_what_has_a_name_are_refused_and_not_taken_for_a_list() {
+    let said = error("(a: dahl(0.3))");
+    assert!(said.contains("`dahl(...)` has no names"), "{said}");
+}
