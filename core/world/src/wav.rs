@@ -1,5 +1,7 @@
 //! WAV files, as parts of their full scale.
 
+use std::fs::File;
+use std::io::BufReader;
 use std::path::Path;
 
 use asperity_source::Diagnostic;
@@ -23,7 +25,9 @@ impl Wav {
     /// A file that cannot be read or is no WAV file, one without channels, one that is longer.
     pub fn read(path: &Path, most: u32) -> Result<Self, Diagnostic> {
         let fail = |what: String| Diagnostic::new(what).in_file(path);
-        let reader = WavReader::open(path).map_err(|e| fail(format!("not a WAV file: {e}")))?;
+        let file = File::open(path).map_err(|e| fail(format!("cannot read this file: {e}")))?;
+        let reader =
+            WavReader::new(BufReader::new(file)).map_err(|e| fail(format!("not a WAV file: {e}")))?;
         let spec = reader.spec();
         if spec.channels == 0 || spec.bits_per_sample == 0 {
             return Err(fail("a WAV file without samples".into()));
@@ -94,8 +98,11 @@ mod tests {
     fn what_is_no_recording_is_named() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("a.wav");
-        assert!(Wav::read(&path, 9).unwrap_err().to_string().contains("a.wav: not a WAV file"));
-        std::fs::write(&path, b"RIFF....WAVE").unwrap();
-        assert!(Wav::read(&path, 9).is_err());
+        let error = || Wav::read(&path, 9).unwrap_err().to_string();
+        assert!(error().contains("a.wav: cannot read this file: No such file"), "{}", error());
+        for no_wav in [&b"RIFF....WAVE"[..], b"OggS and more of that", b""] {
+            std::fs::write(&path, no_wav).unwrap();
+            assert!(error().contains("a.wav: not a WAV file"), "{}", error());
+        }
     }
 }

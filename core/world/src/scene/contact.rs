@@ -38,6 +38,8 @@ pub struct ContactSettings {
     pub hold_s: f64,
     /// From how far a surface that is not yet touched is told of to a device that pushes back in a loop of its own \[mm\].
     pub anticipate_mm: f64,
+    /// The speed at which a wall counts as reached by a stylus that was put down on it from elsewhere: how fast it came is not known \[mm/s\].
+    pub put_down_mm_s: f64,
 }
 
 /// The textures of one surface, or of one face of a box.
@@ -259,7 +261,8 @@ impl Contacts {
     /// One tick. Nothing is allocated.
     pub fn step(&mut self, motion: &Motion) -> Felt {
         let at = motion.position_mm;
-        if motion.stroke != self.stroke {
+        let put_down = motion.stroke != self.stroke;
+        if put_down {
             (self.stroke, self.before) = (motion.stroke, None);
         }
         let before = self.before.replace(at);
@@ -277,6 +280,7 @@ impl Contacts {
         let wall = touched.and_then(|contact| self.of_walls.get(contact.entry as usize).copied());
         let approach = match (before, touched) {
             (Some(before), Some(contact)) if !was_touching => self.approach(before, &contact),
+            (None, Some(_)) if !was_touching && put_down => Some((self.settings.put_down_mm_s, 0.0)),
             _ => None,
         };
         let (approach_mm_s, moment) = approach.unwrap_or_default();
@@ -345,7 +349,8 @@ impl Contacts {
     fn approach(&self, before: [f64; 3], contact: &Contact) -> Option<(f64, f64)> {
         let surface = &self.walls.entries().get(contact.entry as usize)?.surface;
         let (from, to) = (-surface.depth_mm(before), -contact.touch.depth_mm);
-        let moment = crossing(from, to)?;
+        // A place that comes in steps may be on the surface, or as little within it as is no touch yet.
+        let moment = if from.abs() <= TOUCHED_MM && to < -TOUCHED_MM { 0.0 } else { crossing(from, to)? };
         Some(((from - to) / self.tick_s, moment))
     }
 

@@ -3,8 +3,13 @@ use asperity_source::Source;
 use super::*;
 
 const TICK_HZ: f64 = 500.0;
-const SETTINGS: ContactSettings =
-    ContactSettings { max_force_n: 3.3, crossfade_s: 0.02, hold_s: 0.02, anticipate_mm: 0.0 };
+const SETTINGS: ContactSettings = ContactSettings {
+    max_force_n: 3.3,
+    crossfade_s: 0.02,
+    hold_s: 0.02,
+    anticipate_mm: 0.0,
+    put_down_mm_s: 80.0,
+};
 const WALL: &str = "stiffness: (stiffness_n_per_mm: 0.5)";
 const LOOP: &str = "texture: waveform(segments: [(0, 0), (0.5, 1), (1, 0)])";
 
@@ -94,10 +99,27 @@ fn a_wall_is_reached_once_with_the_speed_and_at_the_moment_of_the_way_down() {
     let hits: Vec<usize> = (0..felt.len()).filter(|&n| felt[n].approach_mm_s > 0.0).collect();
     assert_eq!(hits, [2]);
     assert!((felt[2].approach_mm_s - 150.0).abs() < 1e-9 && (felt[2].moment - 2.0 / 3.0).abs() < 1e-9);
-    // Up again and put down elsewhere: between them lies no way.
+    // A place that comes in steps of 0.1 mm may be on the wall for a tick; it is reached all the same, and once.
+    for steps in [[2.1, 2.0, 1.9, 1.8], [2.05, 2.0, 1.95, 1.9], [2.0, 2.0, 1.7, 1.4]] {
+        let mut c = contacts(&format!("\"a\": (shape: plane, place_mm: (0, 0, 2), effects: ({WALL}))"));
+        let felt = steps.map(|z| c.step(&Motion { position_mm: [0.0, 0.0, z], ..Motion::default() }));
+        let hits: Vec<usize> = (0..4).filter(|&n| felt[n].approach_mm_s > 0.0).collect();
+        assert_eq!(hits, [2], "{steps:?}");
+        let wanted = (steps[1] - steps[2]) * TICK_HZ;
+        assert!((felt[2].approach_mm_s - wanted).abs() < 1e-6 && felt[2].moment < 1e-4, "{steps:?}");
+    }
+    // Up again and put down elsewhere: between them lies no way, and how fast it came is not known.
     go(&mut c, [0.0, 0.0, 1.0], [0.0, 0.0, 3.0], 5);
-    let felt = c.step(&Motion { position_mm: [9.0, 9.0, 1.0], stroke: 1.0, ..Motion::default() });
-    assert_eq!((felt.surface, felt.approach_mm_s), (0.0, 0.0));
+    let put = |c: &mut Contacts, z: f64, stroke: f64| {
+        c.step(&Motion { position_mm: [9.0, 9.0, z], stroke, ..Motion::default() })
+    };
+    let felt = put(&mut c, 1.0, 1.0);
+    assert_eq!((felt.surface, felt.approach_mm_s, felt.moment), (0.0, 80.0, 0.0));
+    // Told of anew where it is touched already, as after a stall, it is reached no second time; nor where it is put down in the air.
+    assert_eq!(put(&mut c, 1.0, 2.0).approach_mm_s, 0.0);
+    assert_eq!(put(&mut c, 3.0, 2.0).approach_mm_s, 0.0);
+    assert_eq!(put(&mut c, 2.5, 3.0).approach_mm_s, 0.0);
+    assert!((put(&mut c, 1.9, 3.0).approach_mm_s - 300.0).abs() < 1e-9);
     // Nor where it begins in a wall, nor along it.
     c.reset();
     assert!(go(&mut c, [0.0; 3], [50.0, 0.0, 0.0], 20).iter().all(|f| f.approach_mm_s == 0.0));

@@ -32,7 +32,11 @@ pub(super) fn effects(value: Option<&Value>, known: &mut Known) -> Result<Effect
     effects.damping = one(&mut record, "damping", damping)?;
     effects.friction = one(&mut record, "friction", friction)?;
     if let Some(value) = record.optional("texture") {
-        for value in one_or_more(value) {
+        let all = one_or_more(value);
+        if all.is_empty() {
+            return Err(value.error("a list of no textures").help("leave `texture` out, or name one"));
+        }
+        for value in all {
             let of = known.texture(value, texture)?;
             effects.textures.push(Placed { of, place: place(value) });
         }
@@ -272,7 +276,7 @@ fn waveform(value: &Value, mut record: Record<'_>, gain: f64) -> Result<Texture,
         "speed_exponent",
         "gain",
     ])?;
-    at(value, WaveformTable::from_segments(&segments, spacing_mm, crossfade_mm, quantity))?;
+    at(value, WaveformTable::check_segments(&segments, spacing_mm, crossfade_mm, quantity))?;
     Ok(Texture::Waveform { values: Loop::Segments { segments, spacing_mm }, crossfade_mm, quantity, gain })
 }
 
@@ -297,6 +301,10 @@ pub(super) fn tap(value: &Value) -> Result<Knock, Diagnostic> {
         debounce_ms: field("debounce_ms", 2.0..=1000.0, "ms", usual.debounce_ms)?,
         floor_m_s2: field("floor_m_s2", 1e-6..=1.0, "m/s^2", usual.floor_m_s2)?,
     };
+    if settings.min_speed_mm_s > settings.max_speed_mm_s {
+        let (least, most) = (settings.min_speed_mm_s, settings.max_speed_mm_s);
+        return Err(value.error(format!("a tap from {least} mm/s on and up to {most} mm/s is none")));
+    }
     record.finish(&[
         "sinusoids",
         "recording",

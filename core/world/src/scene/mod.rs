@@ -89,6 +89,8 @@ pub struct Scene {
     pub hysteresis_mm: f64,
     /// What can be touched, in the order of the file.
     pub surfaces: Vec<Touchable>,
+    /// Pictures of heights that shapes were made of.
+    pub pictures: Vec<PathBuf>,
 }
 
 /// A part of the chain that is handed on as it stands.
@@ -164,6 +166,25 @@ pub struct Effects {
     pub viscosity: Option<Placed<Drag>>,
     /// Pull toward the surface.
     pub magnet: Option<Placed<Pull>>,
+}
+
+impl Effects {
+    /// Files that they are made of.
+    pub fn files(&self) -> Vec<&PathBuf> {
+        let mut files = Vec::new();
+        for texture in &self.textures {
+            match &texture.of {
+                Texture::Autoregressive { model: file, .. }
+                | Texture::Waveform { values: Loop::Recorded { file, .. }, .. }
+                | Texture::Relief { heights: Heights::Picture { file, .. }, .. } => files.push(file),
+                _ => {}
+            }
+        }
+        if let Some(Sound::Recorded { file, .. }) = self.tap.as_ref().map(|tap| &tap.of.sound) {
+            files.push(file);
+        }
+        files
+    }
 }
 
 /// Laws of friction.

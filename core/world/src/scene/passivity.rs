@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use super::{Friction, Placed, Scene, Touchable};
+use super::{Friction, Kind, Placed, Scene, Touchable};
 use crate::effect::Magnet;
 use crate::effect::friction::{Dahl, LuGre, ViscousCoulomb};
 use crate::effect::passivity::{Law, Passivity, Quantisation, Sampling};
@@ -50,33 +50,59 @@ impl Scene {
             let more = if count > 1 { format!(" and {} more", count - 1) } else { String::new() };
             Finding { message: format!("`{name}`{more}{message}"), place }
         };
-        all.into_iter().map(told).collect()
+        all.into_iter().map(told).chain(self.unheard()).collect()
+    }
+
+    /// Vibration that nothing plays.
+    fn unheard(&self) -> Option<Finding> {
+        if self.output.is_some() {
+            return None;
+        }
+        let place = |surface: &Touchable| {
+            let kinds = Kind::ALL.iter().filter(|kind| kind.vibrates());
+            kinds.flat_map(|kind| kind.places(&surface.effects)).next().cloned()
+        };
+        let mut all = self.surfaces.iter().filter_map(|surface| Some((&surface.name, place(surface)?)));
+        let (name, place) = all.next()?;
+        let more = all.count();
+        let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+        let message =
+            format!("`{name}`{more}: nothing plays what vibrates here; add `output: audio_out` to the scene");
+        Some(Finding { message, place })
     }
 
     fn of(&self, surface: &Touchable) -> Vec<(String, Place)> {
         let mut all = Vec::new();
-        let mut check = |law: Law, along: &str, place: &Place| {
-            let passivity = Passivity::of(law, self.sampling(), self.device.damping_ns_per_m);
-            // Nothing that is asked for is always borne.
-            if !passivity.holds() && law != Law::default() {
-                all.push((format!(" {along}: {passivity}"), place.clone()));
-            }
-        };
         let effects = &surface.effects;
-        if let (Some(Placed { place, .. }), Some(wall)) = (&effects.stiffness, self.passivity(surface)) {
-            check(wall.law, "along its normal", place);
-        }
-        if let Some(Placed { of, place }) = &effects.friction {
-            check(law(*of, self.device.max_force_n), "along its surface", place);
-        }
-        if let Some(Placed { of: drag, place }) = &effects.viscosity {
-            let law = Law { stiffness_n_per_mm: 0.0, damping_ns_per_m: drag.viscosity_ns_per_m };
-            check(law, "in its volume", place);
-        }
-        if let Some(Placed { of: pull, place }) = &effects.magnet
-            && let Ok(magnet) = Magnet::new(pull.stiffness_n_per_mm, pull.max_force_n, pull.reach_mm)
-        {
-            check(magnet.law(), "by its magnet", place);
+        let drag = effects.viscosity.as_ref().map(|Placed { of, place }| {
+            let law = Law { stiffness_n_per_mm: 0.0, damping_ns_per_m: of.viscosity_ns_per_m };
+            ("drag", law, place)
+        });
+        let wall = effects.stiffness.as_ref().zip(self.passivity(surface));
+        let wall = wall.map(|(Placed { place, .. }, passivity)| ("wall", passivity.law, place));
+        let magnet = effects.magnet.as_ref().and_then(|Placed { of, place }| {
+            let magnet = Magnet::new(of.stiffness_n_per_mm, of.max_force_n, of.reach_mm).ok()?;
+            Some(("magnet", magnet.law(), place))
+        });
+        let friction = effects
+            .friction
+            .as_ref()
+            .map(|Placed { of, place }| ("friction", law(*of, self.device.max_force_n), place));
+        // What acts along one direction adds. Drag acts along all, and is told of once where there is nothing else.
+        let along = |what: &str, laws: [Option<(&str, Law, &Place)>; 3]| {
+            let laws: Vec<_> =
+                laws.into_iter().flatten().filter(|(_, law, _)| *law != Law::default()).collect();
+            let sum = laws.iter().fold(Law::default(), |sum, (_, law, _)| sum + *law);
+            let passivity = Passivity::of(sum, self.sampling(), self.device.damping_ns_per_m);
+            let (_, _, place) = laws.first().filter(|_| !passivity.holds())?;
+            let names: Vec<&str> = laws.iter().map(|(name, ..)| *name).collect();
+            Some((format!(" {what} ({}): {passivity}", names.join(" + ")), (*place).clone()))
+        };
+        let of_normal = wall.is_some() || magnet.is_some();
+        all.extend(along("along its normal", [wall, magnet, drag.filter(|_| of_normal)]));
+        all.extend(friction.and_then(|friction| along("along its surface", [Some(friction), drag, None])));
+        if !of_normal && friction.is_none() {
+            all.extend(along("in its volume", [drag, None, None]));
         }
         if let Some(Placed { of: stiffness, place }) = &effects.stiffness
             && self.device.position_step_mm > 0.0
@@ -94,6 +120,7 @@ impl Scene {
 /// Friction as a law, at the largest normal force.
 fn law(friction: Friction, normal_force_n: f64) -> Law {
     match friction {
+        Friction::ViscousCoulomb { coefficient: 0.0, .. } | Friction::Dahl { coefficient: 0.0, .. } => None,
         Friction::ViscousCoulomb { coefficient, viscosity_s_per_mm } => {
             ViscousCoulomb::new(coefficient, viscosity_s_per_mm).map(|f| f.law(normal_force_n)).ok()
         }

@@ -62,7 +62,7 @@ impl Scene {
     ///
     /// # Errors
     /// A text that is no RON, an unknown field, effect or shape (with the nearest known), a number out of its range, a surface of no area, effects of
-    /// one surface that contradict each other. Files that it names are not looked at.
+    /// one surface that contradict each other; a picture of heights of a shape that cannot be read. Other files that it names are not looked at.
     pub fn parse(source: &Arc<Source>) -> Result<Self, Diagnostic> {
         let value = ron::parse(source)?;
         let mut scene = value.record("Scene")?;
@@ -130,6 +130,7 @@ impl Scene {
             output,
             hysteresis_mm,
             surfaces,
+            pictures: known.pictures,
         })
     }
 }
@@ -153,6 +154,8 @@ fn after_comment(text: &str) -> &str {
 pub(super) struct Known {
     textures: HashMap<String, Texture>,
     grids: HashMap<String, Arc<HeightGrid>>,
+    /// Pictures that were read.
+    pub(super) pictures: Vec<PathBuf>,
 }
 
 impl Known {
@@ -219,7 +222,12 @@ pub(super) fn numbers<const N: usize>(
     range: &RangeInclusive<f64>,
     unit: &str,
 ) -> Result<[f64; N], Diagnostic> {
-    let items = value.list()?;
+    let items = value.list().map_err(|_| {
+        value.error(format!("expected {N} numbers, found {}", value.describe())).help(match N {
+            2 => "(x, y)",
+            _ => "(x, y, z)",
+        })
+    })?;
     if items.len() != N {
         return Err(value.error(format!("{} numbers, where {N} are wanted", items.len())));
     }

@@ -59,6 +59,11 @@ impl Kind {
         }
     }
 
+    /// Whether it is felt as vibration, and not as a force.
+    pub fn vibrates(self) -> bool {
+        !matches!(self, Self::Friction | Self::Viscosity | Self::Magnet)
+    }
+
     /// Whether a surface has it.
     pub fn is_of(self, effects: &Effects) -> bool {
         !self.places(effects).is_empty()
@@ -146,6 +151,21 @@ impl Scene {
             slots.of.push(slot);
         }
         slots
+    }
+
+    /// A number that tells all slots apart from others, in their order and with all that they say (FNV-1a of 64 bits, in hexadecimal digits).
+    pub fn slots_key(&self) -> String {
+        let mut key = 0xcbf2_9ce4_8422_2325_u64;
+        for kind in Kind::ALL {
+            let slots = self.slots(kind);
+            for slot in 0..slots.first.len() {
+                for byte in self.slot_text(kind, &slots, slot).bytes().chain([0]) {
+                    key = (key ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3);
+                }
+            }
+            key = (key ^ 1).wrapping_mul(0x0100_0000_01b3);
+        }
+        format!("{key:016x}")
     }
 
     /// What stands in the file of a slot: as a text for the parameter of the kind's node. Materials are names.

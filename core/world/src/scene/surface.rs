@@ -60,7 +60,15 @@ fn shape(value: &Value, known_before: &mut Known) -> Result<Shape, Diagnostic> {
         _ => {
             known = &["heights", "size_mm", "scale", "thickness_mm"];
             let from = record.required("heights")?;
-            let grid = known_before.grid(from, |from| grid(&heights(from)?).map_err(|e| at(from, e)))?;
+            let mut picture = None;
+            let grid = known_before.grid(from, |from| {
+                let heights = heights(from)?;
+                if let Heights::Picture { file, .. } = &heights {
+                    picture = Some(file.clone());
+                }
+                grid(&heights).map_err(|e| at(from, e))
+            })?;
+            known_before.pictures.extend(picture);
             let sides = record.optional("size_mm").map(|v| numbers::<2>(v, &size, "mm")).transpose()?;
             let scale = number(&mut record, "scale", -1000.0..=1000.0, "", Some(1.0))?;
             let thickness_mm = number(&mut record, "thickness_mm", size, "mm", Some(THICKNESS_MM))?;

@@ -134,6 +134,22 @@ fn a_stiffness_past_what_the_rate_keeps_passive_is_found_with_its_numbers() {
     // 0.004 s/mm of 3.3 N is 13.2 N s/m
     let found = at("damping_ns_per_m: 10", 500, &format!("{WALL}, friction: viscous_coulomb"));
     assert!(found.len() == 1 && found[0].message.contains("13.2"), "{found:?}");
+    // What acts along one direction adds: 1.9 N s/m of each are 5.7.
+    let three = "stiffness: (stiffness_n_per_mm: 1.9), magnet: (stiffness_n_per_mm: 1.9, max_force_n: 1, reach_mm: 3), viscosity: (viscosity_ns_per_m: 1.9)";
+    assert!(at("damping_ns_per_m: 5.8", 500, three).is_empty());
+    let found = at("damping_ns_per_m: 5.6", 500, three);
+    assert!(found.len() == 1 && found[0].message.contains("(wall + magnet + drag)"), "{found:?}");
+    assert!(found[0].message.contains("5.700 N s/m"), "{found:?}");
+    // Along the surface a bristle of 1 N/mm and drag of 1.5 N s/m are 2.5.
+    let two = "stiffness: (stiffness_n_per_mm: 0.1), friction: dahl, viscosity: (viscosity_ns_per_m: 1.5)";
+    assert!(at("damping_ns_per_m: 2.6", 500, two).is_empty());
+    let found = at("damping_ns_per_m: 2.4", 500, two);
+    assert!(
+        found.len() == 1 && found[0].message.contains("along its surface (friction + drag)"),
+        "{found:?}"
+    );
+    let found = at("damping_ns_per_m: 1", 500, "viscosity: (viscosity_ns_per_m: 1.5)");
+    assert!(found.len() == 1 && found[0].message.contains("in its volume (drag)"), "{found:?}");
     // 13.8 mN at 0.5 N/mm and 0.055 mm
     let quantised = "damping_ns_per_m: 2, position_step_mm: 0.055, friction_n";
     assert!(at(&format!("{quantised}: 0.0139"), 500, WALL).is_empty());
@@ -184,7 +200,13 @@ fn a_tap_is_of_sinusoids_or_recorded() {
         Sound::Recorded { file: "folder/tap.wav".into(), speed_mm_s: 80.0, full_scale_m_s2: 50.0, gain: 2.0 }
     );
     assert_eq!(recorded.settings.debounce_ms, 30.0);
-    assert!(recorded.transient().unwrap_err().to_string().contains("tap.wav: not a WAV file"));
+    assert!(
+        recorded
+            .transient()
+            .unwrap_err()
+            .to_string()
+            .contains("tap.wav: cannot read this file: No such file")
+    );
     for (text, wanted) in [
         (format!("({sinusoids}, {recording})"), "sinusoids and a recording"),
         ("(min_speed_mm_s: 3)".to_owned(), "a tap of no sound"),

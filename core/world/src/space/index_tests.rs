@@ -39,7 +39,7 @@ fn brute_force(index: &Index, point: [f64; 3], last: Option<Hold>, reaching: boo
         }
     }
     if let Some((depth, hold)) = held
-        && best.is_none_or(|b| step(b.0) <= step(depth + h))
+        && best.is_none_or(|b| step(b.0) <= step(if depth < 0.0 { (depth + h).min(0.0) } else { depth + h }))
     {
         return Some(hold);
     }
@@ -189,6 +189,19 @@ fn the_nearest_of_those_that_reach_is_found_and_the_touched_one_before_it() {
     assert_eq!([near(4.9, Some(0)), near(4.9, Some(1))], [Some((0, -2.9)), Some((1, -3.1))]);
     assert_eq!([near(1.0, None), near(-5.5, None), near(17.1, None)], [Some((0, 1.0)), None, None]);
     assert_eq!(index.deepest([5.0, 0.0, 0.0], None).unwrap().entry, 2);
+}
+
+#[test]
+fn what_is_near_and_held_gives_way_to_what_is_touched() {
+    // A floor, and a wall beside it at x = 0 that is felt from 5 mm.
+    let sheet = |turn| Entry { reach_mm: 5.0, ..at(Shape::plane(), [0.0; 3], turn) };
+    let index = Index::new(vec![sheet([0.0; 3]), sheet([0.0, 90.0, 0.0])], 2.0).unwrap();
+    let entry =
+        |point, last: u32| index.nearest(point, Some(Hold { entry: last, feature: 0 })).map(|c| c.entry);
+    let (floor, wall) = ([0.3, 0.0, -0.01], [0.3, 0.0, 0.2]);
+    assert_eq!(index.nearest(floor, None).map(|c| c.entry), Some(0));
+    assert_eq!(entry(floor, 1), Some(0), "the floor is touched, the wall is 0.3 mm away");
+    assert_eq!(entry(wall, 1), Some(1), "neither is touched, and the floor is not nearer by 2 mm");
 }
 
 #[test]

@@ -1,4 +1,5 @@
 use std::f64::consts::PI;
+use std::sync::LazyLock;
 
 /// Values that make one.
 pub(super) const TAPS: usize = 16;
@@ -15,8 +16,16 @@ pub(super) struct Kernel {
     rows: Vec<[f32; TAPS]>,
 }
 
+/// The weights, which take a millisecond to make and 16 KiB.
+static KERNEL: LazyLock<Kernel> = LazyLock::new(Kernel::new);
+
 impl Kernel {
-    pub(super) fn new() -> Self {
+    /// The one kernel there is.
+    pub(super) fn shared() -> &'static Self {
+        &KERNEL
+    }
+
+    fn new() -> Self {
         let rows = (0..=PHASES).map(|phase| {
             let part = phase as f64 / PHASES as f64;
             let weight = |tap: usize| {

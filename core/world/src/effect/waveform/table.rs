@@ -37,7 +37,7 @@ pub struct WaveformTable {
     /// Waves of the finest copy's band per mm.
     band_per_mm: f64,
     levels: Vec<Level>,
-    kernel: Kernel,
+    kernel: &'static Kernel,
 }
 
 /// A copy of the loop with a part of its band.
@@ -61,6 +61,20 @@ impl WaveformTable {
         crossfade_mm: f64,
         quantity: WaveformQuantity,
     ) -> Result<Self, EffectError> {
+        let (spacing, fade) = Self::check(values, spacing_mm, crossfade_mm, quantity)?;
+        let mean = values.iter().sum::<f64>() / values.len() as f64;
+        let mut looped: Vec<f64> = values.iter().map(|x| x - mean).collect();
+        close(&mut looped, fade);
+        Ok(Self::of_loop(looped, spacing, quantity))
+    }
+
+    /// The spacing of values that can be a loop, and how many of them are faded.
+    fn check(
+        values: &[f64],
+        spacing_mm: f64,
+        crossfade_mm: f64,
+        quantity: WaveformQuantity,
+    ) -> Result<(f64, usize), EffectError> {
         EffectError::check_list("values of a waveform", values.iter().copied(), COUNT)?;
         let largest = values.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
         EffectError::check("a waveform's value", largest, (0.0, MOST), "")?;
@@ -71,11 +85,7 @@ impl WaveformTable {
             EffectError::check("a reference speed", reference_speed_mm_s, (0.1, 5000.0), "mm/s")?;
             EffectError::check("a speed's exponent", speed_exponent, (0.0, 2.0), "")?;
         }
-        let fade = ((crossfade / spacing).round() as usize).min(values.len() / 2);
-        let mean = values.iter().sum::<f64>() / values.len() as f64;
-        let mut looped: Vec<f64> = values.iter().map(|x| x - mean).collect();
-        close(&mut looped, fade);
-        Ok(Self::of_loop(looped, spacing, quantity))
+        Ok((spacing, ((crossfade / spacing).round() as usize).min(values.len() / 2)))
     }
 
     /// The same from pairs of a distance in mm and a value, between which it goes in straight lines, each value of the table the mean over `spacing_mm`.
@@ -88,6 +98,26 @@ impl WaveformTable {
         crossfade_mm: f64,
         quantity: WaveformQuantity,
     ) -> Result<Self, EffectError> {
+        let (values, cell) = Self::drawn(pairs, spacing_mm)?;
+        Self::new(&values, cell, crossfade_mm, quantity)
+    }
+
+    /// Whether [`from_segments`](Self::from_segments) would make a loop, without making one.
+    ///
+    /// # Errors
+    /// As of that.
+    pub fn check_segments(
+        pairs: &[(f64, f64)],
+        spacing_mm: f64,
+        crossfade_mm: f64,
+        quantity: WaveformQuantity,
+    ) -> Result<(), EffectError> {
+        let (values, cell) = Self::drawn(pairs, spacing_mm)?;
+        Self::check(&values, cell, crossfade_mm, quantity).map(drop)
+    }
+
+    /// The values of straight lines, and their spacing.
+    fn drawn(pairs: &[(f64, f64)], spacing_mm: f64) -> Result<(Vec<f64>, f64), EffectError> {
         EffectError::check_list("distances", pairs.iter().map(|p| p.0), (2, COUNT.1))?;
         EffectError::check_list("values of a waveform", pairs.iter().map(|p| p.1), (2, COUNT.1))?;
         if let Some(index) = pairs.windows(2).position(|w| w[1].0 <= w[0].0) {
@@ -113,8 +143,7 @@ impl WaveformTable {
             areas[i - 1] + t * (b.0 - a.0) * (a.1 + 0.5 * t * (b.1 - a.1))
         };
         let edges: Vec<f64> = (0..=count).map(|n| area(from + n as f64 * cell)).collect();
-        let values: Vec<f64> = edges.windows(2).map(|w| (w[1] - w[0]) / cell).collect();
-        Self::new(&values, cell, crossfade_mm, quantity)
+        Ok((edges.windows(2).map(|w| (w[1] - w[0]) / cell).collect(), cell))
     }
 
     /// Length of the loop in mm.
@@ -165,7 +194,7 @@ impl WaveformTable {
             levels.push(Level { values: around.collect(), per_mm: size as f64 / length_mm });
             edge *= 0.5;
         }
-        Self { length_mm, quantity, band_per_mm: band / length_mm, levels, kernel: Kernel::new() }
+        Self { length_mm, quantity, band_per_mm: band / length_mm, levels, kernel: Kernel::shared() }
     }
 
     /// What the table holds at a distance below its length, for a stylus that goes `way_mm` in a sample: m/s^2, or 1/mm of a height.

@@ -114,7 +114,8 @@ impl Index {
         best.looks
     }
 
-    /// The same over entries with a reach, and as far as they reach: the deepest of those that are touched, else the nearest.
+    /// The same over entries with a reach, and as far as they reach: the deepest of those that are touched, else the nearest. One that is held and not
+    /// touched gives way to any that is.
     pub fn nearest(&self, point_mm: [f64; 3], last: Option<Hold>) -> Option<Contact> {
         self.search::<true>(&self.reaching, point_mm, last, f64::MIN, |e| {
             if e.reach_mm > 0.0 { -e.reach_mm } else { f64::INFINITY }
@@ -153,6 +154,10 @@ impl Index {
             (touch.depth_mm >= felt(entry)).then_some(Contact { entry: hold.entry, touch })
         });
         let best = match &held {
+            // What is merely near does not hold its place against what is touched.
+            Some(held) if held.touch.depth_mm < 0.0 => {
+                Best::held((held.touch.depth_mm + self.hysteresis_mm).min(0.0))
+            }
             Some(held) => Best::held(held.touch.depth_mm + self.hysteresis_mm),
             None => Best::nothing(least),
         };
