@@ -2,14 +2,17 @@
 
 use asperity_graph::Setting;
 use asperity_node::{Descriptor, ShapeSpec};
+use asperity_source::Diagnostic;
 use asperity_source::ron::{Kind as Form, Value};
-use asperity_source::{Diagnostic, one_of};
-use asperity_world::material::Library;
 use asperity_world::scene::{Kind, VOICED};
 use asperity_world::space::Form as ShapeForm;
 
 use crate::builder::{Builder, handed_on, number, setting};
 
+/// What acceleration goes through on its way to the output.
+pub(crate) const STAGES: [(&str, &str); 2] = [("inverse", "actuator_inverse"), ("limiter", "limiter")];
+/// How far inside its newest window `sample_commit` emits samples unless the file says otherwise \[s\]: 20 frames at 500 Hz.
+const EMISSION_S: f64 = 0.04;
 /// Rate at which a network's signal is synthesised unless the file says otherwise \[Hz\].
 const SYNTHESIS_HZ: f64 = 2500.0;
 
@@ -63,23 +66,13 @@ impl Builder<'_> {
             last = "strength";
         }
         let part = &scene.actuator;
-        let stages = [("inverse", "actuator_inverse"), ("limiter", "limiter")];
-        let mut known: Vec<&str> = Vec::new();
         let settings = handed_on(part);
-        for (id, kind) in stages {
+        for (id, kind) in STAGES {
             let descriptor = self.descriptor(kind, &part.place)?;
             let has = |setting: &&Setting| descriptor.params.iter().any(|p| p.name == setting.name);
-            known.extend(descriptor.params.iter().map(|p| p.name.as_ref()));
             self.node(id, kind, &part.place, settings.iter().filter(has).cloned().collect());
             self.wire(last, id);
             last = id;
-        }
-        if let Some(unknown) = settings.iter().find(|setting| !known.contains(&setting.name.as_str())) {
-            known.sort_unstable();
-            known.dedup();
-            return Err(Diagnostic::new(format!("`actuator` has no field `{}`", unknown.name))
-                .at(&unknown.place.source, unknown.place.span)
-                .help(one_of(&unknown.name, known)));
         }
         self.part("out", output)?;
         self.wire(last, "out");
@@ -91,11 +84,17 @@ impl Builder<'_> {
         let scene = self.scene;
         let Some(network) = &scene.network else { return Ok(String::new()) };
         let mut params = handed_on(network);
-        self.materials(&mut params)?;
+        self.materials(&mut params);
         let here = self.here();
         self.node("history", "action_history", &here, Vec::new());
         self.node("texture", "texture_network", &network.place, params);
         let phase = self.part("phase", &scene.phase)?;
+        if scene.phase.kind == "sample_commit"
+            && scene.phase.settings.iter().all(|(key, _)| key.name != "emission")
+        {
+            let emission = -(EMISSION_S * f64::from(scene.tick_hz)).round() as i64;
+            self.set("phase", setting("emission", Form::Int(emission), &scene.phase.place));
+        }
         for (from, to) in [
             ("contact.force", "history.force"),
             ("contact.velocity", "history.velocity"),
@@ -128,32 +127,11 @@ impl Builder<'_> {
         Ok("network level".into())
     }
 
-    /// The materials that surfaces name, each of which has to be in the library.
-    fn materials(&self, params: &mut Vec<Setting>) -> Result<(), Diagnostic> {
-        if let Some(set) = params.iter().find(|p| matches!(p.name.as_str(), "material" | "materials")) {
-            return Err(Diagnostic::new("a scene's materials are those of its surfaces")
-                .at(&set.place.source, set.place.span)
-                .help("material: \"NAME\" in a surface, beside `shape`"));
-        }
-        let Some(slots) = self.slots(Kind::Network) else { return Ok(()) };
+    /// The materials that surfaces with a network's texture name.
+    fn materials(&self, params: &mut Vec<Setting>) {
+        let Some(slots) = self.slots(Kind::Network) else { return };
         let surfaces = slots.first.iter().filter_map(|first| self.scene.surfaces.get(*first));
         let named: Vec<_> = surfaces.filter_map(|surface| surface.material.as_ref()).collect();
-        let file = params.iter().find(|p| p.name == "library").map(|p| p.value.clone());
-        let library = match file.as_ref().map(Value::text) {
-            Some(Ok(text)) => {
-                let folder = self.scene.source.path().parent();
-                // One that cannot be read is an error of the node, with its own place.
-                folder.and_then(|folder| Library::read(folder.join(text)).ok())
-            }
-            _ => None,
-        };
-        if let Some(library) = &library {
-            for material in &named {
-                library
-                    .material(&material.of)
-                    .map_err(|e| e.at(&material.place.source, material.place.span))?;
-            }
-        }
         let value = |placed: &&asperity_world::scene::Placed<String>| {
             Value::made(Form::Text(placed.of.clone()), &placed.place)
         };
@@ -167,11 +145,11 @@ impl Builder<'_> {
             }
             None => {
                 // Nobody asks for it, and all is to be built: any will do.
+                let library = self.library();
                 let name = library.as_ref().and_then(|l| l.materials().first()).map(|m| m.name.clone());
                 params.push(setting("material", Form::Text(name.unwrap_or_default()), &self.here()));
             }
         }
-        Ok(())
     }
 
     /// One voice of a texture: its output.
@@ -185,7 +163,7 @@ impl Builder<'_> {
         };
         let mut params = vec![self.list(list, kind)];
         let device = &self.scene.device;
-        if kind == Kind::Relief && device.position_step_mm > 0.0 {
+        if kind != Kind::Autoregressive && device.position_step_mm > 0.0 {
             // Places that come in steps are heard as such.
             let cutoff_hz = number(&self.scene.motion, "cutoff_hz").unwrap_or(20.0);
             params.push(setting("smooth_hz", Form::Float(cutoff_hz), &device.place));

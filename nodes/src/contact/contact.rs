@@ -1,5 +1,7 @@
 //! `contact`: what a stylus touches in a scene.
 
+use std::path::PathBuf;
+
 use asperity_node::{
     Config, Descriptor, Diagnostic, Fact, Input, Node, Output, Param, Resume, Setup, ShapeSpec, State,
     Status, Tick, Unit,
@@ -10,6 +12,8 @@ use asperity_world::scene::{ContactSettings, Contacts, Felt, Motion, Scene};
 pub struct Contact {
     contacts: Contacts,
     surfaces: usize,
+    /// Pictures of heights.
+    files: Vec<PathBuf>,
 }
 
 /// Puts what is felt where a port is.
@@ -115,7 +119,7 @@ impl Node for Contact {
         .input(
             Input::new("stroke", ShapeSpec::Control(1), Unit::NONE)
                 .or(0.0)
-                .doc("another number: the stylus was put down elsewhere, and no wall was reached on the way"),
+                .doc("another number: the stylus was put down elsewhere, and came there on no way"),
         );
         PORTS
             .iter()
@@ -126,6 +130,9 @@ impl Node for Contact {
                 "scene",
                 "RON: a scene, of which the surfaces count, and which of them share settings of an effect (slots).",
             ))
+            .param(
+                Param::text("slots", "", "What the lists of the effects' nodes were made of: with another scene, whose slots differ, the graph is refused; left out, anything goes.")
+            )
             .param(
                 Param::number("max_force_n", 3.3, 0.0..=100.0, "The most a surface pushes.").unit("N"),
             )
@@ -156,6 +163,15 @@ impl Node for Contact {
                 )
                 .unit("mm"),
             )
+            .param(
+                Param::number(
+                    "put_down_mm_s",
+                    100.0,
+                    0.0..=10_000.0,
+                    "Speed at which a wall counts as reached by a stylus that was put down on it from elsewhere; 0 for no tap.",
+                )
+                .unit("mm/s"),
+            )
             .timing("no latency; a tap shows in the tick in which the wall is reached")
             .resumes(Resume::Never)
     }
@@ -163,15 +179,23 @@ impl Node for Contact {
     fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
         let p = setup.params;
         let scene = Scene::read(p.file("scene"))?;
+        let (slots, now) = (p.text("slots"), scene.slots_key());
+        if !slots.is_empty() && slots != now {
+            return Err(p
+                .error("scene", "the effects of this scene have changed since the graph was made of it")
+                .help(format!("expand it again; or, where the lists in the graph are as they should be, slots: \"{now}\"")));
+        }
         let settings = ContactSettings {
             max_force_n: p.number("max_force_n"),
             crossfade_s: 1e-3 * p.number("crossfade_ms"),
             hold_s: 1e-3 * p.number("hold_ms"),
             anticipate_mm: p.number("anticipate_mm"),
+            put_down_mm_s: p.number("put_down_mm_s"),
         };
         Ok(Self {
             contacts: Contacts::new(&scene, settings, runs_hz(setup))?,
             surfaces: scene.surfaces.len(),
+            files: scene.pictures,
         })
     }
 
@@ -200,6 +224,10 @@ impl Node for Contact {
         state.keep(&mut surfaces);
         state.require(surfaces == self.surfaces);
         self.contacts.state(state);
+    }
+
+    fn files(&self) -> Vec<PathBuf> {
+        self.files.clone()
     }
 
     fn facts(&self) -> Vec<Fact> {

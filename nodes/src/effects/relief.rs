@@ -79,15 +79,7 @@ impl Node for Relief {
                  cutoff_hz: 1000, max_m_s2: 200, gain: 1)`, or `heights: picture(file: \"heights.png\", step_mm: 0.05, height_mm: 0.2)`, light is \
                  high; or a list of them, `[relief(..), relief(..)]`, whose sum is one entry. Quotes within a text are written r#\"..\"#.",
             ))
-            .param(
-                Param::number(
-                    "smooth_hz",
-                    0.0,
-                    0.0..=1000.0,
-                    "Cutoff of a low-pass of second order for places, such as 20 for a device that tells them in coarse steps; 0 for none.",
-                )
-                .unit("Hz"),
-            )
+            .param(waveform::smooth_hz())
             .timing("a tick and a half less a sample; silent in the first tick after it wakes, which has no speed yet, and faded in over the second; smoothing at 20 Hz adds 11 ms")
             .resumes(Resume::Restart)
     }

@@ -1,5 +1,7 @@
 //! Lists of effects, as texts.
 
+use std::collections::HashMap;
+use std::fmt::Debug;
 use std::sync::Arc;
 
 use asperity_node::{Diagnostic, Params, Place, Setup, Source, Span};
@@ -40,15 +42,19 @@ pub(super) fn read_each<T>(
 }
 
 /// What takes time or memory to make, made once for all that want the same.
-pub(super) struct Shared<K, T>(Vec<(K, Arc<T>)>);
+pub(super) struct Shared<K, T> {
+    made: Vec<(K, Arc<T>)>,
+    /// Where each stands, by all that it says; none holds a NaN.
+    known: HashMap<String, usize>,
+}
 
 impl<K, T> Default for Shared<K, T> {
     fn default() -> Self {
-        Self(Vec::new())
+        Self { made: Vec::new(), known: HashMap::new() }
     }
 }
 
-impl<K: PartialEq, T> Shared<K, T> {
+impl<K: Debug, T> Shared<K, T> {
     /// The one that is wanted, made where there is none yet.
     ///
     /// # Errors
@@ -58,22 +64,24 @@ impl<K: PartialEq, T> Shared<K, T> {
         wanted: K,
         make: impl FnOnce() -> Result<T, Diagnostic>,
     ) -> Result<Arc<T>, Diagnostic> {
-        if let Some((_, made)) = self.0.iter().find(|(known, _)| *known == wanted) {
+        let text = format!("{wanted:?}");
+        if let Some((_, made)) = self.known.get(&text).and_then(|place| self.made.get(*place)) {
             return Ok(made.clone());
         }
         let made = Arc::new(make()?);
-        self.0.push((wanted, made.clone()));
+        self.known.insert(text, self.made.len());
+        self.made.push((wanted, made.clone()));
         Ok(made)
     }
 
     /// How many there are.
     pub(super) fn count(&self) -> u64 {
-        self.0.len() as u64
+        self.made.len() as u64
     }
 
     /// What was wanted.
     pub(super) fn wanted(&self) -> impl Iterator<Item = &K> {
-        self.0.iter().map(|(wanted, _)| wanted)
+        self.made.iter().map(|(wanted, _)| wanted)
     }
 }
 

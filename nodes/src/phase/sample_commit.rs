@@ -69,7 +69,14 @@ impl Node for SampleCommit {
         }
         let kernel =
             sample_commit::SampleCommit::new(framing, settings, super::seed(setup)).map_err(|e| match e {
-                sample_commit::SettingsError::Emission => params.error("emission", e.to_string()),
+                sample_commit::SettingsError::Emission => {
+                    let frames_hz = f64::from(framing.frame_num) / f64::from(framing.frame_den);
+                    let window = framing.fft_len as f64 * frames_hz / f64::from(framing.rate_hz);
+                    params.error("emission", format!("{} frames: {e}", settings.emission)).help(format!(
+                        "a window is {window:.1} frames here; -{:.0} and more are early and settled",
+                        0.5 * window
+                    ))
+                }
                 _ => params.node_error(e.to_string()),
             })?;
         Ok(Self { kernel, settings, bad: 0, refused: 0 })

@@ -190,5 +190,5 @@ fn a_recorded_tap_is_read_beside_the_graph_and_scaled_by_the_speed() {
         "taps",
         "[\"(recording: (file: \\\"no.wav\\\", speed_mm_s: 50, full_scale_m_s2: 20))\"]",
     )]);
-    assert!(e.starts_with("folder/no.wav: not a WAV file"), "{e}");
+    assert!(e.starts_with("folder/no.wav: cannot read this file"), "{e}");
 }
