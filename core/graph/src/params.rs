@@ -7,19 +7,35 @@ use asperity_source::{Diagnostic, Place, nearest, one_of};
 
 use crate::{NodeDecl, Setting};
 
+/// What is wrong with settings of a node of some kind, whether it is in a graph or not: unknown names, values that do not fit. What is not set is not missed, and files
+/// are not looked for.
+pub fn check_settings(settings: &[Setting], descriptor: &Descriptor) -> Vec<Diagnostic> {
+    let mut errors = unknown(settings, descriptor);
+    for setting in settings {
+        let is_this = |p: &&Param| p.name == setting.name && !matches!(p.kind, ParamKind::File);
+        let param = descriptor.params.iter().find(is_this);
+        errors.extend(param.and_then(|param| read(setting, param).err()));
+    }
+    errors
+}
+
+/// Settings of no parameter.
+fn unknown(settings: &[Setting], descriptor: &Descriptor) -> Vec<Diagnostic> {
+    let names: Vec<&str> = descriptor.params.iter().map(|p| p.name.as_ref()).collect();
+    let unknown = settings.iter().filter(|setting| !names.contains(&setting.name.as_str()));
+    unknown
+        .map(|setting| {
+            Diagnostic::new(format!("`{}` has no parameter `{}`", descriptor.kind, setting.name))
+                .at(&setting.place.source, setting.place.span)
+                .label("unknown parameter")
+                .help(one_of(&setting.name, names.iter().copied()))
+        })
+        .collect()
+}
+
 /// Checks a node's settings. Everything that is wrong goes to `errors`.
 pub(crate) fn check(node: &NodeDecl, descriptor: &Descriptor, errors: &mut Vec<Diagnostic>) -> Params {
-    for setting in &node.params {
-        if !descriptor.params.iter().any(|p| p.name == setting.name) {
-            let names: Vec<&str> = descriptor.params.iter().map(|p| p.name.as_ref()).collect();
-            errors.push(
-                Diagnostic::new(format!("`{}` has no parameter `{}`", node.kind, setting.name))
-                    .at(&setting.place.source, setting.place.span)
-                    .label("unknown parameter")
-                    .help(one_of(&setting.name, names.iter().copied())),
-            );
-        }
-    }
+    errors.extend(unknown(&node.params, descriptor));
     let mut params = Params::new(Some(node.place.clone()));
     for param in &descriptor.params {
         let setting = node.params.iter().find(|s| s.name == param.name);

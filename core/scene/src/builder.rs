@@ -30,12 +30,25 @@ impl<'a> Builder<'a> {
         Self { scene, registry, prune: lowering.prune, graph, rendered, slots }
     }
 
-    pub(crate) fn done(self) -> Lowered {
+    /// The graph, in which something is to be felt.
+    pub(crate) fn done(self) -> Result<Lowered, Diagnostic> {
+        let sink = |kind: &str| self.registry.get(kind).is_some_and(|kind| kind.descriptor().sink);
+        if !self.graph.nodes.iter().any(|node| sink(&node.kind)) {
+            let surface = self.scene.surfaces.first();
+            let place = surface.map_or_else(|| self.here(), |surface| surface.place.clone());
+            let vibrates = |kind: &Kind| kind.vibrates() && self.is_built(*kind);
+            let (message, help) = if Kind::ALL.iter().any(vibrates) {
+                ("this scene vibrates, and nothing plays it", "output: audio_out")
+            } else {
+                ("no surface of this scene can be felt", "effects: (stiffness: (stiffness_n_per_mm: 0.5))")
+            };
+            return Err(Diagnostic::new(message).at(&place.source, place.span).help(help));
+        }
         let Self { graph, mut rendered, .. } = self;
         for (_, ids) in &mut rendered {
             ids.retain(|id| graph.node(id).is_some());
         }
-        Lowered { graph, rendered }
+        Ok(Lowered { graph, rendered })
     }
 
     /// Whether an effect is to be built: a surface has it, or everything is.
@@ -70,6 +83,13 @@ impl<'a> Builder<'a> {
             every: 1,
             params,
         });
+    }
+
+    /// Sets a parameter of a node.
+    pub(crate) fn set(&mut self, id: &str, setting: Setting) {
+        if let Some(node) = self.graph.nodes.iter_mut().find(|node| node.id == id) {
+            node.params.push(setting);
+        }
     }
 
     /// Says that a node renders a kind of effect.

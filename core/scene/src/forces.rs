@@ -32,6 +32,7 @@ impl Builder<'_> {
         let gate_ms = number(&scene.gate, "fade_ms").unwrap_or(GATE_FADE_MS);
         let mut params = vec![
             setting("scene", Form::Text(name.unwrap_or_default()), &here),
+            setting("slots", Form::Text(scene.slots_key()), &here),
             setting("max_force_n", Form::Float(scene.device.max_force_n), &scene.device.place),
             setting("crossfade_ms", Form::Float(CROSSFADE_MS), &here),
             setting("hold_ms", Form::Float(gate_ms.max(CROSSFADE_MS)), &here),

@@ -19,6 +19,9 @@
 mod acoustic;
 mod builder;
 mod forces;
+mod look;
+#[cfg(test)]
+mod tests;
 
 use asperity_graph::{GraphFile, PluginDecl};
 use asperity_node::Registry;
@@ -69,12 +72,14 @@ pub fn draft(scene: &Scene) -> Result<GraphFile, Diagnostic> {
 /// The graph of a scene.
 ///
 /// # Errors
-/// A part of a kind that is not there, or that does not end where it must (`input` in a position, `phase` in a signal or in spectra); a setting of `actuator`
-/// that neither the inverse nor the limiter has; a material that the network's library does not have; a list of plugins that is none.
+/// A part of a kind that is not there or that cannot do what it is for (`input` tells a position, `phase` makes a signal of magnitudes, `output` plays), a setting
+/// that it does not have or that does not fit, also where nothing of the scene needs the part; a material that the network's library does not have; nothing that
+/// can be felt; a list of plugins that is none.
 pub fn lower(scene: &Scene, registry: &Registry, lowering: Lowering) -> Result<Lowered, Diagnostic> {
     let mut builder = Builder::new(scene, registry, lowering, draft(scene)?);
+    builder.look()?;
     builder.hand()?;
     builder.forces()?;
     builder.acoustic()?;
-    Ok(builder.done())
+    builder.done()
 }

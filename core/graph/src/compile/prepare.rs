@@ -18,7 +18,7 @@ pub(super) fn prepare(
     typed: &Typed,
     ordered: &Ordered,
 ) -> Result<Compiled, Vec<Diagnostic>> {
-    let mut errors = Vec::new();
+    let mut errors: Vec<Diagnostic> = Vec::new();
     let mut place = vec![usize::MAX; resolved.nodes.len()];
     for (at, &i) in ordered.nodes.iter().enumerate() {
         place[i] = at;
@@ -108,7 +108,17 @@ pub(super) fn prepare(
                 ));
                 processors.push(processor);
             }
-            Err(e) => errors.push(with_node(e, graph, i, &node.params)),
+            Err(e) => {
+                let e = with_node(e, graph, i, &node.params);
+                // Nodes that want the same of the same place are wrong in one way.
+                let same = |known: &&mut Diagnostic| {
+                    known.message == e.message && known.place == e.place && known.file == e.file
+                };
+                match errors.iter_mut().find(same) {
+                    Some(known) => known.related.extend(e.related),
+                    None => errors.push(e),
+                }
+            }
         }
     }
     if !errors.is_empty() {
