@@ -470,8 +470,16 @@ fn explain_says_of_every_effect_whether_it_is_built_why_and_what_it_costs() {
     // 25 mm/s for 1.5 s from x = -38: 18 mm on the first tile.
     let touched = json["surfaces"][0]["ticks_touched"].as_u64().unwrap();
     let report = json_of(dir.path());
-    assert!(touched > 0 && effect("friction")["calls"].as_u64().unwrap() <= touched + 2);
-    assert_eq!(effect("friction")["calls"], calls(&report, "friction"), "as a render counts them");
+    assert!(touched > 0);
+    for (name, most) in
+        [("stiffness", json["ticks"].as_u64().unwrap()), ("friction", touched), ("waveform", 2 * touched)]
+    {
+        let active = effect(name)["ticks_active"].as_u64().unwrap();
+        assert!(2 * active > touched && active <= most, "{name}: {active}, touched {touched}");
+    }
+    assert_eq!(effect("damping")["ticks_active"], 0);
+    let friction = node(&json, "friction")["calls"].as_u64().unwrap();
+    assert_eq!(friction, calls(&report, "friction"), "as a render counts them");
     assert_eq!(json["surfaces"][2]["effects"].as_array().unwrap().len(), 0);
 }
 

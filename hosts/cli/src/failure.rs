@@ -3,6 +3,7 @@
 use std::fmt;
 use std::path::Path;
 use std::process::ExitCode;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use asperity_source::{Diagnostic, Place};
 use miette::{GraphicalReportHandler, GraphicalTheme, LabeledSpan, NamedSource};
@@ -104,7 +105,17 @@ pub fn print(text: &str) -> Result<(), Failure> {
 
 /// Prints a warning in the way of an error.
 pub fn warn(message: &str) {
-    complain(&format!("warning: {message}\n"));
+    if !QUIET.load(Ordering::Relaxed) {
+        complain(&format!("warning: {message}\n"));
+    }
+}
+
+/// Whether nothing but errors is to be said.
+static QUIET: AtomicBool = AtomicBool::new(false);
+
+/// Says nothing but errors from now on, where that is asked for.
+pub fn be_quiet(quiet: bool) {
+    QUIET.store(quiet, Ordering::Relaxed);
 }
 
 /// Writes to the standard error; where nobody can read it, there is nothing left to do.

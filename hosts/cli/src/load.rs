@@ -6,14 +6,18 @@ use std::path::{Path, PathBuf};
 use asperity_node::{ParamValue, Registry};
 use asperity_scene::{Lowering, draft, lower};
 use asperity_source::{Diagnostic, Source, one_of};
-use asperity_world::scene::{Kind, Scene};
+use asperity_world::scene::{Finding, Kind, Scene};
 
 use crate::args::GraphArgs;
-use crate::failure::{Failure, warn};
+use crate::failure::{Failure, clean, warn};
 use crate::kinds::Kinds;
 use crate::source;
 
+/// Most findings about a scene that are warned of one by one.
+const MOST_FINDINGS: usize = 8;
+
 /// A scene, and which nodes of its graph render which kind of effect.
+#[derive(Clone, Debug)]
 pub struct OfScene {
     /// It.
     pub scene: Scene,
@@ -32,7 +36,13 @@ pub fn read_all(args: &GraphArgs, kinds: &mut Kinds) -> Result<(GraphFile, Optio
     if !Scene::is_meant(&source) {
         return Ok((changed(GraphFile::parse(&source)?, args)?, None));
     }
-    let scene = Scene::parse(&source)?;
+    let mut scene = Scene::parse(&source)?;
+    // Rates that the command line sets count for what follows from them too.
+    let mut rates = draft(&scene)?;
+    for assignment in args.set.iter().filter(|set| !set.split('=').next().unwrap_or("").contains('.')) {
+        rates.set(assignment, "--set")?;
+    }
+    (scene.tick_hz, scene.audio_hz, scene.seed) = (rates.tick_hz, rates.audio_hz, rates.seed);
     judge(&scene, args.strict)?;
     let registry = kinds.registry(Some(&draft(&scene)?))?;
     let lowered = lower(&scene, &registry, Lowering { prune: !args.no_prune })?;
@@ -42,14 +52,17 @@ pub fn read_all(args: &GraphArgs, kinds: &mut Kinds) -> Result<(GraphFile, Optio
 
 /// What a scene asks of its device that it may not bear: warnings, or an error.
 fn judge(scene: &Scene, strict: bool) -> Result<(), Failure> {
-    for finding in scene.findings() {
-        let place = &finding.place;
-        let found = Diagnostic::new(finding.message).at(&place.source, place.span);
-        if strict {
-            return Err(found.into());
-        }
-        let at = place.position();
-        warn(&format!("{}:{}:{}: {}", place.source.path().display(), at.line, at.column, found.message));
+    let findings = scene.findings();
+    if strict && !findings.is_empty() {
+        let told = |f: Finding| Diagnostic::new(f.message).at(&f.place.source, f.place.span);
+        return Err(findings.into_iter().map(told).collect::<Vec<_>>().into());
+    }
+    for Finding { message, place } in findings.iter().take(MOST_FINDINGS) {
+        let (path, at) = (place.source.path().display().to_string(), place.position());
+        warn(&format!("{}:{}:{}: {}", clean(&path), at.line, at.column, clean(message)));
+    }
+    if let Some(more) = findings.len().checked_sub(MOST_FINDINGS).filter(|more| *more > 0) {
+        warn(&format!("and {more} more like these; --strict tells them all"));
     }
     Ok(())
 }

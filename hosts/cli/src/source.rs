@@ -81,20 +81,20 @@ fn replace(graph: &mut GraphFile, i: usize, kind: &str) {
         return;
     }
     // A hand can be put down elsewhere, which is no motion.
-    let velocities: Vec<String> = graph
+    let followers: Vec<String> = graph
         .wires
         .iter()
         .filter(|w| w.from.node == id && w.from.port.as_deref() == Some("position"))
-        .filter(|w| graph.node(&w.to.node).is_some_and(|n| n.kind == "velocity"))
+        .filter(|w| graph.node(&w.to.node).is_some_and(|n| matches!(n.kind.as_str(), "velocity" | "contact")))
         .map(|w| w.to.node.clone())
         .collect();
     let wired = |port: &Option<String>| port.as_deref() == Some("stroke");
-    for velocity in velocities {
-        if !graph.wires.iter().any(|w| w.to.node == velocity && wired(&w.to.port)) {
-            graph.add_wire(&format!("{id}.stroke"), &format!("{velocity}.stroke"), "--hand");
+    for follower in followers {
+        if !graph.wires.iter().any(|w| w.to.node == follower && wired(&w.to.port)) {
+            graph.add_wire(&format!("{id}.stroke"), &format!("{follower}.stroke"), "--hand");
         }
         // With a second input, the first needs its name.
-        let to = graph.wires.iter_mut().filter(|w| w.from.node == id && w.to.node == velocity);
+        let to = graph.wires.iter_mut().filter(|w| w.from.node == id && w.to.node == follower);
         to.for_each(|w| {
             w.to.port.get_or_insert_with(|| "position".to_owned());
         });
@@ -133,6 +133,19 @@ mod tests {
         assert_eq!(it.nodes[0].kind, "trajectory");
         assert_eq!(wires(&it), ["s.position -> v.position", "s.position -> f"]);
         assert_eq!(it.nodes[0].params.len(), 1);
+    }
+
+    #[test]
+    fn a_hand_that_is_put_down_elsewhere_is_no_motion_for_a_scene_either() {
+        let text = r#"Graph(version: 1, nodes: {"s": (kind: "stroke"), "v": (kind: "velocity"), "c": (kind: "contact")},
+            wires: [("s.position", "v.position"), ("s.position", "c.position"), ("v.spatial", "c.velocity")])"#;
+        let mut it = graph(text);
+        take_in_hand(&mut it, "pointer").expect("it fits");
+        let all = wires(&it);
+        assert!(
+            ["s.stroke -> v.stroke", "s.stroke -> c.stroke"].iter().all(|w| all.iter().any(|a| a == w)),
+            "{all:?}"
+        );
     }
 
     #[test]

@@ -257,9 +257,10 @@ fn same_channels(old: &Schedule, new: &Schedule) -> Result<(), String> {
     Err(format!("the channels of the device would change (`{kind}`): stop the run and start it again"))
 }
 
-/// The textures that each network of a graph may be given: those of its library.
+/// The textures that each network of a graph may be given: those of its library. Where a scene's surfaces say tick by tick which it is, there is nothing to choose.
 fn materials(schedule: &Schedule) -> Vec<Materials> {
-    let networks = schedule.nodes.iter().filter(|n| n.kind == "texture_network");
+    let told = |n: &ScheduledNode| n.inputs.iter().any(|i| i.name == "material" && i.from.is_some());
+    let networks = schedule.nodes.iter().filter(|n| n.kind == "texture_network" && !told(n));
     let of = |node: &ScheduledNode| {
         let library = Library::read(node.params.file("library")).ok()?;
         let names = library.materials().iter().map(|m| m.name.clone()).collect();

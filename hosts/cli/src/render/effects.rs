@@ -41,39 +41,48 @@ struct Contact {
     position: usize,
     stroke: usize,
     surface: usize,
+    volume: usize,
 }
 
 impl Effects {
     /// Nothing yet, of a scene and the schedule that it came to.
     pub fn new(of: OfScene, schedule: &Schedule) -> Self {
-        let walls = of.scene.surfaces.iter().map(|s| {
-            let damping = s.effects.damping.as_ref().is_some_and(|d| d.of > 0.0);
-            [s.effects.stiffness.is_some(), damping]
-        });
-        let surfaces = of.scene.surfaces.iter().map(|s| Seen {
-            name: s.name.clone(),
-            note: s.material.as_ref().map(|m| m.of.clone()).unwrap_or_default(),
-            surface: s.surface.clone(),
-            soft: s.effects.stiffness.is_none(),
-            touched: false,
-        });
         let mut effects = Self {
-            walls: walls.collect(),
-            surfaces: surfaces.collect(),
-            rendered: of.rendered,
+            walls: Vec::new(),
+            surfaces: Vec::new(),
+            rendered: Vec::new(),
             watched: Vec::new(),
             contact: None,
             gate: None,
             stroke: 0.0,
             moments: Vec::new(),
         };
-        effects.find(schedule);
+        effects.follow(Some(of), schedule);
         effects.watched.iter_mut().for_each(|watched| watched.calls = 0);
         effects
     }
 
-    /// Goes on with the nodes of the same names in another schedule of the same scene.
-    pub fn find(&mut self, schedule: &Schedule) {
+    /// Goes on with another schedule: of a scene that has changed, whose surfaces count from now on, or of what is no scene any more.
+    pub fn follow(&mut self, of: Option<OfScene>, schedule: &Schedule) {
+        if let Some(OfScene { scene, rendered }) = of {
+            let walls = scene.surfaces.iter().map(|s| {
+                let damping = s.effects.damping.as_ref().is_some_and(|d| d.of > 0.0);
+                [s.effects.stiffness.is_some(), damping]
+            });
+            let surfaces = scene.surfaces.iter().map(|s| Seen {
+                name: s.name.clone(),
+                note: s.material.as_ref().map(|m| m.of.clone()).unwrap_or_default(),
+                surface: s.surface.clone(),
+                soft: s.effects.stiffness.is_none(),
+                // It stays touched where it stands as it did.
+                touched: self
+                    .surfaces
+                    .iter()
+                    .any(|b| b.touched && b.name == s.name && b.surface == s.surface),
+            });
+            (self.walls, self.surfaces) = (walls.collect(), surfaces.collect());
+            self.rendered = rendered;
+        }
         self.watched.clear();
         for (place, (kind, ids)) in self.rendered.iter().enumerate() {
             let nodes = || ids.iter().filter_map(|id| schedule.index_of(id));
@@ -94,11 +103,13 @@ impl Effects {
         self.contact = schedule.nodes.iter().position(|node| node.kind == "contact").and_then(|node| {
             let of = &schedule.nodes[node];
             let input = |name: &str| of.inputs.iter().position(|i| i.name == name);
+            let output = |name: &str| of.outputs.iter().position(|o| o.name == name);
             Some(Contact {
                 node,
                 position: input("position")?,
                 stroke: input("stroke")?,
-                surface: of.outputs.iter().position(|o| o.name == "surface")?,
+                surface: output("surface")?,
+                volume: output("volume")?,
             })
         });
     }
@@ -122,10 +133,13 @@ impl Effects {
             _ => f64::NAN,
         };
         let position = engine.input(contact.node, contact.position);
-        let surface = value(engine.output(contact.node, contact.surface), 0);
-        // What is no number is not at least 0.
-        let touched = (surface >= 0.0).then_some(surface as usize);
-        if let Some(i) = touched {
+        // A wall and a volume may be touched at once.
+        let touched = [contact.surface, contact.volume].map(|output| {
+            let number = value(engine.output(contact.node, output), 0);
+            // What is no number is not at least 0.
+            (number >= 0.0).then_some(number as usize)
+        });
+        for i in touched.into_iter().flatten() {
             let wall = self.walls.get(i).copied().unwrap_or_default();
             (0..wall.len()).filter(|k| wall[*k]).for_each(|k| effects |= 1 << k);
             if let Some(seen) = self.surfaces.get_mut(i) {
@@ -135,7 +149,14 @@ impl Effects {
         let stroke = value(engine.input(contact.node, contact.stroke), 0);
         let jumps = std::mem::replace(&mut self.stroke, stroke) != stroke && !self.moments.is_empty();
         let at_mm = [0, 1].map(|k| value(position, k) as f32);
-        self.moments.push(Moment { at_mm, effects, touches: touched.is_some(), jumps });
+        self.moments.push(Moment { at_mm, effects, touches: touched != [None, None], jumps });
+    }
+
+    /// Ticks in which each effect was active: stiffness, damping, and what nodes render in its order.
+    pub fn active(&self) -> Vec<u64> {
+        let all = OF_SURFACES.len() + self.rendered.len();
+        let count = |bit: usize| self.moments.iter().filter(|m| m.effects >> bit & 1 == 1).count() as u64;
+        (0..all).map(count).collect()
     }
 
     /// The picture.

@@ -1,6 +1,6 @@
 //! `asperity render`: the virtual clock. Ticks run one after another, as fast as they go.
 
-mod effects;
+pub mod effects;
 pub mod record;
 pub mod report;
 mod salvage;
@@ -21,14 +21,14 @@ use asperity_source::Diagnostic;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::args::{GraphArgs, Render};
-use crate::failure::{Failure, print};
+use crate::failure::{Failure, be_quiet, print};
 use crate::kinds::Kinds;
 use crate::output::Pending;
 use crate::{load, output};
 
 use report::Run;
 use taken::Taken;
-use watch::Watch;
+use watch::{Scenes, Watch};
 
 /// Longest render, in seconds: a year.
 const MAX_SECONDS: f64 = 365.0 * 86_400.0;
@@ -56,6 +56,7 @@ impl Clock for Wall {
 
 /// Runs the command.
 pub fn run(args: &Render) -> Result<ExitCode, Failure> {
+    be_quiet(args.quiet);
     let mut kinds = Kinds::new(&args.graph.plugins.plugin);
     let (compiled, scene) = compiled(args, &mut kinds)?;
     let schedule = &compiled.schedule;
@@ -71,7 +72,8 @@ pub fn run(args: &Render) -> Result<ExitCode, Failure> {
     let named = [("--out", &args.out), ("--plot", &args.plot), ("--report", &args.report)];
     distinct_files(&args.graph, schedule, kinds.files(), &named)?;
     check_lengths(args, schedule, ticks)?;
-    let mut taken = Taken::new(args, schedule, scene)?;
+    let scenes = Scenes::default();
+    let mut taken = Taken::new(args, schedule, scene, scenes.clone())?;
     // Opened now, so that a folder that is not there is known before and not after the work.
     let plot = args.plot.as_deref().map(Pending::create).transpose()?;
     let report_file = args.report.as_deref().map(Pending::create).transpose()?;
@@ -83,7 +85,7 @@ pub fn run(args: &Render) -> Result<ExitCode, Failure> {
     let bar = progress(ticks, args.quiet);
     let (mut engine, watch) = if args.watch {
         let (controller, engine) = Engine::controlled(compiled, options);
-        (engine, Some(Watch::start(args, kinds, controller, &bar)))
+        (engine, Some(Watch::start(args, kinds, controller, scenes, &bar)))
     } else {
         (Engine::new(compiled, options), None)
     };

@@ -10,6 +10,7 @@ use super::Wall;
 use super::record::{Master, Recorder};
 use super::report::Level;
 use super::traces::Traces;
+use super::watch::Scenes;
 use crate::args::Render;
 use crate::failure::Failure;
 use crate::load::OfScene;
@@ -22,6 +23,8 @@ pub struct Taken {
     pub times: Times,
     pub drive: Level,
     schedule: Arc<Schedule>,
+    /// Scenes of graphs that are to be taken over.
+    scenes: Scenes,
     /// Time of each node in this tick, in ns.
     spent: Vec<u64>,
     /// Calls of each node before it.
@@ -30,7 +33,12 @@ pub struct Taken {
 
 impl Taken {
     /// Opens what the command line and the graph's sinks ask for.
-    pub fn new(args: &Render, schedule: &Schedule, scene: Option<OfScene>) -> Result<Self, Failure> {
+    pub fn new(
+        args: &Render,
+        schedule: &Schedule,
+        scene: Option<OfScene>,
+        scenes: Scenes,
+    ) -> Result<Self, Failure> {
         let nodes = schedule.nodes.len();
         Ok(Self {
             recorders: Recorder::for_sinks(schedule)?,
@@ -39,6 +47,7 @@ impl Taken {
             times: Times::new(nodes),
             drive: Level::new(schedule),
             schedule: Arc::new(schedule.clone()),
+            scenes,
             spent: vec![0; nodes],
             calls: vec![0; nodes],
         })
@@ -86,7 +95,7 @@ impl Taken {
         }
         self.recorders.iter_mut().for_each(|r| r.follow(moved));
         if let Some(traces) = &mut self.traces {
-            traces.follow(&schedule);
+            traces.follow(&schedule, self.scenes.take());
         }
         // This tick's times were taken by the new numbers, in a table of the old length: they are left out.
         let from: Vec<Option<usize>> = schedule.nodes.iter().map(|n| self.schedule.index_of(&n.id)).collect();

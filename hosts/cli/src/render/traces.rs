@@ -6,6 +6,7 @@ use asperity_engine::Engine;
 use asperity_graph::Schedule;
 use asperity_node::{Buffer, ParamValue, Shape, Unit};
 use asperity_plot::{Render, Series};
+use asperity_world::scene::{Kind, VOICED};
 
 use super::effects::Effects;
 use super::samples;
@@ -13,6 +14,9 @@ use crate::load::OfScene;
 
 /// Longest part of a render that is drawn, in seconds: so much audio is 4 MB a signal.
 const MAX_S: u64 = 20;
+
+/// Effects of a scene that are textures.
+const TEXTURES: [Kind; 4] = [Kind::Network, VOICED[0], VOICED[1], VOICED[2]];
 
 /// Signals kept for the plot.
 pub struct Traces {
@@ -119,9 +123,9 @@ impl Traces {
     }
 
     /// Goes on with the same meanings where another graph has been taken over. What it no longer has ends.
-    pub fn follow(&mut self, schedule: &Schedule) {
+    pub fn follow(&mut self, schedule: &Schedule, scene: Option<OfScene>) {
         if let Some(effects) = &mut self.effects {
-            effects.find(schedule);
+            effects.follow(scene, schedule);
         }
         let found = Self::new(schedule);
         let pairs = [
@@ -160,11 +164,17 @@ impl Traces {
         let cut = if drawn >= MAX_S { format!(", first {MAX_S} s") } else { String::new() };
         let drive =
             if self.drive.as_ref().is_some_and(|t| t.unit == "V") { "coil voltage" } else { "coil current" };
+        let above = self.effects.map(|effects| effects.into_above(schedule.tick_hz));
+        // The gate of a scene is open over what has no texture too.
+        let active = match &above {
+            Some(above) => above.times(&TEXTURES.map(Kind::word)),
+            None => self.active.map(spans).unwrap_or_default(),
+        };
         Render {
             title: format!("{material}{name}"),
             subtitle: format!("{} Hz ticks, {} Hz audio{cut}", schedule.tick_hz, schedule.audio_hz),
-            above: self.effects.map(|effects| effects.into_above(schedule.tick_hz)),
-            active: self.active.map(spans).unwrap_or_default(),
+            above,
+            active,
             position: series(self.position, "position").map(|s| s.with_columns(&["x", "y", "z"])),
             speed: series(self.speed, "speed"),
             gate_mm_s: self.gate_mm_s,

@@ -1,9 +1,9 @@
 //! `--watch`: a thread that compiles what changed and hands it to the running engine.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 use std::path::PathBuf;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 
 use asperity_engine::{Controller, SwapError};
@@ -15,7 +15,28 @@ use super::{compiled, record};
 use crate::args::Render;
 use crate::failure::{Failure, complain};
 use crate::kinds::Kinds;
+use crate::load::OfScene;
 use crate::watch::{Files, POLL, Stamps, named, readers, stamps};
+
+/// Scenes of the graphs that were sent, in their order; the picture is to show what is heard.
+#[derive(Clone, Default)]
+pub struct Scenes(Arc<Mutex<VecDeque<Option<OfScene>>>>);
+
+impl Scenes {
+    /// The scene of the next graph that is taken over.
+    pub fn take(&self) -> Option<OfScene> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).pop_front().flatten()
+    }
+
+    fn put(&self, scene: Option<OfScene>) {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).push_back(scene);
+    }
+
+    /// The newest is not to be taken over.
+    fn drop_last(&self) {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).pop_back();
+    }
+}
 
 /// The thread that watches.
 pub struct Watch {
@@ -25,9 +46,17 @@ pub struct Watch {
 
 impl Watch {
     /// Begins to watch.
-    pub fn start(args: &Render, kinds: Kinds, controller: Controller, bar: &ProgressBar) -> Self {
+    pub fn start(
+        args: &Render,
+        kinds: Kinds,
+        controller: Controller,
+        scenes: Scenes,
+        bar: &ProgressBar,
+    ) -> Self {
         let stop = Arc::new(AtomicBool::new(false));
-        let watcher = Watcher::new(args.clone(), kinds, controller, bar.clone());
+        let files = Files::new(stamps(&args.graph, kinds.files(), controller.schedule()));
+        let (args, bar, sent) = (args.clone(), bar.clone(), BTreeMap::new());
+        let watcher = Watcher { args, kinds, controller, scenes, bar, files, sent };
         let flag = stop.clone();
         Self { stop, thread: std::thread::spawn(move || watcher.run(&flag)) }
     }
@@ -44,17 +73,13 @@ struct Watcher {
     args: Render,
     kinds: Kinds,
     controller: Controller,
+    scenes: Scenes,
     bar: ProgressBar,
     files: Files,
     sent: BTreeMap<u64, Swapped>,
 }
 
 impl Watcher {
-    fn new(args: Render, kinds: Kinds, controller: Controller, bar: ProgressBar) -> Self {
-        let files = Files::new(stamps(&args.graph, kinds.files(), controller.schedule()));
-        Self { args, kinds, controller, bar, files, sent: BTreeMap::new() }
-    }
-
     /// Looks until it is told to stop.
     fn run(mut self, stop: &AtomicBool) -> Vec<Swapped> {
         while !stop.load(Ordering::Relaxed) {
@@ -106,9 +131,15 @@ impl Watcher {
 
     /// Compiles the graph anew and sends it. `None` where it is what is running.
     fn change(&mut self, nodes: &[String]) -> Result<Option<String>, Failure> {
-        let (compiled, _) = compiled(&self.args, &mut self.kinds)?;
+        let (compiled, scene) = compiled(&self.args, &mut self.kinds)?;
         same_sinks(self.controller.schedule(), &compiled.schedule).map_err(Failure::Machine)?;
-        let report = self.controller.swap(compiled, nodes).map_err(|e| {
+        // It may be taken over before `swap` returns.
+        self.scenes.put(scene);
+        let swapped = self.controller.swap(compiled, nodes);
+        if swapped.is_err() {
+            self.scenes.drop_last();
+        }
+        let report = swapped.map_err(|e| {
             let start_anew = matches!(e, SwapError::TickRate { .. } | SwapError::AudioRate { .. });
             Failure::Machine(if start_anew { format!("the graph {e}") } else { e.to_string() })
         })?;

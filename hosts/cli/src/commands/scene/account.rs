@@ -7,7 +7,9 @@ use asperity_graph::Compiled;
 use asperity_measure::timing::Recorder;
 use asperity_node::Buffer;
 
+use crate::load::OfScene;
 use crate::render::Wall;
+use crate::render::effects::Effects;
 
 /// Figures of one node.
 #[derive(Clone, Debug)]
@@ -35,11 +37,13 @@ pub struct Account {
     pub nodes: Vec<Work>,
     /// Ticks in which each surface was touched.
     pub touched: Vec<u64>,
+    /// Ticks in which each effect was felt: stiffness, damping, and what nodes render in its order.
+    pub active: Vec<u64>,
 }
 
 impl Account {
-    /// Runs a graph with its stroke.
-    pub fn of(compiled: Compiled, sleep: bool, ticks: u64, surfaces: usize) -> Self {
+    /// Runs the graph of a scene with its stroke.
+    pub fn of(compiled: Compiled, sleep: bool, ticks: u64, of_scene: &OfScene) -> Self {
         let nodes: Vec<(String, String)> =
             compiled.schedule.nodes.iter().map(|n| (n.id.clone(), n.kind.clone())).collect();
         // Walls and volumes are told of apart.
@@ -48,18 +52,20 @@ impl Account {
             let output = compiled.schedule.nodes[node].outputs.iter().position(|o| o.name == name)?;
             Some((node, output))
         });
+        let mut effects = Effects::new(of_scene.clone(), &compiled.schedule);
         let mut engine = Engine::new(compiled, Options { sleep, limit_ns: None });
         let wall = Wall::new(Instant::now());
         let (mut spent, mut total) = (vec![0; nodes.len()], vec![0_u64; nodes.len()]);
         let mut calls = vec![0; nodes.len()];
         let mut times = Recorder::new(nodes.len());
         let mut ticks_of = [Recorder::new(0), Recorder::new(0)];
-        let mut touched = vec![0; surfaces];
+        let mut touched = vec![0; of_scene.scene.surfaces.len()];
         for _ in 0..ticks {
             spent.fill(0);
             let began = Instant::now();
             engine.tick_timed(&wall, &mut spent);
             let tick_ns = began.elapsed().as_nanos() as u64;
+            effects.take(&engine);
             let now = contact.map(|port| {
                 let (node, output) = port?;
                 match engine.output(node, output) {
@@ -97,7 +103,7 @@ impl Account {
             })
             .collect();
         let tick_us = ticks_of.each_ref().map(|of| us(of.tick_summary().p50_ns));
-        Self { ticks, tick_us, nodes, touched }
+        Self { ticks, tick_us, nodes, touched, active: effects.active() }
     }
 
     /// A node's figures.

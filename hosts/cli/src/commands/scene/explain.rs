@@ -1,12 +1,13 @@
 //! `asperity scene explain`: every effect, node and model: built or not, why, and what it costs.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 use asperity_graph::Schedule;
 use asperity_source::Diagnostic;
-use asperity_world::scene::{Kind, Scene, Texture, Touchable};
+use asperity_world::scene::{Kind, Scene, Touchable};
 use asperity_world::space::Form;
 use serde_json::{Value, json};
 
@@ -43,7 +44,7 @@ pub fn run(args: &Explain) -> Result<ExitCode, Failure> {
     let whole = schedule.duration_ticks().unwrap_or((MOST_S * tick_hz) as u64);
     let most = (args.seconds.unwrap_or(MOST_S) * tick_hz) as u64;
     let ticks = whole.min(most).max(1);
-    let account = Account::of(compiled, !args.no_sleep, ticks, of_scene.scene.surfaces.len());
+    let account = Account::of(compiled, !args.no_sleep, ticks, &of_scene);
     let told = Told { schedule: &schedule, of_scene: &of_scene, account: &account };
     if args.json {
         print(&format!("{:#}\n", told.json()))?;
@@ -66,16 +67,13 @@ struct Effect<'a> {
     built: bool,
     why: String,
     nodes: Vec<&'a Work>,
+    /// Ticks in which it was felt.
+    active: u64,
 }
 
 impl Effect<'_> {
     fn tick_us(&self) -> f64 {
-        self.nodes.iter().map(|work| work.tick_us).sum()
-    }
-
-    /// Calls of what makes it; the level of a voice is asked before that is known.
-    fn calls(&self) -> u64 {
-        self.nodes.iter().filter(|work| work.kind != "level").map(|work| work.calls).max().unwrap_or(0)
+        self.nodes.iter().fold(0.0, |sum, work| sum + work.tick_us)
     }
 }
 
@@ -97,6 +95,7 @@ impl<'a> Told<'a> {
                 "no surface has it".into()
             },
             nodes: if count > 0 { contact.clone() } else { Vec::new() },
+            active: 0,
         };
         let mut all = vec![of_contact("stiffness", walls)];
         // `contact` is counted once.
@@ -111,7 +110,10 @@ impl<'a> Told<'a> {
                 (_, false, true) => "nothing that it leads to is wanted".into(),
                 (n, ..) => format!("{}, {}", plural(n, "surface"), plural(slots.first.len(), what)),
             };
-            all.push(Effect { name: kind.word(), built: !nodes.is_empty(), why, nodes });
+            all.push(Effect { name: kind.word(), built: !nodes.is_empty(), why, nodes, active: 0 });
+        }
+        for (effect, active) in all.iter_mut().zip(&self.account.active) {
+            effect.active = *active;
         }
         all
     }
@@ -139,24 +141,24 @@ impl<'a> Told<'a> {
             all.push((file("model"), loaded, why.clone()));
             all.push((file("library"), loaded, why));
         }
-        let mut files = BTreeSet::new();
-        for texture in scene.surfaces.iter().flat_map(|s| &s.effects.textures) {
-            if let Texture::Autoregressive { model, .. } = &texture.of {
-                files.insert(model.display().to_string());
+        // Files that surfaces name, and files that were read; by whom.
+        let mut files: BTreeMap<PathBuf, (usize, Vec<String>)> = BTreeMap::new();
+        for file in scene.surfaces.iter().flat_map(|surface| surface.effects.files()) {
+            files.entry(file.clone()).or_default().0 += 1;
+        }
+        for file in load::node_files(self.schedule) {
+            if file.param.is_empty() {
+                files.entry(file.path).or_default().1.push(format!("`{}`", file.node));
             }
         }
-        for file in files {
-            let count = scene.surfaces.iter().filter(|s| {
-                s.effects.textures.iter().any(|t| {
-                    matches!(&t.of, Texture::Autoregressive { model, .. } if model.display().to_string() == file)
-                })
-            });
-            let why = plural(count.count(), "surface");
-            all.push((
-                file,
-                self.of_scene.rendered.iter().any(|(k, ids)| *k == Kind::Autoregressive && !ids.is_empty()),
-                why,
-            ));
+        for (file, (surfaces, nodes)) in files {
+            let by = if nodes.is_empty() {
+                "nothing that it leads to is wanted".to_owned()
+            } else {
+                format!("by {}", nodes.join(", "))
+            };
+            let why = if surfaces > 0 { format!("{}, {by}", plural(surfaces, "surface")) } else { by };
+            all.push((file.display().to_string(), !nodes.is_empty(), why));
         }
         all
     }
@@ -181,17 +183,16 @@ impl<'a> Told<'a> {
         );
         let _ = writeln!(out, "\neffect          built   us a tick  active   why");
         for effect in self.effects() {
-            let share = 100.0 * effect.calls() as f64 / account.ticks.max(1) as f64;
-            let figures = if effect.nodes.is_empty() {
-                format!("{:>9}  {:>6}", "", "")
-            } else {
-                format!("{:>9.2}  {share:>4.0} %", effect.tick_us())
-            };
+            let share = 100.0 * effect.active as f64 / account.ticks.max(1) as f64;
+            let cost =
+                if effect.nodes.is_empty() { String::new() } else { format!("{:.2}", effect.tick_us()) };
+            let share = if effect.built { format!("{share:.0} %") } else { String::new() };
+            let figures = format!("{cost:>9}  {share:>6}");
             let built = if effect.built { "yes" } else { "no" };
             let _ = writeln!(out, "{:<15} {built:<7} {figures}   {}", effect.name, clean(&effect.why));
         }
         let _ =
-            writeln!(out, "\nnode                    kind                   calls   us a call   us a tick");
+            writeln!(out, "\nnode                    kind                   calls   median us   us a tick");
         for work in &account.nodes {
             let _ = writeln!(
                 out,
@@ -269,7 +270,7 @@ impl<'a> Told<'a> {
                     "why": e.why,
                     "nodes": nodes,
                     "us_per_tick": e.tick_us(),
-                    "calls": e.calls(),
+                    "ticks_active": e.active,
                 })
             })
             .collect();

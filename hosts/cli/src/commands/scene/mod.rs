@@ -5,7 +5,10 @@ mod explain;
 
 use std::process::ExitCode;
 
+use asperity_graph::{GraphFile, Schedule};
+use asperity_node::ParamValue;
 use asperity_source::Diagnostic;
+use asperity_source::ron::{Kind as Form, Value};
 
 use crate::args::{Expand, SceneCommand};
 use crate::failure::{Failure, print};
@@ -23,13 +26,14 @@ pub fn run(command: &SceneCommand) -> Result<ExitCode, Failure> {
 /// Prints the graph that a scene lowers to.
 fn expand(args: &Expand) -> Result<ExitCode, Failure> {
     let mut kinds = Kinds::new(&args.scene.plugins.plugin);
-    let (graph, of_scene) = load::read_all(&args.scene, &mut kinds)?;
+    let (mut graph, of_scene) = load::read_all(&args.scene, &mut kinds)?;
     if of_scene.is_none() {
         return Err(no_scene(&args.scene.graph).into());
     }
     // What does not compile is no graph to go on from.
     let registry = kinds.registry(Some(&graph))?;
-    load::compiled(&graph, &args.scene, &registry)?;
+    let compiled = load::compiled(&graph, &args.scene, &registry)?;
+    at_home(&mut graph, &compiled.schedule);
     let scene = args.scene.graph.display();
     let text = format!(
         "// What {scene} lowers to. Paths are relative to its folder, and `contact` reads the surfaces in it.\n{graph}"
@@ -45,6 +49,16 @@ fn expand(args: &Expand) -> Result<ExitCode, Failure> {
             .help("name another file in the same folder")
             .into());
     }
+    let read = load::files_read(&args.scene, &compiled.schedule).into_iter();
+    let plugins = kinds.files().iter().map(|file| (file.clone(), "a plugin".to_owned()));
+    if let Some((_, who)) =
+        read.chain(plugins).find(|(file, _)| output::resolved(file) == output::resolved(out))
+    {
+        return Err(Diagnostic::new(format!("{who} reads this file, and it would be overwritten"))
+            .in_file(out)
+            .help("name another file in the same folder")
+            .into());
+    }
     if folder(out) != folder(&args.scene.graph) {
         return Err(Diagnostic::new("the graph's paths are relative to the scene's folder")
             .in_file(out)
@@ -54,6 +68,19 @@ fn expand(args: &Expand) -> Result<ExitCode, Failure> {
     output::write_text(out, &text)?;
     print(&format!("wrote {}\n", out.display()))?;
     Ok(ExitCode::SUCCESS)
+}
+
+/// Files that the command line names are relative to where the program runs, those of a graph to its folder.
+fn at_home(graph: &mut GraphFile, schedule: &Schedule) {
+    for decl in &mut graph.nodes {
+        let Some(node) = schedule.index_of(&decl.id).map(|i| &schedule.nodes[i]) else { continue };
+        for setting in decl.params.iter_mut().filter(|setting| setting.typed.is_some()) {
+            let Some(ParamValue::File(path)) = node.params.get(&setting.name) else { continue };
+            if let Ok(path) = std::path::absolute(path) {
+                setting.value = Value::made(Form::Text(path.display().to_string()), &setting.place);
+            }
+        }
+    }
 }
 
 /// A graph, where a scene is wanted.
