@@ -118,9 +118,9 @@ fn every_effect_is_shown_where_and_as_long_as_it_was_felt() {
     near("touching", (3.025 - 0.275) * seconds, 0.6);
     near("in the air", 100.0 - (3.025 - 0.275) * seconds, 0.6);
     // From -45, where it rests without friction, to -30.
-    near("friction", 15.0 / 40.0 * seconds, 0.2);
+    near("friction", 15.0 / 40.0 * seconds, 0.6);
     near("vibration", 20.0 / 40.0 * seconds, 0.6);
-    near("viscosity", 20.0 / 40.0 * seconds, 0.2);
+    near("viscosity", 20.0 / 40.0 * seconds, 0.6);
     // From 10 to 25, and as long as the gate closes.
     near("waveform", 15.0 / 40.0 * seconds, 1.0);
     for effect in ["damping", "network", "autoregressive", "relief", "tap", "magnet"] {
@@ -139,6 +139,39 @@ fn every_effect_is_shown_where_and_as_long_as_it_was_felt() {
         let (a, b) = span(&svg, effect);
         assert!((a - from).abs() < 1.0 && (b - to).abs() < 1.0, "{effect}: {a} to {b} mm");
     }
+}
+
+/// From and to when panels are tinted, in seconds.
+fn tinted(svg: &str) -> Vec<(f64, f64)> {
+    let at = |s: &str| texts(svg).into_iter().rfind(|(_, text)| *text == s).unwrap().0;
+    let (a, b) = (at("1.0"), at("2.0"));
+    let number = |part: &str, name: &str| -> f64 {
+        part.split_once(&format!("{name}=\"")).unwrap().1.split('"').next().unwrap().parse().unwrap()
+    };
+    let all = svg.lines().filter(|line| line.contains("fill=\"#f0f6fa\""));
+    all.map(|line| {
+        let (x, width) = (number(line, " x"), number(line, " width"));
+        (1.0 + (x - a) / (b - a), 1.0 + (x + width - a) / (b - a))
+    })
+    .collect()
+}
+
+#[test]
+fn only_where_a_texture_is_felt_is_tinted() {
+    let dir = tempfile::tempdir().unwrap();
+    let svg = plotted(dir.path(), SCENE, &stroke(), &[]);
+    assert!(svg.contains(">texture active<"));
+    let tinted = tinted(&svg);
+    // On the ripples, from x = 10, from 2.175 s to the rest at 2.55 s; as long as the gate closes, not before.
+    assert!(tinted.len() >= 3, "a panel each");
+    for (from, to) in tinted {
+        assert!((from - 2.175).abs() < 0.03 && (2.5..2.65).contains(&to), "{from} {to}");
+    }
+    // Without a texture nothing is.
+    let (before, rest) = SCENE.split_once("        \"ripples\"").unwrap();
+    let (_, after) = rest.split_once("        \"never\"").unwrap();
+    let svg = plotted(dir.path(), &format!("{before}        \"never\"{after}"), &stroke(), &[]);
+    assert!(!svg.contains("texture active") && self::tinted(&svg).is_empty());
 }
 
 #[test]
@@ -175,12 +208,16 @@ fn a_thousand_tiles_and_a_long_scribble_are_a_small_file() {
     }
     scene.push_str("})\n");
     // 25 s over all of it at up to 2 m/s, of which 20 are drawn.
-    let scribble = csv(25.0, |t| [60.0 * (31.0 * t).sin(), 60.0 * (27.3 * t).cos(), -0.5]);
+    let at = |t: f64| [60.0 * (31.0 * t).sin(), 60.0 * (27.3 * t).cos(), -0.5];
+    let scribble = csv(25.0, at);
     let svg = plotted(dir.path(), &scene, &scribble, &[]);
     assert!(svg.contains("first 20 s") && !svg.contains("tile "));
     assert!(svg.len() < 2_000_000, "{}", svg.len());
     let drawn = part(&svg, "touching").unwrap();
-    // 9 of 16 parts are tiles.
-    assert!((drawn - 56.25).abs() < 3.0, "{drawn}");
+    // Tiles are 3 of every 4 mm along both axes.
+    let on = |x: f64| ((x + 64.0).rem_euclid(4.0) - 2.0).abs() < 1.5;
+    let all = (0..80_000).map(|k| at(f64::from(k) / 4000.0));
+    let touched = all.filter(|[x, y, _]| on(*x) && on(*y)).count() as f64 / 800.0;
+    assert!((drawn - touched).abs() < 1.0, "{drawn} % for {touched} %");
     assert!(part(&svg, "friction").unwrap() > 20.0 && part(&svg, "damping").unwrap() > 20.0);
 }

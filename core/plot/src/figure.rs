@@ -182,7 +182,7 @@ impl Figure {
         let high = if high > low { high } else { low + 1.0 };
         let x = Axis { low, high, pixels: [LEFT, RIGHT] };
         let tinted: Vec<(f64, f64)> =
-            if self.tint_label.is_empty() { Vec::new() } else { self.tint_spans(&x).collect() };
+            if self.tint_label.is_empty() { Vec::new() } else { self.tint_spans(&x) };
         if !tinted.is_empty() {
             let left = RIGHT - text_width(&self.tint_label, 11.0) - 20.0;
             svg.rect([left, 46.0], [13.0, 12.0], "fill=\"#e3eef5\" stroke=\"#c8d9e4\"");
@@ -219,12 +219,20 @@ impl Figure {
         svg.finish()
     }
 
-    /// The tinted times in pixels, cut to the axis.
-    fn tint_spans<'a>(&'a self, x: &'a Axis) -> impl Iterator<Item = (f64, f64)> + 'a {
-        self.tinted.iter().filter(|(a, b)| a.is_finite() && b.is_finite()).filter_map(|(a, b)| {
-            let (a, b) = (x.at(*a).max(LEFT), x.at(*b).min(RIGHT));
-            (b > a).then_some((a, b))
-        })
+    /// The tinted times in pixels, cut to the axis, with at least a pixel between them.
+    fn tint_spans(&self, x: &Axis) -> Vec<(f64, f64)> {
+        let finite = self.tinted.iter().filter(|(a, b)| a.is_finite() && b.is_finite());
+        let cut = finite.map(|(a, b)| (x.at(*a).max(LEFT), x.at(*b).min(RIGHT)));
+        let mut all: Vec<(f64, f64)> = cut.filter(|(a, b)| b > a).collect();
+        all.sort_by(|a, b| a.0.total_cmp(&b.0));
+        all.dedup_by(|next, last| {
+            let joins = next.0 - last.1 < 1.0;
+            if joins {
+                last.1 = last.1.max(next.1);
+            }
+            joins
+        });
+        all
     }
 }
 

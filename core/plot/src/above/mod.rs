@@ -3,6 +3,7 @@
 //! x goes to the right and y up, on one scale in millimetres. Beside the way, on its right as one goes, run lanes: one for each kind of effect that is active there. What is
 //! shown is the way and what lies about it.
 
+mod cover;
 mod names;
 mod outline;
 mod strip;
@@ -13,9 +14,10 @@ use asperity_world::space::Surface;
 use super::axis::Axis;
 use super::lines::Pen;
 use super::svg::{Svg, num};
-use names::{Name, place};
-use outline::{Bounds, Outline, Point, bounds, clipped, meet};
-use way::{LANE, Piece, Stop, lanes, line, pieces};
+use cover::{CELL, Cover};
+use names::{Name, Written, place};
+use outline::{Bounds, Outline, Point, bounds, clipped, left_of, meet};
+use way::{LANE, Piece, Stop, covered, lanes, line, pieces};
 
 /// A scene from above.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -110,7 +112,9 @@ impl Above {
         let [low, high] = view(self.way(), outlines.filter_map(|outline| outline.bounds()));
         let size = [high[0] - low[0], high[1] - low[1]];
         let room = RIGHT - LEFT;
-        let height = (size[1] * room / size[0]).clamp(HEIGHT[0], HEIGHT[1].max(self.aside()));
+        // As high as what stands beside it.
+        let least = HEIGHT[0].max(self.aside());
+        let height = (size[1] * room / size[0]).clamp(least, HEIGHT[1].max(least));
         // The same scale on both axes: what is left over shows more of the one.
         let mm = (size[0] / room).max(size[1] / height);
         let axis = |k: usize, length: f64, pixels| {
@@ -144,7 +148,24 @@ impl Above {
 
     /// Height of what stands beside the map.
     fn aside(&self) -> f64 {
-        (self.active().len() as f64 + 6.0) * ROW
+        (self.active().len().max(1) as f64 + 3.0) * ROW + 36.0
+    }
+
+    /// Times from and to, in seconds, in which an effect of one of these names was active.
+    pub fn times(&self, names: &[&str]) -> Vec<(f64, f64)> {
+        let named = self.effects.iter().take(u16::BITS as usize).enumerate();
+        let bits =
+            named.filter(|(_, n)| names.contains(&n.as_str())).fold(0_u16, |all, (bit, _)| all | 1 << bit);
+        let mut times: Vec<(f64, f64)> = Vec::new();
+        let mut tick = 0;
+        for run in self.moments.chunk_by(|a, b| (a.effects & bits == 0) == (b.effects & bits == 0)) {
+            let end = tick + run.len();
+            if run[0].effects & bits != 0 {
+                times.push((tick as f64 / self.hz, end as f64 / self.hz));
+            }
+            tick = end;
+        }
+        times
     }
 }
 
@@ -199,8 +220,9 @@ impl Laid<'_> {
         svg.raw("<g clip-path=\"url(#above)\">\n");
         let (names, left_out) = self.surfaces(svg);
         self.stroke(svg);
-        let crossed: Vec<Point> = self.pieces.iter().map(|piece| piece.to).collect();
-        place(&names, [[LEFT, top], [RIGHT, bottom]], &crossed).iter().for_each(|name| name.draw(svg));
+        let (written, nameless) = self.names(names);
+        written.iter().for_each(|name| name.point(svg));
+        written.iter().for_each(|name| name.draw(svg));
         svg.raw("</g>\n");
         let frame =
             format!("M{l} {t}H{r}V{b}H{l}z", l = num(LEFT), r = num(RIGHT), t = num(top), b = num(bottom));
@@ -211,16 +233,51 @@ impl Laid<'_> {
         for (v, label) in self.y.ticks(70.0) {
             svg.text([LEFT - 8.0, self.y.at(v) + 4.0], "end", "small", &label);
         }
-        let about = match left_out {
-            0 => "x and y, mm".to_owned(),
-            n => format!("x and y, mm; {n} more surfaces are not drawn"),
-        };
+        let mut about = "x and y, mm".to_owned();
+        match left_out {
+            0 => {}
+            1 => about += "; 1 more surface is not drawn",
+            n => about += &format!("; {n} more surfaces are not drawn"),
+        }
+        match nameless {
+            0 => {}
+            1 => about += "; 1 name is left out",
+            n => about += &format!("; {n} names are left out"),
+        }
         svg.heading([LEFT, top - 9.0], "From above", &about);
         self.legend(svg);
     }
 
-    /// Draws the surfaces; answers what could be written where, and how many were left out.
-    fn surfaces(&self, svg: &mut Svg) -> (Vec<Name>, usize) {
+    /// Names in their places, and how many have none.
+    fn names(&self, mut names: Vec<(bool, Name)>) -> (Vec<Written>, usize) {
+        let all = names.len();
+        // Those that were touched at least.
+        if names.len() > MOST_NAMES {
+            names.retain(|(touched, _)| *touched);
+        }
+        if names.len() > MOST_NAMES {
+            names.clear();
+        }
+        let left_out = all - names.len();
+        let names: Vec<Name> = names.into_iter().map(|(_, name)| name).collect();
+        let frame = [[LEFT, self.y.pixels[1]], [RIGHT, self.y.pixels[0]]];
+        let cover = Cover::of(frame, |mark| {
+            if names.is_empty() {
+                return;
+            }
+            covered(&self.pieces, COLOURS.len(), CELL, mark);
+            let ends =
+                self.pieces.first().map(|p| p.from).into_iter().chain(self.pieces.last().map(|p| p.to));
+            for [x, y] in ends {
+                (0..9).for_each(|i| mark([x + 4.0 * f64::from(i % 3 - 1), y + 4.0 * f64::from(i / 3 - 1)]));
+            }
+        });
+        let (written, nameless) = place(&names, frame, &cover);
+        (written, left_out + nameless)
+    }
+
+    /// Draws the surfaces; answers what could be written where, with whether it was touched, and how many were left out.
+    fn surfaces(&self, svg: &mut Svg) -> (Vec<(bool, Name)>, usize) {
         let [bottom, top] = self.y.pixels;
         let shown: Bounds = [[self.x.low, self.y.low], [self.x.high, self.y.high]];
         let frame = [[LEFT, top], [RIGHT, bottom]];
@@ -247,13 +304,10 @@ impl Laid<'_> {
         for (seen, outline) in &all {
             let (d, area) = self.shape(outline, frame);
             paths[usize::from(seen.touched) + 2 * usize::from(seen.soft)] += &d;
-            names.push(Name { name: seen.name.clone(), note: seen.note.clone(), area });
+            names.push((seen.touched, Name { name: seen.name.clone(), note: seen.note.clone(), area }));
         }
         for (i, d) in paths.iter().enumerate() {
             svg.path(d, &format!("{}{}", OUTLINE[i & 1], if i > 1 { DASHED } else { "" }));
-        }
-        if names.len() > MOST_NAMES {
-            names.clear();
         }
         (names, left_out)
     }
@@ -270,14 +324,19 @@ impl Laid<'_> {
         });
     }
 
-    /// A path of an outline, and the part of it in sight, in pixels.
+    /// A path of an outline, clockwise on the screen as all of them, so that one leaves no hole in another; and the part of it in sight, in pixels.
     fn shape(&self, outline: &Outline, frame: Bounds) -> (String, Vec<Point>) {
         // A little more than what is in sight, so that edges that are cut are not seen.
         let wide = [frame[0].map(|v| v - 8.0), frame[1].map(|v| v + 8.0)];
         let pixel = |[x, y]: Point| [self.x.at(x), self.y.at(y)];
         let around = |points: &[Point]| {
             let (mut d, mut pen) = (String::new(), Pen::default());
-            clipped(points, wide).into_iter().for_each(|[x, y]| pen.to(&mut d, x, y));
+            let mut points = clipped(points, wide);
+            let turns = |w: &[Point]| left_of(points[0], w[0], w[1]);
+            if points.windows(2).map(turns).sum::<f64>() < 0.0 {
+                points.reverse();
+            }
+            points.into_iter().for_each(|[x, y]| pen.to(&mut d, x, y));
             // Nothing, or nothing but a point.
             if d.is_empty() || d.ends_with('l') { String::new() } else { d + "z" }
         };
@@ -286,7 +345,7 @@ impl Laid<'_> {
                 String::new(),
                 vec![frame[0], [frame[1][0], frame[0][1]], frame[1], [frame[0][0], frame[1][1]]],
             ),
-            Outline::Edge(ends) => (around(&ends.map(pixel)), Vec::new()),
+            Outline::Edge(ends) => (around(&ends.map(pixel)), clipped(&ends.map(pixel), frame)),
             Outline::Polygon(points) => {
                 let points: Vec<Point> = points.iter().copied().map(pixel).collect();
                 (around(&points), clipped(&points, frame))
@@ -303,7 +362,7 @@ impl Laid<'_> {
                 let d = if r < LARGE {
                     // Two halves, that meet for all rounding.
                     let r = (10.0 * r).round() / 10.0;
-                    let half = format!("a{r} {r} 0 1 0", r = num(r));
+                    let half = format!("a{r} {r} 0 1 1", r = num(r));
                     format!("M{} {}{half} {w} 0{half}-{w} 0z", num(x - r), num(y), w = num(2.0 * r))
                 } else {
                     // So many that none is off by more than half a pixel.
@@ -345,9 +404,9 @@ impl Laid<'_> {
             svg.text([END, y], "end", "", &part.map(percent).unwrap_or_default());
         };
         svg.text([ASIDE, y], "start", "head", "Effects along the way");
-        svg.text([END, y], "end", "small", "of the time");
         y += 16.0;
-        svg.text([ASIDE, y], "start", "small", "side by side on its right, the first beside it");
+        svg.text([ASIDE, y], "start", "small", "on its right, in this order");
+        svg.text([END, y], "end", "small", "of the time");
         y += ROW + 3.0;
         let active = self.above.active();
         if active.is_empty() {

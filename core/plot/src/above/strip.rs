@@ -28,7 +28,7 @@ impl Above {
     }
 
     /// From and to which pixel an effect is active: at least a pixel each, and with as much between them.
-    fn bars(&self, bit: usize, x: &Axis) -> Vec<[f64; 2]> {
+    pub(super) fn bars(&self, bit: usize, x: &Axis) -> Vec<[f64; 2]> {
         let mut bars: Vec<[f64; 2]> = Vec::new();
         let pixel = |tick: usize| x.at(tick as f64 / self.hz).clamp(x.pixels[0], x.pixels[1]);
         for tick in (0..self.moments.len()).filter(|tick| self.moments[*tick].effects >> bit & 1 == 1) {

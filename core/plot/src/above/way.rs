@@ -114,6 +114,26 @@ pub(super) fn lanes(pieces: &[Piece], effects: usize) -> Vec<String> {
     paths
 }
 
+/// Puts points, no further apart than `step`, over all that the way and its lanes cover.
+pub(super) fn covered(pieces: &[Piece], effects: usize, step: f64, mark: &mut dyn FnMut(Point)) {
+    let all = u16::MAX >> u16::BITS.saturating_sub(effects as u32).min(15);
+    let steps = |length: f64| (length / step).ceil().clamp(1.0, 4096.0);
+    for chain in pieces.chunk_by(|_, b| b.joined) {
+        for (piece, way) in chain.iter().zip(ways(chain)) {
+            let width = CLEAR + LANE * f64::from((piece.effects & all).count_ones());
+            let (count, rows) = (steps(distance(piece.from, piece.to)), steps(width));
+            for i in 0..=count as usize {
+                let part = i as f64 / count;
+                let at: Point = std::array::from_fn(|k| piece.from[k] + part * (piece.to[k] - piece.from[k]));
+                for row in 0..=rows as usize {
+                    let off = row as f64 / rows * width;
+                    mark([at[0] - off * way[1], at[1] + off * way[0]]);
+                }
+            }
+        }
+    }
+}
+
 /// Writes a lane.
 fn along(d: &mut String, run: &[Piece], ways: &[Point], off: f64) {
     let beside = |p: Point, way: Point| [p[0] - off * way[1], p[1] + off * way[0]];
