@@ -64,11 +64,12 @@ train: setup
 evaluate: setup
 	$(CARGO) run --release -p asperity-train -- evaluate graphs/models/surfaces --run $(OUT)/surfaces.run
 
-# The pictures of the README.
+# The pictures of the README and of docs/scenes.md.
 pictures: setup
 	$(CARGO) build --release -p asperity
 	target/release/asperity graph graphs/heravi2024.ron --svg docs/graph.svg
 	target/release/asperity render graphs/heravi2024.ron --plot docs/render.svg
+	target/release/asperity render graphs/scenes/every_effect.ron --plot docs/scene.svg
 	$(CARGO) build --release -p asperity-rtpghi -p asperity-gsrtisi-la
 	target/release/asperity compare --plugin target/release/librtpghi.so --plugin target/release/libgsrtisi_la.so \
 	    --phase sample_commit:emission=0 --svg docs/compare.svg
