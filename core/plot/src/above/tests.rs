@@ -386,6 +386,19 @@ fn what_has_no_name_in_the_picture_is_counted_and_what_was_touched_has_one_if_it
 }
 
 #[test]
+fn many_tinted_times_are_no_more_than_can_be_seen() {
+    let position = crate::Series::sampled("position", "mm", 100.0, vec![1.0; 2000]);
+    // Out of order; ten times of half a tick a pixel, but for a gap.
+    let active = (0..20_000)
+        .rev()
+        .filter(|k| !(9000..10_000).contains(k))
+        .map(|k| (f64::from(k) * 1e-3, f64::from(k) * 1e-3 + 5e-4));
+    let render = Render { position: Some(position), active: active.collect(), ..Render::default() };
+    let svg = render.into_figure().to_svg();
+    assert_eq!(svg.matches("fill=\"#f0f6fa\"").count(), 2);
+}
+
+#[test]
 fn times_are_those_of_any_of_the_named() {
     let moments = along(50.0, |k| match k {
         0..100 => 0b1,
