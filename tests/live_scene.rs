@@ -28,7 +28,7 @@ use stage::{by_hand, channel, offline, options, start, stop};
 
 /// A shipped scene as a graph.
 fn lowered(name: &str) -> (GraphFile, Compiled) {
-    let source = Source::read(&graphs("scenes").join(name)).expect("a shipped scene");
+    let source = Source::read(graphs("scenes").join(name)).expect("a shipped scene");
     let scene = Scene::parse(&source).expect("a scene");
     let registry = asperity_nodes::registry();
     let graph = lower(&scene, &registry, Lowering::default()).expect("a graph").graph;

@@ -6,6 +6,9 @@ mod common;
 
 use asperity_engine::{Engine, Options};
 use asperity_graph::{GraphFile, compile};
+use asperity_scene::{Lowering, lower};
+use asperity_source::Source;
+use asperity_world::scene::Scene;
 use assert_no_alloc::{AllocDisabler, assert_no_alloc, reset_violation_count, violation_count};
 
 #[global_allocator]
@@ -39,6 +42,22 @@ fn handing_over_a_state_and_setting_a_parameter_allocate_nothing() {
     }
 }
 
+/// Whole strokes over the shipped scenes: surfaces of all shapes, all effects, in contact and out of it.
+fn no_tick_of_a_scene_allocates() {
+    for name in ["study.ron", "twelve.ron", "every_effect.ron", "thousand.ron"] {
+        let source = Source::read(format!("../../graphs/scenes/{name}")).expect("a shipped scene");
+        let registry = asperity_nodes::registry();
+        let scene = Scene::parse(&source).expect("a scene");
+        let graph = lower(&scene, &registry, Lowering::default()).expect("a graph").graph;
+        let compiled = compile(&graph, &registry, Default::default()).expect("it compiles");
+        let most = compiled.schedule.duration_ticks().expect("a stroke that ends");
+        let mut engine = Engine::new(compiled, Options::default());
+        reset_violation_count();
+        assert_no_alloc(|| (0..most).for_each(|_| engine.tick()));
+        assert!(violation_count() == 0 && engine.faults() == 0, "{name}");
+    }
+}
+
 // One test, since the count of violations is one for the program.
 #[test]
 fn no_tick_of_the_shipped_graph_allocates() {
@@ -46,6 +65,7 @@ fn no_tick_of_the_shipped_graph_allocates() {
     assert_no_alloc(|| drop(std::hint::black_box(vec![1_u8; 64])));
     assert!(violation_count() > 0, "the instrument must see an allocation");
     handing_over_a_state_and_setting_a_parameter_allocate_nothing();
+    no_tick_of_a_scene_allocates();
 
     for (synthesis_hz, tick_hz, audio_hz) in
         [(2500, 500, 48_000), (0, 500, 48_000), (2500, 1000, 44_100), (500, 500, 48_000)]

@@ -11,6 +11,8 @@ use crate::builder::{Builder, handed_on, number, setting};
 
 /// What acceleration goes through on its way to the output.
 pub(crate) const STAGES: [(&str, &str); 2] = [("inverse", "actuator_inverse"), ("limiter", "limiter")];
+/// The most frames a second that a network makes.
+const FRAMES_HZ: f64 = 500.0;
 /// How far inside its newest window `sample_commit` emits samples unless the file says otherwise \[s\]: 20 frames at 500 Hz.
 const EMISSION_S: f64 = 0.04;
 /// Rate at which a network's signal is synthesised unless the file says otherwise \[Hz\].
@@ -92,7 +94,8 @@ impl Builder<'_> {
         if scene.phase.kind == "sample_commit"
             && scene.phase.settings.iter().all(|(key, _)| key.name != "emission")
         {
-            let emission = -(EMISSION_S * f64::from(scene.tick_hz)).round() as i64;
+            let frames_hz = f64::from(scene.tick_hz).min(FRAMES_HZ);
+            let emission = -(EMISSION_S * frames_hz).round() as i64;
             self.set("phase", setting("emission", Form::Int(emission), &scene.phase.place));
         }
         for (from, to) in [
@@ -121,7 +124,7 @@ impl Builder<'_> {
         self.node("network level", "level", &here, Vec::new());
         self.wire(last, "network level.in");
         self.wire("contact.network", "network level.level");
-        for id in ["texture", "phase", "synthesis", "audio rate", "network level"] {
+        for id in ["history", "texture", "phase", "synthesis", "audio rate", "network level"] {
             self.renders(Kind::Network, id);
         }
         Ok("network level".into())
