@@ -1,7 +1,8 @@
 //! What a scene costs: of 1 to 10000 surfaces one is touched, and a tick is to cost what it would alone.
 //!
 //! All sizes of a table take turns tick by tick in one loop, so that what the machine does besides is the same for all; figures are medians. `far`: the other
-//! surfaces lie in a grid 200 mm and more away. `near`: all lie on each other, half a millimetre and less apart, so that any of them could be the one.
+//! surfaces lie in a grid 200 mm and more away. `stacked`: all lie on each other, half a millimetre and less apart, so that any of them could be the one.
+//! `crowd`: boxes and balls of 2 mm, turned any way, 7 to 60 mm around the stylus, above, below and through each other.
 //! The goals are printed beside what was measured, and nothing fails on them: machines differ.
 
 use std::fmt::Write as _;
@@ -35,6 +36,14 @@ enum Hand {
     Air,
 }
 
+/// Where the surfaces lie that are not touched.
+#[derive(Clone, Copy)]
+enum Others {
+    Far,
+    Stacked,
+    Crowd,
+}
+
 /// What surfaces do.
 #[derive(Clone, Copy)]
 struct What {
@@ -57,7 +66,7 @@ const NETWORK: What = What {
     sounds: true,
 };
 
-fn scene(count: usize, what: What, near: bool, hand: Hand) -> String {
+fn scene(count: usize, what: What, others: Others, hand: Hand) -> String {
     let mut out = String::from("Scene(\n    version: 1,\n");
     let _ = match hand {
         Hand::Touching => writeln!(
@@ -76,14 +85,29 @@ fn scene(count: usize, what: What, near: bool, hand: Hand) -> String {
     }
     let _ = writeln!(out, "    surfaces: {{");
     for i in 0..count {
-        let [x, y, z] = match (i, near) {
+        // Parts of the golden ratio and its kin: as even as chance, and the same everywhere.
+        let part = |k: f64| (k * i as f64).fract();
+        let [x, y, z] = match (i, others) {
             (0, _) => [0.0; 3],
-            (_, true) => [0.37 * (i % 7) as f64 - 1.0, 0.29 * (i % 5) as f64, -1e-4 * (i % 5000) as f64],
-            (_, false) => [200.0 + 45.0 * (i % 100) as f64, 45.0 * (i / 100) as f64, 0.0],
+            (_, Others::Stacked) => {
+                [0.37 * (i % 7) as f64 - 1.0, 0.29 * (i % 5) as f64, -1e-4 * (i % 5000) as f64]
+            }
+            (_, Others::Far) => [200.0 + 45.0 * (i % 100) as f64, 45.0 * (i / 100) as f64, 0.0],
+            (_, Others::Crowd) => {
+                let (angle, away) = (std::f64::consts::TAU * part(0.618_034), 7.0 + 53.0 * part(0.754_878));
+                [away * angle.cos(), away * angle.sin(), 60.0 * part(0.569_840) - 30.0]
+            }
         };
+        let shape = match others {
+            Others::Crowd if i % 2 == 1 => "sphere(radius_mm: 1)",
+            Others::Crowd if i > 0 => "box(size_mm: (2, 2, 2))",
+            _ => "rectangle(size_mm: (40, 40), thickness_mm: 10)",
+        };
+        let turn = if matches!(others, Others::Crowd) && i > 0 { 360.0 * part(0.438_579) } else { 0.0 };
         let _ = writeln!(
             out,
-            "        \"{i}\": (shape: rectangle(size_mm: (40, 40), thickness_mm: 10), place_mm: ({x}, {y}, {z}), material: \"canvas\", effects: ({})),",
+            "        \"{i}\": (shape: {shape}, place_mm: ({x}, {y}, {z}), turn_deg: ({turn}, {}, 0), material: \"canvas\", effects: ({})),",
+            0.5 * turn,
             what.effects
         );
     }
@@ -126,8 +150,8 @@ fn load(dir: &Path, text: &str) -> Loaded {
 }
 
 /// One table: every size takes its turn in every round.
-fn table(dir: &Path, what: What, near: bool, hand: Hand, goal: &str) {
-    let mut all: Vec<Loaded> = COUNTS.iter().map(|n| load(dir, &scene(*n, what, near, hand))).collect();
+fn table(dir: &Path, what: What, others: Others, hand: Hand, goal: &str) {
+    let mut all: Vec<Loaded> = COUNTS.iter().map(|n| load(dir, &scene(*n, what, others, hand))).collect();
     let wall = Wall(Instant::now());
     let mut whole = vec![Timing::new(3); all.len()];
     let mut without = vec![Timing::new(3); all.len()];
@@ -160,7 +184,11 @@ fn table(dir: &Path, what: What, near: bool, hand: Hand, goal: &str) {
             }
         }
     }
-    let place = if near { "all near" } else { "all but one far" };
+    let place = match others {
+        Others::Far => "all but one far",
+        Others::Stacked => "all stacked",
+        Others::Crowd => "one in a crowd",
+    };
     let hand = if matches!(hand, Hand::Air) { "in the air" } else { "one touched" };
     println!("\n{}, {place}, {hand}   (goal: {goal})", what.name);
     println!(
@@ -185,11 +213,11 @@ fn main() {
     std::fs::write(dir.path().join("air.csv"), "t_s,x_mm,y_mm,z_mm\n0,0,0,3\n100000,10,0,3\n")
         .expect("a stroke");
     let growth = "at most 1.10 times one surface";
-    for near in [false, true] {
-        table(dir.path(), STIFFNESS, near, Hand::Touching, &format!("3 us; {growth}"));
-        table(dir.path(), WAVEFORM, near, Hand::Touching, growth);
-        table(dir.path(), NETWORK, near, Hand::Touching, growth);
+    for others in [Others::Far, Others::Stacked, Others::Crowd] {
+        table(dir.path(), STIFFNESS, others, Hand::Touching, &format!("3 us; {growth}"));
+        table(dir.path(), WAVEFORM, others, Hand::Touching, growth);
+        table(dir.path(), NETWORK, others, Hand::Touching, growth);
     }
-    table(dir.path(), NETWORK, false, Hand::Air, "2 us idle");
-    table(dir.path(), STIFFNESS, false, Hand::Air, "2 us idle");
+    table(dir.path(), NETWORK, Others::Far, Hand::Air, "2 us idle");
+    table(dir.path(), STIFFNESS, Others::Far, Hand::Air, "2 us idle");
 }

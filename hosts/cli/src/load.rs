@@ -1,9 +1,9 @@
 //! From a path on the command line to a compiled graph.
 
-use asperity_graph::{Compiled, GraphFile, Options, Schedule, ScheduledNode, compile};
+use asperity_graph::{Compiled, GraphFile, Options, Schedule, ScheduledInput, ScheduledNode, compile};
 use std::path::{Path, PathBuf};
 
-use asperity_node::{ParamValue, Registry};
+use asperity_node::{ParamValue, Registry, Shape};
 use asperity_scene::{Lowering, draft, lower};
 use asperity_source::{Diagnostic, Source, one_of};
 use asperity_world::scene::{Finding, Kind, Scene};
@@ -137,6 +137,21 @@ pub fn warnings(schedule: &Schedule) -> Vec<String> {
     let stages: Vec<&ScheduledNode> =
         schedule.nodes.iter().filter(|n| matches!(n.kind.as_str(), "actuator_inverse" | "limiter")).collect();
     let mut out = Vec::new();
+    for node in &schedule.nodes {
+        let emission = node.params.get_number("emission").filter(|_| node.kind == "sample_commit");
+        if let (Some(emission), Some(frames)) = (emission, node.inputs.first().and_then(frames_a_window)) {
+            // Measured with the shipped model: 1.16 times as loud at 0.67 of a window, 2 times at 0.8, 9 times at 0.95; right up to 0.57.
+            if -emission > 0.6 * frames {
+                out.push(format!(
+                    "`{}` emits samples that lie {:.0} % into a window of {frames:.0} frames, where little is known of them, and they are too loud: \
+                     `emission` of -{:.0} or nearer to 0",
+                    node.id,
+                    -100.0 * emission / frames,
+                    0.5 * frames
+                ));
+            }
+        }
+    }
     for pair in stages.windows(2) {
         for name in ["profile", "handle_mass_g"] {
             if pair[0].params.get(name) != pair[1].params.get(name) {
@@ -148,6 +163,17 @@ pub fn warnings(schedule: &Schedule) -> Vec<String> {
         }
     }
     out
+}
+
+/// Frames that begin within a window.
+fn frames_a_window(input: &ScheduledInput) -> Option<f64> {
+    match input.port.as_ref()?.shape {
+        Shape::Magnitude(layout) => {
+            let seconds = f64::from(layout.length) / f64::from(layout.rate_hz);
+            Some(seconds * layout.frame_rate.hz())
+        }
+        _ => None,
+    }
 }
 
 /// Splits `NODE.PORT=FILE` of a probe.

@@ -81,6 +81,8 @@ pub fn prepare(args: &LatencyArgs) -> Result<Vec<Ready>, Failure> {
 /// Runs a graph offline over strokes whose speed steps.
 pub fn measure(ready: Ready) -> Result<Chain, Failure> {
     let Ready { path, stepped, still, at } = ready;
+    let end = at.0;
+    let of_scene = stepped.schedule.nodes.iter().any(|node| node.kind == "contact");
     let (schedule, stepped, rate_hz) = run(stepped, at);
     let (_, still, _) = run(still, at);
     let half = (HALF_S * f64::from(rate_hz)) as usize;
@@ -90,12 +92,15 @@ pub fn measure(ready: Ready) -> Result<Chain, Failure> {
         Failure::from(
             Diagnostic::new("the level does not rise with speed, so no answer to a step of it can be seen")
                 .in_file(&path)
-                .help(
-                    "choose a material whose level follows speed: --set texture.material=\"sandpaper P50\"",
-                ),
+                .help(if of_scene {
+                    "the stroke goes 10 m along x at y = 0, 2 mm deep: make the surface that is measured a `plane`, or \
+                     as long a rectangle, of a material whose level follows speed"
+                } else {
+                    "choose a material whose level follows speed: --set texture.material=\"sandpaper P50\""
+                }),
         )
     })?;
-    let items = items(&schedule, lag_ms[1]);
+    let items = items(&schedule, end, lag_ms[1]);
     Ok(Chain { graph: path.display().to_string(), lag_ms, items })
 }
 
@@ -191,22 +196,50 @@ fn run(compiled: Compiled, (node, output): (usize, usize)) -> (Schedule, Vec<f32
     (schedule, out, rate_hz)
 }
 
-/// What is known to make a graph late, and what is left for its windows.
-fn items(schedule: &Schedule, lag_ms: f64) -> Vec<(String, f64)> {
+/// What is known to make a graph late up to one of its nodes, and what is left for its windows. Of ways side by side the slowest counts.
+fn items(schedule: &Schedule, end: usize, lag_ms: f64) -> Vec<(String, f64)> {
     let mut items = Vec::new();
-    for node in &schedule.nodes {
-        if node.kind == "velocity"
+    let (leads, slowest) = leading_to(schedule, end);
+    for (i, node) in schedule.nodes.iter().enumerate() {
+        if leads[i]
+            && node.kind == "velocity"
             && let Some(hz) = node.params.get_number("cutoff_hz").filter(|hz| *hz > 0.0)
         {
             // The group delay of a second-order Butterworth low-pass at 0: sqrt(2) / w_c.
             let ms = std::f64::consts::SQRT_2 / (std::f64::consts::TAU * hz) * 1e3;
             items.push((format!("`{}`: its low-pass of {hz} Hz", node.id), ms));
         }
-        if node.latency != Latency::ZERO {
+        if slowest[i] && node.latency != Latency::ZERO {
             items.push((format!("`{}` ({}): declared", node.id, node.kind), node.latency.ms()));
         }
     }
     let known: f64 = items.iter().map(|(_, ms)| ms).sum();
     items.push(("windows, history and the model's own rise: the rest".into(), lag_ms - known));
     items
+}
+
+/// Which nodes lead to one, and which are on the slowest way there. Nodes stand in the order in which they run.
+fn leading_to(schedule: &Schedule, end: usize) -> (Vec<bool>, Vec<bool>) {
+    let count = schedule.nodes.len();
+    let before = |i: usize| {
+        schedule.nodes[i].inputs.iter().filter_map(move |input| Some(input.from?.0)).filter(move |n| *n < i)
+    };
+    let mut late_ms = vec![0.0; count];
+    for i in 0..count {
+        let most = before(i).map(|n| late_ms[n]).fold(0.0, f64::max);
+        late_ms[i] = most + schedule.nodes[i].latency.ms();
+    }
+    let (mut leads, mut slowest) = (vec![false; count], vec![false; count]);
+    (leads[end], slowest[end]) = (true, true);
+    for i in (0..=end).rev().filter(|i| *i < count) {
+        if leads[i] {
+            before(i).for_each(|n| leads[n] = true);
+        }
+        if slowest[i]
+            && let Some(n) = before(i).max_by(|a, b| late_ms[*a].total_cmp(&late_ms[*b]))
+        {
+            slowest[n] = true;
+        }
+    }
+    (leads, slowest)
 }
