@@ -144,7 +144,7 @@ impl Node for Friction {
     fn state(&mut self, state: &mut State<'_>) {
         self.laws.state(state);
         state.keep(&mut self.tangents);
-        if state.restores() && !self.tangents.as_flattened().iter().all(|x| x.abs() < 1e3) {
+        if state.restores() && !self.tangents.as_flattened().iter().all(|x| x.is_finite()) {
             self.tangents = FLAT;
             state.refuse();
         }

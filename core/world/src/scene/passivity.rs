@@ -96,7 +96,9 @@ impl Scene {
             let passivity = Passivity::of(sum, self.sampling(), self.device.damping_ns_per_m);
             let (_, _, place) = laws.first().filter(|_| !passivity.holds())?;
             let names: Vec<&str> = laws.iter().map(|(name, ..)| *name).collect();
-            Some((format!(" {what} ({}): {passivity}", names.join(" + ")), (*place).clone()))
+            let unset = self.device.damping_ns_per_m == 0.0;
+            let hint = if unset { "; `device: (damping_ns_per_m: ..)` says what it has" } else { "" };
+            Some((format!(" {what} ({}): {passivity}{hint}", names.join(" + ")), (*place).clone()))
         };
         let of_normal = wall.is_some() || magnet.is_some();
         all.extend(along("along its normal", [wall, magnet, drag.filter(|_| of_normal)]));
