@@ -1,8 +1,7 @@
 //! `asperity scene explain`: every effect, node and model: built or not, why, and what it costs.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::fmt::Write as _;
-use std::path::PathBuf;
 use std::process::ExitCode;
 
 use asperity_graph::Schedule;
@@ -12,6 +11,7 @@ use asperity_world::space::Form;
 use serde_json::{Value, json};
 
 use super::account::{Account, Work};
+use super::models::{Model, models};
 use super::no_scene;
 use crate::args::Explain;
 use crate::failure::{Failure, clean, print};
@@ -118,51 +118,6 @@ impl<'a> Told<'a> {
         all
     }
 
-    /// Models and recordings: file, whether it was loaded, why.
-    fn models(&self) -> Vec<(String, bool, String)> {
-        let scene = self.scene();
-        let mut all = Vec::new();
-        let network = scene.slots(Kind::Network);
-        if let Some(part) = &scene.network {
-            let file = |name: &str| {
-                let value = part.settings.iter().find(|(key, _)| key.name == name);
-                value.and_then(|(_, v)| v.text().ok()).unwrap_or_default().to_owned()
-            };
-            let loaded = self.schedule.nodes.iter().any(|n| n.kind == "texture_network");
-            let why = match network.first.len() {
-                0 => "no surface has a network texture".to_owned(),
-                n => {
-                    let names: Vec<String> =
-                        (0..n.min(12)).map(|slot| scene.slot_text(Kind::Network, &network, slot)).collect();
-                    let more = if n > 12 { format!(" and {} more", n - 12) } else { String::new() };
-                    format!("{}: {}{more}", plural(n, "material"), names.join(", "))
-                }
-            };
-            all.push((file("model"), loaded, why.clone()));
-            all.push((file("library"), loaded, why));
-        }
-        // Files that surfaces name, and files that were read; by whom.
-        let mut files: BTreeMap<PathBuf, (usize, Vec<String>)> = BTreeMap::new();
-        for file in scene.surfaces.iter().flat_map(|surface| surface.effects.files()) {
-            files.entry(file.clone()).or_default().0 += 1;
-        }
-        for file in load::node_files(self.schedule) {
-            if file.param.is_empty() {
-                files.entry(file.path).or_default().1.push(format!("`{}`", file.node));
-            }
-        }
-        for (file, (surfaces, nodes)) in files {
-            let by = if nodes.is_empty() {
-                "nothing that it leads to is wanted".to_owned()
-            } else {
-                format!("by {}", nodes.join(", "))
-            };
-            let why = if surfaces > 0 { format!("{}, {by}", plural(surfaces, "surface")) } else { by };
-            all.push((file.display().to_string(), !nodes.is_empty(), why));
-        }
-        all
-    }
-
     fn text(&self) -> String {
         let (scene, account) = (self.scene(), self.account);
         let mut out = String::new();
@@ -213,12 +168,15 @@ impl<'a> Told<'a> {
                 clean(&dropped.why)
             );
         }
-        let models = self.models();
+        let models = models(self.scene(), self.schedule, self.account);
         if !models.is_empty() {
             let _ = writeln!(out, "\nmodel");
-            for (file, loaded, why) in models {
-                let loaded = if loaded { "loaded" } else { "not loaded" };
-                let _ = writeln!(out, "{}: {loaded}: {}", clean(&file), clean(&why));
+            for Model { file, tick_us, why } in models {
+                let (file, why) = (clean(&file), clean(&why));
+                let _ = match tick_us {
+                    Some(us) => writeln!(out, "{file}: loaded, {us:.2} us a tick: {why}"),
+                    None => writeln!(out, "{file}: not loaded: {why}"),
+                };
             }
         }
         self.surfaces(&mut out);
@@ -282,10 +240,11 @@ impl<'a> Told<'a> {
                 json!({ "id": w.id, "kind": w.kind, "calls": w.calls, "us_per_call": w.call_us, "us_per_tick": w.tick_us })
             })
             .collect();
-        let models: Vec<Value> = self
-            .models()
+        let models: Vec<Value> = models(self.scene(), self.schedule, self.account)
             .into_iter()
-            .map(|(file, loaded, why)| json!({ "file": file, "loaded": loaded, "why": why }))
+            .map(|m| {
+                json!({ "file": m.file, "loaded": m.tick_us.is_some(), "us_per_tick": m.tick_us.unwrap_or(0.0), "why": m.why })
+            })
             .collect();
         let surfaces: Vec<Value> = self
             .scene()
@@ -315,7 +274,7 @@ impl<'a> Told<'a> {
     }
 }
 
-fn plural(count: usize, what: &str) -> String {
+pub(super) fn plural(count: usize, what: &str) -> String {
     if count == 1 { format!("1 {what}") } else { format!("{count} {what}s") }
 }
 

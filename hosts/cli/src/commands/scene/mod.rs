@@ -2,6 +2,7 @@
 
 mod account;
 mod explain;
+mod models;
 
 use std::process::ExitCode;
 
