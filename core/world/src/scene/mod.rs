@@ -32,6 +32,7 @@
 
 mod contact;
 mod effects;
+mod felt;
 mod parse;
 mod passivity;
 mod read;
@@ -50,7 +51,8 @@ use crate::effect::friction::LuGreSettings;
 use crate::effect::{DecayingSinusoid, TapSettings, WaveformQuantity};
 use crate::space::Surface;
 
-pub use contact::{ContactSettings, Contacts, Felt, Motion, VOICED, Voice};
+pub use contact::Contacts;
+pub use felt::{ContactSettings, Felt, Motion, VOICED, Voice};
 pub use passivity::Finding;
 pub use slots::{Kind, Slots};
 
