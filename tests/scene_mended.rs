@@ -274,3 +274,26 @@ fn the_picture_follows_a_scene_that_changes() {
     assert!(picture.contains(">another<") && !picture.contains(">tile<"), "the scene as it is now");
     assert!(picture.contains(">friction<"));
 }
+
+/// A loop of 0.5 or 1 mm stood at the same phase at every step of the stroke that is measured, and seemed not to be late at all.
+#[test]
+fn loops_of_round_lengths_are_as_late_as_others() {
+    let dir = tempfile::tempdir().unwrap();
+    let names = [0.5, 1.0, 1.013].map(|length: f64| {
+        let lap = format!("texture: waveform(segments: [(0, 0), ({}, 4), ({length}, 0)])", length / 2.0);
+        write(dir.path(), &format!("{FRAME}, {SOUND}"), "plane", &format!("{WALL}, {lap}"));
+        let name = format!("{length}.ron");
+        fs::rename(dir.path().join("s.ron"), dir.path().join(&name)).unwrap();
+        name
+    });
+    let args = [&["latency", "--json"][..], &names.each_ref().map(String::as_str)].concat();
+    let told: serde_json::Value = serde_json::from_str(&run(dir.path(), &args).ok().out).unwrap();
+    for graph in told["graphs"].as_array().unwrap() {
+        // A tick and a half less a sample is what the node declares.
+        let ms = graph["lag_ms"][1].as_f64().unwrap();
+        assert!((ms - 2.98).abs() < 0.3, "{graph}");
+        let items = graph["items"].as_array().unwrap();
+        let told = |what: &str| items.iter().any(|item| item["what"].as_str().unwrap().contains(what));
+        assert!(told("waveform a") && !told("motion"), "where a stylus is goes through no low-pass: {graph}");
+    }
+}

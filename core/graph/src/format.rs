@@ -115,7 +115,10 @@ impl GraphFile {
     /// A text that is no RON or does not have a graph's fields.
     pub fn parse(source: &Arc<Source>) -> Result<Self, Diagnostic> {
         let value = ron::parse(source)?;
-        let mut graph = value.record("Graph")?;
+        let mut graph = value.record("Graph").map_err(|e| match e.help {
+            None => e.help("a graph begins with `Graph(`, a scene with `Scene(`"),
+            Some(_) => e,
+        })?;
         let version = graph.required("version")?;
         if version.i64()? != 1 {
             return Err(version

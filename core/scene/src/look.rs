@@ -42,6 +42,7 @@ impl Builder<'_> {
             self.settings(network)?;
         }
         self.actuator_settings()?;
+        self.files_of_the_unheard()?;
         self.known_materials()
     }
 
@@ -75,6 +76,26 @@ impl Builder<'_> {
         Err(Diagnostic::new(format!("`actuator` has no field `{}`", unknown.name))
             .at(&unknown.place.source, unknown.place.span)
             .help(one_of(&unknown.name, names)))
+    }
+
+    /// Files of effects that nothing plays are there. Those of others are read where their nodes are made.
+    fn files_of_the_unheard(&self) -> Result<(), Diagnostic> {
+        let scene = self.scene;
+        if scene.output.is_some() {
+            return Ok(());
+        }
+        let mut known = HashSet::new();
+        for surface in &scene.surfaces {
+            for file in surface.effects.files().into_iter().filter(|file| known.insert(*file)) {
+                if !file.is_file() {
+                    let place = &surface.place;
+                    return Err(Diagnostic::new(format!("there is no file {}", file.display()))
+                        .at(&place.source, place.span)
+                        .help("an effect of this surface is made of it"));
+                }
+            }
+        }
+        Ok(())
     }
 
     /// Every material that a surface names is one of the library, where the scene has one.

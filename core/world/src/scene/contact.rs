@@ -49,6 +49,47 @@ struct Fading {
 }
 
 const SILENT: Fading = Fading { of: None, gain: 0.0, place_mm: [0.0; 2], tangents: FLAT, stroke: 0 };
+/// Over how long an approach is measured where places come in steps \[s\].
+const APPROACH_S: f64 = 0.02;
+/// Most places of that.
+const MOST_PLACES: f64 = 80.0;
+
+/// Where a stylus was in the last ticks.
+#[derive(Clone, Debug)]
+struct Past {
+    /// A ring.
+    places: Vec<[f64; 3]>,
+    next: usize,
+    known: usize,
+}
+
+impl Past {
+    fn new(ticks: f64) -> Self {
+        Self { places: vec![[0.0; 3]; ticks.ceil().clamp(1.0, MOST_PLACES) as usize], next: 0, known: 0 }
+    }
+
+    fn add(&mut self, place: [f64; 3]) {
+        if let Some(to) = self.places.get_mut(self.next) {
+            *to = place;
+        }
+        self.next = (self.next + 1) % self.places.len();
+        self.known = (self.known + 1).min(self.places.len());
+    }
+
+    /// How many ticks ago, and where, the longest ago first.
+    fn iter(&self) -> impl Iterator<Item = (u32, [f64; 3])> {
+        let count = self.places.len();
+        (1..=self.known)
+            .rev()
+            .filter_map(move |ago| Some((ago as u32, *self.places.get((self.next + count - ago) % count)?)))
+    }
+
+    fn is_sound(&self) -> bool {
+        let finite = self.places.iter().flatten().all(|x| x.is_finite());
+        finite && self.next < self.places.len() && self.known <= self.places.len()
+    }
+}
+
 /// Directions along a surface that is not turned.
 const FLAT: [[f64; 3]; 2] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
 
@@ -75,6 +116,7 @@ pub struct Contacts {
     touching: bool,
     air_ticks: u64,
     before: Option<[f64; 3]>,
+    past: Past,
     /// Of what was touched last.
     tangents: [[f64; 3]; 2],
     stroke: f64,
@@ -140,6 +182,7 @@ impl Contacts {
             touching: false,
             air_ticks: 0,
             before: None,
+            past: Past::new(if scene.device.position_step_mm > 0.0 { APPROACH_S * run_hz } else { 1.0 }),
             tangents: FLAT,
             stroke: 0.0,
             voices: [SILENT; 2],
@@ -166,6 +209,7 @@ impl Contacts {
         let put_down = motion.stroke != self.stroke;
         if put_down {
             (self.stroke, self.before) = (motion.stroke, None);
+            self.past.known = 0;
         }
         let before = self.before.replace(at);
         let found = self.wall(at);
@@ -186,6 +230,7 @@ impl Contacts {
             _ => None,
         };
         let (approach_mm_s, moment) = approach.unwrap_or_default();
+        self.past.add(at);
         self.fade(touched.as_ref(), wall.as_ref());
         self.follow(motion.unfiltered_mm_s, touched.as_ref());
 
@@ -253,7 +298,12 @@ impl Contacts {
         let (from, to) = (-surface.depth_mm(before), -contact.touch.depth_mm);
         // A place that comes in steps may be on the surface, or as little within it as is no touch yet.
         let moment = if from.abs() <= TOUCHED_MM && to < -TOUCHED_MM { 0.0 } else { crossing(from, to)? };
-        Some(((from - to) / self.tick_s, moment))
+        // Over as long a way as lies outside, since in one tick a step of the device is any speed or none.
+        let far = self.past.iter().find_map(|(ticks, place)| {
+            let from = -surface.depth_mm(place);
+            (from > 0.0 && from.is_finite()).then_some((from - to) / (f64::from(ticks) * self.tick_s))
+        });
+        Some((far.unwrap_or((from - to) / self.tick_s), moment))
     }
 
     fn zone(&mut self, at: [f64; 3]) -> Option<Zone> {
@@ -345,6 +395,7 @@ impl Contacts {
     pub fn reset(&mut self) {
         self.held = [None; 3];
         (self.touching, self.air_ticks, self.before, self.stroke) = (false, 0, None, 0.0);
+        self.past.known = 0;
         (self.tangents, self.voices) = (FLAT, [SILENT; 2]);
         (self.current, self.rested, self.network, self.material) = (None, true, 0.0, 0.0);
     }
@@ -356,6 +407,9 @@ impl Contacts {
             .keep(&mut self.touching)
             .keep(&mut self.air_ticks)
             .keep(&mut self.before)
+            .keep(&mut self.past.places[..])
+            .keep(&mut self.past.next)
+            .keep(&mut self.past.known)
             .keep(&mut self.tangents)
             .keep(&mut self.stroke);
         for voice in &mut self.voices {
@@ -372,7 +426,8 @@ impl Contacts {
                 && part(self.network)
                 && self.current.is_none_or(|i| i < 2)
                 && self.material.is_finite()
-                && self.before.is_none_or(|p| p.iter().all(|x| x.is_finite()));
+                && self.before.is_none_or(|p| p.iter().all(|x| x.is_finite()))
+                && self.past.is_sound();
             if !sound {
                 self.reset();
             }

@@ -126,6 +126,36 @@ fn a_wall_is_reached_once_with_the_speed_and_at_the_moment_of_the_way_down() {
 }
 
 #[test]
+fn where_places_come_in_steps_an_approach_is_measured_over_a_while() {
+    let text = format!(
+        "Scene(version: 1, input: stroke, device: (position_step_mm: 0.055), surfaces: {{\"a\": (shape: plane, effects: ({WALL}))}})"
+    );
+    let scene = Scene::parse(&Source::new("s.ron", text)).unwrap();
+    for tick_hz in [500.0, 1000.0, 4000.0] {
+        for speed in [20.0, 60.0, 200.0] {
+            let mut c = Contacts::new(&scene, SETTINGS, tick_hz).unwrap();
+            let felt = (0..(0.5 * tick_hz) as usize).map(|n| {
+                let z: f64 = 3.01 - speed * n as f64 / tick_hz;
+                c.step(&Motion { position_mm: [0.0, 0.0, 0.055 * (z / 0.055).round()], ..Motion::default() })
+            });
+            let told: Vec<f64> = felt.map(|f| f.approach_mm_s).filter(|v| *v > 0.0).collect();
+            // A step of 0.055 mm at either end of 20 ms, or of 3 mm of way.
+            let off = 2.0 * 0.055 / f64::min(0.02, 3.0 / speed);
+            assert!(
+                told.len() == 1 && (told[0] - speed).abs() <= off,
+                "{told:?} for {speed} mm/s at {tick_hz} Hz"
+            );
+        }
+    }
+    // A stylus that left the wall within that time approaches from where it was furthest back outside.
+    let mut c = Contacts::new(&scene, SETTINGS, 1000.0).unwrap();
+    let heights = [0.5, -0.5, -0.5, -0.5, 0.5, 1.0, 0.5, 0.0, -0.5];
+    let told =
+        heights.map(|z| c.step(&Motion { position_mm: [0.0, 0.0, z], ..Motion::default() }).approach_mm_s);
+    assert!(told[1] > 0.0 && told[8] > 0.0 && told[8] <= 1000.0, "{told:?}");
+}
+
+#[test]
 fn textures_go_over_from_tile_to_tile_at_equal_power_in_the_time_that_was_set() {
     let effects = format!("{WALL}, {LOOP}");
     let mut c = contacts(&tiles(&[&effects, &effects.replace("(0.5, 1)", "(0.5, 2)")]));

@@ -9,6 +9,8 @@ use crate::wav::Wav;
 
 /// Longest recording of a tap in samples: a minute and a half at 48 kHz.
 const MAX_RECORDED: u32 = 1 << 22;
+/// The loudest of a tap.
+const MOST_M_S2: f32 = 1e6;
 
 impl Friction {
     /// Reads what stands behind `friction` in a scene, such as `dahl(coefficient: 0.4)`.
@@ -82,13 +84,19 @@ impl Knock {
     /// What it sounds like. A recording is read from its file: of several channels the first.
     ///
     /// # Errors
-    /// A file that is no WAV file or is longer than 2^22 samples.
+    /// A file that is no WAV file, is longer than 2^22 samples, or is louder than 10^6 m/s^2.
     pub fn transient(&self) -> Result<Transient, Diagnostic> {
         match &self.sound {
             Sound::Sinusoids(sinusoids) => Ok(Transient::Sinusoids(sinusoids.clone())),
             Sound::Recorded { file, speed_mm_s, full_scale_m_s2, gain } => {
                 let wav = Wav::read(file, MAX_RECORDED)?;
-                let samples = wav.channel(0).map(|x| (gain * full_scale_m_s2 * x) as f32).collect();
+                let samples: Vec<f32> = wav.channel(0).map(|x| (gain * full_scale_m_s2 * x) as f32).collect();
+                if let Some(x) = samples.iter().find(|x| !x.is_finite() || x.abs() > MOST_M_S2) {
+                    let message = format!("a tap of {x:e} m/s^2 is out of range");
+                    return Err(Diagnostic::new(message)
+                        .in_file(file)
+                        .help(format!("up to {MOST_M_S2:e} m/s^2")));
+                }
                 let rate_hz = f64::from(wav.rate_hz);
                 Ok(Transient::Recorded(Recording { samples, rate_hz, speed_mm_s: *speed_mm_s }))
             }

@@ -23,6 +23,9 @@ const FAR_OFF_DB: f64 = 3.0;
 /// .. and by so many times what chance makes of a recording of its length.
 const CHANCES: f64 = 4.0;
 
+/// Less of a recording than this is worth a warning.
+const LITTLE: f64 = 0.25;
+
 /// Runs the command.
 pub fn run(args: &FitAr) -> Result<ExitCode, Failure> {
     check(args)?;
@@ -67,6 +70,12 @@ pub fn run(args: &FitAr) -> Result<ExitCode, Failure> {
             "the band at {:.0} Hz is rendered {:+.1} dB off what was recorded",
             worst.centre_hz,
             worst.off_db()
+        ));
+    }
+    let whole_s = recorded.force_n.len() as f64 / recorded.rate_hz;
+    if seconds < LITTLE * whole_s {
+        warn(&format!(
+            "of {whole_s:.1} s only {seconds:.1} s are used; what is dropped, and why, stands in the report"
         ));
     }
     if let Some(file) = plot_file {

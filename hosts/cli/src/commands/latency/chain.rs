@@ -20,8 +20,8 @@ const HALF_S: f64 = 0.4;
 const PERIODS: usize = 150;
 /// Steps that are left out, while the chain starts.
 const LEFT_OUT: usize = 2;
-/// Speeds between which it steps, in mm/s.
-const SPEEDS: [f64; 2] = [40.0, 120.0];
+/// Speeds between which it steps, in mm/s. A period goes 64.618 mm: whatever repeats along the way comes at every phase.
+const SPEEDS: [f64; 2] = [40.4, 121.145];
 /// How deep the stylus is in a floor at height 0, in mm: 1 N at 0.5 N/mm.
 const DEPTH_MM: f64 = 2.0;
 
@@ -221,25 +221,50 @@ fn items(schedule: &Schedule, end: usize, lag_ms: f64) -> Vec<(String, f64)> {
 /// Which nodes lead to one, and which are on the slowest way there. Nodes stand in the order in which they run.
 fn leading_to(schedule: &Schedule, end: usize) -> (Vec<bool>, Vec<bool>) {
     let count = schedule.nodes.len();
-    let before = |i: usize| {
-        schedule.nodes[i].inputs.iter().filter_map(move |input| Some(input.from?.0)).filter(move |n| *n < i)
-    };
+    let mut leads: Vec<Vec<bool>> = schedule.nodes.iter().map(|n| vec![false; n.outputs.len()]).collect();
+    if let Some(end) = leads.get_mut(end) {
+        end.fill(true);
+    }
+    // Wires into a node that lead on, of those that come from nodes that ran before it.
+    let mut before: Vec<Vec<usize>> = vec![Vec::new(); count];
+    for i in (0..count).rev() {
+        let node = &schedule.nodes[i];
+        let wanted: Vec<&str> =
+            node.outputs.iter().zip(&leads[i]).filter(|(_, on)| **on).map(|(o, _)| o.name.as_str()).collect();
+        for input in &node.inputs {
+            let leads_on = wanted.iter().any(|output| passes(&node.kind, &input.name, output));
+            if let Some((from, output)) = input.from.filter(|(from, _)| leads_on && *from < i) {
+                leads[from][output] = true;
+                before[i].push(from);
+            }
+        }
+    }
     let mut late_ms = vec![0.0; count];
     for i in 0..count {
-        let most = before(i).map(|n| late_ms[n]).fold(0.0, f64::max);
-        late_ms[i] = most + schedule.nodes[i].latency.ms();
+        let most = before[i].iter().map(|n| late_ms[*n]).fold(f64::NEG_INFINITY, f64::max);
+        late_ms[i] = if most.is_finite() { most } else { 0.0 } + schedule.nodes[i].latency.ms();
     }
-    let (mut leads, mut slowest) = (vec![false; count], vec![false; count]);
-    (leads[end], slowest[end]) = (true, true);
-    for i in (0..=end).rev().filter(|i| *i < count) {
-        if leads[i] {
-            before(i).for_each(|n| leads[n] = true);
-        }
-        if slowest[i]
-            && let Some(n) = before(i).max_by(|a, b| late_ms[*a].total_cmp(&late_ms[*b]))
-        {
-            slowest[n] = true;
-        }
+    let mut slowest = vec![false; count];
+    let mut at = (end < count).then_some(end);
+    while let Some(i) = at {
+        slowest[i] = true;
+        at = before[i].iter().copied().max_by(|a, b| late_ms[*a].total_cmp(&late_ms[*b]));
     }
-    (leads, slowest)
+    // What goes round a low-pass is not held up by it.
+    let leads = schedule.nodes.iter().zip(&leads).map(|(node, outputs)| {
+        let held = |o: usize| node.kind != "velocity" || node.outputs[o].name != "unfiltered";
+        outputs.iter().enumerate().any(|(o, on)| *on && held(o))
+    });
+    (leads.collect(), slowest)
+}
+
+/// Whether an output follows an input: where a stylus touches does not follow from how fast it is.
+fn passes(kind: &str, input: &str, output: &str) -> bool {
+    match (kind, input) {
+        ("contact", "velocity") => matches!(output, "velocity" | "speed"),
+        ("contact", "unfiltered") => matches!(output, "slide" | "push"),
+        // These open it, and hold nothing up.
+        ("speed_gate", "speed" | "force") => false,
+        _ => true,
+    }
 }

@@ -121,6 +121,9 @@ impl<'a> Told<'a> {
     fn text(&self) -> String {
         let (scene, account) = (self.scene(), self.account);
         let mut out = String::new();
+        let where_to = ["while touching", "in the air"].into_iter().zip(account.tick_us);
+        let spent: Vec<String> =
+            where_to.filter(|(_, us)| *us > 0.0).map(|(place, us)| format!("{us:.1} us {place}")).collect();
         let _ = writeln!(
             out,
             "{}: {}, {} nodes, {} ticks/s",
@@ -131,10 +134,9 @@ impl<'a> Told<'a> {
         );
         let _ = writeln!(
             out,
-            "run for {:.2} s of its stroke; a tick took {:.1} us while touching, {:.1} us in the air (medians)",
+            "run for {:.2} s of its stroke; a tick took {} (medians; a node's `us a tick` is a mean, and has its clock in it)",
             account.ticks as f64 / f64::from(self.schedule.tick_hz),
-            account.tick_us[0],
-            account.tick_us[1]
+            spent.join(", ")
         );
         let _ = writeln!(out, "\neffect          built   us a tick  active   why");
         for effect in self.effects() {

@@ -37,7 +37,7 @@ fn expand(args: &Expand) -> Result<ExitCode, Failure> {
     at_home(&mut graph, &compiled.schedule);
     let scene = args.scene.graph.display();
     let text = format!(
-        "// What {scene} lowers to. Paths are relative to its folder, and `contact` reads the surfaces in it.\n{graph}"
+        "// What {scene} lowers to. Paths are relative to its folder, and `contact` reads the surfaces in it.\n// What its device bears is checked of the scene, not of this graph.\n{graph}"
     );
     let Some(out) = &args.out else {
         print(&text)?;
