@@ -5,7 +5,7 @@ mod common;
 use std::fmt::Write as _;
 use std::path::Path;
 
-use common::{files, graphs, json, run, wav};
+use common::{csv, files, graphs, json, run, wav};
 use serde_json::Value;
 
 /// A shipped scene.
@@ -42,17 +42,6 @@ fn tiles(effects: &[&str]) -> String {
     }
     out.push_str("},\n");
     out
-}
-
-/// A trajectory at 500 Hz from functions of time.
-fn csv(seconds: f64, at: impl Fn(f64) -> [f64; 3]) -> String {
-    let mut text = String::from("t_s,x_mm,y_mm,z_mm\n");
-    for k in 0..=(seconds * 500.0) as usize {
-        let t = k as f64 / 500.0;
-        let [x, y, z] = at(t);
-        let _ = writeln!(text, "{t},{x},{y},{z}");
-    }
-    text
 }
 
 /// Down, along x at a speed, up and back through the air.

@@ -5,7 +5,7 @@ mod common;
 use std::fmt::Write as _;
 use std::path::Path;
 
-use common::{graphs, run};
+use common::{csv, graphs, run};
 
 /// Five tiles of 20 mm side by side from x = -50 on, each with something of its own; the last is not reached.
 const SCENE: &str = r#"Scene(
@@ -35,16 +35,6 @@ fn stroke() -> String {
         let back = ((t - 3.2) / 0.8).clamp(0.0, 1.0);
         [-45.0 + 40.0 * (t - 0.8).clamp(0.0, 1.75) - 70.0 * back, 0.0, 6.0 - 8.0 * down]
     })
-}
-
-fn csv(seconds: f64, at: impl Fn(f64) -> [f64; 3]) -> String {
-    let mut text = String::from("t_s,x_mm,y_mm,z_mm\n");
-    for k in 0..=(seconds * 500.0) as usize {
-        let t = k as f64 / 500.0;
-        let [x, y, z] = at(t);
-        let _ = writeln!(text, "{t},{x},{y},{z}");
-    }
-    text
 }
 
 /// The picture of a scene and a stroke.

@@ -49,6 +49,17 @@ pub fn run(dir: &Path, args: &[&str]) -> Ran {
     }
 }
 
+/// A trajectory at 500 Hz from functions of time.
+pub fn csv(seconds: f64, at: impl Fn(f64) -> [f64; 3]) -> String {
+    let mut text = String::from("t_s,x_mm,y_mm,z_mm\n");
+    for k in 0..=(seconds * 500.0) as usize {
+        let t = k as f64 / 500.0;
+        let [x, y, z] = at(t);
+        text.push_str(&format!("{t},{x},{y},{z}\n"));
+    }
+    text
+}
+
 /// Files in a folder, hidden ones too, sorted.
 pub fn files(dir: &Path) -> Vec<String> {
     let mut names: Vec<String> = std::fs::read_dir(dir)
