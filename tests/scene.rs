@@ -363,8 +363,8 @@ fn going_to_sleep_waking_and_going_over_make_no_step_larger_than_the_steady_sign
         let steady = largest(&steady(-30.0)).max(largest(&steady(-10.0)));
         let hops = |middle: f64| csv(3.0, |t| [middle + phase(t, true), 0.0, height(t)]);
         let found = largest(&hops(-30.0)).max(largest(&hops(-10.0)));
-        // A random signal has its own largest step.
-        assert!(steady > 0.0 && found <= 1.1 * steady, "{pair:?}: {found} of {steady}");
+        // Found: 1.0011 times at most, of six pairs.
+        assert!(steady > 0.0 && found <= 1.01 * steady, "{pair:?}: {found} of {steady}");
         // Over the edge as well: of two that sound at 0.7 each the steps may add.
         let found = largest(&csv(3.0, |t| [-20.0 + phase(t, true), 0.0, height(t)]));
         assert!(found <= 1.5 * steady, "{pair:?}: {found} of {steady} over the edge");
