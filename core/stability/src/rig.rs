@@ -1,0 +1,154 @@
+//! A subject's graph under a stylus that moves as a case wants it to.
+
+use std::sync::Arc;
+
+use asperity_engine::{Engine, Options};
+use asperity_graph::{GraphFile, Schedule};
+use asperity_node::{Buffer, NodeKind, Shape, ShapeSpec, Unit};
+
+use crate::case::{Not, not_applicable};
+use crate::played::{Motion, Played};
+use crate::subject::Subject;
+
+/// A graph that runs, with what goes to its devices.
+pub struct Rig {
+    /// Runs it.
+    pub engine: Engine,
+    /// What is run.
+    pub schedule: Arc<Schedule>,
+    /// What is played on sound cards: node and input.
+    drives: Vec<(usize, usize)>,
+    /// The acceleration nearest to the actuator: node and output.
+    felt: Option<(usize, usize)>,
+}
+
+impl Rig {
+    /// The subject's graph with `motion` in the place of whatever moves its stylus, and `changes` as `--set` has them.
+    ///
+    /// # Errors
+    /// No graph, nothing in it that moves a stylus, a change that it does not take.
+    pub fn new(subject: &Subject<'_>, motion: Motion, changes: &[&str]) -> Result<Self, Not> {
+        let mut graph = subject.its_graph()?.clone();
+        let kinds = replace_stylus(&mut graph, subject, &motion)?;
+        for change in changes {
+            graph.set(change, "the case")?;
+        }
+        Self::of(subject, &graph, &kinds)
+    }
+
+    /// A graph as it is, with kinds of the case's own.
+    ///
+    /// # Errors
+    /// What the compiler says.
+    pub fn of(subject: &Subject<'_>, graph: &GraphFile, kinds: &[Arc<dyn NodeKind>]) -> Result<Self, Not> {
+        let compiled = subject.compiled(graph, kinds)?;
+        let schedule = Arc::new(compiled.schedule.clone());
+        let drives = schedule.nodes.iter().enumerate().filter(|(_, n)| n.kind == "audio_out");
+        let drives = drives.map(|(i, _)| (i, 0)).collect();
+        let felt = felt(&schedule);
+        Ok(Self { engine: Engine::new(compiled, Options::default()), schedule, drives, felt })
+    }
+
+    /// Runs so many ticks; `each` is shown the rig after each of them.
+    ///
+    /// # Errors
+    /// What `each` says.
+    pub fn run(
+        &mut self,
+        ticks: u64,
+        mut each: impl FnMut(&mut Self, u64) -> Result<(), Not>,
+    ) -> Result<(), Not> {
+        for _ in 0..ticks {
+            let tick = self.engine.next_tick();
+            self.engine.tick();
+            each(self, tick)?;
+        }
+        Ok(())
+    }
+
+    /// Ticks of so many seconds.
+    pub fn ticks(&self, seconds: f64) -> u64 {
+        (seconds * f64::from(self.schedule.tick_hz)).round() as u64
+    }
+
+    /// What this tick plays on the sound card, of every `audio_out`: A or V at the coil.
+    pub fn drive(&self) -> impl Iterator<Item = &[f32]> {
+        self.drives.iter().map(|&(node, input)| samples(self.engine.input(node, input)))
+    }
+
+    /// Whether anything is played on a sound card.
+    pub fn drives(&self) -> bool {
+        !self.drives.is_empty()
+    }
+
+    /// This tick's acceleration \[m/s^2\] before the inverse of the actuator; empty where there is none.
+    pub fn felt(&self) -> &[f32] {
+        self.felt.map_or(&[], |(node, output)| samples(self.engine.output(node, output)))
+    }
+
+    /// This tick's samples of an output.
+    pub fn audio(&self, node: &str, output: usize) -> &[f32] {
+        self.schedule.index_of(node).map_or(&[], |i| samples(self.engine.output(i, output)))
+    }
+
+    /// This tick's values of an output.
+    pub fn control(&self, node: &str, output: usize) -> &[f64] {
+        match self.schedule.index_of(node).and_then(|i| self.engine.output(i, output)) {
+            Some(Buffer::Control { values, .. }) => values,
+            _ => &[],
+        }
+    }
+}
+
+/// This tick's samples of a buffer.
+fn samples(buffer: Option<&Buffer>) -> &[f32] {
+    match buffer {
+        Some(Buffer::Audio { samples, len, .. }) => samples.get(..*len).unwrap_or(&[]),
+        _ => &[],
+    }
+}
+
+/// The last output of an acceleration at the audio rate.
+fn felt(schedule: &Schedule) -> Option<(usize, usize)> {
+    let outputs =
+        schedule.nodes.iter().enumerate().flat_map(|(i, n)| (0..n.outputs.len()).map(move |o| (i, o)));
+    outputs
+        .filter(|&(i, o)| {
+            let port = &schedule.nodes[i].outputs[o].port;
+            port.shape == Shape::Audio { rate_hz: schedule.audio_hz }
+                && port.unit == Unit::METRE_PER_SECOND_SQUARED
+        })
+        .last()
+}
+
+/// Puts a played stylus in the place of every node that moves one: one with an output `position` of three values, and no input that needs a wire.
+fn replace_stylus(
+    graph: &mut GraphFile,
+    subject: &Subject<'_>,
+    motion: &Motion,
+) -> Result<Vec<Arc<dyn NodeKind>>, Not> {
+    let mut kinds = Vec::new();
+    for node in &mut graph.nodes {
+        let Some(kind) = subject.registry().get(&node.kind) else { continue };
+        let d = kind.descriptor();
+        let moves = d.outputs.iter().any(|o| o.name == "position" && o.shape == ShapeSpec::Control(3))
+            && d.inputs.iter().all(|i| i.optional || i.fed);
+        if !moves {
+            continue;
+        }
+        let name = format!("{} from memory", node.kind);
+        let mut like = d.clone();
+        // A kind may have other ports by its parameters; those of a stylus have none.
+        like.params.clear();
+        kinds.push(Played::stylus(&name, &like, motion.clone()));
+        node.kind = name;
+        node.params.clear();
+        // What was wired into the place of a device plays no more.
+        let id = node.id.clone();
+        graph.wires.retain(|w| w.to.node != id);
+    }
+    if kinds.is_empty() {
+        return not_applicable("nothing in this graph moves a stylus");
+    }
+    Ok(kinds)
+}
