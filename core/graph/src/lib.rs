@@ -17,3 +17,4 @@ pub use schedule::{
     BufferEntry, Dropped, LiveParam, PathLatency, Schedule, ScheduledInput, ScheduledNode, ScheduledOutput,
     Step,
 };
+pub use write::text_of;

@@ -45,7 +45,8 @@ impl fmt::Display for GraphFile {
     }
 }
 
-fn text_of(value: &Value) -> String {
+/// A value as it would stand in a file, on one line.
+pub fn text_of(value: &Value) -> String {
     let join = |parts: Vec<String>| parts.join(", ");
     match value.kind() {
         Kind::Unit => "()".into(),

@@ -13,6 +13,7 @@ mod param;
 mod port;
 pub mod random;
 mod registry;
+mod retrieval;
 pub mod time;
 mod unit;
 
@@ -26,5 +27,6 @@ pub use num_complex::Complex;
 pub use param::{Param, ParamKind, ParamValue, Params};
 pub use port::{FrameLayout, Input, LayoutSpec, Output, PortType, RateSpec, Shape, ShapeSpec, UnitSpec, Var};
 pub use registry::Registry;
+pub use retrieval::Retrieval;
 pub use time::{FrameClock, FrameRate, Latency};
 pub use unit::Unit;

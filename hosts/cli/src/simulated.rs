@@ -114,15 +114,7 @@ impl TryFrom<&[(String, String)]> for Actuator {
     fn try_from(words: &[(String, String)]) -> Result<Self, String> {
         let name = words.iter().find(|(word, _)| word == "plant").map(|(_, name)| name);
         let name = name.ok_or("what a plant is like needs a plant, such as `plant=hapcoil_one`")?;
-        let profile = match asperity_nodes::actuator::shipped_profile(name) {
-            Some(profile) => profile,
-            None if name.ends_with(".ron") => ActuatorProfile::read(name),
-            None => {
-                let help = one_of(name, asperity_nodes::actuator::shipped_profiles());
-                return Err(format!("there is no shipped actuator profile `{name}`: {help}"));
-            }
-        };
-        let mut it = Self::new(profile.map_err(|d| d.to_string())?);
+        let mut it = Self::new(ActuatorProfile::find(name, "".as_ref()).map_err(|d| d.to_string())?);
         for (word, value) in words {
             it.set(word, value)?;
         }

@@ -22,6 +22,7 @@ mod inverse;
 mod limiter;
 mod plant;
 mod profile;
+mod shipped;
 
 use std::fmt;
 

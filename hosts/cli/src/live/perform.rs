@@ -10,8 +10,7 @@ use asperity_engine::Options;
 use asperity_graph::{Compiled, GraphFile, Schedule, compile};
 use asperity_live::view::View;
 use asperity_live::{Ended, Ends, Listener, Session, conduct, mic};
-use asperity_nodes::actuator::{shipped_profile, shipped_profiles};
-use asperity_source::{Diagnostic, Source, one_of};
+use asperity_source::{Diagnostic, Source};
 use asperity_world::actuator::{ActuatorProfile, Dynamics};
 
 use super::card;
@@ -36,17 +35,11 @@ pub fn output_nodes(args: &ActuatorArgs) -> Result<String, Failure> {
 
 /// The profile that an option names, which must be of an actuator that can be on handles of these masses \[g\].
 pub fn actuator((option, name): (&str, &str), handles: &[(&str, f64)]) -> Result<ActuatorProfile, Failure> {
-    let profile = match shipped_profile(name) {
-        Some(shipped) => shipped?,
-        None if name.ends_with(".ron") => {
-            ActuatorProfile::read(name).map_err(|d| Failure::from(d).named_by(option))?
-        }
-        None => {
-            let help = format!("{}; or name a .ron file", one_of(name, shipped_profiles()));
-            let what = format!("there is no shipped actuator profile `{name}`");
-            return Err(Diagnostic::new(what).in_file(option).help(help).into());
-        }
-    };
+    let profile = ActuatorProfile::find(name, "".as_ref()).map_err(|d| {
+        let inside = d.path().is_some();
+        let d = if inside { d } else { d.in_file(option) };
+        if inside { Failure::from(d).named_by(option) } else { d.into() }
+    })?;
     for (handle, grams) in handles {
         Dynamics::new(&profile, *grams).map_err(|e| {
             let help = format!("the actuator is `{}`, of {option}", profile.name);

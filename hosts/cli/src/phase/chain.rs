@@ -7,7 +7,7 @@ use asperity_graph::{GraphFile, compile};
 use asperity_node::{Buffer, Diagnostic, Latency, Registry, Shape};
 
 use super::frames::{FRAME_HZ, Frames, MAGNITUDES, MagnitudesKind};
-use super::method::{How, ID, Method, retrieval};
+use super::method::{How, ID, Method};
 use crate::failure::Failure;
 
 /// Most latency that a node may declare, in s: so much silence is run besides the frames.
@@ -132,7 +132,7 @@ impl Chain {
 fn graph(method: &Method, registry: &Registry, rate_hz: u32, seed: u64) -> Result<GraphFile, Failure> {
     const ORIGIN: &str = "asperity";
     let kind = registry.get(method.kind()).map(|k| k.descriptor().clone());
-    let Some(ports) = kind.as_ref().and_then(retrieval) else {
+    let Some(ports) = kind.as_ref().and_then(|k| k.retrieval()) else {
         return Err(Failure::Machine(format!("`{}` is gone", method.kind())));
     };
     let mut graph = GraphFile::empty(ORIGIN);

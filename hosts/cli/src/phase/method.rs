@@ -1,7 +1,7 @@
 //! Which kinds retrieve phase, and how a command line names one.
 
 use asperity_graph::{GraphFile, NodeDecl};
-use asperity_node::{Descriptor, Diagnostic, NodeKind, Registry, ShapeSpec};
+use asperity_node::{Descriptor, Diagnostic, NodeKind, Registry};
 use asperity_source::{Source, one_of};
 
 use super::offline::{OFFLINE, Offline};
@@ -16,35 +16,9 @@ pub(super) const OPTION: &str = "--phase";
 /// The node's id in a chain.
 pub(super) const ID: &str = "phase";
 
-/// How a kind retrieves phase.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Retrieval<'a> {
-    /// Its input of magnitudes.
-    pub input: &'a str,
-    /// Its output.
-    pub output: &'a str,
-    /// Whether it answers spectra, so that an `overlap_add` has to follow; else it answers samples.
-    pub spectrum: bool,
-}
-
-/// How a kind retrieves phase, if it does: it has exactly one required input, which takes magnitudes, and one output,
-/// which is spectra or samples.
-pub fn retrieval(d: &Descriptor) -> Option<Retrieval<'_>> {
-    let mut required = d.inputs.iter().filter(|p| !p.optional);
-    let (Some(input), None) = (required.next(), required.next()) else { return None };
-    let [output] = d.outputs.as_slice() else { return None };
-    let spectrum = match output.shape {
-        ShapeSpec::Spectrum(_) => true,
-        ShapeSpec::Audio(_) => false,
-        _ => return None,
-    };
-    let magnitudes = matches!(input.shape, ShapeSpec::Magnitude(_));
-    magnitudes.then_some(Retrieval { input: &input.name, output: &output.name, spectrum })
-}
-
 /// Every kind of a registry that retrieves phase, by name.
 pub fn retrievers(registry: &Registry) -> Vec<&Descriptor> {
-    registry.iter().map(|k| NodeKind::descriptor(&**k)).filter(|d| retrieval(d).is_some()).collect()
+    registry.iter().map(|k| NodeKind::descriptor(&**k)).filter(|d| d.retrieval().is_some()).collect()
 }
 
 /// A way to retrieve phase, with its settings.

@@ -4,7 +4,6 @@ use std::sync::Arc;
 
 use asperity_node::{Input, RateSpec, Registry, ShapeSpec, Unit};
 
-use super::method::retrieval;
 use super::testing::{Counter, Tone, audio_kind};
 use super::*;
 
@@ -65,17 +64,17 @@ fn one_required_input_of_magnitudes_and_one_output_of_spectra_or_samples_retriev
     let control = || Input::new("more", ShapeSpec::Control(1), Unit::NONE);
     let plain = audio_kind("a");
     assert_eq!(
-        retrieval(&plain).map(|r| (r.input, r.output, r.spectrum)),
+        plain.retrieval().map(|r| (r.input, r.output, r.spectrum)),
         Some(("magnitude", "signal", false))
     );
-    assert!(retrieval(&audio_kind("a").input(control().or(1.0))).is_some());
-    assert!(retrieval(&audio_kind("a").input(control())).is_none(), "another required input");
+    assert!(audio_kind("a").input(control().or(1.0)).retrieval().is_some());
+    assert!(audio_kind("a").input(control()).retrieval().is_none(), "another required input");
     let mut two = audio_kind("a");
     two.outputs.push(two.outputs[0].clone());
-    assert!(retrieval(&two).is_none(), "two outputs");
+    assert!(two.retrieval().is_none(), "two outputs");
     let mut audio = audio_kind("a");
     audio.inputs[0].shape = ShapeSpec::Audio(RateSpec::Graph);
-    assert!(retrieval(&audio).is_none(), "no magnitudes");
+    assert!(audio.retrieval().is_none(), "no magnitudes");
     let registry = registry();
     let kinds: Vec<&str> = retrievers(&registry).iter().map(|d| d.kind.as_ref()).collect();
     assert!(
