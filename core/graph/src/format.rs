@@ -140,7 +140,7 @@ impl GraphFile {
             None => Vec::new(),
         };
         let nodes = graph.required("nodes")?.map()?;
-        let nodes = nodes.iter().map(|(key, v)| node(key, v)).collect::<Result<_, _>>()?;
+        let nodes = nodes.iter().map(|(key, v)| NodeDecl::read(key, v)).collect::<Result<_, _>>()?;
         let wires = match graph.optional("wires") {
             Some(v) => v.list()?.iter().map(wire).collect::<Result<_, _>>()?,
             None => Vec::new(),
@@ -270,42 +270,48 @@ fn plugin(value: &Value) -> Result<PluginDecl, Diagnostic> {
     Ok(PluginDecl { name, place: Place { source: value.source().clone(), span: value.span() } })
 }
 
-fn node(key: &ron::Key, value: &Value) -> Result<NodeDecl, Diagnostic> {
-    let source = value.source();
-    let place = |span| Place { source: source.clone(), span };
-    if let Some(bad) = key.name.chars().find(|c| !(c.is_alphanumeric() || matches!(c, '_' | '-' | ' '))) {
-        return Err(Diagnostic::new(format!("a node's id may not contain `{bad}`"))
-            .at(source, key.span)
-            .help("letters, digits, `_`, `-` and spaces"));
-    }
-    if key.name.trim().is_empty() || key.name.trim() != key.name {
-        return Err(
-            Diagnostic::new("a node's id may not be blank or begin or end blank").at(source, key.span)
-        );
-    }
-    let mut record = value.record("Node")?;
-    let kind_value = record.required("kind")?;
-    let kind = kind_value.text()?.to_owned();
-    let every = match record.optional("every") {
-        Some(v) => v.i64_in(EVERY, "ticks")? as u32,
-        None => 1,
-    };
-    let mut params = Vec::new();
-    if let Some(v) = record.optional("params") {
-        for (key, value) in v.record("Params")?.all() {
-            let (name, place) = (key.name.clone(), place(key.span));
-            params.push(Setting { name, place, value: value.clone(), typed: None });
+impl NodeDecl {
+    /// Reads a node as it stands in a graph's map of nodes: its id, and `(kind: "..", every: .., params: (..))`.
+    ///
+    /// # Errors
+    /// An id that none may have, another value than such a record.
+    pub fn read(key: &ron::Key, value: &Value) -> Result<Self, Diagnostic> {
+        let source = value.source();
+        let place = |span| Place { source: source.clone(), span };
+        if let Some(bad) = key.name.chars().find(|c| !(c.is_alphanumeric() || matches!(c, '_' | '-' | ' '))) {
+            return Err(Diagnostic::new(format!("a node's id may not contain `{bad}`"))
+                .at(source, key.span)
+                .help("letters, digits, `_`, `-` and spaces"));
         }
+        if key.name.trim().is_empty() || key.name.trim() != key.name {
+            return Err(
+                Diagnostic::new("a node's id may not be blank or begin or end blank").at(source, key.span)
+            );
+        }
+        let mut record = value.record("Node")?;
+        let kind_value = record.required("kind")?;
+        let kind = kind_value.text()?.to_owned();
+        let every = match record.optional("every") {
+            Some(v) => v.i64_in(EVERY, "ticks")? as u32,
+            None => 1,
+        };
+        let mut params = Vec::new();
+        if let Some(v) = record.optional("params") {
+            for (key, value) in v.record("Params")?.all() {
+                let (name, place) = (key.name.clone(), place(key.span));
+                params.push(Setting { name, place, value: value.clone(), typed: None });
+            }
+        }
+        record.finish(NODE_FIELDS)?;
+        Ok(Self {
+            id: key.name.clone(),
+            place: place(key.span),
+            kind,
+            kind_place: place(kind_value.span()),
+            every,
+            params,
+        })
     }
-    record.finish(NODE_FIELDS)?;
-    Ok(NodeDecl {
-        id: key.name.clone(),
-        place: place(key.span),
-        kind,
-        kind_place: place(kind_value.span()),
-        every,
-        params,
-    })
 }
 
 fn wire(value: &Value) -> Result<WireDecl, Diagnostic> {

@@ -93,6 +93,12 @@ impl FrameClock {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Latency(Ratio<i64>);
 
+impl Default for Latency {
+    fn default() -> Self {
+        Self::ZERO
+    }
+}
+
 impl Latency {
     /// No latency.
     pub const ZERO: Self = Self(Ratio::new_raw(0, 1));

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use asperity_engine::{Engine, Options};
 use asperity_graph::{GraphFile, Schedule};
-use asperity_node::{Buffer, NodeKind, Shape, ShapeSpec, Unit};
+use asperity_node::{Buffer, NodeKind, Registry, Shape, ShapeSpec, Unit};
 
 use crate::case::{Not, not_applicable};
 use crate::played::{Motion, Played};
@@ -28,12 +28,43 @@ impl Rig {
     /// # Errors
     /// No graph, nothing in it that moves a stylus, a change that it does not take.
     pub fn new(subject: &Subject<'_>, motion: Motion, changes: &[&str]) -> Result<Self, Not> {
-        let mut graph = subject.its_graph()?.clone();
-        let kinds = replace_stylus(&mut graph, subject, &motion)?;
+        let (mut graph, kinds) = Self::with_stylus(subject.its_graph()?, subject.registry(), &motion)
+            .or_else(not_applicable)?;
         for change in changes {
             graph.set(change, "the case")?;
         }
         Self::of(subject, &graph, &kinds)
+    }
+
+    /// A graph with a played stylus in the place of every node that moves one, which has an output `position` of three values and no input that
+    /// needs a wire; and the kinds that it needs beside the registry's.
+    ///
+    /// # Errors
+    /// Nothing in the graph moves a stylus.
+    pub fn with_stylus(
+        graph: &GraphFile,
+        registry: &Registry,
+        motion: &Motion,
+    ) -> Result<(GraphFile, Vec<Arc<dyn NodeKind>>), String> {
+        let mut graph = graph.clone();
+        let mut kinds = Vec::new();
+        for node in &mut graph.nodes {
+            let Some(kind) = registry.get(&node.kind) else { continue };
+            let d = kind.descriptor();
+            let moves = d.outputs.iter().any(|o| o.name == "position" && o.shape == ShapeSpec::Control(3))
+                && d.inputs.iter().all(|i| i.optional || i.fed);
+            if !moves {
+                continue;
+            }
+            let name = format!("{} from memory", node.kind);
+            kinds.push(Played::stylus(&name, d, motion.clone()));
+            node.kind = name;
+            node.params.clear();
+            // What was wired into the place of a device plays no more.
+            let id = node.id.clone();
+            graph.wires.retain(|w| w.to.node != id);
+        }
+        if kinds.is_empty() { Err("nothing in this graph moves a stylus".into()) } else { Ok((graph, kinds)) }
     }
 
     /// A graph as it is, with kinds of the case's own.
@@ -119,36 +150,4 @@ fn felt(schedule: &Schedule) -> Option<(usize, usize)> {
                 && port.unit == Unit::METRE_PER_SECOND_SQUARED
         })
         .last()
-}
-
-/// Puts a played stylus in the place of every node that moves one: one with an output `position` of three values, and no input that needs a wire.
-fn replace_stylus(
-    graph: &mut GraphFile,
-    subject: &Subject<'_>,
-    motion: &Motion,
-) -> Result<Vec<Arc<dyn NodeKind>>, Not> {
-    let mut kinds = Vec::new();
-    for node in &mut graph.nodes {
-        let Some(kind) = subject.registry().get(&node.kind) else { continue };
-        let d = kind.descriptor();
-        let moves = d.outputs.iter().any(|o| o.name == "position" && o.shape == ShapeSpec::Control(3))
-            && d.inputs.iter().all(|i| i.optional || i.fed);
-        if !moves {
-            continue;
-        }
-        let name = format!("{} from memory", node.kind);
-        let mut like = d.clone();
-        // A kind may have other ports by its parameters; those of a stylus have none.
-        like.params.clear();
-        kinds.push(Played::stylus(&name, &like, motion.clone()));
-        node.kind = name;
-        node.params.clear();
-        // What was wired into the place of a device plays no more.
-        let id = node.id.clone();
-        graph.wires.retain(|w| w.to.node != id);
-    }
-    if kinds.is_empty() {
-        return not_applicable("nothing in this graph moves a stylus");
-    }
-    Ok(kinds)
 }

@@ -45,17 +45,7 @@ impl Scene {
 
     /// Whether a text is meant as a scene: it begins, after comments, with `Scene`.
     pub fn is_meant(source: &Arc<Source>) -> bool {
-        let mut text = source.text().trim_start_matches('\u{feff}').trim_start();
-        loop {
-            text = match (text.strip_prefix("//"), text.strip_prefix("/*")) {
-                (Some(comment), _) => comment.split_once('\n').map_or("", |(_, rest)| rest),
-                (_, Some(comment)) => after_comment(comment),
-                _ => break,
-            }
-            .trim_start();
-        }
-        let name = text.split(|c: char| !(c.is_alphanumeric() || c == '_')).next();
-        name == Some("Scene")
+        ron::first_word(source) == Some("Scene")
     }
 
     /// Reads a scene from a text.
@@ -133,20 +123,6 @@ impl Scene {
             pictures: known.pictures,
         })
     }
-}
-
-/// The text behind a comment that has begun; comments may stand in comments.
-fn after_comment(text: &str) -> &str {
-    let (mut depth, mut at) = (1, 0);
-    while depth > 0 {
-        let Some(rest) = text.get(at..) else { return "" };
-        match (rest.find("/*"), rest.find("*/")) {
-            (Some(open), Some(close)) if open < close => (depth, at) = (depth + 1, at + open + 2),
-            (_, Some(close)) => (depth, at) = (depth - 1, at + close + 2),
-            _ => return "",
-        }
-    }
-    text.get(at..).unwrap_or("")
 }
 
 /// What was made of texts that stand in the file more than once, as they do where surfaces are alike. Checking a table or making heights takes a millisecond and more.

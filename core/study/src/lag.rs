@@ -1,0 +1,64 @@
+//! How late a graph answers a change of speed.
+
+use std::sync::Arc;
+
+use asperity_engine::Options;
+use asperity_graph::GraphFile;
+use asperity_measure::response::{Steps, lag_ms};
+use asperity_node::Registry;
+use asperity_source::Diagnostic;
+
+use crate::hear::{Chain, motion};
+
+/// Half a period of the steps \[s\].
+pub const HALF_S: f64 = 0.4;
+/// Steps that are left out, while the chain starts.
+const LEFT_OUT: usize = 2;
+/// Speeds between which it steps \[mm/s\]. A period goes 64.618 mm: whatever repeats along the way comes at every phase.
+const SPEEDS: [f64; 2] = [40.4, 121.145];
+/// How deep the stylus is in a floor at height 0 \[mm\]: 1 N at 0.5 N/mm.
+const DEPTH_MM: f64 = 2.0;
+
+/// Where a stylus is whose speed along x steps up and down again, or stays at the lower.
+fn stylus(t: f64, stepped: bool) -> [f64; 3] {
+    let [slow, fast] = if stepped { SPEEDS } else { [SPEEDS[0]; 2] };
+    let period = (t / (2.0 * HALF_S)).floor();
+    let within = t - period * 2.0 * HALF_S;
+    let x = period * HALF_S * (slow + fast) + slow * within.min(HALF_S) + fast * (within - HALF_S).max(0.0);
+    [x, 0.0, -DEPTH_MM]
+}
+
+/// Milliseconds from a step of speed, from 40 to 121 mm/s, until the level is 10, 50 and 90 % of the way; `steps` of them are taken. None where the
+/// level does not rise with speed.
+///
+/// # Errors
+/// What the compiler says.
+pub fn response(graph: &GraphFile, registry: &Registry, steps: usize) -> Result<Option<[f64; 3]>, Diagnostic> {
+    let periods = steps + LEFT_OUT;
+    let play = |stepped: bool| {
+        let at = Arc::new(move |t| stylus(t, stepped));
+        let chain = Chain::new(graph, registry, motion(at, graph.tick_hz), Options::default())?;
+        Ok::<_, Diagnostic>(chain.felt(2.0 * HALF_S * periods as f64))
+    };
+    let ((stepped, rate_hz), (still, _)) = (play(true)?, play(false)?);
+    let half = (HALF_S * f64::from(rate_hz)) as usize;
+    let at: Vec<usize> = (LEFT_OUT..periods).map(|k| (2 * k + 1) * half).collect();
+    Ok(lag_ms(&stepped, &still, &Steps { rate_hz, at: &at, before: half / 2, after: half / 2 }))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_stylus_goes_at_the_speeds_it_is_said_to() {
+        for (t, want) in [(0.1, 40.4), (0.5, 121.145), (0.9, 40.4), (8.3, 40.4), (8.7, 121.145)] {
+            let speed = (stylus(t + 1e-3, true)[0] - stylus(t, true)[0]) / 1e-3;
+            assert!((speed - want).abs() < 1e-6, "{t}: {speed}");
+            let still = (stylus(t + 1e-3, false)[0] - stylus(t, false)[0]) / 1e-3;
+            assert!((still - 40.4).abs() < 1e-6, "{t}: {still}");
+        }
+        // It goes on where a period ends.
+        assert!((stylus(0.8 - 1e-9, true)[0] - stylus(0.8, true)[0]).abs() < 1e-6);
+    }
+}

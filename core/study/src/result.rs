@@ -1,0 +1,170 @@
+//! What came of a study, as its JSON file has it.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+use crate::figure::{Figure, Figures};
+
+/// Version of the file.
+pub const VERSION: u32 = 1;
+
+/// Results of a study.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Results {
+    /// [`VERSION`].
+    pub version: u32,
+    /// The study's file, as it was named.
+    pub study: String,
+    /// Seed of all random numbers.
+    pub seed: u64,
+    /// Strokes and materials, in words.
+    pub strokes: Vec<String>,
+    /// Materials.
+    pub materials: Vec<String>,
+    /// What ran it.
+    pub machines: Vec<Machine>,
+    /// Shards whose times are in these results, if not one alone: each was timed against the first default.
+    pub shards: usize,
+    /// Figures that differ by less than this between two settings are not told apart.
+    pub floor: Figures,
+    /// The same of response lags \[ms\].
+    pub lag_floor_ms: Option<f64>,
+    /// The same of loads, as a ratio: 1.05 for 5 %.
+    pub load_floor: Option<f64>,
+    /// What a perfect phase retrieval and actuator would leave: figures of the network's own magnitudes.
+    pub model: Figures,
+    /// Time of a tick in which nothing is done.
+    pub empty: Option<Time>,
+    /// All settings.
+    pub rows: Vec<Row>,
+}
+
+/// What ran a study.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Machine {
+    /// The processor as it calls itself.
+    pub cpu: String,
+    /// Cores that could be used.
+    pub cores: usize,
+    /// Operating system and architecture.
+    pub system: String,
+    /// Version of this program, and whether it was built to be fast.
+    pub build: String,
+}
+
+/// What came of a setting.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Row {
+    /// What it is called.
+    pub name: String,
+    /// What tells it from every other.
+    pub key: String,
+    /// The graph it was made of, as it was named.
+    pub graph: String,
+    /// Knobs that were turned, and to what.
+    pub turned: Vec<(String, String)>,
+    /// Grids that it stands in.
+    pub grids: Vec<String>,
+    /// Whether it is its graph as it stands.
+    pub default: bool,
+    /// Whether it stands beside the others under a name of its own.
+    pub mark: bool,
+    /// Ticks a second.
+    pub tick_hz: u32,
+    /// Nodes and wires that differ from the graph's, as RON to be pasted.
+    pub fragment: Fragment,
+    /// Why it could not be run.
+    pub error: Option<String>,
+    /// Figures of accuracy.
+    pub figures: Figures,
+    /// The same of every draw.
+    pub draws: Vec<Figures>,
+    /// Response lag: ms from a step of speed until the level is 10, 50, 90 % of the way.
+    pub lag_ms: Option<[f64; 3]>,
+    /// The 50 % of every draw.
+    pub lag_draws_ms: Vec<f64>,
+    /// Declared latency \[ms\].
+    pub latency_ms: Option<f64>,
+    /// How often nodes failed.
+    pub faults: u64,
+    /// Hard cases that it was put to.
+    pub cases: usize,
+    /// Hard cases that do not hold, and what was found.
+    pub fails: BTreeMap<String, String>,
+    /// What it takes.
+    pub time: Option<Time>,
+}
+
+/// What differs from a graph, as RON.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Fragment {
+    /// `tick_hz` and such.
+    pub graph: Vec<String>,
+    /// Entries of `nodes`.
+    pub nodes: Vec<String>,
+    /// Ids of nodes that are gone.
+    pub gone: Vec<String>,
+    /// Entries of `wires`, where any differ: all of them.
+    pub wires: Vec<String>,
+}
+
+/// What a setting takes, in microseconds unless it says otherwise.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Time {
+    /// Median of a tick.
+    pub p50_us: f64,
+    /// 99th percentile.
+    pub p99_us: f64,
+    /// 99.9th percentile.
+    pub p999_us: f64,
+    /// The longest.
+    pub max_us: f64,
+    /// Ticks that took longer than a tick lasts.
+    pub misses: u64,
+    /// Ticks that were timed.
+    pub ticks: u64,
+    /// Median time of [`LOAD_MS`](crate::time::LOAD_MS) of signal over these, in per cent: what is ranked, since ticks of other rates, and nodes
+    /// that run in some of them, have medians that do not compare.
+    pub load_percent: f64,
+    /// Largest difference of a turn's load from that, as a ratio.
+    pub spread: f64,
+    /// The first tick of all, when nothing is in any cache.
+    pub cold_us: f64,
+    /// Memory that the graph takes \[KiB\], where it can be counted.
+    pub memory_kib: Option<f64>,
+}
+
+impl Row {
+    /// Whether it may be chosen: it ran, no node failed, and every hard case holds.
+    pub fn sound(&self) -> bool {
+        self.error.is_none() && self.faults == 0 && self.fails.is_empty()
+    }
+
+    /// Its load in per cent of real time.
+    pub fn load(&self) -> Option<f64> {
+        self.time.map(|t| t.load_percent)
+    }
+
+    /// A figure.
+    pub fn figure(&self, figure: Figure) -> Option<f64> {
+        self.figures.get(&figure).copied()
+    }
+
+    /// Its median lag in ms.
+    pub fn lag50(&self) -> Option<f64> {
+        self.lag_ms.map(|l| l[1])
+    }
+}
+
+impl Results {
+    /// The default of the first graph.
+    pub fn default_row(&self) -> Option<&Row> {
+        self.rows.iter().find(|r| r.default)
+    }
+
+    /// Whether two values of a figure are told apart.
+    pub fn differ(&self, figure: Figure, a: f64, b: f64) -> bool {
+        (a - b).abs() > self.floor.get(&figure).copied().unwrap_or(0.0)
+    }
+}

@@ -1,0 +1,177 @@
+//! Settings: a graph, and what was turned about it.
+
+use std::collections::HashMap;
+
+use asperity_graph::{GraphFile, text_of};
+use asperity_node::Registry;
+use asperity_source::Diagnostic;
+use asperity_source::ron::Value;
+
+use crate::file::{Grid, Study};
+use crate::knob::{Knob, Turned};
+
+/// A graph that settings are made of.
+#[derive(Clone, Debug)]
+pub struct Base {
+    /// What it is called: how its file was named.
+    pub name: String,
+    /// It; of a scene, what that lowers to.
+    pub graph: GraphFile,
+    /// All kinds that it may use.
+    pub registry: Registry,
+}
+
+/// What a setting is.
+#[derive(Clone, Debug)]
+pub struct Setting {
+    /// What it is called: what it differs in from its base, or the name of a mark.
+    pub name: String,
+    /// What tells it from every other, and from itself after a change of any file it was made of.
+    pub key: String,
+    /// Number of its base.
+    pub base: usize,
+    /// Knobs and what they were turned to, as texts; those only that change anything.
+    pub turned: Vec<(String, String)>,
+    /// Names of the grids that it stands in.
+    pub grids: Vec<String>,
+    /// Whether it is its base as it stands.
+    pub default: bool,
+    /// Whether it stands beside the others under a name of its own.
+    pub mark: bool,
+    /// The graph.
+    pub graph: GraphFile,
+    /// Whether what nodes put out is looked at for NaN and infinities.
+    pub guards: bool,
+}
+
+/// Settings, and knobs that some base does not have.
+#[derive(Clone, Debug, Default)]
+pub struct Settings {
+    /// All of them; those that are the same but for their names stand here once. The default of each base comes first.
+    pub all: Vec<Setting>,
+    /// What was left out: base and knob.
+    pub left_out: Vec<(String, String)>,
+}
+
+impl Settings {
+    /// All settings of a study over these bases, with marks that are read already.
+    ///
+    /// # Errors
+    /// A knob that no base has, a value that means nothing where it is turned to.
+    pub fn new(study: &Study, bases: &[Base], marks: &[Base]) -> Result<Self, Diagnostic> {
+        let mut it = Self::default();
+        let mut known = HashMap::new();
+        for (b, base) in bases.iter().enumerate() {
+            let turned = Turned { graph: base.graph.clone(), guards: true };
+            let name = named(bases, b, "default");
+            it.take(&mut known, b, turned, Vec::new(), None, (name, true, false));
+        }
+        for grid in &study.grids {
+            for (knob, _) in &grid.knobs {
+                let lacks = |base: &&Base| !knob.fits(&base.graph, &base.registry);
+                if bases.iter().filter(lacks).count() == bases.len() && !bases.is_empty() {
+                    let graphs: Vec<&str> = bases.iter().map(|b| b.name.as_str()).collect();
+                    return Err(Diagnostic::new(format!("no graph has `{knob}` to turn: {}", graphs.join(", ")))
+                        .at(&knob.place().source, knob.place().span));
+                }
+                for base in bases.iter().filter(lacks) {
+                    let left = (base.name.clone(), knob.to_string());
+                    if !it.left_out.contains(&left) {
+                        it.left_out.push(left);
+                    }
+                }
+            }
+            for (b, base) in bases.iter().enumerate() {
+                it.grid(&mut known, bases, b, base, grid)?;
+            }
+        }
+        for mark in marks {
+            let turned = Turned { graph: mark.graph.clone(), guards: true };
+            it.take(&mut known, bases.len(), turned, Vec::new(), None, (mark.name.clone(), false, true));
+        }
+        Ok(it)
+    }
+
+    /// All combinations of a grid.
+    fn grid(
+        &mut self,
+        known: &mut HashMap<String, usize>,
+        bases: &[Base],
+        b: usize,
+        base: &Base,
+        grid: &Grid,
+    ) -> Result<(), Diagnostic> {
+        let knobs: Vec<&(Knob, Vec<Value>)> =
+            grid.knobs.iter().filter(|(knob, _)| knob.fits(&base.graph, &base.registry)).collect();
+        let count: usize = knobs.iter().map(|(_, values)| values.len()).product();
+        for mut number in 0..count {
+            let mut turned = Turned { graph: base.graph.clone(), guards: true };
+            let mut changes = Vec::new();
+            for (knob, values) in &knobs {
+                let value = &values[number % values.len()];
+                number /= values.len();
+                let before = (turned.graph.to_string(), turned.guards);
+                knob.turn(&mut turned, value, &base.registry)?;
+                if (turned.graph.to_string(), turned.guards) != before {
+                    changes.push((knob.to_string(), shown(value)));
+                }
+            }
+            let words: Vec<String> = changes.iter().map(|(k, v)| format!("{k}={v}")).collect();
+            let name = named(bases, b, &words.join(" "));
+            self.take(known, b, turned, changes, Some(grid.name.clone()), (name, false, false));
+        }
+        Ok(())
+    }
+
+    /// Adds a setting, or another name and grid to one that is the same.
+    fn take(
+        &mut self,
+        known: &mut HashMap<String, usize>,
+        base: usize,
+        Turned { graph, guards }: Turned,
+        turned: Vec<(String, String)>,
+        grid: Option<String>,
+        (name, default, mark): (String, bool, bool),
+    ) {
+        let text = format!("{}\n{guards}\n{}", graph.source.path().display(), same(&graph));
+        let at = *known.entry(text.clone()).or_insert(self.all.len());
+        if let Some(there) = self.all.get_mut(at) {
+            there.grids.extend(grid.filter(|g| !there.grids.contains(g)));
+            there.mark |= mark;
+            return;
+        }
+        let key = format!("{:016x}", fnv(&text));
+        let grids = grid.into_iter().collect();
+        self.all.push(Setting { name, key, base, turned, grids, default, mark, graph, guards });
+    }
+}
+
+/// A name among those of all bases.
+fn named(bases: &[Base], b: usize, name: &str) -> String {
+    if bases.len() > 1 { format!("{}: {name}", bases[b].name) } else { name.to_owned() }
+}
+
+/// A value as a person would call it: a node by its kind and what is set.
+fn shown(value: &Value) -> String {
+    let text = text_of(value);
+    let Some(rest) = text.strip_prefix("(kind: \"") else { return text.trim_matches('"').to_owned() };
+    let Some((kind, rest)) = rest.split_once('"') else { return text };
+    let params = rest.strip_prefix(", params: (").and_then(|r| r.strip_suffix("))"));
+    match params {
+        Some(params) if !params.is_empty() => format!("{kind}({params})"),
+        _ => kind.to_owned(),
+    }
+}
+
+/// A graph's text by which it is the same as another: parameters and nodes in order of their names.
+fn same(graph: &GraphFile) -> String {
+    let mut graph = graph.clone();
+    graph.nodes.iter_mut().for_each(|n| n.params.sort_by(|a, b| a.name.cmp(&b.name)));
+    graph.nodes.sort_by(|a, b| a.id.cmp(&b.id));
+    graph.to_string()
+}
+
+/// FNV-1a of 64 bits (Fowler, Noll, Vo), which is the same on every machine.
+pub(crate) fn fnv(text: &str) -> u64 {
+    text.bytes().fold(0xcbf2_9ce4_8422_2325, |h, b| (h ^ u64::from(b)).wrapping_mul(0x100_0000_01b3))
+}
