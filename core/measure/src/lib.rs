@@ -1,5 +1,6 @@
 //! Accuracy and timing figures, and NumPy files to exchange them.
 
+pub mod accuracy;
 pub mod npy;
 pub mod phase;
 pub mod response;

@@ -1,0 +1,114 @@
+use super::LIMIT_DB;
+use super::long_term::{level_db, mean, ratio_db, silent};
+use super::spectrogram::bin_hz;
+
+/// Bands.
+pub const BANDS: usize = 9;
+/// How far below its loudest band an energy still counts, in dB; what is less counts as that much.
+pub const BAND_RANGE_DB: f64 = 40.0;
+/// First and last edge in Hz.
+const EDGES_HZ: (f64, f64) = (20.0, 1000.0);
+
+/// The edges of the bands in Hz: 20, 30.9, 47.7, 73.7, 113.8, 175.7, 271.4, 419.2, 647.4, 1000.
+///
+/// The energies of nine bands were what told best how real virtual textures felt (Balasubramanian and Vardar 2026, "Perceptually lossless tactile
+/// texture synthesis with compact spectral envelope models", arXiv 2605.23804). Where their bands end could not be found out; these have equal ratios, `50^(1/9)` = 1.54.
+pub fn band_edges_hz() -> [f64; BANDS + 1] {
+    let (first, last) = EDGES_HZ;
+    std::array::from_fn(|edge| first * (last / first).powf(edge as f64 / BANDS as f64))
+}
+
+/// The band that a bin's frequency lies in.
+fn band(bin: usize) -> usize {
+    let (first, last) = EDGES_HZ;
+    let place = BANDS as f64 * (bin_hz(bin) / first).ln() / (last / first).ln();
+    // 1000 Hz, the end of the last, is in it.
+    ((place + 1e-9) as usize).min(BANDS - 1)
+}
+
+/// Energies of the bands in (m/s^2)^2, of powers of bins: the sums of the bins whose frequency lies in them.
+pub fn band_powers(powers: &[f64]) -> [f64; BANDS] {
+    let mut sums = [0.0; BANDS];
+    for (bin, power) in powers.iter().enumerate() {
+        if let Some(sum) = sums.get_mut(band(bin)) {
+            *sum += power;
+        }
+    }
+    sums
+}
+
+/// Error of the energy of each band in dB, of long-term powers, bin by bin: `10 log10 (E_rendered / E_truth)`. An energy more than [`BAND_RANGE_DB`] below the
+/// truth's loudest counts as that: what cannot be felt beside the rest is no error, what is rendered where the truth has nothing is one. None for a band
+/// of which the bins do not come up to its end. Within [`LIMIT_DB`].
+pub fn bands_db(rendered: &[f64], truth: &[f64]) -> [Option<f64>; BANDS] {
+    let (r, t, edges) = (band_powers(rendered), band_powers(truth), band_edges_hz());
+    let known = rendered.len().min(truth.len());
+    let least = t.iter().copied().fold(0.0, f64::max) * 10f64.powf(-0.1 * BAND_RANGE_DB);
+    let one_silent = silent(rendered) || silent(truth);
+    std::array::from_fn(|band| {
+        // The next bin lies beyond its end.
+        let whole = edges.get(band + 1).is_some_and(|end| bin_hz(known) >= end - 1e-9);
+        whole.then(|| match one_silent {
+            true => level_db(rendered, truth),
+            false => ratio_db(r[band].max(least), t[band].max(least)).clamp(-LIMIT_DB, LIMIT_DB),
+        })
+    })
+}
+
+/// Root mean square of the bands' errors in dB; 0 of none.
+pub fn band_rms_db(bands: &[Option<f64>; BANDS]) -> f64 {
+    mean(bands.iter().flatten().map(|e| e * e)).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::BINS;
+    use super::*;
+
+    #[test]
+    fn bins_lie_in_nine_bands_of_equal_ratio_between_20_and_1000_hz() {
+        let edges = band_edges_hz();
+        assert!(edges[0] == 20.0 && (edges[9] - 1000.0).abs() < 1e-9);
+        assert!(edges.windows(2).all(|e| (e[1] / e[0] - 50f64.powf(1.0 / 9.0)).abs() < 1e-12));
+        // 20 30 | 40 | 50 60 70 | 80 .. 110 | 120 .. 170 | 180 .. 270 | 280 .. 410 | 420 .. 640 | 650 .. 1000
+        assert_eq!(band_powers(&[1.0; BINS]), [2.0, 1.0, 3.0, 4.0, 6.0, 10.0, 14.0, 23.0, 36.0]);
+    }
+
+    #[test]
+    fn a_band_that_is_3_db_too_loud_is_1_db_of_error_together() {
+        let truth = [1.0; BINS];
+        let mut rendered = truth;
+        (33 - 7..40).for_each(|bin| rendered[bin] *= 10f64.powf(0.3));
+        let errors = bands_db(&rendered, &truth).map(Option::unwrap);
+        for (band, error) in errors.into_iter().enumerate() {
+            assert!((error - if band == 6 { 3.0 } else { 0.0 }).abs() < 1e-12, "{band}: {error}");
+        }
+        assert!((band_rms_db(&errors.map(Some)) - 1.0).abs() < 1e-12);
+        let quiet = rendered.map(|p| 0.01 * p);
+        assert!((band_rms_db(&bands_db(&quiet, &rendered)) - 20.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn what_is_far_below_the_loudest_band_counts_as_forty_db_below_it() {
+        let (mut truth, mut rendered) = ([0.0; BINS], [0.0; BINS]);
+        (truth[20], rendered[20]) = (1.0, 1.0);
+        (truth[60], rendered[60]) = (1e-7, 0.0);
+        assert_eq!(band_rms_db(&bands_db(&rendered, &truth)), 0.0);
+        rendered[60] = 1e-2;
+        assert!((bands_db(&rendered, &truth)[7].unwrap() - 20.0).abs() < 1e-9);
+        truth[60] = 1e-1;
+        rendered[60] = 0.0;
+        assert!((bands_db(&rendered, &truth)[7].unwrap() + 30.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn bands_beyond_half_the_rate_are_not_known_and_silence_is_defined() {
+        // At 1 kHz the last bin is 490 Hz.
+        let known = bands_db(&[1.0; 48], &[1.0; 48]);
+        assert_eq!(known.map(|b| b.is_some()), [true, true, true, true, true, true, true, false, false]);
+        assert_eq!(bands_db(&[0.0; BINS], &[0.0; BINS]), [Some(0.0); BANDS]);
+        assert_eq!(bands_db(&[0.0; BINS], &[1.0; BINS]), [Some(-LIMIT_DB); BANDS]);
+        assert_eq!(bands_db(&[1.0; BINS], &[0.0; BINS]), [Some(LIMIT_DB); BANDS]);
+        assert_eq!(band_rms_db(&bands_db(&[], &[])), 0.0);
+    }
+}

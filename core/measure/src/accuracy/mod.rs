@@ -1,0 +1,120 @@
+//! How well what is rendered agrees with what a tool felt along the same stroke, by figures that are never made one.
+//!
+//! A texture's waveform is a draw: two strokes over two places of one surface share no sample. What they share is how much there is of each frequency at
+//! each moment, so the figures compare spectra over 20 to 1000 Hz ([`Spectrogram`]), and only [`waveform_db`] compares samples: of two runs of one setting.
+//! `docs/accuracy.md` says how much of a difference means what.
+//!
+//! # Silence
+//!
+//! Below [`SILENCE_M_S2`] (root mean square, 20 to 1000 Hz) a signal is silent. Two silent signals agree in everything. Where one alone is silent, levels,
+//! spectra and bands are [`LIMIT_DB`] apart (less where the figure has a bound of its own), and the shape is 0: there is none.
+
+mod bands;
+mod long_term;
+mod perceptual;
+mod spectrogram;
+#[cfg(test)]
+mod testing;
+mod waveform;
+
+pub use bands::{BAND_RANGE_DB, BANDS, band_edges_hz, band_powers, band_rms_db, bands_db};
+pub use long_term::{SPECTRUM_RANGE_DB, level_db, shape_db, spectrum_db};
+pub use perceptual::{SEGMENT_FRAMES, SUPPORT_DB, perceptual, threshold_m_s2};
+pub use spectrogram::{BINS, FIRST_HZ, HOP_S, MIN_FRAMES, STEP_HZ, Spectrogram, WINDOW_S};
+pub use waveform::{EXACT_DB, waveform_db};
+
+/// The largest error in dB that is told, of either sign: that of silence.
+pub const LIMIT_DB: f64 = 120.0;
+
+/// Root mean square in m/s^2 below which a signal is silent.
+pub const SILENCE_M_S2: f64 = 1e-6;
+
+/// Agreement of a rendered acceleration with the truth.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Agreement {
+    /// [`level_db`]: root mean square over 20 to 1000 Hz over the truth's; 0 is right, above 0 is too loud.
+    pub level_db: f64,
+    /// [`spectrum_db`]: root mean square error of the long-term spectrum; 0 is right.
+    pub spectrum_db: f64,
+    /// [`shape_db`]: the same without the error's mean; at most `spectrum_db`.
+    pub shape_db: f64,
+    /// [`band_rms_db`]: root mean square error of the energies of nine bands; 0 is right.
+    pub bands_db: f64,
+    /// [`bands_db`]: the error of each band; none where the truth's rate says nothing of it.
+    pub bands: [Option<f64>; BANDS],
+    /// [`perceptual()`]: 0 to 1; 1 is no perceptible difference.
+    pub perceptual: f64,
+}
+
+/// Why there is no figure.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum AccuracyError {
+    /// A rate in Hz that is not 100 to 1e6.
+    Rate(f64),
+    /// No axis.
+    NoAxes,
+    /// A sample that is not finite or beyond 1e100, by its number.
+    NotFinite(usize),
+    /// Fewer than [`MIN_FRAMES`] frames that both signals have: less than 0.5 s.
+    TooShort,
+    /// Two signals of different lengths, where the same samples are compared.
+    Lengths(usize, usize),
+}
+
+impl std::fmt::Display for AccuracyError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Rate(hz) => write!(f, "a rate of {hz} Hz is not 100 to 1000000"),
+            Self::NoAxes => f.write_str("a signal without an axis"),
+            Self::NotFinite(at) => write!(f, "sample {at} is not finite"),
+            Self::TooShort => f.write_str("less than 0.5 s to compare"),
+            Self::Lengths(a, b) => write!(f, "{a} and {b} samples"),
+        }
+    }
+}
+
+impl std::error::Error for AccuracyError {}
+
+/// All figures of a rendered acceleration in m/s^2 against the truth, whose axes' powers add: one signal has to carry what a tool felt along three
+/// (Landin, Romano, McMahan, Kuchenbecker 2010). Sample 0 of all is the same moment; what one side alone has at the end does not count, nor do
+/// frequencies from half the truth's rate on. The rendered signal has nothing from half its own rate on.
+///
+/// # Errors
+/// Each kind of [`AccuracyError`] but `Lengths`.
+pub fn agreement(
+    rendered: &[f64],
+    rate_hz: f64,
+    truth: &[&[f64]],
+    truth_rate_hz: f64,
+) -> Result<Agreement, AccuracyError> {
+    let rendered = Spectrogram::new(&[rendered], rate_hz)?;
+    let truth = Spectrogram::new(truth, truth_rate_hz)?;
+    compare(&rendered, &truth)
+}
+
+/// The same of spectrograms, which can be kept where one truth is compared with many.
+///
+/// # Errors
+/// [`AccuracyError::TooShort`].
+pub fn compare(rendered: &Spectrogram, truth: &Spectrogram) -> Result<Agreement, AccuracyError> {
+    let frames = rendered.frames().min(truth.frames());
+    if frames < MIN_FRAMES {
+        return Err(AccuracyError::TooShort);
+    }
+    let (r, t) = (rendered.mean(0..frames), truth.mean(0..frames));
+    let known = truth.bins();
+    let (r, t) = (r.get(..known).unwrap_or(&r), t.get(..known).unwrap_or(&t));
+    let bands = bands_db(r, t);
+    Ok(Agreement {
+        level_db: level_db(r, t),
+        spectrum_db: spectrum_db(r, t),
+        shape_db: shape_db(r, t),
+        bands_db: band_rms_db(&bands),
+        bands,
+        perceptual: perceptual(rendered, truth),
+    })
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,144 @@
+use super::super::testing::{louder, noise, sine};
+use super::*;
+
+const RATE: f64 = 2500.0;
+/// 8 s.
+const COUNT: usize = 20_000;
+
+fn seen(signal: &[f64]) -> Spectrogram {
+    Spectrogram::new(&[signal], RATE).unwrap()
+}
+
+fn score(rendered: &[f64], truth: &[f64]) -> f64 {
+    perceptual(&seen(rendered), &seen(truth))
+}
+
+fn sum(a: &[f64], b: &[f64]) -> Vec<f64> {
+    a.iter().zip(b).map(|(a, b)| a + b).collect()
+}
+
+#[test]
+fn the_normal_distribution_is_that_of_the_tables() {
+    for (x, share) in [
+        (0.0, 0.5),
+        (1.0, 0.841_344_746),
+        (-1.0, 0.158_655_254),
+        (-2.0, 0.022_750_132),
+        (3.0, 0.998_650_102),
+        (-40.0, 0.0),
+        (f64::INFINITY, 1.0),
+        (f64::NEG_INFINITY, 0.0),
+    ] {
+        assert!((normal_cdf(x) - share).abs() < 1e-7, "{x}: {}", normal_cdf(x));
+    }
+}
+
+#[test]
+fn the_threshold_is_that_of_the_formula_by_hand() {
+    for (hz, m_s2) in
+        [(0.0, 0.0), (25.0, 0.160_208), (100.0, 0.084_950_7), (250.0, 0.074_022), (500.0, 4.529_26)]
+    {
+        assert!((threshold_m_s2(hz) - m_s2).abs() < 1e-5 * m_s2 + 1e-12, "{hz}: {}", threshold_m_s2(hz));
+    }
+    // Beyond 77 dB only acceleration grows on.
+    assert!((threshold_m_s2(1000.0) / threshold_m_s2(900.0) - (10.0_f64 / 9.0).powi(2)).abs() < 1e-12);
+}
+
+#[test]
+fn a_peak_stands_out_by_12_db_within_45_of_the_loudest() {
+    let at = |levels: &[f64]| peaks(levels);
+    assert_eq!(at(&[0.0, 12.0, 0.0]), [1]);
+    assert_eq!(at(&[0.0, 11.9, 0.0]), [0; 0]);
+    // Over the higher of both valleys.
+    assert_eq!(at(&[-40.0, 11.0, 0.0]), [0; 0]);
+    // The valley towards the next higher level counts, not the one behind it.
+    assert_eq!(at(&[0.0, 30.0, 19.0, 30.5, 0.0, 20.0, -50.0]), [3, 5]);
+    assert_eq!(at(&[0.0, 50.0, 0.0, 4.9, -20.0]), [1]);
+    assert_eq!(at(&[0.0, 50.0, -20.0, 5.1, -20.0]), [1, 3]);
+    // Ends and flats are no peaks.
+    assert_eq!(at(&[50.0, 0.0, 50.0]), [0; 0]);
+    assert_eq!(at(&[-3000.0; 9]), [0; 0]);
+    assert_eq!(at(&[]), [0; 0]);
+}
+
+#[test]
+fn a_line_masks_by_the_parabola_of_the_codec() {
+    let line = seen(&sine(3.0, 200.0, RATE, 1.0));
+    let found = mask(&line, 0..10);
+    for (hz, away_db) in [(200.0, 0.0), (400.0, -30.0), (100.0, -7.5), (260.0, -2.7)] {
+        let bin = ((hz - 20.0) / 10.0) as usize;
+        let want = 20.0 * 3f64.log10() - 5.0 + 200.0 / 280.0 + away_db;
+        assert!((db(found[bin]) - want).abs() < 1e-6, "{hz}: {}, not {want}", db(found[bin]));
+    }
+}
+
+#[test]
+fn a_line_of_half_its_amplitude_scores_what_it_does_by_hand() {
+    // Three bins carry a line, L and twice L - 6.02 dB; its mask is L - 4.29 dB, 0.075 less beside it.
+    let line = sine(30.0, 200.0, RATE, 1.0);
+    let half = louder(&line, -20.0 * 2f64.log10());
+    assert!((score(&half, &line) - 0.661_6).abs() < 1e-3, "{}", score(&half, &line));
+    assert!((score(&line, &half) - 0.661_6).abs() < 1e-3, "twice as loud is as wrong as half");
+    assert!((score(&line, &line) - 1.0).abs() < 1e-12);
+}
+
+#[test]
+fn draws_of_one_noise_are_alike_and_levels_are_told_apart_at_any_level() {
+    for rms in [0.3, 3.0, 30.0] {
+        let (one, other) = (noise(1, COUNT, rms), noise(2, COUNT, rms));
+        let at = |db: f64| score(&louder(&other, db), &one);
+        assert!(at(0.0) > 0.97, "{rms}: {}", at(0.0));
+        for sign in [-1.0, 1.0] {
+            let scores = [0.0, 1.0, 3.0, 6.0, 12.0, 40.0].map(|db| at(sign * db));
+            assert!(scores.windows(2).all(|s| s[1] < s[0]), "{rms}: {scores:?}");
+            assert!((0.7..0.85).contains(&scores[2]) && (0.5..0.7).contains(&scores[3]), "{rms}: {scores:?}");
+            assert!(scores[4] < 0.42 && scores[5] < 0.03, "{rms}: {scores:?}");
+        }
+    }
+}
+
+#[test]
+fn what_is_missing_in_the_felt_band_counts_and_what_nobody_feels_does_not() {
+    let truth = noise(1, COUNT, 1.0);
+    // By differences, a noise without low frequencies: 6 dB an octave.
+    let thin: Vec<f64> = std::iter::once(0.0).chain(truth.windows(2).map(|x| x[1] - x[0])).collect();
+    assert!(score(&thin, &truth) < 0.6, "{}", score(&thin, &truth));
+    let quiet = sine(100.0, 900.0, RATE, 8.0);
+    assert!(threshold_m_s2(900.0) > 100.0);
+    let louder_there = score(&sum(&truth, &quiet), &truth);
+    assert!(louder_there > 0.999, "a line below its threshold is not felt and masks nothing: {louder_there}");
+    let felt = sine(1.0, 250.0, RATE, 8.0);
+    assert!(score(&sum(&truth, &felt), &truth) < 0.9, "{}", score(&sum(&truth, &felt), &truth));
+}
+
+#[test]
+fn the_same_spectrum_at_another_time_is_another_feeling() {
+    let (loud, silent) = (noise(1, COUNT / 2, 1.0), vec![0.0; COUNT / 2]);
+    let (first, last) = ([loud.clone(), silent.clone()].concat(), [silent, loud].concat());
+    assert!(score(&first, &last) < 0.1, "{}", score(&first, &last));
+    assert!((score(&first, &first) - 1.0).abs() < 1e-12);
+}
+
+#[test]
+fn what_nobody_feels_is_the_same_as_silence_and_silence_is_not_what_is_felt() {
+    let (silence, faint, felt) = (vec![0.0; COUNT], noise(1, COUNT, 3e-3), noise(1, COUNT, 1.0));
+    assert_eq!(score(&silence, &silence), 1.0);
+    assert!(score(&faint, &silence) > 0.99 && score(&silence, &faint) > 0.99);
+    assert!(score(&felt, &silence) < 0.02 && score(&silence, &felt) < 0.02);
+    assert_eq!(perceptual(&seen(&[]), &seen(&felt)), 1.0);
+}
+
+#[test]
+#[ignore = "prints the scores that docs/accuracy.md has"]
+fn scores() {
+    for rms in [0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 20.0] {
+        // 20 to 1000 Hz have so much of it.
+        let truth = noise(1, COUNT, rms * (1250.0_f64 / 990.0).sqrt());
+        let other = noise(2, COUNT, rms * (1250.0_f64 / 990.0).sqrt());
+        print!("{rms:5} m/s^2: draw {:.3}", score(&other, &truth));
+        for db in [-12.0, -6.0, -3.0, -1.5, 1.5, 3.0, 6.0, 12.0] {
+            print!("  {db:+} {:.2}", score(&louder(&other, db), &truth));
+        }
+        println!("  silence {:.3}", score(&vec![0.0; COUNT], &truth));
+    }
+}

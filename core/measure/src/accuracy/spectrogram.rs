@@ -1,0 +1,206 @@
+use std::f64::consts::{PI, TAU};
+use std::ops::Range;
+
+use asperity_dsp::{Complex, Stft};
+
+use super::AccuracyError;
+
+/// Frequency of the first bin in Hz.
+pub const FIRST_HZ: f64 = 20.0;
+/// From one bin to the next in Hz.
+pub const STEP_HZ: f64 = 10.0;
+/// Bins: 20, 30, .. 1000 Hz.
+pub const BINS: usize = 99;
+/// Length of a window in seconds.
+pub const WINDOW_S: f64 = 0.1;
+/// From one window to the next in seconds: half a window.
+pub const HOP_S: f64 = 0.05;
+/// Fewest frames that are compared: 0.5 s.
+pub const MIN_FRAMES: usize = 9;
+/// Number of the first bin among those of the window, which begin at 0 Hz.
+const FIRST: usize = 2;
+/// Samples beyond this count as not finite: their squares would not be.
+const MOST: f64 = 1e100;
+
+/// Short-time powers of a signal, by Welch's method (IEEE Trans. Audio and Electroacoustics 15(2), 1967): windows of 0.1 s, Hann's (periodic), half overlapped.
+///
+/// A bin's power is `4 |sum w x|^2 / (3 (sum w)^2)` in (m/s^2)^2, twice that of one sign of frequency, so that the powers of all bins add up to the mean square: a
+/// sine of amplitude A at a bin's frequency has A^2 / 3 there and A^2 / 12 in the bins beside. Powers of several axes are added.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Spectrogram {
+    bins: usize,
+    powers: Vec<[f64; BINS]>,
+}
+
+impl Spectrogram {
+    /// Of a signal of one axis or more in m/s^2; the shortest axis counts.
+    ///
+    /// # Errors
+    /// [`AccuracyError`]: a rate that is not 100 to 1e6 Hz, no axis, a sample that is not finite. A signal of less than a window has no frames.
+    pub fn new(axes: &[&[f64]], rate_hz: f64) -> Result<Self, AccuracyError> {
+        if !(100.0..=1e6).contains(&rate_hz) {
+            return Err(AccuracyError::Rate(rate_hz));
+        }
+        let samples = axes.iter().map(|axis| axis.len()).min().ok_or(AccuracyError::NoAxes)?;
+        for axis in axes {
+            if let Some(at) = axis.iter().position(|x| x.is_nan() || x.abs() > MOST) {
+                return Err(AccuracyError::NotFinite(at));
+            }
+        }
+        let bins = (0..BINS).take_while(|bin| bin_hz(*bin) < 0.5 * rate_hz).count();
+        let mut transform = Transform::new(rate_hz, bins);
+        let mut powers = Vec::new();
+        loop {
+            let from = (powers.len() as f64 * HOP_S * rate_hz).round() as usize;
+            let to = from + transform.length();
+            if to > samples {
+                break;
+            }
+            let mut frame = [0.0; BINS];
+            for axis in axes {
+                transform.add(axis.get(from..to).unwrap_or_default(), &mut frame);
+            }
+            powers.push(frame);
+        }
+        Ok(Self { bins, powers })
+    }
+
+    /// Frames, 0.05 s apart.
+    pub fn frames(&self) -> usize {
+        self.powers.len()
+    }
+
+    /// How many of [`BINS`] lie below half the rate; the others are 0.
+    pub fn bins(&self) -> usize {
+        self.bins
+    }
+
+    /// Powers of a frame in (m/s^2)^2, bin by bin.
+    pub fn frame(&self, number: usize) -> Option<&[f64; BINS]> {
+        self.powers.get(number)
+    }
+
+    /// Mean powers over some frames in (m/s^2)^2; those beyond the last do not count, and of none the mean is 0.
+    pub fn mean(&self, frames: Range<usize>) -> [f64; BINS] {
+        let mut sums = [0.0; BINS];
+        let end = frames.end.min(self.powers.len());
+        let part = self.powers.get(frames.start.min(end)..end).unwrap_or_default();
+        for frame in part {
+            sums.iter_mut().zip(frame).for_each(|(sum, power)| *sum += power);
+        }
+        sums.map(|sum| sum / part.len().max(1) as f64)
+    }
+}
+
+/// Frequency of a bin in Hz.
+pub(super) fn bin_hz(bin: usize) -> f64 {
+    FIRST_HZ + STEP_HZ * bin as f64
+}
+
+/// How the sums at 20, 30, .. Hz are taken.
+enum Transform {
+    /// Where a window has a whole number of samples.
+    Fast { stft: Stft<f64>, samples: usize, bins: usize },
+    /// Elsewhere, one by one: the window times e^(-i w t), for each bin.
+    Direct { kernels: Vec<Vec<Complex<f64>>>, samples: usize },
+}
+
+impl Transform {
+    fn new(rate_hz: f64, bins: usize) -> Self {
+        let samples = rate_hz * WINDOW_S;
+        let whole = samples.round();
+        if (samples - whole).abs() < 1e-6 {
+            let samples = whole as usize;
+            return Self::Fast { stft: Stft::new(samples), samples, bins };
+        }
+        let length = samples.ceil() as usize;
+        let window: Vec<f64> = (0..length).map(|n| (PI * n as f64 / samples).sin().powi(2)).collect();
+        let scale = 2.0 / window.iter().sum::<f64>();
+        let kernel = |bin: usize| {
+            let turn = TAU * (bin + FIRST) as f64 / samples;
+            window.iter().enumerate().map(|(n, w)| Complex::from_polar(scale * w, -turn * n as f64)).collect()
+        };
+        Self::Direct { kernels: (0..bins).map(kernel).collect(), samples: length }
+    }
+
+    /// Samples of a window.
+    fn length(&self) -> usize {
+        match self {
+            Self::Fast { samples, .. } | Self::Direct { samples, .. } => *samples,
+        }
+    }
+
+    /// Adds a window's powers.
+    fn add(&mut self, window: &[f64], powers: &mut [f64; BINS]) {
+        match self {
+            Self::Fast { stft, bins, .. } => {
+                let found = stft.process(window).iter().skip(FIRST).take(*bins);
+                powers.iter_mut().zip(found).for_each(|(power, c)| *power += c.norm_sqr() / 3.0);
+            }
+            Self::Direct { kernels, .. } => {
+                for (power, kernel) in powers.iter_mut().zip(kernels) {
+                    let sum: Complex<f64> = kernel.iter().zip(window).map(|(k, x)| k * x).sum();
+                    *power += sum.norm_sqr() / 3.0;
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::testing::{noise, sine};
+    use super::*;
+
+    #[test]
+    fn a_sine_on_a_bin_has_a_third_of_its_squared_amplitude_there_and_a_twelfth_beside() {
+        for rate in [1000.0, 1024.0, 2500.0, 4096.5, 10_000.0, 48_000.0] {
+            let seen =
+                Spectrogram::new(&[&sine(3.0, 120.0, rate, 1.01), &sine(4.0, 120.0, rate, 1.01)], rate)
+                    .unwrap();
+            assert_eq!(seen.frames(), 19, "{rate}");
+            let near = if rate % 10.0 == 0.0 { 1e-9 } else { 0.05 };
+            for frame in 0..19 {
+                let p = seen.frame(frame).unwrap();
+                assert!((p[10] - 25.0 / 3.0).abs() < near, "{rate}: {}", p[10]);
+                assert!((p[9] - 25.0 / 12.0).abs() < near && (p[11] - 25.0 / 12.0).abs() < near);
+                assert!(p[30] < 1e-4 && p[8] < 1e-4, "{rate}");
+            }
+            assert_eq!(
+                seen.bins(),
+                if rate == 1000.0 {
+                    48
+                } else if rate == 1024.0 {
+                    50
+                } else {
+                    99
+                }
+            );
+        }
+    }
+
+    #[test]
+    fn powers_of_all_bins_add_up_to_the_mean_square_of_what_lies_among_them() {
+        // White noise of variance 4 at 10 kHz: 99 bins of 10 Hz out of 5000 Hz.
+        let seen = Spectrogram::new(&[&noise(5, 200_000, 2.0)], 10_000.0).unwrap();
+        let sum: f64 = seen.mean(0..usize::MAX).iter().sum();
+        assert!((sum / (4.0 * 990.0 / 5000.0) - 1.0).abs() < 0.03, "{sum}");
+    }
+
+    #[test]
+    fn what_cannot_be_a_signal_is_an_error_and_never_a_panic() {
+        let x = vec![0.0; 1000];
+        for rate in [f64::NAN, 0.0, -1.0, 99.0, 1e7, f64::INFINITY] {
+            assert!(matches!(Spectrogram::new(&[&x], rate), Err(AccuracyError::Rate(_))));
+        }
+        assert_eq!(Spectrogram::new(&[], 1000.0), Err(AccuracyError::NoAxes));
+        for bad in [f64::NAN, f64::NEG_INFINITY, 1e200] {
+            let mut y = x.clone();
+            y[7] = bad;
+            assert_eq!(Spectrogram::new(&[&x, &y], 1000.0), Err(AccuracyError::NotFinite(7)));
+        }
+        assert_eq!(Spectrogram::new(&[&x[..99]], 1000.0).unwrap().frames(), 0);
+        assert_eq!(Spectrogram::new(&[&x, &x[..150]], 1000.0).unwrap().frames(), 2);
+        assert_eq!(Spectrogram::new(&[&x], 1000.0).unwrap().mean(3..2), [0.0; BINS]);
+    }
+}
