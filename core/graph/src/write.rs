@@ -4,7 +4,7 @@ use std::fmt::{self, Write as _};
 
 use asperity_source::ron::{Kind, Value};
 
-use crate::GraphFile;
+use crate::{GraphFile, NodeDecl, WireDecl};
 
 /// The graph in its file format. Reading it back gives the same graph.
 impl fmt::Display for GraphFile {
@@ -20,28 +20,42 @@ impl fmt::Display for GraphFile {
         }
         writeln!(f, "    nodes: {{")?;
         for node in &self.nodes {
-            write!(f, "        {:?}: (kind: {:?}", node.id, node.kind)?;
-            if node.every != 1 {
-                write!(f, ", every: {}", node.every)?;
-            }
-            if !node.params.is_empty() {
-                let settings: Vec<_> =
-                    node.params.iter().map(|s| format!("{}: {}", s.name, text_of(&s.value))).collect();
-                write!(f, ", params: ({})", settings.join(", "))?;
-            }
-            writeln!(f, "),")?;
+            writeln!(f, "        {node}")?;
         }
         writeln!(f, "    }},")?;
         writeln!(f, "    wires: [")?;
         for wire in &self.wires {
-            let end = |e: &crate::Endpoint| match &e.port {
-                Some(port) => format!("{}.{port}", e.node),
-                None => e.node.clone(),
-            };
-            writeln!(f, "        ({:?}, {:?}),", end(&wire.from), end(&wire.to))?;
+            writeln!(f, "        {wire}")?;
         }
         writeln!(f, "    ],")?;
         writeln!(f, ")")
+    }
+}
+
+/// The node's entry in a graph's map of nodes, with a comma.
+impl fmt::Display for NodeDecl {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:?}: (kind: {:?}", self.id, self.kind)?;
+        if self.every != 1 {
+            write!(f, ", every: {}", self.every)?;
+        }
+        if !self.params.is_empty() {
+            let settings: Vec<_> =
+                self.params.iter().map(|s| format!("{}: {}", s.name, text_of(&s.value))).collect();
+            write!(f, ", params: ({})", settings.join(", "))?;
+        }
+        f.write_str("),")
+    }
+}
+
+/// The wire's entry in a graph's list of wires, with a comma.
+impl fmt::Display for WireDecl {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let end = |e: &crate::Endpoint| match &e.port {
+            Some(port) => format!("{}.{port}", e.node),
+            None => e.node.clone(),
+        };
+        write!(f, "({:?}, {:?}),", end(&self.from), end(&self.to))
     }
 }
 

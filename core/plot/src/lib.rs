@@ -2,7 +2,7 @@
 //!
 //! [`Render`] holds the signals of a render and stacks them as panels over one time axis, under the scene from [`Above`] where there is one; [`Picture`] lays a graph
 //! out in layers; [`Dots`] sets figures side by side; [`Response`] is a frequency response, measured and fitted; [`Fit`] is a texture that was fitted to a
-//! recording; [`Curves`] is how a training went. The SVG is written here rather than by a chart library: lines are
+//! recording; [`Curves`] is how a training went; [`Scatter`] is what each of many settings costs and is worth. The SVG is written here rather than by a chart library: lines are
 //! thinned to what a pixel can show, coordinates keep a tenth of a pixel, and no fonts are loaded.
 
 mod above;
@@ -15,6 +15,7 @@ mod layers;
 mod lines;
 mod picture;
 mod response;
+mod scatter;
 mod series;
 mod spectrogram;
 mod svg;
@@ -26,6 +27,7 @@ pub use figure::Render;
 pub use fit::{Fit, Spectrum};
 pub use picture::{Picture, PictureNode, PictureWire};
 pub use response::{Measured, Response};
+pub use scatter::{Dot, Mark, Scatter};
 pub use series::Series;
 
 #[cfg(test)]

@@ -28,8 +28,8 @@ impl Rig {
     /// # Errors
     /// No graph, nothing in it that moves a stylus, a change that it does not take.
     pub fn new(subject: &Subject<'_>, motion: Motion, changes: &[&str]) -> Result<Self, Not> {
-        let (mut graph, kinds) = Self::with_stylus(subject.its_graph()?, subject.registry(), &motion)
-            .or_else(not_applicable)?;
+        let (mut graph, kinds) =
+            Self::with_stylus(subject.its_graph()?, subject.registry(), &motion).or_else(not_applicable)?;
         for change in changes {
             graph.set(change, "the case")?;
         }

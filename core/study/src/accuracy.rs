@@ -1,16 +1,13 @@
 //! How accurate a setting is: over every stroke, material and draw.
 
-use std::collections::BTreeMap;
-
-use asperity_engine::Options;
-use asperity_measure::accuracy::{self, Spectrogram};
+use asperity_measure::accuracy::{self, Agreement, BINS, FIRST_HZ, HOP_S, STEP_HZ, Spectrogram};
 use asperity_measure::phase;
-use asperity_node::{NodeKind, Registry};
+use asperity_node::{ParamKind, Registry};
 use asperity_source::Diagnostic;
 use asperity_source::ron::{Kind, Value};
 
 use crate::figure::{Figure, Figures, mean};
-use crate::hear::{Chain, Heard, chain, motion, over};
+use crate::hear::{Heard, chain, over};
 use crate::knob::{has, set};
 use crate::lag;
 use crate::setting::Setting;
@@ -19,7 +16,7 @@ use crate::time::Onlooker;
 use crate::truth::Truths;
 
 /// What is rendered, and how often.
-pub struct Plan<'a> {
+pub(crate) struct Plan<'a> {
     /// Strokes.
     pub strokes: &'a [Stroke],
     /// Materials; one of no name where the graph has its own.
@@ -32,13 +29,11 @@ pub struct Plan<'a> {
     pub steps: usize,
     /// The physics.
     pub truths: &'a Truths,
-    /// The part of it at which the graph is set to render.
-    pub strength: f64,
 }
 
 /// What was found.
 #[derive(Clone, Debug, Default, serde::Serialize, serde::Deserialize)]
-pub struct Found {
+pub(crate) struct Found {
     /// Figures of every draw.
     pub draws: Vec<Figures>,
     /// Of the network's own magnitudes.
@@ -55,7 +50,7 @@ pub struct Found {
 ///
 /// # Errors
 /// A graph that does not compile over one of the materials.
-pub fn find(
+pub(crate) fn find(
     setting: &Setting,
     registry: &Registry,
     plan: &Plan<'_>,
@@ -82,13 +77,13 @@ pub fn find(
                     figures.insert(Figure::Convergence, db);
                 }
                 if let Some(truth) = material.and_then(|m| plan.truths.get(s, m, draw)) {
-                    whole(&heard, truth, plan.strength, &mut figures);
+                    whole(&heard, truth, setting.strength, &mut figures);
                     models.extend(of_model(&heard, truth));
                 }
                 // The wave itself is compared on one stroke of each draw: in double precision everything takes twice as long and more.
                 if let Some(double) = double.as_ref().filter(|_| s == 0) {
                     let wide = self::chain(double, registry, stroke, material, seed)?.hear(stroke.seconds);
-                    if let Some(db) = accuracy::waveform_error_db(&wide_of(heard.last()), &wide_of(wide.last())) {
+                    if let Ok(db) = accuracy::waveform_db(&wide_of(heard.last()), &wide_of(wide.last())) {
                         figures.insert(Figure::Precision, db);
                     }
                 }
@@ -115,10 +110,11 @@ fn in_double(setting: &Setting, registry: &Registry) -> Option<Setting> {
     let mut double = setting.clone();
     let mut any = false;
     for node in &mut double.graph.nodes {
-        let words = has(registry, &node.kind, "precision").map(ToString::to_string);
-        let Some(words) = words.filter(|_| can_be_double(registry, &node.kind)) else { continue };
-        let _ = words;
-        let is = node.params.iter().find(|p| p.name == "precision").map(|p| asperity_graph::text_of(&p.value));
+        if !can_be_double(registry, &node.kind) {
+            continue;
+        }
+        let is =
+            node.params.iter().find(|p| p.name == "precision").map(|p| asperity_graph::text_of(&p.value));
         any |= is.as_deref() != Some("\"f64\"");
         let value = Value::made(Kind::Text("f64".into()), &node.place);
         set(node, "precision", &value);
@@ -128,12 +124,7 @@ fn in_double(setting: &Setting, registry: &Registry) -> Option<Setting> {
 
 /// Whether a kind has a parameter `precision` that may be `f64`.
 fn can_be_double(registry: &Registry, kind: &str) -> bool {
-    let Some(kind) = registry.get(kind) else { return false };
-    let precision = NodeKind::descriptor(&**kind).params.iter().find(|p| p.name == "precision");
-    precision.is_some_and(|p| match &p.kind {
-        asperity_node::ParamKind::Choice(words) => words.iter().any(|w| w == "f64"),
-        _ => false,
-    })
+    matches!(has(registry, kind, "precision"), Some(ParamKind::Choice(words)) if words.iter().any(|w| w == "f64"))
 }
 
 /// Spectral convergence of the signal that was made of frames.
@@ -147,49 +138,36 @@ fn whole(heard: &Heard, truth: &Spectrogram, strength: f64, figures: &mut Figure
     let rendered: Vec<f64> = heard.acceleration().iter().map(|a| a / strength).collect();
     let Ok(rendered) = Spectrogram::new(&[&rendered], f64::from(heard.rate_hz)) else { return };
     let Ok(agreement) = accuracy::compare(&rendered, truth) else { return };
-    figures.insert(Figure::Perceptual, agreement.perceptual);
-    figures.insert(Figure::Spectrum, agreement.spectrum_db);
-    figures.insert(Figure::Bands, agreement.bands_db);
-    figures.insert(Figure::Level, agreement.level_db.abs());
+    figures.extend(of_agreement(&agreement));
 }
 
 /// Figures of the frames themselves, as if all that comes behind were perfect: where the network is the limit. None where there are none.
+///
+/// A frame's magnitude of a bin, an amplitude A, stands for the power A^2 / 3 that a spectrogram has of a sine of that amplitude there.
 fn of_model(heard: &Heard, truth: &Spectrogram) -> Option<Figures> {
     let framing = heard.framing?;
     let bin_hz = f64::from(framing.rate_hz) / framing.fft_len as f64;
-    let frames = heard.frames.chunks_exact(framing.bins);
-    let count = frames.len().min(truth_frames(truth, &framing)).max(1);
-    let mut powers = vec![0.0; truth.bins()];
-    for frame in frames.take(count) {
-        for (bin, power) in powers.iter_mut().enumerate() {
-            let at = (accuracy::bin_hz(bin) / bin_hz).round() as usize;
-            // An unscaled magnitude of a bin to the power of that bin.
-            let x = f64::from(frame.get(at).copied().unwrap_or(0.0)) / framing.bin_scale();
-            *power += 0.5 * x * x * accuracy::BIN_POWER / count as f64;
-        }
+    let bins: Vec<&[f32]> = heard.frames.chunks_exact(framing.bins).collect();
+    let frame_hz = f64::from(framing.frame_num) / f64::from(framing.frame_den);
+    let mut powers = Vec::new();
+    for number in 0..truth.frames() {
+        // The frame that begins nearest to where the spectrogram's does.
+        let frame = bins.get((number as f64 * HOP_S * frame_hz).round() as usize)?;
+        powers.push(std::array::from_fn(|bin| {
+            let hz = FIRST_HZ + STEP_HZ * bin as f64;
+            let x = f64::from(frame.get((hz / bin_hz).round() as usize).copied().unwrap_or(0.0));
+            (x / framing.bin_scale()).powi(2) / 3.0
+        }));
     }
-    let want = truth.mean(0..truth.frames());
-    let bands = accuracy::band_rms_db(&accuracy::bands_db(&powers, &want));
-    Some(BTreeMap::from([
-        (Figure::Spectrum, accuracy::spectrum_db(&powers, &want)),
-        (Figure::Bands, bands),
-        (Figure::Level, accuracy::level_db(&powers, &want).abs()),
-    ]))
+    let agreement = accuracy::compare(&Spectrogram::from_powers(BINS, powers), truth).ok()?;
+    Some(of_agreement(&agreement))
 }
 
-/// Frames of a layout that fit into the time of a truth.
-fn truth_frames(truth: &Spectrogram, framing: &asperity_dsp::Framing) -> usize {
-    let seconds = truth.frames() as f64 * accuracy::HOP_S;
-    (seconds * f64::from(framing.frame_num) / f64::from(framing.frame_den)) as usize
-}
-
-/// Whether a setting can be heard at all: it compiles over the first stroke.
-///
-/// # Errors
-/// Why not.
-pub fn compiles(setting: &Setting, registry: &Registry, plan: &Plan<'_>) -> Result<(), Diagnostic> {
-    let Some(stroke) = plan.strokes.first() else { return Ok(()) };
-    let material = plan.materials.first().and_then(|m| m.as_deref());
-    let graph = over(&setting.graph, registry, material, plan.seed);
-    Chain::new(&graph, registry, motion(stroke.measured.clone(), graph.tick_hz), Options::default()).map(|_| ())
+fn of_agreement(agreement: &Agreement) -> Figures {
+    Figures::from([
+        (Figure::Perceptual, agreement.perceptual),
+        (Figure::Spectrum, agreement.spectrum_db),
+        (Figure::Bands, agreement.bands_db),
+        (Figure::Level, agreement.level_db.abs()),
+    ])
 }

@@ -90,10 +90,12 @@ impl Figure {
 pub type Figures = BTreeMap<Figure, f64>;
 
 /// The mean of each figure over those that have it.
-pub fn mean<'a>(all: impl Iterator<Item = &'a Figures> + Clone) -> Figures {
+pub(crate) fn mean<'a>(all: impl Iterator<Item = &'a Figures> + Clone) -> Figures {
     let of = |figure: Figure| {
-        let (sum, count) =
-            all.clone().filter_map(|f| f.get(&figure)).fold((0.0, 0.0), |(sum, count), x| (sum + x, count + 1.0));
+        let (sum, count) = all
+            .clone()
+            .filter_map(|f| f.get(&figure))
+            .fold((0.0, 0.0), |(sum, count), x| (sum + x, count + 1.0));
         (count > 0.0).then(|| (figure, sum / count))
     };
     Figure::ALL.into_iter().filter_map(of).collect()

@@ -63,6 +63,8 @@ pub struct Mark {
     pub name: String,
     /// Its file.
     pub graph: Named,
+    /// The part of the physics at which it is set to render.
+    pub strength: f64,
 }
 
 /// Some knobs, and all combinations of what each is turned to.
@@ -94,7 +96,17 @@ impl Default for Times {
 }
 
 const FIELDS: &[&str] = &[
-    "version", "seed", "graph", "marks", "strokes", "materials", "strength", "grids", "draws", "steps", "times",
+    "version",
+    "seed",
+    "graph",
+    "marks",
+    "strokes",
+    "materials",
+    "strength",
+    "grids",
+    "draws",
+    "steps",
+    "times",
 ];
 /// Most settings that a grid may have.
 const MOST_COMBINATIONS: usize = 10_000;
@@ -114,14 +126,16 @@ impl Study {
         let mut study = value.record("Study")?;
         let version = study.required("version")?;
         if version.i64()? != 1 {
-            return Err(version.error("unknown version of the study format").help("this program reads version 1"));
+            return Err(version
+                .error("unknown version of the study format")
+                .help("this program reads version 1"));
         }
         let seed = study.optional("seed").map_or(Ok(1), |v| v.i64_in(0..=i64::MAX, ""))? as u64;
         let graph = study.optional("graph").map(named).transpose()?;
         let marks = list(study.optional("marks"), mark)?;
         let strokes = list(study.optional("strokes"), StrokeDecl::read)?;
         let materials = list(study.optional("materials"), |v| Ok((v.text()?.to_owned(), v.place())))?;
-        let strength = study.optional("strength").map_or(Ok(1.0), |v| v.f64_in(1e-6..=1e6, ""))?;
+        let strength = study.optional("strength").map_or(Ok(1.0), strength)?;
         let grids = list(study.optional("grids"), grid)?;
         let draws = study.optional("draws").map_or(Ok(2), |v| v.i64_in(2..=100, "draws"))? as u64;
         let steps = study.optional("steps").map_or(Ok(60), |v| v.i64_in(10..=1000, "steps"))? as usize;
@@ -179,12 +193,17 @@ pub(crate) fn beside(value: &Value) -> Result<PathBuf, Diagnostic> {
     Ok(base.join(value.text()?))
 }
 
+fn strength(value: &Value) -> Result<f64, Diagnostic> {
+    value.f64_in(1e-6..=1e6, "")
+}
+
 fn mark(value: &Value) -> Result<Mark, Diagnostic> {
     let mut record = value.record("Mark")?;
     let name = record.required("name")?.text()?.to_owned();
     let graph = named(record.required("graph")?)?;
-    record.finish(&["name", "graph"])?;
-    Ok(Mark { name, graph })
+    let strength = record.optional("strength").map_or(Ok(1.0), strength)?;
+    record.finish(&["name", "graph", "strength"])?;
+    Ok(Mark { name, graph, strength })
 }
 
 fn grid(value: &Value) -> Result<Grid, Diagnostic> {

@@ -60,7 +60,11 @@ pub struct Heard {
 impl Heard {
     /// What the hand feels: the handle, or what is nearest to it.
     pub fn acceleration(&self) -> Vec<f64> {
-        if self.handle.is_empty() { self.felt.iter().map(|x| f64::from(*x)).collect() } else { self.handle.clone() }
+        if self.handle.is_empty() {
+            self.felt.iter().map(|x| f64::from(*x)).collect()
+        } else {
+            self.handle.clone()
+        }
     }
 
     /// What is furthest down the chain, for comparing one run with another.
@@ -70,25 +74,26 @@ impl Heard {
 }
 
 /// Where a stylus is in tick `k` of so many a second.
-pub fn motion(at: Arc<dyn Fn(f64) -> [f64; 3] + Send + Sync>, tick_hz: u32) -> Motion {
+pub(crate) fn motion(at: Arc<dyn Fn(f64) -> [f64; 3] + Send + Sync>, tick_hz: u32) -> Motion {
     Arc::new(move |tick| at(tick as f64 / f64::from(tick_hz)))
 }
 
 /// A graph with a material, and a seed of its own.
-pub fn over(graph: &GraphFile, registry: &Registry, material: Option<&str>, seed: u64) -> GraphFile {
+pub(crate) fn over(graph: &GraphFile, registry: &Registry, material: Option<&str>, seed: u64) -> GraphFile {
     let mut graph = graph.clone();
     graph.seed = seed;
     let Some(material) = material else { return graph };
     for node in graph.nodes.iter_mut().filter(|n| is_network(registry, &n.kind)) {
         let place = node.place.clone();
-        let value = asperity_source::ron::Value::made(asperity_source::ron::Kind::Text(material.to_owned()), &place);
+        let value =
+            asperity_source::ron::Value::made(asperity_source::ron::Kind::Text(material.to_owned()), &place);
         crate::knob::set(node, "material", &value);
     }
     graph
 }
 
 /// Whether a kind makes magnitudes of a material of a library.
-pub fn is_network(registry: &Registry, kind: &str) -> bool {
+pub(crate) fn is_network(registry: &Registry, kind: &str) -> bool {
     ["library", "material"].iter().all(|param| crate::knob::has(registry, kind, param).is_some())
 }
 
@@ -97,7 +102,12 @@ impl Chain {
     ///
     /// # Errors
     /// What the compiler says; nothing that moves a stylus.
-    pub fn new(graph: &GraphFile, registry: &Registry, motion: Motion, options: Options) -> Result<Self, Diagnostic> {
+    pub fn new(
+        graph: &GraphFile,
+        registry: &Registry,
+        motion: Motion,
+        options: Options,
+    ) -> Result<Self, Diagnostic> {
         let (graph, kinds) = Rig::with_stylus(graph, registry, &motion)
             .map_err(|why| Diagnostic::new(why).in_file(graph.source.path()))?;
         let subject = Subject::new(registry.clone());
@@ -133,7 +143,9 @@ impl Chain {
             let (from, drive) = (heard.drive.len(), self.samples(self.places.drive));
             heard.drive.extend_from_slice(drive);
             if let Some(plant) = &mut self.places.plant {
-                heard.handle.extend(heard.drive[from..].iter().map(|u| plant.step(f64::from(*u)).acceleration));
+                heard
+                    .handle
+                    .extend(heard.drive[from..].iter().map(|u| plant.step(f64::from(*u)).acceleration));
             }
         }
         if let Some(frames) = frames {
@@ -183,7 +195,9 @@ struct Frames {
 
 impl Frames {
     fn new(schedule: &Schedule, (node, output): (usize, usize)) -> Option<Self> {
-        let Shape::Magnitude(l) = schedule.nodes.get(node)?.outputs.get(output)?.port.shape else { return None };
+        let Shape::Magnitude(l) = schedule.nodes.get(node)?.outputs.get(output)?.port.shape else {
+            return None;
+        };
         let framing = Framing {
             rate_hz: l.rate_hz,
             fft_len: l.length as usize,
@@ -206,7 +220,8 @@ impl Frames {
 impl Places {
     fn new(schedule: &Schedule, registry: &Registry) -> Result<Self, Diagnostic> {
         let outputs = || {
-            let of = |(i, n): (usize, &asperity_graph::ScheduledNode)| (0..n.outputs.len()).map(move |o| (i, o));
+            let of =
+                |(i, n): (usize, &asperity_graph::ScheduledNode)| (0..n.outputs.len()).map(move |o| (i, o));
             schedule.nodes.iter().enumerate().flat_map(of)
         };
         let audio = |&(i, o): &(usize, usize), units: &[Unit]| {
@@ -225,7 +240,8 @@ impl Places {
             it.signal = Some((i, 0));
             it.between = node.latency;
             if retrieval.spectrum {
-                let reads = |n: &asperity_graph::ScheduledNode| n.inputs.iter().any(|p| p.from == Some((i, 0)));
+                let reads =
+                    |n: &asperity_graph::ScheduledNode| n.inputs.iter().any(|p| p.from == Some((i, 0)));
                 let next = schedule.nodes.iter().position(|n| reads(n) && n.kind == "overlap_add");
                 it.signal = next.map(|n| (n, 0));
                 it.between = next.map_or(it.between, |n| it.between + schedule.nodes[n].latency);
@@ -254,7 +270,7 @@ fn plant(schedule: &Schedule, (node, output): (usize, usize)) -> Result<Option<P
 ///
 /// # Errors
 /// As [`Chain::new`].
-pub fn chain(
+pub(crate) fn chain(
     setting: &Setting,
     registry: &Registry,
     stroke: &Stroke,

@@ -87,10 +87,17 @@ impl Knob {
             Target::Param { node, param } if node == "*" => {
                 graph.nodes.iter().any(|n| has(registry, &n.kind, param).is_some())
             }
-            Target::Param { node, param } => graph
-                .node(node)
-                .is_some_and(|n| param == "every" || has(registry, &n.kind, param).is_some()),
+            Target::Param { node, param } => {
+                graph.node(node).is_some_and(|n| param == "every" || has(registry, &n.kind, param).is_some())
+            }
         }
+    }
+
+    /// The kind of a node that a value asks for and that nobody has, such as one of a plugin that is not loaded.
+    pub fn lacks<'v>(&self, value: &'v Value, registry: &Registry) -> Option<&'v str> {
+        let Kind::Record { fields, .. } = value.kind() else { return None };
+        let kind = fields.iter().find(|(key, _)| key.name == "kind")?.1.text().ok()?;
+        (matches!(self.target, Target::Node(_)) && registry.get(kind).is_none()).then_some(kind)
     }
 
     /// Turns it.
@@ -101,10 +108,12 @@ impl Knob {
         let graph = &mut turned.graph;
         match &self.target {
             Target::Guards => turned.guards = value.bool()?,
-            Target::Graph(name) => graph.set(&format!("{name}={}", text_of(value)), "the study").map_err(|e| {
-                let help = e.help.clone().unwrap_or_default();
-                value.error(e.message).help(help)
-            })?,
+            Target::Graph(name) => {
+                graph.set(&format!("{name}={}", text_of(value)), "the study").map_err(|e| {
+                    let help = e.help.clone().unwrap_or_default();
+                    value.error(e.message).help(help)
+                })?
+            }
             Target::Node(id) => replace(graph, id, value, registry)?,
             Target::Param { node, param } => {
                 for n in graph.nodes.iter_mut().filter(|n| node == "*" || n.id == *node) {
@@ -170,7 +179,8 @@ fn replace(graph: &mut GraphFile, id: &str, value: &Value, registry: &Registry) 
     let Some(old) = graph.nodes.iter_mut().find(|n| n.id == id) else { return Ok(()) };
     let old_kind = descriptor(&old.kind);
     *old = new;
-    let (Some(before), Some(now)) = (old_kind.as_ref().and_then(|d| d.retrieval()), new_kind.retrieval()) else {
+    let (Some(before), Some(now)) = (old_kind.as_ref().and_then(|d| d.retrieval()), new_kind.retrieval())
+    else {
         return Ok(());
     };
     // Both retrieve phase: ports go by other names, and an `overlap_add` stands behind those that answer spectra.
@@ -192,7 +202,8 @@ fn replace(graph: &mut GraphFile, id: &str, value: &Value, registry: &Registry) 
             .collect();
         for synthesis in behind {
             graph.wires.retain(|w| w.to.node != synthesis);
-            let end = Endpoint { node: id.to_owned(), port: Some(now.output.to_owned()), place: place.clone() };
+            let end =
+                Endpoint { node: id.to_owned(), port: Some(now.output.to_owned()), place: place.clone() };
             for wire in graph.wires.iter_mut().filter(|w| w.from.node == synthesis) {
                 wire.from = end.clone();
             }
@@ -221,12 +232,14 @@ fn free(graph: &GraphFile, wanted: &str) -> String {
 fn bypass(graph: &mut GraphFile, id: &str, value: &Value, registry: &Registry) -> Result<(), Diagnostic> {
     let Some(kind) = graph.node(id).and_then(|n| registry.get(&n.kind)) else { return Ok(()) };
     let d = kind.descriptor();
-    let (input, output) = (d.inputs.first().map(|p| p.name.clone()), d.outputs.first().map(|p| p.name.clone()));
+    let (input, output) =
+        (d.inputs.first().map(|p| p.name.clone()), d.outputs.first().map(|p| p.name.clone()));
     let limits = d.outputs.first().is_some_and(|o| o.limited);
     let is = |port: &Option<String>, first: &Option<std::borrow::Cow<'static, str>>| {
         port.as_deref().is_none_or(|p| Some(p) == first.as_deref())
     };
-    let Some(from) = graph.wires.iter().find(|w| w.to.node == id && is(&w.to.port, &input)).map(|w| w.from.clone())
+    let Some(from) =
+        graph.wires.iter().find(|w| w.to.node == id && is(&w.to.port, &input)).map(|w| w.from.clone())
     else {
         return Err(value.error(format!("`{id}` cannot be bypassed: nothing goes into it")));
     };

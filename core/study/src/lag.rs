@@ -11,7 +11,7 @@ use asperity_source::Diagnostic;
 use crate::hear::{Chain, motion};
 
 /// Half a period of the steps \[s\].
-pub const HALF_S: f64 = 0.4;
+pub(crate) const HALF_S: f64 = 0.4;
 /// Steps that are left out, while the chain starts.
 const LEFT_OUT: usize = 2;
 /// Speeds between which it steps \[mm/s\]. A period goes 64.618 mm: whatever repeats along the way comes at every phase.
@@ -33,7 +33,11 @@ fn stylus(t: f64, stepped: bool) -> [f64; 3] {
 ///
 /// # Errors
 /// What the compiler says.
-pub fn response(graph: &GraphFile, registry: &Registry, steps: usize) -> Result<Option<[f64; 3]>, Diagnostic> {
+pub fn response(
+    graph: &GraphFile,
+    registry: &Registry,
+    steps: usize,
+) -> Result<Option<[f64; 3]>, Diagnostic> {
     let periods = steps + LEFT_OUT;
     let play = |stepped: bool| {
         let at = Arc::new(move |t| stylus(t, stepped));

@@ -4,22 +4,39 @@
 //! is heard for its [accuracy](Figure), put to the hard cases, timed in turns with others, and measured for how late it answers; [`Results`]
 //! are what came of all.
 
+mod accuracy;
+mod chart;
+mod choose;
 mod figure;
 mod file;
+mod floor;
+mod fragment;
+mod front;
 mod hear;
+mod keep;
 mod knob;
 mod lag;
+mod merge;
+mod picture;
+mod report;
 mod result;
+mod run;
 mod setting;
 mod stroke;
+mod table;
+#[cfg(test)]
+mod testing;
 mod time;
+mod truth;
 
+pub use choose::{Budget, Choice, Reason};
 pub use figure::{Figure, Figures};
 pub use file::{Grid, Mark, Named, Study, Times};
 pub use hear::{Chain, Heard};
 pub use knob::Knob;
 pub use lag::response;
 pub use result::{Fragment, Machine, Results, Row, Time};
+pub use run::{Order, Ran, parts, run};
 pub use setting::{Base, Setting, Settings};
 pub use stroke::{Stroke, StrokeDecl};
 pub use time::{LOAD_MS, Onlooker};

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use crate::figure::{Figure, Figures};
 
 /// Version of the file.
-pub const VERSION: u32 = 1;
+pub(crate) const VERSION: u32 = 1;
 
 /// Results of a study.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -129,7 +129,7 @@ pub struct Time {
     pub load_percent: f64,
     /// Largest difference of a turn's load from that, as a ratio.
     pub spread: f64,
-    /// The first tick of all, when nothing is in any cache.
+    /// The first tick after others had the caches: the median over turns.
     pub cold_us: f64,
     /// Memory that the graph takes \[KiB\], where it can be counted.
     pub memory_kib: Option<f64>,

@@ -8,7 +8,7 @@ use asperity_source::Diagnostic;
 use asperity_source::ron::Value;
 
 use crate::file::{Grid, Study};
-use crate::knob::{Knob, Turned};
+use crate::knob::Turned;
 
 /// A graph that settings are made of.
 #[derive(Clone, Debug)]
@@ -19,6 +19,8 @@ pub struct Base {
     pub graph: GraphFile,
     /// All kinds that it may use.
     pub registry: Registry,
+    /// The part of the physics at which it is set to render.
+    pub strength: f64,
 }
 
 /// What a setting is.
@@ -42,6 +44,8 @@ pub struct Setting {
     pub graph: GraphFile,
     /// Whether what nodes put out is looked at for NaN and infinities.
     pub guards: bool,
+    /// The part of the physics at which it is set to render.
+    pub strength: f64,
 }
 
 /// Settings, and knobs that some base does not have.
@@ -49,7 +53,7 @@ pub struct Setting {
 pub struct Settings {
     /// All of them; those that are the same but for their names stand here once. The default of each base comes first.
     pub all: Vec<Setting>,
-    /// What was left out: base and knob.
+    /// What was left out, and why.
     pub left_out: Vec<(String, String)>,
 }
 
@@ -64,21 +68,24 @@ impl Settings {
         for (b, base) in bases.iter().enumerate() {
             let turned = Turned { graph: base.graph.clone(), guards: true };
             let name = named(bases, b, "default");
-            it.take(&mut known, b, turned, Vec::new(), None, (name, true, false));
+            it.take(&mut known, (b, base), turned, Vec::new(), None, (name, true, false));
         }
         for grid in &study.grids {
             for (knob, _) in &grid.knobs {
                 let lacks = |base: &&Base| !knob.fits(&base.graph, &base.registry);
                 if bases.iter().filter(lacks).count() == bases.len() && !bases.is_empty() {
                     let graphs: Vec<&str> = bases.iter().map(|b| b.name.as_str()).collect();
-                    return Err(Diagnostic::new(format!("no graph has `{knob}` to turn: {}", graphs.join(", ")))
-                        .at(&knob.place().source, knob.place().span));
+                    return Err(Diagnostic::new(format!(
+                        "no graph has `{knob}` to turn: {}",
+                        graphs.join(", ")
+                    ))
+                    .at(&knob.place().source, knob.place().span));
                 }
                 for base in bases.iter().filter(lacks) {
-                    let left = (base.name.clone(), knob.to_string());
-                    if !it.left_out.contains(&left) {
-                        it.left_out.push(left);
-                    }
+                    it.leave_out(
+                        &knob.to_string(),
+                        &format!("{} has nothing of that name to turn", base.name),
+                    );
                 }
             }
             for (b, base) in bases.iter().enumerate() {
@@ -87,9 +94,23 @@ impl Settings {
         }
         for mark in marks {
             let turned = Turned { graph: mark.graph.clone(), guards: true };
-            it.take(&mut known, bases.len(), turned, Vec::new(), None, (mark.name.clone(), false, true));
+            it.take(
+                &mut known,
+                (bases.len(), mark),
+                turned,
+                Vec::new(),
+                None,
+                (mark.name.clone(), false, true),
+            );
         }
         Ok(it)
+    }
+
+    fn leave_out(&mut self, what: &str, why: &str) {
+        let left = (what.to_owned(), why.to_owned());
+        if !self.left_out.contains(&left) {
+            self.left_out.push(left);
+        }
     }
 
     /// All combinations of a grid.
@@ -101,14 +122,23 @@ impl Settings {
         base: &Base,
         grid: &Grid,
     ) -> Result<(), Diagnostic> {
-        let knobs: Vec<&(Knob, Vec<Value>)> =
-            grid.knobs.iter().filter(|(knob, _)| knob.fits(&base.graph, &base.registry)).collect();
+        let mut knobs = Vec::new();
+        for (knob, values) in grid.knobs.iter().filter(|(knob, _)| knob.fits(&base.graph, &base.registry)) {
+            let mut there = Vec::new();
+            for value in values {
+                match knob.lacks(value, &base.registry) {
+                    Some(kind) => self.leave_out(kind, "no such kind of node is there; --plugin loads one"),
+                    None => there.push(value),
+                }
+            }
+            knobs.push((knob, there));
+        }
         let count: usize = knobs.iter().map(|(_, values)| values.len()).product();
         for mut number in 0..count {
             let mut turned = Turned { graph: base.graph.clone(), guards: true };
             let mut changes = Vec::new();
             for (knob, values) in &knobs {
-                let value = &values[number % values.len()];
+                let value = values[number % values.len()];
                 number /= values.len();
                 let before = (turned.graph.to_string(), turned.guards);
                 knob.turn(&mut turned, value, &base.registry)?;
@@ -118,7 +148,7 @@ impl Settings {
             }
             let words: Vec<String> = changes.iter().map(|(k, v)| format!("{k}={v}")).collect();
             let name = named(bases, b, &words.join(" "));
-            self.take(known, b, turned, changes, Some(grid.name.clone()), (name, false, false));
+            self.take(known, (b, base), turned, changes, Some(grid.name.clone()), (name, false, false));
         }
         Ok(())
     }
@@ -127,13 +157,14 @@ impl Settings {
     fn take(
         &mut self,
         known: &mut HashMap<String, usize>,
-        base: usize,
+        (base, of): (usize, &Base),
         Turned { graph, guards }: Turned,
         turned: Vec<(String, String)>,
         grid: Option<String>,
         (name, default, mark): (String, bool, bool),
     ) {
-        let text = format!("{}\n{guards}\n{}", graph.source.path().display(), same(&graph));
+        let strength = of.strength;
+        let text = format!("{}\n{guards} {strength}\n{}", graph.source.path().display(), same(&graph));
         let at = *known.entry(text.clone()).or_insert(self.all.len());
         if let Some(there) = self.all.get_mut(at) {
             there.grids.extend(grid.filter(|g| !there.grids.contains(g)));
@@ -142,7 +173,7 @@ impl Settings {
         }
         let key = format!("{:016x}", fnv(&text));
         let grids = grid.into_iter().collect();
-        self.all.push(Setting { name, key, base, turned, grids, default, mark, graph, guards });
+        self.all.push(Setting { name, key, base, turned, grids, default, mark, graph, guards, strength });
     }
 }
 

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use asperity_dataset::felt::Hand;
 use asperity_source::ron::Value;
 use asperity_source::{Diagnostic, Place};
 use asperity_world::motion::{self, Shape, StrokeParams, TrajectoryOptions};
@@ -35,19 +36,33 @@ pub struct Stroke {
     pub seconds: f64,
     /// What the sensor reads at a time in s: x, y, z in mm, z up; the surface is at 0 and gives way by 0.5 N/mm.
     pub measured: Arc<dyn Fn(f64) -> [f64; 3] + Send + Sync>,
-    /// What the hand does: the same without the sensor's step.
-    pub exact: Arc<dyn Fn(f64) -> [f64; 3] + Send + Sync>,
+    /// What the hand does: the same without the sensor's steps.
+    pub hand: Hand,
 }
 
 impl std::fmt::Debug for Stroke {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Stroke").field("name", &self.name).field("seconds", &self.seconds).finish_non_exhaustive()
+        f.debug_struct("Stroke")
+            .field("name", &self.name)
+            .field("seconds", &self.seconds)
+            .finish_non_exhaustive()
     }
 }
 
 const FIELDS: &[&str] = &[
-    "name", "file", "shape", "extent_mm", "speed_mm_s", "force_n", "force_swing", "force_swing_hz", "approach_s",
-    "seconds", "tremor_mm", "quantum_mm", "seed",
+    "name",
+    "file",
+    "shape",
+    "extent_mm",
+    "speed_mm_s",
+    "force_n",
+    "force_swing",
+    "force_swing_hz",
+    "approach_s",
+    "seconds",
+    "tremor_mm",
+    "quantum_mm",
+    "seed",
 ];
 
 impl StrokeDecl {
@@ -101,22 +116,23 @@ impl StrokeDecl {
                     motion::Stroke::new(params).map_err(|e| e.at(&self.place.source, self.place.span))
                 };
                 let measured = made((**params).clone())?;
-                let exact = made(StrokeParams { quantum_mm: 0.0, ..(**params).clone() })?;
                 Ok(Stroke {
                     name,
                     seconds: params.duration_s,
+                    hand: Hand::stroke(params)?,
                     measured: Arc::new(move |t| measured.sample(t).position),
-                    exact: Arc::new(move |t| exact.sample(t).position),
                 })
             }
             From::File(path) => {
                 let read = motion::Trajectory::read(path, &TrajectoryOptions::default());
                 let trajectory =
                     read.map_err(|e| e.related(&self.place.source, self.place.span, "named here"))?;
-                let (start, seconds) = (trajectory.start_s(), trajectory.duration_s());
-                let at: Arc<dyn Fn(f64) -> [f64; 3] + Send + Sync> =
-                    Arc::new(move |t| trajectory.sample(start + t).position);
-                Ok(Stroke { name, seconds, measured: at.clone(), exact: at })
+                let seconds = trajectory.duration_s();
+                let hand = Hand::trajectory(&trajectory).map_err(|e| {
+                    e.in_file(path).related(&self.place.source, self.place.span, "named here")
+                })?;
+                let measured = Arc::new(move |t| trajectory.sample(t).position);
+                Ok(Stroke { name, seconds, hand, measured })
             }
         }
     }

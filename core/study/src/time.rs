@@ -13,6 +13,7 @@ use asperity_source::Diagnostic;
 use serde::{Deserialize, Serialize};
 
 use crate::file::Times;
+use crate::floor::median;
 use crate::hear::{Chain, motion, over};
 use crate::result::Time;
 use crate::setting::Setting;
@@ -40,7 +41,7 @@ pub trait Onlooker: Sync {
 
 /// Times of a batch.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct Batch {
+pub(crate) struct Batch {
     /// A tick in which nothing is done.
     pub empty: Time,
     /// The default of the first graph.
@@ -57,7 +58,8 @@ struct Entry {
     groups: Timing,
     turns: Vec<f64>,
     misses: u64,
-    cold_us: f64,
+    /// The first tick of each turn, while the others' had the caches.
+    cold: Vec<f64>,
     memory: Option<u64>,
 }
 
@@ -84,7 +86,7 @@ impl Entry {
 
     fn empty(chain: Option<Chain>, tick_hz: u32) -> Self {
         let (timing, groups) = (Timing::new(3), Timing::new(3));
-        Self { chain, tick_hz, timing, groups, turns: Vec::new(), misses: 0, cold_us: 0.0, memory: None }
+        Self { chain, tick_hz, timing, groups, turns: Vec::new(), misses: 0, cold: Vec::new(), memory: None }
     }
 
     /// One tick; how many nanoseconds it took.
@@ -102,6 +104,10 @@ impl Entry {
         let groups = (ms / LOAD_MS).max(1);
         let tick_ns = 1_000_000_000 / u64::from(self.tick_hz);
         let mut turn = Timing::new(3);
+        if counts {
+            let cold = self.tick();
+            self.cold.push(cold as f64 / 1e3);
+        }
         for _ in 0..groups {
             let mut sum = 0;
             for _ in 0..group {
@@ -139,7 +145,7 @@ impl Entry {
             ticks: t.count,
             load_percent: 100.0 * g.p50_ns as f64 / lasts_ns,
             spread,
-            cold_us: self.cold_us,
+            cold_us: median(self.cold.clone()),
             memory_kib: self.memory.map(|b| b as f64 / 1024.0),
         }
     }
@@ -149,7 +155,7 @@ impl Entry {
 ///
 /// # Errors
 /// A default that does not compile; none where the user asks to stop.
-pub fn batch(
+pub(crate) fn batch(
     anchor: (&Setting, &Registry),
     settings: &[(&Setting, &Registry)],
     material: Option<&str>,
@@ -167,9 +173,6 @@ pub fn batch(
             }
             Err(e) => errors.push(Some(e.to_string())),
         }
-    }
-    for entry in &mut entries {
-        entry.cold_us = entry.tick() as f64 / 1e3;
     }
     for entry in &mut entries {
         entry.turn(WARM_MS, false);

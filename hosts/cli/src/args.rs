@@ -8,6 +8,7 @@ mod materials;
 mod number;
 mod scene;
 mod tone;
+mod tradeoff;
 
 use std::path::PathBuf;
 
@@ -20,6 +21,7 @@ pub use latency::LatencyArgs;
 pub use materials::{As, Encode, Materials};
 pub use scene::{Expand, Explain, SceneCommand};
 pub use tone::Tone;
+pub use tradeoff::{Choose, Merge, Tradeoff, TradeoffCommand};
 
 /// Haptic rendering as a real-time dataflow graph.
 #[derive(Debug, Parser)]
@@ -62,6 +64,13 @@ pub enum Command {
     Invert(Invert),
     /// Run every phase-retrieval node over vectors: accuracy, response lag, latency, cost
     Compare(Compare),
+    /// Run many settings of a graph over the same strokes and materials: what each bit of accuracy costs in time
+    ///
+    /// Finished settings are kept in the folder: a study that was stopped goes on where it was. With --shard a study is split between machines;
+    /// `tradeoff merge` puts the parts together.
+    Tradeoff(Tradeoff),
+    /// Print the best setting that a budget of time and lag allows, as a fragment to be pasted into a graph
+    Choose(Choose),
     /// Find the materials nearest to pictures of a surface, and add one to a library
     ///
     /// A picture is brought to 192 x 256 pixels: its middle of 4 to 3, smaller or larger. What was done to it is said.

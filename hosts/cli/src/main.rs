@@ -6,6 +6,7 @@
 mod args;
 mod commands;
 mod failure;
+mod heap;
 mod kinds;
 mod live;
 mod load;
@@ -36,6 +37,8 @@ fn main() -> ExitCode {
         Command::Graph(args) => commands::graph::run(&args),
         Command::Invert(args) => commands::invert::run(&args),
         Command::Compare(args) => commands::compare::run(&args),
+        Command::Tradeoff(args) => commands::tradeoff::run(&args),
+        Command::Choose(args) => commands::choose::run(&args),
         Command::Encode(args) => commands::encode::run(&args),
         Command::FitAr(args) => commands::fit_ar::run(&args),
         Command::Materials(args) => commands::materials::run(&args),

@@ -65,6 +65,11 @@ impl Spectrogram {
         Ok(Self { bins, powers })
     }
 
+    /// Of powers in (m/s^2)^2 that are known by another way: one array for every 0.05 s, of which the first `bins` say anything.
+    pub fn from_powers(bins: usize, powers: Vec<[f64; BINS]>) -> Self {
+        Self { bins: bins.min(BINS), powers }
+    }
+
     /// Frames, 0.05 s apart.
     pub fn frames(&self) -> usize {
         self.powers.len()

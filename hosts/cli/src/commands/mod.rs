@@ -1,7 +1,8 @@
-//! Commands that do not run a graph in time: `check`, `nodes`, `graph`, `invert`, `compare`, `encode`, `fit-ar`, `materials`, `plugin`.
+//! Commands that do not run a graph in time: `check`, `nodes`, `graph`, `invert`, `compare`, `tradeoff`, `choose`, `encode`, `fit-ar`, `materials`, `plugin`.
 
 pub mod calibrate;
 pub mod check;
+pub mod choose;
 pub mod compare;
 pub mod devices;
 pub mod encode;
@@ -14,3 +15,4 @@ pub mod nodes;
 pub mod plugin;
 pub mod scene;
 pub mod tone;
+pub mod tradeoff;

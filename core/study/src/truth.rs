@@ -1,0 +1,21 @@
+//! The physics: what a pen feels of the same stroke over the same surface.
+
+use std::collections::HashMap;
+
+use asperity_measure::accuracy::Spectrogram;
+
+/// Truths by number of the stroke, material and draw.
+#[derive(Debug, Default)]
+pub(crate) struct Truths(HashMap<(usize, String, u64), Spectrogram>);
+
+impl Truths {
+    /// Adds one.
+    pub(crate) fn insert(&mut self, stroke: usize, material: &str, draw: u64, truth: Spectrogram) {
+        self.0.insert((stroke, material.to_owned(), draw), truth);
+    }
+
+    /// What there is of a stroke over a material.
+    pub(crate) fn get(&self, stroke: usize, material: &str, draw: u64) -> Option<&Spectrogram> {
+        self.0.get(&(stroke, material.to_owned(), draw))
+    }
+}

@@ -1,0 +1,195 @@
+//! `asperity tradeoff`: what accuracy costs in time.
+
+mod folder;
+mod onlooker;
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+
+use asperity_source::{Diagnostic, Source};
+use asperity_study::{Base, Figure, Machine, Order, Results, Study, parts, run as run_study};
+
+use crate::args::{GraphArgs, Merge, PluginArgs, Tradeoff, TradeoffCommand};
+use crate::failure::{Failure, be_quiet, print, warn};
+use crate::kinds::Kinds;
+use crate::load;
+use crate::render::stop_flag;
+
+pub use folder::{parse as parse_results, read as read_results};
+use onlooker::Bars;
+
+/// The study that is run where none is named.
+const SHIPPED: (&str, &str) =
+    ("studies/shipped.ron (shipped)", include_str!("../../../../../graphs/studies/shipped.ron"));
+/// Exit code of a study that was interrupted, as a shell would have it.
+const INTERRUPTED: u8 = 130;
+
+/// Runs the command.
+pub fn run(args: &Tradeoff) -> Result<ExitCode, Failure> {
+    if let Some(TradeoffCommand::Merge(merge)) = &args.command {
+        return self::merge(merge);
+    }
+    be_quiet(args.quiet);
+    let Some(out) = &args.out else { return Err(Diagnostic::new("--out DIR is missing").into()) };
+    let (study, graphs) = study(args)?;
+    let of = |path: &PathBuf| Ok(Base { strength: study.strength, ..base(path, args)? });
+    let bases = graphs.iter().map(of).collect::<Result<Vec<_>, Failure>>()?;
+    let mut marks = Vec::new();
+    for mark in &study.marks {
+        let placed = |e: Failure| match e {
+            Failure::Input(all) => Failure::Input(
+                all.into_iter()
+                    .map(|d| d.related(&mark.graph.place.source, mark.graph.place.span, "named here"))
+                    .collect(),
+            ),
+            other => other,
+        };
+        marks.push(Base {
+            name: mark.name.clone(),
+            ..base_as_it_is(&mark.graph.path, &args.plugins).map_err(placed)?
+        });
+    }
+    let order = Order {
+        study: &study,
+        bases: &bases,
+        marks: &marks,
+        jobs: args.jobs,
+        shard: args.shard.unwrap_or((0, 1)),
+        folder: &out.join("kept"),
+        machine: machine(),
+        cases: !args.no_cases,
+    };
+    if cfg!(debug_assertions) {
+        warn("this program was not built to be fast: its times say little (cargo build --release)");
+    }
+    let (accuracy, times) = parts(&order)?;
+    folder::make(out)?;
+    let stop = stop_flag();
+    let bars = Bars::new(accuracy, times, args.quiet, stop.clone());
+    let ran = run_study(&order, &bars);
+    bars.finish();
+    let ran = ran?;
+    ran.notes.iter().for_each(|note| warn(note));
+    let written = folder::write(out, &ran.results)?;
+    if !args.quiet {
+        print(&summary(&ran.results, &written))?;
+    }
+    if ran.unfinished > 0 || stop.load(Ordering::Relaxed) {
+        warn(&format!("{} settings are not finished; the same command goes on with them", ran.unfinished));
+        return Ok(ExitCode::from(INTERRUPTED));
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// The study, and the graphs whose knobs it turns.
+fn study(args: &Tradeoff) -> Result<(Study, Vec<PathBuf>), Failure> {
+    let mut study = None;
+    let mut graphs = Vec::new();
+    for path in &args.files {
+        let source = Source::read(path)?;
+        if !Study::is_meant(&source) {
+            graphs.push(path.clone());
+        } else if study.replace(source).is_some() {
+            return Err(Diagnostic::new("a second study").in_file(path).help("one study at a time").into());
+        }
+    }
+    let shipped = study.is_none();
+    let source = study.unwrap_or_else(|| Source::new(SHIPPED.0, SHIPPED.1));
+    let mut study = Study::parse(&source)?;
+    if shipped {
+        // What stands beside is named by its place in the folder of graphs, which a program that was put elsewhere does not have.
+        study.marks.clear();
+        if graphs.is_empty() {
+            return Err(Diagnostic::new("there is no graph to study")
+                .in_file("asperity tradeoff")
+                .help("name a graph or scene; or a study that names one: asperity tradeoff graphs/studies/shipped.ron --out out/tradeoff")
+                .into());
+        }
+    }
+    if graphs.is_empty() {
+        let Some(named) = &study.graph else {
+            return Err(Diagnostic::new("this study names no graph")
+                .in_file(source.path())
+                .help("graph: \"../texture.ron\"; or name one on the command line")
+                .into());
+        };
+        graphs.push(named.path.clone());
+    }
+    Ok((study, graphs))
+}
+
+/// A graph, or what a scene lowers to, with what the command line changes.
+fn base(path: &Path, args: &Tradeoff) -> Result<Base, Failure> {
+    let mut base = base_as_it_is(path, &args.plugins)?;
+    for assignment in &args.set {
+        base.graph.set(assignment, "--set")?;
+    }
+    Ok(base)
+}
+
+fn base_as_it_is(path: &Path, plugins: &PluginArgs) -> Result<Base, Failure> {
+    let args = GraphArgs {
+        graph: path.to_owned(),
+        set: Vec::new(),
+        input: None,
+        hand: None,
+        no_prune: false,
+        strict: false,
+        plugins: plugins.clone(),
+    };
+    let mut kinds = Kinds::new(&plugins.plugin);
+    let mut graph = load::read(&args, &mut kinds)?;
+    let registry = kinds.registry(Some(&graph))?;
+    // What pushes back needs no device here.
+    graph.nodes.retain(|n| !n.kind.ends_with("_force"));
+    let ids: Vec<String> = graph.nodes.iter().map(|n| n.id.clone()).collect();
+    graph.wires.retain(|w| ids.contains(&w.to.node));
+    Ok(Base { name: path.display().to_string(), graph, registry, strength: 1.0 })
+}
+
+fn merge(args: &Merge) -> Result<ExitCode, Failure> {
+    let shards = args.from.iter().map(|path| Ok((path.display().to_string(), read_results(path)?)));
+    let results = Results::merge(shards.collect::<Result<Vec<_>, Failure>>()?)?;
+    folder::make(&args.out)?;
+    let written = folder::write(&args.out, &results)?;
+    if !args.quiet {
+        print(&summary(&results, &written))?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// What a terminal shows.
+fn summary(results: &Results, written: &[PathBuf]) -> String {
+    let shown = [Figure::Perceptual, Figure::Spectrum, Figure::Convergence]
+        .into_iter()
+        .find(|f| !results.undominated(*f).is_empty());
+    let mut out = shown.map_or(String::new(), |figure| results.chart(figure) + "\n");
+    for path in written {
+        out += &format!("wrote {}\n", path.display());
+    }
+    let unsound = results.rows.iter().filter(|r| !r.sound()).count();
+    out += &format!("{} settings, of which {unsound} cannot be chosen; read REPORT.md\n", results.rows.len());
+    out
+}
+
+/// What this program runs on.
+pub fn machine() -> Machine {
+    let info = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let model =
+        info.lines().find_map(|l| l.strip_prefix("model name")?.split_once(": ").map(|(_, m)| m.to_owned()));
+    Machine {
+        cpu: model.unwrap_or_else(|| "a processor that does not say its name".into()),
+        cores: std::thread::available_parallelism().map_or(1, usize::from),
+        system: format!("{} {}", std::env::consts::OS, std::env::consts::ARCH),
+        build: format!(
+            "asperity {}{}",
+            env!("CARGO_PKG_VERSION"),
+            if cfg!(debug_assertions) { ", not built to be fast" } else { "" }
+        ),
+    }
+}
+
+/// Whether the user asks to stop.
+pub type Stop = Arc<std::sync::atomic::AtomicBool>;

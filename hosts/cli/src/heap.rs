@@ -1,0 +1,66 @@
+//! How much memory the program has taken.
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// The system's allocator, with a count of the bytes that are out.
+struct Counted;
+
+static BYTES: AtomicU64 = AtomicU64::new(0);
+
+#[global_allocator]
+static ALLOCATOR: Counted = Counted;
+
+/// Bytes taken from the heap and not given back. What plugins take by allocators of their own is not among them.
+pub fn bytes() -> u64 {
+    BYTES.load(Ordering::Relaxed)
+}
+
+// SAFETY: every call is passed on to the system's allocator with what it was given; the count touches no memory that is handed out.
+unsafe impl GlobalAlloc for Counted {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        // SAFETY: as of this function.
+        let at = unsafe { System.alloc(layout) };
+        if !at.is_null() {
+            BYTES.fetch_add(layout.size() as u64, Ordering::Relaxed);
+        }
+        at
+    }
+
+    unsafe fn dealloc(&self, at: *mut u8, layout: Layout) {
+        BYTES.fetch_sub(layout.size() as u64, Ordering::Relaxed);
+        // SAFETY: as of this function.
+        unsafe { System.dealloc(at, layout) }
+    }
+
+    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
+        // SAFETY: as of this function.
+        let at = unsafe { System.alloc_zeroed(layout) };
+        if !at.is_null() {
+            BYTES.fetch_add(layout.size() as u64, Ordering::Relaxed);
+        }
+        at
+    }
+
+    unsafe fn realloc(&self, at: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        // SAFETY: as of this function.
+        let now = unsafe { System.realloc(at, layout, size) };
+        if !now.is_null() {
+            BYTES.fetch_add(size as u64, Ordering::Relaxed);
+            BYTES.fetch_sub(layout.size() as u64, Ordering::Relaxed);
+        }
+        now
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn what_is_taken_is_counted_until_it_is_given_back() {
+        let before = super::bytes();
+        let much = std::hint::black_box(vec![1_u8; 64 << 20]);
+        assert!(super::bytes() >= before + (60 << 20));
+        drop(much);
+        assert!(super::bytes() < before + (32 << 20));
+    }
+}

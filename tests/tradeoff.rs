@@ -1,0 +1,214 @@
+//! `asperity tradeoff` and `asperity choose`, as a user has them.
+
+mod common;
+
+use std::path::Path;
+
+use common::{asperity, graphs, json, run};
+use serde_json::Value;
+
+/// A study of a second of one stroke over one material.
+fn study(dir: &Path, grids: &str) {
+    let graph = graphs("texture.ron").canonicalize().expect("the shipped graph");
+    let paper = graphs("heravi2024.ron").canonicalize().expect("the shipped graph");
+    let text = format!(
+        r#"Study(
+            version: 1,
+            graph: {graph:?},
+            marks: [(name: "paper", graph: {paper:?})],
+            strokes: [(name: "circle", shape: circle, speed_mm_s: 80.0, seconds: 1.5, approach_s: 0.1)],
+            materials: ["canvas"],
+            strength: 0.35,
+            steps: 10,
+            grids: [{grids}],
+            times: (turns: 2, turn_ms: 40, batch: 3),
+        )"#
+    );
+    std::fs::write(dir.join("study.ron"), text).expect("a study");
+}
+
+const TWO: &str = r#"(name: "phase", knobs: {"phase": [(kind: "spsi"), (kind: "no_such_kind")]}),
+    (name: "frames", knobs: {"phase.frames": [1, 5]}), (name: "limiter", knobs: {"limiter": [kept, bypassed]}),
+    (name: "guards", knobs: {"guards": [false]})"#;
+
+fn names(results: &Value) -> Vec<String> {
+    let rows = results["rows"].as_array().expect("rows");
+    rows.iter().map(|r| r["name"].as_str().expect("a name").to_owned()).collect()
+}
+
+fn row<'r>(results: &'r Value, name: &str) -> &'r Value {
+    let rows = results["rows"].as_array().expect("rows");
+    rows.iter().find(|r| r["name"] == name).unwrap_or_else(|| panic!("no {name}"))
+}
+
+#[test]
+fn a_study_says_what_each_setting_costs_and_is_worth_and_goes_on_where_it_was() {
+    let dir = tempfile::tempdir().expect("a folder");
+    study(dir.path(), TWO);
+    let args = ["tradeoff", "study.ron", "--out", "out", "--jobs", "2", "--no-cases"];
+    let ran = run(dir.path(), &args).ok();
+    assert!(ran.err.contains("`no_such_kind` is left out"), "{}", ran.err);
+    assert!(ran.out.contains("D the default") && ran.out.contains("REPORT.md"), "{}", ran.out);
+    let results = json(&dir.path().join("out/results.json"));
+    let found = names(&results);
+    // The default is five frames; what is turned to where it stands already is no setting of its own.
+    assert_eq!(
+        found,
+        ["default", "phase=spsi", "phase.frames=1", "limiter=bypassed", "guards=false", "paper"]
+    );
+    for name in &found {
+        let row = row(&results, name);
+        assert!(row["error"].is_null(), "{row}");
+        for figure in ["perceptual", "spectrum", "bands", "level", "convergence"] {
+            assert!(row["figures"][figure].is_f64(), "{name} has no {figure}: {row}");
+        }
+        assert!(
+            row["time"]["p50_us"].as_f64().expect("a time") > 0.0
+                && row["time"]["ticks"].as_u64() >= Some(40)
+        );
+        assert!(row["time"]["memory_kib"].as_f64().expect("memory") > 100.0);
+        assert!(row["lag_ms"][1].as_f64().expect("a lag") > 3.0, "{row}");
+    }
+    // What cannot be played or be had cannot be chosen, and says why.
+    assert!(row(&results, "limiter=bypassed")["fails"]["limiter"].is_string());
+    assert!(row(&results, "guards=false")["fails"]["guards"].is_string());
+    // Without a limiter, and without looking, the same comes out of so mild a stroke.
+    let figures = |name: &str| row(&results, name)["figures"].clone();
+    assert_eq!(figures("guards=false"), figures("default"));
+    assert!(results["model"]["spectrum"].is_f64() && results["floor"]["spectrum"].is_f64());
+    for file in
+        ["results.csv", "REPORT.md", "perceptual_time.svg", "spectrum_lag.svg", "convergence_time.svg"]
+    {
+        assert!(dir.path().join("out").join(file).exists(), "{file}");
+    }
+    let csv = std::fs::read_to_string(dir.path().join("out/results.csv")).expect("a table");
+    assert_eq!(csv.lines().count(), 1 + found.len());
+
+    // Once more: everything is there already, and is the same to the last digit, times too.
+    let again = run(dir.path(), &args).ok();
+    assert!(again.out.contains("6 settings"), "{}", again.out);
+    assert_eq!(json(&dir.path().join("out/results.json")), results);
+}
+
+#[test]
+fn parts_of_a_study_are_put_together_and_the_best_can_be_pasted() {
+    let dir = tempfile::tempdir().expect("a folder");
+    study(
+        dir.path(),
+        r#"(name: "g", knobs: {"phase.frames": [1, 2], "tick_hz": [1000]}), (name: "p", knobs: {"phase": [(kind: "spsi")]})"#,
+    );
+    for part in ["1", "2"] {
+        let shard = format!("{part}/2");
+        run(dir.path(), &["tradeoff", "study.ron", "--out", part, "--shard", &shard, "--no-cases", "-q"])
+            .ok();
+    }
+    let parts = ["1", "2"].map(|p| json(&dir.path().join(p).join("results.json")));
+    assert_eq!(names(&parts[0])[0], "default");
+    assert_eq!(names(&parts[1])[0], "default");
+    run(dir.path(), &["tradeoff", "merge", "1", "2", "--out", "all", "-q"]).ok();
+    let all = json(&dir.path().join("all/results.json"));
+    let mut found = names(&all);
+    found.sort();
+    assert_eq!(
+        found,
+        ["default", "paper", "phase.frames=1 tick_hz=1000", "phase.frames=2 tick_hz=1000", "phase=spsi"]
+    );
+    let load =
+        |results: &Value, name: &str| row(results, name)["time"]["load_percent"].as_f64().expect("a load");
+    let other = names(&parts[1])[1].clone();
+    let factor = load(&parts[0], "default") / load(&parts[1], "default");
+    assert!((load(&all, &other) / (load(&parts[1], &other) * factor) - 1.0).abs() < 1e-9);
+
+    // The best of those at 1000 Hz, pasted into the graph by hand, is a graph that runs.
+    let chosen = run(dir.path(), &["choose", "all", "--tick-hz", "1000"]).ok().out;
+    assert!(
+        chosen.contains("tick_hz: 1000,") && chosen.contains("\"phase\": (kind: \"sample_commit\""),
+        "{chosen}"
+    );
+    let line = chosen.lines().find(|l| l.contains("\"phase\":")).expect("a node");
+    let text = std::fs::read_to_string(graphs("texture.ron")).expect("the graph");
+    let before = text.lines().find(|l| l.contains("\"phase\":")).expect("a node");
+    let pasted = text.replace(before, line).replace("tick_hz: 500,", "tick_hz: 1000,");
+    let models = format!("{}/", graphs("").canonicalize().expect("graphs").display());
+    let pasted = pasted
+        .replace("\"models/", &format!("\"{models}models/"))
+        .replace("\"trajectories/", &format!("\"{models}trajectories/"));
+    std::fs::write(dir.path().join("pasted.ron"), pasted).expect("a graph");
+    run(dir.path(), &["check", "pasted.ron"]).ok();
+
+    // Another kind of phase retrieval comes with the node that it needs behind it, and with wires.
+    let spsi =
+        run(dir.path(), &["choose", "all", "--by", "convergence", "--tick-hz", "500", "--json"]).ok().out;
+    let spsi: Value = serde_json::from_str(&spsi).expect("JSON");
+    assert!(spsi["fit"].as_u64() >= Some(2), "{spsi}");
+    let none = run(dir.path(), &["choose", "all", "--budget-us", "0.01"]);
+    assert!(none.code == 1 && none.err.contains("the quickest has ticks of"), "{}", none.err);
+    let late = run(dir.path(), &["choose", "all", "--max-lag-ms", "0"]);
+    assert!(late.code == 1 && late.err.contains("the soonest answers after"), "{}", late.err);
+    let unknown = run(dir.path(), &["choose", "all", "--by", "spectrm"]);
+    assert!(unknown.code == 2 && unknown.err.contains("spectrum"), "{}", unknown.err);
+}
+
+#[test]
+fn what_is_wrong_with_a_study_is_said_with_its_place_and_nothing_is_written() {
+    let dir = tempfile::tempdir().expect("a folder");
+    for (grids, want) in [
+        (r#"(name: "g", knobs: {"phase.frame": [1]})"#, "no graph has `phase.frame` to turn"),
+        (r#"(name: "g", knobs: {"nothing": [kept]})"#, "no graph has `nothing` to turn"),
+        (r#"(name: "g", knobs: {"phase": [gone]})"#, "`gone` is nothing to turn a node to"),
+        (r#"(name: "g", knobs: {"phase.frames": []})"#, "nothing to turn this to"),
+        (r#"(name: "g", knobs: {".": [1]})"#, "is no knob"),
+        (r#"(name: "g")"#, "knobs"),
+    ] {
+        study(dir.path(), grids);
+        let ran = run(dir.path(), &["tradeoff", "study.ron", "--out", "out"]);
+        assert_eq!(ran.code, 2, "{grids}: {}", ran.err);
+        assert!(ran.err.contains(want) && ran.err.contains("study.ron"), "{grids}: {}", ran.err);
+        assert!(!dir.path().join("out").exists(), "{grids}");
+    }
+    // A value that a node refuses is a setting that does not run, and says why; the others do.
+    study(dir.path(), r#"(name: "g", knobs: {"phase.frames": [5, 0]})"#);
+    run(dir.path(), &["tradeoff", "study.ron", "--out", "out", "--no-cases", "-q"]).ok();
+    let results = json(&dir.path().join("out/results.json"));
+    assert!(row(&results, "phase.frames=0")["error"].as_str().expect("why").contains("frames"), "{results}");
+    assert!(row(&results, "default")["error"].is_null());
+    for (args, want) in [
+        (&["tradeoff", "study.ron", "study.ron", "--out", "o"][..], "a second study"),
+        (&["tradeoff", "--out", "o"], "there is no graph to study"),
+        (&["tradeoff", "study.ron", "--out", "o", "--shard", "3/2"], "is no part"),
+        (&["tradeoff", "gone.ron", "--out", "o"], "gone.ron"),
+        (&["tradeoff", "merge", "gone", "--out", "o"], "cannot read this file"),
+        (&["choose", "study.ron"], "these are no results"),
+    ] {
+        let ran = run(dir.path(), args);
+        assert!(ran.code == 2 && ran.err.contains(want), "{args:?}: {}", ran.err);
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn a_study_that_is_interrupted_says_so_and_goes_on_later() {
+    let dir = tempfile::tempdir().expect("a folder");
+    study(
+        dir.path(),
+        r#"(name: "g", knobs: {"phase.frames": [1, 2, 3, 4, 6, 7, 8, 9], "phase.passes": [1, 2]})"#,
+    );
+    let args = ["tradeoff", "study.ron", "--out", "out", "--no-cases", "-q"];
+    let child = asperity(dir.path()).args(args).spawn().expect("it starts");
+    let kept = dir.path().join("out/kept");
+    // As soon as something is kept.
+    while std::fs::read_dir(&kept).map_or(0, Iterator::count) < 2 {
+        std::thread::sleep(std::time::Duration::from_millis(20));
+    }
+    let killed = std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status();
+    assert!(killed.expect("kill").success());
+    let ended = child.wait_with_output().expect("it ends");
+    assert_eq!(ended.status.code(), Some(130));
+    let results = json(&dir.path().join("out/results.json"));
+    let some = names(&results).len();
+    assert!((1..18).contains(&some), "{some}");
+    run(dir.path(), &args).ok();
+    let results = json(&dir.path().join("out/results.json"));
+    assert_eq!(names(&results).len(), 18);
+    assert!(results["rows"].as_array().expect("rows").iter().all(|r| r["time"].is_object()));
+}
