@@ -2,8 +2,11 @@
 //!
 //! All sources give the same [`Subject`]s. An [`Example`] is what the chain measures of a stroke at one instant, the last ten forces and
 //! velocities 2 ms apart, and the magnitudes of the 0.1 s of acceleration that begin there.
+//!
+//! What is rendered of a stroke is held against what a tool [felt] along it: simulated over a piece of a [made surface](made::Ground), or [recorded](recordings::recording).
 
 mod example;
+pub mod felt;
 mod folder;
 #[cfg(test)]
 mod folder_testing;

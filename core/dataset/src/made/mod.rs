@@ -7,6 +7,7 @@
 //! air, and nothing is felt.
 
 mod expectations;
+mod ground;
 mod images;
 mod strokes;
 
@@ -18,6 +19,7 @@ use asperity_world::topography::{MadeSurface, made_surfaces};
 use rayon::prelude::*;
 
 pub use expectations::expectations;
+pub use ground::{Ground, surface};
 pub use strokes::{BEYOND_FORCE_N, BEYOND_SPEED_MM_S, Drawn};
 
 use crate::example::{Example, Parts, Subject, Truth};

@@ -7,6 +7,7 @@ use asperity_world::stylus::{Moment, SAMPLE_HZ, Stylus, Tool};
 use asperity_world::topography::{Contact, HeightField, MadeSurface};
 
 use super::{Example, Settings};
+use crate::felt::force_n;
 use crate::frames::Spectrometer;
 use crate::history::{MAX_FORCE_N, MAX_SPEED_MM_S, RATE_HZ, Recorder, STIFFNESS_N_PER_MM};
 
@@ -33,7 +34,7 @@ pub const BEYOND_FORCE_N: f64 = HARDER * MAX_FORCE_N * (1.0 + SWING);
 pub struct Drawn {
     measured: Stroke,
     /// Without the sensor's step.
-    exact: Stroke,
+    pub(super) exact: Stroke,
     /// How it is turned: sine and cosine.
     turn: (f64, f64),
 }
@@ -89,14 +90,10 @@ impl Drawn {
     }
 
     /// Where the sensor or the hand is: along the surface, and over it, in mm.
-    fn at(&self, stroke: &Stroke, t: f64) -> ([f64; 2], f64) {
+    pub(super) fn at(&self, stroke: &Stroke, t: f64) -> ([f64; 2], f64) {
         let ([x, y, z], (sin, cos)) = (stroke.sample(t).position, self.turn);
         ([x * cos - y * sin, x * sin + y * cos], z)
     }
-}
-
-fn force(z_mm: f64) -> f64 {
-    (-z_mm * STIFFNESS_N_PER_MM).max(0.0)
 }
 
 /// What a pen on its [track](Tool::track) over a piece feels of a stroke that begins at a place in mm: acceleration in m/s^2 along the normal and along
@@ -108,14 +105,26 @@ pub(super) fn accelerations(
     place_mm: [f64; 2],
 ) -> [Vec<f64>; 3] {
     let samples = (drawn.exact.duration_s() * f64::from(SAMPLE_HZ)) as usize;
-    let (mut before, _) = drawn.at(&drawn.exact, 0.0);
+    let at = |sample: usize| drawn.at(&drawn.exact, sample as f64 / f64::from(SAMPLE_HZ));
+    along(envelope, contact, samples, at, place_mm)
+}
+
+/// The same along any way, told as places in mm and heights in mm at each sample from 0 to `samples`.
+pub(super) fn along(
+    envelope: &HeightField,
+    contact: Contact,
+    samples: usize,
+    at: impl Fn(usize) -> ([f64; 2], f64),
+    place_mm: [f64; 2],
+) -> [Vec<f64>; 3] {
+    let (mut before, _) = at(0);
     let mut stylus = Stylus::new(Tool::PEN, envelope, contact, place_mm, 0.0);
     let mut felt = [0; 3].map(|_| Vec::with_capacity(samples));
     for sample in 0..samples {
-        let (here, z) = drawn.at(&drawn.exact, (sample + 1) as f64 / f64::from(SAMPLE_HZ));
+        let (here, z) = at(sample + 1);
         let velocity_mm_s = std::array::from_fn(|i| (here[i] - before[i]) * f64::from(SAMPLE_HZ));
         before = here;
-        let force_n = force(z);
+        let force_n = force_n(z);
         let a = stylus.next(&Moment { velocity_mm_s, force_n });
         let touches = f64::from(u8::from(force_n > 0.0));
         felt.iter_mut().zip(a.axes()).for_each(|(felt, a)| felt.push(touches * a));
@@ -136,7 +145,7 @@ pub(super) fn examples(
     let mut recorder = Recorder::new().map_err(|e| Diagnostic::new(e.to_string()))?;
     for tick in 0..felt[0].len() / SAMPLES {
         let (place, z) = drawn.at(&drawn.measured, tick as f64 / RATE_HZ);
-        let history = recorder.observe(place, force(z));
+        let history = recorder.observe(place, force_n(z));
         let frame = tick * SAMPLES..tick * SAMPLES + FRAME;
         let axes = felt.each_ref().map(|axis| axis.get(frame.clone()));
         if let ([Some(a), Some(b), Some(c)], 0) = (axes, tick % EVERY) {
@@ -183,7 +192,7 @@ mod tests {
             let at = |tick: usize| drawn.at(&drawn.exact, tick as f64 / RATE_HZ);
             for tick in 1..1500 {
                 let ((before, _), (here, z)) = (at(tick - 1), at(tick));
-                most = f64::max(most, force(z));
+                most = f64::max(most, force_n(z));
                 let way = (here[0] - before[0]).hypot(here[1] - before[1]);
                 fastest = f64::max(fastest, way * RATE_HZ);
             }

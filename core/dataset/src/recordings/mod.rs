@@ -53,7 +53,9 @@ use std::path::{Path, PathBuf};
 use asperity_source::Diagnostic;
 
 use crate::example::{Parts, Subject, Truth};
+use crate::felt::{Felt, force_n};
 use crate::folder;
+use crate::history::RATE_HZ;
 
 use stroke::Stroke;
 
@@ -89,6 +91,38 @@ impl Recorded {
 pub fn recorded(path: &Path) -> Result<Recorded, Diagnostic> {
     let folder = path.parent().unwrap_or(Path::new(""));
     stroke(path, folder).map(Stroke::recorded)
+}
+
+/// A recorded stroke as a graph can play it, and what the tool felt of it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Recording {
+    /// x, y, z in mm, every 2 ms from the first sample on, as the chain would have measured them (see the [module](self)): z is 2 mm below 0 for each newton, as on a floor of 0.5 N/mm, and 0 where there
+    /// is no force. Of velocities the place begins at 0; of a speed alone the way goes along x.
+    pub position_mm: Vec<[f64; 3]>,
+    /// The acceleration of all axes at the recording's rate, without gravity: a high-pass of 5 Hz and second order.
+    pub felt: Felt,
+}
+
+impl Recording {
+    /// The stroke as a CSV file of the `trajectory` node, with the column `force_n` beside the places.
+    pub fn csv(&self) -> String {
+        let mut text = String::from("t_s,x_mm,y_mm,z_mm,force_n\n");
+        for (tick, [x, y, z]) in self.position_mm.iter().enumerate() {
+            let (t, force) = (tick as f64 / RATE_HZ, force_n(*z));
+            text.push_str(&format!("{t:.3},{x:.4},{y:.4},{z:.4},{force:.4}\n"));
+        }
+        text
+    }
+}
+
+/// Reads one stroke to hold what is rendered of it against what the tool felt: a WAV file by its name's ending, with the file that names its channels beside it,
+/// else a table.
+///
+/// # Errors
+/// As [`recorded`].
+pub fn recording(path: &Path) -> Result<Recording, Diagnostic> {
+    let folder = path.parent().unwrap_or(Path::new(""));
+    stroke(path, folder)?.recording().map_err(|e| Diagnostic::new(e.to_string()).in_file(path))
 }
 
 /// The file that says what the channels of a WAV file are.

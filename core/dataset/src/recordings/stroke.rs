@@ -1,13 +1,14 @@
 use std::f64::consts::PI;
 
-use asperity_dsp::filter::Section;
+use asperity_dsp::filter::{FilterError, Section};
 use asperity_source::Diagnostic;
 use asperity_world::material::WINDOW_S;
 
-use super::Recorded;
+use super::{Recorded, Recording};
 use crate::example::Example;
+use crate::felt::Felt;
 use crate::frames::Spectrometer;
-use crate::history::{HISTORY, RATE_HZ, Recorder};
+use crate::history::{HISTORY, RATE_HZ, Recorder, STIFFNESS_N_PER_MM};
 
 /// Ticks until the chain's filter has settled: five of its time constants, and the history.
 const WARM_UP: usize = 30 + HISTORY;
@@ -112,6 +113,19 @@ impl Stroke {
         }
     }
 
+    /// What a graph plays of it, and what was felt.
+    pub(super) fn recording(self) -> Result<Recording, FilterError> {
+        let acceleration_m_s2 = self.without_gravity()?;
+        let mut position_mm = Vec::new();
+        let mut place = [0.0; 2];
+        for tick in (0..).take_while(|tick| self.sample(*tick) < self.force.len()) {
+            self.advance(&mut place, tick);
+            let force = self.mean(&self.force, tick).max(0.0);
+            position_mm.push([place[0], place[1], -force / STIFFNESS_N_PER_MM]);
+        }
+        Ok(Recording { position_mm, felt: Felt { rate_hz: self.rate_hz, acceleration_m_s2 } })
+    }
+
     /// The sample at a tick.
     fn sample(&self, tick: usize) -> usize {
         (tick as f64 * self.rate_hz / RATE_HZ) as usize
@@ -126,7 +140,7 @@ impl Stroke {
 
     /// All examples of the stroke.
     pub(super) fn examples(&self) -> Result<Vec<Timed>, Diagnostic> {
-        let fail = |e: asperity_dsp::filter::FilterError| Diagnostic::new(e.to_string());
+        let fail = |e: FilterError| Diagnostic::new(e.to_string());
         let acceleration = self.without_gravity().map_err(fail)?;
         let mut recorder = Recorder::new().map_err(fail)?;
         let mut spectrometer = Spectrometer::new(self.rate_hz);
@@ -175,7 +189,7 @@ impl Stroke {
         }
     }
 
-    fn without_gravity(&self) -> Result<Vec<Vec<f64>>, asperity_dsp::filter::FilterError> {
+    fn without_gravity(&self) -> Result<Vec<Vec<f64>>, FilterError> {
         let filter = Section::high_pass(HIGH_PASS_HZ, std::f64::consts::FRAC_1_SQRT_2)
             .bilinear(self.rate_hz, HIGH_PASS_HZ)?;
         let mut axes = self.acceleration.clone();

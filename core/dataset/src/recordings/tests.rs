@@ -358,3 +358,51 @@ fn folders_that_will_not_do_are_refused() {
     write(&cork, "s.csv", "t_s\n");
     fails("s.csv:1:4: no force");
 }
+
+#[test]
+fn a_recording_is_a_stroke_that_a_graph_can_play_and_what_was_felt() {
+    use asperity_world::motion::{Trajectory, TrajectoryOptions};
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("s.csv");
+    let text = table("t_s,force_n,x_mm,y_mm,ax_m_s2,az_m_s2", 2000.0, 1.0, |t| {
+        vec![
+            (2.0 * t - 0.5).max(-0.1),
+            80.0 * t,
+            5.0 - 30.0 * t,
+            tone(3.0, 120.0, t),
+            9.81 + tone(1.0, 300.0, t),
+        ]
+    });
+    std::fs::write(&path, text).unwrap();
+    let found = recording(&path).unwrap();
+    assert_eq!((found.position_mm.len(), found.felt.rate_hz, found.felt.axes().len()), (500, 2000.0, 2));
+    for (tick, [x, y, z]) in found.position_mm.iter().enumerate() {
+        let t = tick as f64 * 0.002;
+        assert!((x - 80.0 * t).abs() < 1e-9 && (y - 5.0 + 30.0 * t).abs() < 1e-9, "{tick}");
+        // The mean force of the 2 ms before, over 0.5 N/mm; none where the sensor reads below 0.
+        assert!((-z - 2.0 * (2.0 * t - 0.5).max(0.0)).abs() < 0.01 && *z <= 0.0, "{tick}: {z}");
+    }
+    let level = |axis: &[f64]| (axis[500..].iter().map(|a| a * a).sum::<f64>() / 1500.0).sqrt();
+    let axes = found.felt.axes();
+    assert!((level(axes[0]) - 3.0 * 0.5f64.sqrt()).abs() < 0.01, "{}", level(axes[0]));
+    assert!((level(axes[1]) - 0.5f64.sqrt()).abs() < 0.01, "gravity is no vibration: {}", level(axes[1]));
+
+    let played =
+        Trajectory::parse(&Source::new("s.csv", found.csv()), &TrajectoryOptions::default()).unwrap();
+    assert!((played.duration_s() - 0.998).abs() < 1e-9 && played.has_force());
+    for tick in [0, 140, 499] {
+        let (sample, place) = (played.sample(tick as f64 * 0.002), found.position_mm[tick]);
+        assert!(sample.position.iter().zip(place).all(|(a, b)| (a - b).abs() < 1e-4), "{tick}");
+        assert!((sample.force.unwrap() + 0.5 * place[2]).abs() < 1e-4, "{tick}");
+    }
+
+    std::fs::write(
+        &path,
+        table("t_s,force_n,speed_mm_s,acceleration_m_s2", 1000.0, 1.0, |_| vec![1.0, 50.0, 0.0]),
+    )
+    .unwrap();
+    let found = recording(&path).unwrap();
+    let last = found.position_mm[499];
+    assert!((last[0] - 50.0).abs() < 0.2 && last[1] == 0.0 && last[2] == -2.0, "{last:?}");
+    assert!(recording(&folder.path().join("none.csv")).is_err());
+}

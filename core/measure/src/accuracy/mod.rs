@@ -52,7 +52,7 @@ pub struct Agreement {
 pub enum AccuracyError {
     /// A rate in Hz that is not 100 to 1e6.
     Rate(f64),
-    /// No axis.
+    /// A signal without an axis, or no truth.
     NoAxes,
     /// A sample that is not finite or beyond 1e100, by its number.
     NotFinite(usize),
@@ -66,7 +66,7 @@ impl std::fmt::Display for AccuracyError {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             Self::Rate(hz) => write!(f, "a rate of {hz} Hz is not 100 to 1000000"),
-            Self::NoAxes => f.write_str("a signal without an axis"),
+            Self::NoAxes => f.write_str("no signal, or one without an axis"),
             Self::NotFinite(at) => write!(f, "sample {at} is not finite"),
             Self::TooShort => f.write_str("less than 0.5 s to compare"),
             Self::Lengths(a, b) => write!(f, "{a} and {b} samples"),
@@ -90,21 +90,28 @@ pub fn agreement(
 ) -> Result<Agreement, AccuracyError> {
     let rendered = Spectrogram::new(&[rendered], rate_hz)?;
     let truth = Spectrogram::new(truth, truth_rate_hz)?;
-    compare(&rendered, &truth)
+    compare(&rendered, &[truth])
 }
 
-/// The same of spectrograms, which can be kept where one truth is compared with many.
+/// The same of spectrograms, against several draws of one truth, such as one stroke over several places of a surface: their mean powers are compared with,
+/// and `perceptual` is the mean over them, since masks are those of one draw.
 ///
 /// # Errors
-/// [`AccuracyError::TooShort`].
-pub fn compare(rendered: &Spectrogram, truth: &Spectrogram) -> Result<Agreement, AccuracyError> {
-    let frames = rendered.frames().min(truth.frames());
+/// [`AccuracyError::TooShort`], [`AccuracyError::NoAxes`] without a truth.
+pub fn compare(rendered: &Spectrogram, truths: &[Spectrogram]) -> Result<Agreement, AccuracyError> {
+    let shortest = truths.iter().map(Spectrogram::frames).min().ok_or(AccuracyError::NoAxes)?;
+    let frames = rendered.frames().min(shortest);
     if frames < MIN_FRAMES {
         return Err(AccuracyError::TooShort);
     }
-    let (r, t) = (rendered.mean(0..frames), truth.mean(0..frames));
-    let known = truth.bins();
-    let (r, t) = (r.get(..known).unwrap_or(&r), t.get(..known).unwrap_or(&t));
+    let known = truths.iter().map(Spectrogram::bins).min().unwrap_or(BINS);
+    let mut truth = [0.0; BINS];
+    for one in truths {
+        let part = one.mean(0..frames);
+        truth.iter_mut().zip(part).for_each(|(sum, power)| *sum += power / truths.len() as f64);
+    }
+    let rendered_powers = rendered.mean(0..frames);
+    let (r, t) = (rendered_powers.get(..known).unwrap_or(&[]), truth.get(..known).unwrap_or(&[]));
     let bands = bands_db(r, t);
     Ok(Agreement {
         level_db: level_db(r, t),
@@ -112,7 +119,7 @@ pub fn compare(rendered: &Spectrogram, truth: &Spectrogram) -> Result<Agreement,
         shape_db: shape_db(r, t),
         bands_db: band_rms_db(&bands),
         bands,
-        perceptual: perceptual(rendered, truth),
+        perceptual: long_term::mean(truths.iter().map(|truth| perceptual(rendered, truth))),
     })
 }
 

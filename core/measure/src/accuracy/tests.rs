@@ -80,6 +80,19 @@ fn draws_of_one_noise_agree_within_what_their_length_allows() {
 }
 
 #[test]
+fn several_draws_of_a_truth_are_known_better_than_one() {
+    let seen = |seed| Spectrogram::new(&[&noise(seed, 20_000, 1.0)], 2500.0).unwrap();
+    let rendered = Spectrogram::new(&[&noise(1, 20_000, 1.0)], 2500.0).unwrap();
+    let truths: Vec<Spectrogram> = (2..18).map(seen).collect();
+    let (one, all) = (compare(&rendered, &truths[..1]).unwrap(), compare(&rendered, &truths).unwrap());
+    // The truth's own part of the error's square, a half, falls to a sixteenth of that.
+    let less = all.spectrum_db / one.spectrum_db;
+    assert!((less - (17.0_f64 / 32.0).sqrt()).abs() < 0.12, "{less}");
+    assert!((all.perceptual - one.perceptual).abs() < 0.01, "{} {}", all.perceptual, one.perceptual);
+    assert_eq!(compare(&rendered, &[]), Err(AccuracyError::NoAxes));
+}
+
+#[test]
 fn silence_and_what_is_no_signal_are_told_apart() {
     let (silence, sound) = (vec![0.0; 2500], lines(&CHORD, 2500.0)[..2500].to_vec());
     let of = |a: &[f64], b: &[f64]| agreement(a, 2500.0, &[b], 2500.0);
@@ -125,4 +138,20 @@ proptest! {
             prop_assert!((0.0..=1.0).contains(&f.perceptual), "{f:?}");
         }
     }
+}
+
+#[test]
+#[ignore = "prints how long a comparison takes, median of nine"]
+fn time_of_an_agreement() {
+    let (rendered, axis) = (noise(1, 384_000, 1.0), noise(2, 80_000, 1.0));
+    let mut times: Vec<f64> = (0..9)
+        .map(|_| {
+            let began = std::time::Instant::now();
+            let found = agreement(&rendered, 48_000.0, &[&axis, &axis, &axis], 10_000.0).unwrap();
+            assert!(found.perceptual < 1.0);
+            1e3 * began.elapsed().as_secs_f64()
+        })
+        .collect();
+    times.sort_by(f64::total_cmp);
+    println!("8 s at 48 kHz against three axes at 10 kHz: {:.1} ms ({times:.0?})", times[4]);
 }
