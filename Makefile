@@ -3,7 +3,7 @@
 CARGO ?= cargo
 OUT ?= out
 
-.PHONY: setup-tests header plugins setup demo test test-long lint bench train evaluate pictures live-pictures clean
+.PHONY: setup-tests header stability-docs plugins setup demo test test-long lint bench train evaluate pictures live-pictures clean
 
 # Installs what is missing where it may, else says the exact line.
 setup:
@@ -32,6 +32,7 @@ test-long: setup-tests
 	ASPERITY_LONG_TICKS=1000000 $(CARGO) test -p asperity --test no_alloc
 	ASPERITY_LONG_SWAPS=1000 PROPTEST_CASES=5000 $(CARGO) test -p asperity --test swap_long
 	ASPERITY_LONG_TICKS=1000000 $(CARGO) test -p asperity --test live_long -- --nocapture
+	ASPERITY_STABILITY=long PROPTEST_CASES=2000 $(CARGO) test -p asperity --test stability -- --nocapture
 
 lint: setup
 	$(CARGO) fmt --all --check
@@ -54,6 +55,10 @@ plugins: setup
 # Writes the plugin interface's C header anew from its Rust.
 header: setup
 	ASPERITY_WRITE_HEADER=1 $(CARGO) test -p asperity-abi --test header
+
+# Writes the hard cases into docs/stability.md anew.
+stability-docs: setup
+	ASPERITY_WRITE_STABILITY=1 $(CARGO) test -p asperity-stability --test docs
 
 # Trains the model of the made surfaces again; checkpoints lie in $(OUT).
 train: setup

@@ -7,6 +7,7 @@ mod latency;
 mod materials;
 mod number;
 mod scene;
+mod selftest;
 mod tone;
 mod tradeoff;
 
@@ -20,6 +21,7 @@ pub use fit_ar::{By, FitAr};
 pub use latency::LatencyArgs;
 pub use materials::{As, Encode, Materials};
 pub use scene::{Expand, Explain, SceneCommand};
+pub use selftest::{EffortArg, SelfTest};
 pub use tone::Tone;
 pub use tradeoff::{Choose, Merge, Tradeoff, TradeoffCommand};
 
@@ -88,6 +90,12 @@ pub enum Command {
     /// Print the graph that a scene lowers to, or say what of it is built, why, and what it costs
     #[command(subcommand)]
     Scene(SceneCommand),
+    /// Run hard cases over a graph and its plugins: what must stay finite, bounded, and recover
+    ///
+    /// Without a graph, cases that look at kinds of nodes alone are run, over all that are found. A plugin that may crash is better
+    /// looked at by `plugin check` first: here it runs in this process. Exit code 0: all that apply hold; 1: one fails; 2: the graph does not load.
+    #[command(name = "selftest")]
+    SelfTest(SelfTest),
     /// Make a plugin, check one, or see which are found
     #[command(subcommand)]
     Plugin(PluginCommand),

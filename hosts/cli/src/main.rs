@@ -43,6 +43,7 @@ fn main() -> ExitCode {
         Command::FitAr(args) => commands::fit_ar::run(&args),
         Command::Materials(args) => commands::materials::run(&args),
         Command::Scene(command) => commands::scene::run(&command),
+        Command::SelfTest(args) => commands::selftest::run(&args),
         Command::Plugin(command) => commands::plugin::run(&command),
     };
     match result {

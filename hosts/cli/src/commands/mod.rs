@@ -1,4 +1,4 @@
-//! Commands that do not run a graph in time: `check`, `nodes`, `graph`, `invert`, `compare`, `tradeoff`, `choose`, `encode`, `fit-ar`, `materials`, `plugin`.
+//! Commands that do not run a graph in time: `check`, `nodes`, `graph`, `invert`, `compare`, `tradeoff`, `choose`, `encode`, `fit-ar`, `materials`, `selftest`, `plugin`.
 
 pub mod calibrate;
 pub mod check;
@@ -14,5 +14,6 @@ pub mod materials;
 pub mod nodes;
 pub mod plugin;
 pub mod scene;
+pub mod selftest;
 pub mod tone;
 pub mod tradeoff;

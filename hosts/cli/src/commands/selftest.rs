@@ -1,0 +1,181 @@
+//! `asperity selftest`: hard cases over a user's graph and all kinds of nodes that are found.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::process::ExitCode;
+
+use asperity_graph::GraphFile;
+use asperity_node::Registry;
+use asperity_source::{Diagnostic, one_of};
+use asperity_stability::{Case, Effort, Outcome, Subject, Verdict, cases};
+use indicatif::{ProgressBar, ProgressStyle};
+use serde_json::{Value, json};
+
+use crate::args::{EffortArg, GraphArgs, SelfTest};
+use crate::failure::{Failure, clean, print};
+use crate::kinds::Kinds;
+use crate::load;
+
+/// Runs the command.
+pub fn run(args: &SelfTest) -> Result<ExitCode, Failure> {
+    let chosen = chosen(args)?;
+    let (graph, registry) = subject(args)?;
+    let mut subject = Subject::new(registry).effort(match args.effort {
+        EffortArg::Quick => Effort::Quick,
+        EffortArg::Full => Effort::Full,
+        EffortArg::Long => Effort::Long,
+    });
+    if let Some(graph) = &graph {
+        subject = subject.graph(graph);
+    }
+    // A case that is asked for by name says itself that it needs a graph.
+    let needless = |case: &&Case| graph.is_none() && case.of_graph && args.case.is_empty();
+    let (left, run): (Vec<&Case>, Vec<&Case>) = chosen.into_iter().partition(needless);
+    let bar = progress(run.len(), args.quiet);
+    let told = Told::new(&run);
+    if !args.json && !run.is_empty() {
+        print(&told.line("family", "case", "verdict", "found"))?;
+    }
+    let mut rows = Vec::new();
+    for case in run {
+        bar.set_message(case.name);
+        let outcome = contained(case, &subject);
+        bar.inc(1);
+        if !args.json {
+            bar.suspend(|| print(&told.row(case, &outcome, args.verbose)))?;
+        }
+        rows.push((case, outcome));
+    }
+    bar.finish_and_clear();
+    let count = |verdict| rows.iter().filter(|(_, o)| o.verdict == verdict).count();
+    let failed = count(Verdict::Fails);
+    if args.json {
+        print(&format!("{:#}\n", as_json(args, &rows, failed)))?;
+    } else {
+        let (held, other) = (count(Verdict::Holds), count(Verdict::NotApplicable));
+        let more = match left.len() {
+            0 => String::new(),
+            n => format!("; {n} more look at a graph"),
+        };
+        print(&format!("\n{held} hold, {failed} failed, {other} not applicable{more}\n"))?;
+    }
+    Ok(if failed == 0 { ExitCode::SUCCESS } else { ExitCode::from(1) })
+}
+
+/// The cases that were asked for.
+fn chosen(args: &SelfTest) -> Result<Vec<&'static Case>, Failure> {
+    let all = cases();
+    let unknown = |what: &str, name: &str, names: Vec<&'static str>| {
+        let message = format!("there is no {what} `{}`", clean(name));
+        Failure::from(Diagnostic::new(message).help(one_of(name, names.iter().copied())))
+    };
+    for name in &args.case {
+        if all.iter().all(|c| c.name != name) {
+            return Err(unknown("case", name, all.iter().map(|c| c.name).collect()));
+        }
+    }
+    for name in &args.family {
+        if all.iter().all(|c| c.family.name() != name) {
+            let mut names: Vec<&str> = all.iter().map(|c| c.family.name()).collect();
+            names.dedup();
+            return Err(unknown("family", name, names));
+        }
+    }
+    let asked = |names: &[String], name: &str| names.is_empty() || names.iter().any(|n| n == name);
+    Ok(all
+        .into_iter()
+        .filter(|c| asked(&args.case, c.name) && asked(&args.family, c.family.name()))
+        .collect())
+}
+
+/// The graph, if there is one, and all kinds. What does not load or compile is wrong before any case is run.
+fn subject(args: &SelfTest) -> Result<(Option<GraphFile>, Registry), Failure> {
+    let mut kinds = Kinds::new(&args.plugins.plugin);
+    let Some(path) = &args.graph else { return Ok((None, kinds.registry(None)?)) };
+    let of = GraphArgs {
+        graph: path.clone(),
+        set: args.set.clone(),
+        input: None,
+        hand: None,
+        no_prune: false,
+        strict: false,
+        plugins: args.plugins.clone(),
+    };
+    let graph = load::read(&of, &mut kinds)?;
+    let registry = kinds.registry(Some(&graph))?;
+    load::compiled(&graph, &of, &registry)?;
+    Ok((Some(graph), registry))
+}
+
+/// A panic in a plugin that is prepared is caught by nobody else.
+fn contained(case: &Case, subject: &Subject<'_>) -> Outcome {
+    catch_unwind(AssertUnwindSafe(|| case.run(subject)))
+        .unwrap_or_else(|_| Outcome { verdict: Verdict::Fails, found: "it panicked outside a tick".into() })
+}
+
+fn progress(cases: usize, quiet: bool) -> ProgressBar {
+    if quiet {
+        return ProgressBar::hidden();
+    }
+    let bar = ProgressBar::new(cases as u64);
+    if let Ok(style) = ProgressStyle::with_template("testing {wide_bar} {pos}/{len}  {msg}") {
+        bar.set_style(style);
+    }
+    bar
+}
+
+/// How wide the columns are.
+struct Told {
+    family: usize,
+    case: usize,
+}
+
+fn word(verdict: Verdict) -> &'static str {
+    match verdict {
+        Verdict::Holds => "holds",
+        Verdict::Fails => "fails",
+        Verdict::NotApplicable => "not applicable",
+    }
+}
+
+impl Told {
+    fn new(cases: &[&Case]) -> Self {
+        let widest = |name: fn(&Case) -> &str, head: &str| {
+            cases.iter().map(|c| name(c).len()).chain([head.len()]).max().unwrap_or(0)
+        };
+        Self { family: widest(|c| c.family.name(), "family"), case: widest(|c| c.name, "case") }
+    }
+
+    fn line(&self, family: &str, case: &str, verdict: &str, found: &str) -> String {
+        let (f, c) = (self.family, self.case);
+        let text = format!("{family:f$}  {case:c$}  {verdict:14}  {found}");
+        format!("{}\n", text.trim_end())
+    }
+
+    fn row(&self, case: &Case, outcome: &Outcome, verbose: bool) -> String {
+        let found = outcome.found.lines().map(clean).collect::<Vec<_>>().join("; ");
+        let mut out = self.line(case.family.name(), case.name, word(outcome.verdict), &found);
+        if verbose {
+            out += &format!("    hard: {}\n    must: {}\n", case.hard, case.must);
+        }
+        out
+    }
+}
+
+fn as_json(args: &SelfTest, rows: &[(&Case, Outcome)], failed: usize) -> Value {
+    let row = |(case, outcome): &(&Case, Outcome)| {
+        json!({
+            "family": case.family.name(), "case": case.name, "verdict": word(outcome.verdict),
+            "found": outcome.found, "hard": case.hard, "must": case.must, "of_graph": case.of_graph,
+        })
+    };
+    json!({
+        "graph": args.graph.as_ref().map(|p| p.display().to_string()),
+        "effort": match args.effort {
+            EffortArg::Quick => "quick",
+            EffortArg::Full => "full",
+            EffortArg::Long => "long",
+        },
+        "verdict": if failed == 0 { "holds" } else { "fails" },
+        "cases": rows.iter().map(row).collect::<Vec<_>>(),
+    })
+}
