@@ -134,7 +134,7 @@ fn convergence(heard: &Heard) -> Option<f64> {
 }
 
 /// Figures against the physics.
-fn whole(heard: &Heard, truth: &Spectrogram, strength: f64, figures: &mut Figures) {
+fn whole(heard: &Heard, truth: &[Spectrogram], strength: f64, figures: &mut Figures) {
     let rendered: Vec<f64> = heard.acceleration().iter().map(|a| a / strength).collect();
     let Ok(rendered) = Spectrogram::new(&[&rendered], f64::from(heard.rate_hz)) else { return };
     let Ok(agreement) = accuracy::compare(&rendered, truth) else { return };
@@ -144,13 +144,13 @@ fn whole(heard: &Heard, truth: &Spectrogram, strength: f64, figures: &mut Figure
 /// Figures of the frames themselves, as if all that comes behind were perfect: where the network is the limit. None where there are none.
 ///
 /// A frame's magnitude of a bin, an amplitude A, stands for the power A^2 / 3 that a spectrogram has of a sine of that amplitude there.
-fn of_model(heard: &Heard, truth: &Spectrogram) -> Option<Figures> {
+fn of_model(heard: &Heard, truth: &[Spectrogram]) -> Option<Figures> {
     let framing = heard.framing?;
     let bin_hz = f64::from(framing.rate_hz) / framing.fft_len as f64;
     let bins: Vec<&[f32]> = heard.frames.chunks_exact(framing.bins).collect();
     let frame_hz = f64::from(framing.frame_num) / f64::from(framing.frame_den);
     let mut powers = Vec::new();
-    for number in 0..truth.frames() {
+    for number in 0..truth.iter().map(Spectrogram::frames).min()? {
         // The frame that begins nearest to where the spectrogram's does.
         let frame = bins.get((number as f64 * HOP_S * frame_hz).round() as usize)?;
         powers.push(std::array::from_fn(|bin| {

@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use asperity_dataset::made::Ground;
 use asperity_graph::{GraphFile, compile};
 use asperity_measure::accuracy::Spectrogram;
-use asperity_node::{ParamValue, Registry};
+use asperity_node::{ParamValue, Registry, random};
 use asperity_source::Diagnostic;
 use asperity_stability::{Case, Effort, Subject, Verdict};
 use asperity_world::topography::made_surfaces;
@@ -26,6 +26,10 @@ use crate::setting::{Base, Setting, Settings, fnv};
 use crate::stroke::Stroke;
 use crate::time::{Batch, Onlooker, batch};
 use crate::truth::Truths;
+
+/// Pieces of a surface that each draw of the physics is of, and places on each that a stroke begins at.
+const PIECES: u64 = 2;
+const PLACES: usize = 2;
 
 /// What is to be run, and how.
 #[derive(Debug)]
@@ -234,13 +238,16 @@ fn truths(
         known.flat_map(|surface| (0..study.draws).map(move |draw| (surface, draw))).collect();
     let truths = Mutex::new(Truths::default());
     on_several(&wanted, jobs, onlooker, |&(surface, draw)| {
-        let seed = study.seed.wrapping_add(draw);
-        let ground = Ground::new(surface, seed);
+        let seed = |number: u64| random::bits(study.seed.wrapping_add(draw), number);
+        let pieces: Vec<Ground> = (0..PIECES).map(|piece| Ground::new(surface, seed(piece))).collect();
         for (s, stroke) in strokes.iter().enumerate() {
-            let felt = ground.felt(&stroke.hand, seed);
-            let truth = Spectrogram::new(&felt.axes(), felt.rate_hz);
-            if let (Ok(truth), Ok(mut truths)) = (truth, truths.lock()) {
-                truths.insert(s, &surface.name, draw, truth);
+            let mut all = Vec::new();
+            for (number, piece) in (0..).zip(pieces.iter().flat_map(|piece| [piece; PLACES])) {
+                let felt = piece.felt(&stroke.hand, seed(PIECES + number));
+                all.extend(Spectrogram::new(&felt.axes(), felt.rate_hz));
+            }
+            if let Ok(mut truths) = truths.lock() {
+                truths.insert(s, &surface.name, draw, all);
             }
         }
         Ok(())
