@@ -3,7 +3,7 @@
 CARGO ?= cargo
 OUT ?= out
 
-.PHONY: setup-tests header stability-docs plugins setup demo test test-long lint bench train evaluate pictures live-pictures clean
+.PHONY: setup-tests header stability-docs plugins setup demo test test-long lint bench tradeoff train evaluate pictures live-pictures clean
 
 # Installs what is missing where it may, else says the exact line.
 setup:
@@ -51,6 +51,14 @@ plugins: setup
 	@echo
 	@echo "to have them in every graph and in compare:"
 	@echo "    export ASPERITY_PLUGIN_PATH=$(abspath $(OUT)/plugins)"
+
+# What accuracy costs in time: the shipped study, into docs/tradeoff. Under 15 minutes on 2 cores; stopped, it goes on where it was.
+tradeoff: setup
+	$(CARGO) build --release -p asperity -p asperity-rtpghi -p asperity-gsrtisi-la
+	mkdir -p $(OUT)
+	target/release/asperity tradeoff graphs/studies/shipped.ron --out $(OUT)/tradeoff --jobs 2 \
+	    --plugin target/release/librtpghi.so --plugin target/release/libgsrtisi_la.so
+	cp $(OUT)/tradeoff/*.svg $(OUT)/tradeoff/results.csv $(OUT)/tradeoff/results.json $(OUT)/tradeoff/REPORT.md docs/tradeoff/
 
 # Writes the plugin interface's C header anew from its Rust.
 header: setup

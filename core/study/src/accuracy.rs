@@ -9,7 +9,7 @@ use asperity_source::ron::{Kind, Value};
 use crate::figure::{Figure, Figures, mean};
 use crate::hear::{Heard, chain, over};
 use crate::knob::{has, set};
-use crate::lag;
+use crate::lag::Response;
 use crate::setting::Setting;
 use crate::stroke::Stroke;
 use crate::time::Onlooker;
@@ -69,7 +69,7 @@ pub(crate) fn find(
                 }
                 let material = material.as_deref();
                 let chain = chain(setting, registry, stroke, material, seed)?;
-                found.latency_ms.get_or_insert(chain.schedule().latency().ms());
+                found.latency_ms.get_or_insert(chain.latency().ms());
                 let heard = chain.hear(stroke.seconds);
                 found.faults += heard.faults;
                 let mut figures = Figures::new();
@@ -94,7 +94,7 @@ pub(crate) fn find(
         found.draws.push(mean(all.iter()));
         let material = plan.materials.first().and_then(|m| m.as_deref());
         let graph = over(&setting.graph, registry, material, seed);
-        found.lags_ms.extend(lag::response(&graph, registry, plan.steps)?);
+        found.lags_ms.extend(Response::new(&graph, registry)?.lag_ms(plan.steps));
         onlooker.advanced(1);
     }
     found.model = mean(models.iter());

@@ -127,6 +127,25 @@ impl Chain {
         &mut self.engine
     }
 
+    /// Node and output of the last acceleration at the audio rate, else of what drives the coil.
+    pub fn nearest(&self) -> Option<(usize, usize)> {
+        self.places.felt.or(self.places.drive)
+    }
+
+    /// Declared latency from the frames, or else from anything, to the last acceleration or drive: of ways side by side the longest.
+    pub fn latency(&self) -> Latency {
+        let Some((end, _)) = self.nearest() else { return self.schedule.latency() };
+        let begin = self.places.frames.map(|(node, _)| node);
+        let nodes = &self.schedule.nodes;
+        let mut late: Vec<Option<Latency>> = vec![None; nodes.len()];
+        for (i, node) in nodes.iter().enumerate() {
+            let before = node.inputs.iter().filter_map(|input| late[input.from.filter(|(n, _)| *n < i)?.0]);
+            let first = begin.is_none_or(|begin| begin == i).then_some(Latency::ZERO);
+            late[i] = before.chain(first).max().map(|l| l + node.latency);
+        }
+        late.get(end).copied().flatten().unwrap_or_default()
+    }
+
     /// Runs for so many seconds and takes everything down.
     pub fn hear(mut self, seconds: f64) -> Heard {
         let ticks = (seconds * f64::from(self.schedule.tick_hz)).round() as u64;
@@ -159,7 +178,7 @@ impl Chain {
     /// Runs for so many seconds and answers the acceleration before the inverse, or what is nearest to it.
     pub fn felt(mut self, seconds: f64) -> (Vec<f32>, u32) {
         let ticks = (seconds * f64::from(self.schedule.tick_hz)).round() as u64;
-        let at = self.places.felt.or(self.places.drive);
+        let at = self.nearest();
         let mut felt = Vec::new();
         for _ in 0..ticks {
             self.engine.tick();

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use asperity_engine::Options;
-use asperity_graph::GraphFile;
+use asperity_graph::{GraphFile, Schedule};
 use asperity_measure::response::{Steps, lag_ms};
 use asperity_node::Registry;
 use asperity_source::Diagnostic;
@@ -11,7 +11,7 @@ use asperity_source::Diagnostic;
 use crate::hear::{Chain, motion};
 
 /// Half a period of the steps \[s\].
-pub(crate) const HALF_S: f64 = 0.4;
+const HALF_S: f64 = 0.4;
 /// Steps that are left out, while the chain starts.
 const LEFT_OUT: usize = 2;
 /// Speeds between which it steps \[mm/s\]. A period goes 64.618 mm: whatever repeats along the way comes at every phase.
@@ -28,26 +28,45 @@ fn stylus(t: f64, stepped: bool) -> [f64; 3] {
     [x, 0.0, -DEPTH_MM]
 }
 
-/// Milliseconds from a step of speed, from 40 to 121 mm/s, until the level is 10, 50 and 90 % of the way; `steps` of them are taken. None where the
-/// level does not rise with speed.
-///
-/// # Errors
-/// What the compiler says.
-pub fn response(
-    graph: &GraphFile,
-    registry: &Registry,
-    steps: usize,
-) -> Result<Option<[f64; 3]>, Diagnostic> {
-    let periods = steps + LEFT_OUT;
-    let play = |stepped: bool| {
-        let at = Arc::new(move |t| stylus(t, stepped));
-        let chain = Chain::new(graph, registry, motion(at, graph.tick_hz), Options::default())?;
-        Ok::<_, Diagnostic>(chain.felt(2.0 * HALF_S * periods as f64))
-    };
-    let ((stepped, rate_hz), (still, _)) = (play(true)?, play(false)?);
-    let half = (HALF_S * f64::from(rate_hz)) as usize;
-    let at: Vec<usize> = (LEFT_OUT..periods).map(|k| (2 * k + 1) * half).collect();
-    Ok(lag_ms(&stepped, &still, &Steps { rate_hz, at: &at, before: half / 2, after: half / 2 }))
+/// A graph under a stylus whose speed steps, and under one whose speed does not.
+pub struct Response {
+    stepped: Chain,
+    still: Chain,
+}
+
+impl Response {
+    /// Compiles the graph for both.
+    ///
+    /// # Errors
+    /// What the compiler says; nothing that moves a stylus.
+    pub fn new(graph: &GraphFile, registry: &Registry) -> Result<Self, Diagnostic> {
+        let play = |stepped: bool| {
+            let at = Arc::new(move |t| stylus(t, stepped));
+            Chain::new(graph, registry, motion(at, graph.tick_hz), Options::default())
+        };
+        Ok(Self { stepped: play(true)?, still: play(false)? })
+    }
+
+    /// What is run.
+    pub fn schedule(&self) -> &Schedule {
+        self.stepped.schedule()
+    }
+
+    /// Node and output whose level is looked at: the last acceleration at the audio rate, else what drives the coil.
+    pub fn heard(&self) -> Option<(usize, usize)> {
+        self.stepped.nearest()
+    }
+
+    /// Milliseconds from a step of speed, from 40 to 121 mm/s, until the level is 10, 50 and 90 % of the way; so many steps are taken. None where
+    /// the level does not rise with speed.
+    pub fn lag_ms(self, steps: usize) -> Option<[f64; 3]> {
+        let periods = steps + LEFT_OUT;
+        let seconds = 2.0 * HALF_S * periods as f64;
+        let ((stepped, rate_hz), (still, _)) = (self.stepped.felt(seconds), self.still.felt(seconds));
+        let half = (HALF_S * f64::from(rate_hz)) as usize;
+        let at: Vec<usize> = (LEFT_OUT..periods).map(|k| (2 * k + 1) * half).collect();
+        lag_ms(&stepped, &still, &Steps { rate_hz, at: &at, before: half / 2, after: half / 2 })
+    }
 }
 
 #[cfg(test)]

@@ -34,7 +34,7 @@ pub use figure::{Figure, Figures};
 pub use file::{Grid, Mark, Named, Study, Times};
 pub use hear::{Chain, Heard};
 pub use knob::Knob;
-pub use lag::response;
+pub use lag::Response;
 pub use result::{Fragment, Machine, Results, Row, Time};
 pub use run::{Order, Ran, parts, run};
 pub use setting::{Base, Setting, Settings};

@@ -107,11 +107,8 @@ pub fn run(order: &Order<'_>, onlooker: &dyn Onlooker) -> Result<Ran, Diagnostic
         let bases = order.bases.get(s.base).or_else(|| order.marks.iter().find(|m| m.name == s.name));
         bases.or(order.bases.first()).map_or_else(|| unreachable!("there is a graph"), |b| &b.registry)
     };
-    let mut notes: Vec<String> = settings
-        .left_out
-        .iter()
-        .map(|(graph, knob)| format!("{graph} has no `{knob}`: left as it is there"))
-        .collect();
+    let mut notes: Vec<String> =
+        settings.left_out.iter().map(|(what, why)| format!("`{what}` is left out: {why}")).collect();
     let strokes = study.strokes.iter().map(|s| s.open()).collect::<Result<Vec<_>, _>>()?;
     let materials = materials(order, &mut notes);
     onlooker.doing("the physics");

@@ -8,7 +8,7 @@ use asperity_scene::{Lowering, draft, lower};
 use asperity_source::{Diagnostic, Source, one_of};
 use asperity_world::scene::{Finding, Kind, Scene};
 
-use crate::args::GraphArgs;
+use crate::args::{GraphArgs, PluginArgs};
 use crate::failure::{Failure, clean, warn};
 use crate::kinds::Kinds;
 use crate::source;
@@ -48,6 +48,26 @@ pub fn read_all(args: &GraphArgs, kinds: &mut Kinds) -> Result<(GraphFile, Optio
     let lowered = lower(&scene, &registry, Lowering { prune: !args.no_prune })?;
     let graph = changed(lowered.graph, args)?;
     Ok((graph, Some(OfScene { scene, rendered: lowered.rendered })))
+}
+
+/// A graph, or what a scene lowers to, to be run without any device: nothing in it pushes back. And the kinds that it may use.
+pub fn offline(path: &Path, plugins: &PluginArgs) -> Result<(GraphFile, Registry), Failure> {
+    let args = GraphArgs {
+        graph: path.to_owned(),
+        set: Vec::new(),
+        input: None,
+        hand: None,
+        no_prune: false,
+        strict: false,
+        plugins: plugins.clone(),
+    };
+    let mut kinds = Kinds::new(&plugins.plugin);
+    let mut graph = read(&args, &mut kinds)?;
+    let registry = kinds.registry(Some(&graph))?;
+    graph.nodes.retain(|n| !n.kind.ends_with("_force"));
+    let ids: Vec<String> = graph.nodes.iter().map(|n| n.id.clone()).collect();
+    graph.wires.retain(|w| ids.contains(&w.to.node));
+    Ok((graph, registry))
 }
 
 /// What a scene asks of its device that it may not bear: warnings, or an error.

@@ -1,29 +1,18 @@
 //! How late a graph answers a change of speed.
 
-use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-use asperity_engine::Engine;
-use asperity_graph::{Compiled, GraphFile, Schedule};
-use asperity_measure::response::{Steps, lag_ms};
-use asperity_node::{Buffer, Latency, Registry, Shape, Unit};
+use asperity_graph::{GraphFile, Schedule};
+use asperity_node::{Latency, Registry};
 use asperity_source::Diagnostic;
+use asperity_study::Response;
 
-use crate::args::{GraphArgs, LatencyArgs};
+use crate::args::LatencyArgs;
 use crate::failure::{Failure, complain};
-use crate::kinds::Kinds;
-use crate::{load, source};
+use crate::load;
 
-/// Half a period of the steps, in seconds.
-const HALF_S: f64 = 0.4;
-/// Steps up: more make a random texture's level surer.
-const PERIODS: usize = 150;
-/// Steps that are left out, while the chain starts.
-const LEFT_OUT: usize = 2;
-/// Speeds between which it steps, in mm/s. A period goes 64.618 mm: whatever repeats along the way comes at every phase.
-const SPEEDS: [f64; 2] = [40.4, 121.145];
-/// How deep the stylus is in a floor at height 0, in mm: 1 N at 0.5 N/mm.
-const DEPTH_MM: f64 = 2.0;
+/// Steps of speed: more make a random texture's level surer.
+const STEPS: usize = 148;
 
 /// How late a graph answers.
 pub struct Chain {
@@ -35,24 +24,18 @@ pub struct Chain {
     pub items: Vec<(String, f64)>,
 }
 
-/// A graph that can be measured: compiled to play a stroke whose speed steps, and one whose speed does not.
+/// A graph that can be measured.
 pub struct Ready {
     path: PathBuf,
-    stepped: Compiled,
-    still: Compiled,
-    /// Node and output that are heard.
-    at: (usize, usize),
+    response: Response,
+    /// Node that is heard.
+    end: usize,
 }
 
 /// Makes every graph ready, so that nothing is measured where one of them is wrong. A setting goes to the graphs that have what it
 /// sets, and the others are named; where none has, it is an error.
 pub fn prepare(args: &LatencyArgs) -> Result<Vec<Ready>, Failure> {
-    let dir = tempfile::tempdir().map_err(|e| Failure::Machine(format!("no folder for a stroke: {e}")))?;
-    let (steps, still) = (dir.path().join("steps.csv"), dir.path().join("still.csv"));
-    for (file, speeds) in [(&steps, SPEEDS), (&still, [SPEEDS[0]; 2])] {
-        std::fs::write(file, stroke(speeds)).map_err(|e| Failure::writing(file, e))?;
-    }
-    let drafts = args.graphs.iter().map(|path| Draft::read(path, &steps, args));
+    let drafts = args.graphs.iter().map(|path| Draft::read(path, args));
     let drafts: Vec<Draft> = drafts.collect::<Result<_, _>>()?;
     let mut sets = vec![Vec::new(); drafts.len()];
     for assignment in &args.set {
@@ -65,30 +48,26 @@ pub fn prepare(args: &LatencyArgs) -> Result<Vec<Ready>, Failure> {
         for (draft, _) in others {
             complain(&format!(
                 "note: {} has no such parameter and is measured without --set {assignment}\n",
-                draft.args.graph.display()
+                draft.path.display()
             ));
         }
     }
     let ready = |(draft, sets): (Draft, Vec<&str>)| -> Result<Ready, Failure> {
-        let stepped = draft.compiled(&steps, &sets)?;
-        let at = heard(&stepped.schedule, &draft.args.graph)?;
-        let still = draft.compiled(&still, &sets)?;
-        Ok(Ready { path: draft.args.graph, stepped, still, at })
+        let path = draft.path.clone();
+        let response = draft.response(&sets)?;
+        let nothing = "nothing in this graph is an acceleration, a current or a voltage at the audio rate";
+        let (end, _) = response.heard().ok_or_else(|| Diagnostic::new(nothing).in_file(&path))?;
+        Ok(Ready { path, response, end })
     };
     drafts.into_iter().zip(sets).map(ready).collect()
 }
 
 /// Runs a graph offline over strokes whose speed steps.
 pub fn measure(ready: Ready) -> Result<Chain, Failure> {
-    let Ready { path, stepped, still, at } = ready;
-    let end = at.0;
-    let of_scene = stepped.schedule.nodes.iter().any(|node| node.kind == "contact");
-    let (schedule, stepped, rate_hz) = run(stepped, at);
-    let (_, still, _) = run(still, at);
-    let half = (HALF_S * f64::from(rate_hz)) as usize;
-    let at: Vec<usize> = (LEFT_OUT..PERIODS).map(|k| (2 * k + 1) * half).collect();
-    let steps = Steps { rate_hz, at: &at, before: half / 2, after: half / 2 };
-    let lag_ms = lag_ms(&stepped, &still, &steps).ok_or_else(|| {
+    let Ready { path, response, end } = ready;
+    let schedule = response.schedule().clone();
+    let of_scene = schedule.nodes.iter().any(|node| node.kind == "contact");
+    let lag_ms = response.lag_ms(STEPS).ok_or_else(|| {
         Failure::from(
             Diagnostic::new("the level does not rise with speed, so no answer to a step of it can be seen")
                 .in_file(&path)
@@ -104,41 +83,17 @@ pub fn measure(ready: Ready) -> Result<Chain, Failure> {
     Ok(Chain { graph: path.display().to_string(), lag_ms, items })
 }
 
-/// A stylus pressed to the surface whose speed along x steps up and down again.
-fn stroke([slow, fast]: [f64; 2]) -> String {
-    let mut csv = String::from("t_s,x_mm,y_mm,z_mm\n");
-    let mut x = 0.0;
-    for k in 0..(2.0 * HALF_S * PERIODS as f64 * 500.0) as usize {
-        let t = k as f64 / 500.0;
-        let _ = writeln!(csv, "{t},{x},0,{}", -DEPTH_MM);
-        x += if (t / HALF_S) as usize % 2 == 1 { fast } else { slow } / 500.0;
-    }
-    csv
-}
-
-/// A graph as its file has it but for the stroke that it plays, and the kinds that it may use.
+/// A graph as its file has it, and the kinds that it may use.
 struct Draft {
-    args: GraphArgs,
+    path: PathBuf,
     graph: GraphFile,
     registry: Registry,
 }
 
 impl Draft {
-    fn read(path: &Path, stroke: &Path, args: &LatencyArgs) -> Result<Self, Failure> {
-        let args = GraphArgs {
-            graph: path.to_owned(),
-            set: Vec::new(),
-            input: None,
-            hand: None,
-            no_prune: false,
-            strict: false,
-            plugins: args.plugins.clone(),
-        };
-        let mut kinds = Kinds::new(&args.plugins.plugin);
-        let mut graph = load::read(&args, &mut kinds)?;
-        source::play(&mut graph, stroke)?;
-        let registry = kinds.registry(Some(&graph))?;
-        Ok(Self { args, graph, registry })
+    fn read(path: &Path, args: &LatencyArgs) -> Result<Self, Failure> {
+        let (graph, registry) = load::offline(path, &args.plugins)?;
+        Ok(Self { path: path.to_owned(), graph, registry })
     }
 
     /// Whether it has what an assignment sets, whatever the value. The graph's own settings (`seed`) are in every graph.
@@ -149,51 +104,13 @@ impl Draft {
         kind.is_some_and(|kind| name == "every" || kind.descriptor().params.iter().any(|p| p.name == name))
     }
 
-    /// Compiles it with another stroke.
-    fn compiled(&self, stroke: &Path, sets: &[&str]) -> Result<Compiled, Failure> {
-        let mut graph = self.graph.clone();
-        source::play(&mut graph, stroke)?;
+    /// Compiles it under a stylus of which much is known.
+    fn response(mut self, sets: &[&str]) -> Result<Response, Failure> {
         for assignment in sets {
-            graph.set(assignment, "--set")?;
+            self.graph.set(assignment, "--set")?;
         }
-        // What pushes back needs no device here.
-        graph.nodes.retain(|n| !n.kind.ends_with("_force"));
-        let ids: Vec<String> = graph.nodes.iter().map(|n| n.id.clone()).collect();
-        graph.wires.retain(|w| ids.contains(&w.to.node));
-        load::compiled(&graph, &self.args, &self.registry)
+        Ok(Response::new(&self.graph, &self.registry)?)
     }
-}
-
-/// The acceleration nearest to the actuator, else what drives it: node and output.
-fn heard(schedule: &Schedule, path: &Path) -> Result<(usize, usize), Failure> {
-    let outputs =
-        schedule.nodes.iter().enumerate().flat_map(|(i, n)| (0..n.outputs.len()).map(move |o| (i, o)));
-    let of = |unit: &Unit| {
-        let fits = |&(i, o): &(usize, usize)| {
-            let port = &schedule.nodes[i].outputs[o].port;
-            port.shape == Shape::Audio { rate_hz: schedule.audio_hz } && port.unit == *unit
-        };
-        outputs.clone().rfind(fits)
-    };
-    [Unit::METRE_PER_SECOND_SQUARED, Unit::AMPERE, Unit::VOLT].iter().find_map(of).ok_or_else(|| {
-        let message = "nothing in this graph is an acceleration, a current or a voltage at the audio rate";
-        Diagnostic::new(message).in_file(path).into()
-    })
-}
-
-fn run(compiled: Compiled, (node, output): (usize, usize)) -> (Schedule, Vec<f32>, u32) {
-    let schedule = compiled.schedule.clone();
-    let mut engine = Engine::new(compiled, Default::default());
-    let ticks = 2.0 * HALF_S * PERIODS as f64 * f64::from(schedule.tick_hz);
-    let mut out = Vec::new();
-    for _ in 0..ticks as u64 {
-        engine.tick();
-        if let Some(Buffer::Audio { samples, len, .. }) = engine.output(node, output) {
-            out.extend_from_slice(&samples[..*len]);
-        }
-    }
-    let rate_hz = schedule.audio_hz;
-    (schedule, out, rate_hz)
 }
 
 /// What is known to make a graph late up to one of its nodes, and what is left for its windows. Of ways side by side the slowest counts.

@@ -11,9 +11,8 @@ use std::sync::atomic::Ordering;
 use asperity_source::{Diagnostic, Source};
 use asperity_study::{Base, Figure, Machine, Order, Results, Study, parts, run as run_study};
 
-use crate::args::{GraphArgs, Merge, PluginArgs, Tradeoff, TradeoffCommand};
+use crate::args::{Merge, PluginArgs, Tradeoff, TradeoffCommand};
 use crate::failure::{Failure, be_quiet, print, warn};
-use crate::kinds::Kinds;
 use crate::load;
 use crate::render::stop_flag;
 
@@ -130,22 +129,7 @@ fn base(path: &Path, args: &Tradeoff) -> Result<Base, Failure> {
 }
 
 fn base_as_it_is(path: &Path, plugins: &PluginArgs) -> Result<Base, Failure> {
-    let args = GraphArgs {
-        graph: path.to_owned(),
-        set: Vec::new(),
-        input: None,
-        hand: None,
-        no_prune: false,
-        strict: false,
-        plugins: plugins.clone(),
-    };
-    let mut kinds = Kinds::new(&plugins.plugin);
-    let mut graph = load::read(&args, &mut kinds)?;
-    let registry = kinds.registry(Some(&graph))?;
-    // What pushes back needs no device here.
-    graph.nodes.retain(|n| !n.kind.ends_with("_force"));
-    let ids: Vec<String> = graph.nodes.iter().map(|n| n.id.clone()).collect();
-    graph.wires.retain(|w| ids.contains(&w.to.node));
+    let (graph, registry) = load::offline(path, plugins)?;
     Ok(Base { name: path.display().to_string(), graph, registry, strength: 1.0 })
 }
 
