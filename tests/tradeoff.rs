@@ -170,7 +170,10 @@ fn what_is_wrong_with_a_study_is_said_with_its_place_and_nothing_is_written() {
     study(dir.path(), r#"(name: "g", knobs: {"phase.frames": [5, 0]})"#);
     run(dir.path(), &["tradeoff", "study.ron", "--out", "out", "--no-cases", "-q"]).ok();
     let results = json(&dir.path().join("out/results.json"));
-    assert!(row(&results, "phase.frames=0")["error"].as_str().expect("why").contains("out of range"), "{results}");
+    assert!(
+        row(&results, "phase.frames=0")["error"].as_str().expect("why").contains("out of range"),
+        "{results}"
+    );
     assert!(row(&results, "default")["error"].is_null());
     for (args, want) in [
         (&["tradeoff", "study.ron", "study.ron", "--out", "o"][..], "a second study"),

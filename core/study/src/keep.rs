@@ -27,20 +27,23 @@ impl Kept {
         serde_json::from_slice(&bytes).ok()
     }
 
-    /// Keeps a part: written beside, then given its name, so that it is there whole or not at all.
+    /// Keeps a part: written beside, then given its name, so that it is there whole or not at all. Answers it as it will be read, whose last digits may
+    /// differ, so that results are the same whether or not they were kept.
     ///
     /// # Errors
     /// It cannot be written.
-    pub(crate) fn put<T: Serialize>(&self, name: &str, part: &T) -> Result<(), Diagnostic> {
+    pub(crate) fn put<T: Serialize + DeserializeOwned>(&self, name: &str, part: &T) -> Result<T, Diagnostic> {
         let path = self.0.join(format!("{name}.json"));
         let fail =
             |e: &dyn std::fmt::Display| Diagnostic::new(format!("cannot write this: {e}")).in_file(&path);
         let text = serde_json::to_vec(part).map_err(|e| fail(&e))?;
         let beside = self.0.join(format!(".{name}.{}.part", std::process::id()));
+        let read = serde_json::from_slice(&text).map_err(|e| fail(&e))?;
         std::fs::write(&beside, text).and_then(|()| std::fs::rename(&beside, &path)).map_err(|e| {
             let _ = std::fs::remove_file(&beside);
             fail(&e)
-        })
+        })?;
+        Ok(read)
     }
 
     /// Parts whose names begin so.

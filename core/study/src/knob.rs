@@ -260,3 +260,7 @@ fn bypass(graph: &mut GraphFile, id: &str, value: &Value, registry: &Registry) -
     }
     Ok(())
 }
+
+#[cfg(test)]
+#[path = "knob_tests.rs"]
+mod tests;

@@ -135,10 +135,7 @@ pub fn run(order: &Order<'_>, onlooker: &dyn Onlooker) -> Result<Ran, Diagnostic
             None => {
                 let base = order.bases.get(s.base).map(|b| &b.graph);
                 let part = part(s, base, registry(s), &plan, &cases, onlooker);
-                if let Some(part) = &part {
-                    kept.put(&name, part)?;
-                }
-                part
+                part.map(|part| kept.put(&name, &part)).transpose()?
             }
         };
         if let (Some(part), Ok(mut parts)) = (part, parts.lock()) {
@@ -374,14 +371,14 @@ fn times<'r>(
         let with: Vec<(&Setting, &Registry)> = some.iter().map(|s| (*s, registry(s))).collect();
         let timed = batch((anchor, registry(anchor)), &with, material, order.study.times, onlooker)?;
         let Some(batch) = timed else { break };
-        let mut to_keep = batch.clone();
-        for ((k, _), s) in to_keep.rows.iter_mut().zip(some) {
-            *k = key(s);
+        // Under keys that change with what a setting depends on.
+        let full = some.iter().map(|s| key(s));
+        let rows = full.zip(&batch.rows).map(|(key, (_, time))| (key, time.clone())).collect();
+        let name: String = some.iter().map(|s| key(s)).collect();
+        let mut batch = kept.put(&format!("times-{:016x}", fnv(&name)), &Batch { rows, ..batch })?;
+        for ((key, _), s) in batch.rows.iter_mut().zip(some) {
+            key.clone_from(&s.key);
         }
-        kept.put(
-            &format!("times-{:016x}", fnv(&to_keep.rows.iter().map(|r| r.0.as_str()).collect::<String>())),
-            &to_keep,
-        )?;
         batches.push(batch);
     }
     Ok(batches)

@@ -206,3 +206,65 @@ fn same(graph: &GraphFile) -> String {
 pub(crate) fn fnv(text: &str) -> u64 {
     text.bytes().fold(0xcbf2_9ce4_8422_2325, |h, b| (h ^ u64::from(b)).wrapping_mul(0x100_0000_01b3))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use asperity_source::Source;
+
+    fn base(name: &str) -> Base {
+        let text = r#"Graph(version: 1, nodes: {"a": (kind: "gain", params: (gain: 2.0)), "b": (kind: "mix")}, wires: [])"#;
+        Base {
+            name: name.into(),
+            graph: GraphFile::parse(&Source::new(format!("{name}.ron"), text)).unwrap(),
+            registry: asperity_nodes::registry(),
+            strength: 1.0,
+        }
+    }
+
+    fn study(grids: &str) -> Study {
+        let text = format!(r#"Study(version: 1, strokes: [(name: "s")], grids: [{grids}])"#);
+        Study::parse(&Source::new("s.ron", text)).unwrap()
+    }
+
+    #[test]
+    fn all_combinations_are_there_once_by_what_they_differ_in() {
+        let study = study(
+            r#"(name: "g", knobs: {"a.gain": [1.0, 2.0], "tick_hz": [500, 1000]}), (name: "h", knobs: {"tick_hz": [1000, 250]})"#,
+        );
+        let settings = Settings::new(&study, &[base("x")], &[]).unwrap();
+        let names: Vec<(&str, String)> =
+            settings.all.iter().map(|s| (s.name.as_str(), s.grids.join("+"))).collect();
+        let want = [
+            ("default", "g"),
+            ("a.gain=1.0", "g"),
+            ("a.gain=1.0 tick_hz=1000", "g"),
+            ("tick_hz=1000", "g+h"),
+            ("tick_hz=250", "h"),
+        ];
+        let mut sorted = names.clone();
+        sorted.sort();
+        let mut wanted = want.map(|(n, g)| (n, g.to_owned()));
+        wanted.sort();
+        assert_eq!(sorted, wanted);
+        assert!(settings.all[0].default && settings.all[1..].iter().all(|s| !s.default));
+        let keys: std::collections::BTreeSet<&str> = settings.all.iter().map(|s| s.key.as_str()).collect();
+        assert_eq!(keys.len(), 5);
+    }
+
+    #[test]
+    fn several_graphs_have_each_their_settings_and_a_mark_is_as_it_is() {
+        let study = study(r#"(name: "g", knobs: {"tick_hz": [500, 1000]})"#);
+        let settings = Settings::new(&study, &[base("x"), base("y")], &[base("mine")]).unwrap();
+        let names: Vec<&str> = settings.all.iter().map(|s| s.name.as_str()).collect();
+        assert_eq!(names, ["x: default", "y: default", "x: tick_hz=1000", "y: tick_hz=1000", "mine"]);
+        assert!(settings.all[4].mark);
+    }
+
+    #[test]
+    fn the_same_text_has_the_same_key_on_every_machine() {
+        // FNV-1a of "a", as its authors publish it.
+        assert_eq!(fnv("a"), 0xaf63_dc4c_8601_ec8c);
+        assert_eq!(fnv(""), 0xcbf2_9ce4_8422_2325);
+    }
+}
