@@ -89,9 +89,9 @@ fn a_limiter_that_is_bypassed_leaves_nothing_to_play_on() {
 #[test]
 fn parameters_rates_and_guards_are_turned_where_they_are() {
     let all =
-        turned(&[("phase.frames", "7"), ("phase.every", "2"), ("tick_hz", "1000"), ("guards", "false")]);
+        turned(&[("phase.frames", "7"), ("frames.every", "1"), ("tick_hz", "1000"), ("guards", "false")]);
     let phase = all.graph.node("phase").unwrap();
-    assert_eq!(phase.to_string(), r#""phase": (kind: "sample_commit", every: 2, params: (frames: 7)),"#);
+    assert_eq!(phase.to_string(), r#""phase": (kind: "sample_commit", params: (frames: 7)),"#);
     assert_eq!((all.graph.tick_hz, all.guards), (1000, false));
     // Every node that has the parameter and takes the word.
     let drives = turned(&[("*.phase", r#""minimum""#)]).graph;

@@ -1,10 +1,9 @@
 use std::f64::consts::TAU;
-use std::ops::Range;
 
 use super::spectrogram::{BINS, Spectrogram, bin_hz};
 
-/// Frames of a segment, about: 0.55 s of signal.
-pub const SEGMENT_FRAMES: usize = 10;
+/// Frames of a segment: 0.575 s of signal.
+pub const SEGMENT_FRAMES: usize = 20;
 /// Deviation in dB of the psychometric function.
 pub const SUPPORT_DB: f64 = 12.0;
 
@@ -36,32 +35,35 @@ const LITTLE: f64 = 0.022_750_13;
 /// threshold T = the powers of absolute threshold and mask added
 /// absolute  62 (log10(f / 550 + 6 / 11) / log10(6 / 11))^2 dB      over its value at 250 Hz, at most 77; see threshold_m_s2
 /// mask      max over peaks p of  L_p - 5 + f_p / 280 - 30 ((f - f_p) / f_p)^2 dB      peaks that stand out by 12 dB, at most 45 dB below the loudest bin
-/// score     (sum s_r s_t + C) / (max(sum s_r^2, sum s_t^2) + C)    over bins and segments
+/// score     (sum s_r s_t + C) / (max(sum s_r^2, sum s_t^2) + C)    over bins and segments, of which one begins with every frame
 /// ```
 ///
 /// L is the level of a sine that would read as much in the bin. Where this differs from the papers:
 ///
 /// - Theirs compares waveforms block by block; of two draws of one noise that finds all that is random in a spectrum of one block. Here a level is the mean power
-///   of a segment of [`SEGMENT_FRAMES`] frames (0.55 s, of which speed and force of a stroke do not change very much). Masks are those of single frames,
+///   of a segment of [`SEGMENT_FRAMES`] frames (0.575 s, of which speed and force of a stroke do not change very much). Masks are those of single frames,
 ///   as in the codec, their powers averaged over the segment: the long-term spectrum of a noise has no peaks, its frames have.
 /// - Peaks below the absolute threshold mask nothing.
 /// - The larger mask of both signals counts. With that of the truth alone what is too loud would hardly be told from what is right, since support
 ///   ends at 1.
 /// - ST-SIM divides by `sum s_t^2`, which makes what is too loud more than perfect; the larger of both sums is the same where the rendered signal has less support.
-/// - Sums are over all segments, so that moments in which nothing is felt do not count, and `C` is the support of a signal 24 dB below the threshold in every bin:
+/// - Segments overlap but for a frame, so that it does not matter where one ends, and sums are over all of them, so that moments in which nothing is felt do not count, and `C` is the support of a signal 24 dB below the threshold in every bin:
 ///   two signals that nobody feels are the same.
 ///
 /// Frames that only one of them has do not count, nor bins from half the truth's rate on. 1 if there are none.
 pub fn perceptual(rendered: &Spectrogram, truth: &Spectrogram) -> f64 {
     let frames = rendered.frames().min(truth.frames());
-    let segments = (frames / SEGMENT_FRAMES).max(1);
+    let length = SEGMENT_FRAMES.min(frames);
+    let segments = frames - length + 1;
     let bins = truth.bins();
     let (mut both, mut of_rendered, mut of_truth) = (0.0, 0.0, 0.0);
     let absolute: [f64; BINS] = std::array::from_fn(|bin| threshold_m_s2(bin_hz(bin)).powi(2));
-    for segment in 0..segments {
-        let part = segment * frames / segments..(segment + 1) * frames / segments;
-        let (r, t) = (rendered.mean(part.clone()), truth.mean(part.clone()));
-        let (mask_r, mask_t) = (mask(rendered, part.clone()), mask(truth, part));
+    let masks = [rendered, truth].map(|signal| masks(signal, frames));
+    for from in 0..segments {
+        let part = from..from + length;
+        let [r, t] = [rendered, truth].map(|signal| signal.mean(part.clone()));
+        let [mask_r, mask_t] =
+            masks.each_ref().map(|masks| mean(masks.get(part.clone()).unwrap_or_default()));
         for bin in 0..bins {
             let threshold = absolute[bin] + mask_r[bin].max(mask_t[bin]);
             let [r, t] = [r[bin], t[bin]].map(|power| support(squared_amplitude(power), threshold));
@@ -103,27 +105,35 @@ fn support(power: f64, threshold: f64) -> f64 {
     normal_cdf((db(power) - db(threshold)) / SUPPORT_DB)
 }
 
-/// The powers of the masks of frames, as squared amplitudes, averaged.
-fn mask(signal: &Spectrogram, frames: Range<usize>) -> [f64; BINS] {
-    let mut sums = [0.0; BINS];
-    let count = frames.len().max(1) as f64;
-    for powers in frames.filter_map(|frame| signal.frame(frame)) {
-        let known = powers.get(..signal.bins()).unwrap_or(powers);
-        let levels: Vec<f64> = known.iter().map(|p| db(squared_amplitude(*p))).collect();
-        let mut mask = [f64::NEG_INFINITY; BINS];
-        for peak in peaks(&levels) {
-            let (hz, level) = (bin_hz(peak), levels[peak]);
-            if level < db(threshold_m_s2(hz).powi(2)) {
-                continue;
-            }
-            for (bin, mask) in mask.iter_mut().enumerate() {
-                let away = (bin_hz(bin) - hz) / hz;
-                *mask = mask.max(level - MASK.0 + MASK.0 / MASK.1 * hz - MASK_FALL_DB * away * away);
-            }
+/// The powers of each frame's mask, as squared amplitudes.
+fn masks(signal: &Spectrogram, frames: usize) -> Vec<[f64; BINS]> {
+    (0..frames).filter_map(|frame| signal.frame(frame)).map(|powers| mask(powers, signal.bins())).collect()
+}
+
+/// The power of the mask of a frame's powers, of which so many are known.
+fn mask(powers: &[f64; BINS], known: usize) -> [f64; BINS] {
+    let levels: Vec<f64> = powers.iter().take(known).map(|p| db(squared_amplitude(*p))).collect();
+    let mut mask = [f64::NEG_INFINITY; BINS];
+    for peak in peaks(&levels) {
+        let (hz, level) = (bin_hz(peak), levels[peak]);
+        if level < db(threshold_m_s2(hz).powi(2)) {
+            continue;
         }
-        sums.iter_mut().zip(mask).for_each(|(sum, mask)| *sum += 10f64.powf(0.1 * mask));
+        for (bin, mask) in mask.iter_mut().enumerate() {
+            let away = (bin_hz(bin) - hz) / hz;
+            *mask = mask.max(level - MASK.0 + MASK.0 / MASK.1 * hz - MASK_FALL_DB * away * away);
+        }
     }
-    sums.map(|sum| sum / count)
+    mask.map(|db| 10f64.powf(0.1 * db))
+}
+
+/// The means over frames, bin by bin; 0 of none.
+fn mean(frames: &[[f64; BINS]]) -> [f64; BINS] {
+    let mut sums = [0.0; BINS];
+    for frame in frames {
+        sums.iter_mut().zip(frame).for_each(|(sum, x)| *sum += x);
+    }
+    sums.map(|sum| sum / frames.len().max(1) as f64)
 }
 
 /// The places of the peaks of levels in dB: higher than both neighbours, at most 45 dB below the highest level, and 12 dB over the higher one of the lowest levels between
