@@ -47,7 +47,8 @@ pub struct Ready {
 /// Makes every graph ready, so that nothing is measured where one of them is wrong. A setting goes to the graphs that have what it
 /// sets, and the others are named; where none has, it is an error.
 pub fn prepare(args: &LatencyArgs) -> Result<Vec<Ready>, Failure> {
-    let dir = tempfile::tempdir().map_err(|e| Failure::Machine(format!("no folder for a stroke: {e}")))?;
+    let dir = tempfile::Builder::new().prefix("asperity-latency-").tempdir();
+    let dir = dir.map_err(|e| Failure::Machine(format!("no folder for a stroke: {e}")))?;
     let (steps, still) = (dir.path().join("steps.csv"), dir.path().join("still.csv"));
     for (file, speeds) in [(&steps, SPEEDS), (&still, [SPEEDS[0]; 2])] {
         std::fs::write(file, stroke(speeds)).map_err(|e| Failure::writing(file, e))?;
