@@ -49,8 +49,9 @@ mod table;
 mod wav;
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
-use asperity_source::Diagnostic;
+use asperity_source::{Diagnostic, Source};
 
 use crate::example::{Parts, Subject, Truth};
 use crate::folder;
@@ -89,6 +90,14 @@ impl Recorded {
 pub fn recorded(path: &Path) -> Result<Recorded, Diagnostic> {
     let folder = path.parent().unwrap_or(Path::new(""));
     stroke(path, folder).map(Stroke::recorded)
+}
+
+/// Reads one stroke from the text of a table.
+///
+/// # Errors
+/// As [`recorded`] of a CSV file.
+pub fn parse(source: &Arc<Source>) -> Result<Recorded, Diagnostic> {
+    table::parse(source).map(Stroke::recorded)
 }
 
 /// The file that says what the channels of a WAV file are.
