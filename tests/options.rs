@@ -293,11 +293,15 @@ fn a_disk_that_is_full_ends_a_recording_and_not_the_run() {
     let dir = tempfile::tempdir().expect("a folder");
     std::fs::write(dir.path().join("g.ron"), text).expect("a graph");
     let args = ["run", "g.ron", "--device", "simulated:frames=64", "--seconds", "3", "--report", "r.json"];
-    let ran = on_a_small_disk(dir.path(), &args).ok();
+    let ran = on_a_small_disk(dir.path(), &args);
+    // It goes on to its end, and then says that not all was recorded.
+    assert_eq!(ran.code, 1, "{}", ran.err);
+    let last = ran.err.lines().last().unwrap_or_default();
     for name in ["a.npy", "b.wav", "c.csv"] {
         let said =
             ran.err.lines().filter(|l| l.contains(name) && l.contains("no more of it is recorded")).count();
         assert_eq!(said, 1, "{name}: {}", ran.err);
+        assert!(last.starts_with("error: ") && last.contains(&format!("{name} is not whole")), "{}", ran.err);
     }
     let report = common::json(&dir.path().join("r.json"));
     assert!(report["ticks"].as_u64().is_some_and(|ticks| ticks >= 1500), "{report}");

@@ -1,4 +1,4 @@
-//! An allocator that counts what threads allocate and free, for tests that include this file.
+//! An allocator that counts what threads allocate and free, and the bytes they hold, for tests that include this file.
 #![allow(dead_code)] // not every test asks all of it
 
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -20,6 +20,8 @@ thread_local! {
     static BOUND: Cell<bool> = const { Cell::new(false) };
     /// What the thread itself took and freed since it was bound.
     static OWN: Cell<(u64, u64)> = const { Cell::new((0, 0)) };
+    /// Bytes that the thread took and did not free, and the most of them since [`held`] began.
+    static BYTES: Cell<(i64, i64)> = const { Cell::new((0, 0)) };
 }
 
 /// Who is looked at.
@@ -76,6 +78,29 @@ pub(crate) fn assert_it_counts(who: Who) {
     assert!(seen >= 2, "the instrument must see an allocation");
 }
 
+/// What this thread holds more than before, in bytes: at most while something ran, and after it. What another thread frees counts as
+/// held, so this is for what keeps to one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Held {
+    pub(crate) most: i64,
+    pub(crate) left: i64,
+}
+
+/// Runs something on this thread; what it answered, and what it held.
+pub(crate) fn held<T>(what: impl FnOnce() -> T) -> (T, Held) {
+    let (before, most_before) = BYTES.get();
+    BYTES.set((before, before));
+    let answer = what();
+    let (after, most) = BYTES.get();
+    BYTES.set((after, most.max(most_before)));
+    (answer, Held { most: most - before, left: after - before })
+}
+
+fn hold(bytes: i64) {
+    let (now, most) = BYTES.get();
+    BYTES.set((now + bytes, most.max(now + bytes)));
+}
+
 fn note(taken: u64, freed: u64) {
     let bound = BOUND.get();
     if bound {
@@ -88,16 +113,37 @@ fn note(taken: u64, freed: u64) {
     }
 }
 
-// SAFETY: everything is the system's own; counting touches no memory but atomics and a cell of the thread without a destructor.
+/// A size as a number that can be taken away; no allocation is larger.
+fn size(bytes: usize) -> i64 {
+    i64::try_from(bytes).unwrap_or(i64::MAX)
+}
+
+// SAFETY: everything is the system's own; counting touches no memory but atomics and cells of the thread without a destructor.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         note(1, 0);
+        hold(size(layout.size()));
         // SAFETY: the caller's promise, here and below.
         unsafe { System.alloc(layout) }
     }
 
+    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
+        note(1, 0);
+        hold(size(layout.size()));
+        // SAFETY: as above.
+        unsafe { System.alloc_zeroed(layout) }
+    }
+
+    unsafe fn realloc(&self, at: *mut u8, layout: Layout, new: usize) -> *mut u8 {
+        note(1, 1);
+        hold(size(new) - size(layout.size()));
+        // SAFETY: as above.
+        unsafe { System.realloc(at, layout, new) }
+    }
+
     unsafe fn dealloc(&self, at: *mut u8, layout: Layout) {
         note(0, 1);
+        hold(-size(layout.size()));
         // SAFETY: as above.
         unsafe { System.dealloc(at, layout) }
     }

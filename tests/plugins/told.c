@@ -77,6 +77,9 @@ static int32_t process(void *instance, AsperityTick *tick) {
         nanosleep(&span, NULL);
         return ASPERITY_CONTINUE;
     }
+    case 5: /* without end */
+        for (volatile uint64_t spins = 0;; spins++) {
+        }
     default: /* an answer that there is not */
         return 99;
     }
@@ -95,7 +98,7 @@ static const AsperityPort outputs[] = {{
     .unit = "A",
 }};
 
-static const char *const words[] = {"error", "nan", "exception", "overrun", "nonsense", NULL};
+static const char *const words[] = {"error", "nan", "exception", "overrun", "nonsense", "endless", NULL};
 
 static const AsperityParam params[] = {
     {.size = sizeof(AsperityParam), .holds = ASPERITY_INTEGER, .name = "from", .doc = "First tick.", .integer_max = 1000000},

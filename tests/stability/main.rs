@@ -3,7 +3,13 @@
 
 #[path = "../common/mod.rs"]
 mod common;
+#[path = "../common/counting.rs"]
+mod counting;
+#[path = "../common/stage.rs"]
+mod stage;
 
+mod faults;
+mod files;
 mod motion;
 
 use asperity_graph::GraphFile;

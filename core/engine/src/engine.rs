@@ -117,6 +117,9 @@ impl Engine {
         let watch = Watch { clock, limit_ns: self.options.limit_ns };
         let mut before = if C::TIMES { clock.now_ns() } else { 0 };
         for step in steps.iter() {
+            if let (true, Run::Process(i) | Run::Wants(i) | Run::Absorb(i)) = (C::TIMES, *step) {
+                clock.enters(i);
+            }
             let node = match *step {
                 Run::Process(i) => {
                     let wanted = wanted(slots, i);

@@ -282,8 +282,15 @@ impl Slot {
             return;
         }
         // A panic may have left anything behind, and a NaN in a filter stays; start over, and give up if that panics.
+        self.begin_anew();
+    }
+
+    /// Puts the node back to the start. One that fails in that is not called any more, and the fault is counted with the others.
+    fn begin_anew(&mut self) {
         let processor = &mut self.processor;
-        if contain(|| processor.reset()).is_err() {
+        if let Err(fault) = contain(|| processor.reset()) {
+            self.report.faults += 1;
+            self.report.last_fault = Some(fault);
             self.report.quarantined = true;
         }
     }
@@ -400,18 +407,18 @@ impl Slot {
         if adopted {
             self.asleep_since = old.asleep_since;
         } else {
-            self.report.quarantined = contain(|| to.reset()).is_err();
+            self.report.quarantined = false;
+            self.begin_anew();
         }
         adopted
     }
 
     /// As when new, but for the counts of the report. Control thread.
     pub(crate) fn reset(&mut self) {
-        let processor = &mut self.processor;
-        let reset = contain(|| processor.reset()).is_ok();
         (self.asleep_since, self.dozing, self.tail, self.wants) = (None, false, None, true);
         (self.strikes, self.struck) = (0, 0);
-        self.report.quarantined = !reset;
+        self.report.quarantined = false;
+        self.begin_anew();
         self.fades.iter_mut().for_each(Fade::reset);
         for held in &mut self.held {
             held.fill(0.0);

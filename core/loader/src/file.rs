@@ -116,7 +116,7 @@ pub(crate) fn load(path: &Path, bytes: &[u8]) -> Result<Library, Diagnostic> {
     let fail = |message: String| Diagnostic::new(message).in_file(path);
     let stem = path.file_stem().and_then(|s| s.to_str()).unwrap_or("plugin");
     let copy = tempfile::Builder::new()
-        .prefix(&format!("{stem}-"))
+        .prefix(&format!("asperity-{stem}-"))
         .suffix(std::env::consts::DLL_SUFFIX)
         .tempfile()
         .and_then(|mut file| file.write_all(bytes).map(|()| file.into_temp_path()))

@@ -1,7 +1,7 @@
 //! WAV files, as parts of their full scale.
 
 use std::fs::File;
-use std::io::BufReader;
+use std::io::{BufReader, Read};
 use std::path::Path;
 
 use asperity_source::Diagnostic;
@@ -24,10 +24,18 @@ impl Wav {
     /// # Errors
     /// A file that cannot be read or is no WAV file, one without channels, one that is longer.
     pub fn read(path: &Path, most: u32) -> Result<Self, Diagnostic> {
-        let fail = |what: String| Diagnostic::new(what).in_file(path);
-        let file = File::open(path).map_err(|e| fail(format!("cannot read this file: {e}")))?;
-        let reader =
-            WavReader::new(BufReader::new(file)).map_err(|e| fail(format!("not a WAV file: {e}")))?;
+        let file = File::open(path)
+            .map_err(|e| Diagnostic::new(format!("cannot read this file: {e}")).in_file(path))?;
+        Self::parse(BufReader::new(file), most).map_err(|e| e.in_file(path))
+    }
+
+    /// Reads a file's bytes; see [`read`](Self::read).
+    ///
+    /// # Errors
+    /// As [`read`](Self::read), with no file named.
+    pub fn parse(bytes: impl Read, most: u32) -> Result<Self, Diagnostic> {
+        let fail = |what: String| Diagnostic::new(what);
+        let reader = WavReader::new(bytes).map_err(|e| fail(format!("not a WAV file: {e}")))?;
         let spec = reader.spec();
         if spec.channels == 0 || spec.bits_per_sample == 0 {
             return Err(fail("a WAV file without samples".into()));

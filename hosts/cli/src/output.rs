@@ -1,7 +1,7 @@
 //! Files that appear whole or not at all.
 
 use std::fs::File;
-use std::io::{BufWriter, Write};
+use std::io::{BufWriter, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
 use asperity_measure::npy;
@@ -39,11 +39,16 @@ impl Pending {
             // As any new file: the umask takes its part of this.
             builder.permissions(std::fs::Permissions::from_mode(0o666));
         }
-        let temp = builder
-            .prefix(&prefix)
-            .suffix(".part")
-            .tempfile_in(dir)
-            .map_err(|e| refuse(format!("cannot write here: {}", std::io::Error::from(e.kind()))))?;
+        let temp =
+            builder.prefix(&prefix).suffix(".part").tempfile_in(dir).map_err(
+                |e| match std::io::Error::from(e.kind()) {
+                    // Nothing that the user gave is wrong.
+                    full if matches!(full.kind(), ErrorKind::StorageFull | ErrorKind::QuotaExceeded) => {
+                        Failure::writing(path, full)
+                    }
+                    other => refuse(format!("cannot write here: {other}")),
+                },
+            )?;
         if let Some(permissions) = there {
             // Who may read it stays as it was; a file system without such a thing says no, and nothing is lost.
             let _ = temp.as_file().set_permissions(permissions);

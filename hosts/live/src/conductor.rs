@@ -29,6 +29,14 @@ pub const FORCES: [&str; 2] = ["openhaptics_force", "haply_force"];
 /// How long a scope's samples may wait to be looked at.
 const SCOPE_S: f64 = 0.25;
 
+/// A call that is seen to be under way for longer than this is a fault of the node: far more than a busy machine adds to one, and less than
+/// [`Session::stop`](crate::Session::stop) waits for a tick.
+const HANGS: Duration = Duration::from_millis(500);
+
+/// What [`NodeView::last_fault`](crate::view::NodeView::last_fault) says of a node whose call is under way for long. Where there is a limit, the engine
+/// counts the same fault when the call ends.
+pub const DOES_NOT_COME_BACK: &str = "does not come back";
+
 /// The ends of what reaches nodes from outside, by node id.
 #[derive(Debug, Default)]
 pub struct Ends {
@@ -62,6 +70,8 @@ pub struct Conductor {
     /// The graph that will run once all that was sent is taken over.
     sent: Sent,
     before: Vec<(u64, u64)>,
+    /// The call that was under way when it was last looked at, and how long it has been seen to be.
+    inside: Option<(u64, Duration)>,
     counts: Vec<Rate>,
     /// Of each source, the meters of the devices that it had before.
     earlier: Vec<Vec<Arc<SourceMeter>>>,
@@ -128,6 +138,7 @@ pub fn conduct(
         lost: 0,
         sent,
         before: Vec::new(),
+        inside: None,
         counts: Vec::new(),
         earlier: Vec::new(),
         swaps: 0,
@@ -251,6 +262,19 @@ impl Conductor {
         view.layout = sent.swap;
         view.nodes = sent.meters.view(&sent.schedule, &mut self.before);
         view.faults = sent.meters.faults();
+        let call = sent.meters.inside();
+        match (&mut self.inside, call) {
+            (Some((seen, lasts)), Some((call, node))) if *seen == call => {
+                *lasts += since;
+                if let Some(node) = view.nodes.get_mut(node).filter(|_| *lasts > HANGS) {
+                    // The engine counts it when it comes back, if it does.
+                    node.faults += 1;
+                    node.last_fault = DOES_NOT_COME_BACK.into();
+                    view.faults += 1;
+                }
+            }
+            (inside, call) => *inside = call.map(|(call, _)| (call, Duration::ZERO)),
+        }
         view.scopes = sent.scopes.iter_mut().map(|s| s.pop_iter().collect()).collect();
         self.counts.resize(sent.sources.len(), Rate::default());
         self.earlier.resize(sent.sources.len(), Vec::new());

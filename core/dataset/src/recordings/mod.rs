@@ -49,8 +49,9 @@ mod table;
 mod wav;
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
-use asperity_source::Diagnostic;
+use asperity_source::{Diagnostic, Source};
 
 use crate::example::{Parts, Subject, Truth};
 use crate::felt::{Felt, force_n};
@@ -123,6 +124,14 @@ impl Recording {
 pub fn recording(path: &Path) -> Result<Recording, Diagnostic> {
     let folder = path.parent().unwrap_or(Path::new(""));
     stroke(path, folder)?.recording().map_err(|e| Diagnostic::new(e.to_string()).in_file(path))
+}
+
+/// Reads one stroke from the text of a table.
+///
+/// # Errors
+/// As [`recorded`] of a CSV file.
+pub fn parse(source: &Arc<Source>) -> Result<Recorded, Diagnostic> {
+    table::parse(source).map(Stroke::recorded)
 }
 
 /// The file that says what the channels of a WAV file are.

@@ -17,8 +17,8 @@ use std::time::{Duration, Instant};
 
 use asperity_engine::Options;
 use asperity_graph::Schedule;
-use asperity_live::view::{Condition, Request};
-use asperity_live::{FORCES, HANDS, Session, conduct, mic};
+use asperity_live::view::{Condition, Layout, Request, View};
+use asperity_live::{DOES_NOT_COME_BACK, FORCES, HANDS, Session, conduct, mic};
 use asperity_source::Diagnostic;
 
 use crate::args::Run;
@@ -29,7 +29,7 @@ use crate::render::distinct_files;
 use editor::{Editor, Playing};
 use hands::Hands;
 use maker::Made;
-use recordings::Recordings;
+use recordings::{AllKept, Recordings};
 use shows::Shows;
 use speaker::Speaker;
 
@@ -102,9 +102,9 @@ pub fn run(args: &Run) -> Result<ExitCode, Failure> {
     let (conductor, player) = conduct(compiled, &graph, options, ends, mic_reader, materials);
     let session = Session::start(conductor, player, mic_writer, session_options).map_err(card::failed)?;
 
-    let mut stage = Stage { session, editor, hands, recordings };
+    let mut stage = Stage { session, editor, hands, recordings, hangs: None };
     let outcome = stage.play(&mut shows, ticks);
-    let Stage { session, editor, hands, mut recordings } = stage;
+    let Stage { session, editor, hands, mut recordings, .. } = stage;
     // Whoever still opens a device for it is told that nobody wants it.
     editor.end();
     let grants = session.grants();
@@ -114,7 +114,7 @@ pub fn run(args: &Run) -> Result<ExitCode, Failure> {
     recordings.drain(&mut ended.conductor);
     let picture = shows.close();
     // What was recorded until then is kept, whatever ended the run and whatever else cannot be written.
-    let (mut written, said) = recordings.keep();
+    let AllKept { mut written, said, cut } = recordings.keep();
     // Nor does the end of a run wait for somebody who does not read.
     let last = Speaker::new(false);
     said.iter().for_each(|said| last.say(&format!("warning: {said}")));
@@ -129,7 +129,14 @@ pub fn run(args: &Run) -> Result<ExitCode, Failure> {
     if !args.quiet {
         print(&report::summary(&run, &written))?;
     }
-    outcome.and(pictured).and(reported)?;
+    let recorded = if cut.is_empty() { Ok(()) } else { Err(Failure::Machine(cut.join("; "))) };
+    let came_back = match (&ended.player, hanging(&ended.view, ended.conductor.layout())) {
+        (None, Some(node)) => {
+            Err(Failure::Machine(format!("a tick did not end: {node} {DOES_NOT_COME_BACK}")))
+        }
+        _ => Ok(()),
+    };
+    outcome.and(came_back).and(pictured).and(reported).and(recorded)?;
     Ok(if ended.view.condition == Condition::Failed { ExitCode::FAILURE } else { ExitCode::SUCCESS })
 }
 
@@ -139,6 +146,15 @@ struct Stage {
     editor: Editor,
     hands: Hands,
     recordings: Recordings,
+    /// A node that has been said not to come back.
+    hangs: Option<String>,
+}
+
+/// The node whose call does not end, as a person knows it.
+fn hanging(view: &View, layout: &Layout) -> Option<String> {
+    let (node, _) =
+        layout.nodes.iter().zip(&view.nodes).find(|(_, seen)| seen.last_fault == DOES_NOT_COME_BACK)?;
+    Some(format!("`{}` ({})", node.id, node.kind))
 }
 
 impl Stage {
@@ -157,7 +173,7 @@ impl Stage {
             if self.session.reins().stopping() {
                 return Ok(());
             }
-            let Self { session, editor, hands, recordings } = self;
+            let Self { session, editor, hands, recordings, .. } = self;
             let conductor = session.conductor();
             if let Some(said) = editor.tend(&mut Playing { conductor, hands, recordings }) {
                 shows.say(&said);
@@ -169,6 +185,15 @@ impl Stage {
             recordings.complaints().iter().for_each(|said| shows.say(said));
             let view = session.view();
             let done = ticks.is_some_and(|ticks| view.ticks >= ticks);
+            let hangs = hanging(&view, session.conductor().layout());
+            if hangs != self.hangs {
+                if let Some(node) = &hangs {
+                    shows.say(&format!(
+                        "warning: {node} {DOES_NOT_COME_BACK}, and nothing is heard until it does"
+                    ));
+                }
+                self.hangs = hangs;
+            }
             let (condition, losses) = (view.condition, view.losses);
             shows.show(view, session.conductor().layout(), hands);
             if !session.goes_on() {

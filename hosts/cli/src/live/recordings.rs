@@ -7,7 +7,7 @@ use asperity_live::Conductor;
 use asperity_node::PortType;
 
 use crate::failure::Failure;
-use crate::render::record::{Recorder, file_of};
+use crate::render::record::{Kept, Recorder, file_of};
 
 /// A sink that wants a file written.
 #[derive(Clone, Debug, PartialEq)]
@@ -34,6 +34,17 @@ pub struct Recordings {
     all: Vec<Recording>,
     /// Ticks that were not recorded.
     lost: u64,
+}
+
+/// What became of all recordings.
+#[derive(Default)]
+pub struct AllKept {
+    /// Where they are.
+    pub written: Vec<PathBuf>,
+    /// What a person should know of them.
+    pub said: Vec<String>,
+    /// Which do not hold all that was recorded, and why.
+    pub cut: Vec<String>,
 }
 
 impl Sink {
@@ -113,17 +124,18 @@ impl Recordings {
         self.all.iter_mut().filter_map(|r| r.recorder.complaint()).collect()
     }
 
-    /// Completes the files. Answers where they are, and what a person should know of them.
-    pub fn keep(self) -> (Vec<PathBuf>, Vec<String>) {
-        let (mut written, mut said) = (Vec::new(), Vec::new());
+    /// Completes the files.
+    pub fn keep(self) -> AllKept {
+        let mut all = AllKept::default();
         for Recording { recorder, .. } in self.all {
-            let (path, about) = recorder.end();
-            said.extend(about);
-            written.extend(path);
+            let Kept { path, said, cut } = recorder.end();
+            all.said.extend(said);
+            all.written.extend(path);
+            all.cut.extend(cut);
         }
         if self.lost > 0 {
-            said.push(format!("{} ticks were not recorded: the disk was too slow", self.lost));
+            all.said.push(format!("{} ticks were not recorded: the disk was too slow", self.lost));
         }
-        (written, said)
+        all
     }
 }

@@ -31,6 +31,17 @@ pub struct Recorder {
     stopped: Option<(String, bool)>,
 }
 
+/// What became of a recording.
+#[derive(Debug)]
+pub struct Kept {
+    /// Where it is, if there is anything.
+    pub path: Option<PathBuf>,
+    /// What a person should know of it.
+    pub said: Vec<String>,
+    /// That it does not hold all that was recorded, and why.
+    pub cut: Option<String>,
+}
+
 /// Most samples of a mono WAV file of 32-bit floats, with room for its head.
 const MOST_WAV: u64 = (1 << 30) - 1024;
 
@@ -189,11 +200,12 @@ impl Recorder {
         (!std::mem::replace(told, true)).then(|| said.clone())
     }
 
-    /// Completes the file with what reached the disk, whatever happened; answers where it is, and what a person should know.
-    pub fn end(mut self) -> (Option<PathBuf>, Vec<String>) {
+    /// Completes the file with what reached the disk, whatever happened.
+    pub fn end(mut self) -> Kept {
         let path = self.rows.path().to_owned();
         let name = path.display().to_string();
         let mut said: Vec<String> = self.complaint().into_iter().collect();
+        let mut cut = self.stopped.as_ref().map(|_| format!("{name} is not whole"));
         if self.missing > 0 {
             let missing = self.missing;
             said.push(format!(
@@ -206,15 +218,16 @@ impl Recorder {
         });
         match whole.and_then(|rows| pending.keep().map(|()| rows)) {
             Ok(Some(rows)) if rows < self.rows_written => {
-                said.push(format!("{name}: the disk took {rows} of {} rows", self.rows_written));
+                cut =
+                    Some(format!("{name} is not whole: the disk took {rows} of {} rows", self.rows_written));
             }
             Ok(_) => {}
             Err(failure) => {
-                said.push(format!("{}: nothing of it is kept", failure.reason()));
-                return (None, said);
+                let cut = Some(format!("{}: nothing of it is kept", failure.reason()));
+                return Kept { path: None, said, cut };
             }
         }
-        (Some(path), said)
+        Kept { path: Some(path), said, cut }
     }
 
     /// Goes on with the same node where another graph has been taken over.
@@ -311,8 +324,9 @@ mod tests {
             said.extend(it.complaint());
         }
         assert!(said.len() == 1 && said[0].contains("4 GiB") && said[0].contains("goes on"), "{said:?}");
-        let (kept, said) = it.end();
+        let Kept { path: kept, said, cut } = it.end();
         assert!(kept.as_deref() == Some(&*path) && said.is_empty(), "{said:?}");
+        assert!(cut.is_some_and(|cut| cut.contains("x.wav is not whole")));
         let samples: Vec<f32> =
             hound::WavReader::open(&path).expect("a WAV file").samples().map(|s| s.expect("one")).collect();
         assert_eq!(samples, [0.25; 200]);

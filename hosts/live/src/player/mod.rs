@@ -27,12 +27,25 @@ mod place {
     pub(super) const STROKE: usize = 2;
 }
 
-/// The program's clock, for the engine.
-struct Now;
+/// The program's clock, for the engine, in a tick; it keeps note of who is called.
+struct Now<'a> {
+    meters: &'a NodeMeters,
+    tick: u64,
+}
 
-impl Clock for Now {
+impl Clock for Now<'_> {
     fn now_ns(&self) -> u64 {
         now_ns()
+    }
+
+    fn enters(&self, node: usize) {
+        self.meters.enter(self.tick, node);
+    }
+}
+
+impl Drop for Now<'_> {
+    fn drop(&mut self) {
+        self.meters.leave();
     }
 }
 
@@ -200,8 +213,10 @@ impl Ticker for Player {
     fn tick(&mut self, time_ns: u64, out: &mut [f32]) {
         self.give_back();
         self.feed(time_ns);
-        self.wiring.spent.fill(0);
-        self.engine.tick_timed(&Now, &mut self.wiring.spent);
+        let Wiring { spent, meters, .. } = &mut *self.wiring;
+        spent.fill(0);
+        let tick = self.engine.next_tick();
+        self.engine.tick_timed(&Now { meters, tick }, spent);
         if self.wired() {
             self.wiring.meters.take(&self.engine, &self.wiring.spent);
         } else {

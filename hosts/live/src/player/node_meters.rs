@@ -17,7 +17,12 @@ pub(crate) struct NodeMeters {
     nodes: Vec<Meter>,
     /// Faults of all nodes, those of earlier graphs too.
     faults: AtomicU64,
+    /// Which node is being called, as [`enter`](Self::enter) puts it; 0 for none.
+    inside: AtomicU64,
 }
+
+/// Bits of a node's number among those that say which call is under way; the others are of the tick.
+const NODE_BITS: u32 = 20;
 
 #[derive(Debug, Default)]
 struct Meter {
@@ -55,7 +60,25 @@ impl NodeMeters {
         Self {
             nodes: schedule.nodes.iter().map(meter).collect(),
             faults: AtomicU64::new(before.map_or(0, |(_, meters)| meters.faults())),
+            inside: AtomicU64::new(0),
         }
+    }
+
+    /// Takes note of which node is called. Tick thread.
+    pub(crate) fn enter(&self, tick: u64, node: usize) {
+        self.inside.store(tick << NODE_BITS | (node as u64 + 1), Relaxed);
+    }
+
+    /// Takes note that a tick is over. Tick thread.
+    pub(crate) fn leave(&self) {
+        self.inside.store(0, Relaxed);
+    }
+
+    /// The call that is under way, which no other call is equal to, and the node that is called; none between ticks.
+    pub(crate) fn inside(&self) -> Option<(u64, usize)> {
+        let call = self.inside.load(Relaxed);
+        let node = call & ((1 << NODE_BITS) - 1);
+        Some((call, node.checked_sub(1)? as usize))
     }
 
     /// Faults of all nodes since the start.

@@ -116,10 +116,12 @@ pub fn run(args: &PluginNew) -> Result<ExitCode, Failure> {
     let cannot = |e: io::Error| {
         Failure::from(Diagnostic::new(format!("cannot make this folder: {e}")).in_file(folder))
     };
-    let made = tempfile::Builder::new().prefix(&format!(".{name}-")).tempdir_in(parent).map_err(cannot)?;
-    let library = write(&Plan { name, like: args.like, lang: args.lang }, made.path()).map_err(cannot)?;
-    open_to_others(made.path()).map_err(cannot)?;
-    fs::rename(made.path(), folder).map_err(cannot)?;
+    let part = tempfile::Builder::new().prefix(&format!(".{name}.")).suffix(".part").tempdir_in(parent);
+    let made = part.map_err(cannot)?;
+    let failed = |e: io::Error| Failure::writing(folder, e);
+    let library = write(&Plan { name, like: args.like, lang: args.lang }, made.path()).map_err(failed)?;
+    open_to_others(made.path()).map_err(failed)?;
+    fs::rename(made.path(), folder).map_err(failed)?;
     let _ = made.keep();
     print(&text(args, folder, &library))?;
     Ok(ExitCode::SUCCESS)

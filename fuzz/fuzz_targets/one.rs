@@ -1,0 +1,39 @@
+//! What all targets do: read one input, in bounded memory and without a panic.
+
+#[path = "../../tests/common/counting.rs"]
+mod counting;
+#[path = "../../tests/common/readers.rs"]
+mod readers;
+
+use std::panic::{self, AssertUnwindSafe};
+use std::sync::Mutex;
+
+/// The folder of the shipped graphs.
+const GRAPHS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../graphs");
+
+/// What the last panic said.
+static SAID: Mutex<String> = Mutex::new(String::new());
+
+/// A panic that is caught where it belongs is none: tract's over a malformed model. Any other ends the run.
+pub fn prepare() {
+    panic::set_hook(Box::new(|info| {
+        if let Ok(mut said) = SAID.lock() {
+            *said = info.to_string();
+        }
+    }));
+}
+
+/// Reads an input by the reader of this name.
+pub fn read(name: &str, bytes: &[u8]) {
+    let reader = readers::READERS.iter().find(|reader| reader.name == name).expect("a reader of this name");
+    let (done, held) = counting::held(|| panic::catch_unwind(AssertUnwindSafe(|| (reader.read)(bytes))));
+    if done.is_err() {
+        eprintln!("{name}: {}", SAID.lock().map(|said| said.clone()).unwrap_or_default());
+        std::process::abort();
+    }
+    let most = reader.most(bytes.len());
+    if held.most > most {
+        eprintln!("{name} held {} bytes for a file of {}; at most {most}", held.most, bytes.len());
+        std::process::abort();
+    }
+}

@@ -1,0 +1,250 @@
+//! Nodes that fail by chance, for a long time: every fault is counted, nothing leaks, what is computed elsewhere is the same to the bit.
+
+mod nodes;
+
+use asperity_engine::{Engine, Options};
+use asperity_graph::{GraphFile, compile};
+use asperity_node::Buffer;
+use asperity_source::Source;
+
+use crate::counting::{Held, held};
+use nodes::{INJECTORS, injected, injected_all, registry};
+
+/// Ticks of a run; `ASPERITY_LONG_TICKS` asks for others.
+fn ticks() -> u64 {
+    std::env::var("ASPERITY_LONG_TICKS").ok().and_then(|t| t.parse().ok()).unwrap_or(100_000)
+}
+
+/// What no fault reaches.
+const CLEAN: (&str, &str) = (
+    r#""stylus": (kind: "stroke", params: (duration_s: 1e6, shape: circle)), "motion": (kind: "velocity"), "speed": (kind: "probe"),
+       "tone": (kind: "sine", params: (frequency_hz: 80, amplitude: 0.1)), "guard": (kind: "limiter"), "clean": (kind: "audio_out"),"#,
+    r#"("stylus.position", "motion.position"), ("motion.speed", "speed"), ("tone", "guard"), ("guard", "clean"),"#,
+);
+
+fn engine(nodes: &str, wires: &str) -> Engine {
+    let text = format!("Graph(version: 1, nodes: {{{nodes}}}, wires: [{wires}])");
+    let graph = GraphFile::parse(&Source::new("chance.ron", text)).expect("a graph");
+    let compiled = compile(&graph, &registry(), Default::default());
+    Engine::new(compiled.unwrap_or_else(|all| panic!("{all:?}")), Options::default())
+}
+
+/// A graph of injectors, each of which fails in one of so many calls: as sources of audio, controls and frames, as gates, in a cycle,
+/// asleep now and then; and what is to go on beside them.
+fn faulty(one_in: u64) -> Engine {
+    let (mut nodes, mut wires) = (CLEAN.0.to_owned(), CLEAN.1.to_owned());
+    let (mut mixed, mut forces) = (0, 0);
+    for n in 0..INJECTORS {
+        let params = format!("params: (number: {n}, one_in: {one_in})");
+        let (kind, of) = match n % 4 {
+            0 | 1 => ("chance", format!("{n}.audio")),
+            2 => {
+                nodes +=
+                    &format!(r#""tone {n}": (kind: "chance", params: (number: {n}, one_in: 1000000000)),"#);
+                wires += &format!(r#"("tone {n}.audio", "{n}.in"),"#);
+                ("chance_gate", format!("{n}.out"))
+            }
+            _ => {
+                nodes += &format!(r#""loop {n}": (kind: "gain", params: (gain: 0.5)),"#);
+                wires += &format!(r#"("{n}", "loop {n}"), ("loop {n}", "{n}.in"),"#);
+                ("chance_loop", format!("{n}.out"))
+            }
+        };
+        nodes += &format!(
+            r#""{n}": (kind: "{kind}", {params}), "gain {n}": (kind: "gain", params: (gain: 0.01)),"#
+        );
+        mixed += 1;
+        wires += &format!(r#"("{of}", "gain {n}"), ("gain {n}", "mix.in{mixed}"),"#);
+        if n % 4 == 0 {
+            forces += 1;
+            wires += &format!(r#"("{n}.control", "forces.in{forces}"),"#);
+        }
+    }
+    nodes += &format!(
+        r#""mix": (kind: "mix", params: (inputs: {mixed})), "limiter": (kind: "limiter"), "out": (kind: "audio_out"),
+           "forces": (kind: "mix", params: (inputs: {forces})), "force": (kind: "probe"),
+           "phase": (kind: "spsi"), "sum": (kind: "overlap_add"), "heard": (kind: "probe"),"#
+    );
+    wires += r#"("mix", "limiter"), ("limiter", "out"), ("forces", "force"), ("0.frame", "phase"), ("phase", "sum"), ("sum", "heard"),"#;
+    engine(&nodes, &wires)
+}
+
+/// An engine as a host sees it.
+trait Rig {
+    fn engine(&mut self) -> &mut Engine;
+    fn go_on(&mut self) {
+        self.engine().tick();
+    }
+    fn counted(&mut self) -> u64 {
+        self.engine().faults()
+    }
+}
+
+impl Rig for Engine {
+    fn engine(&mut self) -> &mut Engine {
+        self
+    }
+}
+
+fn is_finite(buffer: &Buffer) -> bool {
+    match buffer {
+        Buffer::Control { values, .. } => values.iter().all(|x| x.is_finite()),
+        Buffer::Audio { samples, len, .. } => samples[..*len].iter().all(|x| x.is_finite()),
+        Buffer::Magnitude { bins, .. } => bins.iter().all(|x| x.is_finite()),
+        Buffer::Spectrum { bins, .. } => bins.iter().all(|z| z.re.is_finite() && z.im.is_finite()),
+    }
+}
+
+/// Whether two buffers are the same to the bit.
+fn same(a: Option<&Buffer>, b: Option<&Buffer>) -> bool {
+    match (a, b) {
+        (Some(Buffer::Control { values: a, .. }), Some(Buffer::Control { values: b, .. })) => {
+            a.iter().map(|x| x.to_bits()).eq(b.iter().map(|x| x.to_bits()))
+        }
+        (Some(Buffer::Audio { samples: a, len: n, .. }), Some(Buffer::Audio { samples: b, len: m, .. })) => {
+            a[..*n].iter().map(|x| x.to_bits()).eq(b[..*m].iter().map(|x| x.to_bits()))
+        }
+        _ => false,
+    }
+}
+
+/// One tick of both, looked at.
+fn step(rig: &mut impl Rig, alone: &mut Engine, watched: &[(usize, usize, usize)]) -> Result<(), String> {
+    rig.go_on();
+    alone.tick();
+    let engine = rig.engine();
+    for node in 0..engine.schedule().nodes.len() {
+        let outputs = engine.schedule().nodes[node].outputs.len();
+        if !(0..outputs).all(|o| engine.output(node, o).is_some_and(is_finite)) {
+            let (id, tick) = (&engine.schedule().nodes[node].id, engine.next_tick());
+            return Err(format!("`{id}` puts out what is not finite before tick {tick}"));
+        }
+    }
+    for &(here, there, output) in watched {
+        if !same(engine.output(here, output), alone.output(there, output)) {
+            let (id, tick) = (&engine.schedule().nodes[here].id, engine.next_tick());
+            return Err(format!("`{id}` is another before tick {tick}"));
+        }
+    }
+    Ok(())
+}
+
+/// Whether an engine whose nodes fail goes on as it should for so many ticks, put back to the start every so often. Answers how many
+/// faults there were.
+fn endures(rig: &mut impl Rig, ticks: u64, reset_every: u64) -> Result<u64, String> {
+    let mut alone = engine(CLEAN.0, CLEAN.1);
+    let nodes = alone.schedule().nodes.clone();
+    let watched: Vec<(usize, usize, usize)> = nodes
+        .iter()
+        .enumerate()
+        .flat_map(|(there, node)| (0..node.outputs.len()).map(move |output| (there, output)))
+        .map(|(there, output)| {
+            (rig.engine().schedule().index_of(&nodes[there].id).expect("it is in both"), there, output)
+        })
+        .collect();
+    let faults_before = rig.counted() as i64 - injected_all() as i64;
+    let mut run = |from: u64, to: u64| -> Result<(), String> {
+        for tick in from..to {
+            if tick.is_multiple_of(reset_every) {
+                rig.engine().reset();
+                alone.reset();
+            }
+            step(rig, &mut alone, &watched)?;
+        }
+        Ok(())
+    };
+    // What a first panic sets up stays.
+    run(0, ticks / 10)?;
+    let (done, Held { left, .. }) = held(|| run(ticks / 10, ticks));
+    done?;
+    if left != 0 {
+        return Err(format!("{left} bytes are left behind"));
+    }
+    let (counted, thrown) = (rig.counted(), injected_all());
+    if counted as i64 - thrown as i64 != faults_before {
+        return Err(format!("{counted} faults were counted, and there were {thrown}"));
+    }
+    for n in 0..INJECTORS {
+        let engine = rig.engine();
+        let at = engine.schedule().index_of(&n.to_string()).expect("an injector");
+        let (counted, thrown) = (engine.report(at).expect("a report").faults, injected(n));
+        if counted != thrown {
+            return Err(format!("`{n}` failed {thrown} times, and {counted} were counted"));
+        }
+    }
+    Ok(thrown)
+}
+
+/// Faults as rare as they must be for a node to stay in the graph.
+#[test]
+fn nodes_that_fail_now_and_then_are_contained_and_counted_without_a_leak() {
+    let ticks = ticks();
+    let faults = endures(&mut faulty(20_000), ticks, u64::MAX).unwrap();
+    println!("{faults} faults in {ticks} ticks");
+    assert!(faults > ticks * INJECTORS as u64 / 100_000, "{faults} faults are few");
+}
+
+/// One call of 50 fails, and every node is soon taken out of the graph; then all is put back to the start.
+#[test]
+fn nodes_that_fail_often_are_contained_and_counted_without_a_leak() {
+    let ticks = ticks();
+    let faults = endures(&mut faulty(50), ticks, 1000).unwrap();
+    println!("{faults} faults in {ticks} ticks");
+    assert!(faults > ticks / 1000 * INJECTORS as u64, "{faults} faults are few");
+}
+
+/// Mutant: an engine that loses one count of a hundred.
+struct LosesCount(Engine);
+
+impl Rig for LosesCount {
+    fn engine(&mut self) -> &mut Engine {
+        &mut self.0
+    }
+    fn counted(&mut self) -> u64 {
+        self.0.faults() - self.0.faults() / 100
+    }
+}
+
+/// Mutant: one that leaves what a panic carried where it is.
+struct Leaks(Engine, u64);
+
+impl Rig for Leaks {
+    fn engine(&mut self) -> &mut Engine {
+        &mut self.0
+    }
+    fn go_on(&mut self) {
+        self.0.tick();
+        if self.0.faults() > self.1 + 100 {
+            self.1 = self.0.faults();
+            std::mem::forget(std::hint::black_box(Box::new([0_u8; 16])));
+        }
+    }
+}
+
+/// Mutant: one whose other branches miss a tick when a node fails.
+struct Stumbles(Engine, u64);
+
+impl Rig for Stumbles {
+    fn engine(&mut self) -> &mut Engine {
+        &mut self.0
+    }
+    fn go_on(&mut self) {
+        self.0.tick();
+        if self.0.faults() > self.1 + 100 {
+            self.1 = self.0.faults();
+            self.0.skip(1);
+        }
+    }
+}
+
+#[test]
+fn an_engine_that_loses_count_leaks_or_stumbles_is_found_out() {
+    let found = endures(&mut LosesCount(faulty(50)), 20_000, 1000).unwrap_err();
+    assert!(found.contains("were counted"), "{found}");
+    nodes::forget();
+    let found = endures(&mut Leaks(faulty(50), 0), 20_000, 1000).unwrap_err();
+    assert!(found.contains("left behind"), "{found}");
+    nodes::forget();
+    let found = endures(&mut Stumbles(faulty(50), 0), 20_000, 1000).unwrap_err();
+    assert!(found.contains("is another"), "{found}");
+}

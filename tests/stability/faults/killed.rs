@@ -1,0 +1,147 @@
+//! Killed in mid-write: what was there is untouched, or the new file is whole; what else is left says what it is, and harms nobody.
+
+use std::path::Path;
+use std::process::Command;
+
+use super::disk::{Fails, Place, can_fail, is_recognisable};
+use super::writers::{Made, WRITERS, Writer};
+
+/// Of so many changes some at which the process is killed: the first, the last and some between.
+fn picked(changes: u64, most: u64) -> Vec<u64> {
+    let mut all: Vec<u64> = (0..most).map(|i| 1 + i * (changes.max(1) - 1) / (most - 1).max(1)).collect();
+    all.dedup();
+    all
+}
+
+/// Whether a command leaves nothing that is half wherever it is killed.
+fn endures(writer: &Writer) -> Result<(), String> {
+    let undisturbed = Place::new(writer, true);
+    let ended = undisturbed.run(writer, Fails::Never);
+    let (Some(0), Some((changes, _))) = (ended.code, ended.wrote) else {
+        return Err(format!("{}: it fails by itself: {}", writer.name, ended.said));
+    };
+    if let Some(made) =
+        writer.makes.iter().find(|made| !(made.whole)(&undisturbed.dir.path().join(made.name)))
+    {
+        return Err(format!("{}: {} is never whole", writer.name, made.name));
+    }
+    for (i, at) in picked(changes, if writer.live { 4 } else { 9 }).into_iter().enumerate() {
+        let place = Place::new(writer, i % 2 == 0);
+        let before = place.now(writer);
+        let ended = place.run(writer, Fails::KilledAt(at));
+        let about =
+            |what: String| Err(format!("{}, killed at change {at} of {changes}: {what}", writer.name));
+        if !ended.killed && !writer.live {
+            return about(format!("it was not: {}", ended.said));
+        }
+        if let Some(half) = place.half(writer, &before) {
+            return about(half);
+        }
+        if let Some(odd) = place.left(writer).iter().find(|name| !is_recognisable(name, writer)) {
+            return about(format!("nobody knows what {odd} is"));
+        }
+        // As if nothing had been.
+        let again = place.run(writer, Fails::Never);
+        let whole = writer.makes.iter().all(|made| (made.whole)(&place.dir.path().join(made.name)));
+        if again.code != Some(0) || !whole {
+            return about(format!("afterwards it does not do its work: {}", again.said));
+        }
+    }
+    Ok(())
+}
+
+fn must_endure(name: &str) {
+    if can_fail() {
+        endures(WRITERS.iter().find(|writer| writer.name == name).expect("a writer"))
+            .unwrap_or_else(|e| panic!("{e}"));
+    }
+}
+
+/// Five files that grow side by side.
+#[test]
+fn a_render_that_is_killed_leaves_nothing_half() {
+    must_endure("render");
+}
+
+#[test]
+fn an_inversion_that_is_killed_leaves_nothing_half() {
+    must_endure("invert");
+}
+
+#[test]
+fn a_comparison_that_is_killed_leaves_nothing_half() {
+    must_endure("compare");
+}
+
+#[test]
+fn a_picture_of_a_graph_that_is_killed_leaves_nothing_half() {
+    must_endure("graph");
+}
+
+#[test]
+fn an_expansion_that_is_killed_leaves_nothing_half() {
+    must_endure("scene expand");
+}
+
+#[test]
+fn a_fit_that_is_killed_leaves_nothing_half() {
+    must_endure("fit-ar");
+}
+
+/// The library that is written is the one that was read.
+#[test]
+fn a_library_that_is_added_to_survives_a_kill() {
+    must_endure("encode");
+}
+
+/// A folder of files, which appears at once.
+#[test]
+fn a_new_plugin_that_is_killed_is_not_there() {
+    must_endure("plugin new");
+}
+
+#[test]
+fn a_calibration_that_is_killed_leaves_nothing_half() {
+    must_endure("calibrate");
+}
+
+/// Recordings that are written while it plays.
+#[test]
+fn a_run_that_is_killed_leaves_nothing_half() {
+    must_endure("run");
+}
+
+fn is_new(path: &Path) -> bool {
+    std::fs::read(path).is_ok_and(|bytes| bytes == [b'n'; 1000])
+}
+
+fn new(dir: &Path) {
+    std::fs::write(dir.join("new"), [b'n'; 1000]).expect("a file");
+}
+
+fn sh(text: &str) -> Command {
+    let mut command = Command::new("sh");
+    command.args(["-c", text]);
+    command
+}
+
+/// Mutants: one that writes in place, one whose leftovers nobody knows, one that such a leftover stops for good.
+#[test]
+fn writers_that_a_kill_harms_are_found_out() {
+    if !can_fail() {
+        return;
+    }
+    type Make = fn(&Path) -> Command;
+    const MAKES: &[Made] = &[Made { name: "o", whole: is_new, folder: false }];
+    let writer = |command: Make| Writer { name: "mutant", prepare: new, command, makes: MAKES, live: false };
+    let mutants: [(Make, &str); 3] = [
+        (|_| sh("exec dd if=new of=o bs=64"), "o is half"),
+        (|_| sh("dd if=new of=t bs=64 && mv t o"), "nobody knows what t is"),
+        (|_| sh("set -C; dd if=new bs=64 > .o.1.part && mv .o.1.part o"), "does not do its work"),
+    ];
+    for (command, says) in mutants {
+        let found = endures(&writer(command)).unwrap_err();
+        assert!(found.contains(says), "{found}");
+    }
+    endures(&writer(|_| sh("dd if=new of=.o.1.part bs=64 && mv .o.1.part o"))).unwrap();
+}

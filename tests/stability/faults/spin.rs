@@ -1,0 +1,259 @@
+//! A node that does not come back: under the paced driver the output ramps to zero, the fault is counted and named, and the run can be ended.
+
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::{Duration, Instant};
+
+use asperity_audio::Request;
+use asperity_audio::simulated::Simulated;
+use asperity_engine::Options;
+use asperity_live::driver::Clock;
+use asperity_live::view::View;
+use asperity_live::{DOES_NOT_COME_BACK, Ends, Reins, Session, SessionOptions, conduct};
+use asperity_node::{
+    Descriptor, Diagnostic, Node, Output, Param, RateSpec, Setup, ShapeSpec, Status, Tick, Unit,
+};
+
+use crate::common::live::{PATIENCE, told};
+use crate::common::{asperity, json, plugins};
+use crate::stage::{STEP, channel, graph, largest_step, tend, timed, voice};
+
+/// Samples in which the output is down: 20 ms.
+const DOWN: usize = 960;
+
+/// Which of the nodes that spin without end may do so: those of earlier tries are let go, so that they take no core from what comes after.
+static TRIES: AtomicU64 = AtomicU64::new(0);
+
+/// A slow wave; in tick `from` and after it calls take this long.
+struct Spins {
+    from: u64,
+    lasts: Duration,
+    tries: u64,
+}
+
+impl Node for Spins {
+    fn descriptor() -> Descriptor {
+        Descriptor::new("spins", "A wave, then none.")
+            .output(Output::new("out", ShapeSpec::Audio(RateSpec::Graph), Unit::AMPERE))
+            .param(Param::integer("from", 400, 0..=1_000_000, "First tick."))
+            .param(Param::number("lasts_s", 1e6, 0.0..=1e6, "How long a call takes."))
+    }
+
+    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
+        let p = setup.params;
+        let lasts = Duration::from_secs_f64(p.number("lasts_s"));
+        Ok(Self { from: p.integer("from") as u64, lasts, tries: TRIES.load(Ordering::Relaxed) })
+    }
+
+    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
+        let span = tick.samples(48_000);
+        for (y, n) in tick.outputs.audio(0).iter_mut().zip(span) {
+            *y = 0.1 * (n as f32 * 0.01).sin();
+        }
+        let began = Instant::now();
+        let over = || self.lasts > PATIENCE && TRIES.load(Ordering::Relaxed) != self.tries;
+        while tick.index >= self.from && began.elapsed() < self.lasts && !over() {
+            std::hint::spin_loop();
+        }
+        Status::Continue
+    }
+
+    fn reset(&mut self) {}
+}
+
+/// A run of a node that spins on channel 1, and of a tone on channel 2, by the paced driver.
+fn start(card: &Simulated, lasts_s: f64, limit: Duration) -> Session {
+    let registry = asperity_nodes::registry().with::<Spins>();
+    let (tone, wires) = voice("tone", 80.0, 0.1);
+    let nodes = format!(
+        r#""bad": (kind: "spins", params: (lasts_s: {lasts_s:?})), "limiter": (kind: "limiter", params: (profile: "hapcoil_one")),
+           "out": (kind: "audio_out"), {tone}"#
+    );
+    let wires = format!(r#"("bad", "limiter"), ("limiter", "out"), {wires}"#);
+    let (file, compiled) = graph(&registry, (500, 48_000), &nodes, &wires);
+    let options = Options { limit_ns: Some(limit.as_nanos() as u64), ..Options::default() };
+    let (conductor, player) = conduct(compiled, &file, options, Ends::default(), None, Vec::new());
+    let options = SessionOptions {
+        device: Some(Request { device: Some(card.id()), channels: vec![1, 2], ..Request::default() }),
+        clock: Some(Clock::Paced),
+        reconnect: true,
+        start_s: 0.0,
+        realtime: false,
+        reins: Reins::default(),
+    };
+    Session::start(conductor, player, None, options).expect("it starts")
+}
+
+/// Whether what is heard ends within 20 ms and without a step, and stays silent.
+fn falls_silent(heard: &[f64]) -> Result<(), String> {
+    let loud = heard.iter().rposition(|y| y.abs() > 0.03).ok_or("nothing is ever heard")?;
+    let last = heard.iter().rposition(|y| *y != 0.0).unwrap_or(loud);
+    if heard.len() < last + 24_000 {
+        return Err(format!("{} of {} samples, and no half second of silence", last, heard.len()));
+    }
+    if last > loud + DOWN {
+        return Err(format!("it falls for {} samples", last - loud));
+    }
+    // Where a busy machine leaves a break before, it is faded too.
+    let steepest = largest_step(&heard[loud.saturating_sub(4800)..]);
+    if steepest > STEP { Err(format!("a step of {steepest}")) } else { Ok(()) }
+}
+
+/// Whether a node's fault is counted, and named.
+fn is_counted(view: &View, node: usize) -> Result<(), String> {
+    let seen = view.nodes.get(node).ok_or("there is no such node")?;
+    let counted = seen.faults == 1 && view.faults == 1 && seen.last_fault == DOES_NOT_COME_BACK;
+    if counted {
+        Ok(())
+    } else {
+        Err(format!("{} faults of all, of the node {}, last: {}", view.faults, seen.faults, seen.last_fault))
+    }
+}
+
+/// The tick thread is in a call that does not end. The ring runs dry, and there is nobody to fill it.
+#[test]
+fn a_node_that_spins_without_end_is_silent_counted_and_left_behind() {
+    let mut attempts = 0..;
+    told(|| {
+        let card =
+            Simulated::new(&format!("spin {}", attempts.next().unwrap_or(0)), timed(256)).expect("a card");
+        let heard = |c| channel(&card.played(), 2, c);
+        let mut session = start(&card, 1e6, Duration::from_millis(50));
+        tend(&mut session, "the wave", |_| heard(0).iter().any(|y| y.abs() > 0.05));
+        let bad = session.conductor().schedule().index_of("bad").expect("the node");
+        tend(&mut session, "the fault", |s| s.view().nodes[bad].last_fault == DOES_NOT_COME_BACK);
+        let frames = heard(0).len();
+        tend(&mut session, "silence", |_| heard(0).len() > frames + 36_000);
+        let view = session.view();
+        let (one, two) = (heard(0), heard(1));
+        let began = Instant::now();
+        let ended = session.stop();
+        TRIES.fetch_add(1, Ordering::Relaxed);
+        assert!(began.elapsed() < PATIENCE, "it took {:?} to stop", began.elapsed());
+        assert!(ended.player.is_none(), "the thread is still in there");
+        if view.nodes.iter().enumerate().any(|(i, node)| i != bad && node.faults > 0) {
+            return Err("a busy machine held up another node".into());
+        }
+        is_counted(&view, bad).unwrap();
+        is_counted(&ended.view, bad).unwrap();
+        assert!(view.underruns > 0 && view.lost_samples > 20_000, "{} underruns", view.underruns);
+        falls_silent(&one).unwrap();
+        falls_silent(&two).unwrap();
+
+        // Mutants: a driver that plays what it has again, one that holds the last sample, one that cuts it off; a view that does not count.
+        let loud = one.iter().rposition(|y| y.abs() > 0.03).expect("a wave");
+        let again: Vec<f64> =
+            one[..loud].iter().chain(one[loud - 960..loud].iter().cycle().take(48_000)).copied().collect();
+        falls_silent(&again).unwrap_err();
+        let held: Vec<f64> =
+            one[..loud].iter().copied().chain(std::iter::repeat_n(one[loud - 1], 48_000)).collect();
+        falls_silent(&held).unwrap_err();
+        let cut: Vec<f64> = one[..loud].iter().copied().chain(std::iter::repeat_n(0.0, 48_000)).collect();
+        falls_silent(&cut).unwrap_err();
+        is_counted(&View { faults: 0, ..view }, bad).unwrap_err();
+        Ok(())
+    });
+}
+
+/// Waits for the end of a program that is told to stop as by Ctrl-C; its exit code and what it said.
+fn ends_on_ctrl_c(mut child: Child, patience: Duration) -> Result<(Option<i32>, String), String> {
+    let sent = Command::new("kill").args(["-INT", &child.id().to_string()]).status();
+    assert!(sent.is_ok_and(|sent| sent.success()), "it is gone already");
+    let began = Instant::now();
+    while child.try_wait().expect("a program").is_none() {
+        if began.elapsed() > patience {
+            let _ = child.kill();
+            let _ = child.wait();
+            return Err(format!("it goes on after {patience:?}"));
+        }
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    let mut said = String::new();
+    if let Some(mut pipe) = child.stderr.take() {
+        let _ = std::io::Read::read_to_string(&mut pipe, &mut said);
+    }
+    Ok((child.wait().expect("a program").code(), said))
+}
+
+fn quietly(command: &mut Command) -> Child {
+    command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().expect("it starts")
+}
+
+fn spinning(dir: &Path) -> Child {
+    let graph = format!(
+        r#"Graph(version: 1, plugins: [{:?}],
+            nodes: {{"bad": (kind: "told", params: (from: 200, to: 1000000, what: endless)), "guard": (kind: "limiter"), "out": (kind: "audio_out")}},
+            wires: [("bad", "guard"), ("guard", "out")])"#,
+        plugins::c("told").display().to_string()
+    );
+    std::fs::write(dir.join("g.ron"), graph).expect("a graph");
+    let args = [
+        "run",
+        "g.ron",
+        "--device",
+        "simulated:frames=1024",
+        "--clock",
+        "paced",
+        "--report",
+        "r.json",
+        "--seconds",
+        "1000",
+    ];
+    quietly(asperity(dir).args(args))
+}
+
+/// The program with a plugin in an endless loop.
+#[test]
+fn a_run_with_a_plugin_that_spins_ends_on_ctrl_c_and_names_it() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let child = spinning(dir.path());
+    // Long after tick 200, and after half a second more in which nothing comes back.
+    std::thread::sleep(Duration::from_secs(3));
+    let (code, said) = ends_on_ctrl_c(child, PATIENCE).unwrap();
+    assert_eq!(code, Some(1), "{said}");
+    for line in ["warning: `bad` (told) does not come back", "error: a tick did not end: `bad` (told)"] {
+        assert_eq!(said.matches(line).count(), 1, "{line}: {said}");
+    }
+    let report = json(&dir.path().join("r.json"));
+    let bad =
+        report["nodes"].as_array().expect("nodes").iter().find(|node| node["id"] == "bad").expect("the node");
+    assert!(bad["faults"] == 1 && bad["last_fault"] == DOES_NOT_COME_BACK, "{bad}");
+}
+
+/// Mutant: a program that waits for what does not come.
+#[test]
+fn a_program_that_does_not_end_is_found_out() {
+    let child = quietly(Command::new("sh").args(["-c", "trap '' INT; while :; do sleep 0.05; done"]));
+    std::thread::sleep(Duration::from_millis(300));
+    ends_on_ctrl_c(child, Duration::from_secs(1)).unwrap_err();
+}
+
+/// Calls of 30 ms where 15 may be taken: each is counted, after eight the node is taken out, and what it held up is heard again.
+#[test]
+fn a_node_that_is_slow_again_and_again_is_counted_taken_out_and_the_rest_is_heard() {
+    let mut attempts = 0..;
+    told(|| {
+        let card =
+            Simulated::new(&format!("slow {}", attempts.next().unwrap_or(0)), timed(256)).expect("a card");
+        let heard = |c| channel(&card.played(), 2, c);
+        let mut session = start(&card, 0.03, Duration::from_millis(15));
+        let bad = session.conductor().schedule().index_of("bad").expect("the node");
+        tend(&mut session, "the end of the node", |s| s.view().nodes[bad].quarantined);
+        let frames = heard(0).len();
+        tend(&mut session, "more", |_| heard(0).len() > frames + 48_000);
+        let view = session.view();
+        let (one, two) = (heard(0), heard(1));
+        assert!(session.stop().player.is_some());
+        if view.nodes[bad].calls != 400 + 8
+            || view.nodes.iter().enumerate().any(|(i, n)| i != bad && n.quarantined)
+        {
+            return Err("a busy machine held up nodes before".into());
+        }
+        assert_eq!((view.nodes[bad].faults, &*view.nodes[bad].last_fault), (8, "took longer than it may"));
+        // What is left is the DC that the limiter takes out, at its corner of 5 Hz.
+        assert!(one[one.len() - 9600..].iter().all(|y| y.abs() < 1e-4), "it is silent");
+        assert!(two[two.len() - 9600..].iter().any(|y| y.abs() > 0.05), "the tone goes on");
+        Ok(())
+    });
+}

@@ -1,0 +1,291 @@
+//! Every command that writes files.
+
+use std::path::Path;
+use std::process::Command;
+
+use asperity_measure::npy;
+use asperity_world::material::{Library, LibraryMaterial};
+
+use crate::common::asperity;
+use crate::files::encoder;
+
+/// A command, and the files that it makes.
+pub(super) struct Writer {
+    pub(super) name: &'static str,
+    /// Puts what it reads into a folder.
+    pub(super) prepare: fn(&Path),
+    /// Makes the command, which is run in that folder.
+    pub(super) command: fn(&Path) -> Command,
+    pub(super) makes: &'static [Made],
+    /// Whether it plays in real time, so that what it writes differs from run to run.
+    pub(super) live: bool,
+}
+
+/// A file or folder that a command makes, and how one sees that it is whole.
+pub(super) struct Made {
+    pub(super) name: &'static str,
+    pub(super) whole: fn(&Path) -> bool,
+    pub(super) folder: bool,
+}
+
+const fn file(name: &'static str, whole: fn(&Path) -> bool) -> Made {
+    Made { name, whole, folder: false }
+}
+
+const GRAPH: &str = r#"Graph(
+    version: 1,
+    nodes: {
+        "tone": (kind: "sine", params: (frequency_hz: 80, amplitude: 0.1)),
+        "kept": (kind: "file_out", params: (file: "kept.npy")),
+        "limiter": (kind: "limiter", params: (profile: "hapcoil_one")),
+        "probe": (kind: "probe", params: (file: "seen.csv")),
+        "out": (kind: "audio_out"),
+    },
+    wires: [("tone", "kept"), ("tone", "limiter"), ("limiter", "out"), ("limiter", "probe")],
+)
+"#;
+
+const SCENE: &str = r#"Scene(
+    version: 1, input: stroke(duration_s: 1), output: audio_out,
+    surfaces: {"wall": (shape: plane, effects: (stiffness: (stiffness_n_per_mm: 0.5), vibration: (frequency_hz: 150, amplitude_m_s2: 3)))},
+)
+"#;
+
+fn write(dir: &Path, name: &str, bytes: impl AsRef<[u8]>) {
+    std::fs::write(dir.join(name), bytes).expect("a file");
+}
+
+fn command(dir: &Path, args: &[&str]) -> Command {
+    let mut command = asperity(dir);
+    command.args(args);
+    command
+}
+
+fn graph(dir: &Path) {
+    write(dir, "g.ron", GRAPH);
+}
+
+fn magnitudes(dir: &Path) {
+    let file = std::fs::File::create(dir.join("m.npy")).expect("a file");
+    npy::write_f32(file, &[300, 101], &[0.5; 30_300]).expect("a file");
+}
+
+/// Two seconds of a stroke at one speed, over what is nearly noise.
+fn recording(dir: &Path) {
+    let mut text = String::from("t_s,force_n,speed_mm_s,acceleration_m_s2\n");
+    let mut last = 0.0;
+    for n in 0..2000 {
+        last = 0.6 * last + 2.0 * asperity_node::random::uniform(5, n) - 1.0;
+        text.push_str(&format!("{:.3},1.0,100.0,{last:.6}\n", n as f64 / 1000.0));
+    }
+    write(dir, "s.csv", text);
+}
+
+fn library(dir: &Path) {
+    write(dir, "e.onnx", encoder());
+    let vector = Box::new(std::array::from_fn(|n| n as f32 / 256.0));
+    let material = LibraryMaterial {
+        name: "middle".into(),
+        description: "Made for a test.".into(),
+        family: None,
+        images: Vec::new(),
+        vector,
+    };
+    write(dir, "l.ron", Library::new(dir.join("l.ron"), Some("e.onnx".into()), vec![material]).to_ron());
+    image::RgbImage::from_pixel(256, 192, image::Rgb([90; 3])).save(dir.join("felt.png")).expect("a picture");
+}
+
+fn text(path: &Path) -> String {
+    std::fs::read_to_string(path).unwrap_or_default()
+}
+
+/// Ends as a file of lines does, and its last line is no shorter than the first.
+fn is_table(path: &Path) -> bool {
+    let text = text(path);
+    let cells = |line: Option<&str>| line.map_or(0, |line| line.split(',').count());
+    text.ends_with('\n')
+        && cells(text.lines().next()) > 1
+        && cells(text.lines().last()) == cells(text.lines().next())
+}
+
+fn is_picture(path: &Path) -> bool {
+    text(path).trim_start().starts_with("<svg") && text(path).trim_end().ends_with("</svg>")
+}
+
+fn is_json(path: &Path) -> bool {
+    serde_json::from_str::<serde_json::Value>(&text(path)).is_ok()
+}
+
+fn is_array(path: &Path) -> bool {
+    npy::read(path).is_ok_and(|array| !array.values.is_empty())
+}
+
+/// Its header says as many bytes as there are.
+fn is_sound(path: &Path) -> bool {
+    let bytes = std::fs::read(path).unwrap_or_default();
+    let size = bytes.get(4..8).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]) as usize);
+    size == Some(bytes.len().wrapping_sub(8)) && hound::WavReader::new(&*bytes).is_ok_and(|wav| wav.len() > 0)
+}
+
+fn is_ron(path: &Path) -> bool {
+    let source = asperity_source::Source::read(path);
+    source.is_ok_and(|source| asperity_source::ron::parse(&source).is_ok())
+}
+
+fn is_library(path: &Path) -> bool {
+    Library::read(path).is_ok_and(|library| library.material("felt").is_ok())
+}
+
+/// A crate that has all that cargo wants.
+fn is_plugin(path: &Path) -> bool {
+    text(&path.join("Cargo.toml")).ends_with('\n') && !text(&path.join("src/lib.rs")).is_empty()
+}
+
+const CARD: &str = "simulated:frames=64,latency=200,speed=10,plant=haptuator_mark_ii,plant_handle_g=60";
+
+/// All of them, but for the training of models, which is another program.
+pub(super) static WRITERS: [Writer; 10] = [
+    Writer {
+        name: "render",
+        prepare: graph,
+        command: |dir| {
+            let args = [
+                "render",
+                "g.ron",
+                "--seconds",
+                "0.3",
+                "--out",
+                "o.wav",
+                "--plot",
+                "p.svg",
+                "--report",
+                "r.json",
+            ];
+            command(dir, &[&args[..], &["--quiet"]].concat())
+        },
+        makes: &[
+            file("o.wav", is_sound),
+            file("p.svg", is_picture),
+            file("r.json", is_json),
+            file("kept.npy", is_array),
+            file("seen.csv", is_table),
+        ],
+        live: false,
+    },
+    Writer {
+        name: "invert",
+        prepare: magnitudes,
+        command: |dir| {
+            command(
+                dir,
+                &["invert", "--phase", "spsi", "--magnitudes", "m.npy", "--rate", "5000", "--out", "y.npy"],
+            )
+        },
+        makes: &[file("y.npy", is_array)],
+        live: false,
+    },
+    Writer {
+        name: "compare",
+        prepare: |dir| {
+            std::fs::create_dir(dir.join("v")).expect("a folder");
+            magnitudes(dir);
+            std::fs::rename(dir.join("m.npy"), dir.join("v/flat_5000.mag.npy")).expect("a file");
+        },
+        command: |dir| {
+            command(dir, &["compare", "--vectors", "v", "--svg", "c.svg", "--csv", "c.csv", "--quiet"])
+        },
+        makes: &[file("c.svg", is_picture), file("c.csv", is_table)],
+        live: false,
+    },
+    Writer {
+        name: "graph",
+        prepare: graph,
+        command: |dir| command(dir, &["graph", "g.ron", "--svg", "g.svg"]),
+        makes: &[file("g.svg", is_picture)],
+        live: false,
+    },
+    Writer {
+        name: "scene expand",
+        prepare: |dir| write(dir, "s.ron", SCENE),
+        command: |dir| command(dir, &["scene", "expand", "s.ron", "--out", "x.ron"]),
+        makes: &[file("x.ron", is_ron)],
+        live: false,
+    },
+    Writer {
+        name: "fit-ar",
+        prepare: recording,
+        command: |dir| {
+            command(dir, &["fit-ar", "s.csv", "--order", "4", "--out", "t.ron", "--plot", "t.svg"])
+        },
+        makes: &[file("t.ron", is_ron), file("t.svg", is_picture)],
+        live: false,
+    },
+    Writer {
+        name: "encode",
+        prepare: library,
+        command: |dir| command(dir, &["encode", "--library", "l.ron", "felt.png", "--description", "Felt."]),
+        makes: &[file("l.ron", is_library)],
+        live: false,
+    },
+    Writer {
+        name: "plugin new",
+        prepare: |_| (),
+        command: |dir| command(dir, &["plugin", "new", "mine"]),
+        makes: &[Made { name: "mine", whole: is_plugin, folder: true }],
+        live: false,
+    },
+    Writer {
+        name: "calibrate",
+        prepare: |_| (),
+        command: |dir| {
+            let args =
+                ["calibrate", "--device", CARD, "--handle-mass-g", "60", "--accelerometer-full-scale", "100"];
+            command(
+                dir,
+                &[
+                    &args[..],
+                    &["--base", "haptuator_mark_ii", "--seconds", "2", "--out", "a.ron", "--plot", "a.svg"],
+                ]
+                .concat(),
+            )
+        },
+        makes: &[file("a.ron", is_ron), file("a.svg", is_picture)],
+        live: true,
+    },
+    Writer {
+        name: "run",
+        prepare: graph,
+        command: |dir| {
+            let args = ["run", "g.ron", "--device", "simulated:frames=64", "--seconds", "1", "--quiet"];
+            command(dir, &[&args[..], &["--report", "r.json", "--picture", "p.svg"]].concat())
+        },
+        makes: &[
+            file("r.json", is_json),
+            file("p.svg", is_picture),
+            file("kept.npy", is_array),
+            file("seen.csv", is_table),
+        ],
+        live: true,
+    },
+];
+
+/// A file that is cut anywhere is not taken for a whole one.
+#[test]
+fn a_file_that_is_cut_is_not_taken_for_whole() {
+    let dir = tempfile::tempdir().expect("a folder");
+    for writer in WRITERS.iter().filter(|writer| !writer.live && writer.name != "plugin new") {
+        let place = super::disk::Place::new(writer, false);
+        place.run(writer, super::disk::Fails::Never);
+        for made in writer.makes {
+            let bytes = std::fs::read(place.dir.path().join(made.name))
+                .unwrap_or_else(|e| panic!("{}: {e}", made.name));
+            let cut = dir.path().join(made.name);
+            for part in 0..8 {
+                std::fs::write(&cut, &bytes[..bytes.len() * part / 8]).expect("a file");
+                assert!(!(made.whole)(&cut), "{}: {part} eighths of {}", writer.name, made.name);
+            }
+            std::fs::write(&cut, &bytes).expect("a file");
+            assert!((made.whole)(&cut), "{}: all of {}", writer.name, made.name);
+        }
+    }
+}
