@@ -3,7 +3,7 @@
 CARGO ?= cargo
 OUT ?= out
 
-.PHONY: setup-tests header stability-docs plugins setup demo test test-long lint bench tradeoff train evaluate pictures live-pictures clean
+.PHONY: setup-tests setup-fuzz header stability-docs plugins setup demo test test-long fuzz lint bench tradeoff train evaluate pictures live-pictures clean
 
 # Installs what is missing where it may, else says the exact line.
 setup:
@@ -12,6 +12,10 @@ setup:
 # And the servers and the browser that tests drive.
 setup-tests:
 	@sh scripts/setup.sh tests
+
+# And what fuzzing needs.
+setup-fuzz: setup
+	@sh scripts/setup.sh fuzz
 
 # Renders the default stroke over the default material: WAV, plot and report.
 demo: setup
@@ -27,12 +31,19 @@ demo: setup
 test: setup-tests
 	$(CARGO) test --workspace
 
-# The tests that take minutes: a million ticks without an allocation, a thousand swaps of the shipped graph, a million ticks live.
-test-long: setup-tests
+# The tests that take minutes: a million ticks without an allocation, a thousand swaps of the shipped graph, a million ticks live, ten
+# million ticks of nodes that fail, and every reader fuzzed for a minute.
+test-long: setup-tests setup-fuzz
 	ASPERITY_LONG_TICKS=1000000 $(CARGO) test -p asperity --test no_alloc
 	ASPERITY_LONG_SWAPS=1000 PROPTEST_CASES=5000 $(CARGO) test -p asperity --test swap_long
 	ASPERITY_LONG_TICKS=1000000 $(CARGO) test -p asperity --test live_long -- --nocapture
-	ASPERITY_STABILITY=long PROPTEST_CASES=2000 $(CARGO) test -p asperity --test stability -- --nocapture
+	ASPERITY_STABILITY=long ASPERITY_LONG_TICKS=10000000 PROPTEST_CASES=2000 $(CARGO) test -p asperity --test stability -- --nocapture
+	CARGO="$(CARGO)" sh scripts/fuzz.sh 60
+
+# Every reader, for so many seconds each.
+FUZZ_S ?= 600
+fuzz: setup-fuzz
+	CARGO="$(CARGO)" sh scripts/fuzz.sh $(FUZZ_S)
 
 lint: setup
 	$(CARGO) fmt --all --check

@@ -44,6 +44,18 @@ if [ "${1:-}" = tests ] && [ "$(uname)" = Linux ]; then
     fi
 fi
 
+# What fuzzing needs beside a compiler for C++.
+if [ "${1:-}" = fuzz ]; then
+    command -v c++ >/dev/null 2>&1 || install g++ || {
+        echo "missing: a compiler for C++. Install it, then try again: sudo apt-get install -y g++" >&2
+        exit 1
+    }
+    cargo fuzz --version >/dev/null 2>&1 || cargo install --locked cargo-fuzz || {
+        echo "missing: cargo-fuzz. Install it, then try again: cargo install --locked cargo-fuzz" >&2
+        exit 1
+    }
+fi
+
 if ! command -v cargo >/dev/null 2>&1; then
     echo "Rust is missing. Get it from https://rustup.rs, or with: sudo apt-get install -y rustup && rustup default stable" >&2
     exit 1

@@ -193,6 +193,29 @@ fn nodes_that_fail_often_are_contained_and_counted_without_a_leak() {
     assert!(faults > ticks / 1000 * INJECTORS as u64, "{faults} faults are few");
 }
 
+/// As it was: the node was taken out of the graph, and the second fault was in no count.
+#[test]
+fn a_panic_in_the_reset_that_follows_a_panic_is_counted_too() {
+    let mut engine = engine(r#""it": (kind: "breaks_twice"), "p": (kind: "probe"),"#, r#"("it", "p")"#);
+    (0..3).for_each(|_| engine.tick());
+    let it = engine.schedule().index_of("it").expect("the node");
+    let report = engine.report(it).expect("a report").clone();
+    assert_eq!((report.calls, report.faults, report.quarantined), (1, 2, true));
+    // And once more where all is put back to the start.
+    engine.reset();
+    assert_eq!(engine.report(it).expect("a report").faults, 3);
+}
+
+/// As it was: what a panic carried was never freed, and a node that panics less than once in ten seconds does so for good.
+#[test]
+fn what_a_panic_carries_is_freed() {
+    let mut engine = faulty(50);
+    let mut run = || (0..2000).for_each(|_| engine.tick());
+    run();
+    let (_, Held { left, .. }) = held(run);
+    assert_eq!(left, 0);
+}
+
 /// Mutant: an engine that loses one count of a hundred.
 struct LosesCount(Engine);
 

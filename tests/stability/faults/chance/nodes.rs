@@ -203,7 +203,33 @@ impl Node for ChanceLoop {
     }
 }
 
+/// Panics when it is called, and when it is put back to the start.
+struct BreaksTwice;
+
+impl Node for BreaksTwice {
+    fn descriptor() -> Descriptor {
+        let out = Output::new("out", ShapeSpec::Control(1), Unit::NONE);
+        Descriptor::new("breaks_twice", "Panics.").output(out)
+    }
+
+    fn prepare(_: &Setup<'_>) -> Result<Self, Diagnostic> {
+        Ok(Self)
+    }
+
+    fn process(&mut self, _: &mut Tick<'_>) -> Status {
+        panic!("as told")
+    }
+
+    fn reset(&mut self) {
+        panic!("as told, again")
+    }
+}
+
 /// The built-in kinds and these.
 pub(super) fn registry() -> Registry {
-    asperity_nodes::registry().with::<Chance>().with::<ChanceGate>().with::<ChanceLoop>()
+    asperity_nodes::registry()
+        .with::<Chance>()
+        .with::<ChanceGate>()
+        .with::<ChanceLoop>()
+        .with::<BreaksTwice>()
 }
