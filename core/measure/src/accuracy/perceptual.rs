@@ -19,7 +19,7 @@ const MOST_DB: f64 = 77.0;
 const MASK: (f64, f64) = (5.0, 1400.0);
 /// What a mask falls by at 0 Hz and at twice its peak's frequency, in dB.
 const MASK_FALL_DB: f64 = 30.0;
-/// A peak that masks: how far it stands out, and how far it is at most below the loudest bin, in dB.
+/// A peak that masks: how far it stands out, and how far it is at most below the loudest bin that is felt, in dB.
 const PEAK_DB: (f64, f64) = (12.0, 45.0);
 /// A support so small in every bin, 24 dB below the threshold, is none.
 const LITTLE: f64 = 0.022_750_13;
@@ -43,7 +43,7 @@ const LITTLE: f64 = 0.022_750_13;
 /// - Theirs compares waveforms block by block; of two draws of one noise that finds all that is random in a spectrum of one block. Here a level is the mean power
 ///   of a segment of [`SEGMENT_FRAMES`] frames (0.575 s, of which speed and force of a stroke do not change very much). Masks are those of single frames,
 ///   as in the codec, their powers averaged over the segment: the long-term spectrum of a noise has no peaks, its frames have.
-/// - Peaks below the absolute threshold mask nothing.
+/// - Peaks below the absolute threshold mask nothing, and the loudest bin is one above it.
 /// - The larger mask of both signals counts. With that of the truth alone what is too loud would hardly be told from what is right, since support
 ///   ends at 1.
 /// - ST-SIM divides by `sum s_t^2`, which makes what is too loud more than perfect; the larger of both sums is the same where the rendered signal has less support.
@@ -110,13 +110,16 @@ fn masks(signal: &Spectrogram, frames: usize) -> Vec<[f64; BINS]> {
     (0..frames).filter_map(|frame| signal.frame(frame)).map(|powers| mask(powers, signal.bins())).collect()
 }
 
-/// The power of the mask of a frame's powers, of which so many are known.
+/// The power of the mask of a frame's powers, of which so many are known. What is below the absolute threshold masks nothing, however loud.
 fn mask(powers: &[f64; BINS], known: usize) -> [f64; BINS] {
     let levels: Vec<f64> = powers.iter().take(known).map(|p| db(squared_amplitude(*p))).collect();
+    let felt = |bin: usize, level: f64| level >= db(threshold_m_s2(bin_hz(bin)).powi(2));
+    let loudest = levels.iter().enumerate().filter(|(bin, level)| felt(*bin, **level));
+    let loudest = loudest.map(|(_, level)| *level).fold(f64::NEG_INFINITY, f64::max);
     let mut mask = [f64::NEG_INFINITY; BINS];
     for peak in peaks(&levels) {
         let (hz, level) = (bin_hz(peak), levels[peak]);
-        if level < db(threshold_m_s2(hz).powi(2)) {
+        if !felt(peak, level) || level < loudest - PEAK_DB.1 {
             continue;
         }
         for (bin, mask) in mask.iter_mut().enumerate() {
@@ -136,11 +139,9 @@ fn mean(frames: &[[f64; BINS]]) -> [f64; BINS] {
     sums.map(|sum| sum / frames.len().max(1) as f64)
 }
 
-/// The places of the peaks of levels in dB: higher than both neighbours, at most 45 dB below the highest level, and 12 dB over the higher one of the lowest levels between
-/// them and the next higher level (or the end) on either side.
+/// The places of the peaks of levels in dB: higher than both neighbours, and by 12 dB over the higher one of the lowest levels between them and the next higher
+/// level (or the end) on either side.
 fn peaks(levels: &[f64]) -> Vec<usize> {
-    let (stands_out, below) = PEAK_DB;
-    let least = levels.iter().copied().fold(f64::NEG_INFINITY, f64::max) - below;
     // Of silence the levels are all alike, and there is none.
     let base = |peak: f64, side: &mut dyn Iterator<Item = &f64>| {
         side.take_while(|level| **level <= peak).copied().fold(peak, f64::min)
@@ -152,9 +153,9 @@ fn peaks(levels: &[f64]) -> Vec<usize> {
             return false;
         };
         let higher = left.last().is_some_and(|l| *l < here) && right.first().is_some_and(|r| *r < here);
-        higher && here >= least && {
+        higher && {
             let bases = [base(here, &mut left.iter().rev()), base(here, &mut right.iter())];
-            here - bases[0].max(bases[1]) >= stands_out
+            here - bases[0].max(bases[1]) >= PEAK_DB.0
         }
     };
     (0..levels.len()).filter(is_peak).collect()

@@ -45,7 +45,7 @@ fn the_threshold_is_that_of_the_formula_by_hand() {
 }
 
 #[test]
-fn a_peak_stands_out_by_12_db_within_45_of_the_loudest() {
+fn a_peak_stands_out_by_12_db() {
     let at = |levels: &[f64]| peaks(levels);
     assert_eq!(at(&[0.0, 12.0, 0.0]), [1]);
     assert_eq!(at(&[0.0, 11.9, 0.0]), [0; 0]);
@@ -53,8 +53,8 @@ fn a_peak_stands_out_by_12_db_within_45_of_the_loudest() {
     assert_eq!(at(&[-40.0, 11.0, 0.0]), [0; 0]);
     // The valley towards the next higher level counts, not the one behind it.
     assert_eq!(at(&[0.0, 30.0, 19.0, 30.5, 0.0, 20.0, -50.0]), [3, 5]);
-    assert_eq!(at(&[0.0, 50.0, 0.0, 4.9, -20.0]), [1]);
-    assert_eq!(at(&[0.0, 50.0, -20.0, 5.1, -20.0]), [1, 3]);
+    assert_eq!(at(&[0.0, 50.0, 0.0, 11.9, -20.0]), [1]);
+    assert_eq!(at(&[0.0, 50.0, 0.0, 12.1, -20.0]), [1, 3]);
     // Ends and flats are no peaks.
     assert_eq!(at(&[50.0, 0.0, 50.0]), [0; 0]);
     assert_eq!(at(&[-3000.0; 9]), [0; 0]);
@@ -70,6 +70,18 @@ fn a_line_masks_by_the_parabola_of_the_codec() {
         let want = 20.0 * 3f64.log10() - 5.0 + 200.0 / 280.0 + away_db;
         assert!((db(found[bin]) - want).abs() < 1e-6, "{hz}: {}, not {want}", db(found[bin]));
     }
+}
+
+#[test]
+fn a_line_46_db_below_another_masks_nothing_and_one_44_db_below_does() {
+    let at_300 = |below_db: f64| {
+        let both = sum(&sine(30.0, 60.0, RATE, 1.0), &louder(&sine(30.0, 300.0, RATE, 1.0), -below_db));
+        db(mask(seen(&both).frame(0).unwrap(), BINS)[28])
+    };
+    let by_60 = 20.0 * 30f64.log10() - 5.0 + 60.0 / 280.0 - 30.0 * 16.0;
+    assert!((at_300(46.0) - by_60.max(-3000.0)).abs() < 1e-6, "{}", at_300(46.0));
+    let by_itself = 20.0 * 30f64.log10() - 44.0 - 5.0 + 300.0 / 280.0;
+    assert!((at_300(44.0) - by_itself).abs() < 1e-6, "{}", at_300(44.0));
 }
 
 #[test]
@@ -106,7 +118,9 @@ fn what_is_missing_in_the_felt_band_counts_and_what_nobody_feels_does_not() {
     let quiet = sine(100.0, 900.0, RATE, 8.0);
     assert!(threshold_m_s2(900.0) > 100.0);
     let louder_there = score(&sum(&truth, &quiet), &truth);
-    assert!(louder_there > 0.999, "a line below its threshold is not felt and masks nothing: {louder_there}");
+    assert!(louder_there > 0.999, "a line below its threshold is not felt: {louder_there}");
+    let hidden = score(&sum(&louder(&truth, -12.0), &quiet), &sum(&truth, &quiet));
+    assert!(hidden < 0.42, "and it hides nothing: {hidden}");
     let felt = sine(1.0, 250.0, RATE, 8.0);
     assert!(score(&sum(&truth, &felt), &truth) < 0.9, "{}", score(&sum(&truth, &felt), &truth));
 }
