@@ -48,6 +48,8 @@ pub struct Order<'a> {
     pub folder: &'a Path,
     /// What runs it.
     pub machine: Machine,
+    /// What tells this program from another build of it: parts that another one kept are not taken.
+    pub program: &'a str,
     /// Whether settings are put to the hard cases.
     pub cases: bool,
 }
@@ -181,7 +183,8 @@ pub fn run(order: &Order<'_>, onlooker: &dyn Onlooker) -> Result<Ran, Diagnostic
 
 /// What else a finished part depends on: the study's text, this program, and all files that graphs read.
 fn salt(order: &Order<'_>) -> Result<String, Diagnostic> {
-    let mut text = format!("{} {:?} {}", order.study.source.text(), order.machine, order.cases);
+    let mut text =
+        format!("{} {:?} {} {}", order.study.source.text(), order.machine, order.program, order.cases);
     for base in order.bases.iter().chain(order.marks) {
         // What does not compile over its own material may do so over those of the study.
         let Ok(compiled) = compile(&base.graph, &base.registry, Default::default()) else { continue };

@@ -3,7 +3,7 @@
 mod folder;
 mod onlooker;
 
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -58,6 +58,7 @@ pub fn run(args: &Tradeoff) -> Result<ExitCode, Failure> {
         shard: args.shard.unwrap_or((0, 1)),
         folder: &out.join("kept"),
         machine: machine(),
+        program: &program(),
         cases: !args.no_cases,
     };
     if cfg!(debug_assertions) {
@@ -130,7 +131,7 @@ fn base(path: &Path, args: &Tradeoff) -> Result<Base, Failure> {
 
 fn base_as_it_is(path: &Path, plugins: &PluginArgs) -> Result<Base, Failure> {
     let (graph, registry) = load::offline(path, plugins)?;
-    Ok(Base { name: path.display().to_string(), graph, registry, strength: 1.0 })
+    Ok(Base { name: tidy(path).display().to_string(), graph, registry, strength: 1.0 })
 }
 
 fn merge(args: &Merge) -> Result<ExitCode, Failure> {
@@ -173,6 +174,29 @@ pub fn machine() -> Machine {
             if cfg!(debug_assertions) { ", not built to be fast" } else { "" }
         ),
     }
+}
+
+/// What tells this program from another build of it: when and how large its file was made.
+fn program() -> String {
+    let file = std::env::current_exe().and_then(std::fs::metadata);
+    let made = file.as_ref().ok().and_then(|meta| meta.modified().ok());
+    let since = made.and_then(|t| t.duration_since(std::time::UNIX_EPOCH).ok()).map_or(0, |d| d.as_nanos());
+    format!("{since} {}", file.map_or(0, |meta| meta.len()))
+}
+
+/// A path without `FOLDER/..` in it, for a person.
+fn tidy(path: &Path) -> PathBuf {
+    let mut out = PathBuf::new();
+    for part in path.components() {
+        let back = part == Component::ParentDir
+            && matches!(out.components().next_back(), Some(Component::Normal(_)));
+        if back {
+            out.pop();
+        } else {
+            out.push(part);
+        }
+    }
+    out
 }
 
 /// Whether the user asks to stop.
