@@ -180,7 +180,7 @@ fn quietly(command: &mut Command) -> Child {
     command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().expect("it starts")
 }
 
-fn spinning(dir: &Path) -> Child {
+fn write_spinning(dir: &Path) {
     let graph = format!(
         r#"Graph(version: 1, plugins: [{:?}],
             nodes: {{"bad": (kind: "told", params: (from: 200, to: 1000000, what: endless)), "guard": (kind: "limiter"), "out": (kind: "audio_out")}},
@@ -188,6 +188,11 @@ fn spinning(dir: &Path) -> Child {
         plugins::c("told").display().to_string()
     );
     std::fs::write(dir.join("g.ron"), graph).expect("a graph");
+}
+
+/// The run of it, by the paced driver.
+fn spinning(dir: &Path) -> Child {
+    write_spinning(dir);
     let args = [
         "run",
         "g.ron",
@@ -219,6 +224,24 @@ fn a_run_with_a_plugin_that_spins_ends_on_ctrl_c_and_names_it() {
     let bad =
         report["nodes"].as_array().expect("nodes").iter().find(|node| node["id"] == "bad").expect("the node");
     assert!(bad["faults"] == 1 && bad["last_fault"] == DOES_NOT_COME_BACK, "{bad}");
+}
+
+/// Offline there is nobody else to look after it: the third Ctrl-C ends the program, and no half file is left under the name that was asked for.
+#[test]
+fn a_render_with_a_plugin_that_spins_ends_on_the_third_ctrl_c() {
+    let dir = tempfile::tempdir().expect("a folder");
+    write_spinning(dir.path());
+    let args = ["render", "g.ron", "--seconds", "10", "--out", "o.wav", "--quiet"];
+    let child = quietly(asperity(dir.path()).args(args));
+    std::thread::sleep(Duration::from_secs(2));
+    for _ in 0..2 {
+        let sent = Command::new("kill").args(["-INT", &child.id().to_string()]).status();
+        assert!(sent.is_ok_and(|sent| sent.success()), "it is gone already");
+        std::thread::sleep(Duration::from_millis(500));
+    }
+    let (code, said) = ends_on_ctrl_c(child, PATIENCE).unwrap();
+    assert_eq!((code, said.matches("once more").count()), (Some(130), 1), "{said}");
+    assert!(!dir.path().join("o.wav").exists());
 }
 
 /// Mutant: a program that waits for what does not come.

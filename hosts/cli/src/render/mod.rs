@@ -21,7 +21,7 @@ use asperity_source::Diagnostic;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::args::{GraphArgs, Render};
-use crate::failure::{Failure, be_quiet, print};
+use crate::failure::{Failure, be_quiet, complain, print};
 use crate::kinds::Kinds;
 use crate::output::Pending;
 use crate::{load, output};
@@ -229,7 +229,8 @@ fn ticks(args: &Render, schedule: &asperity_graph::Schedule) -> Result<u64, Fail
     }
 }
 
-/// Set when the user asks the render to stop; what was rendered until then is kept.
+/// Set when the user asks the render to stop; what was rendered until then is kept. Who asks for it the third time is not heard by what runs,
+/// such as a plugin in an endless loop: the program then ends at once.
 ///
 /// One flag for the whole program, which a command that plays several times asks for again.
 pub fn stop_flag() -> Arc<AtomicBool> {
@@ -237,7 +238,19 @@ pub fn stop_flag() -> Arc<AtomicBool> {
     let make = || {
         let stop = Arc::new(AtomicBool::new(false));
         let set = stop.clone();
-        if let Err(e) = ctrlc::set_handler(move || set.store(true, Ordering::Relaxed)) {
+        let mut asked = 0;
+        let heard = move || {
+            set.store(true, Ordering::Relaxed);
+            asked += 1;
+            match asked {
+                1 => {}
+                2 => complain(
+                    "it is about to end; once more, and it ends at once and keeps nothing of what it writes\n",
+                ),
+                _ => std::process::exit(INTERRUPTED.into()),
+            }
+        };
+        if let Err(e) = ctrlc::set_handler(heard) {
             crate::failure::warn(&format!("Ctrl-C will not be caught: {e}"));
         }
         stop
