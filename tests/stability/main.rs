@@ -8,12 +8,17 @@ mod counting;
 #[path = "../common/stage.rs"]
 mod stage;
 
+mod autoregressive;
 mod faults;
 mod files;
 mod motion;
+mod networks;
+mod phase;
 
 use asperity_graph::GraphFile;
+use asperity_scene::{Lowering, lower};
 use asperity_stability::{Case, Effort, Outcome, Subject, Verdict, cases};
+use asperity_world::scene::Scene;
 
 /// How long cases may take here; `ASPERITY_STABILITY=long` asks for all there is.
 fn effort() -> Effort {
@@ -32,6 +37,12 @@ fn case(name: &str) -> &'static Case {
 /// A shipped graph.
 fn graph(name: &str) -> GraphFile {
     GraphFile::read(common::graphs(name)).expect("a shipped graph")
+}
+
+/// The graph of a shipped scene.
+fn scene(name: &str) -> GraphFile {
+    let scene = Scene::read(common::graphs("scenes").join(name)).expect("a shipped scene");
+    lower(&scene, &asperity_nodes::registry(), Lowering::default()).expect("a graph").graph
 }
 
 /// The built-in kinds, with a graph or without.

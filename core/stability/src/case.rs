@@ -71,6 +71,17 @@ pub enum Not {
     Applicable(String),
 }
 
+impl Not {
+    /// The same, with what it is about before it.
+    #[must_use]
+    pub fn after(self, about: &str) -> Self {
+        match self {
+            Self::Held(why) => Self::Held(format!("{about}: {why}")),
+            Self::Applicable(why) => Self::Applicable(why),
+        }
+    }
+}
+
 impl From<String> for Not {
     fn from(wrong: String) -> Self {
         Self::Held(wrong)

@@ -4,11 +4,20 @@ use std::sync::Arc;
 
 use asperity_engine::{Engine, Options};
 use asperity_graph::{GraphFile, Schedule};
-use asperity_node::{Buffer, NodeKind, Registry, Shape, ShapeSpec, Unit};
+use asperity_node::{Buffer, FactValue, NodeKind, Registry, Shape, ShapeSpec, Unit};
 
 use crate::case::{Not, not_applicable};
 use crate::played::{Motion, Played};
 use crate::subject::Subject;
+
+/// What a limiter says that it holds a drive to.
+#[derive(Clone, Copy, Debug)]
+pub struct DriveLimits {
+    /// Largest sample \[A or V\].
+    pub peak: f64,
+    /// Largest step from sample to sample \[A or V\].
+    pub step: f64,
+}
 
 /// A graph that runs, with what goes to its devices.
 pub struct Rig {
@@ -105,6 +114,40 @@ impl Rig {
     /// What this tick plays on the sound card, of every `audio_out`: A or V at the coil.
     pub fn drive(&self) -> impl Iterator<Item = &[f32]> {
         self.drives.iter().map(|&(node, input)| samples(self.engine.input(node, input)))
+    }
+
+    /// What holds each [drive](Self::drive), where the node before it tells.
+    pub fn drive_limits(&self) -> Vec<Option<DriveLimits>> {
+        let told = |&(node, input): &(usize, usize)| {
+            let (limiter, _) = self.schedule.nodes.get(node)?.inputs.get(input)?.from?;
+            let facts = &self.schedule.nodes.get(limiter)?.facts;
+            let number = |name| match facts.iter().find(|f| f.name == name)?.value {
+                FactValue::Number(value, _) => Some(value),
+                _ => None,
+            };
+            Some(DriveLimits { peak: number("limit")?, step: number("limit_step")? })
+        };
+        self.drives.iter().map(told).collect()
+    }
+
+    /// Whether what goes to every device is to be trusted in this tick: else it fades.
+    pub fn trusted(&self) -> bool {
+        self.drives.iter().all(|&(node, input)| self.engine.input(node, input).is_none_or(Buffer::is_valid))
+    }
+
+    /// Where the stylus is \[mm\]; none where nothing tells.
+    pub fn position(&self) -> Option<[f64; 3]> {
+        let place = |(i, n): (usize, &asperity_graph::ScheduledNode)| {
+            let tells = |o: &asperity_graph::ScheduledOutput| {
+                o.name == "position" && o.port.shape == Shape::Control { count: 3 }
+            };
+            Some((i, n.outputs.iter().position(tells)?))
+        };
+        let (node, output) = self.schedule.nodes.iter().enumerate().find_map(place)?;
+        match self.engine.output(node, output)? {
+            Buffer::Control { values, .. } => <[f64; 3]>::try_from(&values[..]).ok(),
+            _ => None,
+        }
     }
 
     /// Whether anything is played on a sound card.

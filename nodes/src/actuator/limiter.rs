@@ -111,7 +111,7 @@ impl Node for Limiter {
     }
 
     fn facts(&self) -> Vec<Fact> {
-        let r = self.0.report();
+        let (r, limits) = (self.0.report(), self.0.limits());
         let unit = if self.0.drive() == Drive::Voltage { "V" } else { "A" };
         let count = |name, n| Fact::count(name, n);
         let number = |name, x, unit| Fact::number(name, x, unit);
@@ -124,6 +124,8 @@ impl Node for Limiter {
             count("limited_muted", r.muted),
             count("reduced", r.reduced),
             number("largest_reduction", r.largest_reduction_db(), "dB"),
+            number("limit", limits.peak, unit),
+            number("limit_step", limits.slew_per_sample, unit),
             number("largest", r.largest, unit),
             number("largest_rms_current", r.largest_rms_current, "A"),
             number("largest_displacement", r.largest_displacement * 1e3, "mm"),

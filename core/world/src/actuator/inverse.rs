@@ -31,6 +31,10 @@ use asperity_state::State;
 
 use super::{ActuatorError, Drive, Dynamics};
 
+/// Accelerations are held to this \[m/s^2\], ten times what the loudest of textures may ask for: the filters would remember 1e30 for 0.8 s, and
+/// keep the limiter at its peak all the while.
+const MOST_M_S2: f64 = 1e6;
+
 /// What may be chosen about the inverse.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct InverseSettings {
@@ -115,13 +119,13 @@ impl Inverse {
     }
 
     /// Turns a block of accelerations \[m/s^2\] into drive \[A or V\]; blocks of any length give the same
-    /// samples. A sample that is not finite is taken as 0 and counted.
+    /// samples. A sample that is not finite is taken as 0 and counted; one beyond 1e6 m/s^2 is held there.
     pub fn process(&mut self, acceleration: &[f32], drive: &mut [f32]) {
         let mut ignored = 0;
         let mut read = |x: &f32| {
             let good = x.is_finite();
             ignored += u64::from(!good);
-            if good { f64::from(*x) } else { 0.0 }
+            if good { f64::from(*x).clamp(-MOST_M_S2, MOST_M_S2) } else { 0.0 }
         };
         let write = |y: f64| y.clamp(f64::from(f32::MIN), f64::from(f32::MAX)) as f32;
         let mut current = self.current;
@@ -230,6 +234,20 @@ mod tests {
                 let off = 20.0 * (exact.norm() / stated.norm()).log10();
                 assert!(off.abs() < 0.05, "{drive:?} {hz} Hz: {off} dB from what is stated");
             }
+        }
+    }
+
+    #[test]
+    fn what_no_actuator_could_follow_is_not_remembered_longer_than_a_large_signal() {
+        for drive in [Drive::Current, Drive::Voltage] {
+            let mut inv = inverse(100.0, drive, RATE);
+            let mut u = vec![0.0; 4800];
+            inv.process(&[1e30; 4800], &mut u);
+            assert!(u.iter().all(|u| u.is_finite()));
+            let mut rest = vec![0.0; 24_000];
+            inv.process(&[0.0; 24_000], &mut rest);
+            // exp(-w_c zeta_c t) of the corner, 20 Hz, is 309 dB in 0.4 s.
+            assert!(rest[19_200..].iter().all(|u| u.abs() < 1e-6), "{drive:?} {}", rest[19_200]);
         }
     }
 

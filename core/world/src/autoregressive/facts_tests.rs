@@ -163,28 +163,24 @@ fn without_variance_it_is_silent_to_the_last_bit() {
     assert!(out[0] != 0.0 && out[2999] == 0.0, "what sounded dies away, to nothing");
 }
 
-/// `y = -sum a_i y[-i] + gain (e + sum b_i e[-i])` as it is written down, from the noise of a texture without coefficients, which is the noise itself: history is
-/// kept whatever changes.
+/// `y = -sum a_i y[-i] + gain (e + sum b_i e[-i])` as it is written down, from the noise of a texture without coefficients, which is the noise itself.
 #[test]
-fn a_changing_signal_is_the_recursion_over_one_history() {
+fn a_steady_signal_is_the_recursion() {
+    let white = Model { ar: vec![], ma: vec![], variance: 1.0, gain: 1.0, speed_mm_s: 1.0, force_n: 1.0 };
+    let mut noise = Synthesis::new(Arc::new(Texture::new(1000.0, vec![white], None).unwrap()), 12);
+    noise.touch(1.0, 1.0);
+    let mut e = vec![0.0f32; 6000];
+    noise.process(0, &mut e);
     for (name, file) in shipped() {
         let texture = Arc::new(file.texture);
-        let white = Model { ar: vec![], ma: vec![], variance: 1.0, gain: 1.0, speed_mm_s: 1.0, force_n: 1.0 };
-        let mut noise = Synthesis::new(Arc::new(Texture::new(1000.0, vec![white], None).unwrap()), 12);
-        noise.touch(1.0, 1.0);
-        let mut e = vec![0.0f32; 6000];
-        noise.process(0, &mut e);
-        let mut synthesis = Synthesis::new(texture.clone(), 12);
-        let mut found = vec![0.0f32; 6000];
-        let (mut excitation, mut want) = (vec![0.0; 6000], vec![0.0f64; 6000]);
-        for tick in 0..3000 {
-            // There and back, a jump, a pause without force.
-            let speed = 150.0 + 140.0 * (0.01 * tick as f64).sin() + if tick > 1500 { 20.0 } else { 0.0 };
-            let force = if (700..750).contains(&tick) { 0.0 } else { 1.2 + (0.017 * tick as f64).sin() };
+        for [speed, force] in [[60.0, 0.5], [150.0, 1.2], [400.0, 6.0]] {
             let filter = texture.at(speed, force);
+            let mut synthesis = Synthesis::new(texture.clone(), 12);
             synthesis.touch(speed, force);
-            synthesis.process(2 * tick as u64, &mut found[2 * tick..2 * tick + 2]);
-            for n in 2 * tick..2 * tick + 2 {
+            let mut found = vec![0.0f32; 6000];
+            synthesis.process(0, &mut found);
+            let (mut excitation, mut want) = (vec![0.0; 6000], vec![0.0f64; 6000]);
+            for n in 0..6000 {
                 excitation[n] = filter.deviation * f64::from(e[n]);
                 let sum = |c: &[f64], of: &[f64]| -> f64 {
                     c.iter().zip(of[..n].iter().rev()).map(|(c, x)| c * x).sum()
@@ -192,10 +188,54 @@ fn a_changing_signal_is_the_recursion_over_one_history() {
                 let excited = excitation[n] + sum(filter.ma(), &excitation);
                 want[n] = filter.gain * excited - sum(filter.ar(), &want);
             }
+            let peak = want.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
+            for (n, (x, y)) in found.iter().zip(&want).enumerate() {
+                assert!((f64::from(*x) - y).abs() < 1e-5 * peak, "{name}, sample {n}: {x}, not {y}");
+            }
         }
-        let peak = want.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
-        for (n, (x, y)) in found.iter().zip(&want).enumerate() {
-            assert!((f64::from(*x) - y).abs() < 1e-5 * peak, "{name}, sample {n}: {x}, not {y}");
+    }
+}
+
+/// A place in the texture's plane, by the number of a jump.
+type Jumps = fn(u64) -> Place;
+
+/// The recursion over the signal's own past, which was here once, grew without end: `ringing.ron` on all of these, `rough.ron` on the second.
+#[test]
+fn however_fast_speed_and_force_jump_nothing_is_louder_than_the_loudest_place() {
+    let anywhere: Jumps = |k| {
+        let mut random = Random::new(k);
+        [random.range(1.0, 301.0), random.range(0.1, 3.1)]
+    };
+    let corners: Jumps = |k| if k % 2 == 0 { [20.0, 0.3] } else { [300.0, 3.0] };
+    let forces: Jumps = |k| if k % 2 == 0 { [300.0, 0.3] } else { [300.0, 3.0] };
+    for (name, file) in shipped() {
+        let texture = Arc::new(file.texture);
+        for (way, jumps) in [("anywhere", anywhere), ("two corners", corners), ("two forces", forces)] {
+            for samples in [1, 2, 4, 10] {
+                let mut synthesis = Synthesis::new(texture.clone(), 5);
+                let mut out = vec![0.0; 30_000];
+                let mut loudest: f64 = 0.0;
+                for (k, out) in out.chunks_mut(samples).enumerate() {
+                    let [speed, force] = jumps(k as u64);
+                    let mut square = [0.0];
+                    texture.at(speed, force).autocovariance(&mut square);
+                    loudest = loudest.max(square[0].sqrt());
+                    synthesis.touch(speed, force);
+                    synthesis.process((k * samples) as u64, out);
+                }
+                let square: f64 = out.iter().map(|x| f64::from(*x).powi(2)).sum();
+                let rms = (square / out.len() as f64).sqrt();
+                let peak = out.iter().fold(0.0f32, |m, x| m.max(x.abs()));
+                println!(
+                    "{name}, {way}, every {samples}: rms {rms:.3}, peak {peak:.3}, loudest {loudest:.3}"
+                );
+                // The deviation is at most that; a draw of 30 s of a resonance of 6 Hz is off by 5 %, and of normal noise nothing comes as far as 6 of it.
+                assert!(rms < 1.15 * loudest, "{name}, {way}, every {samples}: {rms}, not {loudest}");
+                assert!(
+                    f64::from(peak) < 6.0 * loudest,
+                    "{name}, {way}, every {samples}: {peak}, not {loudest}"
+                );
+            }
         }
     }
 }
@@ -224,9 +264,7 @@ fn largest_steps(texture: &Arc<Texture>, [from, to]: [Place; 2], ticks: u64) -> 
     [changing, steady]
 }
 
-/// From one corner to any other within 100 ms, no step is larger than those of steady signals on the way, but for a quarter. Of resonances as broad as
-/// those of the rough texture that is so however fast it goes. Sharp ones that move at once give what they hold a kick: within 20 ms it is up to four times as
-/// large for the ringing texture, and at once ten times.
+/// From one corner to any other, however fast, no step is larger than those of steady signals on the way, but for a quarter.
 #[test]
 fn a_change_of_speed_and_force_does_not_click() {
     let mut random = Random::new(5);
@@ -242,8 +280,7 @@ fn a_change_of_speed_and_force_does_not_click() {
             }
         }
         println!("{name}: within 100 ms {:.2}, 20 ms {:.2}, at once {:.2}", worst[0], worst[1], worst[2]);
-        let limits = if name == "ringing" { [1.25, 4.0, 10.0] } else { [1.25; 3] };
-        assert!(worst.iter().zip(limits).all(|(w, l)| *w < l), "{name}: {worst:?}");
+        assert!(worst.iter().all(|w| *w < 1.25), "{name}: {worst:?}");
     }
 }
 

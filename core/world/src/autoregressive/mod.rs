@@ -36,6 +36,7 @@ mod file;
 mod filter;
 pub mod fit;
 mod frames;
+mod ladder;
 pub mod line_spectrum;
 mod polynomial;
 mod synthesis;

@@ -162,7 +162,7 @@ fn a_signal_goes_on_from_its_state_and_dies_away_when_it_is_let_go() {
     let mut tail = vec![0.0; 4000];
     one.process(383, &mut tail);
     assert!(tail[0] != 0.0 && tail[3999] == 0.0);
-    assert_eq!(one.samples, [0.0; MAX_ORDER]);
+    assert_eq!(one.states, [0.0; MAX_ORDER]);
 }
 
 #[test]

@@ -1,0 +1,126 @@
+//! A texture network that goes wrong.
+
+use std::sync::Arc;
+
+use asperity_graph::GraphFile;
+use asperity_node::{Buffer, Fault};
+use asperity_stability::{Effort, Subject, wrap};
+
+use crate::{effort, fails, graph, holds, scene, subject};
+
+/// A case holds for the graph of a learned texture, for one of every effect, and for the others that are shipped where there is time.
+fn holds_for_shipped(name: &str) {
+    for graph in [graph("texture.ron"), scene("every_effect.ron")] {
+        holds(name, &subject(Some(&graph)));
+    }
+    if effort() == Effort::Long {
+        for file in ["heravi2024.ron", "heravi2024_500hz.ron", "voltage_amplifier.ron", "live.ron"] {
+            holds(name, &subject(Some(&graph(file))));
+        }
+    }
+}
+
+/// The learned texture with a kind whose nodes are called by way of something else.
+fn mutant<'a>(
+    graph: &'a GraphFile,
+    kind: &str,
+    make: impl Fn() -> wrap::Process + Send + Sync + 'static,
+) -> Subject<'a> {
+    let subject = subject(Some(graph));
+    let kind = subject.kind(kind).expect("the kind");
+    subject.with(wrap::wrap(kind, Arc::new(move |_| make())))
+}
+
+/// The learned texture with a limiter that is none: what comes in goes out, up to a size.
+fn without_limiter(graph: &GraphFile, most: f32) -> Subject<'_> {
+    mutant(graph, "limiter", move || {
+        Box::new(move |node, tick| {
+            let status = node.process(tick)?;
+            let given = tick.inputs.audio(0);
+            tick.outputs.audio(0).iter_mut().zip(given).for_each(|(y, x)| *y = x.clamp(-most, most));
+            Ok(status)
+        })
+    })
+}
+
+#[test]
+fn network_not_finite() {
+    holds_for_shipped("network_not_finite");
+    // Phase retrieval that never gets over a frame of zeros, which is what the engine puts in the place of a bad one.
+    let graph = graph("texture.ron");
+    let mutant = mutant(&graph, "sample_commit", || {
+        let mut hurt = false;
+        Box::new(move |node, tick| {
+            hurt |= tick.index > 450
+                && tick.inputs.magnitude(0).is_some_and(|f| f.bins.iter().all(|m| *m == 0.0));
+            let status = node.process(tick)?;
+            if hurt {
+                tick.outputs.audio(0).iter_mut().for_each(|x| *x *= 0.5);
+            }
+            Ok(status)
+        })
+    });
+    fails("network_not_finite", &mutant, "the level is");
+}
+
+#[test]
+fn network_huge() {
+    holds_for_shipped("network_huge");
+    let graph = graph("texture.ron");
+    fails("network_huge", &without_limiter(&graph, 1e6), "the limiter's bound");
+}
+
+#[test]
+fn network_negative() {
+    holds_for_shipped("network_negative");
+    // Phase retrieval that takes a negative magnitude for a mistake.
+    let graph = graph("texture.ron");
+    let mutant = mutant(&graph, "sample_commit", || {
+        Box::new(|node, tick| match tick.inputs.magnitude(0) {
+            Some(frame) if frame.bins.iter().any(|m| *m < 0.0) => Err(Fault::Failed(3)),
+            _ => node.process(tick),
+        })
+    });
+    fails("network_negative", &mutant, "node `phase` fails");
+}
+
+#[test]
+fn network_denormal() {
+    holds_for_shipped("network_denormal");
+    // A gain that lets nothing end.
+    let graph = graph("texture.ron");
+    let mutant = mutant(&graph, "gain", || {
+        Box::new(|node, tick| {
+            let status = node.process(tick)?;
+            let tail = f32::from_bits(77);
+            tick.outputs.audio(0).iter_mut().filter(|x| x.abs() < 1e-7).for_each(|x| *x = tail);
+            Ok(status)
+        })
+    });
+    fails("network_denormal", &mutant, "denormal numbers in the outputs of other nodes");
+}
+
+#[test]
+fn network_alternates() {
+    holds_for_shipped("network_alternates");
+    let graph = graph("texture.ron");
+    fails("network_alternates", &without_limiter(&graph, 0.5), "a step of");
+}
+
+#[test]
+fn network_out_of_range() {
+    holds_for_shipped("network_out_of_range");
+    // A network that grows with the third power of the force.
+    let graph = graph("texture.ron");
+    let mutant = mutant(&graph, "texture_network", || {
+        Box::new(|node, tick| {
+            let force = tick.inputs.control(0).iter().fold(0.0_f64, |m, f| m.max(f.abs()));
+            let status = node.process(tick)?;
+            if let Some(Buffer::Magnitude { bins, frame: Some(_), .. }) = tick.outputs.buffers().first_mut() {
+                bins.iter_mut().for_each(|m| *m *= force.powi(3) as f32);
+            }
+            Ok(status)
+        })
+    });
+    fails("network_out_of_range", &mutant, "a magnitude of");
+}
