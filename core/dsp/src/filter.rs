@@ -248,6 +248,14 @@ impl Biquad {
         true
     }
 
+    /// Ends a tail that has decayed below `least`. For a filter whose input is at rest: that of a slow one would take its
+    /// time to fall out of the range of numbers.
+    pub fn settle_below(&mut self, least: f64) {
+        if self.s.iter().all(|s| s.abs() < least) {
+            self.reset();
+        }
+    }
+
     /// Whether nothing of its input is left: of zeros follow zeros, without a sign.
     pub fn is_at_rest(&self) -> bool {
         self.s.iter().all(|s| s.to_bits() == 0)

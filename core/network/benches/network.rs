@@ -1,5 +1,5 @@
-//! Medians of one run: packed f32 and f16, tract, and a plain read of the same weights, interleaved so that all see the
-//! same machine. `cargo bench -p asperity-network`; numbers are only as good as the machine is idle.
+//! Medians of one run: packed f32, f16 and int8, f64, tract, and a plain read of the same weights, interleaved so that all
+//! see the same machine. `cargo bench -p asperity-network`; numbers are only as good as the machine is idle.
 #![allow(missing_docs, clippy::unwrap_used)]
 
 #[path = "../tests/common/mod.rs"]
@@ -30,9 +30,10 @@ fn main() {
     let make = |precision, choice| model.runner(&textures, precision, choice).unwrap();
     let mut rows = Vec::new();
     for isa in Isa::available() {
-        for (precision, label) in [(Precision::F32, "f32"), (Precision::F16, "f16")] {
+        for precision in [Precision::F32, Precision::F16, Precision::Int8] {
             for read in [false, true] {
-                let name = format!("{label} {} {}", isa.name(), if read { "read" } else { "run" });
+                let name =
+                    format!("{} {} {}", precision.name(), isa.name(), if read { "read" } else { "run" });
                 rows.push(Row {
                     name,
                     runner: make(precision, Choice::Packed(isa)),
@@ -42,8 +43,11 @@ fn main() {
             }
         }
     }
-    let tract = make(Precision::F32, Choice::Tract);
-    rows.push(Row { name: "tract run".into(), runner: tract, read: false, times: Vec::new() });
+    for (name, runner) in
+        [("f64 run", make(Precision::F64, Choice::Auto)), ("tract run", make(Precision::F32, Choice::Tract))]
+    {
+        rows.push(Row { name: name.into(), runner, read: false, times: Vec::new() });
+    }
 
     let motions = motions(32, 3);
     let mut out = [0.0; 100];

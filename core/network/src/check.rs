@@ -25,6 +25,31 @@ pub(crate) fn ordinary() -> Vec<Probe> {
     probes
 }
 
+/// Motions as a hand makes them, other than the probes: random histories, and those of a hand that moves evenly, by turns.
+pub(crate) fn motions(count: usize) -> Vec<Probe> {
+    let mut random = Random(0xbf58_476d_1ce4_e5b9);
+    let motion = |i: usize| -> Probe {
+        if i.is_multiple_of(2) {
+            return Probe {
+                force: std::array::from_fn(|_| 3.3 * random.unit()),
+                speed: std::array::from_fn(|_| 400.0 * random.unit() - 200.0),
+            };
+        }
+        let mut line = |low: f32, high: f32| {
+            let mut end = || low + (high - low) * random.unit();
+            let (from, to) = (end(), end());
+            // Within 20 ms not much happens.
+            move |k: usize| from + 0.1 * (to - from) * k as f32 / FORCE_LEN as f32
+        };
+        let (force, x, y) = (line(0.0, 3.3), line(-200.0, 200.0), line(-200.0, 200.0));
+        Probe {
+            force: std::array::from_fn(force),
+            speed: std::array::from_fn(|k| if k < FORCE_LEN { x(k) } else { y(k - FORCE_LEN) }),
+        }
+    };
+    (0..count).map(motion).collect()
+}
+
 /// Probes a hundred times beyond it. They have a full scale of their own, so as not to hide errors of the others.
 pub(crate) fn large() -> Vec<Probe> {
     let mut random = Random(0xd1b5_4a32_d192_ed03);

@@ -13,6 +13,7 @@
 //! run); tract 49 to 50 us.
 
 mod check;
+mod double;
 mod encoder;
 mod kernel;
 mod lower;
@@ -21,8 +22,10 @@ mod packed;
 mod proto;
 mod range;
 mod reference;
+mod round;
 mod runner;
 mod signature;
+mod stored;
 mod trained;
 
 pub use encoder::Encoder;

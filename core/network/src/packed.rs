@@ -1,10 +1,10 @@
 //! A lowered network packed for one instruction set: weights in the order in which they are read, cut into blocks of
 //! columns, 64-byte aligned; what depends on the texture alone folded into biases, once per material.
 
-use crate::check::{self, Probe};
-use crate::kernel::{Bias, Block, Data, Entry, Instruction, Isa, Pick, Program, Weight};
+use crate::kernel::{Bias, Block, Codes, Data, Entry, Instruction, Isa, Pick, Program, Shape, largest_code};
 use crate::lower::{Affine, Element, Lowered, Ref, StepKind};
 use crate::signature::{FORCE_LEN, MAGNITUDES_LEN, Role, SPEED_LEN};
+use crate::stored::{Samples, Stored};
 
 /// Cells in front of which a 64-byte boundary is found; the heap block does not move with its owner.
 struct Aligned<T> {
@@ -28,41 +28,6 @@ impl<T: Copy + Default> Aligned<T> {
     }
 }
 
-/// A stored weight that can be made from an f64.
-pub(crate) trait Stored: Weight + Default {
-    fn store(x: f64) -> Self;
-    /// The power of two by which a block is scaled, from its largest magnitude.
-    fn scale(largest: f64) -> f64;
-    /// What is stored of a weight.
-    fn rounded(x: f64) -> f64;
-}
-
-impl Stored for f32 {
-    fn store(x: f64) -> f32 {
-        x as f32
-    }
-    fn scale(_: f64) -> f64 {
-        1.0
-    }
-    fn rounded(x: f64) -> f64 {
-        f64::from(Self::store(x))
-    }
-}
-
-impl Stored for u16 {
-    fn store(x: f64) -> u16 {
-        half::f16::from_f64(x).to_bits()
-    }
-    /// Brings the largest weight to 2^8..2^9: normal f16 numbers then reach down to 2^-22 of it, and folded
-    /// normalisation by large or small factors costs no precision. Sums stay far from f32's limits.
-    fn scale(largest: f64) -> f64 {
-        if largest > 0.0 { (8.0 - largest.log2().floor()).clamp(-60.0, 60.0).exp2() } else { 1.0 }
-    }
-    fn rounded(x: f64) -> f64 {
-        half::f16::from_f64(x).to_f64()
-    }
-}
-
 /// Layers of fewer weights than this stay f32 in f16 networks: with few inputs rounding does not average out, all later
 /// layers build on the first and nothing follows the last. Measured on the shipped model as the largest error of full
 /// scale: all layers halved, 5.0e-3; those under 4096 weights kept, 9.2e-4; under 16384 (4 % more bytes), 7.3e-4;
@@ -75,12 +40,14 @@ pub(crate) struct Packed<W> {
     entry: Entry<W>,
     weights: Aligned<W>,
     wide: Aligned<f32>,
+    starts: Aligned<i32>,
     fixed: Aligned<f32>,
     /// Biases of every material, one after the other, `material_len` each.
     materials: Aligned<f32>,
     material_len: usize,
     material_count: usize,
     arena: Aligned<f32>,
+    codes: Codes,
     force_at: usize,
     speed_at: usize,
     output_at: usize,
@@ -90,7 +57,10 @@ pub(crate) struct Packed<W> {
 impl<W: Stored> Packed<W> {
     /// Packs for an instruction set, or says why not.
     pub(crate) fn new(net: &Lowered, materials: &[Vec<f64>], isa: Isa) -> Result<Self, String> {
-        let entry = Entry::new(isa).ok_or_else(|| format!("this machine has no {}", isa.name()))?;
+        let entry = Entry::new(isa).ok_or_else(|| {
+            let what = if W::WHOLE { " for whole numbers" } else { "" };
+            format!("this machine has no {}{what}", isa.name())
+        })?;
         let constant = net.depends_on_texture_alone();
         let needed = net.needed();
         if constant[net.output] {
@@ -105,7 +75,7 @@ impl<W: Stored> Packed<W> {
             })
             .collect();
 
-        let (lanes, _) = isa.block_shape();
+        let shape = isa.shape();
         let mut at = vec![0; net.steps.len()];
         let mut arena_len = 0;
         for (i, step) in net.steps.iter().enumerate() {
@@ -113,7 +83,7 @@ impl<W: Stored> Packed<W> {
             let input = matches!(step.kind, StepKind::Input(Role::Force | Role::Speed));
             if input || (needed[i] && !constant[i]) {
                 at[i] = arena_len;
-                arena_len += step.len().next_multiple_of(lanes.max(16));
+                arena_len += step.len().next_multiple_of(shape.lanes.max(16));
             }
         }
         let find = |role| {
@@ -123,14 +93,16 @@ impl<W: Stored> Packed<W> {
         let (force_at, speed_at) = (find(Role::Force)?, find(Role::Speed)?);
 
         let mut p = Packer {
-            isa,
+            shape,
             at,
             constant,
             of_material,
-            typical: if W::SCALED { typical(net, &needed, materials) } else { Vec::new() },
+            samples: if W::SCALED { Samples::new(net, &needed, materials) } else { Samples::default() },
             program: Program::default(),
             weights: Vec::new(),
             wide: Vec::new(),
+            starts: Vec::new(),
+            most_inputs: 0,
             fixed: Vec::new(),
             materials: vec![Vec::new(); materials.len()],
             multiply_adds: 0,
@@ -152,6 +124,8 @@ impl<W: Stored> Packed<W> {
             entry,
             weights: Aligned::new(&p.weights),
             wide: Aligned::new(&p.wide),
+            starts: Aligned::new(&p.starts),
+            codes: Codes::new(p.most_inputs),
             fixed: Aligned::new(&p.fixed),
             materials: Aligned::new(&p.materials.concat()),
             material_len,
@@ -180,8 +154,14 @@ impl<W: Stored> Packed<W> {
         let arena = &mut self.arena.cells[self.arena.start..];
         copy(arena.get_mut(self.force_at..self.force_at + FORCE_LEN)?, force)?;
         copy(arena.get_mut(self.speed_at..self.speed_at + SPEED_LEN)?, speed)?;
-        let (weights, wide, fixed) = (self.weights.get(), self.wide.get(), self.fixed.get());
-        self.entry.run(&self.program, Data { weights, wide, fixed, material: biases }, arena)?;
+        let data = Data {
+            weights: self.weights.get(),
+            wide: self.wide.get(),
+            starts: self.starts.get(),
+            fixed: self.fixed.get(),
+            material: biases,
+        };
+        self.entry.run(&self.program, data, &mut self.codes, arena)?;
         copy(out, arena.get(self.output_at..self.output_at + MAGNITUDES_LEN)?)
     }
 
@@ -189,6 +169,7 @@ impl<W: Stored> Packed<W> {
         self.entry.read(Data {
             weights: self.weights.get(),
             wide: self.wide.get(),
+            starts: &[],
             fixed: &[],
             material: &[],
         })
@@ -209,19 +190,31 @@ fn copy(to: &mut [f32], from: &[f32]) -> Option<()> {
     (to.len() == from.len()).then(|| to.copy_from_slice(from))
 }
 
+/// The weights of an affine step as they are stored, column by column multiplied by `scales` and rounded.
+struct Layer {
+    /// Row by row, a row being one input's.
+    weights: Vec<f64>,
+    scales: Vec<f64>,
+    /// What rounding takes from each column's sum in the mean, scaled.
+    lost: Vec<f64>,
+}
+
 /// A network half packed.
 struct Packer<W> {
-    isa: Isa,
+    shape: Shape,
     /// Where each step's result lies in the arena.
     at: Vec<usize>,
     constant: Vec<bool>,
     /// For each material, the results of constant steps.
     of_material: Vec<Vec<Vec<f64>>>,
-    /// The mean results of all steps, where weights are rounded.
-    typical: Vec<Vec<f64>>,
+    /// Results of the steps, where weights are rounded.
+    samples: Samples,
     program: Program,
     weights: Vec<W>,
     wide: Vec<f32>,
+    starts: Vec<i32>,
+    /// Of a layer of whole numbers.
+    most_inputs: usize,
     fixed: Vec<f32>,
     materials: Vec<Vec<f32>>,
     multiply_adds: usize,
@@ -239,9 +232,16 @@ impl<W: Stored> Packer<W> {
         };
         self.multiply_adds += n * moving.len();
         let wide = W::SCALED && n * moving.len() < WORTH_HALVING;
+        let layer = self.layer(a, &moving, W::SCALED && !wide);
         let runs = self.runs(moving.iter().map(|&k| a.inputs[k]));
+        let whole = W::WHOLE && !wide;
+        if whole {
+            self.most_inputs = self.most_inputs.max(moving.len());
+            let codes = Instruction::Codes { runs: runs.clone(), most: largest_code(moving.len()) };
+            self.program.instructions.push(codes);
+        }
 
-        let (lanes, most) = self.isa.block_shape();
+        let Shape { lanes, most, together, split } = self.shape;
         let vectors = n.div_ceil(lanes);
         let blocks = vectors.div_ceil(most);
         let mut first = 0;
@@ -250,25 +250,19 @@ impl<W: Stored> Packer<W> {
             let vectors = vectors / blocks + usize::from(i < vectors % blocks);
             let columns = first..(first + vectors * lanes);
             let real = columns.start.min(n)..columns.end.min(n);
-            let largest = moving
-                .iter()
-                .flat_map(|&k| &a.weights[k * n..][real.clone()])
-                .fold(0f64, |m, w| m.max(w.abs()));
-            let scale = if wide { 1.0 } else { W::scale(largest) };
             let padded = |row: &[f64]| -> Vec<f64> {
-                let pad = columns.len() - real.len();
-                row[real.clone()].iter().map(|x| x * scale).chain(std::iter::repeat_n(0.0, pad)).collect()
+                let pad = std::iter::repeat_n(0.0, columns.len() - real.len());
+                row[real.clone()].iter().copied().chain(pad).collect()
             };
-            let mut lost = vec![0.0; columns.len()];
-            if W::SCALED && !wide {
-                for &k in &moving {
-                    let x = self.typical[a.inputs[k].step][a.inputs[k].index];
-                    let row = padded(&a.weights[k * n..][..n]);
-                    lost.iter_mut().zip(row).for_each(|(lost, w)| *lost += (w - W::rounded(w)) * x);
-                }
-            }
             let biases = |bias: &[f64]| -> Vec<f32> {
-                padded(bias).iter().zip(&lost).map(|(bias, lost)| (bias + lost) as f32).collect()
+                let scaled = bias.iter().zip(&layer.scales).zip(&layer.lost);
+                // Sums of whole numbers are brought back to scale before the bias is added, others after.
+                let scaled = scaled.map(
+                    |((bias, scale), lost)| {
+                        if whole { bias + lost / scale } else { bias * scale + lost }
+                    },
+                );
+                padded(&scaled.collect::<Vec<f64>>()).iter().map(|x| *x as f32).collect()
             };
             let bias = if constant.is_empty() {
                 self.fixed.extend(biases(&a.bias));
@@ -279,28 +273,73 @@ impl<W: Stored> Packer<W> {
                 }
                 Bias::Material(self.materials.first().map_or(0, |m| m.len() - columns.len()))
             };
+            let unscale = self.fixed.len();
+            if W::SCALED && !wide {
+                self.fixed.extend(padded(&layer.scales).iter().map(|scale| (1.0 / scale) as f32));
+            }
+            let starts = self.starts.len();
             let weights = if wide { self.wide.len() } else { self.weights.len() };
-            for &k in &moving {
-                let row = padded(&a.weights[k * n..][..n]).into_iter();
-                if wide {
-                    self.wide.extend(row.map(|w| w as f32));
-                } else {
-                    self.weights.extend(row.map(W::store));
+            let rows: Vec<Vec<f64>> = layer.weights.chunks_exact(n).map(padded).collect();
+            if wide {
+                self.wide.extend(rows.concat().iter().map(|w| *w as f32));
+            } else if whole {
+                for group in rows.chunks(together) {
+                    for column in 0..columns.len() {
+                        let weight =
+                            |row: usize| group.get(row).map_or(W::default(), |row| W::store(row[column]));
+                        self.weights.extend((0..together).map(weight));
+                    }
                 }
+                self.starts.extend((0..columns.len()).map(|column| {
+                    let sum: f64 = rows.iter().map(|row| row[column]).sum();
+                    if split { (-32768.0 * sum) as i64 as i32 } else { 0 }
+                }));
+            } else {
+                self.weights.extend(rows.concat().iter().map(|w| W::store(*w)));
             }
             self.program.instructions.push(Instruction::Block(Block {
                 to: self.at[step] + columns.start,
                 vectors,
                 runs: runs.clone(),
+                inputs: moving.len(),
                 bias,
                 weights,
                 wide,
-                unscale: (1.0 / scale) as f32,
+                unscale,
+                starts,
                 low,
                 high,
             }));
             first = columns.end;
         }
+    }
+
+    /// The weights of the inputs that move, as they are stored.
+    fn layer(&self, a: &Affine, moving: &[usize], scaled: bool) -> Layer {
+        let n = a.bias.len();
+        let mut weights: Vec<f64> = moving.iter().flat_map(|&k| &a.weights[k * n..][..n]).copied().collect();
+        let (mut scales, mut lost) = (vec![1.0; n], vec![0.0; n]);
+        if !scaled {
+            return Layer { weights, scales, lost };
+        }
+        let mut largest = vec![0f64; n];
+        for row in weights.chunks_exact(n) {
+            largest.iter_mut().zip(row).for_each(|(most, w)| *most = most.max(w.abs()));
+        }
+        scales.iter_mut().zip(largest).for_each(|(scale, most)| *scale = W::scale(most));
+        for row in weights.chunks_exact_mut(n) {
+            row.iter_mut().zip(&scales).for_each(|(w, scale)| *w *= scale);
+        }
+        let exact = weights.clone();
+        let inputs: Vec<Ref> = moving.iter().map(|&k| a.inputs[k]).collect();
+        W::round(&mut weights, n, &self.samples, &inputs);
+        let rows = exact.chunks_exact(n).zip(weights.chunks_exact(n));
+        for ((exact, rounded), of) in rows.zip(&inputs) {
+            let x = self.samples.mean(*of);
+            let columns = lost.iter_mut().zip(exact.iter().zip(rounded));
+            columns.for_each(|(lost, (exact, rounded))| *lost += (exact - rounded) * x);
+        }
+        Layer { weights, scales, lost }
     }
 
     fn elements(&mut self, step: usize, elements: &[Element], (low, high): (f32, f32)) {
@@ -330,31 +369,6 @@ impl<W: Stored> Packer<W> {
         }
         first..self.program.runs.len()
     }
-}
-
-/// Mean results of the needed steps over ordinary inputs and some of the materials.
-fn typical(net: &Lowered, needed: &[bool], materials: &[Vec<f64>]) -> Vec<Vec<f64>> {
-    const MOST: usize = 8;
-    let mut sums: Vec<Vec<f64>> = Vec::new();
-    let mut count = 0.0;
-    for texture in materials.iter().step_by(materials.len().div_ceil(MOST).max(1)) {
-        for Probe { force, speed } in check::ordinary() {
-            let results = net.evaluate(needed, |role| match role {
-                Role::Texture => texture.clone(),
-                Role::Force => force.iter().map(|&x| f64::from(x)).collect(),
-                Role::Speed => speed.iter().map(|&x| f64::from(x)).collect(),
-            });
-            count += 1.0;
-            if sums.is_empty() {
-                sums = results;
-            } else {
-                let all = sums.iter_mut().flatten().zip(results.iter().flatten());
-                all.for_each(|(sum, x)| *sum += x);
-            }
-        }
-    }
-    sums.iter_mut().flatten().for_each(|sum| *sum /= count);
-    sums
 }
 
 /// The bias of an affine step with its constant inputs added.

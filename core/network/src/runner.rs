@@ -1,12 +1,14 @@
 //! A model with its materials, ready to run once a tick.
 
 use crate::check::{self, Probe, error_of_full_scale};
+use crate::double::Double;
 use crate::kernel::Isa;
 use crate::lower::Lowered;
 use crate::model::Model;
-use crate::packed::{Packed, Stored};
+use crate::packed::Packed;
 use crate::reference::{Reference, TextureTensor, texture};
 use crate::signature::{FORCE_LEN, MAGNITUDES_LEN, SPEED_LEN, TEXTURE_LEN};
+use crate::stored::Stored;
 use asperity_source::Diagnostic;
 use std::fmt;
 
@@ -15,22 +17,61 @@ pub const MAX_MATERIALS: usize = 4096;
 /// How many materials a packed network is compared with tract on.
 const CHECKED_MATERIALS: usize = 8;
 
-/// How weights are stored in a packed network. Sums are f32 either way.
+/// How weights are kept. Sums are f32, but of [`Precision::F64`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Precision {
     /// 32-bit weights, within 1e-4 of full scale of tract.
     #[default]
     F32,
-    /// 16-bit weights, scaled by a power of two per block, within 1e-3 of full scale of tract.
+    /// 16-bit weights, scaled by a power of two per column, within 1e-3 of full scale of tract.
     F16,
+    /// 8-bit weights, scaled so that the largest of a column is 127, and 16-bit inputs, summed up in whole numbers, within 1e-2 of full scale of tract.
+    Int8,
+    /// 64-bit weights, sums and activations, within 1e-4 of full scale of tract: what the others are judged by. Not
+    /// packed, and slow.
+    F64,
 }
 
 impl Precision {
+    /// All of them, the default first.
+    pub const ALL: [Precision; 4] = [Precision::F32, Precision::F16, Precision::Int8, Precision::F64];
+
+    /// Its name in graphs and reports.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Precision::F32 => "f32",
+            Precision::F16 => "f16",
+            Precision::Int8 => "int8",
+            Precision::F64 => "f64",
+        }
+    }
+
     /// Largest difference from tract that is accepted, as a share of full scale.
     pub fn tolerance(self) -> f64 {
         match self {
-            Precision::F32 => 1e-4,
+            Precision::F32 | Precision::F64 => 1e-4,
             Precision::F16 => 1e-3,
+            Precision::Int8 => 1e-2,
+        }
+    }
+
+    /// Instruction sets of this machine that it can be packed for, best first; none for f64.
+    pub fn isas(self) -> Vec<Isa> {
+        let all = Isa::available().into_iter();
+        match self {
+            Precision::F32 | Precision::F16 => all.collect(),
+            Precision::Int8 => all.filter(|isa| isa.has_whole_numbers()).collect(),
+            Precision::F64 => Vec::new(),
+        }
+    }
+
+    /// What is tried in this precision's place: itself, and then what is more exact.
+    fn attempts(self) -> &'static [Precision] {
+        match self {
+            Precision::F32 => &[Precision::F32],
+            Precision::F16 => &[Precision::F16, Precision::F32],
+            Precision::Int8 => &[Precision::Int8, Precision::F16, Precision::F32],
+            Precision::F64 => &[Precision::F64],
         }
     }
 }
@@ -38,10 +79,11 @@ impl Precision {
 /// Which executor is wanted.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Choice {
-    /// Packed kernels on the best instruction set where they agree with tract; failing f16, f32; else tract.
+    /// Packed kernels on the best instruction set where they agree with tract; failing int8, f16, and failing that, f32;
+    /// else tract. f64 has no packed kernels, and is checked against tract in the same way.
     #[default]
     Auto,
-    /// Packed kernels on this instruction set, or an error.
+    /// Packed kernels on this instruction set, or an error; with f64 always an error.
     Packed(Isa),
     /// tract.
     Tract,
@@ -57,6 +99,8 @@ pub enum Executor {
         /// How weights are stored.
         precision: Precision,
     },
+    /// Plain code in double precision, which does not allocate.
+    Double,
     /// tract, which allocates about 200 times a run.
     Tract,
 }
@@ -64,7 +108,10 @@ pub enum Executor {
 impl Executor {
     /// Whether a run allocates no memory.
     pub fn is_allocation_free(self) -> bool {
-        matches!(self, Executor::Packed { .. })
+        match self {
+            Executor::Packed { .. } | Executor::Double => true,
+            Executor::Tract => false,
+        }
     }
 }
 
@@ -72,8 +119,10 @@ impl Executor {
 impl fmt::Display for Executor {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Executor::Packed { isa, precision: Precision::F32 } => write!(f, "packed f32 on {}", isa.name()),
-            Executor::Packed { isa, precision: Precision::F16 } => write!(f, "packed f16 on {}", isa.name()),
+            Executor::Packed { isa, precision } => {
+                write!(f, "packed {} on {}", precision.name(), isa.name())
+            }
+            Executor::Double => f.write_str("f64"),
             Executor::Tract => f.write_str("tract"),
         }
     }
@@ -128,6 +177,8 @@ impl std::error::Error for RunError {}
 enum Engine {
     F32(Box<Packed<f32>>),
     F16(Box<Packed<u16>>),
+    Int8(Box<Packed<i8>>),
+    F64(Box<Double>),
     Tract(Reference, Vec<TextureTensor>),
 }
 
@@ -186,45 +237,44 @@ impl Model {
                 report,
             },
         };
-        let isa = match choice {
+        let forced = match choice {
             Choice::Tract => return Ok(tract("tract, as asked for".into())),
-            Choice::Auto => Isa::available().first().copied().unwrap_or(Isa::Portable),
-            Choice::Packed(isa) => isa,
+            Choice::Auto => None,
+            Choice::Packed(isa) => Some(isa),
         };
-        let forced = choice != Choice::Auto;
         let net = match &self.lowered {
             Ok(net) => net,
-            Err(why) if forced => return Err(refuse(format!("this network cannot be packed: {why}"))),
+            Err(why) if forced.is_some() => {
+                return Err(refuse(format!("this network cannot be packed: {why}")));
+            }
             Err(why) => return Ok(tract(format!("tract: not packed, for {why}"))),
         };
+        if forced.is_some() && precision == Precision::F64 {
+            return Err(refuse("f64 has no packed kernels".into()));
+        }
         let mut refused = String::new();
-        let attempts: &[Precision] = match (precision, forced) {
-            (Precision::F16, false) if isa == Isa::Portable => {
-                refused.push_str(
-                    "; f16 weights refused: without instructions for them they are slower than f32",
-                );
-                &[Precision::F32]
-            }
-            (Precision::F16, false) => &[Precision::F16, Precision::F32],
-            (Precision::F16, true) => &[Precision::F16],
-            (Precision::F32, _) => &[Precision::F32],
-        };
+        let attempts = if forced.is_some() { &[precision] } else { precision.attempts() };
         for &precision in attempts {
+            let best = precision.isas().first().copied().unwrap_or(Isa::Portable);
+            let isa = forced.unwrap_or(best);
             let attempt = match precision {
+                Precision::F16 | Precision::Int8 if forced.is_none() && isa == Isa::Portable => {
+                    Err("without instructions for them they are slower than f32".into())
+                }
                 Precision::F32 => job.packed::<f32>(net, isa, precision, |p| Engine::F32(Box::new(p))),
                 Precision::F16 => job.packed::<u16>(net, isa, precision, |p| Engine::F16(Box::new(p))),
+                Precision::Int8 => job.packed::<i8>(net, isa, precision, |p| Engine::Int8(Box::new(p))),
+                Precision::F64 => job.double(net),
             };
             match attempt {
                 Ok(mut runner) => {
                     runner.info.report.push_str(&refused);
                     return Ok(runner);
                 }
-                Err(why) => {
-                    refused = format!("; {precision:?} weights refused: {why}{refused}").to_lowercase()
-                }
+                Err(why) => refused.push_str(&format!("; {} weights refused: {why}", precision.name())),
             }
         }
-        if forced {
+        if forced.is_some() {
             return Err(refuse(format!("this network cannot be packed{refused}")));
         }
         Ok(tract(format!("tract{refused}")))
@@ -248,13 +298,32 @@ impl Job<'_> {
         engine: impl FnOnce(Packed<W>) -> Engine,
     ) -> Result<Runner, String> {
         let packed = Packed::<W>::new(net, &self.materials, isa)?;
-        let (weights_bytes, multiply_adds) = (packed.weights_bytes(), packed.multiply_adds());
+        let (bytes, multiply_adds) = (packed.weights_bytes(), packed.multiply_adds());
         let executor = Executor::Packed { isa, precision };
+        self.checked(engine(packed), executor, precision.tolerance(), bytes, multiply_adds)
+    }
+
+    /// The network in f64, checked, or says why not.
+    fn double(&self, net: &Lowered) -> Result<Runner, String> {
+        let double = Double::new(net, &self.materials);
+        let (bytes, multiply_adds) = (double.weights_bytes(), double.multiply_adds());
+        let tolerance = Precision::F64.tolerance();
+        self.checked(Engine::F64(Box::new(double)), Executor::Double, tolerance, bytes, multiply_adds)
+    }
+
+    /// A runner, if it is as near to tract as it has to be.
+    fn checked(
+        &self,
+        engine: Engine,
+        executor: Executor,
+        tolerance: f64,
+        weights_bytes: usize,
+        multiply_adds: usize,
+    ) -> Result<Runner, String> {
         let info =
             Info { executor, weights_bytes, multiply_adds, max_error_vs_tract: None, report: String::new() };
-        let mut runner = Runner { engine: engine(packed), materials: self.textures.len(), info };
+        let mut runner = Runner { engine, materials: self.textures.len(), info };
         let error = self.error(&mut runner)?;
-        let tolerance = precision.tolerance();
         if error.is_nan() || error > tolerance {
             return Err(format!(
                 "differs from tract by {error:.1e} of full scale, more than {tolerance:.0e}"
@@ -312,6 +381,8 @@ impl Runner {
         let done = match &mut self.engine {
             Engine::F32(packed) => packed.run(material, force, speed, out),
             Engine::F16(packed) => packed.run(material, force, speed, out),
+            Engine::Int8(packed) => packed.run(material, force, speed, out),
+            Engine::F64(double) => double.run(material, force, speed, out),
             Engine::Tract(reference, textures) => {
                 textures.get(material).and_then(|texture| reference.run(texture, force, speed, out))
             }
@@ -335,12 +406,13 @@ impl Runner {
     }
 
     /// Reads the packed weights once, in order, and returns a checksum: for benches, the time that a run is held
-    /// against. `None` for tract.
+    /// against. `None` for f64 and tract.
     pub fn read_weights(&self) -> Option<u32> {
         match &self.engine {
             Engine::F32(packed) => Some(packed.read()),
             Engine::F16(packed) => Some(packed.read()),
-            Engine::Tract(..) => None,
+            Engine::Int8(packed) => Some(packed.read()),
+            Engine::F64(..) | Engine::Tract(..) => None,
         }
     }
 }

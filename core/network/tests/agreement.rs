@@ -29,6 +29,10 @@ fn error_vs_f64(net: &Net, model: &Model, precision: Precision, choice: Choice) 
     worst / full_scale
 }
 
+/// The precisions that are packed, and between what their errors lie: rounding is not free.
+const PACKED: [(Precision, std::ops::Range<f64>); 3] =
+    [(Precision::F32, 0.0..1e-5), (Precision::F16, 1e-6..5e-4), (Precision::Int8, 1e-4..1e-2)];
+
 fn spellings() -> Vec<Spelling> {
     let d = Spelling::default();
     vec![
@@ -55,16 +59,32 @@ fn every_spelling_of_the_network_is_packed_and_right() {
 }
 
 #[test]
-fn every_instruction_set_agrees_with_f64_in_both_precisions() {
+fn every_instruction_set_agrees_with_f64_in_every_precision() {
     let net = Net::random(2);
     let model = load(&net, Spelling::default());
-    for isa in Isa::available() {
-        let (single, half) = (Precision::F32, Precision::F16);
-        let error = error_vs_f64(&net, &model, single, Choice::Packed(isa));
-        assert!(error < 1e-5, "{isa:?} f32: {error}");
-        let error = error_vs_f64(&net, &model, half, Choice::Packed(isa));
-        assert!((1e-6..1e-3).contains(&error), "{isa:?} f16: {error}; f16 weights are not free of rounding");
+    for (precision, within) in PACKED {
+        for isa in precision.isas() {
+            let error = error_vs_f64(&net, &model, precision, Choice::Packed(isa));
+            assert!(within.contains(&error), "{isa:?} {precision:?}: {error}");
+        }
     }
+}
+
+#[test]
+fn double_precision_is_within_its_output_of_the_f64_evaluation() {
+    // What is left is the rounding of magnitudes to f32.
+    for spelling in spellings() {
+        let net = Net::random(2);
+        let model = load(&net, spelling);
+        let runner = model.runner(&textures(1, 1), Precision::F64, Choice::Auto).unwrap();
+        assert_eq!(runner.describe().executor, Executor::Double);
+        assert!(runner.is_allocation_free());
+        let error = error_vs_f64(&net, &model, Precision::F64, Choice::Auto);
+        assert!(error < 6e-8, "{spelling:?}: {error}");
+    }
+    let model = load(&Net::random(2), Spelling::default());
+    let refused = model.runner(&textures(1, 1), Precision::F64, Choice::Packed(Isa::Portable)).unwrap_err();
+    assert!(refused.to_string().contains("f64 has no packed kernels"), "{refused}");
 }
 
 #[test]
@@ -72,8 +92,8 @@ fn instruction_sets_agree_with_each_other_and_with_tract() {
     let model = load(&Net::random(3), Spelling::default());
     let textures = textures(2, 9);
     let mut tract = model.runner(&textures, Precision::F32, Choice::Tract).unwrap();
-    for precision in [Precision::F32, Precision::F16] {
-        for isa in Isa::available() {
+    for (precision, _) in PACKED {
+        for isa in precision.isas() {
             let mut packed = model.runner(&textures, precision, Choice::Packed(isa)).unwrap();
             for (force, speed) in motions(10, 4) {
                 let (mut a, mut b) = ([0.0; 100], [0.0; 100]);
@@ -106,9 +126,15 @@ fn the_texture_part_is_folded_away() {
     let least = 4 * info.multiply_adds;
     assert!((least..least + least / 20).contains(&info.weights_bytes), "{} bytes", info.weights_bytes);
     let half = model.runner(&textures(1, 1), Precision::F16, Choice::Packed(Isa::available()[0])).unwrap();
-    // Half the bytes, but for the smallest layers.
+    // Half the bytes, or a quarter, but for the smallest layers.
     let half_bytes = half.describe().weights_bytes * 2;
     assert!((info.weights_bytes + 1..info.weights_bytes * 106 / 100).contains(&half_bytes), "{half_bytes}");
+    let quarter = model.runner(&textures(1, 1), Precision::Int8, Choice::Packed(Precision::Int8.isas()[0]));
+    let quarter_bytes = quarter.unwrap().describe().weights_bytes * 4;
+    assert!(
+        (info.weights_bytes + 1..info.weights_bytes * 118 / 100).contains(&quarter_bytes),
+        "{quarter_bytes}"
+    );
     let best = Isa::available()[0];
     assert_eq!(info.executor, Executor::Packed { isa: best, precision: Precision::F32 });
     assert_eq!(half.describe().executor, Executor::Packed { isa: best, precision: Precision::F16 });
@@ -136,7 +162,7 @@ fn weights_are_read_whole() {
 }
 
 #[test]
-fn the_shipped_model_is_packed_in_both_precisions() {
+fn the_shipped_model_runs_in_every_precision() {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../graphs/models/surfaces/texture.onnx");
     let model = Model::load(path).unwrap();
     assert_eq!(model.not_lowered_because(), None);
@@ -151,12 +177,17 @@ fn the_shipped_model_is_packed_in_both_precisions() {
         })
         .collect();
     assert!(vectors.len() >= 8);
-    for (precision, most) in [(Precision::F32, 1e-5), (Precision::F16, 1e-3)] {
-        let runner = model.runner(&vectors, precision, Choice::Auto).unwrap();
-        let info = runner.describe();
-        let packed = Executor::Packed { isa: Isa::available()[0], precision };
-        assert_eq!((info.executor, info.multiply_adds), (packed, 419_700), "{}", info.report);
-        assert!(info.max_error_vs_tract.unwrap() < most, "{}", info.report);
-        eprintln!("{}", info.report);
+    for (precision, within) in PACKED {
+        for isa in precision.isas() {
+            let runner = model.runner(&vectors, precision, Choice::Packed(isa)).unwrap();
+            let info = runner.describe();
+            assert_eq!(info.executor, Executor::Packed { isa, precision });
+            assert_eq!(info.multiply_adds, 419_700, "{}", info.report);
+            assert!(info.max_error_vs_tract.unwrap() < within.end, "{}", info.report);
+            eprintln!("{}, {} bytes", info.report, info.weights_bytes);
+        }
     }
+    let double = model.runner(&vectors, Precision::F64, Choice::Auto).unwrap();
+    assert_eq!(double.describe().executor, Executor::Double);
+    assert!(double.describe().max_error_vs_tract.unwrap() < 1e-5, "{}", double.describe().report);
 }

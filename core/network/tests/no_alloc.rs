@@ -5,7 +5,7 @@
 
 mod common;
 
-use asperity_network::{Choice, Isa, Model, Precision};
+use asperity_network::{Choice, Model, Precision};
 use assert_no_alloc::{AllocDisabler, assert_no_alloc, violation_count};
 use common::{Net, Spelling, bytes, model, motions, textures};
 
@@ -24,9 +24,10 @@ fn packed_runs_allocate_nothing_and_tract_is_caught_allocating() {
     let textures = textures(3, 1);
     let motions = motions(50, 2);
     let mut out = [0.0; 100];
-    for isa in Isa::available() {
-        for precision in [Precision::F32, Precision::F16] {
-            let mut runner = model.runner(&textures, precision, Choice::Packed(isa)).unwrap();
+    for precision in Precision::ALL {
+        let packed = precision.isas().into_iter().map(Choice::Packed);
+        for choice in packed.chain((precision == Precision::F64).then_some(Choice::Auto)) {
+            let mut runner = model.runner(&textures, precision, choice).unwrap();
             assert!(runner.is_allocation_free());
             let count = violations(|| {
                 for (i, (force, speed)) in motions.iter().enumerate() {
@@ -36,7 +37,7 @@ fn packed_runs_allocate_nothing_and_tract_is_caught_allocating() {
                 }
                 let _ = runner.read_weights();
             });
-            assert_eq!(count, 0, "{isa:?} {precision:?}");
+            assert_eq!(count, 0, "{choice:?} {precision:?}");
             assert!(out.iter().any(|&x| x > 0.0));
         }
     }

@@ -11,10 +11,6 @@ use crate::builder::{Builder, handed_on, number, setting};
 
 /// What acceleration goes through on its way to the output.
 pub(crate) const STAGES: [(&str, &str); 2] = [("inverse", "actuator_inverse"), ("limiter", "limiter")];
-/// The most frames a second that a network makes.
-const FRAMES_HZ: f64 = 500.0;
-/// How far inside its newest window `sample_commit` emits samples unless the file says otherwise \[s\]: 20 frames at 500 Hz.
-const EMISSION_S: f64 = 0.04;
 /// Rate at which a network's signal is synthesised unless the file says otherwise \[Hz\].
 const SYNTHESIS_HZ: f64 = 2500.0;
 
@@ -91,13 +87,6 @@ impl Builder<'_> {
         self.node("history", "action_history", &here, Vec::new());
         self.node("texture", "texture_network", &network.place, params);
         let phase = self.part("phase", &scene.phase)?;
-        if scene.phase.kind == "sample_commit"
-            && scene.phase.settings.iter().all(|(key, _)| key.name != "emission")
-        {
-            let frames_hz = f64::from(scene.tick_hz).min(FRAMES_HZ);
-            let emission = -(EMISSION_S * frames_hz).round() as i64;
-            self.set("phase", setting("emission", Form::Int(emission), &scene.phase.place));
-        }
         for (from, to) in [
             ("contact.force", "history.force"),
             ("contact.velocity", "history.velocity"),

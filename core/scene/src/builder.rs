@@ -85,13 +85,6 @@ impl<'a> Builder<'a> {
         });
     }
 
-    /// Sets a parameter of a node.
-    pub(crate) fn set(&mut self, id: &str, setting: Setting) {
-        if let Some(node) = self.graph.nodes.iter_mut().find(|node| node.id == id) {
-            node.params.push(setting);
-        }
-    }
-
     /// Says that a node renders a kind of effect.
     pub(crate) fn renders(&mut self, kind: Kind, id: &str) {
         if let Some((_, ids)) = self.rendered.iter_mut().find(|(k, _)| *k == kind) {

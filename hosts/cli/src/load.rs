@@ -164,7 +164,7 @@ pub fn warnings(schedule: &Schedule) -> Vec<String> {
             if -emission > 0.6 * frames {
                 out.push(format!(
                     "`{}` emits samples that lie {:.0} % into a window of {frames:.0} frames, where little is known of them, and they are too loud: \
-                     `emission` of -{:.0} or nearer to 0",
+                     `emission` of -{:.0} or nearer to 0; left out, it follows the frames",
                     node.id,
                     -100.0 * emission / frames,
                     0.5 * frames

@@ -14,6 +14,9 @@ pub struct SampleCommit {
     refused: u64,
 }
 
+/// How far inside the newest window samples are emitted where nothing is said, in windows.
+const EARLY: f64 = 0.4;
+
 impl Node for SampleCommit {
     fn descriptor() -> Descriptor {
         let s = Settings::default();
@@ -43,12 +46,16 @@ impl Node for SampleCommit {
                 Param::number("momentum", s.momentum, 0.0..=0.99, "How far a pass runs on in the direction of the one before.")
                     .live(),
             )
-            .param(Param::integer(
-                "emission",
-                i64::from(s.emission),
-                -1000..=1000,
-                "Where samples are emitted, in frames from the newest one's start: negative is inside its window, early and less exact; positive looks ahead.",
-            ))
+            .param(
+                Param::integer(
+                    "emission",
+                    i64::from(s.emission),
+                    -1000..=1000,
+                    "Where samples are emitted, in frames from the newest one's start: negative is inside its window, early and less exact; positive \
+                     looks ahead. Left out, two fifths of a window inside: -20 at 50 frames a window.",
+                )
+                .optional(),
+            )
             .param(Param::integer("seed", 1, 0..=i64::MAX, "Seed of what is left to chance; left out, from the graph's.").optional())
             .timing("latency is emission times the hop, so it is early where emission is negative; a change of level shows half a window later than that")
     }
@@ -56,11 +63,14 @@ impl Node for SampleCommit {
     fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
         let framing = super::framing(setup)?;
         let params = setup.params;
+        let frames_hz = f64::from(framing.frame_num) / f64::from(framing.frame_den);
+        let window = framing.fft_len as f64 * frames_hz / f64::from(framing.rate_hz);
+        let early = || -(EARLY * window).round() as i64;
         let settings = Settings {
             frames: params.integer("frames") as usize,
             passes: params.integer("passes") as usize,
             momentum: params.number("momentum"),
-            emission: params.integer("emission") as i32,
+            emission: params.get_integer("emission").unwrap_or_else(early) as i32,
         };
         if framing.start(2) > framing.fft_len as u64 {
             return Err(params
@@ -70,11 +80,9 @@ impl Node for SampleCommit {
         let kernel =
             sample_commit::SampleCommit::new(framing, settings, super::seed(setup)).map_err(|e| match e {
                 sample_commit::SettingsError::Emission => {
-                    let frames_hz = f64::from(framing.frame_num) / f64::from(framing.frame_den);
-                    let window = framing.fft_len as f64 * frames_hz / f64::from(framing.rate_hz);
                     params.error("emission", format!("{} frames: {e}", settings.emission)).help(format!(
-                        "a window is {window:.1} frames here; -{:.0} and more are early and settled",
-                        0.5 * window
+                        "a window is {window:.1} frames here, {frames_hz:.1} a second: {:.0} is two fifths of one inside it, as when `emission` is left out",
+                        -(EARLY * window).round()
                     ))
                 }
                 _ => params.node_error(e.to_string()),

@@ -1,6 +1,6 @@
 //! AVX2 with FMA and F16C: 8 lanes, 16 registers.
 
-use super::{Data, Program, Simd, Weight, checksum, execute};
+use super::{Codes, Data, Program, Simd, Weight, Whole, checksum, execute};
 use std::arch::x86_64::*;
 
 pub(super) struct Avx2;
@@ -54,12 +54,51 @@ impl Simd for Avx2 {
     }
 }
 
+impl Whole for Avx2 {
+    const TOGETHER: usize = 2;
+    const SPLIT: bool = false;
+    type Group = i32;
+    type Sums = __m256i;
+
+    #[inline(always)]
+    unsafe fn nothing() -> __m256i {
+        // SAFETY: the caller has AVX.
+        unsafe { _mm256_setzero_si256() }
+    }
+
+    #[inline(always)]
+    fn groups(codes: &Codes) -> impl Iterator<Item = i32> {
+        let (pairs, _) = codes.codes().as_chunks::<2>();
+        pairs.iter().map(|[a, b]| i32::from(a.cast_unsigned()) | i32::from(*b) << 16)
+    }
+
+    #[inline(always)]
+    unsafe fn add(sums: __m256i, pair: i32, weights: *const i8) -> __m256i {
+        // SAFETY: the caller has AVX2 and 16 bytes; the load needs no alignment.
+        unsafe {
+            let weights = _mm256_cvtepi8_epi16(_mm_loadu_si128(weights.cast()));
+            _mm256_add_epi32(sums, _mm256_madd_epi16(_mm256_set1_epi32(pair), weights))
+        }
+    }
+
+    #[inline(always)]
+    unsafe fn total(sums: __m256i, start: *const i32) -> __m256 {
+        // SAFETY: the caller has AVX2 and 8 numbers; the load needs no alignment.
+        unsafe { _mm256_cvtepi32_ps(_mm256_add_epi32(sums, _mm256_loadu_si256(start.cast()))) }
+    }
+}
+
 /// # Safety
 /// The CPU has AVX2, FMA and F16C.
 #[target_feature(enable = "avx2,fma,f16c")]
-pub(super) unsafe fn run<W: Weight>(program: &Program, data: Data<'_, W>, arena: &mut [f32]) -> Option<()> {
+pub(super) unsafe fn run<W: Weight>(
+    program: &Program,
+    data: Data<'_, W>,
+    codes: &mut Codes,
+    arena: &mut [f32],
+) -> Option<()> {
     // SAFETY: passed on to the caller.
-    unsafe { execute::<Avx2, W>(program, data, arena) }
+    unsafe { execute::<Avx2, W>(program, data, codes, arena) }
 }
 
 /// # Safety

@@ -3,14 +3,20 @@
 //! [`execute`] and [`checksum`] are written once over [`Simd`] and inlined into one function per instruction set that is
 //! compiled for it, so that dispatch happens once per run. Lengths are checked once per block of columns; what is unsafe
 //! is calling a function compiled for an instruction set, and loads and stores within slices of checked length.
+//! Layers whose weights are whole numbers have a loop of their own, in [`whole`].
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;
 #[cfg(target_arch = "x86_64")]
 mod avx512;
 mod portable;
+mod weight;
+mod whole;
 
 use std::ops::Range;
+pub(crate) use weight::{Float, Weight};
+use whole::Whole;
+pub(crate) use whole::{Codes, largest_code};
 
 /// An instruction set that the packed kernels are compiled for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -28,6 +34,15 @@ impl Isa {
     /// Those that this machine can run, best first.
     pub fn available() -> Vec<Isa> {
         [Isa::Avx512, Isa::Avx2, Isa::Portable].into_iter().filter(|isa| isa.is_available()).collect()
+    }
+
+    /// Whether this machine, which has it, also has what sums of whole numbers need: of AVX-512 that is BW and VNNI.
+    pub(crate) fn has_whole_numbers(self) -> bool {
+        match self {
+            #[cfg(target_arch = "x86_64")]
+            Isa::Avx512 => is_x86_feature_detected!("avx512bw") && is_x86_feature_detected!("avx512vnni"),
+            _ => true,
+        }
     }
 
     /// Whether this machine can run it.
@@ -56,10 +71,10 @@ impl Isa {
         }
     }
 
-    /// f32 lanes of a vector, and how many vectors of sums a block may keep in registers.
-    pub(crate) fn block_shape(self) -> (usize, usize) {
-        fn of<S: Simd>() -> (usize, usize) {
-            (S::LANES, S::MOST)
+    /// What packing has to know of it.
+    pub(crate) fn shape(self) -> Shape {
+        fn of<S: Whole>() -> Shape {
+            Shape { lanes: S::LANES, most: S::MOST, together: S::TOGETHER, split: S::SPLIT }
         }
         match self {
             #[cfg(target_arch = "x86_64")]
@@ -69,6 +84,19 @@ impl Isa {
             _ => of::<portable::Portable>(),
         }
     }
+}
+
+/// How a block lies in registers and in memory.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Shape {
+    /// f32 lanes of a vector.
+    pub(crate) lanes: usize,
+    /// How many vectors of sums a block may keep in registers.
+    pub(crate) most: usize,
+    /// In layers of whole numbers: how many inputs' weights lie side by side in a column.
+    pub(crate) together: usize,
+    /// There too: whether 32768 is added to the codes, for which sums have to make good.
+    pub(crate) split: bool,
 }
 
 /// Where a block's biases start: in the fixed ones, or in those of the material.
@@ -84,13 +112,17 @@ pub(crate) struct Block {
     pub(crate) to: usize,
     pub(crate) vectors: usize,
     pub(crate) runs: Range<usize>,
+    /// How many inputs that are.
+    pub(crate) inputs: usize,
     pub(crate) bias: Bias,
     /// First weight; they lie row by row, a row being one input's weights for the block's columns.
     pub(crate) weights: usize,
     /// Whether its weights lie in [`Data::wide`].
     pub(crate) wide: bool,
-    /// What the sums are multiplied by at the end, where weights are stored scaled.
-    pub(crate) unscale: f32,
+    /// Where weights are stored scaled: the first of what each column's sum is multiplied by, among the fixed numbers.
+    pub(crate) unscale: usize,
+    /// Where they are whole numbers: the first of what each column's sum starts from.
+    pub(crate) starts: usize,
     pub(crate) low: f32,
     pub(crate) high: f32,
 }
@@ -107,6 +139,11 @@ pub(crate) struct Pick {
 #[derive(Clone, Debug)]
 pub(crate) enum Instruction {
     Block(Block),
+    /// Turns `runs` into codes up to `most`, for the blocks of whole numbers that follow.
+    Codes {
+        runs: Range<usize>,
+        most: f32,
+    },
     /// Writes `picks` at `to`, clamped.
     Pick {
         to: usize,
@@ -130,45 +167,10 @@ pub(crate) struct Data<'a, W> {
     pub(crate) weights: &'a [W],
     /// f32 weights of layers that are not worth rounding; empty where all are f32.
     pub(crate) wide: &'a [f32],
+    pub(crate) starts: &'a [i32],
     pub(crate) fixed: &'a [f32],
     /// The material's biases.
     pub(crate) material: &'a [f32],
-}
-
-/// A stored weight: f32, or f16 as its bits.
-pub(crate) trait Weight: Copy {
-    /// Whether blocks are stored scaled.
-    const SCALED: bool;
-    /// # Safety
-    /// The CPU has the instruction set of `S`, and `S::LANES` elements can be read from `from`.
-    unsafe fn load<S: Simd>(from: *const Self) -> S::Vector;
-    fn bits(self) -> u32;
-}
-
-impl Weight for f32 {
-    const SCALED: bool = false;
-    #[inline(always)]
-    unsafe fn load<S: Simd>(from: *const f32) -> S::Vector {
-        // SAFETY: passed on to the caller.
-        unsafe { S::load(from) }
-    }
-    #[inline(always)]
-    fn bits(self) -> u32 {
-        self.to_bits()
-    }
-}
-
-impl Weight for u16 {
-    const SCALED: bool = true;
-    #[inline(always)]
-    unsafe fn load<S: Simd>(from: *const u16) -> S::Vector {
-        // SAFETY: passed on to the caller.
-        unsafe { S::load_f16(from) }
-    }
-    #[inline(always)]
-    fn bits(self) -> u32 {
-        u32::from(self)
-    }
 }
 
 /// A vector of f32.
@@ -196,7 +198,12 @@ pub(crate) trait Simd {
 /// # Safety
 /// The CPU has the instruction set of `S`.
 #[inline(always)]
-unsafe fn execute<S: Simd, W: Weight>(program: &Program, data: Data<'_, W>, arena: &mut [f32]) -> Option<()> {
+unsafe fn execute<S: Whole, W: Weight>(
+    program: &Program,
+    data: Data<'_, W>,
+    codes: &mut Codes,
+    arena: &mut [f32],
+) -> Option<()> {
     for instruction in &program.instructions {
         match instruction {
             Instruction::Block(b) => {
@@ -208,10 +215,18 @@ unsafe fn execute<S: Simd, W: Weight>(program: &Program, data: Data<'_, W>, aren
                 // SAFETY: passed on to the caller.
                 unsafe {
                     if W::SCALED && b.wide {
-                        any_block::<S, f32>(b, runs, bias, data.wide.get(b.weights..)?, arena)?;
+                        any_block::<S, f32>(b, runs, bias, &[], data.wide.get(b.weights..)?, arena)?;
                     } else {
-                        any_block::<S, W>(b, runs, bias, data.weights.get(b.weights..)?, arena)?;
+                        W::block::<S>(b, runs, bias, data, codes, arena)?;
                     }
+                }
+            }
+            Instruction::Codes { runs, most } => {
+                let runs = program.runs.get(runs.clone())?;
+                if S::SPLIT {
+                    codes.take::<true>(runs, *most, arena)?;
+                } else {
+                    codes.take::<false>(runs, *most, arena)?;
                 }
             }
             Instruction::Pick { to, picks, low, high } => {
@@ -230,28 +245,29 @@ unsafe fn execute<S: Simd, W: Weight>(program: &Program, data: Data<'_, W>, aren
 /// # Safety
 /// The CPU has the instruction set of `S`.
 #[inline(always)]
-unsafe fn any_block<S: Simd, W: Weight>(
+unsafe fn any_block<S: Simd, W: Float>(
     b: &Block,
     runs: &[Range<usize>],
     bias: &[f32],
+    unscale: &[f32],
     weights: &[W],
     arena: &mut [f32],
 ) -> Option<()> {
     // SAFETY: passed on to the caller.
     unsafe {
         match b.vectors {
-            1 => block::<S, W, 1>(b, runs, bias, weights, arena),
-            2 => block::<S, W, 2>(b, runs, bias, weights, arena),
-            3 => block::<S, W, 3>(b, runs, bias, weights, arena),
-            4 => block::<S, W, 4>(b, runs, bias, weights, arena),
-            5 => block::<S, W, 5>(b, runs, bias, weights, arena),
-            6 => block::<S, W, 6>(b, runs, bias, weights, arena),
-            7 => block::<S, W, 7>(b, runs, bias, weights, arena),
-            8 => block::<S, W, 8>(b, runs, bias, weights, arena),
-            9 if S::MOST >= 9 => block::<S, W, 9>(b, runs, bias, weights, arena),
-            10 if S::MOST >= 10 => block::<S, W, 10>(b, runs, bias, weights, arena),
-            11 if S::MOST >= 11 => block::<S, W, 11>(b, runs, bias, weights, arena),
-            12 if S::MOST >= 12 => block::<S, W, 12>(b, runs, bias, weights, arena),
+            1 => block::<S, W, 1>(b, runs, bias, unscale, weights, arena),
+            2 => block::<S, W, 2>(b, runs, bias, unscale, weights, arena),
+            3 => block::<S, W, 3>(b, runs, bias, unscale, weights, arena),
+            4 => block::<S, W, 4>(b, runs, bias, unscale, weights, arena),
+            5 => block::<S, W, 5>(b, runs, bias, unscale, weights, arena),
+            6 => block::<S, W, 6>(b, runs, bias, unscale, weights, arena),
+            7 => block::<S, W, 7>(b, runs, bias, unscale, weights, arena),
+            8 => block::<S, W, 8>(b, runs, bias, unscale, weights, arena),
+            9 if S::MOST >= 9 => block::<S, W, 9>(b, runs, bias, unscale, weights, arena),
+            10 if S::MOST >= 10 => block::<S, W, 10>(b, runs, bias, unscale, weights, arena),
+            11 if S::MOST >= 11 => block::<S, W, 11>(b, runs, bias, unscale, weights, arena),
+            12 if S::MOST >= 12 => block::<S, W, 12>(b, runs, bias, unscale, weights, arena),
             _ => None,
         }
     }
@@ -260,10 +276,11 @@ unsafe fn any_block<S: Simd, W: Weight>(
 /// # Safety
 /// The CPU has the instruction set of `S`.
 #[inline(always)]
-unsafe fn block<S: Simd, W: Weight, const V: usize>(
+unsafe fn block<S: Simd, W: Float, const V: usize>(
     b: &Block,
     runs: &[Range<usize>],
     bias: &[f32],
+    unscale: &[f32],
     mut weights: &[W],
     arena: &mut [f32],
 ) -> Option<()> {
@@ -291,10 +308,12 @@ unsafe fn block<S: Simd, W: Weight, const V: usize>(
         }
     }
     let to = arena.get_mut(b.to..)?.get_mut(..V * S::LANES)?.as_mut_ptr();
+    let unscale = if W::SCALED { unscale.get(..V * S::LANES)?.as_ptr() } else { unscale.as_ptr() };
     for (v, sum) in sums.into_iter().enumerate() {
-        // SAFETY: the instruction set is the caller's promise; `to` has room for V * LANES floats.
+        // SAFETY: the instruction set is the caller's promise; `to` has room for V * LANES floats and `unscale` has them
+        // where it is read.
         unsafe {
-            let y = if W::SCALED { S::mul(sum, S::splat(b.unscale)) } else { sum };
+            let y = if W::SCALED { S::mul(sum, S::load(unscale.add(v * S::LANES))) } else { sum };
             S::store(S::clamp(y, S::splat(b.low), S::splat(b.high)), to.add(v * S::LANES));
         }
     }
@@ -309,17 +328,18 @@ fn checksum<W: Weight>(data: Data<'_, W>) -> u32 {
 
 #[inline(always)]
 fn sum<W: Weight>(weights: &[W]) -> u32 {
-    let mut sums = [0u32; 128];
-    let (chunks, rest) = weights.as_chunks::<128>();
+    let mut sums = [W::Sum::default(); 512];
+    let (chunks, rest) = weights.as_chunks::<512>();
     for chunk in chunks {
         for (sum, w) in sums.iter_mut().zip(chunk) {
-            *sum = sum.wrapping_add(w.bits());
+            *sum = w.add_to(*sum);
         }
     }
-    rest.iter().map(|w| w.bits()).chain(sums).fold(0, u32::wrapping_add)
+    let rest = rest.iter().map(|w| w.add_to(W::Sum::default()));
+    rest.chain(sums).fold(0, |all, sum| all.wrapping_add(sum.into()))
 }
 
-type Run<W> = unsafe fn(&Program, Data<'_, W>, &mut [f32]) -> Option<()>;
+type Run<W> = unsafe fn(&Program, Data<'_, W>, &mut Codes, &mut [f32]) -> Option<()>;
 
 /// The functions compiled for one instruction set.
 #[derive(Clone, Copy)]
@@ -331,10 +351,12 @@ pub(crate) struct Entry<W> {
 impl<W: Weight> Entry<W> {
     /// `None` where this machine cannot run it.
     pub(crate) fn new(isa: Isa) -> Option<Self> {
-        if !isa.is_available() {
+        if !isa.is_available() || (W::WHOLE && !isa.has_whole_numbers()) {
             return None;
         }
         Some(match isa {
+            #[cfg(target_arch = "x86_64")]
+            Isa::Avx512 if W::WHOLE => Self { run: avx512::run_whole::<W>, read: avx512::read::<W> },
             #[cfg(target_arch = "x86_64")]
             Isa::Avx512 => Self { run: avx512::run::<W>, read: avx512::read::<W> },
             #[cfg(target_arch = "x86_64")]
@@ -345,9 +367,15 @@ impl<W: Weight> Entry<W> {
 
     /// Runs a program over the arena; `None` where it does not fit its data, which packing rules out.
     #[inline]
-    pub(crate) fn run(&self, program: &Program, data: Data<'_, W>, arena: &mut [f32]) -> Option<()> {
+    pub(crate) fn run(
+        &self,
+        program: &Program,
+        data: Data<'_, W>,
+        codes: &mut Codes,
+        arena: &mut [f32],
+    ) -> Option<()> {
         // SAFETY: `new` found the instruction set on this machine.
-        unsafe { (self.run)(program, data, arena) }
+        unsafe { (self.run)(program, data, codes, arena) }
     }
 
     /// See [`checksum`].

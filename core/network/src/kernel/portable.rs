@@ -1,6 +1,6 @@
 //! Plain code over four lanes, which compilers turn into SSE2 or NEON. Only its pointers are unsafe.
 
-use super::{Data, Program, Simd, Weight, checksum, execute};
+use super::{Codes, Data, Program, Simd, Weight, Whole, checksum, execute};
 
 pub(super) struct Portable;
 
@@ -69,11 +69,47 @@ impl Simd for Portable {
     }
 }
 
+impl Whole for Portable {
+    const TOGETHER: usize = 1;
+    const SPLIT: bool = false;
+    type Group = i32;
+    type Sums = [i32; 4];
+
+    #[inline(always)]
+    unsafe fn nothing() -> [i32; 4] {
+        [0; 4]
+    }
+
+    #[inline(always)]
+    fn groups(codes: &Codes) -> impl Iterator<Item = i32> {
+        codes.codes().iter().map(|code| i32::from(*code))
+    }
+
+    #[inline(always)]
+    unsafe fn add(sums: [i32; 4], code: i32, weights: *const i8) -> [i32; 4] {
+        // SAFETY: the caller gives 4 bytes.
+        let weights = unsafe { weights.cast::<[i8; 4]>().read() };
+        std::array::from_fn(|i| sums[i].wrapping_add(code * i32::from(weights[i])))
+    }
+
+    #[inline(always)]
+    unsafe fn total(sums: [i32; 4], start: *const i32) -> [f32; 4] {
+        // SAFETY: the caller gives 4 numbers.
+        let start = unsafe { start.cast::<[i32; 4]>().read() };
+        each(|i| sums[i].wrapping_add(start[i]) as f32)
+    }
+}
+
 /// # Safety
 /// None needed: the signature is that of the other instruction sets.
-pub(super) unsafe fn run<W: Weight>(program: &Program, data: Data<'_, W>, arena: &mut [f32]) -> Option<()> {
+pub(super) unsafe fn run<W: Weight>(
+    program: &Program,
+    data: Data<'_, W>,
+    codes: &mut Codes,
+    arena: &mut [f32],
+) -> Option<()> {
     // SAFETY: portable code runs on every CPU.
-    unsafe { execute::<Portable, W>(program, data, arena) }
+    unsafe { execute::<Portable, W>(program, data, codes, arena) }
 }
 
 /// # Safety

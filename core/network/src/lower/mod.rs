@@ -110,6 +110,15 @@ impl Lowered {
         Ok(Self { steps: b.steps, output })
     }
 
+    /// Multiply-adds of all steps.
+    pub(crate) fn multiply_adds(&self) -> usize {
+        let weights = |step: &Step| match &step.kind {
+            StepKind::Affine(a) => a.weights.len(),
+            _ => 0,
+        };
+        self.steps.iter().map(weights).sum()
+    }
+
     /// Whether each step is needed for the output.
     pub(crate) fn needed(&self) -> Vec<bool> {
         let mut needed = vec![false; self.steps.len()];

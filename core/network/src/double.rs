@@ -1,0 +1,124 @@
+//! A lowered network in double precision, written plainly: what rounding of weights and sums costs is judged by it.
+//!
+//! Only the inputs and the magnitudes are f32. Sums are added up in the order of [`Lowered::evaluate`].
+
+use crate::lower::{Lowered, Ref, StepKind};
+use crate::signature::Role;
+
+/// A network ready to run, one result after the other in an arena.
+pub(crate) struct Double {
+    net: Lowered,
+    /// Steps of a run, in order.
+    moving: Vec<usize>,
+    /// Where each step's result lies.
+    at: Vec<usize>,
+    arena: Vec<f64>,
+    /// The results of steps that depend on the material alone, which [`constant`](Self::constant) says the places of, by material.
+    materials: Vec<Vec<f64>>,
+    constant: Vec<std::ops::Range<usize>>,
+    /// The material whose results are in the arena.
+    material: Option<usize>,
+    multiply_adds: usize,
+}
+
+impl Double {
+    /// Makes room for all results and works out those of the materials.
+    pub(crate) fn new(net: &Lowered, materials: &[Vec<f64>]) -> Self {
+        let constant = net.depends_on_texture_alone();
+        let needed = net.needed();
+        let mut at = Vec::with_capacity(net.steps.len());
+        let mut len = 0;
+        for step in &net.steps {
+            at.push(len);
+            len += step.len();
+        }
+        let of = |wanted: bool| {
+            let (constant, needed) = (&constant, &needed);
+            (0..net.steps.len()).filter(move |&i| needed[i] && constant[i] == wanted)
+        };
+        let fixed: Vec<bool> = constant.iter().zip(&needed).map(|(c, n)| *c && *n).collect();
+        let materials = materials.iter().map(|texture| {
+            let input = |role| if role == Role::Texture { texture.clone() } else { Vec::new() };
+            net.evaluate(&fixed, input).concat()
+        });
+        let affine = |&i: &usize| match &net.steps[i].kind {
+            StepKind::Affine(a) => a.weights.len(),
+            _ => 0,
+        };
+        Self {
+            materials: materials.collect(),
+            constant: of(true).map(|i| at[i]..at[i] + net.steps[i].len()).collect(),
+            moving: of(false).collect(),
+            multiply_adds: of(false).map(|i| affine(&i)).sum(),
+            at,
+            arena: vec![0.0; len],
+            material: None,
+            net: net.clone(),
+        }
+    }
+
+    /// One run; `None` where a length or the material does not fit. Neither allocates nor locks.
+    pub(crate) fn run(
+        &mut self,
+        material: usize,
+        force: &[f32],
+        speed: &[f32],
+        out: &mut [f32],
+    ) -> Option<()> {
+        if self.material != Some(material) {
+            let mut results = self.materials.get(material)?.as_slice();
+            self.material = None;
+            for place in &self.constant {
+                let (these, rest) = results.split_at_checked(place.len())?;
+                self.arena.get_mut(place.clone())?.copy_from_slice(these);
+                results = rest;
+            }
+            self.material = Some(material);
+        }
+        for &i in &self.moving {
+            let (step, start) = (self.net.steps.get(i)?, *self.at.get(i)?);
+            // Steps read only what stands before them.
+            let (before, rest) = self.arena.split_at_mut_checked(start)?;
+            let result = rest.get_mut(..step.len())?;
+            let read = |r: Ref| before.get(self.at.get(r.step)? + r.index).copied();
+            match &step.kind {
+                StepKind::Input(Role::Force) => widen(result, force)?,
+                StepKind::Input(Role::Speed) => widen(result, speed)?,
+                StepKind::Input(Role::Texture) => {}
+                StepKind::Elements(elements) => {
+                    for (y, e) in result.iter_mut().zip(elements) {
+                        *y = match e.of {
+                            Some(of) => e.scale * read(of)? + e.offset,
+                            None => e.offset,
+                        };
+                    }
+                }
+                StepKind::Affine(a) => {
+                    result.copy_from_slice(a.bias.get(..result.len())?);
+                    for (row, &of) in a.weights.chunks_exact(a.bias.len().max(1)).zip(&a.inputs) {
+                        let x = read(of)?;
+                        result.iter_mut().zip(row).for_each(|(sum, w)| *sum += w * x);
+                    }
+                }
+            }
+            result.iter_mut().for_each(|x| *x = step.clamp(*x));
+        }
+        let start = *self.at.get(self.net.output)?;
+        let result = self.arena.get(start..start + out.len())?;
+        out.iter_mut().zip(result).for_each(|(y, x)| *y = *x as f32);
+        Some(())
+    }
+
+    /// Of weights, which are kept as f64.
+    pub(crate) fn weights_bytes(&self) -> usize {
+        self.multiply_adds * size_of::<f64>()
+    }
+
+    pub(crate) fn multiply_adds(&self) -> usize {
+        self.multiply_adds
+    }
+}
+
+fn widen(to: &mut [f64], from: &[f32]) -> Option<()> {
+    (to.len() == from.len()).then(|| to.iter_mut().zip(from).for_each(|(y, x)| *y = f64::from(*x)))
+}
