@@ -1,5 +1,7 @@
 //! How accurate a setting is: over every stroke, material and draw.
 
+use asperity_engine::Options;
+use asperity_graph::GraphFile;
 use asperity_measure::accuracy::{self, Agreement, BINS, FIRST_HZ, HOP_S, STEP_HZ, Spectrogram};
 use asperity_measure::phase;
 use asperity_node::{ParamKind, Registry};
@@ -7,9 +9,9 @@ use asperity_source::Diagnostic;
 use asperity_source::ron::{Kind, Value};
 
 use crate::figure::{Figure, Figures, mean};
-use crate::hear::{Heard, chain, over};
+use crate::hear::{Chain, Heard, Path3, over};
 use crate::knob::{has, set};
-use crate::lag::Response;
+use crate::lag;
 use crate::setting::Setting;
 use crate::stroke::Stroke;
 use crate::time::Onlooker;
@@ -59,17 +61,22 @@ pub(crate) fn find(
     let mut found = Found::default();
     let mut models = Vec::new();
     let double = in_double(setting, registry);
+    let strokes: Vec<Path3> = plan.strokes.iter().map(|s| s.measured.clone()).collect();
+    let ways: Vec<Path3> = strokes.iter().cloned().chain(lag::ways()).collect();
+    let options = Options { sleep: false, ..Options::default() };
     for draw in 0..plan.draws {
         let seed = plan.seed.wrapping_add(draw);
         let mut all = Vec::new();
-        for (s, stroke) in plan.strokes.iter().enumerate() {
-            for material in plan.materials {
+        for (m, material) in plan.materials.iter().enumerate() {
+            let material = material.as_deref();
+            let graph = over(&setting.graph, registry, material, seed);
+            let mut chain = Chain::new(&graph, registry, ways.clone(), options)?;
+            found.latency_ms.get_or_insert(chain.latency().ms());
+            for (s, stroke) in plan.strokes.iter().enumerate() {
                 if onlooker.stopped() {
                     return Ok(None);
                 }
-                let material = material.as_deref();
-                let chain = chain(setting, registry, stroke, material, seed)?;
-                found.latency_ms.get_or_insert(chain.latency().ms());
+                chain.play(s);
                 let heard = chain.hear(stroke.seconds);
                 found.faults += heard.faults;
                 let mut figures = Figures::new();
@@ -80,9 +87,11 @@ pub(crate) fn find(
                     whole(&heard, truth, setting.strength, &mut figures);
                     models.extend(of_model(&heard, truth));
                 }
-                // The wave itself is compared on one stroke of each draw: in double precision everything takes twice as long and more.
-                if let Some(double) = double.as_ref().filter(|_| s == 0) {
-                    let wide = self::chain(double, registry, stroke, material, seed)?.hear(stroke.seconds);
+                // The wave itself is compared on one stroke of each draw, over one material: double precision takes its time.
+                let compared = s == 0 && m as u64 == draw % plan.materials.len() as u64;
+                if let Some(double) = double.as_ref().filter(|_| compared) {
+                    let graph = over(double, registry, material, seed);
+                    let wide = Chain::new(&graph, registry, strokes.clone(), options)?.hear(stroke.seconds);
                     if let Ok(db) = accuracy::waveform_db(&wide_of(heard.last()), &wide_of(wide.last())) {
                         figures.insert(Figure::Precision, db);
                     }
@@ -90,12 +99,12 @@ pub(crate) fn find(
                 all.push(figures);
                 onlooker.advanced(1);
             }
+            if m == 0 {
+                found.lags_ms.extend(lag::measured(&mut chain, strokes.len(), plan.steps));
+                onlooker.advanced(1);
+            }
         }
         found.draws.push(mean(all.iter()));
-        let material = plan.materials.first().and_then(|m| m.as_deref());
-        let graph = over(&setting.graph, registry, material, seed);
-        found.lags_ms.extend(Response::new(&graph, registry)?.lag_ms(plan.steps));
-        onlooker.advanced(1);
     }
     found.model = mean(models.iter());
     Ok(Some(found))
@@ -106,10 +115,10 @@ fn wide_of(x: &[f32]) -> Vec<f64> {
 }
 
 /// The same setting with every node in double precision that can be; none where none can, or all are.
-fn in_double(setting: &Setting, registry: &Registry) -> Option<Setting> {
-    let mut double = setting.clone();
+fn in_double(setting: &Setting, registry: &Registry) -> Option<GraphFile> {
+    let mut double = setting.graph.clone();
     let mut any = false;
-    for node in &mut double.graph.nodes {
+    for node in &mut double.nodes {
         if !can_be_double(registry, &node.kind) {
             continue;
         }

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use asperity_dsp::Framing;
 use asperity_engine::{Engine, Options};
@@ -11,14 +12,20 @@ use asperity_source::Diagnostic;
 use asperity_stability::{Rig, Subject, played::Motion};
 use asperity_world::actuator::{ActuatorProfile, Drive, Dynamics, Plant};
 
-use crate::setting::Setting;
-use crate::stroke::Stroke;
+/// Where a stylus is at a time in s: x, y, z in mm, z up.
+pub type Path3 = Arc<dyn Fn(f64) -> [f64; 3] + Send + Sync>;
 
-/// A setting over a stroke, ready to run.
+/// A graph under a stylus that goes one of several ways, ready to run.
 pub struct Chain {
     engine: Engine,
     schedule: Arc<Schedule>,
     places: Places,
+    /// Number of the way that is gone.
+    way: Arc<AtomicUsize>,
+    /// The actuator, at rest.
+    plant: Option<Plant>,
+    /// Faults of runs before this one.
+    faults: u64,
 }
 
 /// Nodes and outputs where something is heard.
@@ -73,11 +80,6 @@ impl Heard {
     }
 }
 
-/// Where a stylus is in tick `k` of so many a second.
-pub(crate) fn motion(at: Arc<dyn Fn(f64) -> [f64; 3] + Send + Sync>, tick_hz: u32) -> Motion {
-    Arc::new(move |tick| at(tick as f64 / f64::from(tick_hz)))
-}
-
 /// A graph with a material, and a seed of its own.
 pub(crate) fn over(graph: &GraphFile, registry: &Registry, material: Option<&str>, seed: u64) -> GraphFile {
     let mut graph = graph.clone();
@@ -98,23 +100,37 @@ pub(crate) fn is_network(registry: &Registry, kind: &str) -> bool {
 }
 
 impl Chain {
-    /// Compiles a graph, with something in the place of what moves its stylus.
+    /// Compiles a graph, with a stylus that goes one of these ways in the place of what moves its own; the first to begin with.
     ///
     /// # Errors
     /// What the compiler says; nothing that moves a stylus.
     pub fn new(
         graph: &GraphFile,
         registry: &Registry,
-        motion: Motion,
+        ways: Vec<Path3>,
         options: Options,
     ) -> Result<Self, Diagnostic> {
+        let (way, tick_hz) = (Arc::new(AtomicUsize::new(0)), f64::from(graph.tick_hz));
+        let gone = way.clone();
+        let motion: Motion = Arc::new(move |tick| {
+            ways.get(gone.load(Ordering::Relaxed)).map_or([0.0; 3], |at| at(tick as f64 / tick_hz))
+        });
         let (graph, kinds) = Rig::with_stylus(graph, registry, &motion)
             .map_err(|why| Diagnostic::new(why).in_file(graph.source.path()))?;
         let subject = Subject::new(registry.clone());
         let compiled = subject.compiled(&graph, &kinds).map_err(Diagnostic::new)?;
         let schedule = Arc::new(compiled.schedule.clone());
         let places = Places::new(&schedule, registry)?;
-        Ok(Self { engine: Engine::new(compiled, options), schedule, places })
+        let plant = places.plant.clone();
+        Ok(Self { engine: Engine::new(compiled, options), schedule, places, way, plant, faults: 0 })
+    }
+
+    /// Begins anew, on another way; one that is not there leaves the stylus at 0.
+    pub fn play(&mut self, way: usize) {
+        self.way.store(way, Ordering::Relaxed);
+        self.faults = self.engine.faults();
+        self.engine.reset();
+        self.places.plant = self.plant.clone();
     }
 
     /// What is run.
@@ -147,7 +163,7 @@ impl Chain {
     }
 
     /// Runs for so many seconds and takes everything down.
-    pub fn hear(mut self, seconds: f64) -> Heard {
+    pub fn hear(&mut self, seconds: f64) -> Heard {
         let ticks = (seconds * f64::from(self.schedule.tick_hz)).round() as u64;
         let mut heard = Heard { rate_hz: self.schedule.audio_hz, ..Heard::default() };
         let mut frames = self.places.frames.and_then(|at| Frames::new(&self.schedule, at));
@@ -171,12 +187,12 @@ impl Chain {
             heard.signal = earlier(signal, self.places.between, frames.framing.rate_hz);
             (heard.frames, heard.framing) = (frames.values, Some(frames.framing));
         }
-        heard.faults = self.engine.faults();
+        heard.faults = self.engine.faults() - self.faults;
         heard
     }
 
     /// Runs for so many seconds and answers the acceleration before the inverse, or what is nearest to it.
-    pub fn felt(mut self, seconds: f64) -> (Vec<f32>, u32) {
+    pub fn felt(&mut self, seconds: f64) -> (Vec<f32>, u32) {
         let ticks = (seconds * f64::from(self.schedule.tick_hz)).round() as u64;
         let at = self.nearest();
         let mut felt = Vec::new();
@@ -283,21 +299,4 @@ fn plant(schedule: &Schedule, (node, output): (usize, usize)) -> Result<Option<P
     let volts = schedule.nodes[node].outputs[output].port.unit == Unit::VOLT;
     let drive = if volts { Drive::Voltage } else { Drive::Current };
     Ok(Some(Plant::new(&dynamics, drive, f64::from(schedule.audio_hz))))
-}
-
-/// A setting over a stroke and a material.
-///
-/// # Errors
-/// As [`Chain::new`].
-pub(crate) fn chain(
-    setting: &Setting,
-    registry: &Registry,
-    stroke: &Stroke,
-    material: Option<&str>,
-    seed: u64,
-) -> Result<Chain, Diagnostic> {
-    let graph = over(&setting.graph, registry, material, seed);
-    let options = Options { sleep: false, ..Options::default() };
-    let motion = motion(stroke.measured.clone(), graph.tick_hz);
-    Chain::new(&graph, registry, motion, options)
 }

@@ -8,7 +8,7 @@ use asperity_measure::response::{Steps, lag_ms};
 use asperity_node::Registry;
 use asperity_source::Diagnostic;
 
-use crate::hear::{Chain, motion};
+use crate::hear::{Chain, Path3};
 
 /// Half a period of the steps \[s\].
 const HALF_S: f64 = 0.4;
@@ -28,45 +28,51 @@ fn stylus(t: f64, stepped: bool) -> [f64; 3] {
     [x, 0.0, -DEPTH_MM]
 }
 
-/// A graph under a stylus whose speed steps, and under one whose speed does not.
-pub struct Response {
-    stepped: Chain,
-    still: Chain,
+/// The ways of a stylus whose speed steps, and of one whose speed does not.
+pub(crate) fn ways() -> [Path3; 2] {
+    [true, false].map(|stepped| Arc::new(move |t| stylus(t, stepped)) as Path3)
 }
 
+/// A graph under both.
+pub struct Response(Chain);
+
 impl Response {
-    /// Compiles the graph for both.
+    /// Compiles the graph.
     ///
     /// # Errors
     /// What the compiler says; nothing that moves a stylus.
     pub fn new(graph: &GraphFile, registry: &Registry) -> Result<Self, Diagnostic> {
-        let play = |stepped: bool| {
-            let at = Arc::new(move |t| stylus(t, stepped));
-            Chain::new(graph, registry, motion(at, graph.tick_hz), Options::default())
-        };
-        Ok(Self { stepped: play(true)?, still: play(false)? })
+        Chain::new(graph, registry, ways().into(), Options::default()).map(Self)
     }
 
     /// What is run.
     pub fn schedule(&self) -> &Schedule {
-        self.stepped.schedule()
+        self.0.schedule()
     }
 
     /// Node and output whose level is looked at: the last acceleration at the audio rate, else what drives the coil.
     pub fn heard(&self) -> Option<(usize, usize)> {
-        self.stepped.nearest()
+        self.0.nearest()
     }
 
     /// Milliseconds from a step of speed, from 40 to 121 mm/s, until the level is 10, 50 and 90 % of the way; so many steps are taken. None where
     /// the level does not rise with speed.
-    pub fn lag_ms(self, steps: usize) -> Option<[f64; 3]> {
-        let periods = steps + LEFT_OUT;
-        let seconds = 2.0 * HALF_S * periods as f64;
-        let ((stepped, rate_hz), (still, _)) = (self.stepped.felt(seconds), self.still.felt(seconds));
-        let half = (HALF_S * f64::from(rate_hz)) as usize;
-        let at: Vec<usize> = (LEFT_OUT..periods).map(|k| (2 * k + 1) * half).collect();
-        lag_ms(&stepped, &still, &Steps { rate_hz, at: &at, before: half / 2, after: half / 2 })
+    pub fn lag_ms(mut self, steps: usize) -> Option<[f64; 3]> {
+        measured(&mut self.0, 0, steps)
     }
+}
+
+/// The response of a chain whose [`ways`] begin at a number.
+pub(crate) fn measured(chain: &mut Chain, way: usize, steps: usize) -> Option<[f64; 3]> {
+    let periods = steps + LEFT_OUT;
+    let seconds = 2.0 * HALF_S * periods as f64;
+    chain.play(way);
+    let (stepped, rate_hz) = chain.felt(seconds);
+    chain.play(way + 1);
+    let (still, _) = chain.felt(seconds);
+    let half = (HALF_S * f64::from(rate_hz)) as usize;
+    let at: Vec<usize> = (LEFT_OUT..periods).map(|k| (2 * k + 1) * half).collect();
+    lag_ms(&stepped, &still, &Steps { rate_hz, at: &at, before: half / 2, after: half / 2 })
 }
 
 #[cfg(test)]

@@ -32,7 +32,7 @@ mod truth;
 pub use choose::{Budget, Choice, Reason};
 pub use figure::{Figure, Figures};
 pub use file::{Grid, Mark, Named, Study, Times};
-pub use hear::{Chain, Heard};
+pub use hear::{Chain, Heard, Path3};
 pub use knob::Knob;
 pub use lag::Response;
 pub use result::{Fragment, Machine, Results, Row, Time};

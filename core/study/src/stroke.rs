@@ -9,6 +9,7 @@ use asperity_source::{Diagnostic, Place};
 use asperity_world::motion::{self, Shape, StrokeParams, TrajectoryOptions};
 
 use crate::file::beside;
+use crate::hear::Path3;
 
 /// A stroke as a study declares it.
 #[derive(Clone, Debug)]
@@ -35,7 +36,7 @@ pub struct Stroke {
     /// How long it lasts \[s\].
     pub seconds: f64,
     /// What the sensor reads at a time in s: x, y, z in mm, z up; the surface is at 0 and gives way by 0.5 N/mm.
-    pub measured: Arc<dyn Fn(f64) -> [f64; 3] + Send + Sync>,
+    pub measured: Path3,
     /// What the hand does: the same without the sensor's steps.
     pub hand: Hand,
 }

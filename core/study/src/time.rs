@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::file::Times;
 use crate::floor::median;
-use crate::hear::{Chain, motion, over};
+use crate::hear::{Chain, over};
 use crate::result::Time;
 use crate::setting::Setting;
 
@@ -79,7 +79,7 @@ impl Entry {
         let graph: GraphFile = over(&setting.graph, registry, material, setting.graph.seed);
         let before = onlooker.heap_bytes();
         let options = Options::default();
-        let chain = Chain::new(&graph, registry, motion(std::sync::Arc::new(round), graph.tick_hz), options)?;
+        let chain = Chain::new(&graph, registry, vec![std::sync::Arc::new(round)], options)?;
         let memory = before.zip(onlooker.heap_bytes()).map(|(before, after)| after.saturating_sub(before));
         Ok(Self { memory, ..Self::empty(Some(chain), graph.tick_hz) })
     }
