@@ -115,6 +115,8 @@ pub(super) struct Beside {
     last: Vec<f64>,
     /// Largest sample of the drive while it goes wrong.
     largest: f64,
+    /// Largest magnitude of a frame, plain and wrong; infinite for what is none.
+    magnitudes: [f64; 2],
     denormals: u64,
 }
 
@@ -138,7 +140,17 @@ impl Beside {
         let touched = downstream(&plain.schedule, &culprits);
         let limits = wrong.drive_limits();
         let last = vec![0.0; limits.len()];
-        Ok(Self { plain, wrong, touched, culprits, limits, last, largest: 0.0, denormals: 0 })
+        Ok(Self {
+            plain,
+            wrong,
+            touched,
+            culprits,
+            limits,
+            last,
+            largest: 0.0,
+            magnitudes: [0.0; 2],
+            denormals: 0,
+        })
     }
 
     /// Runs both over all windows. Answers, for each that ends, its name and how far off the level is after it, in dB.
@@ -224,6 +236,9 @@ impl Beside {
                         )
                     })?;
                 }
+                for (most, buffer) in self.magnitudes.iter_mut().zip([a, b]) {
+                    *most = most.max(loudest(buffer));
+                }
                 if !self.culprits.contains(&i) {
                     self.denormals += denormals(b);
                 }
@@ -242,6 +257,11 @@ impl Beside {
     /// Largest sample of the drive.
     pub(super) fn largest(&self) -> f64 {
         self.largest
+    }
+
+    /// Largest magnitude that a frame held where nothing goes wrong, and where it does \[m/s^2\].
+    pub(super) fn magnitudes(&self) -> [f64; 2] {
+        self.magnitudes
     }
 
     /// How many nodes hear nothing of what goes wrong.
@@ -295,6 +315,17 @@ fn same(a: &Buffer, b: &Buffer) -> bool {
             f == g && (f.is_none() || a.iter().zip(b).all(|(a, b)| a == b))
         }
         _ => false,
+    }
+}
+
+/// The largest magnitude of this tick's frame; infinite for one that is none.
+fn loudest(buffer: &Buffer) -> f64 {
+    match buffer {
+        Buffer::Magnitude { bins, frame: Some(_), .. } if bins.iter().all(|m| m.is_finite()) => {
+            bins.iter().fold(0.0, |most, m| most.max(f64::from(*m)))
+        }
+        Buffer::Magnitude { frame: Some(_), .. } => f64::INFINITY,
+        _ => 0.0,
     }
 }
 
@@ -360,19 +391,19 @@ fn came(rig: &Rig, networks: &[usize]) -> bool {
     networks.iter().any(|&i| (0..rig.schedule.nodes[i].outputs.len()).any(|o| frame((i, o))))
 }
 
-/// Whether in each tenth of the second second frames come and something is heard.
+/// Whether in each tenth of a second from the sixth on frames come and something is heard.
 fn sounds(rig: &mut Rig) -> Result<bool, Not> {
     let all = networks(&rig.schedule);
     if all.is_empty() {
         return not_applicable("no node of this graph puts out magnitudes");
     }
     let part = rig.ticks(0.1).max(1);
-    let mut heard = [(false, false); 20];
-    rig.run(20 * part, |rig, tick| {
+    let mut heard = [(false, false); 10];
+    rig.run(10 * part, |rig, tick| {
         if let Some(heard) = heard.get_mut((tick / part) as usize) {
             *heard = (heard.0 || came(rig, &all), heard.1 || energy(rig) > 1e-12);
         }
         Ok(())
     })?;
-    Ok(heard.iter().skip(10).all(|h| h.0 && h.1))
+    Ok(heard.iter().skip(5).all(|h| h.0 && h.1))
 }

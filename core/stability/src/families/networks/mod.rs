@@ -1,9 +1,8 @@
 //! A texture network that goes wrong: what it puts out is nothing that a model should, or what it is given is nothing that it was trained on.
 //!
 //! Every case runs the subject's graph twice over the same motion, as it is and with the trouble, and holds the two against each other. What goes wrong
-//! lasts a frame, a window (0.1 s), or for ever; a second after the first two the drive has its level back. That takes the window, the
-//! limiter's release (0.2 s) and what the actuator's inverse remembers: of 1e30 in a pole at 5 Hz 1e-2 is left after 2.3 s, so that what is too large must be
-//! stopped before. The second is measured, with a margin.
+//! lasts a frame, a window (0.1 s), or for ever; a second after the first two the drive has its level back. That is a margin over what was measured: the window, what the
+//! actuator's inverse remembers (0.2 s from its largest input), and the limiter's gain, which comes back with a time constant of 0.2 s: within 0.5 dB 0.7 s after a window of 1e30.
 
 mod beside;
 
@@ -15,7 +14,7 @@ use crate::case::{Case, Family, Found, Not, holds, not_applicable};
 use crate::rig::Rig;
 use crate::subject::{Effort, Subject};
 use crate::wrap;
-use beside::{Beside, Wrong, energy, motion, networks, spoiled, windows};
+use beside::{Beside, Wrong, motion, networks, spoiled, windows};
 
 pub(super) const CASES: &[Case] = &[
     Case {
@@ -40,7 +39,7 @@ pub(super) const CASES: &[Case] = &[
         family: Family::Networks,
         name: "network_negative",
         hard: "the network's magnitudes are negative: every second, all, in a single frame, for a window, for ever",
-        must: "as for 1e30; a magnitude below 0 is none",
+        must: "all that holds of `network_huge`; a magnitude below 0 is none",
         of_graph: true,
         run: negative,
     },
@@ -48,7 +47,7 @@ pub(super) const CASES: &[Case] = &[
         family: Family::Networks,
         name: "network_denormal",
         hard: "the network's magnitudes are denormal, 1e-40: in a single frame, for a window, for ever",
-        must: "no output of any other node ever holds a denormal number, so that none costs time; all else as for 1e30",
+        must: "no output of any other node ever holds a denormal number, so that none costs time; and all that holds of `network_huge`",
         of_graph: true,
         run: denormal,
     },
@@ -56,7 +55,7 @@ pub(super) const CASES: &[Case] = &[
         family: Family::Networks,
         name: "network_alternates",
         hard: "the network's magnitudes are 0 and 100 m/s^2 in all bins by turns, frame by frame, for a window and for ever",
-        must: "as for 1e30",
+        must: "all that holds of `network_huge`",
         of_graph: true,
         run: alternates,
     },
@@ -64,7 +63,7 @@ pub(super) const CASES: &[Case] = &[
         family: Family::Networks,
         name: "network_out_of_range",
         hard: "the network is told of forces and speeds 10 times as large as it was trained on, for half a second and for ever",
-        must: "its magnitudes stay finite and below 10 times the largest of the same stroke in range; all else as for 1e30",
+        must: "its magnitudes stay finite and below 10 times the largest of the same stroke in range; and all that holds of `network_huge`",
         of_graph: true,
         run: out_of_range,
     },
@@ -192,7 +191,6 @@ fn out_of_range(subject: &Subject<'_>) -> Found {
     let motion = motion(subject)?;
     let mut rig = Rig::new(subject, motion.clone(), &[])?;
     let told = told(&mut rig)?;
-    let most_in_range = loudest(&mut rig, 1.0)?;
     let seconds = [("out of range for half a second", 0.5), ("out of range for ever", f64::INFINITY)];
     let (windows, ticks) = windows(&seconds, rig.schedule.tick_hz);
     // What is told is multiplied in the nodes that tell it.
@@ -209,21 +207,14 @@ fn out_of_range(subject: &Subject<'_>) -> Found {
     let at: Vec<_> = windows.iter().map(|w| w.wrong.clone()).collect();
     let others = kinds.into_iter().map(|kind| subject.kind(kind).map(|kind| multiplied(kind, &told, &at)));
     let others: Vec<Arc<dyn NodeKind>> = others.collect::<Result<_, _>>()?;
-    let mut both = Beside::new(subject, &motion, others.clone(), nodes)?;
+    let mut both = Beside::new(subject, &motion, others, nodes)?;
     let off = both.run(&windows, ticks)?;
-    // Once more, for the magnitudes themselves: the frames of the trouble.
-    let mut mutant = subject.clone();
-    for kind in others {
-        mutant = mutant.with(kind);
-    }
-    let most = loudest(&mut Rig::new(&mutant, motion, &[])?, 1.5)?;
-    holds(most.is_finite() && most <= TIMES * most_in_range, || {
-        format!("a magnitude of {most:.3e} out of range, {most_in_range:.3e} within")
-    })?;
+    let [within, out] = both.magnitudes();
+    holds(out <= TIMES * within, || format!("a magnitude of {out:.3e} out of range, {within:.3e} within"))?;
     let worst = off.iter().map(|(_, db)| db.abs()).fold(0.0, f64::max);
     let times = told.iter().map(|t| t.2).fold(0.0, f64::max);
     Ok(format!(
-        "inputs {times:.0} times as large: magnitudes up to {most:.3}, {most_in_range:.3} in range; the drive peaks at {:.3}; 1 s later the level is off by {worst:.2} dB",
+        "inputs {times:.0} times as large: magnitudes up to {out:.3}, {within:.3} in range; the drive peaks at {:.3}; 1 s later the level is off by {worst:.2} dB",
         both.largest()
     ))
 }
@@ -302,28 +293,4 @@ fn multiplied(inner: Arc<dyn NodeKind>, told: &Told, at: &[std::ops::Range<u64>]
         })
     };
     wrap::wrap(inner, Arc::new(make))
-}
-
-/// The largest magnitude of the next so many seconds; infinite for one that is none.
-fn loudest(rig: &mut Rig, seconds: f64) -> Result<f64, Not> {
-    let (all, mut most, mut heard) = (networks(&rig.schedule), 0.0_f64, 0.0);
-    let ticks = rig.ticks(seconds);
-    rig.run(ticks, |rig, _| {
-        heard += energy(rig);
-        for &i in &all {
-            for output in 0..rig.schedule.nodes[i].outputs.len() {
-                if let Some(Buffer::Magnitude { bins, frame: Some(_), .. }) = rig.engine.output(i, output) {
-                    let finite = bins.iter().all(|m| m.is_finite());
-                    most = if finite {
-                        bins.iter().fold(most, |m, x| m.max(f64::from(*x)))
-                    } else {
-                        f64::INFINITY
-                    };
-                }
-            }
-        }
-        Ok(())
-    })?;
-    holds(heard.is_finite(), || "the drive is not finite".to_owned())?;
-    Ok(most)
 }

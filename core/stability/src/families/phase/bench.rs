@@ -6,7 +6,7 @@ use std::sync::Arc;
 use asperity_dsp::Framing;
 use asperity_graph::GraphFile;
 use asperity_measure::phase::{self, Score};
-use asperity_node::{Descriptor, FrameLayout, FrameRate, NodeKind, ParamKind, ParamValue, ShapeSpec};
+use asperity_node::{Descriptor, FrameLayout, FrameRate, NodeKind, ParamKind, ParamValue};
 
 use crate::case::{Not, holds, not_applicable};
 use crate::played::{Frames, Played};
@@ -31,19 +31,6 @@ pub(super) struct Method {
     spectrum: bool,
 }
 
-/// How a kind retrieves phase, if it does: by its one required input of magnitudes and its one output of spectra or samples.
-fn retrieval(d: &Descriptor) -> Option<(&str, bool)> {
-    let mut required = d.inputs.iter().filter(|p| !p.optional);
-    let (input, None) = (required.next()?, required.next()) else { return None };
-    let [output] = d.outputs.as_slice() else { return None };
-    let spectrum = match output.shape {
-        ShapeSpec::Spectrum(_) => true,
-        ShapeSpec::Audio(_) => false,
-        _ => return None,
-    };
-    matches!(input.shape, ShapeSpec::Magnitude(_)).then_some((&input.name, spectrum))
-}
-
 /// All kinds that retrieve phase, as they are; and with `settings` also with each word of a choice, and with 0 where a whole number may be 0 and is not.
 ///
 /// # Errors
@@ -52,7 +39,7 @@ pub(super) fn methods(subject: &Subject<'_>, settings: bool) -> Result<Vec<Metho
     let mut all = Vec::new();
     for kind in subject.registry().iter() {
         let d = kind.descriptor();
-        let Some((input, spectrum)) = retrieval(d) else { continue };
+        let Some(how) = d.retrieval() else { continue };
         // What has to be set is nothing that a case could know.
         if d.params.iter().any(|p| p.default.is_none() && !p.optional) {
             continue;
@@ -75,8 +62,8 @@ pub(super) fn methods(subject: &Subject<'_>, settings: bool) -> Result<Vec<Metho
         all.extend(sets.into_iter().map(|set| Method {
             kind: d.kind.to_string(),
             set,
-            input: input.to_owned(),
-            spectrum,
+            input: how.input.to_owned(),
+            spectrum: how.spectrum,
         }));
     }
     if all.is_empty() { not_applicable("no kind retrieves phase") } else { Ok(all) }
@@ -90,8 +77,8 @@ pub(super) fn methods_with(subject: &Subject<'_>, param: &str, words: [&str; 2])
         param.is_some_and(|p| matches!(&p.kind, ParamKind::Choice(all) if known(all)))
     };
     let of = |d: &Descriptor| {
-        let (input, spectrum) = retrieval(d)?;
-        let (kind, input) = (d.kind.to_string(), input.to_owned());
+        let how = d.retrieval()?;
+        let (kind, input, spectrum) = (d.kind.to_string(), how.input.to_owned(), how.spectrum);
         Some(words.map(|word| Method {
             kind: kind.clone(),
             set: Some((param.to_owned(), word.to_owned())),
