@@ -49,12 +49,18 @@ fn is_meant(kind: &str, case: &str) -> bool {
 fn check(names: &[&str]) {
     let mut wrong = Vec::new();
     for kind in asperity_nodes::registry().iter() {
-        let (name, subject) = (&kind.descriptor().kind, subject(kind));
-        for case in cases().iter().filter(|c| names.contains(&c.name) && !is_meant(name, c.name)) {
-            let Outcome { verdict, found } = case.run(&subject);
-            println!("{name:20} {:16} {verdict:?} {found}", case.name);
-            if verdict == Verdict::Fail {
-                wrong.push(format!("{name}: {}: {found}", case.name));
+        let name = &kind.descriptor().kind;
+        let mut subjects = vec![(name.to_string(), subject(kind))];
+        if kind.descriptor().params.iter().any(|p| p.name == "precision") {
+            subjects.push((format!("{name} in f64"), subject(kind).set("precision", "f64")));
+        }
+        for (name, subject) in &subjects {
+            for case in cases().iter().filter(|c| names.contains(&c.name) && !is_meant(name, c.name)) {
+                let Outcome { verdict, found } = case.run(subject);
+                println!("{name:20} {:16} {verdict:?} {found}", case.name);
+                if verdict == Verdict::Fail {
+                    wrong.push(format!("{name}: {}: {found}", case.name));
+                }
             }
         }
     }

@@ -436,3 +436,42 @@ fn without_a_clock_or_a_limit_nothing_takes_too_long() {
     }
     assert_eq!((unlimited.faults(), without_clock.faults()), (0, 0));
 }
+
+#[test]
+fn without_guards_what_is_not_finite_goes_on_and_all_else_is_contained() {
+    let faulty = |id: &str, how: &str| {
+        format!(
+            "\"{id}\": (kind: \"faulty\", params: (from: 3, to: 4, how: \"{how}\")), \"p_{id}\": (kind: \"probe\"), "
+        )
+    };
+    let ids = [("a", "nan"), ("c", "nan control"), ("m", "inf frame"), ("x", "panic"), ("e", "error")];
+    let nodes: String = ids.iter().map(|(id, how)| faulty(id, how)).collect();
+    let nodes = nodes
+        + "\"w\": (kind: \"gain\", params: (unit: \"A\")), \"l\": (kind: \"limiter\"), \"p\": (kind: \"probe\")";
+    let wires: String = ids.iter().map(|(id, _)| format!("(\"{id}.control\", \"p_{id}\"), ")).collect();
+    let wires = wires + "(\"a.audio\", \"w\"), (\"w\", \"l\"), (\"l\", \"p\")";
+    for guards in [true, false] {
+        let mut e = engine_with(&nodes, &wires, Options { guards, ..Options::default() });
+        for tick in 0..20 {
+            e.tick();
+            if tick == 3 {
+                assert_eq!(audio(&e, "a", 0).iter().all(|y| y.is_finite()), guards);
+                // The first value is the tick's number, the second none.
+                let (values, valid) = control(&e, "c", 1);
+                let held = (values[0], values[1].is_nan(), valid);
+                assert_eq!(held, if guards { (2.0, false, false) } else { (3.0, true, true) });
+                assert_eq!(control(&e, "x", 1), (vec![2.0, -2.0], false), "a panic");
+                assert_eq!(control(&e, "e", 1), (vec![2.0, -2.0], false), "an error");
+            }
+            assert!(
+                audio(&e, "l", 0).iter().all(|y| y.is_finite()),
+                "the limiter trusts nobody, tick {tick}"
+            );
+        }
+        let faults = |id: &str| e.report(node(&e, id)).expect("a node").last_fault;
+        for (id, fault) in [("x", Fault::Panicked), ("e", Fault::Failed(42))] {
+            assert_eq!(faults(id), Some(fault));
+        }
+        assert_eq!(["a", "c", "m"].map(faults), [guards.then_some(Fault::NotFinite); 3]);
+    }
+}

@@ -8,6 +8,7 @@ pub mod effects;
 pub mod hand;
 pub mod motion;
 pub mod phase;
+mod precision;
 pub mod sinks;
 pub mod sources;
 pub mod synthesis;

@@ -1,17 +1,24 @@
 //! The two sample types.
 
-use asperity_state::Keep;
-use realfft::FftNum;
+use crate::lanes::Lanes;
+use crate::plans::Plans;
+use asperity_state::{Keep, State};
 use std::ops::{AddAssign, MulAssign, SubAssign};
 
 /// `f32` or `f64`: what every kernel here is generic over.
-pub trait Float: FftNum + Default + PartialOrd + AddAssign + SubAssign + MulAssign + Keep {
+pub trait Float: Default + PartialOrd + AddAssign + SubAssign + MulAssign + Keep + Lanes + Plans {
     /// Largest finite value.
     const MAX: Self;
     /// The nearest value to `x`.
     fn of(x: f64) -> Self;
     /// This value, exactly.
     fn f64(self) -> f64;
+    /// The nearest value of another width; beyond its range, infinite.
+    #[inline]
+    #[must_use]
+    fn to<U: Float>(self) -> U {
+        U::of(self.f64())
+    }
     /// Square root.
     #[must_use]
     fn root(self) -> Self;
@@ -47,6 +54,27 @@ impl Float for f64 {
     #[inline]
     fn root(self) -> Self {
         self.sqrt()
+    }
+}
+
+/// Keeps values in double precision whatever their own, so that a kernel of either width goes on from what one of the other
+/// remembers. In single precision a value beyond its range becomes infinite.
+pub(crate) fn keep_wide<T: Float>(values: &mut [T], state: &mut State<'_>) {
+    let mut len = values.len();
+    state.keep(&mut len);
+    state.require(len == values.len());
+    let mut wide = [0.0; 64];
+    for chunk in values.chunks_mut(64) {
+        let wide = &mut wide[..chunk.len()];
+        for (to, from) in wide.iter_mut().zip(chunk.iter()) {
+            *to = from.f64();
+        }
+        f64::keep_each(wide, state);
+        if state.restores() && !state.failed() {
+            for (to, from) in chunk.iter_mut().zip(wide) {
+                *to = T::of(*from);
+            }
+        }
     }
 }
 

@@ -24,10 +24,12 @@ pub mod filter;
 mod float;
 mod framing;
 pub mod griffin_lim;
+mod lanes;
 mod magnitude;
 pub mod oscillator_bank;
 pub mod overlap_add;
 pub mod phase_vocoder;
+mod plans;
 mod ramp;
 mod random;
 pub mod random_phase;
@@ -35,6 +37,8 @@ pub mod resample;
 pub mod sample_commit;
 pub mod spsi;
 pub mod stft;
+#[cfg(test)]
+mod widths_tests;
 pub mod window;
 
 pub use float::Float;

@@ -14,18 +14,24 @@ pub enum Level {
     Keep,
 }
 
+/// The largest value that both widths hold.
+pub(crate) fn largest_of<P: Float, T: Float>() -> f64 {
+    P::MAX.f64().min(T::MAX.f64())
+}
+
 /// Copies magnitudes; what is NaN, infinite or negative becomes 0 and is counted. Bins missing in `from` are 0. None is left
 /// above `most`.
-pub(crate) fn take<T: Float>(from: &[T], most: T, to: &mut [T]) -> usize {
+pub(crate) fn take<P: Float, T: Float>(from: &[P], most: f64, to: &mut [T]) -> usize {
+    let most = P::of(most);
     let mut bad = 0;
     for (to, &from) in to.iter_mut().zip(from) {
-        let good = from >= T::zero() && from <= T::MAX;
+        let good = from >= P::zero() && from <= P::MAX;
         *to = if !good {
             T::zero()
         } else if from > most {
-            most
+            most.to()
         } else {
-            from
+            from.to()
         };
         bad += usize::from(!good);
     }

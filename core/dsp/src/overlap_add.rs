@@ -5,11 +5,12 @@
 //! from Modified Short-Time Fourier Transform", IEEE Trans. ASSP 32(2), 1984, eq. 6). Frames at fractional hops start at whole
 //! samples, so that sum is not constant; it is periodic, and one period of it is kept.
 
+use crate::float::keep_wide;
 use crate::window::hann;
-use crate::{Float, Framing, FramingError};
+use crate::{Float, Framing, FramingError, plans};
 use asperity_state::State;
+use realfft::ComplexToReal;
 use realfft::num_complex::Complex;
-use realfft::{ComplexToReal, RealFftPlanner};
 use std::sync::Arc;
 
 /// Turns a stream of spectra into samples by weighted overlap-add.
@@ -75,7 +76,7 @@ impl<T: Float> OverlapAdd<T> {
     pub fn new(framing: Framing) -> Result<Self, FramingError> {
         framing.check()?;
         let n = framing.fft_len;
-        let inverse = RealFftPlanner::<T>::new().plan_fft_inverse(n);
+        let inverse = plans::inverse::<T>(n);
         let scale = framing.bin_scale() / n as f64;
         let (period, frames) = framing.period();
         let hop = period / frames + 1;
@@ -114,8 +115,9 @@ impl<T: Float> OverlapAdd<T> {
     /// What is remembered: the sums of frames that are not emitted yet, and where they lie. Refused where it is of frames of
     /// another length or hop.
     pub fn state(&mut self, state: &mut State<'_>) {
-        state.keep(&mut self.ring).keep(&mut self.head).keep(&mut self.next);
-        if self.head >= self.ring.len() {
+        keep_wide(&mut self.ring, state);
+        state.keep(&mut self.head).keep(&mut self.next);
+        if self.head >= self.ring.len() || (state.restores() && !self.ring.iter().all(|&y| finite(y))) {
             self.reset(self.next);
             state.refuse();
         }
@@ -129,7 +131,7 @@ impl<T: Float> OverlapAdd<T> {
     ///
     /// # Errors
     /// A frame out of reach is not added; see [`FrameError`].
-    pub fn add_frame(&mut self, start: u64, spectrum: &[Complex<T>]) -> Result<(), FrameError> {
+    pub fn add_frame<P: Float>(&mut self, start: u64, spectrum: &[Complex<P>]) -> Result<(), FrameError> {
         let n = self.frame.len();
         let skip = usize::try_from(self.next.saturating_sub(start)).unwrap_or(usize::MAX);
         if skip >= n {
@@ -154,9 +156,11 @@ impl<T: Float> OverlapAdd<T> {
         Ok(())
     }
 
-    fn transform(&mut self, spectrum: &[Complex<T>]) {
+    fn transform<P: Float>(&mut self, spectrum: &[Complex<P>]) {
         let bins = spectrum.len().min(self.framing.bins);
-        self.spectrum[..bins].copy_from_slice(&spectrum[..bins]);
+        for (to, from) in self.spectrum.iter_mut().zip(&spectrum[..bins]) {
+            *to = Complex::new(from.re.to(), from.im.to());
+        }
         self.spectrum[bins..].fill(Complex::default());
         if let Some(dc) = self.spectrum.first_mut() {
             dc.im = T::zero();
@@ -175,7 +179,7 @@ impl<T: Float> OverlapAdd<T> {
     ///
     /// Samples are to be taken in order. Those that a later `start` leaves out are dropped; an earlier one
     /// begins anew there, with silence.
-    pub fn emit(&mut self, start: u64, out: &mut [T]) {
+    pub fn emit<P: Float>(&mut self, start: u64, out: &mut [P]) {
         if start < self.next {
             self.reset(start);
         }
@@ -193,7 +197,7 @@ impl<T: Float> OverlapAdd<T> {
             for (part, at) in [(a, self.head), (b, 0)] {
                 let ring = &mut self.ring[at..at + part.len()];
                 for (to, from) in part.iter_mut().zip(ring) {
-                    *to = *from * self.gain[phase];
+                    *to = (*from * self.gain[phase]).to();
                     *from = T::zero();
                     phase += 1;
                     if phase == self.gain.len() {

@@ -33,7 +33,7 @@
 //! The signal of steady magnitudes repeats every `N` samples: it is a sum of lines.
 
 use crate::float::unit_circle;
-use crate::magnitude::take;
+use crate::magnitude::{largest_of, take};
 use crate::{Complex, Float, Framing, FramingError, Level, random};
 
 /// The phases of the oscillators at sample 0.
@@ -111,9 +111,9 @@ impl<T: Float> PhaseVocoder<T> {
     ///
     /// A magnitude that is NaN, infinite or negative is taken as 0; the number of these is returned. Bins missing in
     /// `magnitudes` count as 0, more than [`bins`](Self::bins) are not used, and what is left of `out` is set to 0.
-    pub fn process(&mut self, start: u64, magnitudes: &[T], out: &mut [Complex<T>]) -> usize {
+    pub fn process<P: Float>(&mut self, start: u64, magnitudes: &[P], out: &mut [Complex<P>]) -> usize {
         // Rounding and the level must not take the largest of values beyond what is finite.
-        let bad = take(magnitudes, T::MAX * T::of(0.5), &mut self.mags);
+        let bad = take(magnitudes, 0.5 * largest_of::<P, T>(), &mut self.mags);
         let n = self.circle.len();
         // Below N, which is at most 2^20.
         let advance = (start % n as u64) as usize;
@@ -121,7 +121,7 @@ impl<T: Float> PhaseVocoder<T> {
         out.fill(Complex::default());
         for ((out, &mag), &start) in out.iter_mut().zip(&self.mags).zip(&self.start) {
             let turned = self.circle[at] * start;
-            *out = Complex::new(turned.re * mag, turned.im * mag);
+            *out = Complex::new((turned.re * mag).to(), (turned.im * mag).to());
             at += advance;
             if at >= n {
                 at -= n;

@@ -24,7 +24,7 @@
 //! | amchirp_48000 | -1.1 -17.1 16.8 | -5.2 -0.1 3.7 | -1.1 -17.0 16.9 |
 
 use crate::float::unit_circle;
-use crate::magnitude::take;
+use crate::magnitude::{largest_of, take};
 use crate::{Complex, Float, Framing, FramingError, Level, random};
 
 /// Independent uniform phases, for frames of one layout. It has no state.
@@ -61,9 +61,9 @@ impl<T: Float> RandomPhase<T> {
     ///
     /// A magnitude that is NaN, infinite or negative is taken as 0; the number of these is returned. Bins missing in
     /// `magnitudes` count as 0, more than [`bins`](Self::bins) are not used, and what is left of `out` is set to 0.
-    pub fn process(&mut self, frame: u64, magnitudes: &[T], out: &mut [Complex<T>]) -> usize {
+    pub fn process<P: Float>(&mut self, frame: u64, magnitudes: &[P], out: &mut [Complex<P>]) -> usize {
         // Scaling must not take the largest of values beyond what is finite.
-        let bad = take(magnitudes, T::MAX / (self.gain + self.gain), &mut self.mags);
+        let bad = take(magnitudes, largest_of::<P, T>() / (2.0 * self.gain.f64()), &mut self.mags);
         out.fill(Complex::default());
         for (k, (out, &mag)) in out.iter_mut().zip(&self.mags).enumerate() {
             if mag <= T::zero() {
@@ -73,7 +73,7 @@ impl<T: Float> RandomPhase<T> {
             let real = k == 0 || 2 * k == self.fft_len;
             let (cos, sin) = unit_circle(if real { 0.5 * f64::from(turns < 0.5) } else { turns });
             let radius = mag * self.gain;
-            *out = Complex::new(radius * T::of(cos), radius * T::of(sin));
+            *out = Complex::new((radius * T::of(cos)).to(), (radius * T::of(sin)).to());
         }
         bad
     }

@@ -1,8 +1,8 @@
 //! From samples to spectra.
 
 use crate::window::hann;
-use crate::{Complex, Float};
-use realfft::{RealFftPlanner, RealToComplex};
+use crate::{Complex, Float, plans};
+use realfft::RealToComplex;
 use std::sync::Arc;
 
 /// Hann-windowed forward transform of single frames.
@@ -24,7 +24,7 @@ impl<T: Float> Stft<T> {
     /// Plans a transform of `fft_len` samples (at least 1).
     pub fn new(fft_len: usize) -> Self {
         let len = fft_len.max(1);
-        let forward = RealFftPlanner::<T>::new().plan_fft_forward(len);
+        let forward = plans::forward::<T>(len);
         let scale = 4.0 / len as f64;
         Self {
             window: hann::<f64>(len).into_iter().map(|w| T::of(w * scale)).collect(),

@@ -20,11 +20,15 @@ pub struct Options {
     /// The most nanoseconds that one call of a node may take, by the clock of [`Engine::tick_timed`]; a call that takes
     /// longer is a fault. `None`, or no clock, for no limit.
     pub limit_ns: Option<u64>,
+    /// Look for NaN and infinities in every output. Without, what is not finite goes on to whoever reads it, unmarked and
+    /// uncounted; panics, errors and overruns are contained all the same. Only for measuring what looking costs: whatever
+    /// plays or writes a graph leaves it on, and no graph file or option of a program turns it off.
+    pub guards: bool,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Self { sleep: true, limit_ns: None }
+        Self { sleep: true, limit_ns: None, guards: true }
     }
 }
 
@@ -109,7 +113,7 @@ impl Engine {
     /// Runs one tick and adds to `spent_ns`, by index of the node, what each node took in nanoseconds.
     pub fn tick_timed<C: Clock>(&mut self, clock: &C, spent_ns: &mut [u64]) {
         let _flushed = Flushed::new();
-        let now = Now { tick: self.tick, tick_hz: self.body.schedule.tick_hz, sleep: self.options.sleep };
+        let now = self.now();
         if let Some(link) = &mut self.link {
             link.listen(&mut self.body, now);
         }
@@ -208,6 +212,11 @@ impl Engine {
         true
     }
 
+    fn now(&self) -> Now {
+        let Options { sleep, guards, .. } = self.options;
+        Now { tick: self.tick, tick_hz: self.body.schedule.tick_hz, sleep, guards }
+    }
+
     /// The buffer of an input that the host feeds.
     fn fed(&mut self, node: usize, input: usize) -> Option<&mut Buffer> {
         let port = self.body.schedule.nodes.get(node)?.inputs.get(input)?;
@@ -221,7 +230,7 @@ impl Engine {
             return;
         }
         let _flushed = Flushed::new();
-        let now = Now { tick: self.tick, tick_hz: self.body.schedule.tick_hz, sleep: self.options.sleep };
+        let now = self.now();
         self.body.slots.iter_mut().for_each(|slot| slot.skip(ticks, now));
         self.tick += ticks;
     }

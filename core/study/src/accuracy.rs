@@ -63,7 +63,7 @@ pub(crate) fn find(
     let double = in_double(setting, registry);
     let strokes: Vec<Path3> = plan.strokes.iter().map(|s| s.measured.clone()).collect();
     let ways: Vec<Path3> = strokes.iter().cloned().chain(lag::ways()).collect();
-    let options = Options { sleep: false, ..Options::default() };
+    let options = Options { sleep: false, guards: setting.guards, ..Options::default() };
     for draw in 0..plan.draws {
         let seed = plan.seed.wrapping_add(draw);
         let mut all = Vec::new();

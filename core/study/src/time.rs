@@ -78,7 +78,7 @@ impl Entry {
     ) -> Result<Self, Diagnostic> {
         let graph: GraphFile = over(&setting.graph, registry, material, setting.graph.seed);
         let before = onlooker.heap_bytes();
-        let options = Options::default();
+        let options = Options { guards: setting.guards, ..Options::default() };
         let chain = Chain::new(&graph, registry, vec![std::sync::Arc::new(round)], options)?;
         let memory = before.zip(onlooker.heap_bytes()).map(|(before, after)| after.saturating_sub(before));
         Ok(Self { memory, ..Self::empty(Some(chain), graph.tick_hz) })

@@ -4,7 +4,7 @@ use asperity_node::{
     Config, Descriptor, Diagnostic, Fact, Input, Node, Output, Param, Ports, RateSpec, Setup, ShapeSpec,
     State, Status, Tick, Unit, UnitSpec,
 };
-use asperity_world::actuator::{Drive, Inverse, InverseSettings};
+use asperity_world::actuator::{Drive, Inverse, InverseModel, InverseSettings};
 
 /// Regularised feed-forward inverse of a voice coil on a handle.
 pub struct ActuatorInverse {
@@ -46,6 +46,11 @@ impl Node for ActuatorInverse {
             0.3..=2.0,
             "Damping ratio of that high-pass.",
         ))
+        .param(Param::choice(
+            "model",
+            &["full", "no_inductance", "no_emf", "mass"],
+            "What of the actuator is inverted: all; a voltage's coil without inductance, or as its resistance alone; the mass line above resonance, a constant.",
+        ))
     }
 
     fn ports(config: &Config<'_>, mut ports: Ports) -> Result<Ports, Diagnostic> {
@@ -59,8 +64,14 @@ impl Node for ActuatorInverse {
         let p = setup.params;
         let dynamics = super::dynamics(setup)?;
         let drive = if p.text("drive") == "voltage" { Drive::Voltage } else { Drive::Current };
-        let settings =
-            InverseSettings { corner_hz: p.number("corner_hz"), corner_damping: p.number("corner_damping") };
+        let model = match p.text("model") {
+            "no_inductance" => InverseModel::NoInductance,
+            "no_emf" => InverseModel::NoEmf,
+            "mass" => InverseModel::Mass,
+            _ => InverseModel::Full,
+        };
+        let (corner_hz, corner_damping) = (p.number("corner_hz"), p.number("corner_damping"));
+        let settings = InverseSettings { corner_hz, corner_damping, model };
         let inverse = Inverse::new(&dynamics, drive, f64::from(setup.input_rate(0)), settings)
             .map_err(|e| p.node_error(e.to_string()))?;
         Ok(Self { inverse, natural_hz: dynamics.natural_hz() })
@@ -78,7 +89,7 @@ impl Node for ActuatorInverse {
         self.inverse.reset();
     }
 
-    /// Another actuator, handle or corner goes on from it; another `drive` starts anew.
+    /// Another actuator, handle, corner or model goes on from it; another `drive` starts anew.
     fn state(&mut self, state: &mut State<'_>) {
         self.inverse.state(state);
     }

@@ -1,27 +1,29 @@
 //! `oscillator_bank`: magnitudes straight to a signal.
 
-use asperity_dsp::{Framing, Partials, oscillator_bank};
+use asperity_dsp::{Float, Framing, Partials, oscillator_bank};
 use asperity_node::{
     Descriptor, Diagnostic, Fact, Input, Latency, LayoutSpec, Node, Output, Param, RateSpec, Setup,
     ShapeSpec, State, Status, Tick, Unit,
 };
 
+use crate::precision::precision;
+
 /// Oscillators whose amplitudes follow the magnitudes within a hop.
-pub struct OscillatorBank {
-    kernel: oscillator_bank::OscillatorBank<f32>,
+pub struct OscillatorBank<T> {
+    kernel: oscillator_bank::OscillatorBank<T>,
     framing: Framing,
     started: bool,
     bad: u64,
 }
 
-impl OscillatorBank {
+impl<T: Float> OscillatorBank<T> {
     /// From one frame to the next.
     fn hop(&self) -> Latency {
         Latency::ratio(i64::from(self.framing.frame_den), i64::from(self.framing.frame_num))
     }
 }
 
-impl Node for OscillatorBank {
+impl<T: Float> Node for OscillatorBank<T> {
     fn descriptor() -> Descriptor {
         Descriptor::new("oscillator_bank", "Oscillators whose amplitudes follow the magnitudes within one hop, with no overlap-add in the way.")
             .input(
@@ -40,6 +42,7 @@ impl Node for OscillatorBank {
                 "Noise: one wandering oscillator a bin, right in level and spectrum for smooth magnitudes. Tracked: a sinusoid a peak, phase-continuous.",
             ))
             .param(Param::integer("seed", 1, 0..=i64::MAX, "Seed of start phases and noise; left out, from the graph's.").optional())
+            .param(precision())
             .timing("early by half a window less one hop: a frame is reached a hop after it comes, and describes its window's centre")
     }
 

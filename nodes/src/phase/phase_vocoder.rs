@@ -1,18 +1,20 @@
 //! `phase_vocoder`: every bin runs on at its centre frequency.
 
-use asperity_dsp::{Level, StartPhase, phase_vocoder};
+use asperity_dsp::{Float, Level, StartPhase, phase_vocoder};
 use asperity_node::{
     Descriptor, Diagnostic, Fact, Input, LayoutSpec, Node, Output, Param, Resume, Setup, ShapeSpec, Status,
     Tick, Unit,
 };
 
+use crate::precision::precision;
+
 /// Integrates each bin's centre frequency, from start phases that spread the energy over the window.
-pub struct PhaseVocoder {
-    kernel: phase_vocoder::PhaseVocoder<f32>,
+pub struct PhaseVocoder<T> {
+    kernel: phase_vocoder::PhaseVocoder<T>,
     bad: u64,
 }
 
-impl Node for PhaseVocoder {
+impl<T: Float> Node for PhaseVocoder<T> {
     fn descriptor() -> Descriptor {
         Descriptor::new("phase_vocoder", "Every bin runs on at its centre frequency; right in level and spectrum for smooth magnitudes.")
             .input(
@@ -36,6 +38,7 @@ impl Node for PhaseVocoder {
                 "Keep scales up by 1.76 dB, so that steady magnitudes keep their energy through overlap-add.",
             ))
             .param(Param::integer("seed", 1, 0..=i64::MAX, "Seed of random start phases; left out, from the graph's.").optional())
+            .param(precision())
             // Phases follow from the frame's place in time.
             .resumes(Resume::Resume)
     }

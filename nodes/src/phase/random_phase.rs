@@ -1,18 +1,20 @@
 //! `random_phase`: a phase drawn anew for every bin of every frame.
 
-use asperity_dsp::{Level, random_phase};
+use asperity_dsp::{Float, Level, random_phase};
 use asperity_node::{
     Descriptor, Diagnostic, Fact, Input, LayoutSpec, Node, Output, Param, Resume, Setup, ShapeSpec, Status,
     Tick, Unit,
 };
 
+use crate::precision::precision;
+
 /// Independent uniform phases: what other methods are held against.
-pub struct RandomPhase {
-    kernel: random_phase::RandomPhase<f32>,
+pub struct RandomPhase<T> {
+    kernel: random_phase::RandomPhase<T>,
     bad: u64,
 }
 
-impl Node for RandomPhase {
+impl<T: Float> Node for RandomPhase<T> {
     fn descriptor() -> Descriptor {
         Descriptor::new("random_phase", "Independent random phases, the least that can be done; overlap-add makes them 17 dB too quiet at 50 frames a window.")
             .input(
@@ -31,6 +33,7 @@ impl Node for RandomPhase {
                 "Keep scales up by the square root of the frames a window, so that magnitudes keep their energy through overlap-add.",
             ))
             .param(Param::integer("seed", 1, 0..=i64::MAX, "Seed of the phases; left out, from the graph's.").optional())
+            .param(precision())
             // Phases follow from the frame's number.
             .resumes(Resume::Resume)
     }

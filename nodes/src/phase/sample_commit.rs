@@ -1,14 +1,17 @@
 //! `sample_commit`: magnitudes straight to a signal, by iteration over what is not emitted yet.
 
+use asperity_dsp::Float;
 use asperity_dsp::sample_commit::{self, MAX_WORK, Settings};
 use asperity_node::{
     Descriptor, Diagnostic, Fact, Input, Latency, LayoutSpec, Node, Output, Param, RateSpec, Setup,
     ShapeSpec, State, Status, Tick, Unit,
 };
 
+use crate::precision::precision;
+
 /// Iterative phase retrieval that freezes samples, not frames.
-pub struct SampleCommit {
-    kernel: sample_commit::SampleCommit<f32>,
+pub struct SampleCommit<T> {
+    kernel: sample_commit::SampleCommit<T>,
     settings: Settings,
     bad: u64,
     refused: u64,
@@ -17,7 +20,7 @@ pub struct SampleCommit {
 /// How far inside the newest window samples are emitted where nothing is said, in windows.
 const EARLY: f64 = 0.4;
 
-impl Node for SampleCommit {
+impl<T: Float> Node for SampleCommit<T> {
     fn descriptor() -> Descriptor {
         let s = Settings::default();
         let most = MAX_WORK as i64;
@@ -57,6 +60,7 @@ impl Node for SampleCommit {
                 .optional(),
             )
             .param(Param::integer("seed", 1, 0..=i64::MAX, "Seed of what is left to chance; left out, from the graph's.").optional())
+            .param(precision())
             .timing("latency is emission times the hop, so it is early where emission is negative; a change of level shows half a window later than that")
     }
 

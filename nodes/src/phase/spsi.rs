@@ -1,20 +1,22 @@
 //! `spsi`: Single Pass Spectrogram Inversion.
 
-use asperity_dsp::spsi;
+use asperity_dsp::{Float, spsi};
 use asperity_node::{
     Descriptor, Diagnostic, Fact, Input, LayoutSpec, Node, Output, Param, Setup, Shape, ShapeSpec, State,
     Status, Tick, Unit,
 };
 
+use crate::precision::precision;
+
 /// Gives every frame of magnitudes a phase at once (Beauregard, Harish, Wyse 2015).
-pub struct Spsi {
-    spsi: spsi::Spsi<f32>,
+pub struct Spsi<T> {
+    spsi: spsi::Spsi<T>,
     /// Start of the frame before.
     before: Option<u64>,
     bad: u64,
 }
 
-impl Node for Spsi {
+impl<T: Float> Node for Spsi<T> {
     fn descriptor() -> Descriptor {
         Descriptor::new("spsi", "Single Pass Spectrogram Inversion: each peak runs on as a sinusoid, its neighbours locked to it.")
             .input(
@@ -28,6 +30,7 @@ impl Node for Spsi {
                     .doc("the same magnitudes with phases"),
             )
             .param(Param::integer("seed", 1, 0..=i64::MAX, "Seed of the start phases; left out, from the graph's.").optional())
+            .param(precision())
     }
 
     fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {

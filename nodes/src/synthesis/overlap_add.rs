@@ -1,22 +1,23 @@
 //! `overlap_add`: spectra to a signal.
 
-use asperity_dsp::Framing;
-use asperity_dsp::overlap_add;
+use asperity_dsp::{Float, Framing, overlap_add};
 use asperity_node::{
     Descriptor, Diagnostic, Fact, Input, Latency, LayoutSpec, Node, Output, RateSpec, Setup, Shape,
     ShapeSpec, State, Status, Tick, Unit,
 };
 
+use crate::precision::precision;
+
 /// Inverse FFT and weighted overlap-add, gain-exact for any hop.
-pub struct OverlapAdd {
-    kernel: overlap_add::OverlapAdd<f32>,
+pub struct OverlapAdd<T> {
+    kernel: overlap_add::OverlapAdd<T>,
     rate_hz: u32,
     length: u32,
     started: bool,
     refused: u64,
 }
 
-impl Node for OverlapAdd {
+impl<T: Float> Node for OverlapAdd<T> {
     fn descriptor() -> Descriptor {
         Descriptor::new("overlap_add", "Inverse FFT and weighted overlap-add with Hann windows; unit gain at any hop.")
             .input(
@@ -29,6 +30,7 @@ impl Node for OverlapAdd {
                     .unit_of('u')
                     .doc("the signal at the frames' rate"),
             )
+            .param(precision())
             .timing("no latency: frame n covers samples from its start on; a change of level shows half a window late")
     }
 

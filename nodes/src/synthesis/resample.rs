@@ -1,15 +1,17 @@
 //! `resample`: a signal at another rate.
 
-use asperity_dsp::{Conversion, FilterPhase, Resampler};
+use asperity_dsp::{Conversion, FilterPhase, Float, Resampler};
 use asperity_node::{
     Config, Descriptor, Diagnostic, Input, Latency, Node, Output, Param, Ports, RateSpec, Setup, ShapeSpec,
     State, Status, Tick, Unit,
 };
 
+use crate::precision::precision;
+
 /// Brings a signal to the audio rate, or any other, by a polyphase filter.
-pub struct Resample {
+pub struct Resample<T> {
     /// None where both rates are the same.
-    kernel: Option<Resampler<f32>>,
+    kernel: Option<Resampler<T>>,
     in_hz: u32,
     out_hz: u32,
     latency: Latency,
@@ -18,7 +20,7 @@ pub struct Resample {
 /// Highest frequency that is kept whatever the rates, in Hz.
 const PASSBAND_HZ: f64 = 1000.0;
 
-impl Node for Resample {
+impl<T: Float> Node for Resample<T> {
     fn descriptor() -> Descriptor {
         Descriptor::new("resample", "Brings a signal to the audio rate, or any other: polyphase, any ratio of the two.")
             .input(
@@ -41,6 +43,7 @@ impl Node for Resample {
                     "Flat to 0.1 dB up to this part of the lower rate: 0.4 of 2500 Hz is 1000 Hz. Nearer 0.5 is longer.",
                 ),
             )
+            .param(precision())
             .timing("the filter's delay, stated exactly by `asperity check`")
     }
 

@@ -26,8 +26,8 @@
 use crate::float::unit_circle;
 use crate::magnitude::take;
 use crate::window::hann;
-use crate::{Complex, Float, Framing, FramingError, Stft, random};
-use realfft::{ComplexToReal, RealFftPlanner};
+use crate::{Complex, Float, Framing, FramingError, Stft, plans, random};
+use realfft::ComplexToReal;
 use std::sync::Arc;
 
 /// The phases before the first iteration.
@@ -85,7 +85,7 @@ pub fn griffin_lim<T: Float>(
     let frames = magnitudes.len().div_ceil(framing.bins);
     let mut mags = vec![T::zero(); frames * framing.bins];
     // What these magnitudes can add up to must be finite.
-    let most = T::MAX / T::of(8.0 * (framing.bins + 1) as f64);
+    let most = T::MAX.f64() / (8.0 * (framing.bins + 1) as f64);
     let bad_magnitudes = take(magnitudes, most, &mut mags);
     let top = mags.iter().fold(T::zero(), |a, &b| if b > a { b } else { a });
     if top <= T::zero() {
@@ -145,7 +145,7 @@ impl<T: Float> Plan<T> {
         let n = framing.fft_len;
         let frames = mags.len() / framing.bins;
         let len = length(&framing, frames);
-        let inverse = RealFftPlanner::<T>::new().plan_fft_inverse(n);
+        let inverse = plans::inverse::<T>(n);
         let window = hann::<f64>(n);
         let scale = framing.bin_scale() / n as f64;
         let mut sum = vec![0.0; len];

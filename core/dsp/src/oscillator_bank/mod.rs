@@ -43,6 +43,7 @@ mod noise;
 mod segment;
 mod tracked;
 
+use crate::float::keep_wide;
 use crate::magnitude::take;
 use crate::spsi::peak::Peak;
 use crate::{Float, Framing, FramingError};
@@ -152,17 +153,17 @@ impl<T: Float> OscillatorBank<T> {
     /// It takes the place of one that came before it and has not begun. One that comes after its first sample is played late,
     /// and so are those that follow it without a gap. A magnitude that is NaN, infinite or negative is taken as 0; the number
     /// of these is returned. Missing bins count as 0, more than `framing.bins` are not used.
-    pub fn add_frame(&mut self, frame: u64, start: u64, magnitudes: &[T]) -> usize {
+    pub fn add_frame<P: Float>(&mut self, frame: u64, start: u64, magnitudes: &[P]) -> usize {
         if self.pending.is_some_and(|(_, due)| due <= self.next) && self.used == self.len {
             self.begin();
         }
         self.pending = Some((frame, start));
-        take(magnitudes, T::of(self.most()), &mut self.target)
+        take(magnitudes, self.most(), &mut self.target)
     }
 
-    /// The largest magnitude: all together stay finite.
+    /// The largest magnitude: all together stay finite, in single precision.
     fn most(&self) -> f64 {
-        T::MAX.f64() / (8 * (self.framing.bins + 1)) as f64
+        f64::from(f32::MAX) / (8 * (self.framing.bins + 1)) as f64
     }
 
     /// What is remembered: the samples up to the next frame, that frame, and every oscillator. Refused where it is of other
@@ -172,8 +173,9 @@ impl<T: Float> OscillatorBank<T> {
         let same = (fft_len, tracked);
         state.keep(&mut fft_len).keep(&mut tracked);
         state.require(same == (fft_len, tracked));
-        state.keep(&mut self.segment).keep(&mut self.len).keep(&mut self.used).keep(&mut self.next);
-        state.keep(&mut self.pending).keep(&mut self.target);
+        keep_wide(&mut self.segment, state);
+        state.keep(&mut self.len).keep(&mut self.used).keep(&mut self.next).keep(&mut self.pending);
+        keep_wide(&mut self.target, state);
         state.keep(&mut self.loud).keep(&mut self.sounding);
         // The amplitude of a peak may be more than its magnitude, by less than 2.
         let (most, most_amp) = (T::of(self.most()), 2.0 * self.most());
@@ -193,7 +195,7 @@ impl<T: Float> OscillatorBank<T> {
     /// is still to come; if not, they are exactly 0.
     ///
     /// Samples are to be taken in order: where `start` is not the one that is due, all frames but the one to come are forgotten.
-    pub fn emit(&mut self, start: u64, out: &mut [T]) -> bool {
+    pub fn emit<P: Float>(&mut self, start: u64, out: &mut [P]) -> bool {
         if start != self.next {
             let pending = self.pending;
             self.reset(start);
@@ -208,14 +210,16 @@ impl<T: Float> OscillatorBank<T> {
                     None => out.len(),
                 };
                 let (now, later) = out.split_at_mut(silent);
-                now.fill(T::zero());
+                now.fill(P::zero());
                 self.next = self.next.saturating_add(silent as u64);
                 out = later;
                 continue;
             }
             let count = (self.len - self.used).min(out.len());
             let (now, later) = out.split_at_mut(count);
-            now.copy_from_slice(&self.segment[self.used..self.used + count]);
+            for (to, from) in now.iter_mut().zip(&self.segment[self.used..]) {
+                *to = from.to();
+            }
             self.used += count;
             self.next = self.next.saturating_add(count as u64);
             sounded |= self.loud;

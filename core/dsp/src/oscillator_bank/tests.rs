@@ -315,7 +315,7 @@ fn the_bank_takes_what_is_no_magnitude_for_silence_and_counts_it() {
         let mut bank = new::<f32>(framing(2500, 101), partials);
         let mut mags = tone_single(30.3);
         (mags[3], mags[60], mags[61], mags[90]) = (f32::NAN, f32::INFINITY, f32::NEG_INFINITY, -1.0);
-        let mut out = [0.0; 5];
+        let mut out = [0f32; 5];
         assert_eq!(bank.add_frame(0, 0, &mags), 4);
         bank.emit(0, &mut out);
         assert!(out.iter().all(|y| y.is_finite()) && out.iter().any(|&y| y != 0.0));

@@ -21,7 +21,7 @@ fn turns(c: Complex<f64>) -> f64 {
 fn phase_vocoder_advances_each_bin_by_its_centre_frequency_for_hours() {
     // 44.1 kHz at 500 frames a second: 88 or 89 samples.
     let f = framing(44_100, 101);
-    let mut kernel = PhaseVocoder::new(f, StartPhase::Random, Level::Plain, 1).unwrap();
+    let mut kernel = PhaseVocoder::<f64>::new(f, StartPhase::Random, Level::Plain, 1).unwrap();
     let (mut first, mut out) = (vec![Complex::default(); 101], vec![Complex::default(); 101]);
     assert_eq!(kernel.process(0, &[1.0; 101], &mut first), 0);
     // 10^7 frames are 5.6 hours, 10^13 are 634 years.
@@ -48,8 +48,8 @@ fn phase_vocoder_spreads_quadratic_start_phases_over_the_window() {
 /// The signal that steady magnitudes make, after it has faded in.
 fn steady(mags: &[f64], start: StartPhase, level: Level) -> Vec<f64> {
     let f = framing(2500, mags.len());
-    let mut kernel = PhaseVocoder::new(f, start, level, 3).unwrap();
-    let (mut ola, mut spectrum) = (OverlapAdd::new(f).unwrap(), vec![Complex::default(); mags.len()]);
+    let mut kernel = PhaseVocoder::<f64>::new(f, start, level, 3).unwrap();
+    let (mut ola, mut spectrum) = (OverlapAdd::<f64>::new(f).unwrap(), vec![Complex::default(); mags.len()]);
     let mut all = vec![0.0; 1000];
     for n in 0..200 {
         kernel.process(f.start(n), mags, &mut spectrum);
@@ -99,7 +99,7 @@ fn phase_vocoder_gives_bin_0_and_nyquist_a_phase_that_a_real_signal_can_have() {
     for start in STARTS {
         for seed in 0..8 {
             let mut kernel = PhaseVocoder::<f64>::new(f, start, Level::Plain, seed).unwrap();
-            let mut out = vec![Complex::default(); 26];
+            let mut out = vec![Complex::<f64>::default(); 26];
             kernel.process(0, &[1.0; 26], &mut out);
             let first = (out[0], out[25]);
             for n in 1..9 {

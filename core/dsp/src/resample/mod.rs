@@ -12,6 +12,7 @@
 mod prototype;
 
 use crate::Float;
+use crate::float::keep_wide;
 use crate::framing::gcd;
 use asperity_state::State;
 use prototype::Prototype;
@@ -169,8 +170,10 @@ impl<T: Float> Resampler<T> {
     /// What is remembered: the newest inputs. Refused where it is of a filter of another length, or of a ratio of rates that
     /// keeps more or fewer of them.
     pub fn state(&mut self, state: &mut State<'_>) {
-        state.keep(&mut self.ring[..self.size]).keep(&mut self.next);
+        keep_wide(&mut self.ring[..self.size], state);
+        state.keep(&mut self.next);
         if state.restores() {
+            state.require(self.ring[..self.size].iter().all(|&x| x >= -T::MAX && x <= T::MAX));
             self.ring.copy_within(..self.size, self.size);
         }
     }
@@ -180,7 +183,7 @@ impl<T: Float> Resampler<T> {
     /// Sample `n` of either rate belongs to the tick that covers it: tick `k` is samples `floor(k rate / tick)` to
     /// `floor((k + 1) rate / tick)`. Called with whole ticks, or any run of them, an output never needs an input that has not
     /// come. Inputs that are left out are silence; going back begins anew.
-    pub fn process(&mut self, first_in: u64, input: &[T], first_out: u64, out: &mut [T]) {
+    pub fn process<P: Float>(&mut self, first_in: u64, input: &[P], first_out: u64, out: &mut [P]) {
         self.seek(first_in);
         let mut input = input.iter();
         let place = u128::from(first_out) * self.down as u128;
@@ -191,8 +194,8 @@ impl<T: Float> Resampler<T> {
         let come = self.next.unwrap_or(0).saturating_add(input.len() as u64);
         if newest > come.saturating_add(self.size as u64) {
             // Of a time that no input is near to.
-            out.fill(T::zero());
-            input.for_each(|&x| self.push(x));
+            out.fill(P::zero());
+            input.for_each(|x| self.push(x.to()));
             return;
         }
         let (step, step_phase) = (self.down / self.up, self.down % self.up);
@@ -202,10 +205,10 @@ impl<T: Float> Resampler<T> {
         for y in out {
             let last = (newest + 1).saturating_sub(self.wait as u64);
             while self.next.is_none_or(|next| next < last) {
-                self.push(input.next().copied().unwrap_or_default());
+                self.push(input.next().map_or(T::zero(), |x| x.to()));
             }
             let row = &self.rows[phase * self.stride..][..self.stride];
-            *y = dot(&self.ring[at..at + self.stride], row);
+            *y = dot(&self.ring[at..at + self.stride], row).to();
             phase += step_phase;
             let carry = usize::from(phase >= self.up);
             phase -= carry * self.up;
@@ -215,8 +218,8 @@ impl<T: Float> Resampler<T> {
                 at -= self.size;
             }
         }
-        for &x in input {
-            self.push(x);
+        for x in input {
+            self.push(x.to());
         }
     }
 

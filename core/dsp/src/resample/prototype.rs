@@ -1,7 +1,6 @@
 //! The low-pass that a resampler takes its taps from, as a function of continuous time.
 
-use crate::Complex;
-use realfft::RealFftPlanner;
+use crate::{Complex, plans};
 use std::f64::consts::PI;
 
 /// Attenuation that the length is designed for, in dB: at the stop band's edge and beyond.
@@ -63,8 +62,7 @@ impl Prototype {
         let count = len * GRID + 1;
         // The longer, the less the cepstrum wraps around.
         let size = (32 * count).next_power_of_two();
-        let mut planner = RealFftPlanner::<f64>::new();
-        let (forward, inverse) = (planner.plan_fft_forward(size), planner.plan_fft_inverse(size));
+        let (forward, inverse) = (plans::forward::<f64>(size), plans::inverse::<f64>(size));
         let mut time = forward.make_input_vec();
         for (i, h) in time.iter_mut().take(count).enumerate() {
             *h = windowed_sinc(i as f64 / GRID as f64 - len as f64 / 2.0, len as f64 / 2.0) / GRID as f64;

@@ -8,7 +8,7 @@ fn conversion(in_hz: u32, out_hz: u32, phase: FilterPhase) -> Conversion {
 
 /// Runs `seconds` of a signal of time through ticks of `c`, starting at tick `first`.
 fn run<T: Float>(c: &Conversion, first: u64, seconds: f64, x: impl Fn(f64) -> f64) -> Vec<T> {
-    let mut r = Resampler::new(c).unwrap();
+    let mut r = Resampler::<T>::new(c).unwrap();
     let ticks = (seconds * f64::from(c.tick_num) / f64::from(c.tick_den)) as u64;
     let start = |k: u64, rate: u32| k * u64::from(rate) * u64::from(c.tick_den) / u64::from(c.tick_num);
     let mut all = Vec::new();
@@ -219,7 +219,7 @@ fn the_place_of_a_sample_is_exact_after_years() {
 fn gaps_are_silence_and_going_back_begins_anew() {
     let c = conversion(2500, 48_000, FilterPhase::Linear);
     let mut r = Resampler::<f64>::new(&c).unwrap();
-    let (mut out, ones) = ([0.0; 96], [1.0; 5]);
+    let (mut out, ones) = ([0f64; 96], [1.0; 5]);
     for k in 0..20 {
         r.process(5 * k, &ones, 96 * k, &mut out);
     }
@@ -236,7 +236,7 @@ fn gaps_are_silence_and_going_back_begins_anew() {
     r.process(5, &ones, u64::MAX, &mut out);
     assert_eq!(out, [0.0; 96]);
     r.process(u64::MAX, &ones, 0, &mut out);
-    r.process(u64::MAX - 3, &[], u64::MAX - 3, &mut []);
+    r.process::<f64>(u64::MAX - 3, &[], u64::MAX - 3, &mut []);
     r.reset();
     r.process(0, &[0.0; 5], 0, &mut out);
     assert_eq!(out, [0.0; 96]);

@@ -1,7 +1,8 @@
 //! The frames that are still in use.
 
+use crate::float::keep_wide;
 use crate::{Float, Framing};
-use asperity_state::{Keep, State};
+use asperity_state::State;
 
 /// One frame of magnitudes.
 #[derive(Clone, Copy, Debug)]
@@ -70,25 +71,25 @@ impl<T: Float> History<T> {
         // More than there are slots would only overwrite each other.
         self.next = self.next.max(index.saturating_sub(self.slots.len() as u64));
         while self.next < index {
-            self.add(&[], T::one());
+            self.add::<T>(&[], T::one());
         }
     }
 
     /// Adds the frame after the newest, or any after [`clear`](Self::clear), times `factor`.
-    pub(super) fn add_at(&mut self, index: u64, magnitudes: &[T], factor: T) {
+    pub(super) fn add_at<P: Float>(&mut self, index: u64, magnitudes: &[P], factor: T) {
         if self.next == self.first {
             (self.first, self.next) = (index, index);
         }
         self.add(magnitudes, factor);
     }
 
-    fn add(&mut self, magnitudes: &[T], factor: T) {
+    fn add<P: Float>(&mut self, magnitudes: &[P], factor: T) {
         let at = self.place(self.next);
         let bins = self.framing.bins;
         let mags = &mut self.mags[at * bins..(at + 1) * bins];
         mags.fill(T::zero());
         for (to, &m) in mags.iter_mut().zip(magnitudes).filter(|(_, m)| usable(**m)) {
-            *to = m * factor;
+            *to = m.to::<T>() * factor;
         }
         let peak = largest(mags);
         self.slots[at] = Slot { start: self.start(self.next), peak };
@@ -112,11 +113,9 @@ impl<T: Float> History<T> {
     }
 
     /// Magnitudes and numbers; starts and peaks follow from them.
-    pub(super) fn state(&mut self, state: &mut State<'_>)
-    where
-        T: Keep,
-    {
-        state.keep(&mut self.mags).keep(&mut self.first).keep(&mut self.next);
+    pub(super) fn state(&mut self, state: &mut State<'_>) {
+        keep_wide(&mut self.mags, state);
+        state.keep(&mut self.first).keep(&mut self.next);
         if !state.restores() {
             return;
         }

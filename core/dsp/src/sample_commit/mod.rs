@@ -57,6 +57,7 @@
 //! A stream fades in over a tenth of a window (longer where its first frame's window begins), and nothing is assumed to have
 //! been before its first frame. A frame that does not come is silence, so the signal fades out as the windows do.
 
+mod batch;
 mod history;
 mod project;
 mod settings;
@@ -64,6 +65,8 @@ mod state;
 
 pub use settings::{MAX_WORK, Settings, SettingsError};
 
+use crate::lanes::LANES;
+use crate::magnitude::largest_of;
 use crate::overlap_add::FrameError;
 use crate::random::uniform;
 use crate::{Float, Framing};
@@ -226,7 +229,7 @@ impl<T: Float> SampleCommit<T> {
     ///
     /// # Errors
     /// A frame out of reach or out of order is not used; see [`FrameError`].
-    pub fn push(&mut self, index: u64, magnitudes: &[T]) -> Result<usize, FrameError> {
+    pub fn push<P: Float>(&mut self, index: u64, magnitudes: &[P]) -> Result<usize, FrameError> {
         let n = self.framing.fft_len as i64;
         let start = i64::try_from(self.framing.start(index)).unwrap_or(i64::MAX);
         if start.saturating_add(n) <= self.next || self.history.expected().is_some_and(|next| index < next) {
@@ -247,7 +250,7 @@ impl<T: Float> SampleCommit<T> {
         self.set_scale(peak.f64());
         // See `Projector::project` for the quarter.
         self.history.add_at(index, magnitudes, T::of(0.25 / self.scale));
-        if peak > T::zero() {
+        if peak > P::zero() {
             self.sounds_until = start + n;
         }
         self.refine();
@@ -317,17 +320,22 @@ impl<T: Float> SampleCommit<T> {
         sum[from..].fill(T::zero());
         weight[from..].fill(T::zero());
         let z = &mut self.z[self.head..self.head + end];
-        for &age in &self.chosen {
-            let Some((slot, mags)) = self.history.get(age) else { continue };
-            let at = (slot.start - origin) as usize;
-            // What of the frame is free.
-            let free = from.max(at)..at + n;
-            let skip = free.start - at;
-            add(&mut weight[free.clone()], &self.projector.square()[skip..]);
-            if slot.peak > T::zero() {
-                self.projector.project(&z[at..at + n], mags);
-                self.projector.add_to(&mut sum[free], skip);
+        for some in self.chosen.chunks(LANES) {
+            let mut sounding: [(usize, &[T]); LANES] = [(0, &[]); LANES];
+            let mut count = 0;
+            for &age in some {
+                let Some((slot, mags)) = self.history.get(age) else { continue };
+                let at = (slot.start - origin) as usize;
+                // What of the frame is free.
+                let free = from.max(at)..at + n;
+                let skip = free.start - at;
+                add(&mut weight[free], &self.projector.square()[skip..]);
+                if slot.peak > T::zero() {
+                    sounding[count] = (at, mags);
+                    count += 1;
+                }
             }
+            self.projector.project(z, &sounding[..count], from, sum);
         }
         let x = &mut self.x[self.head..self.head + end];
         let momentum = T::of(self.settings.momentum);
@@ -360,7 +368,7 @@ impl<T: Float> SampleCommit<T> {
     ///
     /// Samples are to be taken in order (else see [`seek`](Self::seek)), and after the frames that start among them: one that
     /// did not come is silence.
-    pub fn emit(&mut self, start: u64, out: &mut [T]) {
+    pub fn emit<P: Float>(&mut self, start: u64, out: &mut [P]) {
         self.seek(start);
         let view = self.framing.fft_len;
         let mut end = start;
@@ -369,16 +377,17 @@ impl<T: Float> SampleCommit<T> {
             end = end.saturating_add(block.len() as u64);
             self.miss(end);
             let scale = T::of(self.scale);
+            let most = T::of(largest_of::<P, T>());
             for (i, (to, &x)) in block.iter_mut().zip(&self.x[self.head + view..]).enumerate() {
                 let y = x * scale;
-                let y = if y > T::MAX {
-                    T::MAX
-                } else if y < -T::MAX {
-                    -T::MAX
+                let y = if y > most {
+                    most
+                } else if y < -most {
+                    -most
                 } else {
                     y
                 };
-                *to = y * self.fade_at(self.next + i as i64);
+                *to = (y * self.fade_at(self.next + i as i64)).to();
             }
             self.advance(block.len());
         }

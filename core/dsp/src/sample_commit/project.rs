@@ -1,12 +1,19 @@
 //! One frame's projection: the nearest frame that has the wanted magnitudes.
 
+use super::batch::Batch;
 use crate::window::hann;
-use crate::{Complex, Float, Framing, float::unit_circle};
-use realfft::{ComplexToReal, RealFftPlanner, RealToComplex};
+use crate::{Complex, Float, Framing, float::unit_circle, plans};
+use realfft::{ComplexToReal, RealToComplex};
 use std::sync::Arc;
 
 /// How much of a magnitude, relative, has the start phase: it decides only where the signal so far says nothing.
 const HINT: f64 = 1e-6;
+
+/// Below any square that counts, and keeps 0 / 0 from being NaN.
+pub(super) const TINY: f64 = 1e-36;
+
+/// Fewer frames than this are transformed one by one.
+const FEW: usize = 3;
 
 /// Transforms of one length, their window and buffers.
 pub(super) struct Projector<T> {
@@ -20,22 +27,26 @@ pub(super) struct Projector<T> {
     inverse_scratch: Vec<Complex<T>>,
     /// A phase for each bin, times [`HINT`] and the transform's length.
     hint: Vec<Complex<T>>,
+    /// Many frames at once, where that is faster.
+    batch: Option<Batch<T>>,
 }
 
 impl<T: Float> Projector<T> {
     pub(super) fn new(framing: &Framing, seed: u64) -> Self {
         let n = framing.fft_len;
-        let mut planner = RealFftPlanner::<T>::new();
-        let (forward, inverse) = (planner.plan_fft_forward(n), planner.plan_fft_inverse(n));
+        let (forward, inverse) = (plans::forward::<T>(n), plans::inverse::<T>(n));
         let window = hann::<f64>(n);
+        let hint = hint(framing, seed);
+        let plain: Vec<T> = window.iter().map(|&w| T::of(w)).collect();
         Self {
+            batch: Batch::new(&plain, framing.bins, &hint),
             frame: forward.make_input_vec(),
             spectrum: forward.make_output_vec(),
             forward_scratch: forward.make_scratch_vec(),
             inverse_scratch: inverse.make_scratch_vec(),
             square: window.iter().map(|w| T::of(w * w)).collect(),
-            window: window.into_iter().map(T::of).collect(),
-            hint: hint(framing, seed),
+            window: plain,
+            hint,
             forward,
             inverse,
         }
@@ -46,9 +57,24 @@ impl<T: Float> Projector<T> {
         &self.square
     }
 
+    /// Projects some frames of `z`, each from its place on and with its magnitudes, and adds them, windowed, to `sum`: of each what
+    /// lies from `from` on. At most as many frames as there are lanes.
+    pub(super) fn project(&mut self, z: &[T], frames: &[(usize, &[T])], from: usize, sum: &mut [T]) {
+        if let Some(batch) = self.batch.as_mut().filter(|_| frames.len() >= FEW) {
+            return batch.project(z, frames, from, sum);
+        }
+        let n = self.window.len();
+        for (at, mags) in frames {
+            let free = from.max(*at)..at + n;
+            let skip = free.start - at;
+            self.project_one(&z[*at..at + n], mags);
+            self.add_to(&mut sum[free], skip);
+        }
+    }
+
     /// Windows the samples, gives each bin the magnitude that is wanted and keeps its phase. `magnitudes` are a quarter of the
     /// amplitudes that a frame has: the inverse transform, which does not divide, then gives the windowed signal.
-    pub(super) fn project(&mut self, samples: &[T], magnitudes: &[T]) {
+    fn project_one(&mut self, samples: &[T], magnitudes: &[T]) {
         for ((to, &x), &w) in self.frame.iter_mut().zip(samples).zip(&self.window) {
             *to = x * w;
         }
@@ -63,7 +89,7 @@ impl<T: Float> Projector<T> {
     }
 
     /// Adds the window times the projected frame, but for its first `skip` samples.
-    pub(super) fn add_to(&self, sum: &mut [T], skip: usize) {
+    fn add_to(&self, sum: &mut [T], skip: usize) {
         for ((to, &y), &w) in sum.iter_mut().zip(&self.frame[skip..]).zip(&self.window[skip..]) {
             *to += y * w;
         }
@@ -72,8 +98,7 @@ impl<T: Float> Projector<T> {
 
 /// Gives each bin its magnitude; bins without one become 0.
 fn impose<T: Float>(spectrum: &mut [Complex<T>], magnitudes: &[T], hint: &[Complex<T>]) {
-    // Below any square that counts, and keeps 0 / 0 from being NaN.
-    let tiny = T::of(1e-36);
+    let tiny = T::of(TINY);
     let bins = magnitudes.len().min(spectrum.len());
     let (carried, above) = spectrum.split_at_mut(bins);
     for ((x, &m), &h) in carried.iter_mut().zip(magnitudes).zip(hint) {

@@ -2,7 +2,8 @@
 
 use super::SampleCommit;
 use crate::Float;
-use asperity_state::{Keep, State};
+use crate::float::keep_wide;
+use asperity_state::State;
 
 /// No sample has a place beyond this one: millions of years at any rate.
 const FAR: i64 = 1 << 61;
@@ -10,13 +11,12 @@ const FAR: i64 = 1 << 61;
 impl<T: Float> SampleCommit<T> {
     /// What is remembered: frames in use, the samples they reach, and where they lie. Refused where it is of frames of another
     /// layout or of another emission, or cannot be.
-    pub fn state(&mut self, state: &mut State<'_>)
-    where
-        T: Keep,
-    {
+    pub fn state(&mut self, state: &mut State<'_>) {
         let mut delay = self.delay;
         self.history.state(state);
-        state.keep(&mut self.x).keep(&mut self.z).keep(&mut self.head).keep(&mut self.next);
+        keep_wide(&mut self.x, state);
+        keep_wide(&mut self.z, state);
+        state.keep(&mut self.head).keep(&mut self.next);
         state.keep(&mut self.scale).keep(&mut self.sounds_until).keep(&mut self.unheard_from);
         state.keep(&mut self.fade_from).keep(&mut delay);
         let len = self.sum.len();

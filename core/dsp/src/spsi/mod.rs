@@ -35,6 +35,7 @@ pub(crate) mod peak;
 
 use crate::Float;
 use crate::float::unit_circle;
+use crate::magnitude::{largest_of, take};
 use asperity_state::State;
 use peak::{Edges, Peak};
 use realfft::num_complex::Complex;
@@ -106,27 +107,14 @@ impl<T: Float> Spsi<T> {
     /// after a reset does not use it. A magnitude that is NaN, infinite or negative is taken as 0; the number of these is
     /// returned. Bins missing in `magnitudes` count as 0, more than [`bins`](Self::bins) are not used, and
     /// what is left of `out` is set to 0.
-    pub fn process(&mut self, magnitudes: &[T], advance: u32, out: &mut [Complex<T>]) -> usize {
-        let bad = self.take(magnitudes);
+    pub fn process<P: Float>(&mut self, magnitudes: &[P], advance: u32, out: &mut [Complex<P>]) -> usize {
+        let bad = take(magnitudes, largest_of::<P, T>(), &mut self.mags);
         let edges = self.edges;
         peak::find(&self.mags, edges, &mut self.peaks);
         self.run_on(if self.started { advance } else { 0 });
         self.started = true;
         out.fill(Complex::default());
         self.lock(out);
-        bad
-    }
-
-    fn take(&mut self, magnitudes: &[T]) -> usize {
-        let mut bad = 0;
-        for (to, &from) in self.mags.iter_mut().zip(magnitudes) {
-            let good = from >= T::zero() && from <= T::MAX;
-            *to = if good { from } else { T::zero() };
-            bad += usize::from(!good);
-        }
-        if let Some(rest) = self.mags.get_mut(magnitudes.len()..) {
-            rest.fill(T::zero());
-        }
         bad
     }
 
@@ -152,7 +140,7 @@ impl<T: Float> Spsi<T> {
     }
 
     /// Spreads each peak's phase over its region.
-    fn lock(&mut self, out: &mut [Complex<T>]) {
+    fn lock<P: Float>(&mut self, out: &mut [Complex<P>]) {
         let mut first = 0;
         let mut left: Option<&Peak<T>> = None;
         for (i, p) in self.peaks.iter().enumerate() {
@@ -170,7 +158,7 @@ impl<T: Float> Spsi<T> {
                 let unit = if k == p.bin { p.unit } else { p.phase_at(k, mag, other) };
                 // From the window's centre to its first sample: half a turn a bin.
                 let value = if k % 2 == 0 { mag } else { -mag };
-                *out = Complex::new(unit.re * value, unit.im * value);
+                *out = Complex::new((unit.re * value).to(), (unit.im * value).to());
                 self.turns[k] = p.turns;
                 self.freq[k] = freq;
             }

@@ -151,7 +151,7 @@ fn spsi_takes_a_flat_spectrum_and_a_plateau_for_one_peak() {
 
 #[test]
 fn spsi_takes_what_is_no_magnitude_for_silence_and_counts_it() {
-    let mut spsi = Spsi::new(250, 101, 1);
+    let mut spsi = Spsi::<f32>::new(250, 101, 1);
     let mut mags: Vec<f32> = tone(30.3, 101).iter().map(|&m| m as f32).collect();
     let mut out = vec![Complex::default(); 101];
     (mags[3], mags[60], mags[61], mags[90]) = (f32::NAN, f32::INFINITY, f32::NEG_INFINITY, -1.0);

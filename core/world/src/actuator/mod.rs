@@ -29,7 +29,7 @@ use std::fmt;
 use asperity_dsp::filter::FilterError;
 
 pub use dynamics::Dynamics;
-pub use inverse::{Inverse, InverseSettings};
+pub use inverse::{Inverse, InverseModel, InverseSettings};
 pub use limiter::{Limiter, LimiterReport, LimiterSettings, Limits};
 pub use plant::{Motion, Plant};
 pub use profile::{ActuatorProfile, Quantity};

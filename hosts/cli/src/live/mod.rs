@@ -92,7 +92,7 @@ pub fn run(args: &Run) -> Result<ExitCode, Failure> {
     }
     let ticks_ns = LIMIT_TICKS * 1_000_000_000 / u64::from(schedule.tick_hz);
     let limit_ns = args.limit_us.map_or(ticks_ns.max(LIMIT_NS), |us| us * 1000);
-    let options = Options { sleep: !args.no_sleep, limit_ns: Some(limit_ns) };
+    let options = Options { sleep: !args.no_sleep, limit_ns: Some(limit_ns), ..Options::default() };
     let (mic_writer, mic_reader) = if recorded > 0 {
         let (to, from) = mic(recorded, schedule.audio_hz, schedule.tick_hz);
         (Some(to), Some(from))

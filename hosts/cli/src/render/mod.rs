@@ -80,7 +80,7 @@ pub fn run(args: &Render) -> Result<ExitCode, Failure> {
     // Played in real time, a node that takes many ticks for one would stop all that is heard.
     let patience = WATCH_LIMIT_TICKS * 1_000_000_000 / u64::from(schedule.tick_hz);
     let limit_ns = args.limit_us.map(|us| us * 1000).or(args.watch.then_some(patience));
-    let options = Options { sleep: !args.no_sleep, limit_ns };
+    let options = Options { sleep: !args.no_sleep, limit_ns, ..Options::default() };
     let stop = stop_flag();
     let bar = progress(ticks, args.quiet);
     let (mut engine, watch) = if args.watch {

@@ -53,7 +53,7 @@ impl Account {
             Some((node, output))
         });
         let mut effects = Effects::new(of_scene.clone(), &compiled.schedule);
-        let mut engine = Engine::new(compiled, Options { sleep, limit_ns: None });
+        let mut engine = Engine::new(compiled, Options { sleep, ..Options::default() });
         let wall = Wall::new(Instant::now());
         let (mut spent, mut total) = (vec![0; nodes.len()], vec![0_u64; nodes.len()]);
         let mut calls = vec![0; nodes.len()];
