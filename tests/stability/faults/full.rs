@@ -48,46 +48,55 @@ fn must_endure(name: &str) {
     }
 }
 
+/// Whichever of five files the disk no longer takes: exit code, its name, and what was there is kept.
 #[test]
 fn a_render_onto_a_full_disk_fails_and_keeps_what_was_there() {
     must_endure("render");
 }
 
+/// Rows that are held back until the end: the error of the last of them is not lost.
 #[test]
 fn an_inversion_onto_a_full_disk_fails_and_keeps_what_was_there() {
     must_endure("invert");
 }
 
+/// After minutes of work: what cannot be written is said, and what was there is kept.
 #[test]
 fn a_comparison_onto_a_full_disk_fails_and_keeps_what_was_there() {
     must_endure("compare");
 }
 
+/// A picture: what cannot be written is said, and what was there is kept.
 #[test]
 fn a_picture_onto_a_full_disk_fails_and_keeps_what_was_there() {
     must_endure("graph");
 }
 
+/// A graph: what cannot be written is said, and what was there is kept.
 #[test]
 fn an_expansion_onto_a_full_disk_fails_and_keeps_what_was_there() {
     must_endure("scene expand");
 }
 
+/// A texture: what cannot be written is said, and what was there is kept.
 #[test]
 fn a_fit_onto_a_full_disk_fails_and_keeps_what_was_there() {
     must_endure("fit-ar");
 }
 
+/// The library that cannot be written is the one that was read: nothing of it is lost.
 #[test]
 fn a_library_on_a_full_disk_keeps_what_was_in_it() {
     must_endure("encode");
 }
 
+/// A folder of files of which some do not fit: there is none.
 #[test]
 fn a_new_plugin_on_a_full_disk_is_not_there() {
     must_endure("plugin new");
 }
 
+/// A measurement that cannot be written is said, and the profile that was there is kept.
 #[test]
 fn a_calibration_onto_a_full_disk_fails_and_keeps_what_was_there() {
     must_endure("calibrate");

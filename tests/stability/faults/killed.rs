@@ -57,55 +57,61 @@ fn must_endure(name: &str) {
     }
 }
 
-/// Five files that grow side by side.
+/// Five files that grow side by side: each is as it was, or whole.
 #[test]
 fn a_render_that_is_killed_leaves_nothing_half() {
     must_endure("render");
 }
 
+/// An array whose header is written again at the end: it is as it was, or whole.
 #[test]
 fn an_inversion_that_is_killed_leaves_nothing_half() {
     must_endure("invert");
 }
 
+/// A picture and a table that are made at the end: each is as it was, or whole.
 #[test]
 fn a_comparison_that_is_killed_leaves_nothing_half() {
     must_endure("compare");
 }
 
+/// One file that is written at once: it is as it was, or whole.
 #[test]
 fn a_picture_of_a_graph_that_is_killed_leaves_nothing_half() {
     must_endure("graph");
 }
 
+/// A graph that others may read while it is written: it is as it was, or whole.
 #[test]
 fn an_expansion_that_is_killed_leaves_nothing_half() {
     must_endure("scene expand");
 }
 
+/// A texture that a scene may be playing: it is as it was, or whole.
 #[test]
 fn a_fit_that_is_killed_leaves_nothing_half() {
     must_endure("fit-ar");
 }
 
-/// The library that is written is the one that was read.
+/// The library that is written is the one that was read: nothing of it is lost.
 #[test]
 fn a_library_that_is_added_to_survives_a_kill() {
     must_endure("encode");
 }
 
-/// A folder of files, which appears at once.
+/// A folder of files: it is not there, or whole.
 #[test]
 fn a_new_plugin_that_is_killed_is_not_there() {
     must_endure("plugin new");
 }
 
+/// A profile whose limits guard an actuator: it is as it was, or whole.
 #[test]
 fn a_calibration_that_is_killed_leaves_nothing_half() {
     must_endure("calibrate");
 }
 
-/// Recordings that are written while it plays.
+/// Recordings that are written while it plays: each is as it was, or whole.
 #[test]
 fn a_run_that_is_killed_leaves_nothing_half() {
     must_endure("run");

@@ -38,6 +38,16 @@ fn error(text: &str) -> String {
 }
 
 #[test]
+fn more_models_than_a_tick_can_look_through_are_refused() {
+    let set = |models: usize| {
+        let all: String = (0..models).map(|n| plain(&AR[n % 4], n as f64, 0.5)).collect();
+        format!("<modelSet><SampleRate>1000</SampleRate>{all}</modelSet>")
+    };
+    assert_eq!(texture(&set(256)).models().len(), 256);
+    assert!(error(&set(257)).contains("a texture of 257 models"));
+}
+
+#[test]
 fn every_shape_of_a_set_gives_the_same_models() {
     let want = texture(&set("", plain));
     assert_eq!((want.rate_hz(), want.models().len()), (1000.0, 4));

@@ -28,7 +28,7 @@ use std::sync::Arc;
 use asperity_source::{Diagnostic, Source, Span};
 use roxmltree::Node;
 
-use super::{Model, Texture, Triangles, line_spectrum};
+use super::{MAX_MODELS, Model, Texture, Triangles, line_spectrum};
 use xml::Numbers;
 
 /// How far coefficients may be from those of their frequencies, in parts of the largest: files are rounded.
@@ -38,7 +38,7 @@ const ROUNDED: f64 = 0.1;
 ///
 /// # Errors
 /// Each points at the element: text that is not XML, no `modelSet`, a value that is missing, not a number or out of range, coefficients and
-/// frequencies that are not of one filter, a model that is not stable, models of different orders, fewer or more models than `numMod`,
+/// frequencies that are not of one filter, a model that is not stable, models of different orders, fewer or more models than `numMod`, more than [`MAX_MODELS`],
 /// a corner of a triangle that is no model.
 pub fn parse(source: &Arc<Source>) -> Result<Texture, Diagnostic> {
     let document = xml::document(source)?;
@@ -55,6 +55,11 @@ pub fn parse(source: &Arc<Source>) -> Result<Texture, Diagnostic> {
     {
         return Err(Diagnostic::new(format!("`numMod` is {count}, and there are {} models", nodes.len()))
             .at(source, xml::tag(set)));
+    }
+    if nodes.len() > MAX_MODELS {
+        return Err(Diagnostic::new(format!("a texture of {} models", nodes.len()))
+            .at(source, xml::tag(set))
+            .help(format!("at most {MAX_MODELS} are taken: a tick looks at every triangle between them")));
     }
     let lists = ["speedList", "forceList"].map(|name| xml::numbers(source, set, name));
     let [speeds, forces] = lists;
