@@ -62,8 +62,9 @@ mod tests {
 
     #[test]
     fn plans_can_be_asked_for_by_many_threads_at_once() {
-        let plans: Vec<_> =
-            (0..8).map(|_| std::thread::spawn(|| (1..200).map(forward::<f32>).last())).collect();
+        let plans: Vec<_> = (0..8)
+            .map(|_| std::thread::spawn(|| (1..200).map(forward::<f32>).fold(None, |_, plan| Some(plan))))
+            .collect();
         let plans: Vec<_> = plans.into_iter().map(|p| p.join().unwrap().unwrap()).collect();
         assert!(plans.iter().all(|p| Arc::ptr_eq(p, &plans[0])));
     }

@@ -184,13 +184,11 @@ fn samples(buffer: Option<&Buffer>) -> &[f32] {
 
 /// The last output of an acceleration at the audio rate.
 fn felt(schedule: &Schedule) -> Option<(usize, usize)> {
-    let outputs =
+    let mut outputs =
         schedule.nodes.iter().enumerate().flat_map(|(i, n)| (0..n.outputs.len()).map(move |o| (i, o)));
-    outputs
-        .filter(|&(i, o)| {
-            let port = &schedule.nodes[i].outputs[o].port;
-            port.shape == Shape::Audio { rate_hz: schedule.audio_hz }
-                && port.unit == Unit::METRE_PER_SECOND_SQUARED
-        })
-        .last()
+    outputs.rfind(|&(i, o)| {
+        let port = &schedule.nodes[i].outputs[o].port;
+        port.shape == Shape::Audio { rate_hz: schedule.audio_hz }
+            && port.unit == Unit::METRE_PER_SECOND_SQUARED
+    })
 }

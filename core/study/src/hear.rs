@@ -263,8 +263,8 @@ impl Places {
             let port = &schedule.nodes[i].outputs[o].port;
             port.shape == Shape::Audio { rate_hz: schedule.audio_hz } && units.contains(&port.unit)
         };
-        let felt = outputs().filter(|at| audio(at, &[Unit::METRE_PER_SECOND_SQUARED])).last();
-        let drive = outputs().filter(|at| audio(at, &[Unit::AMPERE, Unit::VOLT])).last();
+        let felt = outputs().rfind(|at| audio(at, &[Unit::METRE_PER_SECOND_SQUARED]));
+        let drive = outputs().rfind(|at| audio(at, &[Unit::AMPERE, Unit::VOLT]));
         let mut it = Self { felt, drive, ..Self::default() };
         it.plant = it.drive.map(|at| plant(schedule, at)).transpose()?.flatten();
         for (i, node) in schedule.nodes.iter().enumerate() {
@@ -289,8 +289,8 @@ impl Places {
 
 /// The actuator that the last stage before the coil is made for.
 fn plant(schedule: &Schedule, (node, output): (usize, usize)) -> Result<Option<Plant>, Diagnostic> {
-    let stages = schedule.nodes.iter().filter(|n| n.params.get("handle_mass_g").is_some());
-    let Some(stage) = stages.filter(|n| n.params.get("profile").is_some()).last() else { return Ok(None) };
+    let mut stages = schedule.nodes.iter().filter(|n| n.params.get("handle_mass_g").is_some());
+    let Some(stage) = stages.rfind(|n| n.params.get("profile").is_some()) else { return Ok(None) };
     let base = stage.params.place("profile").or(stage.params.node_place());
     let base = base.and_then(|p| p.source.path().parent()).unwrap_or(Path::new(""));
     let profile = ActuatorProfile::find(stage.params.text("profile"), base)?;

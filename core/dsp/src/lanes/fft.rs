@@ -118,10 +118,13 @@ fn pass<T: Float, S: Simd<T>, const R: usize>(
     }
 }
 
+/// As many runs of lanes.
+type Parts<'a, T, const R: usize> = [&'a [Lane<T>]; R];
+
 /// `R` runs of `len`, the first at `first` and the others `apart` from each other.
 #[inline(always)]
-fn parts<T, const R: usize>(all: &[Lane<T>], first: usize, apart: usize, len: usize) -> [&[Lane<T>]; R] {
-    let mut parts: [&[Lane<T>]; R] = [&[]; R];
+fn parts<T, const R: usize>(all: &[Lane<T>], first: usize, apart: usize, len: usize) -> Parts<'_, T, R> {
+    let mut parts: Parts<'_, T, R> = [&[]; R];
     for (j, part) in parts.iter_mut().enumerate() {
         *part = &all[first + j * apart..][..len];
     }
@@ -132,7 +135,7 @@ fn parts<T, const R: usize>(all: &[Lane<T>], first: usize, apart: usize, len: us
 #[inline(always)]
 fn turned_butterfly<T: Float, S: Simd<T>, const R: usize>(
     s: S,
-    from: (&[&[Lane<T>]; R], &[&[Lane<T>]; R]),
+    from: (&Parts<'_, T, R>, &Parts<'_, T, R>),
     at: usize,
     p: usize,
     turns: &[Complex<T>],

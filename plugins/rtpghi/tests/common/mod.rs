@@ -189,7 +189,7 @@ pub fn invert<N: Node>(magnitudes: &[f32], rate_hz: u32, params: &[(&str, f64)],
     let mut emit = |ola: &mut OverlapAdd<f32>, len: usize| {
         let mut out = vec![0.0; len];
         ola.emit(signal.len() as u64, &mut out);
-        signal.extend(out.iter().map(|&y| f64::from(y) / scale));
+        signal.extend(out.iter().map(|&y| y / scale));
     };
     let (late, per_second) = rig.latency().as_ratio();
     let late = late as usize * rate_hz as usize / per_second as usize;

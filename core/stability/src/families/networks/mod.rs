@@ -69,8 +69,11 @@ pub(super) const CASES: &[Case] = &[
     },
 ];
 
+/// Kinds, and numbers of nodes.
+type Culprits = (Vec<Arc<dyn NodeKind>>, Vec<usize>);
+
 /// All kinds that put out magnitudes in the subject's graph, with the nodes that are of them.
-fn culprits(subject: &Subject<'_>) -> Result<(Vec<Arc<dyn NodeKind>>, Vec<usize>), Not> {
+fn culprits(subject: &Subject<'_>) -> Result<Culprits, Not> {
     let schedule = subject.compiled(subject.its_graph()?, &[])?.schedule;
     let nodes = networks(&schedule);
     let mut names: Vec<&str> = nodes.iter().map(|&i| schedule.nodes[i].kind.as_str()).collect();

@@ -156,7 +156,7 @@ pub(super) fn no_magnitudes(subject: &Subject<'_>) -> Found {
 
 pub(super) fn missing_frames(subject: &Subject<'_>) -> Found {
     let layout = layout(2500, BINS);
-    let gaps: [(&str, u64, fn(u64) -> bool); 3] = [
+    let gaps: [Gap; 3] = [
         ("every seventh missing", 1000, |n| n % 7 == 3),
         ("ten missing", 10, |_| true),
         ("a second missing", 500, |_| true),
@@ -189,3 +189,6 @@ pub(super) fn missing_frames(subject: &Subject<'_>) -> Found {
     })?;
     Ok(format!("{count} methods; the level is off by {worst:.2} dB at most ({of})"))
 }
+
+/// What frames stay away, for how many frames, and which.
+type Gap = (&'static str, u64, fn(u64) -> bool);
