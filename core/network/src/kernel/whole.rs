@@ -197,7 +197,7 @@ mod tests {
         let joined: Vec<i32> =
             high.iter().zip(low).map(|(h, l)| i32::from(*h) * 256 + i32::from(*l)).collect();
         assert_eq!(joined[..5], [0, 10, -40, 5, -1].map(|code| code + 32768));
-        codes.take::<false>(&[0..4], 4.0, &[4.0, 2.5, 1.5, -0.5]).unwrap();
+        codes.take::<false>(std::slice::from_ref(&(0..4)), 4.0, &[4.0, 2.5, 1.5, -0.5]).unwrap();
         assert_eq!(codes.codes()[..4], [4, 2, 2, 0]);
     }
 
@@ -205,10 +205,10 @@ mod tests {
     fn codes_of_what_is_not_finite_stand_for_nothing_that_is() {
         let mut codes = Codes::new(4);
         for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
-            codes.take::<false>(&[0..2], 32767.0, &[1.0, bad]).unwrap();
+            codes.take::<false>(std::slice::from_ref(&(0..2)), 32767.0, &[1.0, bad]).unwrap();
             assert!(codes.scale.is_nan());
         }
-        codes.take::<false>(&[0..2], 32767.0, &[1e-40, 0.0]).unwrap();
+        codes.take::<false>(std::slice::from_ref(&(0..2)), 32767.0, &[1e-40, 0.0]).unwrap();
         assert!(codes.scale.is_finite() && codes.codes()[..2] == [0, 0]);
         assert_eq!(codes.take::<false>(&[0..2, 0..3], 32767.0, &[0.0; 3]), None);
     }
