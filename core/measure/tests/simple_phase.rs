@@ -24,11 +24,11 @@ fn overlap_add(
         assert_eq!(f(n as u64, start, frame, &mut spectrum), 0);
         ola.add_frame(start, &spectrum).unwrap();
         ola.emit(start, out);
-        all.extend(out.iter().map(|&y| f64::from(y)));
+        all.extend_from_slice(out);
     }
     let mut tail = vec![0.0; framing.fft_len];
     ola.emit(all.len() as u64, &mut tail);
-    all.extend(tail.iter().map(|&y| f64::from(y)));
+    all.extend_from_slice(&tail);
     all
 }
 
@@ -53,7 +53,7 @@ fn bank(amplitudes: &[f32], rate_hz: u32, partials: Partials, seed: u64) -> Vec<
         let start = framing.start(n as u64);
         assert_eq!(bank.add_frame(n as u64, start, frame), 0);
         bank.emit(start, &mut out);
-        all.extend(out.iter().map(|&y| f64::from(y)));
+        all.extend(out);
     }
     all
 }
