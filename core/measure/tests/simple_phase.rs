@@ -53,7 +53,7 @@ fn bank(amplitudes: &[f32], rate_hz: u32, partials: Partials, seed: u64) -> Vec<
         let start = framing.start(n as u64);
         assert_eq!(bank.add_frame(n as u64, start, frame), 0);
         bank.emit(start, &mut out);
-        all.extend(out);
+        all.extend_from_slice(&out);
     }
     all
 }
