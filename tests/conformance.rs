@@ -9,7 +9,7 @@ use std::sync::Arc;
 use asperity_conformance::{Heap, Outcome, Subject, Touched, Verdict, cases, tick_time};
 use asperity_engine::{Engine, Options};
 use asperity_graph::{GraphFile, compile};
-use asperity_node::NodeKind;
+use asperity_node::{NodeKind, Param, ParamKind};
 use counting::{ALLOCATOR, Counting, bind, own};
 
 impl Heap for Counting {
@@ -51,7 +51,10 @@ fn check(names: &[&str]) {
     for kind in asperity_nodes::registry().iter() {
         let name = &kind.descriptor().kind;
         let mut subjects = vec![(name.to_string(), subject(kind))];
-        if kind.descriptor().params.iter().any(|p| p.name == "precision") {
+        // Where a node may compute in double precision, it is checked in both.
+        let wide =
+            |p: &Param| matches!(&p.kind, ParamKind::Choice(words) if words.iter().any(|w| w == "f64"));
+        if kind.descriptor().params.iter().any(|p| p.name == "precision" && wide(p)) {
             subjects.push((format!("{name} in f64"), subject(kind).set("precision", "f64")));
         }
         for (name, subject) in &subjects {
