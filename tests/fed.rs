@@ -218,10 +218,110 @@ fn a_stylus_that_is_put_down_elsewhere_has_not_flown_there() {
         let hand = node(&engine, "hand");
         let x = if k < 100 { 0.1 * f64::from(k) } else { 100.0 + 0.1 * f64::from(k) };
         engine.feed_control(hand, 0, &[x, 0.0, 0.0], true);
+        engine.feed_control(hand, 1, &[0.5], true);
         engine.feed_control(hand, 2, &[f64::from(k / 100)], true);
         engine.tick();
         fastest = fastest.max(control(&engine, "motion", 1)[0]);
     }
     // 0.1 mm in 2 ms, and what a second-order Butterworth overshoots.
     assert!((50.0..53.0).contains(&fastest), "{fastest} mm/s");
+}
+
+/// A hand at 50 mm/s along x and 20 mm/s down, by the tick.
+fn way(tick: u64) -> [f64; 3] {
+    let t = tick as f64 / 500.0;
+    [50.0 * t, 0.0, 10.0 - 20.0 * t]
+}
+
+const SPEED: (&str, &str) = (
+    r#""hand": (kind: "osc_input"), "motion": (kind: "velocity"), "p": (kind: "probe"), "q": (kind: "probe")"#,
+    r#"("hand.position", "motion.position"), ("motion.speed", "p"), ("motion.unfiltered", "q")"#,
+);
+
+#[test]
+fn a_stylus_that_moves_while_ticks_are_lost_is_no_faster() {
+    for lost in [1, 3, 50, 5000] {
+        let (_c, mut engine) = engine(SPEED.0, SPEED.1);
+        let mut fastest: f64 = 0.0;
+        while engine.next_tick() < 6000 {
+            if engine.next_tick() == 100 {
+                engine.skip(lost);
+            }
+            let at = way(engine.next_tick());
+            assert!(place(&mut engine, at, true));
+            engine.tick();
+            fastest = fastest.max(control(&engine, "motion", 1)[0]);
+            if engine.next_tick() > 150 {
+                // Nothing of it is left, and nothing stays.
+                assert!((control(&engine, "motion", 1)[0] - 50.0).abs() < 0.01);
+            }
+        }
+        // What a second-order Butterworth overshoots at the start.
+        assert!((50.0..52.5).contains(&fastest), "{lost} lost: {fastest} mm/s");
+    }
+}
+
+#[test]
+fn while_no_place_is_to_be_trusted_the_velocity_is_held_and_the_next_place_is_no_jump() {
+    for gap in [1, 5, 200] {
+        let (_c, mut engine) = engine(SPEED.0, SPEED.1);
+        for tick in 0..600 {
+            let missing = (300..300 + gap).contains(&tick);
+            // The host holds the last place.
+            let at = if missing { way(299) } else { way(tick) };
+            assert!(place(&mut engine, at, !missing));
+            engine.tick();
+            assert_eq!(output(&engine, "motion", 1).is_valid(), !missing);
+            if tick >= 200 {
+                let (speed, all) = (control(&engine, "motion", 1)[0], control(&engine, "motion", 3));
+                assert!((speed - 50.0).abs() < 1e-3, "{gap}: {speed} mm/s in tick {tick}");
+                assert!((all[0] - 50.0).abs() < 1e-6 && (all[2] + 20.0).abs() < 1e-6, "{gap}: {all:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_hand_that_is_first_heard_of_has_not_flown_there() {
+    let (_c, mut engine) = engine(SPEED.0, SPEED.1);
+    for tick in 0..50 {
+        assert!(tick < 10 || place(&mut engine, [80.0, -40.0, 5.0], true));
+        engine.tick();
+        assert_eq!(control(&engine, "motion", 1), [0.0]);
+    }
+}
+
+#[test]
+fn a_wall_that_is_reached_over_lost_ticks_or_a_gap_is_reached_no_faster() {
+    let dir = tempfile::tempdir().unwrap();
+    let scene = dir.path().join("floor.ron");
+    std::fs::write(
+        &scene,
+        "Scene(version: 1, input: stroke, surfaces: {\"a\": (shape: plane, effects: (stiffness: (stiffness_n_per_mm: 0.5)))})",
+    )
+    .unwrap();
+    let nodes = format!(
+        r#""hand": (kind: "osc_input"), "contact": (kind: "contact", params: (scene: {:?})), "p": (kind: "probe")"#,
+        scene.display().to_string()
+    );
+    let wires = r#"("hand.position", "contact.position"), ("contact.approach", "p")"#;
+    // It is reached after 250 ticks.
+    for (lost, from) in [(true, 240), (false, 240), (true, 100), (false, 100), (true, 249), (false, 249)] {
+        let (_c, mut engine) = engine(&nodes, wires);
+        let at = node(&engine, "contact");
+        let output = engine.schedule().nodes[at].outputs.iter().position(|o| o.name == "approach").unwrap();
+        let mut told = Vec::new();
+        while engine.next_tick() < 400 {
+            if lost && engine.next_tick() == from {
+                engine.skip(60);
+            }
+            let tick = engine.next_tick();
+            let missing = (from..from + 60).contains(&tick);
+            let here = way(if missing { from - 1 } else { tick });
+            assert!(place(&mut engine, here, !missing));
+            engine.tick();
+            told.extend(control(&engine, "contact", output).into_iter().filter(|v| *v > 0.0));
+        }
+        assert!(told.len() == 1 && (told[0] - 20.0).abs() < 1e-6, "lost {lost} from {from}: {told:?}");
+    }
 }

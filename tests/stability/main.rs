@@ -11,9 +11,11 @@ mod stage;
 mod autoregressive;
 mod faults;
 mod files;
+mod friction;
 mod motion;
 mod networks;
 mod phase;
+mod stiff_walls;
 
 use asperity_graph::GraphFile;
 use asperity_scene::{Lowering, lower};
@@ -39,10 +41,15 @@ fn graph(name: &str) -> GraphFile {
     GraphFile::read(common::graphs(name)).expect("a shipped graph")
 }
 
+/// The graph of a scene.
+fn lowered(path: &std::path::Path) -> GraphFile {
+    let scene = Scene::read(path).expect("a scene");
+    lower(&scene, &asperity_nodes::registry(), Lowering::default()).expect("a graph").graph
+}
+
 /// The graph of a shipped scene.
 fn scene(name: &str) -> GraphFile {
-    let scene = Scene::read(common::graphs("scenes").join(name)).expect("a shipped scene");
-    lower(&scene, &asperity_nodes::registry(), Lowering::default()).expect("a graph").graph
+    lowered(&common::graphs("scenes").join(name))
 }
 
 /// The built-in kinds, with a graph or without.

@@ -1,8 +1,9 @@
 //! A stylus that does what no hand does, or whose places come late, twice or not at all.
 
-use asperity_stability::wrap;
+use asperity_graph::GraphFile;
+use asperity_stability::{Subject, wrap};
 
-use crate::{fails, graph, holds, subject};
+use crate::{fails, graph, holds, scene, subject};
 
 #[test]
 fn teleport() {
@@ -29,4 +30,99 @@ fn teleport() {
         }),
     );
     fails("teleport", &subject.clone().with(mutant), "without the jump");
+}
+
+/// The shipped graphs that say most: the recommended one, one of overlap-add, and a scene.
+fn everywhere(case: &str) {
+    for graph in [graph("texture.ron"), graph("voltage_amplifier.ron"), scene("every_effect.ron")] {
+        holds(case, &subject(Some(&graph)));
+    }
+}
+
+/// The recommended graph, changed.
+fn changed(change: &str) -> GraphFile {
+    let mut graph = graph("texture.ron");
+    graph.set(change, "the test").expect("a change");
+    graph
+}
+
+/// Velocities that are spoilt in the tick after one that was lost or not to be trusted.
+fn after_a_gap(subject: &Subject<'_>) -> Subject<'static> {
+    let mutant = wrap::wrap(
+        subject.kind("velocity").expect("the kind"),
+        std::sync::Arc::new(|_| {
+            let mut last = 0;
+            let mut more = 0.0;
+            Box::new(move |node, tick| {
+                let status = node.process(tick)?;
+                if tick.inputs.valid(0) {
+                    if tick.index > last + 1 && last > 0 {
+                        more = 300.0;
+                    }
+                    last = tick.index;
+                }
+                more *= 0.9;
+                tick.outputs.control(1)[0] += more;
+                Ok(status)
+            })
+        }),
+    );
+    Subject::new(subject.registry().clone()).effort(subject.allowed()).with(mutant)
+}
+
+#[test]
+fn one_count_at_rest() {
+    everywhere("one_count_at_rest");
+    let fast = changed("motion.cutoff_hz=40");
+    fails("one_count_at_rest", &subject(Some(&fast)), "opens the gate");
+}
+
+#[test]
+fn around_the_gate() {
+    everywhere("around_the_gate");
+    let without = changed("gate.hysteresis=1");
+    fails("around_the_gate", &subject(Some(&without)), "the gate changes");
+    // A gate that opens at once and for good.
+    let graph = graph("texture.ron");
+    let subject = subject(Some(&graph));
+    let open = wrap::after(subject.kind("speed_gate").expect("the kind"), |tick| tick.outputs.set(1, 1.0));
+    fails("around_the_gate", &subject.clone().with(open), "opens");
+}
+
+#[test]
+fn sampling_times() {
+    everywhere("sampling_times");
+    let raw = changed("motion.cutoff_hz=0");
+    fails("sampling_times", &subject(Some(&raw)), "are allowed");
+}
+
+#[test]
+fn lost_ticks() {
+    everywhere("lost_ticks");
+    let graph = graph("texture.ron");
+    fails("lost_ticks", &after_a_gap(&subject(None)).graph(&graph), "are allowed");
+}
+
+#[test]
+fn a_gap_of_10_ms() {
+    everywhere("a_gap_of_10_ms");
+    let graph = graph("texture.ron");
+    fails("a_gap_of_10_ms", &after_a_gap(&subject(None)).graph(&graph), "marked");
+    // What is played clicks where trust ends.
+    let subject = subject(Some(&graph));
+    let clicks = wrap::wrap(
+        subject.kind("limiter").expect("the kind"),
+        std::sync::Arc::new(|_| {
+            Box::new(|node, tick| {
+                let status = node.process(tick)?;
+                if !tick.inputs.valid(0)
+                    && let Some(x) = tick.outputs.audio(0).first_mut()
+                {
+                    *x += 0.2;
+                }
+                Ok(status)
+            })
+        }),
+    );
+    fails("a_gap_of_10_ms", &subject.clone().with(clicks), "a step of");
 }

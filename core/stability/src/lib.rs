@@ -9,9 +9,11 @@
 
 mod case;
 mod families;
+mod handle;
 pub mod played;
 mod rig;
 mod subject;
+mod wall;
 pub mod wrap;
 
 pub use case::{Case, Family, Found, Not, Outcome, Verdict, holds, not_applicable};

@@ -1,10 +1,11 @@
 //! What comes from outside, from memory: kinds of nodes that no file can name, since their names have spaces.
 
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use asperity_node::{
-    Config, Descriptor, Diagnostic, Fault, FrameLayout, LayoutSpec, NodeKind, Output, Ports, Processor,
-    RateSpec, Setup, ShapeSpec, Status, Tick, Unit,
+    Config, Descriptor, Diagnostic, Fault, FrameLayout, Input, LayoutSpec, NodeKind, Output, Ports,
+    Processor, RateSpec, Setup, ShapeSpec, Status, Tick, Unit,
 };
 
 /// Where a stylus is, x, y, z in mm, z up, by the number of the tick.
@@ -16,6 +17,25 @@ pub type Samples = Arc<dyn Fn(u64, &mut [f32]) + Send + Sync>;
 /// The bins of a frame by its number; false for a frame that does not come.
 pub type Frames = Arc<dyn Fn(u64, &mut [f32]) -> bool + Send + Sync>;
 
+/// Where a stylus is, as a case says from tick to tick: for a motion that depends on what the graph answers.
+#[derive(Debug, Default)]
+pub struct Place([AtomicU64; 3]);
+
+impl Place {
+    /// Puts the stylus there, x, y, z in mm.
+    pub fn put(&self, at: [f64; 3]) {
+        self.0.iter().zip(at).for_each(|(to, x)| to.store(x.to_bits(), Ordering::Relaxed));
+    }
+
+    /// The motion of a stylus that is always where it was put last.
+    pub fn motion(self: &Arc<Self>) -> Motion {
+        let place = self.clone();
+        Arc::new(move |_| {
+            std::array::from_fn(|k| place.0.get(k).map_or(0.0, |x| f64::from_bits(x.load(Ordering::Relaxed))))
+        })
+    }
+}
+
 /// Stiffness with which a played stylus presses where nothing else says how hard \[N/mm\].
 const STIFFNESS_N_PER_MM: f64 = 0.5;
 
@@ -23,6 +43,7 @@ const STIFFNESS_N_PER_MM: f64 = 0.5;
 #[derive(Clone)]
 enum What {
     Motion(Motion),
+    Fed,
     Control(Values),
     Audio(Samples),
     Magnitude(Frames, FrameLayout),
@@ -41,6 +62,14 @@ impl Played {
         let mut descriptor = Descriptor::new(name.to_owned(), "Plays a motion from memory.");
         descriptor.outputs = like.outputs.clone();
         Arc::new(Self { descriptor, what: What::Motion(motion) })
+    }
+
+    /// The same, whose place the case gives from tick to tick, as a host does, with the mark whether it is to be trusted: at the input 0.
+    pub fn fed_stylus(name: &str, like: &Descriptor) -> Arc<dyn NodeKind> {
+        let place = Input::new("place", ShapeSpec::Control(3), Unit::MILLIMETRE).fed();
+        let mut descriptor = Descriptor::new(name.to_owned(), "Passes on the places of a case.").input(place);
+        descriptor.outputs = like.outputs.clone();
+        Arc::new(Self { descriptor, what: What::Fed })
     }
 
     /// So many values a tick, at the output `out`.
@@ -77,7 +106,7 @@ impl NodeKind for Played {
     }
 
     fn ports(&self, _config: &Config<'_>) -> Result<Ports, Diagnostic> {
-        Ok(Ports { inputs: Vec::new(), outputs: self.descriptor.outputs.clone() })
+        Ok(Ports { inputs: self.descriptor.inputs.clone(), outputs: self.descriptor.outputs.clone() })
     }
 
     fn prepare(&self, setup: &Setup<'_>) -> Result<Box<dyn Processor>, Diagnostic> {
@@ -100,17 +129,25 @@ struct Player {
     every: u64,
 }
 
+impl Player {
+    /// The outputs of a stylus that is there.
+    fn put(&self, tick: &mut Tick<'_>, at: [f64; 3]) {
+        if let Some(output) = self.position {
+            tick.outputs.control(output).copy_from_slice(&at);
+        }
+        if let Some(output) = self.force {
+            tick.outputs.set(output, (-at[2] * STIFFNESS_N_PER_MM).max(0.0));
+        }
+    }
+}
+
 impl Processor for Player {
     fn process(&mut self, tick: &mut Tick<'_>) -> Result<Status, Fault> {
         match &self.what {
-            What::Motion(motion) => {
-                let at = motion(tick.index);
-                if let Some(output) = self.position {
-                    tick.outputs.control(output).copy_from_slice(&at);
-                }
-                if let Some(output) = self.force {
-                    tick.outputs.set(output, (-at[2] * STIFFNESS_N_PER_MM).max(0.0));
-                }
+            What::Motion(motion) => self.put(tick, motion(tick.index)),
+            What::Fed => {
+                let at = tick.inputs.control(0).try_into().unwrap_or_default();
+                self.put(tick, at);
             }
             What::Control(values) => values(tick.index, tick.outputs.control(0)),
             What::Audio(samples) => {

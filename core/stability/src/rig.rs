@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use asperity_engine::{Engine, Options};
 use asperity_graph::{GraphFile, Schedule};
-use asperity_node::{Buffer, FactValue, NodeKind, Registry, Shape, ShapeSpec, Unit};
+use asperity_node::{Buffer, Descriptor, FactValue, NodeKind, Registry, Shape, ShapeSpec, Unit};
 
 use crate::case::{Not, not_applicable};
 use crate::played::{Motion, Played};
@@ -29,6 +29,8 @@ pub struct Rig {
     drives: Vec<(usize, usize)>,
     /// The acceleration nearest to the actuator: node and output.
     felt: Option<(usize, usize)>,
+    /// What moves the stylus, where the case gives its place.
+    styluses: Vec<usize>,
 }
 
 impl Rig {
@@ -55,6 +57,35 @@ impl Rig {
         registry: &Registry,
         motion: &Motion,
     ) -> Result<(GraphFile, Vec<Arc<dyn NodeKind>>), String> {
+        Self::with_stylus_of(graph, registry, |name, like| Played::stylus(name, like, motion.clone()))
+    }
+
+    /// The subject's graph with a stylus whose place the case gives from tick to tick by [`place`](Self::place).
+    ///
+    /// # Errors
+    /// No graph, nothing in it that moves a stylus.
+    pub fn fed(subject: &Subject<'_>) -> Result<Self, Not> {
+        let (graph, kinds) =
+            Self::with_stylus_of(subject.its_graph()?, subject.registry(), Played::fed_stylus)
+                .or_else(not_applicable)?;
+        let mut rig = Self::of(subject, &graph, &kinds)?;
+        let is = |name: &str| kinds.iter().any(|kind| kind.descriptor().kind == name);
+        rig.styluses = (0..rig.schedule.nodes.len()).filter(|&i| is(&rig.schedule.nodes[i].kind)).collect();
+        Ok(rig)
+    }
+
+    /// Gives a fed stylus its place for the next tick and those after it \[mm\], and whether that is to be trusted.
+    pub fn place(&mut self, at: [f64; 3], valid: bool) {
+        for &stylus in &self.styluses {
+            self.engine.feed_control(stylus, 0, &at, valid);
+        }
+    }
+
+    fn with_stylus_of(
+        graph: &GraphFile,
+        registry: &Registry,
+        make: impl Fn(&str, &Descriptor) -> Arc<dyn NodeKind>,
+    ) -> Result<(GraphFile, Vec<Arc<dyn NodeKind>>), String> {
         let mut graph = graph.clone();
         let mut kinds = Vec::new();
         for node in &mut graph.nodes {
@@ -66,7 +97,7 @@ impl Rig {
                 continue;
             }
             let name = format!("{} from memory", node.kind);
-            kinds.push(Played::stylus(&name, d, motion.clone()));
+            kinds.push(make(&name, d));
             node.kind = name;
             node.params.clear();
             // What was wired into the place of a device plays no more.
@@ -86,7 +117,8 @@ impl Rig {
         let drives = schedule.nodes.iter().enumerate().filter(|(_, n)| n.kind == "audio_out");
         let drives = drives.map(|(i, _)| (i, 0)).collect();
         let felt = felt(&schedule);
-        Ok(Self { engine: Engine::new(compiled, Options::default()), schedule, drives, felt })
+        let engine = Engine::new(compiled, Options::default());
+        Ok(Self { engine, schedule, drives, felt, styluses: Vec::new() })
     }
 
     /// Runs so many ticks; `each` is shown the rig after each of them.

@@ -12,6 +12,9 @@ use asperity_world::scene::{ContactSettings, Contacts, Felt, Motion, Scene};
 pub struct Contact {
     contacts: Contacts,
     surfaces: usize,
+    every: u64,
+    /// The tick of the last place that was to be trusted.
+    at: Option<u64>,
     /// Pictures of heights.
     files: Vec<PathBuf>,
 }
@@ -195,6 +198,8 @@ impl Node for Contact {
         Ok(Self {
             contacts: Contacts::new(&scene, settings, runs_hz(setup))?,
             surfaces: scene.surfaces.len(),
+            every: u64::from(setup.every),
+            at: None,
             files: scene.pictures,
         })
     }
@@ -207,6 +212,13 @@ impl Node for Contact {
             unfiltered_mm_s: three(2),
             stroke: tick.inputs.value(3),
         };
+        if tick.inputs.valid(0) {
+            let runs = self.at.map_or(1, |at| tick.index.saturating_sub(at) / self.every);
+            if runs > 1 {
+                self.contacts.missed(runs - 1);
+            }
+            self.at = Some(tick.index);
+        }
         let felt = self.contacts.step(&motion);
         for (output, Port(.., put)) in PORTS.iter().enumerate() {
             put(&felt, tick.outputs.control(output));
@@ -215,6 +227,7 @@ impl Node for Contact {
     }
 
     fn reset(&mut self) {
+        self.at = None;
         self.contacts.reset();
     }
 
@@ -223,6 +236,7 @@ impl Node for Contact {
         let mut surfaces = self.surfaces;
         state.keep(&mut surfaces);
         state.require(surfaces == self.surfaces);
+        state.keep(&mut self.at);
         self.contacts.state(state);
     }
 

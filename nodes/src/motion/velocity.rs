@@ -9,16 +9,24 @@ use asperity_node::{
 /// A stylus that stands still, and whose filtered velocity is below this, has none: what follows asks no more of those that answer the
 /// same to the same. At 20 Hz it is there 0.22 s after 300 mm/s, where to the end of the tail it would be 0.85 s.
 const STILL_MM_S: f64 = 1e-6;
+/// After so long without a place the low-pass has forgotten what was before \[s\].
+const FORGOTTEN_S: f64 = 0.1;
 
 /// Finite differences and a second-order Butterworth low-pass, both in f64.
+///
+/// Over ticks that were lost, or in which the place was not to be trusted, the velocity is the mean of what came to pass: while there is no place it is held
+/// (and marked), and the one that comes then is no jump of a single tick.
 pub struct Velocity {
+    tick_hz: f64,
+    every: u64,
     /// Runs a second.
     rate_hz: f64,
     /// Corner of the low-pass; 0 for none.
     cutoff_hz: f64,
     filters: [Biquad; 3],
-    /// Position and velocity of the last run.
+    /// Position of the last run that had one, and its tick; velocity.
     before: Option<[f64; 3]>,
+    at: u64,
     stroke: f64,
     velocity: [f64; 3],
 }
@@ -73,10 +81,23 @@ impl Node for Velocity {
             let help = format!("below {} Hz, half of how often this node runs; or 0 for none", rate_hz / 2.0);
             setup.params.error("cutoff_hz", e.to_string()).help(help)
         })?;
-        Ok(Self { rate_hz, cutoff_hz, filters: [filter; 3], before: None, stroke: 0.0, velocity: [0.0; 3] })
+        Ok(Self {
+            tick_hz: f64::from(setup.tick_hz),
+            every: u64::from(setup.every),
+            rate_hz,
+            cutoff_hz,
+            filters: [filter; 3],
+            before: None,
+            at: 0,
+            stroke: 0.0,
+            velocity: [0.0; 3],
+        })
     }
 
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
+        if !tick.inputs.valid(0) {
+            return Status::Continue;
+        }
         let position = tick.inputs.control(0);
         let stroke = tick.inputs.value(1);
         if stroke != self.stroke {
@@ -85,10 +106,19 @@ impl Node for Velocity {
         }
         let now = [position[0], position[1], position[2]];
         let before = self.before.replace(now).unwrap_or(now);
-        let unfiltered: [f64; 3] = std::array::from_fn(|i| (now[i] - before[i]) * self.rate_hz);
+        let ticks = tick.index.saturating_sub(std::mem::replace(&mut self.at, tick.index)).max(self.every);
+        let unfiltered: [f64; 3] =
+            std::array::from_fn(|i| (now[i] - before[i]) * (self.tick_hz / ticks as f64));
+        let runs = ticks / self.every;
+        let forgotten = runs as f64 > FORGOTTEN_S * self.rate_hz;
         let mut v = unfiltered;
         for (v, filter) in v.iter_mut().zip(&mut self.filters) {
             let still = *v == 0.0;
+            if forgotten && runs > 1 {
+                filter.reset_to(*v);
+            } else {
+                (1..runs).for_each(|_| _ = filter.step(*v));
+            }
             *v = filter.step(*v);
             filter.settle();
             if still {
@@ -104,7 +134,7 @@ impl Node for Velocity {
     }
 
     fn reset(&mut self) {
-        self.before = None;
+        (self.before, self.at) = (None, 0);
         self.stroke = 0.0;
         self.velocity = [0.0; 3];
         self.filters.iter_mut().for_each(Biquad::reset);
@@ -114,7 +144,8 @@ impl Node for Velocity {
     /// constant.
     fn state(&mut self, state: &mut State<'_>) {
         let mut made_for = [self.cutoff_hz, self.rate_hz];
-        state.keep(&mut made_for).keep(&mut self.before).keep(&mut self.stroke).keep(&mut self.velocity);
+        state.keep(&mut made_for).keep(&mut self.before).keep(&mut self.at);
+        state.keep(&mut self.stroke).keep(&mut self.velocity);
         self.filters.iter_mut().for_each(|f| f.state(state));
         if state.restores() && made_for != [self.cutoff_hz, self.rate_hz] {
             self.filters.iter_mut().zip(self.velocity).for_each(|(f, v)| f.reset_to(v));

@@ -26,11 +26,13 @@
 //! takes that away where
 //!
 //! ```text
-//! c > K D / 2
+//! c > K D / 2 + |B| D / T
 //! ```
 //!
-//! (N. Diolaiti, G. Niemeyer, F. Barbagli and J. K. Salisbury, "Stability of haptic rendering: discretization, quantization, time delay, and
-//! Coulomb effects", IEEE Transactions on Robotics 22, 2006, pp. 256-268.)
+//! (for B = 0: N. Diolaiti, G. Niemeyer, F. Barbagli and J. K. Salisbury, "Stability of haptic rendering: discretization, quantization, time delay, and
+//! Coulomb effects", IEEE Transactions on Robotics 22, 2006, pp. 256-268). A place that is told e off, at most D/2, is a force off by K e, and by B / T times what e has
+//! changed in a tick, at most D; over a way it gives so much times its length at most, and does on a motion to and fro over the border of a step at half the
+//! rate, however short.
 //!
 //! Both are about any hand. A given one may be stable beyond, since grips add damping of their own.
 
@@ -139,34 +141,35 @@ pub fn stiffest_n_per_mm(damping_ns_per_m: f64, sampling: Sampling, device_ns_pe
     if stiffest.is_finite() { stiffest.max(0.0) } else { 0.0 }
 }
 
-/// The bound for a stiffness on a device that tells places in steps; its text has the figures with their units.
+/// The bound for a law on a device that tells places in steps; its text has the figures with their units.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Quantisation {
-    /// Stiffness K \[N/mm\].
-    pub stiffness_n_per_mm: f64,
+    /// The law.
+    pub law: Law,
     /// Step of the places D \[mm\].
     pub step_mm: f64,
     /// Dry friction of the device itself \[N\].
     pub device_n: f64,
-    /// Dry friction that it would need more of \[N\]: K D / 2.
+    /// Dry friction that it would need more of \[N\]: K D / 2 + |B| D / T.
     pub needed_n: f64,
     /// What it has less what it needs \[N\].
     pub margin_n: f64,
-    /// The stiffness below which the bound is met \[N/mm\].
+    /// The stiffness below which the bound is met \[N/mm\]; 0 where the damping alone is too much.
     pub stiffest_n_per_mm: f64,
 }
 
 impl Quantisation {
-    /// Holds a stiffness against the bound.
-    pub fn of(stiffness_n_per_mm: f64, step_mm: f64, device_n: f64) -> Self {
-        let needed_n = 0.5 * stiffness_n_per_mm * step_mm;
+    /// Holds a law against the bound.
+    pub fn of(law: Law, sampling: Sampling, step_mm: f64, device_n: f64) -> Self {
+        let of_damping = 1e-3 * law.damping_ns_per_m.abs() * step_mm * sampling.tick_hz;
+        let needed_n = 0.5 * law.stiffness_n_per_mm * step_mm + of_damping;
         Self {
-            stiffness_n_per_mm,
+            law,
             step_mm,
             device_n,
             needed_n,
             margin_n: device_n - needed_n,
-            stiffest_n_per_mm: 2.0 * device_n / step_mm,
+            stiffest_n_per_mm: (2.0 * (device_n - of_damping) / step_mm).max(0.0),
         }
     }
 
@@ -178,10 +181,13 @@ impl Quantisation {
 
 impl fmt::Display for Quantisation {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:.3} N/mm", self.law.stiffness_n_per_mm)?;
+        if self.law.damping_ns_per_m != 0.0 {
+            write!(f, " and {:.3} N s/m", self.law.damping_ns_per_m)?;
+        }
         write!(
             f,
-            "{:.3} N/mm in steps of {:.3} mm take more than {:.1} mN of dry friction; the device has {:.1}: {}",
-            self.stiffness_n_per_mm,
+            " in steps of {:.3} mm take more than {:.1} mN of dry friction; the device has {:.1}: {}",
             self.step_mm,
             1e3 * self.needed_n,
             1e3 * self.device_n,

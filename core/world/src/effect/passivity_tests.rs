@@ -26,10 +26,15 @@ fn figures_are_those_of_the_textbook_and_of_the_paper() {
     assert!(!Passivity::of(wall(1.0, -0.2), at(1000.0, 0.0), 0.6).holds());
     assert_eq!(stiffest_n_per_mm(2.0, at(1000.0, 0.0), 0.6), 0.0);
     // Diolaiti et al.: 0.5 N/mm seen in steps of 0.055 mm.
-    let q = Quantisation::of(0.5, 0.055, 0.1);
+    let steps = |k, b| Quantisation::of(wall(k, b), at(500.0, 0.0), 0.055, 0.1);
+    let q = steps(0.5, 0.0);
     assert!((q.needed_n - 0.01375).abs() < 1e-12 && q.holds());
-    assert!((Quantisation::of(q.stiffest_n_per_mm, 0.055, 0.1).margin_n).abs() < 1e-12);
-    assert!(!Quantisation::of(4.0, 0.055, 0.1).holds());
+    assert!(steps(q.stiffest_n_per_mm, 0.0).margin_n.abs() < 1e-12 && !steps(4.0, 0.0).holds());
+    // One step in a tick is 27.5 mm/s: at 2 N s/m 55 mN.
+    let q = steps(0.5, 2.0);
+    assert!((q.needed_n - 0.06875).abs() < 1e-12 && q.holds());
+    assert!(steps(q.stiffest_n_per_mm, 2.0).margin_n.abs() < 1e-12);
+    assert!(!steps(0.0, 4.0).holds() && steps(0.0, 4.0).stiffest_n_per_mm == 0.0);
     assert_eq!(wall(1.0, 2.0) + wall(0.5, -3.0), wall(1.5, -1.0));
 }
 
@@ -48,8 +53,10 @@ fn the_text_has_the_figures_with_their_units() {
     ] {
         assert!(text.contains(part), "{part} is not in: {text}");
     }
-    let text = Quantisation::of(0.5, 0.055, 0.1).to_string();
-    assert!(text.contains("13.8 mN") && text.contains("100.0: passive"), "{text}");
+    let text = Quantisation::of(wall(0.5, 0.0), at(500.0, 0.0), 0.055, 0.1).to_string();
+    assert!(text.contains("0.500 N/mm in steps") && text.contains("100.0: passive"), "{text}");
+    let text = Quantisation::of(wall(0.5, 1.0), at(500.0, 0.0), 0.055, 0.1).to_string();
+    assert!(text.contains("0.500 N/mm and 1.000 N s/m in") && text.contains("41.2 mN"), "{text}");
 }
 
 #[test]
@@ -58,7 +65,9 @@ fn what_is_not_a_number_is_not_passive() {
         assert!(!Passivity::of(wall(bad, 0.0), at(500.0, 0.0), 1.0).holds());
         assert!(!Passivity::of(wall(0.1, bad), at(500.0, 0.0), 1.0).holds());
         assert!(!Passivity::of(wall(0.1, 0.0), at(500.0, bad), 1.0).holds());
-        assert!(!Quantisation::of(bad, 0.01, 1.0).holds() && !Quantisation::of(1.0, bad, 1.0).holds());
+        let steps = |k, b, hz, step| Quantisation::of(wall(k, b), at(hz, 0.0), step, 1.0).holds();
+        assert!(!steps(bad, 0.0, 500.0, 0.01) && !steps(1.0, bad, 500.0, 0.01));
+        assert!(!steps(1.0, 0.0, 500.0, bad) && !steps(1.0, 1.0, bad, 0.01));
     }
     let never = Passivity::of(wall(0.1, 0.0), at(0.0, 0.0), 1.0);
     assert!(!never.holds() && never.stiffest_n_per_mm == 0.0);
@@ -297,7 +306,56 @@ fn stepped(friction: f64, stiffness: f64, step: f64, swing_steps: f64) -> f64 {
 
 #[test]
 fn dry_friction_beyond_half_a_step_of_force_stops_what_the_steps_drive() {
-    let needed = Quantisation::of(0.5, 0.055, 0.0).needed_n;
+    let needed = Quantisation::of(wall(0.5, 0.0), at(500.0, 0.0), 0.055, 0.0).needed_n;
     let [less, more] = [0.9, 1.1].map(|share| stepped(share * needed, 500.0, 0.055e-3, 20.0));
     assert!(less > 1.2 && more < 0.8, "{less} {more}");
+}
+
+/// What a wall whose places are told in steps gives on a motion beyond what the bound without steps takes, over the length of the way \[N\].
+fn by_way_n(law: Law, tick_hz: f64, step_mm: f64, depths_mm: &[f64]) -> f64 {
+    let seen = |x: f64| (x / step_mm).round() * step_mm;
+    let device = Passivity::of(law, at(tick_hz, 0.0), 0.0).needed_ns_per_m;
+    let (mut given, mut way, mut before) = (0.0, 0.0, seen(0.0));
+    for pair in depths_mm.windows(2) {
+        let (here, go) = (seen(pair[0]), pair[1] - pair[0]);
+        let push = law.stiffness_n_per_mm * here + 1e-3 * law.damping_ns_per_m * (here - before) * tick_hz;
+        let push = if here > 0.0 { push.max(0.0) } else { 0.0 };
+        given += -push * go - 1e-3 * device * tick_hz * go * go;
+        way += go.abs();
+        before = here;
+    }
+    given / way
+}
+
+proptest! {
+    #[test]
+    fn no_motion_gets_more_out_of_steps_than_dry_friction_takes_by_the_bound(
+        tick_hz in 100.0..4000.0f64, stiffness in 0.01..5.0f64, damping in 0.0..2.0f64, step in 0.001..0.2f64,
+        way in proptest::collection::vec((-1.0..1.0f64, -3.0..1.0f64), 1..200),
+    ) {
+        let mut motion = vec![0.0];
+        for (sign, size) in way {
+            let last = motion.last().copied().unwrap_or(0.0);
+            motion.push((last + step * sign.signum() * 10.0_f64.powf(size)).max(-step));
+        }
+        motion.extend([0.0, 0.0]);
+        let (law, s) = (wall(stiffness, damping), at(tick_hz, 0.0));
+        let needed = Quantisation::of(law, s, step, 0.0).needed_n;
+        let found = by_way_n(law, tick_hz, step, &motion);
+        prop_assert!(found <= needed * (1.0 + 1e-9), "{found} N, {needed} N");
+    }
+}
+
+#[test]
+fn a_damped_wall_in_steps_needs_dry_friction_for_its_damping_too() {
+    // To and fro over the border of a step at half the rate, deep in the wall and very little.
+    let border = 20.5 * 0.055;
+    let mut motion = vec![border - 1e-7];
+    motion.extend([border + 1e-7, border - 1e-7].repeat(500));
+    for damping in [0.0, 0.3, 2.0] {
+        let law = wall(0.5, damping);
+        let needed = Quantisation::of(law, at(500.0, 0.0), 0.055, 0.0).needed_n;
+        let found = by_way_n(law, 500.0, 0.055, &motion);
+        assert!((found / needed - 1.0).abs() < 0.01, "{damping}: {found} N, not {needed} N");
+    }
 }

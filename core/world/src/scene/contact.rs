@@ -116,6 +116,8 @@ pub struct Contacts {
     touching: bool,
     air_ticks: u64,
     before: Option<[f64; 3]>,
+    /// Ticks since then of which nothing is known.
+    missed: u64,
     past: Past,
     /// Of what was touched last.
     tangents: [[f64; 3]; 2],
@@ -182,6 +184,7 @@ impl Contacts {
             touching: false,
             air_ticks: 0,
             before: None,
+            missed: 0,
             past: Past::new(if scene.device.position_step_mm > 0.0 { APPROACH_S * run_hz } else { 1.0 }),
             tangents: FLAT,
             stroke: 0.0,
@@ -203,6 +206,12 @@ impl Contacts {
         self.walls.bytes() + self.zones.bytes() + self.magnets.bytes()
     }
 
+    /// So many ticks have gone by of which no place is known: a wall that the next one lies in was reached on a way that took so much longer.
+    pub fn missed(&mut self, ticks: u64) {
+        self.missed = ticks;
+        self.past.known = 0;
+    }
+
     /// One tick. Nothing is allocated.
     pub fn step(&mut self, motion: &Motion) -> Felt {
         let at = motion.position_mm;
@@ -211,6 +220,7 @@ impl Contacts {
             (self.stroke, self.before) = (motion.stroke, None);
             self.past.known = 0;
         }
+        let missed = std::mem::take(&mut self.missed);
         let before = self.before.replace(at);
         let found = self.wall(at);
         let touched = found.as_ref().filter(|contact| contact.touch.depth_mm > TOUCHED_MM).copied();
@@ -225,7 +235,7 @@ impl Contacts {
         let velocity_mm_s = along(tangents, motion.velocity_mm_s);
         let wall = touched.and_then(|contact| self.of_walls.get(contact.entry as usize).copied());
         let approach = match (before, touched) {
-            (Some(before), Some(contact)) if !was_touching => self.approach(before, &contact),
+            (Some(before), Some(contact)) if !was_touching => self.approach(before, missed, &contact),
             (None, Some(_)) if !was_touching && put_down => Some((self.settings.put_down_mm_s, 0.0)),
             _ => None,
         };
@@ -292,8 +302,8 @@ impl Contacts {
         }
     }
 
-    /// Speed and part of the tick at which a wall was reached from outside.
-    fn approach(&self, before: [f64; 3], contact: &Contact) -> Option<(f64, f64)> {
+    /// Speed and part of the tick at which a wall was reached from outside, where so many ticks were missed on the way.
+    fn approach(&self, before: [f64; 3], missed: u64, contact: &Contact) -> Option<(f64, f64)> {
         let surface = &self.walls.entries().get(contact.entry as usize)?.surface;
         let (from, to) = (-surface.depth_mm(before), -contact.touch.depth_mm);
         // A place that comes in steps may be on the surface, or as little within it as is no touch yet.
@@ -303,7 +313,10 @@ impl Contacts {
             let from = -surface.depth_mm(place);
             (from > 0.0 && from.is_finite()).then_some((from - to) / (f64::from(ticks) * self.tick_s))
         });
-        Some((far.unwrap_or((from - to) / self.tick_s), moment))
+        let ticks = 1.0 + missed as f64;
+        // Before this tick, of what went by, or in it.
+        let moment = (moment * ticks - missed as f64).max(0.0);
+        Some((far.unwrap_or((from - to) / (ticks * self.tick_s)), moment))
     }
 
     fn zone(&mut self, at: [f64; 3]) -> Option<Zone> {
@@ -395,7 +408,7 @@ impl Contacts {
     pub fn reset(&mut self) {
         self.held = [None; 3];
         (self.touching, self.air_ticks, self.before, self.stroke) = (false, 0, None, 0.0);
-        self.past.known = 0;
+        (self.past.known, self.missed) = (0, 0);
         (self.tangents, self.voices) = (FLAT, [SILENT; 2]);
         (self.current, self.rested, self.network, self.material) = (None, true, 0.0, 0.0);
     }
@@ -407,6 +420,7 @@ impl Contacts {
             .keep(&mut self.touching)
             .keep(&mut self.air_ticks)
             .keep(&mut self.before)
+            .keep(&mut self.missed)
             .keep(&mut self.past.places[..])
             .keep(&mut self.past.next)
             .keep(&mut self.past.known)

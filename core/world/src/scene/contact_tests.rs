@@ -126,6 +126,25 @@ fn a_wall_is_reached_once_with_the_speed_and_at_the_moment_of_the_way_down() {
 }
 
 #[test]
+fn a_wall_that_is_reached_while_ticks_are_lost_is_reached_no_faster() {
+    for missed in [1, 4, 49] {
+        let mut c = contacts(&format!("\"a\": (shape: plane, effects: ({WALL}))"));
+        // 150 mm/s, for as many ticks as are missed and one more; the wall is passed after a sixth of the last.
+        let z = 0.05 - 0.3;
+        let from = z + 0.3 * (missed as f64 + 1.0);
+        c.step(&Motion { position_mm: [0.0, 0.0, from], ..Motion::default() });
+        c.missed(missed);
+        let felt = c.step(&Motion { position_mm: [0.0, 0.0, z], ..Motion::default() });
+        assert!((felt.approach_mm_s - 150.0).abs() < 1e-9, "{missed}: {}", felt.approach_mm_s);
+        assert!((felt.moment - 1.0 / 6.0).abs() < 1e-9, "{missed}: {}", felt.moment);
+        // The next wall is reached as ever.
+        c.step(&Motion { position_mm: [0.0, 0.0, 0.3], ..Motion::default() });
+        let felt = c.step(&Motion { position_mm: [0.0, 0.0, -0.3], ..Motion::default() });
+        assert!((felt.approach_mm_s - 300.0).abs() < 1e-9, "{missed}: {}", felt.approach_mm_s);
+    }
+}
+
+#[test]
 fn where_places_come_in_steps_an_approach_is_measured_over_a_while() {
     let text = format!(
         "Scene(version: 1, input: stroke, device: (position_step_mm: 0.055), surfaces: {{\"a\": (shape: plane, effects: ({WALL}))}})"

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use super::{Friction, Kind, Placed, Scene, Touchable};
+use super::{Device, Friction, Kind, Placed, Scene, Touchable};
 use crate::effect::Magnet;
 use crate::effect::friction::{Dahl, LuGre, ViscousCoulomb};
 use crate::effect::passivity::{Law, Passivity, Quantisation, Sampling};
@@ -32,7 +32,7 @@ impl Scene {
         Some(Passivity::of(wall, self.sampling(), self.device.damping_ns_per_m))
     }
 
-    /// Every law of force that is not passive on this device in any hand, and every stiffness at which its steps of place can be felt; once for all surfaces of
+    /// Every law of force that is not passive on this device in any hand, and every wall at which its steps of place can be felt; once for all surfaces of
     /// which the same is to be said, at the first of them.
     pub fn findings(&self) -> Vec<Finding> {
         let mut all: Vec<(String, &str, Place, usize)> = Vec::new();
@@ -106,11 +106,11 @@ impl Scene {
         if !of_normal && friction.is_none() {
             all.extend(along("in its volume", [drag, None, None]));
         }
-        if let Some(Placed { of: stiffness, place }) = &effects.stiffness
+        if let Some((_, law, place)) = wall
             && self.device.position_step_mm > 0.0
         {
-            let quantisation =
-                Quantisation::of(*stiffness, self.device.position_step_mm, self.device.friction_n);
+            let Device { position_step_mm, friction_n, .. } = &self.device;
+            let quantisation = Quantisation::of(law, self.sampling(), *position_step_mm, *friction_n);
             if !quantisation.holds() {
                 all.push((format!(": {quantisation}"), place.clone()));
             }

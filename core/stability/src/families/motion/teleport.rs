@@ -1,19 +1,10 @@
-//! A stylus that does what no hand does, or whose places come late, twice or not at all.
+//! A stylus that jumps.
 
 use std::sync::Arc;
 
-use crate::case::{Case, Family, Found, holds};
+use crate::case::{Found, holds};
 use crate::rig::Rig;
 use crate::subject::Subject;
-
-pub(super) const CASES: &[Case] = &[Case {
-    family: Family::Motion,
-    name: "teleport",
-    hard: "the stylus is 200 mm further from one tick to the next, pressed down",
-    must: "all is finite, no node fails, and 1 s later the actuator does what it does without the jump, within 1 % of its peak",
-    of_graph: true,
-    run: teleport,
-}];
 
 /// A circle of 20 mm at 60 mm/s, 2 mm deep.
 fn circle(seconds: f64) -> [f64; 3] {
@@ -21,7 +12,7 @@ fn circle(seconds: f64) -> [f64; 3] {
     [20.0 * turn.cos(), 20.0 * turn.sin(), -2.0]
 }
 
-fn teleport(subject: &Subject<'_>) -> Found {
+pub(super) fn teleport(subject: &Subject<'_>) -> Found {
     let hz = f64::from(subject.its_graph()?.tick_hz);
     let jump = (1.0 * hz) as u64;
     let play = |way: f64| {

@@ -1,0 +1,64 @@
+//! A stylus that does what no hand does, or whose places come late, twice or not at all.
+
+mod gate;
+mod stage;
+mod teleport;
+mod times;
+
+use crate::case::{Case, Family, Found};
+use crate::subject::Subject;
+
+const fn case(name: &'static str, run: fn(&Subject<'_>) -> Found, [hard, must]: [&'static str; 2]) -> Case {
+    Case { family: Family::Motion, name, hard, must, of_graph: true, run }
+}
+
+pub(super) const CASES: &[Case] = &[
+    case(
+        "teleport",
+        teleport::teleport,
+        [
+            "the stylus is 200 mm further from one tick to the next, pressed down",
+            "all is finite, no node fails, and 1 s later the actuator does what it does without the jump, within 1 % of its peak",
+        ],
+    ),
+    case(
+        "one_count_at_rest",
+        gate::one_count,
+        [
+            "a hand rests on a wall, and x and y of its sensor flicker by one count of 0.055 mm (27.5 mm/s at 500 Hz before the filter), at once or in turns, at every period up to 60 ticks and by chance",
+            "the gate stays shut: a low-pass w makes 1.05 sqrt(2) D w e^(-pi/4) of it at most, 4.7 mm/s at 20 Hz",
+        ],
+    ),
+    case(
+        "around_the_gate",
+        gate::around,
+        [
+            "the stylus moves, after a start of 0.5 s, 2 % slower than the gate opens (4.9 of 5 mm/s), then 2 % faster, then now this and now that, by an ideal sensor and by one in steps of 0.055 mm",
+            "the gate stays shut at the one and opens once, within 0.3 s of the start, at the other, and does not shut again between the two; in steps, whose ripple may open it sooner, it changes at most once",
+        ],
+    ),
+    case(
+        "sampling_times",
+        times::sampling,
+        [
+            "a circle at 60 mm/s is read at times that are off by up to a quarter of a tick, or a whole tick late now and then, or every place twice",
+            "no node fails, the gate stays open, the speed is within 30 % (12 % a tick late and 14 % of jitter at 500 Hz by the step response of a 20 Hz filter), and 1 s later the actuator does what it does without, within 2 % of its peak",
+        ],
+    ),
+    case(
+        "lost_ticks",
+        times::lost,
+        [
+            "the engine loses 1, 2, 3 ticks and so on, 50 ms apart for 2.5 s, while the stylus goes on round a circle at 60 mm/s",
+            "the speed is never above 66 mm/s, no node fails, and 1 s later the actuator does what it does without, within 2 % of its peak",
+        ],
+    ),
+    case(
+        "a_gap_of_10_ms",
+        times::gap,
+        [
+            "for 10 ms no place comes, once held as it was and once marked as not to be trusted, while the stylus goes on round a circle at 60 mm/s",
+            "no node fails, the drive makes no larger step than a sine of 1000 Hz at its usual peak, no speed is told above 66 mm/s after a gap that was marked (97 after one that was not: 10 ms times w e^(-pi/4) more at 20 Hz), and 1 s later the actuator does what it does without, within 2 % of its peak",
+        ],
+    ),
+];

@@ -1,0 +1,206 @@
+//! A device that falls on the walls of a graph and rests there.
+//!
+//! A fall bounces until the speed that is left, which falls by e^(-pi z) every time, lifts it no more: v m w < f. Where two walls meet and one of them is felt at a time,
+//! they take turns: a force of the push's size P that changes its side when one is h deeper than the other. Every turn gives P h sqrt(2), and between two of them
+//! the damping takes 2 b v^3 m / (3 P), as in friction that turns late: no faster than the cube root of 3 sqrt(2) h P^2 / (2 b m), and two ticks of the push.
+
+use std::f64::consts::PI;
+
+use super::{pitch_mm, quantum};
+use crate::case::{Found, Not, holds, not_applicable};
+use crate::handle::{Device, Handle, Loop};
+use crate::subject::Subject;
+use crate::wall::{Column, Near, Spot, Wall};
+
+/// What it rests under \[N\].
+const PUSH_N: f64 = 0.3;
+/// From how high it falls \[mm\].
+const HEIGHT_MM: f64 = 2.0;
+/// Steps of the device between two ticks.
+const STEPS: usize = 5;
+/// How long it may take to come to rest, and for how long it lies still before that is believed \[s\].
+const TIME_S: (f64, f64) = (6.0, 0.3);
+/// How much deeper a wall must be than the one that is felt before it is felt instead, unless a scene says otherwise \[mm\].
+const HYSTERESIS_MM: f64 = 0.1;
+
+/// The last place of a level wall, where it ends or goes over into another.
+struct Edge {
+    on_mm: [f64; 2],
+    /// The way on, where there a higher one begins: the two make a corner.
+    corner: Option<[f64; 2]>,
+}
+
+/// Edges on lines between columns.
+fn edges(wall: &mut Wall, columns: &[Column], most: usize) -> Vec<Edge> {
+    let mut pairs: Vec<(Spot, [f64; 2], Option<[f64; 2]>)> = Vec::new();
+    for column in columns {
+        let Some(spot) = column.spot else { continue };
+        for other in columns {
+            let (dx, dy) = (other.at[0].abs_diff(column.at[0]), other.at[1].abs_diff(column.at[1]));
+            if dx + dy == 1 && !other.spot.is_some_and(|s| s.goes_on(&spot)) {
+                let higher = other.spot.is_some_and(|s| s.foot_mm[2] > spot.foot_mm[2] + 1.0);
+                let way = [0, 1].map(|k| {
+                    (other.foot_mm[k] - column.foot_mm[k]).signum() * f64::from(other.at[k] != column.at[k])
+                });
+                pairs.push((spot, other.foot_mm, higher.then_some(way)));
+            }
+        }
+    }
+    let step = pairs.len().div_ceil(most.max(1)).max(1);
+    let mut all = Vec::new();
+    for (spot, out, corner) in pairs.into_iter().step_by(step) {
+        let [mut on, mut off] = [[spot.foot_mm[0], spot.foot_mm[1]], out];
+        for _ in 0..24 {
+            let middle = [0.5 * (on[0] + off[0]), 0.5 * (on[1] + off[1])];
+            if wall.down(middle).is_some_and(|s| s.goes_on(&spot)) {
+                on = middle;
+            } else {
+                off = middle;
+            }
+        }
+        all.push(Edge { on_mm: on, corner });
+    }
+    all
+}
+
+/// What became of a fall.
+#[derive(Default)]
+struct Rest {
+    /// How often contact was made, and broken.
+    makes: u32,
+    breaks: u32,
+    /// Changes in the last half of the time.
+    late: u32,
+    /// How often, in the last half, what is touched turned to another side, and how fast the device still was \[mm/s\].
+    turns: u32,
+    fast_mm_s: f64,
+    /// It went over an edge.
+    fell: bool,
+}
+
+fn fall(wall: &mut Wall, device: Device, from_mm: [f64; 3], push_n: [f64; 3]) -> Rest {
+    wall.reset();
+    let tick_hz = wall.tick_hz();
+    let mut axes = from_mm.map(|x| {
+        let handle = Handle::new(device, None, 1.0 / tick_hz / STEPS as f64);
+        let mut it = Loop::new(handle, STEPS, 0, quantum::STEP_MM);
+        it.handle.put(x, 0.0, 0.0);
+        it
+    });
+    let (mut rest, mut touched, mut normal) = (Rest::default(), false, [0.0; 3]);
+    let (ticks, still) = ((TIME_S.0 * tick_hz) as u64, (TIME_S.1 * tick_hz) as u64);
+    let mut since = 0;
+    for tick in 0..ticks {
+        let force = wall.at(std::array::from_fn(|k| axes.get(k).map_or(0.0, Loop::seen_mm)));
+        let (now, last) = (wall.touched_n() > 0.0, 2 * tick >= ticks);
+        let before = std::mem::replace(&mut normal, wall.normal());
+        if now != touched {
+            rest.makes += u32::from(now);
+            rest.breaks += u32::from(!now);
+            rest.late += u32::from(last);
+            touched = now;
+        }
+        for ((axis, force), push) in axes.iter_mut().zip(force).zip(push_n) {
+            axis.tick(|_| force, push, |_| {});
+        }
+        let fast = axes.iter().map(|axis| axis.handle.v_mm_s().abs()).fold(0.0, f64::max);
+        if last {
+            let along: f64 = (0..3).map(|k| normal[k] * before[k]).sum();
+            rest.turns += u32::from(now && along < 0.9);
+            rest.fast_mm_s = rest.fast_mm_s.max(fast);
+        }
+        let [.., z] = &axes;
+        rest.fell = z.handle.x_mm() < from_mm[2] - 30.0;
+        since = if fast == 0.0 { since + 1 } else { 0 };
+        if rest.fell || since > still {
+            break;
+        }
+    }
+    rest
+}
+
+pub(super) fn rests(subject: &Subject<'_>) -> Found {
+    let mut wall = Wall::of_graph(subject)?;
+    let columns = wall.columns(pitch_mm(subject));
+    let mut level: Vec<Spot> = Vec::new();
+    for spot in columns.iter().filter_map(|c| c.spot).filter(|s| s.normal[2] > 1.0 - 1e-9) {
+        if !level.iter().any(|known| known.alike(&spot)) {
+            level.push(spot);
+        }
+    }
+    if level.is_empty() {
+        return not_applicable("no level wall was found in this graph");
+    }
+    let near: Vec<Near> = level.iter().map(|spot| wall.near(*spot)).collect::<Result<_, Not>>()?;
+    let most = |of: fn(&Near) -> f64| near.iter().map(of).fold(0.0, f64::max);
+    let (needed, dry) = (most(|n| n.needed_ns_per_m(0.0)), most(quantum::needed_n));
+    let stiffest = most(|n| n.law.stiffness_n_per_mm);
+    let device = Device { mass_kg: 0.1, damping_ns_per_m: 2.0 * needed, friction_n: 1.5 * dry };
+    // How fast it comes, were there nothing to take it.
+    let fast = (2e-3 * PUSH_N * HEIGHT_MM / device.mass_kg).sqrt();
+    let (k, sampled) = (1e3 * stiffest, needed);
+    let z = (device.damping_ns_per_m - sampled) / (2.0 * (k * device.mass_kg).sqrt());
+    let bounces = (fast * (k * device.mass_kg).sqrt() / PUSH_N).ln().max(0.0) / (PI * z);
+    let bound = 2 + bounces.ceil() as u32;
+    let (b, m, tick_s) = (device.damping_ns_per_m, device.mass_kg, near.first().map_or(0.0, Near::tick_s));
+    let fastest = 1e3
+        * ((1.5e-3 * 2.0_f64.sqrt() * HYSTERESIS_MM * PUSH_N * PUSH_N / (b * m)).cbrt()
+            + 2.0 * PUSH_N * tick_s / m);
+    let edges = edges(&mut wall, &columns, subject.by_effort(4, 16, 400));
+    let down = [0.0, 0.0, -PUSH_N];
+    let mut falls: Vec<([f64; 2], [f64; 3])> = Vec::new();
+    for Edge { on_mm, corner } in &edges {
+        // On it, on either side of it by parts of a step of the sensor, and well on it.
+        falls.extend([0.0, 0.4, -0.4, 3.0].map(|part| (on_mm.map(|x| x + part * quantum::STEP_MM), down)));
+        if let Some(way) = corner {
+            // Pressed into the corner.
+            let push = [way[0], way[1], -1.0].map(|x| PUSH_N * x * 0.5_f64.sqrt());
+            falls.push(([0, 1].map(|k| on_mm[k] - way[k] * HEIGHT_MM), push));
+        }
+    }
+    let middles = subject.by_effort(2, 8, 100);
+    falls.extend(level.iter().take(middles).map(|s| ([s.foot_mm[0], s.foot_mm[1]], down)));
+    let (mut worst, mut fell, mut trembles, mut turned) = (0, 0, 0, 0.0_f64);
+    for (at, push) in &falls {
+        let top = wall.down(*at).map_or(0.0, |s| s.foot_mm[2]);
+        let it = fall(&mut wall, device, [at[0], at[1], top + HEIGHT_MM], *push);
+        fell += u32::from(it.fell);
+        let into = if push[0] == 0.0 && push[1] == 0.0 { "" } else { " into a corner" };
+        let where_ = || format!("at x {:.2}, y {:.2} mm{into}", at[0], at[1]);
+        holds(it.makes <= bound, || {
+            format!(
+                "{} contact is made {} times and broken {}; the bound is {bound}",
+                where_(),
+                it.makes,
+                it.breaks
+            )
+        })?;
+        holds(it.late == 0, || {
+            format!(
+                "{} contact is still made or broken {} times in the last half of {} s",
+                where_(),
+                it.late,
+                TIME_S.0
+            )
+        })?;
+        if it.turns > 0 && !it.fell {
+            holds(it.fast_mm_s <= fastest, || {
+                format!(
+                    "{} what is touched takes turns ({} of them) at {:.1} mm/s; the bound is {fastest:.1}",
+                    where_(),
+                    it.turns,
+                    it.fast_mm_s
+                )
+            })?;
+            trembles += 1;
+            turned = turned.max(it.fast_mm_s);
+        }
+        worst = worst.max(it.makes);
+    }
+    holds(wall.faults() == 0, || format!("{} faults", wall.faults()))?;
+    Ok(format!(
+        "{} falls, on {} edges: contact is made {worst} times at most ({bound} are allowed); {fell} went over the edge; {trembles} rest between two sides that take turns, at {turned:.1} mm/s at most ({fastest:.1})",
+        falls.len(),
+        edges.len()
+    ))
+}
