@@ -190,3 +190,25 @@ fn phase_for_a_day() {
     });
     fails("phase_for_a_day", &creeps, "0.01 Hz");
 }
+
+#[test]
+fn phase_against_f64() {
+    holds("phase_against_f64", &all());
+    // In single precision a phase that is added up and never wrapped.
+    let adds_up = mutant("spsi", |setup| {
+        let single = setup.params.text("precision") == "f32";
+        let mut turns = 0.0_f32;
+        Box::new(move |node, tick| {
+            let Some(frame) = tick.inputs.magnitude(0) else { return node.process(tick) };
+            let status = node.process(tick)?;
+            turns += 1000.3;
+            let exact = 1000.3_f32 as f64 * (frame.index + 1) as f64;
+            let by = if single { f64::from(turns) - exact } else { 0.0 };
+            let (sin, cos) = (TAU * by.fract()).sin_cos();
+            let by = Complex::new(cos as f32, sin as f32);
+            tick.outputs.spectrum(0, frame.index, frame.start).iter_mut().for_each(|z| *z *= by);
+            Ok(status)
+        })
+    });
+    fails("phase_against_f64", &adds_up, "dB apart");
+}

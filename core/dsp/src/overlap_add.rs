@@ -6,6 +6,7 @@
 //! samples, so that sum is not constant; it is periodic, and one period of it is kept.
 
 use crate::float::keep_wide;
+use crate::magnitude::largest_of;
 use crate::window::hann;
 use crate::{Float, Framing, FramingError, plans};
 use asperity_state::State;
@@ -28,6 +29,8 @@ pub struct OverlapAdd<T> {
     window: Vec<T>,
     /// One over the sum of windows, over one period of sample indices.
     gain: Vec<T>,
+    /// Bins are held to the largest number over this, so that sums over all bins and all frames of a window stay finite.
+    summed: f64,
     /// Sums of frames; the sample `next` is at `head`.
     ring: Vec<T>,
     head: usize,
@@ -81,12 +84,14 @@ impl<T: Float> OverlapAdd<T> {
         let (period, frames) = framing.period();
         let hop = period / frames + 1;
         let ring = n + 2 * usize::try_from(hop).unwrap_or(n);
+        let overlapping = (n as u64 * frames).div_ceil(period).max(1);
         Ok(Self {
             spectrum: inverse.make_input_vec(),
             frame: inverse.make_output_vec(),
             scratch: inverse.make_scratch_vec(),
             window: hann::<f64>(n).into_iter().map(|w| T::of(w * scale)).collect(),
             gain: gain(&framing).into_iter().map(T::of).collect(),
+            summed: (8 * framing.bins as u64 * overlapping) as f64,
             ring: vec![T::zero(); ring],
             head: 0,
             next: 0,
@@ -126,7 +131,8 @@ impl<T: Float> OverlapAdd<T> {
     /// Adds the frame that covers samples `start .. start + fft_len`.
     ///
     /// `spectrum` holds amplitudes `2 sum(w x e^-i..) / sum(w)` from bin 0, phases counted from the frame's first sample. Missing
-    /// bins are 0, more than `framing.bins` are not used. Of bin 0 and Nyquist only the real part can be heard. A sample
+    /// bins are 0, more than `framing.bins` are not used; what is so large that sums would not be finite is held. Of bin 0 and Nyquist
+    /// only the real part can be heard. A sample
     /// that was emitted already keeps what it had.
     ///
     /// # Errors
@@ -158,8 +164,9 @@ impl<T: Float> OverlapAdd<T> {
 
     fn transform<P: Float>(&mut self, spectrum: &[Complex<P>]) {
         let bins = spectrum.len().min(self.framing.bins);
+        let most = P::of(largest_of::<P, T>() / self.summed);
         for (to, from) in self.spectrum.iter_mut().zip(&spectrum[..bins]) {
-            *to = Complex::new(from.re.to(), from.im.to());
+            *to = Complex::new(held(from.re, most).to(), held(from.im, most).to());
         }
         self.spectrum[bins..].fill(Complex::default());
         if let Some(dc) = self.spectrum.first_mut() {
@@ -219,6 +226,17 @@ impl<T: Float> OverlapAdd<T> {
     fn advance(&mut self, count: usize) {
         self.head = (self.head + count) % self.ring.len();
         self.next = self.next.saturating_add(count as u64);
+    }
+}
+
+/// A number, or the nearest that is not larger than `most`.
+fn held<T: Float>(x: T, most: T) -> T {
+    if x > most {
+        most
+    } else if x < -most {
+        -most
+    } else {
+        x
     }
 }
 

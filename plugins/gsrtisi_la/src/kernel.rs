@@ -213,10 +213,12 @@ impl Estimator {
     fn take(&mut self, magnitudes: &[f32]) -> usize {
         let flight = &mut self.flights[0];
         let mut bad = 0;
+        // Sums of all bins, of all frames and of their squared windows stay finite.
+        let most = f32::MAX / (64 * (flight.mags.len() + 1)) as f32;
         let given = magnitudes.iter().copied().chain(std::iter::repeat(0.0));
         for (mag, from) in flight.mags.iter_mut().zip(given) {
             let good = (0.0..=f32::MAX).contains(&from);
-            *mag = if good { from } else { 0.0 };
+            *mag = if good { from.min(most) } else { 0.0 };
             bad += usize::from(!good);
         }
         flight.part.fill(0.0);

@@ -180,3 +180,17 @@ fn single_precision_gives_a_stream_back_to_its_rounding() {
     }
     assert!(worst < 1e-5, "{worst}");
 }
+
+#[test]
+fn the_largest_numbers_stay_finite_and_are_got_over() {
+    let f = Framing { rate_hz: 2500, fft_len: 250, bins: 126, frame_num: 500, frame_den: 1 };
+    let mut add = OverlapAdd::<f32>::new(f).unwrap();
+    for n in 0..200 {
+        let value = if n < 60 { f32::MAX } else { 0.0 };
+        add.add_frame(5 * n, &[Complex::new(value, -value); 126]).unwrap();
+        let mut out = [0f32; 5];
+        add.emit(5 * n, &mut out);
+        assert!(out.iter().all(|y| y.is_finite()), "frame {n}");
+        assert!(n < 115 || out == [0.0; 5], "frame {n}: {out:?}");
+    }
+}

@@ -71,24 +71,25 @@ impl<T: Float> History<T> {
         // More than there are slots would only overwrite each other.
         self.next = self.next.max(index.saturating_sub(self.slots.len() as u64));
         while self.next < index {
-            self.add::<T>(&[], T::one());
+            self.add::<T>(&[], T::MAX, T::one());
         }
     }
 
-    /// Adds the frame after the newest, or any after [`clear`](Self::clear), times `factor`.
-    pub(super) fn add_at<P: Float>(&mut self, index: u64, magnitudes: &[P], factor: T) {
+    /// Adds the frame after the newest, or any after [`clear`](Self::clear), none of it above `most`, times `factor`.
+    pub(super) fn add_at<P: Float>(&mut self, index: u64, magnitudes: &[P], most: P, factor: T) {
         if self.next == self.first {
             (self.first, self.next) = (index, index);
         }
-        self.add(magnitudes, factor);
+        self.add(magnitudes, most, factor);
     }
 
-    fn add<P: Float>(&mut self, magnitudes: &[P], factor: T) {
+    fn add<P: Float>(&mut self, magnitudes: &[P], most: P, factor: T) {
         let at = self.place(self.next);
         let bins = self.framing.bins;
         let mags = &mut self.mags[at * bins..(at + 1) * bins];
         mags.fill(T::zero());
         for (to, &m) in mags.iter_mut().zip(magnitudes).filter(|(_, m)| usable(**m)) {
+            let m = if m > most { most } else { m };
             *to = m.to::<T>() * factor;
         }
         let peak = largest(mags);

@@ -240,7 +240,10 @@ impl<T: Float> SampleCommit<T> {
         }
         let magnitudes = magnitudes.get(..self.framing.bins).unwrap_or(magnitudes);
         let bad = magnitudes.iter().filter(|&&m| !usable(m)).count();
+        // Those of all bins together stay finite.
+        let most = P::of(largest_of::<P, T>() / (8 * (self.framing.bins + 1)) as f64);
         let peak = largest(magnitudes);
+        let peak = if peak > most { most } else { peak };
         if self.is_fresh() {
             self.fade_from = self.next.max(start);
             self.unheard_from = start;
@@ -249,7 +252,7 @@ impl<T: Float> SampleCommit<T> {
         }
         self.set_scale(peak.f64());
         // See `Projector::project` for the quarter.
-        self.history.add_at(index, magnitudes, T::of(0.25 / self.scale));
+        self.history.add_at(index, magnitudes, most, T::of(0.25 / self.scale));
         if peak > P::zero() {
             self.sounds_until = start + n;
         }

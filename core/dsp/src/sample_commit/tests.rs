@@ -235,6 +235,21 @@ fn the_largest_numbers_stay_finite() {
         c.emit(5 * n, &mut out);
         assert!(out.iter().all(|y| y.is_finite()));
     }
+    // And are got over.
+    for n in 60..300 {
+        c.push(n, &tone_frame()).unwrap();
+        let mut out = [0f32; 5];
+        c.emit(5 * n, &mut out);
+        assert!(out.iter().all(|y| y.is_finite()), "frame {n}");
+        assert!(n < 200 || out.iter().all(|y| y.abs() < 3.0), "frame {n}: {out:?}");
+    }
+}
+
+/// A frame of a tone between bins.
+fn tone_frame() -> [f32; 101] {
+    let mut frame = [0.0; 101];
+    frame[15..18].copy_from_slice(&[0.5, 1.0, 0.5]);
+    frame
 }
 
 #[test]

@@ -29,7 +29,7 @@ pub(super) const CASES: &[Case] = &[
     Case {
         family: Family::Networks,
         name: "network_huge",
-        hard: "the network's magnitudes are 1e30: in one bin, in all, in a single frame, for a window, for ever",
+        hard: "the network's magnitudes are 1e30: in one bin, in all, in a single frame, for a window, for ever; and the largest number for a window",
         must: "the drive is finite and within the limiter's bounds in every sample, no node fails, what does not hear it goes on to the bit, and 1 s after it \
                the level is back within 1 dB",
         of_graph: true,
@@ -143,6 +143,7 @@ fn huge(subject: &Subject<'_>) -> Found {
                 bins.fill(1e30);
             }
         }),
+        Wrong::burst("the largest number in all bins for a window", |_, bins| bins.fill(f32::MAX)),
         Wrong::for_ever("1e30 for ever", |_, bins| bins.fill(1e30)),
     ];
     spoil(subject, &chosen(subject, wrongs)).map(|(_, found)| found)
@@ -209,7 +210,7 @@ fn out_of_range(subject: &Subject<'_>) -> Found {
     nodes.dedup();
     let at: Vec<_> = windows.iter().map(|w| w.wrong.clone()).collect();
     let others = kinds.into_iter().map(|kind| subject.kind(kind).map(|kind| multiplied(kind, &told, &at)));
-    let others: Vec<Arc<dyn NodeKind>> = others.collect::<Result<_, _>>()?;
+    let others: Kinds = others.collect::<Result<_, _>>()?;
     let mut both = Beside::new(subject, &motion, others, nodes)?;
     let off = both.run(&windows, ticks)?;
     let [within, out] = both.magnitudes();

@@ -63,7 +63,7 @@ pub(super) const CASES: &[Case] = &[
     Case {
         family: Family::Phase,
         name: "phase_no_magnitudes",
-        hard: "magnitudes that are NaN, infinite, negative or 1e30, given to the node itself: in some bins of a frame, in all for a window",
+        hard: "magnitudes that are NaN, infinite, negative or the largest number, given to the node itself: in some bins of a frame, in all for a window",
         must: "all samples are finite, the node does not fail, and two windows later a tone has its level within 1 dB",
         of_graph: false,
         run: odd::no_magnitudes,

@@ -136,7 +136,7 @@ pub(super) fn no_magnitudes(subject: &Subject<'_>) -> Found {
             Some(if n % 2 == 0 { f32::NAN } else { f32::INFINITY })
         }),
         ("a window of negative bins", 50, |_, _| Some(-1.0)),
-        ("a window of 1e30", 50, |_, _| Some(1e30)),
+        ("a window of the largest number", 50, |_, _| Some(f32::MAX)),
     ];
     let tone: Frames = frames(|_, k| lobe(TONE, k));
     let (count, worst, of) = each(subject, true, |method| {
