@@ -248,6 +248,71 @@ fn pruning_off_keeps_what_can_run_and_refuses_nothing_more() {
     assert_eq!(s.dropped.len(), 2);
 }
 
+/// A hundred sources before a chain and a hundred sinks behind it took a gigabyte to list their paths.
+#[test]
+fn paths_of_many_sources_and_sinks_about_a_long_chain_do_not_name_every_node_each() {
+    let (many, long) = (100, 2000);
+    let inputs = (many - 1) / 63 + 1;
+    let mut nodes: Vec<String> = (0..many).map(|i| format!("\"s{i}\": (kind: \"sine\")")).collect();
+    nodes.extend((0..inputs).map(|i| format!("\"m{i}\": (kind: \"mix\", params: (inputs: 64))")));
+    nodes.extend((0..long).map(|i| format!("\"g{i}\": (kind: \"gain\")")));
+    nodes.extend((0..many).map(|i| format!("\"p{i}\": (kind: \"probe\")")));
+    let mut wires: Vec<(String, String)> =
+        (0..many).map(|i| (format!("s{i}"), format!("m{}.in{}", i / 63, i % 63 + 1))).collect();
+    wires.extend((1..inputs).map(|i| (format!("m{}", i - 1), format!("m{i}.in64"))));
+    wires.push((format!("m{}", inputs - 1), "g0".to_owned()));
+    wires.extend((1..long).map(|i| (format!("g{}", i - 1), format!("g{i}"))));
+    wires.extend((0..many).map(|i| (format!("g{}", long - 1), format!("p{i}"))));
+    let wires: Vec<String> = wires.iter().map(|(a, b)| format!("({a:?}, {b:?})")).collect();
+    let s = schedule(&nodes.join(", "), &wires.join(", "));
+    assert_eq!(s.paths.len(), many * many);
+    let named: usize = s.paths.iter().map(|p| p.through.len()).sum();
+    assert!((long + 100_000..150_000).contains(&named), "{named}");
+    let whole = |p: &&asperity_graph::PathLatency| p.through.len() > long;
+    assert!(s.paths.iter().filter(whole).count() >= 40, "the first name all their nodes");
+    for path in &s.paths {
+        assert_eq!((path.through.first(), path.through.last()), (Some(&path.from), Some(&path.to)));
+    }
+}
+
+/// Each of thousands of wrong names was held against each of thousands of right ones, for most of a minute.
+#[test]
+fn of_a_thousand_wrong_names_all_are_told_and_the_first_hundred_guessed() {
+    let nodes: Vec<String> = (0..1000).map(|i| format!("\"g{i}\": (kind: \"gain\")")).collect();
+    let wires: Vec<String> = (1..1000).map(|i| format!("(\"g{}x\", \"g{i}\")", i - 1)).collect();
+    let text = format!("Graph(version: 1, nodes: {{{}}}, wires: [{}])", nodes.join(", "), wires.join(", "));
+    let graph = GraphFile::parse(&Source::new("g.ron", text)).unwrap();
+    let errors = compile(&graph, &asperity_nodes::registry(), Default::default()).unwrap_err();
+    assert_eq!(errors.len(), 999);
+    assert_eq!(errors[7].help.as_deref(), Some("did you mean `g7`?"));
+    assert!(errors.iter().all(|e| e.message.starts_with("there is no node `g") && e.place.is_some()));
+    assert_eq!(errors.iter().filter(|e| e.help.is_some()).count(), 100);
+}
+
+/// Of thousands of gates in a row each kept the list of all those behind it.
+#[test]
+fn of_many_gates_in_a_row_a_node_waits_for_the_last_alone() {
+    let gates = 300;
+    let mut nodes = vec![
+        "\"s\": (kind: \"sine\")".to_owned(),
+        "\"hand\": (kind: \"stroke\")".to_owned(),
+        "\"v\": (kind: \"velocity\")".to_owned(),
+        "\"out\": (kind: \"file_out\", params: (file: \"x.wav\"))".to_owned(),
+    ];
+    nodes.extend((0..gates).map(|i| format!("\"q{i}\": (kind: \"speed_gate\")")));
+    let mut wires = vec![("hand".to_owned(), "v".to_owned()), ("s".to_owned(), "q0.in".to_owned())];
+    wires.extend((0..gates).map(|i| ("v.speed".to_owned(), format!("q{i}.speed"))));
+    wires.extend((1..gates).map(|i| (format!("q{}.out", i - 1), format!("q{i}.in"))));
+    wires.push((format!("q{}.out", gates - 1), "out".to_owned()));
+    let wires: Vec<String> = wires.iter().map(|(a, b)| format!("({a:?}, {b:?})")).collect();
+    let s = schedule(&nodes.join(", "), &wires.join(", "));
+    assert_eq!(guards(&s, "q299"), [""; 0]);
+    assert_eq!(guards(&s, "q297"), ["q298+q299"]);
+    let most = s.nodes.iter().flat_map(|n| &n.guards).map(Vec::len).max();
+    assert_eq!(most, Some(64));
+    assert_eq!(s.nodes[s.index_of("s").unwrap()].guards.len(), 1);
+}
+
 /// Values of a probe's input over some ticks.
 fn run(compiled: Compiled, ticks: usize) -> Vec<u64> {
     let mut engine = Engine::new(compiled, Options::default());

@@ -8,10 +8,13 @@ mod counting;
 #[path = "../common/stage.rs"]
 mod stage;
 
+mod actuator;
 mod autoregressive;
 mod faults;
 mod files;
+mod filters_and_rates;
 mod friction;
+mod graphs;
 mod motion;
 mod networks;
 mod phase;

@@ -162,7 +162,7 @@ pub struct PathLatency {
     pub least: Latency,
     /// Greatest latency of any path.
     pub most: Latency,
-    /// The nodes of the path with the greatest latency.
+    /// The nodes of the path with the greatest latency, its ends included; in a graph of very many and long paths, its ends alone.
     pub through: Vec<usize>,
 }
 

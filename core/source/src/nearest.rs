@@ -11,15 +11,20 @@ pub fn nearest<'a>(wanted: &str, names: impl IntoIterator<Item = &'a str>) -> Op
         .map(|(_, n)| n)
 }
 
-/// Help for an unknown name: the nearest one if there is one, else the list of them all.
+/// Most names that are listed.
+const MOST: usize = 100;
+
+/// Help for an unknown name: the nearest one if there is one, else the list of them all, or of the first of very many.
 pub fn one_of<'a>(wanted: &str, names: impl IntoIterator<Item = &'a str> + Clone) -> String {
     if let Some(n) = nearest(wanted, names.clone()) {
         return format!("did you mean `{n}`?");
     }
-    let all: Vec<_> = names.into_iter().map(|n| format!("`{n}`")).collect();
-    match all.len() {
+    let count = names.clone().into_iter().count();
+    let all: Vec<_> = names.into_iter().take(MOST).map(|n| format!("`{n}`")).collect();
+    match count {
         0 => "there are none".into(),
         1 => format!("there is only {}", all[0]),
+        _ if count > MOST => format!("there are {}, and {} more", all.join(", "), count - MOST),
         _ => format!("there are {}", all.join(", ")),
     }
 }
@@ -33,5 +38,13 @@ mod tests {
         assert_eq!(nearest("overlap_ad", ["spsi", "overlap_add"]), Some("overlap_add"));
         assert_eq!(nearest("Velocty", ["velocity", "gain"]), Some("velocity"));
         assert_eq!(nearest("zzzzzz", ["velocity", "gain"]), None);
+    }
+
+    #[test]
+    fn of_very_many_names_the_first_are_listed() {
+        let names: Vec<String> = (0..5000).map(|i| format!("n{i}")).collect();
+        let help = one_of("zzzzzzzz", names.iter().map(String::as_str));
+        assert!(help.ends_with("`n98`, `n99`, and 4900 more") && help.len() < 1000, "{help}");
+        assert_eq!(one_of("zzzzzzzz", ["a", "b"]), "there are `a`, `b`");
     }
 }

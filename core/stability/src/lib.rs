@@ -12,11 +12,13 @@ mod families;
 mod handle;
 pub mod played;
 mod rig;
+mod small;
 mod subject;
 mod wall;
 pub mod wrap;
 
 pub use case::{Case, Family, Found, Not, Outcome, Verdict, holds, not_applicable};
-pub use families::cases;
+pub use families::{Became, Drawn, Piece, Place, Sound, Stood, cases, drawn, limited};
 pub use rig::Rig;
+pub use small::Small;
 pub use subject::{Effort, Subject};

@@ -82,6 +82,15 @@ impl Played {
         Self::of(name, ShapeSpec::Audio(RateSpec::Graph), unit, What::Audio(samples))
     }
 
+    /// Audio at the graph's rate, at the output `out`, which is to be trusted only while the host vouches for the input `hand`.
+    pub fn audio_in_hand(name: &str, unit: Unit, samples: Samples) -> Arc<dyn NodeKind> {
+        let hand = Input::new("hand", ShapeSpec::Control(1), Unit::NONE).fed();
+        let output = Output::new("out", ShapeSpec::Audio(RateSpec::Graph), unit);
+        let descriptor =
+            Descriptor::new(name.to_owned(), "Plays what it is given.").input(hand).output(output);
+        Arc::new(Self { descriptor, what: What::Audio(samples) })
+    }
+
     /// Audio at a rate of its own, at the output `out`.
     pub fn audio_at(name: &str, rate_hz: u32, unit: Unit, samples: Samples) -> Arc<dyn NodeKind> {
         Self::of(name, ShapeSpec::Audio(RateSpec::Hz(rate_hz)), unit, What::Audio(samples))

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use asperity_engine::{Engine, Options};
-use asperity_graph::{GraphFile, Schedule};
+use asperity_graph::{Compiled, GraphFile, Schedule};
 use asperity_node::{Buffer, Descriptor, FactValue, NodeKind, Registry, Shape, ShapeSpec, Unit};
 
 use crate::case::{Not, not_applicable};
@@ -112,13 +112,7 @@ impl Rig {
     /// # Errors
     /// What the compiler says.
     pub fn of(subject: &Subject<'_>, graph: &GraphFile, kinds: &[Arc<dyn NodeKind>]) -> Result<Self, Not> {
-        let compiled = subject.compiled(graph, kinds)?;
-        let schedule = Arc::new(compiled.schedule.clone());
-        let drives = schedule.nodes.iter().enumerate().filter(|(_, n)| n.kind == "audio_out");
-        let drives = drives.map(|(i, _)| (i, 0)).collect();
-        let felt = felt(&schedule);
-        let engine = Engine::new(compiled, Options::default());
-        Ok(Self { engine, schedule, drives, felt, styluses: Vec::new() })
+        Ok(Self::from(subject.compiled(graph, kinds)?))
     }
 
     /// Runs so many ticks; `each` is shown the rig after each of them.
@@ -203,6 +197,17 @@ impl Rig {
             Some(Buffer::Control { values, .. }) => values,
             _ => &[],
         }
+    }
+}
+
+impl From<Compiled> for Rig {
+    fn from(compiled: Compiled) -> Self {
+        let schedule = Arc::new(compiled.schedule.clone());
+        let drives = schedule.nodes.iter().enumerate().filter(|(_, n)| n.kind == "audio_out");
+        let drives = drives.map(|(i, _)| (i, 0)).collect();
+        let felt = felt(&schedule);
+        let engine = Engine::new(compiled, Options::default());
+        Self { engine, schedule, drives, felt, styluses: Vec::new() }
     }
 }
 

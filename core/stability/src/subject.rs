@@ -91,15 +91,27 @@ impl<'a> Subject<'a> {
     /// Compiles a graph of these kinds, and of more where a case brings its own.
     ///
     /// # Errors
-    /// What the compiler says, in one line.
-    pub fn compiled(&self, graph: &GraphFile, more: &[Arc<dyn NodeKind>]) -> Result<Compiled, String> {
+    /// What the compiler says.
+    pub fn compile(
+        &self,
+        graph: &GraphFile,
+        more: &[Arc<dyn NodeKind>],
+    ) -> Result<Compiled, Vec<asperity_source::Diagnostic>> {
         let mut registry = self.registry.clone();
         for kind in more {
             registry.add(kind.clone());
         }
+        compile(graph, &registry, Default::default())
+    }
+
+    /// The same, with what the compiler says in one line.
+    ///
+    /// # Errors
+    /// That line.
+    pub fn compiled(&self, graph: &GraphFile, more: &[Arc<dyn NodeKind>]) -> Result<Compiled, String> {
         let told = |errors: Vec<asperity_source::Diagnostic>| {
             errors.iter().map(ToString::to_string).collect::<Vec<_>>().join("; ")
         };
-        compile(graph, &registry, Default::default()).map_err(told)
+        self.compile(graph, more).map_err(told)
     }
 }

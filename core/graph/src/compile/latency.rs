@@ -6,15 +6,20 @@ use crate::{PathLatency, ScheduledNode};
 
 /// Most pairs of source and sink that are listed.
 const MAX_PATHS: usize = 10_000;
+/// Most nodes that all paths together name, but for their ends.
+const MAX_NAMED: usize = 100_000;
 
 /// For every sink and every source that reaches it, the least and greatest latency of any path. A node that closes a
 /// cycle counts as a source: what comes into it is of another time. Of more than [`MAX_PATHS`] pairs only the latest
-/// of each sink is listed.
+/// of each sink is listed. Once paths have named [`MAX_NAMED`] nodes, the others name their ends alone.
 pub(super) fn paths(nodes: &[ScheduledNode]) -> Vec<PathLatency> {
     let is_source = |n: &ScheduledNode| n.closes_cycle || n.inputs.iter().all(|i| i.from.is_none());
     let sources = nodes.iter().filter(|n| is_source(n)).count();
     let all = sources * nodes.iter().filter(|n| n.sink).count() <= MAX_PATHS;
     let mut out: Vec<PathLatency> = Vec::new();
+    // Where the latest path of each sink is listed.
+    let mut listed: Vec<Option<usize>> = vec![None; nodes.len()];
+    let mut named = 0;
     for (from, _) in nodes.iter().enumerate().filter(|(_, n)| is_source(n)) {
         // Nodes are in order, so one pass over them settles every path from here.
         let mut best: Vec<Option<(Latency, Latency, usize)>> = vec![None; nodes.len()];
@@ -29,22 +34,37 @@ pub(super) fn paths(nodes: &[ScheduledNode]) -> Vec<PathLatency> {
                 });
             }
         }
-        for (to, _) in nodes.iter().enumerate().filter(|(i, n)| n.sink && *i != from && best[*i].is_some()) {
+        for (to, _) in nodes.iter().enumerate().filter(|(i, n)| n.sink && *i != from) {
             let Some((least, most, _)) = best[to] else { continue };
-            let mut through = vec![to];
-            let mut at = to;
-            while let Some((_, _, via)) = best[at].filter(|(_, _, via)| *via != at) {
-                through.push(via);
-                at = via;
+            let known = listed[to].filter(|_| !all);
+            if known.is_some_and(|at| out[at].most >= most) {
+                continue;
             }
-            through.reverse();
+            let through = if named < MAX_NAMED { through(&best, to) } else { vec![from, to] };
+            named += through.len() - 2;
             let path = PathLatency { from, to, least, most, through };
-            match out.iter_mut().find(|p| !all && p.to == to) {
-                Some(worst) if worst.most < most => *worst = path,
-                Some(_) => {}
-                None => out.push(path),
+            match known {
+                Some(at) => {
+                    named -= out[at].through.len() - 2;
+                    out[at] = path;
+                }
+                None => {
+                    listed[to] = Some(out.len());
+                    out.push(path);
+                }
             }
         }
     }
+    out
+}
+
+/// The nodes of the latest path to a node, its source first; at least two, as no node is its own sink.
+fn through(best: &[Option<(Latency, Latency, usize)>], to: usize) -> Vec<usize> {
+    let (mut out, mut at) = (vec![to], to);
+    while let Some((_, _, via)) = best[at].filter(|(_, _, via)| *via != at) {
+        out.push(via);
+        at = via;
+    }
+    out.reverse();
     out
 }

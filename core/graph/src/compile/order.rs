@@ -253,6 +253,8 @@ fn find_cycle(after: &[Vec<usize>], open: impl Fn(usize) -> bool) -> Option<Vec<
 
 /// More ways than this to be wanted are not kept: such a node runs always.
 const MAX_ALTERNATIVES: usize = 64;
+/// Nor more gates in a way than these, the last of them: before the others a node may run though nobody hears it.
+const MAX_GATES: usize = 64;
 
 /// For every node the ways in which it is wanted: sets of gates of which all must be open. None for a node that
 /// always runs.
@@ -289,7 +291,7 @@ fn guards(
         for &(reader, input) in &readers[i] {
             for way in &ways[reader] {
                 let mut way = way.clone();
-                if gates[reader] == Some(input) {
+                if gates[reader] == Some(input) && way.len() < MAX_GATES {
                     way.insert(reader);
                 }
                 if !all.iter().any(|w| w.is_subset(&way)) {

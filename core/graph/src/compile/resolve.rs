@@ -123,6 +123,9 @@ fn node(
     Some(node)
 }
 
+/// Of more errors than these, what was probably meant is not looked for: that would be each wrong name against each right one.
+const MAX_GUESSES: usize = 100;
+
 #[derive(Clone, Copy, PartialEq)]
 enum Direction {
     Input,
@@ -138,13 +141,15 @@ fn end(
     errors: &mut Vec<Diagnostic>,
 ) -> Option<(usize, usize)> {
     let place = &end.place;
+    let Some(&index) = by_id.get(end.node.as_str()) else {
+        let message = format!("there is no node `{}`", end.node);
+        let error = Diagnostic::new(message).at(&place.source, place.span);
+        let guess = || one_of(&end.node, graph.nodes.iter().map(|n| n.id.as_str()));
+        errors.push(if errors.len() < MAX_GUESSES { error.help(guess()) } else { error });
+        return None;
+    };
     let mut fail = |message: String, help: String| {
         errors.push(Diagnostic::new(message).at(&place.source, place.span).help(help));
-    };
-    let Some(&index) = by_id.get(end.node.as_str()) else {
-        let help = one_of(&end.node, graph.nodes.iter().map(|n| n.id.as_str()));
-        fail(format!("there is no node `{}`", end.node), help);
-        return None;
     };
     // A node that could not be resolved has its own error already.
     let ports = &nodes[index].as_ref()?.ports;

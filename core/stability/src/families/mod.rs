@@ -1,11 +1,17 @@
 //! All cases: one file a family.
 
+mod actuator;
 mod autoregressive;
+mod filters_and_rates;
 mod friction;
+mod graphs;
 mod motion;
 mod networks;
 mod phase;
 mod stiff_walls;
+
+pub use actuator::{Piece, Place, Sound, Stood, limited};
+pub use graphs::{Became, Drawn, drawn};
 
 use crate::case::Case;
 
@@ -17,7 +23,10 @@ pub fn cases() -> Vec<&'static Case> {
         networks::CASES,
         autoregressive::CASES,
         phase::CASES,
+        actuator::CASES,
         friction::CASES,
+        filters_and_rates::CASES,
+        graphs::CASES,
     ];
     all.into_iter().flatten().collect()
 }

@@ -210,7 +210,7 @@ fn out_of_range(subject: &Subject<'_>) -> Found {
     nodes.dedup();
     let at: Vec<_> = windows.iter().map(|w| w.wrong.clone()).collect();
     let others = kinds.into_iter().map(|kind| subject.kind(kind).map(|kind| multiplied(kind, &told, &at)));
-    let others: Kinds = others.collect::<Result<_, _>>()?;
+    let others: Vec<_> = others.collect::<Result<_, _>>()?;
     let mut both = Beside::new(subject, &motion, others, nodes)?;
     let off = both.run(&windows, ticks)?;
     let [within, out] = both.magnitudes();

@@ -15,13 +15,15 @@
 //!
 //! **Heat.** e is the mean of I^2 over the coil's thermal time constant tau (a first-order mean, as a coil
 //! warms). The wall lets I^2 be at most I_r^2 + (I_r^2 - e) tau / T: then e approaches the rating I_r^2 with time
-//! constant T and never passes it. The gain does the same with a longer T and 2 % below, without cutting the wave.
+//! constant T, some times what the current takes to follow, and never passes it. The gain does the same with a longer T and 2 % below, without cutting
+//! the wave. What no voltage can stop, a coil that brakes its own motion, is bounded by that motion: see below.
 //!
 //! **Stroke.** What is bounded is r = sqrt(x^2 + (x' / w_n)^2), the swing that would follow if the drive ceased
 //! at this moment; |x| is never larger. A drive that puts energy in is cut to what lets r^2 approach the stroke
 //! with a time constant of a fraction of a millisecond. What it puts in is judged at the speed that the current which
 //! flows, and the one that is wanted, would bring before they can end; what the damping takes out, at the speed there
-//! is. A drive that takes energy out is not cut unless it would turn the mover around within a sample.
+//! is. A drive that takes energy out is not cut unless it would turn the mover around within a sample. Under a voltage drive r is held, too, to what the coil
+//! could bear as heat beside e, were it shorted now: e + r^2 mu k_f^2 / (2 R tau (R c + k_f^2)) goes little over I_r^2.
 
 use std::f64::consts::TAU;
 use std::ops::RangeInclusive;
@@ -142,6 +144,10 @@ const CEILING: f64 = 4.0;
 const RMS_AIM: f64 = 0.98;
 const STROKE_AIM: f64 = 0.95;
 const STROKE_WALL: f64 = 0.98;
+/// The wall to the heat gives way no faster than in so many times what the current takes to follow it.
+const WALL_LAGS: f64 = 4.0;
+/// To this part of the square of the rated current the coil may warm by its own motion.
+const SHORTED: f64 = 1.015;
 /// The slew is held by this little more than asked, for the rounding to f32.
 const SLEW_MARGIN: f64 = 0.999;
 const TINY: f64 = 1e-30;
@@ -237,10 +243,12 @@ impl Limiter {
             aim: RMS_AIM * RMS_AIM * rated,
             heat: -(-1.0 / (tau * rate_hz)).exp_m1(),
             short: -(-1.0 / (0.02 * rate_hz)).exp_m1(),
-            wall: tau / (tau / 40.0).min(0.005),
+            wall: tau / (tau / 40.0).min(0.005).max(WALL_LAGS * (lag + 1.0 / (TAU * s.slew_hz))),
             budget: tau / (tau / 4.0).min(0.1),
             swing_aim: swing(STROKE_AIM),
             swing_wall: swing(STROKE_WALL),
+            coolness: SHORTED * rated,
+            per_warmth: 1.0 / warmth_of_swing(dynamics, drive),
             approach: 0.5 / swing_time / push,
             drag: dynamics.damping / mu / push,
             kick: push * lag,
@@ -389,6 +397,16 @@ fn dc_part(corner_hz: f64, rate_hz: f64) -> f64 {
 /// How much of its way back the gain goes in a sample.
 fn release_part(release_s: f64, rate_hz: f64) -> f64 {
     -(-1.0 / (release_s * rate_hz)).exp_m1()
+}
+
+/// By how much the mean of I^2 rises at most, per square of the swing, when nothing but its own motion drives a coil: when muting shorts it, or when its
+/// back-EMF is beyond the peak voltage. Of the energy mu r^2 / 2 the part `(k_f^2 / R) / (c + k_f^2 / R)` becomes heat in the coil, and R tau is what warms
+/// it by 1 A^2. 0 for a current drive, against which no motion drives.
+fn warmth_of_swing(d: &Dynamics, drive: Drive) -> f64 {
+    let braked = d.force_factor.powi(2) / d.resistance;
+    let part = braked / (d.damping + braked);
+    let warms = 0.5 * d.reduced_mass() * part / (d.resistance * d.thermal_time_constant);
+    if drive == Drive::Current { 0.0 } else { warms }
 }
 
 /// Refuses an actuator that no limiter without foresight could keep within its stroke: one whose current still

@@ -27,6 +27,9 @@ pub(super) struct Fixed {
     // Squares of w_n x.
     pub(super) swing_aim: f64,
     pub(super) swing_wall: f64,
+    // The square of a current, and of a swing over that of a current: what may become heat.
+    pub(super) coolness: f64,
+    pub(super) per_warmth: f64,
     // 1 / (2 T) and c / mu, both over k_f / mu.
     pub(super) approach: f64,
     pub(super) drag: f64,
@@ -168,7 +171,13 @@ impl Run {
         let work = larger(current * lasted, current * kicked);
         let square = lasted * lasted;
         // The damping is counted on at the least of the speeds.
-        let room = (f.swing_wall - gx * gx - square) * f.approach + f.drag * smaller(square, lasted * gv);
+        // A swing may yet become heat.
+        let wall = if VOLTAGE {
+            smaller(f.swing_wall, (f.coolness - self.heat) * f.per_warmth)
+        } else {
+            f.swing_wall
+        };
+        let room = (wall - gx * gx - square) * f.approach + f.drag * smaller(square, lasted * gv);
         if work > 0.0 && work > room {
             bounded = held_back(current, ended, lasted, room.max(0.0), f.kick);
             over_stroke = true;

@@ -9,6 +9,7 @@ use proptest::prelude::*;
 use super::super::testing::{RungeKutta, hapcoil, lock_in};
 use super::*;
 
+mod heat;
 mod stroke;
 
 const RATE: f64 = 48_000.0;

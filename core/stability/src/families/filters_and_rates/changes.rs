@@ -1,0 +1,181 @@
+//! Parameters that change while a signal runs through.
+
+use std::f64::consts::TAU;
+use std::sync::Arc;
+
+use asperity_engine::{CROSSFADE_S, Controller, Engine, Options};
+use asperity_node::{Buffer, Descriptor, ParamKind, PortType};
+
+use super::filters;
+use crate::case::{Found, Not, holds, not_applicable};
+use crate::played::{Played, Samples};
+use crate::small::Small;
+use crate::subject::Subject;
+
+const TICK_HZ: u32 = 500;
+const RATE_HZ: u32 = 48_000;
+/// Ticks before each change: a quarter of a second, whole periods.
+const TICKS: usize = 125;
+/// The steepest of a crossfade by 1, from sample to sample: twice a straight line, as far as fades may be curved.
+const STEEPEST: f64 = 2.0 / (CROSSFADE_S as f64 * RATE_HZ as f64);
+/// The same of a control, from tick to tick.
+const CONTROL_STEEPEST: f64 = 2.0 / (CROSSFADE_S as f64 * TICK_HZ as f64);
+
+/// An engine that is changed while it runs, and what was heard of the node `it`.
+struct Running {
+    controller: Controller,
+    engine: Engine,
+    heard: Vec<f64>,
+}
+
+impl Running {
+    fn new(subject: &Subject<'_>, graph: &Small) -> Result<Self, Not> {
+        let compiled = subject.compiled(&graph.graph, &graph.kinds)?;
+        let (controller, engine) = Engine::controlled(compiled, Options::default());
+        Ok(Self { controller, engine, heard: Vec::new() })
+    }
+
+    /// The type of what is heard.
+    fn port(&self) -> Option<PortType> {
+        let schedule = self.engine.schedule();
+        schedule.nodes.get(schedule.index_of("out")?)?.inputs.first()?.port.clone()
+    }
+
+    fn run(&mut self, ticks: usize) -> Result<(), Not> {
+        for _ in 0..ticks {
+            self.engine.tick();
+            // At the sink, where a crossfade is heard.
+            let out = self.engine.schedule().index_of("out").unwrap_or(0);
+            match self.engine.input(out, 0) {
+                Some(Buffer::Audio { samples, len, .. }) => {
+                    self.heard.extend(samples.iter().take(*len).map(|x| f64::from(*x)));
+                }
+                Some(Buffer::Control { values, .. }) => self.heard.extend(values.first()),
+                _ => {}
+            }
+        }
+        self.controller.collect();
+        holds(self.engine.faults() == 0, || format!("{} faults", self.engine.faults()))
+    }
+}
+
+fn largest_step(heard: &[f64]) -> f64 {
+    heard.windows(2).map(|w| (w[1] - w[0]).abs()).fold(0.0, f64::max)
+}
+
+fn peak(heard: &[f64]) -> f64 {
+    heard.iter().fold(0.0, |m, x| m.max(x.abs()))
+}
+
+/// Values of a number, to be gone through one after the other, as RON texts.
+fn values(d: &Descriptor) -> Vec<(String, Vec<String>)> {
+    let of = |kind: &ParamKind| match kind {
+        ParamKind::Number(r) => Some(vec![format!("{:?}", r.end()), format!("{:?}", r.start())]),
+        ParamKind::Integer(r) => Some(vec![r.end().to_string(), r.start().to_string()]),
+        ParamKind::Choice(words) => Some(words.iter().rev().map(|w| format!("\"{w}\"")).collect()),
+        ParamKind::Flag => Some(vec!["true".into(), "false".into()]),
+        _ => None,
+    };
+    d.params.iter().filter_map(|p| Some((p.name.to_string(), of(&p.kind)?))).collect()
+}
+
+/// Changes one parameter of `it` from its default to each value and back. The largest step, as a part of what it may be.
+fn change(
+    subject: &Subject<'_>,
+    graph: &Small,
+    (param, values): (&str, &[String]),
+    steepest: f64,
+) -> Result<Option<f64>, Not> {
+    let mut worst = None;
+    for value in values {
+        let mut other = graph.clone();
+        other.graph.set(&format!("it.{param}={value}"), "the case")?;
+        // What it refuses is no change, and another type of output is another signal.
+        let Ok(mut steady) = Running::new(subject, &other) else { continue };
+        let mut running = Running::new(subject, graph)?;
+        if steady.port() != running.port() {
+            continue;
+        }
+        steady.run(2 * TICKS)?;
+        running.run(2 * TICKS)?;
+        let (mut steps, mut loudest) = (0.0_f64, 0.0_f64);
+        for heard in [&running.heard, &steady.heard] {
+            let tail = &heard[heard.len() / 2..];
+            (steps, loudest) = (steps.max(largest_step(tail)), loudest.max(peak(tail)));
+        }
+        for to in [&other, graph] {
+            let from = running.heard.len();
+            let compiled = subject.compiled(&to.graph, &to.kinds)?;
+            if let Err(e) = running.controller.swap(compiled, &[]) {
+                return Err(Not::Held(format!("`{param}` to {value}: {e}")));
+            }
+            running.run(TICKS)?;
+            let step = largest_step(&running.heard[from.saturating_sub(1)..]);
+            // The louder of the two fades to or from nothing at worst; what it adopts decays from where it was.
+            let bound = 1.01 * steps + 2.0 * loudest * steepest;
+            holds(step <= bound, || {
+                format!(
+                    "`{param}` to {value}: a step of {step:.4}, and {bound:.4} is the most of both signals and a crossfade"
+                )
+            })?;
+            let part = if bound > 0.0 { step / bound } else { 0.0 };
+            worst = Some(worst.unwrap_or(0.0_f64).max(part));
+        }
+    }
+    Ok(worst)
+}
+
+pub(super) fn run(subject: &Subject<'_>) -> Found {
+    let tone: Samples = Arc::new(|first, out| {
+        for (x, n) in out.iter_mut().zip(first..) {
+            *x = (0.1 * (TAU * (100 * n % u64::from(RATE_HZ)) as f64 / f64::from(RATE_HZ)).sin()) as f32;
+        }
+    });
+    let (mut changed, mut worst) = (0, (0.0_f64, String::new()));
+    let mut tell = |kind: &str, param: &str, part: Option<f64>| {
+        if let Some(part) = part {
+            changed += 1;
+            if part > worst.0 {
+                worst = (part, format!("`{kind}.{param}`"));
+            }
+        }
+    };
+    let of = |kind: &str, e: Not| match e {
+        Not::Held(wrong) => Not::Held(format!("`{kind}`: {wrong}")),
+        other => other,
+    };
+    for kind in filters(subject.registry()) {
+        let graph = kind.alone((TICK_HZ, RATE_HZ), None, tone.clone(), &[])?;
+        for (param, values) in values(subject.kind(&kind.kind)?.descriptor()) {
+            let part = change(subject, &graph, (&param, &values), STEEPEST).map_err(|e| of(&kind.kind, e))?;
+            tell(&kind.kind, &param, part);
+        }
+    }
+    // A stylus that goes to and fro at 3 Hz.
+    if let Ok(velocity) = subject.kind("velocity") {
+        let place = Arc::new(|tick: u64, at: &mut [f64]| {
+            at.fill(0.0);
+            at[0] = 10.0 * (TAU * 3.0 * tick as f64 / f64::from(TICK_HZ)).sin();
+        });
+        let graph = Small::new(TICK_HZ, RATE_HZ)
+            .plays(
+                "source",
+                Played::control("a stylus from memory", 3, asperity_node::Unit::MILLIMETRE, place),
+            )?
+            .node("it", "velocity", &[])?
+            .node("out", "probe", &[])?
+            .chain(&["source", "it"])
+            .wire("it.velocity", "out");
+        for (param, mut values) in values(velocity.descriptor()) {
+            // Its upper end is beyond half the ticks.
+            values.extend(["200.0".into(), "5.0".into()]);
+            let part = change(subject, &graph, (&param, &values), CONTROL_STEEPEST)
+                .map_err(|e| of("velocity", e))?;
+            tell("velocity", &param, part);
+        }
+    }
+    if changed == 0 {
+        return not_applicable("there is no filter");
+    }
+    Ok(format!("{changed} parameters; the largest step is {:.2} of what it may be: {}", worst.0, worst.1))
+}

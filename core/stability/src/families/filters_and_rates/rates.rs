@@ -1,0 +1,151 @@
+//! Rates that a graph and its kinds are put at.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use asperity_graph::GraphFile;
+use asperity_node::random::bits;
+use asperity_node::{NodeKind, time};
+
+use super::{noise, retrievers, windows};
+use crate::case::{Found, Not, holds, not_applicable};
+use crate::played::Frames;
+use crate::rig::Rig;
+use crate::subject::Subject;
+
+/// Ticks a second: the ends, what is usual, and what parts no rate; 14 of them.
+const TICKS_HZ: [u32; 14] = [500, 4000, 100, 441, 1000, 101, 250, 499, 2500, 333, 2000, 997, 3999, 3001];
+/// Audio rates: likewise, 15 of them, so that each meets each tick rate within 210.
+const AUDIO_HZ: [u32; 15] = [
+    48_000, 44_100, 8000, 192_000, 8001, 96_000, 11_025, 47_999, 16_000, 88_200, 191_999, 22_050, 44_101,
+    32_000, 176_400,
+];
+/// Seconds of each run: more than two windows.
+const SECONDS: f64 = 0.25;
+
+/// Rates to be tried, of ticks and audio: each of the lists with each, then at random.
+fn pairs(count: u64) -> impl Iterator<Item = (u32, u32)> {
+    (0..count).map(|i| {
+        let at = |n: usize| (i % n as u64) as usize;
+        if i < 210 {
+            return (TICKS_HZ[at(14)], AUDIO_HZ[at(15)]);
+        }
+        (100 + (bits(1, i) % 3901) as u32, 8000 + (bits(2, i) % 184_001) as u32)
+    })
+}
+
+/// What came of all rates.
+#[derive(Default)]
+struct Tally {
+    ran: u64,
+    /// Why it was refused, and how often.
+    refused: BTreeMap<String, u64>,
+}
+
+impl Tally {
+    /// Runs a graph, if it is not refused for a reason.
+    fn run(
+        &mut self,
+        subject: &Subject<'_>,
+        graph: &GraphFile,
+        kinds: &[Arc<dyn NodeKind>],
+    ) -> Result<(), Not> {
+        let at = format!("{} ticks/s, {} Hz", graph.tick_hz, graph.audio_hz);
+        let compiled = match subject.compile(graph, kinds) {
+            Ok(compiled) => compiled,
+            Err(errors) => {
+                for e in &errors {
+                    holds(!e.message.trim().is_empty() && (e.place.is_some() || e.path().is_some()), || {
+                        format!("at {at} it is refused without a place: {e}")
+                    })?;
+                }
+                let why = errors.first().map(|e| e.message.clone()).unwrap_or_default();
+                *self.refused.entry(why).or_default() += 1;
+                return Ok(());
+            }
+        };
+        let mut rig = Rig::from(compiled);
+        let mut heard = vec![0_u64; rig.drive().count()];
+        rig.run(rig.ticks(SECONDS), |rig, tick| {
+            let due = time::samples(tick, graph.audio_hz, graph.tick_hz);
+            for (heard, samples) in heard.iter_mut().zip(rig.drive()) {
+                holds(samples.len() as u64 == due.end - due.start, || {
+                    format!(
+                        "{} samples in tick {tick} and not {}, at {at}",
+                        samples.len(),
+                        due.end - due.start
+                    )
+                })?;
+                holds(samples.iter().all(|x| x.is_finite()), || {
+                    format!("not finite in tick {tick} at {at}")
+                })?;
+                *heard += samples.len() as u64;
+            }
+            Ok(())
+        })?;
+        holds(rig.engine.faults() == 0, || format!("{} faults at {at}", rig.engine.faults()))?;
+        let all = time::first_sample(rig.engine.next_tick(), graph.audio_hz, graph.tick_hz);
+        holds(heard.iter().all(|n| *n == all), || format!("{heard:?} samples and not {all} at {at}"))?;
+        self.ran += 1;
+        Ok(())
+    }
+
+    fn told(&self) -> String {
+        let all: u64 = self.refused.values().sum();
+        let mut reasons: Vec<_> = self.refused.iter().collect();
+        reasons.sort_by(|a, b| b.1.cmp(a.1));
+        let reasons: Vec<String> =
+            reasons.into_iter().take(3).map(|(why, n)| format!("{n} times: {why}")).collect();
+        match all {
+            0 => format!("ran at all {} rates", self.ran),
+            _ => format!("ran at {} rates, refused at {all}, such as {}", self.ran, reasons.join("; ")),
+        }
+    }
+}
+
+pub(super) fn graph(subject: &Subject<'_>) -> Found {
+    let own = subject.its_graph()?;
+    let circle = |hz: f64| -> crate::played::Motion {
+        Arc::new(move |tick| {
+            let turn = 3.0 * tick as f64 / hz;
+            [20.0 * turn.cos(), 20.0 * turn.sin(), -1.0]
+        })
+    };
+    let mut tally = Tally::default();
+    let rates = [(own.tick_hz, own.audio_hz)].into_iter().chain(pairs(subject.by_effort(12, 60, 1500)));
+    for (k, (tick_hz, audio_hz)) in rates.enumerate() {
+        // A graph that plays by itself does so here.
+        let moved = Rig::with_stylus(own, subject.registry(), &circle(f64::from(tick_hz)));
+        let (mut graph, kinds) = moved.unwrap_or_else(|_| (own.clone(), Vec::new()));
+        (graph.tick_hz, graph.audio_hz) = (tick_hz, audio_hz);
+        tally.run(subject, &graph, &kinds)?;
+        holds(k > 0 || tally.ran == 1, || format!("at its own rates it is refused: {}", tally.told()))?;
+    }
+    Ok(tally.told())
+}
+
+pub(super) fn kinds(subject: &Subject<'_>) -> Found {
+    let all = retrievers(subject.registry());
+    if all.is_empty() {
+        return not_applicable("no kind retrieves phase");
+    }
+    let mut tally = Tally::default();
+    let texture: Frames = Arc::new(|frame, bins| {
+        for (i, bin) in bins.iter_mut().enumerate() {
+            *bin = noise(frame, i as u64).abs();
+        }
+        true
+    });
+    let count = subject.by_effort(14, 100, 4000);
+    for (i, (tick_hz, audio_hz)) in pairs(count).enumerate() {
+        // Mostly at a synthesis rate that a resampler brings up; now and then at the audio rate itself.
+        let rate_hz = if i % 8 == 3 { audio_hz } else { [2500, 2000, 8000, 4410][i % 4] };
+        let Some(windows) = windows(rate_hz, tick_hz) else { continue };
+        for kind in &all {
+            let chain = kind.chain((tick_hz, audio_hz), windows, texture.clone())?;
+            tally.run(subject, &chain.graph, &chain.kinds)?;
+        }
+    }
+    holds(tally.ran > 0, || format!("it is refused everywhere: {}", tally.told()))?;
+    Ok(format!("{} kinds: {}", all.len(), tally.told()))
+}

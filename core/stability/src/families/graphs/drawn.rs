@@ -1,0 +1,287 @@
+//! Graphs drawn at random.
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::sync::Arc;
+
+use asperity_graph::GraphFile;
+use asperity_node::random::bits;
+use asperity_node::{
+    Buffer, Descriptor, Fault, FrameLayout, FrameRate, Input, NodeKind, Output, ParamKind, ShapeSpec, Unit,
+    UnitSpec,
+};
+use asperity_source::Source;
+
+use crate::case::{Found, Not, holds};
+use crate::played::Played;
+use crate::rig::Rig;
+use crate::subject::Subject;
+
+/// Most nodes of a graph.
+const MOST: usize = 40;
+/// Ticks of each run.
+const TICKS: u64 = 60;
+/// What such a graph is called.
+const NAME: &str = "drawn.ron";
+
+/// A graph that was drawn, as a file.
+#[derive(Clone, Debug)]
+pub struct Drawn {
+    /// The file.
+    pub text: String,
+    /// Ticks a second.
+    tick_hz: u32,
+}
+
+/// What became of it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Became {
+    /// It ran, with so many nodes; how often a loop of it went beyond all bounds.
+    Ran {
+        /// Nodes.
+        nodes: usize,
+        /// Faults that were contained.
+        contained: u64,
+    },
+    /// It was refused, and this was said.
+    Refused(String),
+}
+
+/// What plays in such graphs, beside the subject's own kinds.
+fn players(tick_hz: u32) -> Vec<Arc<dyn NodeKind>> {
+    let noise = |n: u64| (2.0 * asperity_node::random::uniform(9, n) - 1.0) as f32;
+    let control = |name: &str, count, unit| {
+        let values = Arc::new(move |tick: u64, out: &mut [f64]| {
+            for (x, i) in out.iter_mut().zip(0..) {
+                *x = f64::from(noise(4 * tick + i));
+            }
+        });
+        Played::control(name, count, unit, values)
+    };
+    let audio = Arc::new(move |first: u64, out: &mut [f32]| {
+        for (x, n) in out.iter_mut().zip(first..) {
+            *x = noise(n);
+        }
+    });
+    let mut all = vec![
+        control("some force", 1, Unit::NEWTON),
+        control("some place", 3, Unit::MILLIMETRE),
+        control("some motion", 2, Unit::MILLIMETRE_PER_SECOND),
+        control("some speed", 1, Unit::MILLIMETRE_PER_SECOND),
+        Played::audio("some acceleration", Unit::METRE_PER_SECOND_SQUARED, audio.clone()),
+        Played::audio_at("some slow sound", 2500, Unit::METRE_PER_SECOND_SQUARED, audio.clone()),
+        Played::audio("some current", Unit::AMPERE, audio),
+    ];
+    if let Some(frame_rate) = FrameRate::new(tick_hz, 1) {
+        let layout = FrameLayout { rate_hz: 2500, length: 250, bins: 101, frame_rate };
+        let frames = Arc::new(move |frame: u64, out: &mut [f32]| {
+            for (x, i) in out.iter_mut().zip(0..) {
+                *x = noise(128 * frame + i).abs();
+            }
+            frame % 5 != 3
+        });
+        all.push(Played::magnitudes("some spectra", layout, frames));
+    }
+    all
+}
+
+/// Whether what an output carries may enter an input, as far as their descriptors say.
+fn may_join(from: &Output, to: &Input) -> bool {
+    let kind = |shape: &ShapeSpec| match shape {
+        ShapeSpec::Like(_) => 0,
+        ShapeSpec::Control(_) => 1,
+        ShapeSpec::Audio(_) => 2,
+        ShapeSpec::Magnitude(_) => 3,
+        ShapeSpec::Spectrum(_) => 4,
+    };
+    let (a, b) = (kind(&from.shape), kind(&to.shape));
+    let counts = match (&from.shape, &to.shape) {
+        (ShapeSpec::Control(m), ShapeSpec::Control(n)) => m == n,
+        _ => a == 0 || b == 0 || a == b,
+    };
+    let units = match (&from.unit, &to.unit) {
+        (UnitSpec::Is(m), UnitSpec::Is(n)) => m == n,
+        (UnitSpec::Is(m), UnitSpec::Of { among, .. }) => among.is_empty() || among.contains(m),
+        _ => true,
+    };
+    counts && units && (!to.limited || from.limited)
+}
+
+/// Draws a graph of a subject's kinds. `choose` answers a number below the one it is given, and where it answers 0 the graph is the simpler for it.
+pub fn drawn(subject: &Subject<'_>, choose: &mut dyn FnMut(usize) -> usize) -> Drawn {
+    let tick_hz = [500, 1000, 100, 4000, 441][choose(5)];
+    let audio_hz = [48_000, 44_100, 8000, 96_000][choose(4)];
+    let players = players(tick_hz);
+    // What must be told a file, a material or a place is left out.
+    let simple = |d: &&Descriptor| d.params.iter().all(|p| p.default.is_some() || p.optional);
+    let kinds: Vec<&Descriptor> =
+        players.iter().chain(subject.registry().iter()).map(|k| k.descriptor()).filter(simple).collect();
+    let mut nodes: Vec<&Descriptor> = Vec::new();
+    for _ in 0..1 + choose(MOST) {
+        // Mostly one for which there is something to wire to.
+        let served = |d: &Descriptor| {
+            let outputs = || nodes.iter().flat_map(|n| &n.outputs);
+            d.inputs.iter().filter(|i| !i.optional).all(|i| outputs().any(|o| may_join(o, i)))
+        };
+        let mut d = kinds[choose(kinds.len())];
+        for _ in 0..8 {
+            if served(d) {
+                break;
+            }
+            d = kinds[choose(kinds.len())];
+        }
+        nodes.push(d);
+    }
+    let mut text = format!("Graph(version: 1, tick_hz: {tick_hz}, audio_hz: {audio_hz}, nodes: {{\n");
+    for (i, d) in nodes.iter().enumerate() {
+        let kind = if choose(2000) == 1999 { format!("{}x", d.kind) } else { d.kind.to_string() };
+        let params: Vec<String> = d.params.iter().filter_map(|p| param(&p.name, &p.kind, choose)).collect();
+        let unknown = if choose(2000) == 1999 { "nothing: 1" } else { "" };
+        let every = if choose(60) == 59 { format!("every: {}, ", 2 + choose(2)) } else { String::new() };
+        let _ =
+            writeln!(text, "    \"n{i}\": (kind: {kind:?}, {every}params: ({}{unknown})),", params.concat());
+    }
+    let _ = writeln!(text, "    \"end\": (kind: \"probe\"),\n}}, wires: [");
+    for (to, d) in nodes.iter().enumerate() {
+        for input in &d.inputs {
+            if input.optional && choose(3) == 0 {
+                continue;
+            }
+            // Mostly what fits and comes before; now and then what comes after and closes a loop, or what does not fit.
+            let (reach, any) = (if choose(16) == 15 { nodes.len() } else { to }, choose(800) == 799);
+            let fits =
+                nodes[..reach].iter().enumerate().flat_map(|(i, d)| d.outputs.iter().map(move |o| (i, o)));
+            let fits: Vec<(usize, &Output)> = fits.filter(|(_, o)| any || may_join(o, input)).collect();
+            if fits.is_empty() {
+                continue;
+            }
+            let (from, output) = fits[fits.len() - 1 - choose(fits.len())];
+            let name = if choose(2000) == 1999 { "no_such_port" } else { &input.name };
+            let _ = writeln!(text, "    (\"n{from}.{}\", \"n{to}.{name}\"),", output.name);
+        }
+    }
+    let last = nodes.iter().enumerate().rev().find_map(|(i, d)| Some((i, d.outputs.first()?)));
+    if let Some((i, output)) = last {
+        let _ = writeln!(text, "    (\"n{i}.{}\", \"end\"),", output.name);
+    }
+    text += "])\n";
+    Drawn { text, tick_hz }
+}
+
+/// A parameter as the file has it, if it does: mostly it is left out.
+fn param(name: &str, kind: &ParamKind, choose: &mut dyn FnMut(usize) -> usize) -> Option<String> {
+    // Factors, so that a loop through a few of them ends.
+    match name {
+        "gain" => return Some(format!("gain: {}, ", ["0.5", "-0.9", "1.0", "0.0"][choose(4)])),
+        "inputs" => return Some(format!("inputs: {}, gains: [0.4], ", 2 + choose(2))),
+        "gains" | "unit" => return None,
+        _ => {}
+    }
+    if choose(12) < 11 {
+        return None;
+    }
+    let value = match kind {
+        ParamKind::Number(r) => {
+            let (a, b) = (*r.start(), *r.end());
+            let beyond = if choose(1000) == 999 { b.abs() + 1.0 } else { 0.0 };
+            format!("{:?}", [a, b, 0.5 * (a + b), a + 0.01 * (b - a)][choose(4)] + beyond)
+        }
+        ParamKind::Integer(r) => [*r.start(), *r.end(), (r.start() + r.end()) / 2][choose(3)].to_string(),
+        ParamKind::Flag => ["false", "true"][choose(2)].to_owned(),
+        ParamKind::Choice(words) if !words.is_empty() => format!("{:?}", words[choose(words.len())]),
+        _ => return None,
+    };
+    Some(format!("{name}: {value}, "))
+}
+
+impl Drawn {
+    /// Loads it, and runs it if it does.
+    ///
+    /// # Errors
+    /// What must hold and does not.
+    pub fn run(&self, subject: &Subject<'_>) -> Result<Became, Not> {
+        let source = Source::new(NAME, self.text.as_str());
+        let told = |e: &asperity_source::Diagnostic| {
+            holds(!e.message.trim().is_empty() && e.place.is_some(), || {
+                format!("refused without a place: {e}")
+            })?;
+            Ok::<_, Not>(e.message.clone())
+        };
+        let graph = match GraphFile::parse(&source) {
+            Ok(graph) => graph,
+            Err(e) => return Ok(Became::Refused(told(&e)?)),
+        };
+        let compiled = match subject.compile(&graph, &players(self.tick_hz)) {
+            Ok(compiled) => compiled,
+            Err(errors) => {
+                let first = errors.iter().map(told).collect::<Result<Vec<_>, _>>()?.into_iter().next();
+                let why = first.ok_or_else(|| Not::Held("refused without a word".into()))?;
+                return Ok(Became::Refused(why));
+            }
+        };
+        let mut rig = Rig::from(compiled);
+        let nodes = rig.schedule.nodes.len();
+        let looped = rig.schedule.nodes.iter().any(|n| n.closes_cycle);
+        rig.run(TICKS, |rig, tick| {
+            for (i, node) in rig.schedule.nodes.iter().enumerate() {
+                for (o, port) in node.outputs.iter().enumerate() {
+                    holds(rig.engine.output(i, o).is_some_and(finite), || {
+                        format!("`{}.{}` ({}) is not finite in tick {tick}", node.id, port.name, node.kind)
+                    })?;
+                }
+            }
+            Ok(())
+        })?;
+        let mut contained = 0;
+        for (i, node) in rig.schedule.nodes.iter().enumerate() {
+            let Some(report) = rig.engine.report(i).filter(|r| r.faults > 0) else { continue };
+            let beyond = looped && report.last_fault == Some(Fault::NotFinite);
+            holds(beyond, || {
+                let how = report.last_fault.map(|f| f.to_string()).unwrap_or_default();
+                format!("`{}` ({}) {how}", node.id, node.kind)
+            })?;
+            contained += report.faults;
+        }
+        Ok(Became::Ran { nodes, contained })
+    }
+}
+
+fn finite(buffer: &Buffer) -> bool {
+    match buffer {
+        Buffer::Control { values, .. } => values.iter().all(|x| x.is_finite()),
+        Buffer::Audio { samples, len, .. } => samples.iter().take(*len).all(|x| x.is_finite()),
+        Buffer::Magnitude { bins, .. } => bins.iter().all(|x| x.is_finite()),
+        Buffer::Spectrum { bins, .. } => bins.iter().all(|z| z.re.is_finite() && z.im.is_finite()),
+    }
+}
+
+pub(super) fn run(subject: &Subject<'_>) -> Found {
+    let graphs = subject.by_effort(100, 1500, 100_000);
+    let (mut ran, mut nodes, mut loops) = (0_u64, 0, 0);
+    let mut refused: BTreeMap<String, u64> = BTreeMap::new();
+    for seed in 0..graphs {
+        let mut count = 0;
+        let mut choose = |n: usize| {
+            count += 1;
+            (bits(seed, count) % n.max(1) as u64) as usize
+        };
+        let graph = drawn(subject, &mut choose);
+        match graph.run(subject).map_err(|e| match e {
+            Not::Held(wrong) => Not::Held(format!("graph {seed}: {wrong}:\n{}", graph.text)),
+            other => other,
+        })? {
+            Became::Ran { nodes: n, contained } => {
+                (ran, nodes) = (ran + 1, nodes + n);
+                loops += u64::from(contained > 0);
+            }
+            Became::Refused(why) => *refused.entry(why).or_default() += 1,
+        }
+    }
+    let often = refused.iter().max_by_key(|(_, times)| **times).map(|(why, times)| format!("{times} times: {why}"));
+    let often = often.unwrap_or_default();
+    holds(4 * ran >= graphs, || format!("only {ran} of {graphs} could be run; {often}"))?;
+    Ok(format!(
+        "{ran} of {graphs} ran, of {} nodes on average; in {loops} a loop went beyond all bounds; the others said why, such as, {often}",
+        nodes as u64 / ran.max(1)
+    ))
+}

@@ -1,0 +1,183 @@
+//! The inverse, the limiter, and what they do to a simulated actuator.
+
+use std::sync::Arc;
+
+use asperity_node::{NodeKind, Status};
+use asperity_stability::{Piece, Place, Sound, Subject, limited, wrap};
+use asperity_world::actuator::Drive;
+use proptest::prelude::*;
+
+use crate::{fails, graph, holds, scene, subject};
+
+/// A kind whose output is changed sample by sample: by the sample, its number from the first that was asked for, and the sample before it.
+fn changed(
+    subject: &Subject<'_>,
+    kind: &str,
+    change: impl Fn(f32, u64, f32) -> f32 + Clone + Send + Sync + 'static,
+) -> Arc<dyn NodeKind> {
+    wrap::wrap(
+        subject.kind(kind).expect("the kind"),
+        Arc::new(move |_| {
+            let (change, mut n, mut last) = (change.clone(), 0, 0.0);
+            Box::new(move |node, tick| {
+                node.process(tick)?;
+                for y in tick.outputs.audio(0) {
+                    *y = change(*y, n, last);
+                    (n, last) = (n + 1, *y);
+                }
+                Ok(Status::Continue)
+            })
+        }),
+    )
+}
+
+/// A limiter that does something else with its input, sample by sample: by the sample, and the output before it.
+fn in_place(
+    subject: &Subject<'_>,
+    does: impl Fn(f32, f32) -> f32 + Clone + Send + Sync + 'static,
+) -> Arc<dyn NodeKind> {
+    wrap::wrap(
+        subject.kind("limiter").expect("the kind"),
+        Arc::new(move |_| {
+            let (does, mut last) = (does.clone(), 0.0);
+            Box::new(move |_, tick| {
+                let asked = tick.inputs.audio(0);
+                for (y, x) in tick.outputs.audio(0).iter_mut().zip(asked) {
+                    last = does(*x, last);
+                    *y = last;
+                }
+                Ok(Status::Continue)
+            })
+        }),
+    )
+}
+
+#[test]
+fn inverse_band() {
+    let subject = subject(None);
+    holds("inverse_band", &subject);
+    let louder = changed(&subject, "actuator_inverse", |y, _, _| 1.02 * y);
+    fails("inverse_band", &subject.clone().with(louder), "and not");
+    let late = wrap::wrap(
+        subject.kind("actuator_inverse").expect("the kind"),
+        Arc::new(|_| {
+            let mut before = 0.0;
+            Box::new(move |node, tick| {
+                node.process(tick)?;
+                tick.outputs.audio(0).iter_mut().for_each(|y| std::mem::swap(y, &mut before));
+                Ok(Status::Continue)
+            })
+        }),
+    );
+    fails("inverse_band", &subject.clone().with(late), "and not");
+}
+
+#[test]
+fn inverse_off() {
+    let subject = subject(None);
+    holds("inverse_off", &subject);
+    let louder = changed(&subject, "actuator_inverse", |y, _, _| 1.02 * y);
+    fails("inverse_off", &subject.clone().with(louder), "and not");
+    // It rings on, at 100 Hz.
+    let rings = changed(&subject, "actuator_inverse", |y, n, _| y + 1e-5 * (n as f32 * 0.013).sin());
+    fails("inverse_off", &subject.clone().with(rings), "after the end");
+}
+
+#[test]
+fn full_scale_at_resonance() {
+    let subject = subject(None);
+    holds("full_scale_at_resonance", &subject);
+    let open = in_place(&subject, |x, _| 0.99 * x);
+    fails("full_scale_at_resonance", &subject.clone().with(open), "of its stroke");
+    let half_open = in_place(&subject, |x, _| 0.4 * x);
+    fails("full_scale_at_resonance", &subject.clone().with(half_open), "of the rated one");
+    let clicks = changed(&subject, "limiter", |y, n, _| if n == 100_000 { 0.9 * y + 0.02 } else { y });
+    fails("full_scale_at_resonance", &subject.clone().with(clicks), "clicks");
+}
+
+#[test]
+fn limiter_random() {
+    let subject = subject(None);
+    holds("limiter_random", &subject);
+    let mutants: [(&str, Arc<dyn NodeKind>); 4] = [
+        ("over the peak", in_place(&subject, |x, last| last + (x - last).clamp(-0.004, 0.004))),
+        ("over the slew", in_place(&subject, |x, _| x.clamp(-0.4, 0.4))),
+        (
+            "of the rated one",
+            changed(&subject, "limiter", |y, n, last| {
+                if n > 24_000 {
+                    last + (0.3_f32.copysign((n % 960) as f32 - 479.5) - last).clamp(-0.004, 0.004)
+                } else {
+                    y
+                }
+            }),
+        ),
+        ("fault", changed(&subject, "limiter", |y, n, _| if n == 5000 { f32::INFINITY } else { y })),
+    ];
+    for (why, mutant) in mutants {
+        fails("limiter_random", &subject.clone().with(mutant), why);
+    }
+}
+
+#[test]
+fn own_limits() {
+    for name in ["texture.ron", "heravi2024.ron", "voltage_amplifier.ron", "live.ron"] {
+        let graph = graph(name);
+        holds("own_limits", &subject(Some(&graph)));
+    }
+    for name in ["every_effect.ron", "study.ron"] {
+        let graph = scene(name);
+        holds("own_limits", &subject(Some(&graph)));
+    }
+    let graph = graph("texture.ron");
+    let subject = subject(Some(&graph));
+    fails("own_limits", &subject.clone().with(in_place(&subject, |x, _| x)), "over the peak");
+    fails(
+        "own_limits",
+        &subject.clone().with(in_place(&subject, |x, _| x.clamp(-0.1, 0.1))),
+        "over the slew",
+    );
+}
+
+fn piece() -> impl Strategy<Value = Piece> {
+    let hz = || (0.0..4.3f64).prop_map(|d| 10f64.powf(d));
+    let sound = prop_oneof![
+        1 => Just(Sound::Silence),
+        2 => Just(Sound::Noise),
+        3 => hz().prop_map(Sound::Sine),
+        2 => hz().prop_map(Sound::Square),
+        3 => (40.0..120.0f64).prop_map(Sound::Square),
+        1 => Just(Sound::Constant),
+        1 => Just(Sound::Pulses),
+        1 => Just(Sound::Bits),
+        3 => Just(Sound::Spite),
+    ];
+    let peaks = (-3.0..3.0f64).prop_map(|d| 10f64.powf(d));
+    (sound, peaks, prop::bool::weighted(0.9), 1..6000u32).prop_map(|(sound, peaks, trusted, samples)| Piece {
+        sound,
+        peaks,
+        trusted,
+        samples,
+    })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 96, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn no_input_breaks_what_the_limiter_promises(
+        pieces in prop::collection::vec(piece(), 1..12),
+        profile in prop::sample::select(vec!["hapcoil_one", "haptuator_mark_ii"]),
+        grams in 5.0..2000.0f64,
+        voltage in any::<bool>(),
+        rate_hz in prop::sample::select(vec![8000, 44_100, 48_000, 96_000]),
+        slew_hz in 500.0..20_000.0f64,
+        dc_hz in 0.5..20.0f64,
+        seed in any::<u64>(),
+    ) {
+        let drive = if voltage { Drive::Voltage } else { Drive::Current };
+        let place = Place { kind: "limiter", actuator: (profile, grams), drive, rate_hz, settings: (slew_hz, dc_hz) };
+        let stood = limited(&subject(None), place, seed, &pieces);
+        prop_assert!(stood.is_ok(), "{stood:?}");
+    }
+}

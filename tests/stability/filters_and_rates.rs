@@ -1,0 +1,280 @@
+//! Rates, tails, changes, and clocks that are off.
+
+use std::sync::Arc;
+
+use asperity_live::{Dll, RemoteClock};
+use asperity_node::random::uniform;
+use asperity_node::{Fault, NodeKind, Status, time};
+use asperity_stability::{Subject, wrap};
+
+use crate::{fails, graph, holds, scene, subject};
+
+/// A kind that changes the samples of its first output, a tick at a time: by the samples, the number of the call, and ticks a second.
+fn changed(
+    subject: &Subject<'_>,
+    kind: &str,
+    change: impl Fn(&mut [f32], u64, u32) + Clone + Send + Sync + 'static,
+) -> Arc<dyn NodeKind> {
+    wrap::wrap(
+        subject.kind(kind).expect("the kind"),
+        Arc::new(move |_| {
+            let (change, mut calls) = (change.clone(), 0);
+            Box::new(move |node, tick| {
+                node.process(tick)?;
+                let hz = tick.tick_hz;
+                change(tick.outputs.audio(0), calls, hz);
+                calls += 1;
+                Ok(Status::Continue)
+            })
+        }),
+    )
+}
+
+/// A kind that fails in some ticks.
+fn failing(
+    subject: &Subject<'_>,
+    kind: &str,
+    when: impl Fn(&mut asperity_node::Tick<'_>) -> bool + Clone + Send + Sync + 'static,
+) -> Arc<dyn NodeKind> {
+    wrap::wrap(
+        subject.kind(kind).expect("the kind"),
+        Arc::new(move |_| {
+            let when = when.clone();
+            Box::new(move |node, tick| if when(tick) { Err(Fault::Failed(3)) } else { node.process(tick) })
+        }),
+    )
+}
+
+#[test]
+fn rates_of_graph() {
+    for (name, changes) in [
+        ("texture.ron", &[][..]),
+        ("heravi2024_500hz.ron", &[]),
+        // Frames of the audio rate itself, a tenth of which may not be whole.
+        ("heravi2024.ron", &["texture.synthesis_hz=0"]),
+    ] {
+        let mut graph = graph(name);
+        changes.iter().for_each(|change| graph.set(change, "the test").expect("a change"));
+        let found = holds("rates_of_graph", &subject(Some(&graph)));
+        let whole = found.contains("a window of 0.1 s is not a whole number of samples");
+        assert_eq!(whole, !changes.is_empty(), "{name}: {found}");
+    }
+    let every = scene("every_effect.ron");
+    holds("rates_of_graph", &subject(Some(&every)));
+    let graph = graph("texture.ron");
+    let subject = subject(Some(&graph));
+    let odd = failing(&subject, "velocity", |tick| tick.tick_hz % 10 != 0);
+    fails("rates_of_graph", &subject.clone().with(odd), "faults at");
+}
+
+#[test]
+fn rates_of_kinds() {
+    let subject = subject(None);
+    holds("rates_of_kinds", &subject);
+    let empty = failing(&subject, "overlap_add", |tick| tick.outputs.audio(0).is_empty());
+    fails("rates_of_kinds", &subject.clone().with(empty), "faults at");
+}
+
+#[test]
+fn uneven_hops() {
+    let subject = subject(None);
+    holds("uneven_hops", &subject);
+    let quiet = changed(&subject, "overlap_add", |y, _, hz| {
+        if hz == 4000 {
+            y.iter_mut().for_each(|y| *y *= 0.5);
+        }
+    });
+    fails("uneven_hops", &subject.clone().with(quiet), "off the level");
+}
+
+#[test]
+fn any_tick_length() {
+    let subject = subject(None);
+    holds("any_tick_length", &subject);
+    let begins_anew = changed(&subject, "resample", |y, _, _| {
+        if let Some(first) = y.first_mut() {
+            *first *= 0.999;
+        }
+    });
+    fails("any_tick_length", &subject.clone().with(begins_anew), "of its largest sample off");
+}
+
+#[test]
+fn tail_of_filters() {
+    let subject = subject(None);
+    holds("tail_of_filters", &subject);
+    let denormal = changed(&subject, "gain", |y, _, _| {
+        if let Some(last) = y.last_mut() {
+            *last = if *last == 0.0 { f32::from_bits(7) } else { *last };
+        }
+    });
+    fails("tail_of_filters", &subject.clone().with(denormal), "is denormal in tick");
+    let endless = changed(&subject, "actuator_inverse", |y, _, _| y.iter_mut().for_each(|y| *y += 1e-20));
+    fails("tail_of_filters", &subject.clone().with(endless), "is not silent until");
+}
+
+#[test]
+fn tail_of_graph() {
+    for name in ["texture.ron", "heravi2024.ron", "voltage_amplifier.ron"] {
+        let graph = graph(name);
+        holds("tail_of_graph", &subject(Some(&graph)));
+    }
+    for name in ["every_effect.ron", "study.ron", "twelve.ron"] {
+        let graph = scene(name);
+        holds("tail_of_graph", &subject(Some(&graph)));
+    }
+    let graph = graph("texture.ron");
+    let subject = subject(Some(&graph));
+    // Once it has been heard it is never quite silent.
+    let hums = wrap::wrap(
+        subject.kind("limiter").expect("the kind"),
+        Arc::new(|_| {
+            let mut heard = false;
+            Box::new(move |node, tick| {
+                let status = node.process(tick)?;
+                let y = tick.outputs.audio(0);
+                heard |= y.iter().any(|y| *y != 0.0);
+                if heard {
+                    y.iter_mut().for_each(|y| *y += 1e-9);
+                    return Ok(Status::Continue);
+                }
+                Ok(status)
+            })
+        }),
+    );
+    fails("tail_of_graph", &subject.clone().with(hums), "something is played until");
+}
+
+#[test]
+fn change_while_ringing() {
+    let subject = subject(None);
+    holds("change_while_ringing", &subject);
+    // It clicks a little while after a change, which is in tick 250.
+    let clicks = changed(&subject, "limiter", |y, calls, _| {
+        if calls == 255
+            && let Some(first) = y.first_mut()
+        {
+            *first += 0.1;
+        }
+    });
+    fails("change_while_ringing", &subject.clone().with(clicks), "a step of");
+}
+
+const RATE_HZ: u32 = 48_000;
+const TICK_HZ: u32 = 500;
+/// Frames of a device's period.
+const PERIOD: u64 = 1024;
+
+/// What ticks keep time with: told of a callback (time in ns, frames), it says when a frame is asked for, and at which frame a time is.
+trait Follows {
+    fn heard(&mut self, now_ns: f64, frames: u64);
+    fn time_ns(&self, position: f64) -> f64;
+}
+
+impl Follows for Dll {
+    fn heard(&mut self, now_ns: f64, frames: u64) {
+        assert_eq!(self.callback(now_ns as u64, frames).lost, 0, "nothing was lost");
+    }
+
+    fn time_ns(&self, position: f64) -> f64 {
+        self.line().time_ns(position)
+    }
+}
+
+/// The mutant: a clock that is right at the first callback, and goes by the rate that is written on the device.
+#[derive(Default)]
+struct Nominal {
+    began_ns: Option<f64>,
+}
+
+impl Follows for Nominal {
+    fn heard(&mut self, now_ns: f64, _frames: u64) {
+        self.began_ns.get_or_insert(now_ns);
+    }
+
+    fn time_ns(&self, position: f64) -> f64 {
+        self.began_ns.unwrap_or_default() + position * 1e9 / f64::from(RATE_HZ)
+    }
+}
+
+/// An hour of a device whose clock is off by `ppm`, and whose callbacks come late by 0 to 0.5 ms: frames between the ticks that have been run and what the
+/// device has taken, the least and the most of them after the first 10 s; and by how much two ticks were nearer or further apart than they should be, in us. Ticks are
+/// run as the paced driver does: each a period and 1.5 ms before its first frame is asked for.
+fn an_hour(ppm: f64, clock: &mut dyn Follows) -> (f64, f64, f64) {
+    let frame_ns = 1e9 / (f64::from(RATE_HZ) * (1.0 + ppm * 1e-6));
+    let lead_ns = PERIOD as f64 * frame_ns + 1.5e6;
+    // The stream begins at a frame a little ahead, once a tenth of a second has been listened to.
+    let begin = 10 * PERIOD;
+    let (mut tick, mut least, mut most, mut uneven) = (0_u64, f64::INFINITY, f64::NEG_INFINITY, 0.0_f64);
+    let mut before_ns = None;
+    for call in 0..3600 * u64::from(RATE_HZ) / PERIOD {
+        let asked = call * PERIOD;
+        let now = 1e9 + asked as f64 * frame_ns + 5e5 * uniform(5, call);
+        clock.heard(now, PERIOD);
+        if asked < begin {
+            continue;
+        }
+        // All that is due before the next callback.
+        let next = now + PERIOD as f64 * frame_ns;
+        loop {
+            let first = time::first_sample(tick, RATE_HZ, TICK_HZ);
+            let due = clock.time_ns((begin + first) as f64) - lead_ns;
+            if due > next {
+                break;
+            }
+            if asked > 10 * u64::from(RATE_HZ) {
+                let apart = before_ns.map_or(96.0 * frame_ns, |before| due - before);
+                uneven = uneven.max((apart - 96.0 * frame_ns).abs() / 1e3);
+            }
+            before_ns = Some(due);
+            tick += 1;
+        }
+        if asked > 10 * u64::from(RATE_HZ) {
+            let there = time::first_sample(tick, RATE_HZ, TICK_HZ) as f64 - (asked + PERIOD - begin) as f64;
+            (least, most) = (least.min(there), most.max(there));
+        }
+    }
+    (least, most, uneven)
+}
+
+/// Hard: a card's clock is off by 500 ppm for an hour. Must: no sample is missing, none piles up beyond a period, a tick and 3 ms, and ticks stay evenly apart within 0.1 ms.
+#[test]
+fn a_clock_that_is_off_by_500_ppm_is_followed_for_an_hour() {
+    let bound = PERIOD as f64 + 96.0 + 0.003 * f64::from(RATE_HZ);
+    for ppm in [500.0, -500.0, 0.0] {
+        let (least, most, uneven) = an_hour(ppm, &mut Dll::new(RATE_HZ));
+        println!("{ppm} ppm: {least} to {most} frames ahead, ticks uneven by {uneven:.1} us at most");
+        assert!(least >= 0.0 && most <= bound, "{ppm} ppm: {least} to {most} frames, {bound} at most");
+        assert!(uneven <= 100.0, "{ppm} ppm: ticks are uneven by {uneven} us");
+        let (least, most, _) = an_hour(ppm, &mut Nominal::default());
+        assert_eq!(least < 0.0 || most > bound, ppm != 0.0, "the mutant at {ppm} ppm: {least} to {most}");
+    }
+}
+
+/// Hard: the clock of a hand on another machine is off by 500 ppm for an hour, and its messages are 0 to 8 ms under way beyond the least. Must: each is at its time within 3 ms.
+#[test]
+fn a_hand_whose_clock_is_off_by_500_ppm_is_followed_for_an_hour() {
+    for ppm in [500.0, -500.0] {
+        let (mut clock, mut worst, mut last, mut first) = (RemoteClock::new(), 0.0_f64, 0.0_f64, None);
+        let mut unmapped = 0.0_f64;
+        for i in 0..3600 * 250_u64 {
+            let at_s = i as f64 * 0.004;
+            let arrived = (at_s * 1e9 + 1e6 + 8e6 * uniform(1, i)).max(last);
+            last = arrived;
+            let theirs = 77.0 + at_s * (1.0 + ppm * 1e-6);
+            clock.hear(theirs, arrived as u64);
+            let told = clock.time_ns(theirs, arrived as u64) as f64;
+            // The least time under way cannot be known.
+            let off = (told - at_s * 1e9 - 1e6).abs() * 1e-6;
+            if at_s > 5.0 {
+                worst = worst.max(off);
+            }
+            // The mutant: the first message says how the clocks stand for ever.
+            let offset = *first.get_or_insert(arrived * 1e-9 - theirs);
+            unmapped = unmapped.max((theirs + offset - at_s).abs() * 1e3);
+        }
+        println!("{ppm} ppm: off by at most {worst:.2} ms");
+        assert!(worst <= 3.0, "{ppm} ppm: {worst} ms");
+        assert!(unmapped > 3.0, "the mutant is off by {unmapped} ms");
+    }
+}

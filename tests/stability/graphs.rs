@@ -1,0 +1,100 @@
+//! Graphs of any shape and size.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use asperity_node::{Fault, NodeKind, Status};
+use asperity_stability::{Became, Subject, drawn, wrap};
+use proptest::prelude::*;
+
+use crate::{fails, graph, holds, scene, subject};
+
+/// A kind whose first control output is multiplied.
+fn by(subject: &Subject<'_>, kind: &str, factor: f64) -> Arc<dyn NodeKind> {
+    let kind = subject.kind(kind).expect("the kind");
+    wrap::after(kind, move |tick| tick.outputs.control(0).iter_mut().for_each(|x| *x *= factor))
+}
+
+/// A kind that does something else in its 30th call.
+fn once(
+    subject: &Subject<'_>,
+    kind: &str,
+    what: fn(&mut asperity_node::Tick<'_>) -> Result<Status, Fault>,
+) -> Arc<dyn NodeKind> {
+    wrap::wrap(
+        subject.kind(kind).expect("the kind"),
+        Arc::new(move |_| {
+            let mut calls = 0;
+            Box::new(move |node, tick| {
+                calls += 1;
+                let status = node.process(tick)?;
+                if calls == 30 { what(tick) } else { Ok(status) }
+            })
+        }),
+    )
+}
+
+#[test]
+fn one_to_5000_nodes() {
+    let subject = subject(None);
+    holds("one_to_5000_nodes", &subject);
+    for kind in ["gain", "mix", "delay"] {
+        fails("one_to_5000_nodes", &subject.clone().with(by(&subject, kind, 1.0001)), "and not");
+    }
+}
+
+#[test]
+fn random_graphs() {
+    let subject = subject(None);
+    holds("random_graphs", &subject);
+    let fault = once(&subject, "gain", |_| Err(Fault::Failed(3)));
+    fails("random_graphs", &subject.clone().with(fault), "failed with code 3");
+    let panics = once(&subject, "velocity", |_| panic!("asked for"));
+    fails("random_graphs", &subject.clone().with(panics), "panicked");
+    let nan = once(&subject, "resample", |tick| {
+        tick.outputs.audio(0).iter_mut().for_each(|y| *y = f32::NAN);
+        Ok(Status::Continue)
+    });
+    fails("random_graphs", &subject.clone().with(nan), "wrote a value that is not finite");
+}
+
+#[test]
+fn same_bytes() {
+    for name in ["texture.ron", "heravi2024.ron", "live.ron", "haply.ron"] {
+        let graph = graph(name);
+        holds("same_bytes", &subject(Some(&graph)));
+    }
+    for name in ["every_effect.ron", "study.ron"] {
+        let graph = scene(name);
+        holds("same_bytes", &subject(Some(&graph)));
+    }
+    let graph = graph("texture.ron");
+    let subject = subject(Some(&graph));
+    static CALLS: AtomicU64 = AtomicU64::new(0);
+    // What it answers follows from how often any node of its kind was called.
+    let shared = wrap::after(subject.kind("virtual_floor").expect("the kind"), |tick| {
+        let calls = CALLS.fetch_add(1, Ordering::Relaxed);
+        tick.outputs.control(0).iter_mut().for_each(|x| *x += 1e-15 * calls as f64);
+    });
+    fails("same_bytes", &subject.clone().with(shared), "differs in tick");
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 128, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn a_graph_that_loads_runs_and_one_that_does_not_says_why(choices in prop::collection::vec(any::<u16>(), 0..400)) {
+        let mut at = 0;
+        let mut choose = |n: usize| {
+            at += 1;
+            usize::from(choices.get(at - 1).copied().unwrap_or(0)) % n.max(1)
+        };
+        let subject = subject(None);
+        let graph = drawn(&subject, &mut choose);
+        match graph.run(&subject) {
+            Ok(Became::Ran { .. }) => {}
+            Ok(Became::Refused(why)) => prop_assert!(!why.is_empty()),
+            Err(wrong) => prop_assert!(false, "{wrong:?}:\n{}", graph.text),
+        }
+    }
+}
