@@ -90,6 +90,53 @@ fn a_study_says_what_each_setting_costs_and_is_worth_and_goes_on_where_it_was() 
     assert_eq!(json(&dir.path().join("out/results.json")), results);
 }
 
+/// A second and a half of a line over a surface, with noise of so many m/s^2 for what the tool felt.
+fn recording(dir: &Path, peak: f64) {
+    let mut text = String::from("t_s,force_n,x_mm,y_mm,ax_m_s2\n");
+    let mut seed = 1_u64;
+    for n in 0..3000 {
+        seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+        let noise = peak * ((seed >> 40) as f64 / f64::from(1_u32 << 23) - 1.0);
+        let t = f64::from(n) / 2000.0;
+        text += &format!("{t:.4},0.8,{:.4},0,{noise:.9}\n", 80.0 * t);
+    }
+    std::fs::write(dir.join("mine.csv"), text).expect("a recording");
+}
+
+#[test]
+fn a_setting_is_held_against_what_was_recorded_of_the_same_stroke() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let graph = graphs("texture.ron").canonicalize().expect("the shipped graph");
+    let write = |of: &str| {
+        let text = format!(
+            r#"Study(version: 1, graph: {graph:?}, steps: 10, times: (turns: 2, turn_ms: 40, batch: 3),
+                strokes: [(name: "mine", recording: "mine.csv"{of})], materials: ["sandpaper P120"])"#
+        );
+        std::fs::write(dir.path().join("study.ron"), text).expect("a study");
+    };
+    let args = ["tradeoff", "study.ron", "--out", "out", "--no-cases", "-q"];
+    recording(dir.path(), 30.0);
+    write("");
+    let refused = run(dir.path(), &args);
+    assert_eq!(refused.code, 2, "{}", refused.err);
+    assert!(refused.err.contains("nothing says over which material `mine` was recorded"), "{}", refused.err);
+    write(", material: \"canvas\"");
+    let level = || {
+        run(dir.path(), &args).ok();
+        let results = json(&dir.path().join("out/results.json"));
+        // It goes over its own material, and over no other.
+        assert_eq!(results["materials"], serde_json::json!(["sandpaper P120", "canvas"]));
+        let figures = &row(&results, "default")["figures"];
+        assert!(figures["perceptual"].is_f64() && figures["precision"].is_f64(), "{figures}");
+        figures["level"].as_f64().expect("a level")
+    };
+    let quiet = level();
+    // What is kept of a file that has changed is not taken: all bins are four times as large.
+    recording(dir.path(), 120.0);
+    let by = level() - quiet;
+    assert!((by - 20.0 * 4_f64.log10()).abs() < 1e-3, "{by} dB");
+}
+
 #[test]
 fn parts_of_a_study_are_put_together_and_the_best_can_be_pasted() {
     let dir = tempfile::tempdir().expect("a folder");

@@ -33,6 +33,13 @@ pub(crate) struct Plan<'a> {
     pub truths: &'a Truths,
 }
 
+impl<'a> Plan<'a> {
+    /// The strokes that go over a material, with their numbers.
+    pub(crate) fn over(&self, material: Option<&str>) -> impl Iterator<Item = (usize, &'a Stroke)> {
+        self.strokes.iter().enumerate().filter(move |(_, s)| s.goes_over(material))
+    }
+}
+
 /// What was found.
 #[derive(Clone, Debug, Default, serde::Serialize, serde::Deserialize)]
 pub(crate) struct Found {
@@ -72,7 +79,8 @@ pub(crate) fn find(
             let graph = over(&setting.graph, registry, material, seed);
             let mut chain = Chain::new(&graph, registry, ways.clone(), options)?;
             found.latency_ms.get_or_insert(chain.latency().ms());
-            for (s, stroke) in plan.strokes.iter().enumerate() {
+            let mut compared = m as u64 == draw % plan.materials.len() as u64;
+            for (s, stroke) in plan.over(material) {
                 if onlooker.stopped() {
                     return Ok(None);
                 }
@@ -83,15 +91,16 @@ pub(crate) fn find(
                 if let Some(db) = convergence(&heard) {
                     figures.insert(Figure::Convergence, db);
                 }
-                if let Some(truth) = material.and_then(|m| plan.truths.get(s, m, draw)) {
+                if let Some(truth) = plan.truths.get((s, stroke), material, draw) {
                     whole(&heard, truth, setting.strength, &mut figures);
                     models.extend(of_model(&heard, truth));
                 }
                 // The wave itself is compared on one stroke of each draw, over one material: double precision takes its time.
-                let compared = s == 0 && m as u64 == draw % plan.materials.len() as u64;
-                if let Some(double) = double.as_ref().filter(|_| compared) {
+                if let Some(double) = double.as_ref().filter(|_| std::mem::take(&mut compared)) {
                     let graph = over(double, registry, material, seed);
-                    let wide = Chain::new(&graph, registry, strokes.clone(), options)?.hear(stroke.seconds);
+                    let mut wide = Chain::new(&graph, registry, strokes.clone(), options)?;
+                    wide.play(s);
+                    let wide = wide.hear(stroke.seconds);
                     if let Ok(db) = accuracy::waveform_db(&wide_of(heard.last()), &wide_of(wide.last())) {
                         figures.insert(Figure::Precision, db);
                     }

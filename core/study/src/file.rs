@@ -147,6 +147,16 @@ impl Study {
                 .error("this study has no strokes")
                 .help("strokes: [(name: \"circle\", shape: circle, speed_mm_s: 60.0)]"));
         }
+        if !materials.is_empty()
+            && let Some(stroke) = strokes.iter().find(|s| s.is_anywhere())
+        {
+            return Err(Diagnostic::new(format!(
+                "nothing says over which material `{}` was recorded",
+                stroke.name
+            ))
+            .at(&stroke.place.source, stroke.place.span)
+            .help("material: \"the name it has in the graph's library\""));
+        }
         let names = strokes.iter().map(|s| (s.name.as_str(), &s.place)).collect::<Vec<_>>();
         no_twins(&names)?;
         no_twins(&materials.iter().map(|(n, p)| (n.as_str(), p)).collect::<Vec<_>>())?;

@@ -23,7 +23,7 @@ use crate::hear::is_network;
 use crate::keep::Kept;
 use crate::result::{Fragment, Machine, Results, Row, VERSION};
 use crate::setting::{Base, Setting, Settings, fnv};
-use crate::stroke::Stroke;
+use crate::stroke::{Known, Stroke, StrokeDecl};
 use crate::time::{Batch, Onlooker, batch};
 use crate::truth::Truths;
 
@@ -77,10 +77,15 @@ pub struct Ran {
 /// How many [parts](Onlooker::advanced) a run has: of accuracy for each setting, and of times.
 pub fn parts(order: &Order<'_>) -> Result<(u64, u64), Diagnostic> {
     let settings = mine(order)?.all.len() as u64;
-    let materials = order.study.materials.len().max(1) as u64;
-    let each = order.study.draws * (order.study.strokes.len() as u64 * materials + 1);
+    let each = renders(order.study, &materials(order, &mut Vec::new()));
     let batches = settings.div_ceil(order.study.times.batch as u64);
     Ok((settings * each, batches * order.study.times.turns as u64))
+}
+
+/// How many renders each setting takes, and measurements of its lag.
+fn renders(study: &Study, materials: &[Option<String>]) -> u64 {
+    let over = |m: &Option<String>| study.strokes.iter().filter(|s| s.goes_over(m.as_deref())).count() as u64;
+    study.draws * (materials.iter().map(over).sum::<u64>() + 1)
 }
 
 /// The settings of this shard.
@@ -131,7 +136,7 @@ pub fn run(order: &Order<'_>, onlooker: &dyn Onlooker) -> Result<Ran, Diagnostic
         let name = format!("part-{}", key(s));
         let part = match kept.get::<Part>(&name) {
             Some(part) => {
-                onlooker.advanced(study.draws * (strokes.len() as u64 * materials.len() as u64 + 1));
+                onlooker.advanced(renders(study, &materials));
                 Some(part)
             }
             None => {
@@ -181,10 +186,15 @@ pub fn run(order: &Order<'_>, onlooker: &dyn Onlooker) -> Result<Ran, Diagnostic
     Ok(Ran { results, unfinished, notes })
 }
 
-/// What else a finished part depends on: the study's text, this program, and all files that graphs read.
+/// What else a finished part depends on: the study's text, this program, and all files that strokes and graphs read.
 fn salt(order: &Order<'_>) -> Result<String, Diagnostic> {
     let mut text =
         format!("{} {:?} {} {}", order.study.source.text(), order.machine, order.program, order.cases);
+    let add = |text: &mut String, path: &Path| {
+        let bytes = std::fs::read(path).unwrap_or_default();
+        *text += &format!(" {} {:016x}", path.display(), bytes_fnv(&bytes));
+    };
+    order.study.strokes.iter().filter_map(StrokeDecl::file).for_each(|path| add(&mut text, path));
     for base in order.bases.iter().chain(order.marks) {
         // What does not compile over its own material may do so over those of the study.
         let Ok(compiled) = compile(&base.graph, &base.registry, Default::default()) else { continue };
@@ -194,8 +204,7 @@ fn salt(order: &Order<'_>) -> Result<String, Diagnostic> {
                 _ => None,
             });
             for path in named.chain(node.files.iter().cloned()) {
-                let bytes = std::fs::read(&path).unwrap_or_default();
-                text += &format!(" {} {:016x}", path.display(), bytes_fnv(&bytes));
+                add(&mut text, &path);
             }
         }
     }
@@ -206,18 +215,25 @@ fn bytes_fnv(bytes: &[u8]) -> u64 {
     bytes.iter().fold(0xcbf2_9ce4_8422_2325, |h, b| (h ^ u64::from(*b)).wrapping_mul(0x100_0000_01b3))
 }
 
-/// The study's materials, where any graph has a network to give them to.
+/// The study's materials, with those of its recordings, where any graph has a network to give them to.
 fn materials(order: &Order<'_>, notes: &mut Vec<String>) -> Vec<Option<String>> {
     let of = |b: &Base| b.graph.nodes.iter().any(|n| is_network(&b.registry, &n.kind));
-    if order.study.materials.is_empty() || !order.bases.iter().any(of) {
-        if !order.study.materials.is_empty() {
+    let recorded = order.study.strokes.iter().filter_map(|s| s.material.as_ref());
+    let mut names: Vec<&String> = Vec::new();
+    for (name, _) in order.study.materials.iter().chain(recorded) {
+        if !names.contains(&name) {
+            names.push(name);
+        }
+    }
+    if names.is_empty() || !order.bases.iter().any(of) {
+        if !names.is_empty() {
             notes.push(
                 "no graph has a node with a `library` and a `material`: each keeps its own textures".into(),
             );
         }
         return vec![None];
     }
-    order.study.materials.iter().map(|(name, _)| Some(name.clone())).collect()
+    names.into_iter().cloned().map(Some).collect()
 }
 
 /// The physics of all strokes over all materials that are made surfaces; nothing is known of others.
@@ -238,9 +254,10 @@ fn truths(
         let seed = |number: u64| random::bits(study.seed.wrapping_add(draw), number);
         let pieces: Vec<Ground> = (0..PIECES).map(|piece| Ground::new(surface, seed(piece))).collect();
         for (s, stroke) in strokes.iter().enumerate() {
+            let Known::Hand(hand) = &stroke.known else { continue };
             let mut all = Vec::new();
             for (number, piece) in (0..).zip(pieces.iter().flat_map(|piece| [piece; PLACES])) {
-                let felt = piece.felt(&stroke.hand, seed(PIECES + number));
+                let felt = piece.felt(hand, seed(PIECES + number));
                 all.extend(Spectrogram::new(&felt.axes(), felt.rate_hz));
             }
             if let Ok(mut truths) = truths.lock() {

@@ -1,9 +1,11 @@
 //! What is stroked: made by rule, or recorded.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use asperity_dataset::felt::Hand;
+use asperity_dataset::recordings;
+use asperity_measure::accuracy::Spectrogram;
 use asperity_source::ron::Value;
 use asperity_source::{Diagnostic, Place};
 use asperity_world::motion::{self, Shape, StrokeParams, TrajectoryOptions};
@@ -18,6 +20,8 @@ pub struct StrokeDecl {
     pub name: String,
     /// Where it stands.
     pub place: Place,
+    /// The material over which it was recorded.
+    pub material: Option<(String, Place)>,
     from: From,
 }
 
@@ -26,6 +30,17 @@ enum From {
     Made(Box<StrokeParams>),
     /// Positions over time.
     File(PathBuf),
+    /// What was measured while a tool was dragged, its accelerations too.
+    Recording(PathBuf),
+}
+
+/// What is known of what a tool feels along a stroke.
+#[derive(Clone, Debug)]
+pub enum Known {
+    /// What the hand does, without the sensor's steps: the rest can be simulated where the material is a made surface.
+    Hand(Hand),
+    /// What the tool felt.
+    Felt(Spectrogram),
 }
 
 /// A stroke that can be sampled.
@@ -37,8 +52,21 @@ pub struct Stroke {
     pub seconds: f64,
     /// What the sensor reads at a time in s: x, y, z in mm, z up; the surface is at 0 and gives way by 0.5 N/mm.
     pub measured: Path3,
-    /// What the hand does: the same without the sensor's steps.
-    pub hand: Hand,
+    /// What a tool feels of it.
+    pub known: Known,
+    /// The material over which it was recorded: over others it is not played.
+    pub material: Option<String>,
+}
+
+impl Stroke {
+    /// Whether it is played over a material; none stands for a graph's own.
+    pub fn goes_over(&self, material: Option<&str>) -> bool {
+        goes_over(self.material.as_deref(), material)
+    }
+}
+
+fn goes_over(own: Option<&str>, material: Option<&str>) -> bool {
+    own.is_none() || material.is_none() || own == material
 }
 
 impl std::fmt::Debug for Stroke {
@@ -67,7 +95,8 @@ const FIELDS: &[&str] = &[
 ];
 
 impl StrokeDecl {
-    /// Reads `(name: "..", file: "..")`, or `(name: "..", shape: circle, ..)` with what the node `stroke` has for parameters.
+    /// Reads `(name: "..", file: "..")`, `(name: "..", recording: "..", material: "..")`, or `(name: "..", shape: circle, ..)` with what the node
+    /// `stroke` has for parameters.
     ///
     /// # Errors
     /// Another value, an unknown field.
@@ -77,7 +106,15 @@ impl StrokeDecl {
         if let Some(file) = record.optional("file") {
             let from = From::File(beside(file)?);
             record.finish(&["name", "file"])?;
-            return Ok(Self { name, place: value.place(), from });
+            return Ok(Self { name, place: value.place(), material: None, from });
+        }
+        if let Some(file) = record.optional("recording") {
+            let from = From::Recording(beside(file)?);
+            let material = record.optional("material");
+            let material =
+                material.map(|m| Ok::<_, Diagnostic>((m.text()?.to_owned(), m.place()))).transpose()?;
+            record.finish(&["name", "recording", "material"])?;
+            return Ok(Self { name, place: value.place(), material, from });
         }
         let d = StrokeParams::default();
         let shape = match record.optional("shape") {
@@ -102,39 +139,57 @@ impl StrokeDecl {
         record.finish(FIELDS)?;
         // What is out of range is said now, and at its place.
         motion::Stroke::new(params.clone()).map_err(|e| e.at(value.source(), value.span()))?;
-        Ok(Self { name, place: value.place(), from: From::Made(Box::new(params)) })
+        Ok(Self { name, place: value.place(), material: None, from: From::Made(Box::new(params)) })
+    }
+
+    /// Whether it is a recording of which nothing says over which material.
+    pub(crate) fn is_anywhere(&self) -> bool {
+        matches!(self.from, From::Recording(_)) && self.material.is_none()
+    }
+
+    /// As [`Stroke::goes_over`].
+    pub(crate) fn goes_over(&self, material: Option<&str>) -> bool {
+        goes_over(self.material.as_ref().map(|(name, _)| name.as_str()), material)
+    }
+
+    /// The file that it is read from.
+    pub(crate) fn file(&self) -> Option<&Path> {
+        match &self.from {
+            From::Made(_) => None,
+            From::File(path) | From::Recording(path) => Some(path),
+        }
     }
 
     /// The stroke itself; reads its file.
     ///
     /// # Errors
-    /// A file that cannot be read or is no trajectory.
+    /// A file that cannot be read or is no trajectory or recording.
     pub fn open(&self) -> Result<Stroke, Diagnostic> {
         let name = self.name.clone();
-        match &self.from {
+        let material = self.material.as_ref().map(|(name, _)| name.clone());
+        let here = |e: Diagnostic| e.related(&self.place.source, self.place.span, "named here");
+        let (seconds, measured, known): (f64, Path3, Known) = match &self.from {
             From::Made(params) => {
-                let made = |params| {
-                    motion::Stroke::new(params).map_err(|e| e.at(&self.place.source, self.place.span))
-                };
-                let measured = made((**params).clone())?;
-                Ok(Stroke {
-                    name,
-                    seconds: params.duration_s,
-                    hand: Hand::stroke(params)?,
-                    measured: Arc::new(move |t| measured.sample(t).position),
-                })
+                let made = motion::Stroke::new((**params).clone());
+                let made = made.map_err(|e| e.at(&self.place.source, self.place.span))?;
+                let hand = Hand::stroke(params)?;
+                (params.duration_s, Arc::new(move |t| made.sample(t).position), Known::Hand(hand))
             }
             From::File(path) => {
-                let read = motion::Trajectory::read(path, &TrajectoryOptions::default());
                 let trajectory =
-                    read.map_err(|e| e.related(&self.place.source, self.place.span, "named here"))?;
+                    motion::Trajectory::read(path, &TrajectoryOptions::default()).map_err(here)?;
+                let hand = Hand::trajectory(&trajectory).map_err(|e| here(e.in_file(path)))?;
                 let seconds = trajectory.duration_s();
-                let hand = Hand::trajectory(&trajectory).map_err(|e| {
-                    e.in_file(path).related(&self.place.source, self.place.span, "named here")
-                })?;
-                let measured = Arc::new(move |t| trajectory.sample(t).position);
-                Ok(Stroke { name, seconds, hand, measured })
+                (seconds, Arc::new(move |t| trajectory.sample(t).position), Known::Hand(hand))
             }
-        }
+            From::Recording(path) => {
+                let recording = recordings::recording(path).map_err(here)?;
+                let felt = Spectrogram::new(&recording.felt.axes(), recording.felt.rate_hz)
+                    .map_err(|e| here(Diagnostic::new(e.to_string()).in_file(path)))?;
+                let seconds = recording.felt.duration_s();
+                (seconds, Arc::new(move |t| recording.place_mm(t)), Known::Felt(felt))
+            }
+        };
+        Ok(Stroke { name, seconds, measured, known, material })
     }
 }

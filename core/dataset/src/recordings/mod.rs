@@ -105,6 +105,15 @@ pub struct Recording {
 }
 
 impl Recording {
+    /// Where it is at a time in s, x, y, z in mm: on the line between two places; before the first and behind the last it stays there.
+    pub fn place_mm(&self, t_s: f64) -> [f64; 3] {
+        let last = self.position_mm.len().saturating_sub(1);
+        let at = (t_s * RATE_HZ).clamp(0.0, last as f64);
+        let place = |i: usize| self.position_mm.get(i.min(last)).copied().unwrap_or_default();
+        let (a, b) = (place(at as usize), place(at as usize + 1));
+        std::array::from_fn(|axis| a[axis] + at.fract() * (b[axis] - a[axis]))
+    }
+
     /// The stroke as a CSV file of the `trajectory` node, with the column `force_n` beside the places.
     pub fn csv(&self) -> String {
         let mut text = String::from("t_s,x_mm,y_mm,z_mm,force_n\n");

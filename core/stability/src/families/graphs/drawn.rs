@@ -277,7 +277,8 @@ pub(super) fn run(subject: &Subject<'_>) -> Found {
             Became::Refused(why) => *refused.entry(why).or_default() += 1,
         }
     }
-    let often = refused.iter().max_by_key(|(_, times)| **times).map(|(why, times)| format!("{times} times: {why}"));
+    let often =
+        refused.iter().max_by_key(|(_, times)| **times).map(|(why, times)| format!("{times} times: {why}"));
     let often = often.unwrap_or_default();
     holds(4 * ran >= graphs, || format!("only {ran} of {graphs} could be run; {often}"))?;
     Ok(format!(
