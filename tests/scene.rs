@@ -19,7 +19,7 @@ fn parts(audio_hz: u32) -> String {
     format!(
         "version: 1, tick_hz: 500, audio_hz: {audio_hz}, seed: 7,\n\
          network: (model: \"{models}/texture.onnx\", library: \"{models}/materials.ron\"),\n\
-         phase: sample_commit(frames: 5, passes: 5, momentum: 0.9, emission: -20),\n\
+         phase: sample_commit(frames: 2, passes: 2),\n\
          device: (damping_ns_per_m: 2), gain: 0.35, actuator: (profile: \"hapcoil_one\", handle_mass_g: 100.0),\n\
          output: audio_out(volts_at_full_scale: 1.0, amps_per_volt: 1.0),\n"
     )
@@ -129,7 +129,7 @@ fn one_plane_with_the_model_sounds_as_the_shipped_graph_does_sample_for_sample()
     let dir = tempfile::tempdir().unwrap();
     let scene = parts(48_000)
         .replace("seed: 7", "seed: 2024")
-        .replace("network: (", "network: (synthesis_hz: 2500, ")
+        .replace("network: (", "network: (synthesis_hz: 2500, precision: int8, ")
         + STROKE
         + &format!(
             "surfaces: {{\"a\": (shape: plane, material: \"canvas\", effects: ({WALL}, texture: network))}},\n"

@@ -120,7 +120,7 @@ impl Scatter {
             ));
             taken.push([cx - 4.0, cy - 4.0, cx + 4.0, cy + 4.0]);
         }
-        self.better(&mut svg, [top, bottom], &mut taken);
+        self.better(&mut svg, top);
         for dot in self.dots.iter().filter(|d| !d.label.is_empty()) {
             let [cx, cy] = at(dot);
             let places = AROUND.map(|(dx, dy, anchor)| ([cx + dx, cy + dy], anchor));
@@ -173,24 +173,20 @@ impl Scatter {
         ));
     }
 
-    /// An arrow to where one would like to be.
-    fn better(&self, svg: &mut Svg, [top, bottom]: [f64; 2], taken: &mut Vec<Room>) {
-        let (x, y, dy) = if self.up_is_better {
-            (LEFT + 62.0, top + 40.0, -22.0)
-        } else {
-            (LEFT + 62.0, bottom - 52.0, 22.0)
-        };
+    /// An arrow to where one would like to be, above the dots.
+    fn better(&self, svg: &mut Svg, top: f64) {
+        let (y, dy) = if self.up_is_better { (top - 10.0, -18.0) } else { (top - 28.0, 18.0) };
+        let x = SIZE[0] - RIGHT - 54.0;
         let style = "stroke=\"#2f855a\" stroke-width=\"2\" fill=\"none\"";
         svg.path(
-            &format!("M{} {}l-26 {}m0 {}v{}h10", num(x), num(y), num(dy), num(-0.45 * dy), num(0.45 * dy)),
+            &format!("M{} {}l-22 {}m0 {}v{}h10", num(x), num(y), num(dy), num(-0.5 * dy), num(0.5 * dy)),
             style,
         );
         svg.raw(format_args!(
             "<text x=\"{}\" y=\"{}\" class=\"wire\" style=\"fill:#2f855a;font-weight:600\">better</text>\n",
-            num(x + 5.0),
-            num(y + 4.0)
+            num(x + 8.0),
+            num(top - 15.0)
         ));
-        taken.push([x - 28.0, y.min(y + dy) - 8.0, x + 48.0, y.max(y + dy) + 8.0]);
     }
 }
 

@@ -21,9 +21,9 @@ fn main() {
     println!("    device: (max_force_n: 3.3, damping_ns_per_m: 2.0),");
     println!(
         "    network: (model: \"../models/surfaces/texture.onnx\", library: \"../models/surfaces/materials.ron\", \
-         synthesis_hz: 2500),"
+         synthesis_hz: 2500, precision: int8),"
     );
-    println!("    phase: sample_commit(frames: 5, passes: 5, momentum: 0.9, emission: -20),");
+    println!("    phase: sample_commit(frames: 2, passes: 2, emission: -20),");
     println!("    gain: 0.35,\n    actuator: (profile: \"hapcoil_one\", handle_mass_g: 100.0),");
     println!("    output: audio_out(volts_at_full_scale: 1.0, amps_per_volt: 1.0),\n    surfaces: {{");
     for row in 0..25_usize {
