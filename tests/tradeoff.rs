@@ -28,7 +28,7 @@ fn study(dir: &Path, grids: &str) {
 }
 
 const TWO: &str = r#"(name: "phase", knobs: {"phase": [(kind: "spsi"), (kind: "no_such_kind")]}),
-    (name: "frames", knobs: {"phase.frames": [1, 5]}), (name: "limiter", knobs: {"limiter": [kept, bypassed]}),
+    (name: "frames", knobs: {"phase.frames": [1, 2]}), (name: "limiter", knobs: {"limiter": [kept, bypassed]}),
     (name: "guards", knobs: {"guards": [false]})"#;
 
 fn names(results: &Value) -> Vec<String> {
@@ -51,7 +51,7 @@ fn a_study_says_what_each_setting_costs_and_is_worth_and_goes_on_where_it_was() 
     assert!(ran.out.contains("D the default") && ran.out.contains("REPORT.md"), "{}", ran.out);
     let results = json(&dir.path().join("out/results.json"));
     let found = names(&results);
-    // The default is five frames; what is turned to where it stands already is no setting of its own.
+    // The default is two frames; what is turned to where it stands already is no setting of its own.
     assert_eq!(
         found,
         ["default", "phase=spsi", "phase.frames=1", "limiter=bypassed", "guards=false", "paper"]
@@ -152,6 +152,18 @@ fn parts_of_a_study_are_put_together_and_the_best_can_be_pasted() {
     let parts = ["1", "2"].map(|p| json(&dir.path().join(p).join("results.json")));
     assert_eq!(names(&parts[0])[0], "default");
     assert_eq!(names(&parts[1])[0], "default");
+    for (shards, want) in
+        [(&["1", "1"][..], "shard 1 of 2 is there already"), (&["1", "gone"], "cannot read this file")]
+    {
+        let ran = run(dir.path(), &[&["tradeoff", "merge", "--out", "no"], shards].concat());
+        assert!(ran.code == 2 && ran.err.contains(want), "{shards:?}: {}", ran.err);
+    }
+    let lost = run(dir.path(), &["tradeoff", "study.ron", "--out", "1", "--shard", "2/2", "--no-cases"]);
+    assert!(lost.code == 2 && lost.err.contains("has the results of shard 1/2"), "{}", lost.err);
+    let half = run(dir.path(), &["tradeoff", "merge", "1", "--out", "half", "-q"]).ok();
+    assert!(half.err.contains("shards that are not there: 2 of 2"), "{}", half.err);
+    let report = std::fs::read_to_string(dir.path().join("half/REPORT.md")).expect("a report");
+    assert!(report.contains("Shards that are not here: 2 of 2"), "{report}");
     run(dir.path(), &["tradeoff", "merge", "1", "2", "--out", "all", "-q"]).ok();
     let all = json(&dir.path().join("all/results.json"));
     let mut found = names(&all);
@@ -245,9 +257,8 @@ fn a_study_that_is_interrupted_says_so_and_goes_on_later() {
     );
     let args = ["tradeoff", "study.ron", "--out", "out", "--no-cases", "-q"];
     let child = asperity(dir.path()).args(args).spawn().expect("it starts");
-    let kept = dir.path().join("out/kept");
     // As soon as something is kept.
-    while std::fs::read_dir(&kept).map_or(0, Iterator::count) < 2 {
+    while parts(dir.path(), "figures-").len() < 2 {
         std::thread::sleep(std::time::Duration::from_millis(20));
     }
     let killed = std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status();
@@ -256,9 +267,76 @@ fn a_study_that_is_interrupted_says_so_and_goes_on_later() {
     assert_eq!(ended.status.code(), Some(130));
     let results = json(&dir.path().join("out/results.json"));
     let some = names(&results).len();
-    assert!((1..18).contains(&some), "{some}");
+    assert!((1..17).contains(&some), "{some}");
     run(dir.path(), &args).ok();
     let results = json(&dir.path().join("out/results.json"));
-    assert_eq!(names(&results).len(), 18);
+    assert_eq!(names(&results).len(), 17);
     assert!(results["rows"].as_array().expect("rows").iter().all(|r| r["time"].is_object()));
+    assert_eq!(results["unfinished"], 0);
+    // What is finished is not lost where the same command is stopped at once.
+    let child = asperity(dir.path()).args(args).spawn().expect("it starts");
+    std::thread::sleep(std::time::Duration::from_millis(30));
+    let killed = std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status();
+    assert!(killed.expect("kill").success());
+    child.wait_with_output().expect("it ends");
+    assert_eq!(json(&dir.path().join("out/results.json")), results);
+}
+
+/// Names of finished parts of `out`, with what tells a file that was written anew.
+fn parts(dir: &Path, prefix: &str) -> Vec<(String, std::time::SystemTime)> {
+    let Ok(entries) = std::fs::read_dir(dir.join("out/kept")) else { return Vec::new() };
+    let parts =
+        entries.map(|e| e.expect("an entry")).filter(|e| e.file_name().to_string_lossy().starts_with(prefix));
+    let mut all: Vec<_> = parts
+        .map(|e| {
+            (
+                e.file_name().to_string_lossy().into_owned(),
+                e.metadata().and_then(|m| m.modified()).expect("a time"),
+            )
+        })
+        .collect();
+    all.sort();
+    all
+}
+
+#[test]
+fn after_a_change_what_it_touches_is_run_again_and_nothing_else() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let profile = graphs("actuators/hapcoil_one.ron");
+    std::fs::copy(&profile, dir.path().join("mine.ron")).expect("a profile");
+    let grid = |frames: &str| {
+        format!(
+            r#"(name: "g", knobs: {{"phase.frames": [{frames}]}}), (name: "h", knobs: {{"inverse.profile": ["mine.ron"]}})"#
+        )
+    };
+    study(dir.path(), &grid("1"));
+    let args = ["tradeoff", "study.ron", "--out", "out", "--no-cases", "-q"];
+    run(dir.path(), &args).ok();
+    let all = |prefix: &str| parts(dir.path(), prefix);
+    let (figures, batches) = (all("figures-"), all("batch-"));
+    assert_eq!((figures.len(), batches.len()), (4, 2));
+    // A comment, and a value more: what is there stays.
+    let text = std::fs::read_to_string(dir.path().join("study.ron")).expect("the study");
+    std::fs::write(dir.path().join("study.ron"), format!("// Mine.\n{text}")).expect("a study");
+    run(dir.path(), &args).ok();
+    assert_eq!((all("figures-"), all("batch-")), (figures.clone(), batches.clone()));
+    study(dir.path(), &grid("1, 3"));
+    run(dir.path(), &args).ok();
+    let more = all("figures-");
+    assert!(more.len() == 5 && figures.iter().all(|part| more.contains(part)));
+    assert!(batches.iter().all(|part| all("batch-").contains(part)));
+    // A file that one setting alone reads.
+    let heavier = std::fs::read_to_string(&profile).expect("a profile").replace("g: 4.4,", "g: 5.4,");
+    std::fs::write(dir.path().join("mine.ron"), heavier).expect("a profile");
+    run(dir.path(), &args).ok();
+    let now = all("figures-");
+    assert_eq!(now.iter().filter(|part| !more.contains(part)).count(), 1);
+    std::fs::write(dir.path().join("mine.ron"), "nothing").expect("a profile");
+    run(dir.path(), &args).ok();
+    let results = json(&dir.path().join("out/results.json"));
+    assert!(row(&results, "inverse.profile=mine.ron")["error"].is_string(), "{results}");
+    std::fs::copy(&profile, dir.path().join("mine.ron")).expect("a profile");
+    run(dir.path(), &args).ok();
+    let results = json(&dir.path().join("out/results.json"));
+    assert!(row(&results, "inverse.profile=mine.ron")["error"].is_null(), "{results}");
 }

@@ -74,12 +74,12 @@ pub(crate) fn find(
     for draw in 0..plan.draws {
         let seed = plan.seed.wrapping_add(draw);
         let mut all = Vec::new();
+        let mut compared = true;
         for (m, material) in plan.materials.iter().enumerate() {
             let material = material.as_deref();
             let graph = over(&setting.graph, registry, material, seed);
             let mut chain = Chain::new(&graph, registry, ways.clone(), options)?;
             found.latency_ms.get_or_insert(chain.latency().ms());
-            let mut compared = m as u64 == draw % plan.materials.len() as u64;
             for (s, stroke) in plan.over(material) {
                 if onlooker.stopped() {
                     return Ok(None);
@@ -95,7 +95,7 @@ pub(crate) fn find(
                     whole(&heard, truth, setting.strength, &mut figures);
                     models.extend(of_model(&heard, truth));
                 }
-                // The wave itself is compared on one stroke of each draw, over one material: double precision takes its time.
+                // The wave itself is compared on one stroke, over one material: double precision takes its time, and draws are to differ in nothing else.
                 if let Some(double) = double.as_ref().filter(|_| std::mem::take(&mut compared)) {
                     let graph = over(double, registry, material, seed);
                     let mut wide = Chain::new(&graph, registry, strokes.clone(), options)?;

@@ -1,5 +1,7 @@
 //! What is finished is kept, so that a study that was stopped goes on where it was.
 
+use std::collections::BTreeSet;
+use std::fs::{File, TryLockError};
 use std::path::{Path, PathBuf};
 
 use asperity_source::Diagnostic;
@@ -7,23 +9,38 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 /// A folder of finished parts.
-#[derive(Clone, Debug)]
-pub(crate) struct Kept(PathBuf);
+#[derive(Debug)]
+pub(crate) struct Kept {
+    folder: PathBuf,
+    /// Locked for as long as this is there.
+    _lock: File,
+}
+
+/// The file by which a folder is locked.
+const LOCK: &str = "lock";
 
 impl Kept {
-    /// Makes the folder where it is not there.
+    /// Makes the folder where it is not there, and locks it.
     ///
     /// # Errors
-    /// It cannot be made.
+    /// It cannot be made; another run has it.
     pub(crate) fn open(folder: &Path) -> Result<Self, Diagnostic> {
-        std::fs::create_dir_all(folder)
-            .map_err(|e| Diagnostic::new(format!("cannot make this folder: {e}")).in_file(folder))?;
-        Ok(Self(folder.to_owned()))
+        let fail =
+            |what: &str, e: &dyn std::fmt::Display| Diagnostic::new(format!("{what}: {e}")).in_file(folder);
+        std::fs::create_dir_all(folder).map_err(|e| fail("cannot make this folder", &e))?;
+        let lock = File::create(folder.join(LOCK)).map_err(|e| fail("cannot write into this folder", &e))?;
+        match lock.try_lock() {
+            // Where there are no locks, as on some network disks, nobody is kept out.
+            Ok(()) | Err(TryLockError::Error(_)) => Ok(Self { folder: folder.to_owned(), _lock: lock }),
+            Err(TryLockError::WouldBlock) => Err(Diagnostic::new("another run writes into this folder")
+                .in_file(folder)
+                .help("each run, and each shard, has a folder of its own: --out")),
+        }
     }
 
     /// A part that is there and can be read.
     pub(crate) fn get<T: DeserializeOwned>(&self, name: &str) -> Option<T> {
-        let bytes = std::fs::read(self.0.join(format!("{name}.json"))).ok()?;
+        let bytes = std::fs::read(self.folder.join(format!("{name}.json"))).ok()?;
         serde_json::from_slice(&bytes).ok()
     }
 
@@ -33,11 +50,11 @@ impl Kept {
     /// # Errors
     /// It cannot be written.
     pub(crate) fn put<T: Serialize + DeserializeOwned>(&self, name: &str, part: &T) -> Result<T, Diagnostic> {
-        let path = self.0.join(format!("{name}.json"));
+        let path = self.folder.join(format!("{name}.json"));
         let fail =
             |e: &dyn std::fmt::Display| Diagnostic::new(format!("cannot write this: {e}")).in_file(&path);
         let text = serde_json::to_vec(part).map_err(|e| fail(&e))?;
-        let beside = self.0.join(format!(".{name}.{}.part", std::process::id()));
+        let beside = self.folder.join(format!(".{name}.{}.part", std::process::id()));
         let read = serde_json::from_slice(&text).map_err(|e| fail(&e))?;
         std::fs::write(&beside, text).and_then(|()| std::fs::rename(&beside, &path)).map_err(|e| {
             let _ = std::fs::remove_file(&beside);
@@ -48,13 +65,31 @@ impl Kept {
 
     /// Parts whose names begin so.
     pub(crate) fn all<T: DeserializeOwned>(&self, prefix: &str) -> Vec<T> {
-        let Ok(entries) = std::fs::read_dir(&self.0) else { return Vec::new() };
+        let Ok(entries) = std::fs::read_dir(&self.folder) else { return Vec::new() };
         let mut names: Vec<String> = entries
             .filter_map(|e| e.ok()?.file_name().into_string().ok())
             .filter(|n| n.starts_with(prefix))
             .collect();
         names.sort();
         names.iter().filter_map(|n| self.get(n.strip_suffix(".json")?)).collect()
+    }
+
+    /// Removes figures and cases that are not among those named: no setting of this study needs them any more.
+    ///
+    /// # Errors
+    /// The folder cannot be read.
+    pub(crate) fn tidy<'n>(&self, needed: impl Iterator<Item = &'n String>) -> Result<(), Diagnostic> {
+        let needed: BTreeSet<String> = needed.map(|name| format!("{name}.json")).collect();
+        let entries = std::fs::read_dir(&self.folder)
+            .map_err(|e| Diagnostic::new(format!("cannot read this folder: {e}")).in_file(&self.folder))?;
+        for name in entries.filter_map(|e| e.ok()?.file_name().into_string().ok()) {
+            let part = name.starts_with("figures-") || name.starts_with("cases-");
+            if part && !needed.contains(&name) {
+                // What stays is only in the way.
+                let _ = std::fs::remove_file(self.folder.join(&name));
+            }
+        }
+        Ok(())
     }
 }
 
@@ -74,5 +109,28 @@ mod tests {
         assert_eq!(kept.get::<Vec<u32>>("one half"), None);
         assert_eq!(kept.all::<Vec<u32>>("o"), [vec![1, 2], vec![3]]);
         assert!(Kept::open(&dir.path().join("a/b/one.json/c")).is_err());
+    }
+
+    #[test]
+    fn what_nobody_needs_is_removed_and_what_is_no_part_stays() {
+        let dir = tempfile::tempdir().unwrap();
+        let kept = Kept::open(dir.path()).unwrap();
+        for name in ["figures-1", "figures-2", "cases-1", "batch-1"] {
+            kept.put(name, &1).unwrap();
+        }
+        kept.tidy([&"figures-2".to_owned()].into_iter()).unwrap();
+        assert_eq!(
+            ["figures-1", "figures-2", "cases-1", "batch-1"].map(|n| kept.get::<i32>(n)),
+            [None, Some(1), None, Some(1)]
+        );
+    }
+
+    #[test]
+    fn two_runs_do_not_share_a_folder() {
+        let dir = tempfile::tempdir().unwrap();
+        let first = Kept::open(dir.path()).unwrap();
+        assert!(Kept::open(dir.path()).unwrap_err().to_string().contains("another run"));
+        drop(first);
+        Kept::open(dir.path()).unwrap();
     }
 }

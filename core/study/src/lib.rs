@@ -7,6 +7,7 @@
 mod accuracy;
 mod chart;
 mod choose;
+mod digest;
 mod figure;
 mod file;
 mod floor;
@@ -30,6 +31,7 @@ mod time;
 mod truth;
 
 pub use choose::{Budget, Choice, Reason};
+pub use digest::content;
 pub use figure::{Figure, Figures};
 pub use file::{Grid, Mark, Named, Study, Times};
 pub use hear::{Chain, Heard, Path3};

@@ -45,13 +45,29 @@ impl Results {
             some => of(some.len(), "material", "materials"),
         };
         let sound = self.rows.iter().filter(|r| r.sound()).count();
+        let held =
+            if self.cases > 0 { ", and every hard case holds" } else { "; nobody looked at hard cases" };
         let _ = writeln!(
             out,
-            "{} of `{}`, each over {} and {materials}. {sound} of them may be chosen: they ran, and every hard case holds.\n",
+            "{} of `{}`, each over {} and {materials}. {sound} of them may be chosen: they ran{held}.\n",
             of(self.rows.len(), "setting", "settings"),
             self.study,
             of(self.strokes.len(), "stroke", "strokes"),
         );
+        if self.unfinished > 0 {
+            let _ =
+                writeln!(out, "**Not finished: {}.** The same command goes on with them.\n", self.unfinished);
+        }
+        let missing = self.missing_shards();
+        if !missing.is_empty() {
+            let missing: Vec<String> = missing.iter().map(usize::to_string).collect();
+            let of = self.shards.first().map_or(1, |s| s.1);
+            let _ = writeln!(
+                out,
+                "**Shards that are not here: {} of {of}**, with all their settings.\n",
+                missing.join(", ")
+            );
+        }
         let first = [Figure::Perceptual, Figure::Spectrum, Figure::Convergence, Figure::Level]
             .into_iter()
             .find(|f| !self.undominated(*f).is_empty());
@@ -340,11 +356,11 @@ impl Results {
                 floors.join(", ")
             );
         }
-        if self.shards > 1 {
+        if self.shards.len() > 1 {
             let _ = writeln!(
                 out,
                 "- {} shards, whose times are by their ratio to the default, which each of them timed",
-                self.shards
+                self.shards.len()
             );
         }
     }

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use crate::figure::{Figure, Figures};
 
 /// Version of the file.
-pub(crate) const VERSION: u32 = 1;
+pub(crate) const VERSION: u32 = 2;
 
 /// Results of a study.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -16,6 +16,8 @@ pub struct Results {
     pub version: u32,
     /// The study's file, as it was named.
     pub study: String,
+    /// What tells its settings, strokes, materials and ways of measuring from those of another study.
+    pub digest: String,
     /// Seed of all random numbers.
     pub seed: u64,
     /// Strokes and materials, in words.
@@ -24,8 +26,12 @@ pub struct Results {
     pub materials: Vec<String>,
     /// What ran it.
     pub machines: Vec<Machine>,
-    /// Shards whose times are in these results, if not one alone: each was timed against the first default.
-    pub shards: usize,
+    /// Shards that are in these results, from 1, and of how many: `[(1, 1)]` where the study was not split. Each was timed against the first default.
+    pub shards: Vec<(usize, usize)>,
+    /// Settings that are not finished: the study was stopped, or a shard is missing and nobody knows its settings.
+    pub unfinished: usize,
+    /// Hard cases that settings were put to; 0 where nobody looked.
+    pub cases: usize,
     /// Figures that differ by less than this between two settings are not told apart.
     pub floor: Figures,
     /// The same of response lags \[ms\].
@@ -136,9 +142,9 @@ pub struct Time {
 }
 
 impl Row {
-    /// Whether it may be chosen: it ran, no node failed, and every hard case holds.
+    /// Whether it may be chosen: it ran, its time is known, no node failed, and every hard case that it was put to holds.
     pub fn sound(&self) -> bool {
-        self.error.is_none() && self.faults == 0 && self.fails.is_empty()
+        self.error.is_none() && self.time.is_some() && self.faults == 0 && self.fails.is_empty()
     }
 
     /// Its load in per cent of real time.
@@ -158,6 +164,31 @@ impl Row {
 }
 
 impl Results {
+    /// Results from their JSON text.
+    ///
+    /// # Errors
+    /// A text that is none, or of another version.
+    pub fn parse(text: &str) -> Result<Self, String> {
+        #[derive(Deserialize)]
+        struct Versioned {
+            version: u32,
+        }
+        let none = |e: serde_json::Error| format!("these are no results of `asperity tradeoff`: {e}");
+        let Versioned { version } = serde_json::from_str(text).map_err(none)?;
+        if version != VERSION {
+            return Err(format!(
+                "these results are of version {version}, and this program reads version {VERSION}: run the study again"
+            ));
+        }
+        serde_json::from_str(text).map_err(none)
+    }
+
+    /// Shards that are missing, from 1.
+    pub fn missing_shards(&self) -> Vec<usize> {
+        let of = self.shards.iter().map(|s| s.1).max().unwrap_or(1);
+        (1..=of).filter(|number| !self.shards.iter().any(|s| s.0 == *number)).collect()
+    }
+
     /// The default of the first graph.
     pub fn default_row(&self) -> Option<&Row> {
         self.rows.iter().find(|r| r.default)

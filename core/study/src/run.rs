@@ -1,29 +1,30 @@
 //! A study from its settings to its results.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use asperity_dataset::made::Ground;
-use asperity_graph::{GraphFile, compile};
+use asperity_graph::GraphFile;
 use asperity_measure::accuracy::Spectrogram;
-use asperity_node::{ParamValue, Registry, random};
+use asperity_node::{Registry, random};
 use asperity_source::Diagnostic;
 use asperity_stability::{Case, Effort, Subject, Verdict};
 use asperity_world::topography::made_surfaces;
 use serde::{Deserialize, Serialize};
 
 use crate::accuracy::{Found, Plan, find};
+use crate::digest::{self, Names};
 use crate::figure::mean;
 use crate::file::Study;
 use crate::floor;
 use crate::hear::is_network;
 use crate::keep::Kept;
 use crate::result::{Fragment, Machine, Results, Row, VERSION};
-use crate::setting::{Base, Setting, Settings, fnv};
-use crate::stroke::{Known, Stroke, StrokeDecl};
+use crate::setting::{Base, Setting, Settings};
+use crate::stroke::{Known, Stroke};
 use crate::time::{Batch, Onlooker, batch};
 use crate::truth::Truths;
 
@@ -54,13 +55,68 @@ pub struct Order<'a> {
     pub cases: bool,
 }
 
-/// What is known of a setting but its times.
+impl Order<'_> {
+    /// What a setting was made of.
+    pub(crate) fn base(&self, setting: &Setting) -> Option<&Base> {
+        self.bases.get(setting.base).or_else(|| self.marks.iter().find(|m| m.name == setting.name))
+    }
+
+    /// The settings of this shard, all of them where there are no others, and what tells the study from another.
+    fn settings(&self) -> Result<(Settings, String), Diagnostic> {
+        let mut settings = Settings::new(self.study, self.bases, self.marks)?;
+        let digest = digest::of_all(self, &settings.all);
+        let (shard, of) = self.shard;
+        let mut number = 0;
+        settings.all.retain(|_| {
+            number += 1;
+            number == 1 || (number - 1) % of.max(1) == shard
+        });
+        Ok((settings, digest))
+    }
+
+    /// The hard cases that settings are put to.
+    fn hard_cases(&self) -> Vec<&'static Case> {
+        asperity_stability::cases().into_iter().filter(|c| c.of_graph && self.cases).collect()
+    }
+}
+
+/// How accurate a setting is, or why it cannot be run.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-struct Part {
-    found: Option<Found>,
-    error: Option<String>,
-    cases: usize,
+enum Heard {
+    Found(Found),
+    Error(String),
+}
+
+/// Hard cases of a setting: how many it was put to, and those that do not hold.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+struct Cases {
+    count: usize,
     fails: BTreeMap<String, String>,
+}
+
+/// What is known of a setting but its times.
+#[derive(Clone, Debug, Default)]
+struct Part {
+    heard: Option<Heard>,
+    cases: Option<Cases>,
+}
+
+impl Part {
+    /// Whether there is nothing left to do for it.
+    fn is_finished(&self, order: &Order<'_>) -> bool {
+        match &self.heard {
+            None => false,
+            Some(Heard::Error(_)) => true,
+            Some(Heard::Found(_)) => self.cases.is_some() || !order.cases,
+        }
+    }
+
+    fn found(&self) -> Option<&Found> {
+        match &self.heard {
+            Some(Heard::Found(found)) => Some(found),
+            _ => None,
+        }
+    }
 }
 
 /// What came of a run.
@@ -68,16 +124,14 @@ struct Part {
 pub struct Ran {
     /// Results of what is finished.
     pub results: Results,
-    /// Settings that are not finished, since the user asked to stop.
-    pub unfinished: usize,
     /// What a person should know of how the study was taken.
     pub notes: Vec<String>,
 }
 
-/// How many [parts](Onlooker::advanced) a run has: of accuracy for each setting, and of times.
+/// How many [parts](Onlooker::advanced) a run has: of accuracy and hard cases, and of times.
 pub fn parts(order: &Order<'_>) -> Result<(u64, u64), Diagnostic> {
-    let settings = mine(order)?.all.len() as u64;
-    let each = renders(order.study, &materials(order, &mut Vec::new()));
+    let settings = order.settings()?.0.all.len() as u64;
+    let each = renders(order.study, &materials(order, &mut Vec::new())) + order.hard_cases().len() as u64;
     let batches = settings.div_ceil(order.study.times.batch as u64);
     Ok((settings * each, batches * order.study.times.turns as u64))
 }
@@ -88,93 +142,49 @@ fn renders(study: &Study, materials: &[Option<String>]) -> u64 {
     study.draws * (materials.iter().map(over).sum::<u64>() + 1)
 }
 
-/// The settings of this shard.
-fn mine(order: &Order<'_>) -> Result<Settings, Diagnostic> {
-    let mut settings = Settings::new(order.study, order.bases, order.marks)?;
-    let (shard, of) = order.shard;
-    let mut number = 0;
-    settings.all.retain(|_| {
-        number += 1;
-        number == 1 || (number - 1) % of.max(1) == shard
-    });
-    Ok(settings)
-}
-
-/// Runs a study.
+/// Runs a study. Where the user asks to stop, results have all that is finished, now or earlier.
 ///
 /// # Errors
-/// What is wrong with the study or its graphs; what cannot be written. A setting that cannot be run is a row that says why.
+/// What is wrong with the study or its graphs; what cannot be written; another run that keeps its parts in the same folder. A setting that cannot be run is a
+/// row that says why.
 pub fn run(order: &Order<'_>, onlooker: &dyn Onlooker) -> Result<Ran, Diagnostic> {
     let study = order.study;
-    let settings = mine(order)?;
+    let (settings, digest) = order.settings()?;
     let kept = Kept::open(order.folder)?;
-    let salt = salt(order)?;
-    let key = |s: &Setting| format!("{:016x}", fnv(&format!("{salt} {}", s.key)));
-    let registry = |s: &Setting| -> &Registry {
-        let bases = order.bases.get(s.base).or_else(|| order.marks.iter().find(|m| m.name == s.name));
-        bases.or(order.bases.first()).map_or_else(|| unreachable!("there is a graph"), |b| &b.registry)
-    };
     let mut notes: Vec<String> =
         settings.left_out.iter().map(|(what, why)| format!("`{what}` is left out: {why}")).collect();
     let strokes = study.strokes.iter().map(|s| s.open()).collect::<Result<Vec<_>, _>>()?;
     let materials = materials(order, &mut notes);
-    onlooker.doing("the physics");
-    let truths = truths(study, &strokes, &materials, order.jobs, onlooker)?;
-    let plan = Plan {
-        strokes: &strokes,
-        materials: &materials,
-        draws: study.draws,
-        seed: study.seed,
-        steps: study.steps,
-        truths: &truths,
-    };
-    let cases: Vec<&Case> =
-        asperity_stability::cases().into_iter().filter(|c| c.of_graph && order.cases).collect();
-    onlooker.doing("accuracy");
-    let parts = Mutex::new(HashMap::new());
-    let each = |s: &Setting| -> Result<(), Diagnostic> {
-        let name = format!("part-{}", key(s));
-        let part = match kept.get::<Part>(&name) {
-            Some(part) => {
-                onlooker.advanced(renders(study, &materials));
-                Some(part)
-            }
-            None => {
-                let base = order.bases.get(s.base).map(|b| &b.graph);
-                let part = part(s, base, registry(s), &plan, &cases, onlooker);
-                part.map(|part| kept.put(&name, &part)).transpose()?
-            }
-        };
-        if let (Some(part), Ok(mut parts)) = (part, parts.lock()) {
-            parts.insert(s.key.clone(), part);
-        }
-        Ok(())
-    };
-    on_several(&settings.all, order.jobs, onlooker, each)?;
-    let parts = parts.into_inner().unwrap_or_default();
+    let names = digest::names(order, &settings.all, &materials);
+    let cases = order.hard_cases();
+    let work = Work { order, onlooker, kept: &kept, settings: &settings.all, names: &names, cases: &cases };
+    let parts = work.parts(&strokes, &materials)?;
     onlooker.doing("times");
-    let batches = times(order, &settings, &parts, &kept, &key, &registry, materials.first(), onlooker)?;
+    let batches = work.times(&parts, materials.first().and_then(|m| m.as_deref()))?;
     let mut rows = Vec::new();
     let mut models = Vec::new();
-    for s in &settings.all {
-        if let Some(part) = parts.get(&s.key) {
-            if s.default {
-                models.extend(part.found.as_ref().map(|f| f.model.clone()));
-            }
-            rows.push(row(order, s, part));
+    for (s, part) in settings.all.iter().zip(&parts).filter(|(_, part)| part.is_finished(order)) {
+        if s.default {
+            models.extend(part.found().map(|f| f.model.clone()));
         }
+        rows.push(row(order, s, part));
     }
     floor::put_times(&mut rows, &batches);
-    let unfinished =
-        settings.all.len() - rows.iter().filter(|r| r.time.is_some() || r.error.is_some()).count();
+    let finished = rows.iter().filter(|r| r.time.is_some() || r.error.is_some()).count();
+    if finished == settings.all.len() && order.cases {
+        kept.tidy(names.iter().flat_map(|n| [&n.figures, &n.cases]))?;
+    }
     let mut results = Results {
         version: VERSION,
         study: study.source.path().display().to_string(),
+        digest,
         seed: study.seed,
         strokes: strokes.iter().map(|s| format!("{} ({} s)", s.name, s.seconds)).collect(),
         materials: materials.iter().flatten().cloned().collect(),
         machines: vec![order.machine.clone()],
-        shards: 1,
+        shards: vec![(order.shard.0 + 1, order.shard.1.max(1))],
+        unfinished: settings.all.len() - finished,
+        cases: cases.len(),
         floor: Default::default(),
         lag_floor_ms: None,
         load_floor: None,
@@ -183,36 +193,149 @@ pub fn run(order: &Order<'_>, onlooker: &dyn Onlooker) -> Result<Ran, Diagnostic
         rows,
     };
     floor::find(&mut results);
-    Ok(Ran { results, unfinished, notes })
+    Ok(Ran { results, notes })
 }
 
-/// What else a finished part depends on: the study's text, this program, and all files that strokes and graphs read.
-fn salt(order: &Order<'_>) -> Result<String, Diagnostic> {
-    let mut text =
-        format!("{} {:?} {} {}", order.study.source.text(), order.machine, order.program, order.cases);
-    let add = |text: &mut String, path: &Path| {
-        let bytes = std::fs::read(path).unwrap_or_default();
-        *text += &format!(" {} {:016x}", path.display(), bytes_fnv(&bytes));
-    };
-    order.study.strokes.iter().filter_map(StrokeDecl::file).for_each(|path| add(&mut text, path));
-    for base in order.bases.iter().chain(order.marks) {
-        // What does not compile over its own material may do so over those of the study.
-        let Ok(compiled) = compile(&base.graph, &base.registry, Default::default()) else { continue };
-        for node in &compiled.schedule.nodes {
-            let named = node.params.iter().filter_map(|(_, value)| match value {
-                ParamValue::File(path) => Some(path.clone()),
-                _ => None,
+/// What all that is done for settings has in common.
+#[derive(Clone, Copy)]
+struct Work<'a> {
+    order: &'a Order<'a>,
+    onlooker: &'a dyn Onlooker,
+    kept: &'a Kept,
+    settings: &'a [Setting],
+    names: &'a [Names],
+    cases: &'a [&'static Case],
+}
+
+impl Work<'_> {
+    fn base(&self, setting: &Setting) -> Result<&Base, Diagnostic> {
+        let base = self.order.base(setting).or(self.order.bases.first());
+        base.ok_or_else(|| Diagnostic::new("there is no graph to study"))
+    }
+
+    /// Accuracy and hard cases of all settings: what is kept is taken, and what is new is kept.
+    fn parts(&self, strokes: &[Stroke], materials: &[Option<String>]) -> Result<Vec<Part>, Diagnostic> {
+        let (study, onlooker) = (self.order.study, self.onlooker);
+        let kept = |names: &Names| Part {
+            heard: self.kept.get(&names.figures).map(Heard::Found),
+            cases: self.kept.get(&names.cases).filter(|_| self.order.cases),
+        };
+        let parts: Vec<Part> = self.names.iter().map(kept).collect();
+        let left: Vec<usize> = (0..parts.len()).filter(|&i| !parts[i].is_finished(self.order)).collect();
+        let truths = if left.iter().any(|&i| parts[i].heard.is_none()) {
+            onlooker.doing("the physics");
+            truths(study, strokes, materials, self.order.jobs, onlooker)?
+        } else {
+            Truths::default()
+        };
+        let plan = Plan {
+            strokes,
+            materials,
+            draws: study.draws,
+            seed: study.seed,
+            steps: study.steps,
+            truths: &truths,
+        };
+        onlooker.doing("accuracy");
+        let (each, cases) = (renders(study, materials), self.cases.len() as u64);
+        for part in &parts {
+            let heard = if part.heard.is_some() { each } else { 0 };
+            onlooker.advanced(heard + if part.cases.is_some() { cases } else { 0 });
+        }
+        let parts = Mutex::new(parts);
+        on_several(&left, self.order.jobs, onlooker, |&i| {
+            let mut part = parts.lock().map_or_else(|_| Part::default(), |parts| parts[i].clone());
+            self.finish(i, &mut part, &plan)?;
+            if let Ok(mut parts) = parts.lock() {
+                parts[i] = part;
+            }
+            Ok(())
+        })?;
+        Ok(parts.into_inner().unwrap_or_default())
+    }
+
+    /// What is left to do for a setting, unless the user asks to stop.
+    fn finish(&self, number: usize, part: &mut Part, plan: &Plan<'_>) -> Result<(), Diagnostic> {
+        let (setting, names) = (&self.settings[number], &self.names[number]);
+        let registry = &self.base(setting)?.registry;
+        if part.heard.is_none() {
+            // A node may panic while it is prepared, where nothing else contains it.
+            let found = catch_unwind(AssertUnwindSafe(|| find(setting, registry, plan, self.onlooker)));
+            // Errors are not kept: what they are about may be mended.
+            part.heard = Some(match found {
+                Ok(Ok(Some(found))) => Heard::Found(self.kept.put(&names.figures, &found)?),
+                Ok(Ok(None)) => return Ok(()),
+                Ok(Err(e)) => Heard::Error(e.to_string()),
+                Err(_) => Heard::Error("it panicked while it was prepared".into()),
             });
-            for path in named.chain(node.files.iter().cloned()) {
-                add(&mut text, &path);
+        }
+        if part.found().is_none() || part.cases.is_some() || !self.order.cases {
+            return Ok(());
+        }
+        let subject = Subject::new(registry.clone()).graph(&setting.graph).effort(Effort::Quick);
+        let mut found = Cases::default();
+        for case in self.cases {
+            if self.onlooker.stopped() {
+                return Ok(());
+            }
+            let outcome = catch_unwind(AssertUnwindSafe(|| case.run(&subject)));
+            let (verdict, why) = match outcome {
+                Ok(outcome) => (outcome.verdict, outcome.found),
+                Err(_) => (Verdict::Fails, "it panicked".into()),
+            };
+            found.count += usize::from(verdict != Verdict::NotApplicable);
+            if verdict == Verdict::Fails {
+                found.fails.insert(case.name.to_owned(), why);
+            }
+            self.onlooker.advanced(1);
+        }
+        part.cases = Some(self.kept.put(&names.cases, &found)?);
+        Ok(())
+    }
+
+    /// Times of all settings that run, in batches; those that are kept are taken from there.
+    fn times(&self, parts: &[Part], material: Option<&str>) -> Result<Vec<Batch>, Diagnostic> {
+        let all = || self.settings.iter().zip(self.names);
+        let mut batches: Vec<Batch> = Vec::new();
+        let mut known: Vec<String> = Vec::new();
+        for mut batch in self.kept.all::<Batch>("batch-") {
+            batch.rows.retain_mut(|(name, _)| match all().find(|(_, n)| n.times == *name) {
+                Some((setting, _)) => {
+                    known.push(std::mem::replace(name, setting.key.clone()));
+                    true
+                }
+                None => false,
+            });
+            if !batch.rows.is_empty() {
+                batches.push(batch);
             }
         }
+        let Some(anchor) = self.settings.first() else { return Ok(batches) };
+        let left: Vec<(&Setting, &Names)> = all()
+            .zip(parts)
+            .filter(|((_, names), part)| part.found().is_some() && !known.contains(&names.times))
+            .map(|(it, _)| it)
+            .collect();
+        let times = self.order.study.times;
+        for some in left.chunks(times.batch.max(1)) {
+            let with = some.iter().map(|(s, _)| Ok((*s, &self.base(s)?.registry)));
+            let with = with.collect::<Result<Vec<(&Setting, &Registry)>, Diagnostic>>()?;
+            let anchor = (anchor, &self.base(anchor)?.registry);
+            let Some(timed) = batch(anchor, &with, material, times, self.onlooker)? else { break };
+            // Under names that change with what a setting depends on.
+            let rows =
+                some.iter().zip(&timed.rows).map(|((_, n), (_, time))| (n.times.clone(), time.clone()));
+            let named = Batch { rows: rows.collect(), ..timed };
+            let all: String = some.iter().map(|(_, n)| n.times.as_str()).collect();
+            let name = format!("batch-{}", digest::of_bytes(all.as_bytes()));
+            let mut batch = self.kept.put(&name, &named)?;
+            for ((name, _), (setting, _)) in batch.rows.iter_mut().zip(some) {
+                name.clone_from(&setting.key);
+            }
+            batches.push(batch);
+        }
+        Ok(batches)
     }
-    Ok(text)
-}
-
-fn bytes_fnv(bytes: &[u8]) -> u64 {
-    bytes.iter().fold(0xcbf2_9ce4_8422_2325, |h, b| (h ^ u64::from(*b)).wrapping_mul(0x100_0000_01b3))
 }
 
 /// The study's materials, with those of its recordings, where any graph has a network to give them to.
@@ -303,115 +426,29 @@ fn on_several<T: Sync>(
     }
 }
 
-/// Accuracy and hard cases of a setting; none where the user asks to stop.
-fn part(
-    s: &Setting,
-    base: Option<&GraphFile>,
-    registry: &Registry,
-    plan: &Plan<'_>,
-    cases: &[&Case],
-    onlooker: &dyn Onlooker,
-) -> Option<Part> {
-    let mut part = Part { found: None, error: None, cases: 0, fails: BTreeMap::new() };
-    // A node may panic while it is prepared, where nothing else contains it.
-    let found = catch_unwind(AssertUnwindSafe(|| find(s, registry, plan, onlooker)));
-    match found {
-        Ok(Ok(Some(found))) => part.found = Some(found),
-        Ok(Ok(None)) => return None,
-        Ok(Err(e)) => part.error = Some(e.to_string()),
-        Err(_) => part.error = Some("it panicked while it was prepared".into()),
-    }
+fn row(order: &Order<'_>, s: &Setting, part: &Part) -> Row {
+    let found = part.found().cloned().unwrap_or_default();
+    let error = match &part.heard {
+        Some(Heard::Error(why)) => Some(why.clone()),
+        _ => None,
+    };
+    let base = order.bases.get(s.base);
+    let Cases { count, mut fails } = part.cases.clone().unwrap_or_default();
     if !s.guards {
         let why = "they are off, which is only measured: no graph and no command can have it so";
-        part.fails.insert("guards".into(), why.into());
+        fails.insert("guards".into(), why.into());
     }
     let cards = |g: &GraphFile| g.nodes.iter().filter(|n| n.kind == "audio_out").count();
-    if base.is_some_and(|base| cards(base) > cards(&s.graph)) {
+    if base.is_some_and(|base| cards(&base.graph) > cards(&s.graph)) {
         let why =
             "what drove the coil through a limiter goes nowhere any more: nothing is played without one";
-        part.fails.insert("limiter".into(), why.into());
+        fails.insert("limiter".into(), why.into());
     }
-    if part.error.is_none() {
-        let subject = Subject::new(registry.clone()).graph(&s.graph).effort(Effort::Quick);
-        for case in cases {
-            if onlooker.stopped() {
-                return None;
-            }
-            let outcome = catch_unwind(AssertUnwindSafe(|| case.run(&subject)));
-            let (verdict, why) = match outcome {
-                Ok(outcome) => (outcome.verdict, outcome.found),
-                Err(_) => (Verdict::Fails, "it panicked".into()),
-            };
-            match verdict {
-                Verdict::Holds => part.cases += 1,
-                Verdict::Fails => {
-                    part.cases += 1;
-                    part.fails.insert(case.name.to_owned(), why);
-                }
-                Verdict::NotApplicable => {}
-            }
-        }
-    }
-    Some(part)
-}
-
-/// Times of all settings that run, in batches; those that are kept are taken from there.
-#[allow(clippy::too_many_arguments)]
-fn times<'r>(
-    order: &Order<'_>,
-    settings: &Settings,
-    parts: &HashMap<String, Part>,
-    kept: &Kept,
-    key: &impl Fn(&Setting) -> String,
-    registry: &impl Fn(&Setting) -> &'r Registry,
-    material: Option<&Option<String>>,
-    onlooker: &dyn Onlooker,
-) -> Result<Vec<Batch>, Diagnostic> {
-    let runs = |s: &&Setting| parts.get(&s.key).is_some_and(|p| p.error.is_none());
-    let Some(anchor) = settings.all.first() else { return Ok(Vec::new()) };
-    let keys: HashMap<String, &str> = settings.all.iter().map(|s| (key(s), s.key.as_str())).collect();
-    let mut batches: Vec<Batch> = Vec::new();
-    let mut known = Vec::new();
-    for mut batch in kept.all::<Batch>("times-") {
-        batch.rows.retain_mut(|(k, _)| match keys.get(k) {
-            Some(plain) => {
-                *k = (*plain).to_owned();
-                true
-            }
-            None => false,
-        });
-        if !batch.rows.is_empty() {
-            known.extend(batch.rows.iter().map(|(k, _)| k.clone()));
-            batches.push(batch);
-        }
-    }
-    let left: Vec<&Setting> = settings.all.iter().filter(runs).filter(|s| !known.contains(&s.key)).collect();
-    let material = material.and_then(|m| m.as_deref());
-    for some in left.chunks(order.study.times.batch.max(1)) {
-        let with: Vec<(&Setting, &Registry)> = some.iter().map(|s| (*s, registry(s))).collect();
-        let timed = batch((anchor, registry(anchor)), &with, material, order.study.times, onlooker)?;
-        let Some(batch) = timed else { break };
-        // Under keys that change with what a setting depends on.
-        let full = some.iter().map(|s| key(s));
-        let rows = full.zip(&batch.rows).map(|(key, (_, time))| (key, time.clone())).collect();
-        let name: String = some.iter().map(|s| key(s)).collect();
-        let mut batch = kept.put(&format!("times-{:016x}", fnv(&name)), &Batch { rows, ..batch })?;
-        for ((key, _), s) in batch.rows.iter_mut().zip(some) {
-            key.clone_from(&s.key);
-        }
-        batches.push(batch);
-    }
-    Ok(batches)
-}
-
-fn row(order: &Order<'_>, s: &Setting, part: &Part) -> Row {
-    let found = part.found.clone().unwrap_or_default();
     let lag_ms = (!found.lags_ms.is_empty()).then(|| {
         let count = found.lags_ms.len() as f64;
         let of = |i: usize| found.lags_ms.iter().map(|l| l[i]).sum::<f64>() / count;
         [of(0), of(1), of(2)]
     });
-    let base = order.bases.get(s.base);
     Row {
         name: s.name.clone(),
         key: s.key.clone(),
@@ -422,15 +459,15 @@ fn row(order: &Order<'_>, s: &Setting, part: &Part) -> Row {
         mark: s.mark,
         tick_hz: s.graph.tick_hz,
         fragment: base.map_or_else(Fragment::default, |b| Fragment::between(&b.graph, &s.graph)),
-        error: part.error.clone(),
+        error,
         figures: mean(found.draws.iter()),
         lag_ms,
         lag_draws_ms: found.lags_ms.iter().map(|l| l[1]).collect(),
         draws: found.draws,
         latency_ms: found.latency_ms,
         faults: found.faults,
-        cases: part.cases,
-        fails: part.fails.clone(),
+        cases: count,
+        fails,
         time: None,
     }
 }

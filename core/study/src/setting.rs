@@ -1,6 +1,7 @@
 //! Settings: a graph, and what was turned about it.
 
 use std::collections::HashMap;
+use std::path::PathBuf;
 
 use asperity_graph::{GraphFile, text_of};
 use asperity_node::Registry;
@@ -21,6 +22,8 @@ pub struct Base {
     pub registry: Registry,
     /// The part of the physics at which it is set to render.
     pub strength: f64,
+    /// Files of plugins that kinds came from.
+    pub plugins: Vec<PathBuf>,
 }
 
 /// What a setting is.
@@ -219,6 +222,7 @@ mod tests {
             graph: GraphFile::parse(&Source::new(format!("{name}.ron"), text)).unwrap(),
             registry: asperity_nodes::registry(),
             strength: 1.0,
+            plugins: Vec::new(),
         }
     }
 

@@ -50,8 +50,17 @@ pub fn read_all(args: &GraphArgs, kinds: &mut Kinds) -> Result<(GraphFile, Optio
     Ok((graph, Some(OfScene { scene, rendered: lowered.rendered })))
 }
 
-/// A graph, or what a scene lowers to, to be run without any device: nothing in it pushes back. And the kinds that it may use.
-pub fn offline(path: &Path, plugins: &PluginArgs) -> Result<(GraphFile, Registry), Failure> {
+/// A graph that is run without any device.
+pub struct Offline {
+    pub graph: GraphFile,
+    /// The kinds that it may use.
+    pub registry: Registry,
+    /// Files of the plugins that some of them came from.
+    pub plugins: Vec<PathBuf>,
+}
+
+/// A graph, or what a scene lowers to, to be run without any device: nothing in it pushes back.
+pub fn offline(path: &Path, plugins: &PluginArgs) -> Result<Offline, Failure> {
     let args = GraphArgs {
         graph: path.to_owned(),
         set: Vec::new(),
@@ -67,7 +76,7 @@ pub fn offline(path: &Path, plugins: &PluginArgs) -> Result<(GraphFile, Registry
     graph.nodes.retain(|n| !n.kind.ends_with("_force"));
     let ids: Vec<String> = graph.nodes.iter().map(|n| n.id.clone()).collect();
     graph.wires.retain(|w| ids.contains(&w.to.node));
-    Ok((graph, registry))
+    Ok(Offline { graph, registry, plugins: kinds.files().to_vec() })
 }
 
 /// What a scene asks of its device that it may not bear: warnings, or an error.

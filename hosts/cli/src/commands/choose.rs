@@ -19,7 +19,7 @@ pub fn run(args: &Choose) -> Result<ExitCode, Failure> {
     let (results, from) = match &args.results {
         Some(path) => (read_results(path)?, path.display().to_string()),
         None => {
-            let parsed = super::tradeoff::parse_results(SHIPPED).map_err(Failure::Machine)?;
+            let parsed = Results::parse(SHIPPED).map_err(Failure::Machine)?;
             (parsed, "the shipped study".to_owned())
         }
     };

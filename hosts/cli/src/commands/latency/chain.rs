@@ -92,7 +92,7 @@ struct Draft {
 
 impl Draft {
     fn read(path: &Path, args: &LatencyArgs) -> Result<Self, Failure> {
-        let (graph, registry) = load::offline(path, &args.plugins)?;
+        let load::Offline { graph, registry, .. } = load::offline(path, &args.plugins)?;
         Ok(Self { path: path.to_owned(), graph, registry })
     }
 

@@ -20,6 +20,32 @@ pub fn make(folder: &Path) -> Result<(), Failure> {
     })
 }
 
+/// Refuses a folder whose results would be lost: those of another shard; and one in which they cannot be put.
+pub fn look(folder: &Path, shard: (usize, usize)) -> Result<(), Failure> {
+    for name in [JSON, "results.csv", "REPORT.md"] {
+        let path = folder.join(name);
+        if path.is_dir() {
+            return Err(Diagnostic::new("a file is to be written here, and this is a folder")
+                .in_file(&path)
+                .into());
+        }
+    }
+    let there = std::fs::read_to_string(folder.join(JSON)).ok().and_then(|text| Results::parse(&text).ok());
+    let split = |of: usize| of > 1;
+    if let Some((number, of)) = there.and_then(|r| r.shards.first().copied().filter(|_| r.shards.len() == 1))
+        && (split(of) || split(shard.1))
+        && (number, of) != shard
+    {
+        let here =
+            if split(of) { format!("shard {number}/{of}") } else { "a study that was not split".into() };
+        return Err(Diagnostic::new(format!("this folder has the results of {here}"))
+            .in_file(folder)
+            .help("each shard has a folder of its own: --out")
+            .into());
+    }
+    Ok(())
+}
+
 /// Writes all there is; each file whole or not at all. Answers their names.
 pub fn write(folder: &Path, results: &Results) -> Result<Vec<PathBuf>, Failure> {
     let mut written = Vec::new();
@@ -48,10 +74,5 @@ pub fn read(path: &Path) -> Result<Results, Failure> {
     let text = std::fs::read_to_string(&file).map_err(|e| {
         refuse(format!("cannot read this file: {e}")).help("a folder that `asperity tradeoff --out` wrote")
     })?;
-    parse(&text).map_err(|e| refuse(e).into())
-}
-
-/// Results from their text.
-pub fn parse(text: &str) -> Result<Results, String> {
-    serde_json::from_str(text).map_err(|e| format!("these are no results of `asperity tradeoff`: {e}"))
+    Results::parse(&text).map_err(|e| refuse(e).into())
 }

@@ -9,14 +9,14 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
 use asperity_source::{Diagnostic, Source};
-use asperity_study::{Base, Figure, Machine, Order, Results, Study, parts, run as run_study};
+use asperity_study::{Base, Figure, Machine, Order, Results, Study, content, parts, run as run_study};
 
 use crate::args::{Merge, PluginArgs, Tradeoff, TradeoffCommand};
 use crate::failure::{Failure, be_quiet, print, warn};
 use crate::load;
 use crate::render::stop_flag;
 
-pub use folder::{parse as parse_results, read as read_results};
+pub use folder::read as read_results;
 use onlooker::Bars;
 
 /// The study that is run where none is named.
@@ -66,6 +66,7 @@ pub fn run(args: &Tradeoff) -> Result<ExitCode, Failure> {
     }
     let (accuracy, times) = parts(&order)?;
     folder::make(out)?;
+    folder::look(out, (order.shard.0 + 1, order.shard.1.max(1)))?;
     let stop = stop_flag();
     let bars = Bars::new(accuracy, times, args.quiet, stop.clone());
     let ran = run_study(&order, &bars);
@@ -76,8 +77,11 @@ pub fn run(args: &Tradeoff) -> Result<ExitCode, Failure> {
     if !args.quiet {
         print(&summary(&ran.results, &written))?;
     }
-    if ran.unfinished > 0 || stop.load(Ordering::Relaxed) {
-        warn(&format!("{} settings are not finished; the same command goes on with them", ran.unfinished));
+    if ran.results.unfinished > 0 || stop.load(Ordering::Relaxed) {
+        warn(&format!(
+            "settings that are not finished: {}; the same command goes on with them",
+            ran.results.unfinished
+        ));
         return Ok(ExitCode::from(INTERRUPTED));
     }
     Ok(ExitCode::SUCCESS)
@@ -130,13 +134,18 @@ fn base(path: &Path, args: &Tradeoff) -> Result<Base, Failure> {
 }
 
 fn base_as_it_is(path: &Path, plugins: &PluginArgs) -> Result<Base, Failure> {
-    let (graph, registry) = load::offline(path, plugins)?;
-    Ok(Base { name: tidy(path).display().to_string(), graph, registry, strength: 1.0 })
+    let load::Offline { graph, registry, plugins } = load::offline(path, plugins)?;
+    Ok(Base { name: tidy(path).display().to_string(), graph, registry, strength: 1.0, plugins })
 }
 
 fn merge(args: &Merge) -> Result<ExitCode, Failure> {
     let shards = args.from.iter().map(|path| Ok((path.display().to_string(), read_results(path)?)));
     let results = Results::merge(shards.collect::<Result<Vec<_>, Failure>>()?)?;
+    let missing = results.missing_shards();
+    if !missing.is_empty() {
+        let missing: Vec<String> = missing.iter().map(usize::to_string).collect();
+        warn(&format!("shards that are not there: {} of {}", missing.join(", "), results.shards[0].1));
+    }
     folder::make(&args.out)?;
     let written = folder::write(&args.out, &results)?;
     if !args.quiet {
@@ -176,12 +185,9 @@ pub fn machine() -> Machine {
     }
 }
 
-/// What tells this program from another build of it: when and how large its file was made.
+/// What tells this program from another build of it: what is in its file.
 fn program() -> String {
-    let file = std::env::current_exe().and_then(std::fs::metadata);
-    let made = file.as_ref().ok().and_then(|meta| meta.modified().ok());
-    let since = made.and_then(|t| t.duration_since(std::time::UNIX_EPOCH).ok()).map_or(0, |d| d.as_nanos());
-    format!("{since} {}", file.map_or(0, |meta| meta.len()))
+    std::env::current_exe().map_or_else(|_| String::new(), |file| content(&file))
 }
 
 /// A path without `FOLDER/..` in it, for a person.

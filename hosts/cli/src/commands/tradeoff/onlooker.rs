@@ -1,12 +1,14 @@
 //! Progress, and what is asked of the outside while a study runs.
 
+use std::io::IsTerminal;
 use std::sync::Mutex;
-use std::sync::atomic::Ordering;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use asperity_study::Onlooker;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use super::Stop;
+use crate::failure::complain;
 use crate::heap;
 
 /// A bar for each stage.
@@ -15,12 +17,17 @@ pub struct Bars {
     /// Parts of accuracy and of times.
     lengths: (u64, u64),
     quiet: bool,
+    /// Whether standard error is no terminal: then there are lines, a tenth each.
+    lines: bool,
     bar: Mutex<ProgressBar>,
+    told: AtomicBool,
 }
 
 impl Bars {
     pub fn new(accuracy: u64, times: u64, quiet: bool, stop: Stop) -> Self {
-        Self { stop, lengths: (accuracy, times), quiet, bar: Mutex::new(ProgressBar::hidden()) }
+        let lines = !quiet && !std::io::stderr().is_terminal();
+        let (bar, told) = (Mutex::new(ProgressBar::hidden()), AtomicBool::new(false));
+        Self { stop, lengths: (accuracy, times), quiet, lines, bar, told }
     }
 
     pub fn finish(&self) {
@@ -36,12 +43,22 @@ impl Onlooker for Bars {
     }
 
     fn stopped(&self) -> bool {
-        self.stop.load(Ordering::Relaxed)
+        let stop = self.stop.load(Ordering::Relaxed);
+        if stop && !self.told.swap(true, Ordering::Relaxed) {
+            complain("it ends as soon as what it does now is done; what is finished is kept\n");
+        }
+        stop
     }
 
     fn advanced(&self, parts: u64) {
         if let Ok(bar) = self.bar.lock() {
+            let tenth = |bar: &ProgressBar| bar.length().map_or(0, |all| 10 * bar.position() / all.max(1));
+            let before = tenth(&bar);
             bar.inc(parts);
+            let now = tenth(&bar);
+            if self.lines && now > before {
+                complain(&format!("{}: {} %\n", bar.message(), 10 * now.min(10)));
+            }
         }
     }
 
