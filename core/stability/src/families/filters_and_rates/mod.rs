@@ -54,7 +54,7 @@ pub(super) const CASES: &[Case] = &[
     Case {
         family: Family::FiltersAndRates,
         name: "tail_of_filters",
-        hard: "60 s of silence after noise, through every kind of filter",
+        hard: "60 s of silence after noise, through every kind of filter; 8 s in `selftest` unless it is told to take its time",
         must: "no sample is ever denormal, and 5 s behind its declared tail it is silent, to the bit, and stays so",
         of_graph: false,
         run: tails::kinds,
@@ -62,7 +62,7 @@ pub(super) const CASES: &[Case] = &[
     Case {
         family: Family::FiltersAndRates,
         name: "tail_of_graph",
-        hard: "a stylus that stroked for 1 s is lifted and held still for 60 s",
+        hard: "a stylus that stroked for 1 s is lifted and held still for 60 s; for 10 s in `selftest` unless it is told to take its time",
         must: "no value on any wire is ever denormal, and after 6 s nothing is played any more: every sample of every sound card is zero, and stays so",
         of_graph: true,
         run: tails::graph,

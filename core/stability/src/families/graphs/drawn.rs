@@ -246,6 +246,22 @@ impl Drawn {
     }
 }
 
+/// What a refusal says, but for whom it names and its numbers: `_` for each.
+fn gist(why: &str) -> String {
+    let plain = |(i, part): (usize, &str)| match i % 2 {
+        0 => part.split_inclusive(|c: char| c.is_ascii_digit()).fold(String::new(), |mut all, piece| {
+            let text = piece.trim_end_matches(|c: char| c.is_ascii_digit());
+            all += text;
+            if text.len() < piece.len() && !all.ends_with('_') {
+                all.push('_');
+            }
+            all
+        }),
+        _ => "`_`".to_owned(),
+    };
+    why.split('`').enumerate().map(plain).collect()
+}
+
 fn finite(buffer: &Buffer) -> bool {
     match buffer {
         Buffer::Control { values, .. } => values.iter().all(|x| x.is_finite()),
@@ -274,12 +290,13 @@ pub(super) fn run(subject: &Subject<'_>) -> Found {
                 (ran, nodes) = (ran + 1, nodes + n);
                 loops += u64::from(contained > 0);
             }
-            Became::Refused(why) => *refused.entry(why).or_default() += 1,
+            Became::Refused(why) => *refused.entry(gist(&why)).or_default() += 1,
         }
     }
-    let often =
-        refused.iter().max_by_key(|(_, times)| **times).map(|(why, times)| format!("{times} times: {why}"));
-    let often = often.unwrap_or_default();
+    let mut often: Vec<(String, u64)> = refused.into_iter().collect();
+    often.sort_by_key(|(_, times)| std::cmp::Reverse(*times));
+    let often: Vec<String> = often.iter().take(60).map(|(why, times)| format!("{times} times: {why}")).collect();
+    let often = often.join("; ");
     holds(4 * ran >= graphs, || format!("only {ran} of {graphs} could be run; {often}"))?;
     Ok(format!(
         "{ran} of {graphs} ran, of {} nodes on average; in {loops} a loop went beyond all bounds; the others said why, such as, {often}",
