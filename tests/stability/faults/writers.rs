@@ -119,7 +119,9 @@ fn is_table(path: &Path) -> bool {
     let text = text(path);
     // What is quoted may have commas.
     let cells = |line: Option<&str>| {
-        line.map_or(0, |line| 1 + line.split('"').step_by(2).map(|part| part.matches(',').count()).sum::<usize>())
+        line.map_or(0, |line| {
+            1 + line.split('"').step_by(2).map(|part| part.matches(',').count()).sum::<usize>()
+        })
     };
     text.ends_with('\n')
         && cells(text.lines().next()) > 1
@@ -157,7 +159,8 @@ fn is_library(path: &Path) -> bool {
 /// Its last section is the last there is to say, and its last line is whole.
 fn is_report(path: &Path) -> bool {
     let text = text(path);
-    text.ends_with("\n") && text.lines().last().is_some_and(|line| line.starts_with("- less than this is not told apart"))
+    text.ends_with("\n")
+        && text.lines().last().is_some_and(|line| line.starts_with("- less than this is not told apart"))
 }
 
 /// What is kept of a study: whole parts, and beside them what says that it is none.
