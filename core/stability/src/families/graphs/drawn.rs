@@ -40,6 +40,8 @@ pub enum Became {
     Ran {
         /// Nodes.
         nodes: usize,
+        /// Whether there is a loop in it.
+        looped: bool,
         /// Faults that were contained.
         contained: u64,
     },
@@ -113,7 +115,8 @@ pub fn drawn(subject: &Subject<'_>, choose: &mut dyn FnMut(usize) -> usize) -> D
             if input.optional && choose(3) == 0 {
                 continue;
             }
-            if choose(24) == 23 {
+            let one_in = if d.feedback.is_some() { 2 } else { 60 };
+            if choose(one_in) == one_in - 1 {
                 later.push((to, input));
             } else {
                 wires.extend(wire(&mut types, to, (to, input), choose));
@@ -246,7 +249,7 @@ impl Drawn {
             })?;
             contained += report.faults;
         }
-        Ok(Became::Ran { nodes, contained })
+        Ok(Became::Ran { nodes, looped, contained })
     }
 }
 
@@ -277,7 +280,7 @@ fn finite(buffer: &Buffer) -> bool {
 
 pub(super) fn run(subject: &Subject<'_>) -> Found {
     let graphs = subject.by_effort(100, 1500, 100_000);
-    let (mut ran, mut nodes, mut loops) = (0_u64, 0, 0);
+    let (mut ran, mut nodes, mut loops, mut beyond) = (0_u64, 0, 0, 0);
     let mut refused: BTreeMap<String, u64> = BTreeMap::new();
     for seed in 0..graphs {
         let mut count = 0;
@@ -290,9 +293,10 @@ pub(super) fn run(subject: &Subject<'_>) -> Found {
             Not::Held(wrong) => Not::Held(format!("graph {seed}: {wrong}:\n{}", graph.text)),
             other => other,
         })? {
-            Became::Ran { nodes: n, contained } => {
+            Became::Ran { nodes: n, looped, contained } => {
                 (ran, nodes) = (ran + 1, nodes + n);
-                loops += u64::from(contained > 0);
+                loops += u64::from(looped);
+                beyond += u64::from(contained > 0);
             }
             Became::Refused(why) => *refused.entry(gist(&why)).or_default() += 1,
         }
@@ -302,9 +306,9 @@ pub(super) fn run(subject: &Subject<'_>) -> Found {
     let often: Vec<String> =
         often.iter().take(3).map(|(why, times)| format!("{times} times: {why}")).collect();
     let often = often.join("; ");
-    holds(4 * ran >= graphs, || format!("only {ran} of {graphs} could be run; {often}"))?;
+    holds(3 * ran >= graphs, || format!("only {ran} of {graphs} could be run; {often}"))?;
     Ok(format!(
-        "{ran} of {graphs} ran, of {} nodes on average; in {loops} a loop went beyond all bounds; the others said why, such as, {often}",
+        "{ran} of {graphs} ran, of {} nodes on average, {loops} with a loop, which went beyond all bounds in {beyond}; the others said why, such as, {often}",
         nodes as u64 / ran.max(1)
     ))
 }

@@ -141,8 +141,8 @@ impl<'d> Types<'d> {
         {
             (Some(a), Some(b)) => same(a, b).is_ok(),
             (Some(_), None) => true,
-            // What it will be is not known.
-            (None, _) => false,
+            // What it will be is not known; what closes a loop is wired to what comes later.
+            (None, b) => b.is_some() && self.nodes.get(from).is_some_and(|d| d.feedback.is_some()),
         };
         let among = |spec: &UnitSpec, unit: &Unit| match spec {
             UnitSpec::Is(_) => true,
