@@ -91,6 +91,9 @@ fn around_the_gate() {
 #[test]
 fn sampling_times() {
     everywhere("sampling_times");
+    // As it was: a tick of 10 ms was held to what one of 2 ms does.
+    let slow = changed("tick_hz=100");
+    holds("sampling_times", &subject(Some(&slow)));
     let raw = changed("motion.cutoff_hz=0");
     fails("sampling_times", &subject(Some(&raw)), "are allowed");
 }
