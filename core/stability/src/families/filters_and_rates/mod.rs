@@ -162,7 +162,7 @@ pub(super) fn retrievers(registry: &Registry) -> Vec<Retriever> {
 /// Windows of 0.1 s at a rate that can be parted so, 500 times a second or as often as there are ticks; with how many ticks a frame.
 fn windows(rate_hz: u32, tick_hz: u32) -> Option<(FrameLayout, u32)> {
     let every = (tick_hz / 500).max(1);
-    let length = (rate_hz % 10 == 0).then_some(rate_hz / 10)?;
+    let length = rate_hz.is_multiple_of(10).then_some(rate_hz / 10)?;
     let frame_rate = FrameRate::new(tick_hz, every)?;
     Some((FrameLayout { rate_hz, length, bins: (length / 2 + 1).min(101), frame_rate }, every))
 }
