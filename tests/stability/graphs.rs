@@ -4,8 +4,9 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use asperity_node::{Fault, NodeKind, Status};
-use asperity_stability::{Became, Subject, drawn, wrap};
+use asperity_stability::{Became, Drawn, Subject, drawn, wrap};
 use proptest::prelude::*;
+use proptest::test_runner::{RngAlgorithm, TestError, TestRng, TestRunner};
 
 use crate::{fails, graph, holds, scene, subject};
 
@@ -79,22 +80,50 @@ fn same_bytes() {
     fails("same_bytes", &subject.clone().with(shared), "differs in tick");
 }
 
+/// Draws a graph by a list of choices; those beyond its end are 0.
+fn by_choices(subject: &Subject<'_>, choices: &[u16]) -> Drawn {
+    let mut at = 0;
+    let mut choose = |n: usize| {
+        at += 1;
+        usize::from(choices.get(at - 1).copied().unwrap_or(0)) % n.max(1)
+    };
+    drawn(subject, &mut choose)
+}
+
+fn choices() -> impl Strategy<Value = Vec<u16>> {
+    prop::collection::vec(any::<u16>(), 0..600)
+}
+
 proptest! {
     #![proptest_config(ProptestConfig { cases: 128, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
-    fn a_graph_that_loads_runs_and_one_that_does_not_says_why(choices in prop::collection::vec(any::<u16>(), 0..400)) {
-        let mut at = 0;
-        let mut choose = |n: usize| {
-            at += 1;
-            usize::from(choices.get(at - 1).copied().unwrap_or(0)) % n.max(1)
-        };
+    fn a_graph_that_loads_runs_and_one_that_does_not_says_why(choices in choices()) {
         let subject = subject(None);
-        let graph = drawn(&subject, &mut choose);
+        let graph = by_choices(&subject, &choices);
         match graph.run(&subject) {
             Ok(Became::Ran { .. }) => {}
             Ok(Became::Refused(why)) => prop_assert!(!why.is_empty()),
             Err(wrong) => prop_assert!(false, "{wrong:?}:\n{}", graph.text),
         }
     }
+}
+
+/// A fault in one kind of node is found, and the graph that shows it is cut down to what one can read.
+#[test]
+fn a_graph_that_fails_shrinks_to_a_few_nodes() {
+    let plain = subject(None);
+    let subject = plain.clone().with(once(&plain, "gain", |_| Err(Fault::Failed(3))));
+    let config = ProptestConfig { cases: 512, failure_persistence: None, ..ProptestConfig::default() };
+    let rng = TestRng::deterministic_rng(RngAlgorithm::ChaCha);
+    let found = TestRunner::new_with_rng(config, rng).run(&choices(), |choices| {
+        let stood = by_choices(&subject, &choices).run(&subject);
+        prop_assert!(stood.is_ok(), "{stood:?}");
+        Ok(())
+    });
+    let Err(TestError::Fail(_, least)) = found else { panic!("the mutant is not found: {found:?}") };
+    let graph = by_choices(&subject, &least);
+    println!("{}", graph.text);
+    let nodes = graph.text.matches("(kind: ").count();
+    assert!(graph.text.contains("\"gain\"") && nodes <= 8, "{nodes} nodes:\n{}", graph.text);
 }

@@ -10,21 +10,20 @@ fn teleport() {
     let graph = graph("texture.ron");
     let subject = subject(Some(&graph));
     holds("teleport", &subject);
-    // A velocity that keeps something of every jump.
+    // A velocity that does not get over a jump.
     let kind = subject.kind("velocity").expect("the kind");
     let mutant = wrap::wrap(
         kind,
         std::sync::Arc::new(|_| {
-            let (mut before, mut kept) = (0.0, 0.0);
+            let (mut before, mut part) = (0.0, 1.0);
             Box::new(move |node, tick| {
                 let x = tick.inputs.control(0)[0];
                 if tick.index > 1 && f64::abs(x - before) > 50.0 {
-                    kept = 30.0;
+                    part = 0.1;
                 }
                 before = x;
                 let status = node.process(tick)?;
-                tick.outputs.control(0)[0] += kept;
-                tick.outputs.control(1)[0] += kept;
+                (0..2).for_each(|output| tick.outputs.control(output).iter_mut().for_each(|v| *v *= part));
                 Ok(status)
             })
         }),
@@ -92,6 +91,9 @@ fn around_the_gate() {
 #[test]
 fn sampling_times() {
     everywhere("sampling_times");
+    // As it was: a tick of 10 ms was held to what one of 2 ms does.
+    let slow = changed("tick_hz=100");
+    holds("sampling_times", &subject(Some(&slow)));
     let raw = changed("motion.cutoff_hz=0");
     fails("sampling_times", &subject(Some(&raw)), "are allowed");
 }

@@ -108,6 +108,18 @@ fn a_run_on_a_full_disk_says_so_and_its_files_are_whole() {
     must_endure("run");
 }
 
+/// A study: what cannot be written is said, and what was there is kept.
+#[test]
+fn a_study_onto_a_full_disk_fails_and_keeps_what_was_there() {
+    must_endure("tradeoff");
+}
+
+/// Results of several machines: what cannot be written is said, and what was there is kept.
+#[test]
+fn a_merge_onto_a_full_disk_fails_and_keeps_what_was_there() {
+    must_endure("tradeoff merge");
+}
+
 fn is_new(path: &Path) -> bool {
     std::fs::read(path).is_ok_and(|bytes| bytes == [b'n'; 1000])
 }

@@ -117,6 +117,18 @@ fn a_run_that_is_killed_leaves_nothing_half() {
     must_endure("run");
 }
 
+/// A study of hours: what is finished stays, and the same command goes on with the rest.
+#[test]
+fn a_study_that_is_killed_leaves_nothing_half_and_goes_on() {
+    must_endure("tradeoff");
+}
+
+/// Results of several machines, put together: each file is as it was, or whole.
+#[test]
+fn a_merge_that_is_killed_leaves_nothing_half() {
+    must_endure("tradeoff merge");
+}
+
 fn is_new(path: &Path) -> bool {
     std::fs::read(path).is_ok_and(|bytes| bytes == [b'n'; 1000])
 }

@@ -6,7 +6,7 @@ use std::process::Command;
 use asperity_measure::npy;
 use asperity_world::material::{Library, LibraryMaterial};
 
-use crate::common::asperity;
+use crate::common::{asperity, graphs};
 use crate::files::encoder;
 
 /// A command, and the files that it makes.
@@ -81,6 +81,21 @@ fn recording(dir: &Path) {
     write(dir, "s.csv", text);
 }
 
+/// Two settings of the shipped texture, over a short stroke.
+fn study(dir: &Path) {
+    let graph = graphs("texture.ron").canonicalize().expect("the shipped graph");
+    let text = format!(
+        r#"Study(
+            version: 1, graph: {graph:?},
+            strokes: [(name: "circle", shape: circle, speed_mm_s: 80.0, seconds: 1.0, approach_s: 0.1)],
+            materials: ["canvas"], strength: 0.35, steps: 10,
+            grids: [(name: "frames", knobs: {{"phase.frames": [1]}})],
+            times: (turns: 2, turn_ms: 20, batch: 2),
+        )"#
+    );
+    write(dir, "study.ron", text);
+}
+
 fn library(dir: &Path) {
     write(dir, "e.onnx", encoder());
     let vector = Box::new(std::array::from_fn(|n| n as f32 / 256.0));
@@ -102,7 +117,12 @@ fn text(path: &Path) -> String {
 /// Ends as a file of lines does, and its last line is no shorter than the first.
 fn is_table(path: &Path) -> bool {
     let text = text(path);
-    let cells = |line: Option<&str>| line.map_or(0, |line| line.split(',').count());
+    // What is quoted may have commas.
+    let cells = |line: Option<&str>| {
+        line.map_or(0, |line| {
+            1 + line.split('"').step_by(2).map(|part| part.matches(',').count()).sum::<usize>()
+        })
+    };
     text.ends_with('\n')
         && cells(text.lines().next()) > 1
         && cells(text.lines().last()) == cells(text.lines().next())
@@ -136,6 +156,23 @@ fn is_library(path: &Path) -> bool {
     Library::read(path).is_ok_and(|library| library.material("felt").is_ok())
 }
 
+/// Its last section is the last there is to say, and its last line is whole.
+fn is_report(path: &Path) -> bool {
+    let text = text(path);
+    text.ends_with("\n")
+        && text.lines().last().is_some_and(|line| line.starts_with("- less than this is not told apart"))
+}
+
+/// What is kept of a study: whole parts, and beside them what says that it is none.
+fn is_kept(path: &Path) -> bool {
+    let entries = std::fs::read_dir(path).expect("a folder").map(|e| e.expect("an entry").path());
+    let part = |path: &Path| {
+        path.file_name().is_some_and(|name| name.as_encoded_bytes().starts_with(b"."))
+            && path.extension().is_some_and(|e| e == "part")
+    };
+    entries.into_iter().all(|path| is_json(&path) || part(&path))
+}
+
 /// A crate that has all that cargo wants.
 fn is_plugin(path: &Path) -> bool {
     text(&path.join("Cargo.toml")).ends_with('\n') && !text(&path.join("src/lib.rs")).is_empty()
@@ -144,7 +181,7 @@ fn is_plugin(path: &Path) -> bool {
 const CARD: &str = "simulated:frames=64,latency=200,speed=10,plant=haptuator_mark_ii,plant_handle_g=60";
 
 /// All of them, but for the training of models, which is another program.
-pub(super) static WRITERS: [Writer; 10] = [
+pub(super) static WRITERS: [Writer; 12] = [
     Writer {
         name: "render",
         prepare: graph,
@@ -266,6 +303,57 @@ pub(super) static WRITERS: [Writer; 10] = [
             file("seen.csv", is_table),
         ],
         live: true,
+    },
+    Writer {
+        name: "tradeoff",
+        prepare: study,
+        command: |dir| command(dir, &["tradeoff", "study.ron", "--out", ".", "--no-cases", "--quiet"]),
+        makes: &[
+            Made { name: "kept", whole: is_kept, folder: true },
+            file("spectrum_time.svg", is_picture),
+            file("spectrum_lag.svg", is_picture),
+            file("perceptual_time.svg", is_picture),
+            file("perceptual_lag.svg", is_picture),
+            file("bands_time.svg", is_picture),
+            file("bands_lag.svg", is_picture),
+            file("level_time.svg", is_picture),
+            file("level_lag.svg", is_picture),
+            file("convergence_time.svg", is_picture),
+            file("convergence_lag.svg", is_picture),
+            file("precision_time.svg", is_picture),
+            file("precision_lag.svg", is_picture),
+            file("results.csv", is_table),
+            file("results.json", is_json),
+            file("REPORT.md", is_report),
+        ],
+        live: true,
+    },
+    Writer {
+        name: "tradeoff merge",
+        prepare: |dir| {
+            std::fs::create_dir(dir.join("shard")).expect("a folder");
+            std::fs::copy(graphs("../docs/tradeoff/results.json"), dir.join("shard/results.json"))
+                .expect("the shipped results");
+        },
+        command: |dir| command(dir, &["tradeoff", "merge", "shard", "--out", "."]),
+        makes: &[
+            file("spectrum_time.svg", is_picture),
+            file("spectrum_lag.svg", is_picture),
+            file("perceptual_time.svg", is_picture),
+            file("perceptual_lag.svg", is_picture),
+            file("bands_time.svg", is_picture),
+            file("bands_lag.svg", is_picture),
+            file("level_time.svg", is_picture),
+            file("level_lag.svg", is_picture),
+            file("convergence_time.svg", is_picture),
+            file("convergence_lag.svg", is_picture),
+            file("precision_time.svg", is_picture),
+            file("precision_lag.svg", is_picture),
+            file("results.csv", is_table),
+            file("results.json", is_json),
+            file("REPORT.md", is_report),
+        ],
+        live: false,
     },
 ];
 

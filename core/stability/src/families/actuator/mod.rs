@@ -36,7 +36,7 @@ pub(super) const CASES: &[Case] = &[
     Case {
         family: Family::Actuator,
         name: "full_scale_at_resonance",
-        hard: "ten minutes of a sine at the actuator's resonance, at its peak current or voltage",
+        hard: "ten minutes of a sine at the actuator's resonance, at its peak current or voltage; a minute in `cargo test`, and 5 s in `selftest` unless it is told to take its time",
         must: "the simulated coil stays within its rated rms current over its thermal time constant and 1 % more, the mover within its stroke, and no step from sample to sample is larger than \
                that of the sine itself: nothing clicks",
         of_graph: false,

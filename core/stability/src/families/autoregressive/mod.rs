@@ -49,7 +49,7 @@ pub(super) const CASES: &[Case] = &[
     Case {
         family: Family::Autoregressive,
         name: "every_vertex",
-        hard: "ten minutes at every vertex of a triangulation of 12 models",
+        hard: "ten minutes at every vertex of a triangulation of 12 models; a minute in `cargo test`, and 15 s in `selftest` unless it is told to take its time",
         must: "the level is that of the vertex's own model in closed form within 1 dB, in the first third of the time as in the last",
         of_graph: false,
         run: every_vertex,

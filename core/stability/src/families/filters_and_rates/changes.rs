@@ -17,9 +17,9 @@ const RATE_HZ: u32 = 48_000;
 /// Ticks before each change: a quarter of a second, whole periods.
 const TICKS: usize = 125;
 /// The steepest of a crossfade by 1, from sample to sample: twice a straight line, as far as fades may be curved.
-const STEEPEST: f64 = 2.0 / (CROSSFADE_S as f64 * RATE_HZ as f64);
+const STEEPEST: f64 = 2.0 / (CROSSFADE_S * RATE_HZ as f64);
 /// The same of a control, from tick to tick.
-const CONTROL_STEEPEST: f64 = 2.0 / (CROSSFADE_S as f64 * TICK_HZ as f64);
+const CONTROL_STEEPEST: f64 = 2.0 / (CROSSFADE_S * TICK_HZ as f64);
 
 /// An engine that is changed while it runs, and what was heard of the node `it`.
 struct Running {

@@ -54,7 +54,7 @@ pub(super) const CASES: &[Case] = &[
     Case {
         family: Family::FiltersAndRates,
         name: "tail_of_filters",
-        hard: "60 s of silence after noise, through every kind of filter",
+        hard: "60 s of silence after noise, through every kind of filter; 8 s in `selftest` unless it is told to take its time",
         must: "no sample is ever denormal, and 5 s behind its declared tail it is silent, to the bit, and stays so",
         of_graph: false,
         run: tails::kinds,
@@ -62,7 +62,7 @@ pub(super) const CASES: &[Case] = &[
     Case {
         family: Family::FiltersAndRates,
         name: "tail_of_graph",
-        hard: "a stylus that stroked for 1 s is lifted and held still for 60 s",
+        hard: "a stylus that stroked for 1 s is lifted and held still for 60 s; for 10 s in `selftest` unless it is told to take its time",
         must: "no value on any wire is ever denormal, and after 6 s nothing is played any more: every sample of every sound card is zero, and stays so",
         of_graph: true,
         run: tails::graph,
@@ -162,7 +162,7 @@ pub(super) fn retrievers(registry: &Registry) -> Vec<Retriever> {
 /// Windows of 0.1 s at a rate that can be parted so, 500 times a second or as often as there are ticks; with how many ticks a frame.
 fn windows(rate_hz: u32, tick_hz: u32) -> Option<(FrameLayout, u32)> {
     let every = (tick_hz / 500).max(1);
-    let length = (rate_hz % 10 == 0).then_some(rate_hz / 10)?;
+    let length = rate_hz.is_multiple_of(10).then_some(rate_hz / 10)?;
     let frame_rate = FrameRate::new(tick_hz, every)?;
     Some((FrameLayout { rate_hz, length, bins: (length / 2 + 1).min(101), frame_rate }, every))
 }

@@ -3,6 +3,7 @@
 mod drawn;
 mod shapes;
 mod twice;
+mod types;
 
 pub use drawn::{Became, Drawn, drawn};
 

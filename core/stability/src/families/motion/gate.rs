@@ -82,7 +82,8 @@ pub(super) fn around(subject: &Subject<'_>) -> Found {
             fast.changed as f64 / hz
         )
     })?;
-    let turns = subject.by_effort(2.0, 4.0, 60.0);
+    // No longer: 60 s are 300 mm, and lead off the surfaces of a scene, where the gate shuts by right.
+    let turns = subject.by_effort(2.0, 4.0, 8.0);
     let between = straight(&mut stage, turns, 0.0, &|t| {
         if ((t / 0.25) as u64).is_multiple_of(2) { 1.02 * opens } else { 0.98 * opens }
     })?;

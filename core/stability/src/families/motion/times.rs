@@ -1,6 +1,6 @@
 //! Places that are read at other times than those of the ticks.
 
-use std::f64::consts::TAU;
+use std::f64::consts::{FRAC_PI_4, TAU};
 
 use asperity_node::random;
 
@@ -17,6 +17,8 @@ const LOOKS_S: f64 = 1.5;
 /// How long ticks are lost in lots, and how long a gap is \[s\].
 const LOSES_S: f64 = 2.5;
 const GAP_S: f64 = 0.01;
+/// The filter that velocities go through where a graph says nothing else \[Hz\].
+const CUTOFF_HZ: f64 = 20.0;
 /// The top of what textures are made of \[Hz\].
 const TOP_HZ: f64 = 1000.0;
 
@@ -69,12 +71,14 @@ pub(super) fn sampling(subject: &Subject<'_>) -> Found {
     let twice = |tick: u64| if tick % 2 == 1 { -1.0 } else { 0.0 };
     let all: [(&str, &dyn Fn(u64) -> f64); 3] =
         [("read off its time", &jitter), ("read late", &late), ("read twice", &twice)];
+    // A place that is a tick late is a step of a tick's way, and a low-pass of two poles answers a step with w e^(-pi/4) of it at most.
+    let most = (TAU * CUTOFF_HZ * (-FRAC_PI_4).exp() / hz).max(0.3);
     let usual = circles(&mut stage, wrong_s, None)?;
     let mut found = Vec::new();
     for (what, off) in all {
         let mut next = |tick: u64| Next::At(circle((tick as f64 + off(tick)) / hz), true);
         let other = circles(&mut stage, wrong_s, Some(&mut next))?;
-        let speeds = speeds(&other[0], what, 0.7 * SPEED_MM_S, 1.3 * SPEED_MM_S)?;
+        let speeds = speeds(&other[0], what, (1.0 - most) * SPEED_MM_S, (1.0 + most) * SPEED_MM_S)?;
         holds(other[0].changes == usual[0].changes, || {
             format!("{what} the gate changes {} times", other[0].changes)
         })?;

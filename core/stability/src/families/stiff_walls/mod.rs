@@ -81,7 +81,7 @@ pub(super) const CASES: &[Case] = &[
         |s| each_floor(s, under_a_hand::holds_on),
         [
             "a hand in a pen grip presses the device into the wall and lets it go, light and heavy, loose and firm (9 hands; 3 in a quick look, 27 in a long one)",
-            "with 2 % more damping than the bound no energy is made, and it lies still to 1 um once 24 M / B of hand and arm have gone by (8 s of the usual hand); with a sensor in steps its rms speed is within the bound of the wall in steps",
+            "with 2 % more damping than the bound no energy is made, and it lies still to 1 um once 24 M / B of hand, device and arm have gone by (8 s of the usual hand); with a sensor in steps its rms speed is within the bound of the wall in steps",
         ],
     ),
     case(
@@ -108,7 +108,7 @@ pub(super) const CASES: &[Case] = &[
         |s| own(s, under_a_hand::holds_on),
         [
             "a hand in a pen grip presses a device into the graph's own walls, light and heavy, loose and firm (9 hands; 3 in a quick look, 27 in a long one)",
-            "no energy is made, it lies still to 1 um once 24 M / B of hand and arm have gone by, and with a sensor in steps its rms speed is within the bound of the wall in steps",
+            "no energy is made, it lies still to 1 um once 24 M / B of hand, device and arm have gone by, and with a sensor in steps its rms speed is within the bound of the wall in steps",
         ],
     ),
     case(

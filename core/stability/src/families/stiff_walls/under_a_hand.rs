@@ -32,14 +32,15 @@ pub(super) fn holds_on(wall: &mut Wall, near: &Near, subject: &Subject<'_>) -> F
         // A third of what the wall gives where Hooke's law ends.
         let push_n = 0.3 * near.law.stiffness_n_per_mm * near.deep_mm;
         let wants_mm = -1e3 * push_n / hand.arm[0];
-        let settle_s = 24.0 * hand.mass_kg / hand.arm[1];
+        // The hand swings on its arm with what it holds: e^-12 of that is left.
+        let mass_kg = near.mass_kg(0.14);
+        let settle_s = 24.0 * (hand.mass_kg + mass_kg) / hand.arm[1];
         for step_mm in [0.0, STEP_MM] {
             if step_mm > 0.0 && !is_deep(near) {
                 continue;
             }
             let part = if step_mm > 0.0 { 1.5 } else { 1.02 };
-            let device =
-                Device { mass_kg: near.mass_kg(0.14), damping_ns_per_m: part * bound, friction_n: 0.0 };
+            let device = Device { mass_kg, damping_ns_per_m: part * bound, friction_n: 0.0 };
             let steps = if step_mm > 0.0 { STEPS } else { 1 };
             let handle = Handle::new(device, Some(*hand), 1.0 / wall.tick_hz() / steps as f64);
             let mut servo = Loop::new(handle, steps, 0, step_mm);
