@@ -69,6 +69,10 @@ fn a_study_says_what_each_setting_costs_and_is_worth_and_goes_on_where_it_was() 
         assert!(row["time"]["memory_kib"].as_f64().expect("memory") > 100.0);
         assert!(row["lag_ms"][1].as_f64().expect("a lag") > 3.0, "{row}");
     }
+    // What shows stalls lasts about as long as what may meet them.
+    let median = |time: &Value| time["p50_us"].as_f64().expect("a median");
+    let ratio = median(&results["empty"]) / median(&row(&results, "default")["time"]);
+    assert!(ratio > 0.1, "{ratio}");
     // What cannot be played or be had cannot be chosen, and says why.
     assert!(row(&results, "limiter=bypassed")["fails"]["limiter"].is_string());
     assert!(row(&results, "guards=false")["fails"]["guards"].is_string());
@@ -142,12 +146,12 @@ fn parts_of_a_study_are_put_together_and_the_best_can_be_pasted() {
     let dir = tempfile::tempdir().expect("a folder");
     study(
         dir.path(),
-        r#"(name: "g", knobs: {"phase.frames": [1, 2], "tick_hz": [1000]}), (name: "p", knobs: {"phase": [(kind: "spsi")]})"#,
+        r#"(name: "g", knobs: {"phase.frames": [1, 3], "tick_hz": [1000]}), (name: "p", knobs: {"phase": [(kind: "spsi")]})"#,
     );
     for part in ["1", "2"] {
         let shard = format!("{part}/2");
-        run(dir.path(), &["tradeoff", "study.ron", "--out", part, "--shard", &shard, "--no-cases", "-q"])
-            .ok();
+        let part = ["tradeoff", "study.ron", "--out", part, "--shard", &shard, "--no-cases", "-q"];
+        run(dir.path(), &[&part[..], &["--set", "strength.gain=0.34"]].concat()).ok();
     }
     let parts = ["1", "2"].map(|p| json(&dir.path().join(p).join("results.json")));
     assert_eq!(names(&parts[0])[0], "default");
@@ -170,7 +174,7 @@ fn parts_of_a_study_are_put_together_and_the_best_can_be_pasted() {
     found.sort();
     assert_eq!(
         found,
-        ["default", "paper", "phase.frames=1 tick_hz=1000", "phase.frames=2 tick_hz=1000", "phase=spsi"]
+        ["default", "paper", "phase.frames=1 tick_hz=1000", "phase.frames=3 tick_hz=1000", "phase=spsi"]
     );
     let load =
         |results: &Value, name: &str| row(results, name)["time"]["load_percent"].as_f64().expect("a load");
@@ -184,6 +188,8 @@ fn parts_of_a_study_are_put_together_and_the_best_can_be_pasted() {
         chosen.contains("tick_hz: 1000,") && chosen.contains("\"phase\": (kind: \"sample_commit\""),
         "{chosen}"
     );
+    // What the command line set is not in the graph's file.
+    assert!(chosen.contains("\"strength\": (kind: \"gain\", params: (gain: 0.34)),"), "{chosen}");
     let line = chosen.lines().find(|l| l.contains("\"phase\":")).expect("a node");
     let text = std::fs::read_to_string(graphs("texture.ron")).expect("the graph");
     let before = text.lines().find(|l| l.contains("\"phase\":")).expect("a node");
@@ -213,6 +219,7 @@ fn what_is_wrong_with_a_study_is_said_with_its_place_and_nothing_is_written() {
     let dir = tempfile::tempdir().expect("a folder");
     for (grids, want) in [
         (r#"(name: "g", knobs: {"phase.frame": [1]})"#, "no graph has `phase.frame` to turn"),
+        (r#"(name: "g", knobs: {"phase.frame": [1]})"#, "did you mean `phase.frames`?"),
         (r#"(name: "g", knobs: {"nothing": [kept]})"#, "no graph has `nothing` to turn"),
         (r#"(name: "g", knobs: {"phase": [gone]})"#, "`gone` is nothing to turn a node to"),
         (r#"(name: "g", knobs: {"phase.frames": []})"#, "nothing to turn this to"),
@@ -245,6 +252,98 @@ fn what_is_wrong_with_a_study_is_said_with_its_place_and_nothing_is_written() {
         let ran = run(dir.path(), args);
         assert!(ran.code == 2 && ran.err.contains(want), "{args:?}: {}", ran.err);
     }
+}
+
+#[test]
+fn names_are_looked_at_before_anything_runs() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let text = |from: &str, to: &str| {
+        study(dir.path(), TWO);
+        let path = dir.path().join("study.ron");
+        let text = std::fs::read_to_string(&path).expect("a study");
+        assert!(text.contains(from), "{from}");
+        std::fs::write(path, text.replace(from, to)).expect("a study");
+    };
+    let gone = "named here";
+    for (from, to, want) in [
+        ("[\"canvas\"]", "[\"canvsa\"]", "did you mean `canvas`?"),
+        ("name: \"paper\"", "name: \"default\"", "is no name for a mark"),
+        ("marks: [", "marks: [(name: \"paper\", graph: \"g.ron\"), ", "stands here twice"),
+        ("texture.ron", "no_such_graph.ron", gone),
+        ("heravi2024.ron", "no_such_graph.ron", gone),
+        ("speed_mm_s: 80.0", "speed_mm_s: -1.0", "`speed_mm_s` is -1"),
+        ("seconds: 1.5", "seconds: 0.1", "`seconds` is 0.1"),
+        ("seconds: 1.5", "seconds: 1e6", "at most 600"),
+    ] {
+        text(from, to);
+        let ran = run(dir.path(), &["tradeoff", "study.ron", "--out", "out"]);
+        assert!(
+            ran.code == 2 && ran.err.contains(want) && ran.err.contains("study.ron"),
+            "{to}: {}",
+            ran.err
+        );
+        assert!(!dir.path().join("out").exists(), "{to}");
+    }
+}
+
+#[test]
+fn a_study_of_which_no_setting_runs_is_a_failure() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let graph = r#"Graph(version: 1, nodes: {"tone": (kind: "sine"), "out": (kind: "probe")}, wires: [("tone", "out")])"#;
+    std::fs::write(dir.path().join("still.ron"), graph).expect("a graph");
+    let text = r#"Study(version: 1, graph: "still.ron", strokes: [(name: "circle", seconds: 1.5)])"#;
+    std::fs::write(dir.path().join("study.ron"), text).expect("a study");
+    let ran = run(dir.path(), &["tradeoff", "study.ron", "--out", "out", "--no-cases"]);
+    assert!(ran.code == 1 && ran.err.contains("nothing in this graph moves a stylus"), "{}", ran.err);
+}
+
+#[test]
+fn the_shipped_study_leaves_out_what_ones_own_graph_has_not_and_says_so_before_it_runs() {
+    let dir = tempfile::tempdir().expect("a folder");
+    // Nothing in it moves, so that all settings fail at once: what is looked at is what is left out.
+    let graph = r#"Graph(version: 1, nodes: {"tone": (kind: "sine"), "out": (kind: "probe")}, wires: [("tone", "out")])"#;
+    std::fs::write(dir.path().join("still.ron"), graph).expect("a graph");
+    let ran = run(dir.path(), &["tradeoff", "still.ron", "--out", "out", "--no-cases"]);
+    assert_eq!(ran.code, 1, "{}", ran.err);
+    for knob in ["phase", "phase.frames", "texture.bins"] {
+        assert!(ran.err.contains(&format!("`{knob}` is left out")), "{knob}: {}", ran.err);
+    }
+    let results = json(&dir.path().join("out/results.json"));
+    assert!(names(&results).contains(&"tick_hz=1000".to_owned()), "{results}");
+    let report = std::fs::read_to_string(dir.path().join("out/REPORT.md")).expect("a report");
+    assert!(report.contains("`phase.frames` is left out"), "{report}");
+}
+
+#[test]
+fn a_scene_is_held_against_the_studys_material_where_its_surfaces_are() {
+    let dir = tempfile::tempdir().expect("a folder");
+    study(dir.path(), "");
+    let scene = std::fs::read_to_string(graphs("scenes/study.ron")).expect("the shipped scene");
+    let folder = graphs("scenes").canonicalize().expect("the folder").display().to_string();
+    let scene = scene.replace("\"../", &format!("\"{folder}/../"));
+    // The same, but what is on the other side, and which side comes first.
+    std::fs::write(dir.path().join("a.ron"), &scene).expect("a scene");
+    let other = scene
+        .replace("sandpaper P80", "oak")
+        .replace("material: \"canvas\"", "material: \"leather grain, fine\"");
+    std::fs::write(dir.path().join("b.ron"), other).expect("a scene");
+    let mut figures = Vec::new();
+    for (name, out) in [("a.ron", "a"), ("b.ron", "b")] {
+        let ran = run(dir.path(), &["tradeoff", "study.ron", name, "--out", out, "--no-cases"]).ok();
+        assert!(ran.err.contains("`circle` is made") && ran.err.contains("`left`"), "{}", ran.err);
+        let results = json(&dir.path().join(out).join("results.json"));
+        let row = row(&results, "default").clone();
+        assert!(row["error"].is_null() && row["lag_ms"][1].is_f64(), "{row}");
+        let level = row["figures"]["level"].as_f64().expect("a level");
+        assert!(level < 4.0, "{row}");
+        figures.push(row["figures"].clone());
+        let report = std::fs::read_to_string(dir.path().join(out).join("REPORT.md")).expect("a report");
+        let links = report.split("](").skip(1).filter_map(|l| l.split(')').next());
+        for link in links.filter(|l| l.ends_with(".svg")) {
+            assert!(dir.path().join(out).join(link).exists(), "{link}");
+        }
+    }
+    assert_eq!(figures[0], figures[1]);
 }
 
 #[cfg(unix)]

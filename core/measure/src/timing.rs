@@ -51,6 +51,14 @@ impl Timing {
         }
     }
 
+    /// The duration in ns that a part of all, 0 to 1, does not pass; 0 where nothing was recorded.
+    pub fn quantile_ns(&self, part: f64) -> u64 {
+        self.histogram
+            .as_ref()
+            .filter(|h| !h.is_empty())
+            .map_or(0, |h| h.value_at_quantile(part.clamp(0.0, 1.0)))
+    }
+
     /// The figures so far.
     pub fn summary(&self) -> Summary {
         match &self.histogram {
@@ -133,6 +141,8 @@ mod tests {
         let near = |a: u64, b: u64| (a as f64 - b as f64).abs() <= 0.001 * b as f64;
         assert_eq!(s.count, 100_000);
         assert!(near(s.p50_ns, 50_000) && near(s.p99_ns, 99_000) && near(s.p999_ns, 99_900), "{s:?}");
+        assert!(near(t.quantile_ns(0.25), 25_000) && near(t.quantile_ns(7.0), 100_000));
+        assert_eq!(Timing::new(3).quantile_ns(0.5), 0);
         assert!(near(s.max_ns, 100_000) && (s.mean_ns - 50_000.5).abs() < 50.0, "{s:?}");
     }
 

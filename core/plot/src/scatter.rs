@@ -44,8 +44,8 @@ pub struct Scatter {
     pub dots: Vec<Dot>,
     /// Those that no other beats, from the left on.
     pub line: Vec<usize>,
-    /// A height that cannot be passed by these means, and why.
-    pub limit: Option<(f64, String)>,
+    /// A height to compare with, and what it is.
+    pub reference: Option<(f64, String)>,
     /// What differs by less than this in height is not told apart.
     pub floor: Option<f64>,
 }
@@ -57,7 +57,7 @@ const BOTTOM: f64 = 58.0;
 const GRID: &str = "stroke=\"#e4e9ee\" stroke-width=\"1\" fill=\"none\"";
 const DOT: &str = "#7b93a8";
 const LINE: &str = "#d9730d";
-const LIMIT: &str = "#6b4fa0";
+const REFERENCE: &str = "#6b4fa0";
 /// Room that a label's text takes up.
 const LETTERS: f64 = 12.0;
 
@@ -76,7 +76,7 @@ impl Scatter {
         let bottom = SIZE[1] - BOTTOM;
         let place_x = |x: f64| if self.x.1 { x.max(1e-12).log10() } else { x };
         let xs = self.dots.iter().map(|d| place_x(d.at[0]));
-        let ys = self.dots.iter().map(|d| d.at[1]).chain(self.limit.iter().map(|l| l.0));
+        let ys = self.dots.iter().map(|d| d.at[1]).chain(self.reference.iter().map(|r| r.0));
         let (Some(across), Some(up)) = (padded_range(xs), padded_range(ys)) else { return svg.finish() };
         // A decade at the least, so that what hardly differs does not seem to.
         let more = if self.x.1 { (1.0 - (across.1 - across.0)).max(0.0) / 2.0 } else { 0.0 };
@@ -85,10 +85,10 @@ impl Scatter {
         self.axes(&mut svg, &x, &y, [top, bottom]);
         let at = |d: &Dot| [x.at(place_x(d.at[0])), y.at(d.at[1])];
         let mut taken: Vec<Room> = Vec::new();
-        if let Some((height, _)) = &self.limit {
+        if let Some((height, _)) = &self.reference {
             let h = y.at(*height);
             let style =
-                format!("stroke=\"{LIMIT}\" stroke-width=\"1.3\" stroke-dasharray=\"6 4\" fill=\"none\"");
+                format!("stroke=\"{REFERENCE}\" stroke-width=\"1.3\" stroke-dasharray=\"6 4\" fill=\"none\"");
             svg.path(&format!("M{} {}H{}", num(LEFT), num(h), num(SIZE[0] - RIGHT)), &style);
         }
         let line: Vec<[f64; 2]> = self.line.iter().filter_map(|i| self.dots.get(*i)).map(at).collect();
@@ -126,7 +126,7 @@ impl Scatter {
             let places = AROUND.map(|(dx, dy, anchor)| ([cx + dx, cy + dy], anchor));
             put(&mut svg, &dot.label, &places, [top, bottom], &mut taken);
         }
-        if let Some((height, why)) = &self.limit {
+        if let Some((height, why)) = &self.reference {
             let h = y.at(*height);
             let right = SIZE[0] - RIGHT - 4.0;
             let places = [right, LEFT + 4.0].map(|x| {
@@ -210,6 +210,7 @@ fn put(
     [top, bottom]: [f64; 2],
     taken: &mut Vec<Room>,
 ) -> Option<[f64; 2]> {
+    let text = &fitting(text, 0.5 * (SIZE[0] - LEFT - RIGHT) - 2.0 * LETTERS);
     let width = text_width(text, LETTERS);
     let room = |([x, y], anchor): ([f64; 2], &str)| -> Room {
         let left = match anchor {
@@ -230,6 +231,23 @@ fn put(
     svg.text(place.0, place.1, "wire", text);
     taken.push(room(place));
     Some(place.0)
+}
+
+/// A text that is no wider than this: what is longer ends in an ellipsis.
+fn fitting(text: &str, most: f64) -> String {
+    if text_width(text, LETTERS) <= most {
+        return text.to_owned();
+    }
+    let (mut short, mut width) = (String::new(), text_width("…", LETTERS));
+    for c in text.chars() {
+        width += text_width(c.encode_utf8(&mut [0; 4]), LETTERS);
+        if width > most {
+            break;
+        }
+        short.push(c);
+    }
+    short.truncate(short.trim_end().len());
+    short + "…"
 }
 
 #[cfg(test)]
@@ -257,7 +275,7 @@ mod tests {
             y: "error, dB".into(),
             dots,
             line: vec![0, 1],
-            limit: Some((0.5, "the model".into())),
+            reference: Some((0.5, "the model".into())),
             floor: Some(0.2),
             ..Scatter::default()
         };
@@ -268,5 +286,27 @@ mod tests {
             assert!(svg.contains(text), "{text}");
         }
         tags(&Scatter::default().to_svg());
+    }
+
+    #[test]
+    fn a_long_label_ends_in_an_ellipsis_within_the_picture() {
+        let long = "a setting of a very long name ".repeat(20);
+        for x in [0.0, 0.5, 1.0] {
+            let dots = vec![dot(0.0, 0.0, ""), dot(1.0, 1.0, ""), dot(x, 0.5, &long)];
+            let svg = Scatter { dots, ..Scatter::default() }.to_svg();
+            let line = svg.lines().find(|l| l.contains('…')).unwrap();
+            let number = |name: &str| -> f64 {
+                line.split(&format!(" {name}=\"")).nth(1).unwrap().split('"').next().unwrap().parse().unwrap()
+            };
+            let text = line.split('>').nth(1).unwrap().split('<').next().unwrap();
+            let (at, width) = (number("x"), text_width(text, LETTERS));
+            let left = match () {
+                () if line.contains("\"end\"") => at - width,
+                () if line.contains("\"middle\"") => at - 0.5 * width,
+                () => at,
+            };
+            assert!(left >= 0.0 && left + width <= SIZE[0] && width > 200.0, "{x}: {line}");
+            assert!(!svg.contains(&format!(">{long}</text>")));
+        }
     }
 }

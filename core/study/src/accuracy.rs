@@ -13,6 +13,7 @@ use crate::hear::{Chain, Heard, Path3, over};
 use crate::knob::{has, set};
 use crate::lag;
 use crate::setting::Setting;
+use crate::spot::{Spot, laid};
 use crate::stroke::Stroke;
 use crate::time::Onlooker;
 use crate::truth::Truths;
@@ -68,8 +69,9 @@ pub(crate) fn find(
     let mut found = Found::default();
     let mut models = Vec::new();
     let double = in_double(setting, registry);
-    let strokes: Vec<Path3> = plan.strokes.iter().map(|s| s.measured.clone()).collect();
-    let ways: Vec<Path3> = strokes.iter().cloned().chain(lag::ways()).collect();
+    let spot = Spot::of(&setting.graph, registry)?;
+    let strokes: Vec<Path3> = plan.strokes.iter().map(|s| laid(spot.as_ref(), s)).collect();
+    let ways: Vec<Path3> = strokes.iter().cloned().chain(lag::ways(spot.as_ref())).collect();
     let options = Options { sleep: false, guards: setting.guards, ..Options::default() };
     for draw in 0..plan.draws {
         let seed = plan.seed.wrapping_add(draw);
@@ -159,7 +161,7 @@ fn whole(heard: &Heard, truth: &[Spectrogram], strength: f64, figures: &mut Figu
     figures.extend(of_agreement(&agreement));
 }
 
-/// Figures of the frames themselves, as if all that comes behind were perfect: where the network is the limit. None where there are none.
+/// Figures of the frames themselves, as they are: a reference for what is behind them. None where there are none.
 ///
 /// A frame's magnitude of a bin, an amplitude A, stands for the power A^2 / 3 that a spectrogram has of a sine of that amplitude there.
 fn of_model(heard: &Heard, truth: &[Spectrogram]) -> Option<Figures> {
@@ -188,4 +190,40 @@ fn of_agreement(agreement: &Agreement) -> Figures {
         (Figure::Bands, agreement.bands_db),
         (Figure::Level, agreement.level_db.abs()),
     ])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Frames of a sine at 100 Hz, as a Hann window of 0.1 s has them: its amplitude in its bin, half of it beside.
+    fn heard(amplitude: f32) -> Heard {
+        let framing =
+            asperity_dsp::Framing { rate_hz: 2500, fft_len: 250, bins: 126, frame_num: 100, frame_den: 1 };
+        let scale = framing.bin_scale() as f32;
+        let mut frame = vec![0.0; framing.bins];
+        frame[9..12].copy_from_slice(&[0.5, 1.0, 0.5].map(|part: f32| part * amplitude * scale));
+        Heard { frames: frame.repeat(300), framing: Some(framing), ..Heard::default() }
+    }
+
+    fn sine(amplitude: f64, rate_hz: f64) -> Spectrogram {
+        let wave = |n: u32| amplitude * (std::f64::consts::TAU * 100.0 * f64::from(n) / rate_hz).sin();
+        let signal: Vec<f64> = (0..(2.0 * rate_hz) as u32).map(wave).collect();
+        Spectrogram::new(&[&signal], rate_hz).unwrap()
+    }
+
+    #[test]
+    fn magnitudes_of_a_sine_are_as_far_from_its_spectrum_as_their_amplitude() {
+        let truth = [sine(3.0, 10_000.0)];
+        let same = of_model(&heard(3.0), &truth).unwrap();
+        assert!((same[&Figure::Perceptual] - 1.0).abs() < 1e-3, "{same:?}");
+        for figure in [Figure::Level, Figure::Spectrum, Figure::Bands] {
+            assert!(same[&figure].abs() < 0.05, "{same:?}");
+        }
+        // Twice the amplitude: 6.02 dB, in whatever unit of the DFT.
+        let twice = of_model(&heard(6.0), &truth).unwrap();
+        assert!((twice[&Figure::Level] - 20.0 * 2_f64.log10()).abs() < 0.05, "{twice:?}");
+        assert!(twice[&Figure::Perceptual] < 0.9, "{twice:?}");
+        assert!(of_model(&Heard::default(), &truth).is_none());
+    }
 }

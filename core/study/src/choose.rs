@@ -6,14 +6,13 @@ use crate::result::{Results, Row};
 /// What may be spent.
 #[derive(Clone, Debug, Default)]
 pub struct Budget {
-    /// Most microseconds a tick: of the median and of the 99.9th percentile.
+    /// Most microseconds a tick: of the median, and of the 99.9th percentile without what the machine stalls by itself.
     pub tick_us: Option<f64>,
     /// Longest response lag: ms until half of a step of speed is felt.
     pub lag_ms: Option<f64>,
-    /// Counts what the machine stalls by itself: the 99.9th percentile as it was measured. Else that of a tick in which nothing is done is
-    /// taken off.
+    /// Counts what the machine stalls by itself: the 99.9th percentile as it was measured. Else [`Time::stall_us`](crate::Time::stall_us) is taken off.
     pub strict: bool,
-    /// Figures in the order in which they count; by default those against the physics, perceptual first.
+    /// Figures in the order in which they count; none for [the usual ones](Results::usual).
     pub by: Vec<Figure>,
     /// Ticks a second that the setting must have.
     pub tick_hz: Option<u32>,
@@ -26,8 +25,10 @@ pub struct Choice<'r> {
     pub row: &'r Row,
     /// How many settings fit the budget.
     pub fit: usize,
-    /// Figures that decided, with how many settings were left after each.
+    /// Figures that were known, in their order, with how many settings were left after each.
     pub steps: Vec<(Figure, usize)>,
+    /// How many settings are as good as the best of all by these: it is the cheapest of them.
+    pub equals: usize,
 }
 
 /// Why a setting cannot be had.
@@ -54,7 +55,7 @@ impl Results {
             return Err(Reason::Ticks);
         }
         if let Some(most) = budget.tick_us {
-            let stalls = self.empty.filter(|_| !budget.strict).map_or(0.0, |t| t.p999_us);
+            let stalls = if budget.strict { 0.0 } else { time.stall_us };
             if time.p50_us > most || time.p999_us - stalls > most {
                 return Err(Reason::Time);
             }
@@ -67,13 +68,25 @@ impl Results {
         Ok(())
     }
 
-    /// The best setting that fits: by the first figure, of those that are not told apart by the second, and so on; of those that are left the one
-    /// that takes least time. None where nothing fits.
+    /// Figures by which a setting is best where none are asked for: those against the physics, perceptual first; where none of them is known, the spectral
+    /// convergence.
+    pub fn usual(&self) -> Vec<Figure> {
+        let known = |f: &Figure| self.rows.iter().any(|row| row.figure(*f).is_some());
+        let physics: Vec<Figure> =
+            Figure::ALL.into_iter().filter(|f| f.of_the_whole()).filter(known).collect();
+        if physics.is_empty() { [Figure::Convergence].into_iter().filter(known).collect() } else { physics }
+    }
+
+    /// The best setting that fits; none where nothing does.
+    ///
+    /// By the first figure the best and what is not told apart from it, of these by the second, and so on; of what is left the one that takes least time. Of many that
+    /// are equal the best is so by chance, and others that are no worse may be told apart from it. So at last the cheapest is taken of all that fit and that
+    /// are better than that one in each of the figures, or not told apart from it.
     pub fn choose(&self, budget: &Budget) -> Option<Choice<'_>> {
-        let mut left: Vec<&Row> = self.rows.iter().filter(|row| self.fits(row, budget).is_ok()).collect();
-        let fit = left.len();
-        let usual = [Figure::Perceptual, Figure::Spectrum, Figure::Bands, Figure::Level, Figure::Convergence];
-        let by = if budget.by.is_empty() { &usual[..] } else { &budget.by };
+        let fitting: Vec<&Row> = self.rows.iter().filter(|row| self.fits(row, budget).is_ok()).collect();
+        let usual = if budget.by.is_empty() { self.usual() } else { Vec::new() };
+        let by = if budget.by.is_empty() { &usual } else { &budget.by };
+        let mut left = fitting.clone();
         let mut steps = Vec::new();
         for &figure in by {
             let known = left.iter().filter_map(|row| row.figure(figure));
@@ -83,15 +96,29 @@ impl Results {
             left.retain(|row| row.figure(figure).is_some_and(|x| !self.differ(figure, x, best)));
             steps.push((figure, left.len()));
         }
-        let load = |row: &&&Row| row.load().unwrap_or(f64::INFINITY);
-        let row = left.iter().min_by(|a, b| load(a).total_cmp(&load(b)))?;
-        Some(Choice { row, fit, steps })
+        let best = cheapest(&left)?;
+        let worse = |row: &Row, figure: Figure| match (row.figure(figure), best.figure(figure)) {
+            (Some(x), Some(best)) => figure.gain(best, x) > 0.0 && self.differ(figure, x, best),
+            (None, Some(_)) => true,
+            _ => false,
+        };
+        let mut equals = fitting.clone();
+        equals.retain(|row| steps.iter().all(|(figure, _)| !worse(row, *figure)));
+        let row = cheapest(&equals)?;
+        Some(Choice { row, fit: fitting.len(), steps, equals: equals.len() })
     }
+}
+
+/// The one that takes least time.
+fn cheapest<'r>(rows: &[&'r Row]) -> Option<&'r Row> {
+    let load = |row: &Row| row.load().unwrap_or(f64::INFINITY);
+    rows.iter().copied().min_by(|a, b| load(a).total_cmp(&load(b)))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::result::Time;
     use crate::testing::{measured, results};
 
     fn name<'r>(all: &'r Results, budget: &Budget) -> Option<&'r str> {
@@ -114,12 +141,67 @@ mod tests {
         assert_eq!(name(&all, &budget(None, Some(40.0))), Some("quick to answer"));
         assert_eq!(name(&all, &budget(Some(40.0), None)), Some("cheap"));
         assert_eq!(name(&all, &budget(Some(10.0), None)), None);
-        // 5 % of 2 ms are 100 us, its 99.9th percentile 150; 2 us of them are the machine's own.
-        assert_eq!(all.fits(&all.rows[0], &budget(Some(149.0), None)), Ok(()));
-        let strict = Budget { strict: true, ..budget(Some(149.0), None) };
-        assert_eq!(all.fits(&all.rows[0], &strict), Err(Reason::Time));
+        // 5 % of 2 ms are 100 us, its 99.9th percentile 150.
+        assert_eq!(all.fits(&all.rows[0], &budget(Some(150.0), None)), Ok(()));
+        assert_eq!(all.fits(&all.rows[0], &budget(Some(149.0), None)), Err(Reason::Time));
         assert_eq!(all.fits(&all.rows[4], &budget(None, None)), Err(Reason::Unsound));
         let ticks = Budget { tick_hz: Some(1000), ..Budget::default() };
         assert_eq!(all.fits(&all.rows[0], &ticks), Err(Reason::Ticks));
+    }
+
+    #[test]
+    fn a_budget_is_held_against_what_is_left_without_the_stalls_of_the_machine() {
+        let mut row = measured("stalled", 1.0, 1.0, 20.0);
+        // A tick of 20 us that met a time slice of 4 ms.
+        row.time = row.time.map(|t| Time { p999_us: 4030.0, stall_us: 4000.0, max_us: 8000.0, ..t });
+        let all = results(vec![row]);
+        let budget = |us, strict| Budget { tick_us: Some(us), strict, ..Budget::default() };
+        let fits = |us, strict| all.fits(&all.rows[0], &budget(us, strict));
+        assert_eq!(fits(30.0, false), Ok(()));
+        assert_eq!(fits(29.0, false), Err(Reason::Time));
+        assert_eq!(fits(4029.0, true), Err(Reason::Time));
+        assert_eq!(fits(4030.0, true), Ok(()));
+    }
+
+    #[test]
+    fn of_equals_the_cheapest_is_chosen_though_another_is_best_by_chance() {
+        let row = |name: &str, load, level, bands, convergence| {
+            let mut row = measured(name, load, level, 20.0);
+            row.figures.insert(Figure::Bands, bands);
+            row.figures.insert(Figure::Convergence, convergence);
+            row
+        };
+        // Told apart: 0.1 dB.
+        let mut all = results(vec![
+            row("dear, best by chance", 4.0, 0.40, 1.00, -20.0),
+            row("between", 2.0, 0.48, 1.02, -16.0),
+            row("as good as that", 1.0, 0.55, 1.08, -15.0),
+            row("worse in bands", 0.9, 0.51, 1.20, -15.0),
+            row("better, but for bands", 0.8, 0.35, 1.30, -15.0),
+        ]);
+        all.floor.insert(Figure::Bands, 0.1);
+        let choice = all.choose(&Budget::default()).unwrap();
+        assert_eq!((choice.row.name.as_str(), choice.equals), ("as good as that", 3));
+        assert_eq!(choice.steps, [(Figure::Bands, 3), (Figure::Level, 2)]);
+        let by = |figures: &[Figure]| Budget { by: figures.to_vec(), ..Budget::default() };
+        assert_eq!(name(&all, &by(&[Figure::Level])), Some("better, but for bands"));
+        assert_eq!(name(&all, &by(&[Figure::Bands, Figure::Convergence])), Some("dear, best by chance"));
+    }
+
+    #[test]
+    fn convergence_counts_where_it_is_asked_for_or_nothing_else_is_known() {
+        let row = |name: &str, load, level: Option<f64>, convergence| {
+            let mut row = measured(name, load, 0.0, 20.0);
+            row.figures = [(Figure::Convergence, convergence)].into();
+            row.figures.extend(level.map(|x| (Figure::Level, x)));
+            row
+        };
+        let budget = Budget::default();
+        let all = results(vec![row("cheap", 1.0, Some(1.0), -5.0), row("dear", 9.0, Some(1.0), -25.0)]);
+        assert_eq!((name(&all, &budget), all.usual()), (Some("cheap"), vec![Figure::Level]));
+        let all = results(vec![row("cheap", 1.0, None, -5.0), row("dear", 9.0, None, -25.0)]);
+        assert_eq!((name(&all, &budget), all.usual()), (Some("dear"), vec![Figure::Convergence]));
+        let all = results(vec![measured("quick", 1.0, 1.0, 20.0)]);
+        assert_eq!(all.usual(), [Figure::Level]);
     }
 }

@@ -11,7 +11,7 @@ use crate::hear::over;
 use crate::knob::has;
 use crate::run::Order;
 use crate::setting::{Base, Setting, fnv};
-use crate::stroke::StrokeDecl;
+use crate::stroke::{Stroke, StrokeDecl};
 
 /// Names of a setting's parts.
 #[derive(Clone, Debug)]
@@ -25,11 +25,18 @@ pub(crate) struct Names {
 }
 
 /// Names of the parts of all settings, the first of which is the default that all others are timed with.
-pub(crate) fn names(order: &Order<'_>, settings: &[Setting], materials: &[Option<String>]) -> Vec<Names> {
+pub(crate) fn names(
+    order: &Order<'_>,
+    settings: &[Setting],
+    played: &[Stroke],
+    materials: &[Option<String>],
+) -> Vec<Names> {
     let study = order.study;
     let program = format!("{} {}", order.program, order.machine.cpu);
     let strokes: Vec<String> = study.strokes.iter().map(stroke).collect();
-    let plan = format!("{} {} {} {strokes:?} {materials:?}", study.seed, study.draws, study.steps);
+    // How large they are made hangs on all graphs.
+    let made: Vec<Option<f64>> = played.iter().map(|s| s.made_mm).collect();
+    let plan = format!("{} {} {} {strokes:?} {made:?} {materials:?}", study.seed, study.draws, study.steps);
     let timed = format!("{:?} {:?} {:?}", study.times, materials.first(), order.machine);
     let mut files = Files::default();
     let mut default = None;

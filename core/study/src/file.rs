@@ -45,6 +45,8 @@ pub struct Study {
     pub steps: usize,
     /// How times are taken.
     pub times: Times,
+    /// Whether knobs that no graph has are left out, as are values that mean nothing there; else they are errors.
+    pub lenient: bool,
 }
 
 /// A path and where it stands.
@@ -59,8 +61,10 @@ pub struct Named {
 /// A graph that stands beside those that are varied, under a name of its own.
 #[derive(Clone, Debug)]
 pub struct Mark {
-    /// What it is called.
+    /// What it is called; no other one is, and none is called `default`.
     pub name: String,
+    /// Where that stands.
+    pub place: Place,
     /// Its file.
     pub graph: Named,
     /// The part of the physics at which it is set to render.
@@ -108,6 +112,8 @@ const FIELDS: &[&str] = &[
     "steps",
     "times",
 ];
+/// What a graph as it stands is called.
+pub(crate) const DEFAULT: &str = "default";
 /// Most settings that a grid may have.
 const MOST_COMBINATIONS: usize = 10_000;
 
@@ -157,6 +163,13 @@ impl Study {
             .at(&stroke.place.source, stroke.place.span)
             .help("material: \"the name it has in the graph's library\""));
         }
+        let names = marks.iter().map(|m| (m.name.as_str(), &m.place)).collect::<Vec<_>>();
+        no_twins(&names)?;
+        if let Some(mark) = marks.iter().find(|m| m.name == DEFAULT || m.name.trim().is_empty()) {
+            return Err(Diagnostic::new(format!("`{}` is no name for a mark", mark.name))
+                .at(&mark.place.source, mark.place.span)
+                .help("the graph as it stands is the `default`"));
+        }
         let names = strokes.iter().map(|s| (s.name.as_str(), &s.place)).collect::<Vec<_>>();
         no_twins(&names)?;
         no_twins(&materials.iter().map(|(n, p)| (n.as_str(), p)).collect::<Vec<_>>())?;
@@ -172,6 +185,7 @@ impl Study {
             draws,
             steps,
             times,
+            lenient: false,
         })
     }
 }
@@ -209,11 +223,12 @@ fn strength(value: &Value) -> Result<f64, Diagnostic> {
 
 fn mark(value: &Value) -> Result<Mark, Diagnostic> {
     let mut record = value.record("Mark")?;
-    let name = record.required("name")?.text()?.to_owned();
+    let name = record.required("name")?;
+    let (name, place) = (name.text()?.to_owned(), name.place());
     let graph = named(record.required("graph")?)?;
     let strength = record.optional("strength").map_or(Ok(1.0), strength)?;
     record.finish(&["name", "graph", "strength"])?;
-    Ok(Mark { name, graph, strength })
+    Ok(Mark { name, place, graph, strength })
 }
 
 fn grid(value: &Value) -> Result<Grid, Diagnostic> {

@@ -54,6 +54,7 @@ pub(crate) fn empty(batches: &[Batch]) -> Option<Time> {
         spread: of(|t| t.spread),
         misses: batches.iter().map(|b| b.empty.misses).sum(),
         ticks: batches.iter().map(|b| b.empty.ticks).sum(),
+        stall_us: of(|t| t.stall_us),
         memory_kib: None,
     })
 }
@@ -102,7 +103,12 @@ mod tests {
 
     #[test]
     fn batches_are_put_together_by_their_ratio_to_the_default() {
-        let time = |load_percent: f64| Time { load_percent, p50_us: 10.0 * load_percent, ..Time::default() };
+        let time = |load_percent: f64| Time {
+            load_percent,
+            p50_us: 10.0 * load_percent,
+            max_us: 4000.0,
+            ..Time::default()
+        };
         let batch = |anchor: f64, key: &str, load: f64| Batch {
             empty: time(0.0),
             anchor: time(anchor),
@@ -114,6 +120,8 @@ mod tests {
         let loads: Vec<f64> = rows.iter().filter_map(Row::load).collect();
         assert_eq!(loads, [3.0, 3.0, 0.5]);
         assert_eq!(rows[1].time.unwrap().p50_us, 30.0);
+        // A stall takes what it takes.
+        assert_eq!(rows[1].time.unwrap().max_us, 4000.0);
     }
 
     #[test]

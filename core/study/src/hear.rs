@@ -8,9 +8,10 @@ use asperity_dsp::Framing;
 use asperity_engine::{Engine, Options};
 use asperity_graph::{GraphFile, Schedule};
 use asperity_node::{Buffer, Latency, NodeKind, Registry, Shape, Unit};
-use asperity_source::Diagnostic;
+use asperity_source::{Diagnostic, Place};
 use asperity_stability::{Rig, Subject, played::Motion};
 use asperity_world::actuator::{ActuatorProfile, Drive, Dynamics, Plant};
+use asperity_world::material::Library;
 
 /// Where a stylus is at a time in s: x, y, z in mm, z up.
 pub type Path3 = Arc<dyn Fn(f64) -> [f64; 3] + Send + Sync>;
@@ -90,8 +91,35 @@ pub(crate) fn over(graph: &GraphFile, registry: &Registry, material: Option<&str
         let value =
             asperity_source::ron::Value::made(asperity_source::ron::Kind::Text(material.to_owned()), &place);
         crate::knob::set(node, "material", &value);
+        // A scene's network has a slot for each of its surfaces' materials: all are this one.
+        let more = node.params.iter().find(|p| p.name == "materials").and_then(|p| p.value.list().ok());
+        if let Some(slots) = more.map(<[_]>::len) {
+            let all = asperity_source::ron::Kind::List(vec![value; slots]);
+            crate::knob::set(node, "materials", &asperity_source::ron::Value::made(all, &place));
+        }
     }
     graph
+}
+
+/// Looks for materials in the libraries that a graph's networks read.
+///
+/// # Errors
+/// A material that a library does not have, at its place, with the nearest name; a library that cannot be read.
+pub(crate) fn know<'m>(
+    graph: &GraphFile,
+    registry: &Registry,
+    materials: impl Iterator<Item = &'m (String, Place)> + Clone,
+) -> Result<(), Diagnostic> {
+    for node in graph.nodes.iter().filter(|n| is_network(registry, &n.kind)) {
+        let Some(setting) = node.params.iter().find(|p| p.name == "library") else { continue };
+        let library = Library::read(crate::file::beside(&setting.value)?)?;
+        for (name, place) in materials.clone() {
+            library
+                .material(name)
+                .map_err(|e| Diagnostic { file: None, ..e }.at(&place.source, place.span))?;
+        }
+    }
+    Ok(())
 }
 
 /// Whether a kind makes magnitudes of a material of a library.
@@ -299,4 +327,48 @@ fn plant(schedule: &Schedule, (node, output): (usize, usize)) -> Result<Option<P
     let volts = schedule.nodes[node].outputs[output].port.unit == Unit::VOLT;
     let drive = if volts { Drive::Voltage } else { Drive::Current };
     Ok(Some(Plant::new(&dynamics, drive, f64::from(schedule.audio_hz))))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use asperity_source::{Source, Span};
+
+    fn graph(text: &str) -> GraphFile {
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../graphs/g.ron");
+        let text = format!("Graph(version: 1, nodes: {{{text}}}, wires: [])");
+        GraphFile::parse(&Source::new(path, text)).unwrap()
+    }
+
+    #[test]
+    fn all_slots_of_a_scenes_network_have_the_studys_material() {
+        let graph = graph(
+            r#""t": (kind: "texture_network", params: (material: "oak", materials: ["cut pile", "canvas"])), "u": (kind: "texture_network", params: (material: "oak"))"#,
+        );
+        let registry = asperity_nodes::registry();
+        let over = over(&graph, &registry, Some("leather"), 7);
+        let text = over.node("t").unwrap().to_string();
+        assert!(
+            text.contains(r#"material: "leather""#) && text.contains(r#"materials: ["leather", "leather"]"#),
+            "{text}"
+        );
+        let text = over.node("u").unwrap().to_string();
+        assert!(text.contains(r#"material: "leather""#) && !text.contains("materials"), "{text}");
+    }
+
+    #[test]
+    fn a_material_that_the_library_does_not_have_is_told_where_it_stands() {
+        let graph = graph(
+            r#""t": (kind: "texture_network", params: (library: "models/surfaces/materials.ron", material: "oak"))"#,
+        );
+        let registry = asperity_nodes::registry();
+        let source = Source::new("s.ron", r#"["canvas", "canvsa"]"#);
+        let at = |name: &str, start: usize| {
+            (name.to_owned(), Place { span: Span { start, end: start + 8 }, source: source.clone() })
+        };
+        let [known, unknown] = [at("canvas", 1), at("canvsa", 11)];
+        know(&graph, &registry, [&known].into_iter()).unwrap();
+        let e = know(&graph, &registry, [&known, &unknown].into_iter()).unwrap_err().to_string();
+        assert!(e.starts_with("s.ron:1:12:") && e.contains("did you mean `canvas`?"), "{e}");
+    }
 }

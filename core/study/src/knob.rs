@@ -93,6 +93,35 @@ impl Knob {
         }
     }
 
+    /// Help for a knob that none of these graphs has: the nearest that there is.
+    pub(crate) fn nearest<'g>(
+        &self,
+        graphs: impl Iterator<Item = (&'g GraphFile, &'g Registry)> + Clone,
+    ) -> String {
+        let ids: Vec<&str> =
+            graphs.clone().flat_map(|(g, _)| g.nodes.iter().map(|n| n.id.as_str())).collect();
+        let (node, param) = match &self.target {
+            Target::Graph(_) | Target::Guards => return String::new(),
+            Target::Node(id) => return one_of(id, ids.into_iter().chain(["tick_hz", "audio_hz", "guards"])),
+            Target::Param { node, param } => (node, param),
+        };
+        if node != "*" && !ids.contains(&node.as_str()) {
+            let help = asperity_source::nearest(node, ids.iter().copied());
+            return help.map_or_else(|| one_of(node, ids), |near| format!("did you mean `{near}.{param}`?"));
+        }
+        let mut names: Vec<String> = Vec::new();
+        for (graph, registry) in graphs {
+            let of = graph.nodes.iter().filter(|n| node == "*" || n.id == *node);
+            for kind in of.filter_map(|n| registry.get(&n.kind)) {
+                names.extend(kind.descriptor().params.iter().map(|p| format!("{node}.{}", p.name)));
+            }
+        }
+        names.push(format!("{node}.every"));
+        names.sort();
+        names.dedup();
+        one_of(&self.to_string(), names.iter().map(String::as_str))
+    }
+
     /// The kind of a node that a value asks for and that nobody has, such as one of a plugin that is not loaded.
     pub fn lacks<'v>(&self, value: &'v Value, registry: &Registry) -> Option<&'v str> {
         let Kind::Record { fields, .. } = value.kind() else { return None };

@@ -102,6 +102,23 @@ fn parameters_rates_and_guards_are_turned_where_they_are() {
 }
 
 #[test]
+fn the_nearest_knob_is_named() {
+    let registry = registry();
+    let graph = GraphFile::parse(&Source::new("g.ron", GRAPH)).unwrap();
+    for (text, want) in [
+        ("phase.framez", "`phase.frames`"),
+        ("phas.frames", "`phase.frames`"),
+        ("limitr", "`limiter`"),
+        ("tick_hzz", "`tick_hz`"),
+        ("*.precison", "`*.precision`"),
+        ("phase.evry", "`phase.every`"),
+    ] {
+        let help = knob(text).unwrap().nearest(std::iter::once((&graph, &registry)));
+        assert_eq!(help, format!("did you mean {want}?"), "{text}");
+    }
+}
+
+#[test]
 fn what_is_no_knob_or_no_value_for_one_is_said() {
     let registry = registry();
     let graph = GraphFile::parse(&Source::new("g.ron", GRAPH)).unwrap();

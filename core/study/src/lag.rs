@@ -9,6 +9,7 @@ use asperity_node::Registry;
 use asperity_source::Diagnostic;
 
 use crate::hear::{Chain, Path3};
+use crate::spot::{Spot, along};
 
 /// Half a period of the steps \[s\].
 const HALF_S: f64 = 0.4;
@@ -28,21 +29,22 @@ fn stylus(t: f64, stepped: bool) -> [f64; 3] {
     [x, 0.0, -DEPTH_MM]
 }
 
-/// The ways of a stylus whose speed steps, and of one whose speed does not.
-pub(crate) fn ways() -> [Path3; 2] {
-    [true, false].map(|stepped| Arc::new(move |t| stylus(t, stepped)) as Path3)
+/// The ways of a stylus whose speed steps, and of one whose speed does not; on a surface of a scene they go round.
+pub(crate) fn ways(spot: Option<&Spot>) -> [Path3; 2] {
+    [true, false].map(|stepped| along(spot, Arc::new(move |t| stylus(t, stepped))))
 }
 
 /// A graph under both.
 pub struct Response(Chain);
 
 impl Response {
-    /// Compiles the graph.
+    /// Compiles the graph. On a scene's surface the stylus goes round, straight on where none has room.
     ///
     /// # Errors
     /// What the compiler says; nothing that moves a stylus.
     pub fn new(graph: &GraphFile, registry: &Registry) -> Result<Self, Diagnostic> {
-        Chain::new(graph, registry, ways().into(), Options::default()).map(Self)
+        let ways = ways(Spot::of(graph, registry).unwrap_or(None).as_ref());
+        Chain::new(graph, registry, ways.into(), Options::default()).map(Self)
     }
 
     /// What is run.

@@ -23,6 +23,8 @@ mod report;
 mod result;
 mod run;
 mod setting;
+mod short;
+mod spot;
 mod stroke;
 mod table;
 #[cfg(test)]
@@ -38,7 +40,7 @@ pub use hear::{Chain, Heard, Path3};
 pub use knob::Knob;
 pub use lag::Response;
 pub use result::{Fragment, Machine, Results, Row, Time};
-pub use run::{Order, Ran, parts, run};
+pub use run::{Order, Ran, notes, parts, run};
 pub use setting::{Base, Setting, Settings};
 pub use stroke::{Stroke, StrokeDecl};
 pub use time::{LOAD_MS, Onlooker};

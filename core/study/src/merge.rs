@@ -8,8 +8,9 @@ use crate::floor;
 use crate::result::Results;
 
 impl Results {
-    /// Puts shards together. Each timed the default of the first graph; the times of all others are taken by their ratio to it, and are those that they
-    /// would have been where the first shard ran. Not all need be there: [`missing_shards`](Self::missing_shards).
+    /// Puts shards together. Each timed the default of the first graph; the medians and loads of all others are taken by their ratio to it, and are those
+    /// that they would have been where the first shard ran. What else was measured stays as it was there. Not all need be there:
+    /// [`missing_shards`](Self::missing_shards).
     ///
     /// # Errors
     /// Results of different studies or ways of measuring, a shard twice or without a time of the default, no results at all.
@@ -55,6 +56,9 @@ impl Results {
                     merged.machines.push(machine);
                 }
             }
+            merged
+                .notes
+                .extend(shard.notes.into_iter().filter(|n| !merged.notes.contains(n)).collect::<Vec<_>>());
             merged.shards.extend(shard.shards);
             merged.unfinished += shard.unfinished;
         }
@@ -85,6 +89,10 @@ mod tests {
         let loads: Vec<(&str, f64)> =
             merged.rows.iter().map(|r| (r.name.as_str(), r.load().unwrap())).collect();
         assert_eq!(loads, [("default", 2.0), ("one", 4.0), ("two", 6.0)]);
+        let times: Vec<(f64, f64)> =
+            merged.rows.iter().map(|r| r.time.unwrap()).map(|t| (t.p50_us, t.p999_us)).collect();
+        // Medians of 20 us for each per cent; what the percentiles are of is not known to be slower.
+        assert_eq!(times, [(40.0, 60.0), (80.0, 120.0), (120.0, 360.0)]);
         assert_eq!((merged.shards.clone(), merged.missing_shards()), (vec![(1, 3), (3, 3)], vec![2]));
         let twice = Results::merge(vec![("a".into(), merged), ("b".into(), shard(3, 2.0, "one", 4.0))]);
         let said = twice.unwrap_err().to_string();

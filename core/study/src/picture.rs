@@ -50,7 +50,8 @@ impl Results {
             "" => figure.name().to_owned(),
             unit => format!("{}, {unit}", figure.name()),
         };
-        let limit = self.model.get(&figure).map(|m| (*m, "the network's own magnitudes".to_owned()));
+        let reference =
+            self.model.get(&figure).map(|m| (*m, "for reference: the network's own magnitudes".to_owned()));
         let scatter = Scatter {
             title,
             subtitles: vec![
@@ -65,7 +66,7 @@ impl Results {
             up_is_better: figure.more_is_better(),
             dots,
             line,
-            limit: limit.filter(|_| figure.of_the_whole()),
+            reference: reference.filter(|_| figure.of_the_whole()),
             floor: self.floor.get(&figure).copied().filter(|f| *f > 0.0),
         };
         Some(scatter.to_svg())

@@ -5,17 +5,27 @@ use std::fmt::Write as _;
 use crate::choose::Budget;
 use crate::figure::Figure;
 use crate::result::{Results, Row};
+use crate::short::{cell, reason};
 
 /// Budgets that the report answers, in microseconds a tick; none for any.
 const BUDGETS_US: [Option<f64>; 7] =
     [Some(10.0), Some(20.0), Some(50.0), Some(100.0), Some(200.0), Some(500.0), None];
 /// Longest lags that it answers \[ms\].
 const LAGS_MS: [Option<f64>; 2] = [None, Some(30.0)];
-/// Figures in the tables.
+/// Figures in the order in which tables take them: those that say most.
 const SHOWN: [Figure; 5] =
-    [Figure::Perceptual, Figure::Spectrum, Figure::Bands, Figure::Level, Figure::Convergence];
-/// Most lines of a grid of several knobs.
-const MOST_LINES: usize = 12;
+    [Figure::Perceptual, Figure::Spectrum, Figure::Convergence, Figure::Level, Figure::Bands];
+/// How many they take: results.csv has all.
+const FIRST: usize = 3;
+/// Most lines of a table.
+const MOST_LINES: usize = 8;
+
+/// A line of the table of budgets.
+struct Line {
+    budgets: Vec<Option<f64>>,
+    lags: Vec<Option<f64>>,
+    text: String,
+}
 
 impl Results {
     /// The report, in Markdown; pictures are named by [`picture_name`](Self::picture_name).
@@ -74,45 +84,35 @@ impl Results {
         if let Some(figure) = first {
             let _ = writeln!(
                 out,
-                "![{}]({})\n\nEach figure is by itself in a picture: against time {}; against lag {}. What they are says docs/accuracy.md.\n",
+                "![{}]({})\n\nOther pictures: against time {}; against lag {}. docs/accuracy.md says what the figures are.\n",
                 figure.title(),
                 Self::picture_name(figure, "time"),
-                self.links("time"),
-                self.links("lag"),
+                self.links("time", Row::load),
+                self.links("lag", Row::lag50),
             );
         }
     }
 
-    fn links(&self, against: &str) -> String {
-        let known = Figure::ALL.into_iter().filter(|f| self.rows.iter().any(|r| r.figure(*f).is_some()));
-        let links: Vec<String> =
-            known.map(|f| format!("[{}]({})", f.name(), Self::picture_name(f, against))).collect();
-        links.join(", ")
-    }
-
-    /// Columns of figures that any row has.
-    fn shown(&self) -> Vec<Figure> {
-        SHOWN.into_iter().filter(|f| self.rows.iter().any(|r| r.figure(*f).is_some())).collect()
-    }
-
-    fn figures_head(&self, out: &mut String, before: &str) {
-        let shown = self.shown();
-        let titles: Vec<String> = shown
-            .iter()
-            .map(|f| if f.unit().is_empty() { f.name().into() } else { format!("{} {}", f.name(), f.unit()) })
+    /// The pictures that there are.
+    fn links(&self, against: &str, cost: fn(&Row) -> Option<f64>) -> String {
+        let drawn = |f: &Figure| self.rows.iter().any(|r| r.figure(*f).is_some() && cost(r).is_some());
+        let links: Vec<String> = Figure::ALL
+            .into_iter()
+            .filter(drawn)
+            .map(|f| format!("[{}]({})", f.name(), Self::picture_name(f, against)))
             .collect();
-        let _ = writeln!(out, "{before} {} |", titles.join(" | "));
-        let columns = before.matches('|').count() - 1 + shown.len();
-        let _ = writeln!(out, "|{}", "---|".repeat(columns));
+        if links.is_empty() { "none".into() } else { links.join(", ") }
     }
 
-    fn figures(&self, row: &Row) -> String {
-        let cell = |f: Figure| row.figure(f).map_or("-".into(), |x| format!("{x:.*}", f.decimals()));
-        self.shown().into_iter().map(cell).collect::<Vec<_>>().join(" | ")
+    /// Figures that tables take, of those that any row has.
+    fn shown(&self) -> Vec<Figure> {
+        let known = |f: &Figure| self.rows.iter().any(|r| r.figure(*f).is_some());
+        SHOWN.into_iter().filter(known).take(FIRST).collect()
     }
 
     fn budgets(&self, out: &mut String) {
-        let mut lines: Vec<(String, String)> = Vec::new();
+        let shown = self.shown();
+        let mut lines: Vec<Line> = Vec::new();
         for lag_ms in LAGS_MS {
             for tick_us in BUDGETS_US {
                 let Some(choice) = self.choose(&Budget { tick_us, lag_ms, ..Budget::default() }) else {
@@ -120,44 +120,64 @@ impl Results {
                 };
                 let row = choice.row;
                 let (Some(time), lag) = (row.time, ms(row.lag50())) else { continue };
-                let budget = tick_us.map_or("any".to_owned(), |us| format!("{us}"));
-                let line = format!(
-                    "{} | {} | {:.2} | {:.1} / {:.1} | {lag} | {} |",
-                    lag_ms.map_or("any".to_owned(), |ms| format!("{ms}")),
-                    name(row),
-                    time.load_percent,
-                    time.p50_us,
-                    time.p999_us,
-                    self.figures(row)
-                );
+                let figures = shown.iter().map(|f| value(*f, row.figure(*f)));
+                let cells = [
+                    self.named(row),
+                    format!("{:.2}", time.load_percent),
+                    format!("{:.1} / {:.1}", time.p50_us, time.p999_us),
+                    lag,
+                ];
+                let line = cells.into_iter().chain(figures).collect::<Vec<_>>().join(" | ");
                 // More to spend that buys nothing is one line.
-                match lines.iter_mut().find(|(_, there)| *there == line) {
-                    Some((budgets, _)) => {
-                        let first = budgets.split(' ').next().unwrap_or_default().to_owned();
-                        *budgets = format!("{first} and more");
-                    }
-                    None => lines.push((budget, line)),
+                match lines.last_mut().filter(|l| l.lags == [lag_ms] && l.text == line) {
+                    Some(there) => there.budgets.push(tick_us),
+                    None => lines.push(Line { budgets: vec![tick_us], lags: vec![lag_ms], text: line }),
                 }
             }
         }
+        // So is what is soon enough anyway.
+        let mut merged: Vec<Line> = Vec::new();
+        for line in lines {
+            match merged.iter_mut().find(|l| l.budgets == line.budgets && l.text == line.text) {
+                Some(there) => there.lags.extend(line.lags),
+                None => merged.push(line),
+            }
+        }
+        let lines = merged;
         if lines.is_empty() {
             return;
         }
-        *out += "## Which setting for which budget\n\nBy perceptual similarity first, then spectrum, bands, level; of what is not told apart, the cheapest.\n\n";
-        self.figures_head(
+        let order: Vec<&str> = self.usual().into_iter().map(Figure::name).collect();
+        let by = match order.as_slice() {
+            [] => "No figure is known: the cheapest.".to_owned(),
+            some => format!(
+                "The best by {}; of all that are not told apart from it in any of them, the cheapest.",
+                some.join(", then ")
+            ),
+        };
+        let _ = writeln!(
             out,
-            "| us a tick | lag at most, ms | setting | load % | p50 / p99.9 us | lag, ms |",
+            "## Which setting for which budget
+
+{by}
+"
         );
-        for (budget, line) in lines {
-            let _ = writeln!(out, "| {budget} | {line}");
+        let before = ["us a tick", "lag at most, ms", "setting", "load %", "p50 / p99.9 us", "lag, ms"];
+        head(out, &before, &shown);
+        for Line { budgets, lags, text } in lines {
+            let lags: Vec<String> =
+                lags.iter().map(|lag| lag.map_or("any".to_owned(), |ms| format!("{ms}"))).collect();
+            let _ = writeln!(out, "| {} | {} | {text} |", range(&budgets), lags.join(", "));
         }
         out.push('\n');
     }
 
     fn steps(&self, out: &mut String) {
         let mut any = false;
-        for figure in [Figure::Perceptual, Figure::Spectrum, Figure::Convergence] {
-            let front = self.undominated(figure);
+        let whole = [Figure::Perceptual, Figure::Spectrum];
+        let whole = whole.into_iter().filter(|f| !self.undominated(*f).is_empty()).collect::<Vec<_>>();
+        for figure in if whole.is_empty() { vec![Figure::Convergence] } else { whole } {
+            let front = self.steps_of(figure);
             if front.is_empty() {
                 continue;
             }
@@ -172,7 +192,7 @@ impl Results {
                 figure.name()
             );
             let mut before: Option<&Row> = None;
-            for row in front.into_iter().filter_map(|i| self.rows.get(i)) {
+            for row in front {
                 let (Some(x), Some(load)) = (row.figure(figure), row.load()) else { continue };
                 let digits = figure.decimals();
                 let step = before.and_then(|b| Some((b.figure(figure)?, b.load()?)));
@@ -183,7 +203,7 @@ impl Results {
                     out,
                     "| {x:.digits$} | {buys} | {load:.2} | {costs} | {} | {} |",
                     ms(row.lag50()),
-                    name(row)
+                    self.named(row)
                 );
                 before = Some(row);
             }
@@ -191,27 +211,47 @@ impl Results {
         }
     }
 
+    /// The undominated in a figure; of very many those that buy least are left out.
+    fn steps_of(&self, figure: Figure) -> Vec<&Row> {
+        let mut rows: Vec<&Row> =
+            self.undominated(figure).into_iter().filter_map(|i| self.rows.get(i)).collect();
+        let gain =
+            |a: &Row, b: &Row| figure.gain(b.figure(figure).unwrap_or(0.0), a.figure(figure).unwrap_or(0.0));
+        while rows.len() > MOST_LINES {
+            let gains = rows.windows(2).enumerate().map(|(i, pair)| (i + 1, gain(pair[0], pair[1])));
+            // The last is the best there is.
+            let least = gains.take(rows.len() - 2).min_by(|a, b| a.1.total_cmp(&b.1));
+            rows.remove(least.map_or(1, |(i, _)| i));
+        }
+        rows
+    }
+
     fn limits(&self, out: &mut String) {
-        let Some(default) = self.default_row().filter(|_| !self.model.is_empty()) else { return };
+        let Some(default) = self.default_row() else { return };
+        if !self.model.keys().any(|f| default.figure(*f).is_some() && self.best(*f).is_some()) {
+            return;
+        }
         *out += "## Where the model is the limit\n\n\
-                 What the network's own magnitudes would come to, were all behind them perfect, beside what was reached. Where both are not told apart, no phase retrieval and \
-                 no actuator model would make it better: a better network would.\n\n\
+                 A reference: what the network's own magnitudes, under the default, come to as they are. It can be passed, since what is behind the network may make up for its errors. \
+                 Where nothing is left to win, no phase retrieval and no actuator model is likely to help: a better network would.\n\n\
                  | figure | the network's magnitudes | the default | the best setting | left to win behind the network |\n|---|---|---|---|---|\n";
-        for (&figure, &limit) in &self.model {
+        for (&figure, &reference) in &self.model {
             let (Some(now), Some(best)) = (default.figure(figure), self.best(figure)) else { continue };
             let digits = figure.decimals();
-            let left = figure.gain(limit, best.1);
-            let left = if left > 0.0 && self.differ(figure, limit, best.1) {
+            let left = figure.gain(reference, best.1);
+            let left = if left <= 0.0 {
+                "nothing left to win".into()
+            } else if self.differ(figure, reference, best.1) {
                 format!("{left:.digits$}")
             } else {
                 "nothing that is told apart".into()
             };
             let _ = writeln!(
                 out,
-                "| {} | {limit:.digits$} | {now:.digits$} | {:.digits$} ({}) | {left} |",
+                "| {} | {reference:.digits$} | {now:.digits$} | {:.digits$} ({}) | {left} |",
                 figure.name(),
                 best.1,
-                name(best.0)
+                self.named(best.0)
             );
         }
         out.push('\n');
@@ -233,38 +273,78 @@ impl Results {
         if grids.is_empty() {
             return;
         }
-        *out +=
-            "## Knob by knob\n\nLoad as a ratio to the default's; `=`: not told apart from the default.\n\n";
-        for grid in grids {
-            let mut rows: Vec<&Row> =
-                self.rows.iter().filter(|r| r.grids.iter().any(|g| g == grid)).collect();
-            let all = rows.len();
-            let _ = writeln!(out, "### {grid}\n");
-            if all > MOST_LINES {
-                let worth: Vec<usize> = [Figure::Perceptual, Figure::Spectrum]
-                    .iter()
-                    .flat_map(|f| self.undominated(*f))
-                    .collect();
-                let keys: Vec<&str> = worth.iter().map(|i| self.rows[*i].key.as_str()).collect();
-                rows.retain(|r| r.default || keys.contains(&r.key.as_str()));
-                let _ = writeln!(
-                    out,
-                    "Of {all} settings those that are undominated in `perceptual` or `spectrum`; all are in results.csv.\n"
-                );
+        let default = match self.default_row() {
+            Some(row) if self.rows.iter().filter(|r| r.default).count() > 1 => {
+                format!("the first graph's default, {}, also for settings of other graphs", self.named(row))
             }
-            self.figures_head(out, "| setting | load | lag, ms |");
-            for row in rows {
-                let _ = writeln!(
-                    out,
-                    "| {} | {} | {} | {} |",
-                    name(row),
-                    self.ratio(row),
-                    self.lag(row),
-                    self.against_default(row)
-                );
+            _ => "the default".to_owned(),
+        };
+        let _ = writeln!(
+            out,
+            "## Knob by knob\n\nAgainst {default}: load as a ratio to its; `=`: not told apart from it. What no line of a table differs in is no column of it; results.csv has all figures.\n"
+        );
+        let mut alike = Vec::new();
+        for grid in grids {
+            let of = self.rows.iter().filter(|r| !r.default && r.grids.iter().any(|g| g == grid));
+            let lines: Vec<(&Row, Vec<String>)> = of.map(|r| (r, self.cells(r))).collect();
+            let (same, mut told): (Vec<_>, Vec<_>) =
+                lines.into_iter().partition(|(_, cells)| cells.iter().all(|c| c == "=" || c == "-"));
+            if told.is_empty() {
+                let names: Vec<String> = same.iter().map(|(r, _)| self.named(r)).collect();
+                if !names.is_empty() {
+                    alike.push(format!("{grid} ({})", some(&names)));
+                }
+                continue;
+            }
+            let _ = writeln!(out, "### {grid}\n");
+            let all = told.len();
+            if all > MOST_LINES {
+                let worth: Vec<usize> = self.shown().into_iter().flat_map(|f| self.undominated(f)).collect();
+                let keys: Vec<&str> = worth.iter().map(|i| self.rows[*i].key.as_str()).collect();
+                // Those that are worth their time first.
+                told.sort_by_key(|(r, _)| !keys.contains(&r.key.as_str()));
+                told.truncate(MOST_LINES);
+            }
+            let mut titles = vec!["load".to_owned(), "lag, ms".to_owned()];
+            titles.extend(self.shown().into_iter().map(title));
+            let columns: Vec<usize> = (0..titles.len())
+                .filter(|c| told.iter().any(|(_, cells)| cells[*c] != "=" && cells[*c] != "-"))
+                .collect();
+            let of =
+                |cells: &[String]| columns.iter().map(|c| cells[*c].clone()).collect::<Vec<_>>().join(" | ");
+            let _ = writeln!(out, "| setting | {} |\n|{}", of(&titles), "---|".repeat(columns.len() + 1));
+            for (row, cells) in &told {
+                let _ = writeln!(out, "| {} | {} |", self.named(row), of(cells));
             }
             out.push('\n');
+            if all > told.len() {
+                let _ = writeln!(
+                    out,
+                    "{} more, of which none is undominated before these, are in results.csv.\n",
+                    all - told.len()
+                );
+            }
+            if !same.is_empty() {
+                let names: Vec<String> = same.iter().map(|(r, _)| self.named(r)).collect();
+                let _ = writeln!(out, "Not told apart from it: {}.\n", some(&names));
+            }
         }
+        if !alike.is_empty() {
+            let _ = writeln!(out, "Nothing is told apart in: {}.\n", alike.join("; "));
+        }
+    }
+
+    /// Load, lag and figures of a row against the default's.
+    fn cells(&self, row: &Row) -> Vec<String> {
+        let mut cells = vec![self.ratio(row), self.lag(row)];
+        let default = self.default_row();
+        cells.extend(self.shown().into_iter().map(|f| {
+            match (row.figure(f), default.and_then(|d| d.figure(f))) {
+                (Some(a), Some(b)) if !self.differ(f, a, b) => "=".into(),
+                (a, _) => value(f, a),
+            }
+        }));
+        cells
     }
 
     fn ratio(&self, row: &Row) -> String {
@@ -287,40 +367,44 @@ impl Results {
         }
     }
 
-    fn against_default(&self, row: &Row) -> String {
-        let default = self.default_row();
-        let cell = |f: Figure| match (row.figure(f), default.and_then(|d| d.figure(f))) {
-            (Some(a), Some(b)) if !row.default && !self.differ(f, a, b) => "=".into(),
-            (Some(a), _) => format!("{a:.*}", f.decimals()),
-            _ => "-".into(),
-        };
-        self.shown().into_iter().map(cell).collect::<Vec<_>>().join(" | ")
-    }
-
     fn unsound(&self, out: &mut String) {
         let rows: Vec<&Row> = self.rows.iter().filter(|r| !r.sound()).collect();
         if rows.is_empty() {
             return;
         }
         *out += "## What cannot be chosen\n\n| setting | why |\n|---|---|\n";
+        // What several have in common is said once.
+        let mut lines: Vec<(String, Vec<String>)> = Vec::new();
         for row in rows {
             let fails = row.fails.iter().map(|(case, found)| format!("{case}: {found}"));
             let mut why: Vec<String> = row.error.iter().cloned().chain(fails).collect();
             if row.faults > 0 {
                 why.push(format!("nodes failed {} times", row.faults));
             }
-            let _ = writeln!(
-                out,
-                "| {} | {} |",
-                name(row),
-                why.join("; ").replace('|', "\\|").replace('\n', " ")
-            );
+            if why.is_empty() {
+                why.push("it is not finished".into());
+            }
+            let why = reason(&why.join("; "));
+            match lines.iter_mut().find(|(there, _)| *there == why) {
+                Some((_, names)) => names.push(self.named(row)),
+                None => lines.push((why, vec![self.named(row)])),
+            }
+        }
+        let more = lines.len().saturating_sub(MOST_LINES);
+        for (why, names) in lines.iter().take(MOST_LINES) {
+            let _ = writeln!(out, "| {} | {} |", some(names), cell(why));
+        }
+        if more > 0 {
+            let _ = writeln!(out, "| {more} more, in results.csv | |");
         }
         out.push('\n');
     }
 
     fn taken(&self, out: &mut String) {
         *out += "## How it was taken\n\n";
+        for note in &self.notes {
+            let _ = writeln!(out, "- {}", note.replace('\n', " "));
+        }
         for m in &self.machines {
             let _ = writeln!(out, "- {}, {} cores, {}; {}", m.cpu, m.cores, m.system, m.build);
         }
@@ -334,8 +418,8 @@ impl Results {
         if let Some(t) = self.empty {
             let _ = writeln!(
                 out,
-                "- a tick in which nothing is done, timed in turns with the others: p99.9 {:.1} us, at most {:.0} us. What the machine does by itself is in every p99.9 here",
-                t.p999_us, t.max_us
+                "- a tick that does nothing for {:.1} us, as long as the default's median, timed in turns with the others: p99.9 {:.1} us, at most {:.0} us. What the machine stalls by itself is in every p99.9 here; a budget is held against what is left without it",
+                t.p50_us, t.p999_us, t.max_us
             );
         }
         let misses: u64 = self.rows.iter().filter_map(|r| r.time).map(|t| t.misses).sum();
@@ -370,35 +454,40 @@ fn ms(lag: Option<f64>) -> String {
     lag.map_or("-".into(), |ms| format!("{ms:.1}"))
 }
 
-/// A setting's name in a table.
-fn name(row: &Row) -> String {
-    format!("`{}`", row.name.replace('|', "\\|"))
+/// A figure in a table.
+fn value(figure: Figure, x: Option<f64>) -> String {
+    x.map_or("-".into(), |x| format!("{x:.*}", figure.decimals()))
+}
+
+/// A figure's column.
+fn title(figure: Figure) -> String {
+    format!("{} {}", figure.name(), figure.unit()).trim_end().to_owned()
+}
+
+/// The head of a table whose last columns are figures.
+fn head(out: &mut String, before: &[&str], figures: &[Figure]) {
+    let titles: Vec<String> =
+        before.iter().map(|t| (*t).to_owned()).chain(figures.iter().map(|f| title(*f))).collect();
+    let _ = writeln!(out, "| {} |\n|{}", titles.join(" | "), "---|".repeat(titles.len()));
+}
+
+/// Neighbouring budgets in words.
+fn range(budgets: &[Option<f64>]) -> String {
+    match (budgets.first().copied().flatten(), budgets.last().copied().flatten()) {
+        (None, _) => "any".into(),
+        (Some(first), None) => format!("{first} and more"),
+        (Some(first), Some(last)) if first == last => format!("{first}"),
+        (Some(first), Some(last)) => format!("{first} to {last}"),
+    }
+}
+
+/// Some names, the first of very many.
+fn some(names: &[String]) -> String {
+    let more = names.len().saturating_sub(MOST_LINES);
+    let first = names[..names.len() - more].join(", ");
+    if more > 0 { format!("{first} and {more} more") } else { first }
 }
 
 #[cfg(test)]
-mod tests {
-    use crate::testing::{measured, results, row};
-
-    #[test]
-    fn the_report_says_what_to_take_and_what_cannot_be_told_apart() {
-        let mut default = measured("default", 4.0, 1.0, 20.0);
-        default.default = true;
-        default.grids = vec!["g".into()];
-        let mut near = measured("near", 4.04, 1.05, 20.5);
-        near.grids = vec!["g".into()];
-        let mut better = measured("better", 8.0, 0.5, 60.0);
-        better.grids = vec!["g".into()];
-        let mut broken = row("broken");
-        broken.error = Some("no such thing | as this".into());
-        let report = results(vec![default, near, better, broken]).report();
-        let line = |start: &str| report.lines().find(|l| l.starts_with(start)).unwrap_or("").to_owned();
-        assert_eq!(line("| `near`"), "| `near` | = | = | = |");
-        assert_eq!(line("| `better`"), "| `better` | 2.00 | 60.0 | 0.50 |");
-        assert!(line("| `broken`").contains("no such thing \\| as this"), "{report}");
-        // 80 us and 120 us at the 99.9th percentile for the default, 160 and 240 for the better one.
-        assert!(line("| 200 | any").contains("`default`"), "{report}");
-        assert!(line("| 500 and more | any").contains("`better`"), "{report}");
-        assert!(line("| 200 and more | 30").contains("`default`"), "{report}");
-        assert!(line("| level").contains("0.30 | 1.00 | 0.50 (`better`) | 0.20"), "{report}");
-    }
-}
+#[path = "report_tests.rs"]
+mod tests;

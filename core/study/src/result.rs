@@ -38,10 +38,14 @@ pub struct Results {
     pub lag_floor_ms: Option<f64>,
     /// The same of loads, as a ratio: 1.05 for 5 %.
     pub load_floor: Option<f64>,
-    /// What a perfect phase retrieval and actuator would leave: figures of the network's own magnitudes.
+    /// Figures of the network's own magnitudes in the first default: a reference, which what is behind the network may pass by chance or by making up for
+    /// its errors.
     pub model: Figures,
-    /// Time of a tick in which nothing is done.
+    /// Time of a tick in which nothing is done, for as long as the median of the default's: what is beyond that is the machine's own.
     pub empty: Option<Time>,
+    /// What a person should know of how they were taken.
+    #[serde(default)]
+    pub notes: Vec<String>,
     /// All settings.
     pub rows: Vec<Row>,
 }
@@ -102,7 +106,7 @@ pub struct Row {
     pub time: Option<Time>,
 }
 
-/// What differs from a graph, as RON.
+/// What differs from a graph's file, as RON.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Fragment {
     /// `tick_hz` and such.
@@ -113,6 +117,10 @@ pub struct Fragment {
     pub gone: Vec<String>,
     /// Entries of `wires`, where any differ: all of them.
     pub wires: Vec<String>,
+    /// Kinds of these nodes that are of plugins which the file does not name, and the plugins' files.
+    pub plugins: Vec<(String, String)>,
+    /// Whether the file is a scene, so that all this is of the graph that it lowers to.
+    pub scene: bool,
 }
 
 /// What a setting takes, in microseconds unless it says otherwise.
@@ -130,13 +138,16 @@ pub struct Time {
     pub misses: u64,
     /// Ticks that were timed.
     pub ticks: u64,
-    /// Median time of [`LOAD_MS`](crate::time::LOAD_MS) of signal over these, in per cent: what is ranked, since ticks of other rates, and nodes
-    /// that run in some of them, have medians that do not compare.
+    /// Median time of a length of signal over this length, in per cent: what is ranked, since ticks of other rates, and nodes that run in some of them, have
+    /// medians that do not compare. The length is [`LOAD_MS`](crate::time::LOAD_MS) or more, a whole number of the periods of all nodes.
     pub load_percent: f64,
     /// Largest difference of a turn's load from that, as a ratio.
     pub spread: f64,
     /// The first tick after others had the caches: the median over turns.
     pub cold_us: f64,
+    /// What of the 99.9th percentile the machine stalls by itself: what ticks that did nothing, in the same turns, took beyond their median, at the percentile
+    /// where they had met as many stalls.
+    pub stall_us: f64,
     /// Memory that the graph takes \[KiB\], where it can be counted.
     pub memory_kib: Option<f64>,
 }

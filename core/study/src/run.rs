@@ -20,10 +20,11 @@ use crate::digest::{self, Names};
 use crate::figure::mean;
 use crate::file::Study;
 use crate::floor;
-use crate::hear::is_network;
+use crate::hear::{is_network, know};
 use crate::keep::Kept;
 use crate::result::{Fragment, Machine, Results, Row, VERSION};
 use crate::setting::{Base, Setting, Settings};
+use crate::spot;
 use crate::stroke::{Known, Stroke};
 use crate::time::{Batch, Onlooker, batch};
 use crate::truth::Truths;
@@ -56,6 +57,11 @@ pub struct Order<'a> {
 }
 
 impl Order<'_> {
+    /// All graphs.
+    fn graphs(&self) -> impl Iterator<Item = &Base> {
+        self.bases.iter().chain(self.marks)
+    }
+
     /// What a setting was made of.
     pub(crate) fn base(&self, setting: &Setting) -> Option<&Base> {
         self.bases.get(setting.base).or_else(|| self.marks.iter().find(|m| m.name == setting.name))
@@ -63,6 +69,10 @@ impl Order<'_> {
 
     /// The settings of this shard, all of them where there are no others, and what tells the study from another.
     fn settings(&self) -> Result<(Settings, String), Diagnostic> {
+        let recorded = self.study.strokes.iter().filter_map(|s| s.material.as_ref());
+        for graph in self.graphs() {
+            know(&graph.graph, &graph.registry, self.study.materials.iter().chain(recorded.clone()))?;
+        }
         let mut settings = Settings::new(self.study, self.bases, self.marks)?;
         let digest = digest::of_all(self, &settings.all);
         let (shard, of) = self.shard;
@@ -124,8 +134,6 @@ impl Part {
 pub struct Ran {
     /// Results of what is finished.
     pub results: Results,
-    /// What a person should know of how the study was taken.
-    pub notes: Vec<String>,
 }
 
 /// How many [parts](Onlooker::advanced) a run has: of accuracy and hard cases, and of times.
@@ -134,6 +142,19 @@ pub fn parts(order: &Order<'_>) -> Result<(u64, u64), Diagnostic> {
     let each = renders(order.study, &materials(order, &mut Vec::new())) + order.hard_cases().len() as u64;
     let batches = settings.div_ceil(order.study.times.batch as u64);
     Ok((settings * each, batches * order.study.times.turns as u64))
+}
+
+/// What a person should know of how a study is taken, before it is: knobs and kinds of nodes that are left out, strokes that are made smaller.
+///
+/// # Errors
+/// Those of [`run`] that show before anything runs.
+pub fn notes(order: &Order<'_>) -> Result<Vec<String>, Diagnostic> {
+    let left_out = order.settings()?.0.left_out;
+    let mut notes: Vec<String> =
+        left_out.iter().map(|(what, why)| format!("`{what}` is left out: {why}")).collect();
+    spot::strokes(order.study, order.graphs(), &mut notes)?;
+    materials(order, &mut notes);
+    Ok(notes)
 }
 
 /// How many renders each setting takes, and measurements of its lag.
@@ -151,11 +172,10 @@ pub fn run(order: &Order<'_>, onlooker: &dyn Onlooker) -> Result<Ran, Diagnostic
     let study = order.study;
     let (settings, digest) = order.settings()?;
     let kept = Kept::open(order.folder)?;
-    let mut notes: Vec<String> =
-        settings.left_out.iter().map(|(what, why)| format!("`{what}` is left out: {why}")).collect();
-    let strokes = study.strokes.iter().map(|s| s.open()).collect::<Result<Vec<_>, _>>()?;
-    let materials = materials(order, &mut notes);
-    let names = digest::names(order, &settings.all, &materials);
+    let notes = notes(order)?;
+    let strokes = spot::strokes(study, order.graphs(), &mut Vec::new())?;
+    let materials = materials(order, &mut Vec::new());
+    let names = digest::names(order, &settings.all, &strokes, &materials);
     let cases = order.hard_cases();
     let work = Work { order, onlooker, kept: &kept, settings: &settings.all, names: &names, cases: &cases };
     let parts = work.parts(&strokes, &materials)?;
@@ -164,7 +184,7 @@ pub fn run(order: &Order<'_>, onlooker: &dyn Onlooker) -> Result<Ran, Diagnostic
     let mut rows = Vec::new();
     let mut models = Vec::new();
     for (s, part) in settings.all.iter().zip(&parts).filter(|(_, part)| part.is_finished(order)) {
-        if s.default {
+        if s.default && models.is_empty() {
             models.extend(part.found().map(|f| f.model.clone()));
         }
         rows.push(row(order, s, part));
@@ -190,10 +210,11 @@ pub fn run(order: &Order<'_>, onlooker: &dyn Onlooker) -> Result<Ran, Diagnostic
         load_floor: None,
         model: mean(models.iter()),
         empty: floor::empty(&batches),
+        notes,
         rows,
     };
     floor::find(&mut results);
-    Ok(Ran { results, notes })
+    Ok(Ran { results })
 }
 
 /// What all that is done for settings has in common.
@@ -458,7 +479,7 @@ fn row(order: &Order<'_>, s: &Setting, part: &Part) -> Row {
         default: s.default,
         mark: s.mark,
         tick_hz: s.graph.tick_hz,
-        fragment: base.map_or_else(Fragment::default, |b| Fragment::between(&b.graph, &s.graph)),
+        fragment: base.map_or_else(Fragment::default, |b| Fragment::between(b, &s.graph)),
         error,
         figures: mean(found.draws.iter()),
         lag_ms,

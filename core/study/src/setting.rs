@@ -3,12 +3,12 @@
 use std::collections::HashMap;
 use std::path::PathBuf;
 
-use asperity_graph::{GraphFile, text_of};
-use asperity_node::Registry;
+use asperity_graph::{GraphFile, NodeDecl, text_of};
+use asperity_node::{ParamKind, ParamValue, Registry};
 use asperity_source::Diagnostic;
-use asperity_source::ron::Value;
+use asperity_source::ron::{Kind, Value};
 
-use crate::file::{Grid, Study};
+use crate::file::{DEFAULT, Grid, Study, beside};
 use crate::knob::Turned;
 
 /// A graph that settings are made of.
@@ -18,6 +18,8 @@ pub struct Base {
     pub name: String,
     /// It; of a scene, what that lowers to.
     pub graph: GraphFile,
+    /// The graph as its file has it: what fragments differ from.
+    pub file: GraphFile,
     /// All kinds that it may use.
     pub registry: Registry,
     /// The part of the physics at which it is set to render.
@@ -70,19 +72,21 @@ impl Settings {
         let mut known = HashMap::new();
         for (b, base) in bases.iter().enumerate() {
             let turned = Turned { graph: base.graph.clone(), guards: true };
-            let name = named(bases, b, "default");
+            let name = named(bases, b, DEFAULT);
             it.take(&mut known, (b, base), turned, Vec::new(), None, (name, true, false));
         }
         for grid in &study.grids {
             for (knob, _) in &grid.knobs {
                 let lacks = |base: &&Base| !knob.fits(&base.graph, &base.registry);
-                if bases.iter().filter(lacks).count() == bases.len() && !bases.is_empty() {
+                if bases.iter().all(|base| lacks(&base)) && !bases.is_empty() && !study.lenient {
                     let graphs: Vec<&str> = bases.iter().map(|b| b.name.as_str()).collect();
+                    let near = knob.nearest(bases.iter().map(|b| (&b.graph, &b.registry)));
                     return Err(Diagnostic::new(format!(
                         "no graph has `{knob}` to turn: {}",
                         graphs.join(", ")
                     ))
-                    .at(&knob.place().source, knob.place().span));
+                    .at(&knob.place().source, knob.place().span)
+                    .help(near));
                 }
                 for base in bases.iter().filter(lacks) {
                     it.leave_out(
@@ -91,8 +95,8 @@ impl Settings {
                     );
                 }
             }
-            for (b, base) in bases.iter().enumerate() {
-                it.grid(&mut known, bases, b, base, grid)?;
+            for b in 0..bases.len() {
+                it.grid(&mut known, bases, b, grid, study.lenient)?;
             }
         }
         for mark in marks {
@@ -122,9 +126,10 @@ impl Settings {
         known: &mut HashMap<String, usize>,
         bases: &[Base],
         b: usize,
-        base: &Base,
         grid: &Grid,
+        lenient: bool,
     ) -> Result<(), Diagnostic> {
+        let Some(base) = bases.get(b) else { return Ok(()) };
         let mut knobs = Vec::new();
         for (knob, values) in grid.knobs.iter().filter(|(knob, _)| knob.fits(&base.graph, &base.registry)) {
             let mut there = Vec::new();
@@ -137,15 +142,23 @@ impl Settings {
             knobs.push((knob, there));
         }
         let count: usize = knobs.iter().map(|(_, values)| values.len()).product();
-        for mut number in 0..count {
+        // Where nothing of it is there to be turned, it is about nothing.
+        let numbers = if knobs.is_empty() { 0..0 } else { 0..count };
+        'settings: for mut number in numbers {
             let mut turned = Turned { graph: base.graph.clone(), guards: true };
             let mut changes = Vec::new();
             for (knob, values) in &knobs {
                 let value = values[number % values.len()];
                 number /= values.len();
-                let before = (turned.graph.to_string(), turned.guards);
-                knob.turn(&mut turned, value, &base.registry)?;
-                if (turned.graph.to_string(), turned.guards) != before {
+                let before = (same(&turned.graph, &base.registry), turned.guards);
+                match knob.turn(&mut turned, value, &base.registry) {
+                    Err(e) if lenient => {
+                        self.leave_out(&format!("{knob}={}", shown(value)), &e.message);
+                        continue 'settings;
+                    }
+                    done => done?,
+                }
+                if (same(&turned.graph, &base.registry), turned.guards) != before {
                     changes.push((knob.to_string(), shown(value)));
                 }
             }
@@ -167,11 +180,20 @@ impl Settings {
         (name, default, mark): (String, bool, bool),
     ) {
         let strength = of.strength;
-        let text = format!("{}\n{guards} {strength}\n{}", graph.source.path().display(), same(&graph));
-        let at = *known.entry(text.clone()).or_insert(self.all.len());
+        let path = graph.source.path();
+        let same = same(&graph, &of.registry);
+        let text = format!("{}\n{guards} {strength}\n{same}", path.display());
+        // However it is named, it is one file.
+        let file = std::fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
+        let at = *known
+            .entry(format!("{}\n{guards} {strength}\n{same}", file.display()))
+            .or_insert(self.all.len());
         if let Some(there) = self.all.get_mut(at) {
             there.grids.extend(grid.filter(|g| !there.grids.contains(g)));
-            there.mark |= mark;
+            if mark {
+                there.mark = true;
+                there.name = format!("{} ({name})", there.name);
+            }
             return;
         }
         let key = format!("{:016x}", fnv(&text));
@@ -197,12 +219,52 @@ fn shown(value: &Value) -> String {
     }
 }
 
-/// A graph's text by which it is the same as another: parameters and nodes in order of their names.
-fn same(graph: &GraphFile) -> String {
-    let mut graph = graph.clone();
-    graph.nodes.iter_mut().for_each(|n| n.params.sort_by(|a, b| a.name.cmp(&b.name)));
-    graph.nodes.sort_by(|a, b| a.id.cmp(&b.id));
-    graph.to_string()
+/// A graph's text by which it is the same as another: nodes and parameters in order of their names, values as the nodes read them, defaults left out.
+fn same(graph: &GraphFile, registry: &Registry) -> String {
+    let mut nodes: Vec<String> = graph.nodes.iter().map(|n| node_text(n, registry)).collect();
+    nodes.sort();
+    let plain = GraphFile { nodes: Vec::new(), ..graph.clone() };
+    format!("{plain}\n{}", nodes.join("\n"))
+}
+
+fn node_text(node: &NodeDecl, registry: &Registry) -> String {
+    let declared = registry.get(&node.kind).map(|kind| &kind.descriptor().params);
+    let param = |name: &str| declared.and_then(|all| all.iter().find(|p| p.name == name));
+    let text = |s: &asperity_graph::Setting| {
+        let value = param(&s.name).and_then(|p| Some((p, read(s, &p.kind)?)));
+        match value {
+            Some((p, value)) if p.default.as_ref() == Some(&value) => None,
+            Some((_, value)) => Some(format!("{}: {value}", s.name)),
+            None => Some(format!("{}: {}", s.name, s.typed.clone().unwrap_or_else(|| text_of(&s.value)))),
+        }
+    };
+    let mut params: Vec<String> = node.params.iter().filter_map(text).collect();
+    params.sort();
+    format!("{:?} {} every {}: {}", node.id, node.kind, node.every, params.join(", "))
+}
+
+/// A value as a node of some kind reads it; none where it does not.
+fn read(setting: &asperity_graph::Setting, kind: &ParamKind) -> Option<ParamValue> {
+    let value = &setting.value;
+    let word = |value: &Value| match value.kind() {
+        Kind::Text(text) | Kind::Word(text) => Some(text.clone()),
+        _ => None,
+    };
+    Some(match kind {
+        ParamKind::Number(_) => ParamValue::Number(value.f64().ok()?),
+        ParamKind::Integer(_) => ParamValue::Integer(value.i64().ok()?),
+        ParamKind::Flag => ParamValue::Flag(value.bool().ok()?),
+        // A command line needs no quotes.
+        ParamKind::Text => {
+            ParamValue::Text(setting.typed.clone().or_else(|| value.text().ok().map(str::to_owned))?)
+        }
+        ParamKind::Choice(_) => ParamValue::Text(word(value)?),
+        ParamKind::File => ParamValue::File(beside(value).ok()?),
+        ParamKind::Numbers(_) => {
+            ParamValue::Numbers(value.list().ok()?.iter().map(|v| v.f64().ok()).collect::<Option<_>>()?)
+        }
+        ParamKind::Texts => ParamValue::Texts(value.list().ok()?.iter().map(word).collect::<Option<_>>()?),
+    })
 }
 
 /// FNV-1a of 64 bits (Fowler, Noll, Vo), which is the same on every machine.
@@ -217,9 +279,11 @@ mod tests {
 
     fn base(name: &str) -> Base {
         let text = r#"Graph(version: 1, nodes: {"a": (kind: "gain", params: (gain: 2.0)), "b": (kind: "mix")}, wires: [])"#;
+        let graph = GraphFile::parse(&Source::new(format!("{name}.ron"), text)).unwrap();
         Base {
             name: name.into(),
-            graph: GraphFile::parse(&Source::new(format!("{name}.ron"), text)).unwrap(),
+            file: graph.clone(),
+            graph,
             registry: asperity_nodes::registry(),
             strength: 1.0,
             plugins: Vec::new(),
@@ -254,6 +318,53 @@ mod tests {
         assert!(settings.all[0].default && settings.all[1..].iter().all(|s| !s.default));
         let keys: std::collections::BTreeSet<&str> = settings.all.iter().map(|s| s.key.as_str()).collect();
         assert_eq!(keys.len(), 5);
+    }
+
+    #[test]
+    fn what_comes_to_the_same_parameters_is_one_setting_however_it_is_written() {
+        let of = |name: &str, params: &str| {
+            let text = format!(
+                r#"Graph(version: 1, nodes: {{"r": (kind: "resample", params: ({params})), "g": (kind: "gain", params: (gain: 2.0))}}, wires: [])"#
+            );
+            Base { graph: GraphFile::parse(&Source::new(name, text)).unwrap(), ..base(name) }
+        };
+        let study = study(
+            r#"(name: "word", knobs: {"r.phase": ["minimum", "linear"]}), (name: "number", knobs: {"g.gain": [2, 2.0, 1.0]}),
+                (name: "both", knobs: {"g.gain": [2], "r.phase": [linear]})"#,
+        );
+        // "linear" is what it is where nothing is said.
+        for (params, other) in
+            [("phase: minimum", "linear"), ("", "minimum"), ("phase: \"linear\"", "minimum")]
+        {
+            let settings = Settings::new(&study, &[of("x", params)], &[]).unwrap();
+            let names: Vec<&str> = settings.all.iter().map(|s| s.name.as_str()).collect();
+            assert_eq!(names, ["default", &format!("r.phase={other}"), "g.gain=1.0"], "{params}");
+        }
+    }
+
+    #[test]
+    fn a_mark_that_is_the_default_keeps_its_name_beside_it() {
+        let settings =
+            Settings::new(&study(""), &[base("x")], &[Base { name: "mine".into(), ..base("x") }]).unwrap();
+        assert_eq!(settings.all.len(), 1);
+        assert_eq!(settings.all[0].name, "default (mine)");
+        assert!(settings.all[0].mark && settings.all[0].default);
+    }
+
+    #[test]
+    fn knobs_that_no_graph_has_are_an_error_with_the_nearest_or_left_out() {
+        let mut study = study(
+            r#"(name: "g", knobs: {"a.gian": [1.0, 3.0], "tick_hz": [1000]}), (name: "h", knobs: {"nothing": [kept]}),
+            (name: "i", knobs: {"a": [bypassed]})"#,
+        );
+        let e = Settings::new(&study, &[base("x")], &[]).unwrap_err().to_string();
+        assert!(e.contains("did you mean `a.gain`?"), "{e}");
+        study.lenient = true;
+        let settings = Settings::new(&study, &[base("x")], &[]).unwrap();
+        let names: Vec<&str> = settings.all.iter().map(|s| s.name.as_str()).collect();
+        assert_eq!(names, ["default", "tick_hz=1000"]);
+        let left: Vec<&str> = settings.left_out.iter().map(|(what, _)| what.as_str()).collect();
+        assert_eq!(left, ["a.gian", "nothing", "a=bypassed"]);
     }
 
     #[test]

@@ -56,6 +56,8 @@ pub struct Stroke {
     pub known: Known,
     /// The material over which it was recorded: over others it is not played.
     pub material: Option<String>,
+    /// Its extent where it was made smaller than the study says, since a scene's surface has no room for more \[mm\].
+    pub made_mm: Option<f64>,
 }
 
 impl Stroke {
@@ -93,6 +95,18 @@ const FIELDS: &[&str] = &[
     "quantum_mm",
     "seed",
 ];
+
+/// Longest stroke that is made by rule \[s\].
+const LONGEST_S: f64 = 600.0;
+
+/// An error of a stroke by the names that its parameters have in a study.
+fn in_a_study(mut e: Diagnostic) -> Diagnostic {
+    let named =
+        |text: &str| text.replace("`duration_s`", "`seconds`").replace("`mean_speed_mm_s`", "`speed_mm_s`");
+    e.message = named(&e.message);
+    e.help = e.help.map(|help| named(&help).replace("1000000", &LONGEST_S.to_string()));
+    e
+}
 
 impl StrokeDecl {
     /// Reads `(name: "..", file: "..")`, `(name: "..", recording: "..", material: "..")`, or `(name: "..", shape: circle, ..)` with what the node
@@ -138,7 +152,12 @@ impl StrokeDecl {
         };
         record.finish(FIELDS)?;
         // What is out of range is said now, and at its place.
-        motion::Stroke::new(params.clone()).map_err(|e| e.at(value.source(), value.span()))?;
+        motion::Stroke::new(params.clone()).map_err(|e| in_a_study(e).at(value.source(), value.span()))?;
+        if params.duration_s > LONGEST_S {
+            return Err(value
+                .error(format!("`seconds` is {}, out of range", params.duration_s))
+                .help(format!("at most {LONGEST_S}: what is heard of a stroke is held in memory")));
+        }
         Ok(Self { name, place: value.place(), material: None, from: From::Made(Box::new(params)) })
     }
 
@@ -158,6 +177,17 @@ impl StrokeDecl {
             From::Made(_) => None,
             From::File(path) | From::Recording(path) => Some(path),
         }
+    }
+
+    /// A stroke that is made by rule, no larger than this \[mm\]; none where it comes from a file.
+    pub(crate) fn within(&self, room_mm: f64) -> Option<Result<Stroke, Diagnostic>> {
+        let From::Made(params) = &self.from else { return None };
+        // Tremor and the sensor's steps come on top.
+        let most = room_mm - 2.0 * params.tremor_mm - 2.0 * params.quantum_mm - 0.5;
+        let extent_mm = params.extent_mm.min(most.max(1.0));
+        let from = From::Made(Box::new(StrokeParams { extent_mm, ..(**params).clone() }));
+        let smaller = Self { from, ..self.clone() }.open();
+        Some(smaller.map(|s| Stroke { made_mm: Some(extent_mm), ..s }))
     }
 
     /// The stroke itself; reads its file.
@@ -190,6 +220,6 @@ impl StrokeDecl {
                 (seconds, Arc::new(move |t| recording.place_mm(t)), Known::Felt(felt))
             }
         };
-        Ok(Stroke { name, seconds, measured, known, material })
+        Ok(Stroke { name, seconds, measured, known, material, made_mm: None })
     }
 }

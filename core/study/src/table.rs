@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 
 use crate::figure::Figure;
 use crate::result::Results;
+use crate::short::reason;
 
 impl Results {
     /// A line for each setting, under one of names; what is not known is empty.
@@ -14,7 +15,7 @@ impl Results {
             let _ = write!(out, ",{}{unit}", figure.name());
         }
         out += ",lag_10_ms,lag_50_ms,lag_90_ms,latency_ms,load_percent,p50_us,p50_percent,p99_us,p99_percent,p999_us,p999_percent,max_us,max_percent,\
-                cold_us,misses,ticks,memory_kib,faults,cases,fails,error\n";
+                stall_us,cold_us,misses,ticks,memory_kib,faults,cases,fails,error\n";
         for row in &self.rows {
             let grids = row.grids.join("; ");
             let _ = write!(
@@ -43,14 +44,15 @@ impl Results {
                 // Of a tick, in per cent.
                 number(&mut out, us.map(|us| us * f64::from(row.tick_hz) * 1e-4));
             }
+            number(&mut out, t.map(|t| t.stall_us));
             number(&mut out, t.map(|t| t.cold_us));
             let count = |x: Option<u64>| x.map_or(String::new(), |x| x.to_string());
             let _ = write!(out, ",{},{}", count(t.map(|t| t.misses)), count(t.map(|t| t.ticks)));
             number(&mut out, t.and_then(|t| t.memory_kib));
             let fails: Vec<&str> = row.fails.keys().map(String::as_str).collect();
-            let error = row.error.as_deref().unwrap_or("");
+            let error = row.error.as_deref().map_or(String::new(), reason);
             let _ =
-                writeln!(out, ",{},{},{},{}", row.faults, row.cases, field(&fails.join("; ")), field(error));
+                writeln!(out, ",{},{},{},{}", row.faults, row.cases, field(&fails.join("; ")), field(&error));
         }
         out
     }
@@ -90,6 +92,6 @@ mod tests {
         let at = |name: &str| reader[0].iter().position(|n| n == name).unwrap();
         assert_eq!(reader[1][at("level_db")], "0.25");
         assert_eq!(reader[1][at("p50_percent")], "2");
-        assert_eq!(reader[2][at("error")], "line 1\nline 2");
+        assert_eq!(reader[2][at("error")], "line 1 line 2");
     }
 }

@@ -59,6 +59,7 @@ pub(crate) fn results(rows: Vec<Row>) -> Results {
         load_floor: Some(1.02),
         model: Figures::from([(Figure::Level, 0.3)]),
         empty: Some(Time { p999_us: 2.0, ..Time::default() }),
+        notes: Vec::new(),
         rows,
     }
 }

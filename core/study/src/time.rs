@@ -2,6 +2,9 @@
 //!
 //! A batch of settings takes turns with the default and with a tick that does nothing, over and over, in an order that changes from round to round: what else
 //! the machine does falls on all alike. The default is in every batch; by the ratio to it batches, and shards on other machines, are put together.
+//!
+//! A machine stalls by itself now and then, for milliseconds on one that is shared; whoever takes longer meets more of it. The tick that does nothing therefore
+//! spins for as long as the median tick of the default, as often as that ticks, and what it takes beyond that is the machine's.
 
 use std::time::Instant;
 
@@ -17,9 +20,13 @@ use crate::floor::median;
 use crate::hear::{Chain, over};
 use crate::result::Time;
 use crate::setting::Setting;
+use crate::spot;
 
-/// Length of signal whose time is what is ranked: whole ticks of 125 Hz and more, and a whole number of any network's.
+/// Least length of signal whose median time is what is ranked; where nodes run in some ticks only, so much longer that all have run as often in each.
 pub const LOAD_MS: u64 = 8;
+/// Most ticks that such a length has. Where nodes that run every so-manieth tick come to the same again after more, a length has one call of each too many or
+/// too few at most.
+const MOST_TICKS: u64 = 8000;
 /// Turns before those that count.
 const WARM_MS: u64 = 400;
 
@@ -42,7 +49,7 @@ pub trait Onlooker: Sync {
 /// Times of a batch.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct Batch {
-    /// A tick in which nothing is done.
+    /// A tick in which nothing is done, for as long as the median of the default's.
     pub empty: Time,
     /// The default of the first graph.
     pub anchor: Time,
@@ -50,10 +57,19 @@ pub(crate) struct Batch {
     pub rows: Vec<(String, Result<Time, String>)>,
 }
 
+/// What is timed.
+enum Work {
+    Chain(Box<Chain>),
+    /// Nothing, for so many nanoseconds.
+    Spin(u64),
+}
+
 /// One that takes turns.
 struct Entry {
-    chain: Option<Chain>,
+    work: Work,
     tick_hz: u32,
+    /// Ticks whose sum is timed for the load.
+    group: u64,
     timing: Timing,
     groups: Timing,
     turns: Vec<f64>,
@@ -63,10 +79,18 @@ struct Entry {
     memory: Option<u64>,
 }
 
-/// A stylus that goes round and round at 80 mm/s, pressed to 1 N, so that nothing sleeps.
-fn round(t: f64) -> [f64; 3] {
-    let (sin, cos) = (t * 80.0 / 20.0).sin_cos();
-    [20.0 * cos, 20.0 * sin, -2.0]
+/// Ticks of a length of [`LOAD_MS`] and more in which each node runs as often as in any other of that length.
+fn group(graph: &GraphFile) -> u64 {
+    let least = (u64::from(graph.tick_hz) * LOAD_MS).div_ceil(1000).max(1);
+    let gcd = |mut a: u64, mut b: u64| {
+        while b > 0 {
+            (a, b) = (b, a % b);
+        }
+        a
+    };
+    let periods = graph.nodes.iter().map(|node| u64::from(node.every.max(1)));
+    let all = periods.fold(1, |all: u64, every| (all / gcd(all, every)).saturating_mul(every));
+    least.div_ceil(all).saturating_mul(all).min(MOST_TICKS)
 }
 
 impl Entry {
@@ -79,29 +103,45 @@ impl Entry {
         let graph: GraphFile = over(&setting.graph, registry, material, setting.graph.seed);
         let before = onlooker.heap_bytes();
         let options = Options { guards: setting.guards, ..Options::default() };
-        let chain = Chain::new(&graph, registry, vec![std::sync::Arc::new(round)], options)?;
+        let chain = Chain::new(&graph, registry, vec![spot::round(&graph, registry)?], options)?;
         let memory = before.zip(onlooker.heap_bytes()).map(|(before, after)| after.saturating_sub(before));
-        Ok(Self { memory, ..Self::empty(Some(chain), graph.tick_hz) })
+        Ok(Self { memory, ..Self::of(Work::Chain(Box::new(chain)), graph.tick_hz, group(&graph)) })
     }
 
-    fn empty(chain: Option<Chain>, tick_hz: u32) -> Self {
+    fn of(work: Work, tick_hz: u32, group: u64) -> Self {
         let (timing, groups) = (Timing::new(3), Timing::new(3));
-        Self { chain, tick_hz, timing, groups, turns: Vec::new(), misses: 0, cold: Vec::new(), memory: None }
+        let (turns, cold) = (Vec::new(), Vec::new());
+        Self { work, tick_hz, group, timing, groups, turns, misses: 0, cold, memory: None }
+    }
+
+    /// One that does nothing, for as long as this one's median tick, as often.
+    fn idle(&mut self) -> Self {
+        self.turn(WARM_MS, true);
+        let spin = self.timing.summary().p50_ns;
+        let (work, tick_hz, group) =
+            (std::mem::replace(&mut self.work, Work::Spin(0)), self.tick_hz, self.group);
+        *self = Self { memory: self.memory, ..Self::of(work, tick_hz, group) };
+        Self::of(Work::Spin(spin), tick_hz, group)
     }
 
     /// One tick; how many nanoseconds it took.
     fn tick(&mut self) -> u64 {
         let began = Instant::now();
-        if let Some(chain) = &mut self.chain {
-            chain.engine().tick();
+        match &mut self.work {
+            Work::Chain(chain) => chain.engine().tick(),
+            Work::Spin(ns) => {
+                while began.elapsed().as_nanos() < u128::from(*ns) {
+                    std::hint::spin_loop();
+                }
+            }
         }
         began.elapsed().as_nanos() as u64
     }
 
     /// One turn.
     fn turn(&mut self, ms: u64, counts: bool) {
-        let group = (u64::from(self.tick_hz) * LOAD_MS / 1000).max(1);
-        let groups = (ms / LOAD_MS).max(1);
+        let group = self.group.max(1);
+        let groups = (u64::from(self.tick_hz) * ms / 1000 / group).max(1);
         let tick_ns = 1_000_000_000 / u64::from(self.tick_hz);
         let mut turn = Timing::new(3);
         if counts {
@@ -131,9 +171,7 @@ impl Entry {
     fn time(&self) -> Time {
         let (t, g) = (self.timing.summary(), self.groups.summary());
         let us = |ns: u64| ns as f64 / 1e3;
-        // Ticks of a group are whole; at rates that are no multiple of 125 Hz they last a little less than `LOAD_MS`.
-        let group = (u64::from(self.tick_hz) * LOAD_MS / 1000).max(1) as f64;
-        let lasts_ns = group * 1e9 / f64::from(self.tick_hz);
+        let lasts_ns = self.group as f64 * 1e9 / f64::from(self.tick_hz);
         let middle = (g.p50_ns as f64).max(1.0);
         let spread = self.turns.iter().map(|t| (t / middle).max(middle / t.max(1.0))).fold(1.0, f64::max);
         Time {
@@ -147,8 +185,21 @@ impl Entry {
             spread,
             cold_us: median(self.cold.clone()),
             memory_kib: self.memory.map(|b| b as f64 / 1024.0),
+            stall_us: 0.0,
         }
     }
+}
+
+/// What the machine by itself adds to the 99.9th percentile of a tick of this median \[us\], from ticks in which nothing was done.
+///
+/// One that takes k times as long meets k times as many stalls: of its ticks as many are that late at 99.9 % as of those at `1 - 0.001 / k`.
+fn stall_us(idle: &Timing, p50_us: f64) -> f64 {
+    let middle = idle.summary().p50_ns as f64;
+    if p50_us <= 0.0 || middle <= 0.0 {
+        return 0.0;
+    }
+    let late = 0.001 * middle / (1e3 * p50_us);
+    (idle.quantile_ns(1.0 - late.min(0.5)) as f64 - middle).max(0.0) / 1e3
 }
 
 /// Times a batch. Nothing else is to run meanwhile.
@@ -162,8 +213,10 @@ pub(crate) fn batch(
     times: Times,
     onlooker: &dyn Onlooker,
 ) -> Result<Option<Batch>, Diagnostic> {
-    let first = Entry::new(anchor.0, anchor.1, material, onlooker)?;
-    let mut entries = vec![Entry::empty(None, anchor.0.graph.tick_hz), first];
+    let mut first = Entry::new(anchor.0, anchor.1, material, onlooker)?;
+    first.turn(WARM_MS, false);
+    let idle = first.idle();
+    let mut entries = vec![idle, first];
     let mut errors: Vec<Option<String>> = Vec::new();
     for (setting, registry) in settings {
         match Entry::new(setting, registry, material, onlooker) {
@@ -174,7 +227,7 @@ pub(crate) fn batch(
             Err(e) => errors.push(Some(e.to_string())),
         }
     }
-    for entry in &mut entries {
+    for entry in entries.iter_mut().skip(2) {
         entry.turn(WARM_MS, false);
     }
     let mut order: Vec<usize> = (0..entries.len()).collect();
@@ -188,7 +241,11 @@ pub(crate) fn batch(
         }
         onlooker.advanced(1);
     }
-    let mut done = entries.iter().map(Entry::time);
+    let idle = &entries[0].timing;
+    let mut done = entries.iter().map(|entry| {
+        let time = entry.time();
+        Time { stall_us: stall_us(idle, time.p50_us), ..time }
+    });
     let (Some(empty), Some(anchor)) = (done.next(), done.next()) else { return Ok(None) };
     let rows = settings.iter().zip(errors).map(|((setting, _), error)| {
         let time = match error {
@@ -202,17 +259,119 @@ pub(crate) fn batch(
 }
 
 impl Time {
-    /// What it would have been where everything is so much slower or faster.
+    /// What it would have been where everything is so much slower or faster. Only medians are: a stall takes as long on a fast machine, and one that was met
+    /// is not one that another machine has. No percentile is below the median.
     #[must_use]
     pub fn scaled(self, factor: f64) -> Self {
+        let p50_us = self.p50_us * factor;
         Self {
-            p50_us: self.p50_us * factor,
-            p99_us: self.p99_us * factor,
-            p999_us: self.p999_us * factor,
-            max_us: self.max_us * factor,
+            p50_us,
+            p99_us: self.p99_us.max(p50_us),
+            p999_us: self.p999_us.max(p50_us),
+            max_us: self.max_us.max(p50_us),
             load_percent: self.load_percent * factor,
-            cold_us: self.cold_us * factor,
             ..self
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use asperity_source::Source;
+
+    fn graph(tick_hz: u32, every: &[u32]) -> GraphFile {
+        let nodes: Vec<String> =
+            every.iter().enumerate().map(|(i, e)| format!("\"{i}\": (kind: \"mix\", every: {e})")).collect();
+        let text = format!("Graph(version: 1, tick_hz: {tick_hz}, nodes: {{{}}})", nodes.join(", "));
+        GraphFile::parse(&Source::new("g.ron", text)).unwrap()
+    }
+
+    #[test]
+    fn the_load_is_of_as_many_calls_of_every_node_whatever_ticks_they_run_in() {
+        // 8 ms, and so many more that all periods are whole.
+        for (tick_hz, every, ticks) in [
+            (500, &[1, 1][..], 4),
+            (500, &[2], 4),
+            (500, &[8], 8),
+            (500, &[16, 1], 16),
+            (250, &[4], 4),
+            (1000, &[3], 9),
+            (500, &[4, 6, 1], 12),
+            (100, &[], 1),
+            (700, &[1], 6),
+            (500, &[1000, 999], MOST_TICKS),
+        ] {
+            assert_eq!(group(&graph(tick_hz, every)), ticks, "{tick_hz} Hz, every {every:?}");
+        }
+    }
+
+    #[test]
+    fn a_turn_is_whole_groups_and_the_load_is_over_what_they_last() {
+        let mut entry = Entry::of(Work::Spin(0), 500, 16);
+        entry.turn(100, false);
+        assert_eq!(entry.time().ticks, 0);
+        entry.turn(100, true);
+        // 50 ticks are three groups; one that is longer than a turn is had all the same.
+        assert_eq!(entry.time().ticks, 48);
+        entry.turn(8, true);
+        assert_eq!(entry.time().ticks, 64);
+        entry.groups = Timing::new(3);
+        entry.groups.record(320_000);
+        // 320 us of 32 ms.
+        assert!((entry.time().load_percent - 1.0).abs() < 1e-3);
+    }
+
+    #[test]
+    fn the_tick_that_does_nothing_lasts_as_long_as_what_it_is_beside() {
+        let mut beside = Entry::of(Work::Spin(30_000), 500, 4);
+        let mut idle = beside.idle();
+        assert_eq!(beside.time().ticks, 0);
+        assert!(matches!(beside.work, Work::Spin(30_000)));
+        for entry in [&mut beside, &mut idle] {
+            entry.turn(40, true);
+        }
+        let (beside, idle) = (beside.time(), idle.time());
+        assert_eq!(beside.ticks, idle.ticks);
+        // It ends no sooner than what it is beside, however slow the machine is.
+        assert!(idle.p50_us >= 29.9, "{idle:?}");
+    }
+
+    #[test]
+    fn what_takes_longer_meets_more_stalls() {
+        // 20 us, of which one in 2000 is 4 ms late, and one in 20000 a second.
+        let mut idle = Timing::new(3);
+        for n in 0..40_000 {
+            idle.record(match n {
+                0 | 1 => 1_000_020_000,
+                n if n % 2000 == 0 => 4_020_000,
+                _ => 20_000,
+            });
+        }
+        let near = |us: f64, want: f64| assert!((us - want).abs() <= 0.002 * want + 0.05, "{us} {want}");
+        near(stall_us(&idle, 20.0), 0.0);
+        near(stall_us(&idle, 5.0), 0.0);
+        near(stall_us(&idle, 50.0), 4000.0);
+        near(stall_us(&idle, 1000.0), 1e6);
+        near(stall_us(&idle, 0.0), 0.0);
+        assert_eq!(stall_us(&Timing::new(3), 20.0), 0.0);
+    }
+
+    #[test]
+    fn only_medians_are_another_machines() {
+        let time = Time {
+            p50_us: 10.0,
+            p99_us: 12.0,
+            p999_us: 4000.0,
+            max_us: 5000.0,
+            load_percent: 0.5,
+            cold_us: 30.0,
+            stall_us: 3990.0,
+            ..Time::default()
+        };
+        let want = Time { p50_us: 5.0, load_percent: 0.25, ..time };
+        assert_eq!(time.scaled(0.5), want);
+        let want = Time { p50_us: 20.0, load_percent: 1.0, p99_us: 20.0, ..time };
+        assert_eq!(time.scaled(2.0), want);
     }
 }

@@ -53,6 +53,8 @@ pub fn read_all(args: &GraphArgs, kinds: &mut Kinds) -> Result<(GraphFile, Optio
 /// A graph that is run without any device.
 pub struct Offline {
     pub graph: GraphFile,
+    /// The same with what pushes back, as its file has it.
+    pub whole: GraphFile,
     /// The kinds that it may use.
     pub registry: Registry,
     /// Files of the plugins that some of them came from.
@@ -71,12 +73,13 @@ pub fn offline(path: &Path, plugins: &PluginArgs) -> Result<Offline, Failure> {
         plugins: plugins.clone(),
     };
     let mut kinds = Kinds::new(&plugins.plugin);
-    let mut graph = read(&args, &mut kinds)?;
-    let registry = kinds.registry(Some(&graph))?;
+    let whole = read(&args, &mut kinds)?;
+    let registry = kinds.registry(Some(&whole))?;
+    let mut graph = whole.clone();
     graph.nodes.retain(|n| !n.kind.ends_with("_force"));
     let ids: Vec<String> = graph.nodes.iter().map(|n| n.id.clone()).collect();
     graph.wires.retain(|w| ids.contains(&w.to.node));
-    Ok(Offline { graph, registry, plugins: kinds.files().to_vec() })
+    Ok(Offline { graph, whole, registry, plugins: kinds.files().to_vec() })
 }
 
 /// What a scene asks of its device that it may not bear: warnings, or an error.

@@ -65,16 +65,16 @@ pub struct Choose {
     /// Results of `asperity tradeoff`: the folder, or its results.json; those of the shipped study, unless given
     #[arg(value_name = "RESULTS")]
     pub results: Option<PathBuf>,
-    /// Most microseconds that a tick may take: its median, and its 99.9th percentile less that of a tick in which nothing is done
+    /// Most microseconds that a tick may take: its median, and its 99.9th percentile without what the machine stalls by itself
     #[arg(long, value_name = "US", value_parser = number(1e-3, 1e9, "us"))]
     pub budget_us: Option<f64>,
     /// Latest that half of a step of the stylus's speed may be felt
     #[arg(long, value_name = "MS", value_parser = number(0.0, 1e6, "ms"))]
     pub max_lag_ms: Option<f64>,
-    /// Count what the machine stalls by itself: the 99.9th percentile as it was measured
+    /// Count what the machine stalls by itself too: the 99.9th percentile as it was measured
     #[arg(long)]
     pub strict: bool,
-    /// Figures in the order in which they count: perceptual, spectrum, bands, level, convergence, precision
+    /// Figures in the order in which they count: perceptual, spectrum, bands, level, convergence, precision; the first four, unless given
     #[arg(long, value_name = "FIGURE,...", value_delimiter = ',')]
     pub by: Vec<String>,
     /// Ticks a second that the setting must have

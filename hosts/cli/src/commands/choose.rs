@@ -1,10 +1,12 @@
 //! `asperity choose`: the best setting that a budget allows, ready to be pasted.
 
+use std::collections::BTreeSet;
 use std::fmt::Write as _;
+use std::path::Path;
 use std::process::ExitCode;
 
 use asperity_source::{Diagnostic, one_of};
-use asperity_study::{Budget, Choice, Figure, Reason, Results};
+use asperity_study::{Budget, Choice, Figure, Reason, Results, Time};
 use serde_json::json;
 
 use super::tradeoff::read_results;
@@ -61,8 +63,7 @@ fn figures(names: &[String]) -> Result<Vec<Figure>, Failure> {
 /// The setting as a fragment of a graph, with what it costs and is worth as comments.
 fn text(results: &Results, choice: &Choice<'_>, from: &str) -> String {
     let row = choice.row;
-    let mut out =
-        format!("// {}: of {} settings of {from} {} fit.\n", row.name, results.rows.len(), choice.fit);
+    let mut out = format!("// {}: of {} of {from} {}.\n", row.name, settings(results), fit(choice.fit));
     if let Some(t) = row.time {
         let _ = writeln!(
             out,
@@ -78,10 +79,10 @@ fn text(results: &Results, choice: &Choice<'_>, from: &str) -> String {
         Some(format!("{} {value:.*} {}", f.name(), f.decimals(), f.unit()).trim_end().to_owned())
     };
     let figures: Vec<String> = Figure::ALL.iter().filter_map(figure).collect();
-    let _ = writeln!(out, "// {}.", figures.join(", "));
-    for (figure, left) in &choice.steps {
-        let _ = writeln!(out, "// By {}: {left} not told apart from the best.", figure.name());
+    if !figures.is_empty() {
+        let _ = writeln!(out, "// {}.", figures.join(", "));
     }
+    out += &why(choice);
     if row.turned.iter().any(|(knob, _)| knob == "guards") {
         out +=
             "// `guards` is no part of a graph: it was turned off to be measured, and cannot be elsewhere.\n";
@@ -90,8 +91,47 @@ fn text(results: &Results, choice: &Choice<'_>, from: &str) -> String {
         let _ = writeln!(out, "// It is {} as it stands.", row.graph);
         return out;
     }
-    let _ = write!(out, "// To be put into {}:\n{}", row.graph, row.fragment);
+    if row.fragment.scene {
+        let to = Path::new(&row.graph).with_extension("graph.ron");
+        let _ = writeln!(out, "// {} is a scene; the graph that it lowers to makes", row.graph);
+        let _ = writeln!(out, "//     asperity scene expand {} --out {}", row.graph, to.display());
+        let _ = write!(out, "// To be put into that:\n{}", row.fragment);
+    } else {
+        let _ = write!(out, "// To be put into {}:\n{}", row.graph, row.fragment);
+    }
     out
+}
+
+/// How many settings there are.
+fn settings(results: &Results) -> String {
+    match results.rows.len() {
+        1 => "one setting".to_owned(),
+        n => format!("{n} settings"),
+    }
+}
+
+fn fit(n: usize) -> String {
+    if n == 1 { "one fits".to_owned() } else { format!("{n} fit") }
+}
+
+/// Which figures decided, up to where there was nothing left to decide.
+fn why(choice: &Choice<'_>) -> String {
+    let mut words = Vec::new();
+    for (figure, left) in &choice.steps {
+        words.push(format!("{} ({left})", figure.name()));
+        if *left == 1 {
+            break;
+        }
+    }
+    if choice.fit < 2 || words.is_empty() {
+        return String::new();
+    }
+    let best =
+        format!("// The best by {}: so many each leaves that are not told apart", words.join(", then "));
+    match choice.equals {
+        1 => format!("{best}; nothing cheaper is as good in all of them.\n"),
+        n => format!("{best}; the cheapest of {n} that are as good in all of them.\n"),
+    }
 }
 
 /// Why there is none, and what would be nearest.
@@ -107,21 +147,126 @@ fn nothing(results: &Results, budget: &Budget, from: &str) -> String {
         }
     }
     let mut out = format!(
-        "error: no setting of {from} fits: of {} settings {} cannot be chosen, {} take too long, {} answer too late, {} have other ticks\n",
-        results.rows.len(),
+        "error: no setting of {from} fits: of {} {} cannot be chosen, {} take too long, {} answer too late, {} have other ticks\n",
+        settings(results),
         counts[0],
         counts[1],
         counts[2],
         counts[3]
     );
     let sound = || results.rows.iter().filter(|r| r.sound());
-    let quickest = sound().filter_map(|r| r.time).map(|t| t.p999_us.max(t.p50_us)).reduce(f64::min);
+    let stalls = |stall_us: f64| if budget.strict { 0.0 } else { stall_us };
+    let late = |t: Time| (t.p999_us - stalls(t.stall_us)).max(t.p50_us);
+    let quickest = sound().filter_map(|r| r.time).map(late).reduce(f64::min);
     let soonest = sound().filter_map(|r| r.lag50()).reduce(f64::min);
     if let Some(us) = quickest.filter(|_| counts[1] > 0) {
-        let _ = writeln!(out, "  the quickest has ticks of {us:.1} us at the 99.9th percentile");
+        let without = if budget.strict { "" } else { ", without what the machine stalled by itself" };
+        let _ = writeln!(out, "  the quickest has ticks of {us:.1} us at the 99.9th percentile{without}");
     }
     if let Some(ms) = soonest.filter(|_| counts[2] > 0) {
         let _ = writeln!(out, "  the soonest answers after {ms:.1} ms");
     }
+    let rates: BTreeSet<u32> = sound().filter(|r| r.time.is_some()).map(|r| r.tick_hz).collect();
+    if counts[3] > 0 && !rates.is_empty() {
+        let rates: Vec<String> = rates.iter().map(u32::to_string).collect();
+        let _ = writeln!(out, "  there are settings of {} ticks a second", rates.join(", "));
+    }
     out
+}
+
+#[cfg(test)]
+mod tests {
+    use asperity_study::{Figures, Fragment, Row};
+
+    use super::*;
+
+    /// A setting that differs in a node, with ticks of 10 us.
+    fn row(name: &str, tick_hz: u32) -> Row {
+        let fragment = Fragment { nodes: vec!["\"a\": (kind: \"mix\"),".into()], ..Fragment::default() };
+        Row {
+            name: name.into(),
+            key: name.into(),
+            graph: "s/mine.ron".into(),
+            turned: Vec::new(),
+            grids: Vec::new(),
+            default: false,
+            mark: false,
+            tick_hz,
+            fragment,
+            error: None,
+            figures: Figures::from([(Figure::Bands, 1.0), (Figure::Level, 1.0)]),
+            draws: Vec::new(),
+            lag_ms: None,
+            lag_draws_ms: Vec::new(),
+            latency_ms: None,
+            faults: 0,
+            cases: 0,
+            fails: Default::default(),
+            time: Some(Time { p50_us: 10.0, p999_us: 4020.0, stall_us: 4000.0, ..Time::default() }),
+        }
+    }
+
+    fn results(rows: Vec<Row>) -> Results {
+        Results {
+            version: 0,
+            study: "s.ron".into(),
+            digest: String::new(),
+            seed: 1,
+            strokes: Vec::new(),
+            materials: Vec::new(),
+            machines: Vec::new(),
+            notes: Vec::new(),
+            shards: vec![(1, 1)],
+            unfinished: 0,
+            cases: 0,
+            floor: Figures::new(),
+            lag_floor_ms: None,
+            load_floor: None,
+            model: Figures::new(),
+            empty: None,
+            rows,
+        }
+    }
+
+    #[test]
+    fn where_nothing_fits_it_says_what_there_is() {
+        let mut broken = row("c", 250);
+        broken.faults = 1;
+        let all = results(vec![row("a", 1000), row("b", 500), broken]);
+        let budget = Budget { tick_hz: Some(4000), ..Budget::default() };
+        assert!(all.choose(&budget).is_none());
+        let said = nothing(&all, &budget, "it");
+        assert!(
+            said.contains("of 3 settings") && said.contains("settings of 500, 1000 ticks a second"),
+            "{said}"
+        );
+        let said = |strict| nothing(&all, &Budget { tick_us: Some(1.0), strict, ..Budget::default() }, "it");
+        assert!(said(false).contains("has ticks of 20.0 us") && !said(false).contains("a second"));
+        assert!(said(true).contains("has ticks of 4020.0 us"), "{}", said(true));
+    }
+
+    #[test]
+    fn what_is_of_a_scene_goes_into_the_graph_that_it_lowers_to() {
+        let mut all = results(vec![row("a", 500)]);
+        let said = |all: &Results| text(all, &all.choose(&Budget::default()).unwrap(), "it");
+        assert!(said(&all).contains("put into s/mine.ron:\n"), "{}", said(&all));
+        all.rows[0].fragment.scene = true;
+        let said = said(&all);
+        assert!(said.contains("asperity scene expand s/mine.ron --out s/mine.graph.ron\n"), "{said}");
+        assert!(!said.contains("put into s/mine.ron"), "{said}");
+    }
+
+    #[test]
+    fn figures_are_named_until_one_has_decided() {
+        let all = results(vec![row("a", 500)]);
+        let said = text(&all, &all.choose(&Budget::default()).unwrap(), "it");
+        assert!(said.contains("of one setting of it one fits"), "{said}");
+        assert!(!said.contains("The best by"), "{said}");
+        let mut other = row("b", 500);
+        other.figures.insert(Figure::Bands, 2.0);
+        let all = results(vec![row("a", 500), other]);
+        let said = text(&all, &all.choose(&Budget::default()).unwrap(), "it");
+        assert!(said.contains("of 2 settings of it 2 fit."), "{said}");
+        assert!(said.contains("by bands (1): so many") && !said.contains("level ("), "{said}");
+    }
 }

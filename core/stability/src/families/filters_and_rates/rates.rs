@@ -112,7 +112,7 @@ pub(super) fn graph(subject: &Subject<'_>) -> Found {
         })
     };
     let mut tally = Tally::default();
-    let rates = [(own.tick_hz, own.audio_hz)].into_iter().chain(pairs(subject.by_effort(12, 60, 1500)));
+    let rates = [(own.tick_hz, own.audio_hz)].into_iter().chain(pairs(subject.by_effort(5, 60, 1500)));
     for (k, (tick_hz, audio_hz)) in rates.enumerate() {
         // A graph that plays by itself does so here.
         let moved = Rig::with_stylus(own, subject.registry(), &circle(f64::from(tick_hz)));

@@ -8,8 +8,8 @@ use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
-use asperity_source::{Diagnostic, Source};
-use asperity_study::{Base, Figure, Machine, Order, Results, Study, content, parts, run as run_study};
+use asperity_source::{Diagnostic, Place, Source};
+use asperity_study::{Base, Figure, Machine, Order, Results, Study, content, notes, parts, run as run_study};
 
 use crate::args::{Merge, PluginArgs, Tradeoff, TradeoffCommand};
 use crate::failure::{Failure, be_quiet, print, warn};
@@ -33,21 +33,17 @@ pub fn run(args: &Tradeoff) -> Result<ExitCode, Failure> {
     be_quiet(args.quiet);
     let Some(out) = &args.out else { return Err(Diagnostic::new("--out DIR is missing").into()) };
     let (study, graphs) = study(args)?;
-    let of = |path: &PathBuf| Ok(Base { strength: study.strength, ..base(path, args)? });
-    let bases = graphs.iter().map(of).collect::<Result<Vec<_>, Failure>>()?;
+    let mut bases = Vec::new();
+    for (path, place) in &graphs {
+        let base = base(path, args).map_err(|e| placed(e, place.as_ref()))?;
+        bases.push(Base { strength: study.strength, ..base });
+    }
     let mut marks = Vec::new();
     for mark in &study.marks {
-        let placed = |e: Failure| match e {
-            Failure::Input(all) => Failure::Input(
-                all.into_iter()
-                    .map(|d| d.related(&mark.graph.place.source, mark.graph.place.span, "named here"))
-                    .collect(),
-            ),
-            other => other,
-        };
         marks.push(Base {
             name: mark.name.clone(),
-            ..base_as_it_is(&mark.graph.path, &args.plugins).map_err(placed)?
+            ..base_as_it_is(&mark.graph.path, &args.plugins)
+                .map_err(|e| placed(e, Some(&mark.graph.place)))?
         });
     }
     let order = Order {
@@ -65,6 +61,7 @@ pub fn run(args: &Tradeoff) -> Result<ExitCode, Failure> {
         warn("this program was not built to be fast: its times say little (cargo build --release)");
     }
     let (accuracy, times) = parts(&order)?;
+    notes(&order)?.iter().for_each(|note| warn(note));
     folder::make(out)?;
     folder::look(out, (order.shard.0 + 1, order.shard.1.max(1)))?;
     let stop = stop_flag();
@@ -72,7 +69,6 @@ pub fn run(args: &Tradeoff) -> Result<ExitCode, Failure> {
     let ran = run_study(&order, &bars);
     bars.finish();
     let ran = ran?;
-    ran.notes.iter().for_each(|note| warn(note));
     let written = folder::write(out, &ran.results)?;
     if !args.quiet {
         print(&summary(&ran.results, &written))?;
@@ -84,17 +80,35 @@ pub fn run(args: &Tradeoff) -> Result<ExitCode, Failure> {
         ));
         return Ok(ExitCode::from(INTERRUPTED));
     }
+    if ran.results.rows.iter().all(|row| row.error.is_some()) {
+        let why = ran.results.default_row().and_then(|row| row.error.clone()).unwrap_or_default();
+        warn(&format!("no setting runs: {why}"));
+        return Ok(ExitCode::FAILURE);
+    }
     Ok(ExitCode::SUCCESS)
 }
 
+/// What is wrong with a file that a study names, with the place where it does.
+fn placed(e: Failure, place: Option<&Place>) -> Failure {
+    match (e, place) {
+        (Failure::Input(all), Some(place)) => Failure::Input(
+            all.into_iter().map(|d| d.related(&place.source, place.span, "named here")).collect(),
+        ),
+        (e, _) => e,
+    }
+}
+
+/// Files of graphs, with the place where a study names them.
+type Graphs = Vec<(PathBuf, Option<Place>)>;
+
 /// The study, and the graphs whose knobs it turns.
-fn study(args: &Tradeoff) -> Result<(Study, Vec<PathBuf>), Failure> {
+fn study(args: &Tradeoff) -> Result<(Study, Graphs), Failure> {
     let mut study = None;
-    let mut graphs = Vec::new();
+    let mut graphs = Graphs::new();
     for path in &args.files {
         let source = Source::read(path)?;
         if !Study::is_meant(&source) {
-            graphs.push(path.clone());
+            graphs.push((path.clone(), None));
         } else if study.replace(source).is_some() {
             return Err(Diagnostic::new("a second study").in_file(path).help("one study at a time").into());
         }
@@ -102,6 +116,8 @@ fn study(args: &Tradeoff) -> Result<(Study, Vec<PathBuf>), Failure> {
     let shipped = study.is_none();
     let source = study.unwrap_or_else(|| Source::new(SHIPPED.0, SHIPPED.1));
     let mut study = Study::parse(&source)?;
+    // It is for any graph, by its file's name too: no graph has all that it turns.
+    study.lenient = source.text() == SHIPPED.1 && !graphs.is_empty();
     if shipped {
         // What stands beside is named by its place in the folder of graphs, which a program that was put elsewhere does not have.
         study.marks.clear();
@@ -119,7 +135,7 @@ fn study(args: &Tradeoff) -> Result<(Study, Vec<PathBuf>), Failure> {
                 .help("graph: \"../texture.ron\"; or name one on the command line")
                 .into());
         };
-        graphs.push(named.path.clone());
+        graphs.push((named.path.clone(), Some(named.place.clone())));
     }
     Ok((study, graphs))
 }
@@ -134,8 +150,8 @@ fn base(path: &Path, args: &Tradeoff) -> Result<Base, Failure> {
 }
 
 fn base_as_it_is(path: &Path, plugins: &PluginArgs) -> Result<Base, Failure> {
-    let load::Offline { graph, registry, plugins } = load::offline(path, plugins)?;
-    Ok(Base { name: tidy(path).display().to_string(), graph, registry, strength: 1.0, plugins })
+    let load::Offline { whole, graph, registry, plugins } = load::offline(path, plugins)?;
+    Ok(Base { name: tidy(path).display().to_string(), graph, file: whole, registry, strength: 1.0, plugins })
 }
 
 fn merge(args: &Merge) -> Result<ExitCode, Failure> {
@@ -164,7 +180,11 @@ fn summary(results: &Results, written: &[PathBuf]) -> String {
         out += &format!("wrote {}\n", path.display());
     }
     let unsound = results.rows.iter().filter(|r| !r.sound()).count();
-    out += &format!("{} settings, of which {unsound} cannot be chosen; read REPORT.md\n", results.rows.len());
+    let settings = match results.rows.len() {
+        1 => "one setting".to_owned(),
+        n => format!("{n} settings"),
+    };
+    out += &format!("{settings}, of which {unsound} cannot be chosen; read REPORT.md\n");
     out
 }
 
