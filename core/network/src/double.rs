@@ -6,6 +6,7 @@ use crate::lower::{Lowered, Ref, StepKind};
 use crate::signature::Role;
 
 /// A network ready to run, one result after the other in an arena.
+#[derive(Clone)]
 pub(crate) struct Double {
     net: Lowered,
     /// Steps of a run, in order.

@@ -3,11 +3,13 @@
 use crate::lower::Lowered;
 use crate::proto::{self, MAX_MODEL_BYTES};
 use crate::reference::Reference;
+use crate::runner::{Runner, Wanted};
 use crate::signature::match_signature;
 use crate::trained::Trained;
-use asperity_source::Diagnostic;
+use asperity_source::{Diagnostic, Recent, fingerprint};
 use std::fmt;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// A texture network: checked, compiled by tract and, where it is a multilayer perceptron, lowered.
 ///
@@ -19,7 +21,14 @@ pub struct Model {
     /// The steps, or why there are none.
     pub(crate) lowered: Result<Lowered, String>,
     trained: Trained,
+    /// Runners that were made of it lately.
+    pub(crate) made: Recent<Wanted, Runner>,
 }
+
+/// Models that were read lately, by their paths and what is in them.
+static MODELS: Recent<(PathBuf, (usize, u64)), Arc<Model>> = Recent::new(4);
+/// Runners of a model that are kept: a few precisions, or a few materials that are tried in turns.
+const RUNNERS: usize = 8;
 
 impl Model {
     /// Reads an ONNX file of at most [`MAX_MODEL_BYTES`](crate::MAX_MODEL_BYTES).
@@ -31,6 +40,16 @@ impl Model {
     pub fn load(path: impl AsRef<Path>) -> Result<Self, Diagnostic> {
         let path = path.as_ref();
         Self::from_bytes(&proto::read_file(path, MAX_MODEL_BYTES)?, path)
+    }
+
+    /// As [`load`](Self::load), without work where the same file was loaded lately: what is in it counts, not its time.
+    ///
+    /// # Errors
+    /// As [`load`](Self::load).
+    pub fn shared(path: impl AsRef<Path>) -> Result<Arc<Self>, Diagnostic> {
+        let path = path.as_ref();
+        let bytes = proto::read_file(path, MAX_MODEL_BYTES)?;
+        MODELS.of((path.to_owned(), fingerprint(&bytes)), || Self::from_bytes(&bytes, path).map(Arc::new))
     }
 
     /// A model that is already in memory; `path` is its name in errors.
@@ -47,7 +66,7 @@ impl Model {
         let opset = own.map_or(0, |set| set.version);
         let lowered = Lowered::new(&graph, opset, &signature);
         let trained = Trained::read(&model.metadata_props, path)?;
-        Ok(Self { path: path.to_owned(), reference, lowered, trained })
+        Ok(Self { path: path.to_owned(), reference, lowered, trained, made: Recent::new(RUNNERS) })
     }
 
     /// What the file says of the range the model was trained on.

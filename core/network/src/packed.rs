@@ -13,6 +13,13 @@ struct Aligned<T> {
     len: usize,
 }
 
+impl<T: Copy + Default> Clone for Aligned<T> {
+    /// On a boundary of its own.
+    fn clone(&self) -> Self {
+        Self::new(&self.cells[self.start..self.start + self.len])
+    }
+}
+
 impl<T: Copy + Default> Aligned<T> {
     fn new(data: &[T]) -> Self {
         let pad = 64 / size_of::<T>();
@@ -35,7 +42,8 @@ impl<T: Copy + Default> Aligned<T> {
 const WORTH_HALVING: usize = 16384;
 
 /// A network ready to run.
-pub(crate) struct Packed<W> {
+#[derive(Clone)]
+pub(crate) struct Packed<W: Copy + Default> {
     program: Program,
     entry: Entry<W>,
     weights: Aligned<W>,

@@ -174,6 +174,7 @@ impl fmt::Display for RunError {
 
 impl std::error::Error for RunError {}
 
+#[derive(Clone)]
 enum Engine {
     F32(Box<Packed<f32>>),
     F16(Box<Packed<u16>>),
@@ -183,6 +184,7 @@ enum Engine {
 }
 
 /// A network with its materials preloaded.
+#[derive(Clone)]
 pub struct Runner {
     engine: Engine,
     materials: usize,
@@ -191,7 +193,8 @@ pub struct Runner {
 
 impl Model {
     /// Prepares the network for `materials`, each of [`TEXTURE_LEN`] finite numbers: folds their part of the network
-    /// into biases, packs the weights and checks the result against tract. Slow (milliseconds), for the control thread.
+    /// into biases, packs the weights and checks the result against tract. Slow (0.2 s where weights are rounded), for the control thread; one that was
+    /// made lately is copied.
     ///
     /// # Errors
     /// No material or more than [`MAX_MATERIALS`], one of another length or not finite; with [`Choice::Packed`], a
@@ -220,6 +223,18 @@ impl Model {
                 return Err(refuse(format!("number {at} of material {i}'s texture vector is not finite")));
             }
         }
+        let all: Vec<Vec<f32>> = materials.iter().map(|m| m.as_ref().to_vec()).collect();
+        self.made.of((all, precision, choice), || self.make(materials, precision, choice))
+    }
+
+    /// Makes a runner for materials that fit.
+    fn make<M: AsRef<[f32]>>(
+        &self,
+        materials: &[M],
+        precision: Precision,
+        choice: Choice,
+    ) -> Result<Runner, Diagnostic> {
+        let refuse = |what: String| Diagnostic::new(what).in_file(&self.path);
         let textures: Vec<TextureTensor> = materials.iter().map(|m| texture(m.as_ref())).collect();
         let job = Job {
             reference: &self.reference,
@@ -280,6 +295,9 @@ impl Model {
         Ok(tract(format!("tract{refused}")))
     }
 }
+
+/// What tells a runner of a model from another: texture vectors, precision and choice.
+pub(crate) type Wanted = (Vec<Vec<f32>>, Precision, Choice);
 
 /// What packing needs besides the network.
 struct Job<'a> {

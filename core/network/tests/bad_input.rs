@@ -3,7 +3,11 @@
 
 mod common;
 
-use asperity_network::{Choice, Isa, Model, Precision, RunError, Runner};
+use std::sync::Arc;
+
+use asperity_network::{
+    Choice, FORCE_LEN, Isa, MAGNITUDES_LEN, Model, Precision, RunError, Runner, SPEED_LEN, TEXTURE_LEN,
+};
 use common::{Net, Random, Spelling, bytes, int, model, tensor, textures, value_info};
 use tract_onnx::pb::{ModelProto, NodeProto, StringStringEntryProto, TensorProto};
 
@@ -227,4 +231,29 @@ fn runners_move_between_threads() {
     fn send<T: Send>() {}
     send::<Runner>();
     send::<Model>();
+}
+
+#[test]
+fn a_file_that_changes_is_read_again_and_what_was_made_lately_is_not_made_again() {
+    let dir = tempfile::tempdir().unwrap();
+    let shipped = concat!(env!("CARGO_MANIFEST_DIR"), "/../../graphs/models/surfaces/");
+    let path = dir.path().join("m.onnx");
+    std::fs::copy(format!("{shipped}texture.onnx"), &path).unwrap();
+    let first = Model::shared(&path).unwrap();
+    assert!(Arc::ptr_eq(&first, &Model::shared(&path).unwrap()));
+    let materials = [[0.1_f32; TEXTURE_LEN], [0.2; TEXTURE_LEN]];
+    let run = |runner: &mut Runner, material: usize| {
+        let mut out = [0.0; MAGNITUDES_LEN];
+        runner.run(material, &[1.0; FORCE_LEN], &[50.0; SPEED_LEN], &mut out).unwrap();
+        out
+    };
+    let mut one = first.runner(&materials, Precision::Int8, Choice::Auto).unwrap();
+    let before = run(&mut one, 1);
+    // A copy has a state of its own.
+    let mut other = first.runner(&materials, Precision::Int8, Choice::Auto).unwrap();
+    assert_eq!((run(&mut other, 0), run(&mut other, 1)), (run(&mut one, 0), before));
+    let mut single = first.runner(&materials[1..], Precision::Int8, Choice::Auto).unwrap();
+    assert_ne!(run(&mut single, 0), run(&mut one, 0));
+    std::fs::copy(format!("{shipped}texture_mean.onnx"), &path).unwrap();
+    assert!(!Arc::ptr_eq(&first, &Model::shared(&path).unwrap()));
 }

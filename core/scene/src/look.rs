@@ -1,6 +1,7 @@
 //! What is wrong with the parts of a scene, whether they are needed or not.
 
 use std::collections::HashSet;
+use std::sync::Arc;
 
 use asperity_graph::{Setting, check_settings};
 use asperity_node::{Descriptor, ShapeSpec};
@@ -114,11 +115,11 @@ impl Builder<'_> {
     }
 
     /// The network's library. One that cannot be read is an error of the node, with its own place.
-    pub(crate) fn library(&self) -> Option<Library> {
+    pub(crate) fn library(&self) -> Option<Arc<Library>> {
         let (_, file) =
             self.scene.network.as_ref()?.settings.iter().find(|(key, _)| key.name == "library")?;
         let folder = self.scene.source.path().parent()?;
-        Library::read(folder.join(file.text().ok()?)).ok()
+        Library::shared(folder.join(file.text().ok()?)).ok()
     }
 }
 

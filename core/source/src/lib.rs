@@ -7,8 +7,10 @@
 
 mod diagnostic;
 mod nearest;
+mod recent;
 #[cfg(feature = "ron")]
 pub mod ron;
 
 pub use diagnostic::{Diagnostic, Place, Position, Source, Span};
 pub use nearest::{nearest, one_of};
+pub use recent::{Recent, fingerprint};

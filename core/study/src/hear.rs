@@ -112,7 +112,7 @@ pub(crate) fn know<'m>(
 ) -> Result<(), Diagnostic> {
     for node in graph.nodes.iter().filter(|n| is_network(registry, &n.kind)) {
         let Some(setting) = node.params.iter().find(|p| p.name == "library") else { continue };
-        let library = Library::read(crate::file::beside(&setting.value)?)?;
+        let library = Library::shared(crate::file::beside(&setting.value)?)?;
         for (name, place) in materials.clone() {
             library
                 .material(name)

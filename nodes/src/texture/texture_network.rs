@@ -146,7 +146,7 @@ impl Node for TextureNetwork {
     fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
         let p = setup.params;
         let layout = layout(&setup.config)?;
-        let library = Library::read(p.file("library"))?;
+        let library = Library::shared(p.file("library"))?;
         let mut vectors = Vec::new();
         let mut names = Vec::new();
         let wanted = std::iter::once(("material", p.text("material")))
@@ -159,7 +159,7 @@ impl Node for TextureNetwork {
             vectors.push(material.vector.to_vec());
             names.push(name.to_owned());
         }
-        let model = Model::load(p.file("model"))?;
+        let model = Model::shared(p.file("model"))?;
         let named = |precision: &Precision| precision.name() == p.text("precision");
         let precision = Precision::ALL.into_iter().find(named).unwrap_or_default();
         let choice = if p.text("executor") == "tract" { Choice::Tract } else { Choice::Auto };

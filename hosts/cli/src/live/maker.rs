@@ -262,7 +262,7 @@ fn materials(schedule: &Schedule) -> Vec<Materials> {
     let told = |n: &ScheduledNode| n.inputs.iter().any(|i| i.name == "material" && i.from.is_some());
     let networks = schedule.nodes.iter().filter(|n| n.kind == "texture_network" && !told(n));
     let of = |node: &ScheduledNode| {
-        let library = Library::read(node.params.file("library")).ok()?;
+        let library = Library::shared(node.params.file("library")).ok()?;
         let names = library.materials().iter().map(|m| m.name.clone()).collect();
         Some(Materials { node: node.id.clone(), chosen: node.params.text("material").to_owned(), names })
     };

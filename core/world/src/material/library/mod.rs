@@ -25,7 +25,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use asperity_source::ron::{self, Value};
-use asperity_source::{Diagnostic, Source, one_of};
+use asperity_source::{Diagnostic, Recent, Source, fingerprint, one_of};
 
 pub use assign::{Assignment, BLENDED, Neighbour};
 
@@ -58,6 +58,9 @@ pub struct Library {
     materials: Vec<LibraryMaterial>,
 }
 
+/// Libraries that were read lately, by their paths and what is in them.
+static LIBRARIES: Recent<(PathBuf, (usize, u64)), Arc<Library>> = Recent::new(4);
+
 impl Library {
     /// A library that is to stand at `path`; `encoder` is the path of what made the vectors from pictures, relative to that.
     ///
@@ -72,6 +75,16 @@ impl Library {
     /// A file that cannot be read, and all of [`parse`](Self::parse).
     pub fn read(path: impl AsRef<Path>) -> Result<Self, Diagnostic> {
         Self::parse(&Source::read(path)?)
+    }
+
+    /// As [`read`](Self::read), without work where the same file was read lately: what is in it counts, not its time.
+    ///
+    /// # Errors
+    /// As [`read`](Self::read).
+    pub fn shared(path: impl AsRef<Path>) -> Result<Arc<Self>, Diagnostic> {
+        let source = Source::read(path)?;
+        let key = (source.path().to_owned(), fingerprint(source.text().as_bytes()));
+        LIBRARIES.of(key, || Self::parse(&source).map(Arc::new))
     }
 
     /// Reads a library from its text.

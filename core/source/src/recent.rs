@@ -1,0 +1,72 @@
+//! What was made lately, so that it is not made again.
+
+use std::hash::{DefaultHasher, Hash, Hasher};
+use std::sync::{Mutex, PoisonError};
+
+/// The last few values that were made of keys.
+#[derive(Debug)]
+pub struct Recent<K, V> {
+    most: usize,
+    /// The newest last.
+    entries: Mutex<Vec<(K, V)>>,
+}
+
+impl<K: PartialEq, V: Clone> Recent<K, V> {
+    /// None yet, and never more than `most`.
+    pub const fn new(most: usize) -> Self {
+        Self { most, entries: Mutex::new(Vec::new()) }
+    }
+
+    /// The value of a key, made if it is not there. Two threads that ask at once may both make it; what cannot be made is not kept.
+    ///
+    /// # Errors
+    /// What `make` says.
+    pub fn of<E>(&self, key: K, make: impl FnOnce() -> Result<V, E>) -> Result<V, E> {
+        let known = || self.entries.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut entries = known();
+        if let Some(at) = entries.iter().position(|(k, _)| *k == key) {
+            let entry = entries.remove(at);
+            let value = entry.1.clone();
+            entries.push(entry);
+            return Ok(value);
+        }
+        drop(entries);
+        let value = make()?;
+        let mut entries = known();
+        if self.most > 0 {
+            if entries.len() >= self.most {
+                entries.remove(0);
+            }
+            entries.push((key, value.clone()));
+        }
+        Ok(value)
+    }
+}
+
+/// What tells bytes from others, in this process.
+pub fn fingerprint(bytes: &[u8]) -> (usize, u64) {
+    let mut hasher = DefaultHasher::new();
+    bytes.hash(&mut hasher);
+    (bytes.len(), hasher.finish())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_was_asked_for_lately_is_made_once() {
+        let recent = Recent::new(2);
+        let made = std::cell::RefCell::new(Vec::new());
+        let ask = |key: u32| {
+            recent.of(key, || {
+                made.borrow_mut().push(key);
+                if key == 9 { Err("no") } else { Ok(10 * key) }
+            })
+        };
+        assert_eq!([1, 2, 1, 3, 1, 2].map(|key| ask(key)), [10, 20, 10, 30, 10, 20].map(Ok));
+        assert_eq!((ask(9), ask(9)), (Err("no"), Err("no")));
+        assert_eq!(*made.borrow(), [1, 2, 3, 2, 9, 9]);
+        assert_ne!(fingerprint(b"a"), fingerprint(b"b"));
+    }
+}
