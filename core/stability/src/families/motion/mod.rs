@@ -42,7 +42,7 @@ pub(super) const CASES: &[Case] = &[
         times::sampling,
         [
             "a circle at 60 mm/s is read at times that are off by up to a quarter of a tick, or a whole tick late now and then, or every place twice",
-            "no node fails, the gate stays open, the speed is within 30 % (12 % a tick late and 14 % of jitter at 500 Hz by the step response of a 20 Hz filter, w e^(-pi/4) T; that where it is more, below 190 Hz), and 1 s later the actuator does what it does without, within 2 % of its peak",
+            "no node fails, the gate stays open, the speed is within 30 % (12 % a tick late and 14 % of jitter at 500 Hz by the step response of a 20 Hz filter, w e^(-pi/4) T; that where it is more, below 190 Hz), and 1 s later the actuator does what it does without, within 1 dB or 2 % of its peak",
         ],
     ),
     case(
@@ -50,7 +50,7 @@ pub(super) const CASES: &[Case] = &[
         times::lost,
         [
             "the engine loses 1, 2, 3 ticks and so on, 50 ms apart for 2.5 s, while the stylus goes on round a circle at 60 mm/s",
-            "the speed is never above 66 mm/s, no node fails, and 1 s later the actuator does what it does without, within 2 % of its peak",
+            "the speed is never above 66 mm/s, no node fails, and 1 s later the actuator does what it does without, within 1 dB or 2 % of its peak",
         ],
     ),
     case(
@@ -58,7 +58,7 @@ pub(super) const CASES: &[Case] = &[
         times::gap,
         [
             "for 10 ms no place comes, once held as it was and once marked as not to be trusted, while the stylus goes on round a circle at 60 mm/s",
-            "no node fails, the drive makes no larger step than a sine of 1000 Hz at its usual peak, no speed is told above 66 mm/s after a gap that was marked (97 after one that was not: 10 ms times w e^(-pi/4) more at 20 Hz), and 1 s later the actuator does what it does without, within 2 % of its peak",
+            "no node fails, the drive makes no larger step than a sine of 1000 Hz at its usual peak, no speed is told above 66 mm/s after a gap that was marked (97 after one that was not: 10 ms times w e^(-pi/4) more at 20 Hz), and 1 s later the actuator does what it does without, within 1 dB or 2 % of its peak",
         ],
     ),
 ];
