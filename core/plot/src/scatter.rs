@@ -111,6 +111,8 @@ impl Scatter {
                 }
                 Mark::Out => format!("fill=\"#fff\" stroke=\"{colour}\" stroke-width=\"1.4\""),
             };
+            let ring = if dot.label.is_empty() { "" } else { " stroke=\"#1f2933\" stroke-width=\"1.8\"" };
+            let fill = if dot.mark == Mark::Plain { fill + ring } else { fill };
             svg.raw(format_args!(
                 "<circle cx=\"{}\" cy=\"{}\" r=\"{}\" {fill}><title>{}</title></circle>\n",
                 num(cx),
@@ -138,14 +140,16 @@ impl Scatter {
         if let Some(floor) = self.floor {
             // How high a difference has to be.
             let high = (y.at(0.0) - y.at(floor)).abs().max(1.0);
-            let base = bottom - 14.0;
-            let places = [LEFT + 23.0, SIZE[0] - RIGHT - 120.0, 0.5 * (LEFT + SIZE[0])];
-            let text = "less is not told apart";
-            let places = places.map(|x| ([x, base - 0.5 * high + 4.0], "start"));
-            if let Some([x, _]) = put(&mut svg, text, &places, [top, bottom], &mut taken) {
-                let [left, base] = [x - 9.0, base].map(num);
-                let foot = num(x - 13.0);
-                let head = num(bottom - 14.0 - high);
+            let lefts = [LEFT + 23.0, LEFT + 190.0, 0.5 * (LEFT + SIZE[0]), SIZE[0] - RIGHT - 130.0];
+            let places: Vec<([f64; 2], &str)> = [14.0, 60.0, 110.0, 160.0]
+                .iter()
+                .flat_map(|up| lefts.map(|x| ([x, bottom - up - 0.5 * high + 4.0], "start")))
+                .collect();
+            if let Some([x, y]) = put(&mut svg, "less is not told apart", &places, [top, bottom], &mut taken)
+            {
+                let base = y - 4.0 + 0.5 * high;
+                let (left, foot, head) = (num(x - 9.0), num(x - 13.0), num(base - high));
+                let base = num(base);
                 let d = format!("M{left} {base}V{head}M{foot} {base}h8M{foot} {head}h8");
                 svg.path(&d, "stroke=\"#52606d\" stroke-width=\"1.2\" fill=\"none\"");
             }
@@ -218,7 +222,7 @@ fn put(
             "end" => x - width,
             _ => x - 0.5 * width,
         };
-        [left, y - 10.0, left + width, y + 3.0]
+        [left - 6.0, y - 10.0, left + width + 6.0, y + 3.0]
     };
     let covers = |r: &Room| -> f64 {
         let shared = |o: &Room| {

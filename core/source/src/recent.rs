@@ -64,7 +64,7 @@ mod tests {
                 if key == 9 { Err("no") } else { Ok(10 * key) }
             })
         };
-        assert_eq!([1, 2, 1, 3, 1, 2].map(|key| ask(key)), [10, 20, 10, 30, 10, 20].map(Ok));
+        assert_eq!([1, 2, 1, 3, 1, 2].map(&ask), [10, 20, 10, 30, 10, 20].map(Ok));
         assert_eq!((ask(9), ask(9)), (Err("no"), Err("no")));
         assert_eq!(*made.borrow(), [1, 2, 3, 2, 9, 9]);
         assert_ne!(fingerprint(b"a"), fingerprint(b"b"));
