@@ -46,6 +46,12 @@
 //! | 5 x 6, momentum 0.85 | -25 | -75.6 | -62.5 | -22.7 | -34.7 | -21.4 | -22.2 | -16.6 | -0.46, 0.62 | -18.9 | -51.0 | 0, 10, 14 | 19.8, 262 |
 //! | 10 x 5 | -25 | -74.6 | -63.9 | -20.7 | -31.2 | -22.8 | -24.9 | -16.5 | -0.36, 0.61 | -19.0 | -49.3 | 0, 10, 14 | 33.4, 450 |
 //!
+//! The times of the table are those of one frame's transforms after the other. Several at once in the lanes of a register, with plans that all share, the same
+//! machine takes in one run (before, after): 5 x 5 at N = 250 17.1 and 8.9 us, 10 x 5 34.6 and 17.4, 5 x 3 10.3 and 5.4; at N = 50 5 x 5 4.2 and 2.4; at
+//! N = 4800 5 x 5 232 and 185, 10 x 5 473 and 296.
+//!
+//! For the magnitudes of a network, which are no signal's, fewer do as well, and follow a change sooner: `graphs/texture.ron` has 2 x 2 (docs/tradeoff.md).
+//!
 //! At -20 a step shows after 16 ms instead of 55, and noise is 12 dB better than with `spsi`, and level and spectrum of
 //! smooth magnitudes still are within 0.5 and 1 dB with some room: that is the default. At -25 it shows 6 ms sooner, and the
 //! level is 0.46 dB low. There the texture has two answers that last, near -20 and -24 dB, and the seed says which is found;
