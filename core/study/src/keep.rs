@@ -17,7 +17,7 @@ pub(crate) struct Kept {
 }
 
 /// The file by which a folder is locked.
-const LOCK: &str = "lock";
+const LOCK: &str = ".lock";
 
 impl Kept {
     /// Makes the folder where it is not there, and locks it.

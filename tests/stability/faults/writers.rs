@@ -163,14 +163,15 @@ fn is_report(path: &Path) -> bool {
         && text.lines().last().is_some_and(|line| line.starts_with("- less than this is not told apart"))
 }
 
-/// What is kept of a study: whole parts, and beside them what says that it is none.
+/// What is kept of a study: whole parts, and beside them what says that it is none, and what keeps other runs out.
 fn is_kept(path: &Path) -> bool {
     let entries = std::fs::read_dir(path).expect("a folder").map(|e| e.expect("an entry").path());
     let part = |path: &Path| {
         path.file_name().is_some_and(|name| name.as_encoded_bytes().starts_with(b"."))
             && path.extension().is_some_and(|e| e == "part")
     };
-    entries.into_iter().all(|path| is_json(&path) || part(&path))
+    let lock = |path: &Path| path.file_name().is_some_and(|name| name == ".lock");
+    entries.into_iter().all(|path| is_json(&path) || part(&path) || lock(&path))
 }
 
 /// A crate that has all that cargo wants.
