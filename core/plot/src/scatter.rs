@@ -216,13 +216,14 @@ fn put(
 ) -> Option<[f64; 2]> {
     let text = &fitting(text, 0.5 * (SIZE[0] - LEFT - RIGHT) - 2.0 * LETTERS);
     let width = text_width(text, LETTERS);
+    // A little more on the side that is away from the dot.
     let room = |([x, y], anchor): ([f64; 2], &str)| -> Room {
-        let left = match anchor {
-            "start" => x,
-            "end" => x - width,
-            _ => x - 0.5 * width,
+        let (left, right) = match anchor {
+            "start" => (x, x + width + 6.0),
+            "end" => (x - width - 6.0, x),
+            _ => (x - 0.5 * width - 6.0, x + 0.5 * width + 6.0),
         };
-        [left - 6.0, y - 10.0, left + width + 6.0, y + 3.0]
+        [left, y - 10.0, right, y + 3.0]
     };
     let covers = |r: &Room| -> f64 {
         let shared = |o: &Room| {
