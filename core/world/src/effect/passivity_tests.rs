@@ -356,6 +356,8 @@ fn a_damped_wall_in_steps_needs_dry_friction_for_its_damping_too() {
         let law = wall(0.5, damping);
         let needed = Quantisation::of(law, at(500.0, 0.0), 0.055, 0.0).needed_n;
         let found = by_way_n(law, 500.0, 0.055, &motion);
-        assert!((found / needed - 1.0).abs() < 0.01, "{damping}: {found} N, not {needed} N");
+        // The first and the last tick of the way give less.
+        let part = found / needed;
+        assert!((0.98..=1.0 + 1e-9).contains(&part), "{damping}: {found} N, not {needed} N");
     }
 }
