@@ -37,7 +37,7 @@ impl Fragment {
         for (node, _) in &new {
             let Some(from) = base.registry.get(&node.kind).and_then(|kind| plugin(&**kind)) else { continue };
             let named = file.plugins.iter().any(|decl| is_file_of(&decl.name, &from));
-            let of = (node.kind.clone(), from.display().to_string());
+            let of = (node.kind.clone(), name_of(&from));
             if !named && !plugins.contains(&of) {
                 plugins.push(of);
             }
@@ -60,17 +60,23 @@ impl Fragment {
     }
 }
 
-/// The file of the plugin that a kind comes from, by its absolute path.
+/// The file of the plugin that a kind comes from.
 fn plugin(kind: &dyn NodeKind) -> Option<PathBuf> {
     // What is built in has no build of its own.
-    (kind.build() != 0).then(|| std::path::absolute(kind.origin()).unwrap_or_else(|_| kind.origin().into()))
+    (kind.build() != 0).then(|| kind.origin().into())
+}
+
+/// By what a plugin is known on every machine, wherever it lies: the name of its file without what this system puts around it.
+fn name_of(file: &Path) -> String {
+    let name = file.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+    let bare = name.strip_prefix(std::env::consts::DLL_PREFIX);
+    let bare = bare.and_then(|bare| bare.strip_suffix(std::env::consts::DLL_SUFFIX));
+    bare.map_or(name.clone(), str::to_owned)
 }
 
 /// Whether a graph that names a plugin so means this file.
 fn is_file_of(name: &str, file: &Path) -> bool {
-    let of = |text: &str| file.file_name().is_some_and(|n| n.to_string_lossy() == text);
-    let name = Path::new(name).file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-    of(&name) || of(&format!("{}{name}{}", std::env::consts::DLL_PREFIX, std::env::consts::DLL_SUFFIX))
+    name_of(Path::new(name)) == name_of(file)
 }
 
 /// A node whose files are named as a graph in this folder would.
@@ -123,10 +129,10 @@ fn tidy(path: &Path) -> PathBuf {
 /// As it would be pasted into a graph file, with comments that say where.
 impl std::fmt::Display for Fragment {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        for (kind, file) in &self.plugins {
+        for (kind, name) in &self.plugins {
             writeln!(
                 f,
-                "    // `{kind}` is a plugin's: --plugin {file}, or in the graph: plugins: [{file:?}],"
+                "    // `{kind}` is a plugin's: --plugin {name}, or in the graph: plugins: [{name:?}], with its folder on ASPERITY_PLUGIN_PATH"
             )?;
         }
         for line in &self.graph {
@@ -240,13 +246,16 @@ mod tests {
         let file = Path::new("/p/libmine.so");
         assert!(is_file_of("../x/libmine.so", file) && !is_file_of("libmine2.so", file));
         assert_eq!(is_file_of("mine", file), cfg!(target_os = "linux"));
+        if cfg!(target_os = "linux") {
+            assert_eq!(name_of(file), "mine");
+        }
         let fragment = Fragment {
-            plugins: vec![("mine".into(), "/p/libmine.so".into())],
+            plugins: vec![("mine".into(), "my_filters".into())],
             nodes: vec!["\"a\": (kind: \"mine\"),".into()],
             ..Fragment::default()
         };
         let said =
-            "// `mine` is a plugin's: --plugin /p/libmine.so, or in the graph: plugins: [\"/p/libmine.so\"],";
+            "// `mine` is a plugin's: --plugin my_filters, or in the graph: plugins: [\"my_filters\"],";
         assert!(fragment.to_string().contains(said), "{fragment}");
     }
 }

@@ -117,7 +117,7 @@ pub struct Fragment {
     pub gone: Vec<String>,
     /// Entries of `wires`, where any differ: all of them.
     pub wires: Vec<String>,
-    /// Kinds of these nodes that are of plugins which the file does not name, and the plugins' files.
+    /// Kinds of these nodes that are of plugins which the file does not name, and the plugins' names, as they are looked for along the plugin path.
     pub plugins: Vec<(String, String)>,
     /// Whether the file is a scene, so that all this is of the graph that it lowers to.
     pub scene: bool,
