@@ -213,8 +213,8 @@ impl Estimator {
     fn take(&mut self, magnitudes: &[f32]) -> usize {
         let flight = &mut self.flights[0];
         let mut bad = 0;
-        // Sums of all bins, of all frames and of their squared windows stay finite.
-        let most = f32::MAX / (64 * (flight.mags.len() + 1)) as f32;
+        // Directions are of length one but for rounding, which must not take the largest of values beyond what is finite.
+        let most = f32::MAX * (1.0 - 8.0 * f32::EPSILON);
         let given = magnitudes.iter().copied().chain(std::iter::repeat(0.0));
         for (mag, from) in flight.mags.iter_mut().zip(given) {
             let good = (0.0..=f32::MAX).contains(&from);
