@@ -49,7 +49,7 @@ impl Model {
     pub fn shared(path: impl AsRef<Path>) -> Result<Arc<Self>, Diagnostic> {
         let path = path.as_ref();
         let bytes = proto::read_file(path, MAX_MODEL_BYTES)?;
-        MODELS.of((path.to_owned(), fingerprint(&bytes)), || Self::from_bytes(&bytes, path).map(Arc::new))
+        MODELS.of((path.to_owned(), fingerprint(&bytes)), |_| Self::from_bytes(&bytes, path).map(Arc::new))
     }
 
     /// A model that is already in memory; `path` is its name in errors.

@@ -224,22 +224,17 @@ impl Model {
             }
         }
         let all: Vec<Vec<f32>> = materials.iter().map(|m| m.as_ref().to_vec()).collect();
-        self.made.of((all, precision, choice), || self.make(materials, precision, choice))
+        self.made.of((all, precision, choice), |asked| self.make(asked))
     }
 
     /// Makes a runner for materials that fit.
-    fn make<M: AsRef<[f32]>>(
-        &self,
-        materials: &[M],
-        precision: Precision,
-        choice: Choice,
-    ) -> Result<Runner, Diagnostic> {
+    fn make(&self, &(ref materials, precision, choice): &Wanted) -> Result<Runner, Diagnostic> {
         let refuse = |what: String| Diagnostic::new(what).in_file(&self.path);
-        let textures: Vec<TextureTensor> = materials.iter().map(|m| texture(m.as_ref())).collect();
+        let textures: Vec<TextureTensor> = materials.iter().map(|m| texture(m)).collect();
         let job = Job {
             reference: &self.reference,
             textures: &textures,
-            materials: materials.iter().map(|m| m.as_ref().iter().map(|&x| f64::from(x)).collect()).collect(),
+            materials: materials.iter().map(|m| m.iter().map(|&x| f64::from(x)).collect()).collect(),
         };
         let tract = |report: String| Runner {
             engine: Engine::Tract(self.reference.clone(), textures.clone()),

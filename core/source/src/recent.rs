@@ -21,7 +21,7 @@ impl<K: PartialEq, V: Clone> Recent<K, V> {
     ///
     /// # Errors
     /// What `make` says.
-    pub fn of<E>(&self, key: K, make: impl FnOnce() -> Result<V, E>) -> Result<V, E> {
+    pub fn of<E>(&self, key: K, make: impl FnOnce(&K) -> Result<V, E>) -> Result<V, E> {
         let known = || self.entries.lock().unwrap_or_else(PoisonError::into_inner);
         let mut entries = known();
         if let Some(at) = entries.iter().position(|(k, _)| *k == key) {
@@ -31,7 +31,7 @@ impl<K: PartialEq, V: Clone> Recent<K, V> {
             return Ok(value);
         }
         drop(entries);
-        let value = make()?;
+        let value = make(&key)?;
         let mut entries = known();
         if self.most > 0 {
             if entries.len() >= self.most {
@@ -59,7 +59,7 @@ mod tests {
         let recent = Recent::new(2);
         let made = std::cell::RefCell::new(Vec::new());
         let ask = |key: u32| {
-            recent.of(key, || {
+            recent.of(key, |&key| {
                 made.borrow_mut().push(key);
                 if key == 9 { Err("no") } else { Ok(10 * key) }
             })

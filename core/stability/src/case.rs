@@ -34,6 +34,17 @@ impl Family {
             Self::Graphs => "graphs",
         }
     }
+
+    /// A case of this family, with what is hard and what must hold.
+    pub(crate) const fn case(
+        self,
+        name: &'static str,
+        of_graph: bool,
+        run: fn(&Subject<'_>) -> Found,
+        [hard, must]: [&'static str; 2],
+    ) -> Case {
+        Case { family: self, name, hard, must, of_graph, run }
+    }
 }
 
 impl fmt::Display for Family {

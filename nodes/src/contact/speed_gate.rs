@@ -15,6 +15,9 @@ const HYSTERESIS: usize = 2;
 /// It opens at `open_mm_s` and `contact_n` and closes at `hysteresis` times these. What serves nothing but its
 /// audio input sleeps while it is closed and has faded out. While speed or force is not to be trusted, it closes.
 ///
+/// The usual hysteresis, 5 mm/s to open and 2 to close, is what places in steps ask for: those of 0.055 mm ripple by up to 3 mm/s from
+/// crest to crest behind a low-pass of 20 Hz, at every tick rate.
+///
 /// New thresholds and a new hysteresis count from the next tick on; what then opens or closes fades as ever.
 pub struct SpeedGate {
     open_mm_s: f64,
@@ -68,7 +71,7 @@ impl Node for SpeedGate {
                 .live(),
         )
         .param(
-            Param::number("hysteresis", 0.8, 0.0..=1.0, "The gate closes at this part of speed and force.")
+            Param::number("hysteresis", 0.4, 0.0..=1.0, "The gate closes at this part of speed and force.")
                 .live(),
         )
         .param(Param::number("fade_ms", 10.0, 0.1..=1000.0, "How long it takes to open or close.").unit("ms"))

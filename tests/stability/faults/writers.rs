@@ -181,6 +181,26 @@ fn is_plugin(path: &Path) -> bool {
 
 const CARD: &str = "simulated:frames=64,latency=200,speed=10,plant=haptuator_mark_ii,plant_handle_g=60";
 
+/// What a study leaves: its results, and the folder that it may go on from.
+static STUDY: [Made; 16] = [
+    file("spectrum_time.svg", is_picture),
+    file("spectrum_lag.svg", is_picture),
+    file("perceptual_time.svg", is_picture),
+    file("perceptual_lag.svg", is_picture),
+    file("bands_time.svg", is_picture),
+    file("bands_lag.svg", is_picture),
+    file("level_time.svg", is_picture),
+    file("level_lag.svg", is_picture),
+    file("convergence_time.svg", is_picture),
+    file("convergence_lag.svg", is_picture),
+    file("precision_time.svg", is_picture),
+    file("precision_lag.svg", is_picture),
+    file("results.csv", is_table),
+    file("results.json", is_json),
+    file("REPORT.md", is_report),
+    Made { name: "kept", whole: is_kept, folder: true },
+];
+
 /// All of them, but for the training of models, which is another program.
 pub(super) static WRITERS: [Writer; 12] = [
     Writer {
@@ -309,24 +329,7 @@ pub(super) static WRITERS: [Writer; 12] = [
         name: "tradeoff",
         prepare: study,
         command: |dir| command(dir, &["tradeoff", "study.ron", "--out", ".", "--no-cases", "--quiet"]),
-        makes: &[
-            Made { name: "kept", whole: is_kept, folder: true },
-            file("spectrum_time.svg", is_picture),
-            file("spectrum_lag.svg", is_picture),
-            file("perceptual_time.svg", is_picture),
-            file("perceptual_lag.svg", is_picture),
-            file("bands_time.svg", is_picture),
-            file("bands_lag.svg", is_picture),
-            file("level_time.svg", is_picture),
-            file("level_lag.svg", is_picture),
-            file("convergence_time.svg", is_picture),
-            file("convergence_lag.svg", is_picture),
-            file("precision_time.svg", is_picture),
-            file("precision_lag.svg", is_picture),
-            file("results.csv", is_table),
-            file("results.json", is_json),
-            file("REPORT.md", is_report),
-        ],
+        makes: &STUDY,
         live: true,
     },
     Writer {
@@ -337,23 +340,7 @@ pub(super) static WRITERS: [Writer; 12] = [
                 .expect("the shipped results");
         },
         command: |dir| command(dir, &["tradeoff", "merge", "shard", "--out", "."]),
-        makes: &[
-            file("spectrum_time.svg", is_picture),
-            file("spectrum_lag.svg", is_picture),
-            file("perceptual_time.svg", is_picture),
-            file("perceptual_lag.svg", is_picture),
-            file("bands_time.svg", is_picture),
-            file("bands_lag.svg", is_picture),
-            file("level_time.svg", is_picture),
-            file("level_lag.svg", is_picture),
-            file("convergence_time.svg", is_picture),
-            file("convergence_lag.svg", is_picture),
-            file("precision_time.svg", is_picture),
-            file("precision_lag.svg", is_picture),
-            file("results.csv", is_table),
-            file("results.json", is_json),
-            file("REPORT.md", is_report),
-        ],
+        makes: STUDY.split_at(STUDY.len() - 1).0,
         live: false,
     },
 ];

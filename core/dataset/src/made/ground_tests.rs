@@ -124,17 +124,3 @@ fn a_name_that_no_surface_has_is_told_with_the_nearest() {
     let told = surface("canvass").unwrap_err().to_string();
     assert!(told.contains("canvass"), "{told}");
 }
-
-#[test]
-#[ignore = "prints how long pieces and strokes take"]
-fn time_of_a_ground() {
-    let hand = hand(100.0, 1.0, 8.0);
-    for surface in made_surfaces().iter().step_by(9) {
-        let t = std::time::Instant::now();
-        let ground = Ground::new(surface, 1);
-        let piece = t.elapsed();
-        let t = std::time::Instant::now();
-        let felt = ground.felt(&hand, 1);
-        println!("{:32} piece {piece:7.1?}, 8 s {:7.1?} {}", surface.name, t.elapsed(), felt.duration_s());
-    }
-}

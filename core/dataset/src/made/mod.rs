@@ -129,7 +129,6 @@ pub fn subjects(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::time::Instant;
 
     const SMALL: Settings = Settings { seed: 3, pieces: [1, 1], images: 1, strokes: 1, stroke_s: 2.0 };
 
@@ -196,33 +195,6 @@ mod tests {
         for family in asperity_world::topography::Family::ALL {
             let of = surfaces.iter().enumerate().filter(|(n, s)| s.family == family && unseen(*n));
             assert_eq!(of.count(), 2, "{}", family.name());
-        }
-    }
-
-    #[test]
-    #[ignore = "prints how long the parts of a surface take"]
-    fn time_of_a_surface() {
-        for surface in made_surfaces().iter().step_by(7) {
-            let t = Instant::now();
-            let piece = surface.patch(GRID, 1);
-            let patch = t.elapsed();
-            let mut images = Vec::new();
-            let t = Instant::now();
-            images::add(&piece, 4, &mut Random::new(1), &mut images);
-            let image = t.elapsed() / 4;
-            let t = Instant::now();
-            let mut all = Vec::new();
-            strokes::add(surface, &piece, &Settings::default(), &mut Random::new(1), &mut all).unwrap();
-            let rms = (all.iter().flat_map(|e| e.magnitudes).map(|m| f64::from(m * m)).sum::<f64>()
-                / (3.0 * all.len() as f64))
-                .sqrt();
-            println!(
-                "{:32} patch {patch:7.1?} image {image:7.1?} {} strokes {:7.1?}, {} examples, {rms:.2} m/s^2",
-                surface.name,
-                Settings::default().strokes,
-                t.elapsed(),
-                all.len()
-            );
         }
     }
 }

@@ -139,19 +139,3 @@ proptest! {
         }
     }
 }
-
-#[test]
-#[ignore = "prints how long a comparison takes, median of nine"]
-fn time_of_an_agreement() {
-    let (rendered, axis) = (noise(1, 384_000, 1.0), noise(2, 80_000, 1.0));
-    let mut times: Vec<f64> = (0..9)
-        .map(|_| {
-            let began = std::time::Instant::now();
-            let found = agreement(&rendered, 48_000.0, &[&axis, &axis, &axis], 10_000.0).unwrap();
-            assert!(found.perceptual < 1.0);
-            1e3 * began.elapsed().as_secs_f64()
-        })
-        .collect();
-    times.sort_by(f64::total_cmp);
-    println!("8 s at 48 kHz against three axes at 10 kHz: {:.1} ms ({times:.0?})", times[4]);
-}

@@ -1,8 +1,5 @@
-//! The textures of `graphs/models/made_ar`: from resonances, zeros and levels that grow with speed and force. To write the files anew:
-//!
-//! ```text
-//! cargo test -p asperity-world --lib write_the_made_textures -- --ignored
-//! ```
+//! The textures of `graphs/models/made_ar`: from resonances, zeros and levels that grow with speed and force. `ASPERITY_WRITE_TEXTURES=1`
+//! writes them anew.
 
 use std::f64::consts::{PI, TAU};
 use std::path::PathBuf;
@@ -139,19 +136,13 @@ pub(super) fn shipped() -> Vec<(&'static str, TextureFile)> {
     ALL.iter().map(|(name, ..)| (*name, TextureFile::read(path(name)).unwrap())).collect()
 }
 
-#[test]
-#[ignore = "writes the files"]
-fn write_the_made_textures() {
-    for texture in &ALL {
-        std::fs::create_dir_all(path("").parent().unwrap()).unwrap();
-        std::fs::write(path(texture.0), made(texture).to_ron().unwrap()).unwrap();
-    }
-}
-
 /// Coefficients are rounded so that no machine's sine can tell.
 #[test]
 fn the_shipped_files_are_what_is_made() {
     for texture in &ALL {
+        if std::env::var_os("ASPERITY_WRITE_TEXTURES").is_some() {
+            std::fs::write(path(texture.0), made(texture).to_ron().unwrap()).unwrap();
+        }
         let text = std::fs::read_to_string(path(texture.0)).unwrap();
         assert!(text == made(texture).to_ron().unwrap(), "{}", texture.0);
     }

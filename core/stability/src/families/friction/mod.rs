@@ -16,17 +16,8 @@ use crate::handle::{Device, Handle, Loop};
 use crate::subject::Subject;
 use rubbed::{Rub, Rubbed, all};
 
-const fn case(
-    name: &'static str,
-    of_graph: bool,
-    run: fn(&Subject<'_>) -> Found,
-    [hard, must]: [&'static str; 2],
-) -> Case {
-    Case { family: Family::Friction, name, hard, must, of_graph, run }
-}
-
 pub(super) const CASES: &[Case] = &[
-    case(
+    Family::Friction.case(
         "friction_takes_energy",
         false,
         |s| each(s, &[1e-9, 1e-3, 1.0, 1e4], None, takes),
@@ -35,7 +26,7 @@ pub(super) const CASES: &[Case] = &[
             "the force is finite and at no time has it given more than it took: the sum of -F v T is never below 0 (1e-9 of what went to and fro)",
         ],
     ),
-    case(
+    Family::Friction.case(
         "friction_is_quiet_at_rest",
         false,
         |s| each(s, &[1e-9, 1.0, 1e4], None, quiet),
@@ -44,7 +35,7 @@ pub(super) const CASES: &[Case] = &[
             "no step of Coulomb's force: at most what stiffness and damping at rest make of that way, K x + B x/T, within 1 %",
         ],
     ),
-    case(
+    Family::Friction.case(
         "friction_inside_its_bound",
         false,
         |s| each(s, &[1e-9, 0.3, 3.3, 1e4], None, inside),
@@ -53,7 +44,7 @@ pub(super) const CASES: &[Case] = &[
             "its energy never grows; with 50 % more it stops, and until it moves by a millionth the force changes its sign at most 2 + 6 ln 10 (1 / (pi z) + 1 / ln(b / B)) times, z = (b + B - K T/2) / (2 sqrt(K m)), and a quarter more for rates near the swing",
         ],
     ),
-    case(
+    Family::Friction.case(
         "friction_beyond_its_bound",
         false,
         |s| each(s, &[30.0, 1e3, 1e4], Some(LIMIT_N), beyond),
@@ -62,7 +53,7 @@ pub(super) const CASES: &[Case] = &[
             "no faster than F sqrt(3 T / (b m)) + 2 F T / m from half a second on: what a force that turns a tick late gives on every turn, 2 F v T at most, against what the damping takes until the next, 2 b v^3 m / (3 F); and a tick or two of the force",
         ],
     ),
-    case(
+    Family::Friction.case(
         "own_friction",
         true,
         own::rubs,

@@ -12,6 +12,8 @@ use crate::subject::Subject;
 const COUNT_MM: f64 = 0.055;
 /// How long a start takes \[s\].
 const START_S: f64 = 0.5;
+/// A sensor without steps, along its first axis.
+const IDEAL: (f64, f64) = (0.0, 0.0);
 const ALWAYS: (f64, f64) = (0.0, f64::INFINITY);
 /// Longest time between two flickers \[ticks\].
 const PERIODS: u64 = 60;
@@ -59,21 +61,22 @@ pub(super) fn around(subject: &Subject<'_>) -> Found {
     let (opens, hz) = (stage.opens_mm_s()?, stage.tick_hz());
     let seen = |x: f64, count: f64| if count > 0.0 { (x / count).round() * count } else { x };
     // From a side of the spot over it, so that the way is on the wall.
-    let straight = |stage: &mut Stage, seconds: f64, count: f64, speed: &dyn Fn(f64) -> f64| {
-        let mut x = -0.5 * opens * seconds;
-        let all = stage.play([ALWAYS], |tick| {
-            let t = tick as f64 / hz;
-            let at = seen(x, count);
-            // A start at once would overshoot by 4 % behind the low-pass.
-            x += (t / START_S).min(1.0) * speed(t) / hz;
-            (t < seconds).then_some(Next::At([at, 0.0], true))
-        })?;
-        let [heard] = all;
-        Ok::<_, crate::Not>(heard)
-    };
-    let slow = straight(&mut stage, 2.0, 0.0, &|_| 0.98 * opens)?;
+    let straight =
+        |stage: &mut Stage, seconds: f64, (count, angle): (f64, f64), speed: &dyn Fn(f64) -> f64| {
+            let mut along = -0.5 * opens * seconds;
+            let all = stage.play([ALWAYS], |tick| {
+                let t = tick as f64 / hz;
+                let at = [angle.cos(), angle.sin()].map(|part| seen(along * part, count));
+                // A start at once would overshoot by 4 % behind the low-pass.
+                along += (t / START_S).min(1.0) * speed(t) / hz;
+                (t < seconds).then_some(Next::At(at, true))
+            })?;
+            let [heard] = all;
+            Ok::<_, crate::Not>(heard)
+        };
+    let slow = straight(&mut stage, 2.0, IDEAL, &|_| 0.98 * opens)?;
     holds(slow.open == 0, || format!("at {:.2} mm/s the gate of {opens} opens", 0.98 * opens))?;
-    let fast = straight(&mut stage, 2.0, 0.0, &|_| 1.02 * opens)?;
+    let fast = straight(&mut stage, 2.0, IDEAL, &|_| 1.02 * opens)?;
     holds(fast.changes == 1 && fast.changed as f64 <= (START_S + 0.3) * hz, || {
         format!(
             "at {:.2} mm/s the gate of {opens} changes {} times, the last after {:.2} s",
@@ -84,17 +87,25 @@ pub(super) fn around(subject: &Subject<'_>) -> Found {
     })?;
     // No longer: 60 s are 300 mm, and lead off the surfaces of a scene, where the gate shuts by right.
     let turns = subject.by_effort(2.0, 4.0, 8.0);
-    let between = straight(&mut stage, turns, 0.0, &|t| {
+    let between = straight(&mut stage, turns, IDEAL, &|t| {
         if ((t / 0.25) as u64).is_multiple_of(2) { 1.02 * opens } else { 0.98 * opens }
     })?;
     holds(between.changes == 1, || {
         format!("now faster, now slower the gate changes {} times", between.changes)
     })?;
     let mut most = 0;
-    for speed in [0.98, 1.02] {
-        let steps = straight(&mut stage, turns, COUNT_MM, &|_| speed * opens)?;
+    let (speeds, angles) = subject.by_effort((7, 2), (25, 4), (121, 19));
+    let between = |n: u32, of: u32, from: f64, to: f64| from + (to - from) * f64::from(n) / f64::from(of - 1);
+    let all = (0..angles).flat_map(|a| (0..speeds).map(move |s| (s, a)));
+    let all = all.map(|(s, a)| (between(s, speeds, 0.5, 1.1), between(a, angles, 0.0, 45.0)));
+    for (speed, degrees) in all.chain([(0.98, 0.0), (1.02, 0.0)]) {
+        let steps = straight(&mut stage, turns, (COUNT_MM, degrees.to_radians()), &|_| speed * opens)?;
         holds(steps.changes <= 1, || {
-            format!("at {:.2} mm/s in steps the gate changes {} times", speed * opens, steps.changes)
+            format!(
+                "at {:.2} mm/s in steps, at {degrees:.0} degrees to them, the gate changes {} times",
+                speed * opens,
+                steps.changes
+            )
         })?;
         most = most.max(steps.changes);
     }

@@ -20,17 +20,8 @@ use energy::{Fall, Fallen, Swings, by_chance, fall, swings};
 /// Rates at which walls of a kind are looked at \[Hz\].
 const RATES_HZ: [u32; 2] = [500, 1000];
 
-const fn case(
-    name: &'static str,
-    of_graph: bool,
-    run: fn(&Subject<'_>) -> Found,
-    [hard, must]: [&'static str; 2],
-) -> Case {
-    Case { family: Family::StiffWalls, name, hard, must, of_graph, run }
-}
-
 pub(super) const CASES: &[Case] = &[
-    case(
+    Family::StiffWalls.case(
         "wall_inside_its_bound",
         false,
         |s| each_floor(s, inside),
@@ -39,7 +30,7 @@ pub(super) const CASES: &[Case] = &[
             "no energy: in no tick have device and wall together more than at first (1e-4: the wall's energy is measured); with twice the damping it lies still after 60 m / b",
         ],
     ),
-    case(
+    Family::StiffWalls.case(
         "wall_outside_its_bound",
         false,
         |s| floor(s, "virtual_floor", outside),
@@ -48,7 +39,7 @@ pub(super) const CASES: &[Case] = &[
             "energy is made: motions of constant speed from tick to tick take out within 0.1 % of what K T/2 stands for at every frequency, and a device with 0.8 of that damping leaves the wall faster than it came",
         ],
     ),
-    case(
+    Family::StiffWalls.case(
         "wall_late",
         false,
         |s| each_floor(s, late),
@@ -57,7 +48,7 @@ pub(super) const CASES: &[Case] = &[
             "a delay counts as K t_d: with 2 % more damping than K (T/2 + t_d) + B no energy is made, with 0.8 of it a device leaves the wall faster than it came",
         ],
     ),
-    case(
+    Family::StiffWalls.case(
         "wall_in_steps",
         false,
         |s| each_floor(s, quantum::below),
@@ -66,7 +57,7 @@ pub(super) const CASES: &[Case] = &[
             "within a tenth it trembles no further than (D/2 + c/K) coth(pi z / (2 sqrt(1 - z^2))) around rest, z = (b - K T/2) / (2 sqrt(K m)), and no faster (rms) than (K D / 2 - c) / (b - K T/2); a motion of a step a tick takes out what K D / 2 stands for within 0.1 %",
         ],
     ),
-    case(
+    Family::StiffWalls.case(
         "wall_in_steps_held_by_friction",
         false,
         |s| each_floor(s, quantum::above),
@@ -75,7 +66,7 @@ pub(super) const CASES: &[Case] = &[
             "it lies still, to the last bit, after as many swings as friction needs for it: A K / (4 (c - K D / 2)) and one more",
         ],
     ),
-    case(
+    Family::StiffWalls.case(
         "wall_under_a_hand",
         false,
         |s| each_floor(s, under_a_hand::holds_on),
@@ -84,7 +75,7 @@ pub(super) const CASES: &[Case] = &[
             "with 2 % more damping than the bound no energy is made, and it lies still to 1 um once 24 M / B of hand, device and arm have gone by (8 s of the usual hand); with a sensor in steps its rms speed is within the bound of the wall in steps",
         ],
     ),
-    case(
+    Family::StiffWalls.case(
         "own_wall_energy",
         true,
         |s| own(s, inside),
@@ -93,7 +84,7 @@ pub(super) const CASES: &[Case] = &[
             "no energy: in no tick have device and wall together more than at first (1e-4: the wall's energy is measured); no motion takes out more than the bound",
         ],
     ),
-    case(
+    Family::StiffWalls.case(
         "own_wall_in_steps",
         true,
         |s| own(s, |w, n, s| Ok(format!("{}; {}", quantum::below(w, n, s)?, quantum::above(w, n, s)?))),
@@ -102,7 +93,7 @@ pub(super) const CASES: &[Case] = &[
             "they tremble within the bounds of a wall in steps, and lie still where dry friction is above K D / 2",
         ],
     ),
-    case(
+    Family::StiffWalls.case(
         "own_wall_under_a_hand",
         true,
         |s| own(s, under_a_hand::holds_on),
@@ -111,7 +102,7 @@ pub(super) const CASES: &[Case] = &[
             "no energy is made, it lies still to 1 um once 24 M / B of hand, device and arm have gone by, and with a sensor in steps its rms speed is within the bound of the wall in steps",
         ],
     ),
-    case(
+    Family::StiffWalls.case(
         "contact_chatter",
         true,
         chatter::rests,

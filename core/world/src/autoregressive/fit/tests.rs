@@ -443,30 +443,3 @@ proptest! {
         }
     }
 }
-
-#[test]
-#[ignore = "prints how long a minute of recording takes to fit, median of five"]
-fn cost() {
-    for rate_hz in [1000.0, 10_000.0] {
-        let mut random = Random::new(1);
-        let stays: Vec<Stay> = (0..60)
-            .map(|_| stay(random.range(10.0, 250.0), random.range(0.2, 3.0), 0.9, &[-1.2, 0.8], 0.3))
-            .collect();
-        let recorded = Recorded::new(rate_hz, &stays, 0.1, 4);
-        let mut seconds: Vec<f64> = (0..5)
-            .map(|_| {
-                let start = std::time::Instant::now();
-                let (texture, report) = recorded.fit(&Settings::default());
-                println!(
-                    "{} models of {} segments, order {}",
-                    texture.models().len(),
-                    report.segments.len(),
-                    report.order
-                );
-                start.elapsed().as_secs_f64()
-            })
-            .collect();
-        seconds.sort_by(f64::total_cmp);
-        println!("{rate_hz} Hz: {:.3} s", seconds[2]);
-    }
-}

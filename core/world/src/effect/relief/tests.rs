@@ -262,20 +262,6 @@ fn a_device_that_tells_places_in_steps_rattles_and_filtered_places_do_not() {
 }
 
 #[test]
-#[ignore = "prints what remains beside a wave told in steps"]
-fn steps_of_a_device() {
-    let ways = [(Smoothing::Hermite, false), (Smoothing::Parabola, false), (Smoothing::Hermite, true)];
-    for step in [0.0, 0.005, 0.055] {
-        for speed in [19.3, 61.7, 157.1] {
-            for tick_hz in [500, 1000, 4000] {
-                let all = ways.map(|way| beside_the_wave(step, speed, tick_hz, way));
-                println!("{step} mm, {speed} mm/s, {tick_hz} Hz: {all:.1?}");
-            }
-        }
-    }
-}
-
-#[test]
 fn what_would_come_back_mirrored_is_left_out() {
     let field = HeightField::from_fn(64, 0.05, |x, _| 0.01 * (TAU * x / 0.2).sin());
     let spline = HeightSpline::new(&field);

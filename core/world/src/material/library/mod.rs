@@ -84,7 +84,7 @@ impl Library {
     pub fn shared(path: impl AsRef<Path>) -> Result<Arc<Self>, Diagnostic> {
         let source = Source::read(path)?;
         let key = (source.path().to_owned(), fingerprint(source.text().as_bytes()));
-        LIBRARIES.of(key, || Self::parse(&source).map(Arc::new))
+        LIBRARIES.of(key, |_| Self::parse(&source).map(Arc::new))
     }
 
     /// Reads a library from its text.
