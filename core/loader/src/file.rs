@@ -6,7 +6,7 @@ use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use asperity_abi::ASPERITY_ENTRY_SYMBOL;
-use asperity_source::Diagnostic;
+use asperity_source::{Diagnostic, fnv};
 use libloading::Library;
 use object::read::NameOrOrdinal;
 use object::{Architecture, BinaryFormat, Object, ObjectKind, ObjectSegment};
@@ -152,9 +152,5 @@ unsafe fn open(copy: &Path) -> Result<Library, libloading::Error> {
 
 /// Tells two builds of a library apart; never 0.
 pub(crate) fn build_of(bytes: &[u8]) -> u64 {
-    // FNV-1a: nobody is to be kept out by it.
-    let hash = bytes
-        .iter()
-        .fold(0xcbf2_9ce4_8422_2325_u64, |h, b| (h ^ u64::from(*b)).wrapping_mul(0x100_0000_01b3));
-    hash.max(1)
+    fnv(bytes).max(1)
 }

@@ -13,4 +13,4 @@ pub mod ron;
 
 pub use diagnostic::{Diagnostic, Place, Position, Source, Span};
 pub use nearest::{nearest, one_of};
-pub use recent::{Recent, fingerprint};
+pub use recent::{Recent, fingerprint, fnv};

@@ -153,19 +153,17 @@ impl Scene {
         slots
     }
 
-    /// A number that tells all slots apart from others, in their order and with all that they say (FNV-1a of 64 bits, in hexadecimal digits).
+    /// A number that tells all slots apart from others, in their order and with all that they say ([`fnv`](asperity_source::fnv), in hexadecimal digits).
     pub fn slots_key(&self) -> String {
-        let mut key = 0xcbf2_9ce4_8422_2325_u64;
+        let mut all = Vec::new();
         for kind in Kind::ALL {
             let slots = self.slots(kind);
             for slot in 0..slots.first.len() {
-                for byte in self.slot_text(kind, &slots, slot).bytes().chain([0]) {
-                    key = (key ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3);
-                }
+                all.extend(self.slot_text(kind, &slots, slot).bytes().chain([0]));
             }
-            key = (key ^ 1).wrapping_mul(0x0100_0000_01b3);
+            all.push(1);
         }
-        format!("{key:016x}")
+        format!("{:016x}", asperity_source::fnv(&all))
     }
 
     /// What stands in the file of a slot: as a text for the parameter of the kind's node. Materials are names.
