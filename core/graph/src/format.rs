@@ -11,7 +11,7 @@ const TICK_HZ: std::ops::RangeInclusive<i64> = 100..=4000;
 /// Audio rates that a graph may ask for, in Hz.
 const AUDIO_HZ: std::ops::RangeInclusive<i64> = 8000..=192_000;
 /// How rarely a node may run, in ticks.
-const EVERY: std::ops::RangeInclusive<i64> = 1..=1000;
+pub const EVERY: std::ops::RangeInclusive<i64> = 1..=1000;
 /// Ticks a second of a graph that does not say.
 const DEFAULT_TICK_HZ: u32 = 500;
 /// Audio rate of a graph that does not say, in Hz.

@@ -11,7 +11,7 @@ mod schedule;
 mod write;
 
 pub use compile::{Compiled, Options, compile};
-pub use format::{Endpoint, GraphFile, NodeDecl, PluginDecl, Setting, WireDecl};
+pub use format::{EVERY, Endpoint, GraphFile, NodeDecl, PluginDecl, Setting, WireDecl};
 pub use params::check_settings;
 pub use schedule::{
     BufferEntry, Dropped, LiveParam, PathLatency, Schedule, ScheduledInput, ScheduledNode, ScheduledOutput,

@@ -2,8 +2,8 @@
 
 use std::fmt;
 
-use asperity_graph::{Endpoint, GraphFile, NodeDecl, Setting, text_of};
-use asperity_node::{NodeKind, ParamKind, Registry};
+use asperity_graph::{EVERY, Endpoint, GraphFile, NodeDecl, Setting, text_of};
+use asperity_node::{NodeKind, ParamKind, Registry, ShapeSpec};
 use asperity_source::ron::{Key, Kind, Value};
 use asperity_source::{Diagnostic, Place, one_of};
 
@@ -12,7 +12,7 @@ use asperity_source::{Diagnostic, Place, one_of};
 enum Target {
     /// `tick_hz`, `audio_hz`.
     Graph(String),
-    /// `NODE.PARAM`, `NODE.every`, or `*.PARAM` for every node whose kind has it.
+    /// `NODE.PARAM`, `NODE.every`, or `*.PARAM` for every node whose kind has it; `*.every` for those that carry no audio.
     Param { node: String, param: String },
     /// `NODE`: the node itself, another in its place, or none.
     Node(String),
@@ -53,7 +53,7 @@ const BYPASSED: &str = "bypassed";
 const KEPT: &str = "kept";
 
 impl Knob {
-    /// Reads `tick_hz`, `audio_hz`, `guards`, `NODE.PARAM`, `NODE.every`, `*.PARAM` or `NODE`.
+    /// Reads `tick_hz`, `audio_hz`, `guards`, `NODE.PARAM`, `NODE.every`, `*.PARAM`, `*.every` or `NODE`.
     ///
     /// # Errors
     /// An empty part.
@@ -85,7 +85,11 @@ impl Knob {
             Target::Graph(_) | Target::Guards => true,
             Target::Node(id) => graph.node(id).is_some(),
             Target::Param { node, param } if node == "*" => {
-                graph.nodes.iter().any(|n| has(registry, &n.kind, param).is_some())
+                if param == "every" {
+                    graph.nodes.iter().any(|n| may_rest(registry, &n.kind))
+                } else {
+                    graph.nodes.iter().any(|n| has(registry, &n.kind, param).is_some())
+                }
             }
             Target::Param { node, param } => {
                 graph.node(node).is_some_and(|n| param == "every" || has(registry, &n.kind, param).is_some())
@@ -147,7 +151,10 @@ impl Knob {
             Target::Param { node, param } => {
                 for n in graph.nodes.iter_mut().filter(|n| node == "*" || n.id == *node) {
                     if param == "every" {
-                        n.every = value.i64_in(1..=4000, "ticks")? as u32;
+                        let every = value.i64_in(EVERY, "ticks")? as u32;
+                        if node != "*" || may_rest(registry, &n.kind) {
+                            n.every = every;
+                        }
                         continue;
                     }
                     let takes = has(registry, &n.kind, param).is_some_and(|kind| takes(kind, value));
@@ -177,6 +184,14 @@ pub(crate) fn set(node: &mut NodeDecl, param: &str, value: &Value) {
 pub(crate) fn has<'r>(registry: &'r Registry, kind: &str, param: &str) -> Option<&'r ParamKind> {
     let kind = registry.get(kind)?;
     Some(&kind.descriptor().params.iter().find(|p| p.name == param)?.kind)
+}
+
+/// Whether nodes of a kind need not run in every tick, whatever they are wired to: they carry no audio.
+fn may_rest(registry: &Registry, kind: &str) -> bool {
+    let audio = |shape: &ShapeSpec| matches!(shape, ShapeSpec::Audio(_) | ShapeSpec::Like(_));
+    let Some(kind) = registry.get(kind) else { return false };
+    let d = kind.descriptor();
+    !d.inputs.iter().any(|p| audio(&p.shape)) && !d.outputs.iter().any(|p| audio(&p.shape))
 }
 
 /// Whether a choice has that word; whatever is no choice is left to the compiler.

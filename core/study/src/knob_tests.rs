@@ -93,6 +93,10 @@ fn parameters_rates_and_guards_are_turned_where_they_are() {
     let phase = all.graph.node("phase").unwrap();
     assert_eq!(phase.to_string(), r#""phase": (kind: "sample_commit", params: (frames: 7)),"#);
     assert_eq!((all.graph.tick_hz, all.guards), (1000, false));
+    let rare = turned(&[("*.every", "2")]).graph;
+    // What carries audio runs in every tick.
+    let two: Vec<&str> = rare.nodes.iter().filter(|n| n.every == 2).map(|n| n.id.as_str()).collect();
+    assert_eq!(two, ["stylus", "frames"]);
     // Every node that has the parameter and takes the word.
     let drives = turned(&[("*.phase", r#""minimum""#)]).graph;
     assert!(drives.node("rate").unwrap().to_string().contains("phase: \"minimum\""));
@@ -112,9 +116,12 @@ fn the_nearest_knob_is_named() {
         ("tick_hzz", "`tick_hz`"),
         ("*.precison", "`*.precision`"),
         ("phase.evry", "`phase.every`"),
+        ("*.evry", "`*.every`"),
     ] {
         let help = knob(text).unwrap().nearest(std::iter::once((&graph, &registry)));
         assert_eq!(help, format!("did you mean {want}?"), "{text}");
+        // What is named can be turned.
+        assert!(knob(want.trim_matches('`')).unwrap().fits(&graph, &registry), "{want}");
     }
 }
 
@@ -137,7 +144,9 @@ fn what_is_no_knob_or_no_value_for_one_is_said() {
     assert!(turn("phase", r#"(kind: "spsy")"#).contains("spsi"));
     assert!(turn("guards", "3").contains("value:1"));
     assert!(turn("tick_hz", "7").contains("value:1"));
+    // As in a graph's file.
     assert!(turn("phase.every", "0").contains("value:1"));
+    assert!(turn("phase.every", "1001").contains("1000"));
     assert!(turn("stylus", "bypassed").contains("nothing goes into it"));
     let value = ron::parse(&Source::new("value", r#"(kind: "mine")"#)).unwrap();
     assert_eq!(knob("phase").unwrap().lacks(&value, &registry), Some("mine"));
