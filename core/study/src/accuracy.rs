@@ -52,7 +52,7 @@ pub(crate) struct Found {
     pub lags_ms: Vec<[f64; 3]>,
     /// Declared latency \[ms\].
     pub latency_ms: Option<f64>,
-    /// How often nodes failed.
+    /// How often nodes failed, over strokes and in the steps of speed.
     pub faults: u64,
 }
 
@@ -111,7 +111,9 @@ pub(crate) fn find(
                 onlooker.advanced(1);
             }
             if m == 0 {
+                let before = chain.faults();
                 found.lags_ms.extend(lag::measured(&mut chain, strokes.len(), plan.steps));
+                found.faults += chain.faults() - before;
                 onlooker.advanced(1);
             }
         }
@@ -135,7 +137,7 @@ fn in_double(setting: &Setting, registry: &Registry) -> Option<GraphFile> {
         }
         let is =
             node.params.iter().find(|p| p.name == "precision").map(|p| asperity_graph::text_of(&p.value));
-        any |= is.as_deref() != Some("\"f64\"");
+        any |= is.as_deref().map(|word| word.trim_matches('"')) != Some("f64");
         let value = Value::made(Kind::Text("f64".into()), &node.place);
         set(node, "precision", &value);
     }
@@ -210,6 +212,70 @@ mod tests {
         let wave = |n: u32| amplitude * (std::f64::consts::TAU * 100.0 * f64::from(n) / rate_hz).sin();
         let signal: Vec<f64> = (0..(2.0 * rate_hz) as u32).map(wave).collect();
         Spectrogram::new(&[&signal], rate_hz).unwrap()
+    }
+
+    /// The setting that a graph is as it stands, of a study of one stroke.
+    fn setting(nodes: &str, registry: &Registry) -> (Setting, crate::Study) {
+        let source = |text: String| asperity_source::Source::new("g.ron", text);
+        let graph = source(format!("Graph(version: 1, nodes: {{{nodes}}}, wires: [])"));
+        let graph = GraphFile::parse(&graph).unwrap();
+        let base = crate::Base {
+            name: "g".into(),
+            file: graph.clone(),
+            graph,
+            registry: registry.clone(),
+            strength: 1.0,
+            plugins: Vec::new(),
+        };
+        let study =
+            crate::Study::parse(&source(r#"Study(version: 1, strokes: [(name: "c", seconds: 1.5)])"#.into()));
+        let study = study.unwrap();
+        let mut settings = crate::Settings::new(&study, &[base], &[]).unwrap();
+        (settings.all.remove(0), study)
+    }
+
+    #[test]
+    fn what_is_in_double_precision_already_is_not_held_against_itself_however_it_is_written() {
+        let registry = asperity_nodes::registry();
+        let double = |precision: &str| {
+            let node = format!(r#""r": (kind: "resample", params: ({precision}))"#);
+            in_double(&setting(&node, &registry).0, &registry).is_some()
+        };
+        assert!(double("") && double("precision: f32") && double("precision: \"f32\""));
+        assert!(!double("precision: \"f64\"") && !double("precision: f64"));
+    }
+
+    #[test]
+    fn a_node_that_fails_in_the_steps_of_speed_only_is_counted() {
+        let mut registry = asperity_nodes::registry();
+        // Longer into a run than the stroke lasts, and not as long as the steps do.
+        let late = std::sync::Arc::new(|tick: u64, out: &mut [f64]| {
+            out.fill(if tick == 2000 { f64::NAN } else { 0.0 });
+        });
+        let late =
+            asperity_stability::played::Played::control("fails late", 1, asperity_node::Unit::NONE, late);
+        registry.add(late);
+        let nodes = r#""stylus": (kind: "stroke"), "late": (kind: "fails late")"#;
+        let (mut setting, study) = setting(nodes, &registry);
+        for from in ["stylus.position", "late.out"] {
+            let to = format!("{from} probe").replace('.', " ");
+            setting.graph.add_node(&to, "probe", &[], "test").unwrap();
+            setting.graph.add_wire(from, &to, "test");
+        }
+        struct Nobody;
+        impl Onlooker for Nobody {}
+        let strokes = [study.strokes[0].open().unwrap()];
+        let plan = Plan {
+            strokes: &strokes,
+            materials: &[None],
+            draws: 1,
+            seed: 1,
+            steps: 10,
+            truths: &Truths::default(),
+        };
+        let found = find(&setting, &registry, &plan, &Nobody).unwrap().unwrap();
+        // Once in the steps up, and once in the run without.
+        assert_eq!(found.faults, 2);
     }
 
     #[test]

@@ -31,7 +31,10 @@ pub(crate) fn put_times(rows: &mut [Row], batches: &[Batch]) {
     }
     for row in rows {
         match times.remove(row.key.as_str()) {
-            Some(Ok(time)) => row.time = Some(time),
+            Some(Ok(time)) => {
+                row.faults += time.faults;
+                row.time = Some(time);
+            }
             Some(Err(why)) => row.error = Some(why),
             None => {}
         }
@@ -56,6 +59,7 @@ pub(crate) fn empty(batches: &[Batch]) -> Option<Time> {
         ticks: batches.iter().map(|b| b.empty.ticks).sum(),
         stall_us: of(|t| t.stall_us),
         memory_kib: None,
+        faults: 0,
     })
 }
 
@@ -122,6 +126,18 @@ mod tests {
         assert_eq!(rows[1].time.unwrap().p50_us, 30.0);
         // A stall takes what it takes.
         assert_eq!(rows[1].time.unwrap().max_us, 4000.0);
+    }
+
+    #[test]
+    fn a_setting_of_which_a_node_failed_while_it_was_timed_cannot_be_chosen() {
+        let time = |faults| Ok(Time { load_percent: 1.0, faults, ..Time::default() });
+        let rows = vec![("a".into(), time(0)), ("b".into(), time(3))];
+        let batch =
+            Batch { empty: Time::default(), anchor: Time { load_percent: 1.0, ..Time::default() }, rows };
+        let mut rows = ["a", "b"].map(crate::testing::row);
+        rows[1].faults = 2;
+        put_times(&mut rows, &[batch]);
+        assert_eq!((rows[0].sound(), rows[1].sound(), rows[1].faults), (true, false, 5));
     }
 
     #[test]

@@ -25,7 +25,7 @@ pub struct Chain {
     way: Arc<AtomicUsize>,
     /// The actuator, at rest.
     plant: Option<Plant>,
-    /// Faults of runs before this one.
+    /// Faults before this run.
     faults: u64,
 }
 
@@ -159,6 +159,11 @@ impl Chain {
         self.faults = self.engine.faults();
         self.engine.reset();
         self.places.plant = self.plant.clone();
+    }
+
+    /// How often nodes failed, in all runs.
+    pub fn faults(&self) -> u64 {
+        self.engine.faults()
     }
 
     /// What is run.

@@ -96,7 +96,7 @@ pub struct Row {
     pub lag_draws_ms: Vec<f64>,
     /// Declared latency \[ms\].
     pub latency_ms: Option<f64>,
-    /// How often nodes failed.
+    /// How often nodes failed: over the strokes, in the steps of speed and while it was timed.
     pub faults: u64,
     /// Hard cases that it was put to.
     pub cases: usize,
@@ -148,14 +148,23 @@ pub struct Time {
     /// What of the 99.9th percentile the machine stalls by itself: what ticks that did nothing, in the same turns, took beyond their median, at the percentile
     /// where they had met as many stalls.
     pub stall_us: f64,
-    /// Memory that the graph takes \[KiB\], where it can be counted.
+    /// Memory that the graph takes \[KiB\], where it can be counted: its nodes, with weights of their own, and its buffers, beyond the models and libraries
+    /// that a process reads once for all of its graphs.
     pub memory_kib: Option<f64>,
+    /// How often nodes failed while it was timed.
+    #[serde(default)]
+    pub faults: u64,
 }
 
 impl Row {
     /// Whether it may be chosen: it ran, its time is known, no node failed, and every hard case that it was put to holds.
     pub fn sound(&self) -> bool {
         self.error.is_none() && self.time.is_some() && self.faults == 0 && self.fails.is_empty()
+    }
+
+    /// Whether there is nothing left to do for it: its time is known, or why there is none.
+    pub fn is_finished(&self) -> bool {
+        self.time.is_some() || self.error.is_some()
     }
 
     /// Its load in per cent of real time.

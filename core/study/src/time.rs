@@ -24,7 +24,7 @@ use crate::spot;
 
 /// Least length of signal whose median time is what is ranked; where nodes run in some ticks only, so much longer that all have run as often in each.
 pub const LOAD_MS: u64 = 8;
-/// Most ticks that such a length has. Where nodes that run every so-manieth tick come to the same again after more, a length has one call of each too many or
+/// Most ticks that such a length has. Where nodes that run in every n-th tick come to the same again after more, a length has one call of each too many or
 /// too few at most.
 const MOST_TICKS: u64 = 8000;
 /// Turns before those that count.
@@ -93,6 +93,16 @@ fn group(graph: &GraphFile) -> u64 {
     least.div_ceil(all).saturating_mul(all).min(MOST_TICKS)
 }
 
+/// What is made, and how many bytes it takes, where they can be counted. It is made twice: what is kept of the first, such as models that were read lately, is
+/// there for all that are made.
+fn weighed<T, E>(onlooker: &dyn Onlooker, make: impl Fn() -> Result<T, E>) -> Result<(T, Option<u64>), E> {
+    drop(make()?);
+    let before = onlooker.heap_bytes();
+    let made = make()?;
+    let bytes = before.zip(onlooker.heap_bytes()).map(|(before, after)| after.saturating_sub(before));
+    Ok((made, bytes))
+}
+
 impl Entry {
     fn new(
         setting: &Setting,
@@ -101,10 +111,9 @@ impl Entry {
         onlooker: &dyn Onlooker,
     ) -> Result<Self, Diagnostic> {
         let graph: GraphFile = over(&setting.graph, registry, material, setting.graph.seed);
-        let before = onlooker.heap_bytes();
         let options = Options { guards: setting.guards, ..Options::default() };
-        let chain = Chain::new(&graph, registry, vec![spot::round(&graph, registry)?], options)?;
-        let memory = before.zip(onlooker.heap_bytes()).map(|(before, after)| after.saturating_sub(before));
+        let way = spot::round(&graph, registry)?;
+        let (chain, memory) = weighed(onlooker, || Chain::new(&graph, registry, vec![way.clone()], options))?;
         Ok(Self { memory, ..Self::of(Work::Chain(Box::new(chain)), graph.tick_hz, group(&graph)) })
     }
 
@@ -186,6 +195,10 @@ impl Entry {
             cold_us: median(self.cold.clone()),
             memory_kib: self.memory.map(|b| b as f64 / 1024.0),
             stall_us: 0.0,
+            faults: match &self.work {
+                Work::Chain(chain) => chain.faults(),
+                Work::Spin(_) => 0,
+            },
         }
     }
 }
@@ -285,6 +298,40 @@ mod tests {
             every.iter().enumerate().map(|(i, e)| format!("\"{i}\": (kind: \"mix\", every: {e})")).collect();
         let text = format!("Graph(version: 1, tick_hz: {tick_hz}, nodes: {{{}}})", nodes.join(", "));
         GraphFile::parse(&Source::new("g.ron", text)).unwrap()
+    }
+
+    #[test]
+    fn what_a_process_keeps_of_a_graph_is_not_counted_as_its_memory() {
+        use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+
+        #[derive(Default)]
+        struct Heap(AtomicU64);
+        impl Onlooker for Heap {
+            fn heap_bytes(&self) -> Option<u64> {
+                Some(self.0.load(Relaxed))
+            }
+        }
+        struct Made<'h>(&'h Heap);
+        impl Drop for Made<'_> {
+            fn drop(&mut self) {
+                self.0.0.fetch_sub(100, Relaxed);
+            }
+        }
+        let heap = Heap::default();
+        let kept = std::cell::Cell::new(false);
+        // 100 bytes, and a model of 1000 that whichever comes first reads.
+        let make = || {
+            heap.0.fetch_add(if kept.replace(true) { 100 } else { 1100 }, Relaxed);
+            Ok::<_, ()>(Made(&heap))
+        };
+        let (first, bytes) = weighed(&heap, make).unwrap();
+        assert_eq!((bytes, heap.heap_bytes()), (Some(100), Some(1100)));
+        let (_second, bytes) = weighed(&heap, make).unwrap();
+        assert_eq!(bytes, Some(100));
+        drop(first);
+        struct Blind;
+        impl Onlooker for Blind {}
+        assert_eq!(weighed(&Blind, || Ok::<_, ()>(())).unwrap().1, None);
     }
 
     #[test]
