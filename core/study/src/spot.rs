@@ -1,7 +1,7 @@
 //! Where on a scene's surfaces a stylus finds room.
 //!
 //! A graph that was made for a floor at height 0 takes strokes as they are. A scene has surfaces here and there, with gaps between them: there, strokes lie in
-//! the middle of the first surface that sounds.
+//! the middle of the first flat surface that sounds.
 
 use std::sync::Arc;
 
@@ -47,7 +47,7 @@ impl Spot {
     /// The place on the surfaces of the scene that a graph reads; none where it reads none.
     ///
     /// # Errors
-    /// A scene that cannot be read; no surface that sounds has 5 mm of room that are its own.
+    /// A scene that cannot be read; no surface that sounds has 5 mm of a flat face that are its own.
     pub(crate) fn of(graph: &GraphFile, registry: &Registry) -> Result<Option<Self>, Diagnostic> {
         let reads = |kind: &str| {
             matches!(crate::knob::has(registry, kind, "scene"), Some(ParamKind::File))
@@ -59,7 +59,7 @@ impl Spot {
         let found = scene.surfaces.iter().find_map(|s| Self::on(s, &scene));
         found.map(Some).ok_or_else(|| {
             Diagnostic::new(format!(
-                "no surface of this scene has room for a stroke: it needs a stiffness, a texture and {LEAST_MM} mm of a flat face on which no other one lies"
+                "no surface of this scene has room for a stroke: it needs a stiffness, a texture and {LEAST_MM} mm of a flat face (a plane, a rectangle, a box; no relief, no sphere) on which no other one lies"
             ))
             .in_file(scene.source.path())
             .help("study a graph, or a scene with a rectangle that has a texture")
@@ -76,8 +76,8 @@ impl Spot {
             Form::Plane => (0.0, None),
             Form::Rectangle { size_mm, .. } => (0.0, Some(*size_mm)),
             Form::Box { size_mm: [x, y, z] } => (0.5 * z, Some([*x, *y])),
-            Form::Relief(relief) => (relief.sample(0.0, 0.0).0, Some(relief.size_mm())),
-            Form::Sphere { .. } => return None,
+            // Over hills a stylus is neither as hard pressed nor as fast as over the floor that the physics are of.
+            Form::Relief(_) | Form::Sphere { .. } => return None,
         };
         let room_mm = sides.map(|s| s.map(|side| side - 2.0 * MARGIN_MM));
         if room_mm.is_some_and(|[x, y]| x.min(y) < LEAST_MM) {
@@ -272,6 +272,24 @@ mod tests {
         let ball = r#""ball": (shape: sphere(radius_mm: 30), effects: (stiffness: (stiffness_n_per_mm: 2.0), texture: relief(heights: made(surface: "canvas"))))"#;
         let e = Spot::of(&graph(dir.path(), ball), &asperity_nodes::registry()).unwrap_err();
         assert!(e.to_string().contains("room for a stroke"), "{e}");
+    }
+
+    #[test]
+    fn hills_are_no_flat_face() {
+        let dir = tempfile::tempdir().unwrap();
+        // Hills, and a face beside them.
+        let hills = r#""hills": (shape: relief(heights: made(surface: "rubber pebble mat", side: 256, step_mm: 0.08), scale: 10.0, size_mm: (20, 20)),
+            effects: (stiffness: (stiffness_n_per_mm: 2.0), texture: relief(heights: made(surface: "canvas"))))"#;
+        let registry = asperity_nodes::registry();
+        let both = format!("{hills}, \"flat\": {}", relief("(100, 0, 0)", ""));
+        let spot = Spot::of(&graph(dir.path(), &both), &registry).unwrap().unwrap();
+        assert_eq!(spot.name, "flat");
+        let e = Spot::of(&graph(dir.path(), hills), &registry).unwrap_err().to_string();
+        let scene = Scene::read(dir.path().join("scene.ron")).unwrap();
+        let Form::Relief(relief) = scene.surfaces[0].surface.shape.form() else { panic!("no relief") };
+        let [low, high] = relief.bounds_mm();
+        assert!(high - low > 3.0, "{low} to {high} mm");
+        assert!(e.contains("no relief"), "{e}");
     }
 
     #[test]
