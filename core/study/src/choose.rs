@@ -68,10 +68,15 @@ impl Results {
         Ok(())
     }
 
+    /// Whether any setting has a figure.
+    pub fn knows(&self, figure: Figure) -> bool {
+        self.rows.iter().any(|row| row.figure(figure).is_some())
+    }
+
     /// Figures by which a setting is best where none are asked for: those against the physics, perceptual first; where none of them is known, the spectral
     /// convergence.
     pub fn usual(&self) -> Vec<Figure> {
-        let known = |f: &Figure| self.rows.iter().any(|row| row.figure(*f).is_some());
+        let known = |f: &Figure| self.knows(*f);
         let physics: Vec<Figure> =
             Figure::ALL.into_iter().filter(|f| f.of_the_whole()).filter(known).collect();
         if physics.is_empty() { [Figure::Convergence].into_iter().filter(known).collect() } else { physics }

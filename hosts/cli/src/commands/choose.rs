@@ -32,6 +32,7 @@ pub fn run(args: &Choose) -> Result<ExitCode, Failure> {
         by: figures(&args.by)?,
         tick_hz: args.tick_hz,
     };
+    known(&results, &budget.by, &from)?;
     let Some(choice) = results.choose(&budget) else {
         complain(&nothing(&results, &budget, &from));
         return Ok(ExitCode::from(1));
@@ -58,6 +59,15 @@ fn figures(names: &[String]) -> Result<Vec<Figure>, Failure> {
         })
     };
     names.iter().map(of).collect()
+}
+
+/// Refuses figures that no setting has.
+fn known(results: &Results, by: &[Figure], from: &str) -> Result<(), Failure> {
+    let Some(missing) = by.iter().find(|f| !results.knows(**f)) else { return Ok(()) };
+    let there: Vec<&str> = Figure::ALL.into_iter().filter(|f| results.knows(*f)).map(Figure::name).collect();
+    let there = if there.is_empty() { "none".to_owned() } else { there.join(", ") };
+    let d = Diagnostic::new(format!("no setting of {from} has the figure `{}`", missing.name()));
+    Err(d.in_file("--by").help(format!("figures that there are: {there}")).into())
 }
 
 /// The setting as a fragment of a graph, with what it costs and is worth as comments.
@@ -154,22 +164,38 @@ fn nothing(results: &Results, budget: &Budget, from: &str) -> String {
         counts[2],
         counts[3]
     );
-    let sound = || results.rows.iter().filter(|r| r.sound());
+    // What would fit, were it not for one of the limits.
+    let but_for = |budget: Budget| results.rows.iter().filter(move |row| results.fits(row, &budget).is_ok());
     let stalls = |stall_us: f64| if budget.strict { 0.0 } else { stall_us };
     let late = |t: Time| (t.p999_us - stalls(t.stall_us)).max(t.p50_us);
-    let quickest = sound().filter_map(|r| r.time).map(late).reduce(f64::min);
-    let soonest = sound().filter_map(|r| r.lag50()).reduce(f64::min);
-    if let Some(us) = quickest.filter(|_| counts[1] > 0) {
+    let in_any_time = but_for(Budget { tick_us: None, ..budget.clone() });
+    let quickest = in_any_time.filter_map(|r| r.time).map(late).reduce(f64::min);
+    let however_late = but_for(Budget { lag_ms: None, ..budget.clone() });
+    let soonest = however_late.filter_map(|r| r.lag50()).reduce(f64::min);
+    let other = but_for(Budget { tick_hz: None, ..budget.clone() });
+    let rates: BTreeSet<u32> = other.map(|r| r.tick_hz).collect();
+    // More than one limit: what there is but for one of them keeps to the others.
+    let given = [budget.tick_us.is_some(), budget.lag_ms.is_some(), budget.tick_hz.is_some()];
+    let rest = if given.iter().filter(|given| **given).count() > 1 {
+        " of those that keep to the other limits"
+    } else {
+        ""
+    };
+    let which = if rest.is_empty() { "" } else { ", which keep to the other limits" };
+    if let Some(us) = quickest {
         let without = if budget.strict { "" } else { ", without what the machine stalled by itself" };
-        let _ = writeln!(out, "  the quickest has ticks of {us:.1} us at the 99.9th percentile{without}");
+        let _ =
+            writeln!(out, "  the quickest{rest} has ticks of {us:.1} us at the 99.9th percentile{without}");
     }
-    if let Some(ms) = soonest.filter(|_| counts[2] > 0) {
-        let _ = writeln!(out, "  the soonest answers after {ms:.1} ms");
+    if let Some(ms) = soonest {
+        let _ = writeln!(out, "  the soonest{rest} answers after {ms:.1} ms");
     }
-    let rates: BTreeSet<u32> = sound().filter(|r| r.time.is_some()).map(|r| r.tick_hz).collect();
-    if counts[3] > 0 && !rates.is_empty() {
+    if !rates.is_empty() {
         let rates: Vec<String> = rates.iter().map(u32::to_string).collect();
-        let _ = writeln!(out, "  there are settings of {} ticks a second", rates.join(", "));
+        let _ = writeln!(out, "  there are settings of {} ticks a second{which}", rates.join(", "));
+    }
+    if quickest.is_none() && soonest.is_none() && rates.is_empty() && !rest.is_empty() {
+        out += "  each setting misses more than one of the limits\n";
     }
     out
 }
@@ -243,6 +269,47 @@ mod tests {
         let said = |strict| nothing(&all, &Budget { tick_us: Some(1.0), strict, ..Budget::default() }, "it");
         assert!(said(false).contains("has ticks of 20.0 us") && !said(false).contains("a second"));
         assert!(said(true).contains("has ticks of 4020.0 us"), "{}", said(true));
+    }
+
+    #[test]
+    fn what_is_nearest_keeps_to_the_rest_of_the_budget() {
+        let timed = |name: &str, tick_hz, p50_us, lag: f64| Row {
+            lag_ms: Some([lag; 3]),
+            time: Some(Time { p50_us, p999_us: p50_us, ..Time::default() }),
+            ..row(name, tick_hz)
+        };
+        let all = results(vec![
+            timed("quick and late, of other ticks", 500, 10.0, 60.0),
+            timed("slow", 1000, 300.0, 20.0),
+            timed("slower and soon", 1000, 400.0, 5.0),
+            timed("not so slow, and late", 1000, 200.0, 90.0),
+        ]);
+        let budget = Budget { tick_us: Some(100.0), tick_hz: Some(1000), ..Budget::default() };
+        let said = nothing(&all, &budget, "it");
+        assert!(
+            said.contains("the quickest of those that keep to the other limits has ticks of 200.0 us"),
+            "{said}"
+        );
+        // What has other ticks is named as that.
+        assert!(said.contains("of 500 ticks a second, which keep to the other limits"), "{said}");
+        let budget = Budget { lag_ms: Some(30.0), ..budget };
+        let said = nothing(&all, &budget, "it");
+        assert!(said.contains("has ticks of 300.0 us") && !said.contains("ticks a second"), "{said}");
+        let budget = Budget { tick_us: Some(250.0), lag_ms: Some(10.0), tick_hz: Some(1000), ..budget };
+        let said = nothing(&all, &budget, "it");
+        assert!(said.contains("ticks of 400.0 us") && said.contains("answers after 90.0 ms"), "{said}");
+        let budget = Budget { tick_us: Some(1.0), lag_ms: Some(1.0), tick_hz: None, ..budget };
+        assert!(nothing(&all, &budget, "it").contains("misses more than one of the limits"));
+    }
+
+    #[test]
+    fn a_figure_that_no_setting_has_is_not_chosen_by() {
+        let all = results(vec![row("a", 500)]);
+        assert_eq!(known(&all, &[Figure::Level, Figure::Bands], "it").unwrap(), ());
+        let e = known(&all, &[Figure::Level, Figure::Convergence], "it").unwrap_err();
+        let Failure::Input(e) = e else { panic!("{e:?}") };
+        let said = e[0].to_string();
+        assert!(said.contains("`convergence`") && said.contains("bands, level"), "{said}");
     }
 
     #[test]
