@@ -164,6 +164,12 @@ fn parts_of_a_study_are_put_together_and_the_best_can_be_pasted() {
     }
     let lost = run(dir.path(), &["tradeoff", "study.ron", "--out", "1", "--shard", "2/2", "--no-cases"]);
     assert!(lost.code == 2 && lost.err.contains("has the results of shard 1/2"), "{}", lost.err);
+    std::fs::create_dir(dir.path().join("half")).expect("a folder");
+    for out in ["1", "half/../1"] {
+        let over = run(dir.path(), &["tradeoff", "merge", "2", "1/results.json", "--out", out]);
+        assert!(over.code == 2 && over.err.contains("take the place of these results"), "{}", over.err);
+    }
+    assert_eq!(json(&dir.path().join("1/results.json")), parts[0]);
     let half = run(dir.path(), &["tradeoff", "merge", "1", "--out", "half", "-q"]).ok();
     assert!(half.err.contains("shards that are not there: 2 of 2"), "{}", half.err);
     let report = std::fs::read_to_string(dir.path().join("half/REPORT.md")).expect("a report");
@@ -372,13 +378,31 @@ fn a_study_that_is_interrupted_says_so_and_goes_on_later() {
     assert_eq!(names(&results).len(), 17);
     assert!(results["rows"].as_array().expect("rows").iter().all(|r| r["time"].is_object()));
     assert_eq!(results["unfinished"], 0);
-    // What is finished is not lost where the same command is stopped at once.
-    let child = asperity(dir.path()).args(args).spawn().expect("it starts");
-    std::thread::sleep(std::time::Duration::from_millis(30));
-    let killed = std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status();
-    assert!(killed.expect("kill").success());
-    child.wait_with_output().expect("it ends");
+    // What is finished is not lost where the same command is stopped at once, nor where it is one whose parts are all new.
+    let code = interrupted(dir.path(), &args);
+    assert!(matches!(code, Some(0 | 130)), "{code:?}");
     assert_eq!(json(&dir.path().join("out/results.json")), results);
+    let code = interrupted(dir.path(), &[&args[..], &["--set", "strength.gain=0.34"]].concat());
+    assert_eq!(code, Some(130));
+    assert_eq!(json(&dir.path().join("out/results.json")), results);
+}
+
+/// Exit code of a study that is interrupted as soon as it has its folder; none where it did not end by itself.
+#[cfg(unix)]
+fn interrupted(dir: &Path, args: &[&str]) -> Option<i32> {
+    let lock = || {
+        let lock = std::fs::metadata(dir.join("out/kept/.lock")).expect("a lock");
+        lock.modified().expect("a time")
+    };
+    let before = lock();
+    let mut child = asperity(dir).args(args).spawn().expect("it starts");
+    // It may be over before that is seen.
+    while lock() == before && child.try_wait().expect("it runs").is_none() {
+        std::thread::sleep(std::time::Duration::from_micros(200));
+    }
+    let killed = std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status();
+    assert!(killed.is_ok());
+    child.wait().expect("it ends").code()
 }
 
 /// Names of finished parts of `out`, with what tells a file that was written anew.

@@ -5,12 +5,13 @@ use std::path::{Path, PathBuf};
 
 use asperity_graph::{GraphFile, compile, text_of};
 use asperity_node::{ParamKind, ParamValue, Registry};
+use asperity_source::fnv;
 
 use crate::file::beside;
 use crate::hear::over;
 use crate::knob::has;
-use crate::run::Order;
-use crate::setting::{Base, Setting, fnv};
+use crate::order::Order;
+use crate::setting::{Base, Setting};
 use crate::stroke::{Stroke, StrokeDecl};
 
 /// Names of a setting's parts.
@@ -24,10 +25,21 @@ pub(crate) struct Names {
     pub times: String,
 }
 
-/// Names of the parts of all settings, the first of which is the default that all others are timed with.
+/// What a graph reads: each file's name with what is in it, in the order of their paths.
+pub(crate) type Read = Vec<String>;
+
+/// What the graphs of settings read.
+pub(crate) fn read(order: &Order<'_>, settings: &[Setting], materials: &[Option<String>]) -> Vec<Read> {
+    let mut files = Files::default();
+    let of = |s| order.base(s).map_or_else(Read::new, |base| files.of(s, base, materials));
+    settings.iter().map(of).collect()
+}
+
+/// Names of the parts of settings, the first of which is the default that all others are timed with.
 pub(crate) fn names(
     order: &Order<'_>,
     settings: &[Setting],
+    read: &[Read],
     played: &[Stroke],
     materials: &[Option<String>],
 ) -> Vec<Names> {
@@ -38,14 +50,11 @@ pub(crate) fn names(
     let made: Vec<Option<f64>> = played.iter().map(|s| s.made_mm).collect();
     let plan = format!("{} {} {} {strokes:?} {made:?} {materials:?}", study.seed, study.draws, study.steps);
     let timed = format!("{:?} {:?} {:?}", study.times, materials.first(), order.machine);
-    let mut files = Files::default();
     let mut default = None;
-    let each = settings.iter().map(|setting| {
-        let base = order.base(setting);
-        let read = base.map_or_else(String::new, |b| files.of(setting, b, materials));
-        let own = format!("{program} {} {read}", setting.key);
+    let each = settings.iter().zip(read).map(|(setting, read)| {
+        let own = format!("{program} {} {read:?}", setting.key);
         let default = default.get_or_insert_with(|| own.clone());
-        let name = |kind: &str, of: &str| format!("{kind}-{:016x}", fnv(&format!("{own} {of}")));
+        let name = |kind: &str, of: &str| format!("{kind}-{}", of_bytes(format!("{own} {of}").as_bytes()));
         Names {
             figures: name("figures", &plan),
             cases: name("cases", ""),
@@ -55,15 +64,24 @@ pub(crate) fn names(
     each.collect()
 }
 
-/// What tells the settings of this study, as its shards share it, from those of another.
-pub(crate) fn of_all(order: &Order<'_>, settings: &[Setting]) -> String {
+/// What tells a study from another, the same in all of its shards: its settings, strokes and ways of measuring, what is in all the files that these read,
+/// the version of this program. Neither the folder nor the machine, nor which build of that version, is in it.
+pub(crate) fn of_all(order: &Order<'_>, settings: &[Setting], read: &[Read]) -> String {
     let study = order.study;
     let strokes: Vec<String> = study.strokes.iter().map(stroke).collect();
     let materials: Vec<&String> = study.materials.iter().map(|(name, _)| name).collect();
-    let keys: Vec<&str> = settings.iter().map(|s| s.key.as_str()).collect();
+    let of = |(setting, read): (&Setting, &Read)| {
+        // Which path comes first hangs on the folder.
+        let mut read = read.clone();
+        read.sort();
+        format!("{} {read:?}", setting.key)
+    };
+    let settings: Vec<String> = settings.iter().zip(read).map(of).collect();
     let (seed, draws, steps, times) = (study.seed, study.draws, study.steps, study.times);
-    let text = format!("{seed} {draws} {steps} {times:?} {strokes:?} {materials:?} {keys:?} {}", order.cases);
-    format!("{:016x}", fnv(&text))
+    let (cases, build) = (order.cases, &order.machine.build);
+    let text =
+        format!("{seed} {draws} {steps} {times:?} {strokes:?} {materials:?} {settings:?} {cases} {build}");
+    of_bytes(text.as_bytes())
 }
 
 /// A stroke as the study declares it, with what is in its file.
@@ -77,24 +95,22 @@ pub fn content(path: &Path) -> String {
     std::fs::read(path).map_or_else(|_| "none".to_owned(), |bytes| of_bytes(&bytes))
 }
 
-/// FNV-1a, as [`fnv`].
+/// What tells bytes from others, in hexadecimal digits.
 pub(crate) fn of_bytes(bytes: &[u8]) -> String {
-    let hash = bytes
-        .iter()
-        .fold(0xcbf2_9ce4_8422_2325_u64, |h, b| (h ^ u64::from(*b)).wrapping_mul(0x100_0000_01b3));
-    format!("{hash:016x}")
+    format!("{:016x}", fnv(bytes))
 }
 
 /// What graphs read. Those whose nodes name the same files are asked once.
 #[derive(Default)]
 struct Files {
-    read: HashMap<String, String>,
+    read: HashMap<String, Read>,
     contents: HashMap<PathBuf, String>,
 }
 
 impl Files {
-    fn of(&mut self, setting: &Setting, base: &Base, materials: &[Option<String>]) -> String {
+    fn of(&mut self, setting: &Setting, base: &Base, materials: &[Option<String>]) -> Read {
         let (named, mut all) = named(&setting.graph, &base.registry);
+        let named = format!("{named} {:?}", base.plugins);
         if let Some(known) = self.read.get(&named) {
             return known.clone();
         }
@@ -113,14 +129,14 @@ impl Files {
         }
         all.sort();
         all.dedup();
-        let mut contents = String::new();
-        for path in all {
+        let of = |path: PathBuf| {
+            let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
             let known = self.contents.entry(path).or_insert_with_key(|path| content(path));
-            contents += known;
-            contents.push(' ');
-        }
-        self.read.insert(named, contents.clone());
-        contents
+            format!("{name} {known}")
+        };
+        let read: Read = all.into_iter().map(of).collect();
+        self.read.insert(named, read.clone());
+        read
     }
 }
 
@@ -137,4 +153,67 @@ fn named(graph: &GraphFile, registry: &Registry) -> (String, Vec<PathBuf>) {
         }
     }
     (text, files)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::result::Machine;
+    use crate::{Settings, Study};
+    use asperity_source::Source;
+
+    const BUILD: &str = "asperity 1";
+
+    /// The digest of a study in a folder, of a graph that reads a trajectory, on a machine.
+    fn digest(folder: &Path, (cpu, build, program): (&str, &str, &str)) -> String {
+        let graph = r#"Graph(version: 1, nodes: {"s": (kind: "trajectory", params: (file: "t.csv")), "o": (kind: "probe")}, wires: [("s.position", "o")])"#;
+        let graph = GraphFile::parse(&Source::new(folder.join("g.ron"), graph)).unwrap();
+        let base = Base {
+            name: "g".into(),
+            file: graph.clone(),
+            graph,
+            registry: asperity_nodes::registry(),
+            strength: 1.0,
+            plugins: vec![folder.join("mine.so")],
+        };
+        let study =
+            r#"Study(version: 1, strokes: [(name: "s")], grids: [(name: "g", knobs: {"tick_hz": [250]})])"#;
+        let study = Study::parse(&Source::new(folder.join("s.ron"), study)).unwrap();
+        let order = Order {
+            study: &study,
+            bases: std::slice::from_ref(&base),
+            marks: &[],
+            jobs: 1,
+            shard: (0, 2),
+            folder,
+            machine: Machine { cpu: cpu.into(), cores: 2, system: "any".into(), build: build.into() },
+            program,
+            cases: true,
+        };
+        let settings = Settings::new(&study, order.bases, &[]).unwrap().all;
+        of_all(&order, &settings, &read(&order, &settings, &[None]))
+    }
+
+    #[test]
+    fn shards_are_of_one_study_where_all_files_say_the_same_in_whatever_folder_and_machine() {
+        let dirs = [(); 2].map(|()| tempfile::tempdir().unwrap());
+        let write = |of: usize, name: &str, text: &str| {
+            std::fs::write(dirs[of].path().join(name), text).unwrap();
+        };
+        let csv = "t_s,x_mm,y_mm,z_mm\n0,0,0,-1\n1,100,0,-1\n";
+        for of in 0..2 {
+            write(of, "t.csv", csv);
+            write(of, "mine.so", "plugin");
+        }
+        let here = ("cpu", BUILD, "p");
+        let one = digest(dirs[0].path(), here);
+        assert_eq!(digest(dirs[1].path(), ("other", BUILD, "q")), one);
+        assert_ne!(digest(dirs[0].path(), ("cpu", "asperity 2", "p")), one);
+        write(1, "mine.so", "another");
+        assert_ne!(digest(dirs[1].path(), here), one);
+        write(1, "mine.so", "plugin");
+        assert_eq!(digest(dirs[1].path(), here), one);
+        write(1, "t.csv", &csv.replace("100", "90"));
+        assert_ne!(digest(dirs[1].path(), here), one);
+    }
 }

@@ -83,7 +83,8 @@ fn is_file_of(name: &str, file: &Path) -> bool {
 fn at_home(node: &NodeDecl, registry: &Registry, home: &Path) -> NodeDecl {
     let mut node = node.clone();
     for setting in &mut node.params {
-        let Some(text) = setting.typed.as_deref().or(setting.value.text().ok()) else { continue };
+        // A command line needs no quotes.
+        let Some(text) = setting.value.text().ok().or(setting.typed.as_deref()) else { continue };
         let is_file = match crate::knob::has(registry, &node.kind, &setting.name) {
             Some(ParamKind::File) => true,
             // A name, or a file.
@@ -108,6 +109,15 @@ fn at_home(node: &NodeDecl, registry: &Registry, home: &Path) -> NodeDecl {
 fn relative(path: &Path, home: &Path) -> PathBuf {
     let (path, home) = (tidy(path), tidy(home));
     path.strip_prefix(&home).map(Path::to_owned).unwrap_or(path)
+}
+
+/// The way from a folder to a file, up where it must: the same wherever both lie so to each other.
+pub(crate) fn across(path: &Path, home: &Path) -> PathBuf {
+    let (path, home) = (tidy(path), tidy(home));
+    let up = home.ancestors().position(|above| path.starts_with(above)).unwrap_or_default();
+    let above = home.ancestors().nth(up).unwrap_or(&home);
+    let down = path.strip_prefix(above).unwrap_or(&path);
+    (0..up).map(|_| Path::new("..")).chain([down]).collect()
 }
 
 /// An absolute path without `FOLDER/..` in it.
@@ -223,11 +233,13 @@ mod tests {
         assert_eq!(file("g/g.ron", "s.ron", "/c.csv"), Some("/c.csv".into()));
         // The same file by another way is no other.
         assert_eq!(file("g/g.ron", "g/studies/s.ron", "../a.csv"), None);
-        let typed = base("g/g.ron", &["stylus.file=g/b.csv"]);
-        assert_eq!(
-            Fragment::between(&typed, &typed.graph).nodes,
-            [r#""stylus": (kind: "trajectory", params: (file: "b.csv")),"#]
-        );
+        for typed in ["stylus.file=g/b.csv", "stylus.file=\"g/b.csv\""] {
+            let typed = base("g/g.ron", &[typed]);
+            assert_eq!(
+                Fragment::between(&typed, &typed.graph).nodes,
+                [r#""stylus": (kind: "trajectory", params: (file: "b.csv")),"#]
+            );
+        }
     }
 
     #[test]

@@ -1,6 +1,5 @@
 //! What is finished is kept, so that a study that was stopped goes on where it was.
 
-use std::collections::BTreeSet;
 use std::fs::{File, TryLockError};
 use std::path::{Path, PathBuf};
 
@@ -74,17 +73,16 @@ impl Kept {
         names.iter().filter_map(|n| self.get(n.strip_suffix(".json")?)).collect()
     }
 
-    /// Removes figures and cases that are not among those named: no setting of this study needs them any more.
+    /// Removes parts that are not needed, and what runs that were killed left half written: nobody else writes while this is there.
     ///
     /// # Errors
     /// The folder cannot be read.
-    pub(crate) fn tidy<'n>(&self, needed: impl Iterator<Item = &'n String>) -> Result<(), Diagnostic> {
-        let needed: BTreeSet<String> = needed.map(|name| format!("{name}.json")).collect();
+    pub(crate) fn tidy(&self, needed: impl Fn(&str) -> bool) -> Result<(), Diagnostic> {
         let entries = std::fs::read_dir(&self.folder)
             .map_err(|e| Diagnostic::new(format!("cannot read this folder: {e}")).in_file(&self.folder))?;
         for name in entries.filter_map(|e| e.ok()?.file_name().into_string().ok()) {
-            let part = name.starts_with("figures-") || name.starts_with("cases-");
-            if part && !needed.contains(&name) {
+            let half = name.starts_with('.') && name.ends_with(".part");
+            if half || name.strip_suffix(".json").is_some_and(|part| !needed(part)) {
                 // What stays is only in the way.
                 let _ = std::fs::remove_file(self.folder.join(&name));
             }
@@ -118,11 +116,16 @@ mod tests {
         for name in ["figures-1", "figures-2", "cases-1", "batch-1"] {
             kept.put(name, &1).unwrap();
         }
-        kept.tidy([&"figures-2".to_owned()].into_iter()).unwrap();
+        for name in [".figures-3.77.part", "notes.txt"] {
+            std::fs::write(dir.path().join(name), "mine").unwrap();
+        }
+        kept.tidy(|name| matches!(name, "figures-2" | "batch-1")).unwrap();
         assert_eq!(
             ["figures-1", "figures-2", "cases-1", "batch-1"].map(|n| kept.get::<i32>(n)),
             [None, Some(1), None, Some(1)]
         );
+        let there = [".figures-3.77.part", "notes.txt", LOCK].map(|n| dir.path().join(n).exists());
+        assert_eq!(there, [false, true, true]);
     }
 
     #[test]

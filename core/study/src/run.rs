@@ -1,8 +1,7 @@
 //! A study from its settings to its results.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::Path;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -11,7 +10,7 @@ use asperity_graph::GraphFile;
 use asperity_measure::accuracy::Spectrogram;
 use asperity_node::{Registry, random};
 use asperity_source::Diagnostic;
-use asperity_stability::{Case, Effort, Subject, Verdict};
+use asperity_stability::{Effort, Subject, Verdict};
 use asperity_world::topography::made_surfaces;
 use serde::{Deserialize, Serialize};
 
@@ -20,11 +19,10 @@ use crate::digest::{self, Names};
 use crate::figure::mean;
 use crate::file::Study;
 use crate::floor;
-use crate::hear::{is_network, know};
 use crate::keep::Kept;
-use crate::result::{Fragment, Machine, Results, Row, VERSION};
-use crate::setting::{Base, Setting, Settings};
-use crate::spot;
+use crate::order::{Order, Prepared};
+use crate::result::{Fragment, Results, Row, VERSION};
+use crate::setting::{Base, Setting};
 use crate::stroke::{Known, Stroke};
 use crate::time::{Batch, Onlooker, batch};
 use crate::truth::Truths;
@@ -32,63 +30,6 @@ use crate::truth::Truths;
 /// Pieces of a surface that each draw of the physics is of, and places on each that a stroke begins at.
 const PIECES: u64 = 2;
 const PLACES: usize = 2;
-
-/// What is to be run, and how.
-#[derive(Debug)]
-pub struct Order<'a> {
-    /// The study.
-    pub study: &'a Study,
-    /// Graphs whose knobs are turned; at least one.
-    pub bases: &'a [Base],
-    /// Graphs that stand beside.
-    pub marks: &'a [Base],
-    /// Threads for everything but times.
-    pub jobs: usize,
-    /// Which part of how many, from 0: a setting is in the part of its number. The first default is in all.
-    pub shard: (usize, usize),
-    /// Where finished parts are kept.
-    pub folder: &'a Path,
-    /// What runs it.
-    pub machine: Machine,
-    /// What tells this program from another build of it: parts that another one kept are not taken.
-    pub program: &'a str,
-    /// Whether settings are put to the hard cases.
-    pub cases: bool,
-}
-
-impl Order<'_> {
-    /// All graphs.
-    fn graphs(&self) -> impl Iterator<Item = &Base> {
-        self.bases.iter().chain(self.marks)
-    }
-
-    /// What a setting was made of.
-    pub(crate) fn base(&self, setting: &Setting) -> Option<&Base> {
-        self.bases.get(setting.base).or_else(|| self.marks.iter().find(|m| m.name == setting.name))
-    }
-
-    /// The settings of this shard, all of them where there are no others, and what tells the study from another.
-    fn settings(&self) -> Result<(Settings, String), Diagnostic> {
-        let recorded = self.study.strokes.iter().filter_map(|s| s.material.as_ref());
-        for graph in self.graphs() {
-            know(&graph.graph, &graph.registry, self.study.materials.iter().chain(recorded.clone()))?;
-        }
-        let mut settings = Settings::new(self.study, self.bases, self.marks)?;
-        let digest = digest::of_all(self, &settings.all);
-        let (shard, of) = self.shard;
-        let mut number = 0;
-        settings.all.retain(|_| {
-            number += 1;
-            number == 1 || (number - 1) % of.max(1) == shard
-        });
-        Ok((settings, digest))
-    }
-
-    /// The hard cases that settings are put to.
-    fn hard_cases(&self) -> Vec<&'static Case> {
-        asperity_stability::cases().into_iter().filter(|c| c.of_graph && self.cases).collect()
-    }
-}
 
 /// How accurate a setting is, or why it cannot be run.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -129,123 +70,83 @@ impl Part {
     }
 }
 
-/// What came of a run.
-#[derive(Debug)]
-pub struct Ran {
-    /// Results of what is finished.
-    pub results: Results,
-}
-
-/// How many [parts](Onlooker::advanced) a run has: of accuracy and hard cases, and of times.
-pub fn parts(order: &Order<'_>) -> Result<(u64, u64), Diagnostic> {
-    let settings = order.settings()?.0.all.len() as u64;
-    let each = renders(order.study, &materials(order, &mut Vec::new())) + order.hard_cases().len() as u64;
-    let batches = settings.div_ceil(order.study.times.batch as u64);
-    Ok((settings * each, batches * order.study.times.turns as u64))
-}
-
-/// What a person should know of how a study is taken, before it is: knobs and kinds of nodes that are left out, strokes that are made smaller.
-///
-/// # Errors
-/// Those of [`run`] that show before anything runs.
-pub fn notes(order: &Order<'_>) -> Result<Vec<String>, Diagnostic> {
-    let left_out = order.settings()?.0.left_out;
-    let mut notes: Vec<String> =
-        left_out.iter().map(|(what, why)| format!("`{what}` is left out: {why}")).collect();
-    spot::strokes(order.study, order.graphs(), &mut notes)?;
-    materials(order, &mut notes);
-    Ok(notes)
-}
-
-/// How many renders each setting takes, and measurements of its lag.
-fn renders(study: &Study, materials: &[Option<String>]) -> u64 {
-    let over = |m: &Option<String>| study.strokes.iter().filter(|s| s.goes_over(m.as_deref())).count() as u64;
-    study.draws * (materials.iter().map(over).sum::<u64>() + 1)
-}
-
-/// Runs a study. Where the user asks to stop, results have all that is finished, now or earlier.
-///
-/// # Errors
-/// What is wrong with the study or its graphs; what cannot be written; another run that keeps its parts in the same folder. A setting that cannot be run is a
-/// row that says why.
-pub fn run(order: &Order<'_>, onlooker: &dyn Onlooker) -> Result<Ran, Diagnostic> {
-    let study = order.study;
-    let (settings, digest) = order.settings()?;
-    let kept = Kept::open(order.folder)?;
-    let notes = notes(order)?;
-    let strokes = spot::strokes(study, order.graphs(), &mut Vec::new())?;
-    let materials = materials(order, &mut Vec::new());
-    let names = digest::names(order, &settings.all, &strokes, &materials);
-    let cases = order.hard_cases();
-    let work = Work { order, onlooker, kept: &kept, settings: &settings.all, names: &names, cases: &cases };
-    let parts = work.parts(&strokes, &materials)?;
-    onlooker.doing("times");
-    let batches = work.times(&parts, materials.first().and_then(|m| m.as_deref()))?;
-    let mut rows = Vec::new();
-    let mut models = Vec::new();
-    for (s, part) in settings.all.iter().zip(&parts).filter(|(_, part)| part.is_finished(order)) {
-        if s.default && models.is_empty() {
-            models.extend(part.found().map(|f| f.model.clone()));
+impl Prepared<'_> {
+    /// Runs the study. Where the user asks to stop, results have all that is finished, now or earlier.
+    ///
+    /// # Errors
+    /// What cannot be written; another run that keeps its parts in the same folder. A setting that cannot be run is a row that says why.
+    pub fn run(&self, onlooker: &dyn Onlooker) -> Result<Results, Diagnostic> {
+        let (order, study) = (self.order, self.order.study);
+        let kept = Kept::open(order.folder)?;
+        let work = Work { prepared: self, onlooker, kept: &kept };
+        let parts = work.parts()?;
+        onlooker.doing("times");
+        let batches = work.times(&parts)?;
+        let mut rows = Vec::new();
+        let mut models = Vec::new();
+        for (s, part) in self.settings.iter().zip(&parts).filter(|(_, part)| part.is_finished(order)) {
+            if s.default && models.is_empty() {
+                models.extend(part.found().map(|f| f.model.clone()));
+            }
+            rows.push(row(order, s, part));
         }
-        rows.push(row(order, s, part));
+        floor::put_times(&mut rows, &batches);
+        let finished = rows.iter().filter(|r| r.is_finished()).count();
+        if finished == self.settings.len() && order.cases {
+            tidy(&kept, &self.names)?;
+        }
+        let mut results = Results {
+            version: VERSION,
+            study: study.source.path().display().to_string(),
+            digest: self.digest.clone(),
+            seed: study.seed,
+            strokes: self.strokes.iter().map(|s| format!("{} ({} s)", s.name, s.seconds)).collect(),
+            materials: self.materials.iter().flatten().cloned().collect(),
+            machines: vec![order.machine.clone()],
+            shards: vec![(order.shard.0 + 1, order.shard.1.max(1))],
+            unfinished: self.settings.len() - finished,
+            cases: self.cases.len(),
+            floor: Default::default(),
+            lag_floor_ms: None,
+            load_floor: None,
+            model: mean(models.iter()),
+            empty: floor::empty(&batches),
+            notes: self.notes.clone(),
+            rows,
+        };
+        floor::find(&mut results);
+        Ok(results)
     }
-    floor::put_times(&mut rows, &batches);
-    let finished = rows.iter().filter(|r| r.time.is_some() || r.error.is_some()).count();
-    if finished == settings.all.len() && order.cases {
-        kept.tidy(names.iter().flat_map(|n| [&n.figures, &n.cases]))?;
-    }
-    let mut results = Results {
-        version: VERSION,
-        study: study.source.path().display().to_string(),
-        digest,
-        seed: study.seed,
-        strokes: strokes.iter().map(|s| format!("{} ({} s)", s.name, s.seconds)).collect(),
-        materials: materials.iter().flatten().cloned().collect(),
-        machines: vec![order.machine.clone()],
-        shards: vec![(order.shard.0 + 1, order.shard.1.max(1))],
-        unfinished: settings.all.len() - finished,
-        cases: cases.len(),
-        floor: Default::default(),
-        lag_floor_ms: None,
-        load_floor: None,
-        model: mean(models.iter()),
-        empty: floor::empty(&batches),
-        notes,
-        rows,
-    };
-    floor::find(&mut results);
-    Ok(Ran { results })
 }
 
 /// What all that is done for settings has in common.
 #[derive(Clone, Copy)]
 struct Work<'a> {
-    order: &'a Order<'a>,
+    prepared: &'a Prepared<'a>,
     onlooker: &'a dyn Onlooker,
     kept: &'a Kept,
-    settings: &'a [Setting],
-    names: &'a [Names],
-    cases: &'a [&'static Case],
 }
 
 impl Work<'_> {
     fn base(&self, setting: &Setting) -> Result<&Base, Diagnostic> {
-        let base = self.order.base(setting).or(self.order.bases.first());
+        let order = self.prepared.order;
+        let base = order.base(setting).or(order.bases.first());
         base.ok_or_else(|| Diagnostic::new("there is no graph to study"))
     }
 
     /// Accuracy and hard cases of all settings: what is kept is taken, and what is new is kept.
-    fn parts(&self, strokes: &[Stroke], materials: &[Option<String>]) -> Result<Vec<Part>, Diagnostic> {
-        let (study, onlooker) = (self.order.study, self.onlooker);
+    fn parts(&self) -> Result<Vec<Part>, Diagnostic> {
+        let Prepared { order, strokes, materials, names, .. } = self.prepared;
+        let (study, onlooker) = (order.study, self.onlooker);
         let kept = |names: &Names| Part {
             heard: self.kept.get(&names.figures).map(Heard::Found),
-            cases: self.kept.get(&names.cases).filter(|_| self.order.cases),
+            cases: self.kept.get(&names.cases).filter(|_| order.cases),
         };
-        let parts: Vec<Part> = self.names.iter().map(kept).collect();
-        let left: Vec<usize> = (0..parts.len()).filter(|&i| !parts[i].is_finished(self.order)).collect();
+        let parts: Vec<Part> = names.iter().map(kept).collect();
+        let left: Vec<usize> = (0..parts.len()).filter(|&i| !parts[i].is_finished(order)).collect();
         let truths = if left.iter().any(|&i| parts[i].heard.is_none()) {
             onlooker.doing("the physics");
-            truths(study, strokes, materials, self.order.jobs, onlooker)?
+            truths(study, strokes, materials, order.jobs, onlooker)?
         } else {
             Truths::default()
         };
@@ -258,13 +159,13 @@ impl Work<'_> {
             truths: &truths,
         };
         onlooker.doing("accuracy");
-        let (each, cases) = (renders(study, materials), self.cases.len() as u64);
+        let (each, cases) = (self.prepared.renders(), self.prepared.cases.len() as u64);
         for part in &parts {
             let heard = if part.heard.is_some() { each } else { 0 };
             onlooker.advanced(heard + if part.cases.is_some() { cases } else { 0 });
         }
         let parts = Mutex::new(parts);
-        on_several(&left, self.order.jobs, onlooker, |&i| {
+        on_several(&left, order.jobs, onlooker, |&i| {
             let mut part = parts.lock().map_or_else(|_| Part::default(), |parts| parts[i].clone());
             self.finish(i, &mut part, &plan)?;
             if let Ok(mut parts) = parts.lock() {
@@ -277,7 +178,7 @@ impl Work<'_> {
 
     /// What is left to do for a setting, unless the user asks to stop.
     fn finish(&self, number: usize, part: &mut Part, plan: &Plan<'_>) -> Result<(), Diagnostic> {
-        let (setting, names) = (&self.settings[number], &self.names[number]);
+        let (setting, names) = (&self.prepared.settings[number], &self.prepared.names[number]);
         let registry = &self.base(setting)?.registry;
         if part.heard.is_none() {
             // A node may panic while it is prepared, where nothing else contains it.
@@ -290,12 +191,12 @@ impl Work<'_> {
                 Err(_) => Heard::Error("it panicked while it was prepared".into()),
             });
         }
-        if part.found().is_none() || part.cases.is_some() || !self.order.cases {
+        if part.found().is_none() || part.cases.is_some() || !self.prepared.order.cases {
             return Ok(());
         }
         let subject = Subject::new(registry.clone()).graph(&setting.graph).effort(Effort::Quick);
         let mut found = Cases::default();
-        for case in self.cases {
+        for case in &self.prepared.cases {
             if self.onlooker.stopped() {
                 return Ok(());
             }
@@ -315,8 +216,10 @@ impl Work<'_> {
     }
 
     /// Times of all settings that run, in batches; those that are kept are taken from there.
-    fn times(&self, parts: &[Part], material: Option<&str>) -> Result<Vec<Batch>, Diagnostic> {
-        let all = || self.settings.iter().zip(self.names);
+    fn times(&self, parts: &[Part]) -> Result<Vec<Batch>, Diagnostic> {
+        let Prepared { order, settings, names, materials, .. } = self.prepared;
+        let material = materials.first().and_then(|m| m.as_deref());
+        let all = || settings.iter().zip(names);
         let mut batches: Vec<Batch> = Vec::new();
         let mut known: Vec<String> = Vec::new();
         for mut batch in self.kept.all::<Batch>("batch-") {
@@ -331,13 +234,13 @@ impl Work<'_> {
                 batches.push(batch);
             }
         }
-        let Some(anchor) = self.settings.first() else { return Ok(batches) };
+        let Some(anchor) = settings.first() else { return Ok(batches) };
         let left: Vec<(&Setting, &Names)> = all()
             .zip(parts)
             .filter(|((_, names), part)| part.found().is_some() && !known.contains(&names.times))
             .map(|(it, _)| it)
             .collect();
-        let times = self.order.study.times;
+        let times = order.study.times;
         for some in left.chunks(times.batch.max(1)) {
             let with = some.iter().map(|(s, _)| Ok((*s, &self.base(s)?.registry)));
             let with = with.collect::<Result<Vec<(&Setting, &Registry)>, Diagnostic>>()?;
@@ -359,25 +262,19 @@ impl Work<'_> {
     }
 }
 
-/// The study's materials, with those of its recordings, where any graph has a network to give them to.
-fn materials(order: &Order<'_>, notes: &mut Vec<String>) -> Vec<Option<String>> {
-    let of = |b: &Base| b.graph.nodes.iter().any(|n| is_network(&b.registry, &n.kind));
-    let recorded = order.study.strokes.iter().filter_map(|s| s.material.as_ref());
-    let mut names: Vec<&String> = Vec::new();
-    for (name, _) in order.study.materials.iter().chain(recorded) {
-        if !names.contains(&name) {
-            names.push(name);
+/// Removes parts that no setting of this study needs any more: all but those of these names, and batches in which one of them was timed.
+fn tidy(kept: &Kept, names: &[Names]) -> Result<(), Diagnostic> {
+    let of = |f: fn(&Names) -> &String| names.iter().map(f).map(String::as_str).collect::<BTreeSet<_>>();
+    let (figures, cases, times) = (of(|n| &n.figures), of(|n| &n.cases), of(|n| &n.times));
+    kept.tidy(|name| match name.split_once('-') {
+        Some(("figures", _)) => figures.contains(name),
+        Some(("cases", _)) => cases.contains(name),
+        Some(("batch", _)) => {
+            let batch = kept.get::<Batch>(name);
+            batch.is_some_and(|b| b.rows.iter().any(|(name, _)| times.contains(name.as_str())))
         }
-    }
-    if names.is_empty() || !order.bases.iter().any(of) {
-        if !names.is_empty() {
-            notes.push(
-                "no graph has a node with a `library` and a `material`: each keeps its own textures".into(),
-            );
-        }
-        return vec![None];
-    }
-    names.into_iter().cloned().map(Some).collect()
+        _ => true,
+    })
 }
 
 /// The physics of all strokes over all materials that are made surfaces; nothing is known of others.
@@ -490,5 +387,34 @@ fn row(order: &Order<'_>, s: &Setting, part: &Part) -> Row {
         cases: count,
         fails,
         time: None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::result::Time;
+
+    #[test]
+    fn batches_in_which_no_setting_of_the_study_was_timed_are_removed() {
+        let dir = tempfile::tempdir().unwrap();
+        let kept = Kept::open(dir.path()).unwrap();
+        for (name, rows) in [("batch-1", &["times-1", "times-2"][..]), ("batch-2", &["times-3"])] {
+            let rows = rows.iter().map(|row| ((*row).to_owned(), Ok(Time::default()))).collect();
+            kept.put(name, &Batch { empty: Time::default(), anchor: Time::default(), rows }).unwrap();
+        }
+        kept.put("batch-3", &vec![1]).unwrap();
+        let names = |n: u32| Names {
+            figures: format!("figures-{n}"),
+            cases: format!("cases-{n}"),
+            times: format!("times-{n}"),
+        };
+        for name in ["figures-2", "figures-3", "cases-2", "cases-3", "other-3"] {
+            kept.put(name, &1).unwrap();
+        }
+        tidy(&kept, &[names(2)]).unwrap();
+        let there = |name: &str| dir.path().join(format!("{name}.json")).exists();
+        assert!(["batch-1", "figures-2", "cases-2", "other-3"].into_iter().all(there));
+        assert!(!["batch-2", "batch-3", "figures-3", "cases-3"].into_iter().any(there));
     }
 }

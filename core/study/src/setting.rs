@@ -1,14 +1,15 @@
 //! Settings: a graph, and what was turned about it.
 
 use std::collections::HashMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use asperity_graph::{GraphFile, NodeDecl, text_of};
 use asperity_node::{ParamKind, ParamValue, Registry};
-use asperity_source::Diagnostic;
 use asperity_source::ron::{Kind, Value};
+use asperity_source::{Diagnostic, fnv};
 
 use crate::file::{DEFAULT, Grid, Study, beside};
+use crate::fragment::across;
 use crate::knob::Turned;
 
 /// A graph that settings are made of.
@@ -33,7 +34,8 @@ pub struct Base {
 pub struct Setting {
     /// What it is called: what it differs in from its base, or the name of a mark.
     pub name: String,
-    /// What tells it from every other, and from itself after a change of any file it was made of.
+    /// What tells it from every other of its study: what its graph says, with files named as seen from the graph's folder, so that it is the same wherever
+    /// that lies. What is in the files is in the names of parts and in the study's digest, and not in this.
     pub key: String,
     /// Number of its base.
     pub base: usize,
@@ -182,7 +184,6 @@ impl Settings {
         let strength = of.strength;
         let path = graph.source.path();
         let same = same(&graph, &of.registry);
-        let text = format!("{}\n{guards} {strength}\n{same}", path.display());
         // However it is named, it is one file.
         let file = std::fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
         let at = *known
@@ -196,7 +197,13 @@ impl Settings {
             }
             return;
         }
-        let key = format!("{:016x}", fnv(&text));
+        let home = path.parent().unwrap_or(Path::new(""));
+        let text = format!("{guards} {strength}\n{}", seen_from(home, &graph, &of.registry));
+        // Graphs of several folders may say the same, each of files of its own.
+        let numbers = std::iter::once(String::new()).chain((2..).map(|n: u32| format!("\n{n}")));
+        let keys = numbers.map(|number| format!("{:016x}", fnv(format!("{text}{number}").as_bytes())));
+        let key = keys.into_iter().find(|key| !known.contains_key(key)).unwrap_or_default();
+        known.insert(key.clone(), self.all.len());
         let grids = grid.into_iter().collect();
         self.all.push(Setting { name, key, base, turned, grids, default, mark, graph, guards, strength });
     }
@@ -221,20 +228,37 @@ fn shown(value: &Value) -> String {
 
 /// A graph's text by which it is the same as another: nodes and parameters in order of their names, values as the nodes read them, defaults left out.
 fn same(graph: &GraphFile, registry: &Registry) -> String {
-    let mut nodes: Vec<String> = graph.nodes.iter().map(|n| node_text(n, registry)).collect();
+    text(graph, registry, |_, value| value)
+}
+
+/// The same, with files by their paths as seen from a folder; as they are named where that is an absolute path.
+fn seen_from(home: &Path, graph: &GraphFile, registry: &Registry) -> String {
+    text(graph, registry, |named, value| match value {
+        ParamValue::File(_) if Path::new(named).is_absolute() => ParamValue::File(named.into()),
+        ParamValue::File(path) => ParamValue::File(across(&path, home)),
+        value => value,
+    })
+}
+
+fn text(
+    graph: &GraphFile,
+    registry: &Registry,
+    shown: impl Fn(&str, ParamValue) -> ParamValue + Copy,
+) -> String {
+    let mut nodes: Vec<String> = graph.nodes.iter().map(|n| node_text(n, registry, shown)).collect();
     nodes.sort();
     let plain = GraphFile { nodes: Vec::new(), ..graph.clone() };
     format!("{plain}\n{}", nodes.join("\n"))
 }
 
-fn node_text(node: &NodeDecl, registry: &Registry) -> String {
+fn node_text(node: &NodeDecl, registry: &Registry, shown: impl Fn(&str, ParamValue) -> ParamValue) -> String {
     let declared = registry.get(&node.kind).map(|kind| &kind.descriptor().params);
     let param = |name: &str| declared.and_then(|all| all.iter().find(|p| p.name == name));
     let text = |s: &asperity_graph::Setting| {
         let value = param(&s.name).and_then(|p| Some((p, read(s, &p.kind)?)));
         match value {
             Some((p, value)) if p.default.as_ref() == Some(&value) => None,
-            Some((_, value)) => Some(format!("{}: {value}", s.name)),
+            Some((_, value)) => Some(format!("{}: {}", s.name, shown(s.value.text().unwrap_or(""), value))),
             None => Some(format!("{}: {}", s.name, s.typed.clone().unwrap_or_else(|| text_of(&s.value)))),
         }
     };
@@ -256,7 +280,7 @@ fn read(setting: &asperity_graph::Setting, kind: &ParamKind) -> Option<ParamValu
         ParamKind::Flag => ParamValue::Flag(value.bool().ok()?),
         // A command line needs no quotes.
         ParamKind::Text => {
-            ParamValue::Text(setting.typed.clone().or_else(|| value.text().ok().map(str::to_owned))?)
+            ParamValue::Text(value.text().ok().map(str::to_owned).or_else(|| setting.typed.clone())?)
         }
         ParamKind::Choice(_) => ParamValue::Text(word(value)?),
         ParamKind::File => ParamValue::File(beside(value).ok()?),
@@ -265,11 +289,6 @@ fn read(setting: &asperity_graph::Setting, kind: &ParamKind) -> Option<ParamValu
         }
         ParamKind::Texts => ParamValue::Texts(value.list().ok()?.iter().map(word).collect::<Option<_>>()?),
     })
-}
-
-/// FNV-1a of 64 bits (Fowler, Noll, Vo), which is the same on every machine.
-pub(crate) fn fnv(text: &str) -> u64 {
-    text.bytes().fold(0xcbf2_9ce4_8422_2325, |h, b| (h ^ u64::from(b)).wrapping_mul(0x100_0000_01b3))
 }
 
 #[cfg(test)]
@@ -377,9 +396,29 @@ mod tests {
     }
 
     #[test]
-    fn the_same_text_has_the_same_key_on_every_machine() {
-        // FNV-1a of "a", as its authors publish it.
-        assert_eq!(fnv("a"), 0xaf63_dc4c_8601_ec8c);
-        assert_eq!(fnv(""), 0xcbf2_9ce4_8422_2325);
+    fn a_setting_has_the_same_key_in_whatever_folder_it_lies() {
+        let keys = |folder: &str, files: &[&str]| -> Vec<String> {
+            let base = |file: &&str| {
+                let text = r#"Graph(version: 1, nodes: {"s": (kind: "trajectory", params: (file: "../t/a.csv")), "o": (kind: "trajectory", params: (file: "/o.csv"))}, wires: [])"#;
+                let graph = GraphFile::parse(&Source::new(format!("{folder}/{file}"), text)).unwrap();
+                Base { graph, ..base(file) }
+            };
+            let bases: Vec<Base> = files.iter().map(base).collect();
+            let text = r#"Study(version: 1, strokes: [(name: "s")], grids: [(name: "g", knobs: {"s.file": ["b.csv"]})])"#;
+            let study = Study::parse(&Source::new(format!("{folder}/g/studies/s.ron"), text)).unwrap();
+            Settings::new(&study, &bases, &[]).unwrap().all.into_iter().map(|s| s.key).collect()
+        };
+        let there = keys("/a/b", &["g/g.ron"]);
+        assert_eq!(there.len(), 2);
+        for folder in ["x", "../y", "/c"] {
+            assert_eq!(keys(folder, &["g/g.ron"]), there, "{folder}");
+        }
+        // What lies elsewhere as seen from the graph is another file, and graphs that say the same of different files are different settings.
+        let other = keys("/a/b", &["n/g.ron"]);
+        assert_eq!((&other[0], other[1] == there[1]), (&there[0], false));
+        let two = keys("/a/b", &["g/g.ron", "h/g.ron"]);
+        let different: std::collections::BTreeSet<&String> = two.iter().collect();
+        assert_eq!((two.len(), different.len()), (4, 4));
+        assert_eq!(two[0], there[0]);
     }
 }

@@ -46,6 +46,28 @@ pub fn look(folder: &Path, shard: (usize, usize)) -> Result<(), Failure> {
     Ok(())
 }
 
+/// Whether there are results.
+pub fn has(folder: &Path) -> bool {
+    folder.join(JSON).is_file()
+}
+
+/// Refuses to write over results that are to be read.
+pub fn keep_apart(from: &[PathBuf], out: &Path) -> Result<(), Failure> {
+    let Ok(written) = out.join(JSON).canonicalize() else { return Ok(()) };
+    match from.iter().find(|from| file(from).canonicalize().is_ok_and(|read| read == written)) {
+        None => Ok(()),
+        Some(from) => Err(Diagnostic::new("what comes of it would take the place of these results")
+            .in_file(from)
+            .help("a folder of its own: --out")
+            .into()),
+    }
+}
+
+/// The file of results: in a folder, or itself.
+fn file(path: &Path) -> PathBuf {
+    if path.is_dir() { path.join(JSON) } else { path.to_owned() }
+}
+
 /// Writes all there is; each file whole or not at all. Answers their names.
 pub fn write(folder: &Path, results: &Results) -> Result<Vec<PathBuf>, Failure> {
     let mut written = Vec::new();
@@ -69,7 +91,7 @@ pub fn write(folder: &Path, results: &Results) -> Result<Vec<PathBuf>, Failure> 
 
 /// Reads results: a folder, or the file itself.
 pub fn read(path: &Path) -> Result<Results, Failure> {
-    let file = if path.is_dir() { path.join(JSON) } else { path.to_owned() };
+    let file = file(path);
     let refuse = |what: String| Diagnostic::new(what).in_file(&file);
     let text = std::fs::read_to_string(&file).map_err(|e| {
         refuse(format!("cannot read this file: {e}")).help("a folder that `asperity tradeoff --out` wrote")

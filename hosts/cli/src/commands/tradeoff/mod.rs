@@ -9,7 +9,7 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
 use asperity_source::{Diagnostic, Place, Source};
-use asperity_study::{Base, Figure, Machine, Order, Results, Study, content, notes, parts, run as run_study};
+use asperity_study::{Base, Figure, Machine, Order, Prepared, Results, Row, Study, content};
 
 use crate::args::{Merge, PluginArgs, Tradeoff, TradeoffCommand};
 use crate::failure::{Failure, be_quiet, print, warn};
@@ -60,28 +60,36 @@ pub fn run(args: &Tradeoff) -> Result<ExitCode, Failure> {
     if cfg!(debug_assertions) {
         warn("this program was not built to be fast: its times say little (cargo build --release)");
     }
-    let (accuracy, times) = parts(&order)?;
-    notes(&order)?.iter().for_each(|note| warn(note));
+    let prepared = Prepared::new(&order)?;
+    let (accuracy, times) = prepared.parts();
+    prepared.notes().iter().for_each(|note| warn(note));
     folder::make(out)?;
     folder::look(out, (order.shard.0 + 1, order.shard.1.max(1)))?;
     let stop = stop_flag();
     let bars = Bars::new(accuracy, times, args.quiet, stop.clone());
-    let ran = run_study(&order, &bars);
+    let results = prepared.run(&bars);
     bars.finish();
-    let ran = ran?;
-    let written = folder::write(out, &ran.results)?;
-    if !args.quiet {
-        print(&summary(&ran.results, &written))?;
+    let results = results?;
+    let stopped = results.unfinished > 0 || stop.load(Ordering::Relaxed);
+    // What was found earlier is not lost to next to nothing.
+    if stopped && !results.rows.iter().any(Row::is_finished) && (results.rows.is_empty() || folder::has(out))
+    {
+        warn("no setting is finished, and no results are written; the same command goes on");
+        return Ok(ExitCode::from(INTERRUPTED));
     }
-    if ran.results.unfinished > 0 || stop.load(Ordering::Relaxed) {
+    let written = folder::write(out, &results)?;
+    if !args.quiet {
+        print(&summary(&results, &written))?;
+    }
+    if stopped {
         warn(&format!(
             "settings that are not finished: {}; the same command goes on with them",
-            ran.results.unfinished
+            results.unfinished
         ));
         return Ok(ExitCode::from(INTERRUPTED));
     }
-    if ran.results.rows.iter().all(|row| row.error.is_some()) {
-        let why = ran.results.default_row().and_then(|row| row.error.clone()).unwrap_or_default();
+    if results.rows.iter().all(|row| row.error.is_some()) {
+        let why = results.default_row().and_then(|row| row.error.clone()).unwrap_or_default();
         warn(&format!("no setting runs: {why}"));
         return Ok(ExitCode::FAILURE);
     }
@@ -155,6 +163,7 @@ fn base_as_it_is(path: &Path, plugins: &PluginArgs) -> Result<Base, Failure> {
 }
 
 fn merge(args: &Merge) -> Result<ExitCode, Failure> {
+    folder::keep_apart(&args.from, &args.out)?;
     let shards = args.from.iter().map(|path| Ok((path.display().to_string(), read_results(path)?)));
     let results = Results::merge(shards.collect::<Result<Vec<_>, Failure>>()?)?;
     let missing = results.missing_shards();
