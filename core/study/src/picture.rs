@@ -8,7 +8,7 @@ use crate::result::{Results, Row};
 impl Results {
     /// A picture of a figure against the time it takes; none where no setting has both.
     pub fn against_time(&self, figure: Figure) -> Option<String> {
-        let subtitle = "Load: time that 8 ms of signal take, in per cent of these: median of one core.";
+        let subtitle = "Load: median time that a length of signal takes, in per cent of it; one core.";
         self.scatter(figure, ("load, % of a core", true), Row::load, subtitle)
     }
 
@@ -57,7 +57,7 @@ impl Results {
             subtitles: vec![
                 subtitle.to_owned(),
                 format!(
-                    "{} settings; orange: no other is told apart from them at less cost; hollow: a hard case does not hold.",
+                    "{} settings; orange: no other is told apart from them at less cost; hollow: cannot be chosen.",
                     dots.len()
                 ),
             ],

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use crate::choose::Budget;
 use crate::figure::Figure;
 use crate::result::{Results, Row};
-use crate::short::{cell, reason};
+use crate::short::{cell, range, reason};
 
 /// Budgets that the report answers, in microseconds a tick; none for any.
 const BUDGETS_US: [Option<f64>; 7] =
@@ -125,6 +125,7 @@ impl Results {
                     self.named(row),
                     format!("{:.2}", time.load_percent),
                     format!("{:.1} / {:.1}", time.p50_us, time.p999_us),
+                    format!("{:.1}", time.stall_us),
                     lag,
                 ];
                 let line = cells.into_iter().chain(figures).collect::<Vec<_>>().join(" | ");
@@ -162,7 +163,15 @@ impl Results {
 {by}
 "
         );
-        let before = ["us a tick", "lag at most, ms", "setting", "load %", "p50 / p99.9 us", "lag, ms"];
+        let before = [
+            "us a tick",
+            "lag at most, ms",
+            "setting",
+            "load %",
+            "p50 / p99.9 us",
+            "of that p99.9 stalls, us",
+            "lag, ms",
+        ];
         head(out, &before, &shown);
         for Line { budgets, lags, text } in lines {
             let lags: Vec<String> =
@@ -469,16 +478,6 @@ fn head(out: &mut String, before: &[&str], figures: &[Figure]) {
     let titles: Vec<String> =
         before.iter().map(|t| (*t).to_owned()).chain(figures.iter().map(|f| title(*f))).collect();
     let _ = writeln!(out, "| {} |\n|{}", titles.join(" | "), "---|".repeat(titles.len()));
-}
-
-/// Neighbouring budgets in words.
-fn range(budgets: &[Option<f64>]) -> String {
-    match (budgets.first().copied().flatten(), budgets.last().copied().flatten()) {
-        (None, _) => "any".into(),
-        (Some(first), None) => format!("{first} and more"),
-        (Some(first), Some(last)) if first == last => format!("{first}"),
-        (Some(first), Some(last)) => format!("{first} to {last}"),
-    }
 }
 
 /// Some names, the first of very many.

@@ -48,14 +48,17 @@ fn of_no_figures_tables_are_whole_and_nothing_is_said_of_an_order() {
 #[test]
 fn budgets_are_one_line_where_they_are_neighbours_and_buy_the_same() {
     // 24 us at the 99.9th percentile, and 120 us, of which 2 are the machine's own.
-    let all = results(vec![
+    let mut all = results(vec![
         Row { default: true, ..measured("dear", 4.0, 0.5, 20.0) },
         measured("cheap", 0.8, 1.0, 60.0),
     ]);
+    all.rows[1].time = all.rows[1].time.map(|t| crate::Time { stall_us: 2.0, ..t });
     let report = all.report();
     whole(&report);
     let starts = |text: &str| report.lines().filter(|l| l.starts_with(text)).count();
     assert_eq!(starts("| 50 to 100 | any | `cheap` |"), 1, "{report}");
+    // What of the 99.9th percentile the machine stalled stands beside it.
+    assert_eq!(starts("| 50 to 100 | any | `cheap` | 0.80 | 16.0 / 24.0 | 2.0 | 60.0 |"), 1, "{report}");
     // It is soon enough for the shorter lag, too.
     assert_eq!(starts("| 200 and more | any, 30 | `dear` |"), 1, "{report}");
     assert_eq!(super::range(&[None]), "any");

@@ -52,6 +52,16 @@ pub(crate) fn cell(text: &str) -> String {
     text.replace('|', "\\|").replace(['\n', '\r'], " ")
 }
 
+/// Neighbouring budgets in words.
+pub(crate) fn range(budgets: &[Option<f64>]) -> String {
+    match (budgets.first().copied().flatten(), budgets.last().copied().flatten()) {
+        (None, _) => "any".into(),
+        (Some(first), None) => format!("{first} and more"),
+        (Some(first), Some(last)) if first == last => format!("{first}"),
+        (Some(first), Some(last)) => format!("{first} to {last}"),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
