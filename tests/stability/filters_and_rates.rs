@@ -149,15 +149,22 @@ fn tail_of_graph() {
 fn change_while_ringing() {
     let subject = subject(None);
     holds("change_while_ringing", &subject);
-    // It clicks a little while after a change, which is in tick 250.
+    // It clicks a little while after a change, which is in tick 625.
     let clicks = changed(&subject, "limiter", |y, calls, _| {
-        if calls == 255
+        if calls == 630
             && let Some(first) = y.first_mut()
         {
             *first += 0.1;
         }
     });
     fails("change_while_ringing", &subject.clone().with(clicks), "a step of");
+    // One that is softer ever after.
+    let softer = changed(&subject, "limiter", |y, calls, _| {
+        if calls > 700 {
+            y.iter_mut().for_each(|y| *y *= 0.8);
+        }
+    });
+    fails("change_while_ringing", &subject.clone().with(softer), "half a second later");
 }
 
 const RATE_HZ: u32 = 48_000;
@@ -199,7 +206,7 @@ impl Follows for Nominal {
 
 /// An hour of a device whose clock is off by `ppm`, and whose callbacks come late by 0 to 0.5 ms: frames between the ticks that have been run and what the
 /// device has taken, the least and the most of them after the first 10 s; and by how much two ticks were nearer or further apart than they should be, in us. Ticks are
-/// run as the paced driver does: each a period and 1.5 ms before its first frame is asked for.
+/// run by the rule of the paced driver, each a period and 1.5 ms before its first frame is asked for: it is the driver's clock that is looked at here.
 fn an_hour(ppm: f64, clock: &mut dyn Follows) -> (f64, f64, f64) {
     let frame_ns = 1e9 / (f64::from(RATE_HZ) * (1.0 + ppm * 1e-6));
     let lead_ns = PERIOD as f64 * frame_ns + 1.5e6;

@@ -74,6 +74,13 @@ fn one_count_at_rest() {
     everywhere("one_count_at_rest");
     let fast = changed("motion.cutoff_hz=40");
     fails("one_count_at_rest", &subject(Some(&fast)), "opens the gate");
+    // A gate that would not notice a filter that tells twice the speed.
+    let deaf = changed("gate.speed_mm_s=30");
+    let subject = subject(Some(&deaf));
+    let twice = wrap::after(subject.kind("velocity").expect("the kind"), |tick| {
+        (0..2).for_each(|output| tick.outputs.control(output).iter_mut().for_each(|v| *v *= 2.0));
+    });
+    fails("one_count_at_rest", &subject.clone().with(twice), "are allowed");
 }
 
 #[test]

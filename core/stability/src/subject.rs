@@ -10,11 +10,11 @@ use crate::case::{Not, not_applicable};
 /// How long a case may take.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Effort {
-    /// A second or so: as often as one likes.
+    /// A second or less: as often as one likes.
     Quick,
     /// Some seconds: with the other tests.
     Full,
-    /// As long as it takes: minutes.
+    /// As long as it takes: up to half an hour.
     Long,
 }
 

@@ -9,11 +9,11 @@ use super::PluginArgs;
 /// How long cases may take.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum EffortArg {
-    /// A second or so a case
+    /// A second or less a case
     Quick,
     /// Some seconds a case
     Full,
-    /// As long as it takes: minutes
+    /// As long as it takes: up to half an hour a case
     Long,
 }
 

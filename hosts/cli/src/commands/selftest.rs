@@ -7,6 +7,7 @@ use asperity_graph::GraphFile;
 use asperity_node::Registry;
 use asperity_source::{Diagnostic, one_of};
 use asperity_stability::{Case, Effort, Outcome, Subject, Verdict, cases};
+use clap::ValueEnum as _;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::{Value, json};
 
@@ -170,11 +171,7 @@ fn as_json(args: &SelfTest, rows: &[(&Case, Outcome)], failed: usize) -> Value {
     };
     json!({
         "graph": args.graph.as_ref().map(|p| p.display().to_string()),
-        "effort": match args.effort {
-            EffortArg::Quick => "quick",
-            EffortArg::Full => "full",
-            EffortArg::Long => "long",
-        },
+        "effort": args.effort.to_possible_value().map(|value| value.get_name().to_owned()),
         "verdict": if failed == 0 { "holds" } else { "fails" },
         "cases": rows.iter().map(row).collect::<Vec<_>>(),
     })

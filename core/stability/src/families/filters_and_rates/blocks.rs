@@ -50,8 +50,12 @@ pub(super) fn run(subject: &Subject<'_>) -> Found {
             for tick_hz in TICKS_HZ {
                 let graph = kind.alone((tick_hz, audio_hz), rate_hz, sound.clone(), &[])?;
                 // What is refused at a rate is the matter of another case.
-                let Ok(mut rig) = graph.rig(subject) else { continue };
                 let place = || format!("`{}`, {tick_hz} ticks/s, {:?} Hz of {audio_hz}", kind.kind, rate_hz);
+                let mut rig = match graph.rig(subject) {
+                    Ok(rig) => rig,
+                    Err(_) if rate_hz.is_some() || tick_hz != TICKS_HZ[0] => continue,
+                    Err(e) => return Err(e.after(&place())),
+                };
                 // At the rate of what comes out.
                 let node = rig.schedule.index_of("it").unwrap_or(0);
                 let port = rig.schedule.nodes[node].outputs.first().map(|o| o.port.shape);

@@ -16,6 +16,10 @@ const TICK_HZ: u32 = 500;
 const RATE_HZ: u32 = 48_000;
 /// Ticks before each change: a quarter of a second, whole periods.
 const TICKS: usize = 125;
+/// Of the signal that is put in, which is of 0.1 or 60 mm/s and more.
+const SILENT_DB: f64 = -80.0;
+/// Ticks from a change to the half second whose level is looked at.
+const RECOVERS: usize = 2 * TICKS;
 /// The steepest of a crossfade by 1, from sample to sample: twice a straight line, as far as fades may be curved.
 const STEEPEST: f64 = 2.0 / (CROSSFADE_S * RATE_HZ as f64);
 /// The same of a control, from tick to tick.
@@ -67,6 +71,18 @@ fn peak(heard: &[f64]) -> f64 {
     heard.iter().fold(0.0, |m, x| m.max(x.abs()))
 }
 
+/// The level of half a second, in dB: whole periods of the squares.
+fn level_db(half: &[f64]) -> f64 {
+    10.0 * (half.iter().map(|x| x * x).sum::<f64>() / half.len().max(1) as f64).log10()
+}
+
+/// The level that a steady signal has come to; none where it still changes, or is as good as silent.
+fn settled_db(heard: &[f64]) -> Option<f64> {
+    let (before, last) = heard.split_at(heard.len() / 2);
+    let (before, last) = (level_db(before), level_db(last));
+    (last > SILENT_DB && (last - before).abs() < 0.1).then_some(last)
+}
+
 /// Values of a number, to be gone through one after the other, as RON texts.
 fn values(d: &Descriptor) -> Vec<(String, Vec<String>)> {
     let of = |kind: &ParamKind| match kind {
@@ -96,14 +112,16 @@ fn change(
         if steady.port() != running.port() {
             continue;
         }
-        steady.run(2 * TICKS)?;
-        running.run(2 * TICKS)?;
-        let (mut steps, mut loudest) = (0.0_f64, 0.0_f64);
-        for heard in [&running.heard, &steady.heard] {
-            let tail = &heard[heard.len() / 2..];
+        let (mut steps, mut loudest, mut levels) = (0.0_f64, 0.0_f64, Vec::new());
+        for it in [&mut steady, &mut running] {
+            it.run(TICKS)?;
+            let from = it.heard.len();
+            it.run(4 * TICKS)?;
+            let tail = &it.heard[from..];
             (steps, loudest) = (steps.max(largest_step(tail)), loudest.max(peak(tail)));
+            levels.push(settled_db(tail));
         }
-        for to in [&other, graph] {
+        for (to, level) in [&other, graph].into_iter().zip(levels) {
             let from = running.heard.len();
             let compiled = subject.compiled(&to.graph, &to.kinds)?;
             if let Err(e) = running.controller.swap(compiled, &[]) {
@@ -120,6 +138,16 @@ fn change(
             })?;
             let part = if bound > 0.0 { step / bound } else { 0.0 };
             worst = Some(worst.unwrap_or(0.0_f64).max(part));
+            running.run(RECOVERS - TICKS)?;
+            let from = running.heard.len();
+            running.run(2 * TICKS)?;
+            let now = level_db(&running.heard[from..]);
+            holds(level.is_none_or(|db| (now - db).abs() < 1.0), || {
+                format!(
+                    "`{param}` to {value}: half a second later the level is {now:.1} dB, and {:.1} dB without a change",
+                    level.unwrap_or(0.0)
+                )
+            })?;
         }
     }
     Ok(worst)

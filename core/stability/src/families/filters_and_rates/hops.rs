@@ -59,7 +59,7 @@ pub(super) fn run(subject: &Subject<'_>) -> Found {
     if kinds.is_empty() {
         return not_applicable("no kind retrieves phase");
     }
-    let places = subject.by_effort(&PLACES[1..], &PLACES[..], &PLACES[..]);
+    let places = subject.by_effort(&PLACES[..2], &PLACES[..], &PLACES[..]);
     let seconds = subject.by_effort(0.5, 1.0, 10.0);
     let (mut most, mut where_most) = (0.0_f64, String::new());
     for kind in &kinds {

@@ -21,7 +21,7 @@ pub(super) const CASES: &[Case] = &[
     Case {
         family: Family::FiltersAndRates,
         name: "rates_of_graph",
-        hard: "the graph at other rates than it was made for: ticks from 100 to 4000 a second and audio from 8 to 192 kHz, odd ones among them",
+        hard: "the graph at other rates than it was made for: ticks from 100 to 4000 a second, every one of them where there is time for it, and audio from 8 to 192 kHz, odd ones among them",
         must: "it runs for 0.25 s, finite, without a fault, with every sample that belongs to a tick; or it is refused with a place in the file, as where a window of 0.1 s would not be whole; at its \
                own rates it runs",
         of_graph: true,
@@ -71,7 +71,7 @@ pub(super) const CASES: &[Case] = &[
         family: Family::FiltersAndRates,
         name: "change_while_ringing",
         hard: "every number of every kind of filter, and of `velocity`, changes while a signal of 100 Hz runs through: to either end of its range, and back",
-        must: "no step is larger than those of the signals before and after, and of a crossfade between them in 10 ms; nothing fails",
+        must: "no step is larger than those of the signals before and after, and of a crossfade between them in 10 ms; half a second later the level is that of a run without a change, within 1 dB, where that has come to one; nothing fails",
         of_graph: false,
         run: changes::run,
     },

@@ -23,14 +23,19 @@ const AUDIO_HZ: [u32; 15] = [
 /// Seconds of each run: more than two windows.
 const SECONDS: f64 = 0.25;
 
-/// Rates to be tried, of ticks and audio: each of the lists with each, then at random.
+/// Each of the lists with each.
+const LISTED: u64 = 210;
+/// Every tick rate, after those of the lists.
+const EVERY: u64 = LISTED + 3901;
+
+/// Rates to be tried, of ticks and audio: each of the lists with each, then every tick rate with an audio rate by chance.
 fn pairs(count: u64) -> impl Iterator<Item = (u32, u32)> {
     (0..count).map(|i| {
         let at = |n: usize| (i % n as u64) as usize;
-        if i < 210 {
+        if i < LISTED {
             return (TICKS_HZ[at(14)], AUDIO_HZ[at(15)]);
         }
-        (100 + (bits(1, i) % 3901) as u32, 8000 + (bits(2, i) % 184_001) as u32)
+        (100 + ((i - LISTED) % 3901) as u32, 8000 + (bits(2, i) % 184_001) as u32)
     })
 }
 
@@ -112,7 +117,7 @@ pub(super) fn graph(subject: &Subject<'_>) -> Found {
         })
     };
     let mut tally = Tally::default();
-    let rates = [(own.tick_hz, own.audio_hz)].into_iter().chain(pairs(subject.by_effort(5, 60, 1500)));
+    let rates = [(own.tick_hz, own.audio_hz)].into_iter().chain(pairs(subject.by_effort(5, 60, EVERY)));
     for (k, (tick_hz, audio_hz)) in rates.enumerate() {
         // A graph that plays by itself does so here.
         let moved = Rig::with_stylus(own, subject.registry(), &circle(f64::from(tick_hz)));
@@ -136,7 +141,7 @@ pub(super) fn kinds(subject: &Subject<'_>) -> Found {
         }
         true
     });
-    let count = subject.by_effort(14, 100, 4000);
+    let count = subject.by_effort(14, 100, EVERY);
     for (i, (tick_hz, audio_hz)) in pairs(count).enumerate() {
         // Mostly at a synthesis rate that a resampler brings up; now and then at the audio rate itself.
         let rate_hz = if i % 8 == 3 { audio_hz } else { [2500, 2000, 8000, 4410][i % 4] };

@@ -37,7 +37,12 @@ pub(super) fn kinds(subject: &Subject<'_>) -> Found {
                     *x = if n < end { noise(4, n) } else { 0.0 };
                 }
             });
-            let Ok(mut rig) = kind.alone((500, 48_000), rate_hz, sound, &[])?.rig(subject) else { continue };
+            let mut rig = match kind.alone((500, 48_000), rate_hz, sound, &[])?.rig(subject) {
+                Ok(rig) => rig,
+                // Any rate that it takes need not be this one.
+                Err(_) if rate_hz.is_some() => continue,
+                Err(e) => return Err(e.after(&format!("`{}`", kind.kind))),
+            };
             let tails = rig.schedule.nodes.iter().map(|n| n.tail);
             let tail = tails.fold(Latency::ZERO, |all, one| all + one).ms().max(0.0) * 1e-3;
             let last =

@@ -34,7 +34,7 @@ pub(super) const CASES: &[Case] = &[
         gate::around,
         [
             "the stylus moves, after a start of 0.5 s, 2 % slower than the gate opens (4.9 of 5 mm/s), then 2 % faster, then now this and now that, by an ideal sensor; and at 0.5 to 1.1 of that speed along, between and across the steps of one of 0.055 mm",
-            "the gate stays shut at the one and opens once, within 0.3 s of the start, at the other, and does not shut again between the two; in steps, whose ripple (up to 3 mm/s from crest to crest behind a 20 Hz filter) may open it sooner, it changes at most once",
+            "the gate stays shut at the one and opens once, within 0.3 s after it, at the other, and does not shut again between the two; in steps, whose ripple (up to 3 mm/s from crest to crest behind a 20 Hz filter) may open it sooner, it changes at most once",
         ],
     ),
     case(

@@ -98,6 +98,22 @@ impl Stage {
         }
     }
 
+    /// The corner of the low-pass behind which `velocity` tells the gate's speed \[Hz\]; none where another kind tells it, or there is no low-pass.
+    pub(super) fn cutoff_hz(&self) -> Option<f64> {
+        let nodes = &self.rig.schedule.nodes;
+        let gate = self.gate?;
+        let mut next: Vec<usize> =
+            nodes[gate.node].inputs[gate.speed].from.iter().map(|from| from.0).collect();
+        let mut seen = vec![false; nodes.len()];
+        while let Some(at) = next.pop().filter(|&at| !std::mem::replace(&mut seen[at], true)) {
+            if nodes[at].kind == "velocity" {
+                return Some(nodes[at].params.number("cutoff_hz")).filter(|hz| *hz > 0.0);
+            }
+            next.extend(nodes[at].inputs.iter().filter_map(|input| Some(input.from?.0)));
+        }
+        None
+    }
+
     /// Samples a second of what is played.
     pub(super) fn audio_hz(&self) -> f64 {
         f64::from(self.rig.schedule.audio_hz)

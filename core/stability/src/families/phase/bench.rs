@@ -13,7 +13,7 @@ use crate::played::{Frames, Played};
 use crate::rig::Rig;
 use crate::subject::Subject;
 
-/// Frames and ticks a second.
+/// Frames a second.
 pub(super) const FRAMES_HZ: u32 = 500;
 /// Bins of a window of 0.1 s at 2500 Hz, with Nyquist's.
 pub(super) const BINS: u32 = 126;
@@ -114,7 +114,7 @@ impl Method {
         frames: Frames,
     ) -> Result<Heard, Not> {
         let mut graph = GraphFile::empty("the case");
-        graph.tick_hz = FRAMES_HZ;
+        graph.tick_hz = layout.frame_rate.num();
         let (origin, played) = ("the case", "frames of the case");
         let params: Vec<(&str, &str)> = self.set.iter().map(|(p, v)| (p.as_str(), v.as_str())).collect();
         graph.add_node(played, played, &[], origin)?;
@@ -210,16 +210,22 @@ impl Heard {
 
     /// Ticks after which a change of the frames has shown in full: two windows, and what it is late.
     pub(super) fn settles(&self, layout: &FrameLayout) -> u64 {
-        let late = self.late.unsigned_abs() * u64::from(FRAMES_HZ) / u64::from(layout.rate_hz);
-        let window = u64::from(layout.length) * u64::from(FRAMES_HZ) / u64::from(layout.rate_hz);
+        let frames_hz = u64::from(layout.frame_rate.num());
+        let late = self.late.unsigned_abs() * frames_hz / u64::from(layout.rate_hz);
+        let window = u64::from(layout.length) * frames_hz / u64::from(layout.rate_hz);
         2 * window + late
     }
 }
 
-/// Windows of 0.1 s, a frame each tick.
+/// Windows of 0.1 s, [`FRAMES_HZ`] a second, a frame each tick.
 pub(super) fn layout(rate_hz: u32, bins: u32) -> FrameLayout {
-    // 500 a second is a rate.
-    let frame_rate = FrameRate::new(FRAMES_HZ, 1).unwrap_or_else(|| unreachable!("a constant"));
+    layout_at(rate_hz, bins, FRAMES_HZ)
+}
+
+/// Windows of 0.1 s, so many a second, a frame each tick.
+pub(super) fn layout_at(rate_hz: u32, bins: u32, frames_hz: u32) -> FrameLayout {
+    // More than none a second is a rate.
+    let frame_rate = FrameRate::new(frames_hz, 1).unwrap_or_else(|| unreachable!("a constant"));
     FrameLayout { rate_hz, length: rate_hz / 10, bins, frame_rate }
 }
 
@@ -248,7 +254,8 @@ pub(super) fn frames(of: impl Fn(u64, usize) -> f64 + Send + Sync + 'static) -> 
 pub(super) fn score(layout: &FrameLayout, bins: impl Fn(usize) -> f64, heard: &[f64]) -> Result<Score, Not> {
     let framing = framing(layout);
     // The last window's worth is still to come.
-    let frames = (heard.len() as u64 * u64::from(FRAMES_HZ) / u64::from(layout.rate_hz)).saturating_sub(50);
+    let frames_hz = u64::from(layout.frame_rate.num());
+    let frames = (heard.len() as u64 * frames_hz / u64::from(layout.rate_hz)).saturating_sub(frames_hz / 10);
     let frame: Vec<f32> = (0..framing.bins).map(|k| (bins(k) * framing.bin_scale()) as f32).collect();
     let all = frame.repeat(usize::try_from(frames).unwrap_or(0));
     phase::score(&all, &framing, heard).map_err(|e| Not::Held(e.to_string()))

@@ -1,29 +1,32 @@
 //! Time that is long: a day that is left out, a day of frames, ten million frames in two precisions.
 
 use asperity_measure::phase as figures;
+use asperity_node::FrameLayout;
 
 use super::bench::{
-    FEW_BINS, FRAMES_HZ, Heard, Method, detuned, frames, framing, layout, lobe, methods_with, score,
+    FEW_BINS, FRAMES_HZ, Heard, Method, detuned, frames, framing, layout, layout_at, lobe, methods_with,
+    score,
 };
 use super::{TONE, each};
 use crate::case::{Found, Not, holds, not_applicable};
 use crate::played::Frames;
 use crate::subject::Subject;
 
-/// Frames of a day.
-const DAY: u64 = 24 * 3600 * FRAMES_HZ as u64;
+/// Seconds of a day.
+const DAY_S: u64 = 24 * 3600;
+/// Frames a second of a day that is run: windows of 0.1 s overlap by nine tenths.
+const FEW_FRAMES_HZ: u32 = 100;
 /// Frames that are looked at.
 const LOOK: u64 = 1250;
 /// Where the tone lies where there are few bins.
 const LOW_TONE: f64 = 5.37;
 
 /// What there is of a tone: spectral convergence in dB, and how far off its frequency is in Hz, where it has one.
-fn look(heard: &mut Heard, rate_hz: u32, bins: u32, tone: f64) -> Result<(f64, Option<f64>), Not> {
-    let layout = layout(rate_hz, bins);
+fn look(heard: &mut Heard, layout: &FrameLayout, tone: f64) -> Result<(f64, Option<f64>), Not> {
     let all = heard.aligned(LOOK)?;
-    let found = score(&layout, |k| lobe(tone, k), &all)?;
+    let found = score(layout, |k| lobe(tone, k), &all)?;
     let middle = all.get(layout.length as usize..).unwrap_or(&all);
-    let (off, scatter) = detuned(middle, f64::from(rate_hz), tone * layout.bin_hz());
+    let (off, scatter) = detuned(middle, f64::from(layout.rate_hz), tone * layout.bin_hz());
     Ok((found.convergence_db, (off.abs() < 0.01 && scatter < 0.01).then_some(off)))
 }
 
@@ -47,30 +50,31 @@ pub(super) fn skipped(subject: &Subject<'_>) -> Found {
         let tone: Frames = frames(|_, k| lobe(TONE, k));
         let mut heard = method.begin(subject, bench, tone)?;
         heard.pass(heard.settles(&bench))?;
-        let before = look(&mut heard, 2500, super::BINS, TONE)?;
-        heard.skip(DAY - LOOK - heard.settles(&bench));
+        let before = look(&mut heard, &bench, TONE)?;
+        heard.skip(DAY_S * u64::from(FRAMES_HZ) - LOOK - heard.settles(&bench));
         heard.pass(heard.settles(&bench))?;
         tones += usize::from(before.1.is_some());
-        as_before(before, look(&mut heard, 2500, super::BINS, TONE)?)
+        as_before(before, look(&mut heard, &bench, TONE)?)
     })?;
     Ok(format!("{count} methods, {tones} of which keep a tone's frequency, within {worst:.1e} Hz ({of})"))
 }
 
 pub(super) fn run(subject: &Subject<'_>) -> Found {
-    let total = subject.by_effort(10_000, 100_000, DAY);
+    let seconds = subject.by_effort(100, 1000, DAY_S);
+    let total = seconds * u64::from(FEW_FRAMES_HZ);
     let mut tones = 0;
     let (count, worst, of) = each(subject, false, |method| {
-        let bench = layout(500, FEW_BINS);
+        let bench = layout_at(500, FEW_BINS, FEW_FRAMES_HZ);
         let tone: Frames = frames(|_, k| lobe(LOW_TONE, k));
         let mut heard = method.begin(subject, bench, tone)?;
         heard.pass(heard.settles(&bench))?;
-        let before = look(&mut heard, 500, FEW_BINS, LOW_TONE)?;
+        let before = look(&mut heard, &bench, LOW_TONE)?;
         heard.pass(total)?;
         tones += usize::from(before.1.is_some());
-        as_before(before, look(&mut heard, 500, FEW_BINS, LOW_TONE)?)
+        as_before(before, look(&mut heard, &bench, LOW_TONE)?)
     })?;
     Ok(format!(
-        "{count} kinds over {total} frames, {tones} of which keep a tone's frequency, within {worst:.1e} Hz ({of})"
+        "{count} kinds over {seconds} s in {total} frames, {tones} of which keep a tone's frequency, within {worst:.1e} Hz ({of})"
     ))
 }
 
