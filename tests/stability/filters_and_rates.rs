@@ -158,11 +158,10 @@ fn change_while_ringing() {
         }
     });
     fails("change_while_ringing", &subject.clone().with(clicks), "a step of");
-    // One that is softer ever after.
+    // One that becomes softer for ever.
     let softer = changed(&subject, "limiter", |y, calls, _| {
-        if calls > 700 {
-            y.iter_mut().for_each(|y| *y *= 0.8);
-        }
+        let part = 1.0 - 0.002 * calls.saturating_sub(650).min(100) as f32;
+        y.iter_mut().for_each(|y| *y *= part);
     });
     fails("change_while_ringing", &subject.clone().with(softer), "half a second later");
 }

@@ -181,7 +181,7 @@ fn phase_for_a_day() {
         Box::new(|node, tick| {
             let Some(frame) = tick.inputs.magnitude(0) else { return node.process(tick) };
             let status = node.process(tick)?;
-            let later = frame.index.saturating_sub(5000) as f64 / 500.0;
+            let later = frame.index.saturating_sub(2500) as f64 / 250.0;
             let (sin, cos) = (TAU * (0.05 * later).fract()).sin_cos();
             let by = Complex::new(cos as f32, sin as f32);
             tick.outputs.spectrum(0, frame.index, frame.start).iter_mut().for_each(|z| *z *= by);

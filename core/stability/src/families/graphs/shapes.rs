@@ -39,11 +39,8 @@ fn begun() -> Result<Small, Not> {
     Small::new(500, 48_000).plays("one", one)
 }
 
-/// Gains of 2 and 1/2 in a row; of one node, the source alone.
+/// Gains of 2 and 1/2 in a row.
 fn chain(nodes: usize) -> Result<Small, Not> {
-    if nodes == 1 {
-        return begun();
-    }
     let (mut graph, last) = run_of(begun()?, "one".into(), nodes.saturating_sub(2))?;
     graph = graph.node("out", "probe", &[])?;
     Ok(graph.wire(&last, "out"))
@@ -173,6 +170,11 @@ pub(super) fn run(subject: &Subject<'_>) -> Found {
         &[1, 2, 3, 10, 100, 1000, 5000],
         &[1, 2, 3, 5, 10, 30, 100, 300, 1000, 3000, 5000],
     );
+    let alone = begun()?;
+    let refused = subject.compiled(&alone.graph, &alone.kinds).err();
+    holds(refused.as_ref().is_some_and(|why| why.contains("sink")), || {
+        format!("a node that nobody hears is not refused: {}", refused.unwrap_or_default())
+    })?;
     let (mut most, mut worst, mut named) = (0, 0.0_f64, 0);
     for shape in &SHAPES {
         for size in sizes {

@@ -14,8 +14,8 @@ use crate::subject::Subject;
 
 /// Seconds of a day.
 const DAY_S: u64 = 24 * 3600;
-/// Frames a second of a day that is run: windows of 0.1 s overlap by nine tenths.
-const FEW_FRAMES_HZ: u32 = 100;
+/// Frames a second of a day that is run: half of what is usual, so that a day has an end.
+const FEW_FRAMES_HZ: u32 = 250;
 /// Frames that are looked at.
 const LOOK: u64 = 1250;
 /// Where the tone lies where there are few bins.

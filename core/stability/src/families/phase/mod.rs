@@ -96,7 +96,7 @@ pub(super) const CASES: &[Case] = &[
     Case {
         family: Family::Phase,
         name: "phase_for_a_day",
-        hard: "24 hours of frames one after the other, 100 a second; 1000 s in `cargo test`, and 100 s in `selftest` unless it is told to take its time",
+        hard: "24 hours of frames one after the other, 250 a second; 1000 s in `cargo test`, and 100 s in `selftest` unless it is told to take its time",
         must: "as after 24 hours that are left out",
         of_graph: false,
         run: day::run,
