@@ -1,5 +1,6 @@
 //! The frames that are still in use.
 
+use super::rescaled;
 use crate::float::keep_wide;
 use crate::{Float, Framing};
 use asperity_state::State;
@@ -108,9 +109,9 @@ impl<T: Float> History<T> {
         peak
     }
 
-    pub(super) fn rescale(&mut self, factor: T) {
-        self.mags.iter_mut().for_each(|m| *m *= factor);
-        self.slots.iter_mut().for_each(|s| s.peak *= factor);
+    pub(super) fn rescale(&mut self, factor: f64) {
+        self.mags.iter_mut().for_each(|m| *m = rescaled(*m, factor));
+        self.slots.iter_mut().for_each(|s| s.peak = rescaled(s.peak, factor));
     }
 
     /// Magnitudes and numbers; starts and peaks follow from them.

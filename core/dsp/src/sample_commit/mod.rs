@@ -82,6 +82,9 @@ use project::Projector;
 /// Weight of a sample's last value against the windows' squares, where those are small.
 const INERTIA: f64 = 3e-3;
 
+/// Samples that were emitted are at most this much on the kernel's own scale, where frames are near 1: the square of a sum of them has a number in f32.
+const LOUD: f64 = (1u64 << 40) as f64;
+
 /// The same over the first window of a stream, where the frames in use are few and do not agree yet.
 const FIRST_INERTIA: f64 = 0.1;
 
@@ -277,11 +280,11 @@ impl<T: Float> SampleCommit<T> {
         // The exponent, kept where its inverse is a normal number too.
         let exponent = ((most.to_bits() >> 52) as i32 - 1023).clamp(-100, 100);
         let scale = 2f64.powi(exponent);
-        let factor = T::of(self.scale / scale);
+        let factor = self.scale / scale;
         self.scale = scale;
         self.history.rescale(factor);
         for v in [&mut self.x, &mut self.z] {
-            v.iter_mut().for_each(|x| *x *= factor);
+            v.iter_mut().for_each(|x| *x = rescaled(*x, factor));
         }
     }
 
@@ -446,6 +449,12 @@ impl<T: Float> SampleCommit<T> {
             }
             self.head = 0;
         }
+/// On another scale. A factor that single precision has no number for is one in double, and what was emitted long before, and may be far louder than
+/// any frame that is known still, is held to [`LOUD`].
+fn rescaled<T: Float>(x: T, factor: f64) -> T {
+    T::of((x.f64() * factor).clamp(-LOUD, LOUD))
+}
+
     }
 }
 

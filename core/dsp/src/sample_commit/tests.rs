@@ -245,6 +245,23 @@ fn the_largest_numbers_stay_finite() {
     }
 }
 
+#[test]
+fn a_soft_tone_after_one_near_the_largest_number_is_heard() {
+    let tone = |scale: f32, count: usize| vec![tone_frame().map(|m| m * scale).to_vec(); count];
+    let rms = |y: &[f32]| (y.iter().map(|&y| f64::from(y).powi(2)).sum::<f64>() / y.len() as f64).sqrt();
+    for emission in [0, -20, -25] {
+        let plain = rms(&run(&mut kernel(emission), &tone(1.0, 360), 0)[1550..1800]);
+        for quiet in [1e-8f32, 1e-10, 1e-12, 1e-30] {
+            let frames = [tone(1e30, 60), tone(quiet, 300)].concat();
+            let y = run(&mut kernel(emission), &frames, 0);
+            assert!(y.iter().all(|y| y.is_finite()), "{quiet} at {emission}");
+            let scaled: Vec<f32> = y[1550..1800].iter().map(|y| y / quiet).collect();
+            let off = 20.0 * (rms(&scaled) / plain).log10();
+            assert!(off.abs() < 1.0, "{quiet} at {emission} is {off} dB off");
+        }
+    }
+}
+
 /// A frame of a tone between bins.
 fn tone_frame() -> [f32; 101] {
     let mut frame = [0.0; 101];
