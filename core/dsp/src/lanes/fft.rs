@@ -92,10 +92,8 @@ fn pass<T: Float, S: Simd<T>, const R: usize>(
     if stride == 1 {
         let (re, im) = (parts::<T, R>(from.0, 0, apart, apart), parts::<T, R>(from.1, 0, apart, apart));
         let out = to.0.as_chunks_mut::<R>().0.iter_mut().zip(to.1.as_chunks_mut::<R>().0);
-        for ((p, turns), (to_re, to_im)) in turns.zip(out) {
-            if p >= apart {
-                break;
-            }
+        // There are no more groups than that: it is said so that no place within the parts is checked.
+        for ((p, turns), (to_re, to_im)) in turns.zip(out).take(apart) {
             let y = turned_butterfly::<T, S, R>(s, (&re, &im), p, p, turns);
             for (k, y) in y.into_iter().enumerate() {
                 s.store(y.0, &mut to_re[k]);

@@ -28,35 +28,32 @@
 //! (lower is better), mean of three seeds, momentum 0.9, on the vectors of `tests/data/phase`; gain and rms error of the
 //! long-term spectrum, in dB, for smooth magnitudes that are no signal's (nnsmooth: what a network trained on squared error
 //! puts out); milliseconds until a step from 1 to 2 in the magnitudes of a noise has shown by 10, 50 and 90 %; median time a
-//! frame at N = 250 and 4800 on one AVX-512 core (AMD EPYC) of a busy machine:
+//! frame at N = 250 and 4800 in f32 on one AVX-512 core (AMD EPYC) of a busy machine, where up to eight frames are transformed at once in the lanes of a register:
 //!
 //! | frames x passes | emission | sine | chirp | texture | two tones | taps | contact | nnsmooth | gain, LTAS | texture 48k | amchirp 48k | lag [ms] | time [us] |
 //! |---|---|---|---|---|---|---|---|---|---|---|---|---|---|
-//! | 5 x 2 | 0 | -77.7 | -66.0 | -28.4 | -55.5 | -28.7 | -27.7 | -16.8 | -0.16, 0.32 | -29.4 | -58.3 | 44, 55, 60 | 7.0, 91 |
-//! | 5 x 3 | 0 | -78.0 | -67.2 | -28.7 | -57.0 | -31.2 | -29.0 | -17.1 | -0.14, 0.34 | -29.2 | -64.0 | 44, 55, 60 | 10.4, 136 |
-//! | 5 x 5 | 0 | -77.8 | -68.3 | -29.4 | -62.7 | -34.7 | -31.9 | -16.9 | -0.13, 0.35 | -28.4 | -72.1 | 44, 55, 60 | 16.8, 228 |
-//! | 10 x 5 | 0 | -78.1 | -69.3 | -28.2 | -61.3 | -36.5 | -34.8 | -17.4 | -0.11, 0.44 | -28.5 | -79.4 | 44, 55, 60 | 33.4, 450 |
-//! | 5 x 5 | 10 | -74.5 | -64.6 | -31.0 | -70.7 | -34.3 | -32.6 | -16.6 | -0.08, 0.42 | -31.0 | -67.0 | 63, 74, 80 | 16.8, 228 |
-//! | 5 x 5 | -10 | -76.9 | -66.1 | -27.0 | -42.9 | -27.8 | -29.4 | -17.1 | -0.12, 0.54 | -28.1 | -65.1 | 26, 34, 41 | 16.8, 228 |
-//! | 5 x 5 | -15 | -77.8 | -66.0 | -24.0 | -38.5 | -25.4 | -26.6 | -16.9 | -0.22, 0.53 | -25.5 | -62.8 | 16, 25, 30 | 16.8, 228 |
-//! | 5 x 3 | -20 | -78.6 | -62.8 | -22.3 | -37.9 | -20.7 | -24.3 | -16.7 | -0.37, 0.54 | -23.1 | -53.6 | 11, 16, 22 | 10.4, 136 |
-//! | 5 x 5 | -20 | -78.8 | -64.4 | -23.5 | -35.7 | -22.2 | -25.9 | -16.6 | -0.38, 0.49 | -22.1 | -57.0 | 11, 16, 22 | 16.8, 228 |
-//! | 5 x 3 | -25 | -75.0 | -61.5 | -20.3 | -37.8 | -19.3 | -20.3 | -16.4 | -0.47, 0.57 | -17.5 | -49.0 | 0, 10, 14 | 10.4, 136 |
-//! | 5 x 5 | -25 | -75.3 | -63.1 | -21.7 | -34.8 | -21.5 | -22.0 | -16.4 | -0.45, 0.57 | -19.9 | -51.1 | 0, 10, 14 | 16.8, 228 |
-//! | 5 x 6, momentum 0.85 | -25 | -75.6 | -62.5 | -22.7 | -34.7 | -21.4 | -22.2 | -16.6 | -0.46, 0.62 | -18.9 | -51.0 | 0, 10, 14 | 19.8, 262 |
-//! | 10 x 5 | -25 | -74.6 | -63.9 | -20.7 | -31.2 | -22.8 | -24.9 | -16.5 | -0.36, 0.61 | -19.0 | -49.3 | 0, 10, 14 | 33.4, 450 |
+//! | 5 x 2 | 0 | -77.7 | -66.0 | -28.4 | -55.5 | -28.7 | -27.7 | -16.8 | -0.16, 0.32 | -29.4 | -58.3 | 44, 55, 60 | 3.9, 74 |
+//! | 5 x 3 | 0 | -78.0 | -67.2 | -28.7 | -57.0 | -31.2 | -29.0 | -17.1 | -0.14, 0.34 | -29.2 | -64.0 | 44, 55, 60 | 5.7, 112 |
+//! | 5 x 5 | 0 | -77.8 | -68.3 | -29.4 | -62.7 | -34.7 | -31.9 | -16.9 | -0.13, 0.35 | -28.4 | -72.1 | 44, 55, 60 | 9.4, 186 |
+//! | 10 x 5 | 0 | -78.1 | -69.3 | -28.2 | -61.3 | -36.5 | -34.8 | -17.4 | -0.11, 0.44 | -28.5 | -79.4 | 44, 55, 60 | 17.4, 286 |
+//! | 5 x 5 | 10 | -74.5 | -64.6 | -31.0 | -70.7 | -34.3 | -32.6 | -16.6 | -0.08, 0.42 | -31.0 | -67.0 | 63, 74, 80 | 9.4, 186 |
+//! | 5 x 5 | -10 | -76.9 | -66.1 | -27.0 | -42.9 | -27.8 | -29.4 | -17.1 | -0.12, 0.54 | -28.1 | -65.1 | 26, 34, 41 | 9.1, 182 |
+//! | 5 x 5 | -15 | -77.8 | -66.0 | -24.0 | -38.5 | -25.4 | -26.6 | -16.9 | -0.22, 0.53 | -25.5 | -62.8 | 16, 25, 30 | 9.0, 179 |
+//! | 5 x 3 | -20 | -78.6 | -62.8 | -22.3 | -37.9 | -20.7 | -24.3 | -16.7 | -0.37, 0.54 | -23.1 | -53.6 | 11, 16, 22 | 5.6, 107 |
+//! | 5 x 5 | -20 | -78.8 | -64.4 | -23.5 | -35.7 | -22.2 | -25.9 | -16.6 | -0.38, 0.49 | -22.1 | -57.0 | 11, 16, 22 | 9.1, 176 |
+//! | 5 x 3 | -25 | -75.0 | -61.5 | -20.3 | -37.8 | -19.3 | -20.3 | -16.4 | -0.47, 0.57 | -17.5 | -49.0 | 0, 10, 14 | 5.5, 106 |
+//! | 5 x 5 | -25 | -75.3 | -63.1 | -21.7 | -34.8 | -21.5 | -22.0 | -16.4 | -0.45, 0.57 | -19.9 | -51.1 | 0, 10, 14 | 9.0, 178 |
+//! | 5 x 6, momentum 0.85 | -25 | -75.6 | -62.5 | -22.7 | -34.7 | -21.4 | -22.2 | -16.6 | -0.46, 0.62 | -18.9 | -51.0 | 0, 10, 14 | 10.6, 212 |
+//! | 10 x 5 | -25 | -74.6 | -63.9 | -20.7 | -31.2 | -22.8 | -24.9 | -16.5 | -0.36, 0.61 | -19.0 | -49.3 | 0, 10, 14 | 16.9, 275 |
 //!
-//! The times of the table are those of one frame's transforms after the other. Several at once in the lanes of a register, with plans that all share, the same
-//! machine takes in one run (before, after): 5 x 5 at N = 250 17.1 and 8.9 us, 10 x 5 34.6 and 17.4, 5 x 3 10.3 and 5.4; at N = 50 5 x 5 4.2 and 2.4; at
-//! N = 4800 5 x 5 232 and 185, 10 x 5 473 and 296.
-//!
-//! For the magnitudes of a network, which are no signal's, fewer do as well, and follow a change sooner: `graphs/texture.ron` has 2 x 2 (docs/tradeoff.md).
+//! For the magnitudes of a network, which are no signal's, fewer do as well, and follow a change sooner: `graphs/texture.ron` has 2 x 2 (docs/tradeoff.md). Two
+//! frames a pass are transformed one by one, 2.9 us a frame at N = 250 and 37 at 4800, and gain by plans that all share alone.
 //!
 //! At -20 a step shows after 16 ms instead of 55, and noise is 12 dB better than with `spsi`, and level and spectrum of
 //! smooth magnitudes still are within 0.5 and 1 dB with some room: that is the default. At -25 it shows 6 ms sooner, and the
 //! level is 0.46 dB low. There the texture has two answers that last, near -20 and -24 dB, and the seed says which is found;
 //! 5 x 6 with momentum 0.85 came out at -22.7 dB (mean of 48 seeds, 46 of them at -21 or better; contact -22.2, taps -21.4, two
-//! tones -34.7; 19.8 us) and is the setting for -25, where 5 x 5 with 0.9 had -20.3. 6 x 6 is no better and takes 24 us. At -30
+//! tones -34.7; 10.6 us) and is the setting for -25, where 5 x 5 with 0.9 had -20.3. 6 x 6 is no better and takes 10.9 us. At -30
 //! quality breaks down. Frames and passes: 3 passes are as good as 5 for noise; 5 are better for
 //! what starts and stops.
 //!
@@ -82,11 +79,11 @@ use project::Projector;
 /// Weight of a sample's last value against the windows' squares, where those are small.
 const INERTIA: f64 = 3e-3;
 
-/// Samples that were emitted are at most this much on the kernel's own scale, where frames are near 1: the square of a sum of them has a number in f32.
-const LOUD: f64 = (1u64 << 40) as f64;
-
 /// The same over the first window of a stream, where the frames in use are few and do not agree yet.
 const FIRST_INERTIA: f64 = 0.1;
+
+/// Samples that were emitted are at most this much on the kernel's own scale, where frames are near 1: the square of a sum of them has a number in f32.
+const LOUD: f64 = (1u64 << 40) as f64;
 
 /// Magnitude frames in, samples out.
 pub struct SampleCommit<T> {
@@ -449,13 +446,13 @@ impl<T: Float> SampleCommit<T> {
             }
             self.head = 0;
         }
+    }
+}
+
 /// On another scale. A factor that single precision has no number for is one in double, and what was emitted long before, and may be far louder than
 /// any frame that is known still, is held to [`LOUD`].
 fn rescaled<T: Float>(x: T, factor: f64) -> T {
     T::of((x.f64() * factor).clamp(-LOUD, LOUD))
-}
-
-    }
 }
 
 /// Half a raised cosine.
