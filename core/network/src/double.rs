@@ -4,18 +4,19 @@
 
 use crate::lower::{Lowered, Ref, StepKind};
 use crate::signature::Role;
+use std::sync::Arc;
 
-/// A network ready to run, one result after the other in an arena.
+/// A network ready to run, one result after the other in an arena. Copies share what a run does not change.
 #[derive(Clone)]
 pub(crate) struct Double {
-    net: Lowered,
+    pub(crate) net: Arc<Lowered>,
     /// Steps of a run, in order.
     moving: Vec<usize>,
     /// Where each step's result lies.
     at: Vec<usize>,
     arena: Vec<f64>,
     /// The results of steps that depend on the material alone, which [`constant`](Self::constant) says the places of, by material.
-    materials: Vec<Vec<f64>>,
+    materials: Arc<[Vec<f64>]>,
     constant: Vec<std::ops::Range<usize>>,
     /// The material whose results are in the arena.
     material: Option<usize>,
@@ -54,7 +55,7 @@ impl Double {
             at,
             arena: vec![0.0; len],
             material: None,
-            net: net.clone(),
+            net: Arc::new(net.clone()),
         }
     }
 

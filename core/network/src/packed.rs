@@ -5,6 +5,7 @@ use crate::kernel::{Bias, Block, Codes, Data, Entry, Instruction, Isa, Pick, Pro
 use crate::lower::{Affine, Element, Lowered, Ref, StepKind};
 use crate::signature::{FORCE_LEN, MAGNITUDES_LEN, Role, SPEED_LEN};
 use crate::stored::{Samples, Stored};
+use std::sync::Arc;
 
 /// Cells in front of which a 64-byte boundary is found; the heap block does not move with its owner.
 struct Aligned<T> {
@@ -41,9 +42,16 @@ impl<T: Copy + Default> Aligned<T> {
 /// under 24000 (13 %), 4.6e-4.
 const WORTH_HALVING: usize = 16384;
 
-/// A network ready to run.
+/// A network ready to run. Copies share what a run does not change.
 #[derive(Clone)]
-pub(crate) struct Packed<W: Copy + Default> {
+pub(crate) struct Packed<W> {
+    pub(crate) made: Arc<Made<W>>,
+    arena: Aligned<f32>,
+    codes: Codes,
+}
+
+/// A network packed.
+pub(crate) struct Made<W> {
     program: Program,
     entry: Entry<W>,
     weights: Aligned<W>,
@@ -54,8 +62,6 @@ pub(crate) struct Packed<W: Copy + Default> {
     materials: Aligned<f32>,
     material_len: usize,
     material_count: usize,
-    arena: Aligned<f32>,
-    codes: Codes,
     force_at: usize,
     speed_at: usize,
     output_at: usize,
@@ -126,24 +132,23 @@ impl<W: Stored> Packed<W> {
                 StepKind::Elements(e) => p.elements(i, e, clamp),
             }
         }
-        let material_len = p.materials.first().map_or(0, Vec::len);
-        Ok(Self {
+        let made = Made {
             program: p.program,
             entry,
             weights: Aligned::new(&p.weights),
             wide: Aligned::new(&p.wide),
             starts: Aligned::new(&p.starts),
-            codes: Codes::new(p.most_inputs),
             fixed: Aligned::new(&p.fixed),
             materials: Aligned::new(&p.materials.concat()),
-            material_len,
+            material_len: p.materials.first().map_or(0, Vec::len),
             material_count: materials.len(),
-            arena: Aligned::new(&vec![0.0; arena_len]),
             force_at,
             speed_at,
             output_at: p.at[net.output],
             multiply_adds: p.multiply_adds,
-        })
+        };
+        let (arena, codes) = (Aligned::new(&vec![0.0; arena_len]), Codes::new(p.most_inputs));
+        Ok(Self { made: Arc::new(made), arena, codes })
     }
 
     /// One run. `None` where a length or the material does not fit.
@@ -155,28 +160,30 @@ impl<W: Stored> Packed<W> {
         speed: &[f32],
         out: &mut [f32],
     ) -> Option<()> {
-        if material >= self.material_count {
+        let made = &*self.made;
+        if material >= made.material_count {
             return None;
         }
-        let biases = self.materials.get().get(material * self.material_len..)?.get(..self.material_len)?;
+        let biases = made.materials.get().get(material * made.material_len..)?.get(..made.material_len)?;
         let arena = &mut self.arena.cells[self.arena.start..];
-        copy(arena.get_mut(self.force_at..self.force_at + FORCE_LEN)?, force)?;
-        copy(arena.get_mut(self.speed_at..self.speed_at + SPEED_LEN)?, speed)?;
+        copy(arena.get_mut(made.force_at..made.force_at + FORCE_LEN)?, force)?;
+        copy(arena.get_mut(made.speed_at..made.speed_at + SPEED_LEN)?, speed)?;
         let data = Data {
-            weights: self.weights.get(),
-            wide: self.wide.get(),
-            starts: self.starts.get(),
-            fixed: self.fixed.get(),
+            weights: made.weights.get(),
+            wide: made.wide.get(),
+            starts: made.starts.get(),
+            fixed: made.fixed.get(),
             material: biases,
         };
-        self.entry.run(&self.program, data, &mut self.codes, arena)?;
-        copy(out, arena.get(self.output_at..self.output_at + MAGNITUDES_LEN)?)
+        made.entry.run(&made.program, data, &mut self.codes, arena)?;
+        copy(out, arena.get(made.output_at..made.output_at + MAGNITUDES_LEN)?)
     }
 
     pub(crate) fn read(&self) -> u32 {
-        self.entry.read(Data {
-            weights: self.weights.get(),
-            wide: self.wide.get(),
+        let made = &*self.made;
+        made.entry.read(Data {
+            weights: made.weights.get(),
+            wide: made.wide.get(),
             starts: &[],
             fixed: &[],
             material: &[],
@@ -184,11 +191,11 @@ impl<W: Stored> Packed<W> {
     }
 
     pub(crate) fn weights_bytes(&self) -> usize {
-        self.weights.len * size_of::<W>() + self.wide.len * size_of::<f32>()
+        self.made.weights.len * size_of::<W>() + self.made.wide.len * size_of::<f32>()
     }
 
     pub(crate) fn multiply_adds(&self) -> usize {
-        self.multiply_adds
+        self.made.multiply_adds
     }
 }
 

@@ -194,7 +194,7 @@ pub struct Runner {
 impl Model {
     /// Prepares the network for `materials`, each of [`TEXTURE_LEN`] finite numbers: folds their part of the network
     /// into biases, packs the weights and checks the result against tract. Slow (0.2 s where weights are rounded), for the control thread; one that was
-    /// made lately is copied.
+    /// made lately is not made again: the copy shares its weights.
     ///
     /// # Errors
     /// No material or more than [`MAX_MATERIALS`], one of another length or not finite; with [`Choice::Packed`], a
@@ -436,5 +436,34 @@ impl fmt::Debug for Runner {
             .field("materials", &self.materials)
             .field("info", &self.info)
             .finish_non_exhaustive()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::Arc;
+
+    fn share(a: &Runner, b: &Runner) -> bool {
+        match (&a.engine, &b.engine) {
+            (Engine::F32(a), Engine::F32(b)) => Arc::ptr_eq(&a.made, &b.made),
+            (Engine::F16(a), Engine::F16(b)) => Arc::ptr_eq(&a.made, &b.made),
+            (Engine::Int8(a), Engine::Int8(b)) => Arc::ptr_eq(&a.made, &b.made),
+            (Engine::F64(a), Engine::F64(b)) => Arc::ptr_eq(&a.net, &b.net),
+            _ => false,
+        }
+    }
+
+    #[test]
+    fn what_was_made_lately_is_not_made_again_and_its_weights_are_there_once() {
+        let model = concat!(env!("CARGO_MANIFEST_DIR"), "/../../graphs/models/surfaces/texture.onnx");
+        let model = Model::load(model).unwrap();
+        let materials = [[0.1_f32; TEXTURE_LEN], [0.2; TEXTURE_LEN]];
+        for precision in Precision::ALL {
+            let make = |count| model.runner(&materials[..count], precision, Choice::Auto).unwrap();
+            let (one, other) = (make(2), make(1));
+            assert!(share(&one, &make(2)) && share(&other, &make(1)), "{}", precision.name());
+            assert!(!share(&one, &other), "{}", precision.name());
+        }
     }
 }

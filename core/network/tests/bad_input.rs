@@ -234,7 +234,7 @@ fn runners_move_between_threads() {
 }
 
 #[test]
-fn a_file_that_changes_is_read_again_and_what_was_made_lately_is_not_made_again() {
+fn a_file_that_changes_is_read_again_and_runners_are_of_what_was_asked_for() {
     let dir = tempfile::tempdir().unwrap();
     let shipped = concat!(env!("CARGO_MANIFEST_DIR"), "/../../graphs/models/surfaces/");
     let path = dir.path().join("m.onnx");
@@ -254,6 +254,18 @@ fn a_file_that_changes_is_read_again_and_what_was_made_lately_is_not_made_again(
     assert_eq!((run(&mut other, 0), run(&mut other, 1)), (run(&mut one, 0), before));
     let mut single = first.runner(&materials[1..], Precision::Int8, Choice::Auto).unwrap();
     assert_ne!(run(&mut single, 0), run(&mut one, 0));
+    let executor =
+        |precision, choice| first.runner(&materials, precision, choice).unwrap().describe().executor;
+    let ways = [
+        (Precision::F32, Choice::Auto),
+        (Precision::F64, Choice::Auto),
+        (Precision::F32, Choice::Tract),
+        (Precision::F32, Choice::Auto),
+    ];
+    let [single, double, tract, again] = ways.map(|(precision, choice)| executor(precision, choice));
+    assert_ne!(single, double);
+    assert_ne!(single, tract);
+    assert_eq!(single, again);
     std::fs::copy(format!("{shipped}texture_mean.onnx"), &path).unwrap();
     assert!(!Arc::ptr_eq(&first, &Model::shared(&path).unwrap()));
 }
