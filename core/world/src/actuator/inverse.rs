@@ -63,9 +63,9 @@ pub enum InverseModel {
 /// What may be chosen about the inverse.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct InverseSettings {
-    /// Corner w_c / 2 pi of the high-pass that inverse and actuator make together \[Hz\], 5 to 60.
+    /// Corner w_c / 2 pi of the high-pass that inverse and actuator make together \[Hz\], 5 to 60. [`InverseModel::Mass`] has none.
     pub corner_hz: f64,
-    /// Damping ratio zeta_c of that high-pass, 0.3 to 2; 0.707 is a Butterworth filter.
+    /// Damping ratio zeta_c of that high-pass, 0.3 to 2; 0.707 is a Butterworth filter. [`InverseModel::Mass`] has none.
     pub corner_damping: f64,
     /// What of the actuator is inverted.
     pub model: InverseModel,
