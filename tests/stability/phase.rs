@@ -101,7 +101,7 @@ fn phase_units() {
     let absolute = changed(|_, _, _, out| {
         out.iter_mut().filter(|z| z.norm() < 1e-15).for_each(|z| *z = Complex::default());
     });
-    fails("phase_units", &absolute, "a tone of 1e-20");
+    fails("phase_units", &absolute, "a tone of 1e-30");
 }
 
 #[test]

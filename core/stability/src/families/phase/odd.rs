@@ -72,7 +72,7 @@ pub(super) fn alternating(subject: &Subject<'_>) -> Found {
 
 pub(super) fn levels(subject: &Subject<'_>) -> Found {
     let layout = layout(2500, BINS);
-    let steps = [1.0, 1e9, 1.0, 1e-9, 1e9, 1e-9, 1.0];
+    let steps = [1.0, 1e9, 1.0, 1e-9, 1e9, 1e-9, 1.0, 1e30, 1e-12, 1.0];
     let (count, worst, of) = each(subject, true, |method| {
         let tone: Frames = frames(|_, k| lobe(TONE, k));
         let mut plain = method.begin(subject, layout, tone)?;
