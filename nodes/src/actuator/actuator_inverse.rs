@@ -49,7 +49,8 @@ impl Node for ActuatorInverse {
         .param(Param::choice(
             "model",
             &["full", "no_inductance", "no_emf", "mass"],
-            "What of the actuator is inverted: all; a voltage's coil without inductance, or as its resistance alone; the mass line above resonance, a constant.",
+            "What of the actuator is inverted. `full`: all. `no_inductance`: a voltage's coil without L. `no_emf`: the coil as its resistance alone. \
+             `mass`: a constant, right above resonance, with no corner: `corner_hz` and `corner_damping` are not used. The first three are one under a current.",
         ))
     }
 
