@@ -9,6 +9,7 @@ pub mod hand;
 pub mod motion;
 pub mod phase;
 mod precision;
+mod since;
 pub mod sinks;
 pub mod sources;
 pub mod synthesis;

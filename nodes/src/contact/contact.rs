@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use crate::since::Since;
 use asperity_node::{
     Config, Descriptor, Diagnostic, Fact, Input, Node, Output, Param, Resume, Setup, ShapeSpec, State,
     Status, Tick, Unit,
@@ -12,9 +13,8 @@ use asperity_world::scene::{ContactSettings, Contacts, Felt, Motion, Scene};
 pub struct Contact {
     contacts: Contacts,
     surfaces: usize,
-    every: u64,
-    /// The tick of the last place that was to be trusted.
-    at: Option<u64>,
+    /// The last place that was to be trusted.
+    since: Since,
     /// Pictures of heights.
     files: Vec<PathBuf>,
 }
@@ -198,8 +198,7 @@ impl Node for Contact {
         Ok(Self {
             contacts: Contacts::new(&scene, settings, runs_hz(setup))?,
             surfaces: scene.surfaces.len(),
-            every: u64::from(setup.every),
-            at: None,
+            since: Since::new(setup.every),
             files: scene.pictures,
         })
     }
@@ -213,11 +212,10 @@ impl Node for Contact {
             stroke: tick.inputs.value(3),
         };
         if tick.inputs.valid(0) {
-            let runs = self.at.map_or(1, |at| tick.index.saturating_sub(at) / self.every);
+            let runs = self.since.runs(tick.index);
             if runs > 1 {
                 self.contacts.missed(runs - 1);
             }
-            self.at = Some(tick.index);
         }
         let felt = self.contacts.step(&motion);
         for (output, Port(.., put)) in PORTS.iter().enumerate() {
@@ -227,7 +225,7 @@ impl Node for Contact {
     }
 
     fn reset(&mut self) {
-        self.at = None;
+        self.since.reset();
         self.contacts.reset();
     }
 
@@ -236,7 +234,7 @@ impl Node for Contact {
         let mut surfaces = self.surfaces;
         state.keep(&mut surfaces);
         state.require(surfaces == self.surfaces);
-        state.keep(&mut self.at);
+        self.since.state(state);
         self.contacts.state(state);
     }
 

@@ -1,5 +1,6 @@
 //! `velocity`: how fast the stylus moves along the surface.
 
+use crate::since::Since;
 use asperity_dsp::filter::{Biquad, Section};
 use asperity_node::{
     Descriptor, Diagnostic, Fact, Input, Node, Output, Param, Resume, Setup, ShapeSpec, State, Status, Tick,
@@ -9,24 +10,20 @@ use asperity_node::{
 /// A stylus that stands still, and whose filtered velocity is below this, has none: what follows asks no more of those that answer the
 /// same to the same. At 20 Hz it is there 0.22 s after 300 mm/s, where to the end of the tail it would be 0.85 s.
 const STILL_MM_S: f64 = 1e-6;
-/// After so long without a place the low-pass has forgotten what was before \[s\].
-const FORGOTTEN_S: f64 = 0.1;
 
 /// Finite differences and a second-order Butterworth low-pass, both in f64.
 ///
 /// Over ticks that were lost, or in which the place was not to be trusted, the velocity is the mean of what came to pass: while there is no place it is held
-/// (and marked), and the one that comes then is no jump of a single tick.
+/// (and marked), and the one that comes then is no jump of a single tick. The low-pass goes on as if that mean had lasted all the while.
 pub struct Velocity {
-    tick_hz: f64,
-    every: u64,
     /// Runs a second.
     rate_hz: f64,
     /// Corner of the low-pass; 0 for none.
     cutoff_hz: f64,
     filters: [Biquad; 3],
-    /// Position of the last run that had one, and its tick; velocity.
+    /// Position of the last run that had one, and when that was.
     before: Option<[f64; 3]>,
-    at: u64,
+    since: Since,
     stroke: f64,
     velocity: [f64; 3],
 }
@@ -82,13 +79,11 @@ impl Node for Velocity {
             setup.params.error("cutoff_hz", e.to_string()).help(help)
         })?;
         Ok(Self {
-            tick_hz: f64::from(setup.tick_hz),
-            every: u64::from(setup.every),
             rate_hz,
             cutoff_hz,
             filters: [filter; 3],
             before: None,
-            at: 0,
+            since: Since::new(setup.every),
             stroke: 0.0,
             velocity: [0.0; 3],
         })
@@ -106,19 +101,13 @@ impl Node for Velocity {
         }
         let now = [position[0], position[1], position[2]];
         let before = self.before.replace(now).unwrap_or(now);
-        let ticks = tick.index.saturating_sub(std::mem::replace(&mut self.at, tick.index)).max(self.every);
+        let runs = self.since.runs(tick.index);
         let unfiltered: [f64; 3] =
-            std::array::from_fn(|i| (now[i] - before[i]) * (self.tick_hz / ticks as f64));
-        let runs = ticks / self.every;
-        let forgotten = runs as f64 > FORGOTTEN_S * self.rate_hz;
+            std::array::from_fn(|i| (now[i] - before[i]) * (self.rate_hz / runs as f64));
         let mut v = unfiltered;
         for (v, filter) in v.iter_mut().zip(&mut self.filters) {
             let still = *v == 0.0;
-            if forgotten && runs > 1 {
-                filter.reset_to(*v);
-            } else {
-                (1..runs).for_each(|_| _ = filter.step(*v));
-            }
+            filter.hold(*v, runs - 1);
             *v = filter.step(*v);
             filter.settle();
             if still {
@@ -134,7 +123,8 @@ impl Node for Velocity {
     }
 
     fn reset(&mut self) {
-        (self.before, self.at) = (None, 0);
+        self.before = None;
+        self.since.reset();
         self.stroke = 0.0;
         self.velocity = [0.0; 3];
         self.filters.iter_mut().for_each(Biquad::reset);
@@ -144,7 +134,8 @@ impl Node for Velocity {
     /// constant.
     fn state(&mut self, state: &mut State<'_>) {
         let mut made_for = [self.cutoff_hz, self.rate_hz];
-        state.keep(&mut made_for).keep(&mut self.before).keep(&mut self.at);
+        state.keep(&mut made_for).keep(&mut self.before);
+        self.since.state(state);
         state.keep(&mut self.stroke).keep(&mut self.velocity);
         self.filters.iter_mut().for_each(|f| f.state(state));
         if state.restores() && made_for != [self.cutoff_hz, self.rate_hz] {
@@ -157,3 +148,7 @@ impl Node for Velocity {
         vec![Fact::number("response_lag", lag * 1e3, "ms")]
     }
 }
+
+#[cfg(test)]
+#[path = "velocity_tests.rs"]
+mod tests;

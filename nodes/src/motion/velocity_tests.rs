@@ -1,0 +1,73 @@
+use super::*;
+use asperity_engine::{Engine, Options};
+use asperity_graph::{GraphFile, compile};
+use asperity_node::{Buffer, Source};
+
+/// The tick in which the stylus begins to move, at 60 mm/s.
+const MOVES: u64 = 100;
+
+/// At rest, then on a straight way.
+struct Moved;
+
+impl Node for Moved {
+    fn descriptor() -> Descriptor {
+        let position = Output::new("position", ShapeSpec::Control(3), Unit::MILLIMETRE);
+        Descriptor::new("moved", "Moves.").output(position).resumes(Resume::Never)
+    }
+    fn prepare(_: &Setup<'_>) -> Result<Self, Diagnostic> {
+        Ok(Self)
+    }
+    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
+        let s = tick.index.saturating_sub(MOVES) as f64 / f64::from(tick.tick_hz);
+        tick.outputs.control(0).copy_from_slice(&[60.0 * s, 0.0, 0.0]);
+        Status::Continue
+    }
+    fn reset(&mut self) {}
+}
+
+/// The speed that is told in ticks from `from` on, where so many ticks from the one in which it moves are lost.
+fn told(cutoff_hz: f64, every: u64, lost: u64, from: u64) -> Vec<f64> {
+    let text = format!(
+        "Graph(version: 1, tick_hz: 500, audio_hz: 48000, nodes: {{\"moved\": (kind: \"moved\"), \
+         \"it\": (kind: \"velocity\", every: {every}, \
+         params: (cutoff_hz: {cutoff_hz:?})), \
+         \"probe\": (kind: \"probe\")}}, wires: [(\"moved\", \"it\"), (\"it.velocity\", \"probe\")])"
+    );
+    let graph = GraphFile::parse(&Source::new("moved.ron", text)).unwrap();
+    let compiled = compile(&graph, &crate::registry().with::<Moved>(), Default::default()).unwrap();
+    let mut engine = Engine::new(compiled, Options::default());
+    let it = engine.schedule().index_of("it").unwrap();
+    let mut all = Vec::new();
+    while engine.next_tick() < from + 400 {
+        let tick = engine.next_tick();
+        if tick == MOVES + 1 {
+            engine.skip(lost);
+        }
+        let tick = engine.next_tick();
+        engine.tick();
+        if tick >= from {
+            match engine.output(it, 1).unwrap() {
+                Buffer::Control { values, .. } => all.push(values[0]),
+                other => panic!("{other:?}"),
+            }
+        }
+    }
+    assert_eq!(engine.faults(), 0);
+    all
+}
+
+#[test]
+fn ticks_that_are_lost_leave_no_step_in_the_speed_whatever_the_low_pass() {
+    for cutoff_hz in [0.0, 0.01, 1.0, 20.0, 80.0] {
+        for every in [1, 2] {
+            // From just after a gap on: the stylus moved all the while.
+            for lost in [1, 9, 49, 51, 499, 501, 3001] {
+                let from = MOVES + 1 + lost + lost % every;
+                let (lossy, whole) = (told(cutoff_hz, every, lost, from), told(cutoff_hz, every, 0, from));
+                for (a, b) in lossy.iter().zip(&whole) {
+                    assert!((a - b).abs() < 1e-5, "{lost} ticks lost at {cutoff_hz} Hz: {a} and {b} mm/s");
+                }
+            }
+        }
+    }
+}
