@@ -43,6 +43,8 @@ pub(crate) struct Near {
     pub law: Law,
     /// How deep Hooke's law holds within some hundredths \[mm\].
     pub deep_mm: f64,
+    /// By which part the force is less than Hooke's there at most.
+    pub gentler: f64,
     /// From how deep on it is stiffer, if it is \[mm\].
     pub stiffens_mm: Option<f64>,
     /// When places are read and forces set.
@@ -54,6 +56,11 @@ impl Near {
     pub(crate) fn needed_ns_per_m(&self, late_s: f64) -> f64 {
         let sampling = Sampling { delay_s: self.sampling.delay_s + late_s, ..self.sampling };
         Passivity::of(self.law, sampling, 0.0).needed_ns_per_m
+    }
+
+    /// Whether it is Hooke's spring and nothing else, within 1e-4, and comes without delay: what motions take out of it is then known, not only bounded.
+    pub(crate) fn is_hooke(&self) -> bool {
+        self.law.damping_ns_per_m == 0.0 && self.sampling.delay_s == 0.0 && self.gentler <= 1e-4
     }
 
     /// From one force to the next \[s\].
@@ -90,7 +97,8 @@ impl Wall {
         if stiffness <= 0.0 {
             return not_applicable("the wall does not push out");
         }
-        let (mut deep, mut steepest, mut before) = (start, stiffness, (start, surface));
+        let (mut deep, mut gentlest, mut steepest, mut before) =
+            (start, stiffness, stiffness, (start, surface));
         let mut stiffens = None;
         for n in 4..50 {
             let depth = start * 1.2_f64.powi(n);
@@ -103,7 +111,7 @@ impl Wall {
                 stiffens = (slope > stiffness).then_some(deep);
                 break;
             }
-            steepest = steepest.max(slope);
+            (gentlest, steepest) = (gentlest.min(slope), steepest.max(slope));
             (deep, before) = (depth, (depth, force));
         }
         let stiffness = steepest;
@@ -111,7 +119,8 @@ impl Wall {
         let damping = self.damping(&spot, deep, stiffness).max(told);
         let law = Law { stiffness_n_per_mm: stiffness, damping_ns_per_m: damping };
         holds(self.faults() == 0, || format!("{} faults", self.faults()))?;
-        Ok(Near { spot, law, deep_mm: deep, stiffens_mm: stiffens, sampling: self.sampling() })
+        let (gentler, sampling) = (1.0 - gentlest / stiffness, self.sampling());
+        Ok(Near { spot, law, deep_mm: deep, gentler, stiffens_mm: stiffens, sampling })
     }
 
     /// What speed adds to the force, by the speed \[N s/m\]: against the motion above 0.

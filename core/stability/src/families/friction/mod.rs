@@ -1,7 +1,7 @@
 //! Friction and drag: forces that may only take.
 //!
 //! Of every kind in the registry that answers a velocity in a slot with a force, between a stylus and nothing else, at every tick rate. The built-in kinds by
-//! several laws: viscous, Dahl's, LuGre's, soft and stiff; a plugin's as it is without parameters.
+//! several laws: viscous, Dahl's, LuGre's, soft and stiff; a plugin's as it is without parameters, if it needs none.
 
 mod own;
 mod rubbed;
@@ -41,7 +41,7 @@ pub(super) const CASES: &[Case] = &[
         |s| each(s, &[1e-9, 0.3, 3.3, 1e4], None, inside),
         [
             "a device of 0.1 kg that slides at 100 mm/s is stopped by friction with its steps in time, on 5 % and 50 % more damping of its own than K T/2 + B, the bristle's stiffness being the K",
-            "its energy never grows; with 50 % more it stops, and until it moves by a millionth the force changes its sign at most 2 + 6 ln 10 (1 / (pi z) + 1 / ln(b / B)) times, z = (b + B - K T/2) / (2 sqrt(K m)), and a quarter more for rates near the swing",
+            "its energy never grows; with 50 % more it stops, but for 0.01 mm/s, within 40 m / (b + B - K T/2), where that is below 4 s, and until it moves by a millionth the force changes its sign at most 2 + 6 ln 10 (1 / (pi z) + 1 / ln(b / B)) times, z = (b + B - K T/2) / (2 sqrt(K m)), and a quarter more for rates near the swing",
         ],
     ),
     Family::Friction.case(

@@ -54,7 +54,7 @@ pub(super) const CASES: &[Case] = &[
         |s| each_floor(s, quantum::below),
         [
             "the sensor tells places in steps D = 0.055 mm, and the device's dry friction c is below K D / 2 (13.8 mN at 0.5 N/mm): the wall trembles",
-            "within a tenth it trembles no further than (D/2 + c/K) coth(pi z / (2 sqrt(1 - z^2))) around rest, z = (b - K T/2) / (2 sqrt(K m)), and no faster (rms) than (K D / 2 - c) / (b - K T/2); a motion of a step a tick takes out what K D / 2 stands for within 0.1 %",
+            "on 1.5 and 4 times the damping b that is needed, once 40 m / (b - K T/2) have gone by, it trembles within a tenth no further than (D/2 + c/K) coth(pi z / (2 sqrt(1 - z^2))) around rest, z = (b - K T/2) / (2 sqrt(K m)), and no faster (rms) than (K D / 2 - c) / (b - K T/2); at rest between two steps a device without dry friction is no slower than f / b sqrt(1 - tanh(s/2) / (s/2)), f the least that K D is off there, s = b T/m; motions to and fro over the border of a step take out what K D / 2 stands for within 0.1 %",
         ],
     ),
     Family::StiffWalls.case(

@@ -10,6 +10,9 @@
 //! so that over a time in which the energy comes back to where it was the rms speed is (P - c) / (b - K T/2 - B) at most. How far it goes: a mass in a spring that is
 //! disturbed by no more than F goes no further than F times the integral of the size of its impulse response, `coth(pi z / (2 sqrt(1 - z^2))) / K`, with
 //! z the damping ratio; dry friction counts as part of the disturbance.
+//!
+//! Without dry friction it cannot lie still between two steps, where forces are those of the one or the other: with f the least that they differ from the push, a
+//! speed that follows `m dv/dt + b v = +-f` or more over a tick has an rms of `f / b sqrt(1 - tanh(s/2) / (s/2))` at least, s = b T/m, whatever it begins with.
 
 use std::f64::consts::{PI, TAU};
 
@@ -124,10 +127,17 @@ pub(super) fn bounds(near: &Near, device: Device) -> (f64, f64) {
     (NEARLY * far, NEARLY * 1e3 * (most - device.friction_n).max(0.0) / spare)
 }
 
-/// A device that swings in the wall by so many radians a tick, with half as much more damping as the bound asks for.
-fn device(near: &Near, radians: f64, friction_n: f64) -> Device {
-    let damping_ns_per_m = 1.5 * near.needed_ns_per_m(0.0);
+/// A device that swings in the wall by so many radians a tick, with so many times the damping that the bound asks for.
+fn device(near: &Near, radians: f64, times: f64, friction_n: f64) -> Device {
+    let damping_ns_per_m = times * near.needed_ns_per_m(0.0);
     Device { mass_kg: near.mass_kg(radians), damping_ns_per_m, friction_n }
+}
+
+/// How slow a device without dry friction may be (rms) that rests at a depth of so many steps \[mm/s\].
+fn least_mm_s(near: &Near, device: Device, steps: f64) -> f64 {
+    let off_n = (steps - steps.round()).abs() * STEP_MM * near.law.stiffness_n_per_mm;
+    let half = 0.5 * device.damping_ns_per_m * near.tick_s() / device.mass_kg;
+    1e3 * off_n / device.damping_ns_per_m * (1.0 - half.tanh() / half).sqrt()
 }
 
 pub(super) fn below(wall: &mut Wall, near: &Near, subject: &Subject<'_>) -> Found {
@@ -143,28 +153,51 @@ pub(super) fn below(wall: &mut Wall, near: &Near, subject: &Subject<'_>) -> Foun
             1e3 * needed
         )
     })?;
+    if near.is_hooke() {
+        holds(taken >= needed * 0.999, || {
+            format!(
+                "motions over the borders of steps take out {:.3} mN at most; {:.3} are to be had",
+                1e3 * taken,
+                1e3 * needed
+            )
+        })?;
+    }
     let mut most = (0.0_f64, 0.0_f64, 0.0_f64);
-    for radians in [0.14, 0.5] {
-        for part in [0.0, 0.5] {
-            let device = device(near, radians, part * needed);
-            let (far, fast) = bounds(near, device);
-            // 20 times as long as its swings take to fall to 1/e.
-            let settle_s = 40.0 * device.mass_kg / (device.damping_ns_per_m - near.needed_ns_per_m(0.0));
-            let look_s = subject.by_effort(1.0, 4.0, 600.0);
-            for rest in [8.0, 8.3, 8.5] {
-                let it = tremble(wall, near, device, rest, (2.0 * STEP_MM, settle_s, look_s));
-                holds(it.far_mm <= far && it.rms_mm_s <= fast, || {
+    let times = [1.5, 4.0].into_iter().flat_map(|times| [0.14, 0.5].map(|radians| (times, radians)));
+    for ((times, radians), part) in times.flat_map(|it| [0.0, 0.5].map(|part| (it, part))) {
+        let device = device(near, radians, times, part * needed);
+        let (far, fast) = bounds(near, device);
+        // 20 times as long as its swings take to fall to 1/e.
+        let settle_s = 40.0 * device.mass_kg / (device.damping_ns_per_m - near.needed_ns_per_m(0.0));
+        let look_s = subject.by_effort(1.0, 4.0, 600.0);
+        for rest in [8.0, 8.3, 8.5] {
+            let it = tremble(wall, near, device, rest, (2.0 * STEP_MM, settle_s, look_s));
+            let told = || {
+                format!(
+                    "{:.3} kg with {:.3} N s/m and {:.1} mN of dry friction",
+                    device.mass_kg,
+                    device.damping_ns_per_m,
+                    1e3 * device.friction_n
+                )
+            };
+            holds(it.far_mm <= far && it.rms_mm_s <= fast, || {
+                format!(
+                    "{} tremble by {:.4} mm and {:.2} mm/s; the bounds are {far:.4} and {fast:.2}",
+                    told(),
+                    it.far_mm,
+                    it.rms_mm_s
+                )
+            })?;
+            if part == 0.0 {
+                let least = if near.is_hooke() { least_mm_s(near, device, rest) } else { 0.0 };
+                holds(it.rms_mm_s >= least, || {
                     format!(
-                        "{:.3} kg with {:.1} mN of dry friction tremble by {:.4} mm and {:.2} mm/s; the bounds are {far:.4} and {fast:.2}",
-                        device.mass_kg,
-                        1e3 * device.friction_n,
-                        it.far_mm,
+                        "{} lie still between two steps: {:.2e} mm/s; {least:.2e} are the least",
+                        told(),
                         it.rms_mm_s
                     )
                 })?;
-                if part == 0.0 {
-                    most = (most.0.max(it.far_mm), most.1.max(it.rms_mm_s), most.2.max(it.far_mm / far));
-                }
+                most = (most.0.max(it.far_mm), most.1.max(it.rms_mm_s), most.2.max(it.far_mm / far));
             }
         }
     }
@@ -186,7 +219,7 @@ pub(super) fn above(wall: &mut Wall, near: &Near, _subject: &Subject<'_>) -> Fou
     let mut last = 0.0_f64;
     for radians in [0.14, 0.5] {
         for part in [1.2, 2.8] {
-            let device = device(near, radians, part * needed);
+            let device = device(near, radians, 1.5, part * needed);
             let from_mm = 8.0 * STEP_MM;
             let swings = 1.0 + 0.25 * from_mm * near.law.stiffness_n_per_mm / (device.friction_n - needed);
             let still_s = swings * TAU / radians * near.tick_s();
