@@ -116,6 +116,27 @@ pub fn not_applicable<T>(why: impl Into<String>) -> Result<T, Not> {
     Err(Not::Applicable(why.into()))
 }
 
+/// What came of those to which a case applies; `none` says what there would have to be.
+///
+/// # Errors
+/// The first that does not hold; where it applies to none, why not to the first, or that there is `none`.
+pub(crate) fn applicable<T>(
+    all: impl IntoIterator<Item = Result<T, Not>>,
+    none: &str,
+) -> Result<Vec<T>, Not> {
+    let (mut found, mut why_not) = (Vec::new(), None);
+    for one in all {
+        match one {
+            Ok(one) => found.push(one),
+            Err(Not::Applicable(why)) => {
+                why_not.get_or_insert(why);
+            }
+            Err(wrong) => return Err(wrong),
+        }
+    }
+    if found.is_empty() { not_applicable(why_not.unwrap_or_else(|| none.to_owned())) } else { Ok(found) }
+}
+
 /// Goes on where something holds.
 ///
 /// # Errors
@@ -149,5 +170,20 @@ impl Case {
             Err(Not::Applicable(found)) => (Verdict::NotApplicable, found),
         };
         Outcome { verdict, found }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_to_which_a_case_does_not_apply_leaves_the_others_to_it() {
+        let no = |why: &str| not_applicable::<i32>(why);
+        assert_eq!(applicable([no("a"), Ok(1), no("b"), Ok(2)], "c"), Ok(vec![1, 2]));
+        assert_eq!(applicable([no("a"), no("b")], "c"), Err(Not::Applicable("a".into())));
+        assert_eq!(applicable([], "c"), no("c").map(|_| vec![0]));
+        let wrong = Not::Held("it falls".into());
+        assert_eq!(applicable([Ok(1), no("a"), Err(wrong.clone()), Ok(2)], "c"), Err(wrong));
     }
 }

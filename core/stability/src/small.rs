@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use asperity_graph::GraphFile;
-use asperity_node::NodeKind;
+use asperity_node::{Descriptor, NodeKind};
 
 use crate::case::Not;
 use crate::rig::Rig;
@@ -11,6 +11,11 @@ use crate::subject::Subject;
 
 /// What errors call it.
 const ORIGIN: &str = "the case";
+
+/// Whether a graph has to set a parameter of a kind beside these: no case knows to what.
+pub(crate) fn has_to_be_set(d: &Descriptor, beside: &[&str]) -> bool {
+    d.params.iter().any(|p| p.default.is_none() && !p.optional && !beside.contains(&&*p.name))
+}
 
 /// A graph in the making.
 #[derive(Clone)]

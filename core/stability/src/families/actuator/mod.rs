@@ -12,6 +12,7 @@ use asperity_node::{Descriptor, Params, Registry, ShapeSpec, Unit, UnitSpec};
 use asperity_world::actuator::{ActuatorProfile, Drive, Dynamics};
 
 use crate::case::{Case, Family, Not, not_applicable};
+use crate::small::has_to_be_set;
 use crate::subject::Subject;
 
 pub(super) const CASES: &[Case] = &[
@@ -113,6 +114,7 @@ fn inverses(registry: &Registry) -> Vec<String> {
         one_audio_each_way(d)
             && d.inputs[0].unit == UnitSpec::Is(Unit::METRE_PER_SECOND_SQUARED)
             && has_params(d, &["profile", "handle_mass_g", "drive", "corner_hz", "corner_damping"])
+            && !has_to_be_set(d, &["profile", "handle_mass_g", "drive"])
     };
     registry.iter().map(|k| k.descriptor()).filter(fits).map(|d| d.kind.to_string()).collect()
 }
@@ -120,7 +122,10 @@ fn inverses(registry: &Registry) -> Vec<String> {
 /// Kinds behind which a signal is limited: of any profile and handle, as `limiter`.
 fn limiters(subject: &Subject<'_>) -> Result<Vec<String>, Not> {
     let fits = |d: &&Descriptor| {
-        one_audio_each_way(d) && d.outputs[0].limited && has_params(d, &["profile", "handle_mass_g"])
+        one_audio_each_way(d)
+            && d.outputs[0].limited
+            && has_params(d, &["profile", "handle_mass_g"])
+            && !has_to_be_set(d, &["profile", "handle_mass_g"])
     };
     let all: Vec<String> =
         subject.registry().iter().map(|k| k.descriptor()).filter(fits).map(|d| d.kind.to_string()).collect();

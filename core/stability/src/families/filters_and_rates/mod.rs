@@ -9,13 +9,13 @@ mod tails;
 use std::sync::Arc;
 
 use asperity_node::{
-    Buffer, Descriptor, FrameLayout, FrameRate, LayoutSpec, RateSpec, Registry, ShapeSpec, Unit, UnitSpec,
+    Buffer, Descriptor, FrameLayout, FrameRate, RateSpec, Registry, ShapeSpec, Unit, UnitSpec,
 };
 
 use crate::case::{Case, Family, Not};
 use crate::played::{Played, Samples};
 use crate::rig::Rig;
-use crate::small::Small;
+use crate::small::{Small, has_to_be_set};
 
 pub(super) const CASES: &[Case] = &[
     Case {
@@ -122,8 +122,7 @@ fn filter(d: &Descriptor) -> Option<Filter> {
         return None;
     };
     let sound = |shape: &ShapeSpec| matches!(shape, ShapeSpec::Audio(_) | ShapeSpec::Like(_));
-    let needs = d.params.iter().any(|p| p.default.is_none() && !p.optional);
-    if !sound(&input.shape) || !sound(&output.shape) || input.limited || needs || d.sink {
+    if !sound(&input.shape) || !sound(&output.shape) || input.limited || has_to_be_set(d, &[]) || d.sink {
         return None;
     }
     let unit = match &input.unit {
@@ -141,20 +140,11 @@ pub(super) struct Retriever {
     spectrum: bool,
 }
 
-/// Every kind that retrieves phase: of one required input, which takes magnitudes, and one output, which is spectra or samples.
+/// Every kind that retrieves phase and needs no parameter.
 pub(super) fn retrievers(registry: &Registry) -> Vec<Retriever> {
     let retriever = |d: &Descriptor| {
-        let mut required = d.inputs.iter().filter(|p| !p.optional);
-        let (Some(input), None, [output]) = (required.next(), required.next(), d.outputs.as_slice()) else {
-            return None;
-        };
-        let spectrum = match output.shape {
-            ShapeSpec::Spectrum(_) => true,
-            ShapeSpec::Audio(_) => false,
-            _ => return None,
-        };
-        matches!(input.shape, ShapeSpec::Magnitude(LayoutSpec::Of(_) | LayoutSpec::Is(_)))
-            .then(|| Retriever { kind: d.kind.to_string(), spectrum })
+        let how = d.retrieval().filter(|_| !has_to_be_set(d, &[]))?;
+        Some(Retriever { kind: d.kind.to_string(), spectrum: how.spectrum })
     };
     registry.iter().filter_map(|kind| retriever(kind.descriptor())).collect()
 }

@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use asperity_world::effect::passivity::Law;
 
 use super::{MASS_KG, needed, slide};
-use crate::case::{Found, Not, holds, not_applicable};
+use crate::case::{Found, applicable, holds, not_applicable};
 use crate::handle::Device;
 use crate::subject::Subject;
 use crate::wall::{Near, Spot, Wall};
@@ -54,10 +54,8 @@ pub(super) fn rubs(subject: &Subject<'_>) -> Found {
     let level = |spot: &Spot| spot.normal[2] > 1.0 - 1e-9;
     let pitch_mm = subject.by_effort(20.0, 10.0, 5.0);
     let spots = wall.walls(pitch_mm).into_iter().filter(level);
-    let all: Vec<Near> = spots.map(|spot| wall.near(spot)).collect::<Result<_, Not>>()?;
-    if all.is_empty() {
-        return not_applicable("no level wall was found in this graph");
-    }
+    let near = spots.map(|spot| wall.near(spot));
+    let all: Vec<Near> = applicable(near, "no level wall was found in this graph")?;
     let mut found: Vec<String> = Vec::new();
     let tick_hz = wall.sampling().tick_hz;
     for near in all.iter().take(subject.by_effort(4, 16, 400)) {

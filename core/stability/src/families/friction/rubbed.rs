@@ -12,6 +12,7 @@ use asperity_world::effect::passivity::Law;
 use crate::case::{Not, holds};
 use crate::played::{Place, Played};
 use crate::rig::Rig;
+use crate::small::has_to_be_set;
 use crate::subject::Subject;
 use crate::wall::stylus;
 
@@ -50,7 +51,7 @@ fn stiff() -> LuGreSettings {
     }
 }
 
-/// Every kind of friction and drag, the built-in ones by several laws, others as they are without parameters.
+/// Every kind of friction and drag, the built-in ones by several laws, others as they are without parameters; one that has to be set is left out.
 pub(super) fn all(subject: &Subject<'_>) -> Vec<Rub> {
     let of = |kind: &str, name: &'static str, text: &str, law: fn(f64) -> Law| {
         let list = if kind == "friction" { "laws" } else { "drags" };
@@ -97,12 +98,13 @@ pub(super) fn all(subject: &Subject<'_>) -> Vec<Rub> {
                     Viscosity::new(2.0, 1.5).map_or(Law::default(), |f| f.law())
                 }))
             }
-            other => all.push(Rub {
+            other if !has_to_be_set(d, &[]) => all.push(Rub {
                 name: other.to_owned(),
                 kind: other.to_owned(),
                 params: Vec::new(),
                 law: None,
             }),
+            _ => {}
         }
     }
     all

@@ -7,7 +7,7 @@
 use std::f64::consts::PI;
 
 use super::{pitch_mm, quantum};
-use crate::case::{Found, Not, holds, not_applicable};
+use crate::case::{Found, applicable, holds};
 use crate::handle::{Device, Handle, Loop};
 use crate::subject::Subject;
 use crate::wall::{Column, Near, Spot, Wall};
@@ -121,17 +121,20 @@ fn fall(wall: &mut Wall, device: Device, from_mm: [f64; 3], push_n: [f64; 3]) ->
 
 pub(super) fn rests(subject: &Subject<'_>) -> Found {
     let mut wall = Wall::of_graph(subject)?;
-    let columns = wall.columns(pitch_mm(subject));
+    let mut columns = wall.columns(pitch_mm(subject));
     let mut level: Vec<Spot> = Vec::new();
     for spot in columns.iter().filter_map(|c| c.spot).filter(|s| s.normal[2] > 1.0 - 1e-9) {
         if !level.iter().any(|known| known.alike(&spot)) {
             level.push(spot);
         }
     }
-    if level.is_empty() {
-        return not_applicable("no level wall was found in this graph");
+    let near = level.iter().map(|spot| wall.near(*spot));
+    let near: Vec<Near> = applicable(near, "no level wall was found in this graph")?;
+    // What does not push out is fallen through.
+    level.retain(|spot| !near.iter().any(|n| n.spot.alike(spot)));
+    for column in &mut columns {
+        column.spot = column.spot.filter(|s| !level.iter().any(|through| through.alike(s)));
     }
-    let near: Vec<Near> = level.iter().map(|spot| wall.near(*spot)).collect::<Result<_, Not>>()?;
     let most = |of: fn(&Near) -> f64| near.iter().map(of).fold(0.0, f64::max);
     let (needed, dry) = (most(|n| n.needed_ns_per_m(0.0)), most(quantum::needed_n));
     let stiffest = most(|n| n.law.stiffness_n_per_mm);
@@ -159,7 +162,7 @@ pub(super) fn rests(subject: &Subject<'_>) -> Found {
         }
     }
     let middles = subject.by_effort(2, 8, 100);
-    falls.extend(level.iter().take(middles).map(|s| ([s.foot_mm[0], s.foot_mm[1]], down)));
+    falls.extend(near.iter().take(middles).map(|n| ([n.spot.foot_mm[0], n.spot.foot_mm[1]], down)));
     let (mut worst, mut fell, mut trembles, mut turned) = (0, 0, 0, 0.0_f64);
     for (at, push) in &falls {
         let top = wall.down(*at).map_or(0.0, |s| s.foot_mm[2]);

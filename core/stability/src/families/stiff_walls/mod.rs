@@ -10,7 +10,7 @@ mod under_a_hand;
 
 use asperity_world::effect::passivity::Passivity;
 
-use crate::case::{Case, Family, Found, Not, holds, not_applicable};
+use crate::case::{Case, Family, Found, Not, applicable, holds, not_applicable};
 use crate::handle::Device;
 use crate::subject::Subject;
 use crate::wall::{Near, Wall, floors};
@@ -135,8 +135,8 @@ fn each_floor(subject: &Subject<'_>, about: About) -> Found {
     // What needs parameters to be anything is looked at in a graph that has it.
     let plain = kinds.iter().map(|k| &k.descriptor().kind);
     let plain = plain.filter(|kind| Wall::of_floor(subject, kind, &[], RATES_HZ[0]).is_ok());
-    let all: Vec<String> = plain.map(|kind| floor(subject, kind, about)).collect::<Result<_, Not>>()?;
-    if all.is_empty() { not_applicable("there is no kind of floor") } else { Ok(all.join("; ")) }
+    let all = plain.map(|kind| floor(subject, kind, about));
+    Ok(applicable(all, "there is no kind of floor")?.join("; "))
 }
 
 /// How finely walls of a graph are looked for \[mm\].
@@ -148,7 +148,8 @@ fn pitch_mm(subject: &Subject<'_>) -> f64 {
 fn own(subject: &Subject<'_>, about: About) -> Found {
     let mut wall = Wall::of_graph(subject)?;
     let spots = wall.walls(pitch_mm(subject));
-    let mut all: Vec<Near> = spots.into_iter().map(|spot| wall.near(spot)).collect::<Result<_, _>>()?;
+    let near = spots.into_iter().map(|spot| wall.near(spot));
+    let mut all: Vec<Near> = applicable(near, "no wall was found in this graph")?;
     all.sort_by(|a, b| b.needed_ns_per_m(0.0).total_cmp(&a.needed_ns_per_m(0.0)));
     let Some(first) = all.first() else { return not_applicable("no wall was found in this graph") };
     let tells = format!(
