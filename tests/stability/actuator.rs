@@ -2,12 +2,12 @@
 
 use std::sync::Arc;
 
-use asperity_node::{NodeKind, Status};
-use asperity_stability::{Piece, Place, Sound, Subject, limited, wrap};
-use asperity_world::actuator::Drive;
+use asperity_node::{NodeKind, Param, Status};
+use asperity_stability::{Effort, Not, Piece, Place, Sound, Subject, limited, wrap};
+use asperity_world::actuator::{ActuatorProfile, Drive, Dynamics};
 use proptest::prelude::*;
 
-use crate::{fails, graph, holds, scene, subject};
+use crate::{fails, graph, holds, plugin, scene, subject};
 
 /// A kind whose output is changed sample by sample: by the sample, its number from the first that was asked for, and the sample before it.
 fn changed(
@@ -70,6 +70,35 @@ fn inverse_band() {
         }),
     );
     fails("inverse_band", &subject.clone().with(late), "and not");
+    // As one without a high-pass does, it goes on for ever where a constant is asked for.
+    let kind = subject.kind("actuator_inverse").expect("the kind");
+    let open = wrap::with_memory(kind, |(asked, count): &mut (f32, u64), tick| {
+        for (y, x) in tick.outputs.audio(0).iter_mut().zip(tick.inputs.audio(0)) {
+            *count = if *x == *asked && *x != 0.0 { *count + 1 } else { 0 };
+            *asked = *x;
+            *y += 1e-9 * (*count * *count) as f32;
+        }
+    });
+    fails("inverse_band", &subject.clone().with(open), "left of a constant");
+    // Plugins, of which no filters are known: too loud, and too loud where nothing is felt any more.
+    let louder = changed(&subject, "actuator_inverse", |y, _, _| 1.05 * y);
+    let bright = changed(&subject, "actuator_inverse", |y, _, last| 1.15 * y - 0.15 * last);
+    for (mutant, why) in [(louder, "dB, stated"), (bright, "times what was asked")] {
+        fails("inverse_band", &subject.clone().with(plugin(&mutant, "an_inverse", |d| d)), why);
+    }
+}
+
+#[test]
+fn an_inverse_or_a_limiter_that_has_to_be_set_is_left_out() {
+    let built_in = subject(None).effort(Effort::Quick);
+    let mut subject = built_in.clone();
+    for (like, name) in [("actuator_inverse", "an_inverse"), ("limiter", "a_limiter")] {
+        let amplifier = Param::text("amplifier", "", "Which one.").required();
+        subject = subject.with(plugin(&built_in.kind(like).expect("the kind"), name, |d| d.param(amplifier)));
+    }
+    for case in ["inverse_band", "inverse_off", "full_scale_at_resonance", "limiter_random"] {
+        holds(case, &subject);
+    }
 }
 
 #[test]
@@ -120,6 +149,32 @@ fn limiter_random() {
     ];
     for (why, mutant) in mutants {
         fails("limiter_random", &subject.clone().with(mutant), why);
+    }
+}
+
+#[test]
+fn the_mean_and_the_stroke_are_held() {
+    let subject = subject(None);
+    let place = Place {
+        kind: "limiter",
+        actuator: ("hapcoil_one", 100.0),
+        drive: Drive::Current,
+        rate_hz: 8000,
+        settings: (20_000.0, 20.0),
+    };
+    let dynamics = ActuatorProfile::shipped("hapcoil_one").expect("a profile").expect("a profile");
+    let hz = Dynamics::new(&dynamics, 100.0).expect("dynamics").natural_hz();
+    // 0.05 A for ever, which the coil stands and a stylus feels as nothing; and all that is asked for, at resonance.
+    let passes_dc = in_place(&subject, |x, last| last + (x.clamp(-0.05, 0.05) - last).clamp(-1e-3, 1e-3));
+    let open = in_place(&subject, |x, _| x);
+    for (sound, mutant, why) in
+        [(Sound::Constant, passes_dc, "the mean is"), (Sound::Sine(hz), open, "of its stroke")]
+    {
+        let pieces = [Piece { sound, peaks: 0.99, trusted: true, samples: 80_000 }];
+        let stood = limited(&subject, place, 1, &pieces);
+        assert!(matches!(stood, Ok(Some(_))), "{stood:?}");
+        let broken = limited(&subject.clone().with(mutant), place, 1, &pieces);
+        assert!(matches!(&broken, Err(Not::Held(found)) if found.contains(why)), "{why}: {broken:?}");
     }
 }
 

@@ -4,10 +4,10 @@ use std::sync::Arc;
 
 use asperity_live::{Dll, RemoteClock};
 use asperity_node::random::uniform;
-use asperity_node::{Fault, NodeKind, Status, time};
-use asperity_stability::{Subject, wrap};
+use asperity_node::{Fault, NodeKind, Param, Status, time};
+use asperity_stability::{Effort, Subject, wrap};
 
-use crate::{fails, graph, holds, scene, subject};
+use crate::{fails, graph, holds, plugin, scene, subject};
 
 /// A kind that changes the samples of its first output, a tick at a time: by the samples, the number of the call, and ticks a second.
 fn changed(
@@ -75,42 +75,67 @@ fn rates_of_kinds() {
     fails("rates_of_kinds", &subject.clone().with(empty), "faults at");
 }
 
+/// A change of the first output of a kind, as [`changed`] takes it.
+type Change = fn(&mut [f32], u64, u32);
+
+/// A case of kinds holds, and fails where one of them is changed.
+fn holds_but_for(case: &str, mutants: &[(&str, Change, &str)]) {
+    let subject = subject(None);
+    holds(case, &subject);
+    for &(kind, change, why) in mutants {
+        let mutant = changed(&subject, kind, change);
+        fails(case, &subject.clone().with(mutant), why);
+    }
+}
+
 #[test]
 fn uneven_hops() {
-    let subject = subject(None);
-    holds("uneven_hops", &subject);
-    let quiet = changed(&subject, "overlap_add", |y, _, hz| {
+    let quiet: Change = |y, _, hz| {
         if hz == 4000 {
             y.iter_mut().for_each(|y| *y *= 0.5);
         }
-    });
-    fails("uneven_hops", &subject.clone().with(quiet), "off the level");
+    };
+    // Every fifth hop.
+    let loud_where_long: Change = |y, _, hz| {
+        if hz == 500 && y.len() == 89 {
+            y.iter_mut().for_each(|y| *y *= 4.0);
+        }
+    };
+    holds_but_for(
+        "uneven_hops",
+        &[("overlap_add", quiet, "off the level"), ("overlap_add", loud_where_long, "at 44100 Hz, 500")],
+    );
+}
+
+#[test]
+fn a_kind_of_phase_retrieval_that_has_to_be_set_is_left_out() {
+    let built_in = subject(None);
+    let weights = Param::file("weights", "What it has learned.").required();
+    let more = plugin(&built_in.kind("spsi").expect("the kind"), "learned_phase", |d| d.param(weights));
+    let subject = built_in.with(more).effort(Effort::Quick);
+    for case in ["uneven_hops", "rates_of_kinds"] {
+        holds(case, &subject);
+    }
 }
 
 #[test]
 fn any_tick_length() {
-    let subject = subject(None);
-    holds("any_tick_length", &subject);
-    let begins_anew = changed(&subject, "resample", |y, _, _| {
-        if let Some(first) = y.first_mut() {
-            *first *= 0.999;
-        }
-    });
-    fails("any_tick_length", &subject.clone().with(begins_anew), "of its largest sample off");
+    let begins_anew: Change = |y, _, _| y.iter_mut().take(1).for_each(|y| *y *= 0.999);
+    holds_but_for("any_tick_length", &[("resample", begins_anew, "of its largest sample off")]);
 }
 
 #[test]
 fn tail_of_filters() {
-    let subject = subject(None);
-    holds("tail_of_filters", &subject);
-    let denormal = changed(&subject, "gain", |y, _, _| {
+    let denormal: Change = |y, _, _| {
         if let Some(last) = y.last_mut() {
             *last = if *last == 0.0 { f32::from_bits(7) } else { *last };
         }
-    });
-    fails("tail_of_filters", &subject.clone().with(denormal), "is denormal in tick");
-    let endless = changed(&subject, "actuator_inverse", |y, _, _| y.iter_mut().for_each(|y| *y += 1e-20));
-    fails("tail_of_filters", &subject.clone().with(endless), "is not silent until");
+    };
+    let endless: Change = |y, _, _| y.iter_mut().for_each(|y| *y += 1e-20);
+    holds_but_for(
+        "tail_of_filters",
+        &[("gain", denormal, "is denormal in tick"), ("actuator_inverse", endless, "is not silent until")],
+    );
 }
 
 #[test]
@@ -147,23 +172,21 @@ fn tail_of_graph() {
 
 #[test]
 fn change_while_ringing() {
-    let subject = subject(None);
-    holds("change_while_ringing", &subject);
     // It clicks a little while after a change, which is in tick 625.
-    let clicks = changed(&subject, "limiter", |y, calls, _| {
-        if calls == 630
-            && let Some(first) = y.first_mut()
-        {
-            *first += 0.1;
+    let clicks: Change = |y, calls, _| {
+        if calls == 630 {
+            y.iter_mut().take(1).for_each(|y| *y += 0.1);
         }
-    });
-    fails("change_while_ringing", &subject.clone().with(clicks), "a step of");
+    };
     // One that becomes softer for ever.
-    let softer = changed(&subject, "limiter", |y, calls, _| {
+    let softer: Change = |y, calls, _| {
         let part = 1.0 - 0.002 * calls.saturating_sub(650).min(100) as f32;
         y.iter_mut().for_each(|y| *y *= part);
-    });
-    fails("change_while_ringing", &subject.clone().with(softer), "half a second later");
+    };
+    holds_but_for(
+        "change_while_ringing",
+        &[("limiter", clicks, "a step of"), ("limiter", softer, "half a second later")],
+    );
 }
 
 const RATE_HZ: u32 = 48_000;

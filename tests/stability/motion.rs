@@ -3,7 +3,7 @@
 use asperity_graph::GraphFile;
 use asperity_stability::{Subject, wrap};
 
-use crate::{fails, graph, holds, scene, subject};
+use crate::{fails, graph, holds, mutated, scene, subject};
 
 #[test]
 fn teleport() {
@@ -12,22 +12,14 @@ fn teleport() {
     holds("teleport", &subject);
     // A velocity that does not get over a jump.
     let kind = subject.kind("velocity").expect("the kind");
-    let mutant = wrap::wrap(
-        kind,
-        std::sync::Arc::new(|_| {
-            let (mut before, mut part) = (0.0, 1.0);
-            Box::new(move |node, tick| {
-                let x = tick.inputs.control(0)[0];
-                if tick.index > 1 && f64::abs(x - before) > 50.0 {
-                    part = 0.1;
-                }
-                before = x;
-                let status = node.process(tick)?;
-                (0..2).for_each(|output| tick.outputs.control(output).iter_mut().for_each(|v| *v *= part));
-                Ok(status)
-            })
-        }),
-    );
+    let mutant = wrap::with_memory(kind, |(before, hurt): &mut (f64, bool), tick| {
+        let x = tick.inputs.control(0)[0];
+        *hurt |= tick.index > 1 && (x - *before).abs() > 50.0;
+        *before = x;
+        if *hurt {
+            (0..2).for_each(|output| tick.outputs.control(output).iter_mut().for_each(|v| *v *= 0.1));
+        }
+    });
     fails("teleport", &subject.clone().with(mutant), "without the jump");
 }
 
@@ -47,26 +39,18 @@ fn changed(change: &str) -> GraphFile {
 
 /// Velocities that are spoilt in the tick after one that was lost or not to be trusted.
 fn after_a_gap(subject: &Subject<'_>) -> Subject<'static> {
-    let mutant = wrap::wrap(
-        subject.kind("velocity").expect("the kind"),
-        std::sync::Arc::new(|_| {
-            let mut last = 0;
-            let mut more = 0.0;
-            Box::new(move |node, tick| {
-                let status = node.process(tick)?;
-                if tick.inputs.valid(0) {
-                    if tick.index > last + 1 && last > 0 {
-                        more = 300.0;
-                    }
-                    last = tick.index;
-                }
-                more *= 0.9;
-                tick.outputs.control(1)[0] += more;
-                Ok(status)
-            })
-        }),
-    );
-    Subject::new(subject.registry().clone()).effort(subject.allowed()).with(mutant)
+    let kind = subject.kind("velocity").expect("the kind");
+    let mutant = wrap::with_memory(kind, |(last, more): &mut (u64, f64), tick| {
+        if tick.inputs.valid(0) {
+            if tick.index > *last + 1 && *last > 0 {
+                *more = 300.0;
+            }
+            *last = tick.index;
+        }
+        *more *= 0.9;
+        tick.outputs.control(1)[0] += *more;
+    });
+    mutated(subject, mutant)
 }
 
 #[test]
@@ -119,19 +103,10 @@ fn a_gap_of_10_ms() {
     fails("a_gap_of_10_ms", &after_a_gap(&subject(None)).graph(&graph), "marked");
     // What is played clicks where trust ends.
     let subject = subject(Some(&graph));
-    let clicks = wrap::wrap(
-        subject.kind("limiter").expect("the kind"),
-        std::sync::Arc::new(|_| {
-            Box::new(|node, tick| {
-                let status = node.process(tick)?;
-                if !tick.inputs.valid(0)
-                    && let Some(x) = tick.outputs.audio(0).first_mut()
-                {
-                    *x += 0.2;
-                }
-                Ok(status)
-            })
-        }),
-    );
+    let clicks = wrap::after(subject.kind("limiter").expect("the kind"), |tick| {
+        if !tick.inputs.valid(0) {
+            tick.outputs.audio(0).iter_mut().take(1).for_each(|x| *x += 0.2);
+        }
+    });
     fails("a_gap_of_10_ms", &subject.clone().with(clicks), "a step of");
 }

@@ -25,17 +25,25 @@ pub fn wrap(inner: Arc<dyn NodeKind>, make: Maker) -> Arc<dyn NodeKind> {
 }
 
 /// A kind whose nodes run as they are, and then have their outputs changed.
-pub fn after<F>(inner: Arc<dyn NodeKind>, change: F) -> Arc<dyn NodeKind>
-where
-    F: Fn(&mut Tick<'_>) + Send + Sync + Clone + 'static,
-{
+pub fn after(
+    inner: Arc<dyn NodeKind>,
+    change: impl Fn(&mut Tick<'_>) + Clone + Send + Sync + 'static,
+) -> Arc<dyn NodeKind> {
+    with_memory::<()>(inner, move |_, tick| change(tick))
+}
+
+/// The same, where the change has a memory for each node, which a reset leaves as it is.
+pub fn with_memory<M: Default + Send + 'static>(
+    inner: Arc<dyn NodeKind>,
+    change: impl Fn(&mut M, &mut Tick<'_>) + Clone + Send + Sync + 'static,
+) -> Arc<dyn NodeKind> {
     wrap(
         inner,
         Arc::new(move |_| {
-            let change = change.clone();
+            let (change, mut memory) = (change.clone(), M::default());
             Box::new(move |node, tick| {
                 let status = node.process(tick)?;
-                change(tick);
+                change(&mut memory, tick);
                 // What was silent may no longer be so.
                 Ok(if status == Status::Quiet { Status::Continue } else { status })
             })
