@@ -61,10 +61,7 @@ pub(super) fn run(subject: &Subject<'_>) -> Found {
                 let port = rig.schedule.nodes[node].outputs.first().map(|o| o.port.shape);
                 let Some(asperity_node::Shape::Audio { rate_hz: out_hz }) = port else { continue };
                 let samples = (subject.by_effort(0.4, 1.0, 10.0) * f64::from(out_hz)) as usize;
-                let now = heard(&mut rig, samples).map_err(|e| match e {
-                    Not::Held(wrong) => Not::Held(format!("{}: {wrong}", place())),
-                    other => other,
-                })?;
+                let now = heard(&mut rig, samples).map_err(|e| e.after(&place()))?;
                 let latency = rig.schedule.nodes[node].latency;
                 let Some((_, first)) = known.iter().find(|(l, _)| *l == latency) else {
                     known.push((latency, now));

@@ -168,14 +168,11 @@ pub(super) fn run(subject: &Subject<'_>) -> Found {
             }
         }
     };
-    let of = |kind: &str, e: Not| match e {
-        Not::Held(wrong) => Not::Held(format!("`{kind}`: {wrong}")),
-        other => other,
-    };
     for kind in filters(subject.registry()) {
         let graph = kind.alone((TICK_HZ, RATE_HZ), None, tone.clone(), &[])?;
         for (param, values) in values(subject.kind(&kind.kind)?.descriptor()) {
-            let part = change(subject, &graph, (&param, &values), STEEPEST).map_err(|e| of(&kind.kind, e))?;
+            let part = change(subject, &graph, (&param, &values), STEEPEST)
+                .map_err(|e| e.after(&format!("`{}`", kind.kind)))?;
             tell(&kind.kind, &param, part);
         }
     }
@@ -198,7 +195,7 @@ pub(super) fn run(subject: &Subject<'_>) -> Found {
             // Its upper end is beyond half the ticks.
             values.extend(["200.0".into(), "5.0".into()]);
             let part = change(subject, &graph, (&param, &values), CONTROL_STEEPEST)
-                .map_err(|e| of("velocity", e))?;
+                .map_err(|e| e.after("`velocity`"))?;
             tell("velocity", &param, part);
         }
     }

@@ -47,7 +47,7 @@ pub(super) fn kinds(subject: &Subject<'_>) -> Found {
             let tail = tails.fold(Latency::ZERO, |all, one| all + one).ms().max(0.0) * 1e-3;
             let last =
                 last_sound(&mut rig, SOUND_S + silence, |rig| rig.audio("it", 0).iter().any(|x| *x != 0.0))
-                    .map_err(|wrong| Not::Held(format!("`{}`: {wrong}", kind.kind)))?;
+                    .map_err(|e| e.after(&format!("`{}`", kind.kind)))?;
             let after = last - SOUND_S - tail;
             holds(after <= FILTER_S, || {
                 format!(
@@ -64,7 +64,7 @@ pub(super) fn kinds(subject: &Subject<'_>) -> Found {
 }
 
 /// When something was heard last \[s\].
-fn last_sound(rig: &mut Rig, seconds: f64, mut sounds: impl FnMut(&Rig) -> bool) -> Result<f64, String> {
+fn last_sound(rig: &mut Rig, seconds: f64, mut sounds: impl FnMut(&Rig) -> bool) -> Result<f64, Not> {
     let (mut last, mut wrong) = (0, None);
     let ticks = rig.ticks(seconds);
     let ran = rig.run(ticks, |rig, tick| {
@@ -78,8 +78,8 @@ fn last_sound(rig: &mut Rig, seconds: f64, mut sounds: impl FnMut(&Rig) -> bool)
     });
     let faults = rig.engine.faults();
     match (wrong, ran.is_ok() && faults == 0) {
-        (Some(wrong), _) => Err(wrong),
-        (None, false) => Err(format!("{faults} faults")),
+        (Some(wrong), _) => Err(wrong.into()),
+        (None, false) => Err(format!("{faults} faults").into()),
         (None, true) => Ok(last as f64 / f64::from(rig.schedule.tick_hz)),
     }
 }

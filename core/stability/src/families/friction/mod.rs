@@ -84,12 +84,8 @@ fn each(subject: &Subject<'_>, normals_n: &[f64], limit_n: Option<f64>, about: A
         for &tick_hz in rates {
             let mut it = Rubbed::new(subject, rub, tick_hz, limit_n)?;
             for &normal in normals_n {
-                let figure = about(&mut it, rub, normal, subject).map_err(|e| match e {
-                    Not::Held(what) => {
-                        Not::Held(format!("{} at {tick_hz} Hz, {normal:e} N: {what}", rub.name))
-                    }
-                    other => other,
-                })?;
+                let figure = about(&mut it, rub, normal, subject)
+                    .map_err(|e| e.after(&format!("{} at {tick_hz} Hz, {normal:e} N", rub.name)))?;
                 most = most.max(figure);
             }
             it.sound()?;

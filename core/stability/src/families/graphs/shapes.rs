@@ -179,10 +179,7 @@ pub(super) fn run(subject: &Subject<'_>) -> Found {
     for shape in &SHAPES {
         for size in sizes {
             let place = format!("{} of {size}", shape.name);
-            let mut rig: Rig = (shape.make)(*size)?.rig(subject).map_err(|e| match e {
-                Not::Held(wrong) => Not::Held(format!("{place}: {wrong}")),
-                other => other,
-            })?;
+            let mut rig: Rig = (shape.make)(*size)?.rig(subject).map_err(|e| e.after(&place))?;
             let nodes = rig.schedule.nodes.len();
             let steps = rig.schedule.steps.len();
             holds(steps <= 3 * nodes, || format!("{place}: {steps} steps for {nodes} nodes"))?;

@@ -83,17 +83,10 @@ pub(super) fn sampling(subject: &Subject<'_>) -> Found {
         holds(other[0].changes == usual[0].changes, || {
             format!("{what} the gate changes {} times", other[0].changes)
         })?;
-        let later = as_before(&usual[1], &other[1]).map_err(|e| within(e, what))?;
+        let later = as_before(&usual[1], &other[1]).map_err(|e| e.after(what))?;
         found.push(format!("{speeds}, {later}"));
     }
     Ok(found.join("; "))
-}
-
-fn within(e: Not, what: &str) -> Not {
-    match e {
-        Not::Held(found) => Not::Held(format!("{what}: {found}")),
-        other => other,
-    }
 }
 
 pub(super) fn lost(subject: &Subject<'_>) -> Found {
@@ -130,7 +123,7 @@ pub(super) fn gap(subject: &Subject<'_>) -> Found {
         holds(other[0].step <= step, || {
             format!("{what}: a step of {:.4} is played; {step:.4} are allowed", other[0].step)
         })?;
-        let later = as_before(&usual[1], &other[1]).map_err(|e| within(e, what))?;
+        let later = as_before(&usual[1], &other[1]).map_err(|e| e.after(what))?;
         found.push(format!("{speeds}, steps of {:.4} ({step:.4}), {later}", other[0].step));
     }
     Ok(found.join("; "))
