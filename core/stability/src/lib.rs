@@ -7,6 +7,7 @@
 //! A case is only worth having where something fails it: kinds can be [wrapped](wrap) so that they go wrong, and the tests at the top
 //! of the house have at least one such mutant for every case.
 
+mod buffers;
 mod case;
 mod families;
 mod handle;

@@ -6,7 +6,7 @@ mod law;
 mod spots;
 
 pub(crate) use law::{Curve, Near};
-pub(crate) use spots::{Column, Spot};
+pub(crate) use spots::{Column, Spot, pitch_mm};
 
 use std::sync::Arc;
 

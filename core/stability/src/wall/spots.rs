@@ -1,11 +1,17 @@
 //! Where the walls of a graph are: what is found going down on them.
 
 use super::Wall;
+use crate::subject::Subject;
 
 /// How far columns reach from the middle \[mm\].
 const REACH_MM: f64 = 100.0;
 /// Between which heights walls are looked for, and how finely \[mm\]: none is as thin.
 const HEIGHTS_MM: (f64, f64, f64) = (40.0, -40.0, 1.6);
+
+/// How finely walls of a graph are looked for \[mm\].
+pub(crate) fn pitch_mm(subject: &Subject<'_>) -> f64 {
+    subject.by_effort(20.0, 10.0, 5.0)
+}
 
 /// A place on a wall.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -8,10 +8,9 @@ mod tails;
 
 use std::sync::Arc;
 
-use asperity_node::{
-    Buffer, Descriptor, FrameLayout, FrameRate, RateSpec, Registry, ShapeSpec, Unit, UnitSpec,
-};
+use asperity_node::{Descriptor, FrameLayout, FrameRate, RateSpec, Registry, ShapeSpec, Unit, UnitSpec};
 
+use crate::buffers::denormals;
 use crate::case::{Case, Family, Not};
 use crate::played::{Played, Samples};
 use crate::rig::Rig;
@@ -182,24 +181,13 @@ impl Retriever {
     }
 }
 
-/// Whether a buffer holds a number that is not zero and below the least normal one.
-fn denormal(buffer: &Buffer) -> bool {
-    match buffer {
-        Buffer::Control { values, .. } => values.iter().any(|x| x.is_subnormal()),
-        Buffer::Audio { samples, len, .. } => samples.iter().take(*len).any(|x| x.is_subnormal()),
-        Buffer::Magnitude { bins, frame, .. } => frame.is_some() && bins.iter().any(|x| x.is_subnormal()),
-        Buffer::Spectrum { bins, frame, .. } => {
-            frame.is_some() && bins.iter().any(|x| x.re.is_subnormal() || x.im.is_subnormal())
-        }
-    }
-}
-
 /// The first output that holds a denormal number: node and output.
 fn first_denormal(rig: &Rig) -> Option<String> {
     let nodes = rig.schedule.nodes.iter().enumerate();
     let mut outputs =
         nodes.flat_map(|(i, n)| n.outputs.iter().enumerate().map(move |(o, port)| (i, n, o, port)));
-    let (_, node, _, port) = outputs.find(|(i, _, o, _)| rig.engine.output(*i, *o).is_some_and(denormal))?;
+    let (_, node, _, port) =
+        outputs.find(|(i, _, o, _)| rig.engine.output(*i, *o).is_some_and(|b| denormals(b) > 0))?;
     Some(format!("{}.{}", node.id, port.name))
 }
 

@@ -8,7 +8,7 @@ use super::{MASS_KG, needed, slide};
 use crate::case::{Found, applicable, holds, not_applicable};
 use crate::handle::Device;
 use crate::subject::Subject;
-use crate::wall::{Near, Spot, Wall};
+use crate::wall::{Near, Spot, Wall, pitch_mm};
 
 /// How hard a stylus presses that rubs lightly \[N\].
 const LIGHT_N: f64 = 0.3;
@@ -52,8 +52,7 @@ impl Pressed<'_> {
 pub(super) fn rubs(subject: &Subject<'_>) -> Found {
     let mut wall = Wall::of_graph(subject)?;
     let level = |spot: &Spot| spot.normal[2] > 1.0 - 1e-9;
-    let pitch_mm = subject.by_effort(20.0, 10.0, 5.0);
-    let spots = wall.walls(pitch_mm).into_iter().filter(level);
+    let spots = wall.walls(pitch_mm(subject)).into_iter().filter(level);
     let near = spots.map(|spot| wall.near(spot));
     let all: Vec<Near> = applicable(near, "no level wall was found in this graph")?;
     let mut found: Vec<String> = Vec::new();

@@ -6,12 +6,11 @@ use std::sync::Arc;
 
 use asperity_graph::GraphFile;
 use asperity_node::random::bits;
-use asperity_node::{
-    Buffer, Descriptor, Fault, FrameLayout, FrameRate, Input, NodeKind, Output, ParamKind, Unit,
-};
+use asperity_node::{Descriptor, Fault, FrameLayout, FrameRate, Input, NodeKind, Output, ParamKind, Unit};
 use asperity_source::Source;
 
 use super::types::Types;
+use crate::buffers::finite;
 use crate::case::{Found, Not, holds};
 use crate::played::Played;
 use crate::rig::Rig;
@@ -267,15 +266,6 @@ fn gist(why: &str) -> String {
         _ => "`_`".to_owned(),
     };
     why.split('`').enumerate().map(plain).collect()
-}
-
-fn finite(buffer: &Buffer) -> bool {
-    match buffer {
-        Buffer::Control { values, .. } => values.iter().all(|x| x.is_finite()),
-        Buffer::Audio { samples, len, .. } => samples.iter().take(*len).all(|x| x.is_finite()),
-        Buffer::Magnitude { bins, .. } => bins.iter().all(|x| x.is_finite()),
-        Buffer::Spectrum { bins, .. } => bins.iter().all(|z| z.re.is_finite() && z.im.is_finite()),
-    }
 }
 
 pub(super) fn run(subject: &Subject<'_>) -> Found {

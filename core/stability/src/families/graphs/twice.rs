@@ -2,49 +2,21 @@
 
 use std::sync::Arc;
 
-use asperity_engine::Engine;
-use asperity_node::Buffer;
-
+use crate::buffers::same;
 use crate::case::{Found, Not, holds};
 use crate::rig::Rig;
 use crate::subject::Subject;
-
-/// The bits of what a buffer holds, mixed into one number (FNV-1a, 64 bits).
-fn bits(buffer: &Buffer) -> u64 {
-    let mut hash = 0xcbf2_9ce4_8422_2325_u64;
-    let mut mix = |word: u64| hash = (hash ^ word).wrapping_mul(0x0100_0000_01b3);
-    match buffer {
-        Buffer::Control { values, valid, .. } => {
-            values.iter().for_each(|x| mix(x.to_bits()));
-            mix(u64::from(*valid));
-        }
-        Buffer::Audio { samples, len, valid, .. } => {
-            samples.iter().take(*len).for_each(|x| mix(u64::from(x.to_bits())));
-            mix(u64::from(*valid));
-        }
-        Buffer::Magnitude { bins, frame, .. } => {
-            if let Some((index, start)) = frame {
-                [*index, *start].into_iter().for_each(&mut mix);
-                bins.iter().for_each(|x| mix(u64::from(x.to_bits())));
-            }
-        }
-        Buffer::Spectrum { bins, frame, .. } => {
-            if let Some((index, start)) = frame {
-                [*index, *start].into_iter().for_each(&mut mix);
-                bins.iter().flat_map(|z| [z.re, z.im]).for_each(|x| mix(u64::from(x.to_bits())));
-            }
-        }
-    }
-    hash
-}
 
 /// The first output that differs.
 fn differs(a: &Rig, b: &Rig) -> Option<String> {
     let nodes = a.schedule.nodes.iter().enumerate();
     let mut outputs =
         nodes.flat_map(|(i, n)| n.outputs.iter().enumerate().map(move |(o, port)| (i, n, o, port)));
-    let of = |engine: &Engine, i, o| engine.output(i, o).map(bits);
-    let (_, node, _, port) = outputs.find(|(i, _, o, _)| of(&a.engine, *i, *o) != of(&b.engine, *i, *o))?;
+    let differ = |i, o| match (a.engine.output(i, o), b.engine.output(i, o)) {
+        (Some(a), Some(b)) => !same(a, b),
+        (a, b) => a.is_some() != b.is_some(),
+    };
+    let (_, node, _, port) = outputs.find(|(i, _, o, _)| differ(*i, *o))?;
     Some(format!("{}.{}", node.id, port.name))
 }
 

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use asperity_graph::Schedule;
 use asperity_node::{Buffer, NodeKind, Shape};
 
+use crate::buffers::{denormals, same};
 use crate::case::{Not, holds, not_applicable};
 use crate::played::Motion;
 use crate::rig::{DriveLimits, Rig};
@@ -300,24 +301,6 @@ pub(super) fn energy(rig: &Rig) -> f64 {
     if rig.drives() { rig.drive().map(squares).sum() } else { squares(rig.felt()) }
 }
 
-fn same(a: &Buffer, b: &Buffer) -> bool {
-    match (a, b) {
-        (Buffer::Control { values: a, valid: v, .. }, Buffer::Control { values: b, valid: w, .. }) => {
-            v == w && a.iter().zip(b).all(|(a, b)| a.to_bits() == b.to_bits())
-        }
-        (Buffer::Audio { samples: a, len: m, .. }, Buffer::Audio { samples: b, len: n, .. }) => {
-            m == n && a.iter().zip(b).take(*m).all(|(a, b)| a.to_bits() == b.to_bits())
-        }
-        (Buffer::Magnitude { bins: a, frame: f, .. }, Buffer::Magnitude { bins: b, frame: g, .. }) => {
-            f == g && (f.is_none() || a.iter().zip(b).all(|(a, b)| a.to_bits() == b.to_bits()))
-        }
-        (Buffer::Spectrum { bins: a, frame: f, .. }, Buffer::Spectrum { bins: b, frame: g, .. }) => {
-            f == g && (f.is_none() || a.iter().zip(b).all(|(a, b)| a == b))
-        }
-        _ => false,
-    }
-}
-
 /// The largest magnitude of this tick's frame; infinite for one that is none.
 fn loudest(buffer: &Buffer) -> f64 {
     match buffer {
@@ -326,18 +309,6 @@ fn loudest(buffer: &Buffer) -> f64 {
         }
         Buffer::Magnitude { frame: Some(_), .. } => f64::INFINITY,
         _ => 0.0,
-    }
-}
-
-/// How many numbers of this tick are denormal.
-fn denormals(buffer: &Buffer) -> u64 {
-    let of = |numbers: &mut dyn Iterator<Item = f32>| numbers.filter(|x| x.is_subnormal()).count() as u64;
-    match buffer {
-        Buffer::Control { values, .. } => values.iter().filter(|x| x.is_subnormal()).count() as u64,
-        Buffer::Audio { samples, len, .. } => of(&mut samples.iter().take(*len).copied()),
-        Buffer::Magnitude { bins, frame: Some(_), .. } => of(&mut bins.iter().copied()),
-        Buffer::Spectrum { bins, frame: Some(_), .. } => of(&mut bins.iter().flat_map(|z| [z.re, z.im])),
-        _ => 0,
     }
 }
 

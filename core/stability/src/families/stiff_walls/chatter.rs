@@ -6,11 +6,11 @@
 
 use std::f64::consts::PI;
 
-use super::{pitch_mm, quantum};
+use super::quantum;
 use crate::case::{Found, applicable, holds};
 use crate::handle::{Device, Handle, Loop};
 use crate::subject::Subject;
-use crate::wall::{Column, Near, Spot, Wall};
+use crate::wall::{Column, Near, Spot, Wall, pitch_mm};
 
 /// What it rests under \[N\].
 const PUSH_N: f64 = 0.3;

@@ -13,7 +13,7 @@ use asperity_world::effect::passivity::Passivity;
 use crate::case::{Case, Family, Found, Not, applicable, holds, not_applicable};
 use crate::handle::Device;
 use crate::subject::Subject;
-use crate::wall::{Near, Wall, floors};
+use crate::wall::{Near, Wall, floors, pitch_mm};
 
 use energy::{Fall, Fallen, Swings, by_chance, fall, swings};
 
@@ -137,11 +137,6 @@ fn each_floor(subject: &Subject<'_>, about: About) -> Found {
     let plain = plain.filter(|kind| Wall::of_floor(subject, kind, &[], RATES_HZ[0]).is_ok());
     let all = plain.map(|kind| floor(subject, kind, about));
     Ok(applicable(all, "there is no kind of floor")?.join("; "))
-}
-
-/// How finely walls of a graph are looked for \[mm\].
-fn pitch_mm(subject: &Subject<'_>) -> f64 {
-    subject.by_effort(20.0, 10.0, 5.0)
 }
 
 /// Asks it of the graph's own walls, those that need most damping first.
