@@ -1,5 +1,7 @@
 //! `actuator_inverse`: from the wanted acceleration to what drives the coil.
 
+use std::path::PathBuf;
+
 use asperity_node::{
     Config, Descriptor, Diagnostic, Fact, Input, Node, Output, Param, Ports, RateSpec, Setup, ShapeSpec,
     State, Status, Tick, Unit, UnitSpec,
@@ -10,6 +12,7 @@ use asperity_world::actuator::{Drive, Inverse, InverseModel, InverseSettings};
 pub struct ActuatorInverse {
     inverse: Inverse,
     natural_hz: f64,
+    files: Vec<PathBuf>,
 }
 
 impl Node for ActuatorInverse {
@@ -75,7 +78,7 @@ impl Node for ActuatorInverse {
         let settings = InverseSettings { corner_hz, corner_damping, model };
         let inverse = Inverse::new(&dynamics, drive, f64::from(setup.input_rate(0)), settings)
             .map_err(|e| p.node_error(e.to_string()))?;
-        Ok(Self { inverse, natural_hz: dynamics.natural_hz() })
+        Ok(Self { inverse, natural_hz: dynamics.natural_hz(), files: super::files(setup) })
     }
 
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
@@ -93,6 +96,10 @@ impl Node for ActuatorInverse {
     /// Another actuator, handle, corner or model goes on from it; another `drive` starts anew.
     fn state(&mut self, state: &mut State<'_>) {
         self.inverse.state(state);
+    }
+
+    fn files(&self) -> Vec<PathBuf> {
+        self.files.clone()
     }
 
     fn facts(&self) -> Vec<Fact> {

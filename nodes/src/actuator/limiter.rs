@@ -1,5 +1,7 @@
 //! `limiter`: what no input may do to the coil.
 
+use std::path::PathBuf;
+
 use asperity_node::{
     Descriptor, Diagnostic, Fact, Input, Node, Output, Param, RateSpec, Resume, Setup, ShapeSpec, State,
     Status, Tick, Unit,
@@ -11,7 +13,10 @@ use asperity_world::actuator::{self, Drive, LimiterSettings};
 /// While its input is not to be trusted it fades to zero.
 ///
 /// What holds the coil's limits does not change while it runs: only how DC is followed and how the gain comes back do.
-pub struct Limiter(actuator::Limiter);
+pub struct Limiter {
+    limiter: actuator::Limiter,
+    files: Vec<PathBuf>,
+}
 
 /// Places of the live parameters.
 const DC_CORNER_HZ: usize = 2;
@@ -77,29 +82,29 @@ impl Node for Limiter {
         };
         let drive = if volts { Drive::Voltage } else { Drive::Current };
         actuator::Limiter::new(&super::dynamics(setup)?, drive, f64::from(setup.input_rate(0)), settings)
-            .map(Self)
+            .map(|limiter| Self { limiter, files: super::files(setup) })
             .map_err(|e| p.node_error(e.to_string()))
     }
 
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
-        self.0.set_muted(!tick.inputs.valid(0));
+        self.limiter.set_muted(!tick.inputs.valid(0));
         let asked = tick.inputs.audio(0).len();
-        if self.0.rests() && tick.inputs.is_zero(0) && tick.outputs.audio(0).len() == asked {
-            self.0.rest(asked);
+        if self.limiter.rests() && tick.inputs.is_zero(0) && tick.outputs.audio(0).len() == asked {
+            self.limiter.rest(asked);
             return Status::Quiet;
         }
-        self.0.process(tick.inputs.audio(0), tick.outputs.audio(0));
+        self.limiter.process(tick.inputs.audio(0), tick.outputs.audio(0));
         Status::Continue
     }
 
     fn reset(&mut self) {
-        self.0.reset();
+        self.limiter.reset();
     }
 
     fn set_parameter(&mut self, index: usize, value: f64) {
         match index {
-            DC_CORNER_HZ => self.0.set_dc_corner(value),
-            RELEASE_MS => self.0.set_release(value * 1e-3),
+            DC_CORNER_HZ => self.limiter.set_dc_corner(value),
+            RELEASE_MS => self.limiter.set_release(value * 1e-3),
             _ => {}
         }
     }
@@ -107,12 +112,16 @@ impl Node for Limiter {
     /// The signal so far, the gain, and where the coil is and how warm. Other settings, or another actuator, go on from
     /// it within their own limits.
     fn state(&mut self, state: &mut State<'_>) {
-        self.0.state(state);
+        self.limiter.state(state);
+    }
+
+    fn files(&self) -> Vec<PathBuf> {
+        self.files.clone()
     }
 
     fn facts(&self) -> Vec<Fact> {
-        let (r, limits) = (self.0.report(), self.0.limits());
-        let unit = if self.0.drive() == Drive::Voltage { "V" } else { "A" };
+        let (r, limits) = (self.limiter.report(), self.limiter.limits());
+        let unit = if self.limiter.drive() == Drive::Voltage { "V" } else { "A" };
         let count = |name, n| Fact::count(name, n);
         let number = |name, x, unit| Fact::number(name, x, unit);
         vec![

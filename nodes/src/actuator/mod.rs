@@ -6,7 +6,7 @@ mod limiter;
 pub use actuator_inverse::ActuatorInverse;
 pub use limiter::Limiter;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use asperity_node::{Diagnostic, Param, Setup};
 use asperity_source::Place;
@@ -24,11 +24,20 @@ fn profile_params() -> [Param; 2] {
     ]
 }
 
+/// The folder that a profile's file is looked for in.
+fn base<'s>(setup: &Setup<'s>) -> &'s Path {
+    let place = setup.params.place("profile").or(setup.params.node_place());
+    place.and_then(|p| p.source.path().parent()).unwrap_or(Path::new(""))
+}
+
+/// The file of the profile, where it is not a shipped one.
+fn files(setup: &Setup<'_>) -> Vec<PathBuf> {
+    ActuatorProfile::file(setup.params.text("profile"), base(setup)).into_iter().collect()
+}
+
 /// The actuator that the parameters `profile` and `handle_mass_g` name.
 fn dynamics(setup: &Setup<'_>) -> Result<Dynamics, Diagnostic> {
-    let p = setup.params;
-    let place = p.place("profile").or(p.node_place());
-    let base = place.and_then(|p| p.source.path().parent()).unwrap_or(Path::new(""));
+    let (p, base) = (setup.params, base(setup));
     let profile = ActuatorProfile::find(p.text("profile"), base).map_err(|e| {
         // What is wrong within a file is said of the file.
         if e.path().is_some() {
@@ -48,4 +57,30 @@ fn dynamics(setup: &Setup<'_>) -> Result<Dynamics, Diagnostic> {
     })?;
     Dynamics::new(&profile, setup.params.number("handle_mass_g"))
         .map_err(|e| setup.params.error("handle_mass_g", e.to_string()))
+}
+
+#[cfg(test)]
+mod tests {
+    use asperity_graph::{GraphFile, compile};
+    use asperity_source::Source;
+
+    #[test]
+    fn whoever_looks_whether_files_change_is_told_of_a_profiles_file() {
+        let dir = tempfile::tempdir().unwrap();
+        let shipped = concat!(env!("CARGO_MANIFEST_DIR"), "/../graphs/actuators/hapcoil_one.ron");
+        let mine = dir.path().join("mine.ron");
+        std::fs::copy(shipped, &mine).unwrap();
+        for (profile, files) in [("mine.ron", vec![mine]), ("hapcoil_one", Vec::new())] {
+            let text = format!(
+                r#"Graph(version: 1, nodes: {{
+                    "tone": (kind: "sine"), "limiter": (kind: "limiter", params: (profile: "{profile}")), "out": (kind: "probe"),
+                }}, wires: [("tone", "limiter"), ("limiter", "out")])"#
+            );
+            let source = Source::new(dir.path().join("g.ron").display().to_string(), text);
+            let graph = GraphFile::parse(&source).unwrap();
+            let compiled = compile(&graph, &crate::registry(), Default::default()).unwrap();
+            let limiter = compiled.schedule.nodes.iter().find(|n| n.kind == "limiter").unwrap();
+            assert_eq!(limiter.files, files);
+        }
+    }
 }

@@ -1,6 +1,6 @@
 //! Profiles that can be named without a file.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use asperity_source::{Diagnostic, Source, one_of};
 
@@ -24,6 +24,11 @@ impl ActuatorProfile {
     /// The names of the shipped profiles.
     pub fn shipped_names() -> impl Iterator<Item = &'static str> + Clone {
         SHIPPED.iter().map(|(name, _)| *name)
+    }
+
+    /// The file that [`find`](Self::find) reads; none for a shipped profile.
+    pub fn file(name: &str, base: &Path) -> Option<PathBuf> {
+        Self::shipped_names().all(|shipped| shipped != name).then(|| base.join(name))
     }
 
     /// What a graph may call a profile: the name of a shipped one, or a RON file relative to `base`.
