@@ -11,6 +11,7 @@ use asperity_node::{Descriptor, FrameLayout, FrameRate, NodeKind, ParamKind, Par
 use crate::case::{Not, holds, not_applicable};
 use crate::played::{Frames, Played};
 use crate::rig::Rig;
+use crate::small::has_to_be_set;
 use crate::subject::Subject;
 
 /// Frames a second.
@@ -41,7 +42,7 @@ pub(super) fn methods(subject: &Subject<'_>, settings: bool) -> Result<Vec<Metho
         let d = kind.descriptor();
         let Some(how) = d.retrieval() else { continue };
         // What has to be set is nothing that a case could know.
-        if d.params.iter().any(|p| p.default.is_none() && !p.optional) {
+        if has_to_be_set(d, &[]) {
             continue;
         }
         let mut sets = vec![None];
