@@ -148,8 +148,8 @@ pub struct Time {
     /// What of the 99.9th percentile the machine stalls by itself: what ticks that did nothing, in the same turns, took beyond their median, at the percentile
     /// where they had met as many stalls.
     pub stall_us: f64,
-    /// Memory that the graph takes \[KiB\], where it can be counted: its nodes, with weights of their own, and its buffers, beyond the models and libraries
-    /// that a process reads once for all of its graphs.
+    /// Memory that the graph takes \[KiB\], where it can be counted: its nodes and its buffers, beyond the models, weights and libraries that a process has
+    /// once for all of its graphs.
     pub memory_kib: Option<f64>,
     /// How often nodes failed while it was timed.
     #[serde(default)]
