@@ -31,7 +31,7 @@ demo: setup
 test: setup-tests
 	$(CARGO) test --workspace
 
-# The tests that take minutes: a million ticks without an allocation, a thousand swaps of the shipped graph, a million ticks live, ten
+# The tests that take minutes and, the hard cases, some hours: a million ticks without an allocation, a thousand swaps of the shipped graph, a million ticks live, ten
 # million ticks of nodes that fail, and every reader fuzzed for a minute.
 test-long: setup-tests setup-fuzz
 	ASPERITY_LONG_TICKS=1000000 $(CARGO) test -p asperity --test no_alloc
