@@ -14,7 +14,7 @@ pub enum Effort {
     Quick,
     /// Some seconds: with the other tests.
     Full,
-    /// As long as it takes: up to half an hour.
+    /// As long as it takes: minutes and more.
     Long,
 }
 

@@ -1,4 +1,4 @@
-use super::super::testing::{GRID, fine_spectrum, level, met, spectrum_of_all, stroke, surface};
+use super::super::testing::{GRID, fine_spectrum, level, met, spectrum_of_all, stroke};
 use super::*;
 use crate::topography::{Family, MadeSurface, made_surfaces};
 
@@ -363,20 +363,4 @@ fn levels() {
         112.0 * 10.0 / spent,
         began.elapsed().as_secs_f64()
     );
-}
-
-#[test]
-#[ignore = "prints how many times faster than real time strokes are, median of nine"]
-fn speed() {
-    let surface = surface("denim");
-    let mut times: Vec<f64> = (0..9)
-        .map(|_| {
-            let began = std::time::Instant::now();
-            let x = stroke(&surface, (120.0, 0.4), 1.0, 4.5, STEPS);
-            assert!(x.iter().all(|a| a.normal.is_finite()));
-            5.0 / began.elapsed().as_secs_f64()
-        })
-        .collect();
-    times.sort_by(f64::total_cmp);
-    println!("{:.0} times real time ({times:.0?})", times[4]);
 }

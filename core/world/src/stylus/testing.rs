@@ -4,15 +4,10 @@ use realfft::RealFftPlanner;
 use std::f64::consts::TAU;
 
 use super::{Acceleration, Moment, SAMPLE_HZ, Stylus, Tool};
-use crate::topography::{Contact, HeightField, MadeSurface, made_surfaces};
+use crate::topography::{Contact, HeightField, MadeSurface};
 
 /// The grid of the patches that strokes run over.
 pub(super) const GRID: (usize, f64) = (1024, 0.04);
-
-/// What the pen meets of a surface, by its name.
-pub(super) fn surface(name: &str) -> (HeightField, Contact) {
-    met(&made_surfaces().into_iter().find(|s| s.name == name).expect("a surface"), GRID)
-}
 
 /// What the pen meets of a surface as it is stated.
 pub(super) fn met(made: &MadeSurface, grid: (usize, f64)) -> (HeightField, Contact) {

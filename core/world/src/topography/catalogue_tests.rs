@@ -188,14 +188,6 @@ fn some_neighbours_overlap_in_what_is_measured_of_their_pieces() {
 }
 
 #[test]
-#[ignore = "prints how many neighbours of each family overlap in pieces of 20 mm"]
-fn overlaps_of_larger_pieces() {
-    for (family, of) in Family::ALL.iter().zip(overlapping((512, 0.04))) {
-        println!("{:16} {of:?}", family.name());
-    }
-}
-
-#[test]
 #[ignore = "writes a picture to look at: ASPERITY_LOOK names the file, a .pgm"]
 fn a_sheet_of_all_surfaces() {
     let Ok(path) = std::env::var("ASPERITY_LOOK") else { return };

@@ -13,7 +13,7 @@ pub enum EffortArg {
     Quick,
     /// Some seconds a case
     Full,
-    /// As long as it takes: up to half an hour a case
+    /// As long as it takes: minutes a case and more
     Long,
 }
 

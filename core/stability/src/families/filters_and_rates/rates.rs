@@ -35,7 +35,8 @@ fn pairs(count: u64) -> impl Iterator<Item = (u32, u32)> {
         if i < LISTED {
             return (TICKS_HZ[at(14)], AUDIO_HZ[at(15)]);
         }
-        (100 + ((i - LISTED) % 3901) as u32, 8000 + (bits(2, i) % 184_001) as u32)
+        // Far apart one after the other, and each once.
+        (100 + ((i - LISTED) * 1000 % 3901) as u32, 8000 + (bits(2, i) % 184_001) as u32)
     })
 }
 
@@ -141,7 +142,7 @@ pub(super) fn kinds(subject: &Subject<'_>) -> Found {
         }
         true
     });
-    let count = subject.by_effort(14, 100, EVERY);
+    let count = subject.by_effort(14, 100, 1000);
     for (i, (tick_hz, audio_hz)) in pairs(count).enumerate() {
         // Mostly at a synthesis rate that a resampler brings up; now and then at the audio rate itself.
         let rate_hz = if i % 8 == 3 { audio_hz } else { [2500, 2000, 8000, 4410][i % 4] };
