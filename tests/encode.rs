@@ -38,6 +38,7 @@ fn folder() -> tempfile::TempDir {
         description: "Made for a test.".into(),
         family: Some("grey".into()),
         images: Vec::new(),
+        pattern: Default::default(),
         vector: Box::new(vector(s)),
     };
     let materials = [("dark", 0.1), ("middle", 0.5), ("bright", 0.9)].map(material).to_vec();

@@ -10,7 +10,7 @@ use asperity_dataset::Subject;
 use asperity_network::Encoder;
 use asperity_plot::{Curve, Curves};
 use asperity_source::Diagnostic;
-use asperity_world::material::{Library, LibraryMaterial, VECTOR_LEN};
+use asperity_world::material::{Library, LibraryMaterial, Pattern, VECTOR_LEN};
 use asperity_world::tactile::Image;
 use burn::module::Module;
 use burn::tensor::Device;
@@ -249,6 +249,7 @@ fn materials(
                 description: subject.description.clone(),
                 family: subject.family.clone(),
                 images: picture(subject)?,
+                pattern: Pattern::default(),
                 vector: Box::new(*vector),
             })
         };

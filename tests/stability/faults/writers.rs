@@ -104,6 +104,7 @@ fn library(dir: &Path) {
         description: "Made for a test.".into(),
         family: None,
         images: Vec::new(),
+        pattern: Default::default(),
         vector,
     };
     write(dir, "l.ron", Library::new(dir.join("l.ron"), Some("e.onnx".into()), vec![material]).to_ron());

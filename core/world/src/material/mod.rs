@@ -13,5 +13,8 @@ pub const BIN_HZ: f64 = 10.0;
 /// Length of the Hann window in s.
 pub const WINDOW_S: f64 = 0.1;
 
-pub use library::{Assignment, BLENDED, Library, LibraryMaterial, Neighbour, VECTOR_LEN};
+pub use library::{
+    Assignment, BLENDED, Events, Harmonic, Library, LibraryMaterial, MAX_HARMONICS, MAX_WAVES, Neighbour,
+    Pattern, VECTOR_LEN, Wave,
+};
 pub use random::Random;

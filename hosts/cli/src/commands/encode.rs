@@ -72,7 +72,10 @@ pub fn run(args: &Encode) -> Result<ExitCode, Failure> {
     let description = args.description.clone().unwrap_or_else(|| format!("From {from}: {gets}."));
     let images = args.images.iter().map(|image| beside(&args.library, image)).collect::<Result<_, _>>()?;
     let family = args.family.clone();
-    let material = LibraryMaterial { name, description, family, images, vector: library.assign(&mean, how) };
+    let vector = library.assign(&mean, how);
+    // Where its ridges and bumps are no picture says: those of the nearest material.
+    let pattern = library.nearest(&mean, 1).first().map(|n| n.material.pattern.clone()).unwrap_or_default();
+    let material = LibraryMaterial { name, description, family, images, pattern, vector };
     add(&args.library, &material)?;
     let _ =
         writeln!(out, "\nadded `{}` to {}: {}", clean(&material.name), args.library.display(), clean(&gets));

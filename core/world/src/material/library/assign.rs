@@ -82,7 +82,14 @@ mod tests {
             let mut vector = Box::new([0.5; VECTOR_LEN]);
             vector[0] = *x;
             let name = format!("m{i}");
-            LibraryMaterial { name, description: "d".into(), family: None, images: Vec::new(), vector }
+            LibraryMaterial {
+                name,
+                description: "d".into(),
+                family: None,
+                images: Vec::new(),
+                pattern: Default::default(),
+                vector,
+            }
         };
         Library::new("l.ron", None, places.iter().enumerate().map(material).collect())
     }

@@ -9,7 +9,7 @@ use super::{LARGEST, Library, LibraryMaterial};
 
 impl Library {
     /// The text of a library file with a material more, as its last. All else stays byte for byte, comments included, but for a
-    /// comma behind the material before and, where a family or pictures come into a file of version 1, its version.
+    /// comma behind the material before and, where the material needs a later one, its version.
     ///
     /// # Errors
     /// Those of [`parse`](Self::parse); a name that is empty or there already; a number that is not finite or beyond 1e6.
@@ -38,8 +38,8 @@ impl Library {
         if let Some((_, last)) = entries.last() {
             changes.extend(comma(source, last, list));
         }
-        if version.i64()? == 1 && material.needs_version_2() {
-            changes.push((version.span(), "2".into()));
+        if version.i64()? < material.needs_version() {
+            changes.push((version.span(), material.needs_version().to_string()));
         }
         let text = changed(source.text(), changes);
         // What was written must be what was meant, whatever the file looks like.
@@ -127,6 +127,7 @@ mod tests {
             description: "a \"new\" one".into(),
             family: None,
             images: Vec::new(),
+            pattern: Default::default(),
             vector: Box::new(std::array::from_fn(|i| i as f32 / 3.0 - 20.0)),
         }
     }

@@ -9,6 +9,8 @@
 //!             description: "What it feels like, in a sentence.",
 //!             family: "weave",
 //!             images: ["pictures/denim.jpg"],
+//!             events: (spacing_mm: 0.4, interval_cv: 0.25, height_cv: 0.5),
+//!             waves: [(per_mm: [1.25, 0.0], harmonics: [[0.8, 0.1], /* share and phase of each */])],
 //!             vector: [-1.25, 0.5, /* 256 numbers in all */],
 //!         ),
 //!     },
@@ -16,9 +18,11 @@
 //! ```
 //!
 //! `encoder`, `family` and `images` may be left out; version 1 has none of them. Paths are relative to the library's folder.
+//! `events` and `waves` are a material's [`Pattern`]; they may be left out, and came with version 3.
 
 mod assign;
 mod insert;
+mod pattern;
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -28,6 +32,7 @@ use asperity_source::ron::{self, Value};
 use asperity_source::{Diagnostic, Recent, Source, fingerprint, one_of};
 
 pub use assign::{Assignment, BLENDED, Neighbour};
+pub use pattern::{Events, Harmonic, MAX_HARMONICS, MAX_WAVES, Pattern, Wave};
 
 /// Numbers in a material's vector.
 pub const VECTOR_LEN: usize = 256;
@@ -46,6 +51,8 @@ pub struct LibraryMaterial {
     pub family: Option<String>,
     /// Paths of pictures of it, as the file has them: relative to the library's folder.
     pub images: Vec<String>,
+    /// How its vibration is spread over place.
+    pub pattern: Pattern,
     /// What a texture network is given.
     pub vector: Box<[f32; VECTOR_LEN]>,
 }
@@ -95,7 +102,7 @@ impl Library {
     pub fn parse(source: &Arc<Source>) -> Result<Self, Diagnostic> {
         let whole = ron::parse(source)?;
         let mut record = whole.record("Library")?;
-        let version = record.required("version")?.i64_in(1..=2, "")?;
+        let version = record.required("version")?.i64_in(1..=3, "")?;
         let later = version > 1;
         let encoder = if later { record.optional("encoder").map(named).transpose()? } else { None };
         let list = record.required("materials")?;
@@ -115,16 +122,17 @@ impl Library {
             if key.name.trim().is_empty() {
                 return Err(Diagnostic::new("a material without a name").at(source, key.span));
             }
-            materials.push(material(&key.name, value, later)?);
+            materials.push(material(&key.name, value, version)?);
         }
         Ok(Self { path: source.path().to_owned(), encoder, materials })
     }
 
-    /// The text of a library file, of version 1 where nothing in it needs 2. Numbers are written so that they read back to the
+    /// The text of a library file, of the earliest version that has all that is in it. Numbers are written so that they read back to the
     /// same bits.
     pub fn to_ron(&self) -> String {
-        let later = self.encoder.is_some() || self.materials.iter().any(LibraryMaterial::needs_version_2);
-        let mut text = format!("Library(\n    version: {},\n", if later { 2 } else { 1 });
+        let needed = self.materials.iter().map(LibraryMaterial::needs_version).max().unwrap_or(1);
+        let version = needed.max(if self.encoder.is_some() { 2 } else { 1 });
+        let mut text = format!("Library(\n    version: {version},\n");
         // writing to a String cannot fail
         if let Some(encoder) = &self.encoder {
             let _ = writeln!(text, "    encoder: {},", quoted(encoder));
@@ -172,8 +180,13 @@ impl Library {
 }
 
 impl LibraryMaterial {
-    fn needs_version_2(&self) -> bool {
-        self.family.is_some() || !self.images.is_empty()
+    /// The earliest version of the file that has all of its fields.
+    fn needs_version(&self) -> i64 {
+        match () {
+            () if self.pattern != Pattern::default() => 3,
+            () if self.family.is_some() || !self.images.is_empty() => 2,
+            () => 1,
+        }
     }
 
     /// Writes the entry, each line behind `indent`.
@@ -187,6 +200,7 @@ impl LibraryMaterial {
             let images: Vec<String> = self.images.iter().map(|i| quoted(i)).collect();
             let _ = writeln!(text, "{indent}    images: [{}],", images.join(", "));
         }
+        self.pattern.write(text, &format!("{indent}    "));
         let _ = writeln!(text, "{indent}    vector: [");
         for row in self.vector.chunks(8) {
             let row: Vec<String> = row.iter().map(|x| format!("{x:?}")).collect();
@@ -196,21 +210,28 @@ impl LibraryMaterial {
     }
 }
 
-fn material(name: &str, value: &Value, later: bool) -> Result<LibraryMaterial, Diagnostic> {
+fn material(name: &str, value: &Value, version: i64) -> Result<LibraryMaterial, Diagnostic> {
     let mut m = value.record("Material")?;
     let description = m.required("description")?.text()?.to_owned();
     let vector = vector(m.required("vector")?)?;
     let (mut family, mut images) = (None, Vec::new());
-    if later {
+    let mut pattern = Pattern::default();
+    if version > 1 {
         family = m.optional("family").map(named).transpose()?;
         if let Some(list) = m.optional("images") {
             images = list.list()?.iter().map(named).collect::<Result<_, _>>()?;
         }
-        m.finish(&["description", "family", "images", "vector"])?;
+        let fields: &[&str] = &["description", "family", "images", "vector", "waves", "events"];
+        if version > 2 {
+            pattern = Pattern::read(m.optional("waves"), m.optional("events"))?;
+            m.finish(fields)?;
+        } else {
+            m.finish(&fields[..4])?;
+        }
     } else {
         m.finish(&["description", "vector"])?;
     }
-    Ok(LibraryMaterial { name: name.to_owned(), description, family, images, vector })
+    Ok(LibraryMaterial { name: name.to_owned(), description, family, images, pattern, vector })
 }
 
 /// A text that says something.
@@ -263,6 +284,7 @@ mod tests {
             description: format!("What {name} feels like."),
             family: None,
             images: Vec::new(),
+            pattern: Pattern::default(),
             vector: Box::new(std::array::from_fn(|_| random.range(-4.0, 4.0) as f32)),
         };
         Library::new("three.ron", None, ["coarse weave", "brick", "cork"].map(material).into())
@@ -352,7 +374,7 @@ mod tests {
             let e = error(&with_vector(&vector));
             assert!(e.starts_with("m.ron:3:") && e.contains(what), "{e}");
         }
-        assert!(error("Library(version: 3, materials: {})").starts_with("m.ron:1:18: 3 is out of range"));
+        assert!(error("Library(version: 4, materials: {})").starts_with("m.ron:1:18: 4 is out of range"));
         assert!(error("Library(version: 1, materials: {})").contains("without materials"));
         assert!(error("Library(version: 1)").contains("`materials` is missing"));
         assert!(

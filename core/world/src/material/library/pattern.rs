@@ -1,0 +1,176 @@
+//! How a material's vibration is spread over place, as the library tells it.
+
+use std::fmt::Write as _;
+
+use asperity_source::Diagnostic;
+use asperity_source::ron::Value;
+
+/// Most waves of a material.
+pub const MAX_WAVES: usize = 2;
+/// Most harmonics of a wave that a library holds; those above are like the last.
+pub const MAX_HARMONICS: usize = 16;
+
+/// How a material's vibration is spread over place. One without waves and events is noise.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Pattern {
+    /// Ridges that repeat with place, at most [`MAX_WAVES`].
+    pub waves: Vec<Wave>,
+    /// Single bumps that the tool meets one after the other.
+    pub events: Option<Events>,
+}
+
+/// Ridges that repeat with place: straight, parallel and equally far apart.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Wave {
+    /// Wave vector in 1/mm: across the ridges, as long as one over their distance. Harmonic h has the phase `2 pi h k . (x, y)`.
+    pub per_mm: [f64; 2],
+    /// From the fundamental on, 1 to [`MAX_HARMONICS`].
+    pub harmonics: Vec<Harmonic>,
+}
+
+/// A harmonic of a wave.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Harmonic {
+    /// Part of the power around its frequency that repeats with place, 0 to 1.
+    pub share: f64,
+    /// Phase in rad, besides that of a minimum-phase response.
+    pub phase: f64,
+}
+
+/// Bumps along a stroke: how far apart they are, and how they differ.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Events {
+    /// Mean distance from one to the next along the stroke in mm.
+    pub spacing_mm: f64,
+    /// Standard deviation of that distance over its mean: 0 is regular, 1 is Poisson's process.
+    pub interval_cv: f64,
+    /// Standard deviation of their heights over the mean.
+    pub height_cv: f64,
+}
+
+impl Pattern {
+    /// Reads `waves: [(per_mm: [..], harmonics: [[share, phase], ..])]` and `events: (..)`.
+    pub(super) fn read(waves: Option<&Value>, events: Option<&Value>) -> Result<Self, Diagnostic> {
+        let waves = match waves {
+            Some(list) => {
+                let waves = list.list()?;
+                if waves.len() > MAX_WAVES {
+                    let what = format!("{} waves", waves.len());
+                    return Err(list.error(what).help(format!("a material has at most {MAX_WAVES}")));
+                }
+                waves.iter().map(wave).collect::<Result<_, _>>()?
+            }
+            None => Vec::new(),
+        };
+        Ok(Self { waves, events: events.map(bumps).transpose()? })
+    }
+
+    /// Writes the fields that there are, each line behind `indent`.
+    pub(super) fn write(&self, text: &mut String, indent: &str) {
+        // writing to a String cannot fail
+        if let Some(Events { spacing_mm, interval_cv, height_cv }) = self.events {
+            let _ = writeln!(
+                text,
+                "{indent}events: (spacing_mm: {spacing_mm:?}, interval_cv: {interval_cv:?}, height_cv: {height_cv:?}),"
+            );
+        }
+        if self.waves.is_empty() {
+            return;
+        }
+        let _ = writeln!(text, "{indent}waves: [");
+        for Wave { per_mm: [x, y], harmonics } in &self.waves {
+            let harmonics: Vec<String> =
+                harmonics.iter().map(|h| format!("[{:?}, {:?}]", h.share, h.phase)).collect();
+            let _ = writeln!(text, "{indent}    (per_mm: [{x:?}, {y:?}], harmonics: [");
+            for row in harmonics.chunks(6) {
+                let _ = writeln!(text, "{indent}        {},", row.join(", "));
+            }
+            let _ = writeln!(text, "{indent}    ]),");
+        }
+        let _ = writeln!(text, "{indent}],");
+    }
+}
+
+/// Two numbers.
+fn pair(value: &Value) -> Result<[&Value; 2], Diagnostic> {
+    match value.list()? {
+        [a, b] => Ok([a, b]),
+        other => Err(value.error(format!("{} numbers, not 2", other.len()))),
+    }
+}
+
+fn wave(value: &Value) -> Result<Wave, Diagnostic> {
+    let mut record = value.record("Wave")?;
+    let place = record.required("per_mm")?;
+    let [x, y] = pair(place)?;
+    let per_mm = [x.f64_in(-100.0..=100.0, "1/mm")?, y.f64_in(-100.0..=100.0, "1/mm")?];
+    if per_mm[0].hypot(per_mm[1]) < 1e-3 {
+        return Err(place.error("a wave without a direction").help("ridges at most 1000 mm apart"));
+    }
+    let list = record.required("harmonics")?;
+    let numbers = list.list()?;
+    if !(1..=MAX_HARMONICS).contains(&numbers.len()) {
+        let what = format!("{} harmonics", numbers.len());
+        return Err(list.error(what).help(format!("1 to {MAX_HARMONICS}; those above are like the last")));
+    }
+    let harmonic = |value: &Value| {
+        let [share, phase] = pair(value)?;
+        Ok(Harmonic { share: share.f64_in(0.0..=1.0, "")?, phase: phase.f64_in(-100.0..=100.0, "rad")? })
+    };
+    let harmonics = numbers.iter().map(harmonic).collect::<Result<_, Diagnostic>>()?;
+    record.finish(&["per_mm", "harmonics"])?;
+    Ok(Wave { per_mm, harmonics })
+}
+
+fn bumps(value: &Value) -> Result<Events, Diagnostic> {
+    let mut record = value.record("Events")?;
+    let events = Events {
+        spacing_mm: record.required("spacing_mm")?.f64_in(0.01..=1000.0, "mm")?,
+        interval_cv: record.required("interval_cv")?.f64_in(0.0..=4.0, "")?,
+        height_cv: record.required("height_cv")?.f64_in(0.0..=10.0, "")?,
+    };
+    record.finish(&["spacing_mm", "interval_cv", "height_cv"])?;
+    Ok(events)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Library, tests::three};
+    use super::*;
+    use asperity_source::Source;
+
+    #[test]
+    fn pattern_reads_back_to_the_same_bits() {
+        let mut library = three();
+        let harmonic = |share, phase| Harmonic { share, phase };
+        library.materials[0].pattern.events =
+            Some(Events { spacing_mm: 0.23, interval_cv: 0.1 + 0.2, height_cv: 0.5 });
+        library.materials[1].pattern.waves = vec![
+            Wave { per_mm: [0.4, -1e-3], harmonics: vec![harmonic(0.9, -0.3); 7] },
+            Wave { per_mm: [0.0, 2.0], harmonics: vec![harmonic(1.0, 3.0)] },
+        ];
+        let text = library.to_ron();
+        assert!(text.contains("version: 3,"), "{}", &text[..60]);
+        assert_eq!(Library::parse(&Source::new("three.ron", text)).unwrap(), library);
+    }
+
+    #[test]
+    fn pattern_out_of_range_is_refused_where_it_stands() {
+        let vector = format!("vector: [{}]", "0.5, ".repeat(256));
+        for (version, field, what) in [
+            (2, "waves: []", "unknown field `waves`"),
+            (3, "waves: [(per_mm: [0.0, 0.0], harmonics: [[1.0, 0.0]])]", "without a direction"),
+            (3, "waves: [(per_mm: [0.4], harmonics: [[1.0, 0.0]])]", "1 numbers, not 2"),
+            (3, "waves: [(per_mm: [0.4, 0.0], harmonics: [])]", "0 harmonics"),
+            (3, "waves: [(per_mm: [0.4, 0.0], harmonics: [[1.5, 0.0]])]", "out of range"),
+            (3, "events: (spacing_mm: 0.0, interval_cv: 0.1, height_cv: 0.1)", "out of range"),
+            (3, "events: (spacing_mm: 1.0, interval_cv: 0.1)", "`height_cv` is missing"),
+        ] {
+            let text = format!(
+                "Library(version: {version}, materials: {{\"a\": (description: \"d\", {field}, {vector})}})"
+            );
+            let e = Library::parse(&Source::new("m.ron", text)).unwrap_err().to_string();
+            assert!(e.contains(what), "{field}: {e}");
+        }
+    }
+}
