@@ -35,6 +35,8 @@ mod random;
 pub mod random_phase;
 pub mod resample;
 pub mod sample_commit;
+pub mod scatter;
+pub mod shaped_noise;
 pub mod spsi;
 pub mod stft;
 #[cfg(test)]
@@ -52,5 +54,7 @@ pub use random_phase::RandomPhase;
 pub use realfft::num_complex::Complex;
 pub use resample::{Conversion, FilterPhase, Resampler};
 pub use sample_commit::SampleCommit;
+pub use scatter::Scatter;
+pub use shaped_noise::ShapedNoise;
 pub use spsi::Spsi;
 pub use stft::Stft;

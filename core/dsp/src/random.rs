@@ -1,10 +1,19 @@
 //! Random numbers by index: skipping some does not change those that follow.
 
+use crate::float::unit_circle;
+
 /// A uniform number in [0, 1) for a seed and two indices, by the finaliser of SplitMix64 (Steele, Lea, Flood 2014), which passes
 /// BigCrush on successive counters.
 #[inline]
 pub(crate) fn uniform(seed: u64, row: u64, column: u64) -> f64 {
     (step(row_seed(seed, row), column) >> 11) as f64 / (1u64 << 53) as f64
+}
+
+/// A normal number of unit variance for a seed and an index, by G. Box and M. Muller (1958).
+#[inline]
+pub(crate) fn normal(seed: u64, index: u64) -> f64 {
+    let (radius, turns) = (uniform(seed, index, 0), uniform(seed, index, 1));
+    (-2.0 * (1.0 - radius).ln()).sqrt() * unit_circle(turns).0
 }
 
 /// The seed of one row of numbers.
@@ -24,6 +33,15 @@ fn step(seed: u64, index: u64) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn normal_numbers_have_the_moments_of_their_law() {
+        let n = 100_000;
+        let moment = |power: i32| (0..n).map(|i| normal(5, i).powi(power)).sum::<f64>() / n as f64;
+        // Four standard deviations.
+        assert!(moment(1).abs() < 0.013 && (moment(2) - 1.0).abs() < 0.018, "{} {}", moment(1), moment(2));
+        assert!(moment(3).abs() < 0.05 && (moment(4) - 3.0).abs() < 0.13, "{} {}", moment(3), moment(4));
+    }
 
     #[test]
     fn numbers_are_uniform_and_neither_rows_nor_columns_nor_seeds_go_together() {

@@ -1,0 +1,284 @@
+//! Magnitudes that scatter as those of a random signal do.
+//!
+//! A network answers expected magnitudes. Those of a short-time spectrum of a random process scatter about them: by Rayleigh's law for noise, by Rice's
+//! where a steady line stands in noise. So each frame is multiplied by `|sqrt(1 - q) e^(j theta_k) + sqrt(q) z_k|`, where `z` is the short-time
+//! spectrum of unit white noise through the same window at the same place, so that neighbouring bins and frames go together as
+//! they do in a signal, `theta_k = 2 pi k t / N` is how a line in the middle of bin k turns, and `q` is the random part of the bin's power.
+//! `q` follows from the ratio of mean to root mean square, which is the mean of Rice's law (S. O. Rice, "Mathematical analysis of
+//! random noise", 1944):
+//!
+//! `ratio(q) = E |sqrt(1 - q) + sqrt(q) z|`, from 1 for a steady line to `sqrt(pi) / 2 = 0.886` for noise.
+//!
+//! Single events are common to all bins. What the power of a frame varies beyond the scatter of its bins is one gain more: `g = exp(s y - s^2)`, with
+//! `E[g^2] = 1`, and `y` normal, a white noise seen through the window's square, as the energies of short events are.
+//!
+//! Noise is counted by sample from a seed, so that a frame that is left out changes none after it.
+
+use crate::float::unit_circle;
+use crate::magnitude::{largest_of, take};
+use crate::random::normal;
+use crate::window::hann;
+use crate::{Float, Framing, FramingError, Stft};
+use std::sync::LazyLock;
+
+/// Steps of the table of [`ratio`]s.
+const STEPS: usize = 64;
+/// Largest `s^2` of the common gain: power that varies by 20 times its mean's square.
+const MOST_COMMON: f64 = 0.75;
+/// Seed of the common gain's noise, besides.
+const COMMON: u64 = 0x636f_6d6d_6f6e;
+
+/// Ratio of mean to root mean square magnitude of noise: `sqrt(pi) / 2`.
+pub const NOISE_RATIO: f64 = 0.886_226_925_452_758;
+/// The same in bin 0 and at Nyquist's frequency, which have a real part alone: `sqrt(2 / pi)`.
+pub const REAL_NOISE_RATIO: f64 = 0.797_884_560_802_865_4;
+
+/// [`ratio`] at 0, 1 / STEPS, .., 1.
+static RATIOS: LazyLock<[f64; STEPS + 1]> =
+    LazyLock::new(|| std::array::from_fn(|i| ratio(i as f64 / STEPS as f64)));
+
+/// What is known of a frame's magnitudes besides themselves.
+#[derive(Clone, Copy, Debug)]
+pub struct Statistics<'a, P> {
+    /// For each bin the ratio of mean to root mean square, 0 to 1; a bin that is missing, or below [`NOISE_RATIO`], is noise.
+    pub ratio: &'a [P],
+    /// Variance of a frame's power over its squared mean, where that is known.
+    pub variance: Option<f64>,
+    /// Whether the magnitudes are means; else they are root mean squares.
+    pub means: bool,
+}
+
+/// Scatters frames of one layout.
+pub struct Scatter<T> {
+    framing: Framing,
+    seed: u64,
+    stft: Stft<T>,
+    /// Ratios at q = 0, 1 / STEPS, .., 1.
+    ratios: &'static [f64],
+    /// The window squared, so that its squares add up to 1.
+    common: Vec<T>,
+    noise: Line<T>,
+    slow: Line<T>,
+    magnitudes: Vec<T>,
+    random: Vec<T>,
+}
+
+impl<T> std::fmt::Debug for Scatter<T> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Scatter").field("framing", &self.framing).finish_non_exhaustive()
+    }
+}
+
+impl<T: Float> Scatter<T> {
+    /// For frames of this layout.
+    ///
+    /// # Errors
+    /// What [`Framing::check`] finds.
+    pub fn new(framing: Framing, seed: u64) -> Result<Self, FramingError> {
+        framing.check()?;
+        let n = framing.fft_len;
+        let squares: Vec<f64> = hann::<f64>(n).into_iter().map(|w| w * w).collect();
+        let norm = squares.iter().map(|w| w * w).sum::<f64>().sqrt().recip();
+        Ok(Self {
+            framing,
+            seed,
+            stft: Stft::new(n),
+            ratios: &*RATIOS,
+            common: squares.into_iter().map(|w| T::of(w * norm)).collect(),
+            noise: Line::new(seed, n),
+            slow: Line::new(seed ^ COMMON, n),
+            magnitudes: vec![T::zero(); framing.bins],
+            random: vec![T::zero(); framing.bins],
+        })
+    }
+
+    /// Number of bins a frame has.
+    pub fn bins(&self) -> usize {
+        self.framing.bins
+    }
+
+    /// Another seed; what comes next is as if it had always been there.
+    pub fn set_seed(&mut self, seed: u64) {
+        if seed != self.seed {
+            self.seed = seed;
+            self.noise = Line::new(seed, self.framing.fft_len);
+            self.slow = Line::new(seed ^ COMMON, self.framing.fft_len);
+        }
+    }
+
+    /// Scatters frame number `frame` by `strength`, 0 (not at all) to 1, into `out`, in the same unit.
+    ///
+    /// A magnitude that is NaN, infinite or negative is taken as 0; the number of these is returned. Missing bins are 0, more than
+    /// [`bins`](Self::bins) are not used, and what is left of `out` is set to 0.
+    pub fn process<P: Float>(
+        &mut self,
+        frame: u64,
+        magnitudes: &[P],
+        known: Statistics<'_, P>,
+        strength: f64,
+        out: &mut [P],
+    ) -> usize {
+        // Scattered magnitudes are at most some times as large.
+        let bad = take(magnitudes, largest_of::<P, T>() / 1024.0, &mut self.magnitudes);
+        let strength = if strength.is_finite() { strength.clamp(0.0, 1.0) } else { 1.0 };
+        let n = self.framing.fft_len;
+        let start = self.framing.start(frame);
+        for (bin, random) in self.random.iter_mut().enumerate() {
+            let q = known.ratio.get(bin).map_or(1.0, |r| random_part(self.ratios, r.f64()));
+            *random = T::of(q * strength * strength);
+        }
+        let gain = known.variance.map_or(1.0, |variance| self.gain(variance, strength, start, known.means));
+        let unit = (n as f64 / 6.0).sqrt();
+        let spectrum = self.stft.process(self.noise.at(start));
+        out.fill(P::zero());
+        // A line in the middle of bin 1 has turned by this since sample 0, in turns.
+        let turned = (start % n as u64) as f64 / n as f64;
+        for (bin, out) in out.iter_mut().enumerate().take(self.framing.bins) {
+            let (Some(&m), Some(&q), Some(z)) =
+                (self.magnitudes.get(bin), self.random.get(bin), spectrum.get(bin))
+            else {
+                continue;
+            };
+            if m <= T::zero() {
+                continue;
+            }
+            let (m, q) = (m.f64(), q.f64());
+            let real = bin == 0 || 2 * bin == n;
+            let (cos, sin) = unit_circle((bin as f64 * turned).fract());
+            let (steady, loose) = ((1.0 - q).sqrt(), q.sqrt() * unit);
+            let (re, im) = if real {
+                (steady * cos.signum() + loose * z.re.f64(), 0.0)
+            } else {
+                (steady * cos + loose * z.re.f64(), steady * sin + loose * z.im.f64())
+            };
+            // Of means the root mean square is larger, by the ratio that this scatter has.
+            let level = if known.means { mean_level(self.ratios, q, real).recip() } else { 1.0 };
+            *out = P::of(m * level * gain * re.hypot(im));
+        }
+        bad
+    }
+
+    /// The gain that is common to all bins, of mean square 1 (of mean 1 where magnitudes are means).
+    fn gain(&mut self, variance: f64, strength: f64, start: u64, means: bool) -> f64 {
+        if !(variance > 0.0) {
+            return 1.0;
+        }
+        let own = self.own_variance();
+        let square = (0.25 * ((1.0 + variance.min(1e6)) / (1.0 + own)).ln()).clamp(0.0, MOST_COMMON);
+        let s = square.sqrt() * strength;
+        if s == 0.0 {
+            return 1.0;
+        }
+        let seen = self.slow.at(start).iter().zip(&self.common);
+        let y: f64 = seen.map(|(&u, &w)| (u * w).f64()).sum();
+        (s * y - if means { 0.5 * s * s } else { s * s }).exp()
+    }
+
+    /// Variance of a frame's power over its squared mean that the scatter of its bins alone makes. Bins of white noise under a Hann window are correlated by 2/3
+    /// and 1/6 with the next and the one after it.
+    fn own_variance(&self) -> f64 {
+        let powers = || {
+            self.magnitudes.iter().zip(&self.random).map(|(m, q)| {
+                let (m, q) = (m.f64(), q.f64());
+                (m * m, m * m * (q * (2.0 - q)).sqrt())
+            })
+        };
+        let total: f64 = powers().map(|(power, _)| power).sum();
+        if !(total > 0.0) {
+            return 0.0;
+        }
+        let (mut last, mut before, mut sum) = (0.0, 0.0, 0.0);
+        for (_, p) in powers() {
+            let p = p / total;
+            sum += p * (p + 2.0 * (4.0 / 9.0 * last + before / 36.0));
+            (before, last) = (last, p);
+        }
+        sum
+    }
+}
+
+/// `E |sqrt(1 - q) + sqrt(q) z|`, z complex normal with `E |z|^2 = 1`: the mean of Rice's law whose root mean square is 1.
+pub fn ratio(q: f64) -> f64 {
+    let q = q.clamp(0.0, 1.0);
+    const ANGLES: usize = 16;
+    const RADII: usize = 500;
+    let (steady, loose) = ((1.0 - q).sqrt(), q.sqrt());
+    let mut sum = 0.0;
+    for i in 0..RADII {
+        // Middles of equally likely parts of Rayleigh's law.
+        let radius = loose * (-(1.0 - (i as f64 + 0.5) / RADII as f64).ln()).sqrt();
+        for k in 0..ANGLES {
+            let (cos, sin) = unit_circle((k as f64 + 0.5) / ANGLES as f64);
+            sum += (steady + radius * cos).hypot(radius * sin);
+        }
+    }
+    sum / (ANGLES * RADII) as f64
+}
+
+/// The random part of a power whose magnitudes have this ratio of mean to root mean square.
+fn random_part(ratios: &[f64], ratio: f64) -> f64 {
+    if !(ratio > NOISE_RATIO) {
+        return 1.0;
+    }
+    let after = ratios.partition_point(|r| *r > ratio);
+    match (after.checked_sub(1).and_then(|i| ratios.get(i)), ratios.get(after)) {
+        (Some(above), Some(below)) => {
+            (after as f64 - 1.0 + (above - ratio) / (above - below)) / (ratios.len() - 1) as f64
+        }
+        (None, _) => 0.0,
+        (_, None) => 1.0,
+    }
+}
+
+/// The mean over the root mean square at a random part.
+fn mean_level(ratios: &[f64], q: f64, real: bool) -> f64 {
+    if real {
+        // Between a steady line's and noise's; bins 0 and Nyquist carry next to nothing.
+        return 1.0 + q * (REAL_NOISE_RATIO - 1.0);
+    }
+    let place = q * (ratios.len() - 1) as f64;
+    let at = (place as usize).min(ratios.len() - 2);
+    let part = place - at as f64;
+    ratios.get(at).zip(ratios.get(at + 1)).map_or(1.0, |(a, b)| a + part * (b - a))
+}
+
+/// White noise of unit variance by sample, of which a window is held.
+struct Line<T> {
+    seed: u64,
+    /// Twice a window's samples; what is held ends with `end`.
+    samples: Vec<T>,
+    end: usize,
+    /// Sample number of the first behind `end`; none before anything is held.
+    next: Option<u64>,
+    len: usize,
+}
+
+impl<T: Float> Line<T> {
+    fn new(seed: u64, len: usize) -> Self {
+        Self { seed, samples: vec![T::zero(); 2 * len], end: 0, next: None, len }
+    }
+
+    /// The window's samples from `start` on.
+    fn at(&mut self, start: u64) -> &[T] {
+        let (len, last) = (self.len, start.saturating_add(self.len as u64));
+        let fresh = match self.next {
+            Some(next) if next <= last => (last - next).min(len as u64) as usize,
+            _ => len,
+        };
+        if self.end + fresh > self.samples.len() {
+            self.samples.copy_within(self.end - (len - fresh)..self.end, 0);
+            self.end = len - fresh;
+        }
+        let from = last - fresh as u64;
+        for (i, x) in self.samples[self.end..self.end + fresh].iter_mut().enumerate() {
+            *x = T::of(normal(self.seed, from + i as u64));
+        }
+        self.end += fresh;
+        self.next = Some(last);
+        &self.samples[self.end - len..self.end]
+    }
+}
+
+#[cfg(test)]
+#[path = "scatter_tests.rs"]
+mod tests;

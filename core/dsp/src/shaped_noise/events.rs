@@ -1,0 +1,135 @@
+//! Bumps that a tool meets one after the other: pulses whose spectrum is white.
+
+use super::pattern::Events;
+use crate::Float;
+use crate::random::{normal, uniform};
+use asperity_state::State;
+
+/// Beyond so many bumps a sample they are white noise.
+const MOST_A_SAMPLE: f64 = 4.0;
+/// Bumps come at least as loud as if so many came in a second: a hand that hardly moves meets none, and is not struck by the next.
+const LEAST_HZ: f64 = 4.0;
+
+/// What the bumps are, and how far it is to the next.
+///
+/// A sample has the mean square 1: the rarer bumps are, the higher they stand. Their signs are drawn, so that the spectrum is white however regularly they come
+/// (power spectrum of a marked point process whose marks have the mean 0; D. J. Daley and D. Vere-Jones, "An Introduction to the Theory of Point Processes",
+/// 2003). Distances and heights follow lognormal laws.
+#[derive(Clone, Debug)]
+pub(super) struct Bumps {
+    seed: u64,
+    /// Sample at which the count began.
+    began: u64,
+    count: u64,
+    /// Way to the next bump in mm.
+    next_mm: f64,
+}
+
+impl Bumps {
+    pub(super) fn new(seed: u64) -> Self {
+        Self { seed, began: 0, count: 0, next_mm: 0.0 }
+    }
+
+    /// Begins to count at a sample.
+    pub(super) fn reset(&mut self, sample: u64) {
+        (self.began, self.count, self.next_mm) = (sample, 0, 0.0);
+    }
+
+    /// The pulses of a way that is gone in so many samples from `start` on, at `rate_hz`.
+    pub(super) fn fill<T: Float>(
+        &mut self,
+        start: u64,
+        rate_hz: f64,
+        way_mm: f64,
+        events: &Events,
+        out: &mut [T],
+    ) {
+        out.fill(T::zero());
+        let samples = out.len() as f64;
+        let a_sample = way_mm / events.spacing_mm / samples;
+        if !(a_sample > 0.0) {
+            return;
+        }
+        if a_sample > MOST_A_SAMPLE {
+            for (i, x) in out.iter_mut().enumerate() {
+                *x = T::of(normal(self.seed, start + i as u64));
+            }
+            return;
+        }
+        let interval = lognormal(events.interval_cv);
+        let height = lognormal(events.height_cv);
+        // The square of a lognormal number of mean 1 has the mean 1 + cv^2.
+        let level = (1.0 + events.height_cv * events.height_cv).sqrt();
+        let high = a_sample.max(LEAST_HZ / rate_hz).sqrt().recip() / level;
+        while self.next_mm < way_mm {
+            let at = ((self.next_mm / way_mm * samples) as usize).min(out.len() - 1);
+            let row = self.began.wrapping_mul(3).wrapping_add(self.seed);
+            let draw = |column: u64| normal(row, 3 * self.count + column);
+            let sign = if uniform(row, self.count, 7) < 0.5 { -high } else { high };
+            out[at] += T::of(sign * height(draw(0)));
+            self.next_mm += events.spacing_mm * interval(draw(1));
+            self.count += 1;
+        }
+        self.next_mm -= way_mm;
+    }
+
+    pub(super) fn state(&mut self, state: &mut State<'_>) {
+        state.keep(&mut self.began).keep(&mut self.count).keep(&mut self.next_mm);
+        state.require(self.next_mm >= 0.0 && self.next_mm < 1e9);
+    }
+}
+
+/// From a normal number to a lognormal one of mean 1 whose standard deviation is `cv`.
+fn lognormal(cv: f64) -> impl Fn(f64) -> f64 {
+    let square = (1.0 + cv * cv).ln();
+    let s = square.sqrt();
+    // No bump comes twice at one place, however wide the law.
+    move |z| (s * z - 0.5 * square).exp().max(1e-3)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn pulses(spacing_mm: f64, interval_cv: f64, height_cv: f64) -> Vec<f64> {
+        let events = Events { spacing_mm, interval_cv, height_cv };
+        let mut bumps = Bumps::new(7);
+        let mut all = vec![0.0; 200_000];
+        for (tick, out) in all.chunks_exact_mut(5).enumerate() {
+            bumps.fill(5 * tick as u64, 2500.0, 0.2, &events, out);
+        }
+        all
+    }
+
+    #[test]
+    fn pulses_have_mean_square_1_and_come_as_often_as_said() {
+        for (spacing, interval, height) in
+            [(1.0, 0.0, 0.0), (0.5, 0.5, 0.5), (0.1, 1.0, 0.5), (0.02, 0.2, 0.0)]
+        {
+            let x = pulses(spacing, interval, height);
+            let square = x.iter().map(|x| x * x).sum::<f64>() / x.len() as f64;
+            assert!((square - 1.0).abs() < 0.05, "{spacing} {interval} {height}: {square}");
+        }
+        let count = pulses(1.0, 0.3, 0.0).iter().filter(|x| **x != 0.0).count();
+        assert!((count as f64 / 8000.0 - 1.0).abs() < 0.02, "{count}");
+    }
+
+    #[test]
+    fn neighbouring_samples_do_not_go_together() {
+        for (interval, height) in [(0.0, 0.0), (0.3, 0.5), (1.0, 1.0)] {
+            let x = pulses(0.4, interval, height);
+            for lag in [1, 2, 25, 50] {
+                let sum: f64 = x.iter().zip(&x[lag..]).map(|(a, b)| a * b).sum();
+                assert!((sum / x.len() as f64).abs() < 0.05, "{interval} {height} at {lag}");
+            }
+        }
+    }
+
+    #[test]
+    fn hand_at_rest_meets_no_bump() {
+        let (mut bumps, mut out) = (Bumps::new(1), [1.0_f32; 5]);
+        let events = Events { spacing_mm: 1.0, interval_cv: 0.2, height_cv: 0.2 };
+        bumps.fill(0, 2500.0, 0.0, &events, &mut out);
+        assert_eq!(out, [0.0; 5]);
+    }
+}

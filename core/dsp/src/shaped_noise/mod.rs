@@ -1,0 +1,440 @@
+//! A texture without phase retrieval: noise, bumps and ridges through a filter that follows the magnitudes.
+//!
+//! A network answers expected magnitudes, and many signals have them. Phase retrieval finds the one that agrees with them best, and at constant speed that one repeats. This
+//! kernel draws one instead, as speech is made from an excitation and a filter:
+//!
+//! * *Noise*, white and counted by sample, through the filter of minimum phase whose magnitude response is the newest frame (as [`Designer`] says). A change of the frame is
+//!   heard in the samples of its tick.
+//! * *Bumps*, where the texture has some and the hand's place is known: white pulses at places along the stroke take the noise's place. How
+//!   regularly they come decides how the envelope swings, and how far apart they are how high they stand.
+//! * *Ridges* that repeat with place: harmonic h of a wave k turns by `2 pi h k . (x, y)`, so that it stops, turns and starts again with the hand. Its amplitude has the
+//!   frame's power from half a pitch below its frequency to half a pitch above it, so that the level is kept where lines are closer than bins; its phase is that of the response of minimum phase of the magnitudes
+//!   smoothed over a pitch (as the vocoder STRAIGHT smooths them; H. Kawahara, I. Masuda-Katsuse, A. de Cheveigne, Speech Communication 27, 1999), and the
+//!   ridge's own. A hand that moves backwards has it with the other sign, since the response does not run backwards.
+//!
+//! From frame to frame taps and amplitudes go over within one tick.
+
+mod events;
+mod pattern;
+mod place;
+mod response;
+
+pub use pattern::{Events, HARMONICS, PATTERN_LEN, Pattern, WAVES, Wave};
+
+use crate::float::{keep_wide, unit_circle};
+use crate::magnitude::{largest_of, take};
+use crate::random::normal;
+use crate::{Complex, Float, Framing, FramingError};
+use asperity_state::State;
+use events::Bumps;
+use place::Place;
+use response::Designer;
+
+/// Most harmonics of a wave that are played: 8 Hz apart they reach 1000 Hz.
+const MOST_LINES: usize = 128;
+/// A pitch below this has no lines \[Hz\].
+const LEAST_PITCH_HZ: f64 = 0.5;
+/// Lanes of a sum.
+const LANES: usize = 8;
+
+/// Magnitudes in, samples out.
+pub struct ShapedNoise<T> {
+    framing: Framing,
+    seed: u64,
+    designer: Designer<T>,
+    /// Root mean square magnitudes of the newest frame.
+    magnitudes: Vec<T>,
+    /// Number of the newest frame.
+    newest: Option<u64>,
+    /// Whether taps and lines are those of the newest frame.
+    followed: bool,
+    pattern: Pattern,
+    place: Place,
+    bumps: Bumps,
+    /// Taps before the tick and behind it, newest sample last.
+    taps: [Vec<T>; 2],
+    /// The excitation: a window of what was, then what is new; it is moved to the front once a window.
+    excitation: Vec<T>,
+    end: usize,
+    /// Sample number behind `end`, once there is any.
+    next: Option<u64>,
+    waves: [Lines; WAVES],
+    /// Power of each frequency of the grid, and of all below it.
+    density: Vec<f64>,
+    sums: Vec<f64>,
+    squares: Vec<f64>,
+    smooth: Vec<f64>,
+    /// Way since samples were last made, in mm.
+    way_mm: f64,
+    silent: bool,
+}
+
+/// A wave's lines.
+#[derive(Clone, Debug)]
+struct Lines {
+    /// Amplitude and phase of each, before the tick and behind it.
+    at: [Vec<Complex<f64>>; 2],
+    count: [usize; 2],
+    /// Where the fundamental is, in turns.
+    turns: f64,
+}
+
+impl<T> std::fmt::Debug for ShapedNoise<T> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("ShapedNoise").field("framing", &self.framing).finish_non_exhaustive()
+    }
+}
+
+impl<T: Float> ShapedNoise<T> {
+    /// Makes room and plans transforms; the hand's place comes every `tick_s` seconds. What is left to chance is a function of `seed` and the sample's number.
+    ///
+    /// # Errors
+    /// What [`Framing::check`] finds.
+    pub fn new(framing: Framing, tick_s: f64, seed: u64) -> Result<Self, FramingError> {
+        framing.check()?;
+        let n = framing.fft_len;
+        let longest = (f64::from(framing.rate_hz) * tick_s).ceil() as usize + 2;
+        let lines =
+            Lines { at: [0, 1].map(|_| vec![Complex::default(); MOST_LINES]), count: [0; 2], turns: 0.0 };
+        Ok(Self {
+            framing,
+            seed,
+            designer: Designer::new(n),
+            magnitudes: vec![T::zero(); framing.bins],
+            newest: None,
+            followed: false,
+            pattern: Pattern::default(),
+            place: Place::new(tick_s),
+            bumps: Bumps::new(seed),
+            taps: [0, 1].map(|_| vec![T::zero(); n]),
+            excitation: vec![T::zero(); 2 * n + longest],
+            end: 0,
+            next: None,
+            waves: [lines.clone(), lines],
+            density: vec![0.0; n + 1],
+            sums: vec![0.0; n + 1],
+            squares: vec![0.0; n + 1],
+            smooth: vec![0.0; n + 1],
+            way_mm: 0.0,
+            silent: true,
+        })
+    }
+
+    /// The frames' layout.
+    pub fn framing(&self) -> Framing {
+        self.framing
+    }
+
+    /// Whether nothing sounds until a frame comes.
+    pub fn is_silent(&self) -> bool {
+        self.silent
+    }
+
+    /// Whether no frame is remembered.
+    pub fn is_fresh(&self) -> bool {
+        self.newest.is_none()
+    }
+
+    /// Forgets all but the pattern.
+    pub fn reset(&mut self) {
+        self.magnitudes.fill(T::zero());
+        (self.newest, self.next, self.end, self.followed) = (None, None, 0, false);
+        self.taps.iter_mut().for_each(|taps| taps.fill(T::zero()));
+        for wave in &mut self.waves {
+            (wave.count, wave.turns) = ([0; 2], 0.0);
+        }
+        self.place.reset();
+        (self.way_mm, self.silent) = (0.0, true);
+    }
+
+    /// How the texture repeats, from now on.
+    pub fn set_pattern(&mut self, pattern: Pattern) {
+        self.followed &= pattern.waves == self.pattern.waves;
+        self.pattern = pattern;
+    }
+
+    /// Takes frame number `index`. `magnitudes` are root mean square amplitudes, or means where `ratio` says by how much a mean is less; what was said
+    /// of others in this crate holds.
+    ///
+    /// A magnitude that is NaN, infinite or negative is taken as 0; the number of these is returned.
+    pub fn push<P: Float>(&mut self, index: u64, magnitudes: &[P], ratio: f64) -> usize {
+        // Squares of all bins together stay finite.
+        let most = (largest_of::<P, T>() / (64.0 * (self.framing.fft_len + 1) as f64)).sqrt();
+        let bad = take(magnitudes, most, &mut self.magnitudes);
+        let level = T::of(ratio.clamp(0.1, 1.0).recip());
+        self.magnitudes.iter_mut().for_each(|m| *m *= level);
+        (self.newest, self.followed) = (Some(index), false);
+        bad
+    }
+
+    /// A tick: the hand is at `place` in mm, if that is known, and the samples of `start` and those after it are wanted.
+    pub fn emit<P: Float>(&mut self, start: u64, place: Option<[f64; 2]>, out: &mut [P]) {
+        let way = place.map_or([0.0; 2], |place| self.place.step(place));
+        self.way_mm += way[0].hypot(way[1]);
+        if out.is_empty() {
+            return;
+        }
+        // A frame that does not come is silence.
+        let late = self.newest.is_some_and(|newest| start > self.framing.start(newest + 1));
+        if late {
+            self.magnitudes.fill(T::zero());
+            (self.newest, self.followed) = (None, false);
+        }
+        if !self.followed {
+            self.follow(place.is_some());
+        }
+        if self.silent {
+            out.fill(P::zero());
+            self.way_mm = 0.0;
+            self.next = None;
+            return;
+        }
+        let from = self.excite(start, place.is_some(), out.len());
+        let [before, behind] = &self.taps;
+        let changes = !self.followed;
+        let n = self.framing.fft_len;
+        let part = 1.0 / out.len() as f64;
+        for (i, out) in out.iter_mut().enumerate() {
+            let past = &self.excitation[from + i + 1 - n..from + i + 1];
+            let new = dot(behind, past);
+            let x = if changes {
+                let old = dot(before, past);
+                old + (new - old) * T::of((i + 1) as f64 * part)
+            } else {
+                new
+            };
+            *out = x.to();
+        }
+        if place.is_some() {
+            self.play(out);
+        }
+        self.settle();
+    }
+
+    /// What was gone over to is where the next tick begins.
+    fn settle(&mut self) {
+        if self.followed {
+            return;
+        }
+        let [before, behind] = &mut self.taps;
+        before.copy_from_slice(behind);
+        let mut lines = 0;
+        for wave in &mut self.waves {
+            let [before, behind] = &mut wave.at;
+            before.copy_from_slice(behind);
+            wave.count[0] = wave.count[1];
+            lines += wave.count[0];
+        }
+        self.followed = true;
+        self.silent = lines == 0 && self.magnitudes.iter().all(|m| *m == T::zero());
+    }
+
+    /// Finds taps and lines for the newest frame.
+    fn follow(&mut self, placed: bool) {
+        let n = self.framing.fft_len;
+        // An amplitude stands for this part of its square as power, and that for a bin's width.
+        let bin_hz = f64::from(self.framing.rate_hz) / n as f64;
+        let per_hz = 1.0 / (3.0 * bin_hz);
+        for (j, density) in self.density.iter_mut().enumerate() {
+            let square = |k: usize| self.magnitudes.get(k).map_or(0.0, |m| m.f64() * m.f64());
+            let power = if j % 2 == 0 { square(j / 2) } else { 0.5 * (square(j / 2) + square(j / 2 + 1)) };
+            *density = power * per_hz;
+        }
+        self.squares.copy_from_slice(&self.density);
+        for w in 0..WAVES {
+            let wave = self.pattern.waves[w].filter(|_| placed);
+            self.waves[w].count[1] = wave.map_or(0, |wave| self.ridges(w, &wave));
+            let count = self.waves[w].count[1];
+            self.waves[w].at[1][count..].fill(Complex::default());
+        }
+        // White noise of variance 1 through the taps has the magnitudes sqrt(6 / N) of the response.
+        let square = 0.5 * f64::from(self.framing.rate_hz);
+        self.squares.iter_mut().for_each(|s| *s *= square);
+        self.designer.design(&self.squares);
+        self.designer.taps(&mut self.taps[1]);
+        let sounds = |taps: &[T]| taps.iter().any(|t| *t != T::zero());
+        let lines = self.waves.iter().any(|wave| wave.count != [0; 2]);
+        self.silent = !(sounds(&self.taps[0]) || sounds(&self.taps[1]) || lines);
+    }
+
+    /// The lines of a wave at the hand's velocity; their power is taken from `squares`. How many they are.
+    fn ridges(&mut self, w: usize, wave: &Wave) -> usize {
+        let velocity = self.place.velocity();
+        let signed = wave.per_mm[0] * velocity[0] + wave.per_mm[1] * velocity[1];
+        let pitch_hz = signed.abs();
+        let step_hz = 0.5 * f64::from(self.framing.rate_hz) / self.framing.fft_len as f64;
+        let top_hz = step_hz * 2.0 * (self.framing.bins as f64 - 0.5);
+        if !(pitch_hz >= LEAST_PITCH_HZ) || pitch_hz > top_hz {
+            return 0;
+        }
+        let count = ((top_hz / pitch_hz) as usize).min(MOST_LINES);
+        integrate(&self.density, step_hz, &mut self.sums);
+        let (density, sums) = (&self.density, &self.sums);
+        let around = |hz: f64| {
+            below(density, sums, step_hz, hz + 0.5 * pitch_hz)
+                - below(density, sums, step_hz, hz - 0.5 * pitch_hz)
+        };
+        let share = |h: usize| wave.shares[h.clamp(1, HARMONICS) - 1];
+        for (j, smooth) in self.smooth.iter_mut().enumerate() {
+            *smooth = around(j as f64 * step_hz).max(0.0);
+        }
+        self.designer.design(&self.smooth);
+        let backwards = signed < 0.0;
+        let lines = &mut self.waves[w];
+        for h in 1..=count {
+            let hz = h as f64 * pitch_hz;
+            let power = (share(h) * around(hz)).max(0.0);
+            let place = (hz / step_hz).min((self.sums.len() - 1) as f64);
+            let response = self.designer.response[place.round() as usize];
+            let response = Complex::new(response.re.f64(), response.im.f64());
+            let unit =
+                if response.norm() > 0.0 { response / response.norm() } else { Complex::new(1.0, 0.0) };
+            let unit = if backwards { unit.conj() } else { unit };
+            lines.at[1][h - 1] = unit * wave.turns[h.min(HARMONICS) - 1] * (2.0 * power).sqrt();
+        }
+        // What repeats is no noise.
+        for (j, square) in self.squares.iter_mut().enumerate() {
+            let h = (j as f64 * step_hz / pitch_hz).round() as usize;
+            if (1..=count).contains(&h) {
+                *square = (*square - share(h) * self.density[j]).max(0.0);
+            }
+        }
+        count
+    }
+
+    /// Puts the excitation of so many samples behind what was; where in `excitation` they begin.
+    fn excite(&mut self, start: u64, placed: bool, count: usize) -> usize {
+        let n = self.framing.fft_len;
+        let events = self.pattern.events.filter(|_| placed);
+        if self.next != Some(start) {
+            // There was noise before, and no bump.
+            for (i, x) in self.excitation[..n].iter_mut().enumerate() {
+                let sample = (start + i as u64).checked_sub(n as u64).filter(|_| events.is_none());
+                *x = sample.map_or(T::zero(), |sample| T::of(normal(self.seed, sample)));
+            }
+            self.end = n;
+            self.bumps.reset(start);
+        }
+        if self.end + count > self.excitation.len() {
+            self.excitation.copy_within(self.end - n..self.end, 0);
+            self.end = n;
+        }
+        let from = self.end;
+        let new = &mut self.excitation[from..from + count];
+        match events {
+            Some(events) => {
+                self.bumps.fill(start, f64::from(self.framing.rate_hz), self.way_mm, &events, new);
+            }
+            None => {
+                for (i, x) in new.iter_mut().enumerate() {
+                    *x = T::of(normal(self.seed, start + i as u64));
+                }
+            }
+        }
+        self.way_mm = 0.0;
+        (self.end, self.next) = (from + count, Some(start + count as u64));
+        from
+    }
+
+    /// Adds the waves' lines.
+    fn play<P: Float>(&mut self, out: &mut [P]) {
+        let part = 1.0 / out.len() as f64;
+        let here = self.place.at();
+        for (lines, wave) in self.waves.iter_mut().zip(&self.pattern.waves) {
+            let Some(wave) = wave else { continue };
+            let turns = wave.per_mm[0] * here[0] + wave.per_mm[1] * here[1];
+            // Farther than this in a tick is no motion.
+            let way = Some(turns - lines.turns).filter(|way| way.abs() < 4.0).unwrap_or(0.0);
+            let from = turns - way;
+            lines.turns = turns;
+            let count = lines.count[0].max(lines.count[1]);
+            let [before, behind] = &lines.at;
+            for (i, out) in out.iter_mut().enumerate().filter(|_| count > 0) {
+                let reached = (i + 1) as f64 * part;
+                let (cos, sin) = unit_circle((from + way * reached).fract());
+                let first = Complex::new(cos, sin);
+                let (mut turned, mut sum) = (first, 0.0);
+                for (a, b) in before.iter().zip(behind).take(count) {
+                    let line = a + (b - a) * reached;
+                    sum += line.re * turned.re - line.im * turned.im;
+                    turned *= first;
+                }
+                *out += P::of(sum);
+            }
+        }
+    }
+
+    /// What is remembered: the newest frame, taps, lines and excitation, and where the hand is.
+    pub fn state(&mut self, state: &mut State<'_>) {
+        keep_wide(&mut self.magnitudes, state);
+        self.taps.iter_mut().for_each(|taps| keep_wide(taps, state));
+        keep_wide(&mut self.excitation, state);
+        state.keep(&mut self.newest).keep(&mut self.followed).keep(&mut self.end).keep(&mut self.next);
+        state.keep(&mut self.way_mm).keep(&mut self.silent);
+        for lines in &mut self.waves {
+            state.keep(&mut lines.turns).keep(&mut lines.count);
+            for at in &mut lines.at {
+                for line in at.iter_mut() {
+                    state.keep(&mut line.re).keep(&mut line.im);
+                }
+            }
+        }
+        self.place.state(state);
+        self.bumps.state(state);
+        let n = self.framing.fft_len;
+        let finite = |values: &[T]| values.iter().all(|x| *x >= -T::MAX && *x <= T::MAX);
+        let lines = self.waves.iter().all(|lines| {
+            let fine = |at: &Vec<Complex<f64>>| at.iter().all(|c| c.re.is_finite() && c.im.is_finite());
+            lines.turns.is_finite()
+                && lines.count.iter().all(|n| *n <= MOST_LINES)
+                && lines.at.iter().all(fine)
+        });
+        let fine = (self.next.is_none() || (n..=self.excitation.len()).contains(&self.end))
+            && self.way_mm.is_finite()
+            && self.newest.is_none_or(|newest| newest < u64::MAX / 2)
+            && self.next.is_none_or(|next| next < u64::MAX / 2)
+            && finite(&self.magnitudes)
+            && finite(&self.taps[0])
+            && finite(&self.taps[1])
+            && finite(&self.excitation)
+            && lines;
+        if state.restores() && (!fine || state.failed()) {
+            self.reset();
+            state.refuse();
+        }
+    }
+}
+
+/// The sum of products, in lanes.
+fn dot<T: Float>(a: &[T], b: &[T]) -> T {
+    let mut sums = [T::zero(); LANES];
+    let (a, b) = (a.chunks_exact(LANES), b.chunks_exact(LANES));
+    let rest = a.remainder().iter().zip(b.remainder());
+    let rest = rest.fold(T::zero(), |sum, (&a, &b)| sum + a * b);
+    for (a, b) in a.zip(b) {
+        for lane in 0..LANES {
+            sums[lane] += a[lane] * b[lane];
+        }
+    }
+    sums.into_iter().fold(rest, |sum, x| sum + x)
+}
+
+/// The integral of a density that is straight between frequencies `step_hz` apart, up to each of them.
+fn integrate(density: &[f64], step_hz: f64, sums: &mut [f64]) {
+    let (mut sum, mut last) = (0.0, None);
+    for (to, &density) in sums.iter_mut().zip(density) {
+        sum += last.map_or(0.0, |last: f64| 0.5 * (last + density) * step_hz);
+        (*to, last) = (sum, Some(density));
+    }
+}
+
+/// The same up to any frequency.
+fn below(density: &[f64], sums: &[f64], step_hz: f64, hz: f64) -> f64 {
+    let place = (hz.max(0.0) / step_hz).min((sums.len() - 1) as f64);
+    let at = (place as usize).min(sums.len() - 2);
+    let part = place - at as f64;
+    sums[at] + step_hz * part * (density[at] + 0.5 * part * (density[at + 1] - density[at]))
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,132 @@
+//! The response of minimum phase whose magnitudes are given.
+
+use crate::{Complex, Float, plans};
+use realfft::{ComplexToReal, RealToComplex};
+use std::sync::Arc;
+
+/// Squared magnitudes less than this part of the largest count as that part: -70 dB.
+const FLOOR: f64 = 1e-7;
+
+/// Finds responses on a grid twice as fine as the bins of a transform.
+///
+/// The logarithm's imaginary part is the Hilbert transform of its real part: the cepstrum, folded to positive times (A. V. Oppenheim and R. W. Schafer, "Discrete-Time
+/// Signal Processing", section on minimum-phase sequences by the real cepstrum). Magnitudes on the grid are kept.
+pub(super) struct Designer<T> {
+    inverse: Arc<dyn ComplexToReal<T>>,
+    forward: Arc<dyn RealToComplex<T>>,
+    /// Of each bin of the grid: the logarithm, then the response.
+    pub(super) response: Vec<Complex<T>>,
+    line: Vec<T>,
+    scratch: Vec<Complex<T>>,
+    len: usize,
+}
+
+impl<T: Float> Designer<T> {
+    /// For transforms of `fft_len` samples: a grid of `fft_len + 1` frequencies, from 0 to Nyquist's.
+    pub(super) fn new(fft_len: usize) -> Self {
+        let len = 2 * fft_len;
+        let (inverse, forward) = (plans::inverse::<T>(len), plans::forward::<T>(len));
+        let scratch = inverse.get_scratch_len().max(forward.get_scratch_len());
+        Self {
+            response: inverse.make_input_vec(),
+            line: inverse.make_output_vec(),
+            scratch: vec![Complex::default(); scratch],
+            inverse,
+            forward,
+            len,
+        }
+    }
+
+    /// The response whose squared magnitudes are these, of each frequency of the grid; whether there is any.
+    pub(super) fn design(&mut self, squares: &[f64]) -> bool {
+        let most = squares.iter().copied().fold(0.0, f64::max);
+        if !(most > 0.0) {
+            self.response.fill(Complex::default());
+            return false;
+        }
+        for (to, square) in self.response.iter_mut().zip(squares) {
+            let log = 0.5 * square.max(most * FLOOR).ln();
+            *to = Complex::new(T::of(log), T::zero());
+        }
+        self.to_time();
+        // Positive times get what negative ones have.
+        let half = self.len / 2;
+        let norm = 1.0 / self.len as f64;
+        for (i, c) in self.line.iter_mut().enumerate() {
+            let fold = match i {
+                0 => norm,
+                i if i < half => 2.0 * norm,
+                i if i == half => norm,
+                _ => 0.0,
+            };
+            *c = *c * T::of(fold);
+        }
+        let done = self.forward.process_with_scratch(&mut self.line, &mut self.response, &mut self.scratch);
+        debug_assert!(done.is_ok());
+        for to in &mut self.response {
+            let (radius, angle) = (to.re.f64().exp(), to.im.f64());
+            let (sin, cos) = angle.sin_cos();
+            *to = Complex::new(T::of(radius * cos), T::of(radius * sin));
+        }
+        true
+    }
+
+    /// The first samples of the response in time, newest last: `taps[len - 1 - i]` weighs what came i samples ago.
+    pub(super) fn taps(&mut self, taps: &mut [T]) {
+        self.to_time();
+        let norm = T::of(1.0 / self.len as f64);
+        let len = taps.len();
+        for (i, tap) in taps.iter_mut().rev().enumerate() {
+            // What is cut off ends softly.
+            let left = (len - i) as f64 / len as f64;
+            let end = if left < 0.25 { T::of(left * 4.0) } else { T::of(1.0) };
+            *tap = self.line[i] * norm * end;
+        }
+    }
+
+    /// `line` from `response`.
+    fn to_time(&mut self) {
+        // Of a real line the first and the last bin are real; the transform refuses others.
+        if let Some(first) = self.response.first_mut() {
+            first.im = T::zero();
+        }
+        if let Some(last) = self.response.last_mut() {
+            last.im = T::zero();
+        }
+        let done = self.inverse.process_with_scratch(&mut self.response, &mut self.line, &mut self.scratch);
+        debug_assert!(done.is_ok());
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn response_of_a_one_pole_filter_is_its_impulse_response() {
+        // |1 / (1 - a e^-jw)|^2, which is of minimum phase: a^n.
+        let (n, a) = (125, 0.7);
+        let mut designer = Designer::<f64>::new(n);
+        let squares: Vec<f64> = (0..=n)
+            .map(|j| {
+                let w = std::f64::consts::PI * j as f64 / n as f64;
+                1.0 / (1.0 - 2.0 * a * w.cos() + a * a)
+            })
+            .collect();
+        assert!(designer.design(&squares));
+        let mut taps = vec![0.0; n];
+        designer.taps(&mut taps);
+        for i in 0..20 {
+            assert!((taps[n - 1 - i] - a.powi(i as i32)).abs() < 1e-9, "{i}: {}", taps[n - 1 - i]);
+        }
+    }
+
+    #[test]
+    fn nothing_has_no_response() {
+        let mut designer = Designer::<f32>::new(10);
+        assert!(!designer.design(&[0.0; 11]));
+        let mut taps = [1.0; 10];
+        designer.taps(&mut taps);
+        assert_eq!(taps, [0.0; 10]);
+    }
+}
