@@ -9,7 +9,7 @@ fn main() {
         let t = std::time::Instant::now();
         let strokes = made::straight_strokes(&s, &settings);
         let a = t.elapsed();
-        let found = pattern::find(&strokes);
+        let found = if std::env::var("DBG").is_ok() { println!("{}", s.name); pattern::waves_only(&strokes) } else { pattern::find(&strokes) };
         println!("{}: strokes {a:?}, all {:?}\n  {:?}", s.name, t.elapsed(), found.events);
         for w in &found.waves {
             println!("  k {:?}  {:?}", w.per_mm, w.harmonics.iter().map(|h| (h.share, h.phase)).collect::<Vec<_>>());

@@ -11,7 +11,9 @@ use crate::pattern::{self, Stroke};
 const PIECES: usize = 3;
 /// Speeds in mm/s of the strokes, and the angles to x in degrees of each.
 const SPEEDS_MM_S: [f64; 4] = [40.0, 80.0, 160.0, 280.0];
-const ANGLES_DEG: [f64; 2] = [17.0, 63.0];
+///
+/// Sine and cosine of none are nearly a ratio of small whole numbers: harmonics of warp and weft would come together.
+const ANGLES_DEG: [f64; 2] = [17.0, 58.0];
 /// Angles of more strokes, of 80 mm/s and a shorter time: ridges show in all directions.
 const MORE_DEG: [f64; 5] = [-8.0, 41.0, 88.0, 114.0, 152.0];
 const SECONDS: f64 = 10.0;

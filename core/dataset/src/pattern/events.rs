@@ -69,21 +69,26 @@ pub(super) fn find(passages: &[&Passage], waves: &[Wave]) -> Option<Events> {
     if classes.is_empty() {
         return None;
     }
-    let error = |events: Option<Events>, most: usize| {
+    // Up to a bound: what is worse need not be known exactly.
+    let error = |events: Option<Events>, most: usize, bound: f64| {
         let pattern = Pattern { waves: waves.to_vec(), events };
-        let errors = classes.iter().enumerate().map(|(c, class)| {
+        let mut sum = 0.0;
+        for (c, class) in classes.iter().enumerate() {
             let found = class.rendered.iter().take(most).enumerate().filter_map(|(n, p)| {
-                let seed = (c * 1000 + n) as u64;
-                let samples = rendered(&pattern, &p.magnitudes, &p.places, seed);
+                let samples = rendered(&pattern, &p.magnitudes, &p.places, (c * 1000 + n) as u64);
                 Some((logs(&Figures::of(&samples)?), p.seconds))
             });
             let [modulation, kurtosis] = mean(found);
-            ((modulation - class.truth[0]) / SCALES.0).powi(2) + ((kurtosis - class.truth[1]) / SCALES.1).powi(2)
-        });
-        errors.sum::<f64>() / classes.len() as f64
+            let off = [(modulation - class.truth[0]) / SCALES.0, (kurtosis - class.truth[1]) / SCALES.1];
+            sum += (off[0] * off[0] + off[1] * off[1]) / classes.len() as f64;
+            if sum > bound {
+                break;
+            }
+        }
+        sum
     };
     let all = usize::MAX;
-    let noise = error(None, all);
+    let noise = error(None, all, f64::INFINITY);
     if noise < ENOUGH {
         return None;
     }
@@ -92,20 +97,23 @@ pub(super) fn find(passages: &[&Passage], waves: &[Wave]) -> Option<Events> {
     let steps = |(least, most): (f64, f64), n: u32| {
         (0..n).map(move |i| least + (most - least) * f64::from(i) / f64::from(n - 1))
     };
-    let mut grid = Vec::new();
+    let mut grid = [(f64::INFINITY, [0.0; 3]); 2];
     for spacing in steps((SPACING_MM.0.ln(), SPACING_MM.1.ln()), 12) {
         for interval in [0.15, 0.5, 1.0] {
             for height in [0.0, 0.5, 1.0] {
                 let point = [spacing, interval, height];
-                grid.push((error(Some(at(point)), half), point));
+                let found = error(Some(at(point)), half, grid[1].0);
+                if found < grid[1].0 {
+                    grid[1] = (found, point);
+                    grid.sort_by(|a, b| a.0.total_cmp(&b.0));
+                }
             }
         }
     }
-    grid.sort_by(|a, b| a.0.total_cmp(&b.0));
     // Then finely from the two best.
     let mut best: Option<(f64, [f64; 3])> = None;
-    for (_, point) in grid.into_iter().take(2) {
-        let mut here = (error(Some(at(point)), all), point);
+    for (_, point) in grid {
+        let mut here = (error(Some(at(point)), all, f64::INFINITY), point);
         let mut sizes = [0.25, 0.25, 0.25];
         for _ in 0..4 {
             for axis in 0..3 {
@@ -114,7 +122,7 @@ pub(super) fn find(passages: &[&Passage], waves: &[Wave]) -> Option<Events> {
                     next[axis] += sign * sizes[axis];
                     let next = within(next);
                     if next != here.1 {
-                        let found = error(Some(at(next)), all);
+                        let found = error(Some(at(next)), all, here.0);
                         if found < here.0 {
                             here = (found, next);
                             break;

@@ -29,15 +29,18 @@ const WINDOW: usize = (RATE_HZ * 0.1) as usize;
 /// Bins of a frame, from 0 Hz to 1000.
 const BINS: usize = 101;
 
+/// Bumps beside waves that have more of the power than this would not be heard.
+const MOST_IN_WAVES: f64 = 0.5;
+
 /// The pattern of a material from strokes over pieces of it: all strokes of a piece have their places in one frame of reference.
 ///
 /// Without a steady passage there is none. The same strokes give the same bits.
 pub fn find(pieces: &[Vec<Stroke>]) -> Pattern {
     let passages: Vec<Vec<Passage>> =
         pieces.iter().map(|strokes| strokes.iter().flat_map(Stroke::passages).collect()).collect();
-    let waves = waves::find(&passages);
+    let (waves, part) = waves::find(&passages);
     let all: Vec<&Passage> = passages.iter().flatten().collect();
-    let events = events::find(&all, &waves);
+    let events = if part < MOST_IN_WAVES { events::find(&all, &waves) } else { None };
     Pattern { waves, events }
 }
 
@@ -109,4 +112,11 @@ pub fn report(pieces: &[Vec<Stroke>], pattern: &Pattern) {
         let noise = geo(&|p| Figures::of(&rendered(&Pattern::default(), &p.magnitudes, &p.places, 77)));
         println!("  {speed:4}: kurtosis {:.2} -> {:.2} (noise {:.2}), modulation {:.3} -> {:.3} (noise {:.3})", truth[0], kernel[0], noise[0], truth[1], kernel[1], noise[1]);
     }
+}
+
+/// scratch
+pub fn waves_only(pieces: &[Vec<Stroke>]) -> Pattern {
+    let passages: Vec<Vec<Passage>> =
+        pieces.iter().map(|strokes| strokes.iter().flat_map(Stroke::passages).collect()).collect();
+    Pattern { waves: waves::find(&passages).0, events: None }
 }

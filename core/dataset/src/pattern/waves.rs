@@ -5,11 +5,12 @@ use std::f64::consts::{PI, TAU};
 use super::figures::spectrum;
 use super::kernel;
 use super::stroke::{Passage, RATE_HZ, TICK, TICK_S};
+use asperity_dsp::ShapedNoise;
 use asperity_world::material::{Harmonic, MAX_HARMONICS, MAX_WAVES, Wave};
 use realfft::num_complex::Complex64;
 
 /// Part of the power that a wave has at least. The best wave vector that chance makes of noise without a direction has up to 0.1 or so.
-const LEAST_PART: f64 = 0.2;
+const LEAST_PART: f64 = 0.25;
 /// Largest wave number in 1/mm.
 const MOST_PER_MM: f64 = 3.0;
 /// Grid of the search in 1/mm.
@@ -31,6 +32,8 @@ const NEARLY: f64 = 0.9;
 const ALIKE: f64 = 0.15;
 /// Pitches in a segment of which share and phase are taken.
 const PITCHES: f64 = 10.0;
+/// Seconds of strokes by which a wave vector is made more exact.
+const REFINED_S: f64 = 20.0;
 
 /// Power over frequency of all straight ways of one velocity.
 struct Seen {
@@ -136,16 +139,19 @@ fn seen(passages: &[Passage]) -> Vec<Seen> {
 }
 
 /// Mean part of the power that a wave vector has; 0 where too few ways can tell.
+///
+/// Roots are averaged: a wave shows in all directions, lines that meet by chance show in some.
 fn part(seen: &[Seen], k: [f64; 2], harmonics: usize) -> f64 {
     let (mut sum, mut told, mut all) = (0.0, 0.0, 0.0);
     for s in seen {
-        all += s.count;
+        let weight = s.count.sqrt();
+        all += weight;
         if let Some(part) = s.part(k, harmonics) {
-            sum += s.count * part;
-            told += s.count;
+            sum += weight * part.max(0.0).sqrt();
+            told += weight;
         }
     }
-    if told < 0.5 * all || told == 0.0 { 0.0 } else { sum / told }
+    if told < 0.5 * all || told == 0.0 { 0.0 } else { (sum / told).powi(2) }
 }
 
 /// The strongest wave of a piece: its vector, and its part of the power.
@@ -180,19 +186,24 @@ fn strongest(seen: &[Seen]) -> Option<([f64; 2], f64)> {
     }
     peaks.sort_by(|a, b| b.0.total_cmp(&a.0));
     peaks.truncate(CANDIDATES);
-    let fine = peaks.into_iter().map(|(_, k)| climb(k, 0.5 * STEP_PER_MM, |k| part(seen, k, MAX_HARMONICS)));
+    let fine = peaks.into_iter().map(|(_, k)| climb(k, 0.5 * STEP_PER_MM, 8, |k| part(seen, k, MAX_HARMONICS)));
     let fine: Vec<([f64; 2], f64)> = fine.collect();
     let most = fine.iter().map(|(_, part)| *part).fold(0.0, f64::max);
     let size = |k: [f64; 2]| k[0].hypot(k[1]);
+    if std::env::var("DBG").is_ok() {
+        let mut f = fine.clone();
+        f.sort_by(|a, b| b.1.total_cmp(&a.1));
+        eprintln!("    part {:?}", f.iter().take(3).collect::<Vec<_>>());
+    }
     fine.into_iter()
         .filter(|(_, part)| *part >= LEAST_PART.max(NEARLY * most))
         .max_by(|a, b| size(a.0).total_cmp(&size(b.0)))
 }
 
 /// Goes uphill from a wave vector, with steps that get smaller.
-fn climb(mut k: [f64; 2], mut step: f64, height: impl Fn([f64; 2]) -> f64) -> ([f64; 2], f64) {
+fn climb(mut k: [f64; 2], mut step: f64, halvings: u32, height: impl Fn([f64; 2]) -> f64) -> ([f64; 2], f64) {
     let mut here = height(k);
-    for _ in 0..8 {
+    for _ in 0..halvings {
         for _ in 0..4 {
             let before = here;
             for (dx, dy) in [(1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)] {
@@ -220,72 +231,113 @@ struct Segment {
     around: Vec<f64>,
 }
 
-/// All segments of a passage in which a wave has enough pitches.
-fn segments(passage: &Passage, k: [f64; 2]) -> Vec<Segment> {
+/// Where a passage goes over enough pitches of a wave: first tick, and turns from tick to tick.
+fn pieces_of(passage: &Passage, k: [f64; 2]) -> Vec<(usize, Vec<f64>)> {
     let turns: Vec<f64> = passage.places.iter().map(|p| k[0] * p[0] + k[1] * p[1]).collect();
-    let mut segments = Vec::new();
+    let mut pieces = Vec::new();
     let mut from = 0;
     while from + 1 < turns.len() {
         let enough = |tick: &usize| (turns[*tick] - turns[from]).abs() >= PITCHES;
         let Some(to) = (from..turns.len()).find(enough) else { break };
         let ticks = to - from;
         if (10..=1000).contains(&ticks) {
-            segments.extend(segment(passage, &turns[from..=to], from));
+            pieces.push((from, turns[from..=to].to_vec()));
         }
         from += (ticks / 2).max(1);
     }
-    segments
+    pieces
 }
 
-fn segment(passage: &Passage, turns: &[f64], from: usize) -> Option<Segment> {
-    let length = (turns.len() - 1) * TICK;
-    let samples = passage.samples.get(from * TICK..from * TICK + length)?;
-    let window = window(length);
-    let (sum, squares) = (window.iter().sum::<f64>(), window.iter().map(|w| w * w).sum::<f64>());
-    let seen: Vec<f64> = samples.iter().zip(&window).map(|(x, w)| x * w).collect();
-    let whole = seen.iter().map(|x| x * x).sum::<f64>() / squares;
-    if !(whole > 1e-9) {
-        return None;
+/// All segments of a passage.
+fn segments(passage: &Passage, k: [f64; 2]) -> Vec<Segment> {
+    let Some(mut kernel) = kernel(0) else { return Vec::new() };
+    kernel.push(0, &passage.magnitudes, 1.0);
+    let pieces = pieces_of(passage, k).into_iter();
+    pieces.filter_map(|(from, turns)| segment(&mut kernel, passage, &turns, from)).collect()
+}
+
+/// The part of a passage over so many turns, under a window.
+struct Cut {
+    seen: Vec<f64>,
+    sum: f64,
+    squares: f64,
+    whole: f64,
+    pitch_hz: f64,
+}
+
+impl Cut {
+    fn new(passage: &Passage, turns: &[f64], from: usize) -> Option<Self> {
+        let length = (turns.len() - 1) * TICK;
+        let samples = passage.samples.get(from * TICK..from * TICK + length)?;
+        let window = window(length);
+        let (sum, squares) = (window.iter().sum::<f64>(), window.iter().map(|w| w * w).sum::<f64>());
+        let seen: Vec<f64> = samples.iter().zip(&window).map(|(x, w)| x * w).collect();
+        let whole = seen.iter().map(|x| x * x).sum::<f64>() / squares;
+        let pitch_hz = (turns[turns.len() - 1] - turns[0]).abs() / (length as f64 / RATE_HZ);
+        (whole > 1e-9).then_some(Self { seen, sum, squares, whole, pitch_hz })
     }
-    let along = turns[turns.len() - 1] - turns[0];
-    let pitch_hz = along.abs() / (length as f64 / RATE_HZ);
-    let count = ((1000.0 / pitch_hz - 0.5) as usize).min(MAX_HARMONICS);
+
+    /// Harmonics in the band, but no more than `most`.
+    fn count(&self, most: usize) -> usize {
+        ((1000.0 / self.pitch_hz - 0.5) as usize).min(most)
+    }
+
+    /// Complex amplitudes of orders 1/2, 1, 3/2 and so on, up to half an order above the last harmonic, over the root of the whole power.
+    fn orders(&self, turns: &[f64], harmonics: usize) -> Vec<Complex64> {
+        let mut amplitudes = vec![Complex64::default(); 2 * harmonics + 1];
+        for (n, x) in self.seen.iter().enumerate() {
+            let (tick, part) = (n / TICK, (n % TICK) as f64 / TICK as f64);
+            let turn = turns[tick] + part * (turns[tick + 1] - turns[tick]);
+            let half = Complex64::cis(-PI * turn);
+            let mut turned = half * *x;
+            for a in &mut amplitudes {
+                *a += turned;
+                turned *= half;
+            }
+        }
+        let scale = 2.0 / (self.sum * self.whole.sqrt());
+        amplitudes.iter_mut().for_each(|a| *a *= scale);
+        amplitudes
+    }
+}
+
+/// Power of harmonics, without what is as strong between them.
+fn coherent(orders: &[Complex64]) -> Vec<f64> {
+    let power = |order: usize| 0.5 * orders[order - 1].norm_sqr();
+    let harmonic = |h: usize| power(2 * h) - 0.5 * (power(2 * h - 1) + power(2 * h + 1));
+    (1..=orders.len() / 2).map(harmonic).collect()
+}
+
+fn segment(
+    kernel: &mut ShapedNoise<f32>,
+    passage: &Passage,
+    turns: &[f64],
+    from: usize,
+) -> Option<Segment> {
+    let cut = Cut::new(passage, turns, from)?;
+    let count = cut.count(MAX_HARMONICS);
     if count == 0 {
         return None;
     }
-    // Of half orders too: odd places are harmonics.
-    let mut amplitudes = vec![Complex64::default(); 2 * count + 1];
-    for (n, x) in seen.iter().enumerate() {
-        let (tick, part) = (n / TICK, (n % TICK) as f64 / TICK as f64);
-        let turn = turns[tick] + part * (turns[tick + 1] - turns[tick]);
-        let half = Complex64::cis(-PI * turn);
-        let mut turned = half;
-        for a in &mut amplitudes {
-            *a += turned * *x;
-            turned *= half;
-        }
-    }
-    let scale = 2.0 / (sum * whole.sqrt());
-    amplitudes.iter_mut().for_each(|a| *a *= scale);
-    let power = |order: usize| 0.5 * amplitudes[order - 1].norm_sqr();
-    let bins = spectrum(&seen);
-    let bin_hz = RATE_HZ / length as f64;
+    let orders = cut.orders(turns, count);
+    let bins = spectrum(&cut.seen);
+    let bin_hz = RATE_HZ / cut.seen.len() as f64;
     let around = |h: usize| {
-        let edge = |h: f64| ((h * pitch_hz / bin_hz).round() as usize).min(bins.len());
+        let edge = |h: f64| ((h * cut.pitch_hz / bin_hz).round() as usize).min(bins.len());
         let bins = &bins[edge(h as f64 - 0.5)..edge(h as f64 + 0.5)];
-        2.0 * bins.iter().map(Complex64::norm_sqr).sum::<f64>() / (length as f64 * squares * whole)
+        let power = 2.0 * bins.iter().map(Complex64::norm_sqr).sum::<f64>();
+        power / (cut.seen.len() as f64 * cut.squares * cut.whole)
     };
-    let mut kernel = kernel(0)?;
-    kernel.push(0, &passage.magnitudes, 1.0);
     let mut phases = vec![Complex64::default(); count];
-    kernel.ridge_phases(pitch_hz, &mut phases);
-    let lines = phases.iter().enumerate().map(|(h, phase)| {
-        // What the kernel adds is taken away; of a hand that moves backwards it has the other sign.
-        amplitudes[2 * h + 1] * if along < 0.0 { *phase } else { phase.conj() }
-    });
-    let lines = lines.collect();
-    let coherent = (1..=count).map(|h| power(2 * h) - 0.5 * (power(2 * h - 1) + power(2 * h + 1))).collect();
-    Some(Segment { lines, coherent, around: (1..=count).map(around).collect() })
+    kernel.ridge_phases(cut.pitch_hz, &mut phases);
+    let backwards = turns[turns.len() - 1] < turns[0];
+    // What the kernel adds is taken away; of a hand that moves backwards it has the other sign.
+    let line = |(h, phase): (usize, &Complex64)| orders[2 * h + 1] * if backwards { *phase } else { phase.conj() };
+    Some(Segment {
+        lines: phases.iter().enumerate().map(line).collect(),
+        coherent: coherent(&orders),
+        around: (1..=count).map(around).collect(),
+    })
 }
 
 /// Lines of all segments on top of each other: each is turned to where it fits best, and its sign is free.
@@ -316,8 +368,8 @@ fn template(segments: &[Segment]) -> Vec<Complex64> {
     template
 }
 
-/// Finds the waves of a material, from passages over pieces of it.
-pub(super) fn find(pieces: &[Vec<Passage>]) -> Vec<Wave> {
+/// Finds the waves of a material, from passages over pieces of it, and the part of the power that they have.
+pub(super) fn find(pieces: &[Vec<Passage>]) -> (Vec<Wave>, f64) {
     let mut found: Vec<Vec<([f64; 2], f64)>> = Vec::new();
     for passages in pieces {
         let mut seen = seen(passages);
@@ -330,7 +382,7 @@ pub(super) fn find(pieces: &[Vec<Passage>]) -> Vec<Wave> {
         }
         found.push(here);
     }
-    let mut waves = Vec::new();
+    let (mut waves, mut part) = (Vec::new(), 0.0);
     while waves.len() < MAX_WAVES {
         let strongest = found.iter().flatten().max_by(|a, b| a.1.total_cmp(&b.1));
         let Some((like, _)) = strongest.copied() else { break };
@@ -346,28 +398,53 @@ pub(super) fn find(pieces: &[Vec<Passage>]) -> Vec<Wave> {
         let pieces = pieces.iter().zip(&vectors).filter_map(|(passages, k)| k.map(|k| (passages, k)));
         let pieces: Vec<(&Vec<Passage>, [f64; 2])> = pieces.collect();
         if 2 * pieces.len() > vectors.len() {
-            waves.push(wave(&pieces));
+            let (wave, of) = wave(&pieces);
+            waves.push(wave);
+            part += of;
         }
     }
-    waves
+    (waves, part)
 }
 
 /// The wave vector with which segments, at their true places, have most power.
 fn refined(passages: &[Passage], k: [f64; 2]) -> [f64; 2] {
+    // Short passages first: they go in many directions.
+    let mut sorted: Vec<&Passage> = passages.iter().collect();
+    sorted.sort_by(|a, b| a.seconds.total_cmp(&b.seconds));
+    let mut left = REFINED_S;
+    sorted.retain(|p| {
+        left -= p.seconds;
+        left > -p.seconds
+    });
     let power = |k: [f64; 2]| {
-        let all = passages.iter().flat_map(|p| segments(p, k));
-        all.map(|s| s.coherent.iter().sum::<f64>()).sum::<f64>()
+        let segment = |p: &&Passage| {
+            let of = |(from, turns): (usize, Vec<f64>)| {
+                let cut = Cut::new(p, &turns, from)?;
+                Some(coherent(&cut.orders(&turns, cut.count(FIRST))).iter().sum::<f64>())
+            };
+            pieces_of(p, k).into_iter().filter_map(of).sum::<f64>()
+        };
+        sorted.iter().map(segment).sum::<f64>()
     };
-    climb(k, 0.004, power).0
+    climb(k, 0.002, 4, power).0
 }
 
-fn wave(pieces: &[(&Vec<Passage>, [f64; 2])]) -> Wave {
+/// The turn of the fundamental with which phases differ least from harmonic to harmonic: those above the last are like the last.
+fn origin(lines: &[Complex64]) -> f64 {
+    let pairs = lines.windows(2).map(|pair| {
+        let product = pair[1] * pair[0].conj();
+        if product.norm() > 0.0 { product / product.norm().sqrt() } else { product }
+    });
+    pairs.sum::<Complex64>().arg()
+}
+
+fn wave(pieces: &[(&Vec<Passage>, [f64; 2])]) -> (Wave, f64) {
     let all: Vec<Segment> = pieces
         .iter()
         .flat_map(|(passages, k)| passages.iter().flat_map(|p| segments(p, *k)))
         .collect();
     let lines = template(&all);
-    let origin = lines.first().map_or(0.0, |line| line.arg());
+    let origin = origin(&lines);
     let share = |h: usize| {
         let sum = |of: &dyn Fn(&Segment) -> Option<f64>| all.iter().filter_map(of).sum::<f64>();
         let around = sum(&|s| s.around.get(h).copied());
@@ -385,5 +462,6 @@ fn wave(pieces: &[(&Vec<Passage>, [f64; 2])]) -> Wave {
         let n = values.len();
         0.5 * (values[(n - 1) / 2] + values[n / 2])
     };
-    Wave { per_mm: [round(median(0), 1e4), round(median(1), 1e4)], harmonics }
+    let part = all.iter().flat_map(|s| &s.coherent).sum::<f64>() / all.len().max(1) as f64;
+    (Wave { per_mm: [round(median(0), 1e4), round(median(1), 1e4)], harmonics }, part)
 }
