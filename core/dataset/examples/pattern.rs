@@ -1,19 +1,22 @@
 //! scratch
 use asperity_dataset::{made, pattern};
-use asperity_world::topography::made_surfaces;
+use asperity_world::material::Library;
+use rayon::prelude::*;
 fn main() {
-    let want: Vec<String> = std::env::args().skip(1).collect();
+    let path = std::env::args().nth(1).unwrap();
+    let out = std::env::args().nth(2).unwrap();
+    let want: Vec<String> = std::env::args().skip(3).collect();
+    let library = Library::read(&path).unwrap();
+    let mut materials = library.materials().to_vec();
     let settings = made::Settings::default();
-    for s in made_surfaces() {
-        if !want.iter().any(|w| s.name.contains(w.as_str())) { continue; }
-        let t = std::time::Instant::now();
+    materials.par_iter_mut().for_each(|m| {
+        if !want.is_empty() && !want.iter().any(|w| m.name.contains(w.as_str())) { return; }
+        let Ok(s) = made::surface(&m.name) else { return };
         let strokes = made::straight_strokes(&s, &settings);
-        let a = t.elapsed();
-        let found = if std::env::var("DBG").is_ok() { println!("{}", s.name); pattern::waves_only(&strokes) } else { pattern::find(&strokes) };
-        println!("{}: strokes {a:?}, all {:?}\n  {:?}", s.name, t.elapsed(), found.events);
-        for w in &found.waves {
-            println!("  k {:?}  {:?}", w.per_mm, w.harmonics.iter().map(|h| (h.share, h.phase)).collect::<Vec<_>>());
-        }
-        pattern::report(&strokes, &found);
-    }
+        m.pattern = pattern::find(&strokes);
+        let report = pattern::report(&strokes, &m.pattern);
+        let waves: Vec<_> = m.pattern.waves.iter().map(|w| (w.per_mm, w.harmonics.iter().map(|h| h.share).take(4).collect::<Vec<_>>())).collect();
+        println!("{} | {} | {:?} | {:?}\n{report}", m.name, m.family.as_deref().unwrap_or(""), m.pattern.events, waves);
+    });
+    std::fs::write(&out, Library::new(&path, Some("encoder.onnx".to_owned()), materials).to_ron()).unwrap();
 }

@@ -13,6 +13,7 @@ mod layer;
 mod loss;
 mod network;
 mod onnx;
+mod pattern;
 mod progress;
 mod stages;
 mod training;
@@ -35,6 +36,7 @@ fn main() -> ExitCode {
     let result = match Arguments::parse().command {
         Command::Train(train) => training::train(&train),
         Command::Evaluate(evaluate) => training::evaluate(&evaluate),
+        Command::Pattern(found) => pattern::find(&found),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

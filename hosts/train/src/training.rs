@@ -25,6 +25,7 @@ use crate::evaluation::{self, Network, Written};
 use crate::failure::Failure;
 use crate::files::write_whole;
 use crate::network::{self, Scaling};
+use crate::pattern;
 use crate::progress::Teller;
 use crate::stages::{self, Kin, Learner, Looks, Namer, Naming, Touching, mean_vector, vectors};
 use crate::{card, onnx};
@@ -131,7 +132,8 @@ pub(crate) fn train(train: &Train) -> Result<(), Failure> {
     write_whole(&out("texture.onnx"), &network(&settled))?;
     let name = format!("texture_{}.onnx", other.name());
     write_whole(&out(&name), &network(&settled_other))?;
-    let materials = materials(&train.out, &data, &stored)?;
+    let mut materials = materials(&train.out, &data, &stored)?;
+    pattern::fill(&mut materials, settings)?;
     write_whole(
         &out("materials.ron"),
         Library::new(out("materials.ron"), Some("encoder.onnx".to_owned()), materials).to_ron().as_bytes(),
@@ -157,20 +159,9 @@ pub(crate) fn train(train: &Train) -> Result<(), Failure> {
 /// # Errors
 /// What the files say, and the data.
 pub(crate) fn evaluate(evaluate: &Evaluate) -> Result<(), Failure> {
-    let path = evaluate.folder.join(SETTINGS);
-    let text = std::fs::read_to_string(&path)
-        .map_err(|e| Diagnostic::new(format!("cannot read this file: {e}")).in_file(&path))?;
-    let settings: Settings = serde_json::from_str(&text)
-        .map_err(|e| Diagnostic::new(format!("these are not a run's settings: {e}")).in_file(&path))?;
+    let settings = told_settings(&evaluate.folder)?;
     let run = evaluate.run.clone().unwrap_or_else(|| beside(&evaluate.folder));
-    let now = match &evaluate.data {
-        Some(data) if data.name() != settings.data.name() => {
-            let message = format!("this model was trained on `{}` data", settings.data.name());
-            return Err(Diagnostic::new(message).in_file(&path).into());
-        }
-        Some(data) => Settings { data: data.clone(), ..settings.clone() },
-        None => settings.clone(),
-    };
+    let now = settings_of(&evaluate.folder, evaluate.data.as_ref())?;
     if evaluate.run.is_some() && !run.is_dir() {
         return Err(Diagnostic::new("there is no such folder").in_file(&run).help("--run names it").into());
     }
@@ -183,6 +174,31 @@ pub(crate) fn evaluate(evaluate: &Evaluate) -> Result<(), Failure> {
         e => e,
     })?;
     judge(&evaluate.folder, &run, &settings, &data)
+}
+
+/// The settings of a model.
+fn told_settings(folder: &Path) -> Result<Settings, Diagnostic> {
+    let path = folder.join(SETTINGS);
+    let text = std::fs::read_to_string(&path)
+        .map_err(|e| Diagnostic::new(format!("cannot read this file: {e}")).in_file(&path))?;
+    serde_json::from_str(&text)
+        .map_err(|e| Diagnostic::new(format!("these are not a run's settings: {e}")).in_file(&path))
+}
+
+/// The settings of a model, with the place where its data are now, if that is another.
+///
+/// # Errors
+/// No settings, or data of another kind.
+pub(crate) fn settings_of(folder: &Path, data: Option<&Origin>) -> Result<Settings, Diagnostic> {
+    let settings = told_settings(folder)?;
+    match data {
+        Some(data) if data.name() != settings.data.name() => {
+            let message = format!("this model was trained on `{}` data", settings.data.name());
+            Err(Diagnostic::new(message).in_file(folder.join(SETTINGS)))
+        }
+        Some(data) => Ok(Settings { data: data.clone(), ..settings }),
+        None => Ok(settings),
+    }
 }
 
 fn judge(folder: &Path, run: &Path, settings: &Settings, data: &Data) -> Result<(), Failure> {

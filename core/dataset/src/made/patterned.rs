@@ -10,11 +10,12 @@ use crate::pattern::{self, Stroke};
 /// Pieces over which strokes are made.
 const PIECES: usize = 3;
 /// Speeds in mm/s of the strokes, and the angles to x in degrees of each.
-const SPEEDS_MM_S: [f64; 4] = [40.0, 80.0, 160.0, 280.0];
 ///
-/// Sine and cosine of none are nearly a ratio of small whole numbers: harmonics of warp and weft would come together.
-const ANGLES_DEG: [f64; 2] = [17.0, 58.0];
-/// Angles of more strokes, of 80 mm/s and a shorter time: ridges show in all directions.
+/// Each has angles of its own: ridges that cross each other are told apart by how they show in many directions.
+const LONG: [(f64, [f64; 2]); 4] =
+    [(40.0, [17.0, 58.0]), (80.0, [31.0, 70.0]), (160.0, [9.0, 49.0]), (280.0, [23.0, 64.0])];
+/// Speed and angles of more strokes of a shorter time.
+const MORE_MM_S: f64 = 80.0;
 const MORE_DEG: [f64; 5] = [-8.0, 41.0, 88.0, 114.0, 152.0];
 const SECONDS: f64 = 10.0;
 const MORE_SECONDS: f64 = 3.0;
@@ -28,8 +29,8 @@ pub fn straight_strokes(surface: &MadeSurface, settings: &Settings) -> Vec<Vec<S
     let over = |number: usize| {
         let piece = surface.patch(GRID, settings.piece(number));
         let envelope = Tool::PEN.track(&piece, &surface.contact);
-        let long = SPEEDS_MM_S.into_iter().flat_map(|speed| ANGLES_DEG.map(|angle| (speed, angle, SECONDS)));
-        let more = MORE_DEG.map(|angle| (SPEEDS_MM_S[1], angle, MORE_SECONDS));
+        let long = LONG.into_iter().flat_map(|(speed, angles)| angles.map(|angle| (speed, angle, SECONDS)));
+        let more = MORE_DEG.map(|angle| (MORE_MM_S, angle, MORE_SECONDS));
         let mut strokes = Vec::new();
         for (stroke, (speed, angle_deg, seconds)) in long.chain(more).enumerate() {
             let (sin, cos) = angle_deg.to_radians().sin_cos();

@@ -94,7 +94,8 @@ const _: () = assert!(WAVES == asperity_world::material::MAX_WAVES);
 mod tests;
 
 /// scratch
-pub fn report(pieces: &[Vec<Stroke>], pattern: &Pattern) {
+pub fn report(pieces: &[Vec<Stroke>], pattern: &Pattern) -> String {
+    let mut text = String::new();
     let passages: Vec<Passage> = pieces.iter().flatten().flat_map(Stroke::passages).collect();
     let speeds = [40.0, 80.0, 160.0, 280.0];
     for speed in speeds {
@@ -110,13 +111,7 @@ pub fn report(pieces: &[Vec<Stroke>], pattern: &Pattern) {
         let truth = geo(&|p| Some(p.figures));
         let kernel = geo(&|p| Figures::of(&rendered(pattern, &p.magnitudes, &p.places, 77)));
         let noise = geo(&|p| Figures::of(&rendered(&Pattern::default(), &p.magnitudes, &p.places, 77)));
-        println!("  {speed:4}: kurtosis {:.2} -> {:.2} (noise {:.2}), modulation {:.3} -> {:.3} (noise {:.3})", truth[0], kernel[0], noise[0], truth[1], kernel[1], noise[1]);
+        text += &format!("  {speed:4}: k {:.2} {:.2} {:.2} m {:.3} {:.3} {:.3}\n", truth[0], kernel[0], noise[0], truth[1], kernel[1], noise[1]);
     }
-}
-
-/// scratch
-pub fn waves_only(pieces: &[Vec<Stroke>]) -> Pattern {
-    let passages: Vec<Vec<Passage>> =
-        pieces.iter().map(|strokes| strokes.iter().flat_map(Stroke::passages).collect()).collect();
-    Pattern { waves: waves::find(&passages).0, events: None }
+    text
 }

@@ -32,6 +32,8 @@ const NEARLY: f64 = 0.9;
 const ALIKE: f64 = 0.15;
 /// Pitches in a segment of which share and phase are taken.
 const PITCHES: f64 = 10.0;
+/// Part of a wave's power in every second, third or so harmonic from which on these are the wave.
+const MULTIPLES: f64 = 0.8;
 /// Seconds of strokes by which a wave vector is made more exact.
 const REFINED_S: f64 = 20.0;
 
@@ -376,8 +378,8 @@ pub(super) fn find(pieces: &[Vec<Passage>]) -> (Vec<Wave>, f64) {
         let mut here = Vec::new();
         while here.len() < MAX_WAVES {
             let Some((k, part)) = strongest(&seen) else { break };
+            let k = fundamental(passages, refined(passages, k));
             seen.iter_mut().for_each(|s| s.without(k));
-            let k = refined(passages, k);
             here.push((k, part));
         }
         found.push(here);
@@ -406,9 +408,8 @@ pub(super) fn find(pieces: &[Vec<Passage>]) -> (Vec<Wave>, f64) {
     (waves, part)
 }
 
-/// The wave vector with which segments, at their true places, have most power.
-fn refined(passages: &[Passage], k: [f64; 2]) -> [f64; 2] {
-    // Short passages first: they go in many directions.
+/// Passages of a few seconds in all, the short ones first: they go in many directions.
+fn shortest(passages: &[Passage]) -> Vec<&Passage> {
     let mut sorted: Vec<&Passage> = passages.iter().collect();
     sorted.sort_by(|a, b| a.seconds.total_cmp(&b.seconds));
     let mut left = REFINED_S;
@@ -416,6 +417,28 @@ fn refined(passages: &[Passage], k: [f64; 2]) -> [f64; 2] {
         left -= p.seconds;
         left > -p.seconds
     });
+    sorted
+}
+
+/// The fundamental of a wave vector, where nearly all power is in multiples of a harmonic: threads count, not the weave's repeat.
+fn fundamental(passages: &[Passage], k: [f64; 2]) -> [f64; 2] {
+    let mut powers = [0.0; MAX_HARMONICS];
+    for p in shortest(passages) {
+        for (from, turns) in pieces_of(p, k) {
+            let Some(cut) = Cut::new(p, &turns, from) else { continue };
+            let found = coherent(&cut.orders(&turns, cut.count(MAX_HARMONICS)));
+            powers.iter_mut().zip(found).for_each(|(sum, power)| *sum += power);
+        }
+    }
+    let all: f64 = powers.iter().map(|p| p.max(0.0)).sum();
+    let of = |m: &usize| powers.iter().skip(m - 1).step_by(*m).map(|p| p.max(0.0)).sum::<f64>();
+    let m = (2..=6).rev().find(|m| of(m) >= MULTIPLES * all).unwrap_or(1) as f64;
+    k.map(|k| m * k)
+}
+
+/// The wave vector with which segments, at their true places, have most power.
+fn refined(passages: &[Passage], k: [f64; 2]) -> [f64; 2] {
+    let passages = shortest(passages);
     let power = |k: [f64; 2]| {
         let segment = |p: &&Passage| {
             let of = |(from, turns): (usize, Vec<f64>)| {
@@ -424,7 +447,7 @@ fn refined(passages: &[Passage], k: [f64; 2]) -> [f64; 2] {
             };
             pieces_of(p, k).into_iter().filter_map(of).sum::<f64>()
         };
-        sorted.iter().map(segment).sum::<f64>()
+        passages.iter().map(segment).sum::<f64>()
     };
     climb(k, 0.002, 4, power).0
 }
