@@ -28,7 +28,7 @@ impl Figures {
         let turned = self::wave(&bins, samples.len());
         let mean = |values: &mut dyn Iterator<Item = f64>| values.sum::<f64>() / samples.len().max(1) as f64;
         let square = mean(&mut wave.iter().map(|x| x * x));
-        if !(square > 1e-12) {
+        if square.is_nan() || square <= 1e-12 {
             return None;
         }
         let envelope: Vec<f64> = wave.iter().zip(&turned).map(|(x, y)| x.hypot(*y)).collect();
@@ -57,7 +57,7 @@ pub(super) fn spectrum(samples: &[f64]) -> Vec<Complex64> {
 pub(super) fn wave(bins: &[Complex64], length: usize) -> Vec<f64> {
     let plan = RealFftPlanner::new().plan_fft_inverse(length);
     let (mut room, mut samples) = (plan.make_input_vec(), plan.make_output_vec());
-    let inner = 1..room.len() - usize::from(length % 2 == 0);
+    let inner = 1..room.len() - usize::from(length.is_multiple_of(2));
     for (to, bin) in room[inner.clone()].iter_mut().zip(bins.iter().skip(1)) {
         *to = bin / length as f64;
     }

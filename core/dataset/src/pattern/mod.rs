@@ -111,7 +111,10 @@ pub fn report(pieces: &[Vec<Stroke>], pattern: &Pattern) -> String {
         let truth = geo(&|p| Some(p.figures));
         let kernel = geo(&|p| Figures::of(&rendered(pattern, &p.magnitudes, &p.places, 77)));
         let noise = geo(&|p| Figures::of(&rendered(&Pattern::default(), &p.magnitudes, &p.places, 77)));
-        text += &format!("  {speed:4}: k {:.2} {:.2} {:.2} m {:.3} {:.3} {:.3}\n", truth[0], kernel[0], noise[0], truth[1], kernel[1], noise[1]);
+        text += &format!(
+            "  {speed:4}: k {:.2} {:.2} {:.2} m {:.3} {:.3} {:.3}\n",
+            truth[0], kernel[0], noise[0], truth[1], kernel[1], noise[1]
+        );
     }
     text
 }

@@ -65,7 +65,8 @@ impl Seen {
         let mut sum = 0.0;
         for h in 1..=count {
             let h = h as f64;
-            sum += self.at(h * pitch_hz) - 0.5 * (self.at((h - 0.5) * pitch_hz) + self.at((h + 0.5) * pitch_hz));
+            sum +=
+                self.at(h * pitch_hz) - 0.5 * (self.at((h - 0.5) * pitch_hz) + self.at((h + 0.5) * pitch_hz));
         }
         Some(sum / self.count)
     }
@@ -115,7 +116,7 @@ fn seen(passages: &[Passage]) -> Vec<Seen> {
             let mut samples: Vec<f64> =
                 p.samples[from * TICK..][..length].iter().zip(&window).map(|(x, w)| x * w).collect();
             let whole = samples.iter().map(|x| x * x).sum::<f64>() / squares;
-            if !(whole > 1e-9) {
+            if whole.is_nan() || whole <= 1e-9 {
                 continue;
             }
             samples.resize(4 * length, 0.0);
@@ -167,7 +168,7 @@ fn strongest(seen: &[Seen]) -> Option<([f64; 2], f64)> {
         for i in 0..width {
             let k = at(i, j);
             let size = k[0].hypot(k[1]);
-            if size <= MOST_PER_MM && size >= APART / WAY_MM {
+            if (APART / WAY_MM..=MOST_PER_MM).contains(&size) {
                 map[j * width + i] = part(seen, k, FIRST);
             }
         }
@@ -188,15 +189,11 @@ fn strongest(seen: &[Seen]) -> Option<([f64; 2], f64)> {
     }
     peaks.sort_by(|a, b| b.0.total_cmp(&a.0));
     peaks.truncate(CANDIDATES);
-    let fine = peaks.into_iter().map(|(_, k)| climb(k, 0.5 * STEP_PER_MM, 8, |k| part(seen, k, MAX_HARMONICS)));
+    let fine =
+        peaks.into_iter().map(|(_, k)| climb(k, 0.5 * STEP_PER_MM, 8, |k| part(seen, k, MAX_HARMONICS)));
     let fine: Vec<([f64; 2], f64)> = fine.collect();
     let most = fine.iter().map(|(_, part)| *part).fold(0.0, f64::max);
     let size = |k: [f64; 2]| k[0].hypot(k[1]);
-    if std::env::var("DBG").is_ok() {
-        let mut f = fine.clone();
-        f.sort_by(|a, b| b.1.total_cmp(&a.1));
-        eprintln!("    part {:?}", f.iter().take(3).collect::<Vec<_>>());
-    }
     fine.into_iter()
         .filter(|(_, part)| *part >= LEAST_PART.max(NEARLY * most))
         .max_by(|a, b| size(a.0).total_cmp(&size(b.0)))
@@ -310,12 +307,7 @@ fn coherent(orders: &[Complex64]) -> Vec<f64> {
     (1..=orders.len() / 2).map(harmonic).collect()
 }
 
-fn segment(
-    kernel: &mut ShapedNoise<f32>,
-    passage: &Passage,
-    turns: &[f64],
-    from: usize,
-) -> Option<Segment> {
+fn segment(kernel: &mut ShapedNoise<f32>, passage: &Passage, turns: &[f64], from: usize) -> Option<Segment> {
     let cut = Cut::new(passage, turns, from)?;
     let count = cut.count(MAX_HARMONICS);
     if count == 0 {
@@ -334,7 +326,8 @@ fn segment(
     kernel.ridge_phases(cut.pitch_hz, &mut phases);
     let backwards = turns[turns.len() - 1] < turns[0];
     // What the kernel adds is taken away; of a hand that moves backwards it has the other sign.
-    let line = |(h, phase): (usize, &Complex64)| orders[2 * h + 1] * if backwards { *phase } else { phase.conj() };
+    let line =
+        |(h, phase): (usize, &Complex64)| orders[2 * h + 1] * if backwards { *phase } else { phase.conj() };
     Some(Segment {
         lines: phases.iter().enumerate().map(line).collect(),
         coherent: coherent(&orders),
@@ -388,13 +381,18 @@ pub(super) fn find(pieces: &[Vec<Passage>]) -> (Vec<Wave>, f64) {
     while waves.len() < MAX_WAVES {
         let strongest = found.iter().flatten().max_by(|a, b| a.1.total_cmp(&b.1));
         let Some((like, _)) = strongest.copied() else { break };
+        // A vector and its opposite are one wave: the longer part counts up.
+        let longer = if like[0].abs() >= like[1].abs() { like[0] } else { like[1] };
+        let like = like.map(|k| k * longer.signum());
         // Its like in each piece.
         let vectors: Vec<Option<[f64; 2]>> = found
             .iter_mut()
             .map(|here| {
+                let turned = |k: [f64; 2]| k.map(|x| x * (k[0] * like[0] + k[1] * like[1]).signum());
                 let apart = |k: [f64; 2]| (k[0] - like[0]).hypot(k[1] - like[1]);
-                let at = here.iter().position(|(k, _)| apart(*k) < ALIKE * like[0].hypot(like[1]))?;
-                Some(here.remove(at).0)
+                let near = |k: [f64; 2]| apart(turned(k)) < ALIKE * like[0].hypot(like[1]);
+                let at = here.iter().position(|(k, _)| near(*k))?;
+                Some(turned(here.remove(at).0))
             })
             .collect();
         let pieces = pieces.iter().zip(&vectors).filter_map(|(passages, k)| k.map(|k| (passages, k)));
@@ -462,10 +460,8 @@ fn origin(lines: &[Complex64]) -> f64 {
 }
 
 fn wave(pieces: &[(&Vec<Passage>, [f64; 2])]) -> (Wave, f64) {
-    let all: Vec<Segment> = pieces
-        .iter()
-        .flat_map(|(passages, k)| passages.iter().flat_map(|p| segments(p, *k)))
-        .collect();
+    let all: Vec<Segment> =
+        pieces.iter().flat_map(|(passages, k)| passages.iter().flat_map(|p| segments(p, *k))).collect();
     let lines = template(&all);
     let origin = origin(&lines);
     let share = |h: usize| {
