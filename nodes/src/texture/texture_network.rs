@@ -1,5 +1,7 @@
 //! `texture_network`: from forces and velocities to the magnitudes of the vibration they cause.
 
+use asperity_dsp::scatter::NOISE_RATIO;
+use asperity_dsp::shaped_noise::{HARMONICS, PATTERN_LEN};
 use asperity_network::{
     Choice, FORCE_LEN, MAGNITUDES_LEN, Model, Precision, Range, RunError, Runner, SPEED_LEN, hold_magnitudes,
 };
@@ -7,7 +9,7 @@ use asperity_node::{
     Config, Descriptor, Diagnostic, Fact, FrameClock, FrameLayout, FrameRate, Input, LayoutSpec, Node,
     Output, Param, Ports, Setup, ShapeSpec, Status, Tick, Unit,
 };
-use asperity_world::material::Library;
+use asperity_world::material::{Harmonic, Library, Pattern};
 
 /// The model's bins are 10 Hz apart: its window is 0.1 s.
 const WINDOWS_PER_SECOND: u32 = 10;
@@ -24,6 +26,7 @@ pub struct TextureNetwork {
     layout: FrameLayout,
     material: usize,
     names: Vec<String>,
+    patterns: Vec<[f64; PATTERN_LEN]>,
     force: [f32; FORCE_LEN],
     velocity: [f32; SPEED_LEN],
     magnitudes: [f32; MAGNITUDES_LEN],
@@ -72,6 +75,23 @@ fn layout(config: &Config<'_>) -> Result<FrameLayout, Diagnostic> {
     Ok(FrameLayout { rate_hz, length, bins, frame_rate })
 }
 
+/// A pattern as the port `pattern` has it, and `asperity_dsp::shaped_noise` reads it.
+fn numbers(pattern: &Pattern) -> [f64; PATTERN_LEN] {
+    let mut numbers = [0.0; PATTERN_LEN];
+    let mut next = numbers.iter_mut();
+    let mut put = |x: f64| next.by_ref().take(1).for_each(|to| *to = x);
+    let events = pattern.events.map_or([0.0; 3], |e| [e.spacing_mm, e.interval_cv, e.height_cv]);
+    events.into_iter().for_each(&mut put);
+    for wave in &pattern.waves {
+        wave.per_mm.into_iter().for_each(&mut put);
+        // Those above are like the last.
+        let last = wave.harmonics.last().copied().unwrap_or(Harmonic { share: 0.0, phase: 0.0 });
+        let all = wave.harmonics.iter().copied().chain(std::iter::repeat(last)).take(HARMONICS);
+        all.flat_map(|h| [h.share, h.phase]).for_each(&mut put);
+    }
+    numbers
+}
+
 impl Node for TextureNetwork {
     fn descriptor() -> Descriptor {
         let frame_rate = FrameRate::new(MODEL_HZ, 1).unwrap_or_else(|| unreachable!("a constant"));
@@ -100,6 +120,21 @@ impl Node for TextureNetwork {
                 Unit::METRE_PER_SECOND_SQUARED,
             )
             .doc("acceleration of the next 0.1 s; bin 0 is 0"),
+        )
+        .output(
+            Output::new("ratio", ShapeSpec::Magnitude(LayoutSpec::Is(shown)), Unit::NONE)
+                .aside()
+                .doc("mean over root mean square of each bin: 0.886 is noise, 1 a steady line; of a model that does not say, noise"),
+        )
+        .output(
+            Output::new("statistics", ShapeSpec::Control(2), Unit::NONE)
+                .aside()
+                .doc("variance of a frame's power over its squared mean, -1 of a model that does not say; and 1 where magnitudes are means, 0 where they are root mean squares"),
+        )
+        .output(
+            Output::new("pattern", ShapeSpec::Control(PATTERN_LEN), Unit::NONE)
+                .aside()
+                .doc("how the material's vibration is spread over place, from the library; all 0 where it does not say"),
         )
         .param(Param::file(
             "model",
@@ -139,7 +174,8 @@ impl Node for TextureNetwork {
     }
 
     fn ports(config: &Config<'_>, mut ports: Ports) -> Result<Ports, Diagnostic> {
-        ports.outputs[0].shape = ShapeSpec::Magnitude(LayoutSpec::Is(layout(config)?));
+        let frames = ShapeSpec::Magnitude(LayoutSpec::Is(layout(config)?));
+        (ports.outputs[0].shape, ports.outputs[1].shape) = (frames, frames);
         Ok(ports)
     }
 
@@ -148,7 +184,7 @@ impl Node for TextureNetwork {
         let layout = layout(&setup.config)?;
         let library = Library::shared(p.file("library"))?;
         let mut vectors = Vec::new();
-        let mut names = Vec::new();
+        let (mut names, mut patterns) = (Vec::new(), Vec::new());
         let wanted = std::iter::once(("material", p.text("material")))
             .chain(p.texts("materials").iter().map(|name| ("materials", name.as_str())));
         for (param, name) in wanted {
@@ -157,6 +193,7 @@ impl Node for TextureNetwork {
                 if let Some(help) = e.help { d.help(help) } else { d }
             })?;
             vectors.push(material.vector.to_vec());
+            patterns.push(numbers(&material.pattern));
             names.push(name.to_owned());
         }
         let model = Model::shared(p.file("model"))?;
@@ -169,6 +206,7 @@ impl Node for TextureNetwork {
             layout,
             material: 0,
             names,
+            patterns,
             force: [0.0; FORCE_LEN],
             velocity: [0.0; SPEED_LEN],
             magnitudes: [0.0; MAGNITUDES_LEN],
@@ -206,6 +244,11 @@ impl Node for TextureNetwork {
         let bins = tick.outputs.magnitude(0, frame, start);
         bins[0] = 0.0;
         self.held.magnitudes += hold_magnitudes(&self.magnitudes, &mut bins[1..]);
+        tick.outputs.magnitude(1, frame, start).fill(NOISE_RATIO as f32);
+        tick.outputs.control(2).copy_from_slice(&[-1.0, 0.0]);
+        if let Some(pattern) = self.patterns.get(material) {
+            tick.outputs.control(3).copy_from_slice(pattern);
+        }
         Status::Continue
     }
 
