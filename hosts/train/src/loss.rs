@@ -3,6 +3,8 @@
 use asperity_dataset::{Example, HISTORY, Truth};
 use asperity_world::material::BINS;
 use burn::tensor::Tensor;
+
+use crate::network::Answers;
 use serde::{Deserialize, Serialize};
 
 /// What the network is to answer of a random texture.
@@ -27,7 +29,7 @@ pub(crate) enum Aim {
 const FLOOR_M_S2: f32 = 0.02;
 
 /// Mean over root mean square of a Rayleigh distributed magnitude: sqrt(pi / 4).
-const RAYLEIGH: f32 = 0.886_226_9;
+pub(crate) const RAYLEIGH: f32 = 0.886_226_9;
 
 impl Target {
     /// Its name in files.
@@ -101,6 +103,71 @@ impl Silence {
     fn or(self, felt: Tensor<2>) -> Tensor<2> {
         felt.clone() + self.there * (self.loss - felt)
     }
+}
+
+/// Weight of the ratios' loss beside that of magnitudes.
+const RATIO_WEIGHT: f32 = 0.5;
+/// Weight of the variance's loss beside that of magnitudes.
+const VARIANCE_WEIGHT: f32 = 0.05;
+/// Part of the usual magnitudes of such a touch whose power is added to both powers of a quotient: where next to
+/// nothing is felt, nothing scatters.
+const POWER_SOFT: f32 = 0.1;
+/// Largest power of a frame over the mean that the variance takes notice of. A frame of more counts as one of this: a
+/// single hit would outweigh thousands of others by its square.
+const MOST_POWER: f32 = 10.0;
+
+/// Touches by which scatter is learned.
+pub(crate) struct Scattered {
+    /// Magnitudes whose mean is learned, \[n, 100\].
+    pub mean: Tensor<2>,
+    /// Magnitudes of one frame, or known root mean squares, \[n, 100\].
+    pub magnitudes: Tensor<2>,
+    /// One over usual magnitudes of such a touch, \[n, 100\].
+    pub weight: Tensor<2>,
+    /// Mean square of a frame's power over its squared mean, where the magnitudes are known root mean squares; 1 where
+    /// they are of one frame; 0 where nothing is felt: \[n, 1\].
+    pub square: Tensor<2>,
+}
+
+impl Scattered {
+    /// The loss of ratios and variances, to be added to that of magnitudes `y`, which it takes as they are.
+    ///
+    /// A ratio `r` has the loss of a mean `r y`. For the variance, `q` is a frame's power over that of `y`, held to at
+    /// most 10. The excess `x` has `x + q / e^x`, whose least is at the logarithm of the mean of `q`. The variance `v` has
+    /// `ln(1 + v) + p^2 / (1 + v)` with `p = q / e^x`, whose least is at `1 + v` equal to the mean of `p^2`. So a bias of
+    /// `y` does not count as scatter. Below 0 the loss of `v` goes on in a straight line.
+    pub(crate) fn loss(self, aim: Aim, answers: Answers) -> Tensor<1> {
+        let felt = self.square.clone().greater_scalar(0.0).float();
+        let y = answers.magnitudes.detach().clamp_min(0.0) * felt.clone();
+        let mean = self.mean * felt.clone();
+        let ratio = Target::Mean.loss(aim, answers.ratio * y.clone(), mean, self.weight.clone());
+
+        let power = |m: Tensor<2>| m.powi_scalar(2).sum_dim(1);
+        let soft = power(self.weight.recip()) * (POWER_SOFT * POWER_SOFT);
+        let q = (power(self.magnitudes) + soft.clone()) / (power(y) + soft);
+        let q = q.clamp_max(MOST_POWER);
+        let excess = answers.excess.clone() + q.clone() / answers.excess.clone().exp();
+        let p = q / answers.excess.detach().exp();
+        let square = p.powi_scalar(2) * self.square;
+        let (above, below) = (answers.variance.clone().clamp_min(0.0) + 1.0, answers.variance.clamp_max(0.0));
+        let variance = above.clone().log() + square.clone() / above + (-square + 1.0) * below;
+        ratio * RATIO_WEIGHT + ((excess + variance) * felt).mean() * VARIANCE_WEIGHT
+    }
+}
+
+/// Mean square of a frame's power over its squared mean, where a Gaussian signal has these root mean square magnitudes.
+///
+/// Hann's window correlates a bin with the next by 2/3 and with the one after that by 1/6, and covariances of powers are
+/// the squares of those times both powers.
+pub(crate) fn square_of_noise(rms: &[f32; BINS]) -> f32 {
+    let powers = rms.map(|m| f64::from(m).powi(2));
+    let sum: f64 = powers.iter().sum();
+    if sum == 0.0 {
+        return 0.0;
+    }
+    let products = |apart: usize| powers.iter().zip(&powers[apart..]).map(|(a, b)| a * b).sum::<f64>();
+    let variance = products(0) + 2.0 * (4.0 / 9.0 * products(1) + products(2) / 36.0);
+    (1.0 + variance / (sum * sum)) as f32
 }
 
 /// What is added to a relative answer before it is divided by: below this part of what such a touch comes to, decibels no longer count.
