@@ -265,6 +265,89 @@ mod tests {
         }
     }
 
+    /// Derivatives of the loss by one ratio, variance and excess for all frames, where magnitudes of 1 are answered.
+    fn slopes(frames: &[[f32; BINS]], square: f32, scatter: [f32; 3]) -> [f32; 3] {
+        let (device, n) = (Device::flex().autodiff(), frames.len());
+        let all = |x: f32, width| Tensor::<2>::full([n, width], x, &device);
+        let magnitudes = TensorData::new(frames.concat(), [n, BINS]);
+        let magnitudes: Tensor<2> = Tensor::from_data(magnitudes, &device);
+        let (mean, weight, square) = (magnitudes.clone(), all(1.0, BINS), all(square, 1));
+        let scatter = scatter.map(|x| Tensor::<2>::full([1, 1], x, &device).require_grad());
+        let [ratio, variance, excess] = scatter.clone().map(|x| x.repeat_dim(0, n));
+        let answers =
+            Answers { magnitudes: all(1.0, BINS), ratio: ratio.repeat_dim(1, BINS), variance, excess };
+        let loss = Scattered { mean, magnitudes, weight, square }.loss(Aim::Relative, answers);
+        let gradients = loss.backward();
+        scatter.map(|x| x.grad(&gradients).map_or(0.0, |slope| slope.into_scalar::<f32>()))
+    }
+
+    /// Where a slope goes from below 0 to above, within -1 to 3.
+    fn least(slope: impl Fn(f32) -> f32) -> f32 {
+        let (mut low, mut high) = (-1.0_f32, 3.0);
+        for _ in 0..20 {
+            let middle = 0.5 * (low + high);
+            *(if slope(middle) < 0.0 { &mut low } else { &mut high }) = middle;
+        }
+        low
+    }
+
+    /// Frames of a Rayleigh distribution whose root mean square is 1.
+    fn noise() -> Vec<[f32; BINS]> {
+        let random = &mut asperity_world::material::Random::new(5);
+        let mut draw = |_| (-(1.0 - random.unit()).ln()).sqrt() as f32;
+        (0..200).map(|_| std::array::from_fn(&mut draw)).collect()
+    }
+
+    #[test]
+    fn ratio_of_noise_is_0_886_and_of_a_steady_line_1() {
+        for (frames, wanted) in [(noise(), RAYLEIGH), (vec![[1.0; BINS]; 3], 1.0)] {
+            let found = least(|ratio| slopes(&frames, 1.0, [ratio, 0.1, 0.0])[0]);
+            assert!((found - wanted).abs() < 0.005, "{found}, not {wanted}");
+        }
+    }
+
+    #[test]
+    fn variance_and_excess_are_those_of_the_powers() {
+        // Powers of 0.5 and 1.5 times the level: their variance is 1/4 of the squared mean.
+        for level in [1.0_f32, 2.0] {
+            let frames = [0.5, 1.5].map(|power: f32| [(level * power).sqrt(); BINS]);
+            let excess = least(|x| slopes(&frames, 1.0, [1.0, 0.1, x])[2]);
+            assert!((excess - level.ln()).abs() < 0.02, "{excess} for {level}");
+            let variance = least(|v| slopes(&frames, 1.0, [1.0, v, excess])[1]);
+            assert!((variance - 0.25).abs() < 0.01, "{variance} for {level}");
+        }
+        // A known root mean square brings its own.
+        let variance = least(|v| slopes(&[[1.0; BINS]], 1.3, [1.0, v, 0.0])[1]);
+        assert!((variance - 0.3).abs() < 0.005, "{variance}");
+        let steady = least(|v| slopes(&[[1.0; BINS]], 1.0, [1.0, v, 0.0])[1]);
+        assert!(steady < 0.005, "{steady}");
+    }
+
+    #[test]
+    fn loud_frame_counts_as_ten_and_silence_not_at_all() {
+        let slope = |power: f32| slopes(&[[power.sqrt(); BINS]], 1.0, [1.0, 1.0, 0.0])[1];
+        assert!((slope(1e4) / slope(30.0) - 1.0).abs() < 1e-3, "{} {}", slope(1e4), slope(30.0));
+        assert!((1.0..1.3).contains(&(slope(30.0) / slope(9.0))), "{} {}", slope(30.0), slope(9.0));
+        assert_eq!(slopes(&[[0.0; BINS]], 0.0, [0.2, 3.0, 1.0]), [0.0; 3]);
+    }
+
+    #[test]
+    fn square_of_noise_is_that_of_frames_of_white_noise() {
+        let random = &mut asperity_world::material::Random::new(6);
+        let mut spectrometer = asperity_dataset::Spectrometer::new(4000.0);
+        let powers: Vec<f64> = (0..4000)
+            .map(|_| {
+                let frame: Vec<f64> = (0..spectrometer.length()).map(|_| random.normal()).collect();
+                spectrometer.magnitudes(&[&frame]).iter().map(|m| f64::from(*m).powi(2)).sum()
+            })
+            .collect();
+        let mean = |x: &mut dyn Iterator<Item = f64>| x.sum::<f64>() / powers.len() as f64;
+        let (first, second) = (mean(&mut powers.iter().copied()), mean(&mut powers.iter().map(|p| p * p)));
+        let (found, wanted) = (second / first.powi(2) - 1.0, f64::from(square_of_noise(&[3.0; BINS])) - 1.0);
+        assert!((found / wanted - 1.0).abs() < 0.1, "{found}, not {wanted}");
+        assert_eq!(square_of_noise(&[0.0; BINS]), 0.0);
+    }
+
     #[test]
     fn a_root_mean_square_has_the_mean_of_a_rayleigh_distribution() {
         let mean = std::f32::consts::FRAC_PI_4.sqrt();

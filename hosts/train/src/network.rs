@@ -108,6 +108,16 @@ impl Network {
         }
     }
 
+    /// The same with random positive weights of ratio and variance.
+    #[cfg(test)]
+    pub(crate) fn scattered(mut self, random: &mut Random, device: &Device) -> Self {
+        let mut weights = self.scatter.weights();
+        weights.weight.fill_with(|| random.range(0.0, 5e-3) as f32);
+        weights.bias.fill(0.1);
+        self.scatter = Layer::of(&weights, device);
+        self
+    }
+
     /// The network that answers vectors times `scale` as this one answers vectors.
     pub(crate) fn for_vectors_times(mut self, scale: f32, device: &Device) -> Self {
         if let Some(first) = self.predictor.first_mut() {

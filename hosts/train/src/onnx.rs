@@ -238,7 +238,7 @@ mod tests {
     use crate::encoder::{FEATURES, Head, ImageEncoder, PIXELS, Preset, features};
     use crate::layer::numbers;
     use crate::network::{Network, Scaling};
-    use asperity_network::{Choice, Encoder, Model, Precision};
+    use asperity_network::{Answer, Choice, Encoder, Model, Precision};
     use asperity_world::material::Random;
     use asperity_world::tactile::Image;
     use burn::tensor::{Device, Tensor, TensorData};
@@ -282,9 +282,13 @@ mod tests {
         let (device, random) = (Device::flex(), &mut Random::new(9));
         let reach = Reach { force_n: 6.0, speed_mm_s: 500.0 };
         let scaling = Scaling::of(reach);
-        let trained = Network::new(random, &device);
-        let bytes = network(&trained.weights(scaling), reach, &[("settings", "{}".to_owned())]);
-        let written = Model::from_bytes(&bytes, "t.onnx").unwrap();
+        let trained = Network::new(random, &device).scattered(random, &device);
+        let about = [("settings", "{}".to_owned())];
+        let write = |target| network(&trained.weights(scaling), target, reach, &about);
+        let written = Model::from_bytes(&write(Target::Rms), "t.onnx").unwrap();
+        assert_eq!(written.target(), asperity_network::Target::RootMeanSquare);
+        let mean = Model::from_bytes(&write(Target::Mean), "m.onnx").unwrap();
+        assert_eq!((mean.target(), mean.answers_scatter()), (asperity_network::Target::Mean, false));
         assert_eq!(written.trained().force_max_n.zip(written.trained().speed_max_mm_s), Some((6.0, 500.0)));
         let force: [f32; HISTORY] = std::array::from_fn(|_| random.range(0.0, 6.0) as f32);
         let speed: [f32; 2 * HISTORY] = std::array::from_fn(|_| random.range(-350.0, 350.0) as f32);
@@ -295,11 +299,18 @@ mod tests {
         };
         let scaled_force = force.map(|f| scaling.force.0 * (f - scaling.force.1)).to_vec();
         let scaled_speed = speed.map(|v| scaling.speed * v).to_vec();
-        let answer = trained.forward(row(scaled_force), row(scaled_speed), row(vector.clone()));
-        let answer: Vec<f32> = numbers(answer).into_iter().map(|m| m.max(0.0)).collect();
-        let mut out = [0.0; BINS];
+        let answers = trained.forward(row(scaled_force), row(scaled_speed), row(vector.clone()));
         let mut runner = written.runner(&[vector], Precision::F32, Choice::Auto).unwrap();
-        runner.run(0, &force, &speed, &mut out).unwrap();
-        assert!(answer.iter().any(|m| *m > 0.0) && apart(&out, &answer) < 1e-4, "{}", apart(&out, &answer));
+        let mut found = Answer::default();
+        runner.answer(0, &force, &speed, &mut found).unwrap();
+        for (answer, found, most) in [
+            (answers.magnitudes, &found.magnitudes[..], f32::MAX),
+            (answers.ratio, &found.ratio, 1.0),
+            (answers.variance, &[found.variance], f32::MAX),
+        ] {
+            let answer: Vec<f32> = numbers(answer).into_iter().map(|m| m.clamp(0.0, most)).collect();
+            assert!(answer.iter().any(|m| *m > 0.0 && *m < most), "{answer:?}");
+            assert!(apart(found, &answer) < 1e-4, "{}", apart(found, &answer));
+        }
     }
 }
