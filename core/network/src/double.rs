@@ -59,7 +59,8 @@ impl Double {
         }
     }
 
-    /// One run, into as many of the outputs as there are in `out`; `None` where a length or the material does not fit. Neither allocates nor locks.
+    /// One run, into as many of the outputs as there are in `out`; `None` where a length or the material
+    /// does not fit. Neither allocates nor locks.
     pub(crate) fn run(
         &mut self,
         material: usize,

@@ -1,7 +1,9 @@
 //! Runs a texture network, and the encoder that goes with it, from ONNX files.
 //!
 //! [`Model::load`] reads and checks a file, [`Model::runner`] prepares it for a set of materials, [`Runner::run`]
-//! predicts the magnitudes of one tick, [`Runner::answer`] also how they scatter. An [`Encoder`] gives a material's vector from a picture.
+//! predicts the magnitudes of one tick, [`Runner::answer`] also how they scatter.
+//! An [`Encoder`] gives a
+//! material's vector from a picture.
 //!
 //! Any graph of the signature runs by tract, which allocates. A plain multilayer perceptron is lowered to packed kernels
 //! that do not, and is used where it agrees with tract: [`Runner::describe`] says which, and how far apart they are.

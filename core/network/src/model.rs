@@ -14,8 +14,9 @@ use std::sync::Arc;
 /// A texture network: checked, compiled by tract and, where it is a multilayer perceptron, lowered.
 ///
 /// Inputs `force [1,10]` in N, `speed [1,20]` in mm/s and `texture [1,256]` give `magnitudes [1,100]`, all f32. Inputs
-/// and magnitudes are found by name, else by shape; a free batch size is taken as 1. A model may also have the outputs
-/// `ratio [1,100]` and `variance [1,1]`, found by name: how magnitudes scatter, see [`Answer`](crate::Answer).
+/// and magnitudes are found by name, else by shape; a free batch size is taken as 1. A model may also have
+/// the outputs `ratio [1,100]` and `variance [1,1]`, found by name: how magnitudes scatter, see
+/// [`Answer`](crate::Answer).
 pub struct Model {
     pub(crate) path: PathBuf,
     pub(crate) reference: Reference,
@@ -39,7 +40,8 @@ impl Model {
     ///
     /// # Errors
     /// A file that cannot be read or is no ONNX model, weights stored elsewhere, a signature that does not fit (named
-    /// with the shapes found), a trained range or a target that is none, or a graph that tract cannot run. A file made for that can still have tract fill much
+    /// with the shapes found), a trained range or a target that is none, or a graph that tract cannot run. A
+    /// file made for that can still have tract fill much
     /// memory; sizes that a file states outright are bounded.
     pub fn load(path: impl AsRef<Path>) -> Result<Self, Diagnostic> {
         let path = path.as_ref();
@@ -87,8 +89,8 @@ impl Model {
 
     /// Kind of magnitudes that the file says it answers; root mean squares where it says nothing.
     ///
-    /// Only the key `target` of the file counts. `texture_mean.onnx` of the shipped surfaces is older than that key, and
-    /// answers means all the same.
+    /// Only the key `target` of the file counts. `texture_mean.onnx` of the shipped surfaces is older than
+    /// that key, and answers means all the same.
     pub fn target(&self) -> Target {
         self.target
     }

@@ -152,7 +152,8 @@ impl<W: Stored> Packed<W> {
         Ok(Self { made: Arc::new(made), arena, codes })
     }
 
-    /// One run, into as many of the outputs as there are in `out`. `None` where a length or the material does not fit.
+    /// One run, into as many of the outputs as there are in `out`. `None` where a length or the material
+    /// does not fit.
     #[inline]
     pub(crate) fn run(
         &mut self,

@@ -99,7 +99,8 @@ pub struct Answer {
     pub magnitudes: [f32; MAGNITUDES_LEN],
     /// Mean over root mean square of each magnitude, 0 to 1: [`NOISE_RATIO`] for noise, 1 for a steady line.
     pub ratio: [f32; MAGNITUDES_LEN],
-    /// Variance of a frame's power over its squared mean, from 0; power is the sum of all squared magnitudes.
+    /// Variance of a frame's power over its squared mean, from 0; power is the sum of all squared
+    /// magnitudes.
     pub variance: f32,
 }
 
@@ -420,8 +421,8 @@ fn outputs(answer: &mut Answer) -> [&mut [f32]; 3] {
 impl Runner {
     /// Predicts magnitudes and how they scatter, as [`run`](Self::run) predicts magnitudes.
     ///
-    /// A model without [scatter](Self::answers_scatter) leaves ratio and variance as [`Answer::default`] has them. Others
-    /// answer ratios within 0..=1 and a finite variance from 0, whatever the network gives.
+    /// A model without [scatter](Self::answers_scatter) leaves ratio and variance as [`Answer::default`] has
+    /// them. Others answer ratios within 0..=1 and a finite variance from 0, whatever the network gives.
     ///
     /// # Errors
     /// See [`RunError`]; `answer` is then untouched.

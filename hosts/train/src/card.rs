@@ -79,7 +79,8 @@ Data: `{origin}`. {images} images and {touches} touches of {materials} materials
 {unseen} surfaces that were never trained on.{made}
 
 The network aims at {target} and its errors are weighed {error}. Stage one took {naming} steps of {batch} images, stage two {feeling} of {touching} touches,
-with a weight of {weight} on naming by the vector, then {settling} for each target.{anew} Everything below is written by `asperity-train evaluate`.
+with a weight of {weight} on naming by the vector, then {settling} for each target.
+{anew}Everything below is written by `asperity-train evaluate`.
 ",
         scatter = match settings.target {
             Target::Mean => "",
@@ -91,8 +92,9 @@ with a weight of {weight} on naming by the vector, then {settling} for each targ
         anew = if settings.network_anew {
             format!(
                 "
-Then the network of every tick was trained anew on vectors of the finished encoder: {} steps, and {} of settling. The network for the other target is the one of
-the first training.",
+Then the network of every tick was trained anew on vectors of the finished encoder: {} steps, and {} of settling. The
+network for the other target is that of the first training.
+",
                 settings.feeling_steps, settings.settling_steps
             )
         } else {
@@ -332,9 +334,10 @@ first is too quiet, what is above 0 in the second is overdriven. The networks we
 
 fn scatter(families: &[(String, Option<Scatter>)]) -> String {
     let mut text = String::from(
-        "Mean over root mean square magnitude over places, at one material, force and velocity: 0.886 for noise, 1 for a steady line. The variance is that of a
-frame's power over its squared mean; power is the sum of all squared magnitudes. True figures are of the held-out strokes
-above. Both are weighted by true power, mean over materials.
+        "The ratio is mean over root mean square magnitude at one material, force and velocity: 0.886 for noise, 1 for
+a steady line. The variance is that of a frame's power over its squared mean; power is the sum of all squared
+magnitudes. True figures are over the places of the held-out strokes above. All are weighted by true power
+within a material, and are means over materials.
 
 | family | true ratio | network | true variance | network |
 |---|---|---|---|---|

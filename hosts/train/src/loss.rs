@@ -109,11 +109,11 @@ impl Silence {
 const RATIO_WEIGHT: f32 = 0.5;
 /// Weight of the variance's loss beside that of magnitudes.
 const VARIANCE_WEIGHT: f32 = 0.05;
-/// Part of the usual magnitudes of such a touch whose power is added to both powers of a quotient: where next to
-/// nothing is felt, nothing scatters.
+/// Part of the usual magnitudes of such a touch whose power is added to both powers of a quotient: where
+/// next to nothing is felt, nothing scatters.
 const POWER_SOFT: f32 = 0.1;
-/// Largest power of a frame over the mean that the variance takes notice of. A frame of more counts as one of this: a
-/// single hit would outweigh thousands of others by its square.
+/// Largest power of a frame over the mean that the variance takes notice of. A frame of more counts as one
+/// of this: a single hit would outweigh thousands of others by its square.
 const MOST_POWER: f32 = 10.0;
 
 /// Touches by which scatter is learned.
@@ -124,18 +124,19 @@ pub(crate) struct Scattered {
     pub magnitudes: Tensor<2>,
     /// One over usual magnitudes of such a touch, \[n, 100\].
     pub weight: Tensor<2>,
-    /// Mean square of a frame's power over its squared mean, where the magnitudes are known root mean squares; 1 where
-    /// they are of one frame; 0 where nothing is felt: \[n, 1\].
+    /// Mean square of a frame's power over its squared mean, where the magnitudes are known root mean
+    /// squares; 1 where they are of one frame; 0 where nothing is felt: \[n, 1\].
     pub square: Tensor<2>,
 }
 
 impl Scattered {
     /// The loss of ratios and variances, to be added to that of magnitudes `y`, which it takes as they are.
     ///
-    /// A ratio `r` has the loss of a mean `r y`. For the variance, `q` is a frame's power over that of `y`, held to at
-    /// most 10. The excess `x` has `x + q / e^x`, whose least is at the logarithm of the mean of `q`. The variance `v` has
-    /// `ln(1 + v) + p^2 / (1 + v)` with `p = q / e^x`, whose least is at `1 + v` equal to the mean of `p^2`. So a bias of
-    /// `y` does not count as scatter. Below 0 the loss of `v` goes on in a straight line.
+    /// A ratio `r` has the loss of a mean `r y`. For the variance, `q` is a frame's power over that of `y`,
+    /// held to at most 10. The excess `x` has `x + q / e^x`, whose least is at the logarithm of the mean of
+    /// `q`. The variance `v` has `ln(1 + v) + p^2 / (1 + v)` with `p = q / e^x`, whose least is at `1 + v`
+    /// equal to the mean of `p^2`. So a bias of `y` does not count as scatter. Below 0 the loss of `v` goes
+    /// on in a straight line.
     pub(crate) fn loss(self, aim: Aim, answers: Answers) -> Tensor<1> {
         let felt = self.square.clone().greater_scalar(0.0).float();
         let y = answers.magnitudes.detach().clamp_min(0.0) * felt.clone();
@@ -155,10 +156,11 @@ impl Scattered {
     }
 }
 
-/// Mean square of a frame's power over its squared mean, where a Gaussian signal has these root mean square magnitudes.
+/// Mean square of a frame's power over its squared mean, where a Gaussian signal has these root mean square
+/// magnitudes.
 ///
-/// Hann's window correlates a bin with the next by 2/3 and with the one after that by 1/6, and covariances of powers are
-/// the squares of those times both powers.
+/// Hann's window correlates a bin with the next by 2/3 and with the one after that by 1/6, and covariances
+/// of powers are the squares of those times both powers.
 pub(crate) fn square_of_noise(rms: &[f32; BINS]) -> f32 {
     let powers = rms.map(|m| f64::from(m).powi(2));
     let sum: f64 = powers.iter().sum();
@@ -265,7 +267,8 @@ mod tests {
         }
     }
 
-    /// Derivatives of the loss by one ratio, variance and excess for all frames, where magnitudes of 1 are answered.
+    /// Derivatives of the loss by one ratio, variance and excess for all frames, where magnitudes of 1 are
+    /// answered.
     fn slopes(frames: &[[f32; BINS]], square: f32, scatter: [f32; 3]) -> [f32; 3] {
         let (device, n) = (Device::flex().autodiff(), frames.len());
         let all = |x: f32, width| Tensor::<2>::full([n, width], x, &device);

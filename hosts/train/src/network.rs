@@ -53,7 +53,8 @@ pub(crate) struct Answers {
     pub ratio: Tensor<2>,
     /// Normalised variance of a frame's power, \[n, 1\].
     pub variance: Tensor<2>,
-    /// Logarithm of the mean power over that of the magnitudes, \[n, 1\]. It corrects the variance in training only.
+    /// Logarithm of the mean power over that of the magnitudes, \[n, 1\]. It corrects the variance in
+    /// training only.
     pub excess: Tensor<2>,
 }
 

@@ -22,9 +22,9 @@ pub(crate) type About<'a> = &'a [(&'a str, String)];
 
 /// The bytes of the network of every tick.
 ///
-/// Inputs are `force` \[1, 10\] in N, `speed` \[1, 20\] in mm/s and `texture` \[1, 256\]. The first output is `magnitudes`
-/// \[1, 100\] in m/s^2. A network for root mean squares also has `ratio` \[1, 100\] and `variance` \[1, 1\].
-/// The metadata have the trained range, the target, and `about`.
+/// Inputs are `force` \[1, 10\] in N, `speed` \[1, 20\] in mm/s and `texture` \[1, 256\]. The first output
+/// is `magnitudes` \[1, 100\] in m/s^2. A network for root mean squares also has `ratio` \[1, 100\] and
+/// `variance` \[1, 1\]. The metadata have the trained range, the target, and `about`.
 pub(crate) fn network(network: &NetworkWeights, target: Target, reach: Reach, about: About<'_>) -> Vec<u8> {
     let mut graph = Graph::default();
     let force = graph.chain("force", "force", &network.force, Some("force_features"));

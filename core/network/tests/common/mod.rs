@@ -372,7 +372,8 @@ pub fn model(net: &Net, spelling: Spelling) -> ModelProto {
     scattering(net, spelling, &[])
 }
 
-/// Layers that answer ratios of 0.2 to 0.9 and variances of about 1, for hidden values as `Net::random` has them.
+/// Layers that answer ratios of 0.2 to 0.9 and variances of about 1, for hidden values as `Net::random` has
+/// them.
 pub fn heads(seed: u64) -> [(&'static str, Layer); 2] {
     let mut r = Random(seed);
     let mut layer = |outputs: usize, size: f64, bias: f32| Layer {

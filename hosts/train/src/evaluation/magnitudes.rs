@@ -100,8 +100,8 @@ impl Judged {
         self.over_truth(self.frames.iter().map(|(e, _)| power(&e.mean)).sum())
     }
 
-    /// Scatter, true and as a network answers it. Ratios are weighted by the true power of their bins, variances by that
-    /// of their frames. None where the truth is not known.
+    /// Scatter, true and as a network answers it. Ratios are weighted by the true power of their bins,
+    /// variances by that of their frames. None where the truth is not known.
     ///
     /// # Errors
     /// A network that does not run.

@@ -241,7 +241,8 @@ fn levels(
     Ok(by_family(all).into_iter().map(level).collect())
 }
 
-/// Means of figures over each family's materials that have them, and last over all; nothing without materials.
+/// Means of figures over each family's materials that have them, and last over all; nothing without
+/// materials.
 fn by_family<const N: usize>(
     all: Vec<(Option<String>, [Option<f64>; N])>,
 ) -> Vec<(String, [Option<f64>; N])> {
