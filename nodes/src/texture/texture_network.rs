@@ -1,9 +1,9 @@
 //! `texture_network`: from forces and velocities to the magnitudes of the vibration they cause.
 
-use asperity_dsp::scatter::NOISE_RATIO;
 use asperity_dsp::shaped_noise::{HARMONICS, PATTERN_LEN};
 use asperity_network::{
-    Choice, FORCE_LEN, MAGNITUDES_LEN, Model, Precision, Range, RunError, Runner, SPEED_LEN, hold_magnitudes,
+    Answer, Choice, FORCE_LEN, MAGNITUDES_LEN, Model, Precision, Range, RunError, Runner, SPEED_LEN, Target,
+    hold_magnitudes,
 };
 use asperity_node::{
     Config, Descriptor, Diagnostic, Fact, FrameClock, FrameLayout, FrameRate, Input, LayoutSpec, Node,
@@ -29,8 +29,10 @@ pub struct TextureNetwork {
     patterns: Vec<[f64; PATTERN_LEN]>,
     force: [f32; FORCE_LEN],
     velocity: [f32; SPEED_LEN],
-    magnitudes: [f32; MAGNITUDES_LEN],
-    /// Whether `magnitudes` are the answer to `force`, `velocity` and `material`.
+    answer: Box<Answer>,
+    /// What the port `statistics` says of the model: whether its magnitudes are means.
+    means: f64,
+    /// Whether `answer` is the answer to `force`, `velocity` and `material`.
     answered: bool,
     range: Range,
     held: Held,
@@ -209,7 +211,8 @@ impl Node for TextureNetwork {
             patterns,
             force: [0.0; FORCE_LEN],
             velocity: [0.0; SPEED_LEN],
-            magnitudes: [0.0; MAGNITUDES_LEN],
+            answer: Box::default(),
+            means: f64::from(u8::from(model.target() == Target::Mean)),
             answered: false,
             range: Range::new(model.trained()),
             held: Held::default(),
@@ -233,7 +236,7 @@ impl Node for TextureNetwork {
             self.reused += 1;
         } else {
             (self.force, self.velocity, self.material, self.answered) = (force, velocity, material, false);
-            match self.runner.run(material, &force, &velocity, &mut self.magnitudes) {
+            match self.runner.answer(material, &force, &velocity, &mut self.answer) {
                 Ok(()) => self.answered = true,
                 Err(RunError::Executor) => return Status::Error(1),
                 Err(_) => return Status::Error(2),
@@ -243,9 +246,13 @@ impl Node for TextureNetwork {
         let start = self.layout.frame_rate.first_sample(frame, self.layout.rate_hz);
         let bins = tick.outputs.magnitude(0, frame, start);
         bins[0] = 0.0;
-        self.held.magnitudes += hold_magnitudes(&self.magnitudes, &mut bins[1..]);
-        tick.outputs.magnitude(1, frame, start).fill(NOISE_RATIO as f32);
-        tick.outputs.control(2).copy_from_slice(&[-1.0, 0.0]);
+        self.held.magnitudes += hold_magnitudes(&self.answer.magnitudes, &mut bins[1..]);
+        let ratios = tick.outputs.magnitude(1, frame, start);
+        ratios[0] = self.answer.ratio[0];
+        ratios[1..].iter_mut().zip(&self.answer.ratio).for_each(|(to, ratio)| *to = *ratio);
+        let known = self.runner.answers_scatter();
+        let variance = if known { f64::from(self.answer.variance) } else { -1.0 };
+        tick.outputs.control(2).copy_from_slice(&[variance, self.means]);
         if let Some(pattern) = self.patterns.get(material) {
             tick.outputs.control(3).copy_from_slice(pattern);
         }
