@@ -36,6 +36,9 @@ pub struct Expectation {
     pub mean: [f32; BINS],
     /// Root mean square magnitudes over places.
     pub rms: [f32; BINS],
+    /// Variance over places of a frame's power, the sum of its squared magnitudes, over its squared mean.
+    /// `None` where there are no two places, or nothing is felt.
+    pub variance: Option<f32>,
 }
 
 /// What is trained on, and what is held apart to judge by.

@@ -29,7 +29,7 @@ macro_rules! plans {
 plans!(f32, f64);
 
 /// From `len` samples to `len / 2 + 1` bins, unscaled.
-pub(crate) fn forward<T: Plans>(len: usize) -> Arc<dyn RealToComplex<T>> {
+pub fn forward<T: Plans>(len: usize) -> Arc<dyn RealToComplex<T>> {
     if len > KEPT {
         RealFftPlanner::new().plan_fft_forward(len)
     } else {
@@ -38,7 +38,7 @@ pub(crate) fn forward<T: Plans>(len: usize) -> Arc<dyn RealToComplex<T>> {
 }
 
 /// From `len / 2 + 1` bins to `len` samples, unscaled.
-pub(crate) fn inverse<T: Plans>(len: usize) -> Arc<dyn ComplexToReal<T>> {
+pub fn inverse<T: Plans>(len: usize) -> Arc<dyn ComplexToReal<T>> {
     if len > KEPT {
         RealFftPlanner::new().plan_fft_inverse(len)
     } else {

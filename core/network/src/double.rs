@@ -1,6 +1,6 @@
 //! A lowered network in double precision, written plainly: what rounding of weights and sums costs is judged by it.
 //!
-//! Only the inputs and the magnitudes are f32. Sums are added up in the order of [`Lowered::evaluate`].
+//! Only the inputs and the outputs are f32. Sums are added up in the order of [`Lowered::evaluate`].
 
 use crate::lower::{Lowered, Ref, StepKind};
 use crate::signature::Role;
@@ -59,14 +59,18 @@ impl Double {
         }
     }
 
-    /// One run; `None` where a length or the material does not fit. Neither allocates nor locks.
+    /// One run, into as many of the outputs as there are in `out`; `None` where a length or the material
+    /// does not fit. Neither allocates nor locks.
     pub(crate) fn run(
         &mut self,
         material: usize,
         force: &[f32],
         speed: &[f32],
-        out: &mut [f32],
+        out: &mut [&mut [f32]],
     ) -> Option<()> {
+        if out.len() > self.net.outputs.len() {
+            return None;
+        }
         if self.material != Some(material) {
             let mut results = self.materials.get(material)?.as_slice();
             self.material = None;
@@ -105,9 +109,11 @@ impl Double {
             }
             result.iter_mut().for_each(|x| *x = step.clamp(*x));
         }
-        let start = *self.at.get(self.net.output)?;
-        let result = self.arena.get(start..start + out.len())?;
-        out.iter_mut().zip(result).for_each(|(y, x)| *y = *x as f32);
+        for (out, &step) in out.iter_mut().zip(&self.net.outputs) {
+            let start = *self.at.get(step)?;
+            let result = self.arena.get(start..start + out.len())?;
+            out.iter_mut().zip(result).for_each(|(y, x)| *y = *x as f32);
+        }
         Some(())
     }
 

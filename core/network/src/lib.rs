@@ -1,7 +1,9 @@
 //! Runs a texture network, and the encoder that goes with it, from ONNX files.
 //!
 //! [`Model::load`] reads and checks a file, [`Model::runner`] prepares it for a set of materials, [`Runner::run`]
-//! predicts the magnitudes of one tick. An [`Encoder`] gives a material's vector from a picture.
+//! predicts the magnitudes of one tick, [`Runner::answer`] also how they scatter.
+//! An [`Encoder`] gives a
+//! material's vector from a picture.
 //!
 //! Any graph of the signature runs by tract, which allocates. A plain multilayer perceptron is lowered to packed kernels
 //! that do not, and is used where it agrees with tract: [`Runner::describe`] says which, and how far apart they are.
@@ -33,6 +35,6 @@ pub use kernel::Isa;
 pub use model::Model;
 pub use proto::{MAX_ENCODER_BYTES, MAX_MODEL_BYTES};
 pub use range::{Range, hold_magnitudes};
-pub use runner::{Choice, Executor, Info, MAX_MATERIALS, Precision, RunError, Runner};
+pub use runner::{Answer, Choice, Executor, Info, MAX_MATERIALS, NOISE_RATIO, Precision, RunError, Runner};
 pub use signature::{FORCE_LEN, MAGNITUDES_LEN, SPEED_LEN, TEXTURE_LEN};
-pub use trained::Trained;
+pub use trained::{Target, Trained};

@@ -5,7 +5,7 @@ use crate::proto::{self, MAX_MODEL_BYTES};
 use crate::reference::Reference;
 use crate::runner::{Runner, Wanted};
 use crate::signature::match_signature;
-use crate::trained::Trained;
+use crate::trained::{Target, Trained};
 use asperity_source::{Diagnostic, Recent, fingerprint};
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -14,13 +14,18 @@ use std::sync::Arc;
 /// A texture network: checked, compiled by tract and, where it is a multilayer perceptron, lowered.
 ///
 /// Inputs `force [1,10]` in N, `speed [1,20]` in mm/s and `texture [1,256]` give `magnitudes [1,100]`, all f32. Inputs
-/// and output are found by name, else by shape; a free batch size is taken as 1.
+/// and magnitudes are found by name, else by shape; a free batch size is taken as 1. A model may also have
+/// the outputs `ratio [1,100]` and `variance [1,1]`, found by name: how magnitudes scatter, see
+/// [`Answer`](crate::Answer).
 pub struct Model {
     pub(crate) path: PathBuf,
     pub(crate) reference: Reference,
     /// The steps, or why there are none.
     pub(crate) lowered: Result<Lowered, String>,
     trained: Trained,
+    target: Target,
+    /// How many outputs it has.
+    pub(crate) outputs: usize,
     /// Runners that were made of it lately.
     pub(crate) made: Recent<Wanted, Runner>,
 }
@@ -35,7 +40,8 @@ impl Model {
     ///
     /// # Errors
     /// A file that cannot be read or is no ONNX model, weights stored elsewhere, a signature that does not fit (named
-    /// with the shapes found), a trained range that is none, or a graph that tract cannot run. A file made for that can still have tract fill much
+    /// with the shapes found), a trained range or a target that is none, or a graph that tract cannot run. A
+    /// file made for that can still have tract fill much
     /// memory; sizes that a file states outright are bounded.
     pub fn load(path: impl AsRef<Path>) -> Result<Self, Diagnostic> {
         let path = path.as_ref();
@@ -65,13 +71,33 @@ impl Model {
         let own = model.opset_import.iter().find(|set| matches!(set.domain.as_str(), "" | "ai.onnx"));
         let opset = own.map_or(0, |set| set.version);
         let lowered = Lowered::new(&graph, opset, &signature);
-        let trained = Trained::read(&model.metadata_props, path)?;
-        Ok(Self { path: path.to_owned(), reference, lowered, trained, made: Recent::new(RUNNERS) })
+        Ok(Self {
+            path: path.to_owned(),
+            reference,
+            lowered,
+            trained: Trained::read(&model.metadata_props, path)?,
+            target: Target::read(&model.metadata_props, path)?,
+            outputs: signature.outputs.len(),
+            made: Recent::new(RUNNERS),
+        })
     }
 
     /// What the file says of the range the model was trained on.
     pub fn trained(&self) -> Trained {
         self.trained
+    }
+
+    /// Kind of magnitudes that the file says it answers; root mean squares where it says nothing.
+    ///
+    /// Only the key `target` of the file counts. `texture_mean.onnx` of the shipped surfaces is older than
+    /// that key, and answers means all the same.
+    pub fn target(&self) -> Target {
+        self.target
+    }
+
+    /// Whether the model answers ratio and variance too.
+    pub fn answers_scatter(&self) -> bool {
+        self.outputs > 1
     }
 
     /// Why the model can only be run by tract; `None` for a multilayer perceptron.

@@ -3,7 +3,7 @@
 
 use crate::kernel::{Bias, Block, Codes, Data, Entry, Instruction, Isa, Pick, Program, Shape, largest_code};
 use crate::lower::{Affine, Element, Lowered, Ref, StepKind};
-use crate::signature::{FORCE_LEN, MAGNITUDES_LEN, Role, SPEED_LEN};
+use crate::signature::{FORCE_LEN, Role, SPEED_LEN};
 use crate::stored::{Samples, Stored};
 use std::sync::Arc;
 
@@ -64,7 +64,8 @@ pub(crate) struct Made<W> {
     material_count: usize,
     force_at: usize,
     speed_at: usize,
-    output_at: usize,
+    /// Where the outputs lie, in the signature's order.
+    outputs: Vec<std::ops::Range<usize>>,
     multiply_adds: usize,
 }
 
@@ -77,8 +78,8 @@ impl<W: Stored> Packed<W> {
         })?;
         let constant = net.depends_on_texture_alone();
         let needed = net.needed();
-        if constant[net.output] {
-            return Err("its output does not depend on force or speed".into());
+        if net.outputs.iter().any(|&output| constant[output]) {
+            return Err("an output does not depend on force or speed".into());
         }
         let wanted: Vec<bool> = constant.iter().zip(&needed).map(|(c, n)| *c && *n).collect();
         let of_material: Vec<Vec<Vec<f64>>> = materials
@@ -144,24 +145,25 @@ impl<W: Stored> Packed<W> {
             material_count: materials.len(),
             force_at,
             speed_at,
-            output_at: p.at[net.output],
+            outputs: net.outputs.iter().map(|&i| p.at[i]..p.at[i] + net.steps[i].len()).collect(),
             multiply_adds: p.multiply_adds,
         };
         let (arena, codes) = (Aligned::new(&vec![0.0; arena_len]), Codes::new(p.most_inputs));
         Ok(Self { made: Arc::new(made), arena, codes })
     }
 
-    /// One run. `None` where a length or the material does not fit.
+    /// One run, into as many of the outputs as there are in `out`. `None` where a length or the material
+    /// does not fit.
     #[inline]
     pub(crate) fn run(
         &mut self,
         material: usize,
         force: &[f32],
         speed: &[f32],
-        out: &mut [f32],
+        out: &mut [&mut [f32]],
     ) -> Option<()> {
         let made = &*self.made;
-        if material >= made.material_count {
+        if out.len() > made.outputs.len() || material >= made.material_count {
             return None;
         }
         let biases = made.materials.get().get(material * made.material_len..)?.get(..made.material_len)?;
@@ -176,7 +178,7 @@ impl<W: Stored> Packed<W> {
             material: biases,
         };
         made.entry.run(&made.program, data, &mut self.codes, arena)?;
-        copy(out, arena.get(made.output_at..made.output_at + MAGNITUDES_LEN)?)
+        out.iter_mut().zip(&made.outputs).try_for_each(|(out, at)| copy(out, arena.get(at.clone())?))
     }
 
     pub(crate) fn read(&self) -> u32 {

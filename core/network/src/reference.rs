@@ -1,6 +1,6 @@
 //! The model run by tract: any graph of the signature, about 200 allocations a run.
 
-use crate::signature::{FORCE_LEN, MAGNITUDES_LEN, Role, SPEED_LEN, Signature, TEXTURE_LEN, WANTED};
+use crate::signature::{FORCE_LEN, Role, SPEED_LEN, Signature, TEXTURE_LEN, WANTED};
 use asperity_source::Diagnostic;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
@@ -36,35 +36,37 @@ impl Reference {
             }
             Err(_) => return Err(refuse("tract panicked over this model".into())),
         };
-        let fact =
-            plan.model().output_fact(0).map_err(|e| refuse(format!("the output has no shape: {e}")))?;
-        let fits = fact.datum_type == f32::datum_type()
-            && fact.shape.as_concrete().is_some_and(|dims| dims == [1, MAGNITUDES_LEN]);
-        if !fits {
-            let found = format!("{:?} {:?}", fact.shape, fact.datum_type);
-            return Err(refuse(format!(
-                "output {} has shape and type {found}, not [1,100] float",
-                signature.output
-            )));
+        for (i, (name, len)) in signature.outputs.iter().enumerate() {
+            let fact = plan
+                .model()
+                .output_fact(i)
+                .map_err(|e| refuse(format!("the output {name} has no shape: {e}")))?;
+            let fits = fact.datum_type == f32::datum_type()
+                && fact.shape.as_concrete().is_some_and(|dims| dims == [1, *len]);
+            if !fits {
+                let found = format!("{:?} {:?}", fact.shape, fact.datum_type);
+                return Err(refuse(format!("output {name} has shape and type {found}, not [1,{len}] float")));
+            }
         }
         let roles: Vec<Role> = signature.inputs.iter().map(|(_, role)| *role).collect();
         let order = roles.try_into().map_err(|_| refuse("this model has not 3 inputs".into()))?;
         let reference = Self { plan, order };
         // A graph may compile and still fail on every run.
-        let mut out = [0.0; MAGNITUDES_LEN];
+        let mut out: Vec<Vec<f32>> = signature.outputs.iter().map(|(_, len)| vec![0.0; *len]).collect();
+        let mut out: Vec<&mut [f32]> = out.iter_mut().map(Vec::as_mut_slice).collect();
         match reference.run(&texture(&[0.0; TEXTURE_LEN]), &[0.0; FORCE_LEN], &[0.0; SPEED_LEN], &mut out) {
             Some(()) => Ok(reference),
             None => Err(refuse("tract fails to run this model on zeros".into())),
         }
     }
 
-    /// One run; `None` where tract fails. Allocates.
+    /// One run, into as many of the outputs as there are in `out`; `None` where tract fails. Allocates.
     pub(crate) fn run(
         &self,
         texture: &TextureTensor,
         force: &[f32],
         speed: &[f32],
-        out: &mut [f32],
+        out: &mut [&mut [f32]],
     ) -> Option<()> {
         let inputs: TVec<TValue> = self
             .order
@@ -76,8 +78,11 @@ impl Reference {
             })
             .collect();
         let results = catch_unwind(AssertUnwindSafe(|| self.plan.run(inputs))).ok()?.ok()?;
-        let result = results.first()?.try_as_plain_ram().ok()?.as_slice::<f32>().ok()?;
-        (result.len() == out.len()).then(|| out.copy_from_slice(result))
+        for (i, out) in out.iter_mut().enumerate() {
+            let result = results.get(i)?.try_as_plain_ram().ok()?.as_slice::<f32>().ok()?;
+            (result.len() == out.len()).then(|| out.copy_from_slice(result))?;
+        }
+        Some(())
     }
 }
 
@@ -99,7 +104,8 @@ fn compile(
     signature: &Signature,
 ) -> TractResult<Arc<TypedRunnableModel>> {
     let mut graph = graph.clone();
-    graph.output.retain(|v| v.name == signature.output);
+    let of = |name: &String| graph.output.iter().find(|v| v.name == *name).cloned();
+    graph.output = signature.outputs.iter().filter_map(|(name, _)| of(name)).collect();
     let proto = ModelProto { graph: Some(graph), ..model.clone() };
     // Shapes between inputs and output are worked out anew: those in the file may be for another batch size.
     let parsed = tract_onnx::onnx().with_ignore_value_info(true).parse(&proto, None)?;

@@ -89,6 +89,40 @@ pub enum Choice {
     Tract,
 }
 
+/// Mean over root mean square of the magnitude of noise: sqrt(pi / 4), that of a Rayleigh distribution.
+pub const NOISE_RATIO: f32 = 0.886_226_9;
+
+/// Magnitudes of one tick, and how they scatter at one material, force and velocity.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Answer {
+    /// Magnitudes at 10, 20, .. 1000 Hz, as the model scales them.
+    pub magnitudes: [f32; MAGNITUDES_LEN],
+    /// Mean over root mean square of each magnitude, 0 to 1: [`NOISE_RATIO`] for noise, 1 for a steady line.
+    pub ratio: [f32; MAGNITUDES_LEN],
+    /// Variance of a frame's power over its squared mean, from 0; power is the sum of all squared
+    /// magnitudes.
+    pub variance: f32,
+}
+
+/// Answer of a model that says nothing of scatter: noise in every bin, and a variance of 0.
+impl Default for Answer {
+    fn default() -> Self {
+        Self { magnitudes: [0.0; MAGNITUDES_LEN], ratio: [NOISE_RATIO; MAGNITUDES_LEN], variance: 0.0 }
+    }
+}
+
+impl Answer {
+    /// Brings ratios to 0..=1 and the variance to finite numbers from 0; what is no number counts as noise.
+    fn hold(&mut self) {
+        for ratio in &mut self.ratio {
+            *ratio = if ratio.is_nan() { NOISE_RATIO } else { ratio.clamp(0.0, 1.0) };
+        }
+        if !(0.0..=f32::MAX).contains(&self.variance) {
+            self.variance = 0.0;
+        }
+    }
+}
+
 /// What runs the network.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Executor {
@@ -188,6 +222,8 @@ enum Engine {
 pub struct Runner {
     engine: Engine,
     materials: usize,
+    /// How many outputs the model has.
+    outputs: usize,
     info: Info,
 }
 
@@ -233,12 +269,14 @@ impl Model {
         let textures: Vec<TextureTensor> = materials.iter().map(|m| texture(m)).collect();
         let job = Job {
             reference: &self.reference,
+            outputs: self.outputs,
             textures: &textures,
             materials: materials.iter().map(|m| m.iter().map(|&x| f64::from(x)).collect()).collect(),
         };
         let tract = |report: String| Runner {
             engine: Engine::Tract(self.reference.clone(), textures.clone()),
             materials: textures.len(),
+            outputs: self.outputs,
             info: Info {
                 executor: Executor::Tract,
                 weights_bytes: 0,
@@ -297,6 +335,7 @@ pub(crate) type Wanted = (Vec<Vec<f32>>, Precision, Choice);
 /// What packing needs besides the network.
 struct Job<'a> {
     reference: &'a Reference,
+    outputs: usize,
     textures: &'a [TextureTensor],
     materials: Vec<Vec<f64>>,
 }
@@ -335,7 +374,7 @@ impl Job<'_> {
     ) -> Result<Runner, String> {
         let info =
             Info { executor, weights_bytes, multiply_adds, max_error_vs_tract: None, report: String::new() };
-        let mut runner = Runner { engine, materials: self.textures.len(), info };
+        let mut runner = Runner { engine, materials: self.textures.len(), outputs: self.outputs, info };
         let error = self.error(&mut runner)?;
         if error.is_nan() || error > tolerance {
             return Err(format!(
@@ -347,29 +386,69 @@ impl Job<'_> {
         Ok(runner)
     }
 
-    /// The largest difference from tract, each group of probes by its own full scale.
+    /// The largest difference from tract, each output over each group of probes by its own full scale.
     fn error(&self, runner: &mut Runner) -> Result<f64, String> {
         let mut worst = 0f64;
         for probes in [check::ordinary(), check::large()] {
-            let (mut reference, mut found) = (Vec::new(), Vec::new());
+            let mut reference: [Vec<f32>; 3] = Default::default();
+            let mut found = reference.clone();
             for (material, texture) in self.textures.iter().enumerate().take(CHECKED_MATERIALS) {
                 for Probe { force, speed } in &probes {
-                    let mut out = [0.0; MAGNITUDES_LEN];
+                    let mut answer = Answer::default();
+                    let mut out = outputs(&mut answer);
                     self.reference
-                        .run(texture, force, speed, &mut out)
+                        .run(texture, force, speed, &mut out[..self.outputs])
                         .ok_or("tract fails on the check's inputs")?;
-                    reference.extend(out);
-                    runner.run(material, force, speed, &mut out).map_err(|e| e.to_string())?;
-                    found.extend(out);
+                    reference.iter_mut().zip(&out).for_each(|(all, out)| all.extend_from_slice(out));
+                    runner
+                        .run_into(material, force, speed, &mut out[..self.outputs])
+                        .map_err(|e| e.to_string())?;
+                    found.iter_mut().zip(&out).for_each(|(all, out)| all.extend_from_slice(out));
                 }
             }
-            worst = worst.max(error_of_full_scale(&reference, &found));
+            let errors = reference.iter().zip(&found).map(|(r, f)| error_of_full_scale(r, f));
+            worst = errors.fold(worst, f64::max);
         }
         Ok(worst)
     }
 }
 
+/// The parts of an answer, in the signature's order.
+fn outputs(answer: &mut Answer) -> [&mut [f32]; 3] {
+    [&mut answer.magnitudes, &mut answer.ratio, std::slice::from_mut(&mut answer.variance)]
+}
+
 impl Runner {
+    /// Predicts magnitudes and how they scatter, as [`run`](Self::run) predicts magnitudes.
+    ///
+    /// A model without [scatter](Self::answers_scatter) leaves ratio and variance as [`Answer::default`] has
+    /// them. Others answer ratios within 0..=1 and a finite variance from 0, whatever the network gives.
+    ///
+    /// # Errors
+    /// See [`RunError`]; `answer` is then untouched.
+    #[inline]
+    pub fn answer(
+        &mut self,
+        material: usize,
+        force: &[f32],
+        speed: &[f32],
+        answer: &mut Answer,
+    ) -> Result<(), RunError> {
+        let count = self.outputs.min(3);
+        self.run_into(material, force, speed, &mut outputs(answer)[..count])?;
+        if count > 1 {
+            answer.hold();
+        } else {
+            (answer.ratio, answer.variance) = ([NOISE_RATIO; MAGNITUDES_LEN], 0.0);
+        }
+        Ok(())
+    }
+
+    /// Whether the model answers ratio and variance too.
+    pub fn answers_scatter(&self) -> bool {
+        self.outputs > 1
+    }
+
     /// Predicts magnitudes: `force` of [`FORCE_LEN`] in N, `speed` of [`SPEED_LEN`] in mm/s, `out` of
     /// [`MAGNITUDES_LEN`] as the model scales them. NaN and infinities are passed on, not refused.
     ///
@@ -385,10 +464,25 @@ impl Runner {
         speed: &[f32],
         out: &mut [f32],
     ) -> Result<(), RunError> {
+        if out.len() != MAGNITUDES_LEN {
+            return Err(RunError::Length);
+        }
+        self.run_into(material, force, speed, &mut [out])
+    }
+
+    /// Runs the network into the first of its outputs, as many as there are in `out`; their lengths fit.
+    #[inline]
+    fn run_into(
+        &mut self,
+        material: usize,
+        force: &[f32],
+        speed: &[f32],
+        out: &mut [&mut [f32]],
+    ) -> Result<(), RunError> {
         if material >= self.materials {
             return Err(RunError::Material { index: material, count: self.materials });
         }
-        if force.len() != FORCE_LEN || speed.len() != SPEED_LEN || out.len() != MAGNITUDES_LEN {
+        if force.len() != FORCE_LEN || speed.len() != SPEED_LEN {
             return Err(RunError::Length);
         }
         let done = match &mut self.engine {

@@ -18,7 +18,11 @@ pub const MAGNITUDES_LEN: usize = 100;
 
 /// What would fit, said in errors.
 pub(crate) const WANTED: &str = "a texture network has the float inputs force [1,10], speed [1,20] and \
-                                 texture [1,256] and the float output magnitudes [1,100]";
+                                 texture [1,256] and the float output magnitudes [1,100]; it may also have the \
+                                 float outputs ratio [1,100] and variance [1,1], both or neither";
+
+/// Outputs of how magnitudes scatter, with their lengths.
+const SCATTER: [(&str, usize); 2] = [("ratio", MAGNITUDES_LEN), ("variance", 1)];
 
 /// One of the three inputs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -48,12 +52,13 @@ impl Role {
     }
 }
 
-/// Which graph input is which, and which output is the magnitudes.
+/// Which graph input is which, and which output is which.
 #[derive(Clone, Debug)]
 pub(crate) struct Signature {
     /// The names of the graph's inputs in the file's order, with their roles.
     pub(crate) inputs: Vec<(String, Role)>,
-    pub(crate) output: String,
+    /// The names of the magnitudes and, where the model has them, of ratio and variance, with their lengths.
+    pub(crate) outputs: Vec<(String, usize)>,
 }
 
 /// The inputs that are fed, leaving out those that only declare an initializer (IR version 3).
@@ -63,7 +68,7 @@ pub(crate) fn fed_inputs(graph: &GraphProto) -> impl Iterator<Item = &ValueInfoP
     graph.input.iter().filter(move |input| !constants.contains(input.name.as_str()))
 }
 
-/// Matches inputs and output by name, else by shape.
+/// Matches inputs and magnitudes by name, else by shape; ratio and variance by name.
 pub(crate) fn match_signature(graph: &GraphProto, path: &Path) -> Result<Signature, Diagnostic> {
     let refuse = |what: String| {
         let found = |values: Vec<&ValueInfoProto>| match values.len() {
@@ -128,7 +133,9 @@ pub(crate) fn match_signature(graph: &GraphProto, path: &Path) -> Result<Signatu
     let output = match named {
         Some(v) => v,
         None => {
-            let mut fits = graph.output.iter().filter(|v| row_len(v) == Some(MAGNITUDES_LEN));
+            let scatter =
+                |v: &ValueInfoProto| SCATTER.iter().any(|(name, _)| v.name.eq_ignore_ascii_case(name));
+            let mut fits = graph.output.iter().filter(|v| row_len(v) == Some(MAGNITUDES_LEN) && !scatter(v));
             match (fits.next(), fits.next()) {
                 (Some(v), None) => v,
                 (None, _) => {
@@ -140,11 +147,26 @@ pub(crate) fn match_signature(graph: &GraphProto, path: &Path) -> Result<Signatu
             }
         }
     };
-    // An output's shape may be left open in the file; the typed graph is checked afterwards.
-    if shape(output).is_some() && row_len(output) != Some(MAGNITUDES_LEN) && !has_open_row(output) {
-        return Err(refuse(format!("output {} does not fit [1,{MAGNITUDES_LEN}]", describe(output))));
+    let mut outputs = vec![(output, MAGNITUDES_LEN)];
+    let of = |name: &str| graph.output.iter().find(|v| v.name.eq_ignore_ascii_case(name));
+    match SCATTER.map(|(name, _)| of(name)) {
+        [None, None] => {}
+        [Some(ratio), Some(variance)] => {
+            outputs.extend([ratio, variance].into_iter().zip(SCATTER.map(|s| s.1)))
+        }
+        [Some(_), None] => return Err(refuse("this model has the output ratio, but not variance".into())),
+        [None, Some(_)] => return Err(refuse("this model has the output variance, but not ratio".into())),
     }
-    Ok(Signature { inputs: matched, output: output.name.clone() })
+    for &(output, len) in &outputs {
+        // An output's shape may be left open in the file; the typed graph is checked afterwards.
+        if shape(output).is_some() && row_len(output) != Some(len) && !has_open_row(output) {
+            return Err(refuse(format!("output {} does not fit [1,{len}]", describe(output))));
+        }
+    }
+    Ok(Signature {
+        inputs: matched,
+        outputs: outputs.into_iter().map(|(output, len)| (output.name.clone(), len)).collect(),
+    })
 }
 
 pub(crate) fn shape(v: &ValueInfoProto) -> Option<Vec<Option<i64>>> {

@@ -3,8 +3,8 @@
 
 mod common;
 
-use asperity_network::{Choice, Executor, Isa, Model, Precision};
-use common::{Net, Product, Spelling, bytes, model, motions, textures};
+use asperity_network::{Answer, Choice, Executor, Isa, Model, NOISE_RATIO, Precision};
+use common::{Layer, Net, Product, Spelling, bytes, heads, model, motions, scattering, textures};
 
 fn load(net: &Net, spelling: Spelling) -> Model {
     Model::from_bytes(&bytes(&model(net, spelling)), "made.onnx").unwrap()
@@ -106,6 +106,104 @@ fn instruction_sets_agree_with_each_other_and_with_tract() {
                 }
             }
         }
+    }
+}
+
+/// Largest errors of ratio and variance as shares of their largest values.
+fn scatter_errors(
+    net: &Net,
+    heads: &[(&str, Layer)],
+    spelling: Spelling,
+    ways: (Precision, Choice),
+) -> [f64; 2] {
+    let model = Model::from_bytes(&bytes(&scattering(net, spelling, heads)), "made.onnx").unwrap();
+    assert!(model.answers_scatter() && model.not_lowered_because().is_none(), "{spelling:?}");
+    let textures = textures(3, 5);
+    let mut runner = model.runner(&textures, ways.0, ways.1).unwrap();
+    assert!(runner.answers_scatter());
+    // The same network with a head in the place of its last layer.
+    let exact = heads.iter().map(|(_, head)| {
+        let mut net = net.clone();
+        *net.predictor.last_mut().unwrap() = head.clone();
+        net.output_scale = vec![1.0; 100];
+        net
+    });
+    let exact: Vec<Net> = exact.collect();
+    let (mut worst, mut largest) = ([0f64; 2], [0f64; 2]);
+    let mut answer = Answer::default();
+    for (force, speed) in motions(20, 6).into_iter().filter(|(f, _)| f[0] < 10.0) {
+        for (m, texture) in textures.iter().enumerate() {
+            runner.answer(m, &force, &speed, &mut answer).unwrap();
+            let mut magnitudes = [0.0; 100];
+            runner.run(m, &force, &speed, &mut magnitudes).unwrap();
+            assert_eq!(magnitudes, answer.magnitudes);
+            for (which, found) in [&answer.ratio[..], &[answer.variance]].into_iter().enumerate() {
+                for (&y, exact) in found.iter().zip(exact[which].evaluate(&force, &speed, texture)) {
+                    let exact = if which == 0 { exact.min(1.0) } else { exact };
+                    worst[which] = worst[which].max((f64::from(y) - exact).abs());
+                    largest[which] = largest[which].max(exact);
+                }
+            }
+        }
+    }
+    assert!(largest.iter().all(|x| *x > 0.1), "a network that gives nothing tests nothing: {largest:?}");
+    [worst[0] / largest[0], worst[1] / largest[1]]
+}
+
+#[test]
+fn scatter_agrees_with_f64_in_every_precision() {
+    let (net, heads) = (Net::random(2), heads(8));
+    let mut ways = vec![((Precision::F32, Choice::Tract), 1e-5), ((Precision::F64, Choice::Auto), 1e-6)];
+    for (precision, within) in PACKED {
+        ways.extend(precision.isas().into_iter().map(|isa| ((precision, Choice::Packed(isa)), within.end)));
+    }
+    for (ways, within) in ways {
+        let errors = scatter_errors(&net, &heads, Spelling::default(), ways);
+        assert!(errors.iter().all(|e| *e < within), "{ways:?}: {errors:?}");
+    }
+}
+
+#[test]
+fn scatter_is_found_by_name_in_every_spelling() {
+    for spelling in spellings() {
+        let errors = scatter_errors(&Net::random(1), &heads(3), spelling, (Precision::F32, Choice::Auto));
+        assert!(errors.iter().all(|e| *e < 1e-5), "{spelling:?}: {errors:?}");
+    }
+}
+
+#[test]
+fn model_without_scatter_answers_noise() {
+    let model = load(&Net::random(1), Spelling::default());
+    assert!(!model.answers_scatter());
+    for choice in [Choice::Auto, Choice::Tract] {
+        let mut runner = model.runner(&textures(1, 1), Precision::F32, choice).unwrap();
+        let mut answer = Answer { ratio: [0.0; 100], variance: 7.0, ..Answer::default() };
+        runner.answer(0, &[1.0; 10], &[50.0; 20], &mut answer).unwrap();
+        assert!(!runner.answers_scatter() && answer.magnitudes.iter().any(|m| *m > 0.0));
+        assert_eq!((answer.ratio, answer.variance), ([NOISE_RATIO; 100], 0.0));
+    }
+}
+
+#[test]
+fn scatter_stays_in_its_range_whatever_comes_in() {
+    let mut heads = heads(4);
+    heads[0].1.weights.iter_mut().for_each(|w| *w *= 1e3);
+    let model =
+        Model::from_bytes(&bytes(&scattering(&Net::random(1), Spelling::default(), &heads)), "m").unwrap();
+    for choice in [Choice::Auto, Choice::Tract] {
+        let mut runner = model.runner(&textures(1, 1), Precision::F32, choice).unwrap();
+        let mut answer = Answer::default();
+        for force in [1.0, f32::NAN, f32::INFINITY, f32::MAX] {
+            runner.answer(0, &[force; 10], &[50.0; 20], &mut answer).unwrap();
+            assert!(answer.ratio.iter().all(|r| (0.0..=1.0).contains(r)), "{force}: {:?}", answer.ratio);
+            assert!((0.0..=f32::MAX).contains(&answer.variance), "{force}: {}", answer.variance);
+        }
+        runner.answer(0, &[1.0; 10], &[50.0; 20], &mut answer).unwrap();
+        assert!(answer.ratio.contains(&0.0) && answer.ratio.contains(&1.0));
+        let before = answer.clone();
+        assert!(runner.answer(1, &[1.0; 10], &[50.0; 20], &mut answer).is_err());
+        assert!(runner.answer(0, &[1.0; 9], &[50.0; 20], &mut answer).is_err());
+        assert_eq!(answer, before);
     }
 }
 

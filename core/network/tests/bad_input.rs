@@ -8,7 +8,7 @@ use std::sync::Arc;
 use asperity_network::{
     Choice, FORCE_LEN, Isa, MAGNITUDES_LEN, Model, Precision, RunError, Runner, SPEED_LEN, TEXTURE_LEN,
 };
-use common::{Net, Random, Spelling, bytes, int, model, tensor, textures, value_info};
+use common::{Net, Random, Spelling, bytes, heads, int, model, scattering, tensor, textures, value_info};
 use tract_onnx::pb::{ModelProto, NodeProto, StringStringEntryProto, TensorProto};
 
 fn made() -> ModelProto {
@@ -124,6 +124,44 @@ fn an_output_of_another_shape_than_stated_is_an_error() {
         };
     });
     assert!(e.contains("some/where.onnx: "), "{e}");
+}
+
+/// The error of a made model with scatter after `change`.
+fn scatter_error(change: impl FnOnce(&mut ModelProto)) -> String {
+    let mut m = scattering(&Net::random(1), Spelling::default(), &heads(1));
+    Model::from_bytes(&bytes(&m), "whole.onnx").unwrap();
+    change(&mut m);
+    Model::from_bytes(&bytes(&m), "some/where.onnx").unwrap_err().to_string()
+}
+
+#[test]
+fn scatter_of_another_shape_is_refused() {
+    let wanted = "ratio [1,100] and variance [1,1]";
+    let outputs = |m: &mut ModelProto, name: &str, dims: &[Option<i64>]| {
+        let all = &mut m.graph.as_mut().unwrap().output;
+        *all.iter_mut().find(|v| v.name == name).unwrap() = value_info(name, dims);
+    };
+    let e = scatter_error(|m| outputs(m, "ratio", &[Some(1), Some(99)]));
+    assert!(e.contains("output ratio [1,99] does not fit [1,100]") && e.contains(wanted), "{e}");
+    let e = scatter_error(|m| outputs(m, "variance", &[Some(1), Some(100)]));
+    assert!(e.contains("output variance [1,100] does not fit [1,1]") && e.contains(wanted), "{e}");
+    // Shapes that only the graph tells.
+    let mut swapped = heads(1);
+    (swapped[0].0, swapped[1].0) = ("variance", "ratio");
+    let mut m = scattering(&Net::random(1), Spelling::default(), &swapped);
+    outputs(&mut m, "ratio", &[Some(1), None]);
+    outputs(&mut m, "variance", &[Some(1), None]);
+    let e = Model::from_bytes(&bytes(&m), "m.onnx").unwrap_err().to_string();
+    assert!(e.contains("output ratio has shape") && e.contains("not [1,100] float"), "{e}");
+}
+
+#[test]
+fn ratio_without_variance_is_refused() {
+    for (name, missing) in [("ratio", "variance"), ("variance", "ratio")] {
+        let e = scatter_error(|m| m.graph.as_mut().unwrap().output.retain(|v| v.name != missing));
+        let wanted = format!("this model has the output {name}, but not {missing}");
+        assert!(e.contains(&wanted) && e.contains("both or neither"), "{e}");
+    }
 }
 
 #[test]

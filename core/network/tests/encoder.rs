@@ -3,7 +3,7 @@
 
 mod common;
 
-use asperity_network::{Encoder, Model};
+use asperity_network::{Encoder, Model, Target};
 use asperity_world::tactile::{IMAGE, Image};
 use common::{Net, Random, Spelling, bytes, encoder, model, value_info};
 use tract_onnx::pb::{ModelProto, NodeProto, StringStringEntryProto};
@@ -127,6 +127,21 @@ fn a_free_batch_size_and_other_names_and_outputs_are_taken() {
     let encoder = Encoder::from_bytes(&bytes(&m), "e.onnx").unwrap();
     let white = Image { size: IMAGE, pixels: vec![255; 147_456] };
     assert!((encoder.encode(&white).unwrap()[0] - 576.0).abs() < 1e-2);
+}
+
+#[test]
+fn target_is_read_from_the_file_and_another_is_refused() {
+    let with = |pairs: &[(&str, &str)]| {
+        let mut m = model(&Net::random(1), Spelling::default());
+        let entry = |(k, v): &(&str, &str)| StringStringEntryProto { key: (*k).into(), value: (*v).into() };
+        m.metadata_props = pairs.iter().map(entry).collect();
+        Model::from_bytes(&bytes(&m), "m.onnx").map(|m| m.target())
+    };
+    assert_eq!(with(&[]).unwrap(), Target::RootMeanSquare);
+    assert_eq!(with(&[("target", "rms")]).unwrap(), Target::RootMeanSquare);
+    assert_eq!(with(&[("target", "mean")]).unwrap(), Target::Mean);
+    let e = with(&[("target", "median")]).unwrap_err().to_string();
+    assert!(e.contains("m.onnx: this model's `target` is \"median\"") && e.contains("rms or mean"), "{e}");
 }
 
 #[test]

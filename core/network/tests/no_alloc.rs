@@ -5,9 +5,9 @@
 
 mod common;
 
-use asperity_network::{Choice, Model, Precision};
+use asperity_network::{Answer, Choice, Model, Precision};
 use assert_no_alloc::{AllocDisabler, assert_no_alloc, violation_count};
-use common::{Net, Spelling, bytes, model, motions, textures};
+use common::{Net, Spelling, bytes, heads, motions, scattering, textures};
 
 #[global_allocator]
 static ALLOCATOR: AllocDisabler = AllocDisabler;
@@ -20,10 +20,11 @@ fn violations(f: impl FnOnce()) -> u32 {
 
 #[test]
 fn packed_runs_allocate_nothing_and_tract_is_caught_allocating() {
-    let model = Model::from_bytes(&bytes(&model(&Net::random(1), Spelling::default())), "made.onnx").unwrap();
+    let made = scattering(&Net::random(1), Spelling::default(), &heads(1));
+    let model = Model::from_bytes(&bytes(&made), "made.onnx").unwrap();
     let textures = textures(3, 1);
     let motions = motions(50, 2);
-    let mut out = [0.0; 100];
+    let (mut out, mut answer) = ([0.0; 100], Answer::default());
     for precision in Precision::ALL {
         let packed = precision.isas().into_iter().map(Choice::Packed);
         for choice in packed.chain((precision == Precision::F64).then_some(Choice::Auto)) {
@@ -32,6 +33,7 @@ fn packed_runs_allocate_nothing_and_tract_is_caught_allocating() {
             let count = violations(|| {
                 for (i, (force, speed)) in motions.iter().enumerate() {
                     let _ = runner.run(i % 3, force, speed, &mut out);
+                    let _ = runner.answer(i % 3, force, speed, &mut answer);
                     let _ = runner.run(3, force, speed, &mut out);
                     let _ = runner.run(0, &force[1..], speed, &mut out);
                 }

@@ -186,6 +186,8 @@ pub struct Output {
     pub unit: UnitSpec,
     /// Whether the node guards the signal (finite, and within a device's limits).
     pub limited: bool,
+    /// Whether it comes beside what the node is for: a wire without a port's name does not mean it.
+    pub aside: bool,
 }
 
 impl Input {
@@ -260,7 +262,7 @@ impl Output {
     /// An output.
     pub fn new(name: impl Into<Cow<'static, str>>, shape: ShapeSpec, unit: Unit) -> Self {
         let doc = Cow::Borrowed("");
-        Self { name: name.into(), doc, shape, unit: UnitSpec::Is(unit), limited: false }
+        Self { name: name.into(), doc, shape, unit: UnitSpec::Is(unit), limited: false, aside: false }
     }
 
     /// What it is, in a few words.
@@ -274,6 +276,13 @@ impl Output {
     #[must_use]
     pub fn unit_of(mut self, var: Var) -> Self {
         self.unit = UnitSpec::Of { var, among: Cow::Borrowed(&[]) };
+        self
+    }
+
+    /// Comes beside what the node is for: a wire without a port's name does not mean it.
+    #[must_use]
+    pub fn aside(mut self) -> Self {
+        self.aside = true;
         self
     }
 

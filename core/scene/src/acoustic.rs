@@ -97,6 +97,17 @@ impl Builder<'_> {
         ] {
             self.wire(from, to);
         }
+        // What follows the hand's place, or wants to know more of the material, is told.
+        let asks = |input: &str| phase.inputs.iter().any(|p| p.name == input);
+        for (from, input) in [
+            ("texture.pattern", "pattern"),
+            ("texture.statistics", "statistics"),
+            ("contact.place", "position"),
+        ] {
+            if asks(input) {
+                self.wire(from, &format!("phase.{input}"));
+            }
+        }
         let mut last = "phase";
         if answers_spectra(phase) {
             self.node("synthesis", "overlap_add", &here, Vec::new());

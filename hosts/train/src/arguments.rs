@@ -22,10 +22,25 @@ pub(crate) struct Arguments {
 pub(crate) enum Command {
     /// Trains a model. Ctrl-C keeps what was done; the same command goes on.
     Train(Train),
+    /// Trains the network of every tick of a model anew; its encoder and its materials stay as they are.
+    Network(Network),
     /// Judges a trained model by data it was not trained on, and writes its card anew.
     Evaluate(Evaluate),
     /// Finds anew how a model's materials vibrate over place: the fields `waves` and `events` of its library.
     Pattern(FindPatterns),
+}
+
+/// A model whose network is trained anew, with the settings of the model.
+#[derive(Args, Clone, Debug)]
+pub(crate) struct Network {
+    /// Folder of the model.
+    pub folder: PathBuf,
+    /// Folder for checkpoints; by default FOLDER with `.run` after its name.
+    #[arg(long, value_name = "FOLDER")]
+    pub run: Option<PathBuf>,
+    /// Where the data are now, if they have moved: `hatt:FOLDER` or `recordings:FOLDER`.
+    #[arg(long, value_name = "SOURCE")]
+    pub data: Option<Origin>,
 }
 
 /// What is judged.
@@ -108,6 +123,10 @@ pub(crate) struct Settings {
     /// Of made data: pieces of each surface to train on, 1 to 1000.
     #[arg(long, default_value_t = 12, value_parser = value_parser!(u32).range(1..=1000))]
     pub pieces: u32,
+    /// Whether the network was trained anew on a finished encoder, by `asperity-train network`.
+    #[arg(skip)]
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub network_anew: bool,
 }
 
 fn weight(text: &str) -> Result<f64, String> {

@@ -9,8 +9,8 @@ use crate::arguments::Settings;
 use crate::data::{Data, Origin};
 use crate::encoder::Preset;
 use crate::evaluation::{
-    ALONE, AUDIBLE_M_S2, Evaluation, Level, MEAN_GAIN_DB, Naming, RANGE_DB, Score, Stranger, Strangers,
-    places,
+    ALONE, AUDIBLE_M_S2, Evaluation, Level, MEAN_GAIN_DB, Naming, RANGE_DB, Scatter, Score, Stranger,
+    Strangers, places,
 };
 use crate::loss::{Aim, Target};
 
@@ -34,6 +34,9 @@ pub(crate) fn write(settings: &Settings, sizes: Sizes, data: &Data, evaluation: 
     let _ = write!(card, "\n## Vibration\n\n{}", vibration(settings, evaluation));
     if !evaluation.levels.is_empty() {
         let _ = write!(card, "\n## Mean or root mean square\n\n{}", levels(settings, &evaluation.levels));
+    }
+    if evaluation.scatter.iter().any(|(_, scatter)| scatter.is_some()) {
+        let _ = write!(card, "\n## Mean over root mean square\n\n{}", scatter(&evaluation.scatter_by_family));
     }
     if !evaluation.strangers.surfaces.is_empty() {
         let _ = write!(card, "\n## Surfaces that were never seen\n\n{}", strangers(&evaluation.strangers));
@@ -70,14 +73,33 @@ From a tactile image to a material's vector (`encoder.onnx`, {encoder:.1} MB, {p
 magnitudes of the next 0.1 s of acceleration (`texture.onnx`, {network:.1} MB, the layer sizes of Heravi et al. 2024). `materials.ron` has the vectors of
 {materials} materials. Inputs: `image` [1, 3, 192, 256], 0 to 1; `force` [1, 10] in N; `speed` [1, 20] in mm/s, 10 vx, then 10 vy; `texture`
 [1, 256]. Histories are oldest first, 2 ms apart. Output: `magnitudes` [1, 100], amplitudes in m/s^2 (2 |sum w x| / sum w, Hann window) at 10,
-20, .. 1000 Hz. Trained range: 0 to {force_n:.2} N, 0 to {speed_mm_s:.0} mm/s in any direction.
+20, .. 1000 Hz.{scatter} Trained range: 0 to {force_n:.2} N, 0 to {speed_mm_s:.0} mm/s in any direction.
 
 Data: `{origin}`. {images} images and {touches} touches of {materials} materials to train on; {held_images} other images, and other strokes, to judge by;
 {unseen} surfaces that were never trained on.{made}
 
 The network aims at {target} and its errors are weighed {error}. Stage one took {naming} steps of {batch} images, stage two {feeling} of {touching} touches,
-with a weight of {weight} on naming by the vector, then {settling} for each target. Everything below is written by `asperity-train evaluate`.
+with a weight of {weight} on naming by the vector, then {settling} for each target.
+{anew}Everything below is written by `asperity-train evaluate`.
 ",
+        scatter = match settings.target {
+            Target::Mean => "",
+            Target::Rms => {
+                " Other outputs: `ratio` [1, 100], mean over root mean square of each amplitude, and
+`variance` [1, 1], the variance of a frame's power over its squared mean."
+            }
+        },
+        anew = if settings.network_anew {
+            format!(
+                "
+Then the network of every tick was trained anew on vectors of the finished encoder: {} steps, and {} of settling. The
+network for the other target is that of the first training.
+",
+                settings.feeling_steps, settings.settling_steps
+            )
+        } else {
+            String::new()
+        },
         encoder = megabytes(sizes.encoder_bytes),
         network = megabytes(sizes.network_bytes),
         materials = data.seen.len(),
@@ -182,7 +204,11 @@ fn names(naming: &Naming) -> String {
             part.map_or_else(|| "not judged: without the run's `naming.checkpoint`".to_owned(), percent);
         let _ = writeln!(text, "| {what} | {figure} |");
     };
-    row("classifier of stage one", naming.classifier);
+    let classifier = match naming.judged_earlier {
+        true => "classifier of stage one, as judged earlier on the same images and vectors",
+        false => "classifier of stage one",
+    };
+    row(classifier, naming.classifier);
     row("nearest stored vector", Some(naming.vector));
     row(
         "linear classifier of image statistics (mean, deviation and radial power spectrum of each colour)",
@@ -302,6 +328,29 @@ first is too quiet, what is above 0 in the second is overdriven. The networks we
             gained(level.mean_db),
             signed(level.rms_db)
         );
+    }
+    text
+}
+
+fn scatter(families: &[(String, Option<Scatter>)]) -> String {
+    let mut text = String::from(
+        "The ratio is mean over root mean square magnitude at one material, force and velocity: 0.886 for noise, 1 for
+a steady line. The variance is that of a frame's power over its squared mean; power is the sum of all squared
+magnitudes. True figures are over the places of the held-out strokes above. All are weighted by true power
+within a material, and are means over materials.
+
+| family | true ratio | network | true variance | network |
+|---|---|---|---|---|
+",
+    );
+    for (family, scatter) in families {
+        let figures = match scatter {
+            Some(s) => {
+                [s.ratio, s.ratio_answered, s.variance, s.variance_answered].map(|x| format!("{x:.3}"))
+            }
+            None => [(); 4].map(|()| "-".to_owned()),
+        };
+        let _ = writeln!(text, "| {} | {} |", cell(family), figures.join(" | "));
     }
     text
 }

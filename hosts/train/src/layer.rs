@@ -1,5 +1,7 @@
 //! Fully connected layers, and what all layers are made of.
 
+use std::ops::Range;
+
 use asperity_world::material::Random;
 use burn::module::{Module, Param};
 use burn::tensor::activation::relu;
@@ -95,6 +97,17 @@ pub(crate) fn relu_between(layers: &[Layer], x: Tensor<2>) -> Tensor<2> {
 }
 
 impl Weights {
+    /// Some of the outputs.
+    pub(crate) fn columns(&self, columns: Range<usize>) -> Self {
+        let rows = self.weight.chunks_exact(self.outputs);
+        Self {
+            inputs: self.inputs,
+            outputs: columns.len(),
+            weight: rows.flat_map(|row| &row[columns.clone()]).copied().collect(),
+            bias: self.bias[columns.clone()].to_vec(),
+        }
+    }
+
     /// Takes x' = scale (x - offset) of the first `n` inputs into the weights.
     pub(crate) fn fold(&mut self, scaling: impl Fn(usize) -> (f32, f32), n: usize) {
         for (i, row) in self.weight.chunks_exact_mut(self.outputs).take(n).enumerate() {
@@ -110,6 +123,19 @@ impl Weights {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn columns_keep_their_weights_and_biases() {
+        let layer = Weights {
+            inputs: 2,
+            outputs: 3,
+            weight: (0..6u8).map(f32::from).collect(),
+            bias: vec![7.0, 8.0, 9.0],
+        };
+        let some = layer.columns(1..3);
+        assert_eq!((some.inputs, some.outputs), (2, 2));
+        assert_eq!((some.weight, some.bias), (vec![1.0, 2.0, 4.0, 5.0], vec![8.0, 9.0]));
+    }
 
     #[test]
     fn folding_the_scaling_changes_no_answer() {

@@ -3,6 +3,8 @@
 use asperity_dataset::{Example, HISTORY, Truth};
 use asperity_world::material::BINS;
 use burn::tensor::Tensor;
+
+use crate::network::Answers;
 use serde::{Deserialize, Serialize};
 
 /// What the network is to answer of a random texture.
@@ -27,7 +29,7 @@ pub(crate) enum Aim {
 const FLOOR_M_S2: f32 = 0.02;
 
 /// Mean over root mean square of a Rayleigh distributed magnitude: sqrt(pi / 4).
-const RAYLEIGH: f32 = 0.886_226_9;
+pub(crate) const RAYLEIGH: f32 = 0.886_226_9;
 
 impl Target {
     /// Its name in files.
@@ -101,6 +103,73 @@ impl Silence {
     fn or(self, felt: Tensor<2>) -> Tensor<2> {
         felt.clone() + self.there * (self.loss - felt)
     }
+}
+
+/// Weight of the ratios' loss beside that of magnitudes.
+const RATIO_WEIGHT: f32 = 0.5;
+/// Weight of the variance's loss beside that of magnitudes.
+const VARIANCE_WEIGHT: f32 = 0.05;
+/// Part of the usual magnitudes of such a touch whose power is added to both powers of a quotient: where
+/// next to nothing is felt, nothing scatters.
+const POWER_SOFT: f32 = 0.1;
+/// Largest power of a frame over the mean that the variance takes notice of. A frame of more counts as one
+/// of this: a single hit would outweigh thousands of others by its square.
+const MOST_POWER: f32 = 10.0;
+
+/// Touches by which scatter is learned.
+pub(crate) struct Scattered {
+    /// Magnitudes whose mean is learned, \[n, 100\].
+    pub mean: Tensor<2>,
+    /// Magnitudes of one frame, or known root mean squares, \[n, 100\].
+    pub magnitudes: Tensor<2>,
+    /// One over usual magnitudes of such a touch, \[n, 100\].
+    pub weight: Tensor<2>,
+    /// Mean square of a frame's power over its squared mean, where the magnitudes are known root mean
+    /// squares; 1 where they are of one frame; 0 where nothing is felt: \[n, 1\].
+    pub square: Tensor<2>,
+}
+
+impl Scattered {
+    /// The loss of ratios and variances, to be added to that of magnitudes `y`, which it takes as they are.
+    ///
+    /// A ratio `r` has the loss of a mean `r y`. For the variance, `q` is a frame's power over that of `y`,
+    /// held to at most 10. The excess `x` has `x + q / e^x`, whose least is at the logarithm of the mean of
+    /// `q`. The variance `v` has `ln(1 + v) + p^2 / (1 + v)` with `p = q / e^x`, whose least is at `1 + v`
+    /// equal to the mean of `p^2`. So a bias of `y` does not count as scatter. Below 0 the loss of `v` goes
+    /// on in a straight line.
+    pub(crate) fn loss(self, aim: Aim, answers: Answers) -> Tensor<1> {
+        let felt = self.square.clone().greater_scalar(0.0).float();
+        let y = answers.magnitudes.detach().clamp_min(0.0) * felt.clone();
+        let mean = self.mean * felt.clone();
+        let ratio = Target::Mean.loss(aim, answers.ratio * y.clone(), mean, self.weight.clone());
+
+        let power = |m: Tensor<2>| m.powi_scalar(2).sum_dim(1);
+        let soft = power(self.weight.recip()) * (POWER_SOFT * POWER_SOFT);
+        let q = (power(self.magnitudes) + soft.clone()) / (power(y) + soft);
+        let q = q.clamp_max(MOST_POWER);
+        let excess = answers.excess.clone() + q.clone() / answers.excess.clone().exp();
+        let p = q / answers.excess.detach().exp();
+        let square = p.powi_scalar(2) * self.square;
+        let (above, below) = (answers.variance.clone().clamp_min(0.0) + 1.0, answers.variance.clamp_max(0.0));
+        let variance = above.clone().log() + square.clone() / above + (-square + 1.0) * below;
+        ratio * RATIO_WEIGHT + ((excess + variance) * felt).mean() * VARIANCE_WEIGHT
+    }
+}
+
+/// Mean square of a frame's power over its squared mean, where a Gaussian signal has these root mean square
+/// magnitudes.
+///
+/// Hann's window correlates a bin with the next by 2/3 and with the one after that by 1/6, and covariances
+/// of powers are the squares of those times both powers.
+pub(crate) fn square_of_noise(rms: &[f32; BINS]) -> f32 {
+    let powers = rms.map(|m| f64::from(m).powi(2));
+    let sum: f64 = powers.iter().sum();
+    if sum == 0.0 {
+        return 0.0;
+    }
+    let products = |apart: usize| powers.iter().zip(&powers[apart..]).map(|(a, b)| a * b).sum::<f64>();
+    let variance = products(0) + 2.0 * (4.0 / 9.0 * products(1) + products(2) / 36.0);
+    (1.0 + variance / (sum * sum)) as f32
 }
 
 /// What is added to a relative answer before it is divided by: below this part of what such a touch comes to, decibels no longer count.
@@ -196,6 +265,90 @@ mod tests {
                 );
             }
         }
+    }
+
+    /// Derivatives of the loss by one ratio, variance and excess for all frames, where magnitudes of 1 are
+    /// answered.
+    fn slopes(frames: &[[f32; BINS]], square: f32, scatter: [f32; 3]) -> [f32; 3] {
+        let (device, n) = (Device::flex().autodiff(), frames.len());
+        let all = |x: f32, width| Tensor::<2>::full([n, width], x, &device);
+        let magnitudes = TensorData::new(frames.concat(), [n, BINS]);
+        let magnitudes: Tensor<2> = Tensor::from_data(magnitudes, &device);
+        let (mean, weight, square) = (magnitudes.clone(), all(1.0, BINS), all(square, 1));
+        let scatter = scatter.map(|x| Tensor::<2>::full([1, 1], x, &device).require_grad());
+        let [ratio, variance, excess] = scatter.clone().map(|x| x.repeat_dim(0, n));
+        let answers =
+            Answers { magnitudes: all(1.0, BINS), ratio: ratio.repeat_dim(1, BINS), variance, excess };
+        let loss = Scattered { mean, magnitudes, weight, square }.loss(Aim::Relative, answers);
+        let gradients = loss.backward();
+        scatter.map(|x| x.grad(&gradients).map_or(0.0, |slope| slope.into_scalar::<f32>()))
+    }
+
+    /// Where a slope goes from below 0 to above, within -1 to 3.
+    fn least(slope: impl Fn(f32) -> f32) -> f32 {
+        let (mut low, mut high) = (-1.0_f32, 3.0);
+        for _ in 0..20 {
+            let middle = 0.5 * (low + high);
+            *(if slope(middle) < 0.0 { &mut low } else { &mut high }) = middle;
+        }
+        low
+    }
+
+    /// Frames of a Rayleigh distribution whose root mean square is 1.
+    fn noise() -> Vec<[f32; BINS]> {
+        let random = &mut asperity_world::material::Random::new(5);
+        let mut draw = |_| (-(1.0 - random.unit()).ln()).sqrt() as f32;
+        (0..200).map(|_| std::array::from_fn(&mut draw)).collect()
+    }
+
+    #[test]
+    fn ratio_of_noise_is_0_886_and_of_a_steady_line_1() {
+        for (frames, wanted) in [(noise(), RAYLEIGH), (vec![[1.0; BINS]; 3], 1.0)] {
+            let found = least(|ratio| slopes(&frames, 1.0, [ratio, 0.1, 0.0])[0]);
+            assert!((found - wanted).abs() < 0.005, "{found}, not {wanted}");
+        }
+    }
+
+    #[test]
+    fn variance_and_excess_are_those_of_the_powers() {
+        // Powers of 0.5 and 1.5 times the level: their variance is 1/4 of the squared mean.
+        for level in [1.0_f32, 2.0] {
+            let frames = [0.5, 1.5].map(|power: f32| [(level * power).sqrt(); BINS]);
+            let excess = least(|x| slopes(&frames, 1.0, [1.0, 0.1, x])[2]);
+            assert!((excess - level.ln()).abs() < 0.02, "{excess} for {level}");
+            let variance = least(|v| slopes(&frames, 1.0, [1.0, v, excess])[1]);
+            assert!((variance - 0.25).abs() < 0.01, "{variance} for {level}");
+        }
+        // A known root mean square brings its own.
+        let variance = least(|v| slopes(&[[1.0; BINS]], 1.3, [1.0, v, 0.0])[1]);
+        assert!((variance - 0.3).abs() < 0.005, "{variance}");
+        let steady = least(|v| slopes(&[[1.0; BINS]], 1.0, [1.0, v, 0.0])[1]);
+        assert!(steady < 0.005, "{steady}");
+    }
+
+    #[test]
+    fn loud_frame_counts_as_ten_and_silence_not_at_all() {
+        let slope = |power: f32| slopes(&[[power.sqrt(); BINS]], 1.0, [1.0, 1.0, 0.0])[1];
+        assert!((slope(1e4) / slope(30.0) - 1.0).abs() < 1e-3, "{} {}", slope(1e4), slope(30.0));
+        assert!((1.0..1.3).contains(&(slope(30.0) / slope(9.0))), "{} {}", slope(30.0), slope(9.0));
+        assert_eq!(slopes(&[[0.0; BINS]], 0.0, [0.2, 3.0, 1.0]), [0.0; 3]);
+    }
+
+    #[test]
+    fn square_of_noise_is_that_of_frames_of_white_noise() {
+        let random = &mut asperity_world::material::Random::new(6);
+        let mut spectrometer = asperity_dataset::Spectrometer::new(4000.0);
+        let powers: Vec<f64> = (0..4000)
+            .map(|_| {
+                let frame: Vec<f64> = (0..spectrometer.length()).map(|_| random.normal()).collect();
+                spectrometer.magnitudes(&[&frame]).iter().map(|m| f64::from(*m).powi(2)).sum()
+            })
+            .collect();
+        let mean = |x: &mut dyn Iterator<Item = f64>| x.sum::<f64>() / powers.len() as f64;
+        let (first, second) = (mean(&mut powers.iter().copied()), mean(&mut powers.iter().map(|p| p * p)));
+        let (found, wanted) = (second / first.powi(2) - 1.0, f64::from(square_of_noise(&[3.0; BINS])) - 1.0);
+        assert!((found / wanted - 1.0).abs() < 0.1, "{found}, not {wanted}");
+        assert_eq!(square_of_noise(&[0.0; BINS]), 0.0);
     }
 
     #[test]

@@ -35,6 +35,7 @@ fn main() -> ExitCode {
     }
     let result = match Arguments::parse().command {
         Command::Train(train) => training::train(&train),
+        Command::Network(network) => training::network(&network),
         Command::Evaluate(evaluate) => training::evaluate(&evaluate),
         Command::Pattern(found) => pattern::find(&found),
     };

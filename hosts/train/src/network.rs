@@ -6,7 +6,8 @@ use burn::module::Module;
 use burn::tensor::{Device, Tensor};
 
 use crate::data::Reach;
-use crate::layer::{Layer, Weights, all_relu, layers, relu_between};
+use crate::layer::{Layer, Weights, all_relu, layers};
+use crate::loss::RAYLEIGH;
 
 /// Widths of the force branch, its input first.
 const FORCE: [usize; 4] = [HISTORY, 10, 10, 10];
@@ -14,8 +15,8 @@ const FORCE: [usize; 4] = [HISTORY, 10, 10, 10];
 const SPEED: [usize; 5] = [2 * HISTORY, 20, 20, 20, 10];
 /// Widths of the action branch, whose input is force and speed.
 const ACTION: [usize; 5] = [20, 400, 300, 200, 100];
-/// Widths of the predictor, whose input is texture and action.
-const PREDICTOR: [usize; 6] = [VECTOR_LEN + 100, 300, 300, 200, 100, BINS];
+/// Widths of the predictor up to its last layer. Its input is texture and action.
+const PREDICTOR: [usize; 5] = [VECTOR_LEN + 100, 300, 300, 200, 100];
 
 /// What inputs are made before they are given to the network: x' = scale (x - offset).
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -33,13 +34,28 @@ impl Scaling {
     }
 }
 
-/// The network. It takes forces and velocities scaled, and answers m/s^2, without the last ReLU.
+/// The network. It takes scaled forces and velocities, and answers m/s^2, without the last ReLU.
 #[derive(Module, Debug)]
 pub(crate) struct Network {
     force: Vec<Layer>,
     speed: Vec<Layer>,
     action: Vec<Layer>,
     predictor: Vec<Layer>,
+    magnitudes: Layer,
+    scatter: Layer,
+}
+
+/// Answers to n touches, before the last ReLU.
+pub(crate) struct Answers {
+    /// Magnitudes in m/s^2, \[n, 100\].
+    pub magnitudes: Tensor<2>,
+    /// Mean over root mean square of each magnitude, \[n, 100\].
+    pub ratio: Tensor<2>,
+    /// Normalised variance of a frame's power, \[n, 1\].
+    pub variance: Tensor<2>,
+    /// Logarithm of the mean power over that of the magnitudes, \[n, 1\]. It corrects the variance in
+    /// training only.
+    pub excess: Tensor<2>,
 }
 
 /// The network's numbers, for export: inputs in N and mm/s.
@@ -51,8 +67,14 @@ pub(crate) struct NetworkWeights {
     pub speed: Vec<Weights>,
     /// Action branch.
     pub action: Vec<Weights>,
-    /// Predictor.
+    /// Predictor up to its last layer.
     pub predictor: Vec<Weights>,
+    /// Last layer of the magnitudes.
+    pub magnitudes: Weights,
+    /// Last layer of the ratios.
+    pub ratio: Weights,
+    /// Last layer of the variance.
+    pub variance: Weights,
 }
 
 impl Network {
@@ -61,19 +83,40 @@ impl Network {
         let force = layers(&FORCE, random, device);
         let speed = layers(&SPEED, random, device);
         let action = layers(&ACTION, random, device);
-        let [hidden @ .., outputs] = PREDICTOR;
-        let mut predictor = layers(&hidden, random, device);
+        let predictor = layers(&PREDICTOR, random, device);
+        let width = PREDICTOR[PREDICTOR.len() - 1];
         // Magnitudes are small numbers: begin with small answers.
-        predictor.push(Layer::new(hidden[hidden.len() - 1], outputs, 0.02, random, device));
-        Self { force, speed, action, predictor }
+        let magnitudes = Layer::new(width, BINS, 0.02, random, device);
+        // Begin with noise of about ten independent bins.
+        let bias = [vec![RAYLEIGH; BINS], vec![0.1, 0.0]].concat();
+        let (inputs, outputs) = (width, bias.len());
+        let weights = Weights { inputs, outputs, weight: vec![0.0; inputs * outputs], bias };
+        Self { force, speed, action, predictor, magnitudes, scatter: Layer::of(&weights, device) }
     }
 
-    /// Magnitudes before the last ReLU, \[n, 100\], from scaled inputs \[n, 10\] and \[n, 20\], and vectors \[n, 256\].
-    pub(crate) fn forward(&self, force: Tensor<2>, speed: Tensor<2>, texture: Tensor<2>) -> Tensor<2> {
+    /// Answers to scaled inputs \[n, 10\] and \[n, 20\], and vectors \[n, 256\].
+    pub(crate) fn forward(&self, force: Tensor<2>, speed: Tensor<2>, texture: Tensor<2>) -> Answers {
         let force = all_relu(&self.force, force);
         let speed = all_relu(&self.speed, speed);
         let action = all_relu(&self.action, Tensor::cat(vec![force, speed], 1));
-        relu_between(&self.predictor, Tensor::cat(vec![texture, action], 1))
+        let hidden = all_relu(&self.predictor, Tensor::cat(vec![texture, action], 1));
+        let scatter = self.scatter.forward(hidden.clone());
+        Answers {
+            magnitudes: self.magnitudes.forward(hidden),
+            ratio: scatter.clone().narrow(1, 0, BINS),
+            variance: scatter.clone().narrow(1, BINS, 1),
+            excess: scatter.narrow(1, BINS + 1, 1),
+        }
+    }
+
+    /// The same with random positive weights of ratio and variance.
+    #[cfg(test)]
+    pub(crate) fn scattered(mut self, random: &mut Random, device: &Device) -> Self {
+        let mut weights = self.scatter.weights();
+        weights.weight.fill_with(|| random.range(0.0, 5e-3) as f32);
+        weights.bias.fill(0.1);
+        self.scatter = Layer::of(&weights, device);
+        self
     }
 
     /// The network that answers vectors times `scale` as this one answers vectors.
@@ -97,7 +140,16 @@ impl Network {
         if let Some(first) = speed.first_mut() {
             first.fold(|_| (scaling.speed, 0.0), 2 * HISTORY);
         }
-        NetworkWeights { force, speed, action: all(&self.action), predictor: all(&self.predictor) }
+        let scatter = self.scatter.weights();
+        NetworkWeights {
+            force,
+            speed,
+            action: all(&self.action),
+            predictor: all(&self.predictor),
+            magnitudes: self.magnitudes.weights(),
+            ratio: scatter.columns(0..BINS),
+            variance: scatter.columns(BINS..BINS + 1),
+        }
     }
 }
 
@@ -108,11 +160,11 @@ mod tests {
     use burn::tensor::TensorData;
 
     #[test]
-    fn the_layer_sizes_are_the_papers() {
+    fn layer_sizes_are_the_papers_and_scatter_adds_10100() {
         let w = Network::new(&mut Random::new(1), &Device::flex()).weights(Scaling::of(Reach::DRAWN));
-        let all = [w.force, w.speed, w.action, w.predictor].concat();
-        let multiply_adds: usize = all.iter().map(|l| l.weight.len()).sum();
-        assert_eq!(multiply_adds, 496_500);
+        let sizes = |layers: &[Weights]| layers.iter().map(|l| l.weight.len()).sum::<usize>();
+        assert_eq!(sizes(&[w.force, w.speed, w.action, w.predictor, vec![w.magnitudes]].concat()), 496_500);
+        assert_eq!(sizes(&[w.ratio, w.variance]), 10_100);
     }
 
     #[test]
@@ -125,8 +177,8 @@ mod tests {
         let (force, speed, vector) = (row(HISTORY, 1.0), row(2 * HISTORY, 1.0), row(VECTOR_LEN, 6.0));
         let network = Network::new(&mut Random::new(1), &device);
         let other = network.clone().for_vectors_times(0.25, &device);
-        let answer = numbers(network.forward(force.clone(), speed.clone(), vector.clone()));
-        let scaled = numbers(other.forward(force, speed, vector * 0.25));
+        let answer = numbers(network.forward(force.clone(), speed.clone(), vector.clone()).magnitudes);
+        let scaled = numbers(other.forward(force, speed, vector * 0.25).magnitudes);
         assert!(answer.iter().zip(&scaled).all(|(a, b)| (a - b).abs() < 1e-5), "{answer:?} {scaled:?}");
     }
 

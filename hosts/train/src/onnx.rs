@@ -1,7 +1,7 @@
 //! Writes networks as ONNX: Conv, MaxPool, Flatten, Gemm, Relu, Concat, Mul and Add, nothing else.
 
 use asperity_dataset::HISTORY;
-use asperity_world::material::{BINS, VECTOR_LEN};
+use asperity_world::material::VECTOR_LEN;
 use asperity_world::tactile::IMAGE;
 use prost::Message;
 use tract_onnx::pb;
@@ -9,6 +9,7 @@ use tract_onnx::pb;
 use crate::data::Reach;
 use crate::encoder::{GEOMETRY, Kernel, PIXEL_SCALE, POOL};
 use crate::layer::Weights;
+use crate::loss::Target;
 use crate::network::NetworkWeights;
 
 /// Version of the file format: that of ONNX 1.8, which every current reader knows.
@@ -19,26 +20,44 @@ const OPSET: i64 = 13;
 /// Keys and values of a file's metadata.
 pub(crate) type About<'a> = &'a [(&'a str, String)];
 
-/// The bytes of the network of every tick: inputs `force` \[1, 10\] N, `speed` \[1, 20\] mm/s and `texture` \[1, 256\], output `magnitudes`
-/// \[1, 100\] m/s^2. Its metadata give the trained range, and `about`.
-pub(crate) fn network(network: &NetworkWeights, reach: Reach, about: About<'_>) -> Vec<u8> {
+/// The bytes of the network of every tick.
+///
+/// Inputs are `force` \[1, 10\] in N, `speed` \[1, 20\] in mm/s and `texture` \[1, 256\]. The first output
+/// is `magnitudes` \[1, 100\] in m/s^2. A network for root mean squares also has `ratio` \[1, 100\] and
+/// `variance` \[1, 1\]. The metadata have the trained range, the target, and `about`.
+pub(crate) fn network(network: &NetworkWeights, target: Target, reach: Reach, about: About<'_>) -> Vec<u8> {
     let mut graph = Graph::default();
     let force = graph.chain("force", "force", &network.force, Some("force_features"));
     let speed = graph.chain("speed", "speed", &network.speed, Some("speed_features"));
     let joined = graph.concat("action_input", [force, speed]);
     let action = graph.chain("action", &joined, &network.action, Some("action_features"));
     let joined = graph.concat("predictor_input", ["texture".to_owned(), action]);
-    graph.chain("predictor", &joined, &network.predictor, Some("magnitudes"));
-    let mut range =
-        vec![("force_max_n", reach.force_n.to_string()), ("speed_max_mm_s", reach.speed_mm_s.to_string())];
-    range.extend_from_slice(about);
+    let hidden = graph.chain("predictor", &joined, &network.predictor, None);
+    // One layer for each output: in f16 and int8 networks layers of this size keep f32 weights.
+    let mut outputs = Vec::new();
+    let mut head = |name: &'static str, layer: &Weights| {
+        graph.chain(name, &hidden, std::slice::from_ref(layer), Some(name));
+        outputs.push(value(name, &[1, layer.outputs]));
+    };
+    head("magnitudes", &network.magnitudes);
+    if target == Target::Rms {
+        head("ratio", &network.ratio);
+        head("variance", &network.variance);
+    }
+    let mut known = vec![
+        ("force_max_n", reach.force_n.to_string()),
+        ("speed_max_mm_s", reach.speed_mm_s.to_string()),
+        ("target", target.name().to_owned()),
+    ];
+    known.extend_from_slice(about);
     graph.file(
         "texture_network",
         "10 forces [N], 10 vx and 10 vy [mm/s], a material's vector, to the amplitudes [m/s^2] of the next 0.1 s of acceleration \
-         at 10, 20, .. 1000 Hz.",
+         at 10, 20, .. 1000 Hz. `ratio` is mean over root mean square of each amplitude, `variance` is the variance of the sum of their squares over its \
+         squared mean.",
         vec![value("force", &[1, HISTORY]), value("speed", &[1, 2 * HISTORY]), value("texture", &[1, VECTOR_LEN])],
-        value("magnitudes", &[1, BINS]),
-        &range,
+        outputs,
+        &known,
     )
 }
 
@@ -81,7 +100,7 @@ pub(crate) fn encoder(kernels: &[Kernel], head: &[Weights], about: About<'_>) ->
         "tactile_encoder",
         "From a tactile image, red, green and blue from 0 to 1, to a material's vector.",
         vec![value("image", &[1, 3, IMAGE[0], IMAGE[1]])],
-        value("texture", &[1, VECTOR_LEN]),
+        vec![value("texture", &[1, VECTOR_LEN])],
         about,
     )
 }
@@ -166,7 +185,7 @@ impl Graph {
         name: &str,
         doc: &str,
         inputs: Vec<pb::ValueInfoProto>,
-        output: pb::ValueInfoProto,
+        outputs: Vec<pb::ValueInfoProto>,
         about: About<'_>,
     ) -> Vec<u8> {
         let model = pb::ModelProto {
@@ -187,7 +206,7 @@ impl Graph {
                 node: self.nodes,
                 initializer: self.tensors,
                 input: inputs,
-                output: vec![output],
+                output: outputs,
                 ..Default::default()
             }),
             ..Default::default()
@@ -219,7 +238,7 @@ mod tests {
     use crate::encoder::{FEATURES, Head, ImageEncoder, PIXELS, Preset, features};
     use crate::layer::numbers;
     use crate::network::{Network, Scaling};
-    use asperity_network::{Choice, Encoder, Model, Precision};
+    use asperity_network::{Answer, Choice, Encoder, Model, Precision};
     use asperity_world::material::Random;
     use asperity_world::tactile::Image;
     use burn::tensor::{Device, Tensor, TensorData};
@@ -263,9 +282,13 @@ mod tests {
         let (device, random) = (Device::flex(), &mut Random::new(9));
         let reach = Reach { force_n: 6.0, speed_mm_s: 500.0 };
         let scaling = Scaling::of(reach);
-        let trained = Network::new(random, &device);
-        let bytes = network(&trained.weights(scaling), reach, &[("settings", "{}".to_owned())]);
-        let written = Model::from_bytes(&bytes, "t.onnx").unwrap();
+        let trained = Network::new(random, &device).scattered(random, &device);
+        let about = [("settings", "{}".to_owned())];
+        let write = |target| network(&trained.weights(scaling), target, reach, &about);
+        let written = Model::from_bytes(&write(Target::Rms), "t.onnx").unwrap();
+        assert_eq!(written.target(), asperity_network::Target::RootMeanSquare);
+        let mean = Model::from_bytes(&write(Target::Mean), "m.onnx").unwrap();
+        assert_eq!((mean.target(), mean.answers_scatter()), (asperity_network::Target::Mean, false));
         assert_eq!(written.trained().force_max_n.zip(written.trained().speed_max_mm_s), Some((6.0, 500.0)));
         let force: [f32; HISTORY] = std::array::from_fn(|_| random.range(0.0, 6.0) as f32);
         let speed: [f32; 2 * HISTORY] = std::array::from_fn(|_| random.range(-350.0, 350.0) as f32);
@@ -276,11 +299,18 @@ mod tests {
         };
         let scaled_force = force.map(|f| scaling.force.0 * (f - scaling.force.1)).to_vec();
         let scaled_speed = speed.map(|v| scaling.speed * v).to_vec();
-        let answer = trained.forward(row(scaled_force), row(scaled_speed), row(vector.clone()));
-        let answer: Vec<f32> = numbers(answer).into_iter().map(|m| m.max(0.0)).collect();
-        let mut out = [0.0; BINS];
+        let answers = trained.forward(row(scaled_force), row(scaled_speed), row(vector.clone()));
         let mut runner = written.runner(&[vector], Precision::F32, Choice::Auto).unwrap();
-        runner.run(0, &force, &speed, &mut out).unwrap();
-        assert!(answer.iter().any(|m| *m > 0.0) && apart(&out, &answer) < 1e-4, "{}", apart(&out, &answer));
+        let mut found = Answer::default();
+        runner.answer(0, &force, &speed, &mut found).unwrap();
+        for (answer, found, most) in [
+            (answers.magnitudes, &found.magnitudes[..], f32::MAX),
+            (answers.ratio, &found.ratio, 1.0),
+            (answers.variance, &[found.variance], f32::MAX),
+        ] {
+            let answer: Vec<f32> = numbers(answer).into_iter().map(|m| m.clamp(0.0, most)).collect();
+            assert!(answer.iter().any(|m| *m > 0.0 && *m < most), "{answer:?}");
+            assert!(apart(found, &answer) < 1e-4, "{}", apart(found, &answer));
+        }
     }
 }

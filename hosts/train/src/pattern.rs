@@ -15,7 +15,7 @@ use crate::data::{Origin, made_settings};
 use crate::failure::Failure;
 use crate::files::write_whole;
 use crate::progress::Teller;
-use crate::training::settings_of;
+use crate::training::{settings_now, settings_of};
 
 /// Which model's patterns are found anew.
 #[derive(Args, Clone, Debug)]
@@ -32,7 +32,7 @@ pub(crate) struct FindPatterns {
 /// # Errors
 /// What the files say, and the data.
 pub(crate) fn find(find: &FindPatterns) -> Result<(), Failure> {
-    let settings = settings_of(&find.folder, find.data.as_ref())?;
+    let settings = settings_now(&find.folder, &settings_of(&find.folder)?, find.data.as_ref())?;
     let path = find.folder.join("materials.ron");
     let library = Library::read(&path)?;
     let mut materials = library.materials().to_vec();

@@ -10,18 +10,20 @@ use asperity_dataset::Subject;
 use asperity_network::Encoder;
 use asperity_plot::{Curve, Curves};
 use asperity_source::Diagnostic;
-use asperity_world::material::{Library, LibraryMaterial, Pattern, VECTOR_LEN};
+use asperity_world::material::{Library, LibraryMaterial, Pattern, Random, VECTOR_LEN};
 use asperity_world::tactile::Image;
 use burn::module::Module;
 use burn::tensor::Device;
 use image::ExtendedColorType;
 use image::codecs::jpeg::JpegEncoder;
+use rayon::prelude::*;
+use serde::Deserialize;
 
-use crate::arguments::{Evaluate, Settings, Train};
+use crate::arguments::{self, Evaluate, Settings, Train};
 use crate::card::Sizes;
 use crate::data::{self, Data, Origin};
 use crate::descent::{self, Losses, Stage, Stop};
-use crate::evaluation::{self, Network, Written};
+use crate::evaluation::{self, Naming as Named, Network, Written};
 use crate::failure::Failure;
 use crate::files::write_whole;
 use crate::network::{self, Scaling};
@@ -39,16 +41,7 @@ pub(crate) fn train(train: &Train) -> Result<(), Failure> {
     let run = train.run.clone().unwrap_or_else(|| beside(&train.out));
     belongs(&run, settings)?;
     fits(&train.out, settings)?;
-    let stop = Arc::new(Stop::default());
-    let asked = Arc::clone(&stop);
-    ctrlc::set_handler(move || {
-        if !asked.ask() {
-            std::process::exit(130);
-        }
-        eprintln!("stopping; Ctrl-C again to leave at once");
-    })
-    .map_err(|e| Failure::Model(format!("cannot listen for Ctrl-C: {e}")))?;
-
+    let stop = stop_by_ctrl_c()?;
     let data = data::load(settings)?;
     same_data(&run, &data)?;
     spares(&train.out, &data)?;
@@ -81,14 +74,7 @@ pub(crate) fn train(train: &Train) -> Result<(), Failure> {
     let looks = Looks::of(&namer.encoder, &data.seen, (kin, settings.seed), &plain);
     let feeling = stage("feeling", settings.feeling_steps, (settings.feeling_rate, 0.99));
     let mut teller = Teller::new("feeling", feeling.steps);
-    let touching = Touching {
-        groups: settings.feeling_groups as usize,
-        each: settings.feeling_each as usize,
-        seed: settings.seed,
-        target: settings.target,
-        aim: settings.error,
-        scaling: Scaling::of(data.reach),
-    };
+    let touching = touching(settings, &data);
     let learner = Learner::new(&namer.classifier, &looks, settings.seed, &device);
     let beside = (&looks, kin, settings.naming_weight);
     let (learner, feeling_losses) =
@@ -105,13 +91,9 @@ pub(crate) fn train(train: &Train) -> Result<(), Failure> {
     let gain = if rms > 0.0 { rms.recip() as f32 } else { 1.0 };
     vectors.iter_mut().flatten().for_each(|x| *x *= gain);
     let stored: Vec<[f32; VECTOR_LEN]> = vectors.iter().map(|v| mean_vector(v)).collect();
-    let both: Vec<Vec<f32>> = vectors
-        .iter()
-        .zip(&stored)
-        .map(|(images, mean)| [images.clone(), mean.repeat(images.len() / VECTOR_LEN)].concat())
-        .collect();
+    let both = with_stored(&vectors, &stored);
     let settle = |name, target| {
-        let settling = stage(name, settings.settling_steps, (0.05 * settings.feeling_rate, 0.99));
+        let settling = stage(name, settings.settling_steps, (SETTLING * settings.feeling_rate, 0.99));
         let mut teller = Teller::new(name, settling.steps);
         let touching = Touching { target, ..touching };
         let network = learner.feeler.network.clone().for_vectors_times(gain, &device);
@@ -122,16 +104,17 @@ pub(crate) fn train(train: &Train) -> Result<(), Failure> {
     let (settled_other, other_losses) = settle("settling_other", other)?;
 
     let about = [("settings", about(settings))];
-    let network =
-        |network: &network::Network| onnx::network(&network.weights(touching.scaling), data.reach, &about);
+    let network = |network: &network::Network, target| {
+        onnx::network(&network.weights(touching.scaling), target, data.reach, &about)
+    };
     let out = |name: &str| train.out.join(name);
     write_whole(
         &out("encoder.onnx"),
         &onnx::encoder(&namer.encoder.kernels(), &texture.weights(looks.scale, gain), &about),
     )?;
-    write_whole(&out("texture.onnx"), &network(&settled))?;
+    write_whole(&out("texture.onnx"), &network(&settled, settings.target))?;
     let name = format!("texture_{}.onnx", other.name());
-    write_whole(&out(&name), &network(&settled_other))?;
+    write_whole(&out(&name), &network(&settled_other, other))?;
     let mut materials = materials(&train.out, &data, &stored)?;
     pattern::fill(&mut materials, settings)?;
     write_whole(
@@ -139,12 +122,14 @@ pub(crate) fn train(train: &Train) -> Result<(), Failure> {
         Library::new(out("materials.ron"), Some("encoder.onnx".to_owned()), materials).to_ron().as_bytes(),
     )?;
     write_whole(&out(SETTINGS), serde_json::to_string_pretty(settings).unwrap_or_default().as_bytes())?;
-    let losses = [
+    let losses: Vec<(String, Losses)> = [
         ("naming", naming_losses),
         ("feeling", feeling_losses),
         ("settling", settling_losses),
         ("settling_other", other_losses),
-    ];
+    ]
+    .map(|(name, losses)| (name.to_owned(), losses))
+    .into();
     write_whole(&out("losses.csv"), csv(&losses).as_bytes())?;
     write_whole(&out("curves.svg"), curves(&losses).to_svg().as_bytes())?;
     eprintln!("wrote {}", train.out.display());
@@ -154,30 +139,111 @@ pub(crate) fn train(train: &Train) -> Result<(), Failure> {
     judge(&train.out, &run, settings, &data)
 }
 
-/// Judges the model of a folder, and writes its card.
+/// Trains the network of every tick of a model anew, from the vectors of its encoder, and writes its card.
 ///
 /// # Errors
-/// What the files say, and the data.
-pub(crate) fn evaluate(evaluate: &Evaluate) -> Result<(), Failure> {
-    let settings = told_settings(&evaluate.folder)?;
-    let run = evaluate.run.clone().unwrap_or_else(|| beside(&evaluate.folder));
-    let now = settings_of(&evaluate.folder, evaluate.data.as_ref())?;
-    if evaluate.run.is_some() && !run.is_dir() {
-        return Err(Diagnostic::new("there is no such folder").in_file(&run).help("--run names it").into());
+/// Messages of the files, the data or the training; [`Failure::Stopped`] by Ctrl-C.
+pub(crate) fn network(asked: &arguments::Network) -> Result<(), Failure> {
+    let folder = &asked.folder;
+    let settings = settings_of(folder)?;
+    let run = asked.run.clone().unwrap_or_else(|| beside(folder));
+    belongs(&run, &settings)?;
+    let out = |name: &str| folder.join(name);
+    let encoder = Encoder::load(out("encoder.onnx"))?;
+    let library = Library::read(out("materials.ron"))?;
+    let mut losses = losses_of(&out("losses.csv"))?;
+    let stop = stop_by_ctrl_c()?;
+    let data = data_of(folder, &settings, asked.data.as_ref())?;
+    same_data(&run, &data)?;
+    let stored: Vec<[f32; VECTOR_LEN]> =
+        trained(&library, &data)?.materials().iter().map(|m| *m.vector).collect();
+    let _alone = begin(folder, &run, &settings, &data)?;
+
+    let mut teller = Teller::new("vectors", data.seen.len());
+    let mut vectors: Vec<Vec<f32>> = Vec::new();
+    for subject in &data.seen {
+        let of: Vec<_> =
+            subject.images.train.par_iter().map(|image| encoder.encode(image)).collect::<Result<_, _>>()?;
+        vectors.push(of.concat());
+        teller.tell(vectors.len(), "subjects");
     }
-    let data = data::load(&now).map_err(|e| match e {
-        Failure::Input(d) if now.data != Origin::Made && evaluate.data.is_none() => {
-            let place = "the settings of this model say where its data were; --data says where they are now";
-            let help = d.help.as_ref().map_or(place.to_owned(), |help| format!("{help}; {place}"));
-            d.help(help).into()
-        }
-        e => e,
-    })?;
-    judge(&evaluate.folder, &run, &settings, &data)
+    let both = with_stored(&vectors, &stored);
+    let device = Device::flex().autodiff();
+    let learn = |network, name, steps: u32, learning_rate, touching| {
+        let stage = Stage {
+            name,
+            steps: steps as usize,
+            learning_rate,
+            second_decay: 0.99,
+            folder: &run,
+            stop: &stop,
+        };
+        let mut teller = Teller::new(name, stage.steps);
+        stages::settle(&stage, network, &data.seen, &both, touching, &device, |p| teller.progress(p))
+    };
+    let touching = touching(&settings, &data);
+    let network = network::Network::new(&mut Random::new(settings.seed), &device);
+    // The second stage draws other touches than the first.
+    let other = Touching { seed: !settings.seed, ..touching };
+    let (network, first) = learn(network, "network", settings.feeling_steps, settings.feeling_rate, other)?;
+    let slow = SETTLING * settings.feeling_rate;
+    let (network, second) = learn(network, "network_settling", settings.settling_steps, slow, touching)?;
+
+    let settings = Settings { network_anew: true, ..settings };
+    let about = [("settings", about(&settings))];
+    let weights = network.weights(touching.scaling);
+    write_whole(&out("texture.onnx"), &onnx::network(&weights, settings.target, data.reach, &about))?;
+    write_whole(&out(SETTINGS), serde_json::to_string_pretty(&settings).unwrap_or_default().as_bytes())?;
+    losses.retain(|(name, _)| !["settling", "network", "network_settling"].contains(&name.as_str()));
+    losses.extend([("network".to_owned(), first), ("network_settling".to_owned(), second)]);
+    write_whole(&out("losses.csv"), csv(&losses).as_bytes())?;
+    write_whole(&out("curves.svg"), curves(&losses).to_svg().as_bytes())?;
+    eprintln!("wrote {}", out("texture.onnx").display());
+    if stop.wanted() {
+        return Err(Failure::Stopped);
+    }
+    judge(folder, &run, &settings, &data)
 }
 
-/// The settings of a model.
-fn told_settings(folder: &Path) -> Result<Settings, Diagnostic> {
+/// Part of the rate of stage two at which a network settles.
+const SETTLING: f64 = 0.05;
+
+/// A wish to stop that Ctrl-C sets; a second Ctrl-C ends the program.
+fn stop_by_ctrl_c() -> Result<Arc<Stop>, Failure> {
+    let stop = Arc::new(Stop::default());
+    let asked = Arc::clone(&stop);
+    ctrlc::set_handler(move || {
+        if !asked.ask() {
+            std::process::exit(130);
+        }
+        eprintln!("stopping; Ctrl-C again to leave at once");
+    })
+    .map_err(|e| Failure::Model(format!("cannot listen for Ctrl-C: {e}")))?;
+    Ok(stop)
+}
+
+fn touching(settings: &Settings, data: &Data) -> Touching {
+    Touching {
+        groups: settings.feeling_groups as usize,
+        each: settings.feeling_each as usize,
+        seed: settings.seed,
+        target: settings.target,
+        aim: settings.error,
+        scaling: Scaling::of(data.reach),
+    }
+}
+
+/// Vectors of images \[subject\]\[n, 256\], each list followed by as many copies of the stored vector.
+fn with_stored(vectors: &[Vec<f32>], stored: &[[f32; VECTOR_LEN]]) -> Vec<Vec<f32>> {
+    let all = vectors.iter().zip(stored);
+    all.map(|(images, mean)| [images.clone(), mean.repeat(images.len() / VECTOR_LEN)].concat()).collect()
+}
+
+/// Settings of a model.
+///
+/// # Errors
+/// A folder without them.
+pub(crate) fn settings_of(folder: &Path) -> Result<Settings, Diagnostic> {
     let path = folder.join(SETTINGS);
     let text = std::fs::read_to_string(&path)
         .map_err(|e| Diagnostic::new(format!("cannot read this file: {e}")).in_file(&path))?;
@@ -185,20 +251,50 @@ fn told_settings(folder: &Path) -> Result<Settings, Diagnostic> {
         .map_err(|e| Diagnostic::new(format!("these are not a run's settings: {e}")).in_file(&path))
 }
 
-/// The settings of a model, with the place where its data are now, if that is another.
+/// Settings of a model with the place where its data are now.
 ///
 /// # Errors
-/// No settings, or data of another kind.
-pub(crate) fn settings_of(folder: &Path, data: Option<&Origin>) -> Result<Settings, Diagnostic> {
-    let settings = told_settings(folder)?;
-    match data {
+/// Data of another kind.
+pub(crate) fn settings_now(
+    folder: &Path,
+    settings: &Settings,
+    now: Option<&Origin>,
+) -> Result<Settings, Diagnostic> {
+    match now {
         Some(data) if data.name() != settings.data.name() => {
             let message = format!("this model was trained on `{}` data", settings.data.name());
             Err(Diagnostic::new(message).in_file(folder.join(SETTINGS)))
         }
-        Some(data) => Ok(Settings { data: data.clone(), ..settings }),
-        None => Ok(settings),
+        Some(data) => Ok(Settings { data: data.clone(), ..settings.clone() }),
+        None => Ok(settings.clone()),
     }
+}
+
+/// Data of a model, from where its settings say they are or from where they are now.
+fn data_of(folder: &Path, settings: &Settings, now: Option<&Origin>) -> Result<Data, Failure> {
+    let settings = settings_now(folder, settings, now)?;
+    data::load(&settings).map_err(|e| match e {
+        Failure::Input(d) if settings.data != Origin::Made && now.is_none() => {
+            let place = "the settings of this model say where its data were; --data says where they are now";
+            let help = d.help.as_ref().map_or(place.to_owned(), |help| format!("{help}; {place}"));
+            d.help(help).into()
+        }
+        e => e,
+    })
+}
+
+/// Judges the model of a folder, and writes its card.
+///
+/// # Errors
+/// What the files say, and the data.
+pub(crate) fn evaluate(evaluate: &Evaluate) -> Result<(), Failure> {
+    let settings = settings_of(&evaluate.folder)?;
+    let run = evaluate.run.clone().unwrap_or_else(|| beside(&evaluate.folder));
+    if evaluate.run.is_some() && !run.is_dir() {
+        return Err(Diagnostic::new("there is no such folder").in_file(&run).help("--run names it").into());
+    }
+    let data = data_of(&evaluate.folder, &settings, evaluate.data.as_ref())?;
+    judge(&evaluate.folder, &run, &settings, &data)
 }
 
 fn judge(folder: &Path, run: &Path, settings: &Settings, data: &Data) -> Result<(), Failure> {
@@ -212,11 +308,16 @@ fn judge(folder: &Path, run: &Path, settings: &Settings, data: &Data) -> Result<
         other: other.exists().then(|| Network::read(&other)).transpose()?,
         namer: descent::of_checkpoint(&run.join("naming.checkpoint"), settings.naming_steps as usize, namer)?,
         library: trained(&Library::read(folder.join("materials.ron"))?, data)?,
+        named: named_earlier(&folder.join("evaluation.json")),
     };
-    if written.namer.is_none() {
-        eprintln!("no classifier in {}: names are judged by the nearest vector alone", run.display());
-    }
     let evaluation = evaluation::evaluate(&written, settings, data)?;
+    if written.namer.is_none() {
+        let instead = match evaluation.naming.judged_earlier {
+            true => "its figures are those of the last evaluation, which had the same images and vectors",
+            false => "names are judged by the nearest vector alone",
+        };
+        eprintln!("no classifier in {}: {instead}", run.display());
+    }
     let json = serde_json::to_string_pretty(&evaluation).unwrap_or_default();
     write_whole(&folder.join("evaluation.json"), json.as_bytes())?;
     let size = |name: &str| std::fs::metadata(folder.join(name)).map_or(0, |m| m.len());
@@ -225,6 +326,16 @@ fn judge(folder: &Path, run: &Path, settings: &Settings, data: &Data) -> Result<
     write_whole(&folder.join("MODEL_CARD.md"), card.as_bytes())?;
     eprintln!("wrote {}", folder.join("MODEL_CARD.md").display());
     Ok(())
+}
+
+/// Names as an earlier evaluation judged them; nothing where there was none.
+fn named_earlier(path: &Path) -> Option<Named> {
+    #[derive(Deserialize)]
+    struct Earlier {
+        naming: Named,
+    }
+    let text = std::fs::read_to_string(path).ok()?;
+    serde_json::from_str::<Earlier>(&text).ok().map(|earlier| earlier.naming)
 }
 
 /// Settings, as the files of a model tell them: where the user's folder is, is the user's own affair.
@@ -295,16 +406,36 @@ fn jpeg(image: &Image) -> Result<Vec<u8>, Failure> {
     Ok(bytes)
 }
 
-fn csv(stages: &[(&str, Losses)]) -> String {
+/// Losses by stage, as [`csv`] writes them.
+fn losses_of(path: &Path) -> Result<Vec<(String, Losses)>, Diagnostic> {
+    let text = std::fs::read_to_string(path)
+        .map_err(|e| Diagnostic::new(format!("cannot read this file: {e}")).in_file(path))?;
+    let mut stages: Vec<(String, Losses)> = Vec::new();
+    for (number, line) in text.lines().enumerate().skip(1) {
+        let mut parts = line.split(',');
+        let [name, step, loss] = [(); 3].map(|()| parts.next().unwrap_or_default());
+        let (Ok(step), Ok(loss)) = (step.parse(), loss.parse()) else {
+            let message = format!("line {} is not `stage,step,loss`", number + 1);
+            return Err(Diagnostic::new(message).in_file(path));
+        };
+        match stages.iter_mut().find(|(known, _)| known == name) {
+            Some((_, losses)) => losses.push((step, loss)),
+            None => stages.push((name.to_owned(), vec![(step, loss)])),
+        }
+    }
+    Ok(stages)
+}
+
+fn csv(stages: &[(String, Losses)]) -> String {
     let rows = stages
         .iter()
         .flat_map(|(name, losses)| losses.iter().map(move |(step, loss)| format!("{name},{step},{loss}\n")));
     std::iter::once("stage,step,loss\n".to_owned()).chain(rows).collect()
 }
 
-fn curves(stages: &[(&str, Losses)]) -> Curves {
-    let curve = |(name, losses): &(&str, Losses)| Curve {
-        name: (*name).to_owned(),
+fn curves(stages: &[(String, Losses)]) -> Curves {
+    let curve = |(name, losses): &(String, Losses)| Curve {
+        name: name.clone(),
         remark: losses.last().map(|(_, loss)| format!("{loss:.4} at last")).unwrap_or_default(),
         points: losses.iter().map(|(step, loss)| (*step as f64, *loss)).collect(),
     };
@@ -328,13 +459,18 @@ fn beside(out: &Path) -> PathBuf {
 /// The file of a model's or a run's folder that has its settings.
 const SETTINGS: &str = "settings.json";
 
+/// Whether two runs have the same settings, but for what was done to the model later.
+fn begun_alike(a: &Settings, b: &Settings) -> bool {
+    Settings { network_anew: b.network_anew, ..a.clone() } == *b
+}
+
 /// Refuses a run's folder that belongs to other settings.
 fn belongs(run: &Path, settings: &Settings) -> Result<(), Diagnostic> {
     let Some(found) = told(run, SETTINGS)? else { return Ok(()) };
     let path = run.join(SETTINGS);
     let found: Settings = serde_json::from_str(&found)
         .map_err(|e| Diagnostic::new(format!("these are not a run's settings: {e}")).in_file(&path))?;
-    if found == *settings {
+    if begun_alike(&found, settings) {
         return Ok(());
     }
     Err(Diagnostic::new("this run was begun with other settings")
@@ -366,7 +502,7 @@ fn told(run: &Path, name: &str) -> Result<Option<String>, Diagnostic> {
 fn fits(out: &Path, settings: &Settings) -> Result<(), Diagnostic> {
     let path = out.join(SETTINGS);
     match std::fs::read_to_string(&path) {
-        Ok(found) if serde_json::from_str(&found).ok().as_ref() != Some(settings) => {
+        Ok(found) if !serde_json::from_str(&found).is_ok_and(|found| begun_alike(&found, settings)) => {
             Err(Diagnostic::new("a model with other settings lies here")
                 .in_file(&path)
                 .help("name another --out folder, or remove this one"))

@@ -64,6 +64,7 @@ fn a_small_run_writes_a_whole_model_and_its_card_can_be_written_anew() {
         "## Names",
         "## Vibration",
         "## Mean or root mean square",
+        "## Mean over root mean square",
         "## Surfaces that were never seen",
     ] {
         assert!(card.contains(heading), "{card}");
@@ -82,6 +83,29 @@ fn a_small_run_writes_a_whole_model_and_its_card_can_be_written_anew() {
     let output = train(&["evaluate", "a"], folder.path());
     assert!(output.status.success(), "{}", said(&output));
     assert_eq!(String::from_utf8(read(&model, "MODEL_CARD.md")).expect("text"), card);
+
+    // Figures of the classifier outlive its file, as long as all else about names is the same.
+    std::fs::create_dir(folder.path().join("empty")).expect("a folder");
+    let output = train(&["evaluate", "a", "--run", "empty"], folder.path());
+    assert!(output.status.success(), "{}", said(&output));
+    let again = String::from_utf8(read(&model, "MODEL_CARD.md")).expect("text");
+    let row = "| classifier of stage one, as judged earlier on the same images and vectors |";
+    assert!(again.replace(row, "| classifier of stage one |") == card && again != card, "{again}");
+
+    // The network alone can be trained anew.
+    let kept = ["encoder.onnx", "materials.ron", "texture_mean.onnx"];
+    let (before, network) = (kept.map(|name| read(&model, name)), read(&model, "texture.onnx"));
+    let output = train(&["network", "a"], folder.path());
+    assert!(output.status.success(), "{}", said(&output));
+    assert!(kept.map(|name| read(&model, name)) == before);
+    assert!(read(&model, "texture.onnx") != network);
+    let written = asperity_network::Model::load(model.join("texture.onnx")).expect("a network");
+    assert!(written.answers_scatter() && written.target() == asperity_network::Target::RootMeanSquare);
+    let card = String::from_utf8(read(&model, "MODEL_CARD.md")).expect("text");
+    assert!(card.contains("trained anew on vectors of the finished encoder: 90 steps, and 60"), "{card}");
+    let losses = String::from_utf8(read(&model, "losses.csv")).expect("text");
+    assert!(losses.contains("\nnetwork,90,") && losses.contains("\nsettling_other,"), "{losses}");
+    assert!(!losses.contains("\nsettling,"), "{losses}");
 
     // training once more would lose it
     let library = read(&model, "materials.ron");
@@ -236,7 +260,12 @@ fn the_papers_losses_train_too_and_what_cannot_be_judged_has_no_figure() {
     ] {
         assert!(card.contains(wanted), "{wanted}: {card}");
     }
-    assert!(folder.path().join("m/texture_rms.onnx").exists());
+    let load = |name| asperity_network::Model::load(folder.path().join(name)).expect("a network");
+    let [mean, rms] = [load("m/texture.onnx"), load("m/texture_rms.onnx")];
+    assert_eq!(mean.target(), asperity_network::Target::Mean);
+    assert!(!mean.answers_scatter() && rms.answers_scatter());
+    // Single frames say nothing of how others scatter.
+    assert!(!card.contains("## Mean over root"), "{card}");
 }
 
 #[test]
@@ -357,5 +386,7 @@ fn a_folder_of_the_toolkits_models_becomes_a_model() {
         assert!((found - hz).abs() <= 20.0, "{}: {found} Hz", material.name);
     }
     let card = String::from_utf8(read(&folder.path().join("m"), "MODEL_CARD.md")).expect("text");
+    // Spectra in closed form are of noise.
+    assert!(card.contains("## Mean over root") && card.contains("| all | 0.886 | 0.8"), "{card}");
     assert!(card.contains("Data: `hatt`") && card.contains("Cork") && !card.contains("NaN"), "{card}");
 }

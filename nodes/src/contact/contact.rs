@@ -59,6 +59,7 @@ const PORTS: &[Port] = &[
     Port("tangents", 6, Unit::NONE, "two directions along the surface, of length 1", |felt, to| {
         to.copy_from_slice(felt.tangents.as_flattened());
     }),
+    Port("place", 3, MM, "where along these the stylus is, and how high over the surface", all!(place_mm)),
     Port("velocity", 2, MM_S, "along these, behind the low-pass: for textures", all!(velocity_mm_s)),
     Port("speed", 1, MM_S, "its length", one!(speed_mm_s)),
     Port("slide", 2, MM_S, "along these, without the low-pass: for friction", all!(slide_mm_s)),

@@ -4,6 +4,7 @@ mod oscillator_bank;
 mod phase_vocoder;
 mod random_phase;
 mod sample_commit;
+mod shaped_noise;
 mod spsi;
 
 use crate::precision::Precise;
@@ -18,11 +19,13 @@ pub type PhaseVocoder = Precise<phase_vocoder::PhaseVocoder<f32>, phase_vocoder:
 pub type RandomPhase = Precise<random_phase::RandomPhase<f32>, random_phase::RandomPhase<f64>>;
 /// `sample_commit` in either precision.
 pub type SampleCommit = Precise<sample_commit::SampleCommit<f32>, sample_commit::SampleCommit<f64>>;
+/// `shaped_noise` in either precision.
+pub type ShapedNoise = Precise<shaped_noise::ShapedNoise<f32>, shaped_noise::ShapedNoise<f64>>;
 /// `spsi` in either precision.
 pub type Spsi = Precise<spsi::Spsi<f32>, spsi::Spsi<f64>>;
 
 /// The layout of the first input's magnitudes.
-fn framing(setup: &Setup<'_>) -> Result<Framing, Diagnostic> {
+pub(crate) fn framing(setup: &Setup<'_>) -> Result<Framing, Diagnostic> {
     let Some(Shape::Magnitude(l)) = setup.input(0).map(|p| p.shape) else {
         return Err(setup.params.node_error("nothing settles the layout of the frames"));
     };
@@ -36,6 +39,6 @@ fn framing(setup: &Setup<'_>) -> Result<Framing, Diagnostic> {
 }
 
 /// The parameter `seed`, or the node's own where the graph leaves it out.
-fn seed(setup: &Setup<'_>) -> u64 {
+pub(crate) fn seed(setup: &Setup<'_>) -> u64 {
     setup.params.get_integer("seed").map_or(setup.seed, |s| s as u64)
 }

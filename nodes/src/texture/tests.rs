@@ -12,7 +12,7 @@ type Asked = ([f64; 10], [f64; 20], f64);
 /// The network with two materials, and its output.
 struct Bench {
     node: Box<dyn Processor>,
-    out: [Buffer; 1],
+    out: [Buffer; 4],
     tick: u64,
 }
 
@@ -41,7 +41,10 @@ impl Bench {
             unit: Unit::METRE_PER_SECOND_SQUARED,
             limited: false,
         };
-        Self { node, out: [Buffer::new(&port, 500)], tick: 0 }
+        let control = |count| PortType { shape: Shape::Control { count }, unit: Unit::NONE, limited: false };
+        let pattern = asperity_dsp::shaped_noise::PATTERN_LEN;
+        let out = [port.clone(), port, control(2), control(pattern)].map(|port| Buffer::new(&port, 500));
+        Self { node, out, tick: 0 }
     }
 
     /// The bits of the frame that answers.

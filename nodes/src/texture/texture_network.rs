@@ -1,13 +1,15 @@
 //! `texture_network`: from forces and velocities to the magnitudes of the vibration they cause.
 
+use asperity_dsp::shaped_noise::{HARMONICS, PATTERN_LEN};
 use asperity_network::{
-    Choice, FORCE_LEN, MAGNITUDES_LEN, Model, Precision, Range, RunError, Runner, SPEED_LEN, hold_magnitudes,
+    Answer, Choice, FORCE_LEN, MAGNITUDES_LEN, Model, Precision, Range, RunError, Runner, SPEED_LEN, Target,
+    hold_magnitudes,
 };
 use asperity_node::{
     Config, Descriptor, Diagnostic, Fact, FrameClock, FrameLayout, FrameRate, Input, LayoutSpec, Node,
     Output, Param, Ports, Setup, ShapeSpec, Status, Tick, Unit,
 };
-use asperity_world::material::Library;
+use asperity_world::material::{Harmonic, Library, Pattern};
 
 /// The model's bins are 10 Hz apart: its window is 0.1 s.
 const WINDOWS_PER_SECOND: u32 = 10;
@@ -24,10 +26,13 @@ pub struct TextureNetwork {
     layout: FrameLayout,
     material: usize,
     names: Vec<String>,
+    patterns: Vec<[f64; PATTERN_LEN]>,
     force: [f32; FORCE_LEN],
     velocity: [f32; SPEED_LEN],
-    magnitudes: [f32; MAGNITUDES_LEN],
-    /// Whether `magnitudes` are the answer to `force`, `velocity` and `material`.
+    answer: Box<Answer>,
+    /// What the port `statistics` says of the model: whether its magnitudes are means.
+    means: f64,
+    /// Whether `answer` is the answer to `force`, `velocity` and `material`.
     answered: bool,
     range: Range,
     held: Held,
@@ -72,6 +77,23 @@ fn layout(config: &Config<'_>) -> Result<FrameLayout, Diagnostic> {
     Ok(FrameLayout { rate_hz, length, bins, frame_rate })
 }
 
+/// A pattern as the port `pattern` has it, and `asperity_dsp::shaped_noise` reads it.
+fn numbers(pattern: &Pattern) -> [f64; PATTERN_LEN] {
+    let mut numbers = [0.0; PATTERN_LEN];
+    let mut next = numbers.iter_mut();
+    let mut put = |x: f64| next.by_ref().take(1).for_each(|to| *to = x);
+    let events = pattern.events.map_or([0.0; 3], |e| [e.spacing_mm, e.interval_cv, e.height_cv]);
+    events.into_iter().for_each(&mut put);
+    for wave in &pattern.waves {
+        wave.per_mm.into_iter().for_each(&mut put);
+        // Those above are like the last.
+        let last = wave.harmonics.last().copied().unwrap_or(Harmonic { share: 0.0, phase: 0.0 });
+        let all = wave.harmonics.iter().copied().chain(std::iter::repeat(last)).take(HARMONICS);
+        all.flat_map(|h| [h.share, h.phase]).for_each(&mut put);
+    }
+    numbers
+}
+
 impl Node for TextureNetwork {
     fn descriptor() -> Descriptor {
         let frame_rate = FrameRate::new(MODEL_HZ, 1).unwrap_or_else(|| unreachable!("a constant"));
@@ -100,6 +122,21 @@ impl Node for TextureNetwork {
                 Unit::METRE_PER_SECOND_SQUARED,
             )
             .doc("acceleration of the next 0.1 s; bin 0 is 0"),
+        )
+        .output(
+            Output::new("ratio", ShapeSpec::Magnitude(LayoutSpec::Is(shown)), Unit::NONE)
+                .aside()
+                .doc("mean over root mean square of each bin: 0.886 is noise, 1 a steady line; of a model that does not say, noise"),
+        )
+        .output(
+            Output::new("statistics", ShapeSpec::Control(2), Unit::NONE)
+                .aside()
+                .doc("variance of a frame's power over its squared mean, -1 of a model that does not say; and 1 where magnitudes are means, 0 where they are root mean squares"),
+        )
+        .output(
+            Output::new("pattern", ShapeSpec::Control(PATTERN_LEN), Unit::NONE)
+                .aside()
+                .doc("how the material's vibration is spread over place, from the library; all 0 where it does not say"),
         )
         .param(Param::file(
             "model",
@@ -139,7 +176,8 @@ impl Node for TextureNetwork {
     }
 
     fn ports(config: &Config<'_>, mut ports: Ports) -> Result<Ports, Diagnostic> {
-        ports.outputs[0].shape = ShapeSpec::Magnitude(LayoutSpec::Is(layout(config)?));
+        let frames = ShapeSpec::Magnitude(LayoutSpec::Is(layout(config)?));
+        (ports.outputs[0].shape, ports.outputs[1].shape) = (frames, frames);
         Ok(ports)
     }
 
@@ -148,7 +186,7 @@ impl Node for TextureNetwork {
         let layout = layout(&setup.config)?;
         let library = Library::shared(p.file("library"))?;
         let mut vectors = Vec::new();
-        let mut names = Vec::new();
+        let (mut names, mut patterns) = (Vec::new(), Vec::new());
         let wanted = std::iter::once(("material", p.text("material")))
             .chain(p.texts("materials").iter().map(|name| ("materials", name.as_str())));
         for (param, name) in wanted {
@@ -157,6 +195,7 @@ impl Node for TextureNetwork {
                 if let Some(help) = e.help { d.help(help) } else { d }
             })?;
             vectors.push(material.vector.to_vec());
+            patterns.push(numbers(&material.pattern));
             names.push(name.to_owned());
         }
         let model = Model::shared(p.file("model"))?;
@@ -169,9 +208,11 @@ impl Node for TextureNetwork {
             layout,
             material: 0,
             names,
+            patterns,
             force: [0.0; FORCE_LEN],
             velocity: [0.0; SPEED_LEN],
-            magnitudes: [0.0; MAGNITUDES_LEN],
+            answer: Box::default(),
+            means: f64::from(u8::from(model.target() == Target::Mean)),
             answered: false,
             range: Range::new(model.trained()),
             held: Held::default(),
@@ -195,7 +236,7 @@ impl Node for TextureNetwork {
             self.reused += 1;
         } else {
             (self.force, self.velocity, self.material, self.answered) = (force, velocity, material, false);
-            match self.runner.run(material, &force, &velocity, &mut self.magnitudes) {
+            match self.runner.answer(material, &force, &velocity, &mut self.answer) {
                 Ok(()) => self.answered = true,
                 Err(RunError::Executor) => return Status::Error(1),
                 Err(_) => return Status::Error(2),
@@ -205,7 +246,16 @@ impl Node for TextureNetwork {
         let start = self.layout.frame_rate.first_sample(frame, self.layout.rate_hz);
         let bins = tick.outputs.magnitude(0, frame, start);
         bins[0] = 0.0;
-        self.held.magnitudes += hold_magnitudes(&self.magnitudes, &mut bins[1..]);
+        self.held.magnitudes += hold_magnitudes(&self.answer.magnitudes, &mut bins[1..]);
+        let ratios = tick.outputs.magnitude(1, frame, start);
+        ratios[0] = self.answer.ratio[0];
+        ratios[1..].iter_mut().zip(&self.answer.ratio).for_each(|(to, ratio)| *to = *ratio);
+        let known = self.runner.answers_scatter();
+        let variance = if known { f64::from(self.answer.variance) } else { -1.0 };
+        tick.outputs.control(2).copy_from_slice(&[variance, self.means]);
+        if let Some(pattern) = self.patterns.get(material) {
+            tick.outputs.control(3).copy_from_slice(pattern);
+        }
         Status::Continue
     }
 

@@ -51,17 +51,22 @@ struct Sum {
     count: f64,
     magnitudes: [f64; BINS],
     powers: [f64; BINS],
+    /// Squared powers of whole frames.
+    square: f64,
 }
 
 impl Sum {
     fn new(example: Example) -> Self {
         let m = example.magnitudes.map(f64::from);
-        Self { other: None, count: 1.0, magnitudes: m, powers: m.map(|m| m * m), example }
+        let powers = m.map(|m| m * m);
+        let square = powers.iter().sum::<f64>().powi(2);
+        Self { other: None, count: 1.0, magnitudes: m, powers, square, example }
     }
 
     fn add(&mut self, example: &Example) {
         self.other = Some(example.magnitudes);
         self.count += 1.0;
+        self.square += example.magnitudes.iter().map(|m| f64::from(*m).powi(2)).sum::<f64>().powi(2);
         for (k, m) in example.magnitudes.map(f64::from).into_iter().enumerate() {
             self.magnitudes[k] += m;
             self.powers[k] += m * m;
@@ -69,11 +74,37 @@ impl Sum {
     }
 
     fn expectation(self) -> Expectation {
+        let mean = self.powers.iter().sum::<f64>() / self.count;
+        // Without bias: one place says nothing of a variance.
+        let variance = (self.square / self.count - mean * mean) * self.count / (self.count - 1.0);
+        let known = self.count > 1.0 && mean > 0.0;
         Expectation {
+            variance: known.then(|| (variance / (mean * mean)).max(0.0) as f32),
             mean: self.magnitudes.map(|sum| (sum / self.count) as f32),
             rms: self.powers.map(|sum| (sum / self.count).sqrt() as f32),
             other: self.other,
             example: self.example,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::history::HISTORY;
+
+    #[test]
+    fn powers_of_1_and_3_have_a_variance_of_one_half() {
+        let example = |power: f32| Example {
+            force: [1.0; HISTORY],
+            velocity: [50.0; 2 * HISTORY],
+            magnitudes: [(power / BINS as f32).sqrt(); BINS],
+        };
+        let mut sum = Sum::new(example(1.0));
+        sum.add(&example(3.0));
+        // The mean is 2, and the squared distances from it sum up to 2 over one degree of freedom.
+        let variance = sum.expectation().variance.unwrap();
+        assert!((variance - 0.5).abs() < 1e-5, "{variance}");
+        assert_eq!(Sum::new(example(1.0)).expectation().variance, None);
     }
 }

@@ -142,6 +142,7 @@ impl<T: Float> ShapedNoise<T> {
         self.taps.iter_mut().for_each(|taps| taps.fill(T::zero()));
         for wave in &mut self.waves {
             (wave.count, wave.turns) = ([0; 2], 0.0);
+            wave.at.iter_mut().for_each(|at| at.fill(Complex::default()));
         }
         self.place.reset();
         (self.way_mm, self.silent) = (0.0, true);
@@ -233,8 +234,9 @@ impl<T: Float> ShapedNoise<T> {
     fn follow(&mut self, placed: bool) {
         self.spread();
         self.squares.copy_from_slice(&self.density);
+        let sounds = self.density.iter().any(|power| *power > 0.0);
         for w in 0..WAVES {
-            let wave = self.pattern.waves[w].filter(|_| placed);
+            let wave = self.pattern.waves[w].filter(|_| placed && sounds);
             self.waves[w].count[1] = wave.map_or(0, |wave| self.ridges(w, &wave));
             let count = self.waves[w].count[1];
             self.waves[w].at[1][count..].fill(Complex::default());

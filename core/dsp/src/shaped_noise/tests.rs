@@ -1,1 +1,252 @@
+use super::*;
+use crate::Stft;
+use std::f64::consts::TAU;
 
+const FRAMING: Framing = Framing { rate_hz: 2500, fft_len: 250, bins: 101, frame_num: 500, frame_den: 1 };
+
+/// A spectrum as networks answer it: smooth, with a hill.
+fn smooth() -> Vec<f64> {
+    let hill = |k: usize| (-((k as f64 - 30.0) / 12.0).powi(2)).exp() + 0.15 * (-(k as f64) / 40.0).exp();
+    (0..101).map(|k| if k == 0 { 0.0 } else { hill(k) }).collect()
+}
+
+/// The signal of magnitudes that stand still while a hand moves.
+fn played(
+    pattern: Pattern,
+    magnitudes: &[f64],
+    seconds: f64,
+    place: impl Fn(f64) -> Option<[f64; 2]>,
+) -> Vec<f64> {
+    let mut kernel = ShapedNoise::<f32>::new(FRAMING, 0.002, 3).unwrap();
+    kernel.set_pattern(pattern);
+    let mut all = vec![0.0_f64; (2500.0 * seconds) as usize];
+    for (tick, out) in all.chunks_exact_mut(5).enumerate() {
+        kernel.push(tick as u64, magnitudes, 1.0);
+        kernel.emit(5 * tick as u64, place(tick as f64 * 0.002), out);
+    }
+    all
+}
+
+fn rms(x: &[f64]) -> f64 {
+    (x.iter().map(|x| x * x).sum::<f64>() / x.len() as f64).sqrt()
+}
+
+fn kurtosis(x: &[f64]) -> f64 {
+    x.iter().map(|x| x.powi(4)).sum::<f64>() / x.len() as f64 / rms(x).powi(4)
+}
+
+/// Root mean square magnitudes of windows, bin by bin.
+fn spectrum(x: &[f64]) -> Vec<f64> {
+    let mut stft = Stft::<f64>::new(250);
+    let mut sums = vec![0.0; 101];
+    let starts: Vec<usize> = (0..x.len() - 250).step_by(60).collect();
+    for start in &starts {
+        let frame = stft.process(&x[*start..start + 250]);
+        sums.iter_mut().zip(frame).for_each(|(sum, z)| *sum += z.norm_sqr());
+    }
+    sums.into_iter().map(|sum| (sum / starts.len() as f64).sqrt()).collect()
+}
+
+/// The largest autocorrelation at lags from `from` to `to`, and where it is.
+fn repeats(x: &[f64], from: usize, to: usize) -> (f64, usize) {
+    let at = |lag: usize| x.iter().zip(&x[lag..]).map(|(a, b)| a * b).sum::<f64>();
+    let all = x.iter().map(|x| x * x).sum::<f64>();
+    (from..=to).map(|lag| (at(lag) / all, lag)).fold((-1.0, 0), |a, b| if b.0 > a.0 { b } else { a })
+}
+
+fn events(spacing_mm: f64, interval_cv: f64, height_cv: f64) -> Pattern {
+    Pattern { events: Some(Events { spacing_mm, interval_cv, height_cv }), ..Pattern::default() }
+}
+
+fn ridges(pitch_mm: f64) -> Pattern {
+    let wave = Wave {
+        per_mm: [1.0 / pitch_mm, 0.0],
+        shares: [1.0; HARMONICS],
+        turns: [Complex::new(1.0, 0.0); HARMONICS],
+    };
+    Pattern { waves: [Some(wave), None], ..Pattern::default() }
+}
+
+fn forwards(mm_s: f64) -> impl Fn(f64) -> Option<[f64; 2]> {
+    move |t| Some([mm_s * t, 0.0])
+}
+
+#[test]
+fn steady_magnitudes_keep_level_and_spectrum() {
+    let want = smooth();
+    let right = (want.iter().map(|m| m * m / 3.0).sum::<f64>()).sqrt();
+    for (name, pattern) in [
+        ("noise", Pattern::default()),
+        ("bumps", events(0.3, 0.2, 0.5)),
+        ("rare bumps", events(3.0, 0.4, 0.3)),
+    ] {
+        let x = played(pattern, &want, 60.0, forwards(100.0));
+        let level_db = 20.0 * (rms(&x[500..]) / right).log10();
+        assert!(level_db.abs() < 0.3, "{name}: {level_db} dB");
+        let found = spectrum(&x[500..]);
+        let off = |k: usize| 20.0 * (found[k] / want[k]).log10();
+        let off = ((5..96).map(|k| off(k).powi(2)).sum::<f64>() / 91.0).sqrt();
+        assert!(off < 0.7, "{name}: {off} dB");
+    }
+}
+
+#[test]
+fn steady_noise_does_not_repeat() {
+    let x = played(Pattern::default(), &smooth(), 30.0, |_| None);
+    let (most, lag) = repeats(&x, 50, 500);
+    assert!(most < 0.06, "{most} at {lag}");
+    assert!((kurtosis(&x[500..]) - 3.0).abs() < 0.15, "{}", kurtosis(&x[500..]));
+}
+
+#[test]
+fn rare_bumps_stand_higher_than_frequent_ones() {
+    let of = |spacing| kurtosis(&played(events(spacing, 0.2, 0.3), &smooth(), 30.0, forwards(100.0))[500..]);
+    let (often, seldom, rarely) = (of(0.05), of(1.0), of(5.0));
+    assert!(
+        (often - 3.0).abs() < 0.4 && seldom > often && rarely > 2.0 * seldom,
+        "{often} {seldom} {rarely}"
+    );
+}
+
+#[test]
+fn ridges_repeat_at_pitch_over_speed() {
+    for (pitch, speed) in [(1.0, 60.0), (2.5, 60.0), (2.5, 100.0), (3.0, 100.0)] {
+        let x = played(ridges(pitch), &smooth(), 8.0, forwards(speed));
+        let want = 2500.0 * pitch / speed;
+        let (most, lag) = repeats(&x[1000..], (0.5 * want) as usize, (1.5 * want) as usize);
+        assert!(
+            (lag as f64 - want).abs() <= 1.5 && most > 0.85,
+            "{pitch} mm at {speed}: {most} at {lag}, not {want}"
+        );
+        let level_db =
+            10.0 * (rms(&x[1000..]).powi(2) / smooth().iter().map(|m| m * m / 3.0).sum::<f64>()).log10();
+        assert!(level_db.abs() < 0.5, "{level_db} dB");
+    }
+}
+
+#[test]
+fn ridges_are_silent_along_themselves_and_at_rest() {
+    // Ridges along y; what is left of a stroke along them is what does not repeat: nothing here, below the first line.
+    let crossing = rms(&played(ridges(2.5), &smooth(), 4.0, forwards(100.0))[1000..]);
+    let still = played(ridges(2.5), &smooth(), 4.0, |_| Some([3.3, 4.4]));
+    let x = &still[1000..];
+    assert!(crossing > 0.1 && rms(x) <= 1.1 * crossing);
+    // Nothing turns: no line of the pitch remains.
+    let (most, _) = repeats(x, 40, 90);
+    assert!(most < 0.15, "{most}");
+}
+
+#[test]
+fn ridges_turn_around_with_the_hand() {
+    // There and back at one speed: what is felt of a place depends on the place.
+    let place = |t: f64| Some([100.0 * (2.0 - (t - 2.0).abs()), 0.0]);
+    let wave = Wave {
+        per_mm: [0.4, 0.0],
+        shares: std::array::from_fn(|h| f64::from(h == 0)),
+        turns: [Complex::new(1.0, 0.0); HARMONICS],
+    };
+    let pattern = Pattern { waves: [Some(wave), None], ..Pattern::default() };
+    let mut magnitudes = vec![0.0; 101];
+    (magnitudes[3], magnitudes[4], magnitudes[5]) = (0.5, 1.0, 0.5);
+    let x = played(pattern, &magnitudes, 4.0, place);
+    // 40 Hz either way; the line does not jump where the hand turns but for the filter's own delay.
+    let line = |from: usize| {
+        let x = &x[from..from + 1250];
+        let part = |phase: f64| {
+            x.iter().enumerate().map(|(i, x)| x * (TAU * 40.0 * i as f64 / 2500.0 + phase).cos()).sum::<f64>()
+                / 625.0
+        };
+        part(0.0).hypot(part(TAU / 4.0))
+    };
+    // All of the hill from 20 to 60 Hz is this line.
+    let want = (2.0_f64 * (0.25 + 1.0 + 0.25) / 3.0).sqrt();
+    for from in [2500, 7500] {
+        assert!((line(from) / want - 1.0).abs() < 0.1, "{from}: {}", line(from));
+    }
+}
+
+#[test]
+fn louder_frame_is_heard_within_its_tick() {
+    let mut kernel = ShapedNoise::<f32>::new(FRAMING, 0.002, 3).unwrap();
+    let mut levels = [0.0; 40];
+    // The mean over many changes, each at another place of the noise.
+    for change in 0..400_u64 {
+        let first = 60 * change;
+        for tick in 0..60 {
+            let level = if tick < 20 { 1.0 } else { 4.0 };
+            let magnitudes: Vec<f64> = smooth().iter().map(|m| level * m).collect();
+            let mut out = [0.0_f64; 5];
+            kernel.push(first + tick, &magnitudes, 1.0);
+            kernel.emit(5 * (first + tick), None, &mut out);
+            if (10..50).contains(&tick) {
+                levels[tick as usize - 10] += out.iter().map(|x| x * x).sum::<f64>();
+            }
+        }
+    }
+    let before = levels[..10].iter().sum::<f64>() / 10.0;
+    let behind = levels[11..].iter().sum::<f64>() / 29.0;
+    assert!((behind / before / 16.0 - 1.0).abs() < 0.1, "{before} {behind}");
+    assert!(levels[10] > 4.0 * before && levels[11] > 0.8 * behind, "{levels:?}");
+}
+
+#[test]
+fn missing_frame_is_silence_and_begins_again() {
+    let mut kernel = ShapedNoise::<f32>::new(FRAMING, 0.002, 3).unwrap();
+    let (mut out, mut silent) = ([0.0_f32; 5], Vec::new());
+    for tick in 0..60 {
+        if !(20..40).contains(&tick) {
+            kernel.push(tick, &smooth(), 1.0);
+        }
+        kernel.emit(5 * tick, None, &mut out);
+        silent.push(kernel.is_silent());
+        assert!(out.iter().all(|x| x.is_finite()));
+        if (25..40).contains(&tick) {
+            assert_eq!(out, [0.0; 5]);
+        }
+    }
+    assert!(!silent[10] && silent[30] && !silent[50]);
+}
+
+#[test]
+fn noise_after_a_sleep_is_that_of_a_run_without() {
+    let all = played(Pattern::default(), &smooth(), 1.0, |_| None);
+    let mut kernel = ShapedNoise::<f32>::new(FRAMING, 0.002, 3).unwrap();
+    let mut out = [0.0_f64; 5];
+    for tick in 300..400 {
+        kernel.push(tick, &smooth(), 1.0);
+        kernel.emit(5 * tick, None, &mut out);
+        let from = 5 * tick as usize;
+        if tick > 300 {
+            assert_eq!(out, all[from..from + 5], "{tick}");
+        }
+    }
+}
+
+#[test]
+fn level_is_kept_at_any_rate() {
+    for (rate_hz, fft_len) in [(500, 50), (2500, 251), (10_000, 1000), (44_100, 4410)] {
+        let framing =
+            Framing { rate_hz, fft_len, bins: (fft_len / 2 + 1).min(101), frame_num: 500, frame_den: 1 };
+        let mut kernel = ShapedNoise::<f32>::new(framing, 0.002, 5).unwrap();
+        let magnitudes: Vec<f64> = (0..framing.bins).map(|k| if k == 0 { 0.0 } else { 0.2 }).collect();
+        let (mut sum, mut count) = (0.0, 0.0);
+        for tick in 0..4000_u64 {
+            let (from, to) = (framing.start(tick), framing.start(tick + 1));
+            let mut out = vec![0.0_f64; (to - from) as usize];
+            kernel.push(tick, &magnitudes, 1.0);
+            kernel.emit(from, None, &mut out);
+            if tick > 10 {
+                sum += out.iter().map(|x| x * x).sum::<f64>();
+                count += out.len() as f64;
+            }
+        }
+        let mut want = magnitudes.iter().map(|m| m * m / 3.0).sum::<f64>();
+        if 2 * (framing.bins - 1) == fft_len {
+            // Of Nyquist's bin half lies below it.
+            want -= 0.5 * 0.04 / 3.0;
+        }
+        let off = 10.0 * (sum / count / want).log10();
+        // Of 25 bins the ends, where the filter has to fall steeply, are a larger part.
+        assert!(off.abs() < if rate_hz == 500 { 0.5 } else { 0.3 }, "{rate_hz}: {off} dB");
+    }
+}

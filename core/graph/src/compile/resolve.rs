@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 use asperity_node::random::seed_of;
-use asperity_node::{Config, Diagnostic, Input, NodeKind, Params, Ports, Registry};
+use asperity_node::{Config, Diagnostic, Input, NodeKind, Output, Params, Ports, Registry};
 use asperity_source::one_of;
 
 use crate::{Endpoint, GraphFile, params};
@@ -180,6 +180,9 @@ fn end(
         None if direction == Direction::Input && only_required(&ports.inputs).is_some() => {
             Some((index, only_required(&ports.inputs)?))
         }
+        None if direction == Direction::Output && only_main(&ports.outputs).is_some() => {
+            Some((index, only_main(&ports.outputs)?))
+        }
         None => {
             let all: Vec<String> = names.iter().map(|n| format!("`{}.{n}`", end.node)).collect();
             let help =
@@ -194,6 +197,12 @@ fn end(
 fn only_required(inputs: &[Input]) -> Option<usize> {
     let mut required = (0..inputs.len()).filter(|&i| !inputs[i].optional);
     required.next().filter(|_| required.next().is_none())
+}
+
+/// The one output that is not aside: what a wire without a port's name means.
+fn only_main(outputs: &[Output]) -> Option<usize> {
+    let mut main = (0..outputs.len()).filter(|&i| !outputs[i].aside);
+    main.next().filter(|_| main.next().is_none())
 }
 
 fn name_of(graph: &GraphFile, nodes: &[Option<ResolvedNode>], (node, input): (usize, usize)) -> String {

@@ -12,6 +12,7 @@
 mod bands;
 mod long_term;
 mod perceptual;
+pub mod rhythm;
 mod spectrogram;
 #[cfg(test)]
 mod testing;
@@ -20,6 +21,7 @@ mod waveform;
 pub use bands::{BAND_RANGE_DB, BANDS, band_edges_hz, band_powers, band_rms_db, bands_db};
 pub use long_term::{SPECTRUM_RANGE_DB, level_db, shape_db, spectrum_db};
 pub use perceptual::{SEGMENT_FRAMES, SUPPORT_DB, perceptual, threshold_m_s2};
+pub use rhythm::{Rhythm, RhythmAgreement};
 pub use spectrogram::{BINS, FIRST_HZ, HOP_S, MIN_FRAMES, STEP_HZ, Spectrogram, WINDOW_S};
 pub use waveform::{EXACT_DB, waveform_db};
 

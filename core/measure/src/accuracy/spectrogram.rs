@@ -40,15 +40,7 @@ impl Spectrogram {
     /// # Errors
     /// [`AccuracyError`]: a rate that is not 100 to 1e6 Hz, no axis, a sample that is not finite. A signal of less than a window has no frames.
     pub fn new(axes: &[&[f64]], rate_hz: f64) -> Result<Self, AccuracyError> {
-        if !(100.0..=1e6).contains(&rate_hz) {
-            return Err(AccuracyError::Rate(rate_hz));
-        }
-        let samples = axes.iter().map(|axis| axis.len()).min().ok_or(AccuracyError::NoAxes)?;
-        for axis in axes {
-            if let Some(at) = axis.iter().position(|x| x.is_nan() || x.abs() > MOST) {
-                return Err(AccuracyError::NotFinite(at));
-            }
-        }
+        let samples = check(axes, rate_hz)?;
         let bins = (0..BINS).take_while(|bin| bin_hz(*bin) < 0.5 * rate_hz).count();
         let mut transform = Transform::new(rate_hz, bins);
         let mut powers = Vec::new();
@@ -97,6 +89,23 @@ impl Spectrogram {
         }
         sums.map(|sum| sum / part.len().max(1) as f64)
     }
+}
+
+/// Samples that all axes of a signal have.
+///
+/// # Errors
+/// A rate that is not 100 to 1e6 Hz, no axis, a sample that is not finite.
+pub(super) fn check(axes: &[&[f64]], rate_hz: f64) -> Result<usize, AccuracyError> {
+    if !(100.0..=1e6).contains(&rate_hz) {
+        return Err(AccuracyError::Rate(rate_hz));
+    }
+    let samples = axes.iter().map(|axis| axis.len()).min().ok_or(AccuracyError::NoAxes)?;
+    for axis in axes {
+        if let Some(at) = axis.iter().position(|x| x.is_nan() || x.abs() > MOST) {
+            return Err(AccuracyError::NotFinite(at));
+        }
+    }
+    Ok(samples)
 }
 
 /// Frequency of a bin in Hz.

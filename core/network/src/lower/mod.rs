@@ -66,12 +66,12 @@ impl Step {
     }
 }
 
-/// A lowered network: steps in order, of which the last used is `output`.
+/// A lowered network: steps in order.
 #[derive(Clone, Debug)]
 pub(crate) struct Lowered {
     pub(crate) steps: Vec<Step>,
-    /// The step whose result is the magnitudes.
-    pub(crate) output: usize,
+    /// The steps whose results are the outputs, in the signature's order.
+    pub(crate) outputs: Vec<usize>,
 }
 
 impl Lowered {
@@ -99,15 +99,18 @@ impl Lowered {
             };
             b.values.insert((*output).clone(), value);
         }
-        let value = b.values.get(&signature.output).cloned().ok_or("its output is missing")?;
-        if value.shape != [1, crate::MAGNITUDES_LEN] {
-            return Err(format!("its output has the shape {:?}", value.shape));
+        let mut outputs = Vec::new();
+        for (name, len) in &signature.outputs {
+            let value = b.values.get(name).cloned().ok_or("its output is missing")?;
+            if value.shape != [1, *len] {
+                return Err(format!("its output {name} has the shape {:?}", value.shape));
+            }
+            outputs.push(match b.whole_step(&value.content) {
+                Some(step) => step,
+                None => b.materialise(value.content, f64::NEG_INFINITY, f64::INFINITY)?,
+            });
         }
-        let output = match b.whole_step(&value.content) {
-            Some(step) => step,
-            None => b.materialise(value.content, f64::NEG_INFINITY, f64::INFINITY)?,
-        };
-        Ok(Self { steps: b.steps, output })
+        Ok(Self { steps: b.steps, outputs })
     }
 
     /// Multiply-adds of all steps.
@@ -119,10 +122,10 @@ impl Lowered {
         self.steps.iter().map(weights).sum()
     }
 
-    /// Whether each step is needed for the output.
+    /// Whether each step is needed for the outputs.
     pub(crate) fn needed(&self) -> Vec<bool> {
         let mut needed = vec![false; self.steps.len()];
-        needed[self.output] = true;
+        self.outputs.iter().for_each(|&output| needed[output] = true);
         for (i, step) in self.steps.iter().enumerate().rev() {
             if needed[i] {
                 step.reads().for_each(|r| needed[r.step] = true);

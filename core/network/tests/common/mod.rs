@@ -1,5 +1,5 @@
 //! Makes test networks of the paper's layer sizes: ONNX bytes in several spellings, and a plain f64 evaluation.
-#![allow(dead_code, missing_docs, unreachable_pub)]
+#![allow(dead_code, missing_docs, unreachable_pub, clippy::unwrap_used)]
 
 use prost::Message;
 use tract_onnx::pb::tensor_proto::DataType;
@@ -369,6 +369,22 @@ impl Writer {
 
 /// The network as an ONNX model.
 pub fn model(net: &Net, spelling: Spelling) -> ModelProto {
+    scattering(net, spelling, &[])
+}
+
+/// Layers that answer ratios of 0.2 to 0.9 and variances of about 1, for hidden values as `Net::random` has
+/// them.
+pub fn heads(seed: u64) -> [(&'static str, Layer); 2] {
+    let mut r = Random(seed);
+    let mut layer = |outputs: usize, size: f64, bias: f32| Layer {
+        weights: r.vector(100 * outputs, size),
+        bias: vec![bias; outputs],
+    };
+    [("ratio", layer(100, 2e-3, 0.5)), ("variance", layer(1, 1e-2, 1.0))]
+}
+
+/// The network with more outputs from its last hidden layer, by name.
+pub fn scattering(net: &Net, spelling: Spelling, heads: &[(&str, Layer)]) -> ModelProto {
     let mut w = Writer::new(spelling);
     let [force, speed, texture, _] = w.names();
     let force = w.normalise(force, &net.force_mean, &net.force_deviation);
@@ -378,7 +394,20 @@ pub fn model(net: &Net, spelling: Spelling) -> ModelProto {
     let joined = w.concat(&[&force, &speed]);
     let action = w.layers(joined, &net.action, false);
     let all = w.concat(&[texture, &action]);
-    let out = w.layers(all, &net.predictor, spelling.clip);
+    let (last, hidden) = net.predictor.split_last().unwrap();
+    let hidden = w.layers(all, hidden, false);
+    for (name, head) in heads {
+        let out = w.layers(hidden.clone(), std::slice::from_ref(head), false);
+        w.graph.node.push(NodeProto {
+            op_type: "Identity".into(),
+            input: vec![out],
+            output: vec![name.to_string()],
+            ..Default::default()
+        });
+        let batch = if spelling.free_batch { None } else { Some(1) };
+        w.graph.output.push(value_info(name, &[batch, Some(head.bias.len() as i64)]));
+    }
+    let out = w.layers(hidden, std::slice::from_ref(last), spelling.clip);
     let scale = w.constant(&[100], &net.output_scale);
     let out = w.node("Mul", &[&out, &scale], vec![]);
     w.finish(&out)

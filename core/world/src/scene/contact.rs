@@ -122,6 +122,8 @@ pub struct Contacts {
     /// Of what was touched last.
     tangents: [[f64; 3]; 2],
     stroke: f64,
+    /// Where along the surface the stylus is.
+    place_mm: [f64; 2],
     voices: [Fading; 2],
     current: Option<usize>,
     /// Nothing was touched for so long that what is touched next begins at full level.
@@ -188,6 +190,7 @@ impl Contacts {
             past: Past::new(if scene.device.position_step_mm > 0.0 { APPROACH_S * run_hz } else { 1.0 }),
             tangents: FLAT,
             stroke: 0.0,
+            place_mm: [0.0; 2],
             voices: [SILENT; 2],
             current: None,
             rested: true,
@@ -242,6 +245,10 @@ impl Contacts {
         let (approach_mm_s, moment) = approach.unwrap_or_default();
         self.past.add(at);
         self.fade(touched.as_ref(), wall.as_ref());
+        self.place_mm = match &touched {
+            Some(contact) => contact.touch.place_mm,
+            None => self.onwards(self.place_mm, tangents, motion.unfiltered_mm_s),
+        };
         self.follow(motion.unfiltered_mm_s, touched.as_ref());
 
         let near = found.and_then(|contact| self.of_walls.get(contact.entry as usize).copied());
@@ -272,6 +279,7 @@ impl Contacts {
             damping_ns_per_m: damping,
             push_n: normal.map(|n| n * pushed),
             tangents,
+            place_mm: [self.place_mm[0], self.place_mm[1], -depth_mm],
             velocity_mm_s,
             speed_mm_s: velocity_mm_s[0].hypot(velocity_mm_s[1]),
             slide_mm_s: along(tangents, motion.unfiltered_mm_s),
@@ -378,20 +386,23 @@ impl Contacts {
 
     /// Takes the places of textures on: to where their surface is touched, else as far as the stylus goes, as if the surface went on.
     fn follow(&mut self, velocity_mm_s: [f64; 3], touched: Option<&Contact>) {
-        for voice in self.voices.iter_mut().filter(|voice| voice.gain > 0.0) {
-            match touched.filter(|contact| Some(contact.hold()) == voice.of) {
-                Some(Contact { touch, .. }) => {
-                    (voice.place_mm, voice.tangents) = (touch.place_mm, touch.tangents);
-                }
-                None => {
-                    let way = along(voice.tangents, velocity_mm_s);
-                    let here = std::array::from_fn(|k| voice.place_mm[k] + self.tick_s * way[k]);
-                    if here.iter().all(|x| x.abs() < FAR_MM) {
-                        voice.place_mm = here;
-                    }
-                }
+        for i in 0..self.voices.len() {
+            let Fading { of, gain, place_mm, tangents, .. } = self.voices[i];
+            if gain > 0.0 {
+                let voice = match touched.filter(|contact| Some(contact.hold()) == of) {
+                    Some(Contact { touch, .. }) => (touch.place_mm, touch.tangents),
+                    None => (self.onwards(place_mm, tangents, velocity_mm_s), tangents),
+                };
+                (self.voices[i].place_mm, self.voices[i].tangents) = voice;
             }
         }
+    }
+
+    /// A place a tick later, as if its surface went on.
+    fn onwards(&self, place_mm: [f64; 2], tangents: [[f64; 3]; 2], velocity_mm_s: [f64; 3]) -> [f64; 2] {
+        let way = along(tangents, velocity_mm_s);
+        let here = std::array::from_fn(|k| place_mm[k] + self.tick_s * way[k]);
+        if here.iter().all(|x: &f64| x.abs() < FAR_MM) { here } else { place_mm }
     }
 
     fn voice(&self, voice: &Fading) -> Voice {
@@ -409,7 +420,7 @@ impl Contacts {
         self.held = [None; 3];
         (self.touching, self.air_ticks, self.before, self.stroke) = (false, 0, None, 0.0);
         (self.past.known, self.missed) = (0, 0);
-        (self.tangents, self.voices) = (FLAT, [SILENT; 2]);
+        (self.tangents, self.voices, self.place_mm) = (FLAT, [SILENT; 2], [0.0; 2]);
         (self.current, self.rested, self.network, self.material) = (None, true, 0.0, 0.0);
     }
 
@@ -425,6 +436,7 @@ impl Contacts {
             .keep(&mut self.past.next)
             .keep(&mut self.past.known)
             .keep(&mut self.tangents)
+            .keep(&mut self.place_mm)
             .keep(&mut self.stroke);
         for voice in &mut self.voices {
             state.keep(&mut voice.of).keep(&mut voice.gain).keep(&mut voice.place_mm);
@@ -438,6 +450,7 @@ impl Contacts {
                 part(voice.gain) && length(&voice.tangents) && voice.place_mm.iter().all(|x| x.abs() < FAR_MM)
             }) && length(&self.tangents)
                 && part(self.network)
+                && self.place_mm.iter().all(|x| x.abs() < FAR_MM)
                 && self.current.is_none_or(|i| i < 2)
                 && self.material.is_finite()
                 && self.before.is_none_or(|p| p.iter().all(|x| x.is_finite()))

@@ -65,6 +65,8 @@ pub struct Felt {
     pub push_n: [f64; 3],
     /// Two directions along the surface.
     pub tangents: [[f64; 3]; 2],
+    /// Where along them the stylus is, and how high over the surface, in mm. In the air it goes on as if the surface did.
+    pub place_mm: [f64; 3],
     /// Along them, behind the low-pass, in mm/s.
     pub velocity_mm_s: [f64; 2],
     /// Length of that.

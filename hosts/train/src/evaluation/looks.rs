@@ -4,7 +4,7 @@ use asperity_world::material::{Assignment, BLENDED, Library, VECTOR_LEN};
 use asperity_world::tactile::Image;
 use burn::tensor::Device;
 use rayon::prelude::*;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::Written;
 use super::magnitudes::{Judge, Judged};
@@ -14,7 +14,7 @@ use crate::failure::Failure;
 use crate::stages::mean_vector;
 
 /// How often images of places that were held apart are given their material's name.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct Naming {
     /// Images.
     pub images: usize,
@@ -22,6 +22,9 @@ pub(crate) struct Naming {
     pub classes: usize,
     /// Part that the classifier names rightly; none without its file.
     pub classifier: Option<f64>,
+    /// Whether the classifier was judged earlier, when its file was there, by the same images and vectors.
+    #[serde(default)]
+    pub judged_earlier: bool,
     /// Part whose nearest stored vector is their material's.
     pub vector: f64,
     /// Part that a linear classifier of plain image statistics names rightly.
@@ -133,14 +136,33 @@ pub(super) fn naming(written: &Written, statistics: &Statistics, data: &Data) ->
     worst.sort_by(|a, b| a.1.total_cmp(&b.1));
     worst.truncate(10);
     worst.retain(|(_, right, _)| *right < 1.0);
-    Ok(Naming {
+    let now = Naming {
         images: held.len(),
         classes: data.seen.len(),
         classifier: named.as_ref().map(|named| rightly(named)),
+        judged_earlier: false,
         vector: rightly(&by_vector),
         statistics: rightly(&by_statistics),
         worst,
-    })
+    };
+    Ok(now.or_earlier(written.named.as_ref()))
+}
+
+impl Naming {
+    /// An earlier judgement that knew the classifier, if this one does not and all else is the same.
+    fn or_earlier(self, earlier: Option<&Self>) -> Self {
+        let same = |e: &&Self| {
+            let near = |a: f64, b: f64| (a - b).abs() < 1e-9;
+            e.classifier.is_some()
+                && [e.images, e.classes] == [self.images, self.classes]
+                && near(e.vector, self.vector)
+                && near(e.statistics, self.statistics)
+        };
+        match earlier.filter(same) {
+            Some(earlier) if self.classifier.is_none() => Self { judged_earlier: true, ..earlier.clone() },
+            _ => self,
+        }
+    }
 }
 
 /// Judges the neighbours of what was never trained on, whose true magnitudes are given.

@@ -44,6 +44,19 @@ impl Score {
     }
 }
 
+/// How magnitudes scatter, truly and as a network answers it.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub(crate) struct Scatter {
+    /// Mean over root mean square magnitude.
+    pub ratio: f64,
+    /// The same as answered.
+    pub ratio_answered: f64,
+    /// Variance of a frame's power over its squared mean.
+    pub variance: f64,
+    /// The same as answered.
+    pub variance_answered: f64,
+}
+
 /// True magnitudes of held-out strokes.
 pub(crate) struct Judged {
     frames: Vec<(Expectation, [Option<f64>; BINS])>,
@@ -85,6 +98,33 @@ impl Judged {
     /// Power of the true mean magnitudes over the true one: what a network that aimed at them without an error would come to, in dB.
     pub(crate) fn mean_level_db(&self) -> Option<f64> {
         self.over_truth(self.frames.iter().map(|(e, _)| power(&e.mean)).sum())
+    }
+
+    /// Scatter, true and as a network answers it. Ratios are weighted by the true power of their bins,
+    /// variances by that of their frames. None where the truth is not known.
+    ///
+    /// # Errors
+    /// A network that does not run.
+    pub(crate) fn scatter(&self, network: &Network, vector: &[f32]) -> Result<Option<Scatter>, Failure> {
+        let mut touched = network.with(vector)?;
+        let (mut sums, mut total) = ([0.0; 4], 0.0);
+        for (e, _) in &self.frames {
+            let Some(variance) = e.variance else { continue };
+            let answer = touched.answer(&e.example)?;
+            for (k, rms) in e.rms.map(f64::from).into_iter().enumerate().filter(|(_, rms)| *rms > 0.0) {
+                let power = rms * rms;
+                total += power;
+                let figures = [
+                    f64::from(e.mean[k]) / rms,
+                    answer.ratio[k].into(),
+                    variance.into(),
+                    answer.variance.into(),
+                ];
+                sums.iter_mut().zip(figures).for_each(|(sum, x)| *sum += power * x);
+            }
+        }
+        let [ratio, ratio_answered, variance, variance_answered] = sums.map(|sum| sum / total);
+        Ok((total > 1e-12).then_some(Scatter { ratio, ratio_answered, variance, variance_answered }))
     }
 
     fn over_truth(&self, sum: f64) -> Option<f64> {
@@ -243,7 +283,13 @@ mod tests {
     fn expectation(magnitude: f32) -> Expectation {
         let example =
             Example { force: [1.0; HISTORY], velocity: [50.0; 2 * HISTORY], magnitudes: [magnitude; BINS] };
-        Expectation { other: Some([2.0 * magnitude; BINS]), mean: [0.9; BINS], rms: [1.0; BINS], example }
+        Expectation {
+            other: Some([2.0 * magnitude; BINS]),
+            mean: [0.9; BINS],
+            rms: [1.0; BINS],
+            variance: Some(0.1),
+            example,
+        }
     }
 
     #[test]

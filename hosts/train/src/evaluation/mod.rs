@@ -14,13 +14,13 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 pub(crate) use looks::{ALONE, Naming, Stranger, Strangers};
-pub(crate) use magnitudes::{AUDIBLE_M_S2, RANGE_DB, Score};
+pub(crate) use magnitudes::{AUDIBLE_M_S2, RANGE_DB, Scatter, Score};
 pub(crate) use network::Network;
 
 use crate::arguments::Settings;
 use crate::data::{Data, Origin, made_settings};
 use crate::failure::Failure;
-use crate::loss::Target;
+use crate::loss::{Target, square_of_noise};
 use crate::stages::Namer;
 use magnitudes::{Judge, Judged};
 
@@ -36,6 +36,8 @@ pub(crate) struct Written {
     pub namer: Option<Namer>,
     /// Vectors.
     pub library: Library,
+    /// Names as they were judged before, if they were.
+    pub named: Option<Naming>,
 }
 
 /// Everything that was found.
@@ -51,6 +53,10 @@ pub(crate) struct Evaluation {
     pub beyond: Vec<Score>,
     /// What the two targets come to, a family.
     pub levels: Vec<Level>,
+    /// How magnitudes scatter, a material: none where the truth is not known.
+    pub scatter: Vec<(String, Option<Scatter>)>,
+    /// The same, a family.
+    pub scatter_by_family: Vec<(String, Option<Scatter>)>,
     /// Largest magnitude answered to no force, or to no speed, in m/s^2.
     pub silence_m_s2: f64,
 }
@@ -126,7 +132,10 @@ fn truths(settings: &Settings, data: &Data) -> Result<Truths, Failure> {
 /// An example as an expectation of its own.
 fn target_of(example: &Example, truth: Truth) -> Expectation {
     let [mean, rms] = [Target::Mean, Target::Rms].map(|t| example.magnitudes.map(|m| t.of(m, truth)));
-    Expectation { other: None, mean, rms, example: example.clone() }
+    // What one frame is like says nothing of how others are.
+    let square = (truth == Truth::Rms).then(|| square_of_noise(&rms)).filter(|square| *square > 0.0);
+    let variance = square.map(|square| square - 1.0);
+    Expectation { other: None, mean, rms, variance, example: example.clone() }
 }
 
 /// Judges a model by data it was not trained on.
@@ -159,6 +168,17 @@ pub(crate) fn evaluate(written: &Written, settings: &Settings, data: &Data) -> R
         Some(other) => levels(written, other, settings.target, data, &judged)?,
         None => Vec::new(),
     };
+    let powerful = match settings.target {
+        Target::Rms => Some(&written.network),
+        Target::Mean => written.other.as_ref(),
+    };
+    let mut scatter = Vec::new();
+    if let Some(network) = powerful.filter(|network| network.answers_scatter()) {
+        for (subject, (judged, _, _)) in data.seen.iter().zip(&judged) {
+            let vector = written.library.material(&subject.name)?.vector.as_slice();
+            scatter.push((subject, judged.scatter(network, vector)?));
+        }
+    }
     eprintln!("judging {} unseen surfaces", data.unseen.len());
     let strangers = looks::strangers(written, &statistics, data, &judge, truths.unseen)?;
     let (mut scores, mut beyond) = (Vec::new(), Vec::new());
@@ -167,7 +187,31 @@ pub(crate) fn evaluate(written: &Written, settings: &Settings, data: &Data) -> R
         beyond.extend(out);
     }
     let silence_m_s2 = magnitudes::loudest_silence(&written.network, &written.library, data.reach)?;
-    Ok(Evaluation { naming, strangers, scores, beyond, levels, silence_m_s2 })
+    let figures = |s: &Option<Scatter>| match s {
+        Some(s) => [s.ratio, s.ratio_answered, s.variance, s.variance_answered].map(Some),
+        None => [None; 4],
+    };
+    let families =
+        by_family(scatter.iter().map(|(s, scatter)| (s.family.clone(), figures(scatter))).collect());
+    let of_family = |(family, figures): (String, [Option<f64>; 4])| {
+        let known = match figures {
+            [Some(ratio), Some(ratio_answered), Some(variance), Some(variance_answered)] => {
+                Some(Scatter { ratio, ratio_answered, variance, variance_answered })
+            }
+            _ => None,
+        };
+        (family, known)
+    };
+    Ok(Evaluation {
+        naming,
+        strangers,
+        scores,
+        beyond,
+        levels,
+        scatter_by_family: families.into_iter().map(of_family).collect(),
+        scatter: scatter.into_iter().map(|(s, scatter)| (s.name.clone(), scatter)).collect(),
+        silence_m_s2,
+    })
 }
 
 /// Levels of both targets by family, and last over all.
@@ -188,21 +232,37 @@ fn levels(
         let level = |network: &Network| judged.level_db(network, vector);
         all.push((subject.family.clone(), [judged.mean_level_db(), level(mean)?, level(rms)?]));
     }
+    let level = |(family, [exact_mean_db, mean_db, rms_db]): (String, [Option<f64>; 3])| Level {
+        family,
+        exact_mean_db,
+        mean_db,
+        rms_db,
+    };
+    Ok(by_family(all).into_iter().map(level).collect())
+}
+
+/// Means of figures over each family's materials that have them, and last over all; nothing without
+/// materials.
+fn by_family<const N: usize>(
+    all: Vec<(Option<String>, [Option<f64>; N])>,
+) -> Vec<(String, [Option<f64>; N])> {
+    if all.is_empty() {
+        return Vec::new();
+    }
     let mut families: Vec<String> = Vec::new();
     for family in all.iter().filter_map(|(family, ..)| family.as_ref()) {
         if !families.contains(family) {
             families.push(family.clone());
         }
     }
-    let level = |family: Option<&str>| {
+    let means = |family: Option<&str>| {
         let of: Vec<_> =
             all.iter().filter(|(f, ..)| family.is_none_or(|family| f.as_deref() == Some(family))).collect();
         let average = |figure: usize| {
-            let known: Vec<f64> = of.iter().filter_map(|(_, levels)| levels[figure]).collect();
+            let known: Vec<f64> = of.iter().filter_map(|(_, figures)| figures[figure]).collect();
             (!known.is_empty()).then(|| known.iter().sum::<f64>() / known.len() as f64)
         };
-        let [exact_mean_db, mean_db, rms_db] = [0, 1, 2].map(average);
-        Level { family: family.unwrap_or("all").to_owned(), exact_mean_db, mean_db, rms_db }
+        (family.unwrap_or("all").to_owned(), std::array::from_fn(average))
     };
-    Ok(families.iter().map(|f| level(Some(f))).chain([level(None)]).collect())
+    families.iter().map(|f| means(Some(f))).chain([means(None)]).collect()
 }

@@ -1,7 +1,7 @@
 use std::path::Path;
 
 use asperity_dataset::{Example, HISTORY};
-use asperity_network::{Choice, Model, Precision, Range, Runner, hold_magnitudes};
+use asperity_network::{Answer, Choice, Model, Precision, Range, Runner, hold_magnitudes};
 use asperity_world::material::BINS;
 
 use crate::failure::Failure;
@@ -24,6 +24,11 @@ impl Network {
         Ok(Self(Model::load(path)?))
     }
 
+    /// Whether it answers how magnitudes scatter.
+    pub(super) fn answers_scatter(&self) -> bool {
+        self.0.answers_scatter()
+    }
+
     /// The network for a vector.
     ///
     /// # Errors
@@ -40,14 +45,23 @@ impl Touched {
     /// # Errors
     /// A network that fails to run.
     pub(super) fn after(&mut self, example: &Example) -> Result<[f32; BINS], Failure> {
+        let mut held = [0.0; BINS];
+        hold_magnitudes(&self.answer(example)?.magnitudes, &mut held);
+        Ok(held)
+    }
+
+    /// The same with how they scatter.
+    ///
+    /// # Errors
+    /// A network that fails to run.
+    pub(super) fn answer(&mut self, example: &Example) -> Result<Answer, Failure> {
         let (mut force, mut velocity) = ([0.0; HISTORY], [0.0; 2 * HISTORY]);
         self.range.forces(&example.force.map(f64::from), &mut force);
         self.range.velocities(&example.velocity.map(f64::from), &mut velocity);
-        let (mut answer, mut held) = ([0.0; BINS], [0.0; BINS]);
+        let mut answer = Answer::default();
         self.runner
-            .run(0, &force, &velocity, &mut answer)
+            .answer(0, &force, &velocity, &mut answer)
             .map_err(|e| Failure::Model(format!("the written network does not run: {e}")))?;
-        hold_magnitudes(&answer, &mut held);
-        Ok(held)
+        Ok(answer)
     }
 }

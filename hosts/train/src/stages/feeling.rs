@@ -13,7 +13,7 @@ use super::sight::dropout;
 use crate::descent::{Losses, Progress, Stage};
 use crate::encoder::{FEATURES, Head};
 use crate::failure::Failure;
-use crate::loss::{Aim, Scales, Target};
+use crate::loss::{Aim, Scales, Scattered, Target, square_of_noise};
 use crate::network::{Network, Scaling};
 
 /// Texture encoder and the network of every tick.
@@ -93,7 +93,9 @@ struct Touches {
     force: Vec<f32>,
     speed: Vec<f32>,
     target: Vec<f32>,
+    mean: Vec<f32>,
     weight: Vec<f32>,
+    square: Vec<f32>,
 }
 
 fn rows(numbers: Vec<f32>, width: usize, device: &Device) -> Tensor<2> {
@@ -115,6 +117,8 @@ impl<'a> Felt<'a> {
             force: Vec::with_capacity(count * HISTORY),
             speed: Vec::with_capacity(count * 2 * HISTORY),
             target: Vec::with_capacity(count * BINS),
+            mean: Vec::with_capacity(count * BINS),
+            square: Vec::with_capacity(count),
             weight: Vec::with_capacity(count * BINS),
         };
         let classes: Vec<usize> = (0..groups).map(|_| random.below(self.subjects.len())).collect();
@@ -136,9 +140,15 @@ impl<'a> Felt<'a> {
     fn loss(&self, network: &Network, vectors: Tensor<2>, t: Touches, device: &Device) -> Tensor<1> {
         let Touching { groups, each, target, aim, .. } = self.settings;
         let vectors = vectors.unsqueeze_dim::<3>(1).repeat_dim(1, each).reshape([groups * each, VECTOR_LEN]);
-        let answer =
+        let answers =
             network.forward(rows(t.force, HISTORY, device), rows(t.speed, 2 * HISTORY, device), vectors);
-        target.loss(aim, answer, rows(t.target, BINS, device), rows(t.weight, BINS, device))
+        let (magnitudes, weight) = (rows(t.target, BINS, device), rows(t.weight, BINS, device));
+        let loss = target.loss(aim, answers.magnitudes.clone(), magnitudes.clone(), weight.clone());
+        if target == Target::Mean {
+            return loss;
+        }
+        let (mean, square) = (rows(t.mean, BINS, device), rows(t.square, 1, device));
+        loss + Scattered { mean, magnitudes, weight, square }.loss(aim, answers)
     }
 }
 
@@ -222,6 +232,12 @@ impl Touches {
         self.force.extend(example.force.map(|f| scale * (f - offset)));
         self.speed.extend(example.velocity.map(|v| speed * v));
         self.target.extend(example.magnitudes.map(|m| target.of(m, truth)));
+        self.mean.extend(example.magnitudes.map(|m| Target::Mean.of(m, truth)));
+        let noise = square_of_noise(&example.magnitudes);
+        self.square.push(match truth {
+            Truth::Draws if noise > 0.0 => 1.0,
+            _ => noise,
+        });
         self.weight.extend_from_slice(scales.weights(example));
     }
 }

@@ -1,0 +1,108 @@
+//! `shaped_noise`: magnitudes to a signal without phase retrieval.
+
+use asperity_dsp::Float;
+use asperity_dsp::scatter::NOISE_RATIO;
+use asperity_dsp::shaped_noise::{self, PATTERN_LEN, Pattern};
+use asperity_node::{
+    Descriptor, Diagnostic, Fact, Input, Latency, LayoutSpec, Node, Output, Param, RateSpec, Setup,
+    ShapeSpec, State, Status, Tick, Unit,
+};
+
+use crate::precision::precision;
+
+/// Noise, bumps and ridges through a filter that follows the magnitudes.
+pub struct ShapedNoise<T> {
+    kernel: shaped_noise::ShapedNoise<T>,
+    /// The numbers that the kernel's pattern was read from.
+    pattern: Vec<f64>,
+    /// Samples of two ticks.
+    tail: i64,
+    bad: u64,
+}
+
+impl<T: Float> Node for ShapedNoise<T> {
+    fn descriptor() -> Descriptor {
+        Descriptor::new(
+            "shaped_noise",
+            "Noise through a filter of minimum phase that follows the magnitudes; ridges and bumps where the hand's place is known.",
+        )
+        .input(
+            Input::new("magnitude", ShapeSpec::Magnitude(LayoutSpec::Of('l')), Unit::NONE)
+                .unit_of('u')
+                .doc("what the signal's frames are expected to have"),
+        )
+        .input(
+            Input::new("position", ShapeSpec::Control(3), Unit::MILLIMETRE)
+                .or(0.0)
+                .doc("x, y, z of the stylus; left out, there are no ridges and no bumps"),
+        )
+        .input(
+            Input::new("pattern", ShapeSpec::Control(PATTERN_LEN), Unit::NONE)
+                .or(0.0)
+                .doc("ridges and bumps of the material, as `texture_network` tells them; left out, there are none"),
+        )
+        .input(
+            Input::new("statistics", ShapeSpec::Control(2), Unit::NONE)
+                .or(-1.0)
+                .doc("as `texture_network` tells them: above 0 in the second where magnitudes are means"),
+        )
+        .output(
+            Output::new("signal", ShapeSpec::Audio(RateSpec::Of('l')), Unit::NONE)
+                .unit_of('u')
+                .doc("the signal at the frames' rate"),
+        )
+        .param(Param::integer("seed", 1, 0..=i64::MAX, "Seed of what is left to chance; left out, from the graph's.").optional())
+        .param(precision())
+        .timing("plays a frame in the tick in which it comes, half a window before its middle; a change of level shows within that tick")
+    }
+
+    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
+        let framing = super::framing(setup)?;
+        let tick_s = f64::from(setup.every) / f64::from(setup.tick_hz);
+        let kernel = shaped_noise::ShapedNoise::new(framing, tick_s, super::seed(setup))
+            .map_err(|e| setup.params.node_error(e.to_string()))?;
+        let tail = (2.0 * f64::from(framing.rate_hz) * tick_s).ceil() as i64;
+        Ok(Self { kernel, pattern: vec![0.0; PATTERN_LEN], tail, bad: 0 })
+    }
+
+    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
+        let span = tick.samples(self.kernel.framing().rate_hz);
+        if tick.inputs.connected(2) {
+            let numbers = tick.inputs.control(2);
+            if !numbers.iter().map(|x| x.to_bits()).eq(self.pattern.iter().map(|x| x.to_bits())) {
+                self.pattern.copy_from_slice(numbers);
+                self.kernel.set_pattern(Pattern::read(numbers));
+            }
+        }
+        if let Some(frame) = tick.inputs.magnitude(0) {
+            let means = tick.inputs.control(3).get(1).is_some_and(|x| *x > 0.0);
+            self.bad +=
+                self.kernel.push(frame.index, frame.bins, if means { NOISE_RATIO } else { 1.0 }) as u64;
+        }
+        let place = tick.inputs.connected(1).then(|| tick.inputs.control(1));
+        let place = place.and_then(|p| Some([*p.first()?, *p.get(1)?]));
+        self.kernel.emit(span.start, place, tick.outputs.audio(0));
+        if self.kernel.is_silent() { Status::Quiet } else { Status::Continue }
+    }
+
+    fn reset(&mut self) {
+        self.kernel.reset();
+    }
+
+    fn latency(&self) -> Latency {
+        let f = self.kernel.framing();
+        Latency::samples(-(f.fft_len as i64 / 2), f.rate_hz)
+    }
+
+    fn tail(&self) -> Latency {
+        Latency::samples(self.tail, self.kernel.framing().rate_hz)
+    }
+
+    fn state(&mut self, state: &mut State<'_>) {
+        self.kernel.state(state);
+    }
+
+    fn facts(&self) -> Vec<Fact> {
+        vec![Fact::count("bad_magnitudes", self.bad)]
+    }
+}

@@ -1,0 +1,88 @@
+//! `scatter`: from expected magnitudes to those of one random signal.
+
+use asperity_dsp::Float;
+use asperity_dsp::scatter::{self, Statistics};
+use asperity_node::{
+    Descriptor, Diagnostic, Fact, Input, LayoutSpec, Node, Output, Param, Resume, Setup, ShapeSpec, Status,
+    Tick, Unit,
+};
+
+use crate::phase::{framing, seed};
+use crate::precision::precision;
+
+/// Scatters magnitudes about what is expected, as those of noise, or of lines in noise, do.
+pub struct Scatter<T> {
+    kernel: scatter::Scatter<T>,
+    strength: f64,
+    bad: u64,
+}
+
+impl<T: Float> Node for Scatter<T> {
+    fn descriptor() -> Descriptor {
+        Descriptor::new(
+            "scatter",
+            "Scatters expected magnitudes as those of one random signal scatter. Without it phase retrieval makes a signal that repeats.",
+        )
+        .input(
+            Input::new("magnitude", ShapeSpec::Magnitude(LayoutSpec::Of('l')), Unit::NONE)
+                .unit_of('u')
+                .doc("what is expected"),
+        )
+        .input(
+            Input::new("ratio", ShapeSpec::Magnitude(LayoutSpec::Of('l')), Unit::NONE)
+                .or(0.0)
+                .doc("mean over root mean square of each bin: 0.886 or less is noise, 1 a steady line; left out, noise"),
+        )
+        .input(
+            Input::new("statistics", ShapeSpec::Control(2), Unit::NONE)
+                .or(-1.0)
+                .doc("variance of a frame's power over its squared mean, below 0 unknown; above 0 where magnitudes are means"),
+        )
+        .output(
+            Output::new("magnitude", ShapeSpec::Magnitude(LayoutSpec::Of('l')), Unit::NONE)
+                .unit_of('u')
+                .doc("magnitudes that one signal may have"),
+        )
+        .param(
+            Param::number("strength", 1.0, 0.0..=1.0, "How far magnitudes scatter: 0 leaves them as they are.").live(),
+        )
+        .param(Param::integer("seed", 1, 0..=i64::MAX, "Seed of the noise; left out, from the graph's.").optional())
+        .param(precision())
+        .timing("no latency: a frame comes out in the tick in which it comes")
+        // Noise follows from the frame's number.
+        .resumes(Resume::Resume)
+    }
+
+    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
+        let kernel = scatter::Scatter::new(framing(setup)?, seed(setup))
+            .map_err(|e| setup.params.node_error(e.to_string()))?;
+        Ok(Self { kernel, strength: setup.params.number("strength"), bad: 0 })
+    }
+
+    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
+        let Some(frame) = tick.inputs.magnitude(0) else { return Status::Quiet };
+        let ratio = tick.inputs.magnitude(1).filter(|r| r.index == frame.index).map_or(&[][..], |r| r.bins);
+        let statistics = tick.inputs.control(2);
+        let value = |at: usize| statistics.get(at).copied();
+        let known = Statistics {
+            ratio,
+            variance: value(0).filter(|v| *v >= 0.0),
+            means: value(1).is_some_and(|v| v > 0.0),
+        };
+        let out = tick.outputs.magnitude(0, frame.index, frame.start);
+        self.bad += self.kernel.process(frame.index, frame.bins, known, self.strength, out) as u64;
+        Status::Continue
+    }
+
+    fn reset(&mut self) {}
+
+    fn set_parameter(&mut self, index: usize, value: f64) {
+        if index == 0 {
+            self.strength = value;
+        }
+    }
+
+    fn facts(&self) -> Vec<Fact> {
+        vec![Fact::count("bad_magnitudes", self.bad)]
+    }
+}
