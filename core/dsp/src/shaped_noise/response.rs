@@ -1,5 +1,6 @@
 //! The response of minimum phase whose magnitudes are given.
 
+use crate::float::unit_circle;
 use crate::{Complex, Float, plans};
 use realfft::{ComplexToReal, RealToComplex};
 use std::sync::Arc;
@@ -45,8 +46,9 @@ impl<T: Float> Designer<T> {
             return false;
         }
         for (to, square) in self.response.iter_mut().zip(squares) {
-            let log = 0.5 * square.max(most * FLOOR).ln();
-            *to = Complex::new(T::of(log), T::zero());
+            // Of ratios: whatever the unit, they are normal numbers in single precision.
+            let log = T::of((square / most).max(FLOOR)).natural_log();
+            *to = Complex::new(log * T::of(0.5), T::zero());
         }
         self.to_time();
         // Positive times get what negative ones have.
@@ -63,10 +65,11 @@ impl<T: Float> Designer<T> {
         }
         let done = self.forward.process_with_scratch(&mut self.line, &mut self.response, &mut self.scratch);
         debug_assert!(done.is_ok());
+        let level = T::of(most.sqrt());
         for to in &mut self.response {
-            let (radius, angle) = (to.re.f64().exp(), to.im.f64());
-            let (sin, cos) = angle.sin_cos();
-            *to = Complex::new(T::of(radius * cos), T::of(radius * sin));
+            let radius = level * to.re.exponential();
+            let (cos, sin) = unit_circle(to.im.f64() * std::f64::consts::FRAC_1_PI * 0.5);
+            *to = Complex::new(radius * T::of(cos), radius * T::of(sin));
         }
         true
     }
