@@ -32,7 +32,8 @@ const MATERIALS: [&str; 12] = [
     "printer paper",
 ];
 const SPEEDS_MM_S: [f64; 4] = [40.0, 80.0, 160.0, 280.0];
-const GRATINGS: [&str; 4] = ["sine grating 1 mm", "narrow ridges 1 mm", "sine grating 2.5 mm", "square grating 3 mm"];
+const GRATINGS: [&str; 4] =
+    ["sine grating 1 mm", "narrow ridges 1 mm", "sine grating 2.5 mm", "square grating 3 mm"];
 /// Beginning that is left out \[s\]: filters settle.
 const SETTLES_S: f64 = 1.0;
 const RADIUS_MM: f64 = 30.0;
@@ -120,8 +121,12 @@ fn circles(asked: &Asked) {
         false => MATERIALS.map(str::to_owned).into(),
     };
     println!("\n## Circles of {} mm, constant speed, {} N\n", RADIUS_MM, asked.force_n);
-    println!("Each cell: rendered / true; * where modulation is off by more than 25 %, repetition by more than 0.1, kurtosis by more than 15 %.\n");
-    println!("| material | speed mm/s | modulation 15-25 Hz | repetition | kurtosis | deviation of level dB | holds |");
+    println!(
+        "Each cell: rendered / true; * where modulation is off by more than 25 %, repetition by more than 0.1, kurtosis by more than 15 %.\n"
+    );
+    println!(
+        "| material | speed mm/s | modulation 15-25 Hz | repetition | kurtosis | deviation of level dB | holds |"
+    );
     println!("|---|---|---|---|---|---|---|");
     let mut holding = 0;
     for name in names.iter().filter(|n| asked.only.as_ref().is_none_or(|only| n.contains(only.as_str()))) {
@@ -144,7 +149,10 @@ fn circles(asked: &Asked) {
             all_hold &= holds;
             println!(
                 "| {name} | {speed} | {m:.3} / {mt:.3}{} | {r:.2} / {rt:.2}{} | {k:.2} / {kt:.2}{} | {d:.2} / {dt:.2} | {} |",
-                star[0], star[1], star[2], if holds { "yes" } else { "no" }
+                star[0],
+                star[1],
+                star[2],
+                if holds { "yes" } else { "no" }
             );
         }
         holding += usize::from(all_hold);
@@ -154,7 +162,9 @@ fn circles(asked: &Asked) {
 
 fn gratings(asked: &Asked) {
     println!("\n## Gratings, straight across, {} N\n", asked.force_n);
-    println!("| grating | speed mm/s | lag ms, rendered / true | correlation there | kurtosis | modulation 15-25 Hz |");
+    println!(
+        "| grating | speed mm/s | lag ms, rendered / true | correlation there | kurtosis | modulation 15-25 Hz |"
+    );
     println!("|---|---|---|---|---|---|");
     for name in GRATINGS.iter().filter(|n| asked.only.as_ref().is_none_or(|only| n.contains(only.as_str()))) {
         let pitch: f64 = name.split(' ').find_map(|word| word.parse().ok()).expect("a pitch");
@@ -162,12 +172,14 @@ fn gratings(asked: &Asked) {
             let depth = -MM_PER_N * asked.force_n;
             let way: Path3 = Arc::new(move |t| [speed * t, 0.0, depth]);
             let seconds = 0.4 * asked.seconds + SETTLES_S;
-            let (mut lags, mut heights, mut ks, mut ms) = ([vec![], vec![]], [vec![], vec![]], [vec![], vec![]], [vec![], vec![]]);
+            let (mut lags, mut heights, mut ks, mut ms) =
+                ([vec![], vec![]], [vec![], vec![]], [vec![], vec![]], [vec![], vec![]]);
             for seed in 0..asked.seeds {
                 let ours = rendered(&asked.graph, name, seed, &way, seconds);
                 let (axes, rate) = felt(name, seed, &way, seconds);
                 let of = [rhythm(&[ours.0.clone()], ours.1), rhythm(&axes, rate)];
-                let repeat = [repeats_at(&ours.0, ours.1, pitch / speed), repeats_at(&axes[0], rate, pitch / speed)];
+                let repeat =
+                    [repeats_at(&ours.0, ours.1, pitch / speed), repeats_at(&axes[0], rate, pitch / speed)];
                 for i in 0..2 {
                     let repeat = repeat[i].as_ref().expect("long enough");
                     lags[i].push(1e3 * repeat.lag_s);
@@ -189,7 +201,8 @@ fn hand(asked: &Asked) {
     println!("\n## A hand's motion: minimum-jerk strokes with tremor\n");
     println!("| material | 20 Hz power over the truth's dB | level over the truth's dB | kurtosis |");
     println!("|---|---|---|---|");
-    for name in MATERIALS.iter().filter(|n| asked.only.as_ref().is_none_or(|only| n.contains(only.as_str()))) {
+    for name in MATERIALS.iter().filter(|n| asked.only.as_ref().is_none_or(|only| n.contains(only.as_str())))
+    {
         let params = StrokeParams {
             shape: Shape::Zigzag,
             mean_speed_mm_s: 90.0,
@@ -204,13 +217,22 @@ fn hand(asked: &Asked) {
         let [ours, truth] = both(&short, name, &way);
         let pair = |f: fn(&Rhythm) -> f64| [&ours, &truth].map(|r| median(r.iter().map(f).collect()));
         let ([m, mt], [l, lt], [k, kt]) = (pair(Rhythm::pulses), pair(|r| r.rms), pair(|r| r.kurtosis));
-        println!("| {name} | {:+.1} | {:+.1} | {k:.1} / {kt:.1} |", 20.0 * (m / mt).log10(), 20.0 * (l / lt).log10());
+        println!(
+            "| {name} | {:+.1} | {:+.1} | {k:.1} / {kt:.1} |",
+            20.0 * (m / mt).log10(),
+            20.0 * (l / lt).log10()
+        );
     }
 }
 
 fn main() {
     let asked = asked();
-    println!("# {}: {} seeds, {} s each", asked.graph.rsplit('/').next().unwrap_or(""), asked.seeds, asked.seconds);
+    println!(
+        "# {}: {} seeds, {} s each",
+        asked.graph.rsplit('/').next().unwrap_or(""),
+        asked.seeds,
+        asked.seconds
+    );
     circles(&asked);
     gratings(&asked);
     hand(&asked);

@@ -14,6 +14,7 @@ mod frames;
 pub mod hatt;
 mod history;
 pub mod made;
+pub mod pattern;
 pub mod recordings;
 
 pub use example::{Example, Expectation, Note, Parts, Subject, Truth};

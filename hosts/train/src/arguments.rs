@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 use crate::data::Origin;
 use crate::encoder::Preset;
 use crate::loss::{Aim, Target};
+use crate::pattern::FindPatterns;
 
 /// Trains texture models, and says how good they are.
 #[derive(Parser, Debug)]
@@ -25,6 +26,8 @@ pub(crate) enum Command {
     Network(Network),
     /// Judges a trained model by data it was not trained on, and writes its card anew.
     Evaluate(Evaluate),
+    /// Finds anew how a model's materials vibrate over place: the fields `waves` and `events` of its library.
+    Pattern(FindPatterns),
 }
 
 /// A model whose network is trained anew, with the settings of the model.

@@ -13,6 +13,7 @@ mod layer;
 mod loss;
 mod network;
 mod onnx;
+mod pattern;
 mod progress;
 mod stages;
 mod training;
@@ -36,6 +37,7 @@ fn main() -> ExitCode {
         Command::Train(train) => training::train(&train),
         Command::Network(network) => training::network(&network),
         Command::Evaluate(evaluate) => training::evaluate(&evaluate),
+        Command::Pattern(found) => pattern::find(&found),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

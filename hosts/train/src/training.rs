@@ -27,6 +27,7 @@ use crate::evaluation::{self, Naming as Named, Network, Written};
 use crate::failure::Failure;
 use crate::files::write_whole;
 use crate::network::{self, Scaling};
+use crate::pattern;
 use crate::progress::Teller;
 use crate::stages::{self, Kin, Learner, Looks, Namer, Naming, Touching, mean_vector, vectors};
 use crate::{card, onnx};
@@ -114,7 +115,8 @@ pub(crate) fn train(train: &Train) -> Result<(), Failure> {
     write_whole(&out("texture.onnx"), &network(&settled, settings.target))?;
     let name = format!("texture_{}.onnx", other.name());
     write_whole(&out(&name), &network(&settled_other, other))?;
-    let materials = materials(&train.out, &data, &stored)?;
+    let mut materials = materials(&train.out, &data, &stored)?;
+    pattern::fill(&mut materials, settings)?;
     write_whole(
         &out("materials.ron"),
         Library::new(out("materials.ron"), Some("encoder.onnx".to_owned()), materials).to_ron().as_bytes(),
@@ -238,7 +240,10 @@ fn with_stored(vectors: &[Vec<f32>], stored: &[[f32; VECTOR_LEN]]) -> Vec<Vec<f3
 }
 
 /// Settings of a model.
-fn settings_of(folder: &Path) -> Result<Settings, Diagnostic> {
+///
+/// # Errors
+/// A folder without them.
+pub(crate) fn settings_of(folder: &Path) -> Result<Settings, Diagnostic> {
     let path = folder.join(SETTINGS);
     let text = std::fs::read_to_string(&path)
         .map_err(|e| Diagnostic::new(format!("cannot read this file: {e}")).in_file(&path))?;
@@ -246,17 +251,28 @@ fn settings_of(folder: &Path) -> Result<Settings, Diagnostic> {
         .map_err(|e| Diagnostic::new(format!("these are not a run's settings: {e}")).in_file(&path))
 }
 
-/// Data of a model, from where its settings say they are or from where they are now.
-fn data_of(folder: &Path, settings: &Settings, now: Option<&Origin>) -> Result<Data, Failure> {
-    let place = match now {
+/// Settings of a model with the place where its data are now.
+///
+/// # Errors
+/// Data of another kind.
+pub(crate) fn settings_now(
+    folder: &Path,
+    settings: &Settings,
+    now: Option<&Origin>,
+) -> Result<Settings, Diagnostic> {
+    match now {
         Some(data) if data.name() != settings.data.name() => {
             let message = format!("this model was trained on `{}` data", settings.data.name());
-            return Err(Diagnostic::new(message).in_file(folder.join(SETTINGS)).into());
+            Err(Diagnostic::new(message).in_file(folder.join(SETTINGS)))
         }
-        Some(data) => data.clone(),
-        None => settings.data.clone(),
-    };
-    let settings = Settings { data: place, ..settings.clone() };
+        Some(data) => Ok(Settings { data: data.clone(), ..settings.clone() }),
+        None => Ok(settings.clone()),
+    }
+}
+
+/// Data of a model, from where its settings say they are or from where they are now.
+fn data_of(folder: &Path, settings: &Settings, now: Option<&Origin>) -> Result<Data, Failure> {
+    let settings = settings_now(folder, settings, now)?;
     data::load(&settings).map_err(|e| match e {
         Failure::Input(d) if settings.data != Origin::Made && now.is_none() => {
             let place = "the settings of this model say where its data were; --data says where they are now";

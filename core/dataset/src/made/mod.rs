@@ -9,6 +9,7 @@
 mod expectations;
 mod ground;
 mod images;
+mod patterned;
 mod strokes;
 
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -20,6 +21,7 @@ use rayon::prelude::*;
 
 pub use expectations::expectations;
 pub use ground::{Ground, surface};
+pub use patterned::{pattern, straight_strokes};
 pub use strokes::{BEYOND_FORCE_N, BEYOND_SPEED_MM_S, Drawn};
 
 use crate::example::{Example, Parts, Subject, Truth};

@@ -57,6 +57,7 @@ use crate::example::{Parts, Subject, Truth};
 use crate::felt::{Felt, force_n};
 use crate::folder;
 use crate::history::RATE_HZ;
+use crate::pattern;
 
 use stroke::Stroke;
 
@@ -210,6 +211,35 @@ fn subject(folder: &Path) -> Result<Subject, Diagnostic> {
         examples,
         truth: Truth::Draws,
     })
+}
+
+/// The strokes of a material's folder to find its [pattern](crate::pattern) from: those to train on, as far as they have places or velocities. All of them are taken as
+/// strokes over one piece.
+///
+/// # Errors
+/// As [`read`], of strokes.
+pub fn strokes(folder: &Path) -> Result<Vec<pattern::Stroke>, Diagnostic> {
+    let files = folder::entries(folder)?;
+    let paths: Vec<&PathBuf> = files.iter().filter(|f| folder::ends_with(f, &["csv", "wav"])).collect();
+    let whole = paths.len() >= 5;
+    let seen = if whole { paths.len() - folder::held_of(paths.len()) } else { paths.len() };
+    let mut strokes = Vec::new();
+    for path in paths.into_iter().take(seen) {
+        let stroke = stroke(path, folder)?;
+        if !stroke.has_places() {
+            continue;
+        }
+        let part = if whole { 1.0 } else { 0.8 };
+        let recording = stroke.recording().map_err(|e| Diagnostic::new(e.to_string()).in_file(path))?;
+        let axes = recording.felt.axes();
+        let axes: Vec<&[f64]> = axes.iter().map(|a| &a[..(a.len() as f64 * part) as usize]).collect();
+        let place = |t: f64| {
+            let [x, y, _] = recording.place_mm(t);
+            [x, y]
+        };
+        strokes.push(pattern::Stroke::new(recording.felt.rate_hz, &axes, place));
+    }
+    Ok(strokes)
 }
 
 fn stroke(path: &Path, folder: &Path) -> Result<Stroke, Diagnostic> {

@@ -76,6 +76,11 @@ impl Stroke {
         self.force.len() as f64 / self.rate_hz
     }
 
+    /// Whether it is known where it goes.
+    pub(super) fn has_places(&self) -> bool {
+        !matches!(self.motion, Motion::Speed(_))
+    }
+
     /// What it is, with the motion as a speed.
     pub(super) fn recorded(self) -> Recorded {
         let (count, around) = (self.force.len(), (AROUND_S * self.rate_hz).round() as usize);

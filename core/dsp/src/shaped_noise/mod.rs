@@ -238,15 +238,7 @@ impl<T: Float> ShapedNoise<T> {
 
     /// Finds taps and lines for the newest frame.
     fn follow(&mut self, placed: bool) {
-        let n = self.framing.fft_len;
-        // An amplitude stands for this part of its square as power, and that for a bin's width.
-        let bin_hz = f64::from(self.framing.rate_hz) / n as f64;
-        let per_hz = 1.0 / (3.0 * bin_hz);
-        for (j, density) in self.density.iter_mut().enumerate() {
-            let square = |k: usize| self.magnitudes.get(k).map_or(0.0, |m| m.f64() * m.f64());
-            let power = if j % 2 == 0 { square(j / 2) } else { 0.5 * (square(j / 2) + square(j / 2 + 1)) };
-            *density = power * per_hz;
-        }
+        self.spread();
         self.squares.copy_from_slice(&self.density);
         let sounds = self.density.iter().any(|power| *power > 0.0);
         for w in 0..WAVES {
@@ -265,40 +257,75 @@ impl<T: Float> ShapedNoise<T> {
         self.silent = !(sounds(&self.taps[0]) || sounds(&self.taps[1]) || lines);
     }
 
+    /// The power density of the newest frame.
+    fn spread(&mut self) {
+        let n = self.framing.fft_len;
+        // An amplitude stands for this part of its square as power, and that for a bin's width.
+        let bin_hz = f64::from(self.framing.rate_hz) / n as f64;
+        let per_hz = 1.0 / (3.0 * bin_hz);
+        for (j, density) in self.density.iter_mut().enumerate() {
+            let square = |k: usize| self.magnitudes.get(k).map_or(0.0, |m| m.f64() * m.f64());
+            let power = if j % 2 == 0 { square(j / 2) } else { 0.5 * (square(j / 2) + square(j / 2 + 1)) };
+            *density = power * per_hz;
+        }
+    }
+
+    /// Phases of minimum phase that ridges get from the newest frame, as complex numbers of size 1: of each harmonic of a pitch, from the
+    /// fundamental on, in a hand that moves forwards. A wave's own phases come on top.
+    pub fn ridge_phases(&mut self, pitch_hz: f64, phases: &mut [Complex<f64>]) {
+        phases.fill(Complex::new(1.0, 0.0));
+        if pitch_hz >= LEAST_PITCH_HZ {
+            self.spread();
+            self.smoothen(pitch_hz);
+            for (h, phase) in phases.iter_mut().enumerate() {
+                *phase = self.unit_at((h + 1) as f64 * pitch_hz);
+            }
+        }
+    }
+
+    /// Grid of the density in Hz.
+    fn step_hz(&self) -> f64 {
+        0.5 * f64::from(self.framing.rate_hz) / self.framing.fft_len as f64
+    }
+
+    /// Finds the response of minimum phase of the density smoothed over a pitch, whose integral is in `sums`.
+    fn smoothen(&mut self, pitch_hz: f64) {
+        let step_hz = self.step_hz();
+        integrate(&self.density, step_hz, &mut self.sums);
+        for (j, smooth) in self.smooth.iter_mut().enumerate() {
+            *smooth = around(&self.density, &self.sums, step_hz, j as f64 * step_hz, pitch_hz);
+        }
+        self.designer.design(&self.smooth);
+    }
+
+    /// Phase of the response at a frequency.
+    fn unit_at(&self, hz: f64) -> Complex<f64> {
+        let at = (hz / self.step_hz()).min((self.sums.len() - 1) as f64).round() as usize;
+        let response = self.designer.response[at];
+        let response = Complex::new(response.re.f64(), response.im.f64());
+        if response.norm() > 0.0 { response / response.norm() } else { Complex::new(1.0, 0.0) }
+    }
+
     /// The lines of a wave at the hand's velocity; their power is taken from `squares`. How many they are.
     fn ridges(&mut self, w: usize, wave: &Wave) -> usize {
         let velocity = self.place.velocity();
         let signed = wave.per_mm[0] * velocity[0] + wave.per_mm[1] * velocity[1];
         let pitch_hz = signed.abs();
-        let step_hz = 0.5 * f64::from(self.framing.rate_hz) / self.framing.fft_len as f64;
+        let step_hz = self.step_hz();
         let top_hz = step_hz * 2.0 * (self.framing.bins as f64 - 0.5);
         if !(pitch_hz >= LEAST_PITCH_HZ) || pitch_hz > top_hz {
             return 0;
         }
         let count = ((top_hz / pitch_hz) as usize).min(MOST_LINES);
-        integrate(&self.density, step_hz, &mut self.sums);
-        let (density, sums) = (&self.density, &self.sums);
-        let around = |hz: f64| {
-            below(density, sums, step_hz, hz + 0.5 * pitch_hz)
-                - below(density, sums, step_hz, hz - 0.5 * pitch_hz)
-        };
         let share = |h: usize| wave.shares[h.clamp(1, HARMONICS) - 1];
-        for (j, smooth) in self.smooth.iter_mut().enumerate() {
-            *smooth = around(j as f64 * step_hz).max(0.0);
-        }
-        self.designer.design(&self.smooth);
+        self.smoothen(pitch_hz);
         let backwards = signed < 0.0;
-        let lines = &mut self.waves[w];
         for h in 1..=count {
             let hz = h as f64 * pitch_hz;
-            let power = (share(h) * around(hz)).max(0.0);
-            let place = (hz / step_hz).min((self.sums.len() - 1) as f64);
-            let response = self.designer.response[place.round() as usize];
-            let response = Complex::new(response.re.f64(), response.im.f64());
-            let unit =
-                if response.norm() > 0.0 { response / response.norm() } else { Complex::new(1.0, 0.0) };
+            let power = share(h) * around(&self.density, &self.sums, step_hz, hz, pitch_hz);
+            let unit = self.unit_at(hz);
             let unit = if backwards { unit.conj() } else { unit };
-            lines.at[1][h - 1] = unit * wave.turns[h.min(HARMONICS) - 1] * (2.0 * power).sqrt();
+            self.waves[w].at[1][h - 1] = unit * wave.turns[h.min(HARMONICS) - 1] * (2.0 * power).sqrt();
         }
         // What repeats is no noise.
         for (j, square) in self.squares.iter_mut().enumerate() {
@@ -434,6 +461,12 @@ fn integrate(density: &[f64], step_hz: f64, sums: &mut [f64]) {
         sum += last.map_or(0.0, |last: f64| 0.5 * (last + density) * step_hz);
         (*to, last) = (sum, Some(density));
     }
+}
+
+/// The power within half a pitch of a frequency.
+fn around(density: &[f64], sums: &[f64], step_hz: f64, hz: f64, pitch_hz: f64) -> f64 {
+    let below = |hz: f64| below(density, sums, step_hz, hz);
+    (below(hz + 0.5 * pitch_hz) - below(hz - 0.5 * pitch_hz)).max(0.0)
 }
 
 /// The same up to any frequency.

@@ -1,0 +1,56 @@
+use asperity_world::material::Pattern;
+use asperity_world::stylus::{SAMPLE_HZ, Tool};
+use asperity_world::topography::MadeSurface;
+
+use super::strokes::along;
+use super::{GRID, Settings};
+use crate::history::STIFFNESS_N_PER_MM;
+use crate::pattern::{self, Stroke};
+
+/// Pieces over which strokes are made.
+const PIECES: usize = 3;
+/// Speeds in mm/s of the strokes, and the angles to x in degrees of each.
+///
+/// Each has angles of its own: ridges that cross each other are told apart by how they show in many directions.
+const LONG: [(f64, [f64; 2]); 4] =
+    [(40.0, [17.0, 58.0]), (80.0, [31.0, 70.0]), (160.0, [9.0, 49.0]), (280.0, [23.0, 64.0])];
+/// Speed and angles of more strokes of a shorter time.
+const MORE_MM_S: f64 = 80.0;
+const MORE_DEG: [f64; 5] = [-8.0, 41.0, 88.0, 114.0, 152.0];
+const SECONDS: f64 = 10.0;
+const MORE_SECONDS: f64 = 3.0;
+/// What is felt while the pen comes to rest on the surface is left out.
+const SETTLING_S: f64 = 0.3;
+/// Normal force in N.
+const FORCE_N: f64 = 1.0;
+
+/// Straight strokes at 1 N over pieces of a surface to train on: 10 s at 40, 80, 160 and 280 mm/s in two directions, 3 s at 80 mm/s in five more.
+pub fn straight_strokes(surface: &MadeSurface, settings: &Settings) -> Vec<Vec<Stroke>> {
+    let over = |number: usize| {
+        let piece = surface.patch(GRID, settings.piece(number));
+        let envelope = Tool::PEN.track(&piece, &surface.contact);
+        let long = LONG.into_iter().flat_map(|(speed, angles)| angles.map(|angle| (speed, angle, SECONDS)));
+        let more = MORE_DEG.map(|angle| (MORE_MM_S, angle, MORE_SECONDS));
+        let mut strokes = Vec::new();
+        for (stroke, (speed, angle_deg, seconds)) in long.chain(more).enumerate() {
+            let (sin, cos) = angle_deg.to_radians().sin_cos();
+            let place = |t: f64| [speed * t * cos, speed * t * sin];
+            let rate = f64::from(SAMPLE_HZ);
+            let samples = ((seconds + SETTLING_S) * rate).round() as usize;
+            let at = |sample: usize| (place(sample as f64 / rate), -FORCE_N / STIFFNESS_N_PER_MM);
+            // Golden sections of the piece: no two strokes begin alike.
+            let part = |by: f64| envelope.length_mm() * ((stroke + 1) as f64 * by).fract();
+            let axes = along(&envelope, surface.contact, samples, at, [part(0.618_034), part(0.754_878)]);
+            let settled = (SETTLING_S * rate) as usize;
+            let axes: Vec<&[f64]> = axes.iter().map(|axis| &axis[settled..]).collect();
+            strokes.push(Stroke::new(rate, &axes, place));
+        }
+        strokes
+    };
+    (0..PIECES.min(settings.pieces[0])).map(over).collect()
+}
+
+/// How a surface's vibration is spread over place, from [strokes](straight_strokes) over pieces to train on.
+pub fn pattern(surface: &MadeSurface, settings: &Settings) -> Pattern {
+    pattern::find(&straight_strokes(surface, settings))
+}

@@ -1,0 +1,78 @@
+//! Kurtosis and modulation of a signal.
+
+use super::stroke::RATE_HZ;
+use realfft::RealFftPlanner;
+use realfft::num_complex::Complex64;
+
+/// Band of the wave in Hz.
+const BAND_HZ: (f64, f64) = (30.0, 1000.0);
+/// Band of the modulation in Hz.
+const MODULATION_HZ: (f64, f64) = (15.0, 25.0);
+
+/// How a wave of 30 to 1000 Hz is spread over time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Figures {
+    /// `mean x^4 / (mean x^2)^2`: 3 for Gaussian noise, more for single bumps.
+    pub kurtosis: f64,
+    /// Root mean square of the envelope from 15 to 25 Hz over the envelope's mean. The envelope is the size of the analytic signal.
+    pub modulation: f64,
+}
+
+impl Figures {
+    /// Of samples at [`RATE_HZ`]; none of silence.
+    pub fn of(samples: &[f64]) -> Option<Self> {
+        let mut bins = spectrum(samples);
+        keep(&mut bins, samples.len(), BAND_HZ);
+        let wave = wave(&bins, samples.len());
+        bins.iter_mut().for_each(|bin| *bin = Complex64::new(bin.im, -bin.re));
+        let turned = self::wave(&bins, samples.len());
+        let mean = |values: &mut dyn Iterator<Item = f64>| values.sum::<f64>() / samples.len().max(1) as f64;
+        let square = mean(&mut wave.iter().map(|x| x * x));
+        if square.is_nan() || square <= 1e-12 {
+            return None;
+        }
+        let envelope: Vec<f64> = wave.iter().zip(&turned).map(|(x, y)| x.hypot(*y)).collect();
+        let middle = mean(&mut envelope.iter().copied());
+        let mut ripple = spectrum(&envelope);
+        keep(&mut ripple, samples.len(), MODULATION_HZ);
+        let power = 2.0 * ripple.iter().map(Complex64::norm_sqr).sum::<f64>();
+        Some(Self {
+            kurtosis: mean(&mut wave.iter().map(|x| x.powi(4))) / (square * square),
+            modulation: power.sqrt() / (middle * samples.len() as f64),
+        })
+    }
+}
+
+/// Half a spectrum of samples, unscaled.
+pub(super) fn spectrum(samples: &[f64]) -> Vec<Complex64> {
+    let plan = RealFftPlanner::new().plan_fft_forward(samples.len());
+    let (mut room, mut bins) = (samples.to_vec(), plan.make_output_vec());
+    // The buffers are of the plan's own length.
+    let done = plan.process(&mut room, &mut bins);
+    debug_assert!(done.is_ok());
+    bins
+}
+
+/// Samples of half a spectrum, over their number.
+pub(super) fn wave(bins: &[Complex64], length: usize) -> Vec<f64> {
+    let plan = RealFftPlanner::new().plan_fft_inverse(length);
+    let (mut room, mut samples) = (plan.make_input_vec(), plan.make_output_vec());
+    let inner = 1..room.len() - usize::from(length.is_multiple_of(2));
+    for (to, bin) in room[inner.clone()].iter_mut().zip(bins.iter().skip(1)) {
+        *to = bin / length as f64;
+    }
+    let done = plan.process(&mut room, &mut samples);
+    debug_assert!(done.is_ok());
+    samples
+}
+
+/// Silences what lies outside a band.
+pub(super) fn keep(bins: &mut [Complex64], length: usize, (first_hz, end_hz): (f64, f64)) {
+    let seconds = length as f64 / RATE_HZ;
+    for (k, bin) in bins.iter_mut().enumerate() {
+        let hz = k as f64 / seconds;
+        if hz < first_hz || hz >= end_hz {
+            *bin = Complex64::default();
+        }
+    }
+}

@@ -1,0 +1,120 @@
+//! How a material's vibration is spread over place, found from strokes over it: its [`Pattern`].
+//!
+//! A network answers expected magnitudes. These do not say whether a texture is noise, single bumps or ridges. [`find`] says so:
+//!
+//! 1. [Waves](waves): ridges whose vibration repeats with place.
+//! 2. [Bumps](events): constants with which the synthesis kernel ([`ShapedNoise`]), played along the same strokes, has the kurtosis and the
+//!    modulation of the strokes.
+//!
+//! All of it needs places along the strokes. Speed should be steady for a second or more, and strokes should go in several directions.
+
+mod events;
+mod figures;
+mod stroke;
+mod waves;
+
+use asperity_dsp::shaped_noise::{self, HARMONICS, WAVES};
+use asperity_dsp::{Complex, Framing, ShapedNoise};
+use asperity_world::material::{Pattern, Wave};
+
+pub use figures::Figures;
+pub use stroke::{RATE_HZ, Stroke};
+
+use stroke::{Passage, TICK, TICK_S};
+
+/// Frames of magnitudes the kernel is given a second.
+const FRAMES_HZ: u32 = 10;
+/// Samples of a window of magnitudes.
+const WINDOW: usize = (RATE_HZ * 0.1) as usize;
+/// Bins of a frame, from 0 Hz to 1000.
+const BINS: usize = 101;
+
+/// Bumps beside waves that have more of the power than this would not be heard.
+const MOST_IN_WAVES: f64 = 0.5;
+
+/// The pattern of a material from strokes over pieces of it: all strokes of a piece have their places in one frame of reference.
+///
+/// Without a steady passage there is none. The same strokes give the same bits.
+pub fn find(pieces: &[Vec<Stroke>]) -> Pattern {
+    let passages: Vec<Vec<Passage>> =
+        pieces.iter().map(|strokes| strokes.iter().flat_map(Stroke::passages).collect()).collect();
+    let (waves, part) = waves::find(&passages);
+    let all: Vec<&Passage> = passages.iter().flatten().collect();
+    let events = if part < MOST_IN_WAVES { events::find(&all, &waves) } else { None };
+    Pattern { waves, events }
+}
+
+/// The samples that the kernel makes of a steady stroke: `places` in mm 2 ms apart, and what is felt there as root mean square magnitudes of 0 to 1000 Hz.
+pub fn rendered(pattern: &Pattern, magnitudes: &[f64], places: &[[f64; 2]], seed: u64) -> Vec<f64> {
+    let Some(mut kernel) = kernel(seed) else { return Vec::new() };
+    kernel.set_pattern(for_kernel(pattern));
+    let ticks_a_frame = (RATE_HZ / f64::from(FRAMES_HZ)) as usize / TICK;
+    let mut samples = vec![0.0; places.len() * TICK];
+    for (tick, (place, out)) in places.iter().zip(samples.chunks_mut(TICK)).enumerate() {
+        if tick % ticks_a_frame == 0 {
+            kernel.push((tick / ticks_a_frame) as u64, magnitudes, 1.0);
+        }
+        kernel.emit((tick * TICK) as u64, Some(*place), out);
+    }
+    samples
+}
+
+/// A kernel as a graph has it.
+fn kernel(seed: u64) -> Option<ShapedNoise<f32>> {
+    let rate_hz = RATE_HZ as u32;
+    let framing = Framing { rate_hz, fft_len: WINDOW, bins: BINS, frame_num: FRAMES_HZ, frame_den: 1 };
+    // The layout is fixed, and fine.
+    ShapedNoise::new(framing, TICK_S, seed).ok()
+}
+
+/// The same pattern as the kernel has it. Harmonics above those that are told are like the last.
+fn for_kernel(pattern: &Pattern) -> shaped_noise::Pattern {
+    let wave = |wave: &Wave| {
+        let told = |h: usize| wave.harmonics.get(h).or(wave.harmonics.last());
+        shaped_noise::Wave {
+            per_mm: wave.per_mm,
+            shares: std::array::from_fn(|h| told(h).map_or(0.0, |h| h.share)),
+            turns: std::array::from_fn(|h| Complex::cis(told(h).map_or(0.0, |h| h.phase))),
+        }
+    };
+    let mut waves = [None; WAVES];
+    waves.iter_mut().zip(&pattern.waves).for_each(|(to, from)| *to = Some(wave(from)));
+    let events = pattern.events.map(|of| shaped_noise::Events {
+        spacing_mm: of.spacing_mm,
+        interval_cv: of.interval_cv,
+        height_cv: of.height_cv,
+    });
+    shaped_noise::Pattern { waves, events }
+}
+
+const _: () = assert!(HARMONICS == asperity_world::material::MAX_HARMONICS);
+const _: () = assert!(WAVES == asperity_world::material::MAX_WAVES);
+
+#[cfg(test)]
+mod tests;
+
+/// scratch
+pub fn report(pieces: &[Vec<Stroke>], pattern: &Pattern) -> String {
+    let mut text = String::new();
+    let passages: Vec<Passage> = pieces.iter().flatten().flat_map(Stroke::passages).collect();
+    let speeds = [40.0, 80.0, 160.0, 280.0];
+    for speed in speeds {
+        let geo = |f: &dyn Fn(&Passage) -> Option<Figures>| {
+            let logs: Vec<[f64; 2]> = passages
+                .iter()
+                .filter(|p| (p.speed_mm_s / speed - 1.0).abs() < 0.1 && p.seconds > 5.0)
+                .filter_map(|p| f(p).map(|f| [f.kurtosis.ln(), f.modulation.ln()]))
+                .collect();
+            let n = logs.len() as f64;
+            [0, 1].map(|i| (logs.iter().map(|l| l[i]).sum::<f64>() / n).exp())
+        };
+        let truth = geo(&|p| Some(p.figures));
+        let kernel = geo(&|p| Figures::of(&rendered(pattern, &p.magnitudes, &p.places, 77)));
+        let noise = geo(&|p| Figures::of(&rendered(&Pattern::default(), &p.magnitudes, &p.places, 77)));
+        text += &format!(
+            "  {speed:4}: k {:.2} {:.2} {:.2} m {:.3} {:.3} {:.3}\n",
+            truth[0], kernel[0], noise[0], truth[1], kernel[1], noise[1]
+        );
+    }
+    text
+}

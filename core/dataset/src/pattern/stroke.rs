@@ -1,0 +1,152 @@
+//! Strokes, and the steady passages of them.
+
+use super::figures::{Figures, keep, spectrum, wave};
+use super::{BINS, WINDOW};
+use crate::frames::Spectrometer;
+use realfft::num_complex::Complex64;
+
+/// Samples a second of all strokes here.
+pub const RATE_HZ: f64 = 2500.0;
+/// Time between two places in s, and samples in it.
+pub(super) const TICK_S: f64 = 0.002;
+pub(super) const TICK: usize = (RATE_HZ * TICK_S) as usize;
+
+/// Band in which waves are looked for, in Hz.
+const BAND_HZ: (f64, f64) = (5.0, 1000.0);
+/// Ticks over which speed is taken: 50 ms.
+const SPEED_TICKS: usize = 25;
+/// Slowest passage in mm/s.
+const SLOWEST_MM_S: f64 = 10.0;
+/// Part of its speed at the beginning by which a passage's speed may change.
+const STEADY: f64 = 0.3;
+/// Shortest passage in ticks: 1 s.
+const SHORTEST: usize = 500;
+
+/// A stroke: acceleration at [`RATE_HZ`] and places every 2 ms.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Stroke {
+    acceleration_m_s2: Vec<Vec<f64>>,
+    place_mm: Vec<[f64; 2]>,
+}
+
+impl Stroke {
+    /// From axes of acceleration in m/s^2 at any rate, and the place along the surface in mm at a time in seconds from the first sample on.
+    pub fn new(rate_hz: f64, axes: &[&[f64]], place_mm: impl Fn(f64) -> [f64; 2]) -> Self {
+        let count = axes.iter().map(|axis| axis.len()).min().unwrap_or(0);
+        let seconds = count as f64 / rate_hz;
+        let ticks = (seconds / TICK_S + 1e-6) as usize;
+        if ticks < SPEED_TICKS {
+            return Self { acceleration_m_s2: Vec::new(), place_mm: Vec::new() };
+        }
+        // A whole number of ticks, so that a Fourier transform of another length is the same signal at another rate.
+        let used = ((ticks as f64 * TICK_S * rate_hz).round() as usize).min(count);
+        let resampled = |axis: &&[f64]| {
+            let mut bins = spectrum(&axis[..used]);
+            let scale = (ticks * TICK) as f64 / used as f64;
+            bins.iter_mut().for_each(|bin| *bin *= scale);
+            wave(&bins, ticks * TICK)
+        };
+        Self {
+            acceleration_m_s2: axes.iter().map(resampled).collect(),
+            place_mm: (0..ticks).map(|tick| place_mm(tick as f64 * TICK_S)).collect(),
+        }
+    }
+
+    /// Where it goes at a steady speed for a second or more.
+    pub(super) fn passages(&self) -> Vec<Passage> {
+        let speed = |tick: usize| {
+            let [from, to] = [tick, tick + SPEED_TICKS].map(|t| self.place_mm[t]);
+            (to[0] - from[0]).hypot(to[1] - from[1]) / (SPEED_TICKS as f64 * TICK_S)
+        };
+        let end = self.place_mm.len().saturating_sub(SPEED_TICKS);
+        let (mut from, mut passages) = (0, Vec::new());
+        while from < end {
+            let first = speed(from);
+            let steady = |tick: &usize| (speed(*tick) - first).abs() <= STEADY * first;
+            let to = (from..end).take_while(steady).last().unwrap_or(from) + 1;
+            if first >= SLOWEST_MM_S && to - from >= SHORTEST {
+                // What is left behind the last speed has it too.
+                let to = if to == end { self.place_mm.len() } else { to };
+                passages.extend(self.passage(from, to));
+                from = to;
+            } else {
+                // Speeds near a turn are no good beginning: a little on.
+                from += SPEED_TICKS;
+            }
+        }
+        passages
+    }
+
+    fn passage(&self, from: usize, to: usize) -> Option<Passage> {
+        let axes: Vec<&[f64]> =
+            self.acceleration_m_s2.iter().map(|axis| &axis[from * TICK..to * TICK]).collect();
+        let samples = principal(&axes);
+        let figures = Figures::of(&samples)?;
+        let mut spectrometer = Spectrometer::new(RATE_HZ);
+        let mut squares = [0.0; BINS];
+        let starts = (0..=samples.len().checked_sub(WINDOW)?).step_by(WINDOW / 2);
+        let count = starts.clone().count() as f64;
+        for start in starts {
+            let frame: Vec<&[f64]> = axes.iter().map(|axis| &axis[start..start + WINDOW]).collect();
+            let found = spectrometer.magnitudes(&frame);
+            squares[1..].iter_mut().zip(found).for_each(|(sum, m)| *sum += f64::from(m * m) / count);
+        }
+        let places = self.place_mm[from..to].to_vec();
+        let way: f64 = places.windows(2).map(|p| (p[1][0] - p[0][0]).hypot(p[1][1] - p[0][1])).sum();
+        let seconds = (to - from) as f64 * TICK_S;
+        Some(Passage {
+            samples,
+            places,
+            magnitudes: squares.map(f64::sqrt),
+            figures,
+            speed_mm_s: way / seconds,
+            seconds,
+        })
+    }
+}
+
+/// A part of a stroke at a steady speed.
+#[derive(Clone, Debug)]
+pub(super) struct Passage {
+    /// Acceleration along the principal axis, 5 to 1000 Hz.
+    pub(super) samples: Vec<f64>,
+    /// Every 2 ms, in mm.
+    pub(super) places: Vec<[f64; 2]>,
+    /// Root mean square magnitudes of 0, 10, .. 1000 Hz, of all axes as one.
+    pub(super) magnitudes: [f64; BINS],
+    pub(super) figures: Figures,
+    pub(super) speed_mm_s: f64,
+    pub(super) seconds: f64,
+}
+
+/// The direction of largest variance, within the band.
+fn principal(axes: &[&[f64]]) -> Vec<f64> {
+    let length = axes.first().map_or(0, |axis| axis.len());
+    let spectra: Vec<Vec<Complex64>> = axes
+        .iter()
+        .map(|axis| {
+            let mut bins = spectrum(axis);
+            keep(&mut bins, length, BAND_HZ);
+            bins
+        })
+        .collect();
+    let product = |a: &[Complex64], b: &[Complex64]| a.iter().zip(b).map(|(a, b)| (a * b.conj()).re).sum();
+    let matrix: Vec<Vec<f64>> =
+        spectra.iter().map(|a| spectra.iter().map(|b| product(a, b)).collect()).collect();
+    // Power iteration from the strongest axis.
+    let start = (0..axes.len()).max_by(|a, b| matrix[*a][*a].total_cmp(&matrix[*b][*b])).unwrap_or(0);
+    let mut direction: Vec<f64> = (0..axes.len()).map(|axis| f64::from(u8::from(axis == start))).collect();
+    for _ in 0..64 {
+        let turned: Vec<f64> =
+            matrix.iter().map(|row| row.iter().zip(&direction).map(|(m, d)| m * d).sum()).collect();
+        let size = turned.iter().map(|x: &f64| x * x).sum::<f64>().sqrt();
+        if size > 0.0 {
+            direction = turned.iter().map(|x| x / size).collect();
+        }
+    }
+    let mut sum = vec![Complex64::default(); length / 2 + 1];
+    for (bins, part) in spectra.iter().zip(&direction) {
+        sum.iter_mut().zip(bins).for_each(|(sum, bin)| *sum += bin * part);
+    }
+    wave(&sum, length)
+}

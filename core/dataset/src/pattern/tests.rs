@@ -1,0 +1,90 @@
+use super::*;
+use crate::made;
+use asperity_world::material::{Events, Harmonic};
+use std::f64::consts::{PI, TAU};
+
+/// Magnitudes that fall with frequency.
+fn magnitudes() -> Vec<f64> {
+    (0..BINS).map(|k| if k == 0 { 0.0 } else { 1.0 / (1.0 + (k as f64 / 30.0).powi(2)) }).collect()
+}
+
+fn places(speed: f64, angle_deg: f64, seconds: f64) -> Vec<[f64; 2]> {
+    let (sin, cos) = angle_deg.to_radians().sin_cos();
+    (0..(seconds / TICK_S) as usize)
+        .map(|tick| [speed * tick as f64 * TICK_S * cos, speed * tick as f64 * TICK_S * sin])
+        .collect()
+}
+
+/// Strokes that the kernel makes of a pattern, on one piece.
+fn strokes(pattern: &Pattern, seconds: f64) -> Vec<Stroke> {
+    let ways = [(40.0, 17.0), (60.0, 40.0), (80.0, -20.0), (100.0, 200.0), (160.0, 75.0), (240.0, 55.0)];
+    let stroke = |(number, (speed, angle)): (usize, (f64, f64))| {
+        let places = places(speed, angle, seconds);
+        let samples = rendered(pattern, &magnitudes(), &places, 100 + number as u64);
+        let place = |t: f64| places[((t / TICK_S).round() as usize).min(places.len() - 1)];
+        Stroke::new(RATE_HZ, &[&samples], place)
+    };
+    ways.into_iter().enumerate().map(stroke).collect()
+}
+
+/// Difference of phases, but for an origin and the sign: the largest over harmonics.
+fn apart(found: &[Harmonic], want: &[Harmonic]) -> f64 {
+    let off = |origin: f64, sign: f64| {
+        let one = |(h, (a, b)): (usize, (&Harmonic, &Harmonic))| {
+            let off = a.phase - b.phase - (h + 1) as f64 * origin + sign;
+            ((off + PI).rem_euclid(TAU) - PI).abs()
+        };
+        found.iter().zip(want).enumerate().map(one).fold(0.0, f64::max)
+    };
+    let origins = (0..720).map(|n| TAU * f64::from(n) / 720.0);
+    origins.flat_map(|origin| [0.0, PI].map(|sign| off(origin, sign))).fold(f64::INFINITY, f64::min)
+}
+
+#[test]
+fn wave_of_known_vector_and_harmonics_is_found() {
+    let phases = [0.0, 1.0, -2.0, 0.5, 2.5, -1.0];
+    let harmonics = phases.map(|phase| Harmonic { share: 0.8, phase }).to_vec();
+    let per_mm = [0.6, -0.35];
+    let pattern = Pattern { waves: vec![Wave { per_mm, harmonics: harmonics.clone() }], events: None };
+    let found = find(&[strokes(&pattern, 6.0)]);
+    let [wave] = &found.waves[..] else { panic!("{found:?}") };
+    let sign = wave.per_mm[0].signum();
+    let off = (sign * wave.per_mm[0] - per_mm[0]).hypot(sign * wave.per_mm[1] - per_mm[1]);
+    assert!(off < 0.005, "{:?}", wave.per_mm);
+    // Ridges are the same the other way round, with the other sign of each phase.
+    let told: Vec<Harmonic> =
+        wave.harmonics.iter().map(|h| Harmonic { phase: sign * h.phase, ..*h }).collect();
+    assert!(told[..6].iter().all(|h| (h.share - 0.8).abs() < 0.12), "{told:?}");
+    assert!(apart(&told[..6], &harmonics) < 0.5, "{told:?}");
+}
+
+#[test]
+fn isotropic_noise_has_neither_wave_nor_bump() {
+    assert_eq!(find(&[strokes(&Pattern::default(), 6.0)]), Pattern::default());
+    assert_eq!(find(&[]), Pattern::default());
+}
+
+#[test]
+fn bumps_of_known_constants_are_found() {
+    let known = Events { spacing_mm: 0.8, interval_cv: 0.3, height_cv: 0.3 };
+    let found = find(&[strokes(&Pattern { waves: Vec::new(), events: Some(known) }, 10.0)]);
+    let Some(events) = found.events else { panic!("{found:?}") };
+    assert!(found.waves.is_empty(), "{found:?}");
+    assert!((events.spacing_mm / 0.8).ln().abs() < 0.3, "{events:?}");
+    assert!((events.interval_cv - 0.3).abs() < 0.25 && (events.height_cv - 0.3).abs() < 0.3, "{events:?}");
+}
+
+#[test]
+fn made_grating_has_a_wave_and_sandpaper_bumps() {
+    let settings = made::Settings { pieces: [1, 0], ..made::Settings::default() };
+    let of = |name: &str| made::pattern(&made::surface(name).unwrap(), &settings);
+    let grating = of("square grating 1.2 mm");
+    let [wave] = &grating.waves[..] else { panic!("{grating:?}") };
+    // A piece has a whole number of ridges; pieces differ by 3 %.
+    assert!((wave.per_mm[0].abs() * 1.2 - 1.0).abs() < 0.1 && wave.per_mm[1].abs() < 0.01, "{wave:?}");
+    assert!(wave.harmonics[..8].iter().all(|h| h.share > 0.9), "{wave:?}");
+    assert_eq!(grating.events, None);
+    let sandpaper = of("sandpaper P80");
+    assert!(sandpaper.waves.is_empty(), "{sandpaper:?}");
+    assert!(sandpaper.events.is_some_and(|e| (0.05..0.5).contains(&e.spacing_mm)), "{sandpaper:?}");
+}
