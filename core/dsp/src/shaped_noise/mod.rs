@@ -313,7 +313,7 @@ impl<T: Float> ShapedNoise<T> {
         let pitch_hz = signed.abs();
         let step_hz = self.step_hz();
         let top_hz = step_hz * 2.0 * (self.framing.bins as f64 - 0.5);
-        if !(pitch_hz >= LEAST_PITCH_HZ) || pitch_hz > top_hz {
+        if !(LEAST_PITCH_HZ..=top_hz).contains(&pitch_hz) {
             return 0;
         }
         let count = ((top_hz / pitch_hz) as usize).min(MOST_LINES);

@@ -41,7 +41,7 @@ impl<T: Float> Designer<T> {
     /// The response whose squared magnitudes are these, of each frequency of the grid; whether there is any.
     pub(super) fn design(&mut self, squares: &[f64]) -> bool {
         let most = squares.iter().copied().fold(0.0, f64::max);
-        if !(most > 0.0) {
+        if most <= 0.0 {
             self.response.fill(Complex::default());
             return false;
         }
@@ -50,7 +50,7 @@ impl<T: Float> Designer<T> {
             let log = T::of((square / most).max(FLOOR)).natural_log();
             *to = Complex::new(log * T::of(0.5), T::zero());
         }
-        self.to_time();
+        self.transform_back();
         // Positive times get what negative ones have.
         let half = self.len / 2;
         let norm = 1.0 / self.len as f64;
@@ -61,7 +61,7 @@ impl<T: Float> Designer<T> {
                 i if i == half => norm,
                 _ => 0.0,
             };
-            *c = *c * T::of(fold);
+            *c *= T::of(fold);
         }
         let done = self.forward.process_with_scratch(&mut self.line, &mut self.response, &mut self.scratch);
         debug_assert!(done.is_ok());
@@ -76,7 +76,7 @@ impl<T: Float> Designer<T> {
 
     /// The first samples of the response in time, newest last: `taps[len - 1 - i]` weighs what came i samples ago.
     pub(super) fn taps(&mut self, taps: &mut [T]) {
-        self.to_time();
+        self.transform_back();
         let norm = T::of(1.0 / self.len as f64);
         let len = taps.len();
         for (i, tap) in taps.iter_mut().rev().enumerate() {
@@ -88,7 +88,7 @@ impl<T: Float> Designer<T> {
     }
 
     /// `line` from `response`.
-    fn to_time(&mut self) {
+    fn transform_back(&mut self) {
         // Of a real line the first and the last bin are real; the transform refuses others.
         if let Some(first) = self.response.first_mut() {
             first.im = T::zero();
