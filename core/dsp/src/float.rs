@@ -22,6 +22,12 @@ pub trait Float: Default + PartialOrd + AddAssign + SubAssign + MulAssign + Keep
     /// Square root.
     #[must_use]
     fn root(self) -> Self;
+    /// Natural logarithm of a positive normal number, to a few parts of the last place.
+    #[must_use]
+    fn natural_log(self) -> Self;
+    /// The exponential function, to a few parts of the last place; of more than 80 in size that of 80.
+    #[must_use]
+    fn exponential(self) -> Self;
 }
 
 impl Float for f32 {
@@ -39,6 +45,32 @@ impl Float for f32 {
     fn root(self) -> Self {
         self.sqrt()
     }
+    /// `ln m` by the series of `2 artanh((m - 1) / (m + 1))`. It is plain arithmetic, which a compiler puts into lanes.
+    #[inline]
+    fn natural_log(self) -> Self {
+        // The exponent so that the rest lies between sqrt(1/2) and sqrt(2).
+        let shifted = self.to_bits().wrapping_sub(std::f32::consts::FRAC_1_SQRT_2.to_bits());
+        let exponent = (shifted as i32) >> 23;
+        let m = f32::from_bits(self.to_bits().wrapping_sub((exponent as u32) << 23));
+        let s = (m - 1.0) / (m + 1.0);
+        let s2 = s * s;
+        let series = 2.0 + s2 * (2.0 / 3.0 + s2 * (2.0 / 5.0 + s2 * (2.0 / 7.0 + s2 * (2.0 / 9.0))));
+        exponent as f32 * std::f32::consts::LN_2 + s * series
+    }
+    /// `2^n e^x` with `|x| < ln(2) / 2`, by Taylor's series.
+    #[inline]
+    fn exponential(self) -> Self {
+        // Adding and taking away 1.5 * 2^23 rounds to the nearest integer and leaves it in the low bits.
+        const ROUND: f32 = 12_582_912.0;
+        let held = self.clamp(-80.0, 80.0);
+        let shifted = held * std::f32::consts::LOG2_E + ROUND;
+        let n = shifted - ROUND;
+        // ln 2 in two parts, of which the first times n is exact.
+        let x = (held - n * 0.693_359_4) - n * -2.121_944_4e-4;
+        let series = 1.0 / 6.0 + x * (1.0 / 24.0 + x * (1.0 / 120.0 + x * (1.0 / 720.0 + x / 5040.0)));
+        let series = 1.0 + x * (1.0 + x * (0.5 + x * series));
+        f32::from_bits(series.to_bits().wrapping_add((shifted.to_bits() << 23) & 0xff80_0000))
+    }
 }
 
 impl Float for f64 {
@@ -54,6 +86,14 @@ impl Float for f64 {
     #[inline]
     fn root(self) -> Self {
         self.sqrt()
+    }
+    #[inline]
+    fn natural_log(self) -> Self {
+        self.ln()
+    }
+    #[inline]
+    fn exponential(self) -> Self {
+        self.clamp(-80.0, 80.0).exp()
     }
 }
 
@@ -128,6 +168,19 @@ pub(crate) fn unit_circle(turns: f64) -> (f64, f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn single_logarithm_and_exponential_are_libms() {
+        for i in -20_000..20_000 {
+            let x = i as f32 * 0.003_9;
+            let off = (x.exponential() / x.exp() - 1.0).abs();
+            assert!(off < 4e-7 * (1.0 + x.abs() * 0.3), "exp {x}: {off}");
+            let y = x.exp();
+            let off = (y.natural_log() - y.ln()).abs();
+            assert!(off <= 2e-7 * y.ln().abs().max(1.0), "ln {y}: {off}");
+        }
+        assert_eq!((1.0_f32.natural_log(), 0.0_f32.exponential()), (0.0, 1.0));
+    }
 
     #[test]
     fn unit_circle_is_the_libm_sine_and_cosine() {

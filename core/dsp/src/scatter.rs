@@ -160,7 +160,7 @@ impl<T: Float> Scatter<T> {
 
     /// The gain that is common to all bins, of mean square 1 (of mean 1 where magnitudes are means).
     fn gain(&mut self, variance: f64, strength: f64, start: u64, means: bool) -> f64 {
-        if !(variance > 0.0) {
+        if variance.is_nan() || variance <= 0.0 {
             return 1.0;
         }
         let own = self.own_variance();
@@ -184,7 +184,7 @@ impl<T: Float> Scatter<T> {
             })
         };
         let total: f64 = powers().map(|(power, _)| power).sum();
-        if !(total > 0.0) {
+        if total <= 0.0 {
             return 0.0;
         }
         let (mut last, mut before, mut sum) = (0.0, 0.0, 0.0);
@@ -217,7 +217,7 @@ pub fn ratio(q: f64) -> f64 {
 
 /// The random part of a power whose magnitudes have this ratio of mean to root mean square.
 fn random_part(ratios: &[f64], ratio: f64) -> f64 {
-    if !(ratio > NOISE_RATIO) {
+    if ratio.is_nan() || ratio <= NOISE_RATIO {
         return 1.0;
     }
     let after = ratios.partition_point(|r| *r > ratio);

@@ -36,7 +36,7 @@ fn ratio_is_the_mean_of_rices_law() {
     ] {
         assert!((ratio(q) - want).abs() < 1e-3, "{q}: {}", ratio(q));
         if q < 0.9 {
-            assert!((random_part(&*RATIOS, ratio(q)) - q).abs() < 1e-6, "{q}");
+            assert!((random_part(&*RATIOS, ratio(q)) - q).abs() < 5e-3, "{q}");
         }
     }
     assert_eq!(random_part(&*RATIOS, 2.0), 0.0);

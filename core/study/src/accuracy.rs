@@ -2,6 +2,7 @@
 
 use asperity_engine::Options;
 use asperity_graph::GraphFile;
+use asperity_measure::accuracy::rhythm::{self, Rhythm};
 use asperity_measure::accuracy::{self, Agreement, BINS, FIRST_HZ, HOP_S, STEP_HZ, Spectrogram};
 use asperity_measure::phase;
 use asperity_node::{ParamKind, Registry};
@@ -16,7 +17,7 @@ use crate::setting::Setting;
 use crate::spot::{Spot, laid};
 use crate::stroke::Stroke;
 use crate::time::Onlooker;
-use crate::truth::Truths;
+use crate::truth::{Truth, Truths};
 
 /// What is rendered, and how often.
 pub(crate) struct Plan<'a> {
@@ -95,7 +96,7 @@ pub(crate) fn find(
                 }
                 if let Some(truth) = plan.truths.get((s, stroke), material, draw) {
                     whole(&heard, truth, setting.strength, &mut figures);
-                    models.extend(of_model(&heard, truth));
+                    models.extend(of_model(&heard, &truth.spectrograms));
                 }
                 // The wave itself is compared on one stroke, over one material: double precision takes its time, and draws are to differ in nothing else.
                 if let Some(double) = double.as_ref().filter(|_| std::mem::take(&mut compared)) {
@@ -156,11 +157,22 @@ fn convergence(heard: &Heard) -> Option<f64> {
 }
 
 /// Figures against the physics.
-fn whole(heard: &Heard, truth: &[Spectrogram], strength: f64, figures: &mut Figures) {
+fn whole(heard: &Heard, truth: &Truth, strength: f64, figures: &mut Figures) {
     let rendered: Vec<f64> = heard.acceleration().iter().map(|a| a / strength).collect();
-    let Ok(rendered) = Spectrogram::new(&[&rendered], f64::from(heard.rate_hz)) else { return };
-    let Ok(agreement) = accuracy::compare(&rendered, truth) else { return };
+    let rate_hz = f64::from(heard.rate_hz);
+    let Ok(spectrogram) = Spectrogram::new(&[&rendered], rate_hz) else { return };
+    let Ok(agreement) = accuracy::compare(&spectrogram, &truth.spectrograms) else { return };
     figures.extend(of_agreement(&agreement));
+    // Of a truth of a low rate nothing is known above half of it.
+    let end_hz = truth.rhythms.iter().map(|r| r.end_hz).fold(rhythm::END_HZ, f64::min);
+    let Ok(rendered) = Rhythm::up_to(&[&rendered], rate_hz, end_hz) else { return };
+    let Ok(agreement) = rhythm::compare(&rendered, &truth.rhythms) else { return };
+    figures.extend([
+        (Figure::Modulation, agreement.modulation_db),
+        (Figure::Repetition, agreement.repetition),
+        (Figure::Kurtosis, agreement.kurtosis_db),
+        (Figure::Steadiness, agreement.steadiness_db),
+    ]);
 }
 
 /// Figures of the frames themselves, as they are: a reference for what is behind them. None where there are none.
@@ -276,6 +288,30 @@ mod tests {
         let found = find(&setting, &registry, &plan, &Nobody).unwrap().unwrap();
         // Once in the steps up, and once in the run without.
         assert_eq!(found.faults, 2);
+    }
+
+    #[test]
+    fn rhythm_of_noise_agrees_and_pulses_do_not() {
+        let noise = |seed: u64, pulses: bool| -> Vec<f64> {
+            let number =
+                |n: u64| (0..12).map(|k| asperity_node::random::uniform(seed, 12 * n + k)).sum::<f64>() - 6.0;
+            let level = |n: u64| if pulses && n % 500 < 250 { 0.3 } else { 1.0 };
+            (0..30_000).map(|n| level(n) * number(n)).collect()
+        };
+        let mut truth = Truth::default();
+        (1..5).for_each(|seed| truth.add(&[&noise(seed, false)], 10_000.0).unwrap());
+        let figures = |pulses| {
+            let felt: Vec<f32> = noise(9, pulses).into_iter().map(|x| x as f32).collect();
+            let mut figures = Figures::new();
+            whole(&Heard { felt, rate_hz: 10_000, ..Heard::default() }, &truth, 1.0, &mut figures);
+            figures
+        };
+        let (fair, pulsed) = (figures(false), figures(true));
+        assert!(fair[&Figure::Modulation] < 1.5 && fair[&Figure::Repetition] < 0.1, "{fair:?}");
+        assert!(fair[&Figure::Kurtosis] < 0.2 && fair[&Figure::Steadiness] < 0.3, "{fair:?}");
+        assert!(pulsed[&Figure::Modulation] > 6.0 && pulsed[&Figure::Repetition] > 0.3, "{pulsed:?}");
+        // What was there before does not see it: 50 ms are within one segment.
+        assert!(pulsed[&Figure::Perceptual] > 0.7 && fair.len() == 8, "{pulsed:?}");
     }
 
     #[test]

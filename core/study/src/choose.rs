@@ -73,7 +73,7 @@ impl Results {
         self.rows.iter().any(|row| row.figure(figure).is_some())
     }
 
-    /// Figures by which a setting is best where none are asked for: those against the physics, perceptual first; where none of them is known, the spectral
+    /// Figures by which a setting is best where none are asked for: those against the physics, perceptual first, then modulation; where none of them is known, the spectral
     /// convergence.
     pub fn usual(&self) -> Vec<Figure> {
         let known = |f: &Figure| self.knows(*f);

@@ -10,12 +10,20 @@ use serde::{Deserialize, Serialize};
 pub enum Figure {
     /// Similarity of what can be felt of the spectra, against the physics: 0 to 1.
     Perceptual,
+    /// Root mean square error of the envelope's modulation in five bands, 2 to 50 Hz, against the physics \[dB\].
+    Modulation,
     /// Root mean square error of the long-term spectrum over 20 to 1000 Hz, against the physics \[dB\].
     Spectrum,
     /// Root mean square error of the energies in nine bands, against the physics \[dB\].
     Bands,
     /// Mean size of the error of the level, against the physics \[dB\].
     Level,
+    /// Difference of the largest autocorrelation of envelope or wave, against the physics: 0 to 1.
+    Repetition,
+    /// Size of the error of the wave's kurtosis, against the physics \[dB\].
+    Kurtosis,
+    /// Size of the difference of the deviation of level, against the physics \[dB\].
+    Steadiness,
     /// Spectral convergence, against the magnitudes from which phase was retrieved \[dB\].
     Convergence,
     /// Error of the wave, against the same setting in double precision \[dB\].
@@ -24,16 +32,30 @@ pub enum Figure {
 
 impl Figure {
     /// All of them.
-    pub const ALL: [Self; 6] =
-        [Self::Perceptual, Self::Spectrum, Self::Bands, Self::Level, Self::Convergence, Self::Precision];
+    pub const ALL: [Self; 10] = [
+        Self::Perceptual,
+        Self::Modulation,
+        Self::Spectrum,
+        Self::Bands,
+        Self::Level,
+        Self::Repetition,
+        Self::Kurtosis,
+        Self::Steadiness,
+        Self::Convergence,
+        Self::Precision,
+    ];
 
     /// Its name in files and on command lines.
     pub fn name(self) -> &'static str {
         match self {
             Self::Perceptual => "perceptual",
+            Self::Modulation => "modulation",
             Self::Spectrum => "spectrum",
             Self::Bands => "bands",
             Self::Level => "level",
+            Self::Repetition => "repetition",
+            Self::Kurtosis => "kurtosis",
+            Self::Steadiness => "steadiness",
             Self::Convergence => "convergence",
             Self::Precision => "precision",
         }
@@ -43,9 +65,13 @@ impl Figure {
     pub fn title(self) -> &'static str {
         match self {
             Self::Perceptual => "perceptual similarity to the physics",
+            Self::Modulation => "modulation error of the envelope against the physics",
             Self::Spectrum => "long-term spectrum error against the physics",
             Self::Bands => "nine-band energy error against the physics",
             Self::Level => "level error against the physics",
+            Self::Repetition => "repetition error against the physics",
+            Self::Kurtosis => "kurtosis error against the physics",
+            Self::Steadiness => "error of the deviation of level against the physics",
             Self::Convergence => "spectral convergence against the target magnitudes",
             Self::Precision => "error against the same setting in f64",
         }
@@ -53,13 +79,13 @@ impl Figure {
 
     /// Its unit; empty for a number that has none.
     pub fn unit(self) -> &'static str {
-        if self == Self::Perceptual { "" } else { "dB" }
+        if matches!(self, Self::Perceptual | Self::Repetition) { "" } else { "dB" }
     }
 
     /// Decimals that are worth writing.
     pub fn decimals(self) -> usize {
         match self {
-            Self::Perceptual => 3,
+            Self::Perceptual | Self::Repetition => 3,
             Self::Precision => 0,
             _ => 2,
         }
@@ -72,7 +98,7 @@ impl Figure {
 
     /// Whether it is against the physics, of which a setting only has some where the graph's materials are known.
     pub fn of_the_whole(self) -> bool {
-        matches!(self, Self::Perceptual | Self::Spectrum | Self::Bands | Self::Level)
+        !matches!(self, Self::Convergence | Self::Precision)
     }
 
     /// How much better `a` is than `b`: above 0 where it is.

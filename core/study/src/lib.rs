@@ -45,3 +45,4 @@ pub use result::{Fragment, Machine, Results, Row, Time};
 pub use setting::{Base, Setting, Settings};
 pub use stroke::{Stroke, StrokeDecl};
 pub use time::{LOAD_MS, Onlooker};
+pub use truth::Truth;

@@ -13,10 +13,16 @@ const BUDGETS_US: [Option<f64>; 7] =
 /// Longest lags that it answers \[ms\].
 const LAGS_MS: [Option<f64>; 2] = [None, Some(30.0)];
 /// Figures in the order in which tables take them: those that say most.
-const SHOWN: [Figure; 5] =
-    [Figure::Perceptual, Figure::Spectrum, Figure::Convergence, Figure::Level, Figure::Bands];
+const SHOWN: [Figure; 6] = [
+    Figure::Perceptual,
+    Figure::Modulation,
+    Figure::Spectrum,
+    Figure::Convergence,
+    Figure::Level,
+    Figure::Bands,
+];
 /// How many they take: results.csv has all.
-const FIRST: usize = 3;
+const FIRST: usize = 4;
 /// Most lines of a table.
 const MOST_LINES: usize = 8;
 
@@ -183,7 +189,7 @@ impl Results {
 
     fn steps(&self, out: &mut String) {
         let mut any = false;
-        let whole = [Figure::Perceptual, Figure::Spectrum];
+        let whole = [Figure::Perceptual, Figure::Modulation, Figure::Spectrum];
         let whole = whole.into_iter().filter(|f| !self.undominated(*f).is_empty()).collect::<Vec<_>>();
         for figure in if whole.is_empty() { vec![Figure::Convergence] } else { whole } {
             let front = self.steps_of(figure);

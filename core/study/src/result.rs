@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::figure::{Figure, Figures};
 
-/// Version of the file.
+/// Version of the file. A figure that an older file of this version does not have is absent.
 pub(crate) const VERSION: u32 = 2;
 
 /// Results of a study.
@@ -217,5 +217,24 @@ impl Results {
     /// Whether two values of a figure are told apart.
     pub fn differ(&self, figure: Figure, a: f64, b: f64) -> bool {
         (a - b).abs() > self.floor.get(&figure).copied().unwrap_or(0.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{measured, results};
+
+    #[test]
+    fn results_of_before_a_figure_are_read_without_it() {
+        let mut all = results(vec![measured("old", 1.0, 0.5, 20.0)]);
+        all.rows[0].figures.insert(Figure::Modulation, 2.0);
+        let text = serde_json::to_string(&all).unwrap();
+        assert_eq!(Results::parse(&text).unwrap().rows[0].figure(Figure::Modulation), Some(2.0));
+        let old = Results::parse(&text.replace(r#""modulation":2.0,"#, "")).unwrap();
+        assert!(old.rows[0].figure(Figure::Modulation).is_none() && !old.knows(Figure::Modulation));
+        assert_eq!(old.usual(), [Figure::Level]);
+        let e = Results::parse(&text.replacen(r#""version":2"#, r#""version":1"#, 1)).unwrap_err();
+        assert!(e.contains("version 1") && e.contains("run the study again"), "{e}");
     }
 }

@@ -7,7 +7,6 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use asperity_dataset::made::Ground;
 use asperity_graph::GraphFile;
-use asperity_measure::accuracy::Spectrogram;
 use asperity_node::{Registry, random};
 use asperity_source::Diagnostic;
 use asperity_stability::{Effort, Subject, Verdict};
@@ -25,7 +24,7 @@ use crate::result::{Fragment, Results, Row, VERSION};
 use crate::setting::{Base, Setting};
 use crate::stroke::{Known, Stroke};
 use crate::time::{Batch, Onlooker, batch};
-use crate::truth::Truths;
+use crate::truth::{Truth, Truths};
 
 /// Pieces of a surface that each draw of the physics is of, and places on each that a stroke begins at.
 const PIECES: u64 = 2;
@@ -296,13 +295,14 @@ fn truths(
         let pieces: Vec<Ground> = (0..PIECES).map(|piece| Ground::new(surface, seed(piece))).collect();
         for (s, stroke) in strokes.iter().enumerate() {
             let Known::Hand(hand) = &stroke.known else { continue };
-            let mut all = Vec::new();
+            let mut truth = Truth::default();
             for (number, piece) in (0..).zip(pieces.iter().flat_map(|piece| [piece; PLACES])) {
                 let felt = piece.felt(hand, seed(PIECES + number));
-                all.extend(Spectrogram::new(&felt.axes(), felt.rate_hz));
+                // A truth that cannot be measured is none.
+                let _ = truth.add(&felt.axes(), felt.rate_hz);
             }
             if let Ok(mut truths) = truths.lock() {
-                truths.insert(s, &surface.name, draw, all);
+                truths.insert(s, &surface.name, draw, truth);
             }
         }
         Ok(())

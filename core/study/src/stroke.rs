@@ -5,13 +5,13 @@ use std::sync::Arc;
 
 use asperity_dataset::felt::Hand;
 use asperity_dataset::recordings;
-use asperity_measure::accuracy::Spectrogram;
 use asperity_source::ron::Value;
 use asperity_source::{Diagnostic, Place};
 use asperity_world::motion::{self, Shape, StrokeParams, TrajectoryOptions};
 
 use crate::file::beside;
 use crate::hear::Path3;
+use crate::truth::Truth;
 
 /// A stroke as a study declares it.
 #[derive(Clone, Debug)]
@@ -40,7 +40,7 @@ pub enum Known {
     /// What the hand does, without the sensor's steps: the rest can be simulated where the material is a made surface.
     Hand(Hand),
     /// What the tool felt.
-    Felt(Spectrogram),
+    Felt(Truth),
 }
 
 /// A stroke that can be sampled.
@@ -214,7 +214,8 @@ impl StrokeDecl {
             }
             From::Recording(path) => {
                 let recording = recordings::recording(path).map_err(here)?;
-                let felt = Spectrogram::new(&recording.felt.axes(), recording.felt.rate_hz)
+                let mut felt = Truth::default();
+                felt.add(&recording.felt.axes(), recording.felt.rate_hz)
                     .map_err(|e| here(Diagnostic::new(e.to_string()).in_file(path)))?;
                 let seconds = recording.felt.duration_s();
                 (seconds, Arc::new(move |t| recording.place_mm(t)), Known::Felt(felt))

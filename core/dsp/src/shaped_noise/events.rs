@@ -47,7 +47,7 @@ impl Bumps {
         out.fill(T::zero());
         let samples = out.len() as f64;
         let a_sample = way_mm / events.spacing_mm / samples;
-        if !(a_sample > 0.0) {
+        if a_sample.is_nan() || a_sample <= 0.0 {
             return;
         }
         if a_sample > MOST_A_SAMPLE {

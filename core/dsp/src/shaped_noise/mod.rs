@@ -44,6 +44,8 @@ pub struct ShapedNoise<T> {
     designer: Designer<T>,
     /// Root mean square magnitudes of the newest frame.
     magnitudes: Vec<T>,
+    /// Room for those of the next.
+    came: Vec<T>,
     /// Number of the newest frame.
     newest: Option<u64>,
     /// Whether taps and lines are those of the newest frame.
@@ -101,6 +103,7 @@ impl<T: Float> ShapedNoise<T> {
             seed,
             designer: Designer::new(n),
             magnitudes: vec![T::zero(); framing.bins],
+            came: vec![T::zero(); framing.bins],
             newest: None,
             followed: false,
             pattern: Pattern::default(),
@@ -161,10 +164,13 @@ impl<T: Float> ShapedNoise<T> {
     pub fn push<P: Float>(&mut self, index: u64, magnitudes: &[P], ratio: f64) -> usize {
         // Squares of all bins together stay finite.
         let most = (largest_of::<P, T>() / (64.0 * (self.framing.fft_len + 1) as f64)).sqrt();
-        let bad = take(magnitudes, most, &mut self.magnitudes);
+        let bad = take(magnitudes, most, &mut self.came);
         let level = T::of(ratio.clamp(0.1, 1.0).recip());
-        self.magnitudes.iter_mut().for_each(|m| *m *= level);
-        (self.newest, self.followed) = (Some(index), false);
+        self.came.iter_mut().for_each(|m| *m *= level);
+        // A frame like the one before needs no other filter; lines follow the hand.
+        let same = self.came == self.magnitudes && self.pattern.waves == [None; WAVES];
+        std::mem::swap(&mut self.came, &mut self.magnitudes);
+        (self.newest, self.followed) = (Some(index), self.followed && same);
         bad
     }
 
@@ -307,7 +313,7 @@ impl<T: Float> ShapedNoise<T> {
         let pitch_hz = signed.abs();
         let step_hz = self.step_hz();
         let top_hz = step_hz * 2.0 * (self.framing.bins as f64 - 0.5);
-        if !(pitch_hz >= LEAST_PITCH_HZ) || pitch_hz > top_hz {
+        if !(LEAST_PITCH_HZ..=top_hz).contains(&pitch_hz) {
             return 0;
         }
         let count = ((top_hz / pitch_hz) as usize).min(MOST_LINES);

@@ -1,5 +1,6 @@
 //! The response of minimum phase whose magnitudes are given.
 
+use crate::float::unit_circle;
 use crate::{Complex, Float, plans};
 use realfft::{ComplexToReal, RealToComplex};
 use std::sync::Arc;
@@ -40,15 +41,16 @@ impl<T: Float> Designer<T> {
     /// The response whose squared magnitudes are these, of each frequency of the grid; whether there is any.
     pub(super) fn design(&mut self, squares: &[f64]) -> bool {
         let most = squares.iter().copied().fold(0.0, f64::max);
-        if !(most > 0.0) {
+        if most <= 0.0 {
             self.response.fill(Complex::default());
             return false;
         }
         for (to, square) in self.response.iter_mut().zip(squares) {
-            let log = 0.5 * square.max(most * FLOOR).ln();
-            *to = Complex::new(T::of(log), T::zero());
+            // Of ratios: whatever the unit, they are normal numbers in single precision.
+            let log = T::of((square / most).max(FLOOR)).natural_log();
+            *to = Complex::new(log * T::of(0.5), T::zero());
         }
-        self.to_time();
+        self.transform_back();
         // Positive times get what negative ones have.
         let half = self.len / 2;
         let norm = 1.0 / self.len as f64;
@@ -59,21 +61,22 @@ impl<T: Float> Designer<T> {
                 i if i == half => norm,
                 _ => 0.0,
             };
-            *c = *c * T::of(fold);
+            *c *= T::of(fold);
         }
         let done = self.forward.process_with_scratch(&mut self.line, &mut self.response, &mut self.scratch);
         debug_assert!(done.is_ok());
+        let level = T::of(most.sqrt());
         for to in &mut self.response {
-            let (radius, angle) = (to.re.f64().exp(), to.im.f64());
-            let (sin, cos) = angle.sin_cos();
-            *to = Complex::new(T::of(radius * cos), T::of(radius * sin));
+            let radius = level * to.re.exponential();
+            let (cos, sin) = unit_circle(to.im.f64() * std::f64::consts::FRAC_1_PI * 0.5);
+            *to = Complex::new(radius * T::of(cos), radius * T::of(sin));
         }
         true
     }
 
     /// The first samples of the response in time, newest last: `taps[len - 1 - i]` weighs what came i samples ago.
     pub(super) fn taps(&mut self, taps: &mut [T]) {
-        self.to_time();
+        self.transform_back();
         let norm = T::of(1.0 / self.len as f64);
         let len = taps.len();
         for (i, tap) in taps.iter_mut().rev().enumerate() {
@@ -85,7 +88,7 @@ impl<T: Float> Designer<T> {
     }
 
     /// `line` from `response`.
-    fn to_time(&mut self) {
+    fn transform_back(&mut self) {
         // Of a real line the first and the last bin are real; the transform refuses others.
         if let Some(first) = self.response.first_mut() {
             first.im = T::zero();

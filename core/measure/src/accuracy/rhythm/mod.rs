@@ -106,18 +106,45 @@ impl Rhythm {
         if wave.is_silent() {
             return Ok(Self::of(&wave, end_hz));
         }
-        let draws: Vec<Self> =
-            (0..NOISES).map(|seed| Self::of(&Wave::new(&band.noise(&wave, seed)), end_hz)).collect();
-        let mean = |f: &dyn Fn(&Self) -> f64| draws.iter().map(f).sum::<f64>() / draws.len() as f64;
-        Ok(Self {
-            rms: wave.rms(),
+        let (powers, step_hz) = wave.spectrum();
+        let seconds = wave.samples.len() as f64 / wave.rate_hz;
+        Ok(Self { rms: wave.rms(), ..Self::mean_of_noise(&powers, step_hz, seconds, end_hz) })
+    }
+
+    /// The same of a spectrum that is known: powers in any unit, `step_hz` apart from 0 Hz on. Between them
+    /// they are interpolated, beyond the last there is nothing. `rms` is about 1, or 0 without power.
+    ///
+    /// # Errors
+    /// [`AccuracyError`]: a power that is negative or not finite, by its number; less than 0.5 s or more
+    /// than 1000 s; a step that is not 0.01 Hz or more.
+    pub fn of_noise(powers: &[f64], step_hz: f64, seconds: f64) -> Result<Self, AccuracyError> {
+        if let Some(at) = powers.iter().position(|p| !(0.0..=1e200).contains(p)) {
+            return Err(AccuracyError::NotFinite(at));
+        }
+        if !(SHORTEST_S..=1000.0).contains(&seconds) {
+            return Err(AccuracyError::TooShort);
+        }
+        if !(0.01..=1e6).contains(&step_hz) {
+            return Err(AccuracyError::Rate(step_hz));
+        }
+        let top = powers.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
+        let powers: Vec<f64> = powers.iter().map(|p| p / top).collect();
+        Ok(Self::mean_of_noise(&powers, step_hz, seconds, END_HZ))
+    }
+
+    fn mean_of_noise(powers: &[f64], step_hz: f64, seconds: f64, end_hz: f64) -> Self {
+        let draw = |seed| Band::noise(powers, step_hz, (FIRST_HZ, end_hz), seconds, seed);
+        let draws: Vec<Self> = (0..NOISES).map(|seed| Self::of(&Wave::new(&draw(seed)), end_hz)).collect();
+        let mean = |f: &dyn Fn(&Self) -> f64| mean(draws.iter().map(f));
+        Self {
+            rms: mean(&|r| r.rms),
             end_hz,
             modulation: std::array::from_fn(|k| mean(&|r| r.modulation[k])),
             envelope_repetition: mean(&|r| r.envelope_repetition),
             wave_repetition: mean(&|r| r.wave_repetition),
             kurtosis: mean(&|r| r.kurtosis),
             level_deviation_db: mean(&|r| r.level_deviation_db),
-        })
+        }
     }
 
     /// Modulation depth from 15 to 25 Hz: that of pulses 40 to 67 ms apart.

@@ -132,6 +132,20 @@ fn noise_like_noise_has_the_same_figures() {
     assert!(agreement.repetition < 0.05 && agreement.kurtosis_db < 0.3, "{agreement:?}");
     assert!(agreement.steadiness_db < 0.5, "{agreement:?}");
     assert!((fair.rms - found.rms).abs() < 1e-9);
+    // A spectrum that is known gives the same, in whatever unit.
+    let response = |hz: f64| {
+        let z = asperity_dsp::Complex::from_polar(1.0, -TAU * hz / 2500.0);
+        (1.0 - 1.8 * (TAU * 150.0 / 2500.0_f64).cos() * z + 0.81 * z * z).norm()
+    };
+    let powers: Vec<f64> = (0..101).map(|k| 1e30 * response(10.0 * f64::from(k)).powi(-4)).collect();
+    let known = Rhythm::of_noise(&powers, 10.0, 8.0).unwrap();
+    assert!((known.rms - 1.0).abs() < 0.05 && (known.kurtosis - 3.0).abs() < 0.1, "{known:?}");
+    let agreement = compare(&known, &[fair]).unwrap();
+    assert!(agreement.modulation_db < 0.5 && agreement.repetition < 0.03, "{agreement:?}");
+    assert_eq!(Rhythm::of_noise(&[0.0; 9], 10.0, 8.0).unwrap().rms, 0.0);
+    assert_eq!(Rhythm::of_noise(&[0.0, -1.0], 10.0, 8.0), Err(AccuracyError::NotFinite(1)));
+    assert_eq!(Rhythm::of_noise(&[1.0], 10.0, 0.4), Err(AccuracyError::TooShort));
+    assert_eq!(Rhythm::of_noise(&[1.0], 0.0, 8.0), Err(AccuracyError::Rate(0.0)));
 }
 
 /// What SciPy 1.17 says:

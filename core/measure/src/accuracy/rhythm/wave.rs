@@ -42,7 +42,6 @@ fn bin_of(hz: f64, seconds: f64) -> usize {
 /// Half a spectrum of a signal of some seconds: only the bins of a band, the others are 0.
 pub(super) struct Band {
     bins: Vec<Complex<f64>>,
-    first: usize,
     seconds: f64,
 }
 
@@ -71,7 +70,7 @@ impl Band {
             let parts = spectra.iter().zip(&direction).filter_map(|(bins, part)| Some(bins.get(k)? * *part));
             parts.sum::<Complex<f64>>() * (scale / length.max(1) as f64)
         });
-        Self { bins: bins.collect(), first, seconds }
+        Self { bins: bins.collect(), seconds }
     }
 
     /// Root mean square from `first_hz` (included) to `end_hz` (not included).
@@ -86,33 +85,28 @@ impl Band {
         inverse(&self.bins, Complex::new(1.0, 0.0), length)
     }
 
-    /// Gaussian noise of the same length, whose power at each frequency is that of the wave's Welch spectrum
-    /// (windows of 0.1 s, Hann, overlapped by three quarters: bins of 10 Hz, between which powers are
-    /// interpolated).
-    pub(super) fn noise(&self, wave: &Wave, seed: u64) -> Self {
-        let window = (0.1 * wave.rate_hz).round() as usize;
-        let mut stft = Stft::<f64>::new(window);
-        let mut powers = vec![0.0; window / 2 + 1];
-        for frame in wave.samples.windows(window).step_by((window / 4).max(1)) {
-            powers.iter_mut().zip(stft.process(frame)).for_each(|(power, c)| *power += c.norm_sqr());
-        }
-        let at = |hz: f64| {
-            let place = hz * window as f64 / wave.rate_hz;
-            let below = place.floor();
-            let power = |k: usize| powers.get(k).copied().unwrap_or(0.0);
-            let part = place - below;
-            (1.0 - part) * power(below as usize) + part * power(below as usize + 1)
+    /// Gaussian noise of so many seconds with powers that are known `step_hz` apart, from 0 Hz on, and
+    /// interpolated between. Its root mean square is 1 on average; that of no power is 0.
+    pub(super) fn noise(powers: &[f64], step_hz: f64, within: (f64, f64), seconds: f64, seed: u64) -> Self {
+        let (first, end) = (bin_of(within.0, seconds), bin_of(within.1, seconds));
+        let power = |k: usize| {
+            let place = k as f64 / (seconds * step_hz);
+            let (below, part) = (place.floor() as usize, place.fract());
+            let at = |place: usize| powers.get(place).copied().unwrap_or(0.0);
+            (1.0 - part) * at(below) + part * at(below + 1)
         };
-        let normal = |k: usize| {
+        // A normal number of two parts has a mean square of 2, and so has a sine of two bins of 1.
+        let whole: f64 = (first..end).map(|k| 4.0 * power(k)).sum();
+        let bin = |k: usize| {
+            if k < first || whole <= 0.0 {
+                return Complex::default();
+            }
             // Box and Muller 1958.
             let [u, v] = [0, 1].map(|column| random::uniform(seed, k as u64, column));
-            Complex::from_polar((-2.0 * (1.0 - u).ln()).sqrt(), std::f64::consts::TAU * v)
+            let normal = Complex::from_polar((-2.0 * (1.0 - u).ln()).sqrt(), std::f64::consts::TAU * v);
+            normal * (power(k) / whole).sqrt()
         };
-        let bin = |k: usize| {
-            let power = if k < self.first { 0.0 } else { at(k as f64 / self.seconds) };
-            normal(k) * power.sqrt()
-        };
-        Self { bins: (0..self.bins.len()).map(bin).collect(), ..*self }
+        Self { bins: (0..end).map(bin).collect(), seconds }
     }
 }
 
@@ -167,6 +161,18 @@ impl Wave {
     /// Root mean square.
     pub(super) fn rms(&self) -> f64 {
         (self.samples.iter().map(|x| x * x).sum::<f64>() / self.samples.len() as f64).sqrt()
+    }
+
+    /// Welch's spectrum, of windows of 0.1 s, Hann, overlapped by three quarters, from 0 Hz on; and how far
+    /// its bins are apart in Hz.
+    pub(super) fn spectrum(&self) -> (Vec<f64>, f64) {
+        let window = (0.1 * self.rate_hz).round() as usize;
+        let mut stft = Stft::<f64>::new(window);
+        let mut powers = vec![0.0; window / 2 + 1];
+        for frame in self.samples.windows(window).step_by((window / 4).max(1)) {
+            powers.iter_mut().zip(stft.process(frame)).for_each(|(power, c)| *power += c.norm_sqr());
+        }
+        (powers, self.rate_hz / window as f64)
     }
 
     pub(super) fn is_silent(&self) -> bool {
