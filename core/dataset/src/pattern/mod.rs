@@ -92,29 +92,3 @@ const _: () = assert!(WAVES == asperity_world::material::MAX_WAVES);
 
 #[cfg(test)]
 mod tests;
-
-/// scratch
-pub fn report(pieces: &[Vec<Stroke>], pattern: &Pattern) -> String {
-    let mut text = String::new();
-    let passages: Vec<Passage> = pieces.iter().flatten().flat_map(Stroke::passages).collect();
-    let speeds = [40.0, 80.0, 160.0, 280.0];
-    for speed in speeds {
-        let geo = |f: &dyn Fn(&Passage) -> Option<Figures>| {
-            let logs: Vec<[f64; 2]> = passages
-                .iter()
-                .filter(|p| (p.speed_mm_s / speed - 1.0).abs() < 0.1 && p.seconds > 5.0)
-                .filter_map(|p| f(p).map(|f| [f.kurtosis.ln(), f.modulation.ln()]))
-                .collect();
-            let n = logs.len() as f64;
-            [0, 1].map(|i| (logs.iter().map(|l| l[i]).sum::<f64>() / n).exp())
-        };
-        let truth = geo(&|p| Some(p.figures));
-        let kernel = geo(&|p| Figures::of(&rendered(pattern, &p.magnitudes, &p.places, 77)));
-        let noise = geo(&|p| Figures::of(&rendered(&Pattern::default(), &p.magnitudes, &p.places, 77)));
-        text += &format!(
-            "  {speed:4}: k {:.2} {:.2} {:.2} m {:.3} {:.3} {:.3}\n",
-            truth[0], kernel[0], noise[0], truth[1], kernel[1], noise[1]
-        );
-    }
-    text
-}
