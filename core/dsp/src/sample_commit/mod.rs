@@ -83,8 +83,8 @@ const INERTIA: f64 = 3e-3;
 const FIRST_INERTIA: f64 = 0.1;
 
 /// Passes in which each frame comes to be looked at once, on average, up to which momentum may be as large as is wished.
-/// Beyond, it is held to the square of what they are over: 2 frames of 50 a pass can have 0.64.
-const ROUND: f64 = 20.0;
+/// Beyond, it is held to the square of what they are over: 2 frames of 50 a pass can have 0.36.
+const ROUND: f64 = 15.0;
 
 /// Samples that were emitted are at most this much on the kernel's own scale, where frames are near 1: the square of a sum of them has a number in f32.
 const LOUD: f64 = (1u64 << 40) as f64;

