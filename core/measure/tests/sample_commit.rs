@@ -49,11 +49,11 @@ fn settings(frames: usize, passes: usize, emission: i32) -> Settings {
     Settings { frames, passes, momentum: 0.9, emission }
 }
 
-/// Mean figures of three seeds: convergence, gain and long-term spectrum in dB.
-fn mean(name: &str, rate_hz: u32, settings: Settings) -> [f64; 3] {
-    let all = [0, 1, 2].map(|seed| score(name, rate_hz, settings, seed));
+/// Mean figures of so many seeds: convergence, gain and long-term spectrum in dB.
+fn mean(name: &str, rate_hz: u32, settings: Settings, seeds: u64) -> [f64; 3] {
+    let all: Vec<Score> = (0..seeds).map(|seed| score(name, rate_hz, settings, seed)).collect();
     assert!(all.iter().all(|s| s.nonfinite == 0), "{name}");
-    let of = |f: fn(&Score) -> f64| all.iter().map(f).sum::<f64>() / 3.0;
+    let of = |f: fn(&Score) -> f64| all.iter().map(f).sum::<f64>() / seeds as f64;
     [of(|s| s.convergence_db), of(|s| s.gain_db), of(|s| s.ltas_rms_db)]
 }
 
@@ -61,10 +61,15 @@ fn mean(name: &str, rate_hz: u32, settings: Settings) -> [f64; 3] {
 fn sample_commit_reaches_the_scores_of_its_study() {
     for (name, rate_hz) in VECTORS {
         let (newest_db, centre_db) = asked(name);
-        for (emission, asked_db, method) in [(0, newest_db, "scr5x5"), (-25, centre_db, "scr5x5_centre")] {
+        // The setting for each emission. At -25 noise has two answers that last, so that few seeds say little.
+        let centre = Settings { momentum: 0.85, ..settings(5, 6, -25) };
+        for (settings, asked_db, method) in
+            [(settings(5, 5, 0), newest_db, "scr5x5"), (centre, centre_db, "scr5x5_centre")]
+        {
+            let emission = settings.emission;
             let [study_db, ..] = published(name, method).unwrap();
             let most = if name.starts_with("sine") { asked_db } else { asked_db.min(study_db + 1.5) };
-            let [db, gain_db, _] = mean(name, rate_hz, settings(5, 5, emission));
+            let [db, gain_db, _] = mean(name, rate_hz, settings, 12);
             println!("{name} at {emission}: {db:.1} dB (at most {most:.1}), gain {gain_db:.2} dB");
             assert!(db < most && gain_db.abs() < 0.5, "{name} at {emission}: {db} dB, gain {gain_db} dB");
         }
@@ -89,7 +94,7 @@ fn table() {
     {
         println!("{frames} frames x {passes} passes, emission {emission}");
         for (name, rate_hz) in VECTORS {
-            let [db, gain_db, ltas_db] = mean(name, rate_hz, settings(frames, passes, emission));
+            let [db, gain_db, ltas_db] = mean(name, rate_hz, settings(frames, passes, emission), 3);
             println!("  {name:14} {db:6.1} {gain_db:+5.2} {ltas_db:4.2}");
         }
     }

@@ -82,6 +82,10 @@ const INERTIA: f64 = 3e-3;
 /// The same over the first window of a stream, where the frames in use are few and do not agree yet.
 const FIRST_INERTIA: f64 = 0.1;
 
+/// Passes in which each frame comes to be looked at once, on average, up to which momentum may be as large as is wished.
+/// Beyond, it is held to the square of what they are over: 2 frames of 50 a pass can have 0.36.
+const ROUND: f64 = 15.0;
+
 /// Samples that were emitted are at most this much on the kernel's own scale, where frames are near 1: the square of a sum of them has a number in f32.
 const LOUD: f64 = (1u64 << 40) as f64;
 
@@ -94,7 +98,7 @@ pub struct SampleCommit<T> {
     delay: i64,
     history: History<T>,
     projector: Projector<T>,
-    /// Longest hop in samples.
+    /// Shortest hop in samples; none is longer by more than one.
     hop: usize,
     /// Ages of the frames of a pass.
     chosen: Vec<u64>,
@@ -105,6 +109,10 @@ pub struct SampleCommit<T> {
     /// Sums over the same, for one pass.
     sum: Vec<T>,
     weight: Vec<T>,
+    /// The weight that is to be expected there of as many frames as a pass looks at.
+    expected: Vec<T>,
+    /// Squares of the window from each place on, a hop apart, added up.
+    cover: Vec<T>,
     /// First sample that is not emitted, in the content's time.
     next: i64,
     /// Magnitudes and samples are kept divided by this power of two.
@@ -142,15 +150,22 @@ impl<T: Float> SampleCommit<T> {
         let n = framing.fft_len;
         let delay = settings.delay(&framing)?;
         let (period, frames) = framing.period();
-        let hop = usize::try_from(period / frames + 1).unwrap_or(n);
-        let ahead = usize::try_from(delay).unwrap_or(0) + 2 * hop;
+        let hop = usize::try_from(period / frames).unwrap_or(n).max(1);
+        let ahead = usize::try_from(delay).unwrap_or(0) + 2 * (hop + 1);
         // Starts of the frames in use lie in an interval of this length.
         let reach = (n + ahead) as u64;
         let slots = usize::try_from(reach * frames / period + 2).unwrap_or(n);
         let len = 2 * n + ahead;
+        let projector = Projector::new(&framing, seed);
+        let mut cover: Vec<T> = projector.square().to_vec();
+        for i in (0..n.saturating_sub(hop)).rev() {
+            let next = cover[i + hop];
+            cover[i] += next;
+        }
         let mut new = Self {
             history: History::new(framing, slots),
-            projector: Projector::new(&framing, seed),
+            projector,
+            cover,
             hop,
             chosen: Vec::with_capacity(slots),
             // As long again as a window, so that the signal is moved to the front only once a window.
@@ -158,6 +173,7 @@ impl<T: Float> SampleCommit<T> {
             z: vec![T::zero(); len + n],
             sum: vec![T::zero(); len],
             weight: vec![T::zero(); len],
+            expected: vec![T::zero(); len],
             fade: fade(n.div_ceil(10)),
             rise: fade(n.div_ceil(4)),
             head: 0,
@@ -299,14 +315,35 @@ impl<T: Float> SampleCommit<T> {
         if end > self.sum.len() {
             return;
         }
+        let share = (self.settings.frames as f64 / candidates.max(1) as f64).min(1.0);
+        self.expect(candidates, share, at, end);
+        let momentum = self.settings.momentum.min((ROUND * share).powi(2));
         for pass in 0..self.settings.passes {
             self.choose(candidates, pass);
-            self.pass(origin, end);
+            self.pass(origin, end, momentum);
+        }
+    }
+
+    /// Says what weight the frames of a pass have on average: that of all frames, times the `share` of them that a pass looks at.
+    /// The newest frame starts at `at`.
+    fn expect(&mut self, candidates: u64, share: f64, at: usize, end: usize) {
+        let n = self.framing.fft_len;
+        let share = T::of(share);
+        let from = if self.unheard_from < self.next { 0 } else { n };
+        let middle = at.clamp(from, end);
+        self.expected[from..middle].fill(self.cover[0] * share);
+        for (to, &cover) in self.expected[middle..end].iter_mut().zip(&self.cover[middle - at..]) {
+            *to = cover * share;
+        }
+        // At a stream's start there are no frames before the first.
+        let missing = usize::try_from(candidates).unwrap_or(n).saturating_mul(self.hop);
+        for i in from..(at + n).saturating_sub(missing).min(end) {
+            self.expected[i] -= self.cover[(i + missing).saturating_sub(at)] * share;
         }
     }
 
     /// The newest frame, and of the others one from each of as many equal spans of time, at a place that differs from pass to
-    /// pass.
+    /// pass. Where a pass has one frame, it is the newest in every second pass, on average.
     fn choose(&mut self, candidates: u64, pass: usize) {
         self.chosen.clear();
         self.chosen.push(0);
@@ -316,12 +353,18 @@ impl<T: Float> SampleCommit<T> {
             return;
         }
         let shift = uniform(self.seed, self.history.expected().unwrap_or(0), pass as u64);
+        if frames == 0 {
+            if shift >= 0.5 {
+                self.chosen[0] = 1 + ((2.0 * shift - 1.0) * others as f64) as u64;
+            }
+            return;
+        }
         let span = others as f64 / frames as f64;
         self.chosen.extend((0..frames).map(|j| 1 + ((j as f64 + shift) * span) as u64));
     }
 
     /// Projects the chosen frames, and moves the free samples to their weighted mean.
-    fn pass(&mut self, origin: i64, end: usize) {
+    fn pass(&mut self, origin: i64, end: usize, momentum: f64) {
         let n = self.framing.fft_len;
         let unheard = self.unheard(origin);
         let from = unheard.clone().map_or(n, |r| r.start);
@@ -347,11 +390,12 @@ impl<T: Float> SampleCommit<T> {
             self.projector.project(z, &sounding[..count], from, sum);
         }
         let x = &mut self.x[self.head..self.head + end];
-        let momentum = T::of(self.settings.momentum);
+        let momentum = T::of(momentum);
         let inertia = T::of(if self.unheard_from > origin { FIRST_INERTIA } else { INERTIA });
         for range in [unheard.unwrap_or(0..0), n..end] {
             let (sum, weight) = (&sum[range.clone()], &weight[range.clone()]);
-            step(&mut x[range.clone()], &mut z[range], sum, weight, momentum, inertia);
+            let expected = &self.expected[range.clone()];
+            step(&mut x[range.clone()], &mut z[range], [sum, weight, expected], momentum, inertia);
         }
     }
 
@@ -382,7 +426,7 @@ impl<T: Float> SampleCommit<T> {
         let view = self.framing.fft_len;
         let mut end = start;
         // A hop at a time: of the frames that are missed, none is then out of reach.
-        for block in out.chunks_mut(self.hop) {
+        for block in out.chunks_mut(self.hop + 1) {
             end = end.saturating_add(block.len() as u64);
             self.miss(end);
             let scale = T::of(self.scale);
@@ -467,10 +511,14 @@ fn add<T: Float>(to: &mut [T], from: &[T]) {
     }
 }
 
-/// The weighted mean of what frames say and, where their weight is small, of what was there; then on in the direction taken.
-fn step<T: Float>(x: &mut [T], z: &mut [T], sum: &[T], weight: &[T], momentum: T, inertia: T) {
-    for (((x, z), &sum), &weight) in x.iter_mut().zip(z).zip(sum).zip(weight) {
-        let new = (sum + inertia * *z) / (weight + inertia);
+/// The mean of what frames say, by their weights, and of what was there; then on in the direction taken. What was there has
+/// the weight that frames lack of what is expected of them, and `inertia` at least.
+fn step<T: Float>(x: &mut [T], z: &mut [T], [sum, weight, expected]: [&[T]; 3], momentum: T, inertia: T) {
+    let frames = sum.iter().zip(weight).zip(expected);
+    for ((x, z), ((&sum, &weight), &expected)) in x.iter_mut().zip(z).zip(frames) {
+        let least = weight + inertia;
+        let all = if least > expected { least } else { expected };
+        let new = *z + (sum - weight * *z) / all;
         *z = new + momentum * (new - *x);
         *x = new;
     }

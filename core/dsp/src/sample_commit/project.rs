@@ -113,17 +113,17 @@ fn impose<T: Float>(spectrum: &mut [Complex<T>], magnitudes: &[T], hint: &[Compl
 /// Start phases whose group delay sweeps the middle half of the window (M. R. Schroeder, "Synthesis of low-peak-factor
 /// signals and binary sequences with low autocorrelation", IEEE Trans. Inf. Theory 16(1), 1970): neighbours agree, as the
 /// bins of one sinusoid do, and a flat spectrum is no click.
+///
+/// Bin 0 is real, and the sweep goes on from its phase, a quarter of a turn behind, as a struck resonance is. Where the phases above
+/// bin 0 are at odds with its sign, the frozen samples keep them so for seconds: 40 bursts of 220 Hz a second stay 8 dB worse.
 fn hint<T: Float>(framing: &Framing, seed: u64) -> Vec<Complex<T>> {
     let (n, bins) = (framing.fft_len, framing.bins);
-    let mut turns = crate::random::uniform(seed, 0, 0);
+    let mut turns = if crate::random::uniform(seed, 0, 0) < 0.5 { 0.0 } else { 0.5 };
     let all = (0..bins).map(|k| {
-        turns -= 0.25 + 0.5 * k as f64 / bins as f64;
+        let (cos, sin) =
+            if 2 * k == n { (if turns < 0.5 { 1.0 } else { -1.0 }, 0.0) } else { unit_circle(turns) };
+        turns -= 0.25 + 0.5 * (k + 1) as f64 / bins as f64 + if k == 0 { 0.25 } else { 0.0 };
         turns -= turns.floor();
-        let (cos, sin) = if k == 0 || 2 * k == n {
-            (if turns < 0.5 { 1.0 } else { -1.0 }, 0.0)
-        } else {
-            unit_circle(turns)
-        };
         let scale = HINT * n as f64;
         Complex::new(T::of(cos * scale), T::of(sin * scale))
     });

@@ -82,6 +82,71 @@ fn sample_commit_follows_a_tone_and_a_noise() {
     }
 }
 
+/// 40 bursts a second, unevenly: a tone of 220 Hz each that decays with 4 ms. Seconds of it at 2500 Hz.
+fn bursts(seconds: f64) -> Vec<f64> {
+    let mut x = vec![0.0; (seconds * 2500.0) as usize];
+    let (mut start, mut count) = (0.03, 0);
+    while start < seconds {
+        let first = (start * 2500.0).ceil() as usize;
+        for (i, x) in x.iter_mut().enumerate().skip(first).take(120) {
+            let t = i as f64 / 2500.0 - start;
+            *x += (TAU * 220.0 * t).sin() * (-t / 0.004).exp();
+        }
+        start += 0.025 * (0.7 + 0.6 * uniform(11, 0, count));
+        count += 1;
+    }
+    x
+}
+
+#[test]
+fn bursts_settle_within_seconds_whatever_the_seed() {
+    let x = bursts(3.0);
+    let frames = analyse(&LOW, 1400, |i| x[i as usize]);
+    for seed in 0..12 {
+        let mut c = SampleCommit::<f32>::new(LOW, settings(0), seed).unwrap();
+        let (db, level) = score(&LOW, &frames, &run(&mut c, &frames, 0), 750);
+        assert!(db < -36.0 && level.abs() < 0.01, "seed {seed}: {db} dB, level {level} dB");
+    }
+}
+
+/// The level in dB re what is wanted, and the peak re the largest that a signal of these magnitudes can have in the middle of
+/// a window.
+fn loudness(frames: &[Vec<f32>], settings: Settings) -> (f64, f64) {
+    let mut c = SampleCommit::<f32>::new(LOW, settings, 1).unwrap();
+    let y = run(&mut c, frames, 0);
+    let most = frames.iter().map(|f| f.iter().sum::<f32>() / 2.0).fold(0.0, f32::max);
+    let peak = y.iter().map(|y| y.abs()).fold(0.0, f32::max);
+    (score(&LOW, frames, &y, 60).1, f64::from(peak / most))
+}
+
+#[test]
+fn no_work_momentum_or_emission_lets_the_level_run_away() {
+    let smooth: Vec<f32> = (0..101).map(|k| 0.2 / (1.0 + (k as f32 - 12.0).powi(2) / 90.0) + 0.02).collect();
+    let x = bursts(0.7);
+    let signals = [
+        ("smooth", vec![smooth; 250]),
+        ("noise", analyse(&LOW, 250, |i| noise(i, 2500.0, 900.0))),
+        ("bursts", analyse(&LOW, 250, |i| x[i as usize])),
+    ];
+    let check = |frames, passes, momentum, emission| {
+        for (name, signal) in &signals {
+            let s = Settings { frames, passes, momentum, emission };
+            let (level, peak) = loudness(signal, s);
+            assert!(level.abs() < 2.0 && peak < 2.0, "{name} at {s:?}: {level} dB, peak {peak}");
+        }
+    };
+    for frames in [1, 2, 3, 5] {
+        for passes in [1, 2, 5] {
+            for momentum in [0.0, 0.5, 0.9, 0.99] {
+                for emission in [-25, -20, -10, -5, 0, 10] {
+                    check(frames, passes, momentum, emission);
+                }
+                check(frames, passes, momentum, 100);
+            }
+        }
+    }
+}
+
 #[test]
 fn hops_that_alternate_are_counted_by_their_true_starts() {
     let f = Framing { rate_hz: 44_100, fft_len: 4410, ..LOW };
