@@ -53,7 +53,7 @@ fn every_phase_retrieval_kind_is_in_the_table_the_picture_and_the_file() {
     let Compared { text, svg, csv, .. } = compared();
     for kind in kinds() {
         let lines = text.lines().filter(|l| l.split_whitespace().next() == Some(&kind)).count();
-        assert!(lines >= 2, "{kind} stands in the table of accuracy and in that of cost:\n{text}");
+        assert!(lines >= 3, "{kind} stands in the tables of accuracy, rhythm and cost:\n{text}");
         assert!(svg.contains(&format!(">{kind}</text>")), "{kind} is in the picture");
         let rows = csv.lines().filter(|l| l.starts_with(&format!("{kind},{kind},false,"))).count();
         assert_eq!(rows, 7, "{kind} has a line for each vector");
@@ -77,6 +77,24 @@ fn the_picture_is_well_formed() {
     }
     assert!(open.is_empty(), "{open:?}");
     assert!(!compared().svg.contains("NaN") && !compared().svg.contains("inf"));
+}
+
+/// Steady magnitudes: right is what Gaussian noise of the same spectrum has.
+#[test]
+fn rhythm_stands_beside_that_of_gaussian_noise() {
+    let Compared { text, csv, .. } = compared();
+    assert!(text.contains("Rhythm on the mean spectrum of nnsmooth, held still"), "{text}");
+    let of = |column: &str| figure(csv, "spsi", "nnsmooth_2500", column);
+    assert!((0.09..0.13).contains(&of("noise_pulses")) && of("noise_repetition") < 0.1, "{csv}");
+    assert!((of("noise_kurtosis") - 3.0).abs() < 0.1);
+    for kind in kinds() {
+        for column in ["pulses", "repetition", "kurtosis"] {
+            let [one, other] = ["nnsmooth_2500", "taps_2500"].map(|v| figure(csv, &kind, v, column));
+            assert!(one == other && one.is_finite() && one >= 0.0, "{kind}, {column}: {one}");
+        }
+    }
+    // Its phases stand still against each other, and so it repeats itself.
+    assert!(of("repetition") > 0.9, "{}", of("repetition"));
 }
 
 fn data(name: &str) -> PathBuf {

@@ -59,7 +59,9 @@ fn a_study_says_what_each_setting_costs_and_is_worth_and_goes_on_where_it_was() 
     for name in &found {
         let row = row(&results, name);
         assert!(row["error"].is_null(), "{row}");
-        for figure in ["perceptual", "spectrum", "bands", "level", "convergence"] {
+        for figure in
+            ["perceptual", "modulation", "spectrum", "repetition", "kurtosis", "steadiness", "convergence"]
+        {
             assert!(row["figures"][figure].is_f64(), "{name} has no {figure}: {row}");
         }
         assert!(
@@ -81,7 +83,7 @@ fn a_study_says_what_each_setting_costs_and_is_worth_and_goes_on_where_it_was() 
     assert_eq!(figures("guards=false"), figures("default"));
     assert!(results["model"]["spectrum"].is_f64() && results["floor"]["spectrum"].is_f64());
     for file in
-        ["results.csv", "REPORT.md", "perceptual_time.svg", "spectrum_lag.svg", "convergence_time.svg"]
+        ["results.csv", "REPORT.md", "perceptual_time.svg", "modulation_lag.svg", "convergence_time.svg"]
     {
         assert!(dir.path().join("out").join(file).exists(), "{file}");
     }

@@ -183,11 +183,19 @@ fn is_plugin(path: &Path) -> bool {
 const CARD: &str = "simulated:frames=64,latency=200,speed=10,plant=haptuator_mark_ii,plant_handle_g=60";
 
 /// What a study leaves: its results, and the folder that it may go on from.
-static STUDY: [Made; 16] = [
+static STUDY: [Made; 24] = [
     file("spectrum_time.svg", is_picture),
     file("spectrum_lag.svg", is_picture),
     file("perceptual_time.svg", is_picture),
     file("perceptual_lag.svg", is_picture),
+    file("modulation_time.svg", is_picture),
+    file("modulation_lag.svg", is_picture),
+    file("repetition_time.svg", is_picture),
+    file("repetition_lag.svg", is_picture),
+    file("kurtosis_time.svg", is_picture),
+    file("kurtosis_lag.svg", is_picture),
+    file("steadiness_time.svg", is_picture),
+    file("steadiness_lag.svg", is_picture),
     file("bands_time.svg", is_picture),
     file("bands_lag.svg", is_picture),
     file("level_time.svg", is_picture),

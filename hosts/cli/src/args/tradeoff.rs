@@ -74,7 +74,7 @@ pub struct Choose {
     /// Count what the machine stalls by itself too: the 99.9th percentile as it was measured
     #[arg(long)]
     pub strict: bool,
-    /// Figures in the order in which they count: perceptual, spectrum, bands, level, convergence, precision; the first four, unless given
+    /// Figures in the order in which they count: perceptual, modulation, spectrum, bands, level, repetition, kurtosis, steadiness, convergence, precision; all but the last two, unless given
     #[arg(long, value_name = "FIGURE,...", value_delimiter = ',')]
     pub by: Vec<String>,
     /// Ticks a second that the setting must have

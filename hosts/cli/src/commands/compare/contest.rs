@@ -7,6 +7,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::time::Instant;
 
 use asperity_engine::Clock;
+use asperity_measure::accuracy::{Rhythm, SILENCE_M_S2};
 use asperity_measure::phase;
 use asperity_measure::timing::Timing;
 use asperity_node::Registry;
@@ -42,8 +43,19 @@ pub struct Row {
     pub tone_lag_ms: Option<[f64; 3]>,
     /// Median time for a frame until there are samples, in us, by the rate of the vectors in Hz.
     pub frame_us: BTreeMap<u32, f64>,
+    /// Rhythm of what is made of [steady magnitudes](Set::steady); none of what is published, and of silence.
+    pub rhythm: Option<Rhythm>,
     /// What else a person must know.
     pub notes: Vec<String>,
+}
+
+/// What came of it all.
+#[derive(Debug)]
+pub struct Outcome {
+    /// A row for each method; the best come first.
+    pub rows: Vec<Row>,
+    /// Rhythm of Gaussian noise that has the spectrum of the [steady magnitudes](Set::steady).
+    pub noise: Option<Rhythm>,
 }
 
 struct Wall(Instant);
@@ -66,13 +78,13 @@ struct Entry<'a> {
     problems: Vec<(String, Vec<String>)>,
 }
 
-/// Runs all methods over all vectors; the best come first.
+/// Runs all methods over all vectors.
 ///
 /// # Errors
 /// None that comes from a method: what fails is said in its row.
-pub fn run(registry: &Registry, methods: &[Method], set: &Set, quiet: bool) -> Result<Vec<Row>, Failure> {
+pub fn run(registry: &Registry, methods: &[Method], set: &Set, quiet: bool) -> Result<Outcome, Failure> {
     let (texture, tone) = (Stimulus::texture()?, Stimulus::tone()?);
-    let bar = progress(methods.len() * (ROUNDS * set.vectors.len() + 2), quiet);
+    let bar = progress(methods.len() * (ROUNDS * set.vectors.len() + 3), quiet);
     let mut entries: Vec<Entry<'_>> = methods.iter().map(|m| Entry::new(m, set.vectors.len())).collect();
     let wall = Wall(Instant::now());
     for round in 0..ROUNDS {
@@ -83,7 +95,12 @@ pub fn run(registry: &Registry, methods: &[Method], set: &Set, quiet: bool) -> R
             }
         }
     }
+    let steady = set.steady()?;
     for entry in &mut entries {
+        if let Some(steady) = &steady {
+            entry.hold(registry, steady);
+        }
+        bar.inc(1);
         let [over_texture, over_tone] = [("texture", &texture), ("tone", &tone)].map(|(name, stimulus)| {
             let lag = entry.lag(registry, name, stimulus);
             bar.inc(1);
@@ -95,7 +112,22 @@ pub fn run(registry: &Registry, methods: &[Method], set: &Set, quiet: bool) -> R
     bar.finish_and_clear();
     let mut rows: Vec<Row> = entries.into_iter().map(Entry::into_row).collect();
     sort(&mut rows);
-    Ok(rows)
+    let noise = steady.as_ref().and_then(noise);
+    Ok(Outcome { rows, noise })
+}
+
+/// Gaussian noise as long as what is looked at of steady magnitudes, whose bins are 10 Hz apart.
+fn noise(steady: &Vector) -> Option<Rhythm> {
+    let frame = steady.unscaled.get(..steady.frames.layout().bins as usize)?;
+    let powers: Vec<f64> = frame.iter().map(|x| f64::from(*x).powi(2)).collect();
+    let inner = inner(steady);
+    Rhythm::of_noise(&powers, 10.0, inner.len() as f64 / f64::from(steady.rate_hz)).ok()
+}
+
+/// Samples between the frames at each end that no score counts.
+fn inner(vector: &Vector) -> std::ops::Range<usize> {
+    let start = |frame: usize| vector.frames.start(frame as u64) as usize;
+    start(phase::EDGE_FRAMES)..start(vector.frames.count() - phase::EDGE_FRAMES)
 }
 
 /// The published methods that have a score on any of the vectors, as rows; the best come first.
@@ -119,7 +151,8 @@ fn contained<T>(f: impl FnOnce() -> Result<T, Failure>) -> Result<T, String> {
 }
 
 impl Row {
-    fn new(label: &str, vectors: usize) -> Self {
+    /// Nothing is known.
+    pub fn new(label: &str, vectors: usize) -> Self {
         Self {
             label: label.to_owned(),
             kind: None,
@@ -129,6 +162,7 @@ impl Row {
             texture_lag_ms: None,
             tone_lag_ms: None,
             frame_us: BTreeMap::new(),
+            rhythm: None,
             notes: Vec::new(),
         }
     }
@@ -203,6 +237,23 @@ impl<'a> Entry<'a> {
             Err(e) => self.problem(e.to_string(), vector.short_name()),
         }
         self.signals[v] = Some(signal);
+    }
+
+    /// Steady magnitudes, once: only the rhythm of what comes of them is taken.
+    fn hold(&mut self, registry: &Registry, steady: &Vector) {
+        let signal = contained(|| match &self.method.how {
+            How::Offline(offline) => offline.signal(&steady.frames, SEED),
+            How::Node(_) => Ok(Chain::new(registry, self.method, &steady.frames, SEED)?.signal()),
+        });
+        match signal {
+            Ok(signal) => {
+                let wide: Vec<f64> = signal.iter().map(|x| f64::from(*x)).collect();
+                let part = wide.get(inner(steady)).unwrap_or_default();
+                let rhythm = Rhythm::new(&[part], f64::from(steady.rate_hz)).ok();
+                self.row.rhythm = rhythm.filter(|r| r.rms >= SILENCE_M_S2);
+            }
+            Err(why) => self.problem(why, steady.short_name()),
+        }
     }
 
     fn lag(&mut self, registry: &Registry, name: &str, stimulus: &Stimulus) -> Lag {

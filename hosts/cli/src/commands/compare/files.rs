@@ -2,14 +2,15 @@
 
 use std::fmt::Write as _;
 
+use asperity_measure::accuracy::Rhythm;
 use serde_json::{Map, Value, json};
 
-use super::contest::Row;
+use super::contest::{Outcome, Row};
 use super::published::Delay;
 use super::vectors::Set;
 
 /// Everything as JSON.
-pub fn json(set: &Set, rows: &[Row], published: &[Row]) -> Value {
+pub fn json(set: &Set, outcome: &Outcome, published: &[Row]) -> Value {
     let vectors: Vec<Value> = set
         .vectors
         .iter()
@@ -24,7 +25,7 @@ pub fn json(set: &Set, rows: &[Row], published: &[Row]) -> Value {
     let all = |rows: &[Row]| rows.iter().map(|row| row_json(set, row)).collect::<Vec<_>>();
     json!({
         "vectors": vectors, "smoothest": set.smoothest().map(|v| set.vectors[v].name.clone()),
-        "methods": all(rows), "published": all(published),
+        "noise": outcome.noise.map(rhythm), "methods": all(&outcome.rows), "published": all(published),
     })
 }
 
@@ -44,8 +45,21 @@ fn row_json(set: &Set, row: &Row) -> Value {
     let (latency, offline) = delay(row.delay);
     json!({
         "label": row.label, "kind": row.kind, "scores": scores, "latency_ms": latency, "offline": offline,
-        "lag_ms": {"texture": row.texture_lag_ms, "tone": row.tone_lag_ms}, "us_a_frame": us, "notes": row.notes,
+        "lag_ms": {"texture": row.texture_lag_ms, "tone": row.tone_lag_ms}, "us_a_frame": us, "rhythm": row.rhythm.map(rhythm), "notes": row.notes,
     })
+}
+
+fn rhythm(r: Rhythm) -> Value {
+    json!({
+        "modulation": r.modulation, "pulses": r.pulses(), "envelope_repetition": r.envelope_repetition,
+        "wave_repetition": r.wave_repetition, "repetition": r.repetition(), "kurtosis": r.kurtosis,
+        "level_deviation_db": r.level_deviation_db,
+    })
+}
+
+/// Pulses, repetition and kurtosis.
+fn rhythm_cells(r: Option<Rhythm>) -> [String; 3] {
+    [cell(r.map(|r| r.pulses())), cell(r.map(|r| r.repetition())), cell(r.map(|r| r.kurtosis))]
 }
 
 fn delay(delay: Delay) -> (Option<f64>, bool) {
@@ -57,13 +71,14 @@ fn delay(delay: Delay) -> (Option<f64>, bool) {
 }
 
 /// A line for each method and vector; figures that do not depend on the vector are repeated.
-pub fn csv(set: &Set, rows: &[Row], published: &[Row]) -> String {
+pub fn csv(set: &Set, outcome: &Outcome, published: &[Row]) -> String {
     let mut out = String::from(
         "method,kind,published,vector,rate_hz,convergence_db,level_db,ltas_rms_db,faults,latency_ms,offline,\
          lag_texture_10_ms,lag_texture_50_ms,lag_texture_90_ms,lag_tone_10_ms,lag_tone_50_ms,lag_tone_90_ms,\
-         us_a_frame,notes\n",
+         us_a_frame,pulses,repetition,kurtosis,noise_pulses,noise_repetition,noise_kurtosis,notes\n",
     );
-    for (row, published) in rows.iter().map(|r| (r, false)).chain(published.iter().map(|r| (r, true))) {
+    for (row, published) in outcome.rows.iter().map(|r| (r, false)).chain(published.iter().map(|r| (r, true)))
+    {
         for (v, vector) in set.vectors.iter().enumerate() {
             let score = row.scores[v];
             let mut cells = vec![
@@ -83,6 +98,8 @@ pub fn csv(set: &Set, rows: &[Row], published: &[Row]) -> String {
                 cells.extend((0..3).map(|i| cell(lag.map(|l| l[i]))));
             }
             cells.push(cell(row.frame_us.get(&vector.rate_hz).copied()));
+            cells.extend(rhythm_cells(row.rhythm));
+            cells.extend(rhythm_cells(outcome.noise));
             cells.push(quoted(&row.notes.join("; ")));
             let _ = writeln!(out, "{}", cells.join(","));
         }

@@ -59,20 +59,20 @@ pub fn run(args: &Compare) -> Result<ExitCode, Failure> {
     let pending = |path: Option<&Path>| path.map(Pending::create).transpose();
     let (svg, csv) = (pending(svg)?, pending(csv)?);
 
-    let rows = contest::run(&registry, &methods, &set, args.quiet)?;
+    let outcome = contest::run(&registry, &methods, &set, args.quiet)?;
     let published = contest::published(&set);
     let mut wrote = String::new();
     let written = [(svg, &args.svg, picture::svg as fn(_, _, _) -> _), (csv, &args.csv, files::csv)];
     for (pending, path, text) in written {
         if let (Some(pending), Some(path)) = (pending, path) {
-            pending.keep_text(&text(&set, &rows[..], &published[..]))?;
+            pending.keep_text(&text(&set, &outcome, &published[..]))?;
             wrote += &format!("wrote {}\n", path.display());
         }
     }
     if args.json {
-        print(&format!("{:#}\n", files::json(&set, &rows, &published)))?;
+        print(&format!("{:#}\n", files::json(&set, &outcome, &published)))?;
     } else {
-        print(&format!("{}{wrote}", table::text(&set, &rows, &published)))?;
+        print(&format!("{}{wrote}", table::text(&set, &outcome, &published)))?;
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -1,13 +1,15 @@
 //! The result as a picture.
 
+use asperity_measure::accuracy::rhythm::{self, RhythmAgreement};
 use asperity_plot::{Column, Dots};
 
-use super::contest::Row;
+use super::contest::{Outcome, Row};
 use super::published::{Delay, Score};
 use super::vectors::Set;
 
 /// All figures of all methods; published scores as ticks beside them.
-pub fn svg(set: &Set, rows: &[Row], published: &[Row]) -> String {
+pub fn svg(set: &Set, outcome: &Outcome, published: &[Row]) -> String {
+    let rows = outcome.rows.as_slice();
     let accuracy = Accuracy { rows, published };
     let one_rate = set.rates().len() == 1;
     let convergence = set.vectors.iter().enumerate().map(|(v, vector)| {
@@ -47,6 +49,19 @@ pub fn svg(set: &Set, rows: &[Row], published: &[Row]) -> String {
         cost.push(figures("us a frame", &format!("median, N = {}", rate / 10), true, &us));
     }
     groups.push(("Level, response and cost".to_owned(), cost));
+    if let Some(noise) = outcome.noise {
+        let off = |row: &Row| rhythm::compare(&row.rhythm?, &[noise]).ok();
+        let column = |name: &str, unit: &str, decimals, figure: fn(RhythmAgreement) -> f64| Column {
+            decimals,
+            ..figures(name, unit, false, &|row| off(row).map(figure).into_iter().collect())
+        };
+        let rhythm = vec![
+            column("pulses", "15 to 25 Hz, |dB|", 1, |a| a.pulses_db.abs()),
+            column("repetition", "0 to 1", 2, |a| a.repetition),
+            column("kurtosis", "|dB|", 1, |a| a.kurtosis_db),
+        ];
+        groups.push(("Rhythm on steady magnitudes, off that of Gaussian noise".to_owned(), rhythm));
+    }
     Dots {
         title: "Phase retrieval compared".into(),
         subtitles: vec![

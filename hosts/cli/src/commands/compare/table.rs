@@ -2,7 +2,9 @@
 
 use std::fmt::Write as _;
 
-use super::contest::Row;
+use asperity_measure::accuracy::Rhythm;
+
+use super::contest::{Outcome, Row};
 use super::published::{Delay, Score};
 use super::vectors::Set;
 
@@ -24,9 +26,9 @@ impl<'a> Column<'a> {
 }
 
 /// Accuracy of all rows, then what each method costs, then what else there is to say.
-pub fn text(set: &Set, rows: &[Row], published: &[Row]) -> String {
+pub fn text(set: &Set, outcome: &Outcome, published: &[Row]) -> String {
     let mut out = String::new();
-    let accuracy = accuracy(set);
+    let (accuracy, rows) = (accuracy(set), outcome.rows.as_slice());
     let _ = writeln!(
         out,
         "Spectral convergence in dB, less is better; methods by their mean rank. Vectors: {}.",
@@ -41,6 +43,17 @@ pub fn text(set: &Set, rows: &[Row], published: &[Row]) -> String {
         );
     }
     grid(&mut out, &accuracy, rates_unit(set), &[("", rows), ("published", published)]);
+    if let Some(noise) = outcome.noise {
+        let name = set.smoothest().map_or("", |v| set.vectors[v].short_name());
+        let _ = writeln!(
+            out,
+            "\nRhythm on the mean spectrum of {name}, held still for 8 s: a texture at constant speed and force.\n\
+             Pulses: modulation depth of the envelope from 15 to 25 Hz. Repetition: largest autocorrelation of the\n\
+             envelope or the wave at lags of 20 to 200 ms. Right is what Gaussian noise of the same spectrum has."
+        );
+        let fair = Row { rhythm: Some(noise), ..Row::new("Gaussian noise", set.vectors.len()) };
+        grid(&mut out, &rhythm(), "", &[("", rows), ("for comparison", &[fair])]);
+    }
     let _ = writeln!(
         out,
         "\nResponse lag: ms from a step of 12 dB in the magnitudes until the output is 10, 50, 90 % of the way there.\n\
@@ -89,6 +102,17 @@ fn accuracy(set: &Set) -> Vec<Column<'_>> {
         }));
     }
     columns
+}
+
+fn rhythm() -> Vec<Column<'static>> {
+    let column = |name: &str, decimals: usize, figure: fn(Rhythm) -> f64| {
+        Column::new(name, "", move |row| row.rhythm.map_or("-".into(), |r| number(figure(r), decimals)))
+    };
+    vec![
+        column("pulses", 2, |r| r.pulses()),
+        column("repetition", 2, |r| r.repetition()),
+        column("kurtosis", 1, |r| r.kurtosis),
+    ]
 }
 
 fn cost(set: &Set) -> Vec<Column<'_>> {

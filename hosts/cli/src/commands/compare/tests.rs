@@ -2,7 +2,7 @@
 
 use asperity_node::Registry;
 
-use super::contest::{Row, run};
+use super::contest::{Outcome, Row, run};
 use super::lag::{Lag, Stimulus};
 use super::published::Delay;
 use super::vectors::{Set, Vector};
@@ -23,6 +23,10 @@ fn set() -> Set {
 }
 
 fn rows(labels: &[&str]) -> Vec<Row> {
+    outcome(labels).rows
+}
+
+fn outcome(labels: &[&str]) -> Outcome {
     let registry = registry();
     let methods: Vec<Method> = labels
         .iter()
@@ -46,7 +50,8 @@ fn a_failing_node_is_a_row_that_says_so_and_the_rest_goes_on() {
         "tone:how=clock",
         "spsi",
     ];
-    let rows = rows(&labels);
+    let outcome = outcome(&labels);
+    let rows = &outcome.rows;
     assert_eq!(rows.len(), labels.len());
     for (label, faults, says) in [
         ("tone:how=nan", 1, "it failed once: it wrote a value that is not finite (sine)"),
@@ -59,30 +64,48 @@ fn a_failing_node_is_a_row_that_says_so_and_the_rest_goes_on() {
         (
             "tone:how=prepare",
             0,
-            "it panicked outside a tick (sine, response to a texture, response to a tone)",
+            "it panicked outside a tick (sine, steady, response to a texture, response to a tone)",
         ),
         ("tone:how=clock", 0, "the same frames gave other samples the second time"),
     ] {
-        let row = row(&rows, label);
+        let row = row(rows, label);
         assert_eq!(row.faults, [faults], "{label}");
         assert!(row.notes.iter().any(|n| n.starts_with(says)), "{label}: {:?}", row.notes);
         assert_eq!(row.scores[0].is_some(), label != "tone:how=prepare", "{label}");
     }
     for label in ["tone", "spsi"] {
-        let row = row(&rows, label);
+        let row = row(rows, label);
         assert!(row.notes.is_empty() && row.scores[0].is_some_and(|s| s.convergence_db < -50.0), "{row:?}");
     }
     let set = set();
-    let (text, svg) = (table::text(&set, &rows, &[]), picture::svg(&set, &rows, &[]));
-    let (csv, json) = (files::csv(&set, &rows, &[]), files::json(&set, &rows, &[]));
+    let (text, svg) = (table::text(&set, &outcome, &[]), picture::svg(&set, &outcome, &[]));
+    let (csv, json) = (files::csv(&set, &outcome, &[]), files::json(&set, &outcome, &[]));
     for label in labels {
         assert!(text.contains(label) && svg.contains(label) && csv.contains(label), "{label}");
     }
     assert_eq!(json["methods"].as_array().unwrap().len(), labels.len());
     assert!(text.lines().any(|l| l.starts_with("  tone:how=error: it failed 8 times")), "{text}");
-    assert!(row(&rows, "tone:how=error").frame_us.is_empty(), "what it takes to fail is no cost");
+    assert!(row(rows, "tone:how=error").frame_us.is_empty(), "what it takes to fail is no cost");
     assert!(text.contains("silent") && !svg.contains("300.00"), "nothing is measured of silence: {text}");
     assert!(text.contains(" !"), "a score of a node that failed is marked: {text}");
+}
+
+#[test]
+fn tone_repeats_and_has_no_pulses_and_silence_no_rhythm() {
+    let outcome = outcome(&["tone", "tone:how=error"]);
+    let tone = row(&outcome.rows, "tone").rhythm.unwrap();
+    assert!(tone.pulses() < 0.01 && tone.repetition() > 0.99, "{tone:?}");
+    assert!((tone.kurtosis - 1.5).abs() < 0.01, "{tone:?}");
+    assert!(row(&outcome.rows, "tone:how=error").rhythm.is_none());
+    let noise = outcome.noise.unwrap();
+    assert!((noise.kurtosis - 3.0).abs() < 0.3 && noise.pulses() > 0.1, "{noise:?}");
+    let json = files::json(&set(), &outcome, &[]);
+    assert!(
+        json["noise"]["pulses"].is_f64() && json["methods"][0]["rhythm"]["repetition"].is_f64(),
+        "{json}"
+    );
+    let text = table::text(&set(), &outcome, &[]);
+    assert!(text.lines().any(|l| l.trim_start().starts_with("Gaussian noise ")), "{text}");
 }
 
 #[test]

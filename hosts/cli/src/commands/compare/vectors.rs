@@ -12,6 +12,8 @@ use super::published::{self, Published};
 use crate::failure::{Failure, warn};
 use crate::phase::{FRAME_HZ, Frames, check_rate};
 
+/// How long magnitudes are held still for the rhythm of what is made of them, in frames: 8 s that are looked at.
+const STEADY: usize = 8 * FRAME_HZ as usize + 2 * phase::EDGE_FRAMES;
 /// Bins that are taken of a signal's transform, from bin 0 on: to 1000 Hz.
 const BINS: usize = 101;
 
@@ -104,6 +106,22 @@ impl Vector {
 }
 
 impl Set {
+    /// The mean spectrum of the smoothest vector, held still: what a texture is at constant speed and force.
+    ///
+    /// # Errors
+    /// None that depends on anything but the vectors.
+    pub fn steady(&self) -> Result<Option<Vector>, Diagnostic> {
+        let Some(vector) = self.smoothest().and_then(|v| self.vectors.get(v)) else { return Ok(None) };
+        let bins = vector.frames.layout().bins as usize;
+        let mut powers = vec![0.0; bins];
+        for frame in vector.unscaled.chunks_exact(bins) {
+            powers.iter_mut().zip(frame).for_each(|(sum, x)| *sum += f64::from(*x).powi(2));
+        }
+        let mean = |power: f64| (power / vector.frames.count() as f64).sqrt() as f32;
+        let frame: Vec<f32> = powers.into_iter().map(mean).collect();
+        Vector::new("steady", vector.rate_hz, frame.repeat(STEADY), bins).map(Some)
+    }
+
     /// The vector whose magnitudes are smoothest over frequency.
     pub fn smoothest(&self) -> Option<usize> {
         let all = self.vectors.iter().map(Vector::roughness).enumerate();
