@@ -177,7 +177,7 @@ fn gratings(asked: &Asked) {
             for seed in 0..asked.seeds {
                 let ours = rendered(&asked.graph, name, seed, &way, seconds);
                 let (axes, rate) = felt(name, seed, &way, seconds);
-                let of = [rhythm(&[ours.0.clone()], ours.1), rhythm(&axes, rate)];
+                let of = [rhythm(std::slice::from_ref(&ours.0), ours.1), rhythm(&axes, rate)];
                 let repeat =
                     [repeats_at(&ours.0, ours.1, pitch / speed), repeats_at(&axes[0], rate, pitch / speed)];
                 for i in 0..2 {
