@@ -20,6 +20,18 @@ fn holds_for_shipped(name: &str) {
     }
 }
 
+/// A case holds for the graphs that are recommended; the paper's own chains pulse.
+fn holds_for_shipped_textures(name: &str) {
+    for graph in [graph("texture.ron"), scene("every_effect.ron")] {
+        holds(name, &subject(Some(&graph)));
+    }
+    if effort() == Effort::Long {
+        for file in ["heravi2024_scatter.ron", "voltage_amplifier.ron", "live.ron"] {
+            holds(name, &subject(Some(&graph(file))));
+        }
+    }
+}
+
 /// The learned texture with a kind whose nodes are called by way of something else.
 fn mutant<'a>(
     graph: &'a GraphFile,
@@ -48,7 +60,7 @@ fn network_not_finite() {
     holds_for_shipped("network_not_finite");
     // Phase retrieval that never gets over a frame of zeros, which is what the engine puts in the place of a bad one.
     let graph = graph("texture.ron");
-    let mutant = mutant(&graph, "sample_commit", || {
+    let mutant = mutant(&graph, "shaped_noise", || {
         let mut hurt = false;
         Box::new(move |node, tick| {
             hurt |= tick.index > 450
@@ -75,7 +87,7 @@ fn network_negative() {
     holds_for_shipped("network_negative");
     // Phase retrieval that takes a negative magnitude for a mistake.
     let graph = graph("texture.ron");
-    let mutant = mutant(&graph, "sample_commit", || {
+    let mutant = mutant(&graph, "shaped_noise", || {
         Box::new(|node, tick| match tick.inputs.magnitude(0) {
             Some(frame) if frame.bins.iter().any(|m| *m < 0.0) => Err(Fault::Failed(3)),
             _ => node.process(tick),
@@ -123,4 +135,15 @@ fn network_out_of_range() {
         })
     });
     fails("network_out_of_range", &mutant, "a magnitude of");
+}
+
+#[test]
+fn network_steady() {
+    holds_for_shipped_textures("network_steady");
+    // Phase retrieval of magnitudes that stand still: the signal that agrees best with them repeats.
+    let mut pulsing = graph("texture.ron");
+    let phase = pulsing.nodes.iter_mut().find(|node| node.id == "phase").expect("the node");
+    (phase.kind, phase.params) = ("sample_commit".into(), Vec::new());
+    pulsing.wires.retain(|wire| wire.to.node != "phase" || wire.from.port.is_none());
+    fails("network_steady", &subject(Some(&pulsing)), "the envelope repeats by");
 }

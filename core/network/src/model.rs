@@ -88,9 +88,6 @@ impl Model {
     }
 
     /// Kind of magnitudes that the file says it answers; root mean squares where it says nothing.
-    ///
-    /// Only the key `target` of the file counts. `texture_mean.onnx` of the shipped surfaces is older than
-    /// that key, and answers means all the same.
     pub fn target(&self) -> Target {
         self.target
     }

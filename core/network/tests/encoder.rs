@@ -145,6 +145,14 @@ fn target_is_read_from_the_file_and_another_is_refused() {
 }
 
 #[test]
+fn shipped_networks_say_what_their_magnitudes_are() {
+    for (file, target) in [("texture.onnx", Target::RootMeanSquare), ("texture_mean.onnx", Target::Mean)] {
+        let path = format!("{}/../../graphs/models/surfaces/{file}", env!("CARGO_MANIFEST_DIR"));
+        assert_eq!(Model::load(path).unwrap().target(), target, "{file}");
+    }
+}
+
+#[test]
 fn the_trained_range_is_read_from_the_file_and_refused_where_it_is_none() {
     let with = |pairs: &[(&str, &str)]| {
         let mut m = model(&Net::random(1), Spelling::default());

@@ -15,7 +15,7 @@ const NEEDS: [(&str, &[&str]); 9] = [
     ("friction: dahl", &["friction"]),
     (
         "texture: network",
-        &["action_history", "texture_network", "sample_commit", "resample", "level", "speed_gate"],
+        &["action_history", "texture_network", "shaped_noise", "resample", "level", "speed_gate"],
     ),
     (
         "texture: autoregressive(model: \"models/made_ar/rough.ron\")",

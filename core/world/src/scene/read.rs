@@ -5,7 +5,7 @@ use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use asperity_source::ron::{self, Key, Kind, Record, Value};
+use asperity_source::ron::{self, Kind, Record, Value};
 use asperity_source::{Diagnostic, Place, Source, Span, nearest, one_of};
 
 use crate::space::HeightGrid;
@@ -79,13 +79,8 @@ impl Scene {
         let network = section("network", "texture_network")?;
         let gate = section("gate", "speed_gate")?.unwrap_or_else(|| usual("speed_gate"));
         let actuator = section("actuator", "actuator_inverse")?.unwrap_or_else(|| usual("actuator_inverse"));
-        let phase = scene.optional("phase").map(part).transpose()?.unwrap_or_else(|| {
-            // As graphs/texture.ron has it: a network's magnitudes are those of no signal, and more work on them buys nothing.
-            let key = |name: &str| Key { name: name.to_owned(), span: here.span };
-            let two = || Value::made(Kind::Int(2), &here);
-            let settings = vec![(key("frames"), two()), (key("passes"), two())];
-            Part { settings, ..usual("sample_commit") }
-        });
+        // As graphs/texture.ron has it.
+        let phase = scene.optional("phase").map(part).transpose()?.unwrap_or_else(|| usual("shaped_noise"));
         let output = scene.optional("output").map(part).transpose()?;
         let device = device(scene.optional("device"), here)?;
         let gain = number(&mut scene, "gain", 0.0..=100.0, "", Some(1.0))?;

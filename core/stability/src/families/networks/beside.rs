@@ -363,7 +363,7 @@ fn came(rig: &Rig, networks: &[usize]) -> bool {
 }
 
 /// Whether in each tenth of a second from the sixth on frames come and something is heard.
-fn sounds(rig: &mut Rig) -> Result<bool, Not> {
+pub(super) fn sounds(rig: &mut Rig) -> Result<bool, Not> {
     let all = networks(&rig.schedule);
     if all.is_empty() {
         return not_applicable("no node of this graph puts out magnitudes");

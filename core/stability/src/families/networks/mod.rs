@@ -1,10 +1,11 @@
 //! A texture network that goes wrong: what it puts out is nothing that a model should, or what it is given is nothing that it was trained on.
 //!
-//! Every case runs the subject's graph twice over the same motion, as it is and with the trouble, and holds the two against each other. What goes wrong
+//! Every case but the last runs the subject's graph twice over the same motion, as it is and with the trouble, and holds the two against each other. What goes wrong
 //! lasts a frame, a window (0.1 s), or for ever; a second after the first two the drive has its level back. That is a margin over what was measured: the window, what the
 //! actuator's inverse remembers (0.2 s from its largest input), and the limiter's gain, which comes back with a time constant of 0.2 s: within 0.5 dB 0.7 s after a window of 1e30.
 
 mod beside;
+mod pulses;
 
 use std::sync::Arc;
 
@@ -66,6 +67,15 @@ pub(super) const CASES: &[Case] = &[
         must: "its magnitudes stay finite and below 10 times the largest of the same stroke in range; and all that holds of `network_huge`",
         of_graph: true,
         run: out_of_range,
+    },
+    Case {
+        family: Family::Networks,
+        name: "network_steady",
+        hard: "speed and force do not change, over materials that repeat with no place: the network's magnitudes stand still",
+        must: "no texture pulses: the envelope's autocorrelation from 20 to 200 ms is at most 0.25 above that of Gaussian noise of the same spectrum, and its \
+               modulation from 15 to 25 Hz at most twice as deep",
+        of_graph: true,
+        run: pulses::pulses,
     },
 ];
 
