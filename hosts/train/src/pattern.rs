@@ -1,10 +1,12 @@
 //! How the materials of a model vibrate over place.
 
-use std::path::PathBuf;
+use std::cell::RefCell;
+use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use asperity_dataset::{made, pattern, recordings};
+use asperity_dataset::{HISTORY, made, pattern, recordings};
+use asperity_network::{Choice, MAGNITUDES_LEN, Model, NOISE_RATIO, Precision, Runner, Target};
 use asperity_source::Diagnostic;
 use asperity_world::material::{Library, LibraryMaterial, Pattern};
 use clap::Args;
@@ -22,6 +24,9 @@ use crate::training::{settings_now, settings_of};
 pub(crate) struct FindPatterns {
     /// The model's folder.
     pub folder: PathBuf,
+    /// A material to be looked at; may be given more than once. Left out: all
+    #[arg(long, value_name = "NAME")]
+    pub material: Vec<String>,
     /// Where the data are now, if not where they were: `hatt:FOLDER` or `recordings:FOLDER`.
     #[arg(long, value_name = "SOURCE")]
     pub data: Option<Origin>,
@@ -36,7 +41,16 @@ pub(crate) fn find(find: &FindPatterns) -> Result<(), Failure> {
     let path = find.folder.join("materials.ron");
     let library = Library::read(&path)?;
     let mut materials = library.materials().to_vec();
-    fill(&mut materials, &settings)?;
+    if let Some(unknown) = find.material.iter().find(|name| !materials.iter().any(|m| m.name == **name)) {
+        library.material(unknown)?;
+    }
+    let mut wanted: Vec<LibraryMaterial> = materials.clone();
+    wanted.retain(|m| find.material.is_empty() || find.material.contains(&m.name));
+    fill(&mut wanted, &settings, &find.folder)?;
+    for found in wanted {
+        let same = materials.iter_mut().filter(|m| m.name == found.name);
+        same.for_each(|m| m.pattern.clone_from(&found.pattern));
+    }
     // As the file says it: relative to the folder.
     let folder = library.beside("");
     let encoder = library.encoder().map(|e| e.strip_prefix(&folder).map(ToOwned::to_owned).unwrap_or(e));
@@ -46,15 +60,20 @@ pub(crate) fn find(find: &FindPatterns) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Gives each material of the data its pattern; others keep theirs.
+/// Gives each material of the data its pattern, that which goes with the network in a folder; others keep theirs.
 ///
 /// # Errors
-/// What the recordings say.
-pub(crate) fn fill(materials: &mut [LibraryMaterial], settings: &Settings) -> Result<(), Failure> {
+/// What the recordings say, and the network's file.
+pub(crate) fn fill(
+    materials: &mut [LibraryMaterial],
+    settings: &Settings,
+    folder: &Path,
+) -> Result<(), Failure> {
+    let model = Model::load(folder.join("texture.onnx"))?;
     let teller = Mutex::new(Teller::new("patterns", materials.len()));
     let done = AtomicUsize::new(0);
     let of = |material: &mut LibraryMaterial| -> Result<(), Diagnostic> {
-        if let Some(found) = one(&material.name, settings)? {
+        if let Some(found) = one(material, settings, &model)? {
             material.pattern = found;
         }
         if let Ok(mut teller) = teller.lock() {
@@ -66,19 +85,50 @@ pub(crate) fn fill(materials: &mut [LibraryMaterial], settings: &Settings) -> Re
     Ok(())
 }
 
+/// By how much the magnitudes of a model are less than root mean squares.
+fn means_by(model: &Model) -> f64 {
+    match model.target() {
+        Target::RootMeanSquare => 1.0,
+        Target::Mean => f64::from(NOISE_RATIO),
+    }
+}
+
+/// What a network answers to a steady motion at the force of the made strokes.
+fn answered(runner: &mut Runner, level: f64, velocity: [f64; 2]) -> [f64; pattern::BINS] {
+    let mut speed = [velocity[0] as f32; 2 * HISTORY];
+    speed[HISTORY..].fill(velocity[1] as f32);
+    let mut magnitudes = [0.0_f32; MAGNITUDES_LEN];
+    let mut all = [0.0; pattern::BINS];
+    if runner.run(0, &[made::FORCE_N as f32; HISTORY], &speed, &mut magnitudes).is_ok() {
+        // Those of the network begin at 10 Hz.
+        let answers = magnitudes.iter().map(|m| f64::from(m.max(0.0)) / level);
+        all.iter_mut().skip(1).zip(answers).for_each(|(to, m)| *to = m);
+    }
+    all
+}
+
 /// The pattern of a material; nothing where the data have no such material.
-fn one(name: &str, settings: &Settings) -> Result<Option<Pattern>, Diagnostic> {
+fn one(
+    material: &LibraryMaterial,
+    settings: &Settings,
+    model: &Model,
+) -> Result<Option<Pattern>, Diagnostic> {
     match &settings.data {
         Origin::Made => {
-            let surface = made::surface(name).ok();
-            Ok(surface.map(|surface| made::pattern(&surface, &made_settings(settings))))
+            let Ok(surface) = made::surface(&material.name) else { return Ok(None) };
+            let runner = model.runner(&[&material.vector[..]], Precision::F32, Choice::Auto)?;
+            // The closure is called from one thread, but not by one that may change what it holds.
+            let (runner, level) = (RefCell::new(runner), means_by(model));
+            let network = |velocity| answered(&mut runner.borrow_mut(), level, velocity);
+            Ok(Some(made::pattern(&surface, &made_settings(settings), Some(&network))))
         }
+        // How hard the strokes press is not the same everywhere: their own magnitudes are taken.
         Origin::Recordings(folder) => {
-            let folder = folder.join(name);
+            let folder = folder.join(&material.name);
             if !folder.is_dir() {
                 return Ok(None);
             }
-            Ok(Some(pattern::find(&[recordings::strokes(&folder)?])))
+            Ok(Some(pattern::find(&[recordings::strokes(&folder)?], None)))
         }
         // These say how fast the tool went, but not where.
         Origin::Hatt(_) => Ok(Some(Pattern::default())),

@@ -116,7 +116,7 @@ pub(crate) fn train(train: &Train) -> Result<(), Failure> {
     let name = format!("texture_{}.onnx", other.name());
     write_whole(&out(&name), &network(&settled_other, other))?;
     let mut materials = materials(&train.out, &data, &stored)?;
-    pattern::fill(&mut materials, settings)?;
+    pattern::fill(&mut materials, settings, &train.out)?;
     write_whole(
         &out("materials.ron"),
         Library::new(out("materials.ron"), Some("encoder.onnx".to_owned()), materials).to_ron().as_bytes(),

@@ -100,10 +100,10 @@ impl<T: Float> Node for ShapedNoise<T> {
 
     fn state(&mut self, state: &mut State<'_>) {
         state.keep(&mut self.pattern);
-        if state.restores() {
-            self.kernel.set_pattern(Pattern::read(&self.pattern));
-        }
         self.kernel.state(state);
+        if state.restores() && state.failed() {
+            self.pattern.fill(0.0);
+        }
     }
 
     fn facts(&self) -> Vec<Fact> {

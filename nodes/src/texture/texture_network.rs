@@ -86,10 +86,11 @@ fn numbers(pattern: &Pattern) -> [f64; PATTERN_LEN] {
     events.into_iter().for_each(&mut put);
     for wave in &pattern.waves {
         wave.per_mm.into_iter().for_each(&mut put);
-        // Those above are like the last.
-        let last = wave.harmonics.last().copied().unwrap_or(Harmonic { share: 0.0, phase: 0.0 });
+        // Those above have the weight 1, and are otherwise like the last.
+        let last = wave.harmonics.last().map_or((0.0, 0.0), |h| (h.share, h.phase));
+        let last = Harmonic { weight: 1.0, share: last.0, phase: last.1 };
         let all = wave.harmonics.iter().copied().chain(std::iter::repeat(last)).take(HARMONICS);
-        all.flat_map(|h| [h.share, h.phase]).for_each(&mut put);
+        all.flat_map(|h| [h.weight, h.share, h.phase]).for_each(&mut put);
     }
     numbers
 }

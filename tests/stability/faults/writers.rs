@@ -89,7 +89,7 @@ fn study(dir: &Path) {
             version: 1, graph: {graph:?},
             strokes: [(name: "circle", shape: circle, speed_mm_s: 80.0, seconds: 1.0, approach_s: 0.1)],
             materials: ["canvas"], strength: 0.35, steps: 10,
-            grids: [(name: "frames", knobs: {{"phase.frames": [1]}})],
+            grids: [(name: "frames", knobs: {{"texture.bins": [50]}})],
             times: (turns: 2, turn_ms: 20, batch: 2),
         )"#
     );

@@ -21,7 +21,7 @@ use rayon::prelude::*;
 
 pub use expectations::expectations;
 pub use ground::{Ground, surface};
-pub use patterned::{pattern, straight_strokes};
+pub use patterned::{FORCE_N, pattern, straight_strokes};
 pub use strokes::{BEYOND_FORCE_N, BEYOND_SPEED_MM_S, Drawn};
 
 use crate::example::{Example, Parts, Subject, Truth};

@@ -5,7 +5,7 @@ use asperity_world::topography::MadeSurface;
 use super::strokes::along;
 use super::{GRID, Settings};
 use crate::history::STIFFNESS_N_PER_MM;
-use crate::pattern::{self, Stroke};
+use crate::pattern::{self, Network, Stroke};
 
 /// Pieces over which strokes are made.
 const PIECES: usize = 3;
@@ -21,8 +21,8 @@ const SECONDS: f64 = 10.0;
 const MORE_SECONDS: f64 = 3.0;
 /// What is felt while the pen comes to rest on the surface is left out.
 const SETTLING_S: f64 = 0.3;
-/// Normal force in N.
-const FORCE_N: f64 = 1.0;
+/// Normal force of [strokes](straight_strokes) in N.
+pub const FORCE_N: f64 = 1.0;
 
 /// Straight strokes at 1 N over pieces of a surface to train on: 10 s at 40, 80, 160 and 280 mm/s in two directions, 3 s at 80 mm/s in five more.
 pub fn straight_strokes(surface: &MadeSurface, settings: &Settings) -> Vec<Vec<Stroke>> {
@@ -50,7 +50,7 @@ pub fn straight_strokes(surface: &MadeSurface, settings: &Settings) -> Vec<Vec<S
     (0..PIECES.min(settings.pieces[0])).map(over).collect()
 }
 
-/// How a surface's vibration is spread over place, from [strokes](straight_strokes) over pieces to train on.
-pub fn pattern(surface: &MadeSurface, settings: &Settings) -> Pattern {
-    pattern::find(&straight_strokes(surface, settings))
+/// How a surface's vibration is spread over place, from [strokes](straight_strokes) over pieces to train on; beside the magnitudes of a network, at 1 N, where there is one.
+pub fn pattern(surface: &MadeSurface, settings: &Settings, network: Option<&Network<'_>>) -> Pattern {
+    pattern::find(&straight_strokes(surface, settings), network)
 }

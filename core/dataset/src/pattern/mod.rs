@@ -27,17 +27,24 @@ const FRAMES_HZ: u32 = 10;
 /// Samples of a window of magnitudes.
 const WINDOW: usize = (RATE_HZ * 0.1) as usize;
 /// Bins of a frame, from 0 Hz to 1000.
-const BINS: usize = 101;
+pub const BINS: usize = 101;
 
 /// Bumps beside waves that have more of the power than this would not be heard.
 const MOST_IN_WAVES: f64 = 0.5;
 
+/// Root mean square magnitudes of 0, 10, .. 1000 Hz that a network answers at a velocity in mm/s.
+pub type Network<'n> = dyn Fn([f64; 2]) -> [f64; BINS] + 'n;
+
 /// The pattern of a material from strokes over pieces of it: all strokes of a piece have their places in one frame of reference.
 ///
-/// Without a steady passage there is none. The same strokes give the same bits.
-pub fn find(pieces: &[Vec<Stroke>]) -> Pattern {
-    let passages: Vec<Vec<Passage>> =
+/// With a network it is the pattern that goes with its magnitudes: they are not quite those of the strokes, and what is played is to be like the strokes all the same. Without a steady
+/// passage there is none. The same strokes give the same bits.
+pub fn find(pieces: &[Vec<Stroke>], network: Option<&Network<'_>>) -> Pattern {
+    let mut passages: Vec<Vec<Passage>> =
         pieces.iter().map(|strokes| strokes.iter().flat_map(Stroke::passages).collect()).collect();
+    if let Some(network) = network {
+        passages.iter_mut().flatten().for_each(|p| p.magnitudes = p.answered(network));
+    }
     let (waves, part) = waves::find(&passages);
     let all: Vec<&Passage> = passages.iter().flatten().collect();
     let events = if part < MOST_IN_WAVES { events::find(&all, &waves) } else { None };
@@ -73,6 +80,7 @@ fn for_kernel(pattern: &Pattern) -> shaped_noise::Pattern {
         let told = |h: usize| wave.harmonics.get(h).or(wave.harmonics.last());
         shaped_noise::Wave {
             per_mm: wave.per_mm,
+            weights: std::array::from_fn(|h| wave.harmonics.get(h).map_or(1.0, |h| h.weight)),
             shares: std::array::from_fn(|h| told(h).map_or(0.0, |h| h.share)),
             turns: std::array::from_fn(|h| Complex::cis(told(h).map_or(0.0, |h| h.phase))),
         }

@@ -1,7 +1,7 @@
 //! Strokes, and the steady passages of them.
 
 use super::figures::{Figures, keep, spectrum, wave};
-use super::{BINS, WINDOW};
+use super::{BINS, Network, WINDOW};
 use crate::frames::Spectrometer;
 use realfft::num_complex::Complex64;
 
@@ -19,6 +19,8 @@ const SPEED_TICKS: usize = 25;
 const SLOWEST_MM_S: f64 = 10.0;
 /// Part of its speed at the beginning by which a passage's speed may change.
 const STEADY: f64 = 0.3;
+/// Parts of a passage of which a network is asked.
+const LOOKS: usize = 8;
 /// Shortest passage in ticks: 1 s.
 const SHORTEST: usize = 500;
 
@@ -117,6 +119,25 @@ pub(super) struct Passage {
     pub(super) figures: Figures,
     pub(super) speed_mm_s: f64,
     pub(super) seconds: f64,
+}
+
+impl Passage {
+    /// Root mean square over the passage of what a network answers.
+    pub(super) fn answered(&self, network: &Network<'_>) -> [f64; BINS] {
+        let mut squares = [0.0; BINS];
+        let ticks = (self.places.len() / LOOKS).max(2);
+        let looks = self.places.chunks_exact(ticks).map(|places| {
+            let [from, to] = [places[0], places[ticks - 1]];
+            let seconds = (ticks - 1) as f64 * TICK_S;
+            network([(to[0] - from[0]) / seconds, (to[1] - from[1]) / seconds])
+        });
+        let mut count = 0.0;
+        for answer in looks {
+            squares.iter_mut().zip(answer).for_each(|(sum, m)| *sum += m * m);
+            count += 1.0;
+        }
+        squares.map(|sum| (sum / f64::max(count, 1.0)).sqrt())
+    }
 }
 
 /// The direction of largest variance, within the band.

@@ -43,10 +43,10 @@ fn apart(found: &[Harmonic], want: &[Harmonic]) -> f64 {
 #[test]
 fn wave_of_known_vector_and_harmonics_is_found() {
     let phases = [0.0, 1.0, -2.0, 0.5, 2.5, -1.0];
-    let harmonics = phases.map(|phase| Harmonic { share: 0.8, phase }).to_vec();
+    let harmonics = phases.map(|phase| Harmonic { weight: 1.0, share: 0.8, phase }).to_vec();
     let per_mm = [0.6, -0.35];
     let pattern = Pattern { waves: vec![Wave { per_mm, harmonics: harmonics.clone() }], events: None };
-    let found = find(&[strokes(&pattern, 6.0)]);
+    let found = find(&[strokes(&pattern, 6.0)], None);
     let [wave] = &found.waves[..] else { panic!("{found:?}") };
     let sign = wave.per_mm[0].signum();
     let off = (sign * wave.per_mm[0] - per_mm[0]).hypot(sign * wave.per_mm[1] - per_mm[1]);
@@ -60,14 +60,14 @@ fn wave_of_known_vector_and_harmonics_is_found() {
 
 #[test]
 fn isotropic_noise_has_neither_wave_nor_bump() {
-    assert_eq!(find(&[strokes(&Pattern::default(), 6.0)]), Pattern::default());
-    assert_eq!(find(&[]), Pattern::default());
+    assert_eq!(find(&[strokes(&Pattern::default(), 6.0)], None), Pattern::default());
+    assert_eq!(find(&[], None), Pattern::default());
 }
 
 #[test]
 fn bumps_of_known_constants_are_found() {
     let known = Events { spacing_mm: 0.8, interval_cv: 0.3, height_cv: 0.3 };
-    let found = find(&[strokes(&Pattern { waves: Vec::new(), events: Some(known) }, 10.0)]);
+    let found = find(&[strokes(&Pattern { waves: Vec::new(), events: Some(known) }, 10.0)], None);
     let Some(events) = found.events else { panic!("{found:?}") };
     assert!(found.waves.is_empty(), "{found:?}");
     assert!((events.spacing_mm / 0.8).ln().abs() < 0.3, "{events:?}");
@@ -77,7 +77,7 @@ fn bumps_of_known_constants_are_found() {
 #[test]
 fn made_grating_has_a_wave_and_sandpaper_bumps() {
     let settings = made::Settings { pieces: [1, 0], ..made::Settings::default() };
-    let of = |name: &str| made::pattern(&made::surface(name).unwrap(), &settings);
+    let of = |name: &str| made::pattern(&made::surface(name).unwrap(), &settings, None);
     let grating = of("square grating 1.2 mm");
     let [wave] = &grating.waves[..] else { panic!("{grating:?}") };
     // A piece has a whole number of ridges; pieces differ by 3 %.
@@ -87,4 +87,18 @@ fn made_grating_has_a_wave_and_sandpaper_bumps() {
     let sandpaper = of("sandpaper P80");
     assert!(sandpaper.waves.is_empty(), "{sandpaper:?}");
     assert!(sandpaper.events.is_some_and(|e| (0.05..0.5).contains(&e.spacing_mm)), "{sandpaper:?}");
+}
+
+#[test]
+fn pattern_goes_with_the_magnitudes_of_a_network_that_errs() {
+    // The network hears none of the low half; bumps through what is left are to be as bumpy all the same.
+    let known = Events { spacing_mm: 0.8, interval_cv: 0.3, height_cv: 0.3 };
+    let strokes = strokes(&Pattern { waves: Vec::new(), events: Some(known) }, 10.0);
+    let network = |[x, y]: [f64; 2]| {
+        assert!((20.0..400.0).contains(&x.hypot(y)));
+        std::array::from_fn(|k| if k < 30 { 0.01 } else { 1.0 })
+    };
+    let found =
+        [None, Some(&network as &Network<'_>)].map(|network| find(&[strokes.clone()], network).events);
+    assert!(found[0].is_some() && found[0] != found[1], "{found:?}");
 }

@@ -5,7 +5,7 @@ use std::f64::consts::{PI, TAU};
 use super::figures::spectrum;
 use super::kernel;
 use super::stroke::{Passage, RATE_HZ, TICK, TICK_S};
-use asperity_dsp::ShapedNoise;
+use asperity_dsp::shaped_noise::HARMONICS;
 use asperity_world::material::{Harmonic, MAX_HARMONICS, MAX_WAVES, Wave};
 use realfft::num_complex::Complex64;
 
@@ -32,6 +32,8 @@ const NEARLY: f64 = 0.9;
 const ALIKE: f64 = 0.15;
 /// Pitches in a segment of which share and phase are taken.
 const PITCHES: f64 = 10.0;
+/// And of which the wave vector is taken in the end: the more, the more exact it is.
+const MANY_PITCHES: f64 = 60.0;
 /// Part of a wave's power in every second, third or so harmonic from which on these are the wave.
 const MULTIPLES: f64 = 0.8;
 /// Seconds of strokes by which a wave vector is made more exact.
@@ -223,7 +225,9 @@ fn climb(mut k: [f64; 2], mut step: f64, halvings: u32, height: impl Fn([f64; 2]
 
 /// A segment of a stroke, demodulated by a wave.
 struct Segment {
-    /// Complex amplitudes of harmonics, without the response's phase.
+    pitch_hz: f64,
+    backwards: bool,
+    /// Complex amplitudes of harmonics.
     lines: Vec<Complex64>,
     /// Power of each harmonic that repeats, and all power around it; parts of the segment's power.
     coherent: Vec<f64>,
@@ -231,15 +235,15 @@ struct Segment {
 }
 
 /// Where a passage goes over enough pitches of a wave: first tick, and turns from tick to tick.
-fn pieces_of(passage: &Passage, k: [f64; 2]) -> Vec<(usize, Vec<f64>)> {
+fn pieces_of(passage: &Passage, k: [f64; 2], pitches: f64) -> Vec<(usize, Vec<f64>)> {
     let turns: Vec<f64> = passage.places.iter().map(|p| k[0] * p[0] + k[1] * p[1]).collect();
     let mut pieces = Vec::new();
     let mut from = 0;
     while from + 1 < turns.len() {
-        let enough = |tick: &usize| (turns[*tick] - turns[from]).abs() >= PITCHES;
+        let enough = |tick: &usize| (turns[*tick] - turns[from]).abs() >= pitches;
         let Some(to) = (from..turns.len()).find(enough) else { break };
         let ticks = to - from;
-        if (10..=1000).contains(&ticks) {
+        if (10..=4000).contains(&ticks) {
             pieces.push((from, turns[from..=to].to_vec()));
         }
         from += (ticks / 2).max(1);
@@ -249,10 +253,21 @@ fn pieces_of(passage: &Passage, k: [f64; 2]) -> Vec<(usize, Vec<f64>)> {
 
 /// All segments of a passage.
 fn segments(passage: &Passage, k: [f64; 2]) -> Vec<Segment> {
-    let Some(mut kernel) = kernel(0) else { return Vec::new() };
+    let pieces = pieces_of(passage, k, PITCHES).into_iter();
+    pieces.filter_map(|(from, turns)| segment(passage, &turns, from)).collect()
+}
+
+/// Takes the phases away that the kernel adds to the lines of a passage's segments.
+fn without_response(segments: &mut [Segment], passage: &Passage, weights: &[f64; HARMONICS]) {
+    let Some(mut kernel) = kernel(0) else { return };
     kernel.push(0, &passage.magnitudes, 1.0);
-    let pieces = pieces_of(passage, k).into_iter();
-    pieces.filter_map(|(from, turns)| segment(&mut kernel, passage, &turns, from)).collect()
+    for s in segments {
+        let mut phases = vec![Complex64::default(); s.lines.len()];
+        kernel.ridge_phases(s.pitch_hz, weights, &mut phases);
+        // Of a hand that moves backwards it has the other sign.
+        let away = |phase: Complex64| if s.backwards { phase } else { phase.conj() };
+        s.lines.iter_mut().zip(phases).for_each(|(line, phase)| *line *= away(phase));
+    }
 }
 
 /// The part of a passage over so many turns, under a window.
@@ -307,7 +322,7 @@ fn coherent(orders: &[Complex64]) -> Vec<f64> {
     (1..=orders.len() / 2).map(harmonic).collect()
 }
 
-fn segment(kernel: &mut ShapedNoise<f32>, passage: &Passage, turns: &[f64], from: usize) -> Option<Segment> {
+fn segment(passage: &Passage, turns: &[f64], from: usize) -> Option<Segment> {
     let cut = Cut::new(passage, turns, from)?;
     let count = cut.count(MAX_HARMONICS);
     if count == 0 {
@@ -322,14 +337,10 @@ fn segment(kernel: &mut ShapedNoise<f32>, passage: &Passage, turns: &[f64], from
         let power = 2.0 * bins.iter().map(Complex64::norm_sqr).sum::<f64>();
         power / (cut.seen.len() as f64 * cut.squares * cut.whole)
     };
-    let mut phases = vec![Complex64::default(); count];
-    kernel.ridge_phases(cut.pitch_hz, &mut phases);
-    let backwards = turns[turns.len() - 1] < turns[0];
-    // What the kernel adds is taken away; of a hand that moves backwards it has the other sign.
-    let line =
-        |(h, phase): (usize, &Complex64)| orders[2 * h + 1] * if backwards { *phase } else { phase.conj() };
     Some(Segment {
-        lines: phases.iter().enumerate().map(line).collect(),
+        pitch_hz: cut.pitch_hz,
+        backwards: turns[turns.len() - 1] < turns[0],
+        lines: (0..count).map(|h| orders[2 * h + 1]).collect(),
         coherent: coherent(&orders),
         around: (1..=count).map(around).collect(),
     })
@@ -422,7 +433,7 @@ fn shortest(passages: &[Passage]) -> Vec<&Passage> {
 fn fundamental(passages: &[Passage], k: [f64; 2]) -> [f64; 2] {
     let mut powers = [0.0; MAX_HARMONICS];
     for p in shortest(passages) {
-        for (from, turns) in pieces_of(p, k) {
+        for (from, turns) in pieces_of(p, k, PITCHES) {
             let Some(cut) = Cut::new(p, &turns, from) else { continue };
             let found = coherent(&cut.orders(&turns, cut.count(MAX_HARMONICS)));
             powers.iter_mut().zip(found).for_each(|(sum, power)| *sum += power);
@@ -434,20 +445,21 @@ fn fundamental(passages: &[Passage], k: [f64; 2]) -> [f64; 2] {
     k.map(|k| m * k)
 }
 
-/// The wave vector with which segments, at their true places, have most power.
+/// The wave vector with which segments, at their true places, have most power: first short ones, then long ones.
 fn refined(passages: &[Passage], k: [f64; 2]) -> [f64; 2] {
     let passages = shortest(passages);
-    let power = |k: [f64; 2]| {
+    let power = |k: [f64; 2], pitches: f64| {
         let segment = |p: &&Passage| {
             let of = |(from, turns): (usize, Vec<f64>)| {
                 let cut = Cut::new(p, &turns, from)?;
                 Some(coherent(&cut.orders(&turns, cut.count(FIRST))).iter().sum::<f64>())
             };
-            pieces_of(p, k).into_iter().filter_map(of).sum::<f64>()
+            pieces_of(p, k, pitches).into_iter().filter_map(of).sum::<f64>()
         };
         passages.iter().map(segment).sum::<f64>()
     };
-    climb(k, 0.002, 4, power).0
+    let (k, _) = climb(k, 0.002, 4, |k| power(k, PITCHES));
+    climb(k, 0.0005, 4, |k| power(k, MANY_PITCHES)).0
 }
 
 /// The turn of the fundamental with which phases differ least from harmonic to harmonic: those above the last are like the last.
@@ -459,9 +471,25 @@ fn origin(lines: &[Complex64]) -> f64 {
     pairs.sum::<Complex64>().arg()
 }
 
+/// Power around each harmonic over the mean of that and of the power around the harmonics beside it.
+fn weights<'a>(segments: impl Iterator<Item = &'a Segment> + Clone) -> [f64; HARMONICS] {
+    std::array::from_fn(|h| {
+        let (mut power, mut mean) = (0.0, 0.0);
+        for around in segments.clone().map(|s| &s.around).filter(|around| around.len() > h + 1) {
+            let beside = &around[h.saturating_sub(1)..h + 2];
+            power += around[h];
+            mean += beside.iter().sum::<f64>() / beside.len() as f64;
+        }
+        if mean > 0.0 { (power / mean * 1e3).round() / 1e3 } else { 1.0 }
+    })
+}
+
 fn wave(pieces: &[(&Vec<Passage>, [f64; 2])]) -> (Wave, f64) {
-    let all: Vec<Segment> =
-        pieces.iter().flat_map(|(passages, k)| passages.iter().flat_map(|p| segments(p, *k))).collect();
+    let passages = pieces.iter().flat_map(|(passages, k)| passages.iter().map(|p| (p, *k)));
+    let mut found: Vec<(&Passage, Vec<Segment>)> = passages.map(|(p, k)| (p, segments(p, k))).collect();
+    let weights = weights(found.iter().flat_map(|(_, segments)| segments));
+    found.iter_mut().for_each(|(passage, segments)| without_response(segments, passage, &weights));
+    let all: Vec<Segment> = found.into_iter().flat_map(|(_, segments)| segments).collect();
     let lines = template(&all);
     let origin = origin(&lines);
     let share = |h: usize| {
@@ -472,7 +500,7 @@ fn wave(pieces: &[(&Vec<Passage>, [f64; 2])]) -> (Wave, f64) {
     let round = |x: f64, unit: f64| (x * unit).round() / unit;
     let harmonic = |(h, line): (usize, &Complex64)| {
         let phase = (line.arg() - (h + 1) as f64 * origin + PI).rem_euclid(TAU) - PI;
-        Some(Harmonic { share: round(share(h)?, 1e3), phase: round(phase, 1e3) })
+        Some(Harmonic { weight: weights[h], share: round(share(h)?, 1e3), phase: round(phase, 1e3) })
     };
     let harmonics = lines.iter().enumerate().map_while(harmonic).collect();
     let median = |axis: usize| {

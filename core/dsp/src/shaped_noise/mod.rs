@@ -7,9 +7,10 @@
 //!   heard in the samples of its tick.
 //! * *Bumps*, where the texture has some and the hand's place is known: white pulses at places along the stroke take the noise's place. How
 //!   regularly they come decides how the envelope swings, and how far apart they are how high they stand.
-//! * *Ridges* that repeat with place: harmonic h of a wave k turns by `2 pi h k . (x, y)`, so that it stops, turns and starts again with the hand. Its amplitude has the
-//!   frame's power from half a pitch below its frequency to half a pitch above it, so that the level is kept where lines are closer than bins; its phase is that of the response of minimum phase of the magnitudes
-//!   smoothed over a pitch (as the vocoder STRAIGHT smooths them; H. Kawahara, I. Masuda-Katsuse, A. de Cheveigne, Speech Communication 27, 1999), and the
+//! * *Ridges* that repeat with place: harmonic h of a wave k turns by `2 pi h k . (x, y)`, so that it stops, turns and starts again with the hand. The frame's power
+//!   from half a pitch below a harmonic to half a pitch above it is taken, so that the level is kept where lines are closer than bins. How it is divided among
+//!   neighbouring harmonics is the wave's: a network blurs the gaps. The phase is that of the response of minimum phase of these
+//!   powers (as the vocoder STRAIGHT smooths over a pitch; H. Kawahara, I. Masuda-Katsuse, A. de Cheveigne, Speech Communication 27, 1999), and the
 //!   ridge's own. A hand that moves backwards has it with the other sign, since the response does not run backwards.
 //!
 //! From frame to frame taps and amplitudes go over within one tick.
@@ -27,6 +28,7 @@ use crate::random::normal;
 use crate::{Complex, Float, Framing, FramingError};
 use asperity_state::State;
 use events::Bumps;
+use pattern::keep_waves;
 use place::Place;
 use response::Designer;
 
@@ -51,6 +53,8 @@ pub struct ShapedNoise<T> {
     /// Whether taps and lines are those of the newest frame.
     followed: bool,
     pattern: Pattern,
+    /// Waves that are to be played once the lines of those in `pattern` have faded.
+    coming: Option<[Option<Wave>; WAVES]>,
     place: Place,
     bumps: Bumps,
     /// Taps before the tick and behind it, newest sample last.
@@ -66,6 +70,8 @@ pub struct ShapedNoise<T> {
     sums: Vec<f64>,
     squares: Vec<f64>,
     smooth: Vec<f64>,
+    /// Power of each harmonic of a wave, from the fundamental on.
+    powers: Vec<f64>,
     /// Way since samples were last made, in mm.
     way_mm: f64,
     silent: bool,
@@ -107,6 +113,7 @@ impl<T: Float> ShapedNoise<T> {
             newest: None,
             followed: false,
             pattern: Pattern::default(),
+            coming: None,
             place: Place::new(tick_s),
             bumps: Bumps::new(seed),
             taps: [0, 1].map(|_| vec![T::zero(); n]),
@@ -118,6 +125,7 @@ impl<T: Float> ShapedNoise<T> {
             sums: vec![0.0; n + 1],
             squares: vec![0.0; n + 1],
             smooth: vec![0.0; n + 1],
+            powers: Vec::with_capacity(MOST_LINES),
             way_mm: 0.0,
             silent: true,
         })
@@ -151,10 +159,22 @@ impl<T: Float> ShapedNoise<T> {
         (self.way_mm, self.silent) = (0.0, true);
     }
 
-    /// How the texture repeats, from now on.
+    /// How the texture repeats, from now on. Lines that are played fade within a tick, then others begin.
     pub fn set_pattern(&mut self, pattern: Pattern) {
-        self.followed &= pattern.waves == self.pattern.waves;
-        self.pattern = pattern;
+        self.pattern.events = pattern.events;
+        let same = pattern.waves == self.pattern.waves;
+        self.coming = (!same).then_some(pattern.waves);
+        self.followed &= same;
+        if self.waves.iter().all(|lines| lines.count == [0; 2]) {
+            self.change_waves();
+        }
+    }
+
+    /// Goes over to the waves that are to come.
+    fn change_waves(&mut self) {
+        if let Some(waves) = self.coming.take() {
+            (self.pattern.waves, self.followed) = (waves, false);
+        }
     }
 
     /// Takes frame number `index`. `magnitudes` are root mean square amplitudes, or means where `ratio` says by how much a mean is less; what was said
@@ -234,6 +254,7 @@ impl<T: Float> ShapedNoise<T> {
         }
         self.followed = true;
         self.silent = lines == 0 && self.magnitudes.iter().all(|m| *m == T::zero());
+        self.change_waves();
     }
 
     /// Finds taps and lines for the newest frame.
@@ -242,7 +263,7 @@ impl<T: Float> ShapedNoise<T> {
         self.squares.copy_from_slice(&self.density);
         let sounds = self.density.iter().any(|power| *power > 0.0);
         for w in 0..WAVES {
-            let wave = self.pattern.waves[w].filter(|_| placed && sounds);
+            let wave = self.pattern.waves[w].filter(|_| placed && sounds && self.coming.is_none());
             self.waves[w].count[1] = wave.map_or(0, |wave| self.ridges(w, &wave));
             let count = self.waves[w].count[1];
             self.waves[w].at[1][count..].fill(Complex::default());
@@ -271,12 +292,12 @@ impl<T: Float> ShapedNoise<T> {
     }
 
     /// Phases of minimum phase that ridges get from the newest frame, as complex numbers of size 1: of each harmonic of a pitch, from the
-    /// fundamental on, in a hand that moves forwards. A wave's own phases come on top.
-    pub fn ridge_phases(&mut self, pitch_hz: f64, phases: &mut [Complex<f64>]) {
+    /// fundamental on, in a hand that moves forwards; `weights` are a wave's. The wave's own phases come on top.
+    pub fn ridge_phases(&mut self, pitch_hz: f64, weights: &[f64; HARMONICS], phases: &mut [Complex<f64>]) {
         phases.fill(Complex::new(1.0, 0.0));
         if pitch_hz >= LEAST_PITCH_HZ {
             self.spread();
-            self.smoothen(pitch_hz);
+            self.divide(pitch_hz, weights);
             for (h, phase) in phases.iter_mut().enumerate() {
                 *phase = self.unit_at((h + 1) as f64 * pitch_hz);
             }
@@ -288,14 +309,35 @@ impl<T: Float> ShapedNoise<T> {
         0.5 * f64::from(self.framing.rate_hz) / self.framing.fft_len as f64
     }
 
-    /// Finds the response of minimum phase of the density smoothed over a pitch, whose integral is in `sums`.
-    fn smoothen(&mut self, pitch_hz: f64) {
+    /// Divides the frame's power among the harmonics of a pitch: each gets its weight of the mean of what is around it and the harmonics beside it.
+    /// Finds the response of minimum phase of these powers, which are straight from one harmonic to the next.
+    fn divide(&mut self, pitch_hz: f64, weights: &[f64; HARMONICS]) {
         let step_hz = self.step_hz();
         integrate(&self.density, step_hz, &mut self.sums);
+        let count = ((self.top_hz() / pitch_hz) as usize).min(MOST_LINES);
+        let mut beside = [0.0, 0.0, around(&self.density, &self.sums, step_hz, pitch_hz, pitch_hz)];
+        self.powers.clear();
+        for h in 1..=count {
+            let next = (h + 1) as f64 * pitch_hz;
+            beside = [beside[1], beside[2], around(&self.density, &self.sums, step_hz, next, pitch_hz)];
+            // The first has none below, the last none above.
+            let known = if h > 1 { &beside[..] } else { &beside[1..] };
+            let known = if h < count { known } else { &known[..known.len() - 1] };
+            let weight = weights.get(h - 1).copied().unwrap_or(1.0);
+            self.powers.push(weight * known.iter().sum::<f64>() / known.len() as f64);
+        }
         for (j, smooth) in self.smooth.iter_mut().enumerate() {
-            *smooth = around(&self.density, &self.sums, step_hz, j as f64 * step_hz, pitch_hz);
+            let place = (j as f64 * step_hz / pitch_hz - 1.0).max(0.0);
+            let power = |h: usize| self.powers.get(h).or(self.powers.last()).copied().unwrap_or(0.0);
+            let h = place as usize;
+            *smooth = power(h) + place.fract() * (power(h + 1) - power(h));
         }
         self.designer.design(&self.smooth);
+    }
+
+    /// End of the band in Hz.
+    fn top_hz(&self) -> f64 {
+        self.step_hz() * 2.0 * (self.framing.bins as f64 - 0.5)
     }
 
     /// Phase of the response at a frequency.
@@ -312,18 +354,16 @@ impl<T: Float> ShapedNoise<T> {
         let signed = wave.per_mm[0] * velocity[0] + wave.per_mm[1] * velocity[1];
         let pitch_hz = signed.abs();
         let step_hz = self.step_hz();
-        let top_hz = step_hz * 2.0 * (self.framing.bins as f64 - 0.5);
-        if !(LEAST_PITCH_HZ..=top_hz).contains(&pitch_hz) {
+        if !(LEAST_PITCH_HZ..=self.top_hz()).contains(&pitch_hz) {
             return 0;
         }
-        let count = ((top_hz / pitch_hz) as usize).min(MOST_LINES);
         let share = |h: usize| wave.shares[h.clamp(1, HARMONICS) - 1];
-        self.smoothen(pitch_hz);
+        self.divide(pitch_hz, &wave.weights);
+        let count = self.powers.len();
         let backwards = signed < 0.0;
         for h in 1..=count {
-            let hz = h as f64 * pitch_hz;
-            let power = share(h) * around(&self.density, &self.sums, step_hz, hz, pitch_hz);
-            let unit = self.unit_at(hz);
+            let power = share(h) * self.powers[h - 1];
+            let unit = self.unit_at(h as f64 * pitch_hz);
             let unit = if backwards { unit.conj() } else { unit };
             self.waves[w].at[1][h - 1] = unit * wave.turns[h.min(HARMONICS) - 1] * (2.0 * power).sqrt();
         }
@@ -399,7 +439,7 @@ impl<T: Float> ShapedNoise<T> {
         }
     }
 
-    /// What is remembered: the newest frame, taps, lines and excitation, and where the hand is.
+    /// What is remembered: the newest frame, taps, lines and excitation, the pattern, and where the hand is.
     pub fn state(&mut self, state: &mut State<'_>) {
         keep_wide(&mut self.magnitudes, state);
         self.taps.iter_mut().for_each(|taps| keep_wide(taps, state));
@@ -414,6 +454,12 @@ impl<T: Float> ShapedNoise<T> {
                 }
             }
         }
+        self.pattern.state(state);
+        let mut coming = self.coming.is_some();
+        let mut waves = self.coming.unwrap_or_default();
+        state.keep(&mut coming);
+        keep_waves(&mut waves, state);
+        self.coming = coming.then_some(waves);
         self.place.state(state);
         self.bumps.state(state);
         let n = self.framing.fft_len;
@@ -435,6 +481,7 @@ impl<T: Float> ShapedNoise<T> {
             && lines;
         if state.restores() && (!fine || state.failed()) {
             self.reset();
+            (self.pattern, self.coming) = (Pattern::default(), None);
             state.refuse();
         }
     }

@@ -2,13 +2,14 @@
 
 use crate::Complex;
 use crate::float::unit_circle;
+use asperity_state::State;
 
 /// Most waves.
 pub const WAVES: usize = 2;
-/// Harmonics of a wave that are told; those above are like the last.
+/// Harmonics of a wave that are told; those above have the weight 1, and are otherwise like the last.
 pub const HARMONICS: usize = 16;
-/// Numbers of a wave: its vector, then share and phase of each harmonic.
-const WAVE_LEN: usize = 2 + 2 * HARMONICS;
+/// Numbers of a wave: its vector, then weight, share and phase of each harmonic.
+const WAVE_LEN: usize = 2 + 3 * HARMONICS;
 /// Numbers of a pattern, as [`Pattern::read`] takes them.
 pub const PATTERN_LEN: usize = 3 + WAVES * WAVE_LEN;
 
@@ -28,6 +29,8 @@ pub struct Events {
 pub struct Wave {
     /// Wave vector in 1/mm.
     pub per_mm: [f64; 2],
+    /// Power around each harmonic over the mean of that and of the power around the harmonics beside it, 0 to 3.
+    pub weights: [f64; HARMONICS],
     /// Parts of the power around each harmonic that repeat, 0 to 1.
     pub shares: [f64; HARMONICS],
     /// `e^(j phase)` of each.
@@ -45,7 +48,7 @@ pub struct Pattern {
 
 impl Pattern {
     /// Reads [`PATTERN_LEN`] numbers: way between bumps in mm (0: no bumps), deviations of that and of heights over their means, then of each wave the vector in 1/mm
-    /// (0, 0: no wave), and of each harmonic share and phase in rad. Numbers that are missing, not finite or out of range count as 0.
+    /// (0, 0: no wave), and of each harmonic weight, share and phase in rad. Numbers that are missing, not finite or out of range count as 0.
     pub fn read(numbers: &[f64]) -> Self {
         let number = |at: usize, most: f64| {
             numbers.get(at).copied().filter(|x| x.is_finite()).map_or(0.0, |x| x.clamp(-most, most))
@@ -60,16 +63,49 @@ impl Pattern {
             let from = 3 + w * WAVE_LEN;
             let per_mm = [number(from, 100.0), number(from + 1, 100.0)];
             let phase = |h: usize| {
-                let (cos, sin) = unit_circle(number(from + 3 + 2 * h, 1e3) / std::f64::consts::TAU);
+                let (cos, sin) = unit_circle(number(from + 4 + 3 * h, 1e3) / std::f64::consts::TAU);
                 Complex::new(cos, sin)
             };
             (per_mm[0].hypot(per_mm[1]) >= 1e-3).then(|| Wave {
                 per_mm,
-                shares: std::array::from_fn(|h| number(from + 2 + 2 * h, 1.0).max(0.0)),
+                weights: std::array::from_fn(|h| number(from + 2 + 3 * h, 3.0).max(0.0)),
+                shares: std::array::from_fn(|h| number(from + 3 + 3 * h, 1.0).max(0.0)),
                 turns: std::array::from_fn(phase),
             })
         };
         Self { waves: std::array::from_fn(wave), events }
+    }
+
+    /// Keeps it.
+    pub(super) fn state(&mut self, state: &mut State<'_>) {
+        keep_waves(&mut self.waves, state);
+        let events = &mut self.events;
+        let mut numbers = events.map_or([0.0; 3], |e| [e.spacing_mm, e.interval_cv, e.height_cv]);
+        state.keep(&mut numbers);
+        state.require(numbers.iter().all(|x| (0.0..=1e3).contains(x)));
+        let [spacing_mm, interval_cv, height_cv] = numbers;
+        *events = (spacing_mm > 0.0).then_some(Events { spacing_mm, interval_cv, height_cv });
+    }
+}
+
+/// Keeps waves.
+pub(super) fn keep_waves(waves: &mut [Option<Wave>; WAVES], state: &mut State<'_>) {
+    for wave in waves {
+        let mut kept = wave.unwrap_or(Wave {
+            per_mm: [0.0; 2],
+            weights: [0.0; HARMONICS],
+            shares: [0.0; HARMONICS],
+            turns: [Complex::new(1.0, 0.0); HARMONICS],
+        });
+        state.keep(&mut kept.per_mm).keep(&mut kept.weights).keep(&mut kept.shares);
+        for turn in &mut kept.turns {
+            state.keep(&mut turn.re).keep(&mut turn.im);
+        }
+        let small = |x: &f64| x.abs() <= 1e3;
+        let turns = kept.turns.iter().all(|t| small(&t.re) && small(&t.im));
+        let numbers = kept.per_mm.iter().chain(&kept.weights).chain(&kept.shares);
+        state.require(turns && numbers.into_iter().all(small));
+        *wave = (kept.per_mm != [0.0; 2]).then_some(kept);
     }
 }
 
@@ -83,10 +119,13 @@ mod tests {
         assert_eq!(Pattern::read(&[f64::NAN; PATTERN_LEN]), Pattern::default());
         assert_eq!(Pattern::read(&[-1.0; 3]), Pattern::default());
         let mut numbers = [0.0; PATTERN_LEN];
-        (numbers[0], numbers[1], numbers[3], numbers[5]) = (0.5, 99.0, 0.4, 2.0);
+        (numbers[0], numbers[1], numbers[3], numbers[5], numbers[6]) = (0.5, 99.0, 0.4, 9.0, 2.0);
         let pattern = Pattern::read(&numbers);
         assert_eq!(pattern.events, Some(Events { spacing_mm: 0.5, interval_cv: 4.0, height_cv: 0.0 }));
-        assert_eq!(pattern.waves[0].map(|w| (w.per_mm, w.shares[0])), Some(([0.4, 0.0], 1.0)));
+        assert_eq!(
+            pattern.waves[0].map(|w| (w.per_mm, w.weights[0], w.shares[0])),
+            Some(([0.4, 0.0], 3.0, 1.0))
+        );
         assert_eq!(pattern.waves[1], None);
     }
 }

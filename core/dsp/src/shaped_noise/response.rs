@@ -20,6 +20,8 @@ pub(super) struct Designer<T> {
     line: Vec<T>,
     scratch: Vec<Complex<T>>,
     len: usize,
+    /// Sum of squares of the response in time.
+    energy: f64,
 }
 
 impl<T: Float> Designer<T> {
@@ -35,12 +37,15 @@ impl<T: Float> Designer<T> {
             inverse,
             forward,
             len,
+            energy: 0.0,
         }
     }
 
     /// The response whose squared magnitudes are these, of each frequency of the grid; whether there is any.
     pub(super) fn design(&mut self, squares: &[f64]) -> bool {
         let most = squares.iter().copied().fold(0.0, f64::max);
+        let ends = squares.first().unwrap_or(&0.0) + squares.last().unwrap_or(&0.0);
+        self.energy = (2.0 * squares.iter().sum::<f64>() - ends) / self.len as f64;
         if most <= 0.0 {
             self.response.fill(Complex::default());
             return false;
@@ -74,7 +79,8 @@ impl<T: Float> Designer<T> {
         true
     }
 
-    /// The first samples of the response in time, newest last: `taps[len - 1 - i]` weighs what came i samples ago.
+    /// The first samples of the response in time, newest last: `taps[len - 1 - i]` weighs what came i samples ago. They have the energy of all of it: a
+    /// line that is narrower than they are long is wider, and as loud.
     pub(super) fn taps(&mut self, taps: &mut [T]) {
         self.transform_back();
         let norm = T::of(1.0 / self.len as f64);
@@ -84,6 +90,11 @@ impl<T: Float> Designer<T> {
             let left = (len - i) as f64 / len as f64;
             let end = if left < 0.25 { T::of(left * 4.0) } else { T::of(1.0) };
             *tap = self.line[i] * norm * end;
+        }
+        let energy = taps.iter().map(|t| t.f64() * t.f64()).sum::<f64>();
+        if energy > 0.0 && energy.is_finite() {
+            let louder = T::of((self.energy / energy).sqrt().min(10.0));
+            taps.iter_mut().for_each(|tap| *tap *= louder);
         }
     }
 

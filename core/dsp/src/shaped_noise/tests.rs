@@ -61,6 +61,7 @@ fn events(spacing_mm: f64, interval_cv: f64, height_cv: f64) -> Pattern {
 fn ridges(pitch_mm: f64) -> Pattern {
     let wave = Wave {
         per_mm: [1.0 / pitch_mm, 0.0],
+        weights: [1.0; HARMONICS],
         shares: [1.0; HARMONICS],
         turns: [Complex::new(1.0, 0.0); HARMONICS],
     };
@@ -142,6 +143,7 @@ fn ridges_turn_around_with_the_hand() {
     let place = |t: f64| Some([100.0 * (2.0 - (t - 2.0).abs()), 0.0]);
     let wave = Wave {
         per_mm: [0.4, 0.0],
+        weights: [1.0; HARMONICS],
         shares: std::array::from_fn(|h| f64::from(h == 0)),
         turns: [Complex::new(1.0, 0.0); HARMONICS],
     };
@@ -249,4 +251,51 @@ fn level_is_kept_at_any_rate() {
         // Of 25 bins the ends, where the filter has to fall steeply, are a larger part.
         assert!(off.abs() < if rate_hz == 500 { 0.5 } else { 0.3 }, "{rate_hz}: {off} dB");
     }
+}
+
+#[test]
+fn harmonics_that_ridges_leave_out_are_not_played() {
+    // Every third is missing; the frame says nothing of that.
+    let mut pattern = ridges(2.5);
+    if let Some(wave) = &mut pattern.waves[0] {
+        wave.weights = std::array::from_fn(|h| if h % 3 == 2 { 0.0 } else { 1.5 });
+    }
+    let x = played(pattern, &vec![1.0; 101], 8.0, forwards(100.0));
+    let power = |hz: f64| {
+        let part = |phase: f64| {
+            let term = |(i, x): (usize, &f64)| x * (TAU * hz * i as f64 / 2500.0 + phase).cos();
+            x[2500..].iter().enumerate().map(term).sum::<f64>()
+        };
+        part(0.0).powi(2) + part(TAU / 4.0).powi(2)
+    };
+    for h in [3.0, 6.0, 9.0, 12.0] {
+        assert!(power(40.0 * h) < 1e-3 * power(40.0 * (h - 1.0)), "harmonic {h}");
+    }
+    // What the third does not get, the others do.
+    let whole = rms(&x[2500..]);
+    let same = rms(&played(ridges(2.5), &vec![1.0; 101], 8.0, forwards(100.0))[2500..]);
+    assert!((whole / same - 1.0).abs() < 0.05, "{whole} {same}");
+}
+
+#[test]
+fn lines_of_the_last_material_fade_and_do_not_break_off() {
+    // A single line, and then none: the second difference of a line of 40 Hz that fades within 5 samples.
+    let mut kernel = ShapedNoise::<f64>::new(FRAMING, 0.002, 3).unwrap();
+    let mut magnitudes = vec![0.0; 101];
+    (magnitudes[3], magnitudes[4], magnitudes[5]) = (0.5, 1.0, 0.5);
+    kernel.set_pattern(ridges(2.5));
+    let mut all = Vec::new();
+    for tick in 0..400_u64 {
+        if tick == 203 {
+            kernel.set_pattern(ridges(1.0));
+        }
+        let mut out = [0.0_f64; 5];
+        kernel.push(tick, &magnitudes, 1.0);
+        kernel.emit(5 * tick, Some([0.2 * tick as f64, 0.0]), &mut out);
+        all.extend(out);
+    }
+    let most = |x: &[f64]| x.windows(2).map(|w| (w[1] - w[0]).abs()).fold(0.0, f64::max);
+    let peak = all[500..1000].iter().fold(0.0_f64, |m, x| m.max(x.abs()));
+    let step = most(&all[1000..1100]);
+    assert!(step < 0.35 * peak, "a step of {step}, a line of {peak}");
 }

@@ -86,5 +86,5 @@ fn one_required_input_of_magnitudes_and_one_output_of_spectra_or_samples_retriev
 #[test]
 fn default_is_the_node_of_the_shipped_graph() {
     let method = Method::parse("default:seed=3", &registry()).unwrap();
-    assert_eq!((method.kind(), method.label.as_str()), ("sample_commit", "default:seed=3"));
+    assert_eq!((method.kind(), method.label.as_str()), ("shaped_noise", "default:seed=3"));
 }

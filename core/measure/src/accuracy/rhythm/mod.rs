@@ -186,6 +186,39 @@ impl Rhythm {
     }
 }
 
+/// An envelope, to be looked at.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Envelope {
+    /// Samples a second.
+    pub rate_hz: f64,
+    /// The Hilbert envelope over its mean.
+    pub over_mean: Vec<f64>,
+    /// Frequency in Hz, and the modulation depth from 1 Hz below it to 1 Hz above it.
+    pub depths: Vec<(f64, f64)>,
+}
+
+/// The envelope from which [`Rhythm::new`] takes its figures, and its modulation from 2 to 50 Hz. Of silence
+/// all is 0.
+///
+/// # Errors
+/// Those of [`Rhythm::new`].
+pub fn envelope(axes: &[&[f64]], rate_hz: f64) -> Result<Envelope, AccuracyError> {
+    let (band, _) = band(axes, rate_hz, END_HZ)?;
+    let wave = Wave::new(&band);
+    let hz = (2..=50).map(f64::from);
+    if wave.is_silent() {
+        let over_mean = vec![0.0; wave.envelope.len()];
+        return Ok(Envelope { rate_hz: wave.rate_hz, over_mean, depths: hz.map(|f| (f, 0.0)).collect() });
+    }
+    let ripple = wave.ripple(1.0);
+    let middle = mean(wave.envelope.iter().copied());
+    Ok(Envelope {
+        rate_hz: wave.rate_hz,
+        over_mean: wave.envelope.iter().map(|e| e / middle).collect(),
+        depths: hz.map(|f| (f, ripple.rms(f - 1.0, f + 1.0))).collect(),
+    })
+}
+
 /// Checks a signal and takes its band.
 fn band(axes: &[&[f64]], rate_hz: f64, end_hz: f64) -> Result<(Band, f64), AccuracyError> {
     let samples = check(axes, rate_hz)?;

@@ -313,3 +313,19 @@ proptest::proptest! {
         }
     }
 }
+
+#[test]
+fn envelope_of_a_modulated_tone_is_its_modulation() {
+    let tone: Vec<f64> = (0..20_000)
+        .map(|i| {
+            let t = f64::from(i) / 5000.0;
+            (1.0 + 0.5 * (TAU * 20.0 * t).sin()) * (TAU * 300.0 * t).sin()
+        })
+        .collect();
+    let envelope = envelope(&[&tone], 5000.0).unwrap();
+    let deepest = envelope.depths.iter().max_by(|a, b| a.1.total_cmp(&b.1)).unwrap();
+    // A depth of m is m / sqrt 2.
+    assert!((19.0..=21.0).contains(&deepest.0) && (deepest.1 - 0.3536).abs() < 0.01, "{deepest:?}");
+    let at = |t: f64| envelope.over_mean[(t * envelope.rate_hz) as usize];
+    assert!((at(2.0125) - 1.5).abs() < 0.02 && (at(2.0375) - 0.5).abs() < 0.02);
+}

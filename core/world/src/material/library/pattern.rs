@@ -31,6 +31,8 @@ pub struct Wave {
 /// A harmonic of a wave.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Harmonic {
+    /// Power around its frequency over the mean of that and of the power around the harmonics beside it, 0 to 3. Narrow ridges leave some harmonics out.
+    pub weight: f64,
     /// Part of the power around its frequency that repeats with place, 0 to 1.
     pub share: f64,
     /// Phase in rad, besides that of a minimum-phase response.
@@ -49,7 +51,7 @@ pub struct Events {
 }
 
 impl Pattern {
-    /// Reads `waves: [(per_mm: [..], harmonics: [[share, phase], ..])]` and `events: (..)`.
+    /// Reads `waves: [(per_mm: [..], harmonics: [[weight, share, phase], ..])]` and `events: (..)`.
     pub(super) fn read(waves: Option<&Value>, events: Option<&Value>) -> Result<Self, Diagnostic> {
         let waves = match waves {
             Some(list) => {
@@ -80,9 +82,9 @@ impl Pattern {
         let _ = writeln!(text, "{indent}waves: [");
         for Wave { per_mm: [x, y], harmonics } in &self.waves {
             let harmonics: Vec<String> =
-                harmonics.iter().map(|h| format!("[{:?}, {:?}]", h.share, h.phase)).collect();
+                harmonics.iter().map(|h| format!("[{:?}, {:?}, {:?}]", h.weight, h.share, h.phase)).collect();
             let _ = writeln!(text, "{indent}    (per_mm: [{x:?}, {y:?}], harmonics: [");
-            for row in harmonics.chunks(6) {
+            for row in harmonics.chunks(4) {
                 let _ = writeln!(text, "{indent}        {},", row.join(", "));
             }
             let _ = writeln!(text, "{indent}    ]),");
@@ -91,33 +93,35 @@ impl Pattern {
     }
 }
 
-/// Two numbers.
-fn pair(value: &Value) -> Result<[&Value; 2], Diagnostic> {
-    match value.list()? {
-        [a, b] => Ok([a, b]),
-        other => Err(value.error(format!("{} numbers, not 2", other.len()))),
-    }
+/// So many numbers.
+fn numbers<const N: usize>(value: &Value) -> Result<[&Value; N], Diagnostic> {
+    let list: Vec<&Value> = value.list()?.iter().collect();
+    <[&Value; N]>::try_from(list).map_err(|list| value.error(format!("{} numbers, not {N}", list.len())))
 }
 
 fn wave(value: &Value) -> Result<Wave, Diagnostic> {
     let mut record = value.record("Wave")?;
     let place = record.required("per_mm")?;
-    let [x, y] = pair(place)?;
+    let [x, y] = numbers(place)?;
     let per_mm = [x.f64_in(-100.0..=100.0, "1/mm")?, y.f64_in(-100.0..=100.0, "1/mm")?];
     if per_mm[0].hypot(per_mm[1]) < 1e-3 {
         return Err(place.error("a wave without a direction").help("ridges at most 1000 mm apart"));
     }
     let list = record.required("harmonics")?;
-    let numbers = list.list()?;
-    if !(1..=MAX_HARMONICS).contains(&numbers.len()) {
-        let what = format!("{} harmonics", numbers.len());
+    let told = list.list()?;
+    if !(1..=MAX_HARMONICS).contains(&told.len()) {
+        let what = format!("{} harmonics", told.len());
         return Err(list.error(what).help(format!("1 to {MAX_HARMONICS}; those above are like the last")));
     }
     let harmonic = |value: &Value| {
-        let [share, phase] = pair(value)?;
-        Ok(Harmonic { share: share.f64_in(0.0..=1.0, "")?, phase: phase.f64_in(-100.0..=100.0, "rad")? })
+        let [weight, share, phase] = numbers(value)?;
+        Ok(Harmonic {
+            weight: weight.f64_in(0.0..=3.0, "")?,
+            share: share.f64_in(0.0..=1.0, "")?,
+            phase: phase.f64_in(-100.0..=100.0, "rad")?,
+        })
     };
-    let harmonics = numbers.iter().map(harmonic).collect::<Result<_, Diagnostic>>()?;
+    let harmonics = told.iter().map(harmonic).collect::<Result<_, Diagnostic>>()?;
     record.finish(&["per_mm", "harmonics"])?;
     Ok(Wave { per_mm, harmonics })
 }
@@ -142,7 +146,7 @@ mod tests {
     #[test]
     fn pattern_reads_back_to_the_same_bits() {
         let mut library = three();
-        let harmonic = |share, phase| Harmonic { share, phase };
+        let harmonic = |share, phase| Harmonic { weight: 1.5 - share, share, phase };
         library.materials[0].pattern.events =
             Some(Events { spacing_mm: 0.23, interval_cv: 0.1 + 0.2, height_cv: 0.5 });
         library.materials[1].pattern.waves = vec![
@@ -159,10 +163,11 @@ mod tests {
         let vector = format!("vector: [{}]", "0.5, ".repeat(256));
         for (version, field, what) in [
             (2, "waves: []", "unknown field `waves`"),
-            (3, "waves: [(per_mm: [0.0, 0.0], harmonics: [[1.0, 0.0]])]", "without a direction"),
-            (3, "waves: [(per_mm: [0.4], harmonics: [[1.0, 0.0]])]", "1 numbers, not 2"),
+            (3, "waves: [(per_mm: [0.0, 0.0], harmonics: [[1.0, 1.0, 0.0]])]", "without a direction"),
+            (3, "waves: [(per_mm: [0.4], harmonics: [[1.0, 1.0, 0.0]])]", "1 numbers, not 2"),
             (3, "waves: [(per_mm: [0.4, 0.0], harmonics: [])]", "0 harmonics"),
-            (3, "waves: [(per_mm: [0.4, 0.0], harmonics: [[1.5, 0.0]])]", "out of range"),
+            (3, "waves: [(per_mm: [0.4, 0.0], harmonics: [[1.0, 1.5, 0.0]])]", "out of range"),
+            (3, "waves: [(per_mm: [0.4, 0.0], harmonics: [[1.0, 0.0]])]", "2 numbers, not 3"),
             (3, "events: (spacing_mm: 0.0, interval_cv: 0.1, height_cv: 0.1)", "out of range"),
             (3, "events: (spacing_mm: 1.0, interval_cv: 0.1)", "`height_cv` is missing"),
         ] {
