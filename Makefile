@@ -97,6 +97,7 @@ pictures: setup
 	$(CARGO) build --release -p asperity-rtpghi -p asperity-gsrtisi-la
 	target/release/asperity compare --plugin target/release/librtpghi.so --plugin target/release/libgsrtisi_la.so \
 	    --phase sample_commit:emission=0 --svg docs/compare.svg
+	$(CARGO) bench -p asperity --bench rhythm -- --svg $(abspath docs)/pulses.svg
 
 # And those of a run: the page in a browser while a pen strokes, and the terminal.
 live-pictures: setup-tests

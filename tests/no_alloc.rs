@@ -67,10 +67,17 @@ fn no_tick_of_the_shipped_graph_allocates() {
     handing_over_a_state_and_setting_a_parameter_allocate_nothing();
     no_tick_of_a_scene_allocates();
 
-    for (synthesis_hz, tick_hz, audio_hz) in
-        [(2500, 500, 48_000), (0, 500, 48_000), (2500, 1000, 44_100), (500, 500, 48_000)]
-    {
-        let mut graph = GraphFile::read("../../graphs/heravi2024.ron").expect("the shipped graph");
+    for (name, synthesis_hz, tick_hz, audio_hz) in [
+        ("heravi2024", 2500, 500, 48_000),
+        ("heravi2024", 0, 500, 48_000),
+        ("heravi2024", 2500, 1000, 44_100),
+        ("heravi2024", 500, 500, 48_000),
+        ("heravi2024_scatter", 2500, 500, 48_000),
+        ("texture", 2500, 500, 48_000),
+        ("texture", 0, 500, 48_000),
+        ("texture", 2500, 1000, 44_100),
+    ] {
+        let mut graph = GraphFile::read(format!("../../graphs/{name}.ron")).expect("the shipped graph");
         // A stroke without end, so that no node sleeps.
         let stylus = graph.nodes.iter_mut().find(|n| n.id == "stylus").expect("the stylus");
         stylus.kind = "stroke".into();
@@ -104,7 +111,7 @@ fn no_tick_of_the_shipped_graph_allocates() {
                     })
                     .collect();
                 panic!(
-                    "allocated before tick {} at {synthesis_hz} Hz: faults {faults:?}",
+                    "{name}: allocated before tick {} at {synthesis_hz} Hz: faults {faults:?}",
                     engine.next_tick()
                 );
             }

@@ -280,7 +280,7 @@ fn the_shipped_model_runs_in_every_precision() {
             let runner = model.runner(&vectors, precision, Choice::Packed(isa)).unwrap();
             let info = runner.describe();
             assert_eq!(info.executor, Executor::Packed { isa, precision });
-            assert_eq!(info.multiply_adds, 419_700, "{}", info.report);
+            assert_eq!(info.multiply_adds, 429_800, "{}", info.report);
             assert!(info.max_error_vs_tract.unwrap() < within.end, "{}", info.report);
             eprintln!("{}, {} bytes", info.report, info.weights_bytes);
         }

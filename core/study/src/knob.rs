@@ -227,9 +227,12 @@ fn replace(graph: &mut GraphFile, id: &str, value: &Value, registry: &Registry) 
     else {
         return Ok(());
     };
-    // Both retrieve phase: ports go by other names, and an `overlap_add` stands behind those that answer spectra.
+    // Both retrieve phase: ports go by other names, and an `overlap_add` stands behind those that answer spectra. What the other has no port for, it is not told.
+    let main = |port: &Option<String>| port.as_deref().is_none_or(|port| port == before.input);
+    let has = |port: &Option<String>| new_kind.inputs.iter().any(|i| Some(&*i.name) == port.as_deref());
+    graph.wires.retain(|wire| wire.to.node != id || main(&wire.to.port) || has(&wire.to.port));
     for wire in &mut graph.wires {
-        if wire.to.node == id {
+        if wire.to.node == id && main(&wire.to.port) {
             wire.to.port = Some(now.input.to_owned());
         }
         if wire.from.node == id {

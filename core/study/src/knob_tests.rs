@@ -74,6 +74,28 @@ fn one_phase_retrieval_takes_the_place_of_another_and_overlap_add_comes_and_goes
 }
 
 #[test]
+fn phase_retrieval_that_has_no_port_for_a_wire_is_not_told() {
+    let text = r#"Graph(version: 1, nodes: {
+        "stylus": (kind: "stroke"), "texture": (kind: "texture_network", params: (model: "m", library: "l", material: "a")),
+        "phase": (kind: "shaped_noise"), "end": (kind: "probe"),
+    }, wires: [("texture", "phase"), ("texture.pattern", "phase.pattern"), ("stylus.position", "phase.position"), ("phase", "end")])"#;
+    let graph = GraphFile::parse(&Source::new("g.ron", text)).unwrap();
+    let registry = asperity_nodes::registry();
+    let into = |graph: &GraphFile| {
+        let wires = graph.wires.iter().filter(|w| w.to.node == "phase");
+        wires.map(|w| (w.from.port.clone(), w.to.port.clone())).collect::<Vec<_>>()
+    };
+    let mut other = graph.clone();
+    let value = ron::parse(&Source::new("k.ron", r#"(kind: "sample_commit")"#)).unwrap();
+    replace(&mut other, "phase", &value, &registry).unwrap();
+    assert_eq!(into(&other), [(None, Some("magnitude".to_owned()))]);
+    let mut same = graph.clone();
+    let value = ron::parse(&Source::new("k.ron", r#"(kind: "shaped_noise", params: (seed: 7))"#)).unwrap();
+    replace(&mut same, "phase", &value, &registry).unwrap();
+    assert_eq!(into(&same).len(), 3);
+}
+
+#[test]
 fn a_limiter_that_is_bypassed_leaves_nothing_to_play_on() {
     let bypassed = turned(&[("limiter", "bypassed")]).graph;
     assert!(bypassed.node("limiter").is_none());
