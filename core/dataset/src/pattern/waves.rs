@@ -382,7 +382,7 @@ pub(super) fn find(pieces: &[Vec<Passage>]) -> (Vec<Wave>, f64) {
         let mut here = Vec::new();
         while here.len() < MAX_WAVES {
             let Some((k, part)) = strongest(&seen) else { break };
-            let k = fundamental(passages, refined(passages, k));
+            let k = refined(passages, fundamental(passages, refined(passages, k)));
             seen.iter_mut().for_each(|s| s.without(k));
             here.push((k, part));
         }
@@ -445,21 +445,26 @@ fn fundamental(passages: &[Passage], k: [f64; 2]) -> [f64; 2] {
     k.map(|k| m * k)
 }
 
-/// The wave vector with which segments, at their true places, have most power: first short ones, then long ones.
+/// The wave vector with which segments, at their true places, have most power: first short ones, then long ones. The segments stay the same: else their number would
+/// decide.
 fn refined(passages: &[Passage], k: [f64; 2]) -> [f64; 2] {
     let passages = shortest(passages);
-    let power = |k: [f64; 2], pitches: f64| {
-        let segment = |p: &&Passage| {
-            let of = |(from, turns): (usize, Vec<f64>)| {
-                let cut = Cut::new(p, &turns, from)?;
+    let best = |from: [f64; 2], step: f64, pitches: f64| {
+        let of = |p: &&&Passage| pieces_of(p, from, pitches).into_iter().map(|(at, turns)| (at, turns.len()));
+        let pieces = passages.iter().flat_map(|p| of(&p).map(|(at, len)| (*p, at, len)).collect::<Vec<_>>());
+        let pieces: Vec<(&Passage, usize, usize)> = pieces.collect();
+        let power = |k: [f64; 2]| {
+            let of = |(p, at, len): &(&Passage, usize, usize)| {
+                let places = p.places.get(*at..at + len)?;
+                let turns: Vec<f64> = places.iter().map(|p| k[0] * p[0] + k[1] * p[1]).collect();
+                let cut = Cut::new(p, &turns, *at)?;
                 Some(coherent(&cut.orders(&turns, cut.count(FIRST))).iter().sum::<f64>())
             };
-            pieces_of(p, k, pitches).into_iter().filter_map(of).sum::<f64>()
+            pieces.iter().filter_map(of).sum::<f64>()
         };
-        passages.iter().map(segment).sum::<f64>()
+        climb(from, step, 4, power).0
     };
-    let (k, _) = climb(k, 0.002, 4, |k| power(k, PITCHES));
-    climb(k, 0.0005, 4, |k| power(k, MANY_PITCHES)).0
+    best(best(k, 0.002, PITCHES), 0.0005, MANY_PITCHES)
 }
 
 /// The turn of the fundamental with which phases differ least from harmonic to harmonic: those above the last are like the last.
