@@ -46,6 +46,8 @@ pub(crate) struct Slot {
     rates: Box<[u32]>,
     /// Last good values of each control output; empty for other outputs.
     held: Box<[Box<[f64]>]>,
+    /// Which outputs come beside what the node is for.
+    aside: Box<[bool]>,
     fades: Box<[Fade]>,
     pub(crate) every: u64,
     /// Ways in which it is wanted; none for a node that always runs.
@@ -89,6 +91,7 @@ impl Slot {
             outputs: node.buffers.clone(),
             rates: shapes.iter().map(rate).collect(),
             held: shapes.iter().map(|s| vec![0.0; count(s)].into()).collect(),
+            aside: node.outputs.iter().map(|o| o.aside).collect(),
             fades: shapes.iter().map(|s| Fade::new(rate(s) as f32 * FAULT_FADE_S)).collect(),
             every: u64::from(node.every),
             guards: node.guards.iter().map(|way| way.clone().into()).collect(),
@@ -298,15 +301,15 @@ impl Slot {
     }
 
     /// Outputs of a node that failed: controls hold and are marked, frames are zero, audio fades. A fade and a zero are
-    /// to be trusted: they are all that is left to do, and what else is mixed in goes on.
+    /// to be trusted: they are all that is left to do, and what else is mixed in goes on. So is a control beside what the node is for: it only says
+    /// more of what is zero or fades.
     fn contain_outputs(&mut self, buffers: &mut [Buffer]) {
-        for ((buffer, held), fade) in
-            buffers[self.outputs.clone()].iter_mut().zip(&self.held).zip(&mut self.fades)
-        {
+        let outputs = buffers[self.outputs.clone()].iter_mut().zip(&self.held).zip(&mut self.fades);
+        for (((buffer, held), fade), aside) in outputs.zip(&self.aside) {
             match buffer {
                 Buffer::Control { values, valid, .. } => {
                     values.copy_from_slice(held);
-                    *valid = false;
+                    *valid = *aside;
                 }
                 Buffer::Audio { samples, len, valid, silent } => {
                     *silent = fade.fault(&mut samples[..*len]);

@@ -122,6 +122,8 @@ pub struct ScheduledOutput {
     pub port: PortType,
     /// How many inputs read it.
     pub readers: usize,
+    /// Whether it comes beside what the node is for.
+    pub aside: bool,
 }
 
 /// A buffer.

@@ -279,7 +279,8 @@ impl Output {
         self
     }
 
-    /// Comes beside what the node is for: a wire without a port's name does not mean it.
+    /// Comes beside what the node is for: a wire without a port's name does not mean it. Where the node fails and it holds its values, these
+    /// are still to be trusted: they say more of what the other outputs no longer have.
     #[must_use]
     pub fn aside(mut self) -> Self {
         self.aside = true;

@@ -88,7 +88,7 @@ fn study(dir: &Path) {
         r#"Study(
             version: 1, graph: {graph:?},
             strokes: [(name: "circle", shape: circle, speed_mm_s: 80.0, seconds: 1.0, approach_s: 0.1)],
-            materials: ["canvas"], strength: 0.35, steps: 10,
+            materials: ["canvas"], strength: 0.25, steps: 10,
             grids: [(name: "frames", knobs: {{"texture.bins": [50]}})],
             times: (turns: 2, turn_ms: 20, batch: 2),
         )"#

@@ -46,7 +46,7 @@
 //! | 5 x 6, momentum 0.85 | -25 | -79.2 | -67.6 | -22.4 | -34.3 | -21.5 | -21.8 | -16.6 | -0.46, 0.62 | -18.8 | -51.0 | 0, 10, 14 | 10.6, 212 |
 //! | 10 x 5 | -25 | -76.3 | -68.7 | -20.5 | -29.6 | -22.3 | -25.1 | -16.9 | -0.35, 0.45 | -18.6 | -49.3 | 0, 10, 14 | 16.9, 275 |
 //!
-//! For the magnitudes of a network, which are no signal's, fewer do as well, and follow a change sooner: `graphs/texture.ron` has 2 x 2 (docs/tradeoff.md). Two
+//! For the magnitudes of a network, which are no signal's, fewer do as well, and follow a change sooner: 2 x 2 (docs/tradeoff.md). Two
 //! frames a pass are transformed one by one, 2.9 us a frame at N = 250 and 37 at 4800, and gain by plans that all share alone.
 //!
 //! At -20 a step shows after 16 ms instead of 55, and noise is 12 dB better than with `spsi`, and level and spectrum of

@@ -34,6 +34,10 @@ use response::Designer;
 
 /// Most harmonics of a wave that are played: 8 Hz apart they reach 1000 Hz.
 const MOST_LINES: usize = 128;
+/// Frames after which a wave's phases are found anew, in turns with the other's; sooner where the pitch changes by more than [`PITCH_CHANGES`].
+const PHASES_EVERY: u64 = 8;
+/// Part by which a pitch changes before its phases are found anew.
+const PITCH_CHANGES: f64 = 0.03;
 /// A pitch below this has no lines \[Hz\].
 const LEAST_PITCH_HZ: f64 = 0.5;
 /// Lanes of a sum.
@@ -83,6 +87,9 @@ struct Lines {
     /// Amplitude and phase of each, before the tick and behind it.
     at: [Vec<Complex<f64>>; 2],
     count: [usize; 2],
+    /// Phases of minimum phase, and the pitch for which they were found; 0: none were.
+    units: Vec<Complex<f64>>,
+    units_hz: f64,
     /// Where the fundamental is, in turns.
     turns: f64,
 }
@@ -102,8 +109,13 @@ impl<T: Float> ShapedNoise<T> {
         framing.check()?;
         let n = framing.fft_len;
         let longest = (f64::from(framing.rate_hz) * tick_s).ceil() as usize + 2;
-        let lines =
-            Lines { at: [0, 1].map(|_| vec![Complex::default(); MOST_LINES]), count: [0; 2], turns: 0.0 };
+        let lines = Lines {
+            at: [0, 1].map(|_| vec![Complex::default(); MOST_LINES]),
+            count: [0; 2],
+            units: vec![Complex::default(); MOST_LINES],
+            units_hz: 0.0,
+            turns: 0.0,
+        };
         Ok(Self {
             framing,
             seed,
@@ -152,7 +164,8 @@ impl<T: Float> ShapedNoise<T> {
         (self.newest, self.next, self.end, self.followed) = (None, None, 0, false);
         self.taps.iter_mut().for_each(|taps| taps.fill(T::zero()));
         for wave in &mut self.waves {
-            (wave.count, wave.turns) = ([0; 2], 0.0);
+            (wave.count, wave.turns, wave.units_hz) = ([0; 2], 0.0, 0.0);
+            wave.units.fill(Complex::default());
             wave.at.iter_mut().for_each(|at| at.fill(Complex::default()));
         }
         self.place.reset();
@@ -174,6 +187,7 @@ impl<T: Float> ShapedNoise<T> {
     fn change_waves(&mut self) {
         if let Some(waves) = self.coming.take() {
             (self.pattern.waves, self.followed) = (waves, false);
+            self.waves.iter_mut().for_each(|lines| lines.units_hz = 0.0);
         }
     }
 
@@ -262,6 +276,9 @@ impl<T: Float> ShapedNoise<T> {
         self.spread();
         self.squares.copy_from_slice(&self.density);
         let sounds = self.density.iter().any(|power| *power > 0.0);
+        if placed && self.pattern.waves != [None; WAVES] {
+            integrate(&self.density, self.step_hz(), &mut self.sums);
+        }
         for w in 0..WAVES {
             let wave = self.pattern.waves[w].filter(|_| placed && sounds && self.coming.is_none());
             self.waves[w].count[1] = wave.map_or(0, |wave| self.ridges(w, &wave));
@@ -297,7 +314,9 @@ impl<T: Float> ShapedNoise<T> {
         phases.fill(Complex::new(1.0, 0.0));
         if pitch_hz >= LEAST_PITCH_HZ {
             self.spread();
+            integrate(&self.density, self.step_hz(), &mut self.sums);
             self.divide(pitch_hz, weights);
+            self.respond(pitch_hz);
             for (h, phase) in phases.iter_mut().enumerate() {
                 *phase = self.unit_at((h + 1) as f64 * pitch_hz);
             }
@@ -309,11 +328,10 @@ impl<T: Float> ShapedNoise<T> {
         0.5 * f64::from(self.framing.rate_hz) / self.framing.fft_len as f64
     }
 
-    /// Divides the frame's power among the harmonics of a pitch: each gets its weight of the mean of what is around it and the harmonics beside it.
-    /// Finds the response of minimum phase of these powers, which are straight from one harmonic to the next.
+    /// Divides the frame's power, whose integral is in `sums`, among the harmonics of a pitch: each gets its weight of the mean of what is around it and the
+    /// harmonics beside it.
     fn divide(&mut self, pitch_hz: f64, weights: &[f64; HARMONICS]) {
         let step_hz = self.step_hz();
-        integrate(&self.density, step_hz, &mut self.sums);
         let count = ((self.top_hz() / pitch_hz) as usize).min(MOST_LINES);
         let mut beside = [0.0, 0.0, around(&self.density, &self.sums, step_hz, pitch_hz, pitch_hz)];
         self.powers.clear();
@@ -326,6 +344,11 @@ impl<T: Float> ShapedNoise<T> {
             let weight = weights.get(h - 1).copied().unwrap_or(1.0);
             self.powers.push(weight * known.iter().sum::<f64>() / known.len() as f64);
         }
+    }
+
+    /// Finds the response of minimum phase of the powers of a pitch, which are straight from one harmonic to the next.
+    fn respond(&mut self, pitch_hz: f64) {
+        let step_hz = self.step_hz();
         for (j, smooth) in self.smooth.iter_mut().enumerate() {
             let place = (j as f64 * step_hz / pitch_hz - 1.0).max(0.0);
             let power = |h: usize| self.powers.get(h).or(self.powers.last()).copied().unwrap_or(0.0);
@@ -338,6 +361,19 @@ impl<T: Float> ShapedNoise<T> {
     /// End of the band in Hz.
     fn top_hz(&self) -> f64 {
         self.step_hz() * 2.0 * (self.framing.bins as f64 - 0.5)
+    }
+
+    /// Finds the phases of a wave's lines where it is time to: they hardly change from frame to frame, and are what costs most.
+    fn find_phases(&mut self, w: usize, pitch_hz: f64) {
+        let turn = self.newest.is_some_and(|n| n % PHASES_EVERY == w as u64 * PHASES_EVERY / WAVES as u64);
+        let known = self.waves[w].units_hz;
+        if turn || (pitch_hz - known).abs() > PITCH_CHANGES * known {
+            self.respond(pitch_hz);
+            for h in 1..=self.powers.len() {
+                self.waves[w].units[h - 1] = self.unit_at(h as f64 * pitch_hz);
+            }
+            self.waves[w].units_hz = pitch_hz;
+        }
     }
 
     /// Phase of the response at a frequency.
@@ -360,10 +396,11 @@ impl<T: Float> ShapedNoise<T> {
         let share = |h: usize| wave.shares[h.clamp(1, HARMONICS) - 1];
         self.divide(pitch_hz, &wave.weights);
         let count = self.powers.len();
+        self.find_phases(w, pitch_hz);
         let backwards = signed < 0.0;
         for h in 1..=count {
             let power = share(h) * self.powers[h - 1];
-            let unit = self.unit_at(h as f64 * pitch_hz);
+            let unit = self.waves[w].units[h - 1];
             let unit = if backwards { unit.conj() } else { unit };
             self.waves[w].at[1][h - 1] = unit * wave.turns[h.min(HARMONICS) - 1] * (2.0 * power).sqrt();
         }
@@ -447,7 +484,10 @@ impl<T: Float> ShapedNoise<T> {
         state.keep(&mut self.newest).keep(&mut self.followed).keep(&mut self.end).keep(&mut self.next);
         state.keep(&mut self.way_mm).keep(&mut self.silent);
         for lines in &mut self.waves {
-            state.keep(&mut lines.turns).keep(&mut lines.count);
+            state.keep(&mut lines.turns).keep(&mut lines.count).keep(&mut lines.units_hz);
+            for unit in &mut lines.units {
+                state.keep(&mut unit.re).keep(&mut unit.im);
+            }
             for at in &mut lines.at {
                 for line in at.iter_mut() {
                     state.keep(&mut line.re).keep(&mut line.im);
@@ -467,6 +507,8 @@ impl<T: Float> ShapedNoise<T> {
         let lines = self.waves.iter().all(|lines| {
             let fine = |at: &Vec<Complex<f64>>| at.iter().all(|c| c.re.is_finite() && c.im.is_finite());
             lines.turns.is_finite()
+                && lines.units_hz.is_finite()
+                && fine(&lines.units)
                 && lines.count.iter().all(|n| *n <= MOST_LINES)
                 && lines.at.iter().all(fine)
         });

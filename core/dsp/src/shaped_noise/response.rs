@@ -1,6 +1,5 @@
 //! The response of minimum phase whose magnitudes are given.
 
-use crate::float::unit_circle;
 use crate::{Complex, Float, plans};
 use realfft::{ComplexToReal, RealToComplex};
 use std::sync::Arc;
@@ -73,8 +72,8 @@ impl<T: Float> Designer<T> {
         let level = T::of(most.sqrt());
         for to in &mut self.response {
             let radius = level * to.re.exponential();
-            let (cos, sin) = unit_circle(to.im.f64() * std::f64::consts::FRAC_1_PI * 0.5);
-            *to = Complex::new(radius * T::of(cos), radius * T::of(sin));
+            let (cos, sin) = to.im.cos_sin();
+            *to = Complex::new(radius * cos, radius * sin);
         }
         true
     }

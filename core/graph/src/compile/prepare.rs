@@ -51,6 +51,7 @@ pub(super) fn prepare(
                         name: output.name.to_string(),
                         port: port.clone(),
                         readers,
+                        aside: output.aside,
                     });
                 }
                 None => {
