@@ -337,30 +337,34 @@ fn hand(asked: &Asked) {
         let pair = |f: fn(&Rhythm) -> f64| [&ours, &truth].map(|r| median(r.iter().map(f).collect()));
         let ([m, mt], [l, lt], [k, kt]) = (pair(Rhythm::pulses), pair(|r| r.rms), pair(|r| r.kurtosis));
         let seconds = short.seconds + SETTLES_S;
-        let alone = retrieved(&asked.graph);
-        let levels = each(asked.seeds, |seed| {
-            let (signal, rate) = played(&alone, name, seed, &way, seconds);
-            rhythm(&[signal], rate).rms
+        let alone = retrieved(&asked.graph).map_or(f64::NAN, |alone| {
+            median(each(asked.seeds, |seed| {
+                let (signal, rate) = played(&alone, name, seed, &way, seconds);
+                rhythm(&[signal], rate).rms
+            }))
         });
         println!(
             "| {name} | {:+.1} | {:+.1} | {:+.2} | {k:.1} / {kt:.1} |",
             20.0 * (m / mt).log10(),
             20.0 * (l / lt).log10(),
-            20.0 * (l / median(levels)).log10()
+            20.0 * (l / alone).log10()
         );
     }
 }
 
-/// What phase retrieval alone makes of the same network: the graph before.
-fn retrieved(graph: &str) -> GraphFile {
+/// What phase retrieval alone makes of the same network: the graph before. None of a graph that retrieves phase itself.
+fn retrieved(graph: &str) -> Option<GraphFile> {
     let mut graph = GraphFile::read(graph).unwrap_or_else(|e| panic!("{e}"));
     let phase = graph.nodes.iter_mut().find(|node| node.id == "phase").expect("a node `phase`");
+    if phase.kind != "shaped_noise" {
+        return None;
+    }
     (phase.kind, phase.params) = ("sample_commit".into(), Vec::new());
     graph.wires.retain(|wire| wire.to.node != "phase" || wire.from.port.is_none());
     for set in ["phase.frames=2", "phase.passes=2"] {
         graph.set(set, "bench").unwrap_or_else(|e| panic!("{e}"));
     }
-    graph
+    Some(graph)
 }
 
 /// Envelopes over a second and their modulation over all: before, now, and the physics.
@@ -379,7 +383,8 @@ fn picture(asked: &Asked) -> String {
     };
     let row = |name: &str| {
         let read = GraphFile::read(&asked.graph).unwrap_or_else(|e| panic!("{e}"));
-        let (before, rate) = played(&retrieved(&asked.graph), name, 0, &way, seconds);
+        let alone = retrieved(&asked.graph).expect("a graph of shaped noise");
+        let (before, rate) = played(&alone, name, 0, &way, seconds);
         let (now, _) = played(&read, name, 0, &way, seconds);
         let (axes, truth_rate) = felt(name, 0, &way, seconds);
         let axes = turned(axes, truth_rate, turns_per_s(asked, speed));

@@ -219,13 +219,9 @@ fn the_network_is_as_loud_at_every_rate_where_the_file_says_nothing_of_its_phase
         assert!((0.6..1.6).contains(&ratio), "{ratio:.2} times as loud at {tick_hz} Hz");
     }
     // What the file says is as it says, with a warning where it is too near the end of a window.
-    let retrieving = format!("{network}, phase: sample_commit(frames: 2, passes: 2)");
-    write(
-        dir.path(),
-        &format!("{FRAME}, {retrieving}, {SOUND}"),
-        TILE,
-        &format!("material: \"canvas\", {WALL}, texture: network"),
-    );
+    let text = fs::read_to_string(dir.path().join("s.ron")).unwrap();
+    let phase = "phase: sample_commit(frames: 2, passes: 2),\nsurfaces:";
+    fs::write(dir.path().join("s.ron"), text.replace("surfaces:", phase)).unwrap();
     for (tick_hz, emission, warnings) in [(250, -20, 1), (250, -12, 0), (500, -25, 0), (2000, -40, 1)] {
         let set = format!("phase.emission={emission}");
         let ran = check(dir.path(), &["--set", &format!("tick_hz={tick_hz}"), "--set", &set]).ok();

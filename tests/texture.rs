@@ -168,7 +168,7 @@ fn emission_follows_the_frames_and_where_it_is_said_and_does_not_fit_there_is_a_
             other => panic!("{other:?}"),
         };
         // 40 ms before the end of the half window, or what whole frames make of it.
-        let ms = lag(&circling("texture.ron", &[format!("texture.every={every}")]));
+        let ms = lag(&circling("../tests/data/sample_commit.ron", &[format!("texture.every={every}")]));
         assert!((ms - 10.0).abs() < 0.5, "every {every}: {ms} ms");
     }
 }

@@ -114,7 +114,12 @@ proptest! {
 fn a_graph_that_fails_shrinks_to_a_few_nodes() {
     let plain = subject(None);
     let subject = plain.clone().with(once(&plain, "gain", |_| Err(Fault::Failed(3))));
-    let config = ProptestConfig { cases: 512, failure_persistence: None, ..ProptestConfig::default() };
+    let config = ProptestConfig {
+        cases: 512,
+        max_shrink_iters: 50_000,
+        failure_persistence: None,
+        ..ProptestConfig::default()
+    };
     let rng = TestRng::deterministic_rng(RngAlgorithm::ChaCha);
     let found = TestRunner::new_with_rng(config, rng).run(&choices(), |choices| {
         let stood = by_choices(&subject, &choices).run(&subject);

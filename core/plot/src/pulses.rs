@@ -39,7 +39,8 @@ pub struct Pulses {
 const LEFT: f64 = 64.0;
 const TOP: f64 = 104.0;
 const STRIP: [f64; 2] = [620.0, 56.0];
-const STRIPS: f64 = 10.0;
+/// Room above a strip, for its label.
+const STRIPS: f64 = 18.0;
 const RIGHT: f64 = LEFT + STRIP[0] + 84.0;
 const DEPTHS: f64 = 340.0;
 const BETWEEN: f64 = 72.0;
@@ -66,7 +67,7 @@ impl Pulses {
 
 impl PulsesRow {
     fn height(&self) -> f64 {
-        self.vibrations.len().max(1) as f64 * (STRIP[1] + STRIPS) - STRIPS
+        self.vibrations.len().max(1) as f64 * (STRIP[1] + STRIPS)
     }
 
     fn draw(&self, svg: &mut Svg, top: f64) {
@@ -92,13 +93,13 @@ impl PulsesRow {
         }
         svg.path(&lines, GRID);
         for ((i, vibration), colour) in self.vibrations.iter().enumerate().zip(COLOURS) {
-            let above = top + i as f64 * (STRIP[1] + STRIPS);
+            let above = top + STRIPS + i as f64 * (STRIP[1] + STRIPS);
             let strip = Axis { low: 0.0, high: MOST, pixels: [above + STRIP[1], above] };
             let stroke =
                 format!("stroke=\"{colour}\" stroke-width=\"1.3\" fill=\"none\" stroke-linejoin=\"round\"");
             svg.path(&line(&vibration.envelope, &x, &strip), &stroke);
             svg.path(&line(&vibration.depths, &hz, &y), &stroke);
-            svg.text([LEFT + 6.0, above + 11.0], "start", "wire", &vibration.label);
+            svg.text([LEFT + 2.0, above - 4.0], "start", "wire", &vibration.label);
         }
     }
 }

@@ -7,6 +7,8 @@ use asperity_state::State;
 
 /// Beyond so many bumps a sample they are white noise.
 const MOST_A_SAMPLE: f64 = 4.0;
+/// A way of more bumps than this in a tick is no motion.
+const MOST_SKIPPED: f64 = 1e4;
 /// Bumps come at least as loud as if so many came in a second: a hand that hardly moves meets none, and is not struck by the next.
 const LEAST_HZ: f64 = 4.0;
 
@@ -18,8 +20,7 @@ const LEAST_HZ: f64 = 4.0;
 #[derive(Clone, Debug)]
 pub(super) struct Bumps {
     seed: u64,
-    /// Sample at which the count began.
-    began: u64,
+    /// Bumps that were met.
     count: u64,
     /// Way to the next bump in mm.
     next_mm: f64,
@@ -27,12 +28,30 @@ pub(super) struct Bumps {
 
 impl Bumps {
     pub(super) fn new(seed: u64) -> Self {
-        Self { seed, began: 0, count: 0, next_mm: 0.0 }
+        Self { seed, count: 0, next_mm: 0.0 }
     }
 
-    /// Begins to count at a sample.
-    pub(super) fn reset(&mut self, sample: u64) {
-        (self.began, self.count, self.next_mm) = (sample, 0, 0.0);
+    /// Begins to count anew.
+    pub(super) fn reset(&mut self) {
+        (self.count, self.next_mm) = (0, 0.0);
+    }
+
+    /// One of the normal numbers of the next bump.
+    fn draw(&self, column: u64) -> f64 {
+        normal(self.seed, self.count.wrapping_mul(3).wrapping_add(column))
+    }
+
+    /// Goes over the bumps of a way without a sound.
+    pub(super) fn skip(&mut self, way_mm: f64, events: &Events) {
+        let interval = lognormal(events.interval_cv);
+        if way_mm > MOST_SKIPPED * events.spacing_mm {
+            return;
+        }
+        while self.next_mm < way_mm {
+            self.next_mm += events.spacing_mm * interval(self.draw(1));
+            self.count = self.count.wrapping_add(1);
+        }
+        self.next_mm -= way_mm;
     }
 
     /// The pulses of a way that is gone in so many samples from `start` on, at `rate_hz`.
@@ -63,18 +82,16 @@ impl Bumps {
         let high = a_sample.max(LEAST_HZ / rate_hz).sqrt().recip() / level;
         while self.next_mm < way_mm {
             let at = ((self.next_mm / way_mm * samples) as usize).min(out.len() - 1);
-            let row = self.began.wrapping_mul(3).wrapping_add(self.seed);
-            let draw = |column: u64| normal(row, 3 * self.count + column);
-            let sign = if uniform(row, self.count, 7) < 0.5 { -high } else { high };
-            out[at] += T::of(sign * height(draw(0)));
-            self.next_mm += events.spacing_mm * interval(draw(1));
-            self.count += 1;
+            let sign = if uniform(self.seed, self.count, 7) < 0.5 { -high } else { high };
+            out[at] += T::of(sign * height(self.draw(0)));
+            self.next_mm += events.spacing_mm * interval(self.draw(1));
+            self.count = self.count.wrapping_add(1);
         }
         self.next_mm -= way_mm;
     }
 
     pub(super) fn state(&mut self, state: &mut State<'_>) {
-        state.keep(&mut self.began).keep(&mut self.count).keep(&mut self.next_mm);
+        state.keep(&mut self.count).keep(&mut self.next_mm);
         state.require(self.next_mm >= 0.0 && self.next_mm < 1e9);
     }
 }

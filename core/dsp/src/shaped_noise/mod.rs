@@ -40,6 +40,8 @@ const PHASES_EVERY: u64 = 8;
 const PITCH_CHANGES: f64 = 0.03;
 /// A pitch below this has no lines \[Hz\].
 const LEAST_PITCH_HZ: f64 = 0.5;
+/// No frame or sample has a number as large as this.
+const LAST: u64 = 1 << 48;
 /// Lanes of a sum.
 const LANES: usize = 8;
 
@@ -169,6 +171,7 @@ impl<T: Float> ShapedNoise<T> {
             wave.at.iter_mut().for_each(|at| at.fill(Complex::default()));
         }
         self.place.reset();
+        self.bumps.reset();
         (self.way_mm, self.silent) = (0.0, true);
     }
 
@@ -196,8 +199,8 @@ impl<T: Float> ShapedNoise<T> {
     ///
     /// A magnitude that is NaN, infinite or negative is taken as 0; the number of these is returned.
     pub fn push<P: Float>(&mut self, index: u64, magnitudes: &[P], ratio: f64) -> usize {
-        // Squares of all bins together stay finite.
-        let most = (largest_of::<P, T>() / (64.0 * (self.framing.fft_len + 1) as f64)).sqrt();
+        // Sums over all bins stay finite, and so do sums of squares in double precision.
+        let most = (largest_of::<P, T>() / (64.0 * (self.framing.fft_len + 1) as f64)).min(1e150);
         let bad = take(magnitudes, most, &mut self.came);
         let level = T::of(ratio.clamp(0.1, 1.0).recip());
         self.came.iter_mut().for_each(|m| *m *= level);
@@ -226,6 +229,10 @@ impl<T: Float> ShapedNoise<T> {
         }
         if self.silent {
             out.fill(P::zero());
+            // What the hand goes over in silence is gone over.
+            if let Some(events) = self.pattern.events.filter(|_| place.is_some()) {
+                self.bumps.skip(self.way_mm, &events);
+            }
             self.way_mm = 0.0;
             self.next = None;
             return;
@@ -425,7 +432,6 @@ impl<T: Float> ShapedNoise<T> {
                 *x = sample.map_or(T::zero(), |sample| T::of(normal(self.seed, sample)));
             }
             self.end = n;
-            self.bumps.reset(start);
         }
         if self.end + count > self.excitation.len() {
             self.excitation.copy_within(self.end - n..self.end, 0);
@@ -514,8 +520,8 @@ impl<T: Float> ShapedNoise<T> {
         });
         let fine = (self.next.is_none() || (n..=self.excitation.len()).contains(&self.end))
             && self.way_mm.is_finite()
-            && self.newest.is_none_or(|newest| newest < u64::MAX / 2)
-            && self.next.is_none_or(|next| next < u64::MAX / 2)
+            && self.newest.is_none_or(|newest| newest < LAST)
+            && self.next.is_none_or(|next| next < LAST)
             && finite(&self.magnitudes)
             && finite(&self.taps[0])
             && finite(&self.taps[1])
