@@ -96,6 +96,23 @@ fn a_study_says_what_each_setting_costs_and_is_worth_and_goes_on_where_it_was() 
     assert_eq!(json(&dir.path().join("out/results.json")), results);
 }
 
+#[test]
+fn a_mark_is_held_against_the_part_of_the_physics_that_it_says() {
+    let dir = tempfile::tempdir().expect("a folder");
+    study(dir.path(), "");
+    let path = dir.path().join("study.ron");
+    let text = std::fs::read_to_string(&path).expect("a study");
+    let graph = graphs("heravi2024.ron").canonicalize().expect("the shipped graph");
+    let marks = format!("marks: [(name: \"half\", graph: {graph:?}, strength: 0.5), ");
+    std::fs::write(&path, text.replace("marks: [", &marks)).expect("a study");
+    run(dir.path(), &["tradeoff", "study.ron", "--out", "out", "--no-cases", "-q"]).ok();
+    let results = json(&dir.path().join("out/results.json"));
+    let level = |name: &str| row(&results, name)["figures"]["level"].as_f64().expect("a level");
+    // Far too quiet for all of the physics, and 6 dB less so for half of it.
+    let less = level("paper") - level("half");
+    assert!((less - 6.02).abs() < 0.1, "{less} dB");
+}
+
 /// A second and a half of a line over a surface, with noise of so many m/s^2 for what the tool felt.
 fn recording(dir: &Path, peak: f64) {
     let mut text = String::from("t_s,force_n,x_mm,y_mm,ax_m_s2\n");

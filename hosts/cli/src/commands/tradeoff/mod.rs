@@ -42,6 +42,7 @@ pub fn run(args: &Tradeoff) -> Result<ExitCode, Failure> {
     for mark in &study.marks {
         marks.push(Base {
             name: mark.name.clone(),
+            strength: mark.strength,
             ..base_as_it_is(&mark.graph.path, &args.plugins)
                 .map_err(|e| placed(e, Some(&mark.graph.place)))?
         });
