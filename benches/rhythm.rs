@@ -291,7 +291,11 @@ fn gratings(asked: &Asked) {
             };
             for (seed, (ours, (axes, rate))) in each(asked.seeds, strokes).into_iter().enumerate() {
                 if seed == 0 {
-                    keep(asked, &format!("{name}_{speed}_straight_{}_ours", ours.1), &[ours.0.clone()]);
+                    keep(
+                        asked,
+                        &format!("{name}_{speed}_straight_{}_ours", ours.1),
+                        std::slice::from_ref(&ours.0),
+                    );
                     keep(asked, &format!("{name}_{speed}_straight_{rate}_true"), &axes);
                 }
                 let of = [rhythm(std::slice::from_ref(&ours.0), ours.1), rhythm(&axes, rate)];

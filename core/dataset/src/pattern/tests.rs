@@ -98,7 +98,7 @@ fn pattern_goes_with_the_magnitudes_of_a_network_that_errs() {
         assert!((20.0..400.0).contains(&x.hypot(y)));
         std::array::from_fn(|k| if k < 30 { 0.01 } else { 1.0 })
     };
-    let found =
-        [None, Some(&network as &Network<'_>)].map(|network| find(&[strokes.clone()], network).events);
+    let found = [None, Some(&network as &Network<'_>)]
+        .map(|network| find(std::slice::from_ref(&strokes), network).events);
     assert!(found[0].is_some() && found[0] != found[1], "{found:?}");
 }
