@@ -109,9 +109,13 @@ fn any_graph(forgetful: bool) -> impl Strategy<Value = Made> {
         .prop_map(move |(draws, names, feedback)| made(&draws, &names, feedback, forgetful))
 }
 
+/// Ticks until nothing of a graph begins any more.
+const SETTLES: usize = 80;
+
 fn swap_through(graphs: &[Made], waits: &[usize]) -> Rig {
     let mut rig = Rig::new(&graphs[0].lines);
-    rig.run(40);
+    // Six delays of 20 ms, and a loop behind them: what begins has begun.
+    rig.run(SETTLES + 10);
     let mut bound = 0.0_f32;
     for (pair, wait) in graphs.windows(2).zip(waits) {
         rig.swap(&pair[1].lines);
@@ -120,7 +124,7 @@ fn swap_through(graphs: &[Made], waits: &[usize]) -> Rig {
         bound = bound.max(pair[0].step.max(pair[1].step) + fades);
     }
     rig.run(80);
-    let step = largest_step(&rig.heard[30 * TICK..]);
+    let step = largest_step(&rig.heard[SETTLES * TICK..]);
     let lines = || graphs.iter().map(|g| g.lines.as_str()).collect::<Vec<_>>().join("\nto\n");
     assert!(rig.heard.iter().all(|x| x.is_finite()));
     assert!(step < bound, "a step of {step}, {bound} at most:\n{}", lines());

@@ -14,6 +14,8 @@ pub struct Example {
     pub velocity: [f32; 2 * HISTORY],
     /// Amplitudes in m/s^2 of the next 0.1 s of acceleration at 10, 20, .. 1000 Hz: `2 |sum w x| / sum w`, `w` Hann's window.
     pub magnitudes: [f32; BINS],
+    /// Those of another signal of the same touch, at another place, if there is one: by how much both differ says how random magnitudes are.
+    pub other: Option<[f32; BINS]>,
 }
 
 /// What the magnitudes of examples are.
@@ -30,8 +32,6 @@ pub enum Truth {
 pub struct Expectation {
     /// What the network is given, and the magnitudes of one signal.
     pub example: Example,
-    /// Those of another signal of the same touch, at another place, if there is one.
-    pub other: Option<[f32; BINS]>,
     /// Mean magnitudes over places.
     pub mean: [f32; BINS],
     /// Root mean square magnitudes over places.

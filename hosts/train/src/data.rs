@@ -94,7 +94,8 @@ impl Data {
             sum.update(format!("{known:?}").as_bytes());
             images.train.iter().chain(&images.held).for_each(|image| sum.update(&image.pixels));
             for e in examples.train.iter().chain(&examples.held) {
-                let numbers = e.force.iter().chain(&e.velocity).chain(&e.magnitudes);
+                let numbers =
+                    e.force.iter().chain(&e.velocity).chain(&e.magnitudes).chain(e.other.iter().flatten());
                 numbers.for_each(|x| sum.update(&x.to_le_bytes()));
             }
         }

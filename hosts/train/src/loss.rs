@@ -25,8 +25,8 @@ pub(crate) enum Aim {
     Relative,
 }
 
-/// Magnitude below which a relative error is no longer relative, in m/s^2: about what a fingertip feels at best.
-const FLOOR_M_S2: f32 = 0.02;
+/// Magnitude below which a relative error is no longer relative, in m/s^2: a hundred bins of it are about what a fingertip feels at best.
+const FLOOR_M_S2: f32 = 0.001;
 
 /// Mean over root mean square of a Rayleigh distributed magnitude: sqrt(pi / 4).
 pub(crate) const RAYLEIGH: f32 = 0.886_226_9;
@@ -116,44 +116,47 @@ const POWER_SOFT: f32 = 0.1;
 /// of this: a single hit would outweigh thousands of others by its square.
 const MOST_POWER: f32 = 10.0;
 
-/// Touches by which scatter is learned.
+/// Two signals of each touch, by which it is learned how random magnitudes are.
 pub(crate) struct Scattered {
-    /// Magnitudes whose mean is learned, \[n, 100\].
-    pub mean: Tensor<2>,
-    /// Magnitudes of one frame, or known root mean squares, \[n, 100\].
-    pub magnitudes: Tensor<2>,
+    /// Magnitudes of both, \[n, 100\] each; 0 where there are no two.
+    pub magnitudes: [Tensor<2>; 2],
+    /// Power of both, \[n, 1\] each; 0 where there are no two.
+    pub powers: [Tensor<2>; 2],
     /// One over usual magnitudes of such a touch, \[n, 100\].
     pub weight: Tensor<2>,
-    /// Mean square of a frame's power over its squared mean, where the magnitudes are known root mean
-    /// squares; 1 where they are of one frame; 0 where nothing is felt: \[n, 1\].
-    pub square: Tensor<2>,
 }
 
 impl Scattered {
     /// The loss of ratios and variances, to be added to that of magnitudes `y`, which it takes as they are.
     ///
-    /// A ratio `r` has the loss of a mean `r y`. For the variance, `q` is a frame's power over that of `y`,
-    /// held to at most 10. The excess `x` has `x + q / e^x`, whose least is at the logarithm of the mean of
-    /// `q`. The variance `v` has `ln(1 + v) + p^2 / (1 + v)` with `p = q / e^x`, whose least is at `1 + v`
-    /// equal to the mean of `p^2`. So a bias of `y` does not count as scatter. Below 0 the loss of `v` goes
-    /// on in a straight line.
-    pub(crate) fn loss(self, aim: Aim, answers: Answers) -> Tensor<1> {
-        let felt = self.square.clone().greater_scalar(0.0).float();
-        let y = answers.magnitudes.detach().clamp_min(0.0) * felt.clone();
-        let mean = self.mean * felt.clone();
-        let ratio = Target::Mean.loss(aim, answers.ratio * y.clone(), mean, self.weight.clone());
+    /// Two draws `a` and `b` of one thing have the product `E[a b] = E[a]^2`, whatever is answered for it. So how far `y` is off does not count as scatter.
+    ///
+    /// A ratio `r` has `r^4 s / 2 - r^2 a b` with `s = (a^2 + b^2) / 2`, both over `y^2`; its least is at `r^2` equal to the mean of `a b` over
+    /// that of `s`. A variance `v` has `v^2 p q / 2 - v (p - q)^2 / 2` of two powers over that of `y`, held to at most 10; its least is at the
+    /// variance of the power over its squared mean.
+    pub(crate) fn loss(self, answers: Answers) -> Tensor<1> {
+        let y = answers.magnitudes.detach().clamp_min(0.0);
+        let usual = self.weight.recip();
+        let level = y.clone().powi_scalar(2) + usual.clone().powi_scalar(2) * (POWER_SOFT * POWER_SOFT);
+        let [a, b] = self.magnitudes;
+        let product = a.clone() * b.clone() / level.clone();
+        let square = (a.powi_scalar(2) + b.powi_scalar(2)) / level / 2.0;
+        let squared = answers.ratio.powi_scalar(2);
+        let ratio = squared.clone().powi_scalar(2) * square / 2.0 - squared * product;
 
         let power = |m: Tensor<2>| m.powi_scalar(2).sum_dim(1);
-        let soft = power(self.weight.recip()) * (POWER_SOFT * POWER_SOFT);
-        let q = (power(self.magnitudes) + soft.clone()) / (power(y) + soft);
-        let q = q.clamp_max(MOST_POWER);
-        let excess = answers.excess.clone() + q.clone() / answers.excess.clone().exp();
-        let p = q / answers.excess.detach().exp();
-        let square = p.powi_scalar(2) * self.square;
-        let (above, below) = (answers.variance.clone().clamp_min(0.0) + 1.0, answers.variance.clamp_max(0.0));
-        let variance = above.clone().log() + square.clone() / above + (-square + 1.0) * below;
-        ratio * RATIO_WEIGHT + ((excess + variance) * felt).mean() * VARIANCE_WEIGHT
+        let level = power(y) + power(usual) * (POWER_SOFT * POWER_SOFT);
+        let [p, q] = self.powers.map(|p| (p / level.clone()).clamp_max(MOST_POWER));
+        let apart = (p.clone() - q.clone()).powi_scalar(2) / 2.0;
+        let variance = answers.variance.clone().powi_scalar(2) * p * q / 2.0 - answers.variance * apart;
+        ratio.mean() * RATIO_WEIGHT + variance.mean() * VARIANCE_WEIGHT
     }
+}
+
+/// Two values that have a mean product of `mean^2`, and a mean square of 1.
+pub(crate) fn two_of(mean: f32) -> [f32; 2] {
+    let (sum, difference) = ((0.5 * (1.0 + mean * mean)).sqrt(), (0.5 * (1.0 - mean * mean)).max(0.0).sqrt());
+    [sum + difference, sum - difference]
 }
 
 /// Mean square of a frame's power over its squared mean, where a Gaussian signal has these root mean square
@@ -173,31 +176,38 @@ pub(crate) fn square_of_noise(rms: &[f32; BINS]) -> f32 {
 }
 
 /// What is added to a relative answer before it is divided by: below this part of what such a touch comes to, decibels no longer count.
-const SOFT: f32 = 0.3;
+const SOFT: f32 = 0.2;
 
 /// Upper edges of speed in mm/s and of force in N between which touches count as about the same.
 const SPEEDS_MM_S: [f32; 7] = [5.0, 15.0, 35.0, 70.0, 120.0, 180.0, f32::INFINITY];
 const FORCES_N: [f32; 4] = [0.01, 0.5, 1.2, f32::INFINITY];
-const CELLS: usize = SPEEDS_MM_S.len() * FORCES_N.len();
+/// A touch is steady where the tip was on the surface and its speed changed by at most this over the history: so much in mm/s, and so large a part.
+const STEADY: (f32, f32) = (3.0, 0.03);
+const CELLS: usize = 2 * SPEEDS_MM_S.len() * FORCES_N.len();
 
 /// Part of a material's own level that is added to what a touch comes to: what is all but silent must not count for more than what is felt, or the network
 /// learns silence first and nothing after it.
-const OWN_LEVEL: f32 = 0.15;
+const OWN_LEVEL: f32 = 0.05;
 
-/// Part of the mean over all bins that is added to what a bin comes to: 30 dB below the others a bin is not felt.
-const CELL_LEVEL: f32 = 0.03;
+/// Part of the mean over all bins that is added to what a bin comes to: 40 dB below the others a bin is not felt.
+const CELL_LEVEL: f32 = 0.01;
 
-/// Weights of a material's errors: one over the mean magnitude of its touches of about the same speed and force.
+/// Weights of a material's errors: one over the mean magnitude of its touches of about the same speed and force, steady or not.
 pub(crate) struct Scales {
     cells: Vec<[f32; BINS]>,
 }
 
 fn cell(example: &Example) -> usize {
     let newest = HISTORY - 1;
-    let speed = example.velocity[newest].hypot(example.velocity[HISTORY + newest]);
+    let speed_at = |i: usize| example.velocity[i].hypot(example.velocity[HISTORY + i]);
+    let speed = speed_at(newest);
+    // A smooth surface is silent under a steady hand, and not where the hand turns.
+    let changes = (speed - speed_at(0)).abs() > STEADY.0 + STEADY.1 * speed;
+    let moves = usize::from(changes || example.force.iter().any(|f| *f < FORCES_N[0]));
     let within =
         |edges: &[f32], x: f32| edges.iter().take_while(|edge| x >= **edge).count().min(edges.len() - 1);
-    within(&SPEEDS_MM_S, speed) * FORCES_N.len() + within(&FORCES_N, example.force[newest])
+    let touch = within(&SPEEDS_MM_S, speed) * FORCES_N.len() + within(&FORCES_N, example.force[newest]);
+    2 * touch + moves
 }
 
 impl Scales {
@@ -267,26 +277,27 @@ mod tests {
         }
     }
 
-    /// Derivatives of the loss by one ratio, variance and excess for all frames, where magnitudes of 1 are
-    /// answered.
-    fn slopes(frames: &[[f32; BINS]], square: f32, scatter: [f32; 3]) -> [f32; 3] {
-        let (device, n) = (Device::flex().autodiff(), frames.len());
+    /// Derivatives of the loss by one ratio and one variance for all pairs of frames, where magnitudes of `answer` are answered.
+    fn slopes(pairs: &[[[f32; BINS]; 2]], answer: f32, scatter: [f32; 2]) -> [f32; 2] {
+        let (device, n) = (Device::flex().autodiff(), pairs.len());
         let all = |x: f32, width| Tensor::<2>::full([n, width], x, &device);
-        let magnitudes = TensorData::new(frames.concat(), [n, BINS]);
-        let magnitudes: Tensor<2> = Tensor::from_data(magnitudes, &device);
-        let (mean, weight, square) = (magnitudes.clone(), all(1.0, BINS), all(square, 1));
+        let frames = |which: usize| pairs.iter().map(move |pair| pair[which]);
+        let rows =
+            |x: Vec<f32>, width| -> Tensor<2> { Tensor::from_data(TensorData::new(x, [n, width]), &device) };
+        let magnitudes = [0, 1].map(|which| rows(frames(which).flatten().collect(), BINS));
+        let power = |frame: [f32; BINS]| frame.iter().map(|m| m * m).sum::<f32>();
+        let powers = [0, 1].map(|which| rows(frames(which).map(power).collect(), 1));
         let scatter = scatter.map(|x| Tensor::<2>::full([1, 1], x, &device).require_grad());
-        let [ratio, variance, excess] = scatter.clone().map(|x| x.repeat_dim(0, n));
-        let answers =
-            Answers { magnitudes: all(1.0, BINS), ratio: ratio.repeat_dim(1, BINS), variance, excess };
-        let loss = Scattered { mean, magnitudes, weight, square }.loss(Aim::Relative, answers);
+        let [ratio, variance] = scatter.clone().map(|x| x.repeat_dim(0, n));
+        let answers = Answers { magnitudes: all(answer, BINS), ratio: ratio.repeat_dim(1, BINS), variance };
+        let loss = Scattered { magnitudes, powers, weight: all(1.0, BINS) }.loss(answers);
         let gradients = loss.backward();
         scatter.map(|x| x.grad(&gradients).map_or(0.0, |slope| slope.into_scalar::<f32>()))
     }
 
-    /// Where a slope goes from below 0 to above, within -1 to 3.
+    /// Where a slope goes from below 0 to above, within 0.001 to 3.
     fn least(slope: impl Fn(f32) -> f32) -> f32 {
-        let (mut low, mut high) = (-1.0_f32, 3.0);
+        let (mut low, mut high) = (1e-3_f32, 3.0);
         for _ in 0..20 {
             let middle = 0.5 * (low + high);
             *(if slope(middle) < 0.0 { &mut low } else { &mut high }) = middle;
@@ -294,44 +305,50 @@ mod tests {
         low
     }
 
-    /// Frames of a Rayleigh distribution whose root mean square is 1.
-    fn noise() -> Vec<[f32; BINS]> {
+    /// Pairs of frames of a Rayleigh distribution whose root mean square is 1.
+    fn noise() -> Vec<[[f32; BINS]; 2]> {
         let random = &mut asperity_world::material::Random::new(5);
-        let mut draw = |_| (-(1.0 - random.unit()).ln()).sqrt() as f32;
-        (0..200).map(|_| std::array::from_fn(&mut draw)).collect()
+        let mut draw = || (-(1.0 - random.unit()).ln()).sqrt() as f32;
+        (0..200).map(|_| [0, 1].map(|_| std::array::from_fn(|_| draw()))).collect()
     }
 
     #[test]
-    fn ratio_of_noise_is_0_886_and_of_a_steady_line_1() {
-        for (frames, wanted) in [(noise(), RAYLEIGH), (vec![[1.0; BINS]; 3], 1.0)] {
-            let found = least(|ratio| slopes(&frames, 1.0, [ratio, 0.1, 0.0])[0]);
-            assert!((found - wanted).abs() < 0.005, "{found}, not {wanted}");
+    fn ratio_of_noise_is_0_886_and_of_a_steady_line_1_however_far_off_the_answer_is() {
+        for answer in [0.6, 1.0, 1.7] {
+            for (pairs, wanted) in [(noise(), RAYLEIGH), (vec![[[1.0; BINS]; 2]; 3], 1.0)] {
+                let found = least(|ratio| slopes(&pairs, answer, [ratio, 0.1])[0]);
+                assert!((found - wanted).abs() < 0.005, "{found}, not {wanted}");
+            }
         }
     }
 
     #[test]
-    fn variance_and_excess_are_those_of_the_powers() {
-        // Powers of 0.5 and 1.5 times the level: their variance is 1/4 of the squared mean.
-        for level in [1.0_f32, 2.0] {
-            let frames = [0.5, 1.5].map(|power: f32| [(level * power).sqrt(); BINS]);
-            let excess = least(|x| slopes(&frames, 1.0, [1.0, 0.1, x])[2]);
-            assert!((excess - level.ln()).abs() < 0.02, "{excess} for {level}");
-            let variance = least(|v| slopes(&frames, 1.0, [1.0, v, excess])[1]);
-            assert!((variance - 0.25).abs() < 0.01, "{variance} for {level}");
+    fn variance_is_that_of_the_powers_however_far_off_the_answer_is() {
+        // Powers of 0.5 and 1.5, independent of each other: their variance is 1/4 of the squared mean.
+        let frame = |power: f32| [power.sqrt(); BINS];
+        let pairs: Vec<_> = [[0.5, 0.5], [0.5, 1.5], [1.5, 0.5], [1.5, 1.5]].map(|p| p.map(frame)).into();
+        for answer in [0.7, 1.0, 1.5] {
+            let variance = least(|v| slopes(&pairs, answer, [1.0, v])[1]);
+            assert!((variance - 0.25).abs() < 0.005, "{variance} for {answer}");
         }
-        // A known root mean square brings its own.
-        let variance = least(|v| slopes(&[[1.0; BINS]], 1.3, [1.0, v, 0.0])[1]);
-        assert!((variance - 0.3).abs() < 0.005, "{variance}");
-        let steady = least(|v| slopes(&[[1.0; BINS]], 1.0, [1.0, v, 0.0])[1]);
-        assert!(steady < 0.005, "{steady}");
+        let steady = least(|v| slopes(&[[[1.0; BINS]; 2]], 1.0, [1.0, v])[1]);
+        assert!(steady.abs() < 0.005, "{steady}");
     }
 
     #[test]
     fn loud_frame_counts_as_ten_and_silence_not_at_all() {
-        let slope = |power: f32| slopes(&[[power.sqrt(); BINS]], 1.0, [1.0, 1.0, 0.0])[1];
+        let slope = |power: f32| slopes(&[[[power.sqrt(); BINS], [1.0; BINS]]], 1.0, [1.0, 1.0])[1];
         assert!((slope(1e4) / slope(30.0) - 1.0).abs() < 1e-3, "{} {}", slope(1e4), slope(30.0));
         assert!((1.0..1.3).contains(&(slope(30.0) / slope(9.0))), "{} {}", slope(30.0), slope(9.0));
-        assert_eq!(slopes(&[[0.0; BINS]], 0.0, [0.2, 3.0, 1.0]), [0.0; 3]);
+        assert_eq!(slopes(&[[[0.0; BINS]; 2]], 0.0, [0.2, 3.0]), [0.0; 2]);
+    }
+
+    #[test]
+    fn two_values_have_the_moments_asked_for() {
+        for mean in [0.1, RAYLEIGH, 1.0] {
+            let [a, b] = two_of(mean);
+            assert!((a * b - mean * mean).abs() < 1e-6 && (a * a + b * b - 2.0).abs() < 1e-6, "{a} {b}");
+        }
     }
 
     #[test]
@@ -365,15 +382,19 @@ mod tests {
     #[test]
     fn a_touch_of_nothing_weighs_by_the_floor_and_a_loud_one_by_its_level() {
         let example = |speed: f32, magnitude: f32| {
-            let mut example =
-                Example { force: [1.0; HISTORY], velocity: [0.0; 20], magnitudes: [magnitude; BINS] };
+            let mut example = Example {
+                force: [1.0; HISTORY],
+                velocity: [0.0; 20],
+                magnitudes: [magnitude; BINS],
+                other: None,
+            };
             example.velocity[..HISTORY].fill(speed);
             example
         };
         let scales =
             Scales::of(&[example(100.0, 2.0), example(101.0, 4.0), example(1.0, 0.0)], Aim::Relative);
         let [loud, still] = [example(90.0, 0.0), example(0.0, 0.0)].map(|e| scales.weights(&e)[50]);
-        // 3 of its cell, and 0.03 of that; 0.15 of the material's 2; 0.02
-        assert!((loud - 1.0 / 3.41).abs() < 1e-4 && (still - 1.0 / 0.32).abs() < 1e-3, "{loud} {still}");
+        // 3 of its cell, and 0.01 of that; 0.05 of the material's 2; 0.001
+        assert!((loud - 1.0 / 3.131).abs() < 1e-4 && (still - 1.0 / 0.101).abs() < 1e-2, "{loud} {still}");
     }
 }

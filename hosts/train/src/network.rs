@@ -53,9 +53,6 @@ pub(crate) struct Answers {
     pub ratio: Tensor<2>,
     /// Normalised variance of a frame's power, \[n, 1\].
     pub variance: Tensor<2>,
-    /// Logarithm of the mean power over that of the magnitudes, \[n, 1\]. It corrects the variance in
-    /// training only.
-    pub excess: Tensor<2>,
 }
 
 /// The network's numbers, for export: inputs in N and mm/s.
@@ -88,7 +85,7 @@ impl Network {
         // Magnitudes are small numbers: begin with small answers.
         let magnitudes = Layer::new(width, BINS, 0.02, random, device);
         // Begin with noise of about ten independent bins.
-        let bias = [vec![RAYLEIGH; BINS], vec![0.1, 0.0]].concat();
+        let bias = [vec![RAYLEIGH; BINS], vec![0.1]].concat();
         let (inputs, outputs) = (width, bias.len());
         let weights = Weights { inputs, outputs, weight: vec![0.0; inputs * outputs], bias };
         Self { force, speed, action, predictor, magnitudes, scatter: Layer::of(&weights, device) }
@@ -104,8 +101,7 @@ impl Network {
         Answers {
             magnitudes: self.magnitudes.forward(hidden),
             ratio: scatter.clone().narrow(1, 0, BINS),
-            variance: scatter.clone().narrow(1, BINS, 1),
-            excess: scatter.narrow(1, BINS + 1, 1),
+            variance: scatter.narrow(1, BINS, 1),
         }
     }
 

@@ -171,7 +171,12 @@ fn example(history: &History, texture: &Texture, frames: &Frames) -> Example {
             *sum += weight * p;
         }
     }
-    Example { force: history.force, velocity: history.velocity, magnitudes: power.map(|p| p.sqrt() as f32) }
+    Example {
+        force: history.force,
+        velocity: history.velocity,
+        magnitudes: power.map(|p| p.sqrt() as f32),
+        other: None,
+    }
 }
 
 /// Weight of sample `i` of a history of `n`, oldest first; the weights sum to 1.

@@ -31,8 +31,7 @@ pub fn expectations(
                 let length = envelope.length_mm();
                 let place = [random.range(0.0, length), random.range(0.0, length)];
                 let felt = accelerations(&envelope, surface.contact, drawn, place);
-                let mut here = Vec::new();
-                examples(drawn, &felt, &mut spectrometer, &mut here)?;
+                let here = examples(drawn, &felt, &mut spectrometer)?;
                 if sums.is_empty() {
                     sums.extend(here.into_iter().map(Sum::new));
                 } else {
@@ -47,7 +46,6 @@ pub fn expectations(
 /// Magnitudes of one instant, summed over places.
 struct Sum {
     example: Example,
-    other: Option<[f32; BINS]>,
     count: f64,
     magnitudes: [f64; BINS],
     powers: [f64; BINS],
@@ -60,11 +58,11 @@ impl Sum {
         let m = example.magnitudes.map(f64::from);
         let powers = m.map(|m| m * m);
         let square = powers.iter().sum::<f64>().powi(2);
-        Self { other: None, count: 1.0, magnitudes: m, powers, square, example }
+        Self { count: 1.0, magnitudes: m, powers, square, example }
     }
 
     fn add(&mut self, example: &Example) {
-        self.other = Some(example.magnitudes);
+        self.example.other = Some(example.magnitudes);
         self.count += 1.0;
         self.square += example.magnitudes.iter().map(|m| f64::from(*m).powi(2)).sum::<f64>().powi(2);
         for (k, m) in example.magnitudes.map(f64::from).into_iter().enumerate() {
@@ -82,7 +80,6 @@ impl Sum {
             variance: known.then(|| (variance / (mean * mean)).max(0.0) as f32),
             mean: self.magnitudes.map(|sum| (sum / self.count) as f32),
             rms: self.powers.map(|sum| (sum / self.count).sqrt() as f32),
-            other: self.other,
             example: self.example,
         }
     }
@@ -99,6 +96,7 @@ mod tests {
             force: [1.0; HISTORY],
             velocity: [50.0; 2 * HISTORY],
             magnitudes: [(power / BINS as f32).sqrt(); BINS],
+            other: None,
         };
         let mut sum = Sum::new(example(1.0));
         sum.add(&example(3.0));

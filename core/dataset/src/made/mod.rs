@@ -42,16 +42,16 @@ pub struct Settings {
     pub pieces: [usize; 2],
     /// Images of each piece.
     pub images: usize,
-    /// Strokes over each piece.
+    /// Strokes over each piece, each at two places.
     pub strokes: usize,
     /// Length of a stroke in seconds.
     pub stroke_s: f64,
 }
 
 impl Default for Settings {
-    /// 96 images and 180 s of strokes to train on, 32 images and 60 s to judge by.
+    /// 96 images and 480 s of strokes to train on, 32 images and 160 s to judge by.
     fn default() -> Self {
-        Self { seed: 1, pieces: [12, 4], images: 8, strokes: 3, stroke_s: 5.0 }
+        Self { seed: 1, pieces: [12, 4], images: 8, strokes: 8, stroke_s: 5.0 }
     }
 }
 
@@ -181,7 +181,7 @@ mod tests {
         let (mut one, mut rms, mut mean) = (0.0, 0.0, 0.0);
         for e in &expected {
             let power = |m: &[f32; 100]| m.iter().map(|m| f64::from(m * m)).sum::<f64>();
-            one += power(&e.example.magnitudes) + power(&e.other.unwrap());
+            one += power(&e.example.magnitudes) + power(&e.example.other.unwrap());
             rms += 2.0 * power(&e.rms);
             mean += 2.0 * power(&e.mean);
         }

@@ -12,7 +12,7 @@ use crate::frames::Spectrometer;
 use crate::history::{MAX_FORCE_N, MAX_SPEED_MM_S, RATE_HZ, Recorder, STIFFNESS_N_PER_MM};
 
 /// Ticks of 2 ms between two examples.
-const EVERY: usize = 10;
+const EVERY: usize = 20;
 /// Samples of the simulation a tick.
 const SAMPLES: usize = (SAMPLE_HZ as f64 / RATE_HZ) as usize;
 /// Samples of a frame.
@@ -68,12 +68,16 @@ impl Drawn {
         duration_s: f64,
         random: &mut Random,
     ) -> Result<Self, Diagnostic> {
-        let shape = [Shape::Line, Shape::Zigzag, Shape::Circle][random.below(3)];
-        let fastest = fastest / if shape == Shape::Circle { 1.0 } else { PEAK };
+        // Half of them are circles: a hand that goes on steadily is a case of its own.
+        let shape = [Shape::Line, Shape::Zigzag, Shape::Circle, Shape::Circle][random.below(4)];
+        let steady = shape == Shape::Circle;
+        let fastest = fastest / if steady { 1.0 } else { PEAK };
+        // Of others, which also slow down, most are fast.
+        let part = if steady { random.unit() } else { random.unit().sqrt() };
         let params = StrokeParams {
             shape,
             extent_mm: random.range(20.0, 120.0),
-            mean_speed_mm_s: slowest * (fastest / slowest).powf(random.unit().sqrt()),
+            mean_speed_mm_s: slowest * (fastest / slowest).powf(part),
             force_n: random.range(force_n[0], force_n[1]),
             force_swing: random.range(0.1, SWING),
             force_swing_hz: random.range(0.2, 1.2),
@@ -132,7 +136,7 @@ pub(super) fn along(
     felt
 }
 
-/// An example every 20 ms of a stroke, as long as there are 0.1 s to come.
+/// An example every 40 ms of a stroke, as long as there are 0.1 s to come.
 ///
 /// # Errors
 /// None in practice: the chain's filter has a fixed design.
@@ -140,8 +144,8 @@ pub(super) fn examples(
     drawn: &Drawn,
     felt: &[Vec<f64>; 3],
     spectrometer: &mut Spectrometer,
-    examples: &mut Vec<Example>,
-) -> Result<(), Diagnostic> {
+) -> Result<Vec<Example>, Diagnostic> {
+    let mut examples = Vec::new();
     let mut recorder = Recorder::new().map_err(|e| Diagnostic::new(e.to_string()))?;
     for tick in 0..felt[0].len() / SAMPLES {
         let (place, z) = drawn.at(&drawn.measured, tick as f64 / RATE_HZ);
@@ -150,10 +154,11 @@ pub(super) fn examples(
         let axes = felt.each_ref().map(|axis| axis.get(frame.clone()));
         if let ([Some(a), Some(b), Some(c)], 0) = (axes, tick % EVERY) {
             let magnitudes = spectrometer.magnitudes(&[a, b, c]);
-            examples.push(Example { force: history.force, velocity: history.velocity, magnitudes });
+            let (force, velocity) = (history.force, history.velocity);
+            examples.push(Example { force, velocity, magnitudes, other: None });
         }
     }
-    Ok(())
+    Ok(examples)
 }
 
 /// Strokes over a piece, as many as the settings say.
@@ -172,9 +177,15 @@ pub(super) fn add(
     for _ in 0..settings.strokes {
         let drawn = Drawn::new(settings.stroke_s, random)?;
         let length = piece.length_mm();
-        let place = [random.range(0.0, length), random.range(0.0, length)];
-        let felt = accelerations(&envelope, surface.contact, &drawn, place);
-        examples(&drawn, &felt, &mut spectrometer, all)?;
+        let mut at_a_place = || {
+            let place = [random.range(0.0, length), random.range(0.0, length)];
+            let felt = accelerations(&envelope, surface.contact, &drawn, place);
+            examples(&drawn, &felt, &mut spectrometer)
+        };
+        let (here, there) = (at_a_place()?, at_a_place()?);
+        all.extend(
+            here.into_iter().zip(there).map(|(e, other)| Example { other: Some(other.magnitudes), ..e }),
+        );
     }
     Ok(())
 }

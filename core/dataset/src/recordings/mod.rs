@@ -52,6 +52,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use asperity_source::{Diagnostic, Source};
+use asperity_world::material::WINDOW_S;
 
 use crate::example::{Parts, Subject, Truth};
 use crate::felt::{Felt, force_n};
@@ -192,7 +193,11 @@ fn subject(folder: &Path) -> Result<Subject, Diagnostic> {
             true => f64::NEG_INFINITY,
             false => stroke.duration_s() * 0.8,
         };
-        for timed in made {
+        for mut timed in made {
+            // What is judged by is not trained on.
+            if timed.begin_s() < split_s && timed.end_s() + WINDOW_S > split_s {
+                timed.example.other = None;
+            }
             if timed.end_s() <= split_s {
                 examples.train.push(timed.example);
             } else if timed.begin_s() >= split_s {

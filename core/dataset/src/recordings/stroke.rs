@@ -1,4 +1,5 @@
 use std::f64::consts::PI;
+use std::ops::Range;
 
 use asperity_dsp::filter::{FilterError, Section};
 use asperity_source::Diagnostic;
@@ -162,13 +163,18 @@ impl Stroke {
             if tick < WARM_UP || tick % EVERY != 0 {
                 continue;
             }
-            let axes: Vec<&[f64]> = acceleration.iter().filter_map(|a| a.get(frame.clone())).collect();
+            let mut frame_at = |frame: Range<usize>| {
+                let axes: Option<Vec<&[f64]>> = acceleration.iter().map(|a| a.get(frame.clone())).collect();
+                axes.map(|axes| spectrometer.magnitudes(&axes))
+            };
+            let Some(magnitudes) = frame_at(frame.clone()) else { break };
+            // The frame behind it is another signal of nearly the same touch.
+            let other = frame_at(frame.end..2 * frame.end - frame.start);
             let mut velocity = history.velocity;
             if matches!(self.motion, Motion::Speed(_)) {
                 turn(&mut velocity, examples.len());
             }
-            let magnitudes = spectrometer.magnitudes(&axes);
-            let example = Example { force: history.force, velocity, magnitudes };
+            let example = Example { force: history.force, velocity, magnitudes, other };
             examples.push(Timed { example, at_s: tick as f64 / RATE_HZ });
         }
         Ok(examples)

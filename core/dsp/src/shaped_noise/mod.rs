@@ -19,6 +19,7 @@ mod events;
 mod pattern;
 mod place;
 mod response;
+mod unblurred;
 
 pub use pattern::{Events, HARMONICS, PATTERN_LEN, Pattern, WAVES, Wave};
 
@@ -31,6 +32,7 @@ use events::Bumps;
 use pattern::keep_waves;
 use place::Place;
 use response::Designer;
+use unblurred::Unblurred;
 
 /// Most harmonics of a wave that are played: 8 Hz apart they reach 1000 Hz.
 const MOST_LINES: usize = 128;
@@ -71,6 +73,7 @@ pub struct ShapedNoise<T> {
     /// Sample number behind `end`, once there is any.
     next: Option<u64>,
     waves: [Lines; WAVES],
+    unblurred: Unblurred,
     /// Power of each frequency of the grid, and of all below it.
     density: Vec<f64>,
     sums: Vec<f64>,
@@ -135,6 +138,7 @@ impl<T: Float> ShapedNoise<T> {
             end: 0,
             next: None,
             waves: [lines.clone(), lines],
+            unblurred: Unblurred::new(framing.bins),
             density: vec![0.0; n + 1],
             sums: vec![0.0; n + 1],
             squares: vec![0.0; n + 1],
@@ -304,15 +308,10 @@ impl<T: Float> ShapedNoise<T> {
 
     /// The power density of the newest frame.
     fn spread(&mut self) {
-        let n = self.framing.fft_len;
+        let magnitudes = self.magnitudes.iter().map(|m| m.f64());
         // An amplitude stands for this part of its square as power, and that for a bin's width.
-        let bin_hz = f64::from(self.framing.rate_hz) / n as f64;
-        let per_hz = 1.0 / (3.0 * bin_hz);
-        for (j, density) in self.density.iter_mut().enumerate() {
-            let square = |k: usize| self.magnitudes.get(k).map_or(0.0, |m| m.f64() * m.f64());
-            let power = if j % 2 == 0 { square(j / 2) } else { 0.5 * (square(j / 2) + square(j / 2 + 1)) };
-            *density = power * per_hz;
-        }
+        let bin_hz = f64::from(self.framing.rate_hz) / self.framing.fft_len as f64;
+        self.unblurred.find(magnitudes, 1.0 / (3.0 * bin_hz), &mut self.density);
     }
 
     /// Phases of minimum phase that ridges get from the newest frame, as complex numbers of size 1: of each harmonic of a pitch, from the

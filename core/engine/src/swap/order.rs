@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use asperity_graph::{Schedule, ScheduledNode, Step};
 
 use super::plan::{Place, Point};
-use super::shadow::Shadows;
+use super::shadow::{Shadows, Ways};
 
 /// One step of a tick: a [`Step`] by slot, or a crossfade.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -43,8 +43,10 @@ pub(super) fn order(old: &Schedule, new: &Schedule, points: &[Point], shadows: &
     let slots = n + shadows.running;
     let count = 3 * slots + points.len();
     let mut steps = Steps { points, slots, before: vec![BTreeSet::new(); count], exists: vec![false; count] };
+    let gates = |ways: &Ways| ways.iter().flatten().copied().filter(|&g| g < slots).collect::<Vec<_>>();
+    let new_ways = shadows.new_ways(old, new);
     for (j, node) in new.nodes.iter().enumerate() {
-        steps.node(j, node, Some, |input, from| {
+        steps.node(j, node, &gates(&new_ways[j]), |input, from| {
             let here = |p: &Point| p.node == j && p.place == Place::Input(input);
             points
                 .iter()
@@ -55,7 +57,8 @@ pub(super) fn order(old: &Schedule, new: &Schedule, points: &[Point], shadows: &
     }
     for (k, &i) in shadows.nodes[..shadows.running].iter().enumerate() {
         let slot = |i: usize| shadows.slot(i).filter(|&x| x < slots);
-        steps.node(n + k, &old.nodes[i], slot, |_, (from, _)| process(slot(from).unwrap_or(n + k)));
+        let gates = gates(&shadows.old_ways(old, i));
+        steps.node(n + k, &old.nodes[i], &gates, |_, (from, _)| process(slot(from).unwrap_or(n + k)));
     }
     for (p, point) in points.iter().enumerate() {
         let fade = steps_fade(slots, p);
@@ -93,12 +96,12 @@ impl Steps<'_> {
         2 * self.slots + self.points.len() + slot
     }
 
-    /// The steps of one node. `slot` is where a gate of its guards is, `source` the step that an input waits for.
+    /// The steps of one node. `gates` are slots that say whether it is wanted, `source` is the step that an input waits for.
     fn node(
         &mut self,
         x: usize,
         node: &ScheduledNode,
-        slot: impl Fn(usize) -> Option<usize>,
+        gates: &[usize],
         source: impl Fn(usize, (usize, usize)) -> usize,
     ) {
         let absorb = self.absorb(x);
@@ -118,9 +121,9 @@ impl Steps<'_> {
         if asks {
             self.before[process(x)].insert(wants(x));
         }
-        for gate in node.guards.iter().flatten().filter_map(|&g| slot(g)) {
-            self.before[process(x)].insert(wants(gate));
-            self.before[wants(x)].insert(wants(gate));
+        for gate in gates.iter().filter(|gate| **gate != x) {
+            self.before[process(x)].insert(wants(*gate));
+            self.before[wants(x)].insert(wants(*gate));
         }
     }
 

@@ -4,10 +4,24 @@ use std::collections::BTreeSet;
 
 use asperity_graph::Schedule;
 
-use super::plan::{Fate, Point};
+use super::plan::{Fate, Place, Point};
 
 /// Ways in which a node is wanted: sets of gates; no set at all for a node that always runs.
 pub(super) type Ways = Vec<Vec<usize>>;
+
+/// A node's guards as ways: one that asks for nothing, if it always runs.
+fn as_ways(guards: &Ways) -> Ways {
+    if guards.is_empty() { vec![Vec::new()] } else { guards.clone() }
+}
+
+/// Adds a way, unless another asks for less; those that ask for more are not needed any longer.
+fn add(ways: &mut Ways, way: Vec<usize>) {
+    let within = |a: &[usize], b: &[usize]| a.iter().all(|gate| b.contains(gate));
+    if !ways.iter().any(|known| within(known, &way)) {
+        ways.retain(|known| !within(&way, known));
+        ways.push(way);
+    }
+}
 
 /// Old nodes beside the new ones. Among all slots they come after the new nodes.
 #[derive(Debug)]
@@ -20,6 +34,8 @@ pub(super) struct Shadows {
     slots: Vec<Option<usize>>,
     /// New and old index of kept nodes that old nodes or a crossfade still hear.
     heard: Vec<(usize, usize)>,
+    /// The ways in which new nodes want each old one, by a crossfade: sets of slots. They are not those in which the old graph wants it.
+    faded: Vec<Ways>,
 }
 
 impl Shadows {
@@ -52,7 +68,40 @@ impl Shadows {
         for (k, &i) in nodes.iter().enumerate() {
             slots[i] = Some(new.nodes.len() + k);
         }
-        Self { nodes, running, slots, heard: heard.into_iter().collect() }
+        let mut shadows =
+            Self { nodes, running, slots, heard: heard.into_iter().collect(), faded: Vec::new() };
+        shadows.faded = shadows.faded(old, new, points);
+        shadows
+    }
+
+    /// See the field.
+    fn faded(&self, old: &Schedule, new: &Schedule, points: &[Point]) -> Vec<Ways> {
+        let mut ways: Vec<Ways> = vec![Vec::new(); old.nodes.len()];
+        for point in points {
+            let Some((i, _)) = point.old else { continue };
+            let reader = &new.nodes[point.node];
+            let gated = matches!(point.place, Place::Input(input) if reader.gate == Some(input));
+            for mut way in as_ways(&reader.guards) {
+                if gated && !way.contains(&point.node) {
+                    way.push(point.node);
+                }
+                add(&mut ways[i], way);
+            }
+        }
+        // From the sinks up: who is wanted wants what it reads.
+        for i in (0..ways.len()).rev() {
+            for way in ways[i].clone() {
+                for (input, port) in old.nodes[i].inputs.iter().enumerate() {
+                    let Some((from, _)) = port.from else { continue };
+                    let mut way = way.clone();
+                    if old.nodes[i].gate == Some(input) {
+                        way.extend(self.slot(i).filter(|slot| !way.contains(slot)));
+                    }
+                    add(&mut ways[from], way);
+                }
+            }
+        }
+        ways
     }
 
     /// The slot of an old node, among new nodes and shadows.
@@ -60,10 +109,14 @@ impl Shadows {
         self.slots.get(old).copied().flatten()
     }
 
-    /// The ways in which an old node was wanted, by slot.
+    /// The ways in which an old node is wanted while it fades, by slot: those of the old graph, and those of new nodes that still hear it.
     pub(super) fn old_ways(&self, old: &Schedule, i: usize) -> Ways {
-        let way = |way: &Vec<usize>| way.iter().filter_map(|&g| self.slot(g)).collect();
-        old.nodes[i].guards.iter().map(way).collect()
+        let mut ways: Ways = Vec::new();
+        for way in as_ways(&old.nodes[i].guards) {
+            add(&mut ways, way.iter().filter_map(|&g| self.slot(g)).collect());
+        }
+        self.faded[i].iter().for_each(|way| add(&mut ways, way.clone()));
+        if ways.iter().any(Vec::is_empty) { Vec::new() } else { ways }
     }
 
     /// The ways in which each new node is wanted while old ones still hear it, or something behind it.

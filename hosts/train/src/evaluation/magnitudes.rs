@@ -217,7 +217,7 @@ impl Judge<'_> {
             let nearest = train[near[0].1].magnitudes.map(|m| self.target.of(m, subject.truth));
             errors[1].add(&nearest, truth);
             errors[2].add(&average(&mut near.iter().map(|(_, i)| &train[*i])), truth);
-            if let Some(other) = e.other {
+            if let Some(other) = e.example.other {
                 let both = std::array::from_fn(|k| truth[k].map(|_| decibels(f64::from(other[k]))));
                 errors[3].add(&e.example.magnitudes, &both);
             }
@@ -261,8 +261,12 @@ pub(crate) fn loudest_silence(network: &Network, library: &Library, reach: Reach
         let mut random = Random::new(77);
         let mut touched = network.with(material.vector.as_slice())?;
         for case in 0..20 {
-            let mut nothing =
-                Example { force: [0.0; HISTORY], velocity: [0.0; 2 * HISTORY], magnitudes: [0.0; BINS] };
+            let mut nothing = Example {
+                force: [0.0; HISTORY],
+                velocity: [0.0; 2 * HISTORY],
+                magnitudes: [0.0; BINS],
+                other: None,
+            };
             if case % 2 == 0 {
                 nothing.force = [random.range(0.0, reach.force_n) as f32; HISTORY];
             } else {
@@ -281,15 +285,13 @@ mod tests {
     use super::*;
 
     fn expectation(magnitude: f32) -> Expectation {
-        let example =
-            Example { force: [1.0; HISTORY], velocity: [50.0; 2 * HISTORY], magnitudes: [magnitude; BINS] };
-        Expectation {
+        let example = Example {
+            force: [1.0; HISTORY],
+            velocity: [50.0; 2 * HISTORY],
+            magnitudes: [magnitude; BINS],
             other: Some([2.0 * magnitude; BINS]),
-            mean: [0.9; BINS],
-            rms: [1.0; BINS],
-            variance: Some(0.1),
-            example,
-        }
+        };
+        Expectation { mean: [0.9; BINS], rms: [1.0; BINS], variance: Some(0.1), example }
     }
 
     #[test]

@@ -13,7 +13,7 @@ use super::sight::dropout;
 use crate::descent::{Losses, Progress, Stage};
 use crate::encoder::{FEATURES, Head};
 use crate::failure::Failure;
-use crate::loss::{Aim, Scales, Scattered, Target, square_of_noise};
+use crate::loss::{Aim, RAYLEIGH, Scales, Scattered, Target, square_of_noise, two_of};
 use crate::network::{Network, Scaling};
 
 /// Texture encoder and the network of every tick.
@@ -93,9 +93,10 @@ struct Touches {
     force: Vec<f32>,
     speed: Vec<f32>,
     target: Vec<f32>,
-    mean: Vec<f32>,
     weight: Vec<f32>,
-    square: Vec<f32>,
+    /// Magnitudes and powers of two signals; 0 where there are none.
+    two: [Vec<f32>; 2],
+    powers: [Vec<f32>; 2],
 }
 
 fn rows(numbers: Vec<f32>, width: usize, device: &Device) -> Tensor<2> {
@@ -117,9 +118,9 @@ impl<'a> Felt<'a> {
             force: Vec::with_capacity(count * HISTORY),
             speed: Vec::with_capacity(count * 2 * HISTORY),
             target: Vec::with_capacity(count * BINS),
-            mean: Vec::with_capacity(count * BINS),
-            square: Vec::with_capacity(count),
             weight: Vec::with_capacity(count * BINS),
+            two: [0, 1].map(|_| Vec::with_capacity(count * BINS)),
+            powers: [0, 1].map(|_| Vec::with_capacity(count)),
         };
         let classes: Vec<usize> = (0..groups).map(|_| random.below(self.subjects.len())).collect();
         for number in &classes {
@@ -129,6 +130,12 @@ impl<'a> Felt<'a> {
                 if random.chance(SILENT) {
                     touches.push(&silent(example, random), Truth::Rms, self.settings, scales);
                 } else {
+                    let swapped = example.other.filter(|_| random.chance(0.5)).map(|other| Example {
+                        magnitudes: other,
+                        other: Some(example.magnitudes),
+                        ..example.clone()
+                    });
+                    let example = swapped.as_ref().unwrap_or(example);
                     touches.push(example, subject.truth, self.settings, scales);
                 }
             }
@@ -142,13 +149,14 @@ impl<'a> Felt<'a> {
         let vectors = vectors.unsqueeze_dim::<3>(1).repeat_dim(1, each).reshape([groups * each, VECTOR_LEN]);
         let answers =
             network.forward(rows(t.force, HISTORY, device), rows(t.speed, 2 * HISTORY, device), vectors);
-        let (magnitudes, weight) = (rows(t.target, BINS, device), rows(t.weight, BINS, device));
-        let loss = target.loss(aim, answers.magnitudes.clone(), magnitudes.clone(), weight.clone());
+        let weight = rows(t.weight, BINS, device);
+        let loss = target.loss(aim, answers.magnitudes.clone(), rows(t.target, BINS, device), weight.clone());
         if target == Target::Mean {
             return loss;
         }
-        let (mean, square) = (rows(t.mean, BINS, device), rows(t.square, 1, device));
-        loss + Scattered { mean, magnitudes, weight, square }.loss(aim, answers)
+        let magnitudes = t.two.map(|two| rows(two, BINS, device));
+        let powers = t.powers.map(|powers| rows(powers, 1, device));
+        loss + Scattered { magnitudes, powers, weight }.loss(answers)
     }
 }
 
@@ -232,19 +240,29 @@ impl Touches {
         self.force.extend(example.force.map(|f| scale * (f - offset)));
         self.speed.extend(example.velocity.map(|v| speed * v));
         self.target.extend(example.magnitudes.map(|m| target.of(m, truth)));
-        self.mean.extend(example.magnitudes.map(|m| Target::Mean.of(m, truth)));
-        let noise = square_of_noise(&example.magnitudes);
-        self.square.push(match truth {
-            Truth::Draws if noise > 0.0 => 1.0,
-            _ => noise,
-        });
+        let power = |m: &[f32; BINS]| m.iter().map(|m| m * m).sum::<f32>();
+        let (two, powers) = match (truth, example.other) {
+            (Truth::Draws, Some(other)) => {
+                ([example.magnitudes, other], [power(&example.magnitudes), power(&other)])
+            }
+            (Truth::Draws, None) => ([[0.0; BINS]; 2], [0.0; 2]),
+            (Truth::Rms, _) => {
+                let rms = &example.magnitudes;
+                // Where nothing is felt, both are 0.
+                let spread = square_of_noise(rms).max(1.0).sqrt();
+                let two = two_of(RAYLEIGH).map(|one| rms.map(|m| m * one));
+                (two, two_of(spread.recip()).map(|one| power(rms) * one))
+            }
+        };
+        self.two.iter_mut().zip(two).for_each(|(all, two)| all.extend(two));
+        self.powers.iter_mut().zip(powers).for_each(|(all, power)| all.push(power));
         self.weight.extend_from_slice(scales.weights(example));
     }
 }
 
 /// A touch like another but without force or without speed: nothing is felt.
 fn silent(example: &Example, random: &mut Random) -> Example {
-    let mut silent = Example { magnitudes: [0.0; BINS], ..example.clone() };
+    let mut silent = Example { magnitudes: [0.0; BINS], other: None, ..example.clone() };
     if random.chance(0.5) {
         silent.force = [0.0; HISTORY]
     } else {

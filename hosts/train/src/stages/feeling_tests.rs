@@ -45,6 +45,7 @@ fn without_a_weight_on_names_the_loss_is_of_vibration_alone() {
         force: [1.0; HISTORY],
         velocity: [50.0; 2 * HISTORY],
         magnitudes: std::array::from_fn(|bin| 1.0 + (bin % 5) as f32),
+        other: None,
     };
     let subject = |name: &str| Subject {
         name: name.into(),
