@@ -129,7 +129,7 @@ fn a_stylus_goes_on_while_its_graph_changes() -> Result<(), String> {
 
     let tracker = Tracker::to(old);
     // Gain and material change within one stroke, which goes on.
-    let text = osc_graph(old).replace("(gain: 0.25)", "(gain: 0.2)").replace("canvas", "sandpaper P40");
+    let text = osc_graph(old).replace("(gain: 0.2)", "(gain: 0.15)").replace("canvas", "sandpaper P40");
     let going = Arc::new(AtomicBool::new(true));
     let on = going.clone();
     let sender = std::thread::spawn(move || {

@@ -23,7 +23,7 @@ fn main() {
         "    network: (model: \"../models/surfaces/texture.onnx\", library: \"../models/surfaces/materials.ron\", \
          synthesis_hz: 2500, precision: int8),"
     );
-    println!("    gain: 0.25,\n    actuator: (profile: \"hapcoil_one\", handle_mass_g: 100.0),");
+    println!("    gain: 0.2,\n    actuator: (profile: \"hapcoil_one\", handle_mass_g: 100.0),");
     println!("    output: audio_out(volts_at_full_scale: 1.0, amps_per_volt: 1.0),\n    surfaces: {{");
     for row in 0..25_usize {
         for column in 0..40_usize {

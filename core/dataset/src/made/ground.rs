@@ -20,6 +20,9 @@ pub fn surface(name: &str) -> Result<MadeSurface, Diagnostic> {
     }
 }
 
+/// Most points along an edge of a piece.
+const MOST_POINTS: usize = 8192;
+
 /// A piece of a made surface, as the pen of the [simulation](asperity_world::stylus) meets it: a square of 20.48 mm that repeats.
 ///
 /// Making one takes 0.3 to 0.9 s, a stroke over it 7 to 10 ms for each of its seconds: of thirteen surfaces and 8 s, in a build for tests, on a virtual AMD EPYC core of two that were shared with
@@ -34,7 +37,17 @@ pub struct Ground {
 impl Ground {
     /// A piece of a surface; another seed is another piece, as [`MadeSurface::patch`] says, and none that was trained on but by the odds of 64 bits.
     pub fn new(surface: &MadeSurface, seed: u64) -> Self {
-        let piece = surface.patch(GRID, Random::new(seed ^ 0x6e0d_91ec_e000).bits());
+        Self::wide(surface, seed, 0.0)
+    }
+
+    /// The same of a piece that is at least so many millimetres long and wide. A piece repeats after its length: a straight stroke should not meet the repeat while repetition is
+    /// looked for. A piece of 82 mm takes some seconds.
+    pub fn wide(surface: &MadeSurface, seed: u64, least_mm: f64) -> Self {
+        let (mut points, step_mm) = GRID;
+        while points as f64 * step_mm < least_mm && points < MOST_POINTS {
+            points *= 2;
+        }
+        let piece = surface.patch((points, step_mm), Random::new(seed ^ 0x6e0d_91ec_e000).bits());
         Self { envelope: Tool::PEN.track(&piece, &surface.contact), contact: surface.contact }
     }
 

@@ -36,6 +36,8 @@ const PITCHES: f64 = 10.0;
 const MANY_PITCHES: f64 = 60.0;
 /// Part of a wave's power in every second, third or so harmonic from which on these are the wave.
 const MULTIPLES: f64 = 0.8;
+/// Largest weight of a harmonic.
+const MOST_WEIGHT: f64 = 10.0;
 /// Seconds of strokes by which a wave vector is made more exact.
 const REFINED_S: f64 = 20.0;
 
@@ -476,23 +478,33 @@ fn origin(lines: &[Complex64]) -> f64 {
     pairs.sum::<Complex64>().arg()
 }
 
-/// Power around each harmonic over the mean of that and of the power around the harmonics beside it.
-fn weights<'a>(segments: impl Iterator<Item = &'a Segment> + Clone) -> [f64; HARMONICS] {
-    std::array::from_fn(|h| {
-        let (mut power, mut mean) = (0.0, 0.0);
-        for around in segments.clone().map(|s| &s.around).filter(|around| around.len() > h + 1) {
-            let beside = &around[h.saturating_sub(1)..h + 2];
-            power += around[h];
-            mean += beside.iter().sum::<f64>() / beside.len() as f64;
+/// Power around each harmonic over what the kernel makes of the passage's magnitudes without weights; of each segment both are parts of all its harmonics.
+fn weights(found: &[(&Passage, Vec<Segment>)]) -> [f64; HARMONICS] {
+    let (mut power, mut plain) = ([0.0; HARMONICS], [0.0; HARMONICS]);
+    let Some(mut kernel) = kernel(0) else { return [1.0; HARMONICS] };
+    for (passage, segments) in found {
+        kernel.push(0, &passage.magnitudes, 1.0);
+        for s in segments {
+            let mut without = vec![0.0; s.around.len()];
+            kernel.ridge_powers(s.pitch_hz, &mut without);
+            let add = |to: &mut [f64; HARMONICS], powers: &[f64]| {
+                let all = powers.iter().sum::<f64>().max(1e-30);
+                to.iter_mut().zip(powers).for_each(|(to, power)| *to += power / all);
+            };
+            add(&mut power, &s.around);
+            add(&mut plain, &without);
         }
-        if mean > 0.0 { (power / mean * 1e3).round() / 1e3 } else { 1.0 }
+    }
+    std::array::from_fn(|h| {
+        let weight = if plain[h] > 0.0 { power[h] / plain[h] } else { 1.0 };
+        (weight.min(MOST_WEIGHT) * 1e3).round() / 1e3
     })
 }
 
 fn wave(pieces: &[(&Vec<Passage>, [f64; 2])]) -> (Wave, f64) {
     let passages = pieces.iter().flat_map(|(passages, k)| passages.iter().map(|p| (p, *k)));
     let mut found: Vec<(&Passage, Vec<Segment>)> = passages.map(|(p, k)| (p, segments(p, k))).collect();
-    let weights = weights(found.iter().flat_map(|(_, segments)| segments));
+    let weights = weights(&found);
     found.iter_mut().for_each(|(passage, segments)| without_response(segments, passage, &weights));
     let all: Vec<Segment> = found.into_iter().flat_map(|(_, segments)| segments).collect();
     let lines = template(&all);

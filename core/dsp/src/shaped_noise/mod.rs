@@ -334,12 +334,24 @@ impl<T: Float> ShapedNoise<T> {
         0.5 * f64::from(self.framing.rate_hz) / self.framing.fft_len as f64
     }
 
+    /// Powers of the harmonics of a pitch, from the fundamental on, that ridges get from the newest frame if all weights are 1.
+    pub fn ridge_powers(&mut self, pitch_hz: f64, powers: &mut [f64]) {
+        powers.fill(0.0);
+        if pitch_hz >= LEAST_PITCH_HZ {
+            self.spread();
+            integrate(&self.density, self.step_hz(), &mut self.sums);
+            self.divide(pitch_hz, &[1.0; HARMONICS]);
+            powers.iter_mut().zip(&self.powers).for_each(|(to, power)| *to = *power);
+        }
+    }
+
     /// Divides the frame's power, whose integral is in `sums`, among the harmonics of a pitch: each gets its weight of the mean of what is around it and the
-    /// harmonics beside it.
+    /// harmonics beside it, and all together what is around all of them.
     fn divide(&mut self, pitch_hz: f64, weights: &[f64; HARMONICS]) {
         let step_hz = self.step_hz();
         let count = ((self.top_hz() / pitch_hz) as usize).min(MOST_LINES);
         let mut beside = [0.0, 0.0, around(&self.density, &self.sums, step_hz, pitch_hz, pitch_hz)];
+        let (mut given, mut all) = (0.0, 0.0);
         self.powers.clear();
         for h in 1..=count {
             let next = (h + 1) as f64 * pitch_hz;
@@ -348,7 +360,12 @@ impl<T: Float> ShapedNoise<T> {
             let known = if h > 1 { &beside[..] } else { &beside[1..] };
             let known = if h < count { known } else { &known[..known.len() - 1] };
             let weight = weights.get(h - 1).copied().unwrap_or(1.0);
-            self.powers.push(weight * known.iter().sum::<f64>() / known.len() as f64);
+            let power = weight * known.iter().sum::<f64>() / known.len() as f64;
+            self.powers.push(power);
+            (given, all) = (given + power, all + beside[1]);
+        }
+        if given > 0.0 {
+            self.powers.iter_mut().for_each(|power| *power *= all / given);
         }
     }
 

@@ -13,7 +13,7 @@ use super::sight::dropout;
 use crate::descent::{Losses, Progress, Stage};
 use crate::encoder::{FEATURES, Head};
 use crate::failure::Failure;
-use crate::loss::{Aim, RAYLEIGH, Scales, Scattered, Target, square_of_noise, two_of};
+use crate::loss::{Aim, RAYLEIGH, Scales, Scattered, Target, foreseen, square_of_noise, two_of};
 use crate::network::{Network, Scaling};
 
 /// Texture encoder and the network of every tick.
@@ -150,7 +150,11 @@ impl<'a> Felt<'a> {
         let answers =
             network.forward(rows(t.force, HISTORY, device), rows(t.speed, 2 * HISTORY, device), vectors);
         let weight = rows(t.weight, BINS, device);
-        let loss = target.loss(aim, answers.magnitudes.clone(), rows(t.target, BINS, device), weight.clone());
+        let mut magnitudes = rows(t.target, BINS, device);
+        if aim == Aim::Relative {
+            magnitudes = foreseen(magnitudes, &answers.magnitudes, &weight);
+        }
+        let loss = target.loss(aim, answers.magnitudes.clone(), magnitudes, weight.clone());
         if target == Target::Mean {
             return loss;
         }

@@ -31,7 +31,8 @@ pub struct Wave {
 /// A harmonic of a wave.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Harmonic {
-    /// Power around its frequency over the mean of that and of the power around the harmonics beside it, 0 to 3. Narrow ridges leave some harmonics out.
+    /// Power around its frequency over the mean of what the network answers there and around the harmonics beside it, 0 to 10. Narrow ridges leave some harmonics out, and
+    /// a network blurs them.
     pub weight: f64,
     /// Part of the power around its frequency that repeats with place, 0 to 1.
     pub share: f64,
@@ -116,7 +117,7 @@ fn wave(value: &Value) -> Result<Wave, Diagnostic> {
     let harmonic = |value: &Value| {
         let [weight, share, phase] = numbers(value)?;
         Ok(Harmonic {
-            weight: weight.f64_in(0.0..=3.0, "")?,
+            weight: weight.f64_in(0.0..=10.0, "")?,
             share: share.f64_in(0.0..=1.0, "")?,
             phase: phase.f64_in(-100.0..=100.0, "rad")?,
         })
