@@ -110,8 +110,8 @@ const FORESEEN_SOFT: f32 = 0.03;
 
 /// Magnitudes, each as if its power were at most 10 times that of the answer.
 ///
-/// A turn of the hand within the next 0.1 s, which the last 20 ms do not tell, is a thousand times as strong as what a steady hand feels of glass. One such touch in ten would be all
-/// of the mean power. Of noise one magnitude in 20 000 has more than 10 times the mean power, so its answer is the same.
+/// A turn of the hand within the next 0.1 s, which the last 20 ms do not tell, is a thousand times as strong as what a steady hand feels of glass. One such touch in twenty would be nearly
+/// all of the mean power. Where one in ten is such, the limit no longer holds. Of noise one magnitude in 20 000 has more than 10 times the mean power, so its answer is the same.
 pub(crate) fn foreseen(magnitudes: Tensor<2>, answer: &Tensor<2>, weight: &Tensor<2>) -> Tensor<2> {
     let level = answer.clone().detach().clamp_min(0.0) + weight.clone().recip() * FORESEEN_SOFT;
     magnitudes.min_pair(level * MOST_POWER.sqrt())

@@ -132,7 +132,7 @@ pub fn subjects(
 mod tests {
     use super::*;
 
-    const SMALL: Settings = Settings { seed: 3, pieces: [1, 1], images: 1, strokes: 1, stroke_s: 2.0 };
+    const SMALL: Settings = Settings { seed: 3, pieces: [1, 1], images: 1, strokes: 1, stroke_s: 4.0 };
 
     #[test]
     fn a_surface_is_the_same_by_the_same_settings_and_its_parts_share_nothing() {
@@ -175,7 +175,7 @@ mod tests {
     #[test]
     fn expectations_are_what_draws_come_to() {
         let surface = &made_surfaces()[4];
-        let strokes = [Drawn::new(1.5, &mut Random::new(9)).unwrap()];
+        let strokes = [Drawn::new(3.0, &mut Random::new(9)).unwrap()];
         let expected = expectations(surface, &SMALL, &strokes, 24).unwrap();
         assert!(expected.len() > 60);
         let (mut one, mut rms, mut mean) = (0.0, 0.0, 0.0);

@@ -487,8 +487,11 @@ fn weights(found: &[(&Passage, Vec<Segment>)]) -> [f64; HARMONICS] {
         for s in segments {
             let mut without = vec![0.0; s.around.len()];
             kernel.ridge_powers(s.pitch_hz, &mut without);
+            if [&without, &s.around].iter().any(|powers| powers.iter().sum::<f64>() <= 0.0) {
+                continue;
+            }
             let add = |to: &mut [f64; HARMONICS], powers: &[f64]| {
-                let all = powers.iter().sum::<f64>().max(1e-30);
+                let all = powers.iter().sum::<f64>();
                 to.iter_mut().zip(powers).for_each(|(to, power)| *to += power / all);
             };
             add(&mut power, &s.around);

@@ -68,7 +68,7 @@ impl Pattern {
             };
             (per_mm[0].hypot(per_mm[1]) >= 1e-3).then(|| Wave {
                 per_mm,
-                weights: std::array::from_fn(|h| number(from + 2 + 3 * h, 3.0).max(0.0)),
+                weights: std::array::from_fn(|h| number(from + 2 + 3 * h, 10.0).max(0.0)),
                 shares: std::array::from_fn(|h| number(from + 3 + 3 * h, 1.0).max(0.0)),
                 turns: std::array::from_fn(phase),
             })

@@ -31,7 +31,7 @@ impl Unblurred {
     /// The density in units of `scale`, in which a flat spectrum has the square of its magnitudes. What is beyond bins is 0.
     pub(super) fn find(&mut self, magnitudes: impl Iterator<Item = f64>, scale: f64, density: &mut [f64]) {
         let bins = self.wanted.len();
-        // Slopes are straight in decibels. There is no bin beyond the last; the first is often left out.
+        // Slopes are straight in decibels.
         let mut below = None;
         for (k, magnitude) in magnitudes.take(bins).enumerate() {
             self.wanted[k] = magnitude * magnitude;
@@ -41,6 +41,7 @@ impl Unblurred {
             below = Some(magnitude);
         }
         self.at[END..END + bins].copy_from_slice(&self.wanted);
+        // Bin 0 is often 0, and there is no bin beyond the last: beside them it is a mean of powers.
         if let [first, second, ..] = self.wanted[..] {
             self.above[END] = 0.5 * (first + second);
         }
@@ -58,9 +59,7 @@ impl Unblurred {
     fn step(&mut self) {
         let bins = self.wanted.len();
         // Below 0 Hz there is what is above.
-        if bins > END {
-            (self.at[1], self.above[1], self.above[0]) = (self.at[3], self.above[2], self.above[3]);
-        }
+        (self.at[1], self.above[1], self.above[0]) = (self.at[3], self.above[2], self.above[3]);
         let at = self.at.windows(3).skip(1).map(|at| at[1] + BESIDE[1] * (at[0] + at[2]));
         let above = self.above.windows(4);
         let above = above.map(|a| BESIDE[0] * (a[1] + a[2]) + BESIDE[2] * (a[0] + a[3]));

@@ -39,11 +39,24 @@ struct Steps<'a> {
 /// There is such an order: old and new nodes meet in kept ones only, and no kept node is both behind a crossfade and
 /// before one.
 pub(super) fn order(old: &Schedule, new: &Schedule, points: &[Point], shadows: &Shadows) -> Vec<Run> {
+    // Should gates wait for each other, nobody waits for them: their answers are those of the tick before.
+    [true, false].into_iter().find_map(|waits| sorted(old, new, points, shadows, waits)).unwrap_or_default()
+}
+
+/// The same; `None` where steps wait for each other. `waits` is whether nodes wait for the gates that say whether they are wanted.
+fn sorted(
+    old: &Schedule,
+    new: &Schedule,
+    points: &[Point],
+    shadows: &Shadows,
+    waits: bool,
+) -> Option<Vec<Run>> {
     let n = new.nodes.len();
     let slots = n + shadows.running;
     let count = 3 * slots + points.len();
     let mut steps = Steps { points, slots, before: vec![BTreeSet::new(); count], exists: vec![false; count] };
-    let gates = |ways: &Ways| ways.iter().flatten().copied().filter(|&g| g < slots).collect::<Vec<_>>();
+    let gates =
+        |ways: &Ways| ways.iter().flatten().copied().filter(|&g| waits && g < slots).collect::<Vec<_>>();
     let new_ways = shadows.new_ways(old, new);
     for (j, node) in new.nodes.iter().enumerate() {
         steps.node(j, node, &gates(&new_ways[j]), |input, from| {
@@ -137,7 +150,7 @@ impl Steps<'_> {
         }
     }
 
-    fn sort(&self) -> Vec<Run> {
+    fn sort(&self) -> Option<Vec<Run>> {
         let all = || (0..self.exists.len()).filter(|&s| self.exists[s]);
         let mut missing: Vec<usize> =
             self.before.iter().map(|b| b.iter().filter(|&&s| self.exists[s]).count()).collect();
@@ -158,7 +171,6 @@ impl Steps<'_> {
                 }
             }
         }
-        debug_assert_eq!(out.len(), all().count(), "steps that wait for each other");
-        out
+        (out.len() == all().count()).then_some(out)
     }
 }

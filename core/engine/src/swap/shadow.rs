@@ -9,6 +9,9 @@ use super::plan::{Fate, Place, Point};
 /// Ways in which a node is wanted: sets of gates; no set at all for a node that always runs.
 pub(super) type Ways = Vec<Vec<usize>>;
 
+/// A node with more ways than this always runs while it fades.
+const MOST_WAYS: usize = 64;
+
 /// A node's guards as ways: one that asks for nothing, if it always runs.
 fn as_ways(guards: &Ways) -> Ways {
     if guards.is_empty() { vec![Vec::new()] } else { guards.clone() }
@@ -20,6 +23,9 @@ fn add(ways: &mut Ways, way: Vec<usize>) {
     if !ways.iter().any(|known| within(known, &way)) {
         ways.retain(|known| !within(&way, known));
         ways.push(way);
+    }
+    if ways.len() > MOST_WAYS {
+        *ways = vec![Vec::new()];
     }
 }
 
@@ -129,7 +135,9 @@ impl Shadows {
         }
         // From the sinks up: who is wanted wants what it reads.
         for j in (0..ways.len()).rev() {
-            for way in std::mem::take(&mut more[j]) {
+            let mut wanted = Ways::new();
+            std::mem::take(&mut more[j]).into_iter().for_each(|way| add(&mut wanted, way));
+            for way in wanted {
                 let known = |known: &Vec<usize>| known.iter().all(|gate| way.contains(gate));
                 if ways[j].is_empty() || ways[j].iter().any(known) {
                     continue;
@@ -142,7 +150,7 @@ impl Shadows {
                     }
                     more[from].push(way);
                 }
-                ways[j].push(way);
+                add(&mut ways[j], way);
             }
             if ways[j].iter().any(Vec::is_empty) {
                 ways[j].clear();

@@ -135,7 +135,7 @@ fn target_of(example: &Example, truth: Truth) -> Expectation {
     // What one frame is like says nothing of how others are.
     let square = (truth == Truth::Rms).then(|| square_of_noise(&rms)).filter(|square| *square > 0.0);
     let variance = square.map(|square| square - 1.0);
-    Expectation { mean, rms, variance, example: example.clone() }
+    Expectation { mean, rms, variance, example: Example { other: None, ..example.clone() } }
 }
 
 /// Judges a model by data it was not trained on.
