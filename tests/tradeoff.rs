@@ -18,7 +18,7 @@ fn study(dir: &Path, grids: &str) {
             marks: [(name: "paper", graph: {paper:?})],
             strokes: [(name: "circle", shape: circle, speed_mm_s: 80.0, seconds: 1.5, approach_s: 0.1)],
             materials: ["canvas"],
-            strength: 0.35,
+            strength: 0.2,
             steps: 10,
             grids: [{grids}],
             times: (turns: 2, turn_ms: 40, batch: 3),

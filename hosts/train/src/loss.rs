@@ -282,7 +282,7 @@ mod tests {
                 // no step at 0, and down towards what is right on both sides
                 let near = [-2e-3, -1e-3, 1e-3, 2e-3].map(|y| loss(target, aim, y));
                 assert!(
-                    near.is_sorted_by(|a, b| a > b) && near[1] - near[2] < 0.5,
+                    near.is_sorted_by(|a, b| a > b) && near[1] - near[2] < 1.5,
                     "{target:?} {aim:?} {near:?}"
                 );
             }
@@ -351,7 +351,7 @@ mod tests {
     fn loud_frame_counts_as_ten_and_silence_not_at_all() {
         let slope = |power: f32| slopes(&[[[power.sqrt(); BINS], [1.0; BINS]]], 1.0, [1.0, 1.0])[1];
         assert!((slope(1e4) / slope(30.0) - 1.0).abs() < 1e-3, "{} {}", slope(1e4), slope(30.0));
-        assert!((1.0..1.3).contains(&(slope(30.0) / slope(9.0))), "{} {}", slope(30.0), slope(9.0));
+        assert!((1.0..1.5).contains(&(slope(30.0) / slope(9.0))), "{} {}", slope(30.0), slope(9.0));
         assert_eq!(slopes(&[[[0.0; BINS]; 2]], 0.0, [0.2, 3.0]), [0.0; 2]);
     }
 

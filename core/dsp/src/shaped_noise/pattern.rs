@@ -119,12 +119,12 @@ mod tests {
         assert_eq!(Pattern::read(&[f64::NAN; PATTERN_LEN]), Pattern::default());
         assert_eq!(Pattern::read(&[-1.0; 3]), Pattern::default());
         let mut numbers = [0.0; PATTERN_LEN];
-        (numbers[0], numbers[1], numbers[3], numbers[5], numbers[6]) = (0.5, 99.0, 0.4, 9.0, 2.0);
+        (numbers[0], numbers[1], numbers[3], numbers[5], numbers[6]) = (0.5, 99.0, 0.4, 19.0, 2.0);
         let pattern = Pattern::read(&numbers);
         assert_eq!(pattern.events, Some(Events { spacing_mm: 0.5, interval_cv: 4.0, height_cv: 0.0 }));
         assert_eq!(
             pattern.waves[0].map(|w| (w.per_mm, w.weights[0], w.shares[0])),
-            Some(([0.4, 0.0], 3.0, 1.0))
+            Some(([0.4, 0.0], 10.0, 1.0))
         );
         assert_eq!(pattern.waves[1], None);
     }
