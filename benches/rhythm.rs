@@ -206,7 +206,8 @@ fn turned(mut axes: Vec<Vec<f64>>, rate: f64, turns_per_s: f64) -> Vec<Vec<f64>>
     axes
 }
 
-/// A straight stroke at constant speed and force, in a direction of the seed's. None runs along the sides of a piece.
+/// A straight stroke at constant speed and force, in a direction of the seed's. None runs along the sides of
+/// a piece.
 fn line(asked: &Asked, speed_mm_s: f64, seed: u64) -> Path3 {
     let depth_mm = -MM_PER_N * asked.force_n;
     let degrees = DIRECTIONS_DEG[seed as usize % DIRECTIONS_DEG.len()];
@@ -228,7 +229,8 @@ fn steady(asked: &Asked) {
     };
     println!("\n## {shape}, constant speed, {} N\n", asked.force_n);
     println!(
-        "Each cell: rendered / true; * where modulation is off by more than 25 % and not below {STEADY} in both, repetition by more than 0.1, kurtosis by more than 15 %.\n"
+        "Each cell: rendered / true. * is off: modulation by more than 25 % (not where both are below {STEADY}), \
+         repetition by more than 0.1, kurtosis by more than 15 %.\n"
     );
     println!(
         "| material | speed mm/s | modulation 15-25 Hz | repetition | kurtosis | deviation of level dB | holds |"
@@ -250,7 +252,7 @@ fn steady(asked: &Asked) {
             let [r, rt] = pair(Rhythm::repetition);
             let [k, kt] = pair(|r| r.kurtosis);
             let [d, dt] = pair(|r| r.level_deviation_db);
-            // Of what is steady, it counts that it is.
+            // A steady line is steady, however small its depth is.
             let steady = m.max(mt) < STEADY;
             let off =
                 [!steady && (m / mt - 1.0).abs() > 0.25, (r - rt).abs() > 0.1, (k / kt - 1.0).abs() > 0.15];

@@ -241,17 +241,18 @@ fn what_a_new_gate_would_silence_is_heard_until_it_has_faded() {
 }
 
 #[test]
-fn an_old_tone_is_heard_by_the_new_gate_until_it_has_faded_though_the_old_gate_closes() {
+fn an_old_tone_fades_under_a_new_gate_though_the_old_one_closes() {
     let gated = |hz: &str, level: &str, speed: &str| {
         format!(
-            "n0: tone(hz: {hz}, level: {level})\nv: level(value: {speed})\nu: gain(unit: \"mm/s\")\nv -> u\nu -> g.speed\n\
-             g: speed_gate\nn0.out -> g.in\n"
+            "n0: tone(hz: {hz}, level: {level})\nv: level(value: {speed})\nu: gain(unit: \"mm/s\")\n\
+             v -> u\nu -> g.speed\ng: speed_gate\nn0.out -> g.in\n"
         )
     };
     let out = "out: file_out(file: \"x.wav\")\n";
     let mut rig = Rig::new(&format!("n0: tone(hz: 30.0, level: 1.0)\n{out}n0.out -> out\n"));
     rig.run(40);
-    // The gate that closes under the second swap is still closing under the third, and is closed before that has faded. Its successor opens again.
+    // The gate that closes under the second swap is still closing under the third, and is closed before that
+    // has faded. Its successor opens again.
     rig.swap(&format!("{}{out}g.out -> out\n", gated("30.0", "1.0", "6.0")));
     rig.swap(&format!("{}{out}g.out -> out\n", gated("55.0", "0.5", "0.0")));
     rig.swap(&format!("{}s: scale(by: 1.0)\n{out}g.out -> s\ns -> out\n", gated("30.0", "1.0", "10.0")));

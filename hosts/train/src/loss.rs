@@ -25,7 +25,8 @@ pub(crate) enum Aim {
     Relative,
 }
 
-/// Magnitude below which a relative error is no longer relative, in m/s^2: fifty bins of it are about what a fingertip feels at best.
+/// Magnitude below which a relative error is no longer relative, in m/s^2: fifty bins of it are about what a
+/// fingertip feels at best.
 const FLOOR_M_S2: f32 = 0.002;
 
 /// Mean over root mean square of a Rayleigh distributed magnitude: sqrt(pi / 4).
@@ -110,8 +111,10 @@ const FORESEEN_SOFT: f32 = 0.03;
 
 /// Magnitudes, each as if its power were at most 10 times that of the answer.
 ///
-/// A turn of the hand within the next 0.1 s, which the last 20 ms do not tell, is a thousand times as strong as what a steady hand feels of glass. One such touch in twenty would be nearly
-/// all of the mean power. Where one in ten is such, the limit no longer holds. Of noise one magnitude in 20 000 has more than 10 times the mean power, so its answer is the same.
+/// A turn of the hand within the next 0.1 s, which the last 20 ms do not tell, is a thousand times as strong
+/// as what a steady hand feels of glass. One such touch in twenty would be nearly all of the mean power.
+/// Where one in ten is such, the limit no longer holds. Of noise one magnitude in 20 000 has more than 10
+/// times the mean power, so its answer is the same.
 pub(crate) fn foreseen(magnitudes: Tensor<2>, answer: &Tensor<2>, weight: &Tensor<2>) -> Tensor<2> {
     let level = answer.clone().detach().clamp_min(0.0) + weight.clone().recip() * FORESEEN_SOFT;
     magnitudes.min_pair(level * MOST_POWER.sqrt())
@@ -141,11 +144,13 @@ pub(crate) struct Scattered {
 impl Scattered {
     /// The loss of ratios and variances, to be added to that of magnitudes `y`, which it takes as they are.
     ///
-    /// Two draws `a` and `b` of one thing have the product `E[a b] = E[a]^2`, whatever is answered for it. So how far `y` is off does not count as scatter.
+    /// Two draws `a` and `b` of one thing have the product `E[a b] = E[a]^2`, whatever is answered for it. So
+    /// how far `y` is off does not count as scatter.
     ///
-    /// A ratio `r` has `r^4 s / 2 - r^2 a b` with `s = (a^2 + b^2) / 2`, both over `y^2`; its least is at `r^2` equal to the mean of `a b` over
-    /// that of `s`. A variance `v` has `v^2 p q / 2 - v (p - q)^2 / 2` of two powers over that of `y`, held to at most 10; its least is at the
-    /// variance of the power over its squared mean.
+    /// A ratio `r` has `r^4 s / 2 - r^2 a b` with `s = (a^2 + b^2) / 2`, both over `y^2`; its least is at
+    /// `r^2` equal to the mean of `a b` over that of `s`. A variance `v` has `v^2 p q / 2 - v (p - q)^2 / 2`
+    /// of two powers over that of `y`, held to at most 10; its least is at the variance of the power over its
+    /// squared mean.
     pub(crate) fn loss(self, answers: Answers) -> Tensor<1> {
         let y = answers.magnitudes.detach().clamp_min(0.0);
         let usual = self.weight.recip();
@@ -193,7 +198,8 @@ const SOFT: f32 = 0.2;
 /// Upper edges of speed in mm/s and of force in N between which touches count as about the same.
 const SPEEDS_MM_S: [f32; 7] = [5.0, 15.0, 35.0, 70.0, 120.0, 180.0, f32::INFINITY];
 const FORCES_N: [f32; 4] = [0.01, 0.5, 1.2, f32::INFINITY];
-/// A touch is steady where the tip was on the surface and its speed changed by at most this over the history: so much in mm/s, and so large a part.
+/// A touch is steady where the tip was on the surface and its speed changed by at most this over the history:
+/// so much in mm/s, and so large a part.
 const STEADY: (f32, f32) = (3.0, 0.03);
 const CELLS: usize = 2 * SPEEDS_MM_S.len() * FORCES_N.len();
 
@@ -201,10 +207,12 @@ const CELLS: usize = 2 * SPEEDS_MM_S.len() * FORCES_N.len();
 /// learns silence first and nothing after it.
 const OWN_LEVEL: f32 = 0.05;
 
-/// Part of the mean over all bins that is added to what a bin comes to: 40 dB below the others a bin is not felt.
+/// Part of the mean over all bins that is added to what a bin comes to: 40 dB below the others a bin is not
+/// felt.
 const CELL_LEVEL: f32 = 0.01;
 
-/// Weights of a material's errors: one over the mean magnitude of its touches of about the same speed and force, steady or not.
+/// Weights of a material's errors: one over the mean magnitude of its touches of about the same speed and
+/// force, steady or not.
 pub(crate) struct Scales {
     cells: Vec<[f32; BINS]>,
 }
@@ -289,7 +297,8 @@ mod tests {
         }
     }
 
-    /// Derivatives of the loss by one ratio and one variance for all pairs of frames, where magnitudes of `answer` are answered.
+    /// Derivatives of the loss by one ratio and one variance for all pairs of frames, where magnitudes of
+    /// `answer` are answered.
     fn slopes(pairs: &[[[f32; BINS]; 2]], answer: f32, scatter: [f32; 2]) -> [f32; 2] {
         let (device, n) = (Device::flex().autodiff(), pairs.len());
         let all = |x: f32, width| Tensor::<2>::full([n, width], x, &device);
@@ -325,7 +334,7 @@ mod tests {
     }
 
     #[test]
-    fn ratio_of_noise_is_0_886_and_of_a_steady_line_1_however_far_off_the_answer_is() {
+    fn ratio_is_0_886_for_noise_and_1_for_a_line_whatever_is_answered() {
         for answer in [0.6, 1.0, 1.7] {
             for (pairs, wanted) in [(noise(), RAYLEIGH), (vec![[[1.0; BINS]; 2]; 3], 1.0)] {
                 let found = least(|ratio| slopes(&pairs, answer, [ratio, 0.1])[0]);
@@ -335,7 +344,7 @@ mod tests {
     }
 
     #[test]
-    fn variance_is_that_of_the_powers_however_far_off_the_answer_is() {
+    fn variance_is_that_of_the_powers_whatever_is_answered() {
         // Powers of 0.5 and 1.5, independent of each other: their variance is 1/4 of the squared mean.
         let frame = |power: f32| [power.sqrt(); BINS];
         let pairs: Vec<_> = [[0.5, 0.5], [0.5, 1.5], [1.5, 0.5], [1.5, 1.5]].map(|p| p.map(frame)).into();

@@ -23,7 +23,8 @@ pub fn surface(name: &str) -> Result<MadeSurface, Diagnostic> {
 /// Most points along an edge of a piece.
 const MOST_POINTS: usize = 8192;
 
-/// A piece of a made surface, as the pen of the [simulation](asperity_world::stylus) meets it: a square that repeats, of 20.48 mm unless it is [wide](Ground::wide).
+/// A piece of a made surface, as the pen of the [simulation](asperity_world::stylus) meets it: a square that
+/// repeats, of 20.48 mm unless it is [wide](Ground::wide).
 ///
 /// Making one takes 0.3 to 0.9 s, a stroke over it 7 to 10 ms for each of its seconds: of thirteen surfaces and 8 s, in a build for tests, on a virtual AMD EPYC core of two that were shared with
 /// other builds, so that these are upper bounds. What is felt is what the model was trained on: it is to answer, as one signal, the power of all three axes
@@ -40,8 +41,9 @@ impl Ground {
         Self::wide(surface, seed, 0.0)
     }
 
-    /// The same of a piece that is at least so many millimetres long and wide, 163.84 at most. A piece repeats after its length: a straight stroke should not meet the repeat while repetition is
-    /// looked for. A piece of 82 mm takes some seconds.
+    /// The same of a piece that is at least so many millimetres long and wide, 163.84 at most. A piece
+    /// repeats after its length: a straight stroke should not meet the repeat while repetition is looked for.
+    /// A piece of 82 mm takes some seconds.
     pub fn wide(surface: &MadeSurface, seed: u64, least_mm: f64) -> Self {
         let (mut points, step_mm) = GRID;
         while points as f64 * step_mm < least_mm && points < MOST_POINTS {

@@ -65,7 +65,7 @@ fn isotropic_noise_has_neither_wave_nor_bump() {
 }
 
 #[test]
-fn bumps_are_found_that_pulse_and_peak_like_those_of_the_strokes() {
+fn found_bumps_pulse_and_peak_like_the_strokes() {
     let known = Events { spacing_mm: 0.8, interval_cv: 0.3, height_cv: 0.3 };
     let known = Pattern { waves: Vec::new(), events: Some(known) };
     let found = find(&[strokes(&known, 10.0)], None);

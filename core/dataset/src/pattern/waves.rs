@@ -478,7 +478,8 @@ fn origin(lines: &[Complex64]) -> f64 {
     pairs.sum::<Complex64>().arg()
 }
 
-/// Power around each harmonic over what the kernel makes of the passage's magnitudes without weights; of each segment both are parts of all its harmonics.
+/// Power around each harmonic over what the kernel makes of the passage's magnitudes without weights; of each
+/// segment both are parts of all its harmonics.
 fn weights(found: &[(&Passage, Vec<Segment>)]) -> [f64; HARMONICS] {
     let (mut power, mut plain) = ([0.0; HARMONICS], [0.0; HARMONICS]);
     let Some(mut kernel) = kernel(0) else { return [1.0; HARMONICS] };

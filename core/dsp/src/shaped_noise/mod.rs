@@ -334,7 +334,8 @@ impl<T: Float> ShapedNoise<T> {
         0.5 * f64::from(self.framing.rate_hz) / self.framing.fft_len as f64
     }
 
-    /// Powers of the harmonics of a pitch, from the fundamental on, that ridges get from the newest frame if all weights are 1.
+    /// Powers of the harmonics of a pitch, from the fundamental on, that ridges get from the newest frame if
+    /// all weights are 1.
     pub fn ridge_powers(&mut self, pitch_hz: f64, powers: &mut [f64]) {
         powers.fill(0.0);
         if pitch_hz >= LEAST_PITCH_HZ {

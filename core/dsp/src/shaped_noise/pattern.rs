@@ -29,7 +29,8 @@ pub struct Events {
 pub struct Wave {
     /// Wave vector in 1/mm.
     pub per_mm: [f64; 2],
-    /// Power of each harmonic over the mean of what the frame has around it and around the harmonics beside it, 0 to 10. All together get what the frame has.
+    /// Power of each harmonic over the mean of what the frame has around it and around the harmonics beside
+    /// it, 0 to 10. All together get what the frame has.
     pub weights: [f64; HARMONICS],
     /// Parts of the power around each harmonic that repeat, 0 to 1.
     pub shares: [f64; HARMONICS],

@@ -1,24 +1,27 @@
 //! The density whose frames have given magnitudes.
 
-/// Power of Hann's window half a bin, a bin and one and a half from its middle, over that in its middle: with all of them on both sides they sum up to 3.
+/// Power of Hann's window half a bin, a bin and one and a half from its middle, over that in its middle: with
+/// all of them on both sides they sum up to 3.
 const BESIDE: [f64; 3] = [0.720_506_2, 0.25, 0.028_820_2];
 /// Times a density is brought nearer to the magnitudes.
 const STEPS: usize = 2;
 /// Room at both ends.
 const END: usize = 2;
 
-/// Finds the power density of noise, on a grid twice as fine as bins, whose frames have the magnitudes that are given.
+/// Finds the power density of noise, on a grid twice as fine as bins, whose frames have the magnitudes that
+/// are given.
 ///
-/// Hann's window spreads a frequency over three bins and more. A filter that follows magnitudes as they are would spread it again: where a spectrum falls by 20 dB within a
-/// few bins, what is below the slope would be louder. So a density is looked for that has the given powers once it is seen through the window. It begins as the magnitudes
-/// say, and is multiplied by what they ask for over what it has (as in W. H. Richardson, J. Opt. Soc. Am. 62, 55, 1972, with the quotient
-/// of the place itself).
+/// Hann's window spreads a frequency over three bins and more. A filter that follows magnitudes as they are
+/// would spread it again: where a spectrum falls by 20 dB within a few bins, what is below the slope would be
+/// louder. So a density is looked for that has the given powers once it is seen through the window. It begins
+/// as the magnitudes say, and is multiplied by what they ask for over what it has (as in W. H. Richardson, J.
+/// Opt. Soc. Am. 62, 55, 1972, with the quotient of the place itself).
 pub(super) struct Unblurred {
     /// Of bins, and half a bin above each; both with room at their ends.
     at: Vec<f64>,
     above: Vec<f64>,
     wanted: Vec<f64>,
-    /// What is asked for over what there is.
+    /// Power asked for over power there.
     quotients: Vec<f64>,
 }
 
@@ -28,7 +31,8 @@ impl Unblurred {
         Self { at: room(), above: room(), wanted: vec![0.0; bins], quotients: vec![0.0; bins] }
     }
 
-    /// The density in units of `scale`, in which a flat spectrum has the square of its magnitudes. What is beyond bins is 0.
+    /// The density in units of `scale`, in which a flat spectrum has the square of its magnitudes. What is
+    /// beyond bins is 0.
     pub(super) fn find(&mut self, magnitudes: impl Iterator<Item = f64>, scale: f64, density: &mut [f64]) {
         let bins = self.wanted.len();
         // Slopes are straight in decibels.
@@ -84,7 +88,8 @@ impl Unblurred {
 mod tests {
     use super::*;
 
-    /// Squared magnitudes that frames of a density have: of frequencies twice as fine as bins, beyond which there is nothing.
+    /// Squared magnitudes that frames of a density have: of frequencies twice as fine as bins, beyond which
+    /// there is nothing.
     fn seen(density: &[f64], bins: usize) -> Vec<f64> {
         let of = |j: i64| density.get(j.unsigned_abs() as usize).copied().unwrap_or(0.0);
         // |sinc(x) / (1 - x^2)|^2 of x bins.

@@ -43,7 +43,8 @@ pub(super) fn order(old: &Schedule, new: &Schedule, points: &[Point], shadows: &
     [true, false].into_iter().find_map(|waits| sorted(old, new, points, shadows, waits)).unwrap_or_default()
 }
 
-/// The same; `None` where steps wait for each other. `waits` is whether nodes wait for the gates that say whether they are wanted.
+/// The same; `None` where steps wait for each other. `waits` is whether nodes wait for the gates that say
+/// whether they are wanted.
 fn sorted(
     old: &Schedule,
     new: &Schedule,
@@ -109,7 +110,8 @@ impl Steps<'_> {
         2 * self.slots + self.points.len() + slot
     }
 
-    /// The steps of one node. `gates` are slots that say whether it is wanted, `source` is the step that an input waits for.
+    /// The steps of one node. `gates` are slots that say whether it is wanted, `source` is the step that an
+    /// input waits for.
     fn node(
         &mut self,
         x: usize,

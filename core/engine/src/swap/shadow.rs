@@ -40,7 +40,8 @@ pub(super) struct Shadows {
     slots: Vec<Option<usize>>,
     /// New and old index of kept nodes that old nodes or a crossfade still hear.
     heard: Vec<(usize, usize)>,
-    /// The ways in which new nodes want each old one, by a crossfade: sets of slots. They are not those in which the old graph wants it.
+    /// The ways in which new nodes want each old one, by a crossfade: sets of slots. They are not those in
+    /// which the old graph wants it.
     faded: Vec<Ways>,
 }
 
@@ -115,7 +116,8 @@ impl Shadows {
         self.slots.get(old).copied().flatten()
     }
 
-    /// The ways in which an old node is wanted while it fades, by slot: those of the old graph, and those of new nodes that still hear it.
+    /// The ways in which an old node is wanted while it fades, by slot: those of the old graph, and those of
+    /// new nodes that still hear it.
     pub(super) fn old_ways(&self, old: &Schedule, i: usize) -> Ways {
         let mut ways: Ways = Vec::new();
         for way in as_ways(&old.nodes[i].guards) {

@@ -19,7 +19,8 @@ const DEPTH_MM: f64 = 2.0;
 const SETTLE_S: f64 = 0.5;
 /// How much more of the envelope may repeat than of noise of the same spectrum and length.
 const MORE_REPETITION: f64 = 0.25;
-/// How many times as deep as that noise's the modulation from 15 to 25 Hz may be: single grains of a coarse sandpaper make it twice as deep.
+/// How many times as deep as that noise's the modulation from 15 to 25 Hz may be: single grains of a coarse
+/// sandpaper make it twice as deep.
 const MORE_MODULATION: f64 = 2.5;
 
 /// What is set, and its name.

@@ -31,8 +31,8 @@ pub struct Wave {
 /// A harmonic of a wave.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Harmonic {
-    /// Power around its frequency over the mean of what the network answers there and around the harmonics beside it, 0 to 10. Narrow ridges leave some harmonics out, and
-    /// a network blurs them.
+    /// Power around its frequency over the mean of what the network answers there and around the harmonics
+    /// beside it, 0 to 10. Narrow ridges leave some harmonics out, and a network blurs them.
     pub weight: f64,
     /// Part of the power around its frequency that repeats with place, 0 to 1.
     pub share: f64,
