@@ -1,6 +1,7 @@
 //! What one frame costs each kernel, back to back.
 
 use asperity_dsp::sample_commit::{SampleCommit, Settings};
+use asperity_dsp::shaped_noise::ShapedNoise;
 use asperity_dsp::{
     Complex, Conversion, FilterPhase, Framing, Level, OscillatorBank, OverlapAdd, Partials, PhaseVocoder,
     RandomPhase, Resampler, Spsi, StartPhase,
@@ -124,6 +125,25 @@ fn sample_commit(c: &mut Criterion) {
     }
 }
 
+/// A tick of noise through a filter: every frame is another.
+fn shaped_noise(c: &mut Criterion) {
+    for f in [framing(2500, 101), framing(48_000, 101)] {
+        let frames = frames(f.bins, 97);
+        let mut noise = ShapedNoise::<f32>::new(f, 0.002, 1).unwrap();
+        let mut out = vec![0.0f32; f.rate_hz as usize / 500 + 1];
+        let mut frame = 0;
+        c.bench_function(&format!("shaped_noise/{}", f.fft_len), |b| {
+            b.iter(|| {
+                let (start, end) = (f.start(frame), f.start(frame + 1));
+                noise.push(frame, black_box(&frames[frame as usize % frames.len()]), 1.0);
+                noise.emit(start, None, &mut out[..(end - start) as usize]);
+                frame += 1;
+                out[0]
+            });
+        });
+    }
+}
+
 fn resample(c: &mut Criterion) {
     for (in_hz, out_hz) in [(2500, 48_000), (2500, 44_100), (500, 48_000), (48_000, 2500)] {
         let conversion = Conversion {
@@ -164,6 +184,6 @@ criterion_group! {
     name = dsp;
     config = Criterion::default().warm_up_time(std::time::Duration::from_millis(500))
         .measurement_time(std::time::Duration::from_secs(2)).sample_size(50);
-    targets = phase_retrieval, sample_commit, plain_phase_retrieval, resample
+    targets = phase_retrieval, shaped_noise, sample_commit, plain_phase_retrieval, resample
 }
 criterion_main!(dsp);

@@ -23,6 +23,15 @@ pub fn surface(name: &str) -> Result<MadeSurface, Diagnostic> {
 /// Most points along an edge of a piece.
 const MOST_POINTS: usize = 8192;
 
+/// Points along an edge and their distance in mm of a piece that is at least so long.
+pub(super) fn wide(least_mm: f64) -> (usize, f64) {
+    let (mut points, step_mm) = GRID;
+    while points as f64 * step_mm < least_mm && points < MOST_POINTS {
+        points *= 2;
+    }
+    (points, step_mm)
+}
+
 /// A piece of a made surface, as the pen of the [simulation](asperity_world::stylus) meets it: a square that
 /// repeats, of 20.48 mm unless it is [wide](Ground::wide).
 ///
@@ -45,11 +54,7 @@ impl Ground {
     /// repeats after its length: a straight stroke should not meet the repeat while repetition is looked for.
     /// A piece of 82 mm takes some seconds.
     pub fn wide(surface: &MadeSurface, seed: u64, least_mm: f64) -> Self {
-        let (mut points, step_mm) = GRID;
-        while points as f64 * step_mm < least_mm && points < MOST_POINTS {
-            points *= 2;
-        }
-        let piece = surface.patch((points, step_mm), Random::new(seed ^ 0x6e0d_91ec_e000).bits());
+        let piece = surface.patch(wide(least_mm), Random::new(seed ^ 0x6e0d_91ec_e000).bits());
         Self { envelope: Tool::PEN.track(&piece, &surface.contact), contact: surface.contact }
     }
 

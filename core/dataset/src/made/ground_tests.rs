@@ -101,6 +101,23 @@ fn levels_are_those_of_the_expectations_over_many_places() {
 }
 
 #[test]
+fn wide_piece_does_not_repeat_where_another_does() {
+    let surface = surface("sandpaper P120").unwrap();
+    let hand = Hand::new(1.0, |t| [64.0 * t, 0.0, -2.0]).unwrap();
+    // At 64 mm/s a piece of 20.48 mm repeats after 0.32 s.
+    let alike = |least_mm: f64| {
+        let felt = Ground::wide(&surface, 3, least_mm).felt(&hand, 1);
+        let normal = &felt.axes()[0][2000..];
+        let later = &normal[3200..];
+        let sum = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+        let now = &normal[..later.len()];
+        sum(now, later) / (sum(now, now) * sum(later, later)).sqrt()
+    };
+    let [narrow, wide] = [0.0, 30.0].map(alike);
+    assert!(narrow > 0.9 && wide.abs() < 0.2, "{narrow} {wide}");
+}
+
+#[test]
 fn seeds_make_bits_and_air_is_silent() {
     let surface = surface("oak").unwrap();
     let hand = hand(80.0, 0.8, 1.5);

@@ -173,6 +173,21 @@ mod tests {
     }
 
     #[test]
+    fn made_stroke_is_felt_at_two_places() {
+        let made = subject(&made_surfaces()[4], &SMALL).unwrap();
+        let power = |m: &[f32; 100]| m.iter().map(|m| f64::from(m * m)).sum::<f64>();
+        let (mut here, mut there, mut both) = (0.0, 0.0, 0.0);
+        for e in &made.examples.train {
+            let other = e.other.expect("another place");
+            let product = e.magnitudes.iter().zip(other).map(|(a, b)| f64::from(a * b)).sum::<f64>();
+            (here, there, both) = (here + power(&e.magnitudes), there + power(&other), both + product);
+        }
+        // One touch, two draws: as loud, and alike as two of Rayleigh's law are: pi / 4.
+        let (level, alike) = (here / there, both / (here * there).sqrt());
+        assert!((0.7..1.4).contains(&level) && (0.6..0.92).contains(&alike), "{level} {alike}");
+    }
+
+    #[test]
     fn expectations_are_what_draws_come_to() {
         let surface = &made_surfaces()[4];
         let strokes = [Drawn::new(3.0, &mut Random::new(9)).unwrap()];

@@ -85,7 +85,9 @@ impl Drawn {
             clearance_mm: 3.0,
             approach_s: 0.2,
             duration_s,
-            tremor_mm: random.range(0.0, 0.08),
+            // What a tremor of the next 0.1 s adds, the last 20 ms do not tell. A network that knows steady
+            // strokes follows a tremor as it comes.
+            tremor_mm: if steady { 0.0 } else { random.range(0.0, 0.08) },
             seed: random.bits(),
             ..StrokeParams::default()
         };

@@ -9,12 +9,15 @@ use asperity_world::material::{Events, Pattern, Wave};
 const CLASS: f64 = 1.5;
 /// Seconds of each class that are rendered, at least.
 const RENDERED_S: f64 = 18.0;
-/// Errors of ln(modulation) and ln(kurtosis) that count as one.
-const SCALES: (f64, f64) = (0.25, 0.15);
-/// Mean error of a class, squared, up to which plain noise will do: half of [`SCALES`].
+/// Errors of ln(modulation), ln(kurtosis) and repetition that count as one.
+const SCALES: [f64; 3] = [0.25, 0.15, 0.1];
+/// Mean over classes of the sum of fourth powers of their errors, up to which plain noise will do.
 const ENOUGH: f64 = 0.25;
-/// Bumps must leave less than this part of the error of plain noise.
-const BETTER: f64 = 0.6;
+/// Bumps must leave less than this part of what plain noise has.
+const BETTER: f64 = 0.4;
+
+/// Points of the rough search from which the fine one begins.
+const STARTS: usize = 5;
 
 const SPACING_MM: (f64, f64) = (0.03, 8.0);
 const INTERVAL_CV: (f64, f64) = (0.1, 1.5);
@@ -22,18 +25,18 @@ const HEIGHT_CV: (f64, f64) = (0.0, 1.5);
 
 /// Passages of about one speed: what they have, and which of them are rendered.
 struct Class<'p> {
-    truth: [f64; 2],
+    truth: [f64; 3],
     rendered: Vec<&'p Passage>,
 }
 
-/// Logarithms of modulation and kurtosis.
-fn logs(figures: &Figures) -> [f64; 2] {
-    [figures.modulation.max(1e-3).ln(), figures.kurtosis.ln()]
+/// Logarithms of modulation and kurtosis, and repetition.
+fn logs(figures: &Figures) -> [f64; 3] {
+    [figures.modulation.max(1e-3).ln(), figures.kurtosis.ln(), figures.repetition]
 }
 
 /// Means over passages, weighed by their lengths.
-fn mean(of: impl Iterator<Item = ([f64; 2], f64)>) -> [f64; 2] {
-    let (mut sum, mut weights) = ([0.0; 2], 0.0);
+fn mean(of: impl Iterator<Item = ([f64; 3], f64)>) -> [f64; 3] {
+    let (mut sum, mut weights) = ([0.0; 3], 0.0);
     for (logs, weight) in of {
         sum.iter_mut().zip(logs).for_each(|(sum, log)| *sum += weight * log);
         weights += weight;
@@ -78,9 +81,12 @@ pub(super) fn find(passages: &[&Passage], waves: &[Wave]) -> Option<Events> {
                 let samples = rendered(&pattern, &p.magnitudes, &p.places, (c * 1000 + n) as u64);
                 Some((logs(&Figures::of(&samples)?), p.seconds))
             });
-            let [modulation, kurtosis] = mean(found);
-            let off = [(modulation - class.truth[0]) / SCALES.0, (kurtosis - class.truth[1]) / SCALES.1];
-            sum += (off[0] * off[0] + off[1] * off[1]) / classes.len() as f64;
+            let figures = mean(found).into_iter().zip(class.truth).zip(SCALES);
+            let mut off: Vec<f64> = figures.map(|((found, truth), scale)| (found - truth) / scale).collect();
+            // Bumps may repeat too much. What they repeat too little is for waves.
+            off[2] = off[2].max(0.0);
+            // What is far off at one speed counts more than what is a little off at all.
+            sum += off.iter().map(|off| off.powi(4)).sum::<f64>() / classes.len() as f64;
             if sum > bound {
                 break;
             }
@@ -97,20 +103,20 @@ pub(super) fn find(passages: &[&Passage], waves: &[Wave]) -> Option<Events> {
     let steps = |(least, most): (f64, f64), n: u32| {
         (0..n).map(move |i| least + (most - least) * f64::from(i) / f64::from(n - 1))
     };
-    let mut grid = [(f64::INFINITY, [0.0; 3]); 2];
+    let mut grid = [(f64::INFINITY, [0.0; 3]); STARTS];
     for spacing in steps((SPACING_MM.0.ln(), SPACING_MM.1.ln()), 12) {
-        for interval in [0.15, 0.5, 1.0] {
-            for height in [0.0, 0.5, 1.0] {
+        for interval in [0.15, 0.3, 0.5, 1.0] {
+            for height in [0.0, 0.3, 0.6, 1.0] {
                 let point = [spacing, interval, height];
-                let found = error(Some(at(point)), half, grid[1].0);
-                if found < grid[1].0 {
-                    grid[1] = (found, point);
+                let found = error(Some(at(point)), half, grid[STARTS - 1].0);
+                if found < grid[STARTS - 1].0 {
+                    grid[STARTS - 1] = (found, point);
                     grid.sort_by(|a, b| a.0.total_cmp(&b.0));
                 }
             }
         }
     }
-    // Then finely from the two best.
+    // Then finely from the best.
     let mut best: Option<(f64, [f64; 3])> = None;
     for (_, point) in grid {
         let mut here = (error(Some(at(point)), all, f64::INFINITY), point);

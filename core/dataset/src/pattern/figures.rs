@@ -1,4 +1,4 @@
-//! Kurtosis and modulation of a signal.
+//! Kurtosis, modulation and repetition of a signal.
 
 use super::stroke::RATE_HZ;
 use realfft::RealFftPlanner;
@@ -8,6 +8,9 @@ use realfft::num_complex::Complex64;
 const BAND_HZ: (f64, f64) = (30.0, 1000.0);
 /// Band of the modulation in Hz.
 const MODULATION_HZ: (f64, f64) = (15.0, 25.0);
+/// Slowest ripple of the envelope that may repeat, in Hz, and the lags in s at which it is looked for.
+const RIPPLE_HZ: f64 = 5.0;
+const LAGS_S: (f64, f64) = (0.02, 0.2);
 
 /// How a wave of 30 to 1000 Hz is spread over time.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -16,6 +19,8 @@ pub struct Figures {
     pub kurtosis: f64,
     /// Root mean square of the envelope from 15 to 25 Hz over the envelope's mean. The envelope is the size of the analytic signal.
     pub modulation: f64,
+    /// Largest autocorrelation of the envelope from 20 to 200 ms, 0 to 1, without what is slower than 5 Hz.
+    pub repetition: f64,
 }
 
 impl Figures {
@@ -34,13 +39,25 @@ impl Figures {
         let envelope: Vec<f64> = wave.iter().zip(&turned).map(|(x, y)| x.hypot(*y)).collect();
         let middle = mean(&mut envelope.iter().copied());
         let mut ripple = spectrum(&envelope);
+        keep(&mut ripple, samples.len(), (RIPPLE_HZ, f64::INFINITY));
+        let repetition = repetition(&ripple, samples.len());
         keep(&mut ripple, samples.len(), MODULATION_HZ);
         let power = 2.0 * ripple.iter().map(Complex64::norm_sqr).sum::<f64>();
         Some(Self {
             kurtosis: mean(&mut wave.iter().map(|x| x.powi(4))) / (square * square),
             modulation: power.sqrt() / (middle * samples.len() as f64),
+            repetition,
         })
     }
+}
+
+/// Largest autocorrelation at the lags of a repetition, of half a spectrum of so many samples.
+fn repetition(bins: &[Complex64], length: usize) -> f64 {
+    let powers: Vec<Complex64> = bins.iter().map(|bin| Complex64::new(bin.norm_sqr(), 0.0)).collect();
+    let correlation = wave(&powers, length);
+    let [from, to] = [LAGS_S.0, LAGS_S.1].map(|lag| (lag * RATE_HZ) as usize);
+    let at = |lag: usize| correlation.get(lag).map_or(0.0, |r| r / correlation[0]);
+    (from..=to).map(at).fold(0.0, f64::max)
 }
 
 /// Half a spectrum of samples, unscaled.

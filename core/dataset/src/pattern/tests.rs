@@ -78,7 +78,11 @@ fn found_bumps_pulse_and_peak_like_the_strokes() {
         let (found, truth, noise) = (figures(&found, 1), figures(&known, 2), figures(&Pattern::default(), 3));
         let kurtosis = (found.kurtosis / truth.kurtosis).ln().abs();
         let modulation = (found.modulation / truth.modulation).ln().abs();
-        assert!(kurtosis < 0.15 && modulation < 0.25, "{speed} mm/s: {found:?}, {truth:?}, {noise:?}");
+        let repetition = (found.repetition - truth.repetition).abs();
+        assert!(
+            kurtosis < 0.15 && modulation < 0.25 && repetition < 0.1,
+            "{speed} mm/s: {found:?}, {truth:?}, {noise:?}"
+        );
     }
 }
 

@@ -9,10 +9,17 @@ use asperity_dsp::shaped_noise::HARMONICS;
 use asperity_world::material::{Harmonic, MAX_HARMONICS, MAX_WAVES, Wave};
 use realfft::num_complex::Complex64;
 
-/// Part of the power that a wave has at least. The best wave vector that chance makes of noise without a direction has up to 0.1 or so.
+/// Part of the power that a wave has at least, summed over the pieces in which it is. The best wave vector
+/// that chance makes of noise without a direction has up to 0.1 or so.
 const LEAST_PART: f64 = 0.25;
-/// Largest wave number in 1/mm.
-const MOST_PER_MM: f64 = 3.0;
+/// The same in one piece, where all pieces have the wave and there are at least so many: chance makes another
+/// one in each.
+const LEAST_IN_A_PIECE: f64 = 0.02;
+const ENOUGH_PIECES: usize = 3;
+/// Waves that are looked for in a piece: some of them are chance.
+const IN_A_PIECE: usize = 4;
+/// Largest wave number in 1/mm: the finest weave has threads 0.33 mm apart.
+const MOST_PER_MM: f64 = 3.5;
 /// Grid of the search in 1/mm.
 const STEP_PER_MM: f64 = 0.0125;
 /// Way of a segment of the search in mm, and its least and longest time in s.
@@ -29,7 +36,7 @@ const CANDIDATES: usize = 24;
 /// A harmonic explains most of what its fundamental does, but not all: the largest wave number with this part of the best.
 const NEARLY: f64 = 0.9;
 /// Wave vectors of two pieces are of one wave where they differ by less than this part.
-const ALIKE: f64 = 0.15;
+const ALIKE: f64 = 0.12;
 /// Pitches in a segment of which share and phase are taken.
 const PITCHES: f64 = 10.0;
 /// And of which the wave vector is taken in the end: the more, the more exact it is.
@@ -186,7 +193,7 @@ fn strongest(seen: &[Seen]) -> Option<([f64; 2], f64)> {
                 let (j, i) = (j as i32 + dj, i as i32 + di);
                 !(0..rows as i32).contains(&j) || map[j as usize * width + i as usize] <= here
             });
-            if here > 0.25 * LEAST_PART && top {
+            if here > 0.5 * LEAST_IN_A_PIECE && top {
                 peaks.push((here, at(i, j)));
             }
         }
@@ -199,8 +206,16 @@ fn strongest(seen: &[Seen]) -> Option<([f64; 2], f64)> {
     let most = fine.iter().map(|(_, part)| *part).fold(0.0, f64::max);
     let size = |k: [f64; 2]| k[0].hypot(k[1]);
     fine.into_iter()
-        .filter(|(_, part)| *part >= LEAST_PART.max(NEARLY * most))
+        .filter(|(_, part)| *part >= LEAST_IN_A_PIECE.max(NEARLY * most))
         .max_by(|a, b| size(a.0).total_cmp(&size(b.0)))
+}
+
+/// The loudest harmonic of a weak wave, and its part of the power: of its others too little is seen.
+fn loudest(seen: &[Seen], k: [f64; 2]) -> ([f64; 2], f64) {
+    let most = (MOST_PER_MM / k[0].hypot(k[1])) as u32;
+    let harmonics = (1..=most).map(|h| k.map(|k| k * f64::from(h)));
+    let best = harmonics.max_by(|a, b| part(seen, *a, 1).total_cmp(&part(seen, *b, 1)));
+    climb(best.unwrap_or(k), 0.25 * STEP_PER_MM, 6, |k| part(seen, k, 1))
 }
 
 /// Goes uphill from a wave vector, with steps that get smaller.
@@ -227,6 +242,8 @@ fn climb(mut k: [f64; 2], mut step: f64, halvings: u32, height: impl Fn([f64; 2]
 
 /// A segment of a stroke, demodulated by a wave.
 struct Segment {
+    /// How long it is: by that it counts.
+    seconds: f64,
     pitch_hz: f64,
     backwards: bool,
     /// Complex amplitudes of harmonics.
@@ -340,6 +357,7 @@ fn segment(passage: &Passage, turns: &[f64], from: usize) -> Option<Segment> {
         power / (cut.seen.len() as f64 * cut.squares * cut.whole)
     };
     Some(Segment {
+        seconds: cut.seen.len() as f64 / RATE_HZ,
         pitch_hz: cut.pitch_hz,
         backwards: turns[turns.len() - 1] < turns[0],
         lines: (0..count).map(|h| orders[2 * h + 1]).collect(),
@@ -350,7 +368,7 @@ fn segment(passage: &Passage, turns: &[f64], from: usize) -> Option<Segment> {
 
 /// Lines of all segments on top of each other: each is turned to where it fits best, and its sign is free.
 fn template(segments: &[Segment]) -> Vec<Complex64> {
-    let size = |s: &Segment| s.coherent.iter().sum::<f64>();
+    let size = |s: &Segment| s.seconds * s.coherent.iter().sum::<f64>();
     let Some(first) = segments.iter().max_by(|a, b| size(a).total_cmp(&size(b))) else { return Vec::new() };
     let mut template = first.lines.clone();
     template.resize(MAX_HARMONICS, Complex64::default());
@@ -368,7 +386,8 @@ fn template(segments: &[Segment]) -> Vec<Complex64> {
             let fit = |turn: f64| turned(turn).zip(&template).map(|(a, b)| (a * b.conj()).re).sum::<f64>();
             let turns = (0..192).map(|n| TAU * f64::from(n) / 192.0).map(|turn| (turn, fit(turn)));
             if let Some((turn, fit)) = turns.max_by(|a, b| a.1.abs().total_cmp(&b.1.abs())) {
-                sum.iter_mut().zip(turned(turn)).for_each(|(sum, line)| *sum += line * fit.signum());
+                let weight = s.seconds * fit.signum();
+                sum.iter_mut().zip(turned(turn)).for_each(|(sum, line)| *sum += line * weight);
             }
         }
         template = sum;
@@ -382,9 +401,13 @@ pub(super) fn find(pieces: &[Vec<Passage>]) -> (Vec<Wave>, f64) {
     for passages in pieces {
         let mut seen = seen(passages);
         let mut here = Vec::new();
-        while here.len() < MAX_WAVES {
+        while here.len() < IN_A_PIECE {
             let Some((k, part)) = strongest(&seen) else { break };
-            let k = refined(passages, fundamental(passages, refined(passages, k)));
+            let (k, part) = if part < LEAST_PART {
+                loudest(&seen, k)
+            } else {
+                (refined(passages, fundamental(passages, refined(passages, k))), part)
+            };
             seen.iter_mut().for_each(|s| s.without(k));
             here.push((k, part));
         }
@@ -398,19 +421,22 @@ pub(super) fn find(pieces: &[Vec<Passage>]) -> (Vec<Wave>, f64) {
         let longer = if like[0].abs() >= like[1].abs() { like[0] } else { like[1] };
         let like = like.map(|k| k * longer.signum());
         // Its like in each piece.
-        let vectors: Vec<Option<[f64; 2]>> = found
+        let vectors: Vec<Option<([f64; 2], f64)>> = found
             .iter_mut()
             .map(|here| {
                 let turned = |k: [f64; 2]| k.map(|x| x * (k[0] * like[0] + k[1] * like[1]).signum());
                 let apart = |k: [f64; 2]| (k[0] - like[0]).hypot(k[1] - like[1]);
                 let near = |k: [f64; 2]| apart(turned(k)) < ALIKE * like[0].hypot(like[1]);
                 let at = here.iter().position(|(k, _)| near(*k))?;
-                Some(turned(here.remove(at).0))
+                let (k, part) = here.remove(at);
+                Some((turned(k), part))
             })
             .collect();
-        let pieces = pieces.iter().zip(&vectors).filter_map(|(passages, k)| k.map(|k| (passages, k)));
+        let parts: f64 = vectors.iter().flatten().map(|(_, part)| part).sum();
+        let pieces = pieces.iter().zip(&vectors).filter_map(|(passages, of)| of.map(|of| (passages, of.0)));
         let pieces: Vec<(&Vec<Passage>, [f64; 2])> = pieces.collect();
-        if 2 * pieces.len() > vectors.len() {
+        let all = pieces.len() == vectors.len() && pieces.len() >= ENOUGH_PIECES;
+        if all || (2 * pieces.len() > vectors.len() && parts >= LEAST_PART) {
             let (wave, of) = wave(&pieces);
             waves.push(wave);
             part += of;
@@ -493,7 +519,7 @@ fn weights(found: &[(&Passage, Vec<Segment>)]) -> [f64; HARMONICS] {
             }
             let add = |to: &mut [f64; HARMONICS], powers: &[f64]| {
                 let all = powers.iter().sum::<f64>();
-                to.iter_mut().zip(powers).for_each(|(to, power)| *to += power / all);
+                to.iter_mut().zip(powers).for_each(|(to, power)| *to += s.seconds * power / all);
             };
             add(&mut power, &s.around);
             add(&mut plain, &without);
@@ -514,7 +540,9 @@ fn wave(pieces: &[(&Vec<Passage>, [f64; 2])]) -> (Wave, f64) {
     let lines = template(&all);
     let origin = origin(&lines);
     let share = |h: usize| {
-        let sum = |of: &dyn Fn(&Segment) -> Option<f64>| all.iter().filter_map(of).sum::<f64>();
+        let sum = |of: &dyn Fn(&Segment) -> Option<f64>| {
+            all.iter().filter_map(|s| Some(s.seconds * of(s)?)).sum::<f64>()
+        };
         let around = sum(&|s| s.around.get(h).copied());
         (around > 0.0).then(|| (sum(&|s| s.coherent.get(h).copied()) / around).clamp(0.0, 1.0))
     };
@@ -530,6 +558,8 @@ fn wave(pieces: &[(&Vec<Passage>, [f64; 2])]) -> (Wave, f64) {
         let n = values.len();
         0.5 * (values[(n - 1) / 2] + values[n / 2])
     };
-    let part = all.iter().flat_map(|s| &s.coherent).sum::<f64>() / all.len().max(1) as f64;
+    let seconds: f64 = all.iter().map(|s| s.seconds).sum();
+    let part = all.iter().map(|s| s.seconds * s.coherent.iter().sum::<f64>()).sum::<f64>();
+    let part = part / seconds.max(1e-9);
     (Wave { per_mm: [round(median(0), 1e4), round(median(1), 1e4)], harmonics }, part)
 }

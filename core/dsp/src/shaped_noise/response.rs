@@ -1,5 +1,6 @@
 //! The response of minimum phase whose magnitudes are given.
 
+use super::LANES;
 use crate::{Complex, Float, plans};
 use realfft::{ComplexToReal, RealToComplex};
 use std::sync::Arc;
@@ -42,31 +43,28 @@ impl<T: Float> Designer<T> {
 
     /// The response whose squared magnitudes are these, of each frequency of the grid; whether there is any.
     pub(super) fn design(&mut self, squares: &[f64]) -> bool {
-        let most = squares.iter().copied().fold(0.0, f64::max);
+        let most = in_lanes(squares, |most, square| if square > most { square } else { most }, f64::max);
         let ends = squares.first().unwrap_or(&0.0) + squares.last().unwrap_or(&0.0);
-        self.energy = (2.0 * squares.iter().sum::<f64>() - ends) / self.len as f64;
+        let sum = in_lanes(squares, |sum, square| sum + square, |a, b| a + b);
+        self.energy = (2.0 * sum - ends) / self.len as f64;
         if most <= 0.0 {
             self.response.fill(Complex::default());
             return false;
         }
+        let unit = most.recip().min(f64::MAX);
         for (to, square) in self.response.iter_mut().zip(squares) {
             // Of ratios: whatever the unit, they are normal numbers in single precision.
-            let log = T::of((square / most).max(FLOOR)).natural_log();
+            let log = T::of((square * unit).max(FLOOR)).natural_log();
             *to = Complex::new(log * T::of(0.5), T::zero());
         }
         self.transform_back();
         // Positive times get what negative ones have.
         let half = self.len / 2;
-        let norm = 1.0 / self.len as f64;
-        for (i, c) in self.line.iter_mut().enumerate() {
-            let fold = match i {
-                0 => norm,
-                i if i < half => 2.0 * norm,
-                i if i == half => norm,
-                _ => 0.0,
-            };
-            *c *= T::of(fold);
-        }
+        let (once, twice) = (T::of(1.0 / self.len as f64), T::of(2.0 / self.len as f64));
+        self.line[0] *= once;
+        self.line[1..half].iter_mut().for_each(|c| *c *= twice);
+        self.line[half] *= once;
+        self.line[half + 1..].fill(T::zero());
         let done = self.forward.process_with_scratch(&mut self.line, &mut self.response, &mut self.scratch);
         debug_assert!(done.is_ok());
         let level = T::of(most.sqrt());
@@ -83,14 +81,13 @@ impl<T: Float> Designer<T> {
     pub(super) fn taps(&mut self, taps: &mut [T]) {
         self.transform_back();
         let norm = T::of(1.0 / self.len as f64);
-        let len = taps.len();
-        for (i, tap) in taps.iter_mut().rev().enumerate() {
-            // What is cut off ends softly.
-            let left = (len - i) as f64 / len as f64;
-            let end = if left < 0.25 { T::of(left * 4.0) } else { T::of(1.0) };
-            *tap = self.line[i] * norm * end;
+        taps.iter_mut().rev().zip(&self.line).for_each(|(tap, line)| *tap = *line * norm);
+        // What is cut off ends softly.
+        let end = taps.len().div_ceil(4);
+        for (i, tap) in taps[..end].iter_mut().enumerate() {
+            *tap *= T::of((i + 1) as f64 / end as f64);
         }
-        let energy = taps.iter().map(|t| t.f64() * t.f64()).sum::<f64>();
+        let energy = in_lanes(taps, |sum, tap| sum + tap.f64() * tap.f64(), |a, b| a + b);
         if energy > 0.0 && energy.is_finite() {
             let louder = T::of((self.energy / energy).sqrt().min(10.0));
             taps.iter_mut().for_each(|tap| *tap *= louder);
@@ -109,6 +106,17 @@ impl<T: Float> Designer<T> {
         let done = self.inverse.process_with_scratch(&mut self.response, &mut self.line, &mut self.scratch);
         debug_assert!(done.is_ok());
     }
+}
+
+/// Values taken together, in lanes, from 0 on.
+fn in_lanes<T: Copy>(values: &[T], with: impl Fn(f64, T) -> f64, both: impl Fn(f64, f64) -> f64) -> f64 {
+    let mut lanes = [0.0; LANES];
+    let chunks = values.chunks_exact(LANES);
+    let rest = chunks.remainder().iter().fold(0.0, |all, value| with(all, *value));
+    for chunk in chunks {
+        lanes.iter_mut().zip(chunk).for_each(|(lane, value)| *lane = with(*lane, *value));
+    }
+    lanes.into_iter().fold(rest, both)
 }
 
 #[cfg(test)]
