@@ -299,7 +299,8 @@ fn gratings(asked: &Asked) {
     );
     println!("|---|---|---|---|---|---|");
     for name in GRATINGS.iter().filter(|n| asked.only.as_ref().is_none_or(|only| n.contains(only.as_str()))) {
-        let grounds = grounds(name, asked.seeds, WIDE_MM);
+        // A piece holds a whole number of ridges: the pitch is that of the pieces to train on.
+        let grounds = grounds(name, asked.seeds, 0.0);
         let pitch: f64 = name.split(' ').find_map(|word| word.parse().ok()).expect("a pitch");
         for speed in [60.0, 100.0] {
             let depth = -MM_PER_N * asked.force_n;

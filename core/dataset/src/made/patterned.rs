@@ -2,17 +2,13 @@ use asperity_world::material::Pattern;
 use asperity_world::stylus::{SAMPLE_HZ, Tool};
 use asperity_world::topography::MadeSurface;
 
-use super::Settings;
-use super::ground::wide;
 use super::strokes::along;
+use super::{GRID, Settings};
 use crate::history::STIFFNESS_N_PER_MM;
 use crate::pattern::{self, Network, Stroke};
 
 /// Pieces over which strokes are made.
 const PIECES: usize = 3;
-/// How long they are at least, in mm. A piece repeats after its length, and its own waves are taken for those
-/// of the surface: the longer it is, the more there are and the less power each has.
-const PIECE_MM: f64 = 80.0;
 /// Speeds in mm/s of the strokes, and the angles to x in degrees of each.
 ///
 /// Each has angles of its own: ridges that cross each other are told apart by how they show in many directions.
@@ -28,10 +24,10 @@ const SETTLING_S: f64 = 0.3;
 /// Normal force of [strokes](straight_strokes) in N.
 pub const FORCE_N: f64 = 1.0;
 
-/// Straight strokes at 1 N over pieces of a surface that it is not judged by: 10 s at 40, 80, 160 and 280 mm/s in two directions, 3 s at 80 mm/s in five more.
+/// Straight strokes at 1 N over pieces of a surface to train on: 10 s at 40, 80, 160 and 280 mm/s in two directions, 3 s at 80 mm/s in five more.
 pub fn straight_strokes(surface: &MadeSurface, settings: &Settings) -> Vec<Vec<Stroke>> {
     let over = |number: usize| {
-        let piece = surface.patch(wide(PIECE_MM), settings.piece(number));
+        let piece = surface.patch(GRID, settings.piece(number));
         let envelope = Tool::PEN.track(&piece, &surface.contact);
         let long = LONG.into_iter().flat_map(|(speed, angles)| angles.map(|angle| (speed, angle, SECONDS)));
         let more = MORE_DEG.map(|angle| (MORE_MM_S, angle, MORE_SECONDS));
