@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use asperity_measure::accuracy::rhythm::Rhythm;
-use asperity_world::material::Library;
+use asperity_world::material::{Library, LibraryMaterial};
 
 use super::beside::{motion, networks, sounds};
 use crate::case::{Found, Not, holds};
@@ -22,6 +22,9 @@ const MORE_REPETITION: f64 = 0.25;
 /// How many times as deep as that noise's the modulation from 15 to 25 Hz may be: single grains of a coarse
 /// sandpaper make it twice as deep.
 const MORE_MODULATION: f64 = 2.5;
+
+/// Bumps whose distances vary by less than this part come evenly: they repeat with place.
+const EVEN: f64 = 0.25;
 
 /// What is set, and its name.
 type Setting = (String, Vec<String>);
@@ -110,7 +113,9 @@ fn settings(subject: &Subject<'_>) -> Result<Vec<Setting>, Not> {
         }
         let library = Library::shared(node.params.file("library"))?;
         let mut families = Vec::new();
-        for material in library.materials().iter().filter(|m| m.pattern.waves.is_empty()) {
+        let even = |m: &LibraryMaterial| m.pattern.events.is_some_and(|e| e.interval_cv < EVEN);
+        let random = |m: &&LibraryMaterial| m.pattern.waves.is_empty() && !even(m);
+        for material in library.materials().iter().filter(random) {
             if all.len() < most && !families.contains(&&material.family) {
                 families.push(&material.family);
                 all.push((material.name.clone(), vec![format!("{}.material={}", node.id, material.name)]));
