@@ -366,7 +366,9 @@ fn a_file_that_is_cut_is_not_taken_for_whole() {
                 .unwrap_or_else(|e| panic!("{}: {e}", made.name));
             let cut = dir.path().join(made.name);
             for part in 0..8 {
-                std::fs::write(&cut, &bytes[..bytes.len() * part / 8]).expect("a file");
+                let bytes = &bytes[..bytes.len() * part / 8];
+                // A table that is cut behind a row is whole, for all that it says.
+                std::fs::write(&cut, bytes.strip_suffix(b"\n").unwrap_or(bytes)).expect("a file");
                 assert!(!(made.whole)(&cut), "{}: {part} eighths of {}", writer.name, made.name);
             }
             std::fs::write(&cut, &bytes).expect("a file");

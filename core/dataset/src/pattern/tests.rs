@@ -17,10 +17,15 @@ fn places(speed: f64, angle_deg: f64, seconds: f64) -> Vec<[f64; 2]> {
 
 /// Strokes that the kernel makes of a pattern, on one piece.
 fn strokes(pattern: &Pattern, seconds: f64) -> Vec<Stroke> {
+    strokes_of(pattern, seconds, 100)
+}
+
+/// The same with noise of a seed.
+fn strokes_of(pattern: &Pattern, seconds: f64, seed: u64) -> Vec<Stroke> {
     let ways = [(40.0, 17.0), (60.0, 40.0), (80.0, -20.0), (100.0, 200.0), (160.0, 75.0), (240.0, 55.0)];
     let stroke = |(number, (speed, angle)): (usize, (f64, f64))| {
         let places = places(speed, angle, seconds);
-        let samples = rendered(pattern, &magnitudes(), &places, 100 + number as u64);
+        let samples = rendered(pattern, &magnitudes(), &places, seed + number as u64);
         let place = |t: f64| places[((t / TICK_S).round() as usize).min(places.len() - 1)];
         Stroke::new(RATE_HZ, &[&samples], place)
     };
@@ -56,6 +61,22 @@ fn wave_of_known_vector_and_harmonics_is_found() {
         wave.harmonics.iter().map(|h| Harmonic { phase: sign * h.phase, ..*h }).collect();
     assert!(told[..6].iter().all(|h| (h.share - 0.8).abs() < 0.12), "{told:?}");
     assert!(apart(&told[..6], &harmonics) < 0.5, "{told:?}");
+}
+
+#[test]
+fn weak_wave_counts_where_all_pieces_have_it() {
+    // Voile's threads have 3 to 14 % of the power.
+    let harmonics = vec![
+        Harmonic { weight: 1.0, share: 0.35, phase: 0.0 },
+        Harmonic { weight: 1.0, share: 0.0, phase: 0.0 },
+    ];
+    let pattern = Pattern { waves: vec![Wave { per_mm: [2.1, 0.9], harmonics }], events: None };
+    let pieces: Vec<_> = [100, 200, 300].map(|seed| strokes_of(&pattern, 4.0, seed)).into();
+    let found = find(&pieces, None);
+    let near = |w: &Wave| (w.per_mm[0] - 2.1).hypot(w.per_mm[1] - 0.9) < 0.05;
+    assert!(found.waves.iter().any(near), "{:?}", found.waves);
+    assert!(found.waves[0].harmonics[0].share < 0.6, "{:?}", found.waves);
+    assert_eq!(find(&pieces[..1], None).waves, []);
 }
 
 #[test]

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use asperity_measure::accuracy::rhythm::Rhythm;
-use asperity_world::material::{Library, LibraryMaterial};
+use asperity_world::material::{Events, Library, LibraryMaterial};
 
 use super::beside::{motion, networks, sounds};
 use crate::case::{Found, Not, holds};
@@ -25,6 +25,8 @@ const MORE_MODULATION: f64 = 2.5;
 
 /// Bumps whose distances vary by less than this part come evenly: they repeat with place.
 const EVEN: f64 = 0.25;
+/// Bumps farther apart than this in mm are met one by one: they pulse by right, as the pores of wood.
+const SINGLE_MM: f64 = 0.4;
 
 /// What is set, and its name.
 type Setting = (String, Vec<String>);
@@ -99,7 +101,7 @@ fn strokes(subject: &Subject<'_>) -> Result<Vec<(f64, Motion)>, Not> {
     Ok(vec![(60.0, motion(subject)?)])
 }
 
-/// The materials to be set: the first ones of the families in the library that repeat with no place. What repeats with place does so by right. Where
+/// The materials to be set: the first ones of the families in the library that repeat with no place and have no single bumps. What repeats with place does so by right. Where
 /// nothing can be set, the graph as it is.
 fn settings(subject: &Subject<'_>) -> Result<Vec<Setting>, Not> {
     let schedule = subject.compiled(subject.its_graph()?, &[])?.schedule;
@@ -113,8 +115,10 @@ fn settings(subject: &Subject<'_>) -> Result<Vec<Setting>, Not> {
         }
         let library = Library::shared(node.params.file("library"))?;
         let mut families = Vec::new();
-        let even = |m: &LibraryMaterial| m.pattern.events.is_some_and(|e| e.interval_cv < EVEN);
-        let random = |m: &&LibraryMaterial| m.pattern.waves.is_empty() && !even(m);
+        let random = |m: &&LibraryMaterial| {
+            let bumps = |e: Events| e.interval_cv >= EVEN && e.spacing_mm <= SINGLE_MM;
+            m.pattern.waves.is_empty() && m.pattern.events.is_none_or(bumps)
+        };
         for material in library.materials().iter().filter(random) {
             if all.len() < most && !families.contains(&&material.family) {
                 families.push(&material.family);
