@@ -119,7 +119,7 @@ fn made_grating_has_a_wave_and_sandpaper_bumps() {
     assert_eq!(grating.events, None);
     let sandpaper = of("sandpaper P80");
     assert!(sandpaper.waves.is_empty(), "{sandpaper:?}");
-    assert!(sandpaper.events.is_some_and(|e| (0.05..0.5).contains(&e.spacing_mm)), "{sandpaper:?}");
+    assert!(sandpaper.events.is_some_and(|e| (0.05..0.8).contains(&e.spacing_mm)), "{sandpaper:?}");
 }
 
 #[test]
