@@ -40,9 +40,9 @@ const GRATINGS: [&str; 4] =
 const SETTLES_S: f64 = 1.0;
 /// Directions of straight strokes: whatever way the ridges run, one is across and one along.
 const DIRECTIONS_DEG: [f64; 5] = [31.7, 58.3, 17.0, 121.7, 76.0];
-/// Width of the pieces that straight strokes go over, in mm. A piece repeats after its width, and is a sum of as
-/// many waves as fit into it: of 20 mm so few that what is random in the surface repeats. In 0.2 s at 280 mm/s
-/// no place comes twice.
+/// Width of the pieces that straight strokes go over, in mm. A piece repeats after its width, and is a sum
+/// of as many waves as fit into it: of 20 mm so few that what is random in the surface repeats. In 0.2 s at
+/// 280 mm/s no place comes twice.
 const WIDE_MM: f64 = 80.0;
 /// Speed of a circle's centre.
 const DRIFT_MM_S: f64 = 1.0;
@@ -132,7 +132,7 @@ fn grounds(material: &str, seeds: u64, least_mm: f64) -> Vec<Ground> {
     each(seeds, |seed| Ground::wide(&surface, 1000 + seed, least_mm))
 }
 
-/// What the pen feels of the same way, on three axes.
+/// Acceleration that the pen feels of the same way, on three axes.
 fn felt(ground: &Ground, seed: u64, way: &Path3, seconds: f64) -> (Vec<Vec<f64>>, f64) {
     let hand = Hand::new(seconds, |t| way(t)).unwrap_or_else(|e| panic!("{e}"));
     let felt = ground.felt(&hand, seed);
@@ -240,8 +240,8 @@ fn steady(asked: &Asked) {
     };
     println!("\n## {shape}, constant speed, {} N\n", asked.force_n);
     println!(
-        "Each cell: rendered / true. * is off: modulation by more than 25 % (not where both are below {STEADY}), \
-         repetition by more than 0.1, kurtosis by more than 15 %.\n"
+        "Each cell: rendered / true. * is off: modulation by more than 25 % (not where both are below \
+         {STEADY}), repetition by more than 0.1, kurtosis by more than 15 %.\n"
     );
     println!(
         "| material | speed mm/s | modulation 15-25 Hz | repetition | kurtosis | deviation of level dB | holds |"

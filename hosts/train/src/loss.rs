@@ -337,7 +337,7 @@ mod tests {
     }
 
     #[test]
-    fn ratio_is_0_886_for_noise_and_1_for_a_line_whatever_is_answered() {
+    fn ratio_is_that_of_the_touch_whatever_is_answered() {
         for answer in [0.6, 1.0, 1.7] {
             for (pairs, wanted) in [(noise(), RAYLEIGH), (vec![[[1.0; BINS]; 2]; 3], 1.0)] {
                 let found = least(|ratio| slopes(&pairs, answer, [ratio, 0.1])[0]);

@@ -20,17 +20,8 @@ pub fn surface(name: &str) -> Result<MadeSurface, Diagnostic> {
     }
 }
 
-/// Most points along an edge of a piece.
-const MOST_POINTS: usize = 8192;
-
-/// Points along an edge and their distance in mm of a piece that is at least so long.
-pub(super) fn wide(least_mm: f64) -> (usize, f64) {
-    let (mut points, step_mm) = GRID;
-    while points as f64 * step_mm < least_mm && points < MOST_POINTS {
-        points *= 2;
-    }
-    (points, step_mm)
-}
+/// A piece is at most so many times as wide as those trained on.
+const MOST_TIMES: usize = 8;
 
 /// A piece of a made surface, as the pen of the [simulation](asperity_world::stylus) meets it: a square that
 /// repeats, of 20.48 mm unless it is [wide](Ground::wide).
@@ -54,7 +45,10 @@ impl Ground {
     /// repeats after its length: a straight stroke should not meet the repeat while repetition is looked for.
     /// A piece of 82 mm takes some seconds.
     pub fn wide(surface: &MadeSurface, seed: u64, least_mm: f64) -> Self {
-        let piece = surface.patch(wide(least_mm), Random::new(seed ^ 0x6e0d_91ec_e000).bits());
+        let narrow_mm = GRID.0 as f64 * GRID.1;
+        let times = (least_mm / narrow_mm).ceil().clamp(1.0, MOST_TIMES as f64) as usize;
+        let seed = Random::new(seed ^ 0x6e0d_91ec_e000).bits();
+        let piece = surface.wide_patch(GRID, times.next_power_of_two(), seed);
         Self { envelope: Tool::PEN.track(&piece, &surface.contact), contact: surface.contact }
     }
 

@@ -3,8 +3,8 @@
 //! A network answers expected magnitudes. These do not say whether a texture is noise, single bumps or ridges. [`find`] says so:
 //!
 //! 1. [Waves](waves): ridges whose vibration repeats with place.
-//! 2. [Bumps](events): constants with which the synthesis kernel ([`ShapedNoise`]), played along the same strokes, has the kurtosis, the
-//!    modulation and the repetition of the strokes.
+//! 2. [Bumps](events): constants with which the synthesis kernel ([`ShapedNoise`]), played along the same
+//!    strokes, has the kurtosis, the modulation and the repetition of the strokes.
 //!
 //! All of it needs places along the strokes. Speed should be steady for a second or more, and strokes should go in several directions.
 

@@ -32,6 +32,23 @@ fn a_patch_has_no_seam_and_another_seed_is_another_piece_of_the_same() {
 }
 
 #[test]
+fn a_wide_patch_has_the_pitch_of_a_narrow_one() {
+    let surface = made_surfaces().into_iter().find(|s| s.name == "square grating 3 mm").unwrap();
+    // How often the ground rises halfway, all the way round.
+    let ridges = |patch: &HeightField| {
+        let middle = 0.5 * patch.heights().iter().fold(0.0, |most: f32, h| most.max(*h));
+        let row = &patch.heights()[..patch.side()];
+        let next = row.iter().cycle().skip(1);
+        row.iter().zip(next).filter(|(here, next)| **here < middle && **next >= middle).count()
+    };
+    // 20.48 mm are 6.8 periods, and 81.92 mm are 27.3: what fits around the wider one by itself is another pitch.
+    let grid = (512, 0.04);
+    assert_eq!(ridges(&surface.patch(grid, 5)), 7);
+    assert_eq!(ridges(&surface.patch((4 * grid.0, grid.1), 5)), 27);
+    assert_eq!(ridges(&surface.wide_patch(grid, 4, 5)), 28);
+}
+
+#[test]
 fn statistics_are_as_stated() {
     let grid = (1024, 0.02);
     let of = |name: &str| {

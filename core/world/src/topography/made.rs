@@ -108,6 +108,13 @@ impl MadeSurface {
         self.recipe.piece(random).patch(grid, random)
     }
 
+    /// A patch of the piece of this seed that is so many times as long and as wide as the one on this grid. A
+    /// pitch is such that it fits around the smaller one, so that both have the same.
+    pub fn wide_patch(&self, grid: Grid, times: usize, seed: u64) -> HeightField {
+        let random = &mut Random::new(seed ^ self.seed());
+        self.recipe.piece(random).fitted(grid).patch((times.max(1) * grid.0, grid.1), random)
+    }
+
     /// A patch of it with just the figures that are stated, as no piece is.
     pub fn as_stated(&self, grid: Grid, seed: u64) -> HeightField {
         self.recipe.patch(grid, &mut Random::new(seed ^ self.seed()))
@@ -129,6 +136,16 @@ impl Recipe {
             Self::Wood(of) => wood(grid, of, random),
             Self::Pebbled(of) => pebbled(grid, of, random),
             Self::Sheet(of) => sheet(grid, of, random),
+        }
+    }
+
+    /// The same with pitches that fit around a patch.
+    fn fitted(self, grid: Grid) -> Self {
+        match self {
+            Self::Weave(of) => Self::Weave(Weave { pitch_mm: of.pitch_on(grid), ..of }),
+            Self::Grating(of) => Self::Grating(Grating { period_mm: of.period_on(grid), ..of }),
+            Self::Wood(of) => Self::Wood(Wood { ring_mm: of.ring_on(grid), ..of }),
+            other => other,
         }
     }
 

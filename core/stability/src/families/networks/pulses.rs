@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use asperity_measure::accuracy::rhythm::Rhythm;
-use asperity_world::material::{Events, Library, LibraryMaterial};
+use asperity_world::material::{Library, LibraryMaterial};
 
 use super::beside::{motion, networks, sounds};
 use crate::case::{Found, Not, holds};
@@ -25,22 +25,28 @@ const MORE_MODULATION: f64 = 2.5;
 
 /// Bumps whose distances vary by less than this part come evenly: they repeat with place.
 const EVEN: f64 = 0.25;
-/// Bumps farther apart than this in mm are met one by one: they pulse by right, as the pores of wood.
+/// Bumps farther apart than this in mm are met one by one, as the pores of wood. They pulse by right, but not
+/// twice after the same time.
 const SINGLE_MM: f64 = 0.4;
 
-/// What is set, and its name.
-type Setting = (String, Vec<String>);
+/// A material that is set.
+struct Setting {
+    name: String,
+    changes: Vec<String>,
+    /// Whether its bumps are met one by one.
+    single: bool,
+}
 
 pub(super) fn pulses(subject: &Subject<'_>) -> Found {
     let seconds = subject.by_effort(2.0, 3.0, 8.0);
     let (mut worst, mut count) = ((0.0_f64, 0.0_f64), 0);
-    for (material, changes) in &settings(subject)? {
+    for Setting { name, changes, single } in &settings(subject)? {
         for (speed, motion) in strokes(subject)? {
-            let about = format!("{material} at {speed} mm/s");
+            let about = format!("{name} at {speed} mm/s");
             let ours = rhythm(subject, &motion, changes, seconds).map_err(|e| e.after(&about))?;
             let Some((ours, noise)) = ours else { continue };
             let more = ours.envelope_repetition - noise.envelope_repetition;
-            let times = ours.pulses() / noise.pulses();
+            let times = if *single { 0.0 } else { ours.pulses() / noise.pulses() };
             holds(more <= MORE_REPETITION && times <= MORE_MODULATION, || {
                 format!(
                     "{about}: the envelope repeats by {:.2}, that of noise by {:.2}; it is modulated by {:.2} from 15 to 25 Hz, noise by {:.2}",
@@ -101,8 +107,8 @@ fn strokes(subject: &Subject<'_>) -> Result<Vec<(f64, Motion)>, Not> {
     Ok(vec![(60.0, motion(subject)?)])
 }
 
-/// The materials to be set: the first ones of the families in the library that repeat with no place and have no single bumps. What repeats with place does so by right. Where
-/// nothing can be set, the graph as it is.
+/// The materials to be set: the first ones of the families in the library that repeat with no place. What
+/// repeats with place does so by right. Where nothing can be set, the graph as it is.
 fn settings(subject: &Subject<'_>) -> Result<Vec<Setting>, Not> {
     let schedule = subject.compiled(subject.its_graph()?, &[])?.schedule;
     let most = subject.by_effort(2, 4, 100);
@@ -116,18 +122,21 @@ fn settings(subject: &Subject<'_>) -> Result<Vec<Setting>, Not> {
         let library = Library::shared(node.params.file("library"))?;
         let mut families = Vec::new();
         let random = |m: &&LibraryMaterial| {
-            let bumps = |e: Events| e.interval_cv >= EVEN && e.spacing_mm <= SINGLE_MM;
-            m.pattern.waves.is_empty() && m.pattern.events.is_none_or(bumps)
+            m.pattern.waves.is_empty() && m.pattern.events.is_none_or(|e| e.interval_cv >= EVEN)
         };
         for material in library.materials().iter().filter(random) {
             if all.len() < most && !families.contains(&&material.family) {
                 families.push(&material.family);
-                all.push((material.name.clone(), vec![format!("{}.material={}", node.id, material.name)]));
+                all.push(Setting {
+                    name: material.name.clone(),
+                    changes: vec![format!("{}.material={}", node.id, material.name)],
+                    single: material.pattern.events.is_some_and(|e| e.spacing_mm > SINGLE_MM),
+                });
             }
         }
     }
     if all.is_empty() {
-        all.push(("the graph".into(), Vec::new()));
+        all.push(Setting { name: "the graph".into(), changes: Vec::new(), single: false });
     }
     Ok(all)
 }

@@ -1,6 +1,6 @@
 use super::super::HeightField;
 use super::super::spectrum::{gaussian, self_affine};
-use super::{Grid, fits};
+use super::{Grid, fitting};
 use crate::material::Random;
 
 /// Straight ridges along y.
@@ -21,7 +21,7 @@ pub struct Grating {
 impl Grating {
     /// The period on a grid, in millimetres.
     pub fn period_on(&self, grid: Grid) -> f64 {
-        grid.0 as f64 * grid.1 / fits(grid, self.period_mm, 1) as f64
+        fitting(grid, self.period_mm, 1)
     }
 }
 

@@ -37,3 +37,8 @@ fn fits((side, step_mm): Grid, pitch_mm: f64, of: usize) -> usize {
     let length = side as f64 * step_mm / pitch_mm;
     ((length / of as f64).round() as usize).max(1) * of
 }
+
+/// The length next to `pitch_mm` that fits so.
+fn fitting(grid: Grid, pitch_mm: f64, of: usize) -> f64 {
+    grid.0 as f64 * grid.1 / fits(grid, pitch_mm, of) as f64
+}

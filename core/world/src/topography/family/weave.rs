@@ -3,7 +3,7 @@ use std::f64::consts::{PI, TAU};
 use super::super::HeightField;
 use super::super::spectrum::{gaussian, self_affine};
 use super::tufts::fuzz;
-use super::{Grid, fits};
+use super::{Grid, fits, fitting};
 use crate::material::Random;
 
 /// Which threads lie on top.
@@ -56,6 +56,13 @@ pub struct Weave {
     pub fuzz: f64,
 }
 
+impl Weave {
+    /// The pitch on a grid, in millimetres.
+    pub fn pitch_on(&self, grid: Grid) -> f64 {
+        fitting(grid, self.pitch_mm, self.binding.repeat())
+    }
+}
+
 /// Height of the twisted yarn's ridges, as a part of its thickness, and ridges in a pitch.
 const TWIST: (f64, f64) = (0.05, 2.5);
 
@@ -90,8 +97,7 @@ impl Threads {
 /// or thinner than the next, twisted; the threads wander and stray fibres lie on top.
 pub fn weave(grid: Grid, of: &Weave, random: &mut Random) -> HeightField {
     let (side, step) = grid;
-    let count = fits(grid, of.pitch_mm, of.binding.repeat());
-    let pitch = side as f64 * step / count as f64;
+    let (count, pitch) = (fits(grid, of.pitch_mm, of.binding.repeat()), of.pitch_on(grid));
     let slow = self_affine(0.15 / pitch, 1.5);
     let shift =
         [gaussian(grid, of.wander * pitch, random, &slow), gaussian(grid, of.wander * pitch, random, &slow)];

@@ -3,7 +3,7 @@ use std::f64::consts::PI;
 use super::super::HeightField;
 use super::super::spectrum::gaussian;
 use super::stamp::stamp;
-use super::{Grid, fits};
+use super::{Grid, fitting};
 use crate::material::Random;
 
 /// A planed board, its grain along y.
@@ -23,6 +23,13 @@ pub struct Wood {
     pub pores: f64,
     /// How much the pores keep to early wood: 0 not at all, 1 altogether.
     pub rings_porous: f64,
+}
+
+impl Wood {
+    /// From ring to ring on a grid, in millimetres.
+    pub fn ring_on(&self, grid: Grid) -> f64 {
+        fitting(grid, self.ring_mm, 1)
+    }
 }
 
 /// How much longer than wide fibres and pores are.
@@ -46,7 +53,7 @@ pub fn wood(grid: Grid, of: &Wood, random: &mut Random) -> HeightField {
         }
     });
     let mut field = gaussian(grid, of.fibre_height_mm, random, grain(of.fibre_mm));
-    let ring = side as f64 * step / fits(grid, of.ring_mm, 1) as f64;
+    let ring = of.ring_on(grid);
     let shift = wander.heights();
     let phase = |at: usize| ((at % side) as f64 * step + f64::from(shift[at])) / ring;
     for (at, height) in field.heights_mut().iter_mut().enumerate() {
