@@ -45,7 +45,7 @@ const LEAST_PITCH_HZ: f64 = 0.5;
 /// No frame or sample has a number as large as this.
 const LAST: u64 = 1 << 48;
 /// Lanes of a sum.
-const LANES: usize = 8;
+const LANES: usize = 16;
 
 /// Magnitudes in, samples out.
 pub struct ShapedNoise<T> {
@@ -308,10 +308,9 @@ impl<T: Float> ShapedNoise<T> {
 
     /// The power density of the newest frame.
     fn spread(&mut self) {
-        let magnitudes = self.magnitudes.iter().map(|m| m.f64());
         // An amplitude stands for this part of its square as power, and that for a bin's width.
         let bin_hz = f64::from(self.framing.rate_hz) / self.framing.fft_len as f64;
-        self.unblurred.find(magnitudes, 1.0 / (3.0 * bin_hz), &mut self.density);
+        self.unblurred.find(&self.magnitudes, 1.0 / (3.0 * bin_hz), &mut self.density);
     }
 
     /// Phases of minimum phase that ridges get from the newest frame, as complex numbers of size 1: of each harmonic of a pitch, from the
@@ -351,12 +350,14 @@ impl<T: Float> ShapedNoise<T> {
     fn divide(&mut self, pitch_hz: f64, weights: &[f64; HARMONICS]) {
         let step_hz = self.step_hz();
         let count = ((self.top_hz() / pitch_hz) as usize).min(MOST_LINES);
-        let mut beside = [0.0, 0.0, around(&self.density, &self.sums, step_hz, pitch_hz, pitch_hz)];
+        let below = |h: usize| below(&self.density, &self.sums, step_hz, (h as f64 + 0.5) * pitch_hz);
+        let (mut up_to, mut beside) = (below(1), [0.0, 0.0, (below(1) - below(0)).max(0.0)]);
         let (mut given, mut all) = (0.0, 0.0);
         self.powers.clear();
         for h in 1..=count {
-            let next = (h + 1) as f64 * pitch_hz;
-            beside = [beside[1], beside[2], around(&self.density, &self.sums, step_hz, next, pitch_hz)];
+            let next = below(h + 1);
+            beside = [beside[1], beside[2], (next - up_to).max(0.0)];
+            up_to = next;
             // The first has none below, the last none above.
             let known = if h > 1 { &beside[..] } else { &beside[1..] };
             let known = if h < count { known } else { &known[..known.len() - 1] };
@@ -428,12 +429,15 @@ impl<T: Float> ShapedNoise<T> {
             let unit = if backwards { unit.conj() } else { unit };
             self.waves[w].at[1][h - 1] = unit * wave.turns[h.min(HARMONICS) - 1] * (2.0 * power).sqrt();
         }
-        // What repeats is no noise.
-        for (j, square) in self.squares.iter_mut().enumerate() {
-            let h = (j as f64 * step_hz / pitch_hz).round() as usize;
-            if (1..=count).contains(&h) {
-                *square = (*square - share(h) * self.density[j]).max(0.0);
-            }
+        // What repeats is no noise: up to half a pitch from each harmonic.
+        let end =
+            |h: usize| (((h as f64 + 0.5) * pitch_hz / step_hz).ceil() as usize).min(self.density.len());
+        let mut from = end(0);
+        for h in 1..=count {
+            let to = end(h);
+            let around = self.squares[from..to].iter_mut().zip(&self.density[from..to]);
+            around.for_each(|(square, density)| *square = (*square - share(h) * density).max(0.0));
+            from = to;
         }
         count
     }
@@ -575,15 +579,9 @@ fn integrate(density: &[f64], step_hz: f64, sums: &mut [f64]) {
     }
 }
 
-/// The power within half a pitch of a frequency.
-fn around(density: &[f64], sums: &[f64], step_hz: f64, hz: f64, pitch_hz: f64) -> f64 {
-    let below = |hz: f64| below(density, sums, step_hz, hz);
-    (below(hz + 0.5 * pitch_hz) - below(hz - 0.5 * pitch_hz)).max(0.0)
-}
-
-/// The same up to any frequency.
+/// The same up to any frequency from 0 on.
 fn below(density: &[f64], sums: &[f64], step_hz: f64, hz: f64) -> f64 {
-    let place = (hz.max(0.0) / step_hz).min((sums.len() - 1) as f64);
+    let place = (hz / step_hz).min((sums.len() - 1) as f64);
     let at = (place as usize).min(sums.len() - 2);
     let part = place - at as f64;
     sums[at] + step_hz * part * (density[at] + 0.5 * part * (density[at + 1] - density[at]))

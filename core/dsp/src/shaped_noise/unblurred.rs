@@ -1,10 +1,14 @@
 //! The density whose frames have given magnitudes.
 
+use crate::Float;
+
 /// Power of Hann's window half a bin, a bin and one and a half from its middle, over that in its middle: with
 /// all of them on both sides they sum up to 3.
-const BESIDE: [f64; 3] = [0.720_506_2, 0.25, 0.028_820_2];
+const BESIDE: [f32; 3] = [0.720_506_2, 0.25, 0.028_820_2];
 /// Times a density is brought nearer to the magnitudes.
 const STEPS: usize = 2;
+/// Magnitudes less than this part of the largest are nothing: their squares would be denormal numbers.
+const LEAST: f32 = 1e-15;
 /// Room at both ends.
 const END: usize = 2;
 
@@ -16,13 +20,15 @@ const END: usize = 2;
 /// louder. So a density is looked for that has the given powers once it is seen through the window. It begins
 /// as the magnitudes say, and is multiplied by what they ask for over what it has (as in W. H. Richardson, J.
 /// Opt. Soc. Am. 62, 55, 1972, with the quotient of the place itself).
+///
+/// Powers are relative to the largest, so that single precision is enough.
 pub(super) struct Unblurred {
     /// Of bins, and half a bin above each; both with room at their ends.
-    at: Vec<f64>,
-    above: Vec<f64>,
-    wanted: Vec<f64>,
+    at: Vec<f32>,
+    above: Vec<f32>,
+    wanted: Vec<f32>,
     /// Power asked for over power there.
-    quotients: Vec<f64>,
+    quotients: Vec<f32>,
 }
 
 impl Unblurred {
@@ -33,16 +39,21 @@ impl Unblurred {
 
     /// The density in units of `scale`, in which a flat spectrum has the square of its magnitudes. What is
     /// beyond bins is 0.
-    pub(super) fn find(&mut self, magnitudes: impl Iterator<Item = f64>, scale: f64, density: &mut [f64]) {
+    pub(super) fn find<T: Float>(&mut self, magnitudes: &[T], scale: f64, density: &mut [f64]) {
+        density.fill(0.0);
         let bins = self.wanted.len();
+        let most = magnitudes.iter().fold(0.0, |most: f64, m| most.max(m.f64()));
+        if most <= 0.0 {
+            return;
+        }
+        let unit = most.recip().min(f64::MAX);
+        let relative = |m: &T| Some(f32::of(m.f64() * unit)).filter(|m| *m > LEAST).unwrap_or(0.0);
+        for (wanted, m) in self.wanted.iter_mut().zip(magnitudes) {
+            *wanted = relative(m) * relative(m);
+        }
         // Slopes are straight in decibels.
-        let mut below = None;
-        for (k, magnitude) in magnitudes.take(bins).enumerate() {
-            self.wanted[k] = magnitude * magnitude;
-            if let Some(below) = below {
-                self.above[END + k - 1] = below * magnitude;
-            }
-            below = Some(magnitude);
+        for (above, pair) in self.above[END..END + bins].iter_mut().zip(magnitudes.windows(2)) {
+            *above = relative(&pair[0]) * relative(&pair[1]);
         }
         self.at[END..END + bins].copy_from_slice(&self.wanted);
         // Bin 0 is often 0, and there is no bin beyond the last: beside them it is a mean of powers.
@@ -53,10 +64,10 @@ impl Unblurred {
         for _ in 0..STEPS {
             self.step();
         }
-        density.fill(0.0);
+        let scale = most * most * scale;
         let found = self.at[END..END + bins].iter().zip(&self.above[END..]);
         for (pair, (at, above)) in density.chunks_mut(2).zip(found) {
-            pair.iter_mut().zip([at, above]).for_each(|(to, power)| *to = power * scale);
+            pair.iter_mut().zip([at, above]).for_each(|(to, power)| *to = f64::from(*power) * scale);
         }
     }
 
@@ -104,7 +115,8 @@ mod tests {
 
     fn found(squares: &[f64]) -> Vec<f64> {
         let mut density = vec![0.0; 2 * squares.len() + 20];
-        Unblurred::new(squares.len()).find(squares.iter().map(|s| s.sqrt()), 1.0, &mut density);
+        let magnitudes: Vec<f64> = squares.iter().map(|s| s.sqrt()).collect();
+        Unblurred::new(squares.len()).find(&magnitudes, 1.0, &mut density);
         density
     }
 
