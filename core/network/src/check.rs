@@ -1,5 +1,6 @@
 //! The inputs on which a packed network is compared with tract, and the comparison.
 
+use crate::Range;
 use crate::signature::{FORCE_LEN, SPEED_LEN};
 
 /// Force and velocity histories for one comparison.
@@ -7,6 +8,16 @@ use crate::signature::{FORCE_LEN, SPEED_LEN};
 pub(crate) struct Probe {
     pub(crate) force: [f32; FORCE_LEN],
     pub(crate) speed: [f32; SPEED_LEN],
+}
+
+impl Probe {
+    /// As a network is given it that was trained on a range.
+    pub(crate) fn held(&self, range: &Range) -> Self {
+        let mut held = self.clone();
+        range.forces(&self.force.map(f64::from), &mut held.force);
+        range.velocities(&self.speed.map(f64::from), &mut held.speed);
+        held
+    }
 }
 
 /// Probes within a stylus' range: rest, a steady stroke, and random histories (N, mm/s).
@@ -50,7 +61,7 @@ pub(crate) fn motions(count: usize) -> Vec<Probe> {
     (0..count).map(motion).collect()
 }
 
-/// Probes a hundred times beyond it. They have a full scale of their own, so as not to hide errors of the others.
+/// Probes a hundred times beyond it; for a network that knows its range, at its ends. They have a full scale of their own, so as not to hide errors of the others.
 pub(crate) fn large() -> Vec<Probe> {
     let mut random = Random(0xd1b5_4a32_d192_ed03);
     let mut probes = vec![

@@ -107,7 +107,7 @@ impl Double {
                     }
                 }
             }
-            result.iter_mut().for_each(|x| *x = step.clamp(*x));
+            result.iter_mut().for_each(|x| *x = step.end.of(*x));
         }
         for (out, &step) in out.iter_mut().zip(&self.net.outputs) {
             let start = *self.at.get(step)?;

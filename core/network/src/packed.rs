@@ -2,7 +2,7 @@
 //! columns, 64-byte aligned; what depends on the texture alone folded into biases, once per material.
 
 use crate::kernel::{Bias, Block, Codes, Data, Entry, Instruction, Isa, Pick, Program, Shape, largest_code};
-use crate::lower::{Affine, Element, Lowered, Ref, StepKind};
+use crate::lower::{Affine, Element, End, Lowered, Ref, StepKind};
 use crate::signature::{FORCE_LEN, Role, SPEED_LEN};
 use crate::stored::{Samples, Stored};
 use std::sync::Arc;
@@ -126,11 +126,18 @@ impl<W: Stored> Packed<W> {
             if !needed[i] || p.constant[i] {
                 continue;
             }
-            let clamp = (step.low as f32, step.high as f32);
+            let clamp = match step.end {
+                End::Clamp(low, high) => (low as f32, high as f32),
+                End::Exponential => (f32::NEG_INFINITY, f32::INFINITY),
+            };
             match &step.kind {
                 StepKind::Input(_) => {}
                 StepKind::Affine(a) => p.affine(i, a, clamp),
                 StepKind::Elements(e) => p.elements(i, e, clamp),
+            }
+            if let End::Exponential = step.end {
+                let of = p.at[i]..p.at[i] + step.len();
+                p.program.instructions.push(Instruction::Exponential(of));
             }
         }
         let made = Made {

@@ -6,6 +6,7 @@ use crate::kernel::Isa;
 use crate::lower::Lowered;
 use crate::model::Model;
 use crate::packed::Packed;
+use crate::range::Range;
 use crate::reference::{Reference, TextureTensor, texture};
 use crate::signature::{FORCE_LEN, MAGNITUDES_LEN, SPEED_LEN, TEXTURE_LEN};
 use crate::stored::Stored;
@@ -270,6 +271,7 @@ impl Model {
         let job = Job {
             reference: &self.reference,
             outputs: self.outputs,
+            range: Range::new(self.trained()),
             textures: &textures,
             materials: materials.iter().map(|m| m.iter().map(|&x| f64::from(x)).collect()).collect(),
         };
@@ -336,6 +338,8 @@ pub(crate) type Wanted = (Vec<Vec<f32>>, Precision, Choice);
 struct Job<'a> {
     reference: &'a Reference,
     outputs: usize,
+    /// Range to which what it is given is held.
+    range: Range,
     textures: &'a [TextureTensor],
     materials: Vec<Vec<f64>>,
 }
@@ -390,6 +394,7 @@ impl Job<'_> {
     fn error(&self, runner: &mut Runner) -> Result<f64, String> {
         let mut worst = 0f64;
         for probes in [check::ordinary(), check::large()] {
+            let probes: Vec<Probe> = probes.iter().map(|probe| probe.held(&self.range)).collect();
             let mut reference: [Vec<f32>; 3] = Default::default();
             let mut found = reference.clone();
             for (material, texture) in self.textures.iter().enumerate().take(CHECKED_MATERIALS) {

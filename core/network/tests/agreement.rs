@@ -5,6 +5,7 @@ mod common;
 
 use asperity_network::{Answer, Choice, Executor, Isa, Model, NOISE_RATIO, Precision};
 use common::{Layer, Net, Product, Spelling, bytes, heads, model, motions, scattering, textures};
+use tract_onnx::pb::StringStringEntryProto;
 
 fn load(net: &Net, spelling: Spelling) -> Model {
     Model::from_bytes(&bytes(&model(net, spelling)), "made.onnx").unwrap()
@@ -67,6 +68,46 @@ fn every_instruction_set_agrees_with_f64_in_every_precision() {
             let error = error_vs_f64(&net, &model, precision, Choice::Packed(isa));
             assert!(within.contains(&error), "{isa:?} {precision:?}: {error}");
         }
+    }
+}
+
+#[test]
+fn exponentials_are_packed_and_right_in_every_precision() {
+    let mut net = Net::random(4);
+    net.output_scale = (0..100).map(|i| 0.04 * (i as f32 - 70.0)).collect();
+    let mut file = model(&net, Spelling::default());
+    let graph = file.graph.as_mut().unwrap();
+    graph.node.last_mut().unwrap().op_type = "Exp".into();
+    for (key, value) in [("force_max_n", "3.5"), ("speed_max_mm_s", "300")] {
+        file.metadata_props.push(StringStringEntryProto { key: key.into(), value: value.into() });
+    }
+    let model = Model::from_bytes(&bytes(&file), "made.onnx").unwrap();
+    let textures = textures(2, 5);
+    let most = |precision| match precision {
+        Precision::F32 => 3e-5,
+        Precision::F16 => 5e-3,
+        Precision::Int8 => 5e-2,
+        Precision::F64 => 1e-6,
+    };
+    let packed = PACKED
+        .iter()
+        .flat_map(|(precision, _)| precision.isas().into_iter().map(|isa| (*precision, Choice::Packed(isa))));
+    for (precision, choice) in packed.chain([(Precision::F64, Choice::Auto)]) {
+        let mut runner = model.runner(&textures, precision, choice).unwrap();
+        assert_ne!(runner.describe().executor, Executor::Tract, "{precision:?}");
+        let (mut worst, mut range) = (0f64, [f64::MAX, 0.0]);
+        for (force, speed) in motions(20, 6).into_iter().filter(|(f, _)| f[0] < 10.0) {
+            for (m, texture) in textures.iter().enumerate() {
+                let mut out = [f32::NAN; 100];
+                runner.run(m, &force, &speed, &mut out).unwrap();
+                for (&y, log) in out.iter().zip(net.evaluate(&force, &speed, texture)) {
+                    worst = worst.max((f64::from(y) / log.exp() - 1.0).abs());
+                    range = [range[0].min(log.exp()), range[1].max(log.exp())];
+                }
+            }
+        }
+        assert!(range[0] < 1e-2 && range[1] > 2.0, "{range:?}");
+        assert!(worst < most(precision), "{precision:?} {choice:?}: {worst}");
     }
 }
 
@@ -280,8 +321,9 @@ fn the_shipped_model_runs_in_every_precision() {
             let runner = model.runner(&vectors, precision, Choice::Packed(isa)).unwrap();
             let info = runner.describe();
             assert_eq!(info.executor, Executor::Packed { isa, precision });
-            assert_eq!(info.multiply_adds, 429_800, "{}", info.report);
-            assert!(info.max_error_vs_tract.unwrap() < within.end, "{}", info.report);
+            assert_eq!(info.multiply_adds, 446_000, "{}", info.report);
+            let most = within.end.max(1e-4);
+            assert!(info.max_error_vs_tract.unwrap() < most, "{}", info.report);
             eprintln!("{}, {} bytes", info.report, info.weights_bytes);
         }
     }

@@ -13,6 +13,7 @@ mod portable;
 mod weight;
 mod whole;
 
+use asperity_dsp::Float as _;
 use std::ops::Range;
 pub(crate) use weight::{Float, Weight};
 use whole::Whole;
@@ -151,6 +152,8 @@ pub(crate) enum Instruction {
         low: f32,
         high: f32,
     },
+    /// Turns results into their exponentials.
+    Exponential(Range<usize>),
 }
 
 /// What is done in a run, and the arena ranges and picks it refers to.
@@ -235,6 +238,11 @@ unsafe fn execute<S: Whole, W: Weight>(
                     // Not f32::clamp, which panics on bad bounds.
                     let x = if x < *low { *low } else { x };
                     *arena.get_mut(to + i)? = if x > *high { *high } else { x };
+                }
+            }
+            Instruction::Exponential(of) => {
+                for x in arena.get_mut(of.clone())? {
+                    *x = if x.is_nan() { *x } else { x.exponential() };
                 }
             }
         }

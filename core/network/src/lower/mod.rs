@@ -1,6 +1,7 @@
 //! Recognises a multilayer perceptron in an ONNX graph and writes it as a few steps.
 //!
-//! A step is an affine map or a rescaling of single elements, then a clamp (ReLU is a clamp to [0, inf)). Constant
+//! A step is an affine map or a rescaling of single elements, then a clamp (ReLU is a clamp to [0, inf)) or an
+//! exponential. Constant
 //! additions and multiplications between steps are folded into weights and biases in f64; concatenation and
 //! reshaping only say which elements a step reads. Anything else is named as the reason why the graph was not lowered.
 
@@ -20,7 +21,7 @@ const BUDGET: usize = 1 << 23;
 /// Largest graph that is looked at: a texture network has about fifty nodes.
 const MAX_NODES: usize = 2000;
 
-/// What a step computes, before its clamp.
+/// What a step computes, before its end.
 #[derive(Clone, Debug)]
 pub(crate) enum StepKind {
     Input(Role),
@@ -28,12 +29,33 @@ pub(crate) enum StepKind {
     Elements(Vec<Element>),
 }
 
-/// A step: `kind` clamped to `low..=high`.
+/// What is done with each result of a step.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum End {
+    /// Clamped to these, from the first to the second.
+    Clamp(f64, f64),
+    Exponential,
+}
+
+impl End {
+    pub(crate) const NONE: Self = Self::Clamp(f64::NEG_INFINITY, f64::INFINITY);
+
+    /// What becomes of a result; NaN stays NaN.
+    pub(crate) fn of(self, x: f64) -> f64 {
+        match self {
+            Self::Clamp(low, _) if x < low => low,
+            Self::Clamp(_, high) if x > high => high,
+            Self::Clamp(..) => x,
+            Self::Exponential => x.exp(),
+        }
+    }
+}
+
+/// A step: `kind`, then `end`.
 #[derive(Clone, Debug)]
 pub(crate) struct Step {
     pub(crate) kind: StepKind,
-    pub(crate) low: f64,
-    pub(crate) high: f64,
+    pub(crate) end: End,
 }
 
 impl Step {
@@ -51,17 +73,6 @@ impl Step {
             StepKind::Input(_) => Box::new(std::iter::empty()),
             StepKind::Affine(a) => Box::new(a.inputs.iter().copied()),
             StepKind::Elements(e) => Box::new(e.iter().filter_map(|e| e.of)),
-        }
-    }
-
-    /// The clamp, passing NaN on.
-    pub(crate) fn clamp(&self, x: f64) -> f64 {
-        if x < self.low {
-            self.low
-        } else if x > self.high {
-            self.high
-        } else {
-            x
         }
     }
 }
@@ -82,7 +93,7 @@ impl Lowered {
         }
         let mut b = Builder { steps: Vec::new(), values: HashMap::new(), budget: BUDGET, opset };
         for (name, role) in &signature.inputs {
-            let step = b.push(StepKind::Input(*role), f64::NEG_INFINITY, f64::INFINITY)?;
+            let step = b.push(StepKind::Input(*role), End::NONE)?;
             let content = Content::Elements(elements_of(step, role.len()));
             b.values.insert(name.clone(), Value { shape: vec![1, role.len()], content });
         }
@@ -107,7 +118,7 @@ impl Lowered {
             }
             outputs.push(match b.whole_step(&value.content) {
                 Some(step) => step,
-                None => b.materialise(value.content, f64::NEG_INFINITY, f64::INFINITY)?,
+                None => b.materialise(value.content, End::NONE)?,
             });
         }
         Ok(Self { steps: b.steps, outputs })
@@ -170,7 +181,7 @@ impl Lowered {
                     sums
                 }
             };
-            result.iter_mut().for_each(|x| *x = step.clamp(*x));
+            result.iter_mut().for_each(|x| *x = step.end.of(*x));
             results.push(result);
         }
         results
@@ -191,7 +202,7 @@ impl Builder {
         Ok(())
     }
 
-    fn push(&mut self, kind: StepKind, low: f64, high: f64) -> Result<usize, String> {
+    fn push(&mut self, kind: StepKind, end: End) -> Result<usize, String> {
         let weights = match &kind {
             StepKind::Affine(a) => a.weights.as_slice(),
             _ => &[],
@@ -199,7 +210,7 @@ impl Builder {
         if !weights.iter().all(|w| w.is_finite()) {
             return Err("weights are not finite".into());
         }
-        self.steps.push(Step { kind, low, high });
+        self.steps.push(Step { kind, end });
         Ok(self.steps.len() - 1)
     }
 
@@ -223,14 +234,14 @@ impl Builder {
         (whole && !matches!(self.steps[step].kind, StepKind::Input(_))).then_some(step)
     }
 
-    /// Makes a step of a value, clamped.
-    fn materialise(&mut self, content: Content, low: f64, high: f64) -> Result<usize, String> {
+    /// Makes a step of a value.
+    fn materialise(&mut self, content: Content, end: End) -> Result<usize, String> {
         let kind = match content {
             Content::Affine(a) => StepKind::Affine(a),
             Content::Elements(e) => StepKind::Elements(e),
             Content::Constant { .. } => return Err("it is constant".into()),
         };
-        self.push(kind, low, high)
+        self.push(kind, end)
     }
 
     /// The value as elements, making a step of it if it is an affine map.
@@ -243,7 +254,7 @@ impl Builder {
             Content::Constant { float: false, .. } => Err("not of 32-bit floats".into()),
             affine @ Content::Affine(_) => {
                 let len = affine.len();
-                let step = self.materialise(affine, f64::NEG_INFINITY, f64::INFINITY)?;
+                let step = self.materialise(affine, End::NONE)?;
                 Ok(elements_of(step, len))
             }
         }

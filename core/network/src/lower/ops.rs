@@ -1,7 +1,7 @@
 //! One ONNX operator at a time. Definitions: the ONNX operator reference, operator sets 7 and later.
 
 use super::value::{self, Affine, Content, Element, Value};
-use super::{Builder, elements_of};
+use super::{Builder, End, elements_of};
 use crate::proto::attribute;
 use tract_onnx::pb::NodeProto;
 use tract_onnx::pb::tensor_proto::DataType;
@@ -24,6 +24,10 @@ pub(super) fn lower(b: &mut Builder, node: &NodeProto) -> Result<Value, String> 
         "Relu" => {
             let v = input(b, node, 0)?;
             clamp(b, v, 0.0, f64::INFINITY)
+        }
+        "Exp" => {
+            let v = input(b, node, 0)?;
+            end(b, v, End::Exponential)
         }
         "Clip" => clip(b, node),
         "Max" | "Min" => max_min(b, node),
@@ -222,8 +226,13 @@ fn clamp(b: &mut Builder, v: Value, low: f64, high: f64) -> Result<Value, String
     if low.is_nan() || high.is_nan() || low > high {
         return Err(format!("clamps to {low}..{high}"));
     }
+    end(b, v, End::Clamp(low, high))
+}
+
+/// Makes a step of a value.
+fn end(b: &mut Builder, v: Value, end: End) -> Result<Value, String> {
     let len = v.content.len();
-    let step = b.materialise(v.content, low, high)?;
+    let step = b.materialise(v.content, end)?;
     Ok(Value { shape: v.shape, content: Content::Elements(elements_of(step, len)) })
 }
 
