@@ -1,4 +1,5 @@
-//! The network that is asked every tick, at the layer sizes of Heravi et al. 2024.
+//! The network that is asked every tick: that of Heravi et al. 2024, with a wider branch for speed, and
+//! logarithms in the last layer.
 
 use asperity_dataset::HISTORY;
 use asperity_world::material::{BINS, Random, VECTOR_LEN};
@@ -12,9 +13,14 @@ use crate::loss::RAYLEIGH;
 /// Widths of the force branch, its input first.
 const FORCE: [usize; 4] = [HISTORY, 10, 10, 10];
 /// Widths of the speed branch, its input first.
-const SPEED: [usize; 5] = [2 * HISTORY, 20, 20, 20, 10];
+const SPEED: [usize; 5] = [2 * HISTORY, 96, 80, 40, 20];
+/// Directions in which the units of the speed branch's first layer begin to answer.
+const DIRECTIONS: usize = 16;
+/// Speeds in mm/s from which they begin to answer. Spectra of round bumps fall by 10 dB within a few mm/s
+/// where the hand is slow, and hardly change where it is fast.
+const FROM_MM_S: [f64; 6] = [0.0, 8.0, 18.0, 35.0, 70.0, 140.0];
 /// Widths of the action branch, whose input is force and speed.
-const ACTION: [usize; 5] = [20, 400, 300, 200, 100];
+const ACTION: [usize; 5] = [30, 400, 300, 200, 100];
 /// Widths of the predictor up to its last layer. Its input is texture and action.
 const PREDICTOR: [usize; 5] = [VECTOR_LEN + 100, 300, 300, 200, 100];
 
@@ -34,7 +40,15 @@ impl Scaling {
     }
 }
 
-/// The network. It takes scaled forces and velocities, and answers m/s^2, without the last ReLU.
+/// First answer for all magnitudes [m/s^2].
+const FIRST: f32 = 0.05;
+/// Largest logarithm of a magnitude, either way.
+const MOST_LOG: f32 = 30.0;
+
+/// The network. It takes scaled forces and velocities, and answers m/s^2.
+///
+/// Its last layer answers logarithms of magnitudes: spectra fall by 10 dB from bin to bin and from speed to
+/// speed, and a sum of positive parts is seldom right where it is small.
 #[derive(Module, Debug)]
 pub(crate) struct Network {
     force: Vec<Layer>,
@@ -45,7 +59,7 @@ pub(crate) struct Network {
     scatter: Layer,
 }
 
-/// Answers to n touches, before the last ReLU.
+/// Answers to n touches; ratio and variance are before the last ReLU.
 pub(crate) struct Answers {
     /// Magnitudes in m/s^2, \[n, 100\].
     pub magnitudes: Tensor<2>,
@@ -66,7 +80,7 @@ pub(crate) struct NetworkWeights {
     pub action: Vec<Weights>,
     /// Predictor up to its last layer.
     pub predictor: Vec<Weights>,
-    /// Last layer of the magnitudes.
+    /// Last layer of the magnitudes, whose exponentials they are.
     pub magnitudes: Weights,
     /// Last layer of the ratios.
     pub ratio: Weights,
@@ -78,12 +92,15 @@ impl Network {
     /// A network to be trained.
     pub(crate) fn new(random: &mut Random, device: &Device) -> Self {
         let force = layers(&FORCE, random, device);
-        let speed = layers(&SPEED, random, device);
+        let mut speed = layers(&SPEED, random, device);
+        speed[0] = Layer::of(&compass(), device);
         let action = layers(&ACTION, random, device);
         let predictor = layers(&PREDICTOR, random, device);
         let width = PREDICTOR[PREDICTOR.len() - 1];
         // Magnitudes are small numbers: begin with small answers.
-        let magnitudes = Layer::new(width, BINS, 0.02, random, device);
+        let mut magnitudes = Layer::new(width, BINS, 0.02, random, device).weights();
+        magnitudes.bias.fill(FIRST.ln());
+        let magnitudes = Layer::of(&magnitudes, device);
         // Begin with noise of about ten independent bins.
         let bias = [vec![RAYLEIGH; BINS], vec![0.1]].concat();
         let (inputs, outputs) = (width, bias.len());
@@ -99,7 +116,7 @@ impl Network {
         let hidden = all_relu(&self.predictor, Tensor::cat(vec![texture, action], 1));
         let scatter = self.scatter.forward(hidden.clone());
         Answers {
-            magnitudes: self.magnitudes.forward(hidden),
+            magnitudes: self.magnitudes.forward(hidden).clamp(-MOST_LOG, MOST_LOG).exp(),
             ratio: scatter.clone().narrow(1, 0, BINS),
             variance: scatter.narrow(1, BINS, 1),
         }
@@ -149,6 +166,28 @@ impl Network {
     }
 }
 
+/// The speed branch's first layer as it begins: each unit answers a velocity in one direction, above a speed
+/// of its own.
+fn compass() -> Weights {
+    let (inputs, outputs) = (SPEED[0], DIRECTIONS * FROM_MM_S.len());
+    let (mut weight, mut bias) = (vec![0.0; inputs * outputs], Vec::with_capacity(outputs));
+    let scale = f64::from(Scaling::of(Reach::DRAWN).speed);
+    for unit in 0..outputs {
+        let (direction, from) = (unit / FROM_MM_S.len(), scale * FROM_MM_S[unit % FROM_MM_S.len()]);
+        let gain = (from + 0.1).powf(-0.5);
+        let (y, x) = (direction as f64 / DIRECTIONS as f64 * std::f64::consts::TAU).sin_cos();
+        // By turns the mean of the history and its latest half.
+        let first = if direction % 2 == 0 { 0 } else { HISTORY / 2 };
+        for age in first..HISTORY {
+            let part = gain / (HISTORY - first) as f64;
+            weight[age * outputs + unit] = (part * x) as f32;
+            weight[(HISTORY + age) * outputs + unit] = (part * y) as f32;
+        }
+        bias.push((-gain * from) as f32);
+    }
+    Weights { inputs, outputs, weight, bias }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -156,10 +195,10 @@ mod tests {
     use burn::tensor::TensorData;
 
     #[test]
-    fn layer_sizes_are_the_papers_and_scatter_adds_10100() {
+    fn a_network_has_512700_weights_and_10100_more_for_scatter() {
         let w = Network::new(&mut Random::new(1), &Device::flex()).weights(Scaling::of(Reach::DRAWN));
         let sizes = |layers: &[Weights]| layers.iter().map(|l| l.weight.len()).sum::<usize>();
-        assert_eq!(sizes(&[w.force, w.speed, w.action, w.predictor, vec![w.magnitudes]].concat()), 496_500);
+        assert_eq!(sizes(&[w.force, w.speed, w.action, w.predictor, vec![w.magnitudes]].concat()), 512_700);
         assert_eq!(sizes(&[w.ratio, w.variance]), 10_100);
     }
 

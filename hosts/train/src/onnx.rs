@@ -1,4 +1,4 @@
-//! Writes networks as ONNX: Conv, MaxPool, Flatten, Gemm, Relu, Concat, Mul and Add, nothing else.
+//! Writes networks as ONNX: Conv, MaxPool, Flatten, Gemm, Relu, Exp, Concat, Mul and Add, nothing else.
 
 use asperity_dataset::HISTORY;
 use asperity_world::material::VECTOR_LEN;
@@ -35,14 +35,16 @@ pub(crate) fn network(network: &NetworkWeights, target: Target, reach: Reach, ab
     let hidden = graph.chain("predictor", &joined, &network.predictor, None);
     // One layer for each output: in f16 and int8 networks layers of this size keep f32 weights.
     let mut outputs = Vec::new();
-    let mut head = |name: &'static str, layer: &Weights| {
-        graph.chain(name, &hidden, std::slice::from_ref(layer), Some(name));
+    let mut head = |op: &str, name: &'static str, layer: &Weights| {
+        let gemm = format!("{name}.gemm");
+        graph.gemm(name, hidden.clone(), layer, &gemm);
+        graph.node(op, &format!("{name}.out"), vec![gemm], name);
         outputs.push(value(name, &[1, layer.outputs]));
     };
-    head("magnitudes", &network.magnitudes);
+    head("Exp", "magnitudes", &network.magnitudes);
     if target == Target::Rms {
-        head("ratio", &network.ratio);
-        head("variance", &network.variance);
+        head("Relu", "ratio", &network.ratio);
+        head("Relu", "variance", &network.variance);
     }
     let mut known = vec![
         ("force_max_n", reach.force_n.to_string()),

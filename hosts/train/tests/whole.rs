@@ -286,7 +286,7 @@ fn a_folder_of_recordings_becomes_a_model() {
         "--naming-batch",
         "4",
         "--feeling-steps",
-        "1200",
+        "3000",
         "--settling-steps",
         "400",
         "--feeling-groups",

@@ -9,6 +9,9 @@ use crate::pattern::{self, Network, Stroke};
 
 /// Pieces over which strokes are made.
 const PIECES: usize = 3;
+/// They are so many times as wide as those trained on. A piece repeats, and is a sum of as many waves as fit
+/// around it: where they are few, each of them looks like ridges.
+const TIMES: usize = 4;
 /// Speeds in mm/s of the strokes, and the angles to x in degrees of each.
 ///
 /// Each has angles of its own: ridges that cross each other are told apart by how they show in many directions.
@@ -24,10 +27,10 @@ const SETTLING_S: f64 = 0.3;
 /// Normal force of [strokes](straight_strokes) in N.
 pub const FORCE_N: f64 = 1.0;
 
-/// Straight strokes at 1 N over pieces of a surface to train on: 10 s at 40, 80, 160 and 280 mm/s in two directions, 3 s at 80 mm/s in five more.
+/// Straight strokes at 1 N over wide pieces of a surface to train on: 10 s at 40, 80, 160 and 280 mm/s in two directions, 3 s at 80 mm/s in five more.
 pub fn straight_strokes(surface: &MadeSurface, settings: &Settings) -> Vec<Vec<Stroke>> {
     let over = |number: usize| {
-        let piece = surface.patch(GRID, settings.piece(number));
+        let piece = surface.wide_patch(GRID, TIMES, settings.piece(number));
         let envelope = Tool::PEN.track(&piece, &surface.contact);
         let long = LONG.into_iter().flat_map(|(speed, angles)| angles.map(|angle| (speed, angle, SECONDS)));
         let more = MORE_DEG.map(|angle| (MORE_MM_S, angle, MORE_SECONDS));

@@ -21,6 +21,10 @@ const FRAME: usize = (SAMPLE_HZ as f64 * WINDOW_S) as usize;
 const SLOWEST_MM_S: f64 = 8.0;
 /// Peak speed of a movement of minimum jerk over its mean.
 const PEAK: f64 = 1.875;
+/// Mean forces of strokes [N].
+const FORCES_N: [f64; 2] = [0.1, 2.2];
+/// Most of a stroke's tremor in mm.
+const TREMOR_MM: f64 = 0.08;
 /// Part of its mean force by which a stroke's force swings at most.
 const SWING: f64 = 0.55;
 /// The mean force of a stroke [beyond](Drawn::beyond) the range, over the largest of the range, at most.
@@ -40,12 +44,20 @@ pub struct Drawn {
 }
 
 impl Drawn {
-    /// Draws one of `duration_s` seconds.
+    /// Draws one of `duration_s` seconds, with the tremor of a hand unless it is a circle.
     ///
     /// # Errors
     /// A duration out of a [stroke's](StrokeParams) range.
     pub fn new(duration_s: f64, random: &mut Random) -> Result<Self, Diagnostic> {
-        Self::up_to(0.97 * MAX_SPEED_MM_S, SLOWEST_MM_S, [0.1, 2.2], duration_s, random)
+        Self::up_to(0.97 * MAX_SPEED_MM_S, SLOWEST_MM_S, FORCES_N, TREMOR_MM, duration_s, random)
+    }
+
+    /// Draws one without tremor.
+    ///
+    /// What a tremor adds in the next 0.1 s, the last 20 ms do not tell. A network that has never met one
+    /// follows it as it comes; one that has answers what a tremor makes of a speed on average.
+    fn smooth(duration_s: f64, random: &mut Random) -> Result<Self, Diagnostic> {
+        Self::up_to(0.97 * MAX_SPEED_MM_S, SLOWEST_MM_S, FORCES_N, 0.0, duration_s, random)
     }
 
     /// Draws one that goes beyond what others do, by half: at more than 300 mm/s, 3.5 N or both.
@@ -57,14 +69,15 @@ impl Drawn {
         let strong = !fast || random.chance(0.5);
         let (fastest, slowest) =
             if fast { (BEYOND_SPEED_MM_S, 150.0) } else { (MAX_SPEED_MM_S, SLOWEST_MM_S) };
-        let force_n = if strong { [MAX_FORCE_N, HARDER * MAX_FORCE_N] } else { [0.1, 2.2] };
-        Self::up_to(fastest, slowest, force_n, duration_s, random)
+        let force_n = if strong { [MAX_FORCE_N, HARDER * MAX_FORCE_N] } else { FORCES_N };
+        Self::up_to(fastest, slowest, force_n, TREMOR_MM, duration_s, random)
     }
 
     fn up_to(
         fastest: f64,
         slowest: f64,
         force_n: [f64; 2],
+        tremor_mm: f64,
         duration_s: f64,
         random: &mut Random,
     ) -> Result<Self, Diagnostic> {
@@ -85,9 +98,7 @@ impl Drawn {
             clearance_mm: 3.0,
             approach_s: 0.2,
             duration_s,
-            // What a tremor of the next 0.1 s adds, the last 20 ms do not tell. A network that knows steady
-            // strokes follows a tremor as it comes.
-            tremor_mm: if steady { 0.0 } else { random.range(0.0, 0.08) },
+            tremor_mm: if steady { 0.0 } else { random.range(0.0, tremor_mm) },
             seed: random.bits(),
             ..StrokeParams::default()
         };
@@ -177,7 +188,7 @@ pub(super) fn add(
     let envelope = Tool::PEN.track(piece, &surface.contact);
     let mut spectrometer = Spectrometer::new(f64::from(SAMPLE_HZ));
     for _ in 0..settings.strokes {
-        let drawn = Drawn::new(settings.stroke_s, random)?;
+        let drawn = Drawn::smooth(settings.stroke_s, random)?;
         let length = piece.length_mm();
         let mut at_a_place = || {
             let place = [random.range(0.0, length), random.range(0.0, length)];

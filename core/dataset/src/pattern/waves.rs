@@ -27,6 +27,8 @@ const WAY_MM: f64 = 40.0;
 const SEGMENT_S: (f64, f64) = (0.2, 1.0);
 /// A segment turns by at most this, in parts of its way.
 const STRAIGHT: f64 = 0.01;
+/// End of the band in Hz.
+const TOP_HZ: f64 = 1000.0;
 /// Lines closer than so many bins of a segment are one.
 const APART: f64 = 4.0;
 /// Harmonics of the first search.
@@ -66,13 +68,13 @@ impl Seen {
         power(k) + place.fract() * (power(k + 1) - power(k))
     }
 
-    /// Part of the power at harmonics of a wave vector, without what is as strong between them. None where they are too close to tell apart.
+    /// Part of the power at harmonics of a wave vector, without what is as strong between them. None where they are too close to tell apart, or above the band.
     fn part(&self, k: [f64; 2], harmonics: usize) -> Option<f64> {
         let pitch_hz = (k[0] * self.velocity[0] + k[1] * self.velocity[1]).abs();
-        if pitch_hz * self.seconds < APART {
+        if pitch_hz * self.seconds < APART || pitch_hz > TOP_HZ {
             return None;
         }
-        let count = ((1000.0 / pitch_hz) as usize).min(harmonics);
+        let count = ((TOP_HZ / pitch_hz) as usize).min(harmonics);
         let mut sum = 0.0;
         for h in 1..=count {
             let h = h as f64;
@@ -89,7 +91,7 @@ impl Seen {
             return;
         }
         let wide = 2.5 / self.seconds;
-        for h in 1..=(1000.0 / pitch_hz) as usize {
+        for h in 1..=(TOP_HZ / pitch_hz) as usize {
             let hz = h as f64 * pitch_hz;
             let beside = 0.5 * (self.at(hz - 0.5 * pitch_hz) + self.at(hz + 0.5 * pitch_hz));
             let from = ((hz - wide) / self.bin_hz).max(0.0) as usize;
@@ -312,7 +314,7 @@ impl Cut {
 
     /// Harmonics in the band, but no more than `most`.
     fn count(&self, most: usize) -> usize {
-        ((1000.0 / self.pitch_hz - 0.5) as usize).min(most)
+        ((TOP_HZ / self.pitch_hz - 0.5) as usize).min(most)
     }
 
     /// Complex amplitudes of orders 1/2, 1, 3/2 and so on, up to half an order above the last harmonic, over the root of the whole power.
