@@ -17,7 +17,8 @@ const SPEED: [usize; 5] = [2 * HISTORY, 96, 80, 40, 20];
 /// Directions in which the units of the speed branch's first layer begin to answer.
 const DIRECTIONS: usize = 16;
 /// Speeds in mm/s from which they begin to answer. Spectra of round bumps fall by 10 dB within a few mm/s
-/// where the hand is slow, and hardly change where it is fast.
+/// where the hand is slow, and hardly change where it is fast. They are for data up to 300 mm/s; for others
+/// they are in proportion.
 const FROM_MM_S: [f64; 6] = [0.0, 8.0, 18.0, 35.0, 70.0, 140.0];
 /// Widths of the action branch, whose input is force and speed.
 const ACTION: [usize; 5] = [30, 400, 300, 200, 100];
@@ -200,6 +201,23 @@ mod tests {
         let sizes = |layers: &[Weights]| layers.iter().map(|l| l.weight.len()).sum::<usize>();
         assert_eq!(sizes(&[w.force, w.speed, w.action, w.predictor, vec![w.magnitudes]].concat()), 512_700);
         assert_eq!(sizes(&[w.ratio, w.variance]), 10_100);
+    }
+
+    #[test]
+    fn units_of_speed_begin_to_answer_at_speeds_of_their_own_in_one_direction() {
+        let (layer, scale) = (compass(), Scaling::of(Reach::DRAWN).speed);
+        assert_eq!((layer.inputs, layer.outputs), (SPEED[0], SPEED[1]));
+        let answer = |unit: usize, velocity: [f32; 2]| {
+            let weight = |input: usize| layer.weight[input * layer.outputs + unit];
+            let sum: f32 = (0..layer.inputs).map(|i| scale * velocity[i / HISTORY] * weight(i)).sum();
+            (sum + layer.bias[unit]).max(0.0)
+        };
+        for (unit, from) in FROM_MM_S.map(|from| from as f32).into_iter().enumerate() {
+            assert!(answer(unit, [from + 1.0, 0.0]) > 0.0, "{from}");
+            assert!(answer(unit, [from - 1.0, 0.0]) == 0.0 && answer(unit, [-300.0, 0.0]) == 0.0, "{from}");
+            // A quarter of a turn further.
+            assert!(answer(unit + DIRECTIONS / 4 * FROM_MM_S.len(), [0.0, from + 1.0]) > 0.0, "{from}");
+        }
     }
 
     #[test]
