@@ -380,7 +380,8 @@ fn of_textures_chosen_in_a_burst_the_newest_plays() {
     choose(&mut onlooker, last);
     onlooker.looks_on(Duration::from_millis(40));
     onlooker.ask(&json!({ "set": { "node": "strength", "param": "gain", "value": 0.125 } }));
-    // The page hears of either change first: on a quick machine the texture is made before the parameter is moved.
+    // The page hears of either change first: on a quick machine the texture is made before the parameter is
+    // moved.
     let strength = |layout: &serde_json::Value| {
         let nodes = layout["nodes"].as_array().expect("nodes");
         nodes.iter().find(|n| n["id"] == "strength").expect("a node")["live"][0]["value"].clone()

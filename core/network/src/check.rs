@@ -61,7 +61,8 @@ pub(crate) fn motions(count: usize) -> Vec<Probe> {
     (0..count).map(motion).collect()
 }
 
-/// Probes a hundred times beyond it; for a network that knows its range, at its ends. They have a full scale of their own, so as not to hide errors of the others.
+/// Probes a hundred times beyond it; for a network that knows its range, at its ends. They have a full scale
+/// of their own, so as not to hide errors of the others.
 pub(crate) fn large() -> Vec<Probe> {
     let mut random = Random(0xd1b5_4a32_d192_ed03);
     let mut probes = vec![

@@ -70,7 +70,8 @@ were chosen by the same held-out images and strokes as everything below is judge
         "# A texture model
 
 From a tactile image to a material's vector (`encoder.onnx`, {encoder:.1} MB, {preset}), and from a vector, the last ten forces and velocities to the
-magnitudes of the next 0.1 s of acceleration (`texture.onnx`, {network:.1} MB, that of Heravi et al. 2024 with a wider branch for speed). `materials.ron` has the vectors of
+magnitudes of the next 0.1 s of acceleration (`texture.onnx`, {network:.1} MB,
+that of Heravi et al. 2024 with a wider branch for speed). `materials.ron` has the vectors of
 {materials} materials. Inputs: `image` [1, 3, 192, 256], 0 to 1; `force` [1, 10] in N; `speed` [1, 20] in mm/s, 10 vx, then 10 vy; `texture`
 [1, 256]. Histories are oldest first, 2 ms apart. Output: `magnitudes` [1, 100], amplitudes in m/s^2 (2 |sum w x| / sum w, Hann window) at 10,
 20, .. 1000 Hz.{scatter} Trained range: 0 to {force_n:.2} N, 0 to {speed_mm_s:.0} mm/s in any direction.

@@ -60,7 +60,8 @@ impl Target {
     /// The loss of answers `y`, which are 0 or more, to magnitudes `m`, both \[n, 100\], each times its
     /// `weight`.
     ///
-    /// Its derivative is `a(y) (y - m)` for the mean and `a(y) (y^2 - m^2)` for the root mean square, whatever `a(y) > 0` is, so that its least is there.
+    /// Its derivative is `a(y) (y - m)` for the mean and `a(y) (y^2 - m^2)` for the root mean square,
+    /// whatever `a(y) > 0` is, so that its least is there.
     /// [`Aim::Euclidean`] has `a = 1`: half the squared error, and `|y|^3 / 3 - m^2 y`. [`Aim::Relative`] has `1 / (y + s)^2` and `1 / (y + s)^3`: for
     /// `s = 0` that is the likelihood of an exponentially distributed magnitude and of a Gaussian signal (the Itakura-Saito distance), to which an
     /// error in decibels is the same at any level, and an answer far too large pulls no harder than one that is a little too large. Where nothing at all is to be felt it is `sqrt(1 + y^2)`, which goes on pulling as a likelihood would not.

@@ -27,7 +27,8 @@ const SETTLING_S: f64 = 0.3;
 /// Normal force of [strokes](straight_strokes) in N.
 pub const FORCE_N: f64 = 1.0;
 
-/// Straight strokes at 1 N over wide pieces of a surface to train on: 10 s at 40, 80, 160 and 280 mm/s in two directions, 3 s at 80 mm/s in five more.
+/// Straight strokes at 1 N over wide pieces of a surface to train on: 10 s at 40, 80, 160 and 280 mm/s in
+/// two directions, 3 s at 80 mm/s in five more.
 pub fn straight_strokes(surface: &MadeSurface, settings: &Settings) -> Vec<Vec<Stroke>> {
     let over = |number: usize| {
         let piece = surface.wide_patch(GRID, TIMES, settings.piece(number));

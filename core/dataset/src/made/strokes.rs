@@ -54,7 +54,7 @@ impl Drawn {
 
     /// Draws one without tremor.
     ///
-    /// What a tremor adds in the next 0.1 s, the last 20 ms do not tell. A network that has never met one
+    /// The last 20 ms do not tell what a tremor adds in the next 0.1 s. A network that has never met one
     /// follows it as it comes; one that has answers what a tremor makes of a speed on average.
     fn smooth(duration_s: f64, random: &mut Random) -> Result<Self, Diagnostic> {
         Self::up_to(0.97 * MAX_SPEED_MM_S, SLOWEST_MM_S, FORCES_N, 0.0, duration_s, random)

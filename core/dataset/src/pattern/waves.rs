@@ -68,7 +68,8 @@ impl Seen {
         power(k) + place.fract() * (power(k + 1) - power(k))
     }
 
-    /// Part of the power at harmonics of a wave vector, without what is as strong between them. None where they are too close to tell apart, or above the band.
+    /// Part of the power at harmonics of a wave vector, without what is as strong between them. None where
+    /// they are too close to tell apart, or above the band.
     fn part(&self, k: [f64; 2], harmonics: usize) -> Option<f64> {
         let pitch_hz = (k[0] * self.velocity[0] + k[1] * self.velocity[1]).abs();
         if pitch_hz * self.seconds < APART || pitch_hz > TOP_HZ {

@@ -429,7 +429,7 @@ impl<T: Float> ShapedNoise<T> {
             let unit = if backwards { unit.conj() } else { unit };
             self.waves[w].at[1][h - 1] = unit * wave.turns[h.min(HARMONICS) - 1] * (2.0 * power).sqrt();
         }
-        // What repeats is no noise: up to half a pitch from each harmonic.
+        // Ridges are no noise: up to half a pitch from each harmonic.
         let end =
             |h: usize| (((h as f64 + 0.5) * pitch_hz / step_hz).ceil() as usize).min(self.density.len());
         let mut from = end(0);

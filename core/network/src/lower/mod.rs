@@ -21,7 +21,7 @@ const BUDGET: usize = 1 << 23;
 /// Largest graph that is looked at: a texture network has about fifty nodes.
 const MAX_NODES: usize = 2000;
 
-/// What a step computes, before its end.
+/// Calculation of a step, before its end.
 #[derive(Clone, Debug)]
 pub(crate) enum StepKind {
     Input(Role),
@@ -29,7 +29,7 @@ pub(crate) enum StepKind {
     Elements(Vec<Element>),
 }
 
-/// What is done with each result of a step.
+/// Last thing done with each result of a step.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum End {
     /// Clamped to these, from the first to the second.
@@ -40,7 +40,7 @@ pub(crate) enum End {
 impl End {
     pub(crate) const NONE: Self = Self::Clamp(f64::NEG_INFINITY, f64::INFINITY);
 
-    /// What becomes of a result; NaN stays NaN.
+    /// The result at the end; NaN stays NaN.
     pub(crate) fn of(self, x: f64) -> f64 {
         match self {
             Self::Clamp(low, _) if x < low => low,

@@ -41,7 +41,7 @@ fn a_wide_patch_has_the_pitch_of_a_narrow_one() {
         let next = row.iter().cycle().skip(1);
         row.iter().zip(next).filter(|(here, next)| **here < middle && **next >= middle).count()
     };
-    // 20.48 mm are 6.8 periods, and 81.92 mm are 27.3: what fits around the wider one by itself is another pitch.
+    // 20.48 mm are 6.8 periods, and 81.92 mm are 27.3: of itself the wider one has another pitch.
     let grid = (512, 0.04);
     assert_eq!(ridges(&surface.patch(grid, 5)), 7);
     assert_eq!(ridges(&surface.patch((4 * grid.0, grid.1), 5)), 27);
