@@ -322,7 +322,8 @@ fn the_shipped_model_runs_in_every_precision() {
             let info = runner.describe();
             assert_eq!(info.executor, Executor::Packed { isa, precision });
             assert_eq!(info.multiply_adds, 446_000, "{}", info.report);
-            let most = within.end.max(1e-4);
+            // An exponential makes of an error in the logarithm one in parts.
+            let most = if precision == Precision::Int8 { 5e-2 } else { within.end.max(1e-4) };
             assert!(info.max_error_vs_tract.unwrap() < most, "{}", info.report);
             eprintln!("{}, {} bytes", info.report, info.weights_bytes);
         }

@@ -53,7 +53,7 @@ impl<T: Float> Node for ShapedNoise<T> {
         )
         .param(Param::integer("seed", 1, 0..=i64::MAX, "Seed of what is left to chance; left out, from the graph's.").optional())
         .param(precision())
-        .timing("plays a frame in the tick in which it comes, half a window before its middle; a change of level shows within that tick")
+        .timing("plays a frame in the tick in which it comes, half a window before its middle; a change of level shows within 4 ms")
     }
 
     fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {

@@ -9,7 +9,7 @@ use asperity_node::{
     Config, Descriptor, Diagnostic, Fact, FrameClock, FrameLayout, FrameRate, Input, LayoutSpec, Node,
     Output, Param, Ports, Setup, ShapeSpec, Status, Tick, Unit,
 };
-use asperity_world::material::{Harmonic, Library, Pattern};
+use asperity_world::material::{Events, Harmonic, Library, Pattern};
 
 /// The model's bins are 10 Hz apart: its window is 0.1 s.
 const WINDOWS_PER_SECOND: u32 = 10;
@@ -82,7 +82,8 @@ fn numbers(pattern: &Pattern) -> [f64; PATTERN_LEN] {
     let mut numbers = [0.0; PATTERN_LEN];
     let mut next = numbers.iter_mut();
     let mut put = |x: f64| next.by_ref().take(1).for_each(|to| *to = x);
-    let events = pattern.events.map_or([0.0; 3], |e| [e.spacing_mm, e.interval_cv, e.height_cv]);
+    let of = |e: Events| [e.spacing_mm.unwrap_or(-1.0), e.spacing_exponent, e.interval_cv, e.height_cv];
+    let events = pattern.events.map_or([0.0; 4], of);
     events.into_iter().for_each(&mut put);
     for wave in &pattern.waves {
         wave.per_mm.into_iter().for_each(&mut put);

@@ -15,20 +15,24 @@ const TIMES: usize = 4;
 /// Speeds in mm/s of the strokes, and the angles to x in degrees of each.
 ///
 /// Each has angles of its own: ridges that cross each other are told apart by how they show in many directions.
-const LONG: [(f64, [f64; 2]); 4] =
-    [(40.0, [17.0, 58.0]), (80.0, [31.0, 70.0]), (160.0, [9.0, 49.0]), (280.0, [23.0, 64.0])];
+const LONG: [(f64, [f64; 4]); 4] = [
+    (40.0, [17.0, 58.0, 107.0, 148.0]),
+    (80.0, [31.0, 70.0, 121.0, 160.0]),
+    (160.0, [9.0, 49.0, 99.0, 139.0]),
+    (280.0, [23.0, 64.0, 113.0, 154.0]),
+];
 /// Speed and angles of more strokes of a shorter time.
 const MORE_MM_S: f64 = 80.0;
 const MORE_DEG: [f64; 5] = [-8.0, 41.0, 88.0, 114.0, 152.0];
-const SECONDS: f64 = 10.0;
+const SECONDS: f64 = 6.0;
 const MORE_SECONDS: f64 = 3.0;
 /// What is felt while the pen comes to rest on the surface is left out.
 const SETTLING_S: f64 = 0.3;
 /// Normal force of [strokes](straight_strokes) in N.
 pub const FORCE_N: f64 = 1.0;
 
-/// Straight strokes at 1 N over wide pieces of a surface to train on: 10 s at 40, 80, 160 and 280 mm/s in
-/// two directions, 3 s at 80 mm/s in five more.
+/// Straight strokes at 1 N over wide pieces of a surface to train on: 6 s at 40, 80, 160 and 280 mm/s in
+/// four directions, 3 s at 80 mm/s in five more.
 pub fn straight_strokes(surface: &MadeSurface, settings: &Settings) -> Vec<Vec<Stroke>> {
     let over = |number: usize| {
         let piece = surface.wide_patch(GRID, TIMES, settings.piece(number));

@@ -21,6 +21,8 @@ pub struct Figures {
     pub modulation: f64,
     /// Largest autocorrelation of the envelope from 20 to 200 ms, 0 to 1, without what is slower than 5 Hz.
     pub repetition: f64,
+    /// The same of the wave.
+    pub wave_repetition: f64,
 }
 
 impl Figures {
@@ -28,6 +30,7 @@ impl Figures {
     pub fn of(samples: &[f64]) -> Option<Self> {
         let mut bins = spectrum(samples);
         keep(&mut bins, samples.len(), BAND_HZ);
+        let wave_repetition = repetition(&bins, samples.len());
         let wave = wave(&bins, samples.len());
         bins.iter_mut().for_each(|bin| *bin = Complex64::new(bin.im, -bin.re));
         let turned = self::wave(&bins, samples.len());
@@ -47,6 +50,7 @@ impl Figures {
             kurtosis: mean(&mut wave.iter().map(|x| x.powi(4))) / (square * square),
             modulation: power.sqrt() / (middle * samples.len() as f64),
             repetition,
+            wave_repetition,
         })
     }
 }

@@ -3,13 +3,13 @@
 //! A network answers expected magnitudes. These do not say whether a texture is noise, single bumps or ridges. [`find`] says so:
 //!
 //! 1. [Waves](waves): ridges whose vibration repeats with place.
-//! 2. [Bumps](events): constants with which the synthesis kernel ([`ShapedNoise`]), played along the same
-//!    strokes, has the kurtosis, the modulation and the repetition of the strokes.
+//! 2. [What is found by playing](fit): how much of the waves repeats, and bumps, with which the synthesis kernel ([`ShapedNoise`]), played along
+//!    the same strokes, has the kurtosis, the modulation and the repetition of the strokes.
 //!
 //! All of it needs places along the strokes. Speed should be steady for a second or more, and strokes should go in several directions.
 
-mod events;
 mod figures;
+mod fit;
 mod stroke;
 mod waves;
 
@@ -29,7 +29,7 @@ const WINDOW: usize = (RATE_HZ * 0.1) as usize;
 /// Bins of a frame, from 0 Hz to 1000.
 pub const BINS: usize = 101;
 
-/// Bumps beside waves that have more of the power than this would not be heard.
+/// Beside waves that have more of the power than this there are bumps at ridges alone.
 const MOST_IN_WAVES: f64 = 0.5;
 
 /// Root mean square magnitudes of 0, 10, .. 1000 Hz that a network answers at a velocity in mm/s.
@@ -47,8 +47,7 @@ pub fn find(pieces: &[Vec<Stroke>], network: Option<&Network<'_>>) -> Pattern {
     }
     let (waves, part) = waves::find(&passages);
     let all: Vec<&Passage> = passages.iter().flatten().collect();
-    let events = if part < MOST_IN_WAVES { events::find(&all, &waves) } else { None };
-    Pattern { waves, events }
+    fit::find(&all, &waves, part < MOST_IN_WAVES)
 }
 
 /// The samples that the kernel makes of a steady stroke: `places` in mm 2 ms apart, and what is felt there as root mean square magnitudes of 0 to 1000 Hz.
@@ -89,6 +88,7 @@ fn for_kernel(pattern: &Pattern) -> shaped_noise::Pattern {
     waves.iter_mut().zip(&pattern.waves).for_each(|(to, from)| *to = Some(wave(from)));
     let events = pattern.events.map(|of| shaped_noise::Events {
         spacing_mm: of.spacing_mm,
+        spacing_exponent: of.spacing_exponent,
         interval_cv: of.interval_cv,
         height_cv: of.height_cv,
     });

@@ -85,18 +85,13 @@ fn isotropic_noise_has_neither_wave_nor_bump() {
     assert_eq!(find(&[], None), Pattern::default());
 }
 
-#[test]
-fn found_bumps_pulse_and_peak_like_the_strokes() {
-    let known = Events { spacing_mm: 0.8, interval_cv: 0.3, height_cv: 0.3 };
-    let known = Pattern { waves: Vec::new(), events: Some(known) };
-    let found = find(&[strokes(&known, 10.0)], None);
-    assert!(found.waves.is_empty() && found.events.is_some(), "{found:?}");
-    // Other constants may do as well: rare bumps of one height, or more of several heights.
+/// Asserts that a pattern is as bumpy as another at three speeds. Other constants may do as well: rare bumps of one height, or more of several heights.
+fn assert_alike(found: &Pattern, known: &Pattern) {
     for speed in [40.0, 100.0, 240.0] {
         let figures = |pattern: &Pattern, seed: u64| {
             Figures::of(&rendered(pattern, &magnitudes(), &places(speed, 33.0, 20.0), seed)).unwrap()
         };
-        let (found, truth, noise) = (figures(&found, 1), figures(&known, 2), figures(&Pattern::default(), 3));
+        let (found, truth, noise) = (figures(found, 1), figures(known, 2), figures(&Pattern::default(), 3));
         let kurtosis = (found.kurtosis / truth.kurtosis).ln().abs();
         let modulation = (found.modulation / truth.modulation).ln().abs();
         let repetition = (found.repetition - truth.repetition).abs();
@@ -108,6 +103,49 @@ fn found_bumps_pulse_and_peak_like_the_strokes() {
 }
 
 #[test]
+fn found_bumps_pulse_and_peak_like_the_strokes() {
+    for spacing_exponent in [0.0, -0.9] {
+        let known = Events { spacing_mm: Some(0.8), spacing_exponent, interval_cv: 0.3, height_cv: 0.3 };
+        let known = Pattern { waves: Vec::new(), events: Some(known) };
+        let found = find(&[strokes(&known, 10.0)], None);
+        assert!(found.waves.is_empty() && found.events.is_some(), "{found:?}");
+        assert_alike(&found, &known);
+    }
+}
+
+#[test]
+fn what_does_not_repeat_but_comes_at_ridges_is_found_there() {
+    let harmonics = vec![Harmonic { weight: 1.0, share: 0.7, phase: 0.0 }; 6];
+    let at_ridges = Events { spacing_mm: None, spacing_exponent: 0.0, interval_cv: 0.03, height_cv: 0.3 };
+    let waves = vec![Wave { per_mm: [0.4, 0.1], harmonics }];
+    let known = Pattern { waves, events: Some(at_ridges) };
+    let found = find(&[strokes(&known, 6.0)], None);
+    assert!(found.events.is_some_and(|e| e.spacing_mm.is_none()), "{found:?}");
+    assert_alike(&found, &known);
+}
+
+#[test]
+fn wave_repeats_about_as_much_as_the_strokes_though_pieces_differ_in_pitch() {
+    let of = |pitch: f64| Pattern {
+        waves: vec![Wave {
+            per_mm: [0.8 * pitch, 0.3 * pitch],
+            harmonics: vec![Harmonic { weight: 1.0, share: 0.5, phase: 0.3 }; 4],
+        }],
+        events: None,
+    };
+    let pieces = [(0.97, 100), (1.0, 200), (1.03, 300)];
+    let pieces: Vec<_> = pieces.map(|(pitch, seed)| strokes_of(&of(pitch), 4.0, seed)).into();
+    let found = find(&pieces, None);
+    assert_eq!(found.waves.len(), 1, "{found:?}");
+    let repeats = |pattern: &Pattern| {
+        let x = rendered(pattern, &magnitudes(), &places(100.0, 10.0, 20.0), 5);
+        Figures::of(&x).unwrap().wave_repetition
+    };
+    let (found, known) = (repeats(&found), repeats(&of(1.0)));
+    assert!((found - known).abs() < 0.15, "{found} {known}");
+}
+
+#[test]
 fn made_grating_has_a_wave_and_sandpaper_bumps() {
     let settings = made::Settings { pieces: [1, 0], ..made::Settings::default() };
     let of = |name: &str| made::pattern(&made::surface(name).unwrap(), &settings, None);
@@ -115,17 +153,20 @@ fn made_grating_has_a_wave_and_sandpaper_bumps() {
     let [wave] = &grating.waves[..] else { panic!("{grating:?}") };
     // A piece has a whole number of ridges; pieces differ by 3 %.
     assert!((wave.per_mm[0].abs() * 1.2 - 1.0).abs() < 0.1 && wave.per_mm[1].abs() < 0.01, "{wave:?}");
-    assert!(wave.harmonics[..8].iter().all(|h| h.share > 0.9), "{wave:?}");
-    assert_eq!(grating.events, None);
+    assert!(wave.harmonics[..8].iter().all(|h| h.share > 0.85), "{wave:?}");
+    assert!(grating.events.is_none_or(|e| e.spacing_mm.is_none()), "{grating:?}");
     let sandpaper = of("sandpaper P80");
     assert!(sandpaper.waves.is_empty(), "{sandpaper:?}");
-    assert!(sandpaper.events.is_some_and(|e| (0.05..0.8).contains(&e.spacing_mm)), "{sandpaper:?}");
+    assert!(
+        sandpaper.events.is_some_and(|e| e.spacing_mm.is_some_and(|mm| (0.05..0.8).contains(&mm))),
+        "{sandpaper:?}"
+    );
 }
 
 #[test]
 fn pattern_goes_with_the_magnitudes_of_a_network_that_errs() {
     // The network hears none of the low half; bumps through what is left are to be as bumpy all the same.
-    let known = Events { spacing_mm: 0.8, interval_cv: 0.3, height_cv: 0.3 };
+    let known = Events { spacing_mm: Some(0.8), spacing_exponent: 0.0, interval_cv: 0.3, height_cv: 0.3 };
     let strokes = strokes(&Pattern { waves: Vec::new(), events: Some(known) }, 10.0);
     let network = |[x, y]: [f64; 2]| {
         assert!((20.0..400.0).contains(&x.hypot(y)));

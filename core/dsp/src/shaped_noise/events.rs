@@ -7,10 +7,12 @@ use asperity_state::State;
 
 /// Beyond so many bumps a sample they are white noise.
 const MOST_A_SAMPLE: f64 = 4.0;
-/// A way of more bumps than this in a tick is no motion.
+/// A way of more spacings than this in a tick is no motion.
 const MOST_SKIPPED: f64 = 1e4;
 /// Bumps come at least as loud as if so many came in a second: a hand that hardly moves meets none, and is not struck by the next.
 const LEAST_HZ: f64 = 4.0;
+/// Ridges a second from which on there is a part of their bumps, and all of it.
+const RIDGES_HZ: (f64, f64) = (4.0, 12.0);
 
 /// What the bumps are, and how far it is to the next.
 ///
@@ -22,18 +24,18 @@ pub(super) struct Bumps {
     seed: u64,
     /// Bumps that were met.
     count: u64,
-    /// Way to the next bump in mm.
-    next_mm: f64,
+    /// Way to the next bump in spacings.
+    next: f64,
 }
 
 impl Bumps {
     pub(super) fn new(seed: u64) -> Self {
-        Self { seed, count: 0, next_mm: 0.0 }
+        Self { seed, count: 0, next: 0.0 }
     }
 
     /// Begins to count anew.
     pub(super) fn reset(&mut self) {
-        (self.count, self.next_mm) = (0, 0.0);
+        (self.count, self.next) = (0, 0.0);
     }
 
     /// One of the normal numbers of the next bump.
@@ -41,31 +43,31 @@ impl Bumps {
         normal(self.seed, self.count.wrapping_mul(3).wrapping_add(column))
     }
 
-    /// Goes over the bumps of a way without a sound.
-    pub(super) fn skip(&mut self, way_mm: f64, events: &Events) {
+    /// Goes over the bumps of a way, in spacings, without a sound.
+    pub(super) fn skip(&mut self, way: f64, events: &Events) {
         let interval = lognormal(events.interval_cv);
-        if way_mm > MOST_SKIPPED * events.spacing_mm {
+        if way > MOST_SKIPPED {
             return;
         }
-        while self.next_mm < way_mm {
-            self.next_mm += events.spacing_mm * interval(self.draw(1));
+        while self.next < way {
+            self.next += interval(self.draw(1));
             self.count = self.count.wrapping_add(1);
         }
-        self.next_mm -= way_mm;
+        self.next -= way;
     }
 
-    /// The pulses of a way that is gone in so many samples from `start` on, at `rate_hz`.
+    /// The pulses of a way, in spacings, that is gone in so many samples from `start` on, at `rate_hz`.
     pub(super) fn fill<T: Float>(
         &mut self,
         start: u64,
         rate_hz: f64,
-        way_mm: f64,
+        way: f64,
         events: &Events,
         out: &mut [T],
     ) {
         out.fill(T::zero());
         let samples = out.len() as f64;
-        let a_sample = way_mm / events.spacing_mm / samples;
+        let a_sample = way / samples;
         if a_sample.is_nan() || a_sample <= 0.0 {
             return;
         }
@@ -80,19 +82,56 @@ impl Bumps {
         // The square of a lognormal number of mean 1 has the mean 1 + cv^2.
         let level = (1.0 + events.height_cv * events.height_cv).sqrt();
         let high = a_sample.max(LEAST_HZ / rate_hz).sqrt().recip() / level;
-        while self.next_mm < way_mm {
-            let at = ((self.next_mm / way_mm * samples) as usize).min(out.len() - 1);
+        while self.next < way {
+            let at = ((self.next / way * samples) as usize).min(out.len() - 1);
             let sign = if uniform(self.seed, self.count, 7) < 0.5 { -high } else { high };
             out[at] += T::of(sign * height(self.draw(0)));
-            self.next_mm += events.spacing_mm * interval(self.draw(1));
+            self.next += interval(self.draw(1));
             self.count = self.count.wrapping_add(1);
         }
-        self.next_mm -= way_mm;
+        self.next -= way;
     }
 
     pub(super) fn state(&mut self, state: &mut State<'_>) {
-        state.keep(&mut self.count).keep(&mut self.next_mm);
-        state.require(self.next_mm >= 0.0 && self.next_mm < 1e9);
+        state.keep(&mut self.count).keep(&mut self.next);
+        state.require(self.next >= 0.0 && self.next < 1e9);
+    }
+}
+
+/// Bumps at the ridges of a way from one place to another, in turns of a wave, that takes so many samples at `rate_hz`. `out` has noise, which stays
+/// where hardly a ridge is met.
+///
+/// What does not repeat from ridge to ridge happens at the ridges all the same: here each has a pulse of its own sign, height and place. They are the ridge's:
+/// a hand that comes back meets them again.
+pub(super) fn at_ridges<T: Float>(
+    seed: u64,
+    rate_hz: f64,
+    (from, to): (f64, f64),
+    events: &Events,
+    out: &mut [T],
+) {
+    let (way, samples) = (to - from, out.len() as f64);
+    let pitch_hz = way.abs() / samples * rate_hz;
+    let part = ((pitch_hz - RIDGES_HZ.0) / (RIDGES_HZ.1 - RIDGES_HZ.0)).clamp(0.0, 1.0);
+    if part <= 0.0 {
+        return;
+    }
+    out.iter_mut().for_each(|x| *x *= T::of((1.0 - part).sqrt()));
+    let height = lognormal(events.height_cv);
+    let level = (1.0 + events.height_cv * events.height_cv).sqrt();
+    let high = (part * samples / way.abs()).sqrt() / level;
+    let (least, most) = (from.min(to), from.max(to));
+    // A pulse may lie half a pitch beside its ridge.
+    for ridge in least.floor() as i64..=most.ceil() as i64 {
+        let number = ridge as u64;
+        let draw = |column: u64| normal(seed, number.wrapping_mul(3).wrapping_add(column));
+        let place = ridge as f64 + (events.interval_cv * draw(1)).clamp(-0.5, 0.5);
+        if place <= least || place > most {
+            continue;
+        }
+        let at = (((place - from) / way * samples) as usize).min(out.len() - 1);
+        let sign = if uniform(seed, number, 7) < 0.5 { -high } else { high };
+        out[at] += T::of(sign * height(draw(0)));
     }
 }
 
@@ -109,11 +148,11 @@ mod tests {
     use super::*;
 
     fn pulses(spacing_mm: f64, interval_cv: f64, height_cv: f64) -> Vec<f64> {
-        let events = Events { spacing_mm, interval_cv, height_cv };
+        let events = Events { spacing_mm: Some(spacing_mm), spacing_exponent: 0.0, interval_cv, height_cv };
         let mut bumps = Bumps::new(7);
         let mut all = vec![0.0; 200_000];
         for (tick, out) in all.chunks_exact_mut(5).enumerate() {
-            bumps.fill(5 * tick as u64, 2500.0, 0.2, &events, out);
+            bumps.fill(5 * tick as u64, 2500.0, 0.2 / spacing_mm, &events, out);
         }
         all
     }
@@ -145,7 +184,8 @@ mod tests {
     #[test]
     fn hand_at_rest_meets_no_bump() {
         let (mut bumps, mut out) = (Bumps::new(1), [1.0_f32; 5]);
-        let events = Events { spacing_mm: 1.0, interval_cv: 0.2, height_cv: 0.2 };
+        let events =
+            Events { spacing_mm: Some(1.0), spacing_exponent: 0.0, interval_cv: 0.2, height_cv: 0.2 };
         bumps.fill(0, 2500.0, 0.0, &events, &mut out);
         assert_eq!(out, [0.0; 5]);
     }

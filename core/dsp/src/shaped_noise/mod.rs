@@ -13,7 +13,7 @@
 //!   powers (as the vocoder STRAIGHT smooths over a pitch; H. Kawahara, I. Masuda-Katsuse, A. de Cheveigne, Speech Communication 27, 1999), and the
 //!   ridge's own. A hand that moves backwards has it with the other sign, since the response does not run backwards.
 //!
-//! From frame to frame taps and amplitudes go over within one tick.
+//! Taps and amplitudes go over from those of one frame to those of another within one tick, and stay for 4 ms at least: what costs most is to find them.
 
 mod events;
 mod pattern;
@@ -28,7 +28,7 @@ use crate::magnitude::{largest_of, take};
 use crate::random::normal;
 use crate::{Complex, Float, Framing, FramingError};
 use asperity_state::State;
-use events::Bumps;
+use events::{Bumps, at_ridges};
 use pattern::keep_waves;
 use place::Place;
 use response::Designer;
@@ -36,14 +36,18 @@ use unblurred::Unblurred;
 
 /// Most harmonics of a wave that are played: 8 Hz apart they reach 1000 Hz.
 const MOST_LINES: usize = 128;
-/// Frames after which a wave's phases are found anew, in turns with the other's; sooner where the pitch changes by more than [`PITCH_CHANGES`].
-const PHASES_EVERY: u64 = 8;
+/// Seconds for which taps and lines stay: what lies between frames that come faster is not heard.
+const STAYS_S: f64 = 0.004;
+/// Times taps are found until a wave's phases are found anew, in turns with the other's; sooner where the pitch changes by more than [`PITCH_CHANGES`].
+const PHASES_EVERY: u64 = 4;
 /// Part by which a pitch changes before its phases are found anew.
 const PITCH_CHANGES: f64 = 0.03;
 /// A pitch below this has no lines \[Hz\].
 const LEAST_PITCH_HZ: f64 = 0.5;
 /// No frame or sample has a number as large as this.
 const LAST: u64 = 1 << 48;
+/// Samples of lines that are made at once.
+const AT_ONCE: usize = 8;
 /// Lanes of a sum.
 const LANES: usize = 16;
 
@@ -60,6 +64,9 @@ pub struct ShapedNoise<T> {
     newest: Option<u64>,
     /// Whether taps and lines are those of the newest frame.
     followed: bool,
+    /// Samples for which taps and lines stay, and the number of the period in which they were found.
+    stays: u64,
+    found_in: Option<u64>,
     pattern: Pattern,
     /// Waves that are to be played once the lines of those in `pattern` have faded.
     coming: Option<[Option<Wave>; WAVES]>,
@@ -129,6 +136,8 @@ impl<T: Float> ShapedNoise<T> {
             came: vec![T::zero(); framing.bins],
             newest: None,
             followed: false,
+            stays: ((f64::from(framing.rate_hz) * STAYS_S) as u64).max(1),
+            found_in: None,
             pattern: Pattern::default(),
             coming: None,
             place: Place::new(tick_s),
@@ -168,6 +177,7 @@ impl<T: Float> ShapedNoise<T> {
     pub fn reset(&mut self) {
         self.magnitudes.fill(T::zero());
         (self.newest, self.next, self.end, self.followed) = (None, None, 0, false);
+        self.found_in = None;
         self.taps.iter_mut().for_each(|taps| taps.fill(T::zero()));
         for wave in &mut self.waves {
             (wave.count, wave.turns, wave.units_hz) = ([0; 2], 0.0, 0.0);
@@ -228,14 +238,17 @@ impl<T: Float> ShapedNoise<T> {
             self.magnitudes.fill(T::zero());
             (self.newest, self.followed) = (None, false);
         }
-        if !self.followed {
+        let period = start / self.stays;
+        let changes = !self.followed && (self.silent || self.found_in != Some(period));
+        if changes {
+            self.found_in = Some(period);
             self.follow(place.is_some());
         }
         if self.silent {
             out.fill(P::zero());
             // What the hand goes over in silence is gone over.
-            if let Some(events) = self.pattern.events.filter(|_| place.is_some()) {
-                self.bumps.skip(self.way_mm, &events);
+            if let Some((events, way)) = self.spacings().filter(|_| place.is_some()) {
+                self.bumps.skip(way, &events);
             }
             self.way_mm = 0.0;
             self.next = None;
@@ -243,7 +256,6 @@ impl<T: Float> ShapedNoise<T> {
         }
         let from = self.excite(start, place.is_some(), out.len());
         let [before, behind] = &self.taps;
-        let changes = !self.followed;
         let n = self.framing.fft_len;
         let part = 1.0 / out.len() as f64;
         for (i, out) in out.iter_mut().enumerate() {
@@ -260,14 +272,34 @@ impl<T: Float> ShapedNoise<T> {
         if place.is_some() {
             self.play(out);
         }
-        self.settle();
+        if changes {
+            self.settle();
+        }
+    }
+
+    /// Bumps that have a spacing of their own, and the way in spacings since samples were last made.
+    fn spacings(&self) -> Option<(Events, f64)> {
+        let events = self.pattern.events?;
+        Some((events, self.way_mm / events.spacing_at(self.speed_mm_s())?))
+    }
+
+    /// From where to where the hand has come since samples were last made, in turns of a wave.
+    fn turned(&self, w: usize) -> Option<(f64, f64)> {
+        let (wave, here) = (self.pattern.waves[w]?, self.place.at());
+        let turns = wave.per_mm[0] * here[0] + wave.per_mm[1] * here[1];
+        // Farther than this in a tick is no motion.
+        let way = Some(turns - self.waves[w].turns).filter(|way| way.abs() < 4.0).unwrap_or(0.0);
+        Some((turns - way, turns))
+    }
+
+    /// How fast the hand moves.
+    fn speed_mm_s(&self) -> f64 {
+        let [x, y] = self.place.velocity();
+        x.hypot(y)
     }
 
     /// What was gone over to is where the next tick begins.
     fn settle(&mut self) {
-        if self.followed {
-            return;
-        }
         let [before, behind] = &mut self.taps;
         before.copy_from_slice(behind);
         let mut lines = 0;
@@ -351,20 +383,15 @@ impl<T: Float> ShapedNoise<T> {
         let step_hz = self.step_hz();
         let count = ((self.top_hz() / pitch_hz) as usize).min(MOST_LINES);
         let below = |h: usize| below(&self.density, &self.sums, step_hz, (h as f64 + 0.5) * pitch_hz);
-        let (mut up_to, mut beside) = (below(1), [0.0, 0.0, (below(1) - below(0)).max(0.0)]);
-        let (mut given, mut all) = (0.0, 0.0);
+        let (mut up_to, mut given, mut all) = (below(0), 0.0, 0.0);
         self.powers.clear();
         for h in 1..=count {
-            let next = below(h + 1);
-            beside = [beside[1], beside[2], (next - up_to).max(0.0)];
+            let next = below(h);
+            let around = (next - up_to).max(0.0);
             up_to = next;
-            // The first has none below, the last none above.
-            let known = if h > 1 { &beside[..] } else { &beside[1..] };
-            let known = if h < count { known } else { &known[..known.len() - 1] };
-            let weight = weights.get(h - 1).copied().unwrap_or(1.0);
-            let power = weight * known.iter().sum::<f64>() / known.len() as f64;
+            let power = weights.get(h - 1).copied().unwrap_or(1.0) * around;
             self.powers.push(power);
-            (given, all) = (given + power, all + beside[1]);
+            (given, all) = (given + power, all + around);
         }
         if given > 0.0 {
             self.powers.iter_mut().for_each(|power| *power *= all / given);
@@ -374,12 +401,21 @@ impl<T: Float> ShapedNoise<T> {
     /// Finds the response of minimum phase of the powers of a pitch, which are straight from one harmonic to the next.
     fn respond(&mut self, pitch_hz: f64) {
         let step_hz = self.step_hz();
-        for (j, smooth) in self.smooth.iter_mut().enumerate() {
-            let place = (j as f64 * step_hz / pitch_hz - 1.0).max(0.0);
-            let power = |h: usize| self.powers.get(h).or(self.powers.last()).copied().unwrap_or(0.0);
-            let h = place as usize;
-            *smooth = power(h) + place.fract() * (power(h + 1) - power(h));
+        let last = self.powers.last().copied().unwrap_or(0.0);
+        let power = |h: usize| self.powers.get(h).copied().unwrap_or(last);
+        // Up to the first harmonic, then from each to the next.
+        let end = self.smooth.len();
+        let reach = |h: usize| ((h as f64 * pitch_hz / step_hz) as usize + 1).min(end);
+        let mut from = reach(1);
+        self.smooth[..from].fill(power(0));
+        for h in 1..self.powers.len() {
+            let (to, below, slope) = (reach(h + 1), power(h - 1), power(h) - power(h - 1));
+            for (j, smooth) in self.smooth[from..to].iter_mut().enumerate() {
+                *smooth = below + ((from + j) as f64 * step_hz / pitch_hz - h as f64) * slope;
+            }
+            from = to;
         }
+        self.smooth[from..].fill(last);
         self.designer.design(&self.smooth);
     }
 
@@ -390,7 +426,7 @@ impl<T: Float> ShapedNoise<T> {
 
     /// Finds the phases of a wave's lines where it is time to: they hardly change from frame to frame, and are what costs most.
     fn find_phases(&mut self, w: usize, pitch_hz: f64) {
-        let turn = self.newest.is_some_and(|n| n % PHASES_EVERY == w as u64 * PHASES_EVERY / WAVES as u64);
+        let turn = self.found_in.is_some_and(|n| n % PHASES_EVERY == w as u64 * PHASES_EVERY / WAVES as u64);
         let known = self.waves[w].units_hz;
         if turn || (pitch_hz - known).abs() > PITCH_CHANGES * known {
             self.respond(pitch_hz);
@@ -403,7 +439,8 @@ impl<T: Float> ShapedNoise<T> {
 
     /// Phase of the response at a frequency.
     fn unit_at(&self, hz: f64) -> Complex<f64> {
-        let at = (hz / self.step_hz()).min((self.sums.len() - 1) as f64).round() as usize;
+        let at = (hz / self.step_hz()).min((self.sums.len() - 1) as f64);
+        let at = (at + 0.5) as usize;
         let response = self.designer.response[at];
         let response = Complex::new(response.re.f64(), response.im.f64());
         if response.norm() > 0.0 { response / response.norm() } else { Complex::new(1.0, 0.0) }
@@ -446,6 +483,8 @@ impl<T: Float> ShapedNoise<T> {
     fn excite(&mut self, start: u64, placed: bool, count: usize) -> usize {
         let n = self.framing.fft_len;
         let events = self.pattern.events.filter(|_| placed);
+        let spacings = self.spacings().filter(|_| placed);
+        let turned = self.turned(0);
         if self.next != Some(start) {
             // There was noise before, and no bump.
             for (i, x) in self.excitation[..n].iter_mut().enumerate() {
@@ -460,14 +499,15 @@ impl<T: Float> ShapedNoise<T> {
         }
         let from = self.end;
         let new = &mut self.excitation[from..from + count];
-        match events {
-            Some(events) => {
-                self.bumps.fill(start, f64::from(self.framing.rate_hz), self.way_mm, &events, new);
+        let rate_hz = f64::from(self.framing.rate_hz);
+        if let Some((events, way)) = spacings {
+            self.bumps.fill(start, rate_hz, way, &events, new);
+        } else {
+            for (i, x) in new.iter_mut().enumerate() {
+                *x = T::of(normal(self.seed, start + i as u64));
             }
-            None => {
-                for (i, x) in new.iter_mut().enumerate() {
-                    *x = T::of(normal(self.seed, start + i as u64));
-                }
+            if let Some((events, turned)) = events.zip(turned) {
+                at_ridges(self.seed, rate_hz, turned, &events, new);
             }
         }
         self.way_mm = 0.0;
@@ -478,27 +518,34 @@ impl<T: Float> ShapedNoise<T> {
     /// Adds the waves' lines.
     fn play<P: Float>(&mut self, out: &mut [P]) {
         let part = 1.0 / out.len() as f64;
-        let here = self.place.at();
-        for (lines, wave) in self.waves.iter_mut().zip(&self.pattern.waves) {
-            let Some(wave) = wave else { continue };
-            let turns = wave.per_mm[0] * here[0] + wave.per_mm[1] * here[1];
-            // Farther than this in a tick is no motion.
-            let way = Some(turns - lines.turns).filter(|way| way.abs() < 4.0).unwrap_or(0.0);
-            let from = turns - way;
-            lines.turns = turns;
+        for w in 0..WAVES {
+            let Some((from, to)) = self.turned(w) else { continue };
+            let (way, lines) = (to - from, &mut self.waves[w]);
+            lines.turns = to;
             let count = lines.count[0].max(lines.count[1]);
             let [before, behind] = &lines.at;
-            for (i, out) in out.iter_mut().enumerate().filter(|_| count > 0) {
-                let reached = (i + 1) as f64 * part;
-                let (cos, sin) = unit_circle((from + way * reached).fract());
-                let first = Complex::new(cos, sin);
-                let (mut turned, mut sum) = (first, 0.0);
+            if count == 0 {
+                continue;
+            }
+            for (chunk, out) in out.chunks_mut(AT_ONCE).enumerate() {
+                let reached: [f64; AT_ONCE] =
+                    std::array::from_fn(|i| (chunk * AT_ONCE + i + 1) as f64 * part);
+                // As `fract`, without a call: turns are far fewer than an integer holds.
+                let first =
+                    reached.map(|reached| from + way * reached).map(|turns| turns - turns as i64 as f64);
+                let first = first.map(unit_circle);
+                let (mut turned, mut sums) = (first, [0.0; AT_ONCE]);
                 for (a, b) in before.iter().zip(behind).take(count) {
-                    let line = a + (b - a) * reached;
-                    sum += line.re * turned.re - line.im * turned.im;
-                    turned *= first;
+                    let step = b - a;
+                    // All samples at once: each turn waits for the one before.
+                    for i in 0..AT_ONCE {
+                        let (re, im) = (a.re + step.re * reached[i], a.im + step.im * reached[i]);
+                        let ((cos, sin), (by_cos, by_sin)) = (turned[i], first[i]);
+                        sums[i] += re * cos - im * sin;
+                        turned[i] = (cos * by_cos - sin * by_sin, cos * by_sin + sin * by_cos);
+                    }
                 }
-                *out += P::of(sum);
+                out.iter_mut().zip(sums).for_each(|(out, sum)| *out += P::of(sum));
             }
         }
     }
@@ -508,7 +555,12 @@ impl<T: Float> ShapedNoise<T> {
         keep_wide(&mut self.magnitudes, state);
         self.taps.iter_mut().for_each(|taps| keep_wide(taps, state));
         keep_wide(&mut self.excitation, state);
-        state.keep(&mut self.newest).keep(&mut self.followed).keep(&mut self.end).keep(&mut self.next);
+        state
+            .keep(&mut self.newest)
+            .keep(&mut self.followed)
+            .keep(&mut self.found_in)
+            .keep(&mut self.end)
+            .keep(&mut self.next);
         state.keep(&mut self.way_mm).keep(&mut self.silent);
         for lines in &mut self.waves {
             state.keep(&mut lines.turns).keep(&mut lines.count).keep(&mut lines.units_hz);

@@ -10,18 +10,36 @@ pub const WAVES: usize = 2;
 pub const HARMONICS: usize = 16;
 /// Numbers of a wave: its vector, then weight, share and phase of each harmonic.
 const WAVE_LEN: usize = 2 + 3 * HARMONICS;
+/// Numbers of bumps.
+const EVENTS_LEN: usize = 4;
 /// Numbers of a pattern, as [`Pattern::read`] takes them.
-pub const PATTERN_LEN: usize = 3 + WAVES * WAVE_LEN;
+pub const PATTERN_LEN: usize = EVENTS_LEN + WAVES * WAVE_LEN;
+
+/// Largest power of speed.
+const MOST_EXPONENT: f64 = 2.0;
+/// Speed at which spacings are told, and beyond which they do not change, in mm/s.
+const SPEED_MM_S: f64 = 100.0;
+const SPEEDS_MM_S: (f64, f64) = (10.0, 1000.0);
 
 /// Bumps along a stroke.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Events {
-    /// Mean way from one to the next in mm.
-    pub spacing_mm: f64,
-    /// Standard deviation of that over the mean.
+    /// Mean way from one to the next in mm, of a hand at 100 mm/s; none: one at each ridge of the first wave.
+    pub spacing_mm: Option<f64>,
+    /// The way grows with this power of speed.
+    pub spacing_exponent: f64,
+    /// Standard deviation of that over the mean; of bumps at ridges, of their place over the pitch.
     pub interval_cv: f64,
     /// Standard deviation of their heights over the mean.
     pub height_cv: f64,
+}
+
+impl Events {
+    /// Mean way from one to the next in mm, of a hand at this speed.
+    pub fn spacing_at(&self, speed_mm_s: f64) -> Option<f64> {
+        let over = speed_mm_s.clamp(SPEEDS_MM_S.0, SPEEDS_MM_S.1) / SPEED_MM_S;
+        self.spacing_mm.map(|mm| mm * over.powf(self.spacing_exponent))
+    }
 }
 
 /// Ridges that repeat with place.
@@ -48,20 +66,22 @@ pub struct Pattern {
 }
 
 impl Pattern {
-    /// Reads [`PATTERN_LEN`] numbers: way between bumps in mm (0: no bumps), deviations of that and of heights over their means, then of each wave the vector in 1/mm
+    /// Reads [`PATTERN_LEN`] numbers: way between bumps in mm (0: no bumps; -1: at the ridges of the first wave), the power of speed with which it grows, deviations of that and of heights over their means, then of each wave the vector in 1/mm
     /// (0, 0: no wave), and of each harmonic weight, share and phase in rad. Numbers that are missing, not finite or out of range count as 0.
     pub fn read(numbers: &[f64]) -> Self {
         let number = |at: usize, most: f64| {
             numbers.get(at).copied().filter(|x| x.is_finite()).map_or(0.0, |x| x.clamp(-most, most))
         };
         let spacing_mm = number(0, 1e3);
-        let events = (spacing_mm >= 0.01).then(|| Events {
-            spacing_mm,
-            interval_cv: number(1, 4.0).max(0.0),
-            height_cv: number(2, 10.0).max(0.0),
+        let at_ridges = spacing_mm <= -1.0;
+        let events = (at_ridges || spacing_mm >= 0.01).then(|| Events {
+            spacing_mm: (!at_ridges).then_some(spacing_mm),
+            spacing_exponent: number(1, MOST_EXPONENT),
+            interval_cv: number(2, 4.0).max(0.0),
+            height_cv: number(3, 10.0).max(0.0),
         });
         let wave = |w: usize| {
-            let from = 3 + w * WAVE_LEN;
+            let from = EVENTS_LEN + w * WAVE_LEN;
             let per_mm = [number(from, 100.0), number(from + 1, 100.0)];
             let phase = |h: usize| {
                 let (cos, sin) = unit_circle(number(from + 4 + 3 * h, 1e3) / std::f64::consts::TAU);
@@ -74,18 +94,25 @@ impl Pattern {
                 turns: std::array::from_fn(phase),
             })
         };
-        Self { waves: std::array::from_fn(wave), events }
+        let waves = std::array::from_fn(wave);
+        Self { waves, events: events.filter(|e| e.spacing_mm.is_some() || waves[0].is_some()) }
     }
 
     /// Keeps it.
     pub(super) fn state(&mut self, state: &mut State<'_>) {
         keep_waves(&mut self.waves, state);
         let events = &mut self.events;
-        let mut numbers = events.map_or([0.0; 3], |e| [e.spacing_mm, e.interval_cv, e.height_cv]);
-        state.keep(&mut numbers);
-        state.require(numbers.iter().all(|x| (0.0..=1e3).contains(x)));
+        let mut numbers =
+            events.map_or([0.0; 3], |e| [e.spacing_mm.unwrap_or(-1.0), e.interval_cv, e.height_cv]);
+        let mut spacing_exponent = events.map_or(0.0, |e| e.spacing_exponent);
+        state.keep(&mut numbers).keep(&mut spacing_exponent);
+        state.require(
+            numbers.iter().all(|x| (-1.0..=1e3).contains(x)) && spacing_exponent.abs() <= MOST_EXPONENT,
+        );
         let [spacing_mm, interval_cv, height_cv] = numbers;
-        *events = (spacing_mm > 0.0).then_some(Events { spacing_mm, interval_cv, height_cv });
+        let of = Some(spacing_mm).filter(|mm| *mm > 0.0);
+        let of = Events { spacing_mm: of, spacing_exponent, interval_cv, height_cv };
+        *events = (spacing_mm != 0.0).then_some(of);
     }
 }
 
@@ -118,11 +145,14 @@ mod tests {
     fn numbers_out_of_range_are_no_pattern() {
         assert_eq!(Pattern::read(&[]), Pattern::default());
         assert_eq!(Pattern::read(&[f64::NAN; PATTERN_LEN]), Pattern::default());
-        assert_eq!(Pattern::read(&[-1.0; 3]), Pattern::default());
+        assert_eq!(Pattern::read(&[-1.0; EVENTS_LEN]), Pattern::default());
         let mut numbers = [0.0; PATTERN_LEN];
-        (numbers[0], numbers[1], numbers[3], numbers[5], numbers[6]) = (0.5, 99.0, 0.4, 19.0, 2.0);
+        (numbers[0], numbers[1], numbers[2]) = (0.5, -9.0, 99.0);
+        (numbers[4], numbers[6], numbers[7]) = (0.4, 19.0, 2.0);
         let pattern = Pattern::read(&numbers);
-        assert_eq!(pattern.events, Some(Events { spacing_mm: 0.5, interval_cv: 4.0, height_cv: 0.0 }));
+        let events =
+            Events { spacing_mm: Some(0.5), spacing_exponent: -2.0, interval_cv: 4.0, height_cv: 0.0 };
+        assert_eq!(pattern.events, Some(events));
         assert_eq!(
             pattern.waves[0].map(|w| (w.per_mm, w.weights[0], w.shares[0])),
             Some(([0.4, 0.0], 10.0, 1.0))

@@ -68,8 +68,9 @@ impl<T: Float> Designer<T> {
         let done = self.forward.process_with_scratch(&mut self.line, &mut self.response, &mut self.scratch);
         debug_assert!(done.is_ok());
         let level = T::of(most.sqrt());
-        for to in &mut self.response {
-            let radius = level * to.re.exponential();
+        for (to, square) in self.response.iter_mut().zip(squares) {
+            // The real part is the logarithm that was given.
+            let radius = level * T::of((square * unit).max(FLOOR)).root();
             let (cos, sin) = to.im.cos_sin();
             *to = Complex::new(radius * cos, radius * sin);
         }

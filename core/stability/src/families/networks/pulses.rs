@@ -130,7 +130,7 @@ fn settings(subject: &Subject<'_>) -> Result<Vec<Setting>, Not> {
                 all.push(Setting {
                     name: material.name.clone(),
                     changes: vec![format!("{}.material={}", node.id, material.name)],
-                    single: material.pattern.events.is_some_and(|e| e.spacing_mm > SINGLE_MM),
+                    single: material.pattern.events.is_some_and(|e| e.spacing_mm > Some(SINGLE_MM)),
                 });
             }
         }

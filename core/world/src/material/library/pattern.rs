@@ -43,9 +43,11 @@ pub struct Harmonic {
 /// Bumps along a stroke: how far apart they are, and how they differ.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Events {
-    /// Mean distance from one to the next along the stroke in mm.
-    pub spacing_mm: f64,
-    /// Standard deviation of that distance over its mean: 0 is regular, 1 is Poisson's process.
+    /// Mean distance from one to the next along the stroke in mm, at 100 mm/s; none: one at each ridge of the first wave.
+    pub spacing_mm: Option<f64>,
+    /// The distance grows with this power of speed, -2 to 2; 0 if it is left out.
+    pub spacing_exponent: f64,
+    /// Standard deviation of that distance over its mean: 0 is regular, 1 is Poisson's process. Of bumps at ridges, of their place over the ridges' distance.
     pub interval_cv: f64,
     /// Standard deviation of their heights over the mean.
     pub height_cv: f64,
@@ -65,16 +67,26 @@ impl Pattern {
             }
             None => Vec::new(),
         };
-        Ok(Self { waves, events: events.map(bumps).transpose()? })
+        let Some(value) = events else { return Ok(Self { waves, events: None }) };
+        let events = bumps(value)?;
+        if events.spacing_mm.is_none() && waves.is_empty() {
+            return Err(value
+                .error("`spacing_mm` is missing")
+                .help("only beside `waves` it may be left out: then there is a bump at each ridge"));
+        }
+        Ok(Self { waves, events: Some(events) })
     }
 
     /// Writes the fields that there are, each line behind `indent`.
     pub(super) fn write(&self, text: &mut String, indent: &str) {
         // writing to a String cannot fail
-        if let Some(Events { spacing_mm, interval_cv, height_cv }) = self.events {
+        if let Some(Events { spacing_mm, spacing_exponent, interval_cv, height_cv }) = self.events {
+            let spacing =
+                spacing_mm.map(|mm| format!("spacing_mm: {mm:?}, spacing_exponent: {spacing_exponent:?}, "));
+            let spacing = spacing.unwrap_or_default();
             let _ = writeln!(
                 text,
-                "{indent}events: (spacing_mm: {spacing_mm:?}, interval_cv: {interval_cv:?}, height_cv: {height_cv:?}),"
+                "{indent}events: ({spacing}interval_cv: {interval_cv:?}, height_cv: {height_cv:?}),"
             );
         }
         if self.waves.is_empty() {
@@ -130,11 +142,17 @@ fn wave(value: &Value) -> Result<Wave, Diagnostic> {
 fn bumps(value: &Value) -> Result<Events, Diagnostic> {
     let mut record = value.record("Events")?;
     let events = Events {
-        spacing_mm: record.required("spacing_mm")?.f64_in(0.01..=1000.0, "mm")?,
+        spacing_mm: record
+            .optional("spacing_mm")
+            .map(|value| value.f64_in(0.01..=1000.0, "mm"))
+            .transpose()?,
+        spacing_exponent: record
+            .optional("spacing_exponent")
+            .map_or(Ok(0.0), |value| value.f64_in(-2.0..=2.0, ""))?,
         interval_cv: record.required("interval_cv")?.f64_in(0.0..=4.0, "")?,
         height_cv: record.required("height_cv")?.f64_in(0.0..=10.0, "")?,
     };
-    record.finish(&["spacing_mm", "interval_cv", "height_cv"])?;
+    record.finish(&["spacing_mm", "spacing_exponent", "interval_cv", "height_cv"])?;
     Ok(events)
 }
 
@@ -148,12 +166,18 @@ mod tests {
     fn pattern_reads_back_to_the_same_bits() {
         let mut library = three();
         let harmonic = |share, phase| Harmonic { weight: 1.5 - share, share, phase };
-        library.materials[0].pattern.events =
-            Some(Events { spacing_mm: 0.23, interval_cv: 0.1 + 0.2, height_cv: 0.5 });
+        library.materials[0].pattern.events = Some(Events {
+            spacing_mm: Some(0.23),
+            spacing_exponent: -0.7,
+            interval_cv: 0.1 + 0.2,
+            height_cv: 0.5,
+        });
         library.materials[1].pattern.waves = vec![
             Wave { per_mm: [0.4, -1e-3], harmonics: vec![harmonic(0.9, -0.3); 7] },
             Wave { per_mm: [0.0, 2.0], harmonics: vec![harmonic(1.0, 3.0)] },
         ];
+        library.materials[1].pattern.events =
+            Some(Events { spacing_mm: None, spacing_exponent: 0.0, interval_cv: 0.05, height_cv: 0.5 });
         let text = library.to_ron();
         assert!(text.contains("version: 3,"), "{}", &text[..60]);
         assert_eq!(Library::parse(&Source::new("three.ron", text)).unwrap(), library);
@@ -171,6 +195,7 @@ mod tests {
             (3, "waves: [(per_mm: [0.4, 0.0], harmonics: [[1.0, 0.0]])]", "2 numbers, not 3"),
             (3, "events: (spacing_mm: 0.0, interval_cv: 0.1, height_cv: 0.1)", "out of range"),
             (3, "events: (spacing_mm: 1.0, interval_cv: 0.1)", "`height_cv` is missing"),
+            (3, "events: (interval_cv: 0.1, height_cv: 0.1)", "`spacing_mm` is missing"),
         ] {
             let text = format!(
                 "Library(version: {version}, materials: {{\"a\": (description: \"d\", {field}, {vector})}})"

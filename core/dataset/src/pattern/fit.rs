@@ -1,0 +1,268 @@
+//! What is found by playing: how much of the waves repeats, and the bumps with which the kernel is like the strokes.
+
+use super::figures::Figures;
+use super::rendered;
+use super::stroke::Passage;
+use asperity_world::material::{Events, Pattern, Wave};
+
+/// Passages whose speeds differ by less than this factor are taken together.
+const CLASS: f64 = 1.5;
+/// Seconds of each class that are rendered, at least.
+const RENDERED_S: f64 = 24.0;
+/// Modulation below which a line is steady.
+const STEADY: f64 = 0.08;
+/// Errors of ln(modulation), ln(kurtosis) and repetition that count as one.
+const SCALES: [f64; 3] = [0.25, 0.15, 0.1];
+/// Mean over classes of the sum of fourth powers of their errors, up to which plain noise will do.
+const ENOUGH: f64 = 0.25;
+/// Bumps must leave less than this part of what plain noise has.
+const BETTER: f64 = 0.4;
+
+/// Points of the rough search from which the fine one begins.
+const STARTS: usize = 5;
+
+/// Factors of the waves' shares that are tried, as logarithms.
+const FACTORS: [f64; 9] = [-0.7, -0.35, -0.175, 0.0, 0.175, 0.35, 0.7, 1.05, 1.4];
+/// Steps that the fine search makes smaller, and by what.
+const ROUNDS: usize = 5;
+const FINER: f64 = 0.6;
+
+/// What is varied: least and largest, and the first step of the fine search.
+struct Varied {
+    range: (f64, f64),
+    step: f64,
+}
+
+const fn varied(least: f64, most: f64, step: f64) -> Varied {
+    Varied { range: (least, most), step }
+}
+
+/// Of bumps with a spacing: its logarithm in mm, its exponent, deviations of intervals and heights; and the logarithm of the factor of the waves' shares.
+const SPACED: [Varied; 5] = [
+    varied(-3.5, 2.1, 0.25),
+    varied(-2.0, 1.0, 0.4),
+    varied(0.1, 1.5, 0.25),
+    varied(0.0, 1.5, 0.25),
+    varied(-1.0, 1.5, 0.2),
+];
+/// Of bumps at ridges: deviations of places and heights, and the same factor.
+const AT_RIDGES: [Varied; 3] = [varied(0.0, 0.3, 0.05), varied(0.0, 1.5, 0.25), varied(-1.0, 1.5, 0.2)];
+
+/// Passages of about one speed: what they have, and which of them are rendered.
+struct Class<'p> {
+    truth: [f64; 3],
+    rendered: Vec<&'p Passage>,
+}
+
+/// Logarithms of modulation and kurtosis, and repetition.
+fn logs(figures: &Figures, waves: bool) -> [f64; 3] {
+    // How narrow the spectrum is decides how alone a wave repeats: bumps do not change that.
+    let least = if waves { figures.wave_repetition } else { 0.0 };
+    [figures.modulation.max(STEADY).ln(), figures.kurtosis.ln(), figures.repetition.max(least)]
+}
+
+/// Medians over passages: what one direction has alone does not count.
+fn medians(of: impl Iterator<Item = [f64; 3]>) -> [f64; 3] {
+    let all: Vec<[f64; 3]> = of.collect();
+    std::array::from_fn(|figure| {
+        let mut values: Vec<f64> = all.iter().map(|logs| logs[figure]).collect();
+        values.sort_by(f64::total_cmp);
+        let n = values.len();
+        if n == 0 { 0.0 } else { 0.5 * (values[(n - 1) / 2] + values[n / 2]) }
+    })
+}
+
+fn classes<'p>(passages: &[&'p Passage], waves: bool) -> Vec<Class<'p>> {
+    let mut sorted = passages.to_vec();
+    sorted.sort_by(|a, b| a.speed_mm_s.total_cmp(&b.speed_mm_s));
+    let mut classes = Vec::new();
+    while let Some(slowest) = sorted.first() {
+        let most = CLASS * slowest.speed_mm_s;
+        let rest = sorted.split_off(sorted.partition_point(|p| p.speed_mm_s < most));
+        let truth = medians(sorted.iter().map(|p| logs(&p.figures, waves)));
+        let mut seconds = 0.0;
+        // In the order of the strokes.
+        let within = |p: &&&Passage| p.speed_mm_s >= sorted[0].speed_mm_s && p.speed_mm_s < most;
+        let few = |p: &&&Passage| {
+            seconds += p.seconds;
+            seconds - p.seconds < RENDERED_S
+        };
+        let rendered = passages.iter().filter(within).take_while(few).copied().collect();
+        classes.push(Class { truth, rendered });
+        sorted = rest;
+    }
+    classes
+}
+
+/// The waves with shares that repeat as the strokes do, and bumps beside them; none where plain noise does as well. Without `spaced` bumps are at ridges
+/// alone.
+pub(super) fn find(passages: &[&Passage], waves: &[Wave], spaced: bool) -> Pattern {
+    let fit = Fit { waves, classes: classes(passages, !waves.is_empty()) };
+    if fit.classes.is_empty() {
+        return fit.without_bumps(0.0);
+    }
+    let (noise, factor) = fit.factor();
+    let mut found = Vec::new();
+    if noise >= ENOUGH {
+        found.extend(if spaced { fit.spaced(factor) } else { None });
+        found.extend(fit.at_ridges());
+    }
+    let best = found.into_iter().min_by(|a, b| a.0.total_cmp(&b.0));
+    best.filter(|best| best.0 < BETTER * noise).map_or_else(|| fit.without_bumps(factor), |best| best.1)
+}
+
+/// What is searched.
+struct Fit<'p> {
+    waves: &'p [Wave],
+    classes: Vec<Class<'p>>,
+}
+
+impl Fit<'_> {
+    fn without_bumps(&self, factor: f64) -> Pattern {
+        Pattern { waves: louder(self.waves, factor), events: None }
+    }
+
+    /// Mean over classes of the sum of fourth powers of errors, if so many passages of each are rendered. Beyond the bound it need not be known exactly.
+    fn error(&self, pattern: &Pattern, most: usize, bound: f64) -> f64 {
+        let waves = !self.waves.is_empty();
+        let mut sum = 0.0;
+        for (c, class) in self.classes.iter().enumerate() {
+            let found = class.rendered.iter().take(most).enumerate().filter_map(|(n, p)| {
+                let samples = rendered(pattern, &p.magnitudes, &p.places, (c * 1000 + n) as u64);
+                Some(logs(&Figures::of(&samples)?, waves))
+            });
+            let figures = medians(found).into_iter().zip(class.truth).zip(SCALES);
+            let mut off: Vec<f64> = figures.map(|((found, truth), scale)| (found - truth) / scale).collect();
+            if !waves {
+                // Bumps may repeat too much. What they repeat too little is for waves.
+                off[2] = off[2].max(0.0);
+            }
+            // What is far off at one speed counts more than what is a little off at all.
+            sum += off.iter().map(|off| off.powi(4)).sum::<f64>() / self.classes.len() as f64;
+            if sum > bound {
+                break;
+            }
+        }
+        sum
+    }
+
+    /// The factor of the waves' shares, as a logarithm, with which plain noise beside them does best, and its error.
+    fn factor(&self) -> (f64, f64) {
+        let mut best = (self.error(&self.without_bumps(0.0), usize::MAX, f64::INFINITY), 0.0);
+        for factor in FACTORS.into_iter().filter(|_| !self.waves.is_empty()) {
+            let found = self.error(&self.without_bumps(factor), usize::MAX, best.0);
+            if found < best.0 {
+                best = (found, factor);
+            }
+        }
+        best
+    }
+
+    /// The best bumps that have a spacing.
+    fn spaced(&self, factor: f64) -> Option<(f64, Pattern)> {
+        let varied = if self.waves.is_empty() { &SPACED[..4] } else { &SPACED[..] };
+        let (least, most) = SPACED[0].range;
+        let rough = all_of([
+            (0..10).map(|i| least + (most - least) * f64::from(i) / 9.0).collect(),
+            vec![-1.0, -0.5, 0.0, 0.5],
+            vec![0.2, 0.4, 0.8],
+            vec![0.0, 0.5, 1.0],
+            vec![factor],
+        ]);
+        self.search(rough, varied, &|p| {
+            let unit = 10f64.powf(2.0 - p[0].exp().log10().floor());
+            let events = Events {
+                spacing_mm: Some((p[0].exp() * unit).round() / unit),
+                spacing_exponent: rounded(p[1]),
+                interval_cv: rounded(p[2]),
+                height_cv: rounded(p[3]),
+            };
+            Pattern { waves: louder(self.waves, p[4]), events: Some(events) }
+        })
+    }
+
+    /// The best bumps at ridges; none without waves.
+    fn at_ridges(&self) -> Option<(f64, Pattern)> {
+        if self.waves.is_empty() {
+            return None;
+        }
+        let rough = all_of([vec![0.0, 0.05, 0.15], vec![0.0, 0.6], FACTORS.to_vec()]);
+        self.search(rough, &AT_RIDGES, &|p| {
+            let events = Events {
+                spacing_mm: None,
+                spacing_exponent: 0.0,
+                interval_cv: rounded(p[0]),
+                height_cv: rounded(p[1]),
+            };
+            Pattern { waves: louder(self.waves, p[2]), events: Some(events) }
+        })
+    }
+
+    /// The best pattern near one of some points, and its error.
+    fn search(
+        &self,
+        rough: Vec<Vec<f64>>,
+        varied: &[Varied],
+        make: &dyn Fn(&[f64]) -> Pattern,
+    ) -> Option<(f64, Pattern)> {
+        // Roughly, by half of what is rendered.
+        let half = self.classes.iter().map(|class| class.rendered.len().div_ceil(2)).max().unwrap_or(1);
+        let mut starts: Vec<(f64, Vec<f64>)> = Vec::new();
+        for point in rough {
+            let bound = starts.get(STARTS - 1).map_or(f64::INFINITY, |worst| worst.0);
+            let found = self.error(&make(&point), half, bound);
+            if found < bound {
+                starts.push((found, point));
+                starts.sort_by(|a, b| a.0.total_cmp(&b.0));
+                starts.truncate(STARTS);
+            }
+        }
+        // Then finely from the best.
+        let fine = |(_, point): (f64, Vec<f64>)| {
+            let mut here = (self.error(&make(&point), usize::MAX, f64::INFINITY), point);
+            let mut part = 1.0;
+            for _ in 0..ROUNDS {
+                for (axis, Varied { range: (least, most), step }) in varied.iter().enumerate() {
+                    for sign in [-1.0, 1.0] {
+                        let mut next = here.1.clone();
+                        next[axis] = (next[axis] + sign * part * step).clamp(*least, *most);
+                        if next == here.1 {
+                            continue;
+                        }
+                        let found = self.error(&make(&next), usize::MAX, here.0);
+                        if found < here.0 {
+                            here = (found, next);
+                            break;
+                        }
+                    }
+                }
+                part *= FINER;
+            }
+            (here.0, make(&here.1))
+        };
+        starts.into_iter().map(fine).min_by(|a, b| a.0.total_cmp(&b.0))
+    }
+}
+
+/// Each of the first with each of the second and so on.
+fn all_of<const N: usize>(axes: [Vec<f64>; N]) -> Vec<Vec<f64>> {
+    axes.iter().fold(vec![Vec::new()], |points, axis| {
+        let with =
+            |point: Vec<f64>| axis.iter().map(move |value| point.iter().copied().chain([*value]).collect());
+        points.into_iter().flat_map(with).collect()
+    })
+}
+
+/// Waves whose shares are so many times as large, as a logarithm.
+fn louder(waves: &[Wave], factor: f64) -> Vec<Wave> {
+    let mut waves = waves.to_vec();
+    for harmonic in waves.iter_mut().flat_map(|wave| &mut wave.harmonics) {
+        harmonic.share = (1e3 * (harmonic.share * factor.exp()).min(1.0)).round() / 1e3;
+    }
+    waves
+}
+
+/// With as many digits as mean something.
+fn rounded(x: f64) -> f64 {
+    (x * 100.0).round() / 100.0
+}
