@@ -185,8 +185,7 @@ fn a_hand_that_stands_still_asks_the_network_nothing_after_a_quarter_of_a_second
         for tick in 0..2000 {
             engine.tick();
             asked.push(count(&engine, "texture", "runs"));
-            let Some(Buffer::Control { values, .. }) = engine.output(node(&engine, "prompt motion"), 0)
-            else {
+            let Some(Buffer::Control { values, .. }) = engine.output(node(&engine, "motion"), 0) else {
                 panic!("a velocity")
             };
             if tick > 500 && values.iter().all(|v| v.to_bits() == 0) {

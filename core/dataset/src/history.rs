@@ -1,6 +1,6 @@
 //! What the chain measures of a stroke: the network's inputs, with the sensor's faults, and what they stand for.
 
-use asperity_dsp::filter::{Biquad, FilterError, Section};
+use asperity_dsp::low_pass::{LowPass, corner};
 use asperity_world::material::Random;
 
 /// Samples in a history.
@@ -12,8 +12,10 @@ pub const MAX_SPEED_MM_S: f64 = 300.0;
 /// Largest force trained [N].
 pub const MAX_FORCE_N: f64 = 3.5;
 
-/// Corner of the chain's velocity filter [Hz].
+/// Corner of the chain's velocity filter at rest [Hz].
 const CUTOFF_HZ: f64 = 20.0;
+/// What every mm/s adds to it [Hz].
+const CUTOFF_HZ_PER_MM_S: f64 = 0.2;
 /// The sensor's step [mm].
 const SENSOR_STEP_MM: f64 = 0.055;
 /// Stiffness of the floor [N/mm], which makes force of the sensor's step.
@@ -22,20 +24,44 @@ pub(crate) const STIFFNESS_N_PER_MM: f64 = 0.5;
 const WARM_UP: usize = 30;
 
 /// One input of the network and what it stands for.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct History {
     /// Forces [N], oldest first.
     pub force: [f32; HISTORY],
     /// 10 vx, then 10 vy [mm/s], oldest first, as measured.
     pub velocity: [f32; 2 * HISTORY],
-    /// (speed [mm/s], force [N]) that it stands for: the force as measured, the speed of a [drawn](Histories) motion through the same filter but of
+    /// (speed [mm/s], force [N]) that it stands for: the force as measured, the speed of a [drawn](History::draw) motion through the same filter but of
     /// positions that were not rounded.
     pub clean: [(f64, f64); HISTORY],
 }
 
 impl History {
-    fn silent() -> Self {
-        Self { force: [0.0; HISTORY], velocity: [0.0; 2 * HISTORY], clean: [(0.0, 0.0); HISTORY] }
+    /// Draws one for training. One in ten begins less than ten ticks before its end, with zeros for what was not seen.
+    pub fn draw(random: &mut Random) -> Self {
+        let motion = Motion::draw(random);
+        let force = draw_force(random);
+        let (mut measured, mut clean) = (Velocity::default(), Velocity::default());
+        let known = if random.chance(0.1) { 1 + random.below(HISTORY - 1) } else { HISTORY };
+        let mut tick = -1.0;
+        let mut observe = |measured: &mut Velocity, clean: &mut Velocity| {
+            tick += 1.0;
+            let p = motion.position(tick / RATE_HZ);
+            (measured.step(p.map(rounded)), clean.step(p))
+        };
+        if known == HISTORY {
+            let (p, v) = (motion.position(-1.0 / RATE_HZ), motion.velocity(0.0));
+            measured.start_at(p.map(rounded), v);
+            clean.start_at(p, v);
+            for _ in 0..WARM_UP {
+                observe(&mut measured, &mut clean);
+            }
+        }
+        let mut history = Self::default();
+        for force in force.into_iter().skip(HISTORY - known) {
+            let (measured, clean) = observe(&mut measured, &mut clean);
+            history.push(force, measured, clean);
+        }
+        history
     }
 
     fn push(&mut self, force: f64, measured: [f64; 2], clean: [f64; 2]) {
@@ -50,21 +76,17 @@ impl History {
     }
 }
 
-/// Velocity as the chain measures it: a finite difference and a second-order 20 Hz low-pass.
-#[derive(Clone, Debug)]
+/// Velocity as the chain measures it: a finite difference and a second-order low-pass that opens with speed.
+#[derive(Clone, Debug, Default)]
 struct Velocity {
-    filters: [Biquad; 2],
+    filters: [LowPass; 2],
+    now: [f64; 2],
     last: Option<[f64; 2]>,
 }
 
 impl Velocity {
-    fn new() -> Result<Self, FilterError> {
-        let filter = Section::butterworth_low_pass(CUTOFF_HZ).bilinear(RATE_HZ, CUTOFF_HZ)?;
-        Ok(Self { filters: [filter, filter], last: None })
-    }
-
     fn start_at(&mut self, position: [f64; 2], velocity: [f64; 2]) {
-        self.last = Some(position);
+        (self.last, self.now) = (Some(position), velocity);
         for (filter, v) in self.filters.iter_mut().zip(velocity) {
             filter.reset_to(v);
         }
@@ -72,26 +94,20 @@ impl Velocity {
 
     fn step(&mut self, position: [f64; 2]) -> [f64; 2] {
         let last = self.last.replace(position).unwrap_or(position);
-        std::array::from_fn(|i| self.filters[i].step((position[i] - last[i]) * RATE_HZ))
+        let at = corner(CUTOFF_HZ + CUTOFF_HZ_PER_MM_S * self.now[0].hypot(self.now[1]), RATE_HZ);
+        self.now = std::array::from_fn(|i| self.filters[i].step((position[i] - last[i]) * RATE_HZ, at));
+        self.now
     }
 }
 
-/// What the chain knows of a stroke, tick by tick of 2 ms.
-#[derive(Clone, Debug)]
+/// What the chain knows of a stroke, tick by tick of 2 ms; nothing at first.
+#[derive(Clone, Debug, Default)]
 pub struct Recorder {
     velocity: Velocity,
     history: History,
 }
 
 impl Recorder {
-    /// One that knows nothing yet.
-    ///
-    /// # Errors
-    /// None in practice: the filter's design is fixed.
-    pub fn new() -> Result<Self, FilterError> {
-        Ok(Self { velocity: Velocity::new()?, history: History::silent() })
-    }
-
     /// Takes a tick's place in mm and force in N.
     pub fn observe(&mut self, place_mm: [f64; 2], force_n: f64) -> &History {
         let velocity = self.velocity.step(place_mm);
@@ -178,61 +194,16 @@ fn draw_force(random: &mut Random) -> [f64; HISTORY] {
     })
 }
 
-/// Draws histories for training.
-#[derive(Clone, Debug)]
-pub struct Histories {
-    at_rest: Velocity,
-}
-
-impl Histories {
-    /// A source of histories.
-    ///
-    /// # Errors
-    /// None in practice: the filter's design is fixed.
-    pub fn new() -> Result<Self, FilterError> {
-        Ok(Self { at_rest: Velocity::new()? })
-    }
-
-    /// One history. One in ten begins less than ten ticks before its end, with zeros for what was not seen.
-    pub fn draw(&self, random: &mut Random) -> History {
-        let motion = Motion::draw(random);
-        let force = draw_force(random);
-        let (mut measured, mut clean) = (self.at_rest.clone(), self.at_rest.clone());
-        let known = if random.chance(0.1) { 1 + random.below(HISTORY - 1) } else { HISTORY };
-        let mut tick = -1.0;
-        let mut observe = |measured: &mut Velocity, clean: &mut Velocity| {
-            tick += 1.0;
-            let p = motion.position(tick / RATE_HZ);
-            (measured.step(p.map(rounded)), clean.step(p))
-        };
-        if known == HISTORY {
-            let (p, v) = (motion.position(-1.0 / RATE_HZ), motion.velocity(0.0));
-            measured.start_at(p.map(rounded), v);
-            clean.start_at(p, v);
-            for _ in 0..WARM_UP {
-                observe(&mut measured, &mut clean);
-            }
-        }
-        let mut history = History::silent();
-        for force in force.into_iter().skip(HISTORY - known) {
-            let (measured, clean) = observe(&mut measured, &mut clean);
-            history.push(force, measured, clean);
-        }
-        history
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
     fn drawn_histories_cover_the_stated_ranges_and_never_leave_them() {
-        let histories = Histories::new().unwrap();
         let mut random = Random::new(5);
         let (mut fastest, mut strongest, mut still, mut partly) = (0.0f64, 0.0f64, 0, 0);
         for _ in 0..20_000 {
-            let h = histories.draw(&mut random);
+            let h = History::draw(&mut random);
             for (speed, force) in h.clean {
                 assert!((0.0..=MAX_SPEED_MM_S + 5.0).contains(&speed), "{speed}");
                 assert!((0.0..=MAX_FORCE_N).contains(&force), "{force}");
@@ -248,11 +219,10 @@ mod tests {
 
     #[test]
     fn the_sensors_step_shows_in_the_measured_velocity_as_small_noise() {
-        let histories = Histories::new().unwrap();
         let mut random = Random::new(6);
         let (mut squares, mut n) = (0.0, 0);
         for _ in 0..5000 {
-            let h = histories.draw(&mut random);
+            let h = History::draw(&mut random);
             let measured = f64::from(h.velocity[9]).hypot(f64::from(h.velocity[19]));
             if h.clean[0].0 > 20.0 {
                 squares += (measured - h.clean[HISTORY - 1].0).powi(2);

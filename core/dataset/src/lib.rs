@@ -19,4 +19,4 @@ pub mod recordings;
 
 pub use example::{Example, Expectation, Note, Parts, Subject, Truth};
 pub use frames::Spectrometer;
-pub use history::{HISTORY, Histories, History, MAX_FORCE_N, MAX_SPEED_MM_S, RATE_HZ, Recorder};
+pub use history::{HISTORY, History, MAX_FORCE_N, MAX_SPEED_MM_S, RATE_HZ, Recorder};

@@ -209,29 +209,6 @@ impl Biquad {
         y
     }
 
-    /// As so many steps of the same sample, rounded otherwise, however many they are: what is still between the state and the one
-    /// that constant input ends in is multiplied by a power of the filter's matrix, by squaring. As after [`Biquad::step`], call
-    /// [`Biquad::settle`].
-    pub fn hold(&mut self, x: f64, steps: u64) {
-        if steps == 0 {
-            return;
-        }
-        let mut end = *self;
-        end.reset_to(x);
-        let mut apart = [self.s[0] - end.s[0], self.s[1] - end.s[1]];
-        let mut power = [[-self.a[0], 1.0], [-self.a[1], 0.0]];
-        let mut left = steps;
-        while left > 0 {
-            let [[p, q], [r, t]] = power;
-            if left % 2 == 1 {
-                apart = [p * apart[0] + q * apart[1], r * apart[0] + t * apart[1]];
-            }
-            power = [[p * p + q * r, q * (p + t)], [r * (p + t), q * r + t * t]];
-            left /= 2;
-        }
-        self.s = [end.s[0] + apart[0], end.s[1] + apart[1]];
-    }
-
     /// Filters `input` into `output`; what one has more than the other is left alone. Blocks of any length
     /// give the same samples. A sample that is not finite is taken as 0.
     pub fn process<T: Sample>(&mut self, input: &[T], output: &mut [T]) {
@@ -269,14 +246,6 @@ impl Biquad {
             self.reset();
         }
         true
-    }
-
-    /// Ends a tail that has decayed below `least`. For a filter whose input is at rest: that of a slow one would take its
-    /// time to fall out of the range of numbers.
-    pub fn settle_below(&mut self, least: f64) {
-        if self.s.iter().all(|s| s.abs() < least) {
-            self.reset();
-        }
     }
 
     /// Whether nothing of its input is left: of zeros follow zeros, without a sign.

@@ -163,29 +163,6 @@ fn reset_to_a_constant_leaves_no_transient() {
 }
 
 #[test]
-fn holding_a_sample_is_as_stepping_it_so_many_times() {
-    for hz in [0.01, 1.0, 20.0, 240.0] {
-        let mut stepped = Section::butterworth_low_pass(hz).bilinear(500.0, hz).unwrap();
-        (0..40).for_each(|i| _ = stepped.step(100.0 * f64::from(i).sin()));
-        for steps in [0u64, 1, 2, 7, 64, 500, 100_000] {
-            let mut held = stepped;
-            held.hold(3.0, steps);
-            (0..steps).for_each(|_| _ = stepped.step(3.0));
-            // The gain at 0 Hz of the slowest is good to no more.
-            near(held.step(5.0), stepped.step(5.0), 1e-6);
-        }
-        // Nor does it end, or leave the numbers.
-        stepped.hold(3.0, u64::MAX);
-        near(stepped.step(3.0), 3.0, 1e-6);
-    }
-    let mut first = Section { num: [0.0, 0.0, 1.0], den: [0.0, 0.1, 1.0] }.bilinear(500.0, 0.0).unwrap();
-    let mut held = first;
-    held.hold(2.0, 30);
-    (0..30).for_each(|_| _ = first.step(2.0));
-    near(held.step(2.0), first.step(2.0), 1e-12);
-}
-
-#[test]
 fn what_cannot_be_a_filter_is_refused() {
     let low = Section::butterworth_low_pass(20.0);
     assert!(matches!(low.bilinear(40.0, 20.0), Err(FilterError::Frequency { .. })));

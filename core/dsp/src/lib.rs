@@ -25,6 +25,7 @@ mod float;
 mod framing;
 pub mod griffin_lim;
 mod lanes;
+pub mod low_pass;
 mod magnitude;
 pub mod oscillator_bank;
 pub mod overlap_add;

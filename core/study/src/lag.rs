@@ -38,6 +38,9 @@ pub(crate) fn ways(spot: Option<&Spot>) -> [Path3; 2] {
 pub struct Response(Chain);
 
 impl Response {
+    /// The mean of the speeds between which it steps \[mm/s\].
+    pub const MEAN_MM_S: f64 = (SPEEDS[0] + SPEEDS[1]) / 2.0;
+
     /// Compiles the graph. On a scene's surface the stylus goes round, straight on where none has room.
     ///
     /// # Errors

@@ -41,6 +41,9 @@ pub(crate) struct Network {
     /// Where the data are now, if they have moved: `hatt:FOLDER` or `recordings:FOLDER`.
     #[arg(long, value_name = "SOURCE")]
     pub data: Option<Origin>,
+    /// Steps before settling; by default those of the model's stage two.
+    #[arg(long, value_parser = value_parser!(u32).range(1..=100_000_000))]
+    pub steps: Option<u32>,
 }
 
 /// What is judged.
@@ -123,10 +126,10 @@ pub(crate) struct Settings {
     /// Of made data: pieces of each surface to train on, 1 to 1000.
     #[arg(long, default_value_t = 12, value_parser = value_parser!(u32).range(1..=1000))]
     pub pieces: u32,
-    /// Whether the network was trained anew on a finished encoder, by `asperity-train network`.
+    /// Steps before settling of a network that was trained anew on a finished encoder, by `asperity-train network`.
     #[arg(skip)]
-    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
-    pub network_anew: bool,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub network_steps: Option<u32>,
 }
 
 fn weight(text: &str) -> Result<f64, String> {

@@ -90,13 +90,13 @@ with a weight of {weight} on naming by the vector, then {settling} for each targ
 `variance` [1, 1], the variance of a frame's power over its squared mean."
             }
         },
-        anew = if settings.network_anew {
+        anew = if let Some(steps) = settings.network_steps {
             format!(
                 "
-Then the network of every tick was trained anew on vectors of the finished encoder: {} steps, and {} of settling. The
+Then the network of every tick was trained anew on vectors of the finished encoder: {steps} steps, and {} of settling. The
 network for the other target is that of the first training.
 ",
-                settings.feeling_steps, settings.settling_steps
+                settings.settling_steps
             )
         } else {
             String::new()

@@ -185,11 +185,12 @@ pub(crate) fn network(asked: &arguments::Network) -> Result<(), Failure> {
     let network = network::Network::new(&mut Random::new(settings.seed), &device);
     // The second stage draws other touches than the first.
     let other = Touching { seed: !settings.seed, ..touching };
-    let (network, first) = learn(network, "network", settings.feeling_steps, settings.feeling_rate, other)?;
+    let steps = asked.steps.unwrap_or(settings.feeling_steps);
+    let (network, first) = learn(network, "network", steps, settings.feeling_rate, other)?;
     let slow = SETTLING * settings.feeling_rate;
     let (network, second) = learn(network, "network_settling", settings.settling_steps, slow, touching)?;
 
-    let settings = Settings { network_anew: true, ..settings };
+    let settings = Settings { network_steps: Some(steps), ..settings };
     let about = [("settings", about(&settings))];
     let weights = network.weights(touching.scaling);
     write_whole(&out("texture.onnx"), &onnx::network(&weights, settings.target, data.reach, &about))?;
@@ -461,7 +462,7 @@ const SETTINGS: &str = "settings.json";
 
 /// Whether two runs have the same settings, but for what was done to the model later.
 fn begun_alike(a: &Settings, b: &Settings) -> bool {
-    Settings { network_anew: b.network_anew, ..a.clone() } == *b
+    Settings { network_steps: b.network_steps, ..a.clone() } == *b
 }
 
 /// Refuses a run's folder that belongs to other settings.

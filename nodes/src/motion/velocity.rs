@@ -1,7 +1,9 @@
 //! `velocity`: how fast the stylus moves along the surface.
 
+use std::f64::consts::{SQRT_2, TAU};
+
 use crate::since::Since;
-use asperity_dsp::filter::{Biquad, Section};
+use asperity_dsp::low_pass::{LowPass, corner};
 use asperity_node::{
     Descriptor, Diagnostic, Fact, Input, Node, Output, Param, Resume, Setup, ShapeSpec, State, Status, Tick,
     Unit,
@@ -13,14 +15,19 @@ const STILL_MM_S: f64 = 1e-6;
 
 /// Finite differences and a second-order Butterworth low-pass, both in f64.
 ///
+/// The low-pass may open with speed: slow motion is calm, fast motion prompt (the 1 euro filter of Casiez, Roussel and Vogel, CHI 2012, here of second
+/// order and with the filtered speed).
+///
 /// Over ticks that were lost, or in which the place was not to be trusted, the velocity is the mean of what came to pass: while there is no place it is held
 /// (and marked), and the one that comes then is no jump of a single tick. The low-pass goes on as if that mean had lasted all the while.
 pub struct Velocity {
     /// Runs a second.
     rate_hz: f64,
-    /// Corner of the low-pass; 0 for none.
+    /// Corner of the low-pass at rest; 0 for none.
     cutoff_hz: f64,
-    filters: [Biquad; 3],
+    /// What a mm/s adds to it.
+    cutoff_hz_per_mm_s: f64,
+    filters: [LowPass; 3],
     /// Position of the last run that had one, and when that was.
     before: Option<[f64; 3]>,
     since: Since,
@@ -58,30 +65,36 @@ impl Node for Velocity {
                 "cutoff_hz",
                 20.0,
                 0.0..=1000.0,
-                "Corner of the low-pass (Butterworth); 0 for none.",
+                "Corner of the low-pass (Butterworth) at rest; 0 for none.",
             )
             .unit("Hz"),
         )
-        .timing("no latency; at 20 Hz a change of speed shows 11 ms late")
+        .param(
+            Param::number(
+                "cutoff_hz_per_mm_s",
+                0.0,
+                0.0..=10.0,
+                "What every mm/s adds to the corner, up to 0.45 of the rate: calm at rest and prompt in motion.",
+            )
+            .unit("Hz per mm/s"),
+        )
+        .timing("no latency; at 20 Hz a change of speed shows 11 ms late, at 40 Hz 6 ms")
         .resumes(Resume::Never)
     }
 
     fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
         let cutoff_hz = setup.params.number("cutoff_hz");
         let rate_hz = f64::from(setup.tick_hz) / f64::from(setup.every);
-        let filter = if cutoff_hz > 0.0 {
-            Section::butterworth_low_pass(cutoff_hz).bilinear(rate_hz, cutoff_hz)
-        } else {
-            Biquad::new([1.0, 0.0, 0.0], [0.0; 2])
-        };
-        let filter = filter.map_err(|e| {
+        if cutoff_hz >= rate_hz / 2.0 {
+            let message = format!("{cutoff_hz} Hz is not between 0 and half the rate of {rate_hz} Hz");
             let help = format!("below {} Hz, half of how often this node runs; or 0 for none", rate_hz / 2.0);
-            setup.params.error("cutoff_hz", e.to_string()).help(help)
-        })?;
+            return Err(setup.params.error("cutoff_hz", message).help(help));
+        }
         Ok(Self {
             rate_hz,
             cutoff_hz,
-            filters: [filter; 3],
+            cutoff_hz_per_mm_s: setup.params.number("cutoff_hz_per_mm_s"),
+            filters: [LowPass::default(); 3],
             before: None,
             since: Since::new(setup.every),
             stroke: 0.0,
@@ -105,13 +118,16 @@ impl Node for Velocity {
         let unfiltered: [f64; 3] =
             std::array::from_fn(|i| (now[i] - before[i]) * (self.rate_hz / runs as f64));
         let mut v = unfiltered;
-        for (v, filter) in v.iter_mut().zip(&mut self.filters) {
-            let still = *v == 0.0;
-            filter.hold(*v, runs - 1);
-            *v = filter.step(*v);
-            filter.settle();
-            if still {
-                filter.settle_below(STILL_MM_S);
+        if self.cutoff_hz > 0.0 {
+            let at = self.corner();
+            for (v, filter) in v.iter_mut().zip(&mut self.filters) {
+                let still = *v == 0.0;
+                filter.hold(*v, at, runs - 1);
+                *v = filter.step(*v, at);
+                filter.settle();
+                if still {
+                    filter.settle_below(STILL_MM_S);
+                }
             }
         }
         self.velocity = v;
@@ -127,25 +143,37 @@ impl Node for Velocity {
         self.since.reset();
         self.stroke = 0.0;
         self.velocity = [0.0; 3];
-        self.filters.iter_mut().for_each(Biquad::reset);
+        self.filters = Default::default();
     }
 
-    /// Where the stylus was and how fast. A filter of another corner goes on from that velocity as if it had been
-    /// constant.
+    /// Where the stylus was and how fast.
     fn state(&mut self, state: &mut State<'_>) {
-        let mut made_for = [self.cutoff_hz, self.rate_hz];
-        state.keep(&mut made_for).keep(&mut self.before);
+        let mut low_pass = self.cutoff_hz > 0.0;
+        state.keep(&mut low_pass).keep(&mut self.before);
         self.since.state(state);
         state.keep(&mut self.stroke).keep(&mut self.velocity);
         self.filters.iter_mut().for_each(|f| f.state(state));
-        if state.restores() && made_for != [self.cutoff_hz, self.rate_hz] {
+        // A filter that was not there goes on from the velocity as if it had been constant.
+        if state.restores() && !low_pass {
             self.filters.iter_mut().zip(self.velocity).for_each(|(f, v)| f.reset_to(v));
         }
     }
 
     fn facts(&self) -> Vec<Fact> {
-        let lag = self.filters[0].dc_group_delay() / self.rate_hz;
-        vec![Fact::number("response_lag", lag * 1e3, "ms")]
+        // The group delay of a second-order Butterworth low-pass at 0 Hz is sqrt(2) / w.
+        let lag_s = if self.cutoff_hz > 0.0 { SQRT_2 / (TAU * self.cutoff_hz_now()) } else { 0.0 };
+        vec![Fact::number("response_lag", lag_s * 1e3, "ms")]
+    }
+}
+
+impl Velocity {
+    fn cutoff_hz_now(&self) -> f64 {
+        let [x, y, z] = self.velocity;
+        self.cutoff_hz + self.cutoff_hz_per_mm_s * x.hypot(y).hypot(z)
+    }
+
+    fn corner(&self) -> f64 {
+        corner(self.cutoff_hz_now(), self.rate_hz)
     }
 }
 

@@ -12,7 +12,7 @@
 //!
 //! # What examples are
 //!
-//! Strokes are [drawn](crate::Histories), and magnitudes are not those of a signal but the root mean square of all signals, from the models' [closed
+//! Strokes are [drawn](crate::History::draw), and magnitudes are not those of a signal but the root mean square of all signals, from the models' [closed
 //! form](asperity_world::autoregressive): targets without noise. The 20 ms before a frame are weighted with 1, 2, .. 10, the newest most: a contact that began
 //! 6 ms ago counts for what it is. Speeds and forces beyond those of the recordings have the nearest recorded one's.
 //!
@@ -30,7 +30,7 @@ use rayon::prelude::*;
 
 use crate::example::{Example, Parts, Subject, Truth};
 use crate::folder;
-use crate::history::{Histories, History};
+use crate::history::History;
 
 /// How much is drawn.
 #[derive(Clone, Debug, PartialEq)]
@@ -79,10 +79,9 @@ pub fn read(folder: &Path, settings: &Settings) -> Result<Vec<Subject>, Diagnost
             owner.pictures.push(picture.clone());
         }
     }
-    let histories = Histories::new().map_err(|e| Diagnostic::new(e.to_string()))?;
     let mut seeds = Random::new(settings.seed);
     let seeded: Vec<(Found, u64)> = found.into_iter().map(|material| (material, seeds.bits())).collect();
-    seeded.par_iter().map(|(material, seed)| subject(material, settings, &histories, *seed)).collect()
+    seeded.par_iter().map(|(material, seed)| subject(material, settings, *seed)).collect()
 }
 
 fn materials(files: &[PathBuf]) -> Result<Vec<Found>, Diagnostic> {
@@ -132,12 +131,7 @@ fn title(path: &Path) -> String {
     rest.unwrap_or(&stem).replace('_', " ")
 }
 
-fn subject(
-    material: &Found,
-    settings: &Settings,
-    histories: &Histories,
-    seed: u64,
-) -> Result<Subject, Diagnostic> {
+fn subject(material: &Found, settings: &Settings, seed: u64) -> Result<Subject, Diagnostic> {
     if material.pictures.is_empty() {
         return Err(Diagnostic::new("no picture of this material")
             .in_file(&material.path)
@@ -147,7 +141,7 @@ fn subject(
     let mut seeds = Random::new(seed);
     let mut draw = |count: usize| -> Vec<Example> {
         let mut random = Random::new(seeds.bits());
-        let one = |_| example(&histories.draw(&mut random), &material.texture, &frames);
+        let one = |_| example(&History::draw(&mut random), &material.texture, &frames);
         (0..count).map(one).collect()
     };
     let [train, held] = settings.examples;

@@ -1,4 +1,3 @@
-use asperity_source::Diagnostic;
 use asperity_world::material::{BINS, Random};
 use asperity_world::stylus::{SAMPLE_HZ, Tool};
 use asperity_world::topography::MadeSurface;
@@ -10,15 +9,12 @@ use crate::frames::Spectrometer;
 
 /// What strokes that were never trained on feel like, at many places of the pieces that are held apart: each of `strokes` is made at `places`
 /// places of each piece. The strokes are the same for all surfaces.
-///
-/// # Errors
-/// None in practice: the chain's filter has a fixed design.
 pub fn expectations(
     surface: &MadeSurface,
     settings: &Settings,
     strokes: &[Drawn],
     places: usize,
-) -> Result<Vec<Expectation>, Diagnostic> {
+) -> Vec<Expectation> {
     let [train, held] = settings.pieces;
     let mut spectrometer = Spectrometer::new(f64::from(SAMPLE_HZ));
     let mut sums: Vec<Vec<Sum>> = strokes.iter().map(|_| Vec::new()).collect();
@@ -31,7 +27,7 @@ pub fn expectations(
                 let length = envelope.length_mm();
                 let place = [random.range(0.0, length), random.range(0.0, length)];
                 let felt = accelerations(&envelope, surface.contact, drawn, place);
-                let here = examples(drawn, &felt, &mut spectrometer)?;
+                let here = examples(drawn, &felt, &mut spectrometer);
                 if sums.is_empty() {
                     sums.extend(here.into_iter().map(Sum::new));
                 } else {
@@ -40,7 +36,7 @@ pub fn expectations(
             }
         }
     }
-    Ok(sums.into_iter().flatten().map(Sum::expectation).collect())
+    sums.into_iter().flatten().map(Sum::expectation).collect()
 }
 
 /// Magnitudes of one instant, summed over places.

@@ -81,7 +81,7 @@ fn levels_are_those_of_the_expectations_over_many_places() {
     let surface = surface("sandpaper P120").unwrap();
     let strokes = [Drawn::new(2.0, &mut Random::new(9)).unwrap()];
     let settings = Settings { pieces: [0, 3], ..Settings::default() };
-    let expected = expectations(&surface, &settings, &strokes, 8).unwrap();
+    let expected = expectations(&surface, &settings, &strokes, 8);
     let hand = Hand::new(2.0, |t| {
         let ([x, y], z) = strokes[0].at(&strokes[0].exact, t);
         [x, y, z]

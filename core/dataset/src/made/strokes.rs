@@ -159,22 +159,19 @@ fn moved(stylus: &mut Stylus<'_>, velocity_mm_s: [f64; 2], force_n: f64) -> [f64
 ///
 /// The last 20 ms do not tell how a hand will turn. A network that is asked what comes all the same answers a mean over all turns: where a spectrum is
 /// steep and level grows with speed, that is 2 to 5 dB too loud for a hand that goes on.
-///
-/// # Errors
-/// None in practice: the chain's filter has a fixed design.
 fn going_on(
     envelope: &HeightField,
     contact: Contact,
     drawn: &Drawn,
     place_mm: [f64; 2],
     spectrometer: &mut Spectrometer,
-) -> Result<Vec<Example>, Diagnostic> {
+) -> Vec<Example> {
     let hand = |sample: usize| drawn.at(&drawn.exact, sample as f64 / f64::from(SAMPLE_HZ));
     let moment = |sample: usize| {
         let ((before, _), (here, z)) = (hand(sample), hand(sample + 1));
         (std::array::from_fn(|i| (here[i] - before[i]) * f64::from(SAMPLE_HZ)), force_n(z))
     };
-    let mut recorder = Recorder::new().map_err(|e| Diagnostic::new(e.to_string()))?;
+    let mut recorder = Recorder::default();
     let mut stylus = Stylus::new(Tool::PEN, envelope, contact, place_mm, 0.0);
     let mut examples = Vec::new();
     for tick in 0..(drawn.exact.duration_s() * RATE_HZ) as usize {
@@ -197,20 +194,13 @@ fn going_on(
             moved(&mut stylus, velocity, force);
         }
     }
-    Ok(examples)
+    examples
 }
 
 /// An example every 40 ms of a stroke, as long as there are 0.1 s to come, of what comes.
-///
-/// # Errors
-/// None in practice: the chain's filter has a fixed design.
-pub(super) fn examples(
-    drawn: &Drawn,
-    felt: &[Vec<f64>; 3],
-    spectrometer: &mut Spectrometer,
-) -> Result<Vec<Example>, Diagnostic> {
+pub(super) fn examples(drawn: &Drawn, felt: &[Vec<f64>; 3], spectrometer: &mut Spectrometer) -> Vec<Example> {
     let mut examples = Vec::new();
-    let mut recorder = Recorder::new().map_err(|e| Diagnostic::new(e.to_string()))?;
+    let mut recorder = Recorder::default();
     for tick in 0..felt[0].len() / SAMPLES {
         let (place, z) = drawn.at(&drawn.measured, tick as f64 / RATE_HZ);
         let history = recorder.observe(place, force_n(z));
@@ -222,7 +212,7 @@ pub(super) fn examples(
             examples.push(Example { force, velocity, magnitudes, other: None });
         }
     }
-    Ok(examples)
+    examples
 }
 
 /// Strokes over a piece, as many as the settings say.
@@ -245,7 +235,7 @@ pub(super) fn add(
             let place = [random.range(0.0, length), random.range(0.0, length)];
             going_on(&envelope, surface.contact, &drawn, place, &mut spectrometer)
         };
-        let (here, there) = (at_a_place()?, at_a_place()?);
+        let (here, there) = (at_a_place(), at_a_place());
         all.extend(
             here.into_iter().zip(there).map(|(e, other)| Example { other: Some(other.magnitudes), ..e }),
         );

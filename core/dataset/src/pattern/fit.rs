@@ -37,16 +37,19 @@ const fn varied(least: f64, most: f64, step: f64) -> Varied {
     Varied { range: (least, most), step }
 }
 
-/// Of bumps with a spacing: its logarithm in mm, its exponent, deviations of intervals and heights; and the logarithm of the factor of the waves' shares.
-const SPACED: [Varied; 5] = [
+/// Of bumps with a spacing: its logarithm in mm, its exponent, deviations of intervals and heights, the exponent of the latter; and the logarithm of the factor
+/// of the waves' shares.
+const SPACED: [Varied; 6] = [
     varied(-3.5, 2.1, 0.25),
     varied(-2.0, 1.0, 0.4),
     varied(0.1, 1.5, 0.25),
     varied(0.0, 1.5, 0.25),
+    varied(-2.0, 1.0, 0.4),
     varied(-1.0, 1.5, 0.2),
 ];
-/// Of bumps at ridges: deviations of places and heights, and the same factor.
-const AT_RIDGES: [Varied; 3] = [varied(0.0, 0.3, 0.05), varied(0.0, 1.5, 0.25), varied(-1.0, 1.5, 0.2)];
+/// Of bumps at ridges: deviations of places and heights, the exponent of the latter, and the same factor.
+const AT_RIDGES: [Varied; 4] =
+    [varied(0.0, 0.3, 0.05), varied(0.0, 3.0, 0.25), varied(-2.0, 1.0, 0.4), varied(-1.0, 1.5, 0.2)];
 
 /// Passages of about one speed: what they have, and which of them are rendered.
 struct Class<'p> {
@@ -160,13 +163,14 @@ impl Fit<'_> {
 
     /// The best bumps that have a spacing.
     fn spaced(&self, factor: f64) -> Option<(f64, Pattern)> {
-        let varied = if self.waves.is_empty() { &SPACED[..4] } else { &SPACED[..] };
+        let varied = if self.waves.is_empty() { &SPACED[..5] } else { &SPACED[..] };
         let (least, most) = SPACED[0].range;
         let rough = all_of([
             (0..10).map(|i| least + (most - least) * f64::from(i) / 9.0).collect(),
             vec![-1.0, -0.5, 0.0, 0.5],
             vec![0.2, 0.4, 0.8],
             vec![0.0, 0.5, 1.0],
+            vec![0.0],
             vec![factor],
         ]);
         self.search(rough, varied, &|p| {
@@ -176,8 +180,9 @@ impl Fit<'_> {
                 spacing_exponent: rounded(p[1]),
                 interval_cv: rounded(p[2]),
                 height_cv: rounded(p[3]),
+                height_exponent: rounded(p[4]),
             };
-            Pattern { waves: louder(self.waves, p[4]), events: Some(events) }
+            Pattern { waves: louder(self.waves, p[5]), events: Some(events) }
         })
     }
 
@@ -186,15 +191,16 @@ impl Fit<'_> {
         if self.waves.is_empty() {
             return None;
         }
-        let rough = all_of([vec![0.0, 0.05, 0.15], vec![0.0, 0.6], FACTORS.to_vec()]);
+        let rough = all_of([vec![0.0, 0.05, 0.15], vec![0.0, 0.6], vec![-0.5, 0.0], FACTORS.to_vec()]);
         self.search(rough, &AT_RIDGES, &|p| {
             let events = Events {
                 spacing_mm: None,
                 spacing_exponent: 0.0,
                 interval_cv: rounded(p[0]),
                 height_cv: rounded(p[1]),
+                height_exponent: rounded(p[2]),
             };
-            Pattern { waves: louder(self.waves, p[2]), events: Some(events) }
+            Pattern { waves: louder(self.waves, p[3]), events: Some(events) }
         })
     }
 

@@ -146,9 +146,8 @@ impl Stroke {
 
     /// All examples of the stroke.
     pub(super) fn examples(&self) -> Result<Vec<Timed>, Diagnostic> {
-        let fail = |e: FilterError| Diagnostic::new(e.to_string());
-        let acceleration = self.without_gravity().map_err(fail)?;
-        let mut recorder = Recorder::new().map_err(fail)?;
+        let acceleration = self.without_gravity().map_err(|e| Diagnostic::new(e.to_string()))?;
+        let mut recorder = Recorder::default();
         let mut spectrometer = Spectrometer::new(self.rate_hz);
         let mut place = [0.0; 2];
         let mut examples = Vec::new();

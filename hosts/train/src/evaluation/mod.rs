@@ -115,17 +115,14 @@ fn truths(settings: &Settings, data: &Data) -> Result<Truths, Failure> {
         (0..STROKES).map(|_| made::Drawn::beyond(STROKE_S, random)).collect::<Result<Vec<_>, _>>()?;
     let made = made_settings(settings);
     let [seen, unseen] = made::surfaces(settings.every as usize);
-    let known = |surface: &MadeSurface| -> Result<Known, Diagnostic> {
-        let within = made::expectations(surface, &made, &inside, PLACES)?;
-        let beyond = Some(made::expectations(surface, &made, &outside, PLACES / 2)?);
-        Ok(Known { within, beyond })
+    let known = |surface: &MadeSurface| Known {
+        within: made::expectations(surface, &made, &inside, PLACES),
+        beyond: Some(made::expectations(surface, &made, &outside, PLACES / 2)),
     };
+    let unknown = |surface: &MadeSurface| made::expectations(surface, &made, &inside, PLACES);
     Ok(Truths {
-        seen: seen.par_iter().map(known).collect::<Result<_, _>>()?,
-        unseen: unseen
-            .par_iter()
-            .map(|s| made::expectations(s, &made, &inside, PLACES))
-            .collect::<Result<_, _>>()?,
+        seen: seen.par_iter().map(known).collect(),
+        unseen: unseen.par_iter().map(unknown).collect(),
     })
 }
 

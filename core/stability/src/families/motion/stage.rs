@@ -98,7 +98,7 @@ impl Stage {
         }
     }
 
-    /// The corner of the low-pass behind which `velocity` tells the gate's speed \[Hz\]; none where another kind tells it, or there is no low-pass.
+    /// The corner at the gate's speed of the low-pass behind which `velocity` tells it \[Hz\]; none where another kind tells it, or there is no low-pass.
     pub(super) fn cutoff_hz(&self) -> Option<f64> {
         let nodes = &self.rig.schedule.nodes;
         let gate = self.gate?;
@@ -107,7 +107,10 @@ impl Stage {
         let mut seen = vec![false; nodes.len()];
         while let Some(at) = next.pop().filter(|&at| !std::mem::replace(&mut seen[at], true)) {
             if nodes[at].kind == "velocity" {
-                return Some(nodes[at].params.number("cutoff_hz")).filter(|hz| *hz > 0.0);
+                let [hz, per_mm_s] =
+                    ["cutoff_hz", "cutoff_hz_per_mm_s"].map(|name| nodes[at].params.number(name));
+                let opens = gate.opens_mm_s.unwrap_or_default();
+                return (hz > 0.0).then_some(hz + per_mm_s * opens);
             }
             next.extend(nodes[at].inputs.iter().filter_map(|input| Some(input.from?.0)));
         }

@@ -122,9 +122,11 @@ fn items(schedule: &Schedule, end: usize, lag_ms: f64) -> Vec<(String, f64)> {
             && node.kind == "velocity"
             && let Some(hz) = node.params.get_number("cutoff_hz").filter(|hz| *hz > 0.0)
         {
+            let hz = hz + node.params.number("cutoff_hz_per_mm_s") * Response::MEAN_MM_S;
             // The group delay of a second-order Butterworth low-pass at 0: sqrt(2) / w_c.
             let ms = std::f64::consts::SQRT_2 / (std::f64::consts::TAU * hz) * 1e3;
-            items.push((format!("`{}`: its low-pass of {hz} Hz", node.id), ms));
+            let at = Response::MEAN_MM_S;
+            items.push((format!("`{}`: its low-pass, of {hz:.0} Hz at {at:.0} mm/s", node.id), ms));
         }
         if slowest[i] && node.latency != Latency::ZERO {
             items.push((format!("`{}` ({}): declared", node.id, node.kind), node.latency.ms()));

@@ -1,0 +1,165 @@
+//! A low-pass whose corner may change from sample to sample.
+
+use std::f64::consts::{PI, SQRT_2};
+
+use asperity_state::State;
+
+/// State below this is nothing: far under any signal, far above denormal numbers.
+const TINY: f64 = 1e-30;
+
+/// A second-order Butterworth low-pass in state-variable form.
+///
+/// Its state is the output and the output's slope, whatever the corner is. So a constant input stays constant while the corner moves.
+/// At a corner that stays it is the bilinear transform of the analog filter, exact at the corner (Zavalishin, The Art of VA Filter Design, 2018, chapter 4).
+///
+/// ```
+/// use asperity_dsp::low_pass::{LowPass, corner};
+/// let mut smooth = LowPass::default();
+/// let first = smooth.step(1.0, corner(20.0, 500.0));
+/// assert!((first - 0.013359200027856505).abs() < 1e-15);
+/// ```
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct LowPass {
+    /// The output's slope over the corner, and the output.
+    state: [f64; 2],
+}
+
+/// What [`LowPass::step`] wants of a corner \[Hz\] at so many samples a second. A corner is at most 0.45 of the rate.
+#[inline]
+pub fn corner(hz: f64, rate_hz: f64) -> f64 {
+    (PI * (hz / rate_hz).min(0.45)).tan()
+}
+
+impl LowPass {
+    /// Filters one sample. Call [`LowPass::settle`] now and then.
+    #[inline(always)]
+    pub fn step(&mut self, x: f64, corner: f64) -> f64 {
+        let [slope, level] = self.state;
+        let mid = (slope + corner * (x - level)) / (1.0 + corner * (corner + SQRT_2));
+        let y = level + corner * mid;
+        self.state = [2.0 * mid - slope, 2.0 * y - level];
+        y
+    }
+
+    /// As so many steps of the same sample, rounded otherwise, however many they are: what is still between the state and the one that
+    /// constant input ends in is multiplied by a power of the filter's matrix, by squaring.
+    pub fn hold(&mut self, x: f64, corner: f64, steps: u64) {
+        let column = |state: [f64; 2]| {
+            let mut of = Self { state };
+            of.step(0.0, corner);
+            of.state
+        };
+        let ([p, r], [q, t]) = (column([1.0, 0.0]), column([0.0, 1.0]));
+        let mut power = [[p, q], [r, t]];
+        let mut apart = [self.state[0], self.state[1] - x];
+        let mut left = steps;
+        while left > 0 {
+            let [[p, q], [r, t]] = power;
+            if left % 2 == 1 {
+                apart = [p * apart[0] + q * apart[1], r * apart[0] + t * apart[1]];
+            }
+            power = [[p * p + q * r, q * (p + t)], [r * (p + t), q * r + t * t]];
+            left /= 2;
+        }
+        if steps > 0 {
+            self.state = [apart[0], apart[1] + x];
+        }
+    }
+
+    /// Ends a decayed tail before it becomes denormal, and resets state that is not finite. Answers false when there was such.
+    pub fn settle(&mut self) -> bool {
+        let finite = self.state.iter().all(|s| s.is_finite());
+        if !finite {
+            *self = Self::default();
+        }
+        self.settle_below(TINY);
+        finite
+    }
+
+    /// Ends a tail that has decayed below `least`. For a filter whose input is at rest: that of a slow one would take its time.
+    pub fn settle_below(&mut self, least: f64) {
+        if self.state.iter().all(|s| s.abs() < least) {
+            *self = Self::default();
+        }
+    }
+
+    /// Puts the filter into the state it would be in after constant input `x`.
+    pub fn reset_to(&mut self, x: f64) {
+        self.state = [0.0, x];
+        self.settle();
+    }
+
+    /// What is remembered of the input. A filter of another corner can go on from it.
+    pub fn state(&mut self, state: &mut State<'_>) {
+        state.keep(&mut self.state);
+        if state.restores() {
+            let finite = self.settle();
+            state.require(finite);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::filter::Section;
+
+    const RATE_HZ: f64 = 500.0;
+
+    #[test]
+    fn at_a_corner_that_stays_it_is_the_bilinear_transform() {
+        for hz in [0.5, 20.0, 80.0, 220.0] {
+            let mut other = Section::butterworth_low_pass(hz).bilinear(RATE_HZ, hz).unwrap();
+            let mut it = LowPass::default();
+            for n in 0..400 {
+                let x = f64::from(n * n % 17) - 8.0;
+                let (a, b) = (it.step(x, corner(hz, RATE_HZ)), other.step(x));
+                assert!((a - b).abs() < 1e-12, "{hz} Hz, sample {n}: {a} {b}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_constant_stays_constant_while_the_corner_moves() {
+        let mut it = LowPass::default();
+        it.reset_to(3.0);
+        for n in 0..1000 {
+            let y = it.step(3.0, corner(1.0 + f64::from(n * 37 % 211), RATE_HZ));
+            assert!((y - 3.0).abs() < 1e-12, "{y}");
+        }
+    }
+
+    #[test]
+    fn held_input_is_as_many_steps() {
+        for hz in [0.01, 1.0, 20.0, 220.0] {
+            let at = corner(hz, RATE_HZ);
+            for steps in [0, 1, 2, 7, 64, 500, 12_345] {
+                let mut stepped = LowPass { state: [40.0, -7.0] };
+                let mut held = stepped;
+                (0..steps).for_each(|_| _ = stepped.step(2.0, at));
+                held.hold(2.0, at, steps);
+                for (a, b) in stepped.state.iter().zip(held.state) {
+                    assert!((a - b).abs() < 1e-9, "{hz} Hz, {steps}: {a} {b}");
+                }
+            }
+            // Nor does it end, or leave the numbers.
+            let mut held = LowPass { state: [40.0, -7.0] };
+            held.hold(3.0, at, u64::MAX);
+            assert!((held.step(3.0, at) - 3.0).abs() < 1e-9);
+        }
+    }
+
+    #[test]
+    fn what_is_not_finite_is_forgotten_and_a_tail_ends() {
+        let mut it = LowPass::default();
+        it.step(f64::NAN, corner(20.0, RATE_HZ));
+        assert!(!it.settle());
+        assert_eq!(it, LowPass::default());
+        it.reset_to(1.0);
+        for _ in 0..1000 {
+            it.step(0.0, corner(20.0, RATE_HZ));
+            it.settle();
+        }
+        assert_eq!(it, LowPass::default());
+    }
+}
