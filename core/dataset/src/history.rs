@@ -15,7 +15,7 @@ pub const MAX_FORCE_N: f64 = 3.5;
 /// Corner of the chain's velocity filter at rest [Hz].
 const CUTOFF_HZ: f64 = 20.0;
 /// What every mm/s adds to it [Hz].
-const CUTOFF_HZ_PER_MM_S: f64 = 0.2;
+const CUTOFF_HZ_PER_MM_S: f64 = 0.4;
 /// The sensor's step [mm].
 const SENSOR_STEP_MM: f64 = 0.055;
 /// Stiffness of the floor [N/mm], which makes force of the sensor's step.
