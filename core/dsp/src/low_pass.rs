@@ -24,10 +24,10 @@ pub struct LowPass {
     state: [f64; 2],
 }
 
-/// What [`LowPass::step`] wants of a corner \[Hz\] at so many samples a second. A corner is at most 0.45 of the rate.
+/// What [`LowPass::step`] wants of a corner \[Hz\] at so many samples a second. A corner is at most 0.499 of the rate.
 #[inline]
 pub fn corner(hz: f64, rate_hz: f64) -> f64 {
-    (PI * (hz / rate_hz).min(0.45)).tan()
+    (PI * (hz / rate_hz).min(0.499)).tan()
 }
 
 impl LowPass {

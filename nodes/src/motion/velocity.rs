@@ -74,11 +74,11 @@ impl Node for Velocity {
                 "cutoff_hz_per_mm_s",
                 0.0,
                 0.0..=10.0,
-                "What every mm/s adds to the corner, up to 0.45 of the rate: calm at rest and prompt in motion.",
+                "What every mm/s adds to the corner, up to half the rate: calm at rest and prompt in motion.",
             )
             .unit("Hz per mm/s"),
         )
-        .timing("no latency; at 20 Hz a change of speed shows 11 ms late, at 40 Hz 6 ms")
+        .timing("no latency; behind a corner of 20 Hz a change of speed shows 11 ms late, of 40 Hz 6 ms")
         .resumes(Resume::Never)
     }
 

@@ -7,7 +7,6 @@ mod statistics;
 
 use asperity_dataset::{Example, Expectation, Subject, Truth, made};
 use asperity_network::Encoder;
-use asperity_source::Diagnostic;
 use asperity_world::material::{Library, Random};
 use asperity_world::topography::MadeSurface;
 use rayon::prelude::*;

@@ -23,7 +23,7 @@ pub(super) const CASES: &[Case] = &[
         gate::one_count,
         [
             "a hand rests on a wall, and x and y of its sensor flicker by one count of 0.055 mm (27.5 mm/s at 500 Hz before the filter), at once or in turns, at every period up to 60 ticks and by chance",
-            "the gate stays shut: a low-pass w makes 1.05 sqrt(2) D w e^(-pi/4) of it at most, 4.7 mm/s at 20 Hz",
+            "the gate stays shut: a low-pass w makes 1.05 sqrt(2) D w e^(-pi/4) of it at most, 4.7 mm/s at 20 Hz; of one that opens with speed, w is that at the speed at which the gate opens",
         ],
     ),
     Family::Motion.case(
