@@ -61,6 +61,7 @@
 //! been before its first frame. A frame that does not come is silence, so the signal fades out as the windows do.
 
 mod batch;
+mod drift;
 mod history;
 mod project;
 mod settings;
@@ -72,7 +73,9 @@ use crate::lanes::LANES;
 use crate::magnitude::largest_of;
 use crate::overlap_add::FrameError;
 use crate::random::uniform;
-use crate::{Float, Framing};
+use crate::float::unit_circle;
+use crate::{Complex, Float, Framing};
+use drift::Drift;
 use history::{History, largest, usable};
 use project::Projector;
 
@@ -98,6 +101,7 @@ pub struct SampleCommit<T> {
     delay: i64,
     history: History<T>,
     projector: Projector<T>,
+    drift: Drift<T>,
     /// Shortest hop in samples; none is longer by more than one.
     hop: usize,
     /// Ages of the frames of a pass.
@@ -165,6 +169,7 @@ impl<T: Float> SampleCommit<T> {
         let mut new = Self {
             history: History::new(framing, slots),
             projector,
+            drift: Drift::new(n, hop),
             cover,
             hop,
             chosen: Vec::with_capacity(slots),
@@ -230,6 +235,7 @@ impl<T: Float> SampleCommit<T> {
     /// Forgets all frames; the next sample to be emitted is `start`.
     pub fn reset(&mut self, start: u64) {
         self.history.clear();
+        self.drift.clear();
         self.x.fill(T::zero());
         self.z.fill(T::zero());
         self.head = 0;
@@ -318,10 +324,26 @@ impl<T: Float> SampleCommit<T> {
         let share = (self.settings.frames as f64 / candidates.max(1) as f64).min(1.0);
         self.expect(candidates, share, at, end);
         let momentum = self.settings.momentum.min((ROUND * share).powi(2));
+        let turn = self.turn(candidates, origin);
         for pass in 0..self.settings.passes {
             self.choose(candidates, pass);
-            self.pass(origin, end, momentum);
+            self.pass(origin, end, momentum, turn);
         }
+    }
+
+    /// How far a pass is to turn the phases, from what a frame in the middle of those in use says.
+    fn turn(&mut self, candidates: u64, origin: i64) -> Complex<T> {
+        let n = self.framing.fft_len as i64;
+        let due = self.history.expected().is_some_and(|next| next.is_multiple_of(drift::EVERY));
+        if let Some((slot, mags)) = self.history.get(candidates / 2)
+            && due
+            && slot.start >= origin.max(self.unheard_from.saturating_add(2 * n))
+        {
+            let at = self.head + (slot.start - origin) as usize;
+            self.drift.hear(&self.x[at..at + self.framing.fft_len], mags, self.scale);
+        }
+        let (cos, sin) = unit_circle(self.drift.turns());
+        Complex::new(T::of(cos), T::of(sin))
     }
 
     /// Says what weight the frames of a pass have on average: that of all frames, times the `share` of them that a pass looks at.
@@ -363,8 +385,8 @@ impl<T: Float> SampleCommit<T> {
         self.chosen.extend((0..frames).map(|j| 1 + ((j as f64 + shift) * span) as u64));
     }
 
-    /// Projects the chosen frames, and moves the free samples to their weighted mean.
-    fn pass(&mut self, origin: i64, end: usize, momentum: f64) {
+    /// Projects the chosen frames, turned by `turn`, and moves the free samples to their weighted mean.
+    fn pass(&mut self, origin: i64, end: usize, momentum: f64, turn: Complex<T>) {
         let n = self.framing.fft_len;
         let unheard = self.unheard(origin);
         let from = unheard.clone().map_or(n, |r| r.start);
@@ -387,7 +409,7 @@ impl<T: Float> SampleCommit<T> {
                     count += 1;
                 }
             }
-            self.projector.project(z, &sounding[..count], from, sum);
+            self.projector.project(z, &sounding[..count], from, sum, turn);
         }
         let x = &mut self.x[self.head..self.head + end];
         let momentum = T::of(momentum);
