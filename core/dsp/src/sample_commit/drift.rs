@@ -9,8 +9,8 @@ use crate::{Complex, Float, float::unit_circle};
 use asperity_state::State;
 
 /// Radians that a pass turns for a slope, divided by the energy; and the most.
-const GAIN: f64 = 15.0;
-const MOST: f64 = 2.5e-3;
+const GAIN: f64 = 13.0;
+const MOST: f64 = 2e-3;
 
 /// One frame of so many is looked at.
 pub(super) const EVERY: u64 = 4;

@@ -20,6 +20,14 @@
 //!   for noise and 2 dB worse for two tones at emission 0, and 0.4 to 1.6 dB better for noise, contact and taps at -20, means of four
 //!   seeds, of which single ones differ by 2 to 3 dB: not worth its cost. Where the signal says nothing yet, phases are those of a sweep through the middle half of
 //!   the window: from random ones, or a sweep elsewhere, two tones may take a second and more to find their beat.
+//! * One angle by which all bins above 0 are turned shows only in the magnitudes of the lowest three or four. The first frames leave it to
+//!   chance, and it then moves by 2 degrees a second. That, and no lack of work or precision, held 40 bursts of 220 Hz a second at -38 dB
+//!   for 10 seconds: from the true samples of the first window it is -53, with 20 passes or in double precision no better on average.
+//!   So passes turn the bins by the slope of the error over this angle: -40.1 dB between 1.5 and 2.7 s (median of 12 seeds), -45 after
+//!   5 s, near -50 after 8. Heard from the first window on a chirp was at -46 dB; at a gain of 20 from the second on it lost 5 dB at -10, and
+//!   taps lost 2 at 0.
+//! * Start phases of minimum phase, other values for `FIRST_INERTIA`, steps 1.2 times as long and more weight for the lowest bins moved
+//!   single bursts' figures by up to 10 dB either way, and the mean of 30 random trains of bursts by less than 1.5 dB.
 //! * Of 1, 3, 10, 30 and 100 thousandths for `e`, 3 does well at all emissions. More is better for smooth magnitudes, and
 //!   worse at negative emissions.
 //!
