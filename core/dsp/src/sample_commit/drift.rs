@@ -32,7 +32,12 @@ impl<T: Float> Drift<T> {
             let (cos, sin) = unit_circle(-(j as f64) / n as f64);
             Complex::new(T::of(cos), T::of(sin))
         };
-        Self { wave: (0..n).map(wave).collect(), part: (EVERY as f64 * hop as f64 / n as f64).min(1.0), slope: 0.0, energy: 0.0 }
+        Self {
+            wave: (0..n).map(wave).collect(),
+            part: (EVERY as f64 * hop as f64 / n as f64).min(1.0),
+            slope: 0.0,
+            energy: 0.0,
+        }
     }
 
     pub(super) fn clear(&mut self) {
@@ -59,7 +64,8 @@ impl<T: Float> Drift<T> {
             0.5 * r1.im.f64() - 0.25 * r2.im.f64(),
         );
         let size = x1.norm().max(f64::MIN_POSITIVE);
-        let slope = (m0 - x0.abs()) * x0.signum() * 0.5 * r1.im.f64() + (m1 - size) * 0.25 * r0 * x1.im / size;
+        let slope =
+            (m0 - x0.abs()) * x0.signum() * 0.5 * r1.im.f64() + (m1 - size) * 0.25 * r0 * x1.im / size;
         let energy = n * n * magnitudes.iter().map(|m| m.f64().powi(2)).sum::<f64>();
         self.slope += self.part * (slope * scale * scale - self.slope);
         self.energy += self.part * (energy * scale * scale - self.energy);
