@@ -19,6 +19,7 @@ struct Call<'a, T> {
     frames: &'a [(usize, &'a [T])],
     from: usize,
     sum: &'a mut [T],
+    turn: Complex<T>,
 }
 
 /// What all instruction sets work on.
@@ -58,14 +59,21 @@ impl<T: Float> Batch<T> {
 
     /// Windows the samples of `z` from the place of each frame on, gives each bin the frame's magnitude and keeps its phase, and adds what
     /// that is in time, windowed, to `sum` from `from` on. At most as many frames as there are lanes; all within `z`
-    /// and `sum`.
-    pub(super) fn project(&mut self, z: &[T], frames: &[(usize, &[T])], from: usize, sum: &mut [T]) {
+    /// and `sum`. All bins but the real ones are turned by `turn`.
+    pub(super) fn project(
+        &mut self,
+        z: &[T],
+        frames: &[(usize, &[T])],
+        from: usize,
+        sum: &mut [T],
+        turn: Complex<T>,
+    ) {
         for (lane, (_, magnitudes)) in frames.iter().enumerate().take(LANES) {
             for (to, &m) in self.job.mags.iter_mut().zip(*magnitudes) {
                 to[lane] = m;
             }
         }
-        (self.run)(&mut self.job, Call { z, frames, from, sum });
+        (self.run)(&mut self.job, Call { z, frames, from, sum, turn });
     }
 }
 
@@ -111,7 +119,7 @@ impl<T: Float> Job<T> {
         let frames = &call.frames[..call.frames.len().min(LANES)];
         self.load(s, call.z, frames);
         self.fft.run(s, &mut self.work, false);
-        self.impose(s);
+        self.impose(s, call.turn);
         self.fft.run(s, &mut self.work, true);
         self.add_to(s, call.sum, frames, call.from);
     }
@@ -195,7 +203,7 @@ impl<T: Float> Job<T> {
     /// With `Z` the transform of `x_2n + i x_2n+1`, `E` and `O` those of even and odd samples, `X_k = E + e^(-2 pi i k / n) O`, where
     /// `2 E = Z_k + conj Z_(h-k)` and `2 i O = Z_k - conj Z_(h-k)`, `h = n / 2`; and the same with `-k`. The halves were put into the window.
     #[inline(always)]
-    fn impose<S: Simd<T>>(&mut self, s: S) {
+    fn impose<S: Simd<T>>(&mut self, s: S, turn: Complex<T>) {
         let Self { turns, hint, work: Work { re, im, .. }, mags, .. } = self;
         let len = re.len();
         let zero = s.splat(T::zero());
@@ -218,9 +226,11 @@ impl<T: Float> Job<T> {
             let even = (s.add(a.0, b.0), s.sub(a.1, b.1));
             let odd = turned(s, (s.add(a.1, b.1), s.sub(b.0, a.0)), w);
             let y = give(s, (s.add(even.0, odd.0), s.add(even.1, odd.1)), m, *h);
+            let y = turned(s, y, turn);
             let (mut even_out, mut odd_out) = (y, y);
             if let (Some(m), Some(h)) = (mags.get(other), hint.get(other)) {
                 let y = give(s, (s.sub(even.0, odd.0), s.sub(odd.1, even.1)), m, *h);
+                let y = turned(s, y, turn);
                 even_out = (s.add(even_out.0, y.0), s.sub(even_out.1, y.1));
                 odd_out = (s.sub(odd_out.0, y.0), s.add(odd_out.1, y.1));
             }

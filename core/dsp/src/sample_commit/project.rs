@@ -59,23 +59,30 @@ impl<T: Float> Projector<T> {
     }
 
     /// Projects some frames of `z`, each from its place on and with its magnitudes, and adds them, windowed, to `sum`: of each what
-    /// lies from `from` on. At most as many frames as there are lanes.
-    pub(super) fn project(&mut self, z: &[T], frames: &[(usize, &[T])], from: usize, sum: &mut [T]) {
+    /// lies from `from` on. At most as many frames as there are lanes. All bins but the real ones are turned by `turn`.
+    pub(super) fn project(
+        &mut self,
+        z: &[T],
+        frames: &[(usize, &[T])],
+        from: usize,
+        sum: &mut [T],
+        turn: Complex<T>,
+    ) {
         if let Some(batch) = self.batch.as_mut().filter(|_| frames.len() >= FEW) {
-            return batch.project(z, frames, from, sum);
+            return batch.project(z, frames, from, sum, turn);
         }
         let n = self.window.len();
         for (at, mags) in frames {
             let free = from.max(*at)..at + n;
             let skip = free.start - at;
-            self.project_one(&z[*at..at + n], mags);
+            self.project_one(&z[*at..at + n], mags, turn);
             self.add_to(&mut sum[free], skip);
         }
     }
 
     /// Windows the samples, gives each bin the magnitude that is wanted and keeps its phase. `magnitudes` are a quarter of the
     /// amplitudes that a frame has: the inverse transform, which does not divide, then gives the windowed signal.
-    fn project_one(&mut self, samples: &[T], magnitudes: &[T]) {
+    fn project_one(&mut self, samples: &[T], magnitudes: &[T], turn: Complex<T>) {
         for ((to, &x), &w) in self.frame.iter_mut().zip(samples).zip(&self.window) {
             *to = x * w;
         }
@@ -83,7 +90,10 @@ impl<T: Float> Projector<T> {
         let done =
             self.forward.process_with_scratch(&mut self.frame, &mut self.spectrum, &mut self.forward_scratch);
         debug_assert!(done.is_ok());
+        let even = self.frame.len().is_multiple_of(2);
         impose(&mut self.spectrum, magnitudes, &self.hint);
+        let complex = self.spectrum.len() - usize::from(even);
+        self.spectrum[1.min(complex)..complex].iter_mut().for_each(|x| *x = *x * turn);
         let done =
             self.inverse.process_with_scratch(&mut self.spectrum, &mut self.frame, &mut self.inverse_scratch);
         debug_assert!(done.is_ok());

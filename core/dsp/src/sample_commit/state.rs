@@ -14,6 +14,7 @@ impl<T: Float> SampleCommit<T> {
     pub fn state(&mut self, state: &mut State<'_>) {
         let mut delay = self.delay;
         self.history.state(state);
+        self.drift.state(state);
         keep_wide(&mut self.x, state);
         keep_wide(&mut self.z, state);
         state.keep(&mut self.head).keep(&mut self.next);
