@@ -19,7 +19,7 @@ fn parts(audio_hz: u32) -> String {
     format!(
         "version: 1, tick_hz: 500, audio_hz: {audio_hz}, seed: 7,\n\
          network: (model: \"{models}/texture.onnx\", library: \"{models}/materials.ron\"),\n\
-         phase: shaped_noise(precision: f32),\n\
+         phase: shaped_noise(precision: f32), motion: (cutoff_hz_per_mm_s: 1.0),\n\
          device: (damping_ns_per_m: 2), gain: 0.25, actuator: (profile: \"hapcoil_one\", handle_mass_g: 100.0),\n\
          output: audio_out(volts_at_full_scale: 1.0, amps_per_volt: 1.0),\n"
     )

@@ -1,6 +1,6 @@
 //! What the chain measures of a stroke: the network's inputs, with the sensor's faults, and what they stand for.
 
-use asperity_dsp::low_pass::{LowPass, corner};
+use asperity_dsp::low_pass::{LowPass, corner, opened_hz};
 use asperity_world::material::Random;
 
 /// Samples in a history.
@@ -14,8 +14,8 @@ pub const MAX_FORCE_N: f64 = 3.5;
 
 /// Corner of the chain's velocity filter at rest [Hz].
 const CUTOFF_HZ: f64 = 20.0;
-/// What every mm/s adds to it [Hz].
-const CUTOFF_HZ_PER_MM_S: f64 = 0.4;
+/// The same of fast motion, for every mm/s [Hz].
+const CUTOFF_HZ_PER_MM_S: f64 = 1.0;
 /// The sensor's step [mm].
 const SENSOR_STEP_MM: f64 = 0.055;
 /// Stiffness of the floor [N/mm], which makes force of the sensor's step.
@@ -94,7 +94,8 @@ impl Velocity {
 
     fn step(&mut self, position: [f64; 2]) -> [f64; 2] {
         let last = self.last.replace(position).unwrap_or(position);
-        let at = corner(CUTOFF_HZ + CUTOFF_HZ_PER_MM_S * self.now[0].hypot(self.now[1]), RATE_HZ);
+        let speed = self.now[0].hypot(self.now[1]);
+        let at = corner(opened_hz(CUTOFF_HZ, CUTOFF_HZ_PER_MM_S, speed, RATE_HZ), RATE_HZ);
         self.now = std::array::from_fn(|i| self.filters[i].step((position[i] - last[i]) * RATE_HZ, at));
         self.now
     }

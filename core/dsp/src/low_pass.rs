@@ -30,6 +30,15 @@ pub fn corner(hz: f64, rate_hz: f64) -> f64 {
     (PI * (hz / rate_hz).min(0.499)).tan()
 }
 
+/// The corner \[Hz\] of a low-pass of velocities that opens with speed: slow motion is calm, fast motion prompt (after the 1 euro filter of
+/// Casiez, Roussel and Vogel, CHI 2012). At rest it is `cutoff_hz`; fast motion has `hz_per_mm_s` for every mm/s.
+///
+/// It opens to a tenth of the rate at most: a place that is read a tick late then changes the speed by `2 pi / 10 e^(-pi/4)` of it, 29 %.
+#[inline]
+pub fn opened_hz(cutoff_hz: f64, hz_per_mm_s: f64, speed_mm_s: f64, rate_hz: f64) -> f64 {
+    cutoff_hz.hypot(hz_per_mm_s * speed_mm_s).min(rate_hz / 10.0).max(cutoff_hz)
+}
+
 impl LowPass {
     /// Filters one sample. Call [`LowPass::settle`] now and then.
     #[inline(always)]
@@ -127,6 +136,14 @@ mod tests {
             let y = it.step(3.0, corner(1.0 + f64::from(n * 37 % 211), RATE_HZ));
             assert!((y - 3.0).abs() < 1e-12, "{y}");
         }
+    }
+
+    #[test]
+    fn low_pass_opens_with_speed_and_no_further_than_a_tenth_of_the_rate() {
+        let opened = |speed| opened_hz(20.0, 1.0, speed, RATE_HZ);
+        assert_eq!([opened(0.0), opened(15.0), opened(48.0), opened(300.0)], [20.0, 25.0, 50.0, 50.0]);
+        assert_eq!(opened_hz(80.0, 1.0, 300.0, RATE_HZ), 80.0);
+        assert_eq!(opened_hz(20.0, 0.0, 300.0, RATE_HZ), 20.0);
     }
 
     #[test]

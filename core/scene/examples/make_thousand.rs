@@ -18,7 +18,7 @@ fn main() {
     println!("// Made by `cargo run -p asperity-scene --example make_thousand`.");
     println!("Scene(\n    version: 1,\n    tick_hz: 500,\n    audio_hz: 48000,\n    seed: 2024,");
     println!("    input: stroke(shape: zigzag, extent_mm: 300.0, speed_mm_s: 120.0, duration_s: 8.0),");
-    println!("    motion: (cutoff_hz: 20.0, cutoff_hz_per_mm_s: 0.4),");
+    println!("    motion: (cutoff_hz: 20.0, cutoff_hz_per_mm_s: 1.0),");
     println!("    device: (max_force_n: 3.3, damping_ns_per_m: 2.0),");
     println!(
         "    network: (model: \"../models/surfaces/texture.onnx\", library: \"../models/surfaces/materials.ron\", \

@@ -3,7 +3,7 @@
 use std::f64::consts::{SQRT_2, TAU};
 
 use crate::since::Since;
-use asperity_dsp::low_pass::{LowPass, corner};
+use asperity_dsp::low_pass::{LowPass, corner, opened_hz};
 use asperity_node::{
     Descriptor, Diagnostic, Fact, Input, Node, Output, Param, Resume, Setup, ShapeSpec, State, Status, Tick,
     Unit,
@@ -15,8 +15,7 @@ const STILL_MM_S: f64 = 1e-6;
 
 /// Finite differences and a second-order Butterworth low-pass, both in f64.
 ///
-/// The low-pass may open with speed: slow motion is calm, fast motion prompt (the 1 euro filter of Casiez, Roussel and Vogel, CHI 2012, here of second
-/// order and with the filtered speed).
+/// The low-pass may open with its own speed: see [`opened_hz`].
 ///
 /// Over ticks that were lost, or in which the place was not to be trusted, the velocity is the mean of what came to pass: while there is no place it is held
 /// (and marked), and the one that comes then is no jump of a single tick. The low-pass goes on as if that mean had lasted all the while.
@@ -25,7 +24,7 @@ pub struct Velocity {
     rate_hz: f64,
     /// Corner of the low-pass at rest; 0 for none.
     cutoff_hz: f64,
-    /// What a mm/s adds to it.
+    /// What fast motion has for every mm/s.
     cutoff_hz_per_mm_s: f64,
     filters: [LowPass; 3],
     /// Position of the last run that had one, and when that was.
@@ -74,7 +73,7 @@ impl Node for Velocity {
                 "cutoff_hz_per_mm_s",
                 0.0,
                 0.0..=10.0,
-                "What every mm/s adds to the corner, up to half the rate: calm at rest and prompt in motion.",
+                "Corner for every mm/s of fast motion, up to a tenth of the rate: calm at rest and prompt in motion.",
             )
             .unit("Hz per mm/s"),
         )
@@ -169,7 +168,7 @@ impl Node for Velocity {
 impl Velocity {
     fn cutoff_hz_now(&self) -> f64 {
         let [x, y, z] = self.velocity;
-        self.cutoff_hz + self.cutoff_hz_per_mm_s * x.hypot(y).hypot(z)
+        opened_hz(self.cutoff_hz, self.cutoff_hz_per_mm_s, x.hypot(y).hypot(z), self.rate_hz)
     }
 
     fn corner(&self) -> f64 {

@@ -79,7 +79,7 @@ fn ticks_that_are_lost_leave_no_step_in_the_speed_whatever_the_low_pass() {
 #[test]
 fn low_pass_that_opens_with_speed_answers_sooner_and_ends_at_the_same_speed() {
     let fixed = told(20.0, 1, 0, MOVES);
-    let opening = told_by("cutoff_hz: 20.0, cutoff_hz_per_mm_s: 0.4", 1, 0, MOVES);
+    let opening = told_by("cutoff_hz: 20.0, cutoff_hz_per_mm_s: 1.0", 1, 0, MOVES);
     let half = |speeds: &[f64]| speeds.iter().position(|v| *v > 30.0).unwrap();
     // In closed form the step of a Butterworth low-pass is half way after 1.43 / w: 11.4 ms at 20 Hz, 7.1 at 32 Hz.
     assert!(half(&fixed) == 6 && half(&opening) == 5, "{} {}", half(&fixed), half(&opening));
@@ -89,7 +89,7 @@ fn low_pass_that_opens_with_speed_answers_sooner_and_ends_at_the_same_speed() {
 
 #[test]
 fn low_pass_that_opens_with_speed_takes_lost_ticks_without_a_jump() {
-    let params = "cutoff_hz: 20.0, cutoff_hz_per_mm_s: 0.4";
+    let params = "cutoff_hz: 20.0, cutoff_hz_per_mm_s: 1.0";
     for lost in [1, 9, 51, 501, 3001] {
         let lossy = told_by(params, 1, lost, MOVES + 1 + lost);
         assert!(lossy.iter().all(|v| (0.0..63.0).contains(v)), "{lost} ticks lost: {:?}", &lossy[..4]);

@@ -82,10 +82,8 @@ fn numbers(pattern: &Pattern) -> [f64; PATTERN_LEN] {
     let mut numbers = [0.0; PATTERN_LEN];
     let mut next = numbers.iter_mut();
     let mut put = |x: f64| next.by_ref().take(1).for_each(|to| *to = x);
-    let of = |e: Events| {
-        [e.spacing_mm.unwrap_or(-1.0), e.spacing_exponent, e.interval_cv, e.height_cv, e.height_exponent]
-    };
-    let events = pattern.events.map_or([0.0; 5], of);
+    let of = |e: Events| [e.spacing_mm.unwrap_or(-1.0), e.spacing_exponent, e.interval_cv, e.height_cv];
+    let events = pattern.events.map_or([0.0; 4], of);
     events.into_iter().for_each(&mut put);
     for wave in &pattern.waves {
         wave.per_mm.into_iter().for_each(&mut put);

@@ -3,8 +3,6 @@
 use super::figures::Figures;
 use super::rendered;
 use super::stroke::Passage;
-use argmin::core::{CostFunction, Executor};
-use argmin::solver::neldermead::NelderMead;
 use asperity_world::material::{Events, Pattern, Wave};
 
 /// Passages whose speeds differ by less than this factor are taken together.
@@ -15,20 +13,21 @@ const RENDERED_S: f64 = 24.0;
 const STEADY: f64 = 0.08;
 /// Errors of ln(modulation), ln(kurtosis) and repetition that count as one.
 const SCALES: [f64; 3] = [0.25, 0.15, 0.1];
-/// Mean over classes of the sum of eighth powers of their errors, up to which plain noise will do.
+/// Mean over classes of the sum of fourth powers of their errors, up to which plain noise will do.
 const ENOUGH: f64 = 0.25;
 /// Bumps must leave less than this part of what plain noise has.
-const BETTER: f64 = 0.2;
+const BETTER: f64 = 0.4;
 
 /// Points of the rough search from which the fine one begins.
-const STARTS: usize = 3;
+const STARTS: usize = 5;
 
 /// Factors of the waves' shares that are tried, as logarithms.
 const FACTORS: [f64; 9] = [-0.7, -0.35, -0.175, 0.0, 0.175, 0.35, 0.7, 1.05, 1.4];
-/// Iterations of the fine search.
-const ITERATIONS: u64 = 70;
+/// Steps that the fine search makes smaller, and by what.
+const ROUNDS: usize = 5;
+const FINER: f64 = 0.6;
 
-/// What is varied: least and largest, and the size of the simplex with which the fine search (J. A. Nelder, R. Mead, The Computer Journal 7(4), 1965) begins.
+/// What is varied: least and largest, and the first step of the fine search.
 struct Varied {
     range: (f64, f64),
     step: f64,
@@ -38,19 +37,16 @@ const fn varied(least: f64, most: f64, step: f64) -> Varied {
     Varied { range: (least, most), step }
 }
 
-/// Of bumps with a spacing: its logarithm in mm, its exponent, deviations of intervals and heights, the exponent of the latter; and the logarithm of the factor
-/// of the waves' shares.
-const SPACED: [Varied; 6] = [
+/// Of bumps with a spacing: its logarithm in mm, its exponent, deviations of intervals and heights; and the logarithm of the factor of the waves' shares.
+const SPACED: [Varied; 5] = [
     varied(-3.5, 2.1, 0.25),
     varied(-2.0, 1.0, 0.4),
     varied(0.1, 1.5, 0.25),
     varied(0.0, 1.5, 0.25),
-    varied(-2.0, 1.0, 0.4),
     varied(-1.0, 1.5, 0.2),
 ];
-/// Of bumps at ridges: deviations of places and heights, the exponent of the latter, and the same factor.
-const AT_RIDGES: [Varied; 4] =
-    [varied(0.0, 0.3, 0.05), varied(0.0, 3.0, 0.25), varied(-2.0, 1.0, 0.4), varied(-1.0, 1.5, 0.2)];
+/// Of bumps at ridges: deviations of places and heights, and the same factor.
+const AT_RIDGES: [Varied; 3] = [varied(0.0, 0.3, 0.05), varied(0.0, 1.5, 0.25), varied(-1.0, 1.5, 0.2)];
 
 /// Passages of about one speed: what they have, and which of them are rendered.
 struct Class<'p> {
@@ -126,7 +122,7 @@ impl Fit<'_> {
         Pattern { waves: louder(self.waves, factor), events: None }
     }
 
-    /// Mean over classes of the sum of eighth powers of errors, if so many passages of each are rendered. Beyond the bound it need not be known exactly.
+    /// Mean over classes of the sum of fourth powers of errors, if so many passages of each are rendered. Beyond the bound it need not be known exactly.
     fn error(&self, pattern: &Pattern, most: usize, bound: f64) -> f64 {
         let waves = !self.waves.is_empty();
         let mut sum = 0.0;
@@ -141,8 +137,8 @@ impl Fit<'_> {
                 // Bumps may repeat too much. What they repeat too little is for waves.
                 off[2] = off[2].max(0.0);
             }
-            // Nearly the largest error alone counts: what is far off at one speed is worse than what is a little off at all.
-            sum += off.iter().map(|off| off.powi(8)).sum::<f64>() / self.classes.len() as f64;
+            // What is far off at one speed counts more than what is a little off at all.
+            sum += off.iter().map(|off| off.powi(4)).sum::<f64>() / self.classes.len() as f64;
             if sum > bound {
                 break;
             }
@@ -164,14 +160,13 @@ impl Fit<'_> {
 
     /// The best bumps that have a spacing.
     fn spaced(&self, factor: f64) -> Option<(f64, Pattern)> {
-        let varied = if self.waves.is_empty() { &SPACED[..5] } else { &SPACED[..] };
+        let varied = if self.waves.is_empty() { &SPACED[..4] } else { &SPACED[..] };
         let (least, most) = SPACED[0].range;
         let rough = all_of([
             (0..10).map(|i| least + (most - least) * f64::from(i) / 9.0).collect(),
             vec![-1.0, -0.5, 0.0, 0.5],
             vec![0.2, 0.4, 0.8],
             vec![0.0, 0.5, 1.0],
-            vec![0.0],
             vec![factor],
         ]);
         self.search(rough, varied, &|p| {
@@ -181,9 +176,8 @@ impl Fit<'_> {
                 spacing_exponent: rounded(p[1]),
                 interval_cv: rounded(p[2]),
                 height_cv: rounded(p[3]),
-                height_exponent: rounded(p[4]),
             };
-            Pattern { waves: louder(self.waves, p[5]), events: Some(events) }
+            Pattern { waves: louder(self.waves, p[4]), events: Some(events) }
         })
     }
 
@@ -192,16 +186,15 @@ impl Fit<'_> {
         if self.waves.is_empty() {
             return None;
         }
-        let rough = all_of([vec![0.0, 0.05, 0.15], vec![0.0, 0.6], vec![-0.5, 0.0], FACTORS.to_vec()]);
+        let rough = all_of([vec![0.0, 0.05, 0.15], vec![0.0, 0.6], FACTORS.to_vec()]);
         self.search(rough, &AT_RIDGES, &|p| {
             let events = Events {
                 spacing_mm: None,
                 spacing_exponent: 0.0,
                 interval_cv: rounded(p[0]),
                 height_cv: rounded(p[1]),
-                height_exponent: rounded(p[2]),
             };
-            Pattern { waves: louder(self.waves, p[3]), events: Some(events) }
+            Pattern { waves: louder(self.waves, p[2]), events: Some(events) }
         })
     }
 
@@ -226,49 +219,29 @@ impl Fit<'_> {
         }
         // Then finely from the best.
         let fine = |(_, point): (f64, Vec<f64>)| {
-            let corner = |axis: usize| {
-                let Varied { range: (_, most), step } = varied[axis];
-                let mut at = point.clone();
-                at[axis] += if at[axis] + step > most { -step } else { step };
-                at
-            };
-            let simplex = std::iter::once(point.clone()).chain((0..varied.len()).map(corner)).collect();
-            let searched = Searched { fit: self, varied, make };
-            let search = Executor::new(searched, NelderMead::new(simplex))
-                .configure(|state| state.max_iters(ITERATIONS))
-                .run();
-            let found = search.ok().and_then(|done| done.state.best_param).unwrap_or(point);
-            let pattern = make(&held(&found, varied));
-            (self.error(&pattern, usize::MAX, f64::INFINITY), pattern)
+            let mut here = (self.error(&make(&point), usize::MAX, f64::INFINITY), point);
+            let mut part = 1.0;
+            for _ in 0..ROUNDS {
+                for (axis, Varied { range: (least, most), step }) in varied.iter().enumerate() {
+                    for sign in [-1.0, 1.0] {
+                        let mut next = here.1.clone();
+                        next[axis] = (next[axis] + sign * part * step).clamp(*least, *most);
+                        if next == here.1 {
+                            continue;
+                        }
+                        let found = self.error(&make(&next), usize::MAX, here.0);
+                        if found < here.0 {
+                            here = (found, next);
+                            break;
+                        }
+                    }
+                }
+                part *= FINER;
+            }
+            (here.0, make(&here.1))
         };
         starts.into_iter().map(fine).min_by(|a, b| a.0.total_cmp(&b.0))
     }
-}
-
-/// What the fine search makes smaller.
-struct Searched<'a> {
-    fit: &'a Fit<'a>,
-    varied: &'a [Varied],
-    make: &'a dyn Fn(&[f64]) -> Pattern,
-}
-
-impl CostFunction for Searched<'_> {
-    type Param = Vec<f64>;
-    type Output = f64;
-
-    fn cost(&self, point: &Vec<f64>) -> Result<f64, argmin::core::Error> {
-        let pattern = (self.make)(&held(point, self.varied));
-        Ok(self.fit.error(&pattern, usize::MAX, f64::INFINITY))
-    }
-}
-
-/// A point held within its ranges; what is not varied stays.
-fn held(point: &[f64], varied: &[Varied]) -> Vec<f64> {
-    let mut held = point.to_vec();
-    held.iter_mut()
-        .zip(varied)
-        .for_each(|(x, Varied { range: (least, most), .. })| *x = x.clamp(*least, *most));
-    held
 }
 
 /// Each of the first with each of the second and so on.

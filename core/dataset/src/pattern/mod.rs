@@ -91,7 +91,6 @@ fn for_kernel(pattern: &Pattern) -> shaped_noise::Pattern {
         spacing_exponent: of.spacing_exponent,
         interval_cv: of.interval_cv,
         height_cv: of.height_cv,
-        height_exponent: of.height_exponent,
     });
     shaped_noise::Pattern { waves, events }
 }

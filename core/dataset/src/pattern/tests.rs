@@ -105,13 +105,7 @@ fn assert_alike(found: &Pattern, known: &Pattern) {
 #[test]
 fn found_bumps_pulse_and_peak_like_the_strokes() {
     for spacing_exponent in [0.0, -0.9] {
-        let known = Events {
-            spacing_mm: Some(0.8),
-            spacing_exponent,
-            interval_cv: 0.3,
-            height_cv: 0.3,
-            height_exponent: 0.0,
-        };
+        let known = Events { spacing_mm: Some(0.8), spacing_exponent, interval_cv: 0.3, height_cv: 0.3 };
         let known = Pattern { waves: Vec::new(), events: Some(known) };
         let found = find(&[strokes(&known, 10.0)], None);
         assert!(found.waves.is_empty() && found.events.is_some(), "{found:?}");
@@ -122,13 +116,7 @@ fn found_bumps_pulse_and_peak_like_the_strokes() {
 #[test]
 fn what_does_not_repeat_but_comes_at_ridges_is_found_there() {
     let harmonics = vec![Harmonic { weight: 1.0, share: 0.7, phase: 0.0 }; 6];
-    let at_ridges = Events {
-        spacing_mm: None,
-        spacing_exponent: 0.0,
-        interval_cv: 0.03,
-        height_cv: 0.3,
-        height_exponent: 0.0,
-    };
+    let at_ridges = Events { spacing_mm: None, spacing_exponent: 0.0, interval_cv: 0.03, height_cv: 0.3 };
     let waves = vec![Wave { per_mm: [0.4, 0.1], harmonics }];
     let known = Pattern { waves, events: Some(at_ridges) };
     let found = find(&[strokes(&known, 6.0)], None);
@@ -178,13 +166,7 @@ fn made_grating_has_a_wave_and_sandpaper_bumps() {
 #[test]
 fn pattern_goes_with_the_magnitudes_of_a_network_that_errs() {
     // The network hears none of the low half; bumps through what is left are to be as bumpy all the same.
-    let known = Events {
-        spacing_mm: Some(0.8),
-        spacing_exponent: 0.0,
-        interval_cv: 0.3,
-        height_cv: 0.3,
-        height_exponent: 0.0,
-    };
+    let known = Events { spacing_mm: Some(0.8), spacing_exponent: 0.0, interval_cv: 0.3, height_cv: 0.3 };
     let strokes = strokes(&Pattern { waves: Vec::new(), events: Some(known) }, 10.0);
     let network = |[x, y]: [f64; 2]| {
         assert!((20.0..400.0).contains(&x.hypot(y)));

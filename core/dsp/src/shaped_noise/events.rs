@@ -148,13 +148,7 @@ mod tests {
     use super::*;
 
     fn pulses(spacing_mm: f64, interval_cv: f64, height_cv: f64) -> Vec<f64> {
-        let events = Events {
-            spacing_mm: Some(spacing_mm),
-            spacing_exponent: 0.0,
-            interval_cv,
-            height_cv,
-            height_exponent: 0.0,
-        };
+        let events = Events { spacing_mm: Some(spacing_mm), spacing_exponent: 0.0, interval_cv, height_cv };
         let mut bumps = Bumps::new(7);
         let mut all = vec![0.0; 200_000];
         for (tick, out) in all.chunks_exact_mut(5).enumerate() {
@@ -190,13 +184,8 @@ mod tests {
     #[test]
     fn hand_at_rest_meets_no_bump() {
         let (mut bumps, mut out) = (Bumps::new(1), [1.0_f32; 5]);
-        let events = Events {
-            spacing_mm: Some(1.0),
-            spacing_exponent: 0.0,
-            interval_cv: 0.2,
-            height_cv: 0.2,
-            height_exponent: 0.0,
-        };
+        let events =
+            Events { spacing_mm: Some(1.0), spacing_exponent: 0.0, interval_cv: 0.2, height_cv: 0.2 };
         bumps.fill(0, 2500.0, 0.0, &events, &mut out);
         assert_eq!(out, [0.0; 5]);
     }

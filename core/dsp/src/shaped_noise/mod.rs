@@ -279,8 +279,8 @@ impl<T: Float> ShapedNoise<T> {
 
     /// Bumps that have a spacing of their own, and the way in spacings since samples were last made.
     fn spacings(&self) -> Option<(Events, f64)> {
-        let events = self.pattern.events?.at(self.speed_mm_s());
-        Some((events, self.way_mm / events.spacing_mm?))
+        let events = self.pattern.events?;
+        Some((events, self.way_mm / events.spacing_at(self.speed_mm_s())?))
     }
 
     /// From where to where the hand has come since samples were last made, in turns of a wave.
@@ -482,7 +482,7 @@ impl<T: Float> ShapedNoise<T> {
     /// Puts the excitation of so many samples behind what was; where in `excitation` they begin.
     fn excite(&mut self, start: u64, placed: bool, count: usize) -> usize {
         let n = self.framing.fft_len;
-        let events = self.pattern.events.filter(|_| placed).map(|events| events.at(self.speed_mm_s()));
+        let events = self.pattern.events.filter(|_| placed);
         let spacings = self.spacings().filter(|_| placed);
         let turned = self.turned(0);
         if self.next != Some(start) {

@@ -11,15 +11,13 @@ pub const HARMONICS: usize = 16;
 /// Numbers of a wave: its vector, then weight, share and phase of each harmonic.
 const WAVE_LEN: usize = 2 + 3 * HARMONICS;
 /// Numbers of bumps.
-const EVENTS_LEN: usize = 5;
+const EVENTS_LEN: usize = 4;
 /// Numbers of a pattern, as [`Pattern::read`] takes them.
 pub const PATTERN_LEN: usize = EVENTS_LEN + WAVES * WAVE_LEN;
 
-/// Largest deviation of heights over their mean.
-const MOST_HEIGHT_CV: f64 = 10.0;
 /// Largest power of speed.
 const MOST_EXPONENT: f64 = 2.0;
-/// Speed at which spacings and deviations are told, and those beyond which they do not change, in mm/s.
+/// Speed at which spacings are told, and beyond which they do not change, in mm/s.
 const SPEED_MM_S: f64 = 100.0;
 const SPEEDS_MM_S: (f64, f64) = (10.0, 1000.0);
 
@@ -32,22 +30,15 @@ pub struct Events {
     pub spacing_exponent: f64,
     /// Standard deviation of that over the mean; of bumps at ridges, of their place over the pitch.
     pub interval_cv: f64,
-    /// Standard deviation of their heights over the mean, of a hand at 100 mm/s.
+    /// Standard deviation of their heights over the mean.
     pub height_cv: f64,
-    /// That deviation grows with this power of speed.
-    pub height_exponent: f64,
 }
 
 impl Events {
-    /// Those that a hand at this speed meets.
-    #[must_use]
-    pub fn at(self, speed_mm_s: f64) -> Self {
+    /// Mean way from one to the next in mm, of a hand at this speed.
+    pub fn spacing_at(&self, speed_mm_s: f64) -> Option<f64> {
         let over = speed_mm_s.clamp(SPEEDS_MM_S.0, SPEEDS_MM_S.1) / SPEED_MM_S;
-        Self {
-            spacing_mm: self.spacing_mm.map(|mm| mm * over.powf(self.spacing_exponent)),
-            height_cv: (self.height_cv * over.powf(self.height_exponent)).min(MOST_HEIGHT_CV),
-            ..self
-        }
+        self.spacing_mm.map(|mm| mm * over.powf(self.spacing_exponent))
     }
 }
 
@@ -75,7 +66,7 @@ pub struct Pattern {
 }
 
 impl Pattern {
-    /// Reads [`PATTERN_LEN`] numbers: way between bumps in mm (0: no bumps; -1: at the ridges of the first wave), the power of speed with which it grows, deviations of that and of heights over their means, the power of speed with which the latter grows, then of each wave the vector in 1/mm
+    /// Reads [`PATTERN_LEN`] numbers: way between bumps in mm (0: no bumps; -1: at the ridges of the first wave), the power of speed with which it grows, deviations of that and of heights over their means, then of each wave the vector in 1/mm
     /// (0, 0: no wave), and of each harmonic weight, share and phase in rad. Numbers that are missing, not finite or out of range count as 0.
     pub fn read(numbers: &[f64]) -> Self {
         let number = |at: usize, most: f64| {
@@ -87,8 +78,7 @@ impl Pattern {
             spacing_mm: (!at_ridges).then_some(spacing_mm),
             spacing_exponent: number(1, MOST_EXPONENT),
             interval_cv: number(2, 4.0).max(0.0),
-            height_cv: number(3, MOST_HEIGHT_CV).max(0.0),
-            height_exponent: number(4, MOST_EXPONENT),
+            height_cv: number(3, 10.0).max(0.0),
         });
         let wave = |w: usize| {
             let from = EVENTS_LEN + w * WAVE_LEN;
@@ -114,16 +104,14 @@ impl Pattern {
         let events = &mut self.events;
         let mut numbers =
             events.map_or([0.0; 3], |e| [e.spacing_mm.unwrap_or(-1.0), e.interval_cv, e.height_cv]);
-        let mut exponents = events.map_or([0.0; 2], |e| [e.spacing_exponent, e.height_exponent]);
-        state.keep(&mut numbers).keep(&mut exponents);
+        let mut spacing_exponent = events.map_or(0.0, |e| e.spacing_exponent);
+        state.keep(&mut numbers).keep(&mut spacing_exponent);
         state.require(
-            numbers.iter().all(|x| (-1.0..=1e3).contains(x))
-                && exponents.iter().all(|x| x.abs() <= MOST_EXPONENT),
+            numbers.iter().all(|x| (-1.0..=1e3).contains(x)) && spacing_exponent.abs() <= MOST_EXPONENT,
         );
-        let ([spacing_mm, interval_cv, height_cv], [spacing_exponent, height_exponent]) =
-            (numbers, exponents);
+        let [spacing_mm, interval_cv, height_cv] = numbers;
         let of = Some(spacing_mm).filter(|mm| *mm > 0.0);
-        let of = Events { spacing_mm: of, spacing_exponent, interval_cv, height_cv, height_exponent };
+        let of = Events { spacing_mm: of, spacing_exponent, interval_cv, height_cv };
         *events = (spacing_mm != 0.0).then_some(of);
     }
 }
@@ -160,15 +148,10 @@ mod tests {
         assert_eq!(Pattern::read(&[-1.0; EVENTS_LEN]), Pattern::default());
         let mut numbers = [0.0; PATTERN_LEN];
         (numbers[0], numbers[1], numbers[2]) = (0.5, -9.0, 99.0);
-        (numbers[4], numbers[5], numbers[7], numbers[8]) = (3.0, 0.4, 19.0, 2.0);
+        (numbers[4], numbers[6], numbers[7]) = (0.4, 19.0, 2.0);
         let pattern = Pattern::read(&numbers);
-        let events = Events {
-            spacing_mm: Some(0.5),
-            spacing_exponent: -2.0,
-            interval_cv: 4.0,
-            height_cv: 0.0,
-            height_exponent: 2.0,
-        };
+        let events =
+            Events { spacing_mm: Some(0.5), spacing_exponent: -2.0, interval_cv: 4.0, height_cv: 0.0 };
         assert_eq!(pattern.events, Some(events));
         assert_eq!(
             pattern.waves[0].map(|w| (w.per_mm, w.weights[0], w.shares[0])),

@@ -56,13 +56,7 @@ fn repeats(x: &[f64], from: usize, to: usize) -> (f64, usize) {
 
 fn events(spacing_mm: f64, interval_cv: f64, height_cv: f64) -> Pattern {
     Pattern {
-        events: Some(Events {
-            spacing_mm: Some(spacing_mm),
-            spacing_exponent: 0.0,
-            interval_cv,
-            height_cv,
-            height_exponent: 0.0,
-        }),
+        events: Some(Events { spacing_mm: Some(spacing_mm), spacing_exponent: 0.0, interval_cv, height_cv }),
         ..Pattern::default()
     }
 }
@@ -193,13 +187,8 @@ fn bumps_of_a_slower_hand_are_further_apart_by_the_exponent() {
 fn bumps_at_ridges_come_where_the_ridges_are() {
     let mut pattern = ridges(2.5);
     pattern.waves[0].iter_mut().for_each(|wave| wave.shares = [0.0; HARMONICS]);
-    pattern.events = Some(Events {
-        spacing_mm: None,
-        spacing_exponent: 0.0,
-        interval_cv: 0.02,
-        height_cv: 0.2,
-        height_exponent: 0.0,
-    });
+    pattern.events =
+        Some(Events { spacing_mm: None, spacing_exponent: 0.0, interval_cv: 0.02, height_cv: 0.2 });
     let right = (smooth().iter().map(|m| m * m / 3.0).sum::<f64>()).sqrt();
     for speed in [60.0, 100.0] {
         let x = played(pattern, &smooth(), 20.0, forwards(speed));
@@ -222,13 +211,7 @@ fn bumps_at_ridges_come_where_the_ridges_are() {
 
 #[test]
 fn bump_at_a_ridge_is_met_again_by_a_hand_that_comes_back() {
-    let events = Events {
-        spacing_mm: None,
-        spacing_exponent: 0.0,
-        interval_cv: 0.1,
-        height_cv: 0.5,
-        height_exponent: 0.0,
-    };
+    let events = Events { spacing_mm: None, spacing_exponent: 0.0, interval_cv: 0.1, height_cv: 0.5 };
     let met = |way: (f64, f64)| {
         let mut out = [0.0_f64; 1000];
         events::at_ridges(3, 2500.0, way, &events, &mut out);

@@ -1,5 +1,6 @@
 //! A subject's whole graph under a stylus that is pressed into a level wall of it and moves there.
 
+use asperity_dsp::low_pass::opened_hz;
 use asperity_node::Buffer;
 
 use crate::case::{Not, holds, not_applicable};
@@ -110,7 +111,7 @@ impl Stage {
                 let [hz, per_mm_s] =
                     ["cutoff_hz", "cutoff_hz_per_mm_s"].map(|name| nodes[at].params.number(name));
                 let opens = gate.opens_mm_s.unwrap_or_default();
-                return (hz > 0.0).then_some(hz + per_mm_s * opens);
+                return (hz > 0.0).then_some(opened_hz(hz, per_mm_s, opens, self.tick_hz()));
             }
             next.extend(nodes[at].inputs.iter().filter_map(|input| Some(input.from?.0)));
         }

@@ -9,7 +9,7 @@
 //!             description: "What it feels like, in a sentence.",
 //!             family: "weave",
 //!             images: ["pictures/denim.jpg"],
-//!             events: (spacing_mm: 0.4, spacing_exponent: -0.5, interval_cv: 0.25, height_cv: 0.5, height_exponent: 0.2),
+//!             events: (spacing_mm: 0.4, spacing_exponent: -0.5, interval_cv: 0.25, height_cv: 0.5),
 //!             waves: [(per_mm: [1.25, 0.0], harmonics: [[1.2, 0.8, 0.1], /* weight, share, phase of each */])],
 //!             vector: [-1.25, 0.5, /* 256 numbers in all */],
 //!         ),

@@ -49,10 +49,8 @@ pub struct Events {
     pub spacing_exponent: f64,
     /// Standard deviation of that distance over its mean: 0 is regular, 1 is Poisson's process. Of bumps at ridges, of their place over the ridges' distance.
     pub interval_cv: f64,
-    /// Standard deviation of their heights over the mean, at 100 mm/s.
+    /// Standard deviation of their heights over the mean.
     pub height_cv: f64,
-    /// That deviation grows with this power of speed, -2 to 2; 0 if it is left out.
-    pub height_exponent: f64,
 }
 
 impl Pattern {
@@ -82,14 +80,13 @@ impl Pattern {
     /// Writes the fields that there are, each line behind `indent`.
     pub(super) fn write(&self, text: &mut String, indent: &str) {
         // writing to a String cannot fail
-        if let Some(events) = self.events {
-            let Events { spacing_mm, spacing_exponent, interval_cv, height_cv, height_exponent } = events;
+        if let Some(Events { spacing_mm, spacing_exponent, interval_cv, height_cv }) = self.events {
             let spacing =
                 spacing_mm.map(|mm| format!("spacing_mm: {mm:?}, spacing_exponent: {spacing_exponent:?}, "));
             let spacing = spacing.unwrap_or_default();
             let _ = writeln!(
                 text,
-                "{indent}events: ({spacing}interval_cv: {interval_cv:?}, height_cv: {height_cv:?}, height_exponent: {height_exponent:?}),"
+                "{indent}events: ({spacing}interval_cv: {interval_cv:?}, height_cv: {height_cv:?}),"
             );
         }
         if self.waves.is_empty() {
@@ -144,18 +141,18 @@ fn wave(value: &Value) -> Result<Wave, Diagnostic> {
 
 fn bumps(value: &Value) -> Result<Events, Diagnostic> {
     let mut record = value.record("Events")?;
-    let exponent = |value: Option<&Value>| value.map_or(Ok(0.0), |value| value.f64_in(-2.0..=2.0, ""));
     let events = Events {
         spacing_mm: record
             .optional("spacing_mm")
             .map(|value| value.f64_in(0.01..=1000.0, "mm"))
             .transpose()?,
-        spacing_exponent: exponent(record.optional("spacing_exponent"))?,
+        spacing_exponent: record
+            .optional("spacing_exponent")
+            .map_or(Ok(0.0), |value| value.f64_in(-2.0..=2.0, ""))?,
         interval_cv: record.required("interval_cv")?.f64_in(0.0..=4.0, "")?,
         height_cv: record.required("height_cv")?.f64_in(0.0..=10.0, "")?,
-        height_exponent: exponent(record.optional("height_exponent"))?,
     };
-    record.finish(&["spacing_mm", "spacing_exponent", "interval_cv", "height_cv", "height_exponent"])?;
+    record.finish(&["spacing_mm", "spacing_exponent", "interval_cv", "height_cv"])?;
     Ok(events)
 }
 
@@ -174,19 +171,13 @@ mod tests {
             spacing_exponent: -0.7,
             interval_cv: 0.1 + 0.2,
             height_cv: 0.5,
-            height_exponent: 0.3,
         });
         library.materials[1].pattern.waves = vec![
             Wave { per_mm: [0.4, -1e-3], harmonics: vec![harmonic(0.9, -0.3); 7] },
             Wave { per_mm: [0.0, 2.0], harmonics: vec![harmonic(1.0, 3.0)] },
         ];
-        library.materials[1].pattern.events = Some(Events {
-            spacing_mm: None,
-            spacing_exponent: 0.0,
-            interval_cv: 0.05,
-            height_cv: 0.5,
-            height_exponent: -1.0,
-        });
+        library.materials[1].pattern.events =
+            Some(Events { spacing_mm: None, spacing_exponent: 0.0, interval_cv: 0.05, height_cv: 0.5 });
         let text = library.to_ron();
         assert!(text.contains("version: 3,"), "{}", &text[..60]);
         assert_eq!(Library::parse(&Source::new("three.ron", text)).unwrap(), library);

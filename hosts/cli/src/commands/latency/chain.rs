@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use asperity_dsp::low_pass::opened_hz;
 use asperity_graph::{GraphFile, Schedule};
 use asperity_node::{Latency, Registry};
 use asperity_source::Diagnostic;
@@ -122,10 +123,10 @@ fn items(schedule: &Schedule, end: usize, lag_ms: f64) -> Vec<(String, f64)> {
             && node.kind == "velocity"
             && let Some(hz) = node.params.get_number("cutoff_hz").filter(|hz| *hz > 0.0)
         {
-            let hz = hz + node.params.number("cutoff_hz_per_mm_s") * Response::MEAN_MM_S;
+            let (at, rate_hz) = (Response::MEAN_MM_S, f64::from(schedule.tick_hz) / f64::from(node.every));
+            let hz = opened_hz(hz, node.params.number("cutoff_hz_per_mm_s"), at, rate_hz);
             // The group delay of a second-order Butterworth low-pass at 0: sqrt(2) / w_c.
             let ms = std::f64::consts::SQRT_2 / (std::f64::consts::TAU * hz) * 1e3;
-            let at = Response::MEAN_MM_S;
             items.push((format!("`{}`: its low-pass, of {hz:.0} Hz at {at:.0} mm/s", node.id), ms));
         }
         if slowest[i] && node.latency != Latency::ZERO {
