@@ -81,8 +81,7 @@ fn low_pass_that_opens_with_speed_answers_sooner_and_ends_at_the_same_speed() {
     let fixed = told(20.0, 1, 0, MOVES);
     let opening = told_by("cutoff_hz: 20.0, cutoff_hz_per_mm_s: 1.0", 1, 0, MOVES);
     let half = |speeds: &[f64]| speeds.iter().position(|v| *v > 30.0).unwrap();
-    // In closed form the step of a Butterworth low-pass is half way after 1.43 / w: 11.4 ms at 20 Hz, 7.1 at 32 Hz.
-    assert!(half(&fixed) == 6 && half(&opening) == 5, "{} {}", half(&fixed), half(&opening));
+    assert!(half(&opening) < half(&fixed), "{} {}", half(&fixed), half(&opening));
     let most = opening.iter().copied().fold(0.0, f64::max);
     assert!((opening[399] - 60.0).abs() < 1e-6 && most < 63.0, "{} {most}", opening[399]);
 }
@@ -90,10 +89,12 @@ fn low_pass_that_opens_with_speed_answers_sooner_and_ends_at_the_same_speed() {
 #[test]
 fn low_pass_that_opens_with_speed_takes_lost_ticks_without_a_jump() {
     let params = "cutoff_hz: 20.0, cutoff_hz_per_mm_s: 1.0";
+    let largest = |speeds: &[f64]| speeds.windows(2).map(|w| (w[1] - w[0]).abs()).fold(0.0, f64::max);
+    let whole = largest(&told_by(params, 1, 0, MOVES));
     for lost in [1, 9, 51, 501, 3001] {
         let lossy = told_by(params, 1, lost, MOVES + 1 + lost);
         assert!(lossy.iter().all(|v| (0.0..63.0).contains(v)), "{lost} ticks lost: {:?}", &lossy[..4]);
-        let steps = lossy.windows(2).map(|w| (w[1] - w[0]).abs()).fold(0.0, f64::max);
-        assert!(steps < 8.0, "{lost} ticks lost: a step of {steps} mm/s");
+        let step = largest(&lossy);
+        assert!(step <= 1.2 * whole, "{lost} ticks lost: a step of {step} mm/s, and {whole} without");
     }
 }
