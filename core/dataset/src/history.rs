@@ -30,8 +30,8 @@ pub struct History {
     pub force: [f32; HISTORY],
     /// 10 vx, then 10 vy [mm/s], oldest first, as measured.
     pub velocity: [f32; 2 * HISTORY],
-    /// (speed [mm/s], force [N]) that it stands for: the force as measured, the speed of a [drawn](History::draw) motion through the same filter but of
-    /// positions that were not rounded.
+    /// (speed [mm/s], force [N]) that it stands for. The force is as measured. The speed of a
+    /// [drawn](History::draw) motion is that of positions that were not rounded, through the same filter.
     pub clean: [(f64, f64); HISTORY],
 }
 
@@ -101,7 +101,7 @@ impl Velocity {
     }
 }
 
-/// What the chain knows of a stroke, tick by tick of 2 ms; nothing at first.
+/// Knowledge of a stroke as the chain has it, tick by tick of 2 ms; none at first.
 #[derive(Clone, Debug, Default)]
 pub struct Recorder {
     velocity: Velocity,

@@ -24,7 +24,7 @@ pub struct LowPass {
     state: [f64; 2],
 }
 
-/// What [`LowPass::step`] wants of a corner \[Hz\] at so many samples a second. A corner is at most 0.499 of the rate.
+/// The number `tan(pi hz / rate)` that [`LowPass::step`] takes. The corner is held to 0.499 of the rate.
 #[inline]
 pub fn corner(hz: f64, rate_hz: f64) -> f64 {
     (PI * (hz / rate_hz).min(0.499)).tan()
@@ -50,8 +50,8 @@ impl LowPass {
         y
     }
 
-    /// As so many steps of the same sample, rounded otherwise, however many they are: what is still between the state and the one that
-    /// constant input ends in is multiplied by a power of the filter's matrix, by squaring.
+    /// As so many steps of the same sample, rounded otherwise, however many they are. The distance of the state
+    /// from the one that constant input ends in is multiplied by a power of the filter's matrix, by squaring.
     pub fn hold(&mut self, x: f64, corner: f64, steps: u64) {
         let column = |state: [f64; 2]| {
             let mut of = Self { state };
@@ -98,7 +98,7 @@ impl LowPass {
         self.settle();
     }
 
-    /// What is remembered of the input. A filter of another corner can go on from it.
+    /// Keeps the memory of the input. A filter of another corner can go on from it.
     pub fn state(&mut self, state: &mut State<'_>) {
         state.keep(&mut self.state);
         if state.restores() {
@@ -139,7 +139,7 @@ mod tests {
     }
 
     #[test]
-    fn low_pass_opens_with_speed_and_no_further_than_a_tenth_of_the_rate() {
+    fn corner_opens_to_a_tenth_of_the_rate() {
         let opened = |speed| opened_hz(20.0, 1.0, speed, RATE_HZ);
         assert_eq!([opened(0.0), opened(15.0), opened(48.0), opened(300.0)], [20.0, 25.0, 50.0, 50.0]);
         assert_eq!(opened_hz(80.0, 1.0, 300.0, RATE_HZ), 80.0);

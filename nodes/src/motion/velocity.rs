@@ -24,7 +24,7 @@ pub struct Velocity {
     rate_hz: f64,
     /// Corner of the low-pass at rest; 0 for none.
     cutoff_hz: f64,
-    /// What fast motion has for every mm/s.
+    /// The same of fast motion, for every mm/s.
     cutoff_hz_per_mm_s: f64,
     filters: [LowPass; 3],
     /// Position of the last run that had one, and when that was.

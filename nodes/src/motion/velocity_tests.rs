@@ -77,7 +77,7 @@ fn ticks_that_are_lost_leave_no_step_in_the_speed_whatever_the_low_pass() {
 }
 
 #[test]
-fn low_pass_that_opens_with_speed_answers_sooner_and_ends_at_the_same_speed() {
+fn opening_low_pass_answers_sooner() {
     let fixed = told(20.0, 1, 0, MOVES);
     let opening = told_by("cutoff_hz: 20.0, cutoff_hz_per_mm_s: 1.0", 1, 0, MOVES);
     let half = |speeds: &[f64]| speeds.iter().position(|v| *v > 30.0).unwrap();
@@ -87,7 +87,7 @@ fn low_pass_that_opens_with_speed_answers_sooner_and_ends_at_the_same_speed() {
 }
 
 #[test]
-fn low_pass_that_opens_with_speed_takes_lost_ticks_without_a_jump() {
+fn opening_low_pass_takes_lost_ticks_without_a_jump() {
     let params = "cutoff_hz: 20.0, cutoff_hz_per_mm_s: 1.0";
     let largest = |speeds: &[f64]| speeds.windows(2).map(|w| (w[1] - w[0]).abs()).fold(0.0, f64::max);
     let whole = largest(&told_by(params, 1, 0, MOVES));

@@ -149,13 +149,14 @@ pub(super) fn along(
     felt
 }
 
-/// What is felt of a sample's way; nothing in the air.
+/// Acceleration that is felt on a sample's way; none in the air.
 fn moved(stylus: &mut Stylus<'_>, velocity_mm_s: [f64; 2], force_n: f64) -> [f64; 3] {
     let touches = f64::from(u8::from(force_n > 0.0));
     stylus.next(&Moment { velocity_mm_s, force_n }).axes().map(|a| touches * a)
 }
 
-/// An example every 80 ms of a stroke that begins at a place in mm. Its magnitudes are those of the next 0.1 s of a hand that goes on as it goes there.
+/// An example every 80 ms of a stroke that begins at a place in mm. Its magnitudes are those of the next
+/// 0.1 s of a hand that goes on as it goes there.
 ///
 /// The last 20 ms do not tell how a hand will turn. A network that is asked what comes all the same answers a mean over all turns: where a spectrum is
 /// steep and level grows with speed, that is 2 to 5 dB too loud for a hand that goes on.

@@ -1,4 +1,4 @@
-//! What is found by playing: how much of the waves repeats, and the bumps with which the kernel is like the strokes.
+//! Search by playing: how much of the waves repeats, and the bumps with which the kernel is like the strokes.
 
 use super::figures::Figures;
 use super::rendered;
@@ -27,7 +27,7 @@ const FACTORS: [f64; 9] = [-0.7, -0.35, -0.175, 0.0, 0.175, 0.35, 0.7, 1.05, 1.4
 const ROUNDS: usize = 5;
 const FINER: f64 = 0.6;
 
-/// What is varied: least and largest, and the first step of the fine search.
+/// A number that is varied: least and largest, and the first step of the fine search.
 struct Varied {
     range: (f64, f64),
     step: f64,
@@ -37,7 +37,8 @@ const fn varied(least: f64, most: f64, step: f64) -> Varied {
     Varied { range: (least, most), step }
 }
 
-/// Of bumps with a spacing: its logarithm in mm, its exponent, deviations of intervals and heights; and the logarithm of the factor of the waves' shares.
+/// Of bumps with a spacing: its logarithm in mm, its exponent, deviations of intervals and heights; and the
+/// logarithm of the factor of the waves' shares.
 const SPACED: [Varied; 5] = [
     varied(-3.5, 2.1, 0.25),
     varied(-2.0, 1.0, 0.4),
@@ -111,7 +112,7 @@ pub(super) fn find(passages: &[&Passage], waves: &[Wave], spaced: bool) -> Patte
     best.filter(|best| best.0 < BETTER * noise).map_or_else(|| fit.without_bumps(factor), |best| best.1)
 }
 
-/// What is searched.
+/// Waves and classes of passages that a search is for.
 struct Fit<'p> {
     waves: &'p [Wave],
     classes: Vec<Class<'p>>,
@@ -122,7 +123,8 @@ impl Fit<'_> {
         Pattern { waves: louder(self.waves, factor), events: None }
     }
 
-    /// Mean over classes of the sum of fourth powers of errors, if so many passages of each are rendered. Beyond the bound it need not be known exactly.
+    /// Mean over classes of the sum of fourth powers of errors, if so many passages of each are rendered.
+    /// Beyond the bound it need not be known exactly.
     fn error(&self, pattern: &Pattern, most: usize, bound: f64) -> f64 {
         let waves = !self.waves.is_empty();
         let mut sum = 0.0;
@@ -137,7 +139,7 @@ impl Fit<'_> {
                 // Bumps may repeat too much. What they repeat too little is for waves.
                 off[2] = off[2].max(0.0);
             }
-            // What is far off at one speed counts more than what is a little off at all.
+            // A large error at one speed counts more than small ones at all.
             sum += off.iter().map(|off| off.powi(4)).sum::<f64>() / self.classes.len() as f64;
             if sum > bound {
                 break;

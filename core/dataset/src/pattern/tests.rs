@@ -125,7 +125,7 @@ fn what_does_not_repeat_but_comes_at_ridges_is_found_there() {
 }
 
 #[test]
-fn wave_repeats_about_as_much_as_the_strokes_though_pieces_differ_in_pitch() {
+fn wave_repeats_about_as_much_as_the_strokes() {
     let of = |pitch: f64| Pattern {
         waves: vec![Wave {
             per_mm: [0.8 * pitch, 0.3 * pitch],

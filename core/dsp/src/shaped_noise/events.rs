@@ -101,7 +101,7 @@ impl Bumps {
 /// Bumps at the ridges of a way from one place to another, in turns of a wave, that takes so many samples at `rate_hz`. `out` has noise, which stays
 /// where hardly a ridge is met.
 ///
-/// What does not repeat from ridge to ridge happens at the ridges all the same: here each has a pulse of its own sign, height and place. They are the ridge's:
+/// The part that does not repeat happens at the ridges too: each has a pulse of its own sign, height and place. They are the ridge's:
 /// a hand that comes back meets them again.
 pub(super) fn at_ridges<T: Float>(
     seed: u64,
