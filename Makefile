@@ -29,7 +29,7 @@ demo: setup
 
 # Every test but the long ones.
 test: setup-tests
-	$(CARGO) test --workspace
+	$(CARGO) test --workspace --no-fail-fast
 
 # The tests that take minutes and, the hard cases, some hours: a million ticks without an allocation, a thousand swaps of the shipped graph, a million ticks live, ten
 # million ticks of nodes that fail, and every reader fuzzed for a minute.

@@ -1,10 +1,14 @@
-//! How random a learned texture is, beside the simulated physics of the same strokes: pulses, repetition, kurtosis, level.
+//! How random a learned texture is, beside the simulated physics of the same strokes: pulses, repetition,
+//! kurtosis, level.
 //!
 //!     cargo bench -p asperity --bench rhythm -- [--graph FILE] [--all] [--seeds 5] [--seconds 20] [--force 1.0] [--only NAME]
 //!     [--circles] [--radius 10] [--keep FOLDER] [--svg FILE]
 //!
-//! Three parts: straight strokes (or circles) at constant speed and force over twelve materials (or all), gratings straight across their ridges, and a hand's motion. `--keep` writes the signals of
-//! the first seed, as f64 of little endian; `--svg` draws envelopes instead, of phase retrieval alone, of the graph, and of the physics. Each figure is the median over seeds; a seed is another piece of the surface, another place on it, and another draw of the graph.
+//! Three parts: straight strokes (or circles) at constant speed and force over twelve materials (or all),
+//! gratings straight across their ridges, and a hand's motion. `--keep` writes the signals of the first
+//! seed, as f64 of little endian; `--svg` draws envelopes instead, of phase retrieval alone, of the graph,
+//! and of the physics. Each figure is the median over seeds; a seed is another piece of the surface,
+//! another place on it, and another draw of the graph.
 
 use std::sync::Arc;
 
@@ -192,8 +196,8 @@ fn keep(asked: &Asked, name: &str, axes: &[Vec<f64>]) {
     }
 }
 
-/// A circle at constant speed and force. Its centre drifts, so that no place comes twice: a made piece repeats after 20.48 mm, and a circle that is no wider
-/// does not meet the repeat.
+/// A circle at constant speed and force. Its centre drifts, so that no place comes twice: a made piece
+/// repeats after 20.48 mm, and a circle that is no wider does not meet the repeat.
 fn circle(asked: &Asked, speed_mm_s: f64) -> Path3 {
     let (radius_mm, depth_mm) = (asked.radius_mm, -MM_PER_N * asked.force_n);
     Arc::new(move |t| {
@@ -394,7 +398,8 @@ fn hand(asked: &Asked) {
     }
 }
 
-/// What phase retrieval alone makes of the same network: the graph before. None of a graph that retrieves phase itself.
+/// What phase retrieval alone makes of the same network: the graph before. None of a graph that retrieves
+/// phase itself.
 fn retrieved(graph: &str) -> Option<GraphFile> {
     let mut graph = GraphFile::read(graph).unwrap_or_else(|e| panic!("{e}"));
     let phase = graph.nodes.iter_mut().find(|node| node.id == "phase").expect("a node `phase`");

@@ -193,7 +193,8 @@ fn a_folder_of_vectors_is_compared_with_settings_and_published_scores_beside() {
     );
 }
 
-/// Makes the plugin that `asperity plugin new` writes in C, with other words in place of some of its own, and builds it.
+/// Makes the plugin that `asperity plugin new` writes in C, with other words in place of some of its own,
+/// and builds it.
 fn plugin(dir: &Path, name: &str, change: &[(&str, &str)]) -> String {
     run(dir, &["plugin", "new", name, "--lang", "c"]).ok();
     let path = dir.join(name).join(format!("{name}.c"));

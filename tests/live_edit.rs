@@ -52,7 +52,8 @@ fn arm(service: SocketAddr, more: &str) -> [String; 2] {
     ]
 }
 
-/// A service that takes every connection and never says a word. Opening a hand on it takes seconds, and comes to nothing.
+/// A service that takes every connection and never says a word. Opening a hand on it takes seconds, and
+/// comes to nothing.
 struct Mute {
     address: SocketAddr,
     /// Connections that were taken, and those that were given up.
@@ -96,7 +97,8 @@ fn opening(dir: &Path) -> (Live, Onlooker, Mute) {
     (live, onlooker, mute)
 }
 
-/// Samples from the last at full level to silence, before a silence of a tenth of a second that begins behind `from`.
+/// Samples from the last at full level to silence, before a silence of a tenth of a second that begins
+/// behind `from`.
 fn fall(heard: &[f32], from: usize) -> usize {
     let zero = (from..heard.len() - 4_800)
         .find(|&i| heard[i - 1] != 0.0 && heard[i..i + 4_800].iter().all(|x| *x == 0.0))
@@ -131,7 +133,8 @@ fn a_mute_does_not_wait_for_a_graph_whose_hand_does_not_answer() {
     assert!(fall < DOWN + 300, "it falls in {fall} samples");
 }
 
-/// A hand whose settings were edited, and more recorded of it, so that it was closed and is being opened again, which never answers.
+/// A hand whose settings were edited, and more recorded of it, so that it was closed and is being opened
+/// again, which never answers.
 fn exchanging(dir: &Path) -> (Live, Onlooker, Service) {
     let service = Service::start();
     let [nodes, wires] = arm(service.address, "");
@@ -282,7 +285,8 @@ fn an_edit_that_is_refused_keeps_the_hand() {
     assert_eq!(onlooker.shown.view["sources"][0]["stalls"].as_u64(), stalls);
     assert_eq!(onlooker.shown.layout["number"], 0, "the graph is the one of before");
 
-    // The same service, of which another device is wanted that it does not have: only when the first is let go is that known.
+    // The same service, of which another device is wanted that it does not have: only when the first is let
+    // go is that known.
     let counted = samples(&onlooker);
     replace(dir, &with(service.address, r#"device: "ABCD""#));
     let (told, said) = mpsc::channel();

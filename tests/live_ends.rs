@@ -35,7 +35,8 @@ struct InTerminal {
 }
 
 impl InTerminal {
-    /// `prefix` is what starts it in the shell of the terminal. None, and a line that says so, where there is no `script`.
+    /// `prefix` is what starts it in the shell of the terminal. None, and a line that says so, where there
+    /// is no `script`.
     fn start(dir: &Path, prefix: &str) -> Option<Self> {
         if Command::new("script").arg("--version").output().is_err() {
             let _ = std::io::stderr()

@@ -19,7 +19,8 @@ const REACH_MS: f64 = 15.0;
 /// How late the recommended chain is half way up, in all, at most.
 const HALF_WAY_MS: f64 = 40.0;
 
-/// Measures at a period, and answers the sum of what is declared [ms]. The program itself says by its exit code whether both agree within a tick.
+/// Measures at a period, and answers the sum of what is declared [ms]. The program itself says by its exit
+/// code whether both agree within a tick.
 fn agrees(clock: &str, period: u64) -> f64 {
     told(|| measured(clock, period))
 }

@@ -1,4 +1,5 @@
-//! What every phase-retrieval node must survive, built in or from a plugin, in the engine as a graph would have it.
+//! What every phase-retrieval node must survive, built in or from a plugin, in the engine as a graph would
+//! have it.
 
 mod common;
 #[path = "common/drive.rs"]
@@ -180,8 +181,8 @@ fn heard(registry: &Registry, method: &(String, bool), given: &str, rate_hz: u32
     samples.split_off(usize::try_from(late).unwrap_or(0))
 }
 
-/// Calls the node itself, since the engine lets no NaN through to it. Answers all that it put out, as bits, and how many
-/// magnitudes it found to be none.
+/// Calls the node itself, since the engine lets no NaN through to it. Answers all that it put out, as bits,
+/// and how many magnitudes it found to be none.
 fn called(registry: &Registry, method: &(String, bool), case: &str) -> (Vec<u32>, u64) {
     let mut compiled = compiled(registry, method, &format!("case: {case:?}"), 2500);
     let at = compiled.schedule.index_of("phase").expect("a node");
@@ -230,7 +231,8 @@ fn loss(method: &str, case: &str) -> (f64, f64) {
     match (method.split(':').next().unwrap_or(""), case) {
         // Overlapping frames whose phases do not agree.
         ("random_phase", _) => (-21.0, -14.0),
-        // Noise as narrow as a tone's lobe has some ten independent values in this time: its power is known to 1.4 dB.
+        // Noise as narrow as a tone's lobe has some ten independent values in this time: its power is known
+        // to 1.4 dB.
         ("shaped_noise", "tone" | "tie" | "one bin" | "floor") => (-4.5, 4.5),
         // One peak, if a spectrum is flat.
         ("spsi" | "rtpghi", "flat") => (-16.0, -10.0),

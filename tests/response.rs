@@ -95,7 +95,8 @@ fn a_setting_of_one_graph_leaves_the_others_as_they_are_and_one_of_none_is_told_
     let half = |n: usize| figures["graphs"][n]["lag_ms"][1].as_f64().unwrap();
     println!("{:.1} ms with the setting, {:.1} ms where there is none", half(0), half(1));
     assert!(half(0) < 40.0 && half(1) > 55.0, "{figures}");
-    // A graph that has no rise of level with speed is told after it was measured: it is, if it is measured at all.
+    // A graph that has no rise of level with speed is told after it was measured: it is, if it is measured
+    // at all.
     let level = graph_without_a_rise(dir.path());
     let alone = run(dir.path(), &["latency", &level]);
     assert!(alone.code != 0 && alone.err.contains("does not rise with speed"), "{}", alone.err);

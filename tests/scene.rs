@@ -1,4 +1,5 @@
-//! Scenes through the program: only what is called for is built, run and paid for, and what is heard does not depend on it.
+//! Scenes through the program: only what is called for is built, run and paid for, and what is heard does
+//! not depend on it.
 
 mod common;
 

@@ -278,7 +278,8 @@ fn the_picture_follows_a_scene_that_changes() {
     assert!(picture.contains(">friction<"));
 }
 
-/// A loop of 0.5 or 1 mm stood at the same phase at every step of the stroke that is measured, and seemed not to be late at all.
+/// A loop of 0.5 or 1 mm stood at the same phase at every step of the stroke that is measured, and seemed
+/// not to be late at all.
 #[test]
 fn loops_of_round_lengths_are_as_late_as_others() {
     let dir = tempfile::tempdir().unwrap();
@@ -292,7 +293,8 @@ fn loops_of_round_lengths_are_as_late_as_others() {
     let args = [&["latency", "--json"][..], &names.each_ref().map(String::as_str)].concat();
     let told: serde_json::Value = serde_json::from_str(&run(dir.path(), &args).ok().out).unwrap();
     for graph in told["graphs"].as_array().unwrap() {
-        // A tick and a quarter: half of the step has shown before the half of the way, a tick and a half less a sample, that the node declares.
+        // A tick and a quarter: half of the step has shown before the half of the way, a tick and a half
+        // less a sample, that the node declares.
         let ms = graph["lag_ms"][1].as_f64().unwrap();
         assert!((ms - 2.5).abs() < 0.1, "{graph}");
         let items = graph["items"].as_array().unwrap();

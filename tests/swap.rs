@@ -284,7 +284,8 @@ fn a_live_parameter_is_set_in_the_next_tick_and_checked_before() {
     assert!(matches!(set("g", "gain", f64::NAN), ParameterError::OutOfRange { .. }));
     assert!(matches!(set("g", "sign", 0.5), ParameterError::OutOfRange { .. }));
     assert!(matches!(set("g", "sign", 2.0), ParameterError::OutOfRange { .. }));
-    // A graph in which only the live parameter differs keeps the node; one that agrees with what was set sets nothing.
+    // A graph in which only the live parameter differs keeps the node; one that agrees with what was set
+    // sets nothing.
     let report = rig.swap(&with(0.25, 0));
     assert_eq!(report.to_string(), "`g.sign` set to 0, 3 nodes kept");
     let report = rig.swap(&with(0.75, 0));

@@ -158,7 +158,8 @@ proptest! {
     }
 }
 
-/// How often the shipped graph is swapped; `ASPERITY_LONG_SWAPS` asks for more. Most of the time goes to loading the network.
+/// How often the shipped graph is swapped; `ASPERITY_LONG_SWAPS` asks for more. Most of the time goes to
+/// loading the network.
 fn swaps() -> usize {
     std::env::var("ASPERITY_LONG_SWAPS").ok().and_then(|t| t.parse().ok()).unwrap_or(70)
 }

@@ -36,7 +36,8 @@ fn circling(graph: &str, sets: &[String]) -> Engine {
     Engine::new(compiled(graph, circle, sets), Options::default())
 }
 
-/// The same along a trajectory of x in mm, 1.5 mm deep, without the gate that lets the network sleep under a still hand.
+/// The same along a trajectory of x in mm, 1.5 mm deep, without the gate that lets the network sleep under
+/// a still hand.
 fn ungated(x: impl Fn(f64) -> f64, seconds: f64, sets: &[String]) -> (tempfile::TempDir, Compiled) {
     let dir = tempfile::tempdir().expect("a folder");
     let file = dir.path().join("t.csv");
@@ -68,10 +69,11 @@ fn count(engine: &Engine, id: &str, fact: &str) -> u64 {
     }
 }
 
-/// From second 1 to second `until`: the power of a node's audio, that which the network asks for, and how many frames it does so in.
+/// From second 1 to second `until`: the power of a node's audio, that which the network asks for, and how
+/// many frames it does so in.
 ///
-/// A noise has magnitudes of a mean square of `4 s^2 sum w^2 / (sum w)^2`, so that under Hann's window half the sum of their squares is 1.5 times its
-/// power `s^2`.
+/// A noise has magnitudes of a mean square of `4 s^2 sum w^2 / (sum w)^2`, so that under Hann's window half
+/// the sum of their squares is 1.5 times its power `s^2`.
 fn powers(engine: &mut Engine, id: &str, until: u64) -> (f64, f64, u64) {
     let tick_hz = u64::from(engine.schedule().tick_hz);
     let (id, texture) = (node(engine, id), node(engine, "texture"));

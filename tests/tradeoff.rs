@@ -395,7 +395,8 @@ fn a_study_that_is_interrupted_says_so_and_goes_on_later() {
     assert_eq!(names(&results).len(), 17);
     assert!(results["rows"].as_array().expect("rows").iter().all(|r| r["time"].is_object()));
     assert_eq!(results["unfinished"], 0);
-    // What is finished is not lost where the same command is stopped at once, nor where it is one whose parts are all new.
+    // What is finished is not lost where the same command is stopped at once, nor where it is one whose
+    // parts are all new.
     let code = interrupted(dir.path(), &args);
     assert!(matches!(code, Some(0 | 130)), "{code:?}");
     assert_eq!(json(&dir.path().join("out/results.json")), results);

@@ -75,7 +75,8 @@ pub fn files(dir: &Path) -> Vec<String> {
     names
 }
 
-/// Parameters with which the nodes of effects have something to do, as a graph file says them; none of other kinds.
+/// Parameters with which the nodes of effects have something to do, as a graph file says them; none of
+/// other kinds.
 pub fn effects(kind: &str) -> Vec<(&'static str, String)> {
     let model = |name: &str, gain: &str| {
         let file = graphs("models/made_ar").join(name).display().to_string();

@@ -8,7 +8,8 @@ use asperity_stability::{Effort, Subject, wrap};
 
 use crate::{effort, fails, graph, holds, scene, subject};
 
-/// A case holds for the graph of a learned texture, for one of every effect, and for the others that are shipped where there is time.
+/// A case holds for the graph of a learned texture, for one of every effect, and for the others that are
+/// shipped where there is time.
 fn holds_for_shipped(name: &str) {
     for graph in [graph("texture.ron"), scene("every_effect.ron")] {
         holds(name, &subject(Some(&graph)));
@@ -58,7 +59,8 @@ fn without_limiter(graph: &GraphFile, most: f32) -> Subject<'_> {
 #[test]
 fn network_not_finite() {
     holds_for_shipped("network_not_finite");
-    // Phase retrieval that never gets over a frame of zeros, which is what the engine puts in the place of a bad one.
+    // Phase retrieval that never gets over a frame of zeros, which is what the engine puts in the place of
+    // a bad one.
     let graph = graph("texture.ron");
     let mutant = mutant(&graph, "shaped_noise", || {
         let mut hurt = false;

@@ -1,6 +1,8 @@
-//! Holds the patterns of a library against the physics: `cargo run --release -p asperity-dataset --example pattern_check LIBRARY`.
+//! Holds the patterns of a library against the physics: `cargo run --release -p asperity-dataset --example
+//! pattern_check LIBRARY`.
 //!
-//! Of each grating, a stroke straight across at 60 and 100 mm/s: kurtosis and the lag at which the wave repeats, of the physics and of the kernel.
+//! Of each grating, a stroke straight across at 60 and 100 mm/s: kurtosis and the lag at which the wave
+//! repeats, of the physics and of the kernel.
 
 use asperity_dataset::felt::Hand;
 use asperity_dataset::{Spectrometer, made, pattern};

@@ -12,7 +12,8 @@ pub struct Example {
     pub force: [f32; HISTORY],
     /// 10 vx, then 10 vy, in mm/s, oldest first, as the chain measures them.
     pub velocity: [f32; 2 * HISTORY],
-    /// Amplitudes in m/s^2 of the next 0.1 s of acceleration at 10, 20, .. 1000 Hz: `2 |sum w x| / sum w`, `w` Hann's window.
+    /// Amplitudes in m/s^2 of the next 0.1 s of acceleration at 10, 20, .. 1000 Hz: `2 |sum w x| / sum w`,
+    /// `w` Hann's window.
     pub magnitudes: [f32; BINS],
     /// Those of another signal of the same touch, if there is one: of a made stroke at another place, of a
     /// recorded one the 0.1 s behind it. How much both differ says how random magnitudes are.

@@ -1,4 +1,5 @@
-//! What the chain measures of a stroke: the network's inputs, with the sensor's faults, and what they stand for.
+//! What the chain measures of a stroke: the network's inputs, with the sensor's faults, and what they stand
+//! for.
 
 use asperity_dsp::low_pass::{LowPass, corner, opened_hz};
 use asperity_world::material::Random;
@@ -36,7 +37,8 @@ pub struct History {
 }
 
 impl History {
-    /// Draws one for training. One in ten begins less than ten ticks before its end, with zeros for what was not seen.
+    /// Draws one for training. One in ten begins less than ten ticks before its end, with zeros for what
+    /// was not seen.
     pub fn draw(random: &mut Random) -> Self {
         let motion = Motion::draw(random);
         let force = draw_force(random);

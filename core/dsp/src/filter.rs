@@ -258,8 +258,8 @@ impl Biquad {
         self.s = [0.0; 2];
     }
 
-    /// What is remembered of the input. A filter with other coefficients can go on from it: what it puts out then differs
-    /// from what it would have by a transient of its own.
+    /// What is remembered of the input. A filter with other coefficients can go on from it: what it puts
+    /// out then differs from what it would have by a transient of its own.
     pub fn state(&mut self, state: &mut State<'_>) {
         state.keep(&mut self.s);
         if state.restores() {

@@ -48,7 +48,8 @@ impl Float for f32 {
     fn root(self) -> Self {
         self.sqrt()
     }
-    /// `ln m` by the series of `2 artanh((m - 1) / (m + 1))`. It is plain arithmetic, which a compiler puts into lanes.
+    /// `ln m` by the series of `2 artanh((m - 1) / (m + 1))`. It is plain arithmetic, which a compiler puts
+    /// into lanes.
     #[inline]
     fn natural_log(self) -> Self {
         // The exponent so that the rest lies between sqrt(1/2) and sqrt(2).
@@ -123,8 +124,8 @@ impl Float for f64 {
     }
 }
 
-/// Keeps values in double precision whatever their own, so that a kernel of either width goes on from what one of the other
-/// remembers. In single precision a value beyond its range becomes infinite.
+/// Keeps values in double precision whatever their own, so that a kernel of either width goes on from what
+/// one of the other remembers. In single precision a value beyond its range becomes infinite.
 pub(crate) fn keep_wide<T: Float>(values: &mut [T], state: &mut State<'_>) {
     let mut len = values.len();
     state.keep(&mut len);

@@ -1,10 +1,10 @@
 //! Windows, transforms, phase retrieval, overlap-add, resampling and filters: kernels without a graph.
 //!
-//! Constructors allocate and check; what runs per tick does neither, and does not panic. Samples are counted by absolute
-//! index in integers, so nothing drifts.
+//! Constructors allocate and check; what runs per tick does neither, and does not panic. Samples are
+//! counted by absolute index in integers, so nothing drifts.
 //!
-//! Medians in single precision on a virtual AMD EPYC core (two of them, shared with four times their load in builds, so these are
-//! upper bounds), `cargo bench -p asperity-dsp`, frames of noise, back to back:
+//! Medians in single precision on a virtual AMD EPYC core (two of them, shared with four times their load
+//! in builds, so these are upper bounds), `cargo bench -p asperity-dsp`, frames of noise, back to back:
 //!
 //! | transform length | bins | `spsi` | `overlap_add` | both |
 //! |---|---|---|---|---|
@@ -13,11 +13,12 @@
 //! | 4410 | 101 | 2.3 us | 10.5 us | 13.8 us |
 //! | 4800 | 101 | 2.2 us | 9.5 us | 11.7 us |
 //!
-//! The plain methods, a frame of 101 bins at transform lengths 250 and 4800: `phase_vocoder` 0.19 us at both, `random_phase` 1.9 us at
-//! both, `oscillator_bank` with its 5 or 96 samples 2.9 and 4.7 us tracked, 5.0 and 11.6 us as noise.
+//! The plain methods, a frame of 101 bins at transform lengths 250 and 4800: `phase_vocoder` 0.19 us at
+//! both, `random_phase` 1.9 us at both, `oscillator_bank` with its 5 or 96 samples 2.9 and 4.7 us tracked,
+//! 5.0 and 11.6 us as noise.
 //!
-//! `resample`, one tick of 2 ms: 2500 to 48000 Hz 0.82 us, to 44100 Hz 0.84 us, 500 to 48000 Hz 0.79 us. The widest table
-//! made here, 2500 to 44099 Hz at minimum phase, takes 68 ms to compute.
+//! `resample`, one tick of 2 ms: 2500 to 48000 Hz 0.82 us, to 44100 Hz 0.84 us, 500 to 48000 Hz 0.79 us.
+//! The widest table made here, 2500 to 44099 Hz at minimum phase, takes 68 ms to compute.
 
 pub mod denormals;
 pub mod filter;

@@ -9,8 +9,9 @@ const TINY: f64 = 1e-30;
 
 /// A second-order Butterworth low-pass in state-variable form.
 ///
-/// Its state is the output and the output's slope, whatever the corner is. So a constant input stays constant while the corner moves.
-/// At a corner that stays it is the bilinear transform of the analog filter, exact at the corner (Zavalishin, The Art of VA Filter Design, 2018, chapter 4).
+/// Its state is the output and the output's slope, whatever the corner is. So a constant input stays
+/// constant while the corner moves. At a corner that stays it is the bilinear transform of the analog
+/// filter, exact at the corner (Zavalishin, The Art of VA Filter Design, 2018, chapter 4).
 ///
 /// ```
 /// use asperity_dsp::low_pass::{LowPass, corner};
@@ -30,10 +31,12 @@ pub fn corner(hz: f64, rate_hz: f64) -> f64 {
     (PI * (hz / rate_hz).min(0.499)).tan()
 }
 
-/// The corner \[Hz\] of a low-pass of velocities that opens with speed: slow motion is calm, fast motion prompt (after the 1 euro filter of
-/// Casiez, Roussel and Vogel, CHI 2012). At rest it is `cutoff_hz`; fast motion has `hz_per_mm_s` for every mm/s.
+/// The corner \[Hz\] of a low-pass of velocities that opens with speed: slow motion is calm, fast motion
+/// prompt (after the 1 euro filter of Casiez, Roussel and Vogel, CHI 2012). At rest it is `cutoff_hz`; fast
+/// motion has `hz_per_mm_s` for every mm/s.
 ///
-/// It opens to a tenth of the rate at most: a place that is read a tick late then changes the speed by `2 pi / 10 e^(-pi/4)` of it, 29 %.
+/// It opens to a tenth of the rate at most: a place that is read a tick late then changes the speed by `2
+/// pi / 10 e^(-pi/4)` of it, 29 %.
 #[inline]
 pub fn opened_hz(cutoff_hz: f64, hz_per_mm_s: f64, speed_mm_s: f64, rate_hz: f64) -> f64 {
     cutoff_hz.hypot(hz_per_mm_s * speed_mm_s).min(rate_hz / 10.0).max(cutoff_hz)
@@ -75,7 +78,8 @@ impl LowPass {
         }
     }
 
-    /// Ends a decayed tail before it becomes denormal, and resets state that is not finite. Answers false when there was such.
+    /// Ends a decayed tail before it becomes denormal, and resets state that is not finite. Answers false
+    /// when there was such.
     pub fn settle(&mut self) -> bool {
         let finite = self.state.iter().all(|s| s.is_finite());
         if !finite {
@@ -85,7 +89,8 @@ impl LowPass {
         finite
     }
 
-    /// Ends a tail that has decayed below `least`. For a filter whose input is at rest: that of a slow one would take its time.
+    /// Ends a tail that has decayed below `least`. For a filter whose input is at rest: that of a slow one
+    /// would take its time.
     pub fn settle_below(&mut self, least: f64) {
         if self.state.iter().all(|s| s.abs() < least) {
             *self = Self::default();

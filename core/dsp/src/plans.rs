@@ -3,7 +3,8 @@
 use realfft::{ComplexToReal, FftNum, RealFftPlanner, RealToComplex};
 use std::sync::{Arc, LazyLock, Mutex, PoisonError};
 
-/// Longer transforms than this are planned anew, and forgotten with the kernel that uses them: their tables take megabytes.
+/// Longer transforms than this are planned anew, and forgotten with the kernel that uses them: their tables
+/// take megabytes.
 const KEPT: usize = 1 << 16;
 
 type Planner<T> = LazyLock<Mutex<RealFftPlanner<T>>>;

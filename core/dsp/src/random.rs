@@ -2,8 +2,8 @@
 
 use crate::float::unit_circle;
 
-/// A uniform number in [0, 1) for a seed and two indices, by the finaliser of SplitMix64 (Steele, Lea, Flood 2014), which passes
-/// BigCrush on successive counters.
+/// A uniform number in [0, 1) for a seed and two indices, by the finaliser of SplitMix64 (Steele, Lea,
+/// Flood 2014), which passes BigCrush on successive counters.
 #[inline]
 pub fn uniform(seed: u64, row: u64, column: u64) -> f64 {
     (step(row_seed(seed, row), column) >> 11) as f64 / (1u64 << 53) as f64

@@ -1,16 +1,18 @@
 //! Magnitudes that scatter as those of a random signal do.
 //!
-//! A network answers expected magnitudes. Those of a short-time spectrum of a random process scatter about them: by Rayleigh's law for noise, by Rice's
-//! where a steady line stands in noise. So each frame is multiplied by `|sqrt(1 - q) e^(j theta_k) + sqrt(q) z_k|`, where `z` is the short-time
-//! spectrum of unit white noise through the same window at the same place, so that neighbouring bins and frames go together as
-//! they do in a signal, `theta_k = 2 pi k t / N` is how a line in the middle of bin k turns, and `q` is the random part of the bin's power.
-//! `q` follows from the ratio of mean to root mean square, which is the mean of Rice's law (S. O. Rice, "Mathematical analysis of
-//! random noise", 1944):
+//! A network answers expected magnitudes. Those of a short-time spectrum of a random process scatter about
+//! them: by Rayleigh's law for noise, by Rice's where a steady line stands in noise. So each frame is
+//! multiplied by `|sqrt(1 - q) e^(j theta_k) + sqrt(q) z_k|`, where `z` is the short-time spectrum of unit
+//! white noise through the same window at the same place, so that neighbouring bins and frames go together
+//! as they do in a signal, `theta_k = 2 pi k t / N` is how a line in the middle of bin k turns, and `q` is
+//! the random part of the bin's power. `q` follows from the ratio of mean to root mean square, which is the
+//! mean of Rice's law (S. O. Rice, "Mathematical analysis of random noise", 1944):
 //!
 //! `ratio(q) = E |sqrt(1 - q) + sqrt(q) z|`, from 1 for a steady line to `sqrt(pi) / 2 = 0.886` for noise.
 //!
-//! Single events are common to all bins. What the power of a frame varies beyond the scatter of its bins is one gain more: `g = exp(s y - s^2)`, with
-//! `E[g^2] = 1`, and `y` normal, a white noise seen through the window's square, as the energies of short events are.
+//! Single events are common to all bins. What the power of a frame varies beyond the scatter of its bins is
+//! one gain more: `g = exp(s y - s^2)`, with `E[g^2] = 1`, and `y` normal, a white noise seen through the
+//! window's square, as the energies of short events are.
 //!
 //! Noise is counted by sample from a seed, so that a frame that is left out changes none after it.
 
@@ -40,7 +42,8 @@ static RATIOS: LazyLock<[f64; STEPS + 1]> =
 /// What is known of a frame's magnitudes besides themselves.
 #[derive(Clone, Copy, Debug)]
 pub struct Statistics<'a, P> {
-    /// For each bin the ratio of mean to root mean square, 0 to 1; a bin that is missing, or below [`NOISE_RATIO`], is noise.
+    /// For each bin the ratio of mean to root mean square, 0 to 1; a bin that is missing, or below
+    /// [`NOISE_RATIO`], is noise.
     pub ratio: &'a [P],
     /// Variance of a frame's power over its squared mean, where that is known.
     pub variance: Option<f64>,
@@ -108,8 +111,9 @@ impl<T: Float> Scatter<T> {
 
     /// Scatters frame number `frame` by `strength`, 0 (not at all) to 1, into `out`, in the same unit.
     ///
-    /// A magnitude that is NaN, infinite or negative is taken as 0; the number of these is returned. Missing bins are 0, more than
-    /// [`bins`](Self::bins) are not used, and what is left of `out` is set to 0.
+    /// A magnitude that is NaN, infinite or negative is taken as 0; the number of these is returned.
+    /// Missing bins are 0, more than [`bins`](Self::bins) are not used, and what is left of `out` is set to
+    /// 0.
     pub fn process<P: Float>(
         &mut self,
         frame: u64,
@@ -174,8 +178,8 @@ impl<T: Float> Scatter<T> {
         (s * y - if means { 0.5 * s * s } else { s * s }).exp()
     }
 
-    /// Variance of a frame's power over its squared mean that the scatter of its bins alone makes. Bins of white noise under a Hann window are correlated by 2/3
-    /// and 1/6 with the next and the one after it.
+    /// Variance of a frame's power over its squared mean that the scatter of its bins alone makes. Bins of
+    /// white noise under a Hann window are correlated by 2/3 and 1/6 with the next and the one after it.
     fn own_variance(&self) -> f64 {
         let powers = || {
             self.magnitudes.iter().zip(&self.random).map(|(m, q)| {
@@ -197,7 +201,8 @@ impl<T: Float> Scatter<T> {
     }
 }
 
-/// `E |sqrt(1 - q) + sqrt(q) z|`, z complex normal with `E |z|^2 = 1`: the mean of Rice's law whose root mean square is 1.
+/// `E |sqrt(1 - q) + sqrt(q) z|`, z complex normal with `E |z|^2 = 1`: the mean of Rice's law whose root
+/// mean square is 1.
 pub fn ratio(q: f64) -> f64 {
     let q = q.clamp(0.0, 1.0);
     const ANGLES: usize = 16;

@@ -107,8 +107,8 @@ impl Slot {
         }
     }
 
-    /// A tick in which the gates want this node (`wanted`) or not. Where nodes may not sleep it runs all the same, and
-    /// wakes in the same tick as it would.
+    /// A tick in which the gates want this node (`wanted`) or not. Where nodes may not sleep it runs all
+    /// the same, and wakes in the same tick as it would.
     pub(crate) fn run<C: Clock>(
         &mut self,
         buffers: &mut [Buffer],
@@ -145,8 +145,8 @@ impl Slot {
         self.call(buffers, now, watch);
     }
 
-    /// Wakes from the sleep that the gates allowed, if it slept. A node that says `Elapsed` is only told of ticks in
-    /// which it was really not called.
+    /// Wakes from the sleep that the gates allowed, if it slept. A node that says `Elapsed` is only told of
+    /// ticks in which it was really not called.
     fn wake(&mut self, now: Now) {
         let Some(since) = self.asleep_since.take() else { return };
         self.dozing = false;
@@ -213,7 +213,8 @@ impl Slot {
 
     fn call<C: Clock>(&mut self, buffers: &mut [Buffer], now: Now, watch: Watch<'_, C>) {
         let (inputs, outputs) = split(buffers, &self.outputs, &self.inputs);
-        // What closes a cycle puts out what it took in before; a mark that went round the cycle would never end.
+        // What closes a cycle puts out what it took in before; a mark that went round the cycle would never
+        // end.
         let trusted = self.closes_cycle || (0..inputs.len()).all(|i| inputs.valid(i));
         let loud = wakened(inputs, &self.wakes);
         let mut tick =
@@ -286,11 +287,13 @@ impl Slot {
         if matches!(fault, Fault::Failed(_) | Fault::Overrun) || self.report.quarantined {
             return;
         }
-        // A panic may have left anything behind, and a NaN in a filter stays; start over, and give up if that panics.
+        // A panic may have left anything behind, and a NaN in a filter stays; start over, and give up if
+        // that panics.
         self.begin_anew();
     }
 
-    /// Puts the node back to the start. One that fails in that is not called any more, and the fault is counted with the others.
+    /// Puts the node back to the start. One that fails in that is not called any more, and the fault is
+    /// counted with the others.
     fn begin_anew(&mut self) {
         let processor = &mut self.processor;
         if let Err(fault) = contain(|| processor.reset()) {
@@ -300,9 +303,9 @@ impl Slot {
         }
     }
 
-    /// Outputs of a node that failed: controls hold and are marked, frames are zero, audio fades. A fade and a zero are
-    /// to be trusted: they are all that is left to do, and what else is mixed in goes on. So is a control beside what the node is for: it only says
-    /// more of what is zero or fades.
+    /// Outputs of a node that failed: controls hold and are marked, frames are zero, audio fades. A fade
+    /// and a zero are to be trusted: they are all that is left to do, and what else is mixed in goes on. So
+    /// is a control beside what the node is for: it only says more of what is zero or fades.
     fn contain_outputs(&mut self, buffers: &mut [Buffer]) {
         let outputs = buffers[self.outputs.clone()].iter_mut().zip(&self.held).zip(&mut self.fades);
         for (((buffer, held), fade), aside) in outputs.zip(&self.aside) {
@@ -395,8 +398,8 @@ impl Slot {
         std::mem::swap(&mut self.guards, &mut other.guards);
     }
 
-    /// Goes on where another node was, with its state by way of `room` where that means something. Answers whether it
-    /// could; else it is as new.
+    /// Goes on where another node was, with its state by way of `room` where that means something. Answers
+    /// whether it could; else it is as new.
     pub(crate) fn adopt(&mut self, old: &mut Self, room: Option<&mut [u8]>) -> bool {
         for (held, before) in self.held.iter_mut().zip(&old.held).filter(|(a, b)| a.len() == b.len()) {
             held.copy_from_slice(before);

@@ -58,8 +58,8 @@ pub struct ScheduledNode {
     pub outputs: Vec<ScheduledOutput>,
     /// Its output buffers.
     pub buffers: Range<usize>,
-    /// The gates that let it sleep, as ways in which it is wanted: it runs while all gates of one of these sets are
-    /// open. Empty for a node that always runs.
+    /// The gates that let it sleep, as ways in which it is wanted: it runs while all gates of one of these
+    /// sets are open. Empty for a node that always runs.
     pub guards: Vec<Vec<usize>>,
     /// How it wakes.
     pub resume: Resume,
@@ -164,7 +164,8 @@ pub struct PathLatency {
     pub least: Latency,
     /// Greatest latency of any path.
     pub most: Latency,
-    /// The nodes of the path with the greatest latency, its ends included; in a graph of very many and long paths, its ends alone.
+    /// The nodes of the path with the greatest latency, its ends included; in a graph of very many and long
+    /// paths, its ends alone.
     pub through: Vec<usize>,
 }
 

@@ -36,7 +36,8 @@ pub(crate) fn ordinary() -> Vec<Probe> {
     probes
 }
 
-/// Motions as a hand makes them, other than the probes: random histories, and those of a hand that moves evenly, by turns.
+/// Motions as a hand makes them, other than the probes: random histories, and those of a hand that moves
+/// evenly, by turns.
 pub(crate) fn motions(count: usize) -> Vec<Probe> {
     let mut random = Random(0xbf58_476d_1ce4_e5b9);
     let motion = |i: usize| -> Probe {
@@ -76,8 +77,8 @@ pub(crate) fn large() -> Vec<Probe> {
     probes
 }
 
-/// The largest difference as a share of full scale, which is the largest magnitude of `reference`. Infinite where one
-/// is finite and the other is not, or where all of `reference` is zero and `found` is not.
+/// The largest difference as a share of full scale, which is the largest magnitude of `reference`. Infinite
+/// where one is finite and the other is not, or where all of `reference` is zero and `found` is not.
 pub(crate) fn error_of_full_scale(reference: &[f32], found: &[f32]) -> f64 {
     let full_scale = reference.iter().filter(|x| x.is_finite()).fold(0f64, |m, &x| m.max(f64::from(x).abs()));
     let worst =

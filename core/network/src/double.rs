@@ -1,4 +1,5 @@
-//! A lowered network in double precision, written plainly: what rounding of weights and sums costs is judged by it.
+//! A lowered network in double precision, written plainly: what rounding of weights and sums costs is
+//! judged by it.
 //!
 //! Only the inputs and the outputs are f32. Sums are added up in the order of [`Lowered::evaluate`].
 
@@ -15,7 +16,8 @@ pub(crate) struct Double {
     /// Where each step's result lies.
     at: Vec<usize>,
     arena: Vec<f64>,
-    /// The results of steps that depend on the material alone, which [`constant`](Self::constant) says the places of, by material.
+    /// The results of steps that depend on the material alone, which [`constant`](Self::constant) says the
+    /// places of, by material.
     materials: Arc<[Vec<f64>]>,
     constant: Vec<std::ops::Range<usize>>,
     /// The material whose results are in the arena.

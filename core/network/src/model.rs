@@ -13,10 +13,10 @@ use std::sync::Arc;
 
 /// A texture network: checked, compiled by tract and, where it is a multilayer perceptron, lowered.
 ///
-/// Inputs `force [1,10]` in N, `speed [1,20]` in mm/s and `texture [1,256]` give `magnitudes [1,100]`, all f32. Inputs
-/// and magnitudes are found by name, else by shape; a free batch size is taken as 1. A model may also have
-/// the outputs `ratio [1,100]` and `variance [1,1]`, found by name: how magnitudes scatter, see
-/// [`Answer`](crate::Answer).
+/// Inputs `force [1,10]` in N, `speed [1,20]` in mm/s and `texture [1,256]` give `magnitudes [1,100]`, all
+/// f32. Inputs and magnitudes are found by name, else by shape; a free batch size is taken as 1. A model
+/// may also have the outputs `ratio [1,100]` and `variance [1,1]`, found by name: how magnitudes scatter,
+/// see [`Answer`](crate::Answer).
 pub struct Model {
     pub(crate) path: PathBuf,
     pub(crate) reference: Reference,
@@ -39,16 +39,17 @@ impl Model {
     /// Reads an ONNX file of at most [`MAX_MODEL_BYTES`](crate::MAX_MODEL_BYTES).
     ///
     /// # Errors
-    /// A file that cannot be read or is no ONNX model, weights stored elsewhere, a signature that does not fit (named
-    /// with the shapes found), a trained range or a target that is none, or a graph that tract cannot run. A
-    /// file made for that can still have tract fill much
-    /// memory; sizes that a file states outright are bounded.
+    /// A file that cannot be read or is no ONNX model, weights stored elsewhere, a signature that does not
+    /// fit (named with the shapes found), a trained range or a target that is none, or a graph that tract
+    /// cannot run. A file made for that can still have tract fill much memory; sizes that a file states
+    /// outright are bounded.
     pub fn load(path: impl AsRef<Path>) -> Result<Self, Diagnostic> {
         let path = path.as_ref();
         Self::from_bytes(&proto::read_file(path, MAX_MODEL_BYTES)?, path)
     }
 
-    /// As [`load`](Self::load), without work where the same file was loaded lately: what is in it counts, not its time.
+    /// As [`load`](Self::load), without work where the same file was loaded lately: what is in it counts,
+    /// not its time.
     ///
     /// # Errors
     /// As [`load`](Self::load).

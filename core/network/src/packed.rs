@@ -1,5 +1,6 @@
-//! A lowered network packed for one instruction set: weights in the order in which they are read, cut into blocks of
-//! columns, 64-byte aligned; what depends on the texture alone folded into biases, once per material.
+//! A lowered network packed for one instruction set: weights in the order in which they are read, cut into
+//! blocks of columns, 64-byte aligned; what depends on the texture alone folded into biases, once per
+//! material.
 
 use crate::kernel::{Bias, Block, Codes, Data, Entry, Instruction, Isa, Pick, Program, Shape, largest_code};
 use crate::lower::{Affine, Element, End, Lowered, Ref, StepKind};
@@ -36,10 +37,10 @@ impl<T: Copy + Default> Aligned<T> {
     }
 }
 
-/// Layers of fewer weights than this stay f32 in f16 networks: with few inputs rounding does not average out, all later
-/// layers build on the first and nothing follows the last. Measured on the shipped model as the largest error of full
-/// scale: all layers halved, 5.0e-3; those under 4096 weights kept, 9.2e-4; under 16384 (4 % more bytes), 7.3e-4;
-/// under 24000 (13 %), 4.6e-4.
+/// Layers of fewer weights than this stay f32 in f16 networks: with few inputs rounding does not average
+/// out, all later layers build on the first and nothing follows the last. Measured on the shipped model as
+/// the largest error of full scale: all layers halved, 5.0e-3; those under 4096 weights kept, 9.2e-4; under
+/// 16384 (4 % more bytes), 7.3e-4; under 24000 (13 %), 4.6e-4.
 const WORTH_HALVING: usize = 16384;
 
 /// A network ready to run. Copies share what a run does not change.

@@ -26,10 +26,11 @@ pub enum Precision {
     F32,
     /// 16-bit weights, scaled by a power of two per column, within 1e-3 of full scale of tract.
     F16,
-    /// 8-bit weights, scaled so that the largest of a column is 127, and 16-bit inputs, summed up in whole numbers, within 5e-2 of full scale of tract: 0.4 dB of the largest magnitude.
+    /// 8-bit weights, scaled so that the largest of a column is 127, and 16-bit inputs, summed up in whole
+    /// numbers, within 5e-2 of full scale of tract: 0.4 dB of the largest magnitude.
     Int8,
-    /// 64-bit weights, sums and activations, within 1e-4 of full scale of tract: what the others are judged by. Not
-    /// packed, and slow.
+    /// 64-bit weights, sums and activations, within 1e-4 of full scale of tract: what the others are judged
+    /// by. Not packed, and slow.
     F64,
 }
 
@@ -80,8 +81,9 @@ impl Precision {
 /// Which executor is wanted.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Choice {
-    /// Packed kernels on the best instruction set where they agree with tract; failing int8, f16, and failing that, f32;
-    /// else tract. f64 has no packed kernels, and is checked against tract in the same way.
+    /// Packed kernels on the best instruction set where they agree with tract; failing int8, f16, and
+    /// failing that, f32; else tract. f64 has no packed kernels, and is checked against tract in the same
+    /// way.
     #[default]
     Auto,
     /// Packed kernels on this instruction set, or an error; with f64 always an error.
@@ -172,7 +174,8 @@ pub struct Info {
     pub weights_bytes: usize,
     /// Multiply-adds a run, padding and what is folded into biases left out; 0 for tract.
     pub multiply_adds: usize,
-    /// Largest difference from tract over the check's inputs, as a share of full scale; `None` where nothing was checked.
+    /// Largest difference from tract over the check's inputs, as a share of full scale; `None` where
+    /// nothing was checked.
     pub max_error_vs_tract: Option<f64>,
     /// In words: the choice, and why it is not the first choice where it is not.
     pub report: String,
@@ -229,13 +232,14 @@ pub struct Runner {
 }
 
 impl Model {
-    /// Prepares the network for `materials`, each of [`TEXTURE_LEN`] finite numbers: folds their part of the network
-    /// into biases, packs the weights and checks the result against tract. Slow (0.2 s where weights are rounded), for the control thread; one that was
-    /// made lately is not made again: the copy shares its weights.
+    /// Prepares the network for `materials`, each of [`TEXTURE_LEN`] finite numbers: folds their part of
+    /// the network into biases, packs the weights and checks the result against tract. Slow (0.2 s where
+    /// weights are rounded), for the control thread; one that was made lately is not made again: the copy
+    /// shares its weights.
     ///
     /// # Errors
-    /// No material or more than [`MAX_MATERIALS`], one of another length or not finite; with [`Choice::Packed`], a
-    /// network, machine or result that does not allow it.
+    /// No material or more than [`MAX_MATERIALS`], one of another length or not finite; with
+    /// [`Choice::Packed`], a network, machine or result that does not allow it.
     pub fn runner<M: AsRef<[f32]>>(
         &self,
         materials: &[M],
@@ -517,8 +521,8 @@ impl Runner {
         self.info.executor.is_allocation_free()
     }
 
-    /// Reads the packed weights once, in order, and returns a checksum: for benches, the time that a run is held
-    /// against. `None` for f64 and tract.
+    /// Reads the packed weights once, in order, and returns a checksum: for benches, the time that a run is
+    /// held against. `None` for f64 and tract.
     pub fn read_weights(&self) -> Option<u32> {
         match &self.engine {
             Engine::F32(packed) => Some(packed.read()),

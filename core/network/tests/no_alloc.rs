@@ -1,5 +1,5 @@
-//! A run of packed kernels allocates nothing. The checking allocator is compiled in with debug assertions, which the
-//! optimised test profile keeps.
+//! A run of packed kernels allocates nothing. The checking allocator is compiled in with debug assertions,
+//! which the optimised test profile keeps.
 #![cfg(debug_assertions)]
 #![allow(missing_docs, clippy::unwrap_used)]
 

@@ -163,13 +163,13 @@ pub struct Input {
     pub optional: bool,
     /// Value of an unconnected control input.
     pub default: f64,
-    /// Whether a node that said it sleeps is woken by this input: by audio that is not silent, a frame, or a control that
-    /// changed. Audio and frames do unless said otherwise, controls only where said so.
+    /// Whether a node that said it sleeps is woken by this input: by audio that is not silent, a frame, or
+    /// a control that changed. Audio and frames do unless said otherwise, controls only where said so.
     pub wakes: bool,
     /// Whether only a limited signal may enter.
     pub limited: bool,
-    /// Whether the host gives the values while no wire ends here: what comes from a device, a network or a hand. Until it
-    /// has, nothing there is to be trusted.
+    /// Whether the host gives the values while no wire ends here: what comes from a device, a network or a
+    /// hand. Until it has, nothing there is to be trusted.
     pub fed: bool,
 }
 
@@ -249,8 +249,8 @@ impl Input {
         self
     }
 
-    /// May stay unconnected; the host then gives the values, tick by tick. Built-in nodes only: a host knows what to give
-    /// by their kind.
+    /// May stay unconnected; the host then gives the values, tick by tick. Built-in nodes only: a host
+    /// knows what to give by their kind.
     #[must_use]
     pub fn fed(mut self) -> Self {
         (self.optional, self.fed) = (true, true);
@@ -279,8 +279,9 @@ impl Output {
         self
     }
 
-    /// Comes beside what the node is for: a wire without a port's name does not mean it. Where the node fails and it holds its values, these
-    /// are still to be trusted: they say more of what the other outputs no longer have.
+    /// Comes beside what the node is for: a wire without a port's name does not mean it. Where the node
+    /// fails and it holds its values, these are still to be trusted: they say more of what the other
+    /// outputs no longer have.
     #[must_use]
     pub fn aside(mut self) -> Self {
         self.aside = true;

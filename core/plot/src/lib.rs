@@ -1,9 +1,12 @@
 //! Pictures as SVG: what a render did, the graph that did it, and how phase-retrieval methods compare.
 //!
-//! [`Render`] holds the signals of a render and stacks them as panels over one time axis, under the scene from [`Above`] where there is one; [`Picture`] lays a graph
-//! out in layers; [`Dots`] sets figures side by side; [`Response`] is a frequency response, measured and fitted; [`Fit`] is a texture that was fitted to a
-//! recording; [`Curves`] is how a training went; [`Pulses`] is how vibrations swell and fade; [`Scatter`] is what each of many settings costs and is worth. The SVG is written here rather than by a chart library: lines are
-//! thinned to what a pixel can show, coordinates keep a tenth of a pixel, and no fonts are loaded.
+//! [`Render`] holds the signals of a render and stacks them as panels over one time axis, under the scene
+//! from [`Above`] where there is one; [`Picture`] lays a graph out in layers; [`Dots`] sets figures side by
+//! side; [`Response`] is a frequency response, measured and fitted; [`Fit`] is a texture that was fitted to
+//! a recording; [`Curves`] is how a training went; [`Pulses`] is how vibrations swell and fade; [`Scatter`]
+//! is what each of many settings costs and is worth. The SVG is written here rather than by a chart
+//! library: lines are thinned to what a pixel can show, coordinates keep a tenth of a pixel, and no fonts
+//! are loaded.
 
 mod above;
 mod axis;

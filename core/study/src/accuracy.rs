@@ -98,7 +98,8 @@ pub(crate) fn find(
                     whole(&heard, truth, setting.strength, &mut figures);
                     models.extend(of_model(&heard, &truth.spectrograms));
                 }
-                // The wave itself is compared on one stroke, over one material: double precision takes its time, and draws are to differ in nothing else.
+                // The wave itself is compared on one stroke, over one material: double precision takes its
+                // time, and draws are to differ in nothing else.
                 if let Some(double) = double.as_ref().filter(|_| std::mem::take(&mut compared)) {
                     let graph = over(double, registry, material, seed);
                     let mut wide = Chain::new(&graph, registry, strokes.clone(), options)?;
@@ -175,9 +176,11 @@ fn whole(heard: &Heard, truth: &Truth, strength: f64, figures: &mut Figures) {
     ]);
 }
 
-/// Figures of the frames themselves, as they are: a reference for what is behind them. None where there are none.
+/// Figures of the frames themselves, as they are: a reference for what is behind them. None where there are
+/// none.
 ///
-/// A frame's magnitude of a bin, an amplitude A, stands for the power A^2 / 3 that a spectrogram has of a sine of that amplitude there.
+/// A frame's magnitude of a bin, an amplitude A, stands for the power A^2 / 3 that a spectrogram has of a
+/// sine of that amplitude there.
 fn of_model(heard: &Heard, truth: &[Spectrogram]) -> Option<Figures> {
     let framing = heard.framing?;
     let bin_hz = f64::from(framing.rate_hz) / framing.fft_len as f64;
@@ -210,7 +213,8 @@ fn of_agreement(agreement: &Agreement) -> Figures {
 mod tests {
     use super::*;
 
-    /// Frames of a sine at 100 Hz, as a Hann window of 0.1 s has them: its amplitude in its bin, half of it beside.
+    /// Frames of a sine at 100 Hz, as a Hann window of 0.1 s has them: its amplitude in its bin, half of it
+    /// beside.
     fn heard(amplitude: f32) -> Heard {
         let framing =
             asperity_dsp::Framing { rate_hz: 2500, fft_len: 250, bins: 126, frame_num: 100, frame_den: 1 };

@@ -6,11 +6,13 @@ use crate::result::{Results, Row};
 /// What may be spent.
 #[derive(Clone, Debug, Default)]
 pub struct Budget {
-    /// Most microseconds a tick: of the median, and of the 99.9th percentile without what the machine stalls by itself.
+    /// Most microseconds a tick: of the median, and of the 99.9th percentile without what the machine
+    /// stalls by itself.
     pub tick_us: Option<f64>,
     /// Longest response lag: ms until half of a step of speed is felt.
     pub lag_ms: Option<f64>,
-    /// Counts what the machine stalls by itself: the 99.9th percentile as it was measured. Else [`Time::stall_us`](crate::Time::stall_us) is taken off.
+    /// Counts what the machine stalls by itself: the 99.9th percentile as it was measured. Else
+    /// [`Time::stall_us`](crate::Time::stall_us) is taken off.
     pub strict: bool,
     /// Figures in the order in which they count; none for [the usual ones](Results::usual).
     pub by: Vec<Figure>,
@@ -73,8 +75,8 @@ impl Results {
         self.rows.iter().any(|row| row.figure(figure).is_some())
     }
 
-    /// Figures by which a setting is best where none are asked for: those against the physics, perceptual first, then modulation; where none of them is known, the spectral
-    /// convergence.
+    /// Figures by which a setting is best where none are asked for: those against the physics, perceptual
+    /// first, then modulation; where none of them is known, the spectral convergence.
     pub fn usual(&self) -> Vec<Figure> {
         let known = |f: &Figure| self.knows(*f);
         let physics: Vec<Figure> =
@@ -84,9 +86,10 @@ impl Results {
 
     /// The best setting that fits; none where nothing does.
     ///
-    /// By the first figure the best and what is not told apart from it, of these by the second, and so on; of what is left the one that takes least time. Of many that
-    /// are equal the best is so by chance, and others that are no worse may be told apart from it. So at last the cheapest is taken of all that fit and that
-    /// are better than that one in each of the figures, or not told apart from it.
+    /// By the first figure the best and what is not told apart from it, of these by the second, and so on;
+    /// of what is left the one that takes least time. Of many that are equal the best is so by chance, and
+    /// others that are no worse may be told apart from it. So at last the cheapest is taken of all that fit
+    /// and that are better than that one in each of the figures, or not told apart from it.
     pub fn choose(&self, budget: &Budget) -> Option<Choice<'_>> {
         let fitting: Vec<&Row> = self.rows.iter().filter(|row| self.fits(row, budget).is_ok()).collect();
         let usual = if budget.by.is_empty() { self.usual() } else { Vec::new() };

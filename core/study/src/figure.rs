@@ -10,7 +10,8 @@ use serde::{Deserialize, Serialize};
 pub enum Figure {
     /// Similarity of what can be felt of the spectra, against the physics: 0 to 1.
     Perceptual,
-    /// Root mean square error of the envelope's modulation in five bands, 2 to 50 Hz, against the physics \[dB\].
+    /// Root mean square error of the envelope's modulation in five bands, 2 to 50 Hz, against the physics
+    /// \[dB\].
     Modulation,
     /// Root mean square error of the long-term spectrum over 20 to 1000 Hz, against the physics \[dB\].
     Spectrum,
@@ -96,7 +97,8 @@ impl Figure {
         self == Self::Perceptual
     }
 
-    /// Whether it is against the physics, of which a setting only has some where the graph's materials are known.
+    /// Whether it is against the physics, of which a setting only has some where the graph's materials are
+    /// known.
     pub fn of_the_whole(self) -> bool {
         !matches!(self, Self::Convergence | Self::Precision)
     }

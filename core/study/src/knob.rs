@@ -12,7 +12,8 @@ use asperity_source::{Diagnostic, Place, one_of};
 enum Target {
     /// `tick_hz`, `audio_hz`.
     Graph(String),
-    /// `NODE.PARAM`, `NODE.every`, or `*.PARAM` for every node whose kind has it; `*.every` for those that carry no audio.
+    /// `NODE.PARAM`, `NODE.every`, or `*.PARAM` for every node whose kind has it; `*.every` for those that
+    /// carry no audio.
     Param { node: String, param: String },
     /// `NODE`: the node itself, another in its place, or none.
     Node(String),
@@ -126,7 +127,8 @@ impl Knob {
         one_of(&self.to_string(), names.iter().map(String::as_str))
     }
 
-    /// The kind of a node that a value asks for and that nobody has, such as one of a plugin that is not loaded.
+    /// The kind of a node that a value asks for and that nobody has, such as one of a plugin that is not
+    /// loaded.
     pub fn lacks<'v>(&self, value: &'v Value, registry: &Registry) -> Option<&'v str> {
         let Kind::Record { fields, .. } = value.kind() else { return None };
         let kind = fields.iter().find(|(key, _)| key.name == "kind")?.1.text().ok()?;
@@ -227,7 +229,8 @@ fn replace(graph: &mut GraphFile, id: &str, value: &Value, registry: &Registry) 
     else {
         return Ok(());
     };
-    // Both retrieve phase: ports go by other names, and an `overlap_add` stands behind those that answer spectra. What the other has no port for, it is not told.
+    // Both retrieve phase: ports go by other names, and an `overlap_add` stands behind those that answer
+    // spectra. What the other has no port for, it is not told.
     let main = |port: &Option<String>| port.as_deref().is_none_or(|port| port == before.input);
     let has = |port: &Option<String>| new_kind.inputs.iter().any(|i| Some(&*i.name) == port.as_deref());
     graph.wires.retain(|wire| wire.to.node != id || main(&wire.to.port) || has(&wire.to.port));
@@ -274,8 +277,8 @@ fn free(graph: &GraphFile, wanted: &str) -> String {
     std::iter::once(wanted.to_owned()).chain(more).find(|id| graph.node(id).is_none()).unwrap_or_default()
 }
 
-/// Takes a node out; what came to its first input goes to where its first output went. A sound card behind a limiter that is gone only
-/// looks on: nothing is to be played without one.
+/// Takes a node out; what came to its first input goes to where its first output went. A sound card behind
+/// a limiter that is gone only looks on: nothing is to be played without one.
 fn bypass(graph: &mut GraphFile, id: &str, value: &Value, registry: &Registry) -> Result<(), Diagnostic> {
     let Some(kind) = graph.node(id).and_then(|n| registry.get(&n.kind)) else { return Ok(()) };
     let d = kind.descriptor();

@@ -15,7 +15,8 @@ use crate::spot::{Spot, along};
 const HALF_S: f64 = 0.4;
 /// Steps that are left out, while the chain starts.
 const LEFT_OUT: usize = 2;
-/// Speeds between which it steps \[mm/s\]. A period goes 64.618 mm: whatever repeats along the way comes at every phase.
+/// Speeds between which it steps \[mm/s\]. A period goes 64.618 mm: whatever repeats along the way comes at
+/// every phase.
 const SPEEDS: [f64; 2] = [40.4, 121.145];
 /// How deep the stylus is in a floor at height 0 \[mm\]: 1 N at 0.5 N/mm.
 const DEPTH_MM: f64 = 2.0;
@@ -29,7 +30,8 @@ fn stylus(t: f64, stepped: bool) -> [f64; 3] {
     [x, 0.0, -DEPTH_MM]
 }
 
-/// The ways of a stylus whose speed steps, and of one whose speed does not; on a surface of a scene they go round.
+/// The ways of a stylus whose speed steps, and of one whose speed does not; on a surface of a scene they go
+/// round.
 pub(crate) fn ways(spot: Option<&Spot>) -> [Path3; 2] {
     [true, false].map(|stepped| along(spot, Arc::new(move |t| stylus(t, stepped))))
 }
@@ -55,13 +57,14 @@ impl Response {
         self.0.schedule()
     }
 
-    /// Node and output whose level is looked at: the last acceleration at the audio rate, else what drives the coil.
+    /// Node and output whose level is looked at: the last acceleration at the audio rate, else what drives
+    /// the coil.
     pub fn heard(&self) -> Option<(usize, usize)> {
         self.0.nearest()
     }
 
-    /// Milliseconds from a step of speed, from 40 to 121 mm/s, until the level is 10, 50 and 90 % of the way; so many steps are taken. None where
-    /// the level does not rise with speed.
+    /// Milliseconds from a step of speed, from 40 to 121 mm/s, until the level is 10, 50 and 90 % of the
+    /// way; so many steps are taken. None where the level does not rise with speed.
     pub fn lag_ms(mut self, steps: usize) -> Option<[f64; 3]> {
         measured(&mut self.0, 0, steps)
     }

@@ -1,8 +1,9 @@
 //! What accuracy costs in time: many settings of a graph over the same strokes and materials.
 //!
-//! A [`Study`] is a file that says which knobs of a graph are turned to what, and over what they are played; [`Settings`] are the graphs that come of it. Each
-//! is heard for its [accuracy](Figure), put to the hard cases, timed in turns with others, and measured for how late it answers; [`Results`]
-//! are what came of all.
+//! A [`Study`] is a file that says which knobs of a graph are turned to what, and over what they are
+//! played; [`Settings`] are the graphs that come of it. Each is heard for its [accuracy](Figure), put to
+//! the hard cases, timed in turns with others, and measured for how late it answers; [`Results`] are what
+//! came of all.
 
 mod accuracy;
 mod chart;

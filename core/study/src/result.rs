@@ -26,9 +26,11 @@ pub struct Results {
     pub materials: Vec<String>,
     /// What ran it.
     pub machines: Vec<Machine>,
-    /// Shards that are in these results, from 1, and of how many: `[(1, 1)]` where the study was not split. Each was timed against the first default.
+    /// Shards that are in these results, from 1, and of how many: `[(1, 1)]` where the study was not split.
+    /// Each was timed against the first default.
     pub shards: Vec<(usize, usize)>,
-    /// Settings that are not finished: the study was stopped, or a shard is missing and nobody knows its settings.
+    /// Settings that are not finished: the study was stopped, or a shard is missing and nobody knows its
+    /// settings.
     pub unfinished: usize,
     /// Hard cases that settings were put to; 0 where nobody looked.
     pub cases: usize,
@@ -38,10 +40,11 @@ pub struct Results {
     pub lag_floor_ms: Option<f64>,
     /// The same of loads, as a ratio: 1.05 for 5 %.
     pub load_floor: Option<f64>,
-    /// Figures of the network's own magnitudes in the first default: a reference, which what is behind the network may pass by chance or by making up for
-    /// its errors.
+    /// Figures of the network's own magnitudes in the first default: a reference, which what is behind the
+    /// network may pass by chance or by making up for its errors.
     pub model: Figures,
-    /// Time of a tick in which nothing is done, for as long as the median of the default's: what is beyond that is the machine's own.
+    /// Time of a tick in which nothing is done, for as long as the median of the default's: what is beyond
+    /// that is the machine's own.
     pub empty: Option<Time>,
     /// What a person should know of how they were taken.
     #[serde(default)]
@@ -117,7 +120,8 @@ pub struct Fragment {
     pub gone: Vec<String>,
     /// Entries of `wires`, where any differ: all of them.
     pub wires: Vec<String>,
-    /// Kinds of these nodes that are of plugins which the file does not name, and the plugins' names, as they are looked for along the plugin path.
+    /// Kinds of these nodes that are of plugins which the file does not name, and the plugins' names, as
+    /// they are looked for along the plugin path.
     pub plugins: Vec<(String, String)>,
     /// Whether the file is a scene, so that all this is of the graph that it lowers to.
     pub scene: bool,
@@ -138,18 +142,19 @@ pub struct Time {
     pub misses: u64,
     /// Ticks that were timed.
     pub ticks: u64,
-    /// Median time of a length of signal over this length, in per cent: what is ranked, since ticks of other rates, and nodes that run in some of them, have
-    /// medians that do not compare. The length is [`LOAD_MS`](crate::time::LOAD_MS) or more, a whole number of the periods of all nodes.
+    /// Median time of a length of signal over this length, in per cent: what is ranked, since ticks of
+    /// other rates, and nodes that run in some of them, have medians that do not compare. The length is
+    /// [`LOAD_MS`](crate::time::LOAD_MS) or more, a whole number of the periods of all nodes.
     pub load_percent: f64,
     /// Largest difference of a turn's load from that, as a ratio.
     pub spread: f64,
     /// The first tick after others had the caches: the median over turns.
     pub cold_us: f64,
-    /// What of the 99.9th percentile the machine stalls by itself: what ticks that did nothing, in the same turns, took beyond their median, at the percentile
-    /// where they had met as many stalls.
+    /// What of the 99.9th percentile the machine stalls by itself: what ticks that did nothing, in the same
+    /// turns, took beyond their median, at the percentile where they had met as many stalls.
     pub stall_us: f64,
-    /// Memory that the graph takes \[KiB\], where it can be counted: its nodes and its buffers, beyond the models, weights and libraries that a process has
-    /// once for all of its graphs.
+    /// Memory that the graph takes \[KiB\], where it can be counted: its nodes and its buffers, beyond the
+    /// models, weights and libraries that a process has once for all of its graphs.
     pub memory_kib: Option<f64>,
     /// How often nodes failed while it was timed.
     #[serde(default)]
@@ -157,7 +162,8 @@ pub struct Time {
 }
 
 impl Row {
-    /// Whether it may be chosen: it ran, its time is known, no node failed, and every hard case that it was put to holds.
+    /// Whether it may be chosen: it ran, its time is known, no node failed, and every hard case that it was
+    /// put to holds.
     pub fn sound(&self) -> bool {
         self.error.is_none() && self.time.is_some() && self.faults == 0 && self.fails.is_empty()
     }

@@ -73,7 +73,8 @@ impl Prepared<'_> {
     /// Runs the study. Where the user asks to stop, results have all that is finished, now or earlier.
     ///
     /// # Errors
-    /// What cannot be written; another run that keeps its parts in the same folder. A setting that cannot be run is a row that says why.
+    /// What cannot be written; another run that keeps its parts in the same folder. A setting that cannot
+    /// be run is a row that says why.
     pub fn run(&self, onlooker: &dyn Onlooker) -> Result<Results, Diagnostic> {
         let (order, study) = (self.order, self.order.study);
         let kept = Kept::open(order.folder)?;
@@ -261,7 +262,8 @@ impl Work<'_> {
     }
 }
 
-/// Removes parts that no setting of this study needs any more: all but those of these names, and batches in which one of them was timed.
+/// Removes parts that no setting of this study needs any more: all but those of these names, and batches in
+/// which one of them was timed.
 fn tidy(kept: &Kept, names: &[Names]) -> Result<(), Diagnostic> {
     let of = |f: fn(&Names) -> &String| names.iter().map(f).map(String::as_str).collect::<BTreeSet<_>>();
     let (figures, cases, times) = (of(|n| &n.figures), of(|n| &n.cases), of(|n| &n.times));

@@ -37,7 +37,8 @@ enum From {
 /// What is known of what a tool feels along a stroke.
 #[derive(Clone, Debug)]
 pub enum Known {
-    /// What the hand does, without the sensor's steps: the rest can be simulated where the material is a made surface.
+    /// What the hand does, without the sensor's steps: the rest can be simulated where the material is a
+    /// made surface.
     Hand(Hand),
     /// What the tool felt.
     Felt(Truth),
@@ -50,13 +51,15 @@ pub struct Stroke {
     pub name: String,
     /// How long it lasts \[s\].
     pub seconds: f64,
-    /// What the sensor reads at a time in s: x, y, z in mm, z up; the surface is at 0 and gives way by 0.5 N/mm.
+    /// What the sensor reads at a time in s: x, y, z in mm, z up; the surface is at 0 and gives way by 0.5
+    /// N/mm.
     pub measured: Path3,
     /// What a tool feels of it.
     pub known: Known,
     /// The material over which it was recorded: over others it is not played.
     pub material: Option<String>,
-    /// Its extent where it was made smaller than the study says, since a scene's surface has no room for more \[mm\].
+    /// Its extent where it was made smaller than the study says, since a scene's surface has no room for
+    /// more \[mm\].
     pub made_mm: Option<f64>,
 }
 
@@ -109,8 +112,8 @@ fn in_a_study(mut e: Diagnostic) -> Diagnostic {
 }
 
 impl StrokeDecl {
-    /// Reads `(name: "..", file: "..")`, `(name: "..", recording: "..", material: "..")`, or `(name: "..", shape: circle, ..)` with what the node
-    /// `stroke` has for parameters.
+    /// Reads `(name: "..", file: "..")`, `(name: "..", recording: "..", material: "..")`, or `(name: "..",
+    /// shape: circle, ..)` with what the node `stroke` has for parameters.
     ///
     /// # Errors
     /// Another value, an unknown field.

@@ -1,4 +1,5 @@
-//! The physics: what a pen feels of the same stroke over several places of the same surface, or what a tool felt when the stroke was recorded.
+//! The physics: what a pen feels of the same stroke over several places of the same surface, or what a tool
+//! felt when the stroke was recorded.
 
 use std::collections::HashMap;
 

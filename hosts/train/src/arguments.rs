@@ -114,7 +114,8 @@ pub(crate) struct Settings {
     /// Steps in which the network then settles on vectors that no longer change, for each target.
     #[arg(long, default_value_t = 6_000, value_parser = value_parser!(u32).range(1..=100_000_000))]
     pub settling_steps: u32,
-    /// Of stage two: weight of naming the material, and of telling the family of surfaces that are not known, beside vibration. The paper has none.
+    /// Of stage two: weight of naming the material, and of telling the family of surfaces that are not
+    /// known, beside vibration. The paper has none.
     #[arg(long, default_value_t = 0.2, value_parser = weight)]
     pub naming_weight: f64,
     /// Of data that are read: how many materials are held apart whole, drawn by the seed.
@@ -126,7 +127,8 @@ pub(crate) struct Settings {
     /// Of made data: pieces of each surface to train on, 1 to 1000.
     #[arg(long, default_value_t = 12, value_parser = value_parser!(u32).range(1..=1000))]
     pub pieces: u32,
-    /// Steps before settling of a network that was trained anew on a finished encoder, by `asperity-train network`.
+    /// Steps before settling of a network that was trained anew on a finished encoder, by `asperity-train
+    /// network`.
     #[arg(skip)]
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub network_steps: Option<u32>,

@@ -84,7 +84,8 @@ pub(crate) struct Data {
 }
 
 impl Data {
-    /// A checksum of all that a run depends on, and of what is held apart: a run is not to go on with other data than it was begun with.
+    /// A checksum of all that a run depends on, and of what is held apart: a run is not to go on with other
+    /// data than it was begun with.
     pub(crate) fn checksum(&self) -> u32 {
         let mut sum = crc32fast::Hasher::new();
         for (number, subject) in self.seen.iter().chain(&self.unseen).enumerate() {
@@ -120,7 +121,8 @@ pub(crate) fn made_settings(settings: &Settings) -> made::Settings {
 /// Makes or reads the data of a run.
 ///
 /// # Errors
-/// What the source finds wrong; fewer than two materials to train on, or one without an image or without a stroke.
+/// What the source finds wrong; fewer than two materials to train on, or one without an image or without a
+/// stroke.
 pub(crate) fn load(settings: &Settings) -> Result<Data, Failure> {
     let made = settings.data == Origin::Made;
     let refuse = |what: &str| Err(Diagnostic::new(what.to_owned()).into());

@@ -27,8 +27,8 @@ pub(crate) struct Weights {
     pub bias: Vec<f32>,
 }
 
-/// Numbers of He's uniform initialisation (He, Zhang, Ren, Sun 2015) for `inputs` inputs, times `gain`; from our own generator, so that a seed means
-/// the same everywhere.
+/// Numbers of He's uniform initialisation (He, Zhang, Ren, Sun 2015) for `inputs` inputs, times `gain`;
+/// from our own generator, so that a seed means the same everywhere.
 pub(crate) fn initial(count: usize, inputs: usize, gain: f64, random: &mut Random) -> Vec<f32> {
     let bound = gain * (6.0 / inputs as f64).sqrt();
     (0..count).map(|_| random.range(-bound, bound) as f32).collect()

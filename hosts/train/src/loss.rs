@@ -10,7 +10,8 @@ use serde::{Deserialize, Serialize};
 /// What the network is to answer of a random texture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum, Serialize, Deserialize)]
 pub(crate) enum Target {
-    /// Its mean magnitudes, as in the paper: the least squared error. A signal of them is too quiet, 1.05 dB where one axis of a Gaussian signal is felt.
+    /// Its mean magnitudes, as in the paper: the least squared error. A signal of them is too quiet, 1.05
+    /// dB where one axis of a Gaussian signal is felt.
     Mean,
     /// Its root mean square magnitudes, whose signal has the right power.
     Rms,
@@ -61,10 +62,12 @@ impl Target {
     /// `weight`.
     ///
     /// Its derivative is `a(y) (y - m)` for the mean and `a(y) (y^2 - m^2)` for the root mean square,
-    /// whatever `a(y) > 0` is, so that its least is there.
-    /// [`Aim::Euclidean`] has `a = 1`: half the squared error, and `|y|^3 / 3 - m^2 y`. [`Aim::Relative`] has `1 / (y + s)^2` and `1 / (y + s)^3`: for
-    /// `s = 0` that is the likelihood of an exponentially distributed magnitude and of a Gaussian signal (the Itakura-Saito distance), to which an
-    /// error in decibels is the same at any level, and an answer far too large pulls no harder than one that is a little too large. Where nothing at all is to be felt it is `sqrt(1 + y^2)`, which goes on pulling as a likelihood would not.
+    /// whatever `a(y) > 0` is, so that its least is there. [`Aim::Euclidean`] has `a = 1`: half the squared
+    /// error, and `|y|^3 / 3 - m^2 y`. [`Aim::Relative`] has `1 / (y + s)^2` and `1 / (y + s)^3`: for `s =
+    /// 0` that is the likelihood of an exponentially distributed magnitude and of a Gaussian signal (the
+    /// Itakura-Saito distance), to which an error in decibels is the same at any level, and an answer far
+    /// too large pulls no harder than one that is a little too large. Where nothing at all is to be felt it
+    /// is `sqrt(1 + y^2)`, which goes on pulling as a likelihood would not.
     pub(crate) fn loss(self, aim: Aim, answer: Tensor<2>, target: Tensor<2>, weight: Tensor<2>) -> Tensor<1> {
         const S: f32 = SOFT;
         let (y, m) = (answer * weight.clone(), target * weight);
@@ -191,7 +194,8 @@ pub(crate) fn square_of_noise(rms: &[f32; BINS]) -> f32 {
     (1.0 + variance / (sum * sum)) as f32
 }
 
-/// What is added to a relative answer before it is divided by: below this part of what such a touch comes to, decibels no longer count.
+/// What is added to a relative answer before it is divided by: below this part of what such a touch comes
+/// to, decibels no longer count.
 const SOFT: f32 = 0.1;
 
 /// Touches count as about the same up to this speed in mm/s, and above it within thirds of an octave: where
@@ -205,8 +209,8 @@ const FORCES_N: [f32; 3] = [0.01, 0.5, 1.2];
 const STEADY: (f32, f32) = (3.0, 0.03);
 const CELLS: usize = 2 * SPEEDS * (FORCES_N.len() + 1);
 
-/// Part of a material's own level that is added to what a touch comes to: what is all but silent must not count for more than what is felt, or the network
-/// learns silence first and nothing after it.
+/// Part of a material's own level that is added to what a touch comes to: what is all but silent must not
+/// count for more than what is felt, or the network learns silence first and nothing after it.
 const OWN_LEVEL: f32 = 0.02;
 
 /// Part of the mean over all bins that is added to what a bin comes to: 40 dB below the others a bin is not

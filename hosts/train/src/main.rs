@@ -1,5 +1,5 @@
-//! Trains texture models: from tactile images and strokes to an encoder of images, a network for every tick, a library of materials, and a card that says
-//! how good they are.
+//! Trains texture models: from tactile images and strokes to an encoder of images, a network for every
+//! tick, a library of materials, and a card that says how good they are.
 
 mod arguments;
 mod card;

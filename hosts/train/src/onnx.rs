@@ -63,7 +63,8 @@ pub(crate) fn network(network: &NetworkWeights, target: Target, reach: Reach, ab
     )
 }
 
-/// The bytes of image encoder and texture encoder in one: from `image` \[1, 3, 192, 256\] of 0 to 1 to `texture` \[1, 256\].
+/// The bytes of image encoder and texture encoder in one: from `image` \[1, 3, 192, 256\] of 0 to 1 to
+/// `texture` \[1, 256\].
 pub(crate) fn encoder(kernels: &[Kernel], head: &[Weights], about: About<'_>) -> Vec<u8> {
     let mut graph = Graph::default();
     let (scale, offset) = PIXEL_SCALE;

@@ -32,7 +32,8 @@ pub(crate) struct FindPatterns {
     pub data: Option<Origin>,
 }
 
-/// Finds the patterns of a model's materials anew, and writes its library with them. All else in the library stays.
+/// Finds the patterns of a model's materials anew, and writes its library with them. All else in the
+/// library stays.
 ///
 /// # Errors
 /// What the files say, and the data.
@@ -60,7 +61,8 @@ pub(crate) fn find(find: &FindPatterns) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Gives each material of the data its pattern, that which goes with the network in a folder; others keep theirs.
+/// Gives each material of the data its pattern, that which goes with the network in a folder; others keep
+/// theirs.
 ///
 /// # Errors
 /// What the recordings say, and the network's file.

@@ -80,12 +80,13 @@ pub(crate) fn train(train: &Train) -> Result<(), Failure> {
     let (learner, feeling_losses) =
         stages::feel(&feeling, learner, &data.seen, beside, touching, &device, |p| teller.progress(p))?;
 
-    // The texture encoder is done: what is left is learned from vectors, half of the time the ones that will be stored.
+    // The texture encoder is done: what is left is learned from vectors, half of the time the ones that
+    // will be stored.
     let texture = learner.feeler.texture.valid();
     let mut vectors: Vec<Vec<f32>> =
         looks.seen.iter().map(|features| vectors(&texture, features, &plain)).collect();
-    // Vectors that keep names apart are large: they are brought to a root mean square of 1. At a larger rate the network does not
-    // settle: the loss of power has a long tail, and goes up.
+    // Vectors that keep names apart are large: they are brought to a root mean square of 1. At a larger
+    // rate the network does not settle: the loss of power has a long tail, and goes up.
     let squares = vectors.iter().flatten().map(|x| f64::from(*x).powi(2)).sum::<f64>();
     let rms = (squares / vectors.iter().map(Vec::len).sum::<usize>().max(1) as f64).sqrt();
     let gain = if rms > 0.0 { rms.recip() as f32 } else { 1.0 };

@@ -73,7 +73,8 @@ fn a_small_run_writes_a_whole_model_and_its_card_can_be_written_anew() {
     let svg = String::from_utf8(read(&model, "curves.svg")).expect("text");
     assert!(svg.contains("naming") && svg.contains("feeling") && svg.contains("settling"));
 
-    // The card does not depend on when it is written; a material that came in since is not judged, and is in nobody's way.
+    // The card does not depend on when it is written; a material that came in since is not judged, and is
+    // in nobody's way.
     std::fs::remove_file(model.join("MODEL_CARD.md")).expect("removed");
     let more = library.materials()[0].clone();
     let more = LibraryMaterial { name: "mine".into(), ..more };

@@ -71,7 +71,8 @@ impl Bench {
     }
 }
 
-/// Motions that stand still now and then, and differ from one to the next in one bit, in a sign of zero, in what is out of range or no number.
+/// Motions that stand still now and then, and differ from one to the next in one bit, in a sign of zero, in
+/// what is out of range or no number.
 fn script() -> Vec<Asked> {
     let mut asked: Asked = ([1.0; 10], [0.0; 20], 0.0);
     let unit = |k: u64| random::uniform(7, k);

@@ -18,8 +18,8 @@ const MODEL_HZ: u32 = 500;
 
 /// Predicts magnitudes by an ONNX model, for one of several preloaded materials.
 ///
-/// An answer follows from what was asked alone, so that the same question, to the bit, is answered again without the network: a hand that is
-/// still asks nothing.
+/// An answer follows from what was asked alone, so that the same question, to the bit, is answered again
+/// without the network: a hand that is still asks nothing.
 pub struct TextureNetwork {
     runner: Runner,
     clock: FrameClock,
@@ -82,8 +82,11 @@ fn numbers(pattern: &Pattern) -> [f64; PATTERN_LEN] {
     let mut numbers = [0.0; PATTERN_LEN];
     let mut next = numbers.iter_mut();
     let mut put = |x: f64| next.by_ref().take(1).for_each(|to| *to = x);
-    let of = |e: Events| [e.spacing_mm.unwrap_or(-1.0), e.spacing_exponent, e.interval_cv, e.height_cv];
-    let events = pattern.events.map_or([0.0; 4], of);
+    let of = |e: Events| {
+        let [a, b] = e.anisotropy;
+        [e.spacing_mm.unwrap_or(-1.0), e.spacing_exponent, e.interval_cv, e.height_cv, a, b]
+    };
+    let events = pattern.events.map_or([0.0; 6], of);
     events.into_iter().for_each(&mut put);
     for wave in &pattern.waves {
         wave.per_mm.into_iter().for_each(&mut put);

@@ -164,7 +164,8 @@ fn is_report(path: &Path) -> bool {
         && text.lines().last().is_some_and(|line| line.starts_with("- less than this is not told apart"))
 }
 
-/// What is kept of a study: whole parts, and beside them what says that it is none, and what keeps other runs out.
+/// What is kept of a study: whole parts, and beside them what says that it is none, and what keeps other
+/// runs out.
 fn is_kept(path: &Path) -> bool {
     let entries = std::fs::read_dir(path).expect("a folder").map(|e| e.expect("an entry").path());
     let part = |path: &Path| {

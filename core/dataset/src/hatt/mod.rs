@@ -1,23 +1,26 @@
-//! The Penn Haptic Texture Toolkit, from a folder that the user has downloaded: a hundred real textures as autoregressive models, and
-//! photographs of them (Culbertson, Lopez Delgado, Kuchenbecker 2014, "One hundred data-driven haptic texture models and open-source methods for
-//! rendering on 3D objects"). Its licence forbids passing the files on; none are in this project.
+//! The Penn Haptic Texture Toolkit, from a folder that the user has downloaded: a hundred real textures as
+//! autoregressive models, and photographs of them (Culbertson, Lopez Delgado, Kuchenbecker 2014, "One
+//! hundred data-driven haptic texture models and open-source methods for rendering on 3D objects"). Its
+//! licence forbids passing the files on; none are in this project.
 //!
 //! # What is looked for
 //!
 //! XML files with a `modelSet`, anywhere in the folder. One file is one material, and is read as
 //! [`toolkit`](asperity_world::autoregressive::toolkit) says.
 //!
-//! A picture belongs to the material with whose file's name its own begins, the longest such; letters and digits alone count, and `models`,
-//! `model`, `images` and `image` in front do not.
+//! A picture belongs to the material with whose file's name its own begins, the longest such; letters and
+//! digits alone count, and `models`, `model`, `images` and `image` in front do not.
 //!
 //! # What examples are
 //!
-//! Strokes are [drawn](crate::History::draw), and magnitudes are not those of a signal but the root mean square of all signals, from the models' [closed
-//! form](asperity_world::autoregressive): targets without noise. The 20 ms before a frame are weighted with 1, 2, .. 10, the newest most: a contact that began
-//! 6 ms ago counts for what it is. Speeds and forces beyond those of the recordings have the nearest recorded one's.
+//! Strokes are [drawn](crate::History::draw), and magnitudes are not those of a signal but the root mean
+//! square of all signals, from the models' [closed form](asperity_world::autoregressive): targets without
+//! noise. The 20 ms before a frame are weighted with 1, 2, .. 10, the newest most: a contact that began 6
+//! ms ago counts for what it is. Speeds and forces beyond those of the recordings have the nearest recorded
+//! one's.
 //!
-//! A model of 1000 Hz says nothing above 500 Hz. There magnitudes are 0, as what the toolkit itself renders with that model has nothing there;
-//! a network that is trained on them learns to be silent there too.
+//! A model of 1000 Hz says nothing above 500 Hz. There magnitudes are 0, as what the toolkit itself renders
+//! with that model has nothing there; a network that is trained on them learns to be silent there too.
 
 use std::path::{Path, PathBuf};
 
@@ -59,11 +62,12 @@ struct Found {
     pictures: Vec<PathBuf>,
 }
 
-/// Reads a folder. Materials are in the order of their files' names; the same files and settings give the same bits.
+/// Reads a folder. Materials are in the order of their files' names; the same files and settings give the
+/// same bits.
 ///
 /// # Errors
-/// A folder that cannot be read, or without a model set; two model sets of one name (such as of two sample rates); a material without a
-/// picture; all of [`parse`] and of [`asperity_world::tactile::read`].
+/// A folder that cannot be read, or without a model set; two model sets of one name (such as of two sample
+/// rates); a material without a picture; all of [`parse`] and of [`asperity_world::tactile::read`].
 pub fn read(folder: &Path, settings: &Settings) -> Result<Vec<Subject>, Diagnostic> {
     let files = folder::tree(folder)?;
     let mut found = materials(&files)?;

@@ -7,8 +7,8 @@ use super::{GRID, Settings};
 use crate::example::{Example, Expectation};
 use crate::frames::Spectrometer;
 
-/// What strokes that were never trained on feel like, at many places of the pieces that are held apart: each of `strokes` is made at `places`
-/// places of each piece. The strokes are the same for all surfaces.
+/// What strokes that were never trained on feel like, at many places of the pieces that are held apart:
+/// each of `strokes` is made at `places` places of each piece. The strokes are the same for all surfaces.
 pub fn expectations(
     surface: &MadeSurface,
     settings: &Settings,

@@ -26,9 +26,10 @@ const MOST_TIMES: usize = 8;
 /// A piece of a made surface, as the pen of the [simulation](asperity_world::stylus) meets it: a square that
 /// repeats, of 20.48 mm unless it is [wide](Ground::wide).
 ///
-/// Making one takes 0.3 to 0.9 s, a stroke over it 7 to 10 ms for each of its seconds: of thirteen surfaces and 8 s, in a build for tests, on a virtual AMD EPYC core of two that were shared with
-/// other builds, so that these are upper bounds. What is felt is what the model was trained on: it is to answer, as one signal, the power of all three axes
-/// ([`Spectrometer`](crate::Spectrometer)).
+/// Making one takes 0.3 to 0.9 s, a stroke over it 7 to 10 ms for each of its seconds: of thirteen surfaces
+/// and 8 s, in a build for tests, on a virtual AMD EPYC core of two that were shared with other builds, so
+/// that these are upper bounds. What is felt is what the model was trained on: it is to answer, as one
+/// signal, the power of all three axes ([`Spectrometer`](crate::Spectrometer)).
 #[derive(Clone, Debug)]
 pub struct Ground {
     envelope: HeightField,
@@ -36,7 +37,8 @@ pub struct Ground {
 }
 
 impl Ground {
-    /// A piece of a surface; another seed is another piece, as [`MadeSurface::patch`] says, and none that was trained on but by the odds of 64 bits.
+    /// A piece of a surface; another seed is another piece, as [`MadeSurface::patch`] says, and none that
+    /// was trained on but by the odds of 64 bits.
     pub fn new(surface: &MadeSurface, seed: u64) -> Self {
         Self::wide(surface, seed, 0.0)
     }
@@ -52,10 +54,12 @@ impl Ground {
         Self { envelope: Tool::PEN.track(&piece, &surface.contact), contact: surface.contact }
     }
 
-    /// What the pen feels of a stroke: acceleration along the normal and along the surface at [`SAMPLE_HZ`]. Another seed is another place of the piece. Where
-    /// the hand does not press nothing is felt. The same bits for the same seeds.
+    /// What the pen feels of a stroke: acceleration along the normal and along the surface at
+    /// [`SAMPLE_HZ`]. Another seed is another place of the piece. Where the hand does not press nothing is
+    /// felt. The same bits for the same seeds.
     ///
-    /// Strokes may be longer and faster than those trained on; above 3.5 N or 300 mm/s the model has seen nothing like it.
+    /// Strokes may be longer and faster than those trained on; above 3.5 N or 300 mm/s the model has seen
+    /// nothing like it.
     pub fn felt(&self, hand: &Hand, seed: u64) -> Felt {
         let random = &mut Random::new(seed ^ 0x91ac_e000);
         let length = self.envelope.length_mm();

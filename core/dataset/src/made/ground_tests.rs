@@ -32,7 +32,8 @@ fn two_seeds_agree_in_spectrum_as_draws_do_and_not_in_their_waveforms() {
         let surface = surface(name).unwrap();
         let ground = Ground::new(&surface, 3);
         let [one, other] = [1, 2].map(|seed| ground.felt(&hand, seed));
-        // Draws of a noise of 8 s differ by 0.5 dB (asperity-measure); these pass over the same 20 mm twelve times.
+        // Draws of a noise of 8 s differ by 0.5 dB (asperity-measure); these pass over the same 20 mm
+        // twelve times.
         let place = compare(&seen(&other), &[seen(&one)]).unwrap();
         assert!(place.level_db.abs() < 0.5 && (0.4..1.3).contains(&place.spectrum_db), "{name}: {place:?}");
         assert!(place.perceptual > 0.95, "{name}: {place:?}");
@@ -87,7 +88,8 @@ fn levels_are_those_of_the_expectations_over_many_places() {
         [x, y, z]
     })
     .unwrap();
-    // Every 20 ms an expectation of the frame that begins there: bins of 10 to 1000 Hz, of which the first is not ours. A sine's amplitude A is A^2 / 3 of power.
+    // Every 20 ms an expectation of the frame that begins there: bins of 10 to 1000 Hz, of which the first
+    // is not ours. A sine's amplitude A is A^2 / 3 of power.
     let want: f64 = expected.iter().flat_map(|e| &e.rms[1..]).map(|m| f64::from(m * m) / 3.0).sum::<f64>()
         / expected.len() as f64;
     let levels: Vec<f64> = (0..6)

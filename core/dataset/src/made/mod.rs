@@ -1,10 +1,12 @@
-//! Data made by physics: the [made surfaces](made_surfaces), seen by a tactile sensor and stroked by a simulated pen.
+//! Data made by physics: the [made surfaces](made_surfaces), seen by a tactile sensor and stroked by a
+//! simulated pen.
 //!
-//! A surface is seen and stroked on pieces of its own, each from a seed: some to train on, others to judge by, so that no place and no stroke that is
-//! judged by was ever seen. Some surfaces, two of each family, are not to be trained on at all.
+//! A surface is seen and stroked on pieces of its own, each from a seed: some to train on, others to judge
+//! by, so that no place and no stroke that is judged by was ever seen. Some surfaces, two of each family,
+//! are not to be trained on at all.
 //!
-//! A stroke is a line, a zigzag or a circle, turned any way, of up to 300 mm/s and 3.5 N; its force swings. Where there is no force the pen is in the
-//! air, and nothing is felt.
+//! A stroke is a line, a zigzag or a circle, turned any way, of up to 300 mm/s and 3.5 N; its force swings.
+//! Where there is no force the pen is in the air, and nothing is felt.
 
 mod expectations;
 mod ground;
@@ -62,7 +64,8 @@ impl Settings {
     }
 }
 
-/// Whether a surface, by its number among [`made_surfaces`], is not to be trained on. With fourteen surfaces a family it is two of each.
+/// Whether a surface, by its number among [`made_surfaces`], is not to be trained on. With fourteen
+/// surfaces a family it is two of each.
 fn unseen(number: usize) -> bool {
     number % UNSEEN_EVERY == UNSEEN_AT
 }
@@ -107,7 +110,8 @@ pub fn surfaces(every: usize) -> [Vec<MadeSurface>; 2] {
     [seen, apart].map(|part| part.into_iter().map(|(_, surface)| surface).step_by(every.max(1)).collect())
 }
 
-/// The subjects of two lists of surfaces, made on all cores; `done` is called after each with how many are done.
+/// The subjects of two lists of surfaces, made on all cores; `done` is called after each with how many are
+/// done.
 ///
 /// # Errors
 /// A stroke that cannot be, by a [length](Settings::stroke_s) of under a second or over 1e6.
@@ -201,7 +205,8 @@ mod tests {
             mean += 2.0 * power(&e.mean);
         }
         assert!((one / rms - 1.0).abs() < 0.3, "{}", one / rms);
-        // a mean of magnitudes has less power than the magnitudes, by 1.05 dB at most for one axis of a Gaussian signal
+        // a mean of magnitudes has less power than the magnitudes, by 1.05 dB at most for one axis of a
+        // Gaussian signal
         let less = 10.0 * (rms / mean).log10();
         assert!((0.2..1.2).contains(&less), "{less} dB");
     }

@@ -58,7 +58,8 @@ pub fn straight_strokes(surface: &MadeSurface, settings: &Settings) -> Vec<Vec<S
     (0..PIECES.min(settings.pieces[0])).map(over).collect()
 }
 
-/// How a surface's vibration is spread over place, from [strokes](straight_strokes) over pieces to train on; beside the magnitudes of a network, at 1 N, where there is one.
+/// How a surface's vibration is spread over place, from [strokes](straight_strokes) over pieces to train
+/// on; beside the magnitudes of a network, at 1 N, where there is one.
 pub fn pattern(surface: &MadeSurface, settings: &Settings, network: Option<&Network<'_>>) -> Pattern {
     pattern::find(&straight_strokes(surface, settings), network)
 }

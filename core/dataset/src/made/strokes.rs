@@ -115,8 +115,8 @@ impl Drawn {
     }
 }
 
-/// What a pen on its [track](Tool::track) over a piece feels of a stroke that begins at a place in mm: acceleration in m/s^2 along the normal and along
-/// the surface, at [`SAMPLE_HZ`].
+/// What a pen on its [track](Tool::track) over a piece feels of a stroke that begins at a place in mm:
+/// acceleration in m/s^2 along the normal and along the surface, at [`SAMPLE_HZ`].
 pub(super) fn accelerations(
     envelope: &HeightField,
     contact: Contact,
@@ -158,8 +158,9 @@ fn moved(stylus: &mut Stylus<'_>, velocity_mm_s: [f64; 2], force_n: f64) -> [f64
 /// An example every 80 ms of a stroke that begins at a place in mm. Its magnitudes are those of the next
 /// 0.1 s of a hand that goes on as it goes there.
 ///
-/// The last 20 ms do not tell how a hand will turn. A network that is asked what comes all the same answers a mean over all turns: where a spectrum is
-/// steep and level grows with speed, that is 2 to 5 dB too loud for a hand that goes on.
+/// The last 20 ms do not tell how a hand will turn. A network that is asked what comes all the same answers
+/// a mean over all turns: where a spectrum is steep and level grows with speed, that is 2 to 5 dB too loud
+/// for a hand that goes on.
 fn going_on(
     envelope: &HeightField,
     contact: Contact,

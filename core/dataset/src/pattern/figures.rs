@@ -17,7 +17,8 @@ const LAGS_S: (f64, f64) = (0.02, 0.2);
 pub struct Figures {
     /// `mean x^4 / (mean x^2)^2`: 3 for Gaussian noise, more for single bumps.
     pub kurtosis: f64,
-    /// Root mean square of the envelope from 15 to 25 Hz over the envelope's mean. The envelope is the size of the analytic signal.
+    /// Root mean square of the envelope from 15 to 25 Hz over the envelope's mean. The envelope is the size
+    /// of the analytic signal.
     pub modulation: f64,
     /// Largest autocorrelation of the envelope from 20 to 200 ms, 0 to 1, without what is slower than 5 Hz.
     pub repetition: f64,

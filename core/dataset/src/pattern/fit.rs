@@ -13,6 +13,8 @@ const RENDERED_S: f64 = 24.0;
 const STEADY: f64 = 0.08;
 /// Errors of ln(modulation), ln(kurtosis) and repetition that count as one.
 const SCALES: [f64; 3] = [0.25, 0.15, 0.1];
+/// Error of how ln(kurtosis) changes with direction that counts as one.
+const GRAIN_SCALE: f64 = 0.25;
 /// Mean over classes of the sum of fourth powers of their errors, up to which plain noise will do.
 const ENOUGH: f64 = 0.25;
 /// Bumps must leave less than this part of what plain noise has.
@@ -28,6 +30,7 @@ const ROUNDS: usize = 5;
 const FINER: f64 = 0.6;
 
 /// A number that is varied: least and largest, and the first step of the fine search.
+#[derive(Clone, Copy)]
 struct Varied {
     range: (f64, f64),
     step: f64,
@@ -37,11 +40,13 @@ const fn varied(least: f64, most: f64, step: f64) -> Varied {
     Varied { range: (least, most), step }
 }
 
-/// Of bumps with a spacing: its logarithm in mm, its exponent, deviations of intervals and heights; and the
-/// logarithm of the factor of the waves' shares.
-const SPACED: [Varied; 5] = [
+/// Of bumps with a spacing: its logarithm in mm, its exponent, its anisotropy, deviations of intervals and
+/// heights; and the logarithm of the factor of the waves' shares.
+const SPACED: [Varied; 7] = [
     varied(-3.5, 2.1, 0.25),
     varied(-2.0, 1.0, 0.4),
+    varied(-2.0, 2.0, 0.4),
+    varied(-2.0, 2.0, 0.4),
     varied(0.1, 1.5, 0.25),
     varied(0.0, 1.5, 0.25),
     varied(-1.0, 1.5, 0.2),
@@ -51,6 +56,7 @@ const AT_RIDGES: [Varied; 3] = [varied(0.0, 0.3, 0.05), varied(0.0, 1.5, 0.25), 
 
 /// Passages of about one speed: what they have, and which of them are rendered.
 struct Class<'p> {
+    all: Vec<(&'p Passage, [f64; 3])>,
     truth: [f64; 3],
     rendered: Vec<&'p Passage>,
 }
@@ -63,10 +69,9 @@ fn logs(figures: &Figures, waves: bool) -> [f64; 3] {
 }
 
 /// Medians over passages: what one direction has alone does not count.
-fn medians(of: impl Iterator<Item = [f64; 3]>) -> [f64; 3] {
-    let all: Vec<[f64; 3]> = of.collect();
+fn medians(of: &[(&Passage, [f64; 3])]) -> [f64; 3] {
     std::array::from_fn(|figure| {
-        let mut values: Vec<f64> = all.iter().map(|logs| logs[figure]).collect();
+        let mut values: Vec<f64> = of.iter().map(|(_, logs)| logs[figure]).collect();
         values.sort_by(f64::total_cmp);
         let n = values.len();
         if n == 0 { 0.0 } else { 0.5 * (values[(n - 1) / 2] + values[n / 2]) }
@@ -80,7 +85,8 @@ fn classes<'p>(passages: &[&'p Passage], waves: bool) -> Vec<Class<'p>> {
     while let Some(slowest) = sorted.first() {
         let most = CLASS * slowest.speed_mm_s;
         let rest = sorted.split_off(sorted.partition_point(|p| p.speed_mm_s < most));
-        let truth = medians(sorted.iter().map(|p| logs(&p.figures, waves)));
+        let all: Vec<_> = sorted.iter().map(|p| (*p, logs(&p.figures, waves))).collect();
+        let truth = medians(&all);
         let mut seconds = 0.0;
         // In the order of the strokes.
         let within = |p: &&&Passage| p.speed_mm_s >= sorted[0].speed_mm_s && p.speed_mm_s < most;
@@ -89,16 +95,36 @@ fn classes<'p>(passages: &[&'p Passage], waves: bool) -> Vec<Class<'p>> {
             seconds - p.seconds < RENDERED_S
         };
         let rendered = passages.iter().filter(within).take_while(few).copied().collect();
-        classes.push(Class { truth, rendered });
+        classes.push(Class { all, truth, rendered });
         sorted = rest;
     }
     classes
 }
 
-/// The waves with shares that repeat as the strokes do, and bumps beside them; none where plain noise does as well. Without `spaced` bumps are at ridges
-/// alone.
+/// How ln(kurtosis) changes with direction: its parts with cos 2t and sin 2t of the angle t to x, by least
+/// squares beside a mean for each class. None where directions are too few.
+fn grain<'a>(classes: impl Iterator<Item = &'a [(&'a Passage, [f64; 3])]>) -> Option<[f64; 2]> {
+    let (mut cc, mut cs, mut ss, mut ck, mut sk) = (0.0, 0.0, 0.0, 0.0, 0.0);
+    for class in classes {
+        let n = class.len() as f64;
+        let rows = class.iter().map(|(passage, logs)| [passage.direction[0], passage.direction[1], logs[1]]);
+        let mean = rows.clone().fold([0.0; 3], |sum, row| std::array::from_fn(|i| sum[i] + row[i] / n));
+        for row in rows {
+            let [c, s, k]: [f64; 3] = std::array::from_fn(|i| row[i] - mean[i]);
+            (cc, cs, ss, ck, sk) = (cc + c * c, cs + c * s, ss + s * s, ck + c * k, sk + s * k);
+        }
+    }
+    let det = cc * ss - cs * cs;
+    (det > 1e-2 * (cc + ss).powi(2)).then(|| [(ss * ck - cs * sk) / det, (cc * sk - cs * ck) / det])
+}
+
+/// The waves with shares that repeat as the strokes do, and bumps beside them; none where plain noise does
+/// as well. Without `spaced` bumps are at ridges alone.
 pub(super) fn find(passages: &[&Passage], waves: &[Wave], spaced: bool) -> Pattern {
-    let fit = Fit { waves, classes: classes(passages, !waves.is_empty()) };
+    let classes = classes(passages, !waves.is_empty());
+    // Beside waves it is they that have a direction.
+    let grain = grain(classes.iter().map(|class| &class.all[..])).filter(|_| waves.is_empty());
+    let fit = Fit { waves, classes, grain };
     if fit.classes.is_empty() {
         return fit.without_bumps(0.0);
     }
@@ -116,6 +142,8 @@ pub(super) fn find(passages: &[&Passage], waves: &[Wave], spaced: bool) -> Patte
 struct Fit<'p> {
     waves: &'p [Wave],
     classes: Vec<Class<'p>>,
+    /// How the strokes' kurtosis changes with direction, where bumps are to follow it.
+    grain: Option<[f64; 2]>,
 }
 
 impl Fit<'_> {
@@ -123,17 +151,19 @@ impl Fit<'_> {
         Pattern { waves: louder(self.waves, factor), events: None }
     }
 
-    /// Mean over classes of the sum of fourth powers of errors, if so many passages of each are rendered.
-    /// Beyond the bound it need not be known exactly.
+    /// Mean over classes of the sum of fourth powers of errors, if so many passages of each are rendered,
+    /// and the error of how they change with direction. Beyond the bound it need not be known exactly.
     fn error(&self, pattern: &Pattern, most: usize, bound: f64) -> f64 {
         let waves = !self.waves.is_empty();
         let mut sum = 0.0;
+        let mut all = Vec::new();
         for (c, class) in self.classes.iter().enumerate() {
             let found = class.rendered.iter().take(most).enumerate().filter_map(|(n, p)| {
                 let samples = rendered(pattern, &p.magnitudes, &p.places, (c * 1000 + n) as u64);
-                Some(logs(&Figures::of(&samples)?, waves))
+                Some((*p, logs(&Figures::of(&samples)?, waves)))
             });
-            let figures = medians(found).into_iter().zip(class.truth).zip(SCALES);
+            let found: Vec<_> = found.collect();
+            let figures = medians(&found).into_iter().zip(class.truth).zip(SCALES);
             let mut off: Vec<f64> = figures.map(|((found, truth), scale)| (found - truth) / scale).collect();
             if !waves {
                 // Bumps may repeat too much. What they repeat too little is for waves.
@@ -142,13 +172,19 @@ impl Fit<'_> {
             // A large error at one speed counts more than small ones at all.
             sum += off.iter().map(|off| off.powi(4)).sum::<f64>() / self.classes.len() as f64;
             if sum > bound {
-                break;
+                return sum;
             }
+            all.push(found);
         }
-        sum
+        // A part of the strokes has too few directions.
+        let whole = self.classes.iter().all(|class| class.rendered.len() <= most);
+        let found = whole.then(|| grain(all.iter().map(Vec::as_slice))).flatten();
+        let off = self.grain.zip(found).map_or([0.0; 2], |(a, b)| [a[0] - b[0], a[1] - b[1]]);
+        sum + off.iter().map(|off| (off / GRAIN_SCALE).powi(4)).sum::<f64>()
     }
 
-    /// The factor of the waves' shares, as a logarithm, with which plain noise beside them does best, and its error.
+    /// The factor of the waves' shares, as a logarithm, with which plain noise beside them does best, and
+    /// its error.
     fn factor(&self) -> (f64, f64) {
         let mut best = (self.error(&self.without_bumps(0.0), usize::MAX, f64::INFINITY), 0.0);
         for factor in FACTORS.into_iter().filter(|_| !self.waves.is_empty()) {
@@ -162,24 +198,32 @@ impl Fit<'_> {
 
     /// The best bumps that have a spacing.
     fn spaced(&self, factor: f64) -> Option<(f64, Pattern)> {
-        let varied = if self.waves.is_empty() { &SPACED[..4] } else { &SPACED[..] };
         let (least, most) = SPACED[0].range;
+        // Beside waves the grain is not varied, without them the factor is not.
+        let varied: [Varied; 7] = std::array::from_fn(|axis| match (axis, self.grain, self.waves) {
+            (2 | 3, None, _) | (6, _, []) => varied(SPACED[axis].range.0, SPACED[axis].range.1, 0.0),
+            _ => SPACED[axis],
+        });
+        let [a, b] = self.grain.filter(|g| g[0].hypot(g[1]) > GRAIN_SCALE).unwrap_or_default();
         let rough = all_of([
             (0..10).map(|i| least + (most - least) * f64::from(i) / 9.0).collect(),
             vec![-1.0, -0.5, 0.0, 0.5],
+            vec![a],
+            vec![b],
             vec![0.2, 0.4, 0.8],
             vec![0.0, 0.5, 1.0],
             vec![factor],
         ]);
-        self.search(rough, varied, &|p| {
+        self.search(rough, &varied, &|p| {
             let unit = 10f64.powf(2.0 - p[0].exp().log10().floor());
             let events = Events {
                 spacing_mm: Some((p[0].exp() * unit).round() / unit),
                 spacing_exponent: rounded(p[1]),
-                interval_cv: rounded(p[2]),
-                height_cv: rounded(p[3]),
+                anisotropy: [rounded(p[2]), rounded(p[3])],
+                interval_cv: rounded(p[4]),
+                height_cv: rounded(p[5]),
             };
-            Pattern { waves: louder(self.waves, p[4]), events: Some(events) }
+            Pattern { waves: louder(self.waves, p[6]), events: Some(events) }
         })
     }
 
@@ -193,6 +237,7 @@ impl Fit<'_> {
             let events = Events {
                 spacing_mm: None,
                 spacing_exponent: 0.0,
+                anisotropy: [0.0; 2],
                 interval_cv: rounded(p[0]),
                 height_cv: rounded(p[1]),
             };

@@ -1,12 +1,15 @@
 //! How a material's vibration is spread over place, found from strokes over it: its [`Pattern`].
 //!
-//! A network answers expected magnitudes. These do not say whether a texture is noise, single bumps or ridges. [`find`] says so:
+//! A network answers expected magnitudes. These do not say whether a texture is noise, single bumps or
+//! ridges. [`find`] says so:
 //!
 //! 1. [Waves](waves): ridges whose vibration repeats with place.
-//! 2. [What is found by playing](fit): how much of the waves repeats, and bumps, with which the synthesis kernel ([`ShapedNoise`]), played along
-//!    the same strokes, has the kurtosis, the modulation and the repetition of the strokes.
+//! 2. [What is found by playing](fit): how much of the waves repeats, and bumps, with which the synthesis
+//!    kernel ([`ShapedNoise`]), played along the same strokes, has the kurtosis, the modulation and the
+//!    repetition of the strokes.
 //!
-//! All of it needs places along the strokes. Speed should be steady for a second or more, and strokes should go in several directions.
+//! All of it needs places along the strokes. Speed should be steady for a second or more, and strokes
+//! should go in several directions.
 
 mod figures;
 mod fit;
@@ -35,10 +38,12 @@ const MOST_IN_WAVES: f64 = 0.5;
 /// Root mean square magnitudes of 0, 10, .. 1000 Hz that a network answers at a velocity in mm/s.
 pub type Network<'n> = dyn Fn([f64; 2]) -> [f64; BINS] + 'n;
 
-/// The pattern of a material from strokes over pieces of it: all strokes of a piece have their places in one frame of reference.
+/// The pattern of a material from strokes over pieces of it: all strokes of a piece have their places in
+/// one frame of reference.
 ///
-/// With a network it is the pattern that goes with its magnitudes: they are not quite those of the strokes, and what is played is to be like the strokes all the same. Without a steady
-/// passage there is none. The same strokes give the same bits.
+/// With a network it is the pattern that goes with its magnitudes: they are not quite those of the strokes,
+/// and what is played is to be like the strokes all the same. Without a steady passage there is none. The
+/// same strokes give the same bits.
 pub fn find(pieces: &[Vec<Stroke>], network: Option<&Network<'_>>) -> Pattern {
     let mut passages: Vec<Vec<Passage>> =
         pieces.iter().map(|strokes| strokes.iter().flat_map(Stroke::passages).collect()).collect();
@@ -50,7 +55,8 @@ pub fn find(pieces: &[Vec<Stroke>], network: Option<&Network<'_>>) -> Pattern {
     fit::find(&all, &waves, part < MOST_IN_WAVES)
 }
 
-/// The samples that the kernel makes of a steady stroke: `places` in mm 2 ms apart, and what is felt there as root mean square magnitudes of 0 to 1000 Hz.
+/// The samples that the kernel makes of a steady stroke: `places` in mm 2 ms apart, and what is felt there
+/// as root mean square magnitudes of 0 to 1000 Hz.
 pub fn rendered(pattern: &Pattern, magnitudes: &[f64], places: &[[f64; 2]], seed: u64) -> Vec<f64> {
     let Some(mut kernel) = kernel(seed) else { return Vec::new() };
     kernel.set_pattern(for_kernel(pattern));
@@ -89,6 +95,7 @@ fn for_kernel(pattern: &Pattern) -> shaped_noise::Pattern {
     let events = pattern.events.map(|of| shaped_noise::Events {
         spacing_mm: of.spacing_mm,
         spacing_exponent: of.spacing_exponent,
+        anisotropy: of.anisotropy,
         interval_cv: of.interval_cv,
         height_cv: of.height_cv,
     });

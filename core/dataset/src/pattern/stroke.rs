@@ -32,7 +32,8 @@ pub struct Stroke {
 }
 
 impl Stroke {
-    /// From axes of acceleration in m/s^2 at any rate, and the place along the surface in mm at a time in seconds from the first sample on.
+    /// From axes of acceleration in m/s^2 at any rate, and the place along the surface in mm at a time in
+    /// seconds from the first sample on.
     pub fn new(rate_hz: f64, axes: &[&[f64]], place_mm: impl Fn(f64) -> [f64; 2]) -> Self {
         let count = axes.iter().map(|axis| axis.len()).min().unwrap_or(0);
         let seconds = count as f64 / rate_hz;
@@ -40,7 +41,8 @@ impl Stroke {
         if ticks < SPEED_TICKS {
             return Self { acceleration_m_s2: Vec::new(), place_mm: Vec::new() };
         }
-        // A whole number of ticks, so that a Fourier transform of another length is the same signal at another rate.
+        // A whole number of ticks, so that a Fourier transform of another length is the same signal at
+        // another rate.
         let used = ((ticks as f64 * TICK_S * rate_hz).round() as usize).min(count);
         let resampled = |axis: &&[f64]| {
             let mut bins = spectrum(&axis[..used]);
@@ -94,7 +96,16 @@ impl Stroke {
             squares[1..].iter_mut().zip(found).for_each(|(sum, m)| *sum += f64::from(m * m) / count);
         }
         let places = self.place_mm[from..to].to_vec();
-        let way: f64 = places.windows(2).map(|p| (p[1][0] - p[0][0]).hypot(p[1][1] - p[0][1])).sum();
+        let (mut way, mut direction) = (0.0, [0.0; 2]);
+        for p in places.windows(2) {
+            let [x, y] = [p[1][0] - p[0][0], p[1][1] - p[0][1]];
+            let length = x.hypot(y);
+            way += length;
+            if length > 0.0 {
+                direction[0] += (x * x - y * y) / length;
+                direction[1] += 2.0 * x * y / length;
+            }
+        }
         let seconds = (to - from) as f64 * TICK_S;
         Some(Passage {
             samples,
@@ -102,6 +113,7 @@ impl Stroke {
             magnitudes: squares.map(f64::sqrt),
             figures,
             speed_mm_s: way / seconds,
+            direction: direction.map(|sum| sum / way),
             seconds,
         })
     }
@@ -118,6 +130,8 @@ pub(super) struct Passage {
     pub(super) magnitudes: [f64; BINS],
     pub(super) figures: Figures,
     pub(super) speed_mm_s: f64,
+    /// Means over the way of cos 2t and sin 2t, t the angle to x.
+    pub(super) direction: [f64; 2],
     pub(super) seconds: f64,
 }
 

@@ -23,13 +23,18 @@ fn strokes(pattern: &Pattern, seconds: f64) -> Vec<Stroke> {
 /// The same with noise of a seed.
 fn strokes_of(pattern: &Pattern, seconds: f64, seed: u64) -> Vec<Stroke> {
     let ways = [(40.0, 17.0), (60.0, 40.0), (80.0, -20.0), (100.0, 200.0), (160.0, 75.0), (240.0, 55.0)];
-    let stroke = |(number, (speed, angle)): (usize, (f64, f64))| {
+    strokes_along(&ways, pattern, seconds, seed)
+}
+
+/// The same of strokes at some speeds in mm/s and angles in degrees.
+fn strokes_along(ways: &[(f64, f64)], pattern: &Pattern, seconds: f64, seed: u64) -> Vec<Stroke> {
+    let stroke = |(number, &(speed, angle)): (usize, &(f64, f64))| {
         let places = places(speed, angle, seconds);
         let samples = rendered(pattern, &magnitudes(), &places, seed + number as u64);
         let place = |t: f64| places[((t / TICK_S).round() as usize).min(places.len() - 1)];
         Stroke::new(RATE_HZ, &[&samples], place)
     };
-    ways.into_iter().enumerate().map(stroke).collect()
+    ways.iter().enumerate().map(stroke).collect()
 }
 
 /// Difference of phases, but for an origin and the sign: the largest over harmonics.
@@ -85,7 +90,8 @@ fn isotropic_noise_has_neither_wave_nor_bump() {
     assert_eq!(find(&[], None), Pattern::default());
 }
 
-/// Asserts that a pattern is as bumpy as another at three speeds. Other constants may do as well: rare bumps of one height, or more of several heights.
+/// Asserts that a pattern is as bumpy as another at three speeds. Other constants may do as well: rare
+/// bumps of one height, or more of several heights.
 fn assert_alike(found: &Pattern, known: &Pattern) {
     for speed in [40.0, 100.0, 240.0] {
         let figures = |pattern: &Pattern, seed: u64| {
@@ -105,7 +111,13 @@ fn assert_alike(found: &Pattern, known: &Pattern) {
 #[test]
 fn found_bumps_pulse_and_peak_like_the_strokes() {
     for spacing_exponent in [0.0, -0.9] {
-        let known = Events { spacing_mm: Some(0.8), spacing_exponent, interval_cv: 0.3, height_cv: 0.3 };
+        let known = Events {
+            spacing_mm: Some(0.8),
+            spacing_exponent,
+            anisotropy: [0.0; 2],
+            interval_cv: 0.3,
+            height_cv: 0.3,
+        };
         let known = Pattern { waves: Vec::new(), events: Some(known) };
         let found = find(&[strokes(&known, 10.0)], None);
         assert!(found.waves.is_empty() && found.events.is_some(), "{found:?}");
@@ -114,9 +126,40 @@ fn found_bumps_pulse_and_peak_like_the_strokes() {
 }
 
 #[test]
+fn bumps_that_are_rarer_across_the_grain_are_found_so() {
+    let known = Events {
+        spacing_mm: Some(0.8),
+        spacing_exponent: 0.0,
+        anisotropy: [0.8, 0.4],
+        interval_cv: 0.3,
+        height_cv: 0.3,
+    };
+    let known = Pattern { waves: Vec::new(), events: Some(known) };
+    let ways: Vec<(f64, f64)> = [50.0, 150.0]
+        .into_iter()
+        .flat_map(|speed| [0.0, 45.0, 90.0, 135.0].map(|angle| (speed, angle + 0.1 * speed)))
+        .collect();
+    let found = find(&[strokes_along(&ways, &known, 6.0, 100)], None);
+    // The kurtosis of bumps of this distance goes from 5 to 20 with the direction.
+    for angle in [13.0, 58.0, 103.0, 148.0] {
+        let [found, known] = [(&found, 1), (&known, 2)].map(|(pattern, seed)| {
+            let x = rendered(pattern, &magnitudes(), &places(100.0, angle, 20.0), seed);
+            Figures::of(&x).unwrap().kurtosis
+        });
+        assert!((found / known).ln().abs() < 0.25, "at {angle} degrees: {found} for {known}");
+    }
+}
+
+#[test]
 fn what_does_not_repeat_but_comes_at_ridges_is_found_there() {
     let harmonics = vec![Harmonic { weight: 1.0, share: 0.7, phase: 0.0 }; 6];
-    let at_ridges = Events { spacing_mm: None, spacing_exponent: 0.0, interval_cv: 0.03, height_cv: 0.3 };
+    let at_ridges = Events {
+        spacing_mm: None,
+        spacing_exponent: 0.0,
+        anisotropy: [0.0; 2],
+        interval_cv: 0.03,
+        height_cv: 0.3,
+    };
     let waves = vec![Wave { per_mm: [0.4, 0.1], harmonics }];
     let known = Pattern { waves, events: Some(at_ridges) };
     let found = find(&[strokes(&known, 6.0)], None);
@@ -166,7 +209,13 @@ fn made_grating_has_a_wave_and_sandpaper_bumps() {
 #[test]
 fn pattern_goes_with_the_magnitudes_of_a_network_that_errs() {
     // The network hears none of the low half; bumps through what is left are to be as bumpy all the same.
-    let known = Events { spacing_mm: Some(0.8), spacing_exponent: 0.0, interval_cv: 0.3, height_cv: 0.3 };
+    let known = Events {
+        spacing_mm: Some(0.8),
+        spacing_exponent: 0.0,
+        anisotropy: [0.0; 2],
+        interval_cv: 0.3,
+        height_cv: 0.3,
+    };
     let strokes = strokes(&Pattern { waves: Vec::new(), events: Some(known) }, 10.0);
     let network = |[x, y]: [f64; 2]| {
         assert!((20.0..400.0).contains(&x.hypot(y)));

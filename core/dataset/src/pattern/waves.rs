@@ -35,7 +35,8 @@ const APART: f64 = 4.0;
 const FIRST: usize = 4;
 /// Candidates that are looked at closely.
 const CANDIDATES: usize = 24;
-/// A harmonic explains most of what its fundamental does, but not all: the largest wave number with this part of the best.
+/// A harmonic explains most of what its fundamental does, but not all: the largest wave number with this
+/// part of the best.
 const NEARLY: f64 = 0.9;
 /// Wave vectors of two pieces are of one wave where they differ by less than this part.
 const ALIKE: f64 = 0.12;
@@ -318,7 +319,8 @@ impl Cut {
         ((TOP_HZ / self.pitch_hz - 0.5) as usize).min(most)
     }
 
-    /// Complex amplitudes of orders 1/2, 1, 3/2 and so on, up to half an order above the last harmonic, over the root of the whole power.
+    /// Complex amplitudes of orders 1/2, 1, 3/2 and so on, up to half an order above the last harmonic,
+    /// over the root of the whole power.
     fn orders(&self, turns: &[f64], harmonics: usize) -> Vec<Complex64> {
         let mut amplitudes = vec![Complex64::default(); 2 * harmonics + 1];
         for (n, x) in self.seen.iter().enumerate() {
@@ -460,7 +462,8 @@ fn shortest(passages: &[Passage]) -> Vec<&Passage> {
     sorted
 }
 
-/// The fundamental of a wave vector, where nearly all power is in multiples of a harmonic: threads count, not the weave's repeat.
+/// The fundamental of a wave vector, where nearly all power is in multiples of a harmonic: threads count,
+/// not the weave's repeat.
 fn fundamental(passages: &[Passage], k: [f64; 2]) -> [f64; 2] {
     let mut powers = [0.0; MAX_HARMONICS];
     for p in shortest(passages) {
@@ -476,8 +479,8 @@ fn fundamental(passages: &[Passage], k: [f64; 2]) -> [f64; 2] {
     k.map(|k| m * k)
 }
 
-/// The wave vector with which segments, at their true places, have most power: first short ones, then long ones. The segments stay the same: else their number would
-/// decide.
+/// The wave vector with which segments, at their true places, have most power: first short ones, then long
+/// ones. The segments stay the same: else their number would decide.
 fn refined(passages: &[Passage], k: [f64; 2]) -> [f64; 2] {
     let passages = shortest(passages);
     let best = |from: [f64; 2], step: f64, pitches: f64| {
@@ -498,7 +501,8 @@ fn refined(passages: &[Passage], k: [f64; 2]) -> [f64; 2] {
     best(best(k, 0.002, PITCHES), 0.0005, MANY_PITCHES)
 }
 
-/// The turn of the fundamental with which phases differ least from harmonic to harmonic: those above the last are like the last.
+/// The turn of the fundamental with which phases differ least from harmonic to harmonic: those above the
+/// last are like the last.
 fn origin(lines: &[Complex64]) -> f64 {
     let pairs = lines.windows(2).map(|pair| {
         let product = pair[1] * pair[0].conj();

@@ -1,11 +1,12 @@
-//! Anyone's own recordings: a folder with a folder for each material, in it pictures of the material and strokes over it; or one stroke by itself ([`recorded`]).
+//! Anyone's own recordings: a folder with a folder for each material, in it pictures of the material and
+//! strokes over it; or one stroke by itself ([`recorded`]).
 //!
 //! # Strokes
 //!
 //! A stroke is what was measured while a tool was dragged, at 1 to 10 kHz, in one of two forms.
 //!
-//! A CSV file: a header that names columns in any order, then a row for each sample of a steady clock. Lines that start with `#`
-//! and blank lines are skipped.
+//! A CSV file: a header that names columns in any order, then a row for each sample of a steady clock.
+//! Lines that start with `#` and blank lines are skipped.
 //!
 //! | column | |
 //! |---|---|
@@ -17,10 +18,12 @@
 //! | `ax_m_s2`, `ay_m_s2`, `az_m_s2` | acceleration of the tool in m/s^2, one axis or more |
 //! | or `acceleration_m_s2` | the same of one axis |
 //!
-//! Where there are several kinds of motion the velocity counts before the place, and the place before the speed.
+//! Where there are several kinds of motion the velocity counts before the place, and the place before the
+//! speed.
 //!
-//! A WAV file of 16 to 32 bits, whose channels are named in `recording.ron` in the same folder, in order; a channel of `none` is
-//! left out. `full_scale` is the value in the quantity's unit at which the file is full:
+//! A WAV file of 16 to 32 bits, whose channels are named in `recording.ron` in the same folder, in order; a
+//! channel of `none` is left out. `full_scale` is the value in the quantity's unit at which the file is
+//! full:
 //!
 //! ```text
 //! Recording(channels: [
@@ -32,16 +35,18 @@
 //!
 //! # What examples are
 //!
-//! An example every 20 ms. Its history is what the chain would have measured at 500 Hz: the mean force of each 2 ms, and the difference of places 2 ms apart, or
-//! else the mean velocity between, through the chain's 20 Hz filter. Below 0 a force counts as 0. Of a speed alone the direction is not known: each example has
-//! another, a golden angle on from the one before.
+//! An example every 20 ms. Its history is what the chain would have measured at 500 Hz: the mean force of
+//! each 2 ms, and the difference of places 2 ms apart, or else the mean velocity between, through the
+//! chain's 20 Hz filter. Below 0 a force counts as 0. Of a speed alone the direction is not known: each
+//! example has another, a golden angle on from the one before.
 //!
-//! Its magnitudes are those of the 0.1 s that follow, at the file's own rate, several axes as one. A high-pass of 5 Hz and second order goes
-//! before: gravity turns with the tool, and of what is constant the window puts all of its size into the 10 Hz bin. It takes 0.3 dB from that bin.
-//! Of a recording at less than 2 kHz the bins above half its rate are 0: it says nothing there.
+//! Its magnitudes are those of the 0.1 s that follow, at the file's own rate, several axes as one. A
+//! high-pass of 5 Hz and second order goes before: gravity turns with the tool, and of what is constant the
+//! window puts all of its size into the 10 Hz bin. It takes 0.3 dB from that bin. Of a recording at less
+//! than 2 kHz the bins above half its rate are 0: it says nothing there.
 //!
-//! The last fifth of each stroke is held apart, or of five or more strokes of a material the last fifth of them, sorted by name. No sample counts in
-//! both.
+//! The last fifth of each stroke is held apart, or of five or more strokes of a material the last fifth of
+//! them, sorted by name. No sample counts in both.
 
 mod channels;
 mod stroke;
@@ -69,25 +74,27 @@ pub struct Recorded {
     pub rate_hz: f64,
     /// Normal force in N.
     pub force_n: Vec<f64>,
-    /// Speed along the surface in mm/s. From velocities or places it is the length of their mean change over 20 ms: of single samples noise would count as speed.
+    /// Speed along the surface in mm/s. From velocities or places it is the length of their mean change
+    /// over 20 ms: of single samples noise would count as speed.
     pub speed_mm_s: Vec<f64>,
     /// Acceleration of the tool in m/s^2 by axes, one to three.
     pub acceleration_m_s2: Vec<Vec<f64>>,
 }
 
 impl Recorded {
-    /// A stroke from columns by name, where a file says no names: `force_n`, `ax_m_s2` and the others of the [table](self), but no clock. A column `none` is left
-    /// out.
+    /// A stroke from columns by name, where a file says no names: `force_n`, `ax_m_s2` and the others of
+    /// the [table](self), but no clock. A column `none` is left out.
     ///
     /// # Errors
-    /// A name that is unknown or there twice, quantities that are missing, columns of different lengths, a number out of range, a rate that is not 1 to 10 kHz, less than
-    /// 0.5 s.
+    /// A name that is unknown or there twice, quantities that are missing, columns of different lengths, a
+    /// number out of range, a rate that is not 1 to 10 kHz, less than 0.5 s.
     pub fn from_columns(rate_hz: f64, columns: Vec<(&str, Vec<f64>)>) -> Result<Self, Diagnostic> {
         channels::named(columns, channels::rate(rate_hz)?).map(Stroke::recorded)
     }
 }
 
-/// Reads one stroke: a WAV file by its name's ending, with the file that names its channels beside it, else a table.
+/// Reads one stroke: a WAV file by its name's ending, with the file that names its channels beside it, else
+/// a table.
 ///
 /// # Errors
 /// A file that is not as the [module](self) says, in a CSV or RON file with line and column.
@@ -99,15 +106,18 @@ pub fn recorded(path: &Path) -> Result<Recorded, Diagnostic> {
 /// A recorded stroke as a graph can play it, and what the tool felt of it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Recording {
-    /// x, y, z in mm, every 2 ms from the first sample on, as the chain would have measured them (see the [module](self)): z is 2 mm below 0 for each newton, as on a floor of 0.5 N/mm, and 0 where there
-    /// is no force. Of velocities the place begins at 0; of a speed alone the way goes along x.
+    /// x, y, z in mm, every 2 ms from the first sample on, as the chain would have measured them (see the
+    /// [module](self)): z is 2 mm below 0 for each newton, as on a floor of 0.5 N/mm, and 0 where there is
+    /// no force. Of velocities the place begins at 0; of a speed alone the way goes along x.
     pub position_mm: Vec<[f64; 3]>,
-    /// The acceleration of all axes at the recording's rate, without gravity: a high-pass of 5 Hz and second order.
+    /// The acceleration of all axes at the recording's rate, without gravity: a high-pass of 5 Hz and
+    /// second order.
     pub felt: Felt,
 }
 
 impl Recording {
-    /// Where it is at a time in s, x, y, z in mm: on the line between two places; before the first and behind the last it stays there.
+    /// Where it is at a time in s, x, y, z in mm: on the line between two places; before the first and
+    /// behind the last it stays there.
     pub fn place_mm(&self, t_s: f64) -> [f64; 3] {
         let last = self.position_mm.len().saturating_sub(1);
         let at = (t_s * RATE_HZ).clamp(0.0, last as f64);
@@ -127,8 +137,8 @@ impl Recording {
     }
 }
 
-/// Reads one stroke to hold what is rendered of it against what the tool felt: a WAV file by its name's ending, with the file that names its channels beside it,
-/// else a table.
+/// Reads one stroke to hold what is rendered of it against what the tool felt: a WAV file by its name's
+/// ending, with the file that names its channels beside it, else a table.
 ///
 /// # Errors
 /// As [`recorded`].
@@ -156,8 +166,9 @@ const CHANNELS_FILE: &str = "recording.ron";
 /// Reads a folder of materials, in the order of their folders' names.
 ///
 /// # Errors
-/// A folder that cannot be read or holds no folder; a material without a picture or a stroke; a file that is not as the
-/// [module](self) says, in a CSV or RON file with line and column; all of [`asperity_world::tactile::read`].
+/// A folder that cannot be read or holds no folder; a material without a picture or a stroke; a file that
+/// is not as the [module](self) says, in a CSV or RON file with line and column; all of
+/// [`asperity_world::tactile::read`].
 pub fn read(folder: &Path) -> Result<Vec<Subject>, Diagnostic> {
     let materials: Vec<PathBuf> = folder::entries(folder)?.into_iter().filter(|p| p.is_dir()).collect();
     if materials.is_empty() {
@@ -218,8 +229,8 @@ fn subject(folder: &Path) -> Result<Subject, Diagnostic> {
     })
 }
 
-/// The strokes of a material's folder to find its [pattern](crate::pattern) from: those to train on, as far as they have places or velocities. All of them are taken as
-/// strokes over one piece.
+/// The strokes of a material's folder to find its [pattern](crate::pattern) from: those to train on, as far
+/// as they have places or velocities. All of them are taken as strokes over one piece.
 ///
 /// # Errors
 /// As [`read`], of strokes.

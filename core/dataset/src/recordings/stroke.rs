@@ -179,7 +179,8 @@ impl Stroke {
         Ok(examples)
     }
 
-    /// The place at a tick in mm, from that at the one before: the chain measures places, and takes velocity from them.
+    /// The place at a tick in mm, from that at the one before: the chain measures places, and takes
+    /// velocity from them.
     fn advance(&self, place: &mut [f64; 2], tick: usize) {
         match &self.motion {
             Motion::Place(axes) => {

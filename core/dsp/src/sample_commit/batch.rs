@@ -1,6 +1,6 @@
 //! The projection of several frames at once.
 
-use super::project::TINY;
+use super::project::{Call, TINY};
 use crate::lanes::{Fft, LANES, Lane, Portable, Simd, Work, turned};
 use crate::{Complex, Float, float::unit_circle};
 
@@ -12,15 +12,6 @@ pub(super) struct Batch<T> {
 
 /// A projection, compiled for an instruction set.
 type Run<T> = fn(&mut Job<T>, Call<'_, T>);
-
-/// What is projected, and where it goes; see [`Batch::project`].
-struct Call<'a, T> {
-    z: &'a [T],
-    frames: &'a [(usize, &'a [T])],
-    from: usize,
-    sum: &'a mut [T],
-    turn: Complex<T>,
-}
 
 /// What all instruction sets work on.
 struct Job<T> {
@@ -57,23 +48,14 @@ impl<T: Float> Batch<T> {
         Some(Self { job, run: *runs().first()? })
     }
 
-    /// Windows the samples of `z` from the place of each frame on, gives each bin the frame's magnitude and keeps its phase, and adds what
-    /// that is in time, windowed, to `sum` from `from` on. At most as many frames as there are lanes; all within `z`
-    /// and `sum`. All bins but the real ones are turned by `turn`.
-    pub(super) fn project(
-        &mut self,
-        z: &[T],
-        frames: &[(usize, &[T])],
-        from: usize,
-        sum: &mut [T],
-        turn: Complex<T>,
-    ) {
-        for (lane, (_, magnitudes)) in frames.iter().enumerate().take(LANES) {
+    /// Projects the frames of a call, all at once.
+    pub(super) fn project(&mut self, call: Call<'_, T>) {
+        for (lane, (_, magnitudes)) in call.frames.iter().enumerate().take(LANES) {
             for (to, &m) in self.job.mags.iter_mut().zip(*magnitudes) {
                 to[lane] = m;
             }
         }
-        (self.run)(&mut self.job, Call { z, frames, from, sum, turn });
+        (self.run)(&mut self.job, call);
     }
 }
 
@@ -200,8 +182,9 @@ impl<T: Float> Job<T> {
 
     /// From the transform of pairs of samples to the bins, and from these back.
     ///
-    /// With `Z` the transform of `x_2n + i x_2n+1`, `E` and `O` those of even and odd samples, `X_k = E + e^(-2 pi i k / n) O`, where
-    /// `2 E = Z_k + conj Z_(h-k)` and `2 i O = Z_k - conj Z_(h-k)`, `h = n / 2`; and the same with `-k`. The halves were put into the window.
+    /// With `Z` the transform of `x_2n + i x_2n+1`, `E` and `O` those of even and odd samples, `X_k = E +
+    /// e^(-2 pi i k / n) O`, where `2 E = Z_k + conj Z_(h-k)` and `2 i O = Z_k - conj Z_(h-k)`, `h = n /
+    /// 2`; and the same with `-k`. The halves were put into the window.
     #[inline(always)]
     fn impose<S: Simd<T>>(&mut self, s: S, turn: Complex<T>) {
         let Self { turns, hint, work: Work { re, im, .. }, mags, .. } = self;

@@ -26,7 +26,7 @@ fn sum<T: Float>(f: &Framing, from: usize, many: usize) -> Vec<T> {
     let mut sum = vec![T::zero(); z.len()];
     for some in frames.chunks(many) {
         let some: Vec<_> = some.iter().map(|(at, mags)| (*at, mags.as_slice())).collect();
-        projector.project(&z, &some, from, &mut sum, turn);
+        projector.project(Call { z: &z, frames: &some, from, sum: &mut sum, turn });
     }
     sum
 }
@@ -64,7 +64,9 @@ fn every_instruction_set_gives_the_same_bits() {
         let all = runs::<T>().into_iter().map(|run| {
             let mut batch = Batch { run, ..Batch::new(&window, f.bins, &hint).unwrap() };
             let mut sum = vec![T::zero(); z.len()];
-            batch.project(&z, &frames, f.fft_len / 2 + 3, &mut sum, Complex::new(T::of(0.8), T::of(0.6)));
+            let turn = Complex::new(T::of(0.8), T::of(0.6));
+            let from = f.fft_len / 2 + 3;
+            batch.project(Call { z: &z, frames: &frames, from, sum: &mut sum, turn });
             sum.into_iter().map(|y| y.f64().to_bits()).collect::<Vec<_>>()
         });
         let all: Vec<_> = all.collect();

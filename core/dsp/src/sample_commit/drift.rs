@@ -1,9 +1,9 @@
 //! The phase that all bins have in common.
 //!
-//! If every bin above 0 is turned by one angle, no magnitude changes but those of the lowest bins, where positive and negative
-//! frequencies meet: the first frames leave this angle to chance, and the frozen samples hold it. In bursts of 220 Hz it moved by
-//! 2 degrees a second. Here the slope of the squared error over this angle is found from bins 0 and 1, and passes turn all bins a
-//! little that way.
+//! If every bin above 0 is turned by one angle, no magnitude changes but those of the lowest bins, where
+//! positive and negative frequencies meet: the first frames leave this angle to chance, and the frozen
+//! samples hold it. In bursts of 220 Hz it moved by 2 degrees a second. Here the slope of the squared error
+//! over this angle is found from bins 0 and 1, and passes turn all bins a little that way.
 
 use crate::{Complex, Float, float::unit_circle};
 use asperity_state::State;
@@ -44,10 +44,12 @@ impl<T: Float> Drift<T> {
         (self.slope, self.energy) = (0.0, 0.0);
     }
 
-    /// Takes a frame's samples, and the magnitudes it is to have, a quarter of the amplitudes; all divided by `scale`.
+    /// Takes a frame's samples, and the magnitudes it is to have, a quarter of the amplitudes; all divided
+    /// by `scale`.
     ///
-    /// With `R` the transform without a window, the Hann window has `2 X_0 = R_0 - Re R_1` and `4 X_1 = 2 R_1 - R_0 - R_2`.
-    /// Where `R_1` and `R_2` are turned and `R_0` is not, `2 dX_0 = Im R_1` and `4 d|X_1| = R_0 Im X_1 / |X_1|`.
+    /// With `R` the transform without a window, the Hann window has `2 X_0 = R_0 - Re R_1` and `4 X_1 = 2
+    /// R_1 - R_0 - R_2`. Where `R_1` and `R_2` are turned and `R_0` is not, `2 dX_0 = Im R_1` and `4 d|X_1|
+    /// = R_0 Im X_1 / |X_1|`.
     pub(super) fn hear(&mut self, samples: &[T], magnitudes: &[T], scale: f64) {
         let &[m0, m1, ..] = magnitudes else { return };
         let (mut r0, mut r1, mut r2) = (T::zero(), Complex::<T>::default(), Complex::<T>::default());

@@ -1,42 +1,50 @@
 //! Phase retrieval that commits to samples, not to frames: iterative, causal, with no latency of its own.
 //!
-//! The signal is kept around `t`, the first sample that is not emitted. What lies before `t` was emitted and is frozen; what
-//! lies after it, up to the end of the newest frame, is free, and keeps what earlier passes left there. When a frame comes,
-//! passes are made over the free part. A pass takes some of the frames that reach beyond `t`, windows the signal at their
-//! places, gives each bin of its transform the magnitude of the frame (bins that are not carried get 0), transforms back, and
-//! moves the free samples to `(sum w y + e z) / (sum w^2 + e)`: the least-squares estimate of D. Griffin, J. Lim (IEEE Trans.
-//! ASSP 32(2), 1984, eq. 6) from the frames `y`, which falls back on the last value `z` where the windows `w` all but vanish.
-//! The next pass starts from a point further on in the direction of this one, as in fast Griffin-Lim (N. Perraudin, P.
-//! Balazs, P. Sondergaard, WASPAA 2013); the free part keeps this momentum from frame to frame. Then a hop is emitted. A
-//! sample that is emitted depends on no later frame.
+//! The signal is kept around `t`, the first sample that is not emitted. What lies before `t` was emitted
+//! and is frozen; what lies after it, up to the end of the newest frame, is free, and keeps what earlier
+//! passes left there. When a frame comes, passes are made over the free part. A pass takes some of the
+//! frames that reach beyond `t`, windows the signal at their places, gives each bin of its transform the
+//! magnitude of the frame (bins that are not carried get 0), transforms back, and moves the free samples to
+//! `(sum w y + e z) / (sum w^2 + e)`: the least-squares estimate of D. Griffin, J. Lim (IEEE Trans. ASSP
+//! 32(2), 1984, eq. 6) from the frames `y`, which falls back on the last value `z` where the windows `w`
+//! all but vanish. The next pass starts from a point further on in the direction of this one, as in fast
+//! Griffin-Lim (N. Perraudin, P. Balazs, P. Sondergaard, WASPAA 2013); the free part keeps this momentum
+//! from frame to frame. Then a hop is emitted. A sample that is emitted depends on no later frame.
 //!
 //! What was tried, and what is kept:
 //!
-//! * The frames of a pass are the newest one and others spread over all that reach beyond `t`, at places that differ from
-//!   pass to pass. Places that stay the same leave a tone's error at -50 dB instead of -80. The newest frames alone diverge
-//!   for two tones and for smooth magnitudes; spread ones without the newest are 6 to 15 dB worse for noise.
+//! * The frames of a pass are the newest one and others spread over all that reach beyond `t`, at places
+//!   that differ from pass to pass. Places that stay the same leave a tone's error at -50 dB instead of
+//!   -80. The newest frames alone diverge for two tones and for smooth magnitudes; spread ones without the
+//!   newest are 6 to 15 dB worse for noise.
 //! * Momentum that ends with each frame costs 2 dB on noise and 5 dB on taps (3 passes).
-//! * The newest hop starts from 0. Extrapolated (the signal repeated at the period of the strongest bin) it came out 0.3 dB worse
-//!   for noise and 2 dB worse for two tones at emission 0, and 0.4 to 1.6 dB better for noise, contact and taps at -20, means of four
-//!   seeds, of which single ones differ by 2 to 3 dB: not worth its cost. Where the signal says nothing yet, phases are those of a sweep through the middle half of
-//!   the window: from random ones, or a sweep elsewhere, two tones may take a second and more to find their beat.
-//! * One angle by which all bins above 0 are turned shows only in the magnitudes of the lowest three or four. The first frames leave it to
-//!   chance, and it then moves by 2 degrees a second. That, and no lack of work or precision, held 40 bursts of 220 Hz a second at -38 dB
-//!   for 10 seconds: from the true samples of the first window it is -53, with 20 passes or in double precision no better on average.
-//!   So passes turn the bins by the slope of the error over this angle: -40.1 dB between 1.5 and 2.7 s (median of 12 seeds), -45 after
-//!   5 s, near -50 after 8. Heard from the first window on a chirp was at -46 dB; at a gain of 20 from the second on it lost 5 dB at -10, and
-//!   taps lost 2 at 0.
-//! * Start phases of minimum phase, other values for `FIRST_INERTIA`, steps 1.2 times as long and more weight for the lowest bins moved
-//!   single bursts' figures by up to 10 dB either way, and the mean of 30 random trains of bursts by less than 1.5 dB.
-//! * Of 1, 3, 10, 30 and 100 thousandths for `e`, 3 does well at all emissions. More is better for smooth magnitudes, and
-//!   worse at negative emissions.
+//! * The newest hop starts from 0. Extrapolated (the signal repeated at the period of the strongest bin) it
+//!   came out 0.3 dB worse for noise and 2 dB worse for two tones at emission 0, and 0.4 to 1.6 dB better
+//!   for noise, contact and taps at -20, means of four seeds, of which single ones differ by 2 to 3 dB: not
+//!   worth its cost. Where the signal says nothing yet, phases are those of a sweep through the middle half
+//!   of the window: from random ones, or a sweep elsewhere, two tones may take a second and more to find
+//!   their beat.
+//! * One angle by which all bins above 0 are turned shows only in the magnitudes of the lowest three or
+//!   four. The first frames leave it to chance, and it then moves by 2 degrees a second. That, and no lack
+//!   of work or precision, held 40 bursts of 220 Hz a second at -38 dB for 10 seconds: from the true
+//!   samples of the first window it is -53, with 20 passes or in double precision no better on average. So
+//!   passes turn the bins by the slope of the error over this angle: -40.1 dB between 1.5 and 2.7 s (median
+//!   of 12 seeds), -45 after 5 s, near -50 after 8. Heard from the first window on a chirp was at -46 dB;
+//!   at a gain of 20 from the second on it lost 5 dB at -10, and taps lost 2 at 0.
+//! * Start phases of minimum phase, other values for `FIRST_INERTIA`, steps 1.2 times as long and more
+//!   weight for the lowest bins moved single bursts' figures by up to 10 dB either way, and the mean of 30
+//!   random trains of bursts by less than 1.5 dB.
+//! * Of 1, 3, 10, 30 and 100 thousandths for `e`, 3 does well at all emissions. More is better for smooth
+//!   magnitudes, and worse at negative emissions.
 //!
-//! `emission` says which samples are emitted when a frame comes: at 0 those from its start on, at -20 those 20 hops later. An
-//! early sample stands under fewer frames, so quality falls, while the output answers sooner. Spectral convergence in dB
-//! (lower is better), mean of three seeds, momentum 0.9, on the vectors of `tests/data/phase`; gain and rms error of the
-//! long-term spectrum, in dB, for smooth magnitudes that are no signal's (nnsmooth: what a network trained on squared error
-//! puts out); milliseconds until a step from 1 to 2 in the magnitudes of a noise has shown by 10, 50 and 90 %; median time a
-//! frame at N = 250 and 4800 in f32 on one AVX-512 core (AMD EPYC) of a busy machine, where up to eight frames are transformed at once in the lanes of a register:
+//! `emission` says which samples are emitted when a frame comes: at 0 those from its start on, at -20 those
+//! 20 hops later. An early sample stands under fewer frames, so quality falls, while the output answers
+//! sooner. Spectral convergence in dB (lower is better), mean of three seeds, momentum 0.9, on the vectors
+//! of `tests/data/phase`; gain and rms error of the long-term spectrum, in dB, for smooth magnitudes that
+//! are no signal's (nnsmooth: what a network trained on squared error puts out); milliseconds until a step
+//! from 1 to 2 in the magnitudes of a noise has shown by 10, 50 and 90 %; median time a frame at N = 250
+//! and 4800 in f32 on one AVX-512 core (AMD EPYC) of a busy machine, where up to eight frames are
+//! transformed at once in the lanes of a register:
 //!
 //! | frames x passes | emission | sine | chirp | texture | two tones | taps | contact | nnsmooth | gain, LTAS | texture 48k | amchirp 48k | lag [ms] | time [us] |
 //! |---|---|---|---|---|---|---|---|---|---|---|---|---|---|
@@ -54,22 +62,26 @@
 //! | 5 x 6, momentum 0.85 | -25 | -79.2 | -67.6 | -22.4 | -34.3 | -21.5 | -21.8 | -16.6 | -0.46, 0.62 | -18.8 | -51.0 | 0, 10, 14 | 10.6, 212 |
 //! | 10 x 5 | -25 | -76.3 | -68.7 | -20.5 | -29.6 | -22.3 | -25.1 | -16.9 | -0.35, 0.45 | -18.6 | -49.3 | 0, 10, 14 | 16.9, 275 |
 //!
-//! Convergence of 5 x 5 at 0, -10, -20 and -25 is with turned phases; the rest, and gain, spectrum, lag and time of these, was measured
-//! before. Seeds of taps differ by 2 dB: over 12 seeds, 5 x 5 at 0 had -33.1 dB before, and -32.9 with turned phases.
+//! Convergence of 5 x 5 at 0, -10, -20 and -25 is with turned phases; the rest, and gain, spectrum, lag and
+//! time of these, was measured before. Seeds of taps differ by 2 dB: over 12 seeds, 5 x 5 at 0 had -33.1 dB
+//! before, and -32.9 with turned phases.
 //!
-//! For the magnitudes of a network, which are no signal's, fewer do as well, and follow a change sooner: 2 x 2 (docs/tradeoff.md). Two
-//! frames a pass are transformed one by one, 2.9 us a frame at N = 250 and 37 at 4800, and gain by plans that all share alone.
+//! For the magnitudes of a network, which are no signal's, fewer do as well, and follow a change sooner: 2
+//! x 2 (docs/tradeoff.md). Two frames a pass are transformed one by one, 2.9 us a frame at N = 250 and 37
+//! at 4800, and gain by plans that all share alone.
 //!
-//! At -20 a step shows after 16 ms instead of 55, and noise is 12 dB better than with `spsi`, and level and spectrum of
-//! smooth magnitudes still are within 0.5 and 1 dB with some room: that is the default. At -25 it shows 6 ms sooner, and the
-//! level is 0.46 dB low. There the texture has two answers that last, near -20 and -24 dB, and the seed says which is found;
-//! 5 x 6 with momentum 0.85 came out at -22.7 dB (mean of 48 seeds, 46 of them at -21 or better; contact -22.2, taps -21.4, two
-//! tones -34.7; 10.6 us) and is the setting for -25, where 5 x 5 with 0.9 had -20.3. 6 x 6 is no better and takes 10.9 us. At -30
-//! quality breaks down. Frames and passes: 3 passes are as good as 5 for noise; 5 are better for
-//! what starts and stops.
+//! At -20 a step shows after 16 ms instead of 55, and noise is 12 dB better than with `spsi`, and level and
+//! spectrum of smooth magnitudes still are within 0.5 and 1 dB with some room: that is the default. At -25
+//! it shows 6 ms sooner, and the level is 0.46 dB low. There the texture has two answers that last, near
+//! -20 and -24 dB, and the seed says which is found; 5 x 6 with momentum 0.85 came out at -22.7 dB (mean of
+//! 48 seeds, 46 of them at -21 or better; contact -22.2, taps -21.4, two tones -34.7; 10.6 us) and is the
+//! setting for -25, where 5 x 5 with 0.9 had -20.3. 6 x 6 is no better and takes 10.9 us. At -30 quality
+//! breaks down. Frames and passes: 3 passes are as good as 5 for noise; 5 are better for what starts and
+//! stops.
 //!
-//! A stream fades in over a tenth of a window (longer where its first frame's window begins), and nothing is assumed to have
-//! been before its first frame. A frame that does not come is silence, so the signal fades out as the windows do.
+//! A stream fades in over a tenth of a window (longer where its first frame's window begins), and nothing
+//! is assumed to have been before its first frame. A frame that does not come is silence, so the signal
+//! fades out as the windows do.
 
 mod batch;
 mod drift;
@@ -88,7 +100,7 @@ use crate::random::uniform;
 use crate::{Complex, Float, Framing};
 use drift::Drift;
 use history::{History, largest, usable};
-use project::Projector;
+use project::{Call, Projector};
 
 /// Weight of a sample's last value against the windows' squares, where those are small.
 const INERTIA: f64 = 3e-3;
@@ -96,11 +108,13 @@ const INERTIA: f64 = 3e-3;
 /// The same over the first window of a stream, where the frames in use are few and do not agree yet.
 const FIRST_INERTIA: f64 = 0.1;
 
-/// Passes in which each frame comes to be looked at once, on average, up to which momentum may be as large as is wished.
-/// Beyond, it is held to the square of what they are over: 2 frames of 50 a pass can have 0.36.
+/// Passes in which each frame comes to be looked at once, on average, up to which momentum may be as large
+/// as is wished. Beyond, it is held to the square of what they are over: 2 frames of 50 a pass can have
+/// 0.36.
 const ROUND: f64 = 15.0;
 
-/// Samples that were emitted are at most this much on the kernel's own scale, where frames are near 1: the square of a sum of them has a number in f32.
+/// Samples that were emitted are at most this much on the kernel's own scale, where frames are near 1: the
+/// square of a sum of them has a number in f32.
 const LOUD: f64 = (1u64 << 40) as f64;
 
 /// Magnitude frames in, samples out.
@@ -154,8 +168,8 @@ impl<T> std::fmt::Debug for SampleCommit<T> {
 }
 
 impl<T: Float> SampleCommit<T> {
-    /// Plans transforms and makes room for the frames in use. What is left to chance is a function of `seed` and the frame's
-    /// number.
+    /// Plans transforms and makes room for the frames in use. What is left to chance is a function of
+    /// `seed` and the frame's number.
     ///
     /// # Errors
     /// Each kind of [`SettingsError`].
@@ -212,8 +226,8 @@ impl<T: Float> SampleCommit<T> {
         self.framing
     }
 
-    /// How many samples later a frame's content comes out than an overlap-add would emit it: `floor(emission * hop)`,
-    /// negative where it is early.
+    /// How many samples later a frame's content comes out than an overlap-add would emit it:
+    /// `floor(emission * hop)`, negative where it is early.
     pub fn delay(&self) -> i64 {
         self.delay
     }
@@ -259,12 +273,13 @@ impl<T: Float> SampleCommit<T> {
         i64::try_from(start).unwrap_or(i64::MAX).saturating_sub(self.delay)
     }
 
-    /// Takes frame number `index`, which covers `fft_len` samples from `framing.start(index)` on, and works on all that is
-    /// not emitted.
+    /// Takes frame number `index`, which covers `fft_len` samples from `framing.start(index)` on, and works
+    /// on all that is not emitted.
     ///
-    /// `magnitudes` are amplitudes `2 |sum w x| / sum w` from bin 0. Missing ones are 0, more than `framing.bins` are not
-    /// used; one that is NaN, infinite or negative is taken as 0, and the number of these is returned. Frames that were left
-    /// out since the one before are silent. Before the first one nothing is known.
+    /// `magnitudes` are amplitudes `2 |sum w x| / sum w` from bin 0. Missing ones are 0, more than
+    /// `framing.bins` are not used; one that is NaN, infinite or negative is taken as 0, and the number of
+    /// these is returned. Frames that were left out since the one before are silent. Before the first one
+    /// nothing is known.
     ///
     /// # Errors
     /// A frame out of reach or out of order is not used; see [`FrameError`].
@@ -299,8 +314,8 @@ impl<T: Float> SampleCommit<T> {
         Ok(bad)
     }
 
-    /// Keeps squares within reach of single precision whatever the unit: all is divided by a power of two near the largest
-    /// magnitude.
+    /// Keeps squares within reach of single precision whatever the unit: all is divided by a power of two
+    /// near the largest magnitude.
     fn set_scale(&mut self, peak: f64) {
         let held = self.history.peak().f64() * 4.0 * self.scale;
         let most = peak.max(held);
@@ -326,7 +341,8 @@ impl<T: Float> SampleCommit<T> {
         let origin = self.next - self.framing.fft_len as i64;
         let candidates = self.history.starting_after(origin);
         let Some((newest, _)) = self.history.get(0) else { return };
-        // Within the buffers: a frame that starts too early was refused. One that lies behind them has nothing left to say.
+        // Within the buffers: a frame that starts too early was refused. One that lies behind them has
+        // nothing left to say.
         let Ok(at) = usize::try_from(newest.start.saturating_sub(origin)) else { return };
         let end = at.saturating_add(self.framing.fft_len);
         if end > self.sum.len() {
@@ -357,8 +373,8 @@ impl<T: Float> SampleCommit<T> {
         Complex::new(T::of(cos), T::of(sin))
     }
 
-    /// Says what weight the frames of a pass have on average: that of all frames, times the `share` of them that a pass looks at.
-    /// The newest frame starts at `at`.
+    /// Says what weight the frames of a pass have on average: that of all frames, times the `share` of them
+    /// that a pass looks at. The newest frame starts at `at`.
     fn expect(&mut self, candidates: u64, share: f64, at: usize, end: usize) {
         let n = self.framing.fft_len;
         let share = T::of(share);
@@ -375,8 +391,9 @@ impl<T: Float> SampleCommit<T> {
         }
     }
 
-    /// The newest frame, and of the others one from each of as many equal spans of time, at a place that differs from pass to
-    /// pass. Where a pass has one frame, it is the newest in every second pass, on average.
+    /// The newest frame, and of the others one from each of as many equal spans of time, at a place that
+    /// differs from pass to pass. Where a pass has one frame, it is the newest in every second pass, on
+    /// average.
     fn choose(&mut self, candidates: u64, pass: usize) {
         self.chosen.clear();
         self.chosen.push(0);
@@ -420,7 +437,7 @@ impl<T: Float> SampleCommit<T> {
                     count += 1;
                 }
             }
-            self.projector.project(z, &sounding[..count], from, sum, turn);
+            self.projector.project(Call { z, frames: &sounding[..count], from, sum, turn });
         }
         let x = &mut self.x[self.head..self.head + end];
         let momentum = T::of(momentum);
@@ -440,8 +457,8 @@ impl<T: Float> SampleCommit<T> {
         (range.start < range.end).then_some(range.start as usize..range.end as usize)
     }
 
-    /// Says that the next sample to be emitted is `start`. Samples that a later one leaves out are dropped; an earlier one,
-    /// or one more than a window later, begins anew there.
+    /// Says that the next sample to be emitted is `start`. Samples that a later one leaves out are dropped;
+    /// an earlier one, or one more than a window later, begins anew there.
     pub fn seek(&mut self, start: u64) {
         let gap = self.content(start).saturating_sub(self.next);
         match usize::try_from(gap) {
@@ -452,8 +469,8 @@ impl<T: Float> SampleCommit<T> {
 
     /// Takes out the samples `start .. start + out.len()`; `out` may be empty.
     ///
-    /// Samples are to be taken in order (else see [`seek`](Self::seek)), and after the frames that start among them: one that
-    /// did not come is silence.
+    /// Samples are to be taken in order (else see [`seek`](Self::seek)), and after the frames that start
+    /// among them: one that did not come is silence.
     pub fn emit<P: Float>(&mut self, start: u64, out: &mut [P]) {
         self.seek(start);
         let view = self.framing.fft_len;
@@ -526,8 +543,8 @@ impl<T: Float> SampleCommit<T> {
     }
 }
 
-/// On another scale. A factor that single precision has no number for is one in double, and what was emitted long before, and may be far louder than
-/// any frame that is known still, is held to [`LOUD`].
+/// On another scale. A factor that single precision has no number for is one in double, and what was
+/// emitted long before, and may be far louder than any frame that is known still, is held to [`LOUD`].
 fn rescaled<T: Float>(x: T, factor: f64) -> T {
     T::of((x.f64() * factor).clamp(-LOUD, LOUD))
 }
@@ -544,8 +561,8 @@ fn add<T: Float>(to: &mut [T], from: &[T]) {
     }
 }
 
-/// The mean of what frames say, by their weights, and of what was there; then on in the direction taken. What was there has
-/// the weight that frames lack of what is expected of them, and `inertia` at least.
+/// The mean of what frames say, by their weights, and of what was there; then on in the direction taken.
+/// What was there has the weight that frames lack of what is expected of them, and `inertia` at least.
 fn step<T: Float>(x: &mut [T], z: &mut [T], [sum, weight, expected]: [&[T]; 3], momentum: T, inertia: T) {
     let frames = sum.iter().zip(weight).zip(expected);
     for ((x, z), ((&sum, &weight), &expected)) in x.iter_mut().zip(z).zip(frames) {

@@ -6,15 +6,31 @@ use crate::{Complex, Float, Framing, float::unit_circle, plans};
 use realfft::{ComplexToReal, RealToComplex};
 use std::sync::Arc;
 
-/// How much of a magnitude, relative, has the start phase: it decides only where the signal so far says nothing.
+/// How much of a magnitude, relative, has the start phase: it decides only where the signal so far says
+/// nothing.
 const HINT: f64 = 1e-6;
 
 /// Below any square that counts, and keeps 0 / 0 from being NaN.
 pub(super) const TINY: f64 = 1e-36;
 
-/// Fewer frames than this are transformed one by one. A batch takes as long however few are in it: with one a frame, of two frames, a push takes 1.8 us at
-/// N = 250 and 35 at 4800; with two frames one by one it takes 1.6 and 18 (f32, AVX-512).
+/// Fewer frames than this are transformed one by one. A batch takes as long however few are in it: with one
+/// a frame, of two frames, a push takes 1.8 us at N = 250 and 35 at 4800; with two frames one by one it
+/// takes 1.6 and 18 (f32, AVX-512).
 const FEW: usize = 3;
+
+/// What is projected, and where it goes.
+pub(super) struct Call<'a, T> {
+    /// The signal so far.
+    pub z: &'a [T],
+    /// Frames by their place in `z`, with the magnitudes that are wanted: as many as there are lanes at most.
+    pub frames: &'a [(usize, &'a [T])],
+    /// Sample from which on something is added.
+    pub from: usize,
+    /// Sum of the projected frames, each windowed; as long as `z`.
+    pub sum: &'a mut [T],
+    /// What all bins but the real ones are multiplied by.
+    pub turn: Complex<T>,
+}
 
 /// Transforms of one length, their window and buffers.
 pub(super) struct Projector<T> {
@@ -58,30 +74,24 @@ impl<T: Float> Projector<T> {
         &self.square
     }
 
-    /// Projects some frames of `z`, each from its place on and with its magnitudes, and adds them, windowed, to `sum`: of each what
-    /// lies from `from` on. At most as many frames as there are lanes. All bins but the real ones are turned by `turn`.
-    pub(super) fn project(
-        &mut self,
-        z: &[T],
-        frames: &[(usize, &[T])],
-        from: usize,
-        sum: &mut [T],
-        turn: Complex<T>,
-    ) {
-        if let Some(batch) = self.batch.as_mut().filter(|_| frames.len() >= FEW) {
-            return batch.project(z, frames, from, sum, turn);
+    /// Gives each bin of each frame the magnitude that is wanted and keeps its phase, and adds what that is in
+    /// time to the sum.
+    pub(super) fn project(&mut self, call: Call<'_, T>) {
+        if let Some(batch) = self.batch.as_mut().filter(|_| call.frames.len() >= FEW) {
+            return batch.project(call);
         }
         let n = self.window.len();
-        for (at, mags) in frames {
-            let free = from.max(*at)..at + n;
+        for (at, mags) in call.frames {
+            let free = call.from.max(*at)..at + n;
             let skip = free.start - at;
-            self.project_one(&z[*at..at + n], mags, turn);
-            self.add_to(&mut sum[free], skip);
+            self.project_one(&call.z[*at..at + n], mags, call.turn);
+            self.add_to(&mut call.sum[free], skip);
         }
     }
 
-    /// Windows the samples, gives each bin the magnitude that is wanted and keeps its phase. `magnitudes` are a quarter of the
-    /// amplitudes that a frame has: the inverse transform, which does not divide, then gives the windowed signal.
+    /// Windows the samples, gives each bin the magnitude that is wanted and keeps its phase. `magnitudes`
+    /// are a quarter of the amplitudes that a frame has: the inverse transform, which does not divide, then
+    /// gives the windowed signal.
     fn project_one(&mut self, samples: &[T], magnitudes: &[T], turn: Complex<T>) {
         for ((to, &x), &w) in self.frame.iter_mut().zip(samples).zip(&self.window) {
             *to = x * w;
@@ -120,12 +130,13 @@ fn impose<T: Float>(spectrum: &mut [Complex<T>], magnitudes: &[T], hint: &[Compl
     above.fill(Complex::default());
 }
 
-/// Start phases whose group delay sweeps the middle half of the window (M. R. Schroeder, "Synthesis of low-peak-factor
-/// signals and binary sequences with low autocorrelation", IEEE Trans. Inf. Theory 16(1), 1970): neighbours agree, as the
-/// bins of one sinusoid do, and a flat spectrum is no click.
+/// Start phases whose group delay sweeps the middle half of the window (M. R. Schroeder, "Synthesis of
+/// low-peak-factor signals and binary sequences with low autocorrelation", IEEE Trans. Inf. Theory 16(1),
+/// 1970): neighbours agree, as the bins of one sinusoid do, and a flat spectrum is no click.
 ///
-/// Bin 0 is real, and the sweep goes on from its phase, a quarter of a turn behind, as a struck resonance is. Where the phases above
-/// bin 0 are at odds with its sign, the frozen samples keep them so for seconds: 40 bursts of 220 Hz a second stay 8 dB worse.
+/// Bin 0 is real, and the sweep goes on from its phase, a quarter of a turn behind, as a struck resonance
+/// is. Where the phases above bin 0 are at odds with its sign, the frozen samples keep them so for seconds:
+/// 40 bursts of 220 Hz a second stay 8 dB worse.
 fn hint<T: Float>(framing: &Framing, seed: u64) -> Vec<Complex<T>> {
     let (n, bins) = (framing.fft_len, framing.bins);
     let mut turns = if crate::random::uniform(seed, 0, 0) < 0.5 { 0.0 } else { 0.5 };

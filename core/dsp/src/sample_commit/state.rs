@@ -9,8 +9,8 @@ use asperity_state::State;
 const FAR: i64 = 1 << 61;
 
 impl<T: Float> SampleCommit<T> {
-    /// What is remembered: frames in use, the samples they reach, and where they lie. Refused where it is of frames of another
-    /// layout or of another emission, or cannot be.
+    /// What is remembered: frames in use, the samples they reach, and where they lie. Refused where it is
+    /// of frames of another layout or of another emission, or cannot be.
     pub fn state(&mut self, state: &mut State<'_>) {
         let mut delay = self.delay;
         self.history.state(state);

@@ -23,8 +23,8 @@ fn analyse(f: &Framing, frames: u64, x: impl Fn(u64) -> f64) -> Vec<Vec<f32>> {
     (0..frames).map(|n| frame(f.start(n))).collect()
 }
 
-/// Pushes a frame a hop and returns all samples, and those of `after` hops after the last frame; sample 0 of the answer is
-/// sample 0 of the frames, whatever the emission.
+/// Pushes a frame a hop and returns all samples, and those of `after` hops after the last frame; sample 0
+/// of the answer is sample 0 of the frames, whatever the emission.
 fn run(c: &mut SampleCommit<f32>, frames: &[Vec<f32>], after: u64) -> Vec<f32> {
     let f = c.framing();
     let mut all = vec![0.0; usize::try_from(-c.delay()).unwrap_or(0)];
@@ -39,7 +39,8 @@ fn run(c: &mut SampleCommit<f32>, frames: &[Vec<f32>], after: u64) -> Vec<f32> {
     all.split_off(usize::try_from(c.delay()).unwrap_or(0))
 }
 
-/// Spectral convergence in dB over frames from `from` on that the signal covers, and its level over the frames'.
+/// Spectral convergence in dB over frames from `from` on that the signal covers, and its level over the
+/// frames'.
 fn score(f: &Framing, frames: &[Vec<f32>], y: &[f32], from: usize) -> (f64, f64) {
     let at = |i: u64| y.get(i as usize).map_or(0.0, |&y| f64::from(y));
     let last =
@@ -117,8 +118,8 @@ fn bursts_settle_within_seconds_whatever_the_seed() {
     assert!(all[6] < -39.5, "{all:?}");
 }
 
-/// The level in dB re what is wanted, and the peak re the largest that a signal of these magnitudes can have in the middle of
-/// a window.
+/// The level in dB re what is wanted, and the peak re the largest that a signal of these magnitudes can
+/// have in the middle of a window.
 fn loudness(frames: &[Vec<f32>], settings: Settings) -> (f64, f64) {
     let mut c = SampleCommit::<f32>::new(LOW, settings, 1).unwrap();
     let y = run(&mut c, frames, 0);

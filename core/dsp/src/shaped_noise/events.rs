@@ -9,16 +9,18 @@ use asperity_state::State;
 const MOST_A_SAMPLE: f64 = 4.0;
 /// A way of more spacings than this in a tick is no motion.
 const MOST_SKIPPED: f64 = 1e4;
-/// Bumps come at least as loud as if so many came in a second: a hand that hardly moves meets none, and is not struck by the next.
+/// Bumps come at least as loud as if so many came in a second: a hand that hardly moves meets none, and is
+/// not struck by the next.
 const LEAST_HZ: f64 = 4.0;
 /// Ridges a second from which on there is a part of their bumps, and all of it.
 const RIDGES_HZ: (f64, f64) = (4.0, 12.0);
 
 /// What the bumps are, and how far it is to the next.
 ///
-/// A sample has the mean square 1: the rarer bumps are, the higher they stand. Their signs are drawn, so that the spectrum is white however regularly they come
-/// (power spectrum of a marked point process whose marks have the mean 0; D. J. Daley and D. Vere-Jones, "An Introduction to the Theory of Point Processes",
-/// 2003). Distances and heights follow lognormal laws.
+/// A sample has the mean square 1: the rarer bumps are, the higher they stand. Their signs are drawn, so
+/// that the spectrum is white however regularly they come (power spectrum of a marked point process whose
+/// marks have the mean 0; D. J. Daley and D. Vere-Jones, "An Introduction to the Theory of Point
+/// Processes", 2003). Distances and heights follow lognormal laws.
 #[derive(Clone, Debug)]
 pub(super) struct Bumps {
     seed: u64,
@@ -98,11 +100,11 @@ impl Bumps {
     }
 }
 
-/// Bumps at the ridges of a way from one place to another, in turns of a wave, that takes so many samples at `rate_hz`. `out` has noise, which stays
-/// where hardly a ridge is met.
+/// Bumps at the ridges of a way from one place to another, in turns of a wave, that takes so many samples
+/// at `rate_hz`. `out` has noise, which stays where hardly a ridge is met.
 ///
-/// The part that does not repeat happens at the ridges too: each has a pulse of its own sign, height and place. They are the ridge's:
-/// a hand that comes back meets them again.
+/// The part that does not repeat happens at the ridges too: each has a pulse of its own sign, height and
+/// place. They are the ridge's: a hand that comes back meets them again.
 pub(super) fn at_ridges<T: Float>(
     seed: u64,
     rate_hz: f64,
@@ -148,7 +150,13 @@ mod tests {
     use super::*;
 
     fn pulses(spacing_mm: f64, interval_cv: f64, height_cv: f64) -> Vec<f64> {
-        let events = Events { spacing_mm: Some(spacing_mm), spacing_exponent: 0.0, interval_cv, height_cv };
+        let events = Events {
+            spacing_mm: Some(spacing_mm),
+            spacing_exponent: 0.0,
+            anisotropy: [0.0; 2],
+            interval_cv,
+            height_cv,
+        };
         let mut bumps = Bumps::new(7);
         let mut all = vec![0.0; 200_000];
         for (tick, out) in all.chunks_exact_mut(5).enumerate() {
@@ -184,8 +192,13 @@ mod tests {
     #[test]
     fn hand_at_rest_meets_no_bump() {
         let (mut bumps, mut out) = (Bumps::new(1), [1.0_f32; 5]);
-        let events =
-            Events { spacing_mm: Some(1.0), spacing_exponent: 0.0, interval_cv: 0.2, height_cv: 0.2 };
+        let events = Events {
+            spacing_mm: Some(1.0),
+            spacing_exponent: 0.0,
+            anisotropy: [0.0; 2],
+            interval_cv: 0.2,
+            height_cv: 0.2,
+        };
         bumps.fill(0, 2500.0, 0.0, &events, &mut out);
         assert_eq!(out, [0.0; 5]);
     }

@@ -1,19 +1,24 @@
 //! A texture without phase retrieval: noise, bumps and ridges through a filter that follows the magnitudes.
 //!
-//! A network answers expected magnitudes, and many signals have them. Phase retrieval finds the one that agrees with them best, and at constant speed that one repeats. This
-//! kernel draws one instead, as speech is made from an excitation and a filter:
+//! A network answers expected magnitudes, and many signals have them. Phase retrieval finds the one that
+//! agrees with them best, and at constant speed that one repeats. This kernel draws one instead, as speech
+//! is made from an excitation and a filter:
 //!
-//! * *Noise*, white and counted by sample, through the filter of minimum phase whose magnitude response is the newest frame (as [`Designer`] says). A change of the frame is
-//!   heard in the samples of its tick.
-//! * *Bumps*, where the texture has some and the hand's place is known: white pulses at places along the stroke take the noise's place. How
-//!   regularly they come decides how the envelope swings, and how far apart they are how high they stand.
-//! * *Ridges* that repeat with place: harmonic h of a wave k turns by `2 pi h k . (x, y)`, so that it stops, turns and starts again with the hand. The frame's power
-//!   from half a pitch below a harmonic to half a pitch above it is taken, so that the level is kept where lines are closer than bins. How it is divided among
-//!   neighbouring harmonics is the wave's: a network blurs the gaps. The phase is that of the response of minimum phase of these
-//!   powers (as the vocoder STRAIGHT smooths over a pitch; H. Kawahara, I. Masuda-Katsuse, A. de Cheveigne, Speech Communication 27, 1999), and the
-//!   ridge's own. A hand that moves backwards has it with the other sign, since the response does not run backwards.
+//! * *Noise*, white and counted by sample, through the filter of minimum phase whose magnitude response is
+//!   the newest frame (as [`Designer`] says). A change of the frame is heard in the samples of its tick.
+//! * *Bumps*, where the texture has some and the hand's place is known: white pulses at places along the
+//!   stroke take the noise's place. How regularly they come decides how the envelope swings, and how far
+//!   apart they are how high they stand.
+//! * *Ridges* that repeat with place: harmonic h of a wave k turns by `2 pi h k . (x, y)`, so that it
+//!   stops, turns and starts again with the hand. The frame's power from half a pitch below a harmonic to
+//!   half a pitch above it is taken, so that the level is kept where lines are closer than bins. How it is
+//!   divided among neighbouring harmonics is the wave's: a network blurs the gaps. The phase is that of the
+//!   response of minimum phase of these powers (as the vocoder STRAIGHT smooths over a pitch; H. Kawahara,
+//!   I. Masuda-Katsuse, A. de Cheveigne, Speech Communication 27, 1999), and the ridge's own. A hand that
+//!   moves backwards has it with the other sign, since the response does not run backwards.
 //!
-//! Taps and amplitudes go over from those of one frame to those of another within one tick, and stay for 4 ms at least: what costs most is to find them.
+//! Taps and amplitudes go over from those of one frame to those of another within one tick, and stay for 4
+//! ms at least: what costs most is to find them.
 
 mod events;
 mod pattern;
@@ -38,7 +43,8 @@ use unblurred::Unblurred;
 const MOST_LINES: usize = 128;
 /// Seconds for which taps and lines stay: what lies between frames that come faster is not heard.
 const STAYS_S: f64 = 0.004;
-/// Times taps are found until a wave's phases are found anew, in turns with the other's; sooner where the pitch changes by more than [`PITCH_CHANGES`].
+/// Times taps are found until a wave's phases are found anew, in turns with the other's; sooner where the
+/// pitch changes by more than [`PITCH_CHANGES`].
 const PHASES_EVERY: u64 = 4;
 /// Part by which a pitch changes before its phases are found anew.
 const PITCH_CHANGES: f64 = 0.03;
@@ -113,7 +119,8 @@ impl<T> std::fmt::Debug for ShapedNoise<T> {
 }
 
 impl<T: Float> ShapedNoise<T> {
-    /// Makes room and plans transforms; the hand's place comes every `tick_s` seconds. What is left to chance is a function of `seed` and the sample's number.
+    /// Makes room and plans transforms; the hand's place comes every `tick_s` seconds. What is left to
+    /// chance is a function of `seed` and the sample's number.
     ///
     /// # Errors
     /// What [`Framing::check`] finds.
@@ -208,8 +215,8 @@ impl<T: Float> ShapedNoise<T> {
         }
     }
 
-    /// Takes frame number `index`. `magnitudes` are root mean square amplitudes, or means where `ratio` says by how much a mean is less; what was said
-    /// of others in this crate holds.
+    /// Takes frame number `index`. `magnitudes` are root mean square amplitudes, or means where `ratio`
+    /// says by how much a mean is less; what was said of others in this crate holds.
     ///
     /// A magnitude that is NaN, infinite or negative is taken as 0; the number of these is returned.
     pub fn push<P: Float>(&mut self, index: u64, magnitudes: &[P], ratio: f64) -> usize {
@@ -225,7 +232,8 @@ impl<T: Float> ShapedNoise<T> {
         bad
     }
 
-    /// A tick: the hand is at `place` in mm, if that is known, and the samples of `start` and those after it are wanted.
+    /// A tick: the hand is at `place` in mm, if that is known, and the samples of `start` and those after
+    /// it are wanted.
     pub fn emit<P: Float>(&mut self, start: u64, place: Option<[f64; 2]>, out: &mut [P]) {
         let way = place.map_or([0.0; 2], |place| self.place.step(place));
         self.way_mm += way[0].hypot(way[1]);
@@ -280,7 +288,7 @@ impl<T: Float> ShapedNoise<T> {
     /// Bumps that have a spacing of their own, and the way in spacings since samples were last made.
     fn spacings(&self) -> Option<(Events, f64)> {
         let events = self.pattern.events?;
-        Some((events, self.way_mm / events.spacing_at(self.speed_mm_s())?))
+        Some((events, self.way_mm / events.spacing_at(self.place.velocity())?))
     }
 
     /// From where to where the hand has come since samples were last made, in turns of a wave.
@@ -290,12 +298,6 @@ impl<T: Float> ShapedNoise<T> {
         // Farther than this in a tick is no motion.
         let way = Some(turns - self.waves[w].turns).filter(|way| way.abs() < 4.0).unwrap_or(0.0);
         Some((turns - way, turns))
-    }
-
-    /// How fast the hand moves.
-    fn speed_mm_s(&self) -> f64 {
-        let [x, y] = self.place.velocity();
-        x.hypot(y)
     }
 
     /// What was gone over to is where the next tick begins.
@@ -345,8 +347,9 @@ impl<T: Float> ShapedNoise<T> {
         self.unblurred.find(&self.magnitudes, 1.0 / (3.0 * bin_hz), &mut self.density);
     }
 
-    /// Phases of minimum phase that ridges get from the newest frame, as complex numbers of size 1: of each harmonic of a pitch, from the
-    /// fundamental on, in a hand that moves forwards; `weights` are a wave's. The wave's own phases come on top.
+    /// Phases of minimum phase that ridges get from the newest frame, as complex numbers of size 1: of each
+    /// harmonic of a pitch, from the fundamental on, in a hand that moves forwards; `weights` are a wave's.
+    /// The wave's own phases come on top.
     pub fn ridge_phases(&mut self, pitch_hz: f64, weights: &[f64; HARMONICS], phases: &mut [Complex<f64>]) {
         phases.fill(Complex::new(1.0, 0.0));
         if pitch_hz >= LEAST_PITCH_HZ {
@@ -377,8 +380,9 @@ impl<T: Float> ShapedNoise<T> {
         }
     }
 
-    /// Divides the frame's power, whose integral is in `sums`, among the harmonics of a pitch: each gets its weight of the mean of what is around it and the
-    /// harmonics beside it, and all together what is around all of them.
+    /// Divides the frame's power, whose integral is in `sums`, among the harmonics of a pitch: each gets
+    /// its weight of the mean of what is around it and the harmonics beside it, and all together what is
+    /// around all of them.
     fn divide(&mut self, pitch_hz: f64, weights: &[f64; HARMONICS]) {
         let step_hz = self.step_hz();
         let count = ((self.top_hz() / pitch_hz) as usize).min(MOST_LINES);
@@ -398,7 +402,8 @@ impl<T: Float> ShapedNoise<T> {
         }
     }
 
-    /// Finds the response of minimum phase of the powers of a pitch, which are straight from one harmonic to the next.
+    /// Finds the response of minimum phase of the powers of a pitch, which are straight from one harmonic
+    /// to the next.
     fn respond(&mut self, pitch_hz: f64) {
         let step_hz = self.step_hz();
         let last = self.powers.last().copied().unwrap_or(0.0);
@@ -424,7 +429,8 @@ impl<T: Float> ShapedNoise<T> {
         self.step_hz() * 2.0 * (self.framing.bins as f64 - 0.5)
     }
 
-    /// Finds the phases of a wave's lines where it is time to: they hardly change from frame to frame, and are what costs most.
+    /// Finds the phases of a wave's lines where it is time to: they hardly change from frame to frame, and
+    /// are what costs most.
     fn find_phases(&mut self, w: usize, pitch_hz: f64) {
         let turn = self.found_in.is_some_and(|n| n % PHASES_EVERY == w as u64 * PHASES_EVERY / WAVES as u64);
         let known = self.waves[w].units_hz;

@@ -11,12 +11,14 @@ pub const HARMONICS: usize = 16;
 /// Numbers of a wave: its vector, then weight, share and phase of each harmonic.
 const WAVE_LEN: usize = 2 + 3 * HARMONICS;
 /// Numbers of bumps.
-const EVENTS_LEN: usize = 4;
+const EVENTS_LEN: usize = 6;
 /// Numbers of a pattern, as [`Pattern::read`] takes them.
 pub const PATTERN_LEN: usize = EVENTS_LEN + WAVES * WAVE_LEN;
 
 /// Largest power of speed.
 const MOST_EXPONENT: f64 = 2.0;
+/// Largest change of a spacing's logarithm with direction.
+const MOST_ANISOTROPY: f64 = 3.0;
 /// Speed at which spacings are told, and beyond which they do not change, in mm/s.
 const SPEED_MM_S: f64 = 100.0;
 const SPEEDS_MM_S: (f64, f64) = (10.0, 1000.0);
@@ -28,6 +30,8 @@ pub struct Events {
     pub spacing_mm: Option<f64>,
     /// The way grows with this power of speed.
     pub spacing_exponent: f64,
+    /// Its logarithm changes by `a cos 2t + b sin 2t` in a hand that moves at the angle t to x: grain.
+    pub anisotropy: [f64; 2],
     /// Standard deviation of that over the mean; of bumps at ridges, of their place over the pitch.
     pub interval_cv: f64,
     /// Standard deviation of their heights over the mean.
@@ -35,10 +39,15 @@ pub struct Events {
 }
 
 impl Events {
-    /// Mean way from one to the next in mm, of a hand at this speed.
-    pub fn spacing_at(&self, speed_mm_s: f64) -> Option<f64> {
-        let over = speed_mm_s.clamp(SPEEDS_MM_S.0, SPEEDS_MM_S.1) / SPEED_MM_S;
-        self.spacing_mm.map(|mm| mm * over.powf(self.spacing_exponent))
+    /// Mean way from one to the next in mm, of a hand at this velocity in mm/s.
+    pub fn spacing_at(&self, [x, y]: [f64; 2]) -> Option<f64> {
+        let speed = x.hypot(y);
+        let over = speed.clamp(SPEEDS_MM_S.0, SPEEDS_MM_S.1) / SPEED_MM_S;
+        let [a, b] = self.anisotropy;
+        // cos 2t and sin 2t of the direction; none of a hand at rest.
+        let square = (speed * speed).max(f64::MIN_POSITIVE);
+        let grain = a * (x * x - y * y) / square + b * 2.0 * x * y / square;
+        self.spacing_mm.map(|mm| mm * over.powf(self.spacing_exponent) * grain.exp())
     }
 }
 
@@ -66,8 +75,10 @@ pub struct Pattern {
 }
 
 impl Pattern {
-    /// Reads [`PATTERN_LEN`] numbers: way between bumps in mm (0: no bumps; -1: at the ridges of the first wave), the power of speed with which it grows, deviations of that and of heights over their means, then of each wave the vector in 1/mm
-    /// (0, 0: no wave), and of each harmonic weight, share and phase in rad. Numbers that are missing, not finite or out of range count as 0.
+    /// Reads [`PATTERN_LEN`] numbers: way between bumps in mm (0: no bumps; -1: at the ridges of the first
+    /// wave), the power of speed with which it grows, deviations of that and of heights over their means, the
+    /// change of its logarithm with direction, then of each wave the vector in 1/mm (0, 0: no wave), and of each harmonic weight, share and phase
+    /// in rad. Numbers that are missing, not finite or out of range count as 0.
     pub fn read(numbers: &[f64]) -> Self {
         let number = |at: usize, most: f64| {
             numbers.get(at).copied().filter(|x| x.is_finite()).map_or(0.0, |x| x.clamp(-most, most))
@@ -79,6 +90,7 @@ impl Pattern {
             spacing_exponent: number(1, MOST_EXPONENT),
             interval_cv: number(2, 4.0).max(0.0),
             height_cv: number(3, 10.0).max(0.0),
+            anisotropy: [4, 5].map(|at| number(at, MOST_ANISOTROPY)),
         });
         let wave = |w: usize| {
             let from = EVENTS_LEN + w * WAVE_LEN;
@@ -105,13 +117,14 @@ impl Pattern {
         let mut numbers =
             events.map_or([0.0; 3], |e| [e.spacing_mm.unwrap_or(-1.0), e.interval_cv, e.height_cv]);
         let mut spacing_exponent = events.map_or(0.0, |e| e.spacing_exponent);
-        state.keep(&mut numbers).keep(&mut spacing_exponent);
-        state.require(
-            numbers.iter().all(|x| (-1.0..=1e3).contains(x)) && spacing_exponent.abs() <= MOST_EXPONENT,
-        );
+        let mut anisotropy = events.map_or([0.0; 2], |e| e.anisotropy);
+        state.keep(&mut numbers).keep(&mut spacing_exponent).keep(&mut anisotropy);
+        state.require(numbers.iter().all(|x| (-1.0..=1e3).contains(x)));
+        state.require(spacing_exponent.abs() <= MOST_EXPONENT);
+        state.require(anisotropy.iter().all(|x| x.abs() <= MOST_ANISOTROPY));
         let [spacing_mm, interval_cv, height_cv] = numbers;
         let of = Some(spacing_mm).filter(|mm| *mm > 0.0);
-        let of = Events { spacing_mm: of, spacing_exponent, interval_cv, height_cv };
+        let of = Events { spacing_mm: of, spacing_exponent, anisotropy, interval_cv, height_cv };
         *events = (spacing_mm != 0.0).then_some(of);
     }
 }
@@ -148,10 +161,16 @@ mod tests {
         assert_eq!(Pattern::read(&[-1.0; EVENTS_LEN]), Pattern::default());
         let mut numbers = [0.0; PATTERN_LEN];
         (numbers[0], numbers[1], numbers[2]) = (0.5, -9.0, 99.0);
-        (numbers[4], numbers[6], numbers[7]) = (0.4, 19.0, 2.0);
+        (numbers[4], numbers[5]) = (-0.3, 9.0);
+        (numbers[6], numbers[8], numbers[9]) = (0.4, 19.0, 2.0);
         let pattern = Pattern::read(&numbers);
-        let events =
-            Events { spacing_mm: Some(0.5), spacing_exponent: -2.0, interval_cv: 4.0, height_cv: 0.0 };
+        let events = Events {
+            spacing_mm: Some(0.5),
+            spacing_exponent: -2.0,
+            anisotropy: [-0.3, 3.0],
+            interval_cv: 4.0,
+            height_cv: 0.0,
+        };
         assert_eq!(pattern.events, Some(events));
         assert_eq!(
             pattern.waves[0].map(|w| (w.per_mm, w.weights[0], w.shares[0])),

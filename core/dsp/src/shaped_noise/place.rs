@@ -7,8 +7,8 @@ const CORNER_HZ: f64 = 20.0;
 /// A place farther than this from where it is expected is no motion: the stylus was put down elsewhere. \[mm\]
 const JUMP_MM: f64 = 5.0;
 
-/// Follows a place by position and velocity: an alpha-beta filter, critically damped (P. R. Kalata, IEEE Trans. AES 20(2), 1984). A steady
-/// motion is followed without lag.
+/// Follows a place by position and velocity: an alpha-beta filter, critically damped (P. R. Kalata, IEEE
+/// Trans. AES 20(2), 1984). A steady motion is followed without lag.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Place {
     alpha: f64,

@@ -10,8 +10,9 @@ const FLOOR: f64 = 1e-7;
 
 /// Finds responses on a grid twice as fine as the bins of a transform.
 ///
-/// The logarithm's imaginary part is the Hilbert transform of its real part: the cepstrum, folded to positive times (A. V. Oppenheim and R. W. Schafer, "Discrete-Time
-/// Signal Processing", section on minimum-phase sequences by the real cepstrum). Magnitudes on the grid are kept.
+/// The logarithm's imaginary part is the Hilbert transform of its real part: the cepstrum, folded to
+/// positive times (A. V. Oppenheim and R. W. Schafer, "Discrete-Time Signal Processing", section on
+/// minimum-phase sequences by the real cepstrum). Magnitudes on the grid are kept.
 pub(super) struct Designer<T> {
     inverse: Arc<dyn ComplexToReal<T>>,
     forward: Arc<dyn RealToComplex<T>>,
@@ -77,8 +78,9 @@ impl<T: Float> Designer<T> {
         true
     }
 
-    /// The first samples of the response in time, newest last: `taps[len - 1 - i]` weighs what came i samples ago. They have the energy of all of it: a
-    /// line that is narrower than they are long is wider, and as loud.
+    /// The first samples of the response in time, newest last: `taps[len - 1 - i]` weighs what came i
+    /// samples ago. They have the energy of all of it: a line that is narrower than they are long is wider,
+    /// and as loud.
     pub(super) fn taps(&mut self, taps: &mut [T]) {
         self.transform_back();
         let norm = T::of(1.0 / self.len as f64);

@@ -56,7 +56,13 @@ fn repeats(x: &[f64], from: usize, to: usize) -> (f64, usize) {
 
 fn events(spacing_mm: f64, interval_cv: f64, height_cv: f64) -> Pattern {
     Pattern {
-        events: Some(Events { spacing_mm: Some(spacing_mm), spacing_exponent: 0.0, interval_cv, height_cv }),
+        events: Some(Events {
+            spacing_mm: Some(spacing_mm),
+            spacing_exponent: 0.0,
+            anisotropy: [0.0; 2],
+            interval_cv,
+            height_cv,
+        }),
         ..Pattern::default()
     }
 }
@@ -130,7 +136,8 @@ fn ridges_repeat_at_pitch_over_speed() {
 
 #[test]
 fn ridges_are_silent_along_themselves_and_at_rest() {
-    // Ridges along y; what is left of a stroke along them is what does not repeat: nothing here, below the first line.
+    // Ridges along y; what is left of a stroke along them is what does not repeat: nothing here, below the
+    // first line.
     let crossing = rms(&played(ridges(2.5), &smooth(), 4.0, forwards(100.0))[1000..]);
     let still = played(ridges(2.5), &smooth(), 4.0, |_| Some([3.3, 4.4]));
     let x = &still[1000..];
@@ -184,11 +191,39 @@ fn bumps_of_a_slower_hand_are_further_apart_by_the_exponent() {
 }
 
 #[test]
+fn bumps_across_the_grain_are_further_apart_than_along_it() {
+    let of = |spacing_mm: f64, anisotropy: [f64; 2]| {
+        let mut pattern = events(spacing_mm, 0.2, 0.3);
+        pattern.events.iter_mut().for_each(|events| events.anisotropy = anisotropy);
+        // At 30 degrees to x: cos 2t is 1/2 and sin 2t is 0.866.
+        let way = |t: f64| Some([86.6025 * t, 50.0 * t]);
+        kurtosis(&played(pattern, &smooth(), 30.0, way)[500..])
+    };
+    let two = 2.0_f64.ln();
+    let (far, near, without) = (of(2.0, [0.0; 2]), of(0.5, [0.0; 2]), of(1.0, [0.0; 2]));
+    assert!(far > 1.3 * without && without > 1.3 * near, "{far} {without} {near}");
+    for (anisotropy, want) in [
+        ([2.0 * two, 0.0], far),
+        ([0.0, two / 0.866_025], far),
+        ([-2.0 * two, 0.0], near),
+        ([two, -two / 1.732_05], without),
+    ] {
+        let found = of(1.0, anisotropy);
+        assert!((found / want - 1.0).abs() < 0.1, "{anisotropy:?}: {found} for {want}");
+    }
+}
+
+#[test]
 fn bumps_at_ridges_come_where_the_ridges_are() {
     let mut pattern = ridges(2.5);
     pattern.waves[0].iter_mut().for_each(|wave| wave.shares = [0.0; HARMONICS]);
-    pattern.events =
-        Some(Events { spacing_mm: None, spacing_exponent: 0.0, interval_cv: 0.02, height_cv: 0.2 });
+    pattern.events = Some(Events {
+        spacing_mm: None,
+        spacing_exponent: 0.0,
+        anisotropy: [0.0; 2],
+        interval_cv: 0.02,
+        height_cv: 0.2,
+    });
     let right = (smooth().iter().map(|m| m * m / 3.0).sum::<f64>()).sqrt();
     for speed in [60.0, 100.0] {
         let x = played(pattern, &smooth(), 20.0, forwards(speed));
@@ -211,7 +246,13 @@ fn bumps_at_ridges_come_where_the_ridges_are() {
 
 #[test]
 fn bump_at_a_ridge_is_met_again_by_a_hand_that_comes_back() {
-    let events = Events { spacing_mm: None, spacing_exponent: 0.0, interval_cv: 0.1, height_cv: 0.5 };
+    let events = Events {
+        spacing_mm: None,
+        spacing_exponent: 0.0,
+        anisotropy: [0.0; 2],
+        interval_cv: 0.1,
+        height_cv: 0.5,
+    };
     let met = |way: (f64, f64)| {
         let mut out = [0.0_f64; 1000];
         events::at_ridges(3, 2500.0, way, &events, &mut out);

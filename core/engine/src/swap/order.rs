@@ -26,7 +26,8 @@ impl From<Step> for Run {
     }
 }
 
-/// What comes before what. Steps are numbered: `wants` and `process` of every slot, the crossfades, every `absorb`.
+/// What comes before what. Steps are numbered: `wants` and `process` of every slot, the crossfades, every
+/// `absorb`.
 struct Steps<'a> {
     points: &'a [Point],
     slots: usize,
@@ -36,8 +37,8 @@ struct Steps<'a> {
 
 /// The steps while it fades, each after all that it hears.
 ///
-/// There is such an order: old and new nodes meet in kept ones only, and no kept node is both behind a crossfade and
-/// before one.
+/// There is such an order: old and new nodes meet in kept ones only, and no kept node is both behind a
+/// crossfade and before one.
 pub(super) fn order(old: &Schedule, new: &Schedule, points: &[Point], shadows: &Shadows) -> Vec<Run> {
     // Should gates wait for each other, nobody waits for them: their answers are those of the tick before.
     [true, false].into_iter().find_map(|waits| sorted(old, new, points, shadows, waits)).unwrap_or_default()

@@ -123,7 +123,8 @@ fn node(
     Some(node)
 }
 
-/// Of more errors than these, what was probably meant is not looked for: that would be each wrong name against each right one.
+/// Of more errors than these, what was probably meant is not looked for: that would be each wrong name
+/// against each right one.
 const MAX_GUESSES: usize = 100;
 
 #[derive(Clone, Copy, PartialEq)]

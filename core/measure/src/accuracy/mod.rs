@@ -1,13 +1,16 @@
-//! How well what is rendered agrees with what a tool felt along the same stroke, by figures that are never made one.
+//! How well what is rendered agrees with what a tool felt along the same stroke, by figures that are never
+//! made one.
 //!
-//! A texture's waveform is a draw: two strokes over two places of one surface share no sample. What they share is how much there is of each frequency at
-//! each moment, so the figures compare spectra over 20 to 1000 Hz ([`Spectrogram`]), and only [`waveform_db`] compares samples: of two runs of one setting.
+//! A texture's waveform is a draw: two strokes over two places of one surface share no sample. What they
+//! share is how much there is of each frequency at each moment, so the figures compare spectra over 20 to
+//! 1000 Hz ([`Spectrogram`]), and only [`waveform_db`] compares samples: of two runs of one setting.
 //! `docs/accuracy.md` says how much of a difference means what.
 //!
 //! # Silence
 //!
-//! Below [`SILENCE_M_S2`] (root mean square, 20 to 1000 Hz) a signal is silent. Two silent signals agree in everything. Where one alone is silent, levels,
-//! spectra and bands are [`LIMIT_DB`] apart (less where the figure has a bound of its own), and the shape is 0: there is none.
+//! Below [`SILENCE_M_S2`] (root mean square, 20 to 1000 Hz) a signal is silent. Two silent signals agree in
+//! everything. Where one alone is silent, levels, spectra and bands are [`LIMIT_DB`] apart (less where the
+//! figure has a bound of its own), and the shape is 0: there is none.
 
 mod bands;
 mod long_term;
@@ -78,9 +81,10 @@ impl std::fmt::Display for AccuracyError {
 
 impl std::error::Error for AccuracyError {}
 
-/// All figures of a rendered acceleration in m/s^2 against the truth, whose axes' powers add: one signal has to carry what a tool felt along three
-/// (Landin, Romano, McMahan, Kuchenbecker 2010). Sample 0 of all is the same moment; what one side alone has at the end does not count, nor do
-/// frequencies from half the truth's rate on. The rendered signal has nothing from half its own rate on.
+/// All figures of a rendered acceleration in m/s^2 against the truth, whose axes' powers add: one signal
+/// has to carry what a tool felt along three (Landin, Romano, McMahan, Kuchenbecker 2010). Sample 0 of all
+/// is the same moment; what one side alone has at the end does not count, nor do frequencies from half the
+/// truth's rate on. The rendered signal has nothing from half its own rate on.
 ///
 /// # Errors
 /// Each kind of [`AccuracyError`] but `Lengths`.
@@ -95,8 +99,9 @@ pub fn agreement(
     compare(&rendered, &[truth])
 }
 
-/// The same of spectrograms, against several draws of one truth, such as one stroke over several places of a surface: their mean powers are compared with,
-/// and `perceptual` is the mean over them, since masks are those of one draw.
+/// The same of spectrograms, against several draws of one truth, such as one stroke over several places of
+/// a surface: their mean powers are compared with, and `perceptual` is the mean over them, since masks are
+/// those of one draw.
 ///
 /// # Errors
 /// [`AccuracyError::TooShort`], [`AccuracyError::NoAxes`] without a truth.

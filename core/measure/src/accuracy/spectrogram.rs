@@ -22,12 +22,14 @@ const FIRST: usize = 2;
 /// Samples beyond this count as not finite: their squares would not be.
 const MOST: f64 = 1e100;
 
-/// Short-time powers of a signal, by Welch's method (IEEE Trans. Audio and Electroacoustics 15(2), 1967): windows of 0.1 s, Hann's (periodic), overlapped by three
-/// quarters. By a half, as is usual, the squares of the windows do not add up to a constant, and what phase retrieval makes has pulses 50 ms apart: its level came out up to 0.7 dB otherwise
-/// when it was shifted by 20 ms.
+/// Short-time powers of a signal, by Welch's method (IEEE Trans. Audio and Electroacoustics 15(2), 1967):
+/// windows of 0.1 s, Hann's (periodic), overlapped by three quarters. By a half, as is usual, the squares
+/// of the windows do not add up to a constant, and what phase retrieval makes has pulses 50 ms apart: its
+/// level came out up to 0.7 dB otherwise when it was shifted by 20 ms.
 ///
-/// A bin's power is `4 |sum w x|^2 / (3 (sum w)^2)` in (m/s^2)^2, twice that of one sign of frequency, so that the powers of all bins add up to the mean square: a
-/// sine of amplitude A at a bin's frequency has A^2 / 3 there and A^2 / 12 in the bins beside. Powers of several axes are added.
+/// A bin's power is `4 |sum w x|^2 / (3 (sum w)^2)` in (m/s^2)^2, twice that of one sign of frequency, so
+/// that the powers of all bins add up to the mean square: a sine of amplitude A at a bin's frequency has
+/// A^2 / 3 there and A^2 / 12 in the bins beside. Powers of several axes are added.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Spectrogram {
     bins: usize,
@@ -38,7 +40,8 @@ impl Spectrogram {
     /// Of a signal of one axis or more in m/s^2; the shortest axis counts.
     ///
     /// # Errors
-    /// [`AccuracyError`]: a rate that is not 100 to 1e6 Hz, no axis, a sample that is not finite. A signal of less than a window has no frames.
+    /// [`AccuracyError`]: a rate that is not 100 to 1e6 Hz, no axis, a sample that is not finite. A signal
+    /// of less than a window has no frames.
     pub fn new(axes: &[&[f64]], rate_hz: f64) -> Result<Self, AccuracyError> {
         let samples = check(axes, rate_hz)?;
         let bins = (0..BINS).take_while(|bin| bin_hz(*bin) < 0.5 * rate_hz).count();
@@ -59,7 +62,8 @@ impl Spectrogram {
         Ok(Self { bins, powers })
     }
 
-    /// Of powers in (m/s^2)^2 that are known by another way: one array for every 0.025 s, of which the first `bins` say anything.
+    /// Of powers in (m/s^2)^2 that are known by another way: one array for every 0.025 s, of which the
+    /// first `bins` say anything.
     pub fn from_powers(bins: usize, powers: Vec<[f64; BINS]>) -> Self {
         Self { bins: bins.min(BINS), powers }
     }
@@ -79,7 +83,8 @@ impl Spectrogram {
         self.powers.get(number)
     }
 
-    /// Mean powers over some frames in (m/s^2)^2; those beyond the last do not count, and of none the mean is 0.
+    /// Mean powers over some frames in (m/s^2)^2; those beyond the last do not count, and of none the mean
+    /// is 0.
     pub fn mean(&self, frames: Range<usize>) -> [f64; BINS] {
         let mut sums = [0.0; BINS];
         let end = frames.end.min(self.powers.len());

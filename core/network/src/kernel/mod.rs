@@ -1,9 +1,10 @@
 //! The packed network's inner loop, once per instruction set.
 //!
-//! [`execute`] and [`checksum`] are written once over [`Simd`] and inlined into one function per instruction set that is
-//! compiled for it, so that dispatch happens once per run. Lengths are checked once per block of columns; what is unsafe
-//! is calling a function compiled for an instruction set, and loads and stores within slices of checked length.
-//! Layers whose weights are whole numbers have a loop of their own, in [`whole`].
+//! [`execute`] and [`checksum`] are written once over [`Simd`] and inlined into one function per
+//! instruction set that is compiled for it, so that dispatch happens once per run. Lengths are checked once
+//! per block of columns; what is unsafe is calling a function compiled for an instruction set, and loads
+//! and stores within slices of checked length. Layers whose weights are whole numbers have a loop of their
+//! own, in [`whole`].
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;
@@ -37,7 +38,8 @@ impl Isa {
         [Isa::Avx512, Isa::Avx2, Isa::Portable].into_iter().filter(|isa| isa.is_available()).collect()
     }
 
-    /// Whether this machine, which has it, also has what sums of whole numbers need: of AVX-512 that is BW and VNNI.
+    /// Whether this machine, which has it, also has what sums of whole numbers need: of AVX-512 that is BW
+    /// and VNNI.
     pub(crate) fn has_whole_numbers(self) -> bool {
         match self {
             #[cfg(target_arch = "x86_64")]
@@ -120,7 +122,8 @@ pub(crate) struct Block {
     pub(crate) weights: usize,
     /// Whether its weights lie in [`Data::wide`].
     pub(crate) wide: bool,
-    /// Where weights are stored scaled: the first of what each column's sum is multiplied by, among the fixed numbers.
+    /// Where weights are stored scaled: the first of what each column's sum is multiplied by, among the
+    /// fixed numbers.
     pub(crate) unscale: usize,
     /// Where they are whole numbers: the first of what each column's sum starts from.
     pub(crate) starts: usize,
@@ -179,7 +182,8 @@ pub(crate) struct Data<'a, W> {
 /// A vector of f32.
 ///
 /// # Safety
-/// Every function needs the CPU to have the instruction set, and [`Simd::LANES`] elements at pointers, aligned as one.
+/// Every function needs the CPU to have the instruction set, and [`Simd::LANES`] elements at pointers,
+/// aligned as one.
 pub(crate) trait Simd {
     const LANES: usize;
     /// How many vectors of sums fit the registers, beside an input and a weight.
@@ -305,7 +309,8 @@ unsafe fn block<S: Simd, W: Float, const V: usize>(
         weights = rest;
         let mut row = rows.as_ptr();
         for &x in inputs {
-            // SAFETY: the instruction set is the caller's promise; `rows` has a row of V * LANES weights for each input.
+            // SAFETY: the instruction set is the caller's promise; `rows` has a row of V * LANES weights
+            // for each input.
             unsafe {
                 let x = S::splat(x);
                 for (v, sum) in sums.iter_mut().enumerate() {
@@ -318,8 +323,8 @@ unsafe fn block<S: Simd, W: Float, const V: usize>(
     let to = arena.get_mut(b.to..)?.get_mut(..V * S::LANES)?.as_mut_ptr();
     let unscale = if W::SCALED { unscale.get(..V * S::LANES)?.as_ptr() } else { unscale.as_ptr() };
     for (v, sum) in sums.into_iter().enumerate() {
-        // SAFETY: the instruction set is the caller's promise; `to` has room for V * LANES floats and `unscale` has them
-        // where it is read.
+        // SAFETY: the instruction set is the caller's promise; `to` has room for V * LANES floats and
+        // `unscale` has them where it is read.
         unsafe {
             let y = if W::SCALED { S::mul(sum, S::load(unscale.add(v * S::LANES))) } else { sum };
             S::store(S::clamp(y, S::splat(b.low), S::splat(b.high)), to.add(v * S::LANES));

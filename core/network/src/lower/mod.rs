@@ -1,9 +1,9 @@
 //! Recognises a multilayer perceptron in an ONNX graph and writes it as a few steps.
 //!
-//! A step is an affine map or a rescaling of single elements, then a clamp (ReLU is a clamp to [0, inf)) or an
-//! exponential. Constant
-//! additions and multiplications between steps are folded into weights and biases in f64; concatenation and
-//! reshaping only say which elements a step reads. Anything else is named as the reason why the graph was not lowered.
+//! A step is an affine map or a rescaling of single elements, then a clamp (ReLU is a clamp to [0, inf)) or
+//! an exponential. Constant additions and multiplications between steps are folded into weights and biases
+//! in f64; concatenation and reshaping only say which elements a step reads. Anything else is named as the
+//! reason why the graph was not lowered.
 
 mod ops;
 mod value;

@@ -430,8 +430,8 @@ pub fn motions(count: usize, seed: u64) -> Vec<(Vec<f32>, Vec<f32>)> {
     all
 }
 
-/// An encoder: means over tiles of 16 x 16 pixels, red's 12 rows of 16, then green's, then blue's, weighted and summed to s.
-/// Number n of the answer is s (1 + n / 256) + n step.
+/// An encoder: means over tiles of 16 x 16 pixels, red's 12 rows of 16, then green's, then blue's, weighted
+/// and summed to s. Number n of the answer is s (1 + n / 256) + n step.
 pub fn encoder(weights: &[f32], step: f32) -> ModelProto {
     let mut w = Writer::new(Spelling::default());
     w.graph.input = vec![value_info("image", &[Some(1), Some(3), Some(192), Some(256)])];

@@ -1,7 +1,8 @@
 //! Materials: the library file that names them with their vectors, and what a frame of their magnitudes is.
 //!
-//! A frame is a Hann window of [`WINDOW_S`] and its magnitudes are amplitudes, `A_k = 2 |sum w x| / sum w` in m/s^2, at [`BIN_HZ`], 2 `BIN_HZ`, ..
-//! [`BINS`] `BIN_HZ`. Of a stationary Gaussian signal they are Rayleigh distributed: `E[A_k] = sqrt(pi / 4) sqrt(E[A_k^2])`.
+//! A frame is a Hann window of [`WINDOW_S`] and its magnitudes are amplitudes, `A_k = 2 |sum w x| / sum w`
+//! in m/s^2, at [`BIN_HZ`], 2 `BIN_HZ`, .. [`BINS`] `BIN_HZ`. Of a stationary Gaussian signal they are
+//! Rayleigh distributed: `E[A_k] = sqrt(pi / 4) sqrt(E[A_k^2])`.
 
 mod library;
 mod random;

@@ -95,11 +95,14 @@ const FLAT: [[f64; 3]; 2] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
 
 /// Finds what a stylus touches, and says what each effect is to do about it.
 ///
-/// Three searches at most, each as long for many surfaces as for one: among the walls (surfaces with a stiffness), the volumes (those without, that vibrate or
-/// drag) and the magnets. The deepest of each is felt. A wall's vibration and drag go before a volume's; of magnets the nearest pulls.
+/// Three searches at most, each as long for many surfaces as for one: among the walls (surfaces with a
+/// stiffness), the volumes (those without, that vibrate or drag) and the magnets. The deepest of each is
+/// felt. A wall's vibration and drag go before a volume's; of magnets the nearest pulls.
 ///
-/// Textures go from one wall to the next by a crossfade of equal power between two voices. A third wall waits until one of them has faded. A stylus that leaves
-/// a wall keeps its voice for [`hold_s`](ContactSettings::hold_s), so that what follows can fade by itself: what it touches after that begins at full level.
+/// Textures go from one wall to the next by a crossfade of equal power between two voices. A third wall
+/// waits until one of them has faded. A stylus that leaves a wall keeps its voice for
+/// [`hold_s`](ContactSettings::hold_s), so that what follows can fade by itself: what it touches after that
+/// begins at full level.
 #[derive(Clone, Debug)]
 pub struct Contacts {
     settings: ContactSettings,
@@ -209,7 +212,8 @@ impl Contacts {
         self.walls.bytes() + self.zones.bytes() + self.magnets.bytes()
     }
 
-    /// So many ticks have gone by of which no place is known: a wall that the next one lies in was reached on a way that took so much longer.
+    /// So many ticks have gone by of which no place is known: a wall that the next one lies in was reached
+    /// on a way that took so much longer.
     pub fn missed(&mut self, ticks: u64) {
         self.missed = ticks;
         self.past.known = 0;
@@ -310,7 +314,8 @@ impl Contacts {
         }
     }
 
-    /// Speed and part of the tick at which a wall was reached from outside, where so many ticks were missed on the way.
+    /// Speed and part of the tick at which a wall was reached from outside, where so many ticks were missed
+    /// on the way.
     fn approach(&self, before: [f64; 3], missed: u64, contact: &Contact) -> Option<(f64, f64)> {
         let surface = &self.walls.entries().get(contact.entry as usize)?.surface;
         let (from, to) = (-surface.depth_mm(before), -contact.touch.depth_mm);
@@ -384,7 +389,8 @@ impl Contacts {
         self.network = towards(self.network, wall.material >= 0.0, step);
     }
 
-    /// Takes the places of textures on: to where their surface is touched, else as far as the stylus goes, as if the surface went on.
+    /// Takes the places of textures on: to where their surface is touched, else as far as the stylus goes,
+    /// as if the surface went on.
     fn follow(&mut self, velocity_mm_s: [f64; 3], touched: Option<&Contact>) {
         for i in 0..self.voices.len() {
             let Fading { of, gain, place_mm, tangents, .. } = self.voices[i];
@@ -424,7 +430,8 @@ impl Contacts {
         (self.current, self.rested, self.network, self.material) = (None, true, 0.0, 0.0);
     }
 
-    /// What is held, and how far it has faded. Where surfaces are others than before, their numbers mean others.
+    /// What is held, and how far it has faded. Where surfaces are others than before, their numbers mean
+    /// others.
     pub fn state(&mut self, state: &mut State<'_>) {
         state
             .keep(&mut self.held)

@@ -24,9 +24,11 @@ pub struct ContactSettings {
     pub crossfade_s: f64,
     /// How long the textures of a wall stay when it is left, for what fades them out \[s\].
     pub hold_s: f64,
-    /// From how far a surface that is not yet touched is told of to a device that pushes back in a loop of its own \[mm\].
+    /// From how far a surface that is not yet touched is told of to a device that pushes back in a loop of
+    /// its own \[mm\].
     pub anticipate_mm: f64,
-    /// The speed at which a wall counts as reached by a stylus that was put down on it from elsewhere: how fast it came is not known \[mm/s\].
+    /// The speed at which a wall counts as reached by a stylus that was put down on it from elsewhere: how
+    /// fast it came is not known \[mm/s\].
     pub put_down_mm_s: f64,
 }
 
@@ -65,7 +67,8 @@ pub struct Felt {
     pub push_n: [f64; 3],
     /// Two directions along the surface.
     pub tangents: [[f64; 3]; 2],
-    /// Where along them the stylus is, and how high over the surface, in mm. In the air it goes on as if the surface did.
+    /// Where along them the stylus is, and how high over the surface, in mm. In the air it goes on as if
+    /// the surface did.
     pub place_mm: [f64; 3],
     /// Along them, behind the low-pass, in mm/s.
     pub velocity_mm_s: [f64; 2],

@@ -51,8 +51,9 @@ impl Scene {
     /// Reads a scene from a text.
     ///
     /// # Errors
-    /// A text that is no RON, an unknown field, effect or shape (with the nearest known), a number out of its range, a surface of no area, effects of
-    /// one surface that contradict each other; a picture of heights of a shape that cannot be read. Other files that it names are not looked at.
+    /// A text that is no RON, an unknown field, effect or shape (with the nearest known), a number out of
+    /// its range, a surface of no area, effects of one surface that contradict each other; a picture of
+    /// heights of a shape that cannot be read. Other files that it names are not looked at.
     pub fn parse(source: &Arc<Source>) -> Result<Self, Diagnostic> {
         let value = ron::parse(source)?;
         let mut scene = value.record("Scene")?;
@@ -126,7 +127,8 @@ impl Scene {
     }
 }
 
-/// What was made of texts that stand in the file more than once, as they do where surfaces are alike. Checking a table or making heights takes a millisecond and more.
+/// What was made of texts that stand in the file more than once, as they do where surfaces are alike.
+/// Checking a table or making heights takes a millisecond and more.
 #[derive(Default)]
 pub(super) struct Known {
     textures: HashMap<String, Texture>,

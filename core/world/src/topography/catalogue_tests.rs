@@ -100,8 +100,9 @@ fn heights_of_foam_pebbles_and_sandpaper_are_as_stated() {
                 // Without resin and backing, 0.03 of a grain and 2 um.
                 let rms = (patch.rms_mm().powi(2) - (0.03 * grain_mm + 0.002).powi(2)).sqrt();
                 assert!((rms / (0.14 * grain_mm) - 1.0).abs() < 0.06, "{name}: {rms}");
-                // Tops are 0.6 of a grain's size, blunted at 0.85 of that; of grains larger than most by twice the spread
-                // of their logarithm, 0.15, that is 0.69 of the mean size. Of fine grades the resin adds to it.
+                // Tops are 0.6 of a grain's size, blunted at 0.85 of that; of grains larger than most by
+                // twice the spread of their logarithm, 0.15, that is 0.69 of the mean size. Of fine grades
+                // the resin adds to it.
                 let tops = span(&patch, 1e-3) / grain_mm;
                 assert!(grain_mm < 0.1 || (0.62..0.8).contains(&tops), "{name}: {tops}");
                 tested[0] += 1;
@@ -143,7 +144,8 @@ fn heights_of_foam_pebbles_and_sandpaper_are_as_stated() {
     assert_eq!(tested, [14, 14, 6, 8]);
 }
 
-/// Root mean square height and slope, and the wavelength on either side of which half the power lies, along lines of both directions.
+/// Root mean square height and slope, and the wavelength on either side of which half the power lies, along
+/// lines of both directions.
 fn statistics(patch: &HeightField) -> [f64; 3] {
     let side = patch.side();
     let fft = realfft::RealFftPlanner::<f64>::new().plan_fft_forward(side);
@@ -172,8 +174,8 @@ fn statistics(patch: &HeightField) -> [f64; 3] {
     [patch.rms_mm(), patch.rms_slope(), patch.length_mm() / middle]
 }
 
-/// Of the thirteen neighbouring pairs of each family, how many overlap in at least one, two and three of their [statistics] over
-/// six pieces: overlapping is that neither's least is above the other's most.
+/// Of the thirteen neighbouring pairs of each family, how many overlap in at least one, two and three of
+/// their [statistics] over six pieces: overlapping is that neither's least is above the other's most.
 fn overlapping(grid: (usize, f64)) -> Vec<[usize; 3]> {
     let ranges: Vec<[[f64; 2]; 3]> = made_surfaces()
         .iter()
@@ -198,7 +200,8 @@ fn overlapping(grid: (usize, f64)) -> Vec<[usize; 3]> {
 #[test]
 fn some_neighbours_overlap_in_what_is_measured_of_their_pieces() {
     let found = overlapping((256, 0.04));
-    // In each family some pairs share one range; few share two, and hardly any all three: neighbours are alike, not the same.
+    // In each family some pairs share one range; few share two, and hardly any all three: neighbours are
+    // alike, not the same.
     assert!(found.iter().all(|of| of[0] >= 5), "{found:?}");
     let [one, two, three] = [0, 1, 2].map(|n| found.iter().map(|of| of[n]).sum::<usize>());
     assert!((54..=62).contains(&one) && (12..=20).contains(&two) && (1..=5).contains(&three), "{found:?}");

@@ -59,12 +59,14 @@ impl Family {
 /// What a tip feels of the stuff itself.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Contact {
-    /// Modulus in MPa, of the surface alone, as a ball of millimetres finds it: asperities and what lies below yield too, so that it is far
-    /// below Young's modulus of the stuff where the surface is rough or thin. Chosen, not measured.
+    /// Modulus in MPa, of the surface alone, as a ball of millimetres finds it: asperities and what lies
+    /// below yield too, so that it is far below Young's modulus of the stuff where the surface is rough or
+    /// thin. Chosen, not measured.
     pub modulus_mpa: f64,
     /// Coefficient of kinetic friction of a steel tip on it.
     pub friction: f64,
-    /// Hunt and Crossley's damping, in s/m: the contact's force grows by this part for every metre a second of approach.
+    /// Hunt and Crossley's damping, in s/m: the contact's force grows by this part for every metre a second
+    /// of approach.
     pub damping_s_m: f64,
 }
 
@@ -101,8 +103,9 @@ impl MadeSurface {
         self.name.bytes().fold(0, |h, b| (h ^ u64::from(b)).wrapping_mul(0x0100_0000_01b3))
     }
 
-    /// A patch of it on a grid. Another seed is another piece of the same: pitches differ by 3 %, heights by 8 %, root mean square; of
-    /// gratings, which are machined, heights by 4 % and edges and roughness, rings of wood by up to 15 %.
+    /// A patch of it on a grid. Another seed is another piece of the same: pitches differ by 3 %, heights
+    /// by 8 %, root mean square; of gratings, which are machined, heights by 4 % and edges and roughness,
+    /// rings of wood by up to 15 %.
     pub fn patch(&self, grid: Grid, seed: u64) -> HeightField {
         let random = &mut Random::new(seed ^ self.seed());
         self.recipe.piece(random).patch(grid, random)

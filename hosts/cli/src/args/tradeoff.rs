@@ -13,10 +13,12 @@ use super::number::{number, whole};
 pub struct Tradeoff {
     #[command(subcommand)]
     pub command: Option<TradeoffCommand>,
-    /// A study, and graphs or scenes whose knobs it turns; without a study the one that is shipped, without a graph the study's own
+    /// A study, and graphs or scenes whose knobs it turns; without a study the one that is shipped, without
+    /// a graph the study's own
     #[arg(value_name = "STUDY.ron|GRAPH|SCENE")]
     pub files: Vec<PathBuf>,
-    /// Folder of what comes of it: results.csv, results.json, REPORT.md, pictures; what is finished is kept there
+    /// Folder of what comes of it: results.csv, results.json, REPORT.md, pictures; what is finished is kept
+    /// there
     #[arg(long, value_name = "DIR", required = true)]
     pub out: Option<PathBuf>,
     /// Threads for everything but times, which are always taken alone
@@ -62,10 +64,12 @@ pub struct Merge {
 /// `asperity choose`
 #[derive(Clone, Debug, clap::Args)]
 pub struct Choose {
-    /// Results of `asperity tradeoff`: the folder, or its results.json; those of the shipped study, unless given
+    /// Results of `asperity tradeoff`: the folder, or its results.json; those of the shipped study, unless
+    /// given
     #[arg(value_name = "RESULTS")]
     pub results: Option<PathBuf>,
-    /// Most microseconds that a tick may take: its median, and its 99.9th percentile without what the machine stalls by itself
+    /// Most microseconds that a tick may take: its median, and its 99.9th percentile without what the
+    /// machine stalls by itself
     #[arg(long, value_name = "US", value_parser = number(1e-3, 1e9, "us"))]
     pub budget_us: Option<f64>,
     /// Latest that half of a step of the stylus's speed may be felt
@@ -74,7 +78,8 @@ pub struct Choose {
     /// Count what the machine stalls by itself too: the 99.9th percentile as it was measured
     #[arg(long)]
     pub strict: bool,
-    /// Figures in the order in which they count: perceptual, modulation, spectrum, bands, level, repetition, kurtosis, steadiness, convergence, precision; all but the last two, unless given
+    /// Figures in the order in which they count: perceptual, modulation, spectrum, bands, level,
+    /// repetition, kurtosis, steadiness, convergence, precision; all but the last two, unless given
     #[arg(long, value_name = "FIGURE,...", value_delimiter = ',')]
     pub by: Vec<String>,
     /// Ticks a second that the setting must have

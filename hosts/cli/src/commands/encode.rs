@@ -189,7 +189,8 @@ fn is_at(_: &File, _: &Path) -> bool {
     true
 }
 
-/// A picture's path as the library is to have it: from its folder, with `/`; from the root where they share no folder.
+/// A picture's path as the library is to have it: from its folder, with `/`; from the root where they share
+/// no folder.
 fn beside(library: &Path, image: &Path) -> Result<String, Failure> {
     let whole = |path: &Path| {
         path.canonicalize().map_err(|e| Diagnostic::new(format!("cannot find this file: {e}")).in_file(path))

@@ -21,8 +21,8 @@ fn chain(text: &str, frames: &Arc<Frames>) -> Result<Chain, String> {
     Chain::new(&registry, &method, frames, 1).map_err(|e| e.reason())
 }
 
-/// Samples come back to the place that the frames give them, whether they were emitted late or, as by a node that emits
-/// the middle of its windows, early.
+/// Samples come back to the place that the frames give them, whether they were emitted late or, as by a
+/// node that emits the middle of its windows, early.
 #[test]
 fn declared_latency_is_taken_out_whatever_its_sign() {
     for rate_hz in [2500, 44_100] {

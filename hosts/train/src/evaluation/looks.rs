@@ -29,7 +29,8 @@ pub(crate) struct Naming {
     pub vector: f64,
     /// Part that a linear classifier of plain image statistics names rightly.
     pub statistics: f64,
-    /// Materials that the classifier names worst, or else the vectors: name, part named rightly, what they are taken for most often.
+    /// Materials that the classifier names worst, or else the vectors: name, part named rightly, what they
+    /// are taken for most often.
     pub worst: Vec<(String, f64, String)>,
 }
 
@@ -64,7 +65,8 @@ pub(crate) struct Stranger {
     pub family: Option<String>,
     /// The material nearest to the mean of its images' vectors, with its family.
     pub neighbour: (String, Option<String>),
-    /// Mean |error| of magnitudes in dB, each of some images by itself: with its neighbour's vector. None where nothing could be judged.
+    /// Mean |error| of magnitudes in dB, each of some images by itself: with its neighbour's vector. None
+    /// where nothing could be judged.
     pub nearest_db: Option<f64>,
     /// With the image's own vector.
     pub raw_db: Option<f64>,

@@ -38,7 +38,8 @@ pub(crate) struct Score {
 }
 
 impl Score {
-    /// Whether the model is better than the constant, than the nearest touch, and than the mean of the twenty nearest.
+    /// Whether the model is better than the constant, than the nearest touch, and than the mean of the
+    /// twenty nearest.
     pub(crate) fn beats(&self) -> [bool; 3] {
         [self.constant_db, self.nearest_db, self.smooth_db].map(|db| self.model_db < db)
     }
@@ -95,7 +96,8 @@ impl Judged {
         Ok(self.over_truth(answered))
     }
 
-    /// Power of the true mean magnitudes over the true one: what a network that aimed at them without an error would come to, in dB.
+    /// Power of the true mean magnitudes over the true one: what a network that aimed at them without an
+    /// error would come to, in dB.
     pub(crate) fn mean_level_db(&self) -> Option<f64> {
         self.over_truth(self.frames.iter().map(|(e, _)| power(&e.mean)).sum())
     }

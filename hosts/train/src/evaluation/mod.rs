@@ -81,7 +81,8 @@ const STROKES: usize = 6;
 const STROKE_S: f64 = 3.0;
 const PLACES: usize = 8;
 
-/// Over how many places of pieces that were held apart each touch of a made surface is judged: within the trained range, and beyond.
+/// Over how many places of pieces that were held apart each touch of a made surface is judged: within the
+/// trained range, and beyond.
 pub(crate) fn places(settings: &Settings) -> [usize; 2] {
     let pieces = made_settings(settings).pieces[1];
     [PLACES * pieces, PLACES / 2 * pieces]

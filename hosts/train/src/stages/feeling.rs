@@ -31,11 +31,13 @@ pub(crate) struct Learner {
     centres: Param<Tensor<2>>,
 }
 
-/// A vector's score for a material falls by this for every squared unit that it lies away from the material's centre.
+/// A vector's score for a material falls by this for every squared unit that it lies away from the
+/// material's centre.
 const SHARPNESS: f32 = 1.0;
 
 impl Learner {
-    /// One to be trained, its texture encoder up to the last layer the classifier of stage one, by which materials can be told already.
+    /// One to be trained, its texture encoder up to the last layer the classifier of stage one, by which
+    /// materials can be told already.
     pub(crate) fn new(classifier: &Head, looks: &Looks, seed: u64, device: &Device) -> Self {
         let random = &mut random(seed, 2, usize::MAX);
         let texture = Head::texture(classifier, (&looks.seen, looks.scale), random, device);
@@ -47,7 +49,8 @@ impl Learner {
         Self { feeler: Feeler { texture, network }, centres }
     }
 
-    /// Scores \[n, classes\] of vectors: up to what is the same for all classes, minus [`SHARPNESS`] times the squared distance.
+    /// Scores \[n, classes\] of vectors: up to what is the same for all classes, minus [`SHARPNESS`] times
+    /// the squared distance.
     fn scores(&self, vectors: Tensor<2>) -> Tensor<2> {
         let centres = self.centres.val();
         let squares: Tensor<2> = centres.clone().powi_scalar(2).sum_dim(1).transpose();
@@ -164,8 +167,9 @@ impl<'a> Felt<'a> {
     }
 }
 
-/// Stage two: trains texture encoder and network to say what a touch feels like, and with `naming_weight` the texture encoder to bring images of one
-/// material close together, and those that are strange close to their family.
+/// Stage two: trains texture encoder and network to say what a touch feels like, and with `naming_weight`
+/// the texture encoder to bring images of one material close together, and those that are strange close to
+/// their family.
 ///
 /// # Errors
 /// As [`Stage::descend`].

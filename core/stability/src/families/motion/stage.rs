@@ -28,7 +28,8 @@ pub(super) struct Stage {
     gate: Option<Gate>,
 }
 
-/// A gate over a speed: node, the input of the speed, the output that says whether it is open, and the speed at which it opens where that is known.
+/// A gate over a speed: node, the input of the speed, the output that says whether it is open, and the
+/// speed at which it opens where that is known.
 #[derive(Clone, Copy)]
 struct Gate {
     node: usize,
@@ -99,7 +100,8 @@ impl Stage {
         }
     }
 
-    /// The corner at the gate's speed of the low-pass behind which `velocity` tells it \[Hz\]; none where another kind tells it, or there is no low-pass.
+    /// The corner at the gate's speed of the low-pass behind which `velocity` tells it \[Hz\]; none where
+    /// another kind tells it, or there is no low-pass.
     pub(super) fn cutoff_hz(&self) -> Option<f64> {
         let nodes = &self.rig.schedule.nodes;
         let gate = self.gate?;
@@ -123,7 +125,8 @@ impl Stage {
         f64::from(self.rig.schedule.audio_hz)
     }
 
-    /// From the first tick on, `next` says what comes in tick after tick, until it says nothing. Answers what was seen and heard in each of some times, from and to \[s\].
+    /// From the first tick on, `next` says what comes in tick after tick, until it says nothing. Answers
+    /// what was seen and heard in each of some times, from and to \[s\].
     ///
     /// # Errors
     /// A node fails, or plays what is not finite.

@@ -30,7 +30,8 @@ pub(super) type Spoil = fn(u64, &mut [f32]);
 pub(super) struct Wrong {
     /// What a person calls it.
     pub(super) what: &'static str,
-    /// For so long \[s\], and then the level has to come back. Endless trouble lasts a second, and nothing comes after it.
+    /// For so long \[s\], and then the level has to come back. Endless trouble lasts a second, and nothing
+    /// comes after it.
     pub(super) seconds: f64,
     /// And so many frames at most.
     pub(super) frames: u64,
@@ -154,7 +155,8 @@ impl Beside {
         })
     }
 
-    /// Runs both over all windows. Answers, for each that ends, its name and how far off the level is after it, in dB.
+    /// Runs both over all windows. Answers, for each that ends, its name and how far off the level is after
+    /// it, in dB.
     ///
     /// # Errors
     /// What does not hold.

@@ -1,8 +1,12 @@
-//! A texture network that goes wrong: what it puts out is nothing that a model should, or what it is given is nothing that it was trained on.
+//! A texture network that goes wrong: what it puts out is nothing that a model should, or what it is given
+//! is nothing that it was trained on.
 //!
-//! Every case but the last runs the subject's graph twice over the same motion, as it is and with the trouble, and holds the two against each other. What goes wrong
-//! lasts a frame, a window (0.1 s), or for ever; a second after the first two the drive has its level back. That is a margin over what was measured: the window, what the
-//! actuator's inverse remembers (0.2 s from its largest input), and the limiter's gain, which comes back with a time constant of 0.2 s: within 0.5 dB 0.7 s after a window of 1e30.
+//! Every case but the last runs the subject's graph twice over the same motion, as it is and with the
+//! trouble, and holds the two against each other. What goes wrong lasts a frame, a window (0.1 s), or for
+//! ever; a second after the first two the drive has its level back. That is a margin over what was
+//! measured: the window, what the actuator's inverse remembers (0.2 s from its largest input), and the
+//! limiter's gain, which comes back with a time constant of 0.2 s: within 0.5 dB 0.7 s after a window of
+//! 1e30.
 
 mod beside;
 mod pulses;
@@ -129,7 +133,8 @@ fn one(bins: &mut [f32], value: f32) {
 }
 
 fn not_finite(subject: &Subject<'_>) -> Found {
-    // The engine calls a node no more after eight faults, of which one is forgiven every 10 s: seven in all, then endless ones.
+    // The engine calls a node no more after eight faults, of which one is forgiven every 10 s: seven in
+    // all, then endless ones.
     let six = |n: u64, bins: &mut [f32]| match n % 3 {
         0 => bins.fill(f32::NAN),
         1 => bins.fill(f32::INFINITY),
@@ -199,7 +204,8 @@ fn alternates(subject: &Subject<'_>) -> Found {
 /// How many times as large as trained what the network is told is.
 const TIMES: f64 = 10.0;
 
-/// Controls of forces or speeds that a network hears: node and output, and by how much they are to be multiplied.
+/// Controls of forces or speeds that a network hears: node and output, and by how much they are to be
+/// multiplied.
 type Told = Vec<(String, usize, f64)>;
 
 fn out_of_range(subject: &Subject<'_>) -> Found {
@@ -234,8 +240,8 @@ fn out_of_range(subject: &Subject<'_>) -> Found {
     ))
 }
 
-/// What a network is told: by how much it is to be multiplied so that it is ten times what the network says that it was trained on, or ten times what
-/// there is where it does not say.
+/// What a network is told: by how much it is to be multiplied so that it is ten times what the network says
+/// that it was trained on, or ten times what there is where it does not say.
 fn told(rig: &mut Rig) -> Result<Told, Not> {
     let schedule = rig.schedule.clone();
     let mut told: Vec<(usize, usize, Option<f64>)> = Vec::new();

@@ -1,12 +1,16 @@
-//! Phase retrieval: every kind that takes magnitudes alone and answers spectra or samples, built in or from a plugin, in the ways in which it can be set.
+//! Phase retrieval: every kind that takes magnitudes alone and answers spectra or samples, built in or from
+//! a plugin, in the ways in which it can be set.
 //!
 //! # Energy
 //!
-//! A stationary signal of variance V has amplitudes `A_k` with `sum A_k^2 = 3 V` on average: its transforms hold `N / 2 sum w^2 V` up to Nyquist, the window's
-//! `sum w^2` is `3 N / 8`, and an amplitude is a magnitude over `N / 4`. So what comes in asks for `sum A_k^2 / 3`, and least squares never answer with more
-//! (Griffin and Lim 1984: a projection). Methods that scale up what overlap-add takes away (`phase_vocoder` by 1.76 dB, `random_phase` by the overlap) end there
-//! on average too; 3 dB are for the luck of the draw over 2 s, and for bin 0 and Nyquist, which count once where all others count twice. Downwards 30 dB are allowed: `random_phase` loses
-//! 17 dB by right, and `spsi` 16 of a spectrum without peaks.
+//! A stationary signal of variance V has amplitudes `A_k` with `sum A_k^2 = 3 V` on average: its transforms
+//! hold `N / 2 sum w^2 V` up to Nyquist, the window's `sum w^2` is `3 N / 8`, and an amplitude is a
+//! magnitude over `N / 4`. So what comes in asks for `sum A_k^2 / 3`, and least squares never answer with
+//! more (Griffin and Lim 1984: a projection). Methods that scale up what overlap-add takes away
+//! (`phase_vocoder` by 1.76 dB, `random_phase` by the overlap) end there on average too; 3 dB are for the
+//! luck of the draw over 2 s, and for bin 0 and Nyquist, which count once where all others count twice.
+//! Downwards 30 dB are allowed: `random_phase` loses 17 dB by right, and `spsi` 16 of a spectrum without
+//! peaks.
 
 mod bench;
 mod day;
@@ -120,7 +124,8 @@ fn asked(bins: impl Fn(usize) -> f64) -> f64 {
     (0..BINS as usize).map(|k| bins(k).powi(2)).sum::<f64>() / 3.0
 }
 
-/// Runs over all methods; each answers a figure, of which the largest counts. Answers how many there are, it, and whose it is.
+/// Runs over all methods; each answers a figure, of which the largest counts. Answers how many there are,
+/// it, and whose it is.
 ///
 /// # Errors
 /// What does not hold, of all for which it does not.

@@ -19,8 +19,8 @@ pub enum Assignment {
     Nearest,
     /// Its own.
     Raw,
-    /// The mean of so many nearest stored vectors, each weighted by one over its distance; materials that share a vector count as one. 0
-    /// counts as 1, more than there are as all.
+    /// The mean of so many nearest stored vectors, each weighted by one over its distance; materials that
+    /// share a vector count as one. 0 counts as 1, more than there are as all.
     Blend(usize),
 }
 
@@ -44,8 +44,8 @@ impl Library {
         all
     }
 
-    /// What a new material of this vector gets. A vector that is in the library stays what it is, however it is assigned; in a library
-    /// without materials every vector does.
+    /// What a new material of this vector gets. A vector that is in the library stays what it is, however
+    /// it is assigned; in a library without materials every vector does.
     pub fn assign(&self, vector: &[f32; VECTOR_LEN], how: Assignment) -> Box<[f32; VECTOR_LEN]> {
         let near = match how {
             Assignment::Raw => Vec::new(),

@@ -8,11 +8,13 @@ use asperity_source::{Diagnostic, Source, Span};
 use super::{LARGEST, Library, LibraryMaterial};
 
 impl Library {
-    /// The text of a library file with a material more, as its last. All else stays byte for byte, comments included, but for a
-    /// comma behind the material before and, where the material needs a later one, its version.
+    /// The text of a library file with a material more, as its last. All else stays byte for byte, comments
+    /// included, but for a comma behind the material before and, where the material needs a later one, its
+    /// version.
     ///
     /// # Errors
-    /// Those of [`parse`](Self::parse); a name that is empty or there already; a number that is not finite or beyond 1e6.
+    /// Those of [`parse`](Self::parse); a name that is empty or there already; a number that is not finite
+    /// or beyond 1e6.
     pub fn insert(source: &Arc<Source>, material: &LibraryMaterial) -> Result<String, Diagnostic> {
         let mut wanted = Self::parse(source)?;
         let refuse = |what: String| Diagnostic::new(what).in_file(source.path());

@@ -2,14 +2,14 @@
 //!
 //! ```text
 //! Library(
-//!     version: 2,
+//!     version: 3,
 //!     encoder: "encoder.onnx",
 //!     materials: {
 //!         "denim": (
 //!             description: "What it feels like, in a sentence.",
 //!             family: "weave",
 //!             images: ["pictures/denim.jpg"],
-//!             events: (spacing_mm: 0.4, spacing_exponent: -0.5, interval_cv: 0.25, height_cv: 0.5),
+//!             events: (spacing_mm: 0.4, spacing_exponent: -0.5, anisotropy: [0.6, 0.0], interval_cv: 0.25, height_cv: 0.5),
 //!             waves: [(per_mm: [1.25, 0.0], harmonics: [[1.2, 0.8, 0.1], /* weight, share, phase of each */])],
 //!             vector: [-1.25, 0.5, /* 256 numbers in all */],
 //!         ),
@@ -17,8 +17,9 @@
 //! )
 //! ```
 //!
-//! `encoder`, `family` and `images` may be left out; version 1 has none of them. Paths are relative to the library's folder.
-//! `events` and `waves` are a material's [`Pattern`]; they may be left out, and came with version 3.
+//! `encoder`, `family` and `images` may be left out; version 1 has none of them. Paths are relative to the
+//! library's folder. `events` and `waves` are a material's [`Pattern`]; they may be left out, and came with
+//! version 3.
 
 mod assign;
 mod insert;
@@ -69,7 +70,8 @@ pub struct Library {
 static LIBRARIES: Recent<(PathBuf, (usize, u64)), Arc<Library>> = Recent::new(4);
 
 impl Library {
-    /// A library that is to stand at `path`; `encoder` is the path of what made the vectors from pictures, relative to that.
+    /// A library that is to stand at `path`; `encoder` is the path of what made the vectors from pictures,
+    /// relative to that.
     ///
     /// What [`parse`](Self::parse) would refuse is not looked for here.
     pub fn new(path: impl Into<PathBuf>, encoder: Option<String>, materials: Vec<LibraryMaterial>) -> Self {
@@ -84,7 +86,8 @@ impl Library {
         Self::parse(&Source::read(path)?)
     }
 
-    /// As [`read`](Self::read), without work where the same file was read lately: what is in it counts, not its time.
+    /// As [`read`](Self::read), without work where the same file was read lately: what is in it counts, not
+    /// its time.
     ///
     /// # Errors
     /// As [`read`](Self::read).
@@ -97,8 +100,8 @@ impl Library {
     /// Reads a library from its text.
     ///
     /// # Errors
-    /// Text that is not RON, an unknown or missing field, another version, no material at all, a name that is empty
-    /// or stands twice, a vector that has not 256 finite numbers between -1e6 and 1e6.
+    /// Text that is not RON, an unknown or missing field, another version, no material at all, a name that
+    /// is empty or stands twice, a vector that has not 256 finite numbers between -1e6 and 1e6.
     pub fn parse(source: &Arc<Source>) -> Result<Self, Diagnostic> {
         let whole = ron::parse(source)?;
         let mut record = whole.record("Library")?;
@@ -127,8 +130,8 @@ impl Library {
         Ok(Self { path: source.path().to_owned(), encoder, materials })
     }
 
-    /// The text of a library file, of the earliest version that has all that is in it. Numbers are written so that they read back to the
-    /// same bits.
+    /// The text of a library file, of the earliest version that has all that is in it. Numbers are written
+    /// so that they read back to the same bits.
     pub fn to_ron(&self) -> String {
         let needed = self.materials.iter().map(LibraryMaterial::needs_version).max().unwrap_or(1);
         let version = needed.max(if self.encoder.is_some() { 2 } else { 1 });
@@ -168,8 +171,8 @@ impl Library {
     /// A material by name.
     ///
     /// # Errors
-    /// No such material, with the nearest name. The error names the library's file; a caller that has the name from a
-    /// text of its own points there with [`Diagnostic::at`].
+    /// No such material, with the nearest name. The error names the library's file; a caller that has the
+    /// name from a text of its own points there with [`Diagnostic::at`].
     pub fn material(&self, name: &str) -> Result<&LibraryMaterial, Diagnostic> {
         self.materials.iter().find(|m| m.name == name).ok_or_else(|| {
             Diagnostic::new(format!("no material `{name}` in {}", self.path.display()))

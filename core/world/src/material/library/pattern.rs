@@ -22,7 +22,8 @@ pub struct Pattern {
 /// Ridges that repeat with place: straight, parallel and equally far apart.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Wave {
-    /// Wave vector in 1/mm: across the ridges, as long as one over their distance. Harmonic h has the phase `2 pi h k . (x, y)`.
+    /// Wave vector in 1/mm: across the ridges, as long as one over their distance. Harmonic h has the phase
+    /// `2 pi h k . (x, y)`.
     pub per_mm: [f64; 2],
     /// From the fundamental on, 1 to [`MAX_HARMONICS`].
     pub harmonics: Vec<Harmonic>,
@@ -43,11 +44,16 @@ pub struct Harmonic {
 /// Bumps along a stroke: how far apart they are, and how they differ.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Events {
-    /// Mean distance from one to the next along the stroke in mm, at 100 mm/s; none: one at each ridge of the first wave.
+    /// Mean distance from one to the next along the stroke in mm, at 100 mm/s; none: one at each ridge of
+    /// the first wave.
     pub spacing_mm: Option<f64>,
     /// The distance grows with this power of speed, -2 to 2; 0 if it is left out.
     pub spacing_exponent: f64,
-    /// Standard deviation of that distance over its mean: 0 is regular, 1 is Poisson's process. Of bumps at ridges, of their place over the ridges' distance.
+    /// Its logarithm changes by `a cos 2t + b sin 2t` in a stroke at the angle t to x, -3 to 3 each; 0 if
+    /// they are left out.
+    pub anisotropy: [f64; 2],
+    /// Standard deviation of that distance over its mean: 0 is regular, 1 is Poisson's process. Of bumps at
+    /// ridges, of their place over the ridges' distance.
     pub interval_cv: f64,
     /// Standard deviation of their heights over the mean.
     pub height_cv: f64,
@@ -80,14 +86,16 @@ impl Pattern {
     /// Writes the fields that there are, each line behind `indent`.
     pub(super) fn write(&self, text: &mut String, indent: &str) {
         // writing to a String cannot fail
-        if let Some(Events { spacing_mm, spacing_exponent, interval_cv, height_cv }) = self.events {
-            let spacing =
-                spacing_mm.map(|mm| format!("spacing_mm: {mm:?}, spacing_exponent: {spacing_exponent:?}, "));
-            let spacing = spacing.unwrap_or_default();
-            let _ = writeln!(
-                text,
-                "{indent}events: ({spacing}interval_cv: {interval_cv:?}, height_cv: {height_cv:?}),"
-            );
+        if let Some(events) = self.events {
+            let _ = write!(text, "{indent}events: (");
+            if let Some(mm) = events.spacing_mm {
+                let _ = write!(text, "spacing_mm: {mm:?}, spacing_exponent: {:?}, ", events.spacing_exponent);
+            }
+            if events.anisotropy != [0.0; 2] {
+                let _ = write!(text, "anisotropy: {:?}, ", events.anisotropy);
+            }
+            let _ =
+                writeln!(text, "interval_cv: {:?}, height_cv: {:?}),", events.interval_cv, events.height_cv);
         }
         if self.waves.is_empty() {
             return;
@@ -141,6 +149,10 @@ fn wave(value: &Value) -> Result<Wave, Diagnostic> {
 
 fn bumps(value: &Value) -> Result<Events, Diagnostic> {
     let mut record = value.record("Events")?;
+    let anisotropy = |value: &Value| {
+        let [a, b] = numbers(value)?;
+        Ok([a.f64_in(-3.0..=3.0, "")?, b.f64_in(-3.0..=3.0, "")?])
+    };
     let events = Events {
         spacing_mm: record
             .optional("spacing_mm")
@@ -149,10 +161,11 @@ fn bumps(value: &Value) -> Result<Events, Diagnostic> {
         spacing_exponent: record
             .optional("spacing_exponent")
             .map_or(Ok(0.0), |value| value.f64_in(-2.0..=2.0, ""))?,
+        anisotropy: record.optional("anisotropy").map_or(Ok([0.0; 2]), anisotropy)?,
         interval_cv: record.required("interval_cv")?.f64_in(0.0..=4.0, "")?,
         height_cv: record.required("height_cv")?.f64_in(0.0..=10.0, "")?,
     };
-    record.finish(&["spacing_mm", "spacing_exponent", "interval_cv", "height_cv"])?;
+    record.finish(&["spacing_mm", "spacing_exponent", "anisotropy", "interval_cv", "height_cv"])?;
     Ok(events)
 }
 
@@ -169,6 +182,7 @@ mod tests {
         library.materials[0].pattern.events = Some(Events {
             spacing_mm: Some(0.23),
             spacing_exponent: -0.7,
+            anisotropy: [0.6, -0.1],
             interval_cv: 0.1 + 0.2,
             height_cv: 0.5,
         });
@@ -176,8 +190,13 @@ mod tests {
             Wave { per_mm: [0.4, -1e-3], harmonics: vec![harmonic(0.9, -0.3); 7] },
             Wave { per_mm: [0.0, 2.0], harmonics: vec![harmonic(1.0, 3.0)] },
         ];
-        library.materials[1].pattern.events =
-            Some(Events { spacing_mm: None, spacing_exponent: 0.0, interval_cv: 0.05, height_cv: 0.5 });
+        library.materials[1].pattern.events = Some(Events {
+            spacing_mm: None,
+            spacing_exponent: 0.0,
+            anisotropy: [0.0; 2],
+            interval_cv: 0.05,
+            height_cv: 0.5,
+        });
         let text = library.to_ron();
         assert!(text.contains("version: 3,"), "{}", &text[..60]);
         assert_eq!(Library::parse(&Source::new("three.ron", text)).unwrap(), library);
@@ -195,6 +214,16 @@ mod tests {
             (3, "waves: [(per_mm: [0.4, 0.0], harmonics: [[1.0, 0.0]])]", "2 numbers, not 3"),
             (3, "events: (spacing_mm: 0.0, interval_cv: 0.1, height_cv: 0.1)", "out of range"),
             (3, "events: (spacing_mm: 1.0, interval_cv: 0.1)", "`height_cv` is missing"),
+            (
+                3,
+                "events: (spacing_mm: 1.0, anisotropy: [1.0], interval_cv: 0.1, height_cv: 0.1)",
+                "1 numbers, not 2",
+            ),
+            (
+                3,
+                "events: (spacing_mm: 1.0, anisotropy: [0.0, 4.0], interval_cv: 0.1, height_cv: 0.1)",
+                "out of range",
+            ),
             (3, "events: (interval_cv: 0.1, height_cv: 0.1)", "`spacing_mm` is missing"),
         ] {
             let text = format!(

@@ -1,4 +1,5 @@
-//! Families of surfaces, each a way to make a patch from a few parameters in the units that people give them in.
+//! Families of surfaces, each a way to make a patch from a few parameters in the units that people give
+//! them in.
 //!
 //! | family | parameters | what it is |
 //! |---|---|---|

@@ -75,8 +75,8 @@ impl Threads {
         Self((0..count).map(one).collect())
     }
 
-    /// Height over the middle plane in thicknesses of thread `i`, at `u` (-0.5 to 0.5) across it and `v` along it counted in crossings; `up` says
-    /// whether it is on top at one. `None` beside it.
+    /// Height over the middle plane in thicknesses of thread `i`, at `u` (-0.5 to 0.5) across it and `v`
+    /// along it counted in crossings; `up` says whether it is on top at one. `None` beside it.
     fn height(&self, i: usize, u: f64, v: f64, cover: f64, up: impl Fn(i64) -> bool) -> Option<f64> {
         let [size, phase] = self.0[i];
         let across = 2.0 * u / (cover * size);
@@ -84,7 +84,8 @@ impl Threads {
         if section <= 0.0 {
             return None;
         }
-        // From crossing to crossing it goes over or under along half a cosine; it stays where the binding lets it float.
+        // From crossing to crossing it goes over or under along half a cosine; it stays where the binding
+        // lets it float.
         let before = (v - 0.5).floor();
         let [from, to] = [before as i64, before as i64 + 1].map(|j| if up(j) { 0.5 } else { -0.5 });
         let part = 0.5 - 0.5 * (PI * (v - 0.5 - before)).cos();
@@ -93,8 +94,9 @@ impl Threads {
     }
 }
 
-/// Warp along y and weft along x: flattened ellipses in section that go over and under each other as the binding says, each thread a little thicker
-/// or thinner than the next, twisted; the threads wander and stray fibres lie on top.
+/// Warp along y and weft along x: flattened ellipses in section that go over and under each other as the
+/// binding says, each thread a little thicker or thinner than the next, twisted; the threads wander and
+/// stray fibres lie on top.
 pub fn weave(grid: Grid, of: &Weave, random: &mut Random) -> HeightField {
     let (side, step) = grid;
     let (count, pitch) = (fits(grid, of.pitch_mm, of.binding.repeat()), of.pitch_on(grid));

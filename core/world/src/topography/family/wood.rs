@@ -35,7 +35,8 @@ impl Wood {
 /// How much longer than wide fibres and pores are.
 const ASPECT: f64 = 25.0;
 
-/// Rings that wander, steep where late wood ends; fibres 25 times as long as wide; pores cut open along the grain, half as wide again as deep.
+/// Rings that wander, steep where late wood ends; fibres 25 times as long as wide; pores cut open along the
+/// grain, half as wide again as deep.
 pub fn wood(grid: Grid, of: &Wood, random: &mut Random) -> HeightField {
     let (side, step) = grid;
     let grain = |width: f64| {

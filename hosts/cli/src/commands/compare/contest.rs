@@ -1,6 +1,7 @@
 //! Every method on every vector.
 //!
-//! Methods take turns on each vector, and all that is repeated in rounds, so that what else the machine does falls on all alike.
+//! Methods take turns on each vector, and all that is repeated in rounds, so that what else the machine
+//! does falls on all alike.
 
 use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -282,8 +283,8 @@ impl<'a> Entry<'a> {
     }
 }
 
-/// Puts rows in the order of their mean rank in spectral convergence over the vectors. A vector without a score counts as
-/// the last rank.
+/// Puts rows in the order of their mean rank in spectral convergence over the vectors. A vector without a
+/// score counts as the last rank.
 fn sort(rows: &mut [Row]) {
     let db = |row: &Row, v: usize| row.scores[v].map_or(f64::INFINITY, |s| s.convergence_db);
     let vectors = rows.first().map_or(0, |r| r.scores.len());

@@ -1,7 +1,7 @@
 //! `asperity compare`: every phase-retrieval node over the same magnitudes, side by side.
 //!
-//! [`vectors`] are what is compared on, [`contest`] runs all methods over them and measures [`lag`], the rest shows
-//! the rows that come of it.
+//! [`vectors`] are what is compared on, [`contest`] runs all methods over them and measures [`lag`], the
+//! rest shows the rows that come of it.
 
 mod builtin;
 mod contest;

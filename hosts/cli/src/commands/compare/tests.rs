@@ -136,8 +136,8 @@ fn what_answers_in_the_same_tick_has_no_lag_and_a_delay_has_its_own() {
     }
 }
 
-/// A tone's level behind an overlap-add follows the part of the squared Hann window that is new, from half a hop before
-/// each frame's start on.
+/// A tone's level behind an overlap-add follows the part of the squared Hann window that is new, from half
+/// a hop before each frame's start on.
 #[test]
 fn spsi_follows_a_tone_as_overlap_add_does() {
     let part = |t: f64| {

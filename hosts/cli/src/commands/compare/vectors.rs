@@ -12,7 +12,8 @@ use super::published::{self, Published};
 use crate::failure::{Failure, warn};
 use crate::phase::{FRAME_HZ, Frames, check_rate};
 
-/// How long magnitudes are held still for the rhythm of what is made of them, in frames: 8 s that are looked at.
+/// How long magnitudes are held still for the rhythm of what is made of them, in frames: 8 s that are
+/// looked at.
 const STEADY: usize = 8 * FRAME_HZ as usize + 2 * phase::EDGE_FRAMES;
 /// Bins that are taken of a signal's transform, from bin 0 on: to 1000 Hz.
 const BINS: usize = 101;
@@ -88,8 +89,9 @@ impl Vector {
         self.name.strip_suffix(&format!("_{}", self.rate_hz)).unwrap_or(&self.name)
     }
 
-    /// How rough the magnitudes are from bin to bin: the mean second difference of their logarithms, over bins within
-    /// 40 dB of their frame's top. What a network answers that was trained on squared errors, the mean spectrum, is smooth.
+    /// How rough the magnitudes are from bin to bin: the mean second difference of their logarithms, over
+    /// bins within 40 dB of their frame's top. What a network answers that was trained on squared errors,
+    /// the mean spectrum, is smooth.
     pub fn roughness(&self) -> f64 {
         let bins = self.frames.layout().bins as usize;
         let (mut sum, mut count) = (0.0, 0_u64);

@@ -33,8 +33,8 @@ pub struct Ready {
     end: usize,
 }
 
-/// Makes every graph ready, so that nothing is measured where one of them is wrong. A setting goes to the graphs that have what it
-/// sets, and the others are named; where none has, it is an error.
+/// Makes every graph ready, so that nothing is measured where one of them is wrong. A setting goes to the
+/// graphs that have what it sets, and the others are named; where none has, it is an error.
 pub fn prepare(args: &LatencyArgs) -> Result<Vec<Ready>, Failure> {
     let drafts = args.graphs.iter().map(|path| Draft::read(path, args));
     let drafts: Vec<Draft> = drafts.collect::<Result<_, _>>()?;
@@ -97,7 +97,8 @@ impl Draft {
         Ok(Self { path: path.to_owned(), graph, registry })
     }
 
-    /// Whether it has what an assignment sets, whatever the value. The graph's own settings (`seed`) are in every graph.
+    /// Whether it has what an assignment sets, whatever the value. The graph's own settings (`seed`) are in
+    /// every graph.
     fn has(&self, assignment: &str) -> bool {
         let target = assignment.split_once('=').map_or(assignment, |(target, _)| target);
         let Some((id, name)) = target.trim().split_once('.') else { return true };
@@ -114,7 +115,8 @@ impl Draft {
     }
 }
 
-/// What is known to make a graph late up to one of its nodes, and what is left for its windows. Of ways side by side the slowest counts.
+/// What is known to make a graph late up to one of its nodes, and what is left for its windows. Of ways
+/// side by side the slowest counts.
 fn items(schedule: &Schedule, end: usize, lag_ms: f64) -> Vec<(String, f64)> {
     let mut items = Vec::new();
     let (leads, slowest) = leading_to(schedule, end);

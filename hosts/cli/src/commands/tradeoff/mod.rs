@@ -128,7 +128,8 @@ fn study(args: &Tradeoff) -> Result<(Study, Graphs), Failure> {
     // It is for any graph, by its file's name too: no graph has all that it turns.
     study.lenient = source.text() == SHIPPED.1 && !graphs.is_empty();
     if shipped {
-        // What stands beside is named by its place in the folder of graphs, which a program that was put elsewhere does not have.
+        // What stands beside is named by its place in the folder of graphs, which a program that was put
+        // elsewhere does not have.
         study.marks.clear();
         if graphs.is_empty() {
             return Err(Diagnostic::new("there is no graph to study")
