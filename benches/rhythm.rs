@@ -4,7 +4,7 @@
 //!     cargo bench -p asperity --bench rhythm -- [--graph FILE] [--all] [--seeds 5] [--seconds 20] [--force 1.0] [--only NAME]
 //!     [--circles] [--radius 10] [--keep FOLDER] [--svg FILE]
 //!
-//! Three parts: straight strokes (or circles) at constant speed and force over twelve materials (or all),
+//! Three parts: straight strokes (or circles) at constant speed and force over two materials of each family (or all),
 //! gratings straight across their ridges, and a hand's motion. `--keep` writes the signals of the first
 //! seed, as f64 of little endian; `--svg` draws envelopes instead, of phase retrieval alone, of the graph,
 //! and of the physics. Each figure is the median over seeds; a seed is another piece of the surface,
@@ -22,18 +22,22 @@ use asperity_plot::{Pulses, PulsesRow, Pulsing};
 use asperity_study::{Chain, Path3};
 use asperity_world::motion::{Shape, Stroke, StrokeParams};
 
-/// One of each kind of surface, at least one of each family.
-const MATERIALS: [&str; 12] = [
+/// Two of each family.
+const MATERIALS: [&str; 16] = [
     "sandpaper P80",
     "sandpaper P220",
+    "canvas",
     "voile",
     "sine grating 1 mm",
+    "square grating 1.2 mm",
     "microcellular rubber",
     "upholstery foam",
     "needle felt",
     "velour",
     "beech",
+    "oak",
     "leather grain, fine",
+    "spark-eroded plastic",
     "float glass",
     "printer paper",
 ];

@@ -15,6 +15,8 @@ const STEADY: f64 = 0.08;
 const SCALES: [f64; 3] = [0.25, 0.15, 0.1];
 /// Error of how ln(kurtosis) changes with direction that counts as one.
 const GRAIN_SCALE: f64 = 0.25;
+/// F ratio from which on the strokes have a grain: chance exceeds it once in 3000 materials without one.
+const GRAIN_F: f64 = 8.0;
 /// Mean over classes of the sum of fourth powers of their errors, up to which plain noise will do.
 const ENOUGH: f64 = 0.25;
 /// Bumps must leave less than this part of what plain noise has.
@@ -102,20 +104,30 @@ fn classes<'p>(passages: &[&'p Passage], waves: bool) -> Vec<Class<'p>> {
 }
 
 /// How ln(kurtosis) changes with direction: its parts with cos 2t and sin 2t of the angle t to x, by least
-/// squares beside a mean for each class. None where directions are too few.
-fn grain<'a>(classes: impl Iterator<Item = &'a [(&'a Passage, [f64; 3])]>) -> Option<[f64; 2]> {
-    let (mut cc, mut cs, mut ss, mut ck, mut sk) = (0.0, 0.0, 0.0, 0.0, 0.0);
+/// squares beside a mean for each class, and their F ratio: the variance that they explain over what is left,
+/// each by its degrees of freedom. None where directions are too few.
+fn grain<'a>(classes: impl Iterator<Item = &'a [(&'a Passage, [f64; 3])]>) -> Option<([f64; 2], f64)> {
+    let (mut cc, mut cs, mut ss, mut ck, mut sk, mut kk) = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
+    let mut free = -2.0;
     for class in classes {
         let n = class.len() as f64;
+        free += n - 1.0;
         let rows = class.iter().map(|(passage, logs)| [passage.direction[0], passage.direction[1], logs[1]]);
         let mean = rows.clone().fold([0.0; 3], |sum, row| std::array::from_fn(|i| sum[i] + row[i] / n));
         for row in rows {
             let [c, s, k]: [f64; 3] = std::array::from_fn(|i| row[i] - mean[i]);
-            (cc, cs, ss, ck, sk) = (cc + c * c, cs + c * s, ss + s * s, ck + c * k, sk + s * k);
+            (cc, cs, ss) = (cc + c * c, cs + c * s, ss + s * s);
+            (ck, sk, kk) = (ck + c * k, sk + s * k, kk + k * k);
         }
     }
     let det = cc * ss - cs * cs;
-    (det > 1e-2 * (cc + ss).powi(2)).then(|| [(ss * ck - cs * sk) / det, (cc * sk - cs * ck) / det])
+    if free < 1.0 || det <= 1e-2 * (cc + ss).powi(2) {
+        return None;
+    }
+    let [a, b] = [(ss * ck - cs * sk) / det, (cc * sk - cs * ck) / det];
+    let explained = a * ck + b * sk;
+    let left = (kk - explained).max(f64::MIN_POSITIVE);
+    Some(([a, b], 0.5 * explained * free / left))
 }
 
 /// The waves with shares that repeat as the strokes do, and bumps beside them; none where plain noise does
@@ -123,7 +135,8 @@ fn grain<'a>(classes: impl Iterator<Item = &'a [(&'a Passage, [f64; 3])]>) -> Op
 pub(super) fn find(passages: &[&Passage], waves: &[Wave], spaced: bool) -> Pattern {
     let classes = classes(passages, !waves.is_empty());
     // Beside waves it is they that have a direction.
-    let grain = grain(classes.iter().map(|class| &class.all[..])).filter(|_| waves.is_empty());
+    let grain = grain(classes.iter().map(|class| &class.all[..]));
+    let grain = grain.filter(|(_, f)| waves.is_empty() && *f > GRAIN_F).map(|(grain, _)| grain);
     let fit = Fit { waves, classes, grain };
     if fit.classes.is_empty() {
         return fit.without_bumps(0.0);
@@ -142,7 +155,7 @@ pub(super) fn find(passages: &[&Passage], waves: &[Wave], spaced: bool) -> Patte
 struct Fit<'p> {
     waves: &'p [Wave],
     classes: Vec<Class<'p>>,
-    /// How the strokes' kurtosis changes with direction, where bumps are to follow it.
+    /// How the strokes' kurtosis changes with direction, where it is sure that it does.
     grain: Option<[f64; 2]>,
 }
 
@@ -179,7 +192,7 @@ impl Fit<'_> {
         // A part of the strokes has too few directions.
         let whole = self.classes.iter().all(|class| class.rendered.len() <= most);
         let found = whole.then(|| grain(all.iter().map(Vec::as_slice))).flatten();
-        let off = self.grain.zip(found).map_or([0.0; 2], |(a, b)| [a[0] - b[0], a[1] - b[1]]);
+        let off = self.grain.zip(found).map_or([0.0; 2], |(a, (b, _))| [a[0] - b[0], a[1] - b[1]]);
         sum + off.iter().map(|off| (off / GRAIN_SCALE).powi(4)).sum::<f64>()
     }
 
@@ -204,7 +217,7 @@ impl Fit<'_> {
             (2 | 3, None, _) | (6, _, []) => varied(SPACED[axis].range.0, SPACED[axis].range.1, 0.0),
             _ => SPACED[axis],
         });
-        let [a, b] = self.grain.filter(|g| g[0].hypot(g[1]) > GRAIN_SCALE).unwrap_or_default();
+        let [a, b] = self.grain.unwrap_or_default();
         let rough = all_of([
             (0..10).map(|i| least + (most - least) * f64::from(i) / 9.0).collect(),
             vec![-1.0, -0.5, 0.0, 0.5],

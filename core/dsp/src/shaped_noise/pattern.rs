@@ -7,7 +7,7 @@ use asperity_state::State;
 /// Most waves.
 pub const WAVES: usize = 2;
 /// Harmonics of a wave that are told; those above have the weight 1, and are otherwise like the last.
-pub const HARMONICS: usize = 16;
+pub const HARMONICS: usize = 32;
 /// Numbers of a wave: its vector, then weight, share and phase of each harmonic.
 const WAVE_LEN: usize = 2 + 3 * HARMONICS;
 /// Numbers of bumps.
@@ -75,10 +75,11 @@ pub struct Pattern {
 }
 
 impl Pattern {
-    /// Reads [`PATTERN_LEN`] numbers: way between bumps in mm (0: no bumps; -1: at the ridges of the first
-    /// wave), the power of speed with which it grows, deviations of that and of heights over their means, the
-    /// change of its logarithm with direction, then of each wave the vector in 1/mm (0, 0: no wave), and of each harmonic weight, share and phase
-    /// in rad. Numbers that are missing, not finite or out of range count as 0.
+    /// Reads [`PATTERN_LEN`] numbers. Of bumps: the way between them in mm (0: no bumps; -1: at the ridges of
+    /// the first wave), the power of speed with which it grows, deviations of that and of heights over their
+    /// means, and the change of its logarithm with direction. Then of each wave: the vector in 1/mm (0, 0: no
+    /// wave), and of each harmonic weight, share and phase in rad. Numbers that are missing, not finite or out
+    /// of range count as 0.
     pub fn read(numbers: &[f64]) -> Self {
         let number = |at: usize, most: f64| {
             numbers.get(at).copied().filter(|x| x.is_finite()).map_or(0.0, |x| x.clamp(-most, most))

@@ -8,7 +8,7 @@ use asperity_source::ron::Value;
 /// Most waves of a material.
 pub const MAX_WAVES: usize = 2;
 /// Most harmonics of a wave that a library holds; those above are like the last.
-pub const MAX_HARMONICS: usize = 16;
+pub const MAX_HARMONICS: usize = 32;
 
 /// How a material's vibration is spread over place. One without waves and events is noise.
 #[derive(Clone, Debug, Default, PartialEq)]
