@@ -7,8 +7,12 @@ use std::time::Duration;
 
 use common::{asperity, files, graphs, json, run, wav};
 
+fn shipped(name: &str) -> String {
+    graphs(name).display().to_string()
+}
+
 fn heravi() -> String {
-    graphs("heravi2024.ron").display().to_string()
+    shipped("heravi2024.ron")
 }
 
 fn rms(x: &[f32]) -> f64 {
@@ -90,10 +94,37 @@ fn a_second_run_gives_the_same_bytes_and_another_seed_others() {
 #[test]
 fn sleeping_changes_no_byte() {
     let dir = tempfile::tempdir().unwrap();
-    run(dir.path(), &["render", &heravi(), "--out", "a.wav"]).ok();
-    run(dir.path(), &["render", &heravi(), "--out", "b.wav", "--no-sleep", "--no-prune"]).ok();
-    let read = |n: &str| std::fs::read(dir.path().join(n)).unwrap();
-    assert!(read("a.wav") == read("b.wav"));
+    for name in ["heravi2024.ron", "heravi2024_scatter.ron", "texture.ron"] {
+        let graph = shipped(name);
+        run(dir.path(), &["render", &graph, "--out", "a.wav"]).ok();
+        run(dir.path(), &["render", &graph, "--out", "b.wav", "--no-sleep", "--no-prune"]).ok();
+        let read = |n: &str| std::fs::read(dir.path().join(n)).unwrap();
+        assert!(read("a.wav") == read("b.wav"), "{name}");
+    }
+}
+
+#[test]
+fn scatter_of_strength_0_changes_no_byte_and_means_are_as_loud_as_root_mean_squares() {
+    let dir = tempfile::tempdir().unwrap();
+    let render = |graph: &str, sets: &[&str]| {
+        let graph = shipped(graph);
+        let mut args = vec!["render", &graph, "--out", "o.wav", "--seconds", "2"];
+        args.extend(sets.iter().flat_map(|set| ["--set", set]));
+        run(dir.path(), &args).ok();
+        wav(&dir.path().join("o.wav")).0
+    };
+    let model = |name: &str| format!("texture.model={}", shipped(&format!("models/surfaces/{name}.onnx")));
+    let (squares, means) = (model("texture"), model("texture_mean"));
+    let without = render("heravi2024.ron", &[&squares]);
+    assert_eq!(render("heravi2024_scatter.ron", &["scatter.strength=0"]), without);
+    let scattered = render("heravi2024_scatter.ron", &[]);
+    assert!(rms(&scattered) > 2.0 * rms(&without));
+    let of_means = 20.0 * (rms(&render("heravi2024_scatter.ron", &[&means])) / rms(&scattered)).log10();
+    assert!(of_means.abs() < 0.5, "{of_means} dB");
+    // The recommended graph too: it had no wire that says which of them they are.
+    let loud = |model: &str| rms(&render("texture.ron", &[model]));
+    let of_means = 20.0 * (loud(&means) / loud(&squares)).log10();
+    assert!(of_means.abs() < 0.6, "{of_means} dB");
 }
 
 #[test]

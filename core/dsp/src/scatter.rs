@@ -54,7 +54,6 @@ pub struct Statistics<'a, P> {
 /// Scatters frames of one layout.
 pub struct Scatter<T> {
     framing: Framing,
-    seed: u64,
     stft: Stft<T>,
     /// Ratios at q = 0, 1 / STEPS, .., 1.
     ratios: &'static [f64],
@@ -84,7 +83,6 @@ impl<T: Float> Scatter<T> {
         let norm = squares.iter().map(|w| w * w).sum::<f64>().sqrt().recip();
         Ok(Self {
             framing,
-            seed,
             stft: Stft::new(n),
             ratios: &*RATIOS,
             common: squares.into_iter().map(|w| T::of(w * norm)).collect(),
@@ -95,25 +93,10 @@ impl<T: Float> Scatter<T> {
         })
     }
 
-    /// Number of bins a frame has.
-    pub fn bins(&self) -> usize {
-        self.framing.bins
-    }
-
-    /// Another seed; what comes next is as if it had always been there.
-    pub fn set_seed(&mut self, seed: u64) {
-        if seed != self.seed {
-            self.seed = seed;
-            self.noise = Line::new(seed, self.framing.fft_len);
-            self.slow = Line::new(seed ^ COMMON, self.framing.fft_len);
-        }
-    }
-
     /// Scatters frame number `frame` by `strength`, 0 (not at all) to 1, into `out`, in the same unit.
     ///
     /// A magnitude that is NaN, infinite or negative is taken as 0; the number of these is returned.
-    /// Missing bins are 0, more than [`bins`](Self::bins) are not used, and what is left of `out` is set to
-    /// 0.
+    /// Missing bins are 0, more than the layout has are not used, and what is left of `out` is set to 0.
     pub fn process<P: Float>(
         &mut self,
         frame: u64,

@@ -108,6 +108,12 @@ impl Figure {
         if self.more_is_better() { a - b } else { b - a }
     }
 
+    /// Difference in its unit from which on two signals clearly feel different, where that is known
+    /// (docs/accuracy.md, "How much is much").
+    pub fn clearly(self) -> Option<f64> {
+        matches!(self, Self::Spectrum | Self::Bands | Self::Level).then_some(6.0)
+    }
+
     /// A figure by its name.
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|f| f.name() == name)

@@ -40,6 +40,7 @@ impl Results {
         self.head(&mut out);
         self.budgets(&mut out);
         self.steps(&mut out);
+        self.marks(&mut out);
         self.limits(&mut out);
         self.knobs(&mut out);
         self.unsound(&mut out);
@@ -158,7 +159,8 @@ impl Results {
         let by = match order.as_slice() {
             [] => "No figure is known: the cheapest.".to_owned(),
             some => format!(
-                "The best by {}; of all that are not told apart from it in any of them, the cheapest.",
+                "The best by {}; of all that are not told apart from it in any of them, the cheapest. \
+                 Never one that is 6 dB worse than the best in spectrum, bands or level.",
                 some.join(", then ")
             ),
         };
@@ -239,6 +241,24 @@ impl Results {
             rows.remove(least.map_or(1, |(i, _)| i));
         }
         rows
+    }
+
+    /// The graphs that stand beside, and the default.
+    fn marks(&self, out: &mut String) {
+        if !self.rows.iter().any(|row| row.mark) {
+            return;
+        }
+        let known = |f: &Figure| self.rows.iter().any(|r| r.mark && r.figure(*f).is_some());
+        let figures: Vec<Figure> = Figure::ALL.into_iter().filter(known).collect();
+        *out += "## Other graphs\n\nOver the same strokes and materials.\n\n";
+        head(out, &["graph", "load %", "lag, ms"], &figures);
+        for row in self.rows.iter().filter(|row| row.default || row.mark) {
+            let load = row.time.map_or("-".into(), |t| format!("{:.2}", t.load_percent));
+            let cells = [self.named(row), load, ms(row.lag50())];
+            let figures = figures.iter().map(|f| value(*f, row.figure(*f)));
+            let _ = writeln!(out, "| {} |", cells.into_iter().chain(figures).collect::<Vec<_>>().join(" | "));
+        }
+        out.push('\n');
     }
 
     fn limits(&self, out: &mut String) {

@@ -1,12 +1,12 @@
-//! How the materials of a model vibrate over place.
+//! Patterns of a model's materials: how they vibrate over place.
 
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use asperity_dataset::{HISTORY, made, pattern, recordings};
-use asperity_network::{Choice, MAGNITUDES_LEN, Model, NOISE_RATIO, Precision, Runner, Target};
+use asperity_network::{Choice, MAGNITUDES_LEN, Model, NOISE_RATIO, Precision, RunError, Runner, Target};
 use asperity_source::Diagnostic;
 use asperity_world::material::{Library, LibraryMaterial, Pattern};
 use clap::Args;
@@ -95,18 +95,17 @@ fn means_by(model: &Model) -> f64 {
     }
 }
 
-/// What a network answers to a steady motion at the force of the made strokes.
-fn answered(runner: &mut Runner, level: f64, velocity: [f64; 2]) -> [f64; pattern::BINS] {
+/// Magnitudes that a network answers to a steady motion at the force of the made strokes.
+fn answered(runner: &mut Runner, level: f64, velocity: [f64; 2]) -> Result<[f64; pattern::BINS], RunError> {
     let mut speed = [velocity[0] as f32; 2 * HISTORY];
     speed[HISTORY..].fill(velocity[1] as f32);
     let mut magnitudes = [0.0_f32; MAGNITUDES_LEN];
     let mut all = [0.0; pattern::BINS];
-    if runner.run(0, &[made::FORCE_N as f32; HISTORY], &speed, &mut magnitudes).is_ok() {
-        // Those of the network begin at 10 Hz.
-        let answers = magnitudes.iter().map(|m| f64::from(m.max(0.0)) / level);
-        all.iter_mut().skip(1).zip(answers).for_each(|(to, m)| *to = m);
-    }
-    all
+    runner.run(0, &[made::FORCE_N as f32; HISTORY], &speed, &mut magnitudes)?;
+    // Those of the network begin at 10 Hz.
+    let answers = magnitudes.iter().map(|m| f64::from(m.max(0.0)) / level);
+    all.iter_mut().skip(1).zip(answers).for_each(|(to, m)| *to = m);
+    Ok(all)
 }
 
 /// The pattern of a material; nothing where the data have no such material.
@@ -121,8 +120,16 @@ fn one(
             let runner = model.runner(&[&material.vector[..]], Precision::F32, Choice::Auto)?;
             // The closure is called from one thread, but not by one that may change what it holds.
             let (runner, level) = (RefCell::new(runner), means_by(model));
-            let network = |velocity| answered(&mut runner.borrow_mut(), level, velocity);
-            Ok(Some(made::pattern(&surface, &made_settings(settings), Some(&network))))
+            let failed = Cell::new(None);
+            let network = |velocity| {
+                let answer = answered(&mut runner.borrow_mut(), level, velocity);
+                answer.unwrap_or_else(|e| {
+                    failed.set(Some(e));
+                    [0.0; pattern::BINS]
+                })
+            };
+            let found = made::pattern(&surface, &made_settings(settings), Some(&network));
+            failed.take().map_or(Ok(Some(found)), |e| Err(Diagnostic::new(format!("{}: {e}", material.name))))
         }
         // How hard the strokes press is not the same everywhere: their own magnitudes are taken.
         Origin::Recordings(folder) => {
@@ -133,6 +140,6 @@ fn one(
             Ok(Some(pattern::find(&[recordings::strokes(&folder)?], None)))
         }
         // These say how fast the tool went, but not where.
-        Origin::Hatt(_) => Ok(Some(Pattern::default())),
+        Origin::Hatt(_) => Ok(None),
     }
 }

@@ -201,6 +201,10 @@ pub(crate) fn network(asked: &arguments::Network) -> Result<(), Failure> {
     write_whole(&out("losses.csv"), csv(&losses).as_bytes())?;
     write_whole(&out("curves.svg"), curves(&losses).to_svg().as_bytes())?;
     eprintln!("wrote {}", out("texture.onnx").display());
+    eprintln!(
+        "patterns go with the network before: `asperity-train pattern {}` finds them anew",
+        folder.display()
+    );
     if stop.wanted() {
         return Err(Failure::Stopped);
     }

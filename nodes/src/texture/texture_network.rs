@@ -1,6 +1,6 @@
 //! `texture_network`: from forces and velocities to the magnitudes of the vibration they cause.
 
-use asperity_dsp::shaped_noise::{HARMONICS, PATTERN_LEN};
+use asperity_dsp::shaped_noise::PATTERN_LEN;
 use asperity_network::{
     Answer, Choice, FORCE_LEN, MAGNITUDES_LEN, Model, Precision, Range, RunError, Runner, SPEED_LEN, Target,
     hold_magnitudes,
@@ -9,7 +9,7 @@ use asperity_node::{
     Config, Descriptor, Diagnostic, Fact, FrameClock, FrameLayout, FrameRate, Input, LayoutSpec, Node,
     Output, Param, Ports, Setup, ShapeSpec, Status, Tick, Unit,
 };
-use asperity_world::material::{Events, Harmonic, Library, Pattern};
+use asperity_world::material::Library;
 
 /// The model's bins are 10 Hz apart: its window is 0.1 s.
 const WINDOWS_PER_SECOND: u32 = 10;
@@ -75,28 +75,6 @@ fn layout(config: &Config<'_>) -> Result<FrameLayout, Diagnostic> {
     let frame_rate = config.frame_clock(wanted).rate();
     let bins = (config.params.integer("bins") as u32).min(length / 2) + 1;
     Ok(FrameLayout { rate_hz, length, bins, frame_rate })
-}
-
-/// A pattern as the port `pattern` has it, and `asperity_dsp::shaped_noise` reads it.
-fn numbers(pattern: &Pattern) -> [f64; PATTERN_LEN] {
-    let mut numbers = [0.0; PATTERN_LEN];
-    let mut next = numbers.iter_mut();
-    let mut put = |x: f64| next.by_ref().take(1).for_each(|to| *to = x);
-    let of = |e: Events| {
-        let [a, b] = e.anisotropy;
-        [e.spacing_mm.unwrap_or(-1.0), e.spacing_exponent, e.interval_cv, e.height_cv, a, b]
-    };
-    let events = pattern.events.map_or([0.0; 6], of);
-    events.into_iter().for_each(&mut put);
-    for wave in &pattern.waves {
-        wave.per_mm.into_iter().for_each(&mut put);
-        // Those above have the weight 1, and are otherwise like the last.
-        let last = wave.harmonics.last().map_or((0.0, 0.0), |h| (h.share, h.phase));
-        let last = Harmonic { weight: 1.0, share: last.0, phase: last.1 };
-        let all = wave.harmonics.iter().copied().chain(std::iter::repeat(last)).take(HARMONICS);
-        all.flat_map(|h| [h.weight, h.share, h.phase]).for_each(&mut put);
-    }
-    numbers
 }
 
 impl Node for TextureNetwork {
@@ -200,7 +178,7 @@ impl Node for TextureNetwork {
                 if let Some(help) = e.help { d.help(help) } else { d }
             })?;
             vectors.push(material.vector.to_vec());
-            patterns.push(numbers(&material.pattern));
+            patterns.push(material.pattern.numbers());
             names.push(name.to_owned());
         }
         let model = Model::shared(p.file("model"))?;

@@ -27,8 +27,11 @@ pub struct Figures {
 }
 
 impl Figures {
-    /// Of samples at [`RATE_HZ`]; none of silence.
+    /// Of samples at [`RATE_HZ`]; none of silence, nor of no samples. The signal counts as periodic.
     pub fn of(samples: &[f64]) -> Option<Self> {
+        if samples.len() < 2 {
+            return None;
+        }
         let mut bins = spectrum(samples);
         keep(&mut bins, samples.len(), BAND_HZ);
         let wave_repetition = repetition(&bins, samples.len());

@@ -27,7 +27,7 @@ const STARTS: usize = 5;
 
 /// Factors of the waves' shares that are tried, as logarithms.
 const FACTORS: [f64; 9] = [-0.7, -0.35, -0.175, 0.0, 0.175, 0.35, 0.7, 1.05, 1.4];
-/// Steps that the fine search makes smaller, and by what.
+/// Rounds of the fine search, and the factor by which each makes the steps smaller.
 const ROUNDS: usize = 5;
 const FINER: f64 = 0.6;
 
@@ -217,7 +217,8 @@ impl Fit<'_> {
             (2 | 3, None, _) | (6, _, []) => varied(SPACED[axis].range.0, SPACED[axis].range.1, 0.0),
             _ => SPACED[axis],
         });
-        let [a, b] = self.grain.unwrap_or_default();
+        let (least_grain, most_grain) = SPACED[2].range;
+        let [a, b] = self.grain.unwrap_or_default().map(|x| x.clamp(least_grain, most_grain));
         let rough = all_of([
             (0..10).map(|i| least + (most - least) * f64::from(i) / 9.0).collect(),
             vec![-1.0, -0.5, 0.0, 0.5],

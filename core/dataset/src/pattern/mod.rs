@@ -16,8 +16,8 @@ mod fit;
 mod stroke;
 mod waves;
 
-use asperity_dsp::shaped_noise::{self, HARMONICS, WAVES};
-use asperity_dsp::{Complex, Framing, ShapedNoise};
+use asperity_dsp::shaped_noise;
+use asperity_dsp::{Framing, ShapedNoise};
 use asperity_world::material::{Pattern, Wave};
 
 pub use figures::Figures;
@@ -59,7 +59,7 @@ pub fn find(pieces: &[Vec<Stroke>], network: Option<&Network<'_>>) -> Pattern {
 /// as root mean square magnitudes of 0 to 1000 Hz.
 pub fn rendered(pattern: &Pattern, magnitudes: &[f64], places: &[[f64; 2]], seed: u64) -> Vec<f64> {
     let Some(mut kernel) = kernel(seed) else { return Vec::new() };
-    kernel.set_pattern(for_kernel(pattern));
+    kernel.set_pattern(shaped_noise::Pattern::read(&pattern.numbers()));
     let ticks_a_frame = (RATE_HZ / f64::from(FRAMES_HZ)) as usize / TICK;
     let mut samples = vec![0.0; places.len() * TICK];
     for (tick, (place, out)) in places.iter().zip(samples.chunks_mut(TICK)).enumerate() {
@@ -78,32 +78,6 @@ fn kernel(seed: u64) -> Option<ShapedNoise<f32>> {
     // The layout is fixed, and fine.
     ShapedNoise::new(framing, TICK_S, seed).ok()
 }
-
-/// The same pattern as the kernel has it. Harmonics above those that are told are like the last.
-fn for_kernel(pattern: &Pattern) -> shaped_noise::Pattern {
-    let wave = |wave: &Wave| {
-        let told = |h: usize| wave.harmonics.get(h).or(wave.harmonics.last());
-        shaped_noise::Wave {
-            per_mm: wave.per_mm,
-            weights: std::array::from_fn(|h| wave.harmonics.get(h).map_or(1.0, |h| h.weight)),
-            shares: std::array::from_fn(|h| told(h).map_or(0.0, |h| h.share)),
-            turns: std::array::from_fn(|h| Complex::cis(told(h).map_or(0.0, |h| h.phase))),
-        }
-    };
-    let mut waves = [None; WAVES];
-    waves.iter_mut().zip(&pattern.waves).for_each(|(to, from)| *to = Some(wave(from)));
-    let events = pattern.events.map(|of| shaped_noise::Events {
-        spacing_mm: of.spacing_mm,
-        spacing_exponent: of.spacing_exponent,
-        anisotropy: of.anisotropy,
-        interval_cv: of.interval_cv,
-        height_cv: of.height_cv,
-    });
-    shaped_noise::Pattern { waves, events }
-}
-
-const _: () = assert!(HARMONICS == asperity_world::material::MAX_HARMONICS);
-const _: () = assert!(WAVES == asperity_world::material::MAX_WAVES);
 
 #[cfg(test)]
 mod tests;

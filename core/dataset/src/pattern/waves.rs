@@ -443,8 +443,10 @@ pub(super) fn find(pieces: &[Vec<Passage>]) -> (Vec<Wave>, f64) {
         let all = pieces.len() == vectors.len() && pieces.len() >= ENOUGH_PIECES;
         if all || (2 * pieces.len() > vectors.len() && parts >= LEAST_PART) {
             let (wave, of) = wave(&pieces);
-            waves.push(wave);
-            part += of;
+            if !wave.harmonics.is_empty() {
+                waves.push(wave);
+                part += of;
+            }
         }
     }
     (waves, part)
@@ -475,7 +477,7 @@ fn fundamental(passages: &[Passage], k: [f64; 2]) -> [f64; 2] {
     }
     let all: f64 = powers.iter().map(|p| p.max(0.0)).sum();
     let of = |m: &usize| powers.iter().skip(m - 1).step_by(*m).map(|p| p.max(0.0)).sum::<f64>();
-    let m = (2..=6).rev().find(|m| of(m) >= MULTIPLES * all).unwrap_or(1) as f64;
+    let m = (2..=6).rev().find(|m| all > 0.0 && of(m) >= MULTIPLES * all).unwrap_or(1) as f64;
     k.map(|k| m * k)
 }
 

@@ -8,9 +8,9 @@ use asperity_state::State;
 /// Beyond so many bumps a sample they are white noise.
 const MOST_A_SAMPLE: f64 = 4.0;
 /// A way of more spacings than this in a tick is no motion.
-const MOST_SKIPPED: f64 = 1e4;
-/// Bumps come at least as loud as if so many came in a second: a hand that hardly moves meets none, and is
-/// not struck by the next.
+const MOST_SKIPPED: f64 = 1e3;
+/// Bumps a second from which on they have all of the power. Of rarer ones each is as high as of these, and
+/// noise has the rest of the power: the next bump would strike a hand that hardly moves.
 const LEAST_HZ: f64 = 4.0;
 /// Ridges a second from which on there is a part of their bumps, and all of it.
 const RIDGES_HZ: (f64, f64) = (4.0, 12.0);
@@ -40,9 +40,9 @@ impl Bumps {
         (self.count, self.next) = (0, 0.0);
     }
 
-    /// One of the normal numbers of the next bump.
-    fn draw(&self, column: u64) -> f64 {
-        normal(self.seed, self.count.wrapping_mul(3).wrapping_add(column))
+    /// The normal number that says how far it is from the next bump to the one after it.
+    fn draw(&self) -> f64 {
+        drawn(self.seed, self.count, 1)
     }
 
     /// Goes over the bumps of a way, in spacings, without a sound.
@@ -52,13 +52,14 @@ impl Bumps {
             return;
         }
         while self.next < way {
-            self.next += interval(self.draw(1));
+            self.next += interval(self.draw());
             self.count = self.count.wrapping_add(1);
         }
         self.next -= way;
     }
 
-    /// The pulses of a way, in spacings, that is gone in so many samples from `start` on, at `rate_hz`.
+    /// The pulses of a way, in spacings, that is gone in so many samples from `start` on, at `rate_hz`;
+    /// noise where they are rare.
     pub(super) fn fill<T: Float>(
         &mut self,
         start: u64,
@@ -67,28 +68,26 @@ impl Bumps {
         events: &Events,
         out: &mut [T],
     ) {
-        out.fill(T::zero());
         let samples = out.len() as f64;
-        let a_sample = way / samples;
-        if a_sample.is_nan() || a_sample <= 0.0 {
-            return;
-        }
-        if a_sample > MOST_A_SAMPLE {
+        let a_sample = if way > 0.0 { way / samples } else { 0.0 };
+        let seldom = (a_sample * rate_hz / LEAST_HZ).min(1.0);
+        let noise = if a_sample > MOST_A_SAMPLE { 1.0 } else { (1.0 - seldom).sqrt() };
+        if noise > 0.0 {
             for (i, x) in out.iter_mut().enumerate() {
-                *x = T::of(normal(self.seed, start + i as u64));
+                *x = T::of(noise * normal(self.seed, start + i as u64));
             }
+        } else {
+            out.fill(T::zero());
+        }
+        if a_sample <= 0.0 || a_sample > MOST_A_SAMPLE {
             return;
         }
         let interval = lognormal(events.interval_cv);
-        let height = lognormal(events.height_cv);
-        // The square of a lognormal number of mean 1 has the mean 1 + cv^2.
-        let level = (1.0 + events.height_cv * events.height_cv).sqrt();
-        let high = a_sample.max(LEAST_HZ / rate_hz).sqrt().recip() / level;
+        let pulse = Pulse::new(self.seed, (seldom / a_sample).sqrt(), events);
         while self.next < way {
             let at = ((self.next / way * samples) as usize).min(out.len() - 1);
-            let sign = if uniform(self.seed, self.count, 7) < 0.5 { -high } else { high };
-            out[at] += T::of(sign * height(self.draw(0)));
-            self.next += interval(self.draw(1));
+            out[at] += T::of(pulse.of(self.count));
+            self.next += interval(self.draw());
             self.count = self.count.wrapping_add(1);
         }
         self.next -= way;
@@ -119,21 +118,46 @@ pub(super) fn at_ridges<T: Float>(
         return;
     }
     out.iter_mut().for_each(|x| *x *= T::of((1.0 - part).sqrt()));
-    let height = lognormal(events.height_cv);
-    let level = (1.0 + events.height_cv * events.height_cv).sqrt();
-    let high = (part * samples / way.abs()).sqrt() / level;
+    let pulse = Pulse::new(seed, (part * samples / way.abs()).sqrt(), events);
     let (least, most) = (from.min(to), from.max(to));
     // A pulse may lie half a pitch beside its ridge.
     for ridge in least.floor() as i64..=most.ceil() as i64 {
         let number = ridge as u64;
-        let draw = |column: u64| normal(seed, number.wrapping_mul(3).wrapping_add(column));
-        let place = ridge as f64 + (events.interval_cv * draw(1)).clamp(-0.5, 0.5);
+        let place = ridge as f64 + (events.interval_cv * drawn(seed, number, 1)).clamp(-0.5, 0.5);
         if place <= least || place > most {
             continue;
         }
         let at = (((place - from) / way * samples) as usize).min(out.len() - 1);
-        let sign = if uniform(seed, number, 7) < 0.5 { -high } else { high };
-        out[at] += T::of(sign * height(draw(0)));
+        out[at] += T::of(pulse.of(number));
+    }
+}
+
+/// A bump's normal number of a column: 0 says how high it stands, 1 where it is.
+fn drawn(seed: u64, number: u64, column: u64) -> f64 {
+    normal(seed, number.wrapping_mul(3).wrapping_add(column))
+}
+
+/// Heights of bumps, with sign.
+struct Pulse<H> {
+    seed: u64,
+    high: f64,
+    height: H,
+}
+
+impl Pulse<()> {
+    /// Bumps whose root mean square height is `rms`.
+    fn new(seed: u64, rms: f64, events: &Events) -> Pulse<impl Fn(f64) -> f64> {
+        // The square of a lognormal number of mean 1 has the mean 1 + cv^2.
+        let high = rms / (1.0 + events.height_cv * events.height_cv).sqrt();
+        Pulse { seed, high, height: lognormal(events.height_cv) }
+    }
+}
+
+impl<H: Fn(f64) -> f64> Pulse<H> {
+    /// Height of a bump.
+    fn of(&self, number: u64) -> f64 {
+        let sign = if uniform(self.seed, number, 7) < 0.5 { -self.high } else { self.high };
+        sign * (self.height)(drawn(self.seed, number, 0))
     }
 }
 
@@ -190,6 +214,16 @@ mod tests {
     }
 
     #[test]
+    fn rare_bumps_leave_the_rest_of_the_power_to_noise() {
+        // From ten bumps a second to one in 50 s, and none: a soft sponge under a slow hand was silent.
+        for spacing in [10.0, 40.0, 200.0, 5000.0, 1e9] {
+            let x = pulses(spacing, 0.3, 0.5);
+            let square = x.iter().map(|x| x * x).sum::<f64>() / x.len() as f64;
+            assert!((square - 1.0).abs() < 0.25, "{spacing} mm: {square}");
+        }
+    }
+
+    #[test]
     fn hand_at_rest_meets_no_bump() {
         let (mut bumps, mut out) = (Bumps::new(1), [1.0_f32; 5]);
         let events = Events {
@@ -200,6 +234,7 @@ mod tests {
             height_cv: 0.2,
         };
         bumps.fill(0, 2500.0, 0.0, &events, &mut out);
-        assert_eq!(out, [0.0; 5]);
+        let noise: [f32; 5] = std::array::from_fn(|i| normal(1, i as u64) as f32);
+        assert_eq!(out, noise);
     }
 }

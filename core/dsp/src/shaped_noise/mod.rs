@@ -48,8 +48,9 @@ const STAYS_S: f64 = 0.004;
 const PHASES_EVERY: u64 = 4;
 /// Part by which a pitch changes before its phases are found anew.
 const PITCH_CHANGES: f64 = 0.03;
-/// A pitch below this has no lines \[Hz\].
-const LEAST_PITCH_HZ: f64 = 0.5;
+/// A pitch below this has no lines \[Hz\]: the hand rests or goes along the ridges, and the slower they come,
+/// the less is heard of what repeats.
+const LEAST_PITCH_HZ: f64 = 2.0;
 /// No frame or sample has a number as large as this.
 const LAST: u64 = 1 << 48;
 /// Samples of lines that are made at once.
@@ -78,19 +79,22 @@ pub struct ShapedNoise<T> {
     coming: Option<[Option<Wave>; WAVES]>,
     place: Place,
     bumps: Bumps,
-    /// Taps before the tick and behind it, newest sample last.
+    /// Taps before the tick and after it, newest sample last.
     taps: [Vec<T>; 2],
     /// The excitation: a window of what was, then what is new; it is moved to the front once a window.
     excitation: Vec<T>,
     end: usize,
-    /// Sample number behind `end`, once there is any.
+    /// Number of the sample after `end`, once there is any.
     next: Option<u64>,
     waves: [Lines; WAVES],
     unblurred: Unblurred,
-    /// Power of each frequency of the grid, and of all below it.
+    /// Power density of the newest frame from 0 Hz to Nyquist's frequency, in squares of its unit over Hz.
     density: Vec<f64>,
+    /// Its integral up to each of these frequencies.
     sums: Vec<f64>,
+    /// The density of what is no line.
     squares: Vec<f64>,
+    /// The density of a wave's lines, smooth over a pitch.
     smooth: Vec<f64>,
     /// Power of each harmonic of a wave, from the fundamental on.
     powers: Vec<f64>,
@@ -102,7 +106,7 @@ pub struct ShapedNoise<T> {
 /// A wave's lines.
 #[derive(Clone, Debug)]
 struct Lines {
-    /// Amplitude and phase of each, before the tick and behind it.
+    /// Amplitude and phase of each, before the tick and after it.
     at: [Vec<Complex<f64>>; 2],
     count: [usize; 2],
     /// Phases of minimum phase, and the pitch for which they were found; 0: none were.
@@ -215,8 +219,8 @@ impl<T: Float> ShapedNoise<T> {
         }
     }
 
-    /// Takes frame number `index`. `magnitudes` are root mean square amplitudes, or means where `ratio`
-    /// says by how much a mean is less; what was said of others in this crate holds.
+    /// Takes frame number `index`. `magnitudes` are amplitudes: `ratio`, 0.1 to 1, times the root mean
+    /// square. Missing bins are 0.
     ///
     /// A magnitude that is NaN, infinite or negative is taken as 0; the number of these is returned.
     pub fn push<P: Float>(&mut self, index: u64, magnitudes: &[P], ratio: f64) -> usize {
@@ -233,7 +237,7 @@ impl<T: Float> ShapedNoise<T> {
     }
 
     /// A tick: the hand is at `place` in mm, if that is known, and the samples of `start` and those after
-    /// it are wanted.
+    /// it are wanted. Samples beyond two windows and a tick are 0.
     pub fn emit<P: Float>(&mut self, start: u64, place: Option<[f64; 2]>, out: &mut [P]) {
         let way = place.map_or([0.0; 2], |place| self.place.step(place));
         self.way_mm += way[0].hypot(way[1]);
@@ -241,7 +245,7 @@ impl<T: Float> ShapedNoise<T> {
             return;
         }
         // A frame that does not come is silence.
-        let late = self.newest.is_some_and(|newest| start > self.framing.start(newest + 1));
+        let late = self.newest.is_some_and(|newest| start > self.framing.start(newest.saturating_add(1)));
         if late {
             self.magnitudes.fill(T::zero());
             (self.newest, self.followed) = (None, false);
@@ -254,21 +258,29 @@ impl<T: Float> ShapedNoise<T> {
         }
         if self.silent {
             out.fill(P::zero());
-            // What the hand goes over in silence is gone over.
+            // The hand passes bumps and ridges without a sound.
             if let Some((events, way)) = self.spacings().filter(|_| place.is_some()) {
                 self.bumps.skip(way, &events);
+            }
+            for w in 0..WAVES {
+                if let Some((_, turns)) = self.turned(w) {
+                    self.waves[w].turns = turns;
+                }
             }
             self.way_mm = 0.0;
             self.next = None;
             return;
         }
+        let room = self.excitation.len() - self.framing.fft_len;
+        let (out, beyond) = out.split_at_mut(out.len().min(room));
+        beyond.fill(P::zero());
         let from = self.excite(start, place.is_some(), out.len());
-        let [before, behind] = &self.taps;
+        let [before, after] = &self.taps;
         let n = self.framing.fft_len;
         let part = 1.0 / out.len() as f64;
         for (i, out) in out.iter_mut().enumerate() {
             let past = &self.excitation[from + i + 1 - n..from + i + 1];
-            let new = dot(behind, past);
+            let new = dot(after, past);
             let x = if changes {
                 let old = dot(before, past);
                 old + (new - old) * T::of((i + 1) as f64 * part)
@@ -302,12 +314,12 @@ impl<T: Float> ShapedNoise<T> {
 
     /// What was gone over to is where the next tick begins.
     fn settle(&mut self) {
-        let [before, behind] = &mut self.taps;
-        before.copy_from_slice(behind);
+        let [before, after] = &mut self.taps;
+        before.copy_from_slice(after);
         let mut lines = 0;
         for wave in &mut self.waves {
-            let [before, behind] = &mut wave.at;
-            before.copy_from_slice(behind);
+            let [before, after] = &mut wave.at;
+            before.copy_from_slice(after);
             wave.count[0] = wave.count[1];
             lines += wave.count[0];
         }
@@ -458,10 +470,14 @@ impl<T: Float> ShapedNoise<T> {
         let signed = wave.per_mm[0] * velocity[0] + wave.per_mm[1] * velocity[1];
         let pitch_hz = signed.abs();
         let step_hz = self.step_hz();
+        let share = |h: usize| wave.shares[h.clamp(1, HARMONICS) - 1];
+        if pitch_hz < LEAST_PITCH_HZ {
+            let left = 1.0 - share(1) * (1.0 - pitch_hz / LEAST_PITCH_HZ);
+            self.squares.iter_mut().for_each(|square| *square *= left);
+        }
         if !(LEAST_PITCH_HZ..=self.top_hz()).contains(&pitch_hz) {
             return 0;
         }
-        let share = |h: usize| wave.shares[h.clamp(1, HARMONICS) - 1];
         self.divide(pitch_hz, &wave.weights);
         let count = self.powers.len();
         self.find_phases(w, pitch_hz);
@@ -485,7 +501,7 @@ impl<T: Float> ShapedNoise<T> {
         count
     }
 
-    /// Puts the excitation of so many samples behind what was; where in `excitation` they begin.
+    /// Appends the excitation of so many samples; where in `excitation` they begin.
     fn excite(&mut self, start: u64, placed: bool, count: usize) -> usize {
         let n = self.framing.fft_len;
         let events = self.pattern.events.filter(|_| placed);
@@ -529,7 +545,7 @@ impl<T: Float> ShapedNoise<T> {
             let (way, lines) = (to - from, &mut self.waves[w]);
             lines.turns = to;
             let count = lines.count[0].max(lines.count[1]);
-            let [before, behind] = &lines.at;
+            let [before, after] = &lines.at;
             if count == 0 {
                 continue;
             }
@@ -541,7 +557,7 @@ impl<T: Float> ShapedNoise<T> {
                     reached.map(|reached| from + way * reached).map(|turns| turns - turns as i64 as f64);
                 let first = first.map(unit_circle);
                 let (mut turned, mut sums) = (first, [0.0; AT_ONCE]);
-                for (a, b) in before.iter().zip(behind).take(count) {
+                for (a, b) in before.iter().zip(after).take(count) {
                     let step = b - a;
                     // All samples at once: each turn waits for the one before.
                     for i in 0..AT_ONCE {

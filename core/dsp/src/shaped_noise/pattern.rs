@@ -144,9 +144,11 @@ pub(super) fn keep_waves(waves: &mut [Option<Wave>; WAVES], state: &mut State<'_
             state.keep(&mut turn.re).keep(&mut turn.im);
         }
         let small = |x: &f64| x.abs() <= 1e3;
-        let turns = kept.turns.iter().all(|t| small(&t.re) && small(&t.im));
-        let numbers = kept.per_mm.iter().chain(&kept.weights).chain(&kept.shares);
-        state.require(turns && numbers.into_iter().all(small));
+        state.require(
+            kept.turns.iter().all(|t| small(&t.re) && small(&t.im)) && kept.per_mm.iter().all(small),
+        );
+        state.require(kept.weights.iter().all(|x| (0.0..=10.0).contains(x)));
+        state.require(kept.shares.iter().all(|x| (0.0..=1.0).contains(x)));
         *wave = (kept.per_mm != [0.0; 2]).then_some(kept);
     }
 }

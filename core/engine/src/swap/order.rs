@@ -37,11 +37,13 @@ struct Steps<'a> {
 
 /// The steps while it fades, each after all that it hears.
 ///
-/// There is such an order: old and new nodes meet in kept ones only, and no kept node is both behind a
+/// There is such an order: old and new nodes meet in kept ones only, and no kept node is both after a
 /// crossfade and before one.
 pub(super) fn order(old: &Schedule, new: &Schedule, points: &[Point], shadows: &Shadows) -> Vec<Run> {
     // Should gates wait for each other, nobody waits for them: their answers are those of the tick before.
-    [true, false].into_iter().find_map(|waits| sorted(old, new, points, shadows, waits)).unwrap_or_default()
+    let found = [true, false].into_iter().find_map(|waits| sorted(old, new, points, shadows, waits));
+    debug_assert!(found.is_some(), "steps wait for each other");
+    found.unwrap_or_default()
 }
 
 /// The same; `None` where steps wait for each other. `waits` is whether nodes wait for the gates that say

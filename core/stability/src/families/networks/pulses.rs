@@ -23,7 +23,7 @@ const MORE_REPETITION: f64 = 0.25;
 /// sandpaper make it twice as deep.
 const MORE_MODULATION: f64 = 2.5;
 
-/// Bumps whose distances vary by less than this part come evenly: they repeat with place.
+/// Bumps whose distances vary by less than this part come evenly along the way: their rhythm is the surface's.
 const EVEN: f64 = 0.25;
 /// Bumps farther apart than this in mm are met one by one, as the pores of wood. They pulse by right, but not
 /// twice after the same time.

@@ -2,13 +2,10 @@
 
 use std::fmt::Write as _;
 
+use asperity_dsp::shaped_noise::PATTERN_LEN;
+pub use asperity_dsp::shaped_noise::{HARMONICS as MAX_HARMONICS, WAVES as MAX_WAVES};
 use asperity_source::Diagnostic;
 use asperity_source::ron::Value;
-
-/// Most waves of a material.
-pub const MAX_WAVES: usize = 2;
-/// Most harmonics of a wave that a library holds; those above are like the last.
-pub const MAX_HARMONICS: usize = 32;
 
 /// How a material's vibration is spread over place. One without waves and events is noise.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -27,6 +24,30 @@ pub struct Wave {
     pub per_mm: [f64; 2],
     /// From the fundamental on, 1 to [`MAX_HARMONICS`].
     pub harmonics: Vec<Harmonic>,
+}
+
+impl Pattern {
+    /// The numbers by which [`shaped_noise::Pattern::read`](asperity_dsp::shaped_noise::Pattern::read) knows
+    /// it. Harmonics above those that are told have the weight 1, and are otherwise like the last.
+    pub fn numbers(&self) -> [f64; PATTERN_LEN] {
+        let mut numbers = [0.0; PATTERN_LEN];
+        let mut next = numbers.iter_mut();
+        let mut put = |x: f64| next.by_ref().take(1).for_each(|to| *to = x);
+        let of = |e: Events| {
+            let [a, b] = e.anisotropy;
+            [e.spacing_mm.unwrap_or(-1.0), e.spacing_exponent, e.interval_cv, e.height_cv, a, b]
+        };
+        let events = self.events.map_or([0.0; 6], of);
+        events.into_iter().for_each(&mut put);
+        for wave in &self.waves {
+            wave.per_mm.into_iter().for_each(&mut put);
+            let last = wave.harmonics.last().map_or((0.0, 0.0), |h| (h.share, h.phase));
+            let last = Harmonic { weight: 1.0, share: last.0, phase: last.1 };
+            let all = wave.harmonics.iter().copied().chain(std::iter::repeat(last)).take(MAX_HARMONICS);
+            all.flat_map(|h| [h.weight, h.share, h.phase]).for_each(&mut put);
+        }
+        numbers
+    }
 }
 
 /// A harmonic of a wave.
