@@ -13,7 +13,7 @@
 use std::sync::Arc;
 
 use asperity_dataset::felt::Hand;
-use asperity_dataset::made::{Ground, surface, surfaces};
+use asperity_dataset::made::{Ground, pitch_mm, surface, surfaces};
 use asperity_engine::Options;
 use asperity_graph::GraphFile;
 use asperity_measure::accuracy::rhythm::{Rhythm, envelope, repeats_at};
@@ -312,9 +312,9 @@ fn gratings(asked: &Asked) {
     );
     println!("|---|---|---|---|---|---|");
     for name in GRATINGS.iter().filter(|n| asked.only.as_ref().is_none_or(|only| n.contains(only.as_str()))) {
-        // A piece holds a whole number of ridges: the pitch is that of the pieces to train on.
         let grounds = grounds(name, asked.seeds, 0.0);
-        let pitch: f64 = name.split(' ').find_map(|word| word.parse().ok()).expect("a pitch");
+        // A piece holds a whole number of ridges.
+        let pitch = surface(name).ok().and_then(|s| pitch_mm(&s)).expect("a grating");
         for speed in [60.0, 100.0] {
             let depth = -MM_PER_N * asked.force_n;
             let way: Path3 = Arc::new(move |t| [speed * t, 0.0, depth]);

@@ -5,9 +5,12 @@ mod nodes;
 
 mod common;
 
+use asperity_dsp::shaped_noise::Pattern;
+use asperity_dsp::{Framing, ShapedNoise};
 use asperity_engine::{Engine, Options};
 use asperity_graph::{Compiled, GraphFile, compile};
 use asperity_node::{Buffer, FactValue};
+use asperity_world::material::Library;
 use common::{graphs, retrieving, run};
 
 /// A shipped graph, edited, with some settings.
@@ -230,4 +233,31 @@ fn a_still_hand_feels_the_new_material_after_a_swap_and_what_a_fresh_graph_would
     (0..100).for_each(|_| engine.tick());
     assert_eq!(frame(&engine), after("oak", 400), "{report}");
     assert_ne!(after("oak", 400), after("canvas", 400));
+}
+
+#[test]
+fn no_shipped_pattern_takes_the_level_of_a_slow_hand() {
+    // Bumps of a cellulose sponge were so rare at 8 mm/s that nothing was heard for 9 s.
+    let library = Library::read(graphs("models/surfaces/materials.ron")).unwrap_or_else(|e| panic!("{e}"));
+    let framing = Framing { rate_hz: 2500, fft_len: 250, bins: 101, frame_num: 500, frame_den: 1 };
+    let magnitudes: Vec<f64> = (0..101).map(|k| f64::from(u8::from(k > 3))).collect();
+    let level = |pattern: &Pattern, speed: f64| {
+        let mut kernel = ShapedNoise::<f32>::new(framing, 0.002, 5).unwrap();
+        kernel.set_pattern(*pattern);
+        let (mut out, mut sum, ticks) = ([0.0_f64; 5], 0.0, 10_000);
+        for tick in 0..ticks {
+            kernel.push(tick, &magnitudes, 1.0);
+            let way = speed * 0.002 * tick as f64;
+            kernel.emit(5 * tick, Some([0.8 * way, 0.6 * way]), &mut out);
+            sum += out.iter().map(|x| x * x).sum::<f64>();
+        }
+        10.0 * (sum / (5 * ticks) as f64).log10()
+    };
+    for material in library.materials() {
+        let pattern = Pattern::read(&material.pattern.numbers());
+        for speed in [8.0, 20.0] {
+            let off = level(&pattern, speed) - level(&Pattern::default(), speed);
+            assert!(off.abs() < 2.5, "{} at {speed} mm/s: {off:+.1} dB", material.name);
+        }
+    }
 }

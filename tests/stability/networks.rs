@@ -5,29 +5,23 @@ use std::sync::Arc;
 use asperity_graph::GraphFile;
 use asperity_node::{Buffer, Fault};
 use asperity_stability::{Effort, Subject, wrap};
+use asperity_world::material::Library;
 
-use crate::{effort, fails, graph, holds, scene, subject};
+use crate::{common, effort, fails, graph, holds, scene, subject};
 
-/// A case holds for the graph of a learned texture, for one of every effect, and for the others that are
-/// shipped where there is time.
-fn holds_for_shipped(name: &str) {
+/// Shipped graphs that are looked at where there is time.
+const SHIPPED: [&str; 4] = ["heravi2024.ron", "heravi2024_500hz.ron", "voltage_amplifier.ron", "live.ron"];
+/// Those of them that are recommended: the paper's own chains pulse.
+const RECOMMENDED: [&str; 3] = ["heravi2024_scatter.ron", "voltage_amplifier.ron", "live.ron"];
+
+/// A case holds for the graph of a learned texture, for one of every effect, and for others where there is
+/// time.
+fn holds_for(name: &str, others: &[&str]) {
     for graph in [graph("texture.ron"), scene("every_effect.ron")] {
         holds(name, &subject(Some(&graph)));
     }
     if effort() == Effort::Long {
-        for file in ["heravi2024.ron", "heravi2024_500hz.ron", "voltage_amplifier.ron", "live.ron"] {
-            holds(name, &subject(Some(&graph(file))));
-        }
-    }
-}
-
-/// A case holds for the graphs that are recommended; the paper's own chains pulse.
-fn holds_for_shipped_textures(name: &str) {
-    for graph in [graph("texture.ron"), scene("every_effect.ron")] {
-        holds(name, &subject(Some(&graph)));
-    }
-    if effort() == Effort::Long {
-        for file in ["heravi2024_scatter.ron", "voltage_amplifier.ron", "live.ron"] {
+        for file in others {
             holds(name, &subject(Some(&graph(file))));
         }
     }
@@ -58,7 +52,7 @@ fn without_limiter(graph: &GraphFile, most: f32) -> Subject<'_> {
 
 #[test]
 fn network_not_finite() {
-    holds_for_shipped("network_not_finite");
+    holds_for("network_not_finite", &SHIPPED);
     // Phase retrieval that never gets over a frame of zeros, which is what the engine puts in the place of
     // a bad one.
     let graph = graph("texture.ron");
@@ -79,14 +73,14 @@ fn network_not_finite() {
 
 #[test]
 fn network_huge() {
-    holds_for_shipped("network_huge");
+    holds_for("network_huge", &SHIPPED);
     let graph = graph("texture.ron");
     fails("network_huge", &without_limiter(&graph, 1e6), "the limiter's bound");
 }
 
 #[test]
 fn network_negative() {
-    holds_for_shipped("network_negative");
+    holds_for("network_negative", &SHIPPED);
     // Phase retrieval that takes a negative magnitude for a mistake.
     let graph = graph("texture.ron");
     let mutant = mutant(&graph, "shaped_noise", || {
@@ -100,7 +94,7 @@ fn network_negative() {
 
 #[test]
 fn network_denormal() {
-    holds_for_shipped("network_denormal");
+    holds_for("network_denormal", &SHIPPED);
     // A gain that lets nothing end.
     let graph = graph("texture.ron");
     let mutant = mutant(&graph, "gain", || {
@@ -116,14 +110,14 @@ fn network_denormal() {
 
 #[test]
 fn network_alternates() {
-    holds_for_shipped("network_alternates");
+    holds_for("network_alternates", &SHIPPED);
     let graph = graph("texture.ron");
     fails("network_alternates", &without_limiter(&graph, 0.5), "a step of");
 }
 
 #[test]
 fn network_out_of_range() {
-    holds_for_shipped("network_out_of_range");
+    holds_for("network_out_of_range", &SHIPPED);
     // A network that grows with the third power of the force.
     let graph = graph("texture.ron");
     let mutant = mutant(&graph, "texture_network", || {
@@ -141,11 +135,24 @@ fn network_out_of_range() {
 
 #[test]
 fn network_steady() {
-    holds_for_shipped_textures("network_steady");
+    holds_for("network_steady", &RECOMMENDED);
     // Phase retrieval of magnitudes that stand still: the signal that agrees best with them repeats.
     let mut pulsing = graph("texture.ron");
     let phase = pulsing.nodes.iter_mut().find(|node| node.id == "phase").expect("the node");
     (phase.kind, phase.params) = ("sample_commit".into(), Vec::new());
     pulsing.wires.retain(|wire| wire.to.node != "phase" || wire.from.port.is_none());
     fails("network_steady", &subject(Some(&pulsing)), "the envelope repeats by");
+    // What repeats with place must not pulse either: a library of gratings alone.
+    let library = Library::read(common::graphs("models/surfaces/materials.ron")).expect("the library");
+    let mut gratings = library.materials().to_vec();
+    gratings.retain(|m| m.family.as_deref() == Some("grating"));
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("materials.ron");
+    std::fs::write(&path, Library::new(&path, None, gratings.clone()).to_ron()).expect("written");
+    for set in
+        [format!("texture.library={}", path.display()), format!("texture.material={}", gratings[0].name)]
+    {
+        pulsing.set(&set, "test").expect("a parameter");
+    }
+    fails("network_steady", &subject(Some(&pulsing)), "mm/s alike");
 }

@@ -39,7 +39,7 @@ pub const REAL_NOISE_RATIO: f64 = 0.797_884_560_802_865_4;
 static RATIOS: LazyLock<[f64; STEPS + 1]> =
     LazyLock::new(|| std::array::from_fn(|i| ratio(i as f64 / STEPS as f64)));
 
-/// What is known of a frame's magnitudes besides themselves.
+/// Statistics of a frame's magnitudes.
 #[derive(Clone, Copy, Debug)]
 pub struct Statistics<'a, P> {
     /// For each bin the ratio of mean to root mean square, 0 to 1; a bin that is missing, or below

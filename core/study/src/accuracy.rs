@@ -1,5 +1,6 @@
 //! How accurate a setting is: over every stroke, material and draw.
 
+use asperity_dataset::made;
 use asperity_engine::Options;
 use asperity_graph::GraphFile;
 use asperity_measure::accuracy::rhythm::{self, Rhythm};
@@ -72,7 +73,8 @@ pub(crate) fn find(
     let double = in_double(setting, registry);
     let spot = Spot::of(&setting.graph, registry)?;
     let strokes: Vec<Path3> = plan.strokes.iter().map(|s| laid(spot.as_ref(), s)).collect();
-    let ways: Vec<Path3> = strokes.iter().cloned().chain(lag::ways(spot.as_ref())).collect();
+    let mut ways: Vec<Path3> = strokes.iter().cloned().chain(lag::ways(spot.as_ref())).collect();
+    ways.push(lag::straight());
     let options = Options { sleep: false, guards: setting.guards, ..Options::default() };
     for draw in 0..plan.draws {
         let seed = plan.seed.wrapping_add(draw);
@@ -111,6 +113,14 @@ pub(crate) fn find(
                 }
                 all.push(figures);
                 onlooker.advanced(1);
+            }
+            // A scene has no room for a straight stroke.
+            let pitch = material.and_then(|m| made::pitch_mm(&made::surface(m).ok()?));
+            if let Some(pitch_mm) = pitch.filter(|_| spot.is_none()) {
+                let before = chain.faults();
+                chain.play(ways.len() - 1);
+                all.extend(repeats(&mut chain, pitch_mm).map(|ms| Figures::from([(Figure::Pitch, ms)])));
+                found.faults += chain.faults() - before;
             }
             if m == 0 {
                 let before = chain.faults();
@@ -155,6 +165,18 @@ fn can_be_double(registry: &Registry, kind: &str) -> bool {
 fn convergence(heard: &Heard) -> Option<f64> {
     let framing = heard.framing?;
     phase::score(&heard.frames, &framing, &heard.signal).ok().map(|s| s.convergence_db)
+}
+
+/// How far the lag at which a straight stroke over a grating repeats is off the pitch over the speed, in ms.
+/// None where nothing sounds.
+fn repeats(chain: &mut Chain, pitch_mm: f64) -> Option<f64> {
+    let (speed_mm_s, [settles_s, seconds]) = lag::STRAIGHT;
+    let (felt, rate_hz) = chain.felt(settles_s + seconds);
+    let felt = wide_of(felt.get((settles_s * f64::from(rate_hz)) as usize..)?);
+    let after_s = pitch_mm / speed_mm_s;
+    let sounds = felt.iter().any(|x| x.abs() > 1e-6);
+    let repeat = rhythm::repeats_at(&felt, f64::from(rate_hz), after_s).ok().filter(|_| sounds)?;
+    Some(1e3 * (repeat.lag_s - after_s).abs())
 }
 
 /// Figures against the physics.
@@ -316,6 +338,22 @@ mod tests {
         assert!(pulsed[&Figure::Modulation] > 6.0 && pulsed[&Figure::Repetition] > 0.3, "{pulsed:?}");
         // What was there before does not see it: 50 ms are within one segment.
         assert!(pulsed[&Figure::Perceptual] > 0.7 && fair.len() == 8, "{pulsed:?}");
+    }
+
+    #[test]
+    fn grating_repeats_after_its_pitch_over_the_speed_and_sandpaper_does_not() {
+        let registry = asperity_nodes::registry();
+        let graph = concat!(env!("CARGO_MANIFEST_DIR"), "/../../graphs/texture.ron");
+        let graph = GraphFile::read(graph).unwrap();
+        let pitch_mm = made::pitch_mm(&made::surface("sine grating 1.6 mm").unwrap()).unwrap();
+        let off = |material: &str| {
+            let graph = over(&graph, &registry, Some(material), 3);
+            let mut chain = Chain::new(&graph, &registry, vec![lag::straight()], Options::default()).unwrap();
+            repeats(&mut chain, pitch_mm).unwrap()
+        };
+        let (grating, sandpaper) = (off("sine grating 1.6 mm"), off("sandpaper P80"));
+        assert!(grating < 0.3 && sandpaper > 1.0, "{grating} {sandpaper}");
+        assert_eq!(made::pitch_mm(&made::surface("sandpaper P80").unwrap()), None);
     }
 
     #[test]

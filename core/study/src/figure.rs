@@ -25,6 +25,8 @@ pub enum Figure {
     Kurtosis,
     /// Size of the difference of the deviation of level, against the physics \[dB\].
     Steadiness,
+    /// Difference of the lag at which a grating repeats from its pitch over the speed \[ms\].
+    Pitch,
     /// Spectral convergence, against the magnitudes from which phase was retrieved \[dB\].
     Convergence,
     /// Error of the wave, against the same setting in double precision \[dB\].
@@ -33,7 +35,7 @@ pub enum Figure {
 
 impl Figure {
     /// All of them.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 11] = [
         Self::Perceptual,
         Self::Modulation,
         Self::Spectrum,
@@ -42,6 +44,7 @@ impl Figure {
         Self::Repetition,
         Self::Kurtosis,
         Self::Steadiness,
+        Self::Pitch,
         Self::Convergence,
         Self::Precision,
     ];
@@ -57,6 +60,7 @@ impl Figure {
             Self::Repetition => "repetition",
             Self::Kurtosis => "kurtosis",
             Self::Steadiness => "steadiness",
+            Self::Pitch => "pitch",
             Self::Convergence => "convergence",
             Self::Precision => "precision",
         }
@@ -73,6 +77,7 @@ impl Figure {
             Self::Repetition => "repetition error against the physics",
             Self::Kurtosis => "kurtosis error against the physics",
             Self::Steadiness => "error of the deviation of level against the physics",
+            Self::Pitch => "error of the lag at which a grating repeats",
             Self::Convergence => "spectral convergence against the target magnitudes",
             Self::Precision => "error against the same setting in f64",
         }
@@ -80,7 +85,11 @@ impl Figure {
 
     /// Its unit; empty for a number that has none.
     pub fn unit(self) -> &'static str {
-        if matches!(self, Self::Perceptual | Self::Repetition) { "" } else { "dB" }
+        match self {
+            Self::Perceptual | Self::Repetition => "",
+            Self::Pitch => "ms",
+            _ => "dB",
+        }
     }
 
     /// Decimals that are worth writing.

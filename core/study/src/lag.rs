@@ -36,6 +36,14 @@ pub(crate) fn ways(spot: Option<&Spot>) -> [Path3; 2] {
     [true, false].map(|stepped| along(spot, Arc::new(move |t| stylus(t, stepped))))
 }
 
+/// Speed of a straight stroke in mm/s, and its time in s: what settles, and what is looked at.
+pub(crate) const STRAIGHT: (f64, [f64; 2]) = (100.0, [0.5, 1.5]);
+
+/// The way of a stylus that goes straight along x at a constant speed.
+pub(crate) fn straight() -> Path3 {
+    Arc::new(|t| [STRAIGHT.0 * t, 0.0, -DEPTH_MM])
+}
+
 /// A graph under both.
 pub struct Response(Chain);
 

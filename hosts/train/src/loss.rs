@@ -129,8 +129,8 @@ const VARIANCE_WEIGHT: f32 = 0.05;
 /// Part of the usual magnitudes of such a touch whose power is added to both powers of a quotient: where
 /// next to nothing is felt, nothing scatters.
 const POWER_SOFT: f32 = 0.1;
-/// Largest power of a frame over the mean that the variance takes notice of. A frame of more counts as one
-/// of this: a single hit would outweigh thousands of others by its square.
+/// Largest power of a frame over the mean that counts. A frame of more counts as one of this: a single hit
+/// would outweigh thousands of others by its square.
 const MOST_POWER: f32 = 10.0;
 
 /// Two signals of each touch, by which it is learned how random magnitudes are.
@@ -194,8 +194,8 @@ pub(crate) fn square_of_noise(rms: &[f32; BINS]) -> f32 {
     (1.0 + variance / (sum * sum)) as f32
 }
 
-/// What is added to a relative answer before it is divided by: below this part of what such a touch comes
-/// to, decibels no longer count.
+/// Number that is added to a relative answer before it is divided by: below this part of what such a touch
+/// comes to, decibels no longer count.
 const SOFT: f32 = 0.1;
 
 /// Touches count as about the same up to this speed in mm/s, and above it within thirds of an octave: where

@@ -36,7 +36,7 @@ pub(crate) struct FindPatterns {
 /// library stays.
 ///
 /// # Errors
-/// What the files say, and the data.
+/// Messages of the files and the data.
 pub(crate) fn find(find: &FindPatterns) -> Result<(), Failure> {
     let settings = settings_now(&find.folder, &settings_of(&find.folder)?, find.data.as_ref())?;
     let path = find.folder.join("materials.ron");
@@ -65,7 +65,7 @@ pub(crate) fn find(find: &FindPatterns) -> Result<(), Failure> {
 /// theirs.
 ///
 /// # Errors
-/// What the recordings say, and the network's file.
+/// Messages of the recordings and of the network's file.
 pub(crate) fn fill(
     materials: &mut [LibraryMaterial],
     settings: &Settings,

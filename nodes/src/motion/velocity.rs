@@ -9,14 +9,13 @@ use asperity_node::{
     Unit,
 };
 
-/// A stylus that stands still, and whose filtered velocity is below this, has none: what follows asks no
-/// more of those that answer the same to the same. At 20 Hz it is there 0.22 s after 300 mm/s, where to the
-/// end of the tail it would be 0.85 s.
+/// Filtered velocity below which a stylus that stands still has none, so that a network can give its last
+/// answer again. At 20 Hz it is reached 0.22 s after 300 mm/s; the tail would end after 0.85 s.
 const STILL_MM_S: f64 = 1e-6;
 
 /// Finite differences and a second-order Butterworth low-pass, both in f64.
 ///
-/// The low-pass may open with its own speed: see [`opened_hz`].
+/// The low-pass may open with its own speed, in space: see [`opened_hz`].
 ///
 /// Over ticks that were lost, or in which the place was not to be trusted, the velocity is the mean of what
 /// came to pass: while there is no place it is held (and marked), and the one that comes then is no jump of

@@ -30,7 +30,7 @@ pub struct TextureNetwork {
     force: [f32; FORCE_LEN],
     velocity: [f32; SPEED_LEN],
     answer: Box<Answer>,
-    /// What the port `statistics` says of the model: whether its magnitudes are means.
+    /// 1 where the model's magnitudes are means, else 0: for the port `statistics`.
     means: f64,
     /// Whether `answer` is the answer to `force`, `velocity` and `material`.
     answered: bool,

@@ -20,6 +20,11 @@ pub fn surface(name: &str) -> Result<MadeSurface, Diagnostic> {
     }
 }
 
+/// Distance in mm, along x, of the ridges of a grating's pieces; none of other surfaces.
+pub fn pitch_mm(surface: &MadeSurface) -> Option<f64> {
+    surface.pitch_mm(GRID)
+}
+
 /// A piece is at most so many times as wide as those trained on.
 const MOST_TIMES: usize = 8;
 

@@ -22,7 +22,7 @@ use asperity_world::topography::{MadeSurface, made_surfaces};
 use rayon::prelude::*;
 
 pub use expectations::expectations;
-pub use ground::{Ground, surface};
+pub use ground::{Ground, pitch_mm, surface};
 pub use patterned::{FORCE_N, pattern, straight_strokes};
 pub use strokes::{BEYOND_FORCE_N, BEYOND_SPEED_MM_S, Drawn};
 

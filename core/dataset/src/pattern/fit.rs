@@ -26,7 +26,10 @@ const BETTER: f64 = 0.4;
 const STARTS: usize = 5;
 
 /// Factors of the waves' shares that are tried, as logarithms.
-const FACTORS: [f64; 9] = [-0.7, -0.35, -0.175, 0.0, 0.175, 0.35, 0.7, 1.05, 1.4];
+const FACTORS: [f64; 11] = [-0.7, -0.35, -0.175, -0.09, -0.05, 0.0, 0.175, 0.35, 0.7, 1.05, 1.4];
+/// How alike the shares of a wave's harmonics are made, from 0, as they are found, to 1, as the fundamental's.
+/// A ridge that is met a little early or late keeps its shape, and its high harmonics seem not to repeat.
+const ALIKE: [f64; 3] = [0.0, 0.5, 1.0];
 /// Rounds of the fine search, and the factor by which each makes the steps smaller.
 const ROUNDS: usize = 5;
 const FINER: f64 = 0.6;
@@ -57,6 +60,7 @@ const SPACED: [Varied; 7] = [
 const AT_RIDGES: [Varied; 3] = [varied(0.0, 0.3, 0.05), varied(0.0, 1.5, 0.25), varied(-1.0, 1.5, 0.2)];
 
 /// Passages of about one speed: what they have, and which of them are rendered.
+#[derive(Clone)]
 struct Class<'p> {
     all: Vec<(&'p Passage, [f64; 3])>,
     truth: [f64; 3],
@@ -141,7 +145,16 @@ pub(super) fn find(passages: &[&Passage], waves: &[Wave], spaced: bool) -> Patte
     if fit.classes.is_empty() {
         return fit.without_bumps(0.0);
     }
-    let (noise, factor) = fit.factor();
+    let mut best = (fit.factor(f64::INFINITY), waves.to_vec());
+    for alike in ALIKE.into_iter().filter(|alike| *alike > 0.0 && !waves.is_empty()) {
+        let waves = evened(waves, alike);
+        let found = Fit { waves: &waves, ..fit.clone() }.factor(best.0.0);
+        if found.0 < best.0.0 {
+            best = (found, waves);
+        }
+    }
+    let ((noise, factor), waves) = best;
+    let fit = Fit { waves: &waves, ..fit };
     let mut found = Vec::new();
     if noise >= ENOUGH {
         found.extend(if spaced { fit.spaced(factor) } else { None });
@@ -152,6 +165,7 @@ pub(super) fn find(passages: &[&Passage], waves: &[Wave], spaced: bool) -> Patte
 }
 
 /// Waves and classes of passages that a search is for.
+#[derive(Clone)]
 struct Fit<'p> {
     waves: &'p [Wave],
     classes: Vec<Class<'p>>,
@@ -197,9 +211,9 @@ impl Fit<'_> {
     }
 
     /// The factor of the waves' shares, as a logarithm, with which plain noise beside them does best, and
-    /// its error.
-    fn factor(&self) -> (f64, f64) {
-        let mut best = (self.error(&self.without_bumps(0.0), usize::MAX, f64::INFINITY), 0.0);
+    /// its error; beyond the bound it need not be known exactly.
+    fn factor(&self, bound: f64) -> (f64, f64) {
+        let mut best = (self.error(&self.without_bumps(0.0), usize::MAX, bound), 0.0);
         for factor in FACTORS.into_iter().filter(|_| !self.waves.is_empty()) {
             let found = self.error(&self.without_bumps(factor), usize::MAX, best.0);
             if found < best.0 {
@@ -312,6 +326,16 @@ fn all_of<const N: usize>(axes: [Vec<f64>; N]) -> Vec<Vec<f64>> {
             |point: Vec<f64>| axis.iter().map(move |value| point.iter().copied().chain([*value]).collect());
         points.into_iter().flat_map(with).collect()
     })
+}
+
+/// Waves whose shares are more alike, by 0 to 1.
+fn evened(waves: &[Wave], alike: f64) -> Vec<Wave> {
+    let mut waves = waves.to_vec();
+    for wave in &mut waves {
+        let first = wave.harmonics.first().map_or(0.0, |h| h.share);
+        wave.harmonics.iter_mut().for_each(|h| h.share += alike * (first - h.share));
+    }
+    waves
 }
 
 /// Waves whose shares are so many times as large, as a logarithm.

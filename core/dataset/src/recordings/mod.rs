@@ -37,7 +37,7 @@
 //!
 //! An example every 20 ms. Its history is what the chain would have measured at 500 Hz: the mean force of
 //! each 2 ms, and the difference of places 2 ms apart, or else the mean velocity between, through the
-//! chain's 20 Hz filter. Below 0 a force counts as 0. Of a speed alone the direction is not known: each
+//! chain's velocity filter. Below 0 a force counts as 0. Of a speed alone the direction is not known: each
 //! example has another, a golden angle on from the one before.
 //!
 //! Its magnitudes are those of the 0.1 s that follow, at the file's own rate, several axes as one. A

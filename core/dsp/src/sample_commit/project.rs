@@ -18,7 +18,7 @@ pub(super) const TINY: f64 = 1e-36;
 /// takes 1.6 and 18 (f32, AVX-512).
 const FEW: usize = 3;
 
-/// What is projected, and where it goes.
+/// Frames to be projected, and the sum that they are added to.
 pub(super) struct Call<'a, T> {
     /// The signal so far.
     pub z: &'a [T],
@@ -28,7 +28,7 @@ pub(super) struct Call<'a, T> {
     pub from: usize,
     /// Sum of the projected frames, each windowed; as long as `z`.
     pub sum: &'a mut [T],
-    /// What all bins but the real ones are multiplied by.
+    /// Factor of all bins but the real ones.
     pub turn: Complex<T>,
 }
 

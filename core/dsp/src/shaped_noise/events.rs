@@ -15,7 +15,7 @@ const LEAST_HZ: f64 = 4.0;
 /// Ridges a second from which on there is a part of their bumps, and all of it.
 const RIDGES_HZ: (f64, f64) = (4.0, 12.0);
 
-/// What the bumps are, and how far it is to the next.
+/// Bumps along a way: which is next, and how far it is to it.
 ///
 /// A sample has the mean square 1: the rarer bumps are, the higher they stand. Their signs are drawn, so
 /// that the spectrum is white however regularly they come (power spectrum of a marked point process whose

@@ -312,7 +312,7 @@ impl<T: Float> ShapedNoise<T> {
         Some((turns - way, turns))
     }
 
-    /// What was gone over to is where the next tick begins.
+    /// The next tick begins with the taps and lines with which this one ends.
     fn settle(&mut self) {
         let [before, after] = &mut self.taps;
         before.copy_from_slice(after);
@@ -506,7 +506,10 @@ impl<T: Float> ShapedNoise<T> {
         let n = self.framing.fft_len;
         let events = self.pattern.events.filter(|_| placed);
         let spacings = self.spacings().filter(|_| placed);
-        let turned = self.turned(0);
+        // Of two waves the hand meets the ridges of the one that it crosses faster.
+        let crossed = |(from, to): &(f64, f64)| (to - from).abs();
+        let turned = (0..WAVES).filter_map(|w| self.turned(w));
+        let turned = turned.max_by(|a, b| crossed(a).total_cmp(&crossed(b)));
         if self.next != Some(start) {
             // There was noise before, and no bump.
             for (i, x) in self.excitation[..n].iter_mut().enumerate() {
@@ -572,7 +575,7 @@ impl<T: Float> ShapedNoise<T> {
         }
     }
 
-    /// What is remembered: the newest frame, taps, lines and excitation, the pattern, and where the hand is.
+    /// Keeps the newest frame, taps, lines and excitation, the pattern, and where the hand is.
     pub fn state(&mut self, state: &mut State<'_>) {
         keep_wide(&mut self.magnitudes, state);
         self.taps.iter_mut().for_each(|taps| keep_wide(taps, state));

@@ -1,4 +1,4 @@
-//! What is known of how a texture repeats: ridges and bumps.
+//! The ridges and bumps of a texture.
 
 use crate::Complex;
 use crate::float::unit_circle;

@@ -118,6 +118,14 @@ impl MadeSurface {
         self.recipe.piece(random).fitted(grid).patch((times.max(1) * grid.0, grid.1), random)
     }
 
+    /// Distance in mm, along x, of the ridges of a grating's patches on this grid; none of other surfaces.
+    pub fn pitch_mm(&self, grid: Grid) -> Option<f64> {
+        match &self.recipe {
+            Recipe::Grating(of) => Some(of.period_on(grid)),
+            _ => None,
+        }
+    }
+
     /// A patch of it with just the figures that are stated, as no piece is.
     pub fn as_stated(&self, grid: Grid, seed: u64) -> HeightField {
         self.recipe.patch(grid, &mut Random::new(seed ^ self.seed()))

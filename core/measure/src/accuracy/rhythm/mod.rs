@@ -14,7 +14,7 @@ mod wave;
 use super::long_term::mean;
 use super::spectrogram::check;
 use super::{AccuracyError, LIMIT_DB, SILENCE_M_S2};
-use wave::{Band, Wave, most_alike};
+use wave::{Band, Wave, likeness, most_alike};
 
 /// First frequency of the wave in Hz.
 pub const FIRST_HZ: f64 = 30.0;
@@ -217,6 +217,19 @@ pub fn envelope(axes: &[&[f64]], rate_hz: f64) -> Result<Envelope, AccuracyError
         over_mean: wave.envelope.iter().map(|e| e / middle).collect(),
         depths: hz.map(|f| (f, ripple.rms(f - 1.0, f + 1.0))).collect(),
     })
+}
+
+/// The envelope's autocorrelation, -1 to 1, at each lag of [`LAGS_S`] in s, 0.125 ms apart: that of which
+/// [`Rhythm::envelope_repetition`] is the largest. Of silence it is 0.
+///
+/// # Errors
+/// Those of [`Rhythm::new`].
+pub fn envelope_likeness(axes: &[&[f64]], rate_hz: f64) -> Result<Vec<(f64, f64)>, AccuracyError> {
+    let wave = Wave::new(&band(axes, rate_hz, END_HZ)?.0);
+    let ripple = wave.ripple(1.0 / LAGS_S.1).samples(wave.samples.len());
+    let quiet = wave.is_silent() || rms(&ripple) < LEAST_MODULATION;
+    let found = likeness(&ripple, wave.lags(LAGS_S.0..=LAGS_S.1)).into_iter();
+    Ok(found.map(|(lag, r)| (lag as f64 / wave.rate_hz, if quiet { 0.0 } else { r })).collect())
 }
 
 /// Checks a signal and takes its band.

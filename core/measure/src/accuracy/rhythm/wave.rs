@@ -194,9 +194,14 @@ impl Wave {
     }
 }
 
-/// The lag at which samples are most alike to themselves, and how much: their inner product with themselves
-/// so much later, over the geometric mean of the energies of both parts, -1 to 1. None without lags.
+/// The lag at which samples are most alike to themselves, and how much. None without lags.
 pub(super) fn most_alike(samples: &[f64], lags: RangeInclusive<usize>) -> Option<(usize, f64)> {
+    likeness(samples, lags).into_iter().reduce(|a, b| if b.1 > a.1 { b } else { a })
+}
+
+/// How alike samples are to themselves after each lag: their inner product with themselves so much later,
+/// over the geometric mean of the energies of both parts, -1 to 1.
+pub(super) fn likeness(samples: &[f64], lags: RangeInclusive<usize>) -> Vec<(usize, f64)> {
     let last = (*lags.end()).min(samples.len().saturating_sub(1));
     // Squares of squares of what is large or small must not be infinite or 0.
     let peak = samples.iter().fold(f64::MIN_POSITIVE, |peak: f64, x| peak.max(x.abs()));
@@ -216,5 +221,5 @@ pub(super) fn most_alike(samples: &[f64], lags: RangeInclusive<usize>) -> Option
         let value = if energies > 0.0 { products[lag] / energies } else { 0.0 };
         (lag, value.clamp(-1.0, 1.0))
     };
-    (*lags.start()..=last).map(alike).reduce(|a, b| if b.1 > a.1 { b } else { a })
+    (*lags.start()..=last).map(alike).collect()
 }

@@ -75,10 +75,10 @@ pub(super) const CASES: &[Case] = &[
     Case {
         family: Family::Networks,
         name: "network_steady",
-        hard: "speed and force do not change, over materials that repeat with no place: the network's \
-               magnitudes stand still",
+        hard: "speed and force do not change, over several materials: the network's magnitudes stand still",
         must: "no texture pulses: the envelope's autocorrelation from 20 to 200 ms is at most 0.25 above that of Gaussian noise of the same spectrum, and its \
-               modulation from 15 to 25 Hz at most 2.5 times as deep",
+               modulation from 15 to 25 Hz at most 2.5 times as deep; of a material that repeats with place it is at most 0.25 above it at any lag that is the \
+               same at 60, 82 and 131 mm/s",
         of_graph: true,
         run: pulses::pulses,
     },
