@@ -7,6 +7,8 @@ use asperity_state::State;
 
 /// Beyond so many bumps a sample they are white noise.
 const MOST_A_SAMPLE: f64 = 4.0;
+/// Numbers from that of a bump with which sample n begins to that of sample n + 1: no stroke has so many.
+const A_SAMPLE: u64 = 1 << 24;
 /// A way of more spacings than this in a tick is no motion.
 const MOST_SKIPPED: f64 = 1e3;
 /// Bumps a second from which on they have all of the power. Of rarer ones each is as high as of these, and
@@ -24,38 +26,41 @@ const RIDGES_HZ: (f64, f64) = (4.0, 12.0);
 #[derive(Clone, Debug)]
 pub(super) struct Bumps {
     seed: u64,
-    /// Bumps that were met.
-    count: u64,
+    /// Number of the next bump; none before the first. It begins with the number of the sample: a stroke that
+    /// begins anew has not the bumps of the one before.
+    number: Option<u64>,
     /// Way to the next bump in spacings.
     next: f64,
 }
 
 impl Bumps {
     pub(super) fn new(seed: u64) -> Self {
-        Self { seed, count: 0, next: 0.0 }
+        Self { seed, number: None, next: 0.0 }
     }
 
     /// Begins to count anew.
     pub(super) fn reset(&mut self) {
-        (self.count, self.next) = (0, 0.0);
+        (self.number, self.next) = (None, 0.0);
     }
 
-    /// The normal number that says how far it is from the next bump to the one after it.
-    fn draw(&self) -> f64 {
-        drawn(self.seed, self.count, 1)
-    }
-
-    /// Goes over the bumps of a way, in spacings, without a sound.
-    pub(super) fn skip(&mut self, way: f64, events: &Events) {
+    /// The bumps of a way, in spacings, from sample `start` on: tells each its number and where it is, and
+    /// goes over them.
+    fn pass(&mut self, start: u64, way: f64, events: &Events, mut met: impl FnMut(u64, f64)) {
         let interval = lognormal(events.interval_cv);
-        if way > MOST_SKIPPED {
-            return;
-        }
+        let mut number = self.number.unwrap_or(start.wrapping_mul(A_SAMPLE));
         while self.next < way {
-            self.next += interval(self.draw());
-            self.count = self.count.wrapping_add(1);
+            met(number, self.next);
+            self.next += interval(drawn(self.seed, number, 1));
+            number = number.wrapping_add(1);
         }
-        self.next -= way;
+        (self.number, self.next) = (Some(number), self.next - way);
+    }
+
+    /// Goes over the bumps of a way, in spacings, that begins at sample `start`, without a sound.
+    pub(super) fn skip(&mut self, start: u64, way: f64, events: &Events) {
+        if way <= MOST_SKIPPED {
+            self.pass(start, way, events, |_, _| ());
+        }
     }
 
     /// The pulses of a way, in spacings, that is gone in so many samples from `start` on, at `rate_hz`;
@@ -82,19 +87,15 @@ impl Bumps {
         if a_sample <= 0.0 || a_sample > MOST_A_SAMPLE {
             return;
         }
-        let interval = lognormal(events.interval_cv);
         let pulse = Pulse::new(self.seed, (seldom / a_sample).sqrt(), events);
-        while self.next < way {
-            let at = ((self.next / way * samples) as usize).min(out.len() - 1);
-            out[at] += T::of(pulse.of(self.count));
-            self.next += interval(self.draw());
-            self.count = self.count.wrapping_add(1);
-        }
-        self.next -= way;
+        self.pass(start, way, events, |number, at| {
+            let at = ((at / way * samples) as usize).min(out.len() - 1);
+            out[at] += T::of(pulse.of(number));
+        });
     }
 
     pub(super) fn state(&mut self, state: &mut State<'_>) {
-        state.keep(&mut self.count).keep(&mut self.next);
+        state.keep(&mut self.number).keep(&mut self.next);
         state.require(self.next >= 0.0 && self.next < 1e9);
     }
 }

@@ -260,7 +260,7 @@ impl<T: Float> ShapedNoise<T> {
             out.fill(P::zero());
             // The hand passes bumps and ridges without a sound.
             if let Some((events, way)) = self.spacings().filter(|_| place.is_some()) {
-                self.bumps.skip(way, &events);
+                self.bumps.skip(start, way, &events);
             }
             for w in 0..WAVES {
                 if let Some((_, turns)) = self.turned(w) {

@@ -239,6 +239,26 @@ fn bumps_across_the_grain_are_further_apart_than_along_it() {
 }
 
 #[test]
+fn stroke_that_begins_anew_has_not_the_bumps_of_the_one_before() {
+    // A gate closes where the hand turns, and what it let sleep begins anew: each stroke had the same bumps.
+    let mut kernel = ShapedNoise::<f32>::new(FRAMING, 0.002, 3).unwrap();
+    kernel.set_pattern(events(0.3, 0.2, 0.5));
+    let mut strokes = [vec![0.0_f64; 2500], vec![0.0; 2500]];
+    for (number, stroke) in strokes.iter_mut().enumerate() {
+        kernel.reset();
+        for (tick, out) in stroke.chunks_exact_mut(5).enumerate() {
+            let at = (500 * number + tick) as u64;
+            kernel.push(at, &smooth(), 1.0);
+            kernel.emit(5 * at, Some([0.2 * tick as f64, 0.0]), out);
+        }
+    }
+    let [first, second] = &strokes;
+    let alike =
+        first.iter().zip(second).map(|(a, b)| a * b).sum::<f64>() / (2500.0 * rms(first) * rms(second));
+    assert!(alike.abs() < 0.2, "{alike}");
+}
+
+#[test]
 fn bumps_at_ridges_come_where_the_ridges_are() {
     let mut pattern = ridges(2.5);
     pattern.waves[0].iter_mut().for_each(|wave| wave.shares = [0.0; HARMONICS]);
