@@ -9,8 +9,6 @@ use asperity_state::State;
 const MOST_A_SAMPLE: f64 = 4.0;
 /// Numbers from that of a bump with which sample n begins to that of sample n + 1: no stroke has so many.
 const A_SAMPLE: u64 = 1 << 24;
-/// A way of more spacings than this in a tick is no motion.
-const MOST_SKIPPED: f64 = 1e3;
 /// Bumps a second from which on they have all of the power. Of rarer ones each is as high as of these, and
 /// noise has the rest of the power: the next bump would strike a hand that hardly moves.
 const LEAST_HZ: f64 = 4.0;
@@ -47,20 +45,17 @@ impl Bumps {
     /// goes over them.
     fn pass(&mut self, start: u64, way: f64, events: &Events, mut met: impl FnMut(u64, f64)) {
         let interval = lognormal(events.interval_cv);
-        let mut number = self.number.unwrap_or(start.wrapping_mul(A_SAMPLE));
+        let mut number = self.number.unwrap_or_else(|| {
+            let first = start.wrapping_mul(A_SAMPLE);
+            self.next = uniform(self.seed, first, 11);
+            first
+        });
         while self.next < way {
             met(number, self.next);
             self.next += interval(drawn(self.seed, number, 1));
             number = number.wrapping_add(1);
         }
         (self.number, self.next) = (Some(number), self.next - way);
-    }
-
-    /// Goes over the bumps of a way, in spacings, that begins at sample `start`, without a sound.
-    pub(super) fn skip(&mut self, start: u64, way: f64, events: &Events) {
-        if way <= MOST_SKIPPED {
-            self.pass(start, way, events, |_, _| ());
-        }
     }
 
     /// The pulses of a way, in spacings, that is gone in so many samples from `start` on, at `rate_hz`;

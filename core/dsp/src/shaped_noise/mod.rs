@@ -112,8 +112,8 @@ struct Lines {
     /// Phases of minimum phase, and the pitch for which they were found; 0: none were.
     units: Vec<Complex<f64>>,
     units_hz: f64,
-    /// Where the fundamental is, in turns.
-    turns: f64,
+    /// Where the fundamental is, in turns; none before the first sample.
+    turns: Option<f64>,
 }
 
 impl<T> std::fmt::Debug for ShapedNoise<T> {
@@ -137,7 +137,7 @@ impl<T: Float> ShapedNoise<T> {
             count: [0; 2],
             units: vec![Complex::default(); MOST_LINES],
             units_hz: 0.0,
-            turns: 0.0,
+            turns: None,
         };
         Ok(Self {
             framing,
@@ -191,13 +191,20 @@ impl<T: Float> ShapedNoise<T> {
         self.found_in = None;
         self.taps.iter_mut().for_each(|taps| taps.fill(T::zero()));
         for wave in &mut self.waves {
-            (wave.count, wave.turns, wave.units_hz) = ([0; 2], 0.0, 0.0);
+            (wave.count, wave.units_hz) = ([0; 2], 0.0);
             wave.units.fill(Complex::default());
             wave.at.iter_mut().for_each(|at| at.fill(Complex::default()));
         }
+        self.silent = true;
+        self.begin();
+    }
+
+    /// Forgets where the hand is, and how far it is from ridges and bumps.
+    fn begin(&mut self) {
         self.place.reset();
         self.bumps.reset();
-        (self.way_mm, self.silent) = (0.0, true);
+        self.waves.iter_mut().for_each(|wave| wave.turns = None);
+        (self.way_mm, self.next) = (0.0, None);
     }
 
     /// How the texture repeats, from now on. Lines that are played fade within a tick, then others begin.
@@ -258,16 +265,11 @@ impl<T: Float> ShapedNoise<T> {
         }
         if self.silent {
             out.fill(P::zero());
-            // The hand passes bumps and ridges without a sound.
-            if let Some((events, way)) = self.spacings().filter(|_| place.is_some()) {
-                self.bumps.skip(start, way, &events);
+            // As if it had slept: what comes next must not hang on whether it was called in silence. A hand at
+            // rest on ridges is heard as little, but is not forgotten.
+            if self.magnitudes.iter().all(|m| *m == T::zero()) {
+                self.begin();
             }
-            for w in 0..WAVES {
-                if let Some((_, turns)) = self.turned(w) {
-                    self.waves[w].turns = turns;
-                }
-            }
-            self.way_mm = 0.0;
             self.next = None;
             return;
         }
@@ -308,7 +310,8 @@ impl<T: Float> ShapedNoise<T> {
         let (wave, here) = (self.pattern.waves[w]?, self.place.at());
         let turns = wave.per_mm[0] * here[0] + wave.per_mm[1] * here[1];
         // Farther than this in a tick is no motion.
-        let way = Some(turns - self.waves[w].turns).filter(|way| way.abs() < 4.0).unwrap_or(0.0);
+        let way = self.waves[w].turns.map(|before| turns - before);
+        let way = way.filter(|way| way.abs() < 4.0).unwrap_or(0.0);
         Some((turns - way, turns))
     }
 
@@ -546,7 +549,7 @@ impl<T: Float> ShapedNoise<T> {
         for w in 0..WAVES {
             let Some((from, to)) = self.turned(w) else { continue };
             let (way, lines) = (to - from, &mut self.waves[w]);
-            lines.turns = to;
+            lines.turns = Some(to);
             let count = lines.count[0].max(lines.count[1]);
             let [before, after] = &lines.at;
             if count == 0 {
@@ -610,7 +613,7 @@ impl<T: Float> ShapedNoise<T> {
         let finite = |values: &[T]| values.iter().all(|x| *x >= -T::MAX && *x <= T::MAX);
         let lines = self.waves.iter().all(|lines| {
             let fine = |at: &Vec<Complex<f64>>| at.iter().all(|c| c.re.is_finite() && c.im.is_finite());
-            lines.turns.is_finite()
+            lines.turns.is_none_or(f64::is_finite)
                 && lines.units_hz.is_finite()
                 && fine(&lines.units)
                 && lines.count.iter().all(|n| *n <= MOST_LINES)
