@@ -18,7 +18,7 @@ mod waves;
 
 use asperity_dsp::shaped_noise;
 use asperity_dsp::{Framing, ShapedNoise};
-use asperity_world::material::{Pattern, Wave};
+use asperity_world::material::Pattern;
 
 pub use figures::Figures;
 pub use stroke::{RATE_HZ, Stroke};

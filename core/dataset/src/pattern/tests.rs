@@ -1,6 +1,6 @@
 use super::*;
 use crate::made;
-use asperity_world::material::{Events, Harmonic};
+use asperity_world::material::{Events, Harmonic, Wave};
 use std::f64::consts::{PI, TAU};
 
 /// Magnitudes that fall with frequency.
