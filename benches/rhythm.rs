@@ -139,6 +139,11 @@ fn played(graph: &GraphFile, material: &str, seed: u64, way: &Path3, seconds: f6
     (heard.signal[from..].to_vec(), rate)
 }
 
+/// The graph's seed: no two strokes have the same chance, or all would be off together.
+fn drawn(about: &str, seed: u64) -> u64 {
+    about.bytes().fold(seed, |number, byte| number.wrapping_mul(31).wrapping_add(byte.into()))
+}
+
 /// Pieces of a material, one a seed.
 fn grounds(material: &str, seeds: u64, least_mm: f64) -> Vec<Ground> {
     let surface = surface(material).unwrap_or_else(|e| panic!("{e}"));
@@ -170,7 +175,7 @@ fn both(
     let seconds = asked.seconds + SETTLES_S;
     let of = |seed| {
         let way = &way(seed);
-        let (signal, rate) = rendered(&asked.graph, material, seed, way, seconds);
+        let (signal, rate) = rendered(&asked.graph, material, drawn(about, seed), way, seconds);
         let (axes, truth_rate) = felt(&grounds[seed as usize], seed, way, seconds);
         let axes = turned(axes, truth_rate, turns_per_s);
         if seed == 0 {
@@ -322,7 +327,7 @@ fn gratings(asked: &Asked) {
             let (mut lags, mut heights, mut ks, mut ms) =
                 ([vec![], vec![]], [vec![], vec![]], [vec![], vec![]], [vec![], vec![]]);
             let strokes = |seed| {
-                let ours = rendered(&asked.graph, name, seed, &way, seconds);
+                let ours = rendered(&asked.graph, name, drawn(name, seed), &way, seconds);
                 (ours, felt(&grounds[seed as usize], seed, &way, seconds))
             };
             for (seed, (ours, (axes, rate))) in each(asked.seeds, strokes).into_iter().enumerate() {
@@ -386,7 +391,7 @@ fn hand(asked: &Asked) {
         // At all frequencies and above 30 Hz.
         let levels = |graph: &GraphFile| {
             let of = each(asked.seeds, |seed| {
-                let (signal, rate) = played(graph, name, seed, &way, short.seconds + SETTLES_S);
+                let (signal, rate) = played(graph, name, drawn(name, seed), &way, short.seconds + SETTLES_S);
                 let square = signal.iter().map(|x| x * x).sum::<f64>() / signal.len() as f64;
                 [square.sqrt(), rhythm(&[signal], rate).rms]
             });

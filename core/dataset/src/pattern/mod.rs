@@ -32,6 +32,9 @@ const WINDOW: usize = (RATE_HZ * 0.1) as usize;
 /// Bins of a frame, from 0 Hz to 1000.
 pub const BINS: usize = 101;
 
+/// Pieces in which waves are looked for: of more they are hardly told better, and to go through all wave
+/// vectors takes longest.
+const WAVE_PIECES: usize = 3;
 /// Beside waves that have more of the power than this there are bumps at ridges alone.
 const MOST_IN_WAVES: f64 = 0.5;
 
@@ -50,7 +53,7 @@ pub fn find(pieces: &[Vec<Stroke>], network: Option<&Network<'_>>) -> Pattern {
     if let Some(network) = network {
         passages.iter_mut().flatten().for_each(|p| p.magnitudes = p.answered(network));
     }
-    let (waves, part) = waves::find(&passages);
+    let (waves, part) = waves::find(&passages[..passages.len().min(WAVE_PIECES)]);
     let all: Vec<&Passage> = passages.iter().flatten().collect();
     fit::find(&all, &waves, part < MOST_IN_WAVES)
 }

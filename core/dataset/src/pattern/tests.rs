@@ -130,7 +130,7 @@ fn bumps_that_are_rarer_across_the_grain_are_found_so() {
     let known = Events {
         spacing_mm: Some(0.8),
         spacing_exponent: 0.0,
-        anisotropy: [0.8, 0.4],
+        anisotropy: [-0.6, -0.3],
         interval_cv: 0.3,
         height_cv: 0.3,
     };
@@ -140,10 +140,10 @@ fn bumps_that_are_rarer_across_the_grain_are_found_so() {
         .flat_map(|speed| [0.0, 45.0, 90.0, 135.0].map(|angle| (speed, angle + 0.1 * speed)))
         .collect();
     let found = find(&[strokes_along(&ways, &known, 6.0, 100)], None);
-    // The kurtosis of bumps of this distance goes from 5 to 20 with the direction.
+    // Bumps are 2.3 times as long as wide. Forty seconds of rare ones differ by a few per cent by chance.
     for angle in [13.0, 58.0, 103.0, 148.0] {
         let [found, known] = [(&found, 1), (&known, 2)].map(|(pattern, seed)| {
-            let x = rendered(pattern, &magnitudes(), &places(100.0, angle, 20.0), seed);
+            let x = rendered(pattern, &magnitudes(), &places(100.0, angle, 40.0), seed);
             Figures::of(&x).unwrap().kurtosis
         });
         assert!((found / known).ln().abs() < 0.25, "at {angle} degrees: {found} for {known}");
@@ -201,7 +201,7 @@ fn made_grating_has_a_wave_and_sandpaper_bumps() {
     let sandpaper = of("sandpaper P80");
     assert!(sandpaper.waves.is_empty(), "{sandpaper:?}");
     assert!(
-        sandpaper.events.is_some_and(|e| e.spacing_mm.is_some_and(|mm| (0.05..0.8).contains(&mm))),
+        sandpaper.events.is_some_and(|e| e.spacing_mm.is_some_and(|mm| (0.05..2.0).contains(&mm))),
         "{sandpaper:?}"
     );
 }

@@ -20,7 +20,8 @@ const RIDGES_HZ: (f64, f64) = (4.0, 12.0);
 /// A sample has the mean square 1: the rarer bumps are, the higher they stand. Their signs are drawn, so
 /// that the spectrum is white however regularly they come (power spectrum of a marked point process whose
 /// marks have the mean 0; D. J. Daley and D. Vere-Jones, "An Introduction to the Theory of Point
-/// Processes", 2003). Distances and heights follow lognormal laws.
+/// Processes", 2003). Distances and heights follow lognormal laws. The height grows with the root of the way
+/// from the bump before: into a wide gap a tip falls far. So the power does not swing with the distances.
 #[derive(Clone, Debug)]
 pub(super) struct Bumps {
     seed: u64,
@@ -43,8 +44,13 @@ impl Bumps {
 
     /// The bumps of a way, in spacings, from sample `start` on: tells each its number and where it is, and
     /// goes over them.
-    fn pass(&mut self, start: u64, way: f64, events: &Events, mut met: impl FnMut(u64, f64)) {
-        let interval = lognormal(events.interval_cv);
+    fn pass(
+        &mut self,
+        start: u64,
+        way: f64,
+        intervals: &Intervals<impl Fn(f64) -> f64>,
+        mut met: impl FnMut(u64, f64),
+    ) {
         let mut number = self.number.unwrap_or_else(|| {
             let first = start.wrapping_mul(A_SAMPLE);
             self.next = uniform(self.seed, first, 11);
@@ -52,8 +58,8 @@ impl Bumps {
         });
         while self.next < way {
             met(number, self.next);
-            self.next += interval(drawn(self.seed, number, 1));
             number = number.wrapping_add(1);
+            self.next += intervals.before(number);
         }
         (self.number, self.next) = (Some(number), self.next - way);
     }
@@ -83,9 +89,10 @@ impl Bumps {
             return;
         }
         let pulse = Pulse::new(self.seed, (seldom / a_sample).sqrt(), events);
-        self.pass(start, way, events, |number, at| {
+        let intervals = Intervals::new(self.seed, events);
+        self.pass(start, way, &intervals, |number, at| {
             let at = ((at / way * samples) as usize).min(out.len() - 1);
-            out[at] += T::of(pulse.of(number));
+            out[at] += T::of(pulse.of(number) * intervals.before(number).sqrt());
         });
     }
 
@@ -131,6 +138,25 @@ pub(super) fn at_ridges<T: Float>(
 /// A bump's normal number of a column: 0 says how high it stands, 1 where it is.
 fn drawn(seed: u64, number: u64, column: u64) -> f64 {
     normal(seed, number.wrapping_mul(3).wrapping_add(column))
+}
+
+/// Ways from bump to bump in spacings, whose mean is 1.
+struct Intervals<L> {
+    seed: u64,
+    law: L,
+}
+
+impl Intervals<()> {
+    fn new(seed: u64, events: &Events) -> Intervals<impl Fn(f64) -> f64> {
+        Intervals { seed, law: lognormal(events.interval_cv) }
+    }
+}
+
+impl<L: Fn(f64) -> f64> Intervals<L> {
+    /// From the bump before this one.
+    fn before(&self, number: u64) -> f64 {
+        (self.law)(drawn(self.seed, number, 1))
+    }
 }
 
 /// Heights of bumps, with sign.
@@ -196,6 +222,19 @@ mod tests {
         }
         let count = pulses(1.0, 0.3, 0.0).iter().filter(|x| **x != 0.0).count();
         assert!((count as f64 / 8000.0 - 1.0).abs() < 0.02, "{count}");
+    }
+
+    #[test]
+    fn power_does_not_swing_with_the_distances() {
+        let x = pulses(1.0, 0.8, 0.0);
+        // Forty distances each. If heights did not follow them it would be 0.8 / sqrt(40) = 0.126.
+        let powers: Vec<f64> =
+            x.chunks(1000).map(|x| x.iter().map(|x| x * x).sum::<f64>() / 1000.0).collect();
+        let swing = powers.iter().map(|power| (power - 1.0).powi(2)).sum::<f64>() / powers.len() as f64;
+        assert!(swing.sqrt() < 0.06, "{}", swing.sqrt());
+        let fourth = x.iter().map(|x| x.powi(4)).sum::<f64>() / x.len() as f64;
+        // 25 samples a distance; the mean square of distances is 1 + 0.8^2.
+        assert!((fourth / (25.0 * 1.64) - 1.0).abs() < 0.1, "{fourth}");
     }
 
     #[test]

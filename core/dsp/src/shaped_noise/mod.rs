@@ -15,7 +15,8 @@
 //!   divided among neighbouring harmonics is the wave's: a network blurs the gaps. The phase is that of the
 //!   response of minimum phase of these powers (as the vocoder STRAIGHT smooths over a pitch; H. Kawahara,
 //!   I. Masuda-Katsuse, A. de Cheveigne, Speech Communication 27, 1999), and the ridge's own. A hand that
-//!   moves backwards has it with the other sign, since the response does not run backwards.
+//!   moves backwards has it with the other sign, since the response does not run backwards. Of two waves the
+//!   one whose ridges come more slowly has less of the power: along its ridges the other is felt alone.
 //!
 //! Taps and amplitudes go over from those of one frame to those of another within one tick, and stay for 4
 //! ms at least: what costs most is to find them.
@@ -157,7 +158,7 @@ impl<T: Float> ShapedNoise<T> {
             excitation: vec![T::zero(); 2 * n + longest],
             end: 0,
             next: None,
-            waves: [lines.clone(), lines],
+            waves: std::array::from_fn(|_| lines.clone()),
             unblurred: Unblurred::new(framing.bins),
             density: vec![0.0; n + 1],
             sums: vec![0.0; n + 1],
@@ -467,15 +468,43 @@ impl<T: Float> ShapedNoise<T> {
         if response.norm() > 0.0 { response / response.norm() } else { Complex::new(1.0, 0.0) }
     }
 
+    /// How often the hand comes to a ridge of each wave, in Hz; below 0 backwards.
+    fn pitches(&self) -> [f64; WAVES] {
+        let velocity = self.place.velocity();
+        self.pattern
+            .waves
+            .map(|wave| wave.map_or(0.0, |w| w.per_mm[0] * velocity[0] + w.per_mm[1] * velocity[1]))
+    }
+
+    /// The part of the power around a wave's harmonic that is the wave's.
+    ///
+    /// Shares are those of a hand that crosses all waves alike. What a wave adds at one frequency is taken to
+    /// grow with the square of its pitch: as its ridges come slower, it is a higher harmonic there, and along
+    /// its ridges the hand feels the other wave alone.
+    fn part(&self, w: usize, h: usize, pitches: &[f64; WAVES]) -> f64 {
+        let hz = h as f64 * pitches[w].abs();
+        let fastest = pitches.iter().fold(0.0, |most: f64, hz| most.max(hz.abs()));
+        let (mut own, mut all, mut random) = (0.0, 0.0, 1.0);
+        for (v, wave) in self.pattern.waves.iter().enumerate() {
+            let Some(wave) = wave else { continue };
+            let harmonic = if v == w { h } else { (hz / pitches[v].abs()).round() as usize };
+            let share = wave.shares[harmonic.clamp(1, HARMONICS) - 1];
+            let felt = if fastest > 0.0 { share * (pitches[v] / fastest).powi(2) } else { share };
+            (all, random) = (all + felt, random - share);
+            if v == w {
+                own = felt;
+            }
+        }
+        if own > 0.0 { own / (all + random.max(0.0)) } else { 0.0 }
+    }
+
     /// The lines of a wave at the hand's velocity; their power is taken from `squares`. How many they are.
     fn ridges(&mut self, w: usize, wave: &Wave) -> usize {
-        let velocity = self.place.velocity();
-        let signed = wave.per_mm[0] * velocity[0] + wave.per_mm[1] * velocity[1];
-        let pitch_hz = signed.abs();
+        let pitches = self.pitches();
+        let pitch_hz = pitches[w].abs();
         let step_hz = self.step_hz();
-        let share = |h: usize| wave.shares[h.clamp(1, HARMONICS) - 1];
         if pitch_hz < LEAST_PITCH_HZ {
-            let left = 1.0 - share(1) * (1.0 - pitch_hz / LEAST_PITCH_HZ);
+            let left = 1.0 - self.part(w, 1, &pitches) * (1.0 - pitch_hz / LEAST_PITCH_HZ);
             self.squares.iter_mut().for_each(|square| *square *= left);
         }
         if !(LEAST_PITCH_HZ..=self.top_hz()).contains(&pitch_hz) {
@@ -484,21 +513,20 @@ impl<T: Float> ShapedNoise<T> {
         self.divide(pitch_hz, &wave.weights);
         let count = self.powers.len();
         self.find_phases(w, pitch_hz);
-        let backwards = signed < 0.0;
-        for h in 1..=count {
-            let power = share(h) * self.powers[h - 1];
-            let unit = self.waves[w].units[h - 1];
-            let unit = if backwards { unit.conj() } else { unit };
-            self.waves[w].at[1][h - 1] = unit * wave.turns[h.min(HARMONICS) - 1] * (2.0 * power).sqrt();
-        }
+        let backwards = pitches[w] < 0.0;
         // Ridges are no noise: up to half a pitch from each harmonic.
         let end =
             |h: usize| (((h as f64 + 0.5) * pitch_hz / step_hz).ceil() as usize).min(self.density.len());
         let mut from = end(0);
         for h in 1..=count {
+            let part = self.part(w, h, &pitches);
+            let unit = self.waves[w].units[h - 1];
+            let unit = if backwards { unit.conj() } else { unit };
+            let amplitude = (2.0 * part * self.powers[h - 1]).sqrt();
+            self.waves[w].at[1][h - 1] = unit * wave.turns[h.min(HARMONICS) - 1] * amplitude;
             let to = end(h);
             let around = self.squares[from..to].iter_mut().zip(&self.density[from..to]);
-            around.for_each(|(square, density)| *square = (*square - share(h) * density).max(0.0));
+            around.for_each(|(square, density)| *square = (*square - part * density).max(0.0));
             from = to;
         }
         count

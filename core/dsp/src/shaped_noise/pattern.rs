@@ -17,8 +17,8 @@ pub const PATTERN_LEN: usize = EVENTS_LEN + WAVES * WAVE_LEN;
 
 /// Largest power of speed.
 const MOST_EXPONENT: f64 = 2.0;
-/// Largest change of a spacing's logarithm with direction.
-const MOST_ANISOTROPY: f64 = 3.0;
+/// Longest anisotropy: bumps that are 14 times as long as wide.
+const MOST_ANISOTROPY: f64 = 0.99;
 /// Speed at which spacings are told, and beyond which they do not change, in mm/s.
 const SPEED_MM_S: f64 = 100.0;
 const SPEEDS_MM_S: (f64, f64) = (10.0, 1000.0);
@@ -30,7 +30,8 @@ pub struct Events {
     pub spacing_mm: Option<f64>,
     /// The way grows with this power of speed.
     pub spacing_exponent: f64,
-    /// Its logarithm changes by `a cos 2t + b sin 2t` in a hand that moves at the angle t to x: grain.
+    /// Bumps of a grain are ellipses. How often a hand at the angle t to x meets them goes as their width
+    /// across its way, the root of `1 + a cos 2t + b sin 2t`.
     pub anisotropy: [f64; 2],
     /// Standard deviation of that over the mean; of bumps at ridges, of their place over the pitch.
     pub interval_cv: f64,
@@ -46,8 +47,8 @@ impl Events {
         let [a, b] = self.anisotropy;
         // cos 2t and sin 2t of the direction; none of a hand at rest.
         let square = (speed * speed).max(f64::MIN_POSITIVE);
-        let grain = a * (x * x - y * y) / square + b * 2.0 * x * y / square;
-        self.spacing_mm.map(|mm| mm * over.powf(self.spacing_exponent) * grain.exp())
+        let width = 1.0 + a * (x * x - y * y) / square + b * 2.0 * x * y / square;
+        self.spacing_mm.map(|mm| mm * over.powf(self.spacing_exponent) / width.sqrt())
     }
 }
 
@@ -77,21 +78,23 @@ pub struct Pattern {
 impl Pattern {
     /// Reads [`PATTERN_LEN`] numbers. Of bumps: the way between them in mm (0: no bumps; -1: at the ridges of
     /// the first wave), the power of speed with which it grows, deviations of that and of heights over their
-    /// means, and the change of its logarithm with direction. Then of each wave: the vector in 1/mm (0, 0: no
-    /// wave), and of each harmonic weight, share and phase in rad. Numbers that are missing, not finite or out
-    /// of range count as 0.
+    /// means, and the anisotropy. Then of each wave: the vector in 1/mm (0, 0: no wave), and of each harmonic
+    /// weight, share and phase in rad. Numbers that are missing or not finite count as 0; others are brought
+    /// into their range.
     pub fn read(numbers: &[f64]) -> Self {
         let number = |at: usize, most: f64| {
             numbers.get(at).copied().filter(|x| x.is_finite()).map_or(0.0, |x| x.clamp(-most, most))
         };
         let spacing_mm = number(0, 1e3);
+        let anisotropy = [number(4, 1.0), number(5, 1.0)];
+        let shorter = (MOST_ANISOTROPY / anisotropy[0].hypot(anisotropy[1])).min(1.0);
         let at_ridges = spacing_mm <= -1.0;
         let events = (at_ridges || spacing_mm >= 0.01).then(|| Events {
             spacing_mm: (!at_ridges).then_some(spacing_mm),
             spacing_exponent: number(1, MOST_EXPONENT),
             interval_cv: number(2, 4.0).max(0.0),
             height_cv: number(3, 10.0).max(0.0),
-            anisotropy: [4, 5].map(|at| number(at, MOST_ANISOTROPY)),
+            anisotropy: anisotropy.map(|x| x * shorter),
         });
         let wave = |w: usize| {
             let from = EVENTS_LEN + w * WAVE_LEN;
@@ -122,7 +125,7 @@ impl Pattern {
         state.keep(&mut numbers).keep(&mut spacing_exponent).keep(&mut anisotropy);
         state.require(numbers.iter().all(|x| (-1.0..=1e3).contains(x)));
         state.require(spacing_exponent.abs() <= MOST_EXPONENT);
-        state.require(anisotropy.iter().all(|x| x.abs() <= MOST_ANISOTROPY));
+        state.require(anisotropy[0].hypot(anisotropy[1]) < 1.0);
         let [spacing_mm, interval_cv, height_cv] = numbers;
         let of = Some(spacing_mm).filter(|mm| *mm > 0.0);
         let of = Events { spacing_mm: of, spacing_exponent, anisotropy, interval_cv, height_cv };
@@ -164,13 +167,13 @@ mod tests {
         assert_eq!(Pattern::read(&[-1.0; EVENTS_LEN]), Pattern::default());
         let mut numbers = [0.0; PATTERN_LEN];
         (numbers[0], numbers[1], numbers[2]) = (0.5, -9.0, 99.0);
-        (numbers[4], numbers[5]) = (-0.3, 9.0);
+        (numbers[4], numbers[5]) = (0.0, 9.0);
         (numbers[6], numbers[8], numbers[9]) = (0.4, 19.0, 2.0);
         let pattern = Pattern::read(&numbers);
         let events = Events {
             spacing_mm: Some(0.5),
             spacing_exponent: -2.0,
-            anisotropy: [-0.3, 3.0],
+            anisotropy: [0.0, 0.99],
             interval_cv: 4.0,
             height_cv: 0.0,
         };

@@ -148,6 +148,30 @@ fn ridges_are_silent_along_themselves_and_at_rest() {
 }
 
 #[test]
+fn threads_along_the_stroke_leave_their_power_to_the_others() {
+    // A weave: half of the power is that of threads along y, nearly half that of threads along x.
+    let mut pattern = ridges(1.0);
+    let mut waves = [pattern.waves[0].unwrap(); 2];
+    (waves[0].shares, waves[1].shares) = ([0.5; HARMONICS], [0.45; HARMONICS]);
+    waves[1].per_mm = [0.0, 1.0];
+    pattern.waves = waves.map(Some);
+    let stroke = |degrees: f64| {
+        let (sin, cos) = degrees.to_radians().sin_cos();
+        let x = played(pattern, &smooth(), 8.0, move |t| Some([100.0 * t * cos, 100.0 * t * sin]));
+        let lag = (25.0 / cos) as usize;
+        (repeats(&x[1000..], lag - 2, lag + 2).0, kurtosis(&x[1000..]), rms(&x[1000..]))
+    };
+    let (along, nearly, across) = (stroke(0.0), stroke(2.0), stroke(60.0));
+    // 0.5 of 0.55 that is left; and threads that come 3 times a second make no pulses.
+    for (repeats, found, level) in [along, nearly] {
+        assert!((0.85..0.97).contains(&repeats), "{along:?} {nearly:?}");
+        assert!((found / along.1 - 1.0).abs() < 0.15, "{along:?} {nearly:?}");
+        assert!((level / across.2 - 1.0).abs() < 0.05, "{along:?} {nearly:?} {across:?}");
+    }
+    assert!(across.0 < 0.5, "{across:?}");
+}
+
+#[test]
 fn what_comes_after_silence_does_not_hang_on_whether_it_was_called_in_it() {
     // A chain that sleeps is not called while it is silent, and a run without sleep has the same bits.
     let bumpy = events(0.3, 0.2, 0.5).events;
@@ -226,14 +250,14 @@ fn bumps_across_the_grain_are_further_apart_than_along_it() {
         let way = |t: f64| Some([86.6025 * t, 50.0 * t]);
         kurtosis(&played(pattern, &smooth(), 30.0, way)[500..])
     };
-    let two = 2.0_f64.ln();
-    let (far, near, without) = (of(2.0, [0.0; 2]), of(0.5, [0.0; 2]), of(1.0, [0.0; 2]));
-    assert!(far > 1.3 * without && without > 1.3 * near, "{far} {without} {near}");
+    // Half as wide across the way, 1.34 times as wide, as wide.
+    let (far, near, without) = (of(2.0, [0.0; 2]), of(1.8_f64.sqrt().recip(), [0.0; 2]), of(1.0, [0.0; 2]));
+    assert!(far > 1.3 * without && without > 1.15 * near, "{far} {without} {near}");
     for (anisotropy, want) in [
-        ([2.0 * two, 0.0], far),
-        ([0.0, two / 0.866_025], far),
-        ([-2.0 * two, 0.0], near),
-        ([two, -two / 1.732_05], without),
+        ([0.0, -0.75 / 0.866_025], far),
+        ([-0.6, -0.45 / 0.866_025], far),
+        ([0.4, 0.6 / 0.866_025], near),
+        ([0.75, -0.375 / 0.866_025], without),
     ] {
         let found = of(1.0, anisotropy);
         assert!((found / want - 1.0).abs() < 0.1, "{anisotropy:?}: {found} for {want}");

@@ -2,6 +2,10 @@ use std::f64::consts::{SQRT_2, TAU};
 
 use super::super::testing::{louder, noise, sine};
 use super::*;
+use crate::phase;
+use asperity_dsp::sample_commit::Settings;
+use asperity_dsp::scatter::Statistics;
+use asperity_dsp::{Complex, Framing, OverlapAdd, SampleCommit, Scatter, ShapedNoise, Spsi};
 
 /// Samples of a formula of the time in seconds.
 fn made(rate_hz: f64, seconds: f64, f: impl Fn(f64) -> f64) -> Vec<f64> {
@@ -68,6 +72,67 @@ fn texture_repeating_every_50_ms_is_seen() {
     let found = rhythm(&pulses, rate);
     assert!(found.pulses() > 4.0 * fair.pulses() && found.envelope_repetition > 0.3, "{found:?}");
     assert!(found.wave_repetition < 0.15, "{found:?}");
+}
+
+/// Signals of 20 s of frames that stand still: of the kernel without phase retrieval, and of scattered frames
+/// through two kinds of phase retrieval.
+fn steady(magnitudes: &[f64], framing: Framing, seed: u64) -> [Vec<f64>; 3] {
+    const HOP: usize = 5;
+    let unknown = Statistics { ratio: &[], variance: None, means: false };
+    let mut noise = ShapedNoise::<f32>::new(framing, 0.002, seed).unwrap();
+    let mut scatter = Scatter::<f32>::new(framing, seed).unwrap();
+    let settings = Settings { frames: 2, passes: 2, ..Settings::default() };
+    let mut commit = SampleCommit::<f32>::new(framing, settings, seed).unwrap();
+    let mut spsi = Spsi::<f32>::new(framing.fft_len, framing.bins, seed);
+    let mut overlap = OverlapAdd::<f32>::new(framing).unwrap();
+    let mut made = [vec![], vec![], vec![]];
+    let (mut frame, mut spectrum) = ([0.0; 101], [Complex::default(); 101]);
+    for n in 0..10_500 {
+        let (start, mut out) = (n * HOP as u64, [[0.0; HOP]; 3]);
+        noise.push(n, magnitudes, 1.0);
+        noise.emit(start, None, &mut out[0]);
+        scatter.process(n, magnitudes, unknown, 1.0, &mut frame);
+        commit.push(n, &frame).unwrap();
+        commit.emit(start, &mut out[1]);
+        spsi.process(&frame, HOP as u32, &mut spectrum);
+        overlap.add_frame(start, &spectrum).unwrap();
+        overlap.emit(start, &mut out[2]);
+        made.iter_mut().zip(out).for_each(|(made, out)| made.extend(out));
+    }
+    made.map(|made| made[2500..].to_vec())
+}
+
+#[test]
+fn steady_magnitudes_of_any_shape_do_not_pulse() {
+    let framing = phase::framing(2500, 101);
+    let resonance = |hz: f64, wide_hz: f64| {
+        (0..101).map(|k| (1.0 + ((10.0 * f64::from(k) - hz) / wide_hz).powi(2)).sqrt().recip()).collect()
+    };
+    // Narrower bands swing more, as any noise in them does.
+    let shapes: [(&str, Vec<f64>); 4] = [
+        ("flat", vec![1.0; 101]),
+        ("falls by 3 dB an octave", (0..101).map(|k| f64::from(k.max(3)).sqrt().recip()).collect()),
+        ("resonance at 250 Hz", resonance(250.0, 80.0)),
+        ("resonance at 600 Hz", resonance(600.0, 150.0)),
+    ];
+    for (shape, magnitudes) in shapes {
+        let scaled: Vec<f32> = magnitudes.iter().map(|m| (m * framing.bin_scale()) as f32).collect();
+        let figures = |x: &[f64]| {
+            let score = phase::score(&scaled.repeat(x.len() / 5 - 50), &framing, x).unwrap();
+            let rhythm = rhythm(x, 2500.0);
+            [rhythm.pulses(), rhythm.repetition(), score.gain_db.abs(), score.ltas_rms_db]
+        };
+        let draws: Vec<_> = (0..5).map(|n| steady(&magnitudes, framing, n).map(|x| figures(&x))).collect();
+        for (way, name) in ["shaped_noise", "sample_commit", "spsi"].into_iter().enumerate() {
+            // SPSI is made for peaks: its level is low.
+            let most = if name == "spsi" { [0.16, 0.1, 1.2, 1.2] } else { [0.16, 0.1, 0.3, 0.5] };
+            for (figure, most) in most.into_iter().enumerate() {
+                let mut of: Vec<f64> = draws.iter().map(|draw| draw[way][figure]).collect();
+                of.sort_by(f64::total_cmp);
+                assert!(of[2] <= most, "{name}, {shape}, figure {figure}: {of:?}");
+            }
+        }
+    }
 }
 
 #[test]

@@ -70,8 +70,8 @@ pub struct Events {
     pub spacing_mm: Option<f64>,
     /// The distance grows with this power of speed, -2 to 2; 0 if it is left out.
     pub spacing_exponent: f64,
-    /// Its logarithm changes by `a cos 2t + b sin 2t` in a stroke at the angle t to x, -3 to 3 each; 0 if
-    /// they are left out.
+    /// `[a, b]`: bumps are ellipses, and their width across a stroke at the angle t to x goes as the root of
+    /// `1 + a cos 2t + b sin 2t`. At most 0.99 long; 0 if it is left out.
     pub anisotropy: [f64; 2],
     /// Standard deviation of that distance over its mean: 0 is regular, 1 is Poisson's process. Of bumps at
     /// ridges, of their place over the ridges' distance.
@@ -172,7 +172,12 @@ fn bumps(value: &Value) -> Result<Events, Diagnostic> {
     let mut record = value.record("Events")?;
     let anisotropy = |value: &Value| {
         let [a, b] = numbers(value)?;
-        Ok([a.f64_in(-3.0..=3.0, "")?, b.f64_in(-3.0..=3.0, "")?])
+        let [a, b] = [a.f64_in(-0.99..=0.99, "")?, b.f64_in(-0.99..=0.99, "")?];
+        if a.hypot(b) > 0.99 {
+            let longer = format!("an anisotropy {:.3} long", a.hypot(b));
+            return Err(value.error(longer).help("at most 0.99: bumps are longer than wide, but not lines"));
+        }
+        Ok([a, b])
     };
     let events = Events {
         spacing_mm: record
@@ -244,6 +249,11 @@ mod tests {
                 3,
                 "events: (spacing_mm: 1.0, anisotropy: [0.0, 4.0], interval_cv: 0.1, height_cv: 0.1)",
                 "out of range",
+            ),
+            (
+                3,
+                "events: (spacing_mm: 1.0, anisotropy: [0.8, 0.8], interval_cv: 0.1, height_cv: 0.1)",
+                "an anisotropy 1.131 long",
             ),
             (3, "events: (interval_cv: 0.1, height_cv: 0.1)", "`spacing_mm` is missing"),
         ] {
