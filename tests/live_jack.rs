@@ -90,6 +90,11 @@ fn is_heard_as_rendered(run: &Run) -> Result<(), String> {
     if in_callback {
         starts_slowly(&one, &offline, start, &followed, &count, rate_hz);
     }
+    // What was lost before the first sound cannot be heard.
+    let gaps = count.underruns + count.xruns;
+    if in_callback && followed.breaks.len() as u64 != gaps && left_out(&followed, start) < count.lost_samples {
+        return Err(format!("{} gaps, {:?} heard: {count:?}", gaps, followed.breaks));
+    }
     everything_is_counted(&followed, &count, start, in_callback);
     if run.held {
         assert!(count.xruns > 0 && !followed.breaks.is_empty());
@@ -101,11 +106,15 @@ fn is_heard_as_rendered(run: &Run) -> Result<(), String> {
     Ok(())
 }
 
+/// Samples of the rendered signal that were not heard. Those before following began are in its shift.
+fn left_out(followed: &Followed, start: i64) -> u64 {
+    u64::try_from(followed.last_shift() + start).expect("later than it began")
+}
+
 /// What is left out is what the report counts, and breaks are no more than it counts.
 fn everything_is_counted(followed: &Followed, count: &Counted, start: i64, in_callback: bool) {
     assert!(followed.breaks.len() as u64 <= count.underruns + count.xruns, "{followed:?} {count:?}");
-    // Time that was left out before following began is in its shift.
-    let left_out = u64::try_from(followed.last_shift() + start).expect("later than it began");
+    let left_out = left_out(followed, start);
     if in_callback {
         assert_eq!(left_out, count.lost_samples);
     } else {
