@@ -92,7 +92,8 @@ fn is_heard_as_rendered(run: &Run) -> Result<(), String> {
     }
     // What was lost before the first sound cannot be heard.
     let gaps = count.underruns + count.xruns;
-    if in_callback && followed.breaks.len() as u64 != gaps && left_out(&followed, start) < count.lost_samples {
+    if in_callback && followed.breaks.len() as u64 != gaps && left_out(&followed, start) < count.lost_samples
+    {
         return Err(format!("{} gaps, {:?} heard: {count:?}", gaps, followed.breaks));
     }
     everything_is_counted(&followed, &count, start, in_callback);

@@ -117,7 +117,8 @@ pub(super) fn at_ridges<T: Float>(
     let (way, samples) = (to - from, out.len() as f64);
     let pitch_hz = way.abs() / samples * rate_hz;
     let part = ((pitch_hz - RIDGES_HZ.0) / (RIDGES_HZ.1 - RIDGES_HZ.0)).clamp(0.0, 1.0);
-    if part <= 0.0 {
+    // Ridges that are closer than samples are noise.
+    if part <= 0.0 || pitch_hz > rate_hz {
         return;
     }
     out.iter_mut().for_each(|x| *x *= T::of((1.0 - part).sqrt()));

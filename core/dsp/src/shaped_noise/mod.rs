@@ -99,8 +99,9 @@ pub struct ShapedNoise<T> {
     smooth: Vec<f64>,
     /// Power of each harmonic of a wave, from the fundamental on.
     powers: Vec<f64>,
-    /// Way since samples were last made, in mm.
+    /// Length of the way since samples were last made, and from its beginning to its end, in mm.
     way_mm: f64,
+    moved_mm: [f64; 2],
     silent: bool,
 }
 
@@ -113,8 +114,6 @@ struct Lines {
     /// Phases of minimum phase, and the pitch for which they were found; 0: none were.
     units: Vec<Complex<f64>>,
     units_hz: f64,
-    /// Where the fundamental is, in turns; none before the first sample.
-    turns: Option<f64>,
 }
 
 impl<T> std::fmt::Debug for ShapedNoise<T> {
@@ -138,7 +137,6 @@ impl<T: Float> ShapedNoise<T> {
             count: [0; 2],
             units: vec![Complex::default(); MOST_LINES],
             units_hz: 0.0,
-            turns: None,
         };
         Ok(Self {
             framing,
@@ -166,6 +164,7 @@ impl<T: Float> ShapedNoise<T> {
             smooth: vec![0.0; n + 1],
             powers: Vec::with_capacity(MOST_LINES),
             way_mm: 0.0,
+            moved_mm: [0.0; 2],
             silent: true,
         })
     }
@@ -204,8 +203,7 @@ impl<T: Float> ShapedNoise<T> {
     fn begin(&mut self) {
         self.place.reset();
         self.bumps.reset();
-        self.waves.iter_mut().for_each(|wave| wave.turns = None);
-        (self.way_mm, self.next) = (0.0, None);
+        (self.way_mm, self.moved_mm, self.next) = (0.0, [0.0; 2], None);
     }
 
     /// How the texture repeats, from now on. Lines that are played fade within a tick, then others begin.
@@ -249,6 +247,7 @@ impl<T: Float> ShapedNoise<T> {
     pub fn emit<P: Float>(&mut self, start: u64, place: Option<[f64; 2]>, out: &mut [P]) {
         let way = place.map_or([0.0; 2], |place| self.place.step(place));
         self.way_mm += way[0].hypot(way[1]);
+        self.moved_mm.iter_mut().zip(way).for_each(|(moved, way)| *moved += way);
         if out.is_empty() {
             return;
         }
@@ -295,6 +294,7 @@ impl<T: Float> ShapedNoise<T> {
         if place.is_some() {
             self.play(out);
         }
+        (self.way_mm, self.moved_mm) = (0.0, [0.0; 2]);
         if changes {
             self.settle();
         }
@@ -308,11 +308,9 @@ impl<T: Float> ShapedNoise<T> {
 
     /// From where to where the hand has come since samples were last made, in turns of a wave.
     fn turned(&self, w: usize) -> Option<(f64, f64)> {
-        let (wave, here) = (self.pattern.waves[w]?, self.place.at());
-        let turns = wave.per_mm[0] * here[0] + wave.per_mm[1] * here[1];
-        // Farther than this in a tick is no motion.
-        let way = self.waves[w].turns.map(|before| turns - before);
-        let way = way.filter(|way| way.abs() < 4.0).unwrap_or(0.0);
+        let wave = self.pattern.waves[w]?;
+        let turns = |[x, y]: [f64; 2]| wave.per_mm[0] * x + wave.per_mm[1] * y;
+        let (turns, way) = (turns(self.place.at()), turns(self.moved_mm));
         Some((turns - way, turns))
     }
 
@@ -566,7 +564,6 @@ impl<T: Float> ShapedNoise<T> {
                 at_ridges(self.seed, rate_hz, turned, &events, new);
             }
         }
-        self.way_mm = 0.0;
         (self.end, self.next) = (from + count, Some(start + count as u64));
         from
     }
@@ -576,8 +573,7 @@ impl<T: Float> ShapedNoise<T> {
         let part = 1.0 / out.len() as f64;
         for w in 0..WAVES {
             let Some((from, to)) = self.turned(w) else { continue };
-            let (way, lines) = (to - from, &mut self.waves[w]);
-            lines.turns = Some(to);
+            let (way, lines) = (to - from, &self.waves[w]);
             let count = lines.count[0].max(lines.count[1]);
             let [before, after] = &lines.at;
             if count == 0 {
@@ -617,9 +613,9 @@ impl<T: Float> ShapedNoise<T> {
             .keep(&mut self.found_in)
             .keep(&mut self.end)
             .keep(&mut self.next);
-        state.keep(&mut self.way_mm).keep(&mut self.silent);
+        state.keep(&mut self.way_mm).keep(&mut self.moved_mm).keep(&mut self.silent);
         for lines in &mut self.waves {
-            state.keep(&mut lines.turns).keep(&mut lines.count).keep(&mut lines.units_hz);
+            state.keep(&mut lines.count).keep(&mut lines.units_hz);
             for unit in &mut lines.units {
                 state.keep(&mut unit.re).keep(&mut unit.im);
             }
@@ -641,14 +637,14 @@ impl<T: Float> ShapedNoise<T> {
         let finite = |values: &[T]| values.iter().all(|x| *x >= -T::MAX && *x <= T::MAX);
         let lines = self.waves.iter().all(|lines| {
             let fine = |at: &Vec<Complex<f64>>| at.iter().all(|c| c.re.is_finite() && c.im.is_finite());
-            lines.turns.is_none_or(f64::is_finite)
-                && lines.units_hz.is_finite()
+            lines.units_hz.is_finite()
                 && fine(&lines.units)
                 && lines.count.iter().all(|n| *n <= MOST_LINES)
                 && lines.at.iter().all(fine)
         });
         let fine = (self.next.is_none() || (n..=self.excitation.len()).contains(&self.end))
             && self.way_mm.is_finite()
+            && self.moved_mm.iter().all(|x| x.is_finite())
             && self.newest.is_none_or(|newest| newest < LAST)
             && self.next.is_none_or(|next| next < LAST)
             && finite(&self.magnitudes)

@@ -4,8 +4,10 @@ use asperity_state::State;
 
 /// Corner of the tracking filter in Hz. A sensor's steps of 0.055 mm leave 0.005 mm at 500 places a second.
 const CORNER_HZ: f64 = 20.0;
-/// A place farther than this from where it is expected is no motion: the stylus was put down elsewhere. \[mm\]
+/// A place farther than this from where it is expected is no motion: the stylus was put down elsewhere. In mm,
+/// and in mm/s where ticks are long.
 const JUMP_MM: f64 = 5.0;
+const JUMP_MM_S: f64 = 2500.0;
 
 /// Follows a place by position and velocity: an alpha-beta filter, critically damped (P. R. Kalata, IEEE
 /// Trans. AES 20(2), 1984). A steady motion is followed without lag.
@@ -37,7 +39,7 @@ impl Place {
         }
         let expected: [f64; 2] = std::array::from_fn(|i| self.at[i] + self.velocity[i] * self.tick_s);
         let off: [f64; 2] = std::array::from_fn(|i| place[i] - expected[i]);
-        if self.known == 0 || off[0].hypot(off[1]) > JUMP_MM {
+        if self.known == 0 || off[0].hypot(off[1]) > JUMP_MM.max(JUMP_MM_S * self.tick_s) {
             (self.at, self.velocity, self.known) = (place, [0.0; 2], 1);
             return [0.0; 2];
         }

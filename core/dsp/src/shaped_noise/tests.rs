@@ -135,6 +135,22 @@ fn ridges_repeat_at_pitch_over_speed() {
 }
 
 #[test]
+fn fast_hand_meets_fine_ridges_at_long_ticks_too() {
+    // 4.2 turns a tick were once held to be no motion: lines stood still.
+    let mut kernel = ShapedNoise::<f32>::new(FRAMING, 0.01, 3).unwrap();
+    kernel.set_pattern(ridges(0.6));
+    let mut x = vec![0.0_f64; 10_000];
+    for (tick, out) in x.chunks_exact_mut(25).enumerate() {
+        for frame in 0..5 {
+            kernel.push((5 * tick + frame) as u64, &smooth(), 1.0);
+        }
+        kernel.emit(25 * tick as u64, Some([2.5 * tick as f64, 0.0]), out);
+    }
+    let (most, lag) = repeats(&x[1000..], 3, 9);
+    assert!(lag == 6 && most > 0.75, "{most} at {lag}");
+}
+
+#[test]
 fn ridges_are_silent_along_themselves_and_at_rest() {
     // Ridges along y. What is left is what does not repeat: a fifth of the power.
     let mut pattern = ridges(2.5);
