@@ -184,6 +184,19 @@ mod tests {
     }
 
     #[test]
+    fn setting_that_pulses_is_not_chosen_for_its_similarity() {
+        // The bank of oscillators was chosen: perceptual 0.924 for 0.901, with a modulation 4 dB further off.
+        let row = |name: &str, perceptual, modulation| {
+            let mut row = measured(name, 1.0, 1.0, 20.0);
+            row.figures.extend([(Figure::Perceptual, perceptual), (Figure::Modulation, modulation)]);
+            row
+        };
+        let mut all = results(vec![row("fair", 0.901, 3.2), row("pulsing", 0.924, 7.4)]);
+        all.floor.extend([(Figure::Perceptual, 0.005), (Figure::Modulation, 0.3)]);
+        assert_eq!(name(&all, &Budget::default()), Some("fair"));
+    }
+
+    #[test]
     fn a_budget_is_held_against_what_is_left_without_the_stalls_of_the_machine() {
         let mut row = measured("stalled", 1.0, 1.0, 20.0);
         // A tick of 20 us that met a time slice of 4 ms.

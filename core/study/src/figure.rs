@@ -120,7 +120,12 @@ impl Figure {
     /// Difference in its unit from which on two signals clearly feel different, where that is known
     /// (docs/accuracy.md, "How much is much").
     pub fn clearly(self) -> Option<f64> {
-        matches!(self, Self::Spectrum | Self::Bands | Self::Level).then_some(6.0)
+        match self {
+            Self::Spectrum | Self::Bands | Self::Level => Some(6.0),
+            // Pulses of twice the depth are 6 dB in one of five bands: 6 dB over the root of 5 in all.
+            Self::Modulation => Some(2.7),
+            _ => None,
+        }
     }
 
     /// A figure by its name.

@@ -11,7 +11,8 @@ impl Results {
     pub fn csv(&self) -> String {
         let mut out = String::from("setting,graph,grids,default,mark,tick_hz");
         for figure in Figure::ALL {
-            let unit = if figure.unit().is_empty() { "" } else { "_db" };
+            let unit = figure.unit().to_lowercase();
+            let unit = if unit.is_empty() { unit } else { format!("_{unit}") };
             let _ = write!(out, ",{}{unit}", figure.name());
         }
         out += ",lag_10_ms,lag_50_ms,lag_90_ms,latency_ms,load_percent,p50_us,p50_percent,p99_us,p99_percent,p999_us,p999_percent,max_us,max_percent,\
@@ -91,6 +92,7 @@ mod tests {
         assert!(reader.iter().all(|line| line.len() == reader[0].len()), "{reader:?}");
         let at = |name: &str| reader[0].iter().position(|n| n == name).unwrap();
         assert_eq!(reader[1][at("level_db")], "0.25");
+        assert_eq!(reader[1][at("pitch_ms")], "");
         assert_eq!(reader[1][at("p50_percent")], "2");
         assert_eq!(reader[2][at("error")], "line 1 line 2");
     }

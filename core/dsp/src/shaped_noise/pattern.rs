@@ -26,7 +26,8 @@ const SPEEDS_MM_S: (f64, f64) = (10.0, 1000.0);
 /// Bumps along a stroke.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Events {
-    /// Mean way from one to the next in mm, of a hand at 100 mm/s; none: one at each ridge of the first wave.
+    /// Mean way from one to the next in mm, of a hand at 100 mm/s; none: one at each ridge of the wave that
+    /// the hand crosses faster.
     pub spacing_mm: Option<f64>,
     /// The way grows with this power of speed.
     pub spacing_exponent: f64,
@@ -77,7 +78,7 @@ pub struct Pattern {
 
 impl Pattern {
     /// Reads [`PATTERN_LEN`] numbers. Of bumps: the way between them in mm (0: no bumps; -1: at the ridges of
-    /// the first wave), the power of speed with which it grows, deviations of that and of heights over their
+    /// the wave that is crossed faster), the power of speed with which it grows, deviations of that and of heights over their
     /// means, and the anisotropy. Then of each wave: the vector in 1/mm (0, 0: no wave), and of each harmonic
     /// weight, share and phase in rad. Numbers that are missing or not finite count as 0; others are brought
     /// into their range.

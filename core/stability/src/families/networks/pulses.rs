@@ -86,6 +86,9 @@ pub(super) fn pulses(subject: &Subject<'_>) -> Found {
             count += 1;
         }
     }
+    if count == 0 {
+        return Err(Not::Applicable("no stroke sounds".into()));
+    }
     Ok(format!(
         "{count} strokes of {seconds} s: the envelope repeats by at most {:.2} more than that of noise, and is modulated {:.1} times as deep; what repeats with place repeats after the same time at all speeds by at most {same:.2}",
         worst.0, worst.1

@@ -66,7 +66,7 @@ pub struct Harmonic {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Events {
     /// Mean distance from one to the next along the stroke in mm, at 100 mm/s; none: one at each ridge of
-    /// the first wave.
+    /// the wave that the hand crosses faster.
     pub spacing_mm: Option<f64>,
     /// The distance grows with this power of speed, -2 to 2; 0 if it is left out.
     pub spacing_exponent: f64,
