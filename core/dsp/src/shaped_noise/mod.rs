@@ -99,9 +99,9 @@ pub struct ShapedNoise<T> {
     smooth: Vec<f64>,
     /// Power of each harmonic of a wave, from the fundamental on.
     powers: Vec<f64>,
-    /// Length of the way since samples were last made, and from its beginning to its end, in mm.
+    /// Length of the way since samples were last made, and where it began, in mm.
     way_mm: f64,
-    moved_mm: [f64; 2],
+    from_mm: [f64; 2],
     silent: bool,
 }
 
@@ -164,7 +164,7 @@ impl<T: Float> ShapedNoise<T> {
             smooth: vec![0.0; n + 1],
             powers: Vec::with_capacity(MOST_LINES),
             way_mm: 0.0,
-            moved_mm: [0.0; 2],
+            from_mm: [0.0; 2],
             silent: true,
         })
     }
@@ -203,7 +203,7 @@ impl<T: Float> ShapedNoise<T> {
     fn begin(&mut self) {
         self.place.reset();
         self.bumps.reset();
-        (self.way_mm, self.moved_mm, self.next) = (0.0, [0.0; 2], None);
+        (self.way_mm, self.from_mm, self.next) = (0.0, [0.0; 2], None);
     }
 
     /// How the texture repeats, from now on. Lines that are played fade within a tick, then others begin.
@@ -245,9 +245,12 @@ impl<T: Float> ShapedNoise<T> {
     /// A tick: the hand is at `place` in mm, if that is known, and the samples of `start` and those after
     /// it are wanted. Samples beyond two windows and a tick are 0.
     pub fn emit<P: Float>(&mut self, start: u64, place: Option<[f64; 2]>, out: &mut [P]) {
-        let way = place.map_or([0.0; 2], |place| self.place.step(place));
-        self.way_mm += way[0].hypot(way[1]);
-        self.moved_mm.iter_mut().zip(way).for_each(|(moved, way)| *moved += way);
+        if let Some(place) = place {
+            match self.place.step(place) {
+                Some(way) => self.way_mm += way[0].hypot(way[1]),
+                None => self.from_mm = self.place.at(),
+            }
+        }
         if out.is_empty() {
             return;
         }
@@ -269,6 +272,8 @@ impl<T: Float> ShapedNoise<T> {
             // rest on ridges is heard as little, but is not forgotten.
             if self.magnitudes.iter().all(|m| *m == T::zero()) {
                 self.begin();
+            } else {
+                (self.way_mm, self.from_mm) = (0.0, self.place.at());
             }
             self.next = None;
             return;
@@ -294,7 +299,7 @@ impl<T: Float> ShapedNoise<T> {
         if place.is_some() {
             self.play(out);
         }
-        (self.way_mm, self.moved_mm) = (0.0, [0.0; 2]);
+        (self.way_mm, self.from_mm) = (0.0, self.place.at());
         if changes {
             self.settle();
         }
@@ -310,8 +315,7 @@ impl<T: Float> ShapedNoise<T> {
     fn turned(&self, w: usize) -> Option<(f64, f64)> {
         let wave = self.pattern.waves[w]?;
         let turns = |[x, y]: [f64; 2]| wave.per_mm[0] * x + wave.per_mm[1] * y;
-        let (turns, way) = (turns(self.place.at()), turns(self.moved_mm));
-        Some((turns - way, turns))
+        Some((turns(self.from_mm), turns(self.place.at())))
     }
 
     /// The next tick begins with the taps and lines with which this one ends.
@@ -613,7 +617,7 @@ impl<T: Float> ShapedNoise<T> {
             .keep(&mut self.found_in)
             .keep(&mut self.end)
             .keep(&mut self.next);
-        state.keep(&mut self.way_mm).keep(&mut self.moved_mm).keep(&mut self.silent);
+        state.keep(&mut self.way_mm).keep(&mut self.from_mm).keep(&mut self.silent);
         for lines in &mut self.waves {
             state.keep(&mut lines.count).keep(&mut lines.units_hz);
             for unit in &mut lines.units {
@@ -644,7 +648,7 @@ impl<T: Float> ShapedNoise<T> {
         });
         let fine = (self.next.is_none() || (n..=self.excitation.len()).contains(&self.end))
             && self.way_mm.is_finite()
-            && self.moved_mm.iter().all(|x| x.is_finite())
+            && self.from_mm.iter().all(|x| x.abs() < 1e12)
             && self.newest.is_none_or(|newest| newest < LAST)
             && self.next.is_none_or(|next| next < LAST)
             && finite(&self.magnitudes)

@@ -4,8 +4,8 @@ use asperity_state::State;
 
 /// Corner of the tracking filter in Hz. A sensor's steps of 0.055 mm leave 0.005 mm at 500 places a second.
 const CORNER_HZ: f64 = 20.0;
-/// A place farther than this from where it is expected is no motion: the stylus was put down elsewhere. In mm,
-/// and in mm/s where ticks are long.
+/// A place farther than this from where it is expected is no motion: the stylus was put down elsewhere. In mm;
+/// where ticks are long, the way in a tick at a speed in mm/s.
 const JUMP_MM: f64 = 5.0;
 const JUMP_MM_S: f64 = 2500.0;
 
@@ -32,16 +32,17 @@ impl Place {
         (self.at, self.velocity, self.known) = ([0.0; 2], [0.0; 2], 0);
     }
 
-    /// Takes the place of a tick in mm, and answers the way since the one before.
-    pub(super) fn step(&mut self, place: [f64; 2]) -> [f64; 2] {
+    /// Takes the place of a tick in mm, and answers the way since the one before; none where there was no
+    /// place before, or the stylus was put down elsewhere.
+    pub(super) fn step(&mut self, place: [f64; 2]) -> Option<[f64; 2]> {
         if !place.iter().all(|x| x.abs() < 1e9) {
-            return [0.0; 2];
+            return Some([0.0; 2]);
         }
         let expected: [f64; 2] = std::array::from_fn(|i| self.at[i] + self.velocity[i] * self.tick_s);
         let off: [f64; 2] = std::array::from_fn(|i| place[i] - expected[i]);
         if self.known == 0 || off[0].hypot(off[1]) > JUMP_MM.max(JUMP_MM_S * self.tick_s) {
             (self.at, self.velocity, self.known) = (place, [0.0; 2], 1);
-            return [0.0; 2];
+            return None;
         }
         let before = self.at;
         if self.known == 1 {
@@ -53,7 +54,7 @@ impl Place {
                 self.velocity[i] += self.beta * off[i] / self.tick_s;
             }
         }
-        std::array::from_fn(|i| self.at[i] - before[i])
+        Some(std::array::from_fn(|i| self.at[i] - before[i]))
     }
 
     pub(super) fn at(&self) -> [f64; 2] {
@@ -92,9 +93,19 @@ mod tests {
         for tick in 0..100 {
             place.step([0.2 * f64::from(tick), 0.0]);
         }
-        assert_eq!(place.step([500.0, 30.0]), [0.0; 2]);
+        assert_eq!(place.step([500.0, 30.0]), None);
         assert_eq!((place.at(), place.velocity()), ([500.0, 30.0], [0.0; 2]));
-        assert_eq!(place.step([f64::NAN, 0.0]), [0.0; 2]);
+        assert_eq!(place.step([f64::NAN, 0.0]), Some([0.0; 2]));
         assert_eq!(place.at(), [500.0, 30.0]);
+    }
+
+    #[test]
+    fn fast_hand_at_long_ticks_moves() {
+        let mut place = Place::new(0.02);
+        place.step([0.0; 2]);
+        for tick in 1..20 {
+            let way = place.step([20.0 * f64::from(tick), 0.0]).unwrap();
+            assert!((way[0] - 20.0).abs() < 1e-9, "{way:?}");
+        }
     }
 }
