@@ -160,7 +160,8 @@ impl Results {
             [] => "No figure is known: the cheapest.".to_owned(),
             some => format!(
                 "The best by {}; of all that are not told apart from it in any of them, the cheapest. \
-                 Never one that is 6 dB worse than the best in spectrum, bands or level, or 2.7 dB in modulation.",
+                 Never one that is 6 dB worse than the best in spectrum, bands or level, \
+                 or 2.7 dB in modulation.",
                 some.join(", then ")
             ),
         };

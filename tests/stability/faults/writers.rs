@@ -183,7 +183,7 @@ fn is_plugin(path: &Path) -> bool {
 
 const CARD: &str = "simulated:frames=64,latency=200,speed=10,plant=haptuator_mark_ii,plant_handle_g=60";
 
-/// What a study leaves: its results, and the folder that it may go on from. Only gratings have a pitch.
+/// Files of a study: its results, and the folder that it may go on from. Only gratings have a pitch.
 static STUDY: [Made; 26] = [
     file("pitch_time.svg", is_picture),
     file("pitch_lag.svg", is_picture),

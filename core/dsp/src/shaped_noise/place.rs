@@ -4,8 +4,8 @@ use asperity_state::State;
 
 /// Corner of the tracking filter in Hz. A sensor's steps of 0.055 mm leave 0.005 mm at 500 places a second.
 const CORNER_HZ: f64 = 20.0;
-/// A place farther than this from where it is expected is no motion: the stylus was put down elsewhere. In mm;
-/// where ticks are long, the way in a tick at a speed in mm/s.
+/// A place farther than this from where it is expected is no motion: the stylus was put down elsewhere.
+/// In mm; where ticks are long, the way of a tick at a speed in mm/s.
 const JUMP_MM: f64 = 5.0;
 const JUMP_MM_S: f64 = 2500.0;
 

@@ -43,8 +43,8 @@ pub struct LimiterSettings {
     pub dc_corner_hz: f64,
     /// A sine of peak amplitude up to this frequency is not limited in slew \[Hz\], 500 to 20000.
     pub slew_hz: f64,
-    /// How fast the gain comes back after limiting: time constant \[s\], 0.01 to 5. Ridges of a grating have high
-    /// peaks: a gain that stays down between them takes level away.
+    /// How fast the gain comes back after limiting: time constant \[s\], 0.01 to 5. Ridges of a grating have
+    /// high peaks: a gain that stays down between them takes level away.
     pub release_s: f64,
     /// How long muting takes \[s\], 0.001 to 0.02.
     pub mute_s: f64,
