@@ -247,6 +247,13 @@ impl Engine {
         self.body.buffers.get(reads.buffer as usize)
     }
 
+    /// Tells a limiter how warm its coil is at least; see [`Processor::warm`](asperity_node::Processor::warm). Tick thread.
+    pub fn warm(&mut self, node: usize, heat: f64) {
+        if node < self.body.schedule.nodes.len() {
+            self.body.slots[node].processor.warm(heat);
+        }
+    }
+
     /// What became of a node so far.
     pub fn report(&self, node: usize) -> Option<&NodeReport> {
         Some(&self.nodes().get(node)?.report)

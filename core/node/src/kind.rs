@@ -7,8 +7,8 @@ use std::path::PathBuf;
 use asperity_state::State;
 
 use crate::{
-    Descriptor, Diagnostic, Fact, FrameClock, FrameRate, Input, Inputs, Latency, Output, Outputs, Params,
-    PortType, time,
+    Descriptor, Diagnostic, Fact, FrameClock, FrameRate, Guard, Input, Inputs, Latency, Output, Outputs,
+    Params, PortType, time,
 };
 
 /// What is known of a node before its ports are settled.
@@ -263,6 +263,14 @@ pub trait Node: Send + Sized + 'static {
     fn files(&self) -> Vec<PathBuf> {
         Vec::new()
     }
+
+    /// Limiters only: what holds the device's channel to the same limits, at rest and cold. Control thread.
+    fn guard(&self) -> Option<Box<dyn Guard>> {
+        None
+    }
+
+    /// Limiters only: the coil is at least as warm as this, as a mean of squares \[A^2\]. Tick thread.
+    fn warm(&mut self, _heat: f64) {}
 }
 
 /// A node as the engine calls it: [`Node`] without the parts that need no instance, and with what can go wrong. Every
@@ -356,6 +364,14 @@ pub trait Processor: Send {
     fn files(&self) -> Vec<PathBuf> {
         Vec::new()
     }
+
+    /// See [`Node::guard`]. Control thread.
+    fn guard(&self) -> Option<Box<dyn Guard>> {
+        None
+    }
+
+    /// See [`Node::warm`]. Tick thread.
+    fn warm(&mut self, _heat: f64) {}
 }
 
 impl<N: Node> Processor for N {
@@ -410,6 +426,12 @@ impl<N: Node> Processor for N {
     }
     fn files(&self) -> Vec<PathBuf> {
         Node::files(self)
+    }
+    fn guard(&self) -> Option<Box<dyn Guard>> {
+        Node::guard(self)
+    }
+    fn warm(&mut self, heat: f64) {
+        Node::warm(self, heat);
     }
 }
 

@@ -4,7 +4,8 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use asperity_node::{
-    Config, Descriptor, Diagnostic, Fact, Fault, Latency, NodeKind, Ports, Processor, Setup, Status, Tick,
+    Config, Descriptor, Diagnostic, Fact, Fault, Guard, Latency, NodeKind, Ports, Processor, Setup, Status,
+    Tick,
 };
 
 /// Called in the place of a node's `process`, with the node.
@@ -119,5 +120,11 @@ impl Processor for Node {
     }
     fn files(&self) -> Vec<PathBuf> {
         self.inner.files()
+    }
+    fn guard(&self) -> Option<Box<dyn Guard>> {
+        self.inner.guard()
+    }
+    fn warm(&mut self, heat: f64) {
+        self.inner.warm(heat);
     }
 }

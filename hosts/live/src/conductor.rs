@@ -13,6 +13,7 @@ use ringbuf::traits::{Consumer, Observer, Producer, Split};
 use ringbuf::{HeapCons, HeapProd, HeapRb};
 
 use crate::layout::{layout, scopes};
+use crate::outlet::{GateControl, Outlet, gate, limiter_of};
 use crate::player::{
     ForceSlot, HandSlot, MicReader, NodeMeters, Player, Scope, SourceMeter, TapeReader, Wiring, tape,
 };
@@ -65,6 +66,7 @@ struct Sent {
 /// Changes a running graph from a control thread, and looks at it; the other end of a [`Player`].
 pub struct Conductor {
     controller: Controller,
+    gate: GateControl,
     wirings: HeapProd<Box<Wiring>>,
     retired: HeapCons<Box<Wiring>>,
     /// The graph that will run once all that was sent is taken over.
@@ -125,13 +127,16 @@ pub fn conduct(
     materials: Vec<Materials>,
 ) -> (Conductor, Player) {
     let schedule = Arc::new(compiled.schedule.clone());
+    let outlet = Outlet::new(&compiled, places(&schedule, &channels(graph, &schedule, "audio_out", None)));
     let (controller, engine) = Engine::controlled(compiled, options);
     let (mut sent, wiring) = wire(0, graph, schedule, ends, None, materials);
+    let gate = gate(outlet);
     let (wirings, to_player) = HeapRb::new(8).split();
     let (from_player, retired) = HeapRb::new(8).split();
-    let player = Player::new(engine, wiring, mic, to_player, from_player);
+    let player = Player::new(engine, wiring, mic, gate.seen.clone(), to_player, from_player);
     let conductor = Conductor {
         controller,
+        gate,
         wirings,
         retired,
         tapes: std::mem::take(&mut sent.tapes),
@@ -191,11 +196,13 @@ impl Conductor {
         };
         let counts = sent.sources.iter().map(counts).collect();
         let earlier = sent.sources.iter().map(|(id, meter)| self.earlier(id, meter)).collect();
+        let outlet = Outlet::new(&compiled, places(&compiled.schedule, &sent.channels));
         // Sent first, so that it is there in the tick that takes the graph over.
         if self.wirings.try_push(wiring).is_err() {
             return Err(SwapError::Busy);
         }
         let report = self.controller.swap(compiled, changed)?;
+        self.gate.send(outlet);
         self.swaps = number;
         self.tapes.append(&mut sent.tapes);
         self.sent = sent;
@@ -229,6 +236,11 @@ impl Conductor {
             live.value = value;
         }
         Ok(())
+    }
+
+    /// The guards of the device's channels.
+    pub(crate) fn gate(&self) -> &GateControl {
+        &self.gate
     }
 
     /// Drops what the tick thread gave back, and says which swaps are over.
@@ -374,24 +386,17 @@ fn wire(
             tapes_in.push(Tape { sink: node.id.clone(), graph: swap, reader: from });
         }
     }
-    // In the order of the file at first; afterwards each keeps its channel, wherever it stands.
-    let declared: Vec<&str> = graph.nodes.iter().map(|n| n.id.as_str()).collect();
-    let ordered = |kind: &str, was: Option<&Vec<String>>| {
-        let there = |id: &str| schedule.nodes.iter().any(|n| n.id == id && n.kind == kind);
-        let ids: Vec<String> = declared.iter().filter(|id| there(id)).map(|id| (*id).to_owned()).collect();
-        was.map_or(ids.clone(), |was| kept_in_place(was, &ids))
-    };
-    let channels = ordered("audio_out", before.map(|b| &b.channels));
-    let recorded = ordered("audio_in", before.map(|b| &b.recorded));
-    let places =
-        |ids: &[String]| ids.iter().map(|id| schedule.index_of(id).unwrap_or(usize::MAX)).collect::<Vec<_>>();
+    let channels = channels(graph, &schedule, "audio_out", before.map(|b| &b.channels));
+    let recorded = self::channels(graph, &schedule, "audio_in", before.map(|b| &b.recorded));
+    let outs = places(&schedule, &channels);
     let meters = NodeMeters::new(&schedule, before.map(|b| (&*b.schedule, &*b.meters)));
     let meters = Arc::new(meters);
     let wiring = Wiring {
         swap,
-        outs: places(&channels),
+        limiters: outs.iter().map(|&out| limiter_of(&schedule, out)).collect(),
+        outs,
         hands,
-        mics: places(&recorded).into_iter().enumerate().map(|(channel, i)| (i, channel)).collect(),
+        mics: places(&schedule, &recorded).into_iter().enumerate().map(|(channel, i)| (i, channel)).collect(),
         forces,
         scopes: scopes_out,
         tapes: tapes_out,
@@ -413,6 +418,19 @@ fn wire(
         },
         Box::new(wiring),
     )
+}
+
+/// The nodes of a kind by channel of the device: in the order of the file at first; afterwards each keeps its channel,
+/// wherever it stands.
+fn channels(graph: &GraphFile, schedule: &Schedule, kind: &str, was: Option<&Vec<String>>) -> Vec<String> {
+    let there = |id: &str| schedule.nodes.iter().any(|n| n.id == id && n.kind == kind);
+    let declared = graph.nodes.iter().map(|n| n.id.as_str());
+    let ids: Vec<String> = declared.filter(|id| there(id)).map(str::to_owned).collect();
+    was.map_or(ids.clone(), |was| kept_in_place(was, &ids))
+}
+
+fn places(schedule: &Schedule, ids: &[String]) -> Vec<usize> {
+    ids.iter().map(|id| schedule.index_of(id).unwrap_or(usize::MAX)).collect()
 }
 
 /// The nodes of a device by channel after a swap: who was there keeps its channel, and who is new takes the place of one

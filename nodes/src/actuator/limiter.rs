@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 
 use asperity_node::{
-    Descriptor, Diagnostic, Fact, Input, Node, Output, Param, RateSpec, Resume, Setup, ShapeSpec, State,
-    Status, Tick, Unit,
+    Descriptor, Diagnostic, Fact, Guard, Input, Node, Output, Param, RateSpec, Resume, Setup, ShapeSpec,
+    State, Status, Tick, Unit,
 };
 use asperity_world::actuator::{self, Drive, LimiterSettings};
 
@@ -113,6 +113,14 @@ impl Node for Limiter {
     /// it within their own limits.
     fn state(&mut self, state: &mut State<'_>) {
         self.limiter.state(state);
+    }
+
+    fn guard(&self) -> Option<Box<dyn Guard>> {
+        Some(Box::new(self.limiter.guard()))
+    }
+
+    fn warm(&mut self, heat: f64) {
+        self.limiter.warm(heat);
     }
 
     fn files(&self) -> Vec<PathBuf> {

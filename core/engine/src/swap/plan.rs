@@ -118,9 +118,12 @@ fn fates(old: &Schedule, new: &Schedule, changed: &[String], between: &BTreeSet<
         .enumerate()
         .map(|(j, node)| {
             let found = old.nodes.iter().position(|o| o.id == node.id && o.kind == node.kind);
-            let Some(i) = found else { return Fate::New };
+            let renamed = || same_channel(old, new, j);
+            let Some(i) = found.or_else(renamed) else { return Fate::New };
             let before = &old.nodes[i];
-            let why = if changed.contains(&node.id) {
+            let why = if before.id != node.id {
+                Some(format!("it drives what `{}` drove", before.id))
+            } else if changed.contains(&node.id) {
                 Some("what it reads changed".to_owned())
             } else if old.seed != new.seed {
                 Some("the graph has another seed".to_owned())
@@ -144,6 +147,26 @@ fn fates(old: &Schedule, new: &Schedule, changed: &[String], between: &BTreeSet<
         }
     }
     fates
+}
+
+/// The limiter that fed the same channel of the device and is gone: coil and mover belong to the channel, whatever the
+/// node before it is called.
+fn same_channel(old: &Schedule, new: &Schedule, j: usize) -> Option<usize> {
+    let node = &new.nodes[j];
+    let channel = limiters(new).iter().position(|(_, limiter)| *limiter == Some(j))?;
+    let (sink, before) = (limiters(new)[channel].0, limiters(old));
+    let named = before.iter().find(|(was, _)| was.id == sink.id && was.kind == sink.kind);
+    let i = named.or(before.get(channel))?.1?;
+    let was = &old.nodes[i];
+    let gone = !new.nodes.iter().any(|n| n.id == was.id && n.kind == was.kind);
+    (gone && was.kind == node.kind).then_some(i)
+}
+
+/// Every sink that takes only a limited signal, and the limiter before it.
+fn limiters(schedule: &Schedule) -> Vec<(&ScheduledNode, Option<usize>)> {
+    let audio = |i: &&ScheduledInput| i.port.as_ref().is_some_and(|p| p.limited && is_audio(p.shape));
+    let sinks = schedule.nodes.iter().filter(|n| n.sink);
+    sinks.filter_map(|n| Some((n, n.inputs.iter().find(audio)?.from.map(|(node, _)| node)))).collect()
 }
 
 /// Why a kept node would read other frames than before.

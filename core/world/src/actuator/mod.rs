@@ -30,7 +30,7 @@ use asperity_dsp::filter::FilterError;
 
 pub use dynamics::Dynamics;
 pub use inverse::{Inverse, InverseModel, InverseSettings};
-pub use limiter::{Limiter, LimiterReport, LimiterSettings, Limits};
+pub use limiter::{ChannelGuard, Limiter, LimiterReport, LimiterSettings, Limits};
 pub use plant::{Motion, Plant};
 pub use profile::{ActuatorProfile, Quantity};
 

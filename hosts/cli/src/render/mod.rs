@@ -28,7 +28,7 @@ use crate::{load, output};
 
 use report::Run;
 use taken::Taken;
-use watch::{Scenes, Watch};
+use watch::{Sent, Watch};
 
 /// Longest render, in seconds: a year.
 const MAX_SECONDS: f64 = 365.0 * 86_400.0;
@@ -72,8 +72,8 @@ pub fn run(args: &Render) -> Result<ExitCode, Failure> {
     let named = [("--out", &args.out), ("--plot", &args.plot), ("--report", &args.report)];
     distinct_files(&args.graph, schedule, kinds.files(), &named)?;
     check_lengths(args, schedule, ticks)?;
-    let scenes = Scenes::default();
-    let mut taken = Taken::new(args, schedule, scene, scenes.clone())?;
+    let beside = Sent::default();
+    let mut taken = Taken::new(args, &compiled, scene, beside.clone())?;
     // Opened now, so that a folder that is not there is known before and not after the work.
     let plot = args.plot.as_deref().map(Pending::create).transpose()?;
     let report_file = args.report.as_deref().map(Pending::create).transpose()?;
@@ -85,7 +85,7 @@ pub fn run(args: &Render) -> Result<ExitCode, Failure> {
     let bar = progress(ticks, args.quiet);
     let (mut engine, watch) = if args.watch {
         let (controller, engine) = Engine::controlled(compiled, options);
-        (engine, Some(Watch::start(args, kinds, controller, scenes, &bar)))
+        (engine, Some(Watch::start(args, kinds, controller, beside, &bar)))
     } else {
         (Engine::new(compiled, options), None)
     };

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use asperity_engine::Engine;
 use asperity_graph::{Schedule, ScheduledNode};
+use asperity_live::Outlet;
 use asperity_node::{Buffer, ParamValue, Shape, time};
 use asperity_source::Diagnostic;
 
@@ -256,8 +257,7 @@ pub struct Master {
 impl Master {
     /// Opens it.
     pub fn new(path: &Path, schedule: &Schedule, format: Format) -> Result<Self, Failure> {
-        let nodes: Vec<usize> =
-            (0..schedule.nodes.len()).filter(|&i| schedule.nodes[i].kind == "audio_out").collect();
+        let nodes = Self::channels(schedule);
         if nodes.is_empty() {
             return Err(Diagnostic::new("the graph has no `audio_out`, so there is nothing to write there")
                 .in_file(path)
@@ -272,13 +272,18 @@ impl Master {
         Ok(Self { rows, nodes, scratch: Vec::new() })
     }
 
+    /// The nodes that are its channels.
+    pub fn channels(schedule: &Schedule) -> Vec<usize> {
+        (0..schedule.nodes.len()).filter(|&i| schedule.nodes[i].kind == "audio_out").collect()
+    }
+
     /// Goes on with the same nodes where another graph has been taken over.
     pub fn follow(&mut self, moved: impl Fn(usize) -> usize) {
         self.nodes.iter_mut().for_each(|node| *node = moved(*node));
     }
 
-    /// Takes down the tick that has just run.
-    pub fn take(&mut self, engine: &Engine) -> Result<(), Failure> {
+    /// Takes down the tick that has just run, held to its limits.
+    pub fn take(&mut self, engine: &Engine, outlet: Option<&mut Outlet>) -> Result<(), Failure> {
         let channels = self.nodes.len();
         self.scratch.clear();
         for (c, &node) in self.nodes.iter().enumerate() {
@@ -288,6 +293,9 @@ impl Master {
                     self.scratch[i * channels + c] = *x;
                 }
             }
+        }
+        if let Some(outlet) = outlet {
+            outlet.hold(&mut self.scratch, channels);
         }
         self.rows.append(&self.scratch, channels, |_| 0.0)
     }

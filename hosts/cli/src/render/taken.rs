@@ -3,14 +3,15 @@
 use std::sync::Arc;
 
 use asperity_engine::{Clock as _, Engine};
-use asperity_graph::Schedule;
+use asperity_graph::{Compiled, Schedule};
+use asperity_live::Outlet;
 use asperity_measure::timing::Recorder as Times;
 
 use super::Wall;
 use super::record::{Master, Recorder};
 use super::report::Level;
 use super::traces::Traces;
-use super::watch::Scenes;
+use super::watch::{Beside, Sent};
 use crate::args::Render;
 use crate::failure::Failure;
 use crate::load::OfScene;
@@ -23,8 +24,10 @@ pub struct Taken {
     pub times: Times,
     pub drive: Level,
     schedule: Arc<Schedule>,
-    /// Scenes of graphs that are to be taken over.
-    scenes: Scenes,
+    /// What belongs to graphs that are to be taken over.
+    beside: Sent,
+    /// Holds the file's channels to their limits, where graphs change under it.
+    outlet: Option<Outlet>,
     /// Time of each node in this tick, in ns.
     spent: Vec<u64>,
     /// Calls of each node before it.
@@ -35,10 +38,11 @@ impl Taken {
     /// Opens what the command line and the graph's sinks ask for.
     pub fn new(
         args: &Render,
-        schedule: &Schedule,
+        compiled: &Compiled,
         scene: Option<OfScene>,
-        scenes: Scenes,
+        beside: Sent,
     ) -> Result<Self, Failure> {
+        let schedule = &compiled.schedule;
         let nodes = schedule.nodes.len();
         Ok(Self {
             recorders: Recorder::for_sinks(schedule)?,
@@ -47,7 +51,8 @@ impl Taken {
             times: Times::new(nodes),
             drive: Level::new(schedule),
             schedule: Arc::new(schedule.clone()),
-            scenes,
+            beside,
+            outlet: args.watch.then(|| Outlet::new(compiled, Master::channels(schedule))),
             spent: vec![0; nodes],
             calls: vec![0; nodes],
         })
@@ -72,7 +77,7 @@ impl Taken {
         }
         self.drive.take(engine);
         if let Some(master) = &mut self.master {
-            master.take(engine)?;
+            master.take(engine, self.outlet.as_mut())?;
         }
         for recorder in &mut self.recorders {
             recorder.take(engine, tick)?;
@@ -94,8 +99,13 @@ impl Taken {
             master.follow(moved);
         }
         self.recorders.iter_mut().for_each(|r| r.follow(moved));
+        let Beside { scene, outlet } = self.beside.take().unwrap_or_default();
+        if let Some(before) = &mut self.outlet {
+            let before = std::mem::replace(before, outlet);
+            self.outlet.as_mut().into_iter().for_each(|outlet| outlet.go_on(&before));
+        }
         if let Some(traces) = &mut self.traces {
-            traces.follow(&schedule, self.scenes.take());
+            traces.follow(&schedule, scene);
         }
         // This tick's times were taken by the new numbers, in a table of the old length: they are left out.
         let from: Vec<Option<usize>> = schedule.nodes.iter().map(|n| self.schedule.index_of(&n.id)).collect();

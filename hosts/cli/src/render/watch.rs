@@ -8,6 +8,7 @@ use std::thread::JoinHandle;
 
 use asperity_engine::{Controller, SwapError};
 use asperity_graph::{Schedule, ScheduledNode};
+use asperity_live::Outlet;
 use indicatif::ProgressBar;
 
 use super::report::Swapped;
@@ -18,18 +19,27 @@ use crate::kinds::Kinds;
 use crate::load::OfScene;
 use crate::watch::{Files, POLL, Stamps, named, readers, stamps};
 
-/// Scenes of the graphs that were sent, in their order; the picture is to show what is heard.
-#[derive(Clone, Default)]
-pub struct Scenes(Arc<Mutex<VecDeque<Option<OfScene>>>>);
+/// What belongs to a graph beside its nodes.
+#[derive(Default)]
+pub struct Beside {
+    /// The picture is to show what is heard.
+    pub scene: Option<OfScene>,
+    /// What holds its channels to their limits.
+    pub outlet: Outlet,
+}
 
-impl Scenes {
-    /// The scene of the next graph that is taken over.
-    pub fn take(&self) -> Option<OfScene> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).pop_front().flatten()
+/// What belongs to the graphs that were sent, in their order.
+#[derive(Clone, Default)]
+pub struct Sent(Arc<Mutex<VecDeque<Beside>>>);
+
+impl Sent {
+    /// That of the next graph, which is taken over.
+    pub fn take(&self) -> Option<Beside> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).pop_front()
     }
 
-    fn put(&self, scene: Option<OfScene>) {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).push_back(scene);
+    fn put(&self, beside: Beside) {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).push_back(beside);
     }
 
     /// The newest is not to be taken over.
@@ -50,13 +60,14 @@ impl Watch {
         args: &Render,
         kinds: Kinds,
         controller: Controller,
-        scenes: Scenes,
+        beside: Sent,
         bar: &ProgressBar,
     ) -> Self {
         let stop = Arc::new(AtomicBool::new(false));
         let files = Files::new(stamps(&args.graph, kinds.files(), controller.schedule()));
+        let outs = outs_of(controller.schedule());
         let (args, bar, sent) = (args.clone(), bar.clone(), BTreeMap::new());
-        let watcher = Watcher { args, kinds, controller, scenes, bar, files, sent };
+        let watcher = Watcher { args, kinds, controller, beside, bar, files, outs, sent };
         let flag = stop.clone();
         Self { stop, thread: std::thread::spawn(move || watcher.run(&flag)) }
     }
@@ -73,9 +84,11 @@ struct Watcher {
     args: Render,
     kinds: Kinds,
     controller: Controller,
-    scenes: Scenes,
+    beside: Sent,
     bar: ProgressBar,
     files: Files,
+    /// The nodes that are channels of the file, in its order.
+    outs: Vec<String>,
     sent: BTreeMap<u64, Swapped>,
 }
 
@@ -134,10 +147,11 @@ impl Watcher {
         let (compiled, scene) = compiled(&self.args, &mut self.kinds)?;
         same_sinks(self.controller.schedule(), &compiled.schedule).map_err(Failure::Machine)?;
         // It may be taken over before `swap` returns.
-        self.scenes.put(scene);
+        let outlet = Outlet::new(&compiled, outs(&compiled.schedule, &self.outs));
+        self.beside.put(Beside { scene, outlet });
         let swapped = self.controller.swap(compiled, nodes);
         if swapped.is_err() {
-            self.scenes.drop_last();
+            self.beside.drop_last();
         }
         let report = swapped.map_err(|e| {
             let start_anew = matches!(e, SwapError::TickRate { .. } | SwapError::AudioRate { .. });
@@ -159,6 +173,16 @@ impl Watcher {
     }
 }
 
+/// The nodes that are channels of the file.
+fn outs_of(schedule: &Schedule) -> Vec<String> {
+    schedule.nodes.iter().filter(|n| n.kind == "audio_out").map(|n| n.id.clone()).collect()
+}
+
+/// Their places in another graph.
+fn outs(schedule: &Schedule, ids: &[String]) -> Vec<usize> {
+    ids.iter().map(|id| schedule.index_of(id).unwrap_or(usize::MAX)).collect()
+}
+
 /// A render's files cannot change while it writes them: what is recorded must stay.
 fn same_sinks(old: &Schedule, new: &Schedule) -> Result<(), String> {
     let recorded = |s: &Schedule| -> Vec<(String, String)> {
@@ -166,12 +190,9 @@ fn same_sinks(old: &Schedule, new: &Schedule) -> Result<(), String> {
     };
     let (mut before, mut after) = (recorded(old), recorded(new));
     // Channels of one file keep their order; other files are each for themselves.
-    let outs = |s: &Schedule| -> Vec<String> {
-        s.nodes.iter().filter(|n| n.kind == "audio_out").map(|n| n.id.clone()).collect()
-    };
     before.sort();
     after.sort();
-    if before == after && outs(old).len() == outs(new).len() {
+    if before == after && outs_of(old).len() == outs_of(new).len() {
         return Ok(());
     }
     let other = before.iter().find(|b| !after.contains(b)).or(after.iter().find(|a| !before.contains(a)));

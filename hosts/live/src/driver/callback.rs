@@ -112,6 +112,7 @@ impl<T: Ticker> Process for CallbackHalf<T> {
         let (played, starved) = block.output.split_at_mut(filled * channels);
         self.ramp.play(played);
         self.ramp.starve(starved);
+        self.controls.hold(block.output, channels);
         self.controls.note(&self.ramp, block.output);
     }
 }

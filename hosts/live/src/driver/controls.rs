@@ -4,11 +4,12 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU8, AtomicU32, AtomicU64, Ordering::*};
 use std::time::Duration;
 
-use super::Options;
+use super::{Options, Slot};
 use crate::Reins;
 use crate::dll::Line;
 use crate::meters::Meters;
 use crate::now_ns;
+use crate::outlet::Gate;
 use crate::ramp::{Level, Ramp};
 use crate::realtime::{Asked, Grant};
 use crate::view::Condition;
@@ -40,6 +41,7 @@ pub struct Controls {
     pub(super) device_asked: Option<Asked>,
     meters: Arc<Meters>,
     priority: Option<i32>,
+    gate: Option<Arc<Slot<Gate>>>,
 }
 
 impl Controls {
@@ -71,6 +73,7 @@ impl Controls {
             device_asked,
             meters: Arc::clone(&options.meters),
             priority: options.priority,
+            gate: options.gate.clone(),
         }
     }
 
@@ -181,6 +184,16 @@ impl Controls {
     pub fn peak(&self) -> f32 {
         // It may be asked more often than the device calls; what was given then plays still.
         f32::from_bits(self.peak.swap(0, Relaxed).max(self.last_peak.load(Relaxed)))
+    }
+
+    /// Holds what the device is given to the limits of its channels. One device is open at a time; a block that finds another
+    /// thread with the guards is silent.
+    pub(super) fn hold(&self, output: &mut [f32], channels: usize) {
+        let Some(gate) = &self.gate else { return };
+        match gate.enter().as_deref_mut() {
+            Some(Some(gate)) => gate.hold(output, channels),
+            _ => output.fill(0.0),
+        }
     }
 
     /// What the ramp came to, and what the device is given.

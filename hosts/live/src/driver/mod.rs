@@ -24,6 +24,7 @@ use std::sync::Arc;
 
 use crate::Reins;
 use crate::meters::Meters;
+use crate::outlet::Gate;
 use crate::ramp::START_S;
 use crate::realtime::PRIORITY;
 
@@ -125,6 +126,8 @@ pub struct Options {
     pub meters: Arc<Meters>,
     /// What mutes and stops it.
     pub reins: Reins,
+    /// What holds the device's channels to their limits, where there is anything to hold.
+    pub(crate) gate: Option<Arc<Slot<Gate>>>,
 }
 
 impl Options {
@@ -137,6 +140,7 @@ impl Options {
             seen_frames: 0,
             meters,
             reins: Reins::default(),
+            gate: None,
         }
     }
 }

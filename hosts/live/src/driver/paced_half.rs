@@ -82,6 +82,7 @@ impl Process for PacedHalf {
             self.controls.meters().underruns.add(1);
             self.owe((missing.len() / self.channels) as u64);
         }
+        self.controls.hold(block.output, self.channels);
         self.controls.note(&self.ramp, block.output);
     }
 }

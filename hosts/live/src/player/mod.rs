@@ -11,6 +11,8 @@ pub use tape::TapeReader;
 pub(crate) use tape::{TapeWriter, tape};
 pub(crate) use wiring::{ForceSlot, HandSlot, Scope, SourceMeter, Wiring};
 
+use std::sync::Arc;
+
 use asperity_engine::{Clock, Engine};
 use asperity_node::{Buffer, time};
 use ringbuf::traits::{Consumer, Producer};
@@ -19,6 +21,7 @@ use ringbuf::{HeapCons, HeapProd};
 use crate::ForceModel;
 use crate::driver::Ticker;
 use crate::now_ns;
+use crate::outlet::Seen;
 
 /// Places of what a host feeds to a node that says where a hand is; see the node kinds themselves.
 mod place {
@@ -54,6 +57,8 @@ pub struct Player {
     engine: Engine,
     wiring: Box<Wiring>,
     mic: Option<MicReader>,
+    /// The coils behind the device.
+    coils: Arc<Seen>,
     wirings: HeapCons<Box<Wiring>>,
     retired: HeapProd<Box<Wiring>>,
     /// Over, and not yet given back.
@@ -74,13 +79,14 @@ impl Player {
         engine: Engine,
         wiring: Box<Wiring>,
         mic: Option<MicReader>,
+        coils: Arc<Seen>,
         wirings: HeapCons<Box<Wiring>>,
         retired: HeapProd<Box<Wiring>>,
     ) -> Self {
         let schedule = engine.schedule();
         let (tick_hz, rate_hz) = (schedule.tick_hz, schedule.audio_hz);
         let channels = wiring.outs.len();
-        Self { engine, wiring, mic, wirings, retired, over: None, tick_hz, rate_hz, channels }
+        Self { engine, wiring, mic, coils, wirings, retired, over: None, tick_hz, rate_hz, channels }
     }
 
     /// The engine, for reports when all is over.
@@ -105,6 +111,17 @@ impl Player {
             let fresh = mic.advance((span.end - span.start) as usize);
             for &(node, channel) in &self.wiring.mics {
                 engine.feed_audio(node, 0, fresh, |samples| mic.read(channel, samples));
+            }
+        }
+    }
+
+    /// Tells limiters how warm their coils are, whatever they have seen of it themselves.
+    fn warm(&mut self) {
+        if self.wired() {
+            for (channel, limiter) in self.wiring.limiters.iter().enumerate() {
+                if let Some(node) = *limiter {
+                    self.engine.warm(node, self.coils.heat(channel));
+                }
             }
         }
     }
@@ -213,6 +230,7 @@ impl Ticker for Player {
     fn tick(&mut self, time_ns: u64, out: &mut [f32]) {
         self.give_back();
         self.feed(time_ns);
+        self.warm();
         let Wiring { spent, meters, .. } = &mut *self.wiring;
         spent.fill(0);
         let tick = self.engine.next_tick();

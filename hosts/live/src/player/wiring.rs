@@ -18,6 +18,8 @@ pub(crate) struct Wiring {
     pub(crate) swap: u64,
     /// `audio_out` nodes, one a channel.
     pub(crate) outs: Vec<usize>,
+    /// The limiter before each of them.
+    pub(crate) limiters: Vec<Option<usize>>,
     pub(crate) hands: Vec<HandSlot>,
     /// `audio_in` nodes, and which of the recorded channels each reads.
     pub(crate) mics: Vec<(usize, usize)>,

@@ -1,6 +1,7 @@
 //! A run from its start to its end: a device is opened, a clock chosen, a lost device waited for.
 
 mod card;
+mod custody;
 mod running;
 mod switch;
 mod xruns;
@@ -19,6 +20,8 @@ use crate::realtime::{Grants, Machine, PRIORITY};
 use crate::view::{Condition, View};
 use crate::{Conductor, Listener, Player, Reins, now_ns};
 use card::Card;
+use custody::Custody;
+pub use custody::{Keeper, Opened, Terms};
 use running::{Driver, Running};
 use xruns::Xruns;
 
@@ -30,7 +33,7 @@ const LISTEN: Duration = Duration::from_millis(1000);
 const ENOUGH: u64 = 8;
 
 /// How a run is started.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub struct SessionOptions {
     /// The device; none runs without audio.
     pub device: Option<Request>,
@@ -44,6 +47,8 @@ pub struct SessionOptions {
     pub realtime: bool,
     /// What mutes and stops it, whatever the thread that tends it is doing.
     pub reins: Reins,
+    /// Who knows of the device's coils; none knows nothing, and lets anybody play.
+    pub keeper: Option<Box<dyn Keeper>>,
 }
 
 /// Why there is no run, or no longer one.
@@ -52,6 +57,8 @@ pub struct SessionOptions {
 pub enum SessionError {
     /// The device cannot be had.
     Device(OpenError),
+    /// The device may not be played on.
+    Refused(String),
     /// The system gives no thread.
     Thread(std::io::Error),
 }
@@ -60,6 +67,7 @@ impl std::fmt::Display for SessionError {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             Self::Device(e) => e.fmt(f),
+            Self::Refused(reason) => f.write_str(reason),
             Self::Thread(e) => write!(f, "the system gives no thread: {e}"),
         }
     }
@@ -82,6 +90,8 @@ pub struct Session {
     told: bool,
     /// Since when the device has been lost, or was last looked for.
     lost: Option<Instant>,
+    /// Since when nothing is played on it.
+    away: Option<Instant>,
     /// Why it was not back when it was last looked for.
     why: String,
     /// A lost device that is being opened, which may take seconds.
@@ -92,6 +102,8 @@ pub struct Session {
     looked: Instant,
     views: u64,
     xruns: Xruns,
+    /// Dropped last: the output is down then.
+    custody: Custody,
 }
 
 impl std::fmt::Debug for Session {
@@ -120,8 +132,9 @@ impl Session {
         conductor: Conductor,
         player: Player,
         mic: Option<MicWriter>,
-        options: SessionOptions,
+        mut options: SessionOptions,
     ) -> Result<Self, SessionError> {
+        let custody = Custody::new(options.keeper.take(), conductor.gate().gate.clone());
         let tick_hz = conductor.schedule().tick_hz;
         let mut it = Self {
             conductor,
@@ -134,6 +147,7 @@ impl Session {
             options,
             told: false,
             lost: None,
+            away: None,
             why: String::new(),
             opening: None,
             name: String::new(),
@@ -141,11 +155,19 @@ impl Session {
             looked: Instant::now(),
             views: 0,
             xruns: Xruns::default(),
+            custody,
         };
         match it.options.device.clone() {
             Some(request) => {
                 let card = Card::open(&request, it.mic.as_ref()).map_err(SessionError::Device)?;
                 it.name = card.name();
+                let opened = Opened {
+                    id: card.stream().id(),
+                    name: it.name.clone(),
+                    channels: request.channels.clone(),
+                    coils: it.conductor.gate().standing(),
+                };
+                it.notices.extend(it.custody.open(&opened).map_err(SessionError::Refused)?);
                 // What comes back after a loss is this one, though it was a default that was asked for.
                 it.options.device = Some(card.pinned(&request));
                 it.notices.extend(card.stream().notes().iter().cloned());
@@ -182,6 +204,8 @@ impl Session {
     pub fn tend(&mut self) -> Result<Vec<String>, SessionError> {
         self.conductor.collect();
         self.count_xruns();
+        let gate = self.conductor.gate();
+        self.custody.tend(|| gate.standing());
         if let Some(reason) = self.card.as_mut().and_then(|card| card.lost()) {
             self.lose(&reason)?;
         }
@@ -269,6 +293,7 @@ impl Session {
     pub fn stop(mut self) -> Ended {
         let before = self.view();
         let player = self.driver.take();
+        self.custody.note(&self.conductor.gate().standing());
         let mut view = self.view();
         // Who is gone says nothing any more.
         (view.clock, view.latency_ms) = (before.clock, before.latency_ms);
@@ -305,6 +330,7 @@ impl Session {
         let mut options = Options::new(self.meters.clone());
         options.start_s = self.options.start_s;
         options.reins = self.options.reins.clone();
+        options.gate = Some(self.conductor.gate().gate.clone());
         if !self.options.realtime {
             options.priority = None;
         }
@@ -360,6 +386,7 @@ impl Session {
             self.xruns.close(self.meters.xruns.get(), card.stream().stats().xruns, now_ns());
         }
         self.lost = Some(Instant::now());
+        self.away.get_or_insert_with(Instant::now);
         // Hands and forces go on.
         self.keep_time()
     }
@@ -386,6 +413,7 @@ impl Session {
                 self.name = card.name();
                 self.notices.push(format!("`{}` is back", self.name));
                 self.card = Some(card);
+                self.custody.back(self.away.take().map_or(Duration::ZERO, |since| since.elapsed()));
                 self.lost = None;
                 self.why.clear();
             }

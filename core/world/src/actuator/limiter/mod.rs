@@ -31,10 +31,12 @@ use std::ops::RangeInclusive;
 
 use asperity_state::State;
 
+mod guard;
 mod run;
 
 use super::{ActuatorError, Drive, Dynamics, Plant};
-use run::{Fixed, Run};
+pub use guard::ChannelGuard;
+use run::{Fixed, Given, Run};
 
 /// What may be chosen about the limiter; none of it can switch it off.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -275,13 +277,9 @@ impl Limiter {
             dc: 0.0,
             gain: 1.0,
             mute: 1.0,
-            last: 0.0,
             asked: plant.clone(),
-            given: plant,
             power: 0.0,
-            heat: 0.0,
-            hottest: 0.0,
-            farthest: 0.0,
+            given: Given::new(plant),
         };
         Ok(Self { fixed, drive, rate_hz, limits, run, muted: false })
     }
@@ -327,9 +325,9 @@ impl Limiter {
     pub fn report(&self) -> LimiterReport {
         let run = &self.run;
         LimiterReport {
-            rms_current: run.heat.sqrt(),
-            largest_rms_current: run.hottest.sqrt(),
-            largest_displacement: run.farthest / self.fixed.natural,
+            rms_current: run.given.heat.sqrt(),
+            largest_rms_current: run.given.hottest.sqrt(),
+            largest_displacement: run.given.farthest / self.fixed.natural,
             dc: run.dc,
             ..run.report
         }
@@ -377,8 +375,23 @@ impl Limiter {
         if voltage == (self.drive == Drive::Voltage) {
             self.run = run;
         } else {
-            (self.run.given, self.run.heat) = (run.given, run.heat);
+            (self.run.given.plant, self.run.given.heat) = (run.given.plant, run.given.heat);
         }
+    }
+
+    /// Takes note that the coil is at least as warm as this \[A^2\], as what outlives this limiter knows it. A difference of
+    /// less than 1 % is what lies between two threads that look at the same coil.
+    pub fn warm(&mut self, heat: f64) {
+        let given = &mut self.run.given;
+        if heat.is_finite() && heat > 1.01 * given.heat && heat > 1e-6 * self.fixed.rated {
+            given.heat = heat;
+            given.bound(&self.fixed);
+        }
+    }
+
+    /// What holds a device's channel to the same limits, at rest and cold.
+    pub fn guard(&self) -> ChannelGuard {
+        ChannelGuard::new(self)
     }
 
     /// Starts a new signal at rest: forgets input and motion, but neither the coil's heat nor the report.

@@ -50,117 +50,46 @@ pub(super) struct Run {
     pub(super) dc: f64,
     pub(super) gain: f64,
     pub(super) mute: f64,
-    pub(super) last: f64,
-    // What u, and what y, do to the coil.
+    // What u does to the coil, and what y does.
     pub(super) asked: Plant,
-    pub(super) given: Plant,
     pub(super) power: f64,
+    pub(super) given: Given,
+}
+
+/// The coil and its mover with all that they were given.
+#[derive(Clone, Debug)]
+pub(super) struct Given {
+    pub(super) plant: Plant,
+    pub(super) last: f64,
+    // Squares of currents.
     pub(super) heat: f64,
     pub(super) hottest: f64,
+    // w_n x.
     pub(super) farthest: f64,
 }
 
-impl Run {
-    pub(super) fn block<const VOLTAGE: bool>(
-        &mut self,
-        f: &Fixed,
-        muted: bool,
-        input: &[f32],
-        output: &mut [f32],
-    ) {
-        let known = input.len().min(output.len());
-        let (head, tail) = output.split_at_mut(known);
-        for (y, x) in head.iter_mut().zip(input) {
-            *y = self.sample::<VOLTAGE>(f, muted, f64::from(*x));
-        }
-        for y in tail {
-            *y = self.sample::<VOLTAGE>(f, muted, f64::NAN);
-        }
+/// A sample that holds to the limits, and which of them it would have passed.
+pub(super) struct Held {
+    pub(super) sample: f64,
+    peak: bool,
+    slew: bool,
+    rms: bool,
+    stroke: bool,
+}
+
+impl Given {
+    /// At rest and cold.
+    pub(super) fn new(plant: Plant) -> Self {
+        Self { plant, last: 0.0, heat: 0.0, hottest: 0.0, farthest: 0.0 }
     }
 
-    pub(super) fn rests(&self) -> bool {
-        let zeros = [self.good, self.dc, self.last, self.power];
-        let states = self.asked.state.iter().chain(&self.given.state);
-        zeros.iter().chain(states).all(|x| x.to_bits() == 0)
-            && [self.gain, self.bearable, self.mute].iter().all(|x| *x == 1.0)
-    }
-
-    /// What silence does to it then: the coil cools.
-    pub(super) fn rest(&mut self, f: &Fixed, samples: usize) {
-        self.report.samples += samples as u64;
-        if self.heat != 0.0 {
-            for _ in 0..samples {
-                self.heat += f.heat * (0.0 - self.heat);
-            }
-        }
-    }
-
+    /// The nearest to `want` that may be given now: walls for heat and stroke, then peak and slew, exactly. With `meek`,
+    /// nothing is given where only a drive against `want` would do.
     #[inline(always)]
-    fn sample<const VOLTAGE: bool>(&mut self, f: &Fixed, muted: bool, x: f64) -> f32 {
-        let count = &mut self.report;
-        count.samples += 1;
-        if x.is_finite() {
-            self.good = x.clamp(-f.ceiling, f.ceiling);
-        } else {
-            self.good *= f.hold;
-            count.not_finite += 1;
-        }
-        if self.bearable < self.gain {
-            self.gain = self.bearable;
-            count.least_gain = count.least_gain.min(self.gain);
-        } else if self.gain < 1.0 {
-            self.gain += f.release * (self.bearable - self.gain);
-            // The last step back, 100 dB down.
-            if self.gain > 0.99999 {
-                self.gain = 1.0;
-            }
-        }
-        count.reduced += u64::from(self.gain < 1.0);
-        let u = self.good - self.dc;
-        let mut want = u * self.gain;
-
-        // What the input so far would do to the coil, and the gain that makes it bearable, for the next sample:
-        // roots and divisions stay off the path from one sample to the next, and the bounds below see to this one.
-        let (mut over_peak, mut over_rms, mut over_stroke, mut over_slew) =
-            (u.abs() > f.peak, false, false, false);
-        self.asked.advance(u);
-        let [ax, av, ai] = self.asked.state;
-        self.power += f.short * (ai * ai - self.power);
-        // The square of the gain as a fraction, so that whatever limits costs one root.
-        let (mut over, mut under) = (1.0, 1.0);
-        let allowed = f.aim + (f.aim - self.heat) * f.budget;
-        if self.power > allowed {
-            (over, under) = (allowed.max(0.0), self.power);
-            over_rms = true;
-        }
-        let swing = ax * ax + av * av;
-        if swing > f.swing_aim {
-            if f.swing_aim * under < over * swing {
-                (over, under) = (f.swing_aim, swing);
-            }
-            over_stroke = true;
-        }
-        if VOLTAGE && ai.abs() > f.peak_current {
-            let (most, square) = (f.peak_current * f.peak_current, ai * ai);
-            if most * under < over * square {
-                (over, under) = (most, square);
-            }
-            over_peak = true;
-        }
-        self.bearable = if over < under { (over / under).sqrt() } else { 1.0 };
-        if u.abs() > f.peak {
-            self.bearable = self.bearable.min(f.peak / u.abs());
-        }
-
-        // Muting.
-        if muted || self.mute < 1.0 {
-            self.mute = if muted { (self.mute - f.mute).max(0.0) } else { (self.mute + f.unmute).min(1.0) };
-            want *= self.mute;
-            count.muted += u64::from(self.mute < 1.0);
-        }
-
+    pub(super) fn hold<const VOLTAGE: bool>(&self, f: &Fixed, mut want: f64, meek: bool) -> Held {
+        let (mut over_peak, mut over_rms, mut over_stroke, mut over_slew) = (false, false, false, false);
         // Walls, on the current that `want` would drive.
-        let [gx, gv, gi] = self.given.state;
+        let [gx, gv, gi] = self.plant.state;
         let current = if VOLTAGE { (want - f.emf * gv) / f.resistance } else { want };
         let mut bounded = current;
         // The speed there would be once the current that flows had gone down as fast as it may; the same, had it first
@@ -193,8 +122,7 @@ impl Run {
         }
         if bounded != current {
             let held = if VOLTAGE { f.resistance * bounded + f.emf * gv } else { bounded };
-            // Muting never asks for a voltage of its own to hold the current down.
-            want = if self.mute < 1.0 && held * want <= 0.0 { 0.0 } else { held };
+            want = if meek && held * want <= 0.0 { 0.0 } else { held };
         }
 
         // Peak and slew, exactly.
@@ -206,42 +134,169 @@ impl Run {
             want = self.last + f.slew.copysign(want - self.last);
             over_slew = true;
         }
-        count.peak += u64::from(over_peak);
-        count.rms += u64::from(over_rms);
-        count.stroke += u64::from(over_stroke);
-        count.slew += u64::from(over_slew);
+        Held { sample: want, peak: over_peak, slew: over_slew, rms: over_rms, stroke: over_stroke }
+    }
 
-        let given = want as f32;
-        let y = f64::from(given);
+    /// What a sample does to the coil.
+    #[inline(always)]
+    pub(super) fn take<const VOLTAGE: bool>(&mut self, f: &Fixed, y: f64) {
+        let gi = self.plant.state[2];
         self.last = y;
-        self.dc += f.dc * y;
-        self.given.advance(y);
+        self.plant.advance(y);
         // Heat by the larger of the currents at both ends of the interval.
-        let end = self.given.state[2];
+        let end = self.plant.state[2];
         self.heat += f.heat * (if VOLTAGE { (end * end).max(gi * gi) } else { end * end } - self.heat);
         self.hottest = self.hottest.max(self.heat);
-        self.farthest = self.farthest.max(self.given.state[0].abs());
+        self.farthest = self.farthest.max(self.plant.state[0].abs());
+    }
+
+    /// Holds what was taken over from elsewhere to what these limits allow.
+    pub(super) fn bound(&mut self, f: &Fixed) {
+        self.last = self.last.clamp(-f.peak, f.peak);
+        // Another coil may have been warmer than this one can become; it is not to rest for hours.
+        self.heat = self.heat.min(4.0 * f.rated.max(f.peak_current * f.peak_current));
+    }
+
+    /// Ends tails before they become denormal.
+    pub(super) fn settle(&mut self) {
+        self.plant.state.iter_mut().chain([&mut self.heat]).for_each(end_tail);
+    }
+
+    /// What silence does to a coil that lies still: it cools.
+    pub(super) fn rest(&mut self, f: &Fixed, samples: usize) {
+        if self.heat != 0.0 {
+            for _ in 0..samples {
+                self.heat += f.heat * (0.0 - self.heat);
+            }
+        }
+    }
+}
+
+impl Run {
+    pub(super) fn block<const VOLTAGE: bool>(
+        &mut self,
+        f: &Fixed,
+        muted: bool,
+        input: &[f32],
+        output: &mut [f32],
+    ) {
+        let known = input.len().min(output.len());
+        let (head, tail) = output.split_at_mut(known);
+        for (y, x) in head.iter_mut().zip(input) {
+            *y = self.sample::<VOLTAGE>(f, muted, f64::from(*x));
+        }
+        for y in tail {
+            *y = self.sample::<VOLTAGE>(f, muted, f64::NAN);
+        }
+    }
+
+    pub(super) fn rests(&self) -> bool {
+        let zeros = [self.good, self.dc, self.given.last, self.power];
+        let states = self.asked.state.iter().chain(&self.given.plant.state);
+        zeros.iter().chain(states).all(|x| x.to_bits() == 0)
+            && [self.gain, self.bearable, self.mute].iter().all(|x| *x == 1.0)
+    }
+
+    /// What silence does to it then: the coil cools.
+    pub(super) fn rest(&mut self, f: &Fixed, samples: usize) {
+        self.report.samples += samples as u64;
+        self.given.rest(f, samples);
+    }
+
+    #[inline(always)]
+    fn sample<const VOLTAGE: bool>(&mut self, f: &Fixed, muted: bool, x: f64) -> f32 {
+        let count = &mut self.report;
+        count.samples += 1;
+        if x.is_finite() {
+            self.good = x.clamp(-f.ceiling, f.ceiling);
+        } else {
+            self.good *= f.hold;
+            count.not_finite += 1;
+        }
+        if self.bearable < self.gain {
+            self.gain = self.bearable;
+            count.least_gain = count.least_gain.min(self.gain);
+        } else if self.gain < 1.0 {
+            self.gain += f.release * (self.bearable - self.gain);
+            // The last step back, 100 dB down.
+            if self.gain > 0.99999 {
+                self.gain = 1.0;
+            }
+        }
+        count.reduced += u64::from(self.gain < 1.0);
+        let u = self.good - self.dc;
+        let mut want = u * self.gain;
+
+        // What the input so far would do to the coil, and the gain that makes it bearable, for the next sample:
+        // roots and divisions stay off the path from one sample to the next, and the bounds below see to this one.
+        let (mut over_peak, mut over_rms, mut over_stroke) = (u.abs() > f.peak, false, false);
+        self.asked.advance(u);
+        let [ax, av, ai] = self.asked.state;
+        self.power += f.short * (ai * ai - self.power);
+        // The square of the gain as a fraction, so that whatever limits costs one root.
+        let (mut over, mut under) = (1.0, 1.0);
+        let allowed = f.aim + (f.aim - self.given.heat) * f.budget;
+        if self.power > allowed {
+            (over, under) = (allowed.max(0.0), self.power);
+            over_rms = true;
+        }
+        let swing = ax * ax + av * av;
+        if swing > f.swing_aim {
+            if f.swing_aim * under < over * swing {
+                (over, under) = (f.swing_aim, swing);
+            }
+            over_stroke = true;
+        }
+        if VOLTAGE && ai.abs() > f.peak_current {
+            let (most, square) = (f.peak_current * f.peak_current, ai * ai);
+            if most * under < over * square {
+                (over, under) = (most, square);
+            }
+            over_peak = true;
+        }
+        self.bearable = if over < under { (over / under).sqrt() } else { 1.0 };
+        if u.abs() > f.peak {
+            self.bearable = self.bearable.min(f.peak / u.abs());
+        }
+
+        // Muting.
+        if muted || self.mute < 1.0 {
+            self.mute = if muted { (self.mute - f.mute).max(0.0) } else { (self.mute + f.unmute).min(1.0) };
+            want *= self.mute;
+            count.muted += u64::from(self.mute < 1.0);
+        }
+
+        // Muting never asks for a voltage of its own to hold the current down.
+        let held = self.given.hold::<VOLTAGE>(f, want, self.mute < 1.0);
+        count.peak += u64::from(over_peak || held.peak);
+        count.rms += u64::from(over_rms || held.rms);
+        count.stroke += u64::from(over_stroke || held.stroke);
+        count.slew += u64::from(held.slew);
+
+        let given = held.sample as f32;
+        let y = f64::from(given);
+        self.dc += f.dc * y;
+        self.given.take::<VOLTAGE>(f, y);
         count.largest = count.largest.max(y.abs());
         given
     }
 
     pub(super) fn state(&mut self, state: &mut State<'_>) {
         state.keep(&mut self.good).keep(&mut self.bearable).keep(&mut self.dc).keep(&mut self.gain);
-        state.keep(&mut self.mute).keep(&mut self.last).keep(&mut self.power).keep(&mut self.heat);
+        let given = &mut self.given;
+        state.keep(&mut self.mute).keep(&mut given.last).keep(&mut self.power).keep(&mut given.heat);
         self.asked.state(state);
-        self.given.state(state);
+        given.plant.state(state);
     }
 
     /// Holds what was restored to what these limits allow, and answers whether that could be done.
     pub(super) fn hold(&mut self, f: &Fixed) -> bool {
         // NaN is not within.
         let parts = [self.gain, self.bearable, self.mute].iter().all(|x| (0.0..=1.0).contains(x));
-        let squares = [self.power, self.heat].iter().all(|x| (0.0..1e18).contains(x));
-        let signals = [self.good, self.dc, self.last].iter().all(|x| x.is_finite());
+        let squares = [self.power, self.given.heat].iter().all(|x| (0.0..1e18).contains(x));
+        let signals = [self.good, self.dc, self.given.last].iter().all(|x| x.is_finite());
         self.good = self.good.clamp(-f.ceiling, f.ceiling);
-        self.last = self.last.clamp(-f.peak, f.peak);
-        // Another coil may have been warmer than this one can become; it is not to rest for hours.
-        self.heat = self.heat.min(4.0 * f.rated.max(f.peak_current * f.peak_current));
+        self.given.bound(f);
         self.settle(f);
         parts && squares && signals
     }
@@ -249,12 +304,16 @@ impl Run {
     /// Ends tails before they become denormal, and bounds what no input has yet been seen to drive far.
     pub(super) fn settle(&mut self, f: &Fixed) {
         self.dc = self.dc.clamp(-2.0 * f.ceiling, 2.0 * f.ceiling);
-        let states = self.asked.state.iter_mut().chain(&mut self.given.state);
-        for x in states.chain([&mut self.good, &mut self.dc, &mut self.power, &mut self.heat]) {
-            if x.abs() < TINY {
-                *x = 0.0;
-            }
+        self.given.settle();
+        for x in self.asked.state.iter_mut().chain([&mut self.good, &mut self.dc, &mut self.power]) {
+            end_tail(x);
         }
+    }
+}
+
+fn end_tail(x: &mut f64) {
+    if x.abs() < TINY {
+        *x = 0.0;
     }
 }
 

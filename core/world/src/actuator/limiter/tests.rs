@@ -8,6 +8,7 @@ use asperity_dsp::filter::Biquad;
 use super::super::testing::{hapcoil, lock_in};
 use super::*;
 
+mod guard;
 mod heat;
 mod judge;
 mod promises;

@@ -1,0 +1,148 @@
+//! The limits on what a device gets in the end, whatever limiters made it.
+
+use asperity_node::{Coil, Guard};
+
+use super::*;
+
+/// Input that goes as far as it can: 100 A along the mover's motion, squares, noise, and DC.
+struct Hostile {
+    seed: u32,
+    n: u64,
+}
+
+impl Hostile {
+    fn new() -> Self {
+        Self { seed: 1, n: 0 }
+    }
+
+    fn next(&mut self, speed: f64) -> f32 {
+        self.seed = self.seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        let noise = f64::from(self.seed) / f64::from(u32::MAX) * 2.0 - 1.0;
+        let at = self.n as f64 / RATE;
+        self.n += 1;
+        let x = match (at / 0.3) as u64 % 5 {
+            0 => 1.0f64.copysign(speed),
+            1 => (TAU * 65.0 * at).sin(),
+            2 => (TAU * 900.0 * at).sin().signum(),
+            3 => noise,
+            _ => 1.0,
+        };
+        (100.0 * x) as f32
+    }
+}
+
+#[test]
+fn guard_leaves_samples_of_a_limiter_to_the_bit() {
+    for drive in [Drive::Current, Drive::Voltage] {
+        let mut limiter = limiter(drive);
+        // As a card has it: 0.75 A or V at full scale, which is no power of two.
+        let unit = 0.75 * limiter.limits().peak;
+        let mut guard = limiter.guard();
+        let (mut hostile, mut judge) =
+            (Hostile::new(), Judge::new(limiter.limits(), hapcoil(100.0), drive, RATE));
+        for n in 0..960_000 {
+            let mut y = [0.0];
+            limiter.set_muted(n / 20_000 % 5 == 4);
+            limiter.process(&[hostile.next(judge.coil.relative_speed())], &mut y);
+            judge.see(y[0]).unwrap();
+            let sample = (f64::from(y[0]) / unit) as f32;
+            let mut held = [sample];
+            guard.hold(&mut held, 1, unit);
+            assert_eq!(held[0].to_bits(), sample.to_bits(), "{drive:?} sample {n}: {sample} to {}", held[0]);
+        }
+        assert!(limiter.report().rms > 0 && limiter.report().stroke > 0);
+        let (coil, report) = (guard.coil(), limiter.report());
+        assert!((coil.heat.sqrt() / report.rms_current - 1.0).abs() < 1e-4, "{coil:?}");
+    }
+}
+
+#[test]
+fn guard_holds_limiters_that_know_nothing_of_the_coil() {
+    for (every, drive) in [(0.05, Drive::Current), (0.3, Drive::Current), (0.3, Drive::Voltage)] {
+        let mut it = limiter(drive);
+        let mut guard = it.guard();
+        let limits = it.limits();
+        let (mut judge, mut alone) = (
+            Judge::new(limits, hapcoil(100.0), drive, RATE),
+            Judge::new(limits, hapcoil(100.0), drive, RATE),
+        );
+        let (mut hostile, every) = (Hostile::new(), (every * RATE) as usize);
+        for n in 0..480_000 {
+            if n % every == 0 {
+                it = limiter(drive);
+            }
+            let mut y = [0.0];
+            it.process(&[hostile.next(judge.coil.relative_speed())], &mut y);
+            let _ = alone.see(y[0]);
+            guard.hold(&mut y, 1, 1.0);
+            judge.see(y[0]).unwrap();
+        }
+        judge.verdict(0.01, 5.0).unwrap();
+        // Limiters alone come over the rating, or the stroke.
+        assert!(alone.verdict(0.01, 5.0).is_err(), "{} {}", alone.worst_rms, alone.worst_stroke);
+        assert!(judge.worst_rms > 0.9, "too careful: {}", judge.worst_rms);
+    }
+}
+
+#[test]
+fn guard_holds_whatever_a_device_is_given() {
+    for drive in [Drive::Current, Drive::Voltage] {
+        let mut guard = limiter(drive).guard();
+        let mut judge = Judge::new(limiter(drive).limits(), hapcoil(100.0), drive, RATE);
+        let mut hostile = Hostile::new();
+        for n in 0..960_000 {
+            let x = hostile.next(judge.coil.relative_speed());
+            let gate = if n / 370 % 2 == 0 { 1.0 } else { 0.0 };
+            let mut y = [if n % 9973 == 0 { f32::NAN } else { x * gate }];
+            guard.hold(&mut y, 1, 1.0);
+            judge.see(y[0]).unwrap();
+        }
+        judge.verdict(0.01, 5.0).unwrap();
+        assert!(
+            judge.worst_rms > 0.9 && judge.worst_stroke > 0.8,
+            "{} {}",
+            judge.worst_rms,
+            judge.worst_stroke
+        );
+    }
+}
+
+#[test]
+fn guard_of_another_profile_goes_on_from_the_coil() {
+    let weaker = Dynamics { rated_current: 0.1, stroke: 2e-3, ..hapcoil(100.0) };
+    let settings = LimiterSettings::default();
+    let other = Limiter::new(&weaker, Drive::Current, RATE, settings).unwrap();
+    let (mut first, mut second) = (limiter(Drive::Current).guard(), other.guard());
+    let mut judge = Judge::new(other.limits(), weaker, Drive::Current, RATE);
+    let mut hostile = Hostile::new();
+    let mut warm = 0.0;
+    for n in 0..480_000 {
+        let mut y = [hostile.next(judge.coil.relative_speed())];
+        // Each in turn, for half a second.
+        if n % 24_000 == 0 {
+            let (from, to): (&ChannelGuard, &mut ChannelGuard) =
+                if n / 24_000 % 2 == 0 { (&second, &mut first) } else { (&first, &mut second) };
+            to.go_on(&from.coil());
+        }
+        let guard = if n / 24_000 % 2 == 0 { &mut first } else { &mut second };
+        guard.hold(&mut y, 1, 1.0);
+        let _ = judge.see(y[0]);
+        if n % 48_000 > 24_000 {
+            // 0.1 A are rated: a coil that the first has made warmer gets nothing.
+            let heat = guard.coil().heat;
+            warm = f64::max(warm, heat);
+            assert!(heat < 0.01 || y[0].abs() < 0.1, "{heat} {}", y[0]);
+        }
+    }
+    assert!(warm > 0.015, "the coil was never warm: {warm}");
+}
+
+#[test]
+fn guard_that_rests_cools_and_lies_still() {
+    let mut guard = limiter(Drive::Current).guard();
+    guard.go_on(&Coil { heat: 0.02, place: 1e-3, speed: 0.1, ..Coil::default() });
+    guard.rest(2.0);
+    let coil = guard.coil();
+    assert!((coil.heat - 0.02 * (-1.0f64).exp()).abs() < 1e-12, "{coil:?}");
+    assert_eq!((coil.place, coil.speed), (0.0, 0.0));
+}

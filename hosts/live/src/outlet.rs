@@ -1,0 +1,220 @@
+//! The last stage before a device: a guard for every channel, behind all ramps and fades.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+
+use asperity_graph::{Compiled, Schedule, ScheduledNode};
+use asperity_node::{Coil, Guard, Unit};
+
+use crate::driver::Slot;
+
+/// Guards of a device's channels. What is known of coils and movers belongs to the channel: it goes on from one graph to the
+/// next, from a lost device to the one that is back, and from one run to another.
+#[derive(Default)]
+pub struct Outlet {
+    channels: Vec<Option<Channel>>,
+    changed: u64,
+}
+
+/// One channel of a device.
+struct Channel {
+    guard: Box<dyn Guard>,
+    /// The drive at full scale \[A or V\].
+    unit: f64,
+}
+
+/// What a channel's actuator is and how its coil stands, for whoever keeps it between runs.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Standing {
+    /// Mean of the square of the current \[A^2\].
+    pub heat: f64,
+    /// The same that the coil bears for ever.
+    pub rating: f64,
+    /// Time constant with which it cools \[s\].
+    pub cools_in: f64,
+}
+
+impl Outlet {
+    /// Guards for the nodes of a graph that play on channels 0, 1 and so on, at rest and cold.
+    pub fn new(compiled: &Compiled, outs: impl IntoIterator<Item = usize>) -> Self {
+        let guarded = |out| {
+            let guard = compiled.processors[limiter_of(&compiled.schedule, out)?].guard()?;
+            Some(Channel { guard, unit: drive_at_full_scale(&compiled.schedule.nodes[out]) })
+        };
+        Self { channels: outs.into_iter().map(guarded).collect(), changed: 0 }
+    }
+
+    /// Goes on from the coils of another outlet, channel by channel. Tick thread.
+    pub fn go_on(&mut self, before: &Self) {
+        self.changed = before.changed;
+        for (channel, was) in self.channels.iter_mut().zip(&before.channels) {
+            if let (Some(channel), Some(was)) = (channel, was) {
+                channel.guard.go_on(&was.guard.coil());
+            }
+        }
+    }
+
+    /// Holds interleaved frames of so many channels to the limits. Tick thread.
+    pub fn hold(&mut self, frames: &mut [f32], step: usize) {
+        for (first, channel) in self.channels.iter_mut().enumerate().take(step) {
+            if let (Some(channel), Some(samples)) = (channel, frames.get_mut(first..)) {
+                self.changed += channel.guard.hold(samples, step, channel.unit);
+            }
+        }
+    }
+
+    /// Samples that were changed so far.
+    pub fn changed(&self) -> u64 {
+        self.changed
+    }
+
+    /// How the coil of each channel stands; none for a channel that is not played on.
+    pub fn standing(&self) -> Vec<Option<Standing>> {
+        let of = |c: &Channel| Standing {
+            heat: c.guard.coil().heat,
+            rating: c.guard.rating(),
+            cools_in: c.guard.cools_in(),
+        };
+        self.channels.iter().map(|c| c.as_ref().map(of)).collect()
+    }
+
+    /// Lets every coil lie still and cool.
+    pub(crate) fn rest(&mut self, seconds: f64) {
+        self.channels.iter_mut().flatten().for_each(|c| c.guard.rest(seconds));
+    }
+
+    /// Sets how warm the coils are \[A^2\], at rest.
+    pub(crate) fn warm(&mut self, heat: &[f64]) {
+        for (channel, heat) in self.channels.iter_mut().zip(heat) {
+            if let Some(channel) = channel {
+                channel.guard.go_on(&Coil { heat: *heat, ..channel.guard.coil() });
+            }
+        }
+    }
+}
+
+impl std::fmt::Debug for Outlet {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Outlet").field("channels", &self.channels.len()).finish_non_exhaustive()
+    }
+}
+
+/// The limiter before a node that plays on a device.
+pub(crate) fn limiter_of(schedule: &Schedule, out: usize) -> Option<usize> {
+    let from = schedule.nodes.get(out)?.inputs.first()?.from?;
+    Some(from.0)
+}
+
+/// What the coil is driven with at a sample of 1 \[A or V\].
+pub fn drive_at_full_scale(out: &ScheduledNode) -> f64 {
+    let amps = out.inputs.first().and_then(|i| i.port.as_ref()).is_some_and(|p| p.unit == Unit::AMPERE);
+    let amplifier = out.params.number(if amps { "amps_per_volt" } else { "volts_per_volt" });
+    amplifier * out.params.number("volts_at_full_scale")
+}
+
+/// An outlet as the device's thread has it, with what comes from the control thread.
+pub(crate) struct Gate {
+    outlet: Outlet,
+    /// The guards of the next graph; afterwards those of the one before.
+    next: triple_buffer::Output<Outlet>,
+    /// This run's part of each limit: what it plays is multiplied by it.
+    share: f32,
+    seen: Arc<Seen>,
+}
+
+/// What is seen of an outlet from other threads.
+#[derive(Debug, Default)]
+pub(crate) struct Seen {
+    /// Bits of each channel's heat.
+    heat: Vec<AtomicU64>,
+    changed: AtomicU64,
+}
+
+/// Where guards of the next graph are put, and what is seen of those that hold.
+pub(crate) struct GateControl {
+    next: triple_buffer::Input<Outlet>,
+    pub(crate) gate: Arc<Slot<Gate>>,
+    pub(crate) seen: Arc<Seen>,
+    /// Rating and time constant of each channel.
+    standing: Vec<Option<Standing>>,
+}
+
+/// The gate of a run, and its control.
+pub(crate) fn gate(outlet: Outlet) -> GateControl {
+    let (input, next) = triple_buffer::TripleBuffer::<Outlet>::default().split();
+    let standing = outlet.standing();
+    let heat = standing.iter().map(|_| AtomicU64::new(0)).collect();
+    let seen = Arc::new(Seen { heat, changed: AtomicU64::new(0) });
+    let gate = Arc::new(Slot::new(Gate { outlet, next, share: 1.0, seen: seen.clone() }));
+    GateControl { next: input, gate, seen, standing }
+}
+
+impl std::fmt::Debug for Gate {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Gate").field("outlet", &self.outlet).finish_non_exhaustive()
+    }
+}
+
+impl Gate {
+    /// Holds what the device is given. Nothing here allocates, frees, locks or waits.
+    pub(crate) fn hold(&mut self, frames: &mut [f32], channels: usize) {
+        if self.next.update() {
+            let next = self.next.output_buffer_mut();
+            next.go_on(&self.outlet);
+            std::mem::swap(next, &mut self.outlet);
+        }
+        self.outlet.hold(frames, channels);
+        if self.share != 1.0 {
+            frames.iter_mut().for_each(|x| *x *= self.share);
+        }
+        self.publish();
+    }
+
+    /// Nothing was played for so long.
+    pub(crate) fn rest(&mut self, seconds: f64) {
+        self.outlet.rest(seconds);
+        self.publish();
+    }
+
+    /// Begins with coils that are so warm \[A^2\], and with a part of each limit.
+    pub(crate) fn begin(&mut self, heat: &[f64], share: f32) {
+        self.outlet.warm(heat);
+        self.share = share;
+        self.publish();
+    }
+
+    fn publish(&self) {
+        for (seen, channel) in self.seen.heat.iter().zip(&self.outlet.channels) {
+            if let Some(channel) = channel {
+                seen.store(channel.guard.coil().heat.to_bits(), Relaxed);
+            }
+        }
+        self.seen.changed.store(self.outlet.changed, Relaxed);
+    }
+}
+
+impl Seen {
+    /// How warm the coil of a channel is \[A^2\].
+    pub(crate) fn heat(&self, channel: usize) -> f64 {
+        self.heat.get(channel).map_or(0.0, |bits| f64::from_bits(bits.load(Relaxed)))
+    }
+
+    /// Samples that were changed so far.
+    pub(crate) fn changed(&self) -> u64 {
+        self.changed.load(Relaxed)
+    }
+}
+
+impl GateControl {
+    /// Sends the guards of another graph; they hold from the device's next block on.
+    pub(crate) fn send(&mut self, outlet: Outlet) {
+        self.standing = outlet.standing();
+        self.next.write(outlet);
+    }
+
+    /// How the coils stand now.
+    pub(crate) fn standing(&self) -> Vec<Option<Standing>> {
+        let now = |(i, s): (usize, &Option<Standing>)| s.map(|s| Standing { heat: self.seen.heat(i), ..s });
+        self.standing.iter().enumerate().map(now).collect()
+    }
+}

@@ -1,0 +1,104 @@
+//! What is known of a device's coils between one run and the next.
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use crate::driver::Slot;
+use crate::outlet::{Gate, Standing};
+
+/// How often the coils' heat is taken down.
+const EVERY: Duration = Duration::from_secs(1);
+
+/// A device that was opened, and plays silence.
+#[derive(Clone, Debug)]
+pub struct Opened {
+    /// Names it for a request, the same each time.
+    pub id: String,
+    /// Its name for a person, with its host.
+    pub name: String,
+    /// Channels of the device, from 1, one for each that the graph plays on.
+    pub channels: Vec<u16>,
+    /// The coils of the graph's actuators.
+    pub coils: Vec<Option<Standing>>,
+}
+
+/// What a run may do with the coils of a device, and what is known of them.
+#[derive(Clone, Debug)]
+pub struct Terms {
+    /// How warm each coil is \[A^2\].
+    pub heat: Vec<f64>,
+    /// This run's part of every limit, from 0 to 1.
+    pub share: f32,
+    /// What a person should know.
+    pub notices: Vec<String>,
+}
+
+/// Keeps the heat of a device's coils between runs, and says who may drive them. Control thread.
+pub trait Keeper: Send + std::fmt::Debug {
+    /// A device is open, the first time in this run.
+    ///
+    /// # Errors
+    /// Why it may not be played on.
+    fn opened(&mut self, device: &Opened) -> Result<Terms, String>;
+
+    /// Takes down how the coils stand: once a second, and before the end.
+    fn note(&mut self, coils: &[Option<Standing>]);
+
+    /// The run ends as it should: what was taken down last holds.
+    fn ended(&mut self);
+}
+
+/// A keeper for as long as a run lasts.
+#[derive(Debug)]
+pub(super) struct Custody {
+    keeper: Option<Box<dyn Keeper>>,
+    gate: Arc<Slot<Gate>>,
+    opened: bool,
+    noted: Instant,
+}
+
+impl Custody {
+    pub(super) fn new(keeper: Option<Box<dyn Keeper>>, gate: Arc<Slot<Gate>>) -> Self {
+        Self { keeper, gate, opened: false, noted: Instant::now() }
+    }
+
+    /// A device is open, and nothing plays on it yet. Answers what a person should know.
+    pub(super) fn open(&mut self, device: &Opened) -> Result<Vec<String>, String> {
+        let Some(keeper) = &mut self.keeper else { return Ok(Vec::new()) };
+        let terms = keeper.opened(device)?;
+        if let Some(Some(gate)) = self.gate.enter().as_deref_mut() {
+            gate.begin(&terms.heat, terms.share);
+        }
+        self.opened = true;
+        Ok(terms.notices)
+    }
+
+    /// A device is back that nothing was played on for so long.
+    pub(super) fn back(&mut self, away: Duration) {
+        if let Some(Some(gate)) = self.gate.enter().as_deref_mut() {
+            gate.rest(away.as_secs_f64());
+        }
+    }
+
+    /// Takes down how the coils stand, where it is time.
+    pub(super) fn tend(&mut self, coils: impl FnOnce() -> Vec<Option<Standing>>) {
+        if self.noted.elapsed() >= EVERY {
+            self.note(&coils());
+        }
+    }
+
+    pub(super) fn note(&mut self, coils: &[Option<Standing>]) {
+        self.noted = Instant::now();
+        if let (Some(keeper), true) = (&mut self.keeper, self.opened) {
+            keeper.note(coils);
+        }
+    }
+}
+
+impl Drop for Custody {
+    fn drop(&mut self) {
+        if let (Some(keeper), true) = (&mut self.keeper, self.opened) {
+            keeper.ended();
+        }
+    }
+}
