@@ -26,7 +26,8 @@ pub fn retrieving() -> PathBuf {
 /// The program, in a folder.
 pub fn asperity(dir: &Path) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_asperity"));
-    command.current_dir(dir);
+    // Coils are remembered only where a test asks for it.
+    command.current_dir(dir).env("ASPERITY_STATE", "");
     command
 }
 

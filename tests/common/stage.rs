@@ -81,6 +81,7 @@ pub fn options(card: &Simulated, clock: Clock) -> SessionOptions {
         start_s: 0.0,
         realtime: false,
         reins: Reins::default(),
+        keeper: None,
     }
 }
 

@@ -8,6 +8,7 @@ mod materials;
 mod number;
 mod scene;
 mod selftest;
+mod setup;
 mod tone;
 mod tradeoff;
 
@@ -22,6 +23,7 @@ pub use latency::LatencyArgs;
 pub use materials::{As, Encode, Materials};
 pub use scene::{Expand, Explain, SceneCommand};
 pub use selftest::{EffortArg, SelfTest};
+pub use setup::Setup;
 pub use tone::Tone;
 pub use tradeoff::{Choose, Merge, Tradeoff, TradeoffCommand};
 
@@ -44,6 +46,11 @@ pub enum Command {
     Run(Run),
     /// List audio hosts and devices: rates, formats, channels, buffer sizes
     Devices(Devices),
+    /// Write down what stands behind a channel of the sound card: actuator, volts, amplifier
+    ///
+    /// The file holds for every graph: none can raise its limits, and one that says otherwise is refused. What the options
+    /// leave open is asked for.
+    Setup(Setup),
     /// Play a sine on one channel of a device, behind the actuator's limiter, to find the actuator
     #[command(mut_args = number::may_be_negative)]
     Tone(Tone),

@@ -10,6 +10,7 @@ mod heap;
 mod kinds;
 mod live;
 mod load;
+mod machine;
 mod output;
 mod phase;
 mod render;
@@ -28,6 +29,7 @@ fn main() -> ExitCode {
     let result = match Args::parse().command {
         Command::Render(args) => render::run(&args),
         Command::Run(args) => live::run(&args),
+        Command::Setup(args) => commands::setup::run(&args),
         Command::Tone(args) => commands::tone::run(&args),
         Command::Latency(args) => commands::latency::run(&args),
         Command::Devices(args) => commands::devices::run(&args),

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
-use std::time::{Duration, SystemTime};
+use std::time::{Duration, Instant, SystemTime};
 
 use asperity_graph::Schedule;
 
@@ -11,6 +11,8 @@ use crate::load;
 
 /// How often files are looked at. Asking works on every system and over a network, where being told does not.
 pub const POLL: Duration = Duration::from_millis(100);
+/// Longest wait for a file that is written all the time.
+const LONGEST: Duration = Duration::from_secs(1);
 
 /// What tells two versions of a file apart without reading it; none for a file that is not there.
 type Stamp = Option<(SystemTime, u64)>;
@@ -24,6 +26,8 @@ pub struct Files {
     known: Stamps,
     /// As they were when they were last looked at.
     before: Stamps,
+    /// Since when they are other than known.
+    since: Option<Instant>,
 }
 
 /// Every file that a graph is made of, those of `plugins` among them, as it is now.
@@ -37,12 +41,19 @@ pub fn stamps(args: &GraphArgs, plugins: &[PathBuf], schedule: &Schedule) -> Sta
 impl Files {
     /// The files as the running graph was made of them.
     pub fn new(now: Stamps) -> Self {
-        Self { before: now.clone(), known: now }
+        Self { before: now.clone(), known: now, since: None }
     }
 
-    /// Those that changed, once whoever writes has finished: twice in a row they look the same, and other than known.
+    /// Those that changed, once whoever writes has finished: twice in a row they look the same, and other than known. Whoever
+    /// writes all the time is not waited for any longer than a second.
     pub fn changed(&mut self, now: &Stamps) -> Option<Vec<PathBuf>> {
-        let settled = *now != self.known && *now == self.before;
+        let changed = *now != self.known;
+        self.since = if changed { self.since.or_else(|| Some(Instant::now())) } else { None };
+        let waited = self.since.is_some_and(|since| since.elapsed() >= LONGEST);
+        let settled = changed && (*now == self.before || waited);
+        if settled {
+            self.since = None;
+        }
         self.before.clone_from(now);
         let differs = |(path, stamp): &(&PathBuf, &Stamp)| self.known.get(*path) != Some(*stamp);
         settled.then(|| now.iter().filter(differs).map(|(path, _)| path.clone()).collect())

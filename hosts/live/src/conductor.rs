@@ -238,6 +238,16 @@ impl Conductor {
         Ok(())
     }
 
+    /// The nodes that play on these channels of a device.
+    pub(crate) fn channels_of(&self, device: &[u16]) -> Vec<(u16, String)> {
+        device.iter().copied().zip(self.sent.channels.iter().cloned()).collect()
+    }
+
+    /// The nodes that play, channel by channel, if `graph` took the place of the one that runs.
+    pub fn channels_after(&self, graph: &GraphFile, schedule: &Schedule) -> Vec<String> {
+        channels(graph, schedule, "audio_out", Some(&self.sent.channels))
+    }
+
     /// The guards of the device's channels.
     pub(crate) fn gate(&self) -> &GateControl {
         &self.gate

@@ -21,6 +21,8 @@ struct Channel {
     guard: Box<dyn Guard>,
     /// The drive at full scale \[A or V\].
     unit: f64,
+    /// It stays when the graph changes.
+    stays: bool,
 }
 
 /// What a channel's actuator is and how its coil stands, for whoever keeps it between runs.
@@ -39,18 +41,30 @@ impl Outlet {
     pub fn new(compiled: &Compiled, outs: impl IntoIterator<Item = usize>) -> Self {
         let guarded = |out| {
             let guard = compiled.processors[limiter_of(&compiled.schedule, out)?].guard()?;
-            Some(Channel { guard, unit: drive_at_full_scale(&compiled.schedule.nodes[out]) })
+            Some(Channel { guard, unit: drive_at_full_scale(&compiled.schedule.nodes[out]), stays: false })
         };
         Self { channels: outs.into_iter().map(guarded).collect(), changed: 0 }
     }
 
-    /// Goes on from the coils of another outlet, channel by channel. Tick thread.
-    pub fn go_on(&mut self, before: &Self) {
+    /// Guards that are known already, each with the drive at full scale \[A or V\]. They stay, whatever graph plays.
+    pub fn staying(channels: impl IntoIterator<Item = Option<(Box<dyn Guard>, f64)>>) -> Self {
+        let stays = |(guard, unit)| Channel { guard, unit, stays: true };
+        Self { channels: channels.into_iter().map(|c| c.map(stays)).collect(), changed: 0 }
+    }
+
+    /// Goes on from the coils of another outlet, channel by channel, and takes over its guards that stay. Tick thread.
+    pub fn go_on(&mut self, before: &mut Self) {
         self.changed = before.changed;
-        for (channel, was) in self.channels.iter_mut().zip(&before.channels) {
-            if let (Some(channel), Some(was)) = (channel, was) {
-                channel.guard.go_on(&was.guard.coil());
+        for (channel, was) in self.channels.iter_mut().zip(&mut before.channels) {
+            match (&mut *channel, &mut *was) {
+                (_, Some(was)) if was.stays => {}
+                (Some(channel), Some(was)) => {
+                    channel.guard.go_on(&was.guard.coil());
+                    continue;
+                }
+                _ => continue,
             }
+            std::mem::swap(channel, was);
         }
     }
 
@@ -160,7 +174,7 @@ impl Gate {
     pub(crate) fn hold(&mut self, frames: &mut [f32], channels: usize) {
         if self.next.update() {
             let next = self.next.output_buffer_mut();
-            next.go_on(&self.outlet);
+            next.go_on(&mut self.outlet);
             std::mem::swap(next, &mut self.outlet);
         }
         self.outlet.hold(frames, channels);
@@ -177,7 +191,13 @@ impl Gate {
     }
 
     /// Begins with coils that are so warm \[A^2\], and with a part of each limit.
-    pub(crate) fn begin(&mut self, heat: &[f64], share: f32) {
+    /// Guards of the machine take the place of the graph's.
+    pub(crate) fn begin(&mut self, heat: &[f64], share: f32, mut machine: Outlet) {
+        for (channel, machine) in self.outlet.channels.iter_mut().zip(&mut machine.channels) {
+            if machine.is_some() {
+                std::mem::swap(channel, machine);
+            }
+        }
         self.outlet.warm(heat);
         self.share = share;
         self.publish();

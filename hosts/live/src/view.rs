@@ -136,6 +136,8 @@ pub struct View {
     pub underruns: u64,
     /// Samples of each channel that were never played.
     pub lost_samples: u64,
+    /// Samples that a channel's guard had to hold to the limits, behind the graph's own limiters.
+    pub guarded: u64,
     /// Gaps of callbacks that the loop over their times saw, or xruns the host reported; what both saw counts once.
     pub xruns: u64,
     /// How often the device was lost.

@@ -1,5 +1,7 @@
 //! The sound card, and what stands behind it.
 
+use std::path::PathBuf;
+
 use clap::ValueEnum;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 
@@ -20,6 +22,12 @@ pub struct CardArgs {
     /// Sample format that the device is to have: f32, i16, i24, i32
     #[arg(long, value_name = "FORMAT")]
     pub device_format: Option<String>,
+    /// File that says what stands behind each channel; the user's own, unless given. No graph can raise its limits
+    #[arg(long, value_name = "FILE")]
+    pub machine: Option<PathBuf>,
+    /// Share the actuator with another run: each has half of every limit, and both must be started so
+    #[arg(long)]
+    pub share: bool,
 }
 
 /// The sound card of a graph, and how ticks keep time with it.

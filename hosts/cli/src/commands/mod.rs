@@ -15,5 +15,6 @@ pub mod nodes;
 pub mod plugin;
 pub mod scene;
 pub mod selftest;
+pub mod setup;
 pub mod tone;
 pub mod tradeoff;

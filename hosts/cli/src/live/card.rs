@@ -1,5 +1,7 @@
 //! From the command line to a request for a sound card.
 
+use std::sync::Arc;
+
 use asperity_audio::{Format, OpenError, Request};
 use asperity_graph::Schedule;
 use asperity_live::driver::Clock;
@@ -8,6 +10,7 @@ use asperity_source::{Diagnostic, one_of};
 
 use crate::args::{ClockKind, DeviceArgs};
 use crate::failure::Failure;
+use crate::machine::{Coils, Machine};
 use crate::render::stop_flag;
 
 /// What a graph asks of a sound card, with what the command line says of it; none where it has nothing to do with one.
@@ -31,6 +34,8 @@ pub fn request(args: &DeviceArgs, schedule: &Schedule) -> Result<Option<Request>
             ("--device-format", card.device_format.is_some()),
             ("--clock", args.clock.is_some() && !timer),
             ("--no-reconnect", args.no_reconnect),
+            ("--machine", card.machine.is_some()),
+            ("--share", card.share),
         ];
         return match named.iter().find(|(_, is)| *is) {
             Some((option, _)) => Err(wrong(option, "this graph has nothing to do with a sound card".into())
@@ -80,8 +85,14 @@ fn format(text: &str) -> Result<Format, Failure> {
     })
 }
 
+/// What is known of the coils behind the card, and who may drive them.
+pub fn coils(args: &DeviceArgs, schedule: &Schedule) -> Result<Coils, Failure> {
+    let machine = Machine::find(args.card.machine.as_deref())?;
+    Ok(Coils::new(args.card.share, machine.map(Arc::new), Arc::new(schedule.clone())))
+}
+
 /// How a session is to be started: one that Ctrl-C and the signals that ask for an end stop.
-pub fn options(args: &DeviceArgs, device: Option<Request>) -> SessionOptions {
+pub fn options(args: &DeviceArgs, device: Option<Request>, coils: Coils) -> SessionOptions {
     let clock = args.clock.map(|c| match c {
         ClockKind::Callback => Clock::Callback,
         ClockKind::Paced => Clock::Paced,
@@ -94,6 +105,7 @@ pub fn options(args: &DeviceArgs, device: Option<Request>) -> SessionOptions {
         start_s: START_S,
         realtime: true,
         reins: Reins::stopped_by(stop_flag()),
+        keeper: Some(Box::new(coils)),
     }
 }
 
@@ -123,7 +135,11 @@ pub fn failed(error: SessionError) -> Failure {
 
 /// A device that cannot be had, in words that help.
 pub fn not_had(error: SessionError, options: Options) -> Failure {
-    let SessionError::Device(e) = error else { return Failure::Machine(error.to_string()) };
+    let e = match error {
+        SessionError::Device(e) => e,
+        SessionError::Refused(d) => return d.into(),
+        other => return Failure::Machine(other.to_string()),
+    };
     let option = match &e {
         OpenError::NoHost { .. } | OpenError::HostAway { .. } => "--host",
         OpenError::NoDevice { side: "input", .. } | OpenError::Description { side: "input", .. } => {

@@ -21,6 +21,7 @@ use super::recordings::Recordings;
 use crate::args::Run;
 use crate::failure::Failure;
 use crate::kinds::Kinds;
+use crate::machine::Ceiling;
 use crate::watch::{Files, POLL, Stamps, named, readers, stamps};
 
 /// Makes the graph anew when something changes, and sends it to where it is played.
@@ -29,6 +30,8 @@ pub struct Editor {
     kinds: Arc<Mutex<Kinds>>,
     /// Files of the plugins that the graph was made with.
     plugins: Vec<PathBuf>,
+    /// What the machine's file says of the device.
+    ceiling: Option<Ceiling>,
     /// The file of the graph that runs.
     base: Option<GraphFile>,
     /// The files, where they are watched, and when they were last looked at.
@@ -125,6 +128,7 @@ impl Editor {
             args: args.clone(),
             kinds: Arc::new(Mutex::new(Kinds::new(&args.graph.plugins.plugin))),
             plugins: Vec::new(),
+            ceiling: None,
             base: None,
             files: None,
             chosen: Vec::new(),
@@ -134,6 +138,11 @@ impl Editor {
             choices: VecDeque::new(),
             job: None,
         }
+    }
+
+    /// Graphs are held to what the machine's file says.
+    pub fn hold_to(&mut self, ceiling: Option<Ceiling>) {
+        self.ceiling = ceiling;
     }
 
     /// Files of the plugins that the graph was made with.
@@ -338,6 +347,14 @@ impl Editor {
             Edit::File(edit) => readers(playing.conductor.schedule(), &edit.changed),
             Edit::Choice(..) => Vec::new(),
         };
+        let allowed = self.ceiling.as_ref().map_or(Ok(()), |ceiling| {
+            let schedule = &made.compiled.schedule;
+            ceiling.check(&playing.conductor.channels_after(&made.graph, schedule), schedule)
+        });
+        if let Err(d) = allowed {
+            closing::elsewhere(move || drop(opened));
+            return Some(self.refused(edit, &d.into(), playing));
+        }
         let ends = std::mem::take(&mut opened.ends);
         let sent = playing.conductor.swap(made.compiled, &made.graph, &changed, ends, made.materials);
         let report = match sent {

@@ -83,7 +83,9 @@ pub fn run(args: &Run) -> Result<ExitCode, Failure> {
     }
 
     let recorded = request.as_ref().map_or(0, |r| r.inputs.len());
-    let session_options = card::options(&args.device, request);
+    let coils = card::coils(&args.device, schedule)?;
+    editor.hold_to(coils.ceiling());
+    let session_options = card::options(&args.device, request, coils);
     let mut shows = Shows::open(args, &session_options.reins, &mut hands)?;
     for node in schedule.nodes.iter().filter(|n| n.kind == "osc_input") {
         let text = |name: &str| node.params.text(name).to_owned();

@@ -88,6 +88,7 @@ pub fn play(
 ) -> Result<(Ended, bool), Failure> {
     let schedule: &Schedule = &compiled.schedule;
     let request = card::request(args, schedule)?;
+    let coils = card::coils(args, schedule)?;
     let recorded = request.as_ref().map_or(0, |r| r.inputs.len());
     let (writer, reader) = mic(recorded, schedule.audio_hz, schedule.tick_hz);
     let listener = writer.listener();
@@ -95,7 +96,7 @@ pub fn play(
     let (conductor, player) = conduct(compiled, &graph, Options::default(), ends, reader, Vec::new());
     let not_had = |e| card::not_had(e, card::OF_COMMAND);
     let stop = stop_flag();
-    let options = asperity_live::SessionOptions { start_s, ..card::options(args, request) };
+    let options = asperity_live::SessionOptions { start_s, ..card::options(args, request, coils) };
     let mut session = Session::start(conductor, player, writer, options).map_err(not_had)?;
     let mut whole = true;
     loop {

@@ -9,7 +9,7 @@ use asperity_live::view::TimingView;
 use serde_json::{Map, Value, json};
 
 use crate::args;
-use crate::render::report::{fact_json, out_of_range};
+use crate::render::report::{clipped, cut_at_full_scale, fact_json, out_of_range};
 
 /// What was run.
 pub struct Run<'a> {
@@ -68,6 +68,8 @@ pub fn json(run: &Run<'_>) -> String {
         "recovery_us": figures(recovery_us),
         "underruns": view.underruns,
         "lost_samples": view.lost_samples,
+        "guarded_samples": view.guarded,
+        "clipped_samples": run.ended.player.as_ref().map_or(0, |p| clipped(p.engine())),
         "xruns": view.xruns,
         "losses": view.losses,
         "skipped_ticks": view.skipped_ticks,
@@ -129,6 +131,14 @@ pub fn summary(run: &Run<'_>, written: &[PathBuf]) -> String {
                 view.device, view.underruns, view.lost_samples, view.xruns, view.losses
             ),
         );
+    }
+    if view.guarded > 0 {
+        let text = format!("{} samples were held to the actuator's limits behind the graph", view.guarded);
+        line("guard", text);
+    }
+    let clipped = run.ended.player.as_ref().map_or(0, |p| clipped(p.engine()));
+    if clipped > 0 {
+        line("output", cut_at_full_scale(clipped));
     }
     if view.recording_gaps > 0 {
         line("recorded", format!("{} samples are missing", view.recording_gaps));

@@ -125,10 +125,15 @@ fn realtime_factor(run: &Run<'_>, schedule: &Schedule) -> f64 {
 }
 
 /// Samples that did not fit a card's full scale.
-fn clipped(engine: &Engine) -> u64 {
+pub fn clipped(engine: &Engine) -> u64 {
     let nodes = 0..engine.schedule().nodes.len();
     let facts = nodes.flat_map(|i| engine.facts(i)).filter(|f| f.name == "clipped_samples");
     facts.map(|f| if let FactValue::Count(n) = f.value { n } else { 0 }).sum()
+}
+
+/// What a person is told of them.
+pub fn cut_at_full_scale(samples: u64) -> String {
+    format!("{samples} samples were cut at the card's full scale: raise its volts or amplify more")
 }
 
 /// The report as JSON.
@@ -224,12 +229,7 @@ pub fn summary(run: &Run<'_>, engine: &Engine, times: &Times, level: &Level, wri
         }
         let clipped = clipped(engine);
         if clipped > 0 {
-            line(
-                "",
-                format!(
-                    "{clipped} samples were cut at the card's full scale: raise its volts or amplify more"
-                ),
-            );
+            line("", cut_at_full_scale(clipped));
         }
     }
     for (i, node) in schedule.nodes.iter().enumerate() {

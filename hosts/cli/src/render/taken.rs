@@ -101,8 +101,8 @@ impl Taken {
         self.recorders.iter_mut().for_each(|r| r.follow(moved));
         let Beside { scene, outlet } = self.beside.take().unwrap_or_default();
         if let Some(before) = &mut self.outlet {
-            let before = std::mem::replace(before, outlet);
-            self.outlet.as_mut().into_iter().for_each(|outlet| outlet.go_on(&before));
+            let mut before = std::mem::replace(before, outlet);
+            self.outlet.as_mut().into_iter().for_each(|outlet| outlet.go_on(&mut before));
         }
         if let Some(traces) = &mut self.traces {
             traces.follow(&schedule, scene);

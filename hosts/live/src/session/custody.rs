@@ -3,8 +3,10 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use asperity_node::Diagnostic;
+
 use crate::driver::Slot;
-use crate::outlet::{Gate, Standing};
+use crate::outlet::{Gate, Outlet, Standing};
 
 /// How often the coils' heat is taken down.
 const EVERY: Duration = Duration::from_secs(1);
@@ -16,19 +18,21 @@ pub struct Opened {
     pub id: String,
     /// Its name for a person, with its host.
     pub name: String,
-    /// Channels of the device, from 1, one for each that the graph plays on.
-    pub channels: Vec<u16>,
+    /// Channels of the device, from 1, with the node of the graph that plays on each.
+    pub channels: Vec<(u16, String)>,
     /// The coils of the graph's actuators.
     pub coils: Vec<Option<Standing>>,
 }
 
 /// What a run may do with the coils of a device, and what is known of them.
-#[derive(Clone, Debug)]
+#[derive(Debug, Default)]
 pub struct Terms {
     /// How warm each coil is \[A^2\].
     pub heat: Vec<f64>,
-    /// This run's part of every limit, from 0 to 1.
-    pub share: f32,
+    /// This run's part of every limit, from 0 to 1; none for all of it.
+    pub share: Option<f32>,
+    /// Guards that hold on their channels whatever graph plays, in the place of the graph's own.
+    pub machine: Outlet,
     /// What a person should know.
     pub notices: Vec<String>,
 }
@@ -39,7 +43,7 @@ pub trait Keeper: Send + std::fmt::Debug {
     ///
     /// # Errors
     /// Why it may not be played on.
-    fn opened(&mut self, device: &Opened) -> Result<Terms, String>;
+    fn opened(&mut self, device: &Opened) -> Result<Terms, Diagnostic>;
 
     /// Takes down how the coils stand: once a second, and before the end.
     fn note(&mut self, coils: &[Option<Standing>]);
@@ -63,11 +67,11 @@ impl Custody {
     }
 
     /// A device is open, and nothing plays on it yet. Answers what a person should know.
-    pub(super) fn open(&mut self, device: &Opened) -> Result<Vec<String>, String> {
+    pub(super) fn open(&mut self, device: &Opened) -> Result<Vec<String>, Diagnostic> {
         let Some(keeper) = &mut self.keeper else { return Ok(Vec::new()) };
         let terms = keeper.opened(device)?;
         if let Some(Some(gate)) = self.gate.enter().as_deref_mut() {
-            gate.begin(&terms.heat, terms.share);
+            gate.begin(&terms.heat, terms.share.unwrap_or(1.0), terms.machine);
         }
         self.opened = true;
         Ok(terms.notices)

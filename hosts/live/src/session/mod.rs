@@ -11,6 +11,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use asperity_audio::{OpenError, Request, Stats};
+use asperity_node::Diagnostic;
 
 use crate::driver::{Callback, Clock, Controls, Options, Paced, Timer, choose};
 use crate::latency::of_graph;
@@ -58,7 +59,7 @@ pub enum SessionError {
     /// The device cannot be had.
     Device(OpenError),
     /// The device may not be played on.
-    Refused(String),
+    Refused(Diagnostic),
     /// The system gives no thread.
     Thread(std::io::Error),
 }
@@ -67,7 +68,7 @@ impl std::fmt::Display for SessionError {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             Self::Device(e) => e.fmt(f),
-            Self::Refused(reason) => f.write_str(reason),
+            Self::Refused(d) => f.write_str(&d.message),
             Self::Thread(e) => write!(f, "the system gives no thread: {e}"),
         }
     }
@@ -164,7 +165,7 @@ impl Session {
                 let opened = Opened {
                     id: card.stream().id(),
                     name: it.name.clone(),
-                    channels: request.channels.clone(),
+                    channels: it.conductor.channels_of(card.stream().channels()),
                     coils: it.conductor.gate().standing(),
                 };
                 it.notices.extend(it.custody.open(&opened).map_err(SessionError::Refused)?);
@@ -250,6 +251,7 @@ impl Session {
             timing: self.meters.timing(),
             underruns: self.meters.underruns.get(),
             lost_samples: self.meters.lost_samples.get(),
+            guarded: self.conductor.gate().seen.changed(),
             xruns: self.count_xruns(),
             losses: self.meters.losses.get(),
             skipped_ticks: self.meters.skipped_ticks.get(),

@@ -8,6 +8,8 @@ use super::{Drive, Limiter};
 /// A sample is left as it is where the walls would move it by less than this part of the peak: what is rounded to f32
 /// twice, and counted in other units between, comes no closer.
 const ROUNDING: f64 = 1e-5;
+/// A sample at the peak, rounded to f32 twice, is no further over it.
+const TWICE_ROUNDED: f64 = 2e-7;
 /// DC as the limiter measures it never goes further beyond its ceiling than by what the slew makes late.
 const DC_WALL: f64 = 1.1;
 
@@ -47,7 +49,8 @@ impl ChannelGuard {
             let pushes_on = self.dc.abs() > DC_WALL * f.ceiling && asked * self.dc > 0.0;
             let held = self.given.hold::<VOLTAGE>(f, if pushes_on { 0.0 } else { asked }, false).sample;
             let mut y = asked;
-            if (held - asked).abs() > ROUNDING * f.peak || !sample.is_finite() {
+            let over = asked.abs() > f.peak * (1.0 + TWICE_ROUNDED);
+            if (held - asked).abs() > ROUNDING * f.peak || over || !sample.is_finite() {
                 *sample = (held / unit) as f32;
                 if f64::from(*sample).abs() * unit > f.peak {
                     *sample = if held > 0.0 { sample.next_down() } else { sample.next_up() };

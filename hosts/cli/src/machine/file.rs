@@ -1,0 +1,256 @@
+//! The machine's file: the actuator, the card and the amplifier behind each channel of a device. No graph can raise its limits.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use asperity_graph::{Schedule, ScheduledNode};
+use asperity_live::{Opened, Outlet};
+use asperity_node::{Guard, Unit};
+use asperity_source::ron::{Value, parse};
+use asperity_source::{Diagnostic, Place, Source};
+use asperity_world::actuator::{ActuatorProfile, Drive, Dynamics, Limiter, LimiterSettings};
+
+/// Numbers that are the same but for how they are written.
+const SAME: f64 = 1e-6;
+
+/// The file.
+#[derive(Clone, Debug)]
+pub struct Machine {
+    pub source: Arc<Source>,
+    pub outputs: Vec<Output>,
+    /// The list of outputs, in the text.
+    pub list: Place,
+}
+
+/// What stands behind one channel of a device.
+#[derive(Clone, Debug)]
+pub struct Output {
+    /// The device's name or id.
+    pub device: String,
+    /// From 1.
+    pub channel: u16,
+    /// The actuator on its handle.
+    pub actuator: Dynamics,
+    /// Peak volts of the card at full scale.
+    pub volts_at_full_scale: f64,
+    /// Current amplifier \[A/V\], or voltage amplifier \[V/V\].
+    pub amplifier: (Drive, f64),
+    /// Most volts that the card may put out.
+    pub most_volts: f64,
+    /// The entry, in the text.
+    pub place: Place,
+}
+
+/// The file in the user's configuration folder; none where there is no such folder.
+pub fn default_path() -> Option<PathBuf> {
+    Some(dirs::config_dir()?.join("asperity").join("machine.ron"))
+}
+
+impl Machine {
+    /// Reads the file that is named; else the user's own, where there is one.
+    pub fn find(named: Option<&Path>) -> Result<Option<Self>, Diagnostic> {
+        if let Some(path) = named {
+            return Self::read(path).map(Some);
+        }
+        default_path().filter(|path| path.exists()).map(|path| Self::read(&path)).transpose()
+    }
+
+    /// Reads a file.
+    pub fn read(path: &Path) -> Result<Self, Diagnostic> {
+        Self::parse(&Source::read(path)?)
+    }
+
+    /// Reads its text.
+    pub fn parse(source: &Arc<Source>) -> Result<Self, Diagnostic> {
+        let root = parse(source)?;
+        let mut record = root.record("Machine")?;
+        let version = record.required("version")?;
+        if version.i64()? != 1 {
+            return Err(version.error("this version is not known").help("write `version: 1`"));
+        }
+        let list = record.required("outputs")?;
+        record.finish(&["version", "outputs"])?;
+        let base = source.path().parent().unwrap_or(Path::new(""));
+        let outputs: Vec<Output> =
+            list.list()?.iter().map(|value| output(value, base)).collect::<Result<_, _>>()?;
+        for (i, twice) in outputs.iter().enumerate() {
+            if let Some(first) =
+                outputs[..i].iter().find(|o| o.device == twice.device && o.channel == twice.channel)
+            {
+                let message = format!("channel {} of `{}` stands here twice", twice.channel, twice.device);
+                return Err(Diagnostic::new(message).at(&twice.place.source, twice.place.span).related(
+                    &first.place.source,
+                    first.place.span,
+                    "first here",
+                ));
+            }
+        }
+        let list = list.place();
+        Ok(Self { source: source.clone(), outputs, list })
+    }
+
+    /// What it says of a channel of a device.
+    pub fn output(&self, device: &Opened, channel: u16) -> Option<&Output> {
+        let names = [device.id.as_str(), device.name.as_str()];
+        let short = device.name.rsplit_once(" (").map_or("", |(name, _)| name);
+        let is =
+            |o: &&Output| o.channel == channel && (names.contains(&o.device.as_str()) || o.device == short);
+        self.outputs.iter().find(is)
+    }
+
+    /// Refuses a graph that says something else of what is behind a device. `playing` are its nodes by channel.
+    pub fn check(
+        &self,
+        device: &Opened,
+        playing: &[(u16, String)],
+        schedule: &Schedule,
+    ) -> Result<(), Diagnostic> {
+        for (channel, id) in playing {
+            let node = schedule.index_of(id).map(|i| &schedule.nodes[i]);
+            if let (Some(output), Some(node)) = (self.output(device, *channel), node) {
+                output.check(node, schedule)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Guards for the channels that it knows.
+    pub fn guards(&self, device: &Opened, rate_hz: u32) -> Result<Outlet, Diagnostic> {
+        let guard = |(channel, _): &(u16, String)| {
+            self.output(device, *channel).map(|output| output.guard(rate_hz)).transpose()
+        };
+        Ok(Outlet::staying(device.channels.iter().map(guard).collect::<Result<Vec<_>, _>>()?))
+    }
+}
+
+impl Output {
+    /// What holds the channel to its limits, and the drive at full scale \[A or V\].
+    fn guard(&self, rate_hz: u32) -> Result<(Box<dyn Guard>, f64), Diagnostic> {
+        let (drive, gain) = self.amplifier;
+        let mut actuator = self.actuator;
+        let most = self.most_volts * gain;
+        match drive {
+            Drive::Current => actuator.peak_current = actuator.peak_current.min(most),
+            Drive::Voltage => actuator.peak_voltage = actuator.peak_voltage.min(most),
+        }
+        let limiter = Limiter::new(&actuator, drive, f64::from(rate_hz), LimiterSettings::default())
+            .map_err(|e| self.error(e.to_string()))?;
+        Ok((Box::new(limiter.guard()), gain * self.volts_at_full_scale))
+    }
+
+    fn error(&self, message: String) -> Diagnostic {
+        Diagnostic::new(message).at(&self.place.source, self.place.span)
+    }
+
+    /// Refuses a node that plays on this channel and says something else of it.
+    fn check(&self, out: &ScheduledNode, schedule: &Schedule) -> Result<(), Diagnostic> {
+        let amps = out.inputs.first().and_then(|i| i.port.as_ref()).is_some_and(|p| p.unit == Unit::AMPERE);
+        let (drive, gain) = self.amplifier;
+        let (name, unit) = if amps { ("amps_per_volt", "A/V") } else { ("volts_per_volt", "V/V") };
+        if amps != (drive == Drive::Current) {
+            let (graph, machine) = if amps { ("current", "voltage") } else { ("voltage", "current") };
+            let message =
+                format!("`{}` plays a {graph}, and a {machine} amplifier stands behind its channel", out.id);
+            return Err(self.contradicts(out, "", message));
+        }
+        for (name, is, unit) in [("volts_at_full_scale", self.volts_at_full_scale, "V"), (name, gain, unit)] {
+            let said = out.params.number(name);
+            if (said - is).abs() > SAME * is {
+                let message =
+                    format!("`{}.{name}` is {said} {unit}, and the machine's file says {is} {unit}", out.id);
+                return Err(self.contradicts(out, name, message));
+            }
+        }
+        let limiter = out.inputs.first().and_then(|i| i.from).map(|(node, _)| &schedule.nodes[node]);
+        limiter.map_or(Ok(()), |limiter| self.check_actuator(limiter))
+    }
+
+    /// Refuses a limiter for another actuator, or for one that stands more.
+    fn check_actuator(&self, limiter: &ScheduledNode) -> Result<(), Diagnostic> {
+        let base = limiter.params.place("profile").or(limiter.params.node_place());
+        let base = base.and_then(|p| p.source.path().parent()).unwrap_or(Path::new(""));
+        let profile = ActuatorProfile::find(limiter.params.text("profile"), base)?;
+        let said = Dynamics::new(&profile, limiter.params.number("handle_mass_g"))
+            .map_err(|e| limiter.params.node_error(e.to_string()))?;
+        let is = &self.actuator;
+        let same = [
+            ("handle mass", said.handle_mass, is.handle_mass),
+            ("moving mass", said.moving_mass, is.moving_mass),
+            ("stiffness", said.stiffness, is.stiffness),
+            ("damping", said.damping, is.damping),
+            ("force factor", said.force_factor, is.force_factor),
+            ("resistance", said.resistance, is.resistance),
+            ("inductance", said.inductance, is.inductance),
+        ];
+        let other = same.into_iter().find(|(_, said, is)| (said - is).abs() > SAME * is);
+        if let Some((what, ..)) = other {
+            let message =
+                format!("the {what} of `{}`'s actuator is not that of the machine's file", limiter.id);
+            let param = if what == "handle mass" { "handle_mass_g" } else { "profile" };
+            return Err(self.contradicts(limiter, param, message));
+        }
+        let most = [
+            ("rated current", said.rated_current, is.rated_current),
+            ("peak current", said.peak_current, is.peak_current),
+            ("peak voltage", said.peak_voltage, is.peak_voltage),
+            ("stroke", said.stroke, is.stroke),
+        ];
+        if let Some((what, ..)) = most.into_iter().find(|(_, said, is)| *said > is * (1.0 + SAME)) {
+            let message =
+                format!("the {what} of `{}`'s profile is above that of the machine's file", limiter.id);
+            return Err(self.contradicts(limiter, "profile", message));
+        }
+        Ok(())
+    }
+
+    /// An error that names both places.
+    fn contradicts(&self, node: &ScheduledNode, param: &str, message: String) -> Diagnostic {
+        let at = self.place.position();
+        let file = self.place.source.path().display();
+        node.params
+            .error(param, message)
+            .related(&self.place.source, self.place.span, "what the machine's file says")
+            .help(format!(
+                "{file}:{}:{} says what stands behind channel {} of `{}`; correct the graph, or that file",
+                at.line, at.column, self.channel, self.device
+            ))
+    }
+}
+
+fn output(value: &Value, base: &Path) -> Result<Output, Diagnostic> {
+    let mut record = value.record("")?;
+    let device = record.required("device")?.text()?.to_owned();
+    let channel = record.required("channel")?.i64_in(1..=4096, "")? as u16;
+    let profile = record.required("profile")?;
+    let handle = record.required("handle_mass_g")?;
+    let volts_at_full_scale = record.required("volts_at_full_scale")?.f64_in(1e-3..=100.0, "V")?;
+    let amps = record.optional("amps_per_volt");
+    let volts = record.optional("volts_per_volt");
+    let most = record.optional("most_volts");
+    let amplifier = match (amps, volts) {
+        (Some(gain), None) => (Drive::Current, gain.f64_in(1e-3..=100.0, "A/V")?),
+        (None, Some(gain)) => (Drive::Voltage, gain.f64_in(1e-3..=1000.0, "V/V")?),
+        _ => {
+            return Err(value
+                .error("the amplifier is not said")
+                .help("amps_per_volt: of a current amplifier; or volts_per_volt: of a voltage amplifier"));
+        }
+    };
+    let most_volts = most.map_or(Ok(volts_at_full_scale), |v| v.f64_in(1e-3..=100.0, "V"))?;
+    record.finish(&[
+        "device",
+        "channel",
+        "profile",
+        "handle_mass_g",
+        "volts_at_full_scale",
+        "amps_per_volt",
+        "volts_per_volt",
+        "most_volts",
+    ])?;
+    let found = ActuatorProfile::find(profile.text()?, base).map_err(|d| {
+        if d.path().is_some() { d } else { profile.error(d.message).help(d.help.unwrap_or_default()) }
+    })?;
+    let actuator = Dynamics::new(&found, handle.f64_in(1.0..=10_000.0, "g")?)
+        .map_err(|e| handle.error(e.to_string()))?;
+    Ok(Output { device, channel, actuator, volts_at_full_scale, amplifier, most_volts, place: value.place() })
+}
