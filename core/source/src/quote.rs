@@ -5,7 +5,7 @@ const MOST: usize = 80;
 
 /// Cuts every text that stands in `` ` `` or `"` to 80 characters, with `…` for the rest.
 ///
-/// Every part of a [`Diagnostic`](crate::Diagnostic) goes through here: a long name must not hide what is said of it.
+/// Every part of a [`Diagnostic`](crate::Diagnostic) goes through here: a long name must not hide the rest.
 pub(crate) fn cut(text: String) -> String {
     if text.len() <= MOST {
         return text;

@@ -11,7 +11,7 @@ use miette::{GraphicalReportHandler, GraphicalTheme, LabeledSpan, NamedSource};
 /// Why a command did not do what it was asked.
 #[derive(Debug)]
 pub enum Failure {
-    /// Something the user gave is wrong: exit code 2. Where no more files can be opened, that is not the user's: 1.
+    /// Something the user gave is wrong: exit code 2; or no more files can be opened to read it: 1.
     Input(Vec<Diagnostic>),
     /// The machine did not play along, such as a full disk: exit code 1.
     Machine(String),

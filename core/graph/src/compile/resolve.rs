@@ -121,7 +121,7 @@ fn node(
     Some(node)
 }
 
-/// What was probably meant is looked for in so many errors only: it is each wrong name against each right one.
+/// Most errors for which a likely name is looked for: each wrong name is compared with each right one.
 const MAX_GUESSES: usize = 100;
 
 /// Adds an error, with a guess at what was meant as its help.

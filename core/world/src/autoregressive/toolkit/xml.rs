@@ -9,7 +9,7 @@ use roxmltree::{Document, Node, ParsingOptions};
 /// Most elements, attributes and texts of a file.
 const MAX_NODES: u32 = 4_000_000;
 
-/// Most attributes of one element: the parser compares each with all others, and those of a toolkit file are a handful.
+/// Most attributes of one element: the parser compares each with all others. A toolkit file has a handful.
 const MAX_ATTRIBUTES: usize = 1000;
 
 /// Numbers and where they stand.

@@ -151,8 +151,9 @@ fn study(args: &Tradeoff) -> Result<(Study, Graphs), Failure> {
     Ok((study, graphs))
 }
 
-/// A graph, or what a scene lowers to, with what the command line changes: wrong settings show before anything is
-/// written.
+/// A graph, or what a scene lowers to, with what the command line changes.
+///
+/// Wrong settings are found here, before anything is written.
 fn base(path: &Path, args: &Tradeoff) -> Result<Base, Failure> {
     let mut base = base_as_it_is(path, &args.plugins)?;
     for assignment in &args.set {
