@@ -117,8 +117,8 @@ fn what_is_no_plugin_is_refused_before_any_of_it_runs() {
         fs::write(at(name), bytes).unwrap();
         refusal(&at(name))
     };
-    assert!(refusal(&at("missing.so")).contains("cannot read this plugin: No such file"));
-    assert!(refusal(dir.path()).contains("this is not a file"));
+    assert!(refusal(&at("missing.so")).contains("cannot read this file: No such file"));
+    assert!(refusal(dir.path()).contains("this is a folder; a regular file is needed"));
     assert!(write("text.so", b"hello, I am a text\n").contains("this is not a shared library"));
     assert!(write("empty.so", b"").contains("this file is empty"));
     for cut in [good.len() / 4, good.len() / 2, 3 * good.len() / 4] {
@@ -172,7 +172,7 @@ fn a_graph_names_its_plugin_by_file_or_by_name_and_errors_point_there() {
     assert!(code == Some(0) && said.contains("nowhere: cannot look for plugins here"), "{said}");
     graph("plugins/libtld.so");
     let ran = run(dir.path(), &["check", "g.ron"]);
-    assert!(ran.code == 2 && ran.err.contains("libtld.so: error: cannot read this plugin"), "{}", ran.err);
+    assert!(ran.code == 2 && ran.err.contains("libtld.so: error: cannot read this file"), "{}", ran.err);
     assert!(ran.err.contains("g.ron:2:13"), "{}", ran.err);
     // A kind that is there twice, and one that is built in.
     fs::copy(plugins::rust("asperity-test-panics"), dir.path().join("libpanics.so")).unwrap();

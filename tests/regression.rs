@@ -2,9 +2,11 @@
 
 mod common;
 
-use std::process::Stdio;
+use std::path::Path;
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
 
-use common::{asperity, files, graphs, run};
+use common::{Ran, asperity, files, graphs, run};
 
 fn heravi() -> String {
     graphs("heravi2024.ron").display().to_string()
@@ -213,4 +215,127 @@ fn a_model_with_a_nan_among_its_weights_is_refused_at_load() {
     assert_eq!(ran.code, 2, "{}{}", ran.out, ran.err);
     assert!(ran.err.contains("nan.onnx: error:") && ran.err.contains("not finite at element"), "{}", ran.err);
     assert_eq!(files(dir.path()), ["nan.onnx"]);
+}
+
+/// Runs the program, which must end by itself in so many seconds.
+fn run_within(seconds: f64, dir: &Path, args: &[&str]) -> Ran {
+    let out = std::fs::File::create(dir.join("out")).unwrap();
+    let mut child = asperity(dir).args(args).stdout(Stdio::null()).stderr(out).spawn().unwrap();
+    let began = Instant::now();
+    let code = loop {
+        if let Some(status) = child.try_wait().unwrap() {
+            break status.code().unwrap_or(-1);
+        }
+        if began.elapsed().as_secs_f64() > seconds {
+            child.kill().unwrap();
+            child.wait().unwrap();
+            panic!("{args:?} took more than {seconds} s");
+        }
+        std::thread::sleep(Duration::from_millis(10));
+    };
+    Ran { code, out: String::new(), err: std::fs::read_to_string(dir.join("out")).unwrap() }
+}
+
+#[cfg(unix)]
+#[test]
+fn named_pipe_is_refused_by_every_reader() {
+    let dir = tempfile::tempdir().unwrap();
+    let scene = r#"Scene(version: 1, input: stroke(), actuator: (profile: "hapcoil_one", handle_mass_g: 100),
+        output: audio_out(volts_at_full_scale: 1, amps_per_volt: 1),
+        surfaces: {"a": (shape: plane(), effects: (stiffness: (stiffness_n_per_mm: 0.5),
+        texture: waveform(recording: (file: "pipe.wav", speed_mm_s: 50, full_scale_m_s2: 9))))})"#;
+    std::fs::write(dir.path().join("s.ron"), scene).unwrap();
+    let channel = |name| format!("(quantity: \"{name}\", full_scale: 9),");
+    let channels: String = ["force_n", "speed_mm_s", "ax_m_s2"].map(channel).concat();
+    std::fs::write(dir.path().join("recording.ron"), format!("Recording(channels: [{channels}])")).unwrap();
+    for name in ["pipe.wav", "pipe.onnx", "pipe.ron", "pipe.npy", "pipe.png", "pipe.so"] {
+        assert!(Command::new("mkfifo").arg(dir.path().join(name)).status().unwrap().success());
+    }
+    let surfaces = graphs("models/surfaces");
+    let library = surfaces.join("materials.ron").display().to_string();
+    let picture = surfaces.join("pictures/spark_eroded_plastic.jpg").display().to_string();
+    for args in [
+        ["check", "s.ron"].as_slice(),
+        &["check", "pipe.ron"],
+        &["choose", "pipe.ron"],
+        &["encode", "pipe.png", "--library", &library, "--dry-run"],
+        &["encode", &picture, "--library", &library, "--dry-run", "--encoder", "pipe.onnx"],
+        &["check", &heravi(), "--set", "texture.model=pipe.onnx"],
+        &["fit-ar", "pipe.wav", "--out", "t.ron"],
+        &["fit-ar", "pipe.npy", "--columns", "force_n", "--rate-hz", "1000", "--out", "t.ron"],
+        &["invert", "--magnitudes", "pipe.npy", "--rate", "2500", "--out", "o.wav"],
+        &["plugin", "check", "./pipe.so"],
+    ] {
+        let ran = run_within(5.0, dir.path(), args);
+        assert!(ran.err.contains("is a named pipe; a regular file is needed"), "{args:?}: {}", ran.err);
+        assert_eq!(ran.code, 2, "{args:?}: {}", ran.err);
+    }
+    let ran = run_within(5.0, dir.path(), &["choose", "/dev/zero"]);
+    assert!(ran.code == 2 && ran.err.contains("this is a device; a regular file is needed"), "{}", ran.err);
+}
+
+#[test]
+fn graph_of_20000_errors_is_checked_at_once() {
+    let dir = tempfile::tempdir().unwrap();
+    let nodes = |kind: fn(usize) -> String| -> String {
+        (0..20_000).map(|i| format!("\"n{i}\": (kind: \"{}\"),\n", kind(i))).collect()
+    };
+    let wires = |wire: fn(usize) -> String| -> String { (0..20_000).map(wire).collect() };
+    let gains = nodes(|_| "gain".into());
+    for (errors, nodes, wires) in [
+        ("20,000", nodes(|i| format!("unknown_kind_{i}")), String::new()),
+        ("40,000", gains.clone(), wires(|i| format!("(\"x{i}\", \"y{i}\"),\n"))),
+        ("19,999", gains.clone(), wires(|_| "(\"n0\", \"n1\"),\n".into())),
+        ("20,000", gains.clone(), wires(|i| format!("(\"n0\", \"n{i}.nowhere\"),\n"))),
+        (
+            "20,000",
+            gains.replace("gain", "velocity"),
+            wires(|i| format!("(\"n{i}.speed\", \"n{i}.position\"),\n")),
+        ),
+    ] {
+        let text = format!("Graph(version: 1, nodes: {{{nodes}}}, wires: [{wires}])");
+        std::fs::write(dir.path().join("g.ron"), text).unwrap();
+        let began = Instant::now();
+        let ran = run_within(10.0, dir.path(), &["check", "g.ron"]);
+        eprintln!("{errors} errors: {:?}", began.elapsed());
+        assert_eq!(ran.code, 2, "{}", ran.err);
+        assert_eq!(ran.err.matches(" error: ").count(), 50, "{errors}");
+        assert!(ran.err.ends_with(&format!("{errors} errors; nothing was started, nothing written\n")));
+        let more = if errors == "20,000" { "... and 19,950 more errors" } else { "... and " };
+        assert!(ran.err.contains(more), "{}", &ran.err[ran.err.len() - 200..]);
+    }
+}
+
+#[test]
+fn long_name_in_an_error_is_cut() {
+    let dir = tempfile::tempdir().unwrap();
+    let text = format!("Graph(version: 1, nodes: {{\"a\": (kind: \"{}\")}})", "k".repeat(1_000_000));
+    std::fs::write(dir.path().join("g.ron"), text).unwrap();
+    let ran = run_within(5.0, dir.path(), &["check", "g.ron"]);
+    let told = format!("there is no node kind `{}…`", "k".repeat(80));
+    assert!(ran.code == 2 && ran.err.contains(&told), "{}", ran.err);
+}
+
+#[cfg(unix)]
+#[test]
+fn limit_on_open_files_is_named() {
+    let dir = tempfile::tempdir().unwrap();
+    let program = env!("CARGO_BIN_EXE_asperity");
+    for (most, args) in [(5, "--probe motion.speed=v.csv --report r.json --out o.wav"), (4, "--out o.wav")] {
+        let line = format!("ulimit -n {most}; exec {program} render {} --seconds 0.1 {args}", heravi());
+        let out = Command::new("sh").args(["-c", &line]).current_dir(dir.path()).output().unwrap();
+        let err = String::from_utf8_lossy(&out.stderr);
+        assert!(err.contains("Too many open files") && err.contains("`ulimit -n 1024`"), "{err}");
+        assert_eq!(out.status.code(), Some(1), "{err}");
+    }
+}
+
+#[test]
+fn tradeoff_of_a_wrong_setting_leaves_no_folder() {
+    let dir = tempfile::tempdir().unwrap();
+    for (set, says) in [("motion.cutoff_hz=1e9", "out of range"), ("motion.nope=3", "no parameter `nope`")] {
+        let ran = run(dir.path(), &["tradeoff", &heravi(), "--out", "found", "--set", set]);
+        assert!(ran.code == 2 && ran.err.contains(says), "{}: {}", ran.code, ran.err);
+        assert!(files(dir.path()).is_empty(), "{set}");
+    }
 }

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use asperity_node::{Descriptor, Param, ParamKind, ParamValue, Params};
+use asperity_source::file::irregular;
 use asperity_source::{Diagnostic, Place, nearest, one_of};
 
 use crate::{NodeDecl, Setting};
@@ -104,8 +105,10 @@ fn file(setting: &Setting, text: &str) -> Result<PathBuf, Diagnostic> {
     let base = value.source().path().parent().unwrap_or(Path::new(""));
     let path = base.join(text);
     match std::fs::metadata(&path) {
-        Ok(meta) if meta.is_file() => Ok(path),
-        Ok(_) => Err(value.error(format!("{} is not a file", path.display()))),
+        Ok(meta) => match irregular(&meta) {
+            None => Ok(path),
+            Some(what) => Err(value.error(format!("{} is {what}", path.display()))),
+        },
         Err(e) => {
             let d = value.error(format!("cannot find the file {}: {e}", path.display()));
             Err(match neighbour(&path) {

@@ -1,12 +1,11 @@
 //! The file: what it is, before any of its code runs, and the copy that is loaded.
 
-use std::fs;
 use std::io::Write;
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use asperity_abi::ASPERITY_ENTRY_SYMBOL;
-use asperity_source::{Diagnostic, fnv};
+use asperity_source::{Diagnostic, file, fnv};
 use libloading::Library;
 use object::read::NameOrOrdinal;
 use object::{Architecture, BinaryFormat, Object, ObjectKind, ObjectSegment};
@@ -41,26 +40,22 @@ fn here() -> Option<Architecture> {
     }
 }
 
+/// Help for what is no plugin.
+const SHARED: &str = "a plugin is a shared library: .so, .dylib or .dll";
+
 /// Reads a file and makes sure it can be loaded.
 ///
 /// # Errors
 /// A missing or unreadable file, and whatever is no complete shared library for this machine that exports the entry symbol.
 pub(crate) fn read(path: &Path) -> Result<Vec<u8>, Diagnostic> {
     let fail = |message: String| Diagnostic::new(message).in_file(path);
-    let meta = fs::metadata(path).map_err(|e| fail(format!("cannot read this plugin: {e}")))?;
-    if !meta.is_file() {
-        return Err(fail("this is not a file".into()).help("name the plugin's shared library itself"));
-    }
-    if meta.len() > MAX_BYTES {
-        return Err(fail(format!("this file has {} bytes; at most {MAX_BYTES} are read", meta.len())));
-    }
-    let bytes = fs::read(path).map_err(|e| fail(format!("cannot read this plugin: {e}")))?;
+    let bytes = file::read(path, MAX_BYTES).map_err(|e| e.help(SHARED))?;
     check(&bytes).map_err(|(message, help)| fail(message).help(help))?;
     Ok(bytes)
 }
 
 fn check(bytes: &[u8]) -> Result<(), (String, String)> {
-    let is = |what: &str| (what.to_owned(), "a plugin is a shared library: .so, .dylib or .dll".to_owned());
+    let is = |what: &str| (what.to_owned(), SHARED.to_owned());
     if bytes.is_empty() {
         return Err(is("this file is empty"));
     }

@@ -2,7 +2,7 @@
 
 use crate::proto::{self, MAX_ENCODER_BYTES};
 use crate::signature::{TEXTURE_LEN, describe, fed_inputs, is_float, shape};
-use asperity_source::Diagnostic;
+use asperity_source::{Diagnostic, file};
 use asperity_world::tactile::{IMAGE, Image};
 use std::fmt;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -31,7 +31,7 @@ impl Encoder {
     /// not fit (named with the shapes found), or a graph that tract cannot run.
     pub fn load(path: impl AsRef<Path>) -> Result<Self, Diagnostic> {
         let path = path.as_ref();
-        Self::from_bytes(&proto::read_file(path, MAX_ENCODER_BYTES)?, path)
+        Self::from_bytes(&file::read(path, MAX_ENCODER_BYTES)?, path)
     }
 
     /// An encoder that is already in memory; `path` is its name in errors.

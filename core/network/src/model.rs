@@ -6,7 +6,7 @@ use crate::reference::Reference;
 use crate::runner::{Runner, Wanted};
 use crate::signature::match_signature;
 use crate::trained::{Target, Trained};
-use asperity_source::{Diagnostic, Recent, fingerprint};
+use asperity_source::{Diagnostic, Recent, file, fingerprint};
 use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -45,7 +45,7 @@ impl Model {
     /// outright are bounded.
     pub fn load(path: impl AsRef<Path>) -> Result<Self, Diagnostic> {
         let path = path.as_ref();
-        Self::from_bytes(&proto::read_file(path, MAX_MODEL_BYTES)?, path)
+        Self::from_bytes(&file::read(path, MAX_MODEL_BYTES)?, path)
     }
 
     /// As [`load`](Self::load), without work where the same file was loaded lately: what is in it counts,
@@ -55,7 +55,7 @@ impl Model {
     /// As [`load`](Self::load).
     pub fn shared(path: impl AsRef<Path>) -> Result<Arc<Self>, Diagnostic> {
         let path = path.as_ref();
-        let bytes = proto::read_file(path, MAX_MODEL_BYTES)?;
+        let bytes = file::read(path, MAX_MODEL_BYTES)?;
         MODELS.of((path.to_owned(), fingerprint(&bytes)), |_| Self::from_bytes(&bytes, path).map(Arc::new))
     }
 

@@ -4,7 +4,6 @@
 use asperity_source::Diagnostic;
 use prost::Message;
 use std::collections::HashSet;
-use std::io::Read;
 use std::path::Path;
 use tract_onnx::pb::tensor_proto::{DataLocation, DataType};
 use tract_onnx::pb::{AttributeProto, GraphProto, ModelProto, NodeProto, TensorProto};
@@ -17,23 +16,6 @@ pub const MAX_ENCODER_BYTES: u64 = 256 << 20;
 const MAX_NODES: usize = 10_000;
 /// Largest size that a constant shape may ask an operator to fill, in elements.
 const MAX_FILL: f64 = (1 << 24) as f64;
-
-/// Reads at most so many bytes.
-pub(crate) fn read_file(path: &Path, most: u64) -> Result<Vec<u8>, Diagnostic> {
-    let fail = |what: String| Diagnostic::new(what).in_file(path);
-    let file = std::fs::File::open(path).map_err(|e| fail(format!("cannot read this file: {e}")))?;
-    let meta = file.metadata().map_err(|e| fail(format!("cannot read this file: {e}")))?;
-    if !meta.is_file() {
-        return Err(fail("this is not a file".into()));
-    }
-    let mut bytes = Vec::new();
-    let read = file.take(most + 1).read_to_end(&mut bytes);
-    read.map_err(|e| fail(format!("cannot read this file: {e}")))?;
-    if bytes.len() as u64 > most {
-        return Err(fail(format!("this file has {} bytes; at most {most} are read", meta.len())));
-    }
-    Ok(bytes)
-}
 
 /// Decodes a model; its graph is there, but unchecked.
 pub(crate) fn decode(bytes: &[u8], path: &Path) -> Result<(ModelProto, GraphProto), Diagnostic> {

@@ -48,7 +48,7 @@ fn files_that_are_no_model_are_errors() {
         assert_eq!(e.path().unwrap(), path);
         assert!(e.help.is_some(), "{e}");
     }
-    assert!(Model::load(dir.path()).unwrap_err().to_string().contains("not a file"));
+    assert!(Model::load(dir.path()).unwrap_err().to_string().contains("this is a folder"));
     assert!(Model::load(dir.path().join("none.onnx")).unwrap_err().to_string().contains("cannot read"));
     let large = dir.path().join("large.onnx");
     std::fs::File::create(&large).unwrap().set_len(asperity_network::MAX_MODEL_BYTES + 1).unwrap();

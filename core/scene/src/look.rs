@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use asperity_graph::{Setting, check_settings};
 use asperity_node::{Descriptor, ShapeSpec};
+use asperity_source::file::irregular;
 use asperity_source::{Diagnostic, one_of};
 use asperity_world::material::Library;
 use asperity_world::scene::Part;
@@ -88,9 +89,13 @@ impl Builder<'_> {
         let mut known = HashSet::new();
         for surface in &scene.surfaces {
             for file in surface.effects.files().into_iter().filter(|file| known.insert(*file)) {
-                if !file.is_file() {
+                let wrong = match std::fs::metadata(file) {
+                    Err(_) => Some(format!("there is no file {}", file.display())),
+                    Ok(meta) => irregular(&meta).map(|what| format!("{} is {what}", file.display())),
+                };
+                if let Some(wrong) = wrong {
                     let place = &surface.place;
-                    return Err(Diagnostic::new(format!("there is no file {}", file.display()))
+                    return Err(Diagnostic::new(wrong)
                         .at(&place.source, place.span)
                         .help("an effect of this surface is made of it"));
                 }

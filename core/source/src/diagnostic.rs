@@ -4,6 +4,9 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use crate::file;
+use crate::quote::cut;
+
 /// A text and the name it goes by in errors, usually a path.
 #[derive(Debug, PartialEq, Eq)]
 pub struct Source {
@@ -12,7 +15,7 @@ pub struct Source {
 }
 
 /// Largest text file that is read, in bytes: far beyond any graph, and small enough to never fill memory.
-const MAX_TEXT_BYTES: u64 = 256 << 20;
+pub const MAX_TEXT_BYTES: u64 = 256 << 20;
 
 impl Source {
     /// A source that is already in memory.
@@ -26,19 +29,7 @@ impl Source {
     /// A missing, unreadable, too large or not UTF-8 file, named by its path.
     pub fn read(path: impl AsRef<Path>) -> Result<Arc<Self>, Diagnostic> {
         let path = path.as_ref();
-        let fail = |what: String| Diagnostic::new(what).in_file(path);
-        let meta = std::fs::metadata(path).map_err(|e| fail(format!("cannot read this file: {e}")))?;
-        if !meta.is_file() {
-            return Err(fail("this is not a file".into()));
-        }
-        if meta.len() > MAX_TEXT_BYTES {
-            return Err(fail(format!(
-                "this file has {} bytes; at most {MAX_TEXT_BYTES} are read",
-                meta.len()
-            )));
-        }
-        let bytes = std::fs::read(path).map_err(|e| fail(format!("cannot read this file: {e}")))?;
-        match String::from_utf8(bytes) {
+        match String::from_utf8(file::read(path, MAX_TEXT_BYTES)?) {
             Ok(text) => Ok(Self::new(path, text.strip_prefix('\u{feff}').map(str::to_owned).unwrap_or(text))),
             Err(e) => {
                 let good = e.utf8_error().valid_up_to();
@@ -129,7 +120,7 @@ impl Place {
     }
 }
 
-/// What is wrong, where, and what would be right.
+/// What is wrong, where, and what would be right. Texts in quotes longer than 80 characters are cut.
 #[derive(Clone, Debug, Default)]
 pub struct Diagnostic {
     /// What was found, in one sentence.
@@ -149,7 +140,7 @@ pub struct Diagnostic {
 impl Diagnostic {
     /// An error without a place yet.
     pub fn new(message: impl Into<String>) -> Self {
-        Self { message: message.into(), ..Self::default() }
+        Self { message: cut(message.into()), ..Self::default() }
     }
 
     /// Points at a span of a text.
@@ -169,21 +160,21 @@ impl Diagnostic {
     /// What stands under the caret.
     #[must_use]
     pub fn label(mut self, label: impl Into<String>) -> Self {
-        self.label = label.into();
+        self.label = cut(label.into());
         self
     }
 
     /// What would fit.
     #[must_use]
     pub fn help(mut self, help: impl Into<String>) -> Self {
-        self.help = Some(help.into());
+        self.help = Some(cut(help.into()));
         self
     }
 
     /// A second place that belongs to the error.
     #[must_use]
     pub fn related(mut self, source: &Arc<Source>, span: Span, label: impl Into<String>) -> Self {
-        self.related.push((Place { source: source.clone(), span }, label.into()));
+        self.related.push((Place { source: source.clone(), span }, cut(label.into())));
         self
     }
 

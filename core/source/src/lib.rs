@@ -6,11 +6,13 @@
 //! would fit.
 
 mod diagnostic;
+pub mod file;
 mod nearest;
+mod quote;
 mod recent;
 #[cfg(feature = "ron")]
 pub mod ron;
 
-pub use diagnostic::{Diagnostic, Place, Position, Source, Span};
+pub use diagnostic::{Diagnostic, MAX_TEXT_BYTES, Place, Position, Source, Span};
 pub use nearest::{nearest, one_of};
 pub use recent::{Recent, fingerprint, fnv};

@@ -1,14 +1,23 @@
 //! Suggestions for names that are not there.
 
+/// Longest name for which one like it is looked for: the search takes the product of both lengths.
+const LONGEST: usize = 80;
+
 /// The name most like `wanted`, if any is like it at all.
 pub fn nearest<'a>(wanted: &str, names: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let wanted = wanted.to_lowercase();
-    names
-        .into_iter()
-        .map(|n| (strsim::damerau_levenshtein(&wanted, &n.to_lowercase()), n))
-        .filter(|(d, n)| *d <= 1 + n.chars().count().max(wanted.chars().count()) / 3)
-        .min_by_key(|(d, _)| *d)
-        .map(|(_, n)| n)
+    let length = wanted.chars().count();
+    if length > LONGEST {
+        return None;
+    }
+    let distance = |n: &str| {
+        let other = n.chars().count();
+        let most = 1 + other.max(length) / 3;
+        // Names differ by at least as much as their lengths do.
+        let alike = || strsim::damerau_levenshtein(&wanted, &n.to_lowercase());
+        (other.abs_diff(length) <= most).then(alike).filter(|d| *d <= most)
+    };
+    names.into_iter().filter_map(|n| Some((distance(n)?, n))).min_by_key(|(d, _)| *d).map(|(_, n)| n)
 }
 
 /// Most names that are listed.

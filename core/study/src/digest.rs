@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use asperity_graph::{GraphFile, compile, text_of};
 use asperity_node::{ParamKind, ParamValue, Registry};
-use asperity_source::fnv;
+use asperity_source::{file, fnv};
 
 use crate::file::beside;
 use crate::hear::over;
@@ -90,9 +90,12 @@ fn stroke(decl: &StrokeDecl) -> String {
     format!("{} {}", declared.unwrap_or_default(), decl.file().map(content).unwrap_or_default())
 }
 
+/// Largest file that is looked into, in bytes: no reader takes a larger one.
+const MAX_BYTES: u64 = 5 << 30;
+
 /// What is in a file, as a number that tells it from another; `none` of one that cannot be read.
 pub fn content(path: &Path) -> String {
-    std::fs::read(path).map_or_else(|_| "none".to_owned(), |bytes| of_bytes(&bytes))
+    file::read(path, MAX_BYTES).map_or_else(|_| "none".to_owned(), |bytes| of_bytes(&bytes))
 }
 
 /// What tells bytes from others, in hexadecimal digits.

@@ -3,7 +3,7 @@
 use std::fs::{File, TryLockError};
 use std::path::{Path, PathBuf};
 
-use asperity_source::Diagnostic;
+use asperity_source::{Diagnostic, Source};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
@@ -39,8 +39,8 @@ impl Kept {
 
     /// A part that is there and can be read.
     pub(crate) fn get<T: DeserializeOwned>(&self, name: &str) -> Option<T> {
-        let bytes = std::fs::read(self.folder.join(format!("{name}.json"))).ok()?;
-        serde_json::from_slice(&bytes).ok()
+        let text = Source::read(self.folder.join(format!("{name}.json"))).ok()?;
+        serde_json::from_str(text.text()).ok()
     }
 
     /// Keeps a part: written beside, then given its name, so that it is there whole or not at all. Answers it as it will be read, whose last digits may

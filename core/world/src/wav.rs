@@ -1,11 +1,13 @@
 //! WAV files, as parts of their full scale.
 
-use std::fs::File;
 use std::io::{BufReader, Read};
 use std::path::Path;
 
-use asperity_source::Diagnostic;
+use asperity_source::{Diagnostic, file};
 use hound::{SampleFormat, WavReader};
+
+/// Largest WAV file in bytes: its header counts what follows its first 8 bytes in 32 bits.
+const MAX_BYTES: u64 = (1 << 32) + 8;
 
 /// The samples of a WAV file of integers of 8 to 32 bits or of floats.
 #[derive(Clone, Debug, PartialEq)]
@@ -24,8 +26,7 @@ impl Wav {
     /// # Errors
     /// A file that cannot be read or is no WAV file, one without channels, one that is longer.
     pub fn read(path: &Path, most: u32) -> Result<Self, Diagnostic> {
-        let file = File::open(path)
-            .map_err(|e| Diagnostic::new(format!("cannot read this file: {e}")).in_file(path))?;
+        let file = file::open(path, MAX_BYTES)?;
         Self::parse(BufReader::new(file), most).map_err(|e| e.in_file(path))
     }
 

@@ -11,7 +11,7 @@ use miette::{GraphicalReportHandler, GraphicalTheme, LabeledSpan, NamedSource};
 /// Why a command did not do what it was asked.
 #[derive(Debug)]
 pub enum Failure {
-    /// Something the user gave is wrong: exit code 2.
+    /// Something the user gave is wrong: exit code 2; or no more files can be opened to read it: 1.
     Input(Vec<Diagnostic>),
     /// The machine did not play along, such as a full disk: exit code 1.
     Machine(String),
@@ -32,10 +32,7 @@ impl From<Vec<Diagnostic>> for Failure {
 impl Failure {
     /// A file that could not be written.
     pub fn writing(path: &Path, error: impl fmt::Display) -> Self {
-        let error = error.to_string();
-        // The temporary name that the file has until it is whole means nothing to anybody.
-        let what = error.split(" at path ").next().unwrap_or_default();
-        Self::Machine(format!("cannot write {}: {what}", path.display()))
+        Self::Machine(format!("cannot write {}: {}", path.display(), without_path(error)))
     }
 
     /// Says which option names the file that is wrong.
@@ -75,9 +72,11 @@ impl Failure {
         match self {
             Failure::Input(all) => {
                 if all.len() > 1 {
-                    complain(&format!("{} errors; nothing was started, nothing written\n", all.len()));
+                    let count = grouped(all.len());
+                    complain(&format!("{count} errors; nothing was started, nothing written\n"));
                 }
-                ExitCode::from(2)
+                let machine = all.iter().any(|d| open_files(&d.message).is_some());
+                ExitCode::from(if machine { 1 } else { 2 })
             }
             Failure::Machine(_) => ExitCode::from(1),
         }
@@ -86,10 +85,50 @@ impl Failure {
     /// What is wrong, for a person.
     pub fn text(&self) -> String {
         match self {
-            Failure::Input(all) => all.iter().map(|d| format!("{}\n", Shown(d))).collect(),
-            Failure::Machine(message) => format!("error: {message}\n"),
+            Failure::Input(all) => {
+                let shown: String = all.iter().take(MOST_SHOWN).map(|d| format!("{}\n", Shown(d))).collect();
+                match all.len().saturating_sub(MOST_SHOWN) {
+                    0 => shown,
+                    1 => shown + "... and 1 more error\n",
+                    more => format!("{shown}... and {} more errors\n", grouped(more)),
+                }
+            }
+            Failure::Machine(message) => {
+                let help = open_files(message).map(|help| format!("  help: {help}\n"));
+                format!("error: {message}\n{}", help.unwrap_or_default())
+            }
         }
     }
+}
+
+/// Most errors that are printed: as many as a person mends at a time.
+const MOST_SHOWN: usize = 50;
+
+/// Most further places that are shown with an error.
+const MOST_RELATED: usize = 10;
+
+/// A number with commas between its thousands.
+fn grouped(number: usize) -> String {
+    match number {
+        0..1000 => number.to_string(),
+        _ => format!("{},{:03}", grouped(number / 1000), number % 1000),
+    }
+}
+
+/// The text of an I/O error without the temporary name that a file has until it is whole.
+pub fn without_path(error: impl fmt::Display) -> String {
+    error.to_string().split(" at path ").next().unwrap_or_default().to_owned()
+}
+
+/// Help where the system lets nobody open another file; none for any other failure.
+///
+/// What wraps an I/O error keeps its text and seldom its type.
+fn open_files(message: &str) -> Option<&'static str> {
+    let found = message.split_once("Too many open files")?.1;
+    Some(match found.starts_with(" in system") {
+        true => "the whole system has too many open files: close other programs",
+        false => "the shell's limit is too low: raise it with `ulimit -n 1024`",
+    })
 }
 
 /// Prints to the standard output. A reader that has gone away ends the program quietly.
@@ -159,6 +198,7 @@ impl fmt::Display for Shown<'_> {
         let (here, elsewhere): (Vec<_>, Vec<_>) = d
             .related
             .iter()
+            .take(MOST_RELATED)
             .partition(|(p, _)| d.place.as_ref().is_some_and(|at| at.source.path() == p.source.path()));
         if let Some(place) = &d.place {
             write_snippet(f, place, &d.label, &here)?;
@@ -168,7 +208,10 @@ impl fmt::Display for Shown<'_> {
             writeln!(f, "  {text} at {}:{}:{}", p.source.path().display(), at.line, at.column)?;
             write_snippet(f, p, "", &[])?;
         }
-        if let Some(help) = &d.help {
+        if let Some(more @ 1..) = d.related.len().checked_sub(MOST_RELATED) {
+            writeln!(f, "  ... and {} more places", grouped(more))?;
+        }
+        for help in d.help.as_deref().into_iter().chain(open_files(&d.message)) {
             writeln!(f, "  help: {}", clean(help))?;
         }
         Ok(())

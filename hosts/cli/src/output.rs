@@ -9,7 +9,7 @@ use asperity_source::Diagnostic;
 use tempfile::NamedTempFile;
 
 use crate::args::Format;
-use crate::failure::Failure;
+use crate::failure::{Failure, without_path};
 
 /// A file under a temporary name beside the one it is to have.
 #[derive(Debug)]
@@ -39,16 +39,11 @@ impl Pending {
             // As any new file: the umask takes its part of this.
             builder.permissions(std::fs::Permissions::from_mode(0o666));
         }
-        let temp =
-            builder.prefix(&prefix).suffix(".part").tempfile_in(dir).map_err(
-                |e| match std::io::Error::from(e.kind()) {
-                    // Nothing that the user gave is wrong.
-                    full if matches!(full.kind(), ErrorKind::StorageFull | ErrorKind::QuotaExceeded) => {
-                        Failure::writing(path, full)
-                    }
-                    other => refuse(format!("cannot write here: {other}")),
-                },
-            )?;
+        let temp = builder.prefix(&prefix).suffix(".part").tempfile_in(dir).map_err(|e| match e.kind() {
+            // Nothing that the user gave is wrong.
+            ErrorKind::StorageFull | ErrorKind::QuotaExceeded => Failure::writing(path, e),
+            _ => refuse(format!("cannot write here: {}", without_path(e))),
+        })?;
         if let Some(permissions) = there {
             // Who may read it stays as it was; a file system without such a thing says no, and nothing is lost.
             let _ = temp.as_file().set_permissions(permissions);

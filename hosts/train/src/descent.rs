@@ -9,7 +9,7 @@ use std::sync::mpsc;
 use std::time::{Duration, Instant};
 
 use asperity_dsp::denormals::Flushed;
-use asperity_source::Diagnostic;
+use asperity_source::{Diagnostic, file};
 use burn::grad_clipping::GradientClippingConfig;
 use burn::module::Module;
 use burn::optim::{AdamConfig, GradientsParams, ModuleOptimizer};
@@ -257,13 +257,15 @@ fn broken(path: &Path) -> Diagnostic {
         .help("remove it, and its stage begins anew")
 }
 
+/// Largest checkpoint that is read, in bytes: an encoder of 166 MB with its optimiser takes an eighth of it.
+const MAX_CHECKPOINT_BYTES: u64 = 4 << 30;
+
 /// Model, header and the optimiser's state of a checkpoint.
 fn read<M: Module>(path: &Path, model: M) -> Result<Option<(M, Header, Bytes)>, Failure> {
     if !path.exists() {
         return Ok(None);
     }
-    let bytes = std::fs::read(path)
-        .map_err(|e| Diagnostic::new(format!("cannot read this checkpoint: {e}")).in_file(path))?;
+    let bytes = file::read(path, MAX_CHECKPOINT_BYTES)?;
     let (header, model_bytes, adam_bytes) = parts(&bytes).ok_or_else(|| broken(path))?;
     let bytes = |part: &[u8]| Bytes::from_bytes_vec(part.to_vec());
     let record = ModuleRecord::from_bytes(bytes(model_bytes)).map_err(|_| broken(path))?;

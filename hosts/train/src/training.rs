@@ -2,14 +2,13 @@
 
 use std::collections::HashSet;
 use std::fs::{File, TryLockError};
-use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use asperity_dataset::Subject;
 use asperity_network::Encoder;
 use asperity_plot::{Curve, Curves};
-use asperity_source::Diagnostic;
+use asperity_source::{Diagnostic, Source};
 use asperity_world::material::{Library, LibraryMaterial, Pattern, Random, VECTOR_LEN};
 use asperity_world::tactile::Image;
 use burn::module::Module;
@@ -251,9 +250,7 @@ fn with_stored(vectors: &[Vec<f32>], stored: &[[f32; VECTOR_LEN]]) -> Vec<Vec<f3
 /// A folder without them.
 pub(crate) fn settings_of(folder: &Path) -> Result<Settings, Diagnostic> {
     let path = folder.join(SETTINGS);
-    let text = std::fs::read_to_string(&path)
-        .map_err(|e| Diagnostic::new(format!("cannot read this file: {e}")).in_file(&path))?;
-    serde_json::from_str(&text)
+    serde_json::from_str(Source::read(&path)?.text())
         .map_err(|e| Diagnostic::new(format!("these are not a run's settings: {e}")).in_file(&path))
 }
 
@@ -340,8 +337,8 @@ fn named_earlier(path: &Path) -> Option<Named> {
     struct Earlier {
         naming: Named,
     }
-    let text = std::fs::read_to_string(path).ok()?;
-    serde_json::from_str::<Earlier>(&text).ok().map(|earlier| earlier.naming)
+    let text = Source::read(path).ok()?;
+    serde_json::from_str::<Earlier>(text.text()).ok().map(|earlier| earlier.naming)
 }
 
 /// Settings, as the files of a model tell them: where the user's folder is, is the user's own affair.
@@ -414,10 +411,9 @@ fn jpeg(image: &Image) -> Result<Vec<u8>, Failure> {
 
 /// Losses by stage, as [`csv`] writes them.
 fn losses_of(path: &Path) -> Result<Vec<(String, Losses)>, Diagnostic> {
-    let text = std::fs::read_to_string(path)
-        .map_err(|e| Diagnostic::new(format!("cannot read this file: {e}")).in_file(path))?;
+    let source = Source::read(path)?;
     let mut stages: Vec<(String, Losses)> = Vec::new();
-    for (number, line) in text.lines().enumerate().skip(1) {
+    for (number, line) in source.text().lines().enumerate().skip(1) {
         let mut parts = line.split(',');
         let [name, step, loss] = [(); 3].map(|()| parts.next().unwrap_or_default());
         let (Ok(step), Ok(loss)) = (step.parse(), loss.parse()) else {
@@ -487,36 +483,28 @@ fn belongs(run: &Path, settings: &Settings) -> Result<(), Diagnostic> {
 /// What a run's folder says in one of its files; nothing where no run was begun there.
 fn told(run: &Path, name: &str) -> Result<Option<String>, Diagnostic> {
     let path = run.join(name);
-    match std::fs::read_to_string(&path) {
-        Ok(found) => Ok(Some(found)),
-        Err(e) if e.kind() == ErrorKind::NotFound => {
-            let mut files = std::fs::read_dir(run).into_iter().flatten().flatten();
-            match files.find(|file| file.path().extension().is_some_and(|e| e == "checkpoint")) {
-                None => Ok(None),
-                Some(file) => Err(Diagnostic::new("it is not known what this checkpoint was made with")
-                    .in_file(file.path())
-                    .help(format!(
-                        "its run's {name} is gone: name another --run folder, or remove this one"
-                    ))),
-            }
-        }
-        Err(e) => Err(Diagnostic::new(format!("cannot read this file: {e}")).in_file(&path)),
+    if path.exists() {
+        return Ok(Some(Source::read(&path)?.text().to_owned()));
+    }
+    let mut files = std::fs::read_dir(run).into_iter().flatten().flatten();
+    match files.find(|file| file.path().extension().is_some_and(|e| e == "checkpoint")) {
+        None => Ok(None),
+        Some(file) => Err(Diagnostic::new("it is not known what this checkpoint was made with")
+            .in_file(file.path())
+            .help(format!("its run's {name} is gone: name another --run folder, or remove this one"))),
     }
 }
 
 /// Refuses a folder that has a model of other settings.
 fn fits(out: &Path, settings: &Settings) -> Result<(), Diagnostic> {
     let path = out.join(SETTINGS);
-    match std::fs::read_to_string(&path) {
-        Ok(found) if !serde_json::from_str(&found).is_ok_and(|found| begun_alike(&found, settings)) => {
-            Err(Diagnostic::new("a model with other settings lies here")
-                .in_file(&path)
-                .help("name another --out folder, or remove this one"))
-        }
-        Ok(_) => Ok(()),
-        Err(e) if e.kind() == ErrorKind::NotFound => Ok(()),
-        Err(e) => Err(Diagnostic::new(format!("cannot read this file: {e}")).in_file(&path)),
+    let alike = |found: &str| serde_json::from_str(found).is_ok_and(|found| begun_alike(&found, settings));
+    if !path.exists() || alike(Source::read(&path)?.text()) {
+        return Ok(());
     }
+    Err(Diagnostic::new("a model with other settings lies here")
+        .in_file(&path)
+        .help("name another --out folder, or remove this one"))
 }
 
 /// Refuses to write over a library that someone has added to.

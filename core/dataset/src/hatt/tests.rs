@@ -252,3 +252,12 @@ fn folders_that_will_not_do_are_refused() {
     fails("the noise of this model comes to 2e29 m/s^2");
     assert!(read(&folder.path().join("none"), &Settings::default()).is_err());
 }
+
+#[test]
+fn xml_of_20000_attributes_is_refused_at_once() {
+    let attributes: String = (0..20_000).map(|i| format!(" a{i}=\"1\"")).collect();
+    let began = std::time::Instant::now();
+    let said = error(&format!("<modelSet{attributes}/>"));
+    assert!(said.contains("an element of very many attributes (at most 1000 are read)"), "{said}");
+    assert!(began.elapsed().as_secs_f64() < 0.1, "{:?}", began.elapsed());
+}

@@ -50,7 +50,8 @@ pub(super) fn order(
     let mut steps: Vec<Step> =
         vertices.iter().map(|&v| if v < n { Step::Process(v) } else { Step::Wants(v - n) }).collect();
     steps.extend((0..n).filter(|&i| live[i] && closes_cycle[i]).map(Step::Absorb));
-    let dropped = (0..n).filter(|&i| !live[i]).map(|i| dropped(graph, resolved, i)).collect();
+    let wired: BTreeSet<usize> = resolved.wires.iter().map(|w| w.from.0).collect();
+    let dropped = (0..n).filter(|&i| !live[i]).map(|i| dropped(graph, i, wired.contains(&i))).collect();
     Ok(Ordered { nodes, steps, dropped, closes_cycle, guards, gates })
 }
 
@@ -86,8 +87,7 @@ fn edges(
     before
 }
 
-fn dropped(graph: &GraphFile, resolved: &Resolved, i: usize) -> Dropped {
-    let wired = resolved.wires.iter().any(|w| w.from.0 == i);
+fn dropped(graph: &GraphFile, i: usize, wired: bool) -> Dropped {
     let why = if wired { "no sink is reached from it" } else { "nothing reads its outputs" };
     Dropped { id: graph.nodes[i].id.clone(), kind: graph.nodes[i].kind.clone(), why: why.into() }
 }

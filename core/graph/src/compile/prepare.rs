@@ -1,6 +1,7 @@
 //! Nodes are prepared, and everything gets its index in the schedule.
 
 use std::collections::HashMap;
+use std::path::Path;
 
 use asperity_node::{Diagnostic, InputRef, ParamValue, Params, PortType, Processor, Setup, Shape, Wiring};
 
@@ -19,6 +20,7 @@ pub(super) fn prepare(
     ordered: &Ordered,
 ) -> Result<Compiled, Vec<Diagnostic>> {
     let mut errors: Vec<Diagnostic> = Vec::new();
+    let mut told = HashMap::new();
     let mut place = vec![usize::MAX; resolved.nodes.len()];
     for (at, &i) in ordered.nodes.iter().enumerate() {
         place[i] = at;
@@ -112,10 +114,10 @@ pub(super) fn prepare(
             Err(e) => {
                 let e = with_node(e, graph, i, &node.params);
                 // Nodes that want the same of the same place are wrong in one way.
-                let same = |known: &&mut Diagnostic| {
-                    known.message == e.message && known.place == e.place && known.file == e.file
-                };
-                match errors.iter_mut().find(same) {
+                let span = e.place.as_ref().map(|place| (place.span.start, place.span.end));
+                let key = (e.message.clone(), e.path().map(Path::to_owned), span);
+                let at = *told.entry(key).or_insert(errors.len());
+                match errors.get_mut(at) {
                     Some(known) => known.related.extend(e.related),
                     None => errors.push(e),
                 }

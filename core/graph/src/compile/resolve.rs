@@ -96,12 +96,10 @@ fn node(
 ) -> Option<ResolvedNode> {
     let decl = &graph.nodes[index];
     let Some(kind) = registry.get(&decl.kind) else {
-        errors.push(
-            Diagnostic::new(format!("there is no node kind `{}`", decl.kind))
-                .at(&decl.kind_place.source, decl.kind_place.span)
-                .label("unknown kind")
-                .help(one_of(&decl.kind, registry.names())),
-        );
+        let error = Diagnostic::new(format!("there is no node kind `{}`", decl.kind))
+            .at(&decl.kind_place.source, decl.kind_place.span)
+            .label("unknown kind");
+        tell(errors, error, || one_of(&decl.kind, registry.names()));
         return None;
     };
     let before = errors.len();
@@ -123,9 +121,13 @@ fn node(
     Some(node)
 }
 
-/// Of more errors than these, what was probably meant is not looked for: that would be each wrong name
-/// against each right one.
+/// Most errors for which a likely name is looked for: each wrong name is compared with each right one.
 const MAX_GUESSES: usize = 100;
+
+/// Adds an error, with a guess at what was meant as its help.
+fn tell(errors: &mut Vec<Diagnostic>, error: Diagnostic, guess: impl FnOnce() -> String) {
+    errors.push(if errors.len() < MAX_GUESSES { error.help(guess()) } else { error });
+}
 
 #[derive(Clone, Copy, PartialEq)]
 enum Direction {
@@ -145,12 +147,11 @@ fn end(
     let Some(&index) = by_id.get(end.node.as_str()) else {
         let message = format!("there is no node `{}`", end.node);
         let error = Diagnostic::new(message).at(&place.source, place.span);
-        let guess = || one_of(&end.node, graph.nodes.iter().map(|n| n.id.as_str()));
-        errors.push(if errors.len() < MAX_GUESSES { error.help(guess()) } else { error });
+        tell(errors, error, || one_of(&end.node, graph.nodes.iter().map(|n| n.id.as_str())));
         return None;
     };
-    let mut fail = |message: String, help: String| {
-        errors.push(Diagnostic::new(message).at(&place.source, place.span).help(help));
+    let mut fail = |message: String, help: &dyn Fn() -> String| {
+        tell(errors, Diagnostic::new(message).at(&place.source, place.span), help);
     };
     // A node that could not be resolved has its own error already.
     let ports = &nodes[index].as_ref()?.ports;
@@ -167,13 +168,14 @@ fn end(
             Some(i) => Some((index, i)),
             None if others.contains(&port.as_str()) => {
                 let other = if direction == Direction::Input { "output" } else { "input" };
-                let help = "a wire goes from an output to an input".to_owned();
-                fail(format!("`{}.{port}` is an {other}, not an {word}", end.node), help);
+                let help = || "a wire goes from an output to an input".to_owned();
+                fail(format!("`{}.{port}` is an {other}, not an {word}", end.node), &help);
                 None
             }
             None => {
                 let kind = &graph.nodes[index].kind;
-                fail(format!("`{kind}` has no {word} `{port}`"), one_of(port, names.iter().copied()));
+                let help = || one_of(port, names.iter().copied());
+                fail(format!("`{kind}` has no {word} `{port}`"), &help);
                 None
             }
         },
@@ -185,10 +187,12 @@ fn end(
             Some((index, only_main(&ports.outputs)?))
         }
         None => {
-            let all: Vec<String> = names.iter().map(|n| format!("`{}.{n}`", end.node)).collect();
-            let help =
-                if all.is_empty() { "it has none".to_owned() } else { format!("one of {}", all.join(", ")) };
-            fail(format!("`{}` has {} {word}s; say which", end.node, names.len()), help);
+            let named = |n: &&str| format!("`{}.{n}`", end.node);
+            let help = || match names.iter().map(named).collect::<Vec<_>>().join(", ") {
+                all if all.is_empty() => "it has none".to_owned(),
+                all => format!("one of {all}"),
+            };
+            fail(format!("`{}` has {} {word}s; say which", end.node, names.len()), &help);
             None
         }
     }

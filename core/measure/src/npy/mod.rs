@@ -7,7 +7,7 @@ mod write;
 
 pub use write::{Writer, set_rows, write_f32};
 
-use asperity_source::Diagnostic;
+use asperity_source::{Diagnostic, file};
 use header::Header;
 use std::path::Path;
 
@@ -71,17 +71,8 @@ impl Values {
 /// they are.
 pub fn read(path: impl AsRef<Path>) -> Result<Array, Diagnostic> {
     let path = path.as_ref();
-    let fail = |what: String| Diagnostic::new(what).in_file(path);
-    let meta = std::fs::metadata(path).map_err(|e| fail(format!("cannot read this file: {e}")))?;
-    if !meta.is_file() {
-        return Err(fail("this is not a file".into()));
-    }
     let most = MAX_VALUES as u64 * 8 + header::MAX_LEN as u64;
-    if meta.len() > most {
-        return Err(fail(format!("this file has {} bytes; at most {most} are read", meta.len())));
-    }
-    let bytes = std::fs::read(path).map_err(|e| fail(format!("cannot read this file: {e}")))?;
-    parse(&bytes).map_err(|e| e.in_file(path))
+    parse(&file::read(path, most)?).map_err(|e| e.in_file(path))
 }
 
 /// Reads a file's bytes; see [`read`].

@@ -6,6 +6,7 @@ use asperity_source::ron::{Record, Value};
 use super::Heights;
 use super::read::{Known, body, file, number, numbers, variant};
 use crate::space::{HeightGrid, Pose, Shape, Surface, WORLD_MM};
+use crate::tactile;
 use crate::topography::{HeightField, made_surfaces};
 
 const SHAPES: &[&str] = &["plane", "rectangle", "sphere", "box", "relief"];
@@ -165,8 +166,9 @@ fn grid(heights: &Heights) -> Result<HeightGrid, Diagnostic> {
 /// Columns and heights in mm of a grey picture, its lowest row first.
 fn grey(file: &std::path::Path, height_mm: f64) -> Result<(usize, Vec<f32>), Diagnostic> {
     let fail = |what: String| Diagnostic::new(what).in_file(file);
-    let mut reader = image::ImageReader::open(file)
-        .and_then(|reader| reader.with_guessed_format())
+    let bytes = asperity_source::file::read(file, tactile::MAX_BYTES)?;
+    let mut reader = image::ImageReader::new(std::io::Cursor::new(bytes))
+        .with_guessed_format()
         .map_err(|e| fail(format!("cannot read this picture: {e}")))?;
     let mut limits = image::Limits::default();
     limits.max_alloc = Some(512 << 20);

@@ -30,4 +30,4 @@ mod read_tests;
 
 pub use camera::{Camera, IMAGE, Image};
 pub use gel::{Press, indentation};
-pub use read::{MAX_PIXELS, MIN_SIDE, Picture, read};
+pub use read::{MAX_BYTES, MAX_PIXELS, MIN_SIDE, Picture, read};

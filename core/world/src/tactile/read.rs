@@ -3,7 +3,7 @@
 use std::io::Cursor;
 use std::path::Path;
 
-use asperity_source::Diagnostic;
+use asperity_source::{Diagnostic, file};
 use image::imageops::FilterType;
 use image::metadata::Orientation;
 use image::{DynamicImage, ImageDecoder, ImageError, ImageFormat, ImageReader, Limits};
@@ -15,7 +15,7 @@ pub const MIN_SIDE: u32 = 16;
 /// Most pixels of a picture: more than any camera behind a gel has, and at 64 bits a pixel still 400 MB.
 pub const MAX_PIXELS: u64 = 50_000_000;
 /// Most bytes of a picture file.
-const MAX_BYTES: u64 = 256 << 20;
+pub const MAX_BYTES: u64 = 256 << 20;
 /// Most memory a decoder may take for what it unpacks, in bytes.
 const MAX_UNPACKED: u64 = 512 << 20;
 
@@ -38,7 +38,7 @@ pub struct Picture {
 /// A file that is missing, no file (a folder), empty, too large, neither PNG, JPEG nor BMP, damaged or cut off; a picture of less than
 /// [`MIN_SIDE`] a side or more than [`MAX_PIXELS`].
 pub fn read(path: &Path) -> Result<Picture, Diagnostic> {
-    let bytes = file(path)?;
+    let bytes = whole(path)?;
     let mut notes = Vec::new();
     let whole = decoded(&bytes, path, &mut notes)?;
     drop(bytes);
@@ -70,23 +70,12 @@ pub fn read(path: &Path) -> Result<Picture, Diagnostic> {
     Ok(Picture { image: Image { size: IMAGE, pixels }, notes })
 }
 
-fn file(path: &Path) -> Result<Vec<u8>, Diagnostic> {
-    let fail = |what: String| Diagnostic::new(what).in_file(path);
-    let meta = std::fs::metadata(path).map_err(|e| fail(format!("cannot read this picture: {e}")))?;
-    if meta.is_dir() {
-        return Err(fail("this is a folder, not a picture".into()));
+fn whole(path: &Path) -> Result<Vec<u8>, Diagnostic> {
+    let bytes = file::read(path, MAX_BYTES)?;
+    if bytes.is_empty() {
+        return Err(Diagnostic::new("this file is empty, not a picture").in_file(path));
     }
-    if !meta.is_file() {
-        return Err(fail("this is not a file".into()));
-    }
-    match meta.len() {
-        0 => return Err(fail("this file is empty, not a picture".into())),
-        n if n > MAX_BYTES => {
-            return Err(fail(format!("this file has {n} bytes; a picture may have {MAX_BYTES}")));
-        }
-        _ => {}
-    }
-    std::fs::read(path).map_err(|e| fail(format!("cannot read this picture: {e}")))
+    Ok(bytes)
 }
 
 fn decoded(bytes: &[u8], path: &Path, notes: &mut Vec<String>) -> Result<DynamicImage, Diagnostic> {

@@ -191,9 +191,9 @@ fn what_is_no_picture_is_an_error_that_says_what_it_is() {
     assert!(folder.error(b"").contains("this file is empty"));
     assert!(folder.error(b"name,force\nfelt,1.5\n").contains("no PNG, JPEG or BMP picture"));
     assert!(folder.error(b"GIF89a and so on").contains("no PNG, JPEG or BMP picture"));
-    assert!(read(folder.0.path()).unwrap_err().to_string().contains("a folder, not a picture"));
+    assert!(read(folder.0.path()).unwrap_err().to_string().contains("this is a folder"));
     let missing = read(&folder.0.path().join("none.png")).unwrap_err().to_string();
-    assert!(missing.contains("none.png: cannot read this picture"), "{missing}");
+    assert!(missing.contains("none.png: cannot read this file"), "{missing}");
     let mut broken = png(colours(300, 200));
     let half = broken.len() / 2;
     broken[half..half + 40].fill(0x55);

@@ -8,7 +8,7 @@ use std::path::{Component, Path, PathBuf};
 use std::process::ExitCode;
 
 use asperity_network::Encoder;
-use asperity_source::{Diagnostic, Source};
+use asperity_source::{Diagnostic, MAX_TEXT_BYTES, Source, file};
 use asperity_world::material::{Assignment, BLENDED, Library, LibraryMaterial, Neighbour, VECTOR_LEN};
 use asperity_world::tactile;
 
@@ -158,8 +158,7 @@ fn add(library: &Path, material: &LibraryMaterial) -> Result<(), Failure> {
     let _held = hold(&resolved(library))?;
     let text = Library::insert(&Source::read(library)?, material)?;
     // A reader takes a byte order mark away, and it is not ours to drop.
-    let bytes = std::fs::read(library)
-        .map_err(|e| Failure::Machine(format!("cannot read {}: {e}", library.display())))?;
+    let bytes = file::read(library, MAX_TEXT_BYTES)?;
     let mark = if bytes.starts_with("\u{feff}".as_bytes()) { "\u{feff}" } else { "" };
     write_text(library, &format!("{mark}{text}"))
 }

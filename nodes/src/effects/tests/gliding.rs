@@ -263,7 +263,7 @@ fn a_slot_that_is_none_is_silence_and_texts_of_other_kinds_are_refused() {
         "reliefs",
         "[\"relief(heights: picture(file: \\\"no.png\\\", step_mm: 1, height_mm: 1))\"]",
     )]);
-    assert!(e.starts_with("folder/no.png: cannot read this picture"), "{e}");
+    assert!(e.starts_with("folder/no.png: cannot read this file"), "{e}");
     let e = refused::<effects::Relief>(&[
         ("reliefs", &format!("[{:?}]", format!("relief(heights: {HEIGHTS}, cutoff_hz: 19999)"))),
         ("smooth_hz", "250.0"),

@@ -9,6 +9,9 @@ use roxmltree::{Document, Node, ParsingOptions};
 /// Most elements, attributes and texts of a file.
 const MAX_NODES: u32 = 4_000_000;
 
+/// Most attributes of one element: the parser compares each with all others. A toolkit file has a handful.
+const MAX_ATTRIBUTES: usize = 1000;
+
 /// Numbers and where they stand.
 #[derive(Clone, Debug)]
 pub(super) struct Numbers {
@@ -19,6 +22,7 @@ pub(super) struct Numbers {
 
 /// Parses a file.
 pub(super) fn document(source: &Arc<Source>) -> Result<Document<'_>, Diagnostic> {
+    few_attributes(source)?;
     let options = ParsingOptions { allow_dtd: true, nodes_limit: MAX_NODES, ..ParsingOptions::default() };
     Document::parse_with_options(source.text(), options).map_err(|e| {
         let at = e.pos();
@@ -27,6 +31,23 @@ pub(super) fn document(source: &Arc<Source>) -> Result<Document<'_>, Diagnostic>
         let skip: usize = text.chars().take((at.col as usize).saturating_sub(1)).map(char::len_utf8).sum();
         Diagnostic::new(format!("not an XML file: {e}")).at(source, Span::at(line.start + skip))
     })
+}
+
+/// Refuses an element of more attributes than [`MAX_ATTRIBUTES`].
+fn few_attributes(source: &Arc<Source>) -> Result<(), Diagnostic> {
+    let text = source.text();
+    let mut start = 0;
+    // No attribute holds a `<`, so that those of an element stand before the next one.
+    for part in text.split_inclusive('<') {
+        let quoted = |(at, _): &(usize, &str)| part[at + 1..].trim_start().starts_with(['"', '\'']);
+        if let Some((at, _)) = part.match_indices('=').filter(quoted).nth(MAX_ATTRIBUTES) {
+            return Err(Diagnostic::new("an element of very many attributes")
+                .at(source, Span::at(start + at))
+                .help(format!("at most {MAX_ATTRIBUTES} are read")));
+        }
+        start += part.len();
+    }
+    Ok(())
 }
 
 /// Whether an element or attribute has a name, in any case.

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use asperity_measure::{npy, phase};
-use asperity_source::Diagnostic;
+use asperity_source::{Diagnostic, Source};
 use serde_json::Value;
 
 use super::published::{self, Published};
@@ -189,13 +189,12 @@ fn list(dir: &Path) -> Result<BTreeMap<String, Files>, Failure> {
 
 /// A JSON file, if it is there.
 fn json(path: &Path) -> Result<Option<Value>, Diagnostic> {
-    match std::fs::read_to_string(path) {
-        Err(e) if e.kind() == std::io::ErrorKind::NotFound => Ok(None),
-        Err(e) => Err(Diagnostic::new(format!("cannot read this file: {e}")).in_file(path)),
-        Ok(text) => serde_json::from_str(&text)
-            .map(Some)
-            .map_err(|e| Diagnostic::new(format!("this is no JSON: {e}")).in_file(path)),
+    if !path.exists() {
+        return Ok(None);
     }
+    serde_json::from_str(Source::read(path)?.text())
+        .map(Some)
+        .map_err(|e| Diagnostic::new(format!("this is no JSON: {e}")).in_file(path))
 }
 
 fn vector(name: &str, files: &Files, index: Option<&Value>) -> Result<Vector, Diagnostic> {

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use asperity_source::Diagnostic;
+use asperity_source::{Diagnostic, Source};
 use asperity_study::{Figure, Results};
 
 use crate::failure::Failure;
@@ -13,11 +13,8 @@ const JSON: &str = "results.json";
 
 /// Makes the folder where it is not there.
 pub fn make(folder: &Path) -> Result<(), Failure> {
-    std::fs::create_dir_all(folder).map_err(|e| {
-        Diagnostic::new(format!("cannot make this folder: {}", std::io::Error::from(e.kind())))
-            .in_file(folder)
-            .into()
-    })
+    std::fs::create_dir_all(folder)
+        .map_err(|e| Failure::from(Diagnostic::new(format!("cannot make this folder: {e}")).in_file(folder)))
 }
 
 /// Refuses a folder whose results would be lost: those of another shard; and one in which they cannot be put.
@@ -30,7 +27,7 @@ pub fn look(folder: &Path, shard: (usize, usize)) -> Result<(), Failure> {
                 .into());
         }
     }
-    let there = std::fs::read_to_string(folder.join(JSON)).ok().and_then(|text| Results::parse(&text).ok());
+    let there = Source::read(folder.join(JSON)).ok().and_then(|text| Results::parse(text.text()).ok());
     let split = |of: usize| of > 1;
     if let Some((number, of)) = there.and_then(|r| r.shards.first().copied().filter(|_| r.shards.len() == 1))
         && (split(of) || split(shard.1))
@@ -92,9 +89,6 @@ pub fn write(folder: &Path, results: &Results) -> Result<Vec<PathBuf>, Failure> 
 /// Reads results: a folder, or the file itself.
 pub fn read(path: &Path) -> Result<Results, Failure> {
     let file = file(path);
-    let refuse = |what: String| Diagnostic::new(what).in_file(&file);
-    let text = std::fs::read_to_string(&file).map_err(|e| {
-        refuse(format!("cannot read this file: {e}")).help("a folder that `asperity tradeoff --out` wrote")
-    })?;
-    Results::parse(&text).map_err(|e| refuse(e).into())
+    let text = Source::read(&file).map_err(|e| e.help("a folder that `asperity tradeoff --out` wrote"))?;
+    Results::parse(text.text()).map_err(|e| Diagnostic::new(e).in_file(&file).into())
 }

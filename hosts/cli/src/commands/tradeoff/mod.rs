@@ -8,6 +8,7 @@ use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
+use asperity_graph::{Options, compile};
 use asperity_source::{Diagnostic, Place, Source};
 use asperity_study::{Base, Figure, Machine, Order, Prepared, Results, Row, Study, content};
 
@@ -151,10 +152,15 @@ fn study(args: &Tradeoff) -> Result<(Study, Graphs), Failure> {
 }
 
 /// A graph, or what a scene lowers to, with what the command line changes.
+///
+/// Wrong settings are found here, before anything is written.
 fn base(path: &Path, args: &Tradeoff) -> Result<Base, Failure> {
     let mut base = base_as_it_is(path, &args.plugins)?;
     for assignment in &args.set {
         base.graph.set(assignment, "--set")?;
+    }
+    if !args.set.is_empty() {
+        compile(&base.graph, &base.registry, Options::default())?;
     }
     Ok(base)
 }
