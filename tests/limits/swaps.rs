@@ -116,7 +116,11 @@ fn change_of_profile_leaves_the_coil_as_warm_as_it_is() {
     std::fs::write(&file, weak).unwrap();
     for every_s in [0.05, 0.3, 1.5] {
         let profile = |n: usize| {
-            if n % 2 == 0 { String::new() } else { format!("profile: {:?}", file.display().to_string()) }
+            if n.is_multiple_of(2) {
+                String::new()
+            } else {
+                format!("profile: {:?}", file.display().to_string())
+            }
         };
         let played = play("profile", every_s, |session, n| {
             swap(session, attacking(&format!("limiter {n}"), &profile(n)));

@@ -27,7 +27,7 @@ pub use conductor::{Conductor, DOES_NOT_COME_BACK, Ends, FORCES, HANDS, Recorded
 pub use dll::{BANDWIDTH_HZ, Dll, Heard, Line};
 pub use force::{ForceModel, ForceReader, ForceWriter, force_model};
 pub use meters::{Count, Histogram, Meters, Record};
-pub use outlet::{Outlet, Standing, drive_at_full_scale};
+pub use outlet::{Guards, Outlet, Standing, drive_at_full_scale};
 pub use player::{Listener, MicReader, MicWriter, Player, TapeReader, mic};
 pub use ramp::{DOWN_S, FED_S, Level, Ramp, START_S, STARVED_S, UNMUTE_S};
 pub use reins::{Reins, Unheard};

@@ -136,6 +136,10 @@ pub(crate) struct Gate {
     seen: Arc<Seen>,
 }
 
+/// The guards of a run's channels, which its drivers hold their output to, one after the other.
+#[derive(Clone, Debug)]
+pub struct Guards(pub(crate) Arc<Slot<Gate>>);
+
 /// What is seen of an outlet from other threads.
 #[derive(Debug, Default)]
 pub(crate) struct Seen {
@@ -147,7 +151,7 @@ pub(crate) struct Seen {
 /// Where guards of the next graph are put, and what is seen of those that hold.
 pub(crate) struct GateControl {
     next: triple_buffer::Input<Outlet>,
-    pub(crate) gate: Arc<Slot<Gate>>,
+    pub(crate) gate: Guards,
     pub(crate) seen: Arc<Seen>,
     /// Rating and time constant of each channel.
     standing: Vec<Option<Standing>>,
@@ -159,7 +163,7 @@ pub(crate) fn gate(outlet: Outlet) -> GateControl {
     let standing = outlet.standing();
     let heat = standing.iter().map(|_| AtomicU64::new(0)).collect();
     let seen = Arc::new(Seen { heat, changed: AtomicU64::new(0) });
-    let gate = Arc::new(Slot::new(Gate { outlet, next, share: 1.0, seen: seen.clone() }));
+    let gate = Guards(Arc::new(Slot::new(Gate { outlet, next, share: 1.0, seen: seen.clone() })));
     GateControl { next: input, gate, seen, standing }
 }
 

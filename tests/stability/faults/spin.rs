@@ -81,6 +81,7 @@ fn start(card: &Simulated, lasts_s: f64, limit: Duration) -> Session {
         start_s: 0.0,
         realtime: false,
         reins: Reins::default(),
+        keeper: None,
     };
     Session::start(conductor, player, None, options).expect("it starts")
 }

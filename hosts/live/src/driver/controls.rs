@@ -4,12 +4,12 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU8, AtomicU32, AtomicU64, Ordering::*};
 use std::time::Duration;
 
-use super::{Options, Slot};
+use super::Options;
 use crate::Reins;
 use crate::dll::Line;
 use crate::meters::Meters;
 use crate::now_ns;
-use crate::outlet::Gate;
+use crate::outlet::Guards;
 use crate::ramp::{Level, Ramp};
 use crate::realtime::{Asked, Grant};
 use crate::view::Condition;
@@ -41,7 +41,7 @@ pub struct Controls {
     pub(super) device_asked: Option<Asked>,
     meters: Arc<Meters>,
     priority: Option<i32>,
-    gate: Option<Arc<Slot<Gate>>>,
+    guards: Option<Guards>,
 }
 
 impl Controls {
@@ -73,7 +73,7 @@ impl Controls {
             device_asked,
             meters: Arc::clone(&options.meters),
             priority: options.priority,
-            gate: options.gate.clone(),
+            guards: options.guards.clone(),
         }
     }
 
@@ -189,8 +189,8 @@ impl Controls {
     /// Holds what the device is given to the limits of its channels. One device is open at a time; a block that finds another
     /// thread with the guards is silent.
     pub(super) fn hold(&self, output: &mut [f32], channels: usize) {
-        let Some(gate) = &self.gate else { return };
-        match gate.enter().as_deref_mut() {
+        let Some(guards) = &self.guards else { return };
+        match guards.0.enter().as_deref_mut() {
             Some(Some(gate)) => gate.hold(output, channels),
             _ => output.fill(0.0),
         }

@@ -24,7 +24,7 @@ use std::sync::Arc;
 
 use crate::Reins;
 use crate::meters::Meters;
-use crate::outlet::Gate;
+use crate::outlet::Guards;
 use crate::ramp::START_S;
 use crate::realtime::PRIORITY;
 
@@ -127,7 +127,7 @@ pub struct Options {
     /// What mutes and stops it.
     pub reins: Reins,
     /// What holds the device's channels to their limits, where there is anything to hold.
-    pub(crate) gate: Option<Arc<Slot<Gate>>>,
+    pub guards: Option<Guards>,
 }
 
 impl Options {
@@ -140,7 +140,7 @@ impl Options {
             seen_frames: 0,
             meters,
             reins: Reins::default(),
-            gate: None,
+            guards: None,
         }
     }
 }

@@ -83,6 +83,7 @@ pub(super) fn options(tick_hz: u32) -> Options {
         period_frames: 0,
         seen_frames: 0,
         meters: Arc::new(Meters::new(tick_hz)),
+        guards: None,
         reins: crate::Reins::default(),
     }
 }

@@ -80,6 +80,7 @@ fn wiring(
     let (to, seen) = HeapRb::new(100).split();
     let wiring = Wiring {
         swap,
+        limiters: Vec::new(),
         outs: Vec::new(),
         hands: Vec::new(),
         mics: Vec::new(),
@@ -100,7 +101,7 @@ fn a_graph_whose_wiring_is_not_there_yet_lets_go_is_not_looked_at_and_then_goes_
     let (mut controller, engine) = Engine::controlled(first, Options::default());
     let (mut wirings, to_player) = HeapRb::new(2).split();
     let (from_player, _retired) = HeapRb::new(2).split();
-    let mut player = Player::new(engine, begin, None, to_player, from_player);
+    let mut player = Player::new(engine, begin, None, Default::default(), to_player, from_player);
     let mut tick = |player: &mut Player| {
         let now = *{
             player.tick(0, &mut [0.0; 96]);

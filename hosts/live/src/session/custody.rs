@@ -1,12 +1,10 @@
 //! What is known of a device's coils between one run and the next.
 
-use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use asperity_node::Diagnostic;
 
-use crate::driver::Slot;
-use crate::outlet::{Gate, Outlet, Standing};
+use crate::outlet::{Guards, Outlet, Standing};
 
 /// How often the coils' heat is taken down.
 const EVERY: Duration = Duration::from_secs(1);
@@ -56,21 +54,21 @@ pub trait Keeper: Send + std::fmt::Debug {
 #[derive(Debug)]
 pub(super) struct Custody {
     keeper: Option<Box<dyn Keeper>>,
-    gate: Arc<Slot<Gate>>,
+    guards: Guards,
     opened: bool,
     noted: Instant,
 }
 
 impl Custody {
-    pub(super) fn new(keeper: Option<Box<dyn Keeper>>, gate: Arc<Slot<Gate>>) -> Self {
-        Self { keeper, gate, opened: false, noted: Instant::now() }
+    pub(super) fn new(keeper: Option<Box<dyn Keeper>>, guards: Guards) -> Self {
+        Self { keeper, guards, opened: false, noted: Instant::now() }
     }
 
     /// A device is open, and nothing plays on it yet. Answers what a person should know.
     pub(super) fn open(&mut self, device: &Opened) -> Result<Vec<String>, Diagnostic> {
         let Some(keeper) = &mut self.keeper else { return Ok(Vec::new()) };
         let terms = keeper.opened(device)?;
-        if let Some(Some(gate)) = self.gate.enter().as_deref_mut() {
+        if let Some(Some(gate)) = self.guards.0.enter().as_deref_mut() {
             gate.begin(&terms.heat, terms.share.unwrap_or(1.0), terms.machine);
         }
         self.opened = true;
@@ -79,7 +77,7 @@ impl Custody {
 
     /// A device is back that nothing was played on for so long.
     pub(super) fn back(&mut self, away: Duration) {
-        if let Some(Some(gate)) = self.gate.enter().as_deref_mut() {
+        if let Some(Some(gate)) = self.guards.0.enter().as_deref_mut() {
             gate.rest(away.as_secs_f64());
         }
     }

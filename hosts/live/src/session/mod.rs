@@ -332,7 +332,7 @@ impl Session {
         let mut options = Options::new(self.meters.clone());
         options.start_s = self.options.start_s;
         options.reins = self.options.reins.clone();
-        options.gate = Some(self.conductor.gate().gate.clone());
+        options.guards = Some(self.conductor.gate().gate.clone());
         if !self.options.realtime {
             options.priority = None;
         }
