@@ -3,6 +3,8 @@
 //! On a machine that is busy the server itself runs late now and then. What the program leaves out for it is no failure, but must be what it
 //! counts. Freewheel is for the callback clock: a paced thread keeps to time.
 
+#[path = "common/coil.rs"]
+mod coil;
 mod common;
 #[path = "common/ear.rs"]
 mod ear;
@@ -188,4 +190,68 @@ fn a_paced_thread_plays_every_sample_at_1024_frames() {
     let test = "a_paced_thread_plays_every_sample_at_1024_frames";
     let Some(_) = inside_beside_others(test, || Jack::start(48_000, 1024)) else { return };
     plays_what_is_rendered(&Run { period: 1024, end: "TERM", ..RUN });
+}
+
+/// A sine of 1000 A at the actuator's resonance, behind a limiter of this name.
+fn attack(dir: &std::path::Path, limiter: usize) {
+    let text = format!(
+        r#"Graph(version: 1, nodes: {{
+    "tone": (kind: "sine", params: (frequency_hz: 65, amplitude: 1000)),
+    "limiter {limiter}": (kind: "limiter"), "out": (kind: "audio_out"),
+}}, wires: [("tone", "limiter {limiter}"), ("limiter {limiter}", "out")])"#
+    );
+    std::fs::write(dir.join("new"), text).unwrap();
+    std::fs::rename(dir.join("new"), dir.join("live.ron")).unwrap();
+}
+
+/// The coil behind a server is given what was heard while the limiter had another name every so often.
+fn stays_within_limits(every: Duration, seconds: usize) -> Result<(), String> {
+    let dir = tempfile::tempdir().unwrap();
+    attack(dir.path(), 0);
+    let (program, ear) =
+        heard_from_the_start(dir.path(), &["--watch", "--channel", "1"], (seconds + 30) * 48_000, 1e-3);
+    let begun = std::time::Instant::now();
+    let mut names = 0;
+    while begun.elapsed() < Duration::from_secs(seconds as u64) {
+        std::thread::sleep(every);
+        names += 1;
+        attack(dir.path(), names);
+    }
+    program.signal("INT");
+    let said = program.end().ok().err;
+    let heard = ear.stop();
+    let count = counted(dir.path());
+    // A server that leaves samples out makes steps of its own.
+    if count.xruns + count.underruns + count.losses > 0 {
+        return Err(format!("{count:?}"));
+    }
+    let swaps = said.matches("changed:").count();
+    assert!(swaps as f64 > 0.5 * seconds as f64 / every.as_secs_f64().max(1.5), "{swaps} swaps: {said}");
+    let used = coil::Coil::new(48_000).play(heard.iter().map(|[x, _]| f64::from(*x))).used;
+    println!("{every:?}: {swaps} swaps, {used:?}");
+    used.assert_within(&format!("renamed every {every:?}"));
+    assert!(used.rms > 0.85, "too careful: {used:?}");
+    Ok(())
+}
+
+/// Intervals in seconds, and how long each is kept up.
+fn attacks() -> (Vec<f64>, usize) {
+    let long = std::env::var_os("ASPERITY_LONG_TICKS").is_some();
+    if long { (vec![0.05, 0.1, 0.3, 1.0, 2.0, 5.0], 60) } else { (vec![0.05, 0.3], 6) }
+}
+
+#[test]
+fn renamed_limiter_lifts_no_limit_in_the_callback() {
+    let test = "renamed_limiter_lifts_no_limit_in_the_callback";
+    let Some(_) = inside_beside_others(test, || Jack::start(48_000, 64)) else { return };
+    let (intervals, seconds) = attacks();
+    intervals.iter().for_each(|s| told(|| stays_within_limits(Duration::from_secs_f64(*s), seconds)));
+}
+
+#[test]
+fn renamed_limiter_lifts_no_limit_of_a_paced_thread() {
+    let test = "renamed_limiter_lifts_no_limit_of_a_paced_thread";
+    let Some(_) = inside_beside_others(test, || Jack::start(48_000, 512)) else { return };
+    let (intervals, seconds) = attacks();
+    intervals.iter().for_each(|s| told(|| stays_within_limits(Duration::from_secs_f64(*s), seconds)));
 }

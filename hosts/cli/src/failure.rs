@@ -136,7 +136,7 @@ pub fn print(text: &str) -> Result<(), Failure> {
     use std::io::Write as _;
     let mut out = std::io::stdout().lock();
     match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
-        Err(e) if e.kind() == std::io::ErrorKind::BrokenPipe => std::process::exit(0),
+        Err(e) if e.kind() == std::io::ErrorKind::BrokenPipe => crate::leave::now(0),
         Err(e) => Err(Failure::Machine(format!("cannot write to the standard output: {e}"))),
         Ok(()) => Ok(()),
     }

@@ -8,6 +8,7 @@ mod commands;
 mod failure;
 mod heap;
 mod kinds;
+mod leave;
 mod live;
 mod load;
 mod machine;
@@ -26,7 +27,9 @@ use args::{Args, Command};
 
 fn main() -> ExitCode {
     simulated::register();
-    let result = match Args::parse().command {
+    let args = Args::parse();
+    leave::on_purpose_only();
+    let result = match args.command {
         Command::Render(args) => render::run(&args),
         Command::Run(args) => live::run(&args),
         Command::Setup(args) => commands::setup::run(&args),
@@ -48,8 +51,5 @@ fn main() -> ExitCode {
         Command::SelfTest(args) => commands::selftest::run(&args),
         Command::Plugin(command) => commands::plugin::run(&command),
     };
-    match result {
-        Ok(code) => code,
-        Err(failure) => failure.report(),
-    }
+    leave::with(result.unwrap_or_else(|failure| failure.report()))
 }

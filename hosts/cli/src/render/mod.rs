@@ -247,7 +247,7 @@ pub fn stop_flag() -> Arc<AtomicBool> {
                 2 => complain(
                     "it is about to end; once more, and it ends at once and keeps nothing of what it writes\n",
                 ),
-                _ => std::process::exit(INTERRUPTED.into()),
+                _ => crate::leave::now(INTERRUPTED),
             }
         };
         if let Err(e) = ctrlc::set_handler(heard) {

@@ -42,7 +42,7 @@ impl Line {
     fn say(&self, what: &Value) {
         // Where nobody listens any more there is nothing left to do.
         if writeln!(self.out.borrow_mut(), "{what}").is_err() {
-            std::process::exit(1);
+            crate::leave::now(1);
         }
         self.last.set(Instant::now());
     }
@@ -60,8 +60,24 @@ impl Witness for Line {
     }
 }
 
+/// Ends this process when the one that started it is gone: a plugin in an endless loop would go on for ever.
+fn end_with_parent() {
+    #[cfg(unix)]
+    {
+        let parent = std::os::unix::process::parent_id();
+        let watch = move || {
+            while std::os::unix::process::parent_id() == parent {
+                std::thread::sleep(SIGN_OF_LIFE);
+            }
+            std::process::abort();
+        };
+        let _ = std::thread::Builder::new().name("asperity-parent".into()).spawn(watch);
+    }
+}
+
 /// Runs the cases.
 pub fn run(args: &CasesOfPlugin) -> ExitCode {
+    end_with_parent();
     let Ok(line) = Line::open() else { return ExitCode::FAILURE };
     match checked(args, &line) {
         Ok(()) => ExitCode::SUCCESS,

@@ -1,0 +1,38 @@
+//! The end of the program, which is the program's own: a plugin that calls `exit` does not make a run that wrote nothing look like
+//! one that did.
+
+use std::process::ExitCode;
+use std::sync::atomic::{AtomicBool, Ordering::SeqCst};
+
+/// Whether the program ends because it wants to.
+static MEANT: AtomicBool = AtomicBool::new(false);
+
+/// From here on an end that was not meant has exit code 1. After the command line has been read, which may end the program too.
+pub fn on_purpose_only() {
+    #[cfg(unix)]
+    {
+        extern "C" fn ending() {
+            if !MEANT.load(SeqCst) {
+                crate::failure::complain(
+                    "error: code that is not Asperity's, such as a plugin, called exit(): the run is not complete\n",
+                );
+                // SAFETY: it ends the process at once, and runs nothing more of it.
+                unsafe { libc::_exit(1) }
+            }
+        }
+        // SAFETY: the function lives as long as the program, and does not unwind.
+        let _ = unsafe { libc::atexit(ending) };
+    }
+}
+
+/// The program ends now, with this code.
+pub fn now(code: u8) -> ! {
+    MEANT.store(true, SeqCst);
+    std::process::exit(code.into())
+}
+
+/// The program ends by itself, with this code.
+pub fn with(code: ExitCode) -> ExitCode {
+    MEANT.store(true, SeqCst);
+    code
+}
