@@ -142,8 +142,10 @@ pub(crate) fn load(path: &Path, bytes: &[u8]) -> Result<Library, Diagnostic> {
 /// Writes the copy, locked for as long as it is open, so that nobody takes it for left over.
 fn copy_into(folder: &Path, prefix: &str, bytes: &[u8]) -> io::Result<(File, TempPath)> {
     loop {
-        let copy =
-            tempfile::Builder::new().prefix(prefix).suffix(std::env::consts::DLL_SUFFIX).tempfile_in(folder)?;
+        let copy = tempfile::Builder::new()
+            .prefix(prefix)
+            .suffix(std::env::consts::DLL_SUFFIX)
+            .tempfile_in(folder)?;
         let (mut file, path) = copy.into_parts();
         // Waits for a process that looks at it, and may remove it. Not every disk has locks.
         let _ = file.lock();
@@ -204,7 +206,8 @@ mod tests {
             File::create(&path).unwrap();
             path
         };
-        let [gone, other, longer] = ["asperity-a-Ab12Cd", "asperity-b-Ab12Cd", "asperity-a-b-Ab12Cd"].map(made);
+        let [gone, other, longer] =
+            ["asperity-a-Ab12Cd", "asperity-b-Ab12Cd", "asperity-a-b-Ab12Cd"].map(made);
         let (_lock, held) = copy_into(dir.path(), "asperity-a-", b"x").unwrap();
         remove_left_over(dir.path(), "asperity-a-");
         let there = [gone.as_path(), &other, &longer, &held].map(Path::exists);

@@ -450,7 +450,11 @@ impl Results {
             "- seed {}; strokes: {}; materials: {}",
             self.seed,
             plain(&self.strokes.join(", ")),
-            if self.materials.is_empty() { "the graph's own".into() } else { plain(&self.materials.join(", ")) }
+            if self.materials.is_empty() {
+                "the graph's own".into()
+            } else {
+                plain(&self.materials.join(", "))
+            }
         );
         if let Some(t) = self.empty {
             let _ = writeln!(

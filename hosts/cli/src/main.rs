@@ -28,6 +28,7 @@ fn main() -> ExitCode {
     let result = match Args::parse().command {
         Command::Render(args) => render::run(&args),
         Command::Run(args) => live::run(&args),
+        Command::Recover(args) => commands::recover::run(&args),
         Command::Tone(args) => commands::tone::run(&args),
         Command::Latency(args) => commands::latency::run(&args),
         Command::Devices(args) => commands::devices::run(&args),

@@ -1,4 +1,4 @@
-//! Who is connected: those that showed the token are counted apart, so that strangers cannot take their place.
+//! Who is connected. Those that showed the token are counted apart: strangers cannot take their place.
 
 use std::collections::BTreeMap;
 use std::future::Future;

@@ -1,15 +1,24 @@
-//! Files that appear whole or not at all.
+//! Files that appear whole or not at all, and recordings that survive their run.
 
-use std::fs::File;
-use std::io::{BufWriter, ErrorKind, Write};
+mod journal;
+mod salvage;
+
+use std::fs::{File, Permissions};
+use std::io::{self, BufWriter, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
 use asperity_measure::npy;
 use asperity_source::Diagnostic;
-use tempfile::NamedTempFile;
+use tempfile::{NamedTempFile, TempPath};
 
 use crate::args::Format;
-use crate::failure::Failure;
+use crate::failure::{Failure, warn};
+
+pub use journal::keep_all;
+pub use salvage::{GROWING, Recovered, recover, salvage};
+
+/// End of a name that a file has until it is whole.
+const PART: &str = ".part";
 
 /// A file under a temporary name beside the one it is to have.
 #[derive(Debug)]
@@ -21,15 +30,8 @@ pub struct Pending {
 impl Pending {
     /// Opens one. The folder must be there, and what already has the name must be a file; a link is followed.
     pub fn create(path: &Path) -> Result<Self, Failure> {
-        let refuse = |what: String| Failure::from(Diagnostic::new(what).in_file(path));
-        let path = &resolved(path);
-        if std::fs::symlink_metadata(path).is_ok_and(|meta| !meta.is_file()) {
-            return Err(refuse("this is there already and is no file".into()));
-        }
-        let there = std::fs::metadata(path).ok().map(|meta| meta.permissions());
-        if there.as_ref().is_some_and(|p| p.readonly()) {
-            return Err(refuse("this file is there already, and may not be written".into()));
-        }
+        let (path, there) = free(path)?;
+        journal::tidy(&path);
         let dir = path.parent().filter(|d| !d.as_os_str().is_empty()).unwrap_or(Path::new("."));
         let prefix = format!(".{}.", path.file_name().unwrap_or_default().to_string_lossy());
         let mut builder = tempfile::Builder::new();
@@ -37,23 +39,51 @@ impl Pending {
         {
             use std::os::unix::fs::PermissionsExt;
             // As any new file: the umask takes its part of this.
-            builder.permissions(std::fs::Permissions::from_mode(0o666));
+            builder.permissions(Permissions::from_mode(0o666));
         }
-        let temp =
-            builder.prefix(&prefix).suffix(".part").tempfile_in(dir).map_err(
-                |e| match std::io::Error::from(e.kind()) {
-                    // Nothing that the user gave is wrong.
-                    full if matches!(full.kind(), ErrorKind::StorageFull | ErrorKind::QuotaExceeded) => {
-                        Failure::writing(path, full)
-                    }
-                    other => refuse(format!("cannot write here: {other}")),
-                },
-            )?;
+        builder.prefix(&prefix).suffix(PART);
+        let temp = claimed(|| builder.tempfile_in(dir)).map_err(|e| refused(&path, e))?;
+        Ok(Self::with(path, temp, there))
+    }
+
+    /// Opens a recording: a file called `NAME.recording` while it grows, that stays if the run is killed.
+    ///
+    /// One that an earlier run left there is completed first, under a name with a number.
+    pub fn recording(path: &Path) -> Result<Self, Failure> {
+        let (path, there) = free(path)?;
+        let name = format!("{}{GROWING}", path.file_name().unwrap_or_default().to_string_lossy());
+        let growing = path.with_file_name(name);
+        let refuse = |what: String| Diagnostic::new(what).in_file(&growing);
+        if growing.exists() {
+            match recover(&growing, 1) {
+                Ok(Recovered::Kept(kept)) => {
+                    let kept = kept.display();
+                    warn(&format!("{}: a run left this recording; it is now {kept}", growing.display()));
+                }
+                Ok(Recovered::Empty) => {}
+                Ok(Recovered::Busy) => {
+                    return Err(refuse("another run records into this file".into()).into());
+                }
+                Err(e) => {
+                    let why = format!("this is in the way and cannot be completed: {e}");
+                    return Err(refuse(why).help("move or remove it").into());
+                }
+            }
+        }
+        let make = || {
+            let file = File::options().read(true).write(true).create_new(true).open(&growing)?;
+            Ok(NamedTempFile::from_parts(file, TempPath::try_from_path(&growing)?))
+        };
+        let temp = claimed(make).map_err(|e| refused(&path, e))?;
+        Ok(Self::with(path, temp, there))
+    }
+
+    fn with(path: PathBuf, temp: NamedTempFile, there: Option<Permissions>) -> Self {
         if let Some(permissions) = there {
             // Who may read it stays as it was; a file system without such a thing says no, and nothing is lost.
             let _ = temp.as_file().set_permissions(permissions);
         }
-        Ok(Self { path: path.to_owned(), temp })
+        Self { path, temp }
     }
 
     /// A second handle on the file.
@@ -61,25 +91,81 @@ impl Pending {
         self.temp.as_file().try_clone().map_err(|e| Failure::writing(&self.path, e))
     }
 
-    /// Fills the file and gives it its name, which it answers.
-    pub fn keep_text(mut self, text: &str) -> Result<PathBuf, Failure> {
-        let path = self.path.clone();
-        self.temp.write_all(text.as_bytes()).map_err(|e| Failure::writing(&path, e))?;
-        self.keep()?;
-        Ok(path)
+    /// Fills the file.
+    pub fn fill(mut self, text: &str) -> Result<Self, Failure> {
+        self.temp.write_all(text.as_bytes()).map_err(|e| Failure::writing(&self.path, e))?;
+        Ok(self)
     }
 
-    /// Gives the file its name.
-    pub fn keep(self) -> Result<(), Failure> {
+    /// Gives the file its name, which it returns.
+    pub fn keep(self) -> Result<PathBuf, Failure> {
         let path = self.path.clone();
-        self.temp.as_file().sync_data().map_err(|e| Failure::writing(&path, e))?;
-        self.temp.persist(&path).map(drop).map_err(|e| Failure::writing(&path, e.error))
+        keep_all(vec![self])?;
+        Ok(path)
+    }
+}
+
+/// Where a file is to be, and who may read what is there now.
+fn free(path: &Path) -> Result<(PathBuf, Option<Permissions>), Failure> {
+    let refuse = |what: &str| Err(Diagnostic::new(what).in_file(path).into());
+    let resolved = resolved(path);
+    if std::fs::symlink_metadata(&resolved).is_ok_and(|meta| !meta.is_file()) {
+        return refuse("this is there already and is no file");
+    }
+    let there = std::fs::metadata(&resolved).ok().map(|meta| meta.permissions());
+    if there.as_ref().is_some_and(Permissions::readonly) {
+        return refuse("this file is there already, and may not be written");
+    }
+    Ok((resolved, there))
+}
+
+/// Why a file cannot be made.
+fn refused(path: &Path, e: io::Error) -> Failure {
+    match io::Error::from(e.kind()) {
+        // Nothing that the user gave is wrong.
+        full if matches!(full.kind(), ErrorKind::StorageFull | ErrorKind::QuotaExceeded) => {
+            Failure::writing(path, full)
+        }
+        other => Diagnostic::new(format!("cannot write here: {other}")).in_file(path).into(),
+    }
+}
+
+/// A new file, locked for as long as its process lives: [`left_over`] does not take it for left.
+fn claimed(mut make: impl FnMut() -> io::Result<NamedTempFile>) -> io::Result<NamedTempFile> {
+    loop {
+        let mut temp = make()?;
+        // Waits for a process that looks at the file before it is locked, and may remove it.
+        // Not every disk has locks.
+        let _ = temp.as_file().lock();
+        if temp.path().exists() {
+            return Ok(temp);
+        }
+        temp.disable_cleanup(true);
+    }
+}
+
+/// A file, locked, whose process is gone; none where it lives, or where the disk has no locks.
+fn left_over(path: &Path) -> io::Result<Option<File>> {
+    // Opening a pipe could wait for ever.
+    if !std::fs::symlink_metadata(path)?.is_file() {
+        return Err(ErrorKind::InvalidInput.into());
+    }
+    let file = File::options().read(true).write(true).open(path)?;
+    Ok(file.try_lock().is_ok().then_some(file))
+}
+
+/// Makes a file's name last where the machine stops.
+fn sync_folder(file: &Path) {
+    if cfg!(unix) {
+        let folder = file.parent().filter(|dir| !dir.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        // Not every disk can.
+        let _ = File::open(folder).and_then(|folder| folder.sync_all());
     }
 }
 
 /// Writes a whole text.
 pub fn write_text(path: &Path, text: &str) -> Result<(), Failure> {
-    Pending::create(path)?.keep_text(text).map(drop)
+    Pending::create(path)?.fill(text)?.keep().map(drop)
 }
 
 /// A path by which two names of one file are the same, also of a file that is not there yet.
@@ -152,8 +238,8 @@ impl Rows {
     }
 
     /// A WAV file; a row is one sample of every channel.
-    pub fn wav(path: &Path, channels: usize, rate_hz: u32, format: Format) -> Result<Self, Failure> {
-        let pending = Pending::create(path)?;
+    pub fn wav(pending: Pending, channels: usize, rate_hz: u32, format: Format) -> Result<Self, Failure> {
+        let path = &pending.path;
         let (bits_per_sample, sample_format) = match format {
             Format::F32 => (32, hound::SampleFormat::Float),
             Format::I24 => (24, hound::SampleFormat::Int),
@@ -166,17 +252,16 @@ impl Rows {
     }
 
     /// A .npy file of float32: one dimension for `None`, else rows of so many columns.
-    pub fn npy(path: &Path, columns: Option<usize>) -> Result<Self, Failure> {
-        let pending = Pending::create(path)?;
+    pub fn npy(pending: Pending, columns: Option<usize>) -> Result<Self, Failure> {
+        let path = &pending.path;
         let writer = npy::Writer::new(BufWriter::new(pending.file()?), columns);
         Ok(Self { to: To::Npy(writer.map_err(|e| Failure::writing(path, e))?), pending })
     }
 
     /// A CSV file: a time in seconds, then the columns of this header.
-    pub fn csv(path: &Path, header: &[String]) -> Result<Self, Failure> {
-        let pending = Pending::create(path)?;
+    pub fn csv(pending: Pending, header: &[String]) -> Result<Self, Failure> {
         let mut file = BufWriter::new(pending.file()?);
-        writeln!(file, "t_s,{}", header.join(",")).map_err(|e| Failure::writing(path, e))?;
+        writeln!(file, "t_s,{}", header.join(",")).map_err(|e| Failure::writing(&pending.path, e))?;
         Ok(Self { to: To::Csv(file, Vec::new()), pending })
     }
 
@@ -215,6 +300,18 @@ impl Rows {
         }
     }
 
+    /// Brings the file and its header up to date, and keeps it even if the run is killed.
+    pub fn refresh(&mut self) -> Result<(), Failure> {
+        let path = &self.pending.path;
+        match &mut self.to {
+            To::Wav(writer, _) => writer.flush().map_err(|e| Failure::writing(path, e))?,
+            To::Npy(writer) => writer.flush().map_err(|e| Failure::writing(path, e))?,
+            To::Csv(file, _) => file.flush().map_err(|e| Failure::writing(path, e))?,
+        }
+        self.pending.temp.disable_cleanup(true);
+        Ok(())
+    }
+
     /// Where it goes.
     pub fn path(&self) -> &Path {
         &self.pending.path
@@ -227,17 +324,14 @@ impl Rows {
         self.pending
     }
 
-    /// Completes the file and gives it its name.
-    pub fn keep(self) -> Result<(), Failure> {
-        let path = self.pending.path.clone();
+    /// Completes the file.
+    pub fn finish(self) -> Result<Pending, Failure> {
+        let path = &self.pending.path;
         match self.to {
-            To::Wav(writer, _) => writer.finalize().map_err(|e| Failure::writing(&path, e))?,
-            To::Npy(writer) => {
-                let mut inner = writer.finish().map_err(|e| Failure::writing(&path, e))?;
-                inner.flush().map_err(|e| Failure::writing(&path, e))?;
-            }
-            To::Csv(mut file, _) => file.flush().map_err(|e| Failure::writing(&path, e))?,
+            To::Wav(writer, _) => writer.finalize().map_err(|e| Failure::writing(path, e))?,
+            To::Npy(writer) => writer.finish().map(drop).map_err(|e| Failure::writing(path, e))?,
+            To::Csv(mut file, _) => file.flush().map_err(|e| Failure::writing(path, e))?,
         }
-        self.pending.keep()
+        Ok(self.pending)
     }
 }
