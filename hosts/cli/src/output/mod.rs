@@ -3,7 +3,7 @@
 mod journal;
 mod salvage;
 
-use std::fs::{File, Permissions};
+use std::fs::{File, Permissions, TryLockError};
 use std::io::{self, BufWriter, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
@@ -144,14 +144,21 @@ fn claimed(mut make: impl FnMut() -> io::Result<NamedTempFile>) -> io::Result<Na
     }
 }
 
-/// A file, locked, whose process is gone; none where it lives, or where the disk has no locks.
+/// A file, locked, whose process is gone; none where it lives.
+///
+/// # Errors
+/// The file cannot be opened; the disk has no locks.
 fn left_over(path: &Path) -> io::Result<Option<File>> {
     // Opening a pipe could wait for ever.
     if !std::fs::symlink_metadata(path)?.is_file() {
         return Err(ErrorKind::InvalidInput.into());
     }
     let file = File::options().read(true).write(true).open(path)?;
-    Ok(file.try_lock().is_ok().then_some(file))
+    match file.try_lock() {
+        Ok(()) => Ok(Some(file)),
+        Err(TryLockError::WouldBlock) => Ok(None),
+        Err(TryLockError::Error(e)) => Err(e),
+    }
 }
 
 /// Makes a file's name last where the machine stops.
