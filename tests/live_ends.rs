@@ -11,7 +11,7 @@ use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use common::live::{CARD, EARS, Live, PATIENCE, npy, told, until};
-use common::{asperity, json};
+use common::{asperity, json, run};
 use socket::watch;
 use tungstenite::Message;
 
@@ -273,4 +273,44 @@ fn a_report_that_cannot_be_written_costs_neither_what_was_recorded_nor_the_summa
     assert!(ran.code != 0, "{}", ran.err);
     assert!(ran.err.contains("r.json") && ran.err.contains("misses"), "{}", ran.err);
     assert!(npy(&dir.join("sent.npy")).iter().any(|x| *x != 0.0));
+}
+
+/// Samples of a WAV file.
+fn samples(path: &Path) -> Vec<f32> {
+    let mut wav = hound::WavReader::open(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
+    wav.samples().map(|x| x.expect("a sample")).collect()
+}
+
+/// Once, a recording whose run was killed lay in a hidden file whose header said 0 samples.
+#[test]
+fn recording_of_a_killed_run_is_recovered() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let text = r#"Graph(version: 1, nodes: {"sine": (kind: "sine", params: (frequency_hz: 80.0)),
+        "limiter": (kind: "limiter"), "out": (kind: "audio_out"),
+        "take": (kind: "file_out", params: (file: "take.wav"))}, wires: [("sine", "limiter"), ("limiter", "out"), ("limiter", "take")])"#;
+    std::fs::write(dir.path().join("g.ron"), text).expect("a graph");
+    let [growing, take, other] = ["take.wav.recording", "take.wav", "take-1.wav"].map(|f| dir.path().join(f));
+    let args = ["g.ron", "--device", CARD];
+    let live = Live::start(dir.path(), &args);
+    until("it records", || std::fs::metadata(&growing).is_ok_and(|meta| meta.len() > 0));
+    let recover = |what: &str| run(dir.path(), &["recover", what]);
+    assert!(recover(".").ok().err.contains("still records"));
+    std::thread::sleep(Duration::from_millis(2500));
+    live.stop_by("-KILL");
+    // A program that reads it as it is finds what its header says.
+    std::fs::copy(&growing, dir.path().join("as_it_is.wav")).expect("a recording");
+    assert!(samples(&dir.path().join("as_it_is.wav")).len() > 72_000);
+    assert!(!take.exists());
+    assert!(recover("take.wav.recording").ok().out.contains("take.wav"));
+    let kept = samples(&take);
+    assert!(kept.len() > 72_000 && kept.iter().any(|x| *x != 0.0), "{} samples", kept.len());
+    assert!(!growing.exists());
+
+    // The next run to that name completes what was left there, too.
+    std::fs::copy(dir.path().join("as_it_is.wav"), &growing).expect("a recording");
+    let mut next = Live::start(dir.path(), &[&args[..], &["--seconds", "0.2"]].concat());
+    let ended = next.end();
+    assert!(ended.code == 0 && ended.err.contains("take-1.wav"), "{}", ended.err);
+    assert!(samples(&other).len() > 72_000 && samples(&take).len() < 48_000);
+    assert!(recover(".").ok().out.contains("there is no recording"));
 }

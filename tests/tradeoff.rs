@@ -481,3 +481,35 @@ fn after_a_change_what_it_touches_is_run_again_and_nothing_else() {
     let results = json(&dir.path().join("out/results.json"));
     assert!(row(&results, "inverse.profile=mine.ron")["error"].is_null(), "{results}");
 }
+
+/// Once, a digit that was changed in a kept part went into the results.
+#[test]
+fn kept_part_changed_by_hand_is_measured_again() {
+    let dir = tempfile::tempdir().expect("a folder");
+    study(dir.path(), "");
+    let args = ["tradeoff", "study.ron", "--out", "out", "--no-cases"];
+    run(dir.path(), &args).ok();
+    let results = json(&dir.path().join("out/results.json"));
+    let changed: Vec<String> = ["figures-", "batch-"]
+        .iter()
+        .map(|prefix| {
+            let name = parts(dir.path(), prefix)[0].0.clone();
+            let path = dir.path().join("out/kept").join(&name);
+            let text = std::fs::read_to_string(&path).expect("a part");
+            let at = text.rfind(|c: char| c.is_ascii_digit()).expect("a digit");
+            let other = if &text[at..=at] == "1" { "2" } else { "1" };
+            std::fs::write(&path, format!("{}{other}{}", &text[..at], &text[at + 1..])).expect("a part");
+            name
+        })
+        .collect();
+    let again = run(dir.path(), &args).ok();
+    for name in &changed {
+        let said: Vec<&str> = again.err.lines().filter(|line| line.contains(name.as_str())).collect();
+        assert!(said.len() == 1 && said[0].contains("measured again"), "{}", again.err);
+    }
+    let now = json(&dir.path().join("out/results.json"));
+    for name in names(&results) {
+        assert_eq!(row(&now, &name)["figures"], row(&results, &name)["figures"]);
+    }
+    assert!(!run(dir.path(), &args).ok().err.contains("measured again"));
+}

@@ -1,6 +1,7 @@
 //! The file: what it is, before any of its code runs, and the copy that is loaded.
 
-use std::io::Write;
+use std::fs::{self, File};
+use std::io::{self, Write};
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -9,6 +10,7 @@ use asperity_source::{Diagnostic, file, fnv};
 use libloading::Library;
 use object::read::NameOrOrdinal;
 use object::{Architecture, BinaryFormat, Object, ObjectKind, ObjectSegment};
+use tempfile::TempPath;
 
 /// Largest library that is read, in bytes.
 const MAX_BYTES: u64 = 1 << 30;
@@ -110,12 +112,13 @@ fn is_it(name: &[u8]) -> bool {
 pub(crate) fn load(path: &Path, bytes: &[u8]) -> Result<Library, Diagnostic> {
     let fail = |message: String| Diagnostic::new(message).in_file(path);
     let stem = path.file_stem().and_then(|s| s.to_str()).unwrap_or("plugin");
-    let copy = tempfile::Builder::new()
-        .prefix(&format!("asperity-{stem}-"))
-        .suffix(std::env::consts::DLL_SUFFIX)
-        .tempfile()
-        .and_then(|mut file| file.write_all(bytes).map(|()| file.into_temp_path()))
+    let prefix = format!("asperity-{stem}-");
+    let folder = std::env::temp_dir();
+    remove_left_over(&folder, &prefix);
+    let (file, copy) = copy_into(&folder, &prefix, bytes)
         .map_err(|e| fail(format!("cannot make the copy that is loaded: {e}")))?;
+    // Windows loads no file that is open for writing.
+    let _lock = (!cfg!(windows)).then_some(file);
     // SAFETY: loading runs the library's constructors, which is what a plugin is trusted with; all else about the file
     // has been checked.
     let library = unsafe { open(&copy) }.map_err(|e| {
@@ -130,6 +133,42 @@ pub(crate) fn load(path: &Path, bytes: &[u8]) -> Result<Library, Diagnostic> {
         let _ = copy.keep();
     }
     Ok(library)
+}
+
+/// Writes the copy, locked for as long as it is open, so that nobody takes it for left over.
+fn copy_into(folder: &Path, prefix: &str, bytes: &[u8]) -> io::Result<(File, TempPath)> {
+    loop {
+        let copy = tempfile::Builder::new()
+            .prefix(prefix)
+            .suffix(std::env::consts::DLL_SUFFIX)
+            .tempfile_in(folder)?;
+        let (mut file, path) = copy.into_parts();
+        // Waits for a process that looks at it, and may remove it. Not every disk has locks.
+        let _ = file.lock();
+        if path.exists() {
+            file.write_all(bytes)?;
+            return Ok((file, path));
+        }
+    }
+}
+
+/// Removes copies whose process is gone: it crashed or was killed while it loaded them.
+fn remove_left_over(folder: &Path, prefix: &str) {
+    let random = |name: &str| {
+        let random = name.strip_prefix(prefix)?.strip_suffix(std::env::consts::DLL_SUFFIX)?;
+        Some(random.len() == 6 && random.bytes().all(|b| b.is_ascii_alphanumeric()))
+    };
+    for entry in fs::read_dir(folder).into_iter().flatten().filter_map(Result::ok) {
+        let is_copy = random(&entry.file_name().to_string_lossy()) == Some(true)
+            && entry.file_type().is_ok_and(|kind| kind.is_file());
+        if is_copy
+            && let Ok(file) = File::open(entry.path())
+            && file.try_lock().is_ok()
+        {
+            // One that is loaded cannot be removed on Windows.
+            let _ = fs::remove_file(entry.path());
+        }
+    }
 }
 
 #[cfg(unix)]
@@ -148,4 +187,26 @@ unsafe fn open(copy: &Path) -> Result<Library, libloading::Error> {
 /// Tells two builds of a library apart; never 0.
 pub(crate) fn build_of(bytes: &[u8]) -> u64 {
     fnv(bytes).max(1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Once, a plugin that crashed while it was loaded left its copy for ever.
+    #[test]
+    fn copies_of_processes_that_are_gone_are_removed() {
+        let dir = tempfile::tempdir().unwrap();
+        let made = |name: &str| {
+            let path = dir.path().join(name.to_owned() + std::env::consts::DLL_SUFFIX);
+            File::create(&path).unwrap();
+            path
+        };
+        let [gone, other, longer] =
+            ["asperity-a-Ab12Cd", "asperity-b-Ab12Cd", "asperity-a-b-Ab12Cd"].map(made);
+        let (_lock, held) = copy_into(dir.path(), "asperity-a-", b"x").unwrap();
+        remove_left_over(dir.path(), "asperity-a-");
+        let there = [gone.as_path(), &other, &longer, &held].map(Path::exists);
+        assert_eq!(there, [false, true, true, true]);
+    }
 }

@@ -2,8 +2,9 @@
 
 use std::fs::{File, TryLockError};
 use std::path::{Path, PathBuf};
+use std::sync::Mutex;
 
-use asperity_source::{Diagnostic, Source};
+use asperity_source::{Diagnostic, MAX_TEXT_BYTES, file};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
@@ -13,7 +14,12 @@ pub(crate) struct Kept {
     folder: PathBuf,
     /// Locked for as long as this is there.
     _lock: File,
+    /// Files of parts that are not as they were written.
+    spoiled: Mutex<Vec<PathBuf>>,
 }
+
+/// A part's file is a JSON object: a checksum over the bytes of `part`, then `part`.
+const BEFORE: [&str; 2] = ["{\"crc32\":\"", "\",\"part\":"];
 
 /// The file by which a folder is locked.
 const LOCK: &str = ".lock";
@@ -30,17 +36,31 @@ impl Kept {
         let lock = File::create(folder.join(LOCK)).map_err(|e| fail("cannot write into this folder", &e))?;
         match lock.try_lock() {
             // Where there are no locks, as on some network disks, nobody is kept out.
-            Ok(()) | Err(TryLockError::Error(_)) => Ok(Self { folder: folder.to_owned(), _lock: lock }),
+            Ok(()) | Err(TryLockError::Error(_)) => {
+                Ok(Self { folder: folder.to_owned(), _lock: lock, spoiled: Mutex::default() })
+            }
             Err(TryLockError::WouldBlock) => Err(Diagnostic::new("another run writes into this folder")
                 .in_file(folder)
                 .help("each run, and each shard, has a folder of its own: --out")),
         }
     }
 
-    /// A part that is there and can be read.
+    /// A part that is there, if it is as it was written.
     pub(crate) fn get<T: DeserializeOwned>(&self, name: &str) -> Option<T> {
-        let text = Source::read(self.folder.join(format!("{name}.json"))).ok()?;
-        serde_json::from_str(text.text()).ok()
+        let path = self.folder.join(format!("{name}.json"));
+        let bytes = file::read(&path, MAX_TEXT_BYTES).ok()?;
+        let part = part(&bytes).and_then(|part| serde_json::from_slice(part).ok());
+        if part.is_none()
+            && let Ok(mut spoiled) = self.spoiled.lock()
+        {
+            spoiled.push(path);
+        }
+        part
+    }
+
+    /// Files that [`get`](Self::get) found not to be as they were written, each once.
+    pub(crate) fn spoiled(&self) -> Vec<PathBuf> {
+        self.spoiled.lock().map(|mut spoiled| std::mem::take(&mut *spoiled)).unwrap_or_default()
     }
 
     /// Keeps a part: written beside, then given its name, so that it is there whole or not at all. Answers it as it will be read, whose last digits may
@@ -52,9 +72,10 @@ impl Kept {
         let path = self.folder.join(format!("{name}.json"));
         let fail =
             |e: &dyn std::fmt::Display| Diagnostic::new(format!("cannot write this: {e}")).in_file(&path);
-        let text = serde_json::to_vec(part).map_err(|e| fail(&e))?;
+        let part = serde_json::to_string(part).map_err(|e| fail(&e))?;
         let beside = self.folder.join(format!(".{name}.{}.part", std::process::id()));
-        let read = serde_json::from_slice(&text).map_err(|e| fail(&e))?;
+        let read = serde_json::from_str(&part).map_err(|e| fail(&e))?;
+        let text = format!("{}{}{}{part}}}", BEFORE[0], checksum(part.as_bytes()), BEFORE[1]);
         std::fs::write(&beside, text).and_then(|()| std::fs::rename(&beside, &path)).map_err(|e| {
             let _ = std::fs::remove_file(&beside);
             fail(&e)
@@ -91,6 +112,17 @@ impl Kept {
     }
 }
 
+/// The part in a file, if its checksum is right.
+fn part(file: &[u8]) -> Option<&[u8]> {
+    let (told, rest) = file.strip_prefix(BEFORE[0].as_bytes())?.split_at_checked(8)?;
+    let part = rest.strip_prefix(BEFORE[1].as_bytes())?.strip_suffix(b"}")?;
+    (told == checksum(part).as_bytes()).then_some(part)
+}
+
+fn checksum(bytes: &[u8]) -> String {
+    format!("{:08x}", crc32fast::hash(bytes))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -107,6 +139,21 @@ mod tests {
         assert_eq!(kept.get::<Vec<u32>>("one half"), None);
         assert_eq!(kept.all::<Vec<u32>>("o"), [vec![1, 2], vec![3]]);
         assert!(Kept::open(&dir.path().join("a/b/one.json/c")).is_err());
+    }
+
+    #[test]
+    fn part_changed_by_hand_is_not_read() {
+        let dir = tempfile::tempdir().unwrap();
+        let kept = Kept::open(dir.path()).unwrap();
+        kept.put("one", &vec![1234]).unwrap();
+        kept.put("other", &vec![5]).unwrap();
+        let path = dir.path().join("one.json");
+        let text = std::fs::read_to_string(&path).unwrap();
+        assert!(serde_json::from_str::<serde_json::Value>(&text).is_ok(), "{text}");
+        std::fs::write(&path, text.replace("1234", "1235")).unwrap();
+        assert_eq!(kept.all::<Vec<u32>>("o"), [[5]]);
+        assert_eq!(kept.spoiled(), [path]);
+        assert!(kept.spoiled().is_empty());
     }
 
     #[test]

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use crate::choose::Budget;
 use crate::figure::Figure;
 use crate::result::{Results, Row};
-use crate::short::{cell, range, reason};
+use crate::short::{code, message, plain, range, reason};
 
 /// Budgets that the report answers, in microseconds a tick; none for any.
 const BUDGETS_US: [Option<f64>; 7] =
@@ -66,9 +66,9 @@ impl Results {
             if self.cases > 0 { ", and every hard case holds" } else { "; nobody looked at hard cases" };
         let _ = writeln!(
             out,
-            "{} of `{}`, each over {} and {materials}. {sound} of them may be chosen: they ran{held}.\n",
+            "{} of {}, each over {} and {materials}. {sound} of them may be chosen: they ran{held}.\n",
             of(self.rows.len(), "setting", "settings"),
-            self.study,
+            code(&self.study),
             of(self.strokes.len(), "stroke", "strokes"),
         );
         if self.unfinished > 0 {
@@ -328,11 +328,11 @@ impl Results {
             if told.is_empty() {
                 let names: Vec<String> = same.iter().map(|(r, _)| self.named(r)).collect();
                 if !names.is_empty() {
-                    alike.push(format!("{grid} ({})", some(&names)));
+                    alike.push(format!("{} ({})", plain(grid), some(&names)));
                 }
                 continue;
             }
-            let _ = writeln!(out, "### {grid}\n");
+            let _ = writeln!(out, "### {}\n", plain(grid));
             let all = told.len();
             if all > MOST_LINES {
                 let worth: Vec<usize> = self.shown().into_iter().flat_map(|f| self.undominated(f)).collect();
@@ -428,7 +428,7 @@ impl Results {
         }
         let more = lines.len().saturating_sub(MOST_LINES);
         for (why, names) in lines.iter().take(MOST_LINES) {
-            let _ = writeln!(out, "| {} | {} |", some(names), cell(why));
+            let _ = writeln!(out, "| {} | {} |", some(names), message(why));
         }
         if more > 0 {
             let _ = writeln!(out, "| {more} more, in results.csv | |");
@@ -439,17 +439,22 @@ impl Results {
     fn taken(&self, out: &mut String) {
         *out += "## How it was taken\n\n";
         for note in &self.notes {
-            let _ = writeln!(out, "- {}", note.replace('\n', " "));
+            let _ = writeln!(out, "- {}", message(note));
         }
         for m in &self.machines {
-            let _ = writeln!(out, "- {}, {} cores, {}; {}", m.cpu, m.cores, m.system, m.build);
+            let (cpu, system, build) = (plain(&m.cpu), plain(&m.system), plain(&m.build));
+            let _ = writeln!(out, "- {cpu}, {} cores, {system}; {build}", m.cores);
         }
         let _ = writeln!(
             out,
             "- seed {}; strokes: {}; materials: {}",
             self.seed,
-            self.strokes.join(", "),
-            if self.materials.is_empty() { "the graph's own".into() } else { self.materials.join(", ") }
+            plain(&self.strokes.join(", ")),
+            if self.materials.is_empty() {
+                "the graph's own".into()
+            } else {
+                plain(&self.materials.join(", "))
+            }
         );
         if let Some(t) = self.empty {
             let _ = writeln!(

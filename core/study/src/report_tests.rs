@@ -117,3 +117,20 @@ fn no_table_has_more_than_eight_lines() {
     assert_eq!(knobs.lines().filter(|l| l.starts_with("| `r")).count(), super::MOST_LINES, "{report}");
     assert!(knobs.contains("22 more"), "{report}");
 }
+
+/// Once, a `|` in a name split its cell, and `*` or `<b>` in one changed how the report looked.
+#[test]
+fn names_in_the_report_are_no_markup() {
+    let mut default = measured("a|b`c*d", 4.0, 1.0, 20.0);
+    default.default = true;
+    let mut other = measured("better", 8.0, 0.5, 60.0);
+    other.grids = vec!["g *1* <b>".into()];
+    let mut all = results(vec![default, other]);
+    all.materials = vec!["felt_<i>|*x*".into()];
+    all.study = "my|study`.ron".into();
+    let report = all.report();
+    whole(&report);
+    assert!(report.contains("a\\|b\\`c\\*d") && report.contains("my\\|study\\`.ron"), "{report}");
+    assert!(report.contains("### g \\*1\\* \\<b\\>"), "{report}");
+    assert!(report.contains("materials: felt\\_\\<i\\>\\|\\*x\\*"), "{report}");
+}

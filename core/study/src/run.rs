@@ -134,6 +134,13 @@ impl Work<'_> {
         base.ok_or_else(|| Diagnostic::new("there is no graph to study"))
     }
 
+    /// Says which kept parts are not as they were written.
+    fn tell_spoiled(&self) {
+        for file in self.kept.spoiled() {
+            self.onlooker.spoiled(&file);
+        }
+    }
+
     /// Accuracy and hard cases of all settings: what is kept is taken, and what is new is kept.
     fn parts(&self) -> Result<Vec<Part>, Diagnostic> {
         let Prepared { order, strokes, materials, names, .. } = self.prepared;
@@ -143,6 +150,7 @@ impl Work<'_> {
             cases: self.kept.get(&names.cases).filter(|_| order.cases),
         };
         let parts: Vec<Part> = names.iter().map(kept).collect();
+        self.tell_spoiled();
         let left: Vec<usize> = (0..parts.len()).filter(|&i| !parts[i].is_finished(order)).collect();
         let truths = if left.iter().any(|&i| parts[i].heard.is_none()) {
             onlooker.doing("the physics");
@@ -234,6 +242,7 @@ impl Work<'_> {
                 batches.push(batch);
             }
         }
+        self.tell_spoiled();
         let Some(anchor) = settings.first() else { return Ok(batches) };
         let left: Vec<(&Setting, &Names)> = all()
             .zip(parts)

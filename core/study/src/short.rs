@@ -25,7 +25,7 @@ impl Results {
                 name = name.replacen(&format!("{knob}={value}"), &format!("{short}={value}"), 1);
             }
         }
-        format!("`{}`", cell(&cut(&name, NAME)))
+        code(&cut(&name, NAME))
     }
 }
 
@@ -47,9 +47,31 @@ pub(crate) fn reason(text: &str) -> String {
     cut(&told, REASON)
 }
 
-/// A text as a cell of a table has it.
-pub(crate) fn cell(text: &str) -> String {
-    text.replace('|', "\\|").replace(['\n', '\r'], " ")
+/// A name as Markdown: in backticks where all of it can stand there, also in a table.
+pub(crate) fn code(name: &str) -> String {
+    if name.is_empty() || name.contains(['`', '|', '\n', '\r']) { plain(name) } else { format!("`{name}`") }
+}
+
+/// A name or text as Markdown in which nothing is markup.
+pub(crate) fn plain(text: &str) -> String {
+    let mut out = String::new();
+    for c in text.chars() {
+        match c {
+            '\n' | '\r' => out.push(' '),
+            '\\' | '`' | '*' | '_' | '<' | '>' | '[' | ']' | '|' | '#' | '~' | '&' => out.extend(['\\', c]),
+            c => out.push(c),
+        }
+    }
+    out
+}
+
+/// A message as Markdown: what it has between backticks stays there.
+pub(crate) fn message(text: &str) -> String {
+    let parts: Vec<&str> = text.split('`').collect();
+    if parts.len().is_multiple_of(2) {
+        return plain(text);
+    }
+    parts.iter().enumerate().map(|(i, part)| if i % 2 == 1 { code(part) } else { plain(part) }).collect()
 }
 
 /// Neighbouring budgets in words.
@@ -93,6 +115,16 @@ mod tests {
             "`rate.phase=minimum`",
         ];
         assert_eq!(names, want);
+    }
+
+    #[test]
+    fn names_are_escaped_in_markdown() {
+        assert_eq!(code("a_b*<c>"), "`a_b*<c>`");
+        assert_eq!(code("a|b`c\nd"), r"a\|b\`c d");
+        assert_eq!(plain(r"*a_ <b> [c](d) \#"), r"\*a\_ \<b\> \[c\](d) \\\#");
+        assert_eq!(message("no `a_b` in c_d"), r"no `a_b` in c\_d");
+        assert_eq!(message("no `a|b`, <c>"), r"no a\|b, \<c\>");
+        assert_eq!(message("no `a`b`"), r"no \`a\`b\`");
     }
 
     #[test]

@@ -6,6 +6,7 @@
 //! A machine stalls by itself now and then, for milliseconds on one that is shared; whoever takes longer meets more of it. The tick that does nothing therefore
 //! spins for as long as the median tick of the default, as often as that ticks, and what it takes beyond that is the machine's.
 
+use std::path::Path;
 use std::time::Instant;
 
 use asperity_engine::Options;
@@ -44,6 +45,8 @@ pub trait Onlooker: Sync {
     fn advanced(&self, _parts: u64) {}
     /// What is done now.
     fn doing(&self, _what: &str) {}
+    /// A kept part was changed after it was written, and is measured again.
+    fn spoiled(&self, _file: &Path) {}
 }
 
 /// Times of a batch.

@@ -44,6 +44,11 @@ pub enum Command {
     /// Play a graph in real time: a hand moves, the actuator on the sound card answers
     #[command(mut_args = number::may_be_negative)]
     Run(Run),
+    /// Complete recordings that a killed run left
+    ///
+    /// While it grows, a recording is called take.wav.recording. This corrects its header and calls it
+    /// take.wav, or take-1.wav where that is there.
+    Recover(Recover),
     /// List audio hosts and devices: rates, formats, channels, buffer sizes
     Devices(Devices),
     /// Write down what stands behind a channel of the sound card: actuator, volts, amplifier
@@ -106,6 +111,14 @@ pub enum Command {
     /// Make a plugin, check one, or see which are found
     #[command(subcommand)]
     Plugin(PluginCommand),
+}
+
+/// `asperity recover`
+#[derive(Debug, clap::Args)]
+pub struct Recover {
+    /// A recording, or a folder of recordings
+    #[arg(value_name = "FILE|FOLDER", default_value = ".")]
+    pub path: PathBuf,
 }
 
 /// `asperity plugin`

@@ -33,6 +33,7 @@ fn main() -> ExitCode {
         Command::Render(args) => render::run(&args),
         Command::Run(args) => live::run(&args),
         Command::Setup(args) => commands::setup::run(&args),
+        Command::Recover(args) => commands::recover::run(&args),
         Command::Tone(args) => commands::tone::run(&args),
         Command::Latency(args) => commands::latency::run(&args),
         Command::Devices(args) => commands::devices::run(&args),

@@ -2,21 +2,32 @@
 
 use std::sync::Arc;
 
-use axum::extract::{Request, State};
+use axum::extract::{Extension, Request, State};
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 
+use crate::door::Visitor;
 use crate::server::Shared;
 
 /// Lets a request through where host, origin and token are right, and says in every answer what the browser must not do.
-pub(crate) async fn guard(State(shared): State<Arc<Shared>>, request: Request, next: Next) -> Response {
+pub(crate) async fn guard(
+    State(shared): State<Arc<Shared>>,
+    Extension(visitor): Extension<Arc<Visitor>>,
+    request: Request,
+    next: Next,
+) -> Response {
     let query = request.uri().query().unwrap_or_default();
-    let mut response = match refused(request.headers(), query, shared.port, &shared.token) {
+    let refused = match refused(request.headers(), query, shared.port, &shared.token) {
+        Some(why) => Some((StatusCode::FORBIDDEN, why)),
+        None if !visitor.admit() => Some((StatusCode::SERVICE_UNAVAILABLE, "too many connections\n")),
+        None => None,
+    };
+    let mut response = match refused {
         None => next.run(request).await,
-        Some(why) => {
+        Some(refused) => {
             shared.counts.refused();
-            (StatusCode::FORBIDDEN, why).into_response()
+            refused.into_response()
         }
     };
     shut(response.headers_mut(), shared.port);

@@ -1,6 +1,6 @@
 //! The server: a thread of its own, bound to this machine.
 
-use std::io::{self, Write};
+use std::io;
 use std::net::Ipv4Addr;
 use std::sync::Arc;
 use std::sync::atomic::AtomicU64;
@@ -14,19 +14,23 @@ use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
 use axum::{Router, middleware};
+use hyper::service::{Service, service_fn};
 use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::service::TowerToHyperService;
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::{Semaphore, watch};
 use tokio::time::timeout;
 
+use crate::door::{Door, Visitor};
 use crate::feed::Feed;
 use crate::hand::Hand;
 use crate::{client, guard, wire};
 
 /// Pages that may watch at a time. One more gets 503.
 pub const PAGES: usize = 16;
-/// Connections at a time beside those of the pages that watch. One more gets 503.
+/// Connections with the token at a time, beside those of the pages that watch. One more gets 503.
+///
+/// As many again may be there without it. One more closes the oldest of these.
 pub const CONNECTIONS: usize = 64;
 /// How long a request may take to come, and to be answered.
 const REQUEST: [Duration; 2] = [Duration::from_secs(5), Duration::from_secs(10)];
@@ -206,27 +210,24 @@ fn random() -> io::Result<String> {
 /// Takes connections until the server stops.
 async fn accept(listener: TcpListener, shared: Arc<Shared>) {
     let router = router(&shared);
-    let connections = Arc::new(Semaphore::new(CONNECTIONS));
+    let door = Arc::new(Door::default());
     let mut stop = shared.stop.subscribe();
     loop {
         let accepted = tokio::select! {
             _ = stop.wait_for(|stop| *stop) => break,
             accepted = listener.accept() => accepted,
         };
-        match (accepted, connections.clone().try_acquire_owned()) {
-            (Ok((stream, _)), Ok(place)) => {
+        match accepted {
+            Ok((stream, _)) => {
                 let router = router.clone();
-                tokio::spawn(async move {
-                    answer(stream, router).await;
-                    drop(place);
-                });
-            }
-            (Ok((stream, _)), Err(_)) => {
-                shared.counts.refused();
-                turn_away(stream);
+                if door.enter(|visitor| answer(stream, router, visitor)) {
+                    shared.counts.refused();
+                }
+                // A request that is already there is read before the next connection comes.
+                tokio::task::yield_now().await;
             }
             // Too many open files, or a connection that was gone again.
-            (Err(_), _) => tokio::time::sleep(Duration::from_millis(20)).await,
+            Err(_) => tokio::time::sleep(Duration::from_millis(20)).await,
         }
     }
     drop(listener);
@@ -235,21 +236,17 @@ async fn accept(listener: TcpListener, shared: Arc<Shared>) {
 }
 
 /// Answers one request. A WebSocket goes on by itself.
-async fn answer(stream: TcpStream, router: Router) {
+async fn answer(stream: TcpStream, router: Router, visitor: Visitor) {
     let _ = stream.set_nodelay(true);
     let mut http = hyper::server::conn::http1::Builder::new();
     http.timer(TokioTimer::new()).header_read_timeout(REQUEST[0]).max_buf_size(HEADERS);
-    let served =
-        http.serve_connection(TokioIo::new(stream), TowerToHyperService::new(router)).with_upgrades();
+    let (router, visitor) = (TowerToHyperService::new(router), Arc::new(visitor));
+    let service = service_fn(|mut request: hyper::Request<hyper::body::Incoming>| {
+        request.extensions_mut().insert(visitor.clone());
+        router.call(request)
+    });
+    let served = http.serve_connection(TokioIo::new(stream), service).with_upgrades();
     let _ = timeout(REQUEST[1], served).await;
-}
-
-/// Says once that there are too many, and waits for nothing.
-fn turn_away(stream: TcpStream) {
-    if let Ok(mut stream) = stream.into_std() {
-        let _ = stream
-            .write(b"HTTP/1.1 503 Service Unavailable\r\ncontent-length: 0\r\nconnection: close\r\n\r\n");
-    }
 }
 
 fn router(shared: &Arc<Shared>) -> Router {

@@ -5,7 +5,7 @@
  * ASPERITY_DISK_BYTES=n   the disk takes n bytes, then it is full
  * ASPERITY_DISK_SAYS=file each process adds a line at its end: how many changes there were, and of how many bytes
  *
- * Changes are writes to regular files, and what comes before and after each wait for the disk.
+ * Changes are writes to regular files, renames, and what comes before and after each wait for the disk.
  */
 
 #define _GNU_SOURCE
@@ -99,6 +99,13 @@ int fsync(int fd) {
 
 int fdatasync(int fd) {
     return waits("fdatasync", fd);
+}
+
+int rename(const char *from, const char *to) {
+    int (*next)(const char *, const char *) = (int (*)(const char *, const char *))dlsym(RTLD_NEXT, "rename");
+    if (is_the_last())
+        raise(SIGKILL);
+    return next(from, to);
 }
 
 __attribute__((destructor)) static void say(void) {

@@ -117,6 +117,13 @@ impl Place {
         None
     }
 
+    /// Whether some of what a writer makes is new, and some is not.
+    pub(super) fn is_mixed(&self, writer: &Writer, before: &Before) -> bool {
+        let now = self.now(writer);
+        let new = now.0.iter().zip(&before.0).filter(|(now, before)| now != before).count();
+        new > 0 && new < now.0.len()
+    }
+
     /// What a writer makes, as it is now.
     pub(super) fn now(&self, writer: &Writer) -> Before {
         Before(writer.makes.iter().map(|made| content(&self.dir.path().join(made.name))).collect())
@@ -149,9 +156,14 @@ fn names(dir: &Path) -> Vec<OsString> {
     all
 }
 
+/// End of a journal's name: the files that it lists get their names together.
+pub(super) const JOURNAL: &str = ".part.renames";
+
 /// Whether a name says of which file or of which program it is what is left, and that it is no whole one.
 pub(super) fn is_recognisable(name: &str, writer: &Writer) -> bool {
-    let part = |made: &str| name.starts_with(&format!(".{made}.")) && name.ends_with(".part");
+    let ends = [".part", JOURNAL].iter().any(|end| name.ends_with(end));
+    let part =
+        |made: &str| (name.starts_with(&format!(".{made}.")) && ends) || name == format!("{made}.recording");
     name.starts_with("tmp/asperity-") || writer.makes.iter().any(|made| part(made.name))
 }
 

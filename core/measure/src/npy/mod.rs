@@ -5,7 +5,7 @@
 mod header;
 mod write;
 
-pub use write::{Writer, set_rows, write_f32};
+pub use write::{Writer, begun, set_rows, write_f32};
 
 use asperity_source::{Diagnostic, file};
 use header::Header;

@@ -57,6 +57,13 @@ pub fn set_rows(to: &mut (impl Write + Seek), rows: usize, columns: Option<usize
     to.write_all(&header(&std::iter::once(rows).chain(columns).collect::<Vec<_>>())?)
 }
 
+/// Where the rows begin of a file that a [`Writer`] began, and its columns, from its first bytes; none of another file.
+pub fn begun(head: &[u8]) -> Option<(u64, Option<usize>)> {
+    let (header, _) = super::header::Header::parse(head.get(..HEADER_LEN)?).ok()?;
+    let ours = !header.wide && !header.big_endian && !header.fortran && header.shape.len() <= 2;
+    ours.then(|| (HEADER_LEN as u64, header.shape.get(1).copied()))
+}
+
 /// Writes a float32 array whose number of rows is not known yet.
 ///
 /// The file is a valid, empty array from the start, and holds all rows once [`finish`](Self::finish) has been called.
@@ -95,15 +102,23 @@ impl<W: Write + Seek> Writer<W> {
         Ok(())
     }
 
+    /// Writes the number of rows into the header, so that the file is whole as it is.
+    ///
+    /// # Errors
+    /// What the writer returns.
+    pub fn flush(&mut self) -> io::Result<()> {
+        self.to.seek(SeekFrom::Start(0))?;
+        self.to.write_all(&header(&Self::shape(self.rows, self.columns))?)?;
+        self.to.seek(SeekFrom::End(0))?;
+        self.to.flush()
+    }
+
     /// Writes the number of rows into the header and returns the writer.
     ///
     /// # Errors
     /// What the writer returns.
     pub fn finish(mut self) -> io::Result<W> {
-        self.to.seek(SeekFrom::Start(0))?;
-        self.to.write_all(&header(&Self::shape(self.rows, self.columns))?)?;
-        self.to.seek(SeekFrom::End(0))?;
-        self.to.flush()?;
+        self.flush()?;
         Ok(self.to)
     }
 }

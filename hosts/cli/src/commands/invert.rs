@@ -8,7 +8,7 @@ use asperity_source::Diagnostic;
 use crate::args::{Format, Invert};
 use crate::failure::{Failure, print, warn};
 use crate::kinds;
-use crate::output::{Rows, ending, resolved};
+use crate::output::{Pending, Rows, ending, resolved};
 use crate::phase::{Chain, Frames, How, Method, check_rate};
 
 /// Runs the command.
@@ -33,8 +33,8 @@ pub fn run(args: &Invert) -> Result<ExitCode, Failure> {
         How::Offline(_) => None,
     };
     let mut rows = match ending(&args.out).as_str() {
-        "wav" => Rows::wav(&args.out, 1, rate, Format::F32)?,
-        "npy" => Rows::npy(&args.out, None)?,
+        "wav" => Rows::wav(Pending::create(&args.out)?, 1, rate, Format::F32)?,
+        "npy" => Rows::npy(Pending::create(&args.out)?, None)?,
         _ => {
             return Err(Diagnostic::new("cannot tell the format from this name")
                 .in_file(&args.out)
@@ -48,7 +48,7 @@ pub fn run(args: &Invert) -> Result<ExitCode, Failure> {
         (How::Node(_), None) => Vec::new(),
     };
     rows.append(&signal, 1, |_| 0.0)?;
-    rows.keep()?;
+    rows.finish()?.keep()?;
     print(&format!(
         "wrote {}: {} samples at {rate} Hz from {} frames\n",
         args.out.display(),

@@ -1,4 +1,4 @@
-//! Commands that do not run a graph in time: `check`, `nodes`, `graph`, `invert`, `compare`, `tradeoff`, `choose`, `encode`, `fit-ar`, `materials`, `selftest`, `plugin`.
+//! Commands that do not run a graph in time: `check`, `nodes`, `graph`, `invert`, `compare`, `tradeoff`, `choose`, `encode`, `fit-ar`, `materials`, `recover`, `selftest`, `plugin`.
 
 pub mod calibrate;
 pub mod check;
@@ -13,6 +13,7 @@ pub mod latency;
 pub mod materials;
 pub mod nodes;
 pub mod plugin;
+pub mod recover;
 pub mod scene;
 pub mod selftest;
 pub mod setup;

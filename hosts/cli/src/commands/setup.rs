@@ -47,7 +47,7 @@ pub fn run(args: &Setup) -> Result<ExitCode, Failure> {
     if let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty()) {
         std::fs::create_dir_all(folder).map_err(|e| Failure::writing(folder, e))?;
     }
-    let path = Pending::create(&path)?.keep_text(&text)?;
+    let path = Pending::create(&path)?.fill(&text)?.keep()?;
     print(&format!(
         "wrote {}: no graph can drive channel {channel} of `{device}` beyond it\n{entry}\n",
         path.display()

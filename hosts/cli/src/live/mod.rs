@@ -123,7 +123,7 @@ pub fn run(args: &Run) -> Result<ExitCode, Failure> {
     last.close();
     let run = report::Run { args, ended: &ended, grants };
     let mut keep = |file: Option<Pending>, text: Option<String>| match (file, text) {
-        (Some(file), Some(text)) => file.keep_text(&text).map(|path| written.push(path)),
+        (Some(file), Some(text)) => file.fill(&text).and_then(Pending::keep).map(|path| written.push(path)),
         _ => Ok(()),
     };
     let pictured = keep(picture_file, picture);

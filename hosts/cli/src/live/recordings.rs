@@ -1,13 +1,18 @@
 //! What the sinks of a run record, also those that come and go while it plays.
 
 use std::path::PathBuf;
+use std::time::{Duration, Instant};
 
 use asperity_graph::{Schedule, ScheduledNode};
 use asperity_live::Conductor;
 use asperity_node::PortType;
 
 use crate::failure::Failure;
+use crate::output::Pending;
 use crate::render::record::{Kept, Recorder, file_of};
+
+/// How often files and their headers are brought up to date: so much is lost where the run is killed.
+const REFRESH: Duration = Duration::from_secs(1);
 
 /// A sink that wants a file written.
 #[derive(Clone, Debug, PartialEq)]
@@ -34,6 +39,8 @@ pub struct Recordings {
     all: Vec<Recording>,
     /// Ticks that were not recorded.
     lost: u64,
+    /// When files were last brought up to date.
+    refreshed: Option<Instant>,
 }
 
 /// What became of all recordings.
@@ -63,7 +70,10 @@ pub fn recorders(schedule: &Schedule, begun: &[Sink]) -> Result<Vec<(Sink, Recor
     let mut new = Vec::new();
     for (i, node) in schedule.nodes.iter().enumerate() {
         let Some(sink) = Sink::of(node).filter(|sink| !goes_on(begun, sink)) else { continue };
-        new.extend(Recorder::for_sink(i, node)?.map(|recorder| (sink, recorder.beginning_late())));
+        new.extend(
+            Recorder::for_sink(i, node, Pending::recording)?
+                .map(|recorder| (sink, recorder.beginning_late())),
+        );
     }
     Ok(new)
 }
@@ -89,7 +99,9 @@ impl Recordings {
     pub fn start(schedule: &Schedule) -> Result<Self, Failure> {
         let mut it = Self::default();
         for (i, node) in schedule.nodes.iter().enumerate() {
-            if let (Some(sink), Some(recorder)) = (Sink::of(node), Recorder::for_sink(i, node)?) {
+            if let (Some(sink), Some(recorder)) =
+                (Sink::of(node), Recorder::for_sink(i, node, Pending::recording)?)
+            {
                 it.all.push(Recording { sink, since: 0, recorder });
             }
         }
@@ -117,6 +129,10 @@ impl Recordings {
             }
         });
         self.lost = self.lost.max(lost);
+        if self.refreshed.is_none_or(|at| at.elapsed() >= REFRESH) {
+            self.refreshed = Some(Instant::now());
+            self.all.iter_mut().for_each(|recording| recording.recorder.refresh());
+        }
     }
 
     /// Which files are no longer written, and why; each once.

@@ -3,7 +3,6 @@
 pub mod effects;
 pub mod record;
 pub mod report;
-mod salvage;
 mod taken;
 mod traces;
 mod watch;
@@ -23,7 +22,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use crate::args::{GraphArgs, Render};
 use crate::failure::{Failure, be_quiet, complain, print};
 use crate::kinds::Kinds;
-use crate::output::Pending;
+use crate::output::{Pending, keep_all};
 use crate::{load, output};
 
 use report::Run;
@@ -110,12 +109,12 @@ pub fn run(args: &Render) -> Result<ExitCode, Failure> {
     bar.finish_and_clear();
 
     let Taken { master, recorders, traces, times, drive, .. } = taken;
-    let mut written = Vec::new();
+    let mut files = Vec::new();
     if let Some(master) = master {
-        written.push(master.keep()?);
+        files.push(master.finish()?);
     }
     for recorder in recorders {
-        written.push(recorder.keep()?);
+        files.push(recorder.finish()?);
     }
     let run = Run {
         graph: &args.graph.graph,
@@ -128,11 +127,12 @@ pub fn run(args: &Render) -> Result<ExitCode, Failure> {
         swaps: &swaps,
     };
     if let (Some(file), Some(traces)) = (plot, traces) {
-        written.push(file.keep_text(&traces.svg(&args.graph.graph, engine.schedule()))?);
+        files.push(file.fill(&traces.svg(&args.graph.graph, engine.schedule()))?);
     }
     if let Some(file) = report_file {
-        written.push(file.keep_text(&report::json(&run, &engine, &times, &drive))?);
+        files.push(file.fill(&report::json(&run, &engine, &times, &drive))?);
     }
+    let written = keep_all(files)?;
     if !args.quiet {
         print(&report::summary(&run, &engine, &times, &drive, &written))?;
     }

@@ -8,10 +8,9 @@ use asperity_live::Outlet;
 use asperity_node::{Buffer, ParamValue, Shape, time};
 use asperity_source::Diagnostic;
 
-use super::salvage::salvage;
 use crate::args::Format;
 use crate::failure::Failure;
-use crate::output::{Rows, ending};
+use crate::output::{Pending, Rows, ending, salvage};
 
 /// Takes down what a sink's buffer holds after each tick.
 #[derive(Debug)]
@@ -43,6 +42,9 @@ pub struct Kept {
     pub cut: Option<String>,
 }
 
+/// How a recording's file is opened: [`Pending::create`], or where the run may be killed [`Pending::recording`].
+pub type Open = fn(&Path) -> Result<Pending, Failure>;
+
 /// Most samples of a mono WAV file of 32-bit floats, with room for its head.
 const MOST_WAV: u64 = (1 << 30) - 1024;
 
@@ -69,18 +71,20 @@ impl Recorder {
     /// Recorders for every `probe` and `file_out` that names a file.
     pub fn for_sinks(schedule: &Schedule) -> Result<Vec<Self>, Failure> {
         let nodes = schedule.nodes.iter().enumerate();
-        nodes.filter_map(|(i, node)| Self::for_sink(i, node).transpose()).collect()
+        nodes.filter_map(|(i, node)| Self::for_sink(i, node, Pending::create).transpose()).collect()
     }
 
     /// A recorder for a node, by its place in the graph; none for one that wants nothing written.
-    pub fn for_sink(i: usize, node: &ScheduledNode) -> Result<Option<Self>, Failure> {
+    pub fn for_sink(i: usize, node: &ScheduledNode, open: Open) -> Result<Option<Self>, Failure> {
         let Some(file) = file_of(node) else { return Ok(None) };
         match node.kind.as_str() {
             "probe" => {
                 let Some(port) = &node.inputs[0].port else { return Ok(None) };
-                Self::new(file, From::Input(i), port.shape, &port.unit.to_string()).map(Some)
+                Self::new(file, open, From::Input(i), port.shape, &port.unit.to_string()).map(Some)
             }
-            "file_out" => Self::new(file, From::Output(i), node.outputs[0].port.shape, "value").map(Some),
+            "file_out" => {
+                Self::new(file, open, From::Output(i), node.outputs[0].port.shape, "value").map(Some)
+            }
             _ => Ok(None),
         }
     }
@@ -90,7 +94,7 @@ impl Recorder {
         Self { next: None, ..self }
     }
 
-    fn new(path: &Path, from: From, shape: Shape, unit: &str) -> Result<Self, Failure> {
+    fn new(path: &Path, open: Open, from: From, shape: Shape, unit: &str) -> Result<Self, Failure> {
         let (columns, names): (usize, Vec<String>) = match shape {
             Shape::Control { count: 1 } | Shape::Audio { .. } => (1, vec![unit.to_owned()]),
             Shape::Control { count } => (count, (0..count).map(|i| format!("{i} [{unit}]")).collect()),
@@ -105,9 +109,9 @@ impl Recorder {
             }
         };
         let rows = match (ending(path).as_str(), shape) {
-            ("npy", _) => Rows::npy(path, (columns > 1).then_some(columns))?,
-            ("csv", _) => Rows::csv(path, &names)?,
-            ("wav", Shape::Audio { rate_hz }) => Rows::wav(path, 1, rate_hz, Format::F32)?,
+            ("npy", _) => Rows::npy(open(path)?, (columns > 1).then_some(columns))?,
+            ("csv", _) => Rows::csv(open(path)?, &names)?,
+            ("wav", Shape::Audio { rate_hz }) => Rows::wav(open(path)?, 1, rate_hz, Format::F32)?,
             _ => return Err(unknown_format(path, "a .csv or .npy file; .wav for audio").into()),
         };
         let most = if ending(path) == "wav" { MOST_WAV } else { u64::MAX };
@@ -189,10 +193,24 @@ impl Recorder {
             return;
         }
         if let Err(failure) = self.append(start, values, tick_hz) {
-            let reason = failure.reason();
-            let said = format!("{reason}; no more of it is recorded, and all else goes on");
-            self.stopped = Some((said, false));
+            self.stop(&failure);
         }
+    }
+
+    /// Brings the file up to date, so that it survives if the run is killed.
+    pub fn refresh(&mut self) {
+        if self.stopped.is_none()
+            && self.rows_written > 0
+            && let Err(failure) = self.rows.refresh()
+        {
+            self.stop(&failure);
+        }
+    }
+
+    /// Records no more, for a reason.
+    fn stop(&mut self, failure: &Failure) {
+        let said = format!("{}; no more of it is recorded, and all else goes on", failure.reason());
+        self.stopped = Some((said, false));
     }
 
     /// Why no more is recorded, once.
@@ -214,10 +232,10 @@ impl Recorder {
             ));
         }
         let pending = self.rows.abandon();
-        let whole = pending.file().and_then(|mut file| {
-            salvage(&mut file, &ending(&path), self.columns).map_err(|e| Failure::writing(&path, e))
-        });
-        match whole.and_then(|rows| pending.keep().map(|()| rows)) {
+        let whole = pending
+            .file()
+            .and_then(|mut file| salvage(&mut file, &ending(&path)).map_err(|e| Failure::writing(&path, e)));
+        match whole.and_then(|rows| pending.keep().map(|_| rows)) {
             Ok(Some(rows)) if rows < self.rows_written => {
                 cut =
                     Some(format!("{name} is not whole: the disk took {rows} of {} rows", self.rows_written));
@@ -239,10 +257,8 @@ impl Recorder {
     }
 
     /// Completes the file.
-    pub fn keep(self) -> Result<PathBuf, Failure> {
-        let path = self.rows.path().to_owned();
-        self.rows.keep()?;
-        Ok(path)
+    pub fn finish(self) -> Result<Pending, Failure> {
+        self.rows.finish()
     }
 }
 
@@ -265,8 +281,8 @@ impl Master {
                 .into());
         }
         let rows = match ending(path).as_str() {
-            "wav" => Rows::wav(path, nodes.len(), schedule.audio_hz, format)?,
-            "npy" => Rows::npy(path, (nodes.len() > 1).then_some(nodes.len()))?,
+            "wav" => Rows::wav(Pending::create(path)?, nodes.len(), schedule.audio_hz, format)?,
+            "npy" => Rows::npy(Pending::create(path)?, (nodes.len() > 1).then_some(nodes.len()))?,
             _ => return Err(unknown_format(path, "a .wav or .npy file").into()),
         };
         Ok(Self { rows, nodes, scratch: Vec::new() })
@@ -301,10 +317,8 @@ impl Master {
     }
 
     /// Completes the file.
-    pub fn keep(self) -> Result<PathBuf, Failure> {
-        let path = self.rows.path().to_owned();
-        self.rows.keep()?;
-        Ok(path)
+    pub fn finish(self) -> Result<Pending, Failure> {
+        self.rows.finish()
     }
 }
 
@@ -318,7 +332,10 @@ mod tests {
 
     fn recorder(path: &Path, most: u64) -> Recorder {
         let shape = Shape::Audio { rate_hz: 48_000 };
-        Recorder { most, ..Recorder::new(path, From::Output(0), shape, "value").expect("a file") }
+        Recorder {
+            most,
+            ..Recorder::new(path, Pending::create, From::Output(0), shape, "value").expect("a file")
+        }
     }
 
     #[test]
@@ -348,11 +365,10 @@ mod tests {
             let mut it = recorder(&path, u64::MAX);
             it.append_while_possible(0, &[0.5; 5000], 500);
             // So much did not fit on the disk.
-            let Recorder { rows, columns, .. } = it;
-            let pending = rows.abandon();
+            let pending = it.rows.abandon();
             let mut file = pending.file().expect("a handle");
             file.set_len(file.metadata().expect("a size").len() - 1001).expect("it is cut");
-            salvage(&mut file, &ending(&path), columns).expect("a header");
+            salvage(&mut file, &ending(&path)).expect("a header");
             pending.keep().expect("a name");
             match name {
                 "x.wav" => assert_eq!(hound::WavReader::open(&path).expect("a WAV file").len(), 5000 - 251),

@@ -24,7 +24,7 @@ use crate::args::{Calibrate, DriveKind};
 use crate::commands::tone::range;
 use crate::failure::{Failure, complain, print, warn};
 use crate::live::perform::actuator;
-use crate::output::{Pending, resolved};
+use crate::output::{Pending, keep_all, resolved};
 use crate::render::stop_flag;
 use bench::{Bench, Outcome, Tape};
 use report::Report;
@@ -80,12 +80,14 @@ fn calibrate(
     let mut report = Report { args, base: &base, findings: &findings, tapes: &tapes, written: Vec::new() };
     let trusted = findings.trust > Trust::Poor || args.anyway;
     let text = trusted.then(|| profile(&findings, &base)).transpose()?;
+    let mut files = Vec::new();
     if let Some(file) = plot_file {
-        report.written.push(file.keep_text(&report.picture())?);
+        files.push(file.fill(&report.picture())?);
     }
     if let Some(text) = text {
-        report.written.push(profile_file.keep_text(&text)?);
+        files.push(profile_file.fill(&text)?);
     }
+    report.written = keep_all(files)?;
     print(&if args.json { report.json(trusted) } else { report.text(trusted) })?;
     Ok(if trusted { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }

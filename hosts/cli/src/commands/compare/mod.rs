@@ -23,7 +23,7 @@ use asperity_source::Diagnostic;
 use crate::args::Compare;
 use crate::failure::{Failure, print};
 use crate::kinds::Kinds;
-use crate::output::{Pending, resolved};
+use crate::output::{Pending, keep_all, resolved};
 use crate::phase::{Chain, How, Method, retrievers};
 use vectors::Set;
 
@@ -61,14 +61,15 @@ pub fn run(args: &Compare) -> Result<ExitCode, Failure> {
 
     let outcome = contest::run(&registry, &methods, &set, args.quiet)?;
     let published = contest::published(&set);
-    let mut wrote = String::new();
-    let written = [(svg, &args.svg, picture::svg as fn(_, _, _) -> _), (csv, &args.csv, files::csv)];
-    for (pending, path, text) in written {
+    let (mut files, mut wrote) = (Vec::new(), String::new());
+    let texts = [(svg, &args.svg, picture::svg as fn(_, _, _) -> _), (csv, &args.csv, files::csv)];
+    for (pending, path, text) in texts {
         if let (Some(pending), Some(path)) = (pending, path) {
-            pending.keep_text(&text(&set, &outcome, &published[..]))?;
+            files.push(pending.fill(&text(&set, &outcome, &published[..]))?);
             wrote += &format!("wrote {}\n", path.display());
         }
     }
+    keep_all(files)?;
     if args.json {
         print(&format!("{:#}\n", files::json(&set, &outcome, &published)))?;
     } else {

@@ -15,7 +15,7 @@ use asperity_world::autoregressive::fit::{Band, Criterion, Order, Recording, Set
 
 use crate::args::{By, FitAr};
 use crate::failure::{Failure, clean, print, warn};
-use crate::output::{Pending, ending, resolved};
+use crate::output::{Pending, ending, keep_all, resolved};
 use report::Report;
 
 /// A band that is off by more than this, in dB, is worth a warning, ..
@@ -78,10 +78,8 @@ pub fn run(args: &FitAr) -> Result<ExitCode, Failure> {
             "of {whole_s:.1} s only {seconds:.1} s are used; what is dropped, and why, stands in the report"
         ));
     }
-    if let Some(file) = plot_file {
-        report.written.push(file.keep_text(&picture::svg(&report))?);
-    }
-    report.written.push(texture_file.keep_text(&text)?);
+    let plot = plot_file.map(|file| file.fill(&picture::svg(&report))).transpose()?;
+    report.written = keep_all(plot.into_iter().chain([texture_file.fill(&text)?]).collect())?;
     print(&if args.json { report.json() } else { report.text() })?;
     Ok(ExitCode::SUCCESS)
 }

@@ -6,7 +6,7 @@ use asperity_source::{Diagnostic, Source};
 use asperity_study::{Figure, Results};
 
 use crate::failure::Failure;
-use crate::output::Pending;
+use crate::output::{Pending, keep_all};
 
 /// The file that other commands read.
 const JSON: &str = "results.json";
@@ -65,11 +65,11 @@ fn file(path: &Path) -> PathBuf {
     if path.is_dir() { path.join(JSON) } else { path.to_owned() }
 }
 
-/// Writes all there is; each file whole or not at all. Answers their names.
+/// Writes all there is, or nothing. Returns the names.
 pub fn write(folder: &Path, results: &Results) -> Result<Vec<PathBuf>, Failure> {
-    let mut written = Vec::new();
+    let mut files = Vec::new();
     let mut put = |name: &str, text: &str| -> Result<(), Failure> {
-        written.push(Pending::create(&folder.join(name))?.keep_text(text)?);
+        files.push(Pending::create(&folder.join(name))?.fill(text)?);
         Ok(())
     };
     for figure in Figure::ALL {
@@ -83,7 +83,7 @@ pub fn write(folder: &Path, results: &Results) -> Result<Vec<PathBuf>, Failure> 
     let json = serde_json::to_string_pretty(results).map_err(|e| Failure::writing(&folder.join(JSON), e))?;
     put(JSON, &format!("{json}\n"))?;
     put("REPORT.md", &results.report())?;
-    Ok(written)
+    keep_all(files)
 }
 
 /// Reads results: a folder, or the file itself.

@@ -1,6 +1,7 @@
 //! Progress, and what is asked of the outside while a study runs.
 
 use std::io::IsTerminal;
+use std::path::Path;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -8,7 +9,7 @@ use asperity_study::Onlooker;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use super::Stop;
-use crate::failure::complain;
+use crate::failure::{complain, warn};
 use crate::heap;
 
 /// A bar for each stage.
@@ -60,6 +61,10 @@ impl Onlooker for Bars {
                 complain(&format!("{}: {} %\n", bar.message(), 10 * now.min(10)));
             }
         }
+    }
+
+    fn spoiled(&self, file: &Path) {
+        warn(&format!("{}: the checksum is wrong; this part is measured again", file.display()));
     }
 
     fn doing(&self, what: &str) {
