@@ -200,3 +200,29 @@ fn what_is_asked_for_must_be_there() {
     let ran = check(&good, &["--case", "prepare", "--kind", "low_pass", "--set", "gain=9"]);
     assert!(ran.code == 1 && ran.out.contains("fail"), "{}", ran.out);
 }
+
+#[cfg(target_os = "linux")]
+#[test]
+fn checking_process_ends_with_its_parent() {
+    let file = plugins::c("told").display().to_string();
+    let args = ["plugin", "check", &file, "--set", "what=endless", "--set", "to=1000000"];
+    let mut parent = common::asperity(&common::root())
+        .args(args)
+        .stdout(std::process::Stdio::null())
+        .stderr(std::process::Stdio::null())
+        .spawn()
+        .unwrap();
+    let id = parent.id();
+    let children = || std::fs::read_to_string(format!("/proc/{id}/task/{id}/children")).unwrap_or_default();
+    let mut child = String::new();
+    common::live::until("the process that checks", || {
+        child = children().split_whitespace().next().unwrap_or_default().to_owned();
+        !child.is_empty()
+    });
+    // So that it is in the endless loop.
+    std::thread::sleep(std::time::Duration::from_secs(1));
+    parent.kill().unwrap();
+    parent.wait().unwrap();
+    let state = || std::fs::read_to_string(format!("/proc/{child}/stat")).unwrap_or_default();
+    common::live::until("its end", || state().is_empty() || state().contains(") Z "));
+}

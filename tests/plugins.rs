@@ -435,3 +435,22 @@ fn a_minimal_node_takes_no_more_than_25_lines() {
     assert!(lines("README.md", "```rust\n", "```") <= 25);
     assert!(lines("plugins/sdk/src/lib.rs", "//! ```\n", "//! ```") <= 25);
 }
+
+#[test]
+fn plugin_that_exits_is_no_success() {
+    let dir = folder();
+    fs::copy(plugins::c("told"), dir.path().join("libtold.so")).unwrap();
+    let graph = r#"Graph(version: 1, plugins: ["libtold.so"], nodes: {
+        "wave": (kind: "told", params: (from: 50, to: 51, what: "exit")), "guard": (kind: "limiter"),
+        "out": (kind: "audio_out"),
+    }, wires: [("wave", "guard"), ("guard", "out")])"#;
+    fs::write(dir.path().join("g.ron"), graph).unwrap();
+    for command in [
+        &["render", "g.ron", "--seconds", "1", "--out", "o.wav"][..],
+        &["run", "g.ron", "--device", "simulated:frames=96"],
+    ] {
+        let ran = run(dir.path(), command);
+        assert!(ran.code == 1 && ran.err.contains("called exit()"), "{command:?}: {} {}", ran.code, ran.err);
+        assert!(!dir.path().join("o.wav").exists());
+    }
+}

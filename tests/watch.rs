@@ -232,3 +232,19 @@ fn without_watch_a_graph_that_changes_is_left_as_it_was() {
     common::run(dir.path(), &["render", "g.ron", "--seconds", "1", "--report", "r.json"]).ok();
     assert_eq!(json(&dir.path().join("r.json"))["swaps"].as_array().map(Vec::len), Some(0));
 }
+
+#[test]
+fn damaged_plugin_does_not_end_the_run_that_plays() {
+    let dir = tempfile::tempdir().unwrap();
+    told(&dir.path().join("libtold.so"), "0.1f");
+    fs::write(dir.path().join("g.ron"), graph("1.0", "")).unwrap();
+    let mut run = Live::start(dir.path(), &["g.ron", "--watch", "--device", "simulated:frames=96"]);
+    std::thread::sleep(Duration::from_millis(1500));
+    replace(dir.path(), "libtold.so", |to| {
+        plugins::compile(&plugins::sources().join("told.c"), to, &["-DTRAP"]);
+    });
+    run.says("tried in another process, this plugin crashed by signal");
+    replace(dir.path(), "libtold.so", |to| told(to, "0.05f"));
+    run.says("its code was built anew");
+    run.stop().ok();
+}

@@ -26,8 +26,13 @@ fn folder() -> tempfile::TempDir {
 
 /// A run that remembers its coils in the folder.
 fn start(dir: &Path, more: &[&str]) -> Child {
+    start_beside(dir, dir, more)
+}
+
+/// A run in a folder that remembers its coils where another one does.
+fn start_beside(other: &Path, dir: &Path, more: &[&str]) -> Child {
     let mut command = asperity(dir);
-    command.env("ASPERITY_STATE", dir.join("state"));
+    command.env("ASPERITY_STATE", other.join("state"));
     command.args(["run", "tone.ron", "--device", CARD]).args(more);
     command.stdout(std::process::Stdio::null()).stderr(std::process::Stdio::piped()).spawn().unwrap()
 }
@@ -112,8 +117,9 @@ fn second_run_on_an_actuator_is_refused_by_name() {
         dir.path().join("state").exists() && std::fs::read_dir(dir.path().join("state")).unwrap().count() > 1
     });
     std::thread::sleep(Duration::from_millis(300));
+    let other = folder();
     for more in [&["--seconds", "1"][..], &["--seconds", "1", "--share"]] {
-        let ran = end(start(dir.path(), more));
+        let ran = end(start_beside(dir.path(), other.path(), more));
         assert_eq!(ran.code, 2, "{}", ran.err);
         let process = format!("process {}", first.id());
         assert!(ran.err.contains(&process) && ran.err.contains("channel 1"), "{}", ran.err);
@@ -121,20 +127,16 @@ fn second_run_on_an_actuator_is_refused_by_name() {
     // The seat is free when its process is gone, however that ended.
     first.kill().unwrap();
     first.wait().unwrap();
-    end(start(dir.path(), &["--seconds", "0.3"])).ok();
+    end(start_beside(dir.path(), other.path(), &["--seconds", "0.3"])).ok();
 }
 
 #[test]
 fn two_runs_that_share_have_half_each() {
     let dir = folder();
     let first = start(dir.path(), &["--share", "--seconds", "4"]);
-    let other = tempfile::tempdir().unwrap();
-    std::fs::write(other.path().join("tone.ron"), TONE).unwrap();
-    let mut second = asperity(other.path());
-    second.env("ASPERITY_STATE", dir.path().join("state"));
-    let second =
-        second.args(["run", "tone.ron", "--device", CARD, "--share", "--seconds", "3"]).output().unwrap();
-    assert!(second.status.success(), "{}", String::from_utf8_lossy(&second.stderr));
+    let other = folder();
+    let second = start_beside(dir.path(), other.path(), &["--share", "--seconds", "3"]);
+    end(second).ok();
     end(first).ok();
     let heard = [dir.path(), other.path()].map(|dir| npy(&dir.join("heard.npy")));
     for heard in &heard {

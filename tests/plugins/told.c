@@ -18,6 +18,13 @@ typedef struct Told {
     int64_t what;
 } Told;
 
+#ifdef TRAP
+/* As a file that is damaged: its code is no code. */
+__attribute__((constructor)) static void trap(void) {
+    __builtin_trap();
+}
+#endif
+
 static uint64_t instances;
 
 static void *create(const AsperityKind *kind) {
@@ -80,6 +87,8 @@ static int32_t process(void *instance, AsperityTick *tick) {
     case 5: /* without end */
         for (volatile uint64_t spins = 0;; spins++) {
         }
+    case 6: /* as if all were done */
+        exit(0);
     default: /* an answer that there is not */
         return 99;
     }
@@ -98,7 +107,7 @@ static const AsperityPort outputs[] = {{
     .unit = "A",
 }};
 
-static const char *const words[] = {"error", "nan", "exception", "overrun", "nonsense", "endless", NULL};
+static const char *const words[] = {"error", "nan", "exception", "overrun", "nonsense", "endless", "exit", NULL};
 
 static const AsperityParam params[] = {
     {.size = sizeof(AsperityParam), .holds = ASPERITY_INTEGER, .name = "from", .doc = "First tick.", .integer_max = 1000000},

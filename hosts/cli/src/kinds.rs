@@ -2,12 +2,14 @@
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
+use std::time::SystemTime;
 
 use asperity_graph::GraphFile;
 use asperity_loader::{Found, Loader, PATH_VARIABLE, Plugin, find, search};
 use asperity_node::Registry;
 use asperity_source::Diagnostic;
 
+use crate::commands::plugin::survives;
 use crate::failure::{Failure, warn};
 use crate::phase::OFFLINE;
 
@@ -19,7 +21,12 @@ pub struct Kinds {
     named: Vec<PathBuf>,
     /// Files of the plugins that the last registry was made of, or was to be.
     files: Vec<PathBuf>,
+    /// Plugins that were loaded, as their files were then.
+    loaded: HashMap<PathBuf, Stamp>,
 }
+
+/// When a file was written, and how long it is.
+type Stamp = Option<(SystemTime, u64)>;
 
 impl Kinds {
     /// Kinds with the plugins that a command line names.
@@ -30,6 +37,18 @@ impl Kinds {
     /// Files of the plugins that the last registry was made of, or was to be.
     pub fn files(&self) -> &[PathBuf] {
         &self.files
+    }
+
+    /// Loads a plugin. One that was rebuilt is tried in another process first: its code would come into a run that plays, and a
+    /// damaged file end it.
+    fn load(&mut self, path: &Path) -> Result<Plugin, Diagnostic> {
+        let stamp = std::fs::metadata(path).and_then(|m| Ok((m.modified()?, m.len()))).ok();
+        if self.loaded.get(path).is_some_and(|before| *before != stamp) {
+            survives(path)?;
+        }
+        let plugin = self.loader.load(path)?;
+        self.loaded.insert(path.to_owned(), stamp);
+        Ok(plugin)
     }
 
     /// All kinds that a graph may use: built in, from its own plugins, from `--plugin`, and along the plugin path. What a graph or a
@@ -47,20 +66,20 @@ impl Kinds {
             })?;
             // One that does not load is watched all the same: it may be mended.
             self.files.push(path.clone());
-            let added = self.loader.load(&path).and_then(|p| made.add(&p));
+            let added = self.load(&path).and_then(|p| made.add(&p));
             added.map_err(|e| e.related(&place.source, place.span, "named here"))?;
         }
-        for named in &self.named {
+        for named in &self.named.clone() {
             let name = named.to_string_lossy();
             let path = find(&name, Path::new(""), list()).map_err(|e| e.in_file("--plugin"))?;
             self.files.push(path.clone());
-            made.add(&self.loader.load(&path)?)?;
+            made.add(&self.load(&path)?)?;
         }
         let (found, problems) = search(list());
         problems.iter().for_each(|p| warn(&p.to_string()));
         for Found { path, .. } in found {
             self.files.push(path.clone());
-            match self.loader.load(&path).and_then(|p| made.add_where_new(&p)) {
+            match self.load(&path).and_then(|p| made.add_where_new(&p)) {
                 Ok(()) => {}
                 Err(e) => warn(&format!("left out of {PATH_VARIABLE}: {e}")),
             }

@@ -6,7 +6,7 @@
 //! crashes it.
 
 use std::io::{BufRead, BufReader};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitCode, ExitStatus, Stdio};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::time::{Duration, Instant};
@@ -39,9 +39,7 @@ pub fn run(args: &CheckPlugin) -> Result<ExitCode, Failure> {
     let path = asperity_loader::find(&args.cases.plugin, "".as_ref(), list)?;
     let mut checker = Checker {
         cases: Cases { plugin: path.display().to_string(), ..args.cases.clone() },
-        path,
-        patience: Duration::from_secs(args.patience.max(1)),
-        preload: Preload::new(),
+        trial: Trial { path, patience: Duration::from_secs(args.patience.max(1)), preload: Preload::new() },
         report: Report::new(args.json),
     };
     let begun = Instant::now();
@@ -52,15 +50,61 @@ pub fn run(args: &CheckPlugin) -> Result<ExitCode, Failure> {
     if asked(OTHER_PROCESS) {
         checker.compare(begun)?;
     }
-    checker.report.finish(&checker.path, args.cases.ticks)
+    checker.report.finish(&checker.trial.path, args.cases.ticks)
+}
+
+/// The plugin's file, and how it is run in other processes.
+struct Trial {
+    path: PathBuf,
+    patience: Duration,
+    preload: Preload,
 }
 
 struct Checker {
     cases: Cases,
-    path: PathBuf,
-    patience: Duration,
-    preload: Preload,
+    trial: Trial,
     report: Report,
+}
+
+/// Cases that call every function of a plugin that a graph calls first.
+const FIRST: [&str; 3] = ["descriptor", "prepare", "zero"];
+/// How long a plugin that is rebuilt while a graph plays may take to answer.
+const TRIAL: Duration = Duration::from_secs(5);
+
+/// Tries a plugin's file in another process: whether its code, damaged perhaps, comes back at all. A case that it fails is no
+/// matter here.
+///
+/// # Errors
+/// How it ended.
+pub fn survives(path: &Path) -> Result<(), Diagnostic> {
+    let cases = Cases {
+        plugin: path.display().to_string(),
+        kind: None,
+        case: FIRST.map(str::to_owned).to_vec(),
+        set: Vec::new(),
+        ticks: 500,
+    };
+    let refuse = |what: String| Diagnostic::new(what).in_file(path);
+    let trial = Trial { path: path.to_owned(), patience: TRIAL, preload: Preload::new() };
+    match trial.process(&cases, 0, &mut |_| Ok(())) {
+        Ok(Ended::Done) => Ok(()),
+        Ok(Ended::Broke { row, how, .. }) => {
+            let during = row.map_or(String::new(), |(kind, case)| format!(" in case `{case}` of `{kind}`"));
+            Err(refuse(format!("tried in another process, this plugin {how}{during}"))
+                .help("`asperity plugin check` says more"))
+        }
+        // What does not load is told where it is loaded.
+        Err(Failure::Input(_)) => Ok(()),
+        Err(Failure::Machine(what)) => Err(refuse(what)),
+    }
+}
+
+/// What a process that runs cases says.
+enum Said {
+    /// The plugin is loaded, and what it is.
+    Plugin(Value),
+    /// A case is over.
+    Row(Row),
 }
 
 /// How a process that runs cases ended.
@@ -78,10 +122,13 @@ impl Checker {
         loop {
             let mut rows = Vec::new();
             let cases = self.cases.clone();
-            let ended = self.process(&cases, done, &mut |report, row| {
-                report.row(&row)?;
-                rows.push(row);
-                Ok(())
+            let ended = self.trial.process(&cases, done, &mut |said| match said {
+                Said::Plugin(plugin) => self.report.open(&plugin),
+                Said::Row(row) => {
+                    self.report.row(&row)?;
+                    rows.push(row);
+                    Ok(())
+                }
             })?;
             done += rows.len();
             match ended {
@@ -129,19 +176,24 @@ impl Checker {
     fn determinism(&mut self) -> Result<Vec<Row>, Failure> {
         let cases = Cases { case: vec![DETERMINISM.to_owned()], ..self.cases.clone() };
         let mut rows = Vec::new();
-        self.process(&cases, 0, &mut |_, row| {
-            rows.push(row);
+        self.trial.process(&cases, 0, &mut |said| {
+            match said {
+                Said::Plugin(plugin) => self.report.open(&plugin)?,
+                Said::Row(row) => rows.push(row),
+            }
             Ok(())
         })?;
         Ok(rows)
     }
+}
 
+impl Trial {
     /// One process, to its end.
     fn process(
-        &mut self,
+        &self,
         cases: &Cases,
         skip: usize,
-        each: &mut dyn FnMut(&mut Report, Row) -> Result<(), Failure>,
+        each: &mut dyn FnMut(Said) -> Result<(), Failure>,
     ) -> Result<Ended, Failure> {
         let (mut child, lines) = self.spawn(cases, skip)?;
         let (mut row, mut doing) = (None, String::new());
@@ -169,9 +221,9 @@ impl Checker {
                 row = None;
                 let mut of = Row::new(kind, case, &text(&end["verdict"]), text(&end["found"]));
                 of.figures = end.clone();
-                each(&mut self.report, of)?;
+                each(Said::Row(of))?;
             } else if let Some(plugin) = line.get("plugin") {
-                self.report.open(plugin)?;
+                each(Said::Plugin(plugin.clone()))?;
             } else if let Some(refused) = line.get("refused") {
                 let d = Diagnostic::new(text(&refused["message"])).in_file(&self.path);
                 return Err(match refused["help"].as_str() {

@@ -77,6 +77,7 @@ fn end_with_parent() {
 
 /// Runs the cases.
 pub fn run(args: &CasesOfPlugin) -> ExitCode {
+    crate::leave::as_it_likes();
     end_with_parent();
     let Ok(line) = Line::open() else { return ExitCode::FAILURE };
     match checked(args, &line) {

@@ -1,6 +1,7 @@
 //! `asperity plugin`: make one, check one, and see what is found where.
 
 mod check;
+pub use check::survives;
 mod child;
 mod heap;
 mod list;
