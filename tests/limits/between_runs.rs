@@ -110,6 +110,19 @@ fn clock_that_went_back_leaves_a_coil_at_its_rating() {
 }
 
 #[test]
+fn damaged_record_leaves_a_coil_at_its_rating() {
+    let dir = folder();
+    end(start(dir.path(), &["--seconds", "0.3"])).ok();
+    for damage in [&b""[..], b"heat_a2: 0.0", b"\xff\xfe\x00"] {
+        for entry in std::fs::read_dir(dir.path().join("state")).unwrap() {
+            std::fs::write(entry.unwrap().path(), damage).unwrap();
+        }
+        let ran = end(start(dir.path(), &["--seconds", "0.3"])).ok();
+        assert!(ran.err.contains("at its rating"), "{damage:?}: {}", ran.err);
+    }
+}
+
+#[test]
 fn second_run_on_an_actuator_is_refused_by_name() {
     let dir = folder();
     let mut first = start(dir.path(), &[]);

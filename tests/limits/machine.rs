@@ -49,7 +49,15 @@ fn play(dir: &Path, text: &str) -> Ran {
 fn graph_that_contradicts_the_machine_is_refused_with_both_places() {
     let dir = tempfile::tempdir().unwrap();
     setup(dir.path(), &[]).ok();
+    // The same actuator, but for how fast it is said to cool.
+    let text = std::fs::read_to_string(crate::common::graphs("actuators/hapcoil_one.ron")).unwrap();
+    let quick = text.replace("thermal_time_constant: (s: 2.0", "thermal_time_constant: (s: 0.1");
+    assert_ne!(text, quick);
+    std::fs::write(dir.path().join("quick.ron"), quick).unwrap();
     for (out, limiter, told) in [
+        ("", r#"profile: "quick.ron""#, "thermal time constant"),
+        ("", "slew_hz: 8000", "`limiter.slew_hz`"),
+        ("", "dc_corner_hz: 0.5", "`limiter.dc_corner_hz`"),
         ("volts_at_full_scale: 0.001, amps_per_volt: 0.001", "", "`out.volts_at_full_scale` is 0.001 V"),
         ("amps_per_volt: 0.5", "", "`out.amps_per_volt` is 0.5 A/V"),
         ("", "handle_mass_g: 20", "handle mass"),
@@ -63,6 +71,23 @@ fn graph_that_contradicts_the_machine_is_refused_with_both_places() {
         assert!(!dir.path().join("heard.npy").exists());
     }
     play(dir.path(), &square("", "")).ok();
+}
+
+#[test]
+fn two_entries_for_one_channel_are_refused() {
+    let dir = tempfile::tempdir().unwrap();
+    setup(dir.path(), &[]).ok();
+    let ran = play(dir.path(), &square("", "")).ok();
+    let device = ran.out.lines().find_map(|l| l.strip_prefix("device")).unwrap().trim().to_owned();
+    let name = device.split(": ").next().unwrap();
+    let file = dir.path().join("machine.ron");
+    let text = std::fs::read_to_string(&file).unwrap();
+    let entry = text[text.find("        (device").unwrap()..].split("),").next().unwrap().to_owned() + "),";
+    let id = entry.replace(&format!("{CARD:?}"), &format!("{name:?}"));
+    assert_ne!(entry, id, "{name}");
+    std::fs::write(&file, text.replace(&entry, &format!("{entry}\n{id}"))).unwrap();
+    let ran = play(dir.path(), &square("", ""));
+    assert!(ran.code == 2 && ran.err.contains("two entries are about channel 1"), "{}", ran.err);
 }
 
 #[test]

@@ -23,6 +23,8 @@ pub struct Kinds {
     files: Vec<PathBuf>,
     /// Plugins that were loaded, as their files were then.
     loaded: HashMap<PathBuf, Stamp>,
+    /// Whether a graph plays with what was loaded.
+    plays: bool,
 }
 
 /// When a file was written, and how long it is.
@@ -39,15 +41,24 @@ impl Kinds {
         &self.files
     }
 
-    /// Loads a plugin. One that was rebuilt is tried in another process first: its code would come into a run that plays, and a
-    /// damaged file end it.
+    /// From here on a graph plays: what is loaded comes into a run.
+    pub fn plays(&mut self) {
+        self.plays = true;
+    }
+
+    /// Loads a plugin. While a graph plays, one that is new or was rebuilt is tried in another process first: its code, damaged
+    /// perhaps, could end the run.
     fn load(&mut self, path: &Path) -> Result<Plugin, Diagnostic> {
-        let stamp = std::fs::metadata(path).and_then(|m| Ok((m.modified()?, m.len()))).ok();
-        if self.loaded.get(path).is_some_and(|before| *before != stamp) {
+        let stamp = || std::fs::metadata(path).and_then(|m| Ok((m.modified()?, m.len()))).ok();
+        let before = stamp();
+        if self.plays && self.loaded.get(path) != Some(&before) {
             survives(path)?;
+            if stamp() != before {
+                return Err(Diagnostic::new("this plugin is still being written").in_file(path));
+            }
         }
         let plugin = self.loader.load(path)?;
-        self.loaded.insert(path.to_owned(), stamp);
+        self.loaded.insert(path.to_owned(), before);
         Ok(plugin)
     }
 

@@ -1,14 +1,13 @@
 //! The end of the program, which is the program's own: a plugin that calls `exit` does not make a run that wrote nothing look like
 //! one that did.
 
-use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering::SeqCst};
 
 /// Whether the program ends because it wants to.
 static MEANT: AtomicBool = AtomicBool::new(false);
 
 /// From here on an end that was not meant has exit code 1. After the command line has been read, which may end the program too.
-pub fn on_purpose_only() {
+pub fn on_purpose_only() -> Staying {
     #[cfg(unix)]
     {
         extern "C" fn ending() {
@@ -23,6 +22,16 @@ pub fn on_purpose_only() {
         // SAFETY: the function lives as long as the program, and does not unwind.
         let _ = unsafe { libc::atexit(ending) };
     }
+    Staying
+}
+
+/// Until this is dropped, an end is not meant: dropped as `main` returns or unwinds.
+pub struct Staying;
+
+impl Drop for Staying {
+    fn drop(&mut self) {
+        MEANT.store(true, SeqCst);
+    }
 }
 
 /// This process may end in any way: another one looks at how it did.
@@ -34,10 +43,4 @@ pub fn as_it_likes() {
 pub fn now(code: u8) -> ! {
     MEANT.store(true, SeqCst);
     std::process::exit(code.into())
-}
-
-/// The program ends by itself, with this code.
-pub fn with(code: ExitCode) -> ExitCode {
-    MEANT.store(true, SeqCst);
-    code
 }

@@ -28,7 +28,7 @@ use args::{Args, Command};
 fn main() -> ExitCode {
     simulated::register();
     let args = Args::parse();
-    leave::on_purpose_only();
+    let _staying = leave::on_purpose_only();
     let result = match args.command {
         Command::Render(args) => render::run(&args),
         Command::Run(args) => live::run(&args),
@@ -52,5 +52,5 @@ fn main() -> ExitCode {
         Command::SelfTest(args) => commands::selftest::run(&args),
         Command::Plugin(command) => commands::plugin::run(&command),
     };
-    leave::with(result.unwrap_or_else(|failure| failure.report()))
+    result.unwrap_or_else(|failure| failure.report())
 }

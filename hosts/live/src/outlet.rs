@@ -62,6 +62,8 @@ impl Outlet {
                     channel.guard.go_on(&was.guard.coil());
                     continue;
                 }
+                // A channel that nothing plays on keeps its coil for what plays on it next.
+                (None, Some(_)) => {}
                 _ => continue,
             }
             std::mem::swap(channel, was);
@@ -97,7 +99,7 @@ impl Outlet {
         self.channels.iter_mut().flatten().for_each(|c| c.guard.rest(seconds));
     }
 
-    /// Sets how warm the coils are \[A^2\], at rest.
+    /// Sets how warm the coils are \[A^2\].
     pub(crate) fn warm(&mut self, heat: &[f64]) {
         for (channel, heat) in self.channels.iter_mut().zip(heat) {
             if let Some(channel) = channel {
@@ -153,7 +155,7 @@ pub(crate) struct GateControl {
     next: triple_buffer::Input<Outlet>,
     pub(crate) gate: Guards,
     pub(crate) seen: Arc<Seen>,
-    /// Rating and time constant of each channel.
+    /// What the first graph says of each channel's actuator.
     standing: Vec<Option<Standing>>,
 }
 
@@ -207,6 +209,11 @@ impl Gate {
         self.publish();
     }
 
+    /// How warm the coil of each channel is \[A^2\].
+    pub(crate) fn heat(&self) -> Vec<f64> {
+        self.outlet.standing().iter().map(|s| s.map_or(0.0, |s| s.heat)).collect()
+    }
+
     fn publish(&self) {
         for (seen, channel) in self.seen.heat.iter().zip(&self.outlet.channels) {
             if let Some(channel) = channel {
@@ -223,6 +230,11 @@ impl Seen {
         self.heat.get(channel).map_or(0.0, |bits| f64::from_bits(bits.load(Relaxed)))
     }
 
+    /// How warm the coil of each channel is \[A^2\].
+    pub(crate) fn heat_of_all(&self) -> Vec<f64> {
+        (0..self.heat.len()).map(|channel| self.heat(channel)).collect()
+    }
+
     /// Samples that were changed so far.
     pub(crate) fn changed(&self) -> u64 {
         self.changed.load(Relaxed)
@@ -232,13 +244,11 @@ impl Seen {
 impl GateControl {
     /// Sends the guards of another graph; they hold from the device's next block on.
     pub(crate) fn send(&mut self, outlet: Outlet) {
-        self.standing = outlet.standing();
         self.next.write(outlet);
     }
 
-    /// How the coils stand now.
-    pub(crate) fn standing(&self) -> Vec<Option<Standing>> {
-        let now = |(i, s): (usize, &Option<Standing>)| s.map(|s| Standing { heat: self.seen.heat(i), ..s });
-        self.standing.iter().enumerate().map(now).collect()
+    /// What the actuators of the graph are, at its start.
+    pub(crate) fn standing(&self) -> &[Option<Standing>] {
+        &self.standing
     }
 }

@@ -13,6 +13,7 @@ use std::time::Instant;
 use asperity_graph::{GraphFile, Schedule};
 use asperity_live::Conductor;
 use asperity_node::ParamKind;
+use asperity_source::Diagnostic;
 
 use super::closing;
 use super::hands::Hands;
@@ -154,6 +155,7 @@ impl Editor {
     pub fn make(&mut self) -> Result<Made, Failure> {
         let mut kinds = maker::lock(&self.kinds);
         let made = maker::make(&self.args.graph, &mut kinds, None, &Changes::default())?;
+        kinds.plays();
         self.plugins = kinds.files().to_vec();
         self.base = Some(made.base.clone());
         Ok(made)
@@ -314,7 +316,13 @@ impl Editor {
             };
             self.plugins = answer.plugins.unwrap_or(std::mem::take(&mut self.plugins));
             match answer.result {
-                Ok(ready) => job.stage = Stage::Ready(Box::new(ready)),
+                Ok(ready) => {
+                    if let Err(d) = self.allowed(&ready, playing) {
+                        closing::elsewhere(move || drop(ready));
+                        return Some(self.refused(job.edit, &d.into(), playing));
+                    }
+                    job.stage = Stage::Ready(Box::new(ready));
+                }
                 Err(failure) => return Some(self.refused(job.edit, &failure, playing)),
             }
         }
@@ -334,6 +342,13 @@ impl Editor {
         None
     }
 
+    /// Refuses a graph that says something else of the device than the machine's file, before anything is closed for it.
+    fn allowed(&self, ready: &Ready, playing: &Playing<'_>) -> Result<(), Diagnostic> {
+        let Some(ceiling) = &self.ceiling else { return Ok(()) };
+        let schedule = &ready.made.compiled.schedule;
+        ceiling.check(&playing.conductor.channels_after(&ready.made.graph, schedule), schedule)
+    }
+
     /// Sends a graph to where it is played. Answers what that changes.
     fn take_over(
         &mut self,
@@ -347,14 +362,6 @@ impl Editor {
             Edit::File(edit) => readers(playing.conductor.schedule(), &edit.changed),
             Edit::Choice(..) => Vec::new(),
         };
-        let allowed = self.ceiling.as_ref().map_or(Ok(()), |ceiling| {
-            let schedule = &made.compiled.schedule;
-            ceiling.check(&playing.conductor.channels_after(&made.graph, schedule), schedule)
-        });
-        if let Err(d) = allowed {
-            closing::elsewhere(move || drop(opened));
-            return Some(self.refused(edit, &d.into(), playing));
-        }
         let ends = std::mem::take(&mut opened.ends);
         let sent = playing.conductor.swap(made.compiled, &made.graph, &changed, ends, made.materials);
         let report = match sent {

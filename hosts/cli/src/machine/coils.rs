@@ -5,13 +5,13 @@
 //! stands how warm the coil was, written once a second.
 
 use std::fs::{File, OpenOptions, TryLockError};
-use std::io::{Read as _, Seek as _, Write as _};
+use std::io::{ErrorKind, Read as _, Seek as _, Write as _};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use asperity_graph::Schedule;
-use asperity_live::{Keeper, Opened, Standing, Terms};
+use asperity_live::{Keeper, Opened, Terms};
 use asperity_source::{Diagnostic, fnv};
 use parking_lot::Mutex;
 
@@ -30,6 +30,8 @@ pub struct Coils {
     machine: Option<Arc<Machine>>,
     schedule: Arc<Schedule>,
     seats: Vec<Vec<Seat>>,
+    /// Rating \[A^2\] and time constant \[s\] of each channel's coil.
+    actuators: Vec<(f64, f64)>,
     /// Where the device that plays is told to whoever checks other graphs for it.
     device: Arc<Mutex<Option<Opened>>>,
     /// It has been said that nothing can be written.
@@ -67,18 +69,46 @@ struct Seat {
 struct Record {
     /// Mean of the square of the current \[A^2\].
     heat: f64,
+    /// The same that the coil bears for ever.
+    rating: f64,
     /// Time constant with which it cools \[s\].
     cools_in: f64,
-    /// Seconds since 1970.
-    at: f64,
+    clock: Clock,
     /// Whether a run was under way.
     running: bool,
+}
+
+/// A time, by the wall clock and since the machine was started.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Clock {
+    /// Seconds since 1970.
+    wall: f64,
+    /// Tells one start of the machine from another; 0 where that is not known.
+    boot: u64,
+    /// Seconds since then.
+    up: f64,
+}
+
+/// How warm a coil is \[A^2\].
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Warm {
+    Known(f64),
+    /// It counts as being at its rating, or at this where it is more.
+    AtLeast(f64),
 }
 
 impl Coils {
     /// For a run of this graph.
     pub fn new(share: bool, machine: Option<Arc<Machine>>, schedule: Arc<Schedule>) -> Self {
-        Self { share, machine, schedule, seats: Vec::new(), device: Arc::default(), told: false }
+        Self {
+            share,
+            machine,
+            schedule,
+            seats: Vec::new(),
+            actuators: Vec::new(),
+            device: Arc::default(),
+            told: false,
+        }
     }
 
     /// What refuses graphs that say something else of the device than the machine's file.
@@ -86,62 +116,63 @@ impl Coils {
         Some(Ceiling { machine: self.machine.clone()?, device: self.device.clone() })
     }
 
-    /// Takes seats on a channel. Answers them, and how warm the coil is at most; none where it must count as being at its
-    /// rating.
-    fn sit(
-        &self,
-        folder: &Path,
-        device: &Opened,
-        channel: u16,
-    ) -> Result<(Vec<Seat>, Option<f64>), Diagnostic> {
+    /// Takes seats on a channel. Answers them, and how warm the coil is.
+    fn sit(&self, folder: &Path, device: &Opened, i: usize) -> Result<(Vec<Seat>, Warm), Diagnostic> {
+        let channel = device.channels[i].0;
         let mut taken = Vec::new();
-        let mut heat = Some(0.0f64);
+        let mut warm = Warm::Known(0.0);
         let mut by = None;
         for seat in 0..SEATS {
             let path = folder.join(format!("{}.{}", file_name(device, channel), seat + 1));
-            let mut file = open(&path)?;
+            let (mut file, new) = open(&path)?;
             let free = match file.try_lock() {
                 Ok(()) => true,
                 Err(TryLockError::WouldBlock) => false,
                 Err(TryLockError::Error(e)) => return Err(unusable(&path, &e)),
             };
-            let mut text = String::new();
-            let _ = file.read_to_string(&mut text);
-            // Of a run that goes on, how warm it says that the coil is; of one that is over, how warm it is now.
-            let warm =
-                Record::parse(&text).map_or((!text.is_empty()).then_some(None), |r| Some(r.now(!free)));
-            heat = match warm.unwrap_or(Some(0.0)) {
-                Some(warm) => heat.map(|heat| heat.max(warm)),
-                None => None,
+            let mut bytes = Vec::new();
+            let read = file.read_to_end(&mut bytes);
+            let text = String::from_utf8_lossy(&bytes);
+            let record = Record::parse(&text).filter(|_| read.is_ok());
+            let stands = match record {
+                _ if new => Warm::Known(0.0),
+                // Of a run that goes on, what it says.
+                Some(record) if !free => Warm::Known(record.heat),
+                Some(record) => record.now(&Clock::now()),
+                None => Warm::AtLeast(0.0),
             };
+            warm = warm.or(stands);
             if !free {
                 by = by.or_else(|| text.lines().find_map(|l| l.strip_prefix("process: ")).map(str::to_owned));
             } else if !self.share || taken.is_empty() {
                 taken.push(Seat { file, last: None });
+            } else if let Warm::AtLeast(heat) = stands {
+                // Nobody sits there for now: from here on the coil is known, and cools.
+                let (rating, cools_in) = self.actuators[i];
+                let heat = heat.max(rating);
+                let record = Record { heat, rating, cools_in, clock: Clock::now(), running: false };
+                let _ = Seat { file, last: None }.write(record);
             }
         }
         let wanted = if self.share { 1 } else { SEATS };
         if taken.len() < wanted {
-            let process = by.map_or("another process".to_owned(), |id| format!("process {id}"));
+            let process = by.map_or("another process".to_owned(), |id| format!("process {}", id.trim()));
             let help = if self.share {
                 "end it: it does not share, or two that share are there already"
             } else {
                 "end it; or start both with --share: each has half of every limit"
             };
-            return Err(Diagnostic::new(format!(
-                "channel {channel} of `{}` is driven by {process}",
-                device.name
-            ))
-            .in_file("--channel")
-            .help(help));
+            let message = format!("channel {channel} of `{}` is driven by {process}", device.name);
+            return Err(Diagnostic::new(message).in_file("--channel").help(help));
         }
-        Ok((taken, heat))
+        Ok((taken, warm))
     }
 
-    fn note_all(&mut self, record: impl Fn(usize, Option<Record>) -> Option<Record>) {
+    /// Writes a record of each channel to its seats.
+    fn write(&mut self, of: impl Fn(usize, Option<Record>) -> Option<Record>) {
         for (channel, seats) in self.seats.iter_mut().enumerate() {
             for seat in seats {
-                if let Some(record) = record(channel, seat.last)
+                if let Some(record) = of(channel, seat.last)
                     && let Err(e) = seat.write(record)
                     && !std::mem::replace(&mut self.told, true)
                 {
@@ -160,56 +191,63 @@ impl Keeper for Coils {
             terms.machine = machine.guards(device, self.schedule.audio_hz)?;
         }
         *self.device.lock() = Some(device.clone());
+        self.actuators = (0..device.channels.len()).map(|i| self.actuator(device, i)).collect();
         let simulated = device.id.starts_with("simulated");
         terms.notices.extend(self.unprotected(device).filter(|_| !simulated));
-        let Some(folder) = folder(simulated) else { return Ok(terms) };
-        if let Err(e) = std::fs::create_dir_all(&folder) {
-            let why = format!(
-                "how warm the coils are is not known, nor who drives them: {}: {e}",
-                folder.display()
-            );
-            terms.notices.push(format!("warning: {why}"));
-            return Ok(terms);
-        }
-        for (i, (channel, _)) in device.channels.iter().enumerate() {
-            let (seats, heat) = self.sit(&folder, device, *channel)?;
-            let rating = self.rating(device, i);
-            if heat.is_none() {
-                terms.notices.push(format!(
-                    "the coil on channel {channel} counts as being at its rating: the last run did not end as it should, or the clock went back"
-                ));
+        let Some(folder) = folder(simulated) else {
+            if !simulated && std::env::var_os(FOLDER).is_none() {
+                terms.notices.push(
+                    "this system has no folder for it: the coils count as being at their rating".into(),
+                );
+                terms.heat = self.actuators.iter().map(|(rating, _)| *rating).collect();
             }
-            terms.heat.push(heat.unwrap_or(rating));
+            return Ok(terms);
+        };
+        std::fs::create_dir_all(&folder).map_err(|e| unusable(&folder, &e))?;
+        for (i, (channel, _)) in device.channels.iter().enumerate() {
+            let (seats, warm) = self.sit(&folder, device, i)?;
             self.seats.push(seats);
+            terms.heat.push(match warm {
+                Warm::Known(heat) => heat,
+                Warm::AtLeast(heat) => {
+                    terms.notices.push(format!(
+                        "the coil on channel {channel} counts as being at its rating: the last run did not end as it \
+                         should, or the clock went back"
+                    ));
+                    heat.max(self.actuators[i].0)
+                }
+            });
         }
-        let begun = |i: usize, coil: &Option<Standing>| coil.map(|c| Standing { heat: terms.heat[i], ..c });
-        let coils: Vec<_> = device.coils.iter().enumerate().map(|(i, c)| begun(i, c)).collect();
-        self.note(&coils);
+        self.note(&terms.heat);
+        for seat in self.seats.iter().flatten() {
+            // From now on a run is under way, whatever becomes of the machine.
+            let _ = seat.file.sync_all();
+        }
         Ok(terms)
     }
 
-    fn note(&mut self, coils: &[Option<Standing>]) {
-        let at = now();
-        let record = |channel: usize, _| {
-            let standing = coils.get(channel).copied().flatten()?;
-            Some(Record { heat: standing.heat, cools_in: standing.cools_in, at, running: true })
-        };
-        self.note_all(record);
+    fn note(&mut self, heat: &[f64]) {
+        let (clock, actuators) = (Clock::now(), self.actuators.clone());
+        self.write(|channel, _| {
+            let (rating, cools_in) = *actuators.get(channel)?;
+            Some(Record { heat: *heat.get(channel)?, rating, cools_in, clock, running: true })
+        });
     }
 
     fn ended(&mut self) {
-        let last = |_, last: Option<Record>| last.map(|last| Record { running: false, ..last });
-        self.note_all(last);
+        self.write(|_, last| last.map(|last| Record { running: false, ..last }));
         self.seats.clear();
     }
 }
 
 impl Coils {
-    /// The square of the current that a channel's coil bears for ever.
-    fn rating(&self, device: &Opened, i: usize) -> f64 {
-        let output = self.machine.as_ref().and_then(|m| m.output(device, device.channels[i].0));
-        let graph = device.coils.get(i).copied().flatten().map(|c| c.rating);
-        output.map(|o| o.actuator.rated_current.powi(2)).or(graph).unwrap_or(0.0)
+    /// What a channel's coil bears for ever \[A^2\], and the time constant with which it cools \[s\].
+    fn actuator(&self, device: &Opened, i: usize) -> (f64, f64) {
+        let machine = self.machine.as_ref().and_then(|m| m.output(device, device.channels[i].0));
+        let of_machine =
+            machine.map(|o| (o.actuator.rated_current.powi(2), o.actuator.thermal_time_constant));
+        let of_graph = || device.coils.get(i).copied().flatten().map(|c| (c.rating, c.cools_in));
+        of_machine.or_else(of_graph).unwrap_or((0.0, 1.0))
     }
 
     /// Says that only the graph's word protects an actuator, where that is so.
@@ -244,12 +282,13 @@ impl Seat {
 
 impl Record {
     fn text(&self) -> String {
+        let Self { heat, rating, cools_in, clock, running } = self;
         format!(
-            "heat_a2: {:.12e}\ncools_in_s: {:.12e}\nat_s: {:.6}\nrunning: {:5}\nprocess: {}\n",
-            self.heat,
-            self.cools_in,
-            self.at,
-            self.running,
+            "heat_a2: {heat:<24e}\nrating_a2: {rating:<24e}\ncools_in_s: {cools_in:<24e}\nat_s: {:<20.3}\n\
+             boot: {:016x}\nup_s: {:<20.3}\nrunning: {running:<5}\nprocess: {:<10}\n",
+            clock.wall,
+            clock.boot,
+            clock.up,
             std::process::id()
         )
     }
@@ -263,21 +302,47 @@ impl Record {
             _ => return None,
         };
         field("process")?;
-        Some(Self { heat: number("heat_a2")?, cools_in: number("cools_in_s")?, at: number("at_s")?, running })
+        let boot = u64::from_str_radix(field("boot")?.trim(), 16).ok()?;
+        let clock = Clock { wall: number("at_s")?, boot, up: number("up_s")? };
+        let (heat, rating) = (number("heat_a2")?, number("rating_a2")?);
+        Some(Self { heat, rating, cools_in: number("cools_in_s")?, clock, running })
     }
 
-    /// How warm the coil is now; none where that is not known: a run did not end as it should, or the clock went back.
-    fn now(&self, goes_on: bool) -> Option<f64> {
-        let since = now() - self.at;
-        if goes_on {
-            return Some(self.heat);
+    /// How warm the coil is now. It is not known where a run did not end as it should, or the clock went back.
+    fn now(&self, now: &Clock) -> Warm {
+        match now.since(&self.clock) {
+            Some(since) if !self.running => Warm::Known(self.heat * (-since / self.cools_in.max(1e-3)).exp()),
+            _ => Warm::AtLeast(self.heat.max(self.rating)),
         }
-        (!self.running && since >= 0.0).then(|| self.heat * (-since / self.cools_in.max(1e-3)).exp())
     }
 }
 
-fn now() -> f64 {
-    SystemTime::now().duration_since(UNIX_EPOCH).map_or(0.0, |d| d.as_secs_f64())
+impl Warm {
+    /// What two records know of one coil.
+    fn or(self, other: Self) -> Self {
+        match (self, other) {
+            (Self::Known(a), Self::Known(b)) => Self::Known(a.max(b)),
+            (Self::Known(a) | Self::AtLeast(a), Self::Known(b) | Self::AtLeast(b)) => Self::AtLeast(a.max(b)),
+        }
+    }
+}
+
+impl Clock {
+    fn now() -> Self {
+        let wall = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0.0, |d| d.as_secs_f64());
+        let read = |path| std::fs::read_to_string(path).ok();
+        let up = read("/proc/uptime").and_then(|t| t.split_whitespace().next()?.parse().ok());
+        let boot = read("/proc/sys/kernel/random/boot_id").map_or(0, |id| fnv(id.trim().as_bytes()));
+        Self { wall, boot: if up.is_some() { boot } else { 0 }, up: up.unwrap_or(0.0) }
+    }
+
+    /// Seconds since an earlier time; none where the clock went back. A clock that was set ahead since the machine was started
+    /// cools no coil.
+    fn since(&self, before: &Self) -> Option<f64> {
+        let wall = self.wall - before.wall;
+        let up = (self.boot == before.boot && self.boot != 0).then_some(self.up - before.up);
+        (wall >= 0.0).then(|| up.map_or(wall, |up| wall.min(up.max(0.0))))
+    }
 }
 
 /// Where it is kept; none for nowhere.
@@ -299,9 +364,15 @@ fn file_name(device: &Opened, channel: u16) -> String {
     format!("{readable}.{:016x}.{channel}", fnv(whole.as_bytes()))
 }
 
-fn open(path: &Path) -> Result<File, Diagnostic> {
-    let file = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(path);
-    file.map_err(|e| unusable(path, &e))
+/// A seat's file, and whether it is new.
+fn open(path: &Path) -> Result<(File, bool), Diagnostic> {
+    let options = || OpenOptions::new().read(true).write(true).clone();
+    match options().create_new(true).open(path) {
+        Err(e) if e.kind() == ErrorKind::AlreadyExists => {
+            options().open(path).map(|file| (file, false)).map_err(|e| unusable(path, &e))
+        }
+        other => other.map(|file| (file, true)).map_err(|e| unusable(path, &e)),
+    }
 }
 
 fn unusable(path: &Path, error: &std::io::Error) -> Diagnostic {
@@ -314,29 +385,47 @@ fn unusable(path: &Path, error: &std::io::Error) -> Diagnostic {
 mod tests {
     use super::*;
 
-    fn record(at: f64, running: bool) -> Record {
-        Record { heat: 0.02, cools_in: 2.0, at, running }
+    fn record(ago: f64, running: bool) -> Record {
+        let now = Clock::now();
+        let clock = Clock { wall: now.wall - ago, up: now.up - ago, ..now };
+        Record { heat: 0.02, rating: 0.03, cools_in: 2.0, clock, running }
     }
 
     #[test]
     fn coil_cools_by_its_profile_between_runs() {
-        let heat = record(now() - 2.0, false).now(false).expect("it is known");
-        assert!((heat / (0.02 * (-1.0f64).exp()) - 1.0).abs() < 1e-3, "{heat}");
+        let Warm::Known(heat) = record(2.0, false).now(&Clock::now()) else { panic!("it is known") };
+        assert!((heat / (0.02 * (-1.0f64).exp()) - 1.0).abs() < 1e-2, "{heat}");
     }
 
     #[test]
-    fn coil_of_a_killed_run_or_a_clock_gone_back_is_unknown() {
-        assert_eq!(record(now() - 100.0, true).now(false), None);
-        assert_eq!(record(now() + 100.0, false).now(false), None);
-        // A run that shares the channel says how warm it is.
-        assert_eq!(record(now(), true).now(true), Some(0.02));
+    fn coil_of_a_killed_run_or_a_clock_gone_back_is_at_its_rating() {
+        assert_eq!(record(100.0, true).now(&Clock::now()), Warm::AtLeast(0.03));
+        assert_eq!(record(-100.0, false).now(&Clock::now()), Warm::AtLeast(0.03));
+    }
+
+    #[test]
+    fn clock_set_ahead_cools_no_coil() {
+        let now = Clock { wall: 2e9, boot: 7, up: 101.0 };
+        let before = Clock { wall: 1e9, boot: 7, up: 100.0 };
+        assert_eq!(now.since(&before), Some(1.0));
+        // The machine was started anew: only the wall clock tells.
+        assert_eq!(now.since(&Clock { boot: 8, ..before }), Some(1e9));
+    }
+
+    #[test]
+    fn one_unknown_record_makes_the_coil_unknown() {
+        assert_eq!(Warm::Known(1.0).or(Warm::Known(2.0)), Warm::Known(2.0));
+        assert_eq!(Warm::Known(3.0).or(Warm::AtLeast(2.0)), Warm::AtLeast(3.0));
     }
 
     #[test]
     fn record_comes_back_and_a_cut_one_does_not() {
-        let text = record(1.0e9, false).text();
-        assert_eq!(Record::parse(&text), Some(record(1.0e9, false)));
-        for cut in ["", "heat", &text[..text.len() / 2], &text.replace("0", "x")] {
+        let clock = Clock { wall: 1.0e9, boot: 77, up: 5.5 };
+        let record = Record { heat: 1.5e-7, rating: 0.03, cools_in: 2.0, clock, running: false };
+        let text = record.text();
+        assert_eq!(Record::parse(&text), Some(record));
+        assert_eq!(Record { heat: 0.0, running: true, ..record }.text().len(), text.len());
+        for cut in ["", "heat", &text[..text.len() / 2], &text.replace('0', "x")] {
             assert_eq!(Record::parse(cut), None, "{cut}");
         }
     }

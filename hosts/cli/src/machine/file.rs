@@ -52,7 +52,8 @@ impl Machine {
         if let Some(path) = named {
             return Self::read(path).map(Some);
         }
-        default_path().filter(|path| path.exists()).map(|path| Self::read(&path)).transpose()
+        let there = |path: &PathBuf| !matches!(path.try_exists(), Ok(false));
+        default_path().filter(there).map(|path| Self::read(&path)).transpose()
     }
 
     /// Reads a file.
@@ -91,11 +92,14 @@ impl Machine {
 
     /// What it says of a channel of a device.
     pub fn output(&self, device: &Opened, channel: u16) -> Option<&Output> {
-        let names = [device.id.as_str(), device.name.as_str()];
-        let short = device.name.rsplit_once(" (").map_or("", |(name, _)| name);
-        let is =
-            |o: &&Output| o.channel == channel && (names.contains(&o.device.as_str()) || o.device == short);
-        self.outputs.iter().find(is)
+        self.outputs_of(device, channel).next()
+    }
+
+    /// Entries that name a channel, by the device's id or by its name.
+    fn outputs_of<'m>(&'m self, device: &Opened, channel: u16) -> impl Iterator<Item = &'m Output> {
+        let short = device.name.rsplit_once(" (").map_or("", |(name, _)| name).to_owned();
+        let names = [device.id.clone(), device.name.clone(), short];
+        self.outputs.iter().filter(move |o| o.channel == channel && names.contains(&o.device))
     }
 
     /// Refuses a graph that says something else of what is behind a device. `playing` are its nodes by channel.
@@ -106,6 +110,15 @@ impl Machine {
         schedule: &Schedule,
     ) -> Result<(), Diagnostic> {
         for (channel, id) in playing {
+            let mut entries = self.outputs_of(device, *channel);
+            if let (Some(first), Some(second)) = (entries.next(), entries.next()) {
+                let message = format!("two entries are about channel {channel} of `{}`", device.name);
+                return Err(second.error(message).related(
+                    &first.place.source,
+                    first.place.span,
+                    "the other one",
+                ));
+            }
             let node = schedule.index_of(id).map(|i| &schedule.nodes[i]);
             if let (Some(output), Some(node)) = (self.output(device, *channel), node) {
                 output.check(node, schedule)?;
@@ -181,6 +194,7 @@ impl Output {
             ("force factor", said.force_factor, is.force_factor),
             ("resistance", said.resistance, is.resistance),
             ("inductance", said.inductance, is.inductance),
+            ("thermal time constant", said.thermal_time_constant, is.thermal_time_constant),
         ];
         let other = same.into_iter().find(|(_, said, is)| (said - is).abs() > SAME * is);
         if let Some((what, ..)) = other {
@@ -199,6 +213,18 @@ impl Output {
             let message =
                 format!("the {what} of `{}`'s profile is above that of the machine's file", limiter.id);
             return Err(self.contradicts(limiter, "profile", message));
+        }
+        let own = LimiterSettings::default();
+        let (slew_hz, dc_hz) = (limiter.params.number("slew_hz"), limiter.params.number("dc_corner_hz"));
+        for (param, laxer, is) in [
+            ("slew_hz", slew_hz > own.slew_hz * (1.0 + SAME), own.slew_hz),
+            ("dc_corner_hz", dc_hz < own.dc_corner_hz * (1.0 - SAME), own.dc_corner_hz),
+        ] {
+            if laxer {
+                let message =
+                    format!("`{}.{param}` is laxer than the {is} Hz that hold on this machine", limiter.id);
+                return Err(self.contradicts(limiter, param, message));
+            }
         }
         Ok(())
     }

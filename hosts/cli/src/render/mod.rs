@@ -83,6 +83,7 @@ pub fn run(args: &Render) -> Result<ExitCode, Failure> {
     let stop = stop_flag();
     let bar = progress(ticks, args.quiet);
     let (mut engine, watch) = if args.watch {
+        kinds.plays();
         let (controller, engine) = Engine::controlled(compiled, options);
         (engine, Some(Watch::start(args, kinds, controller, beside, &bar)))
     } else {

@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use asperity_node::Diagnostic;
 
-use crate::outlet::{Guards, Outlet, Standing};
+use crate::outlet::{Guards, Outlet, Seen, Standing};
 
 /// How often the coils' heat is taken down.
 const EVERY: Duration = Duration::from_secs(1);
@@ -43,8 +43,8 @@ pub trait Keeper: Send + std::fmt::Debug {
     /// Why it may not be played on.
     fn opened(&mut self, device: &Opened) -> Result<Terms, Diagnostic>;
 
-    /// Takes down how the coils stand: once a second, and before the end.
-    fn note(&mut self, coils: &[Option<Standing>]);
+    /// Takes down how warm each coil is \[A^2\]: once a second, and before the end.
+    fn note(&mut self, heat: &[f64]);
 
     /// The run ends as it should: what was taken down last holds.
     fn ended(&mut self);
@@ -68,8 +68,10 @@ impl Custody {
     pub(super) fn open(&mut self, device: &Opened) -> Result<Vec<String>, Diagnostic> {
         let Some(keeper) = &mut self.keeper else { return Ok(Vec::new()) };
         let terms = keeper.opened(device)?;
-        if let Some(Some(gate)) = self.guards.0.enter().as_deref_mut() {
-            gate.begin(&terms.heat, terms.share.unwrap_or(1.0), terms.machine);
+        let refused = || Diagnostic::new("the guards of the channels are in use").in_file(&device.name);
+        match self.guards.0.enter().as_deref_mut() {
+            Some(Some(gate)) => gate.begin(&terms.heat, terms.share.unwrap_or(1.0), terms.machine),
+            _ => return Err(refused()),
         }
         self.opened = true;
         Ok(terms.notices)
@@ -83,24 +85,29 @@ impl Custody {
     }
 
     /// Takes down how the coils stand, where it is time.
-    pub(super) fn tend(&mut self, coils: impl FnOnce() -> Vec<Option<Standing>>) {
+    pub(super) fn tend(&mut self, seen: &Seen) {
         if self.noted.elapsed() >= EVERY {
-            self.note(&coils());
+            self.note(seen);
         }
     }
 
-    pub(super) fn note(&mut self, coils: &[Option<Standing>]) {
+    pub(super) fn note(&mut self, seen: &Seen) {
         self.noted = Instant::now();
         if let (Some(keeper), true) = (&mut self.keeper, self.opened) {
-            keeper.note(coils);
+            keeper.note(&seen.heat_of_all());
         }
     }
 }
 
 impl Drop for Custody {
     fn drop(&mut self) {
-        if let (Some(keeper), true) = (&mut self.keeper, self.opened) {
-            keeper.ended();
+        // A panic is no end as it should be.
+        if let (Some(keeper), true, false) = (&mut self.keeper, self.opened, std::thread::panicking()) {
+            // Nothing plays any more: a session that is dropped stops its driver before this.
+            if let Some(Some(gate)) = self.guards.0.enter().as_deref() {
+                keeper.note(&gate.heat());
+                keeper.ended();
+            }
         }
     }
 }

@@ -166,7 +166,7 @@ impl Session {
                     id: card.stream().id(),
                     name: it.name.clone(),
                     channels: it.conductor.channels_of(card.stream().channels()),
-                    coils: it.conductor.gate().standing(),
+                    coils: it.conductor.gate().standing().to_vec(),
                 };
                 it.notices.extend(it.custody.open(&opened).map_err(SessionError::Refused)?);
                 // What comes back after a loss is this one, though it was a default that was asked for.
@@ -205,8 +205,7 @@ impl Session {
     pub fn tend(&mut self) -> Result<Vec<String>, SessionError> {
         self.conductor.collect();
         self.count_xruns();
-        let gate = self.conductor.gate();
-        self.custody.tend(|| gate.standing());
+        self.custody.tend(&self.conductor.gate().seen);
         if let Some(reason) = self.card.as_mut().and_then(|card| card.lost()) {
             self.lose(&reason)?;
         }
@@ -295,7 +294,7 @@ impl Session {
     pub fn stop(mut self) -> Ended {
         let before = self.view();
         let player = self.driver.take();
-        self.custody.note(&self.conductor.gate().standing());
+        self.custody.note(&self.conductor.gate().seen);
         let mut view = self.view();
         // Who is gone says nothing any more.
         (view.clock, view.latency_ms) = (before.clock, before.latency_ms);

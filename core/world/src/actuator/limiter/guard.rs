@@ -48,6 +48,8 @@ impl ChannelGuard {
             let asked = if sample.is_finite() { f64::from(*sample) * unit } else { 0.0 };
             let pushes_on = self.dc.abs() > DC_WALL * f.ceiling && asked * self.dc > 0.0;
             let held = self.given.hold::<VOLTAGE>(f, if pushes_on { 0.0 } else { asked }, false).sample;
+            // The card puts out no more than full scale, and the coil is to be simulated with what it gets.
+            let held = held.clamp(-unit, unit);
             let mut y = asked;
             let over = asked.abs() > f.peak * (1.0 + TWICE_ROUNDED);
             if (held - asked).abs() > ROUNDING * f.peak || over || !sample.is_finite() {
@@ -100,6 +102,7 @@ impl Guard for ChannelGuard {
 
     fn go_on(&mut self, coil: &Coil) {
         let finite = |x: f64| if x.is_finite() { x } else { 0.0 };
+        // As warm as it is, however little this profile allows: a coil cools by itself.
         self.given.heat = finite(coil.heat).max(0.0);
         self.given.plant.state =
             [finite(coil.place) * self.fixed.natural, finite(coil.speed), finite(coil.current)];
@@ -108,7 +111,7 @@ impl Guard for ChannelGuard {
             self.given.last = finite(coil.last);
             self.dc = finite(coil.area) * self.corner();
         }
-        self.given.bound(&self.fixed);
+        self.given.last = self.given.last.clamp(-self.fixed.peak, self.fixed.peak);
         self.given.settle();
     }
 

@@ -385,7 +385,6 @@ impl Limiter {
         let given = &mut self.run.given;
         if heat.is_finite() && heat > 1.01 * given.heat && heat > 1e-6 * self.fixed.rated {
             given.heat = heat;
-            given.bound(&self.fixed);
         }
     }
 

@@ -150,13 +150,6 @@ impl Given {
         self.farthest = self.farthest.max(self.plant.state[0].abs());
     }
 
-    /// Holds what was taken over from elsewhere to what these limits allow.
-    pub(super) fn bound(&mut self, f: &Fixed) {
-        self.last = self.last.clamp(-f.peak, f.peak);
-        // Another coil may have been warmer than this one can become; it is not to rest for hours.
-        self.heat = self.heat.min(4.0 * f.rated.max(f.peak_current * f.peak_current));
-    }
-
     /// Ends tails before they become denormal.
     pub(super) fn settle(&mut self) {
         self.plant.state.iter_mut().chain([&mut self.heat]).for_each(end_tail);
@@ -296,7 +289,7 @@ impl Run {
         let squares = [self.power, self.given.heat].iter().all(|x| (0.0..1e18).contains(x));
         let signals = [self.good, self.dc, self.given.last].iter().all(|x| x.is_finite());
         self.good = self.good.clamp(-f.ceiling, f.ceiling);
-        self.given.bound(f);
+        self.given.last = self.given.last.clamp(-f.peak, f.peak);
         self.settle(f);
         parts && squares && signals
     }

@@ -39,7 +39,12 @@ pub fn run(args: &CheckPlugin) -> Result<ExitCode, Failure> {
     let path = asperity_loader::find(&args.cases.plugin, "".as_ref(), list)?;
     let mut checker = Checker {
         cases: Cases { plugin: path.display().to_string(), ..args.cases.clone() },
-        trial: Trial { path, patience: Duration::from_secs(args.patience.max(1)), preload: Preload::new() },
+        trial: Trial {
+            path,
+            patience: Duration::from_secs(args.patience.max(1)),
+            in_all: None,
+            preload: Preload::new(),
+        },
         report: Report::new(args.json),
     };
     let begun = Instant::now();
@@ -57,6 +62,8 @@ pub fn run(args: &CheckPlugin) -> Result<ExitCode, Failure> {
 struct Trial {
     path: PathBuf,
     patience: Duration,
+    /// How long all cases together may take.
+    in_all: Option<Duration>,
     preload: Preload,
 }
 
@@ -85,7 +92,8 @@ pub fn survives(path: &Path) -> Result<(), Diagnostic> {
         ticks: 500,
     };
     let refuse = |what: String| Diagnostic::new(what).in_file(path);
-    let trial = Trial { path: path.to_owned(), patience: TRIAL, preload: Preload::new() };
+    let trial =
+        Trial { path: path.to_owned(), patience: TRIAL, in_all: Some(2 * TRIAL), preload: Preload::new() };
     match trial.process(&cases, 0, &mut |_| Ok(())) {
         Ok(Ended::Done) => Ok(()),
         Ok(Ended::Broke { row, how, .. }) => {
@@ -196,17 +204,16 @@ impl Trial {
         each: &mut dyn FnMut(Said) -> Result<(), Failure>,
     ) -> Result<Ended, Failure> {
         let (mut child, lines) = self.spawn(cases, skip)?;
+        let until = self.in_all.map(|span| Instant::now() + span);
         let (mut row, mut doing) = (None, String::new());
         loop {
-            let line = match lines.recv_timeout(self.patience) {
+            let left = until.map_or(self.patience, |until| until.saturating_duration_since(Instant::now()));
+            let line = match lines.recv_timeout(self.patience.min(left)) {
                 Ok(line) => line,
                 Err(RecvTimeoutError::Disconnected) => {
-                    let status = child.wait().map_err(|e| machine("the checking process is lost", &e))?;
-                    return Ok(Ended::Broke { row, doing, how: how(status) });
+                    return Ok(Ended::Broke { row, doing, how: child.end(self.patience) });
                 }
                 Err(RecvTimeoutError::Timeout) => {
-                    let _ = child.kill();
-                    let _ = child.wait();
                     let how = format!("did not answer within {} s", self.patience.as_secs());
                     return Ok(Ended::Broke { row, doing, how });
                 }
@@ -232,17 +239,15 @@ impl Trial {
                 }
                 .into());
             } else if line.get("done").is_some() {
-                let status = child.wait().map_err(|e| machine("the checking process is lost", &e))?;
-                return Ok(if status.success() {
-                    Ended::Done
-                } else {
-                    Ended::Broke { row: None, doing, how: how(status) }
+                return Ok(match child.status(self.patience) {
+                    Some(status) if status.success() => Ended::Done,
+                    _ => Ended::Broke { row: None, doing, how: child.end(self.patience) },
                 });
             }
         }
     }
 
-    fn spawn(&self, cases: &Cases, skip: usize) -> Result<(Child, Receiver<Value>), Failure> {
+    fn spawn(&self, cases: &Cases, skip: usize) -> Result<(Running, Receiver<Value>), Failure> {
         let fail = |e: &std::io::Error| machine("cannot start the process that checks", e);
         let program = std::env::current_exe().map_err(|e| fail(&e))?;
         let (reader, writer) = std::io::pipe().map_err(|e| fail(&e))?;
@@ -273,7 +278,36 @@ impl Trial {
                 }
             }
         });
-        Ok((child, receive))
+        Ok((Running(child), receive))
+    }
+}
+
+/// A process that runs cases; ended when nobody looks at it any more.
+struct Running(Child);
+
+impl Running {
+    /// How it ended, if it does within this time.
+    fn status(&mut self, patience: Duration) -> Option<ExitStatus> {
+        let until = Instant::now() + patience;
+        loop {
+            match self.0.try_wait() {
+                Ok(Some(status)) => return Some(status),
+                Ok(None) if Instant::now() < until => std::thread::sleep(Duration::from_millis(5)),
+                _ => return None,
+            }
+        }
+    }
+
+    /// The same in words.
+    fn end(&mut self, patience: Duration) -> String {
+        self.status(patience).map_or_else(|| format!("did not end within {} s", patience.as_secs()), how)
+    }
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
     }
 }
 

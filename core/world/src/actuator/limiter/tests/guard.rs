@@ -146,3 +146,16 @@ fn guard_that_rests_cools_and_lies_still() {
     assert!((coil.heat - 0.02 * (-1.0f64).exp()).abs() < 1e-12, "{coil:?}");
     assert_eq!((coil.place, coil.speed), (0.0, 0.0));
 }
+
+#[test]
+fn guard_of_a_weak_profile_forgets_no_heat() {
+    let weak = Dynamics { rated_current: 0.005, peak_current: 0.01, ..hapcoil(100.0) };
+    let weak = Limiter::new(&weak, Drive::Current, RATE, LimiterSettings::default()).unwrap();
+    let (mut first, mut between) = (limiter(Drive::Current).guard(), weak.guard());
+    first.go_on(&Coil { heat: 0.0218, ..Coil::default() });
+    between.go_on(&first.coil());
+    between.hold(&mut [0.0; 480], 1, 1.0);
+    first.go_on(&between.coil());
+    let cooled = 0.0218 * (-0.01f64 / 2.0).exp();
+    assert!((first.coil().heat / cooled - 1.0).abs() < 1e-3, "{:?}", first.coil());
+}
