@@ -26,7 +26,9 @@ use args::{Args, Command};
 
 fn main() -> ExitCode {
     simulated::register();
-    let result = match Args::parse().command {
+    let args = Args::parse();
+    heap::limit(args.memory);
+    let result = match args.command {
         Command::Render(args) => render::run(&args),
         Command::Run(args) => live::run(&args),
         Command::Setup(args) => commands::setup::run(&args),
