@@ -63,8 +63,8 @@ impl Wanted<'_> {
         Ok(model)
     }
 
-    /// Counts the numbers in all tensors, node by node. A constant is worked out only after it was counted, since the sizes
-    /// of later ones may follow from it.
+    /// Counts the numbers in all tensors, node by node. A constant is worked out only after it was counted,
+    /// since the sizes of later ones may follow from it.
     fn count(&self, model: &mut InferenceModel) -> TractResult<Result<(), Diagnostic>> {
         let most = self.most_bytes / 2;
         let (mut numbers, mut bytes) = (0_u64, 0_u64);

@@ -9,8 +9,8 @@ use crate::{Diagnostic, budget};
 /// Opens a regular file. At most `most` bytes of it can be read, even if it grows.
 ///
 /// # Errors
-/// A file that is missing, cannot be opened, is no regular file, is larger or beyond the [`budget`]. A pipe is refused before it is
-/// opened, which would wait for its other end.
+/// A file that is missing, cannot be opened, is no regular file, is larger or beyond the [`budget`]. A pipe
+/// is refused before it is opened, which would wait for its other end.
 pub fn open(path: &Path, most: u64) -> Result<Take<File>, Diagnostic> {
     let fits = |meta: &Metadata| match (irregular(meta), meta.len()) {
         (Some(what), _) => Err(refuse(path, format!("this is {what}"))),

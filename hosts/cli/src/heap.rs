@@ -20,8 +20,8 @@ pub fn bytes() -> u64 {
     BYTES.load(Ordering::Relaxed)
 }
 
-/// Limits the program to so many bytes, or else to half of the machine's memory. Where the machine does not tell, there is
-/// no limit.
+/// Limits the program to so many bytes, or else to half of the machine's memory. Where the machine does not
+/// tell, there is no limit.
 pub fn limit(most: Option<u64>) {
     if let Some(most) = most.or_else(|| Some(of_machine()? / 2)) {
         budget::set(most, bytes);
