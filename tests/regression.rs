@@ -309,7 +309,7 @@ fn graph_of_20000_errors_is_checked_at_once() {
 #[test]
 fn long_name_in_an_error_is_cut() {
     let dir = tempfile::tempdir().unwrap();
-    let text = format!("Graph(version: 1, nodes: {{\"a\": (kind: \"{}\")}})", "k".repeat(1_000_000));
+    let text = format!("Graph(version: 1, nodes: {{\"a\": (kind: \"{}\")}})", "k".repeat(4_000));
     std::fs::write(dir.path().join("g.ron"), text).unwrap();
     let ran = run_within(5.0, dir.path(), &["check", "g.ron"]);
     let told = format!("there is no node kind `{}…`", "k".repeat(80));
@@ -338,4 +338,91 @@ fn tradeoff_of_a_wrong_setting_leaves_no_folder() {
         assert!(ran.code == 2 && ran.err.contains(says), "{}: {}", ran.code, ran.err);
         assert!(files(dir.path()).is_empty(), "{set}");
     }
+}
+
+/// Runs the program on a file in 3 GiB of addresses, beyond which it would be aborted.
+#[cfg(unix)]
+fn in_few_addresses(text: &str, args: &[&str]) -> Ran {
+    let dir = tempfile::tempdir().unwrap();
+    std::fs::write(dir.path().join("g.ron"), text).unwrap();
+    let mut command = Command::new("sh");
+    command.args(["-c", "ulimit -v 3145728; exec \"$0\" \"$@\"", env!("CARGO_BIN_EXE_asperity")]);
+    let out = command.args(args).current_dir(dir.path()).output().unwrap();
+    Ran {
+        code: out.status.code().unwrap_or(-1),
+        out: String::from_utf8_lossy(&out.stdout).into_owned(),
+        err: String::from_utf8_lossy(&out.stderr).into_owned(),
+    }
+}
+
+/// Delays of 10 s at 192 kHz hold 7.3 MiB each: 1,000 of them were ended by signal 6.
+#[cfg(unix)]
+#[test]
+fn delays_beyond_memory_are_refused_at_one_of_them() {
+    let delays: String =
+        (0..1000).map(|i| format!("\"d{i}\": (kind: \"delay\", params: (delay_ms: 10000.0)),\n")).collect();
+    let wires: String = (1..1000).map(|i| format!("(\"d{}\", \"d{i}\"), ", i - 1)).collect();
+    let text = format!(
+        "Graph(version: 1, audio_hz: 192000, nodes: {{\"s\": (kind: \"sine\"), \"p\": (kind: \"probe\"),\n\
+         {delays}}}, wires: [(\"s\", \"d0\"), {wires}(\"d999\", \"p\")])"
+    );
+    let ran = in_few_addresses(&text, &["check", "g.ron", "--memory", "500MiB"]);
+    assert_eq!(ran.code, 2, "{}", ran.err);
+    let line: usize = ran.err.strip_prefix("g.ron:").and_then(|e| e.split(':').next()?.parse().ok()).unwrap();
+    assert!((50..80).contains(&line), "{}", ran.err);
+    assert!(ran.err.contains("error: not enough memory") && ran.err.contains("`--memory`"), "{}", ran.err);
+    assert_eq!(ran.err.matches(" error: ").count(), 1, "{}", ran.err);
+}
+
+/// A value takes about 140 bytes while a text is read: a list of 60 million numbers took 8 GB.
+#[cfg(unix)]
+#[test]
+fn list_beyond_memory_is_refused_before_it_is_read() {
+    let text = format!("Graph(version: 1, nodes: {{}}, wires: [{}])", "0,".repeat(5_000_000));
+    let ran = in_few_addresses(&text, &["check", "g.ron", "--memory", "100MiB"]);
+    assert_eq!(ran.code, 2, "{}", ran.err);
+    assert!(ran.err.starts_with("g.ron: error: not enough memory"), "{}", ran.err);
+}
+
+/// Every list of names, every error and every wire had a copy of it.
+#[cfg(unix)]
+#[test]
+fn name_of_20_mb_is_refused_at_its_place() {
+    let long = "n".repeat(20_000_000);
+    for text in [
+        format!("Graph(version: 1, nodes: {{\n\"{long}\": (kind: \"sine\")}})"),
+        format!("Graph(version: 1, nodes: {{\"a\": (kind:\n\"{long}\")}})"),
+        format!("Graph(version: 1,\n{long}: 1)"),
+        format!("Scene(version: 1, input:\n{long})"),
+        format!("Scene(version: 1, input:\n{long}())"),
+        format!("Scene(version: 1, input:\nr#\"{long}\"#)"),
+    ] {
+        let ran = in_few_addresses(&text, &["check", "g.ron"]);
+        assert_eq!(ran.code, 2, "{}", ran.err);
+        assert!(ran.err.starts_with("g.ron:2:1: error: this name or text is too long"), "{}", ran.err);
+        assert!(ran.err.len() < 1000, "{}", ran.err.len());
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn network_beyond_memory_is_refused_by_its_file() {
+    let graph = graphs("texture.ron").display().to_string();
+    let ran = in_few_addresses("", &["--memory", "12MiB", "check", &graph]);
+    assert_eq!(ran.code, 2, "{}", ran.err);
+    assert!(
+        ran.err.contains("texture.onnx: error: node ") && ran.err.contains("not enough memory"),
+        "{}",
+        ran.err
+    );
+}
+
+#[test]
+fn memory_without_its_unit_is_refused() {
+    let dir = tempfile::tempdir().unwrap();
+    for wrong in ["4", "GiB", "0MiB", "-1GiB", "4GB", "99999999999999GiB"] {
+        let ran = run(dir.path(), &["nodes", &format!("--memory={wrong}")]);
+        assert!(ran.code == 2 && ran.err.contains("such as 500MiB or 4GiB"), "{wrong}: {}", ran.err);
+    }
+    run(dir.path(), &["nodes", "--memory", "500MiB"]).ok();
 }

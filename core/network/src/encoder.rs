@@ -1,5 +1,6 @@
 //! The image encoder: from a tactile image to the vector that a texture network knows a material by.
 
+use crate::plan::{Plan, Wanted};
 use crate::proto::{self, MAX_ENCODER_BYTES};
 use crate::signature::{TEXTURE_LEN, describe, fed_inputs, is_float, shape};
 use asperity_source::{Diagnostic, file};
@@ -7,7 +8,6 @@ use asperity_world::tactile::{IMAGE, Image};
 use std::fmt;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use tract_onnx::pb::{GraphProto, ModelProto, ValueInfoProto};
 use tract_onnx::prelude::*;
 
@@ -17,7 +17,7 @@ const WANTED: &str =
 /// An encoder, checked and compiled by tract. For a control thread: it allocates, and takes milliseconds.
 pub struct Encoder {
     path: PathBuf,
-    plan: Arc<TypedRunnableModel>,
+    plan: Plan,
 }
 
 impl Encoder {
@@ -40,22 +40,17 @@ impl Encoder {
     /// As [`load`](Self::load), but for reading.
     pub fn from_bytes(bytes: &[u8], path: impl AsRef<Path>) -> Result<Self, Diagnostic> {
         let path = path.as_ref();
-        let (model, graph) = proto::decode(bytes, path)?;
+        let (model, mut graph) = proto::decode(bytes, path)?;
         let output = output(&graph, path)?;
         proto::check(&graph, path)?;
         let refuse = |what: String| Diagnostic::new(what).in_file(path).help(WANTED);
-        // tract panics on some malformed graphs that pass every check made here.
-        let plan = match catch_unwind(AssertUnwindSafe(|| compile(model, graph, &output))) {
-            Ok(Ok(plan)) => plan,
-            Ok(Err(e)) => {
-                let cause: String = format!("{e:#}").chars().take(400).collect();
-                return Err(refuse(format!("tract cannot run this model: {cause}")));
-            }
-            Err(_) => return Err(refuse("tract panicked over this model".into())),
-        };
+        graph.output.retain(|v| v.name == output);
+        let [rows, columns] = IMAGE;
+        let inputs = [vec![1, 3, rows, columns]];
+        let wanted = Wanted { path, inputs: &inputs, most_bytes: MAX_ENCODER_BYTES, help: WANTED };
+        let plan = wanted.compile(&ModelProto { graph: Some(graph), ..model })?;
         let encoder = Self { path: path.to_owned(), plan };
         // A graph may compile and still fail, or answer something else than it promised.
-        let [rows, columns] = IMAGE;
         match encoder.run(&vec![0; 3 * rows * columns]) {
             Some(values) if values.len() == TEXTURE_LEN => Ok(encoder),
             Some(values) => {
@@ -137,20 +132,4 @@ fn output(graph: &GraphProto, path: &Path) -> Result<String, Diagnostic> {
         return Err(refuse("the output does not fit"));
     }
     Ok(output.name.clone())
-}
-
-fn compile(model: ModelProto, mut graph: GraphProto, output: &str) -> TractResult<Arc<TypedRunnableModel>> {
-    graph.output.retain(|v| v.name == output);
-    let proto = ModelProto { graph: Some(graph), ..model };
-    // Shapes on the way are worked out anew: those in the file may be for another batch size.
-    let parsed = tract_onnx::onnx().with_ignore_value_info(true).parse(&proto, None)?;
-    if let Some(name) = parsed.unresolved_inputs.first() {
-        return Err(TractError::msg(format!("nothing gives \"{name}\"")));
-    }
-    let [rows, columns] = IMAGE;
-    parsed
-        .model
-        .with_input_fact(0, f32::fact([1, 3, rows, columns]).into())?
-        .into_optimized()?
-        .into_runnable()
 }

@@ -21,6 +21,7 @@ mod kernel;
 mod lower;
 mod model;
 mod packed;
+mod plan;
 mod proto;
 mod range;
 mod reference;

@@ -41,8 +41,7 @@ impl Model {
     /// # Errors
     /// A file that cannot be read or is no ONNX model, weights stored elsewhere, a signature that does not
     /// fit (named with the shapes found), a trained range or a target that is none, or a graph that tract
-    /// cannot run. A file made for that can still have tract fill much memory; sizes that a file states
-    /// outright are bounded.
+    /// cannot run, or whose tensors are too large.
     pub fn load(path: impl AsRef<Path>) -> Result<Self, Diagnostic> {
         let path = path.as_ref();
         Self::from_bytes(&file::read(path, MAX_MODEL_BYTES)?, path)

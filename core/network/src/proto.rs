@@ -14,8 +14,6 @@ pub const MAX_MODEL_BYTES: u64 = 64 << 20;
 pub const MAX_ENCODER_BYTES: u64 = 256 << 20;
 /// Largest number of nodes in a graph.
 const MAX_NODES: usize = 10_000;
-/// Largest size that a constant shape may ask an operator to fill, in elements.
-const MAX_FILL: f64 = (1 << 24) as f64;
 
 /// Decodes a model; its graph is there, but unchecked.
 pub(crate) fn decode(bytes: &[u8], path: &Path) -> Result<(ModelProto, GraphProto), Diagnostic> {
@@ -39,25 +37,20 @@ pub(crate) fn decode(bytes: &[u8], path: &Path) -> Result<(ModelProto, GraphProt
 
 /// Checks that every name is given before it is read, and that all sizes add up.
 pub(crate) fn check(graph: &GraphProto, path: &Path) -> Result<(), Diagnostic> {
-    check_graph(graph, &HashSet::new(), 0).map_err(|what| Diagnostic::new(what).in_file(path))
+    check_graph(graph).map_err(|what| Diagnostic::new(what).in_file(path))
 }
 
-fn check_graph(graph: &GraphProto, outer: &HashSet<&str>, depth: usize) -> Result<(), String> {
-    if depth > 4 {
-        return Err("graphs are nested more than 4 deep".into());
-    }
+fn check_graph(graph: &GraphProto) -> Result<(), String> {
     if graph.node.len() > MAX_NODES {
         return Err(format!("this graph has {} nodes; at most {MAX_NODES} are run", graph.node.len()));
     }
     if !graph.sparse_initializer.is_empty() {
         return Err("this model has sparse weights, which cannot be run".into());
     }
-    let mut known: HashSet<&str> = outer.clone();
-    let mut constants = std::collections::HashMap::new();
+    let mut known: HashSet<&str> = HashSet::new();
     for tensor in &graph.initializer {
         check_tensor(tensor)?;
         known.insert(&tensor.name);
-        constants.insert(tensor.name.as_str(), tensor);
     }
     known.extend(graph.input.iter().map(|v| v.name.as_str()));
     let mut produced = HashSet::new();
@@ -76,18 +69,9 @@ fn check_graph(graph: &GraphProto, outer: &HashSet<&str>, depth: usize) -> Resul
             if attribute.sparse_tensor.is_some() || !attribute.sparse_tensors.is_empty() {
                 return Err("this model has sparse weights, which cannot be run".into());
             }
-            attribute
-                .g
-                .iter()
-                .chain(&attribute.graphs)
-                .try_for_each(|g| check_graph(g, &known, depth + 1))?;
-        }
-        check_fill(node, &constants)?;
-        if node.op_type == "Constant"
-            && let (Some(name), Some(t)) =
-                (node.output.first(), node.attribute.iter().find_map(|a| a.t.as_ref()))
-        {
-            constants.insert(name, t);
+            if attribute.g.is_some() || !attribute.graphs.is_empty() {
+                return Err(format!("{} holds a graph of its own, which cannot be run", title(node)));
+            }
         }
         for output in node.output.iter().filter(|name| !name.is_empty()) {
             if !produced.insert(output.as_str()) || !known.insert(output) {
@@ -99,38 +83,6 @@ fn check_graph(graph: &GraphProto, outer: &HashSet<&str>, depth: usize) -> Resul
         Some(v) => Err(format!("nothing gives the output \"{}\"", brief(&v.name))),
         None => Ok(()),
     }
-}
-
-/// Operators whose result can be far larger than the file: their constant sizes are bounded.
-fn check_fill(
-    node: &NodeProto,
-    constants: &std::collections::HashMap<&str, &TensorProto>,
-) -> Result<(), String> {
-    let filling = ["ConstantOfShape", "Expand", "Tile", "Range", "Pad", "Resize", "Upsample", "OneHot"];
-    let by_attribute = ["RandomNormal", "RandomUniform", "Pad", "Upsample", "EyeLike"];
-    let too_large = |size: f64| {
-        (size.is_nan() || size > MAX_FILL)
-            .then(|| format!("{} asks for {size} elements; at most {MAX_FILL} are made", title(node)))
-    };
-    let mut sizes = Vec::new();
-    if filling.contains(&node.op_type.as_str()) {
-        for tensor in node.input.iter().filter_map(|name| constants.get(name.as_str())) {
-            if tensor.dims.iter().product::<i64>() <= 64 {
-                sizes.push(numbers(tensor)?);
-            }
-        }
-    }
-    if by_attribute.contains(&node.op_type.as_str()) {
-        sizes.extend(node.attribute.iter().map(|a| a.ints.iter().map(|&i| i as f64).collect::<Vec<_>>()));
-    }
-    for size in sizes {
-        // A small step of a Range fills as much as a large end.
-        let product: f64 = size.iter().filter(|&&n| n != 0.0).map(|n| n.abs().max(1.0 / n.abs())).product();
-        if let Some(error) = too_large(product) {
-            return Err(error);
-        }
-    }
-    Ok(())
 }
 
 /// Refuses a tensor whose data is elsewhere, or whose size does not match its shape.

@@ -1,5 +1,7 @@
 //! The model run by tract: any graph of the signature, about 200 allocations a run.
 
+use crate::plan::{Plan, Wanted};
+use crate::proto::MAX_MODEL_BYTES;
 use crate::signature::{FORCE_LEN, Role, SPEED_LEN, Signature, TEXTURE_LEN, WANTED};
 use asperity_source::Diagnostic;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -11,7 +13,7 @@ use tract_onnx::prelude::*;
 /// A compiled plan. Cheap to clone.
 #[derive(Clone)]
 pub(crate) struct Reference {
-    plan: Arc<TypedRunnableModel>,
+    plan: Plan,
     order: [Role; 3],
 }
 
@@ -27,15 +29,12 @@ impl Reference {
         path: &Path,
     ) -> Result<Self, Diagnostic> {
         let refuse = |what: String| Diagnostic::new(what).in_file(path).help(WANTED);
-        // tract panics on some malformed graphs that pass every check made here.
-        let plan = match catch_unwind(AssertUnwindSafe(|| compile(model, graph, signature))) {
-            Ok(Ok(plan)) => plan,
-            Ok(Err(e)) => {
-                let cause: String = format!("{:#}", e).chars().take(400).collect();
-                return Err(refuse(format!("tract cannot run this model: {cause}")));
-            }
-            Err(_) => return Err(refuse("tract panicked over this model".into())),
-        };
+        let mut graph = graph.clone();
+        let of = |name: &String| graph.output.iter().find(|v| v.name == *name).cloned();
+        graph.output = signature.outputs.iter().filter_map(|(name, _)| of(name)).collect();
+        let inputs: Vec<Vec<usize>> = signature.inputs.iter().map(|(_, role)| vec![1, role.len()]).collect();
+        let wanted = Wanted { path, inputs: &inputs, most_bytes: MAX_MODEL_BYTES, help: WANTED };
+        let plan = wanted.compile(&ModelProto { graph: Some(graph), ..model.clone() })?;
         for (i, (name, len)) in signature.outputs.iter().enumerate() {
             let fact = plan
                 .model()
@@ -96,25 +95,4 @@ fn row(values: &[f32]) -> TValue {
     // A vector of n always becomes a row of n; were it not so, the run would fail and say so.
     let _ = tensor.insert_axis(0);
     tensor.into_tvalue()
-}
-
-fn compile(
-    model: &ModelProto,
-    graph: &GraphProto,
-    signature: &Signature,
-) -> TractResult<Arc<TypedRunnableModel>> {
-    let mut graph = graph.clone();
-    let of = |name: &String| graph.output.iter().find(|v| v.name == *name).cloned();
-    graph.output = signature.outputs.iter().filter_map(|(name, _)| of(name)).collect();
-    let proto = ModelProto { graph: Some(graph), ..model.clone() };
-    // Shapes between inputs and output are worked out anew: those in the file may be for another batch size.
-    let parsed = tract_onnx::onnx().with_ignore_value_info(true).parse(&proto, None)?;
-    let mut inference = parsed.model;
-    if let Some(name) = parsed.unresolved_inputs.first() {
-        return Err(TractError::msg(format!("nothing gives \"{name}\"")));
-    }
-    for (i, (_, role)) in signature.inputs.iter().enumerate() {
-        inference = inference.with_input_fact(i, f32::fact([1, role.len()]).into())?;
-    }
-    inference.into_optimized()?.into_runnable()
 }

@@ -9,7 +9,7 @@ use asperity_network::{
     Choice, FORCE_LEN, Isa, MAGNITUDES_LEN, Model, Precision, RunError, Runner, SPEED_LEN, TEXTURE_LEN,
 };
 use common::{Net, Random, Spelling, bytes, heads, int, model, scattering, tensor, textures, value_info};
-use tract_onnx::pb::{ModelProto, NodeProto, StringStringEntryProto, TensorProto};
+use tract_onnx::pb::{AttributeProto, ModelProto, NodeProto, StringStringEntryProto, TensorProto};
 
 fn made() -> ModelProto {
     model(&Net::random(1), Spelling::default())
@@ -204,6 +204,40 @@ fn graphs_out_of_order_or_asking_for_the_moon_are_errors() {
         g.node.insert(0, fill);
     });
     assert!(e.contains("ConstantOfShape") && e.contains("elements"), "{e}");
+}
+
+/// A file of 2 kB that multiplies vectors along five axes took 14 GB.
+#[test]
+fn outer_products_are_refused_before_they_are_made() {
+    let e = error(|m| {
+        let g = m.graph.as_mut().unwrap();
+        for axis in 0..5 {
+            let mut dims = [1; 5];
+            dims[axis] = 400;
+            g.initializer.push(tensor(&format!("v{axis}"), &dims, &[1e-3; 400]));
+        }
+        for axis in (1..5).rev() {
+            let before = if axis == 1 { "v0".into() } else { format!("p{}", axis - 1) };
+            let product = NodeProto {
+                op_type: "Mul".into(),
+                input: vec![before, format!("v{axis}")],
+                output: vec![format!("p{axis}")],
+                ..Default::default()
+            };
+            g.node.insert(0, product);
+        }
+    });
+    assert!(e.contains("brings the tensors to") && e.contains("at most 33554432 are made"), "{e}");
+}
+
+#[test]
+fn graph_in_a_node_is_refused() {
+    let e = error(|m| {
+        let g = m.graph.as_mut().unwrap();
+        let branch = AttributeProto { name: "then_branch".into(), g: Some(g.clone()), ..Default::default() };
+        g.node[0].attribute.push(branch);
+    });
+    assert!(e.contains("holds a graph of its own"), "{e}");
 }
 
 fn runners() -> Vec<Runner> {

@@ -4,18 +4,18 @@ use std::fs::{File, Metadata};
 use std::io::{Read, Take};
 use std::path::Path;
 
-use crate::Diagnostic;
+use crate::{Diagnostic, budget};
 
 /// Opens a regular file. At most `most` bytes of it can be read, even if it grows.
 ///
 /// # Errors
-/// A file that is missing, cannot be opened, is no regular file or is larger. A pipe is refused before it is
-/// opened, which would wait for its other end.
+/// A file that is missing, cannot be opened, is no regular file, is larger or beyond the [`budget`]. A pipe
+/// is refused before it is opened, which would wait for its other end.
 pub fn open(path: &Path, most: u64) -> Result<Take<File>, Diagnostic> {
     let fits = |meta: &Metadata| match (irregular(meta), meta.len()) {
         (Some(what), _) => Err(refuse(path, format!("this is {what}"))),
         (None, len) if len > most => Err(too_large(path, len, most)),
-        _ => Ok(()),
+        (_, len) => budget::needs(len).map_err(|e| e.in_file(path)),
     };
     // Opening a pipe waits, and opening a device may do something: both are seen beforehand.
     fits(&std::fs::metadata(path).map_err(|e| unreadable(path, &e))?)?;

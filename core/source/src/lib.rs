@@ -5,6 +5,7 @@
 //! through here, so that every bad file is reported in one way: file, line, column, what was found and what
 //! would fit.
 
+pub mod budget;
 mod diagnostic;
 pub mod file;
 mod nearest;

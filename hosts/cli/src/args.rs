@@ -34,6 +34,9 @@ pub struct Args {
     /// What to do.
     #[command(subcommand)]
     pub command: Command,
+    /// Most memory that files and graphs may take; half of the machine's unless given
+    #[arg(long, global = true, value_name = "N MiB|GiB", value_parser = number::memory)]
+    pub memory: Option<u64>,
 }
 
 /// What the program does.

@@ -1,7 +1,11 @@
-//! How much memory the program has taken.
+//! How much memory the program has taken, and how much it may take.
 
 use std::alloc::{GlobalAlloc, Layout, System};
+use std::fs::read_to_string;
+use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
+
+use asperity_source::budget;
 
 /// The system's allocator, with a count of the bytes that are out.
 struct Counted;
@@ -14,6 +18,27 @@ static ALLOCATOR: Counted = Counted;
 /// Bytes taken from the heap and not given back. What plugins take by allocators of their own is not among them.
 pub fn bytes() -> u64 {
     BYTES.load(Ordering::Relaxed)
+}
+
+/// Limits the program to so many bytes, or else to half of the machine's memory. Where the machine does not
+/// tell, there is no limit.
+pub fn limit(most: Option<u64>) {
+    if let Some(most) = most.or_else(|| Some(of_machine()? / 2)) {
+        budget::set(most, bytes);
+    }
+}
+
+/// Memory of the machine, or of the control group that the program runs in, on Linux.
+fn of_machine() -> Option<u64> {
+    let info = read_to_string("/proc/meminfo").ok()?;
+    let total = info.lines().find_map(|line| line.strip_prefix("MemTotal:")?.strip_suffix("kB"))?;
+    let total = total.trim().parse::<u64>().ok()? << 10;
+    // A group is held to the limits of those above it too.
+    let group = read_to_string("/proc/self/cgroup").unwrap_or_default();
+    let group = group.lines().find_map(|line| line.strip_prefix("0::/")).unwrap_or_default();
+    let group = Path::new("/sys/fs/cgroup").join(group);
+    let most = |dir: &Path| read_to_string(dir.join("memory.max")).ok()?.trim().parse::<u64>().ok();
+    Some(group.ancestors().filter_map(most).fold(total, u64::min))
 }
 
 // SAFETY: every call is passed on to the system's allocator with what it was given; the count touches no memory that is handed out.

@@ -5,6 +5,9 @@ use asperity_node::{
     Status, Tick, Unit, time,
 };
 
+/// Most values of a control that are on their way.
+const MOST_VALUES: u64 = 1 << 24;
+
 /// Delays a signal by a whole number of samples (audio) or ticks (control).
 pub struct Delay {
     line: Line,
@@ -61,6 +64,12 @@ impl Node for Delay {
         }
         if setup.every != 1 {
             return Err(setup.params.node_error("`delay` must run every tick").help("leave `every` out"));
+        }
+        if let Shape::Control { count } = shape
+            && (delay + 1) * count as u64 > MOST_VALUES
+        {
+            let message = format!("this delay holds more than {MOST_VALUES} values of a control");
+            return Err(setup.params.error("delay_ms", message).help("a shorter delay, or fewer values"));
         }
         let line = match shape {
             Shape::Audio { rate_hz } => {

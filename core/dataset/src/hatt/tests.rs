@@ -171,6 +171,14 @@ fn bad_sets_are_refused_at_the_element() {
     }
 }
 
+/// One entity of 100 kB, referenced 20,000 times, took 3.9 GB.
+#[test]
+fn entities_of_a_file_are_refused_at_the_first() {
+    let text = format!("<!DOCTYPE modelSet\n[<!ENTITY e \"{}\">]>\n<modelSet>", "0.5 ".repeat(25_000));
+    let found = error(&(text + &"&e;".repeat(20_000) + "</modelSet>"));
+    assert!(found.starts_with("m.xml:2:2: an XML file that defines entities is not read"), "{found}");
+}
+
 /// A white model: `E|A|^2 = 6 / N var gain^2` in every bin.
 fn white(ar: &[f64; 2], speed: f64, force: f64) -> String {
     plain(ar, speed, force).replace(&format!("{} {}", ar[0], ar[1]), "0")

@@ -11,8 +11,9 @@ mod resolve;
 mod types;
 
 use asperity_node::{Diagnostic, Processor, Registry};
+use asperity_source::budget;
 
-use crate::{GraphFile, Schedule};
+use crate::{GraphFile, NodeDecl, Schedule};
 
 /// How to compile.
 #[derive(Clone, Copy, Debug)]
@@ -55,4 +56,9 @@ pub fn compile(
     types::check_every(graph, &resolved, &typed)?;
     let ordered = order::order(graph, &resolved, &typed, options)?;
     prepare::prepare(graph, resolved, &typed, &ordered)
+}
+
+/// Refuses a graph at the first node for which memory does not suffice; `bytes` more are needed.
+fn within_budget(node: &NodeDecl, bytes: u64) -> Result<(), Vec<Diagnostic>> {
+    budget::needs(bytes).map_err(|e| vec![e.at(&node.place.source, node.place.span)])
 }

@@ -3,12 +3,14 @@
 use std::collections::HashMap;
 use std::path::Path;
 
-use asperity_node::{Diagnostic, InputRef, ParamValue, Params, PortType, Processor, Setup, Shape, Wiring};
+use asperity_node::{
+    Diagnostic, InputRef, ParamValue, Params, PortType, Processor, Setup, Shape, Wiring, time,
+};
 
 use super::order::Ordered;
 use super::resolve::Resolved;
 use super::types::Typed;
-use super::{Compiled, latency};
+use super::{Compiled, latency, within_budget};
 use crate::{
     BufferEntry, GraphFile, LiveParam, Schedule, ScheduledInput, ScheduledNode, ScheduledOutput, Step,
 };
@@ -40,9 +42,13 @@ pub(super) fn prepare(
         *readers.entry(w.from).or_default() += 1;
     }
     let mut constant = 0;
+    // An engine makes the buffers later, when it is too late to refuse a graph.
+    let mut buffer_bytes = 0;
     let (mut nodes, mut processors) = (Vec::new(), Vec::new());
     for &i in &ordered.nodes {
         let node = &resolved.nodes[i];
+        buffer_bytes += typed.outputs[i].iter().flatten().map(|p| bytes_of(p, graph.tick_hz)).sum::<u64>();
+        within_budget(&graph.nodes[i], buffer_bytes)?;
         let mut outputs = Vec::new();
         for (o, output) in node.ports.outputs.iter().enumerate() {
             let readers = readers.get(&(i, o)).copied().unwrap_or(0);
@@ -148,6 +154,16 @@ pub(super) fn prepare(
         buffers,
     };
     Ok(Compiled { schedule, processors })
+}
+
+/// Bytes that an engine takes for an output: its buffer, and a copy to be held after a fault.
+fn bytes_of(port: &PortType, tick_hz: u32) -> u64 {
+    2 * match port.shape {
+        Shape::Control { count } => 8 * count as u64,
+        Shape::Audio { rate_hz } => 4 * time::max_samples(rate_hz, tick_hz) as u64,
+        Shape::Magnitude(layout) => 4 * u64::from(layout.bins),
+        Shape::Spectrum(layout) => 8 * u64::from(layout.bins),
+    }
 }
 
 /// What unconnected inputs read, in the order the nodes run: constants, and what the host gives.

@@ -7,6 +7,7 @@ use asperity_node::random::seed_of;
 use asperity_node::{Config, Diagnostic, Input, NodeKind, Output, Params, Ports, Registry};
 use asperity_source::one_of;
 
+use super::within_budget;
 use crate::{Endpoint, GraphFile, params};
 
 /// A graph whose every name has been found.
@@ -49,8 +50,11 @@ impl ResolvedNode {
 
 pub(super) fn resolve(graph: &GraphFile, registry: &Registry) -> Result<Resolved, Vec<Diagnostic>> {
     let mut errors = Vec::new();
-    let nodes: Vec<Option<ResolvedNode>> =
-        (0..graph.nodes.len()).map(|i| node(graph, i, registry, &mut errors)).collect();
+    let mut nodes: Vec<Option<ResolvedNode>> = Vec::new();
+    for (i, decl) in graph.nodes.iter().enumerate() {
+        within_budget(decl, 0)?;
+        nodes.push(node(graph, i, registry, &mut errors));
+    }
     let mut by_id: HashMap<&str, usize> = HashMap::new();
     for (i, n) in graph.nodes.iter().enumerate() {
         // A file cannot have two of one key; a program that makes a graph could.

@@ -6,7 +6,7 @@ use ron::value::RawValue;
 use serde::de::{Deserialize, MapAccess, SeqAccess, Visitor};
 
 use super::{Key, Kind, Value};
-use crate::{Diagnostic, Source, Span};
+use crate::{Diagnostic, Source, Span, budget};
 
 /// What comes after white space and comments.
 fn after_comments(text: &str) -> &str {
@@ -36,6 +36,9 @@ fn after_comments(text: &str) -> &str {
     }
 }
 
+/// Longest name or text, in bytes: as long as the longest path.
+const MAX_TEXT: usize = 4096;
+
 /// Reads one text.
 pub(super) struct Reader<'s> {
     pub(super) source: &'s Arc<Source>,
@@ -44,6 +47,10 @@ pub(super) struct Reader<'s> {
 impl<'s> Reader<'s> {
     pub(super) fn whole(&self) -> Result<Value, Diagnostic> {
         let text = self.source.text();
+        // A value stands behind one of these. Lists grow by doubling, while their raw parts are still there.
+        let values = text.bytes().filter(|b| matches!(b, b',' | b':' | b'(' | b'[' | b'{')).count() as u64;
+        let needs = values * 2 * size_of::<Value>() as u64;
+        budget::needs(needs).map_err(|e| e.in_file(self.source.path()))?;
         let raw: &RawValue = ron::from_str(text).map_err(|e| self.syntax(&e, 0))?;
         let start = text.len() - after_comments(text).len();
         if text[start..].starts_with("#!") {
@@ -82,7 +89,11 @@ impl<'s> Reader<'s> {
         let reparse = |e: ron::error::SpannedError| self.syntax(&e, span.start);
         let refuse = |what: &str| Diagnostic::new(what).at(self.source, span);
         let first = text.chars().next().unwrap_or(' ');
+        if first == '"' || (first == 'r' && text[1..].starts_with(['"', '#'])) {
+            self.short(text)?;
+        }
         let word_len = text.find(|c: char| !(c.is_alphanumeric() || c == '_')).unwrap_or(text.len());
+        self.short(&text[..word_len])?;
         let kind = match first {
             '[' => Kind::List(self.values(&ron::from_str::<Parts>(text).map_err(reparse)?)?),
             '{' => Kind::Map(self.map_entries(ron::from_str(text).map_err(reparse)?)?),
@@ -116,6 +127,16 @@ impl<'s> Reader<'s> {
         Ok(Value { source: self.source.clone(), span, kind })
     }
 
+    /// Refuses a name or text of more than [`MAX_TEXT`] bytes, before anybody copies it.
+    fn short(&self, text: &str) -> Result<(), Diagnostic> {
+        if text.len() <= MAX_TEXT {
+            return Ok(());
+        }
+        Err(Diagnostic::new("this name or text is too long")
+            .at(self.source, Span::at(self.span(text).start))
+            .help(format!("at most {MAX_TEXT} bytes are read")))
+    }
+
     fn number(&self, text: &str) -> Option<Kind> {
         if let Ok(i) = ron::from_str::<i64>(text) {
             return Some(Kind::Int(i));
@@ -139,6 +160,7 @@ impl<'s> Reader<'s> {
                 Ok(Kind::List(items.iter().map(|r| self.value(r)).collect::<Result<_, _>>()?))
             }
             Parts::Fields(fields) => {
+                fields.iter().try_for_each(|(k, _)| self.short(k))?;
                 let keyed = fields.into_iter().map(|(k, v)| (self.key(k.to_owned(), self.span(k)), v));
                 Ok(Kind::Record { name, fields: self.entries(keyed)? })
             }

@@ -32,6 +32,15 @@ where
     }
 }
 
+/// Reads a size of memory, such as `500MiB` or `4GiB`, in bytes.
+pub fn memory(text: &str) -> Result<u64, String> {
+    let units = [("MiB", 1 << 20), ("GiB", 1 << 30)];
+    let read =
+        |(unit, bytes): (&str, u64)| text.strip_suffix(unit)?.trim().parse::<u64>().ok()?.checked_mul(bytes);
+    let size = units.into_iter().find_map(read).filter(|size| *size > 0);
+    size.ok_or_else(|| "a whole number of MiB or GiB is wanted, such as 500MiB or 4GiB".to_owned())
+}
+
 /// Reads the number of a device's channel.
 pub fn channel(text: &str) -> Result<u16, String> {
     const MOST: u16 = 1024;

@@ -3,7 +3,7 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use asperity_source::{Diagnostic, Source, Span};
+use asperity_source::{Diagnostic, Source, Span, budget};
 use roxmltree::{Document, Node, ParsingOptions};
 
 /// Most elements, attributes and texts of a file.
@@ -11,6 +11,9 @@ const MAX_NODES: u32 = 4_000_000;
 
 /// Most attributes of one element: the parser compares each with all others. A toolkit file has a handful.
 const MAX_ATTRIBUTES: usize = 1000;
+
+/// Most bytes that the parser takes for each `<` or `=`: two nodes, or an attribute, in lists that double.
+const NODE_BYTES: u64 = 400;
 
 /// Numbers and where they stand.
 #[derive(Clone, Debug)]
@@ -23,6 +26,9 @@ pub(super) struct Numbers {
 /// Parses a file.
 pub(super) fn document(source: &Arc<Source>) -> Result<Document<'_>, Diagnostic> {
     few_attributes(source)?;
+    no_entities(source)?;
+    let nodes = source.text().bytes().filter(|b| matches!(b, b'<' | b'=')).count() as u64;
+    budget::needs(nodes * NODE_BYTES).map_err(|e| e.in_file(source.path()))?;
     let options = ParsingOptions { allow_dtd: true, nodes_limit: MAX_NODES, ..ParsingOptions::default() };
     Document::parse_with_options(source.text(), options).map_err(|e| {
         let at = e.pos();
@@ -48,6 +54,16 @@ fn few_attributes(source: &Arc<Source>) -> Result<(), Diagnostic> {
         start += part.len();
     }
     Ok(())
+}
+
+/// Refuses entities of the file's own: a short text could stand for gigabytes.
+fn no_entities(source: &Arc<Source>) -> Result<(), Diagnostic> {
+    match source.text().find("<!ENTITY") {
+        None => Ok(()),
+        Some(at) => Err(Diagnostic::new("an XML file that defines entities is not read")
+            .at(source, Span::at(at))
+            .help("write what they stand for in their place")),
+    }
 }
 
 /// Whether an element or attribute has a name, in any case.
