@@ -28,10 +28,8 @@ use args::{Args, Command};
 fn main() -> ExitCode {
     simulated::register();
     let args = Args::parse();
-    let args = Args::parse();
     let _staying = leave::on_purpose_only();
     heap::limit(args.memory);
-    let result = match args.command {
     let result = match args.command {
         Command::Render(args) => render::run(&args),
         Command::Run(args) => live::run(&args),
