@@ -123,7 +123,9 @@ fn a_stylus_goes_on_while_its_graph_changes() -> Result<(), String> {
     live.says("plays on");
 
     // The port is taken now: another run says so, and plays nothing.
-    let other = common::run(dir, &["run", "g.ron", "--device", CARD, "--seconds", "1"]);
+    let elsewhere = tempfile::tempdir().expect("a folder");
+    replace(elsewhere.path(), &osc_graph(old));
+    let other = common::run(elsewhere.path(), &["run", "g.ron", "--device", CARD, "--seconds", "1"]);
     assert_eq!(other.code, 2, "{}", other.err);
     assert!(other.err.contains(&format!("127.0.0.1:{old}")) && other.err.contains("stylus"), "{}", other.err);
 

@@ -52,7 +52,7 @@ fn seat(dir: &Path, number: &str) -> String {
 
 fn heat(dir: &Path) -> f64 {
     let text = seat(dir, ".1.1");
-    text.lines().find_map(|l| l.strip_prefix("heat_a2: ")).and_then(|x| x.parse().ok()).unwrap()
+    text.lines().find_map(|l| l.strip_prefix("heat_a2: ")).and_then(|x| x.trim().parse().ok()).unwrap()
 }
 
 #[test]

@@ -48,8 +48,6 @@ impl ChannelGuard {
             let asked = if sample.is_finite() { f64::from(*sample) * unit } else { 0.0 };
             let pushes_on = self.dc.abs() > DC_WALL * f.ceiling && asked * self.dc > 0.0;
             let held = self.given.hold::<VOLTAGE>(f, if pushes_on { 0.0 } else { asked }, false).sample;
-            // The card puts out no more than full scale, and the coil is to be simulated with what it gets.
-            let held = held.clamp(-unit, unit);
             let mut y = asked;
             let over = asked.abs() > f.peak * (1.0 + TWICE_ROUNDED);
             if (held - asked).abs() > ROUNDING * f.peak || over || !sample.is_finite() {
