@@ -239,7 +239,8 @@ fn messages_that_nobody_reads_hold_up_neither_a_mute_nor_ticks_nor_the_end() {
     says("plays on");
     let (host, _) = url.split_once("/?").expect("an address with a token");
     let (mut socket, mut got) = (watch(&url, host).expect("there is room"), 0);
-    // From here on nobody reads. Of this file a thousand nodes are refused; fifty are told, each with its long line.
+    // From here on nobody reads. Of this file a thousand nodes are refused; fifty are told, each with its
+    // long line.
     let long = "x".repeat(1000);
     let nodes: String = (0..1000).map(|n| format!("\"{n}\": (kind: \"nothing {n}\"), // {long}\n")).collect();
     std::fs::write(dir.join("new"), format!("Graph(version: 1, nodes: {{{nodes}}}, wires: [])"))

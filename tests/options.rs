@@ -273,15 +273,7 @@ fn what_was_not_found_is_said_in_words_and_not_in_percent() {
 /// Runs the program with a limit of 200 KiB on every file, which writes run into as into the end of a disk.
 #[cfg(unix)]
 fn on_a_small_disk(dir: &std::path::Path, args: &[&str]) -> Ran {
-    let program = asperity(dir);
-    let mut command = std::process::Command::new("bash");
-    command.current_dir(dir).args(["-c", "trap '' XFSZ; ulimit -f 200; exec \"$0\" \"$@\""]);
-    let out = command.arg(program.get_program()).args(args).stdin(Stdio::null()).output().expect("bash");
-    Ran {
-        code: out.status.code().unwrap_or(-1),
-        out: String::from_utf8_lossy(&out.stdout).into_owned(),
-        err: String::from_utf8_lossy(&out.stderr).into_owned(),
-    }
+    common::run_under(dir, "trap '' XFSZ; ulimit -f 200", args)
 }
 
 #[cfg(unix)]

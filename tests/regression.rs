@@ -345,14 +345,7 @@ fn tradeoff_of_a_wrong_setting_leaves_no_folder() {
 fn in_few_addresses(text: &str, args: &[&str]) -> Ran {
     let dir = tempfile::tempdir().unwrap();
     std::fs::write(dir.path().join("g.ron"), text).unwrap();
-    let mut command = Command::new("sh");
-    command.args(["-c", "ulimit -v 3145728; exec \"$0\" \"$@\"", env!("CARGO_BIN_EXE_asperity")]);
-    let out = command.args(args).current_dir(dir.path()).output().unwrap();
-    Ran {
-        code: out.status.code().unwrap_or(-1),
-        out: String::from_utf8_lossy(&out.stdout).into_owned(),
-        err: String::from_utf8_lossy(&out.stderr).into_owned(),
-    }
+    common::run_under(dir.path(), "ulimit -v 3145728", args)
 }
 
 /// Delays of 10 s at 192 kHz hold 7.3 MiB each: 1,000 of them were ended by signal 6.

@@ -1,5 +1,5 @@
-//! An actuator that judges what it was given: integrated here by Runge-Kutta from the equation of its mover, from the shipped profile's
-//! figures. The program's own simulations are never asked.
+//! An actuator that judges what it was given: integrated here by Runge-Kutta from the equation of its mover,
+//! from the shipped profile's figures. The program's own simulations are never asked.
 #![allow(
     dead_code,
     unreachable_pub,

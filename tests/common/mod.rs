@@ -6,7 +6,7 @@ pub mod live;
 pub mod plugins;
 
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::{Command, Output, Stdio};
 
 /// The top of the house.
 pub fn root() -> PathBuf {
@@ -52,6 +52,19 @@ pub fn run(dir: &Path, args: &[&str]) -> Ran {
         code: status.code().unwrap_or(-1),
         out: String::from_utf8_lossy(&stdout).into_owned(),
         err: String::from_utf8_lossy(&stderr).into_owned(),
+    }
+}
+
+/// Runs the program to its end under limits of the shell, such as `ulimit -n 5`.
+pub fn run_under(dir: &Path, limits: &str, args: &[&str]) -> Ran {
+    let program = asperity(dir);
+    let mut command = Command::new("bash");
+    command.current_dir(dir).env("ASPERITY_STATE", "").args(["-c", &format!("{limits}; exec \"$0\" \"$@\"")]);
+    let out = command.arg(program.get_program()).args(args).stdin(Stdio::null()).output().expect("bash");
+    Ran {
+        code: out.status.code().unwrap_or(-1),
+        out: String::from_utf8_lossy(&out.stdout).into_owned(),
+        err: String::from_utf8_lossy(&out.stderr).into_owned(),
     }
 }
 

@@ -46,7 +46,7 @@ fn play(dir: &Path, text: &str) -> Ran {
 }
 
 #[test]
-fn graph_that_contradicts_the_machine_is_refused_with_both_places() {
+fn contradicting_graph_is_refused_with_both_places() {
     let dir = tempfile::tempdir().unwrap();
     setup(dir.path(), &[]).ok();
     // The same actuator, but for how fast it is said to cool.

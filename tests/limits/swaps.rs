@@ -131,7 +131,8 @@ fn change_of_profile_leaves_the_coil_as_warm_as_it_is() {
             let warm = coil.heat.sqrt();
             let before = coil.heat;
             coil.play(part.iter().copied());
-            // Under the weaker profile a coil that is warmer than it may be only cools, but for the change itself.
+            // Under the weaker profile a coil that is warmer than it may be only cools, but for the change
+            // itself.
             if n % 2 == 1 && warm > 0.080 && every_s >= 0.3 {
                 assert!(coil.heat < before, "{every_s} s, part {n}: from {warm} to {} A", coil.heat.sqrt());
             }

@@ -247,7 +247,8 @@ impl Engine {
         self.body.buffers.get(reads.buffer as usize)
     }
 
-    /// Tells a limiter how warm its coil is at least; see [`Processor::warm`](asperity_node::Processor::warm). Tick thread.
+    /// Tells a limiter how warm its coil is at least; see
+    /// [`Processor::warm`](asperity_node::Processor::warm). Tick thread.
     pub fn warm(&mut self, node: usize, heat: f64) {
         if node < self.body.schedule.nodes.len() {
             self.body.slots[node].processor.warm(heat);

@@ -13,7 +13,7 @@ use tract_onnx::tract_hir::tract_core::model::order::eval_order_for_nodes;
 /// A compiled graph.
 pub(crate) type Plan = Arc<TypedRunnableModel>;
 
-/// What is compiled for whom.
+/// Assigns compiled parts to their users.
 pub(crate) struct Wanted<'a> {
     /// The model's file.
     pub(crate) path: &'a Path,

@@ -1,6 +1,7 @@
 //! Limits on the last samples before a device, whatever nodes made them.
 
-/// Coil and mover of an actuator at an instant, in SI units: what any guard or limiter can go on from, whatever its profile.
+/// Coil and mover of an actuator at an instant, in SI units: what any guard or limiter can go on from,
+/// whatever its profile.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Coil {
     /// Mean of the square of the current over the coil's thermal time constant \[A^2\].
@@ -19,13 +20,13 @@ pub struct Coil {
     pub area: f64,
 }
 
-/// Holds one channel of a device to the limits of its actuator, for a host. It simulates exactly what the coil gets, and
-/// outlives the graphs that play on the channel.
+/// Holds one channel of a device to the limits of its actuator, for a host. It simulates exactly what the
+/// coil gets, and outlives the graphs that play on the channel.
 ///
 /// A signal that comes from a limiter that saw the same samples passes unchanged, to the bit.
 pub trait Guard: Send {
-    /// Holds every `step`-th of `samples` to the limits, in place; `unit` is the drive that a sample of 1 is \[A or V\].
-    /// Answers how many samples it changed. Tick thread: allocates nothing.
+    /// Holds every `step`-th of `samples` to the limits, in place; `unit` is the drive that a sample of 1 is
+    /// \[A or V\]. Answers how many samples it changed. Tick thread: allocates nothing.
     fn hold(&mut self, samples: &mut [f32], step: usize, unit: f64) -> u64;
 
     /// Lets the coil lie still and cool for `seconds`.

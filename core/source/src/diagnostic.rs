@@ -120,7 +120,7 @@ impl Place {
     }
 }
 
-/// What is wrong, where, and what would be right. Texts in quotes longer than 80 characters are cut.
+/// An error with its place and a help text. Texts in quotes longer than 80 characters are cut.
 #[derive(Clone, Debug, Default)]
 pub struct Diagnostic {
     /// What was found, in one sentence.

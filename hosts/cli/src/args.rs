@@ -56,8 +56,8 @@ pub enum Command {
     Devices(Devices),
     /// Write down what stands behind a channel of the sound card: actuator, volts, amplifier
     ///
-    /// The file holds for every graph: none can raise its limits, and one that says otherwise is refused. What the options
-    /// leave open is asked for.
+    /// The file holds for every graph: none can raise its limits, and one that says otherwise is refused.
+    /// What the options leave open is asked for.
     Setup(Setup),
     /// Play a sine on one channel of a device, behind the actuator's limiter, to find the actuator
     #[command(mut_args = number::may_be_negative)]

@@ -122,7 +122,7 @@ pub fn without_path(error: impl fmt::Display) -> String {
 
 /// Help where the system lets nobody open another file; none for any other failure.
 ///
-/// What wraps an I/O error keeps its text and seldom its type.
+/// Wrappers of an I/O error keep its text and seldom its type.
 fn open_files(message: &str) -> Option<&'static str> {
     let found = message.split_once("Too many open files")?.1;
     Some(match found.starts_with(" in system") {

@@ -46,8 +46,8 @@ impl Kinds {
         self.plays = true;
     }
 
-    /// Loads a plugin. While a graph plays, one that is new or was rebuilt is tried in another process first: its code, damaged
-    /// perhaps, could end the run.
+    /// Loads a plugin. While a graph plays, one that is new or was rebuilt is tried in another process first:
+    /// its code, damaged perhaps, could end the run.
     fn load(&mut self, path: &Path) -> Result<Plugin, Diagnostic> {
         let stamp = || std::fs::metadata(path).and_then(|m| Ok((m.modified()?, m.len()))).ok();
         let before = stamp();

@@ -1,19 +1,20 @@
-//! The end of the program, which is the program's own: a plugin that calls `exit` does not make a run that wrote nothing look like
-//! one that did.
+//! The end of the program, which is the program's own: a plugin that calls `exit` does not make a run that
+//! wrote nothing look like one that did.
 
 use std::sync::atomic::{AtomicBool, Ordering::SeqCst};
 
 /// Whether the program ends because it wants to.
 static MEANT: AtomicBool = AtomicBool::new(false);
 
-/// From here on an end that was not meant has exit code 1. After the command line has been read, which may end the program too.
+/// From here on an end that was not meant has exit code 1. After the command line has been read, which may
+/// end the program too.
 pub fn on_purpose_only() -> Staying {
     #[cfg(unix)]
     {
         extern "C" fn ending() {
             if !MEANT.load(SeqCst) {
                 crate::failure::complain(
-                    "error: code that is not Asperity's, such as a plugin, called exit(): the run is not complete\n",
+                    "error: foreign code, such as a plugin, called exit(): the run is not complete\n",
                 );
                 // SAFETY: it ends the process at once, and runs nothing more of it.
                 unsafe { libc::_exit(1) }

@@ -44,8 +44,8 @@ impl Files {
         Self { before: now.clone(), known: now, since: None }
     }
 
-    /// Those that changed, once whoever writes has finished: twice in a row they look the same, and other than known. Whoever
-    /// writes all the time is not waited for any longer than a second.
+    /// Those that changed, once whoever writes has finished: twice in a row they look the same, and other
+    /// than known. Whoever writes all the time is not waited for any longer than a second.
     pub fn changed(&mut self, now: &Stamps) -> Option<Vec<PathBuf>> {
         let changed = *now != self.known;
         self.since = if changed { self.since.or_else(|| Some(Instant::now())) } else { None };

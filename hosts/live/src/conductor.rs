@@ -430,8 +430,8 @@ fn wire(
     )
 }
 
-/// The nodes of a kind by channel of the device: in the order of the file at first; afterwards each keeps its channel,
-/// wherever it stands.
+/// The nodes of a kind by channel of the device: in the order of the file at first; afterwards each keeps its
+/// channel, wherever it stands.
 fn channels(graph: &GraphFile, schedule: &Schedule, kind: &str, was: Option<&Vec<String>>) -> Vec<String> {
     let there = |id: &str| schedule.nodes.iter().any(|n| n.id == id && n.kind == kind);
     let declared = graph.nodes.iter().map(|n| n.id.as_str());

@@ -8,8 +8,8 @@ use asperity_node::{Coil, Guard, Unit};
 
 use crate::driver::Slot;
 
-/// Guards of a device's channels. What is known of coils and movers belongs to the channel: it goes on from one graph to the
-/// next, from a lost device to the one that is back, and from one run to another.
+/// Guards of a device's channels. What is known of coils and movers belongs to the channel: it goes on from
+/// one graph to the next, from a lost device to the one that is back, and from one run to another.
 #[derive(Default)]
 pub struct Outlet {
     channels: Vec<Option<Channel>>,
@@ -25,7 +25,7 @@ struct Channel {
     stays: bool,
 }
 
-/// What a channel's actuator is and how its coil stands, for whoever keeps it between runs.
+/// Heat and thermal limits of a channel's coil.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Standing {
     /// Mean of the square of the current \[A^2\].
@@ -46,13 +46,15 @@ impl Outlet {
         Self { channels: outs.into_iter().map(guarded).collect(), changed: 0 }
     }
 
-    /// Guards that are known already, each with the drive at full scale \[A or V\]. They stay, whatever graph plays.
+    /// Guards that are known already, each with the drive at full scale \[A or V\]. They stay, whatever graph
+    /// plays.
     pub fn staying(channels: impl IntoIterator<Item = Option<(Box<dyn Guard>, f64)>>) -> Self {
         let stays = |(guard, unit)| Channel { guard, unit, stays: true };
         Self { channels: channels.into_iter().map(|c| c.map(stays)).collect(), changed: 0 }
     }
 
-    /// Goes on from the coils of another outlet, channel by channel, and takes over its guards that stay. Tick thread.
+    /// Goes on from the coils of another outlet, channel by channel, and takes over its guards that stay.
+    /// Tick thread.
     pub fn go_on(&mut self, before: &mut Self) {
         self.changed = before.changed;
         for (channel, was) in self.channels.iter_mut().zip(&mut before.channels) {
@@ -121,7 +123,7 @@ pub(crate) fn limiter_of(schedule: &Schedule, out: usize) -> Option<usize> {
     Some(from.0)
 }
 
-/// What the coil is driven with at a sample of 1 \[A or V\].
+/// Drive of the coil at a sample of 1 \[A or V\].
 pub fn drive_at_full_scale(out: &ScheduledNode) -> f64 {
     let amps = out.inputs.first().and_then(|i| i.port.as_ref()).is_some_and(|p| p.unit == Unit::AMPERE);
     let amplifier = out.params.number(if amps { "amps_per_volt" } else { "volts_per_volt" });
@@ -142,7 +144,7 @@ pub(crate) struct Gate {
 #[derive(Clone, Debug)]
 pub struct Guards(pub(crate) Arc<Slot<Gate>>);
 
-/// What is seen of an outlet from other threads.
+/// Figures of an outlet, for other threads.
 #[derive(Debug, Default)]
 pub(crate) struct Seen {
     /// Bits of each channel's heat.
@@ -155,7 +157,7 @@ pub(crate) struct GateControl {
     next: triple_buffer::Input<Outlet>,
     pub(crate) gate: Guards,
     pub(crate) seen: Arc<Seen>,
-    /// What the first graph says of each channel's actuator.
+    /// Thermal limits of each channel's actuator in the first graph.
     standing: Vec<Option<Standing>>,
 }
 
@@ -247,7 +249,7 @@ impl GateControl {
         self.next.write(outlet);
     }
 
-    /// What the actuators of the graph are, at its start.
+    /// Thermal limits of each channel's actuator in the first graph.
     pub(crate) fn standing(&self) -> &[Option<Standing>] {
         &self.standing
     }

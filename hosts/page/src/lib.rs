@@ -8,9 +8,9 @@
 //! the loopback address or `localhost` with our port, so that a foreign name that resolves to this machine gets nothing; where it names an
 //! origin, that must be this page. Nothing is loaded from elsewhere, and the browser is told to load nothing from elsewhere.
 //!
-//! What a page can cost is bounded: [`CONNECTIONS`] connections with the token and as many without, [`PAGES`] pages that watch, [`AHEAD`] views on the way to each of
-//! them, messages of [`MESSAGE`] bytes and so many a second. A page that does not say for [`PATIENCE`] that it has got
-//! a view is let go.
+//! The cost of a page is bounded: [`CONNECTIONS`] connections with the token and as many without, [`PAGES`]
+//! pages that watch, [`AHEAD`] views on the way to each of them, messages of [`MESSAGE`] bytes and so many a
+//! second. A page that does not say for [`PATIENCE`] that it has got a view is let go.
 
 mod client;
 mod door;

@@ -79,9 +79,9 @@ pub struct Pattern {
 impl Pattern {
     /// Reads [`PATTERN_LEN`] numbers. Of bumps: the way between them in mm (0: no bumps; -1: at the ridges of
     /// the wave that is crossed faster), the power of speed with which it grows, deviations of that and of
-    /// heights over their means, and the anisotropy. Then of each wave: the vector in 1/mm (0, 0: no wave), and of each harmonic
-    /// weight, share and phase in rad. Numbers that are missing or not finite count as 0; others are brought
-    /// into their range.
+    /// heights over their means, and the anisotropy. Then of each wave: the vector in 1/mm (0, 0: no wave),
+    /// and of each harmonic weight, share and phase in rad. Numbers that are missing or not finite count as
+    /// 0; others are brought into their range.
     pub fn read(numbers: &[f64]) -> Self {
         let number = |at: usize, most: f64| {
             numbers.get(at).copied().filter(|x| x.is_finite()).map_or(0.0, |x| x.clamp(-most, most))

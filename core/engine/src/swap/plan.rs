@@ -149,8 +149,8 @@ fn fates(old: &Schedule, new: &Schedule, changed: &[String], between: &BTreeSet<
     fates
 }
 
-/// The limiter that fed the same channel of the device and is gone: coil and mover belong to the channel, whatever the
-/// node before it is called.
+/// The limiter that fed the same channel of the device and is gone: coil and mover belong to the channel,
+/// whatever the node before it is called.
 fn same_channel(old: &Schedule, new: &Schedule, j: usize) -> Option<usize> {
     let node = &new.nodes[j];
     let channel = limiters(new).iter().position(|(_, limiter)| *limiter == Some(j))?;

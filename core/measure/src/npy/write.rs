@@ -51,13 +51,14 @@ fn write_values(to: &mut impl Write, values: &[f32]) -> io::Result<()> {
 /// Sets the number of rows of a file that a [`Writer`] began and did not finish, as far as it was written. `to` is the file.
 ///
 /// # Errors
-/// What the writer returns.
+/// Errors of the writer.
 pub fn set_rows(to: &mut (impl Write + Seek), rows: usize, columns: Option<usize>) -> io::Result<()> {
     to.seek(SeekFrom::Start(0))?;
     to.write_all(&header(&std::iter::once(rows).chain(columns).collect::<Vec<_>>())?)
 }
 
-/// Where the rows begin of a file that a [`Writer`] began, and its columns, from its first bytes; none of another file.
+/// Where the rows begin of a file that a [`Writer`] began, and its columns, from its first bytes; none of
+/// another file.
 pub fn begun(head: &[u8]) -> Option<(u64, Option<usize>)> {
     let (header, _) = super::header::Header::parse(head.get(..HEADER_LEN)?).ok()?;
     let ours = !header.wide && !header.big_endian && !header.fortran && header.shape.len() <= 2;
@@ -78,7 +79,7 @@ impl<W: Write + Seek> Writer<W> {
     /// Starts an array of shape `(rows,)`, or `(rows, columns)` where `columns` is given, at the start of `to`.
     ///
     /// # Errors
-    /// What the writer returns.
+    /// Errors of the writer.
     pub fn new(mut to: W, columns: Option<usize>) -> io::Result<Self> {
         to.write_all(&header(&Self::shape(0, columns))?)?;
         Ok(Self { to, columns, rows: 0 })
@@ -105,7 +106,7 @@ impl<W: Write + Seek> Writer<W> {
     /// Writes the number of rows into the header, so that the file is whole as it is.
     ///
     /// # Errors
-    /// What the writer returns.
+    /// Errors of the writer.
     pub fn flush(&mut self) -> io::Result<()> {
         self.to.seek(SeekFrom::Start(0))?;
         self.to.write_all(&header(&Self::shape(self.rows, self.columns))?)?;
@@ -116,7 +117,7 @@ impl<W: Write + Seek> Writer<W> {
     /// Writes the number of rows into the header and returns the writer.
     ///
     /// # Errors
-    /// What the writer returns.
+    /// Errors of the writer.
     pub fn finish(mut self) -> io::Result<W> {
         self.flush()?;
         Ok(self.to)

@@ -22,7 +22,8 @@ pub struct CardArgs {
     /// Sample format that the device is to have: f32, i16, i24, i32
     #[arg(long, value_name = "FORMAT")]
     pub device_format: Option<String>,
-    /// File that says what stands behind each channel; the user's own, unless given. No graph can raise its limits
+    /// File that says what stands behind each channel; the user's own, unless given. No graph can raise its
+    /// limits
     #[arg(long, value_name = "FILE")]
     pub machine: Option<PathBuf>,
     /// Share the actuator with another run: each has half of every limit, and both must be started so

@@ -26,7 +26,8 @@ pub struct Setup {
     #[arg(long, value_name = "A/V", value_parser = number(1e-3, 100.0, "A/V"))]
     pub amps_per_volt: Option<f64>,
     /// Gain of the voltage amplifier behind the card, where it is one
-    #[arg(long, value_name = "V/V", conflicts_with = "amps_per_volt", value_parser = number(1e-3, 1000.0, "V/V"))]
+    #[arg(long, value_name = "V/V", conflicts_with = "amps_per_volt")]
+    #[arg(value_parser = number(1e-3, 1000.0, "V/V"))]
     pub volts_per_volt: Option<f64>,
     /// Most volts that the card may put out; full scale, unless given
     #[arg(long, value_name = "V", value_parser = number(1e-3, 100.0, "V"))]

@@ -1,4 +1,5 @@
-//! Commands that do not run a graph in time: `check`, `nodes`, `graph`, `invert`, `compare`, `tradeoff`, `choose`, `encode`, `fit-ar`, `materials`, `recover`, `selftest`, `plugin`.
+//! Commands that do not run a graph in time: `check`, `nodes`, `graph`, `invert`, `compare`, `tradeoff`,
+//! `choose`, `encode`, `fit-ar`, `materials`, `recover`, `selftest`, `plugin`.
 
 pub mod calibrate;
 pub mod check;

@@ -82,7 +82,7 @@ fn edited(path: &Path, device: &str, channel: u16, entry: &str, overwrite: bool)
     Ok(text)
 }
 
-/// What the command line gives; else what is typed.
+/// An option's value; asked for in a terminal where the option is missing.
 fn given<T: FromStr + Clone>(value: &Option<T>, option: &str, question: &str) -> Result<T, Failure> {
     if let Some(value) = value {
         return Ok(value.clone());

@@ -85,7 +85,7 @@ fn format(text: &str) -> Result<Format, Failure> {
     })
 }
 
-/// What is known of the coils behind the card, and who may drive them.
+/// Keeper of the coils behind the card.
 pub fn coils(args: &DeviceArgs, schedule: &Schedule) -> Result<Coils, Failure> {
     let machine = Machine::find(args.card.machine.as_deref())?;
     Ok(Coils::new(args.card.share, machine.map(Arc::new), Arc::new(schedule.clone())))

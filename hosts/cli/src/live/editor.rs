@@ -31,7 +31,7 @@ pub struct Editor {
     kinds: Arc<Mutex<Kinds>>,
     /// Files of the plugins that the graph was made with.
     plugins: Vec<PathBuf>,
-    /// What the machine's file says of the device.
+    /// Refuses edits that contradict the machine's file.
     ceiling: Option<Ceiling>,
     /// The file of the graph that runs.
     base: Option<GraphFile>,
@@ -342,7 +342,8 @@ impl Editor {
         None
     }
 
-    /// Refuses a graph that says something else of the device than the machine's file, before anything is closed for it.
+    /// Refuses a graph that says something else of the device than the machine's file, before anything is
+    /// closed for it.
     fn allowed(&self, ready: &Ready, playing: &Playing<'_>) -> Result<(), Diagnostic> {
         let Some(ceiling) = &self.ceiling else { return Ok(()) };
         let schedule = &ready.made.compiled.schedule;

@@ -1,8 +1,8 @@
-//! What is known of a device's coils between runs, and who drives them.
+//! Heat of a device's coils between runs, and locks on its channels.
 //!
-//! Each channel of a device has two seats. A run alone takes both; one with `--share` takes one of them, and plays at half
-//! of every limit. A seat is a locked file, so that it is free when its process is gone, however that ended. Beside it
-//! stands how warm the coil was, written once a second.
+//! Each channel of a device has two seats. A run alone takes both; one with `--share` takes one of them, and
+//! plays at half of every limit. A seat is a locked file, so that it is free when its process is gone,
+//! however that ended. Beside it stands how warm the coil was, written once a second.
 
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{ErrorKind, Read as _, Seek as _, Write as _};
@@ -17,8 +17,8 @@ use parking_lot::Mutex;
 
 use super::Machine;
 
-/// Names the folder where all this is kept; empty for nowhere. Simulated cards, which have no coil, keep theirs only where it is
-/// set.
+/// Names the folder where all this is kept; empty for nowhere. Simulated cards, which have no coil, keep
+/// theirs only where it is set.
 const FOLDER: &str = "ASPERITY_STATE";
 /// Two processes share a channel at most.
 const SEATS: usize = 2;
@@ -46,8 +46,8 @@ pub struct Ceiling {
 }
 
 impl Ceiling {
-    /// Refuses a graph that is to take the place of the one that runs, and says something else of what is behind the device.
-    /// `playing` are its nodes by channel.
+    /// Refuses a graph that is to take the place of the one that runs, and says something else of what is
+    /// behind the device. `playing` are its nodes by channel.
     pub fn check(&self, playing: &[String], schedule: &Schedule) -> Result<(), Diagnostic> {
         let device = self.device.lock();
         let Some(device) = &*device else { return Ok(()) };
@@ -64,7 +64,7 @@ struct Seat {
     last: Option<Record>,
 }
 
-/// What a seat's file says.
+/// Content of a seat's file.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Record {
     /// Mean of the square of the current \[A^2\].
@@ -111,7 +111,7 @@ impl Coils {
         }
     }
 
-    /// What refuses graphs that say something else of the device than the machine's file.
+    /// Check for graphs that contradict the machine's file.
     pub fn ceiling(&self) -> Option<Ceiling> {
         Some(Ceiling { machine: self.machine.clone()?, device: self.device.clone() })
     }
@@ -241,7 +241,7 @@ impl Keeper for Coils {
 }
 
 impl Coils {
-    /// What a channel's coil bears for ever \[A^2\], and the time constant with which it cools \[s\].
+    /// Rating of a channel's coil \[A^2\], and the time constant with which it cools \[s\].
     fn actuator(&self, device: &Opened, i: usize) -> (f64, f64) {
         let machine = self.machine.as_ref().and_then(|m| m.output(device, device.channels[i].0));
         let of_machine =
@@ -262,15 +262,16 @@ impl Coils {
             None => device.channels.first()?.0,
         };
         Some(format!(
-            "only the graph's word protects the actuator on channel {channel} of `{}`: `asperity setup` writes down what stands there",
+            "only the graph's word protects the actuator on channel {channel} of `{}`: \
+             `asperity setup` writes down what stands there",
             device.name
         ))
     }
 }
 
 impl Seat {
-    /// Writes a record over the one before, in place: the lock is on the file itself. All records are of the same length, so that
-    /// one which is cut short is seen.
+    /// Writes a record over the one before, in place: the lock is on the file itself. All records are of the
+    /// same length, so that one which is cut short is seen.
     fn write(&mut self, record: Record) -> std::io::Result<()> {
         self.last = Some(record);
         let text = record.text();
@@ -308,7 +309,8 @@ impl Record {
         Some(Self { heat, rating, cools_in: number("cools_in_s")?, clock, running })
     }
 
-    /// How warm the coil is now. It is not known where a run did not end as it should, or the clock went back.
+    /// How warm the coil is now. It is not known where a run did not end as it should, or the clock went
+    /// back.
     fn now(&self, now: &Clock) -> Warm {
         match now.since(&self.clock) {
             Some(since) if !self.running => Warm::Known(self.heat * (-since / self.cools_in.max(1e-3)).exp()),
@@ -318,7 +320,7 @@ impl Record {
 }
 
 impl Warm {
-    /// What two records know of one coil.
+    /// Joins two records of one coil: the warmer one holds.
     fn or(self, other: Self) -> Self {
         match (self, other) {
             (Self::Known(a), Self::Known(b)) => Self::Known(a.max(b)),
@@ -336,8 +338,8 @@ impl Clock {
         Self { wall, boot: if up.is_some() { boot } else { 0 }, up: up.unwrap_or(0.0) }
     }
 
-    /// Seconds since an earlier time; none where the clock went back. A clock that was set ahead since the machine was started
-    /// cools no coil.
+    /// Seconds since an earlier time; none where the clock went back. A clock that was set ahead since the
+    /// machine was started cools no coil.
     fn since(&self, before: &Self) -> Option<f64> {
         let wall = self.wall - before.wall;
         let up = (self.boot == before.boot && self.boot != 0).then_some(self.up - before.up);

@@ -1,4 +1,5 @@
-//! The machine's file: the actuator, the card and the amplifier behind each channel of a device. No graph can raise its limits.
+//! The machine's file: the actuator, the card and the amplifier behind each channel of a device. No graph can
+//! raise its limits.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -22,7 +23,7 @@ pub struct Machine {
     pub list: Place,
 }
 
-/// What stands behind one channel of a device.
+/// Actuator and amplifier behind one channel of a device.
 #[derive(Clone, Debug)]
 pub struct Output {
     /// The device's name or id.
@@ -90,7 +91,7 @@ impl Machine {
         Ok(Self { source: source.clone(), outputs, list })
     }
 
-    /// What it says of a channel of a device.
+    /// Entry for a channel of a device.
     pub fn output(&self, device: &Opened, channel: u16) -> Option<&Output> {
         self.outputs_of(device, channel).next()
     }
@@ -102,7 +103,8 @@ impl Machine {
         self.outputs.iter().filter(move |o| o.channel == channel && names.contains(&o.device))
     }
 
-    /// Refuses a graph that says something else of what is behind a device. `playing` are its nodes by channel.
+    /// Refuses a graph that says something else of what is behind a device. `playing` are its nodes by
+    /// channel.
     pub fn check(
         &self,
         device: &Opened,
@@ -137,7 +139,7 @@ impl Machine {
 }
 
 impl Output {
-    /// What holds the channel to its limits, and the drive at full scale \[A or V\].
+    /// Guard of the channel, and the drive at full scale \[A or V\].
     fn guard(&self, rate_hz: u32) -> Result<(Box<dyn Guard>, f64), Diagnostic> {
         let (drive, gain) = self.amplifier;
         let mut actuator = self.actuator;

@@ -1,4 +1,4 @@
-//! What stands behind the sound card: what a person says of it once, and what is known of its coils.
+//! Actuators behind the sound card: the machine's file, and the heat of their coils.
 
 mod coils;
 mod file;

@@ -5,8 +5,9 @@
 //! 3. The files are renamed.
 //! 4. The journals are removed.
 //!
-//! If the process is killed, the next one that writes into one of the folders looks at the journal there. If every
-//! folder has it, the renames may have begun, and are finished. Else none has begun, and the journal is removed.
+//! If the process is killed, the next one that writes into one of the folders looks at the journal there. If
+//! every folder has it, the renames may have begun, and are finished. Else none has begun, and the journal is
+//! removed.
 
 use std::collections::BTreeSet;
 use std::fs::File;

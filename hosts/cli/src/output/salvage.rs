@@ -31,7 +31,7 @@ pub enum Recovered {
 /// Names are tried with a number from `first` on; 0 is the name without one.
 ///
 /// # Errors
-/// What the disk says; a file that is no recording.
+/// Errors of the disk; a file that is no recording.
 pub fn recover(growing: &Path, first: u32) -> io::Result<Recovered> {
     let not_growing = || io::Error::new(io::ErrorKind::InvalidInput, "this is no recording that was left");
     let name = growing.file_name().and_then(|n| n.to_str()).and_then(|n| n.strip_suffix(GROWING));
@@ -72,7 +72,7 @@ fn numbered(path: &Path, number: u32) -> PathBuf {
 /// Returns how many rows there are; of a CSV file, nothing.
 ///
 /// # Errors
-/// What the disk says; a file whose header did not reach it.
+/// Errors of the disk; a file whose header did not reach it.
 pub fn salvage(file: &mut File, ending: &str) -> io::Result<Option<u64>> {
     let len = file.metadata()?.len();
     match ending {

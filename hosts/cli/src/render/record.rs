@@ -42,7 +42,8 @@ pub struct Kept {
     pub cut: Option<String>,
 }
 
-/// How a recording's file is opened: [`Pending::create`], or where the run may be killed [`Pending::recording`].
+/// How a recording's file is opened: [`Pending::create`], or where the run may be killed
+/// [`Pending::recording`].
 pub type Open = fn(&Path) -> Result<Pending, Failure>;
 
 /// Most samples of a mono WAV file of 32-bit floats, with room for its head.

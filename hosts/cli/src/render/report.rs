@@ -131,7 +131,7 @@ pub fn clipped(engine: &Engine) -> u64 {
     facts.map(|f| if let FactValue::Count(n) = f.value { n } else { 0 }).sum()
 }
 
-/// What a person is told of them.
+/// Says how many samples were cut, and what to do.
 pub fn cut_at_full_scale(samples: u64) -> String {
     format!("{samples} samples were cut at the card's full scale: raise its volts or amplify more")
 }

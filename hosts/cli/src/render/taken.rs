@@ -24,7 +24,7 @@ pub struct Taken {
     pub times: Times,
     pub drive: Level,
     schedule: Arc<Schedule>,
-    /// What belongs to graphs that are to be taken over.
+    /// Scenes and guards of graphs that are to be taken over.
     beside: Sent,
     /// Holds the file's channels to their limits, where graphs change under it.
     outlet: Option<Outlet>,

@@ -19,16 +19,16 @@ use crate::kinds::Kinds;
 use crate::load::OfScene;
 use crate::watch::{Files, POLL, Stamps, named, readers, stamps};
 
-/// What belongs to a graph beside its nodes.
+/// Scene and guards of a graph.
 #[derive(Default)]
 pub struct Beside {
     /// The picture is to show what is heard.
     pub scene: Option<OfScene>,
-    /// What holds its channels to their limits.
+    /// Guards of its channels.
     pub outlet: Outlet,
 }
 
-/// What belongs to the graphs that were sent, in their order.
+/// Scenes and guards of the graphs that were sent, in their order.
 #[derive(Clone, Default)]
 pub struct Sent(Arc<Mutex<VecDeque<Beside>>>);
 

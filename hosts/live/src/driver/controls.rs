@@ -186,8 +186,8 @@ impl Controls {
         f32::from_bits(self.peak.swap(0, Relaxed).max(self.last_peak.load(Relaxed)))
     }
 
-    /// Holds what the device is given to the limits of its channels. One device is open at a time; a block that finds another
-    /// thread with the guards is silent.
+    /// Holds what the device is given to the limits of its channels. One device is open at a time; a block
+    /// that finds another thread with the guards is silent.
     pub(super) fn hold(&self, output: &mut [f32], channels: usize) {
         let Some(guards) = &self.guards else { return };
         match guards.0.enter().as_deref_mut() {

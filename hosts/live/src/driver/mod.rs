@@ -126,7 +126,7 @@ pub struct Options {
     pub meters: Arc<Meters>,
     /// What mutes and stops it.
     pub reins: Reins,
-    /// What holds the device's channels to their limits, where there is anything to hold.
+    /// Guards of the device's channels, if there are any.
     pub guards: Option<Guards>,
 }
 

@@ -1,4 +1,4 @@
-//! What is known of a device's coils between one run and the next.
+//! Keeps the heat of a device's coils from one run to the next.
 
 use std::time::{Duration, Instant};
 
@@ -22,7 +22,7 @@ pub struct Opened {
     pub coils: Vec<Option<Standing>>,
 }
 
-/// What a run may do with the coils of a device, and what is known of them.
+/// Start values of a run: heat of the coils, its share, guards of the machine.
 #[derive(Debug, Default)]
 pub struct Terms {
     /// How warm each coil is \[A^2\].
@@ -31,7 +31,7 @@ pub struct Terms {
     pub share: Option<f32>,
     /// Guards that hold on their channels whatever graph plays, in the place of the graph's own.
     pub machine: Outlet,
-    /// What a person should know.
+    /// Messages for a person.
     pub notices: Vec<String>,
 }
 

@@ -5,16 +5,17 @@ use asperity_node::{Coil, Guard};
 use super::run::{Fixed, Given};
 use super::{Drive, Limiter};
 
-/// A sample is left as it is where the walls would move it by less than this part of the peak: what is rounded to f32
-/// twice, and counted in other units between, comes no closer.
+/// A sample is left as it is where the walls would move it by less than this part of the peak: what is
+/// rounded to f32 twice, and counted in other units between, comes no closer.
 const ROUNDING: f64 = 1e-5;
 /// A sample at the peak, rounded to f32 twice, is no further over it.
 const TWICE_ROUNDED: f64 = 2e-7;
 /// DC as the limiter measures it never goes further beyond its ceiling than by what the slew makes late.
 const DC_WALL: f64 = 1.1;
 
-/// Holds what a channel of a device is given to the limits of a [`Limiter`], whichever limiters made it, or ramps and
-/// crossfades behind them. It has the limiter's walls and a simulated coil that gets exactly what the device gets.
+/// Holds what a channel of a device is given to the limits of a [`Limiter`], whichever limiters made it, or
+/// ramps and crossfades behind them. It has the limiter's walls and a simulated coil that gets exactly what
+/// the device gets.
 ///
 /// It has no gain of its own: where it must act, it cuts the wave.
 #[derive(Clone, Debug)]

@@ -379,8 +379,8 @@ impl Limiter {
         }
     }
 
-    /// Takes note that the coil is at least as warm as this \[A^2\], as what outlives this limiter knows it. A difference of
-    /// less than 1 % is what lies between two threads that look at the same coil.
+    /// Takes note that the coil is at least as warm as this \[A^2\], as what outlives this limiter knows it.
+    /// A difference of less than 1 % is what lies between two threads that look at the same coil.
     pub fn warm(&mut self, heat: f64) {
         let given = &mut self.run.given;
         if heat.is_finite() && heat > 1.01 * given.heat && heat > 1e-6 * self.fixed.rated {
@@ -388,7 +388,7 @@ impl Limiter {
         }
     }
 
-    /// What holds a device's channel to the same limits, at rest and cold.
+    /// A guard that holds a device's channel to the same limits, at rest and cold.
     pub fn guard(&self) -> ChannelGuard {
         ChannelGuard::new(self)
     }

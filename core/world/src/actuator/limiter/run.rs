@@ -83,8 +83,8 @@ impl Given {
         Self { plant, last: 0.0, heat: 0.0, hottest: 0.0, farthest: 0.0 }
     }
 
-    /// The nearest to `want` that may be given now: walls for heat and stroke, then peak and slew, exactly. With `meek`,
-    /// nothing is given where only a drive against `want` would do.
+    /// The nearest to `want` that may be given now: walls for heat and stroke, then peak and slew, exactly.
+    /// With `meek`, nothing is given where only a drive against `want` would do.
     #[inline(always)]
     pub(super) fn hold<const VOLTAGE: bool>(&self, f: &Fixed, mut want: f64, meek: bool) -> Held {
         let (mut over_peak, mut over_rms, mut over_stroke, mut over_slew) = (false, false, false, false);
@@ -92,8 +92,9 @@ impl Given {
         let [gx, gv, gi] = self.plant.state;
         let current = if VOLTAGE { (want - f.emf * gv) / f.resistance } else { want };
         let mut bounded = current;
-        // The speed there would be once the current that flows had gone down as fast as it may; the same, had it first
-        // lasted for the lag; and had `current` flowed for the lag, which tells whether it turns the mover around.
+        // The speed there would be once the current that flows had gone down as fast as it may; the same, had
+        // it first lasted for the lag; and had `current` flowed for the lag, which tells whether it turns the
+        // mover around.
         let ended = gv + f.creep * gi * gi.abs();
         let lasted = ended + f.kick * gi;
         let kicked = ended + f.kick * current;
@@ -137,7 +138,7 @@ impl Given {
         Held { sample: want, peak: over_peak, slew: over_slew, rms: over_rms, stroke: over_stroke }
     }
 
-    /// What a sample does to the coil.
+    /// Applies a sample to the coil.
     #[inline(always)]
     pub(super) fn take<const VOLTAGE: bool>(&mut self, f: &Fixed, y: f64) {
         let gi = self.plant.state[2];
@@ -155,7 +156,7 @@ impl Given {
         self.plant.state.iter_mut().chain([&mut self.heat]).for_each(end_tail);
     }
 
-    /// What silence does to a coil that lies still: it cools.
+    /// Cools a coil that lies still.
     pub(super) fn rest(&mut self, f: &Fixed, samples: usize) {
         if self.heat != 0.0 {
             for _ in 0..samples {

@@ -78,8 +78,8 @@ const FIRST: [&str; 3] = ["descriptor", "prepare", "zero"];
 /// How long a plugin that is rebuilt while a graph plays may take to answer.
 const TRIAL: Duration = Duration::from_secs(5);
 
-/// Tries a plugin's file in another process: whether its code, damaged perhaps, comes back at all. A case that it fails is no
-/// matter here.
+/// Tries a plugin's file in another process: whether its code, damaged perhaps, comes back at all. A case
+/// that it fails is no matter here.
 ///
 /// # Errors
 /// How it ended.
@@ -107,7 +107,7 @@ pub fn survives(path: &Path) -> Result<(), Diagnostic> {
     }
 }
 
-/// What a process that runs cases says.
+/// A message of the process that runs cases.
 enum Said {
     /// The plugin is loaded, and what it is.
     Plugin(Value),
