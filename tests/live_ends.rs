@@ -239,14 +239,15 @@ fn messages_that_nobody_reads_hold_up_neither_a_mute_nor_ticks_nor_the_end() {
     says("plays on");
     let (host, _) = url.split_once("/?").expect("an address with a token");
     let (mut socket, mut got) = (watch(&url, host).expect("there is room"), 0);
-    // From here on nobody reads. Of this file a thousand nodes are refused; fifty are told, each with its
-    // long line.
-    let long = "x".repeat(1000);
-    let nodes: String = (0..1000).map(|n| format!("\"{n}\": (kind: \"nothing {n}\"), // {long}\n")).collect();
-    std::fs::write(dir.join("new"), format!("Graph(version: 1, nodes: {{{nodes}}}, wires: [])"))
-        .expect("a file");
-    std::fs::rename(dir.join("new"), dir.join("g.ron")).expect("a file");
-    std::thread::sleep(Duration::from_secs(1));
+    // From here on nobody reads. Of each of these files a thousand nodes are refused, and fifty are told.
+    for edit in 0..3 {
+        let node = |n: usize| format!("\"{n}\": (kind: \"nothing {edit} {n}\"),\n");
+        let nodes: String = (0..1000).map(node).collect();
+        std::fs::write(dir.join("new"), format!("Graph(version: 1, nodes: {{{nodes}}}, wires: [])"))
+            .expect("a file");
+        std::fs::rename(dir.join("new"), dir.join("g.ron")).expect("a file");
+        std::thread::sleep(Duration::from_secs(1));
+    }
     let view = view_with(&mut socket, &mut got, |_| true);
     socket.send(Message::text(r#"{"mute":true}"#)).expect("it hears");
     let muted = view_with(&mut socket, &mut got, |view| view["condition"] == "muted");
@@ -258,7 +259,8 @@ fn messages_that_nobody_reads_hold_up_neither_a_mute_nor_ticks_nor_the_end() {
     assert_eq!(code, 0);
     let mut rest = Vec::new();
     said.read_to_end(&mut rest).expect("what it said");
-    assert!(rest.len() >= PIPE, "only {} bytes stood in the pipe: it was never full", rest.len());
+    // A pipe is full when no page of it is free; the last page but one may have room.
+    assert!(rest.len() + 4096 > PIPE, "only {} bytes stood in the pipe: it was never full", rest.len());
 }
 
 #[test]

@@ -320,13 +320,16 @@ fn long_name_in_an_error_is_cut() {
 #[test]
 fn limit_on_open_files_is_named() {
     let dir = tempfile::tempdir().unwrap();
-    let program = env!("CARGO_BIN_EXE_asperity");
-    for (most, args) in [(5, "--probe motion.speed=v.csv --report r.json --out o.wav"), (4, "--out o.wav")] {
-        let line = format!("ulimit -n {most}; exec {program} render {} --seconds 0.1 {args}", heravi());
-        let out = Command::new("sh").args(["-c", &line]).current_dir(dir.path()).output().unwrap();
-        let err = String::from_utf8_lossy(&out.stderr);
-        assert!(err.contains("Too many open files") && err.contains("`ulimit -n 1024`"), "{err}");
-        assert_eq!(out.status.code(), Some(1), "{err}");
+    let heravi = heravi();
+    let base = ["render", &heravi, "--seconds", "0.1", "--out", "o.wav"];
+    for (most, more) in [(5, &["--probe", "motion.speed=v.csv", "--report", "r.json"][..]), (4, &[])] {
+        let ran = common::run_under(dir.path(), &format!("ulimit -n {most}"), &[&base, more].concat());
+        assert!(
+            ran.err.contains("Too many open files") && ran.err.contains("`ulimit -n 1024`"),
+            "{}",
+            ran.err
+        );
+        assert_eq!(ran.code, 1, "{}", ran.err);
     }
 }
 
