@@ -2,10 +2,8 @@
 
 mod common;
 
-use std::process::Stdio;
-
 use common::live::{graph, until};
-use common::{Ran, asperity, files, graphs, run};
+use common::{Ran, files, graphs, run};
 
 const CARD: &str = "simulated:frames=64,speed=10,loopback=1";
 
