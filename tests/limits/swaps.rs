@@ -208,9 +208,9 @@ fn renamed_limiter_does_not_lift_the_limits_of_render_watch() {
         std::fs::rename(new, dir.path().join("g.ron")).unwrap();
     };
     write(0);
-    let args =
-        ["render", "g.ron", "--watch", "--seconds", "8", "--out", "o.wav", "--report", "o.json", "--quiet"];
-    let mut child = common::asperity(dir.path()).args(args).spawn().unwrap();
+    let seconds = seconds().to_string();
+    let args = ["render", "g.ron", "--watch", "--seconds", &seconds, "--out", "o.wav", "--report", "o.json"];
+    let mut child = common::asperity(dir.path()).args(args).arg("--quiet").spawn().unwrap();
     let mut n = 0;
     while child.try_wait().unwrap().is_none() {
         n += 1;
