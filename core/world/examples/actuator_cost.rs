@@ -1,4 +1,4 @@
-//! What the inverse and the limiter cost per block of 96 samples: `cargo run --release --example actuator_cost`.
+//! Cost of the inverse, the limiter and the guard per block of 96 samples: `cargo run --release --example actuator_cost`.
 //!
 //! Prints microseconds, median and 99th percentile of 20000 blocks, back to back.
 
@@ -6,6 +6,7 @@ use std::error::Error;
 use std::hint::black_box;
 use std::time::Instant;
 
+use asperity_node::Guard as _;
 use asperity_world::actuator::{
     ActuatorProfile, Drive, Dynamics, Inverse, InverseSettings, Limiter, LimiterSettings,
 };
@@ -23,6 +24,11 @@ fn main() -> Result<(), Box<dyn Error>> {
             let mut limiter = Limiter::new(&dynamics, drive, RATE, LimiterSettings::default())?;
             let peak = limiter.limits().peak;
             time(&format!("limiter {what}, {drive:?}"), level * peak, |x, y| limiter.process(x, y));
+            let mut guard = limiter.guard();
+            time(&format!("guard {what}, {drive:?}"), level * peak, |x, y| {
+                y.copy_from_slice(x);
+                guard.hold(y, 1, 1.0);
+            });
         }
     }
     Ok(())

@@ -89,7 +89,7 @@ fn given<T: FromStr + Clone>(value: &Option<T>, option: &str, question: &str) ->
     }
     let missing = |what: String| Diagnostic::new(what).in_file(option).help(question.to_owned());
     if !std::io::stdin().is_terminal() {
-        return Err(missing("this is not said".into()).into());
+        return Err(missing("this option is missing".into()).into());
     }
     complain(&format!("{question}: "));
     let mut line = String::new();
