@@ -2,6 +2,8 @@
 //!
 //! [`registry`] answers all of them.
 
+#![cfg_attr(not(test), warn(clippy::disallowed_methods))]
+
 pub mod actuator;
 pub mod contact;
 pub mod effects;

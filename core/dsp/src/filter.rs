@@ -4,6 +4,7 @@
 //! samples. State is f64 whatever the samples are: with poles at 20 Hz under a rate of 48 kHz,
 //! 1 + a1 + a2 is 7e-6, and f32 state would leave only two digits of the passband.
 
+use crate::{Elementary as _, polar};
 use std::f64::consts::{FRAC_1_SQRT_2, PI, TAU};
 use std::fmt;
 
@@ -137,8 +138,11 @@ impl Section {
         if !stable {
             return Err(FilterError::Unstable);
         }
-        let c =
-            if exact_hz == 0.0 { 2.0 * rate_hz } else { TAU * exact_hz / (PI * exact_hz / rate_hz).tan() };
+        let c = if exact_hz == 0.0 {
+            2.0 * rate_hz
+        } else {
+            TAU * exact_hz / (PI * exact_hz / rate_hz).tangent()
+        };
         // A first-order section must not be given the pole and zero at z = -1 that the general form would add.
         let map = |[p, q, r]: [f64; 3]| {
             if d0 == 0.0 {
@@ -283,7 +287,7 @@ impl Biquad {
 
     /// H(e^(j 2 pi hz / rate)).
     pub fn response(&self, hz: f64, rate_hz: f64) -> Complex64 {
-        let z1 = Complex64::from_polar(1.0, -TAU * hz / rate_hz);
+        let z1 = polar(1.0, -TAU * hz / rate_hz);
         let num = (z1 * self.b[2] + self.b[1]) * z1 + self.b[0];
         num / ((z1 * self.a[1] + self.a[0]) * z1 + 1.0)
     }

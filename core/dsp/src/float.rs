@@ -1,5 +1,6 @@
 //! The two sample types.
 
+use crate::Elementary as _;
 use crate::lanes::Lanes;
 use crate::plans::Plans;
 use asperity_state::{Keep, State};
@@ -112,11 +113,11 @@ impl Float for f64 {
     }
     #[inline]
     fn natural_log(self) -> Self {
-        self.ln()
+        self.log_e()
     }
     #[inline]
     fn exponential(self) -> Self {
-        self.clamp(-80.0, 80.0).exp()
+        self.clamp(-80.0, 80.0).exp_e()
     }
     #[inline]
     fn cos_sin(self) -> (Self, Self) {

@@ -20,11 +20,15 @@
 //! `resample`, one tick of 2 ms: 2500 to 48000 Hz 0.82 us, to 44100 Hz 0.84 us, 500 to 48000 Hz 0.79 us.
 //! The widest table made here, 2500 to 44099 Hz at minimum phase, takes 68 ms to compute.
 
+#![cfg_attr(not(test), warn(clippy::disallowed_methods))]
+
 pub mod denormals;
+mod elementary;
 pub mod filter;
 mod float;
 mod framing;
 pub mod griffin_lim;
+mod isa;
 mod lanes;
 pub mod low_pass;
 mod magnitude;
@@ -45,8 +49,10 @@ pub mod stft;
 mod widths_tests;
 pub mod window;
 
+pub use elementary::{Elementary, polar, size};
 pub use float::Float;
 pub use framing::{Framing, FramingError, MAX_FFT_LEN, MAX_PERIOD};
+pub use isa::Isa;
 pub use magnitude::Level;
 pub use oscillator_bank::{OscillatorBank, Partials};
 pub use overlap_add::OverlapAdd;

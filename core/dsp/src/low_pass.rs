@@ -1,5 +1,6 @@
 //! A low-pass whose corner may change from sample to sample.
 
+use crate::Elementary as _;
 use std::f64::consts::{PI, SQRT_2};
 
 use asperity_state::State;
@@ -28,7 +29,7 @@ pub struct LowPass {
 /// The number `tan(pi hz / rate)` that [`LowPass::step`] takes. The corner is held to 0.499 of the rate.
 #[inline]
 pub fn corner(hz: f64, rate_hz: f64) -> f64 {
-    (PI * (hz / rate_hz).min(0.499)).tan()
+    (PI * (hz / rate_hz).min(0.499)).tangent()
 }
 
 /// The corner \[Hz\] of a low-pass of velocities that opens with speed: slow motion is calm, fast motion
@@ -39,7 +40,7 @@ pub fn corner(hz: f64, rate_hz: f64) -> f64 {
 /// pi / 10 e^(-pi/4)` of it, 29 %.
 #[inline]
 pub fn opened_hz(cutoff_hz: f64, hz_per_mm_s: f64, speed_mm_s: f64, rate_hz: f64) -> f64 {
-    cutoff_hz.hypot(hz_per_mm_s * speed_mm_s).min(rate_hz / 10.0).max(cutoff_hz)
+    cutoff_hz.hypotenuse(hz_per_mm_s * speed_mm_s).min(rate_hz / 10.0).max(cutoff_hz)
 }
 
 impl LowPass {

@@ -1,5 +1,6 @@
 //! Random numbers by index: skipping some does not change those that follow.
 
+use crate::Elementary as _;
 use crate::float::unit_circle;
 
 /// A uniform number in [0, 1) for a seed and two indices, by the finaliser of SplitMix64 (Steele, Lea,
@@ -13,7 +14,7 @@ pub fn uniform(seed: u64, row: u64, column: u64) -> f64 {
 #[inline]
 pub(crate) fn normal(seed: u64, index: u64) -> f64 {
     let (radius, turns) = (uniform(seed, index, 0), uniform(seed, index, 1));
-    (-2.0 * (1.0 - radius).ln()).sqrt() * unit_circle(turns).0
+    (-2.0 * (1.0 - radius).log_e()).sqrt() * unit_circle(turns).0
 }
 
 /// The seed of one row of numbers.

@@ -20,7 +20,7 @@ use crate::float::unit_circle;
 use crate::magnitude::{largest_of, take};
 use crate::random::normal;
 use crate::window::hann;
-use crate::{Float, Framing, FramingError, Stft};
+use crate::{Elementary as _, Float, Framing, FramingError, Stft};
 use std::sync::LazyLock;
 
 /// Steps of the table of [`ratio`]s.
@@ -140,7 +140,7 @@ impl<T: Float> Scatter<T> {
             };
             // Of means the root mean square is larger, by the ratio that this scatter has.
             let level = if known.means { mean_level(self.ratios, q, real).recip() } else { 1.0 };
-            *out = P::of(m * level * gain * re.hypot(im));
+            *out = P::of(m * level * gain * re.hypotenuse(im));
         }
         bad
     }
@@ -151,14 +151,14 @@ impl<T: Float> Scatter<T> {
             return 1.0;
         }
         let own = self.own_variance();
-        let square = (0.25 * ((1.0 + variance.min(1e6)) / (1.0 + own)).ln()).clamp(0.0, MOST_COMMON);
+        let square = (0.25 * ((1.0 + variance.min(1e6)) / (1.0 + own)).log_e()).clamp(0.0, MOST_COMMON);
         let s = square.sqrt() * strength;
         if s == 0.0 {
             return 1.0;
         }
         let seen = self.slow.at(start).iter().zip(&self.common);
         let y: f64 = seen.map(|(&u, &w)| (u * w).f64()).sum();
-        (s * y - if means { 0.5 * s * s } else { s * s }).exp()
+        (s * y - if means { 0.5 * s * s } else { s * s }).exp_e()
     }
 
     /// Variance of a frame's power over its squared mean that the scatter of its bins alone makes. Bins of
@@ -194,10 +194,10 @@ pub fn ratio(q: f64) -> f64 {
     let mut sum = 0.0;
     for i in 0..RADII {
         // Middles of equally likely parts of Rayleigh's law.
-        let radius = loose * (-(1.0 - (i as f64 + 0.5) / RADII as f64).ln()).sqrt();
+        let radius = loose * (-(1.0 - (i as f64 + 0.5) / RADII as f64).log_e()).sqrt();
         for k in 0..ANGLES {
             let (cos, sin) = unit_circle((k as f64 + 0.5) / ANGLES as f64);
-            sum += (steady + radius * cos).hypot(radius * sin);
+            sum += (steady + radius * cos).hypotenuse(radius * sin);
         }
     }
     sum / (ANGLES * RADII) as f64

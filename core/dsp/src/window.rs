@@ -1,6 +1,6 @@
 //! The Hann window.
 
-use crate::Float;
+use crate::{Elementary as _, Float};
 
 /// The periodic Hann window of `len` samples: `0.5 - 0.5 cos(2 pi i / len)`.
 ///
@@ -8,7 +8,7 @@ use crate::Float;
 pub fn hann<T: Float>(len: usize) -> Vec<T> {
     let step = std::f64::consts::PI / len.max(1) as f64;
     // sin^2 of the half angle does not cancel near the ends, where 0.5 - 0.5 cos does.
-    (0..len).map(|i| T::of((i as f64 * step).sin().powi(2))).collect()
+    (0..len).map(|i| T::of((i as f64 * step).sine().powi(2))).collect()
 }
 
 /// The transform of the Hann window along frequency, relative to `nu = 0`, for a window centred on time 0:
@@ -21,7 +21,7 @@ pub fn hann_lobe(nu: f64) -> f64 {
     if (nu - 1.0).abs() < 1e-6 {
         return 0.5;
     }
-    (std::f64::consts::PI * nu).sin() / (std::f64::consts::PI * nu * (1.0 - nu * nu))
+    (std::f64::consts::PI * nu).sine() / (std::f64::consts::PI * nu * (1.0 - nu * nu))
 }
 
 #[cfg(test)]

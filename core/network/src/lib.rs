@@ -14,6 +14,8 @@
 //! plain read of the same 1.74 MB; f16 7.1 to 7.5 us for 0.91 MB, 1.2 to 1.6 times its read; AVX2 14.4 to
 //! 14.7 and 8.2 to 8.5 us; SSE2 18.5 us (f32, one run); tract 49 to 50 us.
 
+#![cfg_attr(not(test), warn(clippy::disallowed_methods))]
+
 mod check;
 mod double;
 mod encoder;
@@ -31,8 +33,8 @@ mod signature;
 mod stored;
 mod trained;
 
+pub use asperity_dsp::Isa;
 pub use encoder::Encoder;
-pub use kernel::Isa;
 pub use model::Model;
 pub use proto::{MAX_ENCODER_BYTES, MAX_MODEL_BYTES};
 pub use range::{Range, hold_magnitudes};

@@ -2,10 +2,11 @@
 //! blocks of columns, 64-byte aligned; what depends on the texture alone folded into biases, once per
 //! material.
 
-use crate::kernel::{Bias, Block, Codes, Data, Entry, Instruction, Isa, Pick, Program, Shape, largest_code};
+use crate::kernel::{Bias, Block, Codes, Data, Entry, Instruction, Pick, Program, Shape, largest_code};
 use crate::lower::{Affine, Element, End, Lowered, Ref, StepKind};
 use crate::signature::{FORCE_LEN, Role, SPEED_LEN};
 use crate::stored::{Samples, Stored};
+use asperity_dsp::Isa;
 use std::sync::Arc;
 
 /// Cells in front of which a 64-byte boundary is found; the heap block does not move with its owner.
@@ -91,7 +92,7 @@ impl<W: Stored> Packed<W> {
             })
             .collect();
 
-        let shape = isa.shape();
+        let shape = Shape::new(isa);
         let mut at = vec![0; net.steps.len()];
         let mut arena_len = 0;
         for (i, step) in net.steps.iter().enumerate() {

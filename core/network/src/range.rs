@@ -4,6 +4,7 @@
 //! all of them are not, 54 ns for the 100 magnitudes (6 ns for what only took negative ones as 0).
 
 use crate::Trained;
+use asperity_dsp::Elementary as _;
 
 /// The range that a network was trained on, and that its inputs are held to.
 #[derive(Clone, Copy, Debug)]
@@ -80,7 +81,7 @@ impl Range {
         } else {
             v.map(|x| if x.is_finite() { x } else { 0.0 })
         };
-        let speed = v[0].hypot(v[1]);
+        let speed = v[0].hypotenuse(v[1]);
         if speed > self.speed { v.map(|x| x / speed * self.speed) } else { v }
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::check::{self, Probe, error_of_full_scale};
 use crate::double::Double;
-use crate::kernel::Isa;
+use crate::kernel::has_whole_numbers;
 use crate::lower::Lowered;
 use crate::model::Model;
 use crate::packed::Packed;
@@ -10,6 +10,7 @@ use crate::range::Range;
 use crate::reference::{Reference, TextureTensor, texture};
 use crate::signature::{FORCE_LEN, MAGNITUDES_LEN, SPEED_LEN, TEXTURE_LEN};
 use crate::stored::Stored;
+use asperity_dsp::Isa;
 use asperity_source::Diagnostic;
 use std::fmt;
 
@@ -59,10 +60,10 @@ impl Precision {
 
     /// Instruction sets of this machine that it can be packed for, best first; none for f64.
     pub fn isas(self) -> Vec<Isa> {
-        let all = Isa::available().into_iter();
+        let all = Isa::available();
         match self {
             Precision::F32 | Precision::F16 => all.collect(),
-            Precision::Int8 => all.filter(|isa| isa.has_whole_numbers()).collect(),
+            Precision::Int8 => all.filter(|&isa| has_whole_numbers(isa)).collect(),
             Precision::F64 => Vec::new(),
         }
     }
@@ -312,9 +313,6 @@ impl Model {
             let best = precision.isas().first().copied().unwrap_or(Isa::Portable);
             let isa = forced.unwrap_or(best);
             let attempt = match precision {
-                Precision::F16 | Precision::Int8 if forced.is_none() && isa == Isa::Portable => {
-                    Err("without instructions for them they are slower than f32".into())
-                }
                 Precision::F32 => job.packed::<f32>(net, isa, precision, |p| Engine::F32(Box::new(p))),
                 Precision::F16 => job.packed::<u16>(net, isa, precision, |p| Engine::F16(Box::new(p))),
                 Precision::Int8 => job.packed::<i8>(net, isa, precision, |p| Engine::Int8(Box::new(p))),

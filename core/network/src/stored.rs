@@ -5,6 +5,7 @@ use crate::kernel::Weight;
 use crate::lower::{Lowered, Ref};
 use crate::round::Rounder;
 use crate::signature::Role;
+use asperity_dsp::Elementary as _;
 
 /// Samples of a layer's inputs that are looked at. A quarter of a second's work; four times as many change the error no more than another seed.
 const MOST_SAMPLES: usize = 256;
@@ -43,7 +44,7 @@ impl Stored for u16 {
     /// Brings the largest weight to 2^8..2^9: normal f16 numbers then reach down to 2^-22 of it, and folded
     /// normalisation by large or small factors costs no precision. Sums stay far from f32's limits.
     fn scale(largest: f64) -> f64 {
-        if largest > 0.0 { (8.0 - largest.log2().floor()).clamp(-60.0, 60.0).exp2() } else { 1.0 }
+        if largest > 0.0 { (8.0 - largest.log_2().floor()).clamp(-60.0, 60.0).exp_2() } else { 1.0 }
     }
     fn round(weights: &mut [f64], n: usize, samples: &Samples, inputs: &[Ref]) {
         together(weights, n, samples, inputs, |w| half::f16::from_f64(w).to_f64());
@@ -57,7 +58,7 @@ impl Stored for i8 {
     }
     /// Brings the largest weight to 127.
     fn scale(largest: f64) -> f64 {
-        if largest > 0.0 { (127.0 / largest).clamp((-60f64).exp2(), 60f64.exp2()) } else { 1.0 }
+        if largest > 0.0 { (127.0 / largest).clamp((-60f64).exp_2(), 60f64.exp_2()) } else { 1.0 }
     }
     fn round(weights: &mut [f64], n: usize, samples: &Samples, inputs: &[Ref]) {
         together(weights, n, samples, inputs, |w| w.round_ties_even().clamp(-127.0, 127.0));

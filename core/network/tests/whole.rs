@@ -3,7 +3,7 @@
 
 mod common;
 
-use asperity_network::{Choice, Isa, Model, Precision, Runner};
+use asperity_network::{Choice, Model, Precision, Runner};
 use common::{Layer, Net, Random, Spelling, Writer, bytes, model, motions, textures};
 
 const INT8: Precision = Precision::Int8;
@@ -59,20 +59,20 @@ fn inputs_of_both_signs_and_many_of_them_are_summed_up_right() {
 }
 
 #[test]
-fn sums_of_whole_numbers_are_the_same_on_instruction_sets_that_round_alike() {
-    // Both multiply and add with one rounding; what is added up in whole numbers is exact, by groups of four or of two.
-    let isas: Vec<Isa> = INT8.isas().into_iter().filter(|isa| *isa != Isa::Portable).collect();
+fn every_instruction_set_gives_the_same_bits() {
     for model in [
         Model::from_bytes(&bytes(&model(&Net::random(5), Spelling::default())), "n").unwrap(),
         linear(&[598, 201], 9),
     ] {
         let textures = textures(1, 6);
-        let mut runners: Vec<Runner> =
-            isas.iter().map(|isa| model.runner(&textures, INT8, Choice::Packed(*isa)).unwrap()).collect();
-        for motion in motions(30, 2) {
-            let found: Vec<[u32; 100]> =
-                runners.iter_mut().map(|r| run(r, &motion).map(f32::to_bits)).collect();
-            assert!(found.windows(2).all(|pair| pair[0] == pair[1]));
+        for precision in [Precision::F32, Precision::F16, INT8] {
+            let make = |isa| model.runner(&textures, precision, Choice::Packed(isa)).unwrap();
+            let mut runners: Vec<Runner> = precision.isas().into_iter().map(make).collect();
+            for motion in motions(30, 2) {
+                let found: Vec<[u32; 100]> =
+                    runners.iter_mut().map(|r| run(r, &motion).map(f32::to_bits)).collect();
+                assert!(found.windows(2).all(|pair| pair[0] == pair[1]), "{precision:?}");
+            }
         }
     }
 }

@@ -16,6 +16,8 @@
 //! (textures), one limiter; forces add and are held to the device's largest. With [`Lowering::prune`] off, nodes of effects that no surface has are there
 //! too, with empty lists.
 
+#![cfg_attr(not(test), warn(clippy::disallowed_methods))]
+
 mod acoustic;
 mod builder;
 mod forces;

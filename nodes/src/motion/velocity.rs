@@ -1,5 +1,6 @@
 //! `velocity`: how fast the stylus moves along the surface.
 
+use asperity_dsp::Elementary as _;
 use std::f64::consts::{SQRT_2, TAU};
 
 use crate::since::Since;
@@ -132,7 +133,7 @@ impl Node for Velocity {
         }
         self.velocity = v;
         tick.outputs.control(0).copy_from_slice(&v[..2]);
-        tick.outputs.set(1, v[0].hypot(v[1]));
+        tick.outputs.set(1, v[0].hypotenuse(v[1]));
         tick.outputs.control(2).copy_from_slice(&v);
         tick.outputs.control(3).copy_from_slice(&unfiltered);
         Status::Continue
@@ -169,7 +170,7 @@ impl Node for Velocity {
 impl Velocity {
     fn cutoff_hz_now(&self) -> f64 {
         let [x, y, z] = self.velocity;
-        opened_hz(self.cutoff_hz, self.cutoff_hz_per_mm_s, x.hypot(y).hypot(z), self.rate_hz)
+        opened_hz(self.cutoff_hz, self.cutoff_hz_per_mm_s, x.hypotenuse(y).hypotenuse(z), self.rate_hz)
     }
 
     fn corner(&self) -> f64 {

@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use asperity_dsp::Ramp;
+use asperity_dsp::{Elementary as _, Ramp};
 use asperity_node::{
     Config, Descriptor, Diagnostic, Latency, Node, Param, Ports, Resume, Setup, State, Status, Tick,
 };
@@ -122,7 +122,7 @@ impl Node for Sine {
         for ((i, y), n) in tick.outputs.audio(0).iter_mut().enumerate().zip(span) {
             let ahead = self.end.map_or(f64::INFINITY, |end| end.saturating_sub(n + 1) as f64);
             let fade = raised_cosine((n as f64).min(ahead), self.fade);
-            let sine = (TAU * (first + step * i as f64).fract()).sin();
+            let sine = (TAU * (first + step * i as f64).fract()).sine();
             *y = (self.amplitude.step() * fade * sine) as f32;
         }
         Status::Continue

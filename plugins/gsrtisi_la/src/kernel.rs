@@ -1,5 +1,6 @@
 //! The estimate itself, frame by frame, without a graph.
 
+use asperity_dsp::{Elementary as _, polar};
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
@@ -101,7 +102,7 @@ impl Estimator {
         let room = size + (look_ahead + 1) * grid.span(hop);
         let scratch = forward.get_scratch_len().max(inverse.get_scratch_len());
         let angle = |i: usize| TAU * i as f64 / size as f64;
-        let onset = |k: usize| Complex::from_polar(1.0, (TAU * ONSET * k as f64) as f32);
+        let onset = |k: usize| polar(1.0, (TAU * ONSET * k as f64) as f32);
         Self {
             grid,
             iterations,
@@ -113,7 +114,7 @@ impl Estimator {
             sum: vec![0.0; room],
             cover: vec![0.0; room],
             origin: 0,
-            circle: (0..size).map(|i| (angle(i).cos(), angle(i).sin())).collect(),
+            circle: (0..size).map(|i| (angle(i).cosine(), angle(i).sine())).collect(),
             onset: (0..bins).map(onset).collect(),
             forward,
             inverse,
@@ -192,7 +193,7 @@ impl Estimator {
         let turn = TAU * self.grid.fraction(flight.place) / self.grid.size() as f64;
         let bins = flight.mags.iter().zip(&flight.units).enumerate();
         for (out, (k, (&mag, unit))) in out.iter_mut().zip(bins) {
-            let (sin, cos) = if turn == 0.0 { (0.0, 1.0) } else { (turn * k as f64).sin_cos() };
+            let (sin, cos) = if turn == 0.0 { (0.0, 1.0) } else { (turn * k as f64).sine_cosine() };
             *out = unit * Complex::new(cos as f32, sin as f32) * mag;
         }
     }
@@ -229,7 +230,7 @@ impl Estimator {
     /// The Hann window of a frame where it lies on the grid.
     fn shape(&mut self, age: usize) {
         let flight = &mut self.flights[age];
-        let (sin, cos) = (TAU * self.grid.fraction(flight.place) / self.circle.len() as f64).sin_cos();
+        let (sin, cos) = (TAU * self.grid.fraction(flight.place) / self.circle.len() as f64).sine_cosine();
         for (w, (c, s)) in flight.window.iter_mut().zip(&self.circle) {
             *w = (0.5 - 0.5 * (c * cos + s * sin)) as f32;
         }

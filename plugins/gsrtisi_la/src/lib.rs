@@ -34,6 +34,8 @@
 //! which of two stable answers a pair of tones or a modulated chirp falls into changes: amchirp_48000 without
 //! look-ahead came out anywhere from -12 to -22 dB.
 
+#![cfg_attr(not(test), warn(clippy::disallowed_methods))]
+
 pub mod grid;
 pub mod kernel;
 mod node;

@@ -1,5 +1,6 @@
 //! Phase gradient heap integration, frame by frame, without a graph.
 
+use asperity_dsp::Elementary as _;
 use std::collections::BinaryHeap;
 use std::f64::consts::TAU;
 
@@ -50,7 +51,7 @@ impl Content {
     fn derive(&mut self) {
         self.top = self.mags.iter().copied().fold(0.0, f32::max);
         for (log, mag) in self.logs.iter_mut().zip(&self.mags) {
-            *log = mag.ln();
+            *log = mag.log_e();
         }
     }
 }
@@ -152,7 +153,7 @@ impl HeapIntegration {
             *turns -= turns.floor();
             // From the window's centre to its first sample: half a turn a bin.
             let value = if k % 2 == 0 { mag } else { -mag };
-            let (sin, cos) = (*turns * TAU).sin_cos();
+            let (sin, cos) = (*turns * TAU).sine_cosine();
             *out = Complex::new(value * cos as f32, value * sin as f32);
         }
     }
@@ -162,7 +163,7 @@ impl HeapIntegration {
         let around = &self.frames[age.saturating_sub(1)..(age + 3).min(self.filled)];
         let top = around.iter().map(|f| f.top).fold(0.0, f32::max);
         // Beyond this a slope is one of rounding errors or of silence.
-        let floor = (top * self.tolerance).max(f32::MIN_POSITIVE).ln();
+        let floor = (top * self.tolerance).max(f32::MIN_POSITIVE).log_e();
         self.delays(age, floor);
         let Content { logs, freq, .. } = &mut self.frames[age];
         let last = logs.len().saturating_sub(1);

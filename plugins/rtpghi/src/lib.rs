@@ -29,6 +29,8 @@
 //! What limits it is the window, which is no Gaussian. Magnitudes that are no signal's (nnsmooth, a mean over phases) have
 //! slopes that say nothing, and collapse.
 
+#![cfg_attr(not(test), warn(clippy::disallowed_methods))]
+
 pub mod kernel;
 mod node;
 

@@ -1,6 +1,6 @@
 //! The low-pass that a resampler takes its taps from, as a function of continuous time.
 
-use crate::{Complex, plans};
+use crate::{Complex, Elementary as _, plans, polar, size as size_of};
 use std::f64::consts::PI;
 
 /// Attenuation that the length is designed for, in dB: at the stop band's edge and beyond.
@@ -35,7 +35,7 @@ fn windowed_sinc(t: f64, half: f64) -> f64 {
         return 0.0;
     }
     let beta = 0.1102 * (ATTENUATION_DB - 8.7);
-    let sinc = if t.abs() < 1e-9 { 1.0 } else { (PI * t).sin() / (PI * t) };
+    let sinc = if t.abs() < 1e-9 { 1.0 } else { (PI * t).sine() / (PI * t) };
     sinc * bessel_i0(beta * x.sqrt()) / bessel_i0(beta)
 }
 
@@ -72,7 +72,7 @@ impl Prototype {
         let _ = forward.process(&mut time, &mut spectrum);
         // Nulls in the stop band have no logarithm; a floor under it leaves them as deep as matters.
         for x in &mut spectrum {
-            *x = Complex::new(x.norm().max(10f64.powf(-130.0 / 20.0)).ln(), 0.0);
+            *x = Complex::new(size_of(*x).max(10f64.power(-130.0 / 20.0)).log_e(), 0.0);
         }
         let _ = inverse.process(&mut spectrum, &mut time);
         for (i, c) in time.iter_mut().enumerate() {
@@ -87,7 +87,7 @@ impl Prototype {
         }
         let _ = forward.process(&mut time, &mut spectrum);
         for x in &mut spectrum {
-            *x = x.exp();
+            *x = polar(x.re.exp_e(), x.im);
         }
         for real in [0, size / 2] {
             spectrum[real].im = 0.0;
@@ -132,7 +132,7 @@ impl Prototype {
                 let (mut sum, mut moment) = (Complex::<f64>::default(), Complex::<f64>::default());
                 for (i, h) in grid.iter().enumerate() {
                     let t = i as f64 / GRID as f64;
-                    let x = Complex::from_polar(*h, -2.0 * PI * freq * t);
+                    let x = polar(*h, -2.0 * PI * freq * t);
                     sum += x;
                     moment += x * t;
                 }

@@ -2,7 +2,7 @@
 
 use super::project::{Call, TINY};
 use crate::lanes::{Fft, LANES, Lane, Portable, Simd, Work, turned};
-use crate::{Complex, Float, float::unit_circle};
+use crate::{Complex, Float, Isa, float::unit_circle};
 
 /// As many frames as there are lanes, of one even length.
 pub(super) struct Batch<T> {
@@ -45,7 +45,7 @@ impl<T: Float> Batch<T> {
             work: Work::new(half),
             mags: vec![[T::zero(); LANES]; bins],
         };
-        Some(Self { job, run: *runs().first()? })
+        Some(Self { job, run: compiled(Isa::available().next()?) })
     }
 
     /// Projects the frames of a call, all at once.
@@ -63,36 +63,32 @@ fn portable<T: Float>(job: &mut Job<T>, call: Call<'_, T>) {
     job.project(Portable, call);
 }
 
-/// What this machine can run, best first.
+/// The projection, compiled for an instruction set.
 #[cfg(target_arch = "x86_64")]
-fn runs<T: Float>() -> Vec<Run<T>> {
+fn compiled<T: Float>(isa: Isa) -> Run<T> {
     // With AVX-512 there are twice as many registers for the same vectors.
     #[target_feature(enable = "avx512f,avx512vl")]
     fn avx512<T: Float>(job: &mut Job<T>, call: Call<'_, T>) {
         // SAFETY: this function is called only where there is more than AVX.
         job.project(unsafe { T::avx() }, call);
     }
-    #[target_feature(enable = "avx")]
-    fn avx<T: Float>(job: &mut Job<T>, call: Call<'_, T>) {
+    #[target_feature(enable = "avx2")]
+    fn avx2<T: Float>(job: &mut Job<T>, call: Call<'_, T>) {
         // SAFETY: this function is called only where there is AVX.
         job.project(unsafe { T::avx() }, call);
     }
-    let mut runs: Vec<Run<T>> = Vec::new();
-    if is_x86_feature_detected!("avx512f") && is_x86_feature_detected!("avx512vl") {
-        // SAFETY: found just now.
-        runs.push(|job, call| unsafe { avx512(job, call) });
+    match isa {
+        // SAFETY: this CPU has it.
+        Isa::Avx512 if isa.is_available() => |job, call| unsafe { avx512(job, call) },
+        // SAFETY: this CPU has it.
+        Isa::Avx2 if isa.is_available() => |job, call| unsafe { avx2(job, call) },
+        _ => portable,
     }
-    if is_x86_feature_detected!("avx") {
-        // SAFETY: found just now.
-        runs.push(|job, call| unsafe { avx(job, call) });
-    }
-    runs.push(portable);
-    runs
 }
 
 #[cfg(not(target_arch = "x86_64"))]
-fn runs<T: Float>() -> Vec<Run<T>> {
-    vec![portable]
+fn compiled<T: Float>(_: Isa) -> Run<T> {
+    portable
 }
 
 impl<T: Float> Job<T> {

@@ -85,7 +85,7 @@ use crate::lanes::LANES;
 use crate::magnitude::largest_of;
 use crate::overlap_add::FrameError;
 use crate::random::uniform;
-use crate::{Complex, Float, Framing};
+use crate::{Complex, Elementary as _, Float, Framing};
 use drift::Drift;
 use history::{History, largest, usable};
 use project::{Call, Projector};
@@ -540,7 +540,7 @@ fn rescaled<T: Float>(x: T, factor: f64) -> T {
 /// Half a raised cosine.
 fn fade<T: Float>(len: usize) -> Vec<T> {
     let step = std::f64::consts::FRAC_PI_2 / len as f64;
-    (0..len).map(|i| T::of(((i as f64 + 0.5) * step).sin().powi(2))).collect()
+    (0..len).map(|i| T::of(((i as f64 + 0.5) * step).sine().powi(2))).collect()
 }
 
 fn add<T: Float>(to: &mut [T], from: &[T]) {

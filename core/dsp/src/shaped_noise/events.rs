@@ -1,8 +1,8 @@
 //! Bumps that a tool meets one after the other: pulses whose spectrum is white.
 
 use super::pattern::Events;
-use crate::Float;
 use crate::random::{normal, uniform};
+use crate::{Elementary as _, Float};
 use asperity_state::State;
 
 /// Beyond so many bumps a sample they are white noise.
@@ -186,10 +186,10 @@ impl<H: Fn(f64) -> f64> Pulse<H> {
 
 /// From a normal number to a lognormal one of mean 1 whose standard deviation is `cv`.
 fn lognormal(cv: f64) -> impl Fn(f64) -> f64 {
-    let square = (1.0 + cv * cv).ln();
+    let square = (1.0 + cv * cv).log_e();
     let s = square.sqrt();
     // No bump comes twice at one place, however wide the law.
-    move |z| (s * z - 0.5 * square).exp().max(1e-3)
+    move |z| (s * z - 0.5 * square).exp_e().max(1e-3)
 }
 
 #[cfg(test)]

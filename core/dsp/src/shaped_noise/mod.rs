@@ -32,7 +32,7 @@ pub use pattern::{Events, HARMONICS, PATTERN_LEN, Pattern, WAVES, Wave};
 use crate::float::{keep_wide, unit_circle};
 use crate::magnitude::{largest_of, take};
 use crate::random::normal;
-use crate::{Complex, Float, Framing, FramingError};
+use crate::{Complex, Elementary as _, Float, Framing, FramingError};
 use asperity_state::State;
 use events::{Bumps, at_ridges};
 use pattern::keep_waves;
@@ -247,7 +247,7 @@ impl<T: Float> ShapedNoise<T> {
     pub fn emit<P: Float>(&mut self, start: u64, place: Option<[f64; 2]>, out: &mut [P]) {
         if let Some(place) = place {
             match self.place.step(place) {
-                Some(way) => self.way_mm += way[0].hypot(way[1]),
+                Some(way) => self.way_mm += way[0].hypotenuse(way[1]),
                 None => self.from_mm = self.place.at(),
             }
         }
@@ -467,7 +467,7 @@ impl<T: Float> ShapedNoise<T> {
         let at = (at + 0.5) as usize;
         let response = self.designer.response[at];
         let response = Complex::new(response.re.f64(), response.im.f64());
-        if response.norm() > 0.0 { response / response.norm() } else { Complex::new(1.0, 0.0) }
+        if crate::size(response) > 0.0 { response / crate::size(response) } else { Complex::new(1.0, 0.0) }
     }
 
     /// How often the hand comes to a ridge of each wave, in Hz; below 0 backwards.

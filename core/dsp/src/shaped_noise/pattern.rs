@@ -1,7 +1,7 @@
 //! The ridges and bumps of a texture.
 
-use crate::Complex;
 use crate::float::unit_circle;
+use crate::{Complex, Elementary as _};
 use asperity_state::State;
 
 /// Most waves.
@@ -43,13 +43,13 @@ pub struct Events {
 impl Events {
     /// Mean way from one to the next in mm, of a hand at this velocity in mm/s.
     pub fn spacing_at(&self, [x, y]: [f64; 2]) -> Option<f64> {
-        let speed = x.hypot(y);
+        let speed = x.hypotenuse(y);
         let over = speed.clamp(SPEEDS_MM_S.0, SPEEDS_MM_S.1) / SPEED_MM_S;
         let [a, b] = self.anisotropy;
         // cos 2t and sin 2t of the direction; none of a hand at rest.
         let square = (speed * speed).max(f64::MIN_POSITIVE);
         let width = 1.0 + a * (x * x - y * y) / square + b * 2.0 * x * y / square;
-        self.spacing_mm.map(|mm| mm * over.powf(self.spacing_exponent) / width.sqrt())
+        self.spacing_mm.map(|mm| mm * over.power(self.spacing_exponent) / width.sqrt())
     }
 }
 
@@ -88,7 +88,7 @@ impl Pattern {
         };
         let spacing_mm = number(0, 1e3);
         let anisotropy = [number(4, 1.0), number(5, 1.0)];
-        let shorter = (MOST_ANISOTROPY / anisotropy[0].hypot(anisotropy[1])).min(1.0);
+        let shorter = (MOST_ANISOTROPY / anisotropy[0].hypotenuse(anisotropy[1])).min(1.0);
         let at_ridges = spacing_mm <= -1.0;
         let events = (at_ridges || spacing_mm >= 0.01).then(|| Events {
             spacing_mm: (!at_ridges).then_some(spacing_mm),
@@ -104,7 +104,7 @@ impl Pattern {
                 let (cos, sin) = unit_circle(number(from + 4 + 3 * h, 1e3) / std::f64::consts::TAU);
                 Complex::new(cos, sin)
             };
-            (per_mm[0].hypot(per_mm[1]) >= 1e-3).then(|| Wave {
+            (per_mm[0].hypotenuse(per_mm[1]) >= 1e-3).then(|| Wave {
                 per_mm,
                 weights: std::array::from_fn(|h| number(from + 2 + 3 * h, 10.0).max(0.0)),
                 shares: std::array::from_fn(|h| number(from + 3 + 3 * h, 1.0).max(0.0)),
@@ -126,7 +126,7 @@ impl Pattern {
         state.keep(&mut numbers).keep(&mut spacing_exponent).keep(&mut anisotropy);
         state.require(numbers.iter().all(|x| (-1.0..=1e3).contains(x)));
         state.require(spacing_exponent.abs() <= MOST_EXPONENT);
-        state.require(anisotropy[0].hypot(anisotropy[1]) < 1.0);
+        state.require(anisotropy[0].hypotenuse(anisotropy[1]) < 1.0);
         let [spacing_mm, interval_cv, height_cv] = numbers;
         let of = Some(spacing_mm).filter(|mm| *mm > 0.0);
         let of = Events { spacing_mm: of, spacing_exponent, anisotropy, interval_cv, height_cv };

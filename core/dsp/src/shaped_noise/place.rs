@@ -1,5 +1,6 @@
 //! Where the hand is, without the steps of its sensor.
 
+use crate::Elementary as _;
 use asperity_state::State;
 
 /// Corner of the tracking filter in Hz. A sensor's steps of 0.055 mm leave 0.005 mm at 500 places a second.
@@ -24,7 +25,7 @@ pub(super) struct Place {
 
 impl Place {
     pub(super) fn new(tick_s: f64) -> Self {
-        let root = (-std::f64::consts::TAU * CORNER_HZ * tick_s).exp();
+        let root = (-std::f64::consts::TAU * CORNER_HZ * tick_s).exp_e();
         Self { alpha: 1.0 - root * root, beta: (1.0 - root) * (1.0 - root), tick_s, ..Self::default() }
     }
 
@@ -40,7 +41,7 @@ impl Place {
         }
         let expected: [f64; 2] = std::array::from_fn(|i| self.at[i] + self.velocity[i] * self.tick_s);
         let off: [f64; 2] = std::array::from_fn(|i| place[i] - expected[i]);
-        if self.known == 0 || off[0].hypot(off[1]) > JUMP_MM.max(JUMP_MM_S * self.tick_s) {
+        if self.known == 0 || off[0].hypotenuse(off[1]) > JUMP_MM.max(JUMP_MM_S * self.tick_s) {
             (self.at, self.velocity, self.known) = (place, [0.0; 2], 1);
             return None;
         }

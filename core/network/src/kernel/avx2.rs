@@ -35,9 +35,9 @@ impl Simd for Avx2 {
     }
 
     #[inline(always)]
-    unsafe fn mul_add(a: __m256, b: __m256, c: __m256) -> __m256 {
-        // SAFETY: the caller has FMA.
-        unsafe { _mm256_fmadd_ps(a, b, c) }
+    unsafe fn add(a: __m256, b: __m256) -> __m256 {
+        // SAFETY: the caller has AVX.
+        unsafe { _mm256_add_ps(a, b) }
     }
 
     #[inline(always)]
@@ -73,7 +73,7 @@ impl Whole for Avx2 {
     }
 
     #[inline(always)]
-    unsafe fn add(sums: __m256i, pair: i32, weights: *const i8) -> __m256i {
+    unsafe fn gather(sums: __m256i, pair: i32, weights: *const i8) -> __m256i {
         // SAFETY: the caller has AVX2 and 16 bytes; the load needs no alignment.
         unsafe {
             let weights = _mm256_cvtepi8_epi16(_mm_loadu_si128(weights.cast()));

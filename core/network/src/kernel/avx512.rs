@@ -35,9 +35,9 @@ impl Simd for Avx512 {
     }
 
     #[inline(always)]
-    unsafe fn mul_add(a: __m512, b: __m512, c: __m512) -> __m512 {
+    unsafe fn add(a: __m512, b: __m512) -> __m512 {
         // SAFETY: the caller has AVX-512F.
-        unsafe { _mm512_fmadd_ps(a, b, c) }
+        unsafe { _mm512_add_ps(a, b) }
     }
 
     #[inline(always)]
@@ -77,7 +77,7 @@ impl Whole for Avx512 {
     }
 
     #[inline(always)]
-    unsafe fn add(
+    unsafe fn gather(
         (high, low): (__m512i, __m512i),
         group: (i32, i32),
         weights: *const i8,

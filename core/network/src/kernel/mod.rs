@@ -5,6 +5,9 @@
 //! per block of columns; what is unsafe is calling a function compiled for an instruction set, and loads
 //! and stores within slices of checked length. Layers whose weights are whole numbers have a loop of their
 //! own, in [`whole`].
+//!
+//! A result has the same bits on every instruction set. Each column is summed up in the order of the inputs, and a product is rounded before
+//! it is added: not every CPU has an instruction that rounds once.
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;
@@ -14,72 +17,28 @@ mod portable;
 mod weight;
 mod whole;
 
-use asperity_dsp::Float as _;
+use asperity_dsp::{Float as _, Isa};
 use std::ops::Range;
 pub(crate) use weight::{Float, Weight};
 use whole::Whole;
 pub(crate) use whole::{Codes, largest_code};
 
-/// An instruction set that the packed kernels are compiled for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-#[non_exhaustive]
-pub enum Isa {
-    /// x86-64 with AVX-512F: 16 lanes.
-    Avx512,
-    /// x86-64 with AVX2, FMA and F16C: 8 lanes.
-    Avx2,
-    /// What the compiler makes of plain code: SSE2 on x86-64, NEON on AArch64.
-    Portable,
+/// Whether this machine, which has an instruction set, also has what sums of whole numbers need: of AVX-512 that is BW and VNNI.
+pub(crate) fn has_whole_numbers(isa: Isa) -> bool {
+    match isa {
+        #[cfg(target_arch = "x86_64")]
+        Isa::Avx512 => is_x86_feature_detected!("avx512bw") && is_x86_feature_detected!("avx512vnni"),
+        _ => true,
+    }
 }
 
-impl Isa {
-    /// Those that this machine can run, best first.
-    pub fn available() -> Vec<Isa> {
-        [Isa::Avx512, Isa::Avx2, Isa::Portable].into_iter().filter(|isa| isa.is_available()).collect()
-    }
-
-    /// Whether this machine, which has it, also has what sums of whole numbers need: of AVX-512 that is BW
-    /// and VNNI.
-    pub(crate) fn has_whole_numbers(self) -> bool {
-        match self {
-            #[cfg(target_arch = "x86_64")]
-            Isa::Avx512 => is_x86_feature_detected!("avx512bw") && is_x86_feature_detected!("avx512vnni"),
-            _ => true,
-        }
-    }
-
-    /// Whether this machine can run it.
-    pub fn is_available(self) -> bool {
-        match self {
-            #[cfg(target_arch = "x86_64")]
-            Isa::Avx512 => is_x86_feature_detected!("avx512f"),
-            #[cfg(target_arch = "x86_64")]
-            Isa::Avx2 => {
-                is_x86_feature_detected!("avx2")
-                    && is_x86_feature_detected!("fma")
-                    && is_x86_feature_detected!("f16c")
-            }
-            #[cfg(not(target_arch = "x86_64"))]
-            Isa::Avx512 | Isa::Avx2 => false,
-            Isa::Portable => true,
-        }
-    }
-
-    /// Its name in reports.
-    pub fn name(self) -> &'static str {
-        match self {
-            Isa::Avx512 => "avx512",
-            Isa::Avx2 => "avx2",
-            Isa::Portable => "portable",
-        }
-    }
-
-    /// What packing has to know of it.
-    pub(crate) fn shape(self) -> Shape {
+impl Shape {
+    /// That of an instruction set.
+    pub(crate) fn new(isa: Isa) -> Shape {
         fn of<S: Whole>() -> Shape {
             Shape { lanes: S::LANES, most: S::MOST, together: S::TOGETHER, split: S::SPLIT }
         }
-        match self {
+        match isa {
             #[cfg(target_arch = "x86_64")]
             Isa::Avx512 => of::<avx512::Avx512>(),
             #[cfg(target_arch = "x86_64")]
@@ -193,8 +152,7 @@ pub(crate) trait Simd {
     unsafe fn load(from: *const f32) -> Self::Vector;
     unsafe fn load_f16(from: *const u16) -> Self::Vector;
     unsafe fn store(v: Self::Vector, to: *mut f32);
-    /// `a * b + c`, rounded once where the CPU can.
-    unsafe fn mul_add(a: Self::Vector, b: Self::Vector, c: Self::Vector) -> Self::Vector;
+    unsafe fn add(a: Self::Vector, b: Self::Vector) -> Self::Vector;
     unsafe fn mul(a: Self::Vector, b: Self::Vector) -> Self::Vector;
     /// Clamped to `low..=high`, passing NaN on.
     unsafe fn clamp(x: Self::Vector, low: Self::Vector, high: Self::Vector) -> Self::Vector;
@@ -314,7 +272,7 @@ unsafe fn block<S: Simd, W: Float, const V: usize>(
             unsafe {
                 let x = S::splat(x);
                 for (v, sum) in sums.iter_mut().enumerate() {
-                    *sum = S::mul_add(W::load::<S>(row.add(v * S::LANES)), x, *sum);
+                    *sum = S::add(*sum, S::mul(W::load::<S>(row.add(v * S::LANES)), x));
                 }
                 row = row.add(V * S::LANES);
             }
@@ -364,7 +322,7 @@ pub(crate) struct Entry<W> {
 impl<W: Weight> Entry<W> {
     /// `None` where this machine cannot run it.
     pub(crate) fn new(isa: Isa) -> Option<Self> {
-        if !isa.is_available() || (W::WHOLE && !isa.has_whole_numbers()) {
+        if !isa.is_available() || (W::WHOLE && !has_whole_numbers(isa)) {
             return None;
         }
         Some(match isa {

@@ -9,12 +9,15 @@ fn each(f: impl Fn(usize) -> f32) -> [f32; 4] {
     [f(0), f(1), f(2), f(3)]
 }
 
-/// f16 bits of a finite number as f32: its exponent and mantissa moved into place, then rebiased by 2^112.
+/// f16 bits of a finite number as f32, exactly. No step has a subnormal in it: a thread may flush those to zero.
 #[inline(always)]
 fn finite_f16(bits: u16) -> f32 {
     let bits = u32::from(bits);
-    let magnitude = f32::from_bits((bits & 0x7fff) << 13) * f32::from_bits((127 + 112) << 23);
-    f32::from_bits(magnitude.to_bits() | (bits & 0x8000) << 16)
+    let moved = (bits & 0x7fff) << 13;
+    // A subnormal half is so many times 2^-24: that much above 2^-14, less 2^-14.
+    let above = f32::from_bits(moved + (113 << 23)) - f32::from_bits(113 << 23);
+    let found = if moved < 1 << 23 { above.to_bits() } else { moved + (112 << 23) };
+    f32::from_bits(found | (bits & 0x8000) << 16)
 }
 
 impl Simd for Portable {
@@ -47,13 +50,8 @@ impl Simd for Portable {
     }
 
     #[inline(always)]
-    unsafe fn mul_add(a: [f32; 4], b: [f32; 4], c: [f32; 4]) -> [f32; 4] {
-        // Without a fused instruction in the target, f32::mul_add calls the C library: 170 times slower here.
-        if cfg!(any(target_arch = "aarch64", target_feature = "fma")) {
-            each(|i| a[i].mul_add(b[i], c[i]))
-        } else {
-            each(|i| a[i] * b[i] + c[i])
-        }
+    unsafe fn add(a: [f32; 4], b: [f32; 4]) -> [f32; 4] {
+        each(|i| a[i] + b[i])
     }
 
     #[inline(always)]
@@ -86,7 +84,7 @@ impl Whole for Portable {
     }
 
     #[inline(always)]
-    unsafe fn add(sums: [i32; 4], code: i32, weights: *const i8) -> [i32; 4] {
+    unsafe fn gather(sums: [i32; 4], code: i32, weights: *const i8) -> [i32; 4] {
         // SAFETY: the caller gives 4 bytes.
         let weights = unsafe { weights.cast::<[i8; 4]>().read() };
         std::array::from_fn(|i| sums[i].wrapping_add(code * i32::from(weights[i])))

@@ -101,7 +101,7 @@ pub(crate) trait Whole: Simd {
     /// The groups of the inputs.
     fn groups(codes: &Codes) -> impl Iterator<Item = Self::Group>;
     /// Adds the products with a group's weights, `TOGETHER` for each lane.
-    unsafe fn add(sums: Self::Sums, group: Self::Group, weights: *const i8) -> Self::Sums;
+    unsafe fn gather(sums: Self::Sums, group: Self::Group, weights: *const i8) -> Self::Sums;
     /// The sums and what they start from, one number for each lane, as floats.
     unsafe fn total(sums: Self::Sums, start: *const i32) -> Self::Vector;
 }
@@ -161,7 +161,7 @@ unsafe fn block<S: Whole, const V: usize>(
     for (group, weights) in S::groups(codes).zip(weights.chunks_exact(S::TOGETHER * width)) {
         for (v, sum) in sums.iter_mut().enumerate() {
             // SAFETY: the instruction set is the caller's promise; `weights` has `TOGETHER` for each of V * LANES columns.
-            *sum = unsafe { S::add(*sum, group, weights.as_ptr().add(v * S::TOGETHER * S::LANES)) };
+            *sum = unsafe { S::gather(*sum, group, weights.as_ptr().add(v * S::TOGETHER * S::LANES)) };
         }
     }
     let bias = columns.bias.get(..width)?.as_ptr();
@@ -173,7 +173,7 @@ unsafe fn block<S: Whole, const V: usize>(
         // SAFETY: the instruction set is the caller's promise; all four have V * LANES numbers.
         unsafe {
             let scale = S::mul(S::load(unscale.add(at)), S::splat(codes.scale));
-            let y = S::mul_add(S::total(sums, starts.add(at)), scale, S::load(bias.add(at)));
+            let y = S::add(S::mul(S::total(sums, starts.add(at)), scale), S::load(bias.add(at)));
             S::store(S::clamp(y, S::splat(b.low), S::splat(b.high)), to.add(at));
         }
     }

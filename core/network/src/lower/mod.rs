@@ -12,6 +12,7 @@ pub(crate) use value::{Affine, Element, Ref, diagonal};
 
 use crate::proto;
 use crate::signature::{Role, Signature};
+use asperity_dsp::Elementary as _;
 use std::collections::HashMap;
 use tract_onnx::pb::GraphProto;
 use value::{Content, Value, elements_of};
@@ -46,7 +47,7 @@ impl End {
             Self::Clamp(low, _) if x < low => low,
             Self::Clamp(_, high) if x > high => high,
             Self::Clamp(..) => x,
-            Self::Exponential => x.exp(),
+            Self::Exponential => x.exp_e(),
         }
     }
 }

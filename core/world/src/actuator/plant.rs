@@ -1,5 +1,6 @@
 //! What coil, mover and handle do with a current or a voltage.
 
+use asperity_dsp::Elementary as _;
 use asperity_state::State;
 
 use super::{Drive, Dynamics};
@@ -117,8 +118,8 @@ fn product(a: &Matrix, b: &Matrix) -> Matrix {
 /// e^m by scaling and squaring of the Taylor series.
 fn exponential(m: Matrix) -> Matrix {
     let norm = m.iter().map(|r| r.iter().map(|x| x.abs()).sum::<f64>()).fold(0.0, f64::max);
-    let squarings = if norm > 0.25 { ((norm / 0.25).log2().ceil() as i32).clamp(0, 60) } else { 0 };
-    let small = m.map(|r| r.map(|x| x / f64::from(squarings).exp2()));
+    let squarings = if norm > 0.25 { ((norm / 0.25).log_2().ceil() as i32).clamp(0, 60) } else { 0 };
+    let small = m.map(|r| r.map(|x| x / f64::from(squarings).exp_2()));
     let one: Matrix = std::array::from_fn(|i| std::array::from_fn(|j| f64::from(u8::from(i == j))));
     // Horner; 0.25^14 / 14! is below 1e-19.
     let mut sum = one;

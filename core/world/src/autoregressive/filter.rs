@@ -1,4 +1,4 @@
-use asperity_dsp::Complex;
+use asperity_dsp::{Complex, polar};
 
 use super::polynomial;
 
@@ -53,7 +53,7 @@ impl Filter {
     /// `S(w)`, the power spectrum a sample at `w` radians a sample, in (m/s^2)^2: its mean over all `w` is the variance of the signal.
     pub fn power(&self, w: f64) -> f64 {
         let at = |coefficients: &[f64]| {
-            let z = Complex::from_polar(1.0, -w);
+            let z = polar(1.0, -w);
             coefficients.iter().rev().fold(Complex::new(0.0, 0.0), |sum, c| (sum + c) * z) + 1.0
         };
         (self.deviation * self.gain).powi(2) * at(self.ma()).norm_sqr() / at(self.ar()).norm_sqr()

@@ -1,3 +1,4 @@
+use asperity_dsp::Elementary as _;
 use std::f64::consts::TAU;
 
 use asperity_dsp::window::hann;
@@ -44,7 +45,7 @@ impl Frames {
         let cosines = (1..=known)
             .flat_map(|bin| {
                 let w = TAU * bin as f64 * BIN_HZ / rate_hz;
-                (0..correlation.len()).map(move |lag| (w * lag as f64).cos())
+                (0..correlation.len()).map(move |lag| (w * lag as f64).cosine())
             })
             .collect();
         Ok(Self { correlation, cosines })

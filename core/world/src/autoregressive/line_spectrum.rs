@@ -6,6 +6,7 @@
 //! spectral frequencies in radians a sample. Any rising p numbers between 0 and pi are those of a stable polynomial, so a mixture of
 //! stable polynomials taken here is stable.
 
+use asperity_dsp::Elementary;
 use std::f64::consts::PI;
 
 use super::{MAX_ORDER, is_stable};
@@ -54,7 +55,7 @@ pub fn to_polynomial(frequencies: &[f64], a: &mut [f64]) {
         let count = (frequencies.len() + 1 - first) / 2;
         for i in spread(count) {
             let Some(w) = frequencies.get(2 * i + first) else { continue };
-            let middle = -2.0 * w.cos();
+            let middle = -2.0 * w.cosine();
             *degree += 2;
             for k in (0..=*degree).rev() {
                 let one = if k >= 1 { middle * half[k - 1] } else { 0.0 };
@@ -104,7 +105,7 @@ fn angles(symmetric: &[f64]) -> Vec<f64> {
     let m = symmetric.len() / 2;
     let series: Vec<f64> =
         (0..=m).map(|j| if j == 0 { symmetric[m] } else { 2.0 * symmetric[m - j] }).collect();
-    roots(series).into_iter().map(f64::acos).collect()
+    roots(series).into_iter().map(Elementary::arc_cosine).collect()
 }
 
 /// The roots of a Chebyshev series, all of which are real and within -1 to 1: between two neighbouring roots of its

@@ -1,5 +1,6 @@
 //! The transient of a contact.
 
+use asperity_dsp::Elementary as _;
 use asperity_dsp::filter::Sample;
 use asperity_state::State;
 
@@ -303,7 +304,7 @@ impl Tap {
             Some(r) => r.gain * f64::from(r.ahead.get((age * r.step) as usize).copied().unwrap_or(0.0)),
             None => {
                 let partials = self.partials.iter().take(self.count);
-                partials.map(|p| p.gain.abs() * (-p.decay * age).exp()).sum()
+                partials.map(|p| p.gain.abs() * (-p.decay * age).exp_e()).sum()
             }
         }
     }
@@ -327,9 +328,9 @@ impl Tap {
     fn place(&self, voice: &mut Voice) {
         let age = voice.age(voice.next);
         for (phasor, p) in voice.phasors.iter_mut().zip(&self.partials) {
-            let size = (-p.decay * age).exp();
+            let size = (-p.decay * age).exp_e();
             // Whole turns taken off, which are many.
-            let (sin, cos) = ((p.turns * age).fract() * std::f64::consts::TAU).sin_cos();
+            let (sin, cos) = ((p.turns * age).fract() * std::f64::consts::TAU).sine_cosine();
             *phasor = [size * cos, size * sin];
         }
     }
@@ -400,8 +401,8 @@ impl Partial {
         let decay_ms = EffectError::check("a tap's decay", s.decay_ms, (0.1, 1e5), "ms")?;
         let gain = EffectError::check("a tap's gain", s.gain, (-1e5, 1e5), "1/s")?;
         let (decay, turns) = (1e3 / (decay_ms * rate), frequency / rate);
-        let (sin, cos) = (std::f64::consts::TAU * turns).sin_cos();
-        let size = (-decay).exp();
+        let (sin, cos) = (std::f64::consts::TAU * turns).sine_cosine();
+        let size = (-decay).exp_e();
         Ok(Self { turn: [size * cos, size * sin], decay, turns, gain })
     }
 }

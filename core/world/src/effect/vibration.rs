@@ -1,3 +1,4 @@
+use asperity_dsp::Elementary as _;
 use std::f64::consts::TAU;
 
 use asperity_dsp::filter::Sample;
@@ -39,7 +40,7 @@ impl Vibration {
         let mut phase = (u128::from(first) * u128::from(self.step) % u128::from(self.turn)) as u64;
         let per_turn = TAU / self.turn as f64;
         for out in out {
-            *out = T::narrow(self.amplitude_m_s2 * (phase as f64 * per_turn).sin());
+            *out = T::narrow(self.amplitude_m_s2 * (phase as f64 * per_turn).sine());
             // A turn is below 2^62.
             phase += self.step;
             if phase >= self.turn {

@@ -1,5 +1,6 @@
 //! Random numbers that are the same everywhere for the same seed.
 
+use asperity_dsp::Elementary as _;
 /// The SplitMix64 generator (Steele, Lea, Flood 2014).
 #[derive(Clone, Debug)]
 pub struct Random(u64);
@@ -41,14 +42,14 @@ impl Random {
 
     /// Normal, mean 0, deviation 1 (Box and Muller 1958).
     pub fn normal(&mut self) -> f64 {
-        let radius = (-2.0 * (1.0 - self.unit()).ln()).sqrt();
-        radius * (2.0 * std::f64::consts::PI * self.unit()).cos()
+        let radius = (-2.0 * (1.0 - self.unit()).log_e()).sqrt();
+        radius * (2.0 * std::f64::consts::PI * self.unit()).cosine()
     }
 
     /// Two independent normal numbers for little more than the price of one.
     pub fn normals(&mut self) -> [f64; 2] {
-        let radius = (-2.0 * (1.0 - self.unit()).ln()).sqrt();
-        let (sin, cos) = (2.0 * std::f64::consts::PI * self.unit()).sin_cos();
+        let radius = (-2.0 * (1.0 - self.unit()).log_e()).sqrt();
+        let (sin, cos) = (2.0 * std::f64::consts::PI * self.unit()).sine_cosine();
         [radius * cos, radius * sin]
     }
 }

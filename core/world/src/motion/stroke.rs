@@ -1,5 +1,6 @@
 //! Made strokes: line, zigzag and circle.
 
+use asperity_dsp::Elementary as _;
 use std::f64::consts::TAU;
 
 use asperity_source::Diagnostic;
@@ -148,7 +149,7 @@ impl Stroke {
         let (leg_s, legs, last_leg) = match p.shape {
             Shape::Circle => (CIRCLE_RAMP_S.min(path_s / 2.0), 0, 0.0),
             Shape::Line | Shape::Zigzag => {
-                let leg_s = p.extent_mm.hypot(leg_pitch(p)) / p.mean_speed_mm_s;
+                let leg_s = p.extent_mm.hypotenuse(leg_pitch(p)) / p.mean_speed_mm_s;
                 let legs = (path_s / leg_s).floor();
                 // What is left makes a shorter movement at the same mean speed; a very short one would be a jolt.
                 let rest = (path_s / leg_s - legs).clamp(0.0, 1.0);
@@ -186,7 +187,7 @@ impl Stroke {
     /// The force in N that the stroke means to press with at `t` seconds once it is on the surface.
     pub fn force_at(&self, t: f64) -> f64 {
         let p = &self.params;
-        p.force_n * (1.0 + p.force_swing * (TAU * p.force_swing_hz * t + self.force_phase).sin())
+        p.force_n * (1.0 + p.force_swing * (TAU * p.force_swing_hz * t + self.force_phase).sine())
     }
 
     /// x and y in mm, `t` seconds after the path began, without tremor.
@@ -226,7 +227,7 @@ impl Stroke {
         let steady = (t - ramp).clamp(0.0, all - 2.0 * ramp);
         let radius = self.params.extent_mm / 2.0;
         let angle = cruise * (rise + steady + fall) / radius;
-        [-radius * angle.cos(), radius * angle.sin()]
+        [-radius * angle.cosine(), radius * angle.sine()]
     }
 }
 

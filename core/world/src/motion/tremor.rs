@@ -1,5 +1,6 @@
 //! Physiological tremor of a held tool.
 
+use asperity_dsp::Elementary as _;
 use std::f64::consts::TAU;
 
 /// Waves a tremor is made of.
@@ -31,7 +32,7 @@ impl Tremor {
 
     /// Displacement in mm on x, y, z at `t` seconds.
     pub fn at(&self, t: f64) -> [f64; 3] {
-        self.waves.map(|axis| axis.iter().map(|(a, w, p)| a * (w * t + p).sin()).sum())
+        self.waves.map(|axis| axis.iter().map(|(a, w, p)| a * (w * t + p).sine()).sum())
     }
 }
 

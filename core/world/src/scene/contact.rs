@@ -1,5 +1,6 @@
 //! What a stylus touches in a scene, tick by tick.
 
+use asperity_dsp::Elementary as _;
 use asperity_source::Diagnostic;
 use asperity_state::State;
 
@@ -285,7 +286,7 @@ impl Contacts {
             tangents,
             place_mm: [self.place_mm[0], self.place_mm[1], -depth_mm],
             velocity_mm_s,
-            speed_mm_s: velocity_mm_s[0].hypot(velocity_mm_s[1]),
+            speed_mm_s: velocity_mm_s[0].hypotenuse(velocity_mm_s[1]),
             slide_mm_s: along(tangents, motion.unfiltered_mm_s),
             surface: of_wall(|w| w.number),
             volume: of_zone(|z| z.number),
@@ -472,7 +473,7 @@ impl Contacts {
 
 /// Equal power: the squares of two that fade over into one another add up to 1.
 fn level(gain: f64) -> f64 {
-    if gain >= 1.0 { 1.0 } else { (std::f64::consts::FRAC_PI_2 * gain).sin() }
+    if gain >= 1.0 { 1.0 } else { (std::f64::consts::FRAC_PI_2 * gain).sine() }
 }
 
 fn towards(gain: f64, up: bool, step: f64) -> f64 {

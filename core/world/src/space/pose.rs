@@ -1,5 +1,6 @@
 //! Where a thing is, and how it is turned.
 
+use asperity_dsp::Elementary as _;
 use asperity_source::Diagnostic;
 
 use super::vector::{Vector, dot, sub};
@@ -104,7 +105,7 @@ impl Pose {
 /// Of an angle in degrees, within 45 degrees of a quarter turn, so that quarter turns are exact.
 fn sine_and_cosine(degrees: f64) -> (f64, f64) {
     let quarters = (degrees / 90.0).round();
-    let (sin, cos) = (degrees - 90.0 * quarters).to_radians().sin_cos();
+    let (sin, cos) = (degrees - 90.0 * quarters).to_radians().sine_cosine();
     match (quarters as i64).rem_euclid(4) {
         0 => (sin, cos),
         1 => (cos, -sin),

@@ -1,5 +1,6 @@
 //! Where and how a point touches a shape.
 
+use asperity_dsp::Elementary as _;
 use asperity_state::{Keep, State};
 
 use super::shape::{Form, Over, Shape, beside};
@@ -109,8 +110,8 @@ fn sphere(radius_mm: f64, at: Vector, depth_mm: f64, last: Option<u8>) -> Touch 
     // The other half is the same, turned half around x.
     let turned = |[x, y, z]: Vector| if upper { [x, y, z] } else { [x, -y, -z] };
     let [x, y, z] = turned(normal);
-    let sine = x.hypot(y);
-    let arc = if sine > 1e-9 { sine.atan2(z) / sine } else { 1.0 };
+    let sine = x.hypotenuse(y);
+    let arc = if sine > 1e-9 { sine.arc_tangent(z) / sine } else { 1.0 };
     Touch {
         depth_mm,
         normal,

@@ -1,5 +1,6 @@
 use super::Tool;
 use crate::topography::{Contact, HeightField};
+use asperity_dsp::Elementary as _;
 
 /// Samples a second.
 pub const SAMPLE_HZ: u32 = 10_000;
@@ -81,7 +82,7 @@ impl<'s> Stylus<'s> {
         force_n: f64,
     ) -> Self {
         let hertz = tool.hertz(&contact);
-        let depth = (force_n.max(0.0) / hertz).powf(2.0 / 3.0);
+        let depth = (force_n.max(0.0) / hertz).power(2.0 / 3.0);
         let height = envelope.sample(place_mm[0], place_mm[1]).height_mm * 1e-3 - depth;
         let body = height - force_n / tool.shaft_n_m;
         Self {
@@ -141,7 +142,7 @@ impl<'s> Stylus<'s> {
             + t.hand_n_m[0] * (body - self.rest).powi(2)
             + t.hand_n_m[1] * dot(self.away, self.away);
         let depth = self.depth().0.max(0.0);
-        let contact = 0.4 * self.hertz * depth.powf(2.5);
+        let contact = 0.4 * self.hertz * depth.power(2.5);
         Energy { stored: 0.5 * (motion + springs) + contact + force_n * body, ..self.energy }
     }
 

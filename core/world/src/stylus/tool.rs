@@ -1,5 +1,6 @@
 use crate::topography::spectrum::blur;
 use crate::topography::{Contact, HeightField, envelope};
+use asperity_dsp::Elementary as _;
 
 /// Poisson's ratio of tip and surface.
 const POISSON: f64 = 0.35;
@@ -51,7 +52,7 @@ impl Tool {
 
     /// Radius in millimetres of the area on which the tip rests when it is pressed with `force_n`: `a = sqrt(R d)`, `d` Hertz's depth.
     pub fn touching_mm(&self, contact: &Contact, force_n: f64) -> f64 {
-        let depth_mm = 1e3 * (force_n.max(0.0) / self.hertz(contact)).powf(2.0 / 3.0);
+        let depth_mm = 1e3 * (force_n.max(0.0) / self.hertz(contact)).power(2.0 / 3.0);
         (self.tip_mm * depth_mm).sqrt()
     }
 

@@ -1,3 +1,4 @@
+use asperity_dsp::Elementary as _;
 use std::f64::consts::TAU;
 
 use crate::material::Random;
@@ -105,8 +106,8 @@ impl Camera {
 
     fn lights(&self) -> [Light; 3] {
         std::array::from_fn(|i| {
-            let (sin, cos) = (self.turn + TAU * (i as f64 / 3.0 + 0.25)).sin_cos();
-            let (high, low) = ELEVATION.sin_cos();
+            let (sin, cos) = (self.turn + TAU * (i as f64 / 3.0 + 0.25)).sine_cosine();
+            let (high, low) = ELEVATION.sine_cosine();
             Light { towards: [low * cos, low * sin, high], side: [cos, sin], flat: lit(high) }
         })
     }
@@ -122,8 +123,8 @@ impl Camera {
             let (column, row) = ((x / step) as i64, (y / step) as i64);
             for j in (row - reach).max(0)..=(row + reach).min(side - 1) {
                 for i in (column - reach).max(0)..=(column + reach).min(side - 1) {
-                    let away = (i as f64 * step - x).hypot(j as f64 * step - y) / radius;
-                    let speck = height * (-0.5 * away * away).exp();
+                    let away = (i as f64 * step - x).hypotenuse(j as f64 * step - y) / radius;
+                    let speck = height * (-0.5 * away * away).exp_e();
                     skin.heights_mut()[(j * side + i) as usize] += speck as f32;
                 }
             }

@@ -1,5 +1,6 @@
 use crate::topography::HeightField;
 use crate::topography::spectrum::blur;
+use asperity_dsp::Elementary as _;
 
 /// How gel and surface come together.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -40,7 +41,7 @@ pub fn indentation(surface: &HeightField, press: &Press, (side, step_mm): (usize
 
 /// The surface under the gel, turned to its grid: means of four places a point, so that what is finer than the grid fades.
 fn relief(surface: &HeightField, press: &Press, (side, step_mm): (usize, f64)) -> HeightField {
-    let (sin, cos) = press.turn.sin_cos();
+    let (sin, cos) = press.turn.sine_cosine();
     let middle = 0.5 * side as f64 * step_mm;
     let [px, py] = press.place_mm;
     let quarter = 0.25 * step_mm;

@@ -1,5 +1,6 @@
 //! Patches by their spectrum, and filters over patches.
 
+use asperity_dsp::Elementary as _;
 use std::f64::consts::TAU;
 
 use realfft::num_complex::Complex;
@@ -58,15 +59,15 @@ pub fn gaussian(
 /// exponent (Persson et al. 2005, "On the nature of surface roughness").
 pub fn self_affine(roll_off_per_mm: f64, hurst: f64) -> impl Fn(f64, f64) -> f64 {
     move |fx, fy| {
-        let q = fx.hypot(fy) / roll_off_per_mm;
-        if q <= 1.0 { 1.0 } else { q.powf(-2.0 - 2.0 * hurst) }
+        let q = fx.hypotenuse(fy) / roll_off_per_mm;
+        if q <= 1.0 { 1.0 } else { q.power(-2.0 - 2.0 * hurst) }
     }
 }
 
 /// A Gaussian low-pass whose gain falls to `exp(-1/2)` at a frequency of `1 / (TAU sigma_mm)`: convolution with a Gaussian of that
 /// standard deviation.
 pub fn blur(field: &HeightField, sigma_mm: f64) -> HeightField {
-    filter(field, |fx, fy| (-0.5 * (TAU * sigma_mm).powi(2) * (fx * fx + fy * fy)).exp())
+    filter(field, |fx, fy| (-0.5 * (TAU * sigma_mm).powi(2) * (fx * fx + fy * fy)).exp_e())
 }
 
 /// The two-dimensional transform, transposed: `side / 2 + 1` lines of `side` bins.

@@ -1,5 +1,6 @@
 //! Harmonic distortion of a sweep, by deconvolution.
 
+use asperity_dsp::Elementary as _;
 use realfft::RealFftPlanner;
 use realfft::num_complex::Complex64;
 
@@ -36,7 +37,7 @@ pub(super) fn distortion(recording: &Recording<'_>, highest_hz: f64, latency: f6
     let inverse = RealFftPlanner::<f64>::new().plan_fft_inverse(len);
     let mut impulse = inverse.make_output_vec();
     inverse.process(&mut response, &mut impulse).ok()?;
-    let lead = |k: u32| constant * f64::from(k).ln();
+    let lead = |k: u32| constant * f64::from(k).log_e();
     let length = (lead(HARMONICS + 1) - lead(HARMONICS)).min(0.2);
     let energy = |from: f64| {
         let first = ((from - EARLY) * rate).round() as i64;

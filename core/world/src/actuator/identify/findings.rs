@@ -5,6 +5,7 @@ use super::judge;
 use super::model::{EACH, Model, OWN, SHARED};
 use super::spectra::Spectra;
 use super::{IdentifySettings, Recording, WITHIN_95, distortion};
+use asperity_dsp::{Elementary as _, size};
 
 /// Half intervals from here on, as a part of the value, say that the value was not found.
 const UNDETERMINED: f64 = 2.0;
@@ -24,7 +25,7 @@ impl Estimate {
     /// From a value and the standard deviation of its logarithm.
     pub(super) fn of_log(value: f64, spread: f64) -> Self {
         // Beyond this nothing is known, and the ends stay finite.
-        let factor = (WITHIN_95 * spread).min(100.0).exp();
+        let factor = (WITHIN_95 * spread).min(100.0).exp_e();
         Self { value, low: value / factor, high: value * factor }
     }
 
@@ -201,15 +202,15 @@ fn measurement(n: usize, spectra: &Spectra, model: &Model, covariance: &[Vec<f64
 }
 
 fn curve(spectra: &Spectra, model: &Model) -> Vec<Point> {
-    let db = |x: f64| 20.0 * x.max(1e-12).log10();
+    let db = |x: f64| 20.0 * x.max(1e-12).log_10();
     let point = |band: &super::spectra::Band| {
         let fitted = model.response(band.hz);
         Point {
             hz: band.hz,
-            measured_db: db(band.response.norm()),
-            measured_phase: band.response.arg(),
-            fitted_db: db(fitted.norm()),
-            fitted_phase: fitted.arg(),
+            measured_db: db(size(band.response)),
+            measured_phase: band.response.im.arc_tangent(band.response.re),
+            fitted_db: db(size(fitted)),
+            fitted_phase: fitted.im.arc_tangent(fitted.re),
             coherence: band.coherence,
         }
     };

@@ -1,5 +1,6 @@
 //! The figures that agree best with all recordings at once.
 
+use asperity_dsp::{Elementary as _, size};
 use std::f64::consts::TAU;
 
 use realfft::num_complex::Complex64;
@@ -78,20 +79,20 @@ fn grid(
     let (low, high) = (from.max(3.0), to.min(1500.0).max(from.max(3.0) * 2.0));
     let mut best = (f64::INFINITY, (TAU * low, 0.1, 1.0));
     for i in 0..160 {
-        let natural = TAU * low * (high / low).powf(f64::from(i) / 159.0);
+        let natural = TAU * low * (high / low).power(f64::from(i) / 159.0);
         for j in 0..24 {
-            let zeta = 0.004 * 500f64.powf(f64::from(j) / 23.0);
+            let zeta = 0.004 * 500f64.power(f64::from(j) / 23.0);
             let (mut sums, mut weight) = ([0.0; 2], 0.0);
             for band in bands.iter().filter(|b| b.response.norm_sqr() > 0.0) {
                 let w = band.coherence / (1.02 - band.coherence);
-                let off = (band.response.norm() / shape(natural, zeta, band.hz).norm()).ln();
+                let off = (size(band.response) / size(shape(natural, zeta, band.hz))).log_e();
                 sums = [sums[0] + w * off, sums[1] + w * off * off];
                 weight += w;
             }
             let mean = sums[0] / weight.max(1e-9);
             let cost = sums[1] - weight * mean * mean;
             if cost < best.0 {
-                best = (cost, (natural, zeta, mean.exp()));
+                best = (cost, (natural, zeta, mean.exp_e()));
             }
         }
     }
@@ -107,11 +108,11 @@ impl Point {
         let p = &self.0;
         Model {
             coil,
-            force_factor: p[0].exp(),
-            moving_mass: p[1].exp(),
-            stiffness: p[2].exp(),
-            damping: p[3].exp(),
-            handle_mass: p[SHARED + OWN * n].exp(),
+            force_factor: p[0].exp_e(),
+            moving_mass: p[1].exp_e(),
+            stiffness: p[2].exp_e(),
+            damping: p[3].exp_e(),
+            handle_mass: p[SHARED + OWN * n].exp_e(),
             latency: p[SHARED + OWN * n + 1],
             sign: run.start.sign,
         }
@@ -141,8 +142,8 @@ fn first_guess(runs: &[Run], coil: Coil, moving_mass: Belief) -> Point {
     });
     let mut point = Vec::with_capacity(SHARED + OWN * runs.len());
     let shared = [force_factor, moving, stiffness, damping].into_iter().zip(RANGES);
-    point.extend(shared.map(|(x, (least, most))| x.clamp(least, most).ln()));
-    runs.iter().for_each(|r| point.extend([r.handle_mass.value.ln(), r.start.latency]));
+    point.extend(shared.map(|(x, (least, most))| x.clamp(least, most).log_e()));
+    runs.iter().for_each(|r| point.extend([r.handle_mass.value.log_e(), r.start.latency]));
     Point(point)
 }
 
@@ -219,9 +220,9 @@ fn one(spectra: &Spectra, model: &Model, noise: f64) -> (f64, [f64; EACH], Squar
 pub(super) fn fit(runs: &[Run], coil: Coil, moving_mass: Belief, noise: &[f64]) -> Fitted {
     let mut at = first_guess(runs, coil, moving_mass);
     let mut beliefs: Vec<(f64, f64)> = at.0.iter().map(|x| (*x, UNKNOWN)).collect();
-    beliefs[1] = (moving_mass.value.ln(), moving_mass.spread);
+    beliefs[1] = (moving_mass.value.log_e(), moving_mass.spread);
     for (n, run) in runs.iter().enumerate() {
-        beliefs[SHARED + OWN * n] = (run.handle_mass.value.ln(), run.handle_mass.spread);
+        beliefs[SHARED + OWN * n] = (run.handle_mass.value.log_e(), run.handle_mass.spread);
     }
     let problem = Problem { runs, coil, beliefs, noise: noise.to_vec() };
     let mut now = problem.normal(&at);
@@ -235,7 +236,7 @@ pub(super) fn fit(runs: &[Run], coil: Coil, moving_mass: Belief, noise: &[f64]) 
             *x += if i >= SHARED && (i - SHARED) % OWN == 1 { *by } else { by.clamp(-1.0, 1.0) };
         }
         for (x, (least, most)) in next.0.iter_mut().zip(RANGES) {
-            *x = x.clamp(least.ln(), most.ln());
+            *x = x.clamp(least.log_e(), most.log_e());
         }
         let there = problem.normal(&next);
         if there.cost < now.cost {

@@ -1,5 +1,6 @@
 //! How far to trust a fit, and what to tell about it.
 
+use asperity_dsp::Elementary as _;
 use realfft::num_complex::Complex64;
 
 use super::super::Drive;
@@ -73,7 +74,7 @@ pub(super) fn snr_db(spectra: &Spectra, model: &Model) -> f64 {
         explained += heard.norm_sqr();
         rest += (y - heard).norm_sqr() - y.norm_sqr();
     }
-    10.0 * (explained.max(1e-300) / rest.max(1e-12 * explained).max(1e-300)).log10()
+    10.0 * (explained.max(1e-300) / rest.max(1e-12 * explained).max(1e-300)).log_10()
 }
 
 /// The middle of `values`, 0 of none.
@@ -217,7 +218,7 @@ fn known(what: &str, value: Estimate) -> String {
 /// Gains of several recordings must go with the masses of their handles.
 fn of_mass(notes: &mut Notes, which: &str, uncertainty: f64, m: &Measurement, r: &Recording<'_>) {
     let grams = 1e3 * m.handle_mass;
-    let off = (grams / r.handle_mass_g).ln().abs() / uncertainty.ln_1p();
+    let off = (grams / r.handle_mass_g).log_e().abs() / uncertainty.log_1_plus();
     notes.most(off, MASS_OFF, || {
         format!(
             "{which}the handle moves as if it weighed {grams:.1} g, not {} g: was its mass changed between the recordings, and is \

@@ -36,6 +36,7 @@ mod profile;
 mod spectra;
 mod sweep;
 
+use asperity_dsp::Elementary as _;
 use std::fmt;
 
 use super::{ActuatorProfile, Drive};
@@ -203,7 +204,7 @@ const WITHIN_95: f64 = 1.959_964;
 
 /// Standard deviation of the logarithm of what is known within a factor, 95 %.
 fn spread_of(factor: f64) -> f64 {
-    factor.ln() / WITHIN_95
+    factor.log_e() / WITHIN_95
 }
 
 /// Fits with an open moving mass where there are several handles, and with the believed one where that tells less. Says too
@@ -233,7 +234,7 @@ fn fit_widely(runs: &[Run], coil: Coil, moving_mass: Belief, resistance: f64) ->
         .collect();
     let mut fitted = fit::fit(runs, coil, moving_mass, &noise);
     if coil.drive == Drive::Voltage {
-        let other = Coil { resistance: coil.resistance * spread_of(1.0 + resistance).exp(), ..coil };
+        let other = Coil { resistance: coil.resistance * spread_of(1.0 + resistance).exp_e(), ..coil };
         fitted.widen(&fit::fit(runs, other, moving_mass, &noise));
     }
     fitted

@@ -1,5 +1,6 @@
 //! The actuator's transfer function and how it depends on each figure.
 
+use asperity_dsp::{Elementary as _, polar};
 use std::f64::consts::{PI, TAU};
 
 use realfft::num_complex::Complex64;
@@ -77,8 +78,8 @@ impl Model {
             Drive::Current => -self.sign * self.force_factor / self.handle_mass,
             Drive::Voltage => 0.0,
         };
-        let droop = if half > 0.0 { half.sin() / half } else { 1.0 };
-        (Complex64::from_polar(droop, -half), push)
+        let droop = if half > 0.0 { half.sine() / half } else { 1.0 };
+        (polar(droop, -half), push)
     }
 
     /// Acceleration of the handle per ampere or volt, latency left out.
@@ -90,7 +91,7 @@ impl Model {
     pub(super) fn gradient(&self, hz: f64) -> (Complex64, [Complex64; EACH]) {
         let s = Complex64::new(0.0, TAU * hz);
         let (e, p, d) = self.parts(s);
-        let late = Complex64::from_polar(1.0, -TAU * hz * self.latency);
+        let late = polar(1.0, -TAU * hz * self.latency);
         let (hold, push) = self.held(hz);
         let moved = -s * s / d * (self.sign * self.force_factor / self.handle_mass) * hold * late;
         let pushed = (Complex64::from(1.0) - hold) * push * late;

@@ -1,5 +1,6 @@
 //! From two recordings to a frequency response with coherence and noise, and the latency between them.
 
+use asperity_dsp::{Elementary as _, polar};
 use std::f64::consts::TAU;
 
 use realfft::RealFftPlanner;
@@ -135,7 +136,7 @@ impl Spectra {
             let hz = 0.5 * (self.hz(bins.0) + self.hz(bins.1 - 1));
             let mut sums = Line::default();
             for n in bins.0..bins.1 {
-                let y = self.acceleration[n] * Complex64::from_polar(1.0, TAU * self.hz(n) * latency);
+                let y = self.acceleration[n] * polar(1.0, TAU * self.hz(n) * latency);
                 sums.add(self.drive[n], y, (self.hz(n) - hz) / (self.bin_hz * (bins.1 - bins.0) as f64));
             }
             let (response, noise, coherence) = sums.solve(bins.1 - bins.0);
@@ -185,7 +186,7 @@ fn split(first: usize, end: usize) -> Vec<(usize, usize)> {
     let mut bands = Vec::new();
     let mut from = first;
     while from + LEAST_BINS <= end {
-        let to = ((from as f64 * (1.0 / BANDS).exp2()).round() as usize).max(from + LEAST_BINS);
+        let to = ((from as f64 * (1.0 / BANDS).exp_2()).round() as usize).max(from + LEAST_BINS);
         let to = if to + LEAST_BINS > end { end } else { to };
         bands.push((from, to));
         from = to;

@@ -1,5 +1,6 @@
 //! The signal that an actuator is measured with: an exponential sine sweep.
 
+use asperity_dsp::Elementary as _;
 use std::f64::consts::{PI, TAU};
 
 use super::super::ActuatorError;
@@ -87,7 +88,7 @@ impl Sweep {
         check("a sweep's fade", s.fade_s, 0.0, 1.0, "s")?;
         check("a silence before a sweep", s.before_s, 0.0, 60.0, "s")?;
         check("a silence after a sweep", s.after_s, 0.0, 60.0, "s")?;
-        let octaves = (s.to_hz / s.from_hz).ln();
+        let octaves = (s.to_hz / s.from_hz).log_e();
         let cycles = (s.from_hz * s.seconds / octaves).round().max(1.0);
         let count = |seconds: f64| (seconds * rate_hz).round() as u64;
         Ok(Self {
@@ -125,13 +126,13 @@ impl Sweep {
     pub fn sample(&self, n: u64) -> f64 {
         let Some(i) = n.checked_sub(self.before).filter(|i| *i < self.active) else { return 0.0 };
         let s = &self.settings;
-        let growth = (i as f64 / (self.rate_hz * self.time_constant_s())).exp();
+        let growth = (i as f64 / (self.rate_hz * self.time_constant_s())).exp_e();
         let shape = match s.shape {
             SweepShape::Flat => 1.0,
             SweepShape::Displacement => (s.from_hz * growth / s.corner_hz).min(1.0),
         };
         let phase = (self.cycles * (growth - 1.0)).fract();
-        s.amplitude * shape * self.fade(i) * (TAU * phase).sin()
+        s.amplitude * shape * self.fade(i) * (TAU * phase).sine()
     }
 
     /// Raised cosines at both ends.
@@ -143,5 +144,5 @@ impl Sweep {
 
 /// From 0 at 0 to 1 at `length` along half a period of a cosine; 1 after that, or where there is no length.
 pub fn raised_cosine(at: f64, length: f64) -> f64 {
-    if at < length { 0.5 - 0.5 * (PI * at / length).cos() } else { 1.0 }
+    if at < length { 0.5 - 0.5 * (PI * at / length).cosine() } else { 1.0 }
 }

@@ -1,5 +1,6 @@
 //! The limits once more, on what a device gets in the end.
 
+use asperity_dsp::Elementary as _;
 use asperity_node::{Coil, Guard};
 
 use super::run::{Fixed, Given};
@@ -81,7 +82,7 @@ impl Guard for ChannelGuard {
     }
 
     fn rest(&mut self, seconds: f64) {
-        self.given.heat *= (-seconds.max(0.0) / self.cools_in).exp();
+        self.given.heat *= (-seconds.max(0.0) / self.cools_in).exp_e();
         self.given.plant.reset();
         self.given.last = 0.0;
     }

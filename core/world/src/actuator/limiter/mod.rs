@@ -26,6 +26,7 @@
 //! could bear as heat beside e, were it shorted now: e + (w_n r)^2 mu k_f^2 / (2 R tau (R c + k_f^2))
 //! goes little over I_r^2.
 
+use asperity_dsp::Elementary as _;
 use std::f64::consts::TAU;
 use std::ops::RangeInclusive;
 
@@ -131,7 +132,7 @@ impl LimiterReport {
 
     /// The most the gain was reduced \[dB\], 0 for not at all.
     pub fn largest_reduction_db(&self) -> f64 {
-        -20.0 * self.least_gain.max(1e-20).log10()
+        -20.0 * self.least_gain.max(1e-20).log_10()
     }
 
     /// Whether any sample was changed by anything but the DC removal.
@@ -239,14 +240,14 @@ impl Limiter {
             ceiling: CEILING * peak,
             dc: dc_part(s.dc_corner_hz, rate_hz),
             release: release_part(s.release_s, rate_hz),
-            hold: (-1.0 / (0.002 * rate_hz)).exp(),
+            hold: (-1.0 / (0.002 * rate_hz)).exp_e(),
             mute: 1.0 / (s.mute_s * rate_hz).max(1.0),
             unmute: 1.0 / (s.unmute_s * rate_hz).max(1.0),
             peak_current: dynamics.peak_current,
             rated,
             aim: RMS_AIM * RMS_AIM * rated,
-            heat: -(-1.0 / (tau * rate_hz)).exp_m1(),
-            short: -(-1.0 / (0.02 * rate_hz)).exp_m1(),
+            heat: -(-1.0 / (tau * rate_hz)).exp_less_1(),
+            short: -(-1.0 / (0.02 * rate_hz)).exp_less_1(),
             wall: tau / (tau / 40.0).min(0.005).max(WALL_LAGS * (lag + 1.0 / (TAU * s.slew_hz))),
             budget: tau / (tau / 4.0).min(0.1),
             swing_aim: swing(STROKE_AIM),
@@ -410,7 +411,7 @@ fn dc_part(corner_hz: f64, rate_hz: f64) -> f64 {
 
 /// How much of its way back the gain goes in a sample.
 fn release_part(release_s: f64, rate_hz: f64) -> f64 {
-    -(-1.0 / (release_s * rate_hz)).exp_m1()
+    -(-1.0 / (release_s * rate_hz)).exp_less_1()
 }
 
 /// By how much the mean of I^2 rises at most, per square of w_n r, r being the swing, when nothing but its own motion drives a coil: when muting shorts it, or

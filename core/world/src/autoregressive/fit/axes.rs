@@ -1,5 +1,6 @@
 //! Several axes of acceleration as one signal.
 
+use asperity_dsp::Elementary as _;
 use std::f64::consts::PI;
 
 use asperity_source::Diagnostic;
@@ -24,7 +25,7 @@ pub(super) fn joined(mut axes: Vec<Vec<f64>>, rate_hz: f64) -> Result<Vec<f64>, 
     let len = 2 * hop;
     // Applied twice, it sums to 1 over frames that overlap by half.
     let window: Vec<f64> =
-        (0..len).map(|i| (PI * i as f64 / len as f64).sin() / (len as f64).sqrt()).collect();
+        (0..len).map(|i| (PI * i as f64 / len as f64).sine() / (len as f64).sqrt()).collect();
     let mut planner = RealFftPlanner::<f64>::new();
     let (forward, inverse) = (planner.plan_fft_forward(len), planner.plan_fft_inverse(len));
     let fail = |e: realfft::FftError| Diagnostic::new(e.to_string());

@@ -1,5 +1,6 @@
 //! Models of pieces, and the order for all of them.
 
+use asperity_dsp::Elementary as _;
 use std::f64::consts::TAU;
 
 use asperity_dsp::filter::Section;
@@ -154,9 +155,9 @@ impl Lattice {
         let (n, k) = (self.samples, (order + 1) as f64);
         let penalty = match by {
             Criterion::Aicc => 2.0 * k * n / (n - k - 1.0),
-            Criterion::Bic => k * n.ln(),
+            Criterion::Bic => k * n.log_e(),
         };
-        n * self.residual(order).max(f64::MIN_POSITIVE).ln() + penalty
+        n * self.residual(order).max(f64::MIN_POSITIVE).log_e() + penalty
     }
 
     /// Levinson's step up from each order to the next.

@@ -1,5 +1,6 @@
 //! How a texture sounds beside what it was fitted to.
 
+use asperity_dsp::Elementary as _;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -43,13 +44,13 @@ impl Band {
     /// How far the level of noise in it that lasts so long is off by chance, in dB: a standard deviation.
     pub fn chance_db(&self, seconds: f64) -> f64 {
         // Of the power it is one by the root of the number of independent samples, the band's width times the time.
-        let width_hz = self.centre_hz * (10f64.powf(0.05) - 10f64.powf(-0.05));
+        let width_hz = self.centre_hz * (10f64.power(0.05) - 10f64.power(-0.05));
         10.0 / std::f64::consts::LN_10 / (width_hz * seconds).sqrt()
     }
 }
 
 fn decibels(rendered: f64, recorded: f64) -> f64 {
-    if rendered == recorded { 0.0 } else { 10.0 * (rendered / recorded).log10() }
+    if rendered == recorded { 0.0 } else { 10.0 * (rendered / recorded).log_10() }
 }
 
 /// Some segments as they were recorded and as they are rendered.
@@ -166,8 +167,8 @@ struct Meter {
 
 impl Meter {
     fn new(rate_hz: f64) -> Self {
-        let centres = BANDS.map(|band| 10f64.powf(f64::from(band) / 10.0));
-        let centres_hz = centres.filter(|hz| hz * 10f64.powf(0.05) <= PASSBAND * rate_hz).collect();
+        let centres = BANDS.map(|band| 10f64.power(f64::from(band) / 10.0));
+        let centres_hz = centres.filter(|hz| hz * 10f64.power(0.05) <= PASSBAND * rate_hz).collect();
         Self { rate_hz, centres_hz, planner: RealFftPlanner::new() }
     }
 
@@ -198,7 +199,7 @@ impl Meter {
             let start = rest * step / steps.max(1);
             let (squares, step_hz) = self.squares(signal.get(start..start + len).unwrap_or_default());
             for (centre, sum) in self.centres_hz.iter().zip(bands.iter_mut()) {
-                let edge = |by: f64| centre * 10f64.powf(by) / step_hz;
+                let edge = |by: f64| centre * 10f64.power(by) / step_hz;
                 // A bin holds what is half of a step to either side.
                 let (low, high) = (edge(-0.05), edge(0.05));
                 for bin in (low - 0.5).max(0.0) as usize..=(high + 0.5) as usize {

@@ -1,5 +1,6 @@
 //! Pieces at one speed and force become one model.
 
+use asperity_dsp::Elementary as _;
 use std::f64::consts::PI;
 
 use super::super::{Filter, Model, is_stable, line_spectrum};
@@ -129,7 +130,7 @@ fn joined(mut corners: Vec<Corner>, settings: &Settings, wider: f64) -> Vec<Corn
 
 /// Line spectral frequencies, with resonances widened where they are too narrow or cannot be told apart.
 fn lines(ar: &[f64], rate_hz: f64) -> Vec<f64> {
-    let radius = (-PI * BANDWIDTH_HZ / rate_hz).exp();
+    let radius = (-PI * BANDWIDTH_HZ / rate_hz).exp_e();
     // The polynomial whose roots are those of `a` times `by`.
     let moved = |a: &[f64], by: f64| -> Vec<f64> {
         let mut power = 1.0;

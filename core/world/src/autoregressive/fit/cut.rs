@@ -4,6 +4,7 @@ use super::blocks::{Blocks, Span};
 use super::burg::Lattice;
 use super::report::Why;
 use super::{Settings, Tolerance};
+use asperity_dsp::Elementary as _;
 
 /// Order of the models by which spectra are told apart.
 const ORDER: usize = 8;
@@ -147,7 +148,7 @@ impl<'a> Products<'a> {
                 .sum();
             (self.sums[to][lag] - self.sums[from][lag] - across) / n
         });
-        n * residual(&r).max(self.floor).ln()
+        n * residual(&r).max(self.floor).log_e()
     }
 
     /// Where some blocks change most, if they do. The place is found by autocorrelations, which are at hand for any blocks; whether it
@@ -166,11 +167,11 @@ impl<'a> Products<'a> {
             let signal = self.signal.get(from * self.len..to * self.len).unwrap_or_default();
             let lattice = Lattice::new(signal, ORDER);
             let variance = lattice.residual(ORDER).max(NOTHING * lattice.residual(0));
-            signal.len() as f64 * variance.max(self.floor).ln()
+            signal.len() as f64 * variance.max(self.floor).log_e()
         };
         let ratio = judged(part.start, part.end) - judged(part.start, cut) - judged(cut, part.end);
         let samples = (part.len() * self.len) as f64;
-        (ratio > COST * samples.ln()).then_some(cut)
+        (ratio > COST * samples.log_e()).then_some(cut)
     }
 }
 

@@ -52,6 +52,7 @@ mod corners;
 mod cut;
 mod report;
 
+use asperity_dsp::Elementary as _;
 use std::f64::consts::PI;
 
 use asperity_dsp::filter::Section;
@@ -327,7 +328,7 @@ fn filter(
     corner_hz: f64,
 ) -> Result<(), Diagnostic> {
     for angle in [PI / 8.0, 3.0 * PI / 8.0] {
-        section(corner_hz, angle.cos())
+        section(corner_hz, angle.cosine())
             .bilinear(rate_hz, corner_hz)
             .map_err(|e| Diagnostic::new(e.to_string()))?
             .process_in_place(signal);

@@ -1,3 +1,4 @@
+use asperity_dsp::Elementary as _;
 use asperity_state::State;
 
 use super::{BRISTLE, Bristle, MAX_COEFFICIENT, VISCOSITY, inputs};
@@ -100,7 +101,7 @@ impl LuGre {
         let gives_way = normal
             * (s.kinetic_coefficient
                 + (s.static_coefficient - s.kinetic_coefficient)
-                    * (-(speed / s.stribeck_speed_mm_s).powi(2)).exp());
+                    * (-(speed / s.stribeck_speed_mm_s).powi(2)).exp_e());
         if gives_way <= 0.0 {
             // Nothing to bend it against: no normal force, or no friction at this speed.
             self.bristle.hold(if speed > 0.0 { 0.0 } else { f64::MAX });

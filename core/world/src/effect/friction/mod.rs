@@ -43,6 +43,7 @@ pub use dahl::Dahl;
 pub use lugre::{LuGre, LuGreSettings};
 pub use viscous_coulomb::ViscousCoulomb;
 
+use asperity_dsp::Elementary as _;
 use asperity_state::State;
 
 use super::{counted_positive, counted_vector, dot};
@@ -88,7 +89,7 @@ impl Bristle {
             return;
         }
         let way = speed * dt_s / end_mm;
-        let (left, gone) = ((-way).exp(), -(-way).exp_m1());
+        let (left, gone) = ((-way).exp_e(), -(-way).exp_less_1());
         for (z, v) in self.bent_mm.iter_mut().zip(velocity) {
             *z = *z * left + end_mm * (v / speed) * gone;
         }
@@ -106,7 +107,7 @@ impl Bristle {
 /// Velocity and its size, normal force and time as they count.
 fn inputs(velocity_mm_s: [f64; 2], normal_force_n: f64, dt_s: f64) -> ([f64; 2], f64, f64, f64) {
     let velocity = counted_vector(velocity_mm_s);
-    (velocity, velocity[0].hypot(velocity[1]), counted_positive(normal_force_n), counted_positive(dt_s))
+    (velocity, velocity[0].hypotenuse(velocity[1]), counted_positive(normal_force_n), counted_positive(dt_s))
 }
 
 #[cfg(test)]

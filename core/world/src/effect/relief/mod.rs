@@ -36,6 +36,7 @@
 
 mod spline;
 
+use asperity_dsp::Elementary as _;
 use asperity_dsp::filter::{Biquad, Sample, Section};
 use asperity_state::State;
 
@@ -176,7 +177,7 @@ fn not_too_fast(here: &Point, per_sample: f64) -> f64 {
         return 1.0;
     }
     let t = (square.sqrt() / per_sample - TOO_FAST.0) / (TOO_FAST.1 - TOO_FAST.0);
-    if t < 1.0 { 0.5 + 0.5 * (std::f64::consts::PI * t).cos() } else { 0.0 }
+    if t < 1.0 { 0.5 + 0.5 * (std::f64::consts::PI * t).cosine() } else { 0.0 }
 }
 
 #[cfg(test)]

@@ -1,3 +1,4 @@
+use asperity_dsp::Elementary as _;
 use std::f64::consts::PI;
 use std::sync::LazyLock;
 
@@ -30,7 +31,7 @@ impl Kernel {
             let part = phase as f64 / PHASES as f64;
             let weight = |tap: usize| {
                 let x = tap as f64 - BEFORE as f64 - part;
-                let sinc = if x == 0.0 { 1.0 } else { (PI * x).sin() / (PI * x) };
+                let sinc = if x == 0.0 { 1.0 } else { (PI * x).sine() / (PI * x) };
                 let edge = x / (TAPS as f64 / 2.0);
                 sinc * bessel(BETA * (1.0 - edge * edge).max(0.0).sqrt()) / bessel(BETA)
             };

@@ -23,6 +23,7 @@
 mod kernel;
 mod table;
 
+use asperity_dsp::Elementary as _;
 use std::sync::Arc;
 
 use asperity_dsp::filter::Sample;
@@ -116,7 +117,7 @@ impl Waveform {
                     ratio * ratio
                 } else {
                     let still = if speed_exponent < 1.0 { (speed / STILL_MM_S).min(1.0) } else { 1.0 };
-                    still * ratio.powf(speed_exponent)
+                    still * ratio.power(speed_exponent)
                 }
             }
         }

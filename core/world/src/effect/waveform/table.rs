@@ -1,3 +1,4 @@
+use asperity_dsp::Elementary as _;
 use std::f64::consts::{PI, TAU};
 
 use realfft::RealFftPlanner;
@@ -226,7 +227,7 @@ impl WaveformTable {
 /// 1 up to [`CUT`] of a band and 0 at its edge.
 fn taper(part: f64) -> f64 {
     let t = ((part - CUT) / (1.0 - CUT)).clamp(0.0, 1.0);
-    0.5 + 0.5 * (PI * t).cos()
+    0.5 + 0.5 * (PI * t).cosine()
 }
 
 /// Fades the last `fade` values into the first and takes them off.
@@ -237,7 +238,7 @@ fn close(values: &mut Vec<f64>, fade: usize) {
     let sizes = (product(&into[..fade], &into[..fade]) * product(out, out)).sqrt();
     let common = if sizes > 0.0 { (product(&into[..fade], out) / sizes).clamp(0.0, 1.0) } else { 1.0 };
     for (n, (a, b)) in into.iter_mut().zip(out).enumerate() {
-        let w = 0.5 - 0.5 * (PI * (n as f64 + 0.5) / fade as f64).cos();
+        let w = 0.5 - 0.5 * (PI * (n as f64 + 0.5) / fade as f64).cosine();
         let level = (w * w + (1.0 - w) * (1.0 - w) + 2.0 * common * w * (1.0 - w)).sqrt();
         *a = (w * *a + (1.0 - w) * *b) / level;
     }

@@ -1,5 +1,6 @@
 //! How a material's vibration is spread over place, as the library tells it.
 
+use asperity_dsp::Elementary as _;
 use std::fmt::Write as _;
 
 use asperity_dsp::shaped_noise::PATTERN_LEN;
@@ -146,7 +147,7 @@ fn wave(value: &Value) -> Result<Wave, Diagnostic> {
     let place = record.required("per_mm")?;
     let [x, y] = numbers(place)?;
     let per_mm = [x.f64_in(-100.0..=100.0, "1/mm")?, y.f64_in(-100.0..=100.0, "1/mm")?];
-    if per_mm[0].hypot(per_mm[1]) < 1e-3 {
+    if per_mm[0].hypotenuse(per_mm[1]) < 1e-3 {
         return Err(place.error("a wave without a direction").help("ridges at most 1000 mm apart"));
     }
     let list = record.required("harmonics")?;
@@ -173,8 +174,8 @@ fn bumps(value: &Value) -> Result<Events, Diagnostic> {
     let anisotropy = |value: &Value| {
         let [a, b] = numbers(value)?;
         let [a, b] = [a.f64_in(-0.99..=0.99, "")?, b.f64_in(-0.99..=0.99, "")?];
-        if a.hypot(b) > 0.99 {
-            let longer = format!("an anisotropy {:.3} long", a.hypot(b));
+        if a.hypotenuse(b) > 0.99 {
+            let longer = format!("an anisotropy {:.3} long", a.hypotenuse(b));
             return Err(value.error(longer).help("at most 0.99: bumps are longer than wide, but not lines"));
         }
         Ok([a, b])

@@ -2,6 +2,7 @@ use super::super::HeightField;
 use super::super::spectrum::{gaussian, self_affine};
 use super::{Grid, fitting};
 use crate::material::Random;
+use asperity_dsp::Elementary as _;
 
 /// Straight ridges along y.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -32,7 +33,7 @@ pub fn grating(grid: Grid, of: &Grating, random: &mut Random) -> HeightField {
         // Distance from the middle of the ridge, in periods.
         let away = ((x / period).fract() - 0.5).abs();
         let flank = ((away - 0.5 * of.duty) / of.edge.max(1e-6) + 0.5).clamp(0.0, 1.0);
-        of.depth_mm * 0.5 * (1.0 + (std::f64::consts::PI * flank).cos())
+        of.depth_mm * 0.5 * (1.0 + (std::f64::consts::PI * flank).cosine())
     });
     field.add(&gaussian(grid, of.roughness_mm, random, self_affine(1.0, 0.7)));
     field

@@ -3,6 +3,7 @@ use super::super::spectrum::{gaussian, self_affine};
 use super::Grid;
 use super::cells::Cells;
 use crate::material::Random;
+use asperity_dsp::Elementary as _;
 
 /// What a moulded texture was taken from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -42,14 +43,14 @@ pub fn pebbled(grid: Grid, of: &Pebbled, random: &mut Random) -> HeightField {
 fn waves(grid: Grid, of: &Pebbled, random: &mut Random) -> HeightField {
     let middle = 1.0 / of.pitch_mm;
     let band = |fx: f64, fy: f64| {
-        let off = (fx.hypot(fy) - middle) / (0.18 * middle);
-        if off.abs() < 4.0 { (-0.5 * off * off).exp() } else { 0.0 }
+        let off = (fx.hypotenuse(fy) - middle) / (0.18 * middle);
+        if off.abs() < 4.0 { (-0.5 * off * off).exp_e() } else { 0.0 }
     };
     let mut field = gaussian(grid, 1.0, random, band);
     let steep = of.flatness.max(1e-3);
-    let most = steep.tanh();
+    let most = steep.hyperbolic_tangent();
     for height in field.heights_mut() {
-        *height = (0.5 * of.height_mm * (steep * f64::from(*height)).tanh() / most)
+        *height = (0.5 * of.height_mm * (steep * f64::from(*height)).hyperbolic_tangent() / most)
             .clamp(-of.height_mm, of.height_mm) as f32;
     }
     field
@@ -61,7 +62,7 @@ fn hide(grid: Grid, of: &Pebbled, random: &mut Random) -> HeightField {
     let cells = Cells::new(grid, of.pitch_mm, 0.9, random);
     let heights: Vec<f64> = (0..cells.count * cells.count).map(|_| random.range(0.75, 1.0)).collect();
     let middle = 1.0 / of.pitch_mm;
-    let slow = |fx: f64, fy: f64| if fx.hypot(fy) < 2.0 * middle { 1.0 } else { 0.0 };
+    let slow = |fx: f64, fy: f64| if fx.hypotenuse(fy) < 2.0 * middle { 1.0 } else { 0.0 };
     let shift = [0, 1].map(|_| gaussian(grid, 0.07 * of.pitch_mm, random, slow));
     let (dx, dy) = (shift[0].heights(), shift[1].heights());
     let mut field = HeightField::flat(side, step);

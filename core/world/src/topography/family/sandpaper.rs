@@ -1,3 +1,4 @@
+use asperity_dsp::Elementary as _;
 use std::f64::consts::TAU;
 
 use super::super::HeightField;
@@ -17,7 +18,7 @@ pub fn sandpaper(grid: Grid, grain_mm: f64, random: &mut Random) -> HeightField 
     let mut field = HeightField::flat(side, step);
     let cells = Cells::new(grid, 1.25 * grain_mm, 1.0, random);
     for (_, middle) in cells.all() {
-        let size = grain_mm * (SPREAD * random.normal()).exp();
+        let size = grain_mm * (SPREAD * random.normal()).exp_e();
         stand(&mut field, middle, size, random);
     }
     let mut field = blur(&field, 0.12 * grain_mm);
@@ -31,7 +32,7 @@ fn stand(field: &mut HeightField, middle: [f64; 2], size: f64, random: &mut Rand
     let turn = TAU * random.unit();
     let faces: [(f64, f64, f64); 3] = std::array::from_fn(|i| {
         let angle = turn + TAU * (i as f64 + 0.6 * (random.unit() - 0.5)) / 3.0;
-        (angle.cos(), angle.sin(), (0.8 + 0.4 * random.unit()) / (0.5 * size))
+        (angle.cosine(), angle.sine(), (0.8 + 0.4 * random.unit()) / (0.5 * size))
     });
     let height = base * (0.75 + 0.25 * random.unit());
     stamp(field, middle, size, |x, y, there| {

@@ -1,5 +1,6 @@
 //! Putting small shapes on a patch that repeats, and strands of fibres among them.
 
+use asperity_dsp::Elementary as _;
 use std::f64::consts::TAU;
 
 use super::super::HeightField;
@@ -50,7 +51,7 @@ pub(super) fn lay(field: &mut HeightField, strand: &Strand, random: &mut Random)
     let mut way = TAU * random.unit();
     let mut at = strand.from;
     for _ in 0..(strand.length_mm / piece) as usize {
-        let (sin, cos) = way.sin_cos();
+        let (sin, cos) = way.sine_cosine();
         stamp(field, at, 0.5 * piece + radius, |dx, dy, there| {
             let along = dx * cos + dy * sin;
             let across = (dy * cos - dx * sin) / radius;

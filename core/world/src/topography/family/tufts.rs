@@ -1,3 +1,4 @@
+use asperity_dsp::Elementary as _;
 use std::f64::consts::{PI, TAU};
 
 use super::super::HeightField;
@@ -71,7 +72,7 @@ fn arc(
     random: &mut Random,
 ) {
     let way = 0.5 * PI + spread * (2.0 * random.unit() - 1.0) * of.disorder.max(0.2);
-    let (sin, cos) = way.sin_cos();
+    let (sin, cos) = way.sine_cosine();
     let [half, radius] = LOOP.map(|part| part * of.pitch_mm * (1.0 + 0.08 * random.normal()));
     let (bend, phase) = (0.25 * random.normal() / half, TAU * random.unit());
     // Yarn that is wider than the pile is high lies flat.
@@ -85,9 +86,9 @@ fn arc(
             return there;
         }
         // Plies: ridges that run around the yarn as it goes along, and the filaments on them.
-        let turn = across.asin() + PI * along / of.ply_mm + phase;
-        let groove = 1.0 - turn.cos().abs();
-        let filament = (9.0 * across + 4.0 * turn).cos();
+        let turn = across.arc_sine() + PI * along / of.ply_mm + phase;
+        let groove = 1.0 - turn.cosine().abs();
+        let filament = (9.0 * across + 4.0 * turn).cosine();
         let top = section.sqrt() - 0.45 * groove * groove + 0.02 * filament;
         there.max(rise * (1.0 - part) + thick * top)
     });
@@ -102,10 +103,10 @@ fn bunch(field: &mut HeightField, of: &Carpet, middle: [f64; 2], height: f64, ra
     });
     let ends = (2.5 * (spread / of.ply_mm).powi(2)).ceil() as usize;
     // A tuft leans; its ends are seen aslant.
-    let (sin, cos) = (TAU * random.unit()).sin_cos();
+    let (sin, cos) = (TAU * random.unit()).sine_cosine();
     for _ in 0..ends {
         let (away, angle) = (spread * random.unit().sqrt(), TAU * random.unit());
-        let place = [middle[0] + away * angle.cos(), middle[1] + away * angle.sin()];
+        let place = [middle[0] + away * angle.cosine(), middle[1] + away * angle.sine()];
         let radius = 0.5 * of.ply_mm * random.range(0.7, 1.2);
         let top = height * (0.95 - 0.75 * (away / spread).powi(2) + 0.06 * random.normal());
         stamp(field, place, 1.7 * radius, |dx, dy, there| {

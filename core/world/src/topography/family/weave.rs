@@ -1,3 +1,4 @@
+use asperity_dsp::Elementary as _;
 use std::f64::consts::{PI, TAU};
 
 use super::super::HeightField;
@@ -88,8 +89,8 @@ impl Threads {
         // lets it float.
         let before = (v - 0.5).floor();
         let [from, to] = [before as i64, before as i64 + 1].map(|j| if up(j) { 0.5 } else { -0.5 });
-        let part = 0.5 - 0.5 * (PI * (v - 0.5 - before)).cos();
-        let twist = (TAU * (TWIST.1 * v + 0.6 * across) + phase).cos();
+        let part = 0.5 - 0.5 * (PI * (v - 0.5 - before)).cosine();
+        let twist = (TAU * (TWIST.1 * v + 0.6 * across) + phase).cosine();
         Some(from + (to - from) * part + 0.5 * size * section.sqrt() + TWIST.0 * twist)
     }
 }

@@ -1,3 +1,4 @@
+use asperity_dsp::Elementary as _;
 use std::f64::consts::PI;
 
 use super::super::HeightField;
@@ -41,8 +42,8 @@ pub fn wood(grid: Grid, of: &Wood, random: &mut Random) -> HeightField {
     let (side, step) = grid;
     let grain = |width: f64| {
         move |fx: f64, fy: f64| {
-            let q = (width * fx).hypot(ASPECT * width * fy);
-            if q <= 1.0 { 1.0 } else { q.powf(-3.4) }
+            let q = (width * fx).hypotenuse(ASPECT * width * fy);
+            if q <= 1.0 { 1.0 } else { q.power(-3.4) }
         }
     };
     let wander = gaussian(grid, 0.25 * of.ring_mm, random, |fx, fy| {
@@ -77,9 +78,9 @@ pub fn wood(grid: Grid, of: &Wood, random: &mut Random) -> HeightField {
 fn late(rings: f64) -> f64 {
     let part = rings - rings.floor();
     if part < 0.75 {
-        0.5 - 0.5 * (PI * part / 0.75).cos()
+        0.5 - 0.5 * (PI * part / 0.75).cosine()
     } else {
-        0.5 + 0.5 * (PI * (part - 0.75) / 0.25).cos()
+        0.5 + 0.5 * (PI * (part - 0.75) / 0.25).cosine()
     }
 }
 
