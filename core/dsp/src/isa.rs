@@ -29,6 +29,11 @@ impl Isa {
             .filter(|isa| isa.is_available())
     }
 
+    /// The best of those.
+    pub fn best() -> Isa {
+        Self::available().next().unwrap_or(Isa::Portable)
+    }
+
     /// From here on no kernel that is made in this process uses a better one.
     pub fn limit(most: Isa) {
         LIMIT.store(most as u8, Ordering::Relaxed);

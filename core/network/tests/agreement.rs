@@ -264,9 +264,7 @@ fn the_texture_part_is_folded_away() {
     assert_eq!(info.multiply_adds, 496_500 - 256 * 300);
     let least = 4 * info.multiply_adds;
     assert!((least..least + least / 20).contains(&info.weights_bytes), "{} bytes", info.weights_bytes);
-    let half = model
-        .runner(&textures(1, 1), Precision::F16, Choice::Packed(Isa::available().next().unwrap()))
-        .unwrap();
+    let half = model.runner(&textures(1, 1), Precision::F16, Choice::Packed(Isa::best())).unwrap();
     // Half the bytes, or a quarter, but for the smallest layers.
     let half_bytes = half.describe().weights_bytes * 2;
     assert!((info.weights_bytes + 1..info.weights_bytes * 106 / 100).contains(&half_bytes), "{half_bytes}");
@@ -276,7 +274,7 @@ fn the_texture_part_is_folded_away() {
         (info.weights_bytes + 1..info.weights_bytes * 118 / 100).contains(&quarter_bytes),
         "{quarter_bytes}"
     );
-    let best = Isa::available().next().unwrap();
+    let best = Isa::best();
     assert_eq!(info.executor, Executor::Packed { isa: best, precision: Precision::F32 });
     assert_eq!(half.describe().executor, Executor::Packed { isa: best, precision: Precision::F16 });
     assert!(info.max_error_vs_tract.unwrap() < 1e-5, "{}", info.report);
@@ -290,7 +288,7 @@ fn the_texture_part_is_folded_away() {
 #[test]
 fn weights_are_read_whole() {
     let model = load(&Net::random(6), Spelling::default());
-    let sums: Vec<u32> = [Choice::Auto, Choice::Packed(Isa::available().next().unwrap())]
+    let sums: Vec<u32> = [Choice::Auto, Choice::Packed(Isa::best())]
         .into_iter()
         .map(|c| model.runner(&textures(1, 1), Precision::F32, c).unwrap().read_weights().unwrap())
         .collect();

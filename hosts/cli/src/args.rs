@@ -37,6 +37,9 @@ pub struct Args {
     /// Most memory that files and graphs may take; half of the machine's unless given
     #[arg(long, global = true, value_name = "N MiB|GiB", value_parser = number::memory)]
     pub memory: Option<u64>,
+    /// Use no vector instructions that not every CPU has: slower, with the same result to the last bit
+    #[arg(long, global = true)]
+    pub portable: bool,
 }
 
 /// What the program does.

@@ -21,15 +21,21 @@ mod watch;
 
 use std::process::ExitCode;
 
+use asperity_dsp::Isa;
+use asperity_source::{Diagnostic, one_of};
 use clap::Parser;
 
 use args::{Args, Command};
+use failure::Failure;
 
 fn main() -> ExitCode {
     simulated::register();
     let args = Args::parse();
     let _staying = leave::on_purpose_only();
     heap::limit(args.memory);
+    if let Err(failure) = instructions(args.portable) {
+        return failure.report();
+    }
     let result = match args.command {
         Command::Render(args) => render::run(&args),
         Command::Run(args) => live::run(&args),
@@ -54,4 +60,31 @@ fn main() -> ExitCode {
         Command::Plugin(command) => commands::plugin::run(&command),
     };
     result.unwrap_or_else(|failure| failure.report())
+}
+
+/// The best instruction set that may be used, by its name.
+const INSTRUCTIONS: &str = "ASPERITY_ISA";
+
+/// Limits the vector instructions that kernels use, where that is asked for.
+fn instructions(portable: bool) -> Result<(), Failure> {
+    let Some(name) = std::env::var_os(INSTRUCTIONS).filter(|name| !name.is_empty()) else {
+        if portable {
+            Isa::limit(Isa::Portable);
+        }
+        return Ok(());
+    };
+    let name = name.to_string_lossy();
+    let Some(isa) = Isa::ALL.into_iter().find(|isa| isa.name() == name) else {
+        let help = one_of(&name, Isa::ALL.map(Isa::name));
+        return Err(Diagnostic::new(format!("there is no instruction set `{name}`"))
+            .in_file(INSTRUCTIONS)
+            .help(help)
+            .into());
+    };
+    if !isa.is_available() {
+        let what = format!("this CPU does not have {}", isa.name());
+        return Err(Diagnostic::new(what).in_file(INSTRUCTIONS).into());
+    }
+    Isa::limit(if portable { Isa::Portable } else { isa });
+    Ok(())
 }

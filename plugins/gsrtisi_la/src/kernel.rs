@@ -1,11 +1,11 @@
 //! The estimate itself, frame by frame, without a graph.
 
-use asperity_dsp::{Elementary as _, polar};
+use asperity_dsp::{Elementary as _, plans, polar};
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
 use asperity_sdk::{Complex, State};
-use realfft::{ComplexToReal, RealFftPlanner, RealToComplex};
+use realfft::{ComplexToReal, RealToComplex};
 
 use crate::grid::{Grid, Place};
 
@@ -97,8 +97,7 @@ impl Estimator {
     pub fn new(length: u32, bins: usize, hop: u64, look_ahead: usize, iterations: usize) -> Self {
         let grid = Grid::new(length, bins);
         let size = grid.size();
-        let mut planner = RealFftPlanner::<f32>::new();
-        let (forward, inverse) = (planner.plan_fft_forward(size), planner.plan_fft_inverse(size));
+        let (forward, inverse) = (plans::forward::<f32>(size), plans::inverse::<f32>(size));
         let room = size + (look_ahead + 1) * grid.span(hop);
         let scratch = forward.get_scratch_len().max(inverse.get_scratch_len());
         let angle = |i: usize| TAU * i as f64 / size as f64;

@@ -45,7 +45,7 @@ impl<T: Float> Batch<T> {
             work: Work::new(half),
             mags: vec![[T::zero(); LANES]; bins],
         };
-        Some(Self { job, run: compiled(Isa::available().next()?) })
+        Some(Self { job, run: compiled(Isa::best()) })
     }
 
     /// Projects the frames of a call, all at once.

@@ -61,8 +61,8 @@ fn every_instruction_set_gives_the_same_bits() {
         let frames: Vec<_> = frames.iter().map(|(at, mags)| (*at, mags.as_slice())).collect();
         let window: Vec<T> = hann(f.fft_len);
         let hint: Vec<_> = (0..f.bins).map(|k| Complex::new(T::of(1e-5 * k as f64), T::of(2e-5))).collect();
-        let all = runs::<T>().into_iter().map(|run| {
-            let mut batch = Batch { run, ..Batch::new(&window, f.bins, &hint).unwrap() };
+        let all = Isa::available().map(|isa| {
+            let mut batch = Batch { run: compiled(isa), ..Batch::new(&window, f.bins, &hint).unwrap() };
             let mut sum = vec![T::zero(); z.len()];
             let turn = Complex::new(T::of(0.8), T::of(0.6));
             let from = f.fft_len / 2 + 3;

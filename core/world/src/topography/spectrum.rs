@@ -1,10 +1,10 @@
 //! Patches by their spectrum, and filters over patches.
 
 use asperity_dsp::Elementary as _;
+use asperity_dsp::plans::{self, Plans};
 use std::f64::consts::TAU;
 
 use realfft::num_complex::Complex;
-use realfft::{FftNum, RealFftPlanner};
 
 use super::HeightField;
 use crate::material::Random;
@@ -71,9 +71,9 @@ pub fn blur(field: &HeightField, sigma_mm: f64) -> HeightField {
 }
 
 /// The two-dimensional transform, transposed: `side / 2 + 1` lines of `side` bins.
-fn forward<T: FftNum>(rows: &mut [T], side: usize) -> Vec<Complex<T>> {
+fn forward<T: Plans>(rows: &mut [T], side: usize) -> Vec<Complex<T>> {
     let bins = side / 2 + 1;
-    let real = RealFftPlanner::<T>::new().plan_fft_forward(side);
+    let real = plans::forward::<T>(side);
     let mut line = real.make_output_vec();
     let mut scratch = real.make_scratch_vec();
     let mut out = vec![Complex::new(T::zero(), T::zero()); bins * side];
@@ -88,10 +88,10 @@ fn forward<T: FftNum>(rows: &mut [T], side: usize) -> Vec<Complex<T>> {
     out
 }
 
-fn backward<T: FftNum>(spectrum: &mut [Complex<T>], rows: &mut [T], side: usize) {
+fn backward<T: Plans>(spectrum: &mut [Complex<T>], rows: &mut [T], side: usize) {
     columns(spectrum, side, false);
     let bins = side / 2 + 1;
-    let real = RealFftPlanner::<T>::new().plan_fft_inverse(side);
+    let real = plans::inverse::<T>(side);
     let mut line = real.make_input_vec();
     let mut scratch = real.make_scratch_vec();
     for (row, values) in rows.chunks_exact_mut(side).enumerate() {
@@ -107,9 +107,8 @@ fn backward<T: FftNum>(spectrum: &mut [Complex<T>], rows: &mut [T], side: usize)
     }
 }
 
-fn columns<T: FftNum>(lines: &mut [Complex<T>], side: usize, forward: bool) {
-    let mut planner = rustfft::FftPlanner::<T>::new();
-    let plan = if forward { planner.plan_fft_forward(side) } else { planner.plan_fft_inverse(side) };
+fn columns<T: Plans>(lines: &mut [Complex<T>], side: usize, forward: bool) {
+    let plan = plans::complex::<T>(side, forward);
     let mut scratch = vec![Complex::new(T::zero(), T::zero()); plan.get_inplace_scratch_len()];
     lines.chunks_exact_mut(side).for_each(|line| plan.process_with_scratch(line, &mut scratch));
 }

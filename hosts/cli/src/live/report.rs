@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
+use asperity_dsp::Isa;
 use asperity_live::Ended;
 use asperity_live::realtime::Grants;
 use asperity_live::view::TimingView;
@@ -52,6 +53,7 @@ pub fn json(run: &Run<'_>) -> String {
     let report = json!({
         "asperity": env!("CARGO_PKG_VERSION"),
         "target": format!("{}-{}", std::env::consts::ARCH, std::env::consts::OS),
+        "instructions": Isa::best().name(),
         "graph": run.args.graph.graph.display().to_string(),
         "tick_hz": layout.tick_hz,
         "audio_hz": layout.audio_hz,

@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
+use asperity_dsp::Isa;
 use asperity_engine::Engine;
 use asperity_graph::Schedule;
 use asperity_measure::timing::{Recorder as Times, Summary};
@@ -168,6 +169,7 @@ pub fn json(run: &Run<'_>, engine: &Engine, times: &Times, level: &Level) -> Str
     let report = json!({
         "asperity": env!("CARGO_PKG_VERSION"),
         "target": format!("{}-{}", std::env::consts::ARCH, std::env::consts::OS),
+        "instructions": Isa::best().name(),
         "debug_assertions": cfg!(debug_assertions),
         "graph": run.graph.display().to_string(),
         "set": run.overrides,
@@ -199,6 +201,20 @@ pub fn json(run: &Run<'_>, engine: &Engine, times: &Times, level: &Level) -> Str
     format!("{report:#}\n")
 }
 
+/// With which instructions it was computed, and whether other CPUs give the same bits.
+fn computed(engine: &Engine) -> String {
+    let name = Isa::best().name();
+    let by_tract =
+        |fact: &Fact| fact.name == "executor" && matches!(&fact.value, FactValue::Text(t) if t == "tract");
+    let nodes = &engine.schedule().nodes;
+    match (0..nodes.len()).find(|&i| engine.facts(i).iter().any(by_tract)) {
+        Some(i) => {
+            format!("by {name}; `{}` runs by tract, which other CPUs round otherwise", nodes[i].id)
+        }
+        None => format!("by {name}; every CPU gives the same bits"),
+    }
+}
+
 /// The summary a person reads.
 pub fn summary(run: &Run<'_>, engine: &Engine, times: &Times, level: &Level, written: &[PathBuf]) -> String {
     let schedule = engine.schedule();
@@ -221,6 +237,7 @@ pub fn summary(run: &Run<'_>, engine: &Engine, times: &Times, level: &Level, wri
     let part = |ns: u64| format!("{:.1} us ({:.1} %)", us(ns), 100.0 * us(ns) / tick_us);
     line("tick", format!("p50 {}  p99 {}", part(t.p50_ns), part(t.p99_ns)));
     line("", format!("p99.9 {}  max {}", part(t.p999_ns), part(t.max_ns)));
+    line("computed", computed(engine));
     line("latency", format!("{:.2} ms, source to sink", schedule.latency().ms()));
     if !level.unit.is_empty() {
         line("output", format!("peak {:.4} {u}, rms {:.4} {u}", level.peak, level.rms(), u = level.unit));

@@ -1,7 +1,6 @@
 //! Harmonic distortion of a sweep, by deconvolution.
 
-use asperity_dsp::Elementary as _;
-use realfft::RealFftPlanner;
+use asperity_dsp::{Elementary as _, plans};
 use realfft::num_complex::Complex64;
 
 use super::Recording;
@@ -34,7 +33,7 @@ pub(super) fn distortion(recording: &Recording<'_>, highest_hz: f64, latency: f6
     if let Some(last) = response.last_mut() {
         *last = Complex64::default();
     }
-    let inverse = RealFftPlanner::<f64>::new().plan_fft_inverse(len);
+    let inverse = plans::inverse::<f64>(len);
     let mut impulse = inverse.make_output_vec();
     inverse.process(&mut response, &mut impulse).ok()?;
     let lead = |k: u32| constant * f64::from(k).log_e();

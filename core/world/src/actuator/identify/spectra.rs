@@ -1,9 +1,8 @@
 //! From two recordings to a frequency response with coherence and noise, and the latency between them.
 
-use asperity_dsp::{Elementary as _, polar};
+use asperity_dsp::{Elementary as _, plans, polar};
 use std::f64::consts::TAU;
 
-use realfft::RealFftPlanner;
 use realfft::num_complex::Complex64;
 
 use super::{IdentifyError, Recording};
@@ -103,7 +102,7 @@ impl Spectra {
         for (n, (x, y)) in self.drive.iter().zip(&self.acceleration).enumerate() {
             spectrum[self.first + n] = y * (x * shape(self.hz(n))).conj() * weight[n];
         }
-        let inverse = RealFftPlanner::<f64>::new().plan_fft_inverse(self.len);
+        let inverse = plans::inverse::<f64>(self.len);
         let mut signal = inverse.make_output_vec();
         // The spectrum has the plan's length and no DC, so there is nothing it can refuse.
         let done = inverse.process(&mut spectrum, &mut signal);
@@ -196,7 +195,7 @@ fn split(first: usize, end: usize) -> Vec<(usize, usize)> {
 
 /// The spectrum of `samples` less `offset`, padded with zeros to `len`.
 pub(super) fn transform(samples: &[f32], offset: f64, len: usize) -> Vec<Complex64> {
-    let forward = RealFftPlanner::<f64>::new().plan_fft_forward(len);
+    let forward = plans::forward::<f64>(len);
     let mut padded = forward.make_input_vec();
     padded.iter_mut().zip(samples).for_each(|(to, x)| *to = f64::from(*x) - offset);
     let mut spectrum = forward.make_output_vec();

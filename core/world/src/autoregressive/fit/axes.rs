@@ -1,10 +1,9 @@
 //! Several axes of acceleration as one signal.
 
-use asperity_dsp::Elementary as _;
+use asperity_dsp::{Elementary as _, plans};
 use std::f64::consts::PI;
 
 use asperity_source::Diagnostic;
-use realfft::RealFftPlanner;
 
 /// Frames a second, without their overlap by half.
 const FRAMES_HZ: f64 = 10.0;
@@ -26,8 +25,7 @@ pub(super) fn joined(mut axes: Vec<Vec<f64>>, rate_hz: f64) -> Result<Vec<f64>, 
     // Applied twice, it sums to 1 over frames that overlap by half.
     let window: Vec<f64> =
         (0..len).map(|i| (PI * i as f64 / len as f64).sine() / (len as f64).sqrt()).collect();
-    let mut planner = RealFftPlanner::<f64>::new();
-    let (forward, inverse) = (planner.plan_fft_forward(len), planner.plan_fft_inverse(len));
+    let (forward, inverse) = (plans::forward::<f64>(len), plans::inverse::<f64>(len));
     let fail = |e: realfft::FftError| Diagnostic::new(e.to_string());
     let samples = axes.iter().map(Vec::len).min().unwrap_or(0);
     let mut out = vec![0.0; samples];

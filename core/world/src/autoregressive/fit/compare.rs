@@ -1,13 +1,12 @@
 //! How a texture sounds beside what it was fitted to.
 
-use asperity_dsp::Elementary as _;
+use asperity_dsp::{Elementary as _, plans};
 use std::ops::Range;
 use std::sync::Arc;
 
 use asperity_dsp::filter::Section;
 use asperity_dsp::window::hann;
 use asperity_source::Diagnostic;
-use realfft::RealFftPlanner;
 
 use super::super::{Synthesis, Texture};
 use super::blocks::Blocks;
@@ -162,14 +161,13 @@ impl Recording<'_> {
 struct Meter {
     rate_hz: f64,
     centres_hz: Vec<f64>,
-    planner: RealFftPlanner<f64>,
 }
 
 impl Meter {
     fn new(rate_hz: f64) -> Self {
         let centres = BANDS.map(|band| 10f64.power(f64::from(band) / 10.0));
         let centres_hz = centres.filter(|hz| hz * 10f64.power(0.05) <= PASSBAND * rate_hz).collect();
-        Self { rate_hz, centres_hz, planner: RealFftPlanner::new() }
+        Self { rate_hz, centres_hz }
     }
 
     /// The mean square of a signal by bins of its transform, whose distance comes with it, in Hz.
@@ -177,7 +175,7 @@ impl Meter {
         let len = signal.len();
         let window = hann::<f64>(len);
         let mut windowed: Vec<f64> = signal.iter().zip(&window).map(|(x, w)| x * w).collect();
-        let transform = self.planner.plan_fft_forward(len);
+        let transform = plans::forward::<f64>(len);
         let mut spectrum = transform.make_output_vec();
         // Of these lengths nothing can fail.
         let _ = transform.process(&mut windowed, &mut spectrum);

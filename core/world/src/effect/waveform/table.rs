@@ -1,7 +1,6 @@
-use asperity_dsp::Elementary as _;
+use asperity_dsp::{Elementary as _, plans};
 use std::f64::consts::{PI, TAU};
 
-use realfft::RealFftPlanner;
 use realfft::num_complex::Complex64;
 
 use super::kernel::{BEFORE, Kernel, TAPS};
@@ -160,8 +159,7 @@ impl WaveformTable {
     fn of_loop(mut looped: Vec<f64>, spacing_mm: f64, quantity: WaveformQuantity) -> Self {
         let count = looped.len();
         let length_mm = count as f64 * spacing_mm;
-        let mut planner = RealFftPlanner::<f64>::new();
-        let forward = planner.plan_fft_forward(count);
+        let forward = plans::forward::<f64>(count);
         let mut spectrum = forward.make_output_vec();
         // Lengths are the plan's.
         let _ = forward.process(&mut looped, &mut spectrum);
@@ -183,7 +181,7 @@ impl WaveformTable {
         let mut edge = band;
         while edge >= 1.0 {
             let size = 4 * edge.ceil() as usize;
-            let inverse = planner.plan_fft_inverse(size);
+            let inverse = plans::inverse::<f64>(size);
             let mut bins = inverse.make_input_vec();
             let finest = levels.is_empty();
             for (k, (to, from)) in bins.iter_mut().zip(&spectrum).enumerate() {
