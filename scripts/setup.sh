@@ -31,7 +31,7 @@ if [ -n "$missing" ]; then
     }
 fi
 
-# Servers and a browser that tests drive. Without them these tests say that they are skipped.
+# Servers, a browser and an emulator that tests drive. Without them these tests say that they are skipped.
 if [ "${1:-}" = tests ] && [ "$(uname)" = Linux ]; then
     drive=""
     command -v jackd >/dev/null 2>&1 || drive="$drive jackd2"
@@ -39,6 +39,8 @@ if [ "${1:-}" = tests ] && [ "$(uname)" = Linux ]; then
     command -v parec >/dev/null 2>&1 || drive="$drive pulseaudio-utils"
     command -v pulseaudio >/dev/null 2>&1 && ls /usr/lib/*/alsa-lib/libasound_module_pcm_pulse.so >/dev/null 2>&1 || drive="$drive libasound2-plugins"
     command -v chromium >/dev/null 2>&1 || command -v google-chrome >/dev/null 2>&1 || drive="$drive chromium"
+    # Emulates a CPU without vector instructions.
+    command -v qemu-x86_64 >/dev/null 2>&1 || drive="$drive qemu-user"
     if [ -n "$drive" ]; then
         install $drive || echo "not installed:$drive; the tests that need them are skipped" >&2
     fi

@@ -38,8 +38,9 @@ impl Stored for f32 {
 }
 
 impl Stored for u16 {
+    /// In plain code: `half` rounds twice where the CPU converts f32.
     fn store(x: f64) -> u16 {
-        half::f16::from_f64(x).to_bits()
+        half::f16::from_f64_const(x).to_bits()
     }
     /// Brings the largest weight to 2^8..2^9: normal f16 numbers then reach down to 2^-22 of it, and folded
     /// normalisation by large or small factors costs no precision. Sums stay far from f32's limits.
@@ -47,7 +48,7 @@ impl Stored for u16 {
         if largest > 0.0 { (8.0 - largest.log_2().floor()).clamp(-60.0, 60.0).exp_2() } else { 1.0 }
     }
     fn round(weights: &mut [f64], n: usize, samples: &Samples, inputs: &[Ref]) {
-        together(weights, n, samples, inputs, |w| half::f16::from_f64(w).to_f64());
+        together(weights, n, samples, inputs, |w| half::f16::from_f64_const(w).to_f64());
     }
 }
 
