@@ -283,7 +283,7 @@ impl Slot {
         };
         self.report.faults += 1;
         self.report.last_fault = Some(fault);
-        self.report.quarantined |= self.strikes >= FAULTS_BEFORE_QUARANTINE;
+        self.report.quarantined |= self.strikes >= FAULTS_BEFORE_QUARANTINE || fault == Fault::Stuck;
         if matches!(fault, Fault::Failed(_) | Fault::Overrun) || self.report.quarantined {
             return;
         }

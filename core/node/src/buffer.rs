@@ -68,6 +68,42 @@ impl Buffer {
         }
     }
 
+    /// Takes over what another holds; false where that is of another kind or size. Allocates nothing.
+    pub fn copy_from(&mut self, from: &Buffer) -> bool {
+        fn copy<T: Copy>(to: &mut [T], from: &[T]) -> bool {
+            let fits = to.len() == from.len();
+            if fits {
+                to.copy_from_slice(from);
+            }
+            fits
+        }
+        match (self, from) {
+            (
+                Self::Control { values, changed, valid },
+                Self::Control { values: v, changed: c, valid: ok },
+            ) => {
+                (*changed, *valid) = (*c, *ok);
+                copy(values, v)
+            }
+            (
+                Self::Audio { samples, len, valid, silent },
+                Self::Audio { samples: s, len: n, valid: ok, silent: still },
+            ) => {
+                (*len, *valid, *silent) = (*n, *ok, *still);
+                copy(samples, s)
+            }
+            (Self::Magnitude { bins, frame, valid }, Self::Magnitude { bins: b, frame: f, valid: ok }) => {
+                (*frame, *valid) = (*f, *ok);
+                copy(bins, b)
+            }
+            (Self::Spectrum { bins, frame, valid }, Self::Spectrum { bins: b, frame: f, valid: ok }) => {
+                (*frame, *valid) = (*f, *ok);
+                copy(bins, b)
+            }
+            _ => false,
+        }
+    }
+
     /// Whether a sleeping node need not be woken for this: silence, no frame, a control that did not change.
     pub fn is_silent(&self) -> bool {
         match self {

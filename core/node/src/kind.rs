@@ -148,6 +148,8 @@ pub enum Fault {
     NotFinite,
     /// The node took longer than a call may.
     Overrun,
+    /// A call did not return, and the node is called no more.
+    Stuck,
 }
 
 impl fmt::Display for Fault {
@@ -157,6 +159,7 @@ impl fmt::Display for Fault {
             Fault::Panicked => f.write_str("panicked"),
             Fault::NotFinite => f.write_str("wrote a value that is not finite"),
             Fault::Overrun => f.write_str("took longer than it may"),
+            Fault::Stuck => f.write_str("did not return and is cut out"),
         }
     }
 }

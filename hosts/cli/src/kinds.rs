@@ -5,6 +5,8 @@ use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
 use asperity_graph::GraphFile;
+use asperity_live::apart;
+use asperity_live::realtime::PRIORITY;
 use asperity_loader::{Found, Loader, PATH_VARIABLE, Plugin, find, search};
 use asperity_node::Registry;
 use asperity_source::Diagnostic;
@@ -25,6 +27,8 @@ pub struct Kinds {
     loaded: HashMap<PathBuf, Stamp>,
     /// Whether a graph plays with what was loaded.
     plays: bool,
+    /// Whether nodes of plugins run on threads of their own.
+    apart: bool,
 }
 
 /// When a file was written, and how long it is.
@@ -34,6 +38,11 @@ impl Kinds {
     /// Kinds with the plugins that a command line names.
     pub fn new(named: &[PathBuf]) -> Self {
         Self { named: named.to_vec(), ..Self::default() }
+    }
+
+    /// The same, with nodes of plugins on threads of their own: one that never returns does not keep the graph.
+    pub fn apart(self) -> Self {
+        Self { apart: true, ..self }
     }
 
     /// Files of the plugins that the last registry was made of, or was to be.
@@ -65,7 +74,7 @@ impl Kinds {
     /// All kinds that a graph may use: built in, from its own plugins, from `--plugin`, and along the plugin path. What a graph or a
     /// command line names must load and must not be there twice; what merely lies on the path is left out with a warning.
     pub fn registry(&mut self, graph: Option<&GraphFile>) -> Result<Registry, Failure> {
-        let mut made = Made::new();
+        let mut made = Made::new(self.apart);
         self.files.clear();
         let list = || std::env::var_os(PATH_VARIABLE);
         for decl in graph.map_or(&[][..], |g| &g.plugins) {
@@ -108,11 +117,12 @@ pub fn registry(plugins: &[PathBuf]) -> Result<Registry, Failure> {
 struct Made {
     registry: Registry,
     from: HashMap<String, Plugin>,
+    apart: bool,
 }
 
 impl Made {
-    fn new() -> Self {
-        Self { registry: asperity_nodes::registry(), from: HashMap::new() }
+    fn new(apart: bool) -> Self {
+        Self { registry: asperity_nodes::registry(), from: HashMap::new(), apart }
     }
 
     /// Adds a plugin that was asked for.
@@ -148,7 +158,7 @@ impl Made {
             }
         }
         for (name, kind) in kinds {
-            self.registry.add(kind);
+            self.registry.add(if self.apart { apart(kind, Some(PRIORITY)) } else { kind });
             self.from.insert(name, plugin.clone());
         }
         Ok(())

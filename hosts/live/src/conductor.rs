@@ -32,7 +32,7 @@ const SCOPE_S: f64 = 0.25;
 
 /// A call that is seen to be under way for longer than this is a fault of the node: far more than a busy machine adds to one, and less than
 /// [`Session::stop`](crate::Session::stop) waits for a tick.
-const HANGS: Duration = Duration::from_millis(500);
+const HANGS: Duration = Duration::from_secs(1);
 
 /// What [`NodeView::last_fault`](crate::view::NodeView::last_fault) says of a node whose call is under way for long. Where there is a limit, the engine
 /// counts the same fault when the call ends.

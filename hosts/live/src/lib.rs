@@ -4,6 +4,7 @@
 //! callback's clock, or a timer where there is no audio. Before a tick, inputs are read at the tick's own time; after it,
 //! sinks are handed on. What happens is counted on the tick thread and looked at from others.
 
+mod apart;
 mod conductor;
 mod dll;
 pub mod driver;
@@ -22,6 +23,7 @@ mod session;
 mod timeline;
 pub mod view;
 
+pub use apart::apart;
 pub use asperity_audio::now_ns;
 pub use conductor::{Conductor, DOES_NOT_COME_BACK, Ends, FORCES, HANDS, Recorded, conduct, needs_ends};
 pub use dll::{BANDWIDTH_HZ, Dll, Heard, Line};

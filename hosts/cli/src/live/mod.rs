@@ -19,6 +19,7 @@ use asperity_engine::Options;
 use asperity_graph::Schedule;
 use asperity_live::view::{Condition, Layout, Request, View};
 use asperity_live::{DOES_NOT_COME_BACK, FORCES, HANDS, Session, conduct, mic};
+use asperity_node::Fault;
 use asperity_source::Diagnostic;
 
 use crate::args::Run;
@@ -104,7 +105,7 @@ pub fn run(args: &Run) -> Result<ExitCode, Failure> {
     let (conductor, player) = conduct(compiled, &graph, options, ends, mic_reader, materials);
     let session = Session::start(conductor, player, mic_writer, session_options).map_err(card::failed)?;
 
-    let mut stage = Stage { session, editor, hands, recordings, hangs: None };
+    let mut stage = Stage { session, editor, hands, recordings, hangs: None, stuck: Vec::new() };
     let outcome = stage.play(&mut shows, ticks);
     let Stage { session, editor, hands, mut recordings, .. } = stage;
     // Whoever still opens a device for it is told that nobody wants it.
@@ -150,6 +151,8 @@ struct Stage {
     recordings: Recordings,
     /// A node that has been said not to come back.
     hangs: Option<String>,
+    /// Nodes that have been said to be cut out.
+    stuck: Vec<String>,
 }
 
 /// The node whose call does not end, as a person knows it.
@@ -157,6 +160,13 @@ fn hanging(view: &View, layout: &Layout) -> Option<String> {
     let (node, _) =
         layout.nodes.iter().zip(&view.nodes).find(|(_, seen)| seen.last_fault == DOES_NOT_COME_BACK)?;
     Some(format!("`{}` ({})", node.id, node.kind))
+}
+
+/// Nodes that are called no more since a call did not return, as a person knows them.
+fn stuck(view: &View, layout: &Layout) -> Vec<String> {
+    let text = Fault::Stuck.to_string();
+    let nodes = layout.nodes.iter().zip(&view.nodes).filter(|(_, seen)| seen.last_fault == text);
+    nodes.map(|(node, _)| format!("`{}` ({})", node.id, node.kind)).collect()
 }
 
 impl Stage {
@@ -196,6 +206,11 @@ impl Stage {
                 }
                 self.hangs = hangs;
             }
+            let stuck = stuck(&view, session.conductor().layout());
+            for node in stuck.iter().filter(|node| !self.stuck.contains(node)) {
+                shows.say(&format!("warning: {node} {}: the graph goes on without it", Fault::Stuck));
+            }
+            self.stuck = stuck;
             let (condition, losses) = (view.condition, view.losses);
             shows.show(view, session.conductor().layout(), hands);
             if !session.goes_on() {

@@ -184,7 +184,8 @@ fn code(fault: Fault) -> u64 {
         Fault::Panicked => 1,
         Fault::NotFinite => 2,
         Fault::Overrun => 3,
-        Fault::Failed(n) => 4 + u64::from(n),
+        Fault::Stuck => 4,
+        Fault::Failed(n) => 5 + u64::from(n),
     }
 }
 
@@ -195,7 +196,8 @@ fn fault_text(code: u64) -> String {
         1 => Fault::Panicked,
         2 => Fault::NotFinite,
         3 => Fault::Overrun,
-        n => Fault::Failed((n - 4) as u32),
+        4 => Fault::Stuck,
+        n => Fault::Failed((n - 5) as u32),
     };
     fault.to_string()
 }
@@ -207,9 +209,14 @@ mod tests {
     #[test]
     fn every_fault_comes_back_in_words() {
         assert_eq!(fault_text(0), "");
-        for fault in
-            [Fault::Panicked, Fault::NotFinite, Fault::Overrun, Fault::Failed(0), Fault::Failed(u32::MAX)]
-        {
+        for fault in [
+            Fault::Panicked,
+            Fault::NotFinite,
+            Fault::Overrun,
+            Fault::Stuck,
+            Fault::Failed(0),
+            Fault::Failed(u32::MAX),
+        ] {
             assert_eq!(fault_text(code(fault)), fault.to_string());
         }
     }

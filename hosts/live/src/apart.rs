@@ -1,0 +1,405 @@
+//! Nodes of foreign code, each on a thread of its own.
+//!
+//! A thread cannot be stopped from outside, and the thread that ticks has nobody to go on in its place. So foreign code is called by a
+//! thread that can be left: the one that ticks hands over the inputs, waits, and takes the outputs back. Where the call does not
+//! return in time, the thread stays in it, with all that the call may still touch, and the graph goes on without the node.
+
+use std::any::Any;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering::SeqCst};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+use asperity_dsp::denormals::Flushed;
+use asperity_node::{
+    Buffer, Config, Descriptor, Diagnostic, Fact, Fault, InputRef, Inputs, Latency, NodeKind, Outputs, Ports,
+    Processor, Setup, Status, Tick, Wiring,
+};
+
+use crate::realtime::ask_priority;
+
+/// How long a call may take before the node is left: a thread that the machine keeps waiting comes back sooner.
+const PATIENCE: Duration = Duration::from_millis(500);
+
+/// The same kind, whose nodes run on threads of their own. These ask for a real-time priority, if one is given.
+pub fn apart(kind: Arc<dyn NodeKind>, priority: Option<i32>) -> Arc<dyn NodeKind> {
+    Arc::new(Kind { kind, priority })
+}
+
+struct Kind {
+    kind: Arc<dyn NodeKind>,
+    priority: Option<i32>,
+}
+
+impl NodeKind for Kind {
+    fn descriptor(&self) -> &Descriptor {
+        self.kind.descriptor()
+    }
+
+    fn origin(&self) -> &str {
+        self.kind.origin()
+    }
+
+    fn build(&self) -> u64 {
+        self.kind.build()
+    }
+
+    fn ports(&self, config: &Config<'_>) -> Result<Ports, Diagnostic> {
+        self.kind.ports(config)
+    }
+
+    fn prepare(&self, setup: &Setup<'_>) -> Result<Box<dyn Processor>, Diagnostic> {
+        let node = self.kind.prepare(setup)?;
+        let apart = Apart::start(node, Desk::new(setup), setup.id, self.priority);
+        Ok(Box::new(apart.map_err(|e| setup.params.node_error(format!("no thread for this node: {e}")))?))
+    }
+}
+
+/// What the thread is to do. Inputs, outputs and bytes lie on the desk.
+enum Call {
+    Process,
+    Wants,
+    Absorb,
+    Reset,
+    Elapsed(u64),
+    SetParameter(usize, f64),
+    StateSize,
+    Save(usize),
+    Restore,
+    Facts,
+    End,
+}
+
+/// What it answers.
+enum Answer {
+    Status(Status),
+    Flag(bool),
+    Done,
+    Size(usize),
+    Saved(Option<usize>),
+    Facts(Vec<Fact>),
+}
+
+/// What both threads have in their hands in turn.
+struct Desk {
+    index: u64,
+    tick_hz: u32,
+    /// Copies of the inputs, and one that stands in for an input of another kind.
+    inputs: Vec<Buffer>,
+    map: Vec<InputRef>,
+    outputs: Vec<Buffer>,
+    bytes: Vec<u8>,
+}
+
+impl Desk {
+    fn new(setup: &Setup<'_>) -> Self {
+        let make = |wiring: &Wiring| match &wiring.port {
+            Some(port) => Buffer::new(port, setup.tick_hz),
+            None => Buffer::constant(0, 0.0),
+        };
+        Self::over(setup.inputs.iter().map(make).collect(), setup.outputs.iter().map(make).collect())
+    }
+
+    /// One with these inputs and outputs.
+    fn over(mut inputs: Vec<Buffer>, outputs: Vec<Buffer>) -> Self {
+        let map = vec![InputRef { buffer: 0, connected: false }; inputs.len()];
+        inputs.push(Buffer::constant(0, 0.0));
+        Self { index: 0, tick_hz: 0, inputs, map, outputs, bytes: Vec::new() }
+    }
+
+    /// Takes a tick's inputs. Allocates nothing.
+    fn take(&mut self, tick: &Tick<'_>) {
+        (self.index, self.tick_hz) = (tick.index, tick.tick_hz);
+        let nothing = self.map.len();
+        for (i, (to, entry)) in self.inputs.iter_mut().zip(&mut self.map).enumerate() {
+            let copied = tick.inputs.buffer(i).is_some_and(|from| to.copy_from(from));
+            let buffer = if copied { i } else { nothing };
+            *entry = InputRef { buffer: buffer as u32, connected: tick.inputs.connected(i) };
+        }
+    }
+
+    /// Exchanges the outputs with those of the engine, which hold the same.
+    fn lend(&mut self, tick: &mut Tick<'_>) {
+        for (ours, theirs) in self.outputs.iter_mut().zip(tick.outputs.buffers()) {
+            if ours.copy_from(theirs) {
+                std::mem::swap(ours, theirs);
+            }
+        }
+    }
+
+    /// Exchanges them again.
+    fn give_back(&mut self, tick: &mut Tick<'_>) {
+        self.outputs.iter_mut().zip(tick.outputs.buffers()).for_each(|(a, b)| std::mem::swap(a, b));
+    }
+
+    /// The tick, over what lies here.
+    fn tick<T>(&mut self, call: impl FnOnce(&mut Tick<'_>) -> T) -> T {
+        let inputs = Inputs::new(&self.inputs, &[], self.inputs.len(), &self.map);
+        let outputs = Outputs::new(&mut self.outputs);
+        call(&mut Tick { index: self.index, tick_hz: self.tick_hz, inputs, outputs })
+    }
+}
+
+/// What the two threads tell each other.
+struct Mail {
+    call: Option<Call>,
+    answer: Option<Result<Answer, Fault>>,
+    /// None while the thread works on it.
+    desk: Option<Desk>,
+}
+
+struct Shared {
+    mail: Mutex<Mail>,
+    called: Condvar,
+    answered: Condvar,
+    /// Nobody waits for the thread any more.
+    left: AtomicBool,
+}
+
+impl Shared {
+    fn mail(&self) -> MutexGuard<'_, Mail> {
+        self.mail.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// A node whose calls are made by a thread of its own.
+struct Apart {
+    shared: Arc<Shared>,
+    latency: Latency,
+    tail: Latency,
+    duration: Option<Latency>,
+    allocation_free: bool,
+    files: Vec<PathBuf>,
+}
+
+impl Apart {
+    fn start(node: Box<dyn Processor>, desk: Desk, id: &str, priority: Option<i32>) -> std::io::Result<Self> {
+        let mail = Mail { call: None, answer: None, desk: Some(desk) };
+        let shared = Arc::new(Shared {
+            mail: Mutex::new(mail),
+            called: Condvar::new(),
+            answered: Condvar::new(),
+            left: AtomicBool::new(false),
+        });
+        let apart = Self {
+            shared: Arc::clone(&shared),
+            latency: node.latency(),
+            tail: node.tail(),
+            duration: node.duration(),
+            allocation_free: node.allocation_free(),
+            files: node.files(),
+        };
+        let name = format!("asperity-{id}");
+        std::thread::Builder::new().name(name).spawn(move || work(&shared, node, priority))?;
+        Ok(apart)
+    }
+
+    /// Has the thread make a call; `before` and `after` see the desk. A thread that was left answers nothing.
+    fn ask<T>(
+        &self,
+        call: Call,
+        before: impl FnOnce(&mut Desk),
+        after: impl FnOnce(Answer, &mut Desk) -> T,
+    ) -> Result<T, Fault> {
+        let shared = &*self.shared;
+        if shared.left.load(SeqCst) {
+            return Err(Fault::Stuck);
+        }
+        let mut mail = shared.mail();
+        if let Some(desk) = &mut mail.desk {
+            before(desk);
+        }
+        mail.call = Some(call);
+        shared.called.notify_one();
+        let unanswered = |mail: &mut Mail| mail.answer.is_none();
+        let waited = shared.answered.wait_timeout_while(mail, PATIENCE, unanswered);
+        let (mut mail, _) = waited.unwrap_or_else(PoisonError::into_inner);
+        let Mail { answer, desk, .. } = &mut *mail;
+        match (answer.take(), desk) {
+            (Some(answer), Some(desk)) => answer.map(|answer| after(answer, desk)),
+            _ => {
+                shared.left.store(true, SeqCst);
+                Err(Fault::Stuck)
+            }
+        }
+    }
+
+    /// A call of a tick that puts nothing out.
+    fn told(&self, call: Call, tick: &Tick<'_>) -> Result<Answer, Fault> {
+        self.ask(call, |desk| desk.take(tick), |answer, _| answer)
+    }
+}
+
+impl Drop for Apart {
+    /// The node is dropped by its thread; one that does not return from that is left too.
+    fn drop(&mut self) {
+        let _ = self.ask(Call::End, |_| {}, |_, _| {});
+    }
+}
+
+/// The thread: makes the calls, until it is told to end or finds that it was left.
+fn work(shared: &Shared, node: Box<dyn Processor>, priority: Option<i32>) {
+    let mut node = Some(node);
+    // As on the thread that ticks.
+    let _flushed = Flushed::new();
+    if let Some(priority) = priority {
+        ask_priority(priority);
+    }
+    loop {
+        let (call, desk) = {
+            let nothing = |mail: &mut Mail| mail.call.is_none();
+            let mail = shared.called.wait_while(shared.mail(), nothing);
+            let mut mail = mail.unwrap_or_else(PoisonError::into_inner);
+            (mail.call.take(), mail.desk.take())
+        };
+        let (Some(call), Some(mut desk)) = (call, desk) else { return };
+        let answer = match (&call, &mut node) {
+            (Call::End, _) | (_, None) => contain(|| {
+                drop(node.take());
+                Ok(Answer::Done)
+            }),
+            (_, Some(node)) => contain(|| answer(&mut **node, call, &mut desk)),
+        };
+        let mut mail = shared.mail();
+        (mail.answer, mail.desk) = (Some(answer), Some(desk));
+        shared.answered.notify_one();
+        drop(mail);
+        if node.is_none() || shared.left.load(SeqCst) {
+            return;
+        }
+    }
+}
+
+fn answer(node: &mut dyn Processor, call: Call, desk: &mut Desk) -> Result<Answer, Fault> {
+    Ok(match call {
+        Call::Process => Answer::Status(desk.tick(|tick| node.process(tick))?),
+        Call::Wants => Answer::Flag(desk.tick(|tick| node.wants(tick))?),
+        Call::Absorb => desk.tick(|tick| node.absorb(tick)).map(|()| Answer::Done)?,
+        Call::Reset => node.reset().map(|()| Answer::Done)?,
+        Call::Elapsed(ticks) => node.elapsed(ticks).map(|()| Answer::Done)?,
+        Call::SetParameter(index, value) => node.set_parameter(index, value).map(|()| Answer::Done)?,
+        Call::StateSize => {
+            let size = node.state_size();
+            desk.bytes.reserve(size);
+            Answer::Size(size)
+        }
+        Call::Save(room) => {
+            desk.bytes.resize(room, 0);
+            Answer::Saved(node.save(&mut desk.bytes))
+        }
+        Call::Restore => Answer::Flag(node.restore(&desk.bytes)),
+        Call::Facts => Answer::Facts(node.facts()),
+        Call::End => Answer::Done,
+    })
+}
+
+/// Runs foreign code. After a panic the engine starts the node over, or calls it no more.
+fn contain<T>(f: impl FnOnce() -> Result<T, Fault>) -> Result<T, Fault> {
+    // What a panic carries may panic in its turn when it is dropped.
+    let forget = |payload: Box<dyn Any + Send>| std::mem::forget(payload);
+    catch_unwind(AssertUnwindSafe(f)).unwrap_or_else(|payload| {
+        forget(payload);
+        Err(Fault::Panicked)
+    })
+}
+
+impl Processor for Apart {
+    fn process(&mut self, tick: &mut Tick<'_>) -> Result<Status, Fault> {
+        if self.shared.left.load(SeqCst) {
+            return Err(Fault::Stuck);
+        }
+        let before = |desk: &mut Desk| {
+            desk.take(tick);
+            desk.lend(tick);
+        };
+        let answer = self.ask(Call::Process, before, |answer, _| answer);
+        // Whatever it answered. Of those that a thread holds for ever the engine has copies.
+        if let Some(desk) = &mut self.shared.mail().desk {
+            desk.give_back(tick);
+        }
+        match answer? {
+            Answer::Status(status) => Ok(status),
+            _ => Err(Fault::Stuck),
+        }
+    }
+
+    fn reset(&mut self) -> Result<(), Fault> {
+        self.ask(Call::Reset, |_| {}, |_, _| {})
+    }
+
+    fn wants(&mut self, tick: &mut Tick<'_>) -> Result<bool, Fault> {
+        Ok(matches!(self.told(Call::Wants, tick)?, Answer::Flag(true)))
+    }
+
+    fn absorb(&mut self, tick: &mut Tick<'_>) -> Result<(), Fault> {
+        self.told(Call::Absorb, tick).map(|_| ())
+    }
+
+    fn elapsed(&mut self, ticks: u64) -> Result<(), Fault> {
+        self.ask(Call::Elapsed(ticks), |_| {}, |_, _| {})
+    }
+
+    fn set_parameter(&mut self, index: usize, value: f64) -> Result<(), Fault> {
+        self.ask(Call::SetParameter(index, value), |_| {}, |_, _| {})
+    }
+
+    fn state_size(&mut self) -> usize {
+        match self.ask(Call::StateSize, |_| {}, |answer, _| answer) {
+            Ok(Answer::Size(size)) => size,
+            _ => 0,
+        }
+    }
+
+    fn save(&mut self, bytes: &mut [u8]) -> Option<usize> {
+        let room = bytes.len();
+        let after = |answer, desk: &mut Desk| match answer {
+            Answer::Saved(Some(len)) => {
+                bytes.get_mut(..len)?.copy_from_slice(desk.bytes.get(..len)?);
+                Some(len)
+            }
+            _ => None,
+        };
+        self.ask(Call::Save(room), |_| {}, after).ok().flatten()
+    }
+
+    fn restore(&mut self, bytes: &[u8]) -> bool {
+        let before = |desk: &mut Desk| {
+            // There is room: `state_size` was asked first.
+            desk.bytes.clear();
+            desk.bytes.extend_from_slice(bytes);
+        };
+        self.ask(Call::Restore, before, |answer, _| matches!(answer, Answer::Flag(true))).unwrap_or(false)
+    }
+
+    fn latency(&self) -> Latency {
+        self.latency
+    }
+
+    fn tail(&self) -> Latency {
+        self.tail
+    }
+
+    fn duration(&self) -> Option<Latency> {
+        self.duration
+    }
+
+    fn allocation_free(&self) -> bool {
+        self.allocation_free
+    }
+
+    fn facts(&self) -> Vec<Fact> {
+        match self.ask(Call::Facts, |_| {}, |answer, _| answer) {
+            Ok(Answer::Facts(facts)) => facts,
+            _ => Vec::new(),
+        }
+    }
+
+    fn files(&self) -> Vec<PathBuf> {
+        self.files.clone()
+    }
+}
+
+#[cfg(test)]
+#[path = "apart_tests.rs"]
+mod tests;

@@ -1,0 +1,134 @@
+use super::*;
+use std::time::Instant;
+
+fn audio(samples: [f32; 4]) -> Buffer {
+    Buffer::Audio { samples: samples.into(), len: 4, valid: true, silent: false }
+}
+
+/// Calls a node once, over one input and one output.
+fn process(node: &mut Apart, input: [f32; 4]) -> (Result<Status, Fault>, Buffer) {
+    let (inputs, mut outputs) = ([audio(input)], [audio([0.0; 4])]);
+    let map = [InputRef { buffer: 0, connected: true }];
+    let answer = node.process(&mut Tick {
+        index: 7,
+        tick_hz: 500,
+        inputs: Inputs::new(&inputs, &[], 1, &map),
+        outputs: Outputs::new(&mut outputs),
+    });
+    let [output] = outputs;
+    (answer, output)
+}
+
+fn start(node: impl Processor + 'static) -> Apart {
+    let desk = Desk::over(vec![audio([0.0; 4])], vec![audio([0.0; 4])]);
+    Apart::start(Box::new(node), desk, "node", None).unwrap()
+}
+
+/// Doubles, and remembers how often; a negative sample makes it panic, one above 100 keeps it for ever.
+struct Doubler(u8);
+
+impl Processor for Doubler {
+    fn process(&mut self, tick: &mut Tick<'_>) -> Result<Status, Fault> {
+        self.0 += 1;
+        let first = tick.inputs.audio(0)[0];
+        assert!(first >= 0.0, "a panic");
+        while first > 100.0 {
+            std::thread::park();
+        }
+        assert!(tick.index == 7 && tick.inputs.connected(0));
+        for (y, x) in tick.outputs.audio(0).iter_mut().zip(tick.inputs.audio(0)) {
+            *y = 2.0 * x;
+        }
+        Ok(Status::Tail(3))
+    }
+
+    fn reset(&mut self) -> Result<(), Fault> {
+        self.0 = 0;
+        Ok(())
+    }
+
+    fn state_size(&mut self) -> usize {
+        1
+    }
+
+    fn save(&mut self, bytes: &mut [u8]) -> Option<usize> {
+        bytes[0] = self.0;
+        Some(1)
+    }
+
+    fn restore(&mut self, bytes: &[u8]) -> bool {
+        self.0 = bytes[0];
+        true
+    }
+}
+
+fn samples(buffer: &Buffer) -> &[f32] {
+    let Buffer::Audio { samples, len, .. } = buffer else { panic!("audio") };
+    &samples[..*len]
+}
+
+#[test]
+fn node_apart_answers_as_it_would_in_place() {
+    let mut node = start(Doubler(0));
+    for _ in 0..3 {
+        let (answer, output) = process(&mut node, [1.0, 2.0, 3.0, 4.0]);
+        assert_eq!(answer, Ok(Status::Tail(3)));
+        assert_eq!(samples(&output), [2.0, 4.0, 6.0, 8.0]);
+    }
+    let mut bytes = vec![0; node.state_size()];
+    assert_eq!((node.save(&mut bytes), bytes[0]), (Some(1), 3));
+    let mut other = start(Doubler(0));
+    assert!(other.restore(&bytes));
+    assert_eq!((other.save(&mut bytes), bytes[0]), (Some(1), 3));
+    other.reset().unwrap();
+    assert_eq!((other.save(&mut bytes), bytes[0]), (Some(1), 0));
+}
+
+#[test]
+fn node_that_never_returns_is_left_and_the_outputs_stay() {
+    let mut node = start(Doubler(0));
+    let (answer, output) = process(&mut node, [101.0; 4]);
+    assert_eq!(answer, Err(Fault::Stuck));
+    assert_eq!(samples(&output), [0.0; 4], "of their length, and silent");
+    // From here on nobody waits.
+    let begun = Instant::now();
+    for _ in 0..100 {
+        let (answer, output) = process(&mut node, [1.0; 4]);
+        assert_eq!((answer, samples(&output)), (Err(Fault::Stuck), [0.0; 4].as_slice()));
+    }
+    assert_eq!((node.reset(), node.state_size()), (Err(Fault::Stuck), 0));
+    assert!(node.save(&mut [0]).is_none() && !node.restore(&[0]) && node.facts().is_empty());
+    drop(node);
+    assert!(begun.elapsed() < 50 * PATIENCE, "calls were waited for, after the first");
+}
+
+#[test]
+fn panic_apart_is_the_nodes_fault_and_it_goes_on() {
+    let mut node = start(Doubler(0));
+    assert_eq!(process(&mut node, [-1.0; 4]).0, Err(Fault::Panicked));
+    let (answer, output) = process(&mut node, [1.0; 4]);
+    assert_eq!((answer, samples(&output)), (Ok(Status::Tail(3)), [2.0; 4].as_slice()));
+}
+
+#[test]
+fn node_that_never_returns_from_its_end_is_left() {
+    struct Endless;
+    impl Processor for Endless {
+        fn process(&mut self, _: &mut Tick<'_>) -> Result<Status, Fault> {
+            Ok(Status::Continue)
+        }
+        fn reset(&mut self) -> Result<(), Fault> {
+            Ok(())
+        }
+    }
+    impl Drop for Endless {
+        fn drop(&mut self) {
+            loop {
+                std::thread::park();
+            }
+        }
+    }
+    let mut node = start(Endless);
+    assert_eq!(process(&mut node, [0.0; 4]).0, Ok(Status::Continue));
+    drop(node);
+}
