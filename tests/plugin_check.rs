@@ -67,6 +67,15 @@ const MUTANTS: &[(&str, &str, &str, &str)] = &[
     ),
     ("DIVIDES_BY_GAIN", "low_pass", "live_parameters", "with gain = 0.0"),
     ("TIRES", "low_pass", "random_ticks", "failed with code 0 at tick"),
+    ("ROUNDS_TO_ZERO", "low_pass", "surroundings", "it changed the rounding mode"),
+    (
+        "HANDLES_SIGNALS",
+        "low_pass",
+        "surroundings",
+        "it changed the handler of signal 11 (segmentation fault)",
+    ),
+    ("CHANGES_FOLDER", "low_pass", "surroundings", "it changed the working directory, to /"),
+    ("LEAVES_A_THREAD", "low_pass", "surroundings", "of its threads behind"),
     ("PROCESS_ID", "low_pass", "other_process", "another process puts out something else"),
 ];
 
@@ -102,7 +111,7 @@ fn a_good_plugin_passes_every_case() {
     assert_eq!(ran.code, 0, "{}\n{}", ran.out, ran.err);
     let all: serde_json::Value = serde_json::from_str(&ran.out).expect("JSON");
     let rows = all["cases"].as_array().expect("rows");
-    for case in cases().iter().map(|c| c.name).chain(["time", "other_process"]) {
+    for case in cases().iter().map(|c| c.name).chain(["surroundings", "time", "other_process"]) {
         let of: Vec<_> = rows.iter().filter(|r| r["case"] == case).collect();
         assert_eq!(of.len(), 3, "{case} is run for every kind");
         let known = |r: &&serde_json::Value| {

@@ -454,3 +454,26 @@ fn plugin_that_exits_is_no_success() {
         assert!(!dir.path().join("o.wav").exists());
     }
 }
+
+#[test]
+fn rounding_that_a_plugin_changed_does_not_reach_other_nodes() {
+    let dir = folder();
+    // A filter rounds in every sample: with another rounding it would put out something else.
+    let graph = |what: &str| {
+        format!(
+            r#"Graph(version: 1, plugins: [{:?}],
+                nodes: {{"told": (kind: "told", params: (from: {what}, to: 1000000, what: rounding)), "guard": (kind: "limiter"),
+                    "tone": (kind: "sine", params: (frequency_hz: 200, amplitude: 0.05)), "other": (kind: "limiter"),
+                    "left": (kind: "audio_out"), "right": (kind: "file_out", params: (file: "right.npy"))}},
+                wires: [("told", "guard"), ("guard", "left"), ("tone", "other"), ("other", "right")])"#,
+            plugins::c("told").display().to_string()
+        )
+    };
+    let right = |what: &str| {
+        fs::write(dir.path().join("g.ron"), graph(what)).unwrap();
+        run(dir.path(), &["render", "g.ron", "--seconds", "1", "--out", "left.wav"]).ok();
+        (npy::read(dir.path().join("right.npy")).unwrap().values, wav(&dir.path().join("left.wav")).0)
+    };
+    let (rounded, untouched) = (right("100"), right("900000"));
+    assert!(rounded == untouched);
+}

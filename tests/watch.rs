@@ -234,7 +234,7 @@ fn without_watch_a_graph_that_changes_is_left_as_it_was() {
 }
 
 #[test]
-fn damaged_plugin_does_not_end_the_run_that_plays() {
+fn plugin_that_is_damaged_or_meddles_does_not_come_into_a_run() {
     let dir = tempfile::tempdir().unwrap();
     told(&dir.path().join("libtold.so"), "0.1f");
     fs::write(dir.path().join("g.ron"), graph("1.0", "")).unwrap();
@@ -244,6 +244,10 @@ fn damaged_plugin_does_not_end_the_run_that_plays() {
         plugins::compile(&plugins::sources().join("told.c"), to, &["-DTRAP"]);
     });
     run.says("tried in another process, this plugin crashed by signal");
+    replace(dir.path(), "libtold.so", |to| {
+        plugins::compile(&plugins::sources().join("told.c"), to, &["-DHANDLER"]);
+    });
+    run.says("this plugin does not leave the process as it was: it changed the handler of signal 11");
     replace(dir.path(), "libtold.so", |to| told(to, "0.05f"));
     run.says("its code was built anew");
     run.stop().ok();

@@ -4,7 +4,10 @@
 
 #define _POSIX_C_SOURCE 200809L
 
+#include <fenv.h>
 #include <math.h>
+#include <pthread.h>
+#include <signal.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
@@ -17,6 +20,7 @@ enum {
     TRIPS_ON_DENORMALS, OVERFLOWS, KEEPS_NAN, SHORT_BUFFER, FEW_BINS, NEEDS_THE_OPTIONAL, NEEDS_EVERY_FRAME, FORGETS_TO_RESET,
     STATIC_COUNTER, SLEEPS_TOO_EARLY, DEAF_TO_ELAPSED, ABSORB_FAILS, SAVES_TOO_LITTLE, SAVES_TOO_MUCH, TRUSTS_ANY_STATE, DIVIDES_BY_GAIN,
     TIRES, ALLOCATES, ALLOCATES_IN_RESET, PROCESS_ID, WRITES_TO_INPUTS, NO_OUTPUTS,
+    ROUNDS_TO_ZERO, HANDLES_SIGNALS, CHANGES_FOLDER, LEAVES_A_THREAD,
 };
 #ifndef BREAK
 #define BREAK NOTHING
@@ -34,8 +38,25 @@ typedef struct {
 
 static uint64_t all_calls;
 
+static void *without_end(void *nothing) {
+    for (;;)
+        pause();
+    return nothing;
+}
+
+static void ignore(int signal) {
+    (void)signal;
+}
+
 static void *create(const AsperityKind *kind) {
+    pthread_t thread;
     (void)kind;
+    if (BREAK == LEAVES_A_THREAD)
+        pthread_create(&thread, NULL, without_end, NULL);
+    if (BREAK == HANDLES_SIGNALS)
+        signal(SIGSEGV, ignore);
+    if (BREAK == CHANGES_FOLDER && chdir("/") != 0)
+        return NULL;
     return calloc(1, sizeof(Node));
 }
 
@@ -118,6 +139,8 @@ static int broken(Node *it, AsperityTick *tick, int32_t *answer) {
     all_calls++;
     if (BREAK == SEGFAULT && it->calls == 50)
         *(volatile int *)8 = 1;
+    if (BREAK == ROUNDS_TO_ZERO && it->calls == 50)
+        fesetround(FE_TOWARDZERO);
     if (BREAK == ABORT && it->calls == 50)
         abort();
     if (BREAK == EXITS && it->calls == 50)

@@ -4,7 +4,9 @@
 
 #include "asperity.h"
 
+#include <fenv.h>
 #include <math.h>
+#include <signal.h>
 #include <stdlib.h>
 #include <string.h>
 #include <time.h>
@@ -22,6 +24,16 @@ typedef struct Told {
 /* As a file that is damaged: its code is no code. */
 __attribute__((constructor)) static void trap(void) {
     __builtin_trap();
+}
+#endif
+
+#ifdef HANDLER
+/* What a debugger or a runtime of another language may do. */
+static void handler(int signal) {
+    (void)signal;
+}
+__attribute__((constructor)) static void install(void) {
+    signal(SIGSEGV, handler);
 }
 #endif
 
@@ -89,6 +101,9 @@ static int32_t process(void *instance, AsperityTick *tick) {
         }
     case 6: /* as if all were done */
         exit(0);
+    case 7: /* and leaves another rounding behind */
+        fesetround(FE_UPWARD);
+        return ASPERITY_CONTINUE;
     default: /* an answer that there is not */
         return 99;
     }
@@ -107,7 +122,7 @@ static const AsperityPort outputs[] = {{
     .unit = "A",
 }};
 
-static const char *const words[] = {"error", "nan", "exception", "overrun", "nonsense", "endless", "exit", NULL};
+static const char *const words[] = {"error", "nan", "exception", "overrun", "nonsense", "endless", "exit", "rounding", NULL};
 
 static const AsperityParam params[] = {
     {.size = sizeof(AsperityParam), .holds = ASPERITY_INTEGER, .name = "from", .doc = "First tick.", .integer_max = 1000000},

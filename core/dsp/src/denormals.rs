@@ -1,4 +1,65 @@
-//! Denormal numbers flushed to zero: a decaying tail must not cost a hundred times what a loud signal does.
+//! How a thread rounds, and denormal numbers flushed to zero: a decaying tail must not cost a hundred times what a loud signal does.
+
+/// How a thread rounds, what it does with denormals, and which exceptions it traps. On a CPU that is not known it is never
+/// seen to change.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FloatControl(u64);
+
+/// Names of what is controlled, and their bits.
+#[cfg(target_arch = "x86_64")]
+const PARTS: [(&str, u64); 4] = [
+    ("the rounding mode", 3 << 13),
+    ("flush-to-zero", 1 << 15),
+    ("denormals-are-zero", 1 << 6),
+    ("the traps of floating-point exceptions", 0x3f << 7),
+];
+#[cfg(target_arch = "aarch64")]
+const PARTS: [(&str, u64); 3] = [
+    ("the rounding mode", 3 << 22),
+    ("flush-to-zero", 1 << 24),
+    ("the traps of floating-point exceptions", 0x9f00),
+];
+#[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
+const PARTS: [(&str, u64); 0] = [];
+
+impl FloatControl {
+    /// That of this thread.
+    #[inline]
+    pub fn now() -> Self {
+        #[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
+        return Self(u64::from(arch::read()) & PARTS.iter().fold(0, |all, part| all | part.1));
+        #[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
+        Self(0)
+    }
+
+    /// Makes it this thread's again, and answers whether it was another.
+    #[inline]
+    pub fn restore(self) -> bool {
+        let changed = Self::now() != self;
+        #[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
+        if changed {
+            let parts = PARTS.iter().fold(0, |all, part| all | part.1);
+            arch::write((u64::from(arch::read()) & !parts | self.0) as _);
+        }
+        changed
+    }
+
+    /// What differs from another, in words.
+    pub fn differs(self, from: Self) -> Vec<String> {
+        Self::parts(self.0 ^ from.0)
+    }
+
+    /// Whether it is another, as bits that [`parts`](Self::parts) names.
+    #[inline]
+    pub fn bits(self, from: Self) -> u64 {
+        self.0 ^ from.0
+    }
+
+    /// The parts that these bits belong to, in words.
+    pub fn parts(bits: u64) -> Vec<String> {
+        PARTS.iter().filter(|part| bits & part.1 != 0).map(|part| part.0.to_owned()).collect()
+    }
+}
 
 /// While this lives, denormal results and operands count as zero on this thread.
 #[derive(Debug)]
@@ -27,8 +88,8 @@ mod arch {
     }
 
     pub(super) fn write(value: u32) {
-        // SAFETY: `value` came from `read` with flush bits added, so no reserved bit is set, and exception
-        // masks are as they were. The flush bits change rounding of denormals only.
+        // SAFETY: `value` came from `read` with bits of its fields changed, so no reserved bit is set. They change how
+        // numbers are rounded, and which exceptions are trapped: as a thread had them before.
         unsafe {
             asm!("ldmxcsr [{}]", in(reg) &raw const value, options(nostack, preserves_flags, readonly))
         };
@@ -50,7 +111,7 @@ mod arch {
     }
 
     pub(super) fn write(value: u64) {
-        // SAFETY: writes back what was read, with the flush bit added.
+        // SAFETY: writes back what was read, with bits of its fields changed.
         unsafe { asm!("msr fpcr, {}", in(reg) value, options(nomem, nostack, preserves_flags)) };
     }
 }
@@ -90,6 +151,21 @@ impl Flushed {
 mod tests {
     use super::*;
     use std::hint::black_box;
+
+    #[test]
+    fn float_control_is_restored_and_named() {
+        let before = FloatControl::now();
+        assert!(!before.restore());
+        let flushed = Flushed::new();
+        let names = FloatControl::now().differs(before);
+        assert!(
+            names.iter().any(|n| n == "flush-to-zero") && names.iter().all(|n| n != "the rounding mode"),
+            "{names:?}"
+        );
+        assert!(before.restore() && FloatControl::now() == before);
+        drop(flushed);
+        assert_eq!(FloatControl::now(), before);
+    }
 
     #[test]
     fn denormals_are_zero_inside_and_are_back_outside() {

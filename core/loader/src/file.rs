@@ -12,6 +12,8 @@ use object::read::NameOrOrdinal;
 use object::{Architecture, BinaryFormat, Object, ObjectKind, ObjectSegment};
 use tempfile::TempPath;
 
+use crate::foreign::foreign;
+
 /// Largest library that is read, in bytes.
 const MAX_BYTES: u64 = 1 << 30;
 
@@ -108,20 +110,36 @@ fn is_it(name: &[u8]) -> bool {
     name == ASPERITY_ENTRY_SYMBOL.as_bytes()
 }
 
-/// Loads a copy of a library that has been read, under a name that no other copy has.
-pub(crate) fn load(path: &Path, bytes: &[u8]) -> Result<Library, Diagnostic> {
+/// A copy of a library that has been read, under a name that no other copy has; gone when this is dropped.
+pub struct Copy {
+    path: TempPath,
+    /// Windows loads no file that is open for writing.
+    _lock: Option<File>,
+}
+
+impl Copy {
+    pub(crate) fn new(of: &Path, bytes: &[u8]) -> Result<Self, Diagnostic> {
+        let stem = of.file_stem().and_then(|s| s.to_str()).unwrap_or("plugin");
+        let prefix = format!("asperity-{stem}-");
+        let folder = std::env::temp_dir();
+        remove_left_over(&folder, &prefix);
+        let (file, path) = copy_into(&folder, &prefix, bytes)
+            .map_err(|e| Diagnostic::new(format!("cannot make the copy that is loaded: {e}")).in_file(of))?;
+        Ok(Self { path, _lock: (!cfg!(windows)).then_some(file) })
+    }
+
+    /// Where it lies.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+}
+
+/// Loads the copy of a file.
+pub(crate) fn load(path: &Path, Copy { path: copy, _lock }: Copy) -> Result<Library, Diagnostic> {
     let fail = |message: String| Diagnostic::new(message).in_file(path);
-    let stem = path.file_stem().and_then(|s| s.to_str()).unwrap_or("plugin");
-    let prefix = format!("asperity-{stem}-");
-    let folder = std::env::temp_dir();
-    remove_left_over(&folder, &prefix);
-    let (file, copy) = copy_into(&folder, &prefix, bytes)
-        .map_err(|e| fail(format!("cannot make the copy that is loaded: {e}")))?;
-    // Windows loads no file that is open for writing.
-    let _lock = (!cfg!(windows)).then_some(file);
     // SAFETY: loading runs the library's constructors, which is what a plugin is trusted with; all else about the file
     // has been checked.
-    let library = unsafe { open(&copy) }.map_err(|e| {
+    let library = foreign(|| unsafe { open(&copy) }).map_err(|e| {
         let reason = std::error::Error::source(&e).map_or_else(|| e.to_string(), ToString::to_string);
         // The system names the copy; the person knows the file.
         let reason = reason.replace(&*copy.to_string_lossy(), &path.display().to_string());

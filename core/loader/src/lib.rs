@@ -5,12 +5,13 @@
 //! again while the old code still runs), and is never unloaded. Every descriptor is checked before a kind is offered.
 //!
 //! A plugin is code in this process: what it does wrong by its return values, by a panic that it caught, or by a NaN is contained
-//! by the engine; a segmentation fault or an endless loop is not, and cannot be.
+//! by the engine. A segmentation fault is not, and cannot be; of an endless loop the host takes care.
 
 mod cache;
 mod checked;
 mod describe;
 mod file;
+mod foreign;
 mod kind;
 mod plugin;
 mod processor;
@@ -18,6 +19,7 @@ mod search;
 mod setup;
 
 pub use cache::Loader;
-pub use file::loaded_copies;
+pub use file::{Copy, loaded_copies};
+pub use foreign::float_changes;
 pub use plugin::Plugin;
 pub use search::{Found, PATH_VARIABLE, file_name, find, is_path, search};

@@ -12,6 +12,7 @@ use asperity_node::{NodeKind, random};
 use asperity_source::Diagnostic;
 
 use crate::checked::{self, Lie};
+use crate::foreign::foreign;
 use crate::kind::PluginKind;
 use crate::{describe, file};
 
@@ -40,12 +41,13 @@ impl Plugin {
     /// version, that the system does not load, or whose descriptors are wrong.
     pub fn load(path: impl AsRef<Path>) -> Result<Self, Diagnostic> {
         let path = path.as_ref();
-        Self::from_bytes(path, &file::read(path)?)
+        let bytes = file::read(path)?;
+        Self::from_copy(path, file::Copy::new(path, &bytes)?, file::build_of(&bytes))
     }
 
-    /// Loads a file that has been read and looked into.
-    pub(crate) fn from_bytes(path: &Path, bytes: &[u8]) -> Result<Self, Diagnostic> {
-        let library = file::load(path, bytes)?;
+    /// Loads the copy of a file that has been read and looked into.
+    pub(crate) fn from_copy(path: &Path, copy: file::Copy, build: u64) -> Result<Self, Diagnostic> {
+        let library = file::load(path, copy)?;
         // SAFETY: only the address is taken; what lies there is checked below.
         let entry = unsafe { library.get::<*const AsperityEntry>(c"asperity_entry") }
             .map(|s| unsafe { s.try_as_raw_ptr() });
@@ -57,7 +59,7 @@ impl Plugin {
             _ => return Err(refuse("its entry symbol cannot be found".into())),
         };
         // SAFETY: the symbol of a plugin is an entry, and the library stays loaded.
-        unsafe { Self::from_entry(entry, path, file::build_of(bytes)) }
+        unsafe { Self::from_entry(entry, path, build) }
             .map_err(|lie| refuse(lie).help("build the plugin again with the SDK of this version"))
     }
 
@@ -95,7 +97,7 @@ impl Plugin {
         // SAFETY: the size says that the member is there.
         let open = unsafe { (*entry).open }.ok_or("its entry has no `open`")?;
         // SAFETY: `open` is called once for a loaded copy, with a host that stays.
-        let plugin = unsafe { open(&HOST.0) };
+        let plugin = foreign(|| unsafe { open(&HOST.0) });
         if plugin.is_null() {
             return Err("it does not open with this program, or panics while it describes its nodes".into());
         }

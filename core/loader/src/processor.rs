@@ -8,6 +8,7 @@ use asperity_abi::*;
 use asperity_node::{Buffer, Fact, Fault, Inputs, Latency, Processor, Setup, Status, Tick};
 
 use crate::checked::Lie;
+use crate::foreign::foreign;
 use crate::kind::Functions;
 
 /// One instance. Its buffers are the engine's own: nothing is copied on this side.
@@ -52,7 +53,7 @@ impl PluginProcessor {
         let kind = &functions.abi;
         let (Some(create), Some(prepare)) = (kind.create, kind.prepare) else { return Err(Lie::new()) };
         // SAFETY: the kind is the plugin's own.
-        let instance = unsafe { create(functions.at) };
+        let instance = foreign(|| unsafe { create(functions.at) });
         let instance = NonNull::new(instance).ok_or("it cannot make an instance")?;
         let info = AsperityInfo {
             size: size_of::<AsperityInfo>() as u32,
@@ -74,7 +75,7 @@ impl PluginProcessor {
             unsaid_writes: 0,
         };
         // SAFETY: the caller's promise; `prepare` is the first call after `create`.
-        if unsafe { prepare(instance.as_ptr(), lent, error) } != ASPERITY_OK {
+        if foreign(|| unsafe { prepare(instance.as_ptr(), lent, error) }) != ASPERITY_OK {
             return Err(Lie::new());
         }
         if let Some(info) = kind.info {
@@ -124,7 +125,7 @@ impl PluginProcessor {
             detail: 0,
         };
         // SAFETY: the instance is prepared; the buffers are the engine's for this tick, inputs and outputs apart.
-        let answer = unsafe { call(self.instance.as_ptr(), &mut abi) };
+        let answer = foreign(|| unsafe { call(self.instance.as_ptr(), &mut abi) });
         if outputs {
             for (b, buffer) in self.outputs.iter_mut().zip(tick.outputs.buffers()) {
                 self.unsaid_writes += u64::from(!take(b, buffer));
@@ -136,7 +137,7 @@ impl PluginProcessor {
     }
 
     fn call(&mut self, f: Option<impl FnOnce(*mut c_void) -> i32>) -> Result<(), Fault> {
-        f.map_or(Ok(()), |f| outcome(f(self.instance.as_ptr()), 0).map(|_| ()))
+        f.map_or(Ok(()), |f| outcome(foreign(|| f(self.instance.as_ptr())), 0).map(|_| ()))
     }
 }
 

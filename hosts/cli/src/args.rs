@@ -136,11 +136,12 @@ pub enum PluginCommand {
     List(PluginList),
     /// Run a plugin's conformance cases in a process of its own
     ///
-    /// A crash, an abort or an endless loop is named with the case it happened in, and the cases behind it still run. Exit
+    /// A crash, an abort or an endless loop is named with the case it happened in, and the cases behind it still run. So is
+    /// what it changes about the process: rounding, signal handlers, working directory, threads left behind. Exit
     /// code 0: all that apply pass; 1: one fails; 2: the plugin does not load.
     ///
-    /// Allocations are counted on Linux with glibc, by way of the C library's malloc and free. What cannot be seen: locks,
-    /// threads and system calls; memory from mmap or from an allocator that is linked into the plugin; writing where it has no
+    /// Allocations are counted on Linux with glibc, by way of the C library's malloc and free. What cannot be seen: locks
+    /// and system calls; what its threads do; memory from mmap or from an allocator that is linked into the plugin; writing where it has no
     /// business to, unless that crashes it.
     Check(CheckPlugin),
     /// That process
@@ -427,6 +428,9 @@ pub struct Run {
     /// Longest that one call of a node may take; a longer one is a fault of the node, which is faded out. 10 ticks, unless given
     #[arg(long, value_name = "US", value_parser = number::whole(1_u64, 10_000_000, "us"))]
     pub limit_us: Option<u64>,
+    /// Call nodes of plugins on the thread that ticks: some 50 us less for each, but one that never returns ends the sound
+    #[arg(long)]
+    pub in_place: bool,
     /// Say nothing but errors
     #[arg(long, short)]
     pub quiet: bool,

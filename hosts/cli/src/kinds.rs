@@ -2,7 +2,6 @@
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
-use std::time::SystemTime;
 
 use asperity_graph::GraphFile;
 use asperity_live::apart;
@@ -23,16 +22,11 @@ pub struct Kinds {
     named: Vec<PathBuf>,
     /// Files of the plugins that the last registry was made of, or was to be.
     files: Vec<PathBuf>,
-    /// Plugins that were loaded, as their files were then.
-    loaded: HashMap<PathBuf, Stamp>,
     /// Whether a graph plays with what was loaded.
     plays: bool,
     /// Whether nodes of plugins run on threads of their own.
     apart: bool,
 }
-
-/// When a file was written, and how long it is.
-type Stamp = Option<(SystemTime, u64)>;
 
 impl Kinds {
     /// Kinds with the plugins that a command line names.
@@ -40,9 +34,10 @@ impl Kinds {
         Self { named: named.to_vec(), ..Self::default() }
     }
 
-    /// The same, with nodes of plugins on threads of their own: one that never returns does not keep the graph.
-    pub fn apart(self) -> Self {
-        Self { apart: true, ..self }
+    /// The same, with nodes of plugins on threads of their own or not: there, one that never returns does not keep
+    /// the graph.
+    pub fn apart(self, apart: bool) -> Self {
+        Self { apart, ..self }
     }
 
     /// Files of the plugins that the last registry was made of, or was to be.
@@ -58,17 +53,8 @@ impl Kinds {
     /// Loads a plugin. While a graph plays, one that is new or was rebuilt is tried in another process first:
     /// its code, damaged perhaps, could end the run.
     fn load(&mut self, path: &Path) -> Result<Plugin, Diagnostic> {
-        let stamp = || std::fs::metadata(path).and_then(|m| Ok((m.modified()?, m.len()))).ok();
-        let before = stamp();
-        if self.plays && self.loaded.get(path) != Some(&before) {
-            survives(path)?;
-            if stamp() != before {
-                return Err(Diagnostic::new("this plugin is still being written").in_file(path));
-            }
-        }
-        let plugin = self.loader.load(path)?;
-        self.loaded.insert(path.to_owned(), before);
-        Ok(plugin)
+        let plays = self.plays;
+        self.loader.load_tried(path, |copy| if plays { survives(path, copy.path()) } else { Ok(()) })
     }
 
     /// All kinds that a graph may use: built in, from its own plugins, from `--plugin`, and along the plugin path. What a graph or a

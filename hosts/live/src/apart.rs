@@ -9,7 +9,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering::SeqCst};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use asperity_dsp::denormals::Flushed;
 use asperity_node::{
@@ -21,6 +21,9 @@ use crate::realtime::ask_priority;
 
 /// How long a call may take before the node is left: a thread that the machine keeps waiting comes back sooner.
 const PATIENCE: Duration = Duration::from_millis(500);
+
+/// How long an answer is waited for awake: most come within it, and to be woken takes half as long again.
+const AWAKE: Duration = Duration::from_micros(200);
 
 /// The same kind, whose nodes run on threads of their own. These ask for a real-time priority, if one is given.
 pub fn apart(kind: Arc<dyn NodeKind>, priority: Option<i32>) -> Arc<dyn NodeKind> {
@@ -153,6 +156,8 @@ struct Shared {
     mail: Mutex<Mail>,
     called: Condvar,
     answered: Condvar,
+    /// Whether there is an answer: looked at without the lock.
+    ready: AtomicBool,
     /// Nobody waits for the thread any more.
     left: AtomicBool,
 }
@@ -180,6 +185,7 @@ impl Apart {
             mail: Mutex::new(mail),
             called: Condvar::new(),
             answered: Condvar::new(),
+            ready: AtomicBool::new(false),
             left: AtomicBool::new(false),
         });
         let apart = Self {
@@ -211,9 +217,15 @@ impl Apart {
             before(desk);
         }
         mail.call = Some(call);
+        shared.ready.store(false, SeqCst);
+        drop(mail);
         shared.called.notify_one();
+        let begun = Instant::now();
+        while !shared.ready.load(SeqCst) && begun.elapsed() < AWAKE {
+            std::hint::spin_loop();
+        }
         let unanswered = |mail: &mut Mail| mail.answer.is_none();
-        let waited = shared.answered.wait_timeout_while(mail, PATIENCE, unanswered);
+        let waited = shared.answered.wait_timeout_while(shared.mail(), PATIENCE, unanswered);
         let (mut mail, _) = waited.unwrap_or_else(PoisonError::into_inner);
         let Mail { answer, desk, .. } = &mut *mail;
         match (answer.take(), desk) {
@@ -263,6 +275,7 @@ fn work(shared: &Shared, node: Box<dyn Processor>, priority: Option<i32>) {
         };
         let mut mail = shared.mail();
         (mail.answer, mail.desk) = (Some(answer), Some(desk));
+        shared.ready.store(true, SeqCst);
         shared.answered.notify_one();
         drop(mail);
         if node.is_none() || shared.left.load(SeqCst) {

@@ -1,5 +1,4 @@
 use super::*;
-use std::time::Instant;
 
 fn audio(samples: [f32; 4]) -> Buffer {
     Buffer::Audio { samples: samples.into(), len: 4, valid: true, silent: false }

@@ -242,6 +242,26 @@ fn plugin_that_never_returns_is_cut_out_and_the_graph_goes_on() {
     }
 }
 
+/// Called in place, it keeps the tick for ever; time goes on all the same, and the run ends when it is to.
+#[test]
+fn run_in_place_with_a_plugin_that_spins_ends_in_time_and_names_it() {
+    let dir = tempfile::tempdir().expect("a folder");
+    write_spinning(dir.path());
+    let args = ["run", "g.ron", "--device", "simulated:frames=1024", "--clock", "paced", "--in-place"];
+    let mut child = quietly(asperity(dir.path()).args(args).args(["--report", "r.json", "--seconds", "3"]));
+    let code = crate::common::live::end(&mut child);
+    let mut said = String::new();
+    std::io::Read::read_to_string(&mut child.stderr.take().expect("a pipe"), &mut said).expect("words");
+    assert_eq!(code, 1, "{said}");
+    for line in ["warning: `bad` (told) does not come back", "error: a tick did not end: `bad` (told)"] {
+        assert_eq!(said.matches(line).count(), 1, "{line}: {said}");
+    }
+    let report = json(&dir.path().join("r.json"));
+    let nodes = report["nodes"].as_array().expect("nodes");
+    let bad = nodes.iter().find(|node| node["id"] == "bad").expect("the node");
+    assert!(bad["faults"] == 1 && bad["last_fault"] == DOES_NOT_COME_BACK, "{bad}");
+}
+
 /// Offline there is nobody else to look after it: the third Ctrl-C ends the program, and no half file is left under the name that was asked for.
 #[test]
 fn a_render_with_a_plugin_that_spins_ends_on_the_third_ctrl_c() {

@@ -127,7 +127,7 @@ impl Editor {
     pub fn new(args: &Run) -> Self {
         Self {
             args: args.clone(),
-            kinds: Arc::new(Mutex::new(Kinds::new(&args.graph.plugins.plugin).apart())),
+            kinds: Arc::new(Mutex::new(Kinds::new(&args.graph.plugins.plugin).apart(!args.in_place))),
             plugins: Vec::new(),
             ceiling: None,
             base: None,

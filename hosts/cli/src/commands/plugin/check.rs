@@ -1,8 +1,8 @@
 //! `asperity plugin check`: a plugin's conformance cases, in a process of its own.
 //!
 //! What cannot be contained in a process is so contained: a plugin that crashes ends the process that runs the cases, and a new one
-//! goes on behind the case it crashed in; one that never answers is killed. Not seen are threads, locks and system calls
-//! of a plugin, memory that it does not take by way of the C library, and what it writes where it has no business to, unless that
+//! goes on behind the case it crashed in; one that never answers is killed. Not seen are locks and system calls
+//! of a plugin, what its threads do, memory that it does not take by way of the C library, and what it writes where it has no business to, unless that
 //! crashes it.
 
 use std::io::{BufRead, BufReader};
@@ -18,6 +18,7 @@ use serde_json::Value;
 use super::child::TIME;
 use super::heap::Preload;
 use super::report::{Report, Row};
+use super::surroundings::SURROUNDINGS;
 use crate::args::{Cases, CheckPlugin};
 use crate::failure::Failure;
 
@@ -30,7 +31,8 @@ const APART: Duration = Duration::from_millis(1100);
 
 /// Runs the command.
 pub fn run(args: &CheckPlugin) -> Result<ExitCode, Failure> {
-    let names: Vec<&str> = cases().iter().map(|c| c.name).chain([TIME, OTHER_PROCESS]).collect();
+    let names: Vec<&str> =
+        cases().iter().map(|c| c.name).chain([SURROUNDINGS, TIME, OTHER_PROCESS]).collect();
     if let Some(unknown) = args.cases.case.iter().find(|c| !names.contains(&c.as_str())) {
         let help = one_of(unknown, names.iter().copied());
         return Err(Diagnostic::new(format!("there is no case `{unknown}`")).help(help).into());
@@ -74,18 +76,18 @@ struct Checker {
 }
 
 /// Cases that call every function of a plugin that a graph calls first.
-const FIRST: [&str; 3] = ["descriptor", "prepare", "zero"];
+const FIRST: [&str; 4] = ["descriptor", "prepare", "zero", SURROUNDINGS];
 /// How long a plugin that is rebuilt while a graph plays may take to answer.
 const TRIAL: Duration = Duration::from_secs(5);
 
-/// Tries a plugin's file in another process: whether its code, damaged perhaps, comes back at all. A case
-/// that it fails is no matter here.
+/// Tries the copy of a plugin's file in another process: whether its code, damaged perhaps, comes back at all, and
+/// leaves the process as it was. Any other case that it fails is no matter here.
 ///
 /// # Errors
 /// How it ended.
-pub fn survives(path: &Path) -> Result<(), Diagnostic> {
+pub fn survives(path: &Path, copy: &Path) -> Result<(), Diagnostic> {
     let cases = Cases {
-        plugin: path.display().to_string(),
+        plugin: copy.display().to_string(),
         kind: None,
         case: FIRST.map(str::to_owned).to_vec(),
         set: Vec::new(),
@@ -93,17 +95,31 @@ pub fn survives(path: &Path) -> Result<(), Diagnostic> {
     };
     let refuse = |what: String| Diagnostic::new(what).in_file(path);
     let trial =
-        Trial { path: path.to_owned(), patience: TRIAL, in_all: Some(2 * TRIAL), preload: Preload::new() };
-    match trial.process(&cases, 0, &mut |_| Ok(())) {
-        Ok(Ended::Done) => Ok(()),
-        Ok(Ended::Broke { row, how, .. }) => {
+        Trial { path: copy.to_owned(), patience: TRIAL, in_all: Some(2 * TRIAL), preload: Preload::new() };
+    let mut disturbed = None;
+    let mut each = |said| {
+        if let Said::Row(row) = said
+            && row.case == SURROUNDINGS
+            && row.verdict == "fail"
+        {
+            disturbed = Some(row.found);
+        }
+        Ok(())
+    };
+    match (trial.process(&cases, 0, &mut each), disturbed) {
+        (Ok(Ended::Done), Some(found)) => Err(refuse(format!(
+            "tried in another process, this plugin does not leave the process as it was: {found}"
+        ))
+        .help("`asperity plugin check` says more")),
+        (Ok(Ended::Done), None) => Ok(()),
+        (Ok(Ended::Broke { row, how, .. }), _) => {
             let during = row.map_or(String::new(), |(kind, case)| format!(" in case `{case}` of `{kind}`"));
             Err(refuse(format!("tried in another process, this plugin {how}{during}"))
                 .help("`asperity plugin check` says more"))
         }
         // What does not load is told where it is loaded.
-        Err(Failure::Input(_)) => Ok(()),
-        Err(Failure::Machine(what)) => Err(refuse(what)),
+        (Err(Failure::Input(_)), _) => Ok(()),
+        (Err(Failure::Machine(what)), _) => Err(refuse(what)),
     }
 }
 
@@ -330,8 +346,7 @@ fn how(status: ExitStatus) -> String {
     }
 }
 
-#[cfg(unix)]
-fn signal_name(signal: i32) -> Option<&'static str> {
+pub(super) fn signal_name(signal: i32) -> Option<&'static str> {
     // The numbers differ between systems beyond these.
     let bus = if cfg!(target_os = "linux") { 7 } else { 10 };
     match signal {

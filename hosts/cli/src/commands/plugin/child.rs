@@ -16,6 +16,7 @@ use asperity_source::{Diagnostic, one_of};
 use serde_json::{Value, json};
 
 use super::heap::Counter;
+use super::surroundings::{SURROUNDINGS, Surroundings};
 use crate::args::CasesOfPlugin;
 
 /// The name under which the time of a tick is reported, beside the cases.
@@ -123,6 +124,7 @@ fn settings(args: &CasesOfPlugin, kinds: &[Arc<dyn NodeKind>]) -> Result<Vec<(St
 }
 
 fn checked(args: &CasesOfPlugin, line: &Line) -> Result<(), Diagnostic> {
+    let mut surroundings = Surroundings::now();
     let plugin = Plugin::load(Path::new(&args.cases.plugin))?;
     let kinds = kinds(&plugin, args.cases.kind.as_deref())?;
     let settings = settings(args, &kinds)?;
@@ -141,7 +143,7 @@ fn checked(args: &CasesOfPlugin, line: &Line) -> Result<(), Diagnostic> {
         if let Some(heap) = &heap {
             subject = subject.heap(heap);
         }
-        for name in cases().iter().map(|c| c.name).chain([TIME]) {
+        for name in cases().iter().map(|c| c.name).chain([SURROUNDINGS, TIME]) {
             if !args.cases.case.is_empty() && !args.cases.case.iter().any(|c| c == name) {
                 continue;
             }
@@ -150,7 +152,17 @@ fn checked(args: &CasesOfPlugin, line: &Line) -> Result<(), Diagnostic> {
                 continue;
             }
             line.say(&json!({ "begin": { "kind": d.kind, "case": name } }));
-            line.say(&json!({ "end": outcome(&subject, name) }));
+            let end = if name == SURROUNDINGS {
+                let found = surroundings.disturbed_by(&subject);
+                surroundings = Surroundings::now();
+                match found.is_empty() {
+                    true => json!({ "verdict": "pass", "found": "as they were" }),
+                    false => json!({ "verdict": "fail", "found": found.join("; ") }),
+                }
+            } else {
+                outcome(&subject, name)
+            };
+            line.say(&json!({ "end": end }));
         }
     }
     line.say(&json!({ "done": true }));

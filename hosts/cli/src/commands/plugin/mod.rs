@@ -7,6 +7,7 @@ mod heap;
 mod list;
 mod new;
 mod report;
+mod surroundings;
 
 use std::process::ExitCode;
 

@@ -1,0 +1,96 @@
+//! The process that a plugin lives in: whether it is as it was before the plugin came.
+
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+use asperity_conformance::{Subject, cases};
+use asperity_dsp::denormals::FloatControl;
+use asperity_loader::float_changes;
+
+/// The name under which this is reported, beside the cases.
+pub const SURROUNDINGS: &str = "surroundings";
+
+/// Cases that make instances, call them, and drop them again.
+const STIRRED_BY: [&str; 3] = ["zero", "reset", "state"];
+
+/// How long a thread may take to end after its instance.
+const PATIENCE: Duration = Duration::from_secs(1);
+
+/// What a plugin could change about its process.
+pub struct Surroundings {
+    float: FloatControl,
+    folder: Option<PathBuf>,
+    /// Address and flags of what handles each signal.
+    handlers: Vec<(usize, i64)>,
+    threads: Option<usize>,
+}
+
+impl Surroundings {
+    /// As they are now.
+    pub fn now() -> Self {
+        Self {
+            float: FloatControl::now(),
+            folder: std::env::current_dir().ok(),
+            handlers: handlers(),
+            threads: threads(),
+        }
+    }
+
+    /// Has instances of a kind at work, and says how the process differs from how it was; nothing where it
+    /// does not.
+    pub fn disturbed_by(&self, subject: &Subject<'_>) -> Vec<String> {
+        for case in cases().iter().filter(|case| STIRRED_BY.contains(&case.name)) {
+            // How it came out is another row.
+            let _ = case.run(subject);
+        }
+        let until = Instant::now() + PATIENCE;
+        while threads() > self.threads && Instant::now() < until {
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        let now = Self::now();
+        let mut found: Vec<String> = float_changes();
+        found.extend(now.float.differs(self.float));
+        found.dedup();
+        let mut found: Vec<String> = found.iter().map(|what| format!("it changed {what}")).collect();
+        if now.folder != self.folder {
+            let at = now.folder.map_or_else(|| "one that is gone".into(), |f| f.display().to_string());
+            found.push(format!("it changed the working directory, to {at}"));
+        }
+        let signals = now.handlers.iter().zip(&self.handlers).enumerate().filter(|(_, (a, b))| a != b);
+        found.extend(signals.map(|(i, _)| format!("it changed the handler of {}", signal(i as i32 + 1))));
+        if let (Some(now), Some(before)) = (now.threads, self.threads)
+            && now > before
+        {
+            found.push(format!("it left {} of its threads behind", now - before));
+        }
+        found
+    }
+}
+
+#[cfg(unix)]
+fn handlers() -> Vec<(usize, i64)> {
+    let of = |signal| {
+        // SAFETY: a struct of numbers and addresses, of which zeros are one.
+        let mut action: libc::sigaction = unsafe { std::mem::zeroed() };
+        // SAFETY: nothing is set; what is there is written to a struct of that type. Signals that there are not
+        // leave it as it is.
+        unsafe { libc::sigaction(signal, std::ptr::null(), &mut action) };
+        (action.sa_sigaction, i64::from(action.sa_flags))
+    };
+    (1..=64).map(of).collect()
+}
+
+#[cfg(not(unix))]
+fn handlers() -> Vec<(usize, i64)> {
+    Vec::new()
+}
+
+fn signal(number: i32) -> String {
+    super::check::signal_name(number)
+        .map_or_else(|| format!("signal {number}"), |name| format!("signal {number} ({name})"))
+}
+
+/// How many threads this process has, where the system tells.
+fn threads() -> Option<usize> {
+    Some(std::fs::read_dir("/proc/self/task").ok()?.count())
+}
