@@ -48,7 +48,13 @@ impl Live {
     /// Starts `asperity run`.
     pub fn start(dir: &Path, args: &[&str]) -> Self {
         let mut command = asperity(dir);
-        command.arg("run").args(args).stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        command.arg("run").args(args);
+        Self::of(command)
+    }
+
+    /// Starts a run by this command.
+    pub fn of(mut command: std::process::Command) -> Self {
+        command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
         let mut child = command.spawn().expect("the program starts");
         let said = Arc::new(Mutex::new(String::new()));
         let (out, err) = (child.stdout.take().expect("a pipe"), child.stderr.take().expect("a pipe"));

@@ -26,9 +26,17 @@ pub fn retrieving() -> PathBuf {
 /// The program, in a folder.
 pub fn asperity(dir: &Path) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_asperity"));
-    // Coils are remembered only where a test asks for it.
-    command.current_dir(dir).env("ASPERITY_STATE", "");
+    // Coils are remembered only where a test asks for it. What is made is, and plugins of the tests may be loaded.
+    command.current_dir(dir).env("ASPERITY_STATE", "").env("ASPERITY_TRUST", trusted());
+    command.env("XDG_STATE_HOME", Path::new(env!("CARGO_TARGET_TMPDIR")).join("state"));
     command
+}
+
+/// Where tests build plugins.
+fn trusted() -> std::ffi::OsString {
+    let program = Path::new(env!("CARGO_BIN_EXE_asperity"));
+    std::env::join_paths([&std::env::temp_dir(), program.parent().expect("a folder"), &root()])
+        .expect("a list")
 }
 
 /// What a run left behind.

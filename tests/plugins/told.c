@@ -7,6 +7,7 @@
 #include <fenv.h>
 #include <math.h>
 #include <signal.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <time.h>
@@ -24,6 +25,15 @@ typedef struct Told {
 /* As a file that is damaged: its code is no code. */
 __attribute__((constructor)) static void trap(void) {
     __builtin_trap();
+}
+#endif
+
+#ifdef TOUCH
+/* What a stranger's plugin may do before anybody calls it. */
+__attribute__((constructor)) static void touch(void) {
+    FILE *file = fopen("touched", "w");
+    if (file)
+        fclose(file);
 }
 #endif
 

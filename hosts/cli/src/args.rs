@@ -40,6 +40,9 @@ pub struct Args {
     /// Use no vector instructions that not every CPU has: slower, with the same result to the last bit
     #[arg(long, global = true)]
     pub portable: bool,
+    /// Let a graph write over files that Asperity did not make
+    #[arg(long, global = true)]
+    pub overwrite: bool,
 }
 
 /// What the program does.
@@ -117,6 +120,12 @@ pub enum Command {
     /// Make a plugin, check one, or see which are found
     #[command(subcommand)]
     Plugin(PluginCommand),
+    /// Let graphs load plugins from a folder, or list such folders
+    ///
+    /// A plugin may do whatever you may, from the moment it is loaded. A plugin that a graph names is loaded only
+    /// from a folder that is trusted, or where --plugin or ASPERITY_PLUGIN_PATH names it too. ASPERITY_TRUST lists
+    /// more folders.
+    Trust(Trust),
 }
 
 /// `asperity recover`
@@ -125,6 +134,16 @@ pub struct Recover {
     /// A recording, or a folder of recordings
     #[arg(value_name = "FILE|FOLDER", default_value = ".")]
     pub path: PathBuf,
+}
+
+/// `asperity trust`
+#[derive(Debug, clap::Args)]
+pub struct Trust {
+    /// The folder; without one, the trusted folders are listed
+    pub folder: Option<PathBuf>,
+    /// Trust it no more
+    #[arg(long, requires = "folder")]
+    pub remove: bool,
 }
 
 /// `asperity plugin`

@@ -1,18 +1,19 @@
 //! The kinds of nodes there are: built in, and from plugins.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
-use asperity_graph::GraphFile;
+use asperity_graph::{GraphFile, PluginDecl};
 use asperity_live::apart;
 use asperity_live::realtime::PRIORITY;
 use asperity_loader::{Found, Loader, PATH_VARIABLE, Plugin, find, search};
 use asperity_node::Registry;
-use asperity_source::Diagnostic;
+use asperity_source::{Diagnostic, Place};
 
 use crate::commands::plugin::survives;
 use crate::failure::{Failure, warn};
 use crate::phase::OFFLINE;
+use crate::trust::{ask, is_trusted};
 
 /// Where kinds come from. Kept while a graph is watched, so that a plugin is loaded again only when its file changed.
 #[derive(Debug, Default)]
@@ -26,6 +27,24 @@ pub struct Kinds {
     plays: bool,
     /// Whether nodes of plugins run on threads of their own.
     apart: bool,
+    /// Whether the graph is only looked at.
+    looks: bool,
+    /// Why plugins of the graph were left out of the last registry.
+    left_out: Vec<Diagnostic>,
+    /// Folders that the person was asked about.
+    asked: HashSet<PathBuf>,
+}
+
+/// Why a plugin is left out.
+fn untrusted(path: &Path, decl: &PluginDecl) -> Diagnostic {
+    let folder = path.parent().unwrap_or(Path::new("."));
+    Diagnostic::new(format!("the plugin `{}` was not loaded: its folder is not trusted", decl.name))
+        .at(&decl.place.source, decl.place.span)
+        .help(format!(
+            "a plugin may do whatever you may. To allow those of this folder: asperity trust {}. To allow this one: --plugin {}",
+            folder.display(),
+            path.display()
+        ))
 }
 
 impl Kinds {
@@ -38,6 +57,37 @@ impl Kinds {
     /// the graph.
     pub fn apart(self, apart: bool) -> Self {
         Self { apart, ..self }
+    }
+
+    /// The same, for a graph that is only looked at: plugins that may not be loaded are left out.
+    pub fn looking(self) -> Self {
+        Self { looks: true, ..self }
+    }
+
+    /// What came of a graph that was looked at, with what was left out.
+    pub fn judge<T>(&self, found: Result<T, Failure>) -> Result<T, Failure> {
+        match found {
+            _ if self.left_out.is_empty() => found,
+            Err(Failure::Machine(what)) => Err(Failure::Machine(what)),
+            Err(Failure::Input(errors)) => Err([self.left_out.clone(), errors].concat().into()),
+            Ok(_) => Err(self.left_out.clone().into()),
+        }
+    }
+
+    /// Whether a plugin that a graph names may be loaded: the command line or the plugin path names it too, or its
+    /// folder is trusted.
+    fn may_load(&mut self, path: &Path, place: &Place) -> bool {
+        let whole = path.canonicalize().unwrap_or_else(|_| path.to_owned());
+        let is_it = |other: &Path| other.canonicalize().is_ok_and(|other| whole == other);
+        let list = || std::env::var_os(PATH_VARIABLE);
+        let named = self.named.iter().filter_map(|n| find(&n.to_string_lossy(), Path::new(""), list()).ok());
+        let found = search(list()).0.into_iter().map(|found| found.path);
+        if named.chain(found).any(|other| is_it(&other)) || is_trusted(path) {
+            return true;
+        }
+        // Nobody is asked while a graph plays, and nobody twice. What is not there is told where it is loaded.
+        let folder = whole.parent().unwrap_or(Path::new("")).to_owned();
+        !whole.exists() || (!self.plays && self.asked.insert(folder) && ask(place.source.path(), &whole))
     }
 
     /// Files of the plugins that the last registry was made of, or was to be.
@@ -62,6 +112,7 @@ impl Kinds {
     pub fn registry(&mut self, graph: Option<&GraphFile>) -> Result<Registry, Failure> {
         let mut made = Made::new(self.apart);
         self.files.clear();
+        self.left_out.clear();
         let list = || std::env::var_os(PATH_VARIABLE);
         for decl in graph.map_or(&[][..], |g| &g.plugins) {
             let place = &decl.place;
@@ -72,8 +123,15 @@ impl Kinds {
             })?;
             // One that does not load is watched all the same: it may be mended.
             self.files.push(path.clone());
+            if !self.may_load(&path, place) {
+                self.left_out.push(untrusted(&path, decl));
+                continue;
+            }
             let added = self.load(&path).and_then(|p| made.add(&p));
             added.map_err(|e| e.related(&place.source, place.span, "named here"))?;
+        }
+        if !self.left_out.is_empty() && !self.looks {
+            return Err(self.left_out.clone().into());
         }
         for named in &self.named.clone() {
             let name = named.to_string_lossy();

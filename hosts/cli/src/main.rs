@@ -17,6 +17,7 @@ mod phase;
 mod render;
 mod simulated;
 mod source;
+mod trust;
 mod watch;
 
 use std::process::ExitCode;
@@ -33,6 +34,9 @@ fn main() -> ExitCode {
     let args = Args::parse();
     let _staying = leave::on_purpose_only();
     heap::limit(args.memory);
+    if args.overwrite {
+        output::overwrite();
+    }
     if let Err(failure) = instructions(args.portable) {
         return failure.report();
     }
@@ -58,6 +62,7 @@ fn main() -> ExitCode {
         Command::Scene(command) => commands::scene::run(&command),
         Command::SelfTest(args) => commands::selftest::run(&args),
         Command::Plugin(command) => commands::plugin::run(&command),
+        Command::Trust(args) => commands::trust::run(&args),
     };
     result.unwrap_or_else(|failure| failure.report())
 }

@@ -16,10 +16,10 @@ use crate::render::report::fact_json;
 
 /// Runs the command.
 pub fn run(args: &Check) -> Result<ExitCode, Failure> {
-    let mut kinds = Kinds::new(&args.graph.plugins.plugin);
+    let mut kinds = Kinds::new(&args.graph.plugins.plugin).looking();
     let graph = load::read(&args.graph, &mut kinds)?;
     let registry = kinds.registry(Some(&graph))?;
-    let schedule = load::compiled(&graph, &args.graph, &registry)?.schedule;
+    let schedule = kinds.judge(load::compiled(&graph, &args.graph, &registry))?.schedule;
     if args.json {
         print(&format!("{:#}\n", as_json(&schedule)))?;
     } else {

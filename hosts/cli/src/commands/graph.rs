@@ -14,10 +14,10 @@ use crate::{load, output};
 
 /// Runs the command.
 pub fn run(args: &Graph) -> Result<ExitCode, Failure> {
-    let mut kinds = Kinds::new(&args.graph.plugins.plugin);
+    let mut kinds = Kinds::new(&args.graph.plugins.plugin).looking();
     let graph = load::read(&args.graph, &mut kinds)?;
     let registry = kinds.registry(Some(&graph))?;
-    let schedule = load::compiled(&graph, &args.graph, &registry)?.schedule;
+    let schedule = kinds.judge(load::compiled(&graph, &args.graph, &registry))?.schedule;
     let svg = output::resolved(&args.svg);
     let mut read = load::files_read(&args.graph, &schedule);
     read.extend(kinds.files().iter().map(|path| (path.clone(), "the graph, as a plugin,".to_owned())));

@@ -20,3 +20,4 @@ pub mod selftest;
 pub mod setup;
 pub mod tone;
 pub mod tradeoff;
+pub mod trust;

@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 
 use tempfile::{NamedTempFile, TempPath};
 
-use super::{PART, Pending, claimed, left_over, sync_folder};
+use super::{PART, Pending, claimed, left_over, made, sync_folder};
 use crate::failure::Failure;
 
 /// A journal's name is that of the first file that it renames, and this.
@@ -35,6 +35,7 @@ pub fn keep_all(files: Vec<Pending>) -> Result<Vec<PathBuf>, Failure> {
     for Pending { path, mut temp } in files {
         std::fs::rename(temp.path(), &path).map_err(|e| Failure::writing(&path, e))?;
         temp.disable_cleanup(true);
+        made::remember(&path);
         kept.push(path);
     }
     folders(&kept).iter().for_each(|path| sync_folder(path));

@@ -1,11 +1,13 @@
 //! Files that appear whole or not at all, and recordings that survive their run.
 
 mod journal;
+mod made;
 mod salvage;
 
 use std::fs::{File, Permissions, TryLockError};
 use std::io::{self, BufWriter, ErrorKind, Write};
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
 use asperity_measure::npy;
 use asperity_source::Diagnostic;
@@ -171,6 +173,34 @@ fn sync_folder(file: &Path) {
 /// Writes a whole text.
 pub fn write_text(path: &Path, text: &str) -> Result<(), Failure> {
     Pending::create(path)?.fill(text)?.keep().map(drop)
+}
+
+/// Whether a graph may write over files that Asperity did not make.
+static OVERWRITE: AtomicBool = AtomicBool::new(false);
+
+/// From here on a graph may write over files that Asperity did not make.
+pub fn overwrite() {
+    OVERWRITE.store(true, Relaxed);
+}
+
+/// Whether a graph may have this file written: below the working directory, and over none that Asperity did
+/// not make. Whoever names a file on the command line may do as they please.
+///
+/// # Errors
+/// Why not.
+pub fn permit(file: &Path) -> Result<(), Diagnostic> {
+    let whole = resolved(file);
+    let here = Path::new(".").canonicalize();
+    if !here.is_ok_and(|here| whole.starts_with(here)) {
+        let what = format!("this graph would write outside of the working directory, to {}", whole.display());
+        return Err(Diagnostic::new(what).help("name the file on the command line: --set NODE.file=FILE"));
+    }
+    if whole.exists() && !OVERWRITE.load(Relaxed) && !made::is_ours(&whole) {
+        let what = format!("this graph would write over {}, which Asperity did not make", file.display());
+        return Err(Diagnostic::new(what)
+            .help("add --overwrite, or name another file on the command line: --set NODE.file=FILE"));
+    }
+    Ok(())
 }
 
 /// A path by which two names of one file are the same, also of a file that is not there yet.

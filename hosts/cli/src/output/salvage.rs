@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use asperity_measure::npy;
 use tempfile::{NamedTempFile, TempPath};
 
-use super::{ending, left_over, sync_folder};
+use super::{ending, left_over, made, sync_folder};
 
 /// A recording's name while it grows is its own name and this.
 pub const GROWING: &str = ".recording";
@@ -50,6 +50,7 @@ pub fn recover(growing: &Path, first: u32) -> io::Result<Recovered> {
         match part.persist_noclobber(&name) {
             Ok(_) => {
                 sync_folder(&name);
+                made::remember(&name);
                 return Ok(Recovered::Kept(name));
             }
             Err(e) if e.error.kind() == io::ErrorKind::AlreadyExists => part = e.file,

@@ -10,7 +10,7 @@ use asperity_source::Diagnostic;
 
 use crate::args::Format;
 use crate::failure::Failure;
-use crate::output::{Pending, Rows, ending, salvage};
+use crate::output::{self, Pending, Rows, ending, salvage};
 
 /// Takes down what a sink's buffer holds after each tick.
 #[derive(Debug)]
@@ -57,6 +57,21 @@ pub fn file_of(node: &ScheduledNode) -> Option<&Path> {
     }
 }
 
+/// Whether a sink may have its file written.
+fn permit(node: &ScheduledNode, file: &Path) -> Result<(), Diagnostic> {
+    match node.params.place("file") {
+        // The person's own word.
+        Some(place) if place.source.path().to_string_lossy().starts_with("--set ") => Ok(()),
+        place => output::permit(file).map_err(|d| {
+            let d = match d.help.clone() {
+                Some(help) => d.help(help.replace("NODE", &node.id)),
+                None => d,
+            };
+            place.into_iter().fold(d, |d, place| d.at(&place.source, place.span))
+        }),
+    }
+}
+
 /// The files that sinks want written, each with the node's id.
 pub fn files(schedule: &Schedule) -> impl Iterator<Item = (PathBuf, String)> {
     schedule.nodes.iter().filter_map(|n| Some((file_of(n)?.to_owned(), n.id.clone())))
@@ -78,6 +93,7 @@ impl Recorder {
     /// A recorder for a node, by its place in the graph; none for one that wants nothing written.
     pub fn for_sink(i: usize, node: &ScheduledNode, open: Open) -> Result<Option<Self>, Failure> {
         let Some(file) = file_of(node) else { return Ok(None) };
+        permit(node, file)?;
         match node.kind.as_str() {
             "probe" => {
                 let Some(port) = &node.inputs[0].port else { return Ok(None) };
