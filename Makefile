@@ -32,12 +32,13 @@ test: setup-tests
 	$(CARGO) test --workspace --no-fail-fast
 
 # The tests that take minutes and, the hard cases, some hours: a million ticks without an allocation, a thousand swaps of the shipped graph, a million ticks live, ten
-# million ticks of nodes that fail, and every reader fuzzed for a minute.
+# million ticks of nodes that fail, sixty times as many hostile cases, and every reader fuzzed for a minute.
 test-long: setup-tests setup-fuzz
 	ASPERITY_LONG_TICKS=1000000 $(CARGO) test -p asperity --test no_alloc
 	ASPERITY_LONG_SWAPS=1000 PROPTEST_CASES=5000 $(CARGO) test -p asperity --test swap_long
 	ASPERITY_LONG_TICKS=1000000 $(CARGO) test -p asperity --test live_long -- --nocapture
 	ASPERITY_STABILITY=long ASPERITY_LONG_TICKS=10000000 PROPTEST_CASES=2000 $(CARGO) test -p asperity --test stability -- --nocapture
+	ASPERITY_HOSTILE=60 $(CARGO) test -p asperity --test hostile -- --nocapture
 	CARGO="$(CARGO)" sh scripts/fuzz.sh 60
 
 # Every reader, for so many seconds each.

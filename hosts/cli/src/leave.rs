@@ -26,6 +26,15 @@ pub fn on_purpose_only() -> Staying {
     Staying
 }
 
+/// A file that grows beyond the shell's limit is an error like a full disk, and no signal that ends the program.
+pub fn not_for_a_long_file() {
+    #[cfg(unix)]
+    // SAFETY: no code of this program is run by it; writing answers with an error from here on.
+    unsafe {
+        libc::signal(libc::SIGXFSZ, libc::SIG_IGN);
+    }
+}
+
 /// Until this is dropped, an end is not meant: dropped as `main` returns or unwinds.
 pub struct Staying;
 

@@ -33,6 +33,7 @@ fn main() -> ExitCode {
     simulated::register();
     let args = Args::parse();
     let _staying = leave::on_purpose_only();
+    leave::not_for_a_long_file();
     heap::limit(args.memory);
     if args.overwrite {
         output::overwrite();
