@@ -16,10 +16,10 @@ mod servers;
 use std::f64::consts::PI;
 
 use common::live::told;
-use ear::heard_from_the_start;
+use ear::{Ear, heard_from_the_start};
 use played::{
-    Counted, Followed, START_S, assert_no_clicks, assert_ramps_down, clicks_where_it_should, counted,
-    first_sound, follow,
+    Counted, Followed, Program, START_S, assert_no_clicks, assert_ramps_down, clicks_where_it_should,
+    counted, first_sound, follow,
 };
 use servers::{Jack, inside, inside_beside_others};
 use std::time::Duration;
@@ -192,30 +192,53 @@ fn a_paced_thread_plays_every_sample_at_1024_frames() {
     plays_what_is_rendered(&Run { period: 1024, end: "TERM", ..RUN });
 }
 
-/// A sine of 1000 A at the actuator's resonance, behind a limiter of this name.
-fn attack(dir: &std::path::Path, limiter: usize) {
-    let text = format!(
+/// A sine of 1000 A at the actuator's resonance, behind a limiter of this name and with these parameters.
+fn attack(limiter: usize, params: &str) -> String {
+    format!(
         r#"Graph(version: 1, nodes: {{
     "tone": (kind: "sine", params: (frequency_hz: 65, amplitude: 1000)),
-    "limiter {limiter}": (kind: "limiter"), "out": (kind: "audio_out"),
+    "limiter {limiter}": (kind: "limiter", params: ({params})), "out": (kind: "audio_out"),
 }}, wires: [("tone", "limiter {limiter}"), ("limiter {limiter}", "out")])"#
-    );
-    std::fs::write(dir.join("new"), text).unwrap();
+    )
+}
+
+/// The same on two channels, whose limiters change their names, and their places.
+fn attack_on_both(n: usize) -> String {
+    let voice = |id: &str, hz: f64| {
+        format!(
+            r#""{id} tone {n}": (kind: "sine", params: (frequency_hz: {hz:?}, amplitude: 1000)),
+               "{id} limiter {n}": (kind: "limiter"), "{id}": (kind: "audio_out"),"#
+        )
+    };
+    let (a, b) = (voice("a", 65.0), voice("b", 300.0));
+    let nodes = if n.is_multiple_of(2) { a + &b } else { b + &a };
+    let wires = ["a", "b"]
+        .map(|id| format!(r#"("{id} tone {n}", "{id} limiter {n}"), ("{id} limiter {n}", "{id}")"#));
+    format!("Graph(version: 1, nodes: {{{nodes}}}, wires: [{}])", wires.join(", "))
+}
+
+fn write(dir: &std::path::Path, graph: &str) {
+    std::fs::write(dir.join("new"), graph).unwrap();
     std::fs::rename(dir.join("new"), dir.join("live.ron")).unwrap();
 }
 
-/// The coil behind a server is given what was heard while the limiter had another name every so often.
-fn stays_within_limits(every: Duration, seconds: usize) -> Result<(), String> {
+/// What is heard while a graph is edited every so often, and what the program counted.
+fn heard_under_attack(
+    graph: impl Fn(usize) -> String,
+    channels: &str,
+    every: Duration,
+    seconds: usize,
+) -> Result<(Vec<[f32; 2]>, Counted), String> {
     let dir = tempfile::tempdir().unwrap();
-    attack(dir.path(), 0);
-    let (program, ear) =
-        heard_from_the_start(dir.path(), &["--watch", "--channel", "1"], (seconds + 30) * 48_000, 1e-3);
+    write(dir.path(), &graph(0));
+    let args = ["--watch", "--channel", channels];
+    let (program, ear) = heard_from_the_start(dir.path(), &args, (seconds + 30) * 48_000, 1e-3);
     let begun = std::time::Instant::now();
-    let mut names = 0;
+    let mut edits = 0;
     while begun.elapsed() < Duration::from_secs(seconds as u64) {
         std::thread::sleep(every);
-        names += 1;
-        attack(dir.path(), names);
+        edits += 1;
+        write(dir.path(), &graph(edits));
     }
     program.signal("INT");
     let said = program.end().ok().err;
@@ -227,12 +250,24 @@ fn stays_within_limits(every: Duration, seconds: usize) -> Result<(), String> {
     }
     let swaps = said.matches("changed:").count();
     assert!(swaps as f64 > 0.5 * seconds as f64 / every.as_secs_f64().max(1.5), "{swaps} swaps: {said}");
-    let used = coil::Coil::new(48_000).play(heard.iter().map(|[x, _]| f64::from(*x))).used;
-    println!("{every:?}: {swaps} swaps, {used:?}");
+    println!("{every:?}: {swaps} swaps");
+    Ok((heard, count))
+}
+
+/// The coil behind a channel of the server is given what was heard there.
+fn judge(heard: &[[f32; 2]], channel: usize, count: &Counted, what: &str) -> coil::Used {
+    let used = coil::Coil::new(48_000).play(heard.iter().map(|frame| f64::from(frame[channel]))).used;
+    println!("{what}: {used:?}");
     // A server that leaves samples out makes steps of its own, and the mover swings as nobody meant.
     let gaps = count.xruns + count.underruns > 0;
     let judged = if gaps { coil::Used { slew: 0.0, stroke: used.stroke / 1.1, ..used } } else { used };
-    judged.assert_within(&format!("renamed every {every:?}, {count:?}"));
+    judged.assert_within(&format!("{what}, {count:?}"));
+    used
+}
+
+fn stays_within_limits(every: Duration, seconds: usize) -> Result<(), String> {
+    let (heard, count) = heard_under_attack(|n| attack(n, ""), "1", every, seconds)?;
+    let used = judge(&heard, 0, &count, &format!("renamed every {every:?}"));
     assert!(used.rms > 0.85, "too careful: {used:?}");
     Ok(())
 }
@@ -257,4 +292,120 @@ fn renamed_limiter_lifts_no_limit_of_a_paced_thread() {
     let Some(_) = inside_beside_others(test, || Jack::start(48_000, 512)) else { return };
     let (intervals, seconds) = attacks();
     intervals.iter().for_each(|s| told(|| stays_within_limits(Duration::from_secs_f64(*s), seconds)));
+}
+
+#[test]
+fn change_of_profile_on_a_server_lifts_no_limit() {
+    let test = "change_of_profile_on_a_server_lifts_no_limit";
+    let Some(_) = inside_beside_others(test, || Jack::start(48_000, 64)) else { return };
+    let dir = tempfile::tempdir().unwrap();
+    let text = std::fs::read_to_string(common::graphs("actuators/hapcoil_one.ron")).unwrap();
+    let weak = dir.path().join("weak.ron").display().to_string();
+    let changed = text.replace("ma_rms: 147.8", "ma_rms: 74").replace("HapCoil-One", "weak");
+    assert_ne!(text, changed);
+    std::fs::write(&weak, changed).unwrap();
+    let graph =
+        |n: usize| if n.is_multiple_of(2) { attack(n, "") } else { attack(n, &format!("profile: {weak:?}")) };
+    let (intervals, seconds) = attacks();
+    for every in intervals.into_iter().map(Duration::from_secs_f64) {
+        told(|| {
+            let (heard, count) = heard_under_attack(graph, "1", every, seconds)?;
+            judge(&heard, 0, &count, &format!("another profile every {every:?}"));
+            Ok(())
+        });
+    }
+}
+
+#[test]
+fn two_outputs_on_a_server_stay_within_their_limits() {
+    let test = "two_outputs_on_a_server_stay_within_their_limits";
+    let Some(_) = inside_beside_others(test, || Jack::start(48_000, 64)) else { return };
+    let (intervals, seconds) = attacks();
+    for every in intervals.into_iter().map(Duration::from_secs_f64) {
+        told(|| {
+            let (heard, count) = heard_under_attack(attack_on_both, "1,2", every, seconds)?;
+            (0..2).for_each(|channel| {
+                let used =
+                    judge(&heard, channel, &count, &format!("output {channel}, renamed every {every:?}"));
+                assert!(used.rms > 0.8, "too careful: {used:?}");
+            });
+            Ok(())
+        });
+    }
+}
+
+#[test]
+fn runs_in_a_row_on_a_server_heat_the_coil_no_more_than_one() {
+    let test = "runs_in_a_row_on_a_server_heat_the_coil_no_more_than_one";
+    let Some(_) = inside_beside_others(test, || Jack::start(48_000, 64)) else { return };
+    told(|| {
+        let dir = tempfile::tempdir().unwrap();
+        let state = tempfile::tempdir().unwrap();
+        write(dir.path(), &attack(0, ""));
+        let mut coil = coil::Coil::new(48_000);
+        let mut ended: Option<std::time::Instant> = None;
+        for n in 0..4 {
+            let ear = Ear::new(60 * 48_000);
+            let mut command = common::asperity(dir.path());
+            command.env("ASPERITY_STATE", state.path());
+            command.args(["run", "live.ron", "--report", "report.json", "--host", "jack", "--channel", "1"]);
+            let program = Program::of(command);
+            ear.hear(program.id());
+            ear.wait(4 * 48_000);
+            program.signal("INT");
+            program.end().ok();
+            let heard = ear.stop();
+            let count = counted(dir.path());
+            if count.losses + count.xruns + count.underruns > 0 {
+                return Err(format!("run {n}: {count:?}"));
+            }
+            // It lay still for no longer than it was not heard.
+            let still = ended.map_or(0.0, |at| at.elapsed().as_secs_f64() - heard.len() as f64 / 48_000.0);
+            coil.rest(still.max(0.0));
+            ended = Some(std::time::Instant::now());
+            coil.play(heard.iter().map(|[x, _]| f64::from(*x)));
+            println!("run {n}: {:?}", coil.used);
+            coil.used.assert_within(&format!("run {n}"));
+        }
+        assert!(coil.used.rms > 0.85, "too careful: {:?}", coil.used);
+        Ok(())
+    });
+}
+
+#[test]
+fn server_that_was_lost_finds_its_coil_as_warm_as_it_was() {
+    let test = "server_that_was_lost_finds_its_coil_as_warm_as_it_was";
+    let Some(server) = inside(test, || Jack::start(48_000, 256)) else { return };
+    told(|| {
+        let dir = tempfile::tempdir().unwrap();
+        write(dir.path(), &attack(0, ""));
+        let (mut program, ear) = heard_from_the_start(dir.path(), &["--channel", "1"], 60 * 48_000, 1e-3);
+        ear.wait(5 * 48_000);
+        server.stop();
+        program.wait_until_said("is lost: ");
+        server.go_on();
+        program.wait_until_said("` is back");
+        let before = ear.stop();
+        let ear = Ear::new(60 * 48_000);
+        ear.hear(program.id());
+        ear.wait(5 * 48_000);
+        program.signal("INT");
+        program.end().ok();
+        let after = ear.stop();
+        let current = |heard: &[[f32; 2]]| heard.iter().map(|[x, _]| f64::from(*x)).collect::<Vec<_>>();
+        let mut coil = coil::Coil::new(48_000);
+        coil.play(current(&before));
+        assert!(coil.used.rms > 0.85, "too careful: {:?}", coil.used);
+        // Where the mover was when the ear joined is not known: it settles first. How warm the coil was is.
+        let swings = coil.used;
+        coil.rest(0.0);
+        let (first, rest) = after.split_at(after.len().min(24_000));
+        coil.play(current(first));
+        coil.used = coil::Used { stroke: swings.stroke, slew: swings.slew, ..coil.used };
+        coil.play(current(rest));
+        println!("lost and back: {swings:?}, then {:?}", coil.used);
+        // Samples that the server left out as it was stopped are steps of its own.
+        coil::Used { slew: 0.0, stroke: coil.used.stroke / 1.1, ..coil.used }.assert_within("lost and back");
+        Ok(())
+    });
 }

@@ -84,8 +84,14 @@ pub(crate) struct Program {
 impl Program {
     /// Starts it in a folder.
     pub(crate) fn start(dir: &Path, args: &[&str]) -> Self {
-        let mut command: Command = asperity(dir);
-        command.args(args).stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        let mut command = asperity(dir);
+        command.args(args);
+        Self::of(command)
+    }
+
+    /// Starts it by this command.
+    pub(crate) fn of(mut command: Command) -> Self {
+        command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
         let mut child = command.spawn().expect("the program starts");
         let said = Arc::new(Mutex::new(String::new()));
         let listener = listen(child.stderr.take().expect("a pipe"), Arc::clone(&said));
