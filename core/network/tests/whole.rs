@@ -114,3 +114,20 @@ fn weights_of_8_bits_that_are_not_enough_give_way_to_f16_and_the_report_says_so(
     assert!(runner.describe().report.contains("int8 weights refused: "), "{}", runner.describe().report);
     assert!(runner.is_allocation_free());
 }
+
+#[test]
+fn small_f16_weights_count_on_a_thread_that_flushes_denormals() {
+    // Scaled to the largest of their column, these are subnormal halves.
+    let mut made = Net::random(11);
+    for (i, weight) in made.predictor[1].weights.iter_mut().enumerate() {
+        *weight *= if i % 7 == 0 { 1.0 } else { 1e-6 };
+    }
+    let model = Model::from_bytes(&bytes(&model(&made, Spelling::default())), "n").unwrap();
+    let motion = &motions(1, 5)[2];
+    for isa in Precision::F16.isas() {
+        let mut runner = model.runner(&textures(1, 2), Precision::F16, Choice::Packed(isa)).unwrap();
+        let before = run(&mut runner, motion);
+        let _flushed = asperity_dsp::denormals::Flushed::new();
+        assert_eq!(before.map(f32::to_bits), run(&mut runner, motion).map(f32::to_bits), "{isa:?}");
+    }
+}
