@@ -153,7 +153,7 @@ fn report_says_which_instructions_computed_it() {
 }
 
 #[test]
-fn weights_of_any_precision_are_used_without_vector_instructions() {
+fn weights_of_any_precision_run_without_vector_instructions() {
     let dir = tempfile::tempdir().unwrap();
     let graph = graphs("heravi2024.ron").display().to_string();
     for precision in ["f16", "int8"] {

@@ -86,7 +86,7 @@ fn no_command_loads_native_code_of_a_graph_that_is_not_trusted() {
 }
 
 #[test]
-fn plugin_is_loaded_where_the_person_named_it_or_trusts_its_folder() {
+fn plugin_that_is_named_or_trusted_is_loaded() {
     let it = Stranger::new();
     it.renders(&mut it.program(), &["--plugin", "plugins/libtold.so"]);
     it.renders(it.program().env("ASPERITY_PLUGIN_PATH", "plugins"), &[]);
@@ -153,7 +153,7 @@ fn person_at_a_terminal_is_asked_once_for_a_folder() {
 }
 
 #[test]
-fn graph_that_plays_is_not_edited_into_one_with_a_strangers_plugin() {
+fn edit_to_a_strangers_plugin_does_not_reach_the_run() {
     let it = Stranger::new();
     let strange = fs::read_to_string(it.path("g.ron")).unwrap();
     let own = r#"Graph(version: 1, nodes: {"wave": (kind: "sine"), "guard": (kind: "limiter"), "out": (kind: "audio_out")},

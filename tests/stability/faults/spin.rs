@@ -244,7 +244,7 @@ fn plugin_that_never_returns_is_cut_out_and_the_graph_goes_on() {
 
 /// Called in place, it keeps the tick for ever; time goes on all the same, and the run ends when it is to.
 #[test]
-fn run_in_place_with_a_plugin_that_spins_ends_in_time_and_names_it() {
+fn run_in_place_with_a_stuck_plugin_ends_in_time() {
     let dir = tempfile::tempdir().expect("a folder");
     write_spinning(dir.path());
     let args = ["run", "g.ron", "--device", "simulated:frames=1024", "--clock", "paced", "--in-place"];
