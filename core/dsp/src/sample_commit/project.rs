@@ -13,10 +13,9 @@ const HINT: f64 = 1e-6;
 /// Below any square that counts, and keeps 0 / 0 from being NaN.
 pub(super) const TINY: f64 = 1e-36;
 
-/// Fewer frames than this are transformed one by one. A batch takes as long however few are in it: with one
-/// a frame, of two frames, a push takes 1.8 us at N = 250 and 35 at 4800; with two frames one by one it
-/// takes 1.6 and 18 (f32, AVX-512).
-const FEW: usize = 3;
+/// Fewer frames than this are transformed one by one. A batch takes as long however few are in it, and a plain transform
+/// half as long.
+const FEW: usize = 2;
 
 /// Frames to be projected, and the sum that they are added to.
 pub(super) struct Call<'a, T> {
