@@ -122,6 +122,36 @@ fn shipped_renders_have_the_kept_bits_on_a_cpu_of_2008() {
     });
 }
 
+/// tract has kernels of its own for each CPU. What it may differ by is stated in docs/accuracy.md.
+#[test]
+fn network_by_tract_stays_within_its_tolerance_on_an_old_cpu() {
+    let Some(emulator) = emulator() else { return };
+    let dir = tempfile::tempdir().unwrap();
+    let graph = graphs("heravi2024.ron").display().to_string();
+    let render = |mut program: Command, name: &str| {
+        program.args([
+            "render",
+            &graph,
+            "--set",
+            "texture.executor=tract",
+            "--seconds",
+            SECONDS,
+            "--out",
+            name,
+        ]);
+        let out = program.output().expect("the program starts");
+        assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
+        common::wav(&dir.path().join(name)).0
+    };
+    let mut old = Command::new(emulator);
+    old.args(["-cpu", OLD_CPU]).arg(asperity(dir.path()).get_program());
+    old.current_dir(dir.path()).env("ASPERITY_STATE", "");
+    let (here, there) = (render(asperity(dir.path()), "here.wav"), render(old, "there.wav"));
+    let peak = here.iter().fold(0.0_f32, |peak, x| peak.max(x.abs()));
+    let off = here.iter().zip(&there).fold(0.0_f32, |off, (a, b)| off.max((a - b).abs()));
+    assert!(peak > 0.01 && here.len() == there.len() && off < 1e-4 * peak, "{off} of {peak}");
+}
+
 /// The emulator, where it is installed.
 fn emulator() -> Option<PathBuf> {
     if !cfg!(all(target_os = "linux", target_arch = "x86_64")) {
