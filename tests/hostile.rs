@@ -9,6 +9,8 @@ mod common;
 
 #[path = "hostile/arguments.rs"]
 mod arguments;
+#[path = "hostile/budgets.rs"]
+mod budgets;
 #[path = "hostile/judge.rs"]
 mod judge;
 #[path = "hostile/kills.rs"]

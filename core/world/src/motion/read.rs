@@ -41,6 +41,9 @@ struct Column {
     unit: &'static str,
 }
 
+/// Most cells of a line; of each the place is kept.
+const MOST_CELLS: usize = 10_000;
+
 const TIME: usize = 0;
 const FORCE: usize = 4;
 const SPEED: usize = 5;
@@ -262,6 +265,11 @@ impl<'a> Lines<'a> {
                     b'#' => start = self.text[start..].find('\n').map_or(self.text.len(), |i| start + i + 1),
                     _ => break,
                 }
+            }
+            if self.record.len() > MOST_CELLS {
+                let what = format!("a line of {} cells", self.record.len());
+                let help = format!("at most {MOST_CELLS}; {HEADER_HELP}");
+                return Err(Diagnostic::new(what).at(source, Span::at(start)).help(help));
             }
             let mut cells = Vec::with_capacity(self.record.len());
             for field in &self.record {

@@ -155,3 +155,11 @@ proptest! {
         prop_assert_eq!(&text[place.span.start..place.span.end], "bäd");
     }
 }
+
+#[test]
+fn line_of_very_many_cells_is_refused_before_they_are_kept() {
+    let text = format!("# a comment\n{}\n", "1,".repeat(MOST_CELLS));
+    let source = Source::new("t.csv", text);
+    let e = Trajectory::parse(&source, &TrajectoryOptions::default()).unwrap_err().to_string();
+    assert!(e.contains("t.csv:2:1") && e.contains("a line of 10001 cells"), "{e}");
+}
