@@ -78,7 +78,7 @@ header: setup
 
 # Writes the hard cases into docs/stability.md anew.
 stability-docs: setup
-	ASPERITY_WRITE_STABILITY=1 $(CARGO) test -p asperity-stability --test docs
+	ASPERITY_WRITE_STABILITY=1 $(CARGO) test -p asperity-checks --test docs
 
 # Trains the model of the made surfaces again; checkpoints lie in $(OUT).
 train: setup

@@ -12,15 +12,15 @@
 
 use std::sync::Arc;
 
-use asperity_dataset::felt::Hand;
-use asperity_dataset::made::{Ground, pitch_mm, surface, surfaces};
+use asperity_accuracy::accuracy::rhythm::{Rhythm, envelope, repeats_at};
+use asperity_data::felt::Hand;
+use asperity_data::made::{Ground, pitch_mm, surface, surfaces};
 use asperity_engine::Options;
 use asperity_graph::GraphFile;
-use asperity_measure::accuracy::rhythm::{Rhythm, envelope, repeats_at};
+use asperity_motion::{Shape, Stroke, StrokeParams};
 use asperity_nodes::registry;
 use asperity_plot::{Pulses, PulsesRow, Pulsing};
-use asperity_study::{Chain, Path3};
-use asperity_world::motion::{Shape, Stroke, StrokeParams};
+use asperity_tradeoff::{Chain, Path3};
 
 /// Two of each family.
 const MATERIALS: [&str; 16] = [

@@ -9,11 +9,11 @@ use std::fmt::Write as _;
 use std::path::Path;
 use std::time::Instant;
 
+use asperity_accuracy::timing::Timing;
 use asperity_engine::{Clock, Engine, NoClock, Options};
 use asperity_graph::compile;
-use asperity_measure::timing::Timing;
+use asperity_scene::{Kind, Scene};
 use asperity_scene::{Lowering, lower};
-use asperity_world::scene::{Kind, Scene};
 
 const COUNTS: [usize; 5] = [1, 10, 100, 1000, 10_000];
 const ROUNDS: usize = 6000;

@@ -3,9 +3,9 @@
 
 use std::time::Instant;
 
+use asperity_accuracy::timing::Timing;
 use asperity_engine::{Engine, Options};
 use asperity_graph::{GraphFile, compile};
-use asperity_measure::timing::Timing;
 
 const GRAPH: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../graphs/heravi2024.ron");
 

@@ -8,15 +8,15 @@
 use std::hint::black_box;
 use std::time::{Duration, Instant};
 
+use asperity_accuracy::timing::Timing;
+use asperity_diagnostics::Source;
 use asperity_engine::{Clock, Engine, NoClock, Options};
 use asperity_graph::{GraphFile, compile};
-use asperity_measure::timing::Timing;
-use asperity_network::{Choice, Model, Precision, Runner};
 use asperity_node::{
     Descriptor, Diagnostic, Input, Node, Output, Registry, Setup, ShapeSpec, Status, Tick, Unit,
 };
-use asperity_source::Source;
-use asperity_world::material::Library;
+use asperity_texture::Library;
+use asperity_texture::{Choice, Model, Precision, Runner};
 
 const GRAPH: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../graphs/heravi2024.ron");
 const MODEL: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../graphs/models/surfaces/texture.onnx");

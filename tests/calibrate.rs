@@ -6,7 +6,7 @@ use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::process::Stdio;
 
-use asperity_world::actuator::ActuatorProfile;
+use asperity_actuator::ActuatorProfile;
 use common::live::told;
 use common::{Ran, asperity, files, graphs, json, run, wav};
 

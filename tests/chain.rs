@@ -5,10 +5,10 @@ mod common;
 use std::f64::consts::{PI, TAU};
 use std::path::Path;
 
-use asperity_dataset::Spectrometer;
-use asperity_world::material::BINS;
-use asperity_world::stylus::{Moment, SAMPLE_HZ, Stylus, Tool};
-use asperity_world::topography::{Family, MadeSurface};
+use asperity_data::Spectrometer;
+use asperity_dsp::frame::BINS;
+use asperity_surfaces::stylus::{Moment, SAMPLE_HZ, Stylus, Tool};
+use asperity_surfaces::topography::{Family, MadeSurface};
 use common::{graphs, run};
 
 /// A trajectory at 1 kHz from a function of time to x, y, z.
@@ -36,7 +36,7 @@ fn probed(trajectory: &str, sets: &[&str], ports: &[&str]) -> Vec<(Vec<f32>, usi
     }
     run(dir.path(), &args.iter().map(String::as_str).collect::<Vec<_>>()).ok();
     let read = |path: &Path| {
-        let array = asperity_measure::npy::read(path).unwrap();
+        let array = asperity_accuracy::npy::read(path).unwrap();
         let columns = array.shape.get(1).copied().unwrap_or(1);
         (array.values.into_f32(), columns)
     };
@@ -155,7 +155,7 @@ fn felt_by_a_pen(surface: &MadeSurface) -> [f64; BINS] {
 fn the_shipped_network_answers_what_a_pen_feels() {
     // Steady: 100 mm/s and 1 N.
     let trajectory = csv(1.0, |t| [100.0 * t, 0.0, -2.0]);
-    let surfaces = asperity_world::topography::made_surfaces();
+    let surfaces = asperity_surfaces::topography::made_surfaces();
     // one of each family, and never one that was held apart
     let some: Vec<&MadeSurface> = surfaces.iter().skip(5).step_by(14).collect();
     // power over 50 Hz
@@ -226,7 +226,7 @@ fn a_control_picks_among_preloaded_materials() {
 
 #[test]
 fn the_drive_makes_a_simulated_handle_do_what_was_wanted() {
-    use asperity_world::actuator::{ActuatorProfile, Drive, Dynamics, Plant};
+    use asperity_actuator::{ActuatorProfile, Drive, Dynamics, Plant};
     let profile = ActuatorProfile::read(graphs("actuators/hapcoil_one.ron")).expect("the profile");
     let dynamics = Dynamics::new(&profile, 100.0).expect("the actuator");
     let trajectory = csv(2.0, |t| [100.0 * t, 0.0, -1.0]);

@@ -5,7 +5,7 @@ mod common;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
-use asperity_measure::{npy, phase};
+use asperity_accuracy::{npy, phase};
 use common::{files, root, run};
 use serde_json::Value;
 

@@ -2,10 +2,10 @@
 
 mod common;
 
+use asperity_diagnostics::Source;
 use asperity_engine::{Engine, Options};
 use asperity_graph::{Compiled, GraphFile, Schedule, Step, compile};
 use asperity_node::{Buffer, Latency};
-use asperity_source::Source;
 use proptest::prelude::*;
 
 fn compiled(text: &str) -> Result<Compiled, String> {

@@ -6,7 +6,7 @@ mod counting;
 
 use std::sync::Arc;
 
-use asperity_conformance::{Heap, Outcome, Subject, Touched, Verdict, cases, tick_time};
+use asperity_checks::conformance::{Heap, Outcome, Subject, Touched, Verdict, cases, tick_time};
 use asperity_engine::{Engine, Options};
 use asperity_graph::{GraphFile, compile};
 use asperity_node::{NodeKind, Param, ParamKind};
@@ -163,7 +163,7 @@ fn every_shipped_graph_says_what_it_shows_and_compiles() {
 fn the_graph_in_the_readme_compiles() {
     let readme = std::fs::read_to_string(common::root().join("README.md")).unwrap();
     let block = readme.split("```ron\n").nth(1).and_then(|rest| rest.split("```").next()).expect("a graph");
-    let graph = GraphFile::parse(&asperity_source::Source::new("README.md", block)).unwrap();
+    let graph = GraphFile::parse(&asperity_diagnostics::Source::new("README.md", block)).unwrap();
     let mut e = engine(&graph);
     for _ in 0..1000 {
         e.tick();

@@ -1,12 +1,12 @@
 //! From pictures to materials, as a user does it: `asperity encode`, `asperity materials`.
 
 mod common;
-#[path = "../core/network/tests/common/mod.rs"]
+#[path = "../core/texture/tests/common/mod.rs"]
 mod networks;
 
 use std::path::Path;
 
-use asperity_world::material::{Library, LibraryMaterial};
+use asperity_texture::{Library, LibraryMaterial};
 use common::{Ran, files, json, run};
 use image::{Rgb, RgbImage};
 

@@ -3,10 +3,10 @@
 #[path = "common/nodes.rs"]
 mod nodes;
 
+use asperity_diagnostics::Source;
 use asperity_engine::{Engine, FAULTS_BEFORE_QUARANTINE, Options};
 use asperity_graph::{GraphFile, compile};
 use asperity_node::{Buffer, Fault};
-use asperity_source::Source;
 use nodes::{TestClock, registry};
 
 fn engine_with(nodes: &str, wires: &str, options: Options) -> Engine {

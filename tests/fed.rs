@@ -1,9 +1,9 @@
 //! What a host gives to a graph, and time that goes by without ticks.
 
+use asperity_diagnostics::Source;
 use asperity_engine::{Controller, Engine};
 use asperity_graph::{GraphFile, compile};
 use asperity_node::{Buffer, Registry};
-use asperity_source::Source;
 
 fn graph(nodes: &str, wires: &str) -> GraphFile {
     let text = format!(

@@ -7,7 +7,7 @@ mod stroke;
 use std::f64::consts::TAU;
 use std::path::Path;
 
-use asperity_world::autoregressive::{Filter, Model, TextureFile};
+use asperity_autoregressive::{Filter, Model, TextureFile};
 use common::{Ran, files, graphs, json, run};
 use serde_json::Value;
 use stroke::{COLUMNS, row, stroke, table, table_of, write_npy};

@@ -4,7 +4,7 @@ mod common;
 
 use std::path::{Path, PathBuf};
 
-use asperity_measure::{npy, phase};
+use asperity_accuracy::{npy, phase};
 use common::{files, root, run, wav};
 
 fn data(name: &str) -> PathBuf {

@@ -13,12 +13,12 @@ use std::path::Path;
 use std::time::Duration;
 
 use asperity_audio::simulated::Simulated;
+use asperity_diagnostics::Source;
 use asperity_graph::{Compiled, GraphFile, compile};
 use asperity_live::SessionOptions;
 use asperity_live::driver::Clock;
+use asperity_scene::Scene;
 use asperity_scene::{Lowering, lower};
-use asperity_source::Source;
-use asperity_world::scene::Scene;
 use chromium::Chromium;
 use common::live::{Live, npy, rms, told};
 use common::{graphs, json};

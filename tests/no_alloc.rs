@@ -4,11 +4,11 @@
 mod any_node;
 mod common;
 
+use asperity_diagnostics::Source;
 use asperity_engine::{Engine, Options};
 use asperity_graph::{GraphFile, compile};
+use asperity_scene::Scene;
 use asperity_scene::{Lowering, lower};
-use asperity_source::Source;
-use asperity_world::scene::Scene;
 use assert_no_alloc::{AllocDisabler, assert_no_alloc, reset_violation_count, violation_count};
 
 #[global_allocator]

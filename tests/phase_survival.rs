@@ -8,15 +8,15 @@ mod drive;
 use std::f64::consts::PI;
 use std::sync::Arc;
 
+use asperity_accuracy::phase::{self, Score};
+use asperity_diagnostics::Source;
 use asperity_engine::{Engine, Options};
 use asperity_graph::{Compiled, GraphFile, compile};
 use asperity_loader::Plugin;
-use asperity_measure::phase::{self, Score};
 use asperity_node::{
     Buffer, Descriptor, Diagnostic, FactValue, FrameLayout, FrameRate, LayoutSpec, Node, NodeKind, Output,
     Param, Registry, Setup, ShapeSpec, Status, Tick, Unit,
 };
-use asperity_source::Source;
 use common::plugins;
 
 const BINS: usize = 101;

@@ -4,7 +4,7 @@ mod common;
 
 use std::path::{Path, PathBuf};
 
-use asperity_conformance::cases;
+use asperity_checks::conformance::cases;
 use common::{Ran, plugins, run};
 
 /// Builds the C plugin, broken in one way or not at all.

@@ -5,8 +5,8 @@ mod common;
 use std::fs;
 use std::path::Path;
 
+use asperity_accuracy::npy;
 use asperity_loader::Plugin;
-use asperity_measure::npy;
 use common::{graphs, json, plugins, root, run, wav};
 
 /// What loading a file says.

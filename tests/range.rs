@@ -1,7 +1,7 @@
 //! A network that is given what it was not trained on: held to the range, and said.
 
 mod common;
-#[path = "../core/network/tests/common/mod.rs"]
+#[path = "../core/texture/tests/common/mod.rs"]
 mod networks;
 
 use std::path::Path;

@@ -160,7 +160,7 @@ fn the_level_does_not_depend_on_tick_rate_or_synthesis() {
             args.extend(["--set", s]);
         }
         run(dir.path(), &args).ok();
-        let a = asperity_measure::npy::read(dir.path().join("a.npy")).unwrap().values.into_f32();
+        let a = asperity_accuracy::npy::read(dir.path().join("a.npy")).unwrap().values.into_f32();
         let second = a.len() / 6;
         20.0 * rms(&a[2 * second..5 * second]).log10()
     };
@@ -188,7 +188,7 @@ fn there_is_silence_off_the_surface_and_at_rest() {
             &["render", &heravi(), "--input", "t.csv", "--probe", "gate.out=a.npy", "--report", "r.json"],
         )
         .ok();
-        let a = asperity_measure::npy::read(dir.path().join("a.npy")).unwrap().values.into_f32();
+        let a = asperity_accuracy::npy::read(dir.path().join("a.npy")).unwrap().values.into_f32();
         let report = json(&dir.path().join("r.json"));
         let nodes = report["nodes"].as_array().unwrap();
         let network = nodes.iter().find(|n| n["id"] == "texture").unwrap();
@@ -234,7 +234,7 @@ fn a_grating_is_felt_at_speed_over_wavelength() {
         &["render", &heravi(), "--input", "t.csv", "--set", &material, "--probe", "synthesis=a.npy"],
     )
     .ok();
-    let a = asperity_measure::npy::read(dir.path().join("a.npy")).unwrap().values.into_f32();
+    let a = asperity_accuracy::npy::read(dir.path().join("a.npy")).unwrap().values.into_f32();
     let steady = &a[2500..7 * 2500];
     let power = |hz: f64| {
         // Mean power of Hann-windowed segments of 0.1 s at one frequency.
@@ -289,7 +289,7 @@ fn probes_record_every_kind_of_port() {
     assert_eq!(lines[0], "t_s,0 [mm],1 [mm],2 [mm]");
     assert_eq!(lines.len(), 501);
     assert!(lines[250].starts_with("0.498,"), "{}", lines[250]);
-    let shape = |n: &str| asperity_measure::npy::read(dir.path().join(n)).unwrap().shape;
+    let shape = |n: &str| asperity_accuracy::npy::read(dir.path().join(n)).unwrap().shape;
     assert_eq!(shape("v.npy"), [500]);
     assert_eq!(shape("m.npy")[1], 101);
     assert_eq!(shape("s.npy")[1], 202);
@@ -310,7 +310,7 @@ fn a_recorded_force_and_speed_are_outputs_of_their_own() {
                  wires: [(\"t.force\", \"p\"), (\"t.speed\", \"q\")])";
     std::fs::write(dir.path().join("g.ron"), graph).unwrap();
     run(dir.path(), &["render", "g.ron"]).ok();
-    let read = |n: &str| asperity_measure::npy::read(dir.path().join(n)).unwrap().values.into_f32();
+    let read = |n: &str| asperity_accuracy::npy::read(dir.path().join(n)).unwrap().values.into_f32();
     let (force, speed) = (read("f.npy"), read("v.npy"));
     assert_eq!(force.len(), 500);
     for (k, f) in force.iter().enumerate() {

@@ -61,7 +61,7 @@ fn the_chain_answers_a_step_of_speed_as_late_as_its_parts_say() {
         "audio rate=b.npy",
     ];
     run(dir.path(), &args).ok();
-    let read = |n: &str| asperity_measure::npy::read(dir.path().join(n)).unwrap().values.into_f32();
+    let read = |n: &str| asperity_accuracy::npy::read(dir.path().join(n)).unwrap().values.into_f32();
     let synthesis = half_way_ms(&read("a.npy"), 2500);
     let audio = half_way_ms(&read("b.npy"), 48_000);
     println!("response lag: {synthesis:.1} ms at the synthesis, {audio:.1} ms at the audio rate");

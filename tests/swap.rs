@@ -7,10 +7,10 @@ mod swaps;
 #[path = "common/tones.rs"]
 mod tones;
 
+use asperity_diagnostics::Source;
 use asperity_engine::{Change, Finished, MAX_SWAPS, ParameterError, SwapError, SwapReport};
 use asperity_graph::GraphFile;
 use asperity_node::Buffer;
-use asperity_source::Source;
 use assert_no_alloc::{assert_no_alloc, violation_count};
 use swaps::{FADE, Rig, SINE, STEEPEST, TICK, compiled, compiled_file, graph, largest_step};
 

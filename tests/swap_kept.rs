@@ -9,10 +9,10 @@ mod tones;
 
 use std::sync::Arc;
 
+use asperity_diagnostics::Source;
 use asperity_engine::{Change, SwapReport};
 use asperity_graph::{Compiled, GraphFile, compile};
 use asperity_node::{Buffer, Config, Descriptor, Diagnostic, NodeKind, Ports, Processor, Setup};
-use asperity_source::Source;
 use swaps::{Rig, STEEPEST, TICK, compiled, compiled_file, graph, largest_step};
 
 /// Why a node is rebuilt; nothing where it is not.

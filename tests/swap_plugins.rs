@@ -7,11 +7,11 @@ mod counting;
 use std::fs;
 use std::sync::Arc;
 
+use asperity_diagnostics::Source;
 use asperity_engine::{CROSSFADE_S, Engine, Options};
 use asperity_graph::{Compiled, GraphFile, compile};
 use asperity_loader::{Loader, Plugin, loaded_copies};
 use asperity_node::{Buffer, FactValue, NodeKind};
-use asperity_source::Source;
 use common::plugins;
 use counting::{Who, assert_it_counts, bind, look, own, touched};
 

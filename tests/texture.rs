@@ -10,7 +10,7 @@ use asperity_dsp::{Framing, ShapedNoise};
 use asperity_engine::{Engine, Options};
 use asperity_graph::{Compiled, GraphFile, compile};
 use asperity_node::{Buffer, FactValue};
-use asperity_world::material::Library;
+use asperity_texture::Library;
 use common::{graphs, retrieving, run};
 
 /// A shipped graph, edited, with some settings.
@@ -20,7 +20,7 @@ fn compiled(graph: &str, edit: impl FnOnce(&mut GraphFile), sets: &[String]) -> 
     for set in sets {
         graph.set(set, "test").unwrap_or_else(|e| panic!("{e}"));
     }
-    let all = |errors: Vec<asperity_source::Diagnostic>| {
+    let all = |errors: Vec<asperity_diagnostics::Diagnostic>| {
         panic!("{sets:?}: {}", errors.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n"))
     };
     compile(&graph, &nodes::registry(), Default::default()).unwrap_or_else(all)

@@ -3,18 +3,18 @@
 
 use std::path::Path;
 
-use asperity_dataset::recordings;
+use asperity_accuracy::npy;
+use asperity_actuator::ActuatorProfile;
+use asperity_autoregressive::{TextureFile, toolkit};
+use asperity_data::recordings;
+use asperity_data::wav::Wav;
+use asperity_diagnostics::Source;
 use asperity_graph::{GraphFile, compile};
-use asperity_measure::npy;
-use asperity_network::Model;
+use asperity_motion::{Trajectory, TrajectoryOptions};
+use asperity_scene::Scene;
 use asperity_scene::{Lowering, lower};
-use asperity_source::Source;
-use asperity_world::actuator::ActuatorProfile;
-use asperity_world::autoregressive::{TextureFile, toolkit};
-use asperity_world::material::Library;
-use asperity_world::motion::{Trajectory, TrajectoryOptions};
-use asperity_world::scene::Scene;
-use asperity_world::wav::Wav;
+use asperity_texture::Library;
+use asperity_texture::Model;
 
 /// A reader: its name, what it does with a file's bytes, and what it may hold at most.
 pub(crate) struct Reader {

@@ -6,12 +6,12 @@ use std::time::{Duration, Instant};
 
 use asperity_audio::Request;
 use asperity_audio::simulated::{Params, Simulated};
+use asperity_diagnostics::Source;
 use asperity_engine::{Engine, Options};
 use asperity_graph::{Compiled, GraphFile, compile};
 use asperity_live::driver::Clock;
 use asperity_live::{Ended, Ends, MicReader, MicWriter, Reins, Session, SessionOptions, conduct};
 use asperity_node::{Buffer, Registry};
-use asperity_source::Source;
 
 /// A graph from its rates, nodes and wires.
 pub fn graph(

@@ -2,10 +2,10 @@
 // Every test file uses a part of this, and none of it is for anybody else.
 #![allow(dead_code, unreachable_pub)]
 
+use asperity_diagnostics::Source;
 use asperity_engine::{Controller, Engine, Options, SwapReport};
 use asperity_graph::{Compiled, GraphFile, compile};
 use asperity_node::Buffer;
-use asperity_source::Source;
 use assert_no_alloc::{AllocDisabler, assert_no_alloc, violation_count};
 
 use crate::{nodes, tones};

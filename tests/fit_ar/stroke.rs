@@ -6,8 +6,8 @@ use std::f64::consts::PI;
 use std::path::Path;
 use std::sync::{Arc, OnceLock};
 
-use asperity_measure::npy;
-use asperity_world::autoregressive::{Model, Synthesis, TextureFile};
+use asperity_accuracy::npy;
+use asperity_autoregressive::{Model, Synthesis, TextureFile};
 
 use super::common::graphs;
 

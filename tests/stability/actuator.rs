@@ -2,9 +2,9 @@
 
 use std::sync::Arc;
 
+use asperity_actuator::{ActuatorProfile, Drive, Dynamics};
+use asperity_checks::{Effort, Not, Piece, Place, Sound, Subject, limited, wrap};
 use asperity_node::{NodeKind, Param, Status};
-use asperity_stability::{Effort, Not, Piece, Place, Sound, Subject, limited, wrap};
-use asperity_world::actuator::{ActuatorProfile, Drive, Dynamics};
 use proptest::prelude::*;
 
 use crate::{fails, graph, holds, plugin, scene, subject};

@@ -3,11 +3,10 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use asperity_autoregressive::{Filter, Texture};
+use asperity_checks::{Subject, Verdict, wrap};
+use asperity_diagnostics::ron;
 use asperity_node::{Fault, Setup, Source, Status, random};
-use asperity_source::ron;
-use asperity_stability::{Subject, Verdict, wrap};
-use asperity_world::autoregressive::{Filter, Texture};
-use asperity_world::scene;
 
 use crate::{case, fails, graph, holds, scene as shipped, subject};
 
@@ -29,7 +28,8 @@ fn after(
 fn first(setup: &Setup<'_>) -> Arc<Texture> {
     let text = setup.params.texts("models").first().cloned().unwrap_or_default();
     let value = ron::parse(&Source::new(PathBuf::new(), text.as_str())).expect("a text");
-    let Ok(scene::Texture::Autoregressive { model, .. }) = scene::Texture::parse(&value) else {
+    let Ok(asperity_scene::Texture::Autoregressive { model, .. }) = asperity_scene::Texture::parse(&value)
+    else {
         panic!("a texture")
     };
     Arc::new(Texture::read(model).expect("a texture"))

@@ -2,10 +2,10 @@
 
 use std::sync::Arc;
 
+use asperity_checks::{Effort, Subject, wrap};
 use asperity_live::{Dll, RemoteClock};
 use asperity_node::random::uniform;
 use asperity_node::{Fault, NodeKind, Param, Status, time};
-use asperity_stability::{Effort, Subject, wrap};
 
 use crate::{fails, graph, holds, plugin, scene, subject};
 

@@ -1,7 +1,7 @@
 //! Friction and drag: forces that may only take.
 
+use asperity_checks::{Effort, Subject, wrap};
 use asperity_node::{Param, Tick};
-use asperity_stability::{Effort, Subject, wrap};
 
 use crate::{fails, holds, mutated, plugin, scene, subject};
 

@@ -3,8 +3,8 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
+use asperity_checks::{Became, Drawn, Subject, drawn, wrap};
 use asperity_node::{Fault, NodeKind, Status};
-use asperity_stability::{Became, Drawn, Subject, drawn, wrap};
 use proptest::prelude::*;
 use proptest::test_runner::{RngAlgorithm, TestError, TestRng, TestRunner};
 

@@ -1,4 +1,4 @@
-//! Hard cases that stay stable: one file a family. A case lives in `core/stability`, where `asperity selftest` runs it too; here it must hold for
+//! Hard cases that stay stable: one file a family. A case lives in `core/checks`, where `asperity selftest` runs it too; here it must hold for
 //! what is shipped, and fail for a mutant that is broken on purpose. What has no graph stands here alone.
 
 #[path = "../common/mod.rs"]
@@ -22,11 +22,11 @@ mod stiff_walls;
 
 use std::sync::Arc;
 
+use asperity_checks::{Case, Effort, Outcome, Subject, Verdict, cases};
 use asperity_graph::GraphFile;
 use asperity_node::{Config, Descriptor, Diagnostic, NodeKind, Ports, Processor, Setup};
+use asperity_scene::Scene;
 use asperity_scene::{Lowering, lower};
-use asperity_stability::{Case, Effort, Outcome, Subject, Verdict, cases};
-use asperity_world::scene::Scene;
 
 /// How long cases may take here; `ASPERITY_STABILITY=long` asks for all there is.
 fn effort() -> Effort {

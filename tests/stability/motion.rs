@@ -1,7 +1,7 @@
 //! A stylus that does what no hand does, or whose places come late, twice or not at all.
 
+use asperity_checks::{Subject, wrap};
 use asperity_graph::GraphFile;
-use asperity_stability::{Subject, wrap};
 
 use crate::{fails, graph, holds, mutated, scene, subject};
 

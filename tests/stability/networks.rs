@@ -2,10 +2,10 @@
 
 use std::sync::Arc;
 
+use asperity_checks::{Effort, Subject, wrap};
 use asperity_graph::GraphFile;
 use asperity_node::{Buffer, Fault};
-use asperity_stability::{Effort, Subject, wrap};
-use asperity_world::material::Library;
+use asperity_texture::Library;
 
 use crate::{common, effort, fails, graph, holds, scene, subject};
 

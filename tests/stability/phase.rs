@@ -3,9 +3,9 @@
 use std::f64::consts::TAU;
 use std::sync::{Arc, OnceLock};
 
+use asperity_checks::{Subject, wrap};
 use asperity_loader::Plugin;
 use asperity_node::{Complex, Fault, NodeKind, Registry, Setup, Status, Tick};
-use asperity_stability::{Subject, wrap};
 
 use crate::common::plugins;
 use crate::{effort, fails, holds};

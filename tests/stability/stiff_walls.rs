@@ -2,9 +2,9 @@
 
 use std::sync::Arc;
 
+use asperity_checks::{Effort, Subject, wrap};
 use asperity_graph::GraphFile;
 use asperity_node::{NodeKind, Tick};
-use asperity_stability::{Effort, Subject, wrap};
 
 use crate::{fails, graph, holds, lowered, mutated, plugin, scene, subject};
 

@@ -4,7 +4,7 @@
 //! samples. State is f64 whatever the samples are: with poles at 20 Hz under a rate of 48 kHz,
 //! 1 + a1 + a2 is 7e-6, and f32 state would leave only two digits of the passband.
 
-use crate::{Elementary as _, polar};
+use asperity_numbers::{Elementary as _, polar};
 use std::f64::consts::{FRAC_1_SQRT_2, PI, TAU};
 use std::fmt;
 

@@ -1,8 +1,8 @@
 //! The two sample types.
 
-use crate::Elementary as _;
 use crate::lanes::Lanes;
 use crate::plans::Plans;
+use asperity_numbers::Elementary as _;
 use asperity_state::{Keep, State};
 use std::ops::{AddAssign, MulAssign, SubAssign};
 

@@ -22,10 +22,9 @@
 
 #![cfg_attr(not(test), warn(clippy::disallowed_methods))]
 
-pub mod denormals;
-mod elementary;
 pub mod filter;
 mod float;
+pub mod frame;
 mod framing;
 pub mod griffin_lim;
 mod isa;
@@ -49,7 +48,6 @@ pub mod stft;
 mod widths_tests;
 pub mod window;
 
-pub use elementary::{Elementary, polar, size};
 pub use float::Float;
 pub use framing::{Framing, FramingError, MAX_FFT_LEN, MAX_PERIOD};
 pub use isa::Isa;

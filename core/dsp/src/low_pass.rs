@@ -1,6 +1,6 @@
 //! A low-pass whose corner may change from sample to sample.
 
-use crate::Elementary as _;
+use asperity_numbers::Elementary as _;
 use std::f64::consts::{PI, SQRT_2};
 
 use asperity_state::State;

@@ -1,6 +1,8 @@
 //! Random numbers by index: skipping some does not change those that follow.
 
-use crate::Elementary as _;
+use asperity_numbers::Elementary as _;
+use asperity_numbers::random::{STEP, mix};
+
 use crate::float::unit_circle;
 
 /// A uniform number in [0, 1) for a seed and two indices, by the finaliser of SplitMix64 (Steele, Lea,
@@ -23,12 +25,10 @@ fn row_seed(seed: u64, row: u64) -> u64 {
     step(step(seed, 0), row)
 }
 
+/// The number of a seed at an index.
 #[inline]
 fn step(seed: u64, index: u64) -> u64 {
-    let mut z = seed.wrapping_add(index.wrapping_add(1).wrapping_mul(0x9E37_79B9_7F4A_7C15));
-    z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-    z ^ (z >> 31)
+    mix(seed.wrapping_add(index.wrapping_mul(STEP)))
 }
 
 #[cfg(test)]

@@ -20,7 +20,8 @@ use crate::float::unit_circle;
 use crate::magnitude::{largest_of, take};
 use crate::random::normal;
 use crate::window::hann;
-use crate::{Elementary as _, Float, Framing, FramingError, Stft};
+use crate::{Float, Framing, FramingError, Stft};
+use asperity_numbers::Elementary as _;
 use std::sync::LazyLock;
 
 /// Steps of the table of [`ratio`]s.

@@ -1,6 +1,7 @@
 //! The Hann window.
 
-use crate::{Elementary as _, Float};
+use crate::Float;
+use asperity_numbers::Elementary as _;
 
 /// The periodic Hann window of `len` samples: `0.5 - 0.5 cos(2 pi i / len)`.
 ///

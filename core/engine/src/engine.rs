@@ -10,7 +10,7 @@ use crate::slot::{NodeReport, Now, Slot};
 use crate::swap::{self, Controller, Link, Run};
 use crate::telemetry::{Clock, NoClock, Watch};
 use crate::view::is_finite;
-use asperity_dsp::denormals::Flushed;
+use asperity_numbers::denormals::Flushed;
 
 /// How to run.
 #[derive(Clone, Copy, Debug)]

@@ -14,7 +14,7 @@ mod swap;
 mod telemetry;
 mod view;
 
-pub use asperity_dsp::denormals::Flushed;
+pub use asperity_numbers::denormals::Flushed;
 pub use engine::{Engine, Options};
 pub use slot::{FAULT_FADE_S, FAULT_FORGIVEN_S, FAULTS_BEFORE_QUARANTINE, NodeReport};
 pub use swap::{

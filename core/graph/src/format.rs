@@ -3,8 +3,8 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use asperity_source::ron::{self, Value};
-use asperity_source::{Diagnostic, Place, Source, Span, one_of};
+use asperity_diagnostics::ron::{self, Value};
+use asperity_diagnostics::{Diagnostic, Place, Source, Span, one_of};
 
 /// Tick rates that a graph may ask for, in Hz.
 const TICK_HZ: std::ops::RangeInclusive<i64> = 100..=4000;

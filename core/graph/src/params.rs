@@ -2,9 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
+use asperity_diagnostics::file::irregular;
+use asperity_diagnostics::{Diagnostic, Place, nearest, one_of};
 use asperity_node::{Descriptor, Param, ParamKind, ParamValue, Params};
-use asperity_source::file::irregular;
-use asperity_source::{Diagnostic, Place, nearest, one_of};
 
 use crate::{NodeDecl, Setting};
 

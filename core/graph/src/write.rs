@@ -2,7 +2,7 @@
 
 use std::fmt::{self, Write as _};
 
-use asperity_source::ron::{Kind, Value};
+use asperity_diagnostics::ron::{Kind, Value};
 
 use crate::{GraphFile, NodeDecl, WireDecl};
 
@@ -105,7 +105,7 @@ fn quoted(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use asperity_source::Source;
+    use asperity_diagnostics::Source;
 
     #[test]
     fn a_written_graph_reads_back_the_same() {

@@ -12,13 +12,13 @@ mod guard;
 mod kind;
 mod param;
 mod port;
-pub mod random;
 mod registry;
 mod retrieval;
 pub mod time;
 mod unit;
 
-pub use asperity_source::{Diagnostic, Place, Source, Span};
+pub use asperity_diagnostics::{Diagnostic, Place, Source, Span};
+pub use asperity_numbers::random;
 pub use asperity_state::{Keep, State};
 pub use buffer::{Buffer, Frame, InputRef, Inputs, Outputs};
 pub use descriptor::{Descriptor, Resume};

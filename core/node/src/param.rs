@@ -5,7 +5,7 @@ use std::fmt;
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
-use asperity_source::{Diagnostic, Place};
+use asperity_diagnostics::{Diagnostic, Place};
 
 /// What a parameter may be.
 #[derive(Clone, Debug, PartialEq)]

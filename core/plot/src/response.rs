@@ -2,7 +2,7 @@
 
 use std::f64::consts::{PI, TAU};
 
-use asperity_world::actuator::identify::Point;
+use asperity_actuator::identify::Point;
 
 use super::axis::{Axis, padded_range};
 use super::dots::powers;

@@ -1,216 +1,296 @@
-//! What a scene lowers to, against a table of what each effect needs.
+use super::*;
+use crate::effect::Transient;
+use crate::space::Form;
 
-use std::collections::BTreeSet;
-use std::path::Path;
+fn parse(text: &str) -> Result<Scene, String> {
+    Scene::parse(&Source::new("s.ron", text)).map_err(|e| e.to_string())
+}
 
-use asperity_graph::GraphFile;
-use asperity_node::Registry;
-use asperity_source::Source;
-use asperity_world::scene::{Kind, Scene};
+/// A scene of these surfaces.
+fn scene(surfaces: &str) -> Result<Scene, String> {
+    parse(&format!(
+        "Scene(version: 1, input: stroke(speed_mm_s: 80), network: (model: \"m.onnx\", library: \"l.ron\"),\n surfaces: {{\n{surfaces}\n}})"
+    ))
+}
 
-use crate::{Lowering, lower};
+fn refused(surfaces: &str, wanted: &[&str]) {
+    let e = scene(surfaces).expect_err(surfaces);
+    assert!(wanted.iter().all(|w| e.contains(w)), "{e}");
+}
 
-/// What a file says to have an effect, and the kinds of nodes that it takes beyond those of touching.
-const NEEDS: [(&str, &[&str]); 9] = [
-    ("friction: dahl", &["friction"]),
-    (
-        "texture: network",
-        &["action_history", "texture_network", "shaped_noise", "resample", "level", "speed_gate"],
-    ),
-    (
-        "texture: autoregressive(model: \"models/made_ar/rough.ron\")",
-        &["autoregressive", "level", "speed_gate"],
-    ),
-    ("texture: waveform(segments: [(0, 0), (1, 2), (2, 0)])", &["waveform", "level", "speed_gate"]),
-    (
-        "texture: relief(heights: made(surface: \"hessian\", side: 16, step_mm: 0.1))",
-        &["relief", "level", "speed_gate"],
-    ),
-    ("tap: (sinusoids: [(frequency_hz: 200, decay_ms: 10, gain: 30)])", &["tap"]),
-    ("vibration: (frequency_hz: 120, amplitude_m_s2: 2)", &["vibration"]),
-    ("viscosity: (viscosity_ns_per_m: 1)", &["viscosity"]),
-    ("magnet: (stiffness_n_per_mm: 0.2, max_force_n: 0.5, reach_mm: 3)", &["magnet"]),
-];
+const WALL: &str = "stiffness: (stiffness_n_per_mm: 0.5)";
 
-/// Which of [`NEEDS`] push, if only by the wall that they need, and which vibrate.
-const FORCES: [usize; 8] = [0, 1, 2, 3, 4, 5, 7, 8];
-const SOUNDS: [usize; 6] = [1, 2, 3, 4, 5, 6];
+#[test]
+fn a_scene_is_read_with_what_it_says_and_what_it_leaves_out() {
+    let scene = scene(&format!(
+        "\"left\": (shape: rectangle(size_mm: (40, 60), thickness_mm: 5), place_mm: (-20, 0, 0), material: \"canvas\",\n effects: ({WALL}, friction: \
+         dahl(coefficient: 0.4), texture: [network, relief(heights: made(surface: \"hessian\", side: 64))], tap: (sinusoids: [(frequency_hz: 180, decay_ms: 9, gain: -40)]))),\n\
+         \"ball\": (shape: sphere(radius_mm: 12), effects: (magnet: (stiffness_n_per_mm: 0.2, max_force_n: 0.5, reach_mm: 6)))"
+    ))
+    .unwrap();
+    assert_eq!((scene.tick_hz, scene.audio_hz, scene.seed), (500, 48_000, 1));
+    assert_eq!(
+        (scene.input.kind.as_str(), scene.input.settings[0].0.name.as_str()),
+        ("stroke", "speed_mm_s")
+    );
+    assert_eq!((scene.motion.kind.as_str(), scene.gate.kind.as_str()), ("velocity", "speed_gate"));
+    let [left, ball] = &scene.surfaces[..] else { panic!("{:?}", scene.surfaces) };
+    assert_eq!(left.surface.pose.place_mm(), [-20.0, 0.0, 0.0]);
+    assert!(matches!(left.surface.shape.form(), Form::Rectangle { thickness_mm: 5.0, .. }));
+    let effects = &left.effects;
+    assert_eq!(effects.stiffness.as_ref().unwrap().of, 0.5);
+    assert_eq!(
+        effects.friction.as_ref().unwrap().of,
+        Friction::Dahl { coefficient: 0.4, bristle_stiffness_n_per_mm: 1.0 }
+    );
+    assert_eq!(effects.textures.len(), 2);
+    assert_eq!(left.place.position().line, 3);
+    assert!(ball.effects.stiffness.is_none() && ball.effects.magnet.as_ref().unwrap().of.reach_mm == 6.0);
+}
 
-/// A scene in the folder of the shipped graphs, whose surfaces have these effects, each on a plane of its own.
-fn scene(shape: &str, effects: &[String]) -> Result<Scene, asperity_source::Diagnostic> {
-    let surfaces: Vec<String> = effects
+#[test]
+fn what_is_wrong_has_a_place_and_the_nearest_name() {
+    let plane = |effects: &str| format!("\"a\": (shape: plane, effects: ({effects}))");
+    refused(&plane(&format!("{WALL}, fricton: dahl")), &["s.ron:3:", "unknown field `fricton`", "friction"]);
+    refused(&plane(&format!("{WALL}, friction: dall")), &["unknown friction `dall`", "dahl"]);
+    refused(&plane(&format!("{WALL}, texture: netwrk")), &["unknown texture `netwrk`", "network"]);
+    refused(&plane("stiffness: (stiffness_n_per_mm: 1e4)"), &["out of range", "N/mm"]);
+    refused(&plane(&format!("{WALL}, friction: lugre(static_coefficient: 0.2)")), &["s.ron:3:"]);
+    refused("\"a\": (shape: cube)", &["unknown shape `cube`"]);
+    refused("\"a\": (shape: rectangle(size_mm: (10, 0)))", &["s.ron:3:", "a rectangle"]);
+    refused("\"a\": (shape: sphere)", &["a sphere of no size", "radius_mm"]);
+    refused("\"a\": (shape: sphere(radius_mm: -1))", &["out of range"]);
+    refused("\"a\": (shape: relief(heights: made(surface: \"hesian\")))", &["hesian", "hessian"]);
+    refused("\"a\": (shape: plane, effects: (texture: network))", &["does not push back"]);
+    refused(&plane(&format!("{WALL}, texture: network")), &["of no material"]);
+    refused(
+        &format!("\"a\": (shape: plane, material: \"x\", effects: ({WALL}, texture: [network, network]))"),
+        &["two network textures"],
+    );
+    refused("", &["nothing to touch"]);
+    refused("\"a\": (shape: plane), \"a\": (shape: plane)", &["s.ron:3:"]);
+    let e = parse(
+        "Scene(version: 1, input: stroke, surfaces: {\"a\": (shape: plane, material: \"x\", effects: (stiffness: (stiffness_n_per_mm: 1), texture: network))})",
+    );
+    assert!(e.unwrap_err().contains("without a network"));
+}
+
+#[test]
+fn no_scene_panics_however_it_is_cut() {
+    let text = include_str!("testing.ron");
+    assert!(parse(text).is_ok(), "{:?}", parse(text).err());
+    for end in 0..text.len() {
+        if text.is_char_boundary(end) {
+            drop(parse(&text[..end]));
+        }
+    }
+}
+
+#[test]
+fn surfaces_that_feel_alike_share_slots() {
+    let wall = |name: &str, material: &str, more: &str| {
+        format!(
+            "\"{name}\": (shape: plane, material: \"{material}\", effects: ({WALL}, texture: network{more})),\n"
+        )
+    };
+    let text = [
+        wall("a", "oak", ""),
+        wall("b", "ash", ", friction: dahl"),
+        wall("c", "oak", ", friction: dahl(coefficient: 0.5)"),
+        wall("d", "oak", ", friction: dahl(coefficient: 0.3)"),
+    ]
+    .concat();
+    let scene = scene(&text).unwrap();
+    assert_eq!(
+        scene.slots(Kind::Network),
+        Slots { first: vec![0, 1], of: vec![Some(0), Some(1), Some(0), Some(0)] }
+    );
+    assert_eq!(
+        scene.slots(Kind::Friction),
+        Slots { first: vec![1, 2], of: vec![None, Some(0), Some(1), Some(0)] }
+    );
+    assert_eq!(scene.slots(Kind::Tap).first, Vec::<usize>::new());
+}
+
+#[test]
+fn a_stiffness_past_what_the_rate_keeps_passive_is_found_with_its_numbers() {
+    let at = |device: &str, tick_hz: u32, effects: &str| {
+        let text = format!(
+            "Scene(version: 1, tick_hz: {tick_hz}, input: stroke, device: ({device}), surfaces: {{\"wall\": (shape: plane, effects: ({effects}))}})"
+        );
+        parse(&text).unwrap().findings()
+    };
+    // b > K T / 2: 0.5 N/mm at 500 Hz take 0.5 N s/m
+    assert!(at("damping_ns_per_m: 0.51", 500, WALL).is_empty());
+    let found = at("damping_ns_per_m: 0.49", 500, WALL);
+    assert_eq!(found.len(), 1);
+    assert!(found[0].message.contains("`wall` along its normal") && found[0].message.contains("0.500 N s/m"));
+    assert_eq!(found[0].place.position().line, 1);
+    assert!(at("damping_ns_per_m: 0.26", 1000, WALL).is_empty());
+    // a delay of 1 ms counts as K t_d
+    assert_eq!(at("damping_ns_per_m: 0.51, delay_ms: 1", 500, WALL).len(), 1);
+    // damping counts in full
+    assert_eq!(at("damping_ns_per_m: 1", 500, &format!("{WALL}, damping: (damping_ns_per_m: 0.6)")).len(), 1);
+    // 0.004 s/mm of 3.3 N is 13.2 N s/m
+    let found = at("damping_ns_per_m: 10", 500, &format!("{WALL}, friction: viscous_coulomb"));
+    assert!(found.len() == 1 && found[0].message.contains("13.2"), "{found:?}");
+    // What acts along one direction adds: 1.9 N s/m of each are 5.7.
+    let three = "stiffness: (stiffness_n_per_mm: 1.9), magnet: (stiffness_n_per_mm: 1.9, max_force_n: 1, reach_mm: 3), viscosity: (viscosity_ns_per_m: 1.9)";
+    assert!(at("damping_ns_per_m: 5.8", 500, three).is_empty());
+    let found = at("damping_ns_per_m: 5.6", 500, three);
+    assert!(found.len() == 1 && found[0].message.contains("(wall + magnet + drag)"), "{found:?}");
+    assert!(found[0].message.contains("5.700 N s/m"), "{found:?}");
+    // Along the surface a bristle of 1 N/mm and drag of 1.5 N s/m are 2.5.
+    let two = "stiffness: (stiffness_n_per_mm: 0.1), friction: dahl, viscosity: (viscosity_ns_per_m: 1.5)";
+    assert!(at("damping_ns_per_m: 2.6", 500, two).is_empty());
+    let found = at("damping_ns_per_m: 2.4", 500, two);
+    assert!(
+        found.len() == 1 && found[0].message.contains("along its surface (friction + drag)"),
+        "{found:?}"
+    );
+    let found = at("damping_ns_per_m: 1", 500, "viscosity: (viscosity_ns_per_m: 1.5)");
+    assert!(found.len() == 1 && found[0].message.contains("in its volume (drag)"), "{found:?}");
+    // 13.8 mN at 0.5 N/mm and 0.055 mm
+    let quantised = "damping_ns_per_m: 2, position_step_mm: 0.055, friction_n";
+    assert!(at(&format!("{quantised}: 0.0139"), 500, WALL).is_empty());
+    assert_eq!(at(&format!("{quantised}: 0.0136"), 500, WALL).len(), 1);
+}
+
+fn value(text: &str) -> asperity_diagnostics::ron::Value {
+    asperity_diagnostics::ron::parse(&Source::new("folder/g.ron", text)).unwrap()
+}
+
+#[test]
+fn an_effect_is_read_without_its_scene() {
+    assert_eq!(
+        Friction::parse(&value("dahl")).unwrap(),
+        Friction::Dahl { coefficient: 0.3, bristle_stiffness_n_per_mm: 1.0 }
+    );
+    assert_eq!(
+        Hum::parse(&value("(frequency_hz: 120, amplitude_m_s2: 2)")).unwrap(),
+        Hum { frequency_hz: 120.0, amplitude_m_s2: 2.0 }
+    );
+    assert_eq!(Drag::parse(&value("(viscosity_ns_per_m: 2)")).unwrap().max_force_n, 3.3);
+    assert_eq!(
+        Pull::parse(&value("(stiffness_n_per_mm: 0.2, max_force_n: 0.5, reach_mm: 4)")).unwrap().reach_mm,
+        4.0
+    );
+    let all = Texture::parse_all(&value(
+        "[autoregressive(model: \"a.ron\"), relief(heights: made(surface: \"hessian\"))]",
+    ));
+    assert_eq!(all.unwrap().iter().map(Texture::word).collect::<Vec<_>>(), ["autoregressive", "relief"]);
+    let one = Texture::parse_all(&value("autoregressive(model: \"a.ron\", gain: 0.5)")).unwrap();
+    assert_eq!(one, [Texture::Autoregressive { model: "folder/a.ron".into(), gain: 0.5 }]);
+    assert!(
+        Texture::parse_all(&value("[autoregressiv(model: \"a.ron\")]"))
+            .unwrap_err()
+            .to_string()
+            .contains("autoregressive")
+    );
+}
+
+#[test]
+fn a_tap_is_of_sinusoids_or_recorded() {
+    let knock = |text: &str| Knock::parse(&value(text)).map_err(|e| e.to_string());
+    let sinusoids = "sinusoids: [(frequency_hz: 180, decay_ms: 9, gain: 40)]";
+    let recording = "recording: (file: \"tap.wav\", speed_mm_s: 80, full_scale_m_s2: 50, gain: 2)";
+    let recorded = knock(&format!("({recording}, debounce_ms: 30)")).unwrap();
+    assert_eq!(
+        recorded.sound,
+        Sound::Recorded { file: "folder/tap.wav".into(), speed_mm_s: 80.0, full_scale_m_s2: 50.0, gain: 2.0 }
+    );
+    assert_eq!(recorded.settings.debounce_ms, 30.0);
+    assert!(
+        recorded
+            .transient()
+            .unwrap_err()
+            .to_string()
+            .contains("tap.wav: cannot read this file: No such file")
+    );
+    for (text, wanted) in [
+        (format!("({sinusoids}, {recording})"), "sinusoids and a recording"),
+        ("(min_speed_mm_s: 3)".to_owned(), "a tap of no sound"),
+        ("(sinusoid: [])".to_owned(), "unknown field `sinusoid`"),
+        ("(sinusoids: [])".to_owned(), "0 sinusoids"),
+        ("(recording: (file: \"tap.wav\", speed_mm_s: 80))".to_owned(), "full_scale_m_s2"),
+        ("(recording: (file: \"tap.wav\", speed_mm_s: 0, full_scale_m_s2: 1))".to_owned(), "out of range"),
+        ("(recording: (file: \"\", speed_mm_s: 1, full_scale_m_s2: 1))".to_owned(), "an empty path"),
+    ] {
+        let e = knock(&text).unwrap_err();
+        assert!(e.contains(wanted) && e.starts_with("folder/g.ron:1:"), "{e}");
+    }
+    let dir = tempfile::tempdir().unwrap();
+    let file = dir.path().join("tap.wav");
+    let spec = hound::WavSpec {
+        channels: 2,
+        sample_rate: 8000,
+        bits_per_sample: 16,
+        sample_format: hound::SampleFormat::Int,
+    };
+    let mut writer = hound::WavWriter::create(&file, spec).unwrap();
+    [8192_i16, 1, -16_384, 1].iter().for_each(|x| writer.write_sample(*x).unwrap());
+    writer.finalize().unwrap();
+    let sound = Sound::Recorded { file, speed_mm_s: 80.0, full_scale_m_s2: 50.0, gain: 2.0 };
+    let Transient::Recorded(found) = (Knock { sound, ..recorded }).transient().unwrap() else { panic!() };
+    assert_eq!((found.samples, found.rate_hz, found.speed_mm_s), (vec![25.0, -50.0], 8000.0, 80.0));
+}
+
+#[test]
+fn a_scene_is_told_from_a_graph_behind_any_comments() {
+    let meant = |text: &str| Scene::is_meant(&Source::new("s.ron", text));
+    assert!(
+        meant("Scene(version: 1)") && meant("// Graph(\n\n  /* a /* b */ Graph( */ // c\nScene (version: 1)")
+    );
+    assert!(meant("\u{feff}Scene(") && meant("Scene"));
+    for other in [
+        "",
+        "//",
+        "// Scene(",
+        "/* Scene(",
+        "/* /* */ Scene(",
+        "Graph(version: 1)",
+        "Scenery(",
+        "(Scene: 1)",
+        "\"Scene\"",
+    ] {
+        assert!(!meant(other), "{other}");
+    }
+}
+
+#[test]
+fn surfaces_of_the_same_heights_share_them() {
+    let relief =
+        "shape: relief(heights: made(surface: \"hessian\", side: 16, step_mm: 0.1), size_mm: (30, 30))";
+    let other = relief.replace("side: 16", "side: 32");
+    let scene =
+        scene(&format!("\"a\": ({relief}), \"b\": ({relief}, place_mm: (40, 0, 0)), \"c\": ({other})"))
+            .unwrap();
+    let grids: Vec<_> = scene
+        .surfaces
         .iter()
-        .enumerate()
-        .map(|(i, effects)| {
-            let x = 30 * i;
-            let walled = ["friction", "texture", "tap"].iter().any(|word| effects.starts_with(word));
-            let effects = if walled { format!("{WALL}{effects}") } else { effects.clone() };
-            let material = if effects.contains("network") { "material: \"oak\", " } else { "" };
-            format!("\"{i}\": (shape: {shape}, place_mm: ({x}, 0, 0), {material}effects: ({effects}))")
+        .map(|s| match s.surface.shape.form() {
+            Form::Relief(relief) => relief.grid().clone(),
+            other => panic!("{other:?}"),
         })
         .collect();
-    let text = format!(
-        "Scene(version: 1, input: stroke(duration_s: 2), device: (damping_ns_per_m: 2),
-         network: (model: \"models/surfaces/texture.onnx\", library: \"models/surfaces/materials.ron\"),
-         output: audio_out(), surfaces: {{{}}})",
-        surfaces.join(", ")
-    );
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../graphs/made.ron");
-    Scene::parse(&Source::new(path.display().to_string(), text))
-}
-
-const WALL: &str = "stiffness: (stiffness_n_per_mm: 0.5), ";
-const TILE: &str = "rectangle(size_mm: (20, 20))";
-
-fn graph(scene: &Scene, registry: &Registry, prune: bool) -> GraphFile {
-    lower(scene, registry, Lowering { prune }).unwrap_or_else(|e| panic!("{e:?}")).graph
-}
-
-fn kinds(graph: &GraphFile) -> BTreeSet<&str> {
-    graph.nodes.iter().map(|node| node.kind.as_str()).collect()
-}
-
-fn effects(which: impl Fn(usize) -> bool) -> Vec<String> {
-    (0..NEEDS.len()).filter(|i| which(*i)).map(|i| NEEDS[i].0.to_owned()).collect()
+    assert!(std::sync::Arc::ptr_eq(&grids[0], &grids[1]) && !std::sync::Arc::ptr_eq(&grids[0], &grids[2]));
 }
 
 #[test]
-fn of_every_subset_of_effects_exactly_what_it_needs_is_built() {
-    let registry = asperity_nodes::registry();
-    for subset in 1..1_u32 << NEEDS.len() {
-        let has = |i: usize| subset >> i & 1 == 1;
-        // Reading the library takes longest.
-        if has(1) && subset % 7 != 0 {
-            continue;
-        }
-        let scene = scene(TILE, &effects(has)).unwrap();
-        let graph = graph(&scene, &registry, true);
-        let mut wanted = BTreeSet::from(["stroke", "velocity", "contact"]);
-        for (_, needs) in NEEDS.iter().enumerate().filter(|(i, _)| has(*i)).map(|(_, needs)| needs) {
-            wanted.extend(needs.iter());
-        }
-        if FORCES.iter().any(|i| has(*i)) {
-            wanted.extend(["mix", "force_limiter", "probe"]);
-        }
-        if SOUNDS.iter().any(|i| has(*i)) {
-            wanted.extend(["mix", "actuator_inverse", "limiter", "audio_out"]);
-        }
-        assert_eq!(kinds(&graph), wanted, "{subset:09b}");
-        // Whatever there is, there is one of it, or two voices.
-        for kind in ["contact", "texture_network", "friction", "tap", "vibration", "viscosity", "magnet"] {
-            assert!(graph.nodes.iter().filter(|n| n.kind == kind).count() <= 1, "{subset:09b}: {kind}");
-        }
-        for kind in ["autoregressive", "waveform", "relief"] {
-            assert!(graph.nodes.iter().filter(|n| n.kind == kind).count() <= 2, "{subset:09b}: {kind}");
-        }
-    }
-}
-
-#[test]
-fn without_pruning_every_scene_has_the_same_nodes() {
-    let registry = asperity_nodes::registry();
-    let all = scene(TILE, &effects(|_| true)).unwrap();
-    let wanted: Vec<String> = graph(&all, &registry, false).nodes.into_iter().map(|n| n.id).collect();
-    for some in [vec![String::new()], effects(|i| i == 3), effects(|i| i % 2 == 0)] {
-        let scene = scene(TILE, &some).unwrap();
-        let graph = graph(&scene, &registry, false);
-        let ids: Vec<String> = graph.nodes.iter().map(|n| n.id.clone()).collect();
-        assert_eq!(ids, wanted, "{some:?}");
-    }
-}
-
-#[test]
-fn the_graph_does_not_grow_with_the_number_of_surfaces() {
-    let registry = asperity_nodes::registry();
-    let nodes = |copies: usize| {
-        let all = effects(|_| true);
-        let many: Vec<String> = (0..copies).flat_map(|_| all.clone()).collect();
-        let graph = graph(&scene(TILE, &many).unwrap(), &registry, true);
-        (graph.nodes.len(), graph.wires.len(), graph.to_string())
+fn a_waveform_may_be_recorded_and_has_then_no_other_speed() {
+    let wave =
+        |fields: &str| format!("\"a\": (shape: plane, effects: ({WALL}, texture: waveform({fields})))");
+    let recording = "recording: (file: \"felt.wav\", speed_mm_s: 80, full_scale_m_s2: 50)";
+    let found = scene(&wave(&format!("{recording}, crossfade_mm: 5, gain: 2"))).unwrap();
+    let Texture::Waveform { values, crossfade_mm: 5.0, quantity, gain: 2.0 } =
+        &found.surfaces[0].effects.textures[0].of
+    else {
+        panic!("{found:?}")
     };
-    assert_eq!(nodes(1), nodes(40));
-}
-
-#[test]
-fn one_face_needs_one_voice_and_a_ball_or_a_second_surface_two() {
-    let registry = asperity_nodes::registry();
-    let voices = |shape: &str, surfaces: usize| {
-        let texture = NEEDS[3].0.to_owned();
-        let scene = scene(shape, &vec![texture; surfaces]).unwrap();
-        graph(&scene, &registry, true).nodes.iter().filter(|n| n.kind == "waveform").count()
-    };
-    assert_eq!(voices("plane", 1), 1);
-    assert_eq!(voices(TILE, 1), 1);
-    assert_eq!(voices("sphere(radius_mm: 5)", 1), 2);
-    assert_eq!(voices("box(size_mm: (5, 5, 5))", 1), 2);
-    assert_eq!(voices(TILE, 2), 2);
-}
-
-#[test]
-fn what_every_kind_is_rendered_by_is_in_the_graph() {
-    let registry = asperity_nodes::registry();
-    let scene = scene(TILE, &effects(|_| true)).unwrap();
-    let lowered = lower(&scene, &registry, Lowering::default()).unwrap();
-    assert_eq!(lowered.rendered.iter().map(|(kind, _)| *kind).collect::<Vec<_>>(), Kind::ALL);
-    let mut seen = BTreeSet::new();
-    for (kind, ids) in &lowered.rendered {
-        assert!(!ids.is_empty(), "{kind:?}");
-        for id in ids {
-            assert!(lowered.graph.node(id).is_some(), "{kind:?}: {id}");
-            assert!(seen.insert(id), "{id} renders two kinds");
-        }
-    }
-}
-
-/// What is wrong with a scene in which something is replaced, at what text, and what would fit.
-fn wrong(effects: &str, (from, to): (&str, &str)) -> String {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../graphs/made.ron").display().to_string();
-    let text = scene(TILE, &[effects.to_owned()]).unwrap().source.text().replacen(from, to, 1);
-    assert!(text.contains(to));
-    let source = Source::new(path, text);
-    let registry = asperity_nodes::registry();
-    let found = Scene::parse(&source).and_then(|s| lower(&s, &registry, Lowering::default())).unwrap_err();
-    let place = found.place.expect("a place");
-    let at = &source.text()[place.span.start..place.span.end];
-    format!("{} | {at} | {}", found.message, found.help.unwrap_or_default())
-}
-
-#[test]
-fn what_cannot_be_lowered_is_told_with_its_place() {
-    let network = NEEDS[1].0;
-    let cases = [
-        (network, ("\"oak\"", "\"oka\""), "`oka`", "\"oka\"", "oak"),
-        (network, ("stroke(", "sine("), "does not tell where a stylus is", "", "trajectory"),
-        (network, ("stroke(", "strok("), "no node of the kind `strok`", "strok", "stroke"),
-        (network, ("audio_out()", "audio_uot()"), "`audio_uot`", "audio_uot", "audio_out"),
-        (
-            network,
-            ("texture.onnx\"", "texture.onnx\", material: \"oak\""),
-            "materials are those of its surfaces",
-            "material",
-            "beside `shape`",
-        ),
-        (
-            network,
-            ("output:", "actuator: (profil: \"hapcoil_one\"), output:"),
-            "no field `profil`",
-            "profil",
-            "profile",
-        ),
-        (
-            NEEDS[0].0,
-            ("(damping_ns_per_m: 2)", "(damping_ns_per_m: 2, output: audio_out())"),
-            "no device that pushes back",
-            "audio_out",
-            "haply_force",
-        ),
-    ];
-    for (effects, replace, message, at, help) in cases {
-        let said = wrong(effects, replace);
-        let parts: Vec<&str> = said.splitn(3, " | ").collect();
-        assert!(
-            parts[0].contains(message) && parts[1].contains(at) && parts[2].contains(help),
-            "{replace:?}: {said}"
-        );
-    }
+    assert_eq!(values, &Loop::Recorded { file: "felt.wav".into(), speed_mm_s: 80.0, full_scale_m_s2: 50.0 });
+    assert!(matches!(quantity, WaveformQuantity::Acceleration { reference_speed_mm_s: 80.0, .. }));
+    refused(&wave(&format!("{recording}, reference_speed_mm_s: 90")), &["s.ron:3:", "reference_speed_mm_s"]);
+    refused(&wave(&format!("{recording}, segments: [(0, 0), (1, 1)]")), &["one of the two"]);
+    refused(&wave("gain: 1"), &["a waveform of no values", "recording"]);
+    refused(&wave("recording: (file: \"felt.wav\", speed_mm_s: 80)"), &["full_scale_m_s2"]);
 }

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use asperity_source::{Diagnostic, Place};
+use asperity_diagnostics::{Diagnostic, Place};
 use miette::{GraphicalReportHandler, GraphicalTheme, LabeledSpan, NamedSource};
 
 /// Why a command did not do what it was asked.

@@ -5,7 +5,7 @@ use std::fs::read_to_string;
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use asperity_source::budget;
+use asperity_diagnostics::budget;
 
 /// The system's allocator, with a count of the bytes that are out.
 struct Counted;

@@ -3,12 +3,12 @@
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
+use asperity_diagnostics::{Diagnostic, Place};
 use asperity_graph::{GraphFile, PluginDecl};
 use asperity_live::apart;
 use asperity_live::realtime::PRIORITY;
 use asperity_loader::{Found, Loader, PATH_VARIABLE, Plugin, find, search};
 use asperity_node::Registry;
-use asperity_source::{Diagnostic, Place};
 
 use crate::commands::plugin::survives;
 use crate::failure::{Failure, warn};

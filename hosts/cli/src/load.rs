@@ -3,10 +3,10 @@
 use asperity_graph::{Compiled, GraphFile, Options, Schedule, ScheduledInput, ScheduledNode, compile};
 use std::path::{Path, PathBuf};
 
+use asperity_diagnostics::{Diagnostic, Source, one_of};
 use asperity_node::{ParamValue, Registry, Shape};
+use asperity_scene::{Finding, Kind, Scene};
 use asperity_scene::{Lowering, draft, lower};
-use asperity_source::{Diagnostic, Source, one_of};
-use asperity_world::scene::{Finding, Kind, Scene};
 
 use crate::args::{GraphArgs, PluginArgs};
 use crate::failure::{Failure, clean, warn};

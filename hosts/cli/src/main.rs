@@ -22,8 +22,8 @@ mod watch;
 
 use std::process::ExitCode;
 
+use asperity_diagnostics::{Diagnostic, one_of};
 use asperity_dsp::Isa;
-use asperity_source::{Diagnostic, one_of};
 use clap::Parser;
 
 use args::{Args, Command};

@@ -4,9 +4,9 @@
 use std::fmt::Display;
 use std::str::FromStr;
 
+use asperity_actuator::{ActuatorProfile, Drive, Dynamics, Plant};
 use asperity_audio::simulated::{Response, set_plants};
-use asperity_source::one_of;
-use asperity_world::actuator::{ActuatorProfile, Drive, Dynamics, Plant};
+use asperity_diagnostics::one_of;
 
 /// The plant moves so many times a sample, along straight lines between samples: near enough to what a card's converters make of
 /// them.

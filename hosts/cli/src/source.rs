@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
+use asperity_diagnostics::{Diagnostic, one_of};
 use asperity_graph::GraphFile;
 use asperity_live::HANDS;
-use asperity_source::{Diagnostic, one_of};
 
 use crate::failure::Failure;
 
@@ -104,7 +104,7 @@ fn replace(graph: &mut GraphFile, i: usize, kind: &str) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use asperity_source::Source;
+    use asperity_diagnostics::Source;
 
     fn graph(text: &str) -> GraphFile {
         GraphFile::parse(&Source::new("test.ron", text)).expect("a graph")

@@ -6,7 +6,7 @@
 use std::io::{BufRead, IsTerminal, Write};
 use std::path::{Path, PathBuf};
 
-use asperity_source::Diagnostic;
+use asperity_diagnostics::Diagnostic;
 
 use crate::failure::{Failure, clean};
 use crate::output;

@@ -1,6 +1,6 @@
 //! A device's axes and the graph's.
 
-use asperity_world::motion::AxisMap;
+use asperity_motion::AxisMap;
 
 use crate::HandError;
 

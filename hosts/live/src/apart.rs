@@ -11,11 +11,11 @@ use std::sync::atomic::{AtomicBool, Ordering::SeqCst};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-use asperity_dsp::denormals::Flushed;
 use asperity_node::{
     Buffer, Config, Descriptor, Diagnostic, Fact, Fault, InputRef, Inputs, Latency, NodeKind, Outputs, Ports,
     Processor, Setup, Status, Tick, Wiring,
 };
+use asperity_numbers::denormals::Flushed;
 
 use crate::realtime::ask_priority;
 

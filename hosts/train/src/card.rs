@@ -2,8 +2,8 @@
 
 use std::fmt::Write as _;
 
-use asperity_dataset::made::{BEYOND_FORCE_N, BEYOND_SPEED_MM_S};
-use asperity_world::material::BLENDED;
+use asperity_data::made::{BEYOND_FORCE_N, BEYOND_SPEED_MM_S};
+use asperity_texture::BLENDED;
 
 use crate::arguments::Settings;
 use crate::data::{Data, Origin};
@@ -46,7 +46,7 @@ pub(crate) fn write(settings: &Settings, sizes: Sizes, data: &Data, evaluation: 
 }
 
 fn head(settings: &Settings, sizes: Sizes, data: &Data) -> String {
-    let count = |of: fn(&asperity_dataset::Subject) -> usize| data.seen.iter().map(of).sum::<usize>();
+    let count = |of: fn(&asperity_data::Subject) -> usize| data.seen.iter().map(of).sum::<usize>();
     let megabytes = |bytes: u64| bytes as f64 * 1e-6;
     let preset = match settings.preset {
         Preset::Paper => "the sizes of Heravi et al. 2024".to_owned(),

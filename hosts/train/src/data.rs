@@ -4,9 +4,9 @@ use std::path::PathBuf;
 use std::str::FromStr;
 use std::sync::Mutex;
 
-use asperity_dataset::{HISTORY, MAX_FORCE_N, MAX_SPEED_MM_S, Subject, hatt, made, recordings};
-use asperity_source::Diagnostic;
-use asperity_world::material::Random;
+use asperity_data::{HISTORY, MAX_FORCE_N, MAX_SPEED_MM_S, Subject, hatt, made, recordings};
+use asperity_diagnostics::Diagnostic;
+use asperity_numbers::Random;
 use serde::{Deserialize, Serialize};
 
 use crate::arguments::Settings;

@@ -8,8 +8,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc;
 use std::time::{Duration, Instant};
 
-use asperity_dsp::denormals::Flushed;
-use asperity_source::{Diagnostic, file};
+use asperity_diagnostics::{Diagnostic, file};
+use asperity_numbers::denormals::Flushed;
 use burn::grad_clipping::GradientClippingConfig;
 use burn::module::Module;
 use burn::optim::{AdamConfig, GradientsParams, ModuleOptimizer};

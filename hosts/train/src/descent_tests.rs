@@ -1,6 +1,6 @@
 use super::*;
 use crate::layer::{Layer, Weights};
-use asperity_world::material::Random;
+use asperity_numbers::Random;
 use burn::tensor::{Device, TensorData};
 
 const STEPS: usize = 60;

@@ -1,7 +1,8 @@
 //! From a tactile image to a material's vector: the image encoder, and the heads on top of it.
 
-use asperity_world::material::{Random, VECTOR_LEN};
-use asperity_world::tactile::{IMAGE, Image};
+use asperity_numbers::Random;
+use asperity_texture::VECTOR_LEN;
+use asperity_texture::picture::{IMAGE, Image};
 use burn::module::{Module, Param};
 use burn::tensor::activation::relu;
 use burn::tensor::module::{conv2d, max_pool2d};

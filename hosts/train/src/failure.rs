@@ -1,6 +1,6 @@
 //! Why a run ended early.
 
-use asperity_source::Diagnostic;
+use asperity_diagnostics::Diagnostic;
 
 /// Why a run ended early.
 #[derive(Debug)]

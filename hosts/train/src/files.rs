@@ -5,7 +5,7 @@ use std::fs::File;
 use std::io::Write;
 use std::path::Path;
 
-use asperity_source::Diagnostic;
+use asperity_diagnostics::Diagnostic;
 
 /// Writes a file under a temporary name beside `path` and renames it.
 ///

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use asperity_world::material::Random;
+use asperity_numbers::Random;
 use burn::module::{Module, Param};
 use burn::tensor::activation::relu;
 use burn::tensor::{Device, Tensor, TensorData};

@@ -1,7 +1,7 @@
 //! What is aimed at, and how far off an answer is.
 
-use asperity_dataset::{Example, HISTORY, Truth};
-use asperity_world::material::BINS;
+use asperity_data::{Example, HISTORY, Truth};
+use asperity_dsp::frame::BINS;
 use burn::tensor::Tensor;
 
 use crate::network::Answers;
@@ -331,7 +331,7 @@ mod tests {
 
     /// Pairs of frames of a Rayleigh distribution whose root mean square is 1.
     fn noise() -> Vec<[[f32; BINS]; 2]> {
-        let random = &mut asperity_world::material::Random::new(5);
+        let random = &mut asperity_numbers::Random::new(5);
         let mut draw = || (-(1.0 - random.unit()).ln()).sqrt() as f32;
         (0..200).map(|_| [0, 1].map(|_| std::array::from_fn(|_| draw()))).collect()
     }
@@ -397,8 +397,8 @@ mod tests {
 
     #[test]
     fn square_of_noise_is_that_of_frames_of_white_noise() {
-        let random = &mut asperity_world::material::Random::new(6);
-        let mut spectrometer = asperity_dataset::Spectrometer::new(4000.0);
+        let random = &mut asperity_numbers::Random::new(6);
+        let mut spectrometer = asperity_data::Spectrometer::new(4000.0);
         let powers: Vec<f64> = (0..4000)
             .map(|_| {
                 let frame: Vec<f64> = (0..spectrometer.length()).map(|_| random.normal()).collect();

@@ -20,7 +20,7 @@ mod training;
 
 use std::process::ExitCode;
 
-use asperity_dsp::denormals::Flushed;
+use asperity_numbers::denormals::Flushed;
 use clap::Parser;
 
 use arguments::{Arguments, Command};

@@ -1,8 +1,10 @@
 //! The network that is asked every tick: that of Heravi et al. 2024, with a wider branch for speed, and
 //! logarithms in the last layer.
 
-use asperity_dataset::HISTORY;
-use asperity_world::material::{BINS, Random, VECTOR_LEN};
+use asperity_data::HISTORY;
+use asperity_dsp::frame::BINS;
+use asperity_numbers::Random;
+use asperity_texture::VECTOR_LEN;
 use burn::module::Module;
 use burn::tensor::{Device, Tensor};
 

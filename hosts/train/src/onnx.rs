@@ -1,8 +1,8 @@
 //! Writes networks as ONNX: Conv, MaxPool, Flatten, Gemm, Relu, Exp, Concat, Mul and Add, nothing else.
 
-use asperity_dataset::HISTORY;
-use asperity_world::material::VECTOR_LEN;
-use asperity_world::tactile::IMAGE;
+use asperity_data::HISTORY;
+use asperity_texture::VECTOR_LEN;
+use asperity_texture::picture::IMAGE;
 use prost::Message;
 use tract_onnx::pb;
 
@@ -241,9 +241,9 @@ mod tests {
     use crate::encoder::{FEATURES, Head, ImageEncoder, PIXELS, Preset, features};
     use crate::layer::numbers;
     use crate::network::{Network, Scaling};
-    use asperity_network::{Answer, Choice, Encoder, Model, Precision};
-    use asperity_world::material::Random;
-    use asperity_world::tactile::Image;
+    use asperity_numbers::Random;
+    use asperity_texture::picture::Image;
+    use asperity_texture::{Answer, Choice, Encoder, Model, Precision};
     use burn::tensor::{Device, Tensor, TensorData};
 
     fn apart(a: &[f32], b: &[f32]) -> f32 {
@@ -289,9 +289,9 @@ mod tests {
         let about = [("settings", "{}".to_owned())];
         let write = |target| network(&trained.weights(scaling), target, reach, &about);
         let written = Model::from_bytes(&write(Target::Rms), "t.onnx").unwrap();
-        assert_eq!(written.target(), asperity_network::Target::RootMeanSquare);
+        assert_eq!(written.target(), asperity_texture::Target::RootMeanSquare);
         let mean = Model::from_bytes(&write(Target::Mean), "m.onnx").unwrap();
-        assert_eq!((mean.target(), mean.answers_scatter()), (asperity_network::Target::Mean, false));
+        assert_eq!((mean.target(), mean.answers_scatter()), (asperity_texture::Target::Mean, false));
         assert_eq!(written.trained().force_max_n.zip(written.trained().speed_max_mm_s), Some((6.0, 500.0)));
         let force: [f32; HISTORY] = std::array::from_fn(|_| random.range(0.0, 6.0) as f32);
         let speed: [f32; 2 * HISTORY] = std::array::from_fn(|_| random.range(-350.0, 350.0) as f32);

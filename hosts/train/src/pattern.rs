@@ -5,10 +5,10 @@ use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use asperity_dataset::{HISTORY, made, pattern, recordings};
-use asperity_network::{Choice, MAGNITUDES_LEN, Model, NOISE_RATIO, Precision, RunError, Runner, Target};
-use asperity_source::Diagnostic;
-use asperity_world::material::{Library, LibraryMaterial, Pattern};
+use asperity_data::{HISTORY, made, pattern, recordings};
+use asperity_diagnostics::Diagnostic;
+use asperity_texture::{Choice, MAGNITUDES_LEN, Model, NOISE_RATIO, Precision, RunError, Runner, Target};
+use asperity_texture::{Library, LibraryMaterial, Pattern};
 use clap::Args;
 use rayon::prelude::*;
 

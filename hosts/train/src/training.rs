@@ -5,12 +5,13 @@ use std::fs::{File, TryLockError};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use asperity_dataset::Subject;
-use asperity_network::Encoder;
+use asperity_data::Subject;
+use asperity_diagnostics::{Diagnostic, Source};
+use asperity_numbers::Random;
 use asperity_plot::{Curve, Curves};
-use asperity_source::{Diagnostic, Source};
-use asperity_world::material::{Library, LibraryMaterial, Pattern, Random, VECTOR_LEN};
-use asperity_world::tactile::Image;
+use asperity_texture::Encoder;
+use asperity_texture::picture::Image;
+use asperity_texture::{Library, LibraryMaterial, Pattern, VECTOR_LEN};
 use burn::module::Module;
 use burn::tensor::Device;
 use image::ExtendedColorType;

@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use asperity_source::Source;
-use asperity_world::material::{Library, LibraryMaterial};
+use asperity_diagnostics::Source;
+use asperity_texture::{Library, LibraryMaterial};
 use std::process::{Command, Output};
 
 fn train(arguments: &[&str], folder: &Path) -> Output {
@@ -55,7 +55,8 @@ fn a_small_run_writes_a_whole_model_and_its_card_can_be_written_anew() {
     assert_eq!(library.encoder().as_deref(), Some(model.join("encoder.onnx").as_path()));
     for material in library.materials() {
         assert!(material.family.is_some() && material.vector.iter().all(|x| x.is_finite()));
-        let picture = asperity_world::tactile::read(&library.beside(&material.images[0])).expect("a picture");
+        let picture =
+            asperity_texture::picture::read(&library.beside(&material.images[0])).expect("a picture");
         assert_eq!(picture.image.size, [192, 256]);
     }
     let card = String::from_utf8(read(&model, "MODEL_CARD.md")).expect("text");
@@ -100,8 +101,8 @@ fn a_small_run_writes_a_whole_model_and_its_card_can_be_written_anew() {
     assert!(output.status.success(), "{}", said(&output));
     assert!(kept.map(|name| read(&model, name)) == before);
     assert!(read(&model, "texture.onnx") != network);
-    let written = asperity_network::Model::load(model.join("texture.onnx")).expect("a network");
-    assert!(written.answers_scatter() && written.target() == asperity_network::Target::RootMeanSquare);
+    let written = asperity_texture::Model::load(model.join("texture.onnx")).expect("a network");
+    assert!(written.answers_scatter() && written.target() == asperity_texture::Target::RootMeanSquare);
     let card = String::from_utf8(read(&model, "MODEL_CARD.md")).expect("text");
     assert!(card.contains("trained anew on vectors of the finished encoder: 90 steps, and 60"), "{card}");
     let losses = String::from_utf8(read(&model, "losses.csv")).expect("text");
@@ -261,9 +262,9 @@ fn the_papers_losses_train_too_and_what_cannot_be_judged_has_no_figure() {
     ] {
         assert!(card.contains(wanted), "{wanted}: {card}");
     }
-    let load = |name| asperity_network::Model::load(folder.path().join(name)).expect("a network");
+    let load = |name| asperity_texture::Model::load(folder.path().join(name)).expect("a network");
     let [mean, rms] = [load("m/texture.onnx"), load("m/texture_rms.onnx")];
-    assert_eq!(mean.target(), asperity_network::Target::Mean);
+    assert_eq!(mean.target(), asperity_texture::Target::Mean);
     assert!(!mean.answers_scatter() && rms.answers_scatter());
     // Single frames say nothing of how others scatter.
     assert!(!card.contains("## Mean over root"), "{card}");
@@ -303,7 +304,7 @@ fn a_folder_of_recordings_becomes_a_model() {
     // names that a file system may take for one another have pictures of their own
     assert_eq!(std::fs::read_dir(folder.path().join("m/pictures")).expect("pictures").count(), 4);
     // what it answers for each material is what it hums at
-    let model = asperity_network::Model::load(folder.path().join("m/texture.onnx")).expect("a network");
+    let model = asperity_texture::Model::load(folder.path().join("m/texture.onnx")).expect("a network");
     // what it was trained on, and no more
     let reach = model.trained();
     assert_eq!(reach.force_max_n, Some(1.0));
@@ -337,9 +338,9 @@ fn a_folder_of_recordings_becomes_a_model() {
 }
 
 /// Where the answer to 80 mm/s and 1 N is loudest.
-fn loudest_hz(model: &asperity_network::Model, material: &LibraryMaterial) -> f64 {
+fn loudest_hz(model: &asperity_texture::Model, material: &LibraryMaterial) -> f64 {
     let vectors = [material.vector.to_vec()];
-    let runner = model.runner(&vectors, asperity_network::Precision::F32, asperity_network::Choice::Auto);
+    let runner = model.runner(&vectors, asperity_texture::Precision::F32, asperity_texture::Choice::Auto);
     let mut magnitudes = [0.0; 100];
     let mut velocity = [0.0; 20];
     velocity[..10].fill(80.0);
@@ -380,7 +381,7 @@ fn a_folder_of_the_toolkits_models_becomes_a_model() {
     assert!(output.status.success(), "{}", said(&output));
     let library = Library::read(folder.path().join("m/materials.ron")).expect("a library");
     assert_eq!(library.materials().len(), 3);
-    let model = asperity_network::Model::load(folder.path().join("m/texture.onnx")).expect("a network");
+    let model = asperity_texture::Model::load(folder.path().join("m/texture.onnx")).expect("a network");
     for material in library.materials() {
         let (_, hz) = rings.into_iter().find(|(name, _)| *name == material.name).expect("one of them");
         let found = loudest_hz(&model, material);

@@ -2,11 +2,11 @@
 
 use std::path::PathBuf;
 
+use asperity_actuator::{Drive, Inverse, InverseModel, InverseSettings};
 use asperity_node::{
     Config, Descriptor, Diagnostic, Fact, Input, Node, Output, Param, Ports, RateSpec, Setup, ShapeSpec,
     State, Status, Tick, Unit, UnitSpec,
 };
-use asperity_world::actuator::{Drive, Inverse, InverseModel, InverseSettings};
 
 /// Regularised feed-forward inverse of a voice coil on a handle.
 pub struct ActuatorInverse {

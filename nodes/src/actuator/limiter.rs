@@ -2,11 +2,11 @@
 
 use std::path::PathBuf;
 
+use asperity_actuator::{self, Drive, LimiterSettings};
 use asperity_node::{
     Descriptor, Diagnostic, Fact, Guard, Input, Node, Output, Param, RateSpec, Resume, Setup, ShapeSpec,
     State, Status, Tick, Unit,
 };
-use asperity_world::actuator::{self, Drive, LimiterSettings};
 
 /// The last stage before a device: finite, peak, slew, coil heat, stroke, DC. It cannot be left out.
 ///
@@ -14,7 +14,7 @@ use asperity_world::actuator::{self, Drive, LimiterSettings};
 ///
 /// What holds the coil's limits does not change while it runs: only how DC is followed and how the gain comes back do.
 pub struct Limiter {
-    limiter: actuator::Limiter,
+    limiter: asperity_actuator::Limiter,
     files: Vec<PathBuf>,
 }
 
@@ -81,9 +81,14 @@ impl Node for Limiter {
             ..LimiterSettings::default()
         };
         let drive = if volts { Drive::Voltage } else { Drive::Current };
-        actuator::Limiter::new(&super::dynamics(setup)?, drive, f64::from(setup.input_rate(0)), settings)
-            .map(|limiter| Self { limiter, files: super::files(setup) })
-            .map_err(|e| p.node_error(e.to_string()))
+        asperity_actuator::Limiter::new(
+            &super::dynamics(setup)?,
+            drive,
+            f64::from(setup.input_rate(0)),
+            settings,
+        )
+        .map(|limiter| Self { limiter, files: super::files(setup) })
+        .map_err(|e| p.node_error(e.to_string()))
     }
 
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {

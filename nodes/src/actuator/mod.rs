@@ -8,9 +8,9 @@ pub use limiter::Limiter;
 
 use std::path::{Path, PathBuf};
 
+use asperity_actuator::{ActuatorProfile, Dynamics};
+use asperity_diagnostics::Place;
 use asperity_node::{Diagnostic, Param, Setup};
-use asperity_source::Place;
-use asperity_world::actuator::{ActuatorProfile, Dynamics};
 
 fn profile_params() -> [Param; 2] {
     [
@@ -61,8 +61,8 @@ fn dynamics(setup: &Setup<'_>) -> Result<Dynamics, Diagnostic> {
 
 #[cfg(test)]
 mod tests {
+    use asperity_diagnostics::Source;
     use asperity_graph::{GraphFile, compile};
-    use asperity_source::Source;
 
     #[test]
     fn whoever_looks_whether_files_change_is_told_of_a_profiles_file() {

@@ -7,7 +7,7 @@ use asperity_node::{
     Config, Descriptor, Diagnostic, Fact, Input, Node, Output, Param, Resume, Setup, ShapeSpec, State,
     Status, Tick, Unit,
 };
-use asperity_world::scene::{ContactSettings, Contacts, Felt, Motion, Scene};
+use asperity_scene::{ContactSettings, Contacts, Felt, Motion, Scene};
 
 /// Finds which surface of a scene a stylus touches, and tells the nodes of the effects what to do.
 pub struct Contact {

@@ -2,14 +2,14 @@
 
 use std::path::PathBuf;
 
+use asperity_autoregressive::{self, Synthesis};
+use asperity_diagnostics::ron::Value;
 use asperity_dsp::{Conversion, FilterPhase, Resampler};
 use asperity_node::{
     Descriptor, Diagnostic, Fact, Input, Latency, Node, Param, Resume, Setup, ShapeSpec, State, Status, Tick,
     Unit, random, time,
 };
-use asperity_source::ron::Value;
-use asperity_world::autoregressive::{self, Synthesis};
-use asperity_world::scene::Texture;
+use asperity_scene::Texture;
 
 use super::texts::{self, Shared};
 use super::voices::{Voice, Voices};
@@ -143,7 +143,7 @@ impl Node for Autoregressive {
                     .error("a texture of another kind")
                     .help("autoregressive(model: \"FILE.ron\")"));
             };
-            let texture = textures.get(model.clone(), || autoregressive::Texture::read(&model))?;
+            let texture = textures.get(model.clone(), || asperity_autoregressive::Texture::read(&model))?;
             let band = band(&mut bands, texture.rate_hz(), setup).map_err(|e| value.error(e))?;
             Ok((texture, gain as f32, band))
         };

@@ -1,11 +1,10 @@
 //! `friction`: force against the motion along a surface.
 
+use asperity_diagnostics::ron::Value;
 use asperity_node::{
     Descriptor, Diagnostic, Fact, Input, Node, Param, Setup, ShapeSpec, State, Status, Tick, Unit,
 };
-use asperity_source::ron::Value;
-use asperity_world::effect::friction::{Dahl, LuGre, ViscousCoulomb};
-use asperity_world::scene;
+use asperity_scene::effect::friction::{Dahl, LuGre, ViscousCoulomb};
 
 use super::voices::{Voice, Voices};
 use super::{at, let_go, put, slot, texts, vector};
@@ -39,14 +38,14 @@ enum Law {
 
 impl Law {
     fn read(value: &Value) -> Result<Self, Diagnostic> {
-        match scene::Friction::parse(value)? {
-            scene::Friction::ViscousCoulomb { coefficient, viscosity_s_per_mm } => {
+        match asperity_scene::Friction::parse(value)? {
+            asperity_scene::Friction::ViscousCoulomb { coefficient, viscosity_s_per_mm } => {
                 at(value, ViscousCoulomb::new(coefficient, viscosity_s_per_mm)).map(Self::ViscousCoulomb)
             }
-            scene::Friction::Dahl { coefficient, bristle_stiffness_n_per_mm } => {
+            asperity_scene::Friction::Dahl { coefficient, bristle_stiffness_n_per_mm } => {
                 at(value, Dahl::new(coefficient, bristle_stiffness_n_per_mm)).map(Self::Dahl)
             }
-            scene::Friction::LuGre(settings) => at(value, LuGre::new(settings)).map(Self::LuGre),
+            asperity_scene::Friction::LuGre(settings) => at(value, LuGre::new(settings)).map(Self::LuGre),
         }
     }
 

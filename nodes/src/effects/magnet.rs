@@ -1,8 +1,8 @@
 //! `magnet`: a surface that snaps.
 
 use asperity_node::{Descriptor, Diagnostic, Fact, Input, Node, Param, Setup, ShapeSpec, Status, Tick, Unit};
-use asperity_world::effect;
-use asperity_world::scene::Pull;
+use asperity_scene::Pull;
+use asperity_scene::effect;
 
 use super::{at, let_go, pick, put, slot, texts, vector};
 

@@ -3,10 +3,10 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use asperity_diagnostics::ron::Value;
 use asperity_node::{Descriptor, Diagnostic, Fact, Latency, Node, Param, Resume, Setup, State, Status, Tick};
-use asperity_source::ron::Value;
-use asperity_world::effect::{self, HeightSpline, Parts, ReliefSettings};
-use asperity_world::scene::{Heights, Texture};
+use asperity_scene::effect::{self, HeightSpline, Parts, ReliefSettings};
+use asperity_scene::{Heights, Texture};
 
 use super::mix::Mix;
 use super::texts::{self, Shared};

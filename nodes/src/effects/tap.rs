@@ -2,12 +2,12 @@
 
 use std::path::PathBuf;
 
+use asperity_diagnostics::ron::Value;
 use asperity_node::{
     Descriptor, Diagnostic, Fact, Input, Latency, Node, Param, Setup, ShapeSpec, State, Status, Tick, Unit,
 };
-use asperity_source::ron::Value;
-use asperity_world::effect;
-use asperity_world::scene::{Knock, Sound};
+use asperity_scene::effect;
+use asperity_scene::{Knock, Sound};
 
 use super::mix::Mix;
 use super::{acceleration, at, pick, slot, texts};

@@ -4,8 +4,8 @@ use std::collections::HashMap;
 use std::fmt::Debug;
 use std::sync::Arc;
 
+use asperity_diagnostics::ron::{self, Kind, Value};
 use asperity_node::{Diagnostic, Params, Place, Setup, Source, Span};
-use asperity_source::ron::{self, Kind, Value};
 
 /// What each text of a list comes to. Files that a text names are relative to the file in which the list stands.
 ///

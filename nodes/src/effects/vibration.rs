@@ -1,8 +1,8 @@
 //! `vibration`: a fixed source while a surface is touched.
 
 use asperity_node::{Descriptor, Diagnostic, Fact, Latency, Node, Param, Setup, State, Status, Tick};
-use asperity_world::effect;
-use asperity_world::scene::Hum;
+use asperity_scene::Hum;
+use asperity_scene::effect;
 
 use super::mix::Mix;
 use super::{acceleration, at, pick, slot, texts};

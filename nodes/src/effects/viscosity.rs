@@ -1,8 +1,8 @@
 //! `viscosity`: drag in a volume.
 
 use asperity_node::{Descriptor, Diagnostic, Fact, Input, Node, Param, Setup, ShapeSpec, Status, Tick, Unit};
-use asperity_world::effect;
-use asperity_world::scene::Drag;
+use asperity_scene::Drag;
+use asperity_scene::effect;
 
 use super::{at, let_go, pick, put, slot, texts, vector};
 

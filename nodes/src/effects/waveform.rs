@@ -2,13 +2,13 @@
 
 use std::path::PathBuf;
 
+use asperity_diagnostics::ron::Value;
 use asperity_node::{
     Descriptor, Diagnostic, Fact, Input, Latency, Node, Param, Resume, Setup, ShapeSpec, State, Status, Tick,
     Unit,
 };
-use asperity_source::ron::Value;
-use asperity_world::effect::{self, Parts, WaveformTable};
-use asperity_world::scene::{self, Texture};
+use asperity_scene::effect::{self, Parts, WaveformTable};
+use asperity_scene::{self, Texture};
 
 use super::mix::Mix;
 use super::texts::{self, Shared};
@@ -83,7 +83,7 @@ fn read(
     let Texture::Waveform { values, crossfade_mm, quantity, gain } = Texture::parse(value)? else {
         return Err(other());
     };
-    if let scene::Loop::Recorded { file, .. } = &values {
+    if let asperity_scene::Loop::Recorded { file, .. } = &values {
         files.push(file.clone());
     }
     let plain = Texture::Waveform { values, crossfade_mm, quantity, gain: 1.0 };

@@ -1,14 +1,14 @@
 //! `stroke`: a made stroke.
 
+use asperity_motion::{self, Shape, StrokeParams};
 use asperity_node::{
     Descriptor, Diagnostic, Latency, Node, Output, Param, Resume, Setup, ShapeSpec, Status, Tick, Unit,
 };
-use asperity_world::motion::{self, Shape, StrokeParams};
 
 use super::microseconds;
 
 /// Makes a stroke by rule: approach, a path on the surface, lift-off. A pure function of time and seed.
-pub struct Stroke(motion::Stroke);
+pub struct Stroke(asperity_motion::Stroke);
 
 impl Node for Stroke {
     fn descriptor() -> Descriptor {
@@ -90,7 +90,7 @@ impl Node for Stroke {
             quantum_mm: p.number("quantum_mm"),
             seed: p.get_integer("seed").map_or(setup.seed, |s| s as u64),
         };
-        motion::Stroke::new(params).map(Self).map_err(|e| {
+        asperity_motion::Stroke::new(params).map(Self).map_err(|e| {
             let name = e.message.split('`').nth(1).unwrap_or("").to_owned();
             let d = p.error(&name, e.message.clone());
             if let Some(help) = e.help { d.help(help) } else { d }

@@ -1,10 +1,10 @@
 //! `trajectory`: a recorded stroke.
 
+use asperity_diagnostics::Source;
+use asperity_motion::{self, AxisMap, Cursor, Interpolation, TrajectoryOptions};
 use asperity_node::{
     Descriptor, Diagnostic, Fact, Latency, Node, Output, Param, Resume, Setup, ShapeSpec, Status, Tick, Unit,
 };
-use asperity_source::Source;
-use asperity_world::motion::{self, AxisMap, Cursor, Interpolation, TrajectoryOptions};
 
 use super::microseconds;
 
@@ -13,7 +13,7 @@ const SHIPPED: &str = include_str!("../../../graphs/trajectories/zigzag.csv");
 
 /// Plays a CSV file of positions and, where recorded, forces and speeds.
 pub struct Trajectory {
-    trajectory: motion::Trajectory,
+    trajectory: asperity_motion::Trajectory,
     cursor: Cursor,
 }
 
@@ -61,9 +61,12 @@ impl Node for Trajectory {
         let interpolation = if linear { Interpolation::Linear } else { Interpolation::Cubic };
         let options = TrajectoryOptions { axes, max_gap_s, interpolation };
         let trajectory = if p.get("file").is_some() {
-            motion::Trajectory::read(p.file("file"), &options)?
+            asperity_motion::Trajectory::read(p.file("file"), &options)?
         } else {
-            motion::Trajectory::parse(&Source::new("trajectories/zigzag.csv (shipped)", SHIPPED), &options)?
+            asperity_motion::Trajectory::parse(
+                &Source::new("trajectories/zigzag.csv (shipped)", SHIPPED),
+                &options,
+            )?
         };
         let recorded =
             [("force", trajectory.has_force(), "force_n"), ("speed", trajectory.has_speed(), "speed_mm_s")];

@@ -1,6 +1,6 @@
 //! `velocity`: how fast the stylus moves along the surface.
 
-use asperity_dsp::Elementary as _;
+use asperity_numbers::Elementary as _;
 use std::f64::consts::{SQRT_2, TAU};
 
 use crate::since::Since;

@@ -2,11 +2,12 @@
 
 use std::f64::consts::TAU;
 
-use asperity_dsp::{Elementary as _, Ramp};
+use asperity_actuator::identify::raised_cosine;
+use asperity_dsp::Ramp;
 use asperity_node::{
     Config, Descriptor, Diagnostic, Latency, Node, Param, Ports, Resume, Setup, State, Status, Tick,
 };
-use asperity_world::actuator::identify::raised_cosine;
+use asperity_numbers::Elementary as _;
 
 /// A sine that fades in and, where it ends, out.
 ///

@@ -1,9 +1,9 @@
 //! `sweep`: all frequencies, one after the other.
 
+use asperity_actuator::identify::{self, SweepSettings, SweepShape};
 use asperity_node::{
     Config, Descriptor, Diagnostic, Fact, Latency, Node, Param, Ports, Resume, Setup, Status, Tick,
 };
-use asperity_world::actuator::identify::{self, SweepSettings, SweepShape};
 
 /// An exponential sine sweep between two silences; each sample follows from its number alone.
 pub struct Sweep {

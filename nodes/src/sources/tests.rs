@@ -1,7 +1,7 @@
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
-use asperity_conformance::{Subject, Verdict, cases};
+use asperity_checks::conformance::{Subject, Verdict, cases};
 use asperity_node::{
     Buffer, Config, Inputs, NodeKind, Outputs, ParamValue, Params, PortType, Processor, Setup, Shape, Status,
     Tick, Unit, Wiring,

@@ -1,8 +1,8 @@
-use asperity_network::{Model, Range};
 use asperity_node::{
     Buffer, Config, Fact, FactValue, FrameLayout, FrameRate, InputRef, Inputs, Outputs, ParamValue, Params,
     PortType, Processor, Setup, Shape, Status, Tick, Unit, random,
 };
+use asperity_texture::{Model, Range};
 
 const MODELS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../graphs/models/surfaces/");
 

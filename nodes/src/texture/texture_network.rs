@@ -1,15 +1,15 @@
 //! `texture_network`: from forces and velocities to the magnitudes of the vibration they cause.
 
 use asperity_dsp::shaped_noise::PATTERN_LEN;
-use asperity_network::{
-    Answer, Choice, FORCE_LEN, MAGNITUDES_LEN, Model, Precision, Range, RunError, Runner, SPEED_LEN, Target,
-    hold_magnitudes,
-};
 use asperity_node::{
     Config, Descriptor, Diagnostic, Fact, FrameClock, FrameLayout, FrameRate, Input, LayoutSpec, Node,
     Output, Param, Ports, Setup, ShapeSpec, Status, Tick, Unit,
 };
-use asperity_world::material::Library;
+use asperity_texture::Library;
+use asperity_texture::{
+    Answer, Choice, FORCE_LEN, MAGNITUDES_LEN, Model, Precision, Range, RunError, Runner, SPEED_LEN, Target,
+    hold_magnitudes,
+};
 
 /// The model's bins are 10 Hz apart: its window is 0.1 s.
 const WINDOWS_PER_SECOND: u32 = 10;

@@ -1,6 +1,7 @@
 //! The estimate itself, frame by frame, without a graph.
 
-use asperity_dsp::{Elementary as _, plans, polar};
+use asperity_dsp::plans;
+use asperity_numbers::{Elementary as _, polar};
 use std::f64::consts::TAU;
 use std::sync::Arc;
 

@@ -43,7 +43,7 @@ fn a_coarse_grid_finds_what_the_signals_own_finds() {
     let scaled: Vec<f32> = magnitudes.iter().map(|m| m * 4410.0 / 250.0).collect();
     let fine = common::invert::<GsrtisiLa>(&scaled, 44_100, &params, 1.0);
     let score = |y: &[f64], m: &[f32], hz| {
-        asperity_measure::phase::score(m, &asperity_measure::phase::framing(hz, 101), y)
+        asperity_accuracy::phase::score(m, &asperity_accuracy::phase::framing(hz, 101), y)
             .expect("a score")
             .convergence_db
     };

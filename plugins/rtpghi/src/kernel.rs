@@ -1,6 +1,6 @@
 //! Phase gradient heap integration, frame by frame, without a graph.
 
-use asperity_dsp::Elementary as _;
+use asperity_numbers::Elementary as _;
 use std::collections::BinaryHeap;
 use std::f64::consts::TAU;
 

@@ -2,10 +2,10 @@
 
 mod nodes;
 
+use asperity_diagnostics::Source;
 use asperity_engine::{Engine, Options};
 use asperity_graph::{GraphFile, compile};
 use asperity_node::Buffer;
-use asperity_source::Source;
 
 use crate::counting::{Held, held};
 use nodes::{INJECTORS, injected, injected_all, registry};

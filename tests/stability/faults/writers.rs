@@ -3,8 +3,8 @@
 use std::path::Path;
 use std::process::Command;
 
-use asperity_measure::npy;
-use asperity_world::material::{Library, LibraryMaterial};
+use asperity_accuracy::npy;
+use asperity_texture::{Library, LibraryMaterial};
 
 use crate::common::{asperity, graphs};
 use crate::files::encoder;
@@ -150,8 +150,8 @@ fn is_sound(path: &Path) -> bool {
 }
 
 fn is_ron(path: &Path) -> bool {
-    let source = asperity_source::Source::read(path);
-    source.is_ok_and(|source| asperity_source::ron::parse(&source).is_ok())
+    let source = asperity_diagnostics::Source::read(path);
+    source.is_ok_and(|source| asperity_diagnostics::ron::parse(&source).is_ok())
 }
 
 fn is_library(path: &Path) -> bool {

@@ -1,6 +1,6 @@
 //! Small networks for the corpus, made here.
 
-#[path = "../../../core/network/tests/common/mod.rs"]
+#[path = "../../../core/texture/tests/common/mod.rs"]
 mod network;
 
 use network::{Layer, Random, Spelling, Writer, bytes, float, int};

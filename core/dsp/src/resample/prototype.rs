@@ -1,6 +1,8 @@
 //! The low-pass that a resampler takes its taps from, as a function of continuous time.
 
-use crate::{Complex, Elementary as _, plans, polar, size as size_of};
+use asperity_numbers::{Elementary as _, polar, size as size_of};
+
+use crate::{Complex, plans};
 use std::f64::consts::PI;
 
 /// Attenuation that the length is designed for, in dB: at the stop band's edge and beyond.

@@ -65,7 +65,7 @@ impl<T: Float> Drift<T> {
             0.5 * r1.re.f64() - 0.25 * (r0 + r2.re.f64()),
             0.5 * r1.im.f64() - 0.25 * r2.im.f64(),
         );
-        let size = crate::size(x1).max(f64::MIN_POSITIVE);
+        let size = asperity_numbers::size(x1).max(f64::MIN_POSITIVE);
         let slope =
             (m0 - x0.abs()) * x0.signum() * 0.5 * r1.im.f64() + (m1 - size) * 0.25 * r0 * x1.im / size;
         let energy = n * n * magnitudes.iter().map(|m| m.f64().powi(2)).sum::<f64>();

@@ -1,8 +1,9 @@
 //! Bumps that a tool meets one after the other: pulses whose spectrum is white.
 
 use super::pattern::Events;
+use crate::Float;
 use crate::random::{normal, uniform};
-use crate::{Elementary as _, Float};
+use asperity_numbers::Elementary as _;
 use asperity_state::State;
 
 /// Beyond so many bumps a sample they are white noise.

@@ -32,7 +32,8 @@ pub use pattern::{Events, HARMONICS, PATTERN_LEN, Pattern, WAVES, Wave};
 use crate::float::{keep_wide, unit_circle};
 use crate::magnitude::{largest_of, take};
 use crate::random::normal;
-use crate::{Complex, Elementary as _, Float, Framing, FramingError};
+use crate::{Complex, Float, Framing, FramingError};
+use asperity_numbers::Elementary as _;
 use asperity_state::State;
 use events::{Bumps, at_ridges};
 use pattern::keep_waves;
@@ -467,7 +468,11 @@ impl<T: Float> ShapedNoise<T> {
         let at = (at + 0.5) as usize;
         let response = self.designer.response[at];
         let response = Complex::new(response.re.f64(), response.im.f64());
-        if crate::size(response) > 0.0 { response / crate::size(response) } else { Complex::new(1.0, 0.0) }
+        if asperity_numbers::size(response) > 0.0 {
+            response / asperity_numbers::size(response)
+        } else {
+            Complex::new(1.0, 0.0)
+        }
     }
 
     /// How often the hand comes to a ridge of each wave, in Hz; below 0 backwards.

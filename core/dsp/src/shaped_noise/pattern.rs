@@ -1,7 +1,8 @@
 //! The ridges and bumps of a texture.
 
+use crate::Complex;
 use crate::float::unit_circle;
-use crate::{Complex, Elementary as _};
+use asperity_numbers::Elementary as _;
 use asperity_state::State;
 
 /// Most waves.

@@ -1,6 +1,6 @@
 //! Where the hand is, without the steps of its sensor.
 
-use crate::Elementary as _;
+use asperity_numbers::Elementary as _;
 use asperity_state::State;
 
 /// Corner of the tracking filter in Hz. A sensor's steps of 0.055 mm leave 0.005 mm at 500 places a second.

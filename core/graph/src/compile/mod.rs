@@ -10,8 +10,8 @@ mod prepare;
 mod resolve;
 mod types;
 
+use asperity_diagnostics::budget;
 use asperity_node::{Diagnostic, Processor, Registry};
-use asperity_source::budget;
 
 use crate::{GraphFile, NodeDecl, Schedule};
 

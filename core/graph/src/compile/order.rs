@@ -116,7 +116,7 @@ fn reaching_sinks(graph: &GraphFile, resolved: &Resolved) -> Result<Vec<bool>, V
         let end = source.text().len().min(1);
         return Err(vec![
             Diagnostic::new("the graph has no sink, so nothing would be built")
-                .at(source, asperity_source::Span { start: 0, end })
+                .at(source, asperity_diagnostics::Span { start: 0, end })
                 .help("add an `audio_out`, `file_out` or `probe`"),
         ]);
     }

@@ -3,9 +3,9 @@
 use std::collections::HashMap;
 use std::sync::Arc;
 
+use asperity_diagnostics::one_of;
 use asperity_node::random::seed_of;
 use asperity_node::{Config, Diagnostic, Input, NodeKind, Output, Params, Ports, Registry};
-use asperity_source::one_of;
 
 use super::within_budget;
 use crate::{Endpoint, GraphFile, params};

@@ -9,7 +9,7 @@ mod outline;
 mod strip;
 mod way;
 
-use asperity_world::space::Surface;
+use asperity_scene::space::Surface;
 
 use super::axis::Axis;
 use super::lines::Pen;

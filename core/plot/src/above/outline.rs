@@ -1,6 +1,6 @@
 //! Outlines of surfaces as they are seen from above, along -z: on x and y, in millimetres.
 
-use asperity_world::space::{Form, Surface, WORLD_MM};
+use asperity_scene::space::{Form, Surface, WORLD_MM};
 
 /// A place on x and y.
 pub(super) type Point = [f64; 2];

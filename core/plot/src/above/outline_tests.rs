@@ -1,6 +1,6 @@
 //! Projections against rays straight down and by hand.
 
-use asperity_world::space::{HeightGrid, Pose, Shape};
+use asperity_scene::space::{HeightGrid, Pose, Shape};
 use proptest::prelude::*;
 use std::sync::Arc;
 

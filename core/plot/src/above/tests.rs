@@ -1,6 +1,6 @@
 //! What is shown, and how much of it.
 
-use asperity_world::space::{Pose, Shape};
+use asperity_scene::space::{Pose, Shape};
 
 use super::way::tests::lines_of;
 use super::*;

@@ -5,8 +5,8 @@ use std::fmt::Write as _;
 use std::path::Path;
 use std::process::ExitCode;
 
-use asperity_source::{Diagnostic, one_of};
-use asperity_study::{Budget, Choice, Figure, Reason, Results, Time};
+use asperity_diagnostics::{Diagnostic, one_of};
+use asperity_tradeoff::{Budget, Choice, Figure, Reason, Results, Time};
 use serde_json::json;
 
 use super::tradeoff::read_results;
@@ -202,7 +202,7 @@ fn nothing(results: &Results, budget: &Budget, from: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use asperity_study::{Figures, Fragment, Row};
+    use asperity_tradeoff::{Figures, Fragment, Row};
 
     use super::*;
 

@@ -7,10 +7,10 @@ use std::fs::Metadata;
 use std::path::{Component, Path, PathBuf};
 use std::process::ExitCode;
 
-use asperity_network::Encoder;
-use asperity_source::{Diagnostic, MAX_TEXT_BYTES, Source, file};
-use asperity_world::material::{Assignment, BLENDED, Library, LibraryMaterial, Neighbour, VECTOR_LEN};
-use asperity_world::tactile;
+use asperity_diagnostics::{Diagnostic, MAX_TEXT_BYTES, Source, file};
+use asperity_texture::Encoder;
+use asperity_texture::picture;
+use asperity_texture::{Assignment, BLENDED, Library, LibraryMaterial, Neighbour, VECTOR_LEN};
 
 use crate::args::{As, Encode};
 use crate::failure::{Failure, clean, print, warn};
@@ -36,7 +36,7 @@ pub fn run(args: &Encode) -> Result<ExitCode, Failure> {
     let mut out = String::new();
     let mut vectors = Vec::with_capacity(args.images.len());
     for path in &args.images {
-        let picture = tactile::read(path)?;
+        let picture = picture::read(path)?;
         for note in &picture.notes {
             let _ = writeln!(out, "{}: {note}", clean(&path.display().to_string()));
         }

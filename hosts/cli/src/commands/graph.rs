@@ -2,10 +2,10 @@
 
 use std::process::ExitCode;
 
+use asperity_diagnostics::Diagnostic;
 use asperity_graph::{GraphFile, Schedule};
 use asperity_node::Shape;
 use asperity_plot::{Picture, PictureNode, PictureWire};
-use asperity_source::Diagnostic;
 
 use crate::args::Graph;
 use crate::failure::{Failure, print};

@@ -3,7 +3,7 @@
 use std::process::ExitCode;
 use std::sync::Arc;
 
-use asperity_source::Diagnostic;
+use asperity_diagnostics::Diagnostic;
 
 use crate::args::{Format, Invert};
 use crate::failure::{Failure, print, warn};

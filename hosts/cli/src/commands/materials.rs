@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::process::ExitCode;
 
-use asperity_world::material::Library;
+use asperity_texture::Library;
 use serde_json::{Value, json};
 
 use crate::args::Materials;

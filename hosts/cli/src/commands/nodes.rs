@@ -3,8 +3,8 @@
 use std::fmt::Write as _;
 use std::process::ExitCode;
 
+use asperity_diagnostics::{Diagnostic, one_of};
 use asperity_node::{Descriptor, ParamKind, ParamValue};
-use asperity_source::{Diagnostic, one_of};
 use serde_json::{Value, json};
 
 use crate::args::Nodes;

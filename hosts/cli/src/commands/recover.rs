@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use asperity_source::Diagnostic;
+use asperity_diagnostics::Diagnostic;
 
 use crate::args::Recover;
 use crate::failure::{Failure, print, warn};

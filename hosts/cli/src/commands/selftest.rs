@@ -3,10 +3,10 @@
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::process::ExitCode;
 
+use asperity_checks::{Case, Effort, Outcome, Subject, Verdict, cases};
+use asperity_diagnostics::{Diagnostic, one_of};
 use asperity_graph::GraphFile;
 use asperity_node::Registry;
-use asperity_source::{Diagnostic, one_of};
-use asperity_stability::{Case, Effort, Outcome, Subject, Verdict, cases};
 use clap::ValueEnum as _;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::{Value, json};

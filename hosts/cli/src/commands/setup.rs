@@ -5,7 +5,7 @@ use std::path::Path;
 use std::process::ExitCode;
 use std::str::FromStr;
 
-use asperity_source::{Diagnostic, Source};
+use asperity_diagnostics::{Diagnostic, Source};
 
 use crate::args::Setup;
 use crate::failure::{Failure, complain, print};

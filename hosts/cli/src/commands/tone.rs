@@ -3,10 +3,10 @@
 use std::io::IsTerminal;
 use std::process::ExitCode;
 
+use asperity_diagnostics::Diagnostic;
 use asperity_engine::Engine;
 use asperity_graph::Compiled;
 use asperity_node::Buffer;
-use asperity_source::Diagnostic;
 
 use crate::args::Tone;
 use crate::failure::{Failure, complain, print};

@@ -2,7 +2,7 @@
 
 use std::process::ExitCode;
 
-use asperity_source::Diagnostic;
+use asperity_diagnostics::Diagnostic;
 
 use crate::args::Trust;
 use crate::failure::{Failure, print};

@@ -3,10 +3,10 @@
 use std::sync::Arc;
 
 use asperity_audio::{Format, OpenError, Request};
+use asperity_diagnostics::{Diagnostic, one_of};
 use asperity_graph::Schedule;
 use asperity_live::driver::Clock;
 use asperity_live::{Reins, START_S, SessionError, SessionOptions};
-use asperity_source::{Diagnostic, one_of};
 
 use crate::args::{ClockKind, DeviceArgs};
 use crate::failure::Failure;

@@ -10,10 +10,10 @@ use std::sync::mpsc::{Receiver, TryRecvError};
 use std::sync::{Arc, Mutex};
 use std::time::Instant;
 
+use asperity_diagnostics::Diagnostic;
 use asperity_graph::{GraphFile, Schedule};
 use asperity_live::Conductor;
 use asperity_node::ParamKind;
-use asperity_source::Diagnostic;
 
 use super::closing;
 use super::hands::Hands;

@@ -5,12 +5,12 @@ use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
+use asperity_diagnostics::Diagnostic;
 use asperity_graph::{Schedule, ScheduledNode};
 use asperity_hand::servo::passivity::{DeviceDamping, passivity};
 use asperity_hand::{Frame, HandError, Handle, haply, openhaptics, osc, servo_hz};
 use asperity_live::view::Layout;
 use asperity_live::{Ends, ForceReader, HANDS, SampleWriter, force_model, samples};
-use asperity_source::Diagnostic;
 
 use super::closing;
 use crate::failure::Failure;

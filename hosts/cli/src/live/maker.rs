@@ -11,7 +11,7 @@ use asperity_engine::SwapError;
 use asperity_graph::{Compiled, GraphFile, Schedule, ScheduledNode};
 use asperity_live::needs_ends;
 use asperity_live::view::Materials;
-use asperity_world::material::Library;
+use asperity_texture::Library;
 
 use super::closing;
 use super::hands::{self, Held, Holding, Opened};

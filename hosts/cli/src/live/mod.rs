@@ -15,12 +15,12 @@ use std::process::ExitCode;
 use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
+use asperity_diagnostics::Diagnostic;
 use asperity_engine::Options;
 use asperity_graph::Schedule;
 use asperity_live::view::{Condition, Layout, Request, View};
 use asperity_live::{DOES_NOT_COME_BACK, FORCES, HANDS, Session, conduct, mic};
 use asperity_node::Fault;
-use asperity_source::Diagnostic;
 
 use crate::args::Run;
 use crate::failure::{Failure, print, warn};

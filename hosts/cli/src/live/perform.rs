@@ -6,12 +6,12 @@ use std::sync::atomic::Ordering::Relaxed;
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
+use asperity_actuator::{ActuatorProfile, Dynamics};
+use asperity_diagnostics::{Diagnostic, Source};
 use asperity_engine::Options;
 use asperity_graph::{Compiled, GraphFile, Schedule, compile};
 use asperity_live::view::View;
 use asperity_live::{Ended, Ends, Listener, Session, conduct, mic};
-use asperity_source::{Diagnostic, Source};
-use asperity_world::actuator::{ActuatorProfile, Dynamics};
 
 use super::card;
 use crate::args::{ActuatorArgs, DeviceArgs};

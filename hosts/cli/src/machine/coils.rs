@@ -10,9 +10,9 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{SystemTime, UNIX_EPOCH};
 
+use asperity_diagnostics::{Diagnostic, fnv};
 use asperity_graph::Schedule;
 use asperity_live::{Keeper, Opened, Terms};
-use asperity_source::{Diagnostic, fnv};
 use parking_lot::Mutex;
 
 use super::Machine;

@@ -4,12 +4,12 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use asperity_actuator::{ActuatorProfile, Drive, Dynamics, Limiter, LimiterSettings};
+use asperity_diagnostics::ron::{Value, parse};
+use asperity_diagnostics::{Diagnostic, Place, Source};
 use asperity_graph::{Schedule, ScheduledNode};
 use asperity_live::{Opened, Outlet};
 use asperity_node::{Guard, Unit};
-use asperity_source::ron::{Value, parse};
-use asperity_source::{Diagnostic, Place, Source};
-use asperity_world::actuator::{ActuatorProfile, Drive, Dynamics, Limiter, LimiterSettings};
 
 /// Numbers that are the same but for how they are written.
 const SAME: f64 = 1e-6;

@@ -9,8 +9,8 @@ use std::io::{self, BufWriter, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
-use asperity_measure::npy;
-use asperity_source::Diagnostic;
+use asperity_accuracy::npy;
+use asperity_diagnostics::Diagnostic;
 use tempfile::{NamedTempFile, TempPath};
 
 use crate::args::Format;

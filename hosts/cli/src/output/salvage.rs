@@ -4,7 +4,7 @@ use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
-use asperity_measure::npy;
+use asperity_accuracy::npy;
 use tempfile::{NamedTempFile, TempPath};
 
 use super::{ending, left_over, made, sync_folder};

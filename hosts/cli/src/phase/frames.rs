@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use asperity_measure::npy;
+use asperity_accuracy::npy;
 use asperity_node::{
     Config, Descriptor, Diagnostic, Fault, FrameLayout, FrameRate, LayoutSpec, NodeKind, Output, Ports,
     Processor, Setup, ShapeSpec, Status, Tick, Unit, time,

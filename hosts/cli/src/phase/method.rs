@@ -1,8 +1,8 @@
 //! Which kinds retrieve phase, and how a command line names one.
 
+use asperity_diagnostics::{Source, one_of};
 use asperity_graph::{GraphFile, NodeDecl};
 use asperity_node::{Descriptor, Diagnostic, NodeKind, Registry};
-use asperity_source::{Source, one_of};
 
 use super::offline::{OFFLINE, Offline};
 use crate::failure::Failure;

@@ -2,9 +2,9 @@
 
 use std::str::FromStr;
 
+use asperity_diagnostics::{Diagnostic, one_of};
 use asperity_dsp::Framing;
 use asperity_dsp::griffin_lim::{Options, Start, griffin_lim};
-use asperity_source::{Diagnostic, one_of};
 
 use super::Frames;
 use super::method::OPTION;

@@ -4,7 +4,7 @@ use asperity_engine::Engine;
 use asperity_graph::Schedule;
 use asperity_node::Buffer;
 use asperity_plot::{Above, Moment, Seen};
-use asperity_world::scene::{Kind, VOICED};
+use asperity_scene::{Kind, VOICED};
 
 use crate::load::OfScene;
 

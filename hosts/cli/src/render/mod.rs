@@ -13,10 +13,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
+use asperity_diagnostics::Diagnostic;
 use asperity_engine::{Clock, Engine, Options};
 use asperity_graph::Compiled;
 use asperity_node::Buffer;
-use asperity_source::Diagnostic;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::args::{GraphArgs, Render};

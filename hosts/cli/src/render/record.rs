@@ -2,11 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
+use asperity_diagnostics::Diagnostic;
 use asperity_engine::Engine;
 use asperity_graph::{Schedule, ScheduledNode};
 use asperity_live::Outlet;
 use asperity_node::{Buffer, ParamValue, Shape, time};
-use asperity_source::Diagnostic;
 
 use crate::args::Format;
 use crate::failure::Failure;
@@ -390,7 +390,7 @@ mod tests {
             match name {
                 "x.wav" => assert_eq!(hound::WavReader::open(&path).expect("a WAV file").len(), 5000 - 251),
                 "x.npy" => {
-                    let array = asperity_measure::npy::read(&path).expect("an array");
+                    let array = asperity_accuracy::npy::read(&path).expect("an array");
                     assert_eq!(array.shape, [5000 - 251]);
                 }
                 _ => {

@@ -3,10 +3,10 @@
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
+use asperity_accuracy::timing::{Recorder as Times, Summary};
 use asperity_dsp::Isa;
 use asperity_engine::Engine;
 use asperity_graph::Schedule;
-use asperity_measure::timing::{Recorder as Times, Summary};
 use asperity_node::{Fact, FactValue};
 use serde_json::{Value, json};
 

@@ -2,10 +2,10 @@
 
 use std::sync::Arc;
 
+use asperity_accuracy::timing::Recorder as Times;
 use asperity_engine::{Clock as _, Engine};
 use asperity_graph::{Compiled, Schedule};
 use asperity_live::Outlet;
-use asperity_measure::timing::Recorder as Times;
 
 use super::Wall;
 use super::record::{Master, Recorder};

@@ -6,7 +6,7 @@ use asperity_engine::Engine;
 use asperity_graph::Schedule;
 use asperity_node::{Buffer, ParamValue, Shape, Unit};
 use asperity_plot::{Render, Series};
-use asperity_world::scene::{Kind, VOICED};
+use asperity_scene::{Kind, VOICED};
 
 use super::effects::Effects;
 use super::samples;

@@ -1,11 +1,11 @@
 use super::*;
+use asperity_diagnostics::Source;
 use asperity_engine::Options;
 use asperity_graph::{Compiled, GraphFile, compile};
 use asperity_node::{
     Descriptor, Diagnostic, Input, Node, Output, Param, Registry, Resume, Setup, ShapeSpec, Status, Tick,
     Unit,
 };
-use asperity_source::Source;
 use ringbuf::HeapRb;
 use ringbuf::traits::Split;
 

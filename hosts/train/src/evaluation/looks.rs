@@ -1,7 +1,7 @@
-use asperity_dataset::{Expectation, Subject};
-use asperity_network::Encoder;
-use asperity_world::material::{Assignment, BLENDED, Library, VECTOR_LEN};
-use asperity_world::tactile::Image;
+use asperity_data::{Expectation, Subject};
+use asperity_texture::Encoder;
+use asperity_texture::picture::Image;
+use asperity_texture::{Assignment, BLENDED, Library, VECTOR_LEN};
 use burn::tensor::Device;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};

@@ -1,5 +1,7 @@
-use asperity_dataset::{Example, Expectation, HISTORY, Subject};
-use asperity_world::material::{BINS, Library, Random};
+use asperity_data::{Example, Expectation, HISTORY, Subject};
+use asperity_dsp::frame::BINS;
+use asperity_numbers::Random;
+use asperity_texture::Library;
 use serde::Serialize;
 
 use super::Network;

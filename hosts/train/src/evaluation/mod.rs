@@ -5,10 +5,11 @@ mod magnitudes;
 mod network;
 mod statistics;
 
-use asperity_dataset::{Example, Expectation, Subject, Truth, made};
-use asperity_network::Encoder;
-use asperity_world::material::{Library, Random};
-use asperity_world::topography::MadeSurface;
+use asperity_data::{Example, Expectation, Subject, Truth, made};
+use asperity_numbers::Random;
+use asperity_surfaces::topography::MadeSurface;
+use asperity_texture::Encoder;
+use asperity_texture::Library;
 use rayon::prelude::*;
 use serde::Serialize;
 

@@ -1,8 +1,8 @@
 use std::path::Path;
 
-use asperity_dataset::{Example, HISTORY};
-use asperity_network::{Answer, Choice, Model, Precision, Range, Runner, hold_magnitudes};
-use asperity_world::material::BINS;
+use asperity_data::{Example, HISTORY};
+use asperity_dsp::frame::BINS;
+use asperity_texture::{Answer, Choice, Model, Precision, Range, Runner, hold_magnitudes};
 
 use crate::failure::Failure;
 

@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
-use asperity_world::tactile::{IMAGE, Image};
+use asperity_texture::picture::{IMAGE, Image};
 use burn::module::Module;
 use burn::optim::{AdamConfig, GradientsParams};
 use burn::tensor::activation::log_softmax;
@@ -40,7 +40,7 @@ impl Statistics {
             (all.iter().map(|x| (x[i] - mean[i]).powi(2)).sum::<f32>() / count).sqrt().max(1e-6)
         });
         let device = Device::flex().autodiff();
-        let random = &mut asperity_world::material::Random::new(1);
+        let random = &mut asperity_numbers::Random::new(1);
         let mut baseline =
             Self { layer: Layer::new(NUMBERS, classes, 0.1, random, &device), mean, deviation };
         let inputs = baseline.scaled(&all, &device);

@@ -1,7 +1,9 @@
 //! Stage two: texture encoder and the network of every tick.
 
-use asperity_dataset::{Example, HISTORY, Subject, Truth};
-use asperity_world::material::{BINS, Random, VECTOR_LEN};
+use asperity_data::{Example, HISTORY, Subject, Truth};
+use asperity_dsp::frame::BINS;
+use asperity_numbers::Random;
+use asperity_texture::VECTOR_LEN;
 use burn::module::{Module, Param};
 use burn::tensor::{Device, Tensor, TensorData};
 

@@ -1,4 +1,4 @@
-use asperity_dataset::Parts;
+use asperity_data::Parts;
 use burn::module::Module as _;
 
 use super::*;

@@ -1,5 +1,5 @@
-use asperity_dataset::Subject;
-use asperity_world::tactile::Image;
+use asperity_data::Subject;
+use asperity_texture::picture::Image;
 use burn::tensor::Device;
 
 use super::kin::Kin;

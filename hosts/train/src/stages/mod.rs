@@ -6,7 +6,8 @@ mod looks;
 mod naming;
 mod sight;
 
-use asperity_world::material::{Random, VECTOR_LEN};
+use asperity_numbers::Random;
+use asperity_texture::VECTOR_LEN;
 use burn::tensor::{Device, Tensor, TensorData};
 
 pub(crate) use feeling::{Learner, Touching, feel, settle};

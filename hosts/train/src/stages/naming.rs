@@ -1,7 +1,7 @@
 //! Stage one: image encoder and classifier.
 
-use asperity_dataset::Subject;
-use asperity_world::tactile::{IMAGE, Image};
+use asperity_data::Subject;
+use asperity_texture::picture::{IMAGE, Image};
 use burn::module::Module;
 use burn::tensor::{Device, Tensor, TensorData};
 

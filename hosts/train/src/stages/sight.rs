@@ -1,7 +1,7 @@
 //! Images as a stage sees them: shifted, stretched, some features missing.
 
-use asperity_world::material::Random;
-use asperity_world::tactile::Image;
+use asperity_numbers::Random;
+use asperity_texture::picture::Image;
 
 use crate::encoder::FEATURES;
 

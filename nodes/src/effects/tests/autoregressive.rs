@@ -3,9 +3,9 @@
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
+use asperity_autoregressive::{Synthesis, Texture};
 use asperity_dsp::{Conversion, FilterPhase, Resampler, Stft};
 use asperity_node::{Unit, random};
-use asperity_world::autoregressive::{Synthesis, Texture};
 
 use super::bench::{Bench, Script, largest_step, refused, spans};
 use crate::effects;

@@ -1,8 +1,8 @@
 //! `friction`, `viscosity` and `magnet`.
 
 use asperity_node::Unit;
-use asperity_world::effect::friction::{Dahl, LuGre, LuGreSettings, ViscousCoulomb};
-use asperity_world::effect::{Magnet, Viscosity};
+use asperity_scene::effect::friction::{Dahl, LuGre, LuGreSettings, ViscousCoulomb};
+use asperity_scene::effect::{Magnet, Viscosity};
 
 use super::bench::{Bench, Script, refused};
 use crate::effects;

@@ -2,13 +2,13 @@
 
 use std::sync::Arc;
 
+use asperity_diagnostics::{Source, ron};
 use asperity_dsp::filter::Section;
 use asperity_node::Unit;
-use asperity_source::{Source, ron};
-use asperity_world::effect::{
+use asperity_scene::Texture;
+use asperity_scene::effect::{
     HeightSpline, Parts, Path, Relief, ReliefSettings, Smoothing, Waveform, WaveformQuantity, WaveformTable,
 };
-use asperity_world::scene::Texture;
 
 use super::bench::{Bench, Script, largest_step, refused, spans};
 use crate::effects;

@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use asperity_node::Unit;
-use asperity_world::effect::Vibration;
+use asperity_scene::effect::Vibration;
 
 use super::bench::{Bench, Script, largest_step, refused};
 use crate::effects;

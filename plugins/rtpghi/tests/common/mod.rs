@@ -4,8 +4,8 @@
 
 use std::path::{Path, PathBuf};
 
+use asperity_accuracy::{npy, phase};
 use asperity_dsp::{Framing, OverlapAdd};
-use asperity_measure::{npy, phase};
 use asperity_sdk::{
     Buffer, Complex, Config, Fact, FactValue, FrameLayout, FrameRate, InputRef, Inputs, Latency, Node,
     Outputs, ParamValue, Params, PortType, Processor, Setup, Shape, Status, Tick, Unit, Wiring,

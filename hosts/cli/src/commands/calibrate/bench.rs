@@ -2,11 +2,11 @@
 
 use std::cell::RefCell;
 
+use asperity_actuator::Drive;
+use asperity_actuator::identify::{Recording, Sweep, SweepSettings};
 use asperity_live::view::View;
 use asperity_live::{Ended, Listener};
 use asperity_node::FactValue;
-use asperity_world::actuator::Drive;
-use asperity_world::actuator::identify::{Recording, Sweep, SweepSettings};
 
 use super::{amps_per_volt, volts_per_volt};
 use crate::args::{Calibrate, DeviceArgs, DriveKind};

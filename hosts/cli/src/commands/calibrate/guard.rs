@@ -1,7 +1,7 @@
 //! What a quiet sweep must show before a loud one is played.
 
-use asperity_world::actuator::ActuatorProfile;
-use asperity_world::actuator::identify::{IdentifySettings, identify};
+use asperity_actuator::ActuatorProfile;
+use asperity_actuator::identify::{IdentifySettings, identify};
 
 use super::bench::Tape;
 use crate::args::Calibrate;

@@ -1,7 +1,7 @@
 //! `asperity calibrate`: an actuator is measured with an accelerometer on its handle, and its profile written.
 //!
 //! [`bench`] plays sweeps and records them, [`guard`] looks at a quiet one before a loud one is played, the fit is
-//! [`asperity_world::actuator::identify`], and [`report`] says what came of it.
+//! [`asperity_actuator::identify`], and [`report`] says what came of it.
 
 mod bench;
 mod guard;
@@ -16,9 +16,9 @@ use std::sync::atomic::Ordering::Relaxed;
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
-use asperity_source::{Diagnostic, Source};
-use asperity_world::actuator::ActuatorProfile;
-use asperity_world::actuator::identify::{Findings, IdentifySettings, Trust, identify, write_profile};
+use asperity_actuator::ActuatorProfile;
+use asperity_actuator::identify::{Findings, IdentifySettings, Trust, identify, write_profile};
+use asperity_diagnostics::{Diagnostic, Source};
 
 use crate::args::{Calibrate, DriveKind};
 use crate::commands::tone::range;

@@ -3,9 +3,9 @@
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
+use asperity_actuator::ActuatorProfile;
+use asperity_actuator::identify::{Estimate, Findings, Measurement};
 use asperity_plot::{Measured, Response};
-use asperity_world::actuator::ActuatorProfile;
-use asperity_world::actuator::identify::{Estimate, Findings, Measurement};
 use serde_json::{Map, Value, json};
 
 use super::bench::Tape;

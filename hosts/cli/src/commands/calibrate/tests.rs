@@ -6,9 +6,9 @@ use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
+use asperity_actuator::identify::{Sweep, SweepSettings};
+use asperity_actuator::{ActuatorProfile, Quantity};
 use asperity_audio::simulated::{Params, Response, Simulated};
-use asperity_world::actuator::identify::{Sweep, SweepSettings};
-use asperity_world::actuator::{ActuatorProfile, Quantity};
 use clap::Parser;
 
 use super::{calibrate, date};
@@ -20,7 +20,7 @@ const RATE: f64 = 48_000.0;
 
 /// m_a \[g\], k, c, k_f, and the rest of a HapCoil-One's.
 fn actuator([m_a, k, c, k_f]: [f64; 4]) -> Actuator {
-    let mut profile = asperity_world::actuator::ActuatorProfile::shipped("hapcoil_one").unwrap().unwrap();
+    let mut profile = asperity_actuator::ActuatorProfile::shipped("hapcoil_one").unwrap().unwrap();
     let q = |value| Quantity { value, source: "made up".into(), estimate: false };
     (profile.moving_mass, profile.stiffness) = (q(m_a * 1e-3), q(k));
     (profile.damping, profile.force_factor) = (q(c), q(k_f));

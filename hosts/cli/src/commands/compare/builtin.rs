@@ -8,8 +8,8 @@
 
 use std::f64::consts::{PI, TAU};
 
-use asperity_measure::npy;
-use asperity_source::Diagnostic;
+use asperity_accuracy::npy;
+use asperity_diagnostics::Diagnostic;
 
 use super::published;
 use super::vectors::{Set, Vector};

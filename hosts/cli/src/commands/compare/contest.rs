@@ -7,10 +7,10 @@ use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::time::Instant;
 
+use asperity_accuracy::accuracy::{Rhythm, SILENCE_M_S2};
+use asperity_accuracy::phase;
+use asperity_accuracy::timing::Timing;
 use asperity_engine::Clock;
-use asperity_measure::accuracy::{Rhythm, SILENCE_M_S2};
-use asperity_measure::phase;
-use asperity_measure::timing::Timing;
 use asperity_node::Registry;
 use indicatif::{ProgressBar, ProgressStyle};
 

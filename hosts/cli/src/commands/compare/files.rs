@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use asperity_measure::accuracy::Rhythm;
+use asperity_accuracy::accuracy::Rhythm;
 use serde_json::{Map, Value, json};
 
 use super::contest::{Outcome, Row};

@@ -6,9 +6,9 @@
 
 use std::sync::Arc;
 
-use asperity_measure::response::{Steps, lag_ms};
+use asperity_accuracy::response::{Steps, lag_ms};
+use asperity_diagnostics::Diagnostic;
 use asperity_node::Registry;
-use asperity_source::Diagnostic;
 
 use super::builtin;
 use crate::failure::Failure;

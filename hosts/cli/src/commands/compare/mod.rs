@@ -17,8 +17,8 @@ mod vectors;
 use std::path::Path;
 use std::process::ExitCode;
 
+use asperity_diagnostics::Diagnostic;
 use asperity_node::Registry;
-use asperity_source::Diagnostic;
 
 use crate::args::Compare;
 use crate::failure::{Failure, print};

@@ -1,6 +1,6 @@
 //! The result as a picture.
 
-use asperity_measure::accuracy::rhythm::{self, RhythmAgreement};
+use asperity_accuracy::accuracy::rhythm::{self, RhythmAgreement};
 use asperity_plot::{Column, Dots};
 
 use super::contest::{Outcome, Row};

@@ -1,6 +1,6 @@
 //! Scores that others reached, from the `sc.json` beside the vectors.
 
-use asperity_source::Diagnostic;
+use asperity_diagnostics::Diagnostic;
 use serde_json::Value;
 
 use super::vectors::Vector;

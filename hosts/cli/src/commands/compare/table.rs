@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use asperity_measure::accuracy::Rhythm;
+use asperity_accuracy::accuracy::Rhythm;
 
 use super::contest::{Outcome, Row};
 use super::published::{Delay, Score};

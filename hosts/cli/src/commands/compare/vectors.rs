@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
-use asperity_measure::{npy, phase};
-use asperity_source::{Diagnostic, Source};
+use asperity_accuracy::{npy, phase};
+use asperity_diagnostics::{Diagnostic, Source};
 use serde_json::Value;
 
 use super::published::{self, Published};

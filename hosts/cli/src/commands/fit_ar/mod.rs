@@ -7,11 +7,11 @@ use std::path::Path;
 use std::process::ExitCode;
 use std::sync::Arc;
 
-use asperity_dataset::recordings::{self, Recorded};
-use asperity_measure::npy;
-use asperity_source::Diagnostic;
-use asperity_world::autoregressive::TextureFile;
-use asperity_world::autoregressive::fit::{Band, Criterion, Order, Recording, Settings, Tolerance};
+use asperity_accuracy::npy;
+use asperity_autoregressive::TextureFile;
+use asperity_autoregressive::fit::{Band, Criterion, Order, Recording, Settings, Tolerance};
+use asperity_data::recordings::{self, Recorded};
+use asperity_diagnostics::Diagnostic;
 
 use crate::args::{By, FitAr};
 use crate::failure::{Failure, clean, print, warn};

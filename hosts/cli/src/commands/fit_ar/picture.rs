@@ -2,9 +2,9 @@
 
 use std::f64::consts::TAU;
 
+use asperity_autoregressive::Model;
+use asperity_autoregressive::fit::Compared;
 use asperity_plot::{Fit, Spectrum};
-use asperity_world::autoregressive::Model;
-use asperity_world::autoregressive::fit::Compared;
 
 use super::report::Report;
 

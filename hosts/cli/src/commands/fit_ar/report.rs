@@ -3,9 +3,9 @@
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
-use asperity_dataset::recordings::Recorded;
-use asperity_world::autoregressive::fit::{self, Band, Compared, Comparison, Segment, Why};
-use asperity_world::autoregressive::{Model, Texture};
+use asperity_autoregressive::fit::{self, Band, Compared, Comparison, Segment, Why};
+use asperity_autoregressive::{Model, Texture};
+use asperity_data::recordings::Recorded;
 use serde_json::{Value, json};
 
 use crate::args::{By, FitAr};

@@ -2,11 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
+use asperity_diagnostics::Diagnostic;
 use asperity_dsp::low_pass::opened_hz;
 use asperity_graph::{GraphFile, Schedule};
 use asperity_node::{Latency, Registry};
-use asperity_source::Diagnostic;
-use asperity_study::Response;
+use asperity_tradeoff::Response;
 
 use crate::args::LatencyArgs;
 use crate::failure::{Failure, complain};

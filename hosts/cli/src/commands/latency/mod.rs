@@ -10,7 +10,7 @@ mod chain;
 use std::fmt::Write as _;
 use std::process::ExitCode;
 
-use asperity_source::Diagnostic;
+use asperity_diagnostics::Diagnostic;
 use serde_json::{Value, json};
 
 use crate::args::LatencyArgs;

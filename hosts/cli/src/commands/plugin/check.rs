@@ -11,8 +11,8 @@ use std::process::{Child, Command, ExitCode, ExitStatus, Stdio};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::time::{Duration, Instant};
 
-use asperity_conformance::cases;
-use asperity_source::{Diagnostic, one_of};
+use asperity_checks::conformance::cases;
+use asperity_diagnostics::{Diagnostic, one_of};
 use serde_json::Value;
 
 use super::child::TIME;

@@ -9,10 +9,10 @@ use std::process::ExitCode;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use asperity_conformance::{Subject, Verdict, Witness, cases, tick_time};
+use asperity_checks::conformance::{Subject, Verdict, Witness, cases, tick_time};
+use asperity_diagnostics::{Diagnostic, one_of};
 use asperity_loader::Plugin;
 use asperity_node::NodeKind;
-use asperity_source::{Diagnostic, one_of};
 use serde_json::{Value, json};
 
 use super::heap::Counter;

@@ -7,7 +7,7 @@
 use std::io::Write;
 use std::process::Command;
 
-use asperity_conformance::{Heap, Touched};
+use asperity_checks::conformance::{Heap, Touched};
 use tempfile::TempPath;
 
 /// The library; empty where it could not be built.

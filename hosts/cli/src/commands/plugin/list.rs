@@ -4,8 +4,8 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
+use asperity_diagnostics::Diagnostic;
 use asperity_loader::{Found, Loader, PATH_VARIABLE, Plugin, find, search};
-use asperity_source::Diagnostic;
 use serde_json::{Value, json};
 
 use crate::args::PluginList;

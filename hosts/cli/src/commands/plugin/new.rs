@@ -5,8 +5,8 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
+use asperity_diagnostics::Diagnostic;
 use asperity_loader::file_name;
-use asperity_source::Diagnostic;
 use include_dir::{Dir, include_dir};
 
 use crate::args::{Lang, Like, PluginNew};
@@ -17,10 +17,11 @@ static TEMPLATES: Dir<'_> = include_dir!("$CARGO_MANIFEST_DIR/../../plugins/temp
 static HEADER: &str = include_str!("../../../../../core/abi/include/asperity.h");
 
 /// The crates that come along with a plugin in Rust.
-static SDK: [(&str, Dir<'_>); 5] = [
+static SDK: [(&str, Dir<'_>); 6] = [
     ("core/abi", include_dir!("$CARGO_MANIFEST_DIR/../../core/abi")),
     ("core/node", include_dir!("$CARGO_MANIFEST_DIR/../../core/node")),
-    ("core/source", include_dir!("$CARGO_MANIFEST_DIR/../../core/source")),
+    ("core/diagnostics", include_dir!("$CARGO_MANIFEST_DIR/../../core/diagnostics")),
+    ("core/numbers", include_dir!("$CARGO_MANIFEST_DIR/../../core/numbers")),
     ("core/state", include_dir!("$CARGO_MANIFEST_DIR/../../core/state")),
     ("plugins/sdk", include_dir!("$CARGO_MANIFEST_DIR/../../plugins/sdk")),
 ];
@@ -34,7 +35,8 @@ const RESERVED: &[&str] = &[
     "asperity_abi",
     "asperity_node",
     "asperity_sdk",
-    "asperity_source",
+    "asperity_diagnostics",
+    "asperity_numbers",
     "asperity_state",
     "async",
     "await",

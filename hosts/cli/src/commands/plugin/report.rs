@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::process::ExitCode;
 
-use asperity_conformance::cases;
+use asperity_checks::conformance::cases;
 use serde_json::{Value, json};
 
 use crate::failure::{Failure, print};

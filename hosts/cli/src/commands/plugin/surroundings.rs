@@ -3,9 +3,9 @@
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-use asperity_conformance::{Subject, cases};
-use asperity_dsp::denormals::FloatControl;
+use asperity_checks::conformance::{Subject, cases};
 use asperity_loader::float_changes;
+use asperity_numbers::denormals::FloatControl;
 
 /// The name under which this is reported, beside the cases.
 pub const SURROUNDINGS: &str = "surroundings";

@@ -2,9 +2,9 @@
 
 use std::time::Instant;
 
+use asperity_accuracy::timing::Recorder;
 use asperity_engine::{Engine, Options};
 use asperity_graph::Compiled;
-use asperity_measure::timing::Recorder;
 use asperity_node::Buffer;
 
 use crate::load::OfScene;

@@ -4,10 +4,10 @@ use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::process::ExitCode;
 
+use asperity_diagnostics::Diagnostic;
 use asperity_graph::Schedule;
-use asperity_source::Diagnostic;
-use asperity_world::scene::{Kind, Scene, Touchable};
-use asperity_world::space::Form;
+use asperity_scene::space::Form;
+use asperity_scene::{Kind, Scene, Touchable};
 use serde_json::{Value, json};
 
 use super::account::{Account, Work};

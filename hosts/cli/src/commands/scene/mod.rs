@@ -6,10 +6,10 @@ mod models;
 
 use std::process::ExitCode;
 
+use asperity_diagnostics::Diagnostic;
+use asperity_diagnostics::ron::{Kind as Form, Value};
 use asperity_graph::{GraphFile, Schedule};
 use asperity_node::ParamValue;
-use asperity_source::Diagnostic;
-use asperity_source::ron::{Kind as Form, Value};
 
 use crate::args::{Expand, SceneCommand};
 use crate::failure::{Failure, print};

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use asperity_graph::Schedule;
-use asperity_world::scene::{Kind, Scene};
+use asperity_scene::{Kind, Scene};
 
 use super::account::Account;
 use super::explain::plural;

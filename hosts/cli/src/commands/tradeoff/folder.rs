@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use asperity_source::{Diagnostic, Source};
-use asperity_study::{Figure, Results};
+use asperity_diagnostics::{Diagnostic, Source};
+use asperity_tradeoff::{Figure, Results};
 
 use crate::failure::Failure;
 use crate::output::{Pending, keep_all};

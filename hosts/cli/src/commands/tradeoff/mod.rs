@@ -8,9 +8,9 @@ use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
+use asperity_diagnostics::{Diagnostic, Place, Source};
 use asperity_graph::{Options, compile};
-use asperity_source::{Diagnostic, Place, Source};
-use asperity_study::{Base, Figure, Machine, Order, Prepared, Results, Row, Study, content};
+use asperity_tradeoff::{Base, Figure, Machine, Order, Prepared, Results, Row, Study, content};
 
 use crate::args::{Merge, PluginArgs, Tradeoff, TradeoffCommand};
 use crate::failure::{Failure, be_quiet, print, warn};

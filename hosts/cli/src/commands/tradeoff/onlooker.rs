@@ -5,7 +5,7 @@ use std::path::Path;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use asperity_study::Onlooker;
+use asperity_tradeoff::Onlooker;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use super::Stop;

@@ -1,0 +1,54 @@
+//! Harmonic distortion of a sweep, by deconvolution.
+
+use asperity_dsp::plans;
+use asperity_numbers::Elementary as _;
+use realfft::num_complex::Complex64;
+
+use super::Recording;
+use super::spectra::{fast_len, transform};
+
+/// Harmonics from the second to this one.
+const HARMONICS: u32 = 5;
+/// A response that is looked at begins so early before its time \[s\].
+const EARLY: f64 = 0.004;
+
+/// Amplitude of the second to fifth harmonics over that of the linear response, both over all frequencies to `highest_hz`.
+///
+/// Divided by the drive's spectrum, the acceleration of an exponential sweep becomes the impulse response, and before it, at
+/// L ln(k), that of the k-th harmonic (Farina 2000). What noise contributes is judged from the time before the highest harmonic and taken off.
+pub(super) fn distortion(recording: &Recording<'_>, highest_hz: f64, latency: f64) -> Option<f64> {
+    let constant = recording.sweep_time_constant_s?;
+    let rate = recording.rate_hz;
+    let count = recording.drive.len().min(recording.acceleration.len());
+    let len = fast_len(count);
+    let drive = transform(&recording.drive[..count], 0.0, len);
+    let mut response = transform(&recording.acceleration[..count], 0.0, len);
+    let strongest = drive.iter().map(Complex64::norm_sqr).fold(0.0, f64::max);
+    for (n, (y, x)) in response.iter_mut().zip(&drive).enumerate() {
+        let hz = n as f64 * rate / len as f64;
+        // A soft edge, so that the impulse has short feet.
+        let edge = super::raised_cosine((highest_hz - hz).max(0.0), 0.2 * highest_hz);
+        *y = *y * x.conj() * edge / (x.norm_sqr() + 1e-5 * strongest);
+    }
+    response[0] = Complex64::default();
+    if let Some(last) = response.last_mut() {
+        *last = Complex64::default();
+    }
+    let inverse = plans::inverse::<f64>(len);
+    let mut impulse = inverse.make_output_vec();
+    inverse.process(&mut response, &mut impulse).ok()?;
+    let lead = |k: u32| constant * f64::from(k).log_e();
+    let length = (lead(HARMONICS + 1) - lead(HARMONICS)).min(0.2);
+    let energy = |from: f64| {
+        let first = ((from - EARLY) * rate).round() as i64;
+        let all = first..first + (length * rate) as i64;
+        all.map(|n| impulse[n.rem_euclid(len as i64) as usize].powi(2)).sum::<f64>()
+    };
+    if length * rate < 8.0 || lead(HARMONICS + 3) > 0.5 * len as f64 / rate {
+        return None;
+    }
+    let noise = energy(latency - lead(HARMONICS + 2)).min(energy(latency - lead(HARMONICS + 3)));
+    let harmonics: f64 = (2..=HARMONICS).map(|k| (energy(latency - lead(k)) - noise).max(0.0)).sum();
+    let linear = energy(latency);
+    (linear > 0.0).then(|| (harmonics / linear).sqrt())
+}

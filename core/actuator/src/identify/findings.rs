@@ -1,0 +1,218 @@
+//! What was found, as a person or a plot reads it.
+
+use super::fit::{Fitted, Run};
+use super::judge;
+use super::model::{EACH, Model, OWN, SHARED};
+use super::spectra::Spectra;
+use super::{IdentifySettings, Recording, WITHIN_95, distortion};
+use asperity_numbers::{Elementary as _, size};
+
+/// Half intervals from here on, as a part of the value, say that the value was not found.
+const UNDETERMINED: f64 = 2.0;
+
+/// A value with its 95 % interval.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Estimate {
+    /// The value.
+    pub value: f64,
+    /// Lower end of the interval.
+    pub low: f64,
+    /// Upper end of the interval.
+    pub high: f64,
+}
+
+impl Estimate {
+    /// From a value and the standard deviation of its logarithm.
+    pub(super) fn of_log(value: f64, spread: f64) -> Self {
+        // Beyond this nothing is known, and the ends stay finite.
+        let factor = (WITHIN_95 * spread).min(100.0).exp_e();
+        Self { value, low: value / factor, high: value * factor }
+    }
+
+    /// Half the interval, as a part of the value: the greater of both sides.
+    pub fn relative(&self) -> f64 {
+        (self.high / self.value - 1.0).max(1.0 - self.low / self.value)
+    }
+
+    /// Whether the measurement tells the value at all: its interval ends below three times the value.
+    pub fn is_determined(&self) -> bool {
+        self.relative() < UNDETERMINED
+    }
+
+    /// The same in another unit, `factor` of which are one of this.
+    #[must_use]
+    pub fn times(self, factor: f64) -> Self {
+        Self { value: self.value * factor, low: self.low * factor, high: self.high * factor }
+    }
+}
+
+/// How far to trust what was found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Trust {
+    /// Something is wrong; the notes say what.
+    Poor,
+    /// Better than an estimate; the notes say what would make it good.
+    Fair,
+    /// The intervals may be believed.
+    Good,
+}
+
+impl Trust {
+    /// The word a person reads.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Poor => "poor",
+            Self::Fair => "fair",
+            Self::Good => "good",
+        }
+    }
+}
+
+/// The response at a frequency, measured and fitted, with the latency taken out.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Point {
+    /// Frequency \[Hz\].
+    pub hz: f64,
+    /// Measured magnitude \[dB of m/s^2 per A or V\].
+    pub measured_db: f64,
+    /// Measured phase \[rad\], -pi to pi.
+    pub measured_phase: f64,
+    /// Fitted magnitude \[dB of m/s^2 per A or V\].
+    pub fitted_db: f64,
+    /// Fitted phase \[rad\], -pi to pi.
+    pub fitted_phase: f64,
+    /// Part of the acceleration's power here that the drive explains, 0 to 1.
+    pub coherence: f64,
+}
+
+/// What one recording says.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Measurement {
+    /// Mass of the handle, as it fits best \[kg\].
+    pub handle_mass: f64,
+    /// Resonance on this handle \[Hz\].
+    pub natural_hz: Estimate,
+    /// Damping ratio on this handle, with open coil.
+    pub damping_ratio: Estimate,
+    /// k_f / m_h: acceleration per current at high frequencies \[m/s^2 per A\].
+    pub gain: Estimate,
+    /// From the drive to the acceleration \[s\].
+    pub latency_s: f64,
+    /// Half of its 95 % interval \[s\].
+    pub latency_within_s: f64,
+    /// Whether the acceleration has the other sign than the model's.
+    pub inverted: bool,
+    /// Power that the model explains over all other power in the recording \[dB\].
+    pub snr_db: f64,
+    /// Coherence, the median over the bands.
+    pub coherence: f64,
+    /// By how much measured and fitted response differ beyond the noise, as a part of the response (rms).
+    pub misfit: f64,
+    /// Amplitude of the second to fifth harmonics over that of the response itself, over the sweep; only for a sweep.
+    pub distortion: Option<f64>,
+    /// Frequencies that were used \[Hz\].
+    pub band_hz: (f64, f64),
+}
+
+/// The actuator's figures, SI units, and how far to trust them.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Findings {
+    /// Moving mass m_a \[kg\].
+    pub moving_mass: Estimate,
+    /// Suspension stiffness k \[N/m\].
+    pub stiffness: Estimate,
+    /// Suspension damping c \[N s/m\], with open coil.
+    pub damping: Estimate,
+    /// Force factor k_f \[N/A\].
+    pub force_factor: Estimate,
+    /// Whether the moving mass was measured, by recordings on several handles. If not it is the base profile's, and the
+    /// intervals of stiffness and damping contain what that is uncertain by.
+    pub moving_mass_measured: bool,
+    /// Each recording by itself.
+    pub recordings: Vec<Measurement>,
+    /// For each recording the response, measured and fitted.
+    pub curves: Vec<Vec<Point>>,
+    /// How far to trust it.
+    pub trust: Trust,
+    /// What a person should know, a sentence each; the worst comes first.
+    pub notes: Vec<String>,
+}
+
+/// What `identify` answers.
+pub(super) fn sum_up(
+    recordings: &[Recording<'_>],
+    runs: &[Run],
+    fitted: &Fitted,
+    settings: &IdentifySettings,
+    (moving_mass_measured, base_is_estimate): (bool, bool),
+) -> Findings {
+    let model = fitted.models[0];
+    let shared = |i: usize, value: f64| Estimate::of_log(value, fitted.covariance[i][i].sqrt());
+    let mut measurements = Vec::new();
+    for (n, ((recording, run), model)) in recordings.iter().zip(runs).zip(&fitted.models).enumerate() {
+        let mut m = measurement(n, &run.spectra, model, &fitted.covariance);
+        m.distortion = distortion::distortion(recording, settings.band_hz.1, m.latency_s);
+        measurements.push(m);
+    }
+    let mut findings = Findings {
+        force_factor: shared(0, model.force_factor),
+        moving_mass: shared(1, model.moving_mass),
+        stiffness: shared(2, model.stiffness),
+        damping: shared(3, model.damping),
+        moving_mass_measured,
+        recordings: measurements,
+        curves: runs.iter().zip(&fitted.models).map(|(r, m)| curve(&r.spectra, m)).collect(),
+        trust: Trust::Good,
+        notes: Vec::new(),
+    };
+    judge::judge(&mut findings, recordings, settings, base_is_estimate);
+    findings
+}
+
+fn measurement(n: usize, spectra: &Spectra, model: &Model, covariance: &[Vec<f64>]) -> Measurement {
+    let at: [usize; EACH] =
+        std::array::from_fn(|i| if i < SHARED { i } else { SHARED + OWN * n + i - SHARED });
+    // Standard deviation of a sum of logarithms, with these weights of k_f, m_a, k, c, m_h; and of the latency.
+    let spread = |by: [f64; EACH]| {
+        let sum: f64 = (0..EACH * EACH)
+            .map(|i| by[i / EACH] * by[i % EACH] * covariance[at[i / EACH]][at[i % EACH]])
+            .sum();
+        sum.max(0.0).sqrt()
+    };
+    // 1 / mu by ln m_a and ln m_h, as a part of it.
+    let u = model.inverse_reduced_mass();
+    let (a, h) = (-1.0 / (model.moving_mass * u), -1.0 / (model.handle_mass * u));
+    let natural = spread([0.0, a / 2.0, 0.5, 0.0, h / 2.0, 0.0]);
+    let zeta = spread([0.0, a / 2.0, -0.5, 1.0, h / 2.0, 0.0]);
+    let gain = spread([1.0, 0.0, 0.0, 0.0, -1.0, 0.0]);
+    Measurement {
+        handle_mass: model.handle_mass,
+        natural_hz: Estimate::of_log(model.natural_rad_s() / std::f64::consts::TAU, natural),
+        damping_ratio: Estimate::of_log(model.damping_ratio(), zeta),
+        gain: Estimate::of_log(model.force_factor / model.handle_mass, gain),
+        latency_s: model.latency,
+        latency_within_s: WITHIN_95 * spread([0.0, 0.0, 0.0, 0.0, 0.0, 1.0]),
+        inverted: model.sign < 0.0,
+        snr_db: judge::snr_db(spectra, model),
+        coherence: judge::median(spectra.bands.iter().map(|b| b.coherence).collect()),
+        misfit: judge::misfit(spectra, model),
+        distortion: None,
+        band_hz: spectra.band_hz(),
+    }
+}
+
+fn curve(spectra: &Spectra, model: &Model) -> Vec<Point> {
+    let db = |x: f64| 20.0 * x.max(1e-12).log_10();
+    let point = |band: &super::spectra::Band| {
+        let fitted = model.response(band.hz);
+        Point {
+            hz: band.hz,
+            measured_db: db(size(band.response)),
+            measured_phase: band.response.im.arc_tangent(band.response.re),
+            fitted_db: db(size(fitted)),
+            fitted_phase: fitted.im.arc_tangent(fitted.re),
+            coherence: band.coherence,
+        }
+    };
+    spectra.bands.iter().map(point).collect()
+}

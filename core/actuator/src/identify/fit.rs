@@ -1,0 +1,300 @@
+//! The figures that agree best with all recordings at once.
+
+use asperity_numbers::{Elementary as _, size};
+use std::f64::consts::TAU;
+
+use realfft::num_complex::Complex64;
+
+use super::super::Drive;
+use super::model::{Coil, EACH, Model, OWN, SHARED};
+use super::spectra::{Band, Spectra};
+
+/// Standard deviation of the logarithm of a figure that nothing is known of.
+const UNKNOWN: f64 = 5.0;
+/// Ranges of k_f, m_a, k and c: those of a profile.
+const RANGES: [(f64, f64); SHARED] = [(0.01, 100.0), (5e-5, 1.0), (1.0, 1e6), (1e-4, 100.0)];
+const ITERATIONS: usize = 60;
+
+/// A value known beforehand, as a normal distribution of its logarithm.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Belief {
+    pub(super) value: f64,
+    /// Standard deviation of the logarithm.
+    pub(super) spread: f64,
+}
+
+/// One recording, ready to be fitted.
+pub(super) struct Run {
+    pub(super) spectra: Spectra,
+    pub(super) start: Start,
+    pub(super) handle_mass: Belief,
+}
+
+/// What a recording looks like at first sight.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Start {
+    /// Acceleration per ampere at high frequencies \[m/s^2 per A\].
+    pub(super) gain: f64,
+    pub(super) natural_rad_s: f64,
+    pub(super) damping_ratio: f64,
+    pub(super) latency: f64,
+    pub(super) sign: f64,
+}
+
+/// The figures and how well they are known.
+pub(super) struct Fitted {
+    pub(super) models: Vec<Model>,
+    /// Covariance of ln k_f, ln m_a, ln k, ln c and of each recording's ln m_h and latency.
+    pub(super) covariance: Vec<Vec<f64>>,
+    at: Vec<f64>,
+}
+
+fn shape(coil: Coil, natural: f64, zeta: f64, hz: f64) -> Complex64 {
+    let s = Complex64::new(0.0, TAU * hz);
+    let electric = match coil.drive {
+        Drive::Current => Complex64::from(1.0),
+        Drive::Voltage => s * coil.inductance + coil.resistance,
+    };
+    -s * s / (s * s + s * (2.0 * zeta * natural) + natural * natural) / electric
+}
+
+/// Resonance, damping, gain and latency of one recording: the best of a grid by magnitude, then the latency at which that
+/// is most like what was heard. Settles the bands of `spectra`.
+pub(super) fn start(spectra: &mut Spectra, coil: Coil) -> Start {
+    let (latency, _) = spectra.latency(|_| Complex64::from(1.0));
+    spectra.settle(latency);
+    let shape = |natural, zeta, hz| shape(coil, natural, zeta, hz);
+    let (natural, zeta, gain) = grid(&spectra.bands, shape, spectra.band_hz());
+    let (latency, same) = spectra.latency(|hz| shape(natural, zeta, hz));
+    spectra.settle(latency);
+    let sign = if same { 1.0 } else { -1.0 };
+    Start { gain, natural_rad_s: natural, damping_ratio: zeta, latency, sign }
+}
+
+fn grid(
+    bands: &[Band],
+    shape: impl Fn(f64, f64, f64) -> Complex64,
+    (from, to): (f64, f64),
+) -> (f64, f64, f64) {
+    let (low, high) = (from.max(3.0), to.min(1500.0).max(from.max(3.0) * 2.0));
+    let mut best = (f64::INFINITY, (TAU * low, 0.1, 1.0));
+    for i in 0..160 {
+        let natural = TAU * low * (high / low).power(f64::from(i) / 159.0);
+        for j in 0..24 {
+            let zeta = 0.004 * 500f64.power(f64::from(j) / 23.0);
+            let (mut sums, mut weight) = ([0.0; 2], 0.0);
+            for band in bands.iter().filter(|b| b.response.norm_sqr() > 0.0) {
+                let w = band.coherence / (1.02 - band.coherence);
+                let off = (size(band.response) / size(shape(natural, zeta, band.hz))).log_e();
+                sums = [sums[0] + w * off, sums[1] + w * off * off];
+                weight += w;
+            }
+            let mean = sums[0] / weight.max(1e-9);
+            let cost = sums[1] - weight * mean * mean;
+            if cost < best.0 {
+                best = (cost, (natural, zeta, mean.exp_e()));
+            }
+        }
+    }
+    best.1
+}
+
+/// All figures in one vector: ln k_f, ln m_a, ln k, ln c, then ln m_h and the latency of each recording.
+#[derive(Clone)]
+struct Point(Vec<f64>);
+
+impl Point {
+    fn model(&self, run: &Run, n: usize, coil: Coil) -> Model {
+        let p = &self.0;
+        Model {
+            coil,
+            force_factor: p[0].exp_e(),
+            moving_mass: p[1].exp_e(),
+            stiffness: p[2].exp_e(),
+            damping: p[3].exp_e(),
+            handle_mass: p[SHARED + OWN * n].exp_e(),
+            latency: p[SHARED + OWN * n + 1],
+            sign: run.start.sign,
+        }
+    }
+}
+
+/// Where the fit begins: from the single recordings, and from the moving mass that two of them make or that is believed.
+fn first_guess(runs: &[Run], coil: Coil, moving_mass: Belief) -> Point {
+    let mean = |f: &dyn Fn(&Run) -> f64| runs.iter().map(f).sum::<f64>() / runs.len() as f64;
+    let force_factor = mean(&|r| r.start.gain * r.handle_mass.value);
+    let square = |r: &Run| r.start.natural_rad_s * r.start.natural_rad_s;
+    let inverse = |r: &Run| 1.0 / r.handle_mass.value;
+    let (light, heavy) = runs.iter().fold((&runs[0], &runs[0]), |(l, h), r| {
+        (if inverse(r) > inverse(l) { r } else { l }, if inverse(r) < inverse(h) { r } else { h })
+    });
+    let k = (square(light) - square(heavy)) / (inverse(light) - inverse(heavy));
+    let m = k / (square(heavy) - k * inverse(heavy));
+    let likely = moving_mass.value / 5.0..moving_mass.value * 5.0;
+    let moving = if likely.contains(&m) { m } else { moving_mass.value };
+    let stiffness = mean(&|r| square(r) / (1.0 / moving + inverse(r)));
+    let damping = mean(&|r| {
+        let u = 1.0 / moving + inverse(r);
+        let all = 2.0 * r.start.damping_ratio * r.start.natural_rad_s / u;
+        let emf =
+            if coil.drive == Drive::Voltage { force_factor * force_factor / coil.resistance } else { 0.0 };
+        (all - emf).max(0.1 * all)
+    });
+    let mut point = Vec::with_capacity(SHARED + OWN * runs.len());
+    let shared = [force_factor, moving, stiffness, damping].into_iter().zip(RANGES);
+    point.extend(shared.map(|(x, (least, most))| x.clamp(least, most).log_e()));
+    runs.iter().for_each(|r| point.extend([r.handle_mass.value.log_e(), r.start.latency]));
+    Point(point)
+}
+
+/// The cost's half gradient and normal matrix, for a cost of sum 2 |r|^2 / noise + what is believed.
+struct Normal {
+    cost: f64,
+    gradient: Vec<f64>,
+    matrix: Vec<Vec<f64>>,
+}
+
+struct Problem<'a> {
+    runs: &'a [Run],
+    coil: Coil,
+    beliefs: Vec<(f64, f64)>,
+    /// How many times as much each recording's noise counts.
+    noise: Vec<f64>,
+}
+
+impl Problem<'_> {
+    fn normal(&self, at: &Point) -> Normal {
+        let len = at.0.len();
+        let (mut cost, mut gradient, mut matrix) = (0.0, vec![0.0; len], vec![vec![0.0; len]; len]);
+        for (n, run) in self.runs.iter().enumerate() {
+            let model = at.model(run, n, self.coil);
+            let place: [usize; EACH] =
+                std::array::from_fn(|i| if i < SHARED { i } else { SHARED + OWN * n + i - SHARED });
+            let (own, slope, square) = one(&run.spectra, &model, self.noise[n]);
+            cost += own;
+            for i in 0..EACH {
+                gradient[place[i]] += slope[i];
+                for j in 0..EACH {
+                    matrix[place[i]][place[j]] += square[i][j];
+                }
+            }
+        }
+        for (i, (value, spread)) in self.beliefs.iter().enumerate() {
+            let off = (value - at.0[i]) / spread;
+            cost += off * off;
+            gradient[i] += off / spread;
+            matrix[i][i] += 1.0 / (spread * spread);
+        }
+        Normal { cost, gradient, matrix }
+    }
+}
+
+type Square = [[f64; EACH]; EACH];
+
+fn one(spectra: &Spectra, model: &Model, noise: f64) -> (f64, [f64; EACH], Square) {
+    let (mut cost, mut slope, mut square) = (0.0, [0.0; EACH], [[0.0; EACH]; EACH]);
+    for band in &spectra.bands {
+        let weight = 2.0 * spectra.independent / (band.noise * noise);
+        for n in band.bins.0..band.bins.1 {
+            let (h, by) = model.gradient(spectra.hz(n));
+            let x = spectra.drive[n];
+            let r = spectra.acceleration[n] - h * x;
+            let by = by.map(|b| b * x);
+            cost += weight * r.norm_sqr();
+            for i in 0..EACH {
+                slope[i] += weight * (by[i].conj() * r).re;
+                for j in 0..=i {
+                    square[i][j] += weight * (by[i].conj() * by[j]).re;
+                }
+            }
+        }
+    }
+    let whole = std::array::from_fn(|i| std::array::from_fn(|j| square[i.max(j)][i.min(j)]));
+    (cost, slope, whole)
+}
+
+/// Fits all recordings by the Levenberg-Marquardt method (D. Marquardt, "An algorithm for least-squares estimation of
+/// nonlinear parameters", SIAM J. Appl. Math. 11, 1963), each bin weighted by the noise of its band.
+///
+/// `noise` says for each recording by how much its noise is greater than found; it widens the covariance.
+pub(super) fn fit(runs: &[Run], coil: Coil, moving_mass: Belief, noise: &[f64]) -> Fitted {
+    let mut at = first_guess(runs, coil, moving_mass);
+    let mut beliefs: Vec<(f64, f64)> = at.0.iter().map(|x| (*x, UNKNOWN)).collect();
+    beliefs[1] = (moving_mass.value.log_e(), moving_mass.spread);
+    for (n, run) in runs.iter().enumerate() {
+        beliefs[SHARED + OWN * n] = (run.handle_mass.value.log_e(), run.handle_mass.spread);
+    }
+    let problem = Problem { runs, coil, beliefs, noise: noise.to_vec() };
+    let mut now = problem.normal(&at);
+    let mut lambda = 1e-3;
+    for _ in 0..ITERATIONS {
+        let mut damped = now.matrix.clone();
+        damped.iter_mut().enumerate().for_each(|(i, row)| row[i] *= 1.0 + lambda);
+        let Some(step) = solve(&damped, &now.gradient) else { break };
+        let mut next = at.clone();
+        for (i, (x, by)) in next.0.iter_mut().zip(&step).enumerate() {
+            *x += if i >= SHARED && (i - SHARED) % OWN == 1 { *by } else { by.clamp(-1.0, 1.0) };
+        }
+        for (x, (least, most)) in next.0.iter_mut().zip(RANGES) {
+            *x = x.clamp(least.log_e(), most.log_e());
+        }
+        let there = problem.normal(&next);
+        if there.cost < now.cost {
+            let settled = now.cost - there.cost < 1e-9 * now.cost;
+            (at, now, lambda) = (next, there, (lambda * 0.2).max(1e-12));
+            if settled {
+                break;
+            }
+        } else if lambda > 1e10 {
+            break;
+        } else {
+            lambda *= 5.0;
+        }
+    }
+    let models = runs.iter().enumerate().map(|(n, run)| at.model(run, n, coil)).collect();
+    Fitted { models, covariance: inverse(&now.matrix), at: at.0 }
+}
+
+impl Fitted {
+    /// Adds what a fit with something else assumed, one standard deviation off, came to.
+    pub(super) fn widen(&mut self, other: &Self) {
+        let off: Vec<f64> = self.at.iter().zip(&other.at).map(|(a, b)| b - a).collect();
+        for (row, a) in self.covariance.iter_mut().zip(&off) {
+            row.iter_mut().zip(&off).for_each(|(x, b)| *x += a * b);
+        }
+    }
+}
+
+/// The solution of a symmetric positive definite system, by Cholesky's method on the scaled matrix.
+fn solve(matrix: &[Vec<f64>], right: &[f64]) -> Option<Vec<f64>> {
+    let len = right.len();
+    let scale: Vec<f64> = (0..len).map(|i| 1.0 / matrix[i][i].sqrt()).collect();
+    let mut l = vec![vec![0.0; len]; len];
+    for i in 0..len {
+        for j in 0..=i {
+            let sum: f64 = (0..j).map(|k| l[i][k] * l[j][k]).sum();
+            let rest = matrix[i][j] * scale[i] * scale[j] - sum;
+            l[i][j] = if i == j { Some(rest.sqrt()).filter(|x| *x > 0.0)? } else { rest / l[j][j] };
+        }
+    }
+    let mut x: Vec<f64> = right.iter().zip(&scale).map(|(r, s)| r * s).collect();
+    for i in 0..len {
+        let sum: f64 = (0..i).map(|k| l[i][k] * x[k]).sum();
+        x[i] = (x[i] - sum) / l[i][i];
+    }
+    for i in (0..len).rev() {
+        let sum: f64 = (i + 1..len).map(|k| l[k][i] * x[k]).sum();
+        x[i] = (x[i] - sum) / l[i][i];
+    }
+    x.iter_mut().zip(&scale).for_each(|(x, s)| *x *= s);
+    x.iter().all(|x| x.is_finite()).then_some(x)
+}
+
+/// The inverse, or infinite variances where there is none.
+fn inverse(matrix: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    let len = matrix.len();
+    let unit = |i: usize| (0..len).map(|j| f64::from(u8::from(i == j))).collect::<Vec<f64>>();
+    (0..len)
+        .map(|i| solve(matrix, &unit(i)).unwrap_or_else(|| unit(i).iter().map(|x| x * 1e6).collect()))
+        .collect()
+}

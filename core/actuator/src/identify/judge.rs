@@ -1,0 +1,253 @@
+//! How far to trust a fit, and what to tell about it.
+
+use asperity_numbers::Elementary as _;
+use realfft::num_complex::Complex64;
+
+use super::super::Drive;
+use super::model::Model;
+use super::spectra::{Band, Spectra};
+use super::{Estimate, Findings, IdentifySettings, Measurement, Recording, Trust};
+
+/// Least of the signal-to-noise ratio for good and for fair \[dB\].
+const SNR_DB: (f64, f64) = (15.0, 6.0);
+/// Least coherence, likewise.
+const COHERENCE: (f64, f64) = (0.9, 0.6);
+/// Greatest misfit, likewise.
+const MISFIT: (f64, f64) = (0.05, 0.2);
+/// Greatest half interval of what one recording tells, likewise.
+const WITHIN: (f64, f64) = (0.05, 0.25);
+/// Greatest half interval of moving mass, stiffness and damping, likewise.
+const WITHIN_ABSOLUTE: (f64, f64) = (0.1, 0.6);
+/// How far the handle's mass that fits best may be from the given one, in half intervals of what is known of it, likewise. Two
+/// recordings whose gains go with their masses come to 0.4 by chance; one recording is always right.
+const MASS_OFF: (f64, f64) = (1.0, 2.0);
+/// Greatest distortion, likewise.
+const DISTORTION: (f64, f64) = (0.05, 0.3);
+
+/// In every band: what the model leaves that still goes with the drive, its power relative to the noise's (1 is what noise
+/// makes by chance), and as a response.
+fn left(spectra: &Spectra, model: &Model) -> impl Iterator<Item = (Band, f64, Complex64, f64)> {
+    spectra.bands.iter().map(|band| {
+        let (mut cross, mut power) = (Complex64::default(), 0.0);
+        for n in band.bins.0..band.bins.1 {
+            let x = spectra.drive[n];
+            cross += (spectra.acceleration[n] - model.gradient(spectra.hz(n)).0 * x) * x.conj();
+            power += x.norm_sqr();
+        }
+        let noise = band.noise / power.max(1e-300) / spectra.independent;
+        let response = cross / power.max(1e-300);
+        (*band, response.norm_sqr() / noise, response, noise)
+    })
+}
+
+/// By how much more than the noise the model leaves: 1 where it explains everything. The greater of the mean over all bands
+/// and over those near the resonance.
+pub(super) fn unexplained(spectra: &Spectra, model: &Model) -> f64 {
+    let natural_hz = model.natural_rad_s() / std::f64::consts::TAU;
+    let (mut all, mut near) = ((0.0, 0.0), (0.0, 0.0));
+    for (band, power, _, _) in left(spectra, model) {
+        all = (all.0 + power, all.1 + 1.0);
+        if (0.6..1.7).contains(&(band.hz / natural_hz)) {
+            near = (near.0 + power, near.1 + 1.0);
+        }
+    }
+    let mean = |(sum, count): (f64, f64)| if count > 0.0 { sum / count } else { 0.0 };
+    mean(all).max(mean(near))
+}
+
+/// Rms difference of measured and fitted response beyond the noise, as a part of the response.
+pub(super) fn misfit(spectra: &Spectra, model: &Model) -> f64 {
+    let (mut off, mut all) = (0.0, 0.0);
+    for (band, _, response, noise) in left(spectra, model) {
+        off += (response.norm_sqr() - noise).max(0.0);
+        all += model.response(band.hz).norm_sqr();
+    }
+    (off / all.max(1e-300)).sqrt()
+}
+
+/// Power that the model explains over the rest \[dB\].
+pub(super) fn snr_db(spectra: &Spectra, model: &Model) -> f64 {
+    let mut explained = 0.0;
+    let mut rest = spectra.whole_power;
+    for (n, (x, y)) in spectra.drive.iter().zip(&spectra.acceleration).enumerate() {
+        let heard = model.gradient(spectra.hz(n)).0 * x;
+        explained += heard.norm_sqr();
+        rest += (y - heard).norm_sqr() - y.norm_sqr();
+    }
+    10.0 * (explained.max(1e-300) / rest.max(1e-12 * explained).max(1e-300)).log_10()
+}
+
+/// The middle of `values`, 0 of none.
+pub(super) fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(0.0)
+}
+
+/// Whether the extreme values of a signal look cut off: the highest 0.2 % of the range holds many more samples than the next
+/// 0.2 %. A sine's holds 2.4 times as many, noise's fewer.
+fn is_clipped(signal: &[f32]) -> bool {
+    let side = |sign: f32| {
+        let peak = signal.iter().fold(0.0f32, |m, x| m.max(sign * x));
+        let count = |from: f32, to: f32| {
+            signal.iter().filter(|x| (from * peak..to * peak).contains(&(sign * **x))).count()
+        };
+        let (top, next) = (count(0.998, 1.001), count(0.996, 0.998));
+        top >= 24 && top > 6 * next
+    };
+    side(1.0) || side(-1.0)
+}
+
+struct Notes {
+    found: Vec<(Trust, String)>,
+}
+
+impl Notes {
+    fn add(&mut self, trust: Trust, note: impl Into<String>) {
+        self.found.push((trust, note.into()));
+    }
+
+    /// Adds a note if `value` is below what is good.
+    fn least(&mut self, value: f64, (good, fair): (f64, f64), note: impl FnOnce() -> String) {
+        if value.is_nan() || value < good {
+            self.add(if value >= fair { Trust::Fair } else { Trust::Poor }, note());
+        }
+    }
+
+    /// Adds a note if `value` is above what is good.
+    fn most(&mut self, value: f64, (good, fair): (f64, f64), note: impl FnOnce() -> String) {
+        self.least(-value, (-good, -fair), note);
+    }
+}
+
+/// Fills in trust and notes.
+pub(super) fn judge(
+    findings: &mut Findings,
+    recordings: &[Recording<'_>],
+    settings: &IdentifySettings,
+    base_is_estimate: bool,
+) {
+    let mut notes = Notes { found: Vec::new() };
+    for (n, (m, r)) in findings.recordings.iter().zip(recordings).enumerate() {
+        let which = if recordings.len() > 1 { format!("recording {}: ", n + 1) } else { String::new() };
+        of_recording(&mut notes, &which, settings.drive, m, r);
+        of_mass(&mut notes, &which, settings.handle_mass_uncertainty, m, r);
+    }
+    of_values(&mut notes, findings, base_is_estimate);
+    notes.found.sort_by_key(|(trust, _)| *trust);
+    findings.trust = notes.found.first().map_or(Trust::Good, |(trust, _)| *trust);
+    findings.notes = notes.found.into_iter().map(|(_, note)| note).collect();
+}
+
+fn of_recording(notes: &mut Notes, which: &str, drive: Drive, m: &Measurement, r: &Recording<'_>) {
+    if m.coherence < 0.3 {
+        let note = "what was heard does not follow the drive; is this the accelerometer's channel, and does the actuator move?";
+        notes.add(Trust::Poor, format!("{which}{note} (coherence {:.2})", m.coherence));
+    } else {
+        notes.least(m.coherence, COHERENCE, || {
+            format!("{which}much of what was heard does not follow the drive (coherence {:.2})", m.coherence)
+        });
+    }
+    notes.least(m.snr_db, SNR_DB, || {
+        format!(
+            "{which}the recording is noisy ({:.0} dB signal to noise, {:.0} dB would be good): a stronger drive, a longer \
+             sweep, or a quieter place",
+            m.snr_db, SNR_DB.0
+        )
+    });
+    if is_clipped(r.acceleration) {
+        notes.add(
+            Trust::Poor,
+            format!("{which}the input clips: lower its gain or the drive, and record again"),
+        );
+    }
+    let (from, to) = m.band_hz;
+    if !(1.2 * from..to / 1.5).contains(&m.natural_hz.value) {
+        notes.add(
+            Trust::Poor,
+            format!(
+                "{which}the resonance lies outside of the frequencies that were excited ({from:.0} to {to:.0} Hz), or there \
+                 is none: is the input connected to the drive itself?"
+            ),
+        );
+    }
+    notes.most(m.misfit, MISFIT, || {
+        format!(
+            "{which}the actuator does not behave like a mass on a spring: {:.0} % of its response remain unexplained",
+            100.0 * m.misfit
+        )
+    });
+    notes.most(m.distortion.unwrap_or(0.0), DISTORTION, || {
+        let percent = 100.0 * m.distortion.unwrap_or(0.0);
+        format!("{which}{percent:.0} % harmonic distortion: the drive is too strong for a linear fit")
+    });
+    // Behind a voltage the back-EMF may damp so much that the suspension's damping does not show.
+    let damping = if drive == Drive::Current { m.damping_ratio.relative() } else { 0.0 };
+    for (what, value, within) in [
+        ("resonance", m.natural_hz, m.natural_hz.relative()),
+        ("damping ratio", m.damping_ratio, damping),
+        ("gain", m.gain, m.gain.relative()),
+    ] {
+        notes.most(within, WITHIN, || format!("{which}{}", known(what, value)));
+    }
+    if m.inverted {
+        notes.add(
+            Trust::Good,
+            format!("{which}the polarity is inverted: coil or accelerometer point the other way (the figures hold)"),
+        );
+    }
+    if r.limited {
+        notes.add(Trust::Good, format!("{which}the limiter acted; the fit uses the drive behind it"));
+    }
+}
+
+/// How well a value is known, where that is not well; and what to do where it is not known at all.
+fn known(what: &str, value: Estimate) -> String {
+    if value.is_determined() {
+        return format!("the {what} is known within {:.0} % only", 100.0 * value.relative());
+    }
+    let better = match what {
+        "damping" | "damping ratio" => {
+            "a stronger drive, a longer sweep, or a current amplifier, behind which the coil does not damp as well"
+        }
+        "moving mass" => "handles whose masses are farther apart",
+        _ => "a stronger drive, a longer sweep, or one that reaches farther to both sides of the resonance",
+    };
+    format!("the {what} is not determined by this measurement: {better}")
+}
+
+/// Gains of several recordings must go with the masses of their handles.
+fn of_mass(notes: &mut Notes, which: &str, uncertainty: f64, m: &Measurement, r: &Recording<'_>) {
+    let grams = 1e3 * m.handle_mass;
+    let off = (grams / r.handle_mass_g).log_e().abs() / uncertainty.log_1_plus();
+    notes.most(off, MASS_OFF, || {
+        format!(
+            "{which}the handle moves as if it weighed {grams:.1} g, not {} g: was its mass changed between the recordings, and is \
+             each what was given?",
+            r.handle_mass_g
+        )
+    });
+}
+
+fn of_values(notes: &mut Notes, f: &Findings, base_is_estimate: bool) {
+    if !f.moving_mass_measured {
+        let several = f.recordings.len() > 1;
+        let why =
+            if several { "the handles are too much alike to tell" } else { "one recording cannot tell" };
+        let known = if base_is_estimate { "an estimate there" } else { "a published figure there" };
+        notes.add(
+            if base_is_estimate { Trust::Fair } else { Trust::Good },
+            format!(
+                "{why} the moving mass; it is the base profile's, {known}, and stiffness and damping are as good as it is. \
+                 Record again with a weight of a few moving masses added to the handle, or taken from it"
+            ),
+        );
+    }
+    for (what, value) in [
+        ("moving mass", f.moving_mass),
+        ("stiffness", f.stiffness),
+        ("damping", f.damping),
+        ("force factor", f.force_factor),
+    ] {
+        notes.most(value.relative(), WITHIN_ABSOLUTE, || known(what, value));
+    }
+}

@@ -1,0 +1,148 @@
+//! The signal that an actuator is measured with: an exponential sine sweep.
+
+use asperity_numbers::Elementary as _;
+use std::f64::consts::{PI, TAU};
+
+use super::super::ActuatorError;
+
+/// How the amplitude of a [`Sweep`] goes with its frequency.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum SweepShape {
+    /// The same at every frequency.
+    #[default]
+    Flat,
+    /// In proportion to the frequency below [`SweepSettings::corner_hz`], flat above: a current that would move the mover
+    /// far at low frequencies is small there.
+    Displacement,
+}
+
+/// What a [`Sweep`] is made of.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SweepSettings {
+    /// First frequency \[Hz\], 0.5 to 5000.
+    pub from_hz: f64,
+    /// Last frequency \[Hz\], at least 1.5 times the first and at most 0.45 of the rate.
+    pub to_hz: f64,
+    /// How long the sweep is to take \[s\], 0.1 to 120; see [`Sweep::seconds`] for how long it does.
+    pub seconds: f64,
+    /// Largest amplitude, in the drive's unit.
+    pub amplitude: f64,
+    /// How the amplitude goes with the frequency.
+    pub shape: SweepShape,
+    /// Where [`SweepShape::Displacement`] becomes flat \[Hz\], 1 to 20000.
+    pub corner_hz: f64,
+    /// Length of each of the two raised-cosine fades \[s\], 0 to 1, at most half the sweep.
+    pub fade_s: f64,
+    /// Silence before \[s\], 0 to 60.
+    pub before_s: f64,
+    /// Silence after \[s\], 0 to 60: the latency and the actuator's ringing must end in it.
+    pub after_s: f64,
+}
+
+impl Default for SweepSettings {
+    fn default() -> Self {
+        Self {
+            from_hz: 10.0,
+            to_hz: 2000.0,
+            seconds: 10.0,
+            amplitude: 0.1,
+            shape: SweepShape::Flat,
+            corner_hz: 100.0,
+            fade_s: 0.02,
+            before_s: 0.5,
+            after_s: 1.0,
+        }
+    }
+}
+
+/// An exponential sine sweep, each sample a function of its number alone.
+///
+/// sin(2 pi f0 L (e^(t/L) - 1)) with L = T / ln(f1 / f0) (A. Farina, "Simultaneous measurement of impulse response and
+/// distortion with a swept-sine technique", AES 108, 2000). L is rounded so that f0 L is whole, which lets the sweep's
+/// harmonics be in phase with sweeps of their own (A. Novak et al., "Synchronized swept-sine", J. Audio Eng. Soc. 63, 2015).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sweep {
+    settings: SweepSettings,
+    rate_hz: f64,
+    /// f0 L, whole.
+    cycles: f64,
+    before: u64,
+    active: u64,
+    after: u64,
+}
+
+impl Sweep {
+    /// A sweep at `rate_hz` samples a second.
+    ///
+    /// # Errors
+    /// A setting out of its range; a rate below 1 kHz or above 1 MHz.
+    pub fn new(settings: SweepSettings, rate_hz: f64) -> Result<Self, ActuatorError> {
+        let s = settings;
+        let check = ActuatorError::check;
+        check("a rate", rate_hz, 1000.0, 1e6, "Hz")?;
+        check("a sweep's first frequency", s.from_hz, 0.5, 5000.0, "Hz")?;
+        check("a sweep's last frequency", s.to_hz, 1.5 * s.from_hz, 0.45 * rate_hz, "Hz")?;
+        check("a sweep's time", s.seconds, 0.1, 120.0, "s")?;
+        check("a sweep's amplitude", s.amplitude, 0.0, 1e6, "")?;
+        check("a sweep's corner", s.corner_hz, 1.0, 20_000.0, "Hz")?;
+        check("a sweep's fade", s.fade_s, 0.0, 1.0, "s")?;
+        check("a silence before a sweep", s.before_s, 0.0, 60.0, "s")?;
+        check("a silence after a sweep", s.after_s, 0.0, 60.0, "s")?;
+        let octaves = (s.to_hz / s.from_hz).log_e();
+        let cycles = (s.from_hz * s.seconds / octaves).round().max(1.0);
+        let count = |seconds: f64| (seconds * rate_hz).round() as u64;
+        Ok(Self {
+            settings,
+            rate_hz,
+            cycles,
+            before: count(s.before_s),
+            active: count(cycles / s.from_hz * octaves).max(2),
+            after: count(s.after_s),
+        })
+    }
+
+    /// L \[s\]: in this time the frequency grows by the factor e. The k-th harmonic of a drive at a frequency comes L ln(k)
+    /// before the sweep itself reaches the harmonic's frequency.
+    pub fn time_constant_s(&self) -> f64 {
+        self.cycles / self.settings.from_hz
+    }
+
+    /// How long the sweep takes \[s\], without the silence: that of the settings, but with f0 L whole.
+    pub fn seconds(&self) -> f64 {
+        self.active as f64 / self.rate_hz
+    }
+
+    /// All samples, silence included.
+    pub fn samples(&self) -> u64 {
+        self.before + self.active + self.after
+    }
+
+    /// Whether sample `n` and all that follow are silent.
+    pub fn is_over(&self, n: u64) -> bool {
+        n >= self.before + self.active
+    }
+
+    /// Sample `n` from the beginning of the silence; 0 outside.
+    pub fn sample(&self, n: u64) -> f64 {
+        let Some(i) = n.checked_sub(self.before).filter(|i| *i < self.active) else { return 0.0 };
+        let s = &self.settings;
+        let growth = (i as f64 / (self.rate_hz * self.time_constant_s())).exp_e();
+        let shape = match s.shape {
+            SweepShape::Flat => 1.0,
+            SweepShape::Displacement => (s.from_hz * growth / s.corner_hz).min(1.0),
+        };
+        let phase = (self.cycles * (growth - 1.0)).fract();
+        s.amplitude * shape * self.fade(i) * (TAU * phase).sine()
+    }
+
+    /// Raised cosines at both ends.
+    fn fade(&self, i: u64) -> f64 {
+        let edge = (self.settings.fade_s * self.rate_hz).min(self.active as f64 / 2.0);
+        raised_cosine(i.min(self.active - 1 - i) as f64, edge)
+    }
+}
+
+/// From 0 at 0 to 1 at `length` along half a period of a cosine; 1 after that, or where there is no length.
+pub fn raised_cosine(at: f64, length: f64) -> f64 {
+    if at < length { 0.5 - 0.5 * (PI * at / length).cosine() } else { 1.0 }
+}

@@ -1,0 +1,222 @@
+//! An actuator as a file describes it.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use asperity_diagnostics::ron::{Value, parse};
+use asperity_diagnostics::{Diagnostic, Source};
+
+/// A value, and how it is known.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Quantity {
+    /// In SI units, whatever the unit of the file.
+    pub value: f64,
+    /// Where it is from: a document, or how it was estimated.
+    pub source: String,
+    /// Whether it is an estimate rather than a published or measured figure.
+    pub estimate: bool,
+}
+
+/// An actuator: the figures that do not depend on what it is fixed to.
+///
+/// In the file every value stands with its unit and its source,
+/// `m_a: (g: 4.4, source: "data sheet")`, and is an estimate where `estimate: true` says so. All fields are
+/// required; ranges are listed in [`ActuatorProfile::parse`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct ActuatorProfile {
+    /// What the actuator is called.
+    pub name: String,
+    /// Moving mass m_a \[kg\].
+    pub moving_mass: Quantity,
+    /// Suspension stiffness k \[N/m\].
+    pub stiffness: Quantity,
+    /// Suspension damping c \[N s/m\], with open coil.
+    pub damping: Quantity,
+    /// Force factor k_f \[N/A\].
+    pub force_factor: Quantity,
+    /// Coil resistance \[ohm\].
+    pub resistance: Quantity,
+    /// Coil inductance \[H\].
+    pub inductance: Quantity,
+    /// How far the mover may go to either side \[m\].
+    pub stroke: Quantity,
+    /// Thermal time constant of the coil \[s\].
+    pub thermal_time_constant: Quantity,
+    /// Current borne for ever \[A rms\].
+    pub rated_current: Quantity,
+    /// Largest current at any time \[A\].
+    pub peak_current: Quantity,
+    /// Largest voltage at any time \[V\].
+    pub peak_voltage: Quantity,
+}
+
+/// The one version of this format.
+const VERSION: i64 = 1;
+
+/// Field, unit as it stands in the file, unit for a person, least, most, SI of one unit.
+pub(super) type Field = (&'static str, &'static str, &'static str, f64, f64, f64);
+
+pub(super) const FIELDS: [Field; 11] = [
+    ("m_a", "g", "g", 0.05, 1000.0, 1e-3),
+    ("k", "n_per_m", "N/m", 1.0, 1e6, 1.0),
+    ("damping", "n_s_per_m", "N s/m", 1e-4, 100.0, 1.0),
+    ("k_f", "n_per_a", "N/A", 0.01, 100.0, 1.0),
+    ("resistance", "ohm", "ohm", 0.1, 100.0, 1.0),
+    ("inductance", "uh", "uH", 1.0, 5000.0, 1e-6),
+    ("stroke", "mm", "mm", 0.05, 50.0, 1e-3),
+    ("thermal_time_constant", "s", "s", 0.1, 600.0, 1.0),
+    ("rated_current", "ma_rms", "mA", 1.0, 20_000.0, 1e-3),
+    ("peak_current", "ma", "mA", 1.0, 100_000.0, 1e-3),
+    ("peak_voltage", "v", "V", 0.05, 200.0, 1.0),
+];
+
+impl ActuatorProfile {
+    /// Reads a profile's file.
+    ///
+    /// # Errors
+    /// As [`ActuatorProfile::parse`], and a file that cannot be read.
+    pub fn read(path: impl AsRef<Path>) -> Result<Self, Diagnostic> {
+        Self::parse(&Source::read(path)?)
+    }
+
+    /// Reads a profile's text, `ActuatorProfile(version: 1, name: "...", m_a: (g: 4.4, source: "..."), ...)`.
+    ///
+    /// | field | unit | range |
+    /// |---|---|---|
+    /// | `m_a` | `g` | 0.05 to 1000 |
+    /// | `k` | `n_per_m` | 1 to 10^6 |
+    /// | `damping` | `n_s_per_m` | 0.0001 to 100 |
+    /// | `k_f` | `n_per_a` | 0.01 to 100 |
+    /// | `resistance` | `ohm` | 0.1 to 100 |
+    /// | `inductance` | `uh` | 1 to 5000 |
+    /// | `stroke` | `mm` | 0.05 to 50 |
+    /// | `thermal_time_constant` | `s` | 0.1 to 600 |
+    /// | `rated_current` | `ma_rms` | 1 to 20000 |
+    /// | `peak_current` | `ma` | the rated current to 100000 |
+    /// | `peak_voltage` | `v` | 0.05 to 200 |
+    ///
+    /// # Errors
+    /// What is no RON, an unknown or missing field, another unit, a value out of range, a missing source; a
+    /// coil with L/R above 2 ms, which no voice coil has. Each with its line and column.
+    pub fn parse(source: &Arc<Source>) -> Result<Self, Diagnostic> {
+        let root = parse(source)?;
+        let mut record = root.record("ActuatorProfile")?;
+        let version = record.required("version")?;
+        if version.i64()? != VERSION {
+            return Err(version
+                .error("this version is not known")
+                .help(format!("write `version: {VERSION}`")));
+        }
+        let name = record.required("name")?;
+        if name.text()?.trim().is_empty() {
+            return Err(name.error("an actuator needs a name").help("what is printed on it"));
+        }
+        let name = name.text()?.to_owned();
+        let mut values = Vec::with_capacity(FIELDS.len());
+        for field in FIELDS {
+            let value = record.required(field.0)?;
+            values.push((quantity(value, field)?, value));
+        }
+        let known: Vec<_> = ["version", "name"].into_iter().chain(FIELDS.map(|f| f.0)).collect();
+        record.finish(&known)?;
+        let values: [(Quantity, &Value); 11] =
+            values.try_into().map_err(|_| root.error("this profile is not complete"))?;
+        check_together(&values)?;
+        let [
+            moving_mass,
+            stiffness,
+            damping,
+            force_factor,
+            resistance,
+            inductance,
+            stroke,
+            thermal_time_constant,
+            rated_current,
+            peak_current,
+            peak_voltage,
+        ] = values.map(|(q, _)| q);
+        Ok(Self {
+            name,
+            moving_mass,
+            stiffness,
+            damping,
+            force_factor,
+            resistance,
+            inductance,
+            stroke,
+            thermal_time_constant,
+            rated_current,
+            peak_current,
+            peak_voltage,
+        })
+    }
+
+    /// Every quantity with its name in the file, in the file's order.
+    pub fn quantities(&self) -> [(&'static str, &Quantity); 11] {
+        let all = [
+            &self.moving_mass,
+            &self.stiffness,
+            &self.damping,
+            &self.force_factor,
+            &self.resistance,
+            &self.inductance,
+            &self.stroke,
+            &self.thermal_time_constant,
+            &self.rated_current,
+            &self.peak_current,
+            &self.peak_voltage,
+        ];
+        std::array::from_fn(|n| (FIELDS[n].0, all[n]))
+    }
+}
+
+fn quantity(value: &Value, (field, unit, say, least, most, si): Field) -> Result<Quantity, Diagnostic> {
+    let shape = || format!("such as `{field}: ({unit}: {}, source: \"...\")`", example(field));
+    let mut record = value.record(field).map_err(|e| if e.help.is_none() { e.help(shape()) } else { e })?;
+    let number = record.required(unit).map_err(|_| {
+        value.error(format!("`{field}` needs a value in {say}, called `{unit}`")).help(shape())
+    })?;
+    let x = number.f64_in(least..=most, say)?;
+    let from = record.required("source").map_err(|e| e.help("a document, or how it was estimated"))?;
+    if from.text()?.trim().is_empty() {
+        return Err(from.error("a source is not empty").help("a document, or how it was estimated"));
+    }
+    let estimate = record.optional("estimate").map_or(Ok(false), Value::bool)?;
+    record.finish(&[unit, "source", "estimate"])?;
+    Ok(Quantity { value: x * si, source: from.text()?.to_owned(), estimate })
+}
+
+fn example(field: &str) -> f64 {
+    match field {
+        "m_a" => 4.4,
+        "k" => 700.0,
+        "inductance" => 128.0,
+        "rated_current" => 150.0,
+        "peak_current" => 600.0,
+        _ => 2.0,
+    }
+}
+
+fn check_together(values: &[(Quantity, &Value); 11]) -> Result<(), Diagnostic> {
+    let [_, _, _, _, resistance, inductance, _, _, rated, peak, _] = values;
+    if peak.0.value < rated.0.value {
+        return Err(peak
+            .1
+            .error("the peak current is below the rated current")
+            .label("too small")
+            .related(rated.1.source(), rated.1.span(), "the rated current")
+            .help(format!("at least {} mA", rated.0.value * 1e3)));
+    }
+    if inductance.0.value > 2e-3 * resistance.0.value {
+        return Err(inductance
+            .1
+            .error("a coil of this inductance and resistance would take over 2 ms to follow its voltage")
+            .related(resistance.1.source(), resistance.1.span(), "the resistance")
+            .help(format!("at most {} uH", 2e3 * resistance.0.value)));
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+#[path = "profile_tests.rs"]
+mod tests;

@@ -1,0 +1,499 @@
+//! What holds of a texture as it is rendered, on the shipped ones.
+
+use std::f64::consts::{PI, TAU};
+use std::sync::Arc;
+
+use asperity_dsp::window::hann;
+use realfft::RealFftPlanner;
+
+use super::fit::{Recording, Settings};
+use super::made_tests::{level, shipped};
+use super::{Filter, Model, Synthesis, Texture, line_spectrum};
+use asperity_numbers::Random;
+
+/// Places of the plane of speed and force.
+type Place = [f64; 2];
+
+fn place(m: &Model) -> Place {
+    [m.speed_mm_s, m.force_n]
+}
+
+/// A point in a triangle by weights.
+fn within(texture: &Texture, triangle: [usize; 3], weights: [f64; 3]) -> Place {
+    std::array::from_fn(|axis| {
+        triangle.iter().zip(weights).map(|(i, w)| w * place(&texture.models()[*i])[axis]).sum()
+    })
+}
+
+/// Random weights that are not near an edge.
+fn weights(random: &mut Random) -> [f64; 3] {
+    let parts = [0; 3].map(|_| random.range(0.1, 1.0));
+    parts.map(|p| p / parts.iter().sum::<f64>())
+}
+
+#[test]
+fn frequencies_variance_and_gain_are_mixed_by_barycentric_weights() {
+    let mut random = Random::new(3);
+    for (name, file) in shipped() {
+        let texture = &file.texture;
+        for &triangle in texture.triangles().corners() {
+            let weights = weights(&mut random);
+            let [speed, force] = within(texture, triangle, weights);
+            let found = texture.at(speed, force);
+            let mean = |of: &dyn Fn(&Model) -> f64| -> f64 {
+                triangle.iter().zip(weights).map(|(i, w)| w * of(&texture.models()[*i])).sum()
+            };
+            for (found, want) in
+                [(found.deviation.powi(2), mean(&|m| m.variance)), (found.gain, mean(&|m| m.gain))]
+            {
+                assert!((found - want).abs() < 1e-9 * want.max(1e-9), "{name}: {found}, not {want}");
+            }
+            for autoregressive in [true, false] {
+                let found = if autoregressive { found.ar() } else { found.ma() };
+                let of = |m: &Model| if autoregressive { m.ar.clone() } else { m.ma.clone() };
+                let lines = line_spectrum::from_polynomial(found).unwrap();
+                for (i, w) in lines.iter().enumerate() {
+                    let want = mean(&|m| line_spectrum::from_polynomial(&of(m)).unwrap()[i]);
+                    assert!((w - want).abs() < 1e-8, "{name}: {w}, not {want}");
+                }
+            }
+        }
+    }
+}
+
+/// The nearest point of the convex hull, counted in parts of the ranges, by the hull's sides alone: those pairs of points that have all
+/// others on one side.
+fn nearest_of_hull(points: &[Place], at: Place) -> Place {
+    let range = [0, 1].map(|k| {
+        let of = points.iter().map(|p| p[k]);
+        of.clone().fold(f64::NEG_INFINITY, f64::max) - of.fold(f64::INFINITY, f64::min)
+    });
+    let mut nearest = (f64::INFINITY, at);
+    for a in points {
+        for b in points.iter().filter(|b| *b != a) {
+            let side = |p: &Place| (b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0]);
+            if points.iter().any(|p| side(p) < -1e-9) {
+                continue;
+            }
+            for i in 0..=20_000 {
+                let part = f64::from(i) / 20_000.0;
+                let p = [0, 1].map(|k| a[k] + part * (b[k] - a[k]));
+                let off = (0..2).map(|k| ((p[k] - at[k]) / range[k]).powi(2)).sum::<f64>();
+                nearest = if off < nearest.0 { (off, p) } else { nearest };
+            }
+        }
+    }
+    nearest.1
+}
+
+#[test]
+fn beyond_the_hull_the_nearest_point_of_it_answers_as_just_inside() {
+    let mut random = Random::new(8);
+    for (name, file) in shipped() {
+        // Without the silent corners the hull is no rectangle.
+        let models: Vec<Model> = file.texture.models().iter().filter(|m| m.variance > 0.0).cloned().collect();
+        let points: Vec<Place> = models.iter().map(place).collect();
+        let texture = Texture::new(1000.0, models, None).unwrap();
+        let centre = [0, 1].map(|k| points.iter().map(|p| p[k]).sum::<f64>() / points.len() as f64);
+        let mut beyond = 0;
+        for _ in 0..60 {
+            let at = [random.range(1.0, 500.0), random.range(0.01, 6.0)];
+            let inside = texture.triangles().corners().iter().any(|t| {
+                let [a, b, c] = t.map(|i| points[i]);
+                let side = |p: Place, q: Place| {
+                    ((q[0] - p[0]) * (at[1] - p[1]) - (q[1] - p[1]) * (at[0] - p[0])).signum()
+                };
+                side(a, b) == side(b, c) && side(b, c) == side(c, a)
+            });
+            if inside {
+                continue;
+            }
+            beyond += 1;
+            let edge = nearest_of_hull(&points, at);
+            let just_inside = [0, 1].map(|k| edge[k] + 1e-6 * (centre[k] - edge[k]));
+            let (found, want) = (texture.at(at[0], at[1]), texture.at(just_inside[0], just_inside[1]));
+            let level = |filter: &Filter| filter.deviation * filter.gain;
+            assert!((level(&found) / level(&want) - 1.0).abs() < 1e-3, "{name} at {at:?}, {edge:?}");
+            assert!(found.ar().iter().zip(want.ar()).all(|(x, y)| (x - y).abs() < 2e-3), "{name} at {at:?}");
+        }
+        assert!(beyond > 20, "{beyond}");
+    }
+}
+
+#[test]
+fn without_variance_it_is_silent_to_the_last_bit() {
+    for (name, file) in shipped() {
+        let texture = Arc::new(file.texture);
+        let mut synthesis = Synthesis::new(texture.clone(), 3);
+        let mut out = vec![f32::NAN; 500];
+        for m in texture.models().iter().filter(|m| m.variance == 0.0) {
+            synthesis.touch(m.speed_mm_s, m.force_n);
+            synthesis.process(0, &mut out);
+            assert!(out.iter().all(|x| x.to_bits() == 0.0f32.to_bits()), "{name}");
+        }
+    }
+    // Moving and pressing within a triangle whose corners all are silent, beside one that is not.
+    let corner = |speed_mm_s, force_n, variance| Model {
+        ar: vec![-1.2, 0.9],
+        ma: vec![0.3],
+        variance,
+        gain: 1.0,
+        speed_mm_s,
+        force_n,
+    };
+    let models = vec![
+        corner(10.0, 0.1, 0.0),
+        corner(100.0, 0.1, 0.0),
+        corner(10.0, 1.0, 0.0),
+        corner(100.0, 1.0, 0.5),
+    ];
+    let corners = [[0, 1, 2], [1, 2, 3]];
+    let mut synthesis = Synthesis::new(Arc::new(Texture::new(1000.0, models, Some(&corners)).unwrap()), 3);
+    let mut out = vec![f32::NAN; 3000];
+    for (speed, force) in [(20.0, 0.2), (50.0, 0.3), (30.0, 0.79), (5.0, 0.05)] {
+        synthesis.touch(speed, force);
+        synthesis.process(0, &mut out);
+        assert!(out.iter().all(|x| x.to_bits() == 0.0f32.to_bits()), "{speed} {force}");
+    }
+    synthesis.touch(90.0, 0.9);
+    synthesis.process(0, &mut out);
+    assert!(out.iter().any(|x| x.abs() > 0.1));
+    synthesis.touch(30.0, 0.3);
+    synthesis.process(3000, &mut out);
+    assert!(out[0] != 0.0 && out[2999] == 0.0, "what sounded dies away, to nothing");
+}
+
+/// `y = -sum a_i y[-i] + gain (e + sum b_i e[-i])` as it is written down, from the noise of a texture without coefficients, which is the noise itself.
+#[test]
+fn a_steady_signal_is_the_recursion() {
+    let white = Model { ar: vec![], ma: vec![], variance: 1.0, gain: 1.0, speed_mm_s: 1.0, force_n: 1.0 };
+    let mut noise = Synthesis::new(Arc::new(Texture::new(1000.0, vec![white], None).unwrap()), 12);
+    noise.touch(1.0, 1.0);
+    let mut e = vec![0.0f32; 6000];
+    noise.process(0, &mut e);
+    for (name, file) in shipped() {
+        let texture = Arc::new(file.texture);
+        for [speed, force] in [[60.0, 0.5], [150.0, 1.2], [400.0, 6.0]] {
+            let filter = texture.at(speed, force);
+            let mut synthesis = Synthesis::new(texture.clone(), 12);
+            synthesis.touch(speed, force);
+            let mut found = vec![0.0f32; 6000];
+            synthesis.process(0, &mut found);
+            let (mut excitation, mut want) = (vec![0.0; 6000], vec![0.0f64; 6000]);
+            for n in 0..6000 {
+                excitation[n] = filter.deviation * f64::from(e[n]);
+                let sum = |c: &[f64], of: &[f64]| -> f64 {
+                    c.iter().zip(of[..n].iter().rev()).map(|(c, x)| c * x).sum()
+                };
+                let excited = excitation[n] + sum(filter.ma(), &excitation);
+                want[n] = filter.gain * excited - sum(filter.ar(), &want);
+            }
+            let peak = want.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
+            for (n, (x, y)) in found.iter().zip(&want).enumerate() {
+                assert!((f64::from(*x) - y).abs() < 1e-5 * peak, "{name}, sample {n}: {x}, not {y}");
+            }
+        }
+    }
+}
+
+/// A place in the texture's plane, by the number of a jump.
+type Jumps = fn(u64) -> Place;
+
+/// The recursion over the signal's own past, which was here once, grew without end: `ringing.ron` on all of these, `rough.ron` on the second.
+#[test]
+fn however_fast_speed_and_force_jump_nothing_is_louder_than_the_loudest_place() {
+    let anywhere: Jumps = |k| {
+        let mut random = Random::new(k);
+        [random.range(1.0, 301.0), random.range(0.1, 3.1)]
+    };
+    let corners: Jumps = |k| if k % 2 == 0 { [20.0, 0.3] } else { [300.0, 3.0] };
+    let forces: Jumps = |k| if k % 2 == 0 { [300.0, 0.3] } else { [300.0, 3.0] };
+    for (name, file) in shipped() {
+        let texture = Arc::new(file.texture);
+        for (way, jumps) in [("anywhere", anywhere), ("two corners", corners), ("two forces", forces)] {
+            for samples in [1, 2, 4, 10] {
+                let mut synthesis = Synthesis::new(texture.clone(), 5);
+                let mut out = vec![0.0; 30_000];
+                let mut loudest: f64 = 0.0;
+                for (k, out) in out.chunks_mut(samples).enumerate() {
+                    let [speed, force] = jumps(k as u64);
+                    let mut square = [0.0];
+                    texture.at(speed, force).autocovariance(&mut square);
+                    loudest = loudest.max(square[0].sqrt());
+                    synthesis.touch(speed, force);
+                    synthesis.process((k * samples) as u64, out);
+                }
+                let square: f64 = out.iter().map(|x| f64::from(*x).powi(2)).sum();
+                let rms = (square / out.len() as f64).sqrt();
+                let peak = out.iter().fold(0.0f32, |m, x| m.max(x.abs()));
+                println!(
+                    "{name}, {way}, every {samples}: rms {rms:.3}, peak {peak:.3}, loudest {loudest:.3}"
+                );
+                // The deviation is at most that; a draw of 30 s of a resonance of 6 Hz is off by 5 %, and of normal noise nothing comes as far as 6 of it.
+                assert!(rms < 1.15 * loudest, "{name}, {way}, every {samples}: {rms}, not {loudest}");
+                assert!(
+                    f64::from(peak) < 6.0 * loudest,
+                    "{name}, {way}, every {samples}: {peak}, not {loudest}"
+                );
+            }
+        }
+    }
+}
+
+/// Largest steps from sample to sample on the way from one place to another and back, again and again, each way in some ticks of 2 ms; and of
+/// steady signals at places along it.
+fn largest_steps(texture: &Arc<Texture>, [from, to]: [Place; 2], ticks: u64) -> [f32; 2] {
+    let run = |way: &dyn Fn(u64) -> f64| {
+        let mut synthesis = Synthesis::new(texture.clone(), 21);
+        let mut out = vec![0.0; 20_000];
+        for (tick, out) in out.chunks_mut(2).enumerate() {
+            let part = way(tick as u64);
+            let [speed, force] = [0, 1].map(|k| from[k] + part * (to[k] - from[k]));
+            synthesis.touch(speed, force);
+            synthesis.process(2 * tick as u64, out);
+        }
+        out.windows(2).map(|p| (p[1] - p[0]).abs()).fold(0.0, f32::max)
+    };
+    let steady = (0..=8).map(|i| run(&|_| f64::from(i) / 8.0)).fold(0.0, f32::max);
+    let changing = run(&|tick| {
+        let (turn, since) = (tick / 75, tick % 75);
+        let part = (since as f64 / ticks.max(1) as f64).min(1.0);
+        let part = if ticks == 0 { 1.0 } else { part };
+        if turn % 2 == 0 { part } else { 1.0 - part }
+    });
+    [changing, steady]
+}
+
+/// From one corner to any other, however fast, no step is larger than those of steady signals on the way, but for a quarter.
+#[test]
+fn a_change_of_speed_and_force_does_not_click() {
+    let mut random = Random::new(5);
+    for (name, file) in shipped() {
+        let texture = Arc::new(file.texture);
+        let sounding: Vec<Place> = texture.models().iter().filter(|m| m.variance > 0.0).map(place).collect();
+        let mut worst = [0.0f32; 3];
+        for _ in 0..10 {
+            let pair = [0; 2].map(|_| sounding[random.below(sounding.len())]);
+            for (worst, ticks) in worst.iter_mut().zip([50, 10, 0]) {
+                let [changing, steady] = largest_steps(&texture, pair, ticks);
+                *worst = worst.max(changing / steady);
+            }
+        }
+        println!("{name}: within 100 ms {:.2}, 20 ms {:.2}, at once {:.2}", worst[0], worst[1], worst[2]);
+        assert!(worst.iter().all(|w| *w < 1.25), "{name}: {worst:?}");
+    }
+}
+
+/// Power by bins, a mean over windows of 4 s that overlap by half.
+struct Welch {
+    len: usize,
+    window: Vec<f64>,
+    fft: Arc<dyn realfft::RealToComplex<f64>>,
+}
+
+impl Welch {
+    fn new(len: usize) -> Self {
+        Self { len, window: hann(len), fft: RealFftPlanner::new().plan_fft_forward(len) }
+    }
+
+    fn power(&self, signal: &[f32]) -> Vec<f64> {
+        let mut power = vec![0.0; self.len / 2 + 1];
+        let mut spectrum = self.fft.make_output_vec();
+        let squares: f64 = self.window.iter().map(|w| w * w).sum();
+        let count = (signal.len() - self.len) / (self.len / 2) + 1;
+        for part in signal.windows(self.len).step_by(self.len / 2) {
+            let mut windowed: Vec<f64> =
+                part.iter().zip(&self.window).map(|(x, w)| f64::from(*x) * w).collect();
+            self.fft.process(&mut windowed, &mut spectrum).unwrap();
+            for (p, x) in power.iter_mut().zip(&spectrum) {
+                *p += x.norm_sqr() / squares / count as f64;
+            }
+        }
+        power
+    }
+}
+
+/// At every corner and somewhere in every triangle, over 120 s. In the band of 25 Hz, 5.8 Hz wide, the power of 120 s of noise deviates by 0.16 dB by
+/// itself; all places have the same noise, so that it is one draw for all of them.
+#[test]
+fn the_rendered_spectrum_is_the_closed_form_in_every_third_of_an_octave() {
+    const SECONDS: usize = 120;
+    let welch = Welch::new(4000);
+    let mut random = Random::new(1);
+    let mut worst: f64 = 0.0;
+    let mut places = 0;
+    for (name, file) in shipped() {
+        let texture = Arc::new(file.texture);
+        let mut all: Vec<Place> = texture.models().iter().filter(|m| m.variance > 0.0).map(place).collect();
+        for &triangle in texture.triangles().corners() {
+            let at = within(&texture, triangle, weights(&mut random));
+            if texture.at(at[0], at[1]).deviation > 0.0 {
+                all.push(at);
+            }
+        }
+        for [speed, force] in all {
+            let mut synthesis = Synthesis::new(texture.clone(), 1);
+            synthesis.touch(speed, force);
+            let mut out = vec![0.0; 1000 * (SECONDS + 1)];
+            synthesis.process(0, &mut out);
+            // The first second is before it has settled.
+            let found = welch.power(&out[1000..]);
+            let filter = texture.at(speed, force);
+            for band in 14..=26 {
+                let centre = 10f64.powf(f64::from(band) / 10.0);
+                let bins: Vec<usize> = (0..found.len())
+                    .filter(|k| {
+                        let octaves = (0.25 * *k as f64 / centre).log10().abs();
+                        octaves < 0.05
+                    })
+                    .collect();
+                let found: f64 = bins.iter().map(|k| found[*k]).sum();
+                let want: f64 = bins.iter().map(|k| filter.power(TAU * *k as f64 / 4000.0)).sum();
+                let off = 10.0 * (found / want).log10();
+                worst = worst.max(off.abs());
+                assert!(off.abs() < 0.5, "{name} at {speed} mm/s, {force} N, {centre:.0} Hz: {off} dB");
+            }
+            places += 1;
+        }
+    }
+    println!("{places} places, at most {worst:.3} dB");
+    assert!(places > 110);
+}
+
+#[test]
+fn the_noise_of_a_sample_is_its_number_s() {
+    let (_, file) = shipped().remove(2);
+    let texture = Arc::new(file.texture);
+    let mut random = Random::new(9);
+    let touch = |synthesis: &mut Synthesis, n: usize| {
+        synthesis.touch(20.0 + 0.01 * n as f64, 1.0 + 0.0001 * n as f64);
+    };
+    // Whatever the pieces are that it is asked for in.
+    let mut whole = Synthesis::new(texture.clone(), 4);
+    let mut want = vec![0.0; 8000];
+    for (i, part) in want.chunks_mut(2).enumerate() {
+        touch(&mut whole, 2 * i);
+        whole.process(2 * i as u64, part);
+    }
+    // One that sleeps and begins anew where it wakes is as one that went on, and was reset there.
+    let mut awake = Synthesis::new(texture.clone(), 4);
+    let mut asleep = Synthesis::new(texture, 4);
+    let (mut a, mut b) = (vec![0.0; 2], vec![0.0; 2]);
+    let mut sleeps = true;
+    let (mut compared, mut nonzero) = (0, 0);
+    for tick in 0..4000 {
+        let was = sleeps;
+        if tick % 50 == 0 {
+            sleeps = random.chance(0.5);
+        }
+        touch(&mut awake, 2 * tick);
+        if was && !sleeps {
+            awake.reset();
+            asleep.reset();
+        }
+        awake.process(2 * tick as u64, &mut a);
+        if !sleeps {
+            touch(&mut asleep, 2 * tick);
+            asleep.process(2 * tick as u64, &mut b);
+            assert_eq!(a, b, "tick {tick}");
+            compared += 1;
+            nonzero += usize::from(a[0] != 0.0);
+        }
+    }
+    assert!(compared > 1000 && nonzero == compared && compared < 3000);
+    let mut again = Synthesis::new(whole.texture().clone().into(), 4);
+    let mut found = vec![0.0; 8000];
+    let mut at = 0;
+    while at < found.len() {
+        // Ticks are not cut; some are asked for one sample at a time.
+        touch(&mut again, at);
+        if random.chance(0.5) {
+            again.process(at as u64, &mut found[at..at + 2]);
+        } else {
+            again.process(at as u64, &mut found[at..=at]);
+            again.process(at as u64 + 1, &mut found[at + 1..at + 2]);
+        }
+        at += 2;
+    }
+    assert_eq!(found, want);
+}
+
+#[test]
+fn ten_minutes_at_every_corner_stay_finite_and_at_their_level() {
+    for (name, file) in shipped() {
+        let texture = Arc::new(file.texture);
+        for m in texture.models().iter().filter(|m| m.variance > 0.0) {
+            let mut synthesis = Synthesis::new(texture.clone(), 77);
+            synthesis.touch(m.speed_mm_s, m.force_n);
+            let wanted = level(&texture.at(m.speed_mm_s, m.force_n));
+            let mut out = vec![0.0f32; 60_000];
+            let (mut squares, mut peak) = (0.0, 0.0f32);
+            for minute in 0..10 {
+                synthesis.process(60_000 * minute, &mut out);
+                squares += out.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>();
+                peak = out.iter().fold(peak, |m, x| m.max(x.abs()));
+            }
+            let found = (squares / 600_000.0).sqrt();
+            assert!(found.is_finite() && f64::from(peak) < 6.5 * wanted, "{name}: {peak} of {wanted}");
+            assert!((20.0 * (found / wanted).log10()).abs() < 0.3, "{name}: {found}, not {wanted}");
+        }
+    }
+}
+
+/// What is rendered from a texture is fitted: the fit sounds as the texture does.
+#[test]
+fn a_fit_to_what_a_texture_renders_is_that_texture() {
+    let limits = [("rough", 1.5), ("smooth", 1.5), ("ringing", 2.5)];
+    for ((name, file), (_, limit)) in shipped().into_iter().zip(limits) {
+        let texture = Arc::new(file.texture);
+        let mut synthesis = Synthesis::new(texture.clone(), 6);
+        let (mut force, mut speed, mut acceleration) = (vec![], vec![], vec![]);
+        let corners: Vec<Place> =
+            [50.0, 120.0, 250.0].into_iter().flat_map(|v| [0.6, 1.5, 2.6].map(|f| [v, f])).collect();
+        let mut from = corners[0];
+        for &to in &corners {
+            for n in 0..7000 {
+                // A second on the way, six there.
+                let part = 0.5 - 0.5 * (PI * f64::from(n.min(1000)) / 1000.0).cos();
+                let [v, f] = [0, 1].map(|k| from[k] + part * (to[k] - from[k]));
+                speed.push(v);
+                force.push(f);
+                synthesis.touch(v, f);
+                let mut out = [0.0];
+                synthesis.process(acceleration.len() as u64, &mut out);
+                acceleration.push(f64::from(out[0]));
+            }
+            from = to;
+        }
+        let recording = Recording {
+            rate_hz: 1000.0,
+            force_n: &force,
+            speed_mm_s: &speed,
+            acceleration_m_s2: vec![&acceleration],
+        };
+        let (fitted, report) = recording.fit(&Settings::default()).unwrap();
+        for [v, f] in corners {
+            let (found, want) = (fitted.at(v, f), texture.at(v, f));
+            let off = 20.0 * (level(&found) / level(&want)).log10();
+            assert!(off.abs() < 1.0, "{name} at {v} mm/s, {f} N: {off} dB");
+            let worst = worst_band(&found, &want);
+            println!("{name} {v} {f}: level {off:.2}, band {worst:.2}, order {}", report.order);
+            assert!(worst < limit, "{name} at {v} mm/s, {f} N: {worst} dB");
+        }
+    }
+}
+
+/// The largest difference in third-octave bands that hold a thousandth of the power or more, in dB.
+fn worst_band(found: &Filter, want: &Filter) -> f64 {
+    let power = |filter: &Filter, centre: f64| {
+        let at = |i: i32| centre * 10f64.powf((f64::from(i) + 0.5) / 1000.0 - 0.05);
+        (0..100).map(|i| filter.power(TAU * at(i) / 1000.0) * at(i)).sum::<f64>()
+    };
+    let bands: Vec<[f64; 2]> = (14..=26)
+        .map(|band| 10f64.powf(f64::from(band) / 10.0))
+        .map(|centre| [power(found, centre), power(want, centre)])
+        .collect();
+    let whole: f64 = bands.iter().map(|b| b[1]).sum();
+    let held = bands.iter().filter(|b| b[1] > 1e-3 * whole);
+    held.map(|[x, y]| (10.0 * (x / y).log10()).abs()).fold(0.0, f64::max)
+}

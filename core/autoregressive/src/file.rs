@@ -1,0 +1,289 @@
+//! The file of a texture of autoregressive models.
+//!
+//! ```text
+//! Autoregressive(
+//!     version: 1,
+//!     description: "What it feels like, in a sentence.",
+//!     origin: "Where it came from.",
+//!     rate_hz: 1000.0,
+//!     models: [
+//!         (
+//!             speed_mm_s: 50.0,
+//!             force_n: 1.0,
+//!             variance: 0.04,
+//!             gain: 1.5,
+//!             ar: [-1.2, 0.81],
+//!             ma: [0.3],
+//!         ),
+//!         /* at other speeds and forces, of the same orders */
+//!     ],
+//!     triangles: [[0, 1, 2], /* models by number, from 0 */],
+//! )
+//! ```
+//!
+//! `ar` is `a_1 .. a_p` and `ma` is `b_1 .. b_q` of the [model](super). `gain` may be left out and is 1 then, `ma` and is empty then; without
+//! `triangles` Delaunay's triangulation is made.
+
+use std::fmt::Write as _;
+use std::path::Path;
+use std::sync::Arc;
+
+use asperity_diagnostics::ron::{self, Value};
+use asperity_diagnostics::{Diagnostic, Source};
+
+use super::frames::RATES_HZ;
+use super::{MAX_ORDER, Model, Texture, Triangles, toolkit};
+use asperity_motion::{MAX_ABS_FORCE_N, MAX_SPEED_MM_S};
+
+/// Most models of a file. The Penn toolkit's textures have some tens; a tick looks at every triangle.
+pub const MAX_MODELS: usize = 256;
+
+/// Largest text in bytes: the most models of the most coefficients fit. Reading so much takes 110 MB at most, whatever is in it.
+const MAX_BYTES: usize = 1 << 20;
+/// Largest variance in (m/s^2)^2 and largest gain.
+const LARGEST: f64 = 1e12;
+/// Largest root mean square of what a model puts out in m/s^2.
+const LOUDEST_M_S2: f64 = 1e5;
+/// Corners are told apart by this much speed in mm/s or force in N.
+const APART: f64 = 1e-6;
+
+/// A texture as it stands in a file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TextureFile {
+    /// What it feels like, in a sentence.
+    pub description: String,
+    /// Where it came from: made, or fitted to which recording.
+    pub origin: String,
+    /// The texture.
+    pub texture: Texture,
+}
+
+impl TextureFile {
+    /// Reads a file.
+    ///
+    /// # Errors
+    /// A file that cannot be read, and all of [`parse`](Self::parse).
+    pub fn read(path: impl AsRef<Path>) -> Result<Self, Diagnostic> {
+        Self::parse(&Source::read(path)?)
+    }
+
+    /// Reads a texture from its text.
+    ///
+    /// # Errors
+    /// Each with its place: text that is not RON or longer than 1 MiB, an unknown or missing field, another version, a rate outside 100 Hz to 100 kHz, no
+    /// model or more than [`MAX_MODELS`], a number that is not finite or out of range, more than [`MAX_ORDER`] coefficients, a polynomial that is not
+    /// stable, a model louder than 1e5 m/s^2, models of different orders, two models at one speed and force, triangles that are none or do
+    /// not tile the hull of the models.
+    pub fn parse(source: &Arc<Source>) -> Result<Self, Diagnostic> {
+        if source.text().len() > MAX_BYTES {
+            return Err(Diagnostic::new(format!("a texture of {} bytes", source.text().len()))
+                .in_file(source.path())
+                .help(format!(
+                    "at most {MAX_BYTES} are read: {MAX_MODELS} models of {MAX_ORDER} and {MAX_ORDER} coefficients"
+                )));
+        }
+        let whole = ron::parse(source)?;
+        let mut record = whole.record("Autoregressive")?;
+        record.required("version")?.i64_in(1..=1, "")?;
+        let description = record.required("description")?.text()?.to_owned();
+        let origin = record.required("origin")?.text()?.to_owned();
+        let rate_hz = record.required("rate_hz")?.f64_in(RATES_HZ, "Hz")?;
+        let list = record.required("models")?;
+        let corners = record.optional("triangles");
+        record.finish(&["version", "description", "origin", "rate_hz", "models", "triangles"])?;
+
+        let values = list.list()?;
+        if values.is_empty() || values.len() > MAX_MODELS {
+            return Err(list
+                .error(format!("a texture of {} models", values.len()))
+                .help(format!("1 to {MAX_MODELS}")));
+        }
+        let models = values.iter().map(model).collect::<Result<Vec<Model>, _>>()?;
+        apart(values, &models)?;
+        let triangles = corners.map(|value| triangles(value, &models)).transpose()?;
+        let texture = Texture::checked(rate_hz, models, triangles.as_deref())
+            .map_err(|(model, e)| at(e, model.and_then(|i| values.get(i)).unwrap_or(list)))?;
+        texture.models().iter().zip(values).try_for_each(|(model, value)| quiet(model, value))?;
+        Ok(Self { description, origin, texture })
+    }
+
+    /// The text of a file. It reads back to the same bits; triangles are written, so that they stay what they are.
+    ///
+    /// # Errors
+    /// A texture that [`parse`](Self::parse) would refuse.
+    pub fn to_ron(&self) -> Result<String, Diagnostic> {
+        let mut text = String::from("Autoregressive(\n    version: 1,\n");
+        // Writing to a String cannot fail.
+        let _ = writeln!(text, "    description: {},", quoted(&self.description));
+        let _ = writeln!(text, "    origin: {},", quoted(&self.origin));
+        let _ = writeln!(text, "    rate_hz: {:?},\n    models: [", self.texture.rate_hz());
+        for m in self.texture.models() {
+            let _ = writeln!(
+                text,
+                "        (\n            speed_mm_s: {:?},\n            force_n: {:?},\n            variance: {:?},\n            gain: {:?},",
+                m.speed_mm_s, m.force_n, m.variance, m.gain
+            );
+            row(&mut text, "ar", &m.ar);
+            row(&mut text, "ma", &m.ma);
+            text.push_str("        ),\n");
+        }
+        text.push_str("    ],\n");
+        if !self.texture.triangles().corners().is_empty() {
+            text.push_str("    triangles: [\n");
+            for t in self.texture.triangles().corners() {
+                let _ = writeln!(text, "        {t:?},");
+            }
+            text.push_str("    ],\n");
+        }
+        text.push_str(")\n");
+        // What was written must be what was meant.
+        match Self::parse(&Source::new("texture", text.as_str())) {
+            Ok(read) if read == *self => Ok(text),
+            Ok(_) => Err(Diagnostic::new("this texture cannot be written so that it stays what it is")),
+            Err(e) => Err(Diagnostic { place: None, file: None, related: Vec::new(), ..e }),
+        }
+    }
+}
+
+impl Texture {
+    /// Reads a texture from a file: the Penn [toolkit]'s where its name ends in `.xml`, else a [`TextureFile`].
+    ///
+    /// # Errors
+    /// A file that cannot be read, and all of [`toolkit::parse`] or [`TextureFile::parse`].
+    pub fn read(path: impl AsRef<Path>) -> Result<Self, Diagnostic> {
+        let path = path.as_ref();
+        if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("xml")) {
+            return toolkit::parse(&Source::read(path)?);
+        }
+        TextureFile::read(path).map(|file| file.texture)
+    }
+}
+
+/// Coefficients, some to a line; nothing for none.
+fn row(text: &mut String, name: &str, coefficients: &[f64]) {
+    if coefficients.is_empty() && name == "ma" {
+        return;
+    }
+    let _ = write!(text, "            {name}: [");
+    for (i, c) in coefficients.iter().enumerate() {
+        let before = match i {
+            0 => "",
+            i if i % 5 == 0 => ",\n                ",
+            _ => ", ",
+        };
+        let _ = write!(text, "{before}{c:?}");
+    }
+    text.push_str("],\n");
+}
+
+/// An error with the place of a value.
+fn at(e: Diagnostic, value: &Value) -> Diagnostic {
+    e.at(value.source(), value.span())
+}
+
+fn model(value: &Value) -> Result<Model, Diagnostic> {
+    let mut m = value.record("Model")?;
+    let ar = m.required("ar")?;
+    let ma = m.optional("ma");
+    let model = Model {
+        speed_mm_s: m.required("speed_mm_s")?.f64_in(0.0..=MAX_SPEED_MM_S, "mm/s")?,
+        force_n: m.required("force_n")?.f64_in(0.0..=MAX_ABS_FORCE_N, "N")?,
+        variance: m.required("variance")?.f64_in(0.0..=LARGEST, "(m/s^2)^2")?,
+        gain: m.optional("gain").map_or(Ok(1.0), |g| g.f64_in(0.0..=LARGEST, ""))?,
+        ar: numbers(ar)?,
+        ma: ma.map_or(Ok(Vec::new()), numbers)?,
+    };
+    m.finish(&["speed_mm_s", "force_n", "variance", "gain", "ar", "ma"])?;
+    Ok(model)
+}
+
+/// Refuses a model that is too loud.
+fn quiet(model: &Model, value: &Value) -> Result<(), Diagnostic> {
+    let mut square = [0.0];
+    model.filter().autocovariance(&mut square);
+    let level = square[0].sqrt();
+    if level <= LOUDEST_M_S2 {
+        return Ok(());
+    }
+    Err(value
+        .error(format!("a model whose signal has a root mean square of {level:.3e} m/s^2"))
+        .help(format!("at most {LOUDEST_M_S2:e} m/s^2")))
+}
+
+fn numbers(value: &Value) -> Result<Vec<f64>, Diagnostic> {
+    let numbers = value.list()?;
+    if numbers.len() > MAX_ORDER {
+        return Err(value
+            .error(format!("{} coefficients", numbers.len()))
+            .help(format!("at most {MAX_ORDER} are taken")));
+    }
+    numbers.iter().map(Value::f64).collect()
+}
+
+/// Refuses two models at one speed and force.
+fn apart(values: &[Value], models: &[Model]) -> Result<(), Diagnostic> {
+    for (i, (m, value)) in models.iter().zip(values).enumerate() {
+        let same = |n: &Model| {
+            (n.speed_mm_s - m.speed_mm_s).abs() <= APART && (n.force_n - m.force_n).abs() <= APART
+        };
+        let earlier = models.iter().take(i).position(same).and_then(|first| values.get(first));
+        if let Some(first) = earlier {
+            return Err(value
+                .error(format!("a second model at {} mm/s and {} N", m.speed_mm_s, m.force_n))
+                .related(value.source(), first.span(), "the first")
+                .help("keep one of the two"));
+        }
+    }
+    Ok(())
+}
+
+fn triangles(value: &Value, models: &[Model]) -> Result<Vec<[usize; 3]>, Diagnostic> {
+    let rows = value.list()?;
+    // A triangulation of n points has fewer than 2 n triangles.
+    if rows.len() > 2 * models.len() {
+        return Err(value.error(format!("{} triangles between {} models", rows.len(), models.len())));
+    }
+    let corners = |row: &Value| {
+        let [a, b, c] = row.list()? else {
+            return Err(row.error(format!("{} corners of a triangle", row.list()?.len())).help("three"));
+        };
+        let mut corners = [0; 3];
+        for (corner, value) in corners.iter_mut().zip([a, b, c]) {
+            // Not negative, by the range.
+            *corner = value.i64_in(0..=models.len() as i64 - 1, "")? as usize;
+        }
+        match corners {
+            [a, b, c] if a == b || b == c || c == a => {
+                Err(row.error("a triangle with one corner twice").help("three models by number"))
+            }
+            corners => Ok(corners),
+        }
+    };
+    let given = rows.iter().map(corners).collect::<Result<Vec<[usize; 3]>, _>>()?;
+    let points: Vec<[f64; 2]> = models.iter().map(|m| [m.speed_mm_s, m.force_n]).collect();
+    if Triangles::given(&points, &given).is_none() {
+        return Err(value
+            .error("triangles that do not tile the hull of the models")
+            .help("leave `triangles` out and Delaunay's triangulation is made"));
+    }
+    Ok(given)
+}
+
+fn quoted(text: &str) -> String {
+    let mut quoted = String::from("\"");
+    for c in text.chars() {
+        match c {
+            '"' => quoted.push_str("\\\""),
+            '\\' => quoted.push_str("\\\\"),
+            '\n' => quoted.push_str("\\n"),
+            '\r' => quoted.push_str("\\r"),
+            c => quoted.push(c),
+        }
+    }
+    quoted.push('"');
+    quoted
+}
+
+#[cfg(test)]
+#[path = "file_tests.rs"]
+mod tests;

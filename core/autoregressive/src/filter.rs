@@ -1,0 +1,141 @@
+use asperity_dsp::Complex;
+use asperity_numbers::polar;
+
+use super::polynomial;
+
+/// Most coefficients of either polynomial.
+pub const MAX_ORDER: usize = 64;
+
+/// What a texture is at one speed and force: the noise's level and the two polynomials, in place, so that making one anew
+/// allocates nothing.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Filter {
+    /// Standard deviation of the noise in m/s^2; 0 is silence.
+    pub deviation: f64,
+    /// What the noise is multiplied by, with what the moving average adds to it.
+    pub gain: f64,
+    orders: [usize; 2],
+    ar: [f64; MAX_ORDER],
+    ma: [f64; MAX_ORDER],
+}
+
+impl Filter {
+    /// A silent filter of these orders, `[p, q]`; an order above [`MAX_ORDER`] is taken as that.
+    pub(super) fn silent(orders: [usize; 2]) -> Self {
+        let orders = orders.map(|n| n.min(MAX_ORDER));
+        Self { deviation: 0.0, gain: 1.0, orders, ar: [0.0; MAX_ORDER], ma: [0.0; MAX_ORDER] }
+    }
+
+    /// A filter from `a_1 .. a_p`, `b_1 .. b_q`, at most [`MAX_ORDER`] each, and the noise's deviation in m/s^2; the gain
+    /// is 1. Whether it is stable is not asked.
+    pub fn new(ar: &[f64], ma: &[f64], deviation: f64) -> Self {
+        let mut filter = Self::silent([ar.len(), ma.len()]);
+        filter.ar.iter_mut().zip(ar).for_each(|(to, x)| *to = *x);
+        filter.ma.iter_mut().zip(ma).for_each(|(to, x)| *to = *x);
+        filter.deviation = deviation;
+        filter
+    }
+
+    /// `a_1 .. a_p`.
+    pub fn ar(&self) -> &[f64] {
+        &self.ar[..self.orders[0]]
+    }
+
+    /// `b_1 .. b_q`.
+    pub fn ma(&self) -> &[f64] {
+        &self.ma[..self.orders[1]]
+    }
+
+    /// Both, to write.
+    pub(super) fn coefficients(&mut self) -> [&mut [f64]; 2] {
+        [&mut self.ar[..self.orders[0]], &mut self.ma[..self.orders[1]]]
+    }
+
+    /// `S(w)`, the power spectrum a sample at `w` radians a sample, in (m/s^2)^2: its mean over all `w` is the variance of the signal.
+    pub fn power(&self, w: f64) -> f64 {
+        let at = |coefficients: &[f64]| {
+            let z = polar(1.0, -w);
+            coefficients.iter().rev().fold(Complex::new(0.0, 0.0), |sum, c| (sum + c) * z) + 1.0
+        };
+        (self.deviation * self.gain).powi(2) * at(self.ma()).norm_sqr() / at(self.ar()).norm_sqr()
+    }
+
+    /// The autocovariance of the signal at lags 0, 1, .. `out.len() - 1`, in (m/s^2)^2, exactly.
+    pub fn autocovariance(&self, out: &mut [f64]) {
+        let q = self.ma().len();
+        let mut of_ar = vec![0.0; out.len() + q];
+        polynomial::autocovariance(self.ar(), &mut of_ar);
+        let b = |i: usize| if i == 0 { 1.0 } else { self.ma.get(i - 1).copied().unwrap_or(0.0) };
+        // What the moving average adds: the correlation of its coefficients with themselves, over lags -q to q.
+        let spread: Vec<f64> = (0..=q).map(|d| (d..=q).map(|i| b(i) * b(i - d)).sum()).collect();
+        let scale = (self.deviation * self.gain).powi(2);
+        for (lag, r) in out.iter_mut().enumerate() {
+            let sides: f64 = (1..=q).map(|d| spread[d] * (of_ar[lag + d] + of_ar[lag.abs_diff(d)])).sum();
+            *r = scale * (spread[0] * of_ar[lag] + sides);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::is_stable;
+    use super::*;
+    use std::f64::consts::TAU;
+
+    fn near(found: &[f64], want: impl Fn(usize) -> f64) {
+        for (i, x) in found.iter().enumerate() {
+            let y = want(i);
+            assert!((x - y).abs() < 1e-12 * (1.0 + y.abs()), "lag {i}: {x}, not {y}");
+        }
+    }
+
+    #[test]
+    fn first_order_has_the_covariance_of_the_textbook() {
+        let mut r = [0.0; 20];
+        // var / (1 - phi^2) phi^m
+        Filter::new(&[-0.9], &[], 2.0).autocovariance(&mut r);
+        near(&r, |m| 4.0 / (1.0 - 0.81) * 0.9f64.powi(m as i32));
+        // MA(1): 1 + b^2, b, 0, ..
+        Filter::new(&[], &[0.5], 1.0).autocovariance(&mut r);
+        near(&r, |m| [1.25, 0.5].get(m).copied().unwrap_or(0.0));
+        // ARMA(1, 1): r0 = (1 + 2 phi b + b^2) / (1 - phi^2), r1 = (1 + phi b)(phi + b) / (1 - phi^2)
+        Filter::new(&[-0.6], &[0.3], 1.0).autocovariance(&mut r);
+        let (r0, r1) = ((1.0 + 0.36 + 0.09) / 0.64, 1.18 * 0.9 / 0.64);
+        near(&r, |m| if m == 0 { r0 } else { r1 * 0.6f64.powi(m as i32 - 1) });
+    }
+
+    #[test]
+    fn a_resonance_has_the_covariance_of_the_textbook() {
+        // AR(2) with poles radius e^{+-i angle}: r0 = (1 + R^2) / ((1 - R^2) (1 - 2 R^2 cos 2t + R^4)), r1 = -a1 / (1 + a2) r0
+        let (radius, angle) = (0.97f64, 0.7f64);
+        let (a1, a2) = (-2.0 * radius * angle.cos(), radius * radius);
+        let mut r = [0.0; 60];
+        Filter::new(&[a1, a2], &[], 1.0).autocovariance(&mut r);
+        let r0 = (1.0 + a2) / ((1.0 - a2) * (1.0 - 2.0 * a2 * (2.0 * angle).cos() + a2 * a2));
+        let mut want = vec![r0, -a1 / (1.0 + a2) * r0];
+        for m in 2..60 {
+            want.push(-a1 * want[m - 1] - a2 * want[m - 2]);
+        }
+        near(&r, |m| want[m]);
+    }
+
+    #[test]
+    fn covariance_and_spectrum_are_of_one_signal() {
+        let ar = [-1.1, 0.9, -0.3, 0.1];
+        assert!(is_stable(&ar));
+        let filter = Filter::new(&ar, &[0.4, -0.2, 0.1], 1.5);
+        let mut r = [0.0; 30];
+        filter.autocovariance(&mut r);
+        // A rectangle sum over one period of a smooth function.
+        let n = 4096;
+        near(&r, |m| {
+            let sum: f64 = (0..n)
+                .map(|i| {
+                    let w = TAU * i as f64 / n as f64;
+                    filter.power(w) * (w * m as f64).cos()
+                })
+                .sum();
+            sum / n as f64
+        });
+    }
+}

@@ -1,0 +1,295 @@
+//! The recording in blocks of 10 ms, and which of them are of no use.
+
+use std::ops::Range;
+
+use asperity_diagnostics::Diagnostic;
+
+use super::burg::Fitted;
+use super::report::{Dropped, Segment, Why};
+use super::{Recording, Settings, prepared};
+
+/// Blocks a second.
+const BLOCKS_HZ: f64 = 100.0;
+/// Blocks whose mean decides about contact and speed.
+const SMOOTH: usize = 5;
+/// For how long samples stand still where there is no signal, in s.
+const STILL_S: f64 = 0.02;
+/// And at the limit of the sensor; three samples at least.
+const CLIPPED_S: f64 = 0.001;
+/// Blocks before and behind such a place that go with it: what is as loud.
+const GUARD: usize = 3;
+/// How far around a block its neighbours count, in blocks.
+const AROUND: usize = 50;
+/// How much louder than the median of its neighbours a click is, as a ratio of powers.
+const LOUD: f64 = 100.0;
+/// Most blocks of clicks among the neighbours: more are the texture.
+const RARE: usize = 5;
+
+/// Blocks from one to another.
+pub(super) type Span = Range<usize>;
+
+/// Samples at the models' rate, and what else is known by blocks of them.
+pub(super) struct Blocks {
+    rate_hz: f64,
+    /// Samples of a block.
+    len: usize,
+    signal: Vec<f64>,
+    /// Mean speed in mm/s and force in N.
+    means: Vec<[f64; 2]>,
+    /// The same, over some blocks around.
+    smooth: Vec<[f64; 2]>,
+    why: Vec<Option<Why>>,
+}
+
+impl Blocks {
+    pub(super) fn new(recording: &Recording<'_>, settings: &Settings) -> Result<Self, Diagnostic> {
+        let rate_hz = f64::from(settings.model_hz);
+        let rate_of_recording = recording.rate_hz.round();
+        let len = (rate_hz / BLOCKS_HZ).round() as usize;
+        let mut axes: Vec<Vec<f64>> = recording.acceleration_m_s2.iter().map(|axis| axis.to_vec()).collect();
+        let samples = recording.force_n.len();
+        let count = (samples as f64 / rate_of_recording * rate_hz) as usize / len;
+        // Samples of the recording in a block of the signal.
+        let each = len as f64 / rate_hz * rate_of_recording;
+        let sample = |block: usize| ((block as f64 * each).round() as usize).min(samples);
+        let spans: Vec<Range<usize>> = (0..count).map(|b| sample(b)..sample(b + 1)).collect();
+        let mean = |channel: &[f64], span: &Range<usize>, of: fn(f64) -> f64| {
+            let part = channel.get(span.clone()).unwrap_or_default();
+            part.iter().map(|x| of(*x)).sum::<f64>() / part.len().max(1) as f64
+        };
+        let means: Vec<[f64; 2]> = spans
+            .iter()
+            .map(|span| [mean(recording.speed_mm_s, span, f64::abs), mean(recording.force_n, span, |f| f)])
+            .collect();
+        let smooth = (0..count)
+            .map(|b| average(&means[b.saturating_sub(SMOOTH / 2)..(b + SMOOTH / 2 + 1).min(count)]))
+            .collect();
+        let mut it = Self { rate_hz, len, signal: Vec::new(), means, smooth, why: vec![None; count] };
+        let block = |sample: usize| ((sample as f64 / each) as usize).min(count);
+        it.mark_stuck(&axes, recording.rate_hz, &block);
+        it.mark_low(1, settings.least_force_n, Why::NoContact);
+        it.mark_low(0, settings.least_speed_mm_s, Why::Slow);
+        it.mark_clicks(&mut axes, &spans);
+        it.signal = prepared(axes, rate_of_recording, settings)?;
+        it.signal.resize(count * len, 0.0);
+        Ok(it)
+    }
+
+    /// Gives a reason to a block that has none.
+    fn mark(&mut self, block: usize, why: Why) {
+        if let Some(of_block) = self.why.get_mut(block) {
+            of_block.get_or_insert(why);
+        }
+    }
+
+    /// Marks where all axes stand still, and where one is at its limit.
+    fn mark_stuck(&mut self, axes: &[Vec<f64>], rate_hz: f64, block: &dyn Fn(usize) -> usize) {
+        let mut still = vec![0; self.why.len()];
+        let mut clipped = Vec::new();
+        for axis in axes {
+            let mut of_axis = vec![false; self.why.len()];
+            for (run, why) in stuck(axis, rate_hz) {
+                let (first, last) = (block(run.start), block(run.end - 1));
+                match why {
+                    Why::Clipped => clipped.push(first.saturating_sub(GUARD)..last + GUARD + 1),
+                    _ => of_axis.iter_mut().take(last + 1).skip(first).for_each(|b| *b = true),
+                }
+            }
+            still.iter_mut().zip(of_axis).for_each(|(axes, of_axis)| *axes += usize::from(of_axis));
+        }
+        for (b, count) in still.into_iter().enumerate() {
+            if count == axes.len() {
+                self.mark(b, Why::Still);
+            }
+        }
+        clipped.into_iter().flatten().for_each(|b| self.mark(b, Why::Clipped));
+    }
+
+    fn mark_low(&mut self, axis: usize, least: f64, why: Why) {
+        for b in 0..self.smooth.len() {
+            if self.smooth[b][axis] < least {
+                self.mark(b, why);
+            }
+        }
+    }
+
+    /// Marks clicks, and draws a line through them.
+    fn mark_clicks(&mut self, axes: &mut [Vec<f64>], spans: &[Range<usize>]) {
+        let power = |span: &Range<usize>| {
+            let parts = axes.iter().filter_map(|a| a.get(span.start.saturating_sub(1)..span.end));
+            parts.flat_map(|part| part.windows(2)).map(|pair| (pair[1] - pair[0]).powi(2)).sum::<f64>()
+        };
+        let powers: Vec<f64> = spans.iter().map(power).collect();
+        let mut clicks = Vec::new();
+        let mut near: Vec<f64> = Vec::new();
+        for b in 0..powers.len() {
+            if self.why[b].is_some() {
+                continue;
+            }
+            near.clear();
+            let around = b.saturating_sub(AROUND)..(b + AROUND + 1).min(powers.len());
+            near.extend(around.filter(|i| self.why[*i].is_none()).map(|i| powers[i]));
+            let middle = near.len() / 2;
+            let median = *near.select_nth_unstable_by(middle, f64::total_cmp).1;
+            let loud = near.iter().filter(|p| **p > LOUD * median).count();
+            if powers[b] > LOUD * median && loud <= RARE && near.len() > 4 * RARE {
+                clicks.push(b);
+            }
+        }
+        for run in clicks.chunk_by(|a, b| a + 1 == *b) {
+            let (first, last) = (run[0], run[run.len() - 1]);
+            axes.iter_mut().for_each(|axis| line(axis, spans[first].start, spans[last].end));
+            for near in first.saturating_sub(1)..=last + 1 {
+                self.mark(near, Why::Click);
+            }
+        }
+    }
+
+    fn seconds(&self, blocks: usize) -> f64 {
+        (blocks * self.len) as f64 / self.rate_hz
+    }
+
+    /// What is dropped, in order of time: the blocks of no use, and these; neighbours for one reason are one.
+    pub(super) fn dropped(&self, others: Vec<(Span, Why)>) -> Vec<Dropped> {
+        let mut all = others;
+        all.extend(self.spans().into_iter().filter_map(|(span, why)| why.map(|why| (span, why))));
+        all.sort_by_key(|(span, _)| span.start);
+        let mut joined: Vec<(Span, Why)> = Vec::new();
+        for (span, why) in all {
+            match joined.last_mut() {
+                Some((last, same)) if *same == why && last.end == span.start => last.end = span.end,
+                _ => joined.push((span, why)),
+            }
+        }
+        let dropped = |(span, why): &(Span, Why)| Dropped {
+            start_s: self.seconds(span.start),
+            length_s: self.seconds(span.len()),
+            why: *why,
+        };
+        joined.iter().map(dropped).collect()
+    }
+
+    /// What was not.
+    pub(super) fn runs(&self) -> Vec<Span> {
+        self.spans().into_iter().filter(|(_, why)| why.is_none()).map(|(span, _)| span).collect()
+    }
+
+    fn spans(&self) -> Vec<(Span, Option<Why>)> {
+        let mut start = 0;
+        self.why
+            .chunk_by(|a, b| a == b)
+            .map(|run| {
+                let span = start..start + run.len();
+                start = span.end;
+                (span, run[0])
+            })
+            .collect()
+    }
+
+    pub(super) fn rate_hz(&self) -> f64 {
+        self.rate_hz
+    }
+
+    /// Blocks that are as long as this at least.
+    pub(super) fn count(&self, seconds: f64) -> usize {
+        ((seconds * self.rate_hz / self.len as f64 - 1e-9).ceil() as usize).max(1)
+    }
+
+    pub(super) fn duration_s(&self) -> f64 {
+        self.seconds(self.why.len())
+    }
+
+    /// Samples of all blocks.
+    pub(super) fn samples(&self) -> usize {
+        self.signal.len()
+    }
+
+    /// Samples of a block.
+    pub(super) fn len(&self) -> usize {
+        self.len
+    }
+
+    /// Speeds and forces of some blocks, smoothed.
+    pub(super) fn smooth(&self, span: &Span) -> &[[f64; 2]] {
+        self.smooth.get(span.clone()).unwrap_or_default()
+    }
+
+    /// Samples of some blocks.
+    pub(super) fn signal(&self, span: &Span) -> &[f64] {
+        self.signal.get(span.start * self.len..span.end * self.len).unwrap_or_default()
+    }
+
+    /// Speed and force of all blocks, smoothed, one after the other.
+    pub(super) fn course(&self) -> &[[f64; 2]] {
+        &self.smooth
+    }
+
+    /// Which blocks a segment is.
+    pub(super) fn span(&self, segment: &Segment) -> Span {
+        let block = |seconds: f64| (seconds * self.rate_hz / self.len as f64).round() as usize;
+        block(segment.start_s)..block(segment.start_s + segment.length_s)
+    }
+
+    /// Some samples.
+    pub(super) fn samples_at(&self, range: Range<usize>) -> &[f64] {
+        self.signal.get(range).unwrap_or_default()
+    }
+
+    /// Mean speed and force over some blocks.
+    pub(super) fn mean(&self, span: &Span) -> [f64; 2] {
+        average(self.means.get(span.clone()).unwrap_or_default())
+    }
+
+    /// The greatest speed and force of any block.
+    pub(super) fn greatest(&self) -> [f64; 2] {
+        [0, 1].map(|axis| self.means.iter().map(|m| m[axis]).fold(f64::NEG_INFINITY, f64::max))
+    }
+
+    pub(super) fn segment(&self, span: &Span, fitted: &Fitted, model: usize) -> Segment {
+        let [speed_mm_s, force_n] = self.mean(span);
+        Segment {
+            start_s: self.seconds(span.start),
+            length_s: self.seconds(span.len()),
+            speed_mm_s,
+            force_n,
+            residual_variance: fitted.residual,
+            mean_square: fitted.mean_square,
+            model,
+        }
+    }
+}
+
+fn average(means: &[[f64; 2]]) -> [f64; 2] {
+    [0, 1].map(|axis| means.iter().map(|m| m[axis]).sum::<f64>() / means.len().max(1) as f64)
+}
+
+/// A straight line between the samples before `start` and at `end`.
+fn line(samples: &mut [f64], start: usize, end: usize) {
+    let before = start.checked_sub(1).and_then(|i| samples.get(i)).or(samples.get(end)).copied();
+    let behind = samples.get(end).copied().or(before).unwrap_or(0.0);
+    let (from, steps) = (before.unwrap_or(behind), (end - start + 1) as f64);
+    for (i, x) in samples[start..end].iter_mut().enumerate() {
+        *x = from + (behind - from) * (i + 1) as f64 / steps;
+    }
+}
+
+/// Where samples stand still: at the highest or lowest value, or for long.
+fn stuck(samples: &[f64], rate_hz: f64) -> Vec<(Range<usize>, Why)> {
+    let highest = samples.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let lowest = samples.iter().copied().fold(f64::INFINITY, f64::min);
+    let clipped = ((CLIPPED_S * rate_hz).ceil() as usize).max(3);
+    let still = (STILL_S * rate_hz).ceil() as usize;
+    let mut start = 0;
+    let mut found = Vec::new();
+    for run in samples.chunk_by(|a, b| a == b) {
+        let range = start..start + run.len();
+        start = range.end;
+        let at_limit = highest > lowest && (run[0] == highest || run[0] == lowest);
+        if at_limit && run.len() >= clipped {
+            found.push((range, Why::Clipped));
+        } else if run.len() >= still {
+            found.push((range, Why::Still));
+        }
+    }
+    found
+}

@@ -1,0 +1,229 @@
+//! Models of pieces, and the order for all of them.
+
+use asperity_numbers::Elementary as _;
+use std::f64::consts::TAU;
+
+use asperity_diagnostics::Diagnostic;
+use asperity_dsp::filter::Section;
+
+use super::super::Filter;
+use super::blocks::{Blocks, Span};
+use super::{Criterion, Order, Settings, filter};
+use asperity_numbers::Random;
+
+/// Of the noise that stands for what is missing.
+const SEED: u64 = 6;
+
+/// A residual variance below this part of the mean square is rounding, of which no model is made.
+const NOTHING: f64 = 1e-10;
+/// Largest reflection coefficient: that of a signal without noise comes out as 1.
+const REFLECTION: f64 = 1.0 - 1e-12;
+
+/// How often the density below the high-pass is looked for; the first is from a signal without any there.
+const ROUNDS: usize = 2;
+/// Most that is put back, as a part of the mean square of what there is: beside a tone the density is none.
+const MOST_PUT_BACK: f64 = 0.5;
+
+/// What was fitted to a piece.
+pub(super) struct Fitted {
+    /// `a_1 .. a_p`, stable.
+    pub(super) ar: Vec<f64>,
+    /// Residual variance in (m/s^2)^2.
+    pub(super) residual: f64,
+    /// Mean square in (m/s^2)^2 of what was fitted.
+    pub(super) mean_square: f64,
+}
+
+/// Models of all pieces.
+pub(super) struct Fits {
+    pub(super) order: usize,
+    /// The criterion by order, less its least.
+    pub(super) criterion: Vec<(usize, f64)>,
+    /// A model of the order for each piece.
+    pub(super) pieces: Vec<Fitted>,
+}
+
+/// Fits a model to each piece, all of one order.
+pub(super) fn fit(blocks: &Blocks, pieces: &[Span], settings: &Settings) -> Result<Fits, Diagnostic> {
+    let most = match settings.order {
+        Order::Given(order) | Order::Best { most: order, .. } => order,
+    };
+    let missing = missing(blocks, settings)?;
+    let lattices: Vec<Lattice> = pieces
+        .iter()
+        .map(|piece| {
+            let signal = blocks.signal(piece);
+            let start = piece.start * blocks.len();
+            let missing = missing.get(start..start + signal.len()).unwrap_or_default();
+            whole(signal, missing, TAU * 2.0 * settings.high_pass_hz / blocks.rate_hz(), most)
+        })
+        .collect();
+    let (order, curve) = match settings.order {
+        Order::Given(order) => (order, Vec::new()),
+        Order::Best { most, by } => {
+            let sum = |p: usize| lattices.iter().map(|l| l.criterion(p, by)).sum::<f64>();
+            let mut curve: Vec<(usize, f64)> = (1..=most).map(|p| (p, sum(p))).collect();
+            let (best, least) = curve.iter().copied().min_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or((1, 0.0));
+            curve.iter_mut().for_each(|(_, value)| *value -= least);
+            (best, curve)
+        }
+    };
+    let fitted = lattices.iter().map(|l| Fitted {
+        ar: l.coefficients(order),
+        residual: l.residual(order),
+        mean_square: l.residual(0),
+    });
+    Ok(Fits { order, criterion: curve, pieces: fitted.collect() })
+}
+
+/// Noise of power 1 a sample through the low-pass that lets through the power that the high-pass does not: `|L|^2 + |H|^2 = 1` of Butterworth's
+/// filters of one corner, by the same transform. Empty where there is no high-pass.
+fn missing(blocks: &Blocks, settings: &Settings) -> Result<Vec<f64>, Diagnostic> {
+    if settings.high_pass_hz == 0.0 {
+        return Ok(Vec::new());
+    }
+    let mut random = Random::new(SEED);
+    let mut noise: Vec<f64> = (0..blocks.samples()).map(|_| random.normal()).collect();
+    filter(&mut noise, Section::low_pass, blocks.rate_hz(), settings.high_pass_hz)?;
+    Ok(noise)
+}
+
+/// The lattice of a signal with what the high-pass took of it; `w` is where the spectrum counts for what is missing, in radians a sample.
+fn whole(signal: &[f64], missing: &[f64], w: f64, most: usize) -> Lattice {
+    let mut lattice = Lattice::new(signal, most);
+    if missing.is_empty() {
+        return lattice;
+    }
+    let mean_square = |x: &[f64]| x.iter().map(|x| x * x).sum::<f64>() / x.len().max(1) as f64;
+    let (of_signal, of_missing) = (mean_square(signal), mean_square(missing));
+    for _ in 0..ROUNDS {
+        let filter = Filter::new(&lattice.coefficients(most), &[], lattice.residual(most).sqrt());
+        let density = filter.power(w).min(MOST_PUT_BACK * of_signal / of_missing.max(f64::MIN_POSITIVE));
+        if !density.is_finite() {
+            break;
+        }
+        let scale = density.sqrt();
+        let sum: Vec<f64> = signal.iter().zip(missing).map(|(x, m)| x + scale * m).collect();
+        lattice = Lattice::new(&sum, most);
+    }
+    lattice
+}
+
+/// Reflection coefficients by Burg's method (J. P. Burg, "Maximum entropy spectral analysis", 1975): each makes the mean of the squares that
+/// the predictors forwards and backwards leave as small as it can be. None exceeds 1, so that every order is stable.
+pub(super) struct Lattice {
+    samples: f64,
+    reflections: Vec<f64>,
+    /// Residual variances of orders 0, 1, ..
+    residuals: Vec<f64>,
+}
+
+impl Lattice {
+    pub(super) fn new(signal: &[f64], most: usize) -> Self {
+        let samples = signal.len() as f64;
+        let mean_square = signal.iter().map(|x| x * x).sum::<f64>() / samples.max(1.0);
+        let (mut forward, mut backward) = (signal.to_vec(), signal.to_vec());
+        let (mut reflections, mut residuals) = (Vec::with_capacity(most), vec![mean_square]);
+        let mut variance = mean_square;
+        for order in 1..=most.min(signal.len().saturating_sub(1)) {
+            // The error forwards at n with that backwards at n - 1.
+            let (mut both, mut squares) = (0.0, 0.0);
+            for (f, b) in forward[order..].iter().zip(&backward[order - 1..]) {
+                both += f * b;
+                squares += f * f + b * b;
+            }
+            let left = variance > NOTHING * mean_square && squares > 0.0;
+            let k = if left { (-2.0 * both / squares).clamp(-REFLECTION, REFLECTION) } else { 0.0 };
+            for n in (order..signal.len()).rev() {
+                let (f, b) = (forward[n], backward[n - 1]);
+                forward[n] = f + k * b;
+                backward[n] = b + k * f;
+            }
+            variance = (variance * (1.0 - k * k)).max(NOTHING * mean_square);
+            reflections.push(k);
+            residuals.push(variance);
+        }
+        Self { samples, reflections, residuals }
+    }
+
+    /// The residual variance of an order; of order 0 it is the mean square.
+    pub(super) fn residual(&self, order: usize) -> f64 {
+        self.residuals.get(order).or(self.residuals.last()).copied().unwrap_or(0.0)
+    }
+
+    fn criterion(&self, order: usize, by: Criterion) -> f64 {
+        let (n, k) = (self.samples, (order + 1) as f64);
+        let penalty = match by {
+            Criterion::Aicc => 2.0 * k * n / (n - k - 1.0),
+            Criterion::Bic => k * n.log_e(),
+        };
+        n * self.residual(order).max(f64::MIN_POSITIVE).log_e() + penalty
+    }
+
+    /// Levinson's step up from each order to the next.
+    fn coefficients(&self, order: usize) -> Vec<f64> {
+        let mut a: Vec<f64> = Vec::with_capacity(order);
+        for &k in self.reflections.iter().take(order) {
+            let lower = a.clone();
+            a.iter_mut().zip(lower.iter().rev()).for_each(|(x, y)| *x += k * y);
+            a.push(k);
+        }
+        a.resize(order, 0.0);
+        a
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::super::is_stable;
+    use super::*;
+    use asperity_numbers::Random;
+
+    #[test]
+    fn each_reflection_is_the_one_that_leaves_least() {
+        let mut random = Random::new(6);
+        let mut signal = vec![0.0; 200];
+        for n in 2..200 {
+            signal[n] = 1.4 * signal[n - 1] - 0.8 * signal[n - 2] + random.normal();
+        }
+        let lattice = Lattice::new(&signal, 6);
+        // What predictors forwards and backwards leave, from the coefficients: Burg's criterion by its definition.
+        let left = |a: &[f64]| -> f64 {
+            let p = a.len();
+            (p..signal.len())
+                .map(|n| {
+                    let f: f64 = signal[n] + (0..p).map(|i| a[i] * signal[n - 1 - i]).sum::<f64>();
+                    let b: f64 = signal[n - p] + (0..p).map(|i| a[i] * signal[n - p + 1 + i]).sum::<f64>();
+                    f * f + b * b
+                })
+                .sum()
+        };
+        for order in 1..=6 {
+            let with = |k: f64| {
+                let mut reflections = lattice.reflections.clone();
+                reflections[order - 1] = k;
+                Lattice { reflections, residuals: vec![], samples: 0.0 }.coefficients(order)
+            };
+            let k = lattice.reflections[order - 1];
+            let least = left(&with(k));
+            assert!(left(&with(k + 1e-3)) > least && left(&with(k - 1e-3)) > least, "order {order}");
+            assert!(is_stable(&lattice.coefficients(order)));
+        }
+        assert!((lattice.residual(2) - 1.0).abs() < 0.25);
+    }
+
+    #[test]
+    fn signals_without_noise_stay_finite() {
+        let tone: Vec<f64> = (0..500).map(|n| (0.3 * f64::from(n)).sin()).collect();
+        let ramp: Vec<f64> = (0..500).map(f64::from).collect();
+        let click: Vec<f64> = (0..500).map(|n| f64::from(u8::from(n == 250))).collect();
+        for signal in [tone, ramp, click, vec![0.0; 500], vec![3.0; 500], vec![1.0], vec![]] {
+            let lattice = Lattice::new(&signal, 24);
+            for order in [1, 7, 24] {
+                let a = lattice.coefficients(order);
+                assert!(a.len() == order && a.iter().all(|x| x.is_finite()));
+                assert!(lattice.residual(order).is_finite());
+            }
+        }
+    }
+}

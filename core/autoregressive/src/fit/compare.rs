@@ -1,0 +1,328 @@
+//! How a texture sounds beside what it was fitted to.
+
+use asperity_dsp::plans;
+use asperity_numbers::Elementary as _;
+use std::ops::Range;
+use std::sync::Arc;
+
+use asperity_diagnostics::Diagnostic;
+use asperity_dsp::filter::Section;
+use asperity_dsp::window::hann;
+
+use super::super::{Synthesis, Texture};
+use super::blocks::Blocks;
+use super::{PASSBAND, Recording, Report, Settings, filter};
+
+/// Bands of thirds of an octave by number: 25 Hz to 400 Hz.
+const BANDS: std::ops::RangeInclusive<i32> = 14..=26;
+/// A band that holds less than this part of the power is not what a texture is felt by.
+const HELD: f64 = 1e-3;
+/// How long a texture is rendered in all, in s, so that chance in it is less than that in the recording; ..
+const RENDERED_S: f64 = 240.0;
+/// .. in how many passes at most.
+const MOST_PASSES: usize = 64;
+/// Seed of the noise.
+const SEED: u64 = 1;
+
+/// A band of a third of an octave.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Band {
+    /// Its middle in Hz: a power of ten in tenths.
+    pub centre_hz: f64,
+    /// Root mean square of what was recorded, in m/s^2.
+    pub recorded_m_s2: f64,
+    /// Root mean square of what is rendered, in m/s^2.
+    pub rendered_m_s2: f64,
+}
+
+impl Band {
+    /// How much louder it is rendered than it was recorded, in dB.
+    pub fn off_db(&self) -> f64 {
+        decibels(self.rendered_m_s2.powi(2), self.recorded_m_s2.powi(2))
+    }
+
+    /// How far the level of noise in it that lasts so long is off by chance, in dB: a standard deviation.
+    pub fn chance_db(&self, seconds: f64) -> f64 {
+        // Of the power it is one by the root of the number of independent samples, the band's width times the time.
+        let width_hz = self.centre_hz * (10f64.power(0.05) - 10f64.power(-0.05));
+        10.0 / std::f64::consts::LN_10 / (width_hz * seconds).sqrt()
+    }
+}
+
+fn decibels(rendered: f64, recorded: f64) -> f64 {
+    if rendered == recorded { 0.0 } else { 10.0 * (rendered / recorded).log_10() }
+}
+
+/// Some segments as they were recorded and as they are rendered.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Compared {
+    /// How long they are together, in s.
+    pub seconds: f64,
+    /// From 25 Hz to 400 Hz, as far as the models' rate goes.
+    pub bands: Vec<Band>,
+    /// Power density of what was recorded, in (m/s^2)^2 / Hz, at 0 Hz, [`DENSITY_STEP_HZ`](Self::DENSITY_STEP_HZ), ..: a mean over frames of 0.2 s; empty where all segments are
+    /// shorter.
+    pub density: Vec<f64>,
+}
+
+impl Compared {
+    /// From one density to the next, in Hz.
+    pub const DENSITY_STEP_HZ: f64 = 5.0;
+
+    /// How much louder all bands together are rendered than they were recorded, in dB.
+    pub fn level_off_db(&self) -> f64 {
+        let sum = |of: fn(&Band) -> f64| self.bands.iter().map(|b| of(b).powi(2)).sum::<f64>();
+        decibels(sum(|b| b.rendered_m_s2), sum(|b| b.recorded_m_s2))
+    }
+
+    /// The band that is off by most, of those that hold a thousandth of what was recorded.
+    pub fn worst(&self) -> Option<&Band> {
+        let whole: f64 = self.bands.iter().map(|b| b.recorded_m_s2.powi(2)).sum();
+        let held = self.bands.iter().filter(|b| b.recorded_m_s2.powi(2) > HELD * whole);
+        held.max_by(|a, b| a.off_db().abs().total_cmp(&b.off_db().abs()))
+    }
+}
+
+/// What was recorded beside what a texture renders at the same speeds and forces.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Comparison {
+    /// All segments.
+    pub all: Compared,
+    /// Those of each model.
+    pub models: Vec<Compared>,
+}
+
+impl Recording<'_> {
+    /// Renders a texture with the speeds and forces of the recording, and compares the segments that it was fitted to with what comes of them, after the same
+    /// high-pass and at the models' rate.
+    ///
+    /// # Errors
+    /// Those of [`fit`](Self::fit) with these settings.
+    pub fn compare(
+        &self,
+        settings: &Settings,
+        texture: &Arc<Texture>,
+        report: &Report,
+    ) -> Result<Comparison, Diagnostic> {
+        settings.check()?;
+        self.check(settings)?;
+        let blocks = Blocks::new(self, settings)?;
+        let passes = ((RENDERED_S / blocks.duration_s().max(1e-3)).ceil() as usize).clamp(1, MOST_PASSES);
+        let mut synthesis = Synthesis::new(texture.clone(), SEED);
+        let mut meter = Meter::new(blocks.rate_hz());
+        let samples = blocks.samples();
+        let count = texture.models().len();
+        let mut sums = vec![Sums::new(&meter); count];
+        let parts: Vec<(usize, Range<usize>)> = report
+            .segments
+            .iter()
+            .filter(|segment| segment.model < count)
+            .map(|segment| {
+                let span = blocks.span(segment);
+                (
+                    segment.model,
+                    (span.start * blocks.len()).min(samples)..(span.end * blocks.len()).min(samples),
+                )
+            })
+            .collect();
+        for (model, part) in &parts {
+            let sums = &mut sums[*model];
+            sums.seconds += part.len() as f64 / blocks.rate_hz();
+            let signal = blocks.samples_at(part.clone());
+            meter.add(signal, 1.0, &mut sums.recorded);
+            meter.add_density(signal, sums);
+        }
+        let mut signal = vec![0.0f32; samples];
+        for pass in 0..passes {
+            for (b, ([speed, force], out)) in
+                blocks.course().iter().zip(signal.chunks_exact_mut(blocks.len())).enumerate()
+            {
+                synthesis.touch(*speed, *force);
+                synthesis.process((pass * samples + b * blocks.len()) as u64, out);
+            }
+            let mut rendered: Vec<f64> = signal.iter().map(|x| f64::from(*x)).collect();
+            if settings.high_pass_hz > 0.0 {
+                filter(&mut rendered, Section::high_pass, blocks.rate_hz(), settings.high_pass_hz)?;
+            }
+            for (model, part) in &parts {
+                let part = rendered.get(part.clone()).unwrap_or_default();
+                meter.add(part, 1.0 / passes as f64, &mut sums[*model].rendered);
+            }
+        }
+        let mut all = Sums::new(&meter);
+        sums.iter().for_each(|s| all.take_in(s));
+        Ok(Comparison {
+            all: all.compared(&meter),
+            models: sums.iter().map(|s| s.compared(&meter)).collect(),
+        })
+    }
+}
+
+/// Power by bands and by frequency.
+struct Meter {
+    rate_hz: f64,
+    centres_hz: Vec<f64>,
+}
+
+impl Meter {
+    fn new(rate_hz: f64) -> Self {
+        let centres = BANDS.map(|band| 10f64.power(f64::from(band) / 10.0));
+        let centres_hz = centres.filter(|hz| hz * 10f64.power(0.05) <= PASSBAND * rate_hz).collect();
+        Self { rate_hz, centres_hz }
+    }
+
+    /// The mean square of a signal by bins of its transform, whose distance comes with it, in Hz.
+    fn squares(&mut self, signal: &[f64]) -> (Vec<f64>, f64) {
+        let len = signal.len();
+        let window = hann::<f64>(len);
+        let mut windowed: Vec<f64> = signal.iter().zip(&window).map(|(x, w)| x * w).collect();
+        let transform = plans::forward::<f64>(len);
+        let mut spectrum = transform.make_output_vec();
+        // Of these lengths nothing can fail.
+        let _ = transform.process(&mut windowed, &mut spectrum);
+        let scale = 2.0 / (len as f64 * window.iter().map(|w| w * w).sum::<f64>());
+        (spectrum.iter().map(|x| scale * x.norm_sqr()).collect(), self.rate_hz / len as f64)
+    }
+
+    /// Adds the power of a part by bands, times its length and a weight: a mean over frames of a second that overlap by half or more, so that every sample counts.
+    fn add(&mut self, signal: &[f64], weight: f64, bands: &mut [f64]) {
+        let len = signal.len().min(self.rate_hz.round() as usize);
+        if len < 2 {
+            return;
+        }
+        let (rest, hop) = (signal.len() - len, (len / 2).max(1));
+        let steps = rest.div_ceil(hop);
+        let weight = weight * signal.len() as f64 / (steps + 1) as f64;
+        for step in 0..=steps {
+            // From the first sample to the last.
+            let start = rest * step / steps.max(1);
+            let (squares, step_hz) = self.squares(signal.get(start..start + len).unwrap_or_default());
+            for (centre, sum) in self.centres_hz.iter().zip(bands.iter_mut()) {
+                let edge = |by: f64| centre * 10f64.power(by) / step_hz;
+                // A bin holds what is half of a step to either side.
+                let (low, high) = (edge(-0.05), edge(0.05));
+                for bin in (low - 0.5).max(0.0) as usize..=(high + 0.5) as usize {
+                    let (from, to) = (low.max(bin as f64 - 0.5), high.min(bin as f64 + 0.5));
+                    *sum += weight * (to - from).max(0.0) * squares.get(bin).copied().unwrap_or(0.0);
+                }
+            }
+        }
+    }
+
+    /// Adds the density of a part, frame by frame.
+    fn add_density(&mut self, signal: &[f64], sums: &mut Sums) {
+        let len = self.frame();
+        for frame in signal.windows(len).step_by((len / 2).max(1)) {
+            let (squares, step_hz) = self.squares(frame);
+            sums.frames += 1;
+            sums.density.resize(squares.len(), 0.0);
+            sums.density.iter_mut().zip(squares).for_each(|(sum, x)| *sum += x / step_hz);
+        }
+    }
+
+    fn frame(&self) -> usize {
+        (self.rate_hz / Compared::DENSITY_STEP_HZ).round() as usize
+    }
+}
+
+/// Powers by bands of all parts, times their lengths.
+#[derive(Clone)]
+struct Sums {
+    seconds: f64,
+    recorded: Vec<f64>,
+    rendered: Vec<f64>,
+    density: Vec<f64>,
+    frames: usize,
+}
+
+impl Sums {
+    fn new(meter: &Meter) -> Self {
+        let none = vec![0.0; meter.centres_hz.len()];
+        Self { seconds: 0.0, recorded: none.clone(), rendered: none, density: Vec::new(), frames: 0 }
+    }
+
+    fn take_in(&mut self, other: &Self) {
+        let add = |to: &mut [f64], from: &[f64]| to.iter_mut().zip(from).for_each(|(x, y)| *x += y);
+        self.seconds += other.seconds;
+        self.frames += other.frames;
+        self.density.resize(self.density.len().max(other.density.len()), 0.0);
+        add(&mut self.density, &other.density);
+        add(&mut self.recorded, &other.recorded);
+        add(&mut self.rendered, &other.rendered);
+    }
+
+    fn compared(&self, meter: &Meter) -> Compared {
+        let samples = (self.seconds * meter.rate_hz).max(1.0);
+        let bands = meter.centres_hz.iter().zip(self.recorded.iter().zip(&self.rendered));
+        Compared {
+            seconds: self.seconds,
+            bands: bands
+                .map(|(centre_hz, (recorded, rendered))| Band {
+                    centre_hz: *centre_hz,
+                    recorded_m_s2: (recorded / samples).sqrt(),
+                    rendered_m_s2: (rendered / samples).sqrt(),
+                })
+                .collect(),
+            density: self.density.iter().map(|x| x / self.frames.max(1) as f64).collect(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use asperity_numbers::Random;
+
+    /// A window over all of six seconds would leave 1.03 dB to chance in the band of 25 Hz.
+    #[test]
+    fn a_level_is_known_as_well_as_its_time_and_width_allow() {
+        let mut random = Random::new(3);
+        let mut meter = Meter::new(1000.0);
+        let (seconds, draws) = (6, 300);
+        let all: Vec<Vec<f64>> = (0..draws)
+            .map(|_| {
+                let signal: Vec<f64> = (0..1000 * seconds).map(|_| random.normal()).collect();
+                let mut bands = vec![0.0; meter.centres_hz.len()];
+                meter.add(&signal, 1.0, &mut bands);
+                bands.iter().map(|b| b / signal.len() as f64).collect()
+            })
+            .collect();
+        for (number, centre_hz) in meter.centres_hz.iter().enumerate() {
+            // White noise of power 1: twice the density of 1 / rate, times the width.
+            let want = 0.002 * centre_hz * (10f64.powf(0.05) - 10f64.powf(-0.05));
+            let of = || all.iter().map(|bands| bands[number]);
+            let mean = of().sum::<f64>() / draws as f64;
+            let deviation = (of().map(|b| (b - mean).powi(2)).sum::<f64>() / draws as f64).sqrt();
+            assert!((mean / want - 1.0).abs() < 0.05, "{centre_hz} Hz: {mean}, not {want}");
+            let db = 10.0 / std::f64::consts::LN_10 * deviation / mean;
+            let band = Band { centre_hz: *centre_hz, recorded_m_s2: 1.0, rendered_m_s2: 1.0 };
+            let chance = band.chance_db(f64::from(seconds));
+            assert!((0.85..1.2).contains(&(db / chance)), "{centre_hz} Hz: {db} dB, not {chance}");
+        }
+    }
+
+    #[test]
+    fn every_sample_counts_and_the_power_of_a_tone_is_that_of_the_tone() {
+        let mut meter = Meter::new(1000.0);
+        for len in [2, 150, 999, 1000, 1001, 1499, 2750] {
+            let mut bands = vec![0.0; meter.centres_hz.len()];
+            let tone: Vec<f64> =
+                (0..len).map(|n| (0.2 * std::f64::consts::PI * f64::from(n)).sin()).collect();
+            meter.add(&tone, 2.0, &mut bands);
+            assert!(bands.iter().all(|b| b.is_finite()));
+            if len > 500 {
+                // 100 Hz; a sine has a mean square of a half.
+                let off = bands[6] / f64::from(len) - 1.0;
+                assert!(off.abs() < 0.01, "{len}: {off}");
+            }
+        }
+        // What comes at the very end is heard.
+        for at in [40, 1500, 2700] {
+            let mut click = vec![0.0; 2750];
+            click[at] = 1.0;
+            let mut bands = vec![0.0; meter.centres_hz.len()];
+            meter.add(&click, 1.0, &mut bands);
+            assert!(bands.iter().all(|b| *b > 0.0), "{at}");
+        }
+    }
+}

@@ -1,0 +1,159 @@
+//! Pieces at one speed and force become one model.
+
+use asperity_numbers::Elementary as _;
+use std::f64::consts::PI;
+
+use super::super::{Filter, Model, is_stable, line_spectrum};
+use super::Settings;
+use super::blocks::{Blocks, Span};
+use super::burg::Fitted;
+
+/// Least bandwidth of a resonance in Hz.
+const BANDWIDTH_HZ: f64 = 0.3;
+/// What has less than this part of the samples of a neighbour's longest piece is the way to it or from it, ..
+const WAY: f64 = 0.1;
+/// .. up to so many tolerances from it.
+const WAY_TOLERANCES: f64 = 3.0;
+/// How much the tolerance grows while there are too many models.
+const WIDER: f64 = 1.25;
+
+/// One piece, or several that became one, of which place, mean square and lines are means.
+#[derive(Clone)]
+struct Corner {
+    samples: f64,
+    /// Samples of its longest piece.
+    longest: f64,
+    /// Speed in mm/s and force in N.
+    place: [f64; 2],
+    mean_square: f64,
+    lines: Vec<f64>,
+    pieces: Vec<usize>,
+}
+
+impl Corner {
+    /// Whether it is so short beside another that it tells nothing of a spectrum that the other does not tell better.
+    fn is_way_to(&self, other: &Self) -> bool {
+        self.samples < WAY * other.longest
+    }
+
+    /// Takes in another. A way to it counts for nothing.
+    fn absorb(&mut self, other: &Self) {
+        self.pieces.extend(&other.pieces);
+        if other.is_way_to(self) {
+            return;
+        }
+        self.longest = self.longest.max(other.longest);
+        self.samples += other.samples;
+        let part = other.samples / self.samples;
+        let mean = |x: &mut f64, y: f64| *x += part * (y - *x);
+        mean(&mut self.mean_square, other.mean_square);
+        self.place.iter_mut().zip(other.place).for_each(|(x, y)| mean(x, y));
+        self.lines.iter_mut().zip(&other.lines).for_each(|(x, y)| mean(x, *y));
+    }
+
+    fn model(&self) -> Model {
+        let mut ar = vec![0.0; self.lines.len()];
+        line_spectrum::to_polynomial(&self.lines, &mut ar);
+        let mut of_unit_noise = [0.0];
+        Filter::new(&ar, &[], 1.0).autocovariance(&mut of_unit_noise);
+        let variance = self.mean_square / of_unit_noise[0];
+        let [speed_mm_s, force_n] = self.place;
+        Model { ar, ma: Vec::new(), variance, gain: 1.0, speed_mm_s, force_n }
+    }
+}
+
+/// The models by speed, then force, and the number of that which each piece is part of.
+pub(super) fn merge(
+    blocks: &Blocks,
+    pieces: &[Span],
+    fitted: &[Fitted],
+    settings: &Settings,
+) -> (Vec<Model>, Vec<usize>) {
+    let mut corners: Vec<Corner> = pieces
+        .iter()
+        .zip(fitted)
+        .enumerate()
+        .map(|(i, (piece, fitted))| Corner {
+            samples: (piece.len() * blocks.len()) as f64,
+            longest: (piece.len() * blocks.len()) as f64,
+            place: blocks.mean(piece),
+            mean_square: fitted.mean_square,
+            lines: lines(&fitted.ar, blocks.rate_hz()),
+            pieces: vec![i],
+        })
+        .collect();
+    let mut wider = 1.0;
+    loop {
+        let before = corners.len();
+        corners = joined(corners, settings, wider);
+        if corners.len() < before {
+            continue;
+        }
+        if corners.len() <= settings.most_models {
+            break;
+        }
+        wider *= WIDER;
+    }
+    corners.sort_by(|a, b| a.place[0].total_cmp(&b.place[0]).then(a.place[1].total_cmp(&b.place[1])));
+    let mut owners = vec![0; pieces.len()];
+    for (number, corner) in corners.iter().enumerate() {
+        for &piece in &corner.pieces {
+            owners[piece] = number;
+        }
+    }
+    (corners.iter().map(Corner::model).collect(), owners)
+}
+
+/// Each, the longest first, goes to the nearest of those before it that is within tolerance, or stays by itself; a way goes further.
+fn joined(mut corners: Vec<Corner>, settings: &Settings, wider: f64) -> Vec<Corner> {
+    corners.sort_by(|a, b| b.samples.total_cmp(&a.samples));
+    // The places by which others are judged stay while they come.
+    let mut kept: Vec<([f64; 2], Corner)> = Vec::new();
+    for corner in corners {
+        let away = |place: [f64; 2]| {
+            let tolerance = settings.tolerance.of(place);
+            let off = |axis: usize| (corner.place[axis] - place[axis]).abs() / (wider * tolerance[axis]);
+            off(0).max(off(1))
+        };
+        let nearest = kept
+            .iter_mut()
+            .map(|(place, kept)| (away(*place), kept))
+            .filter(|(away, kept)| *away < if corner.is_way_to(kept) { WAY_TOLERANCES } else { 1.0 })
+            .min_by(|a, b| a.0.total_cmp(&b.0));
+        match nearest {
+            Some((_, kept)) => kept.absorb(&corner),
+            None => kept.push((corner.place, corner)),
+        }
+    }
+    kept.into_iter().map(|(_, corner)| corner).collect()
+}
+
+/// Line spectral frequencies, with resonances widened where they are too narrow or cannot be told apart.
+fn lines(ar: &[f64], rate_hz: f64) -> Vec<f64> {
+    let radius = (-PI * BANDWIDTH_HZ / rate_hz).exp_e();
+    // The polynomial whose roots are those of `a` times `by`.
+    let moved = |a: &[f64], by: f64| -> Vec<f64> {
+        let mut power = 1.0;
+        let next = |c: &f64| {
+            power *= by;
+            c * power
+        };
+        a.iter().map(next).collect()
+    };
+    let mut a = ar.to_vec();
+    if !is_stable(&moved(&a, 1.0 / radius)) {
+        a = moved(&a, radius);
+    }
+    for _ in 0..MOST_WIDENINGS {
+        if let Some(lines) = line_spectrum::from_polynomial(&a) {
+            return lines;
+        }
+        a = moved(&a, radius);
+    }
+    // Those of a polynomial without resonances.
+    let order = ar.len();
+    (1..=order).map(|k| k as f64 * PI / (order + 1) as f64).collect()
+}
+
+/// Resonances end up 30 Hz wide at most.
+const MOST_WIDENINGS: usize = 100;

@@ -1,0 +1,269 @@
+//! Line spectral frequencies of a monic polynomial (Itakura 1975; Soong and Juang 1984, "Line spectrum pair (LSP) and speech data
+//! compression").
+//!
+//! A polynomial `A` of order p is half the sum of `P = A + z^-(p+1) A(1/z)` and `Q = A - z^-(p+1) A(1/z)`. All roots of `A` lie within
+//! the unit circle exactly when those of `P` and `Q` lie on it and take turns. Their p angles between 0 and pi, rising, `P` first, are the line
+//! spectral frequencies in radians a sample. Any rising p numbers between 0 and pi are those of a stable polynomial, so a mixture of
+//! stable polynomials taken here is stable.
+
+use asperity_numbers::Elementary;
+use std::f64::consts::PI;
+
+use super::{MAX_ORDER, is_stable};
+
+/// The line spectral frequencies of `1 + a_1 z^-1 + ..` in radians a sample, rising; none if it is not stable, its order is above
+/// [`MAX_ORDER`], or its roots are too near the unit circle to tell the frequencies apart.
+pub fn from_polynomial(a: &[f64]) -> Option<Vec<f64>> {
+    let p = a.len();
+    if p > MAX_ORDER || !is_stable(a) {
+        return None;
+    }
+    let at = |k: usize| if k == 0 { 1.0 } else { a.get(k - 1).copied().unwrap_or(0.0) };
+    let mut sum: Vec<f64> = (0..=p + 1).map(|k| at(k) + at(p + 1 - k)).collect();
+    let mut difference: Vec<f64> = (0..=p + 1).map(|k| at(k) - at(p + 1 - k)).collect();
+    // Roots at z = 1 and z = -1, which every such polynomial has, are divided out.
+    if p.is_multiple_of(2) {
+        divide(&mut sum, 1, -1.0);
+        divide(&mut difference, 1, 1.0);
+    } else {
+        divide(&mut difference, 2, 1.0);
+    }
+    let (mut sums, mut differences) = (angles(&sum), angles(&difference));
+    sums.sort_unstable_by(f64::total_cmp);
+    differences.sort_unstable_by(f64::total_cmp);
+    let frequencies: Vec<f64> =
+        (0..p).map(|i| if i % 2 == 0 { sums[i / 2] } else { differences[i / 2] }).collect();
+    are_valid(&frequencies).then_some(frequencies)
+}
+
+/// Whether these rise and lie between 0 and pi, both excluded.
+pub fn are_valid(frequencies: &[f64]) -> bool {
+    let within = frequencies.iter().all(|w| *w > 0.0 && *w < PI);
+    within && frequencies.windows(2).all(|pair| pair[0] < pair[1])
+}
+
+/// The coefficients `a_1 .. a_p` of the polynomial with these frequencies, written to as many of `a`. At most [`MAX_ORDER`] are
+/// taken. Nothing is allocated.
+pub fn to_polynomial(frequencies: &[f64], a: &mut [f64]) {
+    let frequencies = &frequencies[..frequencies.len().min(MAX_ORDER)];
+    let mut halves = [[0.0; MAX_ORDER + 2]; 2];
+    let mut degrees = [0_usize; 2];
+    for half in &mut halves {
+        half[0] = 1.0;
+    }
+    for (first, (half, degree)) in halves.iter_mut().zip(&mut degrees).enumerate() {
+        let count = (frequencies.len() + 1 - first) / 2;
+        for i in spread(count) {
+            let Some(w) = frequencies.get(2 * i + first) else { continue };
+            let middle = -2.0 * w.cosine();
+            *degree += 2;
+            for k in (0..=*degree).rev() {
+                let one = if k >= 1 { middle * half[k - 1] } else { 0.0 };
+                let two = if k >= 2 { half[k - 2] } else { 0.0 };
+                half[k] += one + two;
+            }
+        }
+    }
+    let [sum, difference] = &mut halves;
+    if frequencies.len().is_multiple_of(2) {
+        multiply(sum, 1, 1.0);
+        multiply(difference, 1, -1.0);
+    } else {
+        multiply(difference, 2, -1.0);
+    }
+    for (k, a) in a.iter_mut().take(frequencies.len()).enumerate() {
+        *a = 0.5 * (sum[k + 1] + difference[k + 1]);
+    }
+}
+
+/// The numbers below `count` in the order of their bits reversed, so that those before any place are spread evenly: of roots taken one beside the
+/// other the product would grow by twos and lose as many digits, at order 64 all that there are.
+fn spread(count: usize) -> impl Iterator<Item = usize> {
+    let bits = count.next_power_of_two().trailing_zeros();
+    let reversed = move |i: usize| i.reverse_bits().checked_shr(usize::BITS - bits).unwrap_or(0);
+    (0..count.next_power_of_two()).map(reversed).filter(move |i| *i < count)
+}
+
+/// Multiplies by `1 + c z^-step`.
+fn multiply(polynomial: &mut [f64], step: usize, c: f64) {
+    for k in (step..polynomial.len()).rev() {
+        polynomial[k] += c * polynomial[k - step];
+    }
+}
+
+/// Divides by `1 - c z^-step`, of which it is a multiple.
+fn divide(polynomial: &mut Vec<f64>, step: usize, c: f64) {
+    for k in step..polynomial.len() {
+        polynomial[k] += c * polynomial[k - step];
+    }
+    polynomial.truncate(polynomial.len() - step);
+}
+
+/// The angles of the roots of a symmetric polynomial of degree 2m, all of whose roots lie on the unit circle: there it is
+/// `e^-imw` times a Chebyshev series in `cos w`.
+fn angles(symmetric: &[f64]) -> Vec<f64> {
+    let m = symmetric.len() / 2;
+    let series: Vec<f64> =
+        (0..=m).map(|j| if j == 0 { symmetric[m] } else { 2.0 * symmetric[m - j] }).collect();
+    roots(series).into_iter().map(Elementary::arc_cosine).collect()
+}
+
+/// The roots of a Chebyshev series, all of which are real and within -1 to 1: between two neighbouring roots of its
+/// derivative, or one of them and an end, lies exactly one of its own.
+fn roots(series: Vec<f64>) -> Vec<f64> {
+    let mut all = vec![series];
+    while let Some(last) = all.last().filter(|s| s.len() > 2) {
+        let lower = derivative(last);
+        all.push(lower);
+    }
+    let mut found = Vec::new();
+    for series in all.iter().rev() {
+        let mut ends = vec![-1.0];
+        ends.append(&mut found);
+        ends.push(1.0);
+        found = ends.windows(2).take(series.len() - 1).map(|e| root_between(series, e[0], e[1])).collect();
+    }
+    found
+}
+
+fn root_between(series: &[f64], mut low: f64, mut high: f64) -> f64 {
+    let rises = value(series, low) < value(series, high);
+    // Halved until the middle is one of the ends.
+    loop {
+        let middle = 0.5 * (low + high);
+        if middle <= low || middle >= high {
+            return middle;
+        }
+        if (value(series, middle) < 0.0) == rises {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+}
+
+/// Clenshaw's recurrence.
+fn value(series: &[f64], x: f64) -> f64 {
+    let (mut last, mut before) = (0.0, 0.0);
+    for c in series.iter().skip(1).rev() {
+        (last, before) = (2.0 * x * last - before + c, last);
+    }
+    x * last - before + series[0]
+}
+
+/// The derivative of a Chebyshev series of degree 1 at least, scaled to keep its size.
+fn derivative(series: &[f64]) -> Vec<f64> {
+    let n = series.len() - 1;
+    let mut lower = vec![0.0; n + 2];
+    for k in (1..=n).rev() {
+        lower[k - 1] = lower[k + 1] + 2.0 * k as f64 * series[k];
+    }
+    lower[0] *= 0.5;
+    lower.truncate(n);
+    let largest = lower.iter().fold(f64::MIN_POSITIVE, |m, c| c.abs().max(m));
+    lower.iter_mut().for_each(|c| *c /= largest);
+    lower
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn first_and_second_order_have_the_frequencies_of_the_textbook() {
+        let near = |a: &[f64], want: &[f64]| {
+            let found = from_polynomial(a).unwrap();
+            assert!(found.iter().zip(want).all(|(x, y)| (x - y).abs() < 1e-12), "{found:?} {want:?}");
+            assert_eq!(found.len(), want.len());
+        };
+        assert_eq!(from_polynomial(&[]), Some(vec![]));
+        // P = 1 + 2 a z^-1 + z^-2
+        near(&[-0.9], &[0.9f64.acos()]);
+        near(&[0.0], &[PI / 2.0]);
+        // P / (1 + z^-1) = 1 + (a1 + a2 - 1) z^-1 + z^-2, Q / (1 - z^-1) = 1 + (a1 - a2 + 1) z^-1 + z^-2
+        let (a1, a2) = (-1.2, 0.81);
+        near(&[a1, a2], &[(-(a1 + a2 - 1.0) / 2.0f64).acos(), (-(a1 - a2 + 1.0) / 2.0f64).acos()]);
+        // A = 1: the angles of 1 + z^-(p+1) and 1 - z^-(p+1)
+        near(&[0.0; 5], &[1.0, 2.0, 3.0, 4.0, 5.0].map(|k| k * PI / 6.0));
+    }
+
+    #[test]
+    fn what_is_not_stable_has_none() {
+        assert_eq!(from_polynomial(&[-1.0]), None);
+        assert_eq!(from_polynomial(&[-2.1, 1.2]), None);
+        assert_eq!(from_polynomial(&[f64::NAN]), None);
+        assert_eq!(from_polynomial(&[0.0; MAX_ORDER + 1]), None);
+        assert!(
+            !are_valid(&[0.5, 0.5]) && !are_valid(&[0.0]) && !are_valid(&[PI]) && !are_valid(&[f64::NAN])
+        );
+    }
+
+    /// A stable polynomial from reflection coefficients, by stepping up.
+    fn from_reflections(reflections: &[f64]) -> Vec<f64> {
+        let mut a: Vec<f64> = Vec::new();
+        for &k in reflections {
+            let up: Vec<f64> = a.iter().zip(a.iter().rev()).map(|(x, y)| x + k * y).collect();
+            a = up;
+            a.push(k);
+        }
+        a
+    }
+
+    /// Frequencies in steps of 0.5 to 1 parts of each other. Multiplied up in their order, those of order 64 come back wrong by 0.04,
+    /// and most of the polynomials are not stable.
+    #[test]
+    fn high_orders_keep_their_digits() {
+        let mut random = asperity_numbers::Random::new(1);
+        for order in [16, 33, 48, 63, MAX_ORDER] {
+            for _ in 0..100 {
+                let steps: Vec<f64> = (0..=order).map(|_| random.range(0.5, 1.0)).collect();
+                let whole: f64 = steps.iter().sum();
+                let mut sum = 0.0;
+                let mut next = |step: &f64| {
+                    sum += step / whole * PI;
+                    sum
+                };
+                let lines: Vec<f64> = steps[..order].iter().map(&mut next).collect();
+                let mut a = vec![0.0; order];
+                to_polynomial(&lines, &mut a);
+                let back = from_polynomial(&a).unwrap();
+                let off = back.iter().zip(&lines).map(|(x, y)| (x - y).abs()).fold(0.0, f64::max);
+                assert!(off < 1e-8, "order {order}: {off}");
+            }
+        }
+        for count in 0..40 {
+            let mut all: Vec<usize> = spread(count).collect();
+            all.sort_unstable();
+            assert!(all.into_iter().eq(0..count));
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn a_stable_polynomial_comes_back(reflections in proptest::collection::vec(-0.95..0.95f64, 1..32)) {
+            let a = from_reflections(&reflections);
+            let frequencies = from_polynomial(&a).unwrap();
+            let mut back = vec![0.0; a.len()];
+            to_polynomial(&frequencies, &mut back);
+            let size = a.iter().fold(1.0, |m: f64, x| m.max(x.abs()));
+            for (x, y) in a.iter().zip(&back) {
+                prop_assert!((x - y).abs() < 1e-7 * size, "{x} {y}");
+            }
+        }
+
+        #[test]
+        fn any_mixture_of_stable_polynomials_is_stable(
+            one in proptest::collection::vec(-0.98..0.98f64, 12),
+            other in proptest::collection::vec(-0.98..0.98f64, 12),
+            part in 0.0..1.0f64,
+        ) {
+            let x = from_polynomial(&from_reflections(&one)).unwrap();
+            let y = from_polynomial(&from_reflections(&other)).unwrap();
+            let mixed: Vec<f64> = x.iter().zip(&y).map(|(x, y)| x + part * (y - x)).collect();
+            let mut a = [0.0; 12];
+            to_polynomial(&mixed, &mut a);
+            prop_assert!(is_stable(&a), "{a:?}");
+        }
+    }
+}

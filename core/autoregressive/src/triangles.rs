@@ -1,0 +1,284 @@
+use delaunator::{Point, triangulate};
+
+/// Which models speak at a point and how much each counts.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Blend {
+    /// Three models by number; one may stand there twice, then with weight 0.
+    pub models: [usize; 3],
+    /// Weights, 0 to 1, that sum to 1.
+    pub weights: [f64; 3],
+}
+
+/// Points of the plane of speed in mm/s and force in N, and triangles between them.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Triangles {
+    /// In parts of the range of each axis.
+    points: Vec<[f64; 2]>,
+    origin: [f64; 2],
+    extent: [f64; 2],
+    triangles: Vec<[usize; 3]>,
+    /// Of all triangles, as pairs of points, each once.
+    edges: Vec<[usize; 2]>,
+}
+
+/// Twice the least area of a triangle, in parts of the range: thinner ones hold no point that their edges do not.
+const LEAST_AREA: f64 = 1e-12;
+/// How much the areas of triangles may differ from that of the hull they tile.
+const AREA_TOLERANCE: f64 = 0.01;
+/// Beyond any speed or force.
+const FAR: f64 = 1e9;
+
+impl Triangles {
+    /// Delaunay's triangulation of points (speed in mm/s, force in N), finite ones and one at least, each axis counted in parts of the range
+    /// that the points have on it. Points on a line are joined along it.
+    pub fn delaunay(points: &[[f64; 2]]) -> Self {
+        let mut it = Self::unconnected(points);
+        let places: Vec<Point> = it.points.iter().map(|&[x, y]| Point { x, y }).collect();
+        let made = triangulate(&places);
+        let corners = made.triangles.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect();
+        it.connect(corners);
+        it
+    }
+
+    /// These triangles, corners by number. None where a corner is no point, or they do not tile the hull of the points: where
+    /// their areas do not sum to its area within 1 %.
+    pub fn given(points: &[[f64; 2]], triangles: &[[usize; 3]]) -> Option<Self> {
+        let mut it = Self::unconnected(points);
+        if triangles.iter().flatten().any(|&i| i >= points.len()) {
+            return None;
+        }
+        it.connect(triangles.to_vec());
+        let area = |t: &Self| t.triangles.iter().map(|t| it.doubled_area(t).abs()).sum::<f64>();
+        let (found, hull) = (area(&it), area(&Self::delaunay(points)));
+        ((found - hull).abs() <= AREA_TOLERANCE * hull).then_some(it)
+    }
+
+    /// The triangles, corners by number.
+    pub fn corners(&self) -> &[[usize; 3]] {
+        &self.triangles
+    }
+
+    /// Points on the convex hull, by number, around it; of points on a line all, from one end to the other.
+    pub fn hull(&self) -> Vec<usize> {
+        let places: Vec<Point> = self.points.iter().map(|&[x, y]| Point { x, y }).collect();
+        triangulate(&places).hull
+    }
+
+    fn unconnected(points: &[[f64; 2]]) -> Self {
+        let bounds = |axis: usize| {
+            let values = points.iter().map(|p| p[axis]);
+            (values.clone().fold(f64::INFINITY, f64::min), values.fold(f64::NEG_INFINITY, f64::max))
+        };
+        let (x, y) = (bounds(0), bounds(1));
+        let origin = [x.0, y.0];
+        let extent = [x.1 - x.0, y.1 - y.0].map(|e| if e > 0.0 { e } else { 1.0 });
+        let mut it = Self { points: Vec::new(), origin, extent, triangles: Vec::new(), edges: Vec::new() };
+        it.points = points.iter().map(|&p| it.place(p)).collect();
+        it
+    }
+
+    fn place(&self, point: [f64; 2]) -> [f64; 2] {
+        std::array::from_fn(|i| (point[i].clamp(-FAR, FAR) - self.origin[i]) / self.extent[i])
+    }
+
+    fn doubled_area(&self, &[a, b, c]: &[usize; 3]) -> f64 {
+        cross(self.points[a], self.points[b], self.points[c])
+    }
+
+    /// Takes triangles that have an area, and their edges.
+    fn connect(&mut self, mut triangles: Vec<[usize; 3]>) {
+        triangles.retain(|t| self.doubled_area(t).abs() > LEAST_AREA);
+        self.triangles = triangles;
+        let mut edges: Vec<[usize; 2]> = self
+            .triangles
+            .iter()
+            .flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]])
+            .map(|[a, b]| [a.min(b), a.max(b)])
+            .collect();
+        edges.sort_unstable();
+        edges.dedup();
+        self.edges = if edges.is_empty() { self.chain() } else { edges };
+    }
+
+    /// Neighbours along the line on which all points lie; a lone point is its own neighbour.
+    fn chain(&self) -> Vec<[usize; 2]> {
+        let mut order: Vec<usize> = (0..self.points.len()).collect();
+        let along = |i: &usize| self.points[*i];
+        order.sort_by(|a, b| {
+            let ([ax, ay], [bx, by]) = (along(a), along(b));
+            ax.total_cmp(&bx).then(ay.total_cmp(&by))
+        });
+        match order.as_slice() {
+            [only] => vec![[*only, *only]],
+            order => order.windows(2).map(|pair| [pair[0], pair[1]]).collect(),
+        }
+    }
+
+    /// Who speaks at a speed in mm/s and a force in N: the corners of the triangle around the point, or else those of the edge that
+    /// is nearest, at its nearest point. A number that is not one counts as the least there is.
+    pub fn at(&self, speed_mm_s: f64, force_n: f64) -> Blend {
+        let given = [speed_mm_s, force_n];
+        let point =
+            self.place(std::array::from_fn(|i| if given[i].is_nan() { self.origin[i] } else { given[i] }));
+        let around = self.triangles.iter().find_map(|&[a, b, c]| {
+            let [pa, pb, pc] = [a, b, c].map(|i| self.points[i]);
+            let whole = cross(pa, pb, pc);
+            let weights =
+                [cross(point, pb, pc) / whole, cross(pa, point, pc) / whole, cross(pa, pb, point) / whole];
+            weights.iter().all(|w| *w >= 0.0).then_some(Blend { models: [a, b, c], weights })
+        });
+        around.unwrap_or_else(|| self.at_edge(point))
+    }
+
+    /// The nearest point of any edge. What lies outside is nearest to the hull's; what rounding puts outside both triangles of an inner edge
+    /// is on that.
+    fn at_edge(&self, point: [f64; 2]) -> Blend {
+        let mut nearest = (f64::INFINITY, Blend { models: [0; 3], weights: [1.0, 0.0, 0.0] });
+        for &[a, b] in &self.edges {
+            let (pa, pb) = (self.points[a], self.points[b]);
+            let along = [pb[0] - pa[0], pb[1] - pa[1]];
+            let length = along[0] * along[0] + along[1] * along[1];
+            let to = (point[0] - pa[0]) * along[0] + (point[1] - pa[1]) * along[1];
+            let part = if length > 0.0 { (to / length).clamp(0.0, 1.0) } else { 0.0 };
+            let off = [point[0] - pa[0] - part * along[0], point[1] - pa[1] - part * along[1]];
+            let distance = off[0] * off[0] + off[1] * off[1];
+            if distance < nearest.0 {
+                nearest = (distance, Blend { models: [a, b, b], weights: [1.0 - part, part, 0.0] });
+            }
+        }
+        nearest.1
+    }
+}
+
+/// Twice the signed area of a triangle.
+fn cross(a: [f64; 2], b: [f64; 2], c: [f64; 2]) -> f64 {
+    (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// What a blend stands for.
+    fn point(points: &[[f64; 2]], blend: &Blend) -> [f64; 2] {
+        std::array::from_fn(|axis| {
+            blend.models.iter().zip(blend.weights).map(|(m, w)| w * points[*m][axis]).sum()
+        })
+    }
+
+    #[test]
+    fn inside_the_weights_give_the_point_back_and_outside_the_nearest_of_the_hull() {
+        let points = [[10.0, 0.5], [100.0, 0.5], [100.0, 2.5], [10.0, 2.5], [40.0, 1.2]];
+        let all = Triangles::delaunay(&points);
+        assert_eq!(all.corners().len(), 4);
+        for (at, want) in [
+            ([55.0, 1.7], [55.0, 1.7]),
+            ([10.0, 0.5], [10.0, 0.5]),
+            ([40.0, 1.2], [40.0, 1.2]),
+            ([50.0, 9.0], [50.0, 2.5]),
+            ([0.0, 0.0], [10.0, 0.5]),
+            ([f64::INFINITY, 1.0], [100.0, 1.0]),
+            ([f64::NAN, 1.0], [10.0, 1.0]),
+        ] {
+            let blend = all.at(at[0], at[1]);
+            let found = point(&points, &blend);
+            assert!(
+                (found[0] - want[0]).abs() < 1e-6 && (found[1] - want[1]).abs() < 1e-6,
+                "{at:?}: {found:?}"
+            );
+            assert!((blend.weights.iter().sum::<f64>() - 1.0).abs() < 1e-9);
+        }
+    }
+
+    #[test]
+    fn a_point_on_an_edge_between_two_triangles_is_within_one_of_them() {
+        let mut random = asperity_numbers::Random::new(8);
+        let points: Vec<[f64; 2]> =
+            (0..30).map(|_| [random.range(0.0, 300.0), random.range(0.1, 3.0)]).collect();
+        let all = Triangles::delaunay(&points);
+        for &[a, b, c] in all.corners() {
+            for part in (1..50).map(|i| f64::from(i) / 50.0) {
+                for (from, to) in [(a, b), (b, c), (c, a)].map(|(i, j)| (points[i], points[j])) {
+                    let at: [f64; 2] = std::array::from_fn(|i| from[i] + part * (to[i] - from[i]));
+                    let found = point(&points, &all.at(at[0], at[1]));
+                    assert!((0..2).all(|i| (found[i] - at[i]).abs() < 1e-6), "{at:?}: {found:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn no_corner_lies_in_the_circle_around_a_triangle() {
+        let mut random = asperity_numbers::Random::new(4);
+        let points: Vec<[f64; 2]> = (0..40).map(|_| [random.unit(), random.unit()]).collect();
+        let all = Triangles::delaunay(&points);
+        for triangle in all.corners() {
+            let [a, b, c] = triangle.map(|i| all.points[i]);
+            let sense = cross(a, b, c).signum();
+            for (i, p) in all.points.iter().enumerate().filter(|(i, _)| !triangle.contains(i)) {
+                let [ra, rb, rc] = [a, b, c].map(|q| {
+                    let [x, y] = [q[0] - p[0], q[1] - p[1]];
+                    [x, y, x * x + y * y]
+                });
+                let det = ra[0] * (rb[1] * rc[2] - rb[2] * rc[1]) - ra[1] * (rb[0] * rc[2] - rb[2] * rc[0])
+                    + ra[2] * (rb[0] * rc[1] - rb[1] * rc[0]);
+                assert!(det * sense < 1e-12, "{i} lies within {triangle:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn one_point_and_points_on_a_line_answer_too() {
+        let one = Triangles::delaunay(&[[50.0, 1.0]]);
+        assert_eq!(point(&[[50.0, 1.0]], &one.at(3.0, 0.2)), [50.0, 1.0]);
+        let line = [[90.0, 1.0], [30.0, 1.0], [60.0, 1.0]];
+        let all = Triangles::delaunay(&line);
+        assert!(all.corners().is_empty());
+        assert_eq!(point(&line, &all.at(45.0, 2.0)), [45.0, 1.0]);
+        assert_eq!(point(&line, &all.at(200.0, 0.1)), [90.0, 1.0]);
+    }
+
+    #[test]
+    fn the_hull_is_what_has_all_points_on_one_side() {
+        let mut random = asperity_numbers::Random::new(6);
+        let mut points: Vec<[f64; 2]> =
+            (0..30).map(|_| [random.range(0.0, 300.0), random.range(0.1, 3.0)]).collect();
+        points.push([-10.0, 1.0]);
+        let all = Triangles::delaunay(&points);
+        let hull = all.hull();
+        assert!(hull.contains(&30) && (3..15).contains(&hull.len()));
+        let mut senses = Vec::new();
+        for (i, a) in hull.iter().enumerate() {
+            let b = hull[(i + 1) % hull.len()];
+            let others = (0..points.len()).filter(|p| p != a && *p != b);
+            senses.extend(others.map(|p| cross(all.points[*a], all.points[b], all.points[p]).signum()));
+        }
+        assert!(senses.iter().all(|s| *s == senses[0]));
+        assert_eq!(Triangles::delaunay(&[[50.0, 1.0]]).hull(), [0]);
+        assert_eq!(Triangles::delaunay(&[[90.0, 1.0], [30.0, 1.0], [60.0, 1.0]]).hull(), [1, 2, 0]);
+    }
+
+    #[test]
+    fn triangles_that_do_not_tile_the_hull_are_refused() {
+        let points = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
+        assert!(Triangles::given(&points, &[[0, 1, 3], [1, 2, 3]]).is_some());
+        assert!(Triangles::given(&points, &[[0, 1, 3]]).is_none());
+        assert!(Triangles::given(&points, &[[0, 1, 4], [1, 2, 3]]).is_none());
+    }
+
+    proptest! {
+        #[test]
+        fn weights_are_weights_wherever_one_asks(
+            points in proptest::collection::vec((0.0..300.0f64, 0.0..4.0f64), 1..20),
+            speed in -50.0..500.0f64,
+            force in -1.0..6.0f64,
+        ) {
+            let points: Vec<[f64; 2]> = points.into_iter().map(|(v, f)| [v, f]).collect();
+            let blend = Triangles::delaunay(&points).at(speed, force);
+            prop_assert!(blend.weights.iter().all(|w| (-1e-12..=1.0 + 1e-9).contains(w)), "{blend:?}");
+            prop_assert!((blend.weights.iter().sum::<f64>() - 1.0).abs() < 1e-6);
+            prop_assert!(blend.models.iter().all(|m| *m < points.len()));
+        }
+    }
+}

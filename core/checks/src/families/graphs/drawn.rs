@@ -1,0 +1,304 @@
+//! Graphs drawn at random.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::Write as _;
+use std::sync::Arc;
+
+use asperity_diagnostics::Source;
+use asperity_graph::GraphFile;
+use asperity_node::random::bits;
+use asperity_node::{Descriptor, Fault, FrameLayout, FrameRate, Input, NodeKind, Output, ParamKind, Unit};
+
+use super::types::Types;
+use crate::buffers::finite;
+use crate::case::{Found, Not, holds};
+use crate::played::Played;
+use crate::rig::Rig;
+use crate::subject::Subject;
+
+/// Most nodes of a graph.
+const MOST: usize = 40;
+/// Ticks of each run.
+const TICKS: u64 = 60;
+/// What such a graph is called.
+const NAME: &str = "drawn.ron";
+
+/// A graph that was drawn, as a file.
+#[derive(Clone, Debug)]
+pub struct Drawn {
+    /// The file.
+    pub text: String,
+    /// Ticks a second.
+    tick_hz: u32,
+}
+
+/// What became of it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Became {
+    /// It ran, with so many nodes; how often a loop of it went beyond all bounds.
+    Ran {
+        /// Nodes.
+        nodes: usize,
+        /// Whether there is a loop in it.
+        looped: bool,
+        /// Faults that were contained.
+        contained: u64,
+    },
+    /// It was refused, and this was said.
+    Refused(String),
+}
+
+/// What plays in such graphs, beside the subject's own kinds.
+fn players(tick_hz: u32) -> Vec<Arc<dyn NodeKind>> {
+    let noise = |n: u64| (2.0 * asperity_node::random::uniform(9, n) - 1.0) as f32;
+    let control = |name: &str, count, unit| {
+        let values = Arc::new(move |tick: u64, out: &mut [f64]| {
+            for (x, i) in out.iter_mut().zip(0..) {
+                *x = f64::from(noise(4 * tick + i));
+            }
+        });
+        Played::control(name, count, unit, values)
+    };
+    let audio = Arc::new(move |first: u64, out: &mut [f32]| {
+        for (x, n) in out.iter_mut().zip(first..) {
+            *x = noise(n);
+        }
+    });
+    let mut all = vec![
+        control("some force", 1, Unit::NEWTON),
+        control("some place", 3, Unit::MILLIMETRE),
+        control("some motion", 2, Unit::MILLIMETRE_PER_SECOND),
+        control("some speed", 1, Unit::MILLIMETRE_PER_SECOND),
+        Played::audio("some acceleration", Unit::METRE_PER_SECOND_SQUARED, audio.clone()),
+        Played::audio_at("some slow sound", 2500, Unit::METRE_PER_SECOND_SQUARED, audio.clone()),
+        Played::audio("some current", Unit::AMPERE, audio),
+    ];
+    if let Some(frame_rate) = FrameRate::new(tick_hz, 1) {
+        let layout = FrameLayout { rate_hz: 2500, length: 250, bins: 101, frame_rate };
+        let frames = Arc::new(move |frame: u64, out: &mut [f32]| {
+            for (x, i) in out.iter_mut().zip(0..) {
+                *x = noise(128 * frame + i).abs();
+            }
+            frame % 5 != 3
+        });
+        all.push(Played::magnitudes("some spectra", layout, frames));
+    }
+    all
+}
+
+/// Draws a graph of a subject's kinds. `choose` answers a number below the one it is given, and where it answers 0 the graph is the simpler for it.
+pub fn drawn(subject: &Subject<'_>, choose: &mut dyn FnMut(usize) -> usize) -> Drawn {
+    let tick_hz = [500, 1000, 100, 4000, 441][choose(5)];
+    let audio_hz = [48_000, 44_100, 8000, 96_000][choose(4)];
+    let players = players(tick_hz);
+    // What must be told a file, a material or a place is left out.
+    let simple = |d: &&Descriptor| d.params.iter().all(|p| p.default.is_some() || p.optional);
+    let kinds: Vec<&Descriptor> =
+        players.iter().chain(subject.registry().iter()).map(|k| k.descriptor()).filter(simple).collect();
+    let mut types = Types::new(audio_hz);
+    let mut wires = Vec::new();
+    // Inputs that get something from a node that comes after: a loop.
+    let mut later = Vec::new();
+    for to in 0..1 + choose(MOST) {
+        // Mostly one for which there is something to wire to.
+        let mut d = kinds[choose(kinds.len())];
+        let tries = if choose(200) == 199 { 0 } else { 40 };
+        for _ in 0..tries {
+            if types.serves(d) {
+                break;
+            }
+            d = kinds[choose(kinds.len())];
+        }
+        types.add(d);
+        for input in &d.inputs {
+            if input.optional && choose(3) == 0 {
+                continue;
+            }
+            let one_in = if d.feedback.is_some() { 2 } else { 60 };
+            if choose(one_in) == one_in - 1 {
+                later.push((to, input));
+            } else {
+                wires.extend(wire(&mut types, to, (to, input), choose));
+            }
+        }
+    }
+    for end in later {
+        let all = types.nodes.len();
+        wires.extend(wire(&mut types, all, end, choose));
+    }
+    let nodes = &types.nodes;
+    let mut text = format!("Graph(version: 1, tick_hz: {tick_hz}, audio_hz: {audio_hz}, nodes: {{\n");
+    for (i, d) in nodes.iter().enumerate() {
+        let kind = if choose(2000) == 1999 { format!("{}x", d.kind) } else { d.kind.to_string() };
+        let params: Vec<String> = d.params.iter().filter_map(|p| param(&p.name, &p.kind, choose)).collect();
+        let unknown = if choose(2000) == 1999 { "nothing: 1" } else { "" };
+        let rarely = if types.hears(i) { 1200 } else { 60 };
+        let every =
+            if choose(rarely) == rarely - 1 { format!("every: {}, ", 2 + choose(2)) } else { String::new() };
+        let _ =
+            writeln!(text, "    \"n{i}\": (kind: {kind:?}, {every}params: ({}{unknown})),", params.concat());
+    }
+    // What nobody hears does not run: whatever ends somewhere is looked at.
+    let heard: BTreeSet<usize> = wires.iter().map(|(from, ..)| *from).collect();
+    let ends = nodes.iter().enumerate().filter(|(i, _)| !heard.contains(i));
+    let ends = ends.filter_map(|(i, d)| Some((i, d.outputs.first()?)));
+    let ends: Vec<(usize, &Output)> = ends.filter(|(i, o)| types.knows(*i, o)).collect();
+    for (i, _) in &ends {
+        let _ = writeln!(text, "    \"end{i}\": (kind: \"probe\"),");
+    }
+    text += "}, wires: [\n";
+    for (i, output) in &ends {
+        let _ = writeln!(text, "    (\"n{i}.{}\", \"end{i}\"),", output.name);
+    }
+    for (from, output, to, input) in wires {
+        let name = if choose(2000) == 1999 { "no_such_port" } else { &input.name };
+        let _ = writeln!(text, "    (\"n{from}.{}\", \"n{to}.{name}\"),", output.name);
+    }
+    text += "])\n";
+    Drawn { text, tick_hz }
+}
+
+/// Wires an input to one of the nodes before `reach`: mostly one that fits, now and then any.
+fn wire<'d>(
+    types: &mut Types<'d>,
+    reach: usize,
+    (to, input): (usize, &'d Input),
+    choose: &mut dyn FnMut(usize) -> usize,
+) -> Option<(usize, &'d Output, usize, &'d Input)> {
+    let any = choose(800) == 799;
+    let beyond = choose(64) == 63;
+    let near = types.outputs().filter(|(from, o)| *from < reach && (beyond || types.is_sure(*from, o)));
+    let fits: Vec<_> = near.filter(|(from, o)| any || types.fits(*from, o, to, input)).collect();
+    let (from, output) = *fits.get(fits.len().checked_sub(1 + choose(fits.len()))?)?;
+    types.join(from, output, to, input);
+    Some((from, output, to, input))
+}
+
+/// A parameter as the file has it, if it does: mostly it is left out.
+fn param(name: &str, kind: &ParamKind, choose: &mut dyn FnMut(usize) -> usize) -> Option<String> {
+    // Factors, so that a loop through a few of them ends.
+    match name {
+        "gain" => return Some(format!("gain: {}, ", ["0.5", "-0.9", "1.0", "0.0"][choose(4)])),
+        "inputs" => return Some(format!("inputs: {}, gains: [0.4], ", 2 + choose(2))),
+        "gains" | "unit" => return None,
+        _ => {}
+    }
+    if choose(12) < 11 {
+        return None;
+    }
+    let value = match kind {
+        ParamKind::Number(r) => {
+            let (a, b) = (*r.start(), *r.end());
+            let beyond = if choose(1000) == 999 { b.abs() + 1.0 } else { 0.0 };
+            format!("{:?}", [a, b, 0.5 * (a + b), a + 0.01 * (b - a)][choose(4)] + beyond)
+        }
+        ParamKind::Integer(r) => [*r.start(), *r.end(), (r.start() + r.end()) / 2][choose(3)].to_string(),
+        ParamKind::Flag => ["false", "true"][choose(2)].to_owned(),
+        ParamKind::Choice(words) if !words.is_empty() => format!("{:?}", words[choose(words.len())]),
+        _ => return None,
+    };
+    Some(format!("{name}: {value}, "))
+}
+
+impl Drawn {
+    /// Loads it, and runs it if it does.
+    ///
+    /// # Errors
+    /// What must hold and does not.
+    pub fn run(&self, subject: &Subject<'_>) -> Result<Became, Not> {
+        let source = Source::new(NAME, self.text.as_str());
+        let told = |e: &asperity_diagnostics::Diagnostic| {
+            holds(!e.message.trim().is_empty() && e.place.is_some(), || {
+                format!("refused without a place: {e}")
+            })?;
+            Ok::<_, Not>(e.message.clone())
+        };
+        let graph = match GraphFile::parse(&source) {
+            Ok(graph) => graph,
+            Err(e) => return Ok(Became::Refused(told(&e)?)),
+        };
+        let compiled = match subject.compile(&graph, &players(self.tick_hz)) {
+            Ok(compiled) => compiled,
+            Err(errors) => {
+                let first = errors.iter().map(told).collect::<Result<Vec<_>, _>>()?.into_iter().next();
+                let why = first.ok_or_else(|| Not::Held("refused without a word".into()))?;
+                return Ok(Became::Refused(why));
+            }
+        };
+        let mut rig = Rig::from(compiled);
+        let nodes = rig.schedule.nodes.len();
+        let looped = rig.schedule.nodes.iter().any(|n| n.closes_cycle);
+        rig.run(TICKS, |rig, tick| {
+            for (i, node) in rig.schedule.nodes.iter().enumerate() {
+                for (o, port) in node.outputs.iter().enumerate() {
+                    holds(rig.engine.output(i, o).is_some_and(finite), || {
+                        format!("`{}.{}` ({}) is not finite in tick {tick}", node.id, port.name, node.kind)
+                    })?;
+                }
+            }
+            Ok(())
+        })?;
+        let mut contained = 0;
+        for (i, node) in rig.schedule.nodes.iter().enumerate() {
+            let Some(report) = rig.engine.report(i).filter(|r| r.faults > 0) else { continue };
+            let beyond = looped && report.last_fault == Some(Fault::NotFinite);
+            holds(beyond, || {
+                let how = report.last_fault.map(|f| f.to_string()).unwrap_or_default();
+                format!("`{}` ({}) {how}", node.id, node.kind)
+            })?;
+            contained += report.faults;
+        }
+        Ok(Became::Ran { nodes, looped, contained })
+    }
+}
+
+/// What a refusal says, but for whom it names and its numbers: `_` for each.
+fn gist(why: &str) -> String {
+    let plain = |(i, part): (usize, &str)| match i % 2 {
+        0 => part.split_inclusive(|c: char| c.is_ascii_digit()).fold(String::new(), |mut all, piece| {
+            let text = piece.trim_end_matches(|c: char| c.is_ascii_digit());
+            all += text;
+            if text.len() < piece.len() && !all.ends_with('_') {
+                all.push('_');
+            }
+            all
+        }),
+        _ => "`_`".to_owned(),
+    };
+    why.split('`').enumerate().map(plain).collect()
+}
+
+pub(super) fn run(subject: &Subject<'_>) -> Found {
+    let graphs = subject.by_effort(100, 1500, 100_000);
+    let (mut ran, mut nodes, mut loops, mut beyond) = (0_u64, 0, 0, 0);
+    let mut refused: BTreeMap<String, u64> = BTreeMap::new();
+    for seed in 0..graphs {
+        let mut count = 0;
+        let mut choose = |n: usize| {
+            count += 1;
+            (bits(seed, count) % n.max(1) as u64) as usize
+        };
+        let graph = drawn(subject, &mut choose);
+        match graph.run(subject).map_err(|e| match e {
+            Not::Held(wrong) => Not::Held(format!("graph {seed}: {wrong}:\n{}", graph.text)),
+            other => other,
+        })? {
+            Became::Ran { nodes: n, looped, contained } => {
+                (ran, nodes) = (ran + 1, nodes + n);
+                loops += u64::from(looped);
+                beyond += u64::from(contained > 0);
+            }
+            Became::Refused(why) => *refused.entry(gist(&why)).or_default() += 1,
+        }
+    }
+    let mut often: Vec<(String, u64)> = refused.into_iter().collect();
+    often.sort_by_key(|(_, times)| std::cmp::Reverse(*times));
+    let often: Vec<String> =
+        often.iter().take(3).map(|(why, times)| format!("{times} times: {why}")).collect();
+    let often = often.join("; ");
+    holds(3 * ran >= graphs, || format!("only {ran} of {graphs} could be run; {often}"))?;
+    Ok(format!(
+        "{ran} of {graphs} ran, of {} nodes on average, {loops} with a loop, which went beyond all bounds in {beyond}; the others said why, such as, {often}",
+        nodes as u64 / ran.max(1)
+    ))
+}

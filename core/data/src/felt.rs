@@ -1,0 +1,191 @@
+//! What a tool felt along a stroke, to hold what is rendered of the same stroke against.
+
+use asperity_diagnostics::Diagnostic;
+use asperity_motion::{Cursor, Stroke, StrokeParams, Trajectory};
+use asperity_surfaces::stylus::SAMPLE_HZ;
+
+use crate::history::STIFFNESS_N_PER_MM;
+
+/// Longest stroke in seconds.
+pub const LONGEST_S: f64 = 600.0;
+/// Shortest stroke in seconds.
+pub const SHORTEST_S: f64 = 0.1;
+/// Time over which recorded places are averaged, three times over, in seconds.
+const AVERAGED_S: f64 = 0.016;
+
+/// The tool's acceleration along a stroke that begins with the first sample.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Felt {
+    /// Samples a second.
+    pub rate_hz: f64,
+    /// In m/s^2, by axes, one to three of one length. What one signal has to carry is the sum of their powers.
+    pub acceleration_m_s2: Vec<Vec<f64>>,
+}
+
+impl Felt {
+    /// The axes.
+    pub fn axes(&self) -> Vec<&[f64]> {
+        self.acceleration_m_s2.iter().map(Vec::as_slice).collect()
+    }
+
+    /// How long it is in seconds.
+    pub fn duration_s(&self) -> f64 {
+        let samples = self.acceleration_m_s2.iter().map(Vec::len).min().unwrap_or(0);
+        samples as f64 / self.rate_hz
+    }
+}
+
+/// Where a hand is along a stroke: x, y, z in mm at [`SAMPLE_HZ`], z up, the surface at z = 0. Below it presses with 0.5 N/mm.
+///
+/// These are the hand's own places, not what a sensor reads: where they jump by a sensor's steps of 0.055 mm the tool would be struck at every step.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Hand {
+    position_mm: Vec<[f64; 3]>,
+}
+
+impl Hand {
+    /// From places over time in seconds, exact ones.
+    ///
+    /// # Errors
+    /// A duration that is not 0.1 to 600 s; a place that is not finite.
+    pub fn new(duration_s: f64, mut at: impl FnMut(f64) -> [f64; 3]) -> Result<Self, Diagnostic> {
+        if !(SHORTEST_S..=LONGEST_S).contains(&duration_s) {
+            return Err(Diagnostic::new(format!("a stroke of {duration_s} s"))
+                .help(format!("{SHORTEST_S} to {LONGEST_S} s")));
+        }
+        let rate_hz = f64::from(SAMPLE_HZ);
+        let samples = (duration_s * rate_hz).round() as usize;
+        let position_mm: Vec<[f64; 3]> = (0..=samples).map(|i| at(i as f64 / rate_hz)).collect();
+        match position_mm.iter().position(|place| place.iter().any(|x| !x.is_finite())) {
+            Some(at) => {
+                Err(Diagnostic::new(format!("a place at {} s that is not finite", at as f64 / rate_hz)))
+            }
+            None => Ok(Self { position_mm }),
+        }
+    }
+
+    /// A made stroke, as it is without the sensor's step.
+    ///
+    /// # Errors
+    /// Those of the stroke's parameters; a duration of more than 600 s.
+    pub fn stroke(params: &StrokeParams) -> Result<Self, Diagnostic> {
+        let stroke = Stroke::new(StrokeParams { quantum_mm: 0.0, ..params.clone() })?;
+        Self::new(stroke.duration_s(), |t| stroke.sample(t).position)
+    }
+
+    /// A recorded stroke, with the steps of its sensor averaged out: over 16 ms around each moment, three times over, a window of 8 ms of standard deviation. It takes 0.3 dB of a
+    /// swing of 5 Hz, 1.1 of one of 10 Hz, and leaves 0.4 mm/s of the steps of 0.055 mm at 500 Hz, where one step is 27.5 mm/s.
+    ///
+    /// # Errors
+    /// A duration that is not 0.1 to 600 s.
+    pub fn trajectory(trajectory: &Trajectory) -> Result<Self, Diagnostic> {
+        let mut cursor = Cursor::default();
+        let mut hand =
+            Self::new(trajectory.duration_s(), |t| trajectory.sample_from(&mut cursor, t).position)?;
+        hand.smooth();
+        Ok(hand)
+    }
+
+    /// How long it is in seconds.
+    pub fn duration_s(&self) -> f64 {
+        self.position_mm.len().saturating_sub(1) as f64 / f64::from(SAMPLE_HZ)
+    }
+
+    /// Places in mm at [`SAMPLE_HZ`], the first and the last moment included.
+    pub fn position_mm(&self) -> &[[f64; 3]] {
+        &self.position_mm
+    }
+
+    fn smooth(&mut self) {
+        let around = (0.5 * AVERAGED_S * f64::from(SAMPLE_HZ)).round() as usize;
+        for axis in 0..3 {
+            let mut places: Vec<f64> = self.position_mm.iter().map(|p| p[axis]).collect();
+            for _ in 0..3 {
+                places = averaged(&places, around);
+            }
+            self.position_mm.iter_mut().zip(places).for_each(|(p, x)| p[axis] = x);
+        }
+    }
+}
+
+/// The force in N with which a hand presses at a height in mm.
+pub(crate) fn force_n(z_mm: f64) -> f64 {
+    (-z_mm * STIFFNESS_N_PER_MM).max(0.0)
+}
+
+/// Means over `around` values before and behind each; the first and the last value go on beyond the ends.
+fn averaged(values: &[f64], around: usize) -> Vec<f64> {
+    let (Some(first), Some(last)) = (values.first(), values.last()) else { return Vec::new() };
+    // Sums from the first value on, so that they are of the order of the way, not of the place.
+    let mut total = 0.0;
+    let mut sums = vec![0.0];
+    let before = std::iter::repeat_n(first, around);
+    let behind = std::iter::repeat_n(last, around);
+    sums.extend(before.chain(values).chain(behind).map(|x| {
+        total += x - first;
+        total
+    }));
+    let count = 2 * around + 1;
+    let mean = |pair: (&f64, &f64)| first + (pair.1 - pair.0) / count as f64;
+    sums.iter().zip(sums.iter().skip(count)).map(mean).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::f64::consts::TAU;
+
+    #[test]
+    fn a_mean_over_time_keeps_lines_and_takes_of_a_swing_what_its_window_does() {
+        let line: Vec<f64> = (0..4000).map(|i| 1e5 + 0.01 * f64::from(i)).collect();
+        let mean = averaged(&line, 80);
+        assert_eq!(mean.len(), line.len());
+        assert!(mean.iter().zip(&line).skip(80).take(3840).all(|(a, b)| (a - b).abs() < 1e-9));
+        assert!((mean[0] - line[0] - 0.01 * (80.0 * 81.0 / 2.0) / 161.0).abs() < 1e-9, "ends are held");
+        let hz = 10.0;
+        let mut hand = Hand::new(2.0, |t| [(TAU * hz * t).sin(), 0.0, 1.0]).unwrap();
+        hand.smooth();
+        let most = hand.position_mm()[5000..15_000].iter().map(|p| p[0]).fold(0.0, f64::max);
+        // The window's transform at 10 Hz, three times: sin(161 x) / (161 sin x), x = pi 10 / 10000.
+        let x = std::f64::consts::PI * hz / 10_000.0;
+        let want = ((161.0 * x).sin() / (161.0 * x.sin())).powi(3);
+        assert!((most - want).abs() < 1e-6, "{most}, not {want}");
+    }
+
+    #[test]
+    fn a_recorded_stroke_moves_as_the_hand_did_before_it_was_rounded() {
+        let params = StrokeParams { quantum_mm: 0.055, tremor_mm: 0.0, ..StrokeParams::default() };
+        let (exact, rounded) = (Hand::stroke(&params).unwrap(), Stroke::new(params).unwrap());
+        let mut text = String::from("t_s,x_mm,y_mm,z_mm\n");
+        for tick in 0..=4000 {
+            let t = f64::from(tick) * 0.002;
+            let [x, y, z] = rounded.sample(t).position;
+            text += &format!("{t:.3},{x:.3},{y:.3},{z:.3}\n");
+        }
+        let source = asperity_diagnostics::Source::new("t.csv", &text);
+        let trajectory = Trajectory::parse(&source, &Default::default()).unwrap();
+        let found = Hand::trajectory(&trajectory).unwrap();
+        assert_eq!(found.position_mm().len(), exact.position_mm().len());
+        let speed = |hand: &Hand, i: usize, axis: usize| {
+            (hand.position_mm()[i + 1][axis] - hand.position_mm()[i][axis]) * 1e4
+        };
+        let middle = 2_000..78_000;
+        for axis in [0, 1] {
+            let sum: f64 =
+                middle.clone().map(|i| (speed(&found, i, axis) - speed(&exact, i, axis)).powi(2)).sum();
+            let rms = (sum / middle.len() as f64).sqrt();
+            assert!(rms < 1.0, "axis {axis}: {rms} mm/s");
+        }
+        let off = found.position_mm().iter().zip(exact.position_mm()).map(|(a, b)| (a[2] - b[2]).abs());
+        assert!(off.fold(0.0, f64::max) < 0.15, "force follows");
+    }
+
+    #[test]
+    fn a_stroke_that_cannot_be_is_an_error() {
+        for seconds in [f64::NAN, -1.0, 0.0, 0.05, 601.0, f64::INFINITY] {
+            assert!(Hand::new(seconds, |_| [0.0; 3]).is_err(), "{seconds}");
+        }
+        assert!(Hand::new(1.0, |t| [0.0, if t > 0.5 { f64::NAN } else { 0.0 }, 0.0]).is_err());
+        assert_eq!(Hand::new(0.5, |_| [0.0; 3]).unwrap().duration_s(), 0.5);
+    }
+}

@@ -1,0 +1,187 @@
+//! The Penn Haptic Texture Toolkit, from a folder that the user has downloaded: a hundred real textures as
+//! autoregressive models, and photographs of them (Culbertson, Lopez Delgado, Kuchenbecker 2014, "One
+//! hundred data-driven haptic texture models and open-source methods for rendering on 3D objects"). Its
+//! licence forbids passing the files on; none are in this project.
+//!
+//! # What is looked for
+//!
+//! XML files with a `modelSet`, anywhere in the folder. One file is one material, and is read as
+//! [`toolkit`](asperity_autoregressive::toolkit) says.
+//!
+//! A picture belongs to the material with whose file's name its own begins, the longest such; letters and
+//! digits alone count, and `models`, `model`, `images` and `image` in front do not.
+//!
+//! # What examples are
+//!
+//! Strokes are [drawn](crate::History::draw), and magnitudes are not those of a signal but the root mean
+//! square of all signals, from the models' [closed form](asperity_autoregressive): targets without
+//! noise. The 20 ms before a frame are weighted with 1, 2, .. 10, the newest most: a contact that began 6
+//! ms ago counts for what it is. Speeds and forces beyond those of the recordings have the nearest recorded
+//! one's.
+//!
+//! A model of 1000 Hz says nothing above 500 Hz. There magnitudes are 0, as what the toolkit itself renders
+//! with that model has nothing there; a network that is trained on them learns to be silent there too.
+
+use std::path::{Path, PathBuf};
+
+use asperity_autoregressive::{Frames, Texture};
+use asperity_diagnostics::{Diagnostic, Source};
+use asperity_dsp::frame::BINS;
+use asperity_numbers::Random;
+
+pub use asperity_autoregressive::toolkit::parse;
+use rayon::prelude::*;
+
+use crate::example::{Example, Parts, Subject, Truth};
+use crate::folder;
+use crate::history::History;
+
+/// How much is drawn.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Settings {
+    /// Examples of each material to train on, and to judge by.
+    pub examples: [usize; 2],
+    /// Another seed is other strokes.
+    pub seed: u64,
+}
+
+impl Default for Settings {
+    /// 4000 examples to train on, 1000 to judge by.
+    fn default() -> Self {
+        Self { examples: [4000, 1000], seed: 1 }
+    }
+}
+
+/// Words in front of a file's name that are not of the material's.
+const PREFIXES: [&str; 4] = ["models", "model", "images", "image"];
+
+/// A material's file.
+struct Found {
+    key: String,
+    path: PathBuf,
+    texture: Texture,
+    pictures: Vec<PathBuf>,
+}
+
+/// Reads a folder. Materials are in the order of their files' names; the same files and settings give the
+/// same bits.
+///
+/// # Errors
+/// A folder that cannot be read, or without a model set; two model sets of one name (such as of two sample
+/// rates); a material without a picture; all of [`parse`] and of [`asperity_texture::picture::read`].
+pub fn read(folder: &Path, settings: &Settings) -> Result<Vec<Subject>, Diagnostic> {
+    let files = folder::tree(folder)?;
+    let mut found = materials(&files)?;
+    if found.is_empty() {
+        return Err(Diagnostic::new("no model sets in this folder")
+            .in_file(folder)
+            .help("the toolkit's models are XML files with a `modelSet` in them"));
+    }
+    for picture in files.iter().filter(|f| folder::is_picture(f)) {
+        let name = key(picture);
+        let owner = found.iter_mut().filter(|m| name.starts_with(&m.key)).max_by_key(|m| m.key.len());
+        if let Some(owner) = owner {
+            owner.pictures.push(picture.clone());
+        }
+    }
+    let mut seeds = Random::new(settings.seed);
+    let seeded: Vec<(Found, u64)> = found.into_iter().map(|material| (material, seeds.bits())).collect();
+    seeded.par_iter().map(|(material, seed)| subject(material, settings, *seed)).collect()
+}
+
+fn materials(files: &[PathBuf]) -> Result<Vec<Found>, Diagnostic> {
+    let mut found: Vec<Found> = Vec::new();
+    for path in files.iter().filter(|f| folder::ends_with(f, &["xml"])) {
+        let source = Source::read(path)?;
+        if source.text().trim().is_empty() {
+            return Err(Diagnostic::new("this file is empty")
+                .in_file(path)
+                .help("remove it, or download it again"));
+        }
+        // The toolkit's recordings are XML too.
+        if !source.text().to_ascii_lowercase().contains("<modelset") {
+            continue;
+        }
+        let key = key(path);
+        if let Some(first) = found.iter().find(|m| m.key == key) {
+            return Err(Diagnostic::new(format!(
+                "a second material of the name of {}",
+                first.path.display()
+            ))
+            .in_file(path)
+            .help("keep the models of one sample rate in the folder"));
+        }
+        let texture = parse(&source)?;
+        found.push(Found { key, path: path.clone(), texture, pictures: Vec::new() });
+    }
+    Ok(found)
+}
+
+/// What of a file's name counts.
+fn key(path: &Path) -> String {
+    let plain: String =
+        folder::stem(path).chars().filter(|c| c.is_alphanumeric()).flat_map(char::to_lowercase).collect();
+    let rest = PREFIXES.iter().find_map(|p| plain.strip_prefix(p)).filter(|rest| !rest.is_empty());
+    rest.map_or(plain.clone(), str::to_owned)
+}
+
+/// A file's name as a person would say it.
+fn title(path: &Path) -> String {
+    let stem = folder::stem(path);
+    let lower = stem.to_ascii_lowercase();
+    let rest = PREFIXES.iter().find_map(|p| {
+        let separated = lower.strip_prefix(p)?.starts_with(['_', ' ', '-']);
+        separated.then(|| stem.get(p.len() + 1..)).flatten().filter(|rest| !rest.is_empty())
+    });
+    rest.unwrap_or(&stem).replace('_', " ")
+}
+
+fn subject(material: &Found, settings: &Settings, seed: u64) -> Result<Subject, Diagnostic> {
+    if material.pictures.is_empty() {
+        return Err(Diagnostic::new("no picture of this material")
+            .in_file(&material.path)
+            .help("a PNG, JPEG or BMP file in the folder whose name begins as this file's"));
+    }
+    let frames = Frames::new(material.texture.rate_hz()).map_err(|e| e.in_file(&material.path))?;
+    let mut seeds = Random::new(seed);
+    let mut draw = |count: usize| -> Vec<Example> {
+        let mut random = Random::new(seeds.bits());
+        let one = |_| example(&History::draw(&mut random), &material.texture, &frames);
+        (0..count).map(one).collect()
+    };
+    let [train, held] = settings.examples;
+    let (images, notes) = folder::pictures(&material.pictures)?;
+    Ok(Subject {
+        name: title(&material.path),
+        description: "A texture of the Penn Haptic Texture Toolkit.".into(),
+        family: None,
+        images,
+        notes,
+        examples: Parts { train: draw(train), held: draw(held) },
+        truth: Truth::Rms,
+    })
+}
+
+fn example(history: &History, texture: &Texture, frames: &Frames) -> Example {
+    let mut power = [0.0; BINS];
+    for (i, &(speed, force)) in history.clean.iter().enumerate() {
+        let weight = weight(i, history.clean.len());
+        for (sum, p) in power.iter_mut().zip(frames.expected_power(&texture.at(speed, force))) {
+            *sum += weight * p;
+        }
+    }
+    Example {
+        force: history.force,
+        velocity: history.velocity,
+        magnitudes: power.map(|p| p.sqrt() as f32),
+        other: None,
+    }
+}
+
+/// Weight of sample `i` of a history of `n`, oldest first; the weights sum to 1.
+fn weight(i: usize, n: usize) -> f64 {
+    2.0 * (i + 1) as f64 / (n * (n + 1)) as f64
+}
+
+#[cfg(test)]
+mod tests;

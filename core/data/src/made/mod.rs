@@ -1,0 +1,222 @@
+//! Data made by physics: the [made surfaces](made_surfaces), seen by a tactile sensor and stroked by a
+//! simulated pen.
+//!
+//! A surface is seen and stroked on pieces of its own, each from a seed: some to train on, others to judge
+//! by, so that no place and no stroke that is judged by was ever seen. Some surfaces, two of each family,
+//! are not to be trained on at all.
+//!
+//! A stroke is a line, a zigzag or a circle, turned any way, of up to 300 mm/s and 3.5 N; its force swings.
+//! Where there is no force the pen is in the air, and nothing is felt.
+
+mod expectations;
+mod ground;
+mod images;
+mod patterned;
+mod strokes;
+
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use asperity_diagnostics::Diagnostic;
+use asperity_numbers::Random;
+use asperity_surfaces::topography::{MadeSurface, made_surfaces};
+use rayon::prelude::*;
+
+pub use expectations::expectations;
+pub use ground::{Ground, pitch_mm, surface};
+pub use patterned::{FORCE_N, pattern, straight_strokes};
+pub use strokes::{BEYOND_FORCE_N, BEYOND_SPEED_MM_S, Drawn};
+
+use crate::example::{Example, Parts, Subject, Truth};
+
+/// A piece: points along an edge, and their distance in millimetres.
+const GRID: (usize, f64) = (1024, 0.02);
+/// Every so-manieth surface is one that is not to be trained on.
+const UNSEEN_EVERY: usize = 7;
+/// Which of those.
+const UNSEEN_AT: usize = 3;
+
+/// How much is made.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Settings {
+    /// Another seed is other pieces, presses and strokes of the same surfaces.
+    pub seed: u64,
+    /// Pieces of each surface to train on, and to judge by.
+    pub pieces: [usize; 2],
+    /// Images of each piece.
+    pub images: usize,
+    /// Strokes over each piece, each at two places.
+    pub strokes: usize,
+    /// Length of a stroke in seconds.
+    pub stroke_s: f64,
+}
+
+impl Default for Settings {
+    /// 96 images and 480 s of strokes to train on, 32 images and 160 s to judge by.
+    fn default() -> Self {
+        Self { seed: 1, pieces: [12, 4], images: 8, strokes: 8, stroke_s: 5.0 }
+    }
+}
+
+impl Settings {
+    /// The seed of a piece. Those to train on come first.
+    fn piece(&self, number: usize) -> u64 {
+        Random::new(self.seed ^ ((number as u64) << 32) ^ 0x91ec_e000).bits()
+    }
+}
+
+/// Whether a surface, by its number among [`made_surfaces`], is not to be trained on. With fourteen
+/// surfaces a family it is two of each.
+fn unseen(number: usize) -> bool {
+    number % UNSEEN_EVERY == UNSEEN_AT
+}
+
+/// The images and the examples of one surface. The same settings give the same bits.
+///
+/// # Errors
+/// A stroke that cannot be, by a [length](Settings::stroke_s) of under a second or over 1e6.
+fn subject(surface: &MadeSurface, settings: &Settings) -> Result<Subject, Diagnostic> {
+    let mut images = Parts::default();
+    let mut examples = Parts::default();
+    let [train, held] = settings.pieces;
+    for number in 0..train + held {
+        let seed = settings.piece(number);
+        let piece = surface.patch(GRID, seed);
+        let (to_images, to_examples) = if number < train {
+            (&mut images.train, &mut examples.train)
+        } else {
+            (&mut images.held, &mut examples.held)
+        };
+        // no two surfaces are pressed or stroked alike
+        let own = |salt: u64| Random::new(seed ^ surface.seed() ^ salt);
+        images::add(&piece, settings.images, &mut own(0x5eed), to_images);
+        let random = &mut own(0x5704);
+        strokes::add(surface, &piece, settings, random, to_examples)?;
+    }
+    Ok(Subject {
+        name: surface.name.clone(),
+        description: surface.description.clone(),
+        family: Some(surface.family.name().to_owned()),
+        images,
+        examples,
+        truth: Truth::Draws,
+        notes: Vec::new(),
+    })
+}
+
+/// Every so-manieth of the [made surfaces](made_surfaces): those to train on, and those that are not.
+pub fn surfaces(every: usize) -> [Vec<MadeSurface>; 2] {
+    let all = made_surfaces().into_iter().enumerate();
+    let (apart, seen): (Vec<_>, Vec<_>) = all.partition(|(number, _)| unseen(*number));
+    [seen, apart].map(|part| part.into_iter().map(|(_, surface)| surface).step_by(every.max(1)).collect())
+}
+
+/// The subjects of two lists of surfaces, made on all cores; `done` is called after each with how many are
+/// done.
+///
+/// # Errors
+/// A stroke that cannot be, by a [length](Settings::stroke_s) of under a second or over 1e6.
+pub fn subjects(
+    surfaces: &[Vec<MadeSurface>; 2],
+    settings: &Settings,
+    done: impl Fn(usize) + Sync,
+) -> Result<[Vec<Subject>; 2], Diagnostic> {
+    let all: Vec<&MadeSurface> = surfaces.iter().flatten().collect();
+    let finished = AtomicUsize::new(0);
+    let of = |surface: &&MadeSurface| {
+        let made = subject(surface, settings);
+        done(finished.fetch_add(1, Ordering::Relaxed) + 1);
+        made
+    };
+    let mut made = all.par_iter().map(of).collect::<Result<Vec<Subject>, _>>()?;
+    let apart = made.split_off(surfaces[0].len());
+    Ok([made, apart])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SMALL: Settings = Settings { seed: 3, pieces: [1, 1], images: 1, strokes: 1, stroke_s: 4.0 };
+
+    #[test]
+    fn a_surface_is_the_same_by_the_same_settings_and_its_parts_share_nothing() {
+        let surface = &made_surfaces()[60];
+        let made = subject(surface, &SMALL).unwrap();
+        assert_eq!(made, subject(surface, &SMALL).unwrap());
+        assert_eq!([made.images.train.len(), made.images.held.len()], [1, 1]);
+        assert!(made.images.train != made.images.held);
+        assert!(made.examples.train.len() > 45 && made.examples.held.len() > 45);
+        assert!(
+            made.examples.train.iter().all(|e| made
+                .examples
+                .held
+                .iter()
+                .all(|h| h.velocity != e.velocity || e.velocity == [0.0; 20]))
+        );
+        assert_ne!(made, subject(surface, &Settings { seed: 4, ..SMALL }).unwrap());
+        let other = subject(&made_surfaces()[61], &SMALL).unwrap();
+        assert!(made.examples.train[30].velocity != other.examples.train[30].velocity, "stroked alike");
+    }
+
+    #[test]
+    fn louder_is_what_is_pressed_and_moved_and_nothing_is_felt_in_the_air() {
+        let made = subject(&made_surfaces()[4], &Settings { strokes: 4, ..SMALL }).unwrap();
+        let level = |e: &Example| e.magnitudes.iter().map(|m| m * m).sum::<f32>().sqrt();
+        let (mut loud, mut still) = (0, 0);
+        for example in &made.examples.train {
+            let (force, speed) = (example.force[9], example.velocity[9].hypot(example.velocity[19]));
+            if force > 0.5 && speed > 60.0 {
+                assert!(level(example) > 0.1, "{force} N {speed} mm/s {}", level(example));
+                loud += 1;
+            }
+            if example.force == [0.0; 10] && speed < 1.0 {
+                still += 1;
+            }
+        }
+        assert!(loud > 50 && still > 3, "{loud} {still}");
+    }
+
+    #[test]
+    fn made_stroke_is_felt_at_two_places() {
+        let made = subject(&made_surfaces()[4], &SMALL).unwrap();
+        let power = |m: &[f32; 100]| m.iter().map(|m| f64::from(m * m)).sum::<f64>();
+        let (mut here, mut there, mut both) = (0.0, 0.0, 0.0);
+        for e in &made.examples.train {
+            let other = e.other.expect("another place");
+            let product = e.magnitudes.iter().zip(other).map(|(a, b)| f64::from(a * b)).sum::<f64>();
+            (here, there, both) = (here + power(&e.magnitudes), there + power(&other), both + product);
+        }
+        // One touch, two draws: as loud, and alike as two of Rayleigh's law are: pi / 4.
+        let (level, alike) = (here / there, both / (here * there).sqrt());
+        assert!((0.7..1.4).contains(&level) && (0.6..0.92).contains(&alike), "{level} {alike}");
+    }
+
+    #[test]
+    fn expectations_are_what_draws_come_to() {
+        let surface = &made_surfaces()[4];
+        let strokes = [Drawn::new(3.0, &mut Random::new(9)).unwrap()];
+        let expected = expectations(surface, &SMALL, &strokes, 24);
+        assert!(expected.len() > 60);
+        let (mut one, mut rms, mut mean) = (0.0, 0.0, 0.0);
+        for e in &expected {
+            let power = |m: &[f32; 100]| m.iter().map(|m| f64::from(m * m)).sum::<f64>();
+            one += power(&e.example.magnitudes) + power(&e.example.other.unwrap());
+            rms += 2.0 * power(&e.rms);
+            mean += 2.0 * power(&e.mean);
+        }
+        assert!((one / rms - 1.0).abs() < 0.3, "{}", one / rms);
+        // a mean of magnitudes has less power than the magnitudes, by 1.05 dB at most for one axis of a
+        // Gaussian signal
+        let less = 10.0 * (rms / mean).log10();
+        assert!((0.2..1.2).contains(&less), "{less} dB");
+    }
+
+    #[test]
+    fn two_surfaces_of_each_family_are_unseen() {
+        let surfaces = made_surfaces();
+        for family in asperity_surfaces::topography::Family::ALL {
+            let of = surfaces.iter().enumerate().filter(|(n, s)| s.family == family && unseen(*n));
+            assert_eq!(of.count(), 2, "{}", family.name());
+        }
+    }
+}

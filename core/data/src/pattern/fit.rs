@@ -1,0 +1,421 @@
+//! Search by playing: how much of the waves repeats, and the bumps with which the kernel is like the strokes.
+
+use std::ops::Range;
+
+use super::figures::Figures;
+use super::rendered;
+use super::stroke::Passage;
+use asperity_texture::{Events, Pattern, Wave};
+
+/// Passages whose speeds differ by less than this factor are taken together.
+const CLASS: f64 = 1.5;
+/// Seconds of each class that are rendered: by the rough search, by the fine one, and to judge what is found.
+const ROUGH_S: f64 = 12.0;
+const FINE_S: f64 = 24.0;
+const JUDGED_S: f64 = 72.0;
+/// Modulation below which a line is steady.
+const STEADY: f64 = 0.03;
+/// Errors of ln(modulation), ln(kurtosis) and repetition that count as one.
+const SCALES: [f64; 3] = [0.25, 0.15, 0.1];
+/// Error of how ln(kurtosis) changes with direction that counts as one.
+const GRAIN_SCALE: f64 = 0.25;
+/// F ratio from which on the strokes have a grain: chance exceeds it once in 3000 materials without one.
+const GRAIN_F: f64 = 8.0;
+/// Mean over classes of the sum of fourth powers of their errors, up to which plain noise will do.
+const ENOUGH: f64 = 0.02;
+/// Bumps must leave less than this part of what plain noise has.
+const BETTER: f64 = 0.4;
+
+/// Points of the rough search from which the fine one begins.
+const STARTS: usize = 5;
+
+/// Factors of the waves' shares that are tried, as logarithms.
+const FACTORS: [f64; 11] = [-0.7, -0.35, -0.175, -0.09, -0.05, 0.0, 0.175, 0.35, 0.7, 1.05, 1.4];
+/// How alike the shares of a wave's harmonics are made, from 0, as they are found, to 1, as the fundamental's.
+/// A ridge that is met a little early or late keeps its shape, and its high harmonics seem not to repeat.
+const ALIKE: [f64; 3] = [0.0, 0.5, 1.0];
+/// Rounds of the fine search, and the factor by which each makes the steps smaller.
+const ROUNDS: i32 = 5;
+const FINER: f64 = 0.6;
+/// The best points that are searched at last, and the rounds of this search.
+const LAST_STARTS: usize = 2;
+const LAST_ROUNDS: Range<i32> = 1..5;
+/// Draws that judge what is found.
+const DRAWS: [u64; 3] = [1, 2, 3];
+
+/// Longest anisotropy that is looked for.
+const MOST_ANISOTROPY: f64 = 0.97;
+
+/// A number that is varied: least and largest, and the first step of the fine search.
+#[derive(Clone, Copy)]
+struct Varied {
+    range: (f64, f64),
+    step: f64,
+}
+
+const fn varied(least: f64, most: f64, step: f64) -> Varied {
+    Varied { range: (least, most), step }
+}
+
+/// Of waves: the logarithm of the factor of their shares, and how alike these are made.
+const WAVED: [Varied; 2] = [varied(-1.0, 1.5, 0.2), varied(0.0, 1.0, 0.25)];
+/// Of bumps with a spacing: the logarithm in mm of the spacing at which bumps that are alike have their
+/// kurtosis, its exponent, its anisotropy, deviations of intervals and heights; and what is varied of waves.
+const SPACED: [Varied; 8] = [
+    varied(-3.5, 4.2, 0.25),
+    varied(-2.0, 1.0, 0.4),
+    varied(-MOST_ANISOTROPY, MOST_ANISOTROPY, 0.2),
+    varied(-MOST_ANISOTROPY, MOST_ANISOTROPY, 0.2),
+    varied(0.1, 1.5, 0.25),
+    varied(0.0, 1.5, 0.25),
+    WAVED[0],
+    WAVED[1],
+];
+/// Of bumps at ridges: deviations of places and heights, and the same of waves.
+const AT_RIDGES: [Varied; 4] = [varied(0.0, 0.3, 0.05), varied(0.0, 1.5, 0.25), WAVED[0], WAVED[1]];
+
+/// Passages of about one speed, in the order of the strokes, and the [logs] of each.
+struct Class<'p> {
+    all: Vec<(&'p Passage, [f64; 3])>,
+}
+
+impl<'p> Class<'p> {
+    /// The first so many seconds.
+    fn first(&self, most_s: f64) -> impl Iterator<Item = (&'p Passage, [f64; 3])> {
+        let mut seconds = 0.0;
+        let few = move |(p, _): &(&Passage, [f64; 3])| {
+            seconds += p.seconds;
+            seconds - p.seconds < most_s
+        };
+        self.all.iter().copied().take_while(few)
+    }
+}
+
+/// Logarithms of modulation and kurtosis, and repetition.
+fn logs(figures: &Figures, waves: bool) -> [f64; 3] {
+    // How narrow the spectrum is decides how alone a wave repeats: bumps do not change that.
+    let least = if waves { figures.wave_repetition } else { 0.0 };
+    [figures.modulation.max(STEADY).ln(), figures.kurtosis.ln(), figures.repetition.max(least)]
+}
+
+/// How far what is found is off from the truth of a class, by modulation, kurtosis and repetition.
+///
+/// Bumps are chance: means over passages are compared. They may repeat too much. What they repeat too little is for
+/// waves.
+fn off_by_chance(found: &[(&Passage, [f64; 3])], truth: &[(&Passage, [f64; 3])]) -> [f64; 3] {
+    let means = |of: &[(&Passage, [f64; 3])]| -> [f64; 3] {
+        std::array::from_fn(|figure| of.iter().map(|(_, x)| x[figure]).sum::<f64>() / of.len().max(1) as f64)
+    };
+    let (found, truth) = (means(found), means(truth));
+    [found[0] - truth[0], found[1] - truth[1], (found[2] - truth[2]).max(0.0)]
+}
+
+/// The same beside waves: these are other in each direction, and so each passage is compared with its own truth. Sizes
+/// are averaged, so that one direction does not count alone.
+fn off_by_direction(found: &[(&Passage, [f64; 3])], truth: &[[f64; 3]]) -> [f64; 3] {
+    std::array::from_fn(|figure| {
+        let off = found.iter().zip(truth).map(|((_, found), truth)| (found[figure] - truth[figure]).abs());
+        off.sum::<f64>() / found.len().max(1) as f64
+    })
+}
+
+/// Mean fourth power of the heights of bumps over the square of their mean square: bumps that are so many
+/// times closer than bumps that are alike have the same kurtosis. Heights are lognormal, and grow with the root
+/// of the way from the bump before.
+fn height_kurtosis(interval_cv: f64, height_cv: f64) -> f64 {
+    (1.0 + interval_cv * interval_cv) * (1.0 + height_cv * height_cv).powi(4)
+}
+
+fn classes<'p>(passages: &[&'p Passage], waves: bool) -> Vec<Class<'p>> {
+    let mut sorted = passages.to_vec();
+    sorted.sort_by(|a, b| a.speed_mm_s.total_cmp(&b.speed_mm_s));
+    let mut classes = Vec::new();
+    while let Some(slowest) = sorted.first() {
+        let most = CLASS * slowest.speed_mm_s;
+        let rest = sorted.split_off(sorted.partition_point(|p| p.speed_mm_s < most));
+        let within = |p: &&&Passage| (sorted[0].speed_mm_s..most).contains(&p.speed_mm_s);
+        let all: Vec<_> = passages.iter().filter(within).map(|p| (*p, logs(&p.figures, waves))).collect();
+        classes.push(Class { all });
+        sorted = rest;
+    }
+    classes
+}
+
+/// How ln(kurtosis) changes with direction: its parts with cos 2t and sin 2t of the angle t to x, by least
+/// squares beside a mean for each class, and their F ratio: the variance that they explain over what is left,
+/// each by its degrees of freedom. None where directions are too few.
+fn grain<'a>(classes: impl Iterator<Item = &'a [(&'a Passage, [f64; 3])]>) -> Option<([f64; 2], f64)> {
+    let (mut cc, mut cs, mut ss, mut ck, mut sk, mut kk) = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
+    let mut free = -2.0;
+    for class in classes {
+        let n = class.len() as f64;
+        free += n - 1.0;
+        let rows = class.iter().map(|(passage, logs)| [passage.direction[0], passage.direction[1], logs[1]]);
+        let mean = rows.clone().fold([0.0; 3], |sum, row| std::array::from_fn(|i| sum[i] + row[i] / n));
+        for row in rows {
+            let [c, s, k]: [f64; 3] = std::array::from_fn(|i| row[i] - mean[i]);
+            (cc, cs, ss) = (cc + c * c, cs + c * s, ss + s * s);
+            (ck, sk, kk) = (ck + c * k, sk + s * k, kk + k * k);
+        }
+    }
+    let det = cc * ss - cs * cs;
+    if free < 1.0 || det <= 1e-2 * (cc + ss).powi(2) {
+        return None;
+    }
+    let [a, b] = [(ss * ck - cs * sk) / det, (cc * sk - cs * ck) / det];
+    let explained = a * ck + b * sk;
+    let left = (kk - explained).max(f64::MIN_POSITIVE);
+    Some(([a, b], 0.5 * explained * free / left))
+}
+
+/// The waves with shares that repeat as the strokes do, and bumps beside them; none where plain noise does
+/// as well. Without `spaced` bumps are at ridges alone.
+pub(super) fn find(passages: &[&Passage], waves: &[Wave], spaced: bool) -> Pattern {
+    let classes = classes(passages, !waves.is_empty());
+    // Beside waves it is they that have a direction.
+    let grain = grain(classes.iter().map(|class| &class.all[..]));
+    let grain = grain.filter(|(_, f)| waves.is_empty() && *f > GRAIN_F).map(|(grain, _)| grain);
+    let fit = Fit { waves, classes, grain };
+    if fit.classes.is_empty() {
+        return fit.pattern(0.0, 0.0, None);
+    }
+    let (noise, shares) = fit.plain();
+    let mut found = Vec::new();
+    if noise >= ENOUGH {
+        found.extend(if spaced { fit.spaced(shares) } else { None });
+        found.extend(fit.at_ridges());
+    }
+    let best = found.into_iter().min_by(|a, b| a.0.total_cmp(&b.0));
+    let best = best.filter(|best| best.0 < BETTER * noise);
+    best.map_or_else(|| fit.pattern(shares[0], shares[1], None), |best| best.1)
+}
+
+/// Waves and classes of passages that a search is for.
+struct Fit<'p> {
+    waves: &'p [Wave],
+    classes: Vec<Class<'p>>,
+    /// How the strokes' kurtosis changes with direction, where it is sure that it does.
+    grain: Option<[f64; 2]>,
+}
+
+impl Fit<'_> {
+    /// Waves whose shares are changed by so much, and bumps.
+    fn pattern(&self, factor: f64, alike: f64, events: Option<Events>) -> Pattern {
+        Pattern { waves: louder(&evened(self.waves, alike), factor), events }
+    }
+
+    /// Mean over classes of the sum of fourth powers of errors, if the first seconds of each are rendered, and
+    /// the error of how they change with direction. A draw is another of all that is random. Beyond the bound the
+    /// error need not be known exactly.
+    fn error(&self, pattern: &Pattern, draw: u64, seconds: f64, bound: f64) -> f64 {
+        let waves = !self.waves.is_empty();
+        let mut sum = 0.0;
+        let mut all = Vec::new();
+        for (c, class) in self.classes.iter().enumerate() {
+            let (found, truth): (Vec<_>, Vec<_>) = class
+                .first(seconds)
+                .enumerate()
+                .filter_map(|(n, (p, truth))| {
+                    let seed = 1_000_000 * draw + (c * 1000 + n) as u64;
+                    let samples = rendered(pattern, &p.magnitudes, &p.places, seed);
+                    Some(((p, logs(&Figures::of(&samples)?, waves)), truth))
+                })
+                .unzip();
+            let off =
+                if waves { off_by_direction(&found, &truth) } else { off_by_chance(&found, &class.all) };
+            let off = off.into_iter().zip(SCALES).map(|(off, scale)| off / scale);
+            // A large error at one speed counts more than small ones at all.
+            sum += off.map(|off| off.powi(4)).sum::<f64>() / self.classes.len() as f64;
+            if sum > bound {
+                return sum;
+            }
+            all.push(found);
+        }
+        // Few strokes have too few directions.
+        let enough = seconds >= FINE_S;
+        let found = enough.then(|| grain(all.iter().map(Vec::as_slice))).flatten();
+        let off = self.grain.zip(found).map_or([0.0; 2], |(a, (b, _))| [a[0] - b[0], a[1] - b[1]]);
+        sum + off.iter().map(|off| (off / GRAIN_SCALE).powi(4)).sum::<f64>()
+    }
+
+    /// The error of plain noise beside the waves, and the factor and likeness of their shares with which it
+    /// does best.
+    fn plain(&self) -> (f64, [f64; 2]) {
+        if self.waves.is_empty() {
+            return (self.error(&self.pattern(0.0, 0.0, None), 0, JUDGED_S, f64::INFINITY), [0.0; 2]);
+        }
+        let rough = all_of([FACTORS.to_vec(), ALIKE.to_vec()]);
+        let found = self.search(rough, &WAVED, &|p| self.pattern(p[0], p[1], None));
+        found.map_or((f64::INFINITY, [0.0; 2]), |(error, p)| (error, [p[0], p[1]]))
+    }
+
+    /// The best bumps that have a spacing.
+    fn spaced(&self, shares: [f64; 2]) -> Option<(f64, Pattern)> {
+        let (least, most) = SPACED[0].range;
+        // Beside waves the grain is not varied, without them the shares are not.
+        let varied: [Varied; 8] = std::array::from_fn(|axis| match (axis, self.grain, self.waves) {
+            (2 | 3, None, _) | (6 | 7, _, []) => varied(SPACED[axis].range.0, SPACED[axis].range.1, 0.0),
+            _ => SPACED[axis],
+        });
+        let [a, b] = ellipse(self.grain.unwrap_or_default());
+        let rough = all_of([
+            (0..12).map(|i| least + (most - least) * f64::from(i) / 11.0).collect(),
+            vec![-1.0, -0.5, 0.0, 0.5],
+            vec![a],
+            vec![b],
+            vec![0.2, 0.4, 0.8],
+            vec![0.0, 0.5, 1.0, 1.4],
+            vec![shares[0]],
+            vec![shares[1]],
+        ]);
+        let make = |p: &[f64]| {
+            let spacing = (p[0].exp() / height_kurtosis(p[4], p[5])).max(0.01);
+            let unit = 10f64.powf(2.0 - spacing.log10().floor());
+            let events = Events {
+                spacing_mm: Some((spacing * unit).round() / unit),
+                spacing_exponent: rounded(p[1]),
+                anisotropy: within([p[2], p[3]]).map(rounded),
+                interval_cv: rounded(p[4]),
+                height_cv: rounded(p[5]),
+            };
+            self.pattern(p[6], p[7], Some(events))
+        };
+        self.search(rough, &varied, &make).map(|(error, point)| (error, make(&point)))
+    }
+
+    /// The best bumps at ridges; none without waves.
+    fn at_ridges(&self) -> Option<(f64, Pattern)> {
+        if self.waves.is_empty() {
+            return None;
+        }
+        let rough = all_of([vec![0.0, 0.05, 0.15], vec![0.0, 0.6], FACTORS.to_vec(), ALIKE.to_vec()]);
+        let make = |p: &[f64]| {
+            let events = Events {
+                spacing_mm: None,
+                spacing_exponent: 0.0,
+                anisotropy: [0.0; 2],
+                interval_cv: rounded(p[0]),
+                height_cv: rounded(p[1]),
+            };
+            self.pattern(p[2], p[3], Some(events))
+        };
+        self.search(rough, &AT_RIDGES, &make).map(|(error, point)| (error, make(&point)))
+    }
+
+    /// The best point near one of some, and the error of its pattern.
+    fn search(
+        &self,
+        rough: Vec<Vec<f64>>,
+        varied: &[Varied],
+        make: &dyn Fn(&[f64]) -> Pattern,
+    ) -> Option<(f64, Vec<f64>)> {
+        // Roughly: the best of each value on the first axis, or all would be near one.
+        let mut starts: Vec<(f64, Vec<f64>)> = Vec::new();
+        for point in rough {
+            let same = starts.iter().position(|(_, other)| other[0] == point[0]);
+            let bound = same.map_or(f64::INFINITY, |at| starts[at].0);
+            let found = self.error(&make(&point), 0, ROUGH_S, bound);
+            if found < bound {
+                same.map(|at| starts.remove(at));
+                starts.push((found, point));
+            }
+        }
+        starts.sort_by(|a, b| a.0.total_cmp(&b.0));
+        starts.truncate(STARTS);
+        // Then finely from the best of these.
+        let first = |pattern: &Pattern, bound: f64| self.error(pattern, 0, FINE_S, bound);
+        let fine = starts.into_iter().map(|(_, point)| descend(point, varied, 0..ROUNDS, make, &first).1);
+        // What fits one draw may be its chance, the more so the rarer high bumps are: others judge.
+        let judge = |pattern: &Pattern, bound: f64| {
+            let most = bound * DRAWS.len() as f64;
+            let add = |sum: f64, draw: u64| {
+                if sum > most { sum } else { sum + self.error(pattern, draw, JUDGED_S, most - sum) }
+            };
+            DRAWS.into_iter().fold(0.0, add) / DRAWS.len() as f64
+        };
+        let judged = |point: Vec<f64>| (judge(&make(&point), f64::INFINITY), point);
+        let mut found: Vec<(f64, Vec<f64>)> = fine.map(judged).collect();
+        found.sort_by(|a, b| a.0.total_cmp(&b.0));
+        found.truncate(LAST_STARTS);
+        let last = found.into_iter().map(|(_, point)| descend(point, varied, LAST_ROUNDS, make, &judge));
+        last.min_by(|a, b| a.0.total_cmp(&b.0))
+    }
+}
+
+/// The best point that steps along the axes lead to, and its error. Steps of later rounds are smaller.
+fn descend(
+    point: Vec<f64>,
+    varied: &[Varied],
+    rounds: Range<i32>,
+    make: &dyn Fn(&[f64]) -> Pattern,
+    error: &dyn Fn(&Pattern, f64) -> f64,
+) -> (f64, Vec<f64>) {
+    let mut here = (error(&make(&point), f64::INFINITY), point);
+    for round in rounds {
+        for (axis, Varied { range: (least, most), step }) in varied.iter().enumerate() {
+            for sign in [-1.0, 1.0] {
+                let mut next = here.1.clone();
+                next[axis] = (next[axis] + sign * FINER.powi(round) * step).clamp(*least, *most);
+                if next == here.1 {
+                    continue;
+                }
+                let found = error(&make(&next), here.0);
+                if found < here.0 {
+                    here = (found, next);
+                    break;
+                }
+            }
+        }
+    }
+    here
+}
+
+/// Each of the first with each of the second and so on.
+fn all_of<const N: usize>(axes: [Vec<f64>; N]) -> Vec<Vec<f64>> {
+    axes.iter().fold(vec![Vec::new()], |points, axis| {
+        let with =
+            |point: Vec<f64>| axis.iter().map(move |value| point.iter().copied().chain([*value]).collect());
+        points.into_iter().flat_map(with).collect()
+    })
+}
+
+/// The anisotropy of bumps whose logarithm of the spacing changes with direction as a kurtosis does: of the
+/// length `e` it has the first harmonic `(1 - sqrt(1 - e^2)) / e`.
+fn ellipse(grain: [f64; 2]) -> [f64; 2] {
+    let h = grain[0].hypot(grain[1]).min(1.0);
+    if h > 0.0 {
+        within(grain.map(|x| -2.0 * x / grain[0].hypot(grain[1]) * h / (1.0 + h * h)))
+    } else {
+        grain
+    }
+}
+
+/// An anisotropy that is not too long.
+fn within(anisotropy: [f64; 2]) -> [f64; 2] {
+    let shorter = (MOST_ANISOTROPY / anisotropy[0].hypot(anisotropy[1])).min(1.0);
+    anisotropy.map(|x| x * shorter)
+}
+
+/// Waves whose shares are more alike, by 0 to 1.
+fn evened(waves: &[Wave], alike: f64) -> Vec<Wave> {
+    let mut waves = waves.to_vec();
+    for wave in &mut waves {
+        let first = wave.harmonics.first().map_or(0.0, |h| h.share);
+        wave.harmonics.iter_mut().for_each(|h| h.share += alike * (first - h.share));
+    }
+    waves
+}
+
+/// Waves whose shares are so many times as large, as a logarithm.
+fn louder(waves: &[Wave], factor: f64) -> Vec<Wave> {
+    let mut waves = waves.to_vec();
+    for harmonic in waves.iter_mut().flat_map(|wave| &mut wave.harmonics) {
+        harmonic.share = (1e3 * (harmonic.share * factor.exp()).min(1.0)).round() / 1e3;
+    }
+    waves
+}
+
+/// With as many digits as mean something.
+fn rounded(x: f64) -> f64 {
+    (x * 100.0).round() / 100.0
+}

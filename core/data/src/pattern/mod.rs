@@ -1,0 +1,86 @@
+//! How a material's vibration is spread over place, found from strokes over it: its [`Pattern`].
+//!
+//! A network answers expected magnitudes. These do not say whether a texture is noise, single bumps or
+//! ridges. [`find`] says so:
+//!
+//! 1. [Waves](waves): ridges whose vibration repeats with place.
+//! 2. [What is found by playing](fit): how much of the waves repeats, and bumps, with which the synthesis
+//!    kernel ([`ShapedNoise`]), played along the same strokes, has the kurtosis, the modulation and the
+//!    repetition of the strokes.
+//!
+//! All of it needs places along the strokes. Speed should be steady for a second or more, and strokes
+//! should go in several directions.
+
+mod figures;
+mod fit;
+mod stroke;
+mod waves;
+
+use asperity_dsp::shaped_noise;
+use asperity_dsp::{Framing, ShapedNoise};
+use asperity_texture::Pattern;
+
+pub use figures::Figures;
+pub use stroke::{RATE_HZ, Stroke};
+
+use stroke::{Passage, TICK, TICK_S};
+
+/// Frames of magnitudes the kernel is given a second.
+const FRAMES_HZ: u32 = 10;
+/// Samples of a window of magnitudes.
+const WINDOW: usize = (RATE_HZ * 0.1) as usize;
+/// Bins of a frame, from 0 Hz to 1000.
+pub const BINS: usize = 101;
+
+/// Pieces in which waves are looked for: of more they are hardly told better, and to go through all wave
+/// vectors takes longest.
+const WAVE_PIECES: usize = 3;
+/// Beside waves that have more of the power than this there are bumps at ridges alone.
+const MOST_IN_WAVES: f64 = 0.5;
+
+/// Root mean square magnitudes of 0, 10, .. 1000 Hz that a network answers at a velocity in mm/s.
+pub type Network<'n> = dyn Fn([f64; 2]) -> [f64; BINS] + 'n;
+
+/// The pattern of a material from strokes over pieces of it: all strokes of a piece have their places in
+/// one frame of reference.
+///
+/// With a network it is the pattern that goes with its magnitudes: they are not quite those of the strokes,
+/// and what is played is to be like the strokes all the same. Without a steady passage there is none. The
+/// same strokes give the same bits.
+pub fn find(pieces: &[Vec<Stroke>], network: Option<&Network<'_>>) -> Pattern {
+    let mut passages: Vec<Vec<Passage>> =
+        pieces.iter().map(|strokes| strokes.iter().flat_map(Stroke::passages).collect()).collect();
+    if let Some(network) = network {
+        passages.iter_mut().flatten().for_each(|p| p.magnitudes = p.answered(network));
+    }
+    let (waves, part) = waves::find(&passages[..passages.len().min(WAVE_PIECES)]);
+    let all: Vec<&Passage> = passages.iter().flatten().collect();
+    fit::find(&all, &waves, part < MOST_IN_WAVES)
+}
+
+/// The samples that the kernel makes of a steady stroke: `places` in mm 2 ms apart, and what is felt there
+/// as root mean square magnitudes of 0 to 1000 Hz.
+pub fn rendered(pattern: &Pattern, magnitudes: &[f64], places: &[[f64; 2]], seed: u64) -> Vec<f64> {
+    let Some(mut kernel) = kernel(seed) else { return Vec::new() };
+    kernel.set_pattern(shaped_noise::Pattern::read(&pattern.numbers()));
+    let ticks_a_frame = (RATE_HZ / f64::from(FRAMES_HZ)) as usize / TICK;
+    let mut samples = vec![0.0; places.len() * TICK];
+    for (tick, (place, out)) in places.iter().zip(samples.chunks_mut(TICK)).enumerate() {
+        if tick % ticks_a_frame == 0 {
+            kernel.push((tick / ticks_a_frame) as u64, magnitudes, 1.0);
+        }
+        kernel.emit((tick * TICK) as u64, Some(*place), out);
+    }
+    samples
+}
+
+/// A kernel as a graph has it.
+fn kernel(seed: u64) -> Option<ShapedNoise<f32>> {
+    let rate_hz = RATE_HZ as u32;
+    let framing = Framing { rate_hz, fft_len: WINDOW, bins: BINS, frame_num: FRAMES_HZ, frame_den: 1 };
+    // The layout is fixed, and fine.
+    ShapedNoise::new(framing, TICK_S, seed).ok()
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,244 @@
+//! Made strokes: line, zigzag and circle.
+
+use asperity_numbers::Elementary as _;
+use std::f64::consts::TAU;
+
+use asperity_diagnostics::Diagnostic;
+
+use super::tremor::unit_from;
+use super::{Sample, Tremor, minimum_jerk, minimum_jerk_ramp_integral, quantise};
+
+/// The path a stroke takes on the surface.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Shape {
+    /// To and fro along x, from turn to turn in minimum-jerk movements.
+    Line,
+    /// As `Line`, moving on along y by an eighth of the extent with each movement, and back after eight.
+    #[default]
+    Zigzag,
+    /// Round and round, started and stopped smoothly.
+    Circle,
+}
+
+impl Shape {
+    /// Names of the shapes, for files and errors.
+    pub const NAMES: [&'static str; 3] = ["line", "zigzag", "circle"];
+
+    /// The shape of a name.
+    pub fn from_name(name: &str) -> Option<Self> {
+        match name {
+            "line" => Some(Self::Line),
+            "zigzag" => Some(Self::Zigzag),
+            "circle" => Some(Self::Circle),
+            _ => None,
+        }
+    }
+}
+
+/// What a made stroke is like.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StrokeParams {
+    /// Path on the surface.
+    pub shape: Shape,
+    /// Length along x, or diameter, in mm, above 0 and at most 1000.
+    pub extent_mm: f64,
+    /// Mean speed over the path in mm/s, above 0 and at most 2000. A minimum-jerk movement peaks at 1.875
+    /// times this.
+    pub mean_speed_mm_s: f64,
+    /// Mean normal force in N, 0 to 100.
+    pub force_n: f64,
+    /// Slow change of the force, as a part of it, 0 to 1.
+    pub force_swing: f64,
+    /// How often the force changes so, in Hz, 0 to 5.
+    pub force_swing_hz: f64,
+    /// The surface's stiffness in N/mm, 0.001 to 1000: the stroke is pressed force / stiffness below z = 0.
+    pub stiffness_n_per_mm: f64,
+    /// Height above the surface before approach and after lift-off, in mm, 0 to 1000.
+    pub clearance_mm: f64,
+    /// Time of the approach and of the lift-off, each, in seconds, 0.01 to 10.
+    pub approach_s: f64,
+    /// The whole time from approach to lift-off, in seconds, longer than both by at least 0.1, at most 1e6.
+    pub duration_s: f64,
+    /// Largest displacement by tremor on each axis, in mm, 0 to 10.
+    pub tremor_mm: f64,
+    /// The sensor's step, to which positions are rounded, in mm, 0 (none) to 10.
+    pub quantum_mm: f64,
+    /// Seed of tremor and of the force's phase.
+    pub seed: u64,
+}
+
+impl Default for StrokeParams {
+    /// An 80 mm zigzag at 100 mm/s and 1 N for 8 s on a floor of 0.5 N/mm, with the sensor step of 0.055 mm.
+    fn default() -> Self {
+        Self {
+            shape: Shape::Zigzag,
+            extent_mm: 80.0,
+            mean_speed_mm_s: 100.0,
+            force_n: 1.0,
+            force_swing: 0.3,
+            force_swing_hz: 0.3,
+            stiffness_n_per_mm: 0.5,
+            clearance_mm: 10.0,
+            approach_s: 0.4,
+            duration_s: 8.0,
+            tremor_mm: 0.05,
+            quantum_mm: 0.055,
+            seed: 1,
+        }
+    }
+}
+
+/// Movements after which a zigzag turns back along y.
+const LEGS_PER_SWEEP: u64 = 8;
+/// Longest part of a circle's time spent on starting, and on stopping, in seconds.
+const CIRCLE_RAMP_S: f64 = 0.5;
+
+/// A stroke made by rule: approach, path on the surface, lift-off. A pure function of time for its
+/// parameters: samples may be taken in any order, and nothing is kept between them.
+///
+/// Force and speed of its samples are `None`: the force is what a surface of
+/// [`stiffness_n_per_mm`](StrokeParams::stiffness_n_per_mm) at z = 0 answers to the depth.
+#[derive(Clone, Debug)]
+pub struct Stroke {
+    params: StrokeParams,
+    tremor: Tremor,
+    force_phase: f64,
+    /// Time of one movement between turns; of a circle's ramp.
+    leg_s: f64,
+    /// Time of the path on the surface.
+    path_s: f64,
+    /// The last movement's part of a whole one.
+    last_leg: f64,
+    /// Whole movements.
+    legs: u64,
+}
+
+impl Stroke {
+    /// A stroke of these parameters.
+    ///
+    /// # Errors
+    /// A parameter out of the range its documentation states. The error has no place; the caller knows
+    /// where the value stood. The first word of the message is the parameter's name in back quotes.
+    pub fn new(params: StrokeParams) -> Result<Self, Diagnostic> {
+        let p = &params;
+        for (name, value, least, greatest) in [
+            ("extent_mm", p.extent_mm, f64::MIN_POSITIVE, 1000.0),
+            ("mean_speed_mm_s", p.mean_speed_mm_s, f64::MIN_POSITIVE, 2000.0),
+            ("force_n", p.force_n, 0.0, 100.0),
+            ("force_swing", p.force_swing, 0.0, 1.0),
+            ("force_swing_hz", p.force_swing_hz, 0.0, 5.0),
+            ("stiffness_n_per_mm", p.stiffness_n_per_mm, 0.001, 1000.0),
+            ("clearance_mm", p.clearance_mm, 0.0, 1000.0),
+            ("approach_s", p.approach_s, 0.01, 10.0),
+            ("duration_s", p.duration_s, 2.0 * p.approach_s + 0.1, 1e6),
+            ("tremor_mm", p.tremor_mm, 0.0, 10.0),
+            ("quantum_mm", p.quantum_mm, 0.0, 10.0),
+        ] {
+            // Written so that NaN fails.
+            if !(value >= least && value <= greatest) {
+                let from = if least == f64::MIN_POSITIVE {
+                    "above 0 and at most".into()
+                } else {
+                    format!("{least} to")
+                };
+                return Err(Diagnostic::new(format!("`{name}` is {value}, out of range"))
+                    .help(format!("`{name}` is {from} {greatest}")));
+            }
+        }
+        let path_s = p.duration_s - 2.0 * p.approach_s;
+        let (leg_s, legs, last_leg) = match p.shape {
+            Shape::Circle => (CIRCLE_RAMP_S.min(path_s / 2.0), 0, 0.0),
+            Shape::Line | Shape::Zigzag => {
+                let leg_s = p.extent_mm.hypotenuse(leg_pitch(p)) / p.mean_speed_mm_s;
+                let legs = (path_s / leg_s).floor();
+                // What is left makes a shorter movement at the same mean speed; a very short one would be a jolt.
+                let rest = (path_s / leg_s - legs).clamp(0.0, 1.0);
+                (leg_s, legs as u64, if rest >= 0.5 || legs == 0.0 { rest } else { 0.0 })
+            }
+        };
+        let tremor = Tremor::new(p.tremor_mm, p.seed);
+        let force_phase = TAU * unit_from(!p.seed, 1);
+        Ok(Self { tremor, force_phase, leg_s, path_s, last_leg, legs, params })
+    }
+
+    /// The parameters it was made of.
+    pub fn params(&self) -> &StrokeParams {
+        &self.params
+    }
+
+    /// Seconds from the start of the approach to the end of the lift-off.
+    pub fn duration_s(&self) -> f64 {
+        self.params.duration_s
+    }
+
+    /// The stylus at `t` seconds; before 0 and after the end it rests above the surface (the tremor goes on).
+    /// A time that is not a number is 0. Does not allocate.
+    pub fn sample(&self, t: f64) -> Sample {
+        let p = &self.params;
+        let t = if t.is_finite() { t } else { 0.0 };
+        let [x, y] = self.path(t - p.approach_s);
+        let down = minimum_jerk(t / p.approach_s).min(minimum_jerk((p.duration_s - t) / p.approach_s));
+        let z = p.clearance_mm * (1.0 - down) - down * self.force_at(t) / p.stiffness_n_per_mm;
+        let tremor = self.tremor.at(t);
+        let position = [x + tremor[0], y + tremor[1], z + tremor[2]].map(|v| quantise(v, p.quantum_mm));
+        Sample { position, ..Sample::default() }
+    }
+
+    /// The force in N that the stroke means to press with at `t` seconds once it is on the surface.
+    pub fn force_at(&self, t: f64) -> f64 {
+        let p = &self.params;
+        p.force_n * (1.0 + p.force_swing * (TAU * p.force_swing_hz * t + self.force_phase).sine())
+    }
+
+    /// x and y in mm, `t` seconds after the path began, without tremor.
+    fn path(&self, t: f64) -> [f64; 2] {
+        let t = t.clamp(0.0, self.path_s);
+        if self.params.shape == Shape::Circle {
+            return self.circle(t);
+        }
+        let leg = ((t / self.leg_s) as u64).min(self.legs);
+        let way = if leg < self.legs {
+            minimum_jerk(t / self.leg_s - leg as f64)
+        } else if self.last_leg > 0.0 {
+            self.last_leg * minimum_jerk((t / self.leg_s - leg as f64) / self.last_leg)
+        } else {
+            0.0
+        };
+        let (from, to) = (self.turn(leg), self.turn(leg + 1));
+        [0, 1].map(|k| from[k] + way * (to[k] - from[k]))
+    }
+
+    /// The `n`-th turn, in mm.
+    fn turn(&self, n: u64) -> [f64; 2] {
+        let half = self.params.extent_mm / 2.0;
+        let x = if n.is_multiple_of(2) { -half } else { half };
+        let along = n % (2 * LEGS_PER_SWEEP);
+        let steps = along.min(2 * LEGS_PER_SWEEP - along) as f64;
+        let sweep = leg_pitch(&self.params) * LEGS_PER_SWEEP as f64;
+        [x, steps * leg_pitch(&self.params) - sweep / 2.0]
+    }
+
+    fn circle(&self, t: f64) -> [f64; 2] {
+        let (ramp, all) = (self.leg_s, self.path_s);
+        let cruise = self.params.mean_speed_mm_s * all / (all - ramp);
+        // The speed rises as a minimum-jerk movement, stays, and falls likewise: each ramp is worth half its time.
+        let rise = ramp * minimum_jerk_ramp_integral(t / ramp);
+        let fall = ramp * (0.5 - minimum_jerk_ramp_integral((all - t) / ramp));
+        let steady = (t - ramp).clamp(0.0, all - 2.0 * ramp);
+        let radius = self.params.extent_mm / 2.0;
+        let angle = cruise * (rise + steady + fall) / radius;
+        [-radius * angle.cosine(), radius * angle.sine()]
+    }
+}
+
+/// How far a movement goes along y, in mm.
+fn leg_pitch(p: &StrokeParams) -> f64 {
+    match p.shape {
+        Shape::Zigzag => p.extent_mm / LEGS_PER_SWEEP as f64,
+        Shape::Line | Shape::Circle => 0.0,
+    }
+}
+
+#[cfg(test)]
+#[path = "stroke_tests.rs"]
+mod tests;

@@ -1,0 +1,110 @@
+//! Physiological tremor of a held tool.
+
+use asperity_numbers::Elementary as _;
+use std::f64::consts::TAU;
+
+/// Waves a tremor is made of.
+const WAVES: usize = 5;
+
+/// Physiological tremor: five sinusoids of seeded frequency in 8 to 12 Hz and seeded phase on each axis, a
+/// function of time alone. 8 to 12 Hz is the band of the hand's central component (Elble and Randall, 1976).
+#[derive(Clone, Debug)]
+pub struct Tremor {
+    /// Amplitude, angular frequency in rad/s, phase in rad.
+    waves: [[(f64, f64, f64); WAVES]; 3],
+}
+
+impl Tremor {
+    /// A tremor that never leaves +-`peak_mm` on any axis (mm, taken as its absolute value; 0 is none).
+    pub fn new(peak_mm: f64, seed: u64) -> Self {
+        let mut n = 0;
+        let mut unit = || {
+            n += 1;
+            unit_from(seed, n)
+        };
+        let waves = [(); 3].map(|()| {
+            let raw = [(); WAVES].map(|()| (0.5 + unit(), TAU * (8.0 + 4.0 * unit()), TAU * unit()));
+            let sum: f64 = raw.iter().map(|w| w.0).sum();
+            raw.map(|(a, w, p)| (a / sum * peak_mm.abs(), w, p))
+        });
+        Self { waves }
+    }
+
+    /// Displacement in mm on x, y, z at `t` seconds.
+    pub fn at(&self, t: f64) -> [f64; 3] {
+        self.waves.map(|axis| axis.iter().map(|(a, w, p)| a * (w * t + p).sine()).sum())
+    }
+}
+
+/// The `n`-th uniform number of a seed, in 0..1: the SplitMix64 output function (Steele, Lea, Flood 2014) on
+/// an indexed state, so that any number can be had without the ones before it.
+pub(crate) fn unit_from(seed: u64, n: u64) -> f64 {
+    let mut z = seed.wrapping_add(n.wrapping_mul(0x9E37_79B9_7F4A_7C15));
+    z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+    z ^= z >> 31;
+    (z >> 11) as f64 / (1u64 << 53) as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn it_stays_within_its_amplitude_and_uses_it() {
+        let t = Tremor::new(0.1, 3);
+        let mut top: f64 = 0.0;
+        for i in 0..100_000 {
+            for v in t.at(f64::from(i) * 1e-3) {
+                assert!(v.abs() <= 0.1 + 1e-12);
+                top = top.max(v.abs());
+            }
+        }
+        assert!(top > 0.07, "{top}");
+    }
+
+    #[test]
+    fn its_power_lies_between_8_and_12_hz() {
+        let t = Tremor::new(0.1, 11);
+        // A DFT over 16 s, Hann-windowed, evaluated straight from its definition.
+        let (n, rate) = (1600, 100.0);
+        for axis in 0..3 {
+            let x: Vec<f64> = (0..n)
+                .map(|i| {
+                    t.at(f64::from(i) / rate)[axis] * (0.5 - 0.5 * (TAU * f64::from(i) / f64::from(n)).cos())
+                })
+                .collect();
+            let (mut inside, mut all) = (0.0, 0.0);
+            for k in 0..n / 2 {
+                let (mut re, mut im) = (0.0, 0.0);
+                for (i, v) in x.iter().enumerate() {
+                    let a = TAU * f64::from(k) * i as f64 / f64::from(n);
+                    re += v * a.cos();
+                    im += v * a.sin();
+                }
+                let (p, f) = (re * re + im * im, f64::from(k) * rate / f64::from(n));
+                all += p;
+                if (7.9..=12.1).contains(&f) {
+                    inside += p;
+                }
+            }
+            assert!(inside / all > 0.999, "axis {axis}: {}", inside / all);
+        }
+    }
+
+    /// First outputs of SplitMix64 from state 1234567: 6457827717110365317, 3203168211198807973 (Rosetta Code).
+    #[test]
+    fn numbers_are_those_of_splitmix64() {
+        for (n, want) in [(1, 6_457_827_717_110_365_317u64), (2, 3_203_168_211_198_807_973)] {
+            assert_eq!(unit_from(1_234_567, n), (want >> 11) as f64 / (1u64 << 53) as f64);
+        }
+    }
+
+    #[test]
+    fn axes_and_seeds_differ() {
+        let (a, b) = (Tremor::new(1.0, 1).at(0.3), Tremor::new(1.0, 2).at(0.3));
+        assert_ne!(a, b);
+        assert_ne!(a[0], a[1]);
+        assert_eq!(Tremor::new(0.0, 1).at(0.3).map(f64::abs), [0.0; 3]);
+    }
+}

@@ -1,0 +1,206 @@
+//! Vibration, from the effects to the actuator.
+
+use crate::space::Form as ShapeForm;
+use crate::{Kind, VOICED};
+use asperity_diagnostics::Diagnostic;
+use asperity_diagnostics::ron::{Kind as Form, Value};
+use asperity_graph::Setting;
+use asperity_node::{Descriptor, ShapeSpec};
+
+use crate::lower::builder::{Builder, handed_on, number, setting};
+
+/// What acceleration goes through on its way to the output.
+pub(crate) const STAGES: [(&str, &str); 2] = [("inverse", "actuator_inverse"), ("limiter", "limiter")];
+/// Rate at which a network's signal is synthesised unless the file says otherwise \[Hz\].
+const SYNTHESIS_HZ: f64 = 2500.0;
+
+impl Builder<'_> {
+    /// What vibrates, and what plays it.
+    pub(crate) fn acoustic(&mut self) -> Result<(), Diagnostic> {
+        let mut textures = Vec::new();
+        if self.scene.network.is_some() && self.is_built(Kind::Network) {
+            textures.push(self.network()?);
+        }
+        let voices: &[&str] = if self.is_one_voice_enough() { &["a"] } else { &["a", "b"] };
+        for kind in VOICED.into_iter().filter(|kind| self.is_built(*kind)).collect::<Vec<_>>() {
+            for voice in voices {
+                textures.push(self.voice(kind, voice));
+            }
+        }
+        let mut all = Vec::new();
+        if !textures.is_empty() {
+            self.sum("textures", &textures);
+            let gate = &self.scene.gate;
+            self.part("gate", gate)?;
+            self.wire("textures", "gate.in");
+            self.wire("contact.speed", "gate.speed");
+            self.wire("contact.force", "gate.force");
+            all.push("gate.out".to_owned());
+        }
+        if self.is_built(Kind::Tap) {
+            self.effect(Kind::Tap, "taps", &["slot", "approach", "moment"], &["tap", "approach", "moment"]);
+            all.push("tap.acceleration".to_owned());
+        }
+        if self.is_built(Kind::Vibration) {
+            self.effect(Kind::Vibration, "sources", &["slot"], &["vibration"]);
+            all.push("vibration".to_owned());
+        }
+        if all.is_empty() {
+            return Ok(());
+        }
+        self.sum("acceleration", &all);
+        self.actuator()
+    }
+
+    /// From acceleration to the output, where there is one.
+    fn actuator(&mut self) -> Result<(), Diagnostic> {
+        let scene = self.scene;
+        let Some(output) = &scene.output else { return Ok(()) };
+        let mut last = "acceleration";
+        if scene.gain != 1.0 {
+            let here = self.here();
+            self.node("strength", "gain", &here, vec![setting("gain", Form::Float(scene.gain), &here)]);
+            self.wire(last, "strength");
+            last = "strength";
+        }
+        let part = &scene.actuator;
+        let settings = handed_on(part);
+        for (id, kind) in STAGES {
+            let descriptor = self.descriptor(kind, &part.place)?;
+            let has = |setting: &&Setting| descriptor.params.iter().any(|p| p.name == setting.name);
+            self.node(id, kind, &part.place, settings.iter().filter(has).cloned().collect());
+            self.wire(last, id);
+            last = id;
+        }
+        self.part("out", output)?;
+        self.wire(last, "out");
+        Ok(())
+    }
+
+    /// The network's chain, for all surfaces that ask for it; its output.
+    fn network(&mut self) -> Result<String, Diagnostic> {
+        let scene = self.scene;
+        let Some(network) = &scene.network else { return Ok(String::new()) };
+        let mut params = handed_on(network);
+        self.materials(&mut params);
+        let here = self.here();
+        self.node("history", "action_history", &here, Vec::new());
+        self.node("texture", "texture_network", &network.place, params);
+        let phase = self.part("phase", &scene.phase)?;
+        for (from, to) in [
+            ("contact.force", "history.force"),
+            ("contact.velocity", "history.velocity"),
+            ("history.force", "texture.force"),
+            ("history.velocity", "texture.velocity"),
+            ("contact.material", "texture.material"),
+            ("texture", "phase"),
+        ] {
+            self.wire(from, to);
+        }
+        // What follows the hand's place, or wants to know more of the material, is told.
+        let asks = |input: &str| phase.inputs.iter().any(|p| p.name == input);
+        for (from, input) in [
+            ("texture.pattern", "pattern"),
+            ("texture.statistics", "statistics"),
+            ("contact.place", "position"),
+        ] {
+            if asks(input) {
+                self.wire(from, &format!("phase.{input}"));
+            }
+        }
+        let mut last = "phase";
+        if answers_spectra(phase) {
+            self.node("synthesis", "overlap_add", &here, Vec::new());
+            self.wire(last, "synthesis");
+            last = "synthesis";
+        }
+        let synthesis_hz = number(network, "synthesis_hz").unwrap_or(SYNTHESIS_HZ);
+        if synthesis_hz != 0.0 && synthesis_hz != f64::from(scene.audio_hz) {
+            let minimum = setting("phase", Form::Word("minimum".into()), &here);
+            self.node("audio rate", "resample", &here, vec![minimum]);
+            self.wire(last, "audio rate");
+            last = "audio rate";
+        }
+        self.node("network level", "level", &here, Vec::new());
+        self.wire(last, "network level.in");
+        self.wire("contact.network", "network level.level");
+        for id in ["history", "texture", "phase", "synthesis", "audio rate", "network level"] {
+            self.renders(Kind::Network, id);
+        }
+        Ok("network level".into())
+    }
+
+    /// The materials that surfaces with a network's texture name.
+    fn materials(&self, params: &mut Vec<Setting>) {
+        let Some(slots) = self.slots(Kind::Network) else { return };
+        let surfaces = slots.first.iter().filter_map(|first| self.scene.surfaces.get(*first));
+        let named: Vec<_> = surfaces.filter_map(|surface| surface.material.as_ref()).collect();
+        let value =
+            |placed: &&crate::Placed<String>| Value::made(Form::Text(placed.of.clone()), &placed.place);
+        match named.split_first() {
+            Some((first, rest)) => {
+                params.push(setting("material", Form::Text(first.of.clone()), &first.place));
+                if let Some(second) = rest.first() {
+                    let items = Form::List(rest.iter().map(value).collect());
+                    params.push(setting("materials", items, &second.place));
+                }
+            }
+            None => {
+                // Nobody asks for it, and all is to be built: any will do.
+                let library = self.library();
+                let name = library.as_ref().and_then(|l| l.materials().first()).map(|m| m.name.clone());
+                params.push(setting("material", Form::Text(name.unwrap_or_default()), &self.here()));
+            }
+        }
+    }
+
+    /// One voice of a texture: its output.
+    fn voice(&mut self, kind: Kind, voice: &str) -> String {
+        let (word, place) = (kind.word(), self.first_place(kind));
+        let (id, level) = (format!("{word} {voice}"), format!("{word} {voice} level"));
+        let list = match kind {
+            Kind::Autoregressive => "models",
+            Kind::Waveform => "loops",
+            _ => "reliefs",
+        };
+        let mut params = vec![self.list(list, kind)];
+        let device = &self.scene.device;
+        if kind != Kind::Autoregressive && device.position_step_mm > 0.0 {
+            // Places that come in steps are heard as such.
+            let cutoff_hz = number(&self.scene.motion, "cutoff_hz").unwrap_or(20.0);
+            params.push(setting("smooth_hz", Form::Float(cutoff_hz), &device.place));
+        }
+        self.node(&id, word, &place, params);
+        self.node(&level, "level", &place, Vec::new());
+        self.wire(&format!("contact.{word}_{voice}"), &format!("{id}.slot"));
+        let inputs: &[(&str, &str)] = match kind {
+            Kind::Autoregressive => &[("speed", "speed"), ("force", "force")],
+            _ => &[("place", "place"), ("stroke", "stroke")],
+        };
+        for (from, to) in inputs {
+            let from =
+                if kind == Kind::Autoregressive { (*from).to_owned() } else { format!("{from}_{voice}") };
+            self.wire(&format!("contact.{from}"), &format!("{id}.{to}"));
+        }
+        self.wire(&id, &format!("{level}.in"));
+        self.wire(&format!("contact.level_{voice}"), &format!("{level}.level"));
+        self.wire(&format!("contact.{word}_{voice}"), &format!("{level}.slot"));
+        self.renders(kind, &id);
+        self.renders(kind, &level);
+        level
+    }
+
+    /// Whether there is nothing to go over into: one surface with such textures, of one face.
+    fn is_one_voice_enough(&self) -> bool {
+        let mut voiced =
+            self.scene.surfaces.iter().filter(|s| VOICED.iter().any(|kind| kind.is_of(&s.effects)));
+        let one_face = |form: &ShapeForm| !matches!(form, ShapeForm::Box { .. } | ShapeForm::Sphere { .. });
+        let alone = voiced.next().is_none_or(|s| one_face(s.surface.shape.form())) && voiced.next().is_none();
+        alone && self.prune
+    }
+}
+
+/// Whether a kind of phase retrieval answers spectra, which an overlap-add has to make a signal of.
+fn answers_spectra(descriptor: &Descriptor) -> bool {
+    descriptor.outputs.iter().any(|output| matches!(output.shape, ShapeSpec::Spectrum(_)))
+}

@@ -1,0 +1,143 @@
+//! The hand, what it touches, and the forces on it.
+
+use crate::{Kind, Part};
+use asperity_diagnostics::Diagnostic;
+use asperity_diagnostics::ron::Kind as Form;
+
+use crate::lower::builder::{Builder, handed_on, number, setting};
+
+/// Fade of a gate that does not say otherwise \[ms\].
+const GATE_FADE_MS: f64 = 10.0;
+/// How long textures of one surface take to go over into another's \[ms\].
+const CROSSFADE_MS: f64 = 20.0;
+/// From how far the plane of a surface is told of to a device that pushes back in a loop of its own \[mm\].
+const ANTICIPATE_MM: f64 = 5.0;
+
+impl Builder<'_> {
+    /// Where the stylus is, how it moves, and what it touches.
+    pub(crate) fn hand(&mut self) -> Result<(), Diagnostic> {
+        let scene = self.scene;
+        let input = self.part("stylus", &scene.input)?;
+        if input.outputs.iter().all(|output| output.name != "position") {
+            let place = &scene.input.place;
+            let message = format!("`{}` does not tell where a stylus is", scene.input.kind);
+            return Err(Diagnostic::new(message).at(&place.source, place.span).help(
+                "trajectory, stroke, or a hand: osc_input, pointer_input, openhaptics_input, haply_input",
+            ));
+        }
+        let strokes = input.outputs.iter().any(|output| output.name == "stroke");
+        self.part("motion", &scene.motion)?;
+        let here = self.here();
+        let name = scene.source.path().file_name().map(|name| name.to_string_lossy().into_owned());
+        let gate_ms = number(&scene.gate, "fade_ms").unwrap_or(GATE_FADE_MS);
+        let mut params = vec![
+            setting("scene", Form::Text(name.unwrap_or_default()), &here),
+            setting("slots", Form::Text(scene.slots_key()), &here),
+            setting("max_force_n", Form::Float(scene.device.max_force_n), &scene.device.place),
+            setting("crossfade_ms", Form::Float(CROSSFADE_MS), &here),
+            setting("hold_ms", Form::Float(gate_ms.max(CROSSFADE_MS)), &here),
+        ];
+        if let Some(device) = &scene.device.output {
+            params.push(setting("anticipate_mm", Form::Float(ANTICIPATE_MM), &device.place));
+        }
+        self.node("contact", "contact", &here, params);
+        self.wire("stylus.position", "motion.position");
+        self.wire("stylus.position", "contact.position");
+        self.wire("motion.spatial", "contact.velocity");
+        self.wire("motion.unfiltered", "contact.unfiltered");
+        if strokes {
+            self.wire("stylus.stroke", "motion.stroke");
+            self.wire("stylus.stroke", "contact.stroke");
+        }
+        Ok(())
+    }
+
+    /// What pushes and pulls.
+    pub(crate) fn forces(&mut self) -> Result<(), Diagnostic> {
+        let scene = self.scene;
+        let walls = scene.surfaces.iter().any(|surface| surface.effects.stiffness.is_some());
+        let mut beside = Vec::new();
+        if self.is_built(Kind::Friction) {
+            self.effect(
+                Kind::Friction,
+                "laws",
+                &["slot", "velocity", "force", "tangents"],
+                &["friction", "slide", "force", "tangents"],
+            );
+            beside.push("friction.force".to_owned());
+        }
+        if self.is_built(Kind::Viscosity) {
+            self.effect(Kind::Viscosity, "drags", &["slot"], &["viscosity"]);
+            self.wire("motion.unfiltered", "viscosity.velocity");
+            beside.push("viscosity.force".to_owned());
+        }
+        if self.is_built(Kind::Magnet) {
+            self.effect(
+                Kind::Magnet,
+                "magnets",
+                &["slot", "distance", "normal"],
+                &["magnet", "magnet_distance", "magnet_normal"],
+            );
+            beside.push("magnet.force".to_owned());
+        }
+        let mut all = beside.clone();
+        if walls || !self.prune {
+            all.insert(0, "contact.push".to_owned());
+        }
+        if all.is_empty() {
+            return Ok(());
+        }
+        let here = self.here();
+        self.sum("forces", &all);
+        let most = setting("max_force_n", Form::Float(scene.device.max_force_n), &scene.device.place);
+        self.node("force limiter", "force_limiter", &here, vec![most]);
+        self.wire("forces", "force limiter");
+        self.node("force", "probe", &here, Vec::new());
+        self.wire("force limiter", "force");
+        if let Some(device) = &scene.device.output {
+            self.device(device, &beside)?;
+        }
+        Ok(())
+    }
+
+    /// A device that pushes back: the wall in its own loop, what else there is as told once a tick.
+    fn device(&mut self, device: &Part, beside: &[String]) -> Result<(), Diagnostic> {
+        let descriptor = self.descriptor(&device.kind, &device.place)?;
+        if descriptor.inputs.iter().all(|input| input.name != "plane") {
+            let message = format!("`{}` is no device that pushes back", device.kind);
+            return Err(Diagnostic::new(message)
+                .at(&device.place.source, device.place.span)
+                .help("openhaptics_force or haply_force"));
+        }
+        let mut params = handed_on(device);
+        let of_scene = &self.scene.device;
+        for (name, value) in
+            [("max_force_n", of_scene.max_force_n), ("device_damping_ns_per_m", of_scene.damping_ns_per_m)]
+        {
+            let known = descriptor.params.iter().any(|param| param.name == name);
+            if known && params.iter().all(|setting| setting.name != name) {
+                params.push(setting(name, Form::Float(value), &of_scene.place));
+            }
+        }
+        self.node("device", &device.kind, &device.place, params);
+        for port in ["plane", "normal", "stiffness", "damping"] {
+            self.wire(&format!("contact.{port}"), &format!("device.{port}"));
+        }
+        if !beside.is_empty() && descriptor.inputs.iter().any(|input| input.name == "force") {
+            self.sum("forces beside", beside);
+            self.wire("forces beside", "device.force");
+        }
+        Ok(())
+    }
+
+    /// The one node of an effect, with its list of slots; `from` are outputs of `contact`, in the order of `to`, its inputs.
+    pub(crate) fn effect(&mut self, kind: Kind, list: &str, to: &[&str], from: &[&str]) {
+        let (word, place) = (kind.word(), self.first_place(kind));
+        let list = self.list(list, kind);
+        self.node(word, word, &place, vec![list]);
+        self.renders(kind, word);
+        for (from, to) in from.iter().zip(to) {
+            self.wire(&format!("contact.{from}"), &format!("{word}.{to}"));
+        }
+    }
+}

@@ -1,0 +1,139 @@
+//! What is wrong with the parts of a scene, whether they are needed or not.
+
+use std::collections::HashSet;
+use std::sync::Arc;
+
+use crate::Part;
+use asperity_diagnostics::file::irregular;
+use asperity_diagnostics::{Diagnostic, one_of};
+use asperity_graph::{Setting, check_settings};
+use asperity_node::{Descriptor, ShapeSpec};
+use asperity_texture::Library;
+
+use crate::lower::acoustic::STAGES;
+use crate::lower::builder::{Builder, handed_on};
+
+impl Builder<'_> {
+    /// Looks at all parts, also those that nothing calls for: what is wrong is not to wait until something does.
+    pub(crate) fn look(&self) -> Result<(), Diagnostic> {
+        let scene = self.scene;
+        self.settings(&scene.motion)?;
+        self.settings(&scene.gate)?;
+        let phase = self.settings(&scene.phase)?;
+        if !retrieves_phase(phase) {
+            let fits =
+                |name: &&str| self.registry.get(name).is_some_and(|kind| retrieves_phase(kind.descriptor()));
+            let kinds: Vec<&str> = self.registry.names().filter(fits).collect();
+            return Err(cannot(&scene.phase, "retrieves no phase", &one_of("", kinds)));
+        }
+        if let Some(output) = &scene.output {
+            let descriptor = self.settings(output)?;
+            let plays = descriptor.inputs.iter().any(|i| matches!(i.shape, ShapeSpec::Audio(_)));
+            if !descriptor.sink || !plays {
+                return Err(cannot(output, "plays nothing", "audio_out"));
+            }
+        }
+        if let Some(network) = &scene.network {
+            if let Some((key, value)) =
+                network.settings.iter().find(|(key, _)| matches!(key.name.as_str(), "material" | "materials"))
+            {
+                return Err(Diagnostic::new("a scene's materials are those of its surfaces")
+                    .at(value.source(), key.span)
+                    .help("material: \"NAME\" in a surface, beside `shape`"));
+            }
+            self.settings(network)?;
+        }
+        self.actuator_settings()?;
+        self.files_of_the_unheard()?;
+        self.known_materials()
+    }
+
+    /// Checks a part's settings, and answers what its kind is.
+    fn settings(&self, part: &Part) -> Result<&Descriptor, Diagnostic> {
+        let descriptor = self.descriptor(&part.kind, &part.place)?;
+        match check_settings(&handed_on(part), descriptor).into_iter().next() {
+            Some(wrong) => Err(wrong),
+            None => Ok(descriptor),
+        }
+    }
+
+    /// The actuator's settings are those of two nodes.
+    fn actuator_settings(&self) -> Result<(), Diagnostic> {
+        let part = &self.scene.actuator;
+        let mut unknown = handed_on(part);
+        let mut names: Vec<&str> = Vec::new();
+        for (_, kind) in STAGES {
+            let descriptor = self.descriptor(kind, &part.place)?;
+            let has = |setting: &Setting| descriptor.params.iter().any(|p| p.name == setting.name);
+            let known: Vec<Setting> = handed_on(part).into_iter().filter(has).collect();
+            if let Some(wrong) = check_settings(&known, descriptor).into_iter().next() {
+                return Err(wrong);
+            }
+            unknown.retain(|setting| !has(setting));
+            names.extend(descriptor.params.iter().map(|p| p.name.as_ref()));
+        }
+        let Some(unknown) = unknown.first() else { return Ok(()) };
+        names.sort_unstable();
+        names.dedup();
+        Err(Diagnostic::new(format!("`actuator` has no field `{}`", unknown.name))
+            .at(&unknown.place.source, unknown.place.span)
+            .help(one_of(&unknown.name, names)))
+    }
+
+    /// Files of effects that nothing plays are there. Those of others are read where their nodes are made.
+    fn files_of_the_unheard(&self) -> Result<(), Diagnostic> {
+        let scene = self.scene;
+        if scene.output.is_some() {
+            return Ok(());
+        }
+        let mut known = HashSet::new();
+        for surface in &scene.surfaces {
+            for file in surface.effects.files().into_iter().filter(|file| known.insert(*file)) {
+                let wrong = match std::fs::metadata(file) {
+                    Err(_) => Some(format!("there is no file {}", file.display())),
+                    Ok(meta) => irregular(&meta).map(|what| format!("{} is {what}", file.display())),
+                };
+                if let Some(wrong) = wrong {
+                    let place = &surface.place;
+                    return Err(Diagnostic::new(wrong)
+                        .at(&place.source, place.span)
+                        .help("an effect of this surface is made of it"));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Every material that a surface names is one of the library, where the scene has one.
+    fn known_materials(&self) -> Result<(), Diagnostic> {
+        let mut known = HashSet::new();
+        let mut named = self.scene.surfaces.iter().filter_map(|surface| surface.material.as_ref()).peekable();
+        if named.peek().is_none() {
+            return Ok(());
+        }
+        let Some(library) = self.library() else { return Ok(()) };
+        for material in named.filter(|material| known.insert(material.of.as_str())) {
+            let found = library.material(&material.of);
+            found.map_err(|e| e.at(&material.place.source, material.place.span))?;
+        }
+        Ok(())
+    }
+
+    /// The network's library. One that cannot be read is an error of the node, with its own place.
+    pub(crate) fn library(&self) -> Option<Arc<Library>> {
+        let (_, file) =
+            self.scene.network.as_ref()?.settings.iter().find(|(key, _)| key.name == "library")?;
+        let folder = self.scene.source.path().parent()?;
+        Library::shared(folder.join(file.text().ok()?)).ok()
+    }
+}
+
+/// Whether a kind makes a signal, or spectra, of magnitudes.
+fn retrieves_phase(descriptor: &Descriptor) -> bool {
+    descriptor.inputs.iter().any(|i| matches!(i.shape, ShapeSpec::Magnitude(_)))
+        && descriptor.outputs.iter().any(|o| matches!(o.shape, ShapeSpec::Audio(_) | ShapeSpec::Spectrum(_)))
+}
+
+fn cannot(part: &Part, what: &str, help: &str) -> Diagnostic {
+    Diagnostic::new(format!("`{}` {what}", part.kind)).at(&part.place.source, part.place.span).help(help)
+}

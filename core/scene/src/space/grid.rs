@@ -1,0 +1,182 @@
+//! Heights on a rectangular grid.
+
+use asperity_diagnostics::Diagnostic;
+
+use super::WORLD_MM;
+use super::vector::{least, most};
+use asperity_surfaces::topography::{HeightField, Sample, weights};
+
+/// Most points of a grid.
+pub const MOST_POINTS: usize = 1 << 26;
+
+/// Points beyond the ends of a line that are kept with it.
+const BEFORE: usize = 1;
+const AFTER: usize = 2;
+
+/// Heights on a grid, in millimetres, between whose points Catmull and Rom's cubic runs along x and along y (C1: heights and slopes
+/// are continuous; Catmull and Rom 1974, "A class of local interpolating splines"; Keys 1981 for images). The grid repeats, or it ends at its first and last points and
+/// goes on in a straight line where the cubic asks for one more.
+#[derive(Clone, Debug, PartialEq)]
+pub struct HeightGrid {
+    columns: usize,
+    rows: usize,
+    step_mm: [f64; 2],
+    repeats: bool,
+    /// Row by row, each with its neighbours beyond the ends, so that a sample needs no more than to look.
+    stride: usize,
+    heights: Box<[f32]>,
+    bounds_mm: [f64; 2],
+}
+
+impl HeightGrid {
+    /// A grid from its heights in millimetres, row by row (x grows along a row, y with rows), and the distances of its points along x and y. One that
+    /// repeats does so after `columns` and `rows` steps.
+    ///
+    /// # Errors
+    /// Steps that are not above 0, an extent beyond [`WORLD_MM`], heights that are not finite or larger than that, rows that are not
+    /// whole, fewer than two columns and rows (where it repeats: none), more than [`MOST_POINTS`] points.
+    pub fn new(
+        columns: usize,
+        heights_mm: Vec<f32>,
+        step_mm: [f64; 2],
+        repeats: bool,
+    ) -> Result<Self, Diagnostic> {
+        let (points, least_side) = (heights_mm.len(), if repeats { 1 } else { 2 });
+        let rows = points.checked_div(columns).unwrap_or(0);
+        if columns < least_side || rows < least_side || rows * columns != points {
+            return Err(Diagnostic::new(format!("{points} heights in rows of {columns}")).help(format!(
+                "whole rows, and at least {least_side} columns and rows where the heights {}",
+                if repeats { "repeat" } else { "end" }
+            )));
+        }
+        if points > MOST_POINTS {
+            return Err(Diagnostic::new(format!("{points} heights")).help(format!("at most {MOST_POINTS}")));
+        }
+        for (step, count) in step_mm.into_iter().zip([columns, rows]) {
+            if !(step > 0.0 && step * count as f64 <= WORLD_MM) {
+                return Err(Diagnostic::new(format!("{count} heights {step} mm apart"))
+                    .help(format!("a step above 0 mm, and at most {WORLD_MM} mm in all")));
+            }
+        }
+        if let Some(bad) = heights_mm.iter().position(|h| h.is_nan() || f64::from(h.abs()) > WORLD_MM) {
+            let (row, column) = (bad / columns, bad % columns);
+            return Err(Diagnostic::new(format!(
+                "a height of {} mm in column {column} of row {row}",
+                heights_mm.get(bad).copied().unwrap_or(f32::NAN)
+            ))
+            .help(format!("a number from -{WORLD_MM} to {WORLD_MM} mm")));
+        }
+        let (low, high) = heights_mm.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), h| {
+            (least(low, f64::from(*h)), most(high, f64::from(*h)))
+        });
+        // The weights of a cubic sum to 1, their absolute values to at most 5/4; with the straight ends to less than 7/5.
+        let factor: f64 = if repeats { 1.25 } else { 1.4 };
+        let (middle, half) = (0.5 * (low + high), 0.5 * (high - low) * factor * factor * (1.0 + 1e-6));
+        let bounds_mm = [middle - half, middle + half];
+        let lines: Vec<Vec<f32>> = heights_mm.chunks_exact(columns).map(|row| padded(row, repeats)).collect();
+        let stride = columns + BEFORE + AFTER;
+        let mut heights = vec![0.0; stride * (rows + BEFORE + AFTER)];
+        for column in 0..stride {
+            let line: Vec<f32> = lines.iter().filter_map(|line| line.get(column).copied()).collect();
+            let places = heights.iter_mut().skip(column).step_by(stride);
+            places.zip(padded(&line, repeats)).for_each(|(to, height)| *to = height);
+        }
+        Ok(Self { columns, rows, step_mm, repeats, stride, heights: heights.into(), bounds_mm })
+    }
+
+    /// A patch of a surface, which repeats.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
+    pub fn from_field(field: &HeightField) -> Result<Self, Diagnostic> {
+        Self::new(field.side(), field.heights().to_vec(), [field.step_mm(); 2], true)
+    }
+
+    /// Columns and rows.
+    pub fn points(&self) -> [usize; 2] {
+        [self.columns, self.rows]
+    }
+
+    /// Whether it repeats.
+    pub fn repeats(&self) -> bool {
+        self.repeats
+    }
+
+    /// How far it goes along x and y in millimetres: from the first point to the last, or until it repeats.
+    pub fn extent_mm(&self) -> [f64; 2] {
+        let steps = |count: usize| if self.repeats { count } else { count - 1 } as f64;
+        [steps(self.columns) * self.step_mm[0], steps(self.rows) * self.step_mm[1]]
+    }
+
+    /// Heights in millimetres between which all lies, between points too.
+    pub fn bounds_mm(&self) -> [f64; 2] {
+        self.bounds_mm
+    }
+
+    /// The height in millimetres and the slopes at a place from the first point on; a grid that ends is asked at its edge for what lies beyond.
+    pub fn sample(&self, x_mm: f64, y_mm: f64) -> Sample {
+        let per_mm = [1.0 / self.step_mm[0], 1.0 / self.step_mm[1]];
+        let (column, u) = self.cell(x_mm * per_mm[0], self.columns);
+        let (row, v) = self.cell(y_mm * per_mm[1], self.rows);
+        let ((along, slope_along), (across, slope_across)) = (weights(u), weights(v));
+        let (mut height_mm, mut dx, mut dy) = (0.0, 0.0, 0.0);
+        for j in 0..4 {
+            let first = (row + j) * self.stride + column;
+            let Some(&[a, b, c, d]) = self.heights.get(first..first + 4) else { continue };
+            let line = [a, b, c, d].map(f64::from);
+            let (mut level, mut slope) = (0.0, 0.0);
+            for k in 0..4 {
+                level += along[k] * line[k];
+                slope += slope_along[k] * line[k];
+            }
+            height_mm += across[j] * level;
+            dx += across[j] * slope;
+            dy += slope_across[j] * level;
+        }
+        Sample { height_mm, slope: [dx * per_mm[0], dy * per_mm[1]] }
+    }
+
+    /// The point before a place counted in steps, and how far on it is, 0 to 1.
+    fn cell(&self, place: f64, count: usize) -> (usize, f64) {
+        let place = if self.repeats {
+            place
+        } else {
+            // A place that is not a number is an end.
+            most(least(place, (count - 1) as f64), 0.0)
+        };
+        let near = place as i64;
+        let whole = near.saturating_sub(i64::from(place < near as f64));
+        let part = place - whole as f64;
+        if !self.repeats {
+            // The last point is the end of the last cell.
+            let first = (whole as usize).min(count - 2);
+            return (first, part + (whole as usize - first) as f64);
+        }
+        let part = if (0.0..=1.0).contains(&part) { part } else { 0.0 };
+        // A division takes as long as the rest of a sample.
+        let wrapped = if count.is_power_of_two() {
+            whole as usize & (count - 1)
+        } else {
+            whole.rem_euclid(count as i64) as usize
+        };
+        (wrapped, part)
+    }
+}
+
+/// A line with what the cubic asks for beyond its ends.
+fn padded(line: &[f32], repeats: bool) -> Vec<f32> {
+    let at = |index: i64| line.get(index.rem_euclid(line.len() as i64) as usize).copied().unwrap_or(0.0);
+    let last = line.len() as i64 - 1;
+    (-(BEFORE as i64)..=last + AFTER as i64)
+        .map(|index| match index {
+            _ if repeats => at(index),
+            ..0 => 2.0 * at(0) - at(1),
+            _ if index > last => 2.0 * at(last) - at(last - 1),
+            _ => at(index),
+        })
+        .collect()
+}
+
+#[cfg(test)]
+#[path = "grid_tests.rs"]
+mod tests;

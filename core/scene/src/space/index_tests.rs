@@ -1,0 +1,330 @@
+use std::sync::{Arc, OnceLock};
+
+use super::*;
+use crate::space::{HeightGrid, Pose, Shape};
+use asperity_numbers::Random;
+use proptest::prelude::*;
+
+fn at(shape: Shape, place: [f64; 3], turn: [f64; 3]) -> Entry {
+    Entry { surface: Surface { shape, pose: Pose::new(place, turn).unwrap() }, reach_mm: 0.0 }
+}
+
+fn flat(shape: Shape, place: [f64; 3]) -> Entry {
+    at(shape, place, [0.0; 3])
+}
+
+fn sheet(size: f64, thickness: f64) -> Shape {
+    Shape::rectangle([size; 2], thickness).unwrap()
+}
+
+/// What the index says it does, by a look at every entry.
+fn brute_force(index: &Index, point: [f64; 3], last: Option<Hold>, reaching: bool) -> Option<Hold> {
+    let step = |depth: f64| (depth * 8192.0).floor();
+    let felt = |entry: &Entry, depth: f64| match (reaching, entry.reach_mm) {
+        (false, _) => depth >= 1e-6,
+        (true, 0.0) => false,
+        (true, reach) => depth >= -reach,
+    };
+    let h = index.hysteresis_mm();
+    let held = last.and_then(|hold| {
+        let entry = index.entries().get(hold.entry as usize)?;
+        let touch = entry.surface.touch(point, Some(hold.feature), h)?;
+        felt(entry, touch.depth_mm).then_some((touch.depth_mm, Hold { feature: touch.feature, ..hold }))
+    });
+    let mut best: Option<(f64, u32)> = None;
+    for (number, entry) in index.entries().iter().enumerate() {
+        let depth = entry.surface.depth_mm(point);
+        if felt(entry, depth) && best.is_none_or(|b| step(depth) > step(b.0)) {
+            best = Some((depth, number as u32));
+        }
+    }
+    if let Some((depth, hold)) = held
+        && best.is_none_or(|b| step(b.0) <= step(if depth < 0.0 { (depth + h).min(0.0) } else { depth + h }))
+    {
+        return Some(hold);
+    }
+    let (_, entry) = best?;
+    let touch = index.entries()[entry as usize].surface.touch(point, None, h)?;
+    Some(Hold { entry, feature: touch.feature })
+}
+
+fn grid() -> Arc<HeightGrid> {
+    static GRID: OnceLock<Arc<HeightGrid>> = OnceLock::new();
+    let make = || {
+        let mut random = Random::new(3);
+        let heights = (0..32 * 32).map(|_| random.range(-0.3, 0.3) as f32).collect();
+        Arc::new(HeightGrid::new(32, heights, [0.25; 2], true).unwrap())
+    };
+    GRID.get_or_init(make).clone()
+}
+
+/// A scene of any shapes, within `room` of the middle.
+fn scene(random: &mut Random, count: usize, room: f64, turns: usize) -> Vec<Entry> {
+    let few: Vec<[f64; 3]> = (0..3).map(|_| [0.0; 3].map(|_: f64| random.range(-180.0, 180.0))).collect();
+    let kinds = 1 + random.below(31);
+    let mut entries: Vec<Entry> = Vec::new();
+    while entries.len() < count {
+        if random.chance(0.1) && !entries.is_empty() {
+            let mut again = entries[random.below(entries.len())].clone();
+            again.reach_mm *= random.range(0.0, 2.0);
+            entries.push(again);
+            continue;
+        }
+        let kind = random.below(5);
+        if kinds >> kind & 1 == 0 {
+            continue;
+        }
+        let mut size = || random.range(0.5, 12.0);
+        let shape = match kind {
+            0 => Shape::plane(),
+            1 => Shape::rectangle([size(), size()], size() / 4.0).unwrap(),
+            2 => Shape::sphere(size()).unwrap(),
+            3 => Shape::cuboid([size(), size(), size()]).unwrap(),
+            _ => Shape::relief(grid(), Some([size(), size()]), size() / 12.0, size() / 4.0).unwrap(),
+        };
+        let turn = match turns {
+            0 => [0.0; 3],
+            1 => [0.0; 3].map(|_: f64| 90.0 * random.below(4) as f64),
+            2 => few[random.below(few.len())],
+            3 => [random.range(-9.0, 9.0), random.range(-9.0, 9.0), random.range(-180.0, 180.0)],
+            _ => [0.0; 3].map(|_: f64| random.range(-180.0, 180.0)),
+        };
+        // Planes everywhere would leave nothing untouched.
+        let away = if kind == 0 { room } else { 0.0 };
+        let mut place =
+            [random.range(-room, room), random.range(-room, room), random.range(-room, room) - away];
+        // Some lie apart.
+        if kind > 0 && random.chance(0.2) {
+            place[random.below(3)] += random.range(-1.0, 1.0) * 10f64.powf(random.range(0.0, 4.0));
+        }
+        let reach = if random.chance(0.3) { random.range(0.0, 4.0) } else { 0.0 };
+        entries.push(Entry { reach_mm: reach, ..at(shape, place, turn) });
+    }
+    entries
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(400))]
+    #[test]
+    fn the_index_answers_as_a_look_at_every_entry_does(
+        seed in 0..u64::MAX,
+        count in prop_oneof![1..6usize, 6..80usize, 80..400usize],
+        room in prop_oneof![Just(0.0), Just(1.0), Just(15.0), Just(60.0)],
+        turns in 0..5usize,
+        hysteresis in prop_oneof![Just(0.0), Just(0.1), Just(1.0)],
+        step in prop_oneof![Just(0.01), Just(0.3), Just(3.0)],
+        away in prop_oneof![Just(0.0), Just(9e4)],
+    ) {
+        let mut random = Random::new(seed);
+        let mut entries = scene(&mut random, count, room, turns);
+        // Where numbers are coarse as well.
+        entries.iter_mut().for_each(|e| e.surface.pose = e.surface.pose.moved([away, -away, away]));
+        let index = Index::new(entries, hysteresis).unwrap();
+        let mut point = [0.0; 3].map(|_: f64| random.range(-room - 5.0, room + 5.0));
+        let (mut touched, mut near) = (None, None);
+        for tick in 0..150 {
+            // Exactly on planes, edges and middles too.
+            let asked = if tick % 10 == 9 { point.map(f64::round) } else { point };
+            let asked = [asked[0] + away, asked[1] - away, asked[2] + away];
+            let found = index.deepest(asked, touched);
+            prop_assert_eq!(found.map(|f| f.hold()), brute_force(&index, asked, touched, false), "{:?}", asked);
+            if let Some(found) = found {
+                let surface = &index.entries()[found.entry as usize].surface;
+                let last = touched.filter(|l: &Hold| l.entry == found.entry).map(|l| l.feature);
+                prop_assert_eq!(Some(found.touch), surface.touch(asked, last, hysteresis));
+            }
+            touched = found.map(|f| f.hold());
+            let found = index.nearest(asked, near).map(|f| f.hold());
+            prop_assert_eq!(found, brute_force(&index, asked, near, true), "{:?}", asked);
+            near = found;
+            if tick % 40 == 39 {
+                // A hold from anywhere.
+                touched = Some(Hold { entry: random.below(count + 2) as u32, feature: random.below(8) as u8 });
+            }
+            point.iter_mut().for_each(|x| *x += random.range(-step, step) - 0.02 * step * *x);
+        }
+    }
+}
+
+#[test]
+fn what_is_held_stays_until_another_is_deeper_by_the_hysteresis_or_it_is_left() {
+    // Two sheets over each other's edge, the second 0.05 mm higher.
+    let entries = vec![flat(sheet(10.0, 3.0), [0.0; 3]), flat(sheet(10.0, 3.0), [6.0, 0.0, 0.05])];
+    let index = Index::new(entries.clone(), 0.1).unwrap();
+    let entry = |index: &Index, x, z, last: Option<Hold>| index.deepest([x, 0.0, z], last).map(|c| c.entry);
+    let hold = |entry| Some(Hold { entry, feature: 0 });
+    assert_eq!([entry(&index, 0.0, -0.5, None), entry(&index, 3.0, -0.5, None)], [Some(0), Some(1)]);
+    assert_eq!(entry(&index, 3.0, -0.5, hold(0)), Some(0), "not deeper by enough");
+    assert_eq!(entry(&index, 5.1, -0.5, hold(0)), Some(1), "left by its side");
+    assert_eq!(entry(&index, 0.9, -0.5, hold(1)), Some(0));
+    assert_eq!([entry(&index, 3.0, 0.02, hold(0)), entry(&index, 3.0, 0.06, hold(1))], [Some(1), None]);
+    let sharper = Index::new(entries, 0.04).unwrap();
+    assert_eq!(entry(&sharper, 3.0, -0.5, hold(0)), Some(1));
+    assert_eq!(entry(&sharper, 3.0, -0.5, hold(9)), Some(1), "a hold on nothing");
+}
+
+#[test]
+fn of_equally_deep_ones_the_first_is_touched() {
+    let mut random = Random::new(1);
+    let mut any = || [random.range(-9.0, 9.0), random.range(-9.0, 9.0), 0.0];
+    let mut entries: Vec<Entry> = (0..100).map(|_| at(Shape::plane(), any(), [0.0, 0.0, any()[0]])).collect();
+    entries.insert(0, flat(Shape::plane(), [0.0, 0.0, -0.01]));
+    let index = Index::new(entries, 0.0).unwrap();
+    for z in [-0.02, -0.7, -55.5] {
+        assert_eq!(index.deepest([0.3, 0.1, z], None).unwrap().entry, 1, "rounding decides {z}");
+    }
+}
+
+#[test]
+fn the_nearest_of_those_that_reach_is_found_and_the_touched_one_before_it() {
+    let ball = |x, reach_mm| Entry { reach_mm, ..flat(Shape::sphere(2.0).unwrap(), [x, 0.0, 0.0]) };
+    let index = Index::new(vec![ball(0.0, 3.0), ball(10.0, 5.0), ball(5.0, 0.0)], 0.5).unwrap();
+    let near = |x, last: Option<u32>| {
+        let found = index.nearest([x, 0.0, 0.0], last.map(|entry| Hold { entry, feature: 0 }))?;
+        Some((found.entry, (found.touch.depth_mm * 10.0).round() / 10.0))
+    };
+    assert_eq!(near(4.0, None), Some((0, -2.0)), "within one that does not reach");
+    assert_eq!(near(5.2, None), Some((1, -2.8)));
+    assert_eq!([near(5.2, Some(0)), near(5.3, Some(0))], [Some((1, -2.8)), Some((1, -2.7))]);
+    assert_eq!([near(4.9, Some(0)), near(4.9, Some(1))], [Some((0, -2.9)), Some((1, -3.1))]);
+    assert_eq!([near(1.0, None), near(-5.5, None), near(17.1, None)], [Some((0, 1.0)), None, None]);
+    assert_eq!(index.deepest([5.0, 0.0, 0.0], None).unwrap().entry, 2);
+}
+
+#[test]
+fn what_is_near_and_held_gives_way_to_what_is_touched() {
+    // A floor, and a wall beside it at x = 0 that is felt from 5 mm.
+    let sheet = |turn| Entry { reach_mm: 5.0, ..at(Shape::plane(), [0.0; 3], turn) };
+    let index = Index::new(vec![sheet([0.0; 3]), sheet([0.0, 90.0, 0.0])], 2.0).unwrap();
+    let entry =
+        |point, last: u32| index.nearest(point, Some(Hold { entry: last, feature: 0 })).map(|c| c.entry);
+    let (floor, wall) = ([0.3, 0.0, -0.01], [0.3, 0.0, 0.2]);
+    assert_eq!(index.nearest(floor, None).map(|c| c.entry), Some(0));
+    assert_eq!(entry(floor, 1), Some(0), "the floor is touched, the wall is 0.3 mm away");
+    assert_eq!(entry(wall, 1), Some(1), "neither is touched, and the floor is not nearer by 2 mm");
+}
+
+#[test]
+fn no_surfaces_and_no_point_are_no_contact() {
+    let empty = Index::new(vec![], 0.1).unwrap();
+    assert_eq!((empty.deepest([0.0; 3], None), empty.nearest([0.0; 3], None)), (None, None));
+    let hold = Some(Hold { entry: 0, feature: 0 });
+    let plane = Index::new(vec![Entry { reach_mm: 1.0, ..flat(Shape::plane(), [0.0; 3]) }], 0.1).unwrap();
+    for bad in [f64::NAN, f64::INFINITY, -f64::INFINITY, 1e300, -2e6] {
+        for point in [[bad, 0.0, -1.0], [0.0, bad, -1.0], [0.0, 0.0, bad]] {
+            assert_eq!((plane.deepest(point, None), plane.deepest(point, hold)), (None, None), "{point:?}");
+            assert_eq!(plane.nearest(point, hold), None);
+        }
+    }
+    assert_eq!(plane.deepest([0.0; 3], None), None, "on the surface is not in it");
+}
+
+#[test]
+fn indices_that_cannot_be_are_refused() {
+    let one = |reach_mm| vec![Entry { reach_mm, ..flat(Shape::plane(), [0.0; 3]) }];
+    let error = |entries, hysteresis| Index::new(entries, hysteresis).unwrap_err().to_string();
+    assert!(error(one(-1.0), 0.1).starts_with("surface 0 reaches -1 mm (from 0"));
+    assert!(error(one(f64::NAN), 0.1).contains("NaN"));
+    assert!(error(one(0.0), -0.1).starts_with("a hysteresis of -0.1 mm"));
+    assert!(error(one(0.0), f64::INFINITY).contains("inf"));
+}
+
+/// Surfaces by number, of how many.
+type Make = fn(usize, usize, &mut Random) -> Entry;
+
+fn tile(number: usize, count: usize) -> [f64; 3] {
+    let side = (count as f64).sqrt().ceil() as usize;
+    let at = |k: usize| 5.0 * (k as f64 - (side / 2) as f64);
+    [at(number % side), at(number / side), 0.0]
+}
+
+/// Scenes of which all surfaces are near the stylus or in its way, and how many looks one tick may take among 10000.
+fn crowds() -> Vec<(&'static str, u32, Make)> {
+    vec![
+        ("tiles", 60, |i, n, _| flat(sheet(5.0, 3.0), tile(i, n))),
+        ("stack", 60, |i, _, _| flat(sheet(50.0, 2.0), [0.0, 0.0, -1e-3 * i as f64])),
+        ("spheres in each other", 60, |i, n, _| {
+            flat(Shape::sphere(10.0 + 10.0 * i as f64 / n as f64).unwrap(), [0.0, 0.0, -20.0])
+        }),
+        ("planes in one", 60, |_, _, r| {
+            at(Shape::plane(), [r.range(-9.0, 9.0), r.range(-9.0, 9.0), 0.0], [0.0, 0.0, r.range(0.0, 360.0)])
+        }),
+        ("uneven tiles", 60, |i, n, r| {
+            let [x, y, _] = tile(i, n).map(|x| 0.8 * x);
+            let turn = [r.range(-10.0, 10.0), r.range(-10.0, 10.0), r.range(0.0, 90.0)];
+            at(sheet(5.0, 3.0), [x, y, r.range(-0.5, 0.5)], turn)
+        }),
+        ("boxes on one spot", 60, |_, _, r| {
+            let place = [r.range(-2.0, 2.0), r.range(-2.0, 2.0), r.range(-2.0, 2.0) - 10.0];
+            at(Shape::cuboid([20.0; 3]).unwrap(), place, [30.0, 20.0, 10.0])
+        }),
+        ("rectangles on one spot", 60, |_, _, r| {
+            let place = [r.range(-2.0, 2.0), r.range(-2.0, 2.0), r.range(-2.0, 2.0)];
+            at(sheet(50.0, 3.0), place, [0.0, 0.0, r.range(0.0, 360.0)])
+        }),
+        ("one, and others far", 5, |i, n, _| match i {
+            0 => flat(sheet(40.0, 3.0), [0.0; 3]),
+            _ => {
+                let [x, y, _] = tile(i, n);
+                flat(sheet(5.0, 3.0), [x + 1000.0, y, 0.0])
+            }
+        }),
+        ("planes of all turns", 60, |_, _, r| {
+            let mut any = |most: f64| [0.0; 3].map(|_: f64| r.range(-most, most));
+            let (place, turn) = (any(1.0), any(180.0));
+            at(Shape::plane(), place, turn)
+        }),
+    ]
+}
+
+#[test]
+fn a_tick_looks_at_no_more_of_10000_surfaces_than_a_few() {
+    for (name, most, make) in crowds() {
+        for count in [1, 100, 10_000] {
+            let mut random = Random::new(7);
+            let entries = (0..count).map(|i| make(i, count, &mut random)).collect();
+            let index = Index::new(entries, 0.1).unwrap();
+            let (mut hold, mut greatest, mut sum) = (None, 0, 0);
+            for tick in 0..4000 {
+                let t = f64::from(tick) * 0.002;
+                let point = [9.0 * (3.1 * t).sin(), 9.0 * (1.7 * t).cos(), 1.5 * (6.1 * t).sin()];
+                let looks = index.looks(point, hold);
+                (greatest, sum) = (looks.max(greatest), sum + looks);
+                hold = index.deepest(point, hold).map(|c| c.hold());
+            }
+            println!("{name}, {count}: {:.2} looks, {greatest} at most", f64::from(sum) / 4000.0);
+            assert!(greatest <= most, "{name}: {greatest} looks among {count}");
+        }
+    }
+}
+
+/// Levels of blocks from one on.
+fn height(tree: &Tree, number: u32) -> usize {
+    let block = &tree.blocks[number as usize];
+    let split = (0..4).filter(|lane| block.items[*lane] == 0 && block.lowest[*lane] != u32::MAX);
+    1 + split.map(|lane| height(tree, block.first[lane])).max().unwrap_or(0)
+}
+
+#[test]
+fn what_lies_apart_at_every_scale_is_found_and_the_tree_stays_low() {
+    // Each cluster is twice as far off as the one before, so that a cut into halves never is the best.
+    for each in [1, 40, 1500] {
+        let clusters = 26;
+        let place = |cluster: i32, i: i32| {
+            let off = 9e4 * 0.5_f64.powi(cluster);
+            [off, 1e-2 * off * f64::from(i) / f64::from(each), 0.0]
+        };
+        let all = (0..clusters).flat_map(|c| (0..each).map(move |i| (c, i)));
+        let places: Vec<[f64; 3]> = all.map(|(c, i)| place(c, i)).collect();
+        let entries = places.iter().map(|p| flat(Shape::sphere(1e-3).unwrap(), *p)).collect();
+        let index = Index::new(entries, 0.0).unwrap();
+        for place in places.iter().step_by(places.len().div_ceil(200)) {
+            let point = [place[0] + 5e-4, place[1], place[2]];
+            let found = index.deepest(point, None).map(|c| c.hold());
+            assert_eq!(found, brute_force(&index, point, None, false), "{point:?}");
+            assert!(found.is_some());
+        }
+        let levels = height(&index.touched[1], 0);
+        assert!(levels <= tree::MOST_LEVELS, "{levels} levels of {} surfaces", places.len());
+    }
+}

@@ -1,0 +1,14 @@
+//! Topography of surfaces: patches of heights, how they are made, and what a round tip meets of them.
+
+mod catalogue;
+mod envelope;
+pub mod family;
+mod field;
+mod made;
+pub mod spectrum;
+
+pub use catalogue::made_surfaces;
+pub use envelope::envelope;
+pub use field::weights;
+pub use field::{HeightField, Sample};
+pub use made::{Contact, Family, MadeSurface};

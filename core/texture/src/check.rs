@@ -1,0 +1,120 @@
+//! The inputs on which a packed network is compared with tract, and the comparison.
+
+use asperity_numbers::Random;
+
+use crate::Range;
+use crate::signature::{FORCE_LEN, SPEED_LEN};
+
+/// Force and velocity histories for one comparison.
+#[derive(Clone, Debug)]
+pub(crate) struct Probe {
+    pub(crate) force: [f32; FORCE_LEN],
+    pub(crate) speed: [f32; SPEED_LEN],
+}
+
+impl Probe {
+    /// As a network is given it that was trained on a range.
+    pub(crate) fn held(&self, range: &Range) -> Self {
+        let mut held = self.clone();
+        range.forces(&self.force.map(f64::from), &mut held.force);
+        range.velocities(&self.speed.map(f64::from), &mut held.speed);
+        held
+    }
+}
+
+/// Probes within a stylus' range: rest, a steady stroke, and random histories (N, mm/s).
+pub(crate) fn ordinary() -> Vec<Probe> {
+    let mut random = Random::new(0x9e37_79b9_7f4a_7c15);
+    let mut probes = vec![
+        Probe { force: [0.0; FORCE_LEN], speed: [0.0; SPEED_LEN] },
+        Probe { force: [1.0; FORCE_LEN], speed: [100.0; SPEED_LEN] },
+        Probe { force: [0.0; FORCE_LEN], speed: [-300.0; SPEED_LEN] },
+        Probe { force: [3.3; FORCE_LEN], speed: [0.0; SPEED_LEN] },
+    ];
+    probes.extend((0..8).map(|_| Probe {
+        force: std::array::from_fn(|_| 3.3 * unit(&mut random)),
+        speed: std::array::from_fn(|_| 400.0 * unit(&mut random) - 200.0),
+    }));
+    probes
+}
+
+/// Motions as a hand makes them, other than the probes: random histories, and those of a hand that moves
+/// evenly, by turns.
+pub(crate) fn motions(count: usize) -> Vec<Probe> {
+    let mut random = Random::new(0xbf58_476d_1ce4_e5b9);
+    let motion = |i: usize| -> Probe {
+        if i.is_multiple_of(2) {
+            return Probe {
+                force: std::array::from_fn(|_| 3.3 * unit(&mut random)),
+                speed: std::array::from_fn(|_| 400.0 * unit(&mut random) - 200.0),
+            };
+        }
+        let mut line = |low: f32, high: f32| {
+            let mut end = || low + (high - low) * unit(&mut random);
+            let (from, to) = (end(), end());
+            // Within 20 ms not much happens.
+            move |k: usize| from + 0.1 * (to - from) * k as f32 / FORCE_LEN as f32
+        };
+        let (force, x, y) = (line(0.0, 3.3), line(-200.0, 200.0), line(-200.0, 200.0));
+        Probe {
+            force: std::array::from_fn(force),
+            speed: std::array::from_fn(|k| if k < FORCE_LEN { x(k) } else { y(k - FORCE_LEN) }),
+        }
+    };
+    (0..count).map(motion).collect()
+}
+
+/// Probes a hundred times beyond it; for a network that knows its range, at its ends. They have a full scale
+/// of their own, so as not to hide errors of the others.
+pub(crate) fn large() -> Vec<Probe> {
+    let mut random = Random::new(0xd1b5_4a32_d192_ed03);
+    let mut probes = vec![
+        Probe { force: [300.0; FORCE_LEN], speed: [30_000.0; SPEED_LEN] },
+        Probe { force: [-300.0; FORCE_LEN], speed: [-30_000.0; SPEED_LEN] },
+    ];
+    probes.extend((0..2).map(|_| Probe {
+        force: std::array::from_fn(|_| 600.0 * unit(&mut random) - 300.0),
+        speed: std::array::from_fn(|_| 60_000.0 * unit(&mut random) - 30_000.0),
+    }));
+    probes
+}
+
+/// The largest difference as a share of full scale, which is the largest magnitude of `reference`. Infinite
+/// where one is finite and the other is not, or where all of `reference` is zero and `found` is not.
+pub(crate) fn error_of_full_scale(reference: &[f32], found: &[f32]) -> f64 {
+    let full_scale = reference.iter().filter(|x| x.is_finite()).fold(0f64, |m, &x| m.max(f64::from(x).abs()));
+    let worst =
+        reference.iter().zip(found).fold(0f64, |worst, (&r, &f)| match (r.is_finite(), f.is_finite()) {
+            (true, true) => worst.max((f64::from(r) - f64::from(f)).abs()),
+            (false, false) => worst,
+            _ => f64::INFINITY,
+        });
+    if reference.len() != found.len() {
+        f64::INFINITY
+    } else if worst == 0.0 {
+        0.0
+    } else {
+        worst / full_scale
+    }
+}
+
+/// Uniform in [0, 1).
+fn unit(random: &mut Random) -> f32 {
+    (random.bits() >> 40) as f32 / (1u64 << 24) as f32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_error_is_a_share_of_full_scale() {
+        assert_eq!(error_of_full_scale(&[0.0, -4.0], &[0.0, -4.0]), 0.0);
+        assert_eq!(error_of_full_scale(&[0.0, -4.0], &[1.0, -4.0]), 0.25);
+        assert_eq!(error_of_full_scale(&[0.0, 0.0], &[0.0, 0.0]), 0.0);
+        assert_eq!(error_of_full_scale(&[0.0, 0.0], &[0.0, 0.1]), f64::INFINITY);
+        assert_eq!(error_of_full_scale(&[1.0, f32::NAN], &[1.0, f32::NAN]), 0.0);
+        assert_eq!(error_of_full_scale(&[1.0, 1.0], &[1.0, f32::NAN]), f64::INFINITY);
+        assert_eq!(error_of_full_scale(&[1.0], &[1.0, 1.0]), f64::INFINITY);
+    }
+}

@@ -1,0 +1,220 @@
+//! A new material in the text of a library file.
+
+use std::sync::Arc;
+
+use asperity_diagnostics::ron::{self, Value};
+use asperity_diagnostics::{Diagnostic, Source, Span};
+
+use super::{LARGEST, Library, LibraryMaterial};
+
+impl Library {
+    /// The text of a library file with a material more, as its last. All else stays byte for byte, comments
+    /// included, but for a comma behind the material before and, where the material needs a later one, its
+    /// version.
+    ///
+    /// # Errors
+    /// Those of [`parse`](Self::parse); a name that is empty or there already; a number that is not finite
+    /// or beyond 1e6.
+    pub fn insert(source: &Arc<Source>, material: &LibraryMaterial) -> Result<String, Diagnostic> {
+        let mut wanted = Self::parse(source)?;
+        let refuse = |what: String| Diagnostic::new(what).in_file(source.path());
+        if material.name.trim().is_empty() {
+            return Err(refuse("a new material without a name".into()));
+        }
+        if let Some(at) = material.vector.iter().position(|x| x.is_nan() || f64::from(x.abs()) > LARGEST) {
+            let x = material.vector[at];
+            return Err(refuse(format!("number {at} of `{}` is {x}; at most {LARGEST} fits", material.name)));
+        }
+        let whole = ron::parse(source)?;
+        let mut record = whole.record("Library")?;
+        let version = record.required("version")?;
+        let list = record.required("materials")?;
+        let entries = list.map()?;
+        if let Some((key, _)) = entries.iter().find(|(key, _)| key.name == material.name) {
+            return Err(Diagnostic::new(format!("the library has a material `{}`", material.name))
+                .at(source, key.span)
+                .label("this one")
+                .help("choose another name"));
+        }
+        let mut changes = vec![entry(source, list, material)];
+        if let Some((_, last)) = entries.last() {
+            changes.extend(comma(source, last, list));
+        }
+        if version.i64()? < material.needs_version() {
+            changes.push((version.span(), material.needs_version().to_string()));
+        }
+        let text = changed(source.text(), changes);
+        // What was written must be what was meant, whatever the file looks like.
+        wanted.materials.push(material.clone());
+        match Self::parse(&Source::new(source.path(), text.as_str())) {
+            Ok(found) if found == wanted => Ok(text),
+            Ok(_) => Err(refuse("cannot add to this file without changing what is in it".into())),
+            Err(e) => Err(refuse(format!("cannot add to this file: {}", e.message))),
+        }
+    }
+}
+
+/// A place in a text and what is to stand there.
+type Change = (Span, String);
+
+fn changed(text: &str, mut changes: Vec<Change>) -> String {
+    changes.sort_by_key(|(span, _)| std::cmp::Reverse(span.start));
+    let mut text = text.to_owned();
+    for (span, new) in changes {
+        text.replace_range(span.start..span.end, &new);
+    }
+    text
+}
+
+/// The entry, on lines of its own before the brace that ends the list.
+fn entry(source: &Source, list: &Value, material: &LibraryMaterial) -> Change {
+    let text = source.text();
+    let brace = list.span().end.saturating_sub(1);
+    let line = text[..brace].rfind('\n').map_or(0, |at| at + 1);
+    let before = &text[line..brace];
+    let own_line = before.chars().all(char::is_whitespace);
+    let indent: String = before.chars().take_while(|c| *c == ' ' || *c == '\t').collect();
+    let mut new = String::new();
+    if !own_line {
+        new.push('\n');
+    }
+    material.write(&mut new, &format!("{indent}    "));
+    if !own_line {
+        new.push_str(&indent);
+    }
+    if text.contains("\r\n") {
+        new = new.replace('\n', "\r\n");
+    }
+    (Span::at(if own_line { line } else { brace }), new)
+}
+
+/// The comma that is missing between the last material and the end of the list.
+fn comma(source: &Source, last: &Value, list: &Value) -> Option<Change> {
+    let (from, to) = (last.span().end, list.span().end.saturating_sub(1));
+    let between = &source.text()[from..to];
+    (!without_comments(between).contains(',')).then(|| (Span::at(from), ",".into()))
+}
+
+/// A text between values without its `// ...` and `/* ... */`, which may stand in each other.
+fn without_comments(text: &str) -> String {
+    let (mut rest, mut depth, mut out) = (text, 0_usize, String::new());
+    while let Some(c) = rest.chars().next() {
+        if rest.starts_with("/*") {
+            depth += 1;
+            rest = &rest[2..];
+        } else if depth > 0 && rest.starts_with("*/") {
+            depth -= 1;
+            rest = &rest[2..];
+        } else if depth == 0 && rest.starts_with("//") {
+            rest = rest.find('\n').map_or("", |at| &rest[at..]);
+        } else {
+            if depth == 0 {
+                out.push(c);
+            }
+            rest = &rest[c.len_utf8()..];
+        }
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::three;
+    use super::*;
+    use crate::VECTOR_LEN;
+
+    fn new(name: &str) -> LibraryMaterial {
+        LibraryMaterial {
+            name: name.into(),
+            description: "a \"new\" one".into(),
+            family: None,
+            images: Vec::new(),
+            pattern: Default::default(),
+            vector: Box::new(std::array::from_fn(|i| i as f32 / 3.0 - 20.0)),
+        }
+    }
+
+    fn inserted(text: &str, material: &LibraryMaterial) -> String {
+        Library::insert(&Source::new("l.ron", text), material).unwrap_or_else(|e| panic!("{e}\n{text}"))
+    }
+
+    fn old(end: &str) -> String {
+        let vector = format!("[{}]", "0.25, ".repeat(VECTOR_LEN));
+        format!(
+            "// head\nLibrary(version: 1, /* x */ materials: {{ \"a, b\": (description: \"d\", vector: {vector}){end}) // foot\n"
+        )
+    }
+
+    #[test]
+    fn a_library_with_a_material_more_is_as_if_it_had_been_written_so() {
+        let mut library = three();
+        let text = library.to_ron();
+        let material = new("felt");
+        library.materials.push(material.clone());
+        assert_eq!(inserted(&text, &material), library.to_ron());
+    }
+
+    #[test]
+    fn whatever_the_end_of_the_list_looks_like_only_the_new_entry_is_added() {
+        let felt = new("felt");
+        for end in [
+            "}",
+            ",}",
+            " , }",
+            "\n}",
+            ",\n    }",
+            " // , no comma\n  }",
+            "/* , /* , */ , */ }",
+            ", // comma\n // last line }\n\t}",
+            ",\r\n    }",
+            "/* é */ ,}",
+        ] {
+            let before = old(end);
+            let after = inserted(&before, &felt);
+            assert_eq!(after.contains("\r\n"), before.contains("\r\n"));
+            // What was there is there in its order, and nothing but the entry and a comma came in.
+            let mut entry = String::new();
+            felt.write(&mut entry, "");
+            let squeezed = |t: &str| t.chars().filter(|c| !c.is_whitespace()).collect::<String>();
+            let added = squeezed(&after).replacen(&squeezed(&entry), "", 1);
+            let comma = squeezed(&without_comments(end)).starts_with('}');
+            let want = if comma { squeezed(&before).replacen("])", "]),", 1) } else { squeezed(&before) };
+            assert_eq!(added, want, "{end:?}");
+            let again = inserted(&after, &new("silk"));
+            let names: Vec<String> = Library::parse(&Source::new("l.ron", again))
+                .unwrap()
+                .materials()
+                .iter()
+                .map(|m| m.name.clone())
+                .collect();
+            assert_eq!(names, ["a, b", "felt", "silk"]);
+        }
+    }
+
+    #[test]
+    fn pictures_and_a_family_make_a_file_of_version_1_one_of_version_2() {
+        let mut felt = new("felt");
+        assert!(inserted(&old("}"), &felt).starts_with("// head\nLibrary(version: 1, /* x */"));
+        felt.images = vec!["felt.png".into()];
+        felt.family = Some("wool".into());
+        let text = inserted(&old("}"), &felt);
+        assert!(text.starts_with("// head\nLibrary(version: 2, /* x */"), "{text}");
+        let library = Library::parse(&Source::new("l.ron", text)).unwrap();
+        assert_eq!(library.material("felt").unwrap(), &felt);
+    }
+
+    #[test]
+    fn a_name_that_is_there_and_numbers_that_are_none_are_refused() {
+        let refused = |material: &LibraryMaterial| {
+            Library::insert(&Source::new("l.ron", old("}")), material).unwrap_err().to_string()
+        };
+        let twice = refused(&new("a, b"));
+        assert!(twice.starts_with("l.ron:2:42: the library has a material `a, b`"), "{twice}");
+        assert!(refused(&new(" ")).contains("without a name"));
+        for bad in [f32::NAN, f32::INFINITY, -1.1e6] {
+            let mut material = new("felt");
+            material.vector[3] = bad;
+            assert!(refused(&material).contains("number 3 of `felt`"), "{}", refused(&material));
+        }
+    }
+}

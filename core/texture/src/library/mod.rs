@@ -1,0 +1,396 @@
+//! The materials library file: names, a sentence each, and the vector a texture network knows them by.
+//!
+//! ```text
+//! Library(
+//!     version: 3,
+//!     encoder: "encoder.onnx",
+//!     materials: {
+//!         "denim": (
+//!             description: "What it feels like, in a sentence.",
+//!             family: "weave",
+//!             images: ["pictures/denim.jpg"],
+//!             events: (spacing_mm: 0.4, spacing_exponent: -0.5, anisotropy: [0.6, 0.0], interval_cv: 0.25, height_cv: 0.5),
+//!             waves: [(per_mm: [1.25, 0.0], harmonics: [[1.2, 0.8, 0.1], /* weight, share, phase of each */])],
+//!             vector: [-1.25, 0.5, /* 256 numbers in all */],
+//!         ),
+//!     },
+//! )
+//! ```
+//!
+//! `encoder`, `family` and `images` may be left out; version 1 has none of them. Paths are relative to the
+//! library's folder. `events` and `waves` are a material's [`Pattern`]; they may be left out, and came with
+//! version 3.
+
+mod assign;
+mod insert;
+mod pattern;
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use asperity_diagnostics::ron::{self, Value};
+use asperity_diagnostics::{Diagnostic, Recent, Source, fingerprint, one_of};
+
+pub use assign::{Assignment, BLENDED, Neighbour};
+pub use pattern::{Events, Harmonic, MAX_HARMONICS, MAX_WAVES, Pattern, Wave};
+
+/// Numbers in a material's vector.
+pub const VECTOR_LEN: usize = 256;
+
+/// Largest number a vector may hold, either sign: far beyond any embedding.
+const LARGEST: f64 = 1e6;
+
+/// A material of a library.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LibraryMaterial {
+    /// Its name; no other material of the library has it.
+    pub name: String,
+    /// What it feels like, in a sentence.
+    pub description: String,
+    /// What it is one of, such as a weave; never empty.
+    pub family: Option<String>,
+    /// Paths of pictures of it, as the file has them: relative to the library's folder.
+    pub images: Vec<String>,
+    /// How its vibration is spread over place.
+    pub pattern: Pattern,
+    /// What a texture network is given.
+    pub vector: Box<[f32; VECTOR_LEN]>,
+}
+
+/// Materials by name, in the order of the file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Library {
+    path: PathBuf,
+    encoder: Option<String>,
+    materials: Vec<LibraryMaterial>,
+}
+
+/// Libraries that were read lately, by their paths and what is in them.
+static LIBRARIES: Recent<(PathBuf, (usize, u64)), Arc<Library>> = Recent::new(4);
+
+impl Library {
+    /// A library that is to stand at `path`; `encoder` is the path of what made the vectors from pictures,
+    /// relative to that.
+    ///
+    /// What [`parse`](Self::parse) would refuse is not looked for here.
+    pub fn new(path: impl Into<PathBuf>, encoder: Option<String>, materials: Vec<LibraryMaterial>) -> Self {
+        Self { path: path.into(), encoder, materials }
+    }
+
+    /// Reads a library file.
+    ///
+    /// # Errors
+    /// A file that cannot be read, and all of [`parse`](Self::parse).
+    pub fn read(path: impl AsRef<Path>) -> Result<Self, Diagnostic> {
+        Self::parse(&Source::read(path)?)
+    }
+
+    /// As [`read`](Self::read), without work where the same file was read lately: what is in it counts, not
+    /// its time.
+    ///
+    /// # Errors
+    /// As [`read`](Self::read).
+    pub fn shared(path: impl AsRef<Path>) -> Result<Arc<Self>, Diagnostic> {
+        let source = Source::read(path)?;
+        let key = (source.path().to_owned(), fingerprint(source.text().as_bytes()));
+        LIBRARIES.of(key, |_| Self::parse(&source).map(Arc::new))
+    }
+
+    /// Reads a library from its text.
+    ///
+    /// # Errors
+    /// Text that is not RON, an unknown or missing field, another version, no material at all, a name that
+    /// is empty or stands twice, a vector that has not 256 finite numbers between -1e6 and 1e6.
+    pub fn parse(source: &Arc<Source>) -> Result<Self, Diagnostic> {
+        let whole = ron::parse(source)?;
+        let mut record = whole.record("Library")?;
+        let version = record.required("version")?.i64_in(1..=3, "")?;
+        let later = version > 1;
+        let encoder = if later { record.optional("encoder").map(named).transpose()? } else { None };
+        let list = record.required("materials")?;
+        record.finish(if later {
+            &["version", "encoder", "materials"]
+        } else {
+            &["version", "materials"]
+        })?;
+        let entries = list.map()?;
+        if entries.is_empty() {
+            return Err(list
+                .error("a library without materials")
+                .help("add `\"name\": (description: ..., vector: [...])`"));
+        }
+        let mut materials = Vec::with_capacity(entries.len());
+        for (key, value) in entries {
+            if key.name.trim().is_empty() {
+                return Err(Diagnostic::new("a material without a name").at(source, key.span));
+            }
+            materials.push(material(&key.name, value, version)?);
+        }
+        Ok(Self { path: source.path().to_owned(), encoder, materials })
+    }
+
+    /// The text of a library file, of the earliest version that has all that is in it. Numbers are written
+    /// so that they read back to the same bits.
+    pub fn to_ron(&self) -> String {
+        let needed = self.materials.iter().map(LibraryMaterial::needs_version).max().unwrap_or(1);
+        let version = needed.max(if self.encoder.is_some() { 2 } else { 1 });
+        let mut text = format!("Library(\n    version: {version},\n");
+        // writing to a String cannot fail
+        if let Some(encoder) = &self.encoder {
+            let _ = writeln!(text, "    encoder: {},", quoted(encoder));
+        }
+        text.push_str("    materials: {\n");
+        for m in &self.materials {
+            m.write(&mut text, "        ");
+        }
+        text.push_str("    },\n)\n");
+        text
+    }
+
+    /// The file.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Where the encoder is that makes this library's vectors from pictures, if it says.
+    pub fn encoder(&self) -> Option<PathBuf> {
+        self.encoder.as_deref().map(|e| self.beside(e))
+    }
+
+    /// Where a path is that the library names: relative to its folder.
+    pub fn beside(&self, path: &str) -> PathBuf {
+        self.path.parent().unwrap_or(Path::new("")).join(path)
+    }
+
+    /// The materials, in the order of the file.
+    pub fn materials(&self) -> &[LibraryMaterial] {
+        &self.materials
+    }
+
+    /// A material by name.
+    ///
+    /// # Errors
+    /// No such material, with the nearest name. The error names the library's file; a caller that has the
+    /// name from a text of its own points there with [`Diagnostic::at`].
+    pub fn material(&self, name: &str) -> Result<&LibraryMaterial, Diagnostic> {
+        self.materials.iter().find(|m| m.name == name).ok_or_else(|| {
+            Diagnostic::new(format!("no material `{name}` in {}", self.path.display()))
+                .in_file(&self.path)
+                .help(one_of(name, self.materials.iter().map(|m| m.name.as_str())))
+        })
+    }
+}
+
+impl LibraryMaterial {
+    /// The earliest version of the file that has all of its fields.
+    fn needs_version(&self) -> i64 {
+        match () {
+            () if self.pattern != Pattern::default() => 3,
+            () if self.family.is_some() || !self.images.is_empty() => 2,
+            () => 1,
+        }
+    }
+
+    /// Writes the entry, each line behind `indent`.
+    fn write(&self, text: &mut String, indent: &str) {
+        let _ = writeln!(text, "{indent}{}: (", quoted(&self.name));
+        let _ = writeln!(text, "{indent}    description: {},", quoted(&self.description));
+        if let Some(family) = &self.family {
+            let _ = writeln!(text, "{indent}    family: {},", quoted(family));
+        }
+        if !self.images.is_empty() {
+            let images: Vec<String> = self.images.iter().map(|i| quoted(i)).collect();
+            let _ = writeln!(text, "{indent}    images: [{}],", images.join(", "));
+        }
+        self.pattern.write(text, &format!("{indent}    "));
+        let _ = writeln!(text, "{indent}    vector: [");
+        for row in self.vector.chunks(8) {
+            let row: Vec<String> = row.iter().map(|x| format!("{x:?}")).collect();
+            let _ = writeln!(text, "{indent}        {},", row.join(", "));
+        }
+        let _ = writeln!(text, "{indent}    ],\n{indent}),");
+    }
+}
+
+fn material(name: &str, value: &Value, version: i64) -> Result<LibraryMaterial, Diagnostic> {
+    let mut m = value.record("Material")?;
+    let description = m.required("description")?.text()?.to_owned();
+    let vector = vector(m.required("vector")?)?;
+    let (mut family, mut images) = (None, Vec::new());
+    let mut pattern = Pattern::default();
+    if version > 1 {
+        family = m.optional("family").map(named).transpose()?;
+        if let Some(list) = m.optional("images") {
+            images = list.list()?.iter().map(named).collect::<Result<_, _>>()?;
+        }
+        let fields: &[&str] = &["description", "family", "images", "vector", "waves", "events"];
+        if version > 2 {
+            pattern = Pattern::read(m.optional("waves"), m.optional("events"))?;
+            m.finish(fields)?;
+        } else {
+            m.finish(&fields[..4])?;
+        }
+    } else {
+        m.finish(&["description", "vector"])?;
+    }
+    Ok(LibraryMaterial { name: name.to_owned(), description, family, images, pattern, vector })
+}
+
+/// A text that says something.
+fn named(value: &Value) -> Result<String, Diagnostic> {
+    match value.text()? {
+        text if text.trim().is_empty() => Err(value.error("an empty text").help("leave the field out")),
+        text => Ok(text.to_owned()),
+    }
+}
+
+fn vector(value: &Value) -> Result<Box<[f32; VECTOR_LEN]>, Diagnostic> {
+    let numbers = value.list()?;
+    if numbers.len() != VECTOR_LEN {
+        return Err(value
+            .error(format!("a vector of {}", numbers.len()))
+            .label("wrong length")
+            .help(format!("a material's vector has {VECTOR_LEN} numbers")));
+    }
+    let mut vector = Box::new([0.0; VECTOR_LEN]);
+    for (x, number) in vector.iter_mut().zip(numbers) {
+        *x = number.f64_in(-LARGEST..=LARGEST, "")? as f32;
+    }
+    Ok(vector)
+}
+
+fn quoted(text: &str) -> String {
+    let mut quoted = String::from("\"");
+    for c in text.chars() {
+        match c {
+            '"' => quoted.push_str("\\\""),
+            '\\' => quoted.push_str("\\\\"),
+            '\n' => quoted.push_str("\\n"),
+            c => quoted.push(c),
+        }
+    }
+    quoted.push('"');
+    quoted
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use asperity_numbers::Random;
+
+    /// A library of three.
+    pub(super) fn three() -> Library {
+        let mut random = Random::new(5);
+        let material = |name: &str| LibraryMaterial {
+            name: name.into(),
+            description: format!("What {name} feels like."),
+            family: None,
+            images: Vec::new(),
+            pattern: Pattern::default(),
+            vector: Box::new(std::array::from_fn(|_| random.range(-4.0, 4.0) as f32)),
+        };
+        Library::new("three.ron", None, ["coarse weave", "brick", "cork"].map(material).into())
+    }
+
+    fn error(text: &str) -> String {
+        Library::parse(&Source::new("m.ron", text)).unwrap_err().to_string()
+    }
+
+    fn with_vector(vector: &str) -> String {
+        format!("Library(version: 1, materials: {{\n\"a\": (description: \"d\",\n vector: {vector}),\n}})")
+    }
+
+    #[test]
+    fn a_library_reads_back_to_the_same_bits() {
+        let library = three();
+        let back = Library::parse(&Source::new("three.ron", library.to_ron())).unwrap();
+        assert_eq!(library, back);
+    }
+
+    #[test]
+    fn version_2_reads_back_and_its_paths_are_beside_the_file() {
+        let mut library = three();
+        library.path = "some/where/m.ron".into();
+        library.encoder = Some("../models/e.onnx".into());
+        library.materials[1].family = Some("weave".into());
+        library.materials[2].images = vec!["a.png".into(), "b \"c\".jpg".into()];
+        let text = library.to_ron();
+        assert!(text.starts_with("Library(\n    version: 2,\n    encoder: \"../models/e.onnx\",\n"));
+        let back = Library::parse(&Source::new("some/where/m.ron", text)).unwrap();
+        assert_eq!(library, back);
+        assert_eq!(back.encoder().unwrap(), Path::new("some/where/../models/e.onnx"));
+        assert_eq!(back.beside("a.png"), Path::new("some/where/a.png"));
+        assert_eq!(Library::new("m.ron", None, Vec::new()).beside("a.png"), Path::new("a.png"));
+    }
+
+    #[test]
+    fn what_version_2_adds_is_unknown_in_version_1_and_refused_where_it_is_empty() {
+        let vector = format!("[{}]", "0.5, ".repeat(256));
+        for (version, head, fields, what) in [
+            (1, "encoder: \"e\",", "", "unknown field `encoder`"),
+            (1, "", "family: \"f\",", "unknown field `family`"),
+            (1, "", "images: [\"f\"],", "unknown field `images`"),
+            (2, "encoder: \" \",", "", "1:30: an empty text"),
+            (2, "", "family: \"\",", "an empty text"),
+            (2, "", "images: [\"a\", \"\"],", "an empty text"),
+            (2, "", "images: \"a\",", "expected a list"),
+            (2, "", "famly: \"a\",", "did you mean `family`?"),
+        ] {
+            let e = error(&format!(
+                "Library(version: {version}, {head} materials: {{\"a\": (description: \"d\", {fields} vector: {vector})}})"
+            ));
+            assert!(e.contains(what), "{e}");
+        }
+    }
+
+    #[test]
+    fn names_and_sentences_with_quotes_read_back() {
+        let mut library = three();
+        library.materials[0].name = "the \"odd\" \\ one".into();
+        library.materials[0].description = "two\nlines, é".into();
+        let back = Library::parse(&Source::new("three.ron", library.to_ron())).unwrap();
+        assert_eq!(library, back);
+    }
+
+    #[test]
+    fn an_unknown_material_names_the_nearest() {
+        let library = three();
+        let e = library.material("coarse weaves").unwrap_err().to_string();
+        assert!(
+            e.contains("no material `coarse weaves`") && e.contains("did you mean `coarse weave`?"),
+            "{e}"
+        );
+        assert_eq!(library.material("coarse weave").unwrap().name, "coarse weave");
+    }
+
+    #[test]
+    fn bad_libraries_are_refused_where_they_are_bad() {
+        let numbers = |n: usize, last: &str| format!("[{}{last}]", "0.5, ".repeat(n - 1));
+        assert!(Library::parse(&Source::new("m.ron", with_vector(&numbers(256, "1")))).is_ok());
+        for (vector, what) in [
+            (numbers(255, "1"), "m.ron:3:10: a vector of 255"),
+            (numbers(256, "NaN"), "not a finite number"),
+            (numbers(256, "1e50"), "out of range"),
+            (numbers(256, "\"x\""), "expected a number"),
+        ] {
+            let e = error(&with_vector(&vector));
+            assert!(e.starts_with("m.ron:3:") && e.contains(what), "{e}");
+        }
+        assert!(error("Library(version: 4, materials: {})").starts_with("m.ron:1:18: 4 is out of range"));
+        assert!(error("Library(version: 1, materials: {})").contains("without materials"));
+        assert!(error("Library(version: 1)").contains("`materials` is missing"));
+        assert!(
+            error(&with_vector("[]").replace("description", "descripton"))
+                .contains("`description` is missing")
+        );
+        let twice = "Library(version: 1, materials: {\"a\": (), \"a\": ()})";
+        assert!(error(twice).contains("twice"));
+    }
+
+    #[test]
+    fn a_missing_file_is_named() {
+        let e = Library::read("no/such/library.ron").unwrap_err().to_string();
+        assert!(e.starts_with("no/such/library.ron: cannot read"), "{e}");
+    }
+}

@@ -1,0 +1,113 @@
+//! A model read from its file, before it is given materials.
+
+use crate::lower::Lowered;
+use crate::proto::{self, MAX_MODEL_BYTES};
+use crate::reference::Reference;
+use crate::runner::{Runner, Wanted};
+use crate::signature::match_signature;
+use crate::trained::{Target, Trained};
+use asperity_diagnostics::{Diagnostic, Recent, file, fingerprint};
+use std::fmt;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// A texture network: checked, compiled by tract and, where it is a multilayer perceptron, lowered.
+///
+/// Inputs `force [1,10]` in N, `speed [1,20]` in mm/s and `texture [1,256]` give `magnitudes [1,100]`, all
+/// f32. Inputs and magnitudes are found by name, else by shape; a free batch size is taken as 1. A model
+/// may also have the outputs `ratio [1,100]` and `variance [1,1]`, found by name: how magnitudes scatter,
+/// see [`Answer`](crate::Answer).
+pub struct Model {
+    pub(crate) path: PathBuf,
+    pub(crate) reference: Reference,
+    /// The steps, or why there are none.
+    pub(crate) lowered: Result<Lowered, String>,
+    trained: Trained,
+    target: Target,
+    /// How many outputs it has.
+    pub(crate) outputs: usize,
+    /// Runners that were made of it lately.
+    pub(crate) made: Recent<Wanted, Runner>,
+}
+
+/// Models that were read lately, by their paths and what is in them.
+static MODELS: Recent<(PathBuf, (usize, u64)), Arc<Model>> = Recent::new(4);
+/// Runners of a model that are kept: a few precisions, or a few materials that are tried in turns.
+const RUNNERS: usize = 8;
+
+impl Model {
+    /// Reads an ONNX file of at most [`MAX_MODEL_BYTES`](crate::MAX_MODEL_BYTES).
+    ///
+    /// # Errors
+    /// A file that cannot be read or is no ONNX model, weights stored elsewhere, a signature that does not
+    /// fit (named with the shapes found), a trained range or a target that is none, or a graph that tract
+    /// cannot run, or whose tensors are too large.
+    pub fn load(path: impl AsRef<Path>) -> Result<Self, Diagnostic> {
+        let path = path.as_ref();
+        Self::from_bytes(&file::read(path, MAX_MODEL_BYTES)?, path)
+    }
+
+    /// As [`load`](Self::load), without work where the same file was loaded lately: what is in it counts,
+    /// not its time.
+    ///
+    /// # Errors
+    /// As [`load`](Self::load).
+    pub fn shared(path: impl AsRef<Path>) -> Result<Arc<Self>, Diagnostic> {
+        let path = path.as_ref();
+        let bytes = file::read(path, MAX_MODEL_BYTES)?;
+        MODELS.of((path.to_owned(), fingerprint(&bytes)), |_| Self::from_bytes(&bytes, path).map(Arc::new))
+    }
+
+    /// A model that is already in memory; `path` is its name in errors.
+    ///
+    /// # Errors
+    /// As [`Model::load`], but for reading.
+    pub fn from_bytes(bytes: &[u8], path: impl AsRef<Path>) -> Result<Self, Diagnostic> {
+        let path = path.as_ref();
+        let (model, graph) = proto::decode(bytes, path)?;
+        let signature = match_signature(&graph, path)?;
+        proto::check(&graph, path)?;
+        let reference = Reference::new(&model, &graph, &signature, path)?;
+        let own = model.opset_import.iter().find(|set| matches!(set.domain.as_str(), "" | "ai.onnx"));
+        let opset = own.map_or(0, |set| set.version);
+        let lowered = Lowered::new(&graph, opset, &signature);
+        Ok(Self {
+            path: path.to_owned(),
+            reference,
+            lowered,
+            trained: Trained::read(&model.metadata_props, path)?,
+            target: Target::read(&model.metadata_props, path)?,
+            outputs: signature.outputs.len(),
+            made: Recent::new(RUNNERS),
+        })
+    }
+
+    /// What the file says of the range the model was trained on.
+    pub fn trained(&self) -> Trained {
+        self.trained
+    }
+
+    /// Kind of magnitudes that the file says it answers; root mean squares where it says nothing.
+    pub fn target(&self) -> Target {
+        self.target
+    }
+
+    /// Whether the model answers ratio and variance too.
+    pub fn answers_scatter(&self) -> bool {
+        self.outputs > 1
+    }
+
+    /// Why the model can only be run by tract; `None` for a multilayer perceptron.
+    pub fn not_lowered_because(&self) -> Option<&str> {
+        self.lowered.as_ref().err().map(String::as_str)
+    }
+}
+
+impl fmt::Debug for Model {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Model")
+            .field("path", &self.path)
+            .field("not_lowered_because", &self.not_lowered_because())
+            .finish_non_exhaustive()
+    }
+}

@@ -1,0 +1,178 @@
+//! A tactile image from a picture file, of whatever size and kind it is.
+
+use std::io::Cursor;
+use std::path::Path;
+
+use asperity_diagnostics::{Diagnostic, file};
+use image::imageops::FilterType;
+use image::metadata::Orientation;
+use image::{DynamicImage, ImageDecoder, ImageError, ImageFormat, ImageReader, Limits};
+
+use super::{IMAGE, Image};
+
+/// Least width and height of a picture in pixels.
+pub const MIN_SIDE: u32 = 16;
+/// Most pixels of a picture: more than any camera behind a gel has, and at 64 bits a pixel still 400 MB.
+pub const MAX_PIXELS: u64 = 50_000_000;
+/// Most bytes of a picture file.
+pub const MAX_BYTES: u64 = 256 << 20;
+/// Most memory a decoder may take for what it unpacks, in bytes.
+const MAX_UNPACKED: u64 = 512 << 20;
+
+/// A tactile image and what was done to the file's picture to make it one.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Picture {
+    /// [`IMAGE`] rows and columns.
+    pub image: Image,
+    /// A sentence each, without a full stop: grey, alpha, 16 bits, turned, cropped, enlarged. Making it smaller is not said.
+    pub notes: Vec<String>,
+}
+
+/// Reads a PNG, JPEG or BMP file: grey or in colour, 1 to 16 bits, with a palette or alpha.
+///
+/// Alpha is left out, not blended. The picture is turned as its EXIF data says, its middle of 4 to 3 is taken and brought to
+/// [`IMAGE`] with a triangle filter that is as wide as the output's pixels where that makes it smaller, so that fine texture
+/// does not alias into coarse.
+///
+/// # Errors
+/// A file that is missing, no file (a folder), empty, too large, neither PNG, JPEG nor BMP, damaged or cut off; a picture of less than
+/// [`MIN_SIDE`] a side or more than [`MAX_PIXELS`].
+pub fn read(path: &Path) -> Result<Picture, Diagnostic> {
+    let bytes = whole(path)?;
+    let mut notes = Vec::new();
+    let whole = decoded(&bytes, path, &mut notes)?;
+    drop(bytes);
+    let part = middle(whole, &mut notes);
+    let sixteen = part.color().bytes_per_pixel() == 2 * part.color().channel_count();
+    let plain = if sixteen {
+        notes.push("16 bits a channel, brought to 8".into());
+        DynamicImage::from(part.into_rgb16())
+    } else {
+        DynamicImage::from(part.into_rgb8())
+    };
+    let [rows, columns] = IMAGE.map(|n| n as u32);
+    if plain.width() < columns || plain.height() < rows {
+        notes.push(format!(
+            "enlarged from {} x {} to {columns} x {rows}, which adds no detail",
+            plain.width(),
+            plain.height()
+        ));
+    }
+    let scaled = if (plain.width(), plain.height()) == (columns, rows) {
+        plain
+    } else {
+        plain.resize_exact(columns, rows, FilterType::Triangle)
+    };
+    let pixels = scaled.into_rgb8().into_raw();
+    if pixels.chunks_exact(3).all(|p| p.iter().all(|c| *c == p[0])) {
+        notes.push("grey: its colours say nothing of slopes".into());
+    }
+    Ok(Picture { image: Image { size: IMAGE, pixels }, notes })
+}
+
+fn whole(path: &Path) -> Result<Vec<u8>, Diagnostic> {
+    let bytes = file::read(path, MAX_BYTES)?;
+    if bytes.is_empty() {
+        return Err(Diagnostic::new("this file is empty, not a picture").in_file(path));
+    }
+    Ok(bytes)
+}
+
+fn decoded(bytes: &[u8], path: &Path, notes: &mut Vec<String>) -> Result<DynamicImage, Diagnostic> {
+    let fail = |what: String| Diagnostic::new(what).in_file(path);
+    let format = match image::guess_format(bytes) {
+        Ok(format @ (ImageFormat::Png | ImageFormat::Jpeg | ImageFormat::Bmp)) => format,
+        _ => return Err(fail("no PNG, JPEG or BMP picture".into()).help("those three are read")),
+    };
+    let name = match format {
+        ImageFormat::Png => "PNG",
+        ImageFormat::Jpeg => "JPEG",
+        _ => "BMP",
+    };
+    let damaged = |e: ImageError| match e {
+        ImageError::Limits(_) => fail(format!("this {name} unpacks to more than {MAX_UNPACKED} bytes")),
+        e => fail(format!("this {name} picture is damaged or cut off: {e}")),
+    };
+    if format == ImageFormat::Jpeg && !ends(bytes) {
+        return Err(fail("this JPEG picture is cut off: it has no end".into()));
+    }
+    let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
+    let mut limits = Limits::default();
+    limits.max_alloc = Some(MAX_UNPACKED);
+    reader.limits(limits);
+    let mut decoder = reader.into_decoder().map_err(damaged)?;
+    let (width, height) = decoder.dimensions();
+    if width.min(height) < MIN_SIDE {
+        return Err(fail(format!("a picture of {width} x {height} pixels"))
+            .help(format!("a tactile image has at least {MIN_SIDE} x {MIN_SIDE}")));
+    }
+    if u64::from(width) * u64::from(height) > MAX_PIXELS || decoder.total_bytes() > MAX_UNPACKED {
+        return Err(fail(format!("a picture of {width} x {height} pixels"))
+            .help(format!("at most {MAX_PIXELS} pixels are read")));
+    }
+    let turn = decoder.orientation().unwrap_or(Orientation::NoTransforms);
+    let mut picture = DynamicImage::from_decoder(decoder).map_err(damaged)?;
+    if picture.color().has_alpha() {
+        notes.push("its alpha is left out".into());
+    }
+    if turn != Orientation::NoTransforms {
+        notes.push("turned as its EXIF data says".into());
+        picture.apply_orientation(turn);
+    }
+    Ok(picture)
+}
+
+/// The largest part of 4 to 3 around the middle.
+fn middle(whole: DynamicImage, notes: &mut Vec<String>) -> DynamicImage {
+    let [rows, columns] = IMAGE.map(|n| n as u64);
+    let (width, height) = (u64::from(whole.width()), u64::from(whole.height()));
+    // To the nearest pixel.
+    let scaled = |side: u64, by: u64, to: u64| (2 * side * to + by) / (2 * by);
+    let (w, h) = if width * rows > height * columns {
+        (scaled(height, rows, columns).min(width), height)
+    } else {
+        (width, scaled(width, columns, rows).min(height))
+    };
+    if (w, h) == (width, height) {
+        return whole;
+    }
+    notes.push(format!("cropped from {width} x {height} to its middle {w} x {h}"));
+    whole.crop_imm(((width - w) / 2) as u32, ((height - h) / 2) as u32, w as u32, h as u32)
+}
+
+/// Whether a JPEG has its end marker behind its last scan (ITU T.81, B.1.1). A decoder may fill what is missing with grey.
+fn ends(bytes: &[u8]) -> bool {
+    const START_OF_SCAN: u8 = 0xda;
+    const END: u8 = 0xd9;
+    // Behind the start marker.
+    let mut rest = bytes.get(2..).unwrap_or_default();
+    loop {
+        // A marker may be filled up with any number of 0xff.
+        let Some(at) = rest.iter().position(|b| *b != 0xff) else { return false };
+        let Some((marker, after)) = rest[at..].split_first() else { return false };
+        if at == 0 {
+            // Bytes between segments, which decoders skip.
+            let Some(next) = rest.iter().position(|b| *b == 0xff) else { return false };
+            rest = &rest[next..];
+            continue;
+        }
+        match *marker {
+            END => return true,
+            // They stand alone.
+            0x00 | 0x01 | 0xd0..=0xd8 => {
+                rest = after;
+                continue;
+            }
+            _ => {}
+        }
+        let Some([high, low]) = after.first_chunk() else { return false };
+        let Some(behind) = after.get(usize::from(u16::from_be_bytes([*high, *low]))..) else { return false };
+        rest = behind;
+        if *marker == START_OF_SCAN {
+            // In coded data 0xff stands before 0, a restart or the next marker.
+            let coded = |pair: &[u8]| pair[0] != 0xff || matches!(pair[1], 0x00 | 0xd0..=0xd7 | 0xff);
+            let Some(next) = rest.windows(2).position(|pair| !coded(pair)) else { return false };
+            rest = &rest[next..];
+        }
+    }
+}

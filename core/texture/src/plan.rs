@@ -1,0 +1,113 @@
+//! Compiles a graph by tract, once the sizes of all its tensors are known.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::Path;
+use std::sync::Arc;
+
+use asperity_diagnostics::{Diagnostic, budget};
+use tract_onnx::pb::ModelProto;
+use tract_onnx::prelude::*;
+use tract_onnx::tract_hir::internal::*;
+use tract_onnx::tract_hir::tract_core::model::order::eval_order_for_nodes;
+
+/// A compiled graph.
+pub(crate) type Plan = Arc<TypedRunnableModel>;
+
+/// Assigns compiled parts to their users.
+pub(crate) struct Wanted<'a> {
+    /// The model's file.
+    pub(crate) path: &'a Path,
+    /// Shapes of its inputs, all of f32.
+    pub(crate) inputs: &'a [Vec<usize>],
+    /// Largest file of this kind of model, in bytes. Its tensors have at most twice as many numbers.
+    pub(crate) most_bytes: u64,
+    /// How such a model looks, for a person.
+    pub(crate) help: &'a str,
+}
+
+impl Wanted<'_> {
+    /// Compiles a graph.
+    ///
+    /// # Errors
+    /// A graph that tract cannot run; tensors that are too large, all together.
+    pub(crate) fn compile(&self, model: &ModelProto) -> Result<Plan, Diagnostic> {
+        // tract panics on some malformed graphs that pass every check made before.
+        catch_unwind(AssertUnwindSafe(|| self.plan(model)))
+            .unwrap_or_else(|_| Err(self.refuse("tract panicked over this model".into())))
+    }
+
+    fn plan(&self, model: &ModelProto) -> Result<Plan, Diagnostic> {
+        let told = |e: TractError| {
+            let cause: String = format!("{e:#}").chars().take(400).collect();
+            self.refuse(format!("tract cannot run this model: {cause}"))
+        };
+        let mut model = self.parse(model).map_err(told)?;
+        self.count(&mut model).map_err(told)??;
+        model.into_optimized().and_then(|model| model.into_runnable()).map_err(told)
+    }
+
+    fn refuse(&self, what: String) -> Diagnostic {
+        Diagnostic::new(what).in_file(self.path).help(self.help)
+    }
+
+    fn parse(&self, model: &ModelProto) -> TractResult<InferenceModel> {
+        // Shapes on the way are worked out anew: those in the file may be for another batch size.
+        let parsed = tract_onnx::onnx().with_ignore_value_info(true).parse(model, None)?;
+        if let Some(name) = parsed.unresolved_inputs.first() {
+            return Err(TractError::msg(format!("nothing gives \"{name}\"")));
+        }
+        let mut model = parsed.model;
+        for (i, shape) in self.inputs.iter().enumerate() {
+            model = model.with_input_fact(i, f32::fact(shape).into())?;
+        }
+        Ok(model)
+    }
+
+    /// Counts the numbers in all tensors, node by node. A constant is worked out only after it was counted,
+    /// since the sizes of later ones may follow from it.
+    fn count(&self, model: &mut InferenceModel) -> TractResult<Result<(), Diagnostic>> {
+        let most = self.most_bytes / 2;
+        let (mut numbers, mut bytes) = (0_u64, 0_u64);
+        // tract works out constants that no output needs as well.
+        let all: Vec<usize> = model.nodes().iter().map(|node| node.id).collect();
+        for id in eval_order_for_nodes(model.nodes(), &[], &all, &[])? {
+            let node = model.node(id);
+            let (inputs, outputs) = model.node_facts(id)?;
+            let observed = node.op.observe_outlets(model, node)?;
+            let observed: TVec<&InferenceFact> =
+                observed.iter().map(|outlet| model.outlet_fact(*outlet)).collect::<TractResult<_>>()?;
+            let mut op: Box<dyn InferenceOp> = node.op.clone();
+            let shapes = op.infer_facts(inputs.clone(), outputs.clone(), observed.clone())?.1;
+            for fact in &shapes {
+                let size = fact.datum_type.concretize().map_or(8, |kind| kind.size_of() as u64);
+                let len = elements(&fact.shape);
+                numbers = numbers.saturating_add(len);
+                bytes = bytes.saturating_add(len.saturating_mul(size));
+            }
+            let title = || format!("node \"{:.60}\" ({:.60})", node.name, node.op.name());
+            if numbers > most {
+                let what = format!("{} brings the tensors to {numbers} elements", title());
+                return Ok(Err(self.refuse(format!("{what}; at most {most} are made"))));
+            }
+            // tract holds constants as they were, as they are turned, and as they are packed.
+            if let Err(e) = budget::needs(bytes.saturating_mul(3)) {
+                let what = format!("{}: {}", title(), e.message);
+                return Ok(Err(Diagnostic { message: what, ..e }.in_file(self.path)));
+            }
+            let known = op.infer(inputs, outputs, observed)?.1;
+            for (slot, fact) in known.into_iter().enumerate() {
+                model.set_outlet_fact(OutletId::new(id, slot), fact)?;
+            }
+        }
+        Ok(Ok(()))
+    }
+}
+
+/// Number of elements of a shape; 0 where it is not known yet.
+fn elements(shape: &ShapeFactoid) -> u64 {
+    let sizes = shape.concretize().unwrap_or_default();
+    let sizes = sizes.iter().map(|size| size.to_i64().ok().and_then(|size| u64::try_from(size).ok()));
+    sizes
+        .collect::<Option<Vec<u64>>>()
+        .map_or(0, |sizes| sizes.iter().fold(1, |n, size| n.saturating_mul(*size)))
+}

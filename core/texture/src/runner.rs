@@ -1,0 +1,570 @@
+//! A model with its materials, ready to run once a tick.
+
+use crate::check::{self, Probe, error_of_full_scale};
+use crate::double::Double;
+use crate::kernel::has_whole_numbers;
+use crate::lower::Lowered;
+use crate::model::Model;
+use crate::packed::Packed;
+use crate::range::Range;
+use crate::reference::{Reference, TextureTensor, texture};
+use crate::signature::{FORCE_LEN, MAGNITUDES_LEN, SPEED_LEN, TEXTURE_LEN};
+use crate::stored::Stored;
+use asperity_diagnostics::Diagnostic;
+use asperity_dsp::Isa;
+use std::fmt;
+
+/// Largest number of materials that one runner holds.
+pub const MAX_MATERIALS: usize = 4096;
+/// How many materials a packed network is compared with tract on.
+const CHECKED_MATERIALS: usize = 8;
+
+/// How weights are kept. Sums are f32, but of [`Precision::F64`].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Precision {
+    /// 32-bit weights, within 1e-4 of full scale of tract.
+    #[default]
+    F32,
+    /// 16-bit weights, scaled by a power of two per column, within 1e-3 of full scale of tract.
+    F16,
+    /// 8-bit weights, scaled so that the largest of a column is 127, and 16-bit inputs, summed up in whole
+    /// numbers, within 5e-2 of full scale of tract: 0.4 dB of the largest magnitude.
+    Int8,
+    /// 64-bit weights, sums and activations, within 1e-4 of full scale of tract: what the others are judged
+    /// by. Not packed, and slow.
+    F64,
+}
+
+impl Precision {
+    /// All of them, the default first.
+    pub const ALL: [Precision; 4] = [Precision::F32, Precision::F16, Precision::Int8, Precision::F64];
+
+    /// Its name in graphs and reports.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Precision::F32 => "f32",
+            Precision::F16 => "f16",
+            Precision::Int8 => "int8",
+            Precision::F64 => "f64",
+        }
+    }
+
+    /// Largest difference from tract that is accepted, as a share of full scale.
+    pub fn tolerance(self) -> f64 {
+        match self {
+            Precision::F32 | Precision::F64 => 1e-4,
+            Precision::F16 => 1e-3,
+            Precision::Int8 => 5e-2,
+        }
+    }
+
+    /// Instruction sets of this machine that it can be packed for, best first; none for f64.
+    pub fn isas(self) -> Vec<Isa> {
+        let all = Isa::available();
+        match self {
+            Precision::F32 | Precision::F16 => all.collect(),
+            Precision::Int8 => all.filter(|&isa| has_whole_numbers(isa)).collect(),
+            Precision::F64 => Vec::new(),
+        }
+    }
+
+    /// What is tried in this precision's place: itself, and then what is more exact.
+    fn attempts(self) -> &'static [Precision] {
+        match self {
+            Precision::F32 => &[Precision::F32],
+            Precision::F16 => &[Precision::F16, Precision::F32],
+            Precision::Int8 => &[Precision::Int8, Precision::F16, Precision::F32],
+            Precision::F64 => &[Precision::F64],
+        }
+    }
+}
+
+/// Which executor is wanted.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Choice {
+    /// Packed kernels on the best instruction set where they agree with tract; failing int8, f16, and
+    /// failing that, f32; else tract. f64 has no packed kernels, and is checked against tract in the same
+    /// way.
+    #[default]
+    Auto,
+    /// Packed kernels on this instruction set, or an error; with f64 always an error.
+    Packed(Isa),
+    /// tract.
+    Tract,
+}
+
+/// Mean over root mean square of the magnitude of noise: sqrt(pi / 4), that of a Rayleigh distribution.
+pub const NOISE_RATIO: f32 = 0.886_226_9;
+
+/// Magnitudes of one tick, and how they scatter at one material, force and velocity.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Answer {
+    /// Magnitudes at 10, 20, .. 1000 Hz, as the model scales them.
+    pub magnitudes: [f32; MAGNITUDES_LEN],
+    /// Mean over root mean square of each magnitude, 0 to 1: [`NOISE_RATIO`] for noise, 1 for a steady line.
+    pub ratio: [f32; MAGNITUDES_LEN],
+    /// Variance of a frame's power over its squared mean, from 0; power is the sum of all squared
+    /// magnitudes.
+    pub variance: f32,
+}
+
+/// Answer of a model that says nothing of scatter: noise in every bin, and a variance of 0.
+impl Default for Answer {
+    fn default() -> Self {
+        Self { magnitudes: [0.0; MAGNITUDES_LEN], ratio: [NOISE_RATIO; MAGNITUDES_LEN], variance: 0.0 }
+    }
+}
+
+impl Answer {
+    /// Brings ratios to 0..=1 and the variance to finite numbers from 0; what is no number counts as noise.
+    fn hold(&mut self) {
+        for ratio in &mut self.ratio {
+            *ratio = if ratio.is_nan() { NOISE_RATIO } else { ratio.clamp(0.0, 1.0) };
+        }
+        if !(0.0..=f32::MAX).contains(&self.variance) {
+            self.variance = 0.0;
+        }
+    }
+}
+
+/// What runs the network.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Executor {
+    /// Packed kernels, which do not allocate.
+    Packed {
+        /// The instruction set used.
+        isa: Isa,
+        /// How weights are stored.
+        precision: Precision,
+    },
+    /// Plain code in double precision, which does not allocate.
+    Double,
+    /// tract, which allocates about 200 times a run.
+    Tract,
+}
+
+impl Executor {
+    /// Whether a run allocates no memory.
+    pub fn is_allocation_free(self) -> bool {
+        match self {
+            Executor::Packed { .. } | Executor::Double => true,
+            Executor::Tract => false,
+        }
+    }
+}
+
+/// Such as `packed f32 on avx512`.
+impl fmt::Display for Executor {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Executor::Packed { isa, precision } => {
+                write!(f, "packed {} on {}", precision.name(), isa.name())
+            }
+            Executor::Double => f.write_str("f64"),
+            Executor::Tract => f.write_str("tract"),
+        }
+    }
+}
+
+/// What a runner is, for reports.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Info {
+    /// What runs the network.
+    pub executor: Executor,
+    /// Bytes of weights that a run reads, padding included; 0 for tract, which does not say.
+    pub weights_bytes: usize,
+    /// Multiply-adds a run, padding and what is folded into biases left out; 0 for tract.
+    pub multiply_adds: usize,
+    /// Largest difference from tract over the check's inputs, as a share of full scale; `None` where
+    /// nothing was checked.
+    pub max_error_vs_tract: Option<f64>,
+    /// In words: the choice, and why it is not the first choice where it is not.
+    pub report: String,
+}
+
+/// Why a run gave nothing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum RunError {
+    /// There is no such material.
+    Material {
+        /// The index asked for.
+        index: usize,
+        /// How many there are.
+        count: usize,
+    },
+    /// An input or the output has another length than [`FORCE_LEN`], [`SPEED_LEN`] or [`MAGNITUDES_LEN`].
+    Length,
+    /// The executor failed; with packed kernels this cannot happen.
+    Executor,
+}
+
+impl fmt::Display for RunError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            RunError::Material { index, count } => write!(f, "material {index} of {count} does not exist"),
+            RunError::Length => {
+                write!(f, "force, speed or magnitudes have another length than 10, 20 and 100")
+            }
+            RunError::Executor => f.write_str("the network's executor failed"),
+        }
+    }
+}
+
+impl std::error::Error for RunError {}
+
+#[derive(Clone)]
+enum Engine {
+    F32(Box<Packed<f32>>),
+    F16(Box<Packed<u16>>),
+    Int8(Box<Packed<i8>>),
+    F64(Box<Double>),
+    Tract(Reference, Vec<TextureTensor>),
+}
+
+/// A network with its materials preloaded.
+#[derive(Clone)]
+pub struct Runner {
+    engine: Engine,
+    materials: usize,
+    /// How many outputs the model has.
+    outputs: usize,
+    info: Info,
+}
+
+impl Model {
+    /// Prepares the network for `materials`, each of [`TEXTURE_LEN`] finite numbers: folds their part of
+    /// the network into biases, packs the weights and checks the result against tract. Slow (0.2 s where
+    /// weights are rounded), for the control thread; one that was made lately is not made again: the copy
+    /// shares its weights.
+    ///
+    /// # Errors
+    /// No material or more than [`MAX_MATERIALS`], one of another length or not finite; with
+    /// [`Choice::Packed`], a network, machine or result that does not allow it.
+    pub fn runner<M: AsRef<[f32]>>(
+        &self,
+        materials: &[M],
+        precision: Precision,
+        choice: Choice,
+    ) -> Result<Runner, Diagnostic> {
+        let refuse = |what: String| Diagnostic::new(what).in_file(&self.path);
+        if materials.is_empty() || materials.len() > MAX_MATERIALS {
+            return Err(refuse(format!(
+                "{} materials for this network; 1 to {MAX_MATERIALS} fit",
+                materials.len()
+            )));
+        }
+        for (i, m) in materials.iter().enumerate() {
+            let m = m.as_ref();
+            if m.len() != TEXTURE_LEN {
+                let what =
+                    format!("material {i} has a texture vector of {} numbers, not {TEXTURE_LEN}", m.len());
+                return Err(refuse(what));
+            }
+            if let Some(at) = m.iter().position(|x| !x.is_finite()) {
+                return Err(refuse(format!("number {at} of material {i}'s texture vector is not finite")));
+            }
+        }
+        let all: Vec<Vec<f32>> = materials.iter().map(|m| m.as_ref().to_vec()).collect();
+        self.made.of((all, precision, choice), |asked| self.make(asked))
+    }
+
+    /// Makes a runner for materials that fit.
+    fn make(&self, &(ref materials, precision, choice): &Wanted) -> Result<Runner, Diagnostic> {
+        let refuse = |what: String| Diagnostic::new(what).in_file(&self.path);
+        let textures: Vec<TextureTensor> = materials.iter().map(|m| texture(m)).collect();
+        let job = Job {
+            reference: &self.reference,
+            outputs: self.outputs,
+            range: Range::new(self.trained()),
+            textures: &textures,
+            materials: materials.iter().map(|m| m.iter().map(|&x| f64::from(x)).collect()).collect(),
+        };
+        let tract = |report: String| Runner {
+            engine: Engine::Tract(self.reference.clone(), textures.clone()),
+            materials: textures.len(),
+            outputs: self.outputs,
+            info: Info {
+                executor: Executor::Tract,
+                weights_bytes: 0,
+                multiply_adds: 0,
+                max_error_vs_tract: None,
+                report,
+            },
+        };
+        let forced = match choice {
+            Choice::Tract => return Ok(tract("tract, as asked for".into())),
+            Choice::Auto => None,
+            Choice::Packed(isa) => Some(isa),
+        };
+        let net = match &self.lowered {
+            Ok(net) => net,
+            Err(why) if forced.is_some() => {
+                return Err(refuse(format!("this network cannot be packed: {why}")));
+            }
+            Err(why) => return Ok(tract(format!("tract: not packed, for {why}"))),
+        };
+        if forced.is_some() && precision == Precision::F64 {
+            return Err(refuse("f64 has no packed kernels".into()));
+        }
+        let mut refused = String::new();
+        let attempts = if forced.is_some() { &[precision] } else { precision.attempts() };
+        for &precision in attempts {
+            let best = precision.isas().first().copied().unwrap_or(Isa::Portable);
+            let isa = forced.unwrap_or(best);
+            let attempt = match precision {
+                Precision::F32 => job.packed::<f32>(net, isa, precision, |p| Engine::F32(Box::new(p))),
+                Precision::F16 => job.packed::<u16>(net, isa, precision, |p| Engine::F16(Box::new(p))),
+                Precision::Int8 => job.packed::<i8>(net, isa, precision, |p| Engine::Int8(Box::new(p))),
+                Precision::F64 => job.double(net),
+            };
+            match attempt {
+                Ok(mut runner) => {
+                    runner.info.report.push_str(&refused);
+                    return Ok(runner);
+                }
+                Err(why) => refused.push_str(&format!("; {} weights refused: {why}", precision.name())),
+            }
+        }
+        if forced.is_some() {
+            return Err(refuse(format!("this network cannot be packed{refused}")));
+        }
+        Ok(tract(format!("tract{refused}")))
+    }
+}
+
+/// What tells a runner of a model from another: texture vectors, precision and choice.
+pub(crate) type Wanted = (Vec<Vec<f32>>, Precision, Choice);
+
+/// What packing needs besides the network.
+struct Job<'a> {
+    reference: &'a Reference,
+    outputs: usize,
+    /// Range to which what it is given is held.
+    range: Range,
+    textures: &'a [TextureTensor],
+    materials: Vec<Vec<f64>>,
+}
+
+impl Job<'_> {
+    /// Packs and checks, or says why not.
+    fn packed<W: Stored>(
+        &self,
+        net: &Lowered,
+        isa: Isa,
+        precision: Precision,
+        engine: impl FnOnce(Packed<W>) -> Engine,
+    ) -> Result<Runner, String> {
+        let packed = Packed::<W>::new(net, &self.materials, isa)?;
+        let (bytes, multiply_adds) = (packed.weights_bytes(), packed.multiply_adds());
+        let executor = Executor::Packed { isa, precision };
+        self.checked(engine(packed), executor, precision.tolerance(), bytes, multiply_adds)
+    }
+
+    /// The network in f64, checked, or says why not.
+    fn double(&self, net: &Lowered) -> Result<Runner, String> {
+        let double = Double::new(net, &self.materials);
+        let (bytes, multiply_adds) = (double.weights_bytes(), double.multiply_adds());
+        let tolerance = Precision::F64.tolerance();
+        self.checked(Engine::F64(Box::new(double)), Executor::Double, tolerance, bytes, multiply_adds)
+    }
+
+    /// A runner, if it is as near to tract as it has to be.
+    fn checked(
+        &self,
+        engine: Engine,
+        executor: Executor,
+        tolerance: f64,
+        weights_bytes: usize,
+        multiply_adds: usize,
+    ) -> Result<Runner, String> {
+        let info =
+            Info { executor, weights_bytes, multiply_adds, max_error_vs_tract: None, report: String::new() };
+        let mut runner = Runner { engine, materials: self.textures.len(), outputs: self.outputs, info };
+        let error = self.error(&mut runner)?;
+        if error.is_nan() || error > tolerance {
+            return Err(format!(
+                "differs from tract by {error:.1e} of full scale, more than {tolerance:.0e}"
+            ));
+        }
+        runner.info.max_error_vs_tract = Some(error);
+        runner.info.report = format!("{executor}, within {error:.1e} of full scale of tract");
+        Ok(runner)
+    }
+
+    /// The largest difference from tract, each output over each group of probes by its own full scale.
+    fn error(&self, runner: &mut Runner) -> Result<f64, String> {
+        let mut worst = 0f64;
+        for probes in [check::ordinary(), check::large()] {
+            let probes: Vec<Probe> = probes.iter().map(|probe| probe.held(&self.range)).collect();
+            let mut reference: [Vec<f32>; 3] = Default::default();
+            let mut found = reference.clone();
+            for (material, texture) in self.textures.iter().enumerate().take(CHECKED_MATERIALS) {
+                for Probe { force, speed } in &probes {
+                    let mut answer = Answer::default();
+                    let mut out = outputs(&mut answer);
+                    self.reference
+                        .run(texture, force, speed, &mut out[..self.outputs])
+                        .ok_or("tract fails on the check's inputs")?;
+                    reference.iter_mut().zip(&out).for_each(|(all, out)| all.extend_from_slice(out));
+                    runner
+                        .run_into(material, force, speed, &mut out[..self.outputs])
+                        .map_err(|e| e.to_string())?;
+                    found.iter_mut().zip(&out).for_each(|(all, out)| all.extend_from_slice(out));
+                }
+            }
+            let errors = reference.iter().zip(&found).map(|(r, f)| error_of_full_scale(r, f));
+            worst = errors.fold(worst, f64::max);
+        }
+        Ok(worst)
+    }
+}
+
+/// The parts of an answer, in the signature's order.
+fn outputs(answer: &mut Answer) -> [&mut [f32]; 3] {
+    [&mut answer.magnitudes, &mut answer.ratio, std::slice::from_mut(&mut answer.variance)]
+}
+
+impl Runner {
+    /// Predicts magnitudes and how they scatter, as [`run`](Self::run) predicts magnitudes.
+    ///
+    /// A model without [scatter](Self::answers_scatter) leaves ratio and variance as [`Answer::default`] has
+    /// them. Others answer ratios within 0..=1 and a finite variance from 0, whatever the network gives.
+    ///
+    /// # Errors
+    /// See [`RunError`]; `answer` is then untouched.
+    #[inline]
+    pub fn answer(
+        &mut self,
+        material: usize,
+        force: &[f32],
+        speed: &[f32],
+        answer: &mut Answer,
+    ) -> Result<(), RunError> {
+        let count = self.outputs.min(3);
+        self.run_into(material, force, speed, &mut outputs(answer)[..count])?;
+        if count > 1 {
+            answer.hold();
+        } else {
+            (answer.ratio, answer.variance) = ([NOISE_RATIO; MAGNITUDES_LEN], 0.0);
+        }
+        Ok(())
+    }
+
+    /// Whether the model answers ratio and variance too.
+    pub fn answers_scatter(&self) -> bool {
+        self.outputs > 1
+    }
+
+    /// Predicts magnitudes: `force` of [`FORCE_LEN`] in N, `speed` of [`SPEED_LEN`] in mm/s, `out` of
+    /// [`MAGNITUDES_LEN`] as the model scales them. NaN and infinities are passed on, not refused.
+    ///
+    /// Neither allocates nor locks where [`Executor::is_allocation_free`].
+    ///
+    /// # Errors
+    /// See [`RunError`]; `out` is then untouched.
+    #[inline]
+    pub fn run(
+        &mut self,
+        material: usize,
+        force: &[f32],
+        speed: &[f32],
+        out: &mut [f32],
+    ) -> Result<(), RunError> {
+        if out.len() != MAGNITUDES_LEN {
+            return Err(RunError::Length);
+        }
+        self.run_into(material, force, speed, &mut [out])
+    }
+
+    /// Runs the network into the first of its outputs, as many as there are in `out`; their lengths fit.
+    #[inline]
+    fn run_into(
+        &mut self,
+        material: usize,
+        force: &[f32],
+        speed: &[f32],
+        out: &mut [&mut [f32]],
+    ) -> Result<(), RunError> {
+        if material >= self.materials {
+            return Err(RunError::Material { index: material, count: self.materials });
+        }
+        if force.len() != FORCE_LEN || speed.len() != SPEED_LEN {
+            return Err(RunError::Length);
+        }
+        let done = match &mut self.engine {
+            Engine::F32(packed) => packed.run(material, force, speed, out),
+            Engine::F16(packed) => packed.run(material, force, speed, out),
+            Engine::Int8(packed) => packed.run(material, force, speed, out),
+            Engine::F64(double) => double.run(material, force, speed, out),
+            Engine::Tract(reference, textures) => {
+                textures.get(material).and_then(|texture| reference.run(texture, force, speed, out))
+            }
+        };
+        done.ok_or(RunError::Executor)
+    }
+
+    /// What runs the network, and how it was chosen.
+    pub fn describe(&self) -> &Info {
+        &self.info
+    }
+
+    /// How many materials are loaded.
+    pub fn materials(&self) -> usize {
+        self.materials
+    }
+
+    /// Whether a run allocates no memory.
+    pub fn is_allocation_free(&self) -> bool {
+        self.info.executor.is_allocation_free()
+    }
+
+    /// Reads the packed weights once, in order, and returns a checksum: for benches, the time that a run is
+    /// held against. `None` for f64 and tract.
+    pub fn read_weights(&self) -> Option<u32> {
+        match &self.engine {
+            Engine::F32(packed) => Some(packed.read()),
+            Engine::F16(packed) => Some(packed.read()),
+            Engine::Int8(packed) => Some(packed.read()),
+            Engine::F64(..) | Engine::Tract(..) => None,
+        }
+    }
+}
+
+impl fmt::Debug for Runner {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Runner")
+            .field("materials", &self.materials)
+            .field("info", &self.info)
+            .finish_non_exhaustive()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::Arc;
+
+    fn share(a: &Runner, b: &Runner) -> bool {
+        match (&a.engine, &b.engine) {
+            (Engine::F32(a), Engine::F32(b)) => Arc::ptr_eq(&a.made, &b.made),
+            (Engine::F16(a), Engine::F16(b)) => Arc::ptr_eq(&a.made, &b.made),
+            (Engine::Int8(a), Engine::Int8(b)) => Arc::ptr_eq(&a.made, &b.made),
+            (Engine::F64(a), Engine::F64(b)) => Arc::ptr_eq(&a.net, &b.net),
+            _ => false,
+        }
+    }
+
+    #[test]
+    fn what_was_made_lately_is_not_made_again_and_its_weights_are_there_once() {
+        let model = concat!(env!("CARGO_MANIFEST_DIR"), "/../../graphs/models/surfaces/texture.onnx");
+        let model = Model::load(model).unwrap();
+        let materials = [[0.1_f32; TEXTURE_LEN], [0.2; TEXTURE_LEN]];
+        for precision in Precision::ALL {
+            let make = |count| model.runner(&materials[..count], precision, Choice::Auto).unwrap();
+            let (one, other) = (make(2), make(1));
+            assert!(share(&one, &make(2)) && share(&other, &make(1)), "{}", precision.name());
+            assert!(!share(&one, &other), "{}", precision.name());
+        }
+    }
+}

@@ -1,0 +1,372 @@
+//! How accurate a setting is: over every stroke, material and draw.
+
+use asperity_accuracy::accuracy::rhythm::{self, Rhythm};
+use asperity_accuracy::accuracy::{self, Agreement, BINS, FIRST_HZ, HOP_S, STEP_HZ, Spectrogram};
+use asperity_accuracy::phase;
+use asperity_data::made;
+use asperity_diagnostics::Diagnostic;
+use asperity_diagnostics::ron::{Kind, Value};
+use asperity_engine::Options;
+use asperity_graph::GraphFile;
+use asperity_node::{ParamKind, Registry};
+
+use crate::figure::{Figure, Figures, mean};
+use crate::hear::{Chain, Heard, Path3, over};
+use crate::knob::{has, set};
+use crate::lag;
+use crate::setting::Setting;
+use crate::spot::{Spot, laid};
+use crate::stroke::Stroke;
+use crate::time::Onlooker;
+use crate::truth::{Truth, Truths};
+
+/// What is rendered, and how often.
+pub(crate) struct Plan<'a> {
+    /// Strokes.
+    pub strokes: &'a [Stroke],
+    /// Materials; one of no name where the graph has its own.
+    pub materials: &'a [Option<String>],
+    /// Draws.
+    pub draws: u64,
+    /// Seed of the first; the others follow.
+    pub seed: u64,
+    /// Steps of speed for the response lag.
+    pub steps: usize,
+    /// The physics.
+    pub truths: &'a Truths,
+}
+
+impl<'a> Plan<'a> {
+    /// The strokes that go over a material, with their numbers.
+    pub(crate) fn over(&self, material: Option<&str>) -> impl Iterator<Item = (usize, &'a Stroke)> {
+        self.strokes.iter().enumerate().filter(move |(_, s)| s.goes_over(material))
+    }
+}
+
+/// What was found.
+#[derive(Clone, Debug, Default, serde::Serialize, serde::Deserialize)]
+pub(crate) struct Found {
+    /// Figures of every draw.
+    pub draws: Vec<Figures>,
+    /// Of the network's own magnitudes.
+    pub model: Figures,
+    /// Response lag of every draw \[ms\].
+    pub lags_ms: Vec<[f64; 3]>,
+    /// Declared latency \[ms\].
+    pub latency_ms: Option<f64>,
+    /// How often nodes failed, over strokes and in the steps of speed.
+    pub faults: u64,
+}
+
+/// Finds all there is to find about a setting; none where the user asks to stop.
+///
+/// # Errors
+/// A graph that does not compile over one of the materials.
+pub(crate) fn find(
+    setting: &Setting,
+    registry: &Registry,
+    plan: &Plan<'_>,
+    onlooker: &dyn Onlooker,
+) -> Result<Option<Found>, Diagnostic> {
+    let mut found = Found::default();
+    let mut models = Vec::new();
+    let double = in_double(setting, registry);
+    let spot = Spot::of(&setting.graph, registry)?;
+    let strokes: Vec<Path3> = plan.strokes.iter().map(|s| laid(spot.as_ref(), s)).collect();
+    let mut ways: Vec<Path3> = strokes.iter().cloned().chain(lag::ways(spot.as_ref())).collect();
+    ways.push(lag::straight());
+    let options = Options { sleep: false, guards: setting.guards, ..Options::default() };
+    for draw in 0..plan.draws {
+        let seed = plan.seed.wrapping_add(draw);
+        let mut all = Vec::new();
+        let mut compared = true;
+        for (m, material) in plan.materials.iter().enumerate() {
+            let material = material.as_deref();
+            let graph = over(&setting.graph, registry, material, seed);
+            let mut chain = Chain::new(&graph, registry, ways.clone(), options)?;
+            found.latency_ms.get_or_insert(chain.latency().ms());
+            for (s, stroke) in plan.over(material) {
+                if onlooker.stopped() {
+                    return Ok(None);
+                }
+                chain.play(s);
+                let heard = chain.hear(stroke.seconds);
+                found.faults += heard.faults;
+                let mut figures = Figures::new();
+                if let Some(db) = convergence(&heard) {
+                    figures.insert(Figure::Convergence, db);
+                }
+                if let Some(truth) = plan.truths.get((s, stroke), material, draw) {
+                    whole(&heard, truth, setting.strength, &mut figures);
+                    models.extend(of_model(&heard, &truth.spectrograms));
+                }
+                // The wave itself is compared on one stroke, over one material: double precision takes its
+                // time, and draws are to differ in nothing else.
+                if let Some(double) = double.as_ref().filter(|_| std::mem::take(&mut compared)) {
+                    let graph = over(double, registry, material, seed);
+                    let mut wide = Chain::new(&graph, registry, strokes.clone(), options)?;
+                    wide.play(s);
+                    let wide = wide.hear(stroke.seconds);
+                    if let Ok(db) = accuracy::waveform_db(&wide_of(heard.last()), &wide_of(wide.last())) {
+                        figures.insert(Figure::Precision, db);
+                    }
+                }
+                all.push(figures);
+                onlooker.advanced(1);
+            }
+            // A scene has no room for a straight stroke.
+            let pitch = material.and_then(|m| made::pitch_mm(&made::surface(m).ok()?));
+            if let Some(pitch_mm) = pitch.filter(|_| spot.is_none()) {
+                let before = chain.faults();
+                chain.play(ways.len() - 1);
+                all.extend(repeats(&mut chain, pitch_mm).map(|ms| Figures::from([(Figure::Pitch, ms)])));
+                found.faults += chain.faults() - before;
+            }
+            if m == 0 {
+                let before = chain.faults();
+                found.lags_ms.extend(lag::measured(&mut chain, strokes.len(), plan.steps));
+                found.faults += chain.faults() - before;
+                onlooker.advanced(1);
+            }
+        }
+        found.draws.push(mean(all.iter()));
+    }
+    found.model = mean(models.iter());
+    Ok(Some(found))
+}
+
+fn wide_of(x: &[f32]) -> Vec<f64> {
+    x.iter().map(|x| f64::from(*x)).collect()
+}
+
+/// The same setting with every node in double precision that can be; none where none can, or all are.
+fn in_double(setting: &Setting, registry: &Registry) -> Option<GraphFile> {
+    let mut double = setting.graph.clone();
+    let mut any = false;
+    for node in &mut double.nodes {
+        if !can_be_double(registry, &node.kind) {
+            continue;
+        }
+        let is =
+            node.params.iter().find(|p| p.name == "precision").map(|p| asperity_graph::text_of(&p.value));
+        any |= is.as_deref().map(|word| word.trim_matches('"')) != Some("f64");
+        let value = Value::made(Kind::Text("f64".into()), &node.place);
+        set(node, "precision", &value);
+    }
+    any.then_some(double)
+}
+
+/// Whether a kind has a parameter `precision` that may be `f64`.
+fn can_be_double(registry: &Registry, kind: &str) -> bool {
+    matches!(has(registry, kind, "precision"), Some(ParamKind::Choice(words)) if words.iter().any(|w| w == "f64"))
+}
+
+/// Spectral convergence of the signal that was made of frames.
+fn convergence(heard: &Heard) -> Option<f64> {
+    let framing = heard.framing?;
+    phase::score(&heard.frames, &framing, &heard.signal).ok().map(|s| s.convergence_db)
+}
+
+/// How far the lag at which a straight stroke over a grating repeats is off the pitch over the speed, in ms.
+/// None where nothing sounds.
+fn repeats(chain: &mut Chain, pitch_mm: f64) -> Option<f64> {
+    let (speed_mm_s, [settles_s, seconds]) = lag::STRAIGHT;
+    let (felt, rate_hz) = chain.felt(settles_s + seconds);
+    let felt = wide_of(felt.get((settles_s * f64::from(rate_hz)) as usize..)?);
+    let after_s = pitch_mm / speed_mm_s;
+    let sounds = felt.iter().any(|x| x.abs() > 1e-6);
+    let repeat = rhythm::repeats_at(&felt, f64::from(rate_hz), after_s).ok().filter(|_| sounds)?;
+    Some(1e3 * (repeat.lag_s - after_s).abs())
+}
+
+/// Figures against the physics.
+fn whole(heard: &Heard, truth: &Truth, strength: f64, figures: &mut Figures) {
+    let rendered: Vec<f64> = heard.acceleration().iter().map(|a| a / strength).collect();
+    let rate_hz = f64::from(heard.rate_hz);
+    let Ok(spectrogram) = Spectrogram::new(&[&rendered], rate_hz) else { return };
+    let Ok(agreement) = accuracy::compare(&spectrogram, &truth.spectrograms) else { return };
+    figures.extend(of_agreement(&agreement));
+    // Of a truth of a low rate nothing is known above half of it.
+    let end_hz = truth.rhythms.iter().map(|r| r.end_hz).fold(rhythm::END_HZ, f64::min);
+    let Ok(rendered) = Rhythm::up_to(&[&rendered], rate_hz, end_hz) else { return };
+    let Ok(agreement) = rhythm::compare(&rendered, &truth.rhythms) else { return };
+    figures.extend([
+        (Figure::Modulation, agreement.modulation_db),
+        (Figure::Repetition, agreement.repetition),
+        (Figure::Kurtosis, agreement.kurtosis_db),
+        (Figure::Steadiness, agreement.steadiness_db),
+    ]);
+}
+
+/// Figures of the frames themselves, as they are: a reference for what is behind them. None where there are
+/// none.
+///
+/// A frame's magnitude of a bin, an amplitude A, stands for the power A^2 / 3 that a spectrogram has of a
+/// sine of that amplitude there.
+fn of_model(heard: &Heard, truth: &[Spectrogram]) -> Option<Figures> {
+    let framing = heard.framing?;
+    let bin_hz = f64::from(framing.rate_hz) / framing.fft_len as f64;
+    let bins: Vec<&[f32]> = heard.frames.chunks_exact(framing.bins).collect();
+    let frame_hz = f64::from(framing.frame_num) / f64::from(framing.frame_den);
+    let mut powers = Vec::new();
+    for number in 0..truth.iter().map(Spectrogram::frames).min()? {
+        // The frame that begins nearest to where the spectrogram's does.
+        let frame = bins.get((number as f64 * HOP_S * frame_hz).round() as usize)?;
+        powers.push(std::array::from_fn(|bin| {
+            let hz = FIRST_HZ + STEP_HZ * bin as f64;
+            let x = f64::from(frame.get((hz / bin_hz).round() as usize).copied().unwrap_or(0.0));
+            (x / framing.bin_scale()).powi(2) / 3.0
+        }));
+    }
+    let agreement = accuracy::compare(&Spectrogram::from_powers(BINS, powers), truth).ok()?;
+    Some(of_agreement(&agreement))
+}
+
+fn of_agreement(agreement: &Agreement) -> Figures {
+    Figures::from([
+        (Figure::Perceptual, agreement.perceptual),
+        (Figure::Spectrum, agreement.spectrum_db),
+        (Figure::Bands, agreement.bands_db),
+        (Figure::Level, agreement.level_db.abs()),
+    ])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Frames of a sine at 100 Hz, as a Hann window of 0.1 s has them: its amplitude in its bin, half of it
+    /// beside.
+    fn heard(amplitude: f32) -> Heard {
+        let framing =
+            asperity_dsp::Framing { rate_hz: 2500, fft_len: 250, bins: 126, frame_num: 100, frame_den: 1 };
+        let scale = framing.bin_scale() as f32;
+        let mut frame = vec![0.0; framing.bins];
+        frame[9..12].copy_from_slice(&[0.5, 1.0, 0.5].map(|part: f32| part * amplitude * scale));
+        Heard { frames: frame.repeat(300), framing: Some(framing), ..Heard::default() }
+    }
+
+    fn sine(amplitude: f64, rate_hz: f64) -> Spectrogram {
+        let wave = |n: u32| amplitude * (std::f64::consts::TAU * 100.0 * f64::from(n) / rate_hz).sin();
+        let signal: Vec<f64> = (0..(2.0 * rate_hz) as u32).map(wave).collect();
+        Spectrogram::new(&[&signal], rate_hz).unwrap()
+    }
+
+    /// The setting that a graph is as it stands, of a study of one stroke.
+    fn setting(nodes: &str, registry: &Registry) -> (Setting, crate::Study) {
+        let source = |text: String| asperity_diagnostics::Source::new("g.ron", text);
+        let graph = source(format!("Graph(version: 1, nodes: {{{nodes}}}, wires: [])"));
+        let graph = GraphFile::parse(&graph).unwrap();
+        let base = crate::Base {
+            name: "g".into(),
+            file: graph.clone(),
+            graph,
+            registry: registry.clone(),
+            strength: 1.0,
+            plugins: Vec::new(),
+        };
+        let study =
+            crate::Study::parse(&source(r#"Study(version: 1, strokes: [(name: "c", seconds: 1.5)])"#.into()));
+        let study = study.unwrap();
+        let mut settings = crate::Settings::new(&study, &[base], &[]).unwrap();
+        (settings.all.remove(0), study)
+    }
+
+    #[test]
+    fn what_is_in_double_precision_already_is_not_held_against_itself_however_it_is_written() {
+        let registry = asperity_nodes::registry();
+        let double = |precision: &str| {
+            let node = format!(r#""r": (kind: "resample", params: ({precision}))"#);
+            in_double(&setting(&node, &registry).0, &registry).is_some()
+        };
+        assert!(double("") && double("precision: f32") && double("precision: \"f32\""));
+        assert!(!double("precision: \"f64\"") && !double("precision: f64"));
+    }
+
+    #[test]
+    fn a_node_that_fails_in_the_steps_of_speed_only_is_counted() {
+        let mut registry = asperity_nodes::registry();
+        // Longer into a run than the stroke lasts, and not as long as the steps do.
+        let late = std::sync::Arc::new(|tick: u64, out: &mut [f64]| {
+            out.fill(if tick == 2000 { f64::NAN } else { 0.0 });
+        });
+        let late = asperity_checks::played::Played::control("fails late", 1, asperity_node::Unit::NONE, late);
+        registry.add(late);
+        let nodes = r#""stylus": (kind: "stroke"), "late": (kind: "fails late")"#;
+        let (mut setting, study) = setting(nodes, &registry);
+        for from in ["stylus.position", "late.out"] {
+            let to = format!("{from} probe").replace('.', " ");
+            setting.graph.add_node(&to, "probe", &[], "test").unwrap();
+            setting.graph.add_wire(from, &to, "test");
+        }
+        struct Nobody;
+        impl Onlooker for Nobody {}
+        let strokes = [study.strokes[0].open().unwrap()];
+        let plan = Plan {
+            strokes: &strokes,
+            materials: &[None],
+            draws: 1,
+            seed: 1,
+            steps: 10,
+            truths: &Truths::default(),
+        };
+        let found = find(&setting, &registry, &plan, &Nobody).unwrap().unwrap();
+        // Once in the steps up, and once in the run without.
+        assert_eq!(found.faults, 2);
+    }
+
+    #[test]
+    fn rhythm_of_noise_agrees_and_pulses_do_not() {
+        let noise = |seed: u64, pulses: bool| -> Vec<f64> {
+            let number =
+                |n: u64| (0..12).map(|k| asperity_node::random::uniform(seed, 12 * n + k)).sum::<f64>() - 6.0;
+            let level = |n: u64| if pulses && n % 500 < 250 { 0.3 } else { 1.0 };
+            (0..30_000).map(|n| level(n) * number(n)).collect()
+        };
+        let mut truth = Truth::default();
+        (1..5).for_each(|seed| truth.add(&[&noise(seed, false)], 10_000.0).unwrap());
+        let figures = |pulses| {
+            let felt: Vec<f32> = noise(9, pulses).into_iter().map(|x| x as f32).collect();
+            let mut figures = Figures::new();
+            whole(&Heard { felt, rate_hz: 10_000, ..Heard::default() }, &truth, 1.0, &mut figures);
+            figures
+        };
+        let (fair, pulsed) = (figures(false), figures(true));
+        assert!(fair[&Figure::Modulation] < 1.5 && fair[&Figure::Repetition] < 0.1, "{fair:?}");
+        assert!(fair[&Figure::Kurtosis] < 0.2 && fair[&Figure::Steadiness] < 0.3, "{fair:?}");
+        assert!(pulsed[&Figure::Modulation] > 6.0 && pulsed[&Figure::Repetition] > 0.3, "{pulsed:?}");
+        // What was there before does not see it: 50 ms are within one segment.
+        assert!(pulsed[&Figure::Perceptual] > 0.7 && fair.len() == 8, "{pulsed:?}");
+    }
+
+    #[test]
+    fn grating_repeats_after_its_pitch_over_the_speed_and_sandpaper_does_not() {
+        let registry = asperity_nodes::registry();
+        let graph = concat!(env!("CARGO_MANIFEST_DIR"), "/../../graphs/texture.ron");
+        let graph = GraphFile::read(graph).unwrap();
+        let pitch_mm = made::pitch_mm(&made::surface("sine grating 1.6 mm").unwrap()).unwrap();
+        let off = |material: &str| {
+            let graph = over(&graph, &registry, Some(material), 3);
+            let mut chain = Chain::new(&graph, &registry, vec![lag::straight()], Options::default()).unwrap();
+            repeats(&mut chain, pitch_mm).unwrap()
+        };
+        let (grating, sandpaper) = (off("sine grating 1.6 mm"), off("sandpaper P80"));
+        assert!(grating < 0.3 && sandpaper > 1.0, "{grating} {sandpaper}");
+        assert_eq!(made::pitch_mm(&made::surface("sandpaper P80").unwrap()), None);
+    }
+
+    #[test]
+    fn magnitudes_of_a_sine_are_as_far_from_its_spectrum_as_their_amplitude() {
+        let truth = [sine(3.0, 10_000.0)];
+        let same = of_model(&heard(3.0), &truth).unwrap();
+        assert!((same[&Figure::Perceptual] - 1.0).abs() < 1e-3, "{same:?}");
+        for figure in [Figure::Level, Figure::Spectrum, Figure::Bands] {
+            assert!(same[&figure].abs() < 0.05, "{same:?}");
+        }
+        // Twice the amplitude: 6.02 dB, in whatever unit of the DFT.
+        let twice = of_model(&heard(6.0), &truth).unwrap();
+        assert!((twice[&Figure::Level] - 20.0 * 2_f64.log10()).abs() < 0.05, "{twice:?}");
+        assert!(twice[&Figure::Perceptual] < 0.9, "{twice:?}");
+        assert!(of_model(&Heard::default(), &truth).is_none());
+    }
+}

@@ -1,0 +1,273 @@
+//! What a setting differs in from its graph's file, as RON to be pasted.
+
+use std::path::{Component, Path, PathBuf};
+
+use asperity_diagnostics::ron::{Kind, Value};
+use asperity_graph::{GraphFile, NodeDecl};
+use asperity_node::{NodeKind, ParamKind, Registry};
+use asperity_scene::Scene;
+
+use crate::result::Fragment;
+use crate::setting::Base;
+
+impl Fragment {
+    /// What of `setting` is not in the file of its base. Paths are as the file would have them: relative to its folder, or absolute.
+    pub fn between(base: &Base, setting: &GraphFile) -> Self {
+        let file = &base.file;
+        let mut graph = Vec::new();
+        for (name, before, now) in [
+            ("tick_hz", u64::from(file.tick_hz), u64::from(setting.tick_hz)),
+            ("audio_hz", u64::from(file.audio_hz), u64::from(setting.audio_hz)),
+            ("seed", file.seed, setting.seed),
+        ] {
+            if before != now {
+                graph.push(format!("{name}: {now},"));
+            }
+        }
+        let home = file.source.path().parent().unwrap_or(Path::new(""));
+        let text = |node: &NodeDecl| at_home(node, &base.registry, home).to_string();
+        let before: Vec<String> = file.nodes.iter().map(text).collect();
+        let new: Vec<(&NodeDecl, String)> = setting
+            .nodes
+            .iter()
+            .map(|node| (node, text(node)))
+            .filter(|(_, text)| !before.contains(text))
+            .collect();
+        let mut plugins: Vec<(String, String)> = Vec::new();
+        for (node, _) in &new {
+            let Some(from) = base.registry.get(&node.kind).and_then(|kind| plugin(&**kind)) else { continue };
+            let named = file.plugins.iter().any(|decl| is_file_of(&decl.name, &from));
+            let of = (node.kind.clone(), name_of(&from));
+            if !named && !plugins.contains(&of) {
+                plugins.push(of);
+            }
+        }
+        // What a study leaves out of every graph, such as what pushes back, is in the file and stays there.
+        let studied = |id: &str| base.graph.node(id).is_some();
+        let gone = file.nodes.iter().filter(|n| studied(&n.id) && setting.node(&n.id).is_none());
+        let gone = gone.map(|n| n.id.clone()).collect();
+        let wires = |g: &GraphFile| -> Vec<String> { g.wires.iter().map(ToString::to_string).collect() };
+        let (before, now) = (wires(&base.graph), wires(setting));
+        let apart = wires(file).into_iter().filter(|wire| !before.contains(wire));
+        let wires = if before == now { Vec::new() } else { now.into_iter().chain(apart).collect() };
+        let nodes = new.into_iter().map(|(_, text)| text).collect();
+        Self { graph, nodes, gone, wires, plugins, scene: Scene::is_meant(&file.source) }
+    }
+
+    /// Whether nothing differs.
+    pub fn is_empty(&self) -> bool {
+        self.graph.is_empty() && self.nodes.is_empty() && self.gone.is_empty() && self.wires.is_empty()
+    }
+}
+
+/// The file of the plugin that a kind comes from.
+fn plugin(kind: &dyn NodeKind) -> Option<PathBuf> {
+    // What is built in has no build of its own.
+    (kind.build() != 0).then(|| kind.origin().into())
+}
+
+/// By what a plugin is known on every machine, wherever it lies: the name of its file without what this system puts around it.
+fn name_of(file: &Path) -> String {
+    let name = file.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+    let bare = name.strip_prefix(std::env::consts::DLL_PREFIX);
+    let bare = bare.and_then(|bare| bare.strip_suffix(std::env::consts::DLL_SUFFIX));
+    bare.map_or(name.clone(), str::to_owned)
+}
+
+/// Whether a graph that names a plugin so means this file.
+fn is_file_of(name: &str, file: &Path) -> bool {
+    name_of(Path::new(name)) == name_of(file)
+}
+
+/// A node whose files are named as a graph in this folder would.
+fn at_home(node: &NodeDecl, registry: &Registry, home: &Path) -> NodeDecl {
+    let mut node = node.clone();
+    for setting in &mut node.params {
+        // A command line needs no quotes.
+        let Some(text) = setting.value.text().ok().or(setting.typed.as_deref()) else { continue };
+        let is_file = match crate::knob::has(registry, &node.kind, &setting.name) {
+            Some(ParamKind::File) => true,
+            // A name, or a file.
+            Some(ParamKind::Text) => setting.name == "profile" && text.ends_with(".ron"),
+            _ => false,
+        };
+        // What the command line names is relative to where the program runs.
+        let from = match &setting.typed {
+            Some(_) => Path::new(""),
+            None => setting.value.source().path().parent().unwrap_or(Path::new("")),
+        };
+        if is_file && (setting.typed.is_some() || from != home) {
+            let path = relative(&from.join(text), home);
+            let place = setting.value.place();
+            setting.value = Value::made(Kind::Text(path.display().to_string()), &place);
+        }
+    }
+    node
+}
+
+/// A path as seen from a folder that it lies in; an absolute one where it does not.
+fn relative(path: &Path, home: &Path) -> PathBuf {
+    let (path, home) = (tidy(path), tidy(home));
+    path.strip_prefix(&home).map(Path::to_owned).unwrap_or(path)
+}
+
+/// The way from a folder to a file, up where it must: the same wherever both lie so to each other.
+pub(crate) fn across(path: &Path, home: &Path) -> PathBuf {
+    let (path, home) = (tidy(path), tidy(home));
+    let up = home.ancestors().position(|above| path.starts_with(above)).unwrap_or_default();
+    let above = home.ancestors().nth(up).unwrap_or(&home);
+    let down = path.strip_prefix(above).unwrap_or(&path);
+    (0..up).map(|_| Path::new("..")).chain([down]).collect()
+}
+
+/// An absolute path without `FOLDER/..` in it.
+fn tidy(path: &Path) -> PathBuf {
+    // An empty one is where the program runs.
+    let here = Path::new(".");
+    let path = if path.as_os_str().is_empty() { here } else { path };
+    let mut out = PathBuf::new();
+    for part in std::path::absolute(path).unwrap_or_else(|_| path.to_owned()).components() {
+        match part {
+            Component::ParentDir => drop(out.pop()),
+            Component::CurDir => {}
+            part => out.push(part),
+        }
+    }
+    out
+}
+
+/// As it would be pasted into a graph file, with comments that say where.
+impl std::fmt::Display for Fragment {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        for (kind, name) in &self.plugins {
+            writeln!(
+                f,
+                "    // `{kind}` is a plugin's: --plugin {name}, or in the graph: plugins: [{name:?}], with its folder on ASPERITY_PLUGIN_PATH"
+            )?;
+        }
+        for line in &self.graph {
+            writeln!(f, "    {line}")?;
+        }
+        if !self.nodes.is_empty() {
+            writeln!(f, "    // within `nodes`, in the place of those of the same names:")?;
+        }
+        for node in &self.nodes {
+            writeln!(f, "        {node}")?;
+        }
+        if !self.gone.is_empty() {
+            writeln!(f, "    // no longer there: {}", self.gone.join(", "))?;
+        }
+        if !self.wires.is_empty() {
+            writeln!(f, "    wires: [")?;
+            for wire in &self.wires {
+                writeln!(f, "        {wire}")?;
+            }
+            writeln!(f, "    ],")?;
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use asperity_diagnostics::Source;
+
+    /// A graph of a file, changed by the command line.
+    fn base(path: &str, set: &[&str]) -> Base {
+        let text = r#"Graph(version: 1, nodes: {
+            "stylus": (kind: "trajectory", params: (file: "a.csv")),
+            "a": (kind: "gain", params: (gain: 2.0)),
+            "pushes": (kind: "some_force"),
+        }, wires: [("stylus", "a"), ("a", "pushes")])"#;
+        let file = GraphFile::parse(&Source::new(path, text)).unwrap();
+        let mut graph = file.clone();
+        graph.nodes.retain(|n| n.id != "pushes");
+        graph.wires.retain(|w| w.to.node != "pushes");
+        set.iter().for_each(|set| graph.set(set, "--set").unwrap());
+        Base {
+            name: path.into(),
+            graph,
+            file,
+            registry: asperity_nodes::registry(),
+            strength: 1.0,
+            plugins: Vec::new(),
+        }
+    }
+
+    fn turned(base: &Base, study: &str, knob: &str, value: &str) -> GraphFile {
+        let source = Source::new(study, value);
+        let value = asperity_diagnostics::ron::parse(&source).unwrap();
+        let knob = crate::Knob::parse(knob, value.place()).unwrap();
+        let mut turned = crate::knob::Turned { graph: base.graph.clone(), guards: true };
+        knob.turn(&mut turned, &value, &base.registry).unwrap();
+        turned.graph
+    }
+
+    #[test]
+    fn what_the_command_line_set_is_not_in_the_file_and_so_in_the_fragment() {
+        let base = base("g/g.ron", &["a.gain=3.0", "tick_hz=1000", "seed=7"]);
+        let fragment = Fragment::between(&base, &base.graph);
+        assert_eq!(fragment.nodes, [r#""a": (kind: "gain", params: (gain: 3.0)),"#]);
+        assert_eq!(fragment.graph, ["tick_hz: 1000,", "seed: 7,"]);
+        assert!(fragment.gone.is_empty() && fragment.wires.is_empty() && !fragment.scene, "{fragment:?}");
+        let as_it_stands = self::base("g/g.ron", &[]);
+        assert!(Fragment::between(&as_it_stands, &as_it_stands.graph).is_empty());
+    }
+
+    #[test]
+    fn files_are_named_as_seen_from_the_folder_of_the_graph() {
+        let file = |graph: &str, study: &str, named: &str| {
+            let base = base(graph, &[]);
+            let setting = turned(&base, study, "stylus.file", &format!("{named:?}"));
+            let nodes = Fragment::between(&base, &setting).nodes;
+            nodes.first().map(|n| n.split('"').nth(5).unwrap().to_owned())
+        };
+        let here = std::env::current_dir().unwrap();
+        let at = |path: &str| Some(here.join(path).display().to_string());
+        assert_eq!(file("g/g.ron", "g/s.ron", "b.csv"), Some("b.csv".into()));
+        assert_eq!(file("g/g.ron", "g/studies/s.ron", "b.csv"), Some("studies/b.csv".into()));
+        assert_eq!(file("g/g.ron", "g/studies/s.ron", "../b.csv"), Some("b.csv".into()));
+        assert_eq!(file("g/g.ron", "s.ron", "b.csv"), at("b.csv"));
+        assert_eq!(file("g.ron", "x/../s.ron", "b.csv"), Some("b.csv".into()));
+        assert_eq!(file("g/g.ron", "s.ron", "/c.csv"), Some("/c.csv".into()));
+        // The same file by another way is no other.
+        assert_eq!(file("g/g.ron", "g/studies/s.ron", "../a.csv"), None);
+        for typed in ["stylus.file=g/b.csv", "stylus.file=\"g/b.csv\""] {
+            let typed = base("g/g.ron", &[typed]);
+            assert_eq!(
+                Fragment::between(&typed, &typed.graph).nodes,
+                [r#""stylus": (kind: "trajectory", params: (file: "b.csv")),"#]
+            );
+        }
+    }
+
+    #[test]
+    fn what_a_study_leaves_out_of_a_graph_keeps_its_wires() {
+        let base = base("g.ron", &[]);
+        let mut setting = base.graph.clone();
+        setting.nodes.retain(|n| n.id != "stylus");
+        setting.wires.clear();
+        let fragment = Fragment::between(&base, &setting);
+        assert_eq!(fragment.gone, ["stylus"]);
+        assert_eq!(fragment.wires, [r#"("a", "pushes"),"#]);
+    }
+
+    #[test]
+    fn a_plugin_that_a_graph_names_is_known_by_its_file() {
+        let file = Path::new("/p/libmine.so");
+        assert!(is_file_of("../x/libmine.so", file) && !is_file_of("libmine2.so", file));
+        assert_eq!(is_file_of("mine", file), cfg!(target_os = "linux"));
+        if cfg!(target_os = "linux") {
+            assert_eq!(name_of(file), "mine");
+        }
+        let fragment = Fragment {
+            plugins: vec![("mine".into(), "my_filters".into())],
+            nodes: vec!["\"a\": (kind: \"mine\"),".into()],
+            ..Fragment::default()
+        };
+        let said =
+            "// `mine` is a plugin's: --plugin my_filters, or in the graph: plugins: [\"my_filters\"],";
+        assert!(fragment.to_string().contains(said), "{fragment}");
+    }
+}

@@ -1,0 +1,176 @@
+use asperity_diagnostics::{Source, ron};
+use asperity_graph::compile;
+
+use super::*;
+
+const GRAPH: &str = r#"Graph(version: 1, nodes: {
+    "stylus": (kind: "stroke"),
+    "frames": (kind: "frames from memory"),
+    "phase": (kind: "sample_commit", params: (frames: 3)),
+    "rate": (kind: "resample"),
+    "inverse": (kind: "actuator_inverse"),
+    "limiter": (kind: "limiter"),
+    "out": (kind: "audio_out", params: (amps_per_volt: 2.0)),
+}, wires: [("frames", "phase"), ("phase", "rate"), ("rate", "inverse"), ("inverse", "limiter"), ("limiter.out", "out.in")])"#;
+
+fn registry() -> Registry {
+    let layout = asperity_node::FrameLayout {
+        rate_hz: 2500,
+        length: 250,
+        bins: 101,
+        frame_rate: asperity_node::FrameRate::new(500, 1).unwrap(),
+    };
+    let frames = std::sync::Arc::new(|_: u64, bins: &mut [f32]| {
+        bins.fill(0.1);
+        true
+    });
+    let mut registry = asperity_nodes::registry();
+    registry.add(asperity_checks::played::Played::magnitudes("frames from memory", layout, frames));
+    registry
+}
+
+fn knob(text: &str) -> Result<Knob, Diagnostic> {
+    let source = Source::new("knob", text);
+    Knob::parse(text, Place { span: asperity_diagnostics::Span { start: 0, end: text.len() }, source })
+}
+
+/// The graph with knobs turned, which must compile.
+fn turned(turns: &[(&str, &str)]) -> Turned {
+    let registry = registry();
+    let graph = GraphFile::parse(&Source::new("g.ron", GRAPH)).unwrap();
+    let mut turned = Turned { graph, guards: true };
+    for (text, value) in turns {
+        let knob = knob(text).unwrap();
+        assert!(knob.fits(&turned.graph, &registry), "{text}");
+        let value = ron::parse(&Source::new("value", *value)).unwrap();
+        knob.turn(&mut turned, &value, &registry).unwrap();
+    }
+    let compiled = compile(&turned.graph, &registry, Default::default());
+    assert!(compiled.is_ok(), "{turns:?}: {:?}", compiled.err());
+    turned
+}
+
+fn ids(graph: &GraphFile) -> Vec<&str> {
+    graph.nodes.iter().map(|n| n.id.as_str()).collect()
+}
+
+#[test]
+fn one_phase_retrieval_takes_the_place_of_another_and_overlap_add_comes_and_goes_with_it() {
+    let before = turned(&[]).graph;
+    let spsi = turned(&[("phase", r#"(kind: "spsi")"#)]).graph;
+    assert_eq!(spsi.node("phase overlap_add").map(|n| n.kind.as_str()), Some("overlap_add"));
+    assert_eq!(spsi.nodes.len(), before.nodes.len() + 1);
+    // Another that answers spectra changes nothing else.
+    let vocoder = turned(&[("phase", r#"(kind: "spsi")"#), ("phase", r#"(kind: "phase_vocoder")"#)]).graph;
+    assert_eq!(ids(&vocoder), ids(&spsi));
+    let back = turned(&[
+        ("phase", r#"(kind: "spsi")"#),
+        ("phase", r#"(kind: "sample_commit", params: (frames: 3))"#),
+    ])
+    .graph;
+    assert_eq!(ids(&back), ids(&before));
+    let nodes = |g: &GraphFile| g.nodes.iter().map(ToString::to_string).collect::<Vec<_>>();
+    assert_eq!(nodes(&back), nodes(&before));
+}
+
+#[test]
+fn phase_retrieval_that_has_no_port_for_a_wire_is_not_told() {
+    let text = r#"Graph(version: 1, nodes: {
+        "stylus": (kind: "stroke"), "texture": (kind: "texture_network", params: (model: "m", library: "l", material: "a")),
+        "phase": (kind: "shaped_noise"), "end": (kind: "probe"),
+    }, wires: [("texture", "phase"), ("texture.pattern", "phase.pattern"), ("stylus.position", "phase.position"), ("phase", "end")])"#;
+    let graph = GraphFile::parse(&Source::new("g.ron", text)).unwrap();
+    let registry = asperity_nodes::registry();
+    let into = |graph: &GraphFile| {
+        let wires = graph.wires.iter().filter(|w| w.to.node == "phase");
+        wires.map(|w| (w.from.port.clone(), w.to.port.clone())).collect::<Vec<_>>()
+    };
+    let mut other = graph.clone();
+    let value = ron::parse(&Source::new("k.ron", r#"(kind: "sample_commit")"#)).unwrap();
+    replace(&mut other, "phase", &value, &registry).unwrap();
+    assert_eq!(into(&other), [(None, Some("magnitude".to_owned()))]);
+    let mut same = graph.clone();
+    let value = ron::parse(&Source::new("k.ron", r#"(kind: "shaped_noise", params: (seed: 7))"#)).unwrap();
+    replace(&mut same, "phase", &value, &registry).unwrap();
+    assert_eq!(into(&same).len(), 3);
+}
+
+#[test]
+fn a_limiter_that_is_bypassed_leaves_nothing_to_play_on() {
+    let bypassed = turned(&[("limiter", "bypassed")]).graph;
+    assert!(bypassed.node("limiter").is_none());
+    let out = bypassed.node("out").unwrap();
+    assert!(out.kind == "probe" && out.params.is_empty());
+    assert!(bypassed.wires.iter().any(|w| w.from.node == "inverse" && w.to.node == "out"));
+    let kept = turned(&[("limiter", "kept")]).graph;
+    assert_eq!(kept.to_string(), turned(&[]).graph.to_string());
+    let rate = turned(&[("inverse", "bypassed"), ("limiter", "bypassed")]).graph;
+    assert!(rate.wires.iter().any(|w| w.from.node == "rate" && w.to.node == "out"));
+}
+
+#[test]
+fn parameters_rates_and_guards_are_turned_where_they_are() {
+    let all =
+        turned(&[("phase.frames", "7"), ("frames.every", "1"), ("tick_hz", "1000"), ("guards", "false")]);
+    let phase = all.graph.node("phase").unwrap();
+    assert_eq!(phase.to_string(), r#""phase": (kind: "sample_commit", params: (frames: 7)),"#);
+    assert_eq!((all.graph.tick_hz, all.guards), (1000, false));
+    let rare = turned(&[("*.every", "2")]).graph;
+    // What carries audio runs in every tick.
+    let two: Vec<&str> = rare.nodes.iter().filter(|n| n.every == 2).map(|n| n.id.as_str()).collect();
+    assert_eq!(two, ["stylus", "frames"]);
+    // Every node that has the parameter and takes the word.
+    let drives = turned(&[("*.phase", r#""minimum""#)]).graph;
+    assert!(drives.node("rate").unwrap().to_string().contains("phase: \"minimum\""));
+    assert!(!drives.node("phase").unwrap().to_string().contains("minimum"));
+    let none = turned(&[("*.phase", r#""sideways""#)]).graph;
+    assert_eq!(none.to_string(), turned(&[]).graph.to_string());
+}
+
+#[test]
+fn the_nearest_knob_is_named() {
+    let registry = registry();
+    let graph = GraphFile::parse(&Source::new("g.ron", GRAPH)).unwrap();
+    for (text, want) in [
+        ("phase.framez", "`phase.frames`"),
+        ("phas.frames", "`phase.frames`"),
+        ("limitr", "`limiter`"),
+        ("tick_hzz", "`tick_hz`"),
+        ("*.precison", "`*.precision`"),
+        ("phase.evry", "`phase.every`"),
+        ("*.evry", "`*.every`"),
+    ] {
+        let help = knob(text).unwrap().nearest(std::iter::once((&graph, &registry)));
+        assert_eq!(help, format!("did you mean {want}?"), "{text}");
+        // What is named can be turned.
+        assert!(knob(want.trim_matches('`')).unwrap().fits(&graph, &registry), "{want}");
+    }
+}
+
+#[test]
+fn what_is_no_knob_or_no_value_for_one_is_said() {
+    let registry = registry();
+    let graph = GraphFile::parse(&Source::new("g.ron", GRAPH)).unwrap();
+    for text in ["", ".", "a.", ".b"] {
+        assert!(knob(text).is_err(), "{text}");
+    }
+    for text in ["phase.frame", "nothing.frames", "nothing", "*.nothing"] {
+        assert!(!knob(text).unwrap().fits(&graph, &registry), "{text}");
+    }
+    let turn = |text: &str, value: &str| {
+        let value = ron::parse(&Source::new("value", value)).unwrap();
+        let mut turned = Turned { graph: graph.clone(), guards: true };
+        knob(text).unwrap().turn(&mut turned, &value, &registry).unwrap_err().to_string()
+    };
+    assert!(turn("phase", "gone").contains("nothing to turn a node to"));
+    assert!(turn("phase", r#"(kind: "spsy")"#).contains("spsi"));
+    assert!(turn("guards", "3").contains("value:1"));
+    assert!(turn("tick_hz", "7").contains("value:1"));
+    // As in a graph's file.
+    assert!(turn("phase.every", "0").contains("value:1"));
+    assert!(turn("phase.every", "1001").contains("1000"));
+    assert!(turn("stylus", "bypassed").contains("nothing goes into it"));
+    let value = ron::parse(&Source::new("value", r#"(kind: "mine")"#)).unwrap();
+    assert_eq!(knob("phase").unwrap().lacks(&value, &registry), Some("mine"));
+    assert_eq!(knob("phase.frames").unwrap().lacks(&value, &registry), None);
+}

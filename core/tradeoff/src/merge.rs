@@ -1,0 +1,113 @@
+//! Results of several shards, put together.
+
+use std::collections::BTreeSet;
+
+use asperity_diagnostics::Diagnostic;
+
+use crate::floor;
+use crate::result::Results;
+
+impl Results {
+    /// Puts shards together. Each timed the default of the first graph; the medians and loads of all others are taken by their ratio to it, and are those
+    /// that they would have been where the first shard ran. What else was measured stays as it was there. Not all need be there:
+    /// [`missing_shards`](Self::missing_shards).
+    ///
+    /// # Errors
+    /// Results of different studies or ways of measuring, a shard twice or without a time of the default, no results at all.
+    pub fn merge(shards: Vec<(String, Self)>) -> Result<Self, Diagnostic> {
+        let wrong = |name: &str, what: String| Diagnostic::new(what).in_file(name);
+        let mut shards = shards.into_iter();
+        let Some((first, mut merged)) = shards.next() else {
+            return Err(Diagnostic::new("there are no results to merge"));
+        };
+        let anchor = |results: &Self, name: &str| {
+            let load = results.default_row().and_then(|r| r.load());
+            load.ok_or_else(|| wrong(name, "the default was not timed in this shard".into()))
+        };
+        let here = anchor(&merged, &first)?;
+        let default = merged.default_row().map(|r| r.key.clone());
+        let mut known: BTreeSet<String> = merged.rows.iter().map(|r| r.key.clone()).collect();
+        for (name, shard) in shards {
+            if shard.digest != merged.digest || shard.default_row().map(|r| r.key.clone()) != default {
+                return Err(wrong(
+                    &name,
+                    format!("these results are of another study than those of {first}, or were measured in another way"),
+                )
+                .help("merge shards of one study, run with the same file, graphs, seed and options"));
+            }
+            if let Some((number, of)) = shard.shards.iter().find(|s| merged.shards.contains(s)) {
+                return Err(wrong(&name, format!("shard {number} of {of} is there already")));
+            }
+            if shard.shards.iter().chain(&merged.shards).any(|s| s.1 != merged.shards[0].1) {
+                return Err(wrong(
+                    &name,
+                    format!("the study of {first} was split into another number of shards"),
+                ));
+            }
+            let factor = here / anchor(&shard, &name)?.max(1e-12);
+            for mut row in shard.rows {
+                if known.insert(row.key.clone()) {
+                    row.time = row.time.map(|t| t.scaled(factor));
+                    merged.rows.push(row);
+                }
+            }
+            for machine in shard.machines {
+                if !merged.machines.contains(&machine) {
+                    merged.machines.push(machine);
+                }
+            }
+            merged
+                .notes
+                .extend(shard.notes.into_iter().filter(|n| !merged.notes.contains(n)).collect::<Vec<_>>());
+            merged.shards.extend(shard.shards);
+            merged.unfinished += shard.unfinished;
+        }
+        merged.shards.sort_unstable();
+        floor::find(&mut merged);
+        Ok(merged)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{measured, results};
+
+    #[test]
+    fn shards_are_put_together_by_the_ratio_to_the_default_of_each() {
+        let default = |load| crate::result::Row { default: true, ..measured("default", load, 1.0, 20.0) };
+        let shard = |number: usize, load: f64, name: &str, own: f64| {
+            let rows = vec![default(load), measured(name, own, 0.5, 20.0)];
+            Results { shards: vec![(number, 3)], ..results(rows) }
+        };
+        let merged = Results::merge(vec![
+            ("a".into(), shard(3, 2.0, "one", 4.0)),
+            // A machine of half the speed.
+            ("b".into(), shard(1, 4.0, "two", 12.0)),
+        ])
+        .unwrap();
+        let loads: Vec<(&str, f64)> =
+            merged.rows.iter().map(|r| (r.name.as_str(), r.load().unwrap())).collect();
+        assert_eq!(loads, [("default", 2.0), ("one", 4.0), ("two", 6.0)]);
+        let times: Vec<(f64, f64)> =
+            merged.rows.iter().map(|r| r.time.unwrap()).map(|t| (t.p50_us, t.p999_us)).collect();
+        // Medians of 20 us for each per cent; what the percentiles are of is not known to be slower.
+        assert_eq!(times, [(40.0, 60.0), (80.0, 120.0), (120.0, 360.0)]);
+        assert_eq!((merged.shards.clone(), merged.missing_shards()), (vec![(1, 3), (3, 3)], vec![2]));
+        let twice = Results::merge(vec![("a".into(), merged), ("b".into(), shard(3, 2.0, "one", 4.0))]);
+        let said = twice.unwrap_err().to_string();
+        assert!(said.contains("shard 3 of 3 is there already"), "{said}");
+    }
+
+    #[test]
+    fn shards_of_different_studies_are_refused() {
+        let one = results(vec![crate::result::Row { default: true, ..measured("default", 1.0, 1.0, 20.0) }]);
+        let other = Results { digest: "another".into(), ..one.clone() };
+        let e = Results::merge(vec![("a".into(), one.clone()), ("b".into(), other)]).unwrap_err();
+        assert!(e.to_string().contains("another study") && e.to_string().starts_with("b"), "{e}");
+        let mut untimed = one.clone();
+        untimed.rows[0].time = None;
+        assert!(Results::merge(vec![("a".into(), one), ("b".into(), untimed)]).is_err());
+        assert!(Results::merge(Vec::new()).is_err());
+    }
+}

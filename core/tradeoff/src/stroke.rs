@@ -1,0 +1,230 @@
+//! What is stroked: made by rule, or recorded.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use asperity_data::felt::Hand;
+use asperity_data::recordings;
+use asperity_diagnostics::ron::Value;
+use asperity_diagnostics::{Diagnostic, Place};
+use asperity_motion::{self, Shape, StrokeParams, TrajectoryOptions};
+
+use crate::file::beside;
+use crate::hear::Path3;
+use crate::truth::Truth;
+
+/// A stroke as a study declares it.
+#[derive(Clone, Debug)]
+pub struct StrokeDecl {
+    /// What it is called.
+    pub name: String,
+    /// Where it stands.
+    pub place: Place,
+    /// The material over which it was recorded.
+    pub material: Option<(String, Place)>,
+    from: From,
+}
+
+#[derive(Clone, Debug)]
+enum From {
+    Made(Box<StrokeParams>),
+    /// Positions over time.
+    File(PathBuf),
+    /// What was measured while a tool was dragged, its accelerations too.
+    Recording(PathBuf),
+}
+
+/// What is known of what a tool feels along a stroke.
+#[derive(Clone, Debug)]
+pub enum Known {
+    /// What the hand does, without the sensor's steps: the rest can be simulated where the material is a
+    /// made surface.
+    Hand(Hand),
+    /// What the tool felt.
+    Felt(Truth),
+}
+
+/// A stroke that can be sampled.
+#[derive(Clone)]
+pub struct Stroke {
+    /// What it is called.
+    pub name: String,
+    /// How long it lasts \[s\].
+    pub seconds: f64,
+    /// What the sensor reads at a time in s: x, y, z in mm, z up; the surface is at 0 and gives way by 0.5
+    /// N/mm.
+    pub measured: Path3,
+    /// What a tool feels of it.
+    pub known: Known,
+    /// The material over which it was recorded: over others it is not played.
+    pub material: Option<String>,
+    /// Its extent where it was made smaller than the study says, since a scene's surface has no room for
+    /// more \[mm\].
+    pub made_mm: Option<f64>,
+}
+
+impl Stroke {
+    /// Whether it is played over a material; none stands for a graph's own.
+    pub fn goes_over(&self, material: Option<&str>) -> bool {
+        goes_over(self.material.as_deref(), material)
+    }
+}
+
+fn goes_over(own: Option<&str>, material: Option<&str>) -> bool {
+    own.is_none() || material.is_none() || own == material
+}
+
+impl std::fmt::Debug for Stroke {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Stroke")
+            .field("name", &self.name)
+            .field("seconds", &self.seconds)
+            .finish_non_exhaustive()
+    }
+}
+
+const FIELDS: &[&str] = &[
+    "name",
+    "file",
+    "shape",
+    "extent_mm",
+    "speed_mm_s",
+    "force_n",
+    "force_swing",
+    "force_swing_hz",
+    "approach_s",
+    "seconds",
+    "tremor_mm",
+    "quantum_mm",
+    "seed",
+];
+
+/// Longest stroke that is made by rule \[s\].
+const LONGEST_S: f64 = 600.0;
+
+/// An error of a stroke by the names that its parameters have in a study.
+fn in_a_study(mut e: Diagnostic) -> Diagnostic {
+    let named =
+        |text: &str| text.replace("`duration_s`", "`seconds`").replace("`mean_speed_mm_s`", "`speed_mm_s`");
+    e.message = named(&e.message);
+    e.help = e.help.map(|help| named(&help).replace("1000000", &LONGEST_S.to_string()));
+    e
+}
+
+impl StrokeDecl {
+    /// Reads `(name: "..", file: "..")`, `(name: "..", recording: "..", material: "..")`, or `(name: "..",
+    /// shape: circle, ..)` with what the node `stroke` has for parameters.
+    ///
+    /// # Errors
+    /// Another value, an unknown field.
+    pub fn read(value: &Value) -> Result<Self, Diagnostic> {
+        let mut record = value.record("Stroke")?;
+        let name = record.required("name")?.text()?.to_owned();
+        if let Some(file) = record.optional("file") {
+            let from = From::File(beside(file)?);
+            record.finish(&["name", "file"])?;
+            return Ok(Self { name, place: value.place(), material: None, from });
+        }
+        if let Some(file) = record.optional("recording") {
+            let from = From::Recording(beside(file)?);
+            let material = record.optional("material");
+            let material =
+                material.map(|m| Ok::<_, Diagnostic>((m.text()?.to_owned(), m.place()))).transpose()?;
+            record.finish(&["name", "recording", "material"])?;
+            return Ok(Self { name, place: value.place(), material, from });
+        }
+        let d = StrokeParams::default();
+        let shape = match record.optional("shape") {
+            Some(v) => Shape::from_name(v.choice(&Shape::NAMES)?).unwrap_or_default(),
+            None => Shape::Circle,
+        };
+        let mut number = |name: &str, default: f64| record.optional(name).map_or(Ok(default), Value::f64);
+        let params = StrokeParams {
+            shape,
+            extent_mm: number("extent_mm", d.extent_mm)?,
+            mean_speed_mm_s: number("speed_mm_s", d.mean_speed_mm_s)?,
+            force_n: number("force_n", d.force_n)?,
+            force_swing: number("force_swing", d.force_swing)?,
+            force_swing_hz: number("force_swing_hz", d.force_swing_hz)?,
+            approach_s: number("approach_s", d.approach_s)?,
+            duration_s: number("seconds", 5.0)?,
+            tremor_mm: number("tremor_mm", d.tremor_mm)?,
+            quantum_mm: number("quantum_mm", d.quantum_mm)?,
+            seed: record.optional("seed").map_or(Ok(1), |v| v.i64_in(0..=i64::MAX, ""))? as u64,
+            ..d
+        };
+        record.finish(FIELDS)?;
+        // What is out of range is said now, and at its place.
+        asperity_motion::Stroke::new(params.clone())
+            .map_err(|e| in_a_study(e).at(value.source(), value.span()))?;
+        if params.duration_s > LONGEST_S {
+            return Err(value
+                .error(format!("`seconds` is {}, out of range", params.duration_s))
+                .help(format!("at most {LONGEST_S}: what is heard of a stroke is held in memory")));
+        }
+        Ok(Self { name, place: value.place(), material: None, from: From::Made(Box::new(params)) })
+    }
+
+    /// Whether it is a recording of which nothing says over which material.
+    pub(crate) fn is_anywhere(&self) -> bool {
+        matches!(self.from, From::Recording(_)) && self.material.is_none()
+    }
+
+    /// As [`Stroke::goes_over`].
+    pub(crate) fn goes_over(&self, material: Option<&str>) -> bool {
+        goes_over(self.material.as_ref().map(|(name, _)| name.as_str()), material)
+    }
+
+    /// The file that it is read from.
+    pub(crate) fn file(&self) -> Option<&Path> {
+        match &self.from {
+            From::Made(_) => None,
+            From::File(path) | From::Recording(path) => Some(path),
+        }
+    }
+
+    /// A stroke that is made by rule, no larger than this \[mm\]; none where it comes from a file.
+    pub(crate) fn within(&self, room_mm: f64) -> Option<Result<Stroke, Diagnostic>> {
+        let From::Made(params) = &self.from else { return None };
+        // Tremor and the sensor's steps come on top.
+        let most = room_mm - 2.0 * params.tremor_mm - 2.0 * params.quantum_mm - 0.5;
+        let extent_mm = params.extent_mm.min(most.max(1.0));
+        let from = From::Made(Box::new(StrokeParams { extent_mm, ..(**params).clone() }));
+        let smaller = Self { from, ..self.clone() }.open();
+        Some(smaller.map(|s| Stroke { made_mm: Some(extent_mm), ..s }))
+    }
+
+    /// The stroke itself; reads its file.
+    ///
+    /// # Errors
+    /// A file that cannot be read or is no trajectory or recording.
+    pub fn open(&self) -> Result<Stroke, Diagnostic> {
+        let name = self.name.clone();
+        let material = self.material.as_ref().map(|(name, _)| name.clone());
+        let here = |e: Diagnostic| e.related(&self.place.source, self.place.span, "named here");
+        let (seconds, measured, known): (f64, Path3, Known) = match &self.from {
+            From::Made(params) => {
+                let made = asperity_motion::Stroke::new((**params).clone());
+                let made = made.map_err(|e| e.at(&self.place.source, self.place.span))?;
+                let hand = Hand::stroke(params)?;
+                (params.duration_s, Arc::new(move |t| made.sample(t).position), Known::Hand(hand))
+            }
+            From::File(path) => {
+                let trajectory =
+                    asperity_motion::Trajectory::read(path, &TrajectoryOptions::default()).map_err(here)?;
+                let hand = Hand::trajectory(&trajectory).map_err(|e| here(e.in_file(path)))?;
+                let seconds = trajectory.duration_s();
+                (seconds, Arc::new(move |t| trajectory.sample(t).position), Known::Hand(hand))
+            }
+            From::Recording(path) => {
+                let recording = recordings::recording(path).map_err(here)?;
+                let mut felt = Truth::default();
+                felt.add(&recording.felt.axes(), recording.felt.rate_hz)
+                    .map_err(|e| here(Diagnostic::new(e.to_string()).in_file(path)))?;
+                let seconds = recording.felt.duration_s();
+                (seconds, Arc::new(move |t| recording.place_mm(t)), Known::Felt(felt))
+            }
+        };
+        Ok(Stroke { name, seconds, measured, known, material, made_mm: None })
+    }
+}

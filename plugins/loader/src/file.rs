@@ -1,0 +1,230 @@
+//! The file: what it is, before any of its code runs, and the copy that is loaded.
+
+use std::fs::{self, File};
+use std::io::{self, Write};
+use std::path::Path;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use asperity_abi::ASPERITY_ENTRY_SYMBOL;
+use asperity_diagnostics::{Diagnostic, file, fnv};
+use libloading::Library;
+use object::read::NameOrOrdinal;
+use object::{Architecture, BinaryFormat, Object, ObjectKind, ObjectSegment};
+use tempfile::TempPath;
+
+use crate::foreign::foreign;
+
+/// Largest library that is read, in bytes.
+const MAX_BYTES: u64 = 1 << 30;
+
+static COPIES: AtomicU64 = AtomicU64::new(0);
+
+/// How many copies of plugin files this process has loaded; they are never unloaded.
+pub fn loaded_copies() -> u64 {
+    COPIES.load(Ordering::Relaxed)
+}
+
+/// What kind of file this system loads.
+const FORMAT: BinaryFormat = if cfg!(windows) {
+    BinaryFormat::Pe
+} else if cfg!(target_vendor = "apple") {
+    BinaryFormat::MachO
+} else {
+    BinaryFormat::Elf
+};
+
+fn here() -> Option<Architecture> {
+    match std::env::consts::ARCH {
+        "x86_64" => Some(Architecture::X86_64),
+        "aarch64" => Some(Architecture::Aarch64),
+        "x86" => Some(Architecture::I386),
+        "arm" => Some(Architecture::Arm),
+        "riscv64" => Some(Architecture::Riscv64),
+        _ => None,
+    }
+}
+
+/// Help for what is no plugin.
+const SHARED: &str = "a plugin is a shared library: .so, .dylib or .dll";
+
+/// Reads a file and makes sure it can be loaded.
+///
+/// # Errors
+/// A missing or unreadable file, and whatever is no complete shared library for this machine that exports the entry symbol.
+pub(crate) fn read(path: &Path) -> Result<Vec<u8>, Diagnostic> {
+    let fail = |message: String| Diagnostic::new(message).in_file(path);
+    let bytes = file::read(path, MAX_BYTES).map_err(|e| e.help(SHARED))?;
+    check(&bytes).map_err(|(message, help)| fail(message).help(help))?;
+    Ok(bytes)
+}
+
+fn check(bytes: &[u8]) -> Result<(), (String, String)> {
+    let is = |what: &str| (what.to_owned(), SHARED.to_owned());
+    if bytes.is_empty() {
+        return Err(is("this file is empty"));
+    }
+    let file = object::File::parse(bytes).map_err(|_| is("this is not a shared library"))?;
+    if file.format() != FORMAT {
+        let found = format!("this is a library for another system ({:?})", file.format());
+        return Err((found, "build it on this system".into()));
+    }
+    if here().is_some_and(|here| here != file.architecture()) {
+        return Err((
+            format!(
+                "this library is for another architecture: {:?}, and this program is {}",
+                file.architecture(),
+                std::env::consts::ARCH
+            ),
+            "build it for this machine".into(),
+        ));
+    }
+    if file.kind() != ObjectKind::Dynamic {
+        return Err(is(match file.kind() {
+            ObjectKind::Executable => "this is a program, not a shared library",
+            ObjectKind::Relocatable => "this is an object file, not a shared library",
+            _ => "this is not a shared library",
+        }));
+    }
+    // A file that is still being written would be mapped past its end, and kill the process when it is touched.
+    let whole = file.segments().all(|s| {
+        let (start, len) = s.file_range();
+        start.checked_add(len).is_some_and(|end| end <= bytes.len() as u64)
+    });
+    if !whole {
+        return Err(("this library is cut short".into(), "build it again".into()));
+    }
+    let mut exports =
+        file.exports().map_err(|e| (format!("its exports cannot be read: {e}"), String::new()))?;
+    let is_entry = |name: &[u8]| name.strip_prefix(b"_").is_some_and(is_it) || is_it(name);
+    if !exports.any(|e| e.is_ok_and(|e| matches!(e.name(), NameOrOrdinal::Name(name) if is_entry(name)))) {
+        return Err((
+            format!("this library has no symbol `{ASPERITY_ENTRY_SYMBOL}`, so it is not a plugin of Asperity"),
+            "in Rust: `asperity_sdk::export!(MyNode);`; in C: `ASPERITY_EXPORT const AsperityEntry asperity_entry`"
+                .into(),
+        ));
+    }
+    Ok(())
+}
+
+fn is_it(name: &[u8]) -> bool {
+    name == ASPERITY_ENTRY_SYMBOL.as_bytes()
+}
+
+/// A copy of a library that has been read, under a name that no other copy has; gone when this is dropped.
+pub struct Copy {
+    path: TempPath,
+    /// Windows loads no file that is open for writing.
+    _lock: Option<File>,
+}
+
+impl Copy {
+    pub(crate) fn new(of: &Path, bytes: &[u8]) -> Result<Self, Diagnostic> {
+        let stem = of.file_stem().and_then(|s| s.to_str()).unwrap_or("plugin");
+        let prefix = format!("asperity-{stem}-");
+        let folder = std::env::temp_dir();
+        remove_left_over(&folder, &prefix);
+        let (file, path) = copy_into(&folder, &prefix, bytes)
+            .map_err(|e| Diagnostic::new(format!("cannot make the copy that is loaded: {e}")).in_file(of))?;
+        Ok(Self { path, _lock: (!cfg!(windows)).then_some(file) })
+    }
+
+    /// Where it lies.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+}
+
+/// Loads the copy of a file.
+pub(crate) fn load(path: &Path, Copy { path: copy, _lock }: Copy) -> Result<Library, Diagnostic> {
+    let fail = |message: String| Diagnostic::new(message).in_file(path);
+    // SAFETY: loading runs the library's constructors, which is what a plugin is trusted with; all else about the file
+    // has been checked.
+    let library = foreign(|| unsafe { open(&copy) }).map_err(|e| {
+        let reason = std::error::Error::source(&e).map_or_else(|| e.to_string(), ToString::to_string);
+        // The system names the copy; the person knows the file.
+        let reason = reason.replace(&*copy.to_string_lossy(), &path.display().to_string());
+        fail(format!("the system does not load it: {reason}"))
+    })?;
+    COPIES.fetch_add(1, Ordering::Relaxed);
+    if cfg!(windows) {
+        // A loaded file cannot be deleted there.
+        let _ = copy.keep();
+    }
+    Ok(library)
+}
+
+/// Writes the copy, locked for as long as it is open, so that nobody takes it for left over.
+fn copy_into(folder: &Path, prefix: &str, bytes: &[u8]) -> io::Result<(File, TempPath)> {
+    loop {
+        let copy = tempfile::Builder::new()
+            .prefix(prefix)
+            .suffix(std::env::consts::DLL_SUFFIX)
+            .tempfile_in(folder)?;
+        let (mut file, path) = copy.into_parts();
+        // Waits for a process that looks at it, and may remove it. Not every disk has locks.
+        let _ = file.lock();
+        if path.exists() {
+            file.write_all(bytes)?;
+            return Ok((file, path));
+        }
+    }
+}
+
+/// Removes copies whose process is gone: it crashed or was killed while it loaded them.
+fn remove_left_over(folder: &Path, prefix: &str) {
+    let random = |name: &str| {
+        let random = name.strip_prefix(prefix)?.strip_suffix(std::env::consts::DLL_SUFFIX)?;
+        Some(random.len() == 6 && random.bytes().all(|b| b.is_ascii_alphanumeric()))
+    };
+    for entry in fs::read_dir(folder).into_iter().flatten().filter_map(Result::ok) {
+        let is_copy = random(&entry.file_name().to_string_lossy()) == Some(true)
+            && entry.file_type().is_ok_and(|kind| kind.is_file());
+        if is_copy
+            && let Ok(file) = File::open(entry.path())
+            && file.try_lock().is_ok()
+        {
+            // One that is loaded cannot be removed on Windows.
+            let _ = fs::remove_file(entry.path());
+        }
+    }
+}
+
+#[cfg(unix)]
+unsafe fn open(copy: &Path) -> Result<Library, libloading::Error> {
+    use libloading::os::unix;
+    // SAFETY: the caller's promise.
+    unsafe { unix::Library::open(Some(copy), unix::RTLD_NOW | unix::RTLD_LOCAL) }.map(Into::into)
+}
+
+#[cfg(not(unix))]
+unsafe fn open(copy: &Path) -> Result<Library, libloading::Error> {
+    // SAFETY: the caller's promise.
+    unsafe { Library::new(copy) }
+}
+
+/// Tells two builds of a library apart; never 0.
+pub(crate) fn build_of(bytes: &[u8]) -> u64 {
+    fnv(bytes).max(1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Once, a plugin that crashed while it was loaded left its copy for ever.
+    #[test]
+    fn copies_of_processes_that_are_gone_are_removed() {
+        let dir = tempfile::tempdir().unwrap();
+        let made = |name: &str| {
+            let path = dir.path().join(name.to_owned() + std::env::consts::DLL_SUFFIX);
+            File::create(&path).unwrap();
+            path
+        };
+        let [gone, other, longer] =
+            ["asperity-a-Ab12Cd", "asperity-b-Ab12Cd", "asperity-a-b-Ab12Cd"].map(made);
+        let (_lock, held) = copy_into(dir.path(), "asperity-a-", b"x").unwrap();
+        remove_left_over(dir.path(), "asperity-a-");
+        let there = [gone.as_path(), &other, &longer, &held].map(Path::exists);
+        assert_eq!(there, [false, true, true, true]);
+    }
+}
