@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use crate::{Input, Output, Param};
+use crate::{Effect, Input, Output, Param};
 
 /// What the engine does with a node that slept, when it wakes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -54,6 +54,8 @@ pub struct Descriptor {
     /// Names the parameter that says how long it delays, for a node that can close a cycle: its output in a tick then
     /// does not need its input in that tick.
     pub feedback: Option<Cow<'static, str>>,
+    /// What a scene has to know, for a kind that renders an effect of surfaces.
+    pub effect: Option<Effect>,
     /// What there is to say of latency and tail; empty where both are zero.
     pub timing: Cow<'static, str>,
 }
@@ -72,6 +74,7 @@ impl Descriptor {
             passive: false,
             gate: None,
             feedback: None,
+            effect: None,
             timing: Cow::Borrowed(""),
         }
     }
@@ -129,6 +132,13 @@ impl Descriptor {
     #[must_use]
     pub fn closes_cycles(mut self, parameter: impl Into<Cow<'static, str>>) -> Self {
         self.feedback = Some(parameter.into());
+        self
+    }
+
+    /// Renders an effect of surfaces.
+    #[must_use]
+    pub fn effect(mut self, effect: Effect) -> Self {
+        self.effect = Some(effect);
         self
     }
 

@@ -5,7 +5,7 @@ use asperity_node::{
     Descriptor, Diagnostic, Input, Inputs, Node, Output, RateSpec, Setup, ShapeSpec, State, Status, Tick,
     Unit,
 };
-use asperity_scene::effect::Parts;
+use super::path::Parts;
 
 const IN: usize = 0;
 const LEVEL: usize = 1;

@@ -2,7 +2,7 @@
 
 use asperity_dsp::filter::Sample;
 use asperity_node::{Setup, time};
-use asperity_scene::effect::Parts;
+use super::path::Parts;
 
 /// Room for the samples of a tick, in which parts are added up.
 pub(super) struct Mix {

@@ -2,7 +2,7 @@
 
 use asperity_dsp::filter::{Biquad, Section};
 use asperity_node::{Diagnostic, Latency, Setup, State};
-use asperity_scene::effect::{Path, Smoothing};
+use super::path::{Path, Smoothing};
 
 /// A path through the places that are told once a tick.
 ///

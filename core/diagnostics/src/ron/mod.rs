@@ -5,19 +5,21 @@
 //! with [`Value::record`] (a struct with named fields), [`Value::map`], [`Value::list`] and the scalar
 //! accessors, each of which answers an error with its place when something else stands there.
 
+#[cfg(feature = "ron")]
 mod read;
-#[cfg(test)]
+#[cfg(all(test, feature = "ron"))]
 mod tests;
 mod value;
+mod write;
 
 use std::sync::Arc;
 
-use ron::value::RawValue;
+use crate::{Source, Span};
 
-use crate::{Diagnostic, Source, Span};
-
-use read::Reader;
+#[cfg(feature = "ron")]
+pub use read::{parse, parse_or_text};
 pub use value::Record;
+pub use write::quoted;
 
 /// A value and where it stands.
 #[derive(Clone, Debug)]
@@ -76,14 +78,6 @@ impl PartialEq for Key {
     }
 }
 
-/// Reads a whole text.
-///
-/// # Errors
-/// What `ron` cannot parse, a duplicate key, a number that is not finite.
-pub fn parse(source: &Arc<Source>) -> Result<Value, Diagnostic> {
-    Reader { source }.whole()
-}
-
 /// The word with which a text begins, after comments: what it is meant as, such as `Graph` or `Scene`, whether or not the rest can be
 /// read.
 pub fn first_word(source: &Source) -> Option<&str> {
@@ -111,19 +105,4 @@ fn after_comment(text: &str) -> &str {
         }
     }
     text.get(at..).unwrap_or("")
-}
-
-/// Reads a text that came from a command line as a value; a text that is no RON is taken as text.
-///
-/// # Errors
-/// A value that parses, and is refused: duplicate keys, numbers that are not finite.
-pub fn parse_or_text(source: &Arc<Source>) -> Result<Value, Diagnostic> {
-    let text = source.text();
-    let whole = Span { start: 0, end: text.len() };
-    let as_text = || Value { source: source.clone(), span: whole, kind: Kind::Text(text.to_owned()) };
-    if ron::from_str::<&RawValue>(text).is_err() {
-        return Ok(as_text());
-    }
-    let value = parse(source)?;
-    Ok(if matches!(value.kind, Kind::Word(_)) { as_text() } else { value })
 }

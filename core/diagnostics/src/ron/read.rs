@@ -8,6 +8,29 @@ use serde::de::{Deserialize, MapAccess, SeqAccess, Visitor};
 use super::{Key, Kind, Value};
 use crate::{Diagnostic, Source, Span, budget};
 
+/// Reads a whole text.
+///
+/// # Errors
+/// What `ron` cannot parse, a duplicate key, a number that is not finite.
+pub fn parse(source: &Arc<Source>) -> Result<Value, Diagnostic> {
+    Reader { source }.whole()
+}
+
+/// Reads a text that came from a command line as a value; a text that is no RON is taken as text.
+///
+/// # Errors
+/// A value that parses, and is refused: duplicate keys, numbers that are not finite.
+pub fn parse_or_text(source: &Arc<Source>) -> Result<Value, Diagnostic> {
+    let text = source.text();
+    let whole = Span { start: 0, end: text.len() };
+    let as_text = || Value { source: source.clone(), span: whole, kind: Kind::Text(text.to_owned()) };
+    if ron::from_str::<&RawValue>(text).is_err() {
+        return Ok(as_text());
+    }
+    let value = parse(source)?;
+    Ok(if matches!(value.kind, Kind::Word(_)) { as_text() } else { value })
+}
+
 /// What comes after white space and comments.
 fn after_comments(text: &str) -> &str {
     let mut rest = text.trim_start();

@@ -23,7 +23,7 @@ mod look;
 #[cfg(test)]
 mod tests;
 
-use crate::{Kind, Scene};
+use crate::Scene;
 use asperity_diagnostics::{Diagnostic, Place};
 use asperity_graph::{GraphFile, PluginDecl};
 use asperity_node::Registry;
@@ -48,8 +48,8 @@ impl Default for Lowering {
 pub struct Lowered {
     /// It.
     pub graph: GraphFile,
-    /// Which of its nodes render which kind of effect, by id, in the order of [`Kind::ALL`].
-    pub rendered: Vec<(Kind, Vec<String>)>,
+    /// The ids of the nodes that render each kind of effect that the scene has, or, without pruning, of all kinds.
+    pub rendered: Vec<(String, Vec<String>)>,
 }
 
 /// The graph of a scene as far as it can be known without kinds of nodes: the plugins that it asks for.
@@ -72,10 +72,11 @@ pub fn draft(scene: &Scene) -> Result<GraphFile, Diagnostic> {
 /// The graph of a scene.
 ///
 /// # Errors
-/// A part of a kind that is not there or that cannot do what it is for (`input` tells a position, `phase` makes a signal of magnitudes, `output` plays), a setting
+/// What [`Scene::check`] finds; a part of a kind that is not there or that cannot do what it is for (`input` tells a position, `phase` makes a signal of magnitudes, `output` plays), a setting
 /// that it does not have or that does not fit, also where nothing of the scene needs the part; a material that the network's library does not have; nothing that
 /// can be felt; a list of plugins that is none.
 pub fn lower(scene: &Scene, registry: &Registry, lowering: Lowering) -> Result<Lowered, Diagnostic> {
+    scene.check(registry)?;
     let mut builder = Builder::new(scene, registry, lowering, draft(scene)?);
     builder.look()?;
     builder.hand()?;
