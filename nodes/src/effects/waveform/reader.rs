@@ -122,4 +122,5 @@ impl Reader {
 }
 
 #[cfg(test)]
+#[path = "reader_tests.rs"]
 mod tests;
