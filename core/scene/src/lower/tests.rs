@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use std::path::Path;
 
-use crate::{Kind, Scene};
+use crate::Scene;
 use asperity_diagnostics::Source;
 use asperity_graph::GraphFile;
 use asperity_node::Registry;
@@ -151,7 +151,9 @@ fn what_every_kind_is_rendered_by_is_in_the_graph() {
     let registry = asperity_nodes::registry();
     let scene = scene(TILE, &effects(|_| true)).unwrap();
     let lowered = lower(&scene, &registry, Lowering::default()).unwrap();
-    assert_eq!(lowered.rendered.iter().map(|(kind, _)| *kind).collect::<Vec<_>>(), Kind::ALL);
+    let kinds: Vec<&str> = lowered.rendered.iter().map(|(kind, _)| kind.as_str()).collect();
+    let all = "network friction tap vibration viscosity magnet autoregressive waveform relief";
+    assert_eq!(kinds.join(" "), all);
     let mut seen = BTreeSet::new();
     for (kind, ids) in &lowered.rendered {
         assert!(!ids.is_empty(), "{kind:?}");

@@ -194,10 +194,10 @@ fn recording(value: &Value) -> Result<Sound, Diagnostic> {
     Ok(Sound::Recorded { file, speed_mm_s, full_scale_m_s2, gain })
 }
 
-/// The taps of a slot. A recording is read from its file: of several channels the first.
-fn read(settings: &Settings, rate_hz: u32) -> Result<Taps, Diagnostic> {
-    let transient = match sound(settings)? {
-        Sound::Sinusoids(sinusoids) => Transient::Sinusoids(sinusoids),
+/// The transient of a slot. A recording is read from its file: of several channels the first.
+fn transient(settings: &Settings) -> Result<Transient, Diagnostic> {
+    match sound(settings)? {
+        Sound::Sinusoids(sinusoids) => Ok(Transient::Sinusoids(sinusoids)),
         Sound::Recorded { file, speed_mm_s, full_scale_m_s2, gain } => {
             let wav = Wav::read(&file, MAX_RECORDED)?;
             let samples: Vec<f32> = wav.channel(0).map(|x| (gain * full_scale_m_s2 * x) as f32).collect();
@@ -207,10 +207,9 @@ fn read(settings: &Settings, rate_hz: u32) -> Result<Taps, Diagnostic> {
                     .help(format!("up to {MOST_M_S2:e} m/s^2")));
             }
             let rate_hz = f64::from(wav.rate_hz);
-            Transient::Recorded(Recording { samples, rate_hz, speed_mm_s })
+            Ok(Transient::Recorded(Recording { samples, rate_hz, speed_mm_s }))
         }
-    };
-    made(settings, Taps::new(&transient, of(settings), rate_hz))
+    }
 }
 
 impl Node for Tap {
@@ -238,7 +237,9 @@ impl Node for Tap {
 
     fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
         let rate_hz = setup.audio_hz;
-        let kernels = one_each(setup, |settings| read(settings, rate_hz))?;
+        let kernels = one_each(setup, |settings| {
+            made(settings, Taps::new(&transient(settings)?, of(settings), rate_hz))
+        })?;
         let files = files(setup);
         Ok(Self {
             spare: kernels.first().cloned(),
@@ -337,5 +338,37 @@ impl Node for Tap {
             Fact::count("taps", self.counts[0]),
             Fact::count("cut_short", self.counts[1]),
         ]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use asperity_diagnostics::{Source, ron};
+
+    #[test]
+    fn recording_is_scaled_and_read_from_its_first_channel() {
+        let dir = tempfile::tempdir().unwrap();
+        let spec = hound::WavSpec {
+            channels: 2,
+            sample_rate: 8000,
+            bits_per_sample: 16,
+            sample_format: hound::SampleFormat::Int,
+        };
+        let mut writer = hound::WavWriter::create(dir.path().join("tap.wav"), spec).unwrap();
+        [8192_i16, 1, -16_384, 1].iter().for_each(|x| writer.write_sample(*x).unwrap());
+        writer.finalize().unwrap();
+        let settings = |file: &str| {
+            let text = format!(
+                "(recording: (file: \"{file}\", speed_mm_s: 80, full_scale_m_s2: 50, gain: 2), debounce_ms: 30)"
+            );
+            let value = ron::parse(&Source::new(dir.path().join("g.ron"), text)).unwrap();
+            effect().read("tap", &value).unwrap()
+        };
+        assert_eq!(of(&settings("tap.wav")).debounce_ms, 30.0);
+        let Transient::Recorded(found) = transient(&settings("tap.wav")).unwrap() else { panic!() };
+        assert_eq!((found.samples, found.rate_hz, found.speed_mm_s), (vec![25.0, -50.0], 8000.0, 80.0));
+        let e = transient(&settings("none.wav")).unwrap_err().to_string();
+        assert!(e.contains("none.wav: cannot read this file: No such file"), "{e}");
     }
 }

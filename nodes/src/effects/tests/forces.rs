@@ -1,10 +1,11 @@
 //! `friction`, `viscosity` and `magnet`.
 
 use asperity_node::Unit;
-use asperity_scene::effect::friction::{Dahl, LuGre, LuGreSettings, ViscousCoulomb};
-use asperity_scene::effect::{Magnet, Viscosity};
 
 use super::bench::{Bench, Script, refused};
+use crate::effects::friction::{Dahl, LuGre, LuGreSettings, ViscousCoulomb};
+use crate::effects::magnet::Pull;
+use crate::effects::viscosity::Drag;
 use crate::effects;
 
 /// Out of contact, in contact with one surface, with another, out, and with the last one again.
@@ -176,7 +177,7 @@ fn drag_is_against_the_velocity_and_sleeps_outside() {
     let script = Script::new(&outputs, move |tick| vec![vec![touched(tick)], velocity(tick).to_vec()]);
     let drags = r#"["(viscosity_ns_per_m: 2)", "(viscosity_ns_per_m: 8, max_force_n: 1.5)", "(viscosity_ns_per_m: 0)"]"#;
     let (run, calls) = Bench::new(500, 48_000, "viscosity", &[("drags", drags)], script).run("it", 250);
-    let kernels = [(2.0, 3.3), (8.0, 1.5), (0.0, 3.3)].map(|(c, most)| Viscosity::new(c, most).unwrap());
+    let kernels = [(2.0, 3.3), (8.0, 1.5), (0.0, 3.3)].map(|(c, most)| Drag::new(c, most).unwrap());
     for (tick, force) in run.control.iter().enumerate() {
         let tick = tick as u64;
         let slot = touched(tick);
@@ -204,7 +205,7 @@ fn a_magnet_pulls_to_the_surface_from_both_sides() {
     let one = "\"(stiffness_n_per_mm: 0.5, max_force_n: 0.4, reach_mm: 2.5)\"";
     let magnets = format!("[{one}, {one}, {one}]");
     let (run, calls) = Bench::new(500, 48_000, "magnet", &[("magnets", &magnets)], script).run("it", 250);
-    let kernel = Magnet::new(0.5, 0.4, 2.5).unwrap();
+    let kernel = Pull::new(0.5, 0.4, 2.5).unwrap();
     for (tick, force) in run.control.iter().enumerate() {
         let d = distance(tick as u64);
         if !(0.0..3.0).contains(&touched(tick as u64)) {

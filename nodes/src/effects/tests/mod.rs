@@ -7,5 +7,7 @@ mod forces;
 mod gliding;
 mod level;
 mod limiter;
+mod settings;
+mod settings;
 mod tap;
 mod vibration;

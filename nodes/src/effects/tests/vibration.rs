@@ -3,9 +3,9 @@
 use std::f64::consts::TAU;
 
 use asperity_node::Unit;
-use asperity_scene::effect::Vibration;
 
 use super::bench::{Bench, Script, largest_step, refused};
+use crate::effects::vibration::Sine;
 use crate::effects;
 
 const SOURCES: &str = r#"["(frequency_hz: 120, amplitude_m_s2: 2)", "(frequency_hz: 77.7, amplitude_m_s2: 3)", "(frequency_hz: 300, amplitude_m_s2: 1)"]"#;
@@ -18,7 +18,7 @@ fn bench(tick_hz: u32, rate: u32, slot: impl Fn(u64) -> f64 + Send + Sync + 'sta
 /// Samples of a source.
 fn source(hz: f64, amplitude: f64, rate: u32, count: usize) -> Vec<f32> {
     let mut out = vec![0.0; count];
-    Vibration::new(hz, amplitude, rate).unwrap().process(0, &mut out);
+    Sine::new(hz, amplitude, rate).unwrap().process(0, &mut out);
     out
 }
 
