@@ -6,21 +6,16 @@
 mod bent;
 mod models;
 pub(crate) use models::encoder;
-#[path = "../common/readers.rs"]
-mod readers;
 
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc;
 use std::time::Duration;
 
-use crate::common::root;
-use crate::counting::{Held, held};
+use crate::readers::{READERS, Reader};
 use bent::bent;
-use readers::{READERS, Reader};
-
-/// The folder of the shipped graphs.
-const GRAPHS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../graphs");
+use harness::counting::{Held, held};
+use harness::root;
 
 /// How long one small file may take on a machine that is busy with much else.
 const PATIENCE: Duration = Duration::from_secs(120);

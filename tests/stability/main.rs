@@ -1,12 +1,6 @@
 //! Hard cases that stay stable: one file a family. A case lives in `core/checks`, where `asperity selftest` runs it too; here it must hold for
 //! what is shipped, and fail for a mutant that is broken on purpose. What has no graph stands here alone.
-
-#[path = "../common/mod.rs"]
-mod common;
-#[path = "../common/counting.rs"]
-mod counting;
-#[path = "../common/stage.rs"]
-mod stage;
+#![allow(unreachable_pub, reason = "a test program has no outside")]
 
 mod actuator;
 mod autoregressive;
@@ -18,6 +12,7 @@ mod graphs;
 mod motion;
 mod networks;
 mod phase;
+mod readers;
 mod stiff_walls;
 
 use std::sync::Arc;
@@ -27,6 +22,9 @@ use asperity_graph::GraphFile;
 use asperity_node::{Config, Descriptor, Diagnostic, NodeKind, Ports, Processor, Setup};
 use asperity_scene::Scene;
 use asperity_scene::{Lowering, lower};
+
+/// The folder of the shipped graphs.
+const GRAPHS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../graphs");
 
 /// How long cases may take here; `ASPERITY_STABILITY=long` asks for all there is.
 fn effort() -> Effort {
@@ -44,7 +42,7 @@ fn case(name: &str) -> &'static Case {
 
 /// A shipped graph.
 fn graph(name: &str) -> GraphFile {
-    GraphFile::read(common::graphs(name)).expect("a shipped graph")
+    GraphFile::read(harness::graphs(name)).expect("a shipped graph")
 }
 
 /// The graph of a scene.
@@ -55,7 +53,7 @@ fn lowered(path: &std::path::Path) -> GraphFile {
 
 /// The graph of a shipped scene.
 fn scene(name: &str) -> GraphFile {
-    lowered(&common::graphs("scenes").join(name))
+    lowered(&harness::graphs("scenes").join(name))
 }
 
 /// The built-in kinds, with a graph or without.
@@ -111,3 +109,7 @@ fn fails(name: &str, mutant: &Subject<'_>, why: &str) {
     assert_eq!(verdict, Verdict::Fails, "{name} does not see the mutant: {found}");
     assert!(found.contains(why), "{name} fails for another reason: {found}");
 }
+
+/// Counts the bytes that readers and nodes hold.
+#[global_allocator]
+static ALLOCATOR: harness::counting::Counting = harness::counting::Counting;

@@ -7,8 +7,8 @@ use asperity_checks::{Subject, wrap};
 use asperity_loader::Plugin;
 use asperity_node::{Complex, Fault, NodeKind, Registry, Setup, Status, Tick};
 
-use crate::common::plugins;
 use crate::{effort, fails, holds};
+use harness::plugins;
 
 /// The built-in kinds and those of the plugins that retrieve phase.
 fn all() -> Subject<'static> {

@@ -20,6 +20,8 @@
 
 mod kind;
 mod node;
+#[cfg(test)]
+mod tests;
 
 pub use kind::*;
 pub use node::*;

@@ -10,6 +10,8 @@
 mod buffers;
 mod case;
 pub mod conformance;
+#[cfg(test)]
+mod docs_tests;
 mod families;
 mod handle;
 pub mod played;

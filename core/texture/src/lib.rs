@@ -32,6 +32,8 @@ mod round;
 mod runner;
 mod signature;
 mod stored;
+#[cfg(test)]
+mod tests;
 mod trained;
 
 pub use asperity_dsp::Isa;

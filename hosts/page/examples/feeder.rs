@@ -1,7 +1,7 @@
 //! Shows the page with a run that is made up: `cargo run -p asperity-page --example feeder`. What a hand does on it is heard
 //! back in the figures.
 
-#[path = "../tests/made_up/mod.rs"]
+#[path = "../../../tests/live/page_server/made_up.rs"]
 mod made_up;
 
 use std::sync::Arc;

@@ -15,6 +15,8 @@ mod foreign;
 mod kind;
 mod plugin;
 mod processor;
+#[cfg(test)]
+mod round_trip_tests;
 mod search;
 mod setup;
 

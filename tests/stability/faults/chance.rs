@@ -7,8 +7,8 @@ use asperity_engine::{Engine, Options};
 use asperity_graph::{GraphFile, compile};
 use asperity_node::Buffer;
 
-use crate::counting::{Held, held};
-use nodes::{INJECTORS, injected, injected_all, registry};
+use self::nodes::{INJECTORS, injected, injected_all, registry};
+use harness::counting::{Held, held};
 
 /// Ticks of a run; `ASPERITY_LONG_TICKS` asks for others.
 fn ticks() -> u64 {

@@ -43,10 +43,10 @@ fn library() -> Option<&'static Path> {
         }
         let dir = tempfile::tempdir().expect("a folder");
         let library = dir.path().join("disk.so");
-        let source = crate::common::root().join("tests/stability/faults/disk.c");
+        let source = harness::root().join("tests/stability/faults/disk.c");
         let mut cc = Command::new("cc");
         cc.args(["-shared", "-fPIC", "-O1", "-Wall", "-Wextra", "-Werror", "-o"]);
-        crate::common::plugins::must(cc.arg(&library).arg(source).arg("-ldl"));
+        harness::plugins::must(cc.arg(&library).arg(source).arg("-ldl"));
         Some((library, dir))
     });
     built.as_ref().map(|(library, _)| library.as_path())

@@ -5,7 +5,7 @@ use std::process::Command;
 
 use super::disk::{BEFORE, Fails, Place, can_fail};
 use super::writers::{Made, WRITERS, Writer};
-use crate::common::files;
+use harness::files;
 
 /// Whether a command that cannot write says so and leaves all as it was.
 fn endures(writer: &Writer) -> Result<(), String> {
@@ -238,8 +238,8 @@ fn says_that_nobody_can_read(command: &mut Command) -> Result<(), String> {
 fn a_standard_output_that_is_full_is_an_error() {
     let dir = tempfile::tempdir().unwrap();
     (WRITERS[0].prepare)(dir.path());
-    let graph = crate::common::graphs("scenes/study.ron").display().to_string();
-    let library = crate::common::graphs("models/surfaces/materials.ron").display().to_string();
+    let graph = harness::graphs("scenes/study.ron").display().to_string();
+    let library = harness::graphs("models/surfaces/materials.ron").display().to_string();
     for args in [
         &["nodes"][..],
         &["nodes", "--json"],
@@ -253,8 +253,7 @@ fn a_standard_output_that_is_full_is_an_error() {
         &["render", "g.ron", "--seconds", "0.1"],
         &["run", "g.ron", "--device", "simulated:frames=64", "--seconds", "0.1"],
     ] {
-        says_that_nobody_can_read(crate::common::asperity(dir.path()).args(args))
-            .unwrap_or_else(|e| panic!("{e}"));
+        says_that_nobody_can_read(harness::asperity(dir.path()).args(args)).unwrap_or_else(|e| panic!("{e}"));
     }
     // Mutant: one to which it is all one.
     says_that_nobody_can_read(Command::new("sh").args(["-c", "echo x; exit 0"])).unwrap_err();

@@ -15,9 +15,9 @@ use asperity_node::{
     Descriptor, Diagnostic, Node, Output, Param, RateSpec, Setup, ShapeSpec, Status, Tick, Unit,
 };
 
-use crate::common::live::{PATIENCE, told};
-use crate::common::{asperity, json, plugins};
-use crate::stage::{STEP, channel, graph, largest_step, tend, timed, voice};
+use harness::live::{PATIENCE, told};
+use harness::stage::{STEP, channel, graph, largest_step, tend, timed, voice};
+use harness::{asperity, json, plugins};
 
 /// Samples in which the output is down: 20 ms.
 const DOWN: usize = 960;
@@ -219,7 +219,7 @@ fn plugin_that_never_returns_is_cut_out_and_the_graph_goes_on() {
             std::thread::sleep(Duration::from_secs(5));
             ends_on_ctrl_c(child, PATIENCE).unwrap()
         } else {
-            let code = crate::common::live::end(&mut child);
+            let code = harness::live::end(&mut child);
             let mut said = String::new();
             let mut pipe = child.stderr.take().expect("a pipe");
             std::io::Read::read_to_string(&mut pipe, &mut said).expect("what it said");
@@ -232,10 +232,10 @@ fn plugin_that_never_returns_is_cut_out_and_the_graph_goes_on() {
         let nodes = report["nodes"].as_array().expect("nodes");
         let bad = nodes.iter().find(|node| node["id"] == "bad").expect("the node");
         assert!(bad["quarantined"] == true && bad["last_fault"] == "did not return and is cut out", "{bad}");
-        let heard = crate::common::live::npy(&dir.path().join("heard.npy"));
+        let heard = harness::live::npy(&dir.path().join("heard.npy"));
         assert!(heard.len() > 3 * 48_000, "{clock}: {} samples", heard.len());
         // With the plugin's wave first, then the tone alone.
-        let rms = crate::common::live::rms;
+        let rms = harness::live::rms;
         let (before, after) = (rms(&heard[24_000..33_600]), rms(&heard[heard.len() - 48_000..]));
         assert!(before > 0.06, "{clock}: rms {before} with both");
         assert!((after / (0.05 / 2f32.sqrt()) as f64 - 1.0).abs() < 0.05, "{clock}: rms {after} of the tone");
@@ -249,7 +249,7 @@ fn run_in_place_with_a_stuck_plugin_ends_in_time() {
     write_spinning(dir.path());
     let args = ["run", "g.ron", "--device", "simulated:frames=1024", "--clock", "paced", "--in-place"];
     let mut child = quietly(asperity(dir.path()).args(args).args(["--report", "r.json", "--seconds", "3"]));
-    let code = crate::common::live::end(&mut child);
+    let code = harness::live::end(&mut child);
     let mut said = String::new();
     std::io::Read::read_to_string(&mut child.stderr.take().expect("a pipe"), &mut said).expect("words");
     assert_eq!(code, 1, "{said}");

@@ -6,8 +6,8 @@ use std::process::Command;
 use asperity_accuracy::npy;
 use asperity_texture::{Library, LibraryMaterial};
 
-use crate::common::{asperity, graphs};
 use crate::files::encoder;
+use harness::{asperity, graphs};
 
 /// A command, and the files that it makes.
 pub(super) struct Writer {

@@ -1,9 +1,6 @@
 //! Small networks for the corpus, made here.
 
-#[path = "../../../core/texture/tests/common/mod.rs"]
-mod network;
-
-use network::{Layer, Random, Spelling, Writer, bytes, float, int};
+use harness::networks::{Layer, Random, Spelling, Writer, bytes, float, int};
 
 fn layer(r: &mut Random, from: usize, to: usize) -> Layer {
     Layer { weights: r.vector(from * to, 0.5), bias: r.vector(to, 0.1) }
@@ -50,5 +47,5 @@ fn network_ints(name: &str, ints: &[i64]) -> tract_onnx::pb::AttributeProto {
 
 /// An encoder whose answer is the mean brightness of a picture, in steps.
 pub(crate) fn encoder() -> Vec<u8> {
-    bytes(&network::encoder(&[1.0 / 576.0; 576], 0.01))
+    bytes(&harness::networks::encoder(&[1.0 / 576.0; 576], 0.01))
 }
