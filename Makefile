@@ -27,18 +27,20 @@ demo: setup
 	@echo "look at    $(OUT)/demo.svg   position, speed, force, acceleration, spectrogram, current"
 	@echo "read       $(OUT)/demo.json  what it took"
 
-# Every test but the long ones.
+# Every test but the long ones and those of the training, which need a minute of building: `cargo test -p asperity-train`.
 test: setup-tests
-	$(CARGO) test --workspace --no-fail-fast
+	$(CARGO) test --workspace --exclude asperity-train --no-fail-fast
 
-# The tests that take minutes and, the hard cases, some hours: a million ticks without an allocation, a thousand swaps of the shipped graph, a million ticks live, ten
-# million ticks of nodes that fail, sixty times as many hostile cases, and every reader fuzzed for a minute.
+# The tests that take minutes, and some hours for the hard cases: a million ticks without an allocation, a thousand
+# swaps of the shipped graph, a million ticks live, ten million ticks of nodes that fail, sixty times as many hostile
+# cases, and every reader fuzzed for a minute.
 test-long: setup-tests setup-fuzz
-	ASPERITY_LONG_TICKS=1000000 $(CARGO) test -p asperity --test no_alloc
-	ASPERITY_LONG_SWAPS=1000 PROPTEST_CASES=5000 $(CARGO) test -p asperity --test swap_long
-	ASPERITY_LONG_TICKS=1000000 $(CARGO) test -p asperity --test live_long -- --nocapture
-	ASPERITY_STABILITY=long ASPERITY_LONG_TICKS=10000000 PROPTEST_CASES=2000 $(CARGO) test -p asperity --test stability -- --nocapture
-	ASPERITY_HOSTILE=60 $(CARGO) test -p asperity --test hostile -- --nocapture
+	ASPERITY_LONG_TICKS=1000000 $(CARGO) test -p asperity --test alloc ticks::
+	ASPERITY_LONG_SWAPS=1000 PROPTEST_CASES=5000 $(CARGO) test -p asperity --test alloc swap_long::
+	ASPERITY_LONG_TICKS=1000000 $(CARGO) test -p asperity --test live long:: -- --nocapture
+	ASPERITY_STABILITY=long ASPERITY_LONG_TICKS=10000000 PROPTEST_CASES=2000 \
+	    $(CARGO) test -p asperity --test stability -- --nocapture
+	ASPERITY_HOSTILE=60 $(CARGO) test -p asperity --test it hostile:: -- --nocapture
 	CARGO="$(CARGO)" sh scripts/fuzz.sh 60
 
 # Every reader, for so many seconds each.
@@ -74,11 +76,11 @@ tradeoff: setup
 
 # Writes the plugin interface's C header anew from its Rust.
 header: setup
-	ASPERITY_WRITE_HEADER=1 $(CARGO) test -p asperity-abi --test header
+	ASPERITY_WRITE_HEADER=1 $(CARGO) test -p asperity-abi header
 
 # Writes the hard cases into docs/stability.md anew.
 stability-docs: setup
-	ASPERITY_WRITE_STABILITY=1 $(CARGO) test -p asperity-checks --test docs
+	ASPERITY_WRITE_STABILITY=1 $(CARGO) test -p asperity-checks docs
 
 # Trains the model of the made surfaces again; checkpoints lie in $(OUT).
 train: setup
@@ -102,7 +104,7 @@ pictures: setup
 
 # And those of a run: the page in a browser while a pen strokes, and the terminal.
 live-pictures: setup-tests
-	ASPERITY_PICTURES=$(abspath docs) $(CARGO) test -p asperity --test live_pictures
+	ASPERITY_PICTURES=$(abspath docs) $(CARGO) test -p asperity --test live pictures::
 
 clean:
 	$(CARGO) clean

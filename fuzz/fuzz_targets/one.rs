@@ -1,12 +1,18 @@
 //! What all targets do: read one input, in bounded memory and without a panic.
 
-#[path = "../../tests/common/counting.rs"]
+#[path = "../../tests/harness/src/counting.rs"]
+#[allow(dead_code, unreachable_pub, reason = "tests ask more of it")]
 mod counting;
-#[path = "../../tests/common/readers.rs"]
+#[path = "../../tests/stability/readers.rs"]
+#[allow(dead_code, reason = "tests ask more of it")]
 mod readers;
 
 use std::panic::{self, AssertUnwindSafe};
 use std::sync::Mutex;
+
+/// Counts the bytes that a reader holds.
+#[global_allocator]
+static ALLOCATOR: counting::Counting = counting::Counting;
 
 /// The folder of the shipped graphs.
 const GRAPHS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../graphs");

@@ -1,4 +1,5 @@
-//! What must not allocate while it runs: nodes, ticks, and swaps of a running graph. All allocations are counted.
+//! What must not allocate while it runs: nodes, ticks, and swaps of a running graph. All allocations are
+//! counted.
 #![allow(unreachable_pub, reason = "a test program has no outside")]
 
 mod autoregressive;
@@ -7,13 +8,13 @@ mod contacts;
 mod effects;
 mod kernels;
 mod networks;
-mod no_alloc;
 mod phase_plugins;
 mod rig;
 mod swap;
 mod swap_kept;
 mod swap_long;
 mod swap_plugins;
+mod ticks;
 mod tones;
 
 /// Counts allocations.

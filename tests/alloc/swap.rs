@@ -59,8 +59,9 @@ fn the_same_graph_again_changes_nothing() {
     assert_eq!(rig.controller.collect().len(), 1);
 }
 
+/// Phase retrieval is swapped with the synthesis behind it and faded at its audio.
 #[test]
-fn phase_retrieval_is_swapped_with_the_synthesis_behind_it_and_faded_at_its_audio() {
+fn phase_retrieval_swapped_with_its_synthesis_fades_audio() {
     let with = |seed| {
         format!(
             "f: faulty\ns: spsi(seed: {seed})\no: overlap_add\nr: resample\nout: probe\n\
@@ -142,7 +143,8 @@ fn nodes_are_inserted_removed_and_rewired_without_a_click() {
 
 #[test]
 fn nothing_is_heard_that_is_neither_the_old_graph_nor_the_new() {
-    // A factor moves from one gain to another past a filter that stays; and a filter and a gain change places.
+    // A factor moves from one gain to another past a filter that stays; and a filter and a gain change
+    // places.
     let moved = |a, b| {
         format!(
             "t: tone\na: scale(by: {a:?})\np: one_pole(part: 0.5)\nb: scale(by: {b:?})\nout: probe\n\
@@ -167,8 +169,9 @@ fn nothing_is_heard_that_is_neither_the_old_graph_nor_the_new() {
     }
 }
 
+/// A control goes from its old to its new value in steps and its reader ends at the new one.
 #[test]
-fn a_control_goes_from_its_old_to_its_new_value_in_steps_and_its_reader_ends_at_the_new_one() {
+fn swapped_control_steps_from_old_to_new_value() {
     for reader in ["waker", "deaf"] {
         let with = |value| format!("v: level(value: {value:?})\nw: {reader}\nout: probe\nv -> w\nw -> out");
         let mut rig = Rig::new(&with(2.0));
@@ -194,8 +197,10 @@ fn a_control_goes_from_its_old_to_its_new_value_in_steps_and_its_reader_ends_at_
 fn what_sleeps_behind_a_closed_gate_sleeps_on_through_a_swap() {
     let with = |gain, close| {
         format!(
-            "t: tone\ng: scale(by: {gain:?})\nm: memory_resume\nx: mix\ngate: test_gate(close: {close}, open: 40)\n\
-                 out: file_out(file: \"x.wav\")\nt -> g\ng -> x.in1\nt -> m\nm -> x.in2\nx -> gate\ngate -> out"
+            "t: tone\ng: scale(by: {gain:?})\nm: memory_resume\nx: mix\ngate: test_gate(close: {close}, \
+             open: 40)\n\
+                 out: file_out(file: \"x.wav\")\nt -> g\ng -> x.in1\nt -> m\nm -> x.in2\nx -> gate\ngate \
+                 -> out"
         )
     };
     let mut rig = Rig::new(&with(1.0, 3));
@@ -353,7 +358,8 @@ fn a_sink_that_is_rebuilt_renamed_or_new_fades_too() {
 fn a_node_that_runs_seldom_starts_in_a_tick_in_which_it_runs() {
     let text = |seldom: &str| {
         let text = format!(
-            "Graph(version: 1, nodes: {{\"v\": (kind: \"level\", params: (value: 3.0)), {seldom} \"out\": (kind: \"probe\")}}, \
+            "Graph(version: 1, nodes: {{\"v\": (kind: \"level\", params: (value: 3.0)), \
+             {seldom} \"out\": (kind: \"probe\")}}, \
              wires: [{}])",
             if seldom.is_empty() { "(\"v\", \"out\")" } else { "(\"v\", \"s\"), (\"s\", \"out\")" }
         );
@@ -371,7 +377,8 @@ fn a_node_that_runs_seldom_starts_in_a_tick_in_which_it_runs() {
         assert_eq!(values[0], 3.0, "tick {tick}");
     }
     // Two that meet seldom do not wait for each other.
-    let text = "Graph(version: 1, nodes: {\"v\": (kind: \"level\"), \"a\": (kind: \"gain\", every: 23), \"b\": (kind: \"gain\", every: \
+    let text = "Graph(version: 1, nodes: {\"v\": (kind: \"level\"), \"a\": (kind: \"gain\", every: 23), \
+                \"b\": (kind: \"gain\", every: \
                 29), \"out\": (kind: \"probe\")}, wires: [(\"v\", \"a\"), (\"a\", \"b\"), (\"b\", \"out\")])";
     let file = GraphFile::parse(&Source::new("t", text)).unwrap();
     rig.controller.swap(compiled_file(&file), &[]).unwrap();
@@ -438,8 +445,9 @@ fn other_rates_are_refused_and_a_reset_ends_a_fade() {
     assert!(rig.controller.set_parameter("g", "gain", 1.0).is_err());
 }
 
+/// Swaps that come every tick wait their turn or are refused and nothing is left behind.
 #[test]
-fn swaps_that_come_every_tick_wait_their_turn_or_are_refused_and_nothing_is_left_behind() {
+fn swaps_in_every_tick_wait_or_are_refused_without_a_leak() {
     let with = |version| {
         format!("t: tone\nx: tracked(version: {version})\ny: tracked\nout: probe\nt -> x\nx -> y\ny -> out")
     };

@@ -94,11 +94,13 @@ fn a_node_is_rebuilt_if_what_it_was_prepared_with_changed() {
     }
 }
 
+/// Another seed or another pace rebuilds and another place of the file only what names files.
 #[test]
-fn another_seed_or_another_pace_rebuilds_and_another_place_of_the_file_only_what_names_files() {
+fn seed_or_pace_rebuilds_all_and_folder_only_file_nodes() {
     let text = |head: &str, every: u32, path: &str| {
         let nodes = format!(
-            "\"v\": (kind: \"level\", params: (value: 3.0)), \"g\": (kind: \"gain\", every: {every}), \"out\": (kind: \"probe\", params: (file: \"a.npy\"))"
+            "\"v\": (kind: \"level\", params: (value: 3.0)), \"g\": (kind: \"gain\", every: {every}), \
+             \"out\": (kind: \"probe\", params: (file: \"a.npy\"))"
         );
         let text = format!(
             "Graph(version: 1, {head} nodes: {{{nodes}}}, wires: [(\"v\", \"g\"), (\"g\", \"out\")])"
@@ -123,11 +125,13 @@ fn another_seed_or_another_pace_rebuilds_and_another_place_of_the_file_only_what
     assert_eq!((why(&moved, "g"), why(&moved, "out").as_deref()), (None, Some("`file` changed")));
 }
 
+/// A kept node that reads another output of the same node ends there.
 #[test]
-fn a_kept_node_that_reads_another_output_of_the_same_node_ends_there() {
+fn kept_node_reading_another_output_ends_at_it() {
     let with = |output| {
         format!(
-            "c: counter\nw: waker\ng: gain(unit: \"N\")\np: probe\nout: probe\nq: probe\nc.tick -> p\nc.calls -> q\nc.{output} -> g\ng -> w\nw -> out"
+            "c: counter\nw: waker\ng: gain(unit: \"N\")\np: probe\nout: probe\nq: probe\nc.tick -> \
+             p\nc.calls -> q\nc.{output} -> g\ng -> w\nw -> out"
         )
     };
     let (rig, report) = swapped(compiled(&with("tick")), compiled(&with("calls")));
@@ -135,8 +139,9 @@ fn a_kept_node_that_reads_another_output_of_the_same_node_ends_there() {
     assert_eq!(rig.control("w"), 14.0, "calls, not the tick");
 }
 
+/// A state is not handed on where the ports carry something else.
 #[test]
-fn a_state_is_not_handed_on_where_the_ports_carry_something_else() {
+fn state_is_not_handed_on_when_ports_differ() {
     let nodes = "t: tone\nv: level\ng: gain\nout: probe\n";
     let (mut rig, _) =
         swapped(compiled(&format!("{nodes}t -> g\ng -> out")), compiled(&format!("{nodes}v -> g\ng -> out")));
@@ -147,7 +152,8 @@ fn a_state_is_not_handed_on_where_the_ports_carry_something_else() {
 fn who_reads_a_sink_hears_what_its_host_hears() {
     let with = |volts| {
         format!(
-            "t: tone\na: amps\nout: audio_out(volts_at_full_scale: {volts:?})\nf: file_out(file: \"x.wav\")\nt -> a\na -> out\nout.samples -> f"
+            "t: tone\na: amps\nout: audio_out(volts_at_full_scale: {volts:?})\nf: file_out(file: \
+             \"x.wav\")\nt -> a\na -> out\nout.samples -> f"
         )
     };
     let mut rig = Rig::new(&with(1.0));
@@ -179,7 +185,8 @@ fn an_old_node_sleeps_on_behind_gates_that_are_gone() {
     let gate = "test_gate(close: 0, open: 100)";
     let head = |version| {
         format!(
-            "t: tone\na: tracked(version: {version})\nh: {gate}\nout: file_out(file: \"x.wav\")\nt -> a\na -> h\nh -> out\n"
+            "t: tone\na: tracked(version: {version})\nh: {gate}\nout: file_out(file: \"x.wav\")\nt -> a\na \
+             -> h\nh -> out\n"
         )
     };
     let from = format!("{}g: {gate}\nother: file_out(file: \"y.wav\")\na -> g\ng -> other", head(1));
@@ -193,7 +200,8 @@ fn a_gate_opens_in_its_tick_also_while_something_else_fades() {
     let with = |by| {
         format!(
             "t: tone\na: tracked\nh: test_gate(close: 0, open: 12)\nout: file_out(file: \"x.wav\")\nu: tone\n\
-                 s: scale(by: {by:?})\nother: file_out(file: \"y.wav\")\nt -> a\na -> h\nh -> out\nu -> s\ns -> other"
+                 s: scale(by: {by:?})\nother: file_out(file: \"y.wav\")\nt -> a\na -> h\nh -> out\nu -> \
+                 s\ns -> other"
         )
     };
     let mut rig = Rig::new(&with(1.0));
@@ -205,7 +213,8 @@ fn a_gate_opens_in_its_tick_also_while_something_else_fades() {
 
 #[test]
 fn a_node_that_slept_is_told_how_long_although_it_was_rebuilt() {
-    let lines = "t: tone\nm: memory_elapsed\ng: test_gate(close: 3, open: 40)\nout: file_out(file: \"x.wav\")\nt -> m\nm -> g\ng -> out";
+    let lines = "t: tone\nm: memory_elapsed\ng: test_gate(close: 3, \
+                 open: 40)\nout: file_out(file: \"x.wav\")\nt -> m\nm -> g\ng -> out";
     let mut rig = Rig::new(lines);
     rig.run(10);
     rig.controller.swap(compiled(lines), &["m".to_owned()]).expect("it is sent");
@@ -214,9 +223,10 @@ fn a_node_that_slept_is_told_how_long_although_it_was_rebuilt() {
 }
 
 #[test]
-fn a_gate_that_is_rebuilt_between_two_questions_holds_its_answer() {
+fn gate_rebuilt_between_two_questions_holds_its_answer() {
     let text = || {
-        let text = "Graph(version: 1, nodes: {\"t\": (kind: \"taps\"), \"g\": (kind: \"shut\", every: 3), \"q\": (kind: \"gain\"), \
+        let text = "Graph(version: 1, nodes: {\"t\": (kind: \"taps\"), \"g\": (kind: \"shut\", every: 3), \
+                    \"q\": (kind: \"gain\"), \
                     \"out\": (kind: \"probe\")}, wires: [(\"t\", \"g\"), (\"g\", \"q\"), (\"q\", \"out\")])";
         compiled_file(&GraphFile::parse(&Source::new("t", text)).expect("a graph"))
     };
@@ -243,7 +253,7 @@ fn a_node_in_quarantine_hands_nothing_on() {
 }
 
 #[test]
-fn a_live_parameter_wakes_a_node_and_a_swap_calls_a_sleeper_no_more_than_once() {
+fn live_parameter_wakes_a_node_and_swap_calls_sleeper_once() {
     let lines = "v: live_level(value: 2.0)\nw: waker\nout: probe\nv -> w\nw -> out";
     let mut rig = Rig::new(lines);
     rig.run(5);
@@ -267,7 +277,8 @@ fn marks_pass_a_crossfade_as_the_new_signal_has_them() {
     let with = |control, wave| {
         format!(
             "f: faulty\nk: faulty(to: 1000, how: \"nan control\")\nc: mix\nv: marked\nw: marked\na: mix\n\
-                 p: probe\nq: probe\nr: probe\ns: probe\nt: probe\nf.audio -> v.in\nf.audio -> w.in\nf.control -> v.control\n\
+                 p: probe\nq: probe\nr: probe\ns: probe\nt: probe\nf.audio -> v.in\nf.audio -> \
+                 w.in\nf.control -> v.control\n\
                  k.control -> w.control\n{control}.control -> c.in1\n{wave} -> a.in1\nc -> p\na -> q\n\
                  f.control -> r\nk.control -> s\nv -> t\nz: probe\nw -> z\no: probe\nk.audio -> o"
         )

@@ -59,7 +59,8 @@ fn made(draws: &[Draw], names: &[usize], feedback: Option<usize>, forgetful: boo
             4 => {
                 let speed = [10.0, 0.0, 6.0][which];
                 let text = format!(
-                    "v{i}: level(value: {speed:?})\nu{i}: gain(unit: \"mm/s\")\nv{i} -> u{i}\nu{i} -> {id}.speed\n\
+                    "v{i}: level(value: {speed:?})\nu{i}: gain(unit: \"mm/s\")\nv{i} -> u{i}\nu{i} -> \
+                     {id}.speed\n\
                      {id}: speed_gate\n{} -> {id}.in\n",
                     name(a)
                 );
@@ -84,7 +85,8 @@ fn made(draws: &[Draw], names: &[usize], feedback: Option<usize>, forgetful: boo
         Some(which) => {
             let ms = [2.0, 3.0, 4.0][which];
             lines += &format!(
-                "fm: mix\nfg: scale(by: 0.4)\nfd{which}: delay(delay_ms: {ms:?})\nout: file_out(file: \"x.wav\")\n\
+                "fm: mix\nfg: scale(by: 0.4)\nfd{which}: delay(delay_ms: {ms:?})\nout: file_out(file: \
+                 \"x.wav\")\n\
                  {last} -> fm.in1\nfd{which} -> fm.in2\nfm -> fg\nfg -> fd{which}\nfm -> out\n"
             );
             (peak, step) = (peak / 0.6, step / 0.6);
@@ -136,8 +138,9 @@ proptest! {
         swap_through(&graphs, &waits[..graphs.len() - 1]);
     }
 
+    /// After the fade the output is that of an engine that never ran anything else.
     #[test]
-    fn after_the_fade_the_output_is_that_of_an_engine_that_never_ran_anything_else(
+    fn swapped_engine_equals_a_fresh_one_after_the_fade(
         graphs in prop::collection::vec(any_graph(false), 2..5),
         waits in prop::collection::vec(0..9_usize, 3),
     ) {
@@ -179,8 +182,9 @@ fn shipped(k: usize) -> GraphFile {
     graph
 }
 
+/// The shipped graph is swapped again and again without a click or an allocation.
 #[test]
-fn the_shipped_graph_is_swapped_again_and_again_without_a_click_or_an_allocation() {
+fn shipped_graph_swapped_often_neither_clicks_nor_allocates() {
     let registry = asperity_nodes::registry();
     let compiled = |k| compile(&shipped(k), &registry, Default::default()).expect("it compiles");
     // Some of the seven are louder than others.

@@ -13,7 +13,8 @@ use harness::counting::{Who, assert_it_counts, bind, look, own, touched};
 use harness::plugins;
 
 /// A wave of the plugin, delayed, so that something with a state stands behind it.
-const GRAPH: &str = "Graph(version: 1, nodes: {\"wave\": (kind: \"told\"), \"late\": (kind: \"delay\", params: (delay_ms: 3.0)), \
+const GRAPH: &str = "Graph(version: 1, nodes: {\"wave\": (kind: \"told\"), \
+                     \"late\": (kind: \"delay\", params: (delay_ms: 3.0)), \
                      \"end\": (kind: \"probe\")}, wires: [(\"wave\", \"late\"), (\"late\", \"end\")])";
 
 fn compiled(plugin: &Plugin) -> Compiled {
@@ -35,7 +36,7 @@ fn instances(engine: &Engine) -> u64 {
 }
 
 #[test]
-fn a_thousand_swaps_of_a_plugin_neither_click_nor_leak_nor_allocate() {
+fn thousand_plugin_swaps_neither_click_leak_nor_allocate() {
     // It counts the allocations of every thread, and the libraries that the process has loaded.
     if apart(harness::test_name!(), &[]).is_some() {
         return;

@@ -1,4 +1,5 @@
-//! Nodes to hear a swap by: a tone, a filter with a memory, a live gain; and one that counts how many of it live.
+//! Nodes to hear a swap by: a tone, a filter with a memory, a live gain; and one that counts how many of it
+//! live.
 
 use std::cell::Cell;
 use std::f64::consts::TAU;

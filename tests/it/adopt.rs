@@ -1,4 +1,5 @@
-//! What a node makes of the state of one with other parameters, and of a parameter that changes: what is heard and felt.
+//! What a node makes of the state of one with other parameters, and of a parameter that changes: what is
+//! heard and felt.
 
 use crate::drive::{audio, control, samples, tick, values};
 use asperity_graph::GraphFile;
@@ -8,7 +9,8 @@ use harness::any_node::{compiled, graph, registry};
 /// Samples of a tick.
 const PER_TICK: usize = 96;
 
-/// The graph of one node of a kind at 48 kHz, its first input fed as `shape` says, with settings such as `gain=2`.
+/// The graph of one node of a kind at 48 kHz, its first input fed as `shape` says, with settings such as
+/// `gain=2`.
 fn one(kind: &str, settings: &[&str]) -> Box<dyn Processor> {
     let registry = registry();
     prepared(graph(registry.get(kind).expect("a kind").as_ref(), "random", 500, 48_000), settings)
@@ -65,7 +67,7 @@ fn a_delay_of_another_length_takes_over_what_it_keeps() {
 }
 
 #[test]
-fn a_control_that_is_on_its_way_arrives_through_a_delay_of_another_length() {
+fn control_in_a_delay_arrives_after_its_length_changes() {
     let graph = || {
         let mut graph = GraphFile::empty("control");
         let source = [("shape", "control"), ("count", "2"), ("unit", "\"N\"")];
@@ -118,8 +120,9 @@ fn a_velocity_with_another_cutoff_does_not_start_from_rest() {
     }
 }
 
+/// An action history at another rate goes on from the samples it has.
 #[test]
-fn an_action_history_at_another_rate_goes_on_from_the_samples_it_has() {
+fn action_history_goes_on_at_another_rate() {
     let mut out = [control(&[0.0; 10]), control(&[0.0; 20])];
     let mut old = one("action_history", &[]);
     let inputs = [control(&[2.0]), control(&[30.0, 40.0])];

@@ -8,7 +8,8 @@ fn good() -> String {
     shipped_graph()
 }
 
-/// Renders a graph that is wrong. `place` is where the error must point: the text under the caret begins there.
+/// Renders a graph that is wrong. `place` is where the error must point: the text under the caret begins
+/// there.
 fn refused(graph: &str, place: Option<&str>, says: &[&str]) {
     let dir = tempfile::tempdir().unwrap();
     std::fs::write(dir.path().join("g.ron"), graph).unwrap();

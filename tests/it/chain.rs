@@ -42,7 +42,7 @@ fn probed(trajectory: &str, sets: &[&str], ports: &[&str]) -> Vec<(Vec<f32>, usi
 }
 
 #[test]
-fn the_history_is_the_last_ten_samples_at_500_hz_whatever_the_tick() {
+fn history_is_ten_samples_at_500_hz_at_any_tick_rate() {
     // Force rises with depth, 0.5 N/mm; interpolating a straight line between ticks is exact.
     let depth = |t: f64| 1.0 + 0.5 * t;
     let trajectory = csv(2.0, |t| [40.0 * t, -20.0 * t, -depth(t)]);
@@ -124,8 +124,8 @@ fn the_gate_opens_at_5_and_closes_at_2_mm_s() {
     assert!(out[2].0[(closed + 1) * 96..].iter().all(|x| *x == 0.0));
 }
 
-/// Root mean square magnitudes of a pen's acceleration at 10, 20, .. 1000 Hz, over pieces of a made surface that no training has seen, along x at 100 mm/s
-/// and 1 N.
+/// Root mean square magnitudes of a pen's acceleration at 10, 20, .. 1000 Hz, over pieces of a made surface
+/// that no training has seen, along x at 100 mm/s and 1 N.
 fn felt_by_a_pen(surface: &MadeSurface) -> [f64; BINS] {
     let mut spectrometer = Spectrometer::new(f64::from(SAMPLE_HZ));
     let (mut power, mut frames) = ([0.0; BINS], 0.0);

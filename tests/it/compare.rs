@@ -47,7 +47,7 @@ fn kinds() -> Vec<String> {
 }
 
 #[test]
-fn every_phase_retrieval_kind_is_in_the_table_the_picture_and_the_file() {
+fn every_retrieval_kind_is_in_table_picture_and_file() {
     let Compared { text, svg, csv, .. } = compared();
     for kind in kinds() {
         let lines = text.lines().filter(|l| l.split_whitespace().next() == Some(&kind)).count();
@@ -131,8 +131,9 @@ fn figures_are_those_of_the_signal_that_invert_writes() {
     }
 }
 
+/// Spsi follows a tone half a window late and nothing answers before it is asked.
 #[test]
-fn spsi_follows_a_tone_half_a_window_late_and_nothing_answers_before_it_is_asked() {
+fn spsi_follows_a_tone_half_a_window_late() {
     let csv = &compared().csv;
     let lag = figure(csv, "spsi", "texture_2500", "lag_tone_50_ms");
     assert!((lag - 49.0).abs() < 1.0, "{lag} ms");
@@ -153,8 +154,9 @@ fn write_signal(path: &Path, rate: u32) {
     npy::write_f32(std::fs::File::create(path).unwrap(), &[signal.len()], &signal).unwrap();
 }
 
+/// A folder of vectors is compared with settings and published scores beside.
 #[test]
-fn a_folder_of_vectors_is_compared_with_settings_and_published_scores_beside() {
+fn folder_of_vectors_is_compared_with_published_scores() {
     let dir = tempfile::tempdir().unwrap();
     let folder = dir.path().join("mine");
     std::fs::create_dir(&folder).unwrap();
@@ -162,7 +164,8 @@ fn a_folder_of_vectors_is_compared_with_settings_and_published_scores_beside() {
     write_signal(&folder.join("two.sig.npy"), 4000);
     std::fs::write(folder.join("index.json"), r#"{"two": {"fs": 4000}, "gone": {"fs": 1}}"#).unwrap();
     let scores = r#"{"sc": {"two": {"theirs": {"SC_dB": -12.5, "gain_dB": 0.25, "LTAS_rms_dB": 1.5}},
-        "other": {"elsewhere": {"SC_dB": -1, "gain_dB": 0, "LTAS_rms_dB": 0}}}, "latency_frames": {"theirs": -25}}"#;
+        "other": {"elsewhere": {"SC_dB": -1, "gain_dB": 0, "LTAS_rms_dB": 0}}},
+        "latency_frames": {"theirs": -25}}"#;
     std::fs::write(folder.join("sc.json"), scores).unwrap();
     let args = ["compare", "--vectors", "mine", "--phase", "spsi:seed=5", "--phase", "spsi", "--json"];
     let ran = run(dir.path(), &args).ok();
@@ -289,7 +292,8 @@ fn nothing_that_is_read_is_written_over() {
     let vector = dir.path().join("v/a_2500.mag.npy");
     std::fs::copy(root().join("tests/data/phase/texture_2500.mag.npy"), &vector).unwrap();
     let (before, vector_before) = (std::fs::read(&plugin).unwrap(), std::fs::read(&vector).unwrap());
-    let graph = "Graph(version: 1, nodes: {\"s\": (kind: \"stroke\"), \"p\": (kind: \"probe\")}, wires: [(\"s\", \"p\")])";
+    let graph = "Graph(version: 1, nodes: {\"s\": (kind: \"stroke\"), \"p\": (kind: \"probe\")}, \
+                 wires: [(\"s\", \"p\")])";
     std::fs::write(dir.path().join("g.ron"), graph).unwrap();
     for args in [
         &["compare", "-q", "--plugin", "libtold.so", "--csv", "libtold.so"][..],

@@ -133,9 +133,10 @@ fn a_new_material_may_keep_its_own_vector_or_take_a_blend() {
     assert!(ran.out.contains("a blend of the nearest 3"), "{}", ran.out);
 }
 
+/// A library keeps who may read it and one that may not be written is left alone.
 #[cfg(unix)]
 #[test]
-fn a_library_keeps_who_may_read_it_and_one_that_may_not_be_written_is_left_alone() {
+fn library_keeps_its_permissions_and_read_only_is_untouched() {
     use std::os::unix::fs::PermissionsExt as _;
     let dir = folder();
     let library = dir.path().join("materials/l.ron");
@@ -164,8 +165,9 @@ fn those_who_add_at_the_same_time_all_add() {
     names.iter().for_each(|name| drop(stored(dir.path(), name)));
 }
 
+/// A name of a file that a terminal would obey is shown as what it is.
 #[test]
-fn a_name_of_a_file_that_a_terminal_would_obey_is_shown_as_what_it_is() {
+fn control_characters_of_a_file_name_are_escaped() {
     let dir = folder();
     let ran = encode(dir.path(), &["pictures/\u{1b}[31m.png", "--name", "x"]);
     assert!(
@@ -321,8 +323,9 @@ fn nearest(picture: &str) -> (String, String) {
     (parts[0].trim().to_owned(), parts[2].trim().to_owned())
 }
 
+/// The shipped encoder knows a surface by a place it has not seen and a new one by its family.
 #[test]
-fn the_shipped_encoder_knows_a_surface_by_a_place_it_has_not_seen_and_a_new_one_by_its_family() {
+fn shipped_encoder_knows_unseen_places_and_families() {
     // a picture of every eleventh material, of a piece that was never trained on
     let library = Library::read(harness::graphs("models/surfaces/materials.ron")).expect("the library");
     assert_eq!(library.materials().len(), 96);

@@ -41,7 +41,8 @@ fn control(engine: &Engine, id: &str, output: usize) -> (Vec<f64>, bool) {
 fn every_sample_passes_once_and_in_order_at_44100_and_48000() {
     for hz in [44_100, 48_000, 96_000, 8_000] {
         let text = format!(
-            "Graph(version: 1, tick_hz: 700, audio_hz: {hz}, nodes: {{\"c\": (kind: \"counter\"), \"p\": (kind: \
+            "Graph(version: 1, tick_hz: 700, audio_hz: {hz}, nodes: {{\"c\": (kind: \"counter\"), \
+             \"p\": (kind: \
              \"probe\")}}, wires: [(\"c.samples\", \"p\")])"
         );
         let graph = GraphFile::parse(&Source::new("t", text)).unwrap();
@@ -59,7 +60,8 @@ fn every_sample_passes_once_and_in_order_at_44100_and_48000() {
 #[test]
 fn a_nan_fades_within_10_ms_and_the_rest_goes_on() {
     let mut e = engine(
-        "\"f\": (kind: \"faulty\", params: (from: 10, to: 25, how: nan)), \"g\": (kind: \"gain\"), \"c\": (kind: \
+        "\"f\": (kind: \"faulty\", params: (from: 10, to: 25, how: nan)), \"g\": (kind: \"gain\"), \
+         \"c\": (kind: \
          \"counter\"), \"p\": (kind: \"probe\"), \"q\": (kind: \"probe\")",
         "(\"f.audio\", \"g\"), (\"g\", \"p\"), (\"c.samples\", \"q\")",
     );
@@ -86,7 +88,8 @@ fn a_nan_fades_within_10_ms_and_the_rest_goes_on() {
 #[test]
 fn a_control_of_a_failing_node_holds_and_is_not_trusted() {
     let mut e = engine(
-        "\"f\": (kind: \"faulty\", params: (from: 5, to: 8, how: \"nan control\")), \"g\": (kind: \"gain\", params: \
+        "\"f\": (kind: \"faulty\", params: (from: 5, to: 8, how: \"nan control\")), \
+         \"g\": (kind: \"gain\", params: \
          (gain: 2.0)), \"p\": (kind: \"probe\")",
         "(\"f.control\", \"g\"), (\"g\", \"p\")",
     );
@@ -119,7 +122,8 @@ fn a_frame_of_a_failing_node_is_zero() {
 #[test]
 fn a_panic_is_contained_counted_and_quarantined() {
     let mut e = engine(
-        "\"f\": (kind: \"faulty\", params: (from: 3, to: 1000, how: panic)), \"c\": (kind: \"counter\"), \"p\": \
+        "\"f\": (kind: \"faulty\", params: (from: 3, to: 1000, how: panic)), \"c\": (kind: \"counter\"), \
+         \"p\": \
          (kind: \"probe\"), \"q\": (kind: \"probe\")",
         "(\"f.audio\", \"p\"), (\"c.tick\", \"q\")",
     );
@@ -146,10 +150,12 @@ fn an_error_code_reaches_the_report() {
 
 #[test]
 fn what_serves_a_closed_gate_alone_is_not_called() {
-    let nodes = "\"c\": (kind: \"counter\"), \"m\": (kind: \"memory_restart\"), \"g\": (kind: \"test_gate\"), \"p\": \
+    let nodes = "\"c\": (kind: \"counter\"), \"m\": (kind: \"memory_restart\"), \
+                 \"g\": (kind: \"test_gate\"), \"p\": \
                  (kind: \"probe\"), \"shared\": (kind: \"counter\"), \"q\": (kind: \"probe\"), \"n\": (kind: \
                  \"memory_never\"), \"mix\": (kind: \"mix\", params: (inputs: 3))";
-    let wires = "(\"c.samples\", \"m\"), (\"m\", \"mix.in1\"), (\"shared.samples\", \"mix.in2\"), (\"shared.tick\", \
+    let wires = "(\"c.samples\", \"m\"), (\"m\", \"mix.in1\"), (\"shared.samples\", \"mix.in2\"), \
+                 (\"shared.tick\", \
                  \"q\"), (\"shared.samples\", \"n\"), (\"n\", \"mix.in3\"), (\"mix\", \"g\"), (\"g\", \"p\")";
     let mut e = engine(nodes, wires);
     for _ in 0..10 {
@@ -168,7 +174,8 @@ fn a_node_wakes_as_it_says() {
     for (kind, after) in [("restart", 1.0), ("elapsed", 3.0 * 1000.0 + 4.0), ("resume", 4.0), ("never", 7.0)]
     {
         let nodes = format!(
-            "\"c\": (kind: \"counter\"), \"m\": (kind: \"memory_{kind}\"), \"g\": (kind: \"test_gate\"), \"p\": (kind: \
+            "\"c\": (kind: \"counter\"), \"m\": (kind: \"memory_{kind}\"), \"g\": (kind: \"test_gate\"), \
+             \"p\": (kind: \
              \"probe\")"
         );
         let mut e = engine(&nodes, "(\"c.samples\", \"m\"), (\"m\", \"g\"), (\"g\", \"p\")");
@@ -181,7 +188,8 @@ fn a_node_wakes_as_it_says() {
 
 #[test]
 fn the_output_is_the_same_whether_nodes_sleep_or_not() {
-    let nodes = "\"c\": (kind: \"counter\"), \"m\": (kind: \"memory_restart\"), \"g\": (kind: \"test_gate\"), \"p\": \
+    let nodes = "\"c\": (kind: \"counter\"), \"m\": (kind: \"memory_restart\"), \
+                 \"g\": (kind: \"test_gate\"), \"p\": \
                  (kind: \"probe\")";
     let wires = "(\"c.samples\", \"m\"), (\"m\", \"g\"), (\"g\", \"p\")";
     let mut sleeping = engine(nodes, wires);
@@ -197,7 +205,8 @@ fn the_output_is_the_same_whether_nodes_sleep_or_not() {
 
 #[test]
 fn a_node_that_dozes_is_woken_by_its_input() {
-    let nodes = "\"f\": (kind: \"faulty\"), \"g\": (kind: \"test_gate\", params: (close: 2, open: 8)), \"d\": (kind: \
+    let nodes = "\"f\": (kind: \"faulty\"), \"g\": (kind: \"test_gate\", params: (close: 2, open: 8)), \
+                 \"d\": (kind: \
                  \"dozer\"), \"p\": (kind: \"probe\")";
     let mut e = engine(nodes, "(\"f.audio\", \"g\"), (\"g\", \"d\"), (\"d\", \"p\")");
     let mut levels = Vec::new();
@@ -212,9 +221,11 @@ fn a_node_that_dozes_is_woken_by_its_input() {
 
 #[test]
 fn a_cycle_through_a_delay_gives_the_geometric_series() {
-    let nodes = "\"f\": (kind: \"faulty\"), \"sum\": (kind: \"mix\"), \"half\": (kind: \"gain\", params: (gain: 0.5)), \
+    let nodes = "\"f\": (kind: \"faulty\"), \"sum\": (kind: \"mix\"), \
+                 \"half\": (kind: \"gain\", params: (gain: 0.5)), \
                  \"later\": (kind: \"delay\", params: (delay_ms: 2.0)), \"p\": (kind: \"probe\")";
-    let wires = "(\"f.audio\", \"sum.in1\"), (\"later\", \"sum.in2\"), (\"sum\", \"half\"), (\"half\", \"later\"), \
+    let wires = "(\"f.audio\", \"sum.in1\"), (\"later\", \"sum.in2\"), (\"sum\", \"half\"), \
+                 (\"half\", \"later\"), \
                  (\"sum\", \"p\")";
     let mut e = engine(nodes, wires);
     for tick in 0..20 {
@@ -229,7 +240,8 @@ fn a_delay_is_exact_in_and_out_of_a_cycle() {
     for ms in [0.0, 0.02083334, 1.0, 2.0, 37.5] {
         let samples = (ms * 48.0_f64).round() as usize;
         let nodes = format!(
-            "\"c\": (kind: \"counter\"), \"d\": (kind: \"delay\", params: (delay_ms: {ms:?})), \"p\": (kind: \"probe\")"
+            "\"c\": (kind: \"counter\"), \"d\": (kind: \"delay\", params: (delay_ms: {ms:?})), \
+             \"p\": (kind: \"probe\")"
         );
         let mut e = engine(&nodes, "(\"c.samples\", \"d\"), (\"d\", \"p\")");
         let mut out = Vec::new();
@@ -288,7 +300,8 @@ fn a_fault_before_falling_asleep_leaves_no_buzz() {
 
 #[test]
 fn a_changed_control_wakes_where_it_is_said_to() {
-    // The floor's force changes while the stylus comes down and presses, and rests in the air before and after.
+    // The floor's force changes while the stylus comes down and presses, and rests in the air before and
+    // after.
     let nodes = "\"s\": (kind: \"stroke\", params: (tremor_mm: 0.0, duration_s: 2.0, approach_s: 0.5)), \
                  \"f\": (kind: \"virtual_floor\"), \"w\": (kind: \"waker\"), \"d\": (kind: \"deaf\"), \
                  \"p\": (kind: \"probe\"), \"q\": (kind: \"probe\")";
@@ -311,9 +324,12 @@ fn a_changed_control_wakes_where_it_is_said_to() {
 #[test]
 fn a_mark_does_not_outlive_the_sleep_of_its_node() {
     // The wave is marked in tick 3, where its control fails; from tick 4 on its gate is closed and it sleeps.
-    let nodes = "\"f\": (kind: \"faulty\", params: (from: 3, to: 4, how: \"nan control\")), \"n\": (kind: \"faulty\"), \
-                 \"w\": (kind: \"marked\"), \"g\": (kind: \"test_gate\", params: (close: 4, open: 50)), \"p\": (kind: \"probe\"), \"c\": (kind: \"gain\", params: (unit: \"1\"))";
-    let wires = "(\"n.audio\", \"w.in\"), (\"f.control\", \"w.control\"), (\"w\", \"c\"), (\"c\", \"g\"), (\"g\", \"p\")";
+    let nodes = "\"f\": (kind: \"faulty\", params: (from: 3, to: 4, how: \"nan control\")), \
+                 \"n\": (kind: \"faulty\"), \
+                 \"w\": (kind: \"marked\"), \"g\": (kind: \"test_gate\", params: (close: 4, open: 50)), \
+                 \"p\": (kind: \"probe\"), \"c\": (kind: \"gain\", params: (unit: \"1\"))";
+    let wires = "(\"n.audio\", \"w.in\"), (\"f.control\", \"w.control\"), (\"w\", \"c\"), (\"c\", \"g\"), \
+                 (\"g\", \"p\")";
     let mut e = engine(nodes, wires);
     for tick in 0..20 {
         e.tick();
@@ -337,11 +353,12 @@ fn a_tail_rings_out_after_the_input_and_no_longer() {
     assert_eq!(loud, (0..8).collect::<Vec<_>>(), "five loud ticks and a tail of three");
 }
 
-/// Loudest sample of each tick at the output of `last`, fed by a wave that rests on a control which fails in ticks 200
-/// to 206.
+/// Loudest sample of each tick at the output of `last`, fed by a wave that rests on a control which fails in
+/// ticks 200 to 206.
 fn level_after_a_failing_control(last: &str) -> Vec<f32> {
     let nodes = format!(
-        "\"f\": (kind: \"faulty\", params: (from: 200, to: 207, how: \"nan control\")), \"n\": (kind: \"faulty\"), \
+        "\"f\": (kind: \"faulty\", params: (from: 200, to: 207, how: \"nan control\")), \
+         \"n\": (kind: \"faulty\"), \
          \"w\": (kind: \"marked\"), \"last\": (kind: \"{last}\"), \"p\": (kind: \"probe\")"
     );
     let wires =
@@ -354,8 +371,9 @@ fn level_after_a_failing_control(last: &str) -> Vec<f32> {
     (0..300).map(tick).collect()
 }
 
+/// Limiter and audio out each fade while their input rests on a control that failed.
 #[test]
-fn limiter_and_audio_out_each_fade_while_their_input_rests_on_a_control_that_failed() {
+fn limiter_and_audio_out_fade_when_a_control_failed() {
     for last in ["limiter", "audio_out"] {
         let level = level_after_a_failing_control(last);
         assert!(level[199] > 0.0 && level[206] == 0.0, "{last}: {} {}", level[199], level[206]);
@@ -366,7 +384,8 @@ fn limiter_and_audio_out_each_fade_while_their_input_rests_on_a_control_that_fai
 #[test]
 fn a_mix_adds_audio_and_controls_each_with_its_gain() {
     let nodes = "\"f\": (kind: \"faulty\"), \"a\": (kind: \"mix\", params: (inputs: 3, gains: [0.5, -2.0])), \
-                 \"c\": (kind: \"mix\", params: (gains: [3.0, 0.25])), \"p\": (kind: \"probe\"), \"q\": (kind: \"probe\")";
+                 \"c\": (kind: \"mix\", params: (gains: [3.0, 0.25])), \"p\": (kind: \"probe\"), \
+                 \"q\": (kind: \"probe\")";
     let wires = "(\"f.audio\", \"a.in1\"), (\"f.audio\", \"a.in2\"), (\"f.audio\", \"a.in3\"), \
                  (\"f.control\", \"c.in1\"), (\"f.control\", \"c.in2\"), (\"a\", \"p\"), (\"c\", \"q\")";
     let mut e = engine(nodes, wires);
@@ -395,11 +414,13 @@ fn after_a_reset_the_same_samples_come_again() {
     assert_eq!(first, run());
 }
 
+/// A call that takes too long fades out is counted and ends in quarantine.
 #[test]
-fn a_call_that_takes_too_long_fades_out_is_counted_and_ends_in_quarantine() {
+fn slow_call_fades_out_is_counted_and_quarantined() {
     let limited = Options { limit_ns: Some(100_000), ..Options::default() };
     let mut e = engine_with(
-        "\"s\": (kind: \"slow\", params: (from: 10, to: 1000)), \"p\": (kind: \"probe\"), \"q\": (kind: \"slow\"), \
+        "\"s\": (kind: \"slow\", params: (from: 10, to: 1000)), \"p\": (kind: \"probe\"), \
+         \"q\": (kind: \"slow\"), \
          \"r\": (kind: \"probe\")",
         "(\"s.out\", \"p\"), (\"q.out\", \"r\")",
         limited,
@@ -434,17 +455,20 @@ fn without_a_clock_or_a_limit_nothing_takes_too_long() {
     assert_eq!((unlimited.faults(), without_clock.faults()), (0, 0));
 }
 
+/// Without guards what is not finite goes on and all else is contained.
 #[test]
-fn without_guards_what_is_not_finite_goes_on_and_all_else_is_contained() {
+fn without_guards_only_non_finite_values_go_on() {
     let faulty = |id: &str, how: &str| {
         format!(
-            "\"{id}\": (kind: \"faulty\", params: (from: 3, to: 4, how: \"{how}\")), \"p_{id}\": (kind: \"probe\"), "
+            "\"{id}\": (kind: \"faulty\", params: (from: 3, to: 4, how: \"{how}\")), \
+             \"p_{id}\": (kind: \"probe\"), "
         )
     };
     let ids = [("a", "nan"), ("c", "nan control"), ("m", "inf frame"), ("x", "panic"), ("e", "error")];
     let nodes: String = ids.iter().map(|(id, how)| faulty(id, how)).collect();
     let nodes = nodes
-        + "\"w\": (kind: \"gain\", params: (unit: \"A\")), \"l\": (kind: \"limiter\"), \"p\": (kind: \"probe\")";
+        + "\"w\": (kind: \"gain\", params: (unit: \"A\")), \"l\": (kind: \"limiter\"), \
+           \"p\": (kind: \"probe\")";
     let wires: String = ids.iter().map(|(id, _)| format!("(\"{id}.control\", \"p_{id}\"), ")).collect();
     let wires = wires + "(\"a.audio\", \"w\"), (\"w\", \"l\"), (\"l\", \"p\")";
     for guards in [true, false] {

@@ -1,4 +1,5 @@
-//! The same bits on every CPU: the shipped graphs rendered with every instruction set there is, and on an emulated CPU that has few.
+//! The same bits on every CPU: the shipped graphs rendered with every instruction set there is, and on an
+//! emulated CPU that has few.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

@@ -122,13 +122,15 @@ fn what_was_given_goes_on_through_a_swap_in_the_same_tick() {
 /// The gate of a stroked surface that buzzes.
 const SURFACE: (&str, &str) = (
     r#""hand": (kind: "osc_input"), "motion": (kind: "velocity"), "floor": (kind: "virtual_floor"),
-       "mic": (kind: "audio_in"), "gate": (kind: "speed_gate"), "out": (kind: "file_out", params: (file: "x.npy"))"#,
+       "mic": (kind: "audio_in"), "gate": (kind: "speed_gate"),
+       "out": (kind: "file_out", params: (file: "x.npy"))"#,
     r#"("hand.position", "motion.position"), ("hand.position", "floor"), ("motion.speed", "gate.speed"),
        ("floor.force", "gate.force"), ("mic", "gate.in"), ("gate.out", "out")"#,
 );
 
+/// A hand that is no longer heard of shuts the gate within its fade.
 #[test]
-fn a_hand_that_is_no_longer_heard_of_shuts_the_gate_within_its_fade() {
+fn silent_hand_shuts_the_gate_within_its_fade() {
     let (_c, mut engine) = engine(SURFACE.0, SURFACE.1);
     let mic = node(&engine, "mic");
     let run = |engine: &mut Engine, k: u32, valid: bool| {
@@ -155,10 +157,12 @@ fn a_hand_that_is_no_longer_heard_of_shuts_the_gate_within_its_fade() {
     assert!(run(&mut engine, 240, true).iter().all(|x| *x == 0.5));
 }
 
+/// Audio that is fed has each ticks own length and nothing that is not finite.
 #[test]
-fn audio_that_is_fed_has_each_ticks_own_length_and_nothing_that_is_not_finite() {
+fn fed_audio_has_the_ticks_length_and_is_finite() {
     let (_c, mut engine) = engine(
-        r#""mic": (kind: "audio_in", params: (full_scale: 2.0)), "out": (kind: "file_out", params: (file: "x.npy"))"#,
+        r#""mic": (kind: "audio_in", params: (full_scale: 2.0)),
+           "out": (kind: "file_out", params: (file: "x.npy"))"#,
         r#"("mic", "out")"#,
     );
     let mic = node(&engine, "mic");
@@ -189,7 +193,8 @@ fn audio_that_is_fed_has_each_ticks_own_length_and_nothing_that_is_not_finite() 
 
 #[test]
 fn skipped_ticks_go_by_for_every_node() {
-    let zigzag = r#""t": (kind: "trajectory"), "motion": (kind: "velocity"), "p": (kind: "probe"), "q": (kind: "probe")"#;
+    let zigzag = r#""t": (kind: "trajectory"), "motion": (kind: "velocity"), "p": (kind: "probe"),
+       "q": (kind: "probe")"#;
     let wires = r#"("t.position", "motion.position"), ("motion.speed", "p"), ("t.position", "q")"#;
     let (_c, mut all) = engine(zigzag, wires);
     let (_d, mut some) = engine(zigzag, wires);
@@ -234,7 +239,8 @@ fn way(tick: u64) -> [f64; 3] {
 }
 
 const SPEED: (&str, &str) = (
-    r#""hand": (kind: "osc_input"), "motion": (kind: "velocity"), "p": (kind: "probe"), "q": (kind: "probe")"#,
+    r#""hand": (kind: "osc_input"), "motion": (kind: "velocity"), "p": (kind: "probe"),
+       "q": (kind: "probe")"#,
     r#"("hand.position", "motion.position"), ("motion.speed", "p"), ("motion.unfiltered", "q")"#,
 );
 
@@ -261,8 +267,9 @@ fn a_stylus_that_moves_while_ticks_are_lost_is_no_faster() {
     }
 }
 
+/// While no place is to be trusted the velocity is held and the next place is no jump.
 #[test]
-fn while_no_place_is_to_be_trusted_the_velocity_is_held_and_the_next_place_is_no_jump() {
+fn velocity_is_held_while_positions_are_invalid() {
     for gap in [1, 5, 200] {
         let (_c, mut engine) = engine(SPEED.0, SPEED.1);
         for tick in 0..600 {
@@ -292,16 +299,18 @@ fn a_hand_that_is_first_heard_of_has_not_flown_there() {
 }
 
 #[test]
-fn a_wall_that_is_reached_over_lost_ticks_or_a_gap_is_reached_no_faster() {
+fn wall_reached_over_lost_ticks_or_a_gap_is_no_faster() {
     let dir = tempfile::tempdir().unwrap();
     let scene = dir.path().join("floor.ron");
     std::fs::write(
         &scene,
-        "Scene(version: 1, input: stroke, surfaces: {\"a\": (shape: plane, effects: (stiffness: (stiffness_n_per_mm: 0.5)))})",
+        "Scene(version: 1, input: stroke, surfaces: {\"a\": (shape: plane, \
+         effects: (stiffness: (stiffness_n_per_mm: 0.5)))})",
     )
     .unwrap();
     let nodes = format!(
-        r#""hand": (kind: "osc_input"), "contact": (kind: "contact", params: (scene: {:?})), "p": (kind: "probe")"#,
+        r#""hand": (kind: "osc_input"), "contact": (kind: "contact", params: (scene: {:?})),
+           "p": (kind: "probe")"#,
         scene.display().to_string()
     );
     let wires = r#"("hand.position", "contact.position"), ("contact.approach", "p")"#;

@@ -46,7 +46,8 @@ fn closed_form(m: &Model, hz: f64) -> f64 {
     m.variance * m.gain * m.gain * square(&m.ma) / square(&m.ar)
 }
 
-/// The largest difference in dB between a fitted filter and a model in thirds of an octave from 25 to 400 Hz that hold a thousandth of the power.
+/// The largest difference in dB between a fitted filter and a model in thirds of an octave from 25 to 400 Hz
+/// that hold a thousandth of the power.
 fn worst_band(found: &Filter, want: &Model) -> f64 {
     let fitted = Model {
         ar: found.ar().to_vec(),
@@ -86,7 +87,8 @@ fn the_models_that_were_rendered_are_found_again() {
     // All but what is on the way.
     assert!(seconds.is_some_and(|s| (54.0..63.0).contains(&s)), "{}", file.origin);
     assert_eq!((file.texture.models().len(), file.texture.rate_hz()), (9, 1000.0), "{}", ran.out);
-    // Five of the nine are on the hull, which makes eleven triangles; the one below the three of the least force is a sliver.
+    // Five of the nine are on the hull, which makes eleven triangles; the one below the three of the least
+    // force is a sliver.
     assert_eq!(file.texture.triangles().corners().len(), 10);
     for m in &stroke().models {
         let off = worst_band(&file.texture.at(m.speed_mm_s, m.force_n), m);
@@ -269,7 +271,8 @@ fn a_scene_renders_what_was_fitted() {
     let stroke = graphs("trajectories/zigzag.csv").display().to_string();
     let scene = |texture: &str| {
         format!(
-            "Scene(version: 1, input: trajectory(file: {stroke:?}), output: audio_out(volts_at_full_scale: 1.0, \
+            "Scene(version: 1, input: trajectory(file: {stroke:?}), \
+             output: audio_out(volts_at_full_scale: 1.0, \
              amps_per_volt: 1.0), surfaces: {{\"cloth\": (shape: plane, \
              effects: (stiffness: (stiffness_n_per_mm: 0.5){texture}))}})"
         )
@@ -309,25 +312,28 @@ fn a_band_that_is_far_off_is_warned_of() {
 
 /// Three corners at which nothing sounds, around all that the stroke does, and a loud one beyond.
 #[test]
-fn between_corners_without_variance_a_scene_is_silent_to_the_last_bit() {
+fn scene_between_models_without_variance_is_silent() {
     let dir = tempfile::tempdir().expect("a folder");
     let stroke = graphs("trajectories/zigzag.csv").display().to_string();
     let peak = |silent: f64| {
         let corner = |speed: f64, force: f64, variance: f64| {
             format!(
-                "(speed_mm_s: {speed:?}, force_n: {force:?}, variance: {variance:?}, ar: [-1.2, 0.9], ma: [0.3]),"
+                "(speed_mm_s: {speed:?}, force_n: {force:?}, variance: {variance:?}, ar: [-1.2, 0.9], \
+                 ma: [0.3]),"
             )
         };
         let models = [(1.0, 0.01, silent), (2000.0, 0.01, silent), (1.0, 20.0, silent), (2000.0, 20.0, 0.5)]
             .map(|(v, f, s)| corner(v, f, s))
             .concat();
         let text = format!(
-            "Autoregressive(version: 1, description: \"d\", origin: \"o\", rate_hz: 1000, models: [{models}], \
+            "Autoregressive(version: 1, description: \"d\", origin: \"o\", rate_hz: 1000, \
+             models: [{models}], \
              triangles: [[0, 1, 2], [1, 2, 3]])"
         );
         std::fs::write(dir.path().join("m.ron"), text).expect("a file");
         let scene = format!(
-            "Scene(version: 1, input: trajectory(file: {stroke:?}), output: audio_out(volts_at_full_scale: 1.0, \
+            "Scene(version: 1, input: trajectory(file: {stroke:?}), \
+             output: audio_out(volts_at_full_scale: 1.0, \
              amps_per_volt: 1.0), surfaces: {{\"cloth\": (shape: plane, \
              effects: (stiffness: (stiffness_n_per_mm: 0.5), texture: autoregressive(model: \"m.ron\")))}})"
         );

@@ -95,8 +95,9 @@ fn sample_commit_reaches_what_no_other_causal_method_does() {
     }
 }
 
+/// The default keeps level and spectrum of smooth magnitudes where spsi collapses.
 #[test]
-fn the_default_keeps_level_and_spectrum_of_smooth_magnitudes_where_spsi_collapses() {
+fn default_keeps_level_and_spectrum_where_spsi_collapses() {
     for seed in ["", ":seed=5", ":seed=6"] {
         let s = figures("nnsmooth_2500", 2500, &format!("default{seed}"));
         // Noise of 2 s: its spectrum is known to 1 dB.
@@ -192,7 +193,7 @@ fn bad_magnitudes_are_refused_or_counted() {
 }
 
 #[test]
-fn griffin_lim_inverts_whole_signals_and_the_fast_one_gets_nearer() {
+fn griffin_lim_inverts_signals_and_the_fast_one_nearer() {
     let db = |method: &str| score("texture_2500", 2500, method);
     let (plain, fast) = (db("griffin_lim:iterations=30"), db("fast_griffin_lim:iterations=30"));
     assert!(plain < -14.0 && fast < plain - 3.0, "{plain} and {fast} dB");

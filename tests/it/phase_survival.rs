@@ -308,7 +308,7 @@ fn silence_stays_silence_and_a_tone_after_it_is_there_at_once() {
 }
 
 #[test]
-fn a_hop_that_alternates_and_a_start_after_ten_hours_are_as_good_as_any() {
+fn alternating_hop_and_late_start_are_as_good_as_any() {
     each(|registry, method| {
         let of = |rate, from| {
             let h = heard(registry, method, "case: \"tone\"", rate, from);

@@ -91,7 +91,7 @@ fn scores_are_those_of_the_published_convention() {
 }
 
 #[test]
-fn what_cannot_be_scored_is_refused_and_spoilt_samples_are_counted() {
+fn unscorable_input_is_refused_and_bad_samples_counted() {
     let framing = phase::framing(2500, 101);
     let magnitudes = vector("texture_2500", 2500);
     let mut signal = data("texture_2500.sig");

@@ -1,4 +1,5 @@
-//! `asperity plugin check`: a good plugin passes every case, and for every case there is a plugin that fails it.
+//! `asperity plugin check`: a good plugin passes every case, and for every case there is a plugin that fails
+//! it.
 
 use std::path::{Path, PathBuf};
 
@@ -126,7 +127,7 @@ fn a_good_plugin_passes_every_case() {
 }
 
 #[test]
-fn plugins_in_rust_are_checked_too_and_their_allocations_counted() {
+fn rust_plugins_are_checked_and_their_allocations_counted() {
     for package in ["my_phase", "my_filter", "asperity-rtpghi", "asperity-gsrtisi-la"] {
         let ran = check(&plugins::rust(package), &["--ticks", "5000"]);
         assert!(ran.code == 0 && ran.out.contains(" 0 failed"), "{}\n{}", ran.out, ran.err);

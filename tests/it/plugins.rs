@@ -95,7 +95,8 @@ fn a_lie_that_shows_only_later_is_an_error_of_the_graph() {
     {
         let plugin = lie(dir.path(), number);
         let graph = format!(
-            "Graph(version: 1, plugins: [{:?}], nodes: {{\n \"s\": (kind: \"stroke\"), \"f\": (kind: \"virtual_floor\"),\n \
+            "Graph(version: 1, plugins: [{:?}], nodes: {{\n \"s\": (kind: \"stroke\"), \
+             \"f\": (kind: \"virtual_floor\"),\n \
              \"it\": (kind: \"honest\"), \"p\": (kind: \"probe\")}}, \
              wires: [(\"s\", \"f\"), (\"f.force\", \"it\"), (\"f.force\", \"p\")])",
             plugin.display().to_string()
@@ -136,14 +137,16 @@ fn what_is_no_plugin_is_refused_before_any_of_it_runs() {
     }
 }
 
+/// A graph names its plugin by file or by name and errors point there.
 #[test]
-fn a_graph_names_its_plugin_by_file_or_by_name_and_errors_point_there() {
+fn plugin_of_a_graph_is_found_by_file_or_name() {
     let dir = folder();
     fs::create_dir(dir.path().join("plugins")).unwrap();
     fs::copy(plugins::c("told"), dir.path().join("plugins/libtold.so")).unwrap();
     let graph = |plugin: &str| {
         let text = format!(
-            "Graph(version: 1,\n  plugins: [{plugin:?}],\n  nodes: {{\"t\": (kind: \"told\"), \"l\": (kind: \"limiter\"), \
+            "Graph(version: 1,\n  plugins: [{plugin:?}],\n  nodes: {{\"t\": (kind: \"told\"), \
+             \"l\": (kind: \"limiter\"), \
              \"o\": (kind: \"audio_out\")}},\n  wires: [(\"t\", \"l\"), (\"l\", \"o\")])"
         );
         fs::write(dir.path().join("g.ron"), text).unwrap();
@@ -230,7 +233,8 @@ fn a_filter_in_rust_c_and_cpp_softens_alike() {
     let dir = folder();
     let graph = |plugin: &Path| {
         let text = format!(
-            "Graph(version: 1, plugins: [{:?}, {:?}], nodes: {{\"t\": (kind: \"told\"), \"f\": (kind: \"my_filter\"), \
+            "Graph(version: 1, plugins: [{:?}, {:?}], nodes: {{\"t\": (kind: \"told\"), \
+             \"f\": (kind: \"my_filter\"), \
              \"p\": (kind: \"probe\", params: (file: \"y.npy\"))}}, wires: [(\"t\", \"f\"), (\"f\", \"p\")])",
             plugins::c("told").display().to_string(),
             plugin.display().to_string(),
@@ -269,7 +273,8 @@ fn contained(
     };
     let graph = format!(
         "Graph(version: 1, plugins: [{:?}], nodes: {{\"bad\": (kind: {kind:?}, params: ({params})), \
-         \"guard\": (kind: \"limiter\"), \"out\": (kind: \"audio_out\")}}, wires: [(\"bad\", \"guard\"), (\"guard\", \"out\")])",
+         \"guard\": (kind: \"limiter\"), \"out\": (kind: \"audio_out\")}}, wires: [(\"bad\", \"guard\"), \
+         (\"guard\", \"out\")])",
         plugin.display().to_string()
     );
     fs::write(dir.path().join("g.ron"), graph).unwrap();
@@ -304,11 +309,14 @@ fn a_plugin_that_fails_is_faded_counted_and_the_chain_goes_on() {
 #[test]
 fn a_plugin_that_takes_too_long_is_faded_counted_and_taken_out() {
     let dir = folder();
-    // Each call sleeps for 30 ms where 15 may be taken: far beyond what a busy machine adds to an honest call.
+    // Each call sleeps for 30 ms where 15 may be taken: far beyond what a busy machine adds to an honest
+    // call.
     let render = |to: u32| {
         let graph = format!(
-            "Graph(version: 1, plugins: [{:?}], nodes: {{\"bad\": (kind: \"told\", params: (from: 20, to: {to}, what: overrun)), \
-             \"guard\": (kind: \"limiter\"), \"out\": (kind: \"audio_out\")}}, wires: [(\"bad\", \"guard\"), (\"guard\", \"out\")])",
+            "Graph(version: 1, plugins: [{:?}], nodes: {{\"bad\": (kind: \"told\", params: (from: 20, to: \
+             {to}, what: overrun)), \
+             \"guard\": (kind: \"limiter\"), \"out\": (kind: \"audio_out\")}}, \
+             wires: [(\"bad\", \"guard\"), (\"guard\", \"out\")])",
             plugins::c("told").display().to_string()
         );
         fs::write(dir.path().join("g.ron"), graph).unwrap();
@@ -377,7 +385,8 @@ fn a_new_plugin_in_every_language_builds_and_is_found() {
             let ran = run(dir.path(), &["nodes", &name, "--plugin", &library]).ok();
             assert!(ran.out.starts_with(&name), "{}", ran.out);
         }
-        // What stands in a folder for Rust is checked by building it, in a folder of its own beside the other builds.
+        // What stands in a folder for Rust is checked by building it, in a folder of its own beside the other
+        // builds.
         let name = format!("one_rust_{like}");
         run(dir.path(), &["plugin", "new", &name, "--like", like]).ok();
         let target = Path::new(env!("CARGO_TARGET_TMPDIR")).join("new");
@@ -461,8 +470,10 @@ fn rounding_that_a_plugin_changed_does_not_reach_other_nodes() {
     let graph = |what: &str| {
         format!(
             r#"Graph(version: 1, plugins: [{:?}],
-                nodes: {{"told": (kind: "told", params: (from: {what}, to: 1000000, what: rounding)), "guard": (kind: "limiter"),
-                    "tone": (kind: "sine", params: (frequency_hz: 200, amplitude: 0.05)), "other": (kind: "limiter"),
+                nodes: {{"told": (kind: "told", params: (from: {what}, to: 1000000, what: rounding)),
+                "guard": (kind: "limiter"),
+                    "tone": (kind: "sine", params: (frequency_hz: 200, amplitude: 0.05)),
+                    "other": (kind: "limiter"),
                     "left": (kind: "audio_out"), "right": (kind: "file_out", params: (file: "right.npy"))}},
                 wires: [("told", "guard"), ("guard", "left"), ("tone", "other"), ("other", "right")])"#,
             plugins::c("told").display().to_string()

@@ -16,7 +16,8 @@ fn folder(mut network: ModelProto, trained: &[(&str, &str)]) -> tempfile::TempDi
     dir
 }
 
-/// Two seconds over a hard floor of so much force at most: the summary, the facts of the network, the samples.
+/// Two seconds over a hard floor of so much force at most: the summary, the facts of the network, the
+/// samples.
 fn render(dir: &Path, force: &str) -> (String, Value, Vec<f32>) {
     let floor = format!("floor.max_force_n={force}");
     let args = [
@@ -39,7 +40,7 @@ fn render(dir: &Path, force: &str) -> (String, Value, Vec<f32>) {
 }
 
 #[test]
-fn ten_times_the_trained_force_sounds_as_the_largest_and_the_report_says_so() {
+fn force_above_the_trained_range_is_clamped_and_reported() {
     let net = networks::model(&Net::random(1), Spelling::default());
     let dir = folder(net, &[("force_max_n", "3.5"), ("speed_max_mm_s", "100000")]);
     let (said, facts, loud) = render(dir.path(), "35");
@@ -74,8 +75,9 @@ fn a_network_without_a_range_is_given_what_comes() {
     assert!(!said.contains("held there"), "{said}");
 }
 
+/// A network that answers less than nothing is taken as silent there and counted.
 #[test]
-fn a_network_that_answers_less_than_nothing_is_taken_as_silent_there_and_counted() {
+fn negative_network_output_is_silent_and_counted() {
     let mut w = Writer::new(Spelling::default());
     let all = w.concat(&["force", "speed", "texture"]);
     let mut r = Random(5);

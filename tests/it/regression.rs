@@ -85,7 +85,7 @@ fn a_link_is_followed_and_what_is_no_file_is_left_alone() {
 }
 
 #[test]
-fn an_input_takes_the_place_of_a_stroke_whose_wires_name_no_port() {
+fn input_replaces_a_stroke_whose_wires_name_no_port() {
     let dir = tempfile::tempdir().unwrap();
     let graph = graphs("voltage_amplifier.ron").display().to_string();
     let csv = graphs("trajectories/zigzag.csv").display().to_string();
@@ -205,7 +205,8 @@ fn endings_are_known_in_capitals_too() {
 fn a_model_with_a_nan_among_its_weights_is_refused_at_load() {
     let dir = tempfile::tempdir().unwrap();
     let mut bytes = std::fs::read(graphs("models/surfaces/texture.onnx")).unwrap();
-    // The weights fill nearly all of the file; four bytes in the middle of them make a NaN wherever a float begins.
+    // The weights fill nearly all of the file; four bytes in the middle of them make a NaN wherever a float
+    // begins.
     let middle = bytes.len() / 2;
     bytes[middle..middle + 8].fill(0xff);
     std::fs::write(dir.path().join("nan.onnx"), bytes).unwrap();

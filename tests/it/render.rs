@@ -17,8 +17,8 @@ fn rms(x: &[f32]) -> f64 {
     (x.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>() / x.len().max(1) as f64).sqrt()
 }
 
-/// A trajectory at 500 Hz: straight along x at a speed, pressed to a depth from `from` to `to` seconds; before and after
-/// above the surface, moving from 0.3 s before to 0.3 s after.
+/// A trajectory at 500 Hz: straight along x at a speed, pressed to a depth from `from` to `to` seconds;
+/// before and after above the surface, moving from 0.3 s before to 0.3 s after.
 fn straight(speed_mm_s: f64, depth_mm: f64, from: f64, to: f64, seconds: f64) -> String {
     let mut csv = String::from("t_s,x_mm,y_mm,z_mm\n");
     for k in 0..=(seconds * 500.0) as usize {
@@ -101,8 +101,9 @@ fn sleeping_changes_no_byte() {
     }
 }
 
+/// Scatter of strength 0 changes no byte and means are as loud as root mean squares.
 #[test]
-fn scatter_of_strength_0_changes_no_byte_and_means_are_as_loud_as_root_mean_squares() {
+fn scatter_of_strength_0_changes_no_byte_and_means_are_as_loud() {
     let dir = tempfile::tempdir().unwrap();
     let render = |graph: &str, sets: &[&str]| {
         let graph = shipped(graph);
@@ -303,8 +304,10 @@ fn a_recorded_force_and_speed_are_outputs_of_their_own() {
         csv.push_str(&format!("{t},{},0,-1,{},{}\n", 50.0 * t, 0.5 + t, 50.0));
     }
     std::fs::write(dir.path().join("t.csv"), csv).unwrap();
-    let graph = "Graph(version: 1, nodes: {\"t\": (kind: \"trajectory\", params: (file: \"t.csv\", interpolation: linear)), \
-                 \"p\": (kind: \"probe\", params: (file: \"f.npy\")), \"q\": (kind: \"probe\", params: (file: \"v.npy\"))}, \
+    let graph = "Graph(version: 1, nodes: {\"t\": (kind: \"trajectory\", params: (file: \"t.csv\", \
+                 interpolation: linear)), \
+                 \"p\": (kind: \"probe\", params: (file: \"f.npy\")), \
+                 \"q\": (kind: \"probe\", params: (file: \"v.npy\"))}, \
                  wires: [(\"t.force\", \"p\"), (\"t.speed\", \"q\")])";
     std::fs::write(dir.path().join("g.ron"), graph).unwrap();
     run(dir.path(), &["render", "g.ron"]).ok();

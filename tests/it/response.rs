@@ -19,7 +19,8 @@ fn steps(slow_mm_s: f64, fast_mm_s: f64) -> String {
     csv
 }
 
-/// Time in ms after a step up at which the mean level over all steps is half way up, linearly between samples.
+/// Time in ms after a step up at which the mean level over all steps is half way up, linearly between
+/// samples.
 fn half_way_ms(signal: &[f32], rate_hz: usize) -> f64 {
     let half = (HALF_S * rate_hz as f64) as usize;
     let mut power = vec![0.0_f64; 2 * half];
@@ -70,7 +71,7 @@ fn the_chain_answers_a_step_of_speed_as_late_as_its_parts_say() {
 }
 
 #[test]
-fn the_recommended_chain_is_half_way_within_10_ms_and_there_within_20() {
+fn recommended_chain_is_half_way_in_10_ms_and_there_in_20() {
     let dir = tempfile::tempdir().unwrap();
     let graph = graphs("texture.ron").display().to_string();
     let asked = run(dir.path(), &["latency", &graph, "--json"]);
@@ -80,9 +81,9 @@ fn the_recommended_chain_is_half_way_within_10_ms_and_there_within_20() {
     assert!(lag[1] <= 10.0 && lag[2] <= 20.0, "{lag:?} ms");
 }
 
+/// A setting of one graph leaves the others as they are and one of none is told before anything is measured.
 #[test]
-fn a_setting_of_one_graph_leaves_the_others_as_they_are_and_one_of_none_is_told_before_anything_is_measured()
-{
+fn setting_changes_only_its_graph_and_unknown_is_refused() {
     let dir = tempfile::tempdir().unwrap();
     let [texture, seed] =
         [harness::retrieving(), graphs("heravi2024.ron")].map(|path| path.display().to_string());

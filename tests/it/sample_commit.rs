@@ -59,7 +59,8 @@ fn mean(name: &str, rate_hz: u32, settings: Settings, seeds: u64) -> [f64; 3] {
 fn sample_commit_reaches_the_scores_of_its_study() {
     for (name, rate_hz) in VECTORS {
         let (newest_db, centre_db) = asked(name);
-        // The setting for each emission. At -25 noise has two answers that last, so that few seeds say little.
+        // The setting for each emission. At -25 noise has two answers that last, so that few seeds say
+        // little.
         let centre = Settings { momentum: 0.85, ..settings(5, 6, -25) };
         for (settings, asked_db, method) in
             [(settings(5, 5, 0), newest_db, "scr5x5"), (centre, centre_db, "scr5x5_centre")]

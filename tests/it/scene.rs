@@ -19,7 +19,8 @@ fn parts(audio_hz: u32) -> String {
         "version: 1, tick_hz: 500, audio_hz: {audio_hz}, seed: 7,\n\
          network: (model: \"{models}/texture.onnx\", library: \"{models}/materials.ron\"),\n\
          phase: shaped_noise(precision: f32), motion: (cutoff_hz_per_mm_s: 1.0),\n\
-         device: (damping_ns_per_m: 2), gain: 0.25, actuator: (profile: \"hapcoil_one\", handle_mass_g: 100.0),\n\
+         device: (damping_ns_per_m: 2), gain: 0.25, actuator: (profile: \"hapcoil_one\", handle_mass_g: \
+         100.0),\n\
          output: audio_out(volts_at_full_scale: 1.0, amps_per_volt: 1.0),\n"
     )
 }
@@ -36,7 +37,8 @@ fn tiles(effects: &[&str]) -> String {
         let material = ["canvas", "oak", "denim", "hessian"][i % 4];
         let _ = writeln!(
             out,
-            "\"{i}\": (shape: rectangle(size_mm: (20, 60)), place_mm: ({x}, 0, 0), material: \"{material}\", effects: ({effects})),"
+            "\"{i}\": (shape: rectangle(size_mm: (20, 60)), place_mm: ({x}, 0, 0), \
+             material: \"{material}\", effects: ({effects})),"
         );
     }
     out.push_str("},\n");
@@ -123,8 +125,9 @@ fn what_a_scene_expands_to_is_a_graph_that_sounds_the_same() {
     assert!(ran.code == 2 && ran.err.contains("not a scene"), "{}", ran.err);
 }
 
+/// One plane with the model sounds as the shipped graph does sample for sample.
 #[test]
-fn one_plane_with_the_model_sounds_as_the_shipped_graph_does_sample_for_sample() {
+fn plane_with_the_model_equals_the_shipped_graph() {
     let dir = tempfile::tempdir().unwrap();
     let scene = parts(48_000)
         .replace("seed: 7", "seed: 2024")
@@ -132,7 +135,8 @@ fn one_plane_with_the_model_sounds_as_the_shipped_graph_does_sample_for_sample()
         .replace("network: (", "network: (synthesis_hz: 2500, precision: int8, ")
         + STROKE
         + &format!(
-            "surfaces: {{\"a\": (shape: plane, material: \"canvas\", effects: ({WALL}, texture: network))}},\n"
+            "surfaces: {{\"a\": (shape: plane, material: \"canvas\", effects: ({WALL}, \
+             texture: network))}},\n"
         );
     let report = rendered(dir.path(), &scene, &along(60.0), &[]);
     assert!(calls(&report, "texture") > 300);
@@ -227,8 +231,9 @@ fn a_thousand_tiles_lower_to_no_more_nodes_than_four_of_them() {
     assert_eq!((count("texture_network"), count("waveform"), count("autoregressive")), (1, 2, 2));
 }
 
+/// Textures are not called off the surface or at rest nor friction off it nor taps without a contact.
 #[test]
-fn textures_are_not_called_off_the_surface_or_at_rest_nor_friction_off_it_nor_taps_without_a_contact() {
+fn effects_are_called_only_where_they_act() {
     let dir = tempfile::tempdir().unwrap();
     let tap = "tap: (sinusoids: [(frequency_hz: 180, decay_ms: 4, gain: 40)])";
     let effects = format!(
@@ -298,7 +303,7 @@ fn both_ways(dir: &Path, scene: &str, seconds: Option<&str>) {
 }
 
 #[test]
-fn what_is_heard_is_the_same_bit_for_bit_with_everything_built_and_awake() {
+fn sound_is_the_same_bits_with_everything_built_and_awake() {
     let dir = tempfile::tempdir().unwrap();
     for name in ["study.ron", "every_effect.ron"] {
         both_ways(dir.path(), &shipped(name), None);
@@ -313,7 +318,8 @@ fn what_is_heard_is_the_same_bit_for_bit_with_everything_built_and_awake() {
         + &tiles(&[
             &format!("{WALL}, friction: lugre, {LOOP}, {tap}"),
             &format!(
-                "{WALL}, texture: [network, autoregressive(model: \"{ar}\")], vibration: (frequency_hz: 90, amplitude_m_s2: 1)"
+                "{WALL}, texture: [network, autoregressive(model: \"{ar}\")], \
+                 vibration: (frequency_hz: 90, amplitude_m_s2: 1)"
             ),
             &format!("{WALL}, texture: relief(heights: made(surface: \"hessian\", side: 64)), {tap}"),
         ]);
@@ -326,8 +332,9 @@ fn what_is_heard_is_the_same_bit_for_bit_with_everything_built_and_awake() {
     both_ways(dir.path(), "s.ron", None);
 }
 
+/// Going to sleep waking and going over make no step larger than the steady signals.
 #[test]
-fn going_to_sleep_waking_and_going_over_make_no_step_larger_than_the_steady_signals() {
+fn sleeping_waking_and_crossing_make_no_step() {
     let dir = tempfile::tempdir().unwrap();
     let other = LOOP.replace("(0.5, 4)", "(0.3, 5)");
     let ar = graphs("models/made_ar/rough.ron").display().to_string();
@@ -372,8 +379,9 @@ fn going_to_sleep_waking_and_going_over_make_no_step_larger_than_the_steady_sign
     }
 }
 
+/// What is wrong in a scene is said with its place and nothing is written.
 #[test]
-fn what_is_wrong_in_a_scene_is_said_with_its_place_and_nothing_is_written() {
+fn scene_error_has_its_place_and_nothing_is_written() {
     let dir = tempfile::tempdir().unwrap();
     std::fs::write(dir.path().join("t.csv"), along(25.0)).unwrap();
     let line = |text: &str, what: &str| text[..text.find(what).unwrap()].matches('\n').count() + 1;
@@ -407,8 +415,9 @@ fn what_is_wrong_in_a_scene_is_said_with_its_place_and_nothing_is_written() {
     assert_eq!(files(dir.path()), ["s.ron", "t.csv"]);
 }
 
+/// A stiffness that the rate cannot keep passive is a warning and an error if strict.
 #[test]
-fn a_stiffness_that_the_rate_cannot_keep_passive_is_a_warning_and_an_error_if_strict() {
+fn unpassive_stiffness_is_a_warning_and_an_error_if_strict() {
     let dir = tempfile::tempdir().unwrap();
     std::fs::write(dir.path().join("t.csv"), along(25.0)).unwrap();
     let stiff = "stiffness: (stiffness_n_per_mm: 5)";
@@ -431,7 +440,7 @@ fn a_stiffness_that_the_rate_cannot_keep_passive_is_a_warning_and_an_error_if_st
 }
 
 #[test]
-fn explain_says_of_every_effect_whether_it_is_built_why_and_what_it_costs() {
+fn explain_tells_if_and_why_an_effect_is_built_and_its_cost() {
     let dir = tempfile::tempdir().unwrap();
     let scene = parts(48_000)
         + STROKE

@@ -10,7 +10,8 @@ use harness::{Ran, graphs, json, run, wav};
 const WALL: &str = "stiffness: (stiffness_n_per_mm: 0.5)";
 const FRAME: &str =
     "version: 1, seed: 3, input: stroke(extent_mm: 60, duration_s: 3), device: (damping_ns_per_m: 2)";
-const SOUND: &str = "actuator: (profile: \"hapcoil_one\", handle_mass_g: 100), output: audio_out(volts_at_full_scale: 1, amps_per_volt: 1)";
+const SOUND: &str = "actuator: (profile: \"hapcoil_one\", handle_mass_g: 100), \
+                     output: audio_out(volts_at_full_scale: 1, amps_per_volt: 1)";
 
 /// Writes a scene of one tile.
 fn write(dir: &Path, parts: &str, shape: &str, effects: &str) {
@@ -54,8 +55,9 @@ fn parts_that_nothing_calls_for_are_looked_at_all_the_same() {
     assert!(ran.code == 2 && ran.err.starts_with("s.ron:4:") && ran.err.contains("`canvas`"), "{}", ran.err);
 }
 
+/// A scene that cannot be felt says so and one that is not heard is warned of.
 #[test]
-fn a_scene_that_cannot_be_felt_says_so_and_one_that_is_not_heard_is_warned_of() {
+fn scene_without_force_or_sound_is_told() {
     let dir = tempfile::tempdir().unwrap();
     write(dir.path(), FRAME, TILE, "");
     let ran = check(dir.path(), &[]);
@@ -191,8 +193,9 @@ fn an_expanded_graph_finds_its_files_and_knows_its_scene() {
     assert!(ran.code == 2 && ran.err.contains("expand it again"), "{}", ran.err);
 }
 
+/// The network is as loud at every rate where the file says nothing of its phase.
 #[test]
-fn the_network_is_as_loud_at_every_rate_where_the_file_says_nothing_of_its_phase() {
+fn network_without_phase_is_as_loud_at_every_rate() {
     let dir = tempfile::tempdir().unwrap();
     let models = graphs("models/surfaces").display().to_string();
     let network = format!("network: (model: \"{models}/texture.onnx\", library: \"{models}/materials.ron\")");

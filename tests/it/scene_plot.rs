@@ -15,18 +15,22 @@ const SCENE: &str = r#"Scene(
             stiffness: (stiffness_n_per_mm: 0.5), friction: viscous_coulomb(coefficient: 0.3))),
         "rings": (shape: rectangle(size_mm: (20, 60)), place_mm: (-20, 0, 0), effects: (
             stiffness: (stiffness_n_per_mm: 0.5), vibration: (frequency_hz: 150, amplitude_m_s2: 2))),
-        "honey": (shape: box(size_mm: (20, 60, 10)), place_mm: (0, 0, 0), effects: (viscosity: (viscosity_ns_per_m: 1.5))),
+        "honey": (shape: box(size_mm: (20, 60, 10)), place_mm: (0, 0, 0),
+        effects: (viscosity: (viscosity_ns_per_m: 1.5))),
         "ripples": (shape: rectangle(size_mm: (20, 60)), place_mm: (20, 0, 0), effects: (
             stiffness: (stiffness_n_per_mm: 0.5),
-            texture: waveform(segments: [(0, 0), (0.5, 4), (1, 0), (1.5, -4), (2, 0)], reference_speed_mm_s: 80))),
+            texture: waveform(segments: [(0, 0), (0.5, 4), (1, 0), (1.5, -4), (2, 0)],
+            reference_speed_mm_s: 80))),
         "never": (shape: rectangle(size_mm: (20, 60)), place_mm: (40, 0, 0), effects: (
-            stiffness: (stiffness_n_per_mm: 0.5), damping: (damping_ns_per_m: 1), magnet: (stiffness_n_per_mm: 0.2, max_force_n: 0.5, reach_mm: 1),
+            stiffness: (stiffness_n_per_mm: 0.5), damping: (damping_ns_per_m: 1),
+            magnet: (stiffness_n_per_mm: 0.2, max_force_n: 0.5, reach_mm: 1),
             tap: (sinusoids: [(frequency_hz: 180, decay_ms: 12, gain: 60)]))),
     },
 )
 "#;
 
-/// Down at x = -45 and half a second's rest there; along x at 40 mm/s for 1.75 s, to 25; half a second's rest, up, and back through the air.
+/// Down at x = -45 and half a second's rest there; along x at 40 mm/s for 1.75 s, to 25; half a second's
+/// rest, up, and back through the air.
 fn stroke() -> String {
     csv(4.0, |t| {
         let down = ((t - 0.2) / 0.1).clamp(0.0, 1.0) * ((3.1 - t) / 0.1).clamp(0.0, 1.0);
@@ -150,7 +154,8 @@ fn only_where_a_texture_is_felt_is_tinted() {
     let svg = plotted(dir.path(), SCENE, &stroke(), &[]);
     assert!(svg.contains(">texture active<"));
     let tinted = tinted(&svg);
-    // On the ripples, from x = 10, from 2.175 s to the rest at 2.55 s; as long as the gate closes, not before.
+    // On the ripples, from x = 10, from 2.175 s to the rest at 2.55 s; as long as the gate closes, not
+    // before.
     assert!(tinted.len() >= 3, "a panel each");
     for (from, to) in tinted {
         assert!((from - 2.175).abs() < 0.03 && (2.5..2.65).contains(&to), "{from} {to}");
@@ -163,7 +168,7 @@ fn only_where_a_texture_is_felt_is_tinted() {
 }
 
 #[test]
-fn the_picture_is_the_same_where_nothing_is_left_out_and_nothing_sleeps() {
+fn picture_is_the_same_with_everything_built_and_awake() {
     let dir = tempfile::tempdir().unwrap();
     let picture = plotted(dir.path(), SCENE, &stroke(), &[]);
     for more in [&["--no-sleep"][..], &["--no-prune"], &["--no-sleep", "--no-prune"]] {
@@ -184,14 +189,16 @@ fn a_graph_has_no_picture_from_above() {
 fn a_thousand_tiles_and_a_long_scribble_are_a_small_file() {
     let dir = tempfile::tempdir().unwrap();
     let mut scene = String::from(
-        "Scene(version: 1, tick_hz: 4000, audio_hz: 48000, input: trajectory(file: \"t.csv\", interpolation: linear), surfaces: {\n",
+        "Scene(version: 1, tick_hz: 4000, audio_hz: 48000, input: trajectory(file: \"t.csv\", \
+         interpolation: linear), surfaces: {\n",
     );
     for i in 0..1024 {
         let (x, y) = (4 * (i % 32) - 62, 4 * (i / 32) - 62);
         let soft = if i % 2 == 0 { "friction: dahl" } else { "damping: (damping_ns_per_m: 0.5)" };
         let _ = writeln!(
             scene,
-            "\"tile {i}\": (shape: rectangle(size_mm: (3, 3)), place_mm: ({x}, {y}, 0), effects: (stiffness: (stiffness_n_per_mm: 0.5), {soft})),"
+            "\"tile {i}\": (shape: rectangle(size_mm: (3, 3)), place_mm: ({x}, {y}, 0), \
+             effects: (stiffness: (stiffness_n_per_mm: 0.5), {soft})),"
         );
     }
     scene.push_str("})\n");

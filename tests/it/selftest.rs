@@ -83,12 +83,13 @@ fn without_a_graph_those_cases_are_left_out_that_look_at_one() {
 }
 
 #[test]
-fn a_scene_is_a_graph_and_one_whose_stylus_nothing_moves_is_not_applicable() {
+fn scene_is_tested_and_one_without_motion_not_applicable() {
     let ran = selftest(&["graphs/scenes/study.ron", "--case", "teleport"]).ok();
     assert!(ran.out.contains("holds"), "{}", ran.out);
     let dir = tempfile::tempdir().unwrap();
     let graph = dir.path().join("still.ron");
-    let text = "Graph(version: 1, nodes: {\"s\": (kind: \"sine\"), \"p\": (kind: \"probe\")}, wires: [(\"s\", \"p\")])";
+    let text = "Graph(version: 1, nodes: {\"s\": (kind: \"sine\"), \"p\": (kind: \"probe\")}, \
+                wires: [(\"s\", \"p\")])";
     std::fs::write(&graph, text).unwrap();
     let ran = selftest(&[&graph.display().to_string(), "--case", "teleport"]).ok();
     assert!(ran.out.contains("not applicable  nothing in this graph moves a stylus"), "{}", ran.out);

@@ -107,7 +107,7 @@ fn phase_vocoder_keeps_the_level() {
 }
 
 #[test]
-fn random_phase_is_as_quiet_as_published_and_keeps_the_level_if_told_to() {
+fn random_phase_is_as_quiet_as_published_or_keeps_level() {
     each("plain", "random_iid", |a, r| random(a, r, Level::Plain), |n, s, o| no_worse(n, s, o, 1.5));
     each(
         "keep",
@@ -138,7 +138,7 @@ fn tracked_partials_reach_the_published_scores() {
 }
 
 #[test]
-fn noise_partials_reach_the_published_scores_and_keep_level_and_spectrum() {
+fn noise_partials_reach_published_scores_and_keep_level() {
     for seed in 1..6 {
         each(
             "noise",

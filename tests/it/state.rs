@@ -1,5 +1,5 @@
-//! Every built-in node under a graph that changes: what it remembers goes over to another instance of it, and its live
-//! parameters take any value at any time.
+//! Every built-in node under a graph that changes: what it remembers goes over to another instance of it, and
+//! its live parameters take any value at any time.
 
 use std::sync::{Arc, Mutex};
 
@@ -104,7 +104,7 @@ fn faults(engine: &Engine) -> (u64, Option<Fault>, bool) {
 }
 
 #[test]
-fn a_node_goes_on_from_the_state_of_another_as_if_it_were_that_one() {
+fn restored_node_goes_on_as_the_saved_one_would() {
     let mut remember = Vec::new();
     let mut told = Vec::new();
     for kind in kinds() {
@@ -174,8 +174,8 @@ fn spoilt(bytes: &[u8]) -> Vec<Vec<u8>> {
     all
 }
 
-/// Gives a node in a running engine bytes as its state, resets it where it refuses them if that is wanted (the engine
-/// does), and goes on.
+/// Gives a node in a running engine bytes as its state, resets it where it refuses them if that is wanted
+/// (the engine does), and goes on.
 fn survives(name: &str, (engine, it): &mut (Engine, Held), bytes: &[u8], reset: bool) {
     engine.reset();
     run(engine, 20);
@@ -229,7 +229,7 @@ fn the_state_of_another_kind_is_refused_or_does_no_harm() {
 }
 
 #[test]
-fn every_live_parameter_takes_any_value_of_its_range_at_any_time() {
+fn live_parameter_takes_any_value_at_any_time() {
     for kind in kinds() {
         let live = live(kind.as_ref());
         if live.is_empty() {
@@ -247,7 +247,7 @@ fn every_live_parameter_takes_any_value_of_its_range_at_any_time() {
 }
 
 #[test]
-fn a_live_parameter_and_a_reset_make_what_preparing_with_it_would() {
+fn live_parameter_and_reset_equal_preparing_with_it() {
     let mut count = 0;
     for kind in kinds() {
         for (i, param) in live(kind.as_ref()) {

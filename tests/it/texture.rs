@@ -126,8 +126,9 @@ fn frames_that_come_more_rarely_are_as_loud_at_every_tick_rate() {
     }
 }
 
+/// Spsi loses level where windows overlap and so loses less where frames come more rarely.
 #[test]
-fn spsi_loses_level_where_windows_overlap_and_so_loses_less_where_frames_come_more_rarely() {
+fn spsi_loses_less_level_when_frames_are_rarer() {
     for tick_hz in [250, 500, 1000, 2000] {
         let usual = level_db("heravi2024.ron", tick_hz, 1, 4);
         for every in [2, 4] {
@@ -140,8 +141,9 @@ fn spsi_loses_level_where_windows_overlap_and_so_loses_less_where_frames_come_mo
     }
 }
 
+/// Emission follows the frames and where it is said and does not fit there is a word on it.
 #[test]
-fn emission_follows_the_frames_and_where_it_is_said_and_does_not_fit_there_is_a_word_on_it() {
+fn emission_follows_the_frames_and_a_misfit_is_warned_of() {
     let dir = tempfile::tempdir().expect("a folder");
     let graph = retrieving().display().to_string();
     let check = |sets: &[&str]| {
@@ -173,8 +175,9 @@ fn emission_follows_the_frames_and_where_it_is_said_and_does_not_fit_there_is_a_
     }
 }
 
+/// A hand that stands still asks the network nothing after a quarter of a second.
 #[test]
-fn a_hand_that_stands_still_asks_the_network_nothing_after_a_quarter_of_a_second() {
+fn still_hand_stops_calling_the_network_after_250_ms() {
     // Moves for a second, stands for two, moves on.
     let x = |t: f64| 300.0 * (t.min(1.0) + (t - 3.0).max(0.0));
     for interpolation in ["linear", "cubic"] {
@@ -207,8 +210,9 @@ fn a_hand_that_stands_still_asks_the_network_nothing_after_a_quarter_of_a_second
     }
 }
 
+/// A still hand feels the new material after a swap and what a fresh graph would answer.
 #[test]
-fn a_still_hand_feels_the_new_material_after_a_swap_and_what_a_fresh_graph_would_answer() {
+fn still_hand_feels_the_new_material_after_a_swap() {
     let set = |material: &str| [format!("texture.material={material}")];
     let still = |material: &str| ungated(|_| 0.0, 10.0, &set(material));
     let after = |material: &str, ticks: usize| {

@@ -26,7 +26,8 @@ fn study(dir: &Path, grids: &str) {
 }
 
 const TWO: &str = r#"(name: "phase", knobs: {"phase": [(kind: "spsi"), (kind: "no_such_kind")]}),
-    (name: "frames", knobs: {"phase.frames": [1, 2]}), (name: "limiter", knobs: {"limiter": [kept, bypassed]}),
+    (name: "frames", knobs: {"phase.frames": [1, 2]}),
+    (name: "limiter", knobs: {"limiter": [kept, bypassed]}),
     (name: "guards", knobs: {"guards": [false]})"#;
 
 fn names(results: &Value) -> Vec<String> {
@@ -39,8 +40,9 @@ fn row<'r>(results: &'r Value, name: &str) -> &'r Value {
     rows.iter().find(|r| r["name"] == name).unwrap_or_else(|| panic!("no {name}"))
 }
 
+/// A study says what each setting costs and is worth and goes on where it was.
 #[test]
-fn a_study_says_what_each_setting_costs_and_is_worth_and_goes_on_where_it_was() {
+fn study_reports_costs_and_resumes_where_it_stopped() {
     let dir = tempfile::tempdir().expect("a folder");
     study(dir.path(), TWO);
     let args = ["tradeoff", "study.ron", "--out", "out", "--jobs", "2", "--no-cases"];
@@ -125,7 +127,7 @@ fn recording(dir: &Path, peak: f64) {
 }
 
 #[test]
-fn a_setting_is_held_against_what_was_recorded_of_the_same_stroke() {
+fn setting_is_compared_with_the_recorded_stroke() {
     let dir = tempfile::tempdir().expect("a folder");
     let graph = retrieving().canonicalize().expect("the shipped graph");
     let write = |of: &str| {
@@ -163,7 +165,8 @@ fn parts_of_a_study_are_put_together_and_the_best_can_be_pasted() {
     let dir = tempfile::tempdir().expect("a folder");
     study(
         dir.path(),
-        r#"(name: "g", knobs: {"phase.frames": [1, 3], "tick_hz": [1000]}), (name: "p", knobs: {"phase": [(kind: "spsi")]})"#,
+        r#"(name: "g", knobs: {"phase.frames": [1, 3], "tick_hz": [1000]}),
+           (name: "p", knobs: {"phase": [(kind: "spsi")]})"#,
     );
     for part in ["1", "2"] {
         let shard = format!("{part}/2");
@@ -235,8 +238,9 @@ fn parts_of_a_study_are_put_together_and_the_best_can_be_pasted() {
     assert!(unknown.code == 2 && unknown.err.contains("spectrum"), "{}", unknown.err);
 }
 
+/// What is wrong with a study is said with its place and nothing is written.
 #[test]
-fn what_is_wrong_with_a_study_is_said_with_its_place_and_nothing_is_written() {
+fn study_error_has_its_place_and_nothing_is_written() {
     let dir = tempfile::tempdir().expect("a folder");
     for (grids, want) in [
         (r#"(name: "g", knobs: {"phase.frame": [1]})"#, "no graph has `phase.frame` to turn"),
@@ -310,7 +314,8 @@ fn names_are_looked_at_before_anything_runs() {
 #[test]
 fn a_study_of_which_no_setting_runs_is_a_failure() {
     let dir = tempfile::tempdir().expect("a folder");
-    let graph = r#"Graph(version: 1, nodes: {"tone": (kind: "sine"), "out": (kind: "probe")}, wires: [("tone", "out")])"#;
+    let graph = r#"Graph(version: 1, nodes: {"tone": (kind: "sine"), "out": (kind: "probe")},
+       wires: [("tone", "out")])"#;
     std::fs::write(dir.path().join("still.ron"), graph).expect("a graph");
     let text = r#"Study(version: 1, graph: "still.ron", strokes: [(name: "circle", seconds: 1.5)])"#;
     std::fs::write(dir.path().join("study.ron"), text).expect("a study");
@@ -318,11 +323,13 @@ fn a_study_of_which_no_setting_runs_is_a_failure() {
     assert!(ran.code == 1 && ran.err.contains("nothing in this graph moves a stylus"), "{}", ran.err);
 }
 
+/// The shipped study leaves out what ones own graph has not and says so before it runs.
 #[test]
-fn the_shipped_study_leaves_out_what_ones_own_graph_has_not_and_says_so_before_it_runs() {
+fn shipped_study_skips_missing_knobs_with_a_warning() {
     let dir = tempfile::tempdir().expect("a folder");
     // Nothing in it moves, so that all settings fail at once: what is looked at is what is left out.
-    let graph = r#"Graph(version: 1, nodes: {"tone": (kind: "sine"), "out": (kind: "probe")}, wires: [("tone", "out")])"#;
+    let graph = r#"Graph(version: 1, nodes: {"tone": (kind: "sine"), "out": (kind: "probe")},
+       wires: [("tone", "out")])"#;
     std::fs::write(dir.path().join("still.ron"), graph).expect("a graph");
     let ran = run(dir.path(), &["tradeoff", "still.ron", "--out", "out", "--no-cases"]);
     assert_eq!(ran.code, 1, "{}", ran.err);
@@ -335,8 +342,9 @@ fn the_shipped_study_leaves_out_what_ones_own_graph_has_not_and_says_so_before_i
     assert!(report.contains("`texture.bins` is left out"), "{report}");
 }
 
+/// A scene is held against the studys material where its surfaces are.
 #[test]
-fn a_scene_is_held_against_the_studys_material_where_its_surfaces_are() {
+fn scene_is_compared_with_the_studys_material() {
     let dir = tempfile::tempdir().expect("a folder");
     study(dir.path(), "");
     let scene = std::fs::read_to_string(graphs("scenes/study.ron")).expect("the shipped scene");
@@ -403,7 +411,8 @@ fn a_study_that_is_interrupted_says_so_and_goes_on_later() {
     assert_eq!(json(&dir.path().join("out/results.json")), results);
 }
 
-/// Exit code of a study that is interrupted as soon as it has its folder; none where it did not end by itself.
+/// Exit code of a study that is interrupted as soon as it has its folder; none where it did not end by
+/// itself.
 #[cfg(unix)]
 fn interrupted(dir: &Path, args: &[&str]) -> Option<i32> {
     let lock = || {
@@ -445,7 +454,8 @@ fn after_a_change_what_it_touches_is_run_again_and_nothing_else() {
     std::fs::copy(&profile, dir.path().join("mine.ron")).expect("a profile");
     let grid = |frames: &str| {
         format!(
-            r#"(name: "g", knobs: {{"phase.frames": [{frames}]}}), (name: "h", knobs: {{"inverse.profile": ["mine.ron"]}})"#
+            r#"(name: "g", knobs: {{"phase.frames": [{frames}]}}),
+               (name: "h", knobs: {{"inverse.profile": ["mine.ron"]}})"#
         )
     };
     study(dir.path(), &grid("1"));

@@ -21,7 +21,8 @@ impl Stranger {
         let plugin = dir.path().join("plugins/libtold.so");
         plugins::compile(&plugins::sources().join("told.c"), &plugin, &["-DTOUCH"]);
         let graph = r#"Graph(version: 1, plugins: ["plugins/libtold.so"],
-            nodes: {"wave": (kind: "told", params: (from: 900000)), "guard": (kind: "limiter"), "out": (kind: "audio_out")},
+            nodes: {"wave": (kind: "told", params: (from: 900000)), "guard": (kind: "limiter"),
+            "out": (kind: "audio_out")},
             wires: [("wave", "guard"), ("guard", "out")])"#;
         fs::write(dir.path().join("g.ron"), graph).unwrap();
         Self { dir }
@@ -154,7 +155,8 @@ fn person_at_a_terminal_is_asked_once_for_a_folder() {
 fn edit_to_a_strangers_plugin_does_not_reach_the_run() {
     let it = Stranger::new();
     let strange = fs::read_to_string(it.path("g.ron")).unwrap();
-    let own = r#"Graph(version: 1, nodes: {"wave": (kind: "sine"), "guard": (kind: "limiter"), "out": (kind: "audio_out")},
+    let own = r#"Graph(version: 1, nodes: {"wave": (kind: "sine"), "guard": (kind: "limiter"),
+       "out": (kind: "audio_out")},
         wires: [("wave", "guard"), ("guard", "out")])"#;
     fs::write(it.path("p.ron"), own).unwrap();
     let mut program = it.program();
@@ -170,7 +172,8 @@ fn edit_to_a_strangers_plugin_does_not_reach_the_run() {
 /// A graph that wants a file written.
 fn writing(file: &str) -> String {
     format!(
-        r#"Graph(version: 1, nodes: {{"wave": (kind: "sine"), "probe": (kind: "probe", params: (file: {file:?}))}},
+        r#"Graph(version: 1, nodes: {{"wave": (kind: "sine"),
+           "probe": (kind: "probe", params: (file: {file:?}))}},
             wires: [("wave", "probe")])"#
     )
 }

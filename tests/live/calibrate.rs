@@ -1,4 +1,5 @@
-//! `asperity calibrate`, as a user runs it: with a simulated card that has an actuator between output and input.
+//! `asperity calibrate`, as a user runs it: with a simulated card that has an actuator between output and
+//! input.
 
 use harness::alone::real_time;
 use std::io::{BufRead, BufReader};
@@ -96,8 +97,9 @@ fn json_tells_what_was_found_and_how_far_to_trust_it() {
     assert!(found["recordings"][0]["points"].as_array().is_some_and(|p| p.len() > 50));
 }
 
+/// An inverted accelerometer behind a voltage amplifier gives the same figures.
 #[test]
-fn an_inverted_accelerometer_behind_a_voltage_amplifier_gives_the_same_figures() {
+fn inverted_accelerometer_gives_the_same_figures() {
     let _alone = real_time();
     let dir = tempfile::tempdir().expect("a folder");
     let card = CARD
@@ -118,7 +120,7 @@ fn an_inverted_accelerometer_behind_a_voltage_amplifier_gives_the_same_figures()
 }
 
 #[test]
-fn what_cannot_be_measured_says_why_and_leaves_an_older_profile_alone() {
+fn failed_measurement_says_why_and_keeps_the_old_profile() {
     let _alone = real_time();
     let dir = tempfile::tempdir().expect("a folder");
     let old = "an older profile";
@@ -155,7 +157,8 @@ fn what_cannot_be_measured_says_why_and_leaves_an_older_profile_alone() {
 fn a_level_that_would_clip_is_lowered_and_said() {
     let _alone = real_time();
     let dir = tempfile::tempdir().expect("a folder");
-    let card = "simulated:frames=64,speed=10,plant=hapcoil_one,plant_handle_g=60,plant_full_scale=2,plant_noise=0.001";
+    let card = "simulated:frames=64,speed=10,plant=hapcoil_one,plant_handle_g=60,\
+                plant_full_scale=2,plant_noise=0.001";
     let ran = calibrate(dir.path(), card, &["--accelerometer-full-scale", "2"]).ok();
     assert!(ran.err.contains("the level is lowered to 0.0"), "{}", ran.err);
     let found = ActuatorProfile::read(dir.path().join("found.ron")).expect("a profile");

@@ -48,8 +48,9 @@ fn a_server_that_hangs_is_named_and_the_other_hosts_answer() {
     assert_ne!(answers(&hung, "jack"), Some(true));
 }
 
+/// A channel that a jack card does not have is told to lead nowhere.
 #[test]
-fn a_channel_that_a_jack_card_does_not_have_is_told_to_lead_nowhere() {
+fn missing_channel_of_a_jack_card_is_told() {
     let Some(_) = inside(test_name!(), || Jack::start(48_000, 256)) else { return };
     let dir = std::env::temp_dir();
     let tone =

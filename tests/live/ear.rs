@@ -37,8 +37,8 @@ impl ProcessHandler for Tape {
     }
 }
 
-/// Whether the program has joined its port to the card's. A server whose client is joined to another while it becomes active may hang.
-/// Looking asks nothing of the server.
+/// Whether the program has joined its port to the card's. A server whose client is joined to another while it
+/// becomes active may hang. Looking asks nothing of the server.
 pub(crate) fn joined(client: &Client, port: &str) -> bool {
     client.port_by_name(port).is_some_and(|port| port.connected_count().is_ok_and(|count| count > 0))
 }
@@ -95,7 +95,8 @@ impl Ear {
     /// Runs the server as fast as it goes until so many frames more have come.
     pub(crate) fn freewheel(&self, frames: usize) {
         let set = |on: i32| {
-            // SAFETY: the client is open and stays so during the call, which is made outside of its callbacks.
+            // SAFETY: the client is open and stays so during the call, which is made outside of its
+            // callbacks.
             let refused = unsafe { jack::jack_sys::jack_set_freewheel(self.client.as_client().raw(), on) };
             assert_eq!(refused, 0, "JACK refuses freewheel {on}");
         };
@@ -113,8 +114,8 @@ impl Ear {
     }
 }
 
-/// A program that plays the graph, heard from its first sample on: where the ear came too late, both start again. It did
-/// where the first sample is not as faint as a ramp begins.
+/// A program that plays the graph, heard from its first sample on: where the ear came too late, both start
+/// again. It did where the first sample is not as faint as a ramp begins.
 pub(crate) fn heard_from_the_start(dir: &Path, args: &[&str], frames: usize, faint: f32) -> (Program, Ear) {
     for _ in 0..5 {
         let ear = Ear::new(frames);

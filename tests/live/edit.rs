@@ -30,8 +30,10 @@ fn replace(dir: &Path, text: &str) {
 /// A sine that is played and recorded, with more beside it.
 fn tone(nodes: &str, wires: &str) -> String {
     format!(
-        r#"Graph(version: 1, nodes: {{"sine": (kind: "sine", params: (frequency_hz: 80.0)), "limiter": (kind: "limiter"),
-           "out": (kind: "audio_out"), {}{nodes}}}, wires: [("sine", "limiter"), ("limiter", "out"), {}{wires}])"#,
+        r#"Graph(version: 1, nodes: {{"sine": (kind: "sine", params: (frequency_hz: 80.0)),
+           "limiter": (kind: "limiter"),
+           "out": (kind: "audio_out"), {}{nodes}}}, wires: [("sine", "limiter"), ("limiter", "out"),
+           {}{wires}])"#,
         EARS[0], EARS[1]
     )
 }
@@ -167,8 +169,9 @@ fn sigterm_does_not_wait_for_a_hand_that_does_not_answer() {
     assert_eq!(service.unheard.load(Relaxed), 1, "it was opened as it was before, though nobody wants it");
 }
 
+/// A stylus over the network may begin to listen everywhere at its port.
 #[test]
-fn a_stylus_over_the_network_may_begin_to_listen_everywhere_at_its_port() {
+fn osc_stylus_may_start_to_listen_on_all_addresses() {
     let _alone = real_time();
     let dir = tempfile::tempdir().expect("a folder");
     let dir = dir.path();
@@ -317,12 +320,16 @@ fn outputs_that_change_places_in_the_file_keep_their_channels() {
     let dir = dir.path();
     let voice = |id: &str, hz: f64| {
         format!(
-            r#""{id} tone": (kind: "sine", params: (frequency_hz: {hz:?})), "{id} limiter": (kind: "limiter"), "{id}": (kind: "audio_out"),"#
+            r#""{id} tone": (kind: "sine", params: (frequency_hz: {hz:?})),
+               "{id} limiter": (kind: "limiter"), "{id}": (kind: "audio_out"),"#
         )
     };
-    let ears = r#""in 1": (kind: "audio_in", params: (unit: "A", channel: 1)), "in 2": (kind: "audio_in", params: (unit: "A", channel: 2)),
-        "one": (kind: "file_out", params: (file: "one.npy")), "two": (kind: "file_out", params: (file: "two.npy")),"#;
-    let wires = r#"("a tone", "a limiter"), ("a limiter", "a"), ("b tone", "b limiter"), ("b limiter", "b"), ("in 1", "one"), ("in 2", "two")"#;
+    let ears = r#""in 1": (kind: "audio_in", params: (unit: "A", channel: 1)),
+       "in 2": (kind: "audio_in", params: (unit: "A", channel: 2)),
+        "one": (kind: "file_out", params: (file: "one.npy")),
+        "two": (kind: "file_out", params: (file: "two.npy")),"#;
+    let wires = r#"("a tone", "a limiter"), ("a limiter", "a"), ("b tone", "b limiter"), ("b limiter", "b"),
+       ("in 1", "one"), ("in 2", "two")"#;
     let text = |voices: [String; 2]| {
         format!("Graph(version: 1, nodes: {{{}{}{ears}}}, wires: [{wires}])", voices[0], voices[1])
     };
@@ -401,7 +408,7 @@ fn of_textures_chosen_in_a_burst_the_newest_plays() {
 }
 
 #[test]
-fn files_that_come_and_go_with_an_edit_hold_what_was_played_meanwhile() {
+fn files_added_by_an_edit_hold_the_time_they_were_there() {
     let _alone = real_time();
     let dir = tempfile::tempdir().expect("a folder");
     let dir = dir.path();
@@ -456,8 +463,9 @@ fn files_that_come_and_go_with_an_edit_hold_what_was_played_meanwhile() {
     }
 }
 
+/// A pointer that an edit adds is moved on the page that was served without one.
 #[test]
-fn a_pointer_that_an_edit_adds_is_moved_on_the_page_that_was_served_without_one() {
+fn pointer_added_by_an_edit_moves_on_the_open_page() {
     let _alone = real_time();
     let dir = tempfile::tempdir().expect("a folder");
     let dir = dir.path();
@@ -467,7 +475,8 @@ fn a_pointer_that_an_edit_adds_is_moved_on_the_page_that_was_served_without_one(
     onlooker.until("the graph", |s| s.layout["nodes"].is_array() && s.view["ticks"].as_u64() > Some(10));
     assert!(!onlooker.shown.hand);
     let pointer = [
-        r#""hand": (kind: "pointer_input", params: (timeout_ms: 2000)), "place": (kind: "probe", params: (file: "place.csv")),"#,
+        r#""hand": (kind: "pointer_input", params: (timeout_ms: 2000)),
+           "place": (kind: "probe", params: (file: "place.csv")),"#,
         r#"("hand.position", "place"),"#,
     ];
     replace(dir, &tone(pointer[0], pointer[1]));

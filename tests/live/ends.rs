@@ -18,7 +18,8 @@ const ENTER: &str = "\x1b[?1049h";
 /// A sine, and what the card plays of it.
 fn write_graph(dir: &Path) {
     let text = format!(
-        r#"Graph(version: 1, nodes: {{"sine": (kind: "sine", params: (frequency_hz: 80.0)), "limiter": (kind: "limiter"),
+        r#"Graph(version: 1, nodes: {{"sine": (kind: "sine", params: (frequency_hz: 80.0)),
+           "limiter": (kind: "limiter"),
            "out": (kind: "audio_out"), {}}}, wires: [("sine", "limiter"), ("limiter", "out"), {}])"#,
         EARS[0], EARS[1]
     );
@@ -153,7 +154,7 @@ fn ends_softly(dir: &Path) -> Result<(), String> {
 }
 
 #[test]
-fn a_terminal_that_is_closed_ends_the_run_with_a_ramp_and_its_files() {
+fn closed_terminal_ends_the_run_with_a_ramp_and_its_files() {
     let _alone = real_time();
     told(|| {
         let dir = tempfile::tempdir().expect("a folder");
@@ -166,8 +167,9 @@ fn a_terminal_that_is_closed_ends_the_run_with_a_ramp_and_its_files() {
     });
 }
 
+/// A terminal that is gone without a signal neither ends the run nor takes a processor.
 #[test]
-fn a_terminal_that_is_gone_without_a_signal_neither_ends_the_run_nor_takes_a_processor() {
+fn terminal_gone_without_a_signal_costs_nothing() {
     let _alone = real_time();
     told(|| {
         let dir = tempfile::tempdir().expect("a folder");
@@ -213,8 +215,9 @@ fn view_with(
 /// Bytes that a pipe holds.
 const PIPE: usize = 65_536;
 
+/// Messages that nobody reads hold up neither a mute nor ticks nor the end.
 #[test]
-fn messages_that_nobody_reads_hold_up_neither_a_mute_nor_ticks_nor_the_end() {
+fn unread_messages_delay_neither_mute_ticks_nor_end() {
     let _alone = real_time();
     let dir = tempfile::tempdir().expect("a folder");
     let dir = dir.path();
@@ -263,8 +266,9 @@ fn messages_that_nobody_reads_hold_up_neither_a_mute_nor_ticks_nor_the_end() {
     assert!(rest.len() + 4096 > PIPE, "only {} bytes stood in the pipe: it was never full", rest.len());
 }
 
+/// A report that cannot be written costs neither what was recorded nor the summary.
 #[test]
-fn a_report_that_cannot_be_written_costs_neither_what_was_recorded_nor_the_summary() {
+fn unwritable_report_keeps_recordings_and_summary() {
     let _alone = real_time();
     let dir = tempfile::tempdir().expect("a folder");
     let dir = dir.path();
@@ -293,7 +297,8 @@ fn recording_of_a_killed_run_is_recovered() {
     let dir = tempfile::tempdir().expect("a folder");
     let text = r#"Graph(version: 1, nodes: {"sine": (kind: "sine", params: (frequency_hz: 80.0)),
         "limiter": (kind: "limiter"), "out": (kind: "audio_out"),
-        "take": (kind: "file_out", params: (file: "take.wav"))}, wires: [("sine", "limiter"), ("limiter", "out"), ("limiter", "take")])"#;
+        "take": (kind: "file_out", params: (file: "take.wav"))}, wires: [("sine", "limiter"),
+        ("limiter", "out"), ("limiter", "take")])"#;
     std::fs::write(dir.path().join("g.ron"), text).expect("a graph");
     let [growing, take, other] = ["take.wav.recording", "take.wav", "take-1.wav"].map(|f| dir.path().join(f));
     let args = ["g.ron", "--device", CARD];

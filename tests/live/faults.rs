@@ -20,7 +20,8 @@ fn up(dir: &Path, args: &[&str]) -> (Program, Ear) {
     (program, ear)
 }
 
-/// Hears a program that has come back: it begins softly, is where it would be if nothing had happened or later, and stops well.
+/// Hears a program that has come back: it begins softly, is where it would be if nothing had happened or
+/// later, and stops well.
 fn is_back(dir: &Path, program: Program, least_s: f64) {
     let ear = Ear::new(60 * RATE);
     ear.hear(program.id());
@@ -44,7 +45,7 @@ fn is_back(dir: &Path, program: Program, least_s: f64) {
 }
 
 #[test]
-fn a_run_comes_back_when_a_killed_server_does_and_ticks_have_gone_on() {
+fn run_comes_back_with_a_killed_server_and_ticks_went_on() {
     let Some(server) = inside(test_name!(), || Jack::start(48_000, 64)) else { return };
     let dir = tempfile::tempdir().unwrap();
     let (mut program, ear) = up(dir.path(), &[]);

@@ -89,7 +89,8 @@ impl Tracker {
 
 /// The live graph with a stylus that listens at a port, and places and recordings in files.
 fn osc_graph(port: u16) -> String {
-    let nodes = r#""place": (kind: "probe", params: (file: "place.csv")), "sent": (kind: "file_out", params: (file: "sent.npy")),"#;
+    let nodes = r#""place": (kind: "probe", params: (file: "place.csv")),
+       "sent": (kind: "file_out", params: (file: "sent.npy")),"#;
     let text = graph("live.ron", nodes, r#"("stylus.position", "place"), ("limiter", "sent"),"#);
     let stylus = r#"(kind: "pointer_input", params: (depth_mm: 6.6))"#;
     assert!(text.contains(stylus));
@@ -106,8 +107,9 @@ fn replace(dir: &Path, text: &str) {
     std::fs::rename(dir.join("new"), dir.join("g.ron")).expect("a file");
 }
 
+/// A stylus over the network is heard whatever else comes and its graph may change.
 #[test]
-fn a_stylus_over_the_network_is_heard_whatever_else_comes_and_its_graph_may_change() {
+fn osc_stylus_is_heard_beside_garbage_and_after_an_edit() {
     let _alone = real_time();
     told(a_stylus_goes_on_while_its_graph_changes);
 }
@@ -265,7 +267,7 @@ fn standin(dir: &Path) -> PathBuf {
     let done = Command::new("cc")
         .args(["-shared", "-fPIC", "-O1", "-Wall", "-Werror", "-o"])
         .arg(&library)
-        .arg(root().join("hosts/hand/tests/standin/moving.c"))
+        .arg(root().join("tests/live/hand/standin/moving.c"))
         .args(["-lpthread", "-lm"])
         .status()
         .expect("a C compiler, `cc`");
@@ -274,7 +276,7 @@ fn standin(dir: &Path) -> PathBuf {
 }
 
 #[test]
-fn an_arm_pushes_back_and_a_wall_that_it_cannot_hold_is_warned_of() {
+fn arm_pushes_back_and_too_stiff_a_wall_is_warned_of() {
     let _alone = real_time();
     let dir = tempfile::tempdir().expect("a folder");
     let dir = dir.path();
@@ -328,10 +330,12 @@ fn a_graph_that_only_pushes_back_runs_by_the_timer() {
     let dir = tempfile::tempdir().expect("a folder");
     let dir = dir.path();
     let text = r#"Graph(version: 1, tick_hz: 1000, nodes: {
-        "stylus": (kind: "openhaptics_input"), "floor": (kind: "virtual_floor", params: (stiffness_n_per_mm: 0.5)),
+        "stylus": (kind: "openhaptics_input"),
+        "floor": (kind: "virtual_floor", params: (stiffness_n_per_mm: 0.5)),
         "wall": (kind: "openhaptics_force"), "pushes": (kind: "probe", params: (file: "force.csv")),
     }, wires: [("stylus.position", "floor"), ("floor.plane", "wall.plane"), ("floor.normal", "wall.normal"),
-        ("floor.stiffness", "wall.stiffness"), ("floor.damping", "wall.damping"), ("stylus.force", "pushes")])"#;
+        ("floor.stiffness", "wall.stiffness"), ("floor.damping", "wall.damping"),
+        ("stylus.force", "pushes")])"#;
     std::fs::write(dir.join("g.ron"), text).expect("a graph");
     let library = format!("stylus.library={}", standin(dir).display());
     // A servo that was not called for 50 ms lets go, and takes hold again within half a second.
@@ -354,7 +358,7 @@ fn a_graph_that_only_pushes_back_runs_by_the_timer() {
 }
 
 #[test]
-fn an_inverse3_pushes_back_and_one_whose_service_is_not_there_is_an_error() {
+fn inverse3_pushes_back_and_a_missing_service_is_an_error() {
     let _alone = real_time();
     let dir = tempfile::tempdir().expect("a folder");
     let dir = dir.path();

@@ -63,9 +63,8 @@ fn serve(stream: TcpStream, stop: &AtomicBool, pushed: &Mutex<f64>) {
     let report = || {
         let turn = began.elapsed().as_secs_f64() * 1.0 * TAU;
         let (x, y) = (0.016 * turn.cos(), 0.016 * turn.sin());
-        format!(
-            r#"{{"inverse3":[{{"device_id":"049D","state":{{"cursor_position":{{"x":{x},"y":{y},"z":-0.003}}}},"status":{{}}}}]}}"#
-        )
+        let state = format!(r#"{{"cursor_position":{{"x":{x},"y":{y},"z":-0.003}}}}"#);
+        format!(r#"{{"inverse3":[{{"device_id":"049D","state":{state},"status":{{}}}}]}}"#)
     };
     let mut sent = socket.send(Message::text(report()));
     while sent.is_ok() && !stop.load(Relaxed) {

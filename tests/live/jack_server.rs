@@ -1,7 +1,7 @@
 //! `asperity run` on a real JACK server, heard sample by sample beside the same graph rendered offline.
 //!
-//! On a machine that is busy the server itself runs late now and then. What the program leaves out for it is no failure, but must be what it
-//! counts. Freewheel is for the callback clock: a paced thread keeps to time.
+//! On a machine that is busy the server itself runs late now and then. What the program leaves out for it is
+//! no failure, but must be what it counts. Freewheel is for the callback clock: a paced thread keeps to time.
 
 use harness::test_name;
 use std::f64::consts::PI;
@@ -141,32 +141,36 @@ fn starts_slowly(
     }
 }
 
+/// Every sample of ten seconds and of a freewheeled minute arrives at 44100 hz.
 #[test]
-fn every_sample_of_ten_seconds_and_of_a_freewheeled_minute_arrives_at_44100_hz() {
+fn every_sample_arrives_at_44100_hz_in_10_s_and_freewheel() {
     let Some(_) = inside(test_name!(), || Jack::start(44_100, 64)) else { return };
     plays_what_is_rendered(&Run { rate_hz: 44_100, seconds: 10, wheeled: 60, ..RUN });
 }
 
+/// Every sample of ten seconds and of a freewheeled minute arrives at 48000 hz.
 #[test]
-fn every_sample_of_ten_seconds_and_of_a_freewheeled_minute_arrives_at_48000_hz() {
+fn every_sample_arrives_at_48000_hz_in_10_s_and_freewheel() {
     let Some(_) = inside(test_name!(), || Jack::start(48_000, 64)) else { return };
     plays_what_is_rendered(&Run { seconds: 10, wheeled: 60, ..RUN });
 }
 
+/// Every sample of ten seconds and of a freewheeled minute arrives at 96000 hz.
 #[test]
-fn every_sample_of_ten_seconds_and_of_a_freewheeled_minute_arrives_at_96000_hz() {
+fn every_sample_arrives_at_96000_hz_in_10_s_and_freewheel() {
     let Some(_) = inside(test_name!(), || Jack::start(96_000, 128)) else { return };
     plays_what_is_rendered(&Run { rate_hz: 96_000, period: 128, seconds: 10, wheeled: 60, ..RUN });
 }
 
+/// A program that was held leaves out what went by and is no later than before.
 #[test]
-fn a_program_that_was_held_leaves_out_what_went_by_and_is_no_later_than_before() {
+fn held_program_skips_ahead_and_is_no_later_than_before() {
     let Some(_) = inside_beside_others(test_name!(), || Jack::start(48_000, 64)) else { return };
     plays_what_is_rendered(&Run { held: true, ..RUN });
 }
 
 #[test]
-fn a_paced_thread_plays_every_sample_at_256_frames_though_it_was_held() {
+fn held_paced_thread_plays_every_sample_at_256_frames() {
     let Some(_) = inside_beside_others(test_name!(), || Jack::start(48_000, 256)) else { return };
     plays_what_is_rendered(&Run { period: 256, held: true, end: "TERM", ..RUN });
 }

@@ -60,8 +60,9 @@ fn the_sum_is_what_is_measured_at_256_frames() {
     agrees("paced", 256);
 }
 
+/// At 128 frames the sum is what is measured and within 15 ms and the chain half way within 40.
 #[test]
-fn at_128_frames_the_sum_is_what_is_measured_and_within_15_ms_and_the_chain_half_way_within_40() {
+fn sum_at_128_frames_is_measured_and_within_15_ms() {
     let Some(_) = inside(test_name!(), || Jack::start(48_000, 128)) else { return };
     let declared_ms = agrees("paced", 128);
     let (dir, graph) = (tempfile::tempdir().unwrap(), harness::graphs("texture.ron").display().to_string());

@@ -1,4 +1,5 @@
-//! A long run of the shipped graph on the simulated card, in real time: what it was like is reported, what must hold is checked.
+//! A long run of the shipped graph on the simulated card, in real time: what it was like is reported, what
+//! must hold is checked.
 //!
 //! `ASPERITY_LONG_TICKS` says how many ticks; without it, a few seconds.
 
@@ -20,7 +21,8 @@ use harness::counting::{Who, assert_it_counts, bind, look, touched};
 /// Samples are numbered up to here, and then from the front: numbers that f32 holds exactly.
 const NUMBERS: u64 = 1 << 22;
 
-/// The graph's ticks, each computed; what goes out are the numbers of its samples, so that they can be found again.
+/// The graph's ticks, each computed; what goes out are the numbers of its samples, so that they can be found
+/// again.
 struct Numbered(Player);
 
 impl Ticker for Numbered {
@@ -37,7 +39,8 @@ impl Ticker for Numbered {
         self.0.next_tick()
     }
     fn tick(&mut self, time_ns: u64, out: &mut [f32]) {
-        // The paced driver's own thread, from its first tick to its last; the device's thread only while it is in our hands.
+        // The paced driver's own thread, from its first tick to its last; the device's thread only while it
+        // is in our hands.
         bind(true);
         let span = time::samples(self.next_tick(), self.rate_hz(), self.tick_hz());
         self.0.tick(time_ns, out);
@@ -220,7 +223,8 @@ fn run(clock: Clock, tick_hz: u32, frames: u32, ticks: u64) {
     assert_eq!(touched(), (0, 0), "{what}: allocations");
     assert_eq!(repeated, 0, "{what}: samples were played twice");
     assert!(heard.frames.load(Relaxed) > 0, "{what}: nothing was heard");
-    // Frames that went by without a call are jumped over; those that were missing when they were to be played are not.
+    // Frames that went by without a call are jumped over; those that were missing when they were to be played
+    // are not.
     assert!(jumped <= lost, "{what}: {jumped} samples were left out, {lost} counted");
     let faded = breaks * (48_000 / 50 + u64::from(BELIEVED));
     assert!(
@@ -234,7 +238,7 @@ fn run(clock: Clock, tick_hz: u32, frames: u32, ticks: u64) {
 }
 
 #[test]
-fn a_long_run_loses_nothing_that_is_not_counted_and_neither_allocates_nor_grows() {
+fn long_run_counts_every_loss_and_neither_allocates_nor_grows() {
     // It locks the memory of the whole process and measures how that grows.
     if apart(harness::test_name!(), &[]).is_some() {
         return;

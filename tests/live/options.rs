@@ -172,7 +172,7 @@ fn refused(command: &Command, option: &str, value: &str) -> String {
 }
 
 #[test]
-fn whatever_is_wrong_the_option_is_named_and_nothing_is_played_or_written() {
+fn wrong_option_is_named_and_nothing_is_played_or_written() {
     let _alone = beside_others();
     for command in &COMMANDS {
         for (option, zero) in command.numbers {
@@ -246,8 +246,9 @@ fn a_tone_is_announced_as_loud_as_it_is_played() {
     assert!(played > 0.05 && played <= 0.6 && said.contains("50 A are asked for"), "{said}");
 }
 
+/// What a device cannot do is said once though it is opened twice.
 #[test]
-fn what_a_device_cannot_do_is_said_once_though_it_is_opened_twice() {
+fn device_opened_twice_tells_its_limits_once() {
     let _alone = beside_others();
     let dir = tempfile::tempdir().expect("a folder");
     let card = "simulated:frames=64,speed=10,plant=hapcoil_one,plant_handle_g=60,plant_noise=0.05";
@@ -283,7 +284,8 @@ fn on_a_small_disk(dir: &std::path::Path, args: &[&str]) -> Ran {
 #[test]
 fn a_disk_that_is_full_ends_a_recording_and_not_the_run() {
     let _alone = beside_others();
-    let nodes = r#""a": (kind: "file_out", params: (file: "a.npy")), "b": (kind: "file_out", params: (file: "b.wav")),
+    let nodes = r#""a": (kind: "file_out", params: (file: "a.npy")),
+       "b": (kind: "file_out", params: (file: "b.wav")),
         "c": (kind: "probe", params: (file: "c.csv")),"#;
     let text = graph("texture.ron", nodes, r#"("limiter", "a"), ("limiter", "b"), ("limiter", "c"),"#);
     let dir = tempfile::tempdir().expect("a folder");

@@ -16,7 +16,8 @@ const TICK: usize = 96;
 
 /// A run of graphs/live.ron whose recordings lie in `dir`, and its page's address.
 fn run(dir: &Path, more: &[&str]) -> (Live, String) {
-    let probes = r#""speed": (kind: "probe", params: (file: "speed.csv")), "place": (kind: "probe", params: (file: "place.csv")),"#;
+    let probes = r#""speed": (kind: "probe", params: (file: "speed.csv")),
+       "place": (kind: "probe", params: (file: "place.csv")),"#;
     let wires = r#"("motion.speed", "speed"), ("stylus.position", "place"),"#;
     let text = graph("live.ron", &format!("{}{probes}", EARS[0]), &format!("{}{wires}", EARS[1]));
     std::fs::write(dir.join("g.ron"), text).expect("a graph");
@@ -26,8 +27,8 @@ fn run(dir: &Path, more: &[&str]) -> (Live, String) {
     (live, url)
 }
 
-/// Where there is a stretch of `ticks` in which the pen hardly ever rests or always does, and something holds of its mean speed: the
-/// first tick of each. One begins in the middle of another.
+/// Where there is a stretch of `ticks` in which the pen hardly ever rests or always does, and something holds
+/// of its mean speed: the first tick of each. One begins in the middle of another.
 fn stretches(speeds: &[Vec<f64>], ticks: usize, holds: impl Fn(f64) -> bool) -> Vec<usize> {
     let starts = (0..speeds.len().saturating_sub(ticks)).step_by(ticks / 2);
     let mean = |at: usize| speeds[at..at + ticks].iter().map(|row| row[0]).sum::<f64>() / ticks as f64;
@@ -59,8 +60,9 @@ impl Kept {
     }
 }
 
+/// A pen on the page is heard while it moves and louder when it is faster.
 #[test]
-fn a_pen_on_the_page_is_heard_while_it_moves_and_louder_when_it_is_faster() {
+fn pen_on_the_page_is_heard_and_louder_when_faster() {
     let _alone = real_time();
     let Some(mut browser) = Chromium::start() else { return };
     browser.times_pictures();
@@ -86,7 +88,8 @@ fn is_heard_while_it_moves(kept: &mut Kept) -> Result<(), String> {
 
     let (speeds, heard) = (rows(&dir.path().join("speed.csv")), npy(&dir.path().join("heard.npy")));
     let report = json(&dir.path().join("r.json"));
-    // A sound comes up to 100 ms after the motion that makes it, so the first half of every stretch counts for nothing.
+    // A sound comes up to 100 ms after the motion that makes it, so the first half of every stretch counts
+    // for nothing.
     const LONG: usize = 100;
     let level = |at: &usize| {
         rms(heard.get((at + LONG / 2) * TICK..(at + LONG) * TICK).expect("as many samples as ticks"))
@@ -110,8 +113,9 @@ fn is_heard_while_it_moves(kept: &mut Kept) -> Result<(), String> {
     Ok(())
 }
 
-/// The fall to silence before a run of zeros that begins at `zero`, in samples: from where the card no longer plays what was
-/// sent. None where card and graph cannot be laid over each other, because something was lost in between.
+/// The fall to silence before a run of zeros that begins at `zero`, in samples: from where the card no longer
+/// plays what was sent. None where card and graph cannot be laid over each other, because something was lost
+/// in between.
 fn fall(sent: &[f32], heard: &[f32], zero: usize) -> Option<usize> {
     const MARK: usize = 960;
     let from = zero.checked_sub(3 * MARK)?;
@@ -134,8 +138,8 @@ fn silences(x: &[f32]) -> Vec<usize> {
     found
 }
 
-/// How far a sample is at most from where the two before it lead: a step stands far out of any smooth signal. The limiter has corners
-/// where it holds the peak.
+/// How far a sample is at most from where the two before it lead: a step stands far out of any smooth signal.
+/// The limiter has corners where it holds the peak.
 fn largest_kink(x: &[f32]) -> f32 {
     let peak = x.iter().fold(0.0, |most: f32, x| most.max(x.abs()));
     let free = x.windows(3).filter(|w| w.iter().all(|x| x.abs() < 0.999 * peak));
@@ -159,7 +163,7 @@ fn typed(slider: &str) -> String {
 }
 
 #[test]
-fn mute_gain_and_material_on_the_page_take_effect_within_the_stroke() {
+fn mute_gain_and_material_of_the_page_act_within_a_stroke() {
     let _alone = real_time();
     let Some(browser) = Chromium::start() else { return };
     let mut kept = Kept(Some(browser));
@@ -184,7 +188,8 @@ fn what_is_done_takes_effect(kept: &mut Kept) -> Result<(), String> {
     let slider = "document.querySelector('[data-param=\"strength.gain\"]')";
     let gain = |to: &str| {
         format!(
-            "(() => {{ const s = {slider}; s.value = {to}; s.dispatchEvent(new Event('input', {{ bubbles: true }})); }})()"
+            "(() => {{ const s = {slider}; s.value = {to}; s.dispatchEvent(new Event('input', \
+             {{ bubbles: true }})); }})()"
         )
     };
     pen.does(&format!("window.before = {slider}.value"));
@@ -262,7 +267,8 @@ fn swap_does_not_click(sent: &[f32], times: &[f64], lifted: usize) -> Result<(),
     let loud = rms(old).min(rms(new));
     let bright = |x: &[f32]| rms(&x.windows(2).map(|w| w[1] - w[0]).collect::<Vec<_>>()) / rms(x);
     println!(
-        "kinks of {:.5} at the swap, {usual:.5} before and after; rms {:.3} and {:.3}, brightness {:.4} and {:.4}",
+        "kinks of {:.5} at the swap, {usual:.5} before and after; rms {:.3} and {:.3}, \
+         brightness {:.4} and {:.4}",
         largest_kink(swap),
         rms(old),
         rms(new),

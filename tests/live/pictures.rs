@@ -11,7 +11,8 @@ use crate::pen::{MM, Pen, RADIUS};
 use harness::chromium::{Chromium, Look};
 use harness::live::Live;
 
-/// With `ASPERITY_PICTURES=FOLDER`: the page and the terminal of a run of graphs/live.ron, painted while a pen strokes. With
+/// With `ASPERITY_PICTURES=FOLDER`: the page and the terminal of a run of graphs/live.ron, painted while a
+/// pen strokes. With
 /// `ASPERITY_EVERY_SIZE` too, the page at other sizes.
 #[test]
 fn pictures_of_a_run() {

@@ -20,8 +20,9 @@ pub(crate) const CLICK_TICK: u64 = 1_500;
 const WINDOW_S: f64 = 0.01;
 /// Longest break, and longest time left out at one, in seconds.
 const BREAK_S: f64 = 3.0;
-/// How far a step from one sample to the next may be off behind a break: the limiter's high-pass remembers what was left out, and slowly
-/// forgets it. A shift by one sample is seen: it changes steps by up to 5e-6 at 96 kHz.
+/// How far a step from one sample to the next may be off behind a break: the limiter's high-pass remembers
+/// what was left out, and slowly forgets it. A shift by one sample is seen: it changes steps by up to 5e-6 at
+/// 96 kHz.
 const REMEMBERED: f32 = 5e-7;
 /// How far a sample may be off when there was time to forget: as long as this, in seconds.
 const FORGOTTEN: (f32, f64) = (1e-6, 3.0);
@@ -35,7 +36,8 @@ pub(crate) fn wait_for(what: &str, mut so: impl FnMut() -> bool) {
     }
 }
 
-/// Writes the graph: a sweep of two minutes and a sine on channel 1, whose every stretch is like no other, and a click on channel 2.
+/// Writes the graph: a sweep of two minutes and a sine on channel 1, whose every stretch is like no other,
+/// and a click on channel 2.
 pub(crate) fn write_graph(dir: &Path, rate_hz: u32) {
     let click_s = CLICK_TICK as f64 / 500.0;
     let rows = format!("0,0,0,0\n{:.3},0,0,0\n{click_s:.3},1,0,0\n1000,1,0,0\n", click_s - 0.002);
@@ -44,7 +46,8 @@ pub(crate) fn write_graph(dir: &Path, rate_hz: u32) {
         r#"Graph(
     version: 1, tick_hz: 500, audio_hz: {rate_hz},
     nodes: {{
-        "sweep": (kind: "sweep", params: (from_hz: 60, to_hz: 200, seconds: 120, amplitude: 0.05, before_s: 0)),
+        "sweep": (kind: "sweep", params: (from_hz: 60, to_hz: 200, seconds: 120, amplitude: 0.05,
+        before_s: 0)),
         "sine": (kind: "sine", params: (frequency_hz: 173.20508, amplitude: 0.03)),
         "both": (kind: "mix", params: (inputs: 2)),
         "limiter": (kind: "limiter", params: (profile: "hapcoil_one", handle_mass_g: 100)),
@@ -57,7 +60,8 @@ pub(crate) fn write_graph(dir: &Path, rate_hz: u32) {
     }},
     wires: [
         ("sweep", "both.in1"), ("sine", "both.in2"), ("both", "limiter"), ("limiter", "out"),
-        ("hand.position", "velocity.position"), ("velocity.speed", "click"), ("click", "limiter2"), ("limiter2", "out2"),
+        ("hand.position", "velocity.position"), ("velocity.speed", "click"), ("click", "limiter2"),
+        ("limiter2", "out2"),
     ],
 )
 "#
@@ -97,7 +101,8 @@ impl Program {
         Self { child, said, listener: Some(listener) }
     }
 
-    /// `asperity run` of the graph, with a report. A call may take as long as it likes: a machine that is busy is no fault of a node.
+    /// `asperity run` of the graph, with a report. A call may take as long as it likes: a machine that is
+    /// busy is no fault of a node.
     pub(crate) fn play(dir: &Path, args: &[&str]) -> Self {
         let all = ["run", "live.ron", "--report", "report.json", "--limit-us", "10000000"];
         Self::start(dir, &[&all[..], args].concat())
@@ -221,9 +226,10 @@ impl Followed {
     }
 }
 
-/// Follows a signal from a place on to the last sample that is the graph's. Until the first break every sample must be the
-/// rendered one, bit for bit; `unbroken` is the shift that it must have if there was none before. At a break time may only be left out: where a
-/// signal goes on later than it should, or again, it is not found.
+/// Follows a signal from a place on to the last sample that is the graph's. Until the first break every
+/// sample must be the rendered one, bit for bit; `unbroken` is the shift that it must have if there was none
+/// before. At a break time may only be left out: where a signal goes on later than it should, or again, it is
+/// not found.
 pub(crate) fn follow(
     heard: &[f32],
     rendered: &[f32],
@@ -301,7 +307,8 @@ pub(crate) fn assert_no_clicks(heard: &[f32], rate_hz: u32) {
     }
 }
 
-/// How it must end: full until `end`, then down to silence within 20 ms, by gains that only fall, and silent from there on.
+/// How it must end: full until `end`, then down to silence within 20 ms, by gains that only fall, and silent
+/// from there on.
 pub(crate) fn assert_ramps_down(
     heard: &[f32],
     rendered: &[f32],
@@ -328,8 +335,8 @@ pub(crate) fn assert_ramps_down(
     assert!(sounds * 1000 > 5 * rate_hz as usize, "it broke off within {sounds} samples");
 }
 
-/// The click of channel 2 begins with the first sample of its tick, by the places of channel 1, and is the rendered one bit for bit until
-/// something is left out. What was left out before it was silence.
+/// The click of channel 2 begins with the first sample of its tick, by the places of channel 1, and is the
+/// rendered one bit for bit until something is left out. What was left out before it was silence.
 pub(crate) fn clicks_where_it_should(
     heard: &[[f32; 2]],
     rendered: &[[f32; 2]],

@@ -35,7 +35,7 @@ fn play(dir: &Path) -> Program {
 const SECONDS: usize = 10;
 
 #[test]
-fn every_sample_of_ten_seconds_arrives_through_pulseaudio_at_1024_frames() {
+fn pulseaudio_plays_every_sample_of_10_s_at_1024_frames() {
     let Some(_) = inside(test_name!(), Pulse::start) else { return };
     told(is_heard_as_rendered);
 }
@@ -106,8 +106,9 @@ fn played_on() -> Vec<String> {
     list.lines().filter_map(|line| line.split('\t').nth(1).map(str::to_owned)).collect()
 }
 
+/// A default device that was lost is waited for though another is the default now.
 #[test]
-fn a_default_device_that_was_lost_is_waited_for_though_another_is_the_default_now() {
+fn lost_default_device_is_waited_for() {
     let Some(_) = inside(test_name!(), Pulse::start) else { return };
     let dir = tempfile::tempdir().unwrap();
     let sink = ["load-module", "module-null-sink", "sink_name=haptic", "rate=48000"];

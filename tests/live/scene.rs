@@ -1,4 +1,5 @@
-//! `asperity run` with a scene: played as it is rendered, changed while it is played, and felt by a pen on the page.
+//! `asperity run` with a scene: played as it is rendered, changed while it is played, and felt by a pen on
+//! the page.
 
 use harness::alone::real_time;
 use std::fs;
@@ -71,7 +72,8 @@ fn table(friction: &str, right: &str) -> String {
     )
 }
 
-const RIGHT: &str = "stiffness: (stiffness_n_per_mm: 0.5), texture: waveform(segments: [(0, 0), (0.5, 4), (1, 0), (1.5, -4), (2, 0)], reference_speed_mm_s: 80)";
+const RIGHT: &str = "stiffness: (stiffness_n_per_mm: 0.5), texture: waveform(segments: [(0, 0), (0.5, 4), \
+                     (1, 0), (1.5, -4), (2, 0)], reference_speed_mm_s: 80)";
 
 /// Puts a file in its place at once.
 fn replace(dir: &Path, name: &str, text: &[u8]) {
@@ -111,7 +113,8 @@ fn a_scene_and_the_files_it_names_change_while_it_is_played() {
     live.says("m.ron");
     live.says("the running graph goes on");
     // An effect that nothing names any more goes, one that is new comes.
-    let right = "stiffness: (stiffness_n_per_mm: 0.5), tap: (sinusoids: [(frequency_hz: 150, decay_ms: 20, gain: 20)])";
+    let right = "stiffness: (stiffness_n_per_mm: 0.5), tap: (sinusoids: [(frequency_hz: 150, decay_ms: 20, \
+                 gain: 20)])";
     replace(dir, "m.ron", &made("smooth.ron"));
     replace(dir, "s.ron", table("0.2", right).as_bytes());
     let said = live.says("changed: ");
@@ -147,7 +150,8 @@ fn felt_by_a_pen(kept: &mut Option<Chromium>) -> Result<(), String> {
         .expect("a scene");
     harness::run(dir, &["scene", "expand", "s.ron", "--out", "g.ron"]).ok();
     let text = fs::read_to_string(dir.join("g.ron")).expect("a graph");
-    let ear = "\"sent\": (kind: \"file_out\", params: (file: \"sent.npy\")),\n    },\n    wires: [(\"limiter\", \"sent\"),";
+    let ear = "\"sent\": (kind: \"file_out\", params: (file: \"sent.npy\")),\n    },\n    wires: \
+               [(\"limiter\", \"sent\"),";
     fs::write(dir.join("g.ron"), text.replacen("    },\n    wires: [", ear, 1)).expect("it is written");
     let args = ["g.ron", "--hand", "pointer", "--page", "--device", "simulated:frames=256"];
     let more = ["--report", "r.json", "--set", "stylus.timeout_ms=2000"];

@@ -16,7 +16,8 @@ const SECONDS: &str = "600";
 /// A slow wave of a plugin through a gain, in one file with the plugin beside it.
 fn graph(gain: &str, extra: &str) -> String {
     format!(
-        "Graph(version: 1, plugins: [\"libtold.so\"], nodes: {{\"wave\": (kind: \"told\"), \"gain\": (kind: \"gain\", \
+        "Graph(version: 1, plugins: [\"libtold.so\"], nodes: {{\"wave\": (kind: \"told\"), \
+         \"gain\": (kind: \"gain\", \
          params: (gain: {gain})), {extra} \"guard\": (kind: \"limiter\"), \"out\": (kind: \"audio_out\")}}, \
          wires: [(\"wave\", \"gain\"), (\"gain\", \"guard\"), (\"guard\", \"out\")])"
     )
@@ -159,7 +160,7 @@ fn a_graph_and_its_plugin_change_while_it_plays_without_a_click() {
 }
 
 #[test]
-fn a_plugin_that_is_built_anew_is_swapped_in_while_it_plays_on_a_card() {
+fn rebuilt_plugin_is_swapped_in_while_a_card_plays() {
     let _alone = real_time();
     let trial = || {
         let dir = tempfile::tempdir().unwrap();
@@ -204,11 +205,16 @@ fn a_file_that_a_text_names_is_seen_to_change() {
     let dir = dir.path();
     let made = |name: &str| fs::read(harness::graphs("models/made_ar").join(name)).unwrap();
     fs::write(dir.join("m.ron"), made("rough.ron")).unwrap();
-    let graph = "Graph(version: 1, nodes: {\"hand\": (kind: \"stroke\"), \"motion\": (kind: \"velocity\"), \"floor\": (kind: \"virtual_floor\"), \
-                 \"rub\": (kind: \"autoregressive\", params: (models: [\"autoregressive(model: \\\"m.ron\\\")\"])), \
-                 \"inverse\": (kind: \"actuator_inverse\"), \"guard\": (kind: \"limiter\"), \"out\": (kind: \"audio_out\")}, \
-                 wires: [(\"hand.position\", \"motion\"), (\"hand.position\", \"floor\"), (\"motion.speed\", \"rub.speed\"), \
-                 (\"floor.force\", \"rub.force\"), (\"rub\", \"inverse\"), (\"inverse\", \"guard\"), (\"guard\", \"out\")])";
+    let graph = "Graph(version: 1, nodes: {\"hand\": (kind: \"stroke\"), \"motion\": (kind: \"velocity\"), \
+                 \"floor\": (kind: \"virtual_floor\"), \
+                 \"rub\": (kind: \"autoregressive\", params: (models: [\"autoregressive(model: \
+                 \\\"m.ron\\\")\"])), \
+                 \"inverse\": (kind: \"actuator_inverse\"), \"guard\": (kind: \"limiter\"), \
+                 \"out\": (kind: \"audio_out\")}, \
+                 wires: [(\"hand.position\", \"motion\"), (\"hand.position\", \"floor\"), \
+                 (\"motion.speed\", \"rub.speed\"), \
+                 (\"floor.force\", \"rub.force\"), (\"rub\", \"inverse\"), (\"inverse\", \"guard\"), \
+                 (\"guard\", \"out\")])";
     fs::write(dir.join("g.ron"), graph).unwrap();
     // Nor is it written over.
     let over = harness::run(dir, &["render", "g.ron", "--seconds", "1", "--report", "m.ron"]);

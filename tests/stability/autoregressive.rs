@@ -35,8 +35,8 @@ fn first(setup: &Setup<'_>) -> Arc<Texture> {
     Arc::new(Texture::read(model).expect("a texture"))
 }
 
-/// The recursion over the signal's own past, as it stands in papers, in the place of the kind: eight samples of 8 kHz hold one of 1 kHz. `filter` answers
-/// the filter at a place.
+/// The recursion over the signal's own past, as it stands in papers, in the place of the kind: eight samples
+/// of 8 kHz hold one of 1 kHz. `filter` answers the filter at a place.
 fn recursion(filter: fn(&Texture, f64, f64) -> Filter) -> Subject<'static> {
     let subject = subject(None);
     let kind = subject.kind(KIND).expect("the kind");

@@ -1,5 +1,6 @@
-//! Hard cases that stay stable: one file a family. A case lives in `core/checks`, where `asperity selftest` runs it too; here it must hold for
-//! what is shipped, and fail for a mutant that is broken on purpose. What has no graph stands here alone.
+//! Hard cases that stay stable: one file a family. A case lives in `core/checks`, where `asperity selftest`
+//! runs it too; here it must hold for what is shipped, and fail for a mutant that is broken on purpose. What
+//! has no graph stands here alone.
 #![allow(unreachable_pub, reason = "a test program has no outside")]
 
 mod actuator;
@@ -102,7 +103,8 @@ fn holds(name: &str, subject: &Subject<'_>) -> String {
     found
 }
 
-/// A case fails for a mutant, for a reason in which these words stand; it has no more time for that than with the other tests.
+/// A case fails for a mutant, for a reason in which these words stand; it has no more time for that than with
+/// the other tests.
 fn fails(name: &str, mutant: &Subject<'_>, why: &str) {
     let brief = mutant.clone().effort(mutant.allowed().min(Effort::Full));
     let Outcome { verdict, found } = case(name).run(&brief);

@@ -1,4 +1,5 @@
-//! Everything that reads a file, as functions of its bytes: for the tests of hard cases, and for the fuzz targets.
+//! Everything that reads a file, as functions of its bytes: for the tests of hard cases, and for the fuzz
+//! targets.
 
 use std::path::Path;
 
@@ -44,7 +45,8 @@ pub(crate) const READERS: [Reader; 8] = [
     Reader { name: "onnx", read: onnx, holds: (256 << 20, 1000) },
 ];
 
-/// A text file's bytes as [`Source::read`] takes them; none for what is no text. Files that it names are looked for beside the shipped graphs.
+/// A text file's bytes as [`Source::read`] takes them; none for what is no text. Files that it names are
+/// looked for beside the shipped graphs.
 fn text(bytes: &[u8]) -> Option<std::sync::Arc<Source>> {
     let text = std::str::from_utf8(bytes).ok()?;
     Some(Source::new(format!("{}/it.ron", super::GRAPHS), text.strip_prefix('\u{feff}').unwrap_or(text)))

@@ -39,7 +39,8 @@ fn rocks(subject: &Subject<'_>, from: u64, ticks: u64, more_n: f64) -> Subject<'
     })
 }
 
-/// A floor that pushes harder by so much for every mm that the stylus has moved out since the last tick \[N/mm\], where that is further than so many mm.
+/// A floor that pushes harder by so much for every mm that the stylus has moved out since the last tick
+/// \[N/mm\], where that is further than so many mm.
 fn by_way(subject: &Subject<'_>, from_mm: f64, n_per_mm: f64) -> Subject<'static> {
     floor(subject, move |tick, z, [before, _]| {
         let force = tick.outputs.control(FORCE)[0];
@@ -54,7 +55,8 @@ fn late(subject: &Subject<'_>) -> Subject<'static> {
     floor(subject, |tick, _, [_, force]| tick.outputs.set(FORCE, force))
 }
 
-/// A wall whose output of a force comes 30 ticks late, some time after it has begun: more than a hand's damping bears.
+/// A wall whose output of a force comes 30 ticks late, some time after it has begun: more than a hand's
+/// damping bears.
 fn later(subject: &Subject<'_>, kind: &str, output: usize) -> Arc<dyn NodeKind> {
     let kind = subject.kind(kind).expect("the kind");
     wrap::with_memory(kind, move |before: &mut [[f64; 3]; 31], tick| {
@@ -114,7 +116,8 @@ fn inside_its_bound() {
 fn outside_its_bound() {
     let subject = subject(None);
     holds("wall_outside_its_bound", &subject);
-    // Floors that answer where the stylus will be half a tick later, so that less than the bound says is made: at all speeds, and at those at which nobody looks for it.
+    // Floors that answer where the stylus will be half a tick later, so that less than the bound says is
+    // made: at all speeds, and at those at which nobody looks for it.
     fails("wall_outside_its_bound", &by_way(&subject, 0.0, -0.25), "to Hooke's force");
     fails("wall_outside_its_bound", &by_way(&subject, 0.01, -0.25), "off the closed form");
 }
@@ -161,9 +164,12 @@ fn under_a_hand() {
 fn corner(dir: &tempfile::TempDir, more: &str) -> GraphFile {
     let path = dir.path().join("corner.ron");
     let text = format!(
-        r#"Scene(version: 1, tick_hz: 1000, audio_hz: 48000, seed: 1, input: stroke(shape: line), {more} surfaces: {{
-            "floor": (shape: plane, effects: (stiffness: (stiffness_n_per_mm: 0.5), damping: (damping_ns_per_m: 0.3))),
-            "block": (shape: box(size_mm: (30, 200, 20)), place_mm: (40, 0, 5), effects: (stiffness: (stiffness_n_per_mm: 0.5))),
+        r#"Scene(version: 1, tick_hz: 1000, audio_hz: 48000, seed: 1, input: stroke(shape: line),
+           {more} surfaces: {{
+            "floor": (shape: plane, effects: (stiffness: (stiffness_n_per_mm: 0.5),
+            damping: (damping_ns_per_m: 0.3))),
+            "block": (shape: box(size_mm: (30, 200, 20)), place_mm: (40, 0, 5),
+            effects: (stiffness: (stiffness_n_per_mm: 0.5))),
         }})"#
     );
     std::fs::write(&path, text).expect("a file");
@@ -180,7 +186,8 @@ fn own_walls() {
         holds("own_wall_in_steps", &subject);
         holds("own_wall_under_a_hand", &subject);
     }
-    // As it was: the device, which is 2.6 kg where a swing takes as many ticks of 10 ms, was left out of what the hand has to bring to rest.
+    // As it was: the device, which is 2.6 kg where a swing takes as many ticks of 10 ms, was left out of what
+    // the hand has to bring to rest.
     let mut slow = graph("texture.ron");
     slow.set("tick_hz=100", "the test").expect("a change");
     holds("own_wall_under_a_hand", &subject(Some(&slow)));
@@ -194,7 +201,7 @@ fn own_walls() {
 }
 
 #[test]
-fn a_wall_that_a_graph_runs_rarely_or_late_is_held_against_its_own_time() {
+fn wall_run_rarely_or_late_is_judged_by_its_own_time() {
     let mut text = graph("texture.ron");
     let needs = |graph: &GraphFile| holds("own_wall_energy", &subject(Some(graph)));
     assert!(needs(&text).contains("at least 0.500 N s/m"));
@@ -242,7 +249,7 @@ fn a_floor_out_of_reach_does_not_take_the_cases_from_the_others() {
 }
 
 #[test]
-fn a_wall_that_does_not_push_does_not_take_the_cases_from_the_others() {
+fn wall_that_does_not_push_leaves_the_others_their_cases() {
     let dir = tempfile::tempdir().expect("a folder");
     let graph = corner(&dir, "");
     let subject = subject(Some(&graph)).effort(Effort::Quick);

@@ -40,7 +40,7 @@ fn the_committed_page_tells_every_case() {
 }
 
 #[test]
-fn names_are_unique_and_sentences_have_no_full_stop_or_line_of_their_own() {
+fn case_names_are_unique_and_sentences_without_full_stop() {
     let all = cases();
     for (i, case) in all.iter().enumerate() {
         assert!(all[..i].iter().all(|c| c.name != case.name), "two cases are called {}", case.name);

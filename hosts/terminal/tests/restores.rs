@@ -1,4 +1,5 @@
-//! However a program ends, its terminal is as it was. Runs itself in a pseudo-terminal that `script` (util-linux) makes.
+//! However a program ends, its terminal is as it was. Runs itself in a pseudo-terminal that `script`
+//! (util-linux) makes.
 
 use std::io::Write;
 use std::process::{Child, Command, Stdio};
@@ -23,7 +24,7 @@ fn main() {
             a_panic_of_the_thread_that_draws();
             a_panic_of_the_main_thread_while_another_one_draws();
             a_panic_elsewhere_is_shown_and_the_run_goes_on();
-            a_panic_that_is_caught_gives_the_terminal_back_only_for_its_message();
+            caught_panic_gives_the_terminal_back_for_its_message();
             ctrl_c_is_a_request();
             a_pipe_is_refused_with_a_reason();
             a_terminal_that_does_not_read_holds_nobody_up();
@@ -40,7 +41,8 @@ fn script_is_there() -> bool {
 fn start_in_terminal(child: &str) -> Child {
     let own = std::env::current_exe().expect("this program has a path");
     let command = format!(
-        "stty rows 60 cols 200; a=$(stty -g); '{}' {child} 2>&1; b=$(stty -g); [ \"$a\" = \"$b\" ] && echo SAME",
+        "stty rows 60 cols 200; a=$(stty -g); '{}' {child} 2>&1; b=$(stty -g); [ \"$a\" = \"$b\" ] && echo \
+         SAME",
         own.display()
     );
     Command::new("script")
@@ -106,7 +108,7 @@ fn a_panic_elsewhere_is_shown_and_the_run_goes_on() {
     assert_after_leaving(&out, "thread worker panicked: worker-is-done");
 }
 
-fn a_panic_that_is_caught_gives_the_terminal_back_only_for_its_message() {
+fn caught_panic_gives_the_terminal_back_for_its_message() {
     let out = run_in_terminal("child-catches", b"");
     assert_restored(&out);
     assert_eq!(out.matches(ENTER).count(), 2, "{out:?}");

@@ -39,7 +39,7 @@ fn read(folder: &Path, name: &str) -> Vec<u8> {
 }
 
 #[test]
-fn a_small_run_writes_a_whole_model_and_its_card_can_be_written_anew() {
+fn small_run_writes_a_model_and_its_card_can_be_rewritten() {
     let folder = tempfile::tempdir().expect("a folder");
     let output = train(&[&SMALL[..], &["--out", "a"]].concat(), folder.path());
     assert!(output.status.success(), "{}", said(&output));
@@ -132,7 +132,7 @@ fn a_small_run_writes_a_whole_model_and_its_card_can_be_written_anew() {
 
 #[cfg(unix)]
 #[test]
-fn a_run_that_was_stopped_ends_at_the_same_bits_as_one_that_was_not() {
+fn stopped_run_ends_at_the_same_bits_as_an_unbroken_one() {
     use std::io::{BufRead as _, BufReader};
     use std::process::Stdio;
     let folder = tempfile::tempdir().expect("a folder");
@@ -241,13 +241,14 @@ fn record_for(duration_s: f64, folder: &Path, name: &str, hz: f64) {
 }
 
 #[test]
-fn the_papers_losses_train_too_and_what_cannot_be_judged_has_no_figure() {
+fn papers_losses_train_and_unjudged_losses_have_no_figure() {
     let folder = tempfile::tempdir().expect("a folder");
     for (name, hz) in [("felt", 80.0), ("slate", 430.0), ("mesh", 240.0)] {
         // too short for anything to be held apart
         record_for(0.55, &folder.path().join("mine"), name, hz);
     }
-    let settings = "train --data recordings:mine --out m --target mean --error euclidean --naming-weight 0 --unseen 1 --naming-steps 3 \
+    let settings = "train --data recordings:mine --out m --target mean --error euclidean --naming-weight 0 \
+                    --unseen 1 --naming-steps 3 \
                     --naming-batch 4 --feeling-steps 20 --feeling-groups 4 --settling-steps 3";
     let output = train(&settings.split_whitespace().collect::<Vec<_>>(), folder.path());
     assert!(output.status.success(), "{}", said(&output));
@@ -361,14 +362,17 @@ fn a_folder_of_the_toolkits_models_becomes_a_model() {
         let models: String = [(20.0, 0.5, 0.01), (200.0, 0.5, 0.04), (20.0, 2.0, 0.02), (200.0, 2.0, 0.08)]
             .map(|(speed, force, var)| {
                 format!(
-                    "<model><ARcoeff>{} {}</ARcoeff><var>{var}</var><gain>1.2</gain><speedMod>{speed}</speedMod><forceMod>{force}</forceMod></model>\n",
+                    "<model><ARcoeff>{} \
+                     {}</ARcoeff><var>{var}</var><gain>1.2</gain>\
+                     <speedMod>{speed}</speedMod><forceMod>{force}</forceMod></model>\n",
                     -2.0 * 0.96 * angle.cos(),
                     0.96_f64.powi(2)
                 )
             })
             .concat();
         let set = format!(
-            "<modelSet><SampleRate>1000</SampleRate><numMod>4</numMod><tri>1 2 3 2 3 4</tri>\n{models}</modelSet>\n"
+            "<modelSet><SampleRate>1000</SampleRate><numMod>4</numMod><tri>1 2 3 2 3 \
+             4</tri>\n{models}</modelSet>\n"
         );
         std::fs::create_dir_all(&penn).expect("a folder");
         std::fs::write(penn.join(format!("Models_{name}.xml")), set).expect("a model");
@@ -376,7 +380,8 @@ fn a_folder_of_the_toolkits_models_becomes_a_model() {
         let picture = image::RgbImage::from_fn(320, 240, |x, y| image::Rgb([shade(x), shade(y), 90]));
         picture.save(penn.join(format!("{name}_square.bmp"))).expect("a picture");
     }
-    let settings = "train --data hatt:penn --out m --naming-steps 5 --naming-batch 4 --feeling-steps 1500 --settling-steps 800 --feeling-groups 8";
+    let settings = "train --data hatt:penn --out m --naming-steps 5 --naming-batch 4 --feeling-steps 1500 \
+                    --settling-steps 800 --feeling-groups 8";
     let output = train(&settings.split(' ').collect::<Vec<_>>(), folder.path());
     assert!(output.status.success(), "{}", said(&output));
     let library = Library::read(folder.path().join("m/materials.ron")).expect("a library");

@@ -1,6 +1,8 @@
-//! Chromium without a window, driven over the DevTools protocol: opens a page, moves a pen on it, looks at it.
+//! Chromium without a window, driven over the DevTools protocol: opens a page, moves a pen on it, looks at
+//! it.
 //!
-//! Included by `#[path]` where a test needs a browser; needs `base64`, `serde_json`, `tempfile` and `tungstenite`.
+//! Included by `#[path]` where a test needs a browser; needs `base64`, `serde_json`, `tempfile` and
+//! `tungstenite`.
 
 use std::io::Write;
 use std::net::TcpStream;
@@ -203,16 +205,20 @@ impl Chromium {
 
     /// Times pictures of the pages that are opened from now on; see [`pictures`](Self::pictures).
     pub fn times_pictures(&mut self) {
-        const SOURCE: &str = "(() => { const ask = requestAnimationFrame.bind(window); window.drawn = new Map(); \
-            window.requestAnimationFrame = (draw) => ask((now) => { const began = performance.now(); draw(now); \
+        const SOURCE: &str = "(() => { const ask = requestAnimationFrame.bind(window); window.drawn = new \
+                              Map(); \
+            window.requestAnimationFrame = (draw) => ask((now) => { const began = performance.now(); \
+            draw(now); \
             drawn.set(now, (drawn.get(now) ?? 0) + performance.now() - began); }); })()";
         self.call("Page.addScriptToEvaluateOnNewDocument", json!({ "source": SOURCE }));
     }
 
-    /// Pictures a second since the last time it was asked, and milliseconds that scripts took for one: median and 95 of 100.
+    /// Pictures a second since the last time it was asked, and milliseconds that scripts took for one: median
+    /// and 95 of 100.
     pub fn pictures(&mut self) -> [f64; 3] {
         let drawn = self.eval(
-            "(() => { const [at, took] = [[...drawn.keys()], [...drawn.values()].sort((a, b) => a - b)]; drawn.clear(); \
+            "(() => { const [at, took] = [[...drawn.keys()], \
+             [...drawn.values()].sort((a, b) => a - b)]; drawn.clear(); \
              const part = (p) => took[Math.min(took.length - 1, Math.floor(took.length * p))] ?? 0; \
              return [1000 * (at.length - 1) / (at.at(-1) - at[0]), part(0.5), part(0.95)]; })()",
         );
@@ -223,7 +229,9 @@ impl Chromium {
     pub fn look(&mut self, look: &Look) {
         let Look { width, height, dark } = look;
         let narrow = *width < 620;
-        let metrics = json!({ "width": width, "height": height, "deviceScaleFactor": if narrow { 2 } else { 1 }, "mobile": narrow });
+        let scale = if narrow { 2 } else { 1 };
+        let metrics =
+            json!({ "width": width, "height": height, "deviceScaleFactor": scale, "mobile": narrow });
         self.call("Emulation.setDeviceMetricsOverride", metrics);
         let scheme =
             json!([{ "name": "prefers-color-scheme", "value": if *dark { "dark" } else { "light" } }]);
@@ -253,7 +261,9 @@ impl Chromium {
         for event in ["keyDown", "keyUp"] {
             let virtual_code = if code == "Space" { 32 } else { 0 };
             let text = if event == "keyDown" && key.len() == 1 { key } else { "" };
-            let params = json!({ "type": event, "key": key, "code": code, "text": text, "windowsVirtualKeyCode": virtual_code });
+            let params = json!({
+                "type": event, "key": key, "code": code, "text": text, "windowsVirtualKeyCode": virtual_code,
+            });
             self.call("Input.dispatchKeyEvent", params);
         }
     }
@@ -295,8 +305,8 @@ impl Chromium {
         save(&shot, file);
     }
 
-    /// A picture of the window as it stands, while something is done on the page that waits for no answer: nothing is laid out
-    /// anew for it, so that what moves goes on.
+    /// A picture of the window as it stands, while something is done on the page that waits for no answer:
+    /// nothing is laid out anew for it, so that what moves goes on.
     pub fn picture_while(&mut self, file: &Path, doing: impl FnOnce(&mut Self)) {
         let id = self.send("Page.captureScreenshot", json!({}));
         doing(self);

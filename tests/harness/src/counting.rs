@@ -1,4 +1,5 @@
-//! An allocator that counts what threads allocate and free, and the bytes they hold, for tests that include this file.
+//! An allocator that counts what threads allocate and free, and the bytes they hold, for tests that include
+//! this file.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
@@ -90,8 +91,8 @@ pub fn assert_it_counts(who: Who) {
     assert!(seen >= 2, "the instrument must see an allocation");
 }
 
-/// What this thread holds more than before, in bytes: at most while something ran, and after it. What another thread frees counts as
-/// held, so this is for what keeps to one.
+/// What this thread holds more than before, in bytes: at most while something ran, and after it. What another
+/// thread frees counts as held, so this is for what keeps to one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Held {
     pub most: i64,
@@ -130,7 +131,8 @@ fn size(bytes: usize) -> i64 {
     i64::try_from(bytes).unwrap_or(i64::MAX)
 }
 
-// SAFETY: everything is the system's own; counting touches no memory but atomics and cells of the thread without a destructor.
+// SAFETY: everything is the system's own; counting touches no memory but atomics and cells of the thread
+// without a destructor.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         note(1, 0);

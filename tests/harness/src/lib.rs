@@ -49,7 +49,8 @@ pub fn scratch() -> PathBuf {
 /// The program, in a folder.
 pub fn asperity(dir: &Path) -> Command {
     let mut command = Command::new(program());
-    // Coils are remembered only where a test asks for it. What is made is, and plugins of the tests may be loaded.
+    // Coils are remembered only where a test asks for it. What is made is, and plugins of the tests may be
+    // loaded.
     command.current_dir(dir).env("ASPERITY_STATE", "").env("ASPERITY_TRUST", trusted());
     command.env("XDG_STATE_HOME", scratch().join("state"));
     command

@@ -19,7 +19,8 @@ pub const CARD: &str = "simulated:frames=256,loopback=1";
 /// Nodes that record what the limiter lets out, and what the card plays.
 pub const EARS: [&str; 2] = [
     r#""sent": (kind: "file_out", params: (file: "sent.npy")),
-       "card": (kind: "audio_in", params: (unit: "A")), "heard": (kind: "file_out", params: (file: "heard.npy")),"#,
+       "card": (kind: "audio_in", params: (unit: "A")),
+       "heard": (kind: "file_out", params: (file: "heard.npy")),"#,
     r#"("limiter", "sent"), ("card", "heard"),"#,
 ];
 

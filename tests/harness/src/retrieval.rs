@@ -165,7 +165,8 @@ pub fn data(name: &str) -> Vec<f64> {
     npy::read(file(&format!("{name}.npy"))).expect("an array").values.into_f64()
 }
 
-/// Published figures of a method, if there are any \[dB\]: spectral convergence, gain, and RMS of the long-term spectrum.
+/// Published figures of a method, if there are any \[dB\]: spectral convergence, gain, and RMS of the
+/// long-term spectrum.
 pub fn published(vector: &str, method: &str) -> Option<[f64; 3]> {
     let all = crate::json(&file("sc.json"));
     let figure = |name: &str| all["sc"][vector][method][name].as_f64();
@@ -196,7 +197,8 @@ pub fn score(magnitudes: &[f32], rate_hz: u32, signal: &[f64]) -> Score {
     phase::score(magnitudes, &phase::framing(rate_hz, 101), signal).expect("a score")
 }
 
-/// The signal that a node and overlap-add make of magnitudes of an unscaled DFT times `scale`, without its latency.
+/// The signal that a node and overlap-add make of magnitudes of an unscaled DFT times `scale`, without its
+/// latency.
 pub fn invert<N: Node>(magnitudes: &[f32], rate_hz: u32, params: &[(&str, f64)], scale: f64) -> Vec<f64> {
     let framing: Framing = phase::framing(rate_hz, 101);
     let mut rig = Rig::new::<N>(layout(rate_hz, 101), params);

@@ -1,7 +1,8 @@
 //! Audio servers of a test's own: JACK's dummy driver, a PulseAudio null sink.
 //!
-//! A server is found by variables of the environment, which belong to the whole process. So a test that needs one runs itself
-//! again as a child that has them set: see [`inside`]. Where a server is not installed the test is skipped, loudly.
+//! A server is found by variables of the environment, which belong to the whole process. So a test that needs
+//! one runs itself again as a child that has them set: see [`inside`]. Where a server is not installed the
+//! test is skipped, loudly.
 
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
@@ -14,8 +15,8 @@ use crate::alone::{again, beside_others, passed, real_time};
 /// How long a server may take to begin or to end, also on a machine that is busy.
 const PATIENCE: Duration = Duration::from_secs(15);
 
-/// Said where a server no longer calls anybody: JACK comes to that on a machine that is busy while it goes into freewheel or out of it. Then
-/// another server is tried.
+/// Said where a server no longer calls anybody: JACK comes to that on a machine that is busy while it goes
+/// into freewheel or out of it. Then another server is tried.
 pub const STUCK: &str = "the server calls nobody";
 /// Servers that are tried.
 const SERVERS: usize = 4;
@@ -49,7 +50,8 @@ pub fn signal(pid: u32, name: &str) {
     let _ = Command::new("kill").arg(format!("-{name}")).arg(pid.to_string()).stderr(Stdio::null()).status();
 }
 
-/// Asks a server to end, and waits for that. One that has ended already may have left its number to another process.
+/// Asks a server to end, and waits for that. One that has ended already may have left its number to another
+/// process.
 fn end(child: &mut Child) {
     if matches!(child.try_wait(), Ok(None)) {
         signal(child.id(), "TERM");
@@ -91,16 +93,16 @@ impl Process {
     }
 }
 
-/// Starts a program before others in their turn, where that is allowed. In freewheel no JACK thread has a priority, and every cycle waits for
-/// all of them: beside a build a minute of 45,000 cycles would not end.
+/// Starts a program before others in their turn, where that is allowed. In freewheel no JACK thread has a
+/// priority, and every cycle waits for all of them: beside a build a minute of 45,000 cycles would not end.
 fn first() -> Command {
     let mut command = Command::new("nice");
     command.args(["-n", "-15"]);
     command
 }
 
-/// Runs the test of that name in a child with the server in its environment, and answers None; in the child, answers the server's
-/// process. The test is over for the one who gets None.
+/// Runs the test of that name in a child with the server in its environment, and answers None; in the child,
+/// answers the server's process. The test is over for the one who gets None.
 ///
 /// ```ignore
 /// let Some(server) = inside(test_name!(), || Jack::start(48_000, 256)) else { return };
@@ -110,8 +112,8 @@ pub fn inside<S: Server>(test: &str, start: impl Fn() -> Option<S>) -> Option<Pr
     inside_then(test, start)
 }
 
-/// The same while others of this kind run beside it: for those that count samples, measure no time, and leave the server its priority,
-/// which it gives away in freewheel.
+/// The same while others of this kind run beside it: for those that count samples, measure no time, and leave
+/// the server its priority, which it gives away in freewheel.
 pub fn inside_beside_others<S: Server>(test: &str, start: impl Fn() -> Option<S>) -> Option<Process> {
     let _beside = beside_others();
     inside_then(test, start)
@@ -169,8 +171,9 @@ pub struct Jack {
     claim: Option<std::fs::File>,
 }
 
-/// A name that no server has now, and what keeps it. JACK has room for eight names on a machine, and keeps that of a server which
-/// was killed until another one of the same name starts: so the same few are used again and again.
+/// A name that no server has now, and what keeps it. JACK has room for eight names on a machine, and keeps
+/// that of a server which was killed until another one of the same name starts: so the same few are used
+/// again and again.
 fn claim() -> (String, std::fs::File) {
     let began = Instant::now();
     loop {
@@ -195,7 +198,8 @@ fn turn() -> std::fs::File {
 }
 
 impl Jack {
-    /// Starts one and waits until its driver runs. None, with a line that says so, where JACK is not installed.
+    /// Starts one and waits until its driver runs. None, with a line that says so, where JACK is not
+    /// installed.
     pub fn start(rate_hz: u32, period: u32) -> Option<Self> {
         let (name, claim) = claim();
         let mut server = Self::named(&name, rate_hz, period)?;
@@ -287,7 +291,8 @@ pub struct Pulse {
 }
 
 impl Pulse {
-    /// Starts one in a folder of its own and waits until it answers. None, with a line that says so, where it is not installed.
+    /// Starts one in a folder of its own and waits until it answers. None, with a line that says so, where it
+    /// is not installed.
     pub fn start() -> Option<Self> {
         Self::in_folder(&std::env::temp_dir().join(unique("pulse")))
     }

@@ -9,7 +9,8 @@ use asperity_autoregressive::{Model, Synthesis, TextureFile};
 
 use harness::graphs;
 
-/// A stroke over a shipped texture: six seconds at each of nine of its models, a second on the way from one to the next.
+/// A stroke over a shipped texture: six seconds at each of nine of its models, a second on the way from one
+/// to the next.
 pub struct Stroke {
     pub force: Vec<f64>,
     pub speed: Vec<f64>,

@@ -167,7 +167,8 @@ impl Tally {
             self.counts.into_inner().expect("nobody panicked");
         let all = done + machine + refused + failed.len() as u64;
         println!(
-            "{}: {all} cases, {refused} refused, {done} accepted, {machine} errors of the machine, {} wrong; at most {:.1} s, {largest_mib} MiB",
+            "{}: {all} cases, {refused} refused, {done} accepted, {machine} errors of the machine, \
+             {} wrong; at most {:.1} s, {largest_mib} MiB",
             self.name,
             failed.len(),
             slowest.as_secs_f64()

@@ -76,7 +76,8 @@ fn killed_render_leaves_all_old_files_or_all_new_ones() {
 #[test]
 fn killed_recording_is_recovered() {
     let tally = Tally::new("killed recordings");
-    let text = r#"Graph(version: 1, nodes: {"wave": (kind: "sine"), "guard": (kind: "limiter"), "out": (kind: "audio_out"),
+    let text = r#"Graph(version: 1, nodes: {"wave": (kind: "sine"), "guard": (kind: "limiter"),
+       "out": (kind: "audio_out"),
             "ear": (kind: "file_out", params: (file: "ear.wav"))},
         wires: [("wave", "guard"), ("guard", "out"), ("guard", "ear")])"#;
     two_at_a_time(6 * times(), |number| {

@@ -6,7 +6,8 @@ use std::path::Path;
 use super::judge::{Seed, Tally, times, two_at_a_time};
 use harness::{asperity, graphs, root, shipped_graph};
 
-/// A reader: the file's name, what is right, the command that reads it (`{}`), what that writes, and how many mutants.
+/// A reader: the file's name, what is right, the command that reads it (`{}`), what that writes, and how many
+/// mutants.
 pub struct Reader {
     pub name: &'static str,
     pub right: fn() -> Vec<u8>,

@@ -1,4 +1,5 @@
-//! No server runs: what is asked about devices then. A file of its own, since the environment belongs to the whole process.
+//! No server runs: what is asked about devices then. A file of its own, since the environment belongs to the
+//! whole process.
 
 use super::parts::Count;
 use asperity_audio::{OpenError, Request, events, hosts, open};
@@ -27,7 +28,7 @@ fn asking_what_there_is_never_fails_and_prints_nothing() {
 }
 
 #[test]
-fn a_host_that_is_named_and_away_is_an_error_and_no_other_is_taken() {
+fn named_host_that_is_away_is_an_error_without_fallback() {
     if apart(test_name!(), &NO_SERVER).is_none() {
         for host in ["jack", "pulseaudio"] {
             let (sender, _events) = events();

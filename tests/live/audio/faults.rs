@@ -43,8 +43,9 @@ fn a_few_errors_are_counted_and_do_no_harm() {
     assert_eq!(received.try_iter().count(), 0);
 }
 
+/// A flood of errors is a loss told once and ends because the stream is closed.
 #[test]
-fn a_flood_of_errors_is_a_loss_told_once_and_ends_because_the_stream_is_closed() {
+fn flood_of_errors_is_one_loss_and_closes_the_stream() {
     let _alone = real_time();
     let card = Simulated::new("flood", in_time()).unwrap();
     let (stream, received) = live(&card, Count::default());
@@ -62,7 +63,7 @@ fn a_flood_of_errors_is_a_loss_told_once_and_ends_because_the_stream_is_closed()
 }
 
 #[test]
-fn a_stream_that_is_lost_while_it_calls_fades_out_before_it_is_closed() {
+fn lost_stream_that_still_calls_fades_out_before_closing() {
     let _alone = real_time();
     let faded = (0..10).any(|at| {
         let card = Simulated::new(&format!("fade {at}"), in_time()).unwrap();
@@ -79,8 +80,9 @@ fn a_stream_that_is_lost_while_it_calls_fades_out_before_it_is_closed() {
     assert!(faded);
 }
 
+/// A device that is unplugged is lost and can be opened again when it is back.
 #[test]
-fn a_device_that_is_unplugged_is_lost_and_can_be_opened_again_when_it_is_back() {
+fn unplugged_device_is_lost_and_opens_again_when_back() {
     let _alone = real_time();
     let card = Simulated::new("plug", in_time()).unwrap();
     let (stream, received) = live(&card, Count::default());
@@ -98,8 +100,9 @@ fn a_device_that_is_unplugged_is_lost_and_can_be_opened_again_when_it_is_back() 
     assert_eq!(again.id(), stream.id());
 }
 
+/// A short gap is told with its length and the stream goes on without losing a sample.
 #[test]
-fn a_short_gap_is_told_with_its_length_and_the_stream_goes_on_without_losing_a_sample() {
+fn short_gap_is_told_with_its_length_and_loses_no_sample() {
     let _alone = real_time();
     let card = Simulated::new("gap", in_time()).unwrap();
     let (stream, received) = live(&card, Count::default());
@@ -172,7 +175,8 @@ fn a_panic_while_filling_fades_and_is_a_loss_that_says_so() {
     assert!(reason.contains("a node has no legs"), "{reason}");
     let left: Vec<f64> = card.played().chunks(2).map(|frame| frame[0]).collect();
     assert!(left[..64].iter().all(|value| *value == 0.25));
-    // The block that it did not finish is not played in part. Telling of the panic may make a gap before the next.
+    // The block that it did not finish is not played in part. Telling of the panic may make a gap before the
+    // next.
     let steepest = 0.25 * std::f64::consts::FRAC_PI_2 / 480.0 * 1.01;
     assert!(left[63..128].windows(2).all(|pair| pair[1] < pair[0] && pair[0] - pair[1] < steepest));
     assert!(stream.lost().is_some() && !card.in_use());

@@ -109,7 +109,8 @@ fn an_input_hears_what_an_output_plays_and_the_stamps_add_up() {
     let heard = tape.check(48_000);
     println!("{heard:.2?}");
     assert_eq!(heard.lost, 0);
-    // A cable within JACK hands over within the cycle. The stamps speak of the card's converters, which it does not pass.
+    // A cable within JACK hands over within the cycle. The stamps speak of the card's converters, which it
+    // does not pass.
     assert!(heard.whole < 6.0);
 }
 
@@ -138,7 +139,7 @@ fn the_server_sets_rate_and_period_and_the_user_hears_of_it() {
 }
 
 #[test]
-fn a_server_that_is_killed_is_a_loss_and_the_next_one_can_be_opened() {
+fn killed_server_is_a_loss_and_the_next_one_opens() {
     let Some(server) = inside(test_name!(), || Jack::start(48_000, 256)) else { return };
     let (sender, received) = events();
     let stream = open(&request(48_000), Box::new(Count::default()), None, sender).unwrap();

@@ -24,7 +24,8 @@ fn every_sample_arrives_at_1024_frames() {
     std::thread::sleep(Duration::from_secs(3));
     let frames = tape.stop();
     assert!(frames.iter().all(|frame| frame[0] == 0.0), "channel 1 is not silent");
-    // A machine that is too busy makes gaps of silence; what is played is neither lost nor repeated all the same.
+    // A machine that is too busy makes gaps of silence; what is played is neither lost nor repeated all the
+    // same.
     let begin = frames.iter().position(|frame| frame[1] != 0.0).expect("something is played");
     let played: Vec<f32> =
         frames[begin..].iter().map(|frame| frame[1]).filter(|sample| *sample != 0.0).collect();
@@ -58,13 +59,15 @@ fn an_input_hears_what_an_output_plays_and_the_stamps_add_up() {
         // PulseAudio drops what it recorded, and does not say so, where a busy machine takes it too late.
         let heard = tape.check(48_000);
         println!("period {period}: {heard:.2?}");
-        // Within 0.4 ms on a quiet machine; PulseAudio is asked for its latency by a thread that may come late on a busy one.
+        // Within 0.4 ms on a quiet machine; PulseAudio is asked for its latency by a thread that may come
+        // late on a busy one.
         assert!((heard.whole - heard.ahead - heard.behind).abs() < 20.0);
     }
 }
 
+/// The period that is measured is far from two seconds where nobody asks for one.
 #[test]
-fn the_period_that_is_measured_is_far_from_two_seconds_where_nobody_asks_for_one() {
+fn default_period_is_far_below_two_seconds() {
     let Some(_) = inside(test_name!(), Pulse::start) else { return };
     let stream = play(&request(), Count::default());
     wait("calls", || stream.stats().callbacks > 60);
@@ -122,7 +125,7 @@ fn a_server_that_is_killed_is_a_loss() {
 }
 
 #[test]
-fn a_server_that_is_stopped_says_nothing_and_is_a_loss_all_the_same() {
+fn stopped_server_is_a_loss_though_it_says_nothing() {
     let Some(server) = inside(test_name!(), Pulse::start) else { return };
     let (sender, received) = events();
     let stream = open(&request(), Box::new(Count::default()), None, sender).unwrap();
@@ -147,11 +150,12 @@ fn a_server_that_is_stopped_says_nothing_and_is_a_loss_all_the_same() {
 }
 
 #[test]
-fn alsa_over_a_server_that_is_killed_is_a_loss_and_its_flood_ends() {
+fn alsa_over_a_killed_server_is_a_loss_and_its_flood_ends() {
     let Some(server) = inside(test_name!(), Pulse::start) else { return };
     let wanted = Request { host: Some("alsa".into()), device: Some("pulse".into()), ..Request::default() };
     let wanted = Request { period_frames: Some(1024), ..wanted };
-    // On a machine that is too busy the plugin may fall silent after an underrun: that is a loss too, and another try.
+    // On a machine that is too busy the plugin may fall silent after an underrun: that is a loss too, and
+    // another try.
     let mut tries = 0;
     let (stream, received) = loop {
         let (sender, received) = events();
@@ -206,8 +210,9 @@ fn a_stream_that_goes_on_takes_no_more_files_and_threads() {
     assert!(taken().iter().zip(before).all(|(now, before)| *now <= before + 1));
 }
 
+/// A device that vanishes is a loss and not replaced by another one.
 #[test]
-fn a_device_that_vanishes_is_a_loss_and_not_replaced_by_another_one() {
+fn vanished_device_is_a_loss_and_not_replaced() {
     let Some(_) = inside(test_name!(), Pulse::start) else { return };
     for (what, device, input) in [
         ("by name", Some("haptic"), None),

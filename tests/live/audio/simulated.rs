@@ -6,7 +6,8 @@ use asperity_audio::{Format, OpenError, Request, events, open};
 use harness::alone::real_time;
 use proptest::prelude::*;
 
-/// What a card that holds samples in this format makes of a value, written anew: scale, round to the nearest, keep in range.
+/// What a card that holds samples in this format makes of a value, written anew: scale, round to the nearest,
+/// keep in range.
 fn quantized(format: Format, value: f32) -> f64 {
     let full = match format {
         Format::F32 | Format::F64 => return f64::from(value.clamp(-1.0, 1.0)),
@@ -18,8 +19,9 @@ fn quantized(format: Format, value: f32) -> f64 {
     (f64::from(value) * full + 0.5 - f64::from(u8::from(value < 0.0))).trunc().clamp(-full, full - 1.0) / full
 }
 
+/// Every format holds the nearest value on the channels that were asked for.
 #[test]
-fn every_format_holds_the_nearest_value_on_the_channels_that_were_asked_for() {
+fn every_format_holds_the_nearest_value_on_its_channels() {
     let _alone = real_time();
     for format in Format::ALL {
         let name = format!("format-{format}");
@@ -44,7 +46,10 @@ fn every_format_holds_the_nearest_value_on_the_channels_that_were_asked_for() {
 proptest! {
     #[test]
     fn no_sample_is_lost_or_repeated_at_any_sequence_of_calls(
-        sizes in prop::collection::vec(prop_oneof![Just(1_usize), Just(64), Just(97), Just(441), Just(1024), 0_usize..200], 1..12),
+        sizes in prop::collection::vec(
+            prop_oneof![Just(1_usize), Just(64), Just(97), Just(441), Just(1024), 0_usize..200],
+            1..12,
+        ),
         seed in 0_u32..u32::MAX,
     ) {
         let _alone = real_time();
@@ -62,8 +67,9 @@ proptest! {
     }
 }
 
+/// A call far longer than any scratch is filled in pieces that follow on each other.
 #[test]
-fn a_call_far_longer_than_any_scratch_is_filled_in_pieces_that_follow_on_each_other() {
+fn call_longer_than_the_scratch_is_filled_in_pieces() {
     let _alone = real_time();
     let params = Params { latency_frames: 480, ..by_hand() };
     let card = Simulated::new("long", params).unwrap();
@@ -101,8 +107,9 @@ fn what_is_not_finite_never_reaches_the_device() {
     assert_eq!(left, [0.0, 0.0, 0.0, 0.5, 0.0, 0.0, 0.0, 0.5]);
 }
 
+/// A stream is silent until it is told to play and while it is paused.
 #[test]
-fn a_stream_is_silent_until_it_is_told_to_play_and_while_it_is_paused() {
+fn stream_is_silent_before_play_and_while_paused() {
     let _alone = real_time();
     let card = Simulated::new("paused", by_hand()).unwrap();
     let (sender, _events) = events();
@@ -135,8 +142,9 @@ fn the_period_is_what_the_device_does_not_what_was_asked_for() {
     assert_eq!((stream.period(), stream.period_range()), (Some(97), Some((97, 500))));
 }
 
+/// A plant between output and input is heard after the latency and not before.
 #[test]
-fn a_plant_between_output_and_input_is_heard_after_the_latency_and_not_before() {
+fn plant_is_heard_after_the_latency_and_not_before() {
     let _alone = real_time();
     let params = Params { channels: 3, inputs: 4, latency_frames: 100, ..by_hand() };
     let card = Simulated::new("plant", params).unwrap();
@@ -168,7 +176,7 @@ fn a_plant_between_output_and_input_is_heard_after_the_latency_and_not_before() 
 }
 
 #[test]
-fn a_plant_in_words_is_made_by_the_program_at_the_rate_of_the_device() {
+fn plant_in_words_is_made_at_the_rate_of_the_device() {
     let _alone = real_time();
     let (capture, heard) = super::parts::Ear::new();
     let on = |device: &str| Request {
@@ -204,7 +212,7 @@ fn a_plant_in_words_is_made_by_the_program_at_the_rate_of_the_device() {
 }
 
 #[test]
-fn sixteen_bits_come_back_through_a_loopback_as_they_were_played() {
+fn sixteen_bits_come_back_unchanged_through_a_loopback() {
     let _alone = real_time();
     let params = Params { format: Some(Format::I16), loopback: true, inputs: 2, ..by_hand() };
     let card = Simulated::new("loopback", params).unwrap();
@@ -220,7 +228,7 @@ fn sixteen_bits_come_back_through_a_loopback_as_they_were_played() {
 }
 
 #[test]
-fn a_device_that_is_missing_is_an_error_that_lists_those_there_are() {
+fn missing_device_is_an_error_that_lists_the_others() {
     let _alone = real_time();
     let _one = Simulated::new("left hand", by_hand()).unwrap();
     let _two = Simulated::new("right hand", by_hand()).unwrap();
@@ -267,7 +275,7 @@ fn what_a_device_cannot_do_is_an_error_that_says_what_it_can() {
 }
 
 #[test]
-fn a_device_that_is_described_by_its_id_needs_no_test_to_make_it() {
+fn device_described_by_its_id_is_made_on_request() {
     let _alone = real_time();
     let request = Request {
         device: Some("simulated:frames=97,rate=96000,channels=4,format=i24,speed=50".into()),

@@ -148,7 +148,7 @@ fn refused(options: HaplyOptions) -> HandError {
 }
 
 #[test]
-fn the_hand_comes_out_in_mm_and_the_floor_pushes_along_the_devices_axis() {
+fn haply_hand_is_in_mm_and_floor_pushes_along_its_axis() {
     let _alone = real_time();
     let running = Running::new(&["049D"]);
     *running.service.at.lock().unwrap() = [0.01, 0.02, 0.116];
@@ -196,7 +196,7 @@ fn the_service_may_be_named_as_a_websocket_is() {
 }
 
 #[test]
-fn a_killed_service_is_told_once_and_taken_up_again_in_a_new_stroke() {
+fn killed_service_is_told_once_and_resumed_in_a_new_stroke() {
     let _alone = real_time();
     let running = Running::new(&["049D"]);
     let address = running.address;
@@ -216,7 +216,7 @@ fn a_killed_service_is_told_once_and_taken_up_again_in_a_new_stroke() {
 }
 
 #[test]
-fn a_device_that_is_unplugged_lets_go_and_goes_on_when_it_is_back() {
+fn unplugged_device_lets_go_and_goes_on_when_back() {
     let _alone = real_time();
     let running = Running::new(&["049D"]);
     *running.service.at.lock().unwrap() = [0.0, 0.0, -0.004];

@@ -16,8 +16,8 @@ use harness::alone::real_time;
 use harness::counting::allocations;
 use libloading::{Library, Symbol};
 
-/// A stand-in of its own: the library, where it lies, and the turn to use it. The library has one scheduler, so a
-/// process has one device at a time.
+/// A stand-in of its own: the library, where it lies, and the turn to use it. The library has one scheduler,
+/// so a process has one device at a time.
 struct Standin {
     library: Library,
     path: PathBuf,
@@ -107,7 +107,7 @@ unsafe extern "C" fn forbid(
 }
 
 #[test]
-fn the_hand_comes_out_with_z_up_and_the_floor_pushes_along_the_devices_y() {
+fn openhaptics_hand_has_z_up_and_floor_pushes_along_y() {
     let standin = Standin::new();
     standin.hand([1.0, -4.0, 2.0]);
     let (to, mut from) = samples();
@@ -147,8 +147,9 @@ fn the_hand_comes_out_with_z_up_and_the_floor_pushes_along_the_devices_y() {
     drop(floor);
 }
 
+/// A graph that stands still and a source that is dropped let go without a step.
 #[test]
-fn a_graph_that_stands_still_and_a_source_that_is_dropped_let_go_without_a_step() {
+fn stalled_graph_or_dropped_source_lets_go_without_a_step() {
     let standin = Standin::new();
     standin.hand([0.0, -4.0, 0.0]);
     let (models, reader) = force_model();
@@ -173,7 +174,7 @@ fn a_graph_that_stands_still_and_a_source_that_is_dropped_let_go_without_a_step(
 }
 
 #[test]
-fn a_device_that_is_unplugged_is_told_once_and_goes_on_when_it_is_back() {
+fn unplugged_device_is_told_once_and_goes_on_when_back() {
     let standin = Standin::new();
     let (to, mut from) = samples();
     let handle = start(standin.options(), to, None).unwrap();
@@ -210,7 +211,7 @@ fn motors_that_switch_off_begin_again_from_no_force() {
 }
 
 #[test]
-fn a_servo_that_stands_still_is_told_and_then_begins_a_new_stroke() {
+fn stalled_servo_is_told_and_begins_a_new_stroke() {
     let standin = Standin::new();
     let (to, mut from) = samples();
     let handle = start(standin.options(), to, None).unwrap();
@@ -238,8 +239,9 @@ fn a_position_that_is_not_finite_is_counted_and_lets_go() {
     assert!(std::iter::from_fn(|| from.take()).all(|s| s.position.iter().all(|x| x.is_finite())));
 }
 
+/// Every kth reading is sent and a device that says nothing is held to one newton.
 #[test]
-fn every_kth_reading_is_sent_and_a_device_that_says_nothing_is_held_to_one_newton() {
+fn every_kth_reading_is_sent_and_default_limit_is_1_n() {
     let standin = Standin::new();
     standin.set("standin_untold", 1);
     standin.hand([0.0, -40.0, 0.0]);
@@ -250,7 +252,8 @@ fn every_kth_reading_is_sent_and_a_device_that_says_nothing_is_held_to_one_newto
     let handle = start(options, samples().0, Some(reader)).unwrap();
     assert_eq!((handle.device().max_force_n, handle.device().max_stiffness_n_per_mm), (1.0, None));
     until("the force", || (standin.force()[1] - 1.0).abs() < 1e-6);
-    // Calls and samples are read one after the other while the servo runs on, and this machine may stall in between.
+    // Calls and samples are read one after the other while the servo runs on, and this machine may stall in
+    // between.
     until("four calls for a sample", || {
         let (sent, calls, then) = (handle.samples(), standin.long("standin_frames") as f64, handle.samples());
         then - sent < 2 && sent > 40 && (calls / sent as f64 - 4.0).abs() < 0.1

@@ -53,8 +53,9 @@ fn a_message_comes_out_as_a_sample_in_mm_and_newtons() {
     assert_eq!((handle.samples(), handle.bad(), handle.lost()), (1, 0, 0));
 }
 
+/// Only what the pattern matches is taken and a person is told of the rest once.
 #[test]
-fn only_what_the_pattern_matches_is_taken_and_a_person_is_told_of_the_rest_once() {
+fn unmatched_osc_addresses_are_told_once() {
     let _alone = real_time();
     let (handle, mut from, socket) = begin("/pen/{1,2}/*", "x_mm");
     for address in ["/pencil", "/pen/3/at", "/pen/1", "/pen/1/at/x", "/pen/2/at"] {
@@ -142,8 +143,9 @@ fn garbage_is_counted_with_a_reason_and_does_no_harm() {
     assert_eq!(take(&mut from, 1)[0].position, [7.0, 8.0, 0.0]);
 }
 
+/// A bundle of thousands that nobody reads fills the queue and no more.
 #[test]
-fn a_bundle_of_thousands_that_nobody_reads_fills_the_queue_and_no_more() {
+fn unread_bundle_of_thousands_only_fills_the_queue() {
     let _alone = real_time();
     let (handle, mut from, socket) = begin("/pen", "x_mm");
     let content = vec![message("/pen", vec![OscType::Int(1)]); 3000];
@@ -180,8 +182,9 @@ fn a_sender_that_dies_and_comes_back_goes_on_in_another_stroke() {
     assert!(handle.connected() && handle.bad() == 0);
 }
 
+/// A recording that begins again is another stroke and a packet that was overtaken is left out.
 #[test]
-fn a_recording_that_begins_again_is_another_stroke_and_a_packet_that_was_overtaken_is_left_out() {
+fn restarted_recording_is_a_new_stroke_and_late_packets_drop() {
     let _alone = real_time();
     let (handle, mut from, socket) = begin("/pen", "x_mm, time_s");
     let at = |x: i32, t: f64| send(&socket, &message("/pen", vec![OscType::Int(x), OscType::Double(t)]));
@@ -194,7 +197,7 @@ fn a_recording_that_begins_again_is_another_stroke_and_a_packet_that_was_overtak
 }
 
 #[test]
-fn a_sender_without_a_clock_that_is_replaced_goes_on_in_another_stroke() {
+fn replaced_sender_without_a_clock_begins_a_new_stroke() {
     let _alone = real_time();
     let (handle, mut from, socket) = begin("/pen", "x_mm");
     send(&socket, &message("/pen", vec![OscType::Int(1)]));

@@ -13,7 +13,8 @@ const CARD: &str = "simulated:frames=96,loopback=1";
 fn square(out: &str, limiter: &str) -> String {
     format!(
         r#"Graph(version: 1, nodes: {{
-    "tone": (kind: "sine", params: (frequency_hz: 65, amplitude: 1000)), "limiter": (kind: "limiter", params: ({limiter})),
+    "tone": (kind: "sine", params: (frequency_hz: 65, amplitude: 1000)),
+    "limiter": (kind: "limiter", params: ({limiter})),
     "out": (kind: "audio_out", params: ({out})), "card": (kind: "audio_in", params: (unit: "A")),
     "heard": (kind: "file_out", params: (file: "heard.npy")),
 }}, wires: [("tone", "limiter"), ("limiter", "out"), ("card", "heard")])"#

@@ -63,17 +63,20 @@ struct Spent {
 }
 
 impl Spent {
-    /// The share of its time that was not played, or was late: ticks left out, ticks missed, samples lost, whichever is most.
+    /// The share of its time that was not played, or was late: ticks left out, ticks missed, samples lost,
+    /// whichever is most.
     fn lost(&self) -> f64 {
         let of = |n: u64| n as f64 / self.ticks.max(1) as f64;
         of(self.ticks - self.ran).max(of(self.misses)).max(of(self.lost_samples) / TICK as f64)
     }
 }
 
-/// Plays a tone on a page, and lets visitors do something while it does. Every tick that ran is recorded, and what is broken is counted.
+/// Plays a tone on a page, and lets visitors do something while it does. Every tick that ran is recorded, and
+/// what is broken is counted.
 fn tone(dir: &Path, visit: impl FnOnce(&str)) -> Spent {
     let text = format!(
-        r#"Graph(version: 1, nodes: {{"sine": (kind: "sine", params: (frequency_hz: 80.0)), "limiter": (kind: "limiter"),
+        r#"Graph(version: 1, nodes: {{"sine": (kind: "sine", params: (frequency_hz: 80.0)),
+           "limiter": (kind: "limiter"),
            "out": (kind: "audio_out"), {}}}, wires: [("sine", "limiter"), ("limiter", "out"), {}])"#,
         EARS[0], EARS[1]
     );
@@ -103,13 +106,14 @@ fn tone(dir: &Path, visit: impl FnOnce(&str)) -> Spent {
     spent
 }
 
-/// More that may be lost beside a crowd than alone, of the time of a run. An engine that waits for pages loses most of it.
+/// More that may be lost beside a crowd than alone, of the time of a run. An engine that waits for pages
+/// loses most of it.
 const MARGIN: f64 = 0.05;
 /// How long a run is, at least.
 const LONG: Duration = Duration::from_secs(5);
 
 #[test]
-fn strangers_are_refused_and_a_hundred_pages_cost_the_engine_nothing() {
+fn strangers_are_refused_and_100_pages_cost_no_ticks() {
     let _alone = real_time();
     told(|| {
         let dir = tempfile::tempdir().expect("a folder");

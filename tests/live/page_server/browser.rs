@@ -1,5 +1,5 @@
-//! The page in a browser: a pen on it is heard, what is moved on it is asked for, and it says when the run is gone.
-//! With `ASPERITY_PICTURES=FOLDER` it is painted there, light and dark, for a phone and for a desk.
+//! The page in a browser: a pen on it is heard, what is moved on it is asked for, and it says when the run is
+//! gone. With `ASPERITY_PICTURES=FOLDER` it is painted there, light and dark, for a phone and for a desk.
 
 use super::made_up;
 
@@ -106,13 +106,15 @@ fn a_pen_at_250_hz_is_heard_whole_in_place_and_in_order() {
     browser.until("document.querySelector('#condition').dataset.is === 'playing'");
     let [x, y] = browser.middle("#surface");
     const EVENTS: u32 = 500;
-    // To the right at 0.2 px an event and up and down in a wave, harder and harder: every event has a place of its own.
+    // To the right at 0.2 px an event and up and down in a wave, harder and harder: every event has a place
+    // of its own.
     let at =
         |i: u32| [(x - 50.0 + 0.2 * f64::from(i)).round() + f64::from(i % 5) / 5.0, y - f64::from(i % 40)];
     let force = |i: u32| 0.1 + 0.8 * f64::from(i) / f64::from(EVENTS);
     // Pictures drawn, and views come, while the pen strokes.
     browser.eval(
-        "(() => { window.frames_drawn = 0; const f = () => { window.frames_drawn += 1; requestAnimationFrame(f); }; f(); })()",
+        "(() => { window.frames_drawn = 0; const f = () => { window.frames_drawn += 1; \
+         requestAnimationFrame(f); }; f(); })()",
     );
     let views = stage.page().counts().views;
     let mut heard = Vec::new();
@@ -157,7 +159,8 @@ fn a_pen_at_250_hz_is_heard_whole_in_place_and_in_order() {
     let mut delays: Vec<f64> = strokes.iter().map(|s| (s.arrived_ns - s.time_ns) as f64 / 1e6).collect();
     delays.sort_by(f64::total_cmp);
     println!(
-        "{} events in {seconds:.3} s, {beats} beats, longest step {:.1} ms, event to arrival p50 {:.2} p99 {:.2} ms",
+        "{} events in {seconds:.3} s, {beats} beats, longest step {:.1} ms, \
+         event to arrival p50 {:.2} p99 {:.2} ms",
         strokes.len(),
         steps.iter().fold(0.0f64, |a, &b| a.max(b)),
         delays[delays.len() / 2],
@@ -231,9 +234,11 @@ fn the_spectrum_of_a_sine_stands_on_its_bin_with_its_amplitude() {
          const n = 64, x = Float64Array.from({ length: n }, (_, i) => Math.sin(i * i * 0.37) + (i % 7)); \
          const re = x.slice(), im = new Float64Array(n); fft(re, im); let off = 0; \
          for (let k = 0; k < n; k += 1) { let [a, b] = [0, 0]; \
-           for (let i = 0; i < n; i += 1) { a += x[i] * Math.cos(2 * Math.PI * k * i / n); b -= x[i] * Math.sin(2 * Math.PI * k * i / n); } \
+           for (let i = 0; i < n; i += 1) { a += x[i] * Math.cos(2 * Math.PI * k * i / n); b -= x[i] * \
+           Math.sin(2 * Math.PI * k * i / n); } \
            off = Math.max(off, Math.abs(re[k] - a), Math.abs(im[k] - b)); } \
-         const sine = Float32Array.from({ length: 1024 }, (_, i) => 0.7 * Math.sin(2 * Math.PI * 80 * i / 1024)); \
+         const sine = Float32Array.from({ length: 1024 }, (_, i) => 0.7 * Math.sin(2 * Math.PI * 80 * i / \
+         1024)); \
          return [off, Math.abs(amplitudes(sine)[80] - 0.7), amplitudes(sine)[84]]; })()",
     );
     for i in 0..3 {
@@ -246,7 +251,8 @@ fn the_spectrum_of_a_sine_stands_on_its_bin_with_its_amplitude() {
          const sine = (bin) => (i) => Math.sin(2 * Math.PI * bin * i / (8 * 2048)); \
          const seen = (bin, at) => { const x = sine(bin); \
            return amplitudes(slowed(Float32Array.from({ length: 17000 }, (_, i) => x(i)), 8, 2048))[at]; }; \
-         return [seen(68, 68), seen(341, 341), seen(2048 - 341, 341), seen(2048 - 68, 68), seen(2048 + 68, 68)]; })()",
+         return [seen(68, 68), seen(341, 341), seen(2048 - 341, 341), seen(2048 - 68, 68), \
+         seen(2048 + 68, 68)]; })()",
     );
     let slow: Vec<f64> = (0..5).map(|i| slow[i].as_f64().expect("a number")).collect();
     println!("200 Hz and 1 kHz {:.5?}, folded {:.7?}", &slow[..2], &slow[2..]);

@@ -1,5 +1,5 @@
-//! A run that is made up, for the page to show: the graph of a texture under a stylus, with figures that move as those of a
-//! real run do.
+//! A run that is made up, for the page to show: the graph of a texture under a stylus, with figures that move
+//! as those of a real run do.
 // The tests and the example each use a part.
 
 use asperity_live::view::{

@@ -127,8 +127,9 @@ fn until(what: &str, mut is: impl FnMut() -> bool) {
     }
 }
 
+/// Every address is refused without the token and to other hosts and origins.
 #[test]
-fn every_address_is_refused_without_the_token_and_to_other_hosts_and_origins() {
+fn address_without_token_host_or_origin_is_refused() {
     let _alone = real_time();
     let stage = stage();
     let (port, token) = (stage.port(), stage.token().to_owned());
@@ -287,7 +288,8 @@ fn pages_that_do_not_read_hold_up_nobody_and_are_let_go() {
     let seen = reader.join().expect("it reads");
     times.sort_by(f64::total_cmp);
     println!(
-        "publish of {} kB: p50 {:.0} us, p99 {:.0} us, max {:.0} us; kept {} kB at most; {published} views, {} read by \
+        "publish of {} kB: p50 {:.0} us, p99 {:.0} us, max {:.0} us; kept {} kB at most; {published} \
+         views, {} read by \
          the good page; the others were gone after {gone_after:?}; {counts:?}",
         8192 * 8 * 4 / 1024,
         times[times.len() / 2],
@@ -328,8 +330,9 @@ fn a_page_that_says_nothing_is_sent_no_more_than_a_few_views() {
     assert_eq!(seen, AHEAD + 1);
 }
 
+/// Garbage and what is too long or too often ends a connection and nothing else.
 #[test]
-fn garbage_and_what_is_too_long_or_too_often_ends_a_connection_and_nothing_else() {
+fn garbage_or_too_much_ends_only_its_connection() {
     let _alone = real_time();
     let stage = stage();
     let mut good = stage.watch().expect("a place");
@@ -407,8 +410,9 @@ fn idle_connections_keep_no_page_with_token_out() {
     assert!(waits(newest));
 }
 
+/// What the graph has not is refused with a reason and what it has is asked for.
 #[test]
-fn what_the_graph_has_not_is_refused_with_a_reason_and_what_it_has_is_asked_for() {
+fn request_for_a_missing_part_is_refused_with_a_reason() {
     let _alone = real_time();
     let stage = stage();
     let mut socket = stage.watch().expect("a place");
@@ -454,8 +458,8 @@ fn pages_are_told_that_the_run_has_ended() {
     let mut socket = stage.watch().expect("a place");
     let port = stage.port();
     let ending = std::thread::spawn(move || drop(stage));
-    // A page that is in the middle of telling something is not cut off before it has heard: a browser that cannot write does not
-    // read on.
+    // A page that is in the middle of telling something is not cut off before it has heard: a browser that
+    // cannot write does not read on.
     for _ in 0..5 {
         std::thread::sleep(Duration::from_millis(10));
         socket.get_mut().write_all(&[0x8a, 0x80, 0, 0, 0, 0]).expect("it still hears");
@@ -481,8 +485,9 @@ fn a_port_that_is_taken_and_a_token_that_is_none_are_errors() {
     );
 }
 
+/// The hand goes on with another writer and its strokes are numbered on.
 #[test]
-fn the_hand_goes_on_with_another_writer_and_its_strokes_are_numbered_on() {
+fn hand_goes_on_with_another_writer_and_new_strokes() {
     let _alone = real_time();
     let (to, mut first) = samples();
     let reins = Reins::default();

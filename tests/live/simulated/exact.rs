@@ -17,7 +17,8 @@ const FORMATS: [Format; 4] = [Format::F32, Format::I16, Format::I24, Format::I32
 const MAPS: [(&[u16], u16); 3] = [(&[3], 4), (&[3, 4], 5), (&[2, 1], 2)];
 const TICKS_HZ: [u32; 5] = [100, 500, 1000, 2500, 4000];
 
-/// What a card that holds samples in this format makes of a value, written anew: scale, round to the nearest, keep in range.
+/// What a card that holds samples in this format makes of a value, written anew: scale, round to the nearest,
+/// keep in range.
 fn held(format: Format, value: f32) -> f64 {
     let full: f64 = match format {
         Format::I16 => 32_768.0,
@@ -97,7 +98,8 @@ fn a_start_is_the_graph_times_a_raised_cosine_of_two_seconds() {
     }
 }
 
-/// A paced run of a second, with the priority that a run has. A busy machine may break one, which others look at.
+/// A paced run of a second, with the priority that a run has. A busy machine may break one, which others look
+/// at.
 fn paced(frames: u32, attempt: u32) -> Result<(), String> {
     let card = Simulated::new(&format!("paced {frames} {attempt}"), timed(frames)).expect("a card");
     let options = SessionOptions { realtime: true, ..options(&card, Clock::Paced) };

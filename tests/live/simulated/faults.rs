@@ -20,8 +20,9 @@ use harness::stage::{STEP, by_hand, channel, graph, largest_step, one_voice, opt
 /// Samples in which a stop, a mute or a panic must be silent: 20 ms.
 const DOWN: usize = 960;
 
-/// Samples from the end of an undisturbed sine to the last that is heard: how long it takes to be silent. None where there is no sine.
-/// Each sample of one follows from the two before it; a ramp, or a value that is held, breaks that by 1e-6 and more.
+/// Samples from the end of an undisturbed sine to the last that is heard: how long it takes to be silent.
+/// None where there is no sine. Each sample of one follows from the two before it; a ramp, or a value that is
+/// held, breaks that by 1e-6 and more.
 fn fall(all: &[f64], radians: f64) -> Option<usize> {
     /// As many in a row are no ramp that happens to cross zero.
     const ROW: usize = 16;
@@ -42,8 +43,9 @@ fn playing(session: &mut asperity_live::Session) -> bool {
     session.view().condition == Condition::Playing
 }
 
+/// A mute is silent within 20 ms and comes up again and a graph under it goes on.
 #[test]
-fn a_mute_is_silent_within_20_ms_and_comes_up_again_and_a_graph_under_it_goes_on() {
+fn mute_is_silent_within_20_ms_and_the_graph_goes_on() {
     let _alone = real_time();
     let card = Simulated::new("mute", by_hand()).expect("a card");
     let mut session = start(one_voice(), options(&card, Clock::Callback));
@@ -62,8 +64,9 @@ fn a_mute_is_silent_within_20_ms_and_comes_up_again_and_a_graph_under_it_goes_on
     assert!(all[13_580 + 9700..].iter().zip(&wanted[13_580 + 9700..]).all(|(y, x)| *y == f64::from(*x)));
 }
 
+/// A stop and a session that is dropped ramp down within 20 ms and nothing comes after.
 #[test]
-fn a_stop_and_a_session_that_is_dropped_ramp_down_within_20_ms_and_nothing_comes_after() {
+fn stop_or_drop_of_a_session_ramps_down_within_20_ms() {
     let _alone = real_time();
     for (clock, dropped) in
         [(Clock::Callback, false), (Clock::Callback, true), (Clock::Paced, false), (Clock::Paced, true)]
@@ -107,8 +110,9 @@ fn ramps_down(clock: Clock, dropped: bool, attempt: u32) -> Result<(), String> {
     Ok(())
 }
 
+/// An underrun that the host reports and a gap are counted and the tone joins on without a step.
 #[test]
-fn an_underrun_that_the_host_reports_and_a_gap_are_counted_and_the_tone_joins_on_without_a_step() {
+fn underrun_and_gap_are_counted_and_join_without_a_step() {
     let _alone = real_time();
     told(|| {
         let card = Simulated::new("gaps", timed(64)).expect("a card");
@@ -118,7 +122,8 @@ fn an_underrun_that_the_host_reports_and_a_gap_are_counted_and_the_tone_joins_on
         card.xrun();
         tend(&mut session, "the underrun", |s| s.view().xruns > xruns);
         let before = session.view();
-        // While the card's time is being found, as after a stall of a busy machine, a gap shifts that and is no loss: then another.
+        // While the card's time is being found, as after a stall of a busy machine, a gap shifts that and is
+        // no loss: then another.
         let mut frames = 0;
         tend(&mut session, "the gap", |s| {
             if heard(&card).len() > frames {
@@ -146,8 +151,9 @@ fn an_underrun_that_the_host_reports_and_a_gap_are_counted_and_the_tone_joins_on
     });
 }
 
+/// A card that is lost in any way is waited for and fades in when it is back.
 #[test]
-fn a_card_that_is_lost_in_any_way_is_waited_for_and_fades_in_when_it_is_back() {
+fn lost_card_is_waited_for_and_fades_in_when_back() {
     let _alone = real_time();
     type Way = (&'static str, fn(&Simulated), fn(&Simulated));
     let ways: [Way; 3] = [
@@ -216,8 +222,9 @@ impl Ticker for Panics {
     }
 }
 
+/// An engine that panics is silent within 20 ms without a step and says so.
 #[test]
-fn an_engine_that_panics_is_silent_within_20_ms_without_a_step_and_says_so() {
+fn panicking_engine_is_silent_within_20_ms_and_says_so() {
     let _alone = real_time();
     let card = Simulated::new("panic", by_hand()).expect("a card");
     let options = Options { start_s: 0.0, priority: None, ..Options::new(Arc::new(Meters::new(500))) };
@@ -237,8 +244,9 @@ fn an_engine_that_panics_is_silent_within_20_ms_without_a_step_and_says_so() {
     assert!(driver.stop().is_some(), "the ticker is there for a report");
 }
 
+/// An engine that panics under a timer says so and is there for a report.
 #[test]
-fn an_engine_that_panics_under_a_timer_says_so_and_is_there_for_a_report() {
+fn panic_under_a_timer_is_told_and_leaves_a_report() {
     let _alone = real_time();
     let options = Options { priority: None, ..Options::new(Arc::new(Meters::new(500))) };
     let timer = Timer::new(Panics(0), &options).expect("a thread");
@@ -249,8 +257,9 @@ fn an_engine_that_panics_under_a_timer_says_so_and_is_there_for_a_report() {
     assert_eq!(timer.stop().expect("the ticker").0, 100);
 }
 
+/// An engine that panics under the paced clock is silent within 20 ms without a step.
 #[test]
-fn an_engine_that_panics_under_the_paced_clock_is_silent_within_20_ms_without_a_step() {
+fn panic_under_the_paced_clock_is_silent_within_20_ms() {
     let _alone = real_time();
     let card = Simulated::new("paced panic", timed(64)).expect("a card");
     let meters = Arc::new(Meters::new(500));
@@ -270,8 +279,8 @@ fn an_engine_that_panics_under_the_paced_clock_is_silent_within_20_ms_without_a_
     assert_eq!((driver.controls().condition(), stream.lost()), (Condition::Failed, None));
     let all = heard(&card);
     assert!(all.iter().any(|y| y.abs() > 0.05), "nothing was heard before");
-    // What the ring holds is played, then the last sample decays. Both together are within 20 ms of the failure, which may be seen
-    // here some callbacks late, but not early.
+    // What the ring holds is played, then the last sample decays. Both together are within 20 ms of the
+    // failure, which may be seen here some callbacks late, but not early.
     let loud = all.iter().rposition(|y| *y != 0.0).expect("a tone");
     let fall = fall(&all, 0.0105).expect("a tone");
     println!(
@@ -307,7 +316,7 @@ impl Node for Breaks {
 }
 
 #[test]
-fn a_node_that_panics_is_named_and_the_run_goes_on_by_every_clock() {
+fn panicking_node_is_named_and_every_clock_goes_on() {
     let _alone = real_time();
     for clock in [Clock::Callback, Clock::Paced, Clock::Timer] {
         let card = Simulated::new(&format!("breaks {}", clock.name()), timed(64)).expect("a card");

@@ -32,8 +32,9 @@ fn taped(session: &mut Session, all: &mut Vec<f32>) {
     assert_eq!(lost, 0);
 }
 
+/// What a card records reaches the graph sample by sample behind a constant delay.
 #[test]
-fn what_a_card_records_reaches_the_graph_sample_by_sample_behind_a_constant_delay() {
+fn recorded_samples_reach_the_graph_after_a_constant_delay() {
     let _alone = real_time();
     for (case, sizes) in
         [&[64_usize][..], &[1], &[1024], &[97, 441], &[64, 1, 1024, 97, 441]].into_iter().enumerate()
@@ -105,15 +106,18 @@ impl Drop for Hand {
     }
 }
 
-/// A tone that a hand's motion lets through, until nobody knows where the hand is, and where the hand was in every tick.
+/// A tone that a hand's motion lets through, until nobody knows where the hand is, and where the hand was in
+/// every tick.
 fn touched(card: &Simulated, clock: Clock) -> (Session, Hand) {
     let (nodes, _) = voice("out", 80.0, 0.1);
     let nodes = format!(
-        r#"{nodes} "hand": (kind: "pointer_input"), "motion": (kind: "velocity"), "gate": (kind: "speed_gate", params: (hysteresis: 0.0)),
+        r#"{nodes} "hand": (kind: "pointer_input"), "motion": (kind: "velocity"),
+           "gate": (kind: "speed_gate", params: (hysteresis: 0.0)),
            "where": (kind: "probe", params: (file: "where.csv")),"#
     );
     let wires = r#"("hand.position", "motion.position"), ("hand.position", "where"), ("out tone", "gate.in"),
-        ("motion.speed", "gate.speed"), ("hand.force", "gate.force"), ("gate.out", "out limiter"), ("out limiter", "out"),"#;
+        ("motion.speed", "gate.speed"), ("hand.force", "gate.force"), ("gate.out", "out limiter"),
+        ("out limiter", "out"),"#;
     let (to, reader) = samples();
     let ends = Ends { hands: [("hand".to_owned(), reader)].into(), ..Ends::default() };
     let graph = graph(&asperity_nodes::registry(), (500, 48_000), &nodes, wires);
@@ -150,7 +154,8 @@ fn a_hand_is_read_at_even_times_at_every_length_of_callback() {
         (Clock::Callback, vec![97, 441, 1024]),
         (Clock::Paced, vec![1024]),
     ] {
-        // Read at every callback's own time, 1024 frames would give nine of ten as 0. A machine that stalls costs some.
+        // Read at every callback's own time, 1024 frames would give nine of ten as 0. A machine that stalls
+        // costs some.
         let mut all = Vec::new();
         while all.len() < 4 && all.last().is_none_or(|part| *part >= 0.25) {
             all.push(uneven(clock, &frames, all.len()));
@@ -163,8 +168,9 @@ fn a_hand_is_read_at_even_times_at_every_length_of_callback() {
     }
 }
 
+/// A hand that says nothing is silence 70 ms later is held and is counted.
 #[test]
-fn a_hand_that_says_nothing_is_silence_70_ms_later_is_held_and_is_counted() {
+fn silent_hand_is_held_silent_after_70_ms_and_counted() {
     let _alone = real_time();
     // In time as the card plays it; on a machine that stalls, the best of some.
     let mut best = f64::INFINITY;

@@ -24,8 +24,9 @@ fn two(amps: f64, dc_corner_hz: f64) -> (asperity_graph::GraphFile, asperity_gra
     graph(&asperity_nodes::registry(), (500, 48_000), &(nodes + &more), &(wires + &more_wires))
 }
 
+/// A swap while it plays leaves the other channel as it was and figures go on.
 #[test]
-fn a_swap_while_it_plays_leaves_the_other_channel_as_it_was_and_figures_go_on() {
+fn swap_leaves_the_other_channel_and_figures_go_on() {
     let _alone = real_time();
     let card = Simulated::new("swap", by_hand()).expect("a card");
     let device = Some(Request { channels: vec![1, 2], ..options(&card, Clock::Callback).device.unwrap() });
@@ -72,7 +73,7 @@ fn a_swap_while_it_plays_leaves_the_other_channel_as_it_was_and_figures_go_on() 
 }
 
 #[test]
-fn a_swap_that_is_refused_changes_nothing_and_the_next_one_is_taken_over() {
+fn refused_swap_changes_nothing_and_the_next_one_is_taken() {
     let _alone = real_time();
     let card = Simulated::new("refused", by_hand()).expect("a card");
     let device = Some(Request { channels: vec![1, 2], ..options(&card, Clock::Callback).device.unwrap() });
@@ -101,7 +102,8 @@ fn a_hand_goes_on_across_a_swap_and_its_rate_does_not_jump() {
         let (nodes, wires) = voice("out", 80.0, 0.1);
         let nodes = format!(
             r#"{nodes} "hand": (kind: "pointer_input", params: (timeout_ms: {timeout_ms:?})),
-               "gain": (kind: "gain", params: (gain: {gain:?})), "force": (kind: "probe", params: (file: "f.csv")),"#
+               "gain": (kind: "gain", params: (gain: {gain:?})),
+               "force": (kind: "probe", params: (file: "f.csv")),"#
         );
         let wires = format!(r#"{wires} ("hand.force", "gain"), ("gain", "force")"#);
         graph(&asperity_nodes::registry(), (500, 48_000), &nodes, &wires)
@@ -145,8 +147,9 @@ fn a_hand_goes_on_across_a_swap_and_its_rate_does_not_jump() {
     assert!(forces.iter().any(|f| f.2 == 1.65) && forces.iter().any(|f| f.2 == 3.3));
 }
 
+/// A file that would change the devices channels is refused and the run goes on.
 #[test]
-fn a_file_that_would_change_the_devices_channels_is_refused_and_the_run_goes_on() {
+fn edit_of_the_devices_channels_is_refused() {
     let _alone = real_time();
     let dir = tempfile::tempdir().expect("a folder");
     let write = |voices: &[(String, String)], amps: f64| {

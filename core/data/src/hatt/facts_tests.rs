@@ -1,11 +1,11 @@
 //! What holds of the Penn Haptic Texture Toolkit's hundred files, for whoever has them:
 //!
 //! ```text
-//! HATT_DIR=/path/to/HaTT cargo test -p asperity-data --test hatt_facts -- --nocapture
+//! HATT_DIR=/path/to/HaTT cargo test -p asperity-data hatt::facts -- --nocapture
 //! ```
 //!
-//! The toolkit's licence forbids passing the files on; none are in this project. Without them this is said, and the same is counted of textures of
-//! ours that are written as the toolkit writes its own.
+//! The toolkit's licence forbids passing the files on; none are in this project. Without them this is said,
+//! and the same is counted of textures of ours that are written as the toolkit writes its own.
 
 use std::fmt::Write as _;
 use std::io::Write as _;
@@ -94,8 +94,9 @@ fn counts(folder: &Path) -> Counts {
     it
 }
 
+/// Thirteen edges are unstable by coefficients and none by line spectral frequencies.
 #[test]
-fn thirteen_edges_are_unstable_by_coefficients_and_none_by_line_spectral_frequencies() {
+fn hatt_edges_are_stable_by_line_spectral_frequencies() {
     let Some(folder) = std::env::var_os("HATT_DIR") else {
         // Not by `eprintln!`, which is heard only of tests that fail.
         let said = "skipped: HATT_DIR does not name the folder of the toolkit's files";
@@ -132,8 +133,9 @@ fn xml(texture: &Texture) -> String {
     text + "</modelSet>\n"
 }
 
+/// Of the made ones some edges are unstable by coefficients and none by line spectral frequencies.
 #[test]
-fn of_the_made_ones_some_edges_are_unstable_by_coefficients_and_none_by_line_spectral_frequencies() {
+fn made_edges_are_stable_by_line_spectral_frequencies() {
     let made = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../graphs/models/made_ar");
     let dir = tempfile::tempdir().expect("a folder");
     // As deep as the toolkit's are, and beside what is none.

@@ -8,7 +8,8 @@ fn load(net: &Net, spelling: Spelling) -> Model {
     Model::from_bytes(&bytes(&model(net, spelling)), "made.onnx").unwrap()
 }
 
-/// Largest difference from the f64 evaluation as a share of its largest value, over ordinary and large motions.
+/// Largest difference from the f64 evaluation as a share of its largest value, over ordinary and large
+/// motions.
 fn error_vs_f64(net: &Net, model: &Model, precision: Precision, choice: Choice) -> f64 {
     let textures = textures(3, 5);
     let mut runner = model.runner(&textures, precision, choice).unwrap();

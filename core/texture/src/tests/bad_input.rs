@@ -81,7 +81,7 @@ fn flipped_bytes_never_panic_out_of_load() {
 }
 
 #[test]
-fn another_signature_is_named_with_what_was_found_and_what_would_fit() {
+fn wrong_signature_tells_what_was_found_and_what_would_fit() {
     let e = error(|m| m.graph.as_mut().unwrap().input[0] = value_info("force", &[Some(1), Some(12)]));
     assert!(
         e.contains("force [1,12]") && e.contains("texture [1,256]") && e.contains("magnitudes [1,100]"),
@@ -305,7 +305,7 @@ fn runners_move_between_threads() {
 }
 
 #[test]
-fn a_file_that_changes_is_read_again_and_runners_are_of_what_was_asked_for() {
+fn changed_file_is_read_again() {
     let dir = tempfile::tempdir().unwrap();
     let shipped = concat!(env!("CARGO_MANIFEST_DIR"), "/../../graphs/models/surfaces/");
     let path = dir.path().join("m.onnx");

@@ -149,8 +149,9 @@ fn shipped_networks_say_what_their_magnitudes_are() {
     }
 }
 
+/// The trained range is read from the file and refused where it is none.
 #[test]
-fn the_trained_range_is_read_from_the_file_and_refused_where_it_is_none() {
+fn trained_range_is_read_from_the_file_or_refused() {
     let with = |pairs: &[(&str, &str)]| {
         let mut m = model(&Net::random(1), Spelling::default());
         let entry = |(k, v): &(&str, &str)| StringStringEntryProto { key: (*k).into(), value: (*v).into() };

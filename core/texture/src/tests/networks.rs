@@ -1,4 +1,5 @@
-//! Makes test networks of the paper's layer sizes: ONNX bytes in several spellings, and a plain f64 evaluation.
+//! Makes test networks of the paper's layer sizes: ONNX bytes in several spellings, and a plain f64
+//! evaluation.
 #![allow(dead_code, missing_docs, unreachable_pub, clippy::unwrap_used)]
 
 use prost::Message;

@@ -5,7 +5,8 @@ use crate::{Choice, Model, Precision, Runner};
 
 const INT8: Precision = Precision::Int8;
 
-/// Layers of these widths without anything between them, so that what they hand on has both signs; the last answers 100 numbers.
+/// Layers of these widths without anything between them, so that what they hand on has both signs; the last
+/// answers 100 numbers.
 fn linear(widths: &[usize], seed: u64) -> Model {
     let mut w = Writer::new(Spelling::default());
     let mut r = Random(seed);
@@ -75,7 +76,7 @@ fn every_instruction_set_gives_the_same_bits() {
 }
 
 #[test]
-fn an_input_that_is_not_finite_is_passed_on_and_the_next_run_is_right_again() {
+fn non_finite_input_is_passed_on_and_the_next_run_is_right() {
     let model = linear(&[400, 200], 7);
     let textures = textures(1, 2);
     let motion = &motions(1, 5)[2];
@@ -95,8 +96,9 @@ fn an_input_that_is_not_finite_is_passed_on_and_the_next_run_is_right_again() {
     }
 }
 
+/// Weights of 8 bits that are not enough give way to f16 and the report says so.
 #[test]
-fn weights_of_8_bits_that_are_not_enough_give_way_to_f16_and_the_report_says_so() {
+fn insufficient_int8_weights_become_f16_and_are_reported() {
     // What a column is made of differs by more than 8 bits can say, and cancels.
     let mut made = Net::random(10);
     for (k, row) in made.predictor[2].weights.chunks_exact_mut(200).enumerate().take(2) {

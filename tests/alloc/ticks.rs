@@ -15,7 +15,7 @@ fn ticks() -> u64 {
 
 /// What a change of a running graph asks of a node on the tick thread.
 #[test]
-fn handing_over_a_state_and_setting_a_parameter_allocate_nothing() {
+fn state_and_live_parameters_allocate_nothing() {
     for kind in asperity_nodes::registry().iter() {
         let node = || {
             let mut compiled = any_node::compiled(&any_node::graph(kind.as_ref(), "random", 500, 48_000));
