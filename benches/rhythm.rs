@@ -417,7 +417,7 @@ fn hand(asked: &Asked) {
     }
 }
 
-/// What phase retrieval alone makes of the same network: the graph before. None of a graph that retrieves
+/// Signal of the same network by phase retrieval alone: the earlier graph. None of a graph that retrieves
 /// phase itself.
 fn retrieved(graph: &str) -> Option<GraphFile> {
     let mut graph = GraphFile::read(graph).unwrap_or_else(|e| panic!("{e}"));

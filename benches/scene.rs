@@ -1,4 +1,5 @@
-//! What a scene costs: of 1 to 10000 surfaces one is touched, and a tick is to cost what it would alone.
+//! Tick time of scenes with 1 to 10000 surfaces, one of them touched. It must not grow with the number of
+//! surfaces.
 //!
 //! All sizes of a table take turns tick by tick in one loop, so that what the machine does besides is the
 //! same for all; figures are medians. `far`: the other surfaces lie in a grid 200 mm and more away.
@@ -28,7 +29,7 @@ impl Clock for Wall {
     }
 }
 
-/// How a stylus moves.
+/// Motion of the stylus.
 #[derive(Clone, Copy)]
 enum Hand {
     /// In circles on the surface.
@@ -45,7 +46,7 @@ enum Others {
     Crowd,
 }
 
-/// What surfaces do.
+/// Effects of the surfaces.
 #[derive(Clone, Copy)]
 struct What {
     name: &'static str,

@@ -31,7 +31,7 @@ impl Clock for Wall {
     }
 }
 
-/// How ticks follow each other.
+/// Pace of the ticks.
 #[derive(Clone, Copy, PartialEq)]
 enum Pace {
     BackToBack,

@@ -1,4 +1,4 @@
-//! What all targets do: read one input, in bounded memory and without a panic.
+//! Shared by all targets: reads one input, in bounded memory and without a panic.
 
 #[path = "../../tests/harness/src/counting.rs"]
 #[allow(dead_code, unreachable_pub, reason = "tests ask more of it")]
@@ -17,7 +17,7 @@ static ALLOCATOR: counting::Counting = counting::Counting;
 /// The folder of the shipped graphs.
 const GRAPHS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../graphs");
 
-/// What the last panic said.
+/// Message of the last panic.
 static SAID: Mutex<String> = Mutex::new(String::new());
 
 /// A panic that is caught where it belongs is none: tract's over a malformed model. Any other ends the run.

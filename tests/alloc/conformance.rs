@@ -39,7 +39,7 @@ fn subject(kind: &Arc<dyn NodeKind>) -> Subject<'static> {
     }
 }
 
-/// What is known and meant: no reset cools a coil, so the limiter keeps its heat where these cases reset it.
+/// Known exceptions: no reset cools a coil, so the limiter keeps its heat in these cases.
 fn is_meant(kind: &str, case: &str) -> bool {
     kind == "limiter" && matches!(case, "reset" | "garbage_state" | "live_parameters")
 }

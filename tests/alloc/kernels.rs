@@ -1,4 +1,4 @@
-//! What runs per tick does not touch the allocator.
+//! The kernels of a tick do not allocate.
 
 use asperity_accuracy::timing::Recorder;
 use asperity_dsp::sample_commit::{SampleCommit, Settings};

@@ -1,4 +1,4 @@
-//! What must not allocate while it runs: nodes, ticks, and swaps of a running graph. All allocations are
+//! Nodes, ticks, and swaps of a running graph, which must not allocate. All allocations are
 //! counted.
 #![allow(unreachable_pub, reason = "a test program has no outside")]
 
@@ -8,7 +8,6 @@ mod contacts;
 mod effects;
 mod kernels;
 mod networks;
-mod phase_plugins;
 mod rig;
 mod swap;
 mod swap_kept;

@@ -45,7 +45,7 @@ pub fn compiled(lines: &str) -> Compiled {
 pub struct Rig {
     pub controller: Controller,
     pub engine: Engine,
-    /// What the sink `out` heard.
+    /// Samples that reached the sink `out`.
     pub heard: Vec<f32>,
 }
 

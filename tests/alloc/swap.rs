@@ -1,11 +1,12 @@
 //! A running engine takes over another graph: nothing clicks, nothing is forgotten, nothing is left behind.
 
-use crate::rig::{FADE, Rig, SINE, STEEPEST, TICK, compiled, compiled_file, graph, largest_step};
 use asperity_diagnostics::Source;
 use asperity_engine::{Change, Finished, MAX_SWAPS, ParameterError, SwapError, SwapReport};
 use asperity_graph::GraphFile;
 use asperity_node::Buffer;
 use harness::counting::allocations;
+
+use crate::rig::{FADE, Rig, SINE, STEEPEST, TICK, compiled, compiled_file, graph, largest_step};
 
 fn change<'a>(report: &'a SwapReport, id: &str) -> &'a Change {
     &report.nodes.iter().find(|n| n.id == id).unwrap_or_else(|| panic!("no {id}: {report}")).change
@@ -15,7 +16,7 @@ fn is_rebuilt(report: &SwapReport, id: &str) -> bool {
     matches!(change(report, id), Change::Rebuilt { .. })
 }
 
-/// What an engine that never ran anything else puts out in its last tick of `ticks`.
+/// Output of a fresh engine in the last one of `ticks`.
 fn fresh(lines: &str, ticks: u64) -> Vec<f32> {
     let mut rig = Rig::new(lines);
     rig.run(ticks as usize);
@@ -378,8 +379,8 @@ fn a_node_that_runs_seldom_starts_in_a_tick_in_which_it_runs() {
     }
     // Two that meet seldom do not wait for each other.
     let text = "Graph(version: 1, nodes: {\"v\": (kind: \"level\"), \"a\": (kind: \"gain\", every: 23), \
-                \"b\": (kind: \"gain\", every: \
-                29), \"out\": (kind: \"probe\")}, wires: [(\"v\", \"a\"), (\"a\", \"b\"), (\"b\", \"out\")])";
+                \"b\": (kind: \"gain\", every: 29), \"out\": (kind: \"probe\")}, wires: [(\"v\", \"a\"), \
+                (\"a\", \"b\"), (\"b\", \"out\")])";
     let file = GraphFile::parse(&Source::new("t", text)).unwrap();
     rig.controller.swap(compiled_file(&file), &[]).unwrap();
     rig.run(1);

@@ -2,11 +2,12 @@
 
 use std::sync::Arc;
 
-use crate::rig::{Rig, STEEPEST, TICK, compiled, compiled_file, graph, largest_step};
 use asperity_diagnostics::Source;
 use asperity_engine::{Change, SwapReport};
 use asperity_graph::{Compiled, GraphFile, compile};
 use asperity_node::{Buffer, Config, Descriptor, Diagnostic, NodeKind, Ports, Processor, Setup};
+
+use crate::rig::{Rig, STEEPEST, TICK, compiled, compiled_file, graph, largest_step};
 
 /// Why a node is rebuilt; nothing where it is not.
 fn why(report: &SwapReport, id: &str) -> Option<String> {

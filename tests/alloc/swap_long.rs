@@ -1,8 +1,9 @@
 //! Any graph that loads may take the place of any other; and the shipped one of itself, again and again.
 
-use crate::rig::{Rig, STEEPEST, TICK, largest_step};
 use asperity_graph::{GraphFile, compile};
 use proptest::prelude::*;
+
+use crate::rig::{Rig, STEEPEST, TICK, largest_step};
 
 /// A graph, and what its output cannot exceed: in level, and from sample to sample.
 #[derive(Clone, Debug)]
@@ -154,7 +155,7 @@ proptest! {
     }
 }
 
-/// How often the shipped graph is swapped; `ASPERITY_LONG_SWAPS` asks for more. Most of the time goes to
+/// Number of swaps of the shipped graph; `ASPERITY_LONG_SWAPS` asks for more. Most of the time goes to
 /// loading the network.
 fn swaps() -> usize {
     std::env::var("ASPERITY_LONG_SWAPS").ok().and_then(|t| t.parse().ok()).unwrap_or(70)

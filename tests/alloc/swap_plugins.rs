@@ -26,7 +26,7 @@ fn compiled(plugin: &Plugin) -> Compiled {
     compile(&graph, &registry, asperity_graph::Options::default()).unwrap_or_else(|e| panic!("{}", e[0]))
 }
 
-/// How many instances the library of the running wave has made and not destroyed.
+/// Number of instances that the library of the running wave has made and not destroyed.
 fn instances(engine: &Engine) -> u64 {
     let wave = engine.schedule().index_of("wave").unwrap();
     match &engine.facts(wave)[0].value {

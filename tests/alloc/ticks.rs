@@ -13,7 +13,7 @@ fn ticks() -> u64 {
     std::env::var("ASPERITY_LONG_TICKS").ok().and_then(|t| t.parse().ok()).unwrap_or(20_000)
 }
 
-/// What a change of a running graph asks of a node on the tick thread.
+/// A change of a running graph saves, restores, sets and resets nodes on the tick thread.
 #[test]
 fn state_and_live_parameters_allocate_nothing() {
     for kind in asperity_nodes::registry().iter() {

@@ -298,12 +298,12 @@ thread_local! {
     static TRACKED_CALLS: Cell<u64> = const { Cell::new(0) };
 }
 
-/// How often any of them was called.
+/// Calls of all of them.
 pub fn tracked_calls() -> u64 {
     TRACKED_CALLS.get()
 }
 
-/// How many `tracked` nodes there are, of this thread's making.
+/// Number of `tracked` nodes that this thread made and that live.
 pub fn tracked() -> i64 {
     TRACKED.get()
 }

@@ -1,10 +1,11 @@
 //! What a node makes of the state of one with other parameters, and of a parameter that changes: what is
 //! heard and felt.
 
-use crate::drive::{audio, control, samples, tick, values};
 use asperity_graph::GraphFile;
 use asperity_node::{Buffer, Processor};
 use harness::any_node::{compiled, graph, registry};
+
+use crate::drive::{audio, control, samples, tick, values};
 
 /// Samples of a tick.
 const PER_TICK: usize = 96;

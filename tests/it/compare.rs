@@ -7,7 +7,7 @@ use asperity_accuracy::{npy, phase};
 use harness::{files, root, run};
 use serde_json::Value;
 
-/// What a run without arguments leaves behind.
+/// Output of a run without arguments.
 struct Compared {
     _dir: tempfile::TempDir,
     text: String,

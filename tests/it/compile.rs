@@ -1,4 +1,4 @@
-//! What a graph compiles to: order, gates, cycles, latency, what is dropped. Schedules are plain data.
+//! Compiled graphs: order, gates, cycles, latency, dropped nodes. Schedules are plain data.
 
 use asperity_diagnostics::Source;
 use asperity_engine::{Engine, Options};
@@ -107,8 +107,7 @@ fn what_two_gates_share_sleeps_while_both_are_closed() {
     let s = schedule(
         &format!(
             "{SOUND}{}\"a\": (kind: \"speed_gate\"), \"b\": (kind: \"speed_gate\"), \
-             \"p\": (kind: \"probe\"), \"q\": (kind: \
-             \"probe\")",
+             \"p\": (kind: \"probe\"), \"q\": (kind: \"probe\")",
             texture("t")
         ),
         &format!(
@@ -127,8 +126,7 @@ fn what_a_gate_is_asked_with_does_not_sleep_behind_it() {
     let s = schedule(
         &format!(
             "{SOUND}{}\"a\": (kind: \"speed_gate\"), \"b\": (kind: \"speed_gate\"), \
-             \"p\": (kind: \"probe\"), \"g\": (kind: \
-             \"gain\", params: (unit: \"N\"))",
+             \"p\": (kind: \"probe\"), \"g\": (kind: \"gain\", params: (unit: \"N\"))",
             texture("t")
         ),
         &format!(
@@ -150,8 +148,8 @@ fn latency_adds_up_along_each_path() {
         "\"s\": (kind: \"stroke\"), \"f\": (kind: \"virtual_floor\"), \
          \"a\": (kind: \"delay\", params: (delay_ms: 10.0)), \
          \"b\": (kind: \"delay\", params: (delay_ms: 25.0)), \"m\": (kind: \"mix\"), \
-         \"c\": (kind: \"delay\", params: \
-         (delay_ms: 5.0)), \"p\": (kind: \"probe\"), \"q\": (kind: \"probe\")",
+         \"c\": (kind: \"delay\", params: (delay_ms: 5.0)), \"p\": (kind: \"probe\"), \
+         \"q\": (kind: \"probe\")",
         "(\"s\", \"f\"), (\"f.force\", \"a\"), (\"f.force\", \"b\"), (\"a\", \"m.in1\"), \
          (\"b\", \"m.in2\"), (\"m\", \"c\"), \
          (\"c\", \"p\"), (\"f.depth\", \"q\")",
@@ -257,8 +255,7 @@ fn a_schedule_is_plain_data_that_can_be_compared() {
 #[test]
 fn pruning_off_keeps_what_can_run_and_refuses_nothing_more() {
     let text = "Graph(version: 1, nodes: {\"s\": (kind: \"stroke\"), \"f\": (kind: \"virtual_floor\"), \
-                \"p\": (kind: \
-                \"probe\"), \"idle\": (kind: \"gain\"), \"loose\": (kind: \"mix\"), \
+                \"p\": (kind: \"probe\"), \"idle\": (kind: \"gain\"), \"loose\": (kind: \"mix\"), \
                 \"after\": (kind: \"gain\")}, wires: \
                 [(\"s\", \"f\"), (\"f.force\", \"p\"), (\"f.depth\", \"idle\"), (\"loose\", \"after\")])";
     let graph = GraphFile::parse(&Source::new("g.ron", text)).unwrap();

@@ -6,12 +6,12 @@ use asperity_texture::{Library, LibraryMaterial};
 use harness::{Ran, files, json, networks, run};
 use image::{Rgb, RgbImage};
 
-/// What the encoder of these tests answers to a picture of one brightness `s`, from 0 to 1.
+/// Answer of these tests' encoder to a picture of one brightness `s`, from 0 to 1.
 fn vector(s: f64) -> [f32; 256] {
     std::array::from_fn(|n| (s * (1.0 + n as f64 / 256.0)) as f32)
 }
 
-/// How far two brightnesses are apart, as vectors.
+/// Distance of two brightnesses as vectors.
 fn apart(a: f64, b: f64) -> f64 {
     (a - b).abs() * (0..256).map(|n| (1.0 + f64::from(n) / 256.0).powi(2)).sum::<f64>().sqrt()
 }

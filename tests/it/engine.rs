@@ -42,8 +42,7 @@ fn every_sample_passes_once_and_in_order_at_44100_and_48000() {
     for hz in [44_100, 48_000, 96_000, 8_000] {
         let text = format!(
             "Graph(version: 1, tick_hz: 700, audio_hz: {hz}, nodes: {{\"c\": (kind: \"counter\"), \
-             \"p\": (kind: \
-             \"probe\")}}, wires: [(\"c.samples\", \"p\")])"
+             \"p\": (kind: \"probe\")}}, wires: [(\"c.samples\", \"p\")])"
         );
         let graph = GraphFile::parse(&Source::new("t", text)).unwrap();
         let mut e =
@@ -61,8 +60,7 @@ fn every_sample_passes_once_and_in_order_at_44100_and_48000() {
 fn a_nan_fades_within_10_ms_and_the_rest_goes_on() {
     let mut e = engine(
         "\"f\": (kind: \"faulty\", params: (from: 10, to: 25, how: nan)), \"g\": (kind: \"gain\"), \
-         \"c\": (kind: \
-         \"counter\"), \"p\": (kind: \"probe\"), \"q\": (kind: \"probe\")",
+         \"c\": (kind: \"counter\"), \"p\": (kind: \"probe\"), \"q\": (kind: \"probe\")",
         "(\"f.audio\", \"g\"), (\"g\", \"p\"), (\"c.samples\", \"q\")",
     );
     let mut out = Vec::new();
@@ -89,8 +87,7 @@ fn a_nan_fades_within_10_ms_and_the_rest_goes_on() {
 fn a_control_of_a_failing_node_holds_and_is_not_trusted() {
     let mut e = engine(
         "\"f\": (kind: \"faulty\", params: (from: 5, to: 8, how: \"nan control\")), \
-         \"g\": (kind: \"gain\", params: \
-         (gain: 2.0)), \"p\": (kind: \"probe\")",
+         \"g\": (kind: \"gain\", params: (gain: 2.0)), \"p\": (kind: \"probe\")",
         "(\"f.control\", \"g\"), (\"g\", \"p\")",
     );
     for tick in 0..12 {
@@ -123,8 +120,7 @@ fn a_frame_of_a_failing_node_is_zero() {
 fn a_panic_is_contained_counted_and_quarantined() {
     let mut e = engine(
         "\"f\": (kind: \"faulty\", params: (from: 3, to: 1000, how: panic)), \"c\": (kind: \"counter\"), \
-         \"p\": \
-         (kind: \"probe\"), \"q\": (kind: \"probe\")",
+         \"p\": (kind: \"probe\"), \"q\": (kind: \"probe\")",
         "(\"f.audio\", \"p\"), (\"c.tick\", \"q\")",
     );
     for _ in 0..100 {
@@ -151,9 +147,9 @@ fn an_error_code_reaches_the_report() {
 #[test]
 fn what_serves_a_closed_gate_alone_is_not_called() {
     let nodes = "\"c\": (kind: \"counter\"), \"m\": (kind: \"memory_restart\"), \
-                 \"g\": (kind: \"test_gate\"), \"p\": \
-                 (kind: \"probe\"), \"shared\": (kind: \"counter\"), \"q\": (kind: \"probe\"), \"n\": (kind: \
-                 \"memory_never\"), \"mix\": (kind: \"mix\", params: (inputs: 3))";
+                 \"g\": (kind: \"test_gate\"), \"p\": (kind: \"probe\"), \"shared\": (kind: \"counter\"), \
+                 \"q\": (kind: \"probe\"), \"n\": (kind: \"memory_never\"), \
+                 \"mix\": (kind: \"mix\", params: (inputs: 3))";
     let wires = "(\"c.samples\", \"m\"), (\"m\", \"mix.in1\"), (\"shared.samples\", \"mix.in2\"), \
                  (\"shared.tick\", \
                  \"q\"), (\"shared.samples\", \"n\"), (\"n\", \"mix.in3\"), (\"mix\", \"g\"), (\"g\", \"p\")";
@@ -175,8 +171,7 @@ fn a_node_wakes_as_it_says() {
     {
         let nodes = format!(
             "\"c\": (kind: \"counter\"), \"m\": (kind: \"memory_{kind}\"), \"g\": (kind: \"test_gate\"), \
-             \"p\": (kind: \
-             \"probe\")"
+             \"p\": (kind: \"probe\")"
         );
         let mut e = engine(&nodes, "(\"c.samples\", \"m\"), (\"m\", \"g\"), (\"g\", \"p\")");
         for _ in 0..7 {
@@ -189,8 +184,7 @@ fn a_node_wakes_as_it_says() {
 #[test]
 fn the_output_is_the_same_whether_nodes_sleep_or_not() {
     let nodes = "\"c\": (kind: \"counter\"), \"m\": (kind: \"memory_restart\"), \
-                 \"g\": (kind: \"test_gate\"), \"p\": \
-                 (kind: \"probe\")";
+                 \"g\": (kind: \"test_gate\"), \"p\": (kind: \"probe\")";
     let wires = "(\"c.samples\", \"m\"), (\"m\", \"g\"), (\"g\", \"p\")";
     let mut sleeping = engine(nodes, wires);
     let mut awake = engine_with(nodes, wires, Options { sleep: false, ..Options::default() });
@@ -206,8 +200,7 @@ fn the_output_is_the_same_whether_nodes_sleep_or_not() {
 #[test]
 fn a_node_that_dozes_is_woken_by_its_input() {
     let nodes = "\"f\": (kind: \"faulty\"), \"g\": (kind: \"test_gate\", params: (close: 2, open: 8)), \
-                 \"d\": (kind: \
-                 \"dozer\"), \"p\": (kind: \"probe\")";
+                 \"d\": (kind: \"dozer\"), \"p\": (kind: \"probe\")";
     let mut e = engine(nodes, "(\"f.audio\", \"g\"), (\"g\", \"d\"), (\"d\", \"p\")");
     let mut levels = Vec::new();
     for _ in 0..10 {

@@ -1,4 +1,4 @@
-//! What a host gives to a graph, and time that goes by without ticks.
+//! Inputs that a host feeds to a graph, and time that passes without ticks.
 
 use asperity_diagnostics::Source;
 use asperity_engine::{Controller, Engine};

@@ -25,7 +25,7 @@ fn read(dir: &Path, name: &str) -> TextureFile {
     TextureFile::read(dir.join(name)).unwrap_or_else(|e| panic!("{e}"))
 }
 
-/// What a command prints as JSON.
+/// JSON that a command prints.
 fn told(dir: &Path, args: &[&str]) -> Value {
     let out = fit(dir, &[args, &["--json"]].concat()).ok().out;
     serde_json::from_str(&out).unwrap_or_else(|e| panic!("{e}: {out}"))

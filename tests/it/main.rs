@@ -14,7 +14,6 @@ mod fed;
 mod fit_ar;
 mod hostile;
 mod invert;
-mod phase_plugins;
 mod phase_survival;
 mod phase_vectors;
 mod plugin_check;

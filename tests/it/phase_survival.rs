@@ -1,5 +1,5 @@
-//! What every phase-retrieval node must survive, built in or from a plugin, in the engine as a graph would
-//! have it.
+//! Cases that every phase-retrieval node must survive, built in or from a plugin, in the engine as a graph
+//! would have it.
 
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -212,7 +212,7 @@ fn called(registry: &Registry, method: &(String, bool), case: &str) -> (Vec<u32>
     (bits, bad)
 }
 
-/// How well a signal has the magnitudes of a case, of which it has heard those from `from` on.
+/// Score of a signal against the magnitudes of a case, from frame `from` on.
 fn score(case: &str, scale: f64, rate_hz: u32, heard: &[f64]) -> Score {
     let unscaled = f64::from(rate_hz / 40) * scale;
     // The last window's worth is still to come.
@@ -222,7 +222,7 @@ fn score(case: &str, scale: f64, rate_hz: u32, heard: &[f64]) -> Score {
     phase::score(&all, &phase::framing(rate_hz, BINS), heard).unwrap_or_else(|e| panic!("{case}: {e}"))
 }
 
-/// What a method loses of the level of a case, in dB, and why it is no fault.
+/// Level that a method loses in a case \[dB\], and why it is no fault.
 fn loss(method: &str, case: &str) -> (f64, f64) {
     match (method.split(':').next().unwrap_or(""), case) {
         // Overlapping frames whose phases do not agree.

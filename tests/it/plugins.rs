@@ -7,7 +7,7 @@ use asperity_accuracy::npy;
 use asperity_loader::Plugin;
 use harness::{graphs, json, plugins, root, run, wav};
 
-/// What loading a file says.
+/// Error of loading a file.
 fn refusal(path: &Path) -> String {
     match Plugin::load(path) {
         Ok(plugin) => panic!("{} loads: {plugin:?}", path.display()),

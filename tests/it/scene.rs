@@ -379,7 +379,6 @@ fn sleeping_waking_and_crossing_make_no_step() {
     }
 }
 
-/// What is wrong in a scene is said with its place and nothing is written.
 #[test]
 fn scene_error_has_its_place_and_nothing_is_written() {
     let dir = tempfile::tempdir().unwrap();

@@ -40,7 +40,7 @@ fn random(amplitudes: &[f32], rate_hz: u32, level: Level) -> Vec<f64> {
     overlap_add(amplitudes, rate_hz, |frame, _, mags, out| kernel.process(frame, mags, out))
 }
 
-/// What the bank makes of the frames, moved to the frames' time: it is half a window less one hop ahead.
+/// Signal of the bank, moved to the frames' time: the bank is half a window less one hop ahead.
 fn bank(amplitudes: &[f32], rate_hz: u32, partials: Partials, seed: u64) -> Vec<f64> {
     let framing = phase::framing(rate_hz, 101);
     let hop = framing.start(1) as usize;

@@ -94,7 +94,7 @@ fn powers(engine: &mut Engine, id: &str, until: u64) -> (f64, f64, u64) {
     (heard / samples, asked / frames as f64, frames)
 }
 
-/// How much louder the chain of a graph is than the network asks for, in dB, over some seeds.
+/// Level of a graph's chain over the level that the network asks for \[dB\], over some seeds.
 fn level_db(graph: &str, tick_hz: u64, every: u64, seeds: u64) -> f64 {
     const SECONDS: u64 = 4;
     let (mut all, mut all_asked) = (0.0, 0.0);

@@ -238,7 +238,6 @@ fn parts_of_a_study_are_put_together_and_the_best_can_be_pasted() {
     assert!(unknown.code == 2 && unknown.err.contains("spectrum"), "{}", unknown.err);
 }
 
-/// What is wrong with a study is said with its place and nothing is written.
 #[test]
 fn study_error_has_its_place_and_nothing_is_written() {
     let dir = tempfile::tempdir().expect("a folder");

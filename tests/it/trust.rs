@@ -127,7 +127,7 @@ fn folder_that_everybody_may_write_into_is_not_trusted() {
     it.refuses(&["check", "g.ron"]);
 }
 
-/// What the program says to somebody at a terminal who types this.
+/// Messages of the program to a person at a terminal who types this.
 fn at_a_terminal(it: &Stranger, types: &str) -> String {
     let mut program = Command::new("script");
     let line = format!("{} check g.ron", env!("CARGO_BIN_EXE_asperity"));

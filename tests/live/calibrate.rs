@@ -1,12 +1,12 @@
 //! `asperity calibrate`, as a user runs it: with a simulated card that has an actuator between output and
 //! input.
 
-use harness::alone::real_time;
 use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::process::Stdio;
 
 use asperity_actuator::ActuatorProfile;
+use harness::alone::real_time;
 use harness::live::told;
 use harness::{Ran, asperity, files, graphs, json, run, wav};
 

@@ -13,7 +13,7 @@ const STROKE: f64 = 3e-3;
 const SLEW_HZ: f64 = 2000.0;
 const DC_CORNER_HZ: f64 = 5.0;
 
-/// How far limits were used: 1 is the limit itself.
+/// Share of each limit that was used; 1 is the limit itself.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Used {
     pub peak: f64,

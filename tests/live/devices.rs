@@ -1,11 +1,11 @@
 //! `asperity devices`, and what is said of a device's channels, beside a JACK server.
 #![cfg(unix)]
 
-use harness::test_name;
 use std::time::{Duration, Instant};
 
 use harness::run;
 use harness::servers::{Jack, inside};
+use harness::test_name;
 use serde_json::Value;
 
 fn hosts() -> Vec<Value> {

@@ -5,12 +5,13 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, AtomicUsize, Ordering::*};
 use std::time::{Duration, Instant};
 
+use harness::live::{Live, PATIENCE, until};
+use harness::servers::STUCK;
 use jack::{AsyncClient, AudioIn, Client, ClientOptions, Control, Port, ProcessHandler, ProcessScope};
 
-use crate::played::{PATIENCE, Program, wait_for};
-use harness::servers::STUCK;
+use crate::played::play;
 
-/// How long after the first port of a program its second one may come.
+/// Longest time between the first port of a program and its second one.
 const SOON: Duration = Duration::from_secs(1);
 
 /// Two ports in memory that is there beforehand.
@@ -88,8 +89,8 @@ impl Ear {
 
     /// Waits for so many frames more.
     pub(crate) fn wait(&self, frames: usize) {
-        let until = self.frames() + frames;
-        wait_for(&format!("{frames} samples more: {STUCK}"), || self.frames() >= until);
+        let most = self.frames() + frames;
+        until(&format!("{frames} samples more: {STUCK}"), || self.frames() >= most);
     }
 
     /// Runs the server as fast as it goes until so many frames more have come.
@@ -105,7 +106,7 @@ impl Ear {
         set(0);
     }
 
-    /// What was heard.
+    /// The frames that were heard.
     pub(crate) fn stop(self) -> Vec<[f32; 2]> {
         match self.client.deactivate() {
             Ok((_, (), tape)) => tape.frames,
@@ -116,12 +117,12 @@ impl Ear {
 
 /// A program that plays the graph, heard from its first sample on: where the ear came too late, both start
 /// again. It did where the first sample is not as faint as a ramp begins.
-pub(crate) fn heard_from_the_start(dir: &Path, args: &[&str], frames: usize, faint: f32) -> (Program, Ear) {
+pub(crate) fn heard_from_the_start(dir: &Path, args: &[&str], frames: usize, faint: f32) -> (Live, Ear) {
     for _ in 0..5 {
         let ear = Ear::new(frames);
-        let program = Program::play(dir, &[&["--host", "jack"], args].concat());
+        let mut program = play(dir, &[&["--host", "jack"], args].concat());
         ear.hear(program.id());
-        wait_for("a sound", || ear.first.load(Acquire) != 0);
+        until("a sound", || ear.first.load(Acquire) != 0);
         if f32::from_bits(ear.first.load(Acquire)).abs() < faint {
             return (program, ear);
         }

@@ -1,6 +1,5 @@
 //! `asperity run` while its graph is edited: nobody waits for that, and what cannot be had changes nothing.
 
-use harness::alone::real_time;
 use std::io::Read as _;
 use std::net::{SocketAddr, TcpListener, UdpSocket};
 use std::path::Path;
@@ -8,11 +7,13 @@ use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 use std::sync::{Arc, mpsc};
 use std::time::Duration;
 
-use crate::haply::Service;
-use crate::onlooker::{Onlooker, Shown};
+use harness::alone::real_time;
 use harness::json;
 use harness::live::{CARD, EARS, Live, graph, npy, rows, until};
 use serde_json::json;
+
+use crate::haply::Service;
+use crate::onlooker::{Onlooker, Shown};
 
 /// Samples of a tick at 48 kHz.
 const TICK: usize = 96;
@@ -155,7 +156,7 @@ fn sigterm_does_not_wait_for_a_hand_that_does_not_answer() {
     let (live, onlooker, mute) = opening(dir.path());
     let before = onlooker.shown.view["ticks"].as_u64().expect("ticks");
     assert_eq!(mute.given_up.load(Relaxed), 0);
-    let ran = live.stop_by("-TERM").ok();
+    let ran = live.stop_by("TERM").ok();
     assert!(!ran.err.contains("cannot be taken over"), "it waited: {}", ran.err);
     let report = json(&dir.path().join("r.json"));
     assert!(report["ticks"].as_u64() >= Some(before), "{report}");
@@ -164,7 +165,7 @@ fn sigterm_does_not_wait_for_a_hand_that_does_not_answer() {
 
     let dir = tempfile::tempdir().expect("a folder");
     let (live, _onlooker, service) = exchanging(dir.path());
-    live.stop_by("-TERM").ok();
+    live.stop_by("TERM").ok();
     assert_eq!(harness::files(dir.path()), ["g.ron", "heard.npy", "place.csv", "r.json", "sent.npy"]);
     assert_eq!(service.unheard.load(Relaxed), 1, "it was opened as it was before, though nobody wants it");
 }

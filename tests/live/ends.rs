@@ -1,18 +1,19 @@
 //! Runs that nobody looks at any more: their terminal is closed, or nobody reads what they say.
 #![cfg(target_os = "linux")]
 
-use harness::alone::real_time;
 use std::io::{BufRead as _, BufReader, Read as _, Write as _};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use crate::socket::watch;
+use harness::alone::real_time;
 use harness::live::{CARD, EARS, Live, PATIENCE, npy, told, until};
 use harness::{asperity, json, run};
 use tungstenite::Message;
 
-/// What a terminal is told first.
+use crate::socket::watch;
+
+/// First bytes to a terminal.
 const ENTER: &str = "\x1b[?1049h";
 
 /// A sine, and what the card plays of it.
@@ -119,7 +120,7 @@ fn threads(process: u32) -> Vec<String> {
     all.filter_map(name).map(|name| name.trim_end().to_owned()).collect()
 }
 
-/// What the system says of a process, from its state on.
+/// Fields of `/proc/PID/stat`, from the state on.
 fn stat(process: u32) -> Option<Vec<String>> {
     let text = std::fs::read_to_string(format!("/proc/{process}/stat")).ok()?;
     Some(text.rsplit_once(')')?.1.split_whitespace().map(str::to_owned).collect())
@@ -130,7 +131,7 @@ fn signal(process: u32, name: &str) {
     assert!(done.is_ok_and(|status| status.success()), "kill -{name}");
 }
 
-/// What was heard is what was sent up to the stop, and less and less from there on.
+/// Asserts that the card heard what was sent up to the stop, and a falling level from there on.
 fn ends_softly(dir: &Path) -> Result<(), String> {
     const MARK: usize = 960;
     let (sent, heard) = (npy(&dir.join("sent.npy")), npy(&dir.join("heard.npy")));
@@ -307,7 +308,7 @@ fn recording_of_a_killed_run_is_recovered() {
     let recover = |what: &str| run(dir.path(), &["recover", what]);
     assert!(recover(".").ok().err.contains("still records"));
     std::thread::sleep(Duration::from_millis(2500));
-    live.stop_by("-KILL");
+    live.stop_by("KILL");
     // A program that reads it as it is finds what its header says.
     std::fs::copy(&growing, dir.path().join("as_it_is.wav")).expect("a recording");
     assert!(samples(&dir.path().join("as_it_is.wav")).len() > 72_000);

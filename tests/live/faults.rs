@@ -1,28 +1,30 @@
 //! `asperity` on a JACK server that fails, on devices that are not there, and on one channel of two.
 
-use harness::test_name;
 use std::path::Path;
 
-use crate::ear::Ear;
-use crate::played::{Program, START_S, assert_no_clicks, assert_ramps_down, counted, first_sound, follow};
+use harness::live::Live;
 use harness::servers::{Jack, inside};
+use harness::test_name;
+
+use crate::ear::Ear;
+use crate::played::{START_S, assert_no_clicks, assert_ramps_down, counted, first_sound, follow, play};
 
 const RATE: usize = 48_000;
 
 /// Plays the graph on JACK, heard until it is up.
-fn up(dir: &Path, args: &[&str]) -> (Program, Ear) {
+fn up(dir: &Path, args: &[&str]) -> (Live, Ear) {
     crate::played::write_graph(dir, RATE as u32);
     let ear = Ear::new(60 * RATE);
-    let mut program = Program::play(dir, &[&["--host", "jack"], args].concat());
+    let mut program = play(dir, &[&["--host", "jack"], args].concat());
     ear.hear(program.id());
-    program.wait_until_said("plays on");
+    program.says("plays on");
     ear.wait((START_S * RATE as f64) as usize + RATE / 10);
     (program, ear)
 }
 
 /// Hears a program that has come back: it begins softly, is where it would be if nothing had happened or
 /// later, and stops well.
-fn is_back(dir: &Path, program: Program, least_s: f64) {
+fn is_back(dir: &Path, mut program: Live, least_s: f64) {
     let ear = Ear::new(60 * RATE);
     ear.hear(program.id());
     ear.wait(3 * RATE);
@@ -52,10 +54,10 @@ fn run_comes_back_with_a_killed_server_and_ticks_went_on() {
     server.kill();
     // Its server is dead: it cannot be closed in order.
     std::mem::forget(ear);
-    program.wait_until_said("is lost: ");
+    program.says("is lost: ");
     let name = std::env::var("JACK_DEFAULT_SERVER").unwrap();
     let _next = Jack::named(&name, 48_000, 128).unwrap();
-    program.wait_until_said("` is back");
+    program.says("` is back");
     // The graph was up for two seconds, and a lost device is looked for after half of one.
     is_back(dir.path(), program, START_S + 0.4);
 }
@@ -66,9 +68,9 @@ fn a_run_comes_back_when_a_stopped_server_goes_on() {
     let dir = tempfile::tempdir().unwrap();
     let (mut program, ear) = up(dir.path(), &[]);
     server.stop();
-    program.wait_until_said("is lost: ");
+    program.says("is lost: ");
     server.go_on();
-    program.wait_until_said("` is back");
+    program.says("` is back");
     drop(ear);
     is_back(dir.path(), program, START_S + 0.4);
 }
@@ -77,7 +79,7 @@ fn a_run_comes_back_when_a_stopped_server_goes_on() {
 fn without_reconnecting_a_lost_device_ends_the_run() {
     let Some(server) = inside(test_name!(), || Jack::start(48_000, 64)) else { return };
     let dir = tempfile::tempdir().unwrap();
-    let (program, ear) = up(dir.path(), &["--no-reconnect"]);
+    let (mut program, ear) = up(dir.path(), &["--no-reconnect"]);
     server.kill();
     // Its server is dead: it cannot be closed in order.
     std::mem::forget(ear);
@@ -92,7 +94,7 @@ fn what_is_not_there_is_an_error_and_nothing_is_played_instead() {
     let dir = tempfile::tempdir().unwrap();
     crate::played::write_graph(dir.path(), 48_000);
     let refused = |args: &[&str]| {
-        let ran = Program::play(dir.path(), args).end();
+        let ran = play(dir.path(), args).end();
         assert_eq!((ran.code, ran.out.as_str()), (2, ""), "{args:?}: {}", ran.err);
         assert!(!ran.err.contains("plays on"), "{args:?}: {}", ran.err);
         assert_eq!(harness::files(dir.path()), ["hand.csv", "live.ron"], "{args:?}");
@@ -133,7 +135,7 @@ fn a_tone_is_on_the_channel_that_is_named_and_on_no_other() {
     let ear = Ear::new(60 * RATE);
     let tone =
         ["tone", "--host", "jack", "--channel", "2", "--hz", "100", "--amps", "0.04", "--seconds", "2"];
-    let program = Program::start(dir.path(), &tone);
+    let mut program = Live::command(dir.path(), &tone);
     ear.hear(program.id());
     let ran = program.end().ok();
     assert!(ran.err.contains("on channel 2"), "{}", ran.err);

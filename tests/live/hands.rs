@@ -1,6 +1,5 @@
 //! `asperity run` with hands that are no page: over the network, on arms that push back, without sound.
 
-use harness::alone::real_time;
 use std::cell::Cell;
 use std::net::{SocketAddr, UdpSocket};
 use std::path::{Path, PathBuf};
@@ -9,10 +8,12 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
-use crate::haply::Service;
+use harness::alone::real_time;
 use harness::live::{CARD, EARS, Live, graph, npy, rms, rows, told};
 use harness::{json, root};
 use rosc::{OscMessage, OscPacket, OscType};
+
+use crate::haply::Service;
 
 /// Samples of a tick at 48 kHz.
 const TICK: usize = 96;

@@ -3,22 +3,23 @@
 //! On a machine that is busy the server itself runs late now and then. What the program leaves out for it is
 //! no failure, but must be what it counts. Freewheel is for the callback clock: a paced thread keeps to time.
 
-use harness::test_name;
 use std::f64::consts::PI;
+use std::time::Duration;
+
+use harness::live::{Live, told};
+use harness::servers::{Jack, inside, inside_beside_others};
+use harness::test_name;
 
 use crate::ear::{Ear, heard_from_the_start};
 use crate::played::{
-    Counted, Followed, Program, START_S, assert_no_clicks, assert_ramps_down, clicks_where_it_should,
-    counted, first_sound, follow,
+    Counted, Followed, START_S, assert_no_clicks, assert_ramps_down, clicks_where_it_should, counted,
+    first_sound, follow,
 };
-use harness::live::told;
-use harness::servers::{Jack, inside, inside_beside_others};
-use std::time::Duration;
 
-/// How long a program is held.
+/// Time for which a program is held.
 const HELD: Duration = Duration::from_millis(100);
 
-/// What happens to a run.
+/// Conditions of a run.
 struct Run {
     rate_hz: u32,
     /// Frames of a callback.
@@ -48,7 +49,7 @@ fn is_heard_as_rendered(run: &Run) -> Result<(), String> {
     let in_callback = period * 500 <= rate;
     // A paced thread listens first, and the ramp has begun by then.
     let faint = if in_callback { 1e-12 } else { 1e-8 };
-    let (program, ear) = heard_from_the_start(dir.path(), &[], (seconds + wheeled + 30) * rate, faint);
+    let (mut program, ear) = heard_from_the_start(dir.path(), &[], (seconds + wheeled + 30) * rate, faint);
     ear.wait(seconds * rate);
     if run.held {
         program.signal("STOP");
@@ -105,7 +106,7 @@ fn left_out(followed: &Followed, start: i64) -> u64 {
     u64::try_from(followed.last_shift() + start).expect("later than it began")
 }
 
-/// What is left out is what the report counts, and breaks are no more than it counts.
+/// Asserts that left-out samples and breaks are those that the report counts.
 fn everything_is_counted(followed: &Followed, count: &Counted, start: i64, in_callback: bool) {
     assert!(followed.breaks.len() as u64 <= count.underruns + count.xruns, "{followed:?} {count:?}");
     let left_out = left_out(followed, start);
@@ -211,7 +212,7 @@ fn write(dir: &std::path::Path, graph: &str) {
     std::fs::rename(dir.join("new"), dir.join("live.ron")).unwrap();
 }
 
-/// What is heard while a graph is edited every so often, and what the program counted.
+/// Output while a graph is edited now and then, and the program's counts.
 fn heard_under_attack(
     graph: impl Fn(usize) -> String,
     channels: &str,
@@ -221,7 +222,7 @@ fn heard_under_attack(
     let dir = tempfile::tempdir().unwrap();
     write(dir.path(), &graph(0));
     let args = ["--watch", "--channel", channels];
-    let (program, ear) = heard_from_the_start(dir.path(), &args, (seconds + 30) * 48_000, 1e-3);
+    let (mut program, ear) = heard_from_the_start(dir.path(), &args, (seconds + 30) * 48_000, 1e-3);
     let begun = std::time::Instant::now();
     let mut edits = 0;
     while begun.elapsed() < Duration::from_secs(seconds as u64) {
@@ -333,7 +334,7 @@ fn runs_in_a_row_on_a_server_heat_the_coil_no_more_than_one() {
             let mut command = harness::asperity(dir.path());
             command.env("ASPERITY_STATE", state.path());
             command.args(["run", "live.ron", "--report", "report.json", "--host", "jack", "--channel", "1"]);
-            let program = Program::of(command);
+            let mut program = Live::of(command);
             ear.hear(program.id());
             ear.wait(4 * 48_000);
             program.signal("INT");
@@ -365,9 +366,9 @@ fn server_that_was_lost_finds_its_coil_as_warm_as_it_was() {
         let (mut program, ear) = heard_from_the_start(dir.path(), &["--channel", "1"], 60 * 48_000, 1e-3);
         ear.wait(5 * 48_000);
         server.stop();
-        program.wait_until_said("is lost: ");
+        program.says("is lost: ");
         server.go_on();
-        program.wait_until_said("` is back");
+        program.says("` is back");
         let before = ear.stop();
         let ear = Ear::new(60 * 48_000);
         ear.hear(program.id());

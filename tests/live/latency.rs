@@ -1,15 +1,15 @@
 //! `asperity latency` over a cable inside a JACK server.
 
-use crate::ear::joined;
-use crate::played::{Program, wait_for};
-use harness::live::told;
+use harness::live::{Live, told, until};
 use harness::servers::{Jack, inside};
 use harness::test_name;
 use jack::{Client, ClientOptions};
 
-/// What is declared from input to output at 48 kHz and 128 frames, at most.
+use crate::ear::joined;
+
+/// Largest declared latency from input to output at 48 kHz and 128 frames.
 const REACH_MS: f64 = 15.0;
-/// How late the recommended chain is half way up, in all, at most.
+/// Longest time in which the recommended chain is half way up.
 const HALF_WAY_MS: f64 = 40.0;
 
 /// Measures at a period, and answers the sum of what is declared [ms]. The program itself says by its exit
@@ -21,11 +21,11 @@ fn agrees(clock: &str, period: u64) -> f64 {
 fn measured(clock: &str, period: u64) -> Result<f64, String> {
     let dir = tempfile::tempdir().unwrap();
     let mut program =
-        Program::start(dir.path(), &["latency", "--host", "jack", "--inside", "--trials", "20", "--json"]);
+        Live::command(dir.path(), &["latency", "--host", "jack", "--inside", "--trials", "20", "--json"]);
     let (client, _) = Client::new("asperity_cable", ClientOptions::NO_START_SERVER).unwrap();
     let end = |end: &str| format!("cpal_client_{}_{end}", program.id());
     let (from, to) = (end("out:out_0"), end("in:in_0"));
-    wait_for("ports", || program.is_over() || joined(&client, &from) && joined(&client, &to));
+    until("ports", || program.is_over() || joined(&client, &from) && joined(&client, &to));
     if program.is_over() {
         let said = program.end().err;
         assert!(said.contains("no answer"), "{said}");
@@ -79,10 +79,10 @@ fn sum_at_128_frames_is_measured_and_within_15_ms() {
 fn who_has_not_joined_the_ports_is_told_how_and_may_stop() {
     let Some(_server) = inside(test_name!(), || Jack::start(48_000, 256)) else { return };
     let dir = tempfile::tempdir().unwrap();
-    let mut program = Program::start(dir.path(), &["latency", "--host", "jack", "--inside"]);
+    let mut program = Live::command(dir.path(), &["latency", "--host", "jack", "--inside"]);
     let end = |end: &str| format!("cpal_client_{}_{end}", program.id());
     let line = format!("jack_connect {} {}", end("out:out_0"), end("in:in_0"));
-    program.wait_until_said(&line);
+    program.says(&line);
     program.signal("INT");
     let ran = program.end();
     assert!(ran.code == 1 && ran.err.contains("stopped after 0 of 50 clicks"), "{}: {}", ran.code, ran.err);

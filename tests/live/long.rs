@@ -3,7 +3,6 @@
 //!
 //! `ASPERITY_LONG_TICKS` says how many ticks; without it, a few seconds.
 
-use harness::alone::apart;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::time::{Duration, Instant};
@@ -16,6 +15,7 @@ use asperity_live::driver::{Callback, Clock, Controls, Options, Paced, Ticker};
 use asperity_live::realtime::Machine;
 use asperity_live::{Ends, Meters, Player, conduct};
 use asperity_node::time;
+use harness::alone::apart;
 use harness::counting::{Who, assert_it_counts, bind, look, touched};
 
 /// Samples are numbered up to here, and then from the front: numbers that f32 holds exactly.
@@ -52,7 +52,7 @@ impl Ticker for Numbered {
     }
 }
 
-/// What was heard: how far the numbers jumped ahead, and frames without a number in its place.
+/// The heard samples: jumps ahead, and frames without a number in its place.
 #[derive(Default)]
 struct Heard {
     frames: AtomicU64,

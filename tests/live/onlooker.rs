@@ -3,13 +3,12 @@
 use std::net::TcpStream;
 use std::time::{Duration, Instant};
 
+use harness::live::PATIENCE;
 use serde_json::Value;
 use tungstenite::client::IntoClientRequest as _;
 use tungstenite::{Message, WebSocket};
 
-use harness::live::PATIENCE;
-
-/// What was shown last.
+/// The last view and layout.
 #[derive(Debug, Default)]
 pub struct Shown {
     pub view: Value,

@@ -1,4 +1,4 @@
-//! What somebody is told who gives a command that plays something wrong: which option, and what would fit.
+//! Errors about options of the commands that play: they name the option, and what would fit.
 
 use harness::alone::beside_others;
 use harness::live::{graph, until};
@@ -6,7 +6,7 @@ use harness::{Ran, files, graphs, run};
 
 const CARD: &str = "simulated:frames=64,speed=10,loopback=1";
 
-/// What no number may be.
+/// Values that are wrong for every number.
 const ABSURD: [&str; 6] = ["-1", "1e9", "nan", "", "nope", "1,1"];
 
 /// A command with all that it needs but the option that is tried.
@@ -246,7 +246,6 @@ fn a_tone_is_announced_as_loud_as_it_is_played() {
     assert!(played > 0.05 && played <= 0.6 && said.contains("50 A are asked for"), "{said}");
 }
 
-/// What a device cannot do is said once though it is opened twice.
 #[test]
 fn device_opened_twice_tells_its_limits_once() {
     let _alone = beside_others();

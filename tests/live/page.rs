@@ -2,14 +2,15 @@
 
 mod crowd;
 
-use harness::alone::real_time;
 use std::path::Path;
 use std::time::Duration;
 
-use crate::pen::Pen;
+use harness::alone::real_time;
 use harness::chromium::Chromium;
 use harness::json;
 use harness::live::{CARD, EARS, Live, graph, npy, rms, rows, times, told};
+
+use crate::pen::Pen;
 
 /// Samples of a tick at 48 kHz.
 const TICK: usize = 96;
@@ -138,8 +139,8 @@ fn silences(x: &[f32]) -> Vec<usize> {
     found
 }
 
-/// How far a sample is at most from where the two before it lead: a step stands far out of any smooth signal.
-/// The limiter has corners where it holds the peak.
+/// Largest distance of a sample from the line through the two before it. A step stands out of any smooth
+/// signal. The limiter has corners where it holds the peak.
 fn largest_kink(x: &[f32]) -> f32 {
     let peak = x.iter().fold(0.0, |most: f32, x| most.max(x.abs()));
     let free = x.windows(3).filter(|w| w.iter().all(|x| x.abs() < 0.999 * peak));
@@ -283,7 +284,7 @@ fn swap_does_not_click(sent: &[f32], times: &[f64], lifted: usize) -> Result<(),
     Ok(())
 }
 
-/// How long a source may be silent where a page is closed: a busy browser is, for longer than 50 ms.
+/// Longest silence of a source when a page is closed. A busy browser is silent for longer than 50 ms.
 const TIMEOUT_TICKS: usize = 100;
 
 /// Ticks at which the stylus came to a stop for at least half a second.

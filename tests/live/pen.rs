@@ -10,9 +10,9 @@ pub const MM: f64 = 25.4 / 96.0;
 pub const RADIUS: f64 = 60.0;
 /// Between two events of the pen.
 const EVERY: Duration = Duration::from_millis(4);
-/// How far behind it may be and still make up for it: what comes in a bunch has no speed.
+/// Longest delay that it makes up for. Events that come in a bunch have no speed.
 const BEHIND: Duration = Duration::from_millis(12);
-/// How long the page may take.
+/// Longest time that the page may take.
 const PATIENCE: Duration = Duration::from_secs(60);
 
 /// A page on which a pen goes round.

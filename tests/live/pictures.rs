@@ -1,15 +1,16 @@
 //! The pictures of the README, of a run as it is: `make live-pictures`.
 
-use harness::alone::real_time;
 use std::collections::HashMap;
 use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;
 use std::time::Duration;
 
-use crate::pen::{MM, Pen, RADIUS};
+use harness::alone::real_time;
 use harness::chromium::{Chromium, Look};
 use harness::live::Live;
+
+use crate::pen::{MM, Pen, RADIUS};
 
 /// With `ASPERITY_PICTURES=FOLDER`: the page and the terminal of a run of graphs/live.ron, painted while a
 /// pen strokes. With
@@ -63,7 +64,7 @@ fn painted(more: &[&str], width: u32, dark: bool) -> Option<(Live, Pen)> {
     Some((live, pen))
 }
 
-/// How often colours occur.
+/// Counts of colours.
 type Counts = HashMap<[u8; 3], u32>;
 
 /// Writes a picture anew with the 256 colours that it has most of: a page has few, and edges between them.

@@ -1,40 +1,24 @@
 //! The program as it plays in real time, and what it plays laid beside the same graph rendered offline.
 
-use std::io::{BufRead as _, BufReader};
 use std::path::Path;
-use std::process::{Child, ChildStderr, Command, Stdio};
-use std::sync::{Arc, Mutex};
-use std::thread::JoinHandle;
-use std::time::{Duration, Instant};
 
-use harness::servers::signal;
-use harness::{Ran, asperity, json, run};
+use harness::live::Live;
+use harness::{json, run};
 
-/// How long anything may take on a machine that is busy.
-pub(crate) const PATIENCE: Duration = Duration::from_secs(30);
 /// Seconds from silence to full at the start of a run.
 pub(crate) const START_S: f64 = 2.0;
 /// When the click is, in ticks.
 pub(crate) const CLICK_TICK: u64 = 1_500;
-/// What must agree where a signal is found again, in seconds.
+/// Stretch that must agree where a signal is found again, in seconds.
 const WINDOW_S: f64 = 0.01;
 /// Longest break, and longest time left out at one, in seconds.
 const BREAK_S: f64 = 3.0;
-/// How far a step from one sample to the next may be off behind a break: the limiter's high-pass remembers
+/// Largest error of a step from one sample to the next behind a break: the limiter's high-pass remembers
 /// what was left out, and slowly forgets it. A shift by one sample is seen: it changes steps by up to 5e-6 at
 /// 96 kHz.
 const REMEMBERED: f32 = 5e-7;
-/// How far a sample may be off when there was time to forget: as long as this, in seconds.
+/// Largest error of a sample after this many seconds, when the high-pass has forgotten.
 const FORGOTTEN: (f32, f64) = (1e-6, 3.0);
-
-/// Waits until it is so.
-pub(crate) fn wait_for(what: &str, mut so: impl FnMut() -> bool) {
-    let began = Instant::now();
-    while !so() {
-        assert!(began.elapsed() < PATIENCE, "waited in vain for {what}");
-        std::thread::sleep(Duration::from_millis(5));
-    }
-}
 
 /// Writes the graph: a sweep of two minutes and a sine on channel 1, whose every stretch is like no other,
 /// and a click on channel 2.
@@ -77,98 +61,14 @@ pub(crate) fn offline(dir: &Path, ticks: u64) -> Vec<[f32; 2]> {
     samples.chunks_exact(2).map(|frame| [frame[0], frame[1]]).collect()
 }
 
-/// The program while it runs.
-pub(crate) struct Program {
-    child: Child,
-    said: Arc<Mutex<String>>,
-    listener: Option<JoinHandle<()>>,
+/// `asperity run` of the graph, with a report. A call may take as long as it likes: a machine that is
+/// busy is no fault of a node.
+pub(crate) fn play(dir: &Path, args: &[&str]) -> Live {
+    let all = ["live.ron", "--report", "report.json", "--limit-us", "10000000"];
+    Live::start(dir, &[&all[..], args].concat())
 }
 
-impl Program {
-    /// Starts it in a folder.
-    pub(crate) fn start(dir: &Path, args: &[&str]) -> Self {
-        let mut command = asperity(dir);
-        command.args(args);
-        Self::of(command)
-    }
-
-    /// Starts it by this command.
-    pub(crate) fn of(mut command: Command) -> Self {
-        command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
-        let mut child = command.spawn().expect("the program starts");
-        let said = Arc::new(Mutex::new(String::new()));
-        let listener = listen(child.stderr.take().expect("a pipe"), Arc::clone(&said));
-        Self { child, said, listener: Some(listener) }
-    }
-
-    /// `asperity run` of the graph, with a report. A call may take as long as it likes: a machine that is
-    /// busy is no fault of a node.
-    pub(crate) fn play(dir: &Path, args: &[&str]) -> Self {
-        let all = ["run", "live.ron", "--report", "report.json", "--limit-us", "10000000"];
-        Self::start(dir, &[&all[..], args].concat())
-    }
-
-    /// Its process.
-    pub(crate) fn id(&self) -> u32 {
-        self.child.id()
-    }
-
-    /// All it said on stderr so far.
-    pub(crate) fn said(&self) -> String {
-        self.said.lock().unwrap().clone()
-    }
-
-    /// Waits until it says something.
-    pub(crate) fn wait_until_said(&mut self, text: &str) {
-        let began = Instant::now();
-        while !self.said().contains(text) {
-            let over = self.child.try_wait().unwrap();
-            assert!(over.is_none(), "it ended ({over:?}) and never said `{text}`:\n{}", self.said());
-            assert!(began.elapsed() < PATIENCE, "it never said `{text}`:\n{}", self.said());
-            std::thread::sleep(Duration::from_millis(5));
-        }
-    }
-
-    /// Whether it has ended by itself.
-    pub(crate) fn is_over(&mut self) -> bool {
-        matches!(self.child.try_wait(), Ok(Some(_)))
-    }
-
-    /// Sends it a signal.
-    pub(crate) fn signal(&self, name: &str) {
-        signal(self.child.id(), name);
-    }
-
-    /// Waits for its end.
-    pub(crate) fn end(mut self) -> Ran {
-        wait_for("the program to end", || self.child.try_wait().unwrap().is_some());
-        let code = self.child.wait().unwrap().code().unwrap_or(-1);
-        let mut out = String::new();
-        let _ = std::io::Read::read_to_string(&mut self.child.stdout.take().unwrap(), &mut out);
-        let _ = self.listener.take().map(JoinHandle::join);
-        Ran { code, out, err: self.said() }
-    }
-}
-
-impl Drop for Program {
-    fn drop(&mut self) {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
-        if std::thread::panicking() {
-            println!("the program said:\n{}", self.said());
-        }
-    }
-}
-
-fn listen(pipe: ChildStderr, said: Arc<Mutex<String>>) -> JoinHandle<()> {
-    std::thread::spawn(move || {
-        for line in BufReader::new(pipe).lines().map_while(Result::ok) {
-            said.lock().unwrap().push_str(&(line + "\n"));
-        }
-    })
-}
-
-/// What a report counts.
+/// Counts of a report.
 #[derive(Debug)]
 pub(crate) struct Counted {
     pub(crate) ticks: u64,
@@ -198,16 +98,16 @@ pub(crate) fn counted(dir: &Path) -> Counted {
 pub(crate) struct Break {
     /// First sample of what was heard that is another.
     pub(crate) at: usize,
-    /// How many are.
+    /// Number of such samples.
     pub(crate) length: usize,
     /// Samples of the graph that were left out there, beside those which the broken ones stand for.
     pub(crate) left_out: usize,
 }
 
-/// What was heard, laid beside what was rendered.
+/// Heard samples compared with rendered ones.
 #[derive(Debug)]
 pub(crate) struct Followed {
-    /// What is added to a place in what was heard to have that in what was rendered, where following began.
+    /// Offset from a heard sample to the rendered one, where following began.
     pub(crate) shift: i64,
     pub(crate) breaks: Vec<Break>,
     /// First sample behind the last one that is the graph's.
@@ -307,8 +207,8 @@ pub(crate) fn assert_no_clicks(heard: &[f32], rate_hz: u32) {
     }
 }
 
-/// How it must end: full until `end`, then down to silence within 20 ms, by gains that only fall, and silent
-/// from there on.
+/// Asserts the end of a run: full until `end`, then down to silence within 20 ms, by gains that only fall,
+/// and silent from there on.
 pub(crate) fn assert_ramps_down(
     heard: &[f32],
     rendered: &[f32],

@@ -1,21 +1,21 @@
 //! `asperity run` on a PulseAudio server, heard sample by sample beside the same graph rendered offline.
 
-use harness::test_name;
 use std::path::Path;
 
-use crate::played::{
-    Program, START_S, assert_no_clicks, assert_ramps_down, clicks_where_it_should, counted, first_sound,
-    follow, wait_for,
-};
-use harness::live::told;
+use harness::live::{Live, told, until};
 use harness::servers::{Parec, Pulse, inside};
+use harness::test_name;
+
+use crate::played::{
+    self, START_S, assert_no_clicks, assert_ramps_down, clicks_where_it_should, counted, first_sound, follow,
+};
 
 const RATE: usize = 48_000;
-/// What is said of a device that is back; "when the device is back" is said of one that is lost.
+/// Message about a device that is back; "when the device is back" is said of one that is lost.
 const BACK: &str = "` is back";
 
 /// Plays for a while and stops; answers what was heard, and what the program said.
-fn heard(program: Program, recorder: Parec, seconds: f64) -> (Vec<[f32; 2]>, String) {
+fn heard(mut program: Live, recorder: Parec, seconds: f64) -> (Vec<[f32; 2]>, String) {
     std::thread::sleep(std::time::Duration::from_secs_f64(seconds));
     program.signal("INT");
     let said = program.end().ok().err;
@@ -24,10 +24,10 @@ fn heard(program: Program, recorder: Parec, seconds: f64) -> (Vec<[f32; 2]>, Str
     (recorder.stop(), said)
 }
 
-fn play(dir: &Path) -> Program {
+fn play(dir: &Path) -> Live {
     crate::played::write_graph(dir, RATE as u32);
-    let mut program = Program::play(dir, &["--host", "pulseaudio", "--period", "1024"]);
-    program.wait_until_said("plays on");
+    let mut program = played::play(dir, &["--host", "pulseaudio", "--period", "1024"]);
+    program.says("plays on");
     program
 }
 
@@ -78,14 +78,14 @@ fn a_run_comes_back_when_a_killed_pulseaudio_does() {
     let dir = tempfile::tempdir().unwrap();
     let mut program = play(dir.path());
     server.kill();
-    program.wait_until_said("is lost: ");
+    program.says("is lost: ");
     let folder = std::env::var("PULSE_RUNTIME_PATH").unwrap();
     let mut next = None;
-    wait_for("another server", || {
+    until("another server", || {
         next = Pulse::in_folder(Path::new(&folder));
         next.is_some()
     });
-    program.wait_until_said(BACK);
+    program.says(BACK);
     let recorder = Parec::start();
     let (heard, _) = heard(program, recorder, 1.0);
     let count = counted(dir.path());
@@ -116,19 +116,19 @@ fn lost_default_device_is_waited_for() {
     pactl(&["set-default-sink", "haptic"]);
     let mut program = play(dir.path());
     pactl(&["unload-module", &module]);
-    program.wait_until_said("is lost: ");
-    program.wait_until_said("is not back: ");
+    program.says("is lost: ");
+    program.says("is not back: ");
     assert_eq!(pactl(&["get-default-sink"]), "test");
     // It is looked for every half second.
     std::thread::sleep(std::time::Duration::from_millis(1200));
     assert!(!program.said().contains(BACK), "{}", program.said());
     assert_eq!(played_on(), [] as [String; 0], "it plays on another device");
     pactl(&sink);
-    program.wait_until_said(BACK);
+    program.says(BACK);
     let sinks = pactl(&["list", "short", "sinks"]);
     let haptic = sinks.lines().find(|line| line.contains("haptic")).expect("it is loaded");
     let number = haptic.split('\t').next().unwrap_or_default();
-    wait_for("a stream", || !played_on().is_empty());
+    until("a stream", || !played_on().is_empty());
     assert_eq!(played_on(), [number], "{sinks}");
     program.signal("INT");
     program.end().ok();

@@ -1,12 +1,10 @@
 //! `asperity run` with a scene: played as it is rendered, changed while it is played, and felt by a pen on
 //! the page.
 
-use harness::alone::real_time;
 use std::fs;
 use std::path::Path;
 use std::time::Duration;
 
-use crate::pen::Pen;
 use asperity_audio::simulated::Simulated;
 use asperity_diagnostics::Source;
 use asperity_graph::{Compiled, GraphFile, compile};
@@ -14,11 +12,14 @@ use asperity_live::SessionOptions;
 use asperity_live::driver::Clock;
 use asperity_scene::Scene;
 use asperity_scene::{Lowering, lower};
+use harness::alone::real_time;
 use harness::chromium::Chromium;
 use harness::live::{Live, npy, rms, told};
 use harness::stage::{by_hand, channel, offline, options, start, stop};
 use harness::{graphs, json};
 use serde_json::Value;
+
+use crate::pen::Pen;
 
 /// A shipped scene as a graph.
 fn lowered(name: &str) -> (GraphFile, Compiled) {

@@ -2,10 +2,9 @@
 
 use std::net::TcpStream;
 
+use harness::live::PATIENCE;
 use tungstenite::WebSocket;
 use tungstenite::client::IntoClientRequest as _;
-
-use harness::live::PATIENCE;
 
 /// A page's socket, or the status it was refused with.
 pub(crate) fn watch(url: &str, origin: &str) -> Result<WebSocket<TcpStream>, u16> {

@@ -1,12 +1,12 @@
 //! `render --watch` and `run --watch`: a graph, a plugin and a file that change while it plays.
 
-use harness::alone::real_time;
 use std::fs;
 use std::io::Read as _;
 use std::path::Path;
 use std::process::{Child, Stdio};
 use std::time::{Duration, Instant};
 
+use harness::alone::real_time;
 use harness::live::{Live, npy};
 use harness::{json, plugins, wav};
 

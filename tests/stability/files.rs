@@ -13,12 +13,13 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc;
 use std::time::Duration;
 
-use crate::readers::{READERS, Reader};
 use bent::bent;
 use harness::counting::{Held, held};
 use harness::root;
 
-/// How long one small file may take on a machine that is busy with much else.
+use crate::readers::{READERS, Reader};
+
+/// Longest time for one small file on a busy machine.
 const PATIENCE: Duration = Duration::from_secs(120);
 
 fn folder(name: &str) -> PathBuf {

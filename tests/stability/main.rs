@@ -27,7 +27,7 @@ use asperity_scene::{Lowering, lower};
 /// The folder of the shipped graphs.
 const GRAPHS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../graphs");
 
-/// How long cases may take here; `ASPERITY_STABILITY=long` asks for all there is.
+/// Effort of the cases; `ASPERITY_STABILITY=long` asks for all there is.
 fn effort() -> Effort {
     match std::env::var("ASPERITY_STABILITY").as_deref() {
         Ok("long") => Effort::Long,

@@ -64,7 +64,7 @@ fn scene(bytes: &[u8]) -> bool {
     lower(&scene, &asperity_nodes::registry(), Lowering::default()).is_ok()
 }
 
-/// What is known of a material, a texture or an actuator.
+/// A file about a material, a texture or an actuator.
 fn material(bytes: &[u8]) -> bool {
     let Some(source) = text(bytes) else { return false };
     Library::parse(&source).is_ok()

@@ -56,7 +56,7 @@ fn start_in_terminal(child: &str) -> Child {
         .expect("script starts")
 }
 
-/// What a child wrote to its terminal. `keys` are typed after it has drawn.
+/// Output of a child to its terminal. `keys` are typed after it has drawn.
 fn run_in_terminal(child: &str, keys: &[u8]) -> String {
     let mut script = start_in_terminal(child);
     let mut stdin = script.stdin.take().expect("stdin is a pipe");

@@ -39,6 +39,8 @@
 pub mod grid;
 pub mod kernel;
 mod node;
+#[cfg(test)]
+mod tests;
 
 pub use node::GsrtisiLa;
 

@@ -33,6 +33,8 @@
 
 pub mod kernel;
 mod node;
+#[cfg(test)]
+mod tests;
 
 pub use node::Rtpghi;
 

@@ -8,7 +8,7 @@ use asperity_node::{
     random,
 };
 
-/// What a source puts out.
+/// Signals of a source.
 pub const SIGNALS: [&str; 6] = ["random", "zero", "denormal", "huge", "steps", "waves"];
 
 fn value(signal: &str, seed: u64, index: u64) -> f64 {

@@ -1,8 +1,5 @@
 //! Chromium without a window, driven over the DevTools protocol: opens a page, moves a pen on it, looks at
 //! it.
-//!
-//! Included by `#[path]` where a test needs a browser; needs `base64`, `serde_json`, `tempfile` and
-//! `tungstenite`.
 
 use std::io::Write;
 use std::net::TcpStream;
@@ -14,7 +11,7 @@ use base64::Engine as _;
 use serde_json::{Value, json};
 use tungstenite::{Message, WebSocket};
 
-/// How long the browser may take for anything.
+/// Longest time that the browser may take for anything.
 const PATIENCE: Duration = Duration::from_secs(60);
 
 /// A browser with one page.
@@ -23,12 +20,12 @@ pub struct Chromium {
     socket: WebSocket<TcpStream>,
     session: String,
     next: u64,
-    /// What the page complained of: exceptions, errors on its console, failed loads.
+    /// Complaints of the page: exceptions, errors on its console, failed loads.
     complaints: Vec<String>,
     _profile: tempfile::TempDir,
 }
 
-/// How a page is looked at.
+/// Size and colours of the window.
 pub struct Look {
     pub width: u32,
     pub height: u32,
@@ -179,7 +176,7 @@ impl Chromium {
         Some(message)
     }
 
-    /// What the page complained of so far.
+    /// Complaints of the page so far.
     pub fn complaints(&mut self) -> Vec<String> {
         self.eval("1");
         std::mem::take(&mut self.complaints)
@@ -335,7 +332,7 @@ impl Drop for Chromium {
     }
 }
 
-/// Shakes hands over a socket whose reads may time out.
+/// Opens a WebSocket over a socket whose reads may time out.
 fn shake(url: &str, stream: TcpStream) -> WebSocket<TcpStream> {
     let mut shaken = tungstenite::client(url, stream);
     let until = Instant::now() + PATIENCE;
@@ -350,7 +347,7 @@ fn shake(url: &str, stream: TcpStream) -> WebSocket<TcpStream> {
     }
 }
 
-/// Tries until there is something.
+/// Tries until `look` finds something.
 fn wait<T>(what: &str, mut look: impl FnMut() -> Option<T>) -> T {
     let until = Instant::now() + PATIENCE;
     loop {

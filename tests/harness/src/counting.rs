@@ -1,5 +1,6 @@
-//! An allocator that counts what threads allocate and free, and the bytes they hold, for tests that include
-//! this file.
+//! An allocator that counts what threads allocate and free, and the bytes that they hold. A program declares
+//! it as its
+//! `#[global_allocator]`.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
@@ -15,7 +16,7 @@ static FREED: AtomicU64 = AtomicU64::new(0);
 
 thread_local! {
     static BOUND: Cell<bool> = const { Cell::new(false) };
-    /// What the thread itself took and freed since it was bound.
+    /// Allocations and frees of the thread since it was bound.
     static OWN: Cell<(u64, u64)> = const { Cell::new((0, 0)) };
     /// Bytes that the thread took and did not free, and the most of them since [`held`] began.
     static BYTES: Cell<(i64, i64)> = const { Cell::new((0, 0)) };
@@ -91,7 +92,7 @@ pub fn assert_it_counts(who: Who) {
     assert!(seen >= 2, "the instrument must see an allocation");
 }
 
-/// What this thread holds more than before, in bytes: at most while something ran, and after it. What another
+/// Bytes that this thread holds more than before: at most while something ran, and after it. What another
 /// thread frees counts as held, so this is for what keeps to one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Held {

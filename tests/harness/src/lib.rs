@@ -15,11 +15,12 @@ pub mod plugins;
 pub mod retrieval;
 pub mod servers;
 pub mod stage;
+pub mod survival;
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
-/// The top of the house.
+/// The repository's root.
 pub fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
 }
@@ -63,7 +64,7 @@ fn trusted() -> std::ffi::OsString {
         .expect("a list")
 }
 
-/// What a run left behind.
+/// Exit code and messages of a run.
 pub struct Ran {
     pub code: i32,
     pub out: String,
@@ -71,6 +72,12 @@ pub struct Ran {
 }
 
 impl Ran {
+    fn of(output: &Output) -> Self {
+        let [out, err] =
+            [&output.stdout, &output.stderr].map(|text| String::from_utf8_lossy(text).into_owned());
+        Self { code: output.status.code().unwrap_or(-1), out, err }
+    }
+
     pub fn ok(self) -> Self {
         assert_eq!(self.code, 0, "stdout: {}\nstderr: {}", self.out, self.err);
         self
@@ -79,12 +86,7 @@ impl Ran {
 
 /// Runs the program to its end.
 pub fn run(dir: &Path, args: &[&str]) -> Ran {
-    let Output { status, stdout, stderr } = asperity(dir).args(args).output().expect("the program starts");
-    Ran {
-        code: status.code().unwrap_or(-1),
-        out: String::from_utf8_lossy(&stdout).into_owned(),
-        err: String::from_utf8_lossy(&stderr).into_owned(),
-    }
+    Ran::of(&asperity(dir).args(args).output().expect("the program starts"))
 }
 
 /// Runs the program to its end under limits of the shell, such as `ulimit -n 5`.
@@ -92,12 +94,8 @@ pub fn run_under(dir: &Path, limits: &str, args: &[&str]) -> Ran {
     let program = asperity(dir);
     let mut command = Command::new("bash");
     command.current_dir(dir).env("ASPERITY_STATE", "").args(["-c", &format!("{limits}; exec \"$0\" \"$@\"")]);
-    let out = command.arg(program.get_program()).args(args).stdin(Stdio::null()).output().expect("bash");
-    Ran {
-        code: out.status.code().unwrap_or(-1),
-        out: String::from_utf8_lossy(&out.stdout).into_owned(),
-        err: String::from_utf8_lossy(&out.stderr).into_owned(),
-    }
+    command.arg(program.get_program()).args(args).stdin(Stdio::null());
+    Ran::of(&command.output().expect("bash"))
 }
 
 /// A trajectory at 500 Hz from functions of time.
@@ -169,7 +167,12 @@ pub fn effects(kind: &str) -> Vec<(&'static str, String)> {
 
 /// The shipped graph with absolute paths, so that it can be edited anywhere.
 pub fn shipped_graph() -> String {
-    let text = std::fs::read_to_string(graphs("heravi2024.ron")).expect("the shipped graph");
+    shipped("heravi2024.ron")
+}
+
+/// A shipped graph by its file, with absolute paths.
+pub fn shipped(file: &str) -> String {
+    let text = std::fs::read_to_string(graphs(file)).expect("a shipped graph");
     let dir = graphs("").display().to_string();
     ["trajectories/", "models/", "materials/"]
         .iter()

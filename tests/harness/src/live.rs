@@ -5,12 +5,13 @@ use std::process::{Child, Stdio};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
-use crate::{Ran, asperity, graphs};
+use crate::servers::signal;
+use crate::{Ran, asperity, shipped};
 
-/// How long anything may take, also on a machine that is busy.
+/// Longest time that anything may take, also on a busy machine.
 pub const PATIENCE: Duration = Duration::from_secs(60);
 
-/// How often what a busy machine spoils is tried.
+/// Trials of a measurement that a busy machine may spoil.
 const TRIALS: u32 = 5;
 
 /// A sound card whose input hears its output.
@@ -26,12 +27,8 @@ pub const EARS: [&str; 2] = [
 
 /// A shipped graph with more nodes and wires, so that it can be played anywhere.
 pub fn graph(name: &str, nodes: &str, wires: &str) -> String {
-    let text = std::fs::read_to_string(graphs(name)).expect("a shipped graph");
-    let dir = graphs("").display().to_string();
-    let text = ["trajectories/", "models/", "materials/"]
-        .iter()
-        .fold(text, |t, p| t.replace(&format!("\"{p}"), &format!("\"{dir}{p}")));
-    let text = text.replacen("    },\n    wires: [", &format!("{nodes}\n    }},\n    wires: [{wires}"), 1);
+    let text =
+        shipped(name).replacen("    },\n    wires: [", &format!("{nodes}\n    }},\n    wires: [{wires}"), 1);
     assert!(text.contains(nodes) && text.contains(wires), "{name} is not written as it was");
     text
 }
@@ -39,6 +36,8 @@ pub fn graph(name: &str, nodes: &str, wires: &str) -> String {
 /// A run under way, and what it says.
 pub struct Live {
     child: Child,
+    /// The output, and the error output beside it.
+    out: Arc<Mutex<String>>,
     said: Arc<Mutex<String>>,
     seen: usize,
     readers: Vec<std::thread::JoinHandle<()>>,
@@ -47,8 +46,13 @@ pub struct Live {
 impl Live {
     /// Starts `asperity run`.
     pub fn start(dir: &Path, args: &[&str]) -> Self {
+        Self::command(dir, &[&["run"], args].concat())
+    }
+
+    /// Starts any command of the program.
+    pub fn command(dir: &Path, args: &[&str]) -> Self {
         let mut command = asperity(dir);
-        command.arg("run").args(args);
+        command.args(args);
         Self::of(command)
     }
 
@@ -56,10 +60,27 @@ impl Live {
     pub fn of(mut command: std::process::Command) -> Self {
         command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
         let mut child = command.spawn().expect("the program starts");
-        let said = Arc::new(Mutex::new(String::new()));
-        let (out, err) = (child.stdout.take().expect("a pipe"), child.stderr.take().expect("a pipe"));
-        let readers = vec![listen(out, said.clone()), listen(err, said.clone())];
-        Self { child, said, seen: 0, readers }
+        let (out, said) = (Arc::<Mutex<String>>::default(), Arc::<Mutex<String>>::default());
+        let readers = vec![
+            listen(child.stdout.take().expect("a pipe"), vec![out.clone(), said.clone()]),
+            listen(child.stderr.take().expect("a pipe"), vec![said.clone()]),
+        ];
+        Self { child, out, said, seen: 0, readers }
+    }
+
+    /// Its process.
+    pub fn id(&self) -> u32 {
+        self.child.id()
+    }
+
+    /// Whether it has ended by itself.
+    pub fn is_over(&mut self) -> bool {
+        matches!(self.child.try_wait(), Ok(Some(_)))
+    }
+
+    /// Sends it a signal by its name, such as `INT`.
+    pub fn signal(&self, name: &str) {
+        signal(self.id(), name);
     }
 
     /// All that it said so far.
@@ -77,7 +98,7 @@ impl Live {
                 self.seen += end;
                 return new[at + text.len()..end].trim().to_owned();
             }
-            let over = matches!(self.child.try_wait(), Ok(Some(_)));
+            let over = self.is_over();
             assert!(!over && begun.elapsed() < PATIENCE, "it never said `{text}`, but: {said}");
             std::thread::sleep(Duration::from_millis(20));
         }
@@ -85,22 +106,22 @@ impl Live {
 
     /// Stops it as Ctrl-C does. All that it said stands in `err`.
     pub fn stop(self) -> Ran {
-        self.stop_by("-INT")
+        self.stop_by("INT")
     }
 
     /// Stops it by a signal.
     pub fn stop_by(mut self, signal: &str) -> Ran {
-        let id = self.child.id().to_string();
-        let sent = std::process::Command::new("kill").args([signal, &id]).status().expect("kill");
-        assert!(sent.success(), "it is gone: {}", self.said());
+        assert!(!self.is_over(), "it is gone: {}", self.said());
+        self.signal(signal);
         self.end()
     }
 
-    /// Waits for its end.
+    /// Waits for its end. All that it said stands in `err`.
     pub fn end(&mut self) -> Ran {
         let code = self.child.wait().expect("it ends").code().unwrap_or(-1);
         self.readers.drain(..).for_each(|reader| reader.join().expect("it listens"));
-        Ran { code, out: String::new(), err: self.said() }
+        let out = std::mem::take(&mut *self.out.lock().expect("nobody panicked"));
+        Ran { code, out, err: self.said() }
     }
 }
 
@@ -108,17 +129,21 @@ impl Drop for Live {
     fn drop(&mut self) {
         let _ = self.child.kill();
         let _ = self.child.wait();
+        if std::thread::panicking() {
+            println!("the program said:\n{}", self.said());
+        }
     }
 }
 
 fn listen(
     mut from: impl std::io::Read + Send + 'static,
-    to: Arc<Mutex<String>>,
+    to: Vec<Arc<Mutex<String>>>,
 ) -> std::thread::JoinHandle<()> {
     std::thread::spawn(move || {
         let mut some = [0; 4096];
         while let Ok(n @ 1..) = from.read(&mut some) {
-            to.lock().expect("nobody panicked").push_str(&String::from_utf8_lossy(&some[..n]));
+            let text = String::from_utf8_lossy(&some[..n]);
+            to.iter().for_each(|to| to.lock().expect("nobody panicked").push_str(&text));
         }
     })
 }
@@ -151,7 +176,7 @@ pub fn rms(x: &[f32]) -> f64 {
     (x.iter().map(|x| f64::from(*x) * f64::from(*x)).sum::<f64>() / x.len().max(1) as f64).sqrt()
 }
 
-/// Tries until it can be told: `Err` says what a busy machine spoilt. What is wrong panics at once.
+/// Tries until a trial counts: `Err` says how a busy machine spoilt it. A wrong result panics at once.
 pub fn told<T>(mut trial: impl FnMut() -> Result<T, String>) -> T {
     let mut spoilt = Vec::new();
     for _ in 0..TRIALS {
@@ -176,7 +201,7 @@ pub fn end(child: &mut Child) -> i32 {
     status.and_then(|status| status.code()).unwrap_or(-1)
 }
 
-/// Waits until something is.
+/// Waits until `is` answers true.
 pub fn until(what: &str, mut is: impl FnMut() -> bool) {
     let begun = Instant::now();
     while !is() {

@@ -1,4 +1,4 @@
-//! Nodes that behave, sleep, fail and panic as a test wants.
+//! Nodes that sleep, fail and panic as a test wants.
 
 use asperity_node::{
     Descriptor, Diagnostic, FrameLayout, FrameRate, Input, LayoutSpec, Node, Output, Param, RateSpec,
@@ -299,7 +299,7 @@ impl<const WAKES: bool> Node for Copier<WAKES> {
 }
 
 thread_local! {
-    /// What [`TestClock`] reads; [`Slow`] moves it on.
+    /// Time that [`TestClock`] reads; [`Slow`] moves it on.
     static NOW_NS: std::cell::Cell<u64> = const { std::cell::Cell::new(0) };
 }
 

@@ -12,10 +12,10 @@ use std::time::{Duration, Instant};
 
 use crate::alone::{again, beside_others, passed, real_time};
 
-/// How long a server may take to begin or to end, also on a machine that is busy.
+/// Longest time in which a server begins or ends, also on a busy machine.
 const PATIENCE: Duration = Duration::from_secs(15);
 
-/// Said where a server no longer calls anybody: JACK comes to that on a machine that is busy while it goes
+/// Message about a server that no longer calls anybody. JACK does that on a busy machine while it goes
 /// into freewheel or out of it. Then another server is tried.
 pub const STUCK: &str = "the server calls nobody";
 /// Servers that are tried.
@@ -31,7 +31,7 @@ fn unique(what: &str) -> String {
     format!("asperity-{what}-{}-{}", std::process::id(), COUNT.fetch_add(1, Relaxed))
 }
 
-/// Says that a test is skipped, past the harness, which would keep the line to itself.
+/// Says that a test is skipped. It writes past the test harness, which would swallow the line.
 pub fn skipped(why: &str) {
     let _ = writeln!(std::io::stderr(), "SKIPPED: {why}");
 }
@@ -93,7 +93,7 @@ impl Process {
     }
 }
 
-/// Starts a program before others in their turn, where that is allowed. In freewheel no JACK thread has a
+/// Starts a program with a higher priority, where that is allowed. In freewheel no JACK thread has a
 /// priority, and every cycle waits for all of them: beside a build a minute of 45,000 cycles would not end.
 fn first() -> Command {
     let mut command = Command::new("nice");
@@ -155,7 +155,7 @@ fn beside<S: Server>(mut server: S, test: &str, told: &mut String) -> bool {
 
 /// A server that runs until this is dropped.
 pub trait Server {
-    /// What a client needs in its environment.
+    /// Environment variables of a client.
     fn environment(&self) -> Vec<(&'static str, String)>;
     /// Its process.
     fn process(&self) -> Process;
@@ -249,7 +249,7 @@ impl Jack {
     }
 }
 
-/// What a JACK server of that name leaves in the places where it may: its socket, its semaphores.
+/// Files of a JACK server of that name: its socket, its semaphores.
 fn files(name: &str) -> Vec<PathBuf> {
     let entries =
         ["/dev/shm", "/tmp"].into_iter().filter_map(|folder| std::fs::read_dir(folder).ok()).flatten();
@@ -366,7 +366,7 @@ impl Drop for Pulse {
     }
 }
 
-/// What the null sink plays, recorded by `parec` of the server in the environment.
+/// A recording of the null sink, by `parec` of the server in the environment.
 pub struct Parec {
     child: Child,
     file: PathBuf,

@@ -42,7 +42,7 @@ pub fn one_voice() -> (GraphFile, Compiled) {
     graph(&asperity_nodes::registry(), (500, 48_000), &nodes, &wires)
 }
 
-/// What every `audio_out` of a graph gives, run by the engine alone: at least so many samples of each.
+/// Samples of every `audio_out` of a graph, run by the engine alone: at least so many of each.
 pub fn offline(compiled: Compiled, samples: usize) -> Vec<Vec<f32>> {
     let mut engine = Engine::new(compiled, Options::default());
     let nodes = engine.schedule().nodes.iter().enumerate();

@@ -6,7 +6,6 @@ use std::sync::{Arc, OnceLock};
 
 use asperity_accuracy::npy;
 use asperity_autoregressive::{Model, Synthesis, TextureFile};
-
 use harness::graphs;
 
 /// A stroke over a shipped texture: six seconds at each of nine of its models, a second on the way from one

@@ -4,8 +4,9 @@ use std::ffi::{OsStr, OsString};
 use std::os::unix::ffi::OsStrExt;
 use std::process::Command;
 
-use super::judge::{Tally, two_at_a_time};
 use harness::{asperity, graphs, root};
+
+use super::judge::{Tally, two_at_a_time};
 
 /// Commands with arguments that are right, so that what is wrong is the one that is added.
 fn commands() -> Vec<Vec<String>> {

@@ -2,10 +2,11 @@
 
 use std::fs;
 
-use super::judge::{Tally, two_at_a_time};
 use harness::{asperity, graphs};
 
-/// What makes a file, and the command that reads it.
+use super::judge::{Tally, two_at_a_time};
+
+/// The maker of a file, and the command that reads it.
 type Built = (&'static str, fn() -> String, &'static str);
 
 fn nodes(count: usize, node: impl Fn(usize) -> String) -> String {

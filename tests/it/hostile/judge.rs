@@ -1,4 +1,4 @@
-//! What every case must hold to, and how many there were.
+//! Rules that every case must keep, and the count of cases.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -11,11 +11,11 @@ use std::time::{Duration, Instant};
 
 /// Who takes longer hangs.
 const LONGEST: Duration = Duration::from_secs(60);
-/// What a case may take with the budget that is given to it: the program itself and what it reads.
+/// Memory that a case may take with its budget: the program itself and the files that it reads.
 const BUDGET: &str = "1GiB";
 const MOST_MIB: u64 = 1500;
 
-/// How many times as many cases there are as usual.
+/// Factor on the usual number of cases.
 pub fn times() -> u64 {
     std::env::var("ASPERITY_HOSTILE").ok().and_then(|n| n.parse().ok()).unwrap_or(1)
 }
@@ -41,7 +41,7 @@ impl Seed {
     }
 }
 
-/// How a run ended.
+/// End of a run.
 pub struct Ended {
     pub status: ExitStatus,
     pub said: String,
@@ -106,7 +106,7 @@ fn files(dir: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     all
 }
 
-/// What a family of cases came to.
+/// Results of a family of cases.
 #[derive(Default)]
 pub struct Tally {
     name: &'static str,

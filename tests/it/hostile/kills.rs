@@ -5,8 +5,9 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
-use super::judge::{Ended, Seed, Tally, ends, times, two_at_a_time};
 use harness::{asperity, files, graphs, wav};
+
+use super::judge::{Ended, Seed, Tally, ends, times, two_at_a_time};
 
 const LONGEST: Duration = Duration::from_secs(60);
 

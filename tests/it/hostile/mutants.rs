@@ -3,8 +3,9 @@
 use std::fs;
 use std::path::Path;
 
-use super::judge::{Seed, Tally, times, two_at_a_time};
 use harness::{asperity, graphs, root, shipped_graph};
+
+use super::judge::{Seed, Tally, times, two_at_a_time};
 
 /// A reader: the file's name, what is right, the command that reads it (`{}`), what that writes, and how many
 /// mutants.
@@ -172,7 +173,7 @@ fn picture() -> String {
     all[0].display().to_string()
 }
 
-/// What stands where a number stood.
+/// Text that replaces a number.
 const NUMBERS: [&str; 12] = [
     "0",
     "-1",
@@ -187,7 +188,7 @@ const NUMBERS: [&str; 12] = [
     "0x10",
     "--1",
 ];
-/// What stands between two characters.
+/// Text inserted between two characters.
 const WORDS: [&str; 10] = ["(", ")", "[", "{", "\"", "\u{202e}", "\0", "\u{feff}", "//", ","];
 
 /// Damages a file.

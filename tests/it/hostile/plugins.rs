@@ -2,9 +2,10 @@
 
 use std::fs;
 
+use harness::{asperity, plugins};
+
 use super::judge::{Seed, Tally, times, two_at_a_time};
 use super::mutants::mutated;
-use harness::{asperity, plugins};
 
 #[test]
 fn damaged_plugin_ends_no_check() {

@@ -1,13 +1,14 @@
-//! What is no regular file, in the place of every file that is read or written.
+//! Folders, pipes and devices in the place of every file that is read or written.
 
 use std::fs::{self, File};
 use std::os::unix::fs::symlink;
 use std::path::Path;
 use std::process::Command;
 
+use harness::{asperity, graphs, root};
+
 use super::judge::Tally;
 use super::mutants::READERS;
-use harness::{asperity, graphs, root};
 
 /// Makes something in the place of a file.
 type Make = fn(&Path);

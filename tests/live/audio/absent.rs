@@ -1,9 +1,10 @@
 //! No server runs: what is asked about devices then. A file of its own, since the environment belongs to the
 //! whole process.
 
-use super::parts::Count;
 use asperity_audio::{OpenError, Request, events, hosts, open};
 use harness::{alone::apart, test_name};
+
+use super::parts::Count;
 
 /// An environment in which no server is found.
 const NO_SERVER: [(&str, &str); 5] = [

@@ -1,12 +1,13 @@
-//! What goes wrong is told once, in words, and the stream is closed; on the simulated card.
+//! Faults of the simulated card are told once, in words, and close the stream.
 
-use harness::alone::real_time;
 use std::sync::mpsc::Receiver;
 use std::time::Duration;
 
-use super::parts::{Count, Each, by_hand, on, wait, wait_for_loss};
 use asperity_audio::simulated::{Params, Simulated};
 use asperity_audio::{Event, Process, Stream, events, open};
+use harness::alone::real_time;
+
+use super::parts::{Count, Each, by_hand, on, wait, wait_for_loss};
 
 fn live(card: &Simulated, process: impl Process + 'static) -> (Stream, Receiver<Event>) {
     let (sender, received) = events();

@@ -1,12 +1,13 @@
 //! A real JACK server, with its dummy driver.
 
-use harness::test_name;
 use std::time::{Duration, Instant};
 
-use super::parts::{Count, Loop, Recorder, play, wait, wait_for_loss};
 use asperity_audio::{Event, OpenError, Request, events, hosts, open};
 use harness::servers::{Jack, inside};
+use harness::test_name;
 use jack::{AsyncClient, AudioIn, Client, ClientOptions, Control, Port, ProcessHandler, ProcessScope};
+
+use super::parts::{Count, Loop, Recorder, play, wait, wait_for_loss};
 
 fn request(rate_hz: u32) -> Request {
     Request { host: Some("jack".into()), rate_hz, ..Request::default() }

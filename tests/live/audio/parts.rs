@@ -1,4 +1,4 @@
-//! What tests fill and record blocks with.
+//! Callbacks that fill and record blocks.
 
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
@@ -137,7 +137,7 @@ struct Seen {
     sounds_ns: u64,
 }
 
-/// What a loop was like: medians in ms, for the first frame of each block heard.
+/// Latency of a loop: medians in ms, for the first frame of each block heard.
 #[derive(Debug)]
 pub(crate) struct Heard {
     /// Frames that were played and not heard, after the first that was.

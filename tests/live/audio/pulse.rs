@@ -1,12 +1,13 @@
 //! A real PulseAudio server with a null sink.
 
-use harness::test_name;
 use std::process::Command;
 use std::time::{Duration, Instant};
 
-use super::parts::{Count, Ear, Loop, Recorder, play, wait, wait_for_loss};
 use asperity_audio::{Capture, Event, OpenError, Request, events, hosts, open};
 use harness::servers::{Parec, Pulse, inside};
+use harness::test_name;
+
+use super::parts::{Count, Ear, Loop, Recorder, play, wait, wait_for_loss};
 
 fn request() -> Request {
     Request { host: Some("pulseaudio".into()), device: Some("test".into()), ..Request::default() }

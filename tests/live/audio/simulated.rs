@@ -1,12 +1,13 @@
 //! Streams on the simulated card: what is played arrives, bit by bit, whatever the device is like.
 
-use super::parts::{Count, Ramp, Recorder, by_hand, on, play, ramp};
 use asperity_audio::simulated::{Params, Simulated, set_plants};
 use asperity_audio::{Format, OpenError, Request, events, open};
 use harness::alone::real_time;
 use proptest::prelude::*;
 
-/// What a card that holds samples in this format makes of a value, written anew: scale, round to the nearest,
+use super::parts::{Count, Ramp, Recorder, by_hand, on, play, ramp};
+
+/// Value that a card with this sample format holds, computed anew: scale, round to the nearest,
 /// keep in range.
 fn quantized(format: Format, value: f32) -> f64 {
     let full = match format {

@@ -1,4 +1,4 @@
-//! What the system says it granted is there.
+//! Memory that the system says it locked is locked.
 
 #![cfg(target_os = "linux")]
 

@@ -7,14 +7,15 @@ use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use super::held::{Floor, newest, problem, until};
 use asperity_hand::haply::{HaplyOptions, start};
 use asperity_hand::{Frame, HandError, Next};
 use asperity_live::{force_model, samples};
 use harness::alone::real_time;
 use tungstenite::{Message, WebSocket};
 
-/// What the stand-in does and what it was told.
+use super::held::{Floor, newest, problem, until};
+
+/// Behaviour of the stand-in, and the forces it received.
 #[derive(Default)]
 struct Service {
     stop: AtomicBool,
@@ -22,7 +23,7 @@ struct Service {
     devices: Mutex<Vec<&'static str>>,
     /// Where each is, in m.
     at: Mutex<[f64; 3]>,
-    /// What is answered instead of a report.
+    /// Answer instead of a report.
     instead: Mutex<Option<String>>,
     /// Whether it answers at all.
     mute: AtomicBool,

@@ -1,4 +1,4 @@
-//! What the tests of all sources do.
+//! Helpers of the tests of all devices.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};

@@ -8,13 +8,14 @@ use std::sync::RwLockWriteGuard;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::time::Duration;
 
-use super::held::{Floor, newest, problem, until};
 use asperity_hand::openhaptics::{OpenHapticsOptions, start};
 use asperity_hand::{Frame, Next};
 use asperity_live::{force_model, now_ns, samples};
 use harness::alone::real_time;
 use harness::counting::allocations;
 use libloading::{Library, Symbol};
+
+use super::held::{Floor, newest, problem, until};
 
 /// A stand-in of its own: the library, where it lies, and the turn to use it. The library has one scheduler,
 /// so a process has one device at a time.

@@ -3,11 +3,12 @@
 use std::net::{SocketAddr, UdpSocket};
 use std::time::Duration;
 
-use super::held::until;
 use asperity_hand::{HandError, Handle, Next, osc};
 use asperity_live::{Sample, SampleReader, samples};
 use harness::alone::real_time;
 use rosc::{OscBundle, OscMessage, OscPacket, OscTime, OscType, encoder};
+
+use super::held::until;
 
 fn here() -> SocketAddr {
     "127.0.0.1:0".parse().unwrap()

@@ -1,13 +1,14 @@
 //! Runs that follow each other, and runs at the same time.
 
-use harness::alone::real_time;
 use std::path::Path;
 use std::process::Child;
 use std::time::{Duration, Instant};
 
-use crate::coil::Coil;
+use harness::alone::real_time;
 use harness::live::{Live, npy, until};
 use harness::{Ran, asperity};
+
+use crate::coil::Coil;
 
 const CARD: &str = "simulated:frames=96,loopback=1";
 const RATE: u32 = 48_000;

@@ -1,11 +1,12 @@
 //! The machine's file: what a graph says of itself raises nothing.
 
-use harness::alone::real_time;
 use std::path::Path;
 
-use crate::coil::Coil;
+use harness::alone::real_time;
 use harness::live::{Live, npy};
 use harness::{Ran, run};
+
+use crate::coil::Coil;
 
 const CARD: &str = "simulated:frames=96,loopback=1";
 

@@ -1,6 +1,5 @@
 //! Graphs that change while they play.
 
-use harness::alone::real_time;
 use std::time::Duration;
 
 use asperity_audio::Request;
@@ -9,11 +8,12 @@ use asperity_graph::{Compiled, GraphFile};
 use asperity_live::driver::Clock;
 use asperity_live::view::Condition;
 use asperity_live::{Ends, Session, SessionOptions};
-
-use crate::coil::{Coil, RATED};
+use harness::alone::real_time;
 use harness::live::Live;
 use harness::stage::{by_hand, channel, graph, options, start, tend, timed};
 use harness::{self, json};
+
+use crate::coil::{Coil, RATED};
 
 const RATE: u32 = 48_000;
 

@@ -1,17 +1,17 @@
 //! Visitors of the page who are refused, are too many, or do not listen.
 
-use harness::alone::real_time;
 use std::io::{Read as _, Write as _};
 use std::net::TcpStream;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
+use harness::alone::real_time;
+use harness::json;
+use harness::live::{CARD, EARS, Live, PATIENCE, npy, told};
 use tungstenite::{Message, WebSocket};
 
 use super::TICK;
 use crate::socket::watch;
-use harness::json;
-use harness::live::{CARD, EARS, Live, PATIENCE, npy, told};
 
 /// The answer to a request of the page's address with these headers.
 fn get(url: &str, target: &str, headers: &str) -> String {
@@ -50,7 +50,7 @@ fn breaks(x: &[f32], hz: f64) -> usize {
     x.windows(3).filter(|w| w.iter().all(|x| *x != 0.0) && broken(w)).count()
 }
 
-/// What became of the time of a run of a tone.
+/// Time of a run of a tone: played, and lost.
 #[derive(Debug)]
 struct Spent {
     /// Ticks that its time has.
@@ -109,7 +109,7 @@ fn tone(dir: &Path, visit: impl FnOnce(&str)) -> Spent {
 /// More that may be lost beside a crowd than alone, of the time of a run. An engine that waits for pages
 /// loses most of it.
 const MARGIN: f64 = 0.05;
-/// How long a run is, at least.
+/// Shortest time of a run.
 const LONG: Duration = Duration::from_secs(5);
 
 #[test]

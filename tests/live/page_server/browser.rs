@@ -1,9 +1,6 @@
 //! The page in a browser: a pen on it is heard, what is moved on it is asked for, and it says when the run is
 //! gone. With `ASPERITY_PICTURES=FOLDER` it is painted there, light and dark, for a phone and for a desk.
 
-use super::made_up;
-
-use harness::alone::real_time;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, sync_channel};
@@ -13,7 +10,10 @@ use std::time::{Duration, Instant};
 use asperity_live::view::Request;
 use asperity_live::{Reins, Sample, SampleReader, samples};
 use asperity_page::{Feed, Options, Page, serve};
+use harness::alone::real_time;
 use harness::chromium::{Chromium, Look};
+
+use super::made_up;
 
 /// A made-up run that publishes 60 views a second.
 struct Stage {

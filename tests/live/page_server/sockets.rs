@@ -1,8 +1,5 @@
 //! The server over real sockets: who is refused, and what a bad client costs.
 
-use super::made_up;
-
-use harness::alone::real_time;
 use std::io::{ErrorKind, Read, Write};
 use std::net::TcpStream;
 use std::sync::Arc;
@@ -11,9 +8,12 @@ use std::time::{Duration, Instant};
 use asperity_live::view::{Request, View};
 use asperity_live::{Reins, samples};
 use asperity_page::{AHEAD, CONNECTIONS, Feed, MESSAGE, Options, PAGES, Page, serve};
+use harness::alone::real_time;
 use tungstenite::client::IntoClientRequest;
 use tungstenite::protocol::CloseFrame;
 use tungstenite::{Message, WebSocket};
+
+use super::made_up;
 
 const PATIENCE: Duration = Duration::from_secs(30);
 const FILES: [&str; 16] = [
@@ -410,7 +410,7 @@ fn idle_connections_keep_no_page_with_token_out() {
     assert!(waits(newest));
 }
 
-/// What the graph has not is refused with a reason and what it has is asked for.
+/// A request for a part that the graph does not have is refused with a reason; any other is asked for.
 #[test]
 fn request_for_a_missing_part_is_refused_with_a_reason() {
     let _alone = real_time();

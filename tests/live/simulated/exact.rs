@@ -1,11 +1,10 @@
-//! What is played, against the engine alone.
+//! Played samples compared with those of the engine alone.
 
 use asperity_audio::simulated::{Params, Simulated};
 use asperity_audio::{Format, Request};
 use asperity_live::SessionOptions;
 use asperity_live::driver::Clock;
 use harness::alone::real_time;
-
 use harness::live::told;
 use harness::stage::{by_hand, channel, graph, offline, one_voice, options, start, stop, tend, timed, voice};
 
@@ -17,7 +16,7 @@ const FORMATS: [Format; 4] = [Format::F32, Format::I16, Format::I24, Format::I32
 const MAPS: [(&[u16], u16); 3] = [(&[3], 4), (&[3, 4], 5), (&[2, 1], 2)];
 const TICKS_HZ: [u32; 5] = [100, 500, 1000, 2500, 4000];
 
-/// What a card that holds samples in this format makes of a value, written anew: scale, round to the nearest,
+/// Value that a card with this sample format holds, computed anew: scale, round to the nearest,
 /// keep in range.
 fn held(format: Format, value: f32) -> f64 {
     let full: f64 = match format {

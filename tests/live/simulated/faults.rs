@@ -1,6 +1,5 @@
-//! What goes wrong with a card, and with a graph.
+//! Faults of a card, and of a graph.
 
-use harness::alone::real_time;
 use std::f64::consts::TAU;
 use std::sync::Arc;
 use std::time::Duration;
@@ -13,7 +12,7 @@ use asperity_live::{Meters, SessionOptions};
 use asperity_node::{
     Descriptor, Diagnostic, Node, Output, RateSpec, Setup, ShapeSpec, Status, Tick, Unit, time,
 };
-
+use harness::alone::real_time;
 use harness::live::told;
 use harness::stage::{STEP, by_hand, channel, graph, largest_step, one_voice, options, start, tend, timed};
 

@@ -1,6 +1,5 @@
-//! What comes in while a graph plays: a channel of the card, a hand.
+//! Inputs while a graph plays: a channel of the card, a hand.
 
-use harness::alone::real_time;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 use std::thread::JoinHandle;
@@ -10,7 +9,7 @@ use asperity_audio::Request;
 use asperity_audio::simulated::{Params, Simulated};
 use asperity_live::driver::Clock;
 use asperity_live::{Ends, Sample, SampleWriter, Session, SessionOptions, mic, now_ns, samples};
-
+use harness::alone::real_time;
 use harness::stage::{by_hand, channel, graph, offline, options, start_with, tend, timed, voice};
 
 /// A tone, and what is recorded of it.
@@ -32,7 +31,6 @@ fn taped(session: &mut Session, all: &mut Vec<f32>) {
     assert_eq!(lost, 0);
 }
 
-/// What a card records reaches the graph sample by sample behind a constant delay.
 #[test]
 fn recorded_samples_reach_the_graph_after_a_constant_delay() {
     let _alone = real_time();

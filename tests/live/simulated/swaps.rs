@@ -1,6 +1,5 @@
 //! A graph that changes while it is played.
 
-use harness::alone::real_time;
 use std::io::{BufRead, BufReader};
 use std::process::Stdio;
 
@@ -8,7 +7,7 @@ use asperity_audio::Request;
 use asperity_audio::simulated::Simulated;
 use asperity_live::driver::Clock;
 use asperity_live::{Ends, Sample, SessionOptions, needs_ends, now_ns, samples};
-
+use harness::alone::real_time;
 use harness::stage::{
     STEP, by_hand, channel, graph, largest_step, offline, options, start, start_with, stop, voice,
 };

@@ -7,16 +7,16 @@ use asperity_diagnostics::Source;
 use asperity_engine::{Engine, Options};
 use asperity_graph::{GraphFile, compile};
 use asperity_node::Buffer;
+use harness::counting::{Held, held};
 
 use self::nodes::{INJECTORS, injected, injected_all, registry};
-use harness::counting::{Held, held};
 
 /// Ticks of a run; `ASPERITY_LONG_TICKS` asks for others.
 fn ticks() -> u64 {
     std::env::var("ASPERITY_LONG_TICKS").ok().and_then(|t| t.parse().ok()).unwrap_or(100_000)
 }
 
-/// What no fault reaches.
+/// Part of the graph that no fault reaches.
 const CLEAN: (&str, &str) = (
     r#""stylus": (kind: "stroke", params: (duration_s: 1e6, shape: circle)), "motion": (kind: "velocity"),
        "speed": (kind: "probe"),

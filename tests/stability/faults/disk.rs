@@ -8,10 +8,10 @@ use std::sync::OnceLock;
 
 use super::writers::Writer;
 
-/// What stood in a file before.
+/// Content of a file before the run.
 pub(super) const BEFORE: &[u8] = b"what was there before\n";
 
-/// What goes wrong with the disk.
+/// Faults of the disk.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Fails {
     /// Nothing.
@@ -22,13 +22,13 @@ pub(super) enum Fails {
     FullAt(u64),
 }
 
-/// How a command ended.
+/// End of a command.
 pub(super) struct Ended {
     /// Its exit code; none where a signal ended it.
     pub(super) code: Option<i32>,
     /// Whether it was killed, or as a shell a command of its own.
     pub(super) killed: bool,
-    /// What it said on the standard error.
+    /// Its error output.
     pub(super) said: String,
     /// Changes of files and bytes written, where it came to its end.
     pub(super) wrote: Option<(u64, u64)>,
@@ -124,7 +124,7 @@ impl Place {
         new > 0 && new < now.0.len()
     }
 
-    /// What a writer makes, as it is now.
+    /// The files of a writer, as they are now.
     pub(super) fn now(&self, writer: &Writer) -> Before {
         Before(writer.makes.iter().map(|made| content(&self.dir.path().join(made.name))).collect())
     }
@@ -141,7 +141,7 @@ impl Place {
     }
 }
 
-/// What a writer's files held; none of one that was not there.
+/// Content of a writer's files; none where a file was missing.
 #[derive(PartialEq)]
 pub(super) struct Before(Vec<Option<Vec<u8>>>);
 

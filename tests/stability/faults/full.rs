@@ -4,9 +4,10 @@
 use std::path::Path;
 use std::process::Command;
 
+use harness::files;
+
 use super::disk::{BEFORE, Fails, Place, can_fail};
 use super::writers::{Made, WRITERS, Writer};
-use harness::files;
 
 /// Whether a command that cannot write says so and leaves all as it was.
 fn endures(writer: &Writer) -> Result<(), String> {
@@ -167,7 +168,7 @@ fn writers_that_a_full_disk_harms_are_found_out() {
     endures(&Writer { name: "right", prepare: new, command: right, makes: MAKES, live: false }).unwrap();
 }
 
-/// What a shell says of a render into a folder with room for `kib`, by limits that the system itself keeps.
+/// Messages of a render into a folder with room for `kib`, by limits that the system itself keeps.
 fn on_a_small_disk(script: &str, dir: &Path) -> (Option<i32>, String) {
     let out = Command::new("sh")
         .args(["-c", script, "sh", env!("CARGO_BIN_EXE_asperity")])

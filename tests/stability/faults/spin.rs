@@ -15,7 +15,6 @@ use asperity_live::{DOES_NOT_COME_BACK, Ends, Reins, Session, SessionOptions, co
 use asperity_node::{
     Descriptor, Diagnostic, Node, Output, Param, RateSpec, Setup, ShapeSpec, Status, Tick, Unit,
 };
-
 use harness::live::{PATIENCE, told};
 use harness::stage::{STEP, channel, graph, largest_step, tend, timed, voice};
 use harness::{asperity, json, plugins};
@@ -89,7 +88,7 @@ fn start(card: &Simulated, lasts_s: f64, limit: Duration) -> Session {
     Session::start(conductor, player, None, options).expect("it starts")
 }
 
-/// Whether what is heard ends within 20 ms and without a step, and stays silent.
+/// Whether the sound ends within 20 ms without a step, and stays silent.
 fn falls_silent(heard: &[f64]) -> Result<(), String> {
     let loud = heard.iter().rposition(|y| y.abs() > 0.03).ok_or("nothing is ever heard")?;
     let last = heard.iter().rposition(|y| *y != 0.0).unwrap_or(loud);

@@ -5,9 +5,9 @@ use std::process::Command;
 
 use asperity_accuracy::npy;
 use asperity_texture::{Library, LibraryMaterial};
+use harness::{asperity, graphs};
 
 use crate::files::encoder;
-use harness::{asperity, graphs};
 
 /// A command, and the files that it makes.
 pub(super) struct Writer {
@@ -166,7 +166,7 @@ fn is_report(path: &Path) -> bool {
         && text.lines().last().is_some_and(|line| line.starts_with("- less than this is not told apart"))
 }
 
-/// What is kept of a study: whole parts, and beside them what says that it is none, and what keeps other
+/// Kept parts of a study: whole ones, and beside them what says that it is none, and what keeps other
 /// runs out.
 fn is_kept(path: &Path) -> bool {
     let entries = std::fs::read_dir(path).expect("a folder").map(|e| e.expect("an entry").path());

@@ -2,7 +2,7 @@
 
 use asperity_node::random;
 
-/// What stands in the place of numbers.
+/// Texts that replace numbers.
 const NUMBERS: [&str; 18] = [
     "1e308",
     "-1e308",

@@ -1,4 +1,4 @@
-//! What holds of the Penn Haptic Texture Toolkit's hundred files, for whoever has them:
+//! Facts about the hundred files of the Penn Haptic Texture Toolkit, for whoever has them:
 //!
 //! ```text
 //! HATT_DIR=/path/to/HaTT cargo test -p asperity-data hatt::facts -- --nocapture
@@ -47,7 +47,7 @@ fn all_stable(a: &[f64], b: &[f64], polynomial: impl Fn(&[f64]) -> Vec<f64>) -> 
     })
 }
 
-/// What a folder holds.
+/// Figures of a folder.
 #[derive(Debug, PartialEq)]
 struct Counts {
     textures: usize,

@@ -103,7 +103,7 @@ impl Net {
     }
 }
 
-/// How a graph is written.
+/// Spelling of a network file.
 #[derive(Clone, Copy, Debug)]
 pub struct Spelling {
     pub product: Product,

@@ -1,8 +1,9 @@
-//! What any phase-retrieval node must survive, for each that is tested by it.
+//! Cases that any phase-retrieval node must survive.
 
 use asperity_sdk::{FrameLayout, Latency, Node};
 
-use harness::retrieval::{Rig, apart, layout, noise, tone, turns};
+use crate::counting::allocations;
+use crate::retrieval::{Rig, apart, layout, noise, tone, turns};
 
 /// Parameters of a node under test.
 pub type Settings<'a> = &'a [(&'a str, f64)];
@@ -81,7 +82,7 @@ pub fn frames_beside_gaps_come_out<N: Node>(params: Settings<'_>) {
     all_come_out::<N>(layout(44_100, 101), params, &frames);
 }
 
-/// What is no magnitude is counted.
+/// Bins that are no magnitudes are counted.
 pub fn bad_magnitudes_are_counted<N: Node>(params: Settings<'_>) {
     let mut rig = Rig::new::<N>(layout(2500, 101), params);
     let mut frame = tone(30.3, 101);
@@ -172,7 +173,7 @@ pub fn what_is_remembered_goes_on<N: Node>(params: Settings<'_>, other: Settings
         assert_eq!(old.frame(given.as_deref()), new.frame(given.as_deref()), "frame {n}");
     }
     assert!(!Rig::new::<N>(layout, other).node.restore(&bytes));
-    assert!(!Rig::new::<N>(harness::retrieval::layout(48_000, 101), params).node.restore(&bytes));
+    assert!(!Rig::new::<N>(crate::retrieval::layout(48_000, 101), params).node.restore(&bytes));
     // Bytes that say anything else: refused or taken, and never a panic or what is not finite.
     for at in 0..len.min(4000) {
         let mut lies = bytes.clone();
@@ -181,6 +182,35 @@ pub fn what_is_remembered_goes_on<N: Node>(params: Settings<'_>, other: Settings
         rig.tick = 40;
         if rig.node.restore(&lies) {
             (40..44).for_each(|n| _ = rig.frame(Some(&frame(n))));
+        }
+    }
+}
+
+/// No tick allocates: with frames that are odd or missing, a state handed over, a reset.
+pub fn no_tick_allocates<N: Node>(look_aheads: [f64; 2]) {
+    for (rate_hz, bins) in [(500, 26), (2500, 101), (44_100, 101), (4800, 241)] {
+        for look_ahead in look_aheads {
+            let mut rig = Rig::new::<N>(layout(rate_hz, bins), &[("look_ahead", look_ahead)]);
+            let mut frame = vec![0.0; bins as usize];
+            let mut bytes = vec![0; rig.node.state_size()];
+            let ((), count) = allocations(|| {
+                for n in 0..2000 {
+                    let odd = n % 7 == 0;
+                    for (k, m) in frame.iter_mut().enumerate() {
+                        *m = if odd && k % 3 == 0 { f32::NAN } else { noise(n / 3, k as u64) };
+                    }
+                    rig.step((n % 11 != 0).then_some(&frame));
+                    if n == 1000 {
+                        let len = rig.node.save(&mut bytes).expect("room");
+                        assert!(rig.node.restore(&bytes[..len]));
+                    }
+                    if n == 1500 {
+                        rig.node.reset().expect("no fault");
+                    }
+                }
+            });
+            assert_eq!(count, 0, "{rate_hz} Hz, {bins} bins, look ahead {look_ahead}");
+            assert!(rig.out().is_some(), "the last frame came out");
         }
     }
 }

@@ -1,9 +1,10 @@
 //! `gsrtisi_la` against the published scores, and with frames that are odd, missing or bad.
 
-use gsrtisi_la::GsrtisiLa;
+use harness::counting::Counting;
 use harness::retrieval::{VECTORS, convergence, invert, published, vector};
+use harness::survival;
 
-use super::survival;
+use crate::GsrtisiLa;
 
 /// Look ahead, iterations, and what `sc.json` calls that.
 const METHODS: [(i32, i32, &str); 4] =
@@ -91,4 +92,13 @@ fn a_reset_gsrtisi_la_is_a_fresh_one() {
 fn gsrtisi_la_goes_on_from_what_another_remembers() {
     survival::what_is_remembered_goes_on::<GsrtisiLa>(&SETTINGS[2], &SETTINGS[1]);
     survival::what_is_remembered_goes_on::<GsrtisiLa>(&SETTINGS[0], &SETTINGS[2]);
+}
+
+/// Counts allocations.
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+#[test]
+fn no_tick_of_gsrtisi_la_allocates() {
+    survival::no_tick_allocates::<GsrtisiLa>([0.0, 4.0]);
 }

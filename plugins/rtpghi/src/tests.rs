@@ -1,9 +1,10 @@
 //! `rtpghi` against the published scores, and with frames that are odd, missing or bad.
 
+use harness::counting::Counting;
 use harness::retrieval::{VECTORS, convergence, published, vector};
-use rtpghi::Rtpghi;
+use harness::survival;
 
-use super::survival;
+use crate::Rtpghi;
 
 #[test]
 fn rtpghi_reaches_the_published_scores() {
@@ -68,4 +69,13 @@ fn a_reset_rtpghi_is_a_fresh_one() {
 fn rtpghi_goes_on_from_what_another_remembers() {
     survival::what_is_remembered_goes_on::<Rtpghi>(&BOTH[0], &BOTH[1]);
     survival::what_is_remembered_goes_on::<Rtpghi>(&BOTH[1], &BOTH[0]);
+}
+
+/// Counts allocations.
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+#[test]
+fn no_tick_of_rtpghi_allocates() {
+    survival::no_tick_allocates::<Rtpghi>([0.0, 1.0]);
 }
