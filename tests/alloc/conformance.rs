@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use asperity_checks::conformance::{Heap, Outcome, Subject, Touched, Verdict, cases, tick_time};
-use asperity_engine::{Engine, Options};
-use asperity_graph::{GraphFile, compile};
+use asperity_engine::Engine;
+use asperity_graph::GraphFile;
 use asperity_node::{NodeKind, Param, ParamKind};
 use harness::counting::{bind, own};
 
@@ -132,10 +132,7 @@ fn the_time_of_a_tick_can_be_told() {
 }
 
 fn engine(graph: &GraphFile) -> Engine {
-    match compile(graph, &asperity_nodes::registry(), asperity_graph::Options::default()) {
-        Ok(compiled) => Engine::new(compiled, Options::default()),
-        Err(e) => panic!("{}", e.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n")),
-    }
+    harness::graph::engine(graph, &asperity_nodes::registry())
 }
 
 #[test]
@@ -162,8 +159,7 @@ fn every_shipped_graph_says_what_it_shows_and_compiles() {
 fn the_graph_in_the_readme_compiles() {
     let readme = std::fs::read_to_string(harness::root().join("README.md")).unwrap();
     let block = readme.split("```ron\n").nth(1).and_then(|rest| rest.split("```").next()).expect("a graph");
-    let graph = GraphFile::parse(&asperity_diagnostics::Source::new("README.md", block)).unwrap();
-    let mut e = engine(&graph);
+    let mut e = engine(&harness::graph::parsed(block));
     for _ in 0..1000 {
         e.tick();
     }

@@ -1,10 +1,10 @@
 //! An engine that is changed while it runs, and what is heard of it. No tick of it may allocate or free.
 
-use asperity_diagnostics::Source;
 use asperity_engine::{Controller, Engine, Options, SwapReport};
-use asperity_graph::{Compiled, GraphFile, compile};
+use asperity_graph::{Compiled, GraphFile};
 use asperity_node::Buffer;
 use harness::counting::allocations;
+use harness::graph::of_lines;
 use harness::nodes;
 
 /// Samples of a tick, and of a crossfade.
@@ -15,30 +15,12 @@ pub const FADE: usize = 480;
 pub const SINE: f32 = 0.013_09;
 pub const STEEPEST: f32 = 1.5 / FADE as f32;
 
-/// A graph of `id: kind(params)` and `from -> to`, a line each.
-pub fn graph(lines: &str) -> GraphFile {
-    let (mut nodes, mut wires) = (String::new(), String::new());
-    for line in lines.lines().map(str::trim).filter(|l| !l.is_empty()) {
-        if let Some((from, to)) = line.split_once(" -> ") {
-            wires += &format!("({from:?}, {to:?}), ");
-        } else {
-            let (id, rest) = line.split_once(": ").expect("id: kind");
-            let (kind, params) = rest.split_once('(').map_or((rest, ""), |(k, p)| (k, &p[..p.len() - 1]));
-            nodes += &format!("{id:?}: (kind: {kind:?}, params: ({params})), ");
-        }
-    }
-    let text = format!("Graph(version: 1, nodes: {{{nodes}}}, wires: [{wires}])");
-    GraphFile::parse(&Source::new("test.ron", text)).unwrap_or_else(|e| panic!("{e}"))
-}
-
 pub fn compiled_file(graph: &GraphFile) -> Compiled {
-    let registry = crate::tones::with_tones(nodes::registry());
-    compile(graph, &registry, Default::default())
-        .unwrap_or_else(|e| panic!("{}", e.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n")))
+    harness::graph::compiled(graph, &crate::tones::with_tones(nodes::registry()))
 }
 
 pub fn compiled(lines: &str) -> Compiled {
-    compiled_file(&graph(lines))
+    compiled_file(&of_lines(lines))
 }
 
 /// An engine with its controller, and what can be heard of it.

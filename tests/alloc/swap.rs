@@ -1,12 +1,11 @@
 //! A running engine takes over another graph: nothing clicks, nothing is forgotten, nothing is left behind.
 
-use asperity_diagnostics::Source;
 use asperity_engine::{Change, Finished, MAX_SWAPS, ParameterError, SwapError, SwapReport};
-use asperity_graph::GraphFile;
 use asperity_node::Buffer;
 use harness::counting::allocations;
+use harness::graph::{of_lines, parsed};
 
-use crate::rig::{FADE, Rig, SINE, STEEPEST, TICK, compiled, compiled_file, graph, largest_step};
+use crate::rig::{FADE, Rig, SINE, STEEPEST, TICK, compiled, compiled_file, largest_step};
 
 fn change<'a>(report: &'a SwapReport, id: &str) -> &'a Change {
     &report.nodes.iter().find(|n| n.id == id).unwrap_or_else(|| panic!("no {id}: {report}")).change
@@ -364,7 +363,7 @@ fn a_node_that_runs_seldom_starts_in_a_tick_in_which_it_runs() {
              wires: [{}])",
             if seldom.is_empty() { "(\"v\", \"out\")" } else { "(\"v\", \"s\"), (\"s\", \"out\")" }
         );
-        compiled_file(&GraphFile::parse(&Source::new("t", text)).unwrap())
+        compiled_file(&parsed(text))
     };
     let mut rig = Rig::of(text(""));
     rig.run(3);
@@ -381,7 +380,7 @@ fn a_node_that_runs_seldom_starts_in_a_tick_in_which_it_runs() {
     let text = "Graph(version: 1, nodes: {\"v\": (kind: \"level\"), \"a\": (kind: \"gain\", every: 23), \
                 \"b\": (kind: \"gain\", every: 29), \"out\": (kind: \"probe\")}, wires: [(\"v\", \"a\"), \
                 (\"a\", \"b\"), (\"b\", \"out\")])";
-    let file = GraphFile::parse(&Source::new("t", text)).unwrap();
+    let file = parsed(text);
     rig.controller.swap(compiled_file(&file), &[]).unwrap();
     rig.run(1);
     assert_eq!(rig.engine.swaps(), 2);
@@ -423,7 +422,7 @@ fn other_rates_are_refused_and_a_reset_ends_a_fade() {
     let lines = "t: tone\ng: scale(by: 0.5)\nout: probe\nt -> g\ng -> out";
     let mut rig = Rig::new(lines);
     let rates = |tick_hz, audio_hz| {
-        let mut graph = graph(lines);
+        let mut graph = of_lines(lines);
         (graph.tick_hz, graph.audio_hz) = (tick_hz, audio_hz);
         compiled_file(&graph)
     };

@@ -7,7 +7,8 @@ use asperity_engine::{Change, SwapReport};
 use asperity_graph::{Compiled, GraphFile, compile};
 use asperity_node::{Buffer, Config, Descriptor, Diagnostic, NodeKind, Ports, Processor, Setup};
 
-use crate::rig::{Rig, STEEPEST, TICK, compiled, compiled_file, graph, largest_step};
+use crate::rig::{Rig, STEEPEST, TICK, compiled, compiled_file, largest_step};
+use harness::graph::{of_lines, parsed};
 
 /// Why a node is rebuilt; nothing where it is not.
 fn why(report: &SwapReport, id: &str) -> Option<String> {
@@ -46,7 +47,7 @@ impl NodeKind for Build {
 
 #[test]
 fn a_node_whose_code_was_built_anew_is_rebuilt() {
-    let file = graph("t: tone\ns: scale\nout: probe\nt -> s\ns -> out");
+    let file = of_lines("t: tone\ns: scale\nout: probe\nt -> s\ns -> out");
     let built = |build| {
         let mut registry = crate::tones::with_tones(harness::nodes::registry());
         let scale = registry.get("scale").expect("the kind").clone();
@@ -229,7 +230,7 @@ fn gate_rebuilt_between_two_questions_holds_its_answer() {
         let text = "Graph(version: 1, nodes: {\"t\": (kind: \"taps\"), \"g\": (kind: \"shut\", every: 3), \
                     \"q\": (kind: \"gain\"), \
                     \"out\": (kind: \"probe\")}, wires: [(\"t\", \"g\"), (\"g\", \"q\"), (\"q\", \"out\")])";
-        compiled_file(&GraphFile::parse(&Source::new("t", text)).expect("a graph"))
+        compiled_file(&parsed(text))
     };
     let mut rig = Rig::of(text());
     rig.run(10);

@@ -1,6 +1,6 @@
 //! Any graph that loads may take the place of any other; and the shipped one of itself, again and again.
 
-use asperity_graph::{GraphFile, compile};
+use asperity_graph::GraphFile;
 use proptest::prelude::*;
 
 use crate::rig::{Rig, STEEPEST, TICK, largest_step};
@@ -187,7 +187,7 @@ fn shipped(k: usize) -> GraphFile {
 #[test]
 fn shipped_graph_swapped_often_neither_clicks_nor_allocates() {
     let registry = asperity_nodes::registry();
-    let compiled = |k| compile(&shipped(k), &registry, Default::default()).expect("it compiles");
+    let compiled = |k| harness::graph::compiled(&shipped(k), &registry);
     // Some of the seven are louder than others.
     let still: Vec<Rig> = (0..7)
         .map(|k| {

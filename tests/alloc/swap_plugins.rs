@@ -3,14 +3,13 @@
 use std::fs;
 use std::sync::Arc;
 
-use asperity_diagnostics::Source;
 use asperity_engine::{CROSSFADE_S, Engine, Options};
-use asperity_graph::{Compiled, GraphFile, compile};
+use asperity_graph::Compiled;
 use asperity_loader::{Loader, Plugin, loaded_copies};
 use asperity_node::{Buffer, FactValue, NodeKind};
 use harness::alone::apart;
 use harness::counting::{Who, assert_it_counts, bind, look, own, touched};
-use harness::plugins;
+use harness::{graph, plugins};
 
 /// A wave of the plugin, delayed, so that something with a state stands behind it.
 const GRAPH: &str = "Graph(version: 1, nodes: {\"wave\": (kind: \"told\"), \
@@ -22,8 +21,7 @@ fn compiled(plugin: &Plugin) -> Compiled {
     for kind in plugin.kinds() {
         assert!(registry.add(Arc::<dyn NodeKind>::clone(kind)).is_none());
     }
-    let graph = GraphFile::parse(&Source::new("g.ron", GRAPH)).unwrap();
-    compile(&graph, &registry, asperity_graph::Options::default()).unwrap_or_else(|e| panic!("{}", e[0]))
+    graph::compiled(&graph::parsed(GRAPH), &registry)
 }
 
 /// Number of instances that the library of the running wave has made and not destroyed.

@@ -1,12 +1,9 @@
 //! The tick thread neither allocates nor frees.
 
-use asperity_diagnostics::Source;
 use asperity_engine::{Engine, Options};
-use asperity_graph::{GraphFile, compile};
-use asperity_scene::Scene;
-use asperity_scene::{Lowering, lower};
-use harness::any_node;
+use asperity_graph::GraphFile;
 use harness::counting::allocations;
+use harness::{any_node, graph};
 
 /// Ticks of one run; `ASPERITY_LONG_TICKS` asks for more.
 fn ticks() -> u64 {
@@ -40,11 +37,8 @@ fn state_and_live_parameters_allocate_nothing() {
 #[test]
 fn no_tick_of_a_scene_allocates() {
     for name in ["study.ron", "twelve.ron", "every_effect.ron", "thousand.ron"] {
-        let source = Source::read(harness::graphs("scenes").join(name)).expect("a shipped scene");
-        let registry = asperity_nodes::registry();
-        let scene = Scene::parse(&source).expect("a scene");
-        let graph = lower(&scene, &registry, Lowering::default()).expect("a graph").graph;
-        let compiled = compile(&graph, &registry, Default::default()).expect("it compiles");
+        let graph = graph::lowered(&harness::graphs("scenes").join(name));
+        let compiled = graph::compiled(&graph, &asperity_nodes::registry());
         let most = compiled.schedule.duration_ticks().expect("a stroke that ends");
         let mut engine = Engine::new(compiled, Options::default());
         let ((), count) = allocations(|| (0..most).for_each(|_| engine.tick()));
@@ -78,7 +72,7 @@ fn no_tick_of_the_shipped_graph_allocates() {
         ] {
             graph.set(&set, "--set").expect("a setting");
         }
-        let compiled = compile(&graph, &asperity_nodes::registry(), Default::default()).expect("it compiles");
+        let compiled = graph::compiled(&graph, &asperity_nodes::registry());
         assert!(compiled.schedule.allocating().is_empty());
         let mut engine = Engine::new(compiled, Options::default());
         // Asked outside: reading a variable allocates.

@@ -4,15 +4,11 @@ use asperity_diagnostics::Source;
 use asperity_engine::{Engine, FAULTS_BEFORE_QUARANTINE, Options};
 use asperity_graph::{GraphFile, compile};
 use asperity_node::{Buffer, Fault};
+use harness::graph;
 use harness::nodes::{TestClock, registry};
 
 fn engine_with(nodes: &str, wires: &str, options: Options) -> Engine {
-    let text = format!("Graph(version: 1, nodes: {{{nodes}}}, wires: [{wires}])");
-    let graph = GraphFile::parse(&Source::new("test.ron", text)).expect("a graph");
-    match compile(&graph, &registry(), asperity_graph::Options::default()) {
-        Ok(compiled) => Engine::new(compiled, options),
-        Err(errors) => panic!("{}", errors.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n")),
-    }
+    Engine::new(graph::compiled(&graph::of(nodes, wires), &registry()), options)
 }
 
 fn engine(nodes: &str, wires: &str) -> Engine {
@@ -44,9 +40,7 @@ fn every_sample_passes_once_and_in_order_at_44100_and_48000() {
             "Graph(version: 1, tick_hz: 700, audio_hz: {hz}, nodes: {{\"c\": (kind: \"counter\"), \
              \"p\": (kind: \"probe\")}}, wires: [(\"c.samples\", \"p\")])"
         );
-        let graph = GraphFile::parse(&Source::new("t", text)).unwrap();
-        let mut e =
-            Engine::new(compile(&graph, &registry(), Default::default()).unwrap(), Options::default());
+        let mut e = graph::engine(&graph::parsed(text), &registry());
         let mut count = 0;
         for _ in 0..7000 {
             e.tick();

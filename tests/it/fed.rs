@@ -1,19 +1,18 @@
 //! Inputs that a host feeds to a graph, and time that passes without ticks.
 
-use asperity_diagnostics::Source;
 use asperity_engine::{Controller, Engine};
-use asperity_graph::{GraphFile, compile};
+use asperity_graph::GraphFile;
 use asperity_node::{Buffer, Registry};
 
 fn graph(nodes: &str, wires: &str) -> GraphFile {
     let text = format!(
         "Graph(version: 1, tick_hz: 500, audio_hz: 44100, seed: 1, nodes: {{{nodes}}}, wires: [{wires}])"
     );
-    GraphFile::parse(&Source::new("test.ron", &text)).expect("a graph")
+    harness::graph::parsed(text)
 }
 
 fn engine(nodes: &str, wires: &str) -> (Controller, Engine) {
-    let compiled = compile(&graph(nodes, wires), &registry(), Default::default()).expect("it compiles");
+    let compiled = harness::graph::compiled(&graph(nodes, wires), &registry());
     Engine::controlled(compiled, Default::default())
 }
 
@@ -107,7 +106,7 @@ fn what_was_given_goes_on_through_a_swap_in_the_same_tick() {
         engine.tick();
     }
     let other = r#""hand": (kind: "osc_input", params: (timeout_ms: 70.0)), "p": (kind: "probe")"#;
-    let compiled = compile(&graph(other, TO_PROBE), &registry(), Default::default()).expect("it compiles");
+    let compiled = harness::graph::compiled(&graph(other, TO_PROBE), &registry());
     let report = controller.swap(compiled, &[]).expect("it is sent");
     assert!(report.to_string().contains("`hand` rebuilt"), "{report}");
     for k in 5..20 {

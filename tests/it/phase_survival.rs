@@ -5,15 +5,14 @@ use std::f64::consts::PI;
 use std::sync::Arc;
 
 use asperity_accuracy::phase::{self, Score};
-use asperity_diagnostics::Source;
 use asperity_engine::{Engine, Options};
-use asperity_graph::{Compiled, GraphFile, compile};
+use asperity_graph::Compiled;
 use asperity_loader::Plugin;
 use asperity_node::{
     Buffer, Descriptor, Diagnostic, FactValue, FrameLayout, FrameRate, LayoutSpec, Node, NodeKind, Output,
     Param, Registry, Setup, ShapeSpec, Status, Tick, Unit,
 };
-use harness::plugins;
+use harness::{graph, plugins};
 
 const BINS: usize = 101;
 const FRAMES: u64 = 240;
@@ -155,8 +154,7 @@ fn compiled(registry: &Registry, method: &(String, bool), given: &str, rate_hz: 
          \"phase\": (kind: {kind:?}, params: ({set})), {synthesis} \"end\": (kind: \"probe\")}}, \
          wires: [(\"given\", \"phase\"), {wire} ({last:?}, \"end\")])"
     );
-    let graph = GraphFile::parse(&Source::new("g.ron", text)).unwrap_or_else(|e| panic!("{e}"));
-    compile(&graph, registry, Default::default()).unwrap_or_else(|e| panic!("{}", e[0]))
+    graph::compiled(&graph::parsed(text), registry)
 }
 
 /// Runs frames through a method, from frame `from` on; sample 0 is the first of that frame.

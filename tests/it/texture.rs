@@ -3,7 +3,7 @@
 use asperity_dsp::shaped_noise::Pattern;
 use asperity_dsp::{Framing, ShapedNoise};
 use asperity_engine::{Engine, Options};
-use asperity_graph::{Compiled, GraphFile, compile};
+use asperity_graph::{Compiled, GraphFile};
 use asperity_node::{Buffer, FactValue};
 use asperity_texture::Library;
 use harness::{graphs, retrieving, run};
@@ -15,10 +15,7 @@ fn compiled(graph: &str, edit: impl FnOnce(&mut GraphFile), sets: &[String]) -> 
     for set in sets {
         graph.set(set, "test").unwrap_or_else(|e| panic!("{e}"));
     }
-    let all = |errors: Vec<asperity_diagnostics::Diagnostic>| {
-        panic!("{sets:?}: {}", errors.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n"))
-    };
-    compile(&graph, &harness::nodes::registry(), Default::default()).unwrap_or_else(all)
+    harness::graph::compiled(&graph, &harness::nodes::registry())
 }
 
 /// The same over circles at 100 mm/s without an end.

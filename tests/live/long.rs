@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 use asperity_audio::simulated::{Params, Simulated};
 use asperity_audio::{Block, Process, Request, events, open};
 use asperity_engine::Options as EngineOptions;
-use asperity_graph::{GraphFile, compile};
+use asperity_graph::GraphFile;
 use asperity_live::driver::{Callback, Clock, Controls, Options, Paced, Ticker};
 use asperity_live::realtime::Machine;
 use asperity_live::{Ends, Meters, Player, conduct};
@@ -134,7 +134,7 @@ fn player(tick_hz: u32) -> (asperity_live::Conductor, Player) {
     for set in ["stylus.shape=circle", "stylus.duration_s=1e6", &format!("tick_hz={tick_hz}")] {
         graph.set(set, "the test").expect("a setting");
     }
-    let compiled = compile(&graph, &asperity_nodes::registry(), Default::default()).expect("it compiles");
+    let compiled = harness::graph::compiled(&graph, &asperity_nodes::registry());
     conduct(compiled, &graph, EngineOptions::default(), Ends::default(), None, Vec::new())
 }
 

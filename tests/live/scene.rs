@@ -6,29 +6,23 @@ use std::path::Path;
 use std::time::Duration;
 
 use asperity_audio::simulated::Simulated;
-use asperity_diagnostics::Source;
-use asperity_graph::{Compiled, GraphFile, compile};
+use asperity_graph::{Compiled, GraphFile};
 use asperity_live::SessionOptions;
 use asperity_live::driver::Clock;
-use asperity_scene::Scene;
-use asperity_scene::{Lowering, lower};
 use harness::alone::real_time;
 use harness::chromium::Chromium;
 use harness::live::{Live, npy, rms, told};
 use harness::stage::{by_hand, channel, offline, options, start, stop};
-use harness::{graphs, json};
+use harness::{graph, graphs, json};
 use serde_json::Value;
 
 use crate::pen::Pen;
 
 /// A shipped scene as a graph.
 fn lowered(name: &str) -> (GraphFile, Compiled) {
-    let source = Source::read(graphs("scenes").join(name)).expect("a shipped scene");
-    let scene = Scene::parse(&source).expect("a scene");
-    let registry = asperity_nodes::registry();
-    let graph = lower(&scene, &registry, Lowering::default()).expect("a graph").graph;
-    let compiled = compile(&graph, &registry, Default::default());
-    (graph, compiled.unwrap_or_else(|all| panic!("{all:?}")))
+    let graph = graph::lowered(&graphs("scenes").join(name));
+    let compiled = graph::compiled(&graph, &asperity_nodes::registry());
+    (graph, compiled)
 }
 
 #[test]

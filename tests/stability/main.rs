@@ -21,8 +21,7 @@ use std::sync::Arc;
 use asperity_checks::{Case, Effort, Outcome, Subject, Verdict, cases};
 use asperity_graph::GraphFile;
 use asperity_node::{Config, Descriptor, Diagnostic, NodeKind, Ports, Processor, Setup};
-use asperity_scene::Scene;
-use asperity_scene::{Lowering, lower};
+use harness::graph::lowered;
 
 /// The folder of the shipped graphs.
 const GRAPHS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../graphs");
@@ -44,12 +43,6 @@ fn case(name: &str) -> &'static Case {
 /// A shipped graph.
 fn graph(name: &str) -> GraphFile {
     GraphFile::read(harness::graphs(name)).expect("a shipped graph")
-}
-
-/// The graph of a scene.
-fn lowered(path: &std::path::Path) -> GraphFile {
-    let scene = Scene::read(path).expect("a scene");
-    lower(&scene, &asperity_nodes::registry(), Lowering::default()).expect("a graph").graph
 }
 
 /// The graph of a shipped scene.

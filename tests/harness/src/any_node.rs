@@ -1,7 +1,7 @@
 //! Graphs of one node of any kind, by what its descriptor says.
 
 use asperity_engine::{Engine, Options};
-use asperity_graph::{Compiled, GraphFile, compile};
+use asperity_graph::{Compiled, GraphFile};
 use asperity_node::{
     Buffer, Complex, Config, Descriptor, Diagnostic, FrameClock, FrameLayout, FrameRate, Input, LayoutSpec,
     Node, NodeKind, Output, Param, Ports, RateSpec, Registry, Setup, ShapeSpec, Status, Tick, Unit, UnitSpec,
@@ -177,10 +177,7 @@ pub fn graph(kind: &dyn NodeKind, signal: &str, tick_hz: u32, audio_hz: u32) -> 
 
 /// The graph and its nodes.
 pub fn compiled(graph: &GraphFile) -> Compiled {
-    match compile(graph, &registry(), asperity_graph::Options::default()) {
-        Ok(compiled) => compiled,
-        Err(e) => panic!("{}", e.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n")),
-    }
+    crate::graph::compiled(graph, &registry())
 }
 
 pub fn engine(graph: &GraphFile) -> Engine {

@@ -7,6 +7,7 @@ pub mod alone;
 pub mod any_node;
 pub mod chromium;
 pub mod counting;
+pub mod graph;
 pub mod live;
 #[path = "../../../core/texture/src/tests/networks.rs"]
 pub mod networks;

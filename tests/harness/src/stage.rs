@@ -4,9 +4,8 @@ use std::time::{Duration, Instant};
 
 use asperity_audio::Request;
 use asperity_audio::simulated::{Params, Simulated};
-use asperity_diagnostics::Source;
 use asperity_engine::{Engine, Options};
-use asperity_graph::{Compiled, GraphFile, compile};
+use asperity_graph::{Compiled, GraphFile};
 use asperity_live::driver::Clock;
 use asperity_live::{Ended, Ends, MicReader, MicWriter, Reins, Session, SessionOptions, conduct};
 use asperity_node::{Buffer, Registry};
@@ -21,9 +20,9 @@ pub fn graph(
     let text = format!(
         "Graph(version: 1, tick_hz: {tick_hz}, audio_hz: {audio_hz}, nodes: {{{nodes}}}, wires: [{wires}])"
     );
-    let file = GraphFile::parse(&Source::new("test.ron", text)).expect("a graph");
-    let compiled = compile(&file, registry, Default::default());
-    (file, compiled.unwrap_or_else(|all| panic!("{all:?}")))
+    let file = crate::graph::parsed(text);
+    let compiled = crate::graph::compiled(&file, registry);
+    (file, compiled)
 }
 
 /// Nodes and wires of a sine [Hz, A] that reaches channel `id` of a card.

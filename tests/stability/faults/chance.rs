@@ -3,9 +3,7 @@
 
 mod nodes;
 
-use asperity_diagnostics::Source;
-use asperity_engine::{Engine, Options};
-use asperity_graph::{GraphFile, compile};
+use asperity_engine::Engine;
 use asperity_node::Buffer;
 use harness::counting::{Held, held};
 
@@ -27,10 +25,7 @@ const CLEAN: (&str, &str) = (
 );
 
 fn engine(nodes: &str, wires: &str) -> Engine {
-    let text = format!("Graph(version: 1, nodes: {{{nodes}}}, wires: [{wires}])");
-    let graph = GraphFile::parse(&Source::new("chance.ron", text)).expect("a graph");
-    let compiled = compile(&graph, &registry(), Default::default());
-    Engine::new(compiled.unwrap_or_else(|all| panic!("{all:?}")), Options::default())
+    harness::graph::engine(&harness::graph::of(nodes, wires), &registry())
 }
 
 /// A graph of injectors, each of which fails in one of so many calls: as sources of audio, controls and
