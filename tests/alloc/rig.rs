@@ -85,8 +85,3 @@ impl Rig {
         &self.heard[self.heard.len() - TICK..]
     }
 }
-
-/// The largest step from one sample to the next.
-pub fn largest_step(samples: &[f32]) -> f32 {
-    samples.windows(2).map(|w| (w[1] - w[0]).abs()).fold(0.0, f32::max)
-}

@@ -4,8 +4,9 @@ use asperity_engine::{Change, Finished, MAX_SWAPS, ParameterError, SwapError, Sw
 use asperity_node::Buffer;
 use harness::counting::allocations;
 use harness::graph::{of_lines, parsed};
+use harness::live::largest_step;
 
-use crate::rig::{FADE, Rig, SINE, STEEPEST, TICK, compiled, compiled_file, largest_step};
+use crate::rig::{FADE, Rig, SINE, STEEPEST, TICK, compiled, compiled_file};
 
 fn change<'a>(report: &'a SwapReport, id: &str) -> &'a Change {
     &report.nodes.iter().find(|n| n.id == id).unwrap_or_else(|| panic!("no {id}: {report}")).change

@@ -6,9 +6,10 @@ use asperity_diagnostics::Source;
 use asperity_engine::{Change, SwapReport};
 use asperity_graph::{Compiled, GraphFile, compile};
 use asperity_node::{Buffer, Config, Descriptor, Diagnostic, NodeKind, Ports, Processor, Setup};
-
-use crate::rig::{Rig, STEEPEST, TICK, compiled, compiled_file, largest_step};
 use harness::graph::{of_lines, parsed};
+use harness::live::largest_step;
+
+use crate::rig::{Rig, STEEPEST, TICK, compiled, compiled_file};
 
 /// Why a node is rebuilt; nothing where it is not.
 fn why(report: &SwapReport, id: &str) -> Option<String> {

@@ -1,9 +1,10 @@
 //! Any graph that loads may take the place of any other; and the shipped one of itself, again and again.
 
 use asperity_graph::GraphFile;
+use harness::live::largest_step;
 use proptest::prelude::*;
 
-use crate::rig::{Rig, STEEPEST, TICK, largest_step};
+use crate::rig::{Rig, STEEPEST, TICK};
 
 /// A graph, and what its output cannot exceed: in level, and from sample to sample.
 #[derive(Clone, Debug)]

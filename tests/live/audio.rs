@@ -6,3 +6,5 @@ mod jack;
 mod parts;
 mod pulse;
 mod simulated;
+
+pub(crate) use simulated::quantized;

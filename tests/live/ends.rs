@@ -11,7 +11,7 @@ use harness::live::{CARD, EARS, Live, PATIENCE, npy, told, until};
 use harness::{asperity, json, run};
 use tungstenite::Message;
 
-use crate::socket::watch;
+use crate::socket::connect;
 
 /// First bytes to a terminal.
 const ENTER: &str = "\x1b[?1049h";
@@ -242,7 +242,7 @@ fn unread_messages_delay_neither_mute_ticks_nor_end() {
     let url = says("the page: ");
     says("plays on");
     let (host, _) = url.split_once("/?").expect("an address with a token");
-    let (mut socket, mut got) = (watch(&url, host).expect("there is room"), 0);
+    let (mut socket, mut got) = (connect(&url, Some(host)).expect("there is room"), 0);
     // From here on nobody reads. Of each of these files a thousand nodes are refused, and fifty are told.
     for edit in 0..3 {
         let node = |n: usize| format!("\"{n}\": (kind: \"nothing {edit} {n}\"),\n");

@@ -5,8 +5,9 @@ use std::time::{Duration, Instant};
 
 use harness::live::PATIENCE;
 use serde_json::Value;
-use tungstenite::client::IntoClientRequest as _;
 use tungstenite::{Message, WebSocket};
+
+use crate::socket::connect;
 
 /// The last view and layout.
 #[derive(Debug, Default)]
@@ -26,11 +27,7 @@ pub struct Onlooker {
 impl Onlooker {
     /// Opens the page's socket, by the address that the program says.
     pub fn at(url: &str) -> Self {
-        let request = url.replace("http://", "ws://").replace("/?", "/ws?").into_client_request();
-        let (host, _) = url["http://".len()..].split_once('/').expect("an address");
-        let stream = TcpStream::connect(host).expect("it listens");
-        stream.set_read_timeout(Some(PATIENCE)).expect("a socket");
-        let (socket, _) = tungstenite::client(request.expect("a request"), stream).expect("it is let in");
+        let socket = connect(url, None).expect("it is let in");
         Self { socket, got: 0, shown: Shown::default() }
     }
 

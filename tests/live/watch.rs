@@ -1,13 +1,11 @@
 //! `render --watch` and `run --watch`: a graph, a plugin and a file that change while it plays.
 
 use std::fs;
-use std::io::Read as _;
 use std::path::Path;
-use std::process::{Child, Stdio};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use harness::alone::real_time;
-use harness::live::{Live, npy};
+use harness::live::{Live, largest_step, npy};
 use harness::{json, plugins, wav};
 
 /// Far longer than the test takes on any machine: it is stopped as a person would stop it.
@@ -35,58 +33,6 @@ fn told(to: &Path, amplitude: &str) {
     plugins::compile(&plugins::sources().join("told.c"), to, &[&flag]);
 }
 
-/// A render under way, and what it says.
-struct Playing {
-    child: Child,
-    said: std::sync::Arc<std::sync::Mutex<String>>,
-    seen: usize,
-}
-
-impl Playing {
-    fn start(dir: &Path, args: &[&str]) -> Self {
-        let mut command = harness::asperity(dir);
-        command.args(args).stdout(Stdio::null()).stderr(Stdio::piped());
-        let mut child = command.spawn().unwrap();
-        let mut stderr = child.stderr.take().unwrap();
-        let said = std::sync::Arc::new(std::sync::Mutex::new(String::new()));
-        let to = said.clone();
-        std::thread::spawn(move || {
-            let mut some = [0; 512];
-            while let Ok(n @ 1..) = stderr.read(&mut some) {
-                to.lock().unwrap().push_str(&String::from_utf8_lossy(&some[..n]));
-            }
-        });
-        Self { child, said, seen: 0 }
-    }
-
-    /// Waits until it says something new that contains `text`.
-    fn says(&mut self, text: &str) {
-        let begun = Instant::now();
-        loop {
-            let said = self.said.lock().unwrap().clone();
-            if let Some(at) = said[self.seen..].find(text) {
-                self.seen += at + text.len();
-                return;
-            }
-            assert!(begun.elapsed() < Duration::from_secs(60), "it never said `{text}`, but: {said}");
-            std::thread::sleep(Duration::from_millis(20));
-        }
-    }
-
-    /// Stops it as Ctrl-C does: what was rendered until then is kept.
-    fn stop(mut self) {
-        let id = self.child.id().to_string();
-        assert!(std::process::Command::new("kill").args(["-INT", &id]).status().unwrap().success());
-        let status = self.child.wait().unwrap();
-        let said = self.said.lock().unwrap().clone();
-        assert_eq!(status.code(), Some(130), "{said}");
-    }
-}
-
-fn largest_step(x: &[f32]) -> f32 {
-    x.windows(2).map(|w| (w[1] - w[0]).abs()).fold(0.0, f32::max)
-}
-
 #[test]
 fn a_graph_and_its_plugin_change_while_it_plays_without_a_click() {
     let _alone = real_time();
@@ -109,7 +55,7 @@ fn a_graph_and_its_plugin_change_while_it_plays_without_a_click() {
         "--plot",
         "p.svg",
     ];
-    let mut playing = Playing::start(dir, &args);
+    let mut playing = Live::command(dir, &args);
     std::thread::sleep(Duration::from_millis(600));
 
     // A live parameter, then a plugin that was built anew, then a new node in between.
@@ -140,7 +86,7 @@ fn a_graph_and_its_plugin_change_while_it_plays_without_a_click() {
     fs::write(dir.join("g.ron"), rate).unwrap();
     playing.says("cannot go on at 1000");
     std::thread::sleep(Duration::from_millis(300));
-    playing.stop();
+    assert_eq!(playing.stop().code, 130);
 
     let (samples, _) = wav(&dir.join("o.wav"));
     let ticks = json(&dir.join("r.json"))["ticks"].as_u64().unwrap() as usize;
@@ -219,7 +165,7 @@ fn a_file_that_a_text_names_is_seen_to_change() {
     // Nor is it written over.
     let over = harness::run(dir, &["render", "g.ron", "--seconds", "1", "--report", "m.ron"]);
     assert!(over.code == 2 && over.err.contains("`rub` reads this file"), "{}", over.err);
-    let mut playing = Playing::start(
+    let mut playing = Live::command(
         dir,
         &["render", "g.ron", "--watch", "--limit-us", "9000000", "--seconds", SECONDS, "--out", "o.wav"],
     );
@@ -229,7 +175,7 @@ fn a_file_that_a_text_names_is_seen_to_change() {
     replace(dir, "m.ron", |to| fs::write(to, "Autoregressive(").unwrap());
     playing.says("cannot be taken over:");
     playing.says("the running graph goes on");
-    playing.stop();
+    assert_eq!(playing.stop().code, 130);
 }
 
 #[test]

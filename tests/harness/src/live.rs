@@ -176,6 +176,11 @@ pub fn rms(x: &[f32]) -> f64 {
     (x.iter().map(|x| f64::from(*x) * f64::from(*x)).sum::<f64>() / x.len().max(1) as f64).sqrt()
 }
 
+/// The largest step from one sample to the next.
+pub fn largest_step(samples: &[f32]) -> f32 {
+    samples.windows(2).map(|w| (w[1] - w[0]).abs()).fold(0.0, f32::max)
+}
+
 /// Tries until a trial counts: `Err` says how a busy machine spoilt it. A wrong result panics at once.
 pub fn told<T>(mut trial: impl FnMut() -> Result<T, String>) -> T {
     let mut spoilt = Vec::new();

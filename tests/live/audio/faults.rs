@@ -6,8 +6,9 @@ use std::time::Duration;
 use asperity_audio::simulated::{Params, Simulated};
 use asperity_audio::{Event, Process, Stream, events, open};
 use harness::alone::real_time;
+use harness::live::until;
 
-use super::parts::{Count, Each, by_hand, on, wait, wait_for_loss};
+use super::parts::{Count, Each, by_hand, on, wait_for_loss};
 
 fn live(card: &Simulated, process: impl Process + 'static) -> (Stream, Receiver<Event>) {
     let (sender, received) = events();
@@ -50,7 +51,7 @@ fn flood_of_errors_is_one_loss_and_closes_the_stream() {
     let _alone = real_time();
     let card = Simulated::new("flood", in_time()).unwrap();
     let (stream, received) = live(&card, Count::default());
-    wait("a call", || stream.stats().callbacks > 0);
+    until("a call", || stream.stats().callbacks > 0);
     card.flood();
     let (reason, _) = wait_for_loss(&received);
     assert!(reason.contains("flood") && reason.contains("simulated error"), "{reason}");
@@ -69,7 +70,7 @@ fn lost_stream_that_still_calls_fades_out_before_closing() {
     let faded = (0..10).any(|at| {
         let card = Simulated::new(&format!("fade {at}"), in_time()).unwrap();
         let (stream, received) = live(&card, Each(|| 0.5));
-        wait("a call", || stream.stats().callbacks > 0);
+        until("a call", || stream.stats().callbacks > 0);
         (0..60).for_each(|_| card.error());
         wait_for_loss(&received);
         let left: Vec<f64> = card.played().chunks(2).map(|frame| frame[0]).collect();
@@ -87,7 +88,7 @@ fn unplugged_device_is_lost_and_opens_again_when_back() {
     let _alone = real_time();
     let card = Simulated::new("plug", in_time()).unwrap();
     let (stream, received) = live(&card, Count::default());
-    wait("a call", || stream.stats().callbacks > 0);
+    until("a call", || stream.stats().callbacks > 0);
     card.unplug();
     let (reason, _) = wait_for_loss(&received);
     assert!(reason.contains("not available"), "{reason}");
@@ -97,7 +98,7 @@ fn unplugged_device_is_lost_and_opens_again_when_back() {
     card.plug();
     // The lost stream is still in hand: it does not stand in the way.
     let (again, _received) = live(&card, Count::default());
-    wait("a call", || again.stats().callbacks > 0);
+    until("a call", || again.stats().callbacks > 0);
     assert_eq!(again.id(), stream.id());
 }
 
@@ -107,9 +108,9 @@ fn short_gap_is_told_with_its_length_and_loses_no_sample() {
     let _alone = real_time();
     let card = Simulated::new("gap", in_time()).unwrap();
     let (stream, received) = live(&card, Count::default());
-    wait("a call", || stream.stats().callbacks > 0);
+    until("a call", || stream.stats().callbacks > 0);
     card.gap(Duration::from_millis(300));
-    wait("the gap", || stream.stats().longest_gap_ms >= 300.0);
+    until("the gap", || stream.stats().longest_gap_ms >= 300.0);
     let told = received.recv_timeout(Duration::from_secs(20)).unwrap();
     // A busy machine may have made a gap of its own before.
     assert!(matches!(told, Event::Gap { ms } if ms > 50.0), "{told:?}");
@@ -124,7 +125,7 @@ fn a_device_that_stops_calling_without_a_word_is_lost() {
     let _alone = real_time();
     let card = Simulated::new("stop", in_time()).unwrap();
     let (stream, received) = live(&card, Count::default());
-    wait("a call", || stream.stats().callbacks > 0);
+    until("a call", || stream.stats().callbacks > 0);
     card.stop();
     let (reason, _) = wait_for_loss(&received);
     assert!(reason.contains("not called for 1."), "{reason}");
@@ -146,12 +147,12 @@ fn a_stream_that_is_paused_is_not_missed() {
     let _alone = real_time();
     let card = Simulated::new("pause", in_time()).unwrap();
     let (stream, received) = live(&card, Count::default());
-    wait("a call", || stream.stats().callbacks > 0);
+    until("a call", || stream.stats().callbacks > 0);
     stream.pause().unwrap();
     std::thread::sleep(Duration::from_millis(1300));
     let before = stream.stats().callbacks;
     stream.play().unwrap();
-    wait("a call", || stream.stats().callbacks > before);
+    until("a call", || stream.stats().callbacks > before);
     assert_eq!(stream.lost(), None);
     assert!(!received.try_iter().any(|event| matches!(event, Event::Lost { .. })));
 }
@@ -189,7 +190,7 @@ fn a_stream_that_is_dropped_leaves_the_device_to_the_next() {
     let card = Simulated::new("next", in_time()).unwrap();
     for _ in 0..5 {
         let (stream, _received) = live(&card, Count::default());
-        wait("a call", || stream.stats().callbacks > 0);
+        until("a call", || stream.stats().callbacks > 0);
         drop(stream);
         assert!(!card.in_use());
     }

@@ -3,11 +3,12 @@
 use std::time::{Duration, Instant};
 
 use asperity_audio::{Event, OpenError, Request, events, hosts, open};
+use harness::live::until;
 use harness::servers::{Jack, inside};
 use harness::test_name;
 use jack::{AsyncClient, AudioIn, Client, ClientOptions, Control, Port, ProcessHandler, ProcessScope};
 
-use super::parts::{Count, Loop, Recorder, play, wait, wait_for_loss};
+use super::parts::{Count, Loop, Recorder, play, wait_for_loss};
 
 fn request(rate_hz: u32) -> Request {
     Request { host: Some("jack".into()), rate_hz, ..Request::default() }
@@ -41,7 +42,7 @@ fn record(from: &str, length: usize) -> (AsyncClient<(), Tape>, std::sync::mpsc:
     let (full, recorded) = std::sync::mpsc::sync_channel(1);
     let client = client.activate_async((), Tape { port, samples: Vec::with_capacity(length), full }).unwrap();
     // A port is there before it can be connected.
-    wait("a connection", || {
+    until("a connection", || {
         let ports = client.as_client().ports(Some(from), None, jack::PortFlags::IS_OUTPUT);
         ports.iter().any(|port| client.as_client().connect_ports_by_name(port, &to).is_ok())
     });
@@ -100,13 +101,13 @@ fn an_input_hears_what_an_output_plays_and_the_stamps_add_up() {
     let stream =
         open(&Request { inputs: vec![1], ..request(48_000) }, process, Some(capture), sender).unwrap();
     let (client, _) = Client::new("asperity_patch", ClientOptions::NO_START_SERVER).unwrap();
-    wait("a connection", || {
+    until("a connection", || {
         let name = |pattern| client.ports(Some(pattern), None, jack::PortFlags::empty()).pop();
         let ends = name("cpal_client_.*_out:out_0").zip(name("cpal_client_.*_in:in_0"));
         ends.is_some_and(|(from, to)| client.connect_ports_by_name(&from, &to).is_ok())
     });
     stream.play().unwrap();
-    wait("two seconds", || tape.frames() > 96_000);
+    until("two seconds", || tape.frames() > 96_000);
     let heard = tape.check(48_000);
     println!("{heard:.2?}");
     assert_eq!(heard.lost, 0);
@@ -121,7 +122,7 @@ fn the_server_sets_rate_and_period_and_the_user_hears_of_it() {
         return;
     };
     let stream = play(&Request { period_frames: Some(64), ..request(48_000) }, Count::default());
-    wait("a call", || stream.stats().callbacks > 0);
+    until("a call", || stream.stats().callbacks > 0);
     assert_eq!((stream.period(), stream.id()), (Some(256), "jack:output".to_owned()));
     assert!(
         stream.notes().iter().any(|note| note.contains("256") && note.contains("64")),
@@ -145,7 +146,7 @@ fn killed_server_is_a_loss_and_the_next_one_opens() {
     let (sender, received) = events();
     let stream = open(&request(48_000), Box::new(Count::default()), None, sender).unwrap();
     stream.play().unwrap();
-    wait("a call", || stream.stats().callbacks > 20);
+    until("a call", || stream.stats().callbacks > 20);
     let killed = Instant::now();
     server.kill();
     let (reason, _) = wait_for_loss(&received);
@@ -158,7 +159,7 @@ fn killed_server_is_a_loss_and_the_next_one_opens() {
     let name = std::env::var("JACK_DEFAULT_SERVER").unwrap();
     let _next = Jack::named(&name, 48_000, 128).unwrap();
     let again = play(&request(48_000), Count::default());
-    wait("a call", || again.stats().callbacks > 20);
+    until("a call", || again.stats().callbacks > 20);
     assert_eq!(again.period(), Some(128));
 }
 
@@ -168,7 +169,7 @@ fn a_server_that_is_stopped_is_a_loss_and_holds_nobody_up() {
     let (sender, received) = events();
     let stream = open(&request(48_000), Box::new(Count::default()), None, sender).unwrap();
     stream.play().unwrap();
-    wait("a call", || stream.stats().callbacks > 20);
+    until("a call", || stream.stats().callbacks > 20);
     let stopped = Instant::now();
     server.stop();
     let (reason, _) = wait_for_loss(&received);
@@ -181,7 +182,7 @@ fn a_server_that_is_stopped_is_a_loss_and_holds_nobody_up() {
     println!("then: {error}");
     assert!(matches!(error, OpenError::HostAway { .. }), "{error}");
     server.go_on();
-    wait("the server to answer again", || {
+    until("the server to answer again", || {
         let (sender, _events) = events();
         let stream = open(&request(48_000), Box::new(Count::default()), None, sender);
         stream.is_ok_and(|stream| {

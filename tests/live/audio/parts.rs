@@ -1,7 +1,7 @@
 //! Callbacks that fill and record blocks.
 
 use std::sync::{Arc, Mutex};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use asperity_audio::simulated::{Params, Simulated};
 use asperity_audio::{Block, Capture, Captured, Event, Process, Request, Stream, events, open};
@@ -22,15 +22,6 @@ pub(crate) fn play(request: &Request, process: impl Process + 'static) -> Stream
     let stream = open(request, Box::new(process), None, sender).unwrap();
     stream.play().unwrap();
     stream
-}
-
-/// Waits until it is so, at most 20 s.
-pub(crate) fn wait(what: &str, is_so: impl Fn() -> bool) {
-    let began = Instant::now();
-    while !is_so() {
-        assert!(began.elapsed() < Duration::from_secs(20), "waited in vain for {what}");
-        std::thread::sleep(Duration::from_millis(2));
-    }
 }
 
 /// Waits for the loss of a stream, at most 20 s; answers its reason and what came before.

@@ -4,10 +4,11 @@ use std::process::Command;
 use std::time::{Duration, Instant};
 
 use asperity_audio::{Capture, Event, OpenError, Request, events, hosts, open};
+use harness::live::until;
 use harness::servers::{Parec, Pulse, inside};
 use harness::test_name;
 
-use super::parts::{Count, Ear, Loop, Recorder, play, wait, wait_for_loss};
+use super::parts::{Count, Ear, Loop, Recorder, play, wait_for_loss};
 
 fn request() -> Request {
     Request { host: Some("pulseaudio".into()), device: Some("test".into()), ..Request::default() }
@@ -55,7 +56,7 @@ fn an_input_hears_what_an_output_plays_and_the_stamps_add_up() {
         let stream = open(&wanted, process, Some(capture), sender).unwrap();
         assert_eq!(stream.input_id().as_deref(), Some("pulseaudio:test.monitor"));
         stream.play().unwrap();
-        wait("two seconds", || tape.frames() > 96_000);
+        until("two seconds", || tape.frames() > 96_000);
         drop(stream);
         // PulseAudio drops what it recorded, and does not say so, where a busy machine takes it too late.
         let heard = tape.check(48_000);
@@ -71,12 +72,12 @@ fn an_input_hears_what_an_output_plays_and_the_stamps_add_up() {
 fn default_period_is_far_below_two_seconds() {
     let Some(_) = inside(test_name!(), Pulse::start) else { return };
     let stream = play(&request(), Count::default());
-    wait("calls", || stream.stats().callbacks > 60);
+    until("calls", || stream.stats().callbacks > 60);
     let period = stream.period().unwrap();
     println!("asked for 256: {:?}, median {period}", stream.period_range());
     assert!((128..=512).contains(&period), "{period}");
     let small = play(&Request { period_frames: Some(64), ..request() }, Count::default());
-    wait("calls", || small.stats().callbacks > 60);
+    until("calls", || small.stats().callbacks > 60);
     println!("asked for 64: {:?}, median {:?}", small.period_range(), small.period());
     let slow = play(&Request { rate_hz: 44_100, ..request() }, Count::default());
     assert!(slow.notes().iter().any(|note| note.contains("resamples")), "{:?}", slow.notes());
@@ -111,7 +112,7 @@ fn a_server_that_is_killed_is_a_loss() {
     let (sender, received) = events();
     let stream = open(&request(), Box::new(Count::default()), None, sender).unwrap();
     stream.play().unwrap();
-    wait("calls", || stream.stats().callbacks > 20);
+    until("calls", || stream.stats().callbacks > 20);
     let killed = Instant::now();
     server.kill();
     let (reason, _) = wait_for_loss(&received);
@@ -131,7 +132,7 @@ fn stopped_server_is_a_loss_though_it_says_nothing() {
     let (sender, received) = events();
     let stream = open(&request(), Box::new(Count::default()), None, sender).unwrap();
     stream.play().unwrap();
-    wait("calls", || stream.stats().callbacks > 20);
+    until("calls", || stream.stats().callbacks > 20);
     let stopped = Instant::now();
     server.stop();
     let (reason, _) = wait_for_loss(&received);
@@ -144,7 +145,7 @@ fn stopped_server_is_a_loss_though_it_says_nothing() {
     println!("then: {error}");
     assert!(matches!(error, OpenError::HostAway { .. }), "{error}");
     server.go_on();
-    wait("the server to answer again", || {
+    until("the server to answer again", || {
         let (sender, _events) = events();
         open(&request(), Box::new(Count::default()), None, sender).is_ok()
     });
@@ -169,7 +170,7 @@ fn alsa_over_a_killed_server_is_a_loss_and_its_flood_ends() {
             opened => opened.unwrap(),
         };
         stream.play().unwrap();
-        wait("calls or a loss", || stream.stats().callbacks > 20 || stream.lost().is_some());
+        until("calls or a loss", || stream.stats().callbacks > 20 || stream.lost().is_some());
         if stream.lost().is_none() {
             break (stream, received);
         }
@@ -204,7 +205,7 @@ fn a_stream_that_goes_on_takes_no_more_files_and_threads() {
     let Some(_) = inside(test_name!(), Pulse::start) else { return };
     let taken = || ["fd", "task"].map(|of| std::fs::read_dir(format!("/proc/self/{of}")).unwrap().count());
     let stream = play(&request(), Count::default());
-    wait("calls", || stream.stats().callbacks > 200);
+    until("calls", || stream.stats().callbacks > 200);
     let before = taken();
     std::thread::sleep(Duration::from_secs(4));
     println!("files and threads: {before:?}, 4 s later {:?}", taken());
@@ -230,7 +231,7 @@ fn vanished_device_is_a_loss_and_not_replaced() {
         let stream = open(&wanted, Box::new(Count::default()), capture, sender).unwrap();
         assert!(input.is_some() || stream.id() == "pulseaudio:haptic", "{}", stream.id());
         stream.play().unwrap();
-        wait("calls", || stream.stats().callbacks > 200);
+        until("calls", || stream.stats().callbacks > 200);
         assert_eq!(stream.lost(), None, "{what}");
         let unloaded = Instant::now();
         pactl(&["unload-module", &sink]);

@@ -3,13 +3,14 @@
 use asperity_audio::simulated::{Params, Simulated, set_plants};
 use asperity_audio::{Format, OpenError, Request, events, open};
 use harness::alone::real_time;
+use harness::live::until;
 use proptest::prelude::*;
 
 use super::parts::{Count, Ramp, Recorder, by_hand, on, play, ramp};
 
 /// Value that a card with this sample format holds, computed anew: scale, round to the nearest,
 /// keep in range.
-fn quantized(format: Format, value: f32) -> f64 {
+pub(crate) fn quantized(format: Format, value: f32) -> f64 {
     let full = match format {
         Format::F32 | Format::F64 => return f64::from(value.clamp(-1.0, 1.0)),
         Format::I8 | Format::U8 => 128.0,
@@ -206,9 +207,7 @@ fn plant_in_words_is_made_at_the_rate_of_the_device() {
     let stream = open("simulated:frames=64,plant=kilohertz", capture).unwrap();
     stream.play().unwrap();
     // The input may be called before the output plays.
-    super::parts::wait("the plant to be heard", || {
-        heard.lock().unwrap().chunks(2).any(|frame| frame == [0.0, 0.5])
-    });
+    until("the plant to be heard", || heard.lock().unwrap().chunks(2).any(|frame| frame == [0.0, 0.5]));
     assert!(heard.lock().unwrap().iter().all(|x| [0.0, 0.5].contains(x)));
 }
 
@@ -286,7 +285,7 @@ fn device_described_by_its_id_is_made_on_request() {
     };
     let (process, seen) = Recorder::new();
     let stream = play(&request, process);
-    super::parts::wait("ten calls", || stream.stats().callbacks >= 10);
+    until("ten calls", || stream.stats().callbacks >= 10);
     assert_eq!((stream.host(), stream.format(), stream.period()), ("simulated", Format::I24, Some(97)));
     assert!(seen.lock().unwrap().iter().all(|(frames, _)| *frames == 97));
 }
@@ -297,7 +296,7 @@ fn a_described_device_calls_with_its_lengths_in_turn() {
     let device = Some("simulated:frames=64+1+1024+97,speed=50".into());
     let (process, seen) = Recorder::new();
     let stream = play(&Request { device, ..Request::default() }, process);
-    super::parts::wait("twelve calls", || stream.stats().callbacks >= 12);
+    until("twelve calls", || stream.stats().callbacks >= 12);
     let seen: Vec<usize> = seen.lock().unwrap().iter().map(|(frames, _)| *frames).take(12).collect();
     assert_eq!(seen, [64, 1, 1024, 97].repeat(3));
 }

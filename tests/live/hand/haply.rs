@@ -11,9 +11,10 @@ use asperity_hand::haply::{HaplyOptions, start};
 use asperity_hand::{Frame, HandError, Next};
 use asperity_live::{force_model, samples};
 use harness::alone::real_time;
+use harness::live::until;
 use tungstenite::{Message, WebSocket};
 
-use super::held::{Floor, newest, problem, until};
+use super::held::{Floor, newest, problem};
 
 /// Behaviour of the stand-in, and the forces it received.
 #[derive(Default)]

@@ -3,10 +3,11 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::thread::JoinHandle;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use asperity_hand::Handle;
 use asperity_live::{ForceModel, ForceWriter, Sample, SampleReader, now_ns};
+use harness::live::until;
 
 /// A floor at z = 0 of the graph, told anew every millisecond until dropped.
 pub(crate) struct Floor(Arc<AtomicBool>, Option<JoinHandle<()>>);
@@ -37,15 +38,6 @@ impl Drop for Floor {
     fn drop(&mut self) {
         self.0.store(true, Relaxed);
         self.1.take().unwrap().join().unwrap();
-    }
-}
-
-/// Waits until `done`, at most 10 s.
-pub(crate) fn until(what: &str, mut done: impl FnMut() -> bool) {
-    let begin = Instant::now();
-    while !done() {
-        assert!(begin.elapsed() < Duration::from_secs(10), "waited for: {what}");
-        std::thread::sleep(Duration::from_millis(2));
     }
 }
 

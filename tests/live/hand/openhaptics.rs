@@ -13,9 +13,10 @@ use asperity_hand::{Frame, Next};
 use asperity_live::{force_model, now_ns, samples};
 use harness::alone::real_time;
 use harness::counting::allocations;
+use harness::live::until;
 use libloading::{Library, Symbol};
 
-use super::held::{Floor, newest, problem, until};
+use super::held::{Floor, newest, problem};
 
 /// A stand-in of its own: the library, where it lies, and the turn to use it. The library has one scheduler,
 /// so a process has one device at a time.

@@ -6,9 +6,8 @@ use std::time::Duration;
 use asperity_hand::{HandError, Handle, Next, osc};
 use asperity_live::{Sample, SampleReader, samples};
 use harness::alone::real_time;
+use harness::live::until;
 use rosc::{OscBundle, OscMessage, OscPacket, OscTime, OscType, encoder};
-
-use super::held::until;
 
 fn here() -> SocketAddr {
     "127.0.0.1:0".parse().unwrap()

@@ -11,7 +11,7 @@ use harness::live::{CARD, EARS, Live, PATIENCE, npy, told};
 use tungstenite::{Message, WebSocket};
 
 use super::TICK;
-use crate::socket::watch;
+use crate::socket::connect;
 
 /// The answer to a request of the page's address with these headers.
 fn get(url: &str, target: &str, headers: &str) -> String {
@@ -143,17 +143,17 @@ fn strangers_are_refused(url: &str) {
         let answer = get(url, target, headers);
         assert!(answer.starts_with("HTTP/1.1 403") && answer.contains(says), "{target} {headers}: {answer}");
     }
-    assert_eq!(watch(url, "http://evil.example").err(), Some(403));
-    assert_eq!(watch(url.split_once('?').expect("a query").0, host).err(), Some(403));
+    assert_eq!(connect(url, Some("http://evil.example")).err(), Some(403));
+    assert_eq!(connect(url.split_once('?').expect("a query").0, Some(host)).err(), Some(403));
 }
 
 /// One page that never reads, one that behaves, and a hundred more.
 fn a_crowd(url: &str) {
     let (host, _) = url.split_once("/?").expect("an address with a token");
-    let lazy = watch(url, host).expect("there is room");
-    let mut good = watch(url, host).expect("there is room");
+    let lazy = connect(url, Some(host)).expect("there is room");
+    let mut good = connect(url, Some(host)).expect("there is room");
     assert!(views(&mut good, 30));
-    let crowd: Vec<_> = (0..100).map(|_| watch(url, host)).collect();
+    let crowd: Vec<_> = (0..100).map(|_| connect(url, Some(host))).collect();
     let (inside, outside): (Vec<_>, Vec<_>) = crowd.into_iter().partition(Result::is_ok);
     assert!(
         inside.len() >= 8 && outside.iter().all(|r| r.as_ref().err() == Some(&503)),

@@ -9,6 +9,7 @@ use asperity_live::view::{Request, View};
 use asperity_live::{Reins, samples};
 use asperity_page::{AHEAD, CONNECTIONS, Feed, MESSAGE, Options, PAGES, Page, serve};
 use harness::alone::real_time;
+use harness::live::until;
 use tungstenite::client::IntoClientRequest;
 use tungstenite::protocol::CloseFrame;
 use tungstenite::{Message, WebSocket};
@@ -117,14 +118,6 @@ fn number(view: &[u8]) -> u64 {
 
 fn got(count: u64) -> Message {
     Message::binary([0.0, count as f64].map(f64::to_le_bytes).concat())
-}
-
-fn until(what: &str, mut is: impl FnMut() -> bool) {
-    let end = Instant::now() + PATIENCE;
-    while !is() {
-        assert!(Instant::now() < end, "waited too long: {what}");
-        std::thread::sleep(Duration::from_millis(5));
-    }
 }
 
 /// Every address is refused without the token and to other hosts and origins.

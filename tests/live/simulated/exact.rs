@@ -8,6 +8,8 @@ use harness::alone::real_time;
 use harness::live::told;
 use harness::stage::{by_hand, channel, graph, offline, one_voice, options, start, stop, tend, timed, voice};
 
+use crate::audio::quantized;
+
 const FRAMES: [&[usize]; 7] =
     [&[64], &[1], &[1024], &[97], &[441], &[64, 1, 1024, 97, 441], &[441, 3, 97, 1024, 2, 64]];
 const RATES_HZ: [u32; 3] = [44_100, 48_000, 96_000];
@@ -15,18 +17,6 @@ const FORMATS: [Format; 4] = [Format::F32, Format::I16, Format::I24, Format::I32
 /// Channels that are asked for, and how many the card has.
 const MAPS: [(&[u16], u16); 3] = [(&[3], 4), (&[3, 4], 5), (&[2, 1], 2)];
 const TICKS_HZ: [u32; 5] = [100, 500, 1000, 2500, 4000];
-
-/// Value that a card with this sample format holds, computed anew: scale, round to the nearest,
-/// keep in range.
-fn held(format: Format, value: f32) -> f64 {
-    let full: f64 = match format {
-        Format::I16 => 32_768.0,
-        Format::I24 => 8_388_608.0,
-        Format::I32 => 2_147_483_648.0,
-        _ => return f64::from(value),
-    };
-    (f64::from(value) * full).round().clamp(-full, full - 1.0) / full
-}
 
 /// Two tones that differ, or the first of them.
 fn tones(rates: (u32, u32), outs: usize) -> (asperity_graph::GraphFile, asperity_graph::Compiled) {
@@ -68,7 +58,7 @@ fn check(case: usize) {
         assert_eq!(heard.len(), frames, "{what}");
         let asked = map.iter().position(|c| usize::from(*c) == place + 1);
         for (n, y) in heard.iter().enumerate() {
-            let x = asked.map_or(0.0, |c| held(format, wanted[c][n]));
+            let x = asked.map_or(0.0, |c| quantized(format, wanted[c][n]));
             assert_eq!(*y, x, "{what}: channel {}, frame {n}", place + 1);
         }
         assert_eq!(heard.iter().any(|y| y.abs() > 0.05), asked.is_some(), "{what}");
