@@ -44,172 +44,166 @@ fn the_shipped_graph_is_right() {
     run(dir.path(), &["check", "g.ron"]).ok();
 }
 
-#[test]
-fn an_unknown_kind_names_the_nearest() {
-    let g = with("\"overlap_add\"", "\"overlapp_add\"");
-    refused(&g, Some("\"overlapp_add\""), &["no node kind `overlapp_add`", "did you mean `overlap_add`?"]);
-}
+/// Edits of the shipped graph, where the error must point if it has a place, and what it must say.
+type Case = (&'static [(&'static str, &'static str)], Option<&'static str>, &'static [&'static str]);
 
-#[test]
-fn an_unknown_parameter_names_the_nearest() {
-    let g = with("cutoff_hz: 20.0", "cutof_hz: 20.0");
-    refused(&g, Some("cutof_hz"), &["`velocity` has no parameter `cutof_hz`", "did you mean `cutoff_hz`?"]);
-}
+const SPELLING: &[Case] = &[
+    (
+        &[(r#""overlap_add""#, r#""overlapp_add""#)],
+        Some(r#""overlapp_add""#),
+        &["no node kind `overlapp_add`", "did you mean `overlap_add`?"],
+    ),
+    (
+        &[("cutoff_hz: 20.0", "cutof_hz: 20.0")],
+        Some("cutof_hz"),
+        &["`velocity` has no parameter `cutof_hz`", "did you mean `cutoff_hz`?"],
+    ),
+    (
+        &[(r#""motion.speed""#, r#""motion.sped""#)],
+        Some(r#""motion.sped""#),
+        &["no output `sped`", "did you mean `speed`?"],
+    ),
+    (
+        &[(r#""motion.speed""#, r#""moton.speed""#)],
+        Some(r#""moton.speed""#),
+        &["no node `moton`", "did you mean `motion`?"],
+    ),
+    (
+        &[(r#""motion.speed""#, r#""motion""#)],
+        Some(r#""motion", "gate"#),
+        &["has 4 outputs; say which", "`motion.speed`"],
+    ),
+    (&[("zigzag.csv", "zigzac.csv")], None, &["cannot find the file", "did you mean `zigzag.csv`?"]),
+    (&[(r#""canvas""#, r#""canvs""#)], Some(r#""canvs""#), &["did you mean `canvas`?"]),
+];
 
-#[test]
-fn a_value_out_of_range_says_the_range_and_unit() {
-    refused(
-        &with("cutoff_hz: 20.0", "cutoff_hz: -1.0"),
+const VALUES: &[Case] = &[
+    (
+        &[("cutoff_hz: 20.0", "cutoff_hz: -1.0")],
         Some("-1.0"),
         &["-1 Hz is out of range", "from 0 to 1000 Hz"],
-    );
-    refused(&with("cutoff_hz: 20.0", "cutoff_hz: 1e50"), Some("1e50"), &["out of range"]);
-    refused(
-        &with("tick_hz: 500", "tick_hz: 5"),
-        Some("5,"),
-        &["5 Hz is out of range", "from 100 to 4000 Hz"],
-    );
-    refused(&with("cutoff_hz: 20.0", "cutoff_hz: 400.0"), Some("400.0"), &["below 250 Hz"]);
-}
+    ),
+    (&[("cutoff_hz: 20.0", "cutoff_hz: 1e50")], Some("1e50"), &["out of range"]),
+    (&[("tick_hz: 500", "tick_hz: 5")], Some("5,"), &["5 Hz is out of range", "from 100 to 4000 Hz"]),
+    (&[("cutoff_hz: 20.0", "cutoff_hz: 400.0")], Some("400.0"), &["below 250 Hz"]),
+    (&[("cutoff_hz: 20.0", "cutoff_hz: NaN")], Some("NaN"), &["not a finite number"]),
+    (&[("cutoff_hz: 20.0", "cutoff_hz: inf")], Some("inf"), &["not a finite number"]),
+    (&[("cutoff_hz: 20.0", "cutoff_hz: -inf")], Some("-inf"), &["not a finite number"]),
+    (&[("cutoff_hz: 20.0", "cutoff_hz: 1e400")], Some("1e400"), &["not a finite number"]),
+    (
+        &[("cutoff_hz: 20.0", r#"cutoff_hz: "20""#)],
+        Some(r#""20""#),
+        &[r#"expected a number, found the text "20""#],
+    ),
+    (
+        &[(r#""floor": (kind: "virtual_floor""#, r#""floor": (kind: 7"#)],
+        Some("7"),
+        &["expected a text in quotes"],
+    ),
+    (
+        &[("cutoff_hz: 20.0", "cutoff_hz: 20.0, cutoff_hz: 30.0")],
+        Some("cutoff_hz: 30.0"),
+        &["`cutoff_hz` stands here twice", "the first"],
+    ),
+    (
+        &[(
+            r#""phase": (kind: "spsi"),"#,
+            "\"phase\": (kind: \"spsi\"),\n        \"phase\": (kind: \"gain\"),",
+        )],
+        Some(r#""phase": (kind: "gain")"#),
+        &["`phase` stands here twice"],
+    ),
+    (
+        &[("synthesis_hz: 2500", "synthesis_hz: 2503")],
+        Some("2503"),
+        &["not a whole number of samples at 2503 Hz"],
+    ),
+    (
+        &[("cutoff_hz: 20.0", "cutof_hz: 20.0"), (r#""spsi""#, r#""spsy""#)],
+        None,
+        &["no parameter `cutof_hz`", "no node kind `spsy`", "2 errors"],
+    ),
+];
 
-#[test]
-fn numbers_that_are_not_finite_are_refused() {
-    for bad in ["NaN", "inf", "-inf", "1e400"] {
-        refused(&with("cutoff_hz: 20.0", &format!("cutoff_hz: {bad}")), Some(bad), &["not a finite number"]);
+const WIRES: &[Case] = &[
+    // Units: what goes between is named.
+    (
+        &[(r#"("gate.out", "inverse")"#, r#"("gate.out", "limiter")"#), (r#"("inverse", "limiter"),"#, "")],
+        Some("\"limiter\"),\n"),
+        &["m/s^2", "`limiter.in` takes Audio", "A or V", "`actuator_inverse`"],
+    ),
+    (
+        &[(r#"("phase", "synthesis")"#, r#"("texture", "synthesis")"#), (r#"("texture", "phase"),"#, "")],
+        Some("\"synthesis\"),\n"),
+        &["carries Magnitude of 101 bins", "takes Spectrum", "what goes between: `", "`spsi`"],
+    ),
+    // Rates: straight from 2500 Hz into the sound card's rate.
+    (
+        &[
+            (r#"("synthesis", "audio rate")"#, r#"("synthesis", "gate.in")"#),
+            (r#"("audio rate", "gate.in"),"#, ""),
+        ],
+        Some("\"out\"),\n    ],"),
+        &["Audio at 2500 Hz", "takes Audio at 48000 Hz", "`resample`"],
+    ),
+    (
+        &[(r#"("motion.velocity", "history.velocity")"#, r#"("motion.speed", "history.velocity")"#)],
+        Some(r#""history.velocity""#),
+        &["`motion.speed` carries Control x1", "takes Control x2"],
+    ),
+    // Nothing but a limiter reaches a device.
+    (
+        &[(r#"("inverse", "limiter")"#, r#"("inverse", "out")"#), (r#"("limiter", "out"),"#, "")],
+        Some("\"out\"),\n"),
+        &["takes only what a limiter lets through", "put a `limiter` last"],
+    ),
+    (
+        &[
+            (
+                r#""phase": (kind: "spsi"),"#,
+                r#""phase": (kind: "spsi"), "a": (kind: "mix"), "b": (kind: "gain"),"#,
+            ),
+            (
+                r#"("synthesis", "audio rate")"#,
+                r#"("synthesis", "a.in1"), ("b", "a.in2"), ("a", "b"), ("a", "audio rate")"#,
+            ),
+        ],
+        None,
+        &["wait for each other", "a -> b -> a", "put a `delay` into the cycle"],
+    ),
+    (
+        &[(r#"("phase", "synthesis")"#, r#"("phase", "synthesis"), ("phase", "synthesis.spectrum")"#)],
+        Some(r#""synthesis.spectrum""#),
+        &["two wires end at `synthesis.spectrum`", "`mix`"],
+    ),
+    (
+        &[(r#"("motion.speed", "gate.speed"),"#, "")],
+        Some(r#""gate": (kind"#),
+        &["nothing is wired to `gate.speed`", "Control x1 [mm/s]"],
+    ),
+];
+
+fn all_refused(cases: &[Case]) {
+    for (edits, place, says) in cases {
+        let ((old, new), rest) = (edits[0], &edits[1..]);
+        let graph = rest.iter().fold(with(old, new), |graph, (old, new)| graph.replace(old, new));
+        refused(&graph, *place, says);
     }
 }
 
 #[test]
-fn a_value_of_another_type_is_refused() {
-    refused(
-        &with("cutoff_hz: 20.0", "cutoff_hz: \"20\""),
-        Some("\"20\""),
-        &["expected a number, found the text \"20\""],
-    );
-    refused(
-        &with("\"floor\": (kind: \"virtual_floor\"", "\"floor\": (kind: 7"),
-        Some("7"),
-        &["expected a text in quotes"],
-    );
+fn misspelt_name_is_refused_with_the_nearest() {
+    all_refused(SPELLING);
 }
 
 #[test]
-fn duplicate_keys_are_refused_at_the_second() {
-    let g = with("cutoff_hz: 20.0", "cutoff_hz: 20.0, cutoff_hz: 30.0");
-    refused(&g, Some("cutoff_hz: 30.0"), &["`cutoff_hz` stands here twice", "the first"]);
-    let g = with(
-        "\"phase\": (kind: \"spsi\"),",
-        "\"phase\": (kind: \"spsi\"),\n        \"phase\": (kind: \"gain\"),",
-    );
-    refused(&g, Some("\"phase\": (kind: \"gain\")"), &["`phase` stands here twice"]);
+fn wrong_value_is_refused_with_what_would_fit() {
+    all_refused(VALUES);
 }
 
 #[test]
-fn a_wrong_unit_says_what_goes_between() {
-    let g = with("(\"gate.out\", \"inverse\")", "(\"gate.out\", \"limiter\")")
-        .replace("(\"inverse\", \"limiter\"),", "");
-    refused(
-        &g,
-        Some("\"limiter\"),\n"),
-        &["m/s^2", "`limiter.in` takes Audio", "A or V", "`actuator_inverse`"],
-    );
-}
-
-#[test]
-fn a_wrong_kind_says_what_goes_between() {
-    let g = with("(\"phase\", \"synthesis\")", "(\"texture\", \"synthesis\")")
-        .replace("(\"texture\", \"phase\"),", "");
-    refused(
-        &g,
-        Some("\"synthesis\"),\n"),
-        &["carries Magnitude of 101 bins", "takes Spectrum", "what goes between: `", "`spsi`"],
-    );
-}
-
-#[test]
-fn a_wrong_rate_says_what_goes_between() {
-    // Straight from 2500 Hz into the sound card's rate.
-    let g = with("(\"synthesis\", \"audio rate\")", "(\"synthesis\", \"gate.in\")")
-        .replace("(\"audio rate\", \"gate.in\"),", "");
-    refused(&g, Some("\"out\"),\n    ],"), &["Audio at 2500 Hz", "takes Audio at 48000 Hz", "`resample`"]);
-}
-
-#[test]
-fn a_control_of_another_count_is_refused() {
-    let g = with("(\"motion.velocity\", \"history.velocity\")", "(\"motion.speed\", \"history.velocity\")");
-    refused(&g, Some("\"history.velocity\""), &["`motion.speed` carries Control x1", "takes Control x2"]);
-}
-
-#[test]
-fn nothing_but_a_limiter_reaches_a_device() {
-    let g =
-        with("(\"inverse\", \"limiter\")", "(\"inverse\", \"out\")").replace("(\"limiter\", \"out\"),", "");
-    refused(&g, Some("\"out\"),\n"), &["takes only what a limiter lets through", "put a `limiter` last"]);
-}
-
-#[test]
-fn a_cycle_without_a_delay_is_named() {
-    let g = with(
-        "\"phase\": (kind: \"spsi\"),",
-        "\"phase\": (kind: \"spsi\"), \"a\": (kind: \"mix\"), \"b\": (kind: \"gain\"),",
-    )
-    .replace(
-        "(\"synthesis\", \"audio rate\")",
-        "(\"synthesis\", \"a.in1\"), (\"b\", \"a.in2\"), (\"a\", \"b\"), (\"a\", \"audio rate\")",
-    );
-    refused(&g, None, &["wait for each other", "a -> b -> a", "put a `delay` into the cycle"]);
-}
-
-#[test]
-fn two_wires_into_one_input_are_refused() {
-    let g =
-        with("(\"phase\", \"synthesis\")", "(\"phase\", \"synthesis\"), (\"phase\", \"synthesis.spectrum\")");
-    refused(&g, Some("\"synthesis.spectrum\""), &["two wires end at `synthesis.spectrum`", "`mix`"]);
-}
-
-#[test]
-fn an_unconnected_input_that_must_be_is_named() {
-    let g = with("(\"motion.speed\", \"gate.speed\"),", "");
-    refused(&g, Some("\"gate\": (kind"), &["nothing is wired to `gate.speed`", "Control x1 [mm/s]"]);
-}
-
-#[test]
-fn an_unknown_port_or_node_names_the_nearest() {
-    refused(
-        &with("\"motion.speed\"", "\"motion.sped\""),
-        Some("\"motion.sped\""),
-        &["no output `sped`", "did you mean `speed`?"],
-    );
-    refused(
-        &with("\"motion.speed\"", "\"moton.speed\""),
-        Some("\"moton.speed\""),
-        &["no node `moton`", "did you mean `motion`?"],
-    );
-    refused(
-        &with("\"motion.speed\"", "\"motion\""),
-        Some("\"motion\", \"gate"),
-        &["has 4 outputs; say which", "`motion.speed`"],
-    );
-}
-
-#[test]
-fn a_missing_file_names_its_neighbour() {
-    let g = with("zigzag.csv", "zigzac.csv");
-    refused(&g, None, &["cannot find the file", "did you mean `zigzag.csv`?"]);
-}
-
-#[test]
-fn an_unknown_material_names_the_nearest() {
-    refused(&with("\"canvas\"", "\"canvs\""), Some("\"canvs\""), &["did you mean `canvas`?"]);
-}
-
-#[test]
-fn a_window_that_is_not_whole_is_refused() {
-    refused(
-        &with("synthesis_hz: 2500", "synthesis_hz: 2503"),
-        Some("2503"),
-        &["not a whole number of samples at 2503 Hz"],
-    );
+fn wrong_wire_is_refused_with_what_would_fit() {
+    all_refused(WIRES);
 }
 
 #[test]
@@ -300,10 +294,4 @@ fn what_stands_on_the_command_line_is_checked_too() {
     assert_eq!(ran.code, 2, "{}", ran.err);
     assert!(ran.err.contains("nowhere/o.wav: error: cannot write here"), "{}", ran.err);
     assert!(files(dir.path()).is_empty());
-}
-
-#[test]
-fn several_errors_are_told_at_once() {
-    let g = with("cutoff_hz: 20.0", "cutof_hz: 20.0").replace("\"spsi\"", "\"spsy\"");
-    refused(&g, None, &["no parameter `cutof_hz`", "no node kind `spsy`", "2 errors"]);
 }
