@@ -60,7 +60,7 @@ fn the_same_graph_again_changes_nothing() {
     assert_eq!(rig.controller.collect().len(), 1);
 }
 
-/// Phase retrieval is swapped with the synthesis behind it and faded at its audio.
+/// Both are rebuilt, and the fade is at the audio of the synthesis.
 #[test]
 fn phase_retrieval_swapped_with_its_synthesis_fades_audio() {
     let with = |seed| {
@@ -170,7 +170,7 @@ fn nothing_is_heard_that_is_neither_the_old_graph_nor_the_new() {
     }
 }
 
-/// A control goes from its old to its new value in steps and its reader ends at the new one.
+/// The control goes from the old value to the new one in steps, and its reader ends at the new one.
 #[test]
 fn swapped_control_steps_from_old_to_new_value() {
     for reader in ["waker", "deaf"] {
@@ -446,7 +446,6 @@ fn other_rates_are_refused_and_a_reset_ends_a_fade() {
     assert!(rig.controller.set_parameter("g", "gain", 1.0).is_err());
 }
 
-/// Swaps that come every tick wait their turn or are refused and nothing is left behind.
 #[test]
 fn swaps_in_every_tick_wait_or_are_refused_without_a_leak() {
     let with = |version| {

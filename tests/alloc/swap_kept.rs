@@ -97,7 +97,7 @@ fn a_node_is_rebuilt_if_what_it_was_prepared_with_changed() {
     }
 }
 
-/// Another seed or another pace rebuilds and another place of the file only what names files.
+/// Another seed or rate rebuilds every node. Another folder of the graph file rebuilds nodes that name files.
 #[test]
 fn seed_or_pace_rebuilds_all_and_folder_only_file_nodes() {
     let text = |head: &str, every: u32, path: &str| {
@@ -128,7 +128,7 @@ fn seed_or_pace_rebuilds_all_and_folder_only_file_nodes() {
     assert_eq!((why(&moved, "g"), why(&moved, "out").as_deref()), (None, Some("`file` changed")));
 }
 
-/// A kept node that reads another output of the same node ends there.
+/// The kept node ends its crossfade at the other output of the same node.
 #[test]
 fn kept_node_reading_another_output_ends_at_it() {
     let with = |output| {
@@ -142,7 +142,6 @@ fn kept_node_reading_another_output_ends_at_it() {
     assert_eq!(rig.control("w"), 14.0, "calls, not the tick");
 }
 
-/// A state is not handed on where the ports carry something else.
 #[test]
 fn state_is_not_handed_on_when_ports_differ() {
     let nodes = "t: tone\nv: level\ng: gain\nout: probe\n";

@@ -140,7 +140,7 @@ proptest! {
         swap_through(&graphs, &waits[..graphs.len() - 1]);
     }
 
-    /// After the fade the output is that of an engine that never ran anything else.
+    /// Compares the output after the fade with an engine that only ever ran the new graph.
     #[test]
     fn swapped_engine_equals_a_fresh_one_after_the_fade(
         graphs in prop::collection::vec(any_graph(false), 2..5),
@@ -184,7 +184,6 @@ fn shipped(k: usize) -> GraphFile {
     graph
 }
 
-/// The shipped graph is swapped again and again without a click or an allocation.
 #[test]
 fn shipped_graph_swapped_often_neither_clicks_nor_allocates() {
     let registry = asperity_nodes::registry();

@@ -121,7 +121,6 @@ fn a_velocity_with_another_cutoff_does_not_start_from_rest() {
     }
 }
 
-/// An action history at another rate goes on from the samples it has.
 #[test]
 fn action_history_goes_on_at_another_rate() {
     let mut out = [control(&[0.0; 10]), control(&[0.0; 20])];

@@ -131,7 +131,7 @@ fn figures_are_those_of_the_signal_that_invert_writes() {
     }
 }
 
-/// Spsi follows a tone half a window late and nothing answers before it is asked.
+/// No method answers before its input.
 #[test]
 fn spsi_follows_a_tone_half_a_window_late() {
     let csv = &compared().csv;
@@ -154,7 +154,6 @@ fn write_signal(path: &Path, rate: u32) {
     npy::write_f32(std::fs::File::create(path).unwrap(), &[signal.len()], &signal).unwrap();
 }
 
-/// A folder of vectors is compared with settings and published scores beside.
 #[test]
 fn folder_of_vectors_is_compared_with_published_scores() {
     let dir = tempfile::tempdir().unwrap();

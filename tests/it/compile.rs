@@ -80,7 +80,7 @@ fn a_gate_is_asked_before_what_it_lets_sleep() {
     assert!(at(Step::Process(i("to"))) < at(Step::Process(i("g"))));
 }
 
-/// Gates in a row both let sleep and the second is asked only if the first is open.
+/// Both gates let the nodes before them sleep.
 #[test]
 fn second_gate_in_a_row_is_asked_only_if_the_first_is_open() {
     let s = schedule(

@@ -165,7 +165,6 @@ fn those_who_add_at_the_same_time_all_add() {
     names.iter().for_each(|name| drop(stored(dir.path(), name)));
 }
 
-/// A name of a file that a terminal would obey is shown as what it is.
 #[test]
 fn control_characters_of_a_file_name_are_escaped() {
     let dir = folder();
@@ -323,7 +322,7 @@ fn nearest(picture: &str) -> (String, String) {
     (parts[0].trim().to_owned(), parts[2].trim().to_owned())
 }
 
-/// The shipped encoder knows a surface by a place it has not seen and a new one by its family.
+/// It knows a surface by an unseen part of it, and a new surface by its family.
 #[test]
 fn shipped_encoder_knows_unseen_places_and_families() {
     // a picture of every eleventh material, of a piece that was never trained on

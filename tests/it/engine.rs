@@ -358,7 +358,6 @@ fn level_after_a_failing_control(last: &str) -> Vec<f32> {
     (0..300).map(tick).collect()
 }
 
-/// Limiter and audio out each fade while their input rests on a control that failed.
 #[test]
 fn limiter_and_audio_out_fade_when_a_control_failed() {
     for last in ["limiter", "audio_out"] {
@@ -401,7 +400,6 @@ fn after_a_reset_the_same_samples_come_again() {
     assert_eq!(first, run());
 }
 
-/// A call that takes too long fades out is counted and ends in quarantine.
 #[test]
 fn slow_call_fades_out_is_counted_and_quarantined() {
     let limited = Options { limit_ns: Some(100_000), ..Options::default() };
@@ -442,7 +440,7 @@ fn without_a_clock_or_a_limit_nothing_takes_too_long() {
     assert_eq!((unlimited.faults(), without_clock.faults()), (0, 0));
 }
 
-/// Without guards what is not finite goes on and all else is contained.
+/// Every other fault is contained as with guards.
 #[test]
 fn without_guards_only_non_finite_values_go_on() {
     let faulty = |id: &str, how: &str| {

@@ -127,7 +127,6 @@ const SURFACE: (&str, &str) = (
        ("floor.force", "gate.force"), ("mic", "gate.in"), ("gate.out", "out")"#,
 );
 
-/// A hand that is no longer heard of shuts the gate within its fade.
 #[test]
 fn silent_hand_shuts_the_gate_within_its_fade() {
     let (_c, mut engine) = engine(SURFACE.0, SURFACE.1);
@@ -156,7 +155,7 @@ fn silent_hand_shuts_the_gate_within_its_fade() {
     assert!(run(&mut engine, 240, true).iter().all(|x| *x == 0.5));
 }
 
-/// Audio that is fed has each ticks own length and nothing that is not finite.
+/// Each tick has its own number of samples. A tick with a NaN is silent and invalid.
 #[test]
 fn fed_audio_has_the_ticks_length_and_is_finite() {
     let (_c, mut engine) = engine(
@@ -266,7 +265,7 @@ fn a_stylus_that_moves_while_ticks_are_lost_is_no_faster() {
     }
 }
 
-/// While no place is to be trusted the velocity is held and the next place is no jump.
+/// The first valid position after a gap makes no jump of the velocity.
 #[test]
 fn velocity_is_held_while_positions_are_invalid() {
     for gap in [1, 5, 200] {

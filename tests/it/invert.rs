@@ -95,7 +95,7 @@ fn sample_commit_reaches_what_no_other_causal_method_does() {
     }
 }
 
-/// The default keeps level and spectrum of smooth magnitudes where spsi collapses.
+/// On smooth magnitudes SPSI collapses.
 #[test]
 fn default_keeps_level_and_spectrum_where_spsi_collapses() {
     for seed in ["", ":seed=5", ":seed=6"] {

@@ -137,7 +137,7 @@ fn what_is_no_plugin_is_refused_before_any_of_it_runs() {
     }
 }
 
-/// A graph names its plugin by file or by name and errors point there.
+/// Errors point to the place in the graph.
 #[test]
 fn plugin_of_a_graph_is_found_by_file_or_name() {
     let dir = folder();

@@ -75,7 +75,6 @@ fn a_network_without_a_range_is_given_what_comes() {
     assert!(!said.contains("held there"), "{said}");
 }
 
-/// A network that answers less than nothing is taken as silent there and counted.
 #[test]
 fn negative_network_output_is_silent_and_counted() {
     let mut w = Writer::new(Spelling::default());

@@ -101,7 +101,7 @@ fn sleeping_changes_no_byte() {
     }
 }
 
-/// Scatter of strength 0 changes no byte and means are as loud as root mean squares.
+/// Magnitudes that are means sound as loud as root mean squares.
 #[test]
 fn scatter_of_strength_0_changes_no_byte_and_means_are_as_loud() {
     let dir = tempfile::tempdir().unwrap();

@@ -81,7 +81,7 @@ fn recommended_chain_is_half_way_in_10_ms_and_there_in_20() {
     assert!(lag[1] <= 10.0 && lag[2] <= 20.0, "{lag:?} ms");
 }
 
-/// A setting of one graph leaves the others as they are and one of none is told before anything is measured.
+/// A setting of no graph is refused before anything is measured.
 #[test]
 fn setting_changes_only_its_graph_and_unknown_is_refused() {
     let dir = tempfile::tempdir().unwrap();

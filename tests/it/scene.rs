@@ -125,7 +125,7 @@ fn what_a_scene_expands_to_is_a_graph_that_sounds_the_same() {
     assert!(ran.code == 2 && ran.err.contains("not a scene"), "{}", ran.err);
 }
 
-/// One plane with the model sounds as the shipped graph does sample for sample.
+/// Sample for sample.
 #[test]
 fn plane_with_the_model_equals_the_shipped_graph() {
     let dir = tempfile::tempdir().unwrap();
@@ -231,7 +231,7 @@ fn a_thousand_tiles_lower_to_no_more_nodes_than_four_of_them() {
     assert_eq!((count("texture_network"), count("waveform"), count("autoregressive")), (1, 2, 2));
 }
 
-/// Textures are not called off the surface or at rest nor friction off it nor taps without a contact.
+/// Textures sleep off the surface and at rest, friction off the surface, taps without a contact.
 #[test]
 fn effects_are_called_only_where_they_act() {
     let dir = tempfile::tempdir().unwrap();
@@ -332,7 +332,7 @@ fn sound_is_the_same_bits_with_everything_built_and_awake() {
     both_ways(dir.path(), "s.ron", None);
 }
 
-/// Going to sleep waking and going over make no step larger than the steady signals.
+/// No step is larger than those of the steady signals.
 #[test]
 fn sleeping_waking_and_crossing_make_no_step() {
     let dir = tempfile::tempdir().unwrap();
@@ -414,7 +414,6 @@ fn scene_error_has_its_place_and_nothing_is_written() {
     assert_eq!(files(dir.path()), ["s.ron", "t.csv"]);
 }
 
-/// A stiffness that the rate cannot keep passive is a warning and an error if strict.
 #[test]
 fn unpassive_stiffness_is_a_warning_and_an_error_if_strict() {
     let dir = tempfile::tempdir().unwrap();

@@ -55,7 +55,7 @@ fn parts_that_nothing_calls_for_are_looked_at_all_the_same() {
     assert!(ran.code == 2 && ran.err.starts_with("s.ron:4:") && ran.err.contains("`canvas`"), "{}", ran.err);
 }
 
-/// A scene that cannot be felt says so and one that is not heard is warned of.
+/// Without force the scene is refused; without output there is a warning.
 #[test]
 fn scene_without_force_or_sound_is_told() {
     let dir = tempfile::tempdir().unwrap();
@@ -193,7 +193,6 @@ fn an_expanded_graph_finds_its_files_and_knows_its_scene() {
     assert!(ran.code == 2 && ran.err.contains("expand it again"), "{}", ran.err);
 }
 
-/// The network is as loud at every rate where the file says nothing of its phase.
 #[test]
 fn network_without_phase_is_as_loud_at_every_rate() {
     let dir = tempfile::tempdir().unwrap();

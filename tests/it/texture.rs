@@ -123,7 +123,7 @@ fn frames_that_come_more_rarely_are_as_loud_at_every_tick_rate() {
     }
 }
 
-/// Spsi loses level where windows overlap and so loses less where frames come more rarely.
+/// SPSI loses level where windows overlap.
 #[test]
 fn spsi_loses_less_level_when_frames_are_rarer() {
     for tick_hz in [250, 500, 1000, 2000] {
@@ -138,7 +138,6 @@ fn spsi_loses_less_level_when_frames_are_rarer() {
     }
 }
 
-/// Emission follows the frames and where it is said and does not fit there is a word on it.
 #[test]
 fn emission_follows_the_frames_and_a_misfit_is_warned_of() {
     let dir = tempfile::tempdir().expect("a folder");
@@ -172,7 +171,6 @@ fn emission_follows_the_frames_and_a_misfit_is_warned_of() {
     }
 }
 
-/// A hand that stands still asks the network nothing after a quarter of a second.
 #[test]
 fn still_hand_stops_calling_the_network_after_250_ms() {
     // Moves for a second, stands for two, moves on.
@@ -207,7 +205,7 @@ fn still_hand_stops_calling_the_network_after_250_ms() {
     }
 }
 
-/// A still hand feels the new material after a swap and what a fresh graph would answer.
+/// The answer is that of a fresh graph.
 #[test]
 fn still_hand_feels_the_new_material_after_a_swap() {
     let set = |material: &str| [format!("texture.material={material}")];

@@ -40,7 +40,7 @@ fn row<'r>(results: &'r Value, name: &str) -> &'r Value {
     rows.iter().find(|r| r["name"] == name).unwrap_or_else(|| panic!("no {name}"))
 }
 
-/// A study says what each setting costs and is worth and goes on where it was.
+/// It reports the cost and the accuracy of each setting.
 #[test]
 fn study_reports_costs_and_resumes_where_it_stopped() {
     let dir = tempfile::tempdir().expect("a folder");
@@ -322,7 +322,7 @@ fn a_study_of_which_no_setting_runs_is_a_failure() {
     assert!(ran.code == 1 && ran.err.contains("nothing in this graph moves a stylus"), "{}", ran.err);
 }
 
-/// The shipped study leaves out what ones own graph has not and says so before it runs.
+/// The warning comes before the study runs.
 #[test]
 fn shipped_study_skips_missing_knobs_with_a_warning() {
     let dir = tempfile::tempdir().expect("a folder");
@@ -341,7 +341,6 @@ fn shipped_study_skips_missing_knobs_with_a_warning() {
     assert!(report.contains("`texture.bins` is left out"), "{report}");
 }
 
-/// A scene is held against the studys material where its surfaces are.
 #[test]
 fn scene_is_compared_with_the_studys_material() {
     let dir = tempfile::tempdir().expect("a folder");

@@ -97,7 +97,7 @@ fn json_tells_what_was_found_and_how_far_to_trust_it() {
     assert!(found["recordings"][0]["points"].as_array().is_some_and(|p| p.len() > 50));
 }
 
-/// An inverted accelerometer behind a voltage amplifier gives the same figures.
+/// The accelerometer is behind a voltage amplifier.
 #[test]
 fn inverted_accelerometer_gives_the_same_figures() {
     let _alone = real_time();

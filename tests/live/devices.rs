@@ -48,7 +48,6 @@ fn a_server_that_hangs_is_named_and_the_other_hosts_answer() {
     assert_ne!(answers(&hung, "jack"), Some(true));
 }
 
-/// A channel that a jack card does not have is told to lead nowhere.
 #[test]
 fn missing_channel_of_a_jack_card_is_told() {
     let Some(_) = inside(test_name!(), || Jack::start(48_000, 256)) else { return };

@@ -170,7 +170,6 @@ fn sigterm_does_not_wait_for_a_hand_that_does_not_answer() {
     assert_eq!(service.unheard.load(Relaxed), 1, "it was opened as it was before, though nobody wants it");
 }
 
-/// A stylus over the network may begin to listen everywhere at its port.
 #[test]
 fn osc_stylus_may_start_to_listen_on_all_addresses() {
     let _alone = real_time();
@@ -464,7 +463,6 @@ fn files_added_by_an_edit_hold_the_time_they_were_there() {
     }
 }
 
-/// A pointer that an edit adds is moved on the page that was served without one.
 #[test]
 fn pointer_added_by_an_edit_moves_on_the_open_page() {
     let _alone = real_time();

@@ -168,7 +168,7 @@ fn closed_terminal_ends_the_run_with_a_ramp_and_its_files() {
     });
 }
 
-/// A terminal that is gone without a signal neither ends the run nor takes a processor.
+/// It neither ends the run nor keeps a processor busy.
 #[test]
 fn terminal_gone_without_a_signal_costs_nothing() {
     let _alone = real_time();
@@ -216,7 +216,6 @@ fn view_with(
 /// Bytes that a pipe holds.
 const PIPE: usize = 65_536;
 
-/// Messages that nobody reads hold up neither a mute nor ticks nor the end.
 #[test]
 fn unread_messages_delay_neither_mute_ticks_nor_end() {
     let _alone = real_time();
@@ -267,7 +266,6 @@ fn unread_messages_delay_neither_mute_ticks_nor_end() {
     assert!(rest.len() + 4096 > PIPE, "only {} bytes stood in the pipe: it was never full", rest.len());
 }
 
-/// A report that cannot be written costs neither what was recorded nor the summary.
 #[test]
 fn unwritable_report_keeps_recordings_and_summary() {
     let _alone = real_time();

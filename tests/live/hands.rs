@@ -108,7 +108,6 @@ fn replace(dir: &Path, text: &str) {
     std::fs::rename(dir.join("new"), dir.join("g.ron")).expect("a file");
 }
 
-/// A stylus over the network is heard whatever else comes and its graph may change.
 #[test]
 fn osc_stylus_is_heard_beside_garbage_and_after_an_edit() {
     let _alone = real_time();

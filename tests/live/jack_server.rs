@@ -142,28 +142,27 @@ fn starts_slowly(
     }
 }
 
-/// Every sample of ten seconds and of a freewheeled minute arrives at 44100 hz.
+/// Ten seconds in real time and a minute in freewheel.
 #[test]
 fn every_sample_arrives_at_44100_hz_in_10_s_and_freewheel() {
     let Some(_) = inside(test_name!(), || Jack::start(44_100, 64)) else { return };
     plays_what_is_rendered(&Run { rate_hz: 44_100, seconds: 10, wheeled: 60, ..RUN });
 }
 
-/// Every sample of ten seconds and of a freewheeled minute arrives at 48000 hz.
+/// Ten seconds in real time and a minute in freewheel.
 #[test]
 fn every_sample_arrives_at_48000_hz_in_10_s_and_freewheel() {
     let Some(_) = inside(test_name!(), || Jack::start(48_000, 64)) else { return };
     plays_what_is_rendered(&Run { seconds: 10, wheeled: 60, ..RUN });
 }
 
-/// Every sample of ten seconds and of a freewheeled minute arrives at 96000 hz.
+/// Ten seconds in real time and a minute in freewheel.
 #[test]
 fn every_sample_arrives_at_96000_hz_in_10_s_and_freewheel() {
     let Some(_) = inside(test_name!(), || Jack::start(96_000, 128)) else { return };
     plays_what_is_rendered(&Run { rate_hz: 96_000, period: 128, seconds: 10, wheeled: 60, ..RUN });
 }
 
-/// A program that was held leaves out what went by and is no later than before.
 #[test]
 fn held_program_skips_ahead_and_is_no_later_than_before() {
     let Some(_) = inside_beside_others(test_name!(), || Jack::start(48_000, 64)) else { return };

@@ -60,7 +60,7 @@ fn the_sum_is_what_is_measured_at_256_frames() {
     agrees("paced", 256);
 }
 
-/// At 128 frames the sum is what is measured and within 15 ms and the chain half way within 40.
+/// The chain is half way within 40 ms.
 #[test]
 fn sum_at_128_frames_is_measured_and_within_15_ms() {
     let Some(_) = inside(test_name!(), || Jack::start(48_000, 128)) else { return };

@@ -61,7 +61,6 @@ impl Kept {
     }
 }
 
-/// A pen on the page is heard while it moves and louder when it is faster.
 #[test]
 fn pen_on_the_page_is_heard_and_louder_when_faster() {
     let _alone = real_time();

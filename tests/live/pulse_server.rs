@@ -106,7 +106,7 @@ fn played_on() -> Vec<String> {
     list.lines().filter_map(|line| line.split('\t').nth(1).map(str::to_owned)).collect()
 }
 
-/// A default device that was lost is waited for though another is the default now.
+/// Another device is the default by then.
 #[test]
 fn lost_default_device_is_waited_for() {
     let Some(_) = inside(test_name!(), Pulse::start) else { return };

@@ -45,7 +45,6 @@ fn a_few_errors_are_counted_and_do_no_harm() {
     assert_eq!(received.try_iter().count(), 0);
 }
 
-/// A flood of errors is a loss told once and ends because the stream is closed.
 #[test]
 fn flood_of_errors_is_one_loss_and_closes_the_stream() {
     let _alone = real_time();
@@ -82,7 +81,6 @@ fn lost_stream_that_still_calls_fades_out_before_closing() {
     assert!(faded);
 }
 
-/// A device that is unplugged is lost and can be opened again when it is back.
 #[test]
 fn unplugged_device_is_lost_and_opens_again_when_back() {
     let _alone = real_time();
@@ -102,7 +100,6 @@ fn unplugged_device_is_lost_and_opens_again_when_back() {
     assert_eq!(again.id(), stream.id());
 }
 
-/// A short gap is told with its length and the stream goes on without losing a sample.
 #[test]
 fn short_gap_is_told_with_its_length_and_loses_no_sample() {
     let _alone = real_time();

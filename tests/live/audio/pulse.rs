@@ -67,7 +67,7 @@ fn an_input_hears_what_an_output_plays_and_the_stamps_add_up() {
     }
 }
 
-/// The period that is measured is far from two seconds where nobody asks for one.
+/// Nobody asks for a period here.
 #[test]
 fn default_period_is_far_below_two_seconds() {
     let Some(_) = inside(test_name!(), Pulse::start) else { return };
@@ -212,7 +212,6 @@ fn a_stream_that_goes_on_takes_no_more_files_and_threads() {
     assert!(taken().iter().zip(before).all(|(now, before)| *now <= before + 1));
 }
 
-/// A device that vanishes is a loss and not replaced by another one.
 #[test]
 fn vanished_device_is_a_loss_and_not_replaced() {
     let Some(_) = inside(test_name!(), Pulse::start) else { return };

@@ -21,7 +21,6 @@ pub(crate) fn quantized(format: Format, value: f32) -> f64 {
     (f64::from(value) * full + 0.5 - f64::from(u8::from(value < 0.0))).trunc().clamp(-full, full - 1.0) / full
 }
 
-/// Every format holds the nearest value on the channels that were asked for.
 #[test]
 fn every_format_holds_the_nearest_value_on_its_channels() {
     let _alone = real_time();
@@ -69,7 +68,6 @@ proptest! {
     }
 }
 
-/// A call far longer than any scratch is filled in pieces that follow on each other.
 #[test]
 fn call_longer_than_the_scratch_is_filled_in_pieces() {
     let _alone = real_time();
@@ -109,7 +107,6 @@ fn what_is_not_finite_never_reaches_the_device() {
     assert_eq!(left, [0.0, 0.0, 0.0, 0.5, 0.0, 0.0, 0.0, 0.5]);
 }
 
-/// A stream is silent until it is told to play and while it is paused.
 #[test]
 fn stream_is_silent_before_play_and_while_paused() {
     let _alone = real_time();
@@ -144,7 +141,6 @@ fn the_period_is_what_the_device_does_not_what_was_asked_for() {
     assert_eq!((stream.period(), stream.period_range()), (Some(97), Some((97, 500))));
 }
 
-/// A plant between output and input is heard after the latency and not before.
 #[test]
 fn plant_is_heard_after_the_latency_and_not_before() {
     let _alone = real_time();

@@ -149,7 +149,6 @@ fn openhaptics_hand_has_z_up_and_floor_pushes_along_y() {
     drop(floor);
 }
 
-/// A graph that stands still and a source that is dropped let go without a step.
 #[test]
 fn stalled_graph_or_dropped_source_lets_go_without_a_step() {
     let standin = Standin::new();
@@ -241,7 +240,7 @@ fn a_position_that_is_not_finite_is_counted_and_lets_go() {
     assert!(std::iter::from_fn(|| from.take()).all(|s| s.position.iter().all(|x| x.is_finite())));
 }
 
-/// Every kth reading is sent and a device that says nothing is held to one newton.
+/// A device that declares no force limit is held to 1 N.
 #[test]
 fn every_kth_reading_is_sent_and_default_limit_is_1_n() {
     let standin = Standin::new();

@@ -53,7 +53,7 @@ fn a_message_comes_out_as_a_sample_in_mm_and_newtons() {
     assert_eq!((handle.samples(), handle.bad(), handle.lost()), (1, 0, 0));
 }
 
-/// Only what the pattern matches is taken and a person is told of the rest once.
+/// Only addresses that match the pattern move the hand.
 #[test]
 fn unmatched_osc_addresses_are_told_once() {
     let _alone = real_time();
@@ -143,7 +143,6 @@ fn garbage_is_counted_with_a_reason_and_does_no_harm() {
     assert_eq!(take(&mut from, 1)[0].position, [7.0, 8.0, 0.0]);
 }
 
-/// A bundle of thousands that nobody reads fills the queue and no more.
 #[test]
 fn unread_bundle_of_thousands_only_fills_the_queue() {
     let _alone = real_time();
@@ -182,7 +181,6 @@ fn a_sender_that_dies_and_comes_back_goes_on_in_another_stroke() {
     assert!(handle.connected() && handle.bad() == 0);
 }
 
-/// A recording that begins again is another stroke and a packet that was overtaken is left out.
 #[test]
 fn restarted_recording_is_a_new_stroke_and_late_packets_drop() {
     let _alone = real_time();

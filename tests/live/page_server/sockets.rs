@@ -120,7 +120,6 @@ fn got(count: u64) -> Message {
     Message::binary([0.0, count as f64].map(f64::to_le_bytes).concat())
 }
 
-/// Every address is refused without the token and to other hosts and origins.
 #[test]
 fn address_without_token_host_or_origin_is_refused() {
     let _alone = real_time();
@@ -323,7 +322,6 @@ fn a_page_that_says_nothing_is_sent_no_more_than_a_few_views() {
     assert_eq!(seen, AHEAD + 1);
 }
 
-/// Garbage and what is too long or too often ends a connection and nothing else.
 #[test]
 fn garbage_or_too_much_ends_only_its_connection() {
     let _alone = real_time();
@@ -478,7 +476,6 @@ fn a_port_that_is_taken_and_a_token_that_is_none_are_errors() {
     );
 }
 
-/// The hand goes on with another writer and its strokes are numbered on.
 #[test]
 fn hand_goes_on_with_another_writer_and_new_strokes() {
     let _alone = real_time();

@@ -42,7 +42,6 @@ fn playing(session: &mut asperity_live::Session) -> bool {
     session.view().condition == Condition::Playing
 }
 
-/// A mute is silent within 20 ms and comes up again and a graph under it goes on.
 #[test]
 fn mute_is_silent_within_20_ms_and_the_graph_goes_on() {
     let _alone = real_time();
@@ -63,7 +62,7 @@ fn mute_is_silent_within_20_ms_and_the_graph_goes_on() {
     assert!(all[13_580 + 9700..].iter().zip(&wanted[13_580 + 9700..]).all(|(y, x)| *y == f64::from(*x)));
 }
 
-/// A stop and a session that is dropped ramp down within 20 ms and nothing comes after.
+/// Nothing is played after the ramp.
 #[test]
 fn stop_or_drop_of_a_session_ramps_down_within_20_ms() {
     let _alone = real_time();
@@ -109,7 +108,6 @@ fn ramps_down(clock: Clock, dropped: bool, attempt: u32) -> Result<(), String> {
     Ok(())
 }
 
-/// An underrun that the host reports and a gap are counted and the tone joins on without a step.
 #[test]
 fn underrun_and_gap_are_counted_and_join_without_a_step() {
     let _alone = real_time();
@@ -150,7 +148,6 @@ fn underrun_and_gap_are_counted_and_join_without_a_step() {
     });
 }
 
-/// A card that is lost in any way is waited for and fades in when it is back.
 #[test]
 fn lost_card_is_waited_for_and_fades_in_when_back() {
     let _alone = real_time();
@@ -221,7 +218,7 @@ impl Ticker for Panics {
     }
 }
 
-/// An engine that panics is silent within 20 ms without a step and says so.
+/// There is no step.
 #[test]
 fn panicking_engine_is_silent_within_20_ms_and_says_so() {
     let _alone = real_time();
@@ -243,7 +240,6 @@ fn panicking_engine_is_silent_within_20_ms_and_says_so() {
     assert!(driver.stop().is_some(), "the ticker is there for a report");
 }
 
-/// An engine that panics under a timer says so and is there for a report.
 #[test]
 fn panic_under_a_timer_is_told_and_leaves_a_report() {
     let _alone = real_time();
@@ -256,7 +252,7 @@ fn panic_under_a_timer_is_told_and_leaves_a_report() {
     assert_eq!(timer.stop().expect("the ticker").0, 100);
 }
 
-/// An engine that panics under the paced clock is silent within 20 ms without a step.
+/// There is no step.
 #[test]
 fn panic_under_the_paced_clock_is_silent_within_20_ms() {
     let _alone = real_time();

@@ -166,7 +166,7 @@ fn a_hand_is_read_at_even_times_at_every_length_of_callback() {
     }
 }
 
-/// A hand that says nothing is silence 70 ms later is held and is counted.
+/// The stroke is held, and the stall is counted.
 #[test]
 fn silent_hand_is_held_silent_after_70_ms_and_counted() {
     let _alone = real_time();

@@ -23,7 +23,6 @@ fn two(amps: f64, dc_corner_hz: f64) -> (asperity_graph::GraphFile, asperity_gra
     graph(&asperity_nodes::registry(), (500, 48_000), &(nodes + &more), &(wires + &more_wires))
 }
 
-/// A swap while it plays leaves the other channel as it was and figures go on.
 #[test]
 fn swap_leaves_the_other_channel_and_figures_go_on() {
     let _alone = real_time();
@@ -146,7 +145,7 @@ fn a_hand_goes_on_across_a_swap_and_its_rate_does_not_jump() {
     assert!(forces.iter().any(|f| f.2 == 1.65) && forces.iter().any(|f| f.2 == 3.3));
 }
 
-/// A file that would change the devices channels is refused and the run goes on.
+/// The run goes on.
 #[test]
 fn edit_of_the_devices_channels_is_refused() {
     let _alone = real_time();

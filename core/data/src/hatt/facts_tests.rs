@@ -94,7 +94,7 @@ fn counts(folder: &Path) -> Counts {
     it
 }
 
-/// Thirteen edges are unstable by coefficients and none by line spectral frequencies.
+/// Thirteen edges are unstable when coefficients are interpolated; none is with line spectral frequencies.
 #[test]
 fn hatt_edges_are_stable_by_line_spectral_frequencies() {
     let Some(folder) = std::env::var_os("HATT_DIR") else {
@@ -133,7 +133,7 @@ fn xml(texture: &Texture) -> String {
     text + "</modelSet>\n"
 }
 
-/// Of the made ones some edges are unstable by coefficients and none by line spectral frequencies.
+/// Some edges of the made textures are unstable when coefficients are interpolated; none is otherwise.
 #[test]
 fn made_edges_are_stable_by_line_spectral_frequencies() {
     let made = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../graphs/models/made_ar");

@@ -149,7 +149,6 @@ fn shipped_networks_say_what_their_magnitudes_are() {
     }
 }
 
-/// The trained range is read from the file and refused where it is none.
 #[test]
 fn trained_range_is_read_from_the_file_or_refused() {
     let with = |pairs: &[(&str, &str)]| {

@@ -96,7 +96,6 @@ fn non_finite_input_is_passed_on_and_the_next_run_is_right() {
     }
 }
 
-/// Weights of 8 bits that are not enough give way to f16 and the report says so.
 #[test]
 fn insufficient_int8_weights_become_f16_and_are_reported() {
     // What a column is made of differs by more than 8 bits can say, and cancels.
