@@ -10,17 +10,19 @@ pub const ASPERITY_LIKE: u32 = 1;
 pub const ASPERITY_CONTROL: u32 = 2;
 /// This tick's samples (f32) of one channel.
 pub const ASPERITY_AUDIO: u32 = 3;
-/// At most one frame of magnitudes (f32) a tick, as amplitudes: 2 |sum w x| / sum w with a periodic Hann window w.
+/// At most one frame of magnitudes (f32) a tick, as amplitudes: 2 |sum w x| / sum w with a periodic Hann
+/// window w.
 pub const ASPERITY_MAGNITUDE: u32 = 4;
-/// At most one frame of complex bins (pairs of f32: real, imaginary) a tick, in the same scale; phases are counted from
-/// the first sample of the frame.
+/// At most one frame of complex bins (pairs of f32: real, imaginary) a tick, in the same scale; phases
+/// are counted from the first sample of the frame.
 pub const ASPERITY_SPECTRUM: u32 = 5;
 
 /// The node is reset when it wakes.
 pub const ASPERITY_RESTART: u32 = 0;
 /// The node is told by `elapsed` how many ticks it slept through.
 pub const ASPERITY_ELAPSED: u32 = 1;
-/// The node goes on as it was: what it puts out depends on the tick and its inputs, not on how often it was called.
+/// The node goes on as it was: what it puts out depends on the tick and its inputs, not on how often it
+/// was called.
 pub const ASPERITY_RESUME: u32 = 2;
 /// The node never sleeps: what it remembers must stay up to date.
 pub const ASPERITY_NEVER: u32 = 3;
@@ -30,11 +32,13 @@ pub const ASPERITY_SINK: u32 = 1;
 /// Flag of a kind: a sink that only looks on and keeps nothing awake.
 pub const ASPERITY_PASSIVE: u32 = 2;
 
-/// Flag of an input: may stay unconnected. A control then reads `default_value`, audio is silent, no frame comes.
+/// Flag of an input: may stay unconnected. A control then reads `default_value`, audio is silent, no
+/// frame comes.
 pub const ASPERITY_OPTIONAL: u32 = 1;
 /// Flag of a control input: a change wakes a node that said it sleeps. Audio and frames always do.
 pub const ASPERITY_WAKES: u32 = 2;
-/// Flag of an input: takes only a limited signal, which the built-in limiter promises; no output of a plugin may.
+/// Flag of an input: takes only a limited signal, which the built-in limiter promises; no output of a
+/// plugin may.
 pub const ASPERITY_LIMITED: u32 = 4;
 
 /// A finite number between `min` and `max`, in `default_number`.
@@ -58,7 +62,8 @@ pub const ASPERITY_TEXTS: u32 = 8;
 pub const ASPERITY_REQUIRED: u32 = 1;
 /// Flag of a parameter: has no default, and a graph may leave it out; it then has no value.
 pub const ASPERITY_MAY_BE_LEFT_OUT: u32 = 2;
-/// Flag of a parameter: `set_parameter` takes a new value while the node runs. Numbers, whole numbers, flags and choices only.
+/// Flag of a parameter: `set_parameter` takes a new value while the node runs. Numbers, whole numbers,
+/// flags and choices only.
 pub const ASPERITY_LIVE: u32 = 4;
 
 /// An input or output. Arrays of these advance by the first one's `size`.
@@ -83,8 +88,8 @@ pub struct AsperityPort {
     pub units: *const *const c_char,
     /// Control: number of values.
     pub count: u32,
-    /// Audio without `shape_var`: samples a second, 0 for the graph's audio rate. Frames without `shape_var`: samples a second of
-    /// the signal they describe.
+    /// Audio without `shape_var`: samples a second, 0 for the graph's audio rate. Frames without
+    /// `shape_var`: samples a second of the signal they describe.
     pub rate_hz: u32,
     /// Frames without `shape_var`: window and DFT length in samples.
     pub length: u32,
@@ -158,8 +163,8 @@ pub struct AsperityPortSink {
 
 /// A kind of node.
 ///
-/// The life of an instance: `create`, `prepare` once, then any number of the tick functions, `destroy`. Functions that are marked
-/// optional may be NULL.
+/// The life of an instance: `create`, `prepare` once, then any number of the tick functions, `destroy`.
+/// Functions that are marked optional may be NULL.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct AsperityKind {
@@ -189,11 +194,12 @@ pub struct AsperityKind {
     pub params: *const AsperityParam,
     /// Name of the input that this node gates, with `wants`; NULL for none.
     pub gate: *const c_char,
-    /// Name of the parameter that says how long it delays, for a node that can close a cycle, with `absorb`; NULL for
-    /// one that cannot.
+    /// Name of the parameter that says how long it delays, for a node that can close a cycle, with
+    /// `absorb`; NULL for one that cannot.
     pub feedback: *const c_char,
-    /// Says which ports there are for these parameters; `inputs` and `outputs` of `setup` are empty. Optional: the ports above.
-    /// [`ASPERITY_OK`], or [`ASPERITY_FAILED`] with `error` filled in. Control thread.
+    /// Says which ports there are for these parameters; `inputs` and `outputs` of `setup` are empty.
+    /// Optional: the ports above. [`ASPERITY_OK`], or [`ASPERITY_FAILED`] with `error` filled in. Control
+    /// thread.
     pub ports: Option<
         unsafe extern "C" fn(
             setup: *const AsperitySetup,
@@ -201,11 +207,12 @@ pub struct AsperityKind {
             error: *mut AsperityError,
         ) -> i32,
     >,
-    /// Makes an instance that `prepare` fills; NULL where it cannot. `kind` is the very pointer that the plugin handed out. Control
-    /// thread.
+    /// Makes an instance that `prepare` fills; NULL where it cannot. `kind` is the very pointer that the
+    /// plugin handed out. Control thread.
     pub create: Option<unsafe extern "C" fn(kind: *const AsperityKind) -> *mut c_void>,
-    /// Makes the instance ready for its place in a graph: allocates, reads files, and may fail with `error` filled in. Called once,
-    /// before all below; if it fails only `destroy` follows. Control thread.
+    /// Makes the instance ready for its place in a graph: allocates, reads files, and may fail with
+    /// `error` filled in. Called once, before all below; if it fails only `destroy` follows. Control
+    /// thread.
     pub prepare: Option<
         unsafe extern "C" fn(
             instance: *mut c_void,
@@ -215,29 +222,32 @@ pub struct AsperityKind {
     >,
     /// Says latency, tail and the like of a prepared instance. Optional: nothing to say. Control thread.
     pub info: Option<unsafe extern "C" fn(instance: *mut c_void, info: *mut AsperityInfo)>,
-    /// One tick: [`ASPERITY_CONTINUE`] and so on. Outputs arrive zeroed (audio), absent (frames) or as they were
-    /// (controls). Tick thread.
+    /// One tick: [`ASPERITY_CONTINUE`] and so on. Outputs arrive zeroed (audio), absent (frames) or as
+    /// they were (controls). Tick thread.
     pub process: Option<unsafe extern "C" fn(instance: *mut c_void, tick: *mut AsperityTick) -> i32>,
     /// Back to the state after `prepare`, but for parameters that were set since. Tick thread.
     pub reset: Option<unsafe extern "C" fn(instance: *mut c_void) -> i32>,
-    /// Gates only: 1 where the gated input is wanted this tick, else 0; or an error. Called once a tick, before `process`, with
-    /// every input there but the gated one, and no outputs. Tick thread.
+    /// Gates only: 1 where the gated input is wanted this tick, else 0; or an error. Called once a tick,
+    /// before `process`, with every input there but the gated one, and no outputs. Tick thread.
     pub wants: Option<unsafe extern "C" fn(instance: *mut c_void, tick: *mut AsperityTick) -> i32>,
-    /// Nodes that close a cycle only: takes this tick's inputs, after `process` has put out without them. Tick thread.
+    /// Nodes that close a cycle only: takes this tick's inputs, after `process` has put out without them.
+    /// Tick thread.
     pub absorb: Option<unsafe extern "C" fn(instance: *mut c_void, tick: *mut AsperityTick) -> i32>,
-    /// With [`ASPERITY_ELAPSED`] only, and then needed: how many ticks the node slept through. It leaves the state that as many calls
-    /// would have left. Tick thread.
+    /// With [`ASPERITY_ELAPSED`] only, and then needed: how many ticks the node slept through. It leaves
+    /// the state that as many calls would have left. Tick thread.
     pub elapsed: Option<unsafe extern "C" fn(instance: *mut c_void, ticks: u64) -> i32>,
-    /// Takes a new value of the parameter at `index`, which is live; it lies in its range. A flag is 0 or 1, a choice the place of
-    /// its word. Optional where no parameter is live. Tick thread.
+    /// Takes a new value of the parameter at `index`, which is live; it lies in its range. A flag is 0 or
+    /// 1, a choice the place of its word. Optional where no parameter is live. Tick thread.
     pub set_parameter: Option<unsafe extern "C" fn(instance: *mut c_void, index: u32, value: f64) -> i32>,
-    /// The most bytes that `save` writes; the same at any time. Optional together with `save` and `restore`. Control thread.
+    /// The most bytes that `save` writes; the same at any time. Optional together with `save` and
+    /// `restore`. Control thread.
     pub state_size: Option<unsafe extern "C" fn(instance: *mut c_void) -> u64>,
-    /// Writes what the instance remembers to `bytes`, at most `capacity` of them, and answers how many; less than 0 where it
-    /// cannot. Tick thread.
+    /// Writes what the instance remembers to `bytes`, at most `capacity` of them, and answers how many;
+    /// less than 0 where it cannot. Tick thread.
     pub save: Option<unsafe extern "C" fn(instance: *mut c_void, bytes: *mut u8, capacity: u64) -> i64>,
-    /// Goes on from what an instance of this kind saved, perhaps with other parameters or by another build of the
-    /// plugin: check it. [`ASPERITY_OK`], or [`ASPERITY_FAILED`], and then the host calls `reset`. Tick thread.
+    /// Goes on from what an instance of this kind saved, perhaps with other parameters or by another
+    /// build of the plugin: check it. [`ASPERITY_OK`], or [`ASPERITY_FAILED`], and then the host calls
+    /// `reset`. Tick thread.
     pub restore: Option<unsafe extern "C" fn(instance: *mut c_void, bytes: *const u8, len: u64) -> i32>,
     /// Frees the instance. Control thread.
     pub destroy: Option<unsafe extern "C" fn(instance: *mut c_void)>,

@@ -13,7 +13,8 @@ pub const ASPERITY_PANICKED: i32 = -2;
 pub const ASPERITY_CONTINUE: i32 = 0;
 /// Answer of `process`: the outputs of this tick are silent; call again.
 pub const ASPERITY_QUIET: i32 = 1;
-/// Answer of `process`: so many more ticks until silence, in [`AsperityTick::detail`], unless an input wakes the node.
+/// Answer of `process`: so many more ticks until silence, in [`AsperityTick::detail`], unless an input
+/// wakes the node.
 pub const ASPERITY_TAIL: i32 = 2;
 /// Answer of `process`: nothing to come until an input that wakes carries something.
 pub const ASPERITY_ASLEEP: i32 = 3;
@@ -32,8 +33,8 @@ pub struct AsperityValue {
     pub integer: i64,
     /// Text, word of a choice or path of a file; never NULL.
     pub text: *const c_char,
-    /// The folder that a relative path in `text` is relative to; never NULL, empty for the one the program runs in. Paths of files
-    /// are ready to be opened.
+    /// The folder that a relative path in `text` is relative to; never NULL, empty for the one the
+    /// program runs in. Paths of files are ready to be opened.
     pub base: *const c_char,
     /// Numbers of a list, `count` of them.
     pub numbers: *const f64,
@@ -101,11 +102,13 @@ pub struct AsperitySetup {
     pub input_count: u32,
     /// Number of outputs.
     pub output_count: u32,
-    /// 1 where this node closes a cycle: `process` then runs before its inputs are there, and `absorb` when they are.
+    /// 1 where this node closes a cycle: `process` then runs before its inputs are there, and `absorb`
+    /// when they are.
     pub closes_cycle: u32,
 }
 
-/// Where `prepare` and `ports` say what is wrong. Both texts are the host's memory, empty at first; what is longer is cut off.
+/// Where `prepare` and `ports` say what is wrong. Both texts are the host's memory, empty at first; what
+/// is longer is cut off.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct AsperityError {
@@ -153,7 +156,8 @@ pub const ASPERITY_VALID: u32 = 2;
 pub const ASPERITY_CHANGED: u32 = 4;
 /// Flag of an audio input: known to be zero in all samples.
 pub const ASPERITY_SILENT: u32 = 8;
-/// Flag of a frame buffer: there is a frame. A node that puts a frame out sets it, and `frame_index` and `frame_start`.
+/// Flag of a frame buffer: there is a frame. A node that puts a frame out sets it, and `frame_index` and
+/// `frame_start`.
 pub const ASPERITY_FRAME: u32 = 16;
 /// Flag of an audio output: the node wrote samples. Without it the output is silent.
 pub const ASPERITY_WRITTEN: u32 = 32;
@@ -174,8 +178,8 @@ pub struct AsperityBuffer {
     pub frame_index: u64,
     /// First sample of the frame, at the layout's rate.
     pub frame_start: u64,
-    /// `count` values: `double` for a control, `float` for audio and magnitudes, pairs of `float` for a spectrum. Inputs are
-    /// not to be written to. NULL where `count` is 0.
+    /// `count` values: `double` for a control, `float` for audio and magnitudes, pairs of `float` for a
+    /// spectrum. Inputs are not to be written to. NULL where `count` is 0.
     pub data: *mut c_void,
 }
 

@@ -23,7 +23,8 @@ pub fn nearest<'a>(wanted: &str, names: impl IntoIterator<Item = &'a str>) -> Op
 /// Most names that are listed.
 const MOST: usize = 100;
 
-/// Help for an unknown name: the nearest one if there is one, else the list of them all, or of the first of very many.
+/// Help for an unknown name: the nearest one if there is one, else the list of them all, or of the first
+/// of very many.
 pub fn one_of<'a>(wanted: &str, names: impl IntoIterator<Item = &'a str> + Clone) -> String {
     if let Some(n) = nearest(wanted, names.clone()) {
         return format!("did you mean `{n}`?");

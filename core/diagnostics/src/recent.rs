@@ -17,7 +17,8 @@ impl<K: PartialEq, V: Clone> Recent<K, V> {
         Self { most, entries: Mutex::new(Vec::new()) }
     }
 
-    /// The value of a key, made if it is not there. Two threads that ask at once may both make it; what cannot be made is not kept.
+    /// The value of a key, made if it is not there. Two threads that ask at once may both make it; what
+    /// cannot be made is not kept.
     ///
     /// # Errors
     /// What `make` says.
@@ -50,7 +51,8 @@ pub fn fingerprint(bytes: &[u8]) -> (usize, u64) {
     (bytes.len(), hasher.finish())
 }
 
-/// What tells bytes from others, the same on every machine: FNV-1a of 64 bits (Fowler, Noll, Vo). Nobody is kept out by it.
+/// What tells bytes from others, the same on every machine: FNV-1a of 64 bits (Fowler, Noll, Vo). Nobody
+/// is kept out by it.
 pub fn fnv(bytes: &[u8]) -> u64 {
     bytes.iter().fold(0xcbf2_9ce4_8422_2325, |h, b| (h ^ u64::from(*b)).wrapping_mul(0x100_0000_01b3))
 }

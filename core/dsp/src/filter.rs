@@ -143,7 +143,8 @@ impl Section {
         } else {
             TAU * exact_hz / (PI * exact_hz / rate_hz).tangent()
         };
-        // A first-order section must not be given the pole and zero at z = -1 that the general form would add.
+        // A first-order section must not be given the pole and zero at z = -1 that the general form would
+        // add.
         let map = |[p, q, r]: [f64; 3]| {
             if d0 == 0.0 {
                 [q * c + r, r - q * c, 0.0]

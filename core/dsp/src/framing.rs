@@ -2,7 +2,8 @@
 
 /// A short-time Fourier transform's layout at one sample rate.
 ///
-/// Frame `n` covers samples `start(n) .. start(n) + fft_len`; its bins are counted from 0, `rate_hz / fft_len` apart.
+/// Frame `n` covers samples `start(n) .. start(n) + fft_len`; its bins are counted from 0, `rate_hz /
+/// fft_len` apart.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Framing {
     /// Samples a second.
@@ -29,8 +30,8 @@ pub enum FramingError {
     TooLong,
     /// More frames a second than samples.
     HopBelowOne,
-    /// Frames repeat their places only after more samples than [`MAX_PERIOD`], or after so many frames that adding
-    /// their windows up would take seconds; carries the period in samples.
+    /// Frames repeat their places only after more samples than [`MAX_PERIOD`], or after so many frames
+    /// that adding their windows up would take seconds; carries the period in samples.
     PeriodTooLong(u64),
 }
 

@@ -54,8 +54,9 @@ impl LowPass {
         y
     }
 
-    /// Equals so many steps of the same sample, up to rounding, at the cost of a few. The distance of the state
-    /// from the one that constant input ends in is multiplied by a power of the filter's matrix, by squaring.
+    /// Equals so many steps of the same sample, up to rounding, at the cost of a few. The distance of the
+    /// state from the one that constant input ends in is multiplied by a power of the filter's matrix, by
+    /// squaring.
     pub fn hold(&mut self, x: f64, corner: f64, steps: u64) {
         let column = |state: [f64; 2]| {
             let mut of = Self { state };

@@ -1,9 +1,10 @@
 //! Weighted overlap-add: spectra back to a signal, with unit gain at any hop.
 //!
-//! Every frame is transformed back, weighted by a Hann window and added at its place. The sum is divided by the sum of
-//! `analysis window x synthesis window` over all frames that cover a sample (D. Griffin, J. Lim, "Signal Estimation
-//! from Modified Short-Time Fourier Transform", IEEE Trans. ASSP 32(2), 1984, eq. 6). Frames at fractional hops start at whole
-//! samples, so that sum is not constant; it is periodic, and one period of it is kept.
+//! Every frame is transformed back, weighted by a Hann window and added at its place. The sum is divided
+//! by the sum of `analysis window x synthesis window` over all frames that cover a sample (D. Griffin, J.
+//! Lim, "Signal Estimation from Modified Short-Time Fourier Transform", IEEE Trans. ASSP 32(2), 1984, eq.
+//! 6). Frames at fractional hops start at whole samples, so that sum is not constant; it is periodic, and
+//! one period of it is kept.
 
 use crate::float::keep_wide;
 use crate::magnitude::largest_of;
@@ -16,9 +17,10 @@ use std::sync::Arc;
 
 /// Turns a stream of spectra into samples by weighted overlap-add.
 ///
-/// The divisor is that of a stream of frames without beginning. So a signal fades in over the first `fft_len`
-/// samples after a start or a reset, as the first frames alone fade in, and a frame that is missing is silence of the frame's weight.
-/// A consistent stream is given back to rounding error; where no frame has weight (a hop as long as the window), there is silence.
+/// The divisor is that of a stream of frames without beginning. So a signal fades in over the first
+/// `fft_len` samples after a start or a reset, as the first frames alone fade in, and a frame that is
+/// missing is silence of the frame's weight. A consistent stream is given back to rounding error; where
+/// no frame has weight (a hop as long as the window), there is silence.
 pub struct OverlapAdd<T> {
     framing: Framing,
     inverse: Arc<dyn ComplexToReal<T>>,
@@ -29,7 +31,8 @@ pub struct OverlapAdd<T> {
     window: Vec<T>,
     /// One over the sum of windows, over one period of sample indices.
     gain: Vec<T>,
-    /// Bins are held to the largest number over this, so that sums over all bins and all frames of a window stay finite.
+    /// Bins are held to the largest number over this, so that sums over all bins and all frames of a
+    /// window stay finite.
     summed: f64,
     /// Sums of frames; the sample `next` is at `head`.
     ring: Vec<T>,
@@ -117,8 +120,8 @@ impl<T: Float> OverlapAdd<T> {
         self.next = start;
     }
 
-    /// What is remembered: the sums of frames that are not emitted yet, and where they lie. Refused where it is of frames of
-    /// another length or hop.
+    /// What is remembered: the sums of frames that are not emitted yet, and where they lie. Refused where
+    /// it is of frames of another length or hop.
     pub fn state(&mut self, state: &mut State<'_>) {
         keep_wide(&mut self.ring, state);
         state.keep(&mut self.head).keep(&mut self.next);
@@ -130,10 +133,10 @@ impl<T: Float> OverlapAdd<T> {
 
     /// Adds the frame that covers samples `start .. start + fft_len`.
     ///
-    /// `spectrum` holds amplitudes `2 sum(w x e^-i..) / sum(w)` from bin 0, phases counted from the frame's first sample. Missing
-    /// bins are 0, more than `framing.bins` are not used; what is so large that sums would not be finite is held. Of bin 0 and Nyquist
-    /// only the real part can be heard. A sample
-    /// that was emitted already keeps what it had.
+    /// `spectrum` holds amplitudes `2 sum(w x e^-i..) / sum(w)` from bin 0, phases counted from the
+    /// frame's first sample. Missing bins are 0, more than `framing.bins` are not used; what is so large
+    /// that sums would not be finite is held. Of bin 0 and Nyquist only the real part can be heard. A
+    /// sample that was emitted already keeps what it had.
     ///
     /// # Errors
     /// A frame out of reach is not added; see [`FrameError`].

@@ -1,22 +1,24 @@
 //! Each bin as an oscillator at its own centre frequency: the phase vocoder's synthesis without its analysis.
 //!
-//! Where there are only magnitudes the plain phase vocoder (J. L. Flanagan, R. M. Golden, "Phase Vocoder", Bell Syst. Tech. J.
-//! 45, 1966) can do no more than integrate each bin's centre frequency: from frame to frame the phase of bin `k` of `N`
-//! advances by `k / N` turns a sample. That is counted from the absolute first sample of a frame, in integers: nothing drifts,
-//! and a frame that is missing changes nothing after it.
+//! Where there are only magnitudes the plain phase vocoder (J. L. Flanagan, R. M. Golden, "Phase
+//! Vocoder", Bell Syst. Tech. J. 45, 1966) can do no more than integrate each bin's centre frequency:
+//! from frame to frame the phase of bin `k` of `N` advances by `k / N` turns a sample. That is counted
+//! from the absolute first sample of a frame, in integers: nothing drifts, and a frame that is missing
+//! changes nothing after it.
 //!
-//! What is left to choose are the start phases. After overlap-add and analysis bin `k` holds `A_k - (A_(k-1) e^ia + A_(k+1) e^ib) / 2`,
-//! up to a factor, so with equal neighbours the magnitude beats with the sum of both. It beats least where the second difference of the start
-//! phases is half a turn: start phases `k^2 / 4` turns. That alone would put the energy of even and odd bins at two instants of a
-//! window; `k^2 / (2 K)` more, for `K` bins, spreads it over the window (M. R. Schroeder, IEEE Trans. Inf. Theory 16, 1970),
-//! from a crest factor of 9.9 to 3.2 on a smooth spectrum.
+//! What is left to choose are the start phases. After overlap-add and analysis bin `k` holds `A_k -
+//! (A_(k-1) e^ia + A_(k+1) e^ib) / 2`, up to a factor, so with equal neighbours the magnitude beats with
+//! the sum of both. It beats least where the second difference of the start phases is half a turn: start
+//! phases `k^2 / 4` turns. That alone would put the energy of even and odd bins at two instants of a
+//! window; `k^2 / (2 K)` more, for `K` bins, spreads it over the window (M. R. Schroeder, IEEE Trans.
+//! Inf. Theory 16, 1970), from a crest factor of 9.9 to 3.2 on a smooth spectrum.
 //!
-//! Steady magnitudes come back 10 log10(2/3) = -1.76 dB too quiet: overlap-add with two Hann windows scales every oscillator by
-//! `(sum w) / (sum w^2) / 2 = 2/3`, and each is then seen in three bins with the squares 1/4, 1, 1/4. That holds
-//! for any start phases, and [`Level::Keep`] makes it good.
+//! Steady magnitudes come back 10 log10(2/3) = -1.76 dB too quiet: overlap-add with two Hann windows
+//! scales every oscillator by `(sum w) / (sum w^2) / 2 = 2/3`, and each is then seen in three bins with
+//! the squares 1/4, 1, 1/4. That holds for any start phases, and [`Level::Keep`] makes it good.
 //!
-//! Spectral convergence, level and error of the long-term spectrum on the vectors in `tests/data/phase`, in dB ("published" is
-//! `pv_quad` of `sc.json` there):
+//! Spectral convergence, level and error of the long-term spectrum on the vectors in `tests/data/phase`,
+//! in dB ("published" is `pv_quad` of `sc.json` there):
 //!
 //! | vector | `Plain` | `Keep` | published |
 //! |---|---|---|---|
@@ -62,7 +64,8 @@ impl StartPhase {
     }
 }
 
-/// Phase retrieval that integrates bin-centre frequencies, for frames of one layout. It has no state but its tables.
+/// Phase retrieval that integrates bin-centre frequencies, for frames of one layout. It has no state but
+/// its tables.
 #[derive(Debug)]
 pub struct PhaseVocoder<T> {
     /// `N` points on the unit circle.
@@ -106,11 +109,13 @@ impl<T: Float> PhaseVocoder<T> {
         self.mags.len()
     }
 
-    /// Finds phases for the frame whose first sample is `start`; `out[k]` gets the magnitude `magnitudes[k]` (by the level, a
-    /// multiple of it) in the same unit, and a phase counted from the first sample of the frame.
+    /// Finds phases for the frame whose first sample is `start`; `out[k]` gets the magnitude
+    /// `magnitudes[k]` (by the level, a multiple of it) in the same unit, and a phase counted from the
+    /// first sample of the frame.
     ///
-    /// A magnitude that is NaN, infinite or negative is taken as 0; the number of these is returned. Bins missing in
-    /// `magnitudes` count as 0, more than [`bins`](Self::bins) are not used, and what is left of `out` is set to 0.
+    /// A magnitude that is NaN, infinite or negative is taken as 0; the number of these is returned. Bins
+    /// missing in `magnitudes` count as 0, more than [`bins`](Self::bins) are not used, and what is left
+    /// of `out` is set to 0.
     pub fn process<P: Float>(&mut self, start: u64, magnitudes: &[P], out: &mut [Complex<P>]) -> usize {
         // Rounding and the level must not take the largest of values beyond what is finite.
         let bad = take(magnitudes, 0.5 * largest_of::<P, T>(), &mut self.mags);

@@ -1,8 +1,9 @@
 //! Transforms of real signals, planned once for each length and shared by all kernels of the process.
 //!
-//! rustfft's plans for vector instructions round otherwise than its plain ones, so it is the plain ones that are used: 0.7 us for 250
-//! samples instead of 0.3 (2 cores of a virtual Intel Xeon), and the same bits on every CPU. Where several frames are there at once,
-//! the crate has a transform of its own that is both.
+//! rustfft's plans for vector instructions round otherwise than its plain ones, so it is the plain ones
+//! that are used: 0.7 us for 250 samples instead of 0.3 (2 cores of a virtual Intel Xeon), and the same
+//! bits on every CPU. Where several frames are there at once, the crate has a transform of its own that
+//! is both.
 
 use crate::Complex;
 use crate::float::unit_circle;
@@ -77,7 +78,8 @@ pub fn complex<T: FftNum>(len: usize, forward: bool) -> Arc<dyn Fft<T>> {
     if forward { planner.plan_fft_forward(len) } else { planner.plan_fft_inverse(len) }
 }
 
-/// A real transform by a complex one: of half the length over pairs of samples where the length is even, else of the whole.
+/// A real transform by a complex one: of half the length over pairs of samples where the length is even,
+/// else of the whole.
 struct Real<T> {
     len: usize,
     inner: Arc<dyn Fft<T>>,
@@ -88,11 +90,13 @@ struct Real<T> {
 /// A scratch buffer in two.
 type Halves<'a, T> = (&'a mut [Complex<T>], &'a mut [Complex<T>]);
 
-/// With `Z` the transform of `x_2n + i x_2n+1` and `h = len / 2`: `X_k = E + e^(-2 pi i k / len) O`, where `2 E = Z_k + conj Z_(h-k)` and
-/// `2 i O = Z_k - conj Z_(h-k)`; and `X_(h-k)` is the conjugate of `E - e^(-2 pi i k / len) O`.
+/// With `Z` the transform of `x_2n + i x_2n+1` and `h = len / 2`: `X_k = E + e^(-2 pi i k / len) O`,
+/// where `2 E = Z_k + conj Z_(h-k)` and `2 i O = Z_k - conj Z_(h-k)`; and `X_(h-k)` is the conjugate of
+/// `E - e^(-2 pi i k / len) O`.
 struct Forward<T>(Real<T>);
 
-/// The same backwards, twice as large: `Z_k = X_k + conj X_(h-k) + i e^(2 pi i k / len) (X_k - conj X_(h-k))`.
+/// The same backwards, twice as large: `Z_k = X_k + conj X_(h-k) + i e^(2 pi i k / len) (X_k - conj
+/// X_(h-k))`.
 struct Inverse<T>(Real<T>);
 
 impl<T: FftNum> Real<T> {

@@ -53,8 +53,8 @@ impl Ramp {
         (self.left, self.now) = (0, self.target);
     }
 
-    /// Where it is on its way. A ramp with another target, or of another length, sets out from there; refused is a value
-    /// that is not finite.
+    /// Where it is on its way. A ramp with another target, or of another length, sets out from there;
+    /// refused is a value that is not finite.
     pub fn state(&mut self, state: &mut State<'_>) {
         let mut that = *self;
         state.keep(&mut that.now).keep(&mut that.target).keep(&mut that.by).keep(&mut that.left);

@@ -17,12 +17,13 @@ use asperity_numbers::denormals::Flushed;
 pub struct Options {
     /// Let nodes sleep that serve nothing but a closed gate.
     pub sleep: bool,
-    /// The most nanoseconds that one call of a node may take, by the clock of [`Engine::tick_timed`]; a call that takes
-    /// longer is a fault. `None`, or no clock, for no limit.
+    /// The most nanoseconds that one call of a node may take, by the clock of [`Engine::tick_timed`]; a
+    /// call that takes longer is a fault. `None`, or no clock, for no limit.
     pub limit_ns: Option<u64>,
-    /// Look for NaN and infinities in every output. Without, what is not finite goes on to whoever reads it, unmarked and
-    /// uncounted; panics, errors and overruns are contained all the same. Only for measuring what looking costs: whatever
-    /// plays or writes a graph leaves it on, and no graph file or option of a program turns it off.
+    /// Look for NaN and infinities in every output. Without, what is not finite goes on to whoever reads
+    /// it, unmarked and uncounted; panics, errors and overruns are contained all the same. Only for
+    /// measuring what looking costs: whatever plays or writes a graph leaves it on, and no graph file or
+    /// option of a program turns it off.
     pub guards: bool,
 }
 
@@ -78,7 +79,8 @@ impl Engine {
         Self { body, tick: 0, options, link: None }
     }
 
-    /// The same with a controller, which changes the graph and live parameters from another thread while this one ticks.
+    /// The same with a controller, which changes the graph and live parameters from another thread while
+    /// this one ticks.
     pub fn controlled(mut compiled: Compiled, options: Options) -> (Controller, Self) {
         let (controller, link) = Controller::new(&compiled.schedule, &mut compiled.processors);
         (controller, Self { link: Some(Box::new(link)), ..Self::new(compiled, options) })
@@ -164,9 +166,10 @@ impl Engine {
         self.tick += 1;
     }
 
-    /// Gives a control input that is [fed](asperity_graph::ScheduledInput::fed) its values for the next tick and those after
-    /// it, until others are given; `valid` says whether they are to be trusted. Values that are not finite are not taken, and what
-    /// was there is no longer trusted. False where there is no such input or as many values. Tick thread.
+    /// Gives a control input that is [fed](asperity_graph::ScheduledInput::fed) its values for the next
+    /// tick and those after it, until others are given; `valid` says whether they are to be trusted.
+    /// Values that are not finite are not taken, and what was there is no longer trusted. False where
+    /// there is no such input or as many values. Tick thread.
     pub fn feed_control(&mut self, node: usize, input: usize, given: &[f64], valid: bool) -> bool {
         let Some(Buffer::Control { values, changed, valid: trusted }) = self.fed(node, input) else {
             return false;
@@ -180,9 +183,9 @@ impl Engine {
         fits
     }
 
-    /// Gives an audio input that is fed the samples of the next tick: `fill` gets room for exactly these. Not called, the
-    /// input is silent. Samples that are not finite make it silent and not to be trusted. False where there is no such
-    /// input. Tick thread.
+    /// Gives an audio input that is fed the samples of the next tick: `fill` gets room for exactly these.
+    /// Not called, the input is silent. Samples that are not finite make it silent and not to be trusted.
+    /// False where there is no such input. Tick thread.
     pub fn feed_audio(
         &mut self,
         node: usize,
@@ -223,8 +226,8 @@ impl Engine {
         self.body.buffers.get_mut(port.reads.buffer as usize).filter(|_| port.fed)
     }
 
-    /// Goes on `ticks` later without running those between, when they can no longer be heard. Nodes take it as a sleep:
-    /// each goes on as its [`Resume`] says. Tick thread.
+    /// Goes on `ticks` later without running those between, when they can no longer be heard. Nodes take
+    /// it as a sleep: each goes on as its [`Resume`] says. Tick thread.
     pub fn skip(&mut self, ticks: u64) {
         if ticks == 0 {
             return;
@@ -271,8 +274,8 @@ impl Engine {
         now + self.link.as_ref().map_or(0, |l| l.faults())
     }
 
-    /// Back to tick 0, every node as after `prepare`, out of quarantine too; a crossfade ends at once. Counters stay.
-    /// Control thread.
+    /// Back to tick 0, every node as after `prepare`, out of quarantine too; a crossfade ends at once.
+    /// Counters stay. Control thread.
     pub fn reset(&mut self) {
         if let Some(link) = &mut self.link {
             link.settle(&mut self.body);

@@ -4,7 +4,8 @@
 //! not allocate, lock, log or call the system. A node that fails is contained: its outputs hold or fade, the
 //! fault is counted, and after [`FAULTS_BEFORE_QUARANTINE`] of them the node is no longer called.
 //!
-//! A [`Controller`] changes the graph under a running engine, from another thread: see [`Engine::controlled`].
+//! A [`Controller`] changes the graph under a running engine, from another thread: see
+//! [`Engine::controlled`].
 
 mod engine;
 mod fade;

@@ -36,8 +36,9 @@ pub(crate) fn contain<T>(f: impl FnOnce() -> Result<T, Fault>) -> Result<T, Faul
     match result {
         Ok(answer) => answer,
         Err(payload) => {
-            // The panic allocated it here; it is freed here, since a node may panic for as long as it is forgiven. What it carries may be
-            // anything, and may panic in its turn: that is left where it is.
+            // The panic allocated it here; it is freed here, since a node may panic for as long as it is
+            // forgiven. What it carries may be anything, and may panic in its turn: that is left where it
+            // is.
             let inside = IN_NODE.replace(true);
             if let Err(payload) = panic::catch_unwind(AssertUnwindSafe(|| drop(payload))) {
                 std::mem::forget(payload);

@@ -12,8 +12,8 @@ pub trait Clock {
     /// Nanoseconds since some fixed moment.
     fn now_ns(&self) -> u64;
 
-    /// Told which node is called next, by its index in the schedule that runs, so that one that does not come back can be named. Only
-    /// where it [`TIMES`](Self::TIMES). Tick thread.
+    /// Told which node is called next, by its index in the schedule that runs, so that one that does not
+    /// come back can be named. Only where it [`TIMES`](Self::TIMES). Tick thread.
     fn enters(&self, _node: usize) {}
 }
 

@@ -271,7 +271,8 @@ fn plugin(value: &Value) -> Result<PluginDecl, Diagnostic> {
 }
 
 impl NodeDecl {
-    /// Reads a node as it stands in a graph's map of nodes: its id, and `(kind: "..", every: .., params: (..))`.
+    /// Reads a node as it stands in a graph's map of nodes: its id, and `(kind: "..", every: .., params:
+    /// (..))`.
     ///
     /// # Errors
     /// An id that none may have, another value than such a record.

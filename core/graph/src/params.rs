@@ -8,8 +8,8 @@ use asperity_node::{Descriptor, Param, ParamKind, ParamValue, Params};
 
 use crate::{NodeDecl, Setting};
 
-/// What is wrong with settings of a node of some kind, whether it is in a graph or not: unknown names, values that do not fit. What is not set is not missed, and files
-/// are not looked for.
+/// What is wrong with settings of a node of some kind, whether it is in a graph or not: unknown names,
+/// values that do not fit. What is not set is not missed, and files are not looked for.
 pub fn check_settings(settings: &[Setting], descriptor: &Descriptor) -> Vec<Diagnostic> {
     let mut errors = unknown(settings, descriptor);
     for setting in settings {

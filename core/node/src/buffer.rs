@@ -243,7 +243,8 @@ impl<'a> Outputs<'a> {
         Self { buffers }
     }
 
-    /// The buffers themselves, for those who hand them on. What writes to audio or a frame also says so: `silent`, `frame`.
+    /// The buffers themselves, for those who hand them on. What writes to audio or a frame also says so:
+    /// `silent`, `frame`.
     pub fn buffers(&mut self) -> &mut [Buffer] {
         self.buffers
     }

@@ -1,4 +1,5 @@
-//! Whether a descriptor keeps its own rules. Nothing here trusts what it reads: a descriptor may come from a plugin.
+//! Whether a descriptor keeps its own rules. Nothing here trusts what it reads: a descriptor may come
+//! from a plugin.
 
 use std::borrow::Cow;
 use std::collections::HashSet;
@@ -15,12 +16,13 @@ const MOST_HZ: u32 = 1_000_000;
 const MOST_SAMPLES: u32 = 1 << 20;
 
 impl Descriptor {
-    /// Checks what the fields promise: names are lower case and distinct, everything is documented, ranges have an inside,
-    /// defaults lie in them, `gate` and `feedback` name an input and a number, only what can change is live, and shapes
-    /// have a size.
+    /// Checks what the fields promise: names are lower case and distinct, everything is documented,
+    /// ranges have an inside, defaults lie in them, `gate` and `feedback` name an input and a number,
+    /// only what can change is live, and shapes have a size.
     ///
     /// # Errors
-    /// The first thing that is wrong, with the kind and the port or parameter. Whatever the values are, it does not panic.
+    /// The first thing that is wrong, with the kind and the port or parameter. Whatever the values are,
+    /// it does not panic.
     pub fn check(&self) -> Result<(), Diagnostic> {
         self.problem().map_or(Ok(()), |what| {
             Err(Diagnostic::new(format!("the descriptor of node kind {:?} is wrong: {what}", self.kind)))

@@ -12,7 +12,8 @@ pub enum Resume {
     Restart,
     /// The node is told how many ticks it missed.
     Elapsed,
-    /// The node goes on as it was: what it puts out depends on the tick and its inputs, not on how often it was called.
+    /// The node goes on as it was: what it puts out depends on the tick and its inputs, not on how often
+    /// it was called.
     Resume,
     /// The node never sleeps: what it remembers must stay up to date.
     Never,
@@ -51,8 +52,8 @@ pub struct Descriptor {
     pub passive: bool,
     /// The input that this node gates: while its `wants` answers no, what serves that input alone sleeps.
     pub gate: Option<Cow<'static, str>>,
-    /// Names the parameter that says how long it delays, for a node that can close a cycle: its output in a tick then
-    /// does not need its input in that tick.
+    /// Names the parameter that says how long it delays, for a node that can close a cycle: its output in
+    /// a tick then does not need its input in that tick.
     pub feedback: Option<Cow<'static, str>>,
     /// What there is to say of latency and tail; empty where both are zero.
     pub timing: Cow<'static, str>,

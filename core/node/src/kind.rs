@@ -189,7 +189,8 @@ pub enum Status {
 /// 4. `reset` puts it back to the state after `prepare`; `elapsed` tells it what it slept through; `set_parameter` changes
 ///    a parameter that is live; `state` hands over what it remembers when the graph is changed under it. Tick thread.
 /// 5. It is dropped on the control thread.
-// Whoever adds a method adds it to `Precise` in nodes/src/precision.rs, which passes each on: one with a body would be dropped there without a word.
+// Whoever adds a method adds it to `Precise` in nodes/src/precision.rs, which passes each on: one with a
+// body would be dropped there without a word.
 pub trait Node: Send + Sized + 'static {
     /// Kind, ports and parameters.
     fn descriptor() -> Descriptor;
@@ -223,17 +224,17 @@ pub trait Node: Send + Sized + 'static {
     /// Nodes that close a cycle only: takes this tick's inputs, after `process` has put out without them.
     fn absorb(&mut self, _tick: &mut Tick<'_>) {}
 
-    /// Tells a node of [`Resume::Elapsed`](crate::Resume) how many ticks it slept through. It leaves the state that as many
-    /// calls would have left.
+    /// Tells a node of [`Resume::Elapsed`](crate::Resume) how many ticks it slept through. It leaves the
+    /// state that as many calls would have left.
     fn elapsed(&mut self, _ticks: u64) {}
 
-    /// Takes a new value of a parameter that is [live](crate::Param::live), by its place in the descriptor; it lies in its
-    /// range. A flag is 0 or 1, a choice the place of its word.
+    /// Takes a new value of a parameter that is [live](crate::Param::live), by its place in the
+    /// descriptor; it lies in its range. A flag is 0 or 1, a choice the place of its word.
     fn set_parameter(&mut self, _index: usize, _value: f64) {}
 
-    /// What it remembers from tick to tick, apart from its parameters and what they settle: see [`State`]. An instance
-    /// that was prepared for the same place, perhaps with other parameters, goes on from it. A node that remembers
-    /// nothing, or would rather start anew, leaves it out.
+    /// What it remembers from tick to tick, apart from its parameters and what they settle: see
+    /// [`State`]. An instance that was prepared for the same place, perhaps with other parameters, goes
+    /// on from it. A node that remembers nothing, or would rather start anew, leaves it out.
     fn state(&mut self, _state: &mut State<'_>) {}
 
     /// Latency from inputs to outputs, exact and signed.
@@ -261,8 +262,8 @@ pub trait Node: Send + Sized + 'static {
         Vec::new()
     }
 
-    /// Files that it read and that no parameter of kind [`File`](crate::ParamKind::File) names, so that a host can see when they
-    /// change. Control thread.
+    /// Files that it read and that no parameter of kind [`File`](crate::ParamKind::File) names, so that a
+    /// host can see when they change. Control thread.
     fn files(&self) -> Vec<PathBuf> {
         Vec::new()
     }
@@ -276,8 +277,8 @@ pub trait Node: Send + Sized + 'static {
     fn warm(&mut self, _heat: f64) {}
 }
 
-/// A node as the engine calls it: [`Node`] without the parts that need no instance, and with what can go wrong. Every
-/// [`Node`] is one; a kind that makes its nodes in another way implements this.
+/// A node as the engine calls it: [`Node`] without the parts that need no instance, and with what can go
+/// wrong. Every [`Node`] is one; a kind that makes its nodes in another way implements this.
 pub trait Processor: Send {
     /// See [`Node::process`]. Tick thread.
     ///
@@ -328,7 +329,8 @@ pub trait Processor: Send {
         0
     }
 
-    /// Writes what it remembers to the front of `bytes` and answers how many bytes; see [`Node::state`]. Tick thread.
+    /// Writes what it remembers to the front of `bytes` and answers how many bytes; see [`Node::state`].
+    /// Tick thread.
     fn save(&mut self, _bytes: &mut [u8]) -> Option<usize> {
         Some(0)
     }
@@ -448,8 +450,8 @@ pub trait NodeKind: Send + Sync {
         "built in"
     }
 
-    /// Tells two builds of a kind's code apart, so that a graph that is compiled again takes the newer one. 0 for what is
-    /// built in.
+    /// Tells two builds of a kind's code apart, so that a graph that is compiled again takes the newer
+    /// one. 0 for what is built in.
     fn build(&self) -> u64 {
         0
     }

@@ -43,8 +43,8 @@ pub struct Param {
     pub default: Option<ParamValue>,
     /// Whether it may be left out although it has no default.
     pub optional: bool,
-    /// Whether [`Node::set_parameter`](crate::Node::set_parameter) takes a new value while the node runs; else a change
-    /// makes a new node. Numbers, whole numbers, flags and choices only.
+    /// Whether [`Node::set_parameter`](crate::Node::set_parameter) takes a new value while the node runs;
+    /// else a change makes a new node. Numbers, whole numbers, flags and choices only.
     pub live: bool,
 }
 

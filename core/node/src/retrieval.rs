@@ -14,8 +14,8 @@ pub struct Retrieval<'a> {
 }
 
 impl Descriptor {
-    /// How this kind retrieves phase, if it does: it has exactly one required input, which takes magnitudes, and one output,
-    /// which is spectra or samples.
+    /// How this kind retrieves phase, if it does: it has exactly one required input, which takes
+    /// magnitudes, and one output, which is spectra or samples.
     pub fn retrieval(&self) -> Option<Retrieval<'_>> {
         let mut required = self.inputs.iter().filter(|p| !p.optional);
         let (Some(input), None) = (required.next(), required.next()) else { return None };

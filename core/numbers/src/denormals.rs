@@ -1,7 +1,8 @@
-//! How a thread rounds, and denormal numbers flushed to zero: a decaying tail must not cost a hundred times what a loud signal does.
+//! How a thread rounds, and denormal numbers flushed to zero: a decaying tail must not cost a hundred
+//! times what a loud signal does.
 
-/// How a thread rounds, what it does with denormals, and which exceptions it traps. On a CPU that is not known it is never
-/// seen to change.
+/// How a thread rounds, what it does with denormals, and which exceptions it traps. On a CPU that is not
+/// known it is never seen to change.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FloatControl(u64);
 
@@ -88,8 +89,9 @@ mod arch {
     }
 
     pub(super) fn write(value: u32) {
-        // SAFETY: `value` came from `read` with bits of its fields changed, so no reserved bit is set. They change how
-        // numbers are rounded, and which exceptions are trapped: as a thread had them before.
+        // SAFETY: `value` came from `read` with bits of its fields changed, so no reserved bit is set.
+        // They change how numbers are rounded, and which exceptions are trapped: as a thread had them
+        // before.
         unsafe {
             asm!("ldmxcsr [{}]", in(reg) &raw const value, options(nostack, preserves_flags, readonly))
         };

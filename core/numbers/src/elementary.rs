@@ -1,8 +1,9 @@
 //! Elementary functions that give the same bits everywhere.
 //!
-//! The standard library asks the system's C library for these, which answers otherwise on another system and, in one of a thousand
-//! cases, on a CPU without fused multiply-add: glibc has a version for each. Signals are made with the functions here, which are plain
-//! arithmetic. Clippy refuses the standard library's in every crate that makes signals.
+//! The standard library asks the system's C library for these, which answers otherwise on another system
+//! and, in one of a thousand cases, on a CPU without fused multiply-add: glibc has a version for each.
+//! Signals are made with the functions here, which are plain arithmetic. Clippy refuses the standard
+//! library's in every crate that makes signals.
 
 use std::ops::Mul;
 

@@ -1,7 +1,8 @@
 //! What a node remembers, as bytes that another instance of it can take over.
 //!
-//! A type says in one function what its state is; the same function measures, saves and restores it, so that the three cannot
-//! disagree. Nothing here allocates: the bytes are the caller's, and what is restored already has its size.
+//! A type says in one function what its state is; the same function measures, saves and restores it, so
+//! that the three cannot disagree. Nothing here allocates: the bytes are the caller's, and what is
+//! restored already has its size.
 //!
 //! ```
 //! use asperity_state::State;
@@ -60,8 +61,8 @@ impl<'a> State<'a> {
         (!state.failed).then_some(state.at)
     }
 
-    /// Reads a state. False where the bytes are not one of this type with these sizes: what has been read until then stays,
-    /// so the caller then resets.
+    /// Reads a state. False where the bytes are not one of this type with these sizes: what has been read
+    /// until then stays, so the caller then resets.
     #[must_use]
     pub fn restore(bytes: &'a [u8], visit: impl FnOnce(&mut State<'_>)) -> bool {
         let mut state = State::new(Pass::Restore(bytes));
@@ -69,7 +70,8 @@ impl<'a> State<'a> {
         !state.failed && state.at == bytes.len()
     }
 
-    /// A part of the state: a number, a flag, an `Option`, or a slice, array or `Vec` of these whose length stays.
+    /// A part of the state: a number, a flag, an `Option`, or a slice, array or `Vec` of these whose
+    /// length stays.
     pub fn keep<T: Keep + ?Sized>(&mut self, part: &mut T) -> &mut Self {
         part.keep(self);
         self

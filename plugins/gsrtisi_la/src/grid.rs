@@ -1,8 +1,8 @@
 //! The grid on which frames are estimated: coarser than the signal's where only low bins are known.
 //!
-//! Frames of `bins` bins say nothing above them, so the product of such a signal with a window is described by a little
-//! more than twice as many samples a frame. A frame then need not start on a sample of the grid: its window is
-//! moved by the fraction that is left, and its phases are turned by it.
+//! Frames of `bins` bins say nothing above them, so the product of such a signal with a window is
+//! described by a little more than twice as many samples a frame. A frame then need not start on a sample
+//! of the grid: its window is moved by the fraction that is left, and its phases are turned by it.
 
 use asperity_sdk::State;
 
@@ -26,8 +26,8 @@ impl Grid {
     /// The grid for frames of `bins` bins of a transform of `length` samples.
     pub fn new(length: u32, bins: usize) -> Self {
         let length = length.max(1);
-        // Synthesis and analysis window each widen a frame's band by two bins. A window that is moved by a fraction has its
-        // first sample at the wrong end, which must not weigh.
+        // Synthesis and analysis window each widen a frame's band by two bins. A window that is moved by
+        // a fraction has its first sample at the wrong end, which must not weigh.
         let least = (2 * (bins as u64 + 4)).max(64);
         // What is faster by less than that is not worth it.
         if least * 5 / 4 >= u64::from(length) {

@@ -14,10 +14,11 @@ use crate::grid::{Grid, Place};
 const TAPER: f64 = 0.145;
 /// The same for a frame of which only the others tell yet.
 const FIRST_TAPER: f64 = 0.1;
-/// How far a bin is moved on in the direction it last went (after N. Perraudin, P. Balazs, P. L. Sondergaard, "A Fast
-/// Griffin-Lim Algorithm", WASPAA 2013).
+/// How far a bin is moved on in the direction it last went (after N. Perraudin, P. Balazs, P. L.
+/// Sondergaard, "A Fast Griffin-Lim Algorithm", WASPAA 2013).
 const MOMENTUM: f32 = 0.6;
-/// Turns a bin of the phase of what comes out of silence: a pulse late in the frame, where something new enters it.
+/// Turns a bin of the phase of what comes out of silence: a pulse late in the frame, where something new
+/// enters it.
 const ONSET: f64 = 0.27;
 /// Magnitudes beyond this would overflow in the sums: phases are found as if they were this.
 const LARGEST: f32 = 1e30;
@@ -67,7 +68,8 @@ impl Flight {
 
 /// RTISI with look-ahead, for Hann-windowed frames of one length.
 ///
-/// A frame is [`push`](Self::push)ed; then the one `look_ahead` frames before it can be [answered](Self::answer).
+/// A frame is [`push`](Self::push)ed; then the one `look_ahead` frames before it can be
+/// [answered](Self::answer).
 pub struct Estimator {
     grid: Grid,
     iterations: usize,
@@ -93,8 +95,9 @@ pub struct Estimator {
 }
 
 impl Estimator {
-    /// For frames of `bins` magnitudes, from bin 0, of a transform of `length` samples, at most `hop` samples apart.
-    /// `iterations` rounds are made over all frames that are not answered yet whenever one comes.
+    /// For frames of `bins` magnitudes, from bin 0, of a transform of `length` samples, at most `hop`
+    /// samples apart. `iterations` rounds are made over all frames that are not answered yet whenever one
+    /// comes.
     pub fn new(length: u32, bins: usize, hop: u64, look_ahead: usize, iterations: usize) -> Self {
         let grid = Grid::new(length, bins);
         let size = grid.size();
@@ -152,8 +155,9 @@ impl Estimator {
         }
     }
 
-    /// Takes the next frame, whose first sample is to be put at `start`, and estimates all that are not answered. A magnitude
-    /// that is NaN, infinite or negative is taken as 0; the number of these is returned. Missing bins count as 0.
+    /// Takes the next frame, whose first sample is to be put at `start`, and estimates all that are not
+    /// answered. A magnitude that is NaN, infinite or negative is taken as 0; the number of these is
+    /// returned. Missing bins count as 0.
     pub fn push(&mut self, magnitudes: &[f32], start: u64) -> usize {
         let place = self.grid.place(start);
         if !self.follows(place) {
@@ -214,7 +218,8 @@ impl Estimator {
     fn take(&mut self, magnitudes: &[f32]) -> usize {
         let flight = &mut self.flights[0];
         let mut bad = 0;
-        // Directions are of length one but for rounding, which must not take the largest of values beyond what is finite.
+        // Directions are of length one but for rounding, which must not take the largest of values beyond
+        // what is finite.
         let most = f32::MAX * (1.0 - 8.0 * f32::EPSILON);
         let given = magnitudes.iter().copied().chain(std::iter::repeat(0.0));
         for (mag, from) in flight.mags.iter_mut().zip(given) {
@@ -259,7 +264,8 @@ impl Estimator {
         at.min(self.sum.len() - self.grid.size())
     }
 
-    /// The analysis window of a frame: less weight where the newest frames alone tell, as these are least certain.
+    /// The analysis window of a frame: less weight where the newest frames alone tell, as these are least
+    /// certain.
     fn weigh(&mut self, age: usize, taper: f64) {
         let (at, size) = (self.offset(age), self.grid.size());
         let end = (self.offset(0) + size - at) as f32;

@@ -7,7 +7,8 @@ use asperity_sdk::{
 
 use crate::kernel::Estimator;
 
-/// Gives frames of magnitudes phases by iterating on the frames that are not put out yet (Zhu, Beauregard, Wyse 2007).
+/// Gives frames of magnitudes phases by iterating on the frames that are not put out yet (Zhu,
+/// Beauregard, Wyse 2007).
 pub struct GsrtisiLa {
     kernel: Estimator,
     layout: FrameLayout,
@@ -94,7 +95,8 @@ impl Node for GsrtisiLa {
 }
 
 impl GsrtisiLa {
-    /// A tick without a frame: where one was to come, silence takes its place until the last real frame is out.
+    /// A tick without a frame: where one was to come, silence takes its place until the last real frame
+    /// is out.
     fn flush(&mut self, tick: &mut Tick<'_>) -> Status {
         if self.waiting == 0 {
             return Status::Quiet;

@@ -23,8 +23,8 @@ impl Loader {
         self.load_tried(path, |_| Ok(()))
     }
 
-    /// The same. A build that has not been loaded yet is copied, tried, and loaded from that copy, whatever becomes of the
-    /// file meanwhile.
+    /// The same. A build that has not been loaded yet is copied, tried, and loaded from that copy,
+    /// whatever becomes of the file meanwhile.
     ///
     /// # Errors
     /// As for [`Plugin::load`], and what `trial` answers.

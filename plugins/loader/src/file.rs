@@ -50,7 +50,8 @@ const SHARED: &str = "a plugin is a shared library: .so, .dylib or .dll";
 /// Reads a file and makes sure it can be loaded.
 ///
 /// # Errors
-/// A missing or unreadable file, and whatever is no complete shared library for this machine that exports the entry symbol.
+/// A missing or unreadable file, and whatever is no complete shared library for this machine that exports
+/// the entry symbol.
 pub(crate) fn read(path: &Path) -> Result<Vec<u8>, Diagnostic> {
     let fail = |message: String| Diagnostic::new(message).in_file(path);
     let bytes = file::read(path, MAX_BYTES).map_err(|e| e.help(SHARED))?;
@@ -85,7 +86,8 @@ fn check(bytes: &[u8]) -> Result<(), (String, String)> {
             _ => "this is not a shared library",
         }));
     }
-    // A file that is still being written would be mapped past its end, and kill the process when it is touched.
+    // A file that is still being written would be mapped past its end, and kill the process when it is
+    // touched.
     let whole = file.segments().all(|s| {
         let (start, len) = s.file_range();
         start.checked_add(len).is_some_and(|end| end <= bytes.len() as u64)
@@ -137,8 +139,8 @@ impl Copy {
 /// Loads the copy of a file.
 pub(crate) fn load(path: &Path, Copy { path: copy, _lock }: Copy) -> Result<Library, Diagnostic> {
     let fail = |message: String| Diagnostic::new(message).in_file(path);
-    // SAFETY: loading runs the library's constructors, which is what a plugin is trusted with; all else about the file
-    // has been checked.
+    // SAFETY: loading runs the library's constructors, which is what a plugin is trusted with; all else
+    // about the file has been checked.
     let library = foreign(|| unsafe { open(&copy) }).map_err(|e| {
         let reason = std::error::Error::source(&e).map_or_else(|| e.to_string(), ToString::to_string);
         // The system names the copy; the person knows the file.

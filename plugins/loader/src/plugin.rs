@@ -37,8 +37,8 @@ impl Plugin {
     /// Loads a plugin from its shared library.
     ///
     /// # Errors
-    /// A file that is missing, not a library, for another machine, without the entry symbol, of another magic or major
-    /// version, that the system does not load, or whose descriptors are wrong.
+    /// A file that is missing, not a library, for another machine, without the entry symbol, of another
+    /// magic or major version, that the system does not load, or whose descriptors are wrong.
     pub fn load(path: impl AsRef<Path>) -> Result<Self, Diagnostic> {
         let path = path.as_ref();
         let bytes = file::read(path)?;

@@ -22,8 +22,8 @@ pub(crate) struct PluginProcessor {
     unsaid_writes: u64,
 }
 
-// SAFETY: the interface lets another thread call an instance than before, one at a time; what the buffers point to is used during a
-// call only.
+// SAFETY: the interface lets another thread call an instance than before, one at a time; what the buffers
+// point to is used during a call only.
 unsafe impl Send for PluginProcessor {}
 
 /// The longest latency and tail that is believed, in seconds.
@@ -124,7 +124,8 @@ impl PluginProcessor {
             outputs: self.outputs.as_mut_ptr(),
             detail: 0,
         };
-        // SAFETY: the instance is prepared; the buffers are the engine's for this tick, inputs and outputs apart.
+        // SAFETY: the instance is prepared; the buffers are the engine's for this tick, inputs and
+        // outputs apart.
         let answer = foreign(|| unsafe { call(self.instance.as_ptr(), &mut abi) });
         if outputs {
             for (b, buffer) in self.outputs.iter_mut().zip(tick.outputs.buffers()) {

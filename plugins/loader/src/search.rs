@@ -33,8 +33,8 @@ fn entries(list: Option<OsString>) -> Vec<PathBuf> {
         .unwrap_or_default()
 }
 
-/// Every shared library in the folders of `list`, and the files it names, each once, in order; and what of the list cannot be
-/// looked into.
+/// Every shared library in the folders of `list`, and the files it names, each once, in order; and what
+/// of the list cannot be looked into.
 pub fn search(list: Option<OsString>) -> (Vec<Found>, Vec<Diagnostic>) {
     let (mut out, mut problems): (Vec<Found>, Vec<Diagnostic>) = (Vec::new(), Vec::new());
     for by in entries(list) {
@@ -73,8 +73,8 @@ fn same(a: &Path, b: &Path) -> bool {
     a == b || matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b)
 }
 
-/// The file of a plugin that a graph or a command line names: a path, relative to `base`, or a name that is looked for in
-/// `base` and then along `list`.
+/// The file of a plugin that a graph or a command line names: a path, relative to `base`, or a name that
+/// is looked for in `base` and then along `list`.
 ///
 /// # Errors
 /// A name that is nowhere. A path is answered as it is: loading says what is wrong with it.

@@ -1,4 +1,5 @@
-//! A node of the SDK behind the interface is the same node: descriptor, parameters, ports, buffers, statuses, state, errors.
+//! A node of the SDK behind the interface is the same node: descriptor, parameters, ports, buffers,
+//! statuses, state, errors.
 
 use asperity_loader::Plugin;
 use asperity_sdk::{

@@ -6,9 +6,10 @@ use std::f64::consts::TAU;
 
 use asperity_sdk::{Complex, State, random};
 
-/// `gamma / length^2` of the Hann window: `exp(-pi t^2 / gamma)` is the Gaussian that stands for it (Z. Prusa, P. Balazs,
-/// P. L. Sondergaard, "A Noniterative Method for Reconstruction of Phase From STFT Magnitude", IEEE/ACM Trans. ASLP 25(5),
-/// 2017). Least squares on the window itself give 0.2583, on windows of unit energy 0.2489.
+/// `gamma / length^2` of the Hann window: `exp(-pi t^2 / gamma)` is the Gaussian that stands for it (Z.
+/// Prusa, P. Balazs, P. L. Sondergaard, "A Noniterative Method for Reconstruction of Phase From STFT
+/// Magnitude", IEEE/ACM Trans. ASLP 25(5), 2017). Least squares on the window itself give 0.2583, on
+/// windows of unit energy 0.2489.
 pub const HANN_GAMMA: f64 = 0.25645;
 
 /// Frames that are remembered: the next one, the one whose phases are sought, and two before it.
@@ -58,7 +59,8 @@ impl Content {
 
 /// Phase retrieval by heap integration, for Hann-windowed frames of one length.
 ///
-/// Frames are first [`push`](Self::push)ed, then phases are [found](Self::find) for the newest or the one before it.
+/// Frames are first [`push`](Self::push)ed, then phases are [found](Self::find) for the newest or the one
+/// before it.
 #[derive(Debug)]
 pub struct HeapIntegration {
     length: u32,
@@ -88,8 +90,8 @@ fn entry(mag: f32, bin: usize) -> u64 {
 }
 
 impl HeapIntegration {
-    /// For frames of `bins` magnitudes, from bin 0, of a transform of `length` samples. Bins under `tolerance` times the
-    /// largest get a random phase.
+    /// For frames of `bins` magnitudes, from bin 0, of a transform of `length` samples. Bins under
+    /// `tolerance` times the largest get a random phase.
     pub fn new(length: u32, bins: usize, tolerance: f64, seed: u64) -> Self {
         Self {
             length: length.max(1),
@@ -126,8 +128,8 @@ impl HeapIntegration {
         state.require(sane);
     }
 
-    /// Takes the next frame, `advance` samples after the one before. A magnitude that is NaN, infinite or negative is taken
-    /// as 0; the number of these is returned. Missing bins count as 0.
+    /// Takes the next frame, `advance` samples after the one before. A magnitude that is NaN, infinite or
+    /// negative is taken as 0; the number of these is returned. Missing bins count as 0.
     pub fn push(&mut self, magnitudes: &[f32], advance: u32) -> usize {
         if advance == 0 || advance >= self.length {
             // Frames that share no sample know nothing of each other.
@@ -140,8 +142,9 @@ impl HeapIntegration {
 
     /// Finds phases for the newest frame (`age` 0) or the one before it (1), in the order they came.
     ///
-    /// `out[k]` gets the magnitude of bin `k` and a phase counted from the frame's first sample. `advance` is the number of
-    /// samples since the frame that was found before, where both are put; `index` numbers the random phases.
+    /// `out[k]` gets the magnitude of bin `k` and a phase counted from the frame's first sample.
+    /// `advance` is the number of samples since the frame that was found before, where both are put;
+    /// `index` numbers the random phases.
     pub fn find(&mut self, age: usize, advance: u32, index: u64, out: &mut [Complex<f32>]) {
         let age = age.min(1);
         self.slopes(age);
@@ -193,7 +196,8 @@ impl HeapIntegration {
         }
     }
 
-    /// Weights of the next frame, the frame itself, and the two before in the derivative along time, per sample.
+    /// Weights of the next frame, the frame itself, and the two before in the derivative along time, per
+    /// sample.
     fn weights(&self, age: usize) -> [f32; 4] {
         let own = self.frames[age].advance as f32;
         let has_before = self.filled > age + 1;

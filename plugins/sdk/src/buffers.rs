@@ -97,8 +97,8 @@ pub(crate) unsafe fn read(
     }
 }
 
-/// Makes the node's outputs what the host's are before a tick: audio zero and of this tick's length, no frames, controls as they
-/// were.
+/// Makes the node's outputs what the host's are before a tick: audio zero and of this tick's length, no
+/// frames, controls as they were.
 ///
 /// # Safety
 /// `first` is an array of `count` buffers of the host.

@@ -1,4 +1,5 @@
-//! The functions of a kind, for any node type: each reads what the host hands in, calls the node, and hands back.
+//! The functions of a kind, for any node type: each reads what the host hands in, calls the node, and
+//! hands back.
 
 use std::ffi::c_void;
 use std::mem::size_of;

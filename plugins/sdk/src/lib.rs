@@ -27,8 +27,9 @@
 //! asperity_sdk::export!(Twice);
 //! ```
 //!
-//! Every call from the host is wrapped: a panic is caught on this side, silently, and answered as a fault. Buffers are copied
-//! between the host's memory and the node's view, so that no Rust type crosses the boundary.
+//! Every call from the host is wrapped: a panic is caught on this side, silently, and answered as a
+//! fault. Buffers are copied between the host's memory and the node's view, so that no Rust type crosses
+//! the boundary.
 
 #[cfg(panic = "abort")]
 compile_error!("a node that panics is contained by unwinding: build with panic = \"unwind\"");

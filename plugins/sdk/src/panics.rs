@@ -6,8 +6,9 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use asperity_abi::ASPERITY_PANICKED;
 
-/// Calls of nodes that are under way, on any thread. Not a thread's own: the first touch of such a variable allocates, and
-/// that would be on the tick thread. This library's hook sees panics of this library alone.
+/// Calls of nodes that are under way, on any thread. Not a thread's own: the first touch of such a
+/// variable allocates, and that would be on the tick thread. This library's hook sees panics of this
+/// library alone.
 static IN_NODES: AtomicUsize = AtomicUsize::new(0);
 
 /// The default hook prints on the tick thread; faults are counted and named by the host instead.
@@ -28,7 +29,8 @@ pub(crate) fn caught<T>(f: impl FnOnce() -> T) -> Option<T> {
     IN_NODES.fetch_add(1, Ordering::Relaxed);
     let result = panic::catch_unwind(AssertUnwindSafe(f));
     IN_NODES.fetch_sub(1, Ordering::Relaxed);
-    // Dropping a payload would free memory on the tick thread and might panic again. The host's quarantine bounds what leaks.
+    // Dropping a payload would free memory on the tick thread and might panic again. The host's
+    // quarantine bounds what leaks.
     result.map_err(std::mem::forget).ok()
 }
 

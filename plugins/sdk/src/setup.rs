@@ -123,7 +123,8 @@ pub(crate) unsafe fn tell(message: &str, help: &str, param: Option<usize>, error
 /// An element of an array of the host's, whose structs may be longer than ours.
 ///
 /// # Safety
-/// `first` is NULL or an array of more than `index` elements, each as far from the next as `size` of the first says.
+/// `first` is NULL or an array of more than `index` elements, each as far from the next as `size` of the
+/// first says.
 unsafe fn element<T: Grows>(first: *const T, index: usize) -> Option<T> {
     if first.is_null() {
         return None;

@@ -84,8 +84,8 @@ pub fn parse(source: &Arc<Source>) -> Result<Value, Diagnostic> {
     Reader { source }.whole()
 }
 
-/// The word with which a text begins, after comments: what it is meant as, such as `Graph` or `Scene`, whether or not the rest can be
-/// read.
+/// The word with which a text begins, after comments: what it is meant as, such as `Graph` or `Scene`,
+/// whether or not the rest can be read.
 pub fn first_word(source: &Source) -> Option<&str> {
     let mut text = source.text().trim_start_matches('\u{feff}').trim_start();
     loop {

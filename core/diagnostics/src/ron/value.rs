@@ -8,7 +8,8 @@ use super::{Key, Kind, Value};
 use crate::{Diagnostic, Place, Source, Span, one_of};
 
 impl Value {
-    /// A value that a program made because of what stands at a place: errors point there, and relative paths are relative to that file.
+    /// A value that a program made because of what stands at a place: errors point there, and relative
+    /// paths are relative to that file.
     pub fn made(kind: Kind, place: &Place) -> Self {
         Self { source: place.source.clone(), span: place.span, kind }
     }

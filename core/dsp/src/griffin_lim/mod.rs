@@ -1,15 +1,16 @@
 //! Phase retrieval of whole signals by iteration: the reference that a causal method is held against.
 //!
-//! A spectrogram with the wanted magnitudes and some phases is turned into a signal and back, and its phases are replaced by those that
-//! come back (D. Griffin, J. Lim, "Signal Estimation from Modified Short-Time Fourier Transform", IEEE Trans. ASSP 32(2), 1984).
-//! The signal is the weighted least-squares one, eq. 6 there, so the distance to the magnitudes never grows. The fast
-//! variant goes on beyond each result by `alpha` times the last step (N. Perraudin, P. Balazs, P. Sondergaard, "A Fast
-//! Griffin-Lim Algorithm", WASPAA 2013): `t_n = P1 P2 c_(n-1)`, `c_n = t_n + alpha (t_n - t_(n-1))`, where `P2` imposes the magnitudes
-//! and `P1` consistency. `alpha = 0` is the original.
+//! A spectrogram with the wanted magnitudes and some phases is turned into a signal and back, and its
+//! phases are replaced by those that come back (D. Griffin, J. Lim, "Signal Estimation from Modified
+//! Short-Time Fourier Transform", IEEE Trans. ASSP 32(2), 1984). The signal is the weighted least-squares
+//! one, eq. 6 there, so the distance to the magnitudes never grows. The fast variant goes on beyond each
+//! result by `alpha` times the last step (N. Perraudin, P. Balazs, P. Sondergaard, "A Fast Griffin-Lim
+//! Algorithm", WASPAA 2013): `t_n = P1 P2 c_(n-1)`, `c_n = t_n + alpha (t_n - t_(n-1))`, where `P2`
+//! imposes the magnitudes and `P1` consistency. `alpha = 0` is the original.
 //!
-//! Spectral convergence after 100 iterations on the vectors in `tests/data/phase`, in dB ("published" are `gla100` and
-//! `fgla100` of `sc.json` there, one run each). Where it ends is a matter of luck: the range is of zero and four or six random
-//! starts.
+//! Spectral convergence after 100 iterations on the vectors in `tests/data/phase`, in dB ("published" are
+//! `gla100` and `fgla100` of `sc.json` there, one run each). Where it ends is a matter of luck: the range
+//! is of zero and four or six random starts.
 //!
 //! | vector | original | published | fast | published |
 //! |---|---|---|---|---|
@@ -68,8 +69,9 @@ pub struct Reconstruction<T> {
 
 /// Finds a signal whose frames have these magnitudes, as nearly as there is one.
 ///
-/// `magnitudes` holds frame after frame of `framing.bins` amplitudes, `2 |sum w x| / sum w` in the unit of the signal;
-/// bins above are 0, and so are values missing in the last frame. `progress` is told the number of iterations done, after each.
+/// `magnitudes` holds frame after frame of `framing.bins` amplitudes, `2 |sum w x| / sum w` in the unit
+/// of the signal; bins above are 0, and so are values missing in the last frame. `progress` is told the
+/// number of iterations done, after each.
 ///
 /// Memory: two complex values a magnitude, and the signal. Time: two transforms a frame and iteration.
 ///
@@ -154,7 +156,8 @@ impl<T: Float> Plan<T> {
                 *s += w * w;
             }
         }
-        // At both ends, where hardly any window reaches, the signal fades rather than being all rounding error.
+        // At both ends, where hardly any window reaches, the signal fades rather than being all rounding
+        // error.
         let floor = 1e-3 * sum.iter().fold(0.0, |a: f64, &b| a.max(b));
         Self {
             signal: vec![T::zero(); len],

@@ -54,8 +54,8 @@ impl<T: Float> Fft<T> {
         (len > 0).then_some(Self { stages })
     }
 
-    /// `sum x_n e^(-2 pi i n k / len)` of every lane, in place. With real and imaginary parts exchanged it is the inverse, which does not
-    /// divide.
+    /// `sum x_n e^(-2 pi i n k / len)` of every lane, in place. With real and imaginary parts exchanged
+    /// it is the inverse, which does not divide.
     #[inline(always)]
     pub(crate) fn run<S: Simd<T>>(&self, s: S, work: &mut Work<T>, inverse: bool) {
         let Work { re, im, to_re, to_im } = work;
@@ -213,7 +213,8 @@ fn butterfly<T: Float, S: Simd<T>, const R: usize>(s: S, x: [Point<S::Vector>; R
             [y[1], y[3]] = aside(s, b, d);
         }
         _ => {
-            // An odd number of points: sums and differences of those that lie alike on both sides of the first.
+            // An odd number of points: sums and differences of those that lie alike on both sides of the
+            // first.
             let half = R / 2;
             let (mut sums, mut sides) = (x, x);
             for j in 1..=half {

@@ -8,8 +8,8 @@ pub(crate) const LANES: usize = 8;
 /// One number of each frame.
 pub(crate) type Lane<T> = [T; LANES];
 
-/// An instruction set: a value of such a type is there only where the CPU has it. What is done is done to all lanes alike, and
-/// rounded to the nearest each time.
+/// An instruction set: a value of such a type is there only where the CPU has it. What is done is done to
+/// all lanes alike, and rounded to the nearest each time.
 pub trait Simd<T>: Copy {
     /// One number of each frame, in registers.
     type Vector: Copy;

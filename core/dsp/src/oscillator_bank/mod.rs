@@ -1,27 +1,33 @@
-//! Oscillators whose amplitudes follow the magnitudes: straight from frames to samples, with no window in the way.
+//! Oscillators whose amplitudes follow the magnitudes: straight from frames to samples, with no window in
+//! the way.
 //!
-//! Between two frames every amplitude moves in a straight line, so a change of magnitude is heard within one hop, where
-//! overlap-add needs half a window. Phases are continuous whatever happens: a partial that ends fades out over a hop, one
-//! that begins fades in, and where a frame is missing all fade out. (What a window of analysis has smeared in time stays smeared.)
+//! Between two frames every amplitude moves in a straight line, so a change of magnitude is heard within
+//! one hop, where overlap-add needs half a window. Phases are continuous whatever happens: a partial that
+//! ends fades out over a hop, one that begins fades in, and where a frame is missing all fade out. (What
+//! a window of analysis has smeared in time stays smeared.)
 //!
-//! Frame `n` arrives when its first sample is due. At that sample its amplitudes begin to be approached, and they are
-//! reached a hop later; they describe the window's centre. So the output is `N/2` samples less one hop ahead of the frames' time.
+//! Frame `n` arrives when its first sample is due. At that sample its amplitudes begin to be approached,
+//! and they are reached a hop later; they describe the window's centre. So the output is `N/2` samples
+//! less one hop ahead of the frames' time.
 //!
-//! [`Partials::Tracked`]: every maximum of a frame is a sinusoid (R. J. McAulay, T. F. Quatieri, "Speech Analysis/Synthesis Based on a
-//! Sinusoidal Representation", IEEE Trans. ASSP 34(4), 1986). Its place between bins follows from the larger
-//! neighbour, its amplitude from the energy of three bins, which keeps the level of a chirp, whose lobe is wider than the window's. Peaks
-//! of successive frames that are each other's nearest, less than a bin apart, are one partial. A
-//! new one starts with the phase that its bin would have, had the last partial near it run on at the bin's centre frequency.
+//! [`Partials::Tracked`]: every maximum of a frame is a sinusoid (R. J. McAulay, T. F. Quatieri, "Speech
+//! Analysis/Synthesis Based on a Sinusoidal Representation", IEEE Trans. ASSP 34(4), 1986). Its place
+//! between bins follows from the larger neighbour, its amplitude from the energy of three bins, which
+//! keeps the level of a chirp, whose lobe is wider than the window's. Peaks of successive frames that are
+//! each other's nearest, less than a bin apart, are one partial. A new one starts with the phase that its
+//! bin would have, had the last partial near it run on at the bin's centre frequency.
 //!
-//! [`Partials::Noise`]: one oscillator a bin, near the bin's centre frequency. Steady oscillators of amplitude `A_k`
-//! would be seen as `3/2 sum A_k^2`, since each is seen in three bins, so amplitudes are scaled by `sqrt(2/3)`. Their phases are those of
-//! [`crate::phase_vocoder`], where magnitudes beat least, and a slow random walk: every fourth bin draws an independent uniform
-//! phase of up to two turns every 2.5 windows (4 Hz for 0.1 s), and all between, in time and in frequency, are interpolated.
-//! Neighbours so keep their phase relations over a window, which holds the magnitudes closer than true noise would,
-//! while over longer times nothing repeats. All of it is a function of seed and sample number.
+//! [`Partials::Noise`]: one oscillator a bin, near the bin's centre frequency. Steady oscillators of
+//! amplitude `A_k` would be seen as `3/2 sum A_k^2`, since each is seen in three bins, so amplitudes are
+//! scaled by `sqrt(2/3)`. Their phases are those of [`crate::phase_vocoder`], where magnitudes beat
+//! least, and a slow random walk: every fourth bin draws an independent uniform phase of up to two turns
+//! every 2.5 windows (4 Hz for 0.1 s), and all between, in time and in frequency, are interpolated.
+//! Neighbours so keep their phase relations over a window, which holds the magnitudes closer than true
+//! noise would, while over longer times nothing repeats. All of it is a function of seed and sample
+//! number.
 //!
-//! Scores on the vectors in `tests/data/phase` in dB: spectral convergence, level, error of the long-term spectrum
-//! ("published" is `ob_tracked` and `ob_bins` of `sc.json` there):
+//! Scores on the vectors in `tests/data/phase` in dB: spectral convergence, level, error of the long-term
+//! spectrum ("published" is `ob_tracked` and `ob_bins` of `sc.json` there):
 //!
 //! | vector | `Tracked` | published | `Noise` | published |
 //! |---|---|---|---|---|
@@ -35,9 +41,10 @@
 //! | texture_48000 | -10.7 -0.2 1.0 | -10.3 -1.1 1.5 | -8.6 +0.0 1.0 | -7.4 -0.1 1.0 |
 //! | amchirp_48000 | -13.0 -0.4 2.9 | -12.5 -1.3 2.4 | -8.7 -0.0 3.8 | -6.6 +0.2 3.8 |
 //!
-//! What is left of the pure sine is a matter of luck: its own image at the negative frequency beats with it, and only the true phase,
-//! which magnitudes do not tell, gives the same beat: -75.6 to -91 dB, by the seed. Smooth magnitudes
-//! that are no signal's have few maxima: there `Tracked` is too quiet and tonal, and `Noise` is right.
+//! What is left of the pure sine is a matter of luck: its own image at the negative frequency beats with
+//! it, and only the true phase, which magnitudes do not tell, gives the same beat: -75.6 to -91 dB, by
+//! the seed. Smooth magnitudes that are no signal's have few maxima: there `Tracked` is too quiet and
+//! tonal, and `Noise` is right.
 
 mod noise;
 mod segment;
@@ -137,8 +144,8 @@ impl<T: Float> OscillatorBank<T> {
         self.next
     }
 
-    /// Forgets all frames; the next sample to be emitted is `start`. What follows depends on the seed, the frames and the
-    /// sample numbers alone.
+    /// Forgets all frames; the next sample to be emitted is `start`. What follows depends on the seed,
+    /// the frames and the sample numbers alone.
     pub fn reset(&mut self, start: u64) {
         (self.len, self.used, self.next) = (0, 0, start);
         (self.pending, self.loud, self.sounding) = (None, false, false);
@@ -148,11 +155,13 @@ impl<T: Float> OscillatorBank<T> {
         }
     }
 
-    /// Takes frame number `frame`, whose first sample is `start`: amplitudes `2 |sum w x| / sum w` from bin 0.
+    /// Takes frame number `frame`, whose first sample is `start`: amplitudes `2 |sum w x| / sum w` from
+    /// bin 0.
     ///
-    /// It takes the place of one that came before it and has not begun. One that comes after its first sample is played late,
-    /// and so are those that follow it without a gap. A magnitude that is NaN, infinite or negative is taken as 0; the number
-    /// of these is returned. Missing bins count as 0, more than `framing.bins` are not used.
+    /// It takes the place of one that came before it and has not begun. One that comes after its first
+    /// sample is played late, and so are those that follow it without a gap. A magnitude that is NaN,
+    /// infinite or negative is taken as 0; the number of these is returned. Missing bins count as 0, more
+    /// than `framing.bins` are not used.
     pub fn add_frame<P: Float>(&mut self, frame: u64, start: u64, magnitudes: &[P]) -> usize {
         if self.pending.is_some_and(|(_, due)| due <= self.next) && self.used == self.len {
             self.begin();
@@ -166,8 +175,9 @@ impl<T: Float> OscillatorBank<T> {
         f64::from(f32::MAX) / (8 * (self.framing.bins + 1)) as f64
     }
 
-    /// What is remembered: the samples up to the next frame, that frame, and every oscillator. Refused where it is of other
-    /// frames or other partials, or holds what is no amplitude or phase; the bank is then reset.
+    /// What is remembered: the samples up to the next frame, that frame, and every oscillator. Refused
+    /// where it is of other frames or other partials, or holds what is no amplitude or phase; the bank is
+    /// then reset.
     pub fn state(&mut self, state: &mut State<'_>) {
         let (mut fft_len, mut tracked) = (self.framing.fft_len, matches!(self.source, Source::Tracked(_)));
         let same = (fft_len, tracked);
@@ -191,10 +201,11 @@ impl<T: Float> OscillatorBank<T> {
         }
     }
 
-    /// Puts out the samples `start .. start + out.len()`; `out` may be empty. Answers whether anything sounds in them or
-    /// is still to come; if not, they are exactly 0.
+    /// Puts out the samples `start .. start + out.len()`; `out` may be empty. Answers whether anything
+    /// sounds in them or is still to come; if not, they are exactly 0.
     ///
-    /// Samples are to be taken in order: where `start` is not the one that is due, all frames but the one to come are forgotten.
+    /// Samples are to be taken in order: where `start` is not the one that is due, all frames but the one
+    /// to come are forgotten.
     pub fn emit<P: Float>(&mut self, start: u64, out: &mut [P]) -> bool {
         if start != self.next {
             let pending = self.pending;
@@ -235,10 +246,12 @@ impl<T: Float> OscillatorBank<T> {
             self.framing.start(frame.saturating_add(1)).saturating_sub(self.framing.start(frame))
         };
         let end = match self.pending {
-            // While nothing sounds a frame waits for its time; what sounds goes over to it at once if it is due within a hop.
+            // While nothing sounds a frame waits for its time; what sounds goes over to it at once if it
+            // is due within a hop.
             Some((frame, start)) if start <= from || (self.sounding && start - from < hop(frame)) => {
                 self.pending = None;
-                // A ramp is a hop long: where a frame comes late, it and those that follow in step stay as late.
+                // A ramp is a hop long: where a frame comes late, it and those that follow in step stay
+                // as late.
                 let due = start.max(from).saturating_add(hop(frame));
                 due.min(from.saturating_add(self.segment.len() as u64))
             }

@@ -9,8 +9,8 @@ const LANES: usize = 8;
 /// Samples that are made by recurrence before phases are computed anew.
 const BLOCK: usize = 128;
 
-/// An oscillator over a segment: amplitude and frequency move in a straight line from the first value, at the first sample, to the
-/// second, at the sample after the last.
+/// An oscillator over a segment: amplitude and frequency move in a straight line from the first value, at
+/// the first sample, to the second, at the sample after the last.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Voice {
     /// Phase of the cosine at the first sample, in turns.
@@ -119,8 +119,8 @@ impl<T: Float> Renderer<T> {
 
     /// Adds all voices to a segment of `out.len()` samples.
     ///
-    /// Phases are computed to double precision every [`BLOCK`] samples; between them they are turned in `T`, which loses
-    /// less than 3e-5 of the amplitude.
+    /// Phases are computed to double precision every [`BLOCK`] samples; between them they are turned in
+    /// `T`, which loses less than 3e-5 of the amplitude.
     pub(super) fn add(&mut self, voices: &[Voice], out: &mut [T]) {
         let len = out.len();
         for (i, block) in out.chunks_mut(BLOCK).enumerate() {

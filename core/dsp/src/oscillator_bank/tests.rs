@@ -17,7 +17,8 @@ fn new<T: Float>(f: Framing, partials: Partials) -> OscillatorBank<T> {
 
 const BOTH: [Partials; 2] = [Partials::Tracked, Partials::Noise];
 
-/// Frames `frames`, each given when it is due, and the samples up to the one after; a frame that `mags` has none for is missing.
+/// Frames `frames`, each given when it is due, and the samples up to the one after; a frame that `mags`
+/// has none for is missing.
 fn run<T: Float>(
     bank: &mut OscillatorBank<T>,
     frames: std::ops::Range<u64>,
@@ -35,7 +36,8 @@ fn run<T: Float>(
     all
 }
 
-/// How far samples are from the recurrence `y[t + 1] + y[t - 1] = 2 cos(w) y[t]` of a sinusoid at `freq` bins.
+/// How far samples are from the recurrence `y[t + 1] + y[t - 1] = 2 cos(w) y[t]` of a sinusoid at `freq`
+/// bins.
 fn off_tone(y: &[f64], freq: f64, fft_len: usize) -> f64 {
     let c = 2.0 * (TAU * freq / fft_len as f64).cos();
     y.windows(3).map(|y| (y[2] + y[0] - c * y[1]).abs()).fold(0.0, f64::max)
@@ -168,7 +170,8 @@ fn a_bin_of_noise_wanders_without_a_break() {
     // A bin whose phase is interpolated between two that are drawn.
     mags[42] = 1.0;
     let y = run(&mut new::<f64>(f, Partials::Noise), 0..1000, |_| Some(mags.clone()));
-    // A phase changes by 8 Hz at most, and where that turns round by 16 Hz, so the recurrence is off by 0.8 * TAU * 16 / 48000.
+    // A phase changes by 8 Hz at most, and where that turns round by 16 Hz, so the recurrence is off by
+    // 0.8 * TAU * 16 / 48000.
     assert!(off_tone(&y[96..], 42.0, 4800) < 1.7e-3, "{}", off_tone(&y[96..], 42.0, 4800));
 }
 
@@ -179,7 +182,8 @@ fn a_tracked_partial_follows_a_chirp_without_falling_behind() {
     let y = run(&mut new::<f64>(f, Partials::Tracked), 0..hops, |n| {
         Some(tone(freq(n as f64), 101).iter().map(|m| if *m > 0.03 { *m } else { 0.0 }).collect())
     });
-    // Frame n is reached at the end of its hop; the phase is the integral of the frequency, whatever it starts from.
+    // Frame n is reached at the end of its hop; the phase is the integral of the frequency, whatever it
+    // starts from.
     let (mut re, mut im) = (0.0, 0.0);
     for (t, y) in y.iter().enumerate().skip(96) {
         let n = t as f64 / 96.0 - 1.0;
@@ -253,7 +257,8 @@ fn without_frames_the_bank_is_silent_after_one_hop_and_says_so() {
 
 #[test]
 fn samples_do_not_hang_on_how_many_are_asked_for() {
-    // Frames at 300 a second and 44.1 kHz, asked for in ticks of 7 to 333 samples; each frame comes in the tick it starts in.
+    // Frames at 300 a second and 44.1 kHz, asked for in ticks of 7 to 333 samples; each frame comes in
+    // the tick it starts in.
     let f = Framing { frame_num: 300, ..framing(44_100, 101) };
     let total = f.start(60) as usize;
     for partials in BOTH {

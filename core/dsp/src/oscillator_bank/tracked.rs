@@ -33,7 +33,8 @@ pub(super) struct Tracker {
     /// By frequency.
     partials: Vec<Partial>,
     found: Vec<Partial>,
-    /// Each bin's phase less that of its centre frequency, in turns: what a partial that begins there starts from.
+    /// Each bin's phase less that of its centre frequency, in turns: what a partial that begins there
+    /// starts from.
     turns: Vec<f64>,
 }
 
@@ -154,9 +155,9 @@ fn nearest(partials: &[Partial], freq: f64, at: &mut usize) {
     }
 }
 
-/// From a peak's bin to the sinusoid, in bins: of the two-point interpolated DFT for the Hann window, with the larger neighbour
-/// (T. Grandke, IEEE Trans. Instrum. Meas. 32(2), 1983). A
-/// partial three bins away spoils it less than the three-point formula.
+/// From a peak's bin to the sinusoid, in bins: of the two-point interpolated DFT for the Hann window,
+/// with the larger neighbour (T. Grandke, IEEE Trans. Instrum. Meas. 32(2), 1983). A partial three bins
+/// away spoils it less than the three-point formula.
 fn offset<T: Float>(mags: &[T], peak: &Peak<T>) -> f64 {
     let at = |k: usize| mags.get(k).map(|m| m.f64());
     let sides = (peak.bin.checked_sub(1).and_then(at), at(peak.bin + 1), at(peak.bin));

@@ -1,13 +1,15 @@
 //! From one sample rate to another, by any ratio of whole numbers, tick by tick.
 //!
-//! Polyphase interpolation (R. Crochiere, L. Rabiner, "Multirate Digital Signal Processing", 1983, ch. 3): with `L / M` the reduced
-//! ratio, output `m` is one dot product of the newest inputs with row `m M mod L` of a table of taps. The place of every output is
-//! computed in integers from its index, so nothing drifts and any cut into ticks gives the same bits.
+//! Polyphase interpolation (R. Crochiere, L. Rabiner, "Multirate Digital Signal Processing", 1983, ch.
+//! 3): with `L / M` the reduced ratio, output `m` is one dot product of the newest inputs with row `m M
+//! mod L` of a table of taps. The place of every output is computed in integers from its index, so
+//! nothing drifts and any cut into ticks gives the same bits.
 //!
-//! With the standard pass band of 0.4 of the lower rate there are 28 taps: flat to 0.001 dB (minimum phase: 0.01) up to 0.4, images
-//! below -85 dB from 0.6 of the lower rate on (tests here). Between the two lies the transition, -6 dB at 0.5: what the input holds there is
-//! let through in part, and so is its image. Linear phase delays by 14 input samples, 5.6 ms from 2500 Hz; minimum phase by
-//! 0.96 ms at 250 Hz (from 500 Hz: 28 ms, and 4.79 ms at 50 Hz).
+//! With the standard pass band of 0.4 of the lower rate there are 28 taps: flat to 0.001 dB (minimum
+//! phase: 0.01) up to 0.4, images below -85 dB from 0.6 of the lower rate on (tests here). Between the
+//! two lies the transition, -6 dB at 0.5: what the input holds there is let through in part, and so is
+//! its image. Linear phase delays by 14 input samples, 5.6 ms from 2500 Hz; minimum phase by 0.96 ms at
+//! 250 Hz (from 500 Hz: 28 ms, and 4.79 ms at 50 Hz).
 
 mod prototype;
 
@@ -37,7 +39,8 @@ pub struct Conversion {
     pub tick_num: u32,
     /// Ticks a second, denominator.
     pub tick_den: u32,
-    /// What is kept flat, as a part of the lower rate: 0.05 to 0.48. The delay grows as `1 / (1 - 2 passband)`.
+    /// What is kept flat, as a part of the lower rate: 0.05 to 0.48. The delay grows as `1 / (1 - 2
+    /// passband)`.
     pub passband: f64,
     /// The filter's phase.
     pub phase: FilterPhase,
@@ -59,7 +62,8 @@ pub enum ResampleError {
     Zero,
     /// The pass band is not from 0.05 to 0.48 of the lower rate.
     Passband,
-    /// The table would have more than [`MAX_TAPS`] taps: the ratio of the rates, reduced, has too large numbers.
+    /// The table would have more than [`MAX_TAPS`] taps: the ratio of the rates, reduced, has too large
+    /// numbers.
     TooLarge,
 }
 
@@ -77,7 +81,8 @@ impl std::error::Error for ResampleError {}
 
 /// Brings a stream from one rate to another.
 pub struct Resampler<T> {
-    /// Rows of `stride` taps, oldest input first; row `p` is for an output `p / up` of an input sample after an input.
+    /// Rows of `stride` taps, oldest input first; row `p` is for an output `p / up` of an input sample
+    /// after an input.
     rows: Vec<T>,
     stride: usize,
     /// Rates, reduced.
@@ -86,7 +91,8 @@ pub struct Resampler<T> {
     /// Input samples that an output waits, so that a tick needs no input of the next one.
     wait: usize,
     latency: (u64, u64),
-    /// The newest inputs, twice over, so that any `stride` of them lie in one piece: sample `n` at `n mod size` and that plus `size`.
+    /// The newest inputs, twice over, so that any `stride` of them lie in one piece: sample `n` at `n mod
+    /// size` and that plus `size`.
     ring: Vec<T>,
     size: usize,
     /// Index of the next input; none before the first.
@@ -127,8 +133,9 @@ impl<T: Float> Resampler<T> {
             return Err(ResampleError::TooLarge);
         }
 
-        // Output m needs inputs up to floor(m in / out). In a tick that ends at time t, m < t out, so that is below
-        // t in; where t in is no whole number it may be floor(t in), the next tick's first input.
+        // Output m needs inputs up to floor(m in / out). In a tick that ends at time t, m < t out, so
+        // that is below t in; where t in is no whole number it may be floor(t in), the next tick's first
+        // input.
         let whole = (u64::from(c.in_hz) * u64::from(c.tick_den)).is_multiple_of(u64::from(c.tick_num));
         let wait = usize::from(!whole && !same);
         let (rows, latency) = if same {
@@ -155,8 +162,8 @@ impl<T: Float> Resampler<T> {
 
     /// How late the output is, in seconds as `(numerator, denominator)`.
     ///
-    /// Exact for linear phase. For minimum phase it is the group delay at a quarter of the pass band (250 Hz from 2500 Hz), to the
-    /// nanosecond.
+    /// Exact for linear phase. For minimum phase it is the group delay at a quarter of the pass band (250
+    /// Hz from 2500 Hz), to the nanosecond.
     pub fn latency(&self) -> (u64, u64) {
         self.latency
     }
@@ -167,8 +174,8 @@ impl<T: Float> Resampler<T> {
         self.next = None;
     }
 
-    /// What is remembered: the newest inputs. Refused where it is of a filter of another length, or of a ratio of rates that
-    /// keeps more or fewer of them.
+    /// What is remembered: the newest inputs. Refused where it is of a filter of another length, or of a
+    /// ratio of rates that keeps more or fewer of them.
     pub fn state(&mut self, state: &mut State<'_>) {
         keep_wide(&mut self.ring[..self.size], state);
         state.keep(&mut self.next);
@@ -180,9 +187,10 @@ impl<T: Float> Resampler<T> {
 
     /// Takes the inputs `first_in ..` and computes the outputs `first_out ..`; both may be empty.
     ///
-    /// Sample `n` of either rate belongs to the tick that covers it: tick `k` is samples `floor(k rate / tick)` to
-    /// `floor((k + 1) rate / tick)`. Called with whole ticks, or any run of them, an output never needs an input that has not
-    /// come. Inputs that are left out are silence; going back begins anew.
+    /// Sample `n` of either rate belongs to the tick that covers it: tick `k` is samples `floor(k rate /
+    /// tick)` to `floor((k + 1) rate / tick)`. Called with whole ticks, or any run of them, an output
+    /// never needs an input that has not come. Inputs that are left out are silence; going back begins
+    /// anew.
     pub fn process<P: Float>(&mut self, first_in: u64, input: &[P], first_out: u64, out: &mut [P]) {
         self.seek(first_in);
         let mut input = input.iter();

@@ -17,12 +17,13 @@ const GRID: usize = 32;
 pub(super) enum Prototype {
     /// `sinc(t)` under a Kaiser window, even about 0: on `[-half, half]`.
     Linear { half: f64 },
-    /// The same magnitude response with all its zeros inside the unit circle: on `[0, len]`, `GRID` points a sample.
+    /// The same magnitude response with all its zeros inside the unit circle: on `[0, len]`, `GRID`
+    /// points a sample.
     Minimum { grid: Vec<f64> },
 }
 
-/// Taps a sample of the lower rate needs, even: J. F. Kaiser's estimate for a transition of `1 - 2 passband` (A. Oppenheim,
-/// R. Schafer, "Discrete-Time Signal Processing", 3rd ed., eq. 7.76).
+/// Taps a sample of the lower rate needs, even: J. F. Kaiser's estimate for a transition of `1 - 2
+/// passband` (A. Oppenheim, R. Schafer, "Discrete-Time Signal Processing", 3rd ed., eq. 7.76).
 pub(super) fn length(passband: f64) -> usize {
     let width = 1.0 - 2.0 * passband;
     // 14.36 is 2.285 x 2 pi.
@@ -58,7 +59,8 @@ impl Prototype {
         Self::Linear { half: length(passband) as f64 / 2.0 }
     }
 
-    /// By the real cepstrum: Oppenheim and Schafer, section 13.7 (homomorphic); folding it makes the phase minimum.
+    /// By the real cepstrum: Oppenheim and Schafer, section 13.7 (homomorphic); folding it makes the
+    /// phase minimum.
     pub(super) fn minimum(passband: f64) -> Self {
         let len = length(passband);
         let count = len * GRID + 1;

@@ -24,7 +24,8 @@ fn run<T: Float>(c: &Conversion, first: u64, seconds: f64, x: impl Fn(f64) -> f6
     all
 }
 
-/// Amplitude and phase (turns, of a sine) at `f`, by correlation over whole periods of `f` (a whole number) in the last second.
+/// Amplitude and phase (turns, of a sine) at `f`, by correlation over whole periods of `f` (a whole
+/// number) in the last second.
 fn at(y: &[f64], rate: u32, f: f64) -> (f64, f64) {
     let from = y.len() - rate as usize;
     let (mut s, mut c) = (0.0, 0.0);
@@ -115,8 +116,8 @@ fn images_and_aliases_are_below_85_db() {
 
 #[test]
 fn outputs_are_scipys() {
-    // scipy 1.17.1: h = sinc(i / L - 14) kaiser(28 L + 1, 0.1102 * 79.3), x = sin(0.7 n) + 0.5 cos(0.011 n^2), n < 60;
-    // upfirdn(h, x, L, M)[k]
+    // scipy 1.17.1: h = sinc(i / L - 14) kaiser(28 L + 1, 0.1102 * 79.3), x = sin(0.7 n) + 0.5 cos(0.011
+    // n^2), n < 60; upfirdn(h, x, L, M)[k]
     let x: Vec<f64> = (0..60).map(f64::from).map(|n| (0.7 * n).sin() + 0.5 * (0.011 * n * n).cos()).collect();
     let cases = [
         (
@@ -148,7 +149,8 @@ fn outputs_are_scipys() {
             assert!((y[k] - v).abs() < 1e-11, "{out_hz}, {k}: {} is not {v}", y[k]);
         }
     }
-    // The same for 48000 to 2500: h = 5/96 sinc(u) kaiser(u / 14), u = 5/96 (i / 5 - 269), x = sin(0.02 n) + 0.3 cos(0.5 n).
+    // The same for 48000 to 2500: h = 5/96 sinc(u) kaiser(u / 14), u = 5/96 (i / 5 - 269), x = sin(0.02
+    // n) + 0.3 cos(0.5 n).
     let x: Vec<f64> = (0..3000).map(f64::from).map(|n| (0.02 * n).sin() + 0.3 * (0.5 * n).cos()).collect();
     let mut r = Resampler::<f64>::new(&conversion(48_000, 2500, FilterPhase::Linear)).unwrap();
     let mut y = vec![0.0; 156];

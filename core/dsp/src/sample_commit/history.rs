@@ -76,7 +76,8 @@ impl<T: Float> History<T> {
         }
     }
 
-    /// Adds the frame after the newest, or any after [`clear`](Self::clear), none of it above `most`, times `factor`.
+    /// Adds the frame after the newest, or any after [`clear`](Self::clear), none of it above `most`,
+    /// times `factor`.
     pub(super) fn add_at<P: Float>(&mut self, index: u64, magnitudes: &[P], most: P, factor: T) {
         if self.next == self.first {
             (self.first, self.next) = (index, index);

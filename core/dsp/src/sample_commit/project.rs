@@ -13,8 +13,8 @@ const HINT: f64 = 1e-6;
 /// Below any square that counts, and keeps 0 / 0 from being NaN.
 pub(super) const TINY: f64 = 1e-36;
 
-/// Fewer frames than this are transformed one by one. A batch takes as long however few are in it, and a plain transform
-/// half as long.
+/// Fewer frames than this are transformed one by one. A batch takes as long however few are in it, and a
+/// plain transform half as long.
 const FEW: usize = 2;
 
 /// Frames to be projected, and the sum that they are added to.
@@ -73,8 +73,8 @@ impl<T: Float> Projector<T> {
         &self.square
     }
 
-    /// Gives each bin of each frame the magnitude that is wanted and keeps its phase, and adds what that is in
-    /// time to the sum.
+    /// Gives each bin of each frame the magnitude that is wanted and keeps its phase, and adds what that
+    /// is in time to the sum.
     pub(super) fn project(&mut self, call: Call<'_, T>) {
         if let Some(batch) = self.batch.as_mut().filter(|_| call.frames.len() >= FEW) {
             return batch.project(call);

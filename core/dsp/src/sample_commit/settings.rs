@@ -5,15 +5,16 @@ use crate::{Framing, FramingError};
 /// How hard, and how early, [`SampleCommit`] works.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
-    /// Frames that a pass looks at, 1 or more: the newest, and others spread over those that reach past the last emitted
-    /// sample.
+    /// Frames that a pass looks at, 1 or more: the newest, and others spread over those that reach past
+    /// the last emitted sample.
     pub frames: usize,
     /// Passes for each frame that comes, 1 or more.
     pub passes: usize,
     /// How far a pass runs on in the direction of the one before, in [0, 1).
     pub momentum: f64,
-    /// Where samples are emitted, in frames: 0 at the start of the newest frame, negative inside it (half a window before its
-    /// end, at its centre, is -25 at 50 frames a window), positive so many frames before its start.
+    /// Where samples are emitted, in frames: 0 at the start of the newest frame, negative inside it (half
+    /// a window before its end, at its centre, is -25 at 50 frames a window), positive so many frames
+    /// before its start.
     pub emission: i32,
 }
 

@@ -269,8 +269,8 @@ impl<T: Float> ShapedNoise<T> {
         }
         if self.silent {
             out.fill(P::zero());
-            // As if it had slept: what comes next must not hang on whether it was called in silence. A hand at
-            // rest on ridges is heard as little, but is not forgotten.
+            // As if it had slept: what comes next must not hang on whether it was called in silence. A
+            // hand at rest on ridges is heard as little, but is not forgotten.
             if self.magnitudes.iter().all(|m| *m == T::zero()) {
                 self.begin();
             } else {

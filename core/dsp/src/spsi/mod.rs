@@ -1,20 +1,25 @@
 //! Single Pass Spectrogram Inversion: a spectrum for each frame of magnitudes, at once and without iteration.
 //!
-//! After G. T. Beauregard, M. Harish, L. Wyse, "Single Pass Spectrogram Inversion", IEEE DSP 2015: the peaks of a frame
-//! are taken for sinusoids, each runs on from the phase its bin had one hop ago, and the bins around a peak are locked to it.
-//! What differs from that paper:
+//! After G. T. Beauregard, M. Harish, L. Wyse, "Single Pass Spectrogram Inversion", IEEE DSP 2015: the
+//! peaks of a frame are taken for sinusoids, each runs on from the phase its bin had one hop ago, and the
+//! bins around a peak are locked to it. What differs from that paper:
 //!
-//! * A peak's place between bins is `d = 2 (c - a) / (a + 2 b + c)` for magnitudes `a, b, c` around it, which is exact for a
-//!   Hann window (three-point interpolated DFT: D. Agrez, IEEE Trans. Instrum. Meas. 51(2), 2002) where a
-//!   parabola is off by up to 0.05 bins. It follows from the lobe `sin(pi v) / (pi v (1 - v^2))`.
-//! * Phase is kept at the window's centre, where all bins of a main lobe agree, so a peak may wander over bins.
-//! * The frequency used over a hop is the mean of its two ends (the trapezoidal rule), which is exact for a chirp.
-//! * A run of equal bins is one peak at its middle. A peak at bin 0 or Nyquist gets a phase that a real signal can have.
+//! * A peak's place between bins is `d = 2 (c - a) / (a + 2 b + c)` for magnitudes `a, b, c` around it,
+//!   which is exact for a Hann window (three-point interpolated DFT: D. Agrez, IEEE Trans. Instrum. Meas.
+//!   51(2), 2002) where a parabola is off by up to 0.05 bins. It follows from the lobe `sin(pi v) / (pi v
+//!   (1 - v^2))`.
+//! * Phase is kept at the window's centre, where all bins of a main lobe agree, so a peak may wander over
+//!   bins.
+//! * The frequency used over a hop is the mean of its two ends (the trapezoidal rule), which is exact for
+//!   a chirp.
+//! * A run of equal bins is one peak at its middle. A peak at bin 0 or Nyquist gets a phase that a real
+//!   signal can have.
 //! * Far from the peak a bin is taken for a side lobe, and gets its sign, only where it is as weak as one.
 //! * A bin between two peaks gets the phase of the sum of both main lobes.
 //!
-//! Spectral convergence on the vectors in `tests/data/phase` (dB, lower is better; "published" is the best of three published
-//! or textbook variants for each vector, all of whose figures are in `sc.json` there):
+//! Spectral convergence on the vectors in `tests/data/phase` (dB, lower is better; "published" is the
+//! best of three published or textbook variants for each vector, all of whose figures are in `sc.json`
+//! there):
 //!
 //! | vector | published | this |
 //! |---|---|---|
@@ -28,8 +33,8 @@
 //! | texture_48000 | -11.2 | -11.9 |
 //! | amchirp_48000 | -11.9 | -12.1 |
 //!
-//! What limits the pure sine is its own image at the negative frequency. Smooth magnitudes that are no signal's (nnsmooth, a
-//! mean over phases) are outside what one sinusoid a peak can express.
+//! What limits the pure sine is its own image at the negative frequency. Smooth magnitudes that are no
+//! signal's (nnsmooth, a mean over phases) are outside what one sinusoid a peak can express.
 
 pub(crate) mod peak;
 
@@ -59,8 +64,8 @@ pub struct Spsi<T> {
 }
 
 impl<T: Float> Spsi<T> {
-    /// For frames of `bins` magnitudes, from bin 0, of a transform of `fft_len` samples; `bins` may be fewer than
-    /// `fft_len / 2 + 1`. The start phase of bin `k` is a function of `seed` and `k` alone.
+    /// For frames of `bins` magnitudes, from bin 0, of a transform of `fft_len` samples; `bins` may be
+    /// fewer than `fft_len / 2 + 1`. The start phase of bin `k` is a function of `seed` and `k` alone.
     pub fn new(fft_len: usize, bins: usize, seed: u64) -> Self {
         let mut new = Self {
             fft_len: fft_len.max(1),
@@ -91,8 +96,8 @@ impl<T: Float> Spsi<T> {
         self.started = false;
     }
 
-    /// What is remembered from frame to frame: phase and frequency of every bin. Refused where it is of frames of another
-    /// length, or holds what is no phase or frequency.
+    /// What is remembered from frame to frame: phase and frequency of every bin. Refused where it is of
+    /// frames of another length, or holds what is no phase or frequency.
     pub fn state(&mut self, state: &mut State<'_>) {
         let mut fft_len = self.fft_len;
         state.keep(&mut fft_len).keep(&mut self.turns).keep(&mut self.freq).keep(&mut self.started);
@@ -100,13 +105,13 @@ impl<T: Float> Spsi<T> {
         state.require(fft_len == self.fft_len && phases && self.freq.iter().all(|f| f.is_finite()));
     }
 
-    /// Finds phases for one frame; `out[k]` gets the magnitude `magnitudes[k]`, in the same unit, and a phase counted
-    /// from the first sample of the frame.
+    /// Finds phases for one frame; `out[k]` gets the magnitude `magnitudes[k]`, in the same unit, and a
+    /// phase counted from the first sample of the frame.
     ///
-    /// `advance` is the number of samples from the start of the frame before to the start of this one; the first frame
-    /// after a reset does not use it. A magnitude that is NaN, infinite or negative is taken as 0; the number of these is
-    /// returned. Bins missing in `magnitudes` count as 0, more than [`bins`](Self::bins) are not used, and
-    /// what is left of `out` is set to 0.
+    /// `advance` is the number of samples from the start of the frame before to the start of this one;
+    /// the first frame after a reset does not use it. A magnitude that is NaN, infinite or negative is
+    /// taken as 0; the number of these is returned. Bins missing in `magnitudes` count as 0, more than
+    /// [`bins`](Self::bins) are not used, and what is left of `out` is set to 0.
     pub fn process<P: Float>(&mut self, magnitudes: &[P], advance: u32, out: &mut [Complex<P>]) -> usize {
         let bad = take(magnitudes, largest_of::<P, T>(), &mut self.mags);
         let edges = self.edges;

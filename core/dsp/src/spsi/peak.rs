@@ -30,8 +30,8 @@ pub(crate) struct Peak<T> {
     lobe: [T; 5],
 }
 
-/// The lobe of a Hann window `m` bins from a bin, relative to that bin, for a sinusoid `d` from it: the ratio of
-/// `sin(pi v) / (v (1 - v^2))` at `v = m - d` and at `v = -d`, which is rational in `d`.
+/// The lobe of a Hann window `m` bins from a bin, relative to that bin, for a sinusoid `d` from it: the
+/// ratio of `sin(pi v) / (v (1 - v^2))` at `v = m - d` and at `v = -d`, which is rational in `d`.
 fn lobe_ratio(m: f64, d: f64, odd: bool) -> f64 {
     let v = m - d;
     let r = d * (1.0 - d * d) / (v * (1.0 - v * v));
@@ -69,8 +69,8 @@ impl<T: Float> Peak<T> {
         self.mag * T::of(lobe_ratio(m, self.offset, k.abs_diff(self.bin) % 2 == 1))
     }
 
-    /// The phase at the window's centre of bin `k` (not the peak's own) of this peak's region, of magnitude `mag > 0`, as a
-    /// point on the unit circle. `other` is the next peak on the side of `k`.
+    /// The phase at the window's centre of bin `k` (not the peak's own) of this peak's region, of
+    /// magnitude `mag > 0`, as a point on the unit circle. `other` is the next peak on the side of `k`.
     #[inline]
     pub(super) fn phase_at(&self, k: usize, mag: T, other: Option<&Self>) -> Complex<T> {
         // How many times a window's own side lobe a bin may be and still be taken for it.
@@ -102,8 +102,8 @@ impl<T: Float> Peak<T> {
     }
 }
 
-/// Finds all maxima; a run of equal bins that stands above both its sides is one, at its middle. Any frame that is not
-/// all zero has at least one.
+/// Finds all maxima; a run of equal bins that stands above both its sides is one, at its middle. Any
+/// frame that is not all zero has at least one.
 pub(crate) fn find<T: Float>(mags: &[T], edges: Edges, peaks: &mut Vec<Peak<T>>) {
     peaks.clear();
     let mut rising = true;
@@ -157,7 +157,8 @@ fn interpolate<T: Float>(mags: &[T], bin: usize, edges: Edges) -> Peak<T> {
         (_, None) if edges.last_is_nyquist => (0.0, true),
         (Some(a), Some(c)) => (2.0 * (c - a) / (a + 2.0 * b + c), false),
         (Some(a), None) => {
-            // One side only: Hann lobes give a / b = (1 - d) / (2 + d), from 0.2 (d = 0.5) up. Less is no lobe of this window.
+            // One side only: Hann lobes give a / b = (1 - d) / (2 + d), from 0.2 (d = 0.5) up. Less is no
+            // lobe of this window.
             let r = a / b;
             (if r < 0.2 { 0.0 } else { (1.0 - 2.0 * r) / (1.0 + r) }, false)
         }

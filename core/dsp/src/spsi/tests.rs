@@ -51,7 +51,8 @@ fn spsi_follows_a_sinusoid_at_any_place_between_bins() {
         let first = run(&mut spsi, &mags, 0);
         let second = run(&mut spsi, &mags, 5);
         for k in 0..101 {
-            // A true sinusoid's transform: the window's lobe with its signs, half a turn a bin from the centre to the start.
+            // A true sinusoid's transform: the window's lobe with its signs, half a turn a bin from the
+            // centre to the start.
             if (k as f64 - freq).abs() < 8.0 && mags[k] > 1e-9 {
                 let ideal = hann_lobe(k as f64 - freq).signum() * if k % 2 == 0 { 1.0 } else { -1.0 };
                 let centre =

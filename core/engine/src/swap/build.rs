@@ -12,8 +12,8 @@ use super::takeover::{Rebuilt, Set, Swap};
 use crate::engine::Body;
 use crate::slot::{Guards, Slot};
 
-/// Makes a swap of a plan. `sizes` and `live` are of the old schedule: bytes of each node's state, and what its live
-/// parameters were last set to.
+/// Makes a swap of a plan. `sizes` and `live` are of the old schedule: bytes of each node's state, and
+/// what its live parameters were last set to.
 pub(super) fn build(
     number: u64,
     plan: &Plan,
@@ -63,7 +63,8 @@ pub(super) fn build(
                 swap.sets.extend(sets(&new, j, &live[i]));
             }
             Fate::Rebuilt { old, adopts, .. } => {
-                // A node that keeps no state but has a past (a latency, a tail) begins anew; one without either has nothing to lose.
+                // A node that keeps no state but has a past (a latency, a tail) begins anew; one without
+                // either has nothing to lose.
                 let (none, node) = (asperity_node::Latency::ZERO, &new.nodes[j]);
                 let has_past = node.latency != none || node.tail != none;
                 let goes_on = adopts && (sizes[old] > 0 || !has_past);
@@ -151,8 +152,8 @@ fn fed_anew(plan: &Plan, old: &Schedule, new: &Schedule, i: usize, input: usize)
     (was.fed && is.fed && is.port == was.port).then_some(is.reads.buffer as usize)
 }
 
-/// Places for old nodes behind the new ones. Answers what the host gave to those whose place nobody takes: new and old
-/// buffer.
+/// Places for old nodes behind the new ones. Answers what the host gave to those whose place nobody
+/// takes: new and old buffer.
 fn add_shadows(plan: &Plan, old: &Schedule, body: &mut Body) -> Vec<(usize, usize)> {
     let new = body.schedule.clone();
     let mut own = Vec::new();

@@ -13,7 +13,8 @@ use super::plan::{Fate, Plan};
 use super::report::{Change, Finished, NodeChange, ParameterChange, ParameterError, SwapError, SwapReport};
 use super::takeover::{Command, Link, Set, Swap};
 
-/// Swaps that may be under way at once. They are taken over one after the other, each when the one before has faded.
+/// Swaps that may be under way at once. They are taken over one after the other, each when the one before
+/// has faded.
 pub const MAX_SWAPS: usize = 4;
 
 /// Commands that may wait for the next tick.
@@ -21,8 +22,8 @@ const MAX_COMMANDS: usize = 256;
 
 /// Changes a running [`Engine`](crate::Engine) from another thread, which neither waits for the other.
 ///
-/// It knows the graph that the engine will run once it has taken over all that was sent; changes are worked out against
-/// that.
+/// It knows the graph that the engine will run once it has taken over all that was sent; changes are
+/// worked out against that.
 pub struct Controller {
     commands: HeapProd<Command>,
     retired: HeapCons<Box<Swap>>,
@@ -74,14 +75,16 @@ impl Controller {
         self.sent - self.back < MAX_SWAPS as u64 && self.commands.vacant_len() > 0
     }
 
-    /// Sends a changed graph to the engine. `changed` names nodes whose files changed although their parameters did not.
+    /// Sends a changed graph to the engine. `changed` names nodes whose files changed although their
+    /// parameters did not.
     ///
-    /// Nodes that are as before go on untouched; the others take over the state of the node of the same id and kind. What
-    /// is heard from elsewhere than before is crossfaded in 10 ms. The engine takes over at the start of a tick, after the
-    /// swaps that were sent before have faded.
+    /// Nodes that are as before go on untouched; the others take over the state of the node of the same
+    /// id and kind. What is heard from elsewhere than before is crossfaded in 10 ms. The engine takes
+    /// over at the start of a tick, after the swaps that were sent before have faded.
     ///
     /// # Errors
-    /// [`SwapError`] says what to do. Nothing is sent then, and `compiled` is gone: ask [`ready`](Self::ready) first.
+    /// [`SwapError`] says what to do. Nothing is sent then, and `compiled` is gone: ask
+    /// [`ready`](Self::ready) first.
     pub fn swap(&mut self, mut compiled: Compiled, changed: &[String]) -> Result<SwapReport, SwapError> {
         let (old, new) = (&self.schedule, &compiled.schedule);
         if old.tick_hz != new.tick_hz {
@@ -114,8 +117,8 @@ impl Controller {
         Ok(report)
     }
 
-    /// Sets a live parameter. A flag is 0 or 1, a choice the place of its word. A later [`swap`](Self::swap) sets it to
-    /// what the new graph says.
+    /// Sets a live parameter. A flag is 0 or 1, a choice the place of its word. A later
+    /// [`swap`](Self::swap) sets it to what the new graph says.
     ///
     /// # Errors
     /// [`ParameterError`] says what to do; nothing is sent then.

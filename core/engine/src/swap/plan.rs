@@ -84,9 +84,10 @@ impl Plan {
     }
 }
 
-/// Kept nodes behind one crossfade and before another. They would be heard with the old input behind the new output, and
-/// the other way round: a factor of 100 that moves from one gain to another would be loud, or gone, for as long as it
-/// fades. So an old and a new one of them run, and what is heard is a mix of the old graph and the new, and no third.
+/// Kept nodes behind one crossfade and before another. They would be heard with the old input behind the
+/// new output, and the other way round: a factor of 100 that moves from one gain to another would be
+/// loud, or gone, for as long as it fades. So an old and a new one of them run, and what is heard is a
+/// mix of the old graph and the new, and no third.
 fn cascaded(old: &Schedule, new: &Schedule, fates: &[Fate], points: &[Point]) -> Vec<usize> {
     let before = |node: usize, i: usize| {
         // A node that closes a cycle is before its own source.
@@ -218,8 +219,8 @@ fn same_ports(old: &ScheduledNode, new: &ScheduledNode) -> bool {
         && old.outputs.iter().map(|o| &o.port).eq(new.outputs.iter().map(|o| &o.port))
 }
 
-/// The first parameter that is not the same and cannot be set while the node runs. A node may ask whether a graph sets
-/// a value, and next to which file it stands, so these count too.
+/// The first parameter that is not the same and cannot be set while the node runs. A node may ask whether
+/// a graph sets a value, and next to which file it stands, so these count too.
 fn other_param(old: &ScheduledNode, new: &ScheduledNode) -> Option<String> {
     let path = |node: &ScheduledNode, name: &str| node.params.place(name).map(|p| p.source.path().to_owned());
     let same = |name: &str| {
@@ -249,8 +250,8 @@ pub(super) fn live_value(kind: &ParamKind, value: &ParamValue) -> Option<f64> {
     }
 }
 
-/// Every audio and control input of a kept node that hears another source; the audio of sinks that are not kept; and
-/// what enters others that answer later.
+/// Every audio and control input of a kept node that hears another source; the audio of sinks that are
+/// not kept; and what enters others that answer later.
 fn points(old: &Schedule, new: &Schedule, fates: &[Fate]) -> Vec<Point> {
     let mut points = on_sinks(old, new, fates);
     for (j, (fate, node)) in fates.iter().zip(&new.nodes).enumerate() {
@@ -274,8 +275,9 @@ fn points(old: &Schedule, new: &Schedule, fates: &[Fate]) -> Vec<Point> {
     points
 }
 
-/// Crossfades before a node that is not kept and answers later: a step in what enters it would be heard when the rest has
-/// faded. Where it adopts a state, that goes on from what its old self heard; else it begins in silence.
+/// Crossfades before a node that is not kept and answers later: a step in what enters it would be heard
+/// when the rest has faded. Where it adopts a state, that goes on from what its old self heard; else it
+/// begins in silence.
 fn before_memory(old: &Schedule, new: &Schedule, fates: &[Fate], j: usize) -> Vec<Point> {
     let before = if let Fate::Rebuilt { old: i, .. } = &fates[j] { &old.nodes[*i].inputs[..] } else { &[] };
     let audio = new.nodes[j]

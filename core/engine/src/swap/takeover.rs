@@ -196,7 +196,8 @@ impl Link {
         self.over = Some(swap);
     }
 
-    /// A control from elsewhere is news even for a node that no control wakes: it is called once with the final value.
+    /// A control from elsewhere is news even for a node that no control wakes: it is called once with the
+    /// final value.
     fn wake_readers(&self, swap: &Swap, body: &mut Body) {
         for (fade, reader) in swap.fades.iter().zip(&swap.readers) {
             if let (0, Some((node, _))) = (fade.rate_hz, *reader) {

@@ -9,9 +9,10 @@ const MAX_PATHS: usize = 10_000;
 /// Most nodes that all paths together name, but for their ends.
 const MAX_NAMED: usize = 100_000;
 
-/// For every sink and every source that reaches it, the least and greatest latency of any path. A node that closes a
-/// cycle counts as a source: what comes into it is of another time. Of more than [`MAX_PATHS`] pairs only the latest
-/// of each sink is listed. Once paths have named [`MAX_NAMED`] nodes, the others name their ends alone.
+/// For every sink and every source that reaches it, the least and greatest latency of any path. A node
+/// that closes a cycle counts as a source: what comes into it is of another time. Of more than
+/// [`MAX_PATHS`] pairs only the latest of each sink is listed. Once paths have named [`MAX_NAMED`] nodes,
+/// the others name their ends alone.
 pub(super) fn paths(nodes: &[ScheduledNode]) -> Vec<PathLatency> {
     let is_source = |n: &ScheduledNode| n.closes_cycle || n.inputs.iter().all(|i| i.from.is_none());
     let sources = nodes.iter().filter(|n| is_source(n)).count();

@@ -183,7 +183,8 @@ fn cut_cycles(graph: &GraphFile, resolved: &Resolved, live: &[bool]) -> Result<V
         (0..n).filter(|&i| live[i]).filter_map(|i| Some((length(i)?, i))).collect();
     delays.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
     for (_, i) in delays {
-        // A node is on a cycle if it is reached from its own outputs; cycles that are cut already do not count.
+        // A node is on a cycle if it is reached from its own outputs; cycles that are cut already do not
+        // count.
         let mut seen = vec![false; n];
         let mut stack = after[i].clone();
         while let Some(v) = stack.pop() {
@@ -253,15 +254,17 @@ fn find_cycle(after: &[Vec<usize>], open: impl Fn(usize) -> bool) -> Option<Vec<
 
 /// More ways than this to be wanted are not kept: such a node runs always.
 const MAX_ALTERNATIVES: usize = 64;
-/// Nor more gates in a way than these, the last of them: before the others a node may run though nobody hears it.
+/// Nor more gates in a way than these, the last of them: before the others a node may run though nobody
+/// hears it.
 const MAX_GATES: usize = 64;
 
-/// For every node the ways in which it is wanted: sets of gates of which all must be open. None for a node that
-/// always runs.
+/// For every node the ways in which it is wanted: sets of gates of which all must be open. None for a
+/// node that always runs.
 ///
-/// A node is wanted in the ways of those that read it, and through a gated input only while that gate is open too. A way
-/// that another one includes says nothing new. So a gate never stands in a way of what its own question depends on:
-/// such a node is wanted whenever the gate is, which includes the way through the gate.
+/// A node is wanted in the ways of those that read it, and through a gated input only while that gate is
+/// open too. A way that another one includes says nothing new. So a gate never stands in a way of what
+/// its own question depends on: such a node is wanted whenever the gate is, which includes the way
+/// through the gate.
 fn guards(
     resolved: &Resolved,
     live: &[bool],

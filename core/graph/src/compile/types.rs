@@ -1,8 +1,8 @@
 //! Types settle over the wires.
 //!
-//! Every node has variables for what its descriptor leaves open. Wires bind them from output to input until nothing
-//! changes, and only then, where an output's side is still open, back from an input: so what is found does not depend
-//! on the order of the wires. Then each wire is held against both its ends.
+//! Every node has variables for what its descriptor leaves open. Wires bind them from output to input
+//! until nothing changes, and only then, where an output's side is still open, back from an input: so
+//! what is found does not depend on the order of the wires. Then each wire is held against both its ends.
 
 use std::collections::VecDeque;
 
@@ -304,7 +304,8 @@ fn check_wire(
     None
 }
 
-/// Holds `every` against what flows: audio must run every tick, and a frame must not come while its reader does not run.
+/// Holds `every` against what flows: audio must run every tick, and a frame must not come while its
+/// reader does not run.
 pub(super) fn check_every(
     graph: &GraphFile,
     resolved: &Resolved,
@@ -341,7 +342,8 @@ pub(super) fn check_every(
     if errors.is_empty() { Ok(()) } else { Err(errors) }
 }
 
-/// Kinds with an input that takes `found` and an output that then fits `wanted`: what would make the wire whole.
+/// Kinds with an input that takes `found` and an output that then fits `wanted`: what would make the wire
+/// whole.
 fn bridges(found: &Partial, wanted: &Partial, audio_hz: u32, registry: &Registry) -> Vec<String> {
     let fits = |kind: &dyn NodeKind| {
         let d = kind.descriptor();

@@ -180,7 +180,8 @@ pub fn vector(name: &str, rate_hz: u32) -> Vec<f32> {
     phase::magnitudes(&signal, &framing, frames).into_iter().map(|x| x as f32).collect()
 }
 
-/// The signal that a node and overlap-add make of magnitudes of an unscaled DFT times `scale`, without its latency.
+/// The signal that a node and overlap-add make of magnitudes of an unscaled DFT times `scale`, without
+/// its latency.
 pub fn invert<N: Node>(magnitudes: &[f32], rate_hz: u32, params: &[(&str, f64)], scale: f64) -> Vec<f64> {
     let framing: Framing = phase::framing(rate_hz, 101);
     let mut rig = Rig::new::<N>(layout(rate_hz, 101), params);

@@ -110,7 +110,8 @@ fn runs_on(rig: &mut Rig, freq: f64, length: f64, frame: &[f32], count: usize, t
     }
 }
 
-/// A tone runs on at its frequency: at a hop of 88 and 89 samples, over a floor, after silence, and with lost frames.
+/// A tone runs on at its frequency: at a hop of 88 and 89 samples, over a floor, after silence, and with
+/// lost frames.
 pub fn a_tone_runs_on<N: Node>(params: Settings<'_>, tolerance: f64) {
     for (rate_hz, freq) in [(2500, 15.37), (44_100, 33.4), (48_000, 60.5)] {
         let length = f64::from(rate_hz / 10);
@@ -125,7 +126,8 @@ pub fn a_tone_runs_on<N: Node>(params: Settings<'_>, tolerance: f64) {
     }
 }
 
-/// A million frames, an absolute start far out, a hop of 88 and 89 samples: the phase is as good as at the start.
+/// A million frames, an absolute start far out, a hop of 88 and 89 samples: the phase is as good as at
+/// the start.
 pub fn hours_do_not_wear_the_phase<N: Node>(params: Settings<'_>, tolerance: f64) {
     let layout = layout(44_100, 8);
     let on_a_bin = [0.0, 0.0, 0.5, 1.0, 0.5, 0.0, 0.0, 0.0];
