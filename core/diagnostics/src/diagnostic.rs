@@ -223,14 +223,14 @@ mod tests {
     }
 
     #[test]
-    fn a_diagnostic_prints_file_line_and_column() {
+    fn diagnostic_prints_file_line_and_column() {
         let s = Source::new("g.ron", "one\ntwo");
         let d = Diagnostic::new("wrong").at(&s, Span { start: 5, end: 6 }).help("try 2");
         assert_eq!(d.to_string(), "g.ron:2:2: wrong (try 2)");
     }
 
     #[test]
-    fn a_missing_file_is_named() {
+    fn missing_file_is_named() {
         let e = Source::read("no/such/file").unwrap_err();
         assert!(e.to_string().starts_with("no/such/file: cannot read"), "{e}");
     }

@@ -44,14 +44,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_misspelt_name_finds_its_neighbour() {
+    fn misspelt_name_finds_its_neighbour() {
         assert_eq!(nearest("overlap_ad", ["spsi", "overlap_add"]), Some("overlap_add"));
         assert_eq!(nearest("Velocty", ["velocity", "gain"]), Some("velocity"));
         assert_eq!(nearest("zzzzzz", ["velocity", "gain"]), None);
     }
 
     #[test]
-    fn of_very_many_names_the_first_are_listed() {
+    fn long_list_of_names_is_cut() {
         let names: Vec<String> = (0..5000).map(|i| format!("n{i}")).collect();
         let help = one_of("zzzzzzzz", names.iter().map(String::as_str));
         assert!(help.ends_with("`n98`, `n99`, and 4900 more") && help.len() < 1000, "{help}");

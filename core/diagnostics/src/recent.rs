@@ -62,7 +62,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_was_asked_for_lately_is_made_once() {
+    fn recent_value_is_made_once() {
         let recent = Recent::new(2);
         let made = std::cell::RefCell::new(Vec::new());
         let ask = |key: u32| {
@@ -78,7 +78,7 @@ mod tests {
     }
 
     #[test]
-    fn the_same_bytes_have_the_same_number_on_every_machine() {
+    fn fingerprint_is_equal_on_every_machine() {
         // FNV-1a of "a", as its authors publish it.
         assert_eq!(fnv(b"a"), 0xaf63_dc4c_8601_ec8c);
         assert_eq!(fnv(b""), 0xcbf2_9ce4_8422_2325);

@@ -198,7 +198,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn single_logarithm_and_exponential_are_libms() {
+    fn single_logarithm_and_exponential_match_libm() {
         for i in -20_000..20_000 {
             let x = i as f32 * 0.003_9;
             let off = (x.exponential() / x.exp() - 1.0).abs();
@@ -211,7 +211,7 @@ mod tests {
     }
 
     #[test]
-    fn cosine_and_sine_are_those_of_libm_in_either_width() {
+    fn cosine_and_sine_match_libm_in_both_widths() {
         for i in -40_000..40_000 {
             let x = f64::from(i) * 0.001_37 + 1e-4;
             let (c, s) = x.cos_sin();
@@ -225,7 +225,7 @@ mod tests {
     }
 
     #[test]
-    fn unit_circle_is_the_libm_sine_and_cosine() {
+    fn unit_circle_matches_libm() {
         for i in -4000..4000 {
             let t = f64::from(i) * 0.001_37 + 1e-4;
             let (c, s) = unit_circle(t);

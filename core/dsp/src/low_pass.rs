@@ -123,7 +123,7 @@ mod tests {
     const RATE_HZ: f64 = 500.0;
 
     #[test]
-    fn at_a_corner_that_stays_it_is_the_bilinear_transform() {
+    fn low_pass_at_a_fixed_corner_is_bilinear() {
         for hz in [0.5, 20.0, 80.0, 220.0] {
             let mut other = Section::butterworth_low_pass(hz).bilinear(RATE_HZ, hz).unwrap();
             let mut it = LowPass::default();
@@ -136,7 +136,7 @@ mod tests {
     }
 
     #[test]
-    fn a_constant_stays_constant_while_the_corner_moves() {
+    fn constant_stays_constant_while_the_corner_moves() {
         let mut it = LowPass::default();
         it.reset_to(3.0);
         for n in 0..1000 {
@@ -154,7 +154,7 @@ mod tests {
     }
 
     #[test]
-    fn held_input_is_as_many_steps() {
+    fn held_input_equals_as_many_steps() {
         for hz in [0.01, 1.0, 20.0, 220.0] {
             let at = corner(hz, RATE_HZ);
             for steps in [0, 1, 2, 7, 64, 500, 12_345] {
@@ -174,7 +174,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_finite_is_forgotten_and_a_tail_ends() {
+    fn state_that_is_not_finite_is_reset_and_a_tail_ends() {
         let mut it = LowPass::default();
         it.step(f64::NAN, corner(20.0, RATE_HZ));
         assert!(!it.settle());

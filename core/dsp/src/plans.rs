@@ -277,7 +277,7 @@ mod tests {
     use crate::random::uniform;
 
     #[test]
-    fn plans_of_one_length_are_one_and_long_ones_are_not_kept() {
+    fn plans_are_shared_and_long_ones_are_dropped() {
         let (a, b) = (forward::<f32>(250), forward::<f32>(250));
         assert!(Arc::ptr_eq(&a, &b));
         assert!(Arc::ptr_eq(&inverse::<f64>(250), &inverse::<f64>(250)));
@@ -287,7 +287,7 @@ mod tests {
     }
 
     #[test]
-    fn plans_can_be_asked_for_by_many_threads_at_once() {
+    fn plans_are_shared_by_many_threads() {
         let plans: Vec<_> = (0..8)
             .map(|_| std::thread::spawn(|| (1..200).map(forward::<f32>).fold(None, |_, plan| Some(plan))))
             .collect();
@@ -296,7 +296,7 @@ mod tests {
     }
 
     #[test]
-    fn real_transforms_are_those_of_realfft_at_any_length() {
+    fn real_transforms_match_realfft_at_any_length() {
         let mut planner = realfft::RealFftPlanner::<f64>::new();
         for len in (1..70).chain([100, 125, 250, 251, 800, 1000, 4096]) {
             let signal: Vec<f64> = (0..len).map(|i| uniform(1, 0, i as u64) - 0.5).collect();
@@ -316,7 +316,7 @@ mod tests {
     }
 
     #[test]
-    fn imaginary_part_of_a_real_bin_is_an_error_and_not_heard() {
+    fn imaginary_part_of_a_real_bin_is_an_error() {
         let plan = inverse::<f64>(8);
         let mut bins = plan.make_input_vec();
         (bins[0], bins[4]) = (Complex::new(1.0, 5.0), Complex::new(1.0, 7.0));

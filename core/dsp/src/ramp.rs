@@ -85,7 +85,7 @@ mod tests {
     }
 
     #[test]
-    fn a_ramp_is_straight_ends_at_its_target_and_turns_where_it_is() {
+    fn ramp_is_linear_and_ends_at_its_target() {
         let mut ramp = Ramp::new(1.0, 4);
         ramp.set(3.0);
         assert_eq!([ramp.step(), ramp.step()], [1.5, 2.0]);
@@ -103,7 +103,7 @@ mod tests {
     }
 
     #[test]
-    fn a_ramp_goes_on_where_another_was() {
+    fn restored_ramp_continues() {
         let mut old = Ramp::new(1.0, 10);
         old.set(2.0);
         old.step();

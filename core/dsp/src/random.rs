@@ -36,7 +36,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn normal_numbers_have_the_moments_of_their_law() {
+    fn normal_numbers_have_normal_moments() {
         let n = 100_000;
         let moment = |power: i32| (0..n).map(|i| normal(5, i).powi(power)).sum::<f64>() / n as f64;
         // Four standard deviations.
@@ -45,7 +45,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_are_uniform_and_neither_rows_nor_columns_nor_seeds_go_together() {
+    fn numbers_are_uniform_and_uncorrelated() {
         let n = 300u64;
         let count = (n * n) as f64;
         let centred = |seed, i, k| uniform(seed, i, k) - 0.5;

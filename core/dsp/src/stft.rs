@@ -55,7 +55,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_unit_sine_on_a_bin_reads_1_at_any_length() {
+    fn unit_sine_on_a_bin_reads_1_at_any_length() {
         for len in [50usize, 250, 4410, 4800] {
             let x: Vec<f64> =
                 (0..len).map(|i| (0.3 + std::f64::consts::TAU * 7.0 * i as f64 / len as f64).cos()).collect();

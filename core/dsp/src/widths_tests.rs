@@ -121,13 +121,13 @@ fn goes_on<A: Float, B: Float>() {
 }
 
 #[test]
-fn a_kernel_goes_on_from_what_one_of_the_other_width_remembers() {
+fn kernel_continues_from_the_other_precision() {
     goes_on::<f32, f64>();
     goes_on::<f64, f32>();
 }
 
 #[test]
-fn what_single_precision_cannot_hold_is_refused() {
+fn state_beyond_single_precision_is_refused() {
     let frame = vec![Complex::new(1e300, 0.0); 101];
     let mut old = OverlapAdd::<f64>::new(LOW).unwrap();
     old.add_frame(0, &frame).unwrap();

@@ -71,7 +71,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_fault_fades_from_the_last_good_sample_and_back_without_a_step() {
+    fn fault_fades_from_the_last_good_sample_and_back() {
         let mut fade = Fade::new(10.0);
         let mut out = vec![];
         for tick in 0..8 {

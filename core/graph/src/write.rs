@@ -108,7 +108,7 @@ mod tests {
     use asperity_diagnostics::Source;
 
     #[test]
-    fn a_written_graph_reads_back_the_same() {
+    fn written_graph_reads_back_the_same() {
         let text = "Graph(version: 1, tick_hz: 1000, plugins: [\"a\", \"../b.so\"], nodes: {\n\"a b\": (kind: \"k\", every: 2, params: \
                     (x: 1.5, t: \"q\\\"\\n\\u{7f}é\", l: [1, 2.0], m: {\"k\": (y: zig)})), \"c\": (kind: \"d\")}, \
                     wires: [(\"a b.out\", \"c\")])";

@@ -209,13 +209,13 @@ mod tests {
     }
 
     #[test]
-    fn a_descriptor_that_keeps_its_rules_passes() {
+    fn valid_descriptor_passes() {
         good().check().unwrap();
         Descriptor::new("bare", "Nothing.").check().unwrap();
     }
 
     #[test]
-    fn names_are_lower_case_distinct_and_documented() {
+    fn bad_names_and_missing_docs_are_refused() {
         for name in ["", "Upper", "a b", "gr\u{fc}n", "x\n"] {
             wrong("name", |d| d.kind = name.into());
             wrong("parameter", |d| d.params[0].name = name.into());
@@ -230,7 +230,7 @@ mod tests {
     }
 
     #[test]
-    fn ranges_have_an_inside_and_defaults_lie_there() {
+    fn empty_range_or_default_outside_is_refused() {
         for (from, to) in [(f64::NAN, 1.0), (0.0, f64::NAN), (1.0, 0.0), (0.0, f64::INFINITY)] {
             wrong("parameter `delay_ms`", |d| d.params[0].kind = ParamKind::Number(from..=to));
             wrong("parameter `list`", |d| d.params[3].kind = ParamKind::Numbers(from..=to));
@@ -252,7 +252,7 @@ mod tests {
     }
 
     #[test]
-    fn only_what_can_change_is_live_and_roles_name_what_is_there() {
+    fn live_parameters_and_roles_are_checked() {
         for i in [3, 4] {
             wrong("live", |d| d.params[i].live = true);
         }
@@ -263,7 +263,7 @@ mod tests {
     }
 
     #[test]
-    fn shapes_have_a_size() {
+    fn empty_shape_is_refused() {
         for n in [0, usize::MAX] {
             wrong("input `in`", |d| d.inputs[0].shape = ShapeSpec::Control(n));
         }

@@ -170,7 +170,7 @@ mod tests {
     }
 
     #[test]
-    fn denormals_are_zero_inside_and_are_back_outside() {
+    fn denormals_are_flushed_inside_and_restored_outside() {
         let tiny = black_box(f32::MIN_POSITIVE);
         {
             let _flushed = Flushed::new();

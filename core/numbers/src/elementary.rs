@@ -143,7 +143,7 @@ mod tests {
     }
 
     #[test]
-    fn elementary_functions_are_those_of_the_c_library() {
+    fn elementary_functions_match_the_c_library() {
         type Pair = (&'static str, fn(f64) -> f64, fn(f64) -> f64);
         let pairs: [Pair; 16] = [
             ("sine", Elementary::sine, f64::sin),

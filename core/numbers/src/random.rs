@@ -36,7 +36,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn uniform_numbers_have_the_mean_and_spread_of_uniform_numbers() {
+    fn uniform_numbers_have_uniform_mean_and_variance() {
         let n = 100_000;
         let xs: Vec<f64> = (0..n).map(|i| uniform(7, i)).collect();
         let mean = xs.iter().sum::<f64>() / n as f64;
@@ -46,7 +46,7 @@ mod tests {
     }
 
     #[test]
-    fn nodes_of_one_graph_have_seeds_of_their_own() {
+    fn nodes_of_one_graph_have_different_seeds() {
         assert_ne!(seed_of(1, "a"), seed_of(1, "b"));
         assert_ne!(seed_of(1, "a"), seed_of(2, "a"));
         assert_eq!(seed_of(1, "a"), seed_of(1, "a"));

@@ -315,7 +315,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_saved_is_restored() {
+    fn saved_state_is_restored() {
         let bytes = saved(&mut some());
         let mut other = none();
         assert!(State::restore(&bytes, |s| other.state(s)));
@@ -326,7 +326,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_measured_once_is_enough_for_ever() {
+    fn measured_size_holds_every_state() {
         let mut it = none();
         let size = State::measure(|s| it.state(s));
         it.h.extend([(1, 1.0); 4]);

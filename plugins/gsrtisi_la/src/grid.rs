@@ -81,7 +81,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn few_bins_of_a_long_window_need_a_coarse_grid_and_many_the_signals_own() {
+    fn grid_is_coarse_for_few_bins_of_a_long_window() {
         assert_eq!(Grid::new(4800, 101).size(), 216);
         assert_eq!(Grid::new(4410, 101).size(), 216);
         assert_eq!(Grid::new(4410, 8).size(), 64);
@@ -92,7 +92,7 @@ mod tests {
     }
 
     #[test]
-    fn places_are_exact_however_far_out() {
+    fn grid_positions_are_exact_far_out() {
         let grid = Grid::new(4410, 101);
         let far = u64::MAX / 4410 * 4410;
         assert_eq!(grid.place(far), Place { at: far / 4410 * 216, part: 0 });

@@ -26,7 +26,7 @@ fn gsrtisi_la_reaches_the_published_scores() {
 }
 
 #[test]
-fn gsrtisi_la_scores_do_not_hang_on_the_unit() {
+fn gsrtisi_la_scores_are_independent_of_the_unit() {
     let magnitudes = vector("texture_2500", 2500);
     for scale in [1e-12, 1.1, 1e12] {
         let db = convergence::<GsrtisiLa>(&magnitudes, 2500, &[], scale);
@@ -36,7 +36,7 @@ fn gsrtisi_la_scores_do_not_hang_on_the_unit() {
 }
 
 #[test]
-fn a_coarse_grid_finds_what_the_signals_own_finds() {
+fn coarse_grid_scores_as_the_full_grid() {
     // 101 bins of 4800 samples are found on a grid of 216 samples a frame, of 250 samples on their own.
     let (params, magnitudes) = ([("look_ahead", 4.0)], vector("chirp_2500", 2500));
     let signal = common::invert::<GsrtisiLa>(&magnitudes, 2500, &params, 1.0);

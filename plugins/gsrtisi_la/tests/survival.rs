@@ -24,27 +24,27 @@ fn gsrtisi_la_puts_out_each_frame_beside_missing_ones() {
 }
 
 #[test]
-fn gsrtisi_la_counts_what_is_no_magnitude() {
+fn gsrtisi_la_counts_bad_magnitudes() {
     SETTINGS.iter().for_each(|p| survival::bad_magnitudes_are_counted::<GsrtisiLa>(p));
 }
 
 #[test]
-fn gsrtisi_la_lets_a_tone_run_on_by_the_true_number_of_samples() {
+fn gsrtisi_la_advances_a_tone_by_the_true_hop() {
     SETTINGS.iter().for_each(|p| survival::a_tone_runs_on::<GsrtisiLa>(p, 2e-3));
 }
 
 #[test]
-fn gsrtisi_la_does_not_wear_in_a_million_frames() {
+fn gsrtisi_la_is_stable_for_a_million_frames() {
     SETTINGS[..2].iter().for_each(|p| survival::hours_do_not_wear_the_phase::<GsrtisiLa>(p, 1e-3));
 }
 
 #[test]
-fn a_reset_gsrtisi_la_is_a_fresh_one() {
+fn reset_gsrtisi_la_equals_a_fresh_one() {
     SETTINGS.iter().for_each(|p| survival::a_reset_node_is_a_fresh_one::<GsrtisiLa>(p));
 }
 
 #[test]
-fn gsrtisi_la_goes_on_from_what_another_remembers() {
+fn restored_gsrtisi_la_continues() {
     survival::what_is_remembered_goes_on::<GsrtisiLa>(&SETTINGS[2], &SETTINGS[1]);
     survival::what_is_remembered_goes_on::<GsrtisiLa>(&SETTINGS[0], &SETTINGS[2]);
 }

@@ -215,7 +215,7 @@ mod tests {
 
     /// Once, a plugin that crashed while it was loaded left its copy for ever.
     #[test]
-    fn copies_of_processes_that_are_gone_are_removed() {
+    fn copies_of_ended_processes_are_removed() {
         let dir = tempfile::tempdir().unwrap();
         let made = |name: &str| {
             let path = dir.path().join(name.to_owned() + std::env::consts::DLL_SUFFIX);

@@ -306,7 +306,7 @@ fn run(node: &mut dyn Processor) -> String {
 }
 
 #[test]
-fn a_descriptor_comes_through_whole() {
+fn descriptor_is_unchanged_by_the_interface() {
     for kind in kinds() {
         let name = kind.descriptor().kind.to_string();
         let registry = direct();
@@ -316,7 +316,7 @@ fn a_descriptor_comes_through_whole() {
 }
 
 #[test]
-fn every_answer_comes_through_and_a_panic_is_one() {
+fn every_answer_crosses_the_interface() {
     let seen = run(prepare(kinds()[0].as_ref(), &params(&settings())).unwrap().as_mut());
     for answer in [
         "100: Ok(Quiet)",
@@ -331,7 +331,7 @@ fn every_answer_comes_through_and_a_panic_is_one() {
 }
 
 #[test]
-fn a_node_behind_the_interface_does_what_it_does_in_front_of_it() {
+fn node_output_is_unchanged_by_the_interface() {
     struct Tame(Box<dyn Processor>);
     impl Processor for Tame {
         fn process(&mut self, tick: &mut Tick<'_>) -> Result<Status, Fault> {
@@ -407,7 +407,7 @@ fn ports_follow_parameters() {
 }
 
 #[test]
-fn a_gate_is_asked_and_a_panic_anywhere_is_a_fault() {
+fn gate_is_asked_and_a_panic_is_a_fault() {
     let params = Params::new(None);
     let config = Config { id: "it", params: &params, tick_hz: 500, every: 1, audio_hz: 48_000, seed: 1 };
     let port = Some(PortType { shape: Shape::Audio { rate_hz: 48_000 }, unit: Unit::NONE, limited: false });

@@ -272,7 +272,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn hann_gamma_is_that_of_the_gaussian_nearest_to_the_window() {
+    fn hann_gamma_is_that_of_the_nearest_gaussian() {
         let n = 1000;
         let time = |i: i32| f64::from(i) / f64::from(n) - 0.5;
         let error = |gamma: f64| -> f64 {

@@ -23,7 +23,7 @@ fn rtpghi_reaches_the_published_scores() {
 }
 
 #[test]
-fn rtpghi_scores_do_not_hang_on_the_seed_or_the_unit() {
+fn rtpghi_scores_are_independent_of_seed_and_unit() {
     let magnitudes = vector("texture_2500", 2500);
     for (seed, scale) in [(2.0, 1.0), (3.0, 1.0), (4.0, 1e-12), (5.0, 1e12)] {
         let db = convergence::<Rtpghi>(&magnitudes, 2500, &[("seed", seed)], scale);

@@ -19,12 +19,12 @@ fn rtpghi_puts_out_each_frame_beside_missing_ones() {
 }
 
 #[test]
-fn rtpghi_counts_what_is_no_magnitude() {
+fn rtpghi_counts_bad_magnitudes() {
     BOTH.iter().for_each(|p| survival::bad_magnitudes_are_counted::<Rtpghi>(p));
 }
 
 #[test]
-fn rtpghi_lets_a_tone_run_on_by_the_true_number_of_samples() {
+fn rtpghi_advances_a_tone_by_the_true_hop() {
     BOTH.iter().for_each(|p| survival::a_tone_runs_on::<Rtpghi>(p, 2e-3));
 }
 
@@ -34,12 +34,12 @@ fn rtpghi_does_not_drift_in_a_million_frames() {
 }
 
 #[test]
-fn a_reset_rtpghi_is_a_fresh_one() {
+fn reset_rtpghi_equals_a_fresh_one() {
     BOTH.iter().for_each(|p| survival::a_reset_node_is_a_fresh_one::<Rtpghi>(p));
 }
 
 #[test]
-fn rtpghi_goes_on_from_what_another_remembers() {
+fn restored_rtpghi_continues() {
     survival::what_is_remembered_goes_on::<Rtpghi>(&BOTH[0], &BOTH[1]);
     survival::what_is_remembered_goes_on::<Rtpghi>(&BOTH[1], &BOTH[0]);
 }

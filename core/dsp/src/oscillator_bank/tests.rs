@@ -52,7 +52,7 @@ fn steepest(y: &[f64]) -> f64 {
 }
 
 #[test]
-fn oscillators_are_cosines_whose_amplitude_and_frequency_move_in_straight_lines() {
+fn voices_are_cosines_with_linear_amplitude_and_frequency() {
     // More voices than lanes and more samples than a block, some of them gliding.
     let voices: Vec<Voice> = (0..11)
         .map(|i| {
@@ -80,7 +80,7 @@ fn oscillators_are_cosines_whose_amplitude_and_frequency_move_in_straight_lines(
 }
 
 #[test]
-fn a_tracked_partial_is_the_sinusoid_its_peak_says_one_hop_after_the_first_frame() {
+fn tracked_partial_is_its_peaks_sinusoid_after_one_hop() {
     for (rate, freq) in [(2500, 15.37), (48_000, 40.5), (48_000, 41.0), (48_000, 99.7), (44_100, 33.4)] {
         let f = framing(rate, 101);
         let mut bank = new::<f64>(f, Partials::Tracked);
@@ -104,7 +104,7 @@ fn a_tracked_partial_is_the_sinusoid_its_peak_says_one_hop_after_the_first_frame
 }
 
 #[test]
-fn a_tracked_partial_keeps_its_phase_for_half_an_hour() {
+fn tracked_partial_keeps_its_phase_for_half_an_hour() {
     // On a bin, whose closed form is exact in integers, with 88 or 89 samples a hop.
     let f = framing(44_100, 5);
     let mut bank = new::<f32>(f, Partials::Tracked);
@@ -125,7 +125,7 @@ fn a_tracked_partial_keeps_its_phase_for_half_an_hour() {
 }
 
 #[test]
-fn a_step_is_answered_within_one_hop_and_ends_within_one() {
+fn step_is_followed_within_one_hop() {
     let (f, on, off) = (framing(48_000, 101), 20 * 96, 40 * 96);
     for partials in BOTH {
         let mags = |n: u64| Some(vec![if (20..40).contains(&n) { 1.0 } else { 0.0 }; 101]);
@@ -148,7 +148,7 @@ fn a_step_is_answered_within_one_hop_and_ends_within_one() {
 }
 
 #[test]
-fn noise_is_a_function_of_the_sample_number() {
+fn noise_depends_on_the_sample_number_alone() {
     // A bank that joins late, and one that goes on where another graph left it 5.6 hours or years ago.
     let f = framing(44_100, 101);
     for join in [7, 10_000_000, 1_000_000_000_000] {
@@ -164,7 +164,7 @@ fn noise_is_a_function_of_the_sample_number() {
 }
 
 #[test]
-fn a_bin_of_noise_wanders_without_a_break() {
+fn noise_phase_of_a_bin_is_continuous() {
     let f = framing(48_000, 101);
     let mut mags = vec![0.0; 101];
     // A bin whose phase is interpolated between two that are drawn.
@@ -176,7 +176,7 @@ fn a_bin_of_noise_wanders_without_a_break() {
 }
 
 #[test]
-fn a_tracked_partial_follows_a_chirp_without_falling_behind() {
+fn tracked_partial_follows_a_chirp_without_lag() {
     let (f, hops) = (framing(48_000, 101), 1000u64);
     let freq = |n: f64| 30.0 + 0.02 * n;
     let y = run(&mut new::<f64>(f, Partials::Tracked), 0..hops, |n| {
@@ -195,7 +195,7 @@ fn a_tracked_partial_follows_a_chirp_without_falling_behind() {
 }
 
 #[test]
-fn noise_keeps_the_energy_of_steady_magnitudes_and_does_not_repeat() {
+fn noise_keeps_the_energy_and_does_not_repeat() {
     let f = framing(2500, 101);
     let mags: Vec<f64> = (0..101).map(|k| if (4..98).contains(&k) { 1.0 } else { 0.0 }).collect();
     let y = run(&mut new(f, Partials::Noise), 0..10_000, |_| Some(mags.clone()));
@@ -233,7 +233,7 @@ fn nothing_clicks_at_births_deaths_and_missing_frames() {
 }
 
 #[test]
-fn without_frames_the_bank_is_silent_after_one_hop_and_says_so() {
+fn bank_without_frames_is_silent_after_one_hop() {
     for partials in BOTH {
         let f = framing(2500, 101);
         let mut bank = new::<f64>(f, partials);
@@ -256,7 +256,7 @@ fn without_frames_the_bank_is_silent_after_one_hop_and_says_so() {
 }
 
 #[test]
-fn samples_do_not_hang_on_how_many_are_asked_for() {
+fn block_length_changes_no_sample() {
     // Frames at 300 a second and 44.1 kHz, asked for in ticks of 7 to 333 samples; each frame comes in
     // the tick it starts in.
     let f = Framing { frame_num: 300, ..framing(44_100, 101) };
@@ -288,7 +288,7 @@ fn tone_single(freq: f64) -> Vec<f32> {
 }
 
 #[test]
-fn frames_that_come_ahead_of_or_behind_their_time_are_played_in_step() {
+fn early_and_late_frames_are_played_in_step() {
     let f = framing(2500, 101);
     let due = run(&mut new::<f64>(f, Partials::Noise), 0..40, |_| Some(vec![1.0; 101]));
     // One hop ahead: each frame still waits for its time.
@@ -315,7 +315,7 @@ fn frames_that_come_ahead_of_or_behind_their_time_are_played_in_step() {
 }
 
 #[test]
-fn the_bank_takes_what_is_no_magnitude_for_silence_and_counts_it() {
+fn bank_counts_bad_magnitudes_as_silence() {
     for partials in BOTH {
         let mut bank = new::<f32>(framing(2500, 101), partials);
         let mut mags = tone_single(30.3);
@@ -337,7 +337,7 @@ fn the_bank_takes_what_is_no_magnitude_for_silence_and_counts_it() {
 }
 
 #[test]
-fn the_bank_does_not_care_about_the_unit() {
+fn bank_is_independent_of_the_unit() {
     for partials in BOTH {
         let mags = |n: u64, scale: f64| -> Vec<f32> {
             let one = |k| (scale * random_magnitude(n / 4, k)) as f32;
@@ -373,7 +373,7 @@ fn ties_flat_spectra_and_single_bins_are_tracked() {
 }
 
 #[test]
-fn a_floor_of_noise_does_not_break_up_a_partial() {
+fn noise_floor_does_not_break_up_a_partial() {
     let f = framing(48_000, 101);
     // 26 dB below the tone, another in every frame.
     let mags = |n: u64| {
@@ -391,7 +391,7 @@ fn a_floor_of_noise_does_not_break_up_a_partial() {
 }
 
 #[test]
-fn the_bank_works_at_the_edges_of_a_layout() {
+fn bank_works_at_the_edges_of_a_layout() {
     for (fft_len, bins, num) in
         [(50, 26, 500), (51, 26, 500), (51, 1, 500), (2, 2, 500), (1, 1, 500), (50, 26, 7)]
     {
@@ -407,7 +407,7 @@ fn the_bank_works_at_the_edges_of_a_layout() {
 }
 
 #[test]
-fn the_bank_is_a_function_of_the_seed_and_a_reset_bank_is_a_fresh_one() {
+fn reset_bank_equals_a_fresh_one_of_its_seed() {
     let f = framing(2500, 101);
     for partials in BOTH {
         let mags = |_| Some(tone(30.3, 101));
@@ -422,7 +422,7 @@ fn the_bank_is_a_function_of_the_seed_and_a_reset_bank_is_a_fresh_one() {
 }
 
 #[test]
-fn a_bank_goes_on_where_another_was_and_refuses_what_is_none() {
+fn restored_bank_continues_and_refuses_bad_state() {
     // Saved in the middle of a hop, with a frame to come.
     let f = framing(2500, 101);
     for partials in BOTH {

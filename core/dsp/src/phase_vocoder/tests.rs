@@ -18,7 +18,7 @@ fn turns(c: Complex<f64>) -> f64 {
 }
 
 #[test]
-fn phase_vocoder_advances_each_bin_by_its_centre_frequency_for_hours() {
+fn phase_vocoder_advances_by_centre_frequency_for_hours() {
     // 44.1 kHz at 500 frames a second: 88 or 89 samples.
     let f = framing(44_100, 101);
     let mut kernel = PhaseVocoder::<f64>::new(f, StartPhase::Random, Level::Plain, 1).unwrap();
@@ -36,7 +36,7 @@ fn phase_vocoder_advances_each_bin_by_its_centre_frequency_for_hours() {
 }
 
 #[test]
-fn phase_vocoder_spreads_quadratic_start_phases_over_the_window() {
+fn quadratic_start_phases_spread_over_the_window() {
     let (k, start) = (101, |k| StartPhase::Quadratic.turns(k, 101, 0));
     for i in 1..k - 1 {
         // The second difference is half a turn, and 1/K to visit every instant of the window.
@@ -60,7 +60,7 @@ fn steady(mags: &[f64], start: StartPhase, level: Level) -> Vec<f64> {
 }
 
 #[test]
-fn phase_vocoder_makes_oscillators_of_two_thirds_of_the_magnitudes() {
+fn phase_vocoder_scales_oscillators_by_two_thirds() {
     let mags: Vec<f64> =
         (0..101).map(|k| if k == 0 { 0.0 } else { random::uniform(9, 0, k) * 2.0 }).collect();
     for start in STARTS {
@@ -78,7 +78,7 @@ fn phase_vocoder_makes_oscillators_of_two_thirds_of_the_magnitudes() {
 }
 
 #[test]
-fn phase_vocoder_keeps_the_energy_of_steady_magnitudes_if_told_to() {
+fn phase_vocoder_level_keep_keeps_the_energy() {
     // Away from bin 0, where bins beat with their images.
     let mags: Vec<f64> = (0..101).map(|k| if k < 4 { 0.0 } else { random::uniform(7, 0, k) }).collect();
     let want: f64 = mags.iter().map(|m| m * m).sum();
@@ -94,7 +94,7 @@ fn phase_vocoder_keeps_the_energy_of_steady_magnitudes_if_told_to() {
 }
 
 #[test]
-fn phase_vocoder_gives_bin_0_and_nyquist_a_phase_that_a_real_signal_can_have() {
+fn phase_vocoder_keeps_bin_0_and_nyquist_real() {
     let f = Framing { rate_hz: 500, fft_len: 50, bins: 26, frame_num: 500, frame_den: 1 };
     for start in STARTS {
         for seed in 0..8 {
@@ -114,7 +114,7 @@ fn phase_vocoder_gives_bin_0_and_nyquist_a_phase_that_a_real_signal_can_have() {
 }
 
 #[test]
-fn phase_vocoder_takes_what_is_no_magnitude_for_silence_and_counts_it() {
+fn phase_vocoder_counts_bad_magnitudes_as_silence() {
     let mut kernel =
         PhaseVocoder::<f32>::new(framing(2500, 101), StartPhase::Quadratic, Level::Keep, 1).unwrap();
     let mut mags = [1.0f32; 101];
@@ -133,7 +133,7 @@ fn phase_vocoder_takes_what_is_no_magnitude_for_silence_and_counts_it() {
 }
 
 #[test]
-fn phase_vocoder_does_not_care_about_the_unit() {
+fn phase_vocoder_is_independent_of_the_unit() {
     let new = || PhaseVocoder::<f32>::new(framing(2500, 101), StartPhase::Random, Level::Keep, 1).unwrap();
     let mags: Vec<f32> = (0..101).map(|k| random::uniform(1, 1, k) as f32).collect();
     for scale in [1e-12f32, 1e12] {

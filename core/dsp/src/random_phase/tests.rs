@@ -10,7 +10,7 @@ fn kernel(level: Level, seed: u64) -> RandomPhase<f64> {
 }
 
 #[test]
-fn random_phase_of_a_frame_does_not_hang_on_the_frames_before() {
+fn random_phase_depends_on_the_frame_number_alone() {
     let (mut all, mut some) = (kernel(Level::Plain, 1), kernel(Level::Plain, 1));
     let (mut x, mut y) = (vec![Complex::default(); 101], vec![Complex::default(); 101]);
     for n in 0..1000 {
@@ -27,7 +27,7 @@ fn random_phase_of_a_frame_does_not_hang_on_the_frames_before() {
 }
 
 #[test]
-fn random_phase_is_uniform_and_independent_over_frames_and_bins() {
+fn random_phase_is_uniform_and_independent() {
     let mut kernel = kernel(Level::Plain, 1);
     let (mut out, mut last) = (vec![Complex::default(); 101], vec![Complex::default(); 101]);
     let (mut mean, mut frames, mut bins) = (Complex::default(), Complex::default(), Complex::default());
@@ -46,7 +46,7 @@ fn random_phase_is_uniform_and_independent_over_frames_and_bins() {
 }
 
 #[test]
-fn random_phase_loses_the_overlap_in_level_and_keeps_it_if_told_to() {
+fn random_phase_level_falls_by_the_overlap_unless_kept() {
     // 44.1 kHz: 50.1 hops of 88 or 89 samples a window.
     for (rate, level) in [(2500, Level::Plain), (2500, Level::Keep), (44_100, Level::Keep)] {
         let f = framing(rate, 101);
@@ -75,7 +75,7 @@ fn random_phase_loses_the_overlap_in_level_and_keeps_it_if_told_to() {
 }
 
 #[test]
-fn random_phase_takes_what_is_no_magnitude_for_silence_and_counts_it() {
+fn random_phase_counts_bad_magnitudes_as_silence() {
     let mut kernel = RandomPhase::<f32>::new(framing(2500, 101), Level::Keep, 1).unwrap();
     let mut mags = [1.0f32; 101];
     (mags[3], mags[60], mags[61], mags[90]) = (f32::NAN, f32::INFINITY, f32::NEG_INFINITY, -1.0);

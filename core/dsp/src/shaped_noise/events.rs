@@ -214,7 +214,7 @@ mod tests {
     }
 
     #[test]
-    fn pulses_have_mean_square_1_and_come_as_often_as_said() {
+    fn pulses_have_unit_power_and_the_wanted_rate() {
         for (spacing, interval, height) in
             [(1.0, 0.0, 0.0), (0.5, 0.5, 0.5), (0.1, 1.0, 0.5), (0.02, 0.2, 0.0)]
         {
@@ -227,7 +227,7 @@ mod tests {
     }
 
     #[test]
-    fn power_does_not_swing_with_the_distances() {
+    fn pulse_power_is_independent_of_the_spacing() {
         let x = pulses(1.0, 0.8, 0.0);
         // Forty distances each. If heights did not follow them it would be 0.8 / sqrt(40) = 0.126.
         let powers: Vec<f64> =
@@ -240,7 +240,7 @@ mod tests {
     }
 
     #[test]
-    fn neighbouring_samples_do_not_go_together() {
+    fn pulses_are_uncorrelated() {
         for (interval, height) in [(0.0, 0.0), (0.3, 0.5), (1.0, 1.0)] {
             let x = pulses(0.4, interval, height);
             for lag in [1, 2, 25, 50] {
@@ -251,7 +251,7 @@ mod tests {
     }
 
     #[test]
-    fn rare_bumps_leave_the_rest_of_the_power_to_noise() {
+    fn rare_bumps_leave_the_rest_to_noise() {
         // From ten bumps a second to one in 50 s, and none: a soft sponge under a slow hand was silent.
         for spacing in [10.0, 40.0, 200.0, 5000.0, 1e9] {
             let x = pulses(spacing, 0.3, 0.5);

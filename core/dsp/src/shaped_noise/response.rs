@@ -146,7 +146,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_has_no_response() {
+    fn silence_has_no_response() {
         let mut designer = Designer::<f32>::new(10);
         assert!(!designer.design(&[0.0; 11]));
         let mut taps = [1.0; 10];

@@ -135,7 +135,7 @@ fn ridges_repeat_at_pitch_over_speed() {
 }
 
 #[test]
-fn fast_hand_meets_fine_ridges_at_long_ticks_too() {
+fn fast_hand_meets_fine_ridges_at_long_ticks() {
     // 4.2 turns a tick were once held to be no motion: lines stood still.
     let mut kernel = ShapedNoise::<f32>::new(FRAMING, 0.01, 3).unwrap();
     kernel.set_pattern(ridges(0.6));
@@ -164,7 +164,7 @@ fn ridges_are_silent_along_themselves_and_at_rest() {
 }
 
 #[test]
-fn threads_along_the_stroke_leave_their_power_to_the_others() {
+fn threads_along_the_stroke_yield_to_the_others() {
     // A weave: half of the power is that of threads along y, nearly half that of threads along x.
     let mut pattern = ridges(1.0);
     let mut waves = [pattern.waves[0].unwrap(); 2];
@@ -188,7 +188,7 @@ fn threads_along_the_stroke_leave_their_power_to_the_others() {
 }
 
 #[test]
-fn what_comes_after_silence_does_not_hang_on_whether_it_was_called_in_it() {
+fn call_during_silence_changes_nothing_after_it() {
     // A chain that sleeps is not called while it is silent, and a run without sleep has the same bits.
     let bumpy = events(0.3, 0.2, 0.5).events;
     for pattern in [ridges(2.5), events(0.3, 0.2, 0.5), Pattern { events: bumpy, ..ridges(2.5) }] {
@@ -245,7 +245,7 @@ fn ridges_turn_around_with_the_hand() {
 }
 
 #[test]
-fn bumps_of_a_slower_hand_are_further_apart_by_the_exponent() {
+fn bump_spacing_follows_speed_by_the_exponent() {
     let of = |spacing_mm: f64, exponent: f64| {
         let mut pattern = events(spacing_mm, 0.2, 0.3);
         pattern.events.iter_mut().for_each(|events| events.spacing_exponent = exponent);
@@ -258,7 +258,7 @@ fn bumps_of_a_slower_hand_are_further_apart_by_the_exponent() {
 }
 
 #[test]
-fn bumps_across_the_grain_are_further_apart_than_along_it() {
+fn bump_spacing_follows_the_anisotropy() {
     let of = |spacing_mm: f64, anisotropy: [f64; 2]| {
         let mut pattern = events(spacing_mm, 0.2, 0.3);
         pattern.events.iter_mut().for_each(|events| events.anisotropy = anisotropy);
@@ -281,7 +281,7 @@ fn bumps_across_the_grain_are_further_apart_than_along_it() {
 }
 
 #[test]
-fn stroke_that_begins_anew_has_not_the_bumps_of_the_one_before() {
+fn new_stroke_has_new_bumps() {
     // A gate closes where the hand turns, and what it let sleep begins anew: each stroke had the same bumps.
     let mut kernel = ShapedNoise::<f32>::new(FRAMING, 0.002, 3).unwrap();
     kernel.set_pattern(events(0.3, 0.2, 0.5));
@@ -301,7 +301,7 @@ fn stroke_that_begins_anew_has_not_the_bumps_of_the_one_before() {
 }
 
 #[test]
-fn bumps_at_ridges_come_where_the_ridges_are() {
+fn bumps_at_ridges_follow_the_ridges() {
     let mut pattern = ridges(2.5);
     pattern.waves[0].iter_mut().for_each(|wave| wave.shares = [0.0; HARMONICS]);
     pattern.events = Some(Events {
@@ -361,7 +361,7 @@ fn ridge_at_the_end_of_a_tick_is_met_once() {
 }
 
 #[test]
-fn bump_at_a_ridge_is_met_again_by_a_hand_that_comes_back() {
+fn returning_hand_meets_the_same_bump_at_a_ridge() {
     let events = Events {
         spacing_mm: None,
         spacing_exponent: 0.0,
@@ -413,7 +413,7 @@ fn louder_frame_is_heard_within_4_ms() {
 }
 
 #[test]
-fn missing_frame_is_silence_and_begins_again() {
+fn missing_frame_is_silence() {
     let mut kernel = ShapedNoise::<f32>::new(FRAMING, 0.002, 3).unwrap();
     let (mut out, mut silent) = ([0.0_f32; 5], Vec::new());
     for tick in 0..60 {
@@ -431,7 +431,7 @@ fn missing_frame_is_silence_and_begins_again() {
 }
 
 #[test]
-fn noise_after_a_sleep_is_that_of_a_run_without() {
+fn noise_after_sleep_equals_noise_without() {
     let all = played(Pattern::default(), &smooth(), 1.0, |_| None);
     let mut kernel = ShapedNoise::<f32>::new(FRAMING, 0.002, 3).unwrap();
     let mut out = [0.0_f64; 5];
@@ -475,7 +475,7 @@ fn level_is_kept_at_any_rate() {
 }
 
 #[test]
-fn harmonics_that_ridges_leave_out_are_not_played() {
+fn harmonic_of_weight_0_is_not_played() {
     // Every third is missing; the frame says nothing of that.
     let mut pattern = ridges(2.5);
     if let Some(wave) = &mut pattern.waves[0] {
@@ -499,7 +499,7 @@ fn harmonics_that_ridges_leave_out_are_not_played() {
 }
 
 #[test]
-fn lines_of_the_last_material_fade_and_do_not_break_off() {
+fn lines_fade_at_a_change_of_material() {
     // A single line, and then none: the second difference of a line of 40 Hz that fades within 5 samples.
     let mut kernel = ShapedNoise::<f64>::new(FRAMING, 0.002, 3).unwrap();
     let mut magnitudes = vec![0.0; 101];

@@ -159,7 +159,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_found_in_nothing_and_one_bin_is_fine() {
+    fn silence_gives_0_and_few_bins_stay_finite() {
         assert!(found(&[0.0; 9]).iter().all(|d| *d == 0.0));
         for bins in 1..5 {
             assert!(found(&vec![1e300; bins]).iter().all(|d| d.is_finite()));

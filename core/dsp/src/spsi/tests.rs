@@ -44,7 +44,7 @@ fn spsi_finds_a_peak_shared_by_two_equal_bins() {
 }
 
 #[test]
-fn spsi_follows_a_sinusoid_at_any_place_between_bins() {
+fn spsi_follows_a_sinusoid_between_bins() {
     for freq in [5.0, 17.0, 40.01, 40.25, 40.49, 40.5, 40.51, 40.99, 77.3] {
         let mut spsi = Spsi::new(250, 101, 3);
         let mags = tone(freq, 101);
@@ -81,7 +81,7 @@ fn spsi_keeps_every_magnitude() {
 }
 
 #[test]
-fn spsi_gives_bin_0_and_nyquist_a_phase_that_a_real_signal_can_have() {
+fn spsi_keeps_bin_0_and_nyquist_real() {
     for seed in 0..8 {
         let mut spsi = Spsi::<f64>::new(50, 26, seed);
         let mut mags = vec![0.0f64; 26];
@@ -121,7 +121,7 @@ fn spsi_finds_a_peak_in_the_last_bin_below_nyquist() {
 }
 
 #[test]
-fn spsi_answers_silence_with_silence_and_wakes_after_it() {
+fn spsi_of_silence_is_silent() {
     let mut spsi = Spsi::new(250, 101, 1);
     let silence = vec![0.0; 101];
     for _ in 0..3 {
@@ -136,7 +136,7 @@ fn spsi_answers_silence_with_silence_and_wakes_after_it() {
 }
 
 #[test]
-fn spsi_takes_a_flat_spectrum_and_a_plateau_for_one_peak() {
+fn spsi_treats_a_plateau_as_one_peak() {
     let mut spsi = Spsi::new(250, 101, 1);
     let flat = vec![1.0; 101];
     let (first, second) = (run(&mut spsi, &flat, 0), run(&mut spsi, &flat, 5));
@@ -151,7 +151,7 @@ fn spsi_takes_a_flat_spectrum_and_a_plateau_for_one_peak() {
 }
 
 #[test]
-fn spsi_takes_what_is_no_magnitude_for_silence_and_counts_it() {
+fn spsi_counts_bad_magnitudes_as_silence() {
     let mut spsi = Spsi::<f32>::new(250, 101, 1);
     let mut mags: Vec<f32> = tone(30.3, 101).iter().map(|&m| m as f32).collect();
     let mut out = vec![Complex::default(); 101];
@@ -170,7 +170,7 @@ fn spsi_takes_what_is_no_magnitude_for_silence_and_counts_it() {
 }
 
 #[test]
-fn spsi_does_not_care_about_the_unit() {
+fn spsi_is_independent_of_the_unit() {
     for scale in [1e-12, 1e12] {
         let (mut a, mut b) = (Spsi::<f32>::new(250, 101, 5), Spsi::<f32>::new(250, 101, 5));
         for n in 0..200 {
@@ -186,7 +186,7 @@ fn spsi_does_not_care_about_the_unit() {
 }
 
 #[test]
-fn spsi_advances_by_the_true_number_of_samples_between_frames() {
+fn spsi_advances_by_the_true_hop() {
     // 44.1 kHz at 500 frames a second: 88, 88, 88, 88, 89 samples.
     let framing = crate::Framing { rate_hz: 44_100, fft_len: 4410, bins: 101, frame_num: 500, frame_den: 1 };
     let mut spsi = Spsi::<f64>::new(4410, 101, 1);
@@ -226,7 +226,7 @@ fn spsi_does_not_drift_in_a_million_frames() {
 }
 
 #[test]
-fn spsi_is_a_function_of_the_seed() {
+fn spsi_depends_on_frames_and_seed_alone() {
     let mags = tone(20.2, 101);
     let first = |seed| run(&mut Spsi::<f64>::new(250, 101, seed), &mags, 0);
     assert_eq!(first(1), first(1));
@@ -240,7 +240,7 @@ fn spsi_is_a_function_of_the_seed() {
 }
 
 #[test]
-fn spsi_refuses_the_phases_of_another_window_and_what_is_no_phase() {
+fn spsi_refuses_state_of_another_window_and_bad_phases() {
     let mut old = Spsi::<f32>::new(250, 101, 1);
     let mut bytes = vec![0; State::measure(|s| old.state(s))];
     State::save(&mut bytes, |s| old.state(s)).unwrap();
