@@ -1,5 +1,6 @@
 //! The two sample types.
 
+use crate::Complex;
 use crate::lanes::Lanes;
 use crate::plans::Plans;
 use asperity_numbers::Elementary as _;
@@ -19,6 +20,23 @@ pub trait Float: Default + PartialOrd + AddAssign + SubAssign + MulAssign + Keep
     #[must_use]
     fn to<U: Float>(self) -> U {
         U::of(self.f64())
+    }
+    /// Whether it is neither NaN nor infinite.
+    #[inline]
+    fn finite(self) -> bool {
+        self >= -Self::MAX && self <= Self::MAX
+    }
+    /// The nearest value from `-most` to `most`; NaN stays NaN.
+    #[inline]
+    #[must_use]
+    fn limited(self, most: Self) -> Self {
+        if self > most {
+            most
+        } else if self < -most {
+            -most
+        } else {
+            self
+        }
     }
     /// Square root.
     #[must_use]
@@ -191,6 +209,13 @@ pub(crate) fn unit_circle(turns: f64) -> (f64, f64) {
         2 => (-cos, -sin),
         _ => (sin, -cos),
     }
+}
+
+/// `e^(2 pi i turns)`.
+#[inline]
+pub(crate) fn phasor<T: Float>(turns: f64) -> Complex<T> {
+    let (cos, sin) = unit_circle(turns);
+    Complex::new(T::of(cos), T::of(sin))
 }
 
 #[cfg(test)]

@@ -8,12 +8,10 @@
 
 use crate::float::keep_wide;
 use crate::magnitude::largest_of;
+use crate::plans::Transform;
 use crate::window::hann;
-use crate::{Float, Framing, FramingError, plans};
+use crate::{Complex, Float, Framing, FramingError};
 use asperity_state::State;
-use realfft::ComplexToReal;
-use realfft::num_complex::Complex;
-use std::sync::Arc;
 
 /// Turns a stream of spectra into samples by weighted overlap-add.
 ///
@@ -21,12 +19,10 @@ use std::sync::Arc;
 /// `fft_len` samples after a start or a reset, as the first frames alone fade in, and a frame that is
 /// missing is silence of the frame's weight. A consistent stream is given back to rounding error; where
 /// no frame has weight (a hop as long as the window), there is silence.
+#[derive(Debug)]
 pub struct OverlapAdd<T> {
     framing: Framing,
-    inverse: Arc<dyn ComplexToReal<T>>,
-    spectrum: Vec<Complex<T>>,
-    frame: Vec<T>,
-    scratch: Vec<Complex<T>>,
+    transform: Transform<T>,
     /// The synthesis window, with the inverse transform's scale and that of the bins.
     window: Vec<T>,
     /// One over the sum of windows, over one period of sample indices.
@@ -65,15 +61,6 @@ impl std::fmt::Display for FrameError {
 
 impl std::error::Error for FrameError {}
 
-impl<T> std::fmt::Debug for OverlapAdd<T> {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("OverlapAdd")
-            .field("framing", &self.framing)
-            .field("next", &self.next)
-            .finish_non_exhaustive()
-    }
-}
-
 impl<T: Float> OverlapAdd<T> {
     /// Plans the transform and computes the divisor for these frames.
     ///
@@ -82,23 +69,19 @@ impl<T: Float> OverlapAdd<T> {
     pub fn new(framing: Framing) -> Result<Self, FramingError> {
         framing.check()?;
         let n = framing.fft_len;
-        let inverse = plans::inverse::<T>(n);
         let scale = framing.bin_scale() / n as f64;
         let (period, frames) = framing.period();
         let hop = period / frames + 1;
         let ring = n + 2 * usize::try_from(hop).unwrap_or(n);
         let overlapping = (n as u64 * frames).div_ceil(period).max(1);
         Ok(Self {
-            spectrum: inverse.make_input_vec(),
-            frame: inverse.make_output_vec(),
-            scratch: inverse.make_scratch_vec(),
+            transform: Transform::new(n),
             window: hann::<f64>(n).into_iter().map(|w| T::of(w * scale)).collect(),
             gain: gain(&framing).into_iter().map(T::of).collect(),
             summed: (8 * framing.bins as u64 * overlapping) as f64,
             ring: vec![T::zero(); ring],
             head: 0,
             next: 0,
-            inverse,
             framing,
         })
     }
@@ -125,7 +108,7 @@ impl<T: Float> OverlapAdd<T> {
     pub fn state(&mut self, state: &mut State<'_>) {
         keep_wide(&mut self.ring, state);
         state.keep(&mut self.head).keep(&mut self.next);
-        if self.head >= self.ring.len() || (state.restores() && !self.ring.iter().all(|&y| finite(y))) {
+        if self.head >= self.ring.len() || (state.restores() && !self.ring.iter().all(|y| y.finite())) {
             self.reset(self.next);
             state.refuse();
         }
@@ -141,7 +124,7 @@ impl<T: Float> OverlapAdd<T> {
     /// # Errors
     /// A frame out of reach is not added; see [`FrameError`].
     pub fn add_frame<P: Float>(&mut self, start: u64, spectrum: &[Complex<P>]) -> Result<(), FrameError> {
-        let n = self.frame.len();
+        let n = self.framing.fft_len;
         let skip = usize::try_from(self.next.saturating_sub(start)).unwrap_or(usize::MAX);
         if skip >= n {
             return Err(FrameError::TooLate);
@@ -150,11 +133,11 @@ impl<T: Float> OverlapAdd<T> {
         if ahead > self.ring.len() - n {
             return Err(FrameError::TooEarly);
         }
-        if !spectrum.iter().take(self.framing.bins).all(|x| finite(x.re) && finite(x.im)) {
+        if !spectrum.iter().take(self.framing.bins).all(|x| x.re.finite() && x.im.finite()) {
             return Err(FrameError::NotFinite);
         }
         self.transform(spectrum);
-        let (frame, window) = (&self.frame[skip..], &self.window[skip..]);
+        let (frame, window) = (&self.transform.time[skip..], &self.window[skip..]);
         let mut at = self.head + ahead;
         if at >= self.ring.len() {
             at -= self.ring.len();
@@ -168,21 +151,11 @@ impl<T: Float> OverlapAdd<T> {
     fn transform<P: Float>(&mut self, spectrum: &[Complex<P>]) {
         let bins = spectrum.len().min(self.framing.bins);
         let most = P::of(largest_of::<P, T>() / self.summed);
-        for (to, from) in self.spectrum.iter_mut().zip(&spectrum[..bins]) {
-            *to = Complex::new(held(from.re, most).to(), held(from.im, most).to());
+        for (to, from) in self.transform.bins.iter_mut().zip(&spectrum[..bins]) {
+            *to = Complex::new(from.re.limited(most).to(), from.im.limited(most).to());
         }
-        self.spectrum[bins..].fill(Complex::default());
-        if let Some(dc) = self.spectrum.first_mut() {
-            dc.im = T::zero();
-        }
-        if self.frame.len().is_multiple_of(2)
-            && let Some(nyquist) = self.spectrum.last_mut()
-        {
-            nyquist.im = T::zero();
-        }
-        // Lengths and the two real bins are as it wants them, so there is nothing it can refuse.
-        let done = self.inverse.process_with_scratch(&mut self.spectrum, &mut self.frame, &mut self.scratch);
-        debug_assert!(done.is_ok());
+        self.transform.bins[bins..].fill(Complex::default());
+        self.transform.inverse();
     }
 
     /// Takes out the samples `start .. start + out.len()`; `out` may be empty.
@@ -230,21 +203,6 @@ impl<T: Float> OverlapAdd<T> {
         self.head = (self.head + count) % self.ring.len();
         self.next = self.next.saturating_add(count as u64);
     }
-}
-
-/// A number, or the nearest that is not larger than `most`.
-fn held<T: Float>(x: T, most: T) -> T {
-    if x > most {
-        most
-    } else if x < -most {
-        -most
-    } else {
-        x
-    }
-}
-
-fn finite<T: Float>(x: T) -> bool {
-    x >= -T::MAX && x <= T::MAX
 }
 
 fn add<T: Float>(to: &mut [T], frame: &[T], window: &[T]) {

@@ -34,7 +34,7 @@
 //!
 //! The signal of steady magnitudes repeats every `N` samples: it is a sum of lines.
 
-use crate::float::unit_circle;
+use crate::float::{phasor, unit_circle};
 use crate::magnitude::{largest_of, take};
 use crate::{Complex, Float, Framing, FramingError, Level, random};
 
@@ -87,19 +87,16 @@ impl<T: Float> PhaseVocoder<T> {
             Level::Plain => 1.0,
             Level::Keep => 1.5f64.sqrt(),
         };
-        let point = |turns: f64, radius: f64| {
-            let (cos, sin) = unit_circle(turns);
-            Complex::new(T::of(radius * cos), T::of(radius * sin))
-        };
         let start = (0..bins).map(|k| {
             let turns = start.turns(k, bins, seed);
             // Only a phase of 0 or half a turn can be heard at 0 and at half the rate.
             let real = k == 0 || 2 * k == n;
-            point(if real { (2.0 * turns).round() / 2.0 } else { turns }, gain)
+            let (cos, sin) = unit_circle(if real { (2.0 * turns).round() / 2.0 } else { turns });
+            Complex::new(T::of(gain * cos), T::of(gain * sin))
         });
         Ok(Self {
             start: start.collect(),
-            circle: (0..n).map(|i| point(i as f64 / n as f64, 1.0)).collect(),
+            circle: (0..n).map(|i| phasor(i as f64 / n as f64)).collect(),
             mags: vec![T::zero(); bins],
         })
     }

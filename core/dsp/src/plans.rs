@@ -271,6 +271,60 @@ impl<T: FftNum> ComplexToReal<T> for Inverse<T> {
     }
 }
 
+/// Real transforms of one length in both directions, with their buffers.
+pub(crate) struct Transform<T> {
+    forward: Arc<dyn RealToComplex<T>>,
+    inverse: Arc<dyn ComplexToReal<T>>,
+    /// `len` samples.
+    pub(crate) time: Vec<T>,
+    /// `len / 2 + 1` bins.
+    pub(crate) bins: Vec<Complex<T>>,
+    scratch: Vec<Complex<T>>,
+}
+
+impl<T> std::fmt::Debug for Transform<T> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "Transform({})", self.time.len())
+    }
+}
+
+impl<T: Plans> Transform<T> {
+    pub(crate) fn new(len: usize) -> Self {
+        let (forward, inverse) = (forward::<T>(len), inverse::<T>(len));
+        let scratch = forward.get_scratch_len().max(inverse.get_scratch_len());
+        Self {
+            time: forward.make_input_vec(),
+            bins: forward.make_output_vec(),
+            scratch: vec![Complex::zero(); scratch],
+            forward,
+            inverse,
+        }
+    }
+
+    /// Computes `bins` from `time`, which may be overwritten. Unscaled.
+    pub(crate) fn forward(&mut self) {
+        // All buffers have the plan's lengths, so it returns no error.
+        let done = self.forward.process_with_scratch(&mut self.time, &mut self.bins, &mut self.scratch);
+        debug_assert!(done.is_ok());
+    }
+
+    /// Computes `time` from `bins`, which may be overwritten. Unscaled. A real signal has no imaginary part in
+    /// bin 0 and at Nyquist's frequency; these are set to 0.
+    pub(crate) fn inverse(&mut self) {
+        if let Some(dc) = self.bins.first_mut() {
+            dc.im = T::zero();
+        }
+        if self.time.len().is_multiple_of(2)
+            && let Some(nyquist) = self.bins.last_mut()
+        {
+            nyquist.im = T::zero();
+        }
+        // All buffers have the plan's lengths and the two bins are real, so it returns no error.
+        let done = self.inverse.process_with_scratch(&mut self.bins, &mut self.time, &mut self.scratch);
+        debug_assert!(done.is_ok());
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -9,7 +9,13 @@ use crate::float::unit_circle;
 /// Flood 2014), which passes BigCrush on successive counters.
 #[inline]
 pub fn uniform(seed: u64, row: u64, column: u64) -> f64 {
-    (step(row_seed(seed, row), column) >> 11) as f64 / (1u64 << 53) as f64
+    uniform_at(row_seed(seed, row), column)
+}
+
+/// A uniform number in [0, 1) for a seed and one index.
+#[inline]
+pub(crate) fn uniform_at(seed: u64, index: u64) -> f64 {
+    (step(seed, index) >> 11) as f64 / (1u64 << 53) as f64
 }
 
 /// A normal number of unit variance for a seed and an index, by G. Box and M. Muller (1958).

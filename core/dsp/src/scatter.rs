@@ -53,6 +53,7 @@ pub struct Statistics<'a, P> {
 }
 
 /// Scatters frames of one layout.
+#[derive(Debug)]
 pub struct Scatter<T> {
     framing: Framing,
     stft: Stft<T>,
@@ -64,12 +65,6 @@ pub struct Scatter<T> {
     slow: Line<T>,
     magnitudes: Vec<T>,
     random: Vec<T>,
-}
-
-impl<T> std::fmt::Debug for Scatter<T> {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Scatter").field("framing", &self.framing).finish_non_exhaustive()
-    }
 }
 
 impl<T: Float> Scatter<T> {
@@ -232,6 +227,7 @@ fn mean_level(ratios: &[f64], q: f64, real: bool) -> f64 {
 }
 
 /// White noise of unit variance by sample, of which a window is held.
+#[derive(Debug)]
 struct Line<T> {
     seed: u64,
     /// Twice a window's samples; what is held ends with `end`.

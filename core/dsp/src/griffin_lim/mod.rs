@@ -24,12 +24,11 @@
 //! | texture_48000 | | | -24.7 to -29.3 | -29.0 |
 //! | amchirp_48000 | | | -28.1 to -35.8 | -32.8 |
 
-use crate::float::unit_circle;
+use crate::float::phasor;
 use crate::magnitude::take;
+use crate::plans::Transform;
 use crate::window::hann;
-use crate::{Complex, Float, Framing, FramingError, Stft, plans, random};
-use realfft::ComplexToReal;
-use std::sync::Arc;
+use crate::{Complex, Float, Framing, FramingError, Stft, random};
 
 /// The phases before the first iteration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -136,10 +135,7 @@ struct Plan<T> {
     /// The synthesis window, with the inverse transform's scale and that of the bins.
     window: Vec<T>,
     forward: Stft<T>,
-    inverse: Arc<dyn ComplexToReal<T>>,
-    spectrum: Vec<Complex<T>>,
-    frame: Vec<T>,
-    scratch: Vec<Complex<T>>,
+    inverse: Transform<T>,
 }
 
 impl<T: Float> Plan<T> {
@@ -147,7 +143,6 @@ impl<T: Float> Plan<T> {
         let n = framing.fft_len;
         let frames = mags.len() / framing.bins;
         let len = length(&framing, frames);
-        let inverse = plans::inverse::<T>(n);
         let window = hann::<f64>(n);
         let scale = framing.bin_scale() / n as f64;
         let mut sum = vec![0.0; len];
@@ -164,10 +159,7 @@ impl<T: Float> Plan<T> {
             gain: sum.into_iter().map(|s| T::of(1.0 / s.max(floor))).collect(),
             window: window.into_iter().map(|w| T::of(w * scale)).collect(),
             forward: Stft::new(n),
-            spectrum: inverse.make_input_vec(),
-            frame: inverse.make_output_vec(),
-            scratch: inverse.make_scratch_vec(),
-            inverse,
+            inverse: Transform::new(n),
             framing,
             mags,
         }
@@ -183,10 +175,7 @@ impl<T: Float> Plan<T> {
         let bins = self.framing.bins;
         let point = |at: usize| match start {
             Start::Zero => Complex::new(T::one(), T::zero()),
-            Start::Random(seed) => {
-                let (cos, sin) = unit_circle(random::uniform(seed, (at / bins) as u64, (at % bins) as u64));
-                Complex::new(T::of(cos), T::of(sin))
-            }
+            Start::Random(seed) => phasor(random::uniform(seed, (at / bins) as u64, (at % bins) as u64)),
         };
         (0..self.mags.len()).map(point).collect()
     }
@@ -196,26 +185,15 @@ impl<T: Float> Plan<T> {
         self.signal.fill(T::zero());
         let k = self.framing.bins;
         for ((start, bins), mags) in self.starts().zip(bins.chunks_exact(k)).zip(self.mags.chunks_exact(k)) {
-            self.spectrum.fill(Complex::default());
-            for ((to, &c), &m) in self.spectrum.iter_mut().zip(bins).zip(mags) {
+            self.inverse.bins.fill(Complex::default());
+            for ((to, &c), &m) in self.inverse.bins.iter_mut().zip(bins).zip(mags) {
                 let square = c.re * c.re + c.im * c.im;
                 // What has no phase is given 0.
                 *to = if square > T::zero() { c * (m / square.root()) } else { Complex::new(m, T::zero()) };
             }
-            if let Some(dc) = self.spectrum.first_mut() {
-                dc.im = T::zero();
-            }
-            if self.frame.len().is_multiple_of(2)
-                && let Some(nyquist) = self.spectrum.last_mut()
-            {
-                nyquist.im = T::zero();
-            }
-            // Lengths and the two real bins are as it wants them, so there is nothing it can refuse.
-            let done =
-                self.inverse.process_with_scratch(&mut self.spectrum, &mut self.frame, &mut self.scratch);
-            debug_assert!(done.is_ok());
-            let to = &mut self.signal[start..start + self.frame.len()];
-            for ((to, &x), &w) in to.iter_mut().zip(&self.frame).zip(&self.window) {
+            self.inverse.inverse();
+            let to = &mut self.signal[start..start + self.framing.fft_len];
+            for ((to, &x), &w) in to.iter_mut().zip(&self.inverse.time).zip(&self.window) {
                 *to += x * w;
             }
         }

@@ -1,12 +1,13 @@
 //! Complex transforms of as many frames as there are lanes.
 
 use super::{Lane, Simd};
-use crate::{Complex, Float, float::unit_circle};
+use crate::{Complex, Float, float::phasor};
 
 /// What a transform is made of: `len` is a product of these.
 const RADICES: [usize; 5] = [4, 2, 3, 5, 7];
 
 /// One pass over the data: butterflies of `radix` numbers that lie `groups * stride` apart.
+#[derive(Debug)]
 struct Stage<T> {
     radix: usize,
     groups: usize,
@@ -16,11 +17,13 @@ struct Stage<T> {
 }
 
 /// A plan.
+#[derive(Debug)]
 pub(crate) struct Fft<T> {
     stages: Vec<Stage<T>>,
 }
 
 /// Two rooms for as many complex numbers as the transform is long: where they are, and where they go next.
+#[derive(Debug)]
 pub(crate) struct Work<T> {
     pub(crate) re: Vec<Lane<T>>,
     pub(crate) im: Vec<Lane<T>>,
@@ -43,10 +46,7 @@ impl<T: Float> Fft<T> {
         while left > 1 {
             let radix = RADICES.into_iter().find(|r| left.is_multiple_of(*r))?;
             let groups = left / radix;
-            let turn = |p: usize, k: usize| {
-                let (cos, sin) = unit_circle(-((p * k % left) as f64) / left as f64);
-                Complex::new(T::of(cos), T::of(sin))
-            };
+            let turn = |p: usize, k: usize| phasor(-((p * k % left) as f64) / left as f64);
             let turns = (0..groups).flat_map(|p| (1..radix).map(move |k| turn(p, k)));
             stages.push(Stage { radix, groups, stride: len / left, turns: turns.collect() });
             left = groups;

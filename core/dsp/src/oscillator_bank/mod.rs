@@ -194,7 +194,7 @@ impl<T: Float> OscillatorBank<T> {
             Source::Noise(noise) => noise.state(state, most_amp),
         }
         state.require(self.used <= self.len && self.len <= self.segment.len());
-        state.require(self.segment.iter().all(|&y| y >= -T::MAX && y <= T::MAX));
+        state.require(self.segment.iter().all(|y| y.finite()));
         state.require(self.target.iter().all(|&m| m >= T::zero() && m <= most));
         if state.failed() && state.restores() {
             self.reset(0);

@@ -80,6 +80,7 @@ impl std::fmt::Display for ResampleError {
 impl std::error::Error for ResampleError {}
 
 /// Brings a stream from one rate to another.
+#[derive(Debug)]
 pub struct Resampler<T> {
     /// Rows of `stride` taps, oldest input first; row `p` is for an output `p / up` of an input sample
     /// after an input.
@@ -97,13 +98,6 @@ pub struct Resampler<T> {
     size: usize,
     /// Index of the next input; none before the first.
     next: Option<u64>,
-}
-
-impl<T> std::fmt::Debug for Resampler<T> {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Self { up, down, stride, latency, .. } = self;
-        write!(f, "Resampler({up}/{down}, {stride} taps, latency {}/{} s)", latency.0, latency.1)
-    }
 }
 
 impl<T: Float> Resampler<T> {
@@ -180,7 +174,7 @@ impl<T: Float> Resampler<T> {
         keep_wide(&mut self.ring[..self.size], state);
         state.keep(&mut self.next);
         if state.restores() {
-            state.require(self.ring[..self.size].iter().all(|&x| x >= -T::MAX && x <= T::MAX));
+            state.require(self.ring[..self.size].iter().all(|x| x.finite()));
             self.ring.copy_within(..self.size, self.size);
         }
     }

@@ -2,7 +2,8 @@
 
 use asperity_numbers::{Elementary as _, polar, size as size_of};
 
-use crate::{Complex, plans};
+use crate::Complex;
+use crate::plans::Transform;
 use std::f64::consts::PI;
 
 /// Attenuation that the length is designed for, in dB: at the stop band's edge and beyond.
@@ -66,20 +67,17 @@ impl Prototype {
         let count = len * GRID + 1;
         // The longer, the less the cepstrum wraps around.
         let size = (32 * count).next_power_of_two();
-        let (forward, inverse) = (plans::forward::<f64>(size), plans::inverse::<f64>(size));
-        let mut time = forward.make_input_vec();
-        for (i, h) in time.iter_mut().take(count).enumerate() {
+        let mut transform = Transform::<f64>::new(size);
+        for (i, h) in transform.time.iter_mut().take(count).enumerate() {
             *h = windowed_sinc(i as f64 / GRID as f64 - len as f64 / 2.0, len as f64 / 2.0) / GRID as f64;
         }
-        let mut spectrum = forward.make_output_vec();
-        // Buffers come from the plans and the two real bins are real, so none of these can be refused.
-        let _ = forward.process(&mut time, &mut spectrum);
+        transform.forward();
         // Nulls in the stop band have no logarithm; a floor under it leaves them as deep as matters.
-        for x in &mut spectrum {
+        for x in &mut transform.bins {
             *x = Complex::new(size_of(*x).max(10f64.power(-130.0 / 20.0)).log_e(), 0.0);
         }
-        let _ = inverse.process(&mut spectrum, &mut time);
-        for (i, c) in time.iter_mut().enumerate() {
+        transform.inverse();
+        for (i, c) in transform.time.iter_mut().enumerate() {
             let fold = if i == 0 || i == size / 2 {
                 1.0
             } else if i < size / 2 {
@@ -89,14 +87,12 @@ impl Prototype {
             };
             *c *= fold / size as f64;
         }
-        let _ = forward.process(&mut time, &mut spectrum);
-        for x in &mut spectrum {
+        transform.forward();
+        for x in &mut transform.bins {
             *x = polar(x.re.exp_e(), x.im);
         }
-        for real in [0, size / 2] {
-            spectrum[real].im = 0.0;
-        }
-        let _ = inverse.process(&mut spectrum, &mut time);
+        transform.inverse();
+        let mut time = transform.time;
         time.truncate(count);
         let sum: f64 = time.iter().sum();
         Self::Minimum { grid: time.into_iter().map(|h| h * GRID as f64 / sum).collect() }

@@ -2,9 +2,10 @@
 
 use super::project::{Call, TINY};
 use crate::lanes::{Fft, LANES, Lane, Portable, Simd, Work, turned};
-use crate::{Complex, Float, Isa, float::unit_circle};
+use crate::{Complex, Float, Isa, float::phasor};
 
 /// As many frames as there are lanes, of one even length.
+#[derive(Debug)]
 pub(super) struct Batch<T> {
     job: Job<T>,
     run: Run<T>,
@@ -14,6 +15,7 @@ pub(super) struct Batch<T> {
 type Run<T> = fn(&mut Job<T>, Call<'_, T>);
 
 /// What all instruction sets work on.
+#[derive(Debug)]
 struct Job<T> {
     fft: Fft<T>,
     /// `e^(-2 pi i k / n)` up to a quarter of the length `n`.
@@ -32,10 +34,7 @@ impl<T: Float> Batch<T> {
     pub(super) fn new(window: &[T], bins: usize, hint: &[Complex<T>]) -> Option<Self> {
         let fft_len = window.len();
         let half = fft_len.is_multiple_of(2).then_some(fft_len / 2)?;
-        let turn = |k: usize| {
-            let (cos, sin) = unit_circle(-(k as f64) / fft_len as f64);
-            Complex::new(T::of(cos), T::of(sin))
-        };
+        let turn = |k: usize| phasor(-(k as f64) / fft_len as f64);
         let job = Job {
             fft: Fft::new(half)?,
             turns: (0..=half / 2).map(turn).collect(),

@@ -5,7 +5,7 @@
 //! samples hold it. In bursts of 220 Hz it moved by 2 degrees a second. Here the slope of the squared error
 //! over this angle is found from bins 0 and 1, and passes turn all bins a little that way.
 
-use crate::{Complex, Float, float::unit_circle};
+use crate::{Complex, Float, float::phasor};
 use asperity_state::State;
 
 /// Radians that a pass turns for a slope, divided by the energy; and the most.
@@ -28,12 +28,8 @@ pub(super) struct Drift<T> {
 
 impl<T: Float> Drift<T> {
     pub(super) fn new(n: usize, hop: usize) -> Self {
-        let wave = |j: usize| {
-            let (cos, sin) = unit_circle(-(j as f64) / n as f64);
-            Complex::new(T::of(cos), T::of(sin))
-        };
         Self {
-            wave: (0..n).map(wave).collect(),
+            wave: (0..n).map(|j| phasor(-(j as f64) / n as f64)).collect(),
             part: (EVERY as f64 * hop as f64 / n as f64).min(1.0),
             slope: 0.0,
             energy: 0.0,

@@ -76,17 +76,17 @@ mod drift;
 mod history;
 mod project;
 mod settings;
-mod state;
 
 pub use settings::{MAX_WORK, Settings, SettingsError};
 
-use crate::float::unit_circle;
+use crate::float::{keep_wide, phasor};
 use crate::lanes::LANES;
 use crate::magnitude::largest_of;
 use crate::overlap_add::FrameError;
 use crate::random::uniform;
 use crate::{Complex, Float, Framing};
 use asperity_numbers::Elementary as _;
+use asperity_state::State;
 use drift::Drift;
 use history::{History, largest, usable};
 use project::{Call, Projector};
@@ -106,7 +106,11 @@ const ROUND: f64 = 15.0;
 /// square of a sum of them has a number in f32.
 const LOUD: f64 = (1u64 << 40) as f64;
 
+/// No sample has a place beyond this one: millions of years at any rate.
+const FAR: i64 = 1 << 61;
+
 /// Magnitude frames in, samples out.
+#[derive(Debug)]
 pub struct SampleCommit<T> {
     framing: Framing,
     settings: Settings,
@@ -144,16 +148,6 @@ pub struct SampleCommit<T> {
     fade: Vec<T>,
     /// How it fades in besides, from its own start: there its window says too little.
     rise: Vec<T>,
-}
-
-impl<T> std::fmt::Debug for SampleCommit<T> {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("SampleCommit")
-            .field("framing", &self.framing)
-            .field("settings", &self.settings)
-            .field("next", &self.next)
-            .finish_non_exhaustive()
-    }
 }
 
 impl<T: Float> SampleCommit<T> {
@@ -358,8 +352,7 @@ impl<T: Float> SampleCommit<T> {
             let at = self.head + (slot.start - origin) as usize;
             self.drift.hear(&self.x[at..at + self.framing.fft_len], mags, self.scale);
         }
-        let (cos, sin) = unit_circle(self.drift.turns());
-        Complex::new(T::of(cos), T::of(sin))
+        phasor(self.drift.turns())
     }
 
     /// Says what weight the frames of a pass have on average: that of all frames, times the `share` of them
@@ -471,15 +464,7 @@ impl<T: Float> SampleCommit<T> {
             let scale = T::of(self.scale);
             let most = T::of(largest_of::<P, T>());
             for (i, (to, &x)) in block.iter_mut().zip(&self.x[self.head + view..]).enumerate() {
-                let y = x * scale;
-                let y = if y > most {
-                    most
-                } else if y < -most {
-                    -most
-                } else {
-                    y
-                };
-                *to = (y * self.fade_at(self.next + i as i64)).to();
+                *to = ((x * scale).limited(most) * self.fade_at(self.next + i as i64)).to();
             }
             self.advance(block.len());
         }
@@ -528,6 +513,33 @@ impl<T: Float> SampleCommit<T> {
                 v[kept..].fill(T::zero());
             }
             self.head = 0;
+        }
+    }
+
+    /// What is remembered: frames in use, the samples they reach, and where they lie. Refused where it is
+    /// of frames of another layout or of another emission, or cannot be.
+    pub fn state(&mut self, state: &mut State<'_>) {
+        let mut delay = self.delay;
+        self.history.state(state);
+        self.drift.state(state);
+        keep_wide(&mut self.x, state);
+        keep_wide(&mut self.z, state);
+        state.keep(&mut self.head).keep(&mut self.next);
+        state.keep(&mut self.scale).keep(&mut self.sounds_until).keep(&mut self.unheard_from);
+        state.keep(&mut self.fade_from).keep(&mut delay);
+        let len = self.sum.len();
+        let ahead = (len - 2 * self.framing.fft_len) as i64;
+        let places = self.head.checked_add(len).is_some_and(|end| end <= self.x.len())
+            && (-delay.max(0)..FAR).contains(&self.next)
+            && self.history.get(0).is_none_or(|(newest, _)| newest.start <= self.next + ahead);
+        // As far out as no addition to them runs over.
+        let far = |t: i64| t != i64::MIN && !(-FAR..FAR).contains(&t);
+        let places = places && ![self.sounds_until, self.unheard_from, self.fade_from].into_iter().any(far);
+        let finite = self.x.iter().chain(&self.z).all(|x| x.finite())
+            && (2f64.powi(-100)..=2f64.powi(100)).contains(&self.scale);
+        if state.restores() && !(delay == self.delay && places && finite && !state.failed()) {
+            self.reset(0);
+            state.refuse();
         }
     }
 }

@@ -1,10 +1,9 @@
 //! One frame's projection: the nearest frame that has the wanted magnitudes.
 
 use super::batch::Batch;
+use crate::plans::Transform;
 use crate::window::hann;
-use crate::{Complex, Float, Framing, float::unit_circle, plans};
-use realfft::{ComplexToReal, RealToComplex};
-use std::sync::Arc;
+use crate::{Complex, Float, Framing, float::unit_circle};
 
 /// How much of a magnitude, relative, has the start phase: it decides only where the signal so far says
 /// nothing.
@@ -32,15 +31,11 @@ pub(super) struct Call<'a, T> {
 }
 
 /// Transforms of one length, their window and buffers.
+#[derive(Debug)]
 pub(super) struct Projector<T> {
-    forward: Arc<dyn RealToComplex<T>>,
-    inverse: Arc<dyn ComplexToReal<T>>,
+    transform: Transform<T>,
     window: Vec<T>,
     square: Vec<T>,
-    frame: Vec<T>,
-    spectrum: Vec<Complex<T>>,
-    forward_scratch: Vec<Complex<T>>,
-    inverse_scratch: Vec<Complex<T>>,
     /// A phase for each bin, times [`HINT`] and the transform's length.
     hint: Vec<Complex<T>>,
     /// Many frames at once, where that is faster.
@@ -50,21 +45,15 @@ pub(super) struct Projector<T> {
 impl<T: Float> Projector<T> {
     pub(super) fn new(framing: &Framing, seed: u64) -> Self {
         let n = framing.fft_len;
-        let (forward, inverse) = (plans::forward::<T>(n), plans::inverse::<T>(n));
         let window = hann::<f64>(n);
         let hint = hint(framing, seed);
         let plain: Vec<T> = window.iter().map(|&w| T::of(w)).collect();
         Self {
             batch: Batch::new(&plain, framing.bins, &hint),
-            frame: forward.make_input_vec(),
-            spectrum: forward.make_output_vec(),
-            forward_scratch: forward.make_scratch_vec(),
-            inverse_scratch: inverse.make_scratch_vec(),
+            transform: Transform::new(n),
             square: window.iter().map(|w| T::of(w * w)).collect(),
             window: plain,
             hint,
-            forward,
-            inverse,
         }
     }
 
@@ -92,25 +81,20 @@ impl<T: Float> Projector<T> {
     /// are a quarter of the amplitudes that a frame has: the inverse transform, which does not divide, then
     /// gives the windowed signal.
     fn project_one(&mut self, samples: &[T], magnitudes: &[T], turn: Complex<T>) {
-        for ((to, &x), &w) in self.frame.iter_mut().zip(samples).zip(&self.window) {
+        for ((to, &x), &w) in self.transform.time.iter_mut().zip(samples).zip(&self.window) {
             *to = x * w;
         }
-        // Lengths are the plans' own and the two real bins are real, so there is nothing they can refuse.
-        let done =
-            self.forward.process_with_scratch(&mut self.frame, &mut self.spectrum, &mut self.forward_scratch);
-        debug_assert!(done.is_ok());
-        let even = self.frame.len().is_multiple_of(2);
-        impose(&mut self.spectrum, magnitudes, &self.hint);
-        let complex = self.spectrum.len() - usize::from(even);
-        self.spectrum[1.min(complex)..complex].iter_mut().for_each(|x| *x = *x * turn);
-        let done =
-            self.inverse.process_with_scratch(&mut self.spectrum, &mut self.frame, &mut self.inverse_scratch);
-        debug_assert!(done.is_ok());
+        self.transform.forward();
+        let Transform { time, bins, .. } = &mut self.transform;
+        impose(bins, magnitudes, &self.hint);
+        let complex = bins.len() - usize::from(time.len().is_multiple_of(2));
+        bins[1.min(complex)..complex].iter_mut().for_each(|x| *x = *x * turn);
+        self.transform.inverse();
     }
 
     /// Adds the window times the projected frame, but for its first `skip` samples.
     fn add_to(&self, sum: &mut [T], skip: usize) {
-        for ((to, &y), &w) in sum.iter_mut().zip(&self.frame[skip..]).zip(&self.window[skip..]) {
+        for ((to, &y), &w) in sum.iter_mut().zip(&self.transform.time[skip..]).zip(&self.window[skip..]) {
             *to += y * w;
         }
     }

@@ -1,6 +1,5 @@
 use super::*;
 use crate::{FramingError, Stft};
-use asperity_state::State;
 use std::f64::consts::TAU;
 
 const LOW: Framing = Framing { rate_hz: 2500, fft_len: 250, bins: 101, frame_num: 500, frame_den: 1 };

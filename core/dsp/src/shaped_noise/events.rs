@@ -45,13 +45,7 @@ impl Bumps {
 
     /// The bumps of a way, in spacings, from sample `start` on: tells each its number and where it is, and
     /// goes over them.
-    fn pass(
-        &mut self,
-        start: u64,
-        way: f64,
-        intervals: &Intervals<impl Fn(f64) -> f64>,
-        mut met: impl FnMut(u64, f64),
-    ) {
+    fn pass(&mut self, start: u64, way: f64, intervals: &Intervals, mut met: impl FnMut(u64, f64)) {
         let mut number = self.number.unwrap_or_else(|| {
             let first = start.wrapping_mul(A_SAMPLE);
             self.next = uniform(self.seed, first, 11);
@@ -142,55 +136,61 @@ fn drawn(seed: u64, number: u64, column: u64) -> f64 {
     normal(seed, number.wrapping_mul(3).wrapping_add(column))
 }
 
-/// Ways from bump to bump in spacings, whose mean is 1.
-struct Intervals<L> {
+/// Distances from bump to bump in spacings; their mean is 1.
+struct Intervals {
     seed: u64,
-    law: L,
+    law: Lognormal,
 }
 
-impl Intervals<()> {
-    fn new(seed: u64, events: &Events) -> Intervals<impl Fn(f64) -> f64> {
-        Intervals { seed, law: lognormal(events.interval_cv) }
+impl Intervals {
+    fn new(seed: u64, events: &Events) -> Self {
+        Self { seed, law: Lognormal::new(events.interval_cv) }
     }
-}
 
-impl<L: Fn(f64) -> f64> Intervals<L> {
-    /// From the bump before this one.
+    /// Distance from the previous bump to this one.
     fn before(&self, number: u64) -> f64 {
-        (self.law)(drawn(self.seed, number, 1))
+        self.law.of(drawn(self.seed, number, 1))
     }
 }
 
 /// Heights of bumps, with sign.
-struct Pulse<H> {
+struct Pulse {
     seed: u64,
     high: f64,
-    height: H,
+    law: Lognormal,
 }
 
-impl Pulse<()> {
+impl Pulse {
     /// Bumps whose root mean square height is `rms`.
-    fn new(seed: u64, rms: f64, events: &Events) -> Pulse<impl Fn(f64) -> f64> {
+    fn new(seed: u64, rms: f64, events: &Events) -> Self {
         // The square of a lognormal number of mean 1 has the mean 1 + cv^2.
         let high = rms / (1.0 + events.height_cv * events.height_cv).sqrt();
-        Pulse { seed, high, height: lognormal(events.height_cv) }
+        Self { seed, high, law: Lognormal::new(events.height_cv) }
     }
-}
 
-impl<H: Fn(f64) -> f64> Pulse<H> {
     /// Height of a bump.
     fn of(&self, number: u64) -> f64 {
         let sign = if uniform(self.seed, number, 7) < 0.5 { -self.high } else { self.high };
-        sign * (self.height)(drawn(self.seed, number, 0))
+        sign * self.law.of(drawn(self.seed, number, 0))
     }
 }
 
-/// From a normal number to a lognormal one of mean 1 whose standard deviation is `cv`.
-fn lognormal(cv: f64) -> impl Fn(f64) -> f64 {
-    let square = (1.0 + cv * cv).log_e();
-    let s = square.sqrt();
-    // No bump comes twice at one place, however wide the law.
-    move |z| (s * z - 0.5 * square).exp_e().max(1e-3)
+/// The lognormal distribution of mean 1 and a given standard deviation.
+struct Lognormal {
+    variance: f64,
+    deviation: f64,
+}
+
+impl Lognormal {
+    fn new(cv: f64) -> Self {
+        let variance = (1.0 + cv * cv).log_e();
+        Self { variance, deviation: variance.sqrt() }
+    }
+
+    /// The value for a normal number. It stays above 0.001, so that no two bumps coincide.
+    fn of(&self, normal: f64) -> f64 {
+        (self.deviation * normal - 0.5 * self.variance).exp_e().max(1e-3)
+    }
 }
 
 #[cfg(test)]

@@ -61,6 +61,7 @@ const AT_ONCE: usize = 8;
 const LANES: usize = 16;
 
 /// Magnitudes in, samples out.
+#[derive(Debug)]
 pub struct ShapedNoise<T> {
     framing: Framing,
     seed: u64,
@@ -115,12 +116,6 @@ struct Lines {
     /// Phases of minimum phase, and the pitch for which they were found; 0: none were.
     units: Vec<Complex<f64>>,
     units_hz: f64,
-}
-
-impl<T> std::fmt::Debug for ShapedNoise<T> {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("ShapedNoise").field("framing", &self.framing).finish_non_exhaustive()
-    }
 }
 
 impl<T: Float> ShapedNoise<T> {
@@ -466,7 +461,7 @@ impl<T: Float> ShapedNoise<T> {
     fn unit_at(&self, hz: f64) -> Complex<f64> {
         let at = (hz / self.step_hz()).min((self.sums.len() - 1) as f64);
         let at = (at + 0.5) as usize;
-        let response = self.designer.response[at];
+        let response = self.designer.response()[at];
         let response = Complex::new(response.re.f64(), response.im.f64());
         if asperity_numbers::size(response) > 0.0 {
             response / asperity_numbers::size(response)
@@ -643,7 +638,7 @@ impl<T: Float> ShapedNoise<T> {
         self.place.state(state);
         self.bumps.state(state);
         let n = self.framing.fft_len;
-        let finite = |values: &[T]| values.iter().all(|x| *x >= -T::MAX && *x <= T::MAX);
+        let finite = |values: &[T]| values.iter().all(|x| x.finite());
         let lines = self.waves.iter().all(|lines| {
             let fine = |at: &Vec<Complex<f64>>| at.iter().all(|c| c.re.is_finite() && c.im.is_finite());
             lines.units_hz.is_finite()

@@ -1,7 +1,7 @@
 //! The ridges and bumps of a texture.
 
 use crate::Complex;
-use crate::float::unit_circle;
+use crate::float::phasor;
 use asperity_numbers::Elementary as _;
 use asperity_state::State;
 
@@ -101,10 +101,7 @@ impl Pattern {
         let wave = |w: usize| {
             let from = EVENTS_LEN + w * WAVE_LEN;
             let per_mm = [number(from, 100.0), number(from + 1, 100.0)];
-            let phase = |h: usize| {
-                let (cos, sin) = unit_circle(number(from + 4 + 3 * h, 1e3) / std::f64::consts::TAU);
-                Complex::new(cos, sin)
-            };
+            let phase = |h: usize| phasor(number(from + 4 + 3 * h, 1e3) / std::f64::consts::TAU);
             (per_mm[0].hypotenuse(per_mm[1]) >= 1e-3).then(|| Wave {
                 per_mm,
                 weights: std::array::from_fn(|h| number(from + 2 + 3 * h, 10.0).max(0.0)),

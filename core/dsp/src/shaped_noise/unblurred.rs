@@ -22,6 +22,7 @@ const END: usize = 2;
 /// Opt. Soc. Am. 62, 55, 1972, with the quotient of the place itself).
 ///
 /// Powers are relative to the largest, so that single precision is enough.
+#[derive(Debug)]
 pub(super) struct Unblurred {
     /// Of bins, and half a bin above each; both with room at their ends.
     at: Vec<f32>,

@@ -38,12 +38,12 @@
 
 pub(crate) mod peak;
 
-use crate::Float;
-use crate::float::unit_circle;
+use crate::float::phasor;
 use crate::magnitude::{largest_of, take};
+use crate::random::uniform_at;
+use crate::{Complex, Float};
 use asperity_state::State;
 use peak::{Edges, Peak};
-use realfft::num_complex::Complex;
 
 /// Phase retrieval by Single Pass Spectrogram Inversion, for Hann-windowed frames of one length.
 ///
@@ -90,7 +90,7 @@ impl<T: Float> Spsi<T> {
     /// Forgets all frames: the next one starts from the seeded phases.
     pub fn reset(&mut self) {
         for (k, t) in self.turns.iter_mut().enumerate() {
-            *t = start_turns(self.seed, k as u64);
+            *t = uniform_at(self.seed, k as u64);
         }
         self.freq.fill(-1.0);
         self.started = false;
@@ -139,8 +139,7 @@ impl<T: Float> Spsi<T> {
             if p.real {
                 p.turns = if (p.turns - 0.5).abs() <= 0.25 { 0.5 } else { 0.0 };
             }
-            let (cos, sin) = unit_circle(p.turns);
-            p.unit = Complex::new(T::of(cos), T::of(sin));
+            p.unit = phasor(p.turns);
         }
     }
 
@@ -174,14 +173,6 @@ impl<T: Float> Spsi<T> {
             self.freq.fill(-1.0);
         }
     }
-}
-
-/// The start phase of a bin in turns, in [0, 1): SplitMix64 (Steele, Lea, Flood 2014) indexed by bin.
-fn start_turns(seed: u64, bin: u64) -> f64 {
-    let mut z = seed.wrapping_add((bin + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15));
-    z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-    ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
 }
 
 #[cfg(test)]

@@ -73,7 +73,7 @@ fn spsi_follows_a_sinusoid_between_bins() {
 fn spsi_keeps_every_magnitude() {
     let mut spsi = Spsi::new(250, 101, 7);
     for n in 0..50 {
-        let mags: Vec<f64> = (0..101).map(|k| start_turns(n, k)).collect();
+        let mags: Vec<f64> = (0..101).map(|k| uniform_at(n, k)).collect();
         for (c, m) in run(&mut spsi, &mags, 5).iter().zip(&mags) {
             assert!((c.norm() - m).abs() < 1e-12);
         }
@@ -174,7 +174,7 @@ fn spsi_is_independent_of_the_unit() {
     for scale in [1e-12, 1e12] {
         let (mut a, mut b) = (Spsi::<f32>::new(250, 101, 5), Spsi::<f32>::new(250, 101, 5));
         for n in 0..200 {
-            let mags: Vec<f32> = (0..101).map(|k| start_turns(n / 4, k) as f32).collect();
+            let mags: Vec<f32> = (0..101).map(|k| uniform_at(n / 4, k) as f32).collect();
             let scaled: Vec<f32> = mags.iter().map(|m| (f64::from(*m) * scale) as f32).collect();
             let (x, y) = (run(&mut a, &mags, 5), run(&mut b, &scaled, 5));
             for (x, y) in x.iter().zip(&y) {
