@@ -79,8 +79,7 @@ mod tests {
     use super::*;
 
     fn pass(from: &mut Ramp, to: &mut Ramp) -> bool {
-        let mut bytes = vec![0; State::measure(|s| from.state(s))];
-        State::save(&mut bytes, |s| from.state(s)).unwrap();
+        let bytes = crate::testing::saved(|s| from.state(s));
         State::restore(&bytes, |s| to.state(s))
     }
 

@@ -1,6 +1,5 @@
 use super::*;
-
-const FRAMING: Framing = Framing { rate_hz: 2500, fft_len: 250, bins: 101, frame_num: 500, frame_den: 1 };
+use crate::testing::LOW as FRAMING;
 
 fn known(ratio: &[f64]) -> Statistics<'_, f64> {
     Statistics { ratio, variance: None, means: false }

@@ -1,21 +1,9 @@
 use super::*;
+use crate::testing::{apart, check_bad_magnitudes, framing, turns};
 use crate::{OverlapAdd, Stft};
 use std::f64::consts::TAU;
 
-fn framing(rate_hz: u32, bins: usize) -> Framing {
-    Framing { rate_hz, fft_len: rate_hz as usize / 10, bins, frame_num: 500, frame_den: 1 }
-}
-
 const STARTS: [StartPhase; 3] = [StartPhase::Zero, StartPhase::Random, StartPhase::Quadratic];
-
-/// Difference of phases in turns, in [0, 0.5].
-fn apart(a: f64, b: f64) -> f64 {
-    ((a - b) - (a - b).round()).abs()
-}
-
-fn turns(c: Complex<f64>) -> f64 {
-    c.im.atan2(c.re) / TAU
-}
 
 #[test]
 fn phase_vocoder_advances_by_centre_frequency_for_hours() {
@@ -117,19 +105,8 @@ fn phase_vocoder_keeps_bin_0_and_nyquist_real() {
 fn phase_vocoder_counts_bad_magnitudes_as_silence() {
     let mut kernel =
         PhaseVocoder::<f32>::new(framing(2500, 101), StartPhase::Quadratic, Level::Keep, 1).unwrap();
-    let mut mags = [1.0f32; 101];
-    (mags[3], mags[60], mags[61], mags[90]) = (f32::NAN, f32::INFINITY, f32::NEG_INFINITY, -1.0);
-    let mut out = vec![Complex::new(9.0, 9.0); 200];
-    assert_eq!(kernel.process(5, &mags, &mut out), 4);
-    assert!([3, 60, 61, 90].iter().all(|&k: &usize| out[k] == Complex::default()));
-    assert!((out[30].norm() - 1.5f32.sqrt()).abs() < 1e-6);
-    assert!(out[101..].iter().all(|&c| c == Complex::default()), "what is left of the output is silent");
-    assert_eq!(kernel.process(u64::MAX, &[f32::MAX; 101], &mut out), 0);
-    assert!(out.iter().all(|c| c.re.is_finite() && c.im.is_finite()));
-    kernel.process(5, &mags[..50], &mut out[..60]);
-    assert!(out[50..60].iter().all(|&c| c == Complex::default()), "missing bins are silent");
-    assert_eq!(kernel.process(5, &[0.0; 101], &mut out), 0);
-    assert!(out.iter().all(|&c| c == Complex::default()), "silence is silence");
+    let process = |start, mags: &[f32], out: &mut [Complex<f32>]| kernel.process(start, mags, out);
+    check_bad_magnitudes(process, &[1.0; 101], 1.5f32.sqrt());
 }
 
 #[test]

@@ -1,9 +1,6 @@
 use super::*;
+use crate::testing::{check_bad_magnitudes, framing};
 use crate::{OverlapAdd, Stft};
-
-fn framing(rate_hz: u32, bins: usize) -> Framing {
-    Framing { rate_hz, fft_len: rate_hz as usize / 10, bins, frame_num: 500, frame_den: 1 }
-}
 
 fn kernel(level: Level, seed: u64) -> RandomPhase<f64> {
     RandomPhase::new(framing(2500, 101), level, seed).unwrap()
@@ -77,20 +74,13 @@ fn random_phase_level_falls_by_the_overlap_unless_kept() {
 #[test]
 fn random_phase_counts_bad_magnitudes_as_silence() {
     let mut kernel = RandomPhase::<f32>::new(framing(2500, 101), Level::Keep, 1).unwrap();
-    let mut mags = [1.0f32; 101];
-    (mags[3], mags[60], mags[61], mags[90]) = (f32::NAN, f32::INFINITY, f32::NEG_INFINITY, -1.0);
-    let mut out = vec![Complex::new(9.0, 9.0); 200];
-    assert_eq!(kernel.process(5, &mags, &mut out), 4);
-    assert!([3, 60, 61, 90].iter().all(|&k: &usize| out[k] == Complex::default()));
-    assert!((out[30].norm() - 50f32.sqrt()).abs() < 1e-5);
-    assert!(out[0].im.abs() < 1e-6, "bin 0 is real");
-    assert!(out[101..].iter().all(|&c| c == Complex::default()), "what is left of the output is silent");
-    assert_eq!(kernel.process(u64::MAX, &[f32::MAX; 101], &mut out), 0);
-    assert!(out.iter().all(|c| c.re.is_finite() && c.im.is_finite()));
-    kernel.process(5, &mags[..50], &mut out[..60]);
-    assert!(out[50..60].iter().all(|&c| c == Complex::default()), "missing bins are silent");
-    assert_eq!(kernel.process(5, &[0.0; 101], &mut out), 0);
-    assert!(out.iter().all(|&c| c == Complex::default()), "silence is silence");
+    let process = |frame, mags: &[f32], out: &mut [Complex<f32>]| kernel.process(frame, mags, out);
+    check_bad_magnitudes(process, &[1.0; 101], 50f32.sqrt());
+}
+
+#[test]
+fn random_phase_is_independent_of_the_unit() {
+    let mut kernel = RandomPhase::<f32>::new(framing(2500, 101), Level::Keep, 1).unwrap();
     for scale in [1e-12f32, 1e12] {
         let (mut x, mut y) = (vec![Complex::default(); 101], vec![Complex::default(); 101]);
         kernel.process(8, &[0.7; 101], &mut x);

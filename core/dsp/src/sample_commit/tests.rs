@@ -1,8 +1,7 @@
 use super::*;
+use crate::testing::{LOW, saved};
 use crate::{FramingError, Stft};
 use std::f64::consts::TAU;
-
-const LOW: Framing = Framing { rate_hz: 2500, fft_len: 250, bins: 101, frame_num: 500, frame_den: 1 };
 
 fn settings(emission: i32) -> Settings {
     Settings { emission, ..Settings::default() }
@@ -496,8 +495,8 @@ fn saved_state_continues_and_other_layouts_are_refused() {
     let frames = analyse(&LOW, 150, |i| noise(i, 2500.0, 900.0));
     let mut old = kernel(-20);
     run(&mut old, &frames[..77], 0);
-    let mut bytes = vec![0; State::measure(|s| old.state(s))];
-    assert_eq!(State::save(&mut bytes, |s| old.state(s)), Some(bytes.len()));
+    let bytes = saved(|s| old.state(s));
+    assert_eq!(bytes.len(), State::measure(|s| old.state(s)));
     let mut new = kernel(-20);
     assert!(State::restore(&bytes, |s| new.state(s)));
     for n in 77..150u64 {

@@ -198,13 +198,7 @@ mod tests {
     use super::*;
 
     fn pulses(spacing_mm: f64, interval_cv: f64, height_cv: f64) -> Vec<f64> {
-        let events = Events {
-            spacing_mm: Some(spacing_mm),
-            spacing_exponent: 0.0,
-            anisotropy: [0.0; 2],
-            interval_cv,
-            height_cv,
-        };
+        let events = Events::plain(Some(spacing_mm), interval_cv, height_cv);
         let mut bumps = Bumps::new(7);
         let mut all = vec![0.0; 200_000];
         for (tick, out) in all.chunks_exact_mut(5).enumerate() {
@@ -263,13 +257,7 @@ mod tests {
     #[test]
     fn hand_at_rest_meets_no_bump() {
         let (mut bumps, mut out) = (Bumps::new(1), [1.0_f32; 5]);
-        let events = Events {
-            spacing_mm: Some(1.0),
-            spacing_exponent: 0.0,
-            anisotropy: [0.0; 2],
-            interval_cv: 0.2,
-            height_cv: 0.2,
-        };
+        let events = Events::plain(Some(1.0), 0.2, 0.2);
         bumps.fill(0, 2500.0, 0.0, &events, &mut out);
         let noise: [f32; 5] = std::array::from_fn(|i| normal(1, i as u64) as f32);
         assert_eq!(out, noise);

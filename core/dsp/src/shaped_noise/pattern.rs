@@ -54,6 +54,14 @@ impl Events {
     }
 }
 
+#[cfg(test)]
+impl Events {
+    /// Bumps that depend neither on speed nor on direction.
+    pub(crate) fn plain(spacing_mm: Option<f64>, interval_cv: f64, height_cv: f64) -> Self {
+        Self { spacing_mm, spacing_exponent: 0.0, anisotropy: [0.0; 2], interval_cv, height_cv }
+    }
+}
+
 /// Ridges that repeat with place.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Wave {

@@ -1,11 +1,6 @@
 use super::*;
+use crate::testing::{apart, check_bad_magnitudes, saved, tone, turns};
 use crate::window::hann_lobe;
-use std::f64::consts::TAU;
-
-/// Magnitudes of a sinusoid of amplitude 1 at `freq` bins.
-fn tone(freq: f64, bins: usize) -> Vec<f64> {
-    (0..bins).map(|k| hann_lobe(k as f64 - freq).abs()).collect()
-}
 
 fn run<T: Float>(spsi: &mut Spsi<T>, mags: &[T], advance: u32) -> Vec<Complex<T>> {
     let mut out = vec![Complex::default(); spsi.bins()];
@@ -15,16 +10,6 @@ fn run<T: Float>(spsi: &mut Spsi<T>, mags: &[T], advance: u32) -> Vec<Complex<T>
 
 fn power<T: Float>(out: &[Complex<T>]) -> f64 {
     out.iter().map(|c| c.re.f64().powi(2) + c.im.f64().powi(2)).sum()
-}
-
-/// Phase of a bin in turns.
-fn turns(c: Complex<f64>) -> f64 {
-    c.im.atan2(c.re) / TAU
-}
-
-/// Difference of phases in turns, in [0, 0.5].
-fn apart(a: f64, b: f64) -> f64 {
-    ((a - b) - (a - b).round()).abs()
 }
 
 #[test]
@@ -153,20 +138,9 @@ fn spsi_treats_a_plateau_as_one_peak() {
 #[test]
 fn spsi_counts_bad_magnitudes_as_silence() {
     let mut spsi = Spsi::<f32>::new(250, 101, 1);
-    let mut mags: Vec<f32> = tone(30.3, 101).iter().map(|&m| m as f32).collect();
-    let mut out = vec![Complex::default(); 101];
-    (mags[3], mags[60], mags[61], mags[90]) = (f32::NAN, f32::INFINITY, f32::NEG_INFINITY, -1.0);
-    assert_eq!(spsi.process(&mags, 5, &mut out), 4);
-    assert!(out.iter().all(|c| c.re.is_finite() && c.im.is_finite()));
-    assert!([3, 60, 61, 90].iter().all(|&k: &usize| out[k] == Complex::default()));
-    assert!((out[30].norm() - mags[30]).abs() < 1e-6);
-    assert_eq!(spsi.process(&[f32::MAX; 101], 5, &mut out), 0);
-    assert!(out.iter().all(|c| c.re.is_finite() && c.im.is_finite()));
-    let mut short = vec![Complex::new(9.0, 9.0); 200];
-    assert_eq!(spsi.process(&mags[..50], 5, &mut short), 1);
-    assert!(short[101..].iter().all(|&c| c == Complex::default()), "what is left of the output is silent");
-    spsi.process(&mags, 5, &mut short[..10]);
-    Spsi::<f32>::new(0, 0, 0).process(&mags, 5, &mut short);
+    let mags = std::array::from_fn(|k| hann_lobe(k as f64 - 30.3).abs() as f32);
+    check_bad_magnitudes(|_, mags, out| spsi.process(mags, 5, out), &mags, 1.0);
+    Spsi::<f32>::new(0, 0, 0).process(&mags, 5, &mut [Complex::new(9.0, 9.0); 200]);
 }
 
 #[test]
@@ -242,8 +216,7 @@ fn spsi_depends_on_frames_and_seed_alone() {
 #[test]
 fn spsi_refuses_state_of_another_window_and_bad_phases() {
     let mut old = Spsi::<f32>::new(250, 101, 1);
-    let mut bytes = vec![0; State::measure(|s| old.state(s))];
-    State::save(&mut bytes, |s| old.state(s)).unwrap();
+    let mut bytes = saved(|s| old.state(s));
     assert!(State::restore(&bytes, |s| Spsi::<f32>::new(250, 101, 2).state(s)));
     // As many bins, ten times as far apart.
     assert!(!State::restore(&bytes, |s| Spsi::<f32>::new(2500, 101, 1).state(s)));
