@@ -1,10 +1,10 @@
-//! Weighted overlap-add: spectra back to a signal, with unit gain at any hop.
+//! Weighted overlap-add: from spectra to a signal, with unit gain at any hop.
 //!
-//! Every frame is transformed back, weighted by a Hann window and added at its place. The sum is divided
-//! by the sum of `analysis window x synthesis window` over all frames that cover a sample (D. Griffin, J.
-//! Lim, "Signal Estimation from Modified Short-Time Fourier Transform", IEEE Trans. ASSP 32(2), 1984, eq.
-//! 6). Frames at fractional hops start at whole samples, so that sum is not constant; it is periodic, and
-//! one period of it is kept.
+//! Every frame is transformed back, weighted by a Hann window and added at its position. The sum is
+//! divided by the sum of `analysis window x synthesis window` over all frames that cover a sample (D.
+//! Griffin, J. Lim, "Signal Estimation from Modified Short-Time Fourier Transform", IEEE Trans. ASSP
+//! 32(2), 1984, eq. 6). Frames at fractional hops start at whole samples, so that sum is not constant.
+//! It is periodic, and one period is kept.
 
 use crate::float::keep_wide;
 use crate::magnitude::largest_of;
@@ -15,20 +15,20 @@ use asperity_state::State;
 
 /// Turns a stream of spectra into samples by weighted overlap-add.
 ///
-/// The divisor is that of a stream of frames without beginning. So a signal fades in over the first
-/// `fft_len` samples after a start or a reset, as the first frames alone fade in, and a frame that is
-/// missing is silence of the frame's weight. A consistent stream is given back to rounding error; where
-/// no frame has weight (a hop as long as the window), there is silence.
+/// The divisor is that of an endless stream of frames. So a signal fades in over the first `fft_len`
+/// samples after a start or a reset, and a missing frame is silence of the frame's weight. A consistent
+/// stream is restored to rounding error. Where no frame has weight (a hop as long as the window), there
+/// is silence.
 #[derive(Debug)]
 pub struct OverlapAdd<T> {
     framing: Framing,
     transform: Transform<T>,
-    /// The synthesis window, with the inverse transform's scale and that of the bins.
+    /// The synthesis window, times the scale of the inverse transform and of the bins.
     window: Vec<T>,
     /// One over the sum of windows, over one period of sample indices.
     gain: Vec<T>,
-    /// Bins are held to the largest number over this, so that sums over all bins and all frames of a
-    /// window stay finite.
+    /// Bins are limited to the largest number over this, so that sums over all bins and overlapping
+    /// frames stay finite.
     summed: f64,
     /// Sums of frames; the sample `next` is at `head`.
     ring: Vec<T>,
@@ -37,7 +37,7 @@ pub struct OverlapAdd<T> {
     next: u64,
 }
 
-/// Why a frame was not added.
+/// Reason why a frame was not added.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum FrameError {
@@ -45,7 +45,7 @@ pub enum FrameError {
     TooEarly,
     /// All of it lies before the next sample to be emitted.
     TooLate,
-    /// A bin is NaN or infinite: it would spoil every sample of the frame.
+    /// A bin is NaN or infinite; it would spoil every sample of the frame.
     NotFinite,
 }
 
@@ -62,10 +62,10 @@ impl std::fmt::Display for FrameError {
 impl std::error::Error for FrameError {}
 
 impl<T: Float> OverlapAdd<T> {
-    /// Plans the transform and computes the divisor for these frames.
+    /// Plans the transform and computes the divisor.
     ///
     /// # Errors
-    /// What [`Framing::check`] finds.
+    /// The errors of [`Framing::check`].
     pub fn new(framing: Framing) -> Result<Self, FramingError> {
         framing.check()?;
         let n = framing.fft_len;
@@ -86,7 +86,7 @@ impl<T: Float> OverlapAdd<T> {
         })
     }
 
-    /// The frames' layout.
+    /// Layout of the frames.
     pub fn framing(&self) -> Framing {
         self.framing
     }
@@ -103,8 +103,8 @@ impl<T: Float> OverlapAdd<T> {
         self.next = start;
     }
 
-    /// What is remembered: the sums of frames that are not emitted yet, and where they lie. Refused where
-    /// it is of frames of another length or hop.
+    /// Saves or restores the pending sums of frames and their position. State of frames of another
+    /// length or hop is refused.
     pub fn state(&mut self, state: &mut State<'_>) {
         keep_wide(&mut self.ring, state);
         state.keep(&mut self.head).keep(&mut self.next);
@@ -116,10 +116,10 @@ impl<T: Float> OverlapAdd<T> {
 
     /// Adds the frame that covers samples `start .. start + fft_len`.
     ///
-    /// `spectrum` holds amplitudes `2 sum(w x e^-i..) / sum(w)` from bin 0, phases counted from the
-    /// frame's first sample. Missing bins are 0, more than `framing.bins` are not used; what is so large
-    /// that sums would not be finite is held. Of bin 0 and Nyquist only the real part can be heard. A
-    /// sample that was emitted already keeps what it had.
+    /// `spectrum` holds amplitudes `2 sum(w x e^-i..) / sum(w)` from bin 0, with phases counted from
+    /// the frame's first sample. Missing bins are 0; bins beyond `framing.bins` are ignored. Values too
+    /// large for a finite sum are limited. Of bin 0 and Nyquist only the real part is used. Samples
+    /// that were already emitted do not change.
     ///
     /// # Errors
     /// A frame out of reach is not added; see [`FrameError`].
@@ -160,8 +160,8 @@ impl<T: Float> OverlapAdd<T> {
 
     /// Takes out the samples `start .. start + out.len()`; `out` may be empty.
     ///
-    /// Samples are to be taken in order. Those that a later `start` leaves out are dropped; an earlier one
-    /// begins anew there, with silence.
+    /// Samples are taken in order. A later `start` drops the samples in between; an earlier one starts
+    /// anew there, with silence.
     pub fn emit<P: Float>(&mut self, start: u64, out: &mut [P]) {
         if start < self.next {
             self.reset(start);

@@ -1,9 +1,8 @@
 //! Transforms of real signals, planned once for each length and shared by all kernels of the process.
 //!
-//! rustfft's plans for vector instructions round otherwise than its plain ones, so it is the plain ones
-//! that are used: 0.7 us for 250 samples instead of 0.3 (2 cores of a virtual Intel Xeon), and the same
-//! bits on every CPU. Where several frames are there at once, the crate has a transform of its own that
-//! is both.
+//! Only rustfft's plain plans are used, because its vector plans round differently. 250 samples take
+//! 0.7 us instead of 0.3 (2 cores of a virtual Intel Xeon), and every CPU gives the same bits. For
+//! several frames at once the crate has a transform of its own that is fast and exact to the bit.
 
 use crate::Complex;
 use crate::float::unit_circle;
@@ -13,11 +12,11 @@ use rustfft::{Fft, FftPlannerScalar};
 use std::collections::HashMap;
 use std::sync::{Arc, LazyLock, Mutex, PoisonError};
 
-/// Longer transforms than this are planned anew, and forgotten with the kernel that uses them: their tables
-/// take megabytes.
+/// Longest transform whose plan is kept. Longer plans have tables of megabytes and are dropped with
+/// their kernel.
 const KEPT: usize = 1 << 16;
 
-/// Transforms of complex numbers that were planned, and those of real ones made of them.
+/// Cache of complex plans and of the real plans made from them.
 pub struct Planner<T: FftNum> {
     complex: FftPlannerScalar<T>,
     forward: HashMap<usize, Arc<dyn RealToComplex<T>>>,
@@ -42,9 +41,9 @@ impl<T: FftNum> Planner<T> {
     }
 }
 
-/// A float whose plans are kept.
+/// Float type with a shared planner.
 pub trait Plans: FftNum {
-    /// Runs something with the planner that all share. Takes a lock, and plans: not for the tick thread.
+    /// Calls `f` with the shared planner. It takes a lock and plans: do not call it on the tick thread.
     fn with_planner<R>(f: impl FnOnce(&mut Planner<Self>) -> R) -> R;
 }
 
@@ -53,7 +52,7 @@ macro_rules! plans {
         impl Plans for $t {
             fn with_planner<R>(f: impl FnOnce(&mut Planner<Self>) -> R) -> R {
                 static SHARED: LazyLock<Mutex<Planner<$t>>> = LazyLock::new(|| Mutex::new(Planner::new()));
-                // What a planner was at when a thread panicked is a plan less.
+                // A thread that panicked leaves a planner that lacks a plan at most.
                 f(&mut SHARED.lock().unwrap_or_else(PoisonError::into_inner))
             }
         }
@@ -62,24 +61,24 @@ macro_rules! plans {
 
 plans!(f32, f64);
 
-/// From `len` samples to `len / 2 + 1` bins, unscaled.
+/// Plans a transform from `len` samples to `len / 2 + 1` bins, unscaled.
 pub fn forward<T: Plans>(len: usize) -> Arc<dyn RealToComplex<T>> {
     if len > KEPT { Planner::new().forward(len) } else { T::with_planner(|p| p.forward(len)) }
 }
 
-/// From `len / 2 + 1` bins to `len` samples, unscaled.
+/// Plans a transform from `len / 2 + 1` bins to `len` samples, unscaled.
 pub fn inverse<T: Plans>(len: usize) -> Arc<dyn ComplexToReal<T>> {
     if len > KEPT { Planner::new().inverse(len) } else { T::with_planner(|p| p.inverse(len)) }
 }
 
-/// From `len` complex numbers to as many, unscaled; not kept.
+/// Plans a transform of `len` complex numbers, unscaled. The plan is not kept.
 pub fn complex<T: FftNum>(len: usize, forward: bool) -> Arc<dyn Fft<T>> {
     let mut planner = FftPlannerScalar::new();
     if forward { planner.plan_fft_forward(len) } else { planner.plan_fft_inverse(len) }
 }
 
-/// A real transform by a complex one: of half the length over pairs of samples where the length is even,
-/// else of the whole.
+/// A real transform by a complex one. An even length uses half the length over pairs of samples, an odd
+/// one the whole length.
 struct Real<T> {
     len: usize,
     inner: Arc<dyn Fft<T>>,
@@ -91,12 +90,11 @@ struct Real<T> {
 type Halves<'a, T> = (&'a mut [Complex<T>], &'a mut [Complex<T>]);
 
 /// With `Z` the transform of `x_2n + i x_2n+1` and `h = len / 2`: `X_k = E + e^(-2 pi i k / len) O`,
-/// where `2 E = Z_k + conj Z_(h-k)` and `2 i O = Z_k - conj Z_(h-k)`; and `X_(h-k)` is the conjugate of
-/// `E - e^(-2 pi i k / len) O`.
+/// where `2 E = Z_k + conj Z_(h-k)` and `2 i O = Z_k - conj Z_(h-k)`. `X_(h-k)` is the conjugate of `E
+/// - e^(-2 pi i k / len) O`.
 struct Forward<T>(Real<T>);
 
-/// The same backwards, twice as large: `Z_k = X_k + conj X_(h-k) + i e^(2 pi i k / len) (X_k - conj
-/// X_(h-k))`.
+/// The inverse, scaled by two: `Z_k = X_k + conj X_(h-k) + i e^(2 pi i k / len) (X_k - conj X_(h-k))`.
 struct Inverse<T>(Real<T>);
 
 impl<T: FftNum> Real<T> {
@@ -125,7 +123,7 @@ impl<T: FftNum> Real<T> {
         self.inner.len() + self.inner.get_inplace_scratch_len()
     }
 
-    /// The buffer of the inner transform, and what that needs besides.
+    /// Splits the scratch into the buffer and the scratch of the inner transform.
     fn buffers<'a>(&self, scratch: &'a mut [Complex<T>]) -> Result<Halves<'a, T>, FftError> {
         let refused = FftError::ScratchBuffer(self.scratch(), scratch.len());
         scratch.get_mut(..self.scratch()).map(|s| s.split_at_mut(self.inner.len())).ok_or(refused)
@@ -206,7 +204,7 @@ impl<T: FftNum> ComplexToReal<T> for Inverse<T> {
         self.process_with_scratch(input, output, &mut self.make_scratch_vec())
     }
 
-    /// Of the imaginary parts that a real signal does not have nothing is heard; the answer then is an error.
+    /// An imaginary part in a real bin is ignored, and the result is an error.
     fn process_with_scratch(
         &self,
         input: &mut [Complex<T>],

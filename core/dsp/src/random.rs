@@ -1,4 +1,4 @@
-//! Random numbers by index: skipping some does not change those that follow.
+//! Random numbers by index: skipping some does not change later ones.
 
 use asperity_numbers::Elementary as _;
 use asperity_numbers::random::{STEP, mix};
@@ -18,20 +18,20 @@ pub(crate) fn uniform_at(seed: u64, index: u64) -> f64 {
     (step(seed, index) >> 11) as f64 / (1u64 << 53) as f64
 }
 
-/// A normal number of unit variance for a seed and an index, by G. Box and M. Muller (1958).
+/// A normal number of unit variance for a seed and an index (G. Box, M. Muller, 1958).
 #[inline]
 pub(crate) fn normal(seed: u64, index: u64) -> f64 {
     let (radius, turns) = (uniform(seed, index, 0), uniform(seed, index, 1));
     (-2.0 * (1.0 - radius).log_e()).sqrt() * unit_circle(turns).0
 }
 
-/// The seed of one row of numbers.
+/// Seed of one row of numbers.
 #[inline]
 fn row_seed(seed: u64, row: u64) -> u64 {
     step(step(seed, 0), row)
 }
 
-/// The number of a seed at an index.
+/// The 64-bit number of a seed at an index.
 #[inline]
 fn step(seed: u64, index: u64) -> u64 {
     mix(seed.wrapping_add(index.wrapping_mul(STEP)))

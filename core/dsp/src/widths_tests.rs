@@ -1,4 +1,4 @@
-//! Kernels in one width and in the other.
+//! Kernels in single and double precision.
 
 use crate::sample_commit::{SampleCommit, Settings};
 use crate::testing::{LOW, saved};
@@ -15,13 +15,13 @@ macro_rules! keep {
     };
 }
 
-/// A kernel that takes magnitudes and gives numbers, all of one frame's time, in single precision.
+/// A kernel from magnitudes to numbers, one hop at a time, in single precision.
 trait Kernel {
     fn hop(&mut self, n: u64, mags: &[f32]) -> Vec<f32>;
     fn keep(&mut self, state: &mut State<'_>);
 }
 
-/// What stands behind overlap-add and resampler: the same spectra for both widths.
+/// Input of overlap-add and resampler: the same spectra for both precisions.
 fn spectrum(n: u64, mags: &[f32]) -> Vec<Complex<f32>> {
     let turns = |k: usize| std::f64::consts::TAU * (k as f64 * n as f64 * 5.0 / 250.0 + 0.3 * k as f64);
     mags.iter().enumerate().map(|(k, &m)| Complex::from_polar(m, turns(k) as f32)).collect()
@@ -75,7 +75,7 @@ impl<T: Float> Kernel for SampleCommit<T> {
     keep!();
 }
 
-/// Each kernel of one width.
+/// Each kernel in one precision.
 fn kernels<T: Float>() -> Vec<(&'static str, Box<dyn Kernel>)> {
     let conversion = Conversion {
         in_hz: 2500,

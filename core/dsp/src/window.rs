@@ -12,7 +12,7 @@ pub fn hann<T: Float>(len: usize) -> Vec<T> {
     (0..len).map(|i| T::of((i as f64 * step).sine().powi(2))).collect()
 }
 
-/// The transform of the Hann window along frequency, relative to `nu = 0`, for a window centred on time 0:
+/// Transform of the Hann window along frequency, relative to `nu = 0`, for a window centred on time 0:
 /// `sin(pi nu) / (pi nu (1 - nu^2))` with `nu` in bins. The main lobe is `|nu| < 2`.
 pub fn hann_lobe(nu: f64) -> f64 {
     let nu = nu.abs();

@@ -1,23 +1,23 @@
-//! Vectors of eight lanes, and what instruction sets there are for them.
+//! Vectors of eight lanes for each instruction set.
 
 use crate::Float;
 
-/// Frames side by side: a vector of AVX in single precision.
+/// Lanes of a vector: one AVX register in single precision.
 pub(crate) const LANES: usize = 8;
 
-/// One number of each frame.
+/// One number in each lane.
 pub(crate) type Lane<T> = [T; LANES];
 
-/// An instruction set: a value of such a type is there only where the CPU has it. What is done is done to
-/// all lanes alike, and rounded to the nearest each time.
+/// An instruction set. A value of such a type exists only where the CPU supports it. Every operation
+/// acts on all lanes alike and rounds to nearest.
 pub trait Simd<T>: Copy {
-    /// One number of each frame, in registers.
+    /// One number in each lane, in registers.
     type Vector: Copy;
     /// The same number in all lanes.
     fn splat(self, x: T) -> Self::Vector;
-    /// From memory.
+    /// Reads from memory.
     fn load(self, from: &[T; LANES]) -> Self::Vector;
-    /// To memory.
+    /// Writes to memory.
     fn store(self, x: Self::Vector, to: &mut [T; LANES]);
     /// `a + b`.
     fn add(self, a: Self::Vector, b: Self::Vector) -> Self::Vector;
@@ -29,11 +29,11 @@ pub trait Simd<T>: Copy {
     fn div(self, a: Self::Vector, b: Self::Vector) -> Self::Vector;
     /// Square root.
     fn root(self, a: Self::Vector) -> Self::Vector;
-    /// Rows become columns.
+    /// Transposes rows and columns.
     fn transpose(self, rows: [Self::Vector; LANES]) -> [Self::Vector; LANES];
 }
 
-/// Plain code.
+/// Plain code, for every CPU.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Portable;
 
@@ -76,17 +76,17 @@ impl<T: Float> Simd<T> for Portable {
     }
 }
 
-/// A float that there are vectors of.
+/// A float type with vectors.
 #[cfg(target_arch = "x86_64")]
 pub trait Lanes: Sized {
-    /// What works on them where there is AVX.
+    /// Vectors on a CPU with AVX.
     type Avx: Simd<Self>;
     /// # Safety
     /// The CPU has AVX.
     unsafe fn avx() -> Self::Avx;
 }
 
-/// A float that there are vectors of.
+/// A float type with vectors.
 #[cfg(not(target_arch = "x86_64"))]
 pub trait Lanes {}
 
@@ -137,7 +137,7 @@ mod x86 {
         )*};
     }
 
-    /// Rows of four become columns.
+    /// Transposes four rows.
     #[inline(always)]
     fn four([a, b, c, d]: [__m256d; 4]) -> [__m256d; 4] {
         // SAFETY: called with vectors that an `Avx` loaded.

@@ -91,68 +91,67 @@ use drift::Drift;
 use history::{History, largest, usable};
 use project::{Call, Projector};
 
-/// Weight of a sample's last value against the windows' squares, where those are small.
+/// Weight of a sample's last value relative to the squared windows, where those are small.
 const INERTIA: f64 = 3e-3;
 
-/// The same over the first window of a stream, where the frames in use are few and do not agree yet.
+/// The same over the first window of a stream, where the few frames do not agree yet.
 const FIRST_INERTIA: f64 = 0.1;
 
-/// Passes in which each frame comes to be looked at once, on average, up to which momentum may be as large
-/// as is wished. Beyond, it is held to the square of what they are over: 2 frames of 50 a pass can have
-/// 0.36.
+/// Passes within which each frame is used once on average, up to which any momentum is allowed. Beyond,
+/// momentum is limited to the square of their ratio: 2 frames of 50 a pass allow 0.36.
 const ROUND: f64 = 15.0;
 
-/// Samples that were emitted are at most this much on the kernel's own scale, where frames are near 1: the
-/// square of a sum of them has a number in f32.
+/// Limit of emitted samples on the internal scale, where frames are near 1. The square of a sum of them
+/// still fits into f32.
 const LOUD: f64 = (1u64 << 40) as f64;
 
-/// No sample has a place beyond this one: millions of years at any rate.
+/// Limit of sample positions: millions of years at any rate.
 const FAR: i64 = 1 << 61;
 
-/// Magnitude frames in, samples out.
+/// Turns a stream of magnitude frames into samples.
 #[derive(Debug)]
 pub struct SampleCommit<T> {
     framing: Framing,
     settings: Settings,
     seed: u64,
-    /// Samples from the content's time to the output's; negative is early.
+    /// Delay of the output in samples; negative is early.
     delay: i64,
     history: History<T>,
     projector: Projector<T>,
     drift: Drift<T>,
-    /// Shortest hop in samples; none is longer by more than one.
+    /// Shortest hop in samples; the longest is at most one longer.
     hop: usize,
     /// Ages of the frames of a pass.
     chosen: Vec<u64>,
-    /// The signal over `[next - fft_len, ..)`, from `head` on: as it is, and run on by momentum.
+    /// The signal over `[next - fft_len, ..)`, from `head` on: itself, and extrapolated by momentum.
     x: Vec<T>,
     z: Vec<T>,
     head: usize,
-    /// Sums over the same, for one pass.
+    /// Sums over the same samples, for one pass.
     sum: Vec<T>,
     weight: Vec<T>,
-    /// The weight that is to be expected there of as many frames as a pass looks at.
+    /// Expected weight there for as many frames as a pass uses.
     expected: Vec<T>,
-    /// Squares of the window from each place on, a hop apart, added up.
+    /// Sum of squared windows a hop apart, from each position on.
     cover: Vec<T>,
-    /// First sample that is not emitted, in the content's time.
+    /// First sample that is not emitted, on the input's time axis.
     next: i64,
-    /// Magnitudes and samples are kept divided by this power of two.
+    /// Magnitudes and samples are stored divided by this power of two.
     scale: f64,
     /// End of the last frame that was not silent.
     sounds_until: i64,
     /// Start of the first frame. Samples from here to `fade_from` were never emitted.
     unheard_from: i64,
-    /// Where the first frame begins to be heard, and how it fades in.
+    /// First audible sample of the stream, and its fade-in.
     fade_from: i64,
     fade: Vec<T>,
-    /// How it fades in besides, from its own start: there its window says too little.
+    /// Additional fade-in from the first frame's start, where its window has little weight.
     rise: Vec<T>,
 }
 
 impl<T: Float> SampleCommit<T> {
-    /// Plans transforms and makes room for the frames in use. What is left to chance is a function of
-    /// `seed` and the frame's number.
+    /// Plans transforms and allocates the frames in use. All random numbers are a function of `seed`
+    /// and the frame number.
     ///
     /// # Errors
     /// Each kind of [`SettingsError`].
@@ -181,7 +180,7 @@ impl<T: Float> SampleCommit<T> {
             cover,
             hop,
             chosen: Vec::with_capacity(slots),
-            // As long again as a window, so that the signal is moved to the front only once a window.
+            // One window longer, so that the signal is moved to the front only once a window.
             x: vec![T::zero(); len + n],
             z: vec![T::zero(); len + n],
             sum: vec![T::zero(); len],
@@ -204,23 +203,23 @@ impl<T: Float> SampleCommit<T> {
         Ok(new)
     }
 
-    /// The frames' layout.
+    /// Layout of the frames.
     pub fn framing(&self) -> Framing {
         self.framing
     }
 
-    /// How many samples later a frame's content comes out than an overlap-add would emit it:
-    /// `floor(emission * hop)`, negative where it is early.
+    /// Delay of the output in samples relative to an overlap-add: `floor(emission * hop)`, negative
+    /// where it is early.
     pub fn delay(&self) -> i64 {
         self.delay
     }
 
-    /// How it works.
+    /// The settings.
     pub fn settings(&self) -> Settings {
         self.settings
     }
 
-    /// Changes how hard it works from the next frame on. The emission stays as it is.
+    /// Changes frames, passes and momentum from the next frame on. The emission stays.
     ///
     /// # Errors
     /// [`SettingsError::Work`] and [`SettingsError::Momentum`]; then nothing changes.
@@ -230,12 +229,12 @@ impl<T: Float> SampleCommit<T> {
         Ok(())
     }
 
-    /// Whether all that comes out until the next frame is zero.
+    /// Whether the output is zero until the next frame.
     pub fn is_silent(&self) -> bool {
         self.next >= self.sounds_until
     }
 
-    /// Whether no frame is remembered: what comes next is as after a [`reset`](Self::reset).
+    /// Whether no frame is held, as after a [`reset`](Self::reset).
     pub fn is_fresh(&self) -> bool {
         self.history.expected().is_none()
     }
@@ -256,13 +255,12 @@ impl<T: Float> SampleCommit<T> {
         i64::try_from(start).unwrap_or(i64::MAX).saturating_sub(self.delay)
     }
 
-    /// Takes frame number `index`, which covers `fft_len` samples from `framing.start(index)` on, and works
-    /// on all that is not emitted.
+    /// Takes frame number `index`, which covers `fft_len` samples from `framing.start(index)` on, and
+    /// refines the samples not emitted yet.
     ///
-    /// `magnitudes` are amplitudes `2 |sum w x| / sum w` from bin 0. Missing ones are 0, more than
-    /// `framing.bins` are not used; one that is NaN, infinite or negative is taken as 0, and the number of
-    /// these is returned. Frames that were left out since the one before are silent. Before the first one
-    /// nothing is known.
+    /// `magnitudes` are amplitudes `2 |sum w x| / sum w` from bin 0. Missing ones are 0; those beyond
+    /// `framing.bins` are ignored. A magnitude that is NaN, infinite or negative counts as 0; their
+    /// number is returned. Frames skipped since the last one are silent.
     ///
     /// # Errors
     /// A frame out of reach or out of order is not used; see [`FrameError`].
@@ -277,7 +275,7 @@ impl<T: Float> SampleCommit<T> {
         }
         let magnitudes = magnitudes.get(..self.framing.bins).unwrap_or(magnitudes);
         let bad = magnitudes.iter().filter(|&&m| !usable(m)).count();
-        // Those of all bins together stay finite.
+        // The sum over all bins stays finite.
         let most = P::of(largest_of::<P, T>() / (8 * (self.framing.bins + 1)) as f64);
         let peak = largest(magnitudes);
         let peak = if peak > most { most } else { peak };
@@ -297,15 +295,15 @@ impl<T: Float> SampleCommit<T> {
         Ok(bad)
     }
 
-    /// Keeps squares within reach of single precision whatever the unit: all is divided by a power of two
-    /// near the largest magnitude.
+    /// Keeps squares within single precision in any unit: divides everything by a power of two near the
+    /// largest magnitude.
     fn set_scale(&mut self, peak: f64) {
         let held = self.history.peak().f64() * 4.0 * self.scale;
         let most = peak.max(held);
         if most <= 0.0 || (self.scale * 2f64.powi(-16)..=self.scale * 2f64.powi(16)).contains(&most) {
             return;
         }
-        // The exponent, kept where its inverse is a normal number too.
+        // Limited so that the inverse is a normal number too.
         let exponent = ((most.to_bits() >> 52) as i32 - 1023).clamp(-100, 100);
         let scale = 2f64.powi(exponent);
         let factor = self.scale / scale;
@@ -316,7 +314,7 @@ impl<T: Float> SampleCommit<T> {
         }
     }
 
-    /// Some passes over what is not emitted.
+    /// Makes the passes over the samples not emitted yet.
     fn refine(&mut self) {
         if self.is_silent() {
             return;
@@ -324,8 +322,8 @@ impl<T: Float> SampleCommit<T> {
         let origin = self.next - self.framing.fft_len as i64;
         let candidates = self.history.starting_after(origin);
         let Some((newest, _)) = self.history.get(0) else { return };
-        // Within the buffers: a frame that starts too early was refused. One that lies behind them has
-        // nothing left to say.
+        // Within the buffers: a frame that starts too early was refused. A frame entirely behind them
+        // has no effect any more.
         let Ok(at) = usize::try_from(newest.start.saturating_sub(origin)) else { return };
         let end = at.saturating_add(self.framing.fft_len);
         if end > self.sum.len() {
@@ -341,7 +339,7 @@ impl<T: Float> SampleCommit<T> {
         }
     }
 
-    /// How far a pass is to turn the phases, from what a frame in the middle of those in use says.
+    /// Rotation of the bins in a pass, from a frame in the middle of those in use.
     fn turn(&mut self, candidates: u64, origin: i64) -> Complex<T> {
         let n = self.framing.fft_len as i64;
         let due = self.history.expected().is_some_and(|next| next.is_multiple_of(drift::EVERY));
@@ -355,8 +353,8 @@ impl<T: Float> SampleCommit<T> {
         phasor(self.drift.turns())
     }
 
-    /// Says what weight the frames of a pass have on average: that of all frames, times the `share` of them
-    /// that a pass looks at. The newest frame starts at `at`.
+    /// Computes the average weight of the frames of a pass: that of all frames, times the `share` that
+    /// a pass uses. The newest frame starts at `at`.
     fn expect(&mut self, candidates: u64, share: f64, at: usize, end: usize) {
         let n = self.framing.fft_len;
         let share = T::of(share);
@@ -373,8 +371,8 @@ impl<T: Float> SampleCommit<T> {
         }
     }
 
-    /// The newest frame, and of the others one from each of as many equal spans of time, at a place that
-    /// differs from pass to pass. Where a pass has one frame, it is the newest in every second pass, on
+    /// Chooses the newest frame, and one from each of equal spans of time over the others, at positions
+    /// that differ from pass to pass. A pass of one frame uses the newest in every second pass on
     /// average.
     fn choose(&mut self, candidates: u64, pass: usize) {
         self.chosen.clear();
@@ -395,7 +393,8 @@ impl<T: Float> SampleCommit<T> {
         self.chosen.extend((0..frames).map(|j| 1 + ((j as f64 + shift) * span) as u64));
     }
 
-    /// Projects the chosen frames, turned by `turn`, and moves the free samples to their weighted mean.
+    /// Projects the chosen frames, rotated by `turn`, and moves the free samples to their weighted
+    /// mean.
     fn pass(&mut self, origin: i64, end: usize, momentum: f64, turn: Complex<T>) {
         let n = self.framing.fft_len;
         let unheard = self.unheard(origin);
@@ -410,7 +409,7 @@ impl<T: Float> SampleCommit<T> {
             for &age in some {
                 let Some((slot, mags)) = self.history.get(age) else { continue };
                 let at = (slot.start - origin) as usize;
-                // What of the frame is free.
+                // Free samples of the frame.
                 let free = from.max(at)..at + n;
                 let skip = free.start - at;
                 add(&mut weight[free], &self.projector.square()[skip..]);
@@ -431,7 +430,8 @@ impl<T: Float> SampleCommit<T> {
         }
     }
 
-    /// Samples in view that have frames but were not emitted, since the first frame came too late for them.
+    /// Samples in view that have frames but were never emitted, because the first frame came too late
+    /// for them.
     fn unheard(&self, origin: i64) -> Option<std::ops::Range<usize>> {
         let n = self.framing.fft_len as i64;
         let place = |sample: i64| sample.saturating_sub(origin).clamp(0, n);
@@ -439,8 +439,8 @@ impl<T: Float> SampleCommit<T> {
         (range.start < range.end).then_some(range.start as usize..range.end as usize)
     }
 
-    /// Says that the next sample to be emitted is `start`. Samples that a later one leaves out are dropped;
-    /// an earlier one, or one more than a window later, begins anew there.
+    /// Moves to `start` as the next sample. Samples in between are dropped; an earlier position, or one
+    /// more than a window later, starts anew.
     pub fn seek(&mut self, start: u64) {
         let gap = self.content(start).saturating_sub(self.next);
         match usize::try_from(gap) {
@@ -451,13 +451,13 @@ impl<T: Float> SampleCommit<T> {
 
     /// Takes out the samples `start .. start + out.len()`; `out` may be empty.
     ///
-    /// Samples are to be taken in order (else see [`seek`](Self::seek)), and after the frames that start
-    /// among them: one that did not come is silence.
+    /// Samples are taken in order (else see [`seek`](Self::seek)), after the frames that start among
+    /// them. A missing frame is silence.
     pub fn emit<P: Float>(&mut self, start: u64, out: &mut [P]) {
         self.seek(start);
         let view = self.framing.fft_len;
         let mut end = start;
-        // A hop at a time: of the frames that are missed, none is then out of reach.
+        // One hop at a time, so that no missing frame is out of reach.
         for block in out.chunks_mut(self.hop + 1) {
             end = end.saturating_add(block.len() as u64);
             self.miss(end);
@@ -478,7 +478,7 @@ impl<T: Float> SampleCommit<T> {
         gain(self.fade_from, &self.fade) * gain(self.unheard_from, &self.rise)
     }
 
-    /// Takes frames that should have come before sample `end` for silence.
+    /// Treats frames that should have come before sample `end` as silence.
     fn miss(&mut self, end: u64) {
         let Some(expected) = self.history.expected() else { return };
         if self.framing.start(expected) >= end {
@@ -516,8 +516,8 @@ impl<T: Float> SampleCommit<T> {
         }
     }
 
-    /// What is remembered: frames in use, the samples they reach, and where they lie. Refused where it is
-    /// of frames of another layout or of another emission, or cannot be.
+    /// Saves or restores the frames in use, their samples and positions. A state of another layout or
+    /// emission, or an impossible one, is refused.
     pub fn state(&mut self, state: &mut State<'_>) {
         let mut delay = self.delay;
         self.history.state(state);
@@ -532,7 +532,7 @@ impl<T: Float> SampleCommit<T> {
         let places = self.head.checked_add(len).is_some_and(|end| end <= self.x.len())
             && (-delay.max(0)..FAR).contains(&self.next)
             && self.history.get(0).is_none_or(|(newest, _)| newest.start <= self.next + ahead);
-        // As far out as no addition to them runs over.
+        // Positions to which additions do not overflow.
         let far = |t: i64| t != i64::MIN && !(-FAR..FAR).contains(&t);
         let places = places && ![self.sounds_until, self.unheard_from, self.fade_from].into_iter().any(far);
         let finite = self.x.iter().chain(&self.z).all(|x| x.finite())
@@ -544,8 +544,9 @@ impl<T: Float> SampleCommit<T> {
     }
 }
 
-/// On another scale. A factor that single precision has no number for is one in double, and what was
-/// emitted long before, and may be far louder than any frame that is known still, is held to [`LOUD`].
+/// Changes the scale. The factor may exceed single precision, so the product is in double precision.
+/// Samples emitted long ago may be far louder than any frame still held, so they are limited to
+/// [`LOUD`].
 fn rescaled<T: Float>(x: T, factor: f64) -> T {
     T::of((x.f64() * factor).clamp(-LOUD, LOUD))
 }
@@ -562,8 +563,9 @@ fn add<T: Float>(to: &mut [T], from: &[T]) {
     }
 }
 
-/// The mean of what frames say, by their weights, and of what was there; then on in the direction taken.
-/// What was there has the weight that frames lack of what is expected of them, and `inertia` at least.
+/// Moves to the weighted mean of the frames and the last value, then extrapolates in the same
+/// direction. The last value has the weight that the frames lack of the expected one, and at least
+/// `inertia`.
 fn step<T: Float>(x: &mut [T], z: &mut [T], [sum, weight, expected]: [&[T]; 3], momentum: T, inertia: T) {
     let frames = sum.iter().zip(weight).zip(expected);
     for ((x, z), ((&sum, &weight), &expected)) in x.iter_mut().zip(z).zip(frames) {

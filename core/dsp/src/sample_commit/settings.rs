@@ -1,20 +1,19 @@
-//! What can be chosen.
+//! Settings of [`SampleCommit`](super::SampleCommit).
 
 use crate::{Framing, FramingError};
 
-/// How hard, and how early, [`SampleCommit`] works.
+/// Amount of work and time of emission.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
-    /// Frames that a pass looks at, 1 or more: the newest, and others spread over those that reach past
-    /// the last emitted sample.
+    /// Frames of a pass, 1 or more: the newest, and others spread over those that reach past the last
+    /// emitted sample.
     pub frames: usize,
-    /// Passes for each frame that comes, 1 or more.
+    /// Passes for each new frame, 1 or more.
     pub passes: usize,
-    /// How far a pass runs on in the direction of the one before, in [0, 1).
+    /// Extrapolation of a pass in the direction of the one before, in [0, 1).
     pub momentum: f64,
-    /// Where samples are emitted, in frames: 0 at the start of the newest frame, negative inside it (half
-    /// a window before its end, at its centre, is -25 at 50 frames a window), positive so many frames
-    /// before its start.
+    /// Time of emission in frames. 0: at the start of the newest frame. Negative: inside it (-25 is its
+    /// centre at 50 frames a window). Positive: before its start.
     pub emission: i32,
 }
 
@@ -24,17 +23,17 @@ impl Default for Settings {
     }
 }
 
-/// What is wrong with [`Settings`], or with the framing they are for.
+/// Reason why [`Settings`] or their framing are refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum SettingsError {
-    /// See [`FramingError`].
+    /// The framing is refused.
     Framing(FramingError),
     /// No frames or no passes, or more than [`MAX_WORK`] of one of them.
     Work,
     /// The momentum is not in [0, 1).
     Momentum,
-    /// Emission behind the end of the newest frame, or more than ten windows before its start.
+    /// Emission after the end of the newest frame, or more than ten windows before its start.
     Emission,
 }
 
@@ -63,7 +62,7 @@ impl From<FramingError> for SettingsError {
 }
 
 impl Settings {
-    /// Checks what does not depend on the frames.
+    /// Checks the settings that do not depend on the framing.
     pub(super) fn check(&self) -> Result<(), SettingsError> {
         if [self.frames, self.passes].iter().any(|&n| n == 0 || n > MAX_WORK) {
             return Err(SettingsError::Work);

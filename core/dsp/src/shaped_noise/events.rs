@@ -1,4 +1,4 @@
-//! Bumps that a tool meets one after the other: pulses whose spectrum is white.
+//! Bumps that a tool meets one after another: pulses whose spectrum is white.
 
 use super::pattern::Events;
 use crate::Float;
@@ -6,30 +6,30 @@ use crate::random::{normal, uniform};
 use asperity_numbers::Elementary as _;
 use asperity_state::State;
 
-/// Beyond so many bumps a sample they are white noise.
+/// More bumps per sample than this are replaced by white noise.
 const MOST_A_SAMPLE: f64 = 4.0;
-/// Numbers from that of a bump with which sample n begins to that of sample n + 1: no stroke has so many.
+/// Bump numbers reserved for each sample at which a stroke may start. No stroke has so many bumps.
 const A_SAMPLE: u64 = 1 << 24;
-/// Bumps a second from which on they have all of the power. Of rarer ones each is as high as of these, and
-/// noise has the rest of the power: the next bump would strike a hand that hardly moves.
+/// Bump rate from which on bumps have all of the power. Rarer bumps keep this rate's height, and noise
+/// has the rest of the power: else the next bump would strike a hand that hardly moves.
 const LEAST_HZ: f64 = 4.0;
-/// Ridges a second from which on there is a part of their bumps, and all of it.
+/// Ridge rates between which the share of bumps at ridges rises from none to all.
 const RIDGES_HZ: (f64, f64) = (4.0, 12.0);
 
-/// Bumps along a way: which is next, and how far it is to it.
+/// Bumps along a way: the next one, and the distance to it.
 ///
-/// A sample has the mean square 1: the rarer bumps are, the higher they stand. Their signs are drawn, so
-/// that the spectrum is white however regularly they come (power spectrum of a marked point process whose
-/// marks have the mean 0; D. J. Daley and D. Vere-Jones, "An Introduction to the Theory of Point
-/// Processes", 2003). Distances and heights follow lognormal laws. The height grows with the root of the way
-/// from the bump before: into a wide gap a tip falls far. So the power does not swing with the distances.
+/// A sample has mean square 1: the rarer the bumps, the higher they are. Their signs are random, so the
+/// spectrum is white at any regularity (power spectrum of a marked point process with marks of mean 0;
+/// D. J. Daley and D. Vere-Jones, "An Introduction to the Theory of Point Processes", 2003). Distances
+/// and heights are lognormal. The height grows with the root of the distance from the previous bump, as
+/// a tip falls far into a wide gap. So the power does not vary with the distances.
 #[derive(Clone, Debug)]
 pub(super) struct Bumps {
     seed: u64,
-    /// Number of the next bump; none before the first. It begins with the number of the sample: a stroke that
-    /// begins anew has not the bumps of the one before.
+    /// Number of the next bump; none before the first. A stroke starts with a number derived from its
+    /// first sample, so that it does not repeat the bumps of the stroke before.
     number: Option<u64>,
-    /// Way to the next bump in spacings.
+    /// Distance to the next bump in spacings.
     next: f64,
 }
 
@@ -38,13 +38,13 @@ impl Bumps {
         Self { seed, number: None, next: 0.0 }
     }
 
-    /// Begins to count anew.
+    /// Forgets the bumps; the next sample starts a new stroke.
     pub(super) fn reset(&mut self) {
         (self.number, self.next) = (None, 0.0);
     }
 
-    /// The bumps of a way, in spacings, from sample `start` on: tells each its number and where it is, and
-    /// goes over them.
+    /// Moves along a way, in spacings, from sample `start` on. Calls `met` with the number and position
+    /// of each bump.
     fn pass(&mut self, start: u64, way: f64, intervals: &Intervals, mut met: impl FnMut(u64, f64)) {
         let mut number = self.number.unwrap_or_else(|| {
             let first = start.wrapping_mul(A_SAMPLE);
@@ -59,8 +59,8 @@ impl Bumps {
         (self.number, self.next) = (Some(number), self.next - way);
     }
 
-    /// The pulses of a way, in spacings, that is gone in so many samples from `start` on, at `rate_hz`;
-    /// noise where they are rare.
+    /// Writes the pulses of a way, in spacings, over the samples from `start` on, at `rate_hz`. Rare
+    /// bumps leave the rest of the power to noise.
     pub(super) fn fill<T: Float>(
         &mut self,
         start: u64,
@@ -97,11 +97,11 @@ impl Bumps {
     }
 }
 
-/// Bumps at the ridges of a way from one place to another, in turns of a wave, that takes so many samples
-/// at `rate_hz`. `out` has noise, which stays where hardly a ridge is met.
+/// Adds bumps at the ridges of a way, in turns of a wave, that takes `out.len()` samples at `rate_hz`.
+/// `out` holds noise, which stays where few ridges are met.
 ///
-/// The part that does not repeat happens at the ridges too: each has a pulse of its own sign, height and
-/// place. They are the ridge's: a hand that comes back meets them again.
+/// Each ridge has a pulse with its own sign, height and position, which is the part of the signal that
+/// does not repeat. They belong to the ridge: a hand that comes back meets them again.
 pub(super) fn at_ridges<T: Float>(
     seed: u64,
     rate_hz: f64,
@@ -112,7 +112,7 @@ pub(super) fn at_ridges<T: Float>(
     let (way, samples) = (to - from, out.len() as f64);
     let pitch_hz = way.abs() / samples * rate_hz;
     let part = ((pitch_hz - RIDGES_HZ.0) / (RIDGES_HZ.1 - RIDGES_HZ.0)).clamp(0.0, 1.0);
-    // Ridges that are closer than samples are noise.
+    // Ridges closer than samples are noise.
     if part <= 0.0 || pitch_hz > rate_hz {
         return;
     }
@@ -131,7 +131,7 @@ pub(super) fn at_ridges<T: Float>(
     }
 }
 
-/// A bump's normal number of a column: 0 says how high it stands, 1 where it is.
+/// Normal number of a bump: column 0 for its height, 1 for its position.
 fn drawn(seed: u64, number: u64, column: u64) -> f64 {
     normal(seed, number.wrapping_mul(3).wrapping_add(column))
 }

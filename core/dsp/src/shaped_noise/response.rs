@@ -1,23 +1,23 @@
-//! The response of minimum phase whose magnitudes are given.
+//! Minimum-phase response for given magnitudes.
 
 use super::LANES;
 use crate::plans::Transform;
 use crate::{Complex, Float};
 
-/// Squared magnitudes less than this part of the largest count as that part: -70 dB.
+/// Smallest squared magnitude relative to the largest: -70 dB.
 const FLOOR: f64 = 1e-7;
 
-/// Finds responses on a grid twice as fine as the bins of a transform.
+/// Computes responses on a grid twice as fine as the bins of a transform.
 ///
 /// The logarithm's imaginary part is the Hilbert transform of its real part: the cepstrum, folded to
 /// positive times (A. V. Oppenheim and R. W. Schafer, "Discrete-Time Signal Processing", section on
-/// minimum-phase sequences by the real cepstrum). Magnitudes on the grid are kept.
+/// minimum-phase sequences by the real cepstrum). Magnitudes on the grid are exact.
 #[derive(Debug)]
 pub(super) struct Designer<T> {
     /// Its bins are the grid: first the logarithm of the response, then the response.
     transform: Transform<T>,
     len: usize,
-    /// Sum of squares of the response in time.
+    /// Sum of squares of the impulse response.
     energy: f64,
 }
 
@@ -33,7 +33,8 @@ impl<T: Float> Designer<T> {
         &self.transform.bins
     }
 
-    /// The response whose squared magnitudes are these, of each frequency of the grid; whether there is any.
+    /// Computes the response from squared magnitudes at each frequency of the grid. Returns false if
+    /// all are 0.
     pub(super) fn design(&mut self, squares: &[f64]) -> bool {
         let most = in_lanes(squares, |most, square| if square > most { square } else { most }, f64::max);
         let ends = squares.first().unwrap_or(&0.0) + squares.last().unwrap_or(&0.0);
@@ -45,12 +46,12 @@ impl<T: Float> Designer<T> {
         }
         let unit = most.recip().min(f64::MAX);
         for (to, square) in self.transform.bins.iter_mut().zip(squares) {
-            // Of ratios: whatever the unit, they are normal numbers in single precision.
+            // Relative to the largest, so that they are normal numbers in single precision.
             let log = T::of((square * unit).max(FLOOR)).natural_log();
             *to = Complex::new(log * T::of(0.5), T::zero());
         }
         self.transform.inverse();
-        // Positive times get what negative ones have.
+        // Folds negative times onto positive ones.
         let half = self.len / 2;
         let (once, twice) = (T::of(1.0 / self.len as f64), T::of(2.0 / self.len as f64));
         let cepstrum = &mut self.transform.time;
@@ -61,7 +62,7 @@ impl<T: Float> Designer<T> {
         self.transform.forward();
         let level = T::of(most.sqrt());
         for (to, square) in self.transform.bins.iter_mut().zip(squares) {
-            // The real part is the logarithm that was given.
+            // The real part is the given logarithm.
             let radius = level * T::of((square * unit).max(FLOOR)).root();
             let (cos, sin) = to.im.cos_sin();
             *to = Complex::new(radius * cos, radius * sin);
@@ -69,14 +70,14 @@ impl<T: Float> Designer<T> {
         true
     }
 
-    /// The first samples of the response in time, newest last: `taps[len - 1 - i]` weighs what came i
-    /// samples ago. They have the energy of all of it: a line that is narrower than they are long is wider,
-    /// and as loud.
+    /// Writes the first samples of the impulse response, newest last: `taps[len - 1 - i]` weighs the
+    /// input i samples ago. They have the energy of the whole response, so a line narrower than the
+    /// taps allow becomes wider at the same level.
     pub(super) fn taps(&mut self, taps: &mut [T]) {
         self.transform.inverse();
         let norm = T::of(1.0 / self.len as f64);
         taps.iter_mut().rev().zip(&self.transform.time).for_each(|(tap, x)| *tap = *x * norm);
-        // What is cut off ends softly.
+        // Fades the cut end.
         let end = taps.len().div_ceil(4);
         for (i, tap) in taps[..end].iter_mut().enumerate() {
             *tap *= T::of((i + 1) as f64 / end as f64);
@@ -89,7 +90,7 @@ impl<T: Float> Designer<T> {
     }
 }
 
-/// Values taken together, in lanes, from 0 on.
+/// Folds values from 0 on, in lanes.
 fn in_lanes<T: Copy>(values: &[T], with: impl Fn(f64, T) -> f64, both: impl Fn(f64, f64) -> f64) -> f64 {
     let mut lanes = [0.0; LANES];
     let chunks = values.chunks_exact(LANES);
