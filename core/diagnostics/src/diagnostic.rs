@@ -150,6 +150,12 @@ impl Diagnostic {
         self
     }
 
+    /// Points at a place.
+    #[must_use]
+    pub fn at_place(self, place: &Place) -> Self {
+        self.at(&place.source, place.span)
+    }
+
     /// Names a file whose text cannot be shown (missing, binary).
     #[must_use]
     pub fn in_file(mut self, path: impl Into<PathBuf>) -> Self {

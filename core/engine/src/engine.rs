@@ -54,6 +54,19 @@ pub(crate) struct Body {
     pub(crate) fed_audio: Vec<usize>,
 }
 
+impl Body {
+    pub(crate) fn new(compiled: Compiled) -> Self {
+        let Compiled { schedule, processors } = compiled;
+        Self {
+            buffers: swap::buffers(&schedule),
+            slots: schedule.nodes.iter().zip(processors).map(|(n, p)| Slot::new(n, p)).collect(),
+            steps: schedule.steps.iter().map(|s| (*s).into()).collect(),
+            fed_audio: swap::fed_audio(&schedule),
+            schedule: Arc::new(schedule),
+        }
+    }
+}
+
 impl std::fmt::Debug for Engine {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("Engine")
@@ -68,15 +81,7 @@ impl Engine {
     /// contained and counted.
     pub fn new(compiled: Compiled, options: Options) -> Self {
         install_silent_hook();
-        let Compiled { schedule, processors } = compiled;
-        let body = Body {
-            buffers: swap::buffers(&schedule),
-            slots: schedule.nodes.iter().zip(processors).map(|(n, p)| Slot::new(n, p)).collect(),
-            steps: schedule.steps.iter().map(|s| (*s).into()).collect(),
-            fed_audio: swap::fed_audio(&schedule),
-            schedule: Arc::new(schedule),
-        };
-        Self { body, tick: 0, options, link: None }
+        Self { body: Body::new(compiled), tick: 0, options, link: None }
     }
 
     /// The same with a controller, which changes the graph and live parameters from another thread while
@@ -120,7 +125,7 @@ impl Engine {
             link.listen(&mut self.body, now);
         }
         let Body { slots, buffers, steps, .. } = &mut self.body;
-        let watch = Watch { clock, limit_ns: self.options.limit_ns };
+        let watch = &Watch { clock, limit_ns: self.options.limit_ns };
         let mut before = if C::TIMES { clock.now_ns() } else { 0 };
         for step in steps.iter() {
             if let (true, Run::Process(i) | Run::Wants(i) | Run::Absorb(i)) = (C::TIMES, *step) {

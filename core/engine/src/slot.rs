@@ -114,7 +114,7 @@ impl Slot {
         buffers: &mut [Buffer],
         now: Now,
         wanted: bool,
-        watch: Watch<'_, C>,
+        watch: &Watch<'_, C>,
     ) {
         if !now.tick.is_multiple_of(self.every) {
             return self.clear(buffers, now);
@@ -181,13 +181,8 @@ impl Slot {
     /// What sleeps is silent, and silence can be trusted; controls keep the mark they had.
     fn trust_silence(&self, buffers: &mut [Buffer]) {
         for buffer in &mut buffers[self.outputs.clone()] {
-            match buffer {
-                Buffer::Control { .. } => {}
-                Buffer::Audio { valid, .. }
-                | Buffer::Magnitude { valid, .. }
-                | Buffer::Spectrum { valid, .. } => {
-                    *valid = true;
-                }
+            if !matches!(buffer, Buffer::Control { .. }) {
+                buffer.set_valid(true);
             }
         }
     }
@@ -211,7 +206,7 @@ impl Slot {
         }
     }
 
-    fn call<C: Clock>(&mut self, buffers: &mut [Buffer], now: Now, watch: Watch<'_, C>) {
+    fn call<C: Clock>(&mut self, buffers: &mut [Buffer], now: Now, watch: &Watch<'_, C>) {
         let (inputs, outputs) = split(buffers, &self.outputs, &self.inputs);
         // What closes a cycle puts out what it took in before; a mark that went round the cycle would never
         // end.
@@ -336,7 +331,7 @@ impl Slot {
         buffers: &mut [Buffer],
         now: Now,
         wanted: bool,
-        watch: Watch<'_, C>,
+        watch: &Watch<'_, C>,
     ) {
         if !now.tick.is_multiple_of(self.every) {
             return;
@@ -360,7 +355,7 @@ impl Slot {
     }
 
     /// Gives a node that closes a cycle its inputs.
-    pub(crate) fn absorb<C: Clock>(&mut self, buffers: &mut [Buffer], now: Now, watch: Watch<'_, C>) {
+    pub(crate) fn absorb<C: Clock>(&mut self, buffers: &mut [Buffer], now: Now, watch: &Watch<'_, C>) {
         if self.report.quarantined || !now.tick.is_multiple_of(self.every) {
             return;
         }

@@ -36,15 +36,6 @@ pub(crate) struct Watch<'a, C> {
     pub(crate) limit_ns: Option<u64>,
 }
 
-// Derived, these would ask the same of the clock.
-impl<C> Clone for Watch<'_, C> {
-    fn clone(&self) -> Self {
-        *self
-    }
-}
-
-impl<C> Copy for Watch<'_, C> {}
-
 impl<C: Clock> Watch<'_, C> {
     /// Runs a node's code; that it took too long is known only afterwards.
     pub(crate) fn call<T>(&self, f: impl FnOnce() -> Result<T, Fault>) -> Result<T, Fault> {

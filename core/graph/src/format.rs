@@ -135,16 +135,10 @@ impl GraphFile {
             Some(v) => v.i64_in(0..=i64::MAX, "")? as u64,
             None => DEFAULT_SEED,
         };
-        let plugins = match graph.optional("plugins") {
-            Some(v) => v.list()?.iter().map(plugin).collect::<Result<_, _>>()?,
-            None => Vec::new(),
-        };
+        let plugins = items(graph.optional("plugins"), plugin)?;
         let nodes = graph.required("nodes")?.map()?;
         let nodes = nodes.iter().map(|(key, v)| NodeDecl::read(key, v)).collect::<Result<_, _>>()?;
-        let wires = match graph.optional("wires") {
-            Some(v) => v.list()?.iter().map(wire).collect::<Result<_, _>>()?,
-            None => Vec::new(),
-        };
+        let wires = items(graph.optional("wires"), wire)?;
         graph.finish(GRAPH_FIELDS)?;
         Ok(Self { source: source.clone(), tick_hz, audio_hz, seed, plugins, nodes, wires })
     }
@@ -229,25 +223,17 @@ impl GraphFile {
         if self.node(id).is_some() {
             return Err(Diagnostic::new(format!("the graph has a node `{id}` already")).in_file(origin));
         }
-        let mut settings = Vec::new();
-        for (name, text) in params {
+        let setting = |(name, text): &(&str, &str)| {
             let value = ron::parse_or_text(&Source::new(origin, *text))?;
-            settings.push(Setting {
-                name: (*name).to_owned(),
-                place: at(name),
-                value,
-                typed: Some((*text).to_owned()),
-            });
-        }
-        let (id, kind_place) = (id.to_owned(), at(kind));
-        let place = at(&id);
+            Ok(Setting { name: (*name).to_owned(), place: at(name), value, typed: Some((*text).to_owned()) })
+        };
         self.nodes.push(NodeDecl {
-            id,
-            place,
+            id: id.to_owned(),
+            place: at(id),
             kind: kind.to_owned(),
-            kind_place,
+            kind_place: at(kind),
             every: 1,
-            params: settings,
+            params: params.iter().map(setting).collect::<Result<_, _>>()?,
         });
         Ok(())
     }
@@ -262,12 +248,20 @@ impl GraphFile {
     }
 }
 
+/// The items of a list that may be left out.
+fn items<T>(
+    list: Option<&Value>,
+    item: impl Fn(&Value) -> Result<T, Diagnostic>,
+) -> Result<Vec<T>, Diagnostic> {
+    list.map_or(Ok(Vec::new()), |v| v.list()?.iter().map(item).collect())
+}
+
 fn plugin(value: &Value) -> Result<PluginDecl, Diagnostic> {
     let name = value.text()?.to_owned();
     if name.trim().is_empty() {
         return Err(value.error("a plugin has a name or a file").help("plugins: [\"libmy_phase.so\"]"));
     }
-    Ok(PluginDecl { name, place: Place { source: value.source().clone(), span: value.span() } })
+    Ok(PluginDecl { name, place: value.place() })
 }
 
 impl NodeDecl {
@@ -308,7 +302,7 @@ impl NodeDecl {
             id: key.name.clone(),
             place: place(key.span),
             kind,
-            kind_place: place(kind_value.span()),
+            kind_place: kind_value.place(),
             every,
             params,
         })
@@ -322,9 +316,7 @@ fn wire(value: &Value) -> Result<WireDecl, Diagnostic> {
             .error(format!("a wire has two ends, found {}", ends.len()))
             .help("(\"node.output\", \"node.input\")"));
     };
-    let end = |v: &Value| -> Result<Endpoint, Diagnostic> {
-        Ok(endpoint(v.text()?, Place { source: v.source().clone(), span: v.span() }))
-    };
+    let end = |v: &Value| v.text().map(|text| endpoint(text, v.place()));
     Ok(WireDecl { from: end(from)?, to: end(to)? })
 }
 

@@ -15,6 +15,6 @@ pub use format::{EVERY, Endpoint, GraphFile, NodeDecl, PluginDecl, Setting, Wire
 pub use params::check_settings;
 pub use schedule::{
     BufferEntry, Dropped, LiveParam, PathLatency, Schedule, ScheduledInput, ScheduledNode, ScheduledOutput,
-    Step,
+    Step, topological_order,
 };
 pub use write::text_of;

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use asperity_diagnostics::file::irregular;
-use asperity_diagnostics::{Diagnostic, Place, nearest, one_of};
+use asperity_diagnostics::{Diagnostic, nearest, one_of};
 use asperity_node::{Descriptor, Param, ParamKind, ParamValue, Params};
 
 use crate::{NodeDecl, Setting};
@@ -27,7 +27,7 @@ fn unknown(settings: &[Setting], descriptor: &Descriptor) -> Vec<Diagnostic> {
     unknown
         .map(|setting| {
             Diagnostic::new(format!("`{}` has no parameter `{}`", descriptor.kind, setting.name))
-                .at(&setting.place.source, setting.place.span)
+                .at_place(&setting.place)
                 .label("unknown parameter")
                 .help(one_of(&setting.name, names.iter().copied()))
         })
@@ -40,7 +40,7 @@ pub(crate) fn check(node: &NodeDecl, descriptor: &Descriptor, errors: &mut Vec<D
     let mut params = Params::new(Some(node.place.clone()));
     for param in &descriptor.params {
         let setting = node.params.iter().find(|s| s.name == param.name);
-        let place = setting.map(|s| Place { source: s.value.source().clone(), span: s.value.span() });
+        let place = setting.map(|s| s.value.place());
         let value = match setting {
             Some(s) => match read(s, param) {
                 Ok(value) => Some(value),
@@ -53,7 +53,7 @@ pub(crate) fn check(node: &NodeDecl, descriptor: &Descriptor, errors: &mut Vec<D
                 if param.default.is_none() && !param.optional {
                     errors.push(
                         Diagnostic::new(format!("`{}` needs the parameter `{}`", node.kind, param.name))
-                            .at(&node.place.source, node.place.span)
+                            .at_place(&node.place)
                             .label(format!("no `{}` set", param.name))
                             .help(param.doc.to_string()),
                     );

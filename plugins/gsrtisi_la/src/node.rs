@@ -23,20 +23,29 @@ pub struct GsrtisiLa {
 
 impl Node for GsrtisiLa {
     fn descriptor() -> Descriptor {
-        Descriptor::new("gsrtisi_la", "Real-time iterative spectrogram inversion with look-ahead: Griffin-Lim on the frames that are not put out yet.")
-            .input(
-                Input::new("magnitude", ShapeSpec::Magnitude(LayoutSpec::Of('l')), Unit::NONE)
-                    .unit_of('u')
-                    .doc("what the next frame is to have"),
-            )
-            .output(
-                Output::new("spectrum", ShapeSpec::Spectrum(LayoutSpec::Of('l')), Unit::NONE)
-                    .unit_of('u')
-                    .doc("the same magnitudes with phases, `look_ahead` frames later"),
-            )
-            .param(Param::integer("look_ahead", 4, 0..=16, "Frames known beyond the one that is put out."))
-            .param(Param::integer("iterations", 4, 1..=20, "Rounds over all frames that are not put out, for each that comes."))
-            .timing("`look_ahead` frames")
+        Descriptor::new(
+            "gsrtisi_la",
+            "Real-time iterative spectrogram inversion with look-ahead: Griffin-Lim on the frames that are \
+             not put out yet.",
+        )
+        .input(
+            Input::new("magnitude", ShapeSpec::Magnitude(LayoutSpec::Of('l')), Unit::NONE)
+                .unit_of('u')
+                .doc("what the next frame is to have"),
+        )
+        .output(
+            Output::new("spectrum", ShapeSpec::Spectrum(LayoutSpec::Of('l')), Unit::NONE)
+                .unit_of('u')
+                .doc("the same magnitudes with phases, `look_ahead` frames later"),
+        )
+        .param(Param::integer("look_ahead", 4, 0..=16, "Frames known beyond the one that is put out."))
+        .param(Param::integer(
+            "iterations",
+            4,
+            1..=20,
+            "Rounds over all frames that are not put out, for each that comes.",
+        ))
+        .timing("`look_ahead` frames")
     }
 
     fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {

@@ -100,8 +100,11 @@ fn check(bytes: &[u8]) -> Result<(), (String, String)> {
     let is_entry = |name: &[u8]| name.strip_prefix(b"_").is_some_and(is_it) || is_it(name);
     if !exports.any(|e| e.is_ok_and(|e| matches!(e.name(), NameOrOrdinal::Name(name) if is_entry(name)))) {
         return Err((
-            format!("this library has no symbol `{ASPERITY_ENTRY_SYMBOL}`, so it is not a plugin of Asperity"),
-            "in Rust: `asperity_sdk::export!(MyNode);`; in C: `ASPERITY_EXPORT const AsperityEntry asperity_entry`"
+            format!(
+                "this library has no symbol `{ASPERITY_ENTRY_SYMBOL}`, so it is not a plugin of Asperity"
+            ),
+            "in Rust: `asperity_sdk::export!(MyNode);`; \
+             in C: `ASPERITY_EXPORT const AsperityEntry asperity_entry`"
                 .into(),
         ));
     }

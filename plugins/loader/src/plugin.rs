@@ -87,7 +87,8 @@ impl Plugin {
         let (size, major, minor) = unsafe { ((*entry).size, (*entry).major, (*entry).minor) };
         if major != ASPERITY_MAJOR {
             return Err(format!(
-                "it was built for version {major}.{minor} of the plugin interface; this program has {ASPERITY_MAJOR}.{ASPERITY_MINOR}"
+                "it was built for version {major}.{minor} of the plugin interface; \
+                 this program has {ASPERITY_MAJOR}.{ASPERITY_MINOR}"
             ));
         }
         // Its last member in 1.0 is `open`.

@@ -87,30 +87,8 @@ pub fn parse(source: &Arc<Source>) -> Result<Value, Diagnostic> {
 /// The word with which a text begins, after comments: what it is meant as, such as `Graph` or `Scene`,
 /// whether or not the rest can be read.
 pub fn first_word(source: &Source) -> Option<&str> {
-    let mut text = source.text().trim_start_matches('\u{feff}').trim_start();
-    loop {
-        text = match (text.strip_prefix("//"), text.strip_prefix("/*")) {
-            (Some(comment), _) => comment.split_once('\n').map_or("", |(_, rest)| rest),
-            (_, Some(comment)) => after_comment(comment),
-            _ => break,
-        }
-        .trim_start();
-    }
+    let text = read::after_comments(source.text().trim_start_matches('\u{feff}'));
     text.split(|c: char| !(c.is_alphanumeric() || c == '_')).next().filter(|word| !word.is_empty())
-}
-
-/// The text behind a comment that has begun; comments may stand in comments.
-fn after_comment(text: &str) -> &str {
-    let (mut depth, mut at) = (1, 0);
-    while depth > 0 {
-        let Some(rest) = text.get(at..) else { return "" };
-        match (rest.find("/*"), rest.find("*/")) {
-            (Some(open), Some(close)) if open < close => (depth, at) = (depth + 1, at + open + 2),
-            (_, Some(close)) => (depth, at) = (depth - 1, at + close + 2),
-            _ => return "",
-        }
-    }
-    text.get(at..).unwrap_or("")
 }
 
 /// Reads a text that came from a command line as a value; a text that is no RON is taken as text.

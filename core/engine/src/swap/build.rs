@@ -1,9 +1,7 @@
 //! Everything the tick thread will need, allocated beforehand.
 
-use std::sync::Arc;
-
 use asperity_graph::{BufferEntry, Compiled, Schedule};
-use asperity_node::{Buffer, PortType, Processor, Shape};
+use asperity_node::{Buffer, PortType, Shape};
 
 use super::crossfade::Crossfade;
 use super::plan::{Fate, Place, Plan, Point, live_value};
@@ -22,19 +20,8 @@ pub(super) fn build(
     live: &[Vec<f64>],
     compiled: Compiled,
 ) -> Swap {
-    let Compiled { schedule: new, processors } = compiled;
-    let mut body = Body {
-        buffers: buffers(&new),
-        slots: new
-            .nodes
-            .iter()
-            .zip(processors)
-            .map(|(n, p): (_, Box<dyn Processor>)| Slot::new(n, p))
-            .collect(),
-        steps: plan.steps.clone(),
-        fed_audio: fed_audio(&new),
-        schedule: Arc::new(new),
-    };
+    let mut body = Body::new(compiled);
+    let settled = std::mem::replace(&mut body.steps, plan.steps.clone());
     let new = body.schedule.clone();
     let guards = guards(plan, old, &new, &mut body.slots);
     let own = add_shadows(plan, old, &mut body);
@@ -42,7 +29,7 @@ pub(super) fn build(
     let mut swap = Swap {
         number,
         body,
-        settled: new.steps.iter().map(|s| (*s).into()).collect(),
+        settled,
         fades,
         readers,
         kept: Vec::new(),

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use asperity_graph::{Schedule, ScheduledNode, Step};
+use asperity_graph::{Schedule, ScheduledNode, Step, topological_order};
 
 use super::plan::{Place, Point};
 use super::shadow::{Shadows, Ways};
@@ -156,26 +156,8 @@ impl Steps<'_> {
     }
 
     fn sort(&self) -> Option<Vec<Run>> {
-        let all = || (0..self.exists.len()).filter(|&s| self.exists[s]);
-        let mut missing: Vec<usize> =
-            self.before.iter().map(|b| b.iter().filter(|&&s| self.exists[s]).count()).collect();
-        let mut after: Vec<Vec<usize>> = vec![Vec::new(); self.exists.len()];
-        for s in all() {
-            for &b in &self.before[s] {
-                after[b].push(s);
-            }
-        }
-        let mut ready: BTreeSet<usize> = all().filter(|&s| missing[s] == 0).collect();
-        let mut out = Vec::new();
-        while let Some(s) = ready.pop_first() {
-            out.push(self.run(s));
-            for &next in &after[s] {
-                missing[next] -= 1;
-                if missing[next] == 0 {
-                    ready.insert(next);
-                }
-            }
-        }
-        (out.len() == all().count()).then_some(out)
+        let order = topological_order(&self.before, |step| self.exists[step]);
+        let complete = order.len() == self.exists.iter().filter(|exists| **exists).count();
+        complete.then(|| order.into_iter().map(|step| self.run(step)).collect())
     }
 }

@@ -1,10 +1,12 @@
 //! What the tick thread does with a swap: nothing here allocates, frees, locks or waits.
 
-use asperity_node::Buffer;
+use asperity_graph::ScheduledNode;
+use asperity_node::{Buffer, Fault, Processor, Status, Tick};
 use ringbuf::traits::{Consumer, Producer};
 use ringbuf::{HeapCons, HeapProd};
 
 use super::crossfade::{self, Crossfade, Ramp};
+use super::order::Run;
 use crate::engine::Body;
 use crate::slot::{Guards, Now, Slot};
 
@@ -28,7 +30,7 @@ pub(crate) struct Swap {
     /// The new graph with its shadows, as it runs while it fades; from the takeover on, the old graph.
     pub(super) body: Body,
     /// The steps of the new graph, for when it has faded.
-    pub(super) settled: Vec<super::order::Run>,
+    pub(super) settled: Vec<Run>,
     pub(super) fades: Vec<Crossfade>,
     /// New node and input that read each crossfade; `None` for one on an output.
     pub(super) readers: Vec<Option<(usize, usize)>>,
@@ -230,7 +232,7 @@ fn carry_controls(to: &mut [Buffer], from: &[Buffer]) {
 
 impl Slot {
     /// A place that is taken over from another graph.
-    pub(super) fn empty(like: &asperity_graph::ScheduledNode) -> Self {
+    pub(super) fn empty(like: &ScheduledNode) -> Self {
         Self::new(like, Box::new(Absent))
     }
 }
@@ -238,14 +240,11 @@ impl Slot {
 /// Stands where a node was, or will be.
 struct Absent;
 
-impl asperity_node::Processor for Absent {
-    fn process(
-        &mut self,
-        _: &mut asperity_node::Tick<'_>,
-    ) -> Result<asperity_node::Status, asperity_node::Fault> {
-        Ok(asperity_node::Status::Asleep)
+impl Processor for Absent {
+    fn process(&mut self, _: &mut Tick<'_>) -> Result<Status, Fault> {
+        Ok(Status::Asleep)
     }
-    fn reset(&mut self) -> Result<(), asperity_node::Fault> {
+    fn reset(&mut self) -> Result<(), Fault> {
         Ok(())
     }
 }

@@ -60,5 +60,5 @@ pub fn compile(
 
 /// Refuses a graph at the first node for which memory does not suffice; `bytes` more are needed.
 fn within_budget(node: &NodeDecl, bytes: u64) -> Result<(), Vec<Diagnostic>> {
-    budget::needs(bytes).map_err(|e| vec![e.at(&node.place.source, node.place.span)])
+    budget::needs(bytes).map_err(|e| vec![e.at_place(&node.place)])
 }

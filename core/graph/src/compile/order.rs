@@ -7,6 +7,7 @@ use asperity_node::{Diagnostic, Resume};
 use super::Options;
 use super::resolve::Resolved;
 use super::types::Typed;
+use crate::schedule::topological_order;
 use crate::{Dropped, GraphFile, Step};
 
 /// Nodes by their index in the file.
@@ -40,11 +41,11 @@ pub(super) fn order(
     let closes_cycle = cut_cycles(graph, resolved, &live)?;
     let mut guards = guards(resolved, &live, &gates, &closes_cycle);
     let wanted = |v: usize| live[v % n] && (v < n || gates[v - n].is_some());
-    let mut vertices = sort(&edges(resolved, &gates, &closes_cycle, &guards), wanted);
+    let mut vertices = topological_order(&edges(resolved, &gates, &closes_cycle, &guards), wanted);
     if vertices.len() < (0..2 * n).filter(|&v| wanted(v)).count() {
         // No graph is known in which gates wait for what they let sleep; it would still run, with all awake.
         guards = vec![Vec::new(); n];
-        vertices = sort(&edges(resolved, &gates, &closes_cycle, &guards), wanted);
+        vertices = topological_order(&edges(resolved, &gates, &closes_cycle, &guards), wanted);
     }
     let nodes = vertices.iter().copied().filter(|&v| v < n).collect();
     let mut steps: Vec<Step> =
@@ -148,7 +149,7 @@ fn check_required(graph: &GraphFile, resolved: &Resolved, live: &[bool]) -> Resu
                         "nothing is wired to `{}.{}`, which must be",
                         decl.id, input.name
                     ))
-                    .at(&decl.place.source, decl.place.span)
+                    .at_place(&decl.place)
                     .label(format!("`{}` is unconnected", input.name))
                     .help(format!("it takes {} [{}]: {}", input.shape, input.unit, input.doc)),
                 );
@@ -209,7 +210,7 @@ fn cut_cycles(graph: &GraphFile, resolved: &Resolved, live: &[bool]) -> Result<V
                 wire.and_then(|w| graph.wires.get(w)).map_or(&graph.nodes[first].place, |w| &w.from.place);
             Err(vec![
                 Diagnostic::new(format!("these nodes wait for each other: {}", names.join(" -> ")))
-                    .at(&place.source, place.span)
+                    .at_place(place)
                     .label("this wire closes the cycle")
                     .help("put a `delay` into the cycle"),
             ])
@@ -285,7 +286,7 @@ fn guards(
     // The empty set: no gate has to be open.
     let always = || vec![BTreeSet::new()];
     let mut ways: Vec<Vec<BTreeSet<usize>>> = vec![always(); n];
-    for i in sort(&before, |i| live[i]).into_iter().rev() {
+    for i in topological_order(&before, |i| live[i]).into_iter().rev() {
         let d = resolved.nodes[i].kind.descriptor();
         if d.sink || d.resume == Resume::Never || closes_cycle[i] || readers[i].is_empty() {
             continue;
@@ -313,27 +314,4 @@ fn guards(
         }
     };
     ways.into_iter().map(listed).collect()
-}
-
-/// A topological order; of what may come next, the first in the file comes first.
-fn sort(before: &[BTreeSet<usize>], wanted: impl Fn(usize) -> bool) -> Vec<usize> {
-    let mut missing: Vec<usize> = before.iter().map(|b| b.iter().filter(|&&v| wanted(v)).count()).collect();
-    let mut after: Vec<Vec<usize>> = vec![Vec::new(); before.len()];
-    for (v, b) in before.iter().enumerate().filter(|(v, _)| wanted(*v)) {
-        for &u in b.iter().filter(|&&u| wanted(u)) {
-            after[u].push(v);
-        }
-    }
-    let mut ready: BTreeSet<usize> = (0..before.len()).filter(|&v| wanted(v) && missing[v] == 0).collect();
-    let mut out = Vec::new();
-    while let Some(v) = ready.pop_first() {
-        out.push(v);
-        for &w in &after[v] {
-            missing[w] -= 1;
-            if missing[w] == 0 {
-                ready.insert(w);
-            }
-        }
-    }
-    out
 }

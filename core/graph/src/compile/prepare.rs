@@ -66,7 +66,7 @@ pub(super) fn prepare(
                     let decl = &graph.nodes[i];
                     let message = format!("nothing settles the type of `{}.{}`", decl.id, output.name);
                     let help = "wire something whose type is known into it, or take it out";
-                    errors.push(Diagnostic::new(message).at(&decl.place.source, decl.place.span).help(help));
+                    errors.push(Diagnostic::new(message).at_place(&decl.place).help(help));
                 }
             }
         }
@@ -232,7 +232,7 @@ fn scheduled(
 fn with_node(error: Diagnostic, graph: &GraphFile, i: usize, params: &Params) -> Diagnostic {
     let decl = &graph.nodes[i];
     let Some(path) = error.path() else {
-        return error.at(&decl.place.source, decl.place.span);
+        return error.at_place(&decl.place);
     };
     if path == decl.place.source.path() {
         return error;

@@ -60,7 +60,7 @@ pub(super) fn resolve(graph: &GraphFile, registry: &Registry) -> Result<Resolved
         // A file cannot have two of one key; a program that makes a graph could.
         if by_id.insert(&n.id, i).is_some() {
             let message = format!("two nodes are called `{}`", n.id);
-            errors.push(Diagnostic::new(message).at(&n.place.source, n.place.span));
+            errors.push(Diagnostic::new(message).at_place(&n.place));
         }
     }
     let mut wires = Vec::new();
@@ -73,7 +73,7 @@ pub(super) fn resolve(graph: &GraphFile, registry: &Registry) -> Result<Resolved
             let (here, there) = (&decl.to.place, &graph.wires[first].to.place);
             errors.push(
                 Diagnostic::new(format!("two wires end at `{}`", name_of(graph, &nodes, to)))
-                    .at(&here.source, here.span)
+                    .at_place(here)
                     .label("the second")
                     .related(&there.source, there.span, "the first")
                     .help("add signals with a `mix` node"),
@@ -101,7 +101,7 @@ fn node(
     let decl = &graph.nodes[index];
     let Some(kind) = registry.get(&decl.kind) else {
         let error = Diagnostic::new(format!("there is no node kind `{}`", decl.kind))
-            .at(&decl.kind_place.source, decl.kind_place.span)
+            .at_place(&decl.kind_place)
             .label("unknown kind");
         tell(errors, error, || one_of(&decl.kind, registry.names()));
         return None;
@@ -150,12 +150,12 @@ fn end(
     let place = &end.place;
     let Some(&index) = by_id.get(end.node.as_str()) else {
         let message = format!("there is no node `{}`", end.node);
-        let error = Diagnostic::new(message).at(&place.source, place.span);
+        let error = Diagnostic::new(message).at_place(place);
         tell(errors, error, || one_of(&end.node, graph.nodes.iter().map(|n| n.id.as_str())));
         return None;
     };
     let mut fail = |message: String, help: &dyn Fn() -> String| {
-        tell(errors, Diagnostic::new(message).at(&place.source, place.span), help);
+        tell(errors, Diagnostic::new(message).at_place(place), help);
     };
     // A node that could not be resolved has its own error already.
     let ports = &nodes[index].as_ref()?.ports;

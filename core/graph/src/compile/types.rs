@@ -273,8 +273,7 @@ fn check_wire(
     );
     let index = resolved.nodes[to.0].input_wires[to.1]?;
     let place = &graph.wires.get(index)?.to.place;
-    let error =
-        |message: String| Diagnostic::new(message).at(&place.source, place.span).label("does not fit");
+    let error = |message: String| Diagnostic::new(message).at_place(place).label("does not fit");
     if !found.fits(&wanted) || !unit_fits {
         let mut takes = wanted.describe();
         if let UnitSpec::Of { among, .. } = &input.unit
@@ -288,7 +287,8 @@ fn check_wire(
         return Some(match bridges(&found, &wanted, graph.audio_hz, registry).as_slice() {
             [] if found.kind == wanted.kind && found.unit != wanted.unit && wanted.unit.is_some() => {
                 let unit = wanted.unit.as_ref().map(Unit::symbol).unwrap_or_default();
-                d.help(format!("a `gain` with `unit: \"{unit}\"`, where a constant factor leads from the one to the other"))
+                let use_for = "where a constant factor leads from the one to the other";
+                d.help(format!("a `gain` with `unit: \"{unit}\"`, {use_for}"))
             }
             [] => d,
             kinds => d.help(format!("what goes between: {}", kinds.join(", "))),
@@ -317,7 +317,7 @@ pub(super) fn check_every(
         if ports.any(|p| matches!(p.shape, Shape::Audio { .. })) {
             errors.push(
                 Diagnostic::new(format!("`{}` carries audio and must run every tick", decl.id))
-                    .at(&decl.place.source, decl.place.span)
+                    .at_place(&decl.place)
                     .help("leave `every` out"),
             );
         }
@@ -334,7 +334,7 @@ pub(super) fn check_every(
                     "`{}` runs every {} ticks and would miss frames of `{}`, which comes every {}",
                     to.id, to.every, from.id, from.every
                 ))
-                .at(&place.source, place.span)
+                .at_place(place)
                 .help(format!("`every` of `{}` must divide that of `{}`; or leave it out", to.id, from.id)),
             );
         }
