@@ -1,9 +1,9 @@
-//! Suggestions for names that are not there.
+//! Suggestions for unknown names.
 
-/// Longest name for which one like it is looked for: the search takes the product of both lengths.
+/// Longest name for which suggestions are made: the search takes the product of both lengths.
 const LONGEST: usize = 80;
 
-/// The name most like `wanted`, if any is like it at all.
+/// The name most similar to `wanted`, if any is similar.
 pub fn nearest<'a>(wanted: &str, names: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let wanted = wanted.to_lowercase();
     let length = wanted.chars().count();
@@ -13,7 +13,7 @@ pub fn nearest<'a>(wanted: &str, names: impl IntoIterator<Item = &'a str>) -> Op
     let distance = |n: &str| {
         let other = n.chars().count();
         let most = 1 + other.max(length) / 3;
-        // Names differ by at least as much as their lengths do.
+        // Names differ by at least the difference of their lengths.
         let alike = || strsim::damerau_levenshtein(&wanted, &n.to_lowercase());
         (other.abs_diff(length) <= most).then(alike).filter(|d| *d <= most)
     };
@@ -23,8 +23,7 @@ pub fn nearest<'a>(wanted: &str, names: impl IntoIterator<Item = &'a str>) -> Op
 /// Most names that are listed.
 const MOST: usize = 100;
 
-/// Help for an unknown name: the nearest one if there is one, else the list of them all, or of the first
-/// of very many.
+/// Help for an unknown name: the nearest one if there is one, else a list of all, or of the first ones.
 pub fn one_of<'a>(wanted: &str, names: impl IntoIterator<Item = &'a str> + Clone) -> String {
     if let Some(n) = nearest(wanted, names.clone()) {
         return format!("did you mean `{n}`?");

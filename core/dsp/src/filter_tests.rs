@@ -3,9 +3,11 @@
 //! ```text
 //! b, a = scipy.signal.butter(2, 20, fs=fs); scipy.signal.group_delay((b, a), w=[0.0], fs=fs)
 //! scipy.signal.lfilter(b, a, numpy.ones(12))                                       # fs = 500
-//! w = 2*pi*65; c = w / (2*48000*tan(w/(2*48000))); wn = w; wc = 2*pi*20            # s -> c s: prewarped at 65 Hz
+//! w = 2*pi*65; c = w / (2*48000*tan(w/(2*48000)))                         # s -> c s: prewarped at 65 Hz
+//! wn = w; wc = 2*pi*20
 //! num = [c*c, c*2*0.18*wn, wn**2]; den = [c*c, c*2*sqrt(.5)*wc, wc**2]
-//! b, a = scipy.signal.bilinear(num, den, 48000); scipy.signal.freqz(b, a, worN=[0, 10, 65, 1000, 10000], fs=48000)
+//! b, a = scipy.signal.bilinear(num, den, 48000)
+//! scipy.signal.freqz(b, a, worN=[0, 10, 65, 1000, 10000], fs=48000)
 //! ```
 
 use super::*;

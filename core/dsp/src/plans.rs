@@ -306,8 +306,8 @@ impl<T: Plans> Transform<T> {
         debug_assert!(done.is_ok());
     }
 
-    /// Computes `time` from `bins`, which may be overwritten. Unscaled. A real signal has no imaginary part in
-    /// bin 0 and at Nyquist's frequency; these are set to 0.
+    /// Computes `time` from `bins`, which may be overwritten. Unscaled. A real signal has no imaginary
+    /// part in bin 0 and at Nyquist's frequency; these are set to 0.
     pub(crate) fn inverse(&mut self) {
         if let Some(dc) = self.bins.first_mut() {
             dc.im = T::zero();

@@ -37,8 +37,9 @@ pub(crate) fn saved(mut keep: impl FnMut(&mut State<'_>)) -> Vec<u8> {
     bytes
 }
 
-/// Checks a kernel from magnitudes to spectra, scaled by `gain`, on values that are no magnitudes. `process` takes
-/// a frame's number, its magnitudes and the output, and answers how many magnitudes were bad.
+/// Checks a kernel from magnitudes to spectra, scaled by `gain`, on values that are no magnitudes.
+/// `process` takes a frame's number, its magnitudes and the output, and answers how many magnitudes were
+/// bad.
 pub(crate) fn check_bad_magnitudes(
     mut process: impl FnMut(u64, &[f32], &mut [Complex<f32>]) -> usize,
     mags: &[f32; 101],

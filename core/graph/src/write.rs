@@ -1,4 +1,4 @@
-//! A graph as a file: what a program made, ready to edit.
+//! Writes a graph as a file, ready to edit.
 
 use std::fmt::{self, Write as _};
 
@@ -59,7 +59,7 @@ impl fmt::Display for WireDecl {
     }
 }
 
-/// A value as it would stand in a file, on one line.
+/// A value as it stands in a file, on one line.
 pub fn text_of(value: &Value) -> String {
     let join = |parts: Vec<String>| parts.join(", ");
     match value.kind() {
@@ -82,7 +82,7 @@ pub fn text_of(value: &Value) -> String {
     }
 }
 
-/// A RON string. Its escapes are not Rust's: only these few are needed.
+/// A RON string. RON's escapes differ from Rust's, and only these few are needed.
 fn quoted(text: &str) -> String {
     let mut out = String::from('"');
     for c in text.chars() {

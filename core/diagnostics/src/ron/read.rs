@@ -1,4 +1,5 @@
-//! From a text to values: `ron`'s raw values borrow from the text, so that their address is their place.
+//! From a text to values. `ron`'s raw values borrow from the text, so their address gives their
+//! position.
 
 use std::sync::Arc;
 
@@ -37,7 +38,7 @@ fn after_comment(text: &str) -> &str {
     rest
 }
 
-/// Longest name or text, in bytes: as long as the longest path.
+/// Longest name or text in bytes: the length of the longest path.
 const MAX_TEXT: usize = 4096;
 
 /// Reads one text.
@@ -48,7 +49,7 @@ pub(super) struct Reader<'s> {
 impl<'s> Reader<'s> {
     pub(super) fn whole(&self) -> Result<Value, Diagnostic> {
         let text = self.source.text();
-        // A value stands behind one of these. Lists grow by doubling, while their raw parts are still there.
+        // A value follows one of these. Lists grow by doubling, while their raw parts are still held.
         let values = text.bytes().filter(|b| matches!(b, b',' | b':' | b'(' | b'[' | b'{')).count() as u64;
         let needs = values * 2 * size_of::<Value>() as u64;
         budget::needs(needs).map_err(|e| e.in_file(self.source.path()))?;
@@ -128,7 +129,7 @@ impl<'s> Reader<'s> {
         Ok(Value { source: self.source.clone(), span, kind })
     }
 
-    /// Refuses a name or text of more than [`MAX_TEXT`] bytes, before anybody copies it.
+    /// Refuses a name or text of more than [`MAX_TEXT`] bytes, before it is copied.
     fn short(&self, text: &str) -> Result<(), Diagnostic> {
         if text.len() <= MAX_TEXT {
             return Ok(());
@@ -232,7 +233,7 @@ impl<'de> Deserialize<'de> for Parts<'de> {
     }
 }
 
-/// A field's name, borrowed from the text so that its place is known.
+/// A field's name, borrowed from the text so that its position is known.
 struct Identifier<'s>(&'s str);
 
 impl<'de> Deserialize<'de> for Identifier<'de> {

@@ -1,75 +1,100 @@
-//! Phase retrieval that commits to samples, not to frames: iterative, causal, with no latency of its own.
+//! Phase retrieval that commits to samples, not to frames: iterative, causal, with no latency of its
+//! own.
 //!
-//! The signal is kept around `t`, the first sample that is not emitted. What lies before `t` was emitted
-//! and is frozen; what lies after it, up to the end of the newest frame, is free, and keeps what earlier
-//! passes left there. When a frame comes, passes are made over the free part. A pass takes some of the
-//! frames that reach beyond `t`, windows the signal at their places, gives each bin of its transform the
-//! magnitude of the frame (bins that are not carried get 0), transforms back, and moves the free samples to
-//! `(sum w y + e z) / (sum w^2 + e)`: the least-squares estimate of D. Griffin, J. Lim (IEEE Trans. ASSP
-//! 32(2), 1984, eq. 6) from the frames `y`, which falls back on the last value `z` where the windows `w`
-//! all but vanish. The next pass starts from a point further on in the direction of this one, as in fast
-//! Griffin-Lim (N. Perraudin, P. Balazs, P. Sondergaard, WASPAA 2013); the free part keeps this momentum
-//! from frame to frame. Then a hop is emitted. A sample that is emitted depends on no later frame.
+//! The signal is kept around `t`, the first sample that is not emitted. Samples before `t` were emitted
+//! and are frozen. Samples from `t` to the end of the newest frame are free, and keep the result of
+//! earlier passes. When a frame comes, passes are made over the free samples, then a hop is emitted. An
+//! emitted sample depends on no later frame. A pass does this:
 //!
-//! Choices, and the figures that decided them:
+//! 1. Take some of the frames that reach beyond `t`, and window the signal at their positions.
+//! 2. Give each bin of the transform the magnitude of the frame; bins that are not carried get 0.
+//! 3. Transform back, and move the free samples to `(sum w y + e z) / (sum w^2 + e)`. This is the
+//!    least-squares estimate of D. Griffin, J. Lim (IEEE Trans. ASSP 32(2), 1984, eq. 6) from the
+//!    frames `y`. It falls back on the last value `z` where the windows `w` almost vanish.
+//! 4. Start the next pass from a point further in the same direction, as in fast Griffin-Lim (N.
+//!    Perraudin, P. Balazs, P. Sondergaard, WASPAA 2013). The free samples keep this momentum from
+//!    frame to frame.
 //!
-//! * The frames of a pass are the newest one and others spread over all that reach beyond `t`, at places
-//!   that differ from pass to pass. Places that stay the same leave a tone's error at -50 dB instead of
-//!   -80. The newest frames alone diverge for two tones and for smooth magnitudes; spread ones without the
+//! Choices, and the figures behind them:
+//!
+//! * A pass uses the newest frame, and others spread over all that reach beyond `t`, at positions that
+//!   differ from pass to pass. Fixed positions leave a tone's error at -50 dB instead of -80. The
+//!   newest frames alone diverge for two tones and for smooth magnitudes. Spread frames without the
 //!   newest are 6 to 15 dB worse for noise.
 //! * Momentum that ends with each frame costs 2 dB on noise and 5 dB on taps (3 passes).
-//! * The newest hop starts from 0: a signal that goes on at the period of the strongest bin is 0.3 dB worse
-//!   for noise at emission 0, and up to 1.6 dB better at -20. Where the signal says nothing yet, phases are
-//!   those of a sweep through the middle half of the window: from random ones two tones may take a second
-//!   to find their beat.
-//! * One angle by which all bins above 0 are turned shows only in the magnitudes of the lowest three or
-//!   four, and is slow to be found. Passes turn the bins by the slope of the error over this angle. 40
-//!   bursts of 220 Hz a second come to -40.1 dB between 1.5 and 2.7 s (median of 12 seeds; -37.9 without),
-//!   and to -50 after 8 s.
-//! * Of 1, 3, 10, 30 and 100 thousandths for `e`, 3 does well at all emissions. More is better for smooth
-//!   magnitudes, and worse at negative emissions.
+//! * The newest hop starts from 0. A signal continued at the period of the strongest bin is 0.3 dB
+//!   worse for noise at emission 0, and up to 1.6 dB better at -20. Where the signal is still silent,
+//!   phases are those of a sweep through the middle half of the window: from random ones two tones may
+//!   take a second to find their beat.
+//! * One angle that rotates all bins above 0 shows only in the magnitudes of the lowest three or four,
+//!   so it converges slowly. Passes rotate the bins by the slope of the error over this angle. 40
+//!   bursts of 220 Hz a second come to -40.1 dB between 1.5 and 2.7 s (median of 12 seeds; -37.9
+//!   without), and to -50 after 8 s.
+//! * Of 1, 3, 10, 30 and 100 thousandths for `e`, 3 does well at all emissions. More is better for
+//!   smooth magnitudes, and worse at negative emissions.
 //!
-//! `emission` says which samples are emitted when a frame comes: at 0 those from its start on, at -20 those
-//! 20 hops later. An early sample stands under fewer frames, so quality falls, while the output answers
-//! sooner. Spectral convergence in dB (lower is better), mean of three seeds, momentum 0.9, on the vectors
-//! of `tests/data/phase`; gain and rms error of the long-term spectrum, in dB, for smooth magnitudes that
-//! are no signal's (nnsmooth: what a network trained on squared error puts out); milliseconds until a step
-//! from 1 to 2 in the magnitudes of a noise has shown by 10, 50 and 90 %; median time a frame at N = 250
-//! and 4800 in f32 on one AVX-512 core (AMD EPYC) of a busy machine, where up to eight frames are
-//! transformed at once in the lanes of a register:
+//! `emission` says which samples are emitted when a frame comes: at 0 those from its start on, at -20
+//! those 20 hops later. An early sample is covered by fewer frames, so quality falls, while the output
+//! answers sooner.
 //!
-//! | frames x passes | emission | sine | chirp | texture | two tones | taps | contact | nnsmooth | gain, LTAS | texture 48k | amchirp 48k | lag [ms] | time [us] |
-//! |---|---|---|---|---|---|---|---|---|---|---|---|---|---|
-//! | 5 x 2 | 0 | -87.8 | -68.6 | -28.8 | -55.4 | -29.9 | -26.7 | -16.7 | -0.19, 0.33 | -27.8 | -58.1 | 44, 55, 60 | 3.9, 74 |
-//! | 5 x 3 | 0 | -93.2 | -72.4 | -30.0 | -56.3 | -30.7 | -30.0 | -17.1 | -0.14, 0.30 | -28.2 | -63.8 | 44, 55, 60 | 5.7, 112 |
-//! | 5 x 5 | 0 | -90.0 | -79.0 | -31.1 | -63.0 | -32.6 | -30.7 | -16.9 | -0.13, 0.36 | -28.4 | -72.1 | 44, 55, 60 | 9.4, 186 |
-//! | 10 x 5 | 0 | -99.2 | -87.7 | -28.0 | -61.8 | -31.7 | -30.9 | -17.3 | -0.12, 0.48 | -28.4 | -79.1 | 44, 55, 60 | 17.4, 286 |
-//! | 5 x 5 | 10 | -78.7 | -73.6 | -31.8 | -70.9 | -38.6 | -32.8 | -16.6 | -0.07, 0.43 | -31.8 | -66.3 | 63, 74, 80 | 9.4, 186 |
-//! | 5 x 5 | -10 | -86.4 | -69.5 | -28.1 | -43.5 | -27.5 | -30.3 | -17.0 | -0.11, 0.37 | -29.0 | -65.5 | 26, 34, 41 | 9.1, 182 |
-//! | 5 x 5 | -15 | -87.7 | -72.8 | -25.0 | -38.4 | -26.2 | -27.3 | -17.0 | -0.23, 0.46 | -24.6 | -61.9 | 16, 25, 30 | 9.0, 179 |
-//! | 5 x 3 | -20 | -95.8 | -67.2 | -20.5 | -38.4 | -21.3 | -22.9 | -16.8 | -0.37, 0.47 | -23.4 | -54.0 | 11, 16, 22 | 5.6, 107 |
-//! | 5 x 5 | -20 | -91.9 | -71.7 | -22.3 | -36.1 | -23.3 | -24.9 | -16.8 | -0.38, 0.52 | -20.3 | -57.2 | 11, 16, 22 | 9.1, 176 |
-//! | 5 x 3 | -25 | -78.3 | -64.8 | -20.9 | -36.3 | -19.2 | -20.4 | -16.4 | -0.46, 0.49 | -18.1 | -49.3 | 0, 10, 14 | 5.5, 106 |
-//! | 5 x 5 | -25 | -77.1 | -66.9 | -20.5 | -33.7 | -22.0 | -22.8 | -16.6 | -0.46, 0.52 | -18.8 | -50.7 | 0, 10, 14 | 9.0, 178 |
-//! | 5 x 6, momentum 0.85 | -25 | -79.2 | -67.6 | -22.4 | -34.3 | -21.5 | -21.8 | -16.6 | -0.46, 0.62 | -18.8 | -51.0 | 0, 10, 14 | 10.6, 212 |
-//! | 10 x 5 | -25 | -76.3 | -68.6 | -20.5 | -29.6 | -24.5 | -24.2 | -16.9 | -0.35, 0.45 | -18.5 | -49.3 | 0, 10, 14 | 16.9, 275 |
+//! Spectral convergence in dB (lower is better) on the vectors of `tests/data/phase`, mean of three
+//! seeds, momentum 0.9:
 //!
-//! Seeds of taps differ by 2 dB. Lag and time were measured before phases were turned, which makes a frame
-//! cost 3 to 10 % more; so was 5 x 6.
+//! | frames x passes | emission | sine | chirp | texture | two tones | taps | contact | nnsmooth |
+//! |---|---|---|---|---|---|---|---|---|
+//! | 5 x 2 | 0 | -87.8 | -68.6 | -28.8 | -55.4 | -29.9 | -26.7 | -16.7 |
+//! | 5 x 3 | 0 | -93.2 | -72.4 | -30.0 | -56.3 | -30.7 | -30.0 | -17.1 |
+//! | 5 x 5 | 0 | -90.0 | -79.0 | -31.1 | -63.0 | -32.6 | -30.7 | -16.9 |
+//! | 10 x 5 | 0 | -99.2 | -87.7 | -28.0 | -61.8 | -31.7 | -30.9 | -17.3 |
+//! | 5 x 5 | 10 | -78.7 | -73.6 | -31.8 | -70.9 | -38.6 | -32.8 | -16.6 |
+//! | 5 x 5 | -10 | -86.4 | -69.5 | -28.1 | -43.5 | -27.5 | -30.3 | -17.0 |
+//! | 5 x 5 | -15 | -87.7 | -72.8 | -25.0 | -38.4 | -26.2 | -27.3 | -17.0 |
+//! | 5 x 3 | -20 | -95.8 | -67.2 | -20.5 | -38.4 | -21.3 | -22.9 | -16.8 |
+//! | 5 x 5 | -20 | -91.9 | -71.7 | -22.3 | -36.1 | -23.3 | -24.9 | -16.8 |
+//! | 5 x 3 | -25 | -78.3 | -64.8 | -20.9 | -36.3 | -19.2 | -20.4 | -16.4 |
+//! | 5 x 5 | -25 | -77.1 | -66.9 | -20.5 | -33.7 | -22.0 | -22.8 | -16.6 |
+//! | 5 x 6, momentum 0.85 | -25 | -79.2 | -67.6 | -22.4 | -34.3 | -21.5 | -21.8 | -16.6 |
+//! | 10 x 5 | -25 | -76.3 | -68.6 | -20.5 | -29.6 | -24.5 | -24.2 | -16.9 |
 //!
-//! For the magnitudes of a network, which are no signal's, fewer do as well, and follow a change sooner: 2
-//! x 2 (docs/tradeoff.md). Two frames a pass are transformed one by one, 2.9 us a frame at N = 250 and 37
-//! at 4800, and gain by plans that all share alone.
+//! The same for two vectors at 48 kHz, and three more figures. Gain and rms error of the long-term
+//! spectrum in dB are for smooth magnitudes that belong to no signal (nnsmooth: the output of a network
+//! trained on squared error). Lag is the time until a step from 1 to 2 in the magnitudes of a noise has
+//! shown by 10, 50 and 90 %. Time is the median a frame at N = 250 and 4800 in f32 on one AVX-512 core
+//! (AMD EPYC) of a busy machine, where up to eight frames are transformed at once in the lanes of a
+//! register:
+//!
+//! | frames x passes | emission | gain, LTAS | texture 48k | amchirp 48k | lag [ms] | time [us] |
+//! |---|---|---|---|---|---|---|
+//! | 5 x 2 | 0 | -0.19, 0.33 | -27.8 | -58.1 | 44, 55, 60 | 3.9, 74 |
+//! | 5 x 3 | 0 | -0.14, 0.30 | -28.2 | -63.8 | 44, 55, 60 | 5.7, 112 |
+//! | 5 x 5 | 0 | -0.13, 0.36 | -28.4 | -72.1 | 44, 55, 60 | 9.4, 186 |
+//! | 10 x 5 | 0 | -0.12, 0.48 | -28.4 | -79.1 | 44, 55, 60 | 17.4, 286 |
+//! | 5 x 5 | 10 | -0.07, 0.43 | -31.8 | -66.3 | 63, 74, 80 | 9.4, 186 |
+//! | 5 x 5 | -10 | -0.11, 0.37 | -29.0 | -65.5 | 26, 34, 41 | 9.1, 182 |
+//! | 5 x 5 | -15 | -0.23, 0.46 | -24.6 | -61.9 | 16, 25, 30 | 9.0, 179 |
+//! | 5 x 3 | -20 | -0.37, 0.47 | -23.4 | -54.0 | 11, 16, 22 | 5.6, 107 |
+//! | 5 x 5 | -20 | -0.38, 0.52 | -20.3 | -57.2 | 11, 16, 22 | 9.1, 176 |
+//! | 5 x 3 | -25 | -0.46, 0.49 | -18.1 | -49.3 | 0, 10, 14 | 5.5, 106 |
+//! | 5 x 5 | -25 | -0.46, 0.52 | -18.8 | -50.7 | 0, 10, 14 | 9.0, 178 |
+//! | 5 x 6, momentum 0.85 | -25 | -0.46, 0.62 | -18.8 | -51.0 | 0, 10, 14 | 10.6, 212 |
+//! | 10 x 5 | -25 | -0.35, 0.45 | -18.5 | -49.3 | 0, 10, 14 | 16.9, 275 |
+//!
+//! Seeds of taps differ by 2 dB. Lag and time were measured before phases were rotated, which makes a
+//! frame cost 3 to 10 % more; so was 5 x 6.
+//!
+//! A network's magnitudes belong to no signal. For these, fewer frames do as well and follow a change
+//! sooner: 2 x 2 (docs/tradeoff.md). Two frames a pass are transformed one by one, 2.9 us a frame at N
+//! = 250 and 37 at 4800.
 //!
 //! At -20 a step shows after 16 ms instead of 55, noise is 12 dB better than with `spsi`, and level and
-//! spectrum of smooth magnitudes are within 0.5 and 1 dB: that is the default. At -25 it shows 6 ms sooner,
-//! and the level is 0.46 dB low. There the texture has two answers that last, near -20 and -24 dB, and the
-//! seed says which is found; 5 x 6 with momentum 0.85 is the setting for it. At -30 quality breaks down. 3
-//! passes are as good as 5 for noise; 5 are better for what starts and stops.
+//! spectrum of smooth magnitudes are within 0.5 and 1 dB: that is the default. At -25 it shows 6 ms
+//! sooner, and the level is 0.46 dB low. There the texture has two stable results, near -20 and -24 dB,
+//! depending on the seed; use 5 x 6 with momentum 0.85. At -30 quality breaks down. 3 passes are as
+//! good as 5 for noise; 5 are better for signals that start and stop.
 //!
-//! A stream fades in over a tenth of a window (longer where its first frame's window begins), and nothing
-//! is assumed to have been before its first frame. A frame that does not come is silence, so the signal
-//! fades out as the windows do.
+//! A stream fades in over a tenth of a window (longer where its first frame's window begins). Nothing
+//! is assumed before its first frame. A missing frame is silence, so the signal fades out as the
+//! windows do.
 
 mod batch;
 mod drift;
