@@ -270,13 +270,13 @@ impl<T: FftNum> ComplexToReal<T> for Inverse<T> {
 }
 
 /// Real transforms of one length in both directions, with their buffers.
-pub(crate) struct Transform<T> {
+pub struct Transform<T> {
     forward: Arc<dyn RealToComplex<T>>,
     inverse: Arc<dyn ComplexToReal<T>>,
     /// `len` samples.
-    pub(crate) time: Vec<T>,
+    pub time: Vec<T>,
     /// `len / 2 + 1` bins.
-    pub(crate) bins: Vec<Complex<T>>,
+    pub bins: Vec<Complex<T>>,
     scratch: Vec<Complex<T>>,
 }
 
@@ -287,7 +287,8 @@ impl<T> std::fmt::Debug for Transform<T> {
 }
 
 impl<T: Plans> Transform<T> {
-    pub(crate) fn new(len: usize) -> Self {
+    /// Plans both directions and allocates the buffers.
+    pub fn new(len: usize) -> Self {
         let (forward, inverse) = (forward::<T>(len), inverse::<T>(len));
         let scratch = forward.get_scratch_len().max(inverse.get_scratch_len());
         Self {
@@ -300,7 +301,7 @@ impl<T: Plans> Transform<T> {
     }
 
     /// Computes `bins` from `time`, which may be overwritten. Unscaled.
-    pub(crate) fn forward(&mut self) {
+    pub fn forward(&mut self) {
         // All buffers have the plan's lengths, so it returns no error.
         let done = self.forward.process_with_scratch(&mut self.time, &mut self.bins, &mut self.scratch);
         debug_assert!(done.is_ok());
@@ -308,7 +309,7 @@ impl<T: Plans> Transform<T> {
 
     /// Computes `time` from `bins`, which may be overwritten. Unscaled. A real signal has no imaginary
     /// part in bin 0 and at Nyquist's frequency; these are set to 0.
-    pub(crate) fn inverse(&mut self) {
+    pub fn inverse(&mut self) {
         if let Some(dc) = self.bins.first_mut() {
             dc.im = T::zero();
         }

@@ -277,49 +277,32 @@ pub trait Node: Send + Sized + 'static {
     fn warm(&mut self, _heat: f64) {}
 }
 
-/// A node as the engine calls it: [`Node`] without the parts that need no instance, and with what can go
-/// wrong. Every [`Node`] is one; a kind that makes its nodes in another way implements this.
+/// A node as the engine calls it: [`Node`] without the parts that need no instance. Methods that run the
+/// node's code return a [`Fault`] if it failed. Every [`Node`] is a `Processor`; a kind that makes its nodes
+/// in another way implements this.
 pub trait Processor: Send {
     /// See [`Node::process`]. Tick thread.
-    ///
-    /// # Errors
-    /// How it failed.
     fn process(&mut self, tick: &mut Tick<'_>) -> Result<Status, Fault>;
 
     /// See [`Node::reset`]. Tick thread.
-    ///
-    /// # Errors
-    /// How it failed.
     fn reset(&mut self) -> Result<(), Fault>;
 
     /// See [`Node::wants`]. Tick thread.
-    ///
-    /// # Errors
-    /// How it failed.
     fn wants(&mut self, _tick: &mut Tick<'_>) -> Result<bool, Fault> {
         Ok(true)
     }
 
     /// See [`Node::absorb`]. Tick thread.
-    ///
-    /// # Errors
-    /// How it failed.
     fn absorb(&mut self, _tick: &mut Tick<'_>) -> Result<(), Fault> {
         Ok(())
     }
 
     /// See [`Node::elapsed`]. Tick thread.
-    ///
-    /// # Errors
-    /// How it failed.
     fn elapsed(&mut self, _ticks: u64) -> Result<(), Fault> {
         Ok(())
     }
 
     /// See [`Node::set_parameter`]. Tick thread.
-    ///
-    /// # Errors
-    /// How it failed.
     fn set_parameter(&mut self, _index: usize, _value: f64) -> Result<(), Fault> {
         Ok(())
     }

@@ -1,12 +1,10 @@
 //! The estimate itself, frame by frame, without a graph.
 
-use asperity_dsp::plans;
+use asperity_dsp::plans::Transform;
 use asperity_numbers::{Elementary as _, polar};
 use std::f64::consts::TAU;
-use std::sync::Arc;
 
 use asperity_sdk::{Complex, State};
-use realfft::{ComplexToReal, RealToComplex};
 
 use crate::grid::{Grid, Place};
 
@@ -73,11 +71,7 @@ impl Flight {
 pub struct Estimator {
     grid: Grid,
     iterations: usize,
-    forward: Arc<dyn RealToComplex<f32>>,
-    inverse: Arc<dyn ComplexToReal<f32>>,
-    scratch: Vec<Complex<f32>>,
-    frame: Vec<f32>,
-    spectrum: Vec<Complex<f32>>,
+    transform: Transform<f32>,
     /// The newest first.
     flights: Vec<Flight>,
     /// How many of `flights` there are.
@@ -101,17 +95,13 @@ impl Estimator {
     pub fn new(length: u32, bins: usize, hop: u64, look_ahead: usize, iterations: usize) -> Self {
         let grid = Grid::new(length, bins);
         let size = grid.size();
-        let (forward, inverse) = (plans::forward::<f32>(size), plans::inverse::<f32>(size));
         let room = size + (look_ahead + 1) * grid.span(hop);
-        let scratch = forward.get_scratch_len().max(inverse.get_scratch_len());
         let angle = |i: usize| TAU * i as f64 / size as f64;
         let onset = |k: usize| polar(1.0, (TAU * ONSET * k as f64) as f32);
         Self {
             grid,
             iterations,
-            scratch: vec![Complex::default(); scratch],
-            frame: forward.make_input_vec(),
-            spectrum: forward.make_output_vec(),
+            transform: Transform::new(size),
             flights: vec![Flight::new(size, bins); look_ahead + 1],
             filled: 0,
             sum: vec![0.0; room],
@@ -119,8 +109,6 @@ impl Estimator {
             origin: 0,
             circle: (0..size).map(|i| (angle(i).cosine(), angle(i).sine())).collect(),
             onset: (0..bins).map(onset).collect(),
-            forward,
-            inverse,
         }
     }
 
@@ -283,31 +271,29 @@ impl Estimator {
         let at = self.offset(age);
         let flight = &mut self.flights[age];
         let sum = &mut self.sum[at..];
-        for ((x, s), a) in self.frame.iter_mut().zip(sum.iter()).zip(&flight.analysis) {
+        for ((x, s), a) in self.transform.time.iter_mut().zip(sum.iter()).zip(&flight.analysis) {
             *x = s * a;
         }
-        // Buffers are the plans' own, and the bins that have to be are real: there is nothing to refuse.
-        let done = self.forward.process_with_scratch(&mut self.frame, &mut self.spectrum, &mut self.scratch);
-        debug_assert!(done.is_ok());
-        let found = self.spectrum.iter().zip(&self.onset);
+        self.transform.forward();
+        let found = self.transform.bins.iter().zip(&self.onset);
         for ((unit, bin), (&now, &onset)) in flight.units.iter_mut().zip(&mut flight.bins).zip(found) {
             *unit = direction(now + (now - *bin) * momentum).unwrap_or(onset);
             *bin = now;
         }
-        let nyquist = self.frame.len().is_multiple_of(2).then_some(self.frame.len() / 2);
+        let size = self.transform.time.len();
+        let nyquist = size.is_multiple_of(2).then_some(size / 2);
         for k in [Some(0), nyquist].into_iter().flatten() {
             if let Some(unit) = flight.units.get_mut(k) {
                 *unit = Complex::new(if unit.re < 0.0 { -1.0 } else { 1.0 }, 0.0);
             }
         }
-        self.spectrum.fill(Complex::default());
-        for (to, (unit, mag)) in self.spectrum.iter_mut().zip(flight.units.iter().zip(&flight.mags)) {
+        self.transform.bins.fill(Complex::default());
+        for (to, (unit, mag)) in self.transform.bins.iter_mut().zip(flight.units.iter().zip(&flight.mags)) {
             // An amplitude is four times the bin of a Hann-windowed frame over its length.
             *to = unit * (0.25 * mag.min(LARGEST));
         }
-        let done = self.inverse.process_with_scratch(&mut self.spectrum, &mut self.frame, &mut self.scratch);
-        debug_assert!(done.is_ok());
-        let made = self.frame.iter().zip(&flight.window);
+        self.transform.inverse();
+        let made = self.transform.time.iter().zip(&flight.window);
         for ((sum, part), (x, w)) in sum.iter_mut().zip(&mut flight.part).zip(made) {
             let new = x * w;
             *sum += new - *part;

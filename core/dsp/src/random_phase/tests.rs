@@ -74,7 +74,11 @@ fn random_phase_level_falls_by_the_overlap_unless_kept() {
 #[test]
 fn random_phase_counts_bad_magnitudes_as_silence() {
     let mut kernel = RandomPhase::<f32>::new(framing(2500, 101), Level::Keep, 1).unwrap();
-    let process = |frame, mags: &[f32], out: &mut [Complex<f32>]| kernel.process(frame, mags, out);
+    let process = |frame, mags: &[f32], out: &mut [Complex<f32>]| {
+        let bad = kernel.process(frame, mags, out);
+        assert!(out[0].im.abs() < 1e-6, "bin 0 is real");
+        bad
+    };
     check_bad_magnitudes(process, &[1.0; 101], 50f32.sqrt());
 }
 
