@@ -254,7 +254,7 @@ impl Engine {
         self.body.buffers.get(reads.buffer as usize)
     }
 
-    /// Tells a limiter the least temperature of its coil; see
+    /// Tells a limiter the least heat of its coil; see
     /// [`Processor::warm`](asperity_node::Processor::warm). Tick thread.
     pub fn warm(&mut self, node: usize, heat: f64) {
         if node < self.body.schedule.nodes.len() {

@@ -1,5 +1,4 @@
-//! Whether a descriptor keeps its own rules. Nothing here trusts what it reads: a descriptor may come
-//! from a plugin.
+//! Checks of descriptors. A descriptor may come from a plugin, so nothing in it is trusted.
 
 use std::borrow::Cow;
 use std::collections::HashSet;
@@ -16,13 +15,12 @@ const MOST_HZ: u32 = 1_000_000;
 const MOST_SAMPLES: u32 = 1 << 20;
 
 impl Descriptor {
-    /// Checks what the fields promise: names are lower case and distinct, everything is documented,
-    /// ranges have an inside, defaults lie in them, `gate` and `feedback` name an input and a number,
-    /// only what can change is live, and shapes have a size.
+    /// Checks the rules of a descriptor: names are lower case and distinct, everything is documented,
+    /// ranges are not empty, defaults lie in them, `gate` and `feedback` name an input and a number,
+    /// only kinds that can change are live, and shapes have a size.
     ///
     /// # Errors
-    /// The first thing that is wrong, with the kind and the port or parameter. Whatever the values are,
-    /// it does not panic.
+    /// The first problem, with the kind and the port or parameter. It does not panic on any values.
     pub fn check(&self) -> Result<(), Diagnostic> {
         self.problem().map_or(Ok(()), |what| {
             Err(Diagnostic::new(format!("the descriptor of node kind {:?} is wrong: {what}", self.kind)))
@@ -68,7 +66,7 @@ fn is_name(name: &str) -> bool {
 
 type Text = Cow<'static, str>;
 
-/// Names of one list: well formed, documented, distinct.
+/// Checks the names of one list: well formed, documented, distinct.
 fn names<'a>(what: &str, list: impl Iterator<Item = (&'a Text, &'a Text)>) -> Option<String> {
     let mut seen = HashSet::new();
     for (name, doc) in list {
@@ -85,7 +83,7 @@ fn names<'a>(what: &str, list: impl Iterator<Item = (&'a Text, &'a Text)>) -> Op
     None
 }
 
-/// The first thing that is wrong with any of a list.
+/// First problem in a list.
 fn first<T>(
     what: &str,
     list: &[T],

@@ -6,12 +6,13 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use asperity_abi::ASPERITY_PANICKED;
 
-/// Calls of nodes that are under way, on any thread. Not a thread's own: the first touch of such a
-/// variable allocates, and that would be on the tick thread. This library's hook sees panics of this
-/// library alone.
+/// Number of calls of nodes in progress, on any thread. It is not thread-local, because the first
+/// access to such a variable allocates, and that would be on the tick thread. This library's hook sees
+/// only panics of this library.
 static IN_NODES: AtomicUsize = AtomicUsize::new(0);
 
-/// The default hook prints on the tick thread; faults are counted and named by the host instead.
+/// Installs a silent panic hook, because the default one prints on the tick thread. The host counts and
+/// names faults instead.
 pub(crate) fn install_silent_hook() {
     static HOOK: Once = Once::new();
     HOOK.call_once(|| {
