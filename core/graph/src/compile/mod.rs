@@ -1,8 +1,9 @@
 //! From a declared graph to a schedule, in this order:
 //!
-//! 1. Look up kinds and parameters (`resolve`). 2. Infer port types over the wires (`types`). 3. Drop
-//! nodes that reach no sink, and order the others (`order`). 4. Prepare the nodes (`prepare`) and add
-//! up latencies (`latency`).
+//! 1. Look up kinds and parameters (`resolve`).
+//! 2. Infer port types over the wires (`types`).
+//! 3. Drop nodes that reach no sink, and order the others (`order`).
+//! 4. Prepare the nodes (`prepare`) and add up latencies (`latency`).
 //!
 //! Each stage collects all its errors before the next starts.
 
