@@ -1,4 +1,4 @@
-//! What tests of several kernels share.
+//! Helpers shared by the tests of several kernels.
 
 use crate::window::hann_lobe;
 use crate::{Complex, Framing};

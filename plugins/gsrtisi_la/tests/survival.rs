@@ -1,4 +1,4 @@
-//! What `gsrtisi_la` must survive.
+//! Robustness of `gsrtisi_la`.
 
 #[path = "../../rtpghi/tests/common/mod.rs"]
 mod common;

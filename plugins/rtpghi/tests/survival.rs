@@ -1,4 +1,4 @@
-//! What `rtpghi` must survive.
+//! Robustness of `rtpghi`.
 
 mod common;
 #[path = "common/survival.rs"]

@@ -18,7 +18,7 @@ fn scene<T: Float>(f: &Framing) -> (Vec<T>, Vec<(usize, Vec<T>)>) {
     (z.map(T::of).collect(), frames.into_iter().enumerate().map(|(l, at)| (at, mags(l).collect())).collect())
 }
 
-/// What some frames add up to from sample `from` on, `many` at a time.
+/// Sum of some frames from sample `from` on, `many` at a time.
 fn sum<T: Float>(f: &Framing, from: usize, many: usize) -> Vec<T> {
     let (z, frames) = scene::<T>(f);
     let mut projector = Projector::new(f, 3);

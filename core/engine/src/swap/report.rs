@@ -1,46 +1,46 @@
-//! What a swap does, in words and numbers.
+//! Reports and errors of a swap.
 
 use std::fmt;
 
-/// What a swap that was sent will do.
+/// Effects of a swap.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SwapReport {
-    /// Counts the swaps of this controller, from 1.
+    /// Number of the swap of this controller, from 1.
     pub number: u64,
-    /// Every node of the new graph in the order they run, then those of the old one that are removed.
+    /// Every node of the new graph in run order, then the removed nodes of the old one.
     pub nodes: Vec<NodeChange>,
-    /// Live parameters that are set while their node runs on.
+    /// Live parameters that are set on kept nodes.
     pub parameters: Vec<ParameterChange>,
-    /// How many signals are crossfaded.
+    /// Number of crossfaded signals.
     pub crossfades: usize,
 }
 
-/// What becomes of a node.
+/// Change of a node.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct NodeChange {
-    /// Its name in the graph.
+    /// Name in the graph.
     pub id: String,
     /// Its kind.
     pub kind: String,
-    /// What becomes of it.
+    /// The change.
     pub change: Change,
 }
 
-/// What becomes of a node.
+/// Change of a node.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Change {
-    /// It goes on untouched.
+    /// The node continues unchanged.
     Kept,
-    /// Another instance takes its place.
+    /// Another instance replaces it.
     Rebuilt {
-        /// What is not as before.
+        /// Reason.
         why: String,
-        /// Whether it is handed the state of the one before. [`Finished::anew`] says whether it could use it.
+        /// Whether it gets the old node's state. [`Finished::anew`] says whether it could use it.
         adopts: bool,
     },
     /// There was no node of this id and kind.
     New,
-    /// It is gone.
+    /// The node is removed.
     Removed,
 }
 
@@ -157,9 +157,9 @@ pub enum ParameterError {
     OutOfRange {
         /// The parameter.
         param: String,
-        /// What was asked.
+        /// Requested value.
         value: f64,
-        /// What it takes, in words.
+        /// Allowed values, in words.
         takes: String,
     },
     /// Too much waits for the next tick: try again.

@@ -1,4 +1,4 @@
-//! What any phase-retrieval node must survive, for each that is tested by it.
+//! Robustness checks for any phase-retrieval node.
 #![allow(unreachable_pub)] // for the test that includes it
 
 use asperity_sdk::{FrameLayout, Latency, Node};
@@ -82,7 +82,7 @@ pub fn frames_beside_gaps_come_out<N: Node>(params: Settings<'_>) {
     all_come_out::<N>(layout(44_100, 101), params, &frames);
 }
 
-/// What is no magnitude is counted.
+/// Bad magnitudes are counted.
 pub fn bad_magnitudes_are_counted<N: Node>(params: Settings<'_>) {
     let mut rig = Rig::new::<N>(layout(2500, 101), params);
     let mut frame = tone(30.3, 101);
