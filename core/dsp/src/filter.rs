@@ -6,7 +6,7 @@
 
 use asperity_numbers::{Elementary as _, polar};
 use std::f64::consts::{FRAC_1_SQRT_2, PI, TAU};
-use std::fmt;
+use thiserror::Error;
 
 use asperity_state::State;
 
@@ -39,12 +39,14 @@ impl Sample for f32 {
 }
 
 /// Reason why a filter cannot be made.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Error, PartialEq)]
 #[non_exhaustive]
 pub enum FilterError {
     /// A coefficient, rate or frequency is not finite, or the rate is not positive.
+    #[error("a filter needs finite coefficients and a positive rate")]
     NotFinite,
     /// The frequency \[Hz\] is not between 0 and half the rate \[Hz\].
+    #[error("{hz} Hz is not between 0 and half the rate of {rate_hz} Hz")]
     Frequency {
         /// Requested frequency \[Hz\].
         hz: f64,
@@ -52,25 +54,12 @@ pub enum FilterError {
         rate_hz: f64,
     },
     /// The order of the numerator is above that of the denominator.
+    #[error("the numerator's order is above the denominator's")]
     Improper,
     /// A pole is not in the left half plane.
+    #[error("a pole is not in the left half plane")]
     Unstable,
 }
-
-impl fmt::Display for FilterError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::NotFinite => f.write_str("a filter needs finite coefficients and a positive rate"),
-            Self::Frequency { hz, rate_hz } => {
-                write!(f, "{hz} Hz is not between 0 and half the rate of {rate_hz} Hz")
-            }
-            Self::Improper => f.write_str("the numerator's order is above the denominator's"),
-            Self::Unstable => f.write_str("a pole is not in the left half plane"),
-        }
-    }
-}
-
-impl std::error::Error for FilterError {}
 
 /// A transfer function `(n0 s^2 + n1 s + n2) / (d0 s^2 + d1 s + d2)` in s \[rad/s\], highest power first.
 ///

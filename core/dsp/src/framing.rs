@@ -1,5 +1,7 @@
 //! Layout of the frames of a short-time Fourier transform in time and frequency.
 
+use thiserror::Error;
+
 /// Layout of a short-time Fourier transform at one sample rate.
 ///
 /// Frame `n` covers samples `start(n) .. start(n) + fft_len`. Bins are counted from 0 and are `rate_hz
@@ -19,19 +21,24 @@ pub struct Framing {
 }
 
 /// Reason why a [`Framing`] is refused.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Eq, Error, PartialEq)]
 #[non_exhaustive]
 pub enum FramingError {
     /// A rate, a length, the number of bins or a part of the frame rate is 0.
+    #[error("a rate, a length or a number of bins is 0")]
     Zero,
     /// There are more bins than a real transform of this length has; carries the maximum.
+    #[error("a real transform of this length has {0} bins")]
     TooManyBins(usize),
     /// The transform is longer than [`MAX_FFT_LEN`].
+    #[error("the transform is longer than {} samples", MAX_FFT_LEN)]
     TooLong,
     /// More frames a second than samples.
+    #[error("there are more frames a second than samples")]
     HopBelowOne,
     /// Frame positions repeat only after more than [`MAX_PERIOD`] samples, or after so many frames that
     /// adding up their windows would take seconds. Carries the period in samples.
+    #[error("frame places repeat only after {0} samples, which is too many")]
     PeriodTooLong(u64),
 }
 
@@ -40,22 +47,6 @@ pub const MAX_FFT_LEN: usize = 1 << 20;
 
 /// Longest accepted period of frame positions in samples. A table of this length is kept.
 pub const MAX_PERIOD: u64 = 1 << 20;
-
-impl std::fmt::Display for FramingError {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            Self::Zero => write!(f, "a rate, a length or a number of bins is 0"),
-            Self::TooManyBins(most) => write!(f, "a real transform of this length has {most} bins"),
-            Self::TooLong => write!(f, "the transform is longer than {MAX_FFT_LEN} samples"),
-            Self::HopBelowOne => write!(f, "there are more frames a second than samples"),
-            Self::PeriodTooLong(p) => {
-                write!(f, "frame places repeat only after {p} samples, which is too many")
-            }
-        }
-    }
-}
-
-impl std::error::Error for FramingError {}
 
 impl Framing {
     /// Checks the layout.

@@ -12,6 +12,7 @@ use crate::plans::Transform;
 use crate::window::hann;
 use crate::{Complex, Float, Framing, FramingError};
 use asperity_state::State;
+use thiserror::Error;
 
 /// Turns a stream of spectra into samples by weighted overlap-add.
 ///
@@ -38,28 +39,19 @@ pub struct OverlapAdd<T> {
 }
 
 /// Reason why a frame was not added.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Eq, Error, PartialEq)]
 #[non_exhaustive]
 pub enum FrameError {
     /// It starts more than two hops after the next sample to be emitted.
+    #[error("the frame starts more than two hops ahead")]
     TooEarly,
     /// All of it lies before the next sample to be emitted.
+    #[error("the frame's samples have been emitted already")]
     TooLate,
     /// A bin is NaN or infinite; it would spoil every sample of the frame.
+    #[error("a bin is not a finite number")]
     NotFinite,
 }
-
-impl std::fmt::Display for FrameError {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(match self {
-            Self::TooEarly => "the frame starts more than two hops ahead",
-            Self::TooLate => "the frame's samples have been emitted already",
-            Self::NotFinite => "a bin is not a finite number",
-        })
-    }
-}
-
-impl std::error::Error for FrameError {}
 
 impl<T: Float> OverlapAdd<T> {
     /// Plans the transform and computes the divisor.

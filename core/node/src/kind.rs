@@ -1,10 +1,10 @@
 //! The node traits: for authors, and for the engine.
 
-use std::fmt;
 use std::ops::{Deref, Range};
 use std::path::PathBuf;
 
 use asperity_state::State;
+use thiserror::Error;
 
 use crate::{
     Descriptor, Diagnostic, Fact, FrameClock, FrameRate, Guard, Input, Inputs, Latency, Output, Outputs,
@@ -139,30 +139,23 @@ impl Tick<'_> {
 }
 
 /// Failure of a node.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, Error, PartialEq, Eq, Hash)]
 pub enum Fault {
     /// The node returned [`Status::Error`] with this number.
+    #[error("failed with code {0}")]
     Failed(u32),
     /// The node panicked.
+    #[error("panicked")]
     Panicked,
     /// The node wrote a NaN or an infinity.
+    #[error("wrote a value that is not finite")]
     NotFinite,
     /// The call took longer than its limit.
+    #[error("took longer than it may")]
     Overrun,
     /// A call did not return. The node is not called again.
+    #[error("did not return and is cut out")]
     Stuck,
-}
-
-impl fmt::Display for Fault {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Fault::Failed(code) => write!(f, "failed with code {code}"),
-            Fault::Panicked => f.write_str("panicked"),
-            Fault::NotFinite => f.write_str("wrote a value that is not finite"),
-            Fault::Overrun => f.write_str("took longer than it may"),
-            Fault::Stuck => f.write_str("did not return and is cut out"),
-        }
-    }
 }
 
 /// A node's answer to a tick.

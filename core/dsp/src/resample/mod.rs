@@ -18,6 +18,7 @@ use crate::float::keep_wide;
 use crate::framing::gcd;
 use asperity_state::State;
 use prototype::Prototype;
+use thiserror::Error;
 
 /// Phase of the filter for its magnitude response.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -54,29 +55,20 @@ impl Conversion {
 pub const MAX_TAPS: usize = 1 << 24;
 
 /// Reason why a resampler cannot be made.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Error, PartialEq)]
 #[non_exhaustive]
 pub enum ResampleError {
     /// A rate is 0.
+    #[error("a rate is 0")]
     Zero,
     /// The pass band is not from 0.05 to 0.48 of the lower rate.
+    #[error("the pass band is not from 0.05 to 0.48 of the lower rate")]
     Passband,
     /// The table would have more than [`MAX_TAPS`] taps: the reduced ratio of the rates has too large
     /// numbers.
+    #[error("the ratio of the rates needs more than {} taps", MAX_TAPS)]
     TooLarge,
 }
-
-impl std::fmt::Display for ResampleError {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            Self::Zero => write!(f, "a rate is 0"),
-            Self::Passband => write!(f, "the pass band is not from 0.05 to 0.48 of the lower rate"),
-            Self::TooLarge => write!(f, "the ratio of the rates needs more than {MAX_TAPS} taps"),
-        }
-    }
-}
-
-impl std::error::Error for ResampleError {}
 
 /// Converts a stream from one rate to another.
 #[derive(Debug)]

@@ -1,6 +1,7 @@
 //! Settings of [`SampleCommit`](super::SampleCommit).
 
 use crate::{Framing, FramingError};
+use thiserror::Error;
 
 /// Amount of work and time of emission.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -24,42 +25,25 @@ impl Default for Settings {
 }
 
 /// Reason why [`Settings`] or their framing are refused.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Eq, Error, PartialEq)]
 #[non_exhaustive]
 pub enum SettingsError {
     /// The framing is refused.
-    Framing(FramingError),
+    #[error(transparent)]
+    Framing(#[from] FramingError),
     /// No frames or no passes, or more than [`MAX_WORK`] of one of them.
+    #[error("frames and passes are 1 to {}", MAX_WORK)]
     Work,
     /// The momentum is not in [0, 1).
+    #[error("the momentum is not in [0, 1)")]
     Momentum,
     /// Emission after the end of the newest frame, or more than ten windows before its start.
+    #[error("samples can be emitted from the end of a window to ten windows before it")]
     Emission,
 }
 
 /// Most frames in a pass, and most passes for a frame.
 pub const MAX_WORK: usize = 100;
-
-impl std::fmt::Display for SettingsError {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            Self::Framing(e) => e.fmt(f),
-            Self::Work => write!(f, "frames and passes are 1 to {MAX_WORK}"),
-            Self::Momentum => write!(f, "the momentum is not in [0, 1)"),
-            Self::Emission => {
-                write!(f, "samples can be emitted from the end of a window to ten windows before it")
-            }
-        }
-    }
-}
-
-impl std::error::Error for SettingsError {}
-
-impl From<FramingError> for SettingsError {
-    fn from(e: FramingError) -> Self {
-        Self::Framing(e)
-    }
-}
 
 impl Settings {
     /// Checks the settings that do not depend on the framing.
