@@ -1,4 +1,4 @@
-//! A graph as a file: what a program made, ready to edit.
+//! Writes a graph as a file, ready to edit.
 
 use std::fmt::{self, Write as _};
 
@@ -59,7 +59,7 @@ impl fmt::Display for WireDecl {
     }
 }
 
-/// A value as it would stand in a file, on one line.
+/// A value as it stands in a file, on one line.
 pub fn text_of(value: &Value) -> String {
     let join = |parts: Vec<String>| parts.join(", ");
     match value.kind() {
@@ -82,7 +82,7 @@ pub fn text_of(value: &Value) -> String {
     }
 }
 
-/// A RON string. Its escapes are not Rust's: only these few are needed.
+/// A RON string. RON's escapes differ from Rust's, and only these few are needed.
 fn quoted(text: &str) -> String {
     let mut out = String::from('"');
     for c in text.chars() {
@@ -108,10 +108,11 @@ mod tests {
     use asperity_diagnostics::Source;
 
     #[test]
-    fn a_written_graph_reads_back_the_same() {
-        let text = "Graph(version: 1, tick_hz: 1000, plugins: [\"a\", \"../b.so\"], nodes: {\n\"a b\": (kind: \"k\", every: 2, params: \
-                    (x: 1.5, t: \"q\\\"\\n\\u{7f}é\", l: [1, 2.0], m: {\"k\": (y: zig)})), \"c\": (kind: \"d\")}, \
-                    wires: [(\"a b.out\", \"c\")])";
+    fn written_graph_reads_back_the_same() {
+        let text = r#"Graph(version: 1, tick_hz: 1000, plugins: ["a", "../b.so"], nodes: {
+            "a b": (kind: "k", every: 2,
+                    params: (x: 1.5, t: "q\"\n\u{7f}é", l: [1, 2.0], m: {"k": (y: zig)})),
+            "c": (kind: "d")}, wires: [("a b.out", "c")])"#;
         let first = GraphFile::parse(&Source::new("a", text)).unwrap();
         let written = first.to_string();
         let again = GraphFile::parse(&Source::new("b", written.as_str())).unwrap();

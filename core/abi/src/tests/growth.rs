@@ -28,7 +28,7 @@ fn memory(size: u32) -> Memory {
 }
 
 #[test]
-fn what_an_older_maker_did_not_know_is_zero() {
+fn fields_unknown_to_an_older_maker_read_as_zero() {
     // SAFETY: more bytes are there than the struct says.
     let read = |size| unsafe { read_grown::<Later>(memory(size).0.as_ptr().cast()) };
     assert_eq!(read(8), Some(Later { size: 8, old: 7, added: 0 }));
@@ -36,14 +36,14 @@ fn what_an_older_maker_did_not_know_is_zero() {
 }
 
 #[test]
-fn what_a_newer_maker_added_is_left_alone() {
+fn added_fields_of_a_newer_maker_stay_untouched() {
     // SAFETY: as many bytes are there as the struct says.
     let read = |size| unsafe { read_grown::<Later>(memory(size).0.as_ptr().cast()) };
     assert_eq!(read(24), Some(Later { size: 24, old: 7, added: 5 }));
 }
 
 #[test]
-fn sizes_that_cannot_be_are_refused() {
+fn impossible_size_is_refused() {
     for size in [0, 4, 7, 9, 13, 5000, u32::MAX] {
         // SAFETY: nothing beyond the size is read where it cannot be.
         assert_eq!(unsafe { read_grown::<Later>(memory(size).0.as_ptr().cast()) }, None, "{size}");

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 #[test]
-fn the_committed_header_is_not_stale() {
+fn committed_header_is_current() {
     let dir = Path::new(env!("CARGO_MANIFEST_DIR"));
     let config = cbindgen::Config::from_file(dir.join("cbindgen.toml")).unwrap();
     let bindings = cbindgen::Builder::new().with_crate(dir).with_config(config).generate().unwrap();

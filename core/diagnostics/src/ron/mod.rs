@@ -1,9 +1,9 @@
-//! A strict reader for RON that keeps the place of every value.
+//! A strict reader for RON that keeps the position of every value.
 //!
-//! The grammar is the `ron` crate's. On top of it this reader refuses what `ron` lets pass and a person would
-//! not have meant: duplicate keys and fields, numbers that are not finite, extensions. A value is taken apart
-//! with [`Value::record`] (a struct with named fields), [`Value::map`], [`Value::list`] and the scalar
-//! accessors, each of which answers an error with its place when something else stands there.
+//! The grammar is the `ron` crate's. This reader also refuses duplicate keys and fields, numbers that
+//! are not finite, and extensions. A value is read with [`Value::record`] (a struct with named fields),
+//! [`Value::map`], [`Value::list`] and the scalar accessors. Each returns an error with its position if
+//! the kind differs.
 
 mod read;
 #[cfg(test)]
@@ -19,7 +19,7 @@ use crate::{Diagnostic, Source, Span};
 use read::Reader;
 pub use value::Record;
 
-/// A value and where it stands.
+/// A value with its position.
 #[derive(Clone, Debug)]
 pub struct Value {
     source: Arc<Source>,
@@ -27,7 +27,7 @@ pub struct Value {
     kind: Kind,
 }
 
-/// What kinds of value there are.
+/// Kinds of values.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Kind {
     /// `()`
@@ -46,7 +46,7 @@ pub enum Kind {
     List(Vec<Value>),
     /// `Name(field: value)` or `(field: value)`.
     Record {
-        /// What stands before the parenthesis, if anything.
+        /// The name before the parenthesis, if any.
         name: Option<String>,
         /// Fields in the order of the file.
         fields: Vec<(Key, Value)>,
@@ -66,7 +66,7 @@ impl PartialEq for Value {
 pub struct Key {
     /// The name, without quotes.
     pub name: String,
-    /// Where it stands.
+    /// Its position.
     pub span: Span,
 }
 
@@ -79,44 +79,21 @@ impl PartialEq for Key {
 /// Reads a whole text.
 ///
 /// # Errors
-/// What `ron` cannot parse, a duplicate key, a number that is not finite.
+/// A text that `ron` cannot parse, a duplicate key, a number that is not finite.
 pub fn parse(source: &Arc<Source>) -> Result<Value, Diagnostic> {
     Reader { source }.whole()
 }
 
-/// The word with which a text begins, after comments: what it is meant as, such as `Graph` or `Scene`, whether or not the rest can be
-/// read.
+/// First word of a text after comments, such as `Graph` or `Scene`, even if the rest cannot be read.
 pub fn first_word(source: &Source) -> Option<&str> {
-    let mut text = source.text().trim_start_matches('\u{feff}').trim_start();
-    loop {
-        text = match (text.strip_prefix("//"), text.strip_prefix("/*")) {
-            (Some(comment), _) => comment.split_once('\n').map_or("", |(_, rest)| rest),
-            (_, Some(comment)) => after_comment(comment),
-            _ => break,
-        }
-        .trim_start();
-    }
+    let text = read::after_comments(source.text().trim_start_matches('\u{feff}'));
     text.split(|c: char| !(c.is_alphanumeric() || c == '_')).next().filter(|word| !word.is_empty())
 }
 
-/// The text behind a comment that has begun; comments may stand in comments.
-fn after_comment(text: &str) -> &str {
-    let (mut depth, mut at) = (1, 0);
-    while depth > 0 {
-        let Some(rest) = text.get(at..) else { return "" };
-        match (rest.find("/*"), rest.find("*/")) {
-            (Some(open), Some(close)) if open < close => (depth, at) = (depth + 1, at + open + 2),
-            (_, Some(close)) => (depth, at) = (depth - 1, at + close + 2),
-            _ => return "",
-        }
-    }
-    text.get(at..).unwrap_or("")
-}
-
-/// Reads a text that came from a command line as a value; a text that is no RON is taken as text.
+/// Reads a value from a command line; a text that is not RON becomes a text value.
 ///
 /// # Errors
-/// A value that parses, and is refused: duplicate keys, numbers that are not finite.
+/// A value that parses but is refused: duplicate keys, numbers that are not finite.
 pub fn parse_or_text(source: &Arc<Source>) -> Result<Value, Diagnostic> {
     let text = source.text();
     let whole = Span { start: 0, end: text.len() };
