@@ -9,7 +9,7 @@ use assert_no_alloc::{AllocDisabler, assert_no_alloc, violation_count};
 static ALLOCATOR: AllocDisabler = AllocDisabler;
 
 #[test]
-fn a_texture_is_touched_and_rendered_without_allocating() {
+fn synthesis_does_not_allocate() {
     let model = |speed_mm_s: f64, force_n: f64| Model {
         ar: vec![-1.2, 0.9, -0.2],
         ma: vec![0.3, 0.1],
