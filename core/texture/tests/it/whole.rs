@@ -1,14 +1,12 @@
-//! Networks whose large layers are computed in whole numbers, where that is hard.
-#![allow(missing_docs, clippy::unwrap_used)]
+//! Whole-number layers in hard cases.
 
-mod common;
-
+use crate::common::{Layer, Net, Random, Spelling, Writer, bytes, model, motions, textures};
 use asperity_texture::{Choice, Model, Precision, Runner};
-use common::{Layer, Net, Random, Spelling, Writer, bytes, model, motions, textures};
 
 const INT8: Precision = Precision::Int8;
 
-/// Layers of these widths without anything between them, so that what they hand on has both signs; the last answers 100 numbers.
+/// Layers of these widths without activations between, so that values have both signs. The last gives
+/// 100 numbers.
 fn linear(widths: &[usize], seed: u64) -> Model {
     let mut w = Writer::new(Spelling::default());
     let mut r = Random(seed);
@@ -18,7 +16,7 @@ fn linear(widths: &[usize], seed: u64) -> Model {
         let limit = (3.0 / inputs as f64).sqrt();
         let layer = Layer { weights: r.vector(inputs * outputs, limit), bias: r.vector(outputs, 0.5) };
         y = w.product(&y, &layer);
-        // Keeps layers apart that would be one.
+        // Separates layers that would merge.
         let low = w.constant(&[], &[-1.0]);
         y = w.node("Max", &[&y, &low], vec![]);
         inputs = outputs;
@@ -33,8 +31,8 @@ fn run(runner: &mut Runner, (force, speed): &(Vec<f32>, Vec<f32>)) -> [f32; 100]
 }
 
 #[test]
-fn inputs_of_both_signs_and_many_of_them_are_summed_up_right() {
-    // 600 inputs at 127 and 32767 would not fit 32 bits, and 598 are no whole number of groups of four.
+fn many_inputs_of_both_signs_are_summed_right() {
+    // 600 inputs at 127 and 32767 would overflow 32 bits; 598 are not a multiple of four.
     for widths in [&[598, 200][..], &[600, 600, 300]] {
         let model = linear(widths, 3);
         assert_eq!(model.not_lowered_because(), None);
@@ -78,7 +76,7 @@ fn every_instruction_set_gives_the_same_bits() {
 }
 
 #[test]
-fn an_input_that_is_not_finite_is_passed_on_and_the_next_run_is_right_again() {
+fn non_finite_input_passes_on_and_next_run_is_right() {
     let model = linear(&[400, 200], 7);
     let textures = textures(1, 2);
     let motion = &motions(1, 5)[2];
@@ -92,15 +90,15 @@ fn an_input_that_is_not_finite_is_passed_on_and_the_next_run_is_right_again() {
             assert!(out.iter().any(|x| !x.is_finite()), "{isa:?} {bad}");
         }
         assert_eq!(before.map(f32::to_bits), run(&mut packed, motion).map(f32::to_bits));
-        // All that a large layer is given is nothing: the biases are left.
+        // With all inputs zero the biases remain.
         let still = run(&mut packed, &(vec![0.0; 10], vec![0.0; 20]));
         assert!(still.iter().all(|x| x.is_finite()));
     }
 }
 
 #[test]
-fn weights_of_8_bits_that_are_not_enough_give_way_to_f16_and_the_report_says_so() {
-    // What a column is made of differs by more than 8 bits can say, and cancels.
+fn insufficient_8_bit_weights_fall_back_to_f16_in_report() {
+    // A column's weights differ by more than 8 bits can express, and cancel.
     let mut made = Net::random(10);
     for (k, row) in made.predictor[2].weights.chunks_exact_mut(200).enumerate().take(2) {
         row.fill([10.3, -10.2][k]);
@@ -116,7 +114,7 @@ fn weights_of_8_bits_that_are_not_enough_give_way_to_f16_and_the_report_says_so(
 }
 
 #[test]
-fn small_f16_weights_count_on_a_thread_that_flushes_denormals() {
+fn small_f16_weights_count_while_denormals_are_flushed() {
     // Scaled to the largest of their column, these are subnormal halves.
     let mut made = Net::random(11);
     for (i, weight) in made.predictor[1].weights.iter_mut().enumerate() {

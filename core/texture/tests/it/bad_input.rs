@@ -1,14 +1,13 @@
-//! Files that are no model, models of another signature, and numbers that are none.
-#![allow(missing_docs, clippy::unwrap_used)]
-
-mod common;
+//! Files that are not models, wrong signatures and bad numbers.
 
 use std::sync::Arc;
 
+use crate::common::{
+    Net, Random, Spelling, bytes, heads, int, model, scattering, tensor, textures, value_info,
+};
 use asperity_texture::{
     Choice, FORCE_LEN, Isa, MAGNITUDES_LEN, Model, Precision, RunError, Runner, SPEED_LEN, TEXTURE_LEN,
 };
-use common::{Net, Random, Spelling, bytes, heads, int, model, scattering, tensor, textures, value_info};
 use tract_onnx::pb::{AttributeProto, ModelProto, NodeProto, StringStringEntryProto, TensorProto};
 
 fn made() -> ModelProto {
@@ -82,7 +81,7 @@ fn flipped_bytes_never_panic_out_of_load() {
 }
 
 #[test]
-fn another_signature_is_named_with_what_was_found_and_what_would_fit() {
+fn wrong_signature_error_says_found_and_wanted() {
     let e = error(|m| m.graph.as_mut().unwrap().input[0] = value_info("force", &[Some(1), Some(12)]));
     assert!(
         e.contains("force [1,12]") && e.contains("texture [1,256]") && e.contains("magnitudes [1,100]"),
@@ -184,7 +183,7 @@ fn weights_that_lie_about_themselves_are_errors() {
 }
 
 #[test]
-fn graphs_out_of_order_or_asking_for_the_moon_are_errors() {
+fn unordered_or_oversized_graphs_are_errors() {
     let e = error(|m| m.graph.as_mut().unwrap().node.reverse());
     assert!(e.contains("nothing before it gives"), "{e}");
     let e = error(|m| m.graph.as_mut().unwrap().output[0].name = "elsewhere".into());
@@ -306,7 +305,7 @@ fn runners_move_between_threads() {
 }
 
 #[test]
-fn a_file_that_changes_is_read_again_and_runners_are_of_what_was_asked_for() {
+fn changed_file_is_read_again_for_the_runner_asked_for() {
     let dir = tempfile::tempdir().unwrap();
     let shipped = concat!(env!("CARGO_MANIFEST_DIR"), "/../../graphs/models/surfaces/");
     let path = dir.path().join("m.onnx");
@@ -321,7 +320,7 @@ fn a_file_that_changes_is_read_again_and_runners_are_of_what_was_asked_for() {
     };
     let mut one = first.runner(&materials, Precision::Int8, Choice::Auto).unwrap();
     let before = run(&mut one, 1);
-    // A copy has a state of its own.
+    // A copy has its own state.
     let mut other = first.runner(&materials, Precision::Int8, Choice::Auto).unwrap();
     assert_eq!((run(&mut other, 0), run(&mut other, 1)), (run(&mut one, 0), before));
     let mut single = first.runner(&materials[1..], Precision::Int8, Choice::Auto).unwrap();
