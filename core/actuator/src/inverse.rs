@@ -49,7 +49,7 @@ use super::{ActuatorError, Drive, Dynamics};
 /// remember 1e30 for 0.8 s and hold the limiter at its peak.
 const MOST_M_S2: f64 = 1e6;
 
-/// How much of the actuator is inverted.
+/// Inverted part of the actuator.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum InverseModel {
     /// Mass, spring, damper, and for a voltage the whole coil: third order.

@@ -1,4 +1,4 @@
-//! What a tool felt along a stroke, to compare renderings with.
+//! Acceleration of a tool along a stroke, to compare renderings with.
 
 use asperity_diagnostics::Diagnostic;
 use asperity_motion::{Cursor, Stroke, StrokeParams, Trajectory};
@@ -140,7 +140,7 @@ mod tests {
     use std::f64::consts::TAU;
 
     #[test]
-    fn a_mean_over_time_keeps_lines_and_takes_of_a_swing_what_its_window_does() {
+    fn mean_over_time_keeps_lines_and_damps_a_swing_as_its_window() {
         let line: Vec<f64> = (0..4000).map(|i| 1e5 + 0.01 * f64::from(i)).collect();
         let mean = averaged(&line, 80);
         assert_eq!(mean.len(), line.len());
@@ -157,7 +157,7 @@ mod tests {
     }
 
     #[test]
-    fn a_recorded_stroke_moves_as_the_hand_did_before_it_was_rounded() {
+    fn recorded_stroke_moves_as_before_sensor_rounding() {
         let params = StrokeParams { quantum_mm: 0.055, tremor_mm: 0.0, ..StrokeParams::default() };
         let (exact, rounded) = (Hand::stroke(&params).unwrap(), Stroke::new(params).unwrap());
         let mut text = String::from("t_s,x_mm,y_mm,z_mm\n");

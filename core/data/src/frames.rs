@@ -87,7 +87,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_sine_has_its_amplitude_in_its_bin_and_half_of_it_beside() {
+    fn sine_has_its_amplitude_in_its_bin_and_half_beside() {
         for rate in [1000.0, 1024.0, 2500.0, 4096.5, 10_000.0] {
             let mut spectrometer = Spectrometer::new(rate);
             let wave = |amplitude: f64, hz: f64| -> Vec<f64> {

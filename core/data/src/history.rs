@@ -201,7 +201,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn drawn_histories_cover_the_stated_ranges_and_never_leave_them() {
+    fn drawn_histories_cover_exactly_the_stated_ranges() {
         let mut random = Random::new(5);
         let (mut fastest, mut strongest, mut still, mut partly) = (0.0f64, 0.0f64, 0, 0);
         for _ in 0..20_000 {
@@ -220,7 +220,7 @@ mod tests {
     }
 
     #[test]
-    fn the_sensors_step_shows_in_the_measured_velocity_as_small_noise() {
+    fn sensor_step_adds_small_noise_to_velocity() {
         let mut random = Random::new(6);
         let (mut squares, mut n) = (0.0, 0);
         for _ in 0..5000 {

@@ -80,7 +80,7 @@ mod tests {
     }
 
     #[test]
-    fn integers_and_floats_are_parts_of_full_scale_and_channels_come_apart() {
+    fn integers_and_floats_are_scaled_and_channels_separated() {
         let spec =
             WavSpec { channels: 2, sample_rate: 8000, bits_per_sample: 16, sample_format: SampleFormat::Int };
         let dir = written(spec, |w| {

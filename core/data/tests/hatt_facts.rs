@@ -95,7 +95,7 @@ fn counts(folder: &Path) -> Counts {
 }
 
 #[test]
-fn thirteen_edges_are_unstable_by_coefficients_and_none_by_line_spectral_frequencies() {
+fn shared_textures_coefficients_make_13_unstable_edges_lsf_none() {
     let Some(folder) = std::env::var_os("HATT_DIR") else {
         // `eprintln!` shows only in failed tests.
         let said = "skipped: HATT_DIR does not name the folder of the toolkit's files";
@@ -133,7 +133,7 @@ fn xml(texture: &Texture) -> String {
 }
 
 #[test]
-fn of_the_made_ones_some_edges_are_unstable_by_coefficients_and_none_by_line_spectral_frequencies() {
+fn made_textures_coefficients_make_unstable_edges_lsf_do_not() {
     let made = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../graphs/models/made_ar");
     let dir = tempfile::tempdir().expect("a folder");
     // As deep as the toolkit's folders, beside another file.

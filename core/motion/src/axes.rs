@@ -28,8 +28,8 @@ impl AxisMap {
     pub fn parse(text: &str) -> Result<Self, Diagnostic> {
         let fail = |message: String| {
             Err(Diagnostic::new(message).help(
-                "name the file's axis for each of x, y, z in this order, each once: `x,y,z`, or `x,-z,y` where the \
-                 file's y is up",
+                "name the file's axis for each of x, y, z in this order, each once: `x,y,z`, or `x,-z,y` \
+                 where the file's y is up",
             ))
         };
         let mut map = Self::default();

@@ -1,5 +1,5 @@
-//! Motion of the stylus: recorded ([`Trajectory`]), made ([`Stroke`]), or scripted ([`Itinerary`]). And the reader
-//! of [tables](Table) that recordings use.
+//! Motion of the stylus: recorded ([`Trajectory`]), made ([`Stroke`]), or scripted ([`Itinerary`]).
+//! [`Table`] reads the CSV files of recordings.
 //!
 //! All three give a [`Sample`] for a time. Positions are in mm with z up. A surface lies in the plane z
 //! = 0, its inside at negative z.

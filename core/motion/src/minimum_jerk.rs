@@ -40,7 +40,7 @@ mod tests {
     }
 
     #[test]
-    fn its_speed_is_its_slope_and_its_integral_its_antiderivative() {
+    fn speed_is_the_slope_and_integral_the_antiderivative() {
         let h = 1e-5;
         for i in 1..100 {
             let s = f64::from(i) / 100.0;

@@ -21,7 +21,7 @@ pub const DEFAULT_MAX_GAP_S: f64 = 0.1;
 /// Gap between rows that is accepted in a slow recording, in median steps.
 const MAX_GAP_STEPS: f64 = 5.0;
 
-/// How to read a file.
+/// Options of reading a file.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct TrajectoryOptions {
     /// Axes of the file.
@@ -61,9 +61,10 @@ impl Trajectory {
     /// irregular.
     ///
     /// # Errors
-    /// Each points at the cell: those of [`Table`]; a missing column; a value beyond the limits of this module
-    /// ([`MAX_ABS_TIME_S`], [`MAX_ABS_POSITION_MM`], [`MAX_ABS_FORCE_N`], 0 to [`MAX_SPEED_MM_S`]); a clock
-    /// that stands still or goes back; a gap longer than `options.max_gap_s`; fewer than two rows.
+    /// Each points at the cell: those of [`Table`]; a missing column; a value beyond the limits of this
+    /// module ([`MAX_ABS_TIME_S`], [`MAX_ABS_POSITION_MM`], [`MAX_ABS_FORCE_N`], 0 to
+    /// [`MAX_SPEED_MM_S`]); a clock that stands still or goes back; a gap longer than
+    /// `options.max_gap_s`; fewer than two rows.
     pub fn parse(source: &Arc<Source>, options: &TrajectoryOptions) -> Result<Self, Diagnostic> {
         let columns = read_columns(source, options.max_gap_s)?;
         Ok(Self::from_columns(columns, options.axes, options.interpolation))

@@ -49,7 +49,7 @@ fn the_mean_speed_is_the_one_asked_for() {
 }
 
 #[test]
-fn a_zigzag_sweeps_its_square_and_a_circle_stays_on_its_radius() {
+fn zigzag_sweeps_its_square_and_circle_keeps_its_radius() {
     let zigzag = made(StrokeParams { duration_s: 20.0, ..bare(Shape::Zigzag) });
     let circle = made(bare(Shape::Circle));
     let (mut low, mut high) = ([f64::MAX; 2], [f64::MIN; 2]);

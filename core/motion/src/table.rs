@@ -103,8 +103,8 @@ impl<'s> Table<'s> {
         Span::at(self.source.text().len())
     }
 
-    /// Reads the next row into `row`, by number of the column, and returns the place of column 0. Columns that
-    /// are not there keep their value. None behind the last row.
+    /// Reads the next row into `row`, by number of the column, and returns the place of column 0. Columns
+    /// that are not there keep their value. None behind the last row.
     ///
     /// # Errors
     /// Each at its cell: more or fewer cells than in the header; a cell that is not a number, not finite or

@@ -243,7 +243,7 @@ mod tests {
     }
 
     #[test]
-    fn the_cubic_gives_a_better_velocity_from_slow_irregular_rows() {
+    fn cubic_gives_better_velocity_from_slow_irregular_rows() {
         let (cubic, line) = (velocity_error(Interpolation::Cubic), velocity_error(Interpolation::Linear));
         println!("velocity error, mm/s rms: cubic {cubic:.3}, linear {line:.3}");
         assert!(cubic < 0.5 * line, "cubic {cubic}, linear {line}");

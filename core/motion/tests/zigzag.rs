@@ -33,7 +33,7 @@ fn the_shipped_file_is_what_the_example_makes() {
 }
 
 #[test]
-fn it_has_strokes_a_pause_a_lift_off_and_the_forces_it_states() {
+fn scripted_run_has_its_strokes_pause_lift_off_and_forces() {
     let t = Trajectory::read(shipped(), &TrajectoryOptions::default()).unwrap();
     assert!((7.5..8.5).contains(&t.duration_s()), "{}", t.duration_s());
     assert!(std::fs::metadata(shipped()).unwrap().len() < 300_000);

@@ -38,7 +38,7 @@ fn error(text: &str) -> String {
 }
 
 #[test]
-fn more_models_than_a_tick_can_look_through_are_refused() {
+fn more_models_than_a_tick_can_search_are_refused() {
     let set = |models: usize| {
         let all: String = (0..models).map(|n| plain(&AR[n % 4], n as f64, 0.5)).collect();
         format!("<modelSet><SampleRate>1000</SampleRate>{all}</modelSet>")
@@ -187,7 +187,7 @@ fn white(ar: &[f64; 2], speed: f64, force: f64) -> String {
 }
 
 #[test]
-fn a_folder_gives_the_closed_form_and_each_material_its_own_pictures() {
+fn folder_gives_closed_form_and_own_pictures_per_material() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
     std::fs::create_dir_all(at("photographs")).unwrap();

@@ -26,7 +26,7 @@ fn seen(felt: &Felt) -> Spectrogram {
 }
 
 #[test]
-fn two_seeds_agree_in_spectrum_as_draws_do_and_not_in_their_waveforms() {
+fn two_seeds_agree_in_spectrum_and_differ_in_waveform() {
     let hand = hand(100.0, 1.0, 8.0);
     for name in ["canvas", "sandpaper P120"] {
         let surface = surface(name).unwrap();
@@ -53,7 +53,7 @@ fn two_seeds_agree_in_spectrum_as_draws_do_and_not_in_their_waveforms() {
 }
 
 #[test]
-fn a_recorded_stroke_feels_as_it_did_before_the_sensor_rounded_it() {
+fn recorded_stroke_feels_as_before_sensor_rounding() {
     use asperity_motion::{Stroke, Trajectory};
     let params =
         StrokeParams { duration_s: 4.0, mean_speed_mm_s: 80.0, quantum_mm: 0.055, ..StrokeParams::default() };
@@ -138,7 +138,7 @@ fn seeds_make_bits_and_air_is_silent() {
 }
 
 #[test]
-fn a_name_that_no_surface_has_is_told_with_the_nearest() {
+fn unknown_surface_name_is_an_error_with_nearest_name() {
     assert_eq!(surface("canvas").unwrap().name, "canvas");
     let told = surface("canvass").unwrap_err().to_string();
     assert!(told.contains("canvass"), "{told}");

@@ -139,7 +139,7 @@ mod tests {
     const SMALL: Settings = Settings { seed: 3, pieces: [1, 1], images: 1, strokes: 1, stroke_s: 4.0 };
 
     #[test]
-    fn a_surface_is_the_same_by_the_same_settings_and_its_parts_share_nothing() {
+    fn same_settings_give_same_surface_with_independent_parts() {
         let surface = &made_surfaces()[60];
         let made = subject(surface, &SMALL).unwrap();
         assert_eq!(made, subject(surface, &SMALL).unwrap());
@@ -159,7 +159,7 @@ mod tests {
     }
 
     #[test]
-    fn louder_is_what_is_pressed_and_moved_and_nothing_is_felt_in_the_air() {
+    fn vibration_grows_with_force_and_speed_and_is_zero_in_air() {
         let made = subject(&made_surfaces()[4], &Settings { strokes: 4, ..SMALL }).unwrap();
         let level = |e: &Example| e.magnitudes.iter().map(|m| m * m).sum::<f32>().sqrt();
         let (mut loud, mut still) = (0, 0);

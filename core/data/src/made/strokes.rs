@@ -269,7 +269,7 @@ mod tests {
     }
 
     #[test]
-    fn strokes_fill_the_range_and_those_beyond_go_as_far_beyond_as_they_say() {
+    fn strokes_fill_the_range_and_exceed_it_only_as_asked() {
         // At the turns of a zigzag both directions are fast at once, and tremor adds.
         let near = |found: f64, most: f64, above: f64| (0.9..=above).contains(&(found / most));
         let (force_n, speed_mm_s) = reach(|random| Drawn::new(3.0, random));

@@ -32,7 +32,7 @@ const STARTS: usize = 5;
 
 /// Logarithms of factors on the waves' shares to try.
 const FACTORS: [f64; 11] = [-0.7, -0.35, -0.175, -0.09, -0.05, 0.0, 0.175, 0.35, 0.7, 1.05, 1.4];
-/// How equal the shares of a wave's harmonics are made: 0 as found, 1 like the fundamental's. A ridge
+/// Equalisation of a wave's harmonic shares: 0 as found, 1 like the fundamental's. A ridge
 /// met a little early or late keeps its shape, but its high harmonics seem not to repeat.
 const ALIKE: [f64; 3] = [0.0, 0.5, 1.0];
 /// Rounds of the fine search, and the factor of the step from round to round.

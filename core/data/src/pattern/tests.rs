@@ -148,7 +148,7 @@ fn bumps_that_are_rarer_across_the_grain_are_found_so() {
 }
 
 #[test]
-fn what_does_not_repeat_but_comes_at_ridges_is_found_there() {
+fn irregular_events_are_found_at_their_ridges() {
     let harmonics = vec![Harmonic { weight: 1.0, share: 0.7, phase: 0.0 }; 6];
     let at_ridges = Events { spacing_mm: None, interval_cv: 0.03, ..BUMPS };
     let waves = vec![Wave { per_mm: [0.4, 0.1], harmonics }];
@@ -201,7 +201,7 @@ fn made_grating_has_a_wave_and_sandpaper_bumps() {
 }
 
 #[test]
-fn pattern_goes_with_the_magnitudes_of_a_network_that_errs() {
+fn pattern_fits_magnitudes_of_an_erring_network() {
     // The network hears none of the low half. Bumps through the rest should be as bumpy.
     let strokes = strokes(&Pattern { waves: Vec::new(), events: Some(BUMPS) }, 10.0);
     let network = |[x, y]: [f64; 2]| {

@@ -51,7 +51,7 @@ fn three_axes_with_gravity_are_one_amplitude() {
 }
 
 #[test]
-fn the_filter_against_gravity_leaves_ten_hertz_nearly_whole() {
+fn gravity_filter_keeps_ten_hertz_nearly_whole() {
     let text = table("time_s,force_n,speed_mm_s,acceleration_m_s2", 1000.0, 2.0, |t| {
         vec![1.0, 50.0, tone(1.0, 10.0, t) + 9.81 * (TAU * 0.2 * t).cos()]
     });
@@ -91,7 +91,7 @@ fn places_velocities_and_speeds_tell_one_motion() {
 }
 
 #[test]
-fn one_stroke_is_read_as_it_was_recorded_and_its_speed_is_that_of_its_motion() {
+fn one_stroke_is_read_as_recorded_with_speed_of_its_motion() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("s.csv");
     // A circle of 30 mm at 1.5 turns a second: 283 mm/s all the way.
@@ -129,7 +129,7 @@ fn one_stroke_is_read_as_it_was_recorded_and_its_speed_is_that_of_its_motion() {
 }
 
 #[test]
-fn columns_without_a_header_are_named_by_whoever_has_them() {
+fn headerless_columns_take_the_callers_names() {
     let column = |x: f64| vec![x; 1000];
     let columns = || {
         vec![
@@ -171,7 +171,7 @@ fn write(folder: &Path, name: &str, text: &str) {
 }
 
 #[test]
-fn no_sample_of_a_stroke_is_both_trained_on_and_judged_by() {
+fn no_sample_is_in_both_training_and_test() {
     let folder = tempfile::tempdir().unwrap();
     let cork = folder.path().join("cork");
     // The force is the time, so that a history tells its time.
@@ -227,7 +227,8 @@ fn bad_tables_are_refused_at_the_cell() {
         (error("t_s,force_n,speed_mm_s,accel\n"), "s.csv:1:24: unknown column `accel`"),
         (
             error("t_s;force_n;speed_mm_s;ax_m_s2\n0;1;50;0,1\n"),
-            "s.csv:1:1: unknown column `t_s;force_n;speed_mm_s;ax_m_s2` (the first line names the columns, such \
+            "s.csv:1:1: unknown column `t_s;force_n;speed_mm_s;ax_m_s2` (the first line names the \
+             columns, such \
              as `t_s,force_n,vx_mm_s,vy_mm_s,ax_m_s2,ay_m_s2,az_m_s2`; cells are separated by commas",
         ),
         (error("t_s,force_n,force_n\n"), "s.csv:1:13: the column `force_n` is there twice"),
@@ -292,7 +293,7 @@ const NAMES: &str = "Recording(channels: [\n(quantity: \"force_n\", full_scale: 
     (quantity: \"speed_mm_s\", full_scale: 200.0),\n(quantity: \"acceleration_m_s2\", full_scale: 50.0)])";
 
 #[test]
-fn sound_files_of_every_width_and_rate_are_read_by_their_channels_names() {
+fn wav_of_every_width_and_rate_is_read_by_channel_name() {
     let folder = tempfile::tempdir().unwrap();
     let names = folder.path().join(CHANNELS_FILE);
     std::fs::write(&names, NAMES).unwrap();
@@ -368,7 +369,7 @@ fn folders_that_will_not_do_are_refused() {
 }
 
 #[test]
-fn a_recording_is_a_stroke_that_a_graph_can_play_and_what_was_felt() {
+fn recording_is_a_playable_stroke_with_its_acceleration() {
     use asperity_motion::{Trajectory, TrajectoryOptions};
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("s.csv");
