@@ -6,7 +6,7 @@ use asperity_autoregressive::{Model, Synthesis, Texture};
 use harness::counting::allocations;
 
 #[test]
-fn a_texture_is_touched_and_rendered_without_allocating() {
+fn synthesis_does_not_allocate() {
     let model = |speed_mm_s: f64, force_n: f64| Model {
         ar: vec![-1.2, 0.9, -0.2],
         ma: vec![0.3, 0.1],

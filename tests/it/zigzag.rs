@@ -1,4 +1,4 @@
-//! The shipped stroke is what its maker makes, and holds what its first lines say.
+//! The shipped stroke equals the made one and is what its first lines say.
 
 use std::path::PathBuf;
 
@@ -13,7 +13,7 @@ fn shipped() -> PathBuf {
     harness::graphs("trajectories/zigzag.csv")
 }
 
-/// Equal but for one step of the sensor in a few places, which another `sin` may round otherwise.
+/// A few places may differ by one sensor step, since another `sin` may round differently.
 #[test]
 fn the_shipped_file_is_what_the_example_makes() {
     let options = TrajectoryOptions::default();
@@ -33,12 +33,12 @@ fn the_shipped_file_is_what_the_example_makes() {
 }
 
 #[test]
-fn it_has_strokes_a_pause_a_lift_off_and_the_forces_it_states() {
+fn scripted_run_has_its_strokes_pause_lift_off_and_forces() {
     let t = Trajectory::read(shipped(), &TrajectoryOptions::default()).unwrap();
     assert!((7.5..8.5).contains(&t.duration_s()), "{}", t.duration_s());
     assert!(std::fs::metadata(shipped()).unwrap().len() < 300_000);
 
-    // Planar speed over 20 ms, longer than a step of the sensor lasts.
+    // Planar speed over 20 ms, longer than a sensor step lasts.
     let at = |i: i32| t.sample(f64::from(i) * 0.002).position;
     let rows = t.rows() as i32;
     let (mut fastest, mut hardest, mut softest): (f64, f64, f64) = (0.0, 0.0, f64::MAX);

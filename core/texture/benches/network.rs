@@ -1,5 +1,6 @@
-//! Medians of one run: packed f32, f16 and int8, f64, tract, and a plain read of the same weights, interleaved so that all
-//! see the same machine. `cargo bench -p asperity-texture`; numbers are only as good as the machine is idle.
+//! Medians of one run: packed f32, f16 and int8, f64, tract, and a plain read of the same weights,
+//! interleaved so that all see the same machine. `cargo bench -p asperity-texture`; numbers are only as
+//! good as the machine is idle.
 #![allow(missing_docs, clippy::unwrap_used)]
 
 #[path = "../src/tests/networks.rs"]

@@ -15,7 +15,7 @@ use crate::hatt;
 use asperity_autoregressive::{Texture, TextureFile, is_stable, line_spectrum};
 use asperity_diagnostics::Source;
 
-/// Mixtures of an edge that are looked at, beside its ends.
+/// Mixtures of an edge to check, beside its ends.
 const PARTS: u32 = 200;
 
 fn files(folder: &Path, found: &mut Vec<PathBuf>) {
@@ -38,7 +38,7 @@ fn edges(texture: &Texture) -> Vec<[usize; 2]> {
     edges
 }
 
-/// Whether every mixture of two lists, as it is turned into a polynomial, is stable.
+/// Whether every mixture of two lists, turned into a polynomial, is stable.
 fn all_stable(a: &[f64], b: &[f64], polynomial: impl Fn(&[f64]) -> Vec<f64>) -> bool {
     (0..=PARTS).all(|i| {
         let part = f64::from(i) / f64::from(PARTS);
@@ -52,9 +52,9 @@ fn all_stable(a: &[f64], b: &[f64], polynomial: impl Fn(&[f64]) -> Vec<f64>) -> 
 struct Counts {
     textures: usize,
     edges: usize,
-    /// Edges on which some mixture is not stable, of coefficients and of line spectral frequencies.
+    /// Edges on which some mixture is not stable: of coefficients, and of line spectral frequencies.
     unstable: [usize; 2],
-    /// The least and the greatest order.
+    /// Least and greatest order.
     orders: [usize; 2],
 }
 
@@ -98,7 +98,7 @@ fn counts(folder: &Path) -> Counts {
 #[test]
 fn hatt_edges_are_stable_by_line_spectral_frequencies() {
     let Some(folder) = std::env::var_os("HATT_DIR") else {
-        // Not by `eprintln!`, which is heard only of tests that fail.
+        // `eprintln!` shows only in failed tests.
         let said = "skipped: HATT_DIR does not name the folder of the toolkit's files";
         writeln!(std::io::stderr(), "{said}").expect("somebody hears");
         return;
@@ -138,7 +138,7 @@ fn xml(texture: &Texture) -> String {
 fn made_edges_are_stable_by_line_spectral_frequencies() {
     let made = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../graphs/models/made_ar");
     let dir = tempfile::tempdir().expect("a folder");
-    // As deep as the toolkit's are, and beside what is none.
+    // As deep as the toolkit's folders, beside another file.
     std::fs::create_dir_all(dir.path().join("Models/XML")).expect("a folder");
     std::fs::write(dir.path().join("other.xml"), "<html/>").expect("a file");
     for (name, orders, unstable) in [("ringing", 8, 22), ("rough", 7, 0), ("smooth", 3, 0)] {

@@ -28,7 +28,7 @@ fn error_vs_f64(net: &Net, model: &Model, precision: Precision, choice: Choice) 
     worst / full_scale
 }
 
-/// The precisions that are packed, and between what their errors lie: rounding is not free.
+/// Packed precisions and the range of their errors: rounding is not free.
 const PACKED: [(Precision, std::ops::Range<f64>); 3] =
     [(Precision::F32, 0.0..1e-5), (Precision::F16, 1e-6..5e-4), (Precision::Int8, 1e-4..1e-2)];
 
@@ -110,8 +110,8 @@ fn exponentials_are_packed_and_right_in_every_precision() {
 }
 
 #[test]
-fn double_precision_is_within_its_output_of_the_f64_evaluation() {
-    // What is left is the rounding of magnitudes to f32.
+fn double_precision_matches_the_f64_evaluation() {
+    // The rounding of magnitudes to f32 remains.
     for spelling in spellings() {
         let net = Net::random(2);
         let model = load(&net, spelling);
@@ -148,7 +148,7 @@ fn instruction_sets_agree_with_each_other_and_with_tract() {
     }
 }
 
-/// Largest errors of ratio and variance as shares of their largest values.
+/// Largest errors of ratio and variance as parts of their largest values.
 fn scatter_errors(
     net: &Net,
     heads: &[(&str, Layer)],
@@ -160,7 +160,7 @@ fn scatter_errors(
     let textures = textures(3, 5);
     let mut runner = model.runner(&textures, ways.0, ways.1).unwrap();
     assert!(runner.answers_scatter());
-    // The same network with a head in the place of its last layer.
+    // The same network with a head in place of its last layer.
     let exact = heads.iter().map(|(_, head)| {
         let mut net = net.clone();
         *net.predictor.last_mut().unwrap() = head.clone();
@@ -258,12 +258,12 @@ fn the_texture_part_is_folded_away() {
     let model = load(&Net::random(1), Spelling::default());
     let runner = model.runner(&textures(1, 1), Precision::F32, Choice::Auto).unwrap();
     let info = runner.describe();
-    // 496,500 in all, of which 256 x 300 are the texture's.
+    // 496,500 in all; 256 x 300 of them belong to the texture.
     assert_eq!(info.multiply_adds, 496_500 - 256 * 300);
     let least = 4 * info.multiply_adds;
     assert!((least..least + least / 20).contains(&info.weights_bytes), "{} bytes", info.weights_bytes);
     let half = model.runner(&textures(1, 1), Precision::F16, Choice::Packed(Isa::best())).unwrap();
-    // Half the bytes, or a quarter, but for the smallest layers.
+    // Half the bytes, or a quarter, except for the smallest layers.
     let half_bytes = half.describe().weights_bytes * 2;
     assert!((info.weights_bytes + 1..info.weights_bytes * 106 / 100).contains(&half_bytes), "{half_bytes}");
     let quarter = model.runner(&textures(1, 1), Precision::Int8, Choice::Packed(Precision::Int8.isas()[0]));
@@ -303,7 +303,7 @@ fn the_shipped_model_runs_in_every_precision() {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../graphs/models/surfaces/texture.onnx");
     let model = Model::load(path).unwrap();
     assert_eq!(model.not_lowered_because(), None);
-    // The library's vectors, read without its own reader: numbers between `vector: [` and `]`.
+    // The library's vectors without its reader: numbers between `vector: [` and `]`.
     let library = concat!(env!("CARGO_MANIFEST_DIR"), "/../../graphs/models/surfaces/materials.ron");
     let text = std::fs::read_to_string(library).unwrap();
     let vectors: Vec<Vec<f32>> = text
@@ -320,7 +320,7 @@ fn the_shipped_model_runs_in_every_precision() {
             let info = runner.describe();
             assert_eq!(info.executor, Executor::Packed { isa, precision });
             assert_eq!(info.multiply_adds, 446_000, "{}", info.report);
-            // An exponential makes of an error in the logarithm one in parts.
+            // An exponential turns an error of the logarithm into a relative one.
             let most = if precision == Precision::Int8 { 5e-2 } else { within.end.max(1e-4) };
             assert!(info.max_error_vs_tract.unwrap() < most, "{}", info.report);
             eprintln!("{}, {} bytes", info.report, info.weights_bytes);

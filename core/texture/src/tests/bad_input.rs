@@ -183,7 +183,7 @@ fn weights_that_lie_about_themselves_are_errors() {
 }
 
 #[test]
-fn graphs_out_of_order_or_asking_for_the_moon_are_errors() {
+fn unordered_or_oversized_graphs_are_errors() {
     let e = error(|m| m.graph.as_mut().unwrap().node.reverse());
     assert!(e.contains("nothing before it gives"), "{e}");
     let e = error(|m| m.graph.as_mut().unwrap().output[0].name = "elsewhere".into());
@@ -320,7 +320,7 @@ fn changed_file_is_read_again() {
     };
     let mut one = first.runner(&materials, Precision::Int8, Choice::Auto).unwrap();
     let before = run(&mut one, 1);
-    // A copy has a state of its own.
+    // A copy has its own state.
     let mut other = first.runner(&materials, Precision::Int8, Choice::Auto).unwrap();
     assert_eq!((run(&mut other, 0), run(&mut other, 1)), (run(&mut one, 0), before));
     let mut single = first.runner(&materials[1..], Precision::Int8, Choice::Auto).unwrap();

@@ -7,7 +7,7 @@ use tract_onnx::pb::{ModelProto, NodeProto, StringStringEntryProto};
 
 fn image(seed: u64) -> Image {
     let mut r = Random(seed);
-    // Another mean in every colour and every part, so that nothing can be mistaken for anything else.
+    // Each colour and each part has its own mean, so that none is mistaken for another.
     let pixels = (0..IMAGE[0] * IMAGE[1] * 3)
         .map(|i| (60.0 * r.unit() + 60.0 * ((i % 3) as f64) + 60.0 * (i as f64 / 147_456.0)) as u8)
         .collect();
@@ -21,7 +21,7 @@ fn error(change: impl FnOnce(&mut ModelProto)) -> String {
 }
 
 #[test]
-fn an_encoder_sees_red_green_and_blue_from_0_to_1_row_by_row() {
+fn encoder_input_is_red_green_blue_from_0_to_1_by_rows() {
     let weights = Random(3).vector(3 * 12 * 16, 1.0);
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("e.onnx");
@@ -30,7 +30,7 @@ fn an_encoder_sees_red_green_and_blue_from_0_to_1_row_by_row() {
     for seed in [1, 2] {
         let image = image(seed);
         let found = encoder.encode(&image).unwrap();
-        // The same by hand: means over tiles of 16 x 16, weighted and summed, plus n / 4 in number n.
+        // By hand: means over tiles of 16 x 16, weighted and summed, plus n / 4 in number n.
         let mut sum = 0.0;
         for row in 0..IMAGE[0] {
             for column in 0..IMAGE[1] {
@@ -49,7 +49,7 @@ fn an_encoder_sees_red_green_and_blue_from_0_to_1_row_by_row() {
 }
 
 #[test]
-fn an_answer_that_is_not_finite_is_an_error_and_not_an_answer() {
+fn non_finite_answer_is_an_error() {
     let big = Encoder::from_bytes(&bytes(&encoder(&[1e38; 576], 0.0)), "big.onnx").unwrap();
     let black = Image { size: IMAGE, pixels: vec![0; 147_456] };
     assert!(big.encode(&black).unwrap().iter().all(|x| *x == 0.0));
@@ -67,7 +67,7 @@ fn an_image_of_another_size_is_refused() {
 }
 
 #[test]
-fn files_that_are_no_encoder_are_refused_with_what_they_are() {
+fn non_encoder_files_are_refused_with_their_contents() {
     let network = error(|m| *m = model(&Net::random(1), Spelling::default()));
     assert!(network.contains("3 inputs, not 1; found inputs: force [1,10]"), "{network}");
     let e = Model::from_bytes(&bytes(&encoder(&[1.0; 576], 0.0)), "e.onnx").unwrap_err().to_string();
@@ -92,7 +92,7 @@ fn files_that_are_no_encoder_are_refused_with_what_they_are() {
         m.graph.as_mut().unwrap().initializer[0].raw_data[..4].copy_from_slice(&f32::NAN.to_le_bytes())
     });
     assert!(nan.contains("not finite"), "{nan}");
-    // Whoever leaves the shape open is found out by what comes.
+    // An open shape is checked by its result.
     let open = error(|m| {
         let graph = m.graph.as_mut().unwrap();
         graph.output[0] = value_info("tiles", &[None, None]);

@@ -14,7 +14,7 @@ fn run(runner: &mut Runner, force: &[f32], speed: &[f32]) -> [f32; 100] {
     out
 }
 
-/// All inputs joined and multiplied into 100 outputs; `finish` makes the rest.
+/// All inputs joined and multiplied into 100 outputs; `finish` adds the rest.
 fn one_layer(seed: u64, finish: impl FnOnce(&mut Writer, String) -> String) -> ModelProto {
     let mut w = Writer::new(Spelling::default());
     let all = w.concat(&["force", "speed", "texture"]);
@@ -26,7 +26,7 @@ fn one_layer(seed: u64, finish: impl FnOnce(&mut Writer, String) -> String) -> M
 }
 
 #[test]
-fn a_network_with_another_activation_runs_by_tract_and_says_so() {
+fn network_with_unknown_activation_runs_by_tract() {
     let made = one_layer(1, |w, y| w.node("Softplus", &[&y], vec![]));
     let model = load(&made);
     assert!(model.not_lowered_because().unwrap().contains("Softplus"));
@@ -41,7 +41,7 @@ fn a_network_with_another_activation_runs_by_tract_and_says_so() {
 }
 
 #[test]
-fn residual_sums_and_operators_after_the_last_layer_are_packed() {
+fn residual_sums_and_final_operators_are_packed() {
     let mut r = Random(8);
     let layer = Layer { weights: r.vector(100 * 100, 0.2), bias: r.vector(100, 0.5) };
     let made = one_layer(2, |w, y| {
@@ -70,7 +70,7 @@ fn residual_sums_and_operators_after_the_last_layer_are_packed() {
 }
 
 #[test]
-fn a_texture_encoder_inside_the_model_is_folded_per_material() {
+fn texture_encoder_in_model_is_folded_per_material() {
     let mut r = Random(9);
     let encoder = Layer { weights: r.vector(256 * 32, 0.2), bias: r.vector(32, 0.2) };
     let head = Layer { weights: r.vector(62 * 100, 0.3), bias: r.vector(100, 0.2) };
@@ -94,8 +94,8 @@ fn a_texture_encoder_inside_the_model_is_folded_per_material() {
 }
 
 #[test]
-fn half_weights_that_cancel_are_refused_for_single_ones() {
-    // Two large weights of nearly the same size: f16 rounds away what is left of them.
+fn cancelling_half_weights_fall_back_to_single_ones() {
+    // Two large weights of nearly one size: f16 rounds away their difference.
     let mut made = Net::random(10);
     let after = &mut made.predictor[2];
     for j in 0..200 {
@@ -115,8 +115,8 @@ fn half_weights_that_cancel_are_refused_for_single_ones() {
 }
 
 #[test]
-fn folding_that_changes_the_result_is_refused_for_tract() {
-    // (x - 3e7) / 1 in f32 forgets most of x; folded into a bias it would not. tract's result is the model's.
+fn folding_that_changes_the_result_falls_back_to_tract() {
+    // (x - 3e7) / 1 in f32 loses most of x; folded into a bias it would not. tract's result counts.
     let mut made = Net::random(11);
     made.force_mean = vec![3e7; 10];
     made.force_deviation = vec![1.0; 10];

@@ -77,7 +77,7 @@ impl Net {
         }
     }
 
-    /// The network as written down, in f64, layer by layer.
+    /// The network as defined, in f64, layer by layer.
     pub fn evaluate(&self, force: &[f32], speed: &[f32], texture: &[f32]) -> Vec<f64> {
         let normalise = |x: &[f32], mean: &[f32], deviation: &[f32]| -> Vec<f64> {
             (0..x.len()).map(|i| (f64::from(x[i]) - f64::from(mean[i])) / f64::from(deviation[i])).collect()
@@ -112,7 +112,7 @@ pub struct Spelling {
     pub typed_data: bool,
     /// Constants as Constant nodes instead of initializers.
     pub constant_nodes: bool,
-    /// Identity, Flatten, Reshape and Dropout where they change nothing.
+    /// Identity, Flatten, Reshape and Dropout without effect.
     pub no_ops: bool,
     /// A free batch size.
     pub free_batch: bool,
@@ -304,7 +304,7 @@ impl Writer {
                 self.node("Gemm", &[x, &w, &b], vec![int("transB", 1)])
             }
             Product::Gemm => {
-                // alpha and beta undone by the stored numbers; powers of two, so exactly.
+                // The stored numbers undo alpha and beta; powers of two, so exactly.
                 let w: Vec<f32> = layer.weights.iter().map(|w| w * 2.0).collect();
                 let b: Vec<f32> = layer.bias.iter().map(|b| b * 0.25).collect();
                 let (w, b) = (self.constant(&[k, n], &w), self.constant(&[1, n], &b));
@@ -373,8 +373,7 @@ pub fn model(net: &Net, spelling: Spelling) -> ModelProto {
     scattering(net, spelling, &[])
 }
 
-/// Layers that answer ratios of 0.2 to 0.9 and variances of about 1, for hidden values as `Net::random` has
-/// them.
+/// Layers with ratios of 0.2 to 0.9 and variances of about 1, for hidden values as in `Net::random`.
 pub fn heads(seed: u64) -> [(&'static str, Layer); 2] {
     let mut r = Random(seed);
     let mut layer = |outputs: usize, size: f64, bias: f32| Layer {
@@ -384,7 +383,7 @@ pub fn heads(seed: u64) -> [(&'static str, Layer); 2] {
     [("ratio", layer(100, 2e-3, 0.5)), ("variance", layer(1, 1e-2, 1.0))]
 }
 
-/// The network with more outputs from its last hidden layer, by name.
+/// The network with named extra outputs from its last hidden layer.
 pub fn scattering(net: &Net, spelling: Spelling, heads: &[(&str, Layer)]) -> ModelProto {
     let mut w = Writer::new(spelling);
     let [force, speed, texture, _] = w.names();
@@ -431,8 +430,8 @@ pub fn motions(count: usize, seed: u64) -> Vec<(Vec<f32>, Vec<f32>)> {
     all
 }
 
-/// An encoder: means over tiles of 16 x 16 pixels, red's 12 rows of 16, then green's, then blue's, weighted
-/// and summed to s. Number n of the answer is s (1 + n / 256) + n step.
+/// An encoder: means over tiles of 16 x 16 pixels, red's 12 rows of 16, then green's, then blue's,
+/// weighted and summed to s. Number n of the result is s (1 + n / 256) + n step.
 pub fn encoder(weights: &[f32], step: f32) -> ModelProto {
     let mut w = Writer::new(Spelling::default());
     w.graph.input = vec![value_info("image", &[Some(1), Some(3), Some(192), Some(256)])];

@@ -16,7 +16,7 @@ fn linear(widths: &[usize], seed: u64) -> Model {
         let limit = (3.0 / inputs as f64).sqrt();
         let layer = Layer { weights: r.vector(inputs * outputs, limit), bias: r.vector(outputs, 0.5) };
         y = w.product(&y, &layer);
-        // Keeps layers apart that would be one.
+        // Separates layers that would merge.
         let low = w.constant(&[], &[-1.0]);
         y = w.node("Max", &[&y, &low], vec![]);
         inputs = outputs;
@@ -31,8 +31,8 @@ fn run(runner: &mut Runner, (force, speed): &(Vec<f32>, Vec<f32>)) -> [f32; 100]
 }
 
 #[test]
-fn inputs_of_both_signs_and_many_of_them_are_summed_up_right() {
-    // 600 inputs at 127 and 32767 would not fit 32 bits, and 598 are no whole number of groups of four.
+fn many_inputs_of_both_signs_are_summed_right() {
+    // 600 inputs at 127 and 32767 would overflow 32 bits; 598 are not a multiple of four.
     for widths in [&[598, 200][..], &[600, 600, 300]] {
         let model = linear(widths, 3);
         assert_eq!(model.not_lowered_because(), None);
@@ -90,7 +90,7 @@ fn non_finite_input_is_passed_on_and_the_next_run_is_right() {
             assert!(out.iter().any(|x| !x.is_finite()), "{isa:?} {bad}");
         }
         assert_eq!(before.map(f32::to_bits), run(&mut packed, motion).map(f32::to_bits));
-        // All that a large layer is given is nothing: the biases are left.
+        // With all inputs zero the biases remain.
         let still = run(&mut packed, &(vec![0.0; 10], vec![0.0; 20]));
         assert!(still.iter().all(|x| x.is_finite()));
     }
@@ -114,7 +114,7 @@ fn insufficient_int8_weights_become_f16_and_are_reported() {
 }
 
 #[test]
-fn small_f16_weights_count_on_a_thread_that_flushes_denormals() {
+fn small_f16_weights_count_while_denormals_are_flushed() {
     // Scaled to the largest of their column, these are subnormal halves.
     let mut made = Net::random(11);
     for (i, weight) in made.predictor[1].weights.iter_mut().enumerate() {
