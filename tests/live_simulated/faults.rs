@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use asperity_audio::simulated::{Params, Simulated};
 use asperity_audio::{Request, events, open};
-use asperity_live::driver::{Callback, Clock, Options, Paced, Ticker, Timer};
+use asperity_live::driver::{Callback, Clock, Options, Ticker, paced, timer};
 use asperity_live::view::Condition;
 use asperity_live::{Meters, SessionOptions};
 use asperity_node::{
@@ -234,7 +234,7 @@ fn an_engine_that_panics_is_silent_within_20_ms_without_a_step_and_says_so() {
 #[test]
 fn an_engine_that_panics_under_a_timer_says_so_and_is_there_for_a_report() {
     let options = Options { priority: None, ..Options::new(Arc::new(Meters::new(500))) };
-    let timer = Timer::new(Panics(0), &options).expect("a thread");
+    let timer = timer(Panics(0), &options).expect("a thread");
     while !timer.controls().failed() {
         std::thread::sleep(Duration::from_millis(2));
     }
@@ -247,7 +247,7 @@ fn an_engine_that_panics_under_the_paced_clock_is_silent_within_20_ms_without_a_
     let card = Simulated::new("paced panic", timed(64)).expect("a card");
     let meters = Arc::new(Meters::new(500));
     let options = Options { start_s: 0.0, priority: None, ..Options::new(meters.clone()) };
-    let (driver, half) = Paced::new(Panics(0), &options).expect("a thread");
+    let (driver, half) = paced(Panics(0), &options).expect("a thread");
     let (to, _events) = events();
     let request = Request { device: Some(card.id()), ..Request::default() };
     let stream = open(&request, Box::new(half), None, to).expect("the card");

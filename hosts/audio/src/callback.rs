@@ -184,7 +184,7 @@ impl Filler {
         let now_ns = now_ns();
         let stamp = info.timestamp();
         let ahead = stamp.playback.saturating_duration_since(stamp.callback).as_nanos() as u64;
-        data.fill(T::ZERO);
+        data.fill(T::EQUILIBRIUM);
         let goes_on = self.line.begin(now_ns, data.len(), ahead);
         if self.line.late {
             // The device has been silent: the fade must not begin with a step.

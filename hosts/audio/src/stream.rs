@@ -15,11 +15,12 @@
 //! nothing of the server behind it.
 
 use std::sync::atomic::Ordering::Relaxed;
-use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::sync::{Arc, OnceLock};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
 use cpal::traits::{DeviceTrait, StreamTrait};
+use parking_lot::Mutex;
 use ringbuf::HeapRb;
 use ringbuf::traits::{Producer, Split};
 
@@ -285,7 +286,7 @@ impl Stream {
         if let Some(reason) = self.lost() {
             return Err(reason.to_owned());
         }
-        let streams = self.shared.streams.lock().unwrap_or_else(PoisonError::into_inner);
+        let streams = self.shared.streams.lock();
         streams.iter().try_for_each(|stream| act(stream).map_err(|error| error.to_string()))
     }
 

@@ -7,10 +7,11 @@
 use std::any::Any;
 use std::collections::VecDeque;
 use std::sync::atomic::Ordering::Relaxed;
-use std::sync::{Arc, Mutex, OnceLock, PoisonError, mpsc};
+use std::sync::{Arc, OnceLock, mpsc};
 use std::time::Duration;
 
 use cpal::ErrorKind;
+use parking_lot::Mutex;
 use ringbuf::HeapCons;
 use ringbuf::traits::Consumer;
 
@@ -56,7 +57,7 @@ pub(crate) struct Shared {
 impl Shared {
     /// Closes the streams, on a thread of its own: a server that hangs would hold the caller.
     pub(crate) fn close(&self, patience: Duration) {
-        let streams = std::mem::take(&mut *self.streams.lock().unwrap_or_else(PoisonError::into_inner));
+        let streams = std::mem::take(&mut *self.streams.lock());
         if streams.is_empty() {
             return;
         }
@@ -220,17 +221,21 @@ fn lose(shared: &Shared, sides: &[Watched], reason: String, events: &Events) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use ringbuf::HeapRb;
+    use ringbuf::traits::Split;
 
     fn ms(ms: u64) -> u64 {
         ms * 1_000_000
     }
 
+    fn watched(counts: &Arc<Counts>) -> Watched {
+        Watched::new(counts.clone(), [(); 2].map(|()| HeapRb::new(1).split().1))
+    }
+
     #[test]
     fn a_machine_that_stood_still_is_not_taken_for_a_device_that_is_lost() {
         let counts = Arc::new(Counts::new(48_000));
-        let (_, data) = ringbuf::traits::Split::split(ringbuf::HeapRb::new(1));
-        let (_, errors) = ringbuf::traits::Split::split(ringbuf::HeapRb::new(1));
-        let side = Watched::new(counts.clone(), [data, errors]);
+        let side = watched(&counts);
         counts.last_ns.store(ms(1000), Relaxed);
         let mut awake = Awake::default();
         let mut look = |now: u64| side.silent(now, awake.look(now));
@@ -243,9 +248,7 @@ mod tests {
     #[test]
     fn long_periods_are_given_more_time() {
         let counts = Arc::new(Counts::new(1000));
-        let (_, data) = ringbuf::traits::Split::split(ringbuf::HeapRb::new(1));
-        let (_, errors) = ringbuf::traits::Split::split(ringbuf::HeapRb::new(1));
-        let side = Watched::new(counts.clone(), [data, errors]);
+        let side = watched(&counts);
         counts.called(ms(1), 300, 0);
         assert_eq!(side.silent(ms(3001), 0), None);
         assert!(side.silent(ms(3002), 0).is_some());

@@ -71,7 +71,7 @@ fn sample_exact(rate_hz: u32, period: u32) {
     }
     assert_eq!(stream.period_range(), Some((period, period)));
     assert!(received.try_iter().all(|event| !matches!(event, Event::Lost { .. })));
-    let mut ahead: Vec<u64> = seen.lock().unwrap().iter().map(|(_, ahead)| *ahead / 1000).collect();
+    let mut ahead: Vec<u64> = seen.lock().iter().map(|(_, ahead)| *ahead / 1000).collect();
     ahead.sort_unstable();
     println!("{rate_hz} Hz, period {period}: ahead {} to {} us", ahead[0], ahead[ahead.len() - 1]);
 }

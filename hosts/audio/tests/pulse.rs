@@ -40,7 +40,7 @@ fn every_sample_arrives_at_1024_frames() {
     // Somewhat more than was asked for, as a rule.
     assert!((900..1300).contains(&stream.period().unwrap()), "{:?}", stream.period_range());
     assert!(received.try_iter().all(|event| !matches!(event, Event::Lost { .. })));
-    let mut ahead: Vec<u64> = seen.lock().unwrap().iter().map(|(_, ahead)| *ahead / 1000).collect();
+    let mut ahead: Vec<u64> = seen.lock().iter().map(|(_, ahead)| *ahead / 1000).collect();
     ahead.sort_unstable();
     println!("ahead p10/p50/p90 {:?} us", [1, 5, 9].map(|tenth| ahead[ahead.len() * tenth / 10]));
 }

@@ -68,7 +68,7 @@ fn a_call_far_longer_than_any_scratch_is_filled_in_pieces_that_follow_on_each_ot
     let (process, seen) = Recorder::new();
     let _stream = play(&Request { channels: vec![1, 2], ..on(&card) }, process);
     card.step(100_000);
-    let blocks = seen.lock().unwrap().clone();
+    let blocks = seen.lock().clone();
     assert!(blocks.len() > 1);
     let mut frames = 0;
     for (length, ahead_ns) in &blocks {
@@ -152,7 +152,7 @@ fn a_plant_between_output_and_input_is_heard_after_the_latency_and_not_before() 
     for size in [64, 1, 97] {
         card.step(size);
     }
-    let heard = heard.lock().unwrap().clone();
+    let heard = heard.lock().clone();
     assert_eq!(heard.len(), 162 * 2);
     for (at, frame) in heard.chunks(2).enumerate() {
         let wanted = if at < 110 { 0.0 } else { 0.5_f32.powi(at as i32 - 110 + 1) };
@@ -190,8 +190,8 @@ fn a_plant_in_words_is_made_by_the_program_at_the_rate_of_the_device() {
     let stream = open("simulated:frames=64,plant=kilohertz", capture).unwrap();
     stream.play().unwrap();
     // The input may be called before the output plays.
-    parts::wait("the plant to be heard", || heard.lock().unwrap().chunks(2).any(|frame| frame == [0.0, 0.5]));
-    assert!(heard.lock().unwrap().iter().all(|x| [0.0, 0.5].contains(x)));
+    parts::wait("the plant to be heard", || heard.lock().chunks(2).any(|frame| frame == [0.0, 0.5]));
+    assert!(heard.lock().iter().all(|x| [0.0, 0.5].contains(x)));
 }
 
 #[test]
@@ -204,7 +204,7 @@ fn sixteen_bits_come_back_through_a_loopback_as_they_were_played() {
     let stream = open(&request, Box::new(Ramp::default()), Some(Box::new(capture)), sender).unwrap();
     stream.play().unwrap();
     card.step(1000);
-    let heard = heard.lock().unwrap();
+    let heard = heard.lock();
     let wanted: Vec<f32> = (0..1000).map(|at| quantized(Format::I16, ramp(at)) as f32).collect();
     assert_eq!(*heard, wanted);
 }
@@ -266,7 +266,7 @@ fn a_device_that_is_described_by_its_id_needs_no_test_to_make_it() {
     let stream = play(&request, process);
     parts::wait("ten calls", || stream.stats().callbacks >= 10);
     assert_eq!((stream.host(), stream.format(), stream.period()), ("simulated", Format::I24, Some(97)));
-    assert!(seen.lock().unwrap().iter().all(|(frames, _)| *frames == 97));
+    assert!(seen.lock().iter().all(|(frames, _)| *frames == 97));
 }
 
 #[test]
@@ -275,7 +275,7 @@ fn a_described_device_calls_with_its_lengths_in_turn() {
     let (process, seen) = Recorder::new();
     let stream = play(&Request { device, ..Request::default() }, process);
     parts::wait("twelve calls", || stream.stats().callbacks >= 12);
-    let seen: Vec<usize> = seen.lock().unwrap().iter().map(|(frames, _)| *frames).take(12).collect();
+    let seen: Vec<usize> = seen.lock().iter().map(|(frames, _)| *frames).take(12).collect();
     assert_eq!(seen, [64, 1, 1024, 97].repeat(3));
 }
 

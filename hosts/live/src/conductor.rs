@@ -53,7 +53,7 @@ struct Sent {
     swap: u64,
     schedule: Arc<Schedule>,
     meters: Arc<NodeMeters>,
-    sources: Vec<(String, Arc<SourceMeter>)>,
+    sources: Vec<Source>,
     scopes: Vec<HeapCons<f32>>,
     layout: Layout,
     /// What its sinks record.
@@ -74,10 +74,6 @@ pub struct Conductor {
     before: Vec<(u64, u64)>,
     /// The call that was under way when it was last looked at, and how long it has been seen to be.
     inside: Option<(u64, Duration)>,
-    counts: Vec<Rate>,
-    /// Of each source, the meters of the devices that it had before.
-    earlier: Vec<Vec<Arc<SourceMeter>>>,
-    swaps: u64,
     /// Tapes of earlier graphs first, while there is something on them.
     tapes: Vec<Tape>,
     lost: u64,
@@ -103,11 +99,41 @@ pub struct Recorded<'r> {
     pub values: &'r [f32],
 }
 
-/// How often something comes, averaged over about a second.
-#[derive(Clone, Copy, Debug, Default)]
-struct Rate {
+/// A source of a hand's motion. It goes on through swaps under its node's id.
+#[derive(Clone, Default)]
+struct Source {
+    id: String,
+    meter: Arc<SourceMeter>,
+    /// Meters of the devices that it had before.
+    earlier: Vec<Arc<SourceMeter>>,
+    /// Samples when it was last looked at, and samples a second, averaged over about a second.
     samples: u64,
     per_s: f64,
+}
+
+impl Source {
+    /// Figures now, `seconds` after the last time.
+    fn view(&mut self, seconds: f64) -> SourceView {
+        let all = |count: fn(&SourceMeter) -> &AtomicU64| -> u64 {
+            self.earlier.iter().chain([&self.meter]).map(|meter| count(meter).load(Relaxed)).sum()
+        };
+        let (stalls, total) = (all(|meter| &meter.stalls), all(|meter| &meter.samples));
+        let samples = self.meter.samples.load(Relaxed);
+        let fresh = samples.saturating_sub(self.samples) as f64;
+        if seconds > 0.0 {
+            self.per_s += (fresh / seconds - self.per_s) * (1.0 - (-seconds).exp());
+        }
+        self.samples = samples;
+        SourceView {
+            id: self.id.clone(),
+            rate_hz: self.per_s,
+            age_ms: self.meter.age_ns.load(Relaxed) as f64 * 1e-6,
+            delay_ms: self.meter.delay_ns.load(Relaxed) as f64 * 1e-6,
+            stalls,
+            stalled: self.meter.stalled.load(Relaxed),
+            samples: total,
+        }
+    }
 }
 
 impl fmt::Debug for Conductor {
@@ -144,9 +170,6 @@ pub fn conduct(
         sent,
         before: Vec::new(),
         inside: None,
-        counts: Vec::new(),
-        earlier: Vec::new(),
-        swaps: 0,
     };
     (conductor, player)
 }
@@ -188,14 +211,8 @@ impl Conductor {
             return Err(SwapError::AudioRate { running: old.audio_hz, asked: new.audio_hz });
         }
         let schedule = Arc::new(compiled.schedule.clone());
-        let number = self.swaps + 1;
+        let number = self.sent.swap + 1;
         let (mut sent, wiring) = wire(number, graph, schedule, ends, Some(&self.sent), materials);
-        let counts = |(_, meter): &(String, Arc<SourceMeter>)| {
-            let was = self.sent.sources.iter().position(|(_, m)| Arc::ptr_eq(m, meter));
-            was.and_then(|i| self.counts.get(i).copied()).unwrap_or_default()
-        };
-        let counts = sent.sources.iter().map(counts).collect();
-        let earlier = sent.sources.iter().map(|(id, meter)| self.earlier(id, meter)).collect();
         let outlet = Outlet::new(&compiled, places(&compiled.schedule, &sent.channels));
         // Sent first, so that it is there in the tick that takes the graph over.
         if self.wirings.try_push(wiring).is_err() {
@@ -203,24 +220,10 @@ impl Conductor {
         }
         let report = self.controller.swap(compiled, changed)?;
         self.gate.send(outlet);
-        self.swaps = number;
         self.tapes.append(&mut sent.tapes);
         self.sent = sent;
         self.before.clear();
-        self.counts = counts;
-        self.earlier = earlier;
         Ok(report)
-    }
-
-    /// The meters of a source's devices before this one, where it goes on under its name.
-    fn earlier(&self, id: &str, meter: &Arc<SourceMeter>) -> Vec<Arc<SourceMeter>> {
-        let Some(i) = self.sent.sources.iter().position(|(was, _)| was == id) else { return Vec::new() };
-        let mut earlier = self.earlier.get(i).cloned().unwrap_or_default();
-        let last = &self.sent.sources[i].1;
-        if !Arc::ptr_eq(last, meter) {
-            earlier.push(last.clone());
-        }
-        earlier
     }
 
     /// Sets a live parameter; see [`Controller::set_parameter`].
@@ -298,32 +301,7 @@ impl Conductor {
             (inside, call) => *inside = call.map(|(call, _)| (call, Duration::ZERO)),
         }
         view.scopes = sent.scopes.iter_mut().map(|s| s.pop_iter().collect()).collect();
-        self.counts.resize(sent.sources.len(), Rate::default());
-        self.earlier.resize(sent.sources.len(), Vec::new());
-        let seconds = since.as_secs_f64();
-        type Source<'s> = (&'s (String, Arc<SourceMeter>), &'s Vec<Arc<SourceMeter>>);
-        let source = |(((id, meter), earlier), rate): (Source<'_>, &mut Rate)| {
-            let all = |count: fn(&SourceMeter) -> &AtomicU64| -> u64 {
-                earlier.iter().chain([meter]).map(|meter| count(meter).load(Relaxed)).sum()
-            };
-            let samples = meter.samples.load(Relaxed);
-            let fresh = samples.saturating_sub(rate.samples) as f64;
-            if seconds > 0.0 {
-                rate.per_s += (fresh / seconds - rate.per_s) * (1.0 - (-seconds).exp());
-            }
-            rate.samples = samples;
-            SourceView {
-                id: id.clone(),
-                rate_hz: rate.per_s,
-                age_ms: meter.age_ns.load(Relaxed) as f64 * 1e-6,
-                delay_ms: meter.delay_ns.load(Relaxed) as f64 * 1e-6,
-                stalls: all(|meter| &meter.stalls),
-                stalled: meter.stalled.load(Relaxed),
-                samples: all(|meter| &meter.samples),
-            }
-        };
-        let sources = sent.sources.iter().zip(&self.earlier);
-        view.sources = sources.zip(&mut self.counts).map(source).collect();
+        view.sources = sent.sources.iter_mut().map(|source| source.view(since.as_secs_f64())).collect();
     }
 }
 
@@ -366,15 +344,22 @@ fn wire(
     let mut sources = Vec::new();
     let mut hands = Vec::new();
     for (at, node) in of(&HANDS) {
-        let from = slot(node, &HANDS);
         let timeline = ends.hands.remove(&node.id).map(|reader| {
             let (delay, timeout_ns) = timing(&node.params);
             Timeline::new(reader, delay, timeout_ns)
         });
-        let from = from.filter(|_| timeline.is_none());
-        let goes_on = from.and_then(|i| before?.sources.get(i)).map(|(_, meter)| meter.clone());
-        let meter = goes_on.unwrap_or_default();
-        sources.push((node.id.clone(), meter.clone()));
+        let from = slot(node, &HANDS).filter(|_| timeline.is_none());
+        let was = before.and_then(|b| b.sources.iter().find(|source| source.id == node.id));
+        let source = match (was, from) {
+            (Some(was), Some(_)) => was.clone(),
+            (Some(was), None) => {
+                let earlier = was.earlier.iter().chain([&was.meter]).cloned().collect();
+                Source { id: node.id.clone(), earlier, ..Source::default() }
+            }
+            (None, _) => Source { id: node.id.clone(), ..Source::default() },
+        };
+        let meter = source.meter.clone();
+        sources.push(source);
         hands.push(HandSlot { node: at, from, timeline, meter });
     }
     let mut forces = Vec::new();

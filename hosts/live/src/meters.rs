@@ -26,7 +26,7 @@ impl Default for Histogram {
 }
 
 /// Where one thread writes, no read-modify-write is needed.
-fn add(to: &AtomicU64, n: u64) {
+pub(crate) fn add(to: &AtomicU64, n: u64) {
     to.store(to.load(Relaxed).wrapping_add(n), Relaxed);
 }
 

@@ -1,7 +1,9 @@
 //! What a person may do to a run at any time, from any thread: mute it, stop it, ask for a change.
 
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use parking_lot::Mutex;
 
 use crate::view::Request;
 
@@ -70,7 +72,7 @@ impl Reins {
         if self.stopping() {
             return Err(Unheard::Over);
         }
-        let mut requests = self.requests();
+        let mut requests = self.0.requests.lock();
         requests.retain(|waiting| !waiting.is_of_the_same(&request));
         if requests.len() >= REQUESTS {
             return Err(Unheard::Busy);
@@ -81,11 +83,7 @@ impl Reins {
 
     /// What was asked for since this was last called, oldest first.
     pub fn asked(&self) -> Vec<Request> {
-        std::mem::take(&mut *self.requests())
-    }
-
-    fn requests(&self) -> MutexGuard<'_, Vec<Request>> {
-        self.0.requests.lock().unwrap_or_else(PoisonError::into_inner)
+        std::mem::take(&mut *self.0.requests.lock())
     }
 }
 

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use asperity_audio::{Block, Process};
-use asperity_live::driver::{Callback, Options, Paced, Ticker, Timer};
+use asperity_live::driver::{Callback, Options, Ticker, paced, timer};
 use asperity_live::{
     Delay, Meters, RemoteClock, Sample, SampleWriter, TIMEOUT_NS, Timeline, now_ns, samples,
 };
@@ -95,7 +95,7 @@ fn main() {
     assert!(driver.controls().meters().skipped_ticks.get() > 0, "gaps were among it");
     assert!(driver.take().expect("the ticker").line.seen().stalls > 0, "stalls too");
 
-    let (driver, mut half) = Paced::new(Hand::new(), &options()).expect("a thread");
+    let (driver, mut half) = paced(Hand::new(), &options()).expect("a thread");
     let began = now_ns();
     let mut frames = 0;
     let mut play = |ms: u64| {
@@ -111,7 +111,7 @@ fn main() {
     assert!(driver.controls().meters().next_tick() > 100);
     drop(driver.stop());
 
-    let timer = Timer::new(Hand::new(), &options()).expect("a thread");
+    let timer = timer(Hand::new(), &options()).expect("a thread");
     std::thread::sleep(Duration::from_millis(20));
     assert_eq!(counted(|| std::thread::sleep(Duration::from_millis(100))), 0, "timer");
     drop(timer.stop());

@@ -1,10 +1,10 @@
 //! The card itself: calls its streams, keeps what they play, wires output to input.
 
 use std::collections::VecDeque;
-use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use cpal::{Data, Error, InputCallbackInfo, OutputCallbackInfo, SampleFormat, StreamInstant};
+use cpal::{Data, Error, InputCallbackInfo, OutputCallbackInfo, Sample, SampleFormat, StreamInstant};
+use parking_lot::{Mutex, MutexGuard};
 
 use super::{Params, Response};
 use crate::format::{DeviceSample, Format, with_sample};
@@ -70,7 +70,7 @@ impl Card {
     }
 
     pub(super) fn lock(&self) -> MutexGuard<'_, State> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+        self.state.lock()
     }
 
     pub(super) fn plant(&self, output: usize, input: usize, respond: Response) {
@@ -127,12 +127,15 @@ impl State {
         let mut heard = vec![0.0_f64; frames * width];
         if let Some(Line { call: Call::Output(call), format, rate_hz, playing: true, .. }) = output {
             let mut data = data(memory, frames * width, format.to_cpal());
-            with_sample!(*format, T => if let Some(samples) = data.as_slice_mut::<T>() { samples.fill(T::ZERO) });
+            with_sample!(*format, T => data.as_slice_mut::<T>().unwrap_or_default().fill(T::EQUILIBRIUM));
             let now = now_ns();
             let playback = StreamInstant::from_nanos(now + ns(params.latency_frames, *rate_hz));
             let stamp = cpal::OutputStreamTimestamp { callback: StreamInstant::from_nanos(now), playback };
             call(&mut data, &OutputCallbackInfo::new(stamp));
-            decode(*format, data.bytes(), &mut heard);
+            with_sample!(*format, T => {
+                let samples = data.as_slice::<T>().unwrap_or_default();
+                heard.iter_mut().zip(samples).for_each(|(to, from)| *to = from.to_sample());
+            });
             if params.keep {
                 played.extend_from_slice(&heard);
             }
@@ -168,7 +171,7 @@ impl State {
         let mut data = data(&mut self.memory, frames * width, format.to_cpal());
         with_sample!(*format, T => {
             let samples = data.as_slice_mut::<T>().unwrap_or_default();
-            samples.fill(T::ZERO);
+            samples.fill(T::EQUILIBRIUM);
             for (to, from) in samples.iter_mut().zip(arrived.iter().flatten()) {
                 *to = T::from_unit(*from);
             }
@@ -176,28 +179,5 @@ impl State {
         let now = StreamInstant::from_nanos(now_ns());
         let stamp = cpal::InputStreamTimestamp { callback: now, capture: now };
         call(&data, &InputCallbackInfo::new(stamp));
-    }
-}
-
-/// What the bytes of a device sound like, full scale 1, with nothing lost.
-fn decode(format: Format, bytes: &[u8], to: &mut [f64]) {
-    for (to, bytes) in to.iter_mut().zip(bytes.chunks_exact(format.bytes())) {
-        *to = match (format, bytes) {
-            (Format::F32, &[a, b, c, d]) => f64::from(f32::from_ne_bytes([a, b, c, d])),
-            (Format::F64, &[a, b, c, d, e, f, g, h]) => f64::from_ne_bytes([a, b, c, d, e, f, g, h]),
-            (Format::I8, &[a]) => f64::from(i8::from_ne_bytes([a])) / 128.0,
-            (Format::U8, &[a]) => (f64::from(a) - 128.0) / 128.0,
-            (Format::I16, &[a, b]) => f64::from(i16::from_ne_bytes([a, b])) / 32_768.0,
-            (Format::U16, &[a, b]) => (f64::from(u16::from_ne_bytes([a, b])) - 32_768.0) / 32_768.0,
-            (Format::I24, &[a, b, c, d]) => f64::from(i32::from_ne_bytes([a, b, c, d])) / 8_388_608.0,
-            (Format::U24, &[a, b, c, d]) => {
-                (f64::from(i32::from_ne_bytes([a, b, c, d])) - 8_388_608.0) / 8_388_608.0
-            }
-            (Format::I32, &[a, b, c, d]) => f64::from(i32::from_ne_bytes([a, b, c, d])) / 2_147_483_648.0,
-            (Format::U32, &[a, b, c, d]) => {
-                (f64::from(u32::from_ne_bytes([a, b, c, d])) - 2_147_483_648.0) / 2_147_483_648.0
-            }
-            _ => f64::NAN,
-        };
     }
 }

@@ -9,11 +9,12 @@ mod device;
 mod params;
 
 use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError, Weak};
+use std::sync::{Arc, OnceLock, Weak};
 use std::time::Duration;
 
 use card::{Card, State};
 pub use params::Params;
+use parking_lot::Mutex;
 
 /// A simulated part of the world between an output and an input channel: given every sample of the output, it answers the
 /// input's.
@@ -41,17 +42,13 @@ fn plant_of(params: &Params, rate_hz: f64) -> Result<Option<Response>, String> {
 
 static NAMED: Mutex<BTreeMap<String, Weak<Card>>> = Mutex::new(BTreeMap::new());
 
-fn named() -> MutexGuard<'static, BTreeMap<String, Weak<Card>>> {
-    NAMED.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
 fn as_device(card: Arc<Card>) -> cpal::Device {
     cpal::platform::CustomDevice::from_device(device::Device(card)).into()
 }
 
 /// The devices that have a name and are plugged in.
 pub(crate) fn devices() -> Vec<cpal::Device> {
-    let cards: Vec<_> = named().values().filter_map(Weak::upgrade).collect();
+    let cards: Vec<_> = NAMED.lock().values().filter_map(Weak::upgrade).collect();
     cards.into_iter().filter(|card| !card.lock().unplugged).map(as_device).collect()
 }
 
@@ -68,7 +65,7 @@ pub(crate) fn described(id: &str) -> Result<cpal::Device, String> {
 
 /// Whether the device of that id is called by hand, so that the time between its calls says nothing.
 pub(crate) fn is_by_hand(id: &str) -> bool {
-    named().get(id).and_then(Weak::upgrade).is_some_and(|card| card.params.speed == 0.0)
+    NAMED.lock().get(id).and_then(Weak::upgrade).is_some_and(|card| card.params.speed == 0.0)
 }
 
 /// A device that a test has in hand. It is there until this is dropped.
@@ -84,7 +81,7 @@ impl Simulated {
         if name.is_empty() || name.contains('=') {
             return Err(format!("`{name}` is no name for a simulated device"));
         }
-        let mut all = named();
+        let mut all = NAMED.lock();
         if all.get(name).is_some_and(|card| card.strong_count() > 0) {
             return Err(format!("there is a simulated device `{name}` already"));
         }
@@ -180,7 +177,7 @@ impl Simulated {
 impl Drop for Simulated {
     fn drop(&mut self) {
         self.card.lock().unplugged = true;
-        named().remove(&self.name);
+        NAMED.lock().remove(&self.name);
     }
 }
 

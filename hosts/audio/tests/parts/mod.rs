@@ -1,11 +1,12 @@
 //! What tests fill and record blocks with.
 #![allow(dead_code, reason = "no test file uses all of it")]
 
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use asperity_audio::simulated::{Params, Simulated};
 use asperity_audio::{Block, Capture, Captured, Event, Process, Request, Stream, events, open};
+use parking_lot::Mutex;
 
 /// A card that calls only when it is told to, and keeps what it hears.
 pub(crate) fn by_hand() -> Params {
@@ -108,7 +109,7 @@ impl Recorder {
 
 impl Process for Recorder {
     fn process(&mut self, block: &mut Block<'_>) {
-        self.1.lock().unwrap().push((block.frames(), block.ahead_ns));
+        self.1.lock().push((block.frames(), block.ahead_ns));
         self.0.process(block);
     }
 }
@@ -125,7 +126,7 @@ impl Ear {
 
 impl Capture for Ear {
     fn capture(&mut self, block: &Captured<'_>) {
-        self.0.lock().unwrap().extend_from_slice(block.input);
+        self.0.lock().extend_from_slice(block.input);
     }
 }
 
@@ -162,7 +163,7 @@ struct LoopOut(Count, Arc<Mutex<Vec<Seen>>>);
 impl Process for LoopOut {
     fn process(&mut self, block: &mut Block<'_>) {
         let sounds_ns = block.now_ns + block.ahead_ns;
-        self.1.lock().unwrap().push(Seen { frame: self.0.0, called_ns: block.now_ns, sounds_ns });
+        self.1.lock().push(Seen { frame: self.0.0, called_ns: block.now_ns, sounds_ns });
         self.0.process(block);
     }
 }
@@ -171,7 +172,7 @@ struct LoopIn(Arc<Mutex<(Vec<Seen>, Vec<f32>)>>);
 
 impl Capture for LoopIn {
     fn capture(&mut self, block: &Captured<'_>) {
-        let mut all = self.0.lock().unwrap();
+        let mut all = self.0.lock();
         let sounds_ns = block.now_ns - block.behind_ns;
         let seen = Seen { frame: all.1.len(), called_ns: block.now_ns, sounds_ns };
         all.0.push(seen);
@@ -190,13 +191,13 @@ impl Loop {
 
     /// Frames that have been recorded.
     pub(crate) fn frames(&self) -> usize {
-        self.heard.lock().unwrap().1.len()
+        self.heard.lock().1.len()
     }
 
     /// Checks that what was heard is what was played, in order and nothing twice, silence apart.
     pub(crate) fn check(&self, rate_hz: u32) -> Heard {
-        let played = self.played.lock().unwrap().clone();
-        let (blocks, heard) = self.heard.lock().unwrap().clone();
+        let played = self.played.lock().clone();
+        let (blocks, heard) = self.heard.lock().clone();
         let number = |sample: f32| (f64::from(sample) * f64::from(1 << 23)) as usize;
         let (mut last, mut lost) = (None, 0);
         for (at, sample) in heard.iter().enumerate().filter(|(_, sample)| **sample != 0.0) {

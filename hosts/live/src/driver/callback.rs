@@ -44,7 +44,7 @@ pub struct CallbackHalf<T> {
 impl<T: Ticker> Callback<T> {
     /// A driver, and what the device is to call. The device must have the ticker's rate and channels.
     pub fn new(ticker: T, options: &Options) -> (Self, CallbackHalf<T>) {
-        let controls = Controls::new(options);
+        let controls = Controls::new(options, None);
         let stream = Stream::new(&ticker);
         let ramp = Ramp::new(stream.rates.rate_hz, stream.rates.channels, options.start_s);
         let slot = Arc::new(Slot::new(ticker));

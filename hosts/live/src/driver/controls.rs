@@ -27,7 +27,6 @@ pub struct Controls {
     /// The output is down for good, or there is none.
     down: AtomicBool,
     level: AtomicU8,
-    /// Bits of the largest sample that the device was given since this was last looked at.
     /// Bits of the largest sample since it was last asked for, and of the last callback's.
     peak: AtomicU32,
     last_peak: AtomicU32,
@@ -45,18 +44,9 @@ pub struct Controls {
 }
 
 impl Controls {
-    /// For a driver whose ticks run on one thread, the device's own where there is one.
-    pub(super) fn new(options: &Options) -> Arc<Self> {
-        Arc::new(Self::with(options, None))
-    }
-
-    /// For a driver whose ticks run beside the device's thread.
-    pub(super) fn of_two(options: &Options) -> Arc<Self> {
-        Arc::new(Self::with(options, Some(Asked::default())))
-    }
-
-    fn with(options: &Options, device_asked: Option<Asked>) -> Self {
-        Self {
+    /// Controls of one driver. `device_asked`: for a device's thread beside the one that ticks.
+    pub(super) fn new(options: &Options, device_asked: Option<Asked>) -> Arc<Self> {
+        Arc::new(Self {
             reins: options.reins.clone(),
             stopping: AtomicBool::new(false),
             failed: AtomicBool::new(false),
@@ -74,7 +64,7 @@ impl Controls {
             meters: Arc::clone(&options.meters),
             priority: options.priority,
             guards: options.guards.clone(),
-        }
+        })
     }
 
     /// Those of the run.
@@ -241,7 +231,7 @@ mod tests {
 
     #[test]
     fn the_peak_of_a_device_that_calls_less_often_than_it_is_asked_for_stays_what_plays() {
-        let controls = Controls::new(&Options::new(Arc::new(Meters::new(500))));
+        let controls = Controls::new(&Options::new(Arc::new(Meters::new(500))), None);
         let ramp = Ramp::new(48_000, 1, 0.0);
         controls.note(&ramp, &[0.1, -0.75, 0.2]);
         controls.note(&ramp, &[0.25]);

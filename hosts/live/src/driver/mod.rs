@@ -7,18 +7,18 @@
 mod callback;
 mod controls;
 mod paced;
-mod paced_half;
 mod run;
 mod sleep;
 mod slot;
+mod thread;
 mod timer;
 
 pub use callback::{Callback, CallbackHalf};
 pub use controls::Controls;
-pub use paced::Paced;
-pub use paced_half::PacedHalf;
+pub use paced::{PacedHalf, paced};
 pub(crate) use slot::Slot;
-pub use timer::Timer;
+pub use thread::TickThread;
+pub use timer::timer;
 
 use std::sync::Arc;
 
@@ -49,32 +49,6 @@ pub trait Ticker: Send {
 
     /// Goes on `n` ticks later, without running those between.
     fn skip(&mut self, n: u64);
-}
-
-impl<T: Ticker + ?Sized> Ticker for Box<T> {
-    fn tick_hz(&self) -> u32 {
-        (**self).tick_hz()
-    }
-
-    fn rate_hz(&self) -> u32 {
-        (**self).rate_hz()
-    }
-
-    fn channels(&self) -> usize {
-        (**self).channels()
-    }
-
-    fn next_tick(&self) -> u64 {
-        (**self).next_tick()
-    }
-
-    fn tick(&mut self, time_ns: u64, out: &mut [f32]) {
-        (**self).tick(time_ns, out);
-    }
-
-    fn skip(&mut self, n: u64) {
-        (**self).skip(n);
-    }
 }
 
 /// What drives the ticks.

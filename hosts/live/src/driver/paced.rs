@@ -18,21 +18,19 @@
 //! callback clock renders every one.
 
 use std::sync::Arc;
-use std::sync::atomic::Ordering::*;
-use std::thread::{Builder, JoinHandle};
+use std::sync::atomic::{AtomicI64, AtomicU64, Ordering::*};
 
+use asperity_audio::{Block, Process};
 use asperity_engine::Flushed;
-use ringbuf::traits::{Observer, Producer, Split};
-use ringbuf::{HeapProd, HeapRb};
+use ringbuf::traits::{Consumer, Observer, Producer, Split};
+use ringbuf::{HeapCons, HeapProd, HeapRb};
 
-use super::paced_half::{PacedHalf, Stream};
 use super::run::{self, RUN_BEHIND, Rates, SLEW};
-use super::timer::join;
-use super::{Controls, Options, Ticker, sleep};
+use super::{Controls, Options, TickThread, Ticker, sleep};
 use crate::dll::{Dll, Line};
 use crate::now_ns;
 use crate::ramp::Ramp;
-use crate::realtime::sleep_sharply;
+use crate::realtime::Asked;
 
 /// What the lead has beyond the period.
 const MARGIN_NS: f64 = 1e6;
@@ -45,72 +43,48 @@ const NAP_NS: u64 = 5_000_000;
 const ROOM_S: f64 = 2.0;
 /// Periods it has room for at least. It holds one, a tick and the margin, as far as the period is the one it was made for.
 const ROOM_PERIODS: usize = 3;
-/// Stack that is brought in.
-const STACK: usize = 262_144;
+/// Stack that the device's thread touches at its first callback.
+const DEVICE_STACK: usize = 32_768;
 
-/// A run whose ticks are run by a thread of its own, and played by an audio device. Dropped, it asks for a stop.
-#[derive(Debug)]
-pub struct Paced<T> {
-    thread: Option<JoinHandle<T>>,
-    controls: Arc<Controls>,
-}
-
-impl<T: Ticker + 'static> Paced<T> {
-    /// Starts the thread; it listens to the device's first callbacks, then begins. The device must have the ticker's
-    /// rate and channels.
-    ///
-    /// # Errors
-    /// Where the system gives no thread; the ticker is lost then.
-    pub fn new(ticker: T, options: &Options) -> std::io::Result<(Self, PacedHalf)> {
-        let controls = Controls::of_two(options);
-        let rates = Rates::of(&ticker);
-        let (to, ring) = HeapRb::new(room(&rates, options)).split();
-        let (lines, heard) = triple_buffer::triple_buffer(&Line::default());
-        let stream = Arc::new(Stream::new());
-        let half = PacedHalf {
-            controls: Arc::clone(&controls),
-            stream: Arc::clone(&stream),
-            ring,
-            lines,
-            dll: Dll::new(rates.rate_hz),
-            ramp: Ramp::new(rates.rate_hz, rates.channels, options.start_s),
-            channels: rates.channels,
-            owed: 0,
-            began: false,
-        };
-        let pace = Pace {
-            controls: Arc::clone(&controls),
-            stream,
-            ring: to,
-            lines: heard,
-            rates,
-            samples: vec![0.0; rates.most()],
-            given_frames: options.period_frames,
-            lead_ns: 0.0,
-            origin: 0.0,
-            read_ns: 0,
-        };
-        let thread = Builder::new().name("asperity-tick".into()).spawn(move || pace.run(ticker))?;
-        Ok((Self { thread: Some(thread), controls }, half))
-    }
-
-    /// Requests, and how it stands.
-    pub fn controls(&self) -> &Arc<Controls> {
-        &self.controls
-    }
-
-    /// Ramps the output down and takes the ticker back; at once where the device no longer calls. `None` where a tick does not end
-    /// within a second.
-    pub fn stop(mut self) -> Option<T> {
-        self.controls.request_stop();
-        self.thread.take().and_then(join)
-    }
-}
-
-impl<T> Drop for Paced<T> {
-    fn drop(&mut self) {
-        self.controls.request_stop();
-    }
+/// Starts a run whose ticks a thread calls, and an audio device plays. The thread listens to the device's first callbacks,
+/// then begins. The device must have the ticker's rate and channels.
+///
+/// # Errors
+/// The system gives no thread; the ticker is lost then.
+pub fn paced<T: Ticker + 'static>(
+    ticker: T,
+    options: &Options,
+) -> std::io::Result<(TickThread<T>, PacedHalf)> {
+    let controls = Controls::new(options, Some(Asked::default()));
+    let rates = Rates::of(&ticker);
+    let (to, ring) = HeapRb::new(room(&rates, options)).split();
+    let (lines, heard) = triple_buffer::triple_buffer(&Line::default());
+    let begin = AtomicU64::new(u64::MAX);
+    let stream = Arc::new(Stream { begin, owed: AtomicI64::new(0), skipped: AtomicI64::new(0) });
+    let half = PacedHalf {
+        controls: Arc::clone(&controls),
+        stream: Arc::clone(&stream),
+        ring,
+        lines,
+        dll: Dll::new(rates.rate_hz),
+        ramp: Ramp::new(rates.rate_hz, rates.channels, options.start_s),
+        channels: rates.channels,
+        owed: 0,
+        began: false,
+    };
+    let pace = Pace {
+        controls: Arc::clone(&controls),
+        stream,
+        ring: to,
+        lines: heard,
+        rates,
+        samples: vec![0.0; rates.most()],
+        given_frames: options.period_frames,
+        lead_ns: 0.0,
+        origin: 0.0,
+        read_ns: 0,
+    };
+    Ok((TickThread::start(controls, |_| pace.run(ticker))?, half))
 }
 
 /// Values that the ring has room for.
@@ -138,9 +112,6 @@ struct Pace {
 
 impl Pace {
     fn run<T: Ticker>(mut self, mut ticker: T) -> T {
-        let _flushed = Flushed::new();
-        self.controls.ask::<STACK>();
-        sleep_sharply();
         if self.begin(&ticker) {
             while !self.over() && self.next(&mut ticker) {}
         }
@@ -235,6 +206,124 @@ impl Pace {
         self.controls.meters().skipped_ticks.add(to - tick);
         self.stream.skipped.fetch_add((self.rates.first_sample(to) - here) as i64, Release);
         true
+    }
+}
+
+/// What both ends know of the stream, in frames.
+#[derive(Debug)]
+struct Stream {
+    /// The device's position at which the stream begins; `u64::MAX` before the thread has chosen it.
+    begin: AtomicU64,
+    /// Frames of time that went by without the stream, less those that the device's end has dropped for it.
+    owed: AtomicI64,
+    /// Of these, frames that the thread left out.
+    skipped: AtomicI64,
+}
+
+/// What the device calls: takes samples from the ring, and tells the thread the device's time.
+///
+/// Position in the stream is position in time. What was missing when it was to be played, or went by in a gap, is owed: as
+/// many frames are dropped, or left out by the thread, before anything is played again. So no latency is ever added.
+pub struct PacedHalf {
+    controls: Arc<Controls>,
+    stream: Arc<Stream>,
+    ring: HeapCons<f32>,
+    lines: triple_buffer::Input<Line>,
+    dll: Dll,
+    ramp: Ramp,
+    channels: usize,
+    /// Frames that went by without the stream, less those dropped; the thread's skips not taken off.
+    owed: i64,
+    began: bool,
+}
+
+impl Process for PacedHalf {
+    fn process(&mut self, block: &mut Block<'_>) {
+        let _flushed = Flushed::new();
+        if block.channels != self.channels {
+            self.controls.fail();
+            return;
+        }
+        // Ticks run on another thread, but one that is late here is heard all the same.
+        self.controls.ask_for_device::<DEVICE_STACK>();
+        let frames = block.frames();
+        let heard = self.dll.callback(block.now_ns, frames as u64);
+        self.lines.write(*self.dll.line());
+        self.controls.heard(block.now_ns, frames, self.dll.line());
+        self.controls.steer(&mut self.ramp);
+        if heard.lost > 0 {
+            self.controls.meters().xruns.add(1);
+            if self.began {
+                self.ramp.broken();
+                self.owe(heard.lost);
+            }
+        }
+        let silent = self.silent_before_begin(heard.position, frames as u64);
+        let (before, rest) = block.output.split_at_mut(silent as usize * self.channels);
+        self.ramp.starve(before);
+        let over = self.controls.down() || self.controls.failed();
+        let got = if over { 0 } else { self.take(rest) };
+        let (played, missing) = rest.split_at_mut(got);
+        self.ramp.play(played);
+        self.ramp.starve(missing);
+        if !missing.is_empty() && !over {
+            self.controls.meters().underruns.add(1);
+            self.owe((missing.len() / self.channels) as u64);
+        }
+        self.controls.hold(block.output, self.channels);
+        self.controls.note(&self.ramp, block.output);
+    }
+}
+
+impl PacedHalf {
+    /// Frames of this block that lie before the stream.
+    fn silent_before_begin(&mut self, position: u64, frames: u64) -> u64 {
+        if self.began {
+            return 0;
+        }
+        let begin = self.stream.begin.load(Acquire);
+        let silent = begin.saturating_sub(position).min(frames);
+        if silent < frames {
+            self.began = true;
+            let late = position.saturating_sub(begin);
+            if late > 0 {
+                self.owe(late);
+            }
+        }
+        silent
+    }
+
+    fn owe(&mut self, frames: u64) {
+        self.controls.meters().lost_samples.add(frames);
+        self.owed += frames as i64;
+        self.stream.owed.store(self.owed, Release);
+    }
+
+    /// Drops what is owed and fills what it can; returns how many values it filled.
+    fn take(&mut self, out: &mut [f32]) -> usize {
+        if self.began {
+            let there = (self.ring.occupied_len() / self.channels) as i64;
+            let owed = self.owed - self.stream.skipped.load(Acquire);
+            let drop = owed.min(there).max(0);
+            if drop > 0 {
+                self.owed -= drop;
+                // Told before it is done: the thread, which looks at the ring first, then never thinks that more is owed than is.
+                self.stream.owed.store(self.owed, Release);
+                self.ring.skip(drop as usize * self.channels);
+            }
+            // What the thread may have pushed since is owed too.
+            if owed > drop {
+                return 0;
+            }
+        }
+        // Whole frames are pushed, and the room is whole frames.
+        self.ring.pop_slice(out)
+    }
+}
+
+impl std::fmt::Debug for PacedHalf {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("PacedHalf").field("line", self.dll.line()).finish_non_exhaustive()
     }
 }
 

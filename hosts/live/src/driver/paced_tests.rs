@@ -21,10 +21,10 @@ struct Device {
 }
 
 impl Device {
-    fn new(ticker: Counter, options: Options) -> (Paced<Counter>, Self) {
+    fn new(ticker: Counter, options: Options) -> (TickThread<Counter>, Self) {
         let (rate_hz, channels, first) = (ticker.rate_hz, ticker.channels, ticker.first_sample());
         let first_tick = ticker.next;
-        let (driver, half) = Paced::new(ticker, &options).expect("a thread");
+        let (driver, half) = paced(ticker, &options).expect("a thread");
         let reference = Reference::new(rate_hz, channels, first);
         let start_ns = now_ns();
         let device = Self {
@@ -182,7 +182,7 @@ fn a_callback_of_a_third_of_a_second_is_filled() {
 #[test]
 fn the_thread_of_the_device_asks_for_priority_too() {
     let options = Options { priority: Some(5), ..options(500) };
-    let (driver, mut half) = Paced::new(Counter::new(48_000, 500, 1, 0), &options).expect("a thread");
+    let (driver, mut half) = paced(Counter::new(48_000, 500, 1, 0), &options).expect("a thread");
     let controls = Arc::clone(driver.controls());
     let asked = move || controls.device_asked.as_ref().map(Asked::get);
     assert_eq!(asked(), Some(Grant::NotAsked));

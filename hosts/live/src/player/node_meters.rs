@@ -6,6 +6,7 @@ use asperity_engine::Engine;
 use asperity_graph::{Schedule, ScheduledNode};
 use asperity_node::{Buffer, Fault};
 
+use crate::meters::add;
 use crate::view::NodeView;
 
 /// Ticks over which the level of audio is averaged, as a first-order mean.
@@ -156,11 +157,6 @@ impl Meter {
         }
         self.quarantined.store(old.quarantined.load(Relaxed), Relaxed);
     }
-}
-
-/// One writer: no need to lock the bus.
-fn add(to: &AtomicU64, n: u64) {
-    to.store(to.load(Relaxed).wrapping_add(n), Relaxed);
 }
 
 /// What stands for a buffer in a single number: the first value of a control, the mean square of audio, the largest bin.

@@ -13,11 +13,11 @@ use std::time::{Duration, Instant};
 use asperity_audio::{OpenError, Request, Stats};
 use asperity_node::Diagnostic;
 
-use crate::driver::{Callback, Clock, Controls, Options, Paced, Timer, choose};
+use crate::driver::{Callback, Clock, Options, choose, paced, timer};
 use crate::latency::of_graph;
 use crate::meters::Meters;
 use crate::player::MicWriter;
-use crate::realtime::{Grants, Machine, PRIORITY};
+use crate::realtime::{Grant, Grants, Machine, PRIORITY};
 use crate::view::{Condition, View};
 use crate::{Conductor, Listener, Player, Reins, now_ns};
 use card::Card;
@@ -76,6 +76,17 @@ impl std::fmt::Display for SessionError {
 
 impl std::error::Error for SessionError {}
 
+/// A lost device, until it is back.
+struct Loss {
+    since: Instant,
+    /// When it was last looked for.
+    tried: Instant,
+    /// Why it could not be opened then; a new reason is told.
+    reason: String,
+    /// Opens it, which may take seconds.
+    opening: Option<JoinHandle<Result<Card, OpenError>>>,
+}
+
 /// A run. Dropped, it ramps down and ends as by [`stop`](Session::stop).
 pub struct Session {
     conductor: Conductor,
@@ -89,14 +100,8 @@ pub struct Session {
     machine: Option<Machine>,
     /// What was refused has been said.
     told: bool,
-    /// Since when the device has been lost, or was last looked for.
-    lost: Option<Instant>,
-    /// Since when nothing is played on it.
-    away: Option<Instant>,
-    /// Why it was not back when it was last looked for.
-    why: String,
-    /// A lost device that is being opened, which may take seconds.
-    opening: Option<JoinHandle<Result<Card, OpenError>>>,
+    /// Set while the device is lost.
+    loss: Option<Loss>,
     /// What a device said of itself while it was there, for the view.
     name: String,
     notices: Vec<String>,
@@ -105,6 +110,17 @@ pub struct Session {
     xruns: Xruns,
     /// Dropped last: the output is down then.
     custody: Custody,
+}
+
+impl Loss {
+    /// Notes why the device could not be opened, and tells a new reason.
+    fn failed(&mut self, reason: String, name: &str, notices: &mut Vec<String>) {
+        self.tried = Instant::now();
+        if self.reason != reason {
+            notices.push(format!("`{name}` is not back: {reason}"));
+            self.reason = reason;
+        }
+    }
 }
 
 impl std::fmt::Debug for Session {
@@ -147,10 +163,7 @@ impl Session {
             machine: options.realtime.then(Machine::ask),
             options,
             told: false,
-            lost: None,
-            away: None,
-            why: String::new(),
-            opening: None,
+            loss: None,
             name: String::new(),
             notices: Vec::new(),
             looked: Instant::now(),
@@ -192,8 +205,8 @@ impl Session {
 
     /// Whether the run goes on: no tick panicked, and there is or may be a device where one was asked for.
     pub fn goes_on(&self) -> bool {
-        let gone = matches!(self.driver.0, Driver::Gone) || self.controls().is_some_and(|c| c.failed());
-        let given_up = self.lost.is_some() && !self.options.reconnect;
+        let gone = self.driver.gone() || self.driver.controls().is_some_and(|c| c.failed());
+        let given_up = self.loss.is_some() && !self.options.reconnect;
         !(gone || given_up)
     }
 
@@ -217,9 +230,9 @@ impl Session {
 
     /// How the run stands.
     pub fn condition(&self) -> Condition {
-        match (self.controls(), self.lost) {
+        match (self.driver.controls(), &self.loss) {
             (Some(controls), _) if controls.failed() => Condition::Failed,
-            (None, _) if matches!(self.driver.0, Driver::Gone) => Condition::Failed,
+            (None, _) if self.driver.gone() => Condition::Failed,
             _ if self.reins().stopping() => Condition::Stopping,
             (_, Some(_)) => Condition::Lost,
             _ if self.reins().muted() => Condition::Muted,
@@ -242,7 +255,7 @@ impl Session {
             number: self.views,
             condition: self.condition(),
             muted: self.reins().muted(),
-            clock: self.clock().map_or("", Clock::name).into(),
+            clock: self.driver.clock().map_or("", Clock::name).into(),
             device: self.name.clone(),
             period_frames: self.card.as_ref().and_then(|c| c.stream().period()).unwrap_or(0),
             ticks,
@@ -255,7 +268,7 @@ impl Session {
             losses: self.meters.losses.get(),
             skipped_ticks: self.meters.skipped_ticks.get(),
             recording_gaps: self.listener.as_ref().map_or(0, Listener::gaps),
-            peak: self.controls().map_or(0.0, |c| c.peak()),
+            peak: self.driver.controls().map_or(0.0, |c| c.peak()),
             ..View::default()
         };
         self.conductor.look(&mut view, since);
@@ -270,7 +283,7 @@ impl Session {
 
     /// Latency from a hand to the actuator, item by item, in milliseconds.
     fn latency(&self, view: &View, stats: Option<&Stats>) -> Vec<(String, f64)> {
-        if self.controls().is_none() || (self.options.device.is_some() && self.card.is_none()) {
+        if self.driver.controls().is_none() || (self.options.device.is_some() && self.card.is_none()) {
             // Nothing is heard.
             return Vec::new();
         }
@@ -281,7 +294,7 @@ impl Session {
         }
         let schedule = self.conductor.schedule();
         items.push(("tick: half of one, until the next".to_owned(), 500.0 / f64::from(schedule.tick_hz)));
-        let lead = self.controls().map_or(0.0, |c| c.lead_ns() as f64 * 1e-6);
+        let lead = self.driver.controls().map_or(0.0, |c| c.lead_ns() as f64 * 1e-6);
         items.push(("clock: read before the callback".to_owned(), lead));
         items.extend(of_graph(schedule));
         if let Some(stats) = stats {
@@ -305,26 +318,8 @@ impl Session {
 
     /// What was asked of the system, and what it gave.
     pub fn grants(&self) -> Option<Grants> {
-        let priority = self.controls()?.priority();
+        let priority = self.driver.controls()?.priority();
         Some(self.machine.as_ref()?.grants(priority))
-    }
-
-    fn clock(&self) -> Option<Clock> {
-        match &self.driver.0 {
-            Driver::Callback(_) => Some(Clock::Callback),
-            Driver::Paced(_) => Some(Clock::Paced),
-            Driver::Timer(_) => Some(Clock::Timer),
-            Driver::Waiting(_) | Driver::Gone => None,
-        }
-    }
-
-    fn controls(&self) -> Option<&Arc<Controls>> {
-        match &self.driver.0 {
-            Driver::Callback(d) => Some(d.controls()),
-            Driver::Paced(d) => Some(d.controls()),
-            Driver::Timer(d) => Some(d.controls()),
-            Driver::Waiting(_) | Driver::Gone => None,
-        }
     }
 
     fn driver_options(&self) -> Options {
@@ -361,11 +356,13 @@ impl Session {
                 Driver::Callback(driver)
             }
             Clock::Paced => {
-                let (driver, half) = Paced::new(player, &options).map_err(SessionError::Thread)?;
+                let (driver, half) = paced(player, &options).map_err(SessionError::Thread)?;
                 card.give(Box::new(half));
-                Driver::Paced(driver)
+                Driver::Thread(clock, driver)
             }
-            Clock::Timer => Driver::Timer(Timer::new(player, &options).map_err(SessionError::Thread)?),
+            Clock::Timer => {
+                Driver::Thread(Clock::Timer, timer(player, &options).map_err(SessionError::Thread)?)
+            }
         };
         card.note_playing();
         Ok(())
@@ -375,7 +372,7 @@ impl Session {
     fn keep_time(&mut self) -> Result<(), SessionError> {
         let Some(player) = self.driver.take_from_lost() else { return Ok(()) };
         let options = self.driver_options();
-        self.driver.0 = Driver::Timer(Timer::new(player, &options).map_err(SessionError::Thread)?);
+        self.driver.0 = Driver::Thread(Clock::Timer, timer(player, &options).map_err(SessionError::Thread)?);
         Ok(())
     }
 
@@ -386,56 +383,39 @@ impl Session {
         if let Some(card) = self.card.take() {
             self.xruns.close(self.meters.xruns.get(), card.stream().stats().xruns, now_ns());
         }
-        self.lost = Some(Instant::now());
-        self.away.get_or_insert_with(Instant::now);
+        let now = Instant::now();
+        self.loss = Some(Loss { since: now, tried: now, reason: String::new(), opening: None });
         // Hands and forces go on.
         self.keep_time()
     }
 
     /// Opens a lost device again, the same one, when it is there.
     fn come_back(&mut self) {
-        if let Some(opening) = self.opening.take_if(|opening| opening.is_finished()) {
-            self.opened(opening.join().ok());
-            return;
-        }
-        let waited = self.lost.is_some_and(|since| since.elapsed() >= RETRY);
-        if !waited || !self.options.reconnect || self.opening.is_some() {
-            return;
-        }
-        let (request, mic) = (self.options.device.clone(), self.mic.clone());
-        let open = move || Card::open(&request.unwrap_or_default(), mic.as_ref());
-        self.opening = std::thread::Builder::new().name("asperity-open".into()).spawn(open).ok();
-    }
-
-    /// What came of looking for a lost device; none where that panicked.
-    fn opened(&mut self, card: Option<Result<Card, OpenError>>) {
-        match card {
-            Some(Ok(card)) => {
-                self.name = card.name();
-                self.notices.push(format!("`{}` is back", self.name));
-                self.card = Some(card);
-                self.custody.back(self.away.take().map_or(Duration::ZERO, |since| since.elapsed()));
-                self.lost = None;
-                self.why.clear();
+        let Some(loss) = &mut self.loss else { return };
+        if let Some(opening) = loss.opening.take_if(|opening| opening.is_finished()) {
+            match opening.join() {
+                Ok(Ok(card)) => {
+                    self.name = card.name();
+                    self.notices.push(format!("`{}` is back", self.name));
+                    self.custody.back(loss.since.elapsed());
+                    (self.card, self.loss) = (Some(card), None);
+                    return;
+                }
+                Ok(Err(error)) => loss.failed(error.to_string(), &self.name, &mut self.notices),
+                Err(_) => loss.failed("opening it failed".into(), &self.name, &mut self.notices),
             }
-            Some(Err(error)) => self.still_lost(error.to_string()),
-            None => self.still_lost("opening it failed".into()),
         }
-    }
-
-    /// A lost device could not be opened: why, where that is news.
-    fn still_lost(&mut self, why: String) {
-        self.lost = Some(Instant::now());
-        if self.why != why {
-            self.notices.push(format!("`{}` is not back: {why}", self.name));
-            self.why = why;
+        if loss.tried.elapsed() >= RETRY && self.options.reconnect && loss.opening.is_none() {
+            let (request, mic) = (self.options.device.clone(), self.mic.clone());
+            let open = move || Card::open(&request.unwrap_or_default(), mic.as_ref());
+            loss.opening = std::thread::Builder::new().name("asperity-open".into()).spawn(open).ok();
         }
     }
 
     /// What the system refused, once it is known.
     fn tell_refusals(&mut self) {
-        let asked = |c: &Arc<Controls>| c.priority() != crate::realtime::Grant::NotAsked;
-        if self.told || !self.controls().is_some_and(asked) {
+        let asked = self.driver.controls().is_some_and(|c| c.priority() != Grant::NotAsked);
+        if self.told || !asked {
             return;
         }
         self.told = true;
