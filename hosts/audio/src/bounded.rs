@@ -9,12 +9,13 @@ use parking_lot::Mutex;
 
 use crate::quiet::hush_alsa;
 
-/// Hosts with a call that hangs. No other call into such a host is made until it returns, so that threads do not pile up.
+/// Hosts with a call that hangs. No other call into such a host is made until it returns, so that threads
+/// do not pile up.
 static HANGING: Mutex<BTreeSet<String>> = Mutex::new(BTreeSet::new());
 
-/// Runs `call` on a thread of its own, with ALSA's messages off. `None` if the call takes longer than `limit`, if an earlier
-/// call into the same host still hangs, or (at once) if the call panics. A call that takes too long keeps its thread; its
-/// result is dropped.
+/// Runs `call` on a thread of its own, with ALSA's messages off. `None` if the call takes longer than
+/// `limit`, if an earlier call into the same host still hangs, or (at once) if the call panics. A call that
+/// takes too long keeps its thread; its result is dropped.
 pub(crate) fn bounded<T: Send + 'static>(
     host: &str,
     limit: Duration,
@@ -55,7 +56,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_host_that_hangs_is_left_alone_until_it_answers() {
+    fn hanging_host_is_left_alone_until_it_answers() {
         let (go, wait) = std::sync::mpsc::channel::<()>();
         let short = Duration::from_millis(20);
         assert_eq!(bounded("one", short, move || wait.recv().is_ok()), None);
@@ -69,7 +70,7 @@ mod tests {
     }
 
     #[test]
-    fn a_call_that_panics_does_not_close_its_host_for_ever() {
+    fn panicking_call_does_not_close_its_host() {
         let long = Duration::from_secs(60);
         assert_eq!(bounded("panics", long, || -> bool { panic!("within the host") }), None);
         assert_eq!(bounded("panics", long, || true), Some(true));

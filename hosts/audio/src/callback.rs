@@ -1,4 +1,5 @@
-//! What runs on a device's thread: fills its blocks, takes what it recorded. No allocation, no lock, no waiting.
+//! What runs on a device's thread: fills its blocks, takes what it recorded. No allocation, no lock, no
+//! waiting.
 
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -320,7 +321,7 @@ mod tests {
     }
 
     #[test]
-    fn a_call_neither_allocates_nor_frees_however_long_it_is_and_also_after_a_gap() {
+    fn callback_of_any_length_never_allocates() {
         assert_no_alloc(|| drop(std::hint::black_box(vec![1_u8; 64])));
         let seen = violation_count();
         assert!(seen > 0, "the instrument must see an allocation");
@@ -351,7 +352,7 @@ mod tests {
     }
 
     #[test]
-    fn a_stream_that_is_over_fades_from_what_it_played_last_and_stays_silent() {
+    fn ended_stream_fades_and_stays_silent() {
         let counts = Arc::new(Counts::new(48_000));
         let (outward, _told) = HeapRb::new(4).split();
         let mut filler = Filler::new(counts.clone(), outward, &[2], 2, Box::new(Half));
@@ -376,7 +377,7 @@ mod tests {
     }
 
     #[test]
-    fn a_gap_is_more_than_three_periods_and_50_ms() {
+    fn gap_is_longer_than_3_periods_and_50_ms() {
         let counts = Counts::new(48_000);
         let ms = |ms: u64| ms * 1_000_000;
         assert_eq!(counts.called(ms(1000), 64, 0), None);

@@ -29,7 +29,8 @@ impl Side {
         }
     }
 
-    /// Whether a device may have this side. A host's default is asked when it is opened: ALSA does not tell before.
+    /// Whether a device may have this side. A host's default is asked when it is opened: ALSA does not tell
+    /// before.
     pub(crate) fn fits(self, listed: &Listed) -> bool {
         self.is_default(listed)
             || match self {

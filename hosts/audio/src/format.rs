@@ -1,11 +1,12 @@
 //! Sample formats of devices.
 //!
-//! Full scale is 1 and 2^(bits - 1). A value is scaled by that, rounded to the nearest step (halves away from zero) and
-//! clipped to the range of the format: 1.0 is its largest value, -1.0 its smallest. Floats are clipped to +-1.
-//! A value that is not finite becomes 0. Formats of up to 24 bits read back exactly as they were played.
+//! Full scale is 1 and 2^(bits - 1). A value is scaled by that, rounded to the nearest step (halves away
+//! from zero) and clipped to the range of the format: 1.0 is its largest value, -1.0 its smallest. Floats
+//! are clipped to +-1. A value that is not finite becomes 0. Formats of up to 24 bits read back exactly as
+//! they were played.
 //!
-//! dasp converts between the number types, but truncates and does not clip. So values are rounded to the grid of the
-//! format first; from there dasp's conversion is exact.
+//! dasp converts between the number types, but truncates and does not clip. So values are rounded to the
+//! grid of the format first; from there dasp's conversion is exact.
 
 use cpal::{SampleFormat, SizedSample};
 use dasp_sample::{FromSample, ToSample};
@@ -14,7 +15,8 @@ use dasp_sample::{FromSample, ToSample};
 pub(crate) trait DeviceSample:
     SizedSample + FromSample<f64> + ToSample<f32> + ToSample<f64> + Send + 'static
 {
-    /// Converts a sample with full scale 1: clips, rounds to the nearest step, and silences what is not finite.
+    /// Converts a sample with full scale 1: clips, rounds to the nearest step, and silences what is not
+    /// finite.
     fn from_unit(value: f32) -> Self {
         let value = if value.is_finite() { f64::from(value.clamp(-1.0, 1.0)) } else { 0.0 };
         if Self::FORMAT.is_float() {
@@ -36,8 +38,8 @@ impl<T: SizedSample + FromSample<f64> + ToSample<f32> + ToSample<f64> + Send + '
 /// Evaluates an expression with `T` as the sample type of a format.
 macro_rules! with_sample {
     ($format:expr, $T:ident => $body:expr) => {
-        $crate::format::with_sample!($format, $T => $body; F32 f32, F64 f64, I8 i8, I16 i16, I24 cpal::I24, I32 i32,
-            U8 u8, U16 u16, U24 cpal::U24, U32 u32)
+        $crate::format::with_sample!($format, $T => $body; F32 f32, F64 f64, I8 i8, I16 i16, I24 cpal::I24,
+            I32 i32, U8 u8, U16 u16, U24 cpal::U24, U32 u32)
     };
     ($format:expr, $T:ident => $body:expr; $($variant:ident $type:ty),*) => {
         match $format {
@@ -141,7 +143,7 @@ mod tests {
     use cpal::{I24, U24};
 
     #[test]
-    fn full_scale_is_the_largest_value_and_nothing_wraps() {
+    fn full_scale_is_the_largest_value_and_never_wraps() {
         assert_eq!((i16::from_unit(1.0), i16::from_unit(-1.0)), (32_767, -32_768));
         assert_eq!((i16::from_unit(7.0), i16::from_unit(-7.0)), (32_767, -32_768));
         assert_eq!((i32::from_unit(1.0), i32::from_unit(-1.0)), (i32::MAX, i32::MIN));
@@ -153,7 +155,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_finite_is_silence() {
+    fn value_not_finite_is_silence() {
         for value in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
             assert_eq!(f32::from_unit(value), 0.0);
             assert_eq!(i16::from_unit(value), 0);
@@ -164,7 +166,7 @@ mod tests {
     }
 
     #[test]
-    fn a_step_is_rounded_to_the_nearest() {
+    fn value_is_rounded_to_the_nearest_step() {
         let step = 1.0 / 32_768.0;
         assert_eq!(i16::from_unit(0.49 * step), 0);
         assert_eq!(i16::from_unit(0.51 * step), 1);
@@ -173,7 +175,7 @@ mod tests {
     }
 
     #[test]
-    fn sixteen_and_twenty_four_bits_come_back_as_they_went() {
+    fn samples_of_16_and_24_bits_read_back_unchanged() {
         for value in i16::MIN..=i16::MAX {
             assert_eq!(i16::from_unit(value.to_unit()), value);
             assert_eq!(u16::from_unit((value as u16).to_unit()), value as u16);
@@ -184,7 +186,7 @@ mod tests {
     }
 
     #[test]
-    fn every_name_reads_back() {
+    fn format_name_reads_back() {
         for format in Format::ALL {
             assert_eq!(format.name().parse(), Ok(format));
             assert_eq!(Format::from_cpal(format.to_cpal()), Some(format));

@@ -53,7 +53,8 @@ pub struct DeviceInfo {
 /// What a device can do on one side.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SideInfo {
-    /// Channels it has at most. JACK says 64 however many its card has (`card_channels`); a server that mixes says its device's own.
+    /// Channels it has at most. JACK says 64 however many its card has (`card_channels`); a server that
+    /// mixes says its device's own.
     pub channels: u16,
     /// How many of them lead to a card, from the first on; none where the host does not tell. JACK does.
     pub card_channels: Option<u16>,
@@ -69,9 +70,10 @@ pub struct SideInfo {
     pub buffer_frames: Option<(u32, u32)>,
 }
 
-/// Every host of this build, and every device that it has. Never fails as a whole: a host that does not answer says so in its note.
-/// Asks servers, all of them at once, and opens devices; takes four seconds where one hangs. The simulated host lists the devices that tests made;
-/// those that are described by their id ([`simulated`](crate::simulated)) are there without being listed.
+/// Every host of this build, and every device that it has. Never fails as a whole: a host that does not
+/// answer says so in its note. Asks servers, all of them at once, and opens devices; takes four seconds
+/// where one hangs. The simulated host lists the devices that tests made; those that are described by their
+/// id ([`simulated`](crate::simulated)) are there without being listed.
 pub fn hosts() -> Vec<HostInfo> {
     std::thread::scope(|scope| {
         // All at once: one that hangs holds up no other.
@@ -99,8 +101,8 @@ pub fn devices() -> Vec<DeviceInfo> {
     hosts().into_iter().flat_map(|host| host.devices).collect()
 }
 
-/// What devices of a host say of themselves in this time. Where one hangs, so would the others: ALSA opens one at a time. So those
-/// that lead to another server, which may hang, are asked last.
+/// What devices of a host say of themselves in this time. Where one hangs, so would the others: ALSA opens
+/// one at a time. So those that lead to another server, which may hang, are asked last.
 fn details(listed: Vec<Listed>, limit: Duration) -> Vec<DeviceInfo> {
     let began = Instant::now();
     let mut order: Vec<usize> = (0..listed.len()).collect();

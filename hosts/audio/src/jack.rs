@@ -4,8 +4,9 @@ use jack::{Client, ClientOptions, PortFlags};
 
 use crate::find::Side;
 
-/// Ports that a side of a JACK device is connected to by itself, one a channel from the first on: those of the server's card. The
-/// channels above them lead nowhere, though cpal offers 64. None where no server answers. Asks the server.
+/// Ports that a side of a JACK device is connected to by itself, one a channel from the first on: those of
+/// the server's card. The channels above them lead nowhere, though cpal offers 64. None where no server
+/// answers. Asks the server.
 pub(crate) fn card_channels(side: Side) -> Option<u16> {
     let name = format!("asperity_look_{}", std::process::id());
     let (client, _) = Client::new(&name, ClientOptions::NO_START_SERVER).ok()?;
@@ -26,8 +27,8 @@ pub(crate) fn note(side: Side, highest: u16, card: u16) -> Option<String> {
     let count = if card == 1 { "1 port".to_owned() } else { format!("{card} ports") };
     (highest > card).then(|| {
         format!(
-            "JACK offers 64 {} channels whatever is behind them; its card has {count} (system:{ports}_N): channel {highest} leads \
-             nowhere unless something is patched to it",
+            "JACK offers 64 {} channels whatever is behind them; its card has {count} \
+             (system:{ports}_N): channel {highest} leads nowhere unless something is patched to it",
             side.name()
         )
     })

@@ -1,8 +1,9 @@
 //! Audio devices: what there is, and how to play on one.
 //!
-//! This is the only crate that sees cpal. It knows nothing of graphs: a device calls a [`Process`] for every block it
-//! wants, and a [`Capture`] for every block it recorded. [`hosts`] says what there is, [`open`] opens what a [`Request`] asks for
-//! and nothing else, and [`Event`]s say what happens to it. [`simulated`] is a sound card for those who have none.
+//! This is the only crate that sees cpal. It knows nothing of graphs: a device calls a [`Process`] for
+//! every block it wants, and a [`Capture`] for every block it recorded. [`hosts`] says what there is,
+//! [`open`] opens what a [`Request`] asks for and nothing else, and [`Event`]s say what happens to it.
+//! [`simulated`] is a sound card for those who have none.
 
 mod block;
 mod bounded;

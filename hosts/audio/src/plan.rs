@@ -93,13 +93,15 @@ pub(crate) fn plan(
     Ok(Plan { config, format, notes })
 }
 
-/// Whether the host is a server that takes any width and rate, and mixes and resamples to what its device has.
+/// Whether the host is a server that takes any width and rate, and mixes and resamples to what its device
+/// has.
 fn is_mixer(listed: &Listed) -> bool {
     matches!(listed.host.as_str(), "pulseaudio" | "pipewire")
 }
 
-/// Channels to open the device with: a mixing server's own number, since it would spread or fold any other; on JACK as many ports as
-/// are needed; else the smallest number that has room, but not one, which ALSA's converters would copy to all channels.
+/// Channels to open the device with: a mixing server's own number, since it would spread or fold any other;
+/// on JACK as many ports as are needed; else the smallest number that has room, but not one, which ALSA's
+/// converters would copy to all channels.
 fn width(
     listed: &Listed,
     side: Side,

@@ -1,4 +1,5 @@
-//! ALSA's library writes to stderr whatever it dislikes, also while it is only asked what there is. Errors come back as values.
+//! ALSA's library writes to stderr whatever it dislikes, also while it is only asked what there is. Errors
+//! come back as values.
 
 /// Keeps ALSA's library from printing on the calling thread, from here on. Does not allocate or wait.
 pub(crate) fn hush_alsa() {
@@ -14,8 +15,9 @@ pub(crate) fn hush_alsa() {
             _arguments: *mut alsa_sys::__va_list_tag,
         ) {
         }
-        // SAFETY: the handler has the type ALSA asks for, touches none of its arguments and lives as long as the program. It is
-        // set for this thread only. (The handler for all threads is variadic, which stable Rust cannot write.)
+        // SAFETY: the handler has the type ALSA asks for, touches none of its arguments and lives as long
+        // as the program. It is set for this thread only. (The handler for all threads is variadic, which
+        // stable Rust cannot write.)
         unsafe { alsa_sys::snd_lib_error_set_local(Some(nothing)) };
     }
 }

@@ -7,21 +7,24 @@ use crate::Format;
 /// What is wanted of an output device, and of an input device beside it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Request {
-    /// The host, by name (`alsa`, `jack`, `pulseaudio`, `pipewire`, `simulated`). Then only that one is looked at. None: every host
-    /// is searched for a device that is named, and the first that answers gives its default device where none is.
+    /// The host, by name (`alsa`, `jack`, `pulseaudio`, `pipewire`, `simulated`). Then only that one is
+    /// looked at. None: every host is searched for a device that is named, and the first that answers gives
+    /// its default device where none is.
     pub host: Option<String>,
     /// The device: its id, `host:id`, or its name in any case. None: the host's default.
     pub device: Option<String>,
-    /// The device's output channels, from 1: one for every channel of a block, in their order. The others stay silent.
+    /// The device's output channels, from 1: one for every channel of a block, in their order. The others
+    /// stay silent.
     pub channels: Vec<u16>,
     /// The input device, as `device`. None: the host's default input; on the simulated host, the same device.
     pub input_device: Option<String>,
-    /// The input device's channels, from 1, one for every channel of a recorded block. Empty: nothing is recorded.
+    /// The input device's channels, from 1, one for every channel of a recorded block. Empty: nothing is
+    /// recorded.
     pub inputs: Vec<u16>,
     /// Frames a second [Hz]. A device that cannot do it is an error.
     pub rate_hz: u32,
-    /// Frames a call. A wish: devices may do otherwise, and [`Stream::period`](crate::Stream::period) says what they do. None:
-    /// 256, and on JACK what its server runs at.
+    /// Frames a call. A wish: devices may do otherwise, and [`Stream::period`](crate::Stream::period) says
+    /// what they do. None: 256, and on JACK what its server runs at.
     pub period_frames: Option<u32>,
     /// How the device is to hold samples. None: the first of [`Format::ALL`] that it can.
     pub format: Option<Format>,

@@ -1,8 +1,9 @@
 //! Whether a device is still there.
 //!
-//! PulseAudio and PipeWire move a stream whose device goes away to another one, at full level and without a word; cpal cannot ask
-//! them not to. So their devices are listed again and again, beside the watch. A device that goes and comes back under its name
-//! between two looks is not missed, nor is a stream that a user moves by hand.
+//! PulseAudio and PipeWire move a stream whose device goes away to another one, at full level and without a
+//! word; cpal cannot ask them not to. So their devices are listed again and again, beside the watch. A
+//! device that goes and comes back under its name between two looks is not missed, nor is a stream that a
+//! user moves by hand.
 
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::time::Duration;
@@ -18,8 +19,8 @@ const PERIOD: Duration = Duration::from_millis(250);
 /// Hosts that move streams.
 const MOVERS: [&str; 2] = ["pulseaudio", "pipewire"];
 
-/// Calls the roll of the devices that a stream has open, on a thread of its own, until it is dropped: a host that hangs keeps that
-/// thread and nobody else.
+/// Calls the roll of the devices that a stream has open, on a thread of its own, until it is dropped: a
+/// host that hangs keeps that thread and nobody else.
 pub(crate) struct Roll {
     gone: Receiver<String>,
     /// Dropped with this, which ends the thread.
@@ -45,8 +46,8 @@ impl Roll {
     }
 }
 
-/// Looks until a device is gone or nobody wants to know. Every device has one connection that is kept: cpal does not always give
-/// up the threads of a PulseAudio connection that is closed.
+/// Looks until a device is gone or nobody wants to know. Every device has one connection that is kept: cpal
+/// does not always give up the threads of a PulseAudio connection that is closed.
 fn call(devices: Vec<(String, String)>, tell: &Sender<String>, wait: &Receiver<()>) {
     let host = |name: &str| cpal::ALL_HOSTS.iter().copied().find(|id: &HostId| id.to_string() == name);
     let connect = |(name, id): (String, String)| {
@@ -63,7 +64,8 @@ fn call(devices: Vec<(String, String)>, tell: &Sender<String>, wait: &Receiver<(
     }
 }
 
-/// Whether a host does not have a device. One that does not answer is not asked again here: the watch sees that it does not call.
+/// Whether a host does not have a device. One that does not answer is not asked again here: the watch sees
+/// that it does not call.
 fn is_gone(host: &cpal::Host, name: &str, id: &str) -> bool {
     let anew;
     let host = if name == "pipewire" {

@@ -1,7 +1,8 @@
 //! A device that plays.
 //!
-//! What a host says of its latency ([`Block::ahead_ns`](crate::Block::ahead_ns), [`Captured::behind_ns`](crate::Captured::behind_ns),
-//! [`Stats::latency_ms`]), measured at 48 kHz against the time that samples took in a loop from output to input:
+//! What a host says of its latency ([`Block::ahead_ns`](crate::Block::ahead_ns),
+//! [`Captured::behind_ns`](crate::Captured::behind_ns), [`Stats::latency_ms`]), measured at 48 kHz against
+//! the time that samples took in a loop from output to input:
 //!
 //! | host | frames a call | ahead [ms] | behind [ms] | loop [ms] |
 //! |---|---|---|---|---|
@@ -10,9 +11,9 @@
 //! | JACK, dummy driver, a cable within JACK | 256 | 5.31 | 5.40 | 0.04 |
 //! | ALSA over PulseAudio | 682 (of 1024) | 28.3 | | |
 //!
-//! PulseAudio's account is right within 0.4 ms. JACK counts from the start of its cycle and speaks of the card's converters, one
-//! period each way with the dummy driver; a cable within JACK passes neither. ALSA says two periods, which is its buffer, and
-//! nothing of the server behind it.
+//! PulseAudio's account is right within 0.4 ms. JACK counts from the start of its cycle and speaks of the
+//! card's converters, one period each way with the dummy driver; a cable within JACK passes neither. ALSA
+//! says two periods, which is its buffer, and nothing of the server behind it.
 
 use std::sync::atomic::Ordering::Relaxed;
 use std::sync::{Arc, OnceLock};
@@ -55,7 +56,8 @@ pub struct Stats {
     pub longest_gap_ms: f64,
     /// Time since the last call [ms]; none before the first.
     pub silent_ms: Option<f64>,
-    /// What the host last said of its latency [ms]: from the call until the block is heard, or since it was at the input.
+    /// What the host last said of its latency [ms]: from the call until the block is heard, or since it was
+    /// at the input.
     pub latency_ms: f64,
 }
 
@@ -104,9 +106,10 @@ impl Work {
     }
 }
 
-/// Opens the device that is asked for, and no other: `process` is called for every block it wants, `capture` for every block it
-/// records if channels of an input are asked for. The stream stands still until [`Stream::play`]. What happens to it afterwards is
-/// sent to `events`; after [`Event::Lost`](crate::Event::Lost) it is closed, and to go on it has to be opened anew.
+/// Opens the device that is asked for, and no other: `process` is called for every block it wants,
+/// `capture` for every block it records if channels of an input are asked for. The stream stands still
+/// until [`Stream::play`]. What happens to it afterwards is sent to `events`; after
+/// [`Event::Lost`](crate::Event::Lost) it is closed, and to go on it has to be opened anew.
 pub fn open(
     request: &Request,
     process: Box<dyn Process>,
@@ -210,7 +213,8 @@ fn start(found: Listed, plan: &Plan, channels: &[u16], work: Work) -> Result<Bui
         let xrun = error.kind() == cpal::ErrorKind::Xrun;
         let count = if xrun { &counting.xruns } else { &counting.errors };
         count.fetch_add(1, Relaxed);
-        // Dropping it would free memory here. Where the watch is that far behind it closes the stream, which bounds what is leaked.
+        // Dropping it would free memory here. Where the watch is that far behind it closes the stream,
+        // which bounds what is leaked.
         if let Err(Message::Error(error)) = errors.try_push(Message::Error(error))
             && !counting.over.load(Relaxed)
         {
@@ -269,7 +273,8 @@ impl Stream {
         self.each_stream(StreamTrait::play)
     }
 
-    /// Holds it: the device plays silence or stands still, and is not watched. Devices that cannot do this say so.
+    /// Holds it: the device plays silence or stands still, and is not watched. Devices that cannot do this
+    /// say so.
     pub fn pause(&self) -> Result<(), String> {
         let since = self.shared.playing_since.swap(0, Relaxed);
         self.each_stream(StreamTrait::pause)

@@ -1,8 +1,8 @@
 //! Watches a stream from a thread of its own: hosts do not tell all that goes wrong.
 //!
-//! PulseAudio reports no underruns and says nothing when its server is stopped; ALSA over a Pulse server that was killed reports
-//! 40,000 errors a second until the stream is dropped. So calls are timed here, errors are counted, and a stream that is
-//! lost is closed from here, at once.
+//! PulseAudio reports no underruns and says nothing when its server is stopped; ALSA over a Pulse server
+//! that was killed reports 40,000 errors a second until the stream is dropped. So calls are timed here,
+//! errors are counted, and a stream that is lost is closed from here, at once.
 
 use std::any::Any;
 use std::collections::VecDeque;
@@ -34,8 +34,8 @@ const FLOOD: f64 = 32.0;
 const TOLERATED_HZ: f64 = 20.0;
 /// How long a lost stream that still calls may take to fade, and again until the fade is heard.
 const FADING: Duration = Duration::from_millis(50);
-/// How long a host may take to close a stream that is lost before it is left to a thread: word of the loss waits for it, so that
-/// whoever opens the device again does not find it taken.
+/// How long a host may take to close a stream that is lost before it is left to a thread: word of the loss
+/// waits for it, so that whoever opens the device again does not find it taken.
 const CLOSING_LOST: Duration = Duration::from_millis(100);
 /// The same for a stream that is dropped.
 pub(crate) const CLOSING: Duration = Duration::from_millis(500);
@@ -144,7 +144,8 @@ fn told(panic: Box<dyn Any + Send>) -> String {
     format!("what filled the device's blocks panicked: {}", text.as_deref().unwrap_or("no message"))
 }
 
-/// Tells a device that is silent from a machine that stood still: nobody calls while this thread cannot run either.
+/// Tells a device that is silent from a machine that stood still: nobody calls while this thread cannot run
+/// either.
 #[derive(Default)]
 struct Awake {
     looked: u64,
@@ -233,7 +234,7 @@ mod tests {
     }
 
     #[test]
-    fn a_machine_that_stood_still_is_not_taken_for_a_device_that_is_lost() {
+    fn stall_of_the_machine_is_no_loss_of_the_device() {
         let counts = Arc::new(Counts::new(48_000));
         let side = watched(&counts);
         counts.last_ns.store(ms(1000), Relaxed);
@@ -246,7 +247,7 @@ mod tests {
     }
 
     #[test]
-    fn long_periods_are_given_more_time() {
+    fn long_periods_get_more_time() {
         let counts = Arc::new(Counts::new(1000));
         let side = watched(&counts);
         counts.called(ms(1), 300, 0);

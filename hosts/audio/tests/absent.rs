@@ -1,4 +1,5 @@
-//! No server runs: what is asked about devices then. A file of its own, since the environment belongs to the whole process.
+//! No server runs: what is asked about devices then. A file of its own, since the environment belongs to
+//! the whole process.
 
 mod parts;
 
@@ -23,8 +24,8 @@ fn alone(test: &str) -> Option<std::process::Output> {
 }
 
 #[test]
-fn asking_what_there_is_never_fails_and_prints_nothing() {
-    let Some(output) = alone("asking_what_there_is_never_fails_and_prints_nothing") else {
+fn hosts_without_servers_lists_reasons_and_prints_nothing() {
+    let Some(output) = alone("hosts_without_servers_lists_reasons_and_prints_nothing") else {
         let hosts = hosts();
         let note = |name: &str| hosts.iter().find(|host| host.name == name).unwrap().note.clone();
         assert!(note("jack").unwrap().contains("no JACK server"), "{:?}", note("jack"));
@@ -38,8 +39,8 @@ fn asking_what_there_is_never_fails_and_prints_nothing() {
 }
 
 #[test]
-fn a_host_that_is_named_and_away_is_an_error_and_no_other_is_taken() {
-    let Some(output) = alone("a_host_that_is_named_and_away_is_an_error_and_no_other_is_taken") else {
+fn absent_host_is_an_error_without_fallback() {
+    let Some(output) = alone("absent_host_is_an_error_without_fallback") else {
         for host in ["jack", "pulseaudio"] {
             let (sender, _events) = events();
             let request = Request { host: Some(host.into()), ..Request::default() };

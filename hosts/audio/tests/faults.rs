@@ -21,7 +21,7 @@ fn in_time() -> Params {
 }
 
 #[test]
-fn an_underrun_is_told_and_the_stream_goes_on() {
+fn underrun_is_reported_and_the_stream_goes_on() {
     let card = Simulated::new("xrun", by_hand()).unwrap();
     let (stream, received) = live(&card, Count::default());
     card.step(64);
@@ -32,7 +32,7 @@ fn an_underrun_is_told_and_the_stream_goes_on() {
 }
 
 #[test]
-fn a_few_errors_are_counted_and_do_no_harm() {
+fn few_errors_are_counted_and_do_no_harm() {
     let card = Simulated::new("errors", by_hand()).unwrap();
     let (stream, received) = live(&card, Count::default());
     (0..20).for_each(|_| card.error());
@@ -43,7 +43,7 @@ fn a_few_errors_are_counted_and_do_no_harm() {
 }
 
 #[test]
-fn a_flood_of_errors_is_a_loss_told_once_and_ends_because_the_stream_is_closed() {
+fn flood_of_errors_is_one_loss_and_closes_the_stream() {
     let card = Simulated::new("flood", in_time()).unwrap();
     let (stream, received) = live(&card, Count::default());
     wait("a call", || stream.stats().callbacks > 0);
@@ -60,7 +60,7 @@ fn a_flood_of_errors_is_a_loss_told_once_and_ends_because_the_stream_is_closed()
 }
 
 #[test]
-fn a_stream_that_is_lost_while_it_calls_fades_out_before_it_is_closed() {
+fn lost_stream_that_still_calls_fades_out() {
     let faded = (0..10).any(|at| {
         let card = Simulated::new(&format!("fade {at}"), in_time()).unwrap();
         let (stream, received) = live(&card, Each(|| 0.5));
@@ -77,7 +77,7 @@ fn a_stream_that_is_lost_while_it_calls_fades_out_before_it_is_closed() {
 }
 
 #[test]
-fn a_device_that_is_unplugged_is_lost_and_can_be_opened_again_when_it_is_back() {
+fn unplugged_device_is_lost_and_reopens_when_back() {
     let card = Simulated::new("plug", in_time()).unwrap();
     let (stream, received) = live(&card, Count::default());
     wait("a call", || stream.stats().callbacks > 0);
@@ -95,7 +95,7 @@ fn a_device_that_is_unplugged_is_lost_and_can_be_opened_again_when_it_is_back() 
 }
 
 #[test]
-fn a_short_gap_is_told_with_its_length_and_the_stream_goes_on_without_losing_a_sample() {
+fn short_gap_is_reported_and_loses_no_sample() {
     let card = Simulated::new("gap", in_time()).unwrap();
     let (stream, received) = live(&card, Count::default());
     wait("a call", || stream.stats().callbacks > 0);
@@ -111,7 +111,7 @@ fn a_short_gap_is_told_with_its_length_and_the_stream_goes_on_without_losing_a_s
 }
 
 #[test]
-fn a_device_that_stops_calling_without_a_word_is_lost() {
+fn device_that_stops_calling_is_lost() {
     let card = Simulated::new("stop", in_time()).unwrap();
     let (stream, received) = live(&card, Count::default());
     wait("a call", || stream.stats().callbacks > 0);
@@ -122,7 +122,7 @@ fn a_device_that_stops_calling_without_a_word_is_lost() {
 }
 
 #[test]
-fn a_device_that_never_begins_to_call_is_lost() {
+fn device_that_never_calls_is_lost() {
     let card = Simulated::new("mute", in_time()).unwrap();
     card.stop();
     let (_stream, received) = live(&card, Count::default());
@@ -131,7 +131,7 @@ fn a_device_that_never_begins_to_call_is_lost() {
 }
 
 #[test]
-fn a_stream_that_is_paused_is_not_missed() {
+fn paused_stream_is_not_lost() {
     let card = Simulated::new("pause", in_time()).unwrap();
     let (stream, received) = live(&card, Count::default());
     wait("a call", || stream.stats().callbacks > 0);
@@ -145,7 +145,7 @@ fn a_stream_that_is_paused_is_not_missed() {
 }
 
 #[test]
-fn a_panic_while_filling_fades_and_is_a_loss_that_says_so() {
+fn panic_while_filling_fades_and_is_a_loss() {
     let card = Simulated::new("panic", by_hand()).unwrap();
     let mut left = 100;
     let (stream, received) = live(
@@ -163,14 +163,15 @@ fn a_panic_while_filling_fades_and_is_a_loss_that_says_so() {
     assert!(reason.contains("a node has no legs"), "{reason}");
     let left: Vec<f64> = card.played().chunks(2).map(|frame| frame[0]).collect();
     assert!(left[..64].iter().all(|value| *value == 0.25));
-    // The block that it did not finish is not played in part. Telling of the panic may make a gap before the next.
+    // The block that it did not finish is not played in part. Telling of the panic may make a gap before
+    // the next.
     let steepest = 0.25 * std::f64::consts::FRAC_PI_2 / 480.0 * 1.01;
     assert!(left[63..128].windows(2).all(|pair| pair[1] < pair[0] && pair[0] - pair[1] < steepest));
     assert!(stream.lost().is_some() && !card.in_use());
 }
 
 #[test]
-fn a_stream_that_is_dropped_leaves_the_device_to_the_next() {
+fn dropped_stream_frees_its_device() {
     let card = Simulated::new("next", in_time()).unwrap();
     for _ in 0..5 {
         let (stream, _received) = live(&card, Count::default());

@@ -95,8 +95,8 @@ fn every_sample_arrives_at_96000_hz() {
 }
 
 #[test]
-fn an_input_hears_what_an_output_plays_and_the_stamps_add_up() {
-    let test = "an_input_hears_what_an_output_plays_and_the_stamps_add_up";
+fn loop_hears_its_output_with_consistent_time_stamps() {
+    let test = "loop_hears_its_output_with_consistent_time_stamps";
     let Some(_) = inside(test, || Jack::start(48_000, 256)) else { return };
     let (tape, process, capture) = Loop::new();
     let (sender, _events) = events();
@@ -113,15 +113,14 @@ fn an_input_hears_what_an_output_plays_and_the_stamps_add_up() {
     let heard = tape.check(48_000);
     println!("{heard:.2?}");
     assert_eq!(heard.lost, 0);
-    // A cable within JACK hands over within the cycle. The stamps speak of the card's converters, which it does not pass.
+    // A cable within JACK hands over within the cycle. The stamps speak of the card's converters, which it
+    // does not pass.
     assert!(heard.whole < 6.0);
 }
 
 #[test]
-fn the_server_sets_rate_and_period_and_the_user_hears_of_it() {
-    let Some(_) =
-        inside("the_server_sets_rate_and_period_and_the_user_hears_of_it", || Jack::start(48_000, 256))
-    else {
+fn server_rate_and_period_are_noted() {
+    let Some(_) = inside("server_rate_and_period_are_noted", || Jack::start(48_000, 256)) else {
         return;
     };
     let stream = play(&Request { period_frames: Some(64), ..request(48_000) }, Count::default());
@@ -144,8 +143,8 @@ fn the_server_sets_rate_and_period_and_the_user_hears_of_it() {
 }
 
 #[test]
-fn a_server_that_is_killed_is_a_loss_and_the_next_one_can_be_opened() {
-    let test = "a_server_that_is_killed_is_a_loss_and_the_next_one_can_be_opened";
+fn killed_server_is_a_loss_and_the_next_one_opens() {
+    let test = "killed_server_is_a_loss_and_the_next_one_opens";
     let Some(server) = inside(test, || Jack::start(48_000, 256)) else { return };
     let (sender, received) = events();
     let stream = open(&request(48_000), Box::new(Count::default()), None, sender).unwrap();
@@ -168,8 +167,8 @@ fn a_server_that_is_killed_is_a_loss_and_the_next_one_can_be_opened() {
 }
 
 #[test]
-fn a_server_that_is_stopped_is_a_loss_and_holds_nobody_up() {
-    let test = "a_server_that_is_stopped_is_a_loss_and_holds_nobody_up";
+fn stopped_server_is_a_loss_and_blocks_nobody() {
+    let test = "stopped_server_is_a_loss_and_blocks_nobody";
     let Some(server) = inside(test, || Jack::start(48_000, 256)) else { return };
     let (sender, received) = events();
     let stream = open(&request(48_000), Box::new(Count::default()), None, sender).unwrap();

@@ -27,7 +27,8 @@ fn every_sample_arrives_at_1024_frames() {
     std::thread::sleep(Duration::from_secs(3));
     let frames = tape.stop();
     assert!(frames.iter().all(|frame| frame[0] == 0.0), "channel 1 is not silent");
-    // A machine that is too busy makes gaps of silence; what is played is neither lost nor repeated all the same.
+    // A machine that is too busy makes gaps of silence; what is played is neither lost nor repeated all the
+    // same.
     let begin = frames.iter().position(|frame| frame[1] != 0.0).expect("something is played");
     let played: Vec<f32> =
         frames[begin..].iter().map(|frame| frame[1]).filter(|sample| *sample != 0.0).collect();
@@ -46,8 +47,8 @@ fn every_sample_arrives_at_1024_frames() {
 }
 
 #[test]
-fn an_input_hears_what_an_output_plays_and_the_stamps_add_up() {
-    let test = "an_input_hears_what_an_output_plays_and_the_stamps_add_up";
+fn loop_hears_its_output_with_consistent_time_stamps() {
+    let test = "loop_hears_its_output_with_consistent_time_stamps";
     let Some(_) = inside(test, Pulse::start) else { return };
     for period in [1024, 256] {
         let (tape, process, capture) = Loop::new();
@@ -62,14 +63,15 @@ fn an_input_hears_what_an_output_plays_and_the_stamps_add_up() {
         // PulseAudio drops what it recorded, and does not say so, where a busy machine takes it too late.
         let heard = tape.check(48_000);
         println!("period {period}: {heard:.2?}");
-        // Within 0.4 ms on a quiet machine; PulseAudio is asked for its latency by a thread that may come late on a busy one.
+        // Within 0.4 ms on a quiet machine; PulseAudio is asked for its latency by a thread that may come
+        // late on a busy one.
         assert!((heard.whole - heard.ahead - heard.behind).abs() < 20.0);
     }
 }
 
 #[test]
-fn the_period_that_is_measured_is_far_from_two_seconds_where_nobody_asks_for_one() {
-    let test = "the_period_that_is_measured_is_far_from_two_seconds_where_nobody_asks_for_one";
+fn default_period_is_about_256_frames() {
+    let test = "default_period_is_about_256_frames";
     let Some(_) = inside(test, Pulse::start) else { return };
     let stream = play(&request(), Count::default());
     wait("calls", || stream.stats().callbacks > 60);
@@ -84,8 +86,8 @@ fn the_period_that_is_measured_is_far_from_two_seconds_where_nobody_asks_for_one
 }
 
 #[test]
-fn a_device_or_channel_that_the_server_would_make_up_is_refused() {
-    let test = "a_device_or_channel_that_the_server_would_make_up_is_refused";
+fn device_or_channel_not_there_is_refused() {
+    let test = "device_or_channel_not_there_is_refused";
     let Some(_) = inside(test, Pulse::start) else { return };
     let refusal = |request: &Request| {
         let (sender, _events) = events();
@@ -108,8 +110,8 @@ fn a_device_or_channel_that_the_server_would_make_up_is_refused() {
 }
 
 #[test]
-fn a_server_that_is_killed_is_a_loss() {
-    let Some(server) = inside("a_server_that_is_killed_is_a_loss", Pulse::start) else { return };
+fn killed_server_is_a_loss() {
+    let Some(server) = inside("killed_server_is_a_loss", Pulse::start) else { return };
     let (sender, received) = events();
     let stream = open(&request(), Box::new(Count::default()), None, sender).unwrap();
     stream.play().unwrap();
@@ -128,8 +130,8 @@ fn a_server_that_is_killed_is_a_loss() {
 }
 
 #[test]
-fn a_server_that_is_stopped_says_nothing_and_is_a_loss_all_the_same() {
-    let test = "a_server_that_is_stopped_says_nothing_and_is_a_loss_all_the_same";
+fn stopped_server_is_a_loss() {
+    let test = "stopped_server_is_a_loss";
     let Some(server) = inside(test, Pulse::start) else { return };
     let (sender, received) = events();
     let stream = open(&request(), Box::new(Count::default()), None, sender).unwrap();
@@ -154,12 +156,13 @@ fn a_server_that_is_stopped_says_nothing_and_is_a_loss_all_the_same() {
 }
 
 #[test]
-fn alsa_over_a_server_that_is_killed_is_a_loss_and_its_flood_ends() {
-    let test = "alsa_over_a_server_that_is_killed_is_a_loss_and_its_flood_ends";
+fn alsa_over_a_killed_server_is_a_loss() {
+    let test = "alsa_over_a_killed_server_is_a_loss";
     let Some(server) = inside(test, Pulse::start) else { return };
     let wanted = Request { host: Some("alsa".into()), device: Some("pulse".into()), ..Request::default() };
     let wanted = Request { period_frames: Some(1024), ..wanted };
-    // On a machine that is too busy the plugin may fall silent after an underrun: that is a loss too, and another try.
+    // On a machine that is too busy the plugin may fall silent after an underrun: that is a loss too, and
+    // another try.
     let mut tries = 0;
     let (stream, received) = loop {
         let (sender, received) = events();
@@ -201,8 +204,8 @@ fn pactl(words: &[&str]) -> String {
 }
 
 #[test]
-fn a_stream_that_goes_on_takes_no_more_files_and_threads() {
-    let test = "a_stream_that_goes_on_takes_no_more_files_and_threads";
+fn long_stream_takes_no_more_files_and_threads() {
+    let test = "long_stream_takes_no_more_files_and_threads";
     let Some(_) = inside(test, Pulse::start) else { return };
     let taken = || ["fd", "task"].map(|of| std::fs::read_dir(format!("/proc/self/{of}")).unwrap().count());
     let stream = play(&request(), Count::default());
@@ -214,8 +217,8 @@ fn a_stream_that_goes_on_takes_no_more_files_and_threads() {
 }
 
 #[test]
-fn a_device_that_vanishes_is_a_loss_and_not_replaced_by_another_one() {
-    let test = "a_device_that_vanishes_is_a_loss_and_not_replaced_by_another_one";
+fn vanished_device_is_a_loss_without_fallback() {
+    let test = "vanished_device_is_a_loss_without_fallback";
     let Some(_) = inside(test, Pulse::start) else { return };
     for (what, device, input) in [
         ("by name", Some("haptic"), None),

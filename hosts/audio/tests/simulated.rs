@@ -7,7 +7,8 @@ use asperity_audio::{Format, OpenError, Request, events, open};
 use parts::{Count, Ramp, Recorder, by_hand, on, play, ramp};
 use proptest::prelude::*;
 
-/// What a card that holds samples in this format makes of a value, written anew: scale, round to the nearest, keep in range.
+/// What a card that holds samples in this format makes of a value, written anew: scale, round to the
+/// nearest, keep in range.
 fn quantized(format: Format, value: f32) -> f64 {
     let full = match format {
         Format::F32 | Format::F64 => return f64::from(value.clamp(-1.0, 1.0)),
@@ -20,7 +21,7 @@ fn quantized(format: Format, value: f32) -> f64 {
 }
 
 #[test]
-fn every_format_holds_the_nearest_value_on_the_channels_that_were_asked_for() {
+fn format_holds_the_nearest_value_on_requested_channels() {
     for format in Format::ALL {
         let name = format!("format-{format}");
         let params = Params { channels: 5, format: Some(format), ..by_hand() };
@@ -43,8 +44,11 @@ fn every_format_holds_the_nearest_value_on_the_channels_that_were_asked_for() {
 
 proptest! {
     #[test]
-    fn no_sample_is_lost_or_repeated_at_any_sequence_of_calls(
-        sizes in prop::collection::vec(prop_oneof![Just(1_usize), Just(64), Just(97), Just(441), Just(1024), 0_usize..200], 1..12),
+    fn samples_play_once_for_any_sequence_of_calls(
+        sizes in prop::collection::vec(
+            prop_oneof![Just(1_usize), Just(64), Just(97), Just(441), Just(1024), 0_usize..200],
+            1..12,
+        ),
         seed in 0_u32..u32::MAX,
     ) {
         let card = Simulated::new(&format!("sizes-{seed}"), Params { channels: 2, ..by_hand() }).unwrap();
@@ -62,7 +66,7 @@ proptest! {
 }
 
 #[test]
-fn a_call_far_longer_than_any_scratch_is_filled_in_pieces_that_follow_on_each_other() {
+fn long_call_is_filled_in_seamless_pieces() {
     let params = Params { latency_frames: 480, ..by_hand() };
     let card = Simulated::new("long", params).unwrap();
     let (process, seen) = Recorder::new();
@@ -82,7 +86,7 @@ fn a_call_far_longer_than_any_scratch_is_filled_in_pieces_that_follow_on_each_ot
 }
 
 #[test]
-fn what_is_not_finite_never_reaches_the_device() {
+fn value_not_finite_never_reaches_the_device() {
     let card = Simulated::new("nan", by_hand()).unwrap();
     let bad = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 0.5];
     let mut at = 0;
@@ -99,7 +103,7 @@ fn what_is_not_finite_never_reaches_the_device() {
 }
 
 #[test]
-fn a_stream_is_silent_until_it_is_told_to_play_and_while_it_is_paused() {
+fn stream_is_silent_before_play_and_while_paused() {
     let card = Simulated::new("paused", by_hand()).unwrap();
     let (sender, _events) = events();
     let stream = open(&on(&card), Box::new(Count::default()), None, sender).unwrap();
@@ -116,7 +120,7 @@ fn a_stream_is_silent_until_it_is_told_to_play_and_while_it_is_paused() {
 }
 
 #[test]
-fn the_period_is_what_the_device_does_not_what_was_asked_for() {
+fn period_is_measured_not_requested() {
     let params = Params { frames: vec![97], ..by_hand() };
     let card = Simulated::new("period", params).unwrap();
     let stream = play(&Request { period_frames: Some(1024), ..on(&card) }, Count::default());
@@ -131,7 +135,7 @@ fn the_period_is_what_the_device_does_not_what_was_asked_for() {
 }
 
 #[test]
-fn a_plant_between_output_and_input_is_heard_after_the_latency_and_not_before() {
+fn plant_is_heard_after_the_latency() {
     let params = Params { channels: 3, inputs: 4, latency_frames: 100, ..by_hand() };
     let card = Simulated::new("plant", params).unwrap();
     let mut memory = 0.0;
@@ -162,7 +166,7 @@ fn a_plant_between_output_and_input_is_heard_after_the_latency_and_not_before() 
 }
 
 #[test]
-fn a_plant_in_words_is_made_by_the_program_at_the_rate_of_the_device() {
+fn plant_in_words_is_made_at_the_device_rate() {
     let (capture, heard) = parts::Ear::new();
     let on = |device: &str| Request {
         device: Some(device.into()),
@@ -195,7 +199,7 @@ fn a_plant_in_words_is_made_by_the_program_at_the_rate_of_the_device() {
 }
 
 #[test]
-fn sixteen_bits_come_back_through_a_loopback_as_they_were_played() {
+fn loopback_of_16_bits_is_exact() {
     let params = Params { format: Some(Format::I16), loopback: true, inputs: 2, ..by_hand() };
     let card = Simulated::new("loopback", params).unwrap();
     let (capture, heard) = parts::Ear::new();
@@ -210,7 +214,7 @@ fn sixteen_bits_come_back_through_a_loopback_as_they_were_played() {
 }
 
 #[test]
-fn a_device_that_is_missing_is_an_error_that_lists_those_there_are() {
+fn missing_device_error_lists_the_others() {
     let _one = Simulated::new("left hand", by_hand()).unwrap();
     let _two = Simulated::new("right hand", by_hand()).unwrap();
     let request =
@@ -232,7 +236,7 @@ fn a_device_that_is_missing_is_an_error_that_lists_those_there_are() {
 }
 
 #[test]
-fn what_a_device_cannot_do_is_an_error_that_says_what_it_can() {
+fn unsupported_request_error_names_what_is_supported() {
     let card = Simulated::new("small", "rate=44100,channels=2,inputs=1,format=i16,speed=0".parse().unwrap())
         .unwrap();
     let able = Request { rate_hz: 44_100, ..on(&card) };
@@ -255,7 +259,7 @@ fn what_a_device_cannot_do_is_an_error_that_says_what_it_can() {
 }
 
 #[test]
-fn a_device_that_is_described_by_its_id_needs_no_test_to_make_it() {
+fn described_device_opens_by_its_id() {
     let request = Request {
         device: Some("simulated:frames=97,rate=96000,channels=4,format=i24,speed=50".into()),
         channels: vec![3],
@@ -270,7 +274,7 @@ fn a_device_that_is_described_by_its_id_needs_no_test_to_make_it() {
 }
 
 #[test]
-fn a_described_device_calls_with_its_lengths_in_turn() {
+fn described_device_calls_with_its_lengths_in_turn() {
     let device = Some("simulated:frames=64+1+1024+97,speed=50".into());
     let (process, seen) = Recorder::new();
     let stream = play(&Request { device, ..Request::default() }, process);

@@ -34,7 +34,8 @@ impl Device {
     }
 }
 
-/// A running source. Dropping it stops the source: a device's force is ramped down first; it takes at most about 100 ms.
+/// A running source. Dropping it stops the source: a device's force is ramped down first; it takes at most
+/// about 100 ms.
 #[derive(Debug)]
 pub struct Handle {
     shared: Arc<Shared>,
@@ -68,7 +69,8 @@ impl Handle {
         (!text.bad.is_empty()).then(|| text.bad.clone())
     }
 
-    /// Whether the device or the peer is there. A network source has no peer: then true while the socket is open.
+    /// Whether the device or the peer is there. A network source has no peer: then true while the socket is
+    /// open.
     pub fn connected(&self) -> bool {
         self.shared.connected.load(Relaxed)
     }
@@ -83,9 +85,9 @@ impl Handle {
         f64::from_bits(self.shared.force.load(Relaxed))
     }
 
-    /// The oldest thing that went wrong while running and was not read yet; and that it goes again. Each is said once,
-    /// and not again before the source has worked in between. The first message that cannot be used is told, and later ones where
-    /// no good one came for a second.
+    /// The oldest thing that went wrong while running and was not read yet; and that it goes again. Each is
+    /// said once, and not again before the source has worked in between. The first message that cannot be
+    /// used is told, and later ones where no good one came for a second.
     pub fn problem(&self) -> Option<String> {
         let (good, bad) = (self.samples() + self.lost(), self.bad());
         let mut text = self.shared.text();
@@ -113,7 +115,8 @@ impl Drop for Handle {
     }
 }
 
-/// What a source's threads and its handle both see. The counters may be touched from a servo callback; the texts not.
+/// What a source's threads and its handle both see. The counters may be touched from a servo callback; the
+/// texts not.
 #[derive(Debug, Default)]
 pub(crate) struct Shared {
     pub(crate) stop: AtomicBool,
@@ -228,7 +231,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_problem_is_said_once_and_again_only_after_it_went_well() {
+    fn problem_is_reported_once_until_it_is_over() {
         let shared = Arc::new(Shared::default());
         let handle = Handle::new(shared.clone(), std::thread::spawn(|| {}), None);
         for _ in 0..100 {
@@ -246,7 +249,7 @@ mod tests {
     }
 
     #[test]
-    fn messages_that_cannot_be_used_are_told_once_until_good_ones_came_and_stopped() {
+    fn unusable_messages_are_reported_once_per_silence() {
         let mut text = Text { bad: "a text".into(), ..Text::default() };
         let begin = Instant::now();
         let mut said = |good, bad, ms| text.unusable(good, bad, begin + Duration::from_millis(ms));
@@ -261,7 +264,7 @@ mod tests {
     }
 
     #[test]
-    fn problems_that_nobody_reads_do_not_pile_up() {
+    fn unread_problems_are_bounded() {
         let shared = Shared::default();
         (0..1000).for_each(|i| shared.trouble(format!("problem {i}")));
         assert_eq!(shared.text().problems.len(), PROBLEMS);

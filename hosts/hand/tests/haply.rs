@@ -149,7 +149,7 @@ fn refused(options: HaplyOptions) -> HandError {
 }
 
 #[test]
-fn the_hand_comes_out_in_mm_and_the_floor_pushes_along_the_devices_axis() {
+fn inverse3_hand_is_in_mm_and_floor_pushes_its_axis() {
     let running = Running::new(&["049D"]);
     *running.service.at.lock().unwrap() = [0.01, 0.02, 0.116];
     let (to, mut from) = samples();
@@ -185,7 +185,7 @@ fn the_hand_comes_out_in_mm_and_the_floor_pushes_along_the_devices_axis() {
 }
 
 #[test]
-fn the_service_may_be_named_as_a_websocket_is() {
+fn service_may_be_a_websocket_address() {
     let running = Running::new(&["049D"]);
     for service in [format!("ws://{}", running.address), format!(" ws://{}/", running.address)] {
         let handle = start(HaplyOptions { service, ..running.options() }, samples().0, None).unwrap();
@@ -195,7 +195,7 @@ fn the_service_may_be_named_as_a_websocket_is() {
 }
 
 #[test]
-fn a_killed_service_is_told_once_and_taken_up_again_in_a_new_stroke() {
+fn killed_service_is_reported_once_and_reconnected() {
     let running = Running::new(&["049D"]);
     let address = running.address;
     let (to, mut from) = samples();
@@ -214,7 +214,7 @@ fn a_killed_service_is_told_once_and_taken_up_again_in_a_new_stroke() {
 }
 
 #[test]
-fn a_device_that_is_unplugged_lets_go_and_goes_on_when_it_is_back() {
+fn unplugged_inverse3_releases_force_and_comes_back() {
     let running = Running::new(&["049D"]);
     *running.service.at.lock().unwrap() = [0.0, 0.0, -0.004];
     let (to, mut from) = samples();
@@ -233,7 +233,7 @@ fn a_device_that_is_unplugged_lets_go_and_goes_on_when_it_is_back() {
 }
 
 #[test]
-fn garbage_is_counted_and_lets_go() {
+fn invalid_reports_are_counted_and_release_force() {
     let running = Running::new(&["049D"]);
     *running.service.at.lock().unwrap() = [0.0, 0.0, -0.004];
     let (to, mut from) = samples();
@@ -252,7 +252,7 @@ fn garbage_is_counted_and_lets_go() {
 }
 
 #[test]
-fn a_service_that_falls_silent_is_told_and_connected_to_anew() {
+fn silent_service_is_reported_and_reconnected() {
     let running = Running::new(&["049D"]);
     let (to, mut from) = samples();
     let handle = start(running.options(), to, None).unwrap();
@@ -265,7 +265,7 @@ fn a_service_that_falls_silent_is_told_and_connected_to_anew() {
 }
 
 #[test]
-fn reports_that_nobody_asked_for_do_not_make_the_hand_lag() {
+fn unrequested_reports_do_not_delay_the_hand() {
     let running = Running::new(&["049D"]);
     let (to, mut from) = samples();
     running.service.chatty.store(true, Relaxed);
@@ -286,7 +286,7 @@ fn reports_that_nobody_asked_for_do_not_make_the_hand_lag() {
 }
 
 #[test]
-fn a_service_that_floods_does_not_hold_the_servo() {
+fn flooding_service_does_not_block_the_servo() {
     let running = Running::new(&["049D"]);
     let handle = start(running.options(), samples().0, None).unwrap();
     until("samples", || handle.samples() > 0);
@@ -296,7 +296,7 @@ fn a_service_that_floods_does_not_hold_the_servo() {
 }
 
 #[test]
-fn what_is_missing_or_ambiguous_is_told_with_what_to_do() {
+fn missing_or_ambiguous_inverse3_error_has_help() {
     let free = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
     let e = refused(HaplyOptions { service: free.to_string(), ..HaplyOptions::new() });
     assert!(e.next == Next::Provide && e.message.contains("no Haply Inverse Service answers at"), "{e}");

@@ -112,7 +112,7 @@ unsafe extern "C" fn forbid(
 }
 
 #[test]
-fn the_hand_comes_out_with_z_up_and_the_floor_pushes_along_the_devices_y() {
+fn touch_hand_has_z_up_and_floor_pushes_device_y() {
     let standin = Standin::new();
     standin.hand([1.0, -4.0, 2.0]);
     let (to, mut from) = samples();
@@ -153,7 +153,7 @@ fn the_hand_comes_out_with_z_up_and_the_floor_pushes_along_the_devices_y() {
 }
 
 #[test]
-fn a_graph_that_stands_still_and_a_source_that_is_dropped_let_go_without_a_step() {
+fn stalled_graph_and_dropped_source_release_smoothly() {
     let standin = Standin::new();
     standin.hand([0.0, -4.0, 0.0]);
     let (models, reader) = force_model();
@@ -178,7 +178,7 @@ fn a_graph_that_stands_still_and_a_source_that_is_dropped_let_go_without_a_step(
 }
 
 #[test]
-fn a_device_that_is_unplugged_is_told_once_and_goes_on_when_it_is_back() {
+fn unplugged_touch_is_reported_once_and_comes_back() {
     let standin = Standin::new();
     let (to, mut from) = samples();
     let handle = start(standin.options(), to, None).unwrap();
@@ -198,7 +198,7 @@ fn a_device_that_is_unplugged_is_told_once_and_goes_on_when_it_is_back() {
 }
 
 #[test]
-fn motors_that_switch_off_begin_again_from_no_force() {
+fn motors_switched_off_start_again_from_0() {
     let standin = Standin::new();
     standin.hand([0.0, -4.0, 0.0]);
     let (models, reader) = force_model();
@@ -215,7 +215,7 @@ fn motors_that_switch_off_begin_again_from_no_force() {
 }
 
 #[test]
-fn a_servo_that_stands_still_is_told_and_then_begins_a_new_stroke() {
+fn stalled_servo_is_reported_and_starts_a_new_stroke() {
     let standin = Standin::new();
     let (to, mut from) = samples();
     let handle = start(standin.options(), to, None).unwrap();
@@ -229,7 +229,7 @@ fn a_servo_that_stands_still_is_told_and_then_begins_a_new_stroke() {
 }
 
 #[test]
-fn a_position_that_is_not_finite_is_counted_and_lets_go() {
+fn invalid_position_is_counted_and_releases_force() {
     let standin = Standin::new();
     standin.hand([0.0, -4.0, 0.0]);
     let (models, reader) = force_model();
@@ -244,7 +244,7 @@ fn a_position_that_is_not_finite_is_counted_and_lets_go() {
 }
 
 #[test]
-fn every_kth_reading_is_sent_and_a_device_that_says_nothing_is_held_to_one_newton() {
+fn every_4th_reading_is_sent_and_unknown_force_is_1_n() {
     let standin = Standin::new();
     standin.set("standin_untold", 1);
     standin.hand([0.0, -40.0, 0.0]);
@@ -255,7 +255,8 @@ fn every_kth_reading_is_sent_and_a_device_that_says_nothing_is_held_to_one_newto
     let handle = start(options, samples().0, Some(reader)).unwrap();
     assert_eq!((handle.device().max_force_n, handle.device().max_stiffness_n_per_mm), (1.0, None));
     until("the force", || (standin.force()[1] - 1.0).abs() < 1e-6);
-    // Calls and samples are read one after the other while the servo runs on, and this machine may stall in between.
+    // Calls and samples are read one after the other while the servo runs on, and this machine may stall in
+    // between.
     until("four calls for a sample", || {
         let (sent, calls, then) = (handle.samples(), standin.long("standin_frames") as f64, handle.samples());
         then - sent < 2 && sent > 40 && (calls / sent as f64 - 4.0).abs() < 0.1
@@ -263,7 +264,7 @@ fn every_kth_reading_is_sent_and_a_device_that_says_nothing_is_held_to_one_newto
 }
 
 #[test]
-fn what_is_missing_is_told_with_what_to_do() {
+fn missing_touch_error_has_help() {
     let standin = Standin::new();
     let run = |options| start(options, samples().0, None).unwrap_err();
     let e =

@@ -42,7 +42,7 @@ fn take(from: &mut SampleReader, count: usize) -> Vec<Sample> {
 }
 
 #[test]
-fn a_message_comes_out_as_a_sample_in_mm_and_newtons() {
+fn message_becomes_a_sample_in_mm_and_newtons() {
     let (handle, mut from, socket) = begin("/pen", "x_m, -y_cm, z_mm, force_n");
     let args = vec![OscType::Double(0.25), OscType::Float(2.0), OscType::Int(-3), OscType::Long(4)];
     send(&socket, &message("/pen", args));
@@ -54,7 +54,7 @@ fn a_message_comes_out_as_a_sample_in_mm_and_newtons() {
 }
 
 #[test]
-fn only_what_the_pattern_matches_is_taken_and_a_person_is_told_of_the_rest_once() {
+fn unmatched_address_is_reported_once() {
     let (handle, mut from, socket) = begin("/pen/{1,2}/*", "x_mm");
     for address in ["/pencil", "/pen/3/at", "/pen/1", "/pen/1/at/x", "/pen/2/at"] {
         send(&socket, &message(address, vec![OscType::Int(5)]));
@@ -66,7 +66,7 @@ fn only_what_the_pattern_matches_is_taken_and_a_person_is_told_of_the_rest_once(
 }
 
 #[test]
-fn each_touch_is_a_new_stroke() {
+fn each_touch_starts_a_new_stroke() {
     let (_handle, mut from, socket) = begin("/pen", "x_mm, force_n, touch");
     for touch in [1, 1, 0, 0, 1, 0, 1] {
         send(&socket, &message("/pen", vec![OscType::Int(1), OscType::Int(2), OscType::Int(touch)]));
@@ -76,7 +76,7 @@ fn each_touch_is_a_new_stroke() {
 }
 
 #[test]
-fn samples_of_a_bundle_are_as_far_apart_as_their_time_tags_say() {
+fn bundled_samples_keep_their_time_tag_spacing() {
     let (_handle, mut from, socket) = begin("/pen", "x_mm");
     // Four readings at 4 ms, sent in one go.
     let reading = |k: u32| {
@@ -99,7 +99,7 @@ fn samples_of_a_bundle_are_as_far_apart_as_their_time_tags_say() {
 }
 
 #[test]
-fn garbage_is_counted_with_a_reason_and_does_no_harm() {
+fn invalid_packets_are_counted_with_a_reason() {
     let (handle, mut from, socket) = begin("/pen", "x_mm, y_mm");
     let two = |a, b| message("/pen", vec![a, b]);
     let mut expect = 0;
@@ -139,7 +139,7 @@ fn garbage_is_counted_with_a_reason_and_does_no_harm() {
 }
 
 #[test]
-fn a_bundle_of_thousands_that_nobody_reads_fills_the_queue_and_no_more() {
+fn unread_bundles_fill_the_queue_and_no_more() {
     let (handle, mut from, socket) = begin("/pen", "x_mm");
     let content = vec![message("/pen", vec![OscType::Int(1)]); 3000];
     let bundle = OscPacket::Bundle(OscBundle { timetag: OscTime { seconds: 0, fractional: 1 }, content });
@@ -154,7 +154,7 @@ fn a_bundle_of_thousands_that_nobody_reads_fills_the_queue_and_no_more() {
 }
 
 #[test]
-fn a_sender_that_dies_and_comes_back_goes_on_in_another_stroke() {
+fn restarted_sender_starts_a_new_stroke() {
     let (handle, mut from, socket) = begin("/pen", "x_mm, time_s");
     let to = handle.address().unwrap();
     let at = |x: i32, t: f64| message("/pen", vec![OscType::Int(x), OscType::Double(t)]);
@@ -175,7 +175,7 @@ fn a_sender_that_dies_and_comes_back_goes_on_in_another_stroke() {
 }
 
 #[test]
-fn a_recording_that_begins_again_is_another_stroke_and_a_packet_that_was_overtaken_is_left_out() {
+fn clock_set_back_starts_a_stroke_and_late_packet_is_bad() {
     let (handle, mut from, socket) = begin("/pen", "x_mm, time_s");
     let at = |x: i32, t: f64| send(&socket, &message("/pen", vec![OscType::Int(x), OscType::Double(t)]));
     for (x, t) in [(1, 20.0), (2, 20.02), (3, 20.01), (4, 20.03), (5, 0.0), (6, 0.01)] {
@@ -187,7 +187,7 @@ fn a_recording_that_begins_again_is_another_stroke_and_a_packet_that_was_overtak
 }
 
 #[test]
-fn a_sender_without_a_clock_that_is_replaced_goes_on_in_another_stroke() {
+fn replaced_sender_without_clock_starts_a_stroke() {
     let (handle, mut from, socket) = begin("/pen", "x_mm");
     send(&socket, &message("/pen", vec![OscType::Int(1)]));
     take(&mut from, 1);
@@ -201,7 +201,7 @@ fn a_sender_without_a_clock_that_is_replaced_goes_on_in_another_stroke() {
 }
 
 #[test]
-fn a_port_in_use_an_open_address_and_a_bad_pattern_are_told() {
+fn port_in_use_open_address_and_bad_pattern_are_errors() {
     let (handle, _from, _socket) = begin("/pen", "x_mm");
     let attempt = |listen: SocketAddr, anywhere: bool, address: &str| -> Result<Handle, HandError> {
         let mut options = osc::OscOptions::new(address, osc::parse_arguments("x_mm").unwrap());

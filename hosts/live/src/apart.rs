@@ -1,8 +1,9 @@
 //! Nodes of foreign code, each on a thread of its own.
 //!
-//! A thread cannot be stopped from outside, and the thread that ticks has nobody to go on in its place. So foreign code is called by a
-//! thread that can be left: the one that ticks hands over the inputs, waits, and takes the outputs back. Where the call does not
-//! return in time, the thread stays in it, with all that the call may still touch, and the graph goes on without the node.
+//! A thread cannot be stopped from outside, and the thread that ticks has nobody to go on in its place. So
+//! foreign code is called by a thread that can be left: the one that ticks hands over the inputs, waits,
+//! and takes the outputs back. Where the call does not return in time, the thread stays in it, with all
+//! that the call may still touch, and the graph goes on without the node.
 
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -19,13 +20,15 @@ use asperity_numbers::denormals::Flushed;
 
 use crate::realtime::ask_priority;
 
-/// How long a call may take before the node is left: a thread that the machine keeps waiting comes back sooner.
+/// How long a call may take before the node is left: a thread that the machine keeps waiting comes back
+/// sooner.
 const PATIENCE: Duration = Duration::from_millis(500);
 
 /// How long an answer is waited for awake: most come within it, and to be woken takes half as long again.
 const AWAKE: Duration = Duration::from_micros(200);
 
-/// The same kind, whose nodes run on threads of their own. These ask for a real-time priority, if one is given.
+/// The same kind, whose nodes run on threads of their own. These ask for a real-time priority, if one is
+/// given.
 pub fn apart(kind: Arc<dyn NodeKind>, priority: Option<i32>) -> Arc<dyn NodeKind> {
     Arc::new(Kind { kind, priority })
 }

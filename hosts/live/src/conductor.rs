@@ -30,12 +30,12 @@ pub const FORCES: [&str; 2] = ["openhaptics_force", "haply_force"];
 /// How long a scope's samples may wait to be looked at.
 const SCOPE_S: f64 = 0.25;
 
-/// A call that is seen to be under way for longer than this is a fault of the node: far more than a busy machine adds to one, and less than
-/// [`Session::stop`](crate::Session::stop) waits for a tick.
+/// A call that is seen to be under way for longer than this is a fault of the node: far more than a busy
+/// machine adds to one, and less than [`Session::stop`](crate::Session::stop) waits for a tick.
 const HANGS: Duration = Duration::from_secs(1);
 
-/// What [`NodeView::last_fault`](crate::view::NodeView::last_fault) says of a node whose call is under way for long. Where there is a limit, the engine
-/// counts the same fault when the call ends.
+/// What [`NodeView::last_fault`](crate::view::NodeView::last_fault) says of a node whose call is under way
+/// for long. Where there is a limit, the engine counts the same fault when the call ends.
 pub const DOES_NOT_COME_BACK: &str = "does not come back";
 
 /// The ends of what reaches nodes from outside, by node id.
@@ -142,8 +142,9 @@ impl fmt::Debug for Conductor {
     }
 }
 
-/// Makes a graph ready to be run in real time: what a driver runs, and what controls it. `ends` holds an end for every node
-/// of [`HANDS`] and [`FORCES`]; one that is missing stays silent. `materials` says what a person may choose.
+/// Makes a graph ready to be run in real time: what a driver runs, and what controls it. `ends` holds an
+/// end for every node of [`HANDS`] and [`FORCES`]; one that is missing stays silent. `materials` says what
+/// a person may choose.
 pub fn conduct(
     compiled: Compiled,
     graph: &GraphFile,
@@ -186,8 +187,8 @@ impl Conductor {
         self.controller.ready() && self.wirings.vacant_len() > 0
     }
 
-    /// Sends a changed graph; see [`Controller::swap`]. `ends` holds those that [`needs_ends`] named, and others that are to be
-    /// put in the place of those there are.
+    /// Sends a changed graph; see [`Controller::swap`]. `ends` holds those that [`needs_ends`] named, and
+    /// others that are to be put in the place of those there are.
     ///
     /// # Errors
     /// [`SwapError`] says what to do. Nothing is sent then.
@@ -262,8 +263,8 @@ impl Conductor {
         self.controller.collect()
     }
 
-    /// Hands on what sinks recorded since it was last asked, what an earlier graph recorded first. Answers how many ticks found no
-    /// room so far, because nobody asked for 4 s.
+    /// Hands on what sinks recorded since it was last asked, what an earlier graph recorded first. Answers
+    /// how many ticks found no room so far, because nobody asked for 4 s.
     pub fn recorded(&mut self, mut take: impl FnMut(Recorded<'_>)) -> u64 {
         let mut values = Vec::new();
         for Tape { sink, graph, reader } in &mut self.tapes {
@@ -305,8 +306,8 @@ impl Conductor {
     }
 }
 
-/// The nodes of a graph that need an end of their own when it takes the place of another: there was none of that name, or it
-/// was set otherwise.
+/// The nodes of a graph that need an end of their own when it takes the place of another: there was none of
+/// that name, or it was set otherwise.
 pub fn needs_ends(running: &Schedule, next: &Schedule) -> Vec<String> {
     let outside = |n: &&ScheduledNode| is_among(n, &HANDS) || is_among(n, &FORCES);
     let anew = |n: &&ScheduledNode| goes_on(running, n).is_none();
@@ -428,8 +429,8 @@ fn places(schedule: &Schedule, ids: &[String]) -> Vec<usize> {
     ids.iter().map(|id| schedule.index_of(id).unwrap_or(usize::MAX)).collect()
 }
 
-/// The nodes of a device by channel after a swap: who was there keeps its channel, and who is new takes the place of one
-/// that is gone.
+/// The nodes of a device by channel after a swap: who was there keeps its channel, and who is new takes the
+/// place of one that is gone.
 fn kept_in_place(was: &[String], are: &[String]) -> Vec<String> {
     let mut new = are.iter().filter(|id| !was.contains(id));
     let keep = |id: &String| if are.contains(id) { Some(id.clone()) } else { new.next().cloned() };
@@ -448,7 +449,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn nodes_that_change_places_in_a_file_keep_their_channels() {
+    fn nodes_moved_in_the_file_keep_their_channels() {
         let ids = |text: &str| text.split(' ').map(str::to_owned).collect::<Vec<_>>();
         assert_eq!(kept_in_place(&ids("left right"), &ids("right left")), ids("left right"));
         assert_eq!(kept_in_place(&ids("left right"), &ids("right other")), ids("other right"));

@@ -1,13 +1,13 @@
 //! The time of every frame of a device, from when its callbacks came.
 //!
-//! A callback comes late by whatever the machine was doing. A delay-locked loop of second order filters that out (F.
-//! Adriaensen, "Using a DLL to filter time", Linux Audio Conference 2005): the time of a callback is predicted, and a part of
-//! the error goes into the slope until the next one, a smaller part into the rate. Time is a line through frames
-//! without a step, so that what is spaced evenly in frames is spaced evenly in time. The loop starts wide, to find the
-//! rate, and narrows to [`BANDWIDTH_HZ`].
+//! A callback comes late by whatever the machine was doing. A delay-locked loop of second order filters
+//! that out (F. Adriaensen, "Using a DLL to filter time", Linux Audio Conference 2005): the time of a
+//! callback is predicted, and a part of the error goes into the slope until the next one, a smaller part
+//! into the rate. Time is a line through frames without a step, so that what is spaced evenly in frames is
+//! spaced evenly in time. The loop starts wide, to find the rate, and narrows to [`BANDWIDTH_HZ`].
 //!
-//! Measured (tests below): 1024 frames at 48 kHz, callbacks late by 0 to 0.5 ms at random, a rate that is 0.5 % off: after
-//! 5 s, points 2 ms apart are within 0.5 us of that at p99.
+//! Measured (tests below): 1024 frames at 48 kHz, callbacks late by 0 to 0.5 ms at random, a rate that is
+//! 0.5 % off: after 5 s, points 2 ms apart are within 0.5 us of that at p99.
 
 use std::f64::consts::{SQRT_2, TAU};
 
@@ -15,14 +15,15 @@ use std::f64::consts::{SQRT_2, TAU};
 pub const BANDWIDTH_HZ: f64 = 0.1;
 /// Bandwidth at the start.
 const WIDE_HZ: f64 = 2.0;
-/// Callbacks that come within this part of the time they span belong to the wake-up before: a server asks in bunches.
+/// Callbacks that come within this part of the time they span belong to the wake-up before: a server asks
+/// in bunches.
 pub(crate) const BUNCH: f64 = 0.25;
 /// A bunch that is longer than this is a server that runs as fast as it can.
 pub(crate) const LONGEST_BUNCH_NS: f64 = 0.25e9;
 /// A callback that is later than this, and than one and a half periods, is a gap.
 const GAP_NS: f64 = 4e6;
-/// An error larger than this that callbacks share, one after the other, is time lost or gained and not jitter. Larger errors also pull no
-/// harder than this.
+/// An error larger than this that callbacks share, one after the other, is time lost or gained and not
+/// jitter. Larger errors also pull no harder than this.
 const OFFSET_NS: f64 = 1e6;
 /// For how long, and for how many callbacks.
 const OFFSET_FOR: (f64, u32) = (30e6, 4);
@@ -36,10 +37,11 @@ const REMEMBERED_NS: f64 = 2e9;
 pub struct Line {
     /// Callbacks so far; 0 for none: then the line says nothing.
     pub callbacks: u64,
-    /// Frames that a wake-up of the device asks for, the most in the last seconds: less those that it asks for because it came late.
+    /// Frames that a wake-up of the device asks for, the most in the last seconds: less those that it asks
+    /// for because it came late.
     pub period_frames: u64,
-    /// How much earlier than predicted callbacks came, the most in the last seconds, in nanoseconds; at most a period. Time that was
-    /// called lost and came back is not counted.
+    /// How much earlier than predicted callbacks came, the most in the last seconds, in nanoseconds; at
+    /// most a period. Time that was called lost and came back is not counted.
     pub early_ns: f64,
     first: f64,
     first_ns: f64,
@@ -52,7 +54,8 @@ pub struct Line {
 }
 
 impl Line {
-    /// When a frame is asked for, in nanoseconds by [`now_ns`](crate::now_ns). Behind the last block, predicted.
+    /// When a frame is asked for, in nanoseconds by [`now_ns`](crate::now_ns). Behind the last block,
+    /// predicted.
     pub fn time_ns(&self, position: f64) -> f64 {
         if position <= self.end {
             self.first_ns + (position - self.first) * self.slope
@@ -154,8 +157,8 @@ impl Dll {
         }
     }
 
-    /// Takes note of a callback that wants `frames`. A gap moves the position on by the frames of time that were lost, and the loop
-    /// locks on again with the rate it had. A block of 0 frames says nothing.
+    /// Takes note of a callback that wants `frames`. A gap moves the position on by the frames of time that
+    /// were lost, and the loop locks on again with the rate it had. A block of 0 frames says nothing.
     pub fn callback(&mut self, now_ns: u64, frames: u64) -> Heard {
         let now = now_ns as f64;
         if frames == 0 {
@@ -237,7 +240,8 @@ impl Dll {
         self.offset(now, error)
     }
 
-    /// Looks for an error that is no jitter, since callback after callback has it; returns the frames of time that were lost.
+    /// Looks for an error that is no jitter, since callback after callback has it; returns the frames of
+    /// time that were lost.
     fn offset(&mut self, now: f64, error: f64) -> f64 {
         let (from, count, least) = &mut self.shared;
         if error.abs() < OFFSET_NS || error * *least < 0.0 || *count == 0 {

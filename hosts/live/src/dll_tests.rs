@@ -88,7 +88,7 @@ fn blocks_of_any_length_give_the_same_line() {
 }
 
 #[test]
-fn a_gap_is_counted_in_frames_and_not_dragged_along() {
+fn gap_is_counted_in_frames_and_time_is_right_at_once() {
     for (frames, gap_ms) in [(64, 14.0), (1024, 100.0), (441, 2_000.0)] {
         let mut device = Device::new(48_000, 1.0, 0.1e6);
         device.run(frames, 4.0);
@@ -106,7 +106,7 @@ fn a_gap_is_counted_in_frames_and_not_dragged_along() {
 }
 
 #[test]
-fn a_late_callback_that_the_device_makes_up_for_leaves_the_loop_settled() {
+fn late_callback_made_up_for_leaves_loop_settled() {
     let mut device = Device::new(48_000, 1.0, 0.1e6);
     device.run(64, 4.0);
     // 20 ms late, then all that were missed at once.
@@ -126,7 +126,7 @@ fn a_late_callback_that_the_device_makes_up_for_leaves_the_loop_settled() {
 }
 
 #[test]
-fn time_lost_in_less_than_a_period_is_found_by_what_all_callbacks_share() {
+fn shared_error_below_a_period_counts_as_lost_time() {
     let mut device = Device::new(48_000, 1.0, 0.1e6);
     device.run(1024, 4.0);
     device.time_ns += 5e6;
@@ -137,7 +137,7 @@ fn time_lost_in_less_than_a_period_is_found_by_what_all_callbacks_share() {
 }
 
 #[test]
-fn a_server_that_asks_in_bunches_has_the_period_of_the_bunch() {
+fn bunched_calls_have_the_period_of_the_bunch() {
     let mut device = Device::new(48_000, 1.0, 0.0);
     let mut late = Vec::new();
     for i in 0..1_000 {
@@ -163,7 +163,7 @@ fn a_server_that_asks_in_bunches_has_the_period_of_the_bunch() {
 }
 
 #[test]
-fn a_server_faster_than_time_loses_nothing() {
+fn server_faster_than_real_time_loses_nothing() {
     let mut dll = Dll::new(48_000);
     for i in 0..50_000_u64 {
         let stall = if i % 1000 == 0 { 8_000_000 } else { 0 };
@@ -172,8 +172,8 @@ fn a_server_faster_than_time_loses_nothing() {
     }
 }
 
-/// What a paced thread reads ahead of a device, in milliseconds, after each of its callbacks: callbacks of `frames` come late by what `late` says
-/// of the time they are due, in seconds.
+/// What a paced thread reads ahead of a device, in milliseconds, after each of its callbacks: callbacks of
+/// `frames` come late by what `late` says of the time they are due, in seconds.
 fn leads_ms(frames: u64, seconds: f64, mut late: impl FnMut(f64) -> f64) -> Vec<f64> {
     let mut dll = Dll::new(48_000);
     let period_s = frames as f64 / 48_000.0;
@@ -187,7 +187,8 @@ fn leads_ms(frames: u64, seconds: f64, mut late: impl FnMut(f64) -> f64) -> Vec<
     (0..(seconds / period_s) as u64).map(lead).collect()
 }
 
-/// What was due while a machine stood still is asked for at once after: a stall of up to `longest_s` begins every `every_s` or so.
+/// What was due while a machine stood still is asked for at once after: a stall of up to `longest_s` begins
+/// every `every_s` or so.
 fn stalls(every_s: f64, longest_s: f64) -> impl FnMut(f64) -> f64 {
     let (mut stall, mut next, mut count) = ((0.0, 0.0), 2.0 * every_s, 0);
     move |due| {
@@ -201,7 +202,7 @@ fn stalls(every_s: f64, longest_s: f64) -> impl FnMut(f64) -> f64 {
 }
 
 #[test]
-fn a_machine_that_stalls_does_not_make_a_device_look_as_if_it_asked_for_more_at_once() {
+fn stalls_of_the_machine_do_not_lengthen_the_period() {
     for (frames, every_s, longest_s) in
         [(256, 1.0, 0.014), (256, 5.0, 0.03), (1024, 1.0, 0.014), (1024, 1.0, 0.03), (1024, 5.0, 0.1)]
     {
@@ -214,7 +215,7 @@ fn a_machine_that_stalls_does_not_make_a_device_look_as_if_it_asked_for_more_at_
 }
 
 #[test]
-fn callbacks_that_are_late_for_a_while_are_not_early_after() {
+fn callbacks_after_late_ones_are_not_early() {
     // 6 ms late for 110 ms, which counts as time lost; then all is as before.
     let late = |due: f64| if due % 10.0 > 9.89 { 6e-3 } else { 0.0 };
     let leads = leads_ms(1024, 60.0, late);
@@ -223,7 +224,7 @@ fn callbacks_that_are_late_for_a_while_are_not_early_after() {
 }
 
 #[test]
-fn a_device_that_wakes_unevenly_is_early_for_good() {
+fn uneven_wake_ups_stay_early() {
     // Every other callback comes half a period before its time.
     let mut odd = false;
     let leads = leads_ms(1024, 10.0, |_| {

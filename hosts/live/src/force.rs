@@ -1,7 +1,8 @@
 //! What a graph says of the surface under the stylus, for a device that pushes back by itself.
 
-/// A local model of contact: a plane with a spring and a damper. The device's servo thread evaluates it at its own rate
-/// against the position it reads itself, so that neither a tick nor a device's buffer stands inside the loop of the wall.
+/// A local model of contact: a plane with a spring and a damper. The device's servo thread evaluates it at
+/// its own rate against the position it reads itself, so that neither a tick nor a device's buffer stands
+/// inside the loop of the wall.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ForceModel {
     /// A point of the plane \[mm\], in the graph's axes, z up.
@@ -18,7 +19,8 @@ pub struct ForceModel {
     pub max_force_n: f64,
     /// Whether the values are to be trusted; if not, the device lets go.
     pub valid: bool,
-    /// When the tick that said so ran, by [`now_ns`](crate::now_ns). A model that is too old is not to be trusted either.
+    /// When the tick that said so ran, by [`now_ns`](crate::now_ns). A model that is too old is not to be
+    /// trusted either.
     pub time_ns: u64,
 }
 

@@ -1,8 +1,9 @@
 //! What makes up the latency from a hand to the actuator, item by item.
 //!
-//! It is the time from where the hand was to when the sample that follows from it is heard. How long a texture takes to follow
-//! a change of speed is another figure: its windows reach into the past, which the latencies that nodes declare
-//! balance with what they emit early. So of a graph only what delays samples counts here.
+//! It is the time from where the hand was to when the sample that follows from it is heard. How long a
+//! texture takes to follow a change of speed is another figure: its windows reach into the past, which the
+//! latencies that nodes declare balance with what they emit early. So of a graph only what delays samples
+//! counts here.
 
 use asperity_graph::Schedule;
 use asperity_node::Latency;

@@ -8,8 +8,8 @@ use crate::view::{Layout, LiveLayout, Materials, NodeLayout, ScopeLayout};
 /// A signal for a scope: node and output.
 pub(crate) type Signal = (usize, usize);
 
-/// The signals that tell most about a graph, each with its name: how fast and how hard the hand is, what the texture
-/// model says, what the coil gets.
+/// The signals that tell most about a graph, each with its name: how fast and how hard the hand is, what
+/// the texture model says, what the coil gets.
 pub(crate) fn scopes(schedule: &Schedule) -> Vec<(Signal, ScopeLayout)> {
     let outputs = || {
         let of = |(i, n): (usize, &asperity_graph::ScheduledNode)| {
@@ -102,8 +102,9 @@ fn live(param: &asperity_graph::LiveParam, value: &ParamValue) -> Option<LiveLay
     Some(out)
 }
 
-/// The part of a range that is worth a slider: up to some four times the value. A gain may be a million, and a step of a slider over
-/// all that is two thousand. None where the whole is not much wider, or is moved through by factors.
+/// The part of a range that is worth a slider: up to some four times the value. A gain may be a million,
+/// and a step of a slider over all that is two thousand. None where the whole is not much wider, or is
+/// moved through by factors.
 fn reach(value: f64, [least, most]: [f64; 2]) -> Option<[f64; 2]> {
     const FACTORS: f64 = 100.0;
     if least > 0.0 && most / least > FACTORS {
@@ -128,7 +129,7 @@ mod tests {
     }
 
     #[test]
-    fn every_live_parameter_is_a_number_between_two_others() {
+    fn live_parameter_of_each_kind_becomes_a_number() {
         let all = |l: LiveLayout| (l.value, l.least, l.most, l.whole, l.words);
         let number = of(ParamKind::Number(0.5..=4.0), &ParamValue::Number(2.0)).map(all);
         assert_eq!(number, Some((2.0, 0.5, 4.0, false, vec![])));
@@ -143,7 +144,7 @@ mod tests {
     }
 
     #[test]
-    fn a_slider_covers_what_a_value_may_sensibly_become() {
+    fn slider_range_follows_the_value() {
         for (value, range, is) in [
             (0.5, [-1e6, 1e6], Some([0.0, 2.0])),
             (-3.0, [-1e6, 1e6], Some([-20.0, 0.0])),

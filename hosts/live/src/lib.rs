@@ -1,8 +1,9 @@
 //! Runs a graph in real time.
 //!
-//! A driver says when the next tick is due: the audio callback itself, a thread that is paced by a delay-locked loop on the
-//! callback's clock, or a timer where there is no audio. Before a tick, inputs are read at the tick's own time; after it,
-//! sinks are handed on. What happens is counted on the tick thread and looked at from others.
+//! A driver says when the next tick is due: the audio callback itself, a thread that is paced by a
+//! delay-locked loop on the callback's clock, or a timer where there is no audio. Before a tick, inputs are
+//! read at the tick's own time; after it, sinks are handed on. What happens is counted on the tick thread
+//! and looked at from others.
 
 mod apart;
 mod conductor;

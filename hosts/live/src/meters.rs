@@ -155,7 +155,8 @@ pub struct Meters {
     pub skipped_ticks: Count,
     /// Ticks that ran at once, because they were a tick or more behind.
     pub caught_up_ticks: Count,
-    /// Gaps of callbacks that the loop over their times saw; what the device's host says is counted by its stream.
+    /// Gaps of callbacks that the loop over their times saw; what the device's host says is counted by its
+    /// stream.
     pub xruns: Count,
     /// How often the device was lost.
     pub losses: Count,
@@ -240,7 +241,7 @@ mod tests {
     use asperity_node::random::uniform;
 
     #[test]
-    fn quantiles_are_within_five_per_cent_of_the_sorted_times() {
+    fn quantiles_are_within_5_percent_of_sorted_times() {
         let histogram = Histogram::default();
         let mut times: Vec<u64> = (0..50_000).map(|i| (10.0_f64.powf(uniform(1, i) * 9.0)) as u64).collect();
         times.iter().for_each(|t| histogram.record(*t));
@@ -258,7 +259,7 @@ mod tests {
     }
 
     #[test]
-    fn every_time_falls_into_the_bin_that_holds_it() {
+    fn time_falls_into_its_bin() {
         for ns in (0..5000).chain((0..35).map(|o| (1 << o) - 1)).chain((0..35).map(|o| 1 << o)) {
             let bin = bin_of(ns);
             assert!(edge(bin) <= ns && ns < edge(bin + 1), "{ns} in {bin}");
@@ -266,7 +267,7 @@ mod tests {
     }
 
     #[test]
-    fn a_miss_is_late_waking_or_long_computing() {
+    fn miss_is_late_waking_or_long_computing() {
         let meters = Meters::new(500);
         let tick = |due_ns, woke_ns, done_ns| Record { tick: 6, due_ns, woke_ns, done_ns };
         meters.record(tick(0, 10_000, 2_000_000));

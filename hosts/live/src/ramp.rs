@@ -1,4 +1,5 @@
-//! The envelope behind the graph's sinks: what starts, ends or breaks off does so without a click. It can only lower.
+//! The envelope behind the graph's sinks: what starts, ends or breaks off does so without a click. It can
+//! only lower.
 
 use std::f64::consts::PI;
 
@@ -44,9 +45,10 @@ fn settled(u: f64) -> f64 {
 
 /// An envelope over interleaved samples.
 ///
-/// Two gains, each a raised cosine of a place that moves by a fixed step a frame: one for start, mute and stop, one for
-/// breaks in the stream. A turn on the way goes back from where it is. Across a break, the last frame that was put out decays while what follows
-/// rises; the two weights never add up to more than 1.
+/// Two gains, each a raised cosine of a place that moves by a fixed step a frame: one for start, mute and
+/// stop, one for breaks in the stream. A turn on the way goes back from where it is. Across a break, the
+/// last frame that was put out decays while what follows rises; the two weights never add up to more than
+/// 1.
 #[derive(Clone, Debug)]
 pub struct Ramp {
     rate_hz: f64,
@@ -85,8 +87,8 @@ impl Ramp {
         1.0 / (seconds * self.rate_hz).max(1.0)
     }
 
-    /// Lets the gain rise, or fall within [`DOWN_S`]. What has fallen once rises again over [`UNMUTE_S`], or over the start's time if it had
-    /// not come up yet.
+    /// Lets the gain rise, or fall within [`DOWN_S`]. What has fallen once rises again over [`UNMUTE_S`],
+    /// or over the start's time if it had not come up yet.
     pub fn open(&mut self, open: bool) {
         if self.open && !open && self.place >= 1.0 {
             self.up = self.step(UNMUTE_S);
@@ -129,7 +131,8 @@ impl Ramp {
         }
     }
 
-    /// Fills frames for which there is no signal: the last one that was put out decays, then silence. The signal after this rises.
+    /// Fills frames for which there is no signal: the last one that was put out decays, then silence. The
+    /// signal after this rises.
     pub fn starve(&mut self, frames: &mut [f32]) {
         if frames.len() >= self.out.len() && self.joined > 0.0 {
             self.broken();

@@ -1,13 +1,14 @@
 //! What a run asks of the system so as to be on time, and what it got.
 //!
-//! Nothing here is needed to run. The part for an audio callback makes three system calls and allocates nothing; the
-//! words for a person are made elsewhere, from the numbers it left.
+//! Nothing here is needed to run. The part for an audio callback makes three system calls and allocates
+//! nothing; the words for a person are made elsewhere, from the numbers it left.
 
 use std::fmt;
 use std::fs::File;
 use std::sync::OnceLock;
 
-/// Priority that is asked for where nobody says another: below JACK's own threads of most set-ups, above all else.
+/// Priority that is asked for where nobody says another: below JACK's own threads of most set-ups, above
+/// all else.
 pub const PRIORITY: i32 = 80;
 
 /// What became of one request.
@@ -61,17 +62,20 @@ impl Grants {
             (
                 self.priority,
                 "real-time priority (SCHED_FIFO)",
-                "put `@audio - rtprio 90` into /etc/security/limits.d/audio.conf, be in the group audio, and log in again",
+                "put `@audio - rtprio 90` into /etc/security/limits.d/audio.conf, \
+                 be in the group audio, and log in again",
             ),
             (
                 self.memory,
                 "memory locked (mlockall)",
-                "put `@audio - memlock unlimited` into /etc/security/limits.d/audio.conf (`ulimit -l unlimited` for one shell)",
+                "put `@audio - memlock unlimited` into /etc/security/limits.d/audio.conf \
+                 (`ulimit -l unlimited` for one shell)",
             ),
             (
                 self.latency,
                 "cores kept awake (/dev/cpu_dma_latency at 0)",
-                "put `KERNEL==\"cpu_dma_latency\", GROUP=\"audio\", MODE=\"0660\"` into /etc/udev/rules.d/99-cpu-dma-latency.rules",
+                "put `KERNEL==\"cpu_dma_latency\", GROUP=\"audio\", MODE=\"0660\"` \
+                 into /etc/udev/rules.d/99-cpu-dma-latency.rules",
             ),
         ];
         let missing = all.into_iter().filter(|(grant, ..)| grant.missing());
@@ -106,8 +110,8 @@ impl Machine {
     }
 }
 
-/// Asks for SCHED_FIFO at a priority for the calling thread, and looks whether it is so. A thread that is real-time already keeps what it has.
-/// Allocates nothing; at most three system calls. Any thread.
+/// Asks for SCHED_FIFO at a priority for the calling thread, and looks whether it is so. A thread that is
+/// real-time already keeps what it has. Allocates nothing; at most three system calls. Any thread.
 pub fn ask_priority(priority: i32) -> Grant {
     os::ask_priority(priority)
 }
@@ -117,7 +121,8 @@ pub fn ask_priority(priority: i32) -> Grant {
 pub struct Asked(OnceLock<Grant>);
 
 impl Asked {
-    /// Asks the first time it is called: priority (`None` asks for nothing) and `STACK` bytes of stack brought in.
+    /// Asks the first time it is called: priority (`None` asks for nothing) and `STACK` bytes of stack
+    /// brought in.
     pub fn once<const STACK: usize>(&self, priority: Option<i32>) {
         if self.0.get().is_none() {
             let _ = self.0.set(priority.map_or(Grant::NotAsked, ask_priority));
@@ -138,7 +143,8 @@ pub fn touch_stack<const STACK: usize>() {
     std::hint::black_box(&mut stack);
 }
 
-/// Least time the kernel may lengthen a sleep of this thread by: the default is 50 us where it is not real-time.
+/// Least time the kernel may lengthen a sleep of this thread by: the default is 50 us where it is not
+/// real-time.
 pub(crate) fn sleep_sharply() {
     os::sleep_sharply();
 }
@@ -236,7 +242,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_was_refused_is_said_with_the_line_that_allows_it() {
+    fn refusal_names_the_line_that_allows_it() {
         let grants =
             Grants { priority: Grant::Refused(1), memory: Grant::Granted, latency: Grant::NotSupported };
         let lines = grants.refused();
@@ -252,7 +258,7 @@ mod tests {
 
     #[cfg(target_os = "linux")]
     #[test]
-    fn a_priority_that_is_called_granted_is_what_the_system_says() {
+    fn granted_priority_is_what_the_system_reports() {
         let (grant, policy, slept) = std::thread::spawn(|| {
             let asked = Asked::default();
             assert_eq!(asked.get(), Grant::NotAsked);

@@ -12,8 +12,9 @@ const REQUESTS: usize = 256;
 
 /// A hand on a run; every clone is one on the same run.
 ///
-/// Muting and stopping wait for nobody: every driver looks here in its own callback, so that the output begins to fall with the next
-/// one, whatever the thread that made the run is doing. All else that is asked for is kept until that thread takes it.
+/// Muting and stopping wait for nobody: every driver looks here in its own callback, so that the output
+/// begins to fall with the next one, whatever the thread that made the run is doing. All else that is asked
+/// for is kept until that thread takes it.
 #[derive(Clone, Debug, Default)]
 pub struct Reins(Arc<Held>);
 
@@ -39,7 +40,8 @@ impl Reins {
         Self(Arc::new(Held { stopping: flag, ..Held::default() }))
     }
 
-    /// Ramps the output down within 15 ms, or up again. Ticks go on. It holds for a device that comes back, too.
+    /// Ramps the output down within 15 ms, or up again. Ticks go on. It holds for a device that comes back,
+    /// too.
     pub fn mute(&self, mute: bool) {
         self.0.muted.store(mute, Relaxed);
     }
@@ -100,7 +102,7 @@ mod tests {
     }
 
     #[test]
-    fn of_requests_for_the_same_thing_the_newest_waits() {
+    fn newer_request_replaces_an_older_one() {
         let reins = Reins::default();
         for request in [
             set("gain", 1.0),
@@ -118,7 +120,7 @@ mod tests {
     }
 
     #[test]
-    fn requests_are_bounded_and_a_run_that_stops_takes_none() {
+    fn requests_are_bounded_and_end_with_the_run() {
         let flag = Arc::new(AtomicBool::new(false));
         let reins = Reins::stopped_by(flag.clone());
         let refused =

@@ -1,15 +1,17 @@
 //! The clock of another machine or program, mapped to ours.
 //!
-//! A message was under way for an unknown time, never for less than none: of many, the one with the least arrival minus
-//! sending says best how the clocks stand to each other. (NTP picks the sample of least delay in the same way: RFC 5905, section
-//! 10, clock filter algorithm; V. Paxson, "On calibrating measurements of packet transit times", SIGMETRICS 1998, is about the
-//! same minimum.) What is left of the unknown is the least time under way; a lead that a sender adds to all its times is taken out too.
+//! A message was under way for an unknown time, never for less than none: of many, the one with the least
+//! arrival minus sending says best how the clocks stand to each other. (NTP picks the sample of least delay
+//! in the same way: RFC 5905, section 10, clock filter algorithm; V. Paxson, "On calibrating measurements
+//! of packet transit times", SIGMETRICS 1998, is about the same minimum.) What is left of the unknown is
+//! the least time under way; a lead that a sender adds to all its times is taken out too.
 
 /// How long a least difference counts: so many buckets, less part of the newest.
 const BUCKETS: usize = 5;
 /// One bucket of the window.
 const BUCKET_NS: u64 = 1_000_000_000;
-/// By how much a least difference rises with each bucket that it is old: 100 parts in a million, for a clock that is slow.
+/// By how much a least difference rises with each bucket that it is old: 100 parts in a million, for a
+/// clock that is slow.
 const CREEP_NS: i64 = 100_000;
 /// Differences that are off the least by more than this, either way...
 const JUMP_NS: i64 = 100_000_000;
@@ -17,7 +19,8 @@ const JUMP_NS: i64 = 100_000_000;
 const JUMPED: u32 = 4;
 /// ...and, where they are larger, for so long: messages that were held up look the same for a while.
 const HELD_UP_NS: u64 = 250_000_000;
-/// A message that is older than the newest by more than this was sent by a clock that was set back: none overtakes another by so much.
+/// A message that is older than the newest by more than this was sent by a clock that was set back: none
+/// overtakes another by so much.
 const BACK_NS: i64 = 1_000_000_000;
 
 /// Where a message stands among those before it.
@@ -31,13 +34,17 @@ pub enum Order {
     Anew,
 }
 
-/// Maps the times of a device's own clock, of unknown offset and a drift of some 100 ppm, to [`now_ns`](crate::now_ns).
+/// Maps the times of a device's own clock, of unknown offset and a drift of some 100 ppm, to
+/// [`now_ns`](crate::now_ns).
 ///
-/// A clock that is set forward by more than 0.1 s is followed after four messages, which until then count as sent when they arrived: a single
-/// stamp from the future changes nothing. A single one that is more than 1 s old begins anew, and so does the next. A clock that is set back by more than 1 s is followed at once, by 0.1 to 1 s after 0.25 s and
-/// four messages, by less within 5 s; until then its messages count as sent too early.
+/// A clock that is set forward by more than 0.1 s is followed after four messages, which until then count
+/// as sent when they arrived: a single stamp from the future changes nothing. A single one that is more
+/// than 1 s old begins anew, and so does the next. A clock that is set back by more than 1 s is followed at
+/// once, by 0.1 to 1 s after 0.25 s and four messages, by less within 5 s; until then its messages count as
+/// sent too early.
 ///
-/// Of 250 messages a second that are 0 to 8 ms under way beyond the least, the root of the mean squared error is 0.11 ms without drift, 0.15 ms and
+/// Of 250 messages a second that are 0 to 8 ms under way beyond the least, the root of the mean squared
+/// error is 0.11 ms without drift, 0.15 ms and
 /// 0.04 ms at 100 ppm fast and slow.
 #[derive(Clone, Debug)]
 pub struct RemoteClock {
@@ -73,8 +80,8 @@ impl RemoteClock {
         Self::default()
     }
 
-    /// Takes note of a message that was sent at `sent_s` seconds of the other clock and arrived at `arrived_ns` of ours. A time that is not
-    /// finite, or beyond 290 years, says nothing.
+    /// Takes note of a message that was sent at `sent_s` seconds of the other clock and arrived at
+    /// `arrived_ns` of ours. A time that is not finite, or beyond 290 years, says nothing.
     pub fn hear(&mut self, sent_s: f64, arrived_ns: u64) -> Order {
         let Some((sent, arrived)) = whole(sent_s, arrived_ns) else { return Order::Next };
         let Some(difference) = arrived.checked_sub(sent) else { return Order::Next };
@@ -102,8 +109,9 @@ impl RemoteClock {
         if late { Order::Late } else { Order::Next }
     }
 
-    /// Our time of what was at `at_s` seconds of the other clock, by the messages so far; never later than `arrived_ns`, when we learned of
-    /// it, which is the answer where nothing is known. A time that is not finite, or beyond 290 years, is taken as the arrival.
+    /// Our time of what was at `at_s` seconds of the other clock, by the messages so far; never later than
+    /// `arrived_ns`, when we learned of it, which is the answer where nothing is known. A time that is not
+    /// finite, or beyond 290 years, is taken as the arrival.
     pub fn time_ns(&self, at_s: f64, arrived_ns: u64) -> u64 {
         let (Some((at, arrived)), Some(offset)) = (whole(at_s, arrived_ns), self.offset()) else {
             return arrived_ns;

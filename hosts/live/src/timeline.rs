@@ -1,7 +1,8 @@
 //! Where a hand was at a tick's own time, from samples that come when they come.
 //!
-//! A tick reads the hand a little in its past, so that the samples around that time have arrived and nothing is made up: between two
-//! samples on a line, after the newest one held. How far in the past is given, or follows how late samples come.
+//! A tick reads the hand a little in its past, so that the samples around that time have arrived and
+//! nothing is made up: between two samples on a line, after the newest one held. How far in the past is
+//! given, or follows how late samples come.
 
 use std::collections::VecDeque;
 
@@ -23,7 +24,8 @@ const KEPT: usize = 512;
 pub enum Delay {
     /// Always this far, in nanoseconds.
     Fixed(u64),
-    /// As far as samples come late, and one sample's distance: the most of it in the last seconds, 30 ms at most.
+    /// As far as samples come late, and one sample's distance: the most of it in the last seconds, 30 ms at
+    /// most.
     Auto,
 }
 
@@ -34,8 +36,8 @@ pub struct Reading {
     pub position: [f64; 3],
     /// As in [`Sample::force`].
     pub force: f64,
-    /// Another number means that the hand did not move from the last reading to here: it was put down anew, or comes
-    /// back from a stall.
+    /// Another number means that the hand did not move from the last reading to here: it was put down anew,
+    /// or comes back from a stall.
     pub stroke: u32,
     /// From the time of the newest sample to the tick's; 0 before any.
     pub age_ns: u64,
@@ -83,7 +85,8 @@ pub struct Timeline {
 }
 
 impl Timeline {
-    /// Reads a source. `timeout_ns`: how long it may say nothing; a source at rest says so by repeating itself.
+    /// Reads a source. `timeout_ns`: how long it may say nothing; a source at rest says so by repeating
+    /// itself.
     pub fn new(from: SampleReader, delay: Delay, timeout_ns: u64) -> Self {
         let fixed = if let Delay::Fixed(ns) = delay { ns as f64 } else { 0.0 };
         Self {
@@ -103,8 +106,8 @@ impl Timeline {
         }
     }
 
-    /// The hand at a tick's time by [`now_ns`](crate::now_ns), as far as samples have come. Times must not go back; one that does
-    /// is taken as the last. Takes all samples that wait.
+    /// The hand at a tick's time by [`now_ns`](crate::now_ns), as far as samples have come. Times must not
+    /// go back; one that does is taken as the last. Takes all samples that wait.
     pub fn at(&mut self, time_ns: u64) -> Reading {
         let time_ns = time_ns.max(self.last_ns);
         let passed = (time_ns - self.last_ns) as f64;
@@ -149,7 +152,8 @@ impl Timeline {
             self.seen.too_late += 1;
             sample.time_ns = self.read_ns;
         }
-        // The newest one was held until now; the way to the next begins where it was held last, so that nothing jumps.
+        // The newest one was held until now; the way to the next begins where it was held last, so that
+        // nothing jumps.
         if let Some(last) = self.kept.back_mut() {
             last.time_ns = last.time_ns.max(self.read_ns.min(sample.time_ns));
         }
@@ -159,7 +163,8 @@ impl Timeline {
         self.kept.push_back(sample);
     }
 
-    /// Takes note of how far behind this sample would have to be read: until it had arrived, the way to it was not known.
+    /// Takes note of how far behind this sample would have to be read: until it had arrived, the way to it
+    /// was not known.
     fn need(&mut self, sample: &Sample) {
         let Some(last) = self.kept.back().filter(|last| last.stroke == sample.stroke) else { return };
         // A hand at rest repeats itself as slowly as it likes.

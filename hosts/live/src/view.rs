@@ -138,7 +138,8 @@ pub struct View {
     pub lost_samples: u64,
     /// Samples that a channel's guard had to hold to the limits, behind the graph's own limiters.
     pub guarded: u64,
-    /// Gaps of callbacks that the loop over their times saw, or xruns the host reported; what both saw counts once.
+    /// Gaps of callbacks that the loop over their times saw, or xruns the host reported; what both saw
+    /// counts once.
     pub xruns: u64,
     /// How often the device was lost.
     pub losses: u64,
@@ -156,8 +157,8 @@ pub struct View {
     pub scopes: Vec<Vec<f32>>,
     /// Latency from a hand to the actuator, itemised: what, milliseconds.
     pub latency_ms: Vec<(String, f64)>,
-    /// Peak of what the device was given since the view before, behind the ramp of start, mute and stop, of full scale; 0 without
-    /// a device.
+    /// Peak of what the device was given since the view before, behind the ramp of start, mute and stop, of
+    /// full scale; 0 without a device.
     pub peak: f32,
 }
 
@@ -174,7 +175,8 @@ pub struct TimingView {
     pub late_us: [f64; 4],
     /// Computing: p50, p99, p99.9, max.
     pub compute_us: [f64; 4],
-    /// Recovery, from when a tick that was missed was due to when the next one was there in time: p50, p99, p99.9, max; 0 for none.
+    /// Recovery, from when a tick that was missed was due to when the next one was there in time: p50, p99,
+    /// p99.9, max; 0 for none.
     pub recovery_us: [f64; 4],
     /// Upper edges of the histogram's bins; the last bin is open.
     pub edges_us: Vec<f64>,
@@ -201,7 +203,8 @@ pub struct NodeView {
     pub last_fault: String,
     /// Whether it is no longer called.
     pub quarantined: bool,
-    /// For every output: the first value of a control, the rms of audio since the view before, the largest bin of a frame.
+    /// For every output: the first value of a control, the rms of audio since the view before, the largest
+    /// bin of a frame.
     pub values: Vec<f32>,
 }
 

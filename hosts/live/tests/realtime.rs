@@ -5,7 +5,7 @@
 use asperity_live::realtime::{Grant, Machine};
 
 #[test]
-fn memory_that_is_called_locked_is_locked() {
+fn granted_memory_lock_is_what_the_system_reports() {
     let machine = Machine::ask();
     let grants = machine.grants(Grant::NotAsked);
     let status = std::fs::read_to_string("/proc/self/status").expect("the process's own figures");

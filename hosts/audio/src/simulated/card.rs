@@ -105,8 +105,8 @@ impl Card {
 /// Memory for samples of any format.
 fn data(memory: &mut Vec<u64>, samples: usize, format: SampleFormat) -> Data {
     memory.resize((samples * format.sample_size()).div_ceil(8), 0);
-    // SAFETY: the memory holds that many samples, is aligned for the largest of them, and any bits are a sample. It outlives
-    // the data, which its only callers do not keep.
+    // SAFETY: the memory holds that many samples, is aligned for the largest of them, and any bits are a
+    // sample. It outlives the data, which its only callers do not keep.
     unsafe { Data::from_parts(memory.as_mut_ptr().cast(), samples, format) }
 }
 

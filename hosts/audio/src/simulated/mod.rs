@@ -1,8 +1,10 @@
 //! A sound card that is not there: for tests, and for users who have none.
 //!
-//! The host `simulated` has every device that can be described: `simulated:frames=97,rate=48000,channels=4,format=i16` is one
-//! (see [`Params`]). It calls in real time and plays to nobody, or to a plant of the program's ([`set_plants`]). A test makes a [`Simulated`] of a name, opens it as
-//! `simulated:NAME`, calls it by hand if it likes, reads back what was played, and lets things go wrong.
+//! The host `simulated` has every device that can be described:
+//! `simulated:frames=97,rate=48000,channels=4,format=i16` is one (see [`Params`]). It calls in real time
+//! and plays to nobody, or to a plant of the program's ([`set_plants`]). A test makes a [`Simulated`] of a
+//! name, opens it as `simulated:NAME`, calls it by hand if it likes, reads back what was played, and lets
+//! things go wrong.
 
 mod card;
 mod device;
@@ -16,11 +18,12 @@ use card::{Card, State};
 pub use params::Params;
 use parking_lot::Mutex;
 
-/// A simulated part of the world between an output and an input channel: given every sample of the output, it answers the
-/// input's.
+/// A simulated part of the world between an output and an input channel: given every sample of the output,
+/// it answers the input's.
 pub type Response = Box<dyn FnMut(f32) -> f32 + Send>;
 
-/// Makes the plant that the `plant` words of a device's text describe, at a rate \[Hz\]; the error says what is wrong with them.
+/// Makes the plant that the `plant` words of a device's text describe, at a rate \[Hz\]; the error says
+/// what is wrong with them.
 pub type Plants = fn(&[(String, String)], f64) -> Result<Response, String>;
 
 static PLANTS: OnceLock<Plants> = OnceLock::new();
@@ -75,7 +78,8 @@ pub struct Simulated {
 }
 
 impl Simulated {
-    /// Plugs in a device of that name. An error where the name is taken or holds a `=`, or the parameters make no sense.
+    /// Plugs in a device of that name. An error where the name is taken or holds a `=`, or the parameters
+    /// make no sense.
     pub fn new(name: &str, params: Params) -> Result<Self, String> {
         params.check()?;
         if name.is_empty() || name.contains('=') {
@@ -95,18 +99,20 @@ impl Simulated {
         format!("simulated:{}", self.name)
     }
 
-    /// Calls the streams that play, once, with so many frames: the output first, then the input. On this thread.
+    /// Calls the streams that play, once, with so many frames: the output first, then the input. On this
+    /// thread.
     pub fn step(&self, frames: usize) {
         self.card.step(frames);
     }
 
-    /// All that was played since the device was made, if its parameters say `keep`: interleaved, all channels of the device, full
-    /// scale 1, exactly what stood in the device's memory.
+    /// All that was played since the device was made, if its parameters say `keep`: interleaved, all
+    /// channels of the device, full scale 1, exactly what stood in the device's memory.
     pub fn played(&self) -> Vec<f64> {
         self.card.played()
     }
 
-    /// Puts a plant between two channels (from 1): it is given every sample of the output and answers the input's.
+    /// Puts a plant between two channels (from 1): it is given every sample of the output and answers the
+    /// input's.
     pub fn plant(&self, output: u16, input: u16, respond: impl FnMut(f32) -> f32 + Send + 'static) {
         let index = |channel: u16| usize::from(channel.max(1)) - 1;
         self.card.plant(index(output), index(input), Box::new(respond));
@@ -128,8 +134,8 @@ impl Simulated {
         report(&mut self.card.lock(), &flooding());
     }
 
-    /// Reports errors without end, as fast as it can, until nobody has the device open; like ALSA over a Pulse server
-    /// that was killed. No more calls.
+    /// Reports errors without end, as fast as it can, until nobody has the device open; like ALSA over a
+    /// Pulse server that was killed. No more calls.
     pub fn flood(&self) {
         self.card.lock().stopped = true;
         let card = self.card.clone();

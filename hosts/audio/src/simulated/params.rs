@@ -8,8 +8,8 @@ use crate::Format;
 const SPEEDS: std::ops::RangeInclusive<f64> = 0.01..=1000.0;
 
 /// What a simulated device is like. As text, everything left out is as in [`Params::default`]:
-/// `frames=64+1+1024,rate=48000,channels=4,inputs=1,format=i16,loopback=1,latency=128,speed=1`. All words that begin with `plant`
-/// are for who makes plants ([`set_plants`](super::set_plants)).
+/// `frames=64+1+1024,rate=48000,channels=4,inputs=1,format=i16,loopback=1,latency=128,speed=1`. All words
+/// that begin with `plant` are for who makes plants ([`set_plants`](super::set_plants)).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Params {
     /// Frames of its calls, one after the other and then from the front. Empty: what the stream asks for.
@@ -26,11 +26,13 @@ pub struct Params {
     pub loopback: bool,
     /// Frames from the call to the sound, which also come between output and input of a loopback.
     pub latency_frames: u32,
-    /// How many times faster than real time it calls, 0.01 to 1000; 0, which a text cannot open: only when [`Simulated::step`](super::Simulated::step) is called.
+    /// How many times faster than real time it calls, 0.01 to 1000; 0, which a text cannot open: only when
+    /// [`Simulated::step`](super::Simulated::step) is called.
     pub speed: f64,
     /// Whether all that is played is kept for [`Simulated::played`](super::Simulated::played).
     pub keep: bool,
-    /// The plant between the first output and the first input, in the words of who makes it; none where empty.
+    /// The plant between the first output and the first input, in the words of who makes it; none where
+    /// empty.
     pub plant: Vec<(String, String)>,
 }
 
@@ -103,8 +105,8 @@ impl Params {
             }
             _ => {
                 return Err(format!(
-                    "a simulated device has no `{key}`; it has frames, rate, channels, inputs, format, loopback, latency, \
-                     speed and plant"
+                    "a simulated device has no `{key}`; it has frames, rate, channels, inputs, format, \
+                     loopback, latency, speed and plant"
                 ));
             }
         }
@@ -133,7 +135,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_device_is_made_by_its_text() {
+    fn device_is_made_by_its_text() {
         let params: Params = "frames=64+1+1024,rate=44100,channels=4,format=i24,speed=0".parse().unwrap();
         assert_eq!(params.frames, [64, 1, 1024]);
         assert_eq!((params.rate_hz, params.channels, params.format), (Some(44_100), 4, Some(Format::I24)));
@@ -141,14 +143,14 @@ mod tests {
     }
 
     #[test]
-    fn words_of_a_plant_are_kept_for_who_makes_it() {
+    fn plant_words_are_kept() {
         let params: Params = "plant=coil,frames=64,plant_handle_g=60".parse().unwrap();
         let words = [("plant", "coil"), ("plant_handle_g", "60")].map(|(a, b)| (a.to_owned(), b.to_owned()));
         assert_eq!((params.plant.as_slice(), params.frames), (&words[..], vec![64]));
     }
 
     #[test]
-    fn what_makes_no_sense_is_an_error_that_says_what_would() {
+    fn invalid_parameter_error_names_valid_values() {
         for (text, says) in [
             ("frames=0", "1 to"),
             ("channels=0", "1 to 64"),

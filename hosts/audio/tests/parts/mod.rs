@@ -130,8 +130,8 @@ impl Capture for Ear {
     }
 }
 
-/// A block as it was seen: the number of its first frame, when it was called for, and when the host says that frame is heard or
-/// was at the input [ns].
+/// A block as it was seen: the number of its first frame, when it was called for, and when the host says
+/// that frame is heard or was at the input [ns].
 #[derive(Clone, Copy)]
 struct Seen {
     frame: usize,

@@ -99,7 +99,8 @@ impl Link {
         }
     }
 
-    /// Takes what came without being asked for until `end`, so that the next report is the newest. Whether that was all.
+    /// Takes what came without being asked for until `end`, so that the next report is the newest. Whether
+    /// that was all.
     ///
     /// # Errors
     /// The connection is gone.

@@ -83,7 +83,14 @@ pub(super) fn command(id: &str, force: [f64; 3]) -> String {
     // Writing to a text does not fail.
     let _ = write!(
         text,
-        r#"{{"inverse3":[{{"device_id":{id},"commands":{{"set_cursor_force":{{"values":{{"x":{x:.6},"y":{y:.6},"z":{z:.6}}}}}}}}}]}}"#
+        concat!(
+            r#"{{"inverse3":[{{"device_id":{id},"commands":{{"set_cursor_force":"#,
+            r#"{{"values":{{"x":{x:.6},"y":{y:.6},"z":{z:.6}}}}}}}}}]}}"#
+        ),
+        id = id,
+        x = x,
+        y = y,
+        z = z
     );
     text
 }
@@ -93,7 +100,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_command_is_json_with_the_force_where_the_service_looks_for_it() {
+    fn command_is_json_with_the_force() {
         let json: serde_json::Value = serde_json::from_str(&command("04\"9D", [0.5, -1e-7, -2.25])).unwrap();
         let device = &json["inverse3"][0];
         assert_eq!(device["device_id"], "04\"9D");
@@ -105,10 +112,11 @@ mod tests {
     }
 
     #[test]
-    fn a_report_is_read_in_mm_whatever_else_it_has() {
+    fn report_is_read_in_mm() {
         let text = r#"{"session_id":7,"inverse3":[{"device_id":"A","state":null},
             {"device_id":"049D","config":{"type":"inverse3","x":[1,2]},"status":{},
-             "state":{"cursor_velocity":{"x":1,"y":1,"z":1},"cursor_position":{"x":0.01,"y":-0.12,"z":0.15}}}],"verse_grip":[]}"#;
+             "state":{"cursor_velocity":{"x":1,"y":1,"z":1},
+                "cursor_position":{"x":0.01,"y":-0.12,"z":0.15}}}],"verse_grip":[]}"#;
         assert_eq!(position(text, "049D"), Ok(Heard::At([10.0, -120.0, 150.0])));
         assert_eq!(position(text, "B"), Ok(Heard::Gone));
         assert!(position(text, "A").unwrap_err().contains("no position of `A`"));
@@ -117,7 +125,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_report_is_told() {
+    fn invalid_report_error_says_why() {
         let far = r#"{"inverse3":[{"device_id":"A","state":{"cursor_position":{"x":0,"y":1e9,"z":0}}}]}"#;
         let null = r#"{"inverse3":[{"device_id":"A","state":{"cursor_position":{"x":0,"y":null,"z":0}}}]}"#;
         for (text, why) in [

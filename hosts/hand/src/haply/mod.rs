@@ -1,20 +1,25 @@
 //! Haply's Inverse3, by the Inverse Service.
 //!
-//! The service runs on the same machine and speaks JSON in a WebSocket at localhost:10001. We follow the protocol of its version 3.5 as
-//! documented by the maker (docs.haply.co, Inverse SDK, "WebSocket Protocol", "Basis Permutation", tutorial 01); 3.1 has the same messages. On connecting, the service sends a
-//! report with all devices (`inverse3`, each with `device_id` and `state.cursor_position` in m). After that each message to it is
-//! answered by one report. Our messages carry `commands.set_cursor_force.values` in N; a force has to be sent, if only 0, to be
-//! answered. No session profile is registered and no basis is set, so the axes are the maker's: x right, y forward, z up, origin in the base.
+//! The service runs on the same machine and speaks JSON in a WebSocket at localhost:10001. We follow the
+//! protocol of its version 3.5 as documented by the maker (docs.haply.co, Inverse SDK, "WebSocket
+//! Protocol", "Basis Permutation", tutorial 01); 3.1 has the same messages. On connecting, the service
+//! sends a report with all devices (`inverse3`, each with `device_id` and `state.cursor_position` in m).
+//! After that each message to it is answered by one report. Our messages carry
+//! `commands.set_cursor_force.values` in N; a force has to be sent, if only 0, to be answered. No session
+//! profile is registered and no basis is set, so the axes are the maker's: x right, y forward, z up, origin
+//! in the base.
 //!
-//! The servo is this loop: `rate_hz` times a second the newest report is asked for, the force is worked out by the law in
-//! [`servo`](crate::servo) and sent at once, not with the next question. So a hand in contact costs two exchanges a period, and the delay in the
-//! wall's loop is one exchange, not a period. The loop neither locks nor waits for another thread of ours; the WebSocket library
-//! allocates for each message, and the operating system wakes it: it is not real-time as a device's own servo is. A period that is missed
-//! by more than 50 ms begins anew from no force.
+//! The servo is this loop: `rate_hz` times a second the newest report is asked for, the force is worked out
+//! by the law in [`servo`](crate::servo) and sent at once, not with the next question. So a hand in contact
+//! costs two exchanges a period, and the delay in the wall's loop is one exchange, not a period. The loop
+//! neither locks nor waits for another thread of ours; the WebSocket library allocates for each message,
+//! and the operating system wakes it: it is not real-time as a device's own servo is. A period that is
+//! missed by more than 50 ms begins anew from no force.
 //!
-//! The protocol does not say how much force a device has; [`HaplyOptions::max_force_n`] limits it. A sample's force is what the device is
-//! made to push back with along the surface's normal. When the service or the device goes away, that is told, and both are taken up
-//! again when they are back, with a new stroke.
+//! The protocol does not say how much force a device has; [`HaplyOptions::max_force_n`] limits it. A
+//! sample's force is what the device is made to push back with along the surface's normal. When the service
+//! or the device goes away, that is told, and both are taken up again when they are back, with a new
+//! stroke.
 
 mod link;
 mod message;
@@ -47,8 +52,9 @@ const AGAIN: Duration = Duration::from_millis(500);
 const LET_GO: Duration = Duration::from_millis(50);
 /// Questions a second unless told otherwise.
 pub const USUAL_HZ: u32 = 1000;
-/// Delay d of the wall's loop \[s\], from a report to the force that follows from it: one exchange. Not measured on a device: it is the
-/// longest that lets the two exchanges of a hand in contact fit into a period at [`USUAL_HZ`]; a slower service lowers the rate itself.
+/// Delay d of the wall's loop \[s\], from a report to the force that follows from it: one exchange. Not
+/// measured on a device: it is the longest that lets the two exchanges of a hand in contact fit into a
+/// period at [`USUAL_HZ`]; a slower service lowers the rate itself.
 pub const DELAY_S: f64 = 0.5 / USUAL_HZ as f64;
 /// Largest force unless told otherwise \[N\]: a choice of ours, for a hand that does not expect it.
 pub const USUAL_N: f64 = 3.0;
@@ -87,16 +93,16 @@ impl Default for HaplyOptions {
     }
 }
 
-/// Whether two ways to write a service's address mean the same: with and without `ws://`, and `localhost` for 127.0.0.1 and ::1. No name
-/// is looked up.
+/// Whether two ways to write a service's address mean the same: with and without `ws://`, and `localhost`
+/// for 127.0.0.1 and ::1. No name is looked up.
 pub fn same_service(one: &str, other: &str) -> bool {
     link::place(one) == link::place(other)
 }
 
 /// Connects to the service and starts the servo. Without `models` the force is always 0.
 ///
-/// # Errors
-/// No service, one that is none, no device, several and none chosen, another than the one chosen; an option that cannot be meant.
+/// # Errors No service, one that is none, no device, several and none chosen, another than the one chosen;
+/// an option that cannot be meant.
 pub fn start(
     options: HaplyOptions,
     writer: SampleWriter,
@@ -332,7 +338,8 @@ impl Run {
             let wanted = self.servo.let_go(now_ns());
             let late = Instant::now() > end;
             let force = if late { [0.0; 3] } else { self.options.frame.force(wanted) };
-            // An answer that is not read would make the system cut the connection off, and what was sent last be lost.
+            // An answer that is not read would make the system cut the connection off, and what was sent
+            // last be lost.
             let sent = link.ask(&self.id, force).is_ok();
             let answered = sent && link.hear(Instant::now(), || false).is_ok();
             if !answered || force == [0.0; 3] {
@@ -350,7 +357,7 @@ mod tests {
     use super::same_service;
 
     #[test]
-    fn a_service_is_the_same_however_its_address_is_written() {
+    fn service_addresses_compare_in_any_notation() {
         for (one, other, same) in [
             ("localhost:10001", "ws://localhost:10001", true),
             ("localhost:10001", "ws://localhost:10001/ ", true),

@@ -55,8 +55,8 @@ pub(super) struct Tick {
     pub(super) signals: Arc<Signals>,
 }
 
-/// A [`Tick`] of which the library has the address. Lent to its thread between [`Parked::lend`] and the end of its schedule, and not
-/// touched from here meanwhile.
+/// A [`Tick`] of which the library has the address. Lent to its thread between [`Parked::lend`] and the end
+/// of its schedule, and not touched from here meanwhile.
 pub(super) struct Parked<T = Tick> {
     tick: NonNull<T>,
     signals: Arc<Signals>,
@@ -91,8 +91,8 @@ impl<T> Drop for Parked<T> {
         if self.signals.inside.load(Acquire) {
             return;
         }
-        // SAFETY: made from a box, and dropped by the source's thread, which has taken the callback back before; what the
-        // callback did last is seen here.
+        // SAFETY: made from a box, and dropped by the source's thread, which has taken the callback back
+        // before; what the callback did last is seen here.
         drop(unsafe { Box::from_raw(self.tick.as_ptr()) });
     }
 }
@@ -181,7 +181,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_tick_that_the_library_is_still_inside_of_is_never_freed() {
+    fn tick_in_use_by_the_library_is_never_freed() {
         for inside in [false, true] {
             let signals = Arc::new(Signals::default());
             let tick = Arc::new(());

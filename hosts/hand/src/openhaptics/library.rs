@@ -1,7 +1,8 @@
 //! The maker's library, loaded at run time: names, types and numbers of its C interface.
 //!
-//! These are facts of the published interface (OpenHaptics Toolkit, API Reference Manual, Device Library, version 3.4): functions, the values
-//! of their constants, the layout of the one struct that is returned by value.
+//! These are facts of the published interface (OpenHaptics Toolkit, API Reference Manual, Device Library,
+//! version 3.4): functions, the values of their constants, the layout of the one struct that is returned by
+//! value.
 
 use std::ffi::{CStr, c_char, c_int, c_uint, c_ulong, c_ushort, c_void};
 use std::path::{Path, PathBuf};
@@ -71,8 +72,8 @@ fn names() -> &'static [&'static str] {
     }
 }
 
-const INSTALL: &str = "install 3D Systems' OpenHaptics and the driver of the device (Touch Device Driver), run the driver's setup once, \
-    or give the path of the library";
+const INSTALL: &str = "install 3D Systems' OpenHaptics and the driver of the device (Touch Device Driver), \
+    run the driver's setup once, or give the path of the library";
 
 impl Hd {
     /// Loads the library: the one at `path`, or the first of the usual names that the system's loader finds.
@@ -83,8 +84,8 @@ impl Hd {
         let wanted = path.map_or_else(|| names().iter().map(PathBuf::from).collect(), |p| vec![p.to_owned()]);
         let mut said = Vec::new();
         for name in &wanted {
-            // SAFETY: loading runs the library's initialisers. The user asked for this library by naming the device; it is the
-            // maker's, and there is no other way to the device.
+            // SAFETY: loading runs the library's initialisers. The user asked for this library by naming
+            // the device; it is the maker's, and there is no other way to the device.
             match unsafe { Library::new(name) } {
                 Ok(library) => return Self::of(library, name),
                 Err(e) => said.push(format!("{} ({})", name.display(), reason(&e))),

@@ -1,15 +1,17 @@
 //! A Touch, a Touch X, a Phantom: devices of 3D Systems' OpenHaptics.
 //!
-//! The maker's libHD is loaded when a graph asks for the device and not before; nothing of it is linked or shipped. The library's scheduler
-//! calls us at 1 kHz: each time the position is read, the force is worked out from the newest
-//! [`ForceModel`](asperity_live::ForceModel) by the law in [`servo`](crate::servo), and a sample is sent. Its time is that of the reading; its
-//! force is what the device is made to push back with along the surface's normal, which for a hand at rest is how hard it presses (these
-//! devices measure no force).
+//! The maker's libHD is loaded when a graph asks for the device and not before; nothing of it is linked or
+//! shipped. The library's scheduler calls us at 1 kHz: each time the position is read, the force is worked
+//! out from the newest [`ForceModel`](asperity_live::ForceModel) by the law in [`servo`](crate::servo), and
+//! a sample is sent. Its time is that of the reading; its force is what the device is made to push back
+//! with along the surface's normal, which for a hand at rest is how hard it presses (these devices measure
+//! no force).
 //!
-//! The device's x points right, y up and z at the user, so the axes are `x,-z,y` unless told otherwise. It is calibrated by the maker's
-//! own tools. When the motors are switched off by the device itself (too warm, too much force), the force begins anew from 0.
-//! A device that is unplugged is told, and taken up again when it answers; that begins a new stroke.
-//! A process can have one such source at a time, since the library has one scheduler.
+//! The device's x points right, y up and z at the user, so the axes are `x,-z,y` unless told otherwise. It
+//! is calibrated by the maker's own tools. When the motors are switched off by the device itself (too warm,
+//! too much force), the force begins anew from 0. A device that is unplugged is told, and taken up again
+//! when it answers; that begins a new stroke. A process can have one such source at a time, since the
+//! library has one scheduler.
 
 mod callback;
 mod library;
@@ -79,8 +81,8 @@ impl Default for OpenHapticsOptions {
 
 /// Opens the device and starts its servo. Without `models` the motors stay off.
 ///
-/// # Errors
-/// The library is not there or not whole; the device does not answer; another source has it; an option that cannot be meant.
+/// # Errors The library is not there or not whole; the device does not answer; another source has it; an
+/// option that cannot be meant.
 pub fn start(
     options: OpenHapticsOptions,
     writer: SampleWriter,
@@ -241,7 +243,8 @@ impl Keeper {
         // A device that cannot tell one of these is none the worse.
         self.hd.errors();
         self.device = device;
-        // SAFETY: a device is opened while nothing is scheduled, and after `stop` has waited for the callback.
+        // SAFETY: a device is opened while nothing is scheduled, and after `stop` has waited for the
+        // callback.
         let tick = unsafe { self.tick.mine() };
         tick.device = device;
         tick.servo = Servo::new(Limits::of(most));
@@ -315,8 +318,9 @@ impl Keeper {
             (self.hd.stop_scheduler)();
             (self.hd.unschedule)(handle);
         }
-        // A library that stops without waiting for its thread is waited for here: as long as it takes, since the tick is used
-        // again, but for a source that is to end. That leaves the tick to the library.
+        // A library that stops without waiting for its thread is waited for here: as long as it takes,
+        // since the tick is used again, but for a source that is to end. That leaves the tick to the
+        // library.
         while self.signals.inside.load(Acquire) {
             if self.shared.stopped() && begin.elapsed() > 2 * LET_GO {
                 self.shared.set_force(0.0);

@@ -11,9 +11,10 @@ const MOST: usize = 64;
 const GRAVITY: f64 = 9.806_65;
 
 /// What would do, in every error about a list.
-const HELP: &str = "list the message's arguments in their order, apart by commas, each with its unit: `x_mm, y_mm, -z_m, force_n, _, time_ms`. \
-    There are x, y, z in mm, cm or m; force in n or gf; pressure; stroke (or touch), 0 or 1; time in s, ms, us or ns; `_` for what is not \
-    used; and `-` before one that counts the other way";
+const HELP: &str = "list the message's arguments in their order, apart by commas, each with its unit: \
+    `x_mm, y_mm, -z_m, force_n, _, time_ms`. There are x, y, z in mm, cm or m; force in n or gf; pressure; \
+    stroke (or touch), 0 or 1; time in s, ms, us or ns; `_` for what is not used; and `-` before one that \
+    counts the other way";
 
 /// One argument's place among what is read.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -48,9 +49,8 @@ pub struct Reading {
 
 /// Reads a list such as `x_mm, y_mm, -z_m, force_n, _, time_ms`. Spaces and capitals do not matter.
 ///
-/// # Errors
-/// A word that is not known, a unit that does not belong to it, something listed twice, no axis at all; the error names what was
-/// found and what would do.
+/// # Errors A word that is not known, a unit that does not belong to it, something listed twice, no axis at
+/// all; the error names what was found and what would do.
 pub fn parse_arguments(text: &str) -> Result<Arguments, HandError> {
     let fail = |what: String| Err(HandError::option(what, HELP));
     let mut list = Vec::new();
@@ -198,7 +198,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_unit_and_sign_comes_to_mm_n_and_ns() {
+    fn units_and_signs_convert_to_mm_n_and_ns() {
         let list = parse_arguments("x_mm, Y_cm,-z_m , force_gf, _, touch, time_ms").unwrap();
         let args = [
             OscType::Float(1.5),
@@ -218,7 +218,7 @@ mod tests {
     }
 
     #[test]
-    fn off_the_surface_there_is_no_force_and_pressure_keeps_to_its_range() {
+    fn force_is_0_without_touch_and_pressure_is_bounded() {
         let list = parse_arguments("x_m, pressure, stroke").unwrap();
         assert!(list.pressure());
         let read = |p: f64, t: i32| list.read(&[OscType::Int(0), OscType::Double(p), OscType::Int(t)]);
@@ -230,7 +230,7 @@ mod tests {
     }
 
     #[test]
-    fn a_wrong_list_is_told_with_what_was_found_and_what_would_do() {
+    fn wrong_list_error_names_the_fault_and_the_help() {
         for (text, what) in [
             ("", "argument 1 of `` is empty"),
             ("x_mm,,y_mm", "argument 2 of `x_mm,,y_mm` is empty"),
@@ -254,7 +254,7 @@ mod tests {
     }
 
     #[test]
-    fn a_message_that_cannot_be_used_says_why() {
+    fn unusable_message_error_says_why() {
         let list = parse_arguments("x_m, y_m").unwrap();
         for (args, what) in [
             (vec![OscType::Float(1.0)], "it has 1 arguments, 2 are listed"),

@@ -1,14 +1,17 @@
 //! A hand over the network: Open Sound Control 1.0 in UDP packets.
 //!
-//! Whatever sends positions can be the hand: a tablet's program, a tracker, a script. The option says at which address pattern the messages
-//! come and what their arguments mean, see [`parse_arguments`]. A sample's time is an argument, where one is listed; else the
-//! time tag of its bundle, unless that says "immediately"; else the arrival. Both of the first are mapped to our clock by the fastest packets,
-//! which takes jitter out. (A `time` sent as a 32-bit float counts milliseconds exactly for 4.6 hours; send a double or an integer.)
+//! Whatever sends positions can be the hand: a tablet's program, a tracker, a script. The option says at
+//! which address pattern the messages come and what their arguments mean, see [`parse_arguments`]. A
+//! sample's time is an argument, where one is listed; else the time tag of its bundle, unless that says
+//! "immediately"; else the arrival. Both of the first are mapped to our clock by the fastest packets, which
+//! takes jitter out. (A `time` sent as a 32-bit float counts milliseconds exactly for 4.6 hours; send a
+//! double or an integer.)
 //!
-//! A new stroke begins with every 0 to 1 of a listed `touch`, where the sender's clock is set anew, and where another sender takes
-//! over after a pause. What cannot be used is counted, with the reason of the last; it never stops the source. Packets are at
-//! most 64 KiB, bundles nest at most 8 deep, so memory is bounded whatever is sent. From the sender's call to the queue it takes 10 us
-//! (p50; p99 58 us on a loaded machine).
+//! A new stroke begins with every 0 to 1 of a listed `touch`, where the sender's clock is set anew, and
+//! where another sender takes over after a pause. What cannot be used is counted, with the reason of the
+//! last; it never stops the source. Packets are at most 64 KiB, bundles nest at most 8 deep, so memory is
+//! bounded whatever is sent. From the sender's call to the queue it takes 10 us (p50; p99 58 us on a loaded
+//! machine).
 
 mod arguments;
 mod packet;
@@ -41,7 +44,8 @@ const PACKET: usize = 65_536;
 pub struct OscOptions {
     /// Address and port to listen at; port 0 takes a free one.
     pub listen: SocketAddr,
-    /// Whether that may be other than this machine's own loopback: then anybody on the network can move the stylus.
+    /// Whether that may be other than this machine's own loopback: then anybody on the network can move the
+    /// stylus.
     pub anywhere: bool,
     /// An OSC 1.0 address or address pattern, such as `/pen` or `/wacom/{1,2}/*`.
     pub address: String,
@@ -95,8 +99,9 @@ pub fn parse_listen(text: &str) -> Result<SocketAddr, HandError> {
     })
 }
 
-/// Whether two sources cannot listen at these addresses at once: the port is the same, and the IP address too, or one of them is all
-/// addresses of the machine (also those of the other version: a socket at `[::]` may take packets of IPv4). Port 0 is a free one.
+/// Whether two sources cannot listen at these addresses at once: the port is the same, and the IP address
+/// too, or one of them is all addresses of the machine (also those of the other version: a socket at `[::]`
+/// may take packets of IPv4). Port 0 is a free one.
 pub fn exclude(one: SocketAddr, other: SocketAddr) -> bool {
     let (a, b) = (one.ip().to_canonical(), other.ip().to_canonical());
     let all = a.is_unspecified() || b.is_unspecified();
@@ -299,14 +304,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn half_a_second_of_a_time_tag_is_half_a_second() {
+    fn time_tag_fraction_converts_to_ns() {
         assert_eq!(ntp_ns((3 << 32) | (1 << 31)), 3.5e9);
         let today = 3_970_000_000u64 << 32;
         assert!((ntp_ns(today + (1 << 22)) - ntp_ns(today) - 976_562.5).abs() < 1000.0);
     }
 
     #[test]
-    fn a_place_to_listen_may_be_a_port_alone() {
+    fn listen_address_may_be_a_port_alone() {
         assert_eq!(parse_listen("9001").unwrap(), "127.0.0.1:9001".parse().unwrap());
         assert_eq!(parse_listen(" localhost:7 ").unwrap(), "127.0.0.1:7".parse().unwrap());
         assert_eq!(parse_listen("0.0.0.0:9").unwrap(), "0.0.0.0:9".parse().unwrap());
@@ -314,7 +319,7 @@ mod tests {
     }
 
     #[test]
-    fn addresses_exclude_each_other_where_a_socket_at_both_would_hear_the_same_packet() {
+    fn addresses_that_hear_the_same_packet_exclude_each_other() {
         for (one, other, excluded) in [
             ("127.0.0.1:9731", "127.0.0.1:9731", true),
             ("127.0.0.1:9731", "127.0.0.1:9732", false),

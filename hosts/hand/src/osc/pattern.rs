@@ -1,8 +1,9 @@
 //! Address patterns of OSC 1.0.
 //!
-//! rosc has a matcher, which takes `[12]` for one character or more, `*` at the end for at least one, and the first of `{a,ab}` for good;
-//! the specification says one, none or more, and any. So this is our own: it follows all ways through the pattern at
-//! once, so that its time is at most pattern times address, whatever is sent.
+//! rosc has a matcher, which takes `[12]` for one character or more, `*` at the end for at least one, and
+//! the first of `{a,ab}` for good; the specification says one, none or more, and any. So this is our own:
+//! it follows all ways through the pattern at once, so that its time is at most pattern times address,
+//! whatever is sent.
 
 use crate::HandError;
 
@@ -36,7 +37,8 @@ impl Pattern {
         Self::pieces(text.as_bytes()).map(Self).ok_or_else(|| {
             HandError::option(
                 format!("`{text}` is no OSC address or address pattern"),
-                "write one such as `/pen`, `/pen/*`, `/pen/{left,right}/[0-9]?`: parts after slashes, without spaces or `#`",
+                "write one such as `/pen`, `/pen/*`, `/pen/{left,right}/[0-9]?`: \
+                 parts after slashes, without spaces or `#`",
             )
         })
     }
@@ -97,7 +99,8 @@ impl Piece {
             }
             Self::Any => {
                 let part = rest.iter().position(|c| *c == b'/').unwrap_or(rest.len());
-                // What is marked already was reached from further left, which marked all the rest of the part.
+                // What is marked already was reached from further left, which marked all the rest of the
+                // part.
                 for end in ends.iter_mut().take(part + 1) {
                     if std::mem::replace(end, true) {
                         break;
@@ -152,7 +155,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn patterns_fit_what_osc_1_0_says() {
+    fn pattern_matches_as_osc_1_0_says() {
         for (pattern, yes, no) in [
             ("/pen", &["/pen"][..], &["/pen/1", "/Pen", "/pe", "/penn", ""][..]),
             ("/pen*", &["/pen", "/pencil"], &["/pen/1", "/apen"]),
@@ -189,7 +192,7 @@ mod tests {
     }
 
     #[test]
-    fn it_agrees_with_trying_every_way() {
+    fn pattern_match_agrees_with_exhaustive_search() {
         let mut state = 3u64;
         let mut random = |n: u64| {
             state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
@@ -210,7 +213,7 @@ mod tests {
     }
 
     #[test]
-    fn an_address_made_to_be_slow_is_not() {
+    fn hostile_address_is_matched_fast() {
         let p = Pattern::parse("/*a*a*a*a*a*a*a*a*a*a*b").unwrap();
         assert!(!p.fits(&format!("/{}", "a".repeat(1000))));
         assert!(!p.fits(&format!("/{}b", "a".repeat(100_000))));
@@ -219,7 +222,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_pattern_is_told() {
+    fn invalid_pattern_error_names_it() {
         for bad in [
             "", "pen", "/", "/pen/", "/p en", "/#", "/[", "/[]", "/{a", "/{}", "/{a,}", "/a//b", "/[!]",
             "/[b-a]", "/a]", "/é",

@@ -1,22 +1,27 @@
 //! The force law that a device's servo evaluates at its own rate.
 //!
-//! With depth d = n . (p0 - p) in the plane, the force is n (k d - b v), v being the velocity along n; 0 out of contact, never
-//! against n, never larger than the model or the device allows. The velocity is a first difference behind a first-order low-pass
-//! ([`VELOCITY_HZ`]), both by the servo's measured intervals. Around this:
+//! With depth d = n . (p0 - p) in the plane, the force is n (k d - b v), v being the velocity along n; 0
+//! out of contact, never against n, never larger than the model or the device allows. The velocity is a
+//! first difference behind a first-order low-pass ([`VELOCITY_HZ`]), both by the servo's measured
+//! intervals. Around this:
 //!
-//! - A model that is older than [`MODEL_AGE`], not valid or not finite, and a position that is not finite: the force goes to 0
-//!   within [`LET_GO`]. When there is something to trust again, it comes back over [`TAKE_HOLD`], as after a start.
-//! - What the hand does is answered at once, but at most at the slew limit. What the graph changes is not: the
-//!   difference that a new model makes at the hand's place is carried on and decays with [`SETTLE`] (95 % in 9 ms), and where that lets
-//!   the force grow, no faster than the greatest force in [`RISE`]. So a plane that appears under the stylus pushes it out, and does not kick.
-//!   The wall's own loop has no delay from this: with an unchanged model nothing is carried.
+//! - A model that is older than [`MODEL_AGE`], not valid or not finite, and a position that is not finite:
+//!   the force goes to 0 within [`LET_GO`]. When there is something to trust again, it comes back over
+//!   [`TAKE_HOLD`], as after a start.
+//! - What the hand does is answered at once, but at most at the slew limit. What the graph changes is not:
+//!   the difference that a new model makes at the hand's place is carried on and decays with [`SETTLE`] (95
+//!   % in 9 ms), and where that lets the force grow, no faster than the greatest force in [`RISE`]. So a
+//!   plane that appears under the stylus pushes it out, and does not kick. The wall's own loop has no delay
+//!   from this: with an unchanged model nothing is carried.
 //! - Letting go is never slowed where the force would else pull.
 //!
-//! What there is beside the plane (friction, drag, a magnet) the graph works out once a tick. It is added as it is told, smoothed with [`SETTLE`], in any
-//! direction, and what is not to be trusted takes it down as well; the sum is held to the greatest force.
+//! What there is beside the plane (friction, drag, a magnet) the graph works out once a tick. It is added
+//! as it is told, smoothed with [`SETTLE`], in any direction, and what is not to be trusted takes it down
+//! as well; the sum is held to the greatest force.
 //!
 //! A step takes about 0.1 us (2 cores of a shared virtual AMD EPYC). On a simulated device of 0.1 kg and
-//! 0.5 N s/m an undamped wall at 1 kHz rings on from 1.001 N/mm (by the eigenvalues of the loop); Colgate's bound says 1.000.
+//! 0.5 N s/m an undamped wall at 1 kHz rings on from 1.001 N/mm (by the eigenvalues of the loop); Colgate's
+//! bound says 1.000.
 
 pub mod passivity;
 
@@ -51,7 +56,8 @@ pub struct Limits {
 }
 
 impl Limits {
-    /// Limits of a device with this largest force: all of it within 4 ms. What is not finite or below 0 counts as 0.
+    /// Limits of a device with this largest force: all of it within 4 ms. What is not finite or below 0
+    /// counts as 0.
     pub fn of(force_n: f64) -> Self {
         let force_n = if force_n.is_finite() { force_n.max(0.0) } else { 0.0 };
         Self { force_n, slew_n_per_s: (force_n / SLEW_S).max(f64::MIN_POSITIVE) }
@@ -157,7 +163,8 @@ impl Servo {
         self.force()
     }
 
-    /// Lets go: to be called at the servo's rate instead of [`Servo::step`], within [`LET_GO`] the answer is 0.
+    /// Lets go: to be called at the servo's rate instead of [`Servo::step`], within [`LET_GO`] the answer
+    /// is 0.
     pub fn let_go(&mut self, now_ns: u64) -> [f64; 3] {
         self.step(now_ns, [f64::NAN; 3], &ForceModel::default())
     }
@@ -174,8 +181,8 @@ impl Servo {
         self.limits.force_n.min(if self.plane == Plane::default() { f64::MAX } else { self.plane.most })
     }
 
-    /// The part of the last force along the plane's normal \[N\], at least 0: how hard the hand is held up, which at rest is how hard it
-    /// presses.
+    /// The part of the last force along the plane's normal \[N\], at least 0: how hard the hand is held up,
+    /// which at rest is how hard it presses.
     pub fn normal_force(&self) -> f64 {
         dot(self.force, self.plane.normal).max(0.0)
     }
@@ -218,7 +225,8 @@ impl Servo {
         let before = plus(target, self.carried);
         let decay = 1.0 - (-dt / SETTLE.as_secs_f64()).exp();
         let step = self.carried.map(|x| x * decay);
-        // The size is convex in how much of the step is made, so that this share of it grows by no more than is allowed.
+        // The size is convex in how much of the step is made, so that this share of it grows by no more
+        // than is allowed.
         let growth = size(minus(before, step)) - size(before);
         let allowed = dt * self.limits.force_n / RISE.as_secs_f64();
         let share = if growth > allowed { allowed / growth } else { 1.0 };

@@ -1,11 +1,12 @@
 //! Ticks inside the audio callback: the least latency.
 //!
-//! Tick k begins at position x_k = k rate / tick rate of the device's frames, and reads the hand at t(x_k) - D: t is the line
-//! of the delay-locked loop, D the device's real period (the frames that one wake-up asks for). A callback runs the ticks that
-//! begin before its end, whose time is that of its beginning plus D at most: the last of them reads the hand at the
-//! callback's own time, and none reads what has not happened. Since t is a line and D steady (it follows a change of the
-//! period by 2 % of time), ticks are evenly spaced in the hand's time, however they bunch in real time. With 64
-//! frames at 48 kHz the delay is 1.3 ms.
+//! Tick k begins at position x_k = k rate / tick rate of the device's frames, and reads the hand at t(x_k)
+//! - D: t is the line of the delay-locked loop, D the device's real period (the frames that one wake-up
+//! asks for). A callback runs the ticks that begin before its end, whose time is that of its beginning plus
+//! D at most: the last of them reads the hand at the callback's own time, and none reads what has not
+//! happened. Since t is a line and D steady (it follows a change of the period by 2 % of time), ticks are
+//! evenly spaced in the hand's time, however they bunch in real time. With 64 frames at 48 kHz the delay is
+//! 1.3 ms.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -57,8 +58,8 @@ impl<T: Ticker> Callback<T> {
         &self.controls
     }
 
-    /// Ramps the output down and takes the ticker back; at once where the device no longer calls. `None` where a tick does not end within a
-    /// second.
+    /// Ramps the output down and takes the ticker back; at once where the device no longer calls. `None`
+    /// where a tick does not end within a second.
     pub fn stop(self) -> Option<T> {
         self.controls.request_stop();
         self.controls.wait_until_down();

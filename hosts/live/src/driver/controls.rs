@@ -14,7 +14,8 @@ use crate::ramp::{Level, Ramp};
 use crate::realtime::{Asked, Grant};
 use crate::view::Condition;
 
-/// A device that has not called for three periods, but at least and at most this long, while its output is to ramp down, will not.
+/// A device that has not called for three periods, but at least and at most this long, while its output is
+/// to ramp down, will not.
 const DEAD_NS: (u64, u64) = (200_000_000, 800_000_000);
 
 /// Requests to a running driver, and how it stands. Any thread.
@@ -92,8 +93,8 @@ impl Controls {
         self.failed.load(Relaxed)
     }
 
-    /// What the thread that ticks got of the real-time priority it asked for, or the device's thread beside it if that got less;
-    /// `NotAsked` before both ran, unless the first was refused already.
+    /// What the thread that ticks got of the real-time priority it asked for, or the device's thread beside
+    /// it if that got less; `NotAsked` before both ran, unless the first was refused already.
     pub fn priority(&self) -> Grant {
         let device = self.device_asked.as_ref().map(Asked::get);
         worse(self.asked.get(), device)
@@ -109,13 +110,14 @@ impl Controls {
         self.frames.load(Relaxed)
     }
 
-    /// Frames that a wake-up of the device really asks for: of all callbacks of a bunch, the most in the last seconds; 0 for none.
+    /// Frames that a wake-up of the device really asks for: of all callbacks of a bunch, the most in the
+    /// last seconds; 0 for none.
     pub fn period_frames(&self) -> u32 {
         self.period_frames.load(Relaxed)
     }
 
-    /// From the time at which a tick reads its inputs to that of the callback which asks for its first sample, in nanoseconds:
-    /// the driver's part of the latency.
+    /// From the time at which a tick reads its inputs to that of the callback which asks for its first
+    /// sample, in nanoseconds: the driver's part of the latency.
     pub fn lead_ns(&self) -> u64 {
         self.lead_ns.load(Relaxed)
     }
@@ -170,7 +172,8 @@ impl Controls {
         ramp.open(!(self.reins.muted() || self.stopping() || self.failed()));
     }
 
-    /// The largest sample that the device was given since this was last asked, the last callback's included, of full scale.
+    /// The largest sample that the device was given since this was last asked, the last callback's
+    /// included, of full scale.
     pub fn peak(&self) -> f32 {
         // It may be asked more often than the device calls; what was given then plays still.
         f32::from_bits(self.peak.swap(0, Relaxed).max(self.last_peak.load(Relaxed)))
@@ -230,7 +233,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_peak_of_a_device_that_calls_less_often_than_it_is_asked_for_stays_what_plays() {
+    fn peak_between_callbacks_stays_that_of_the_last_block() {
         let controls = Controls::new(&Options::new(Arc::new(Meters::new(500))), None);
         let ramp = Ramp::new(48_000, 1, 0.0);
         controls.note(&ramp, &[0.1, -0.75, 0.2]);
@@ -241,7 +244,7 @@ mod tests {
     }
 
     #[test]
-    fn a_refusal_of_either_thread_is_told_and_a_grant_only_once_both_have_it() {
+    fn grant_of_two_threads_is_the_worse_one() {
         use Grant::{Granted, NotAsked, NotSupported, Refused};
         for (ticks, device, told) in [
             (Granted, None, Granted),

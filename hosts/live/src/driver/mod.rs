@@ -1,8 +1,8 @@
 //! What calls the next tick: the audio callback itself, a paced thread, or a timer.
 //!
-//! A driver starts with a [`Ticker`] and gives it back when it stops, so that the same run can go on under another one: a
-//! device is lost, a timer takes over, the device is there again. Each fades its output in and out by a
-//! [`Ramp`](crate::Ramp), and counts in [`Meters`] what it could not play.
+//! A driver starts with a [`Ticker`] and gives it back when it stops, so that the same run can go on under
+//! another one: a device is lost, a timer takes over, the device is there again. Each fades its output in
+//! and out by a [`Ramp`](crate::Ramp), and counts in [`Meters`] what it could not play.
 
 mod callback;
 mod controls;
@@ -28,7 +28,8 @@ use crate::outlet::Guards;
 use crate::ramp::START_S;
 use crate::realtime::PRIORITY;
 
-/// A graph that can be run tick by tick. Nothing here may wait, allocate or log; a panic is caught, and ends the output.
+/// A graph that can be run tick by tick. Nothing here may wait, allocate or log; a panic is caught, and
+/// ends the output.
 pub trait Ticker: Send {
     /// Ticks a second, at least 1.
     fn tick_hz(&self) -> u32;
@@ -42,9 +43,9 @@ pub trait Ticker: Send {
     /// The number of the tick that is run next.
     fn next_tick(&self) -> u64;
 
-    /// Runs the next tick. `time_ns`: the virtual time at which inputs are to be read, by [`now_ns`](crate::now_ns). `out`:
-    /// interleaved room for exactly this tick's samples (`asperity_node::time::samples(next_tick, rate_hz, tick_hz)`), zeroed, to be
-    /// filled.
+    /// Runs the next tick. `time_ns`: the virtual time at which inputs are to be read, by
+    /// [`now_ns`](crate::now_ns). `out`: interleaved room for exactly this tick's samples
+    /// (`asperity_node::time::samples(next_tick, rate_hz, tick_hz)`), zeroed, to be filled.
     fn tick(&mut self, time_ns: u64, out: &mut [f32]);
 
     /// Goes on `n` ticks later, without running those between.
@@ -73,8 +74,8 @@ impl Clock {
     }
 }
 
-/// The clock that was asked for; else the callback where the device's real period is at most one tick, a paced thread where it
-/// is longer, and a timer where there is no device (`period_frames` 0).
+/// The clock that was asked for; else the callback where the device's real period is at most one tick, a
+/// paced thread where it is longer, and a timer where there is no device (`period_frames` 0).
 pub fn choose(asked: Option<Clock>, period_frames: u32, rate_hz: u32, tick_hz: u32) -> Clock {
     let fits = u64::from(period_frames) * u64::from(tick_hz) <= u64::from(rate_hz);
     match (asked, period_frames) {
@@ -92,9 +93,11 @@ pub struct Options {
     pub priority: Option<i32>,
     /// Seconds from silence to full at the start.
     pub start_s: f64,
-    /// The device's period in frames, for the paced driver; 0: as it is seen, which follows a device that asks in bunches.
+    /// The device's period in frames, for the paced driver; 0: as it is seen, which follows a device that
+    /// asks in bunches.
     pub period_frames: u32,
-    /// The device's period in frames as it was seen before, for the paced driver: how much room it makes; 0 where it is not known.
+    /// The device's period in frames as it was seen before, for the paced driver: how much room it makes; 0
+    /// where it is not known.
     pub seen_frames: u32,
     /// Where times and counts go.
     pub meters: Arc<Meters>,
@@ -128,7 +131,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_callback_ticks_where_its_period_is_at_most_a_tick() {
+    fn clock_is_callback_up_to_a_period_of_one_tick() {
         assert_eq!(choose(None, 96, 48_000, 500), Clock::Callback);
         assert_eq!(choose(None, 97, 48_000, 500), Clock::Paced);
         assert_eq!(choose(None, 64, 48_000, 1_000), Clock::Paced);

@@ -1,21 +1,23 @@
 //! A thread with evenly spaced ticks, steered by the device's clock, through a ring.
 //!
-//! A tick that begins at position x of the device's frames is due at t(x) - L: t is the line of the delay-locked loop over
-//! callback times, L the lead: the device's real period, since a callback may ask for that many frames at once, and a margin
-//! for waking up and for callbacks that come early. The ring then holds the period, a tick and the margin at most, whatever
-//! happens: the thread has no other measure than position, so that the fill need not be steered by itself.
+//! A tick that begins at position x of the device's frames is due at t(x) - L: t is the line of the
+//! delay-locked loop over callback times, L the lead: the device's real period, since a callback may ask
+//! for that many frames at once, and a margin for waking up and for callbacks that come early. The ring
+//! then holds the period, a tick and the margin at most, whatever happens: the thread has no other measure
+//! than position, so that the fill need not be steered by itself.
 //!
-//! Measured with a device of 1024 frames at 48 kHz and 500 Hz ticks, on 2 busy cores of a virtual machine: the hand's times are 2 ms apart
-//! within 0.4 us (p1 and p99), the ticks themselves within 28 us; the lead is 22.4 ms, 21.3 of them the period.
-//! With 256 frames beside builds that made it stall, the lead stayed 6.35 to 6.36 ms over five runs, 5.3 of them the period (11.8 ms where what
-//! a late wake-up asks for counted as its period).
+//! Measured with a device of 1024 frames at 48 kHz and 500 Hz ticks, on 2 busy cores of a virtual machine:
+//! the hand's times are 2 ms apart within 0.4 us (p1 and p99), the ticks themselves within 28 us; the lead
+//! is 22.4 ms, 21.3 of them the period. With 256 frames beside builds that made it stall, the lead stayed
+//! 6.35 to 6.36 ms over five runs, 5.3 of them the period (11.8 ms where what a late wake-up asks for
+//! counted as its period).
 //!
-//! A thread that is late runs what is behind at once; beyond 16 ticks it leaves out whole ticks, as far as the device has
-//! said that their time has gone by.
+//! A thread that is late runs what is behind at once; beyond 16 ticks it leaves out whole ticks, as far as
+//! the device has said that their time has gone by.
 //!
-//! A server that asks faster than time goes by (JACK in freewheel) is more than the thread can keep up with: what it cannot have is
-//! silent and counted, and ticks are left out. A run that was freewheeled for a second left out 29.9 s of samples, all of them counted. The
-//! callback clock renders every one.
+//! A server that asks faster than time goes by (JACK in freewheel) is more than the thread can keep up
+//! with: what it cannot have is silent and counted, and ticks are left out. A run that was freewheeled for
+//! a second left out 29.9 s of samples, all of them counted. The callback clock renders every one.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicI64, AtomicU64, Ordering::*};
@@ -38,16 +40,17 @@ const MARGIN_NS: f64 = 1e6;
 const LISTEN_NS: u64 = 100_000_000;
 /// The longest sleep: requests and a moved clock are looked at between.
 const NAP_NS: u64 = 5_000_000;
-/// Seconds of samples the ring has room for at least, beside the ticks that may be run behind: a device that asks in bunches may
-/// begin to do so later.
+/// Seconds of samples the ring has room for at least, beside the ticks that may be run behind: a device
+/// that asks in bunches may begin to do so later.
 const ROOM_S: f64 = 2.0;
-/// Periods it has room for at least. It holds one, a tick and the margin, as far as the period is the one it was made for.
+/// Periods it has room for at least. It holds one, a tick and the margin, as far as the period is the one
+/// it was made for.
 const ROOM_PERIODS: usize = 3;
 /// Stack that the device's thread touches at its first callback.
 const DEVICE_STACK: usize = 32_768;
 
-/// Starts a run whose ticks a thread calls, and an audio device plays. The thread listens to the device's first callbacks,
-/// then begins. The device must have the ticker's rate and channels.
+/// Starts a run whose ticks a thread calls, and an audio device plays. The thread listens to the device's
+/// first callbacks, then begins. The device must have the ticker's rate and channels.
 ///
 /// # Errors
 /// The system gives no thread; the ticker is lost then.
@@ -191,7 +194,8 @@ impl Pace {
         true
     }
 
-    /// Leaves out up to `behind` ticks, as far as their time has gone by unplayed beyond what the ring holds. False for none.
+    /// Leaves out up to `behind` ticks, as far as their time has gone by unplayed beyond what the ring
+    /// holds. False for none.
     fn skip(&mut self, ticker: &mut impl Ticker, behind: u64) -> bool {
         // The ring first: see where the device's end drops.
         let there = (self.ring.occupied_len() / self.rates.channels) as i64;
@@ -222,8 +226,9 @@ struct Stream {
 
 /// What the device calls: takes samples from the ring, and tells the thread the device's time.
 ///
-/// Position in the stream is position in time. What was missing when it was to be played, or went by in a gap, is owed: as
-/// many frames are dropped, or left out by the thread, before anything is played again. So no latency is ever added.
+/// Position in the stream is position in time. What was missing when it was to be played, or went by in a
+/// gap, is owed: as many frames are dropped, or left out by the thread, before anything is played again. So
+/// no latency is ever added.
 pub struct PacedHalf {
     controls: Arc<Controls>,
     stream: Arc<Stream>,
@@ -307,7 +312,8 @@ impl PacedHalf {
             let drop = owed.min(there).max(0);
             if drop > 0 {
                 self.owed -= drop;
-                // Told before it is done: the thread, which looks at the ring first, then never thinks that more is owed than is.
+                // Told before it is done: the thread, which looks at the ring first, then never thinks that
+                // more is owed than is.
                 self.stream.owed.store(self.owed, Release);
                 self.ring.skip(drop as usize * self.channels);
             }

@@ -5,8 +5,8 @@ use crate::view::Condition;
 use asperity_node::random::bits;
 use std::time::Duration;
 
-/// A device in real time. What it hears must be the stream at its own position in time, bit for bit, but for what the meters
-/// say was missing.
+/// A device in real time. What it hears must be the stream at its own position in time, bit for bit, but
+/// for what the meters say was missing.
 struct Device {
     half: PacedHalf,
     options: Options,
@@ -111,7 +111,8 @@ impl Device {
     }
 }
 
-/// The samples that were computed are those that were played, those dropped or left out for what was missing, and some ahead.
+/// The samples that were computed are those that were played, those dropped or left out for what was
+/// missing, and some ahead.
 fn account(device: &Device, ticker: &Counter, tail_ms: u64) {
     let rate = u64::from(device.rate_hz);
     let passed = device.played + device.options.meters.lost_samples.get();
@@ -123,7 +124,7 @@ fn account(device: &Device, ticker: &Counter, tail_ms: u64) {
 }
 
 #[test]
-fn what_is_heard_is_the_stream_at_its_place_in_time_for_any_callbacks() {
+fn paced_stream_keeps_its_place_in_time() {
     for (rate_hz, tick_hz, sizes) in [
         (48_000, 500, &[1024][..]),
         (44_100, 500, &[0, 1, 64, 97, 441, 1024]),
@@ -148,7 +149,7 @@ fn what_is_heard_is_the_stream_at_its_place_in_time_for_any_callbacks() {
 }
 
 #[test]
-fn there_is_room_for_callbacks_of_any_length() {
+fn ring_has_room_for_callbacks_of_any_length() {
     for (rate_hz, tick_hz, channels, frames, seen) in [
         (48_000, 500, 2, 16_384, false),
         (44_100, 500, 1, 65_536, false),
@@ -164,7 +165,7 @@ fn there_is_room_for_callbacks_of_any_length() {
 }
 
 #[test]
-fn a_callback_of_a_third_of_a_second_is_filled() {
+fn callback_of_a_third_of_a_second_is_filled() {
     for (rate_hz, frames) in [(48_000, 16_384), (96_000, 65_536)] {
         let (driver, mut device) = Device::new(Counter::new(rate_hz, 500, 1, 0), options(500));
         // However busy the machine: without room for them, none would be.
@@ -180,7 +181,7 @@ fn a_callback_of_a_third_of_a_second_is_filled() {
 }
 
 #[test]
-fn the_thread_of_the_device_asks_for_priority_too() {
+fn device_thread_requests_priority_too() {
     let options = Options { priority: Some(5), ..options(500) };
     let (driver, mut half) = paced(Counter::new(48_000, 500, 1, 0), &options).expect("a thread");
     let controls = Arc::clone(driver.controls());
@@ -196,7 +197,7 @@ fn the_thread_of_the_device_asks_for_priority_too() {
 }
 
 #[test]
-fn a_tick_that_stalls_costs_what_is_counted_and_no_latency_after() {
+fn stalled_tick_costs_counted_samples_and_no_latency() {
     for (stall_ms, frames) in [(30, 256), (120, 64), (400, 1024)] {
         let mut ticker = Counter::new(48_000, 500, 1, 0);
         ticker.stall = Some((100, Duration::from_millis(stall_ms)));
@@ -222,7 +223,7 @@ fn a_tick_that_stalls_costs_what_is_counted_and_no_latency_after() {
 }
 
 #[test]
-fn a_device_that_stood_still_plays_nothing_stale() {
+fn device_after_a_standstill_plays_nothing_stale() {
     let (driver, mut device) = Device::new(Counter::new(48_000, 1_000, 1, 0), options(1_000));
     device.run(900, &[128]);
     while !device.half.dll.settled() {
@@ -244,7 +245,7 @@ fn a_device_that_stood_still_plays_nothing_stale() {
 }
 
 #[test]
-fn a_panic_ends_in_silence_and_the_device_goes_on() {
+fn panic_ends_in_silence_and_the_device_goes_on() {
     let mut ticker = Counter::new(48_000, 500, 1, 0);
     ticker.panic_at = Some(60);
     let (driver, mut device) = Device::new(ticker, options(500));
@@ -259,7 +260,7 @@ fn a_panic_ends_in_silence_and_the_device_goes_on() {
 }
 
 #[test]
-fn a_stop_ramps_down_and_a_device_that_is_gone_does_not_hold_it_up() {
+fn stop_ramps_down_and_does_not_wait_for_a_dead_device() {
     let (driver, mut device) = Device::new(Counter::new(48_000, 500, 1, 50), options(500));
     device.run_until_played(&[256]);
     device.run(20, &[256]);

@@ -49,8 +49,8 @@ impl Rates {
         time::max_samples(self.rate_hz, self.tick_hz) * self.channels
     }
 
-    /// Samples from `origin` to where a tick begins, without rounding to whole ones: those of 44.1 kHz and 500 Hz are 88 or 89, but the ticks
-    /// are 2 ms apart.
+    /// Samples from `origin` to where a tick begins, without rounding to whole ones: those of 44.1 kHz and
+    /// 500 Hz are 88 or 89, but the ticks are 2 ms apart.
     pub(super) fn samples_from(&self, origin: u64, tick: u64) -> f64 {
         let (tick_hz, rate_hz) = (i128::from(self.tick_hz), i128::from(self.rate_hz));
         (i128::from(tick) * rate_hz - i128::from(origin) * tick_hz) as f64 / tick_hz as f64
@@ -63,7 +63,8 @@ impl Rates {
     }
 }
 
-/// Runs the next tick into room for it. False if it panicked: the panic is noted, and the ticker not to be run again.
+/// Runs the next tick into room for it. False if it panicked: the panic is noted, and the ticker not to be
+/// run again.
 pub(super) fn tick(
     ticker: &mut impl Ticker,
     controls: &Controls,
@@ -87,7 +88,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_tick_at_a_sample_is_the_last_that_begins_there_or_before() {
+    fn tick_at_a_sample_is_the_last_to_begin_by_then() {
         for (rate_hz, tick_hz) in
             [(48_000, 500), (44_100, 500), (2_500, 4_000), (44_100, 4_000), (96_000, 100)]
         {

@@ -12,10 +12,11 @@ pub(crate) struct Slot<T> {
     cell: UnsafeCell<Option<T>>,
 }
 
-// SAFETY: a shared slot gives access to the cell through an `Entered` only, and one exists at a time: `enter` makes it after it alone has seen
-// `taken` go from false to true, and nothing but its drop sets `taken` back. The drop's Release and the next `enter`'s Acquire on the
-// same flag put all that one thread did with the cell before all that the next does. So the `T` is never used by two threads at a time
-// but handed from one to the other, which is what `Send` allows.
+// SAFETY: a shared slot gives access to the cell through an `Entered` only, and one exists at a time:
+// `enter` makes it after it alone has seen `taken` go from false to true, and nothing but its drop sets
+// `taken` back. The drop's Release and the next `enter`'s Acquire on the same flag put all that one thread
+// did with the cell before all that the next does. So the `T` is never used by two threads at a time but
+// handed from one to the other, which is what `Send` allows.
 unsafe impl<T: Send> Sync for Slot<T> {}
 
 impl<T> Slot<T> {
@@ -32,8 +33,8 @@ impl<T> Slot<T> {
 /// The sole access to a slot. Let go when it is dropped, also by a panic.
 pub(crate) struct Entered<'a, T> {
     slot: &'a Slot<T>,
-    /// It is what it stands for, a mutable borrow. Without this it would be `Sync` wherever the slot is, for a `T` that is only `Send`, and
-    /// several threads that share it could use the `T` at once.
+    /// It is what it stands for, a mutable borrow. Without this it would be `Sync` wherever the slot is,
+    /// for a `T` that is only `Send`, and several threads that share it could use the `T` at once.
     as_if: PhantomData<&'a mut Option<T>>,
 }
 
@@ -72,14 +73,14 @@ mod tests {
     impl<T: ?Sized + Sync> NotSync<u8> for T {}
 
     #[test]
-    fn access_to_what_threads_cannot_share_is_not_shared() {
+    fn slot_access_is_send_but_not_sync() {
         <Entered<'static, Cell<u32>> as NotSync<_>>::what();
         fn crosses<T: Send>(_: &T) {}
         crosses(&Slot::new(Cell::new(0)).enter());
     }
 
     #[test]
-    fn two_threads_are_never_in_at_once_and_see_what_the_other_did() {
+    fn slot_admits_one_thread_at_a_time() {
         let slot = Slot::new(Cell::new(0_u64));
         let count = || {
             let mut entered = 0;
@@ -98,7 +99,7 @@ mod tests {
     }
 
     #[test]
-    fn a_panic_inside_lets_the_slot_go() {
+    fn panic_inside_releases_the_slot() {
         let slot = Slot::new(1);
         let within = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| {
             let _entered = slot.enter().expect("it is free");

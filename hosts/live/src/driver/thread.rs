@@ -14,7 +14,8 @@ const STACK: usize = 262_144;
 /// Longest time that the thread may take to end.
 const END: Duration = Duration::from_secs(1);
 
-/// Run whose ticks a thread of its own calls: [`paced`](super::paced) or [`timer`](super::timer). Dropping it requests a stop.
+/// Run whose ticks a thread of its own calls: [`paced`](super::paced) or [`timer`](super::timer). Dropping
+/// it requests a stop.
 #[derive(Debug)]
 pub struct TickThread<T> {
     thread: Option<JoinHandle<T>>,
@@ -46,8 +47,8 @@ impl<T: Send + 'static> TickThread<T> {
         &self.controls
     }
 
-    /// Stops the ticks and returns the ticker. A paced output ramps down first, unless the device no longer calls.
-    /// `None` if a tick does not end within a second: the thread is left to itself.
+    /// Stops the ticks and returns the ticker. A paced output ramps down first, unless the device no longer
+    /// calls. `None` if a tick does not end within a second: the thread is left to itself.
     pub fn stop(mut self) -> Option<T> {
         self.controls.request_stop();
         let thread = self.thread.take()?;

@@ -12,7 +12,7 @@ fn wait_for(options: &Options, tick: u64) {
 }
 
 #[test]
-fn a_timer_ticks_on_time_of_its_own_and_gives_the_ticker_back() {
+fn timer_ticks_evenly_and_returns_the_ticker() {
     let options = options(1000);
     let timer = timer(Counter::new(48_000, 1000, 1, 5), &options).expect("a thread");
     wait_for(&options, 20);
@@ -24,7 +24,7 @@ fn a_timer_ticks_on_time_of_its_own_and_gives_the_ticker_back() {
 }
 
 #[test]
-fn a_timer_that_is_far_behind_leaves_ticks_out_and_counts_them() {
+fn late_timer_skips_ticks_and_counts_them() {
     let options = options(1000);
     let mut ticker = Counter::new(48_000, 1000, 1, 0);
     ticker.stall = Some((20, Duration::from_millis(60)));
@@ -40,7 +40,7 @@ fn a_timer_that_is_far_behind_leaves_ticks_out_and_counts_them() {
 }
 
 #[test]
-fn a_run_goes_on_under_a_timer_while_its_device_is_lost_and_on_another_device_after() {
+fn run_moves_from_lost_device_to_timer_and_back() {
     let first = options(500);
     let (driver, mut half) = Callback::new(Counter::new(48_000, 500, 1, 0), &first);
     (0..30).for_each(|i| drop(call(&mut half, 1_000_000_000 + i * 2_000_000, 96, 1)));

@@ -34,7 +34,8 @@ impl Shared {
     }
 }
 
-/// Looks on while a device records: waits for something to be heard at the first recorded channel, and knows of gaps.
+/// Looks on while a device records: waits for something to be heard at the first recorded channel, and
+/// knows of gaps.
 #[derive(Clone, Debug)]
 pub struct Listener(Arc<Shared>);
 
@@ -50,8 +51,9 @@ impl Listener {
         self.0.wanted.store(level.abs().to_bits(), Release);
     }
 
-    /// When it was there: the time of the call that brought it and its place in the block, by [`now_ns`](crate::now_ns); and how long
-    /// before it was at the device's input, as far as the device says. None while it was not.
+    /// When it was there: the time of the call that brought it and its place in the block, by
+    /// [`now_ns`](crate::now_ns); and how long before it was at the device's input, as far as the device
+    /// says. None while it was not.
     pub fn heard_ns(&self) -> Option<u64> {
         Some(self.0.heard_ns.load(Acquire)).filter(|ns| *ns > 0)
     }
@@ -66,8 +68,8 @@ pub struct MicWriter {
     shared: Arc<Shared>,
 }
 
-/// Where the tick thread takes it: as far behind as the longest block of the last seconds is long, so that every tick finds its
-/// samples. What is behind by more is dropped, so that it stays that far behind.
+/// Where the tick thread takes it: as far behind as the longest block of the last seconds is long, so that
+/// every tick finds its samples. What is behind by more is dropped, so that it stays that far behind.
 pub struct MicReader {
     from: HeapCons<f32>,
     channels: usize,
@@ -79,7 +81,8 @@ pub struct MicReader {
     shared: Arc<Shared>,
 }
 
-/// A way from a device to a tick thread, for `channels` that are recorded at a rate, in a run of so many ticks a second.
+/// A way from a device to a tick thread, for `channels` that are recorded at a rate, in a run of so many
+/// ticks a second.
 pub fn mic(channels: usize, rate_hz: u32, tick_hz: u32) -> (MicWriter, MicReader) {
     let room = (f64::from(rate_hz) * ROOM_S) as usize;
     let (to, from) = HeapRb::new(room.max(1) * channels.max(1)).split();
@@ -134,7 +137,8 @@ impl Capture for MicWriter {
 }
 
 impl MicReader {
-    /// Takes the frames of the next tick. False where they are not there: it then waits until a block and a tick are.
+    /// Takes the frames of the next tick. False where they are not there: it then waits until a block and a
+    /// tick are.
     pub(super) fn advance(&mut self, frames: usize) -> bool {
         let wide = self.channels.max(1);
         let wanted = (frames * wide).min(self.scratch.len());
@@ -213,7 +217,8 @@ mod tests {
         (left[0] as usize, right[0])
     }
 
-    /// Ticks of 96 frames against blocks of 441 of a clock that is off by `ppm`, as far as f32 counts: the longest delay, and what was counted.
+    /// Ticks of 96 frames against blocks of 441 of a clock that is off by `ppm`, as far as f32 counts: the
+    /// longest delay, and what was counted.
     fn drift(ppm: i64) -> (usize, u64, u64) {
         let (mut to, mut reader) = mic(2, 48_000, 500);
         let (mut recorded, mut longest, mut gone, mut next) = (0, 0, 0, None);
@@ -235,7 +240,7 @@ mod tests {
     }
 
     #[test]
-    fn a_device_that_is_slower_or_faster_never_grows_the_delay_and_what_that_costs_is_counted() {
+    fn clock_drift_keeps_the_delay_and_counts_gaps() {
         assert_eq!((drift(0).1, drift(0).2), (0, 0));
         for ppm in [100, -100, 1000, -1000] {
             let (longest, gone, counted) = drift(ppm);
@@ -248,7 +253,7 @@ mod tests {
     }
 
     #[test]
-    fn what_came_before_the_first_tick_is_no_loss_and_a_device_that_stops_is_counted() {
+    fn recording_before_first_tick_is_no_loss() {
         let (mut to, mut reader) = mic(2, 48_000, 500);
         let listener = to.listener();
         (0..40).for_each(|n| record(&mut to, 441 * n, 441));
@@ -263,7 +268,7 @@ mod tests {
     }
 
     #[test]
-    fn one_long_block_is_forgotten_and_what_is_recorded_flows_again() {
+    fn recording_flows_again_after_one_long_block() {
         let (mut to, mut reader) = mic(2, 48_000, 500);
         record(&mut to, 0, 47_950);
         let mut flowing = false;

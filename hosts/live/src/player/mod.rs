@@ -52,7 +52,8 @@ impl Drop for Now<'_> {
     }
 }
 
-/// An engine, its inputs, its sinks, and what is seen of it. Made by [`conduct`](crate::conduct); run by a driver.
+/// An engine, its inputs, its sinks, and what is seen of it. Made by [`conduct`](crate::conduct); run by a
+/// driver.
 pub struct Player {
     engine: Engine,
     wiring: Box<Wiring>,
@@ -164,7 +165,8 @@ impl Player {
     /// Hands on what came out of a tick.
     fn hand_on(&mut self, out: &mut [f32]) {
         if !self.wired() {
-            // Indices of another graph: no signal but one behind a limiter may reach a device, and no plane but the one that was meant.
+            // Indices of another graph: no signal but one behind a limiter may reach a device, and no plane
+            // but the one that was meant.
             for slot in &mut self.wiring.forces {
                 if let Some(writer) = &mut slot.writer {
                     writer.write(ForceModel { time_ns: now_ns(), ..ForceModel::default() });
@@ -238,7 +240,8 @@ impl Ticker for Player {
         if self.wired() {
             self.wiring.meters.take(&self.engine, &self.wiring.spent);
         } else {
-            // This tick's times are by the numbers of the new graph, in a table of the old one: they are left out.
+            // This tick's times are by the numbers of the new graph, in a table of the old one: they are
+            // left out.
             self.rewire();
         }
         self.hand_on(out);

@@ -32,7 +32,8 @@ struct Meter {
     faults: AtomicU64,
     fault: AtomicU64,
     quarantined: AtomicBool,
-    /// Calls whose time was taken, and how long they took. A node that goes on in another graph is timed there from its start.
+    /// Calls whose time was taken, and how long they took. A node that goes on in another graph is timed
+    /// there from its start.
     timed: AtomicU64,
     spent_ns: AtomicU64,
     longest_ns: AtomicU64,
@@ -75,7 +76,8 @@ impl NodeMeters {
         self.inside.store(0, Relaxed);
     }
 
-    /// The call that is under way, which no other call is equal to, and the node that is called; none between ticks.
+    /// The call that is under way, which no other call is equal to, and the node that is called; none
+    /// between ticks.
     pub(crate) fn inside(&self) -> Option<(u64, usize)> {
         let call = self.inside.load(Relaxed);
         let node = call & ((1 << NODE_BITS) - 1);
@@ -159,7 +161,8 @@ impl Meter {
     }
 }
 
-/// What stands for a buffer in a single number: the first value of a control, the mean square of audio, the largest bin.
+/// What stands for a buffer in a single number: the first value of a control, the mean square of audio, the
+/// largest bin.
 fn level(buffer: &Buffer, before: f32) -> f32 {
     match buffer {
         Buffer::Control { values, .. } => values.first().map_or(0.0, |x| *x as f32),
@@ -203,7 +206,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_fault_comes_back_in_words() {
+    fn fault_code_reads_back_as_its_text() {
         assert_eq!(fault_text(0), "");
         for fault in [
             Fault::Panicked,
@@ -218,7 +221,7 @@ mod tests {
     }
 
     #[test]
-    fn the_level_of_a_steady_tone_is_its_rms_and_falls_in_silence() {
+    fn level_of_a_tone_is_its_rms_and_decays_in_silence() {
         let sine = |n: usize| (0.1 * n as f32).sin();
         let mut level_of = 0.0;
         for k in 0..200 {

@@ -108,8 +108,8 @@ impl Iterator for Pairs<'_> {
 impl ExactSizeIterator for Pairs<'_> {}
 
 impl TapeReader {
-    /// Takes the values of the next tick that was taken down, and answers where they begin: a tick for controls, a sample
-    /// at the signal's rate for audio and frames.
+    /// Takes the values of the next tick that was taken down, and answers where they begin: a tick for
+    /// controls, a sample at the signal's rate for audio and frames.
     pub fn next(&mut self, values: &mut Vec<f32>) -> Option<u64> {
         values.clear();
         // The values are pushed behind their head, perhaps a moment later.
@@ -146,7 +146,7 @@ mod tests {
     }
 
     #[test]
-    fn a_tick_is_on_the_tape_whole_or_lost_and_counted() {
+    fn tape_holds_a_tick_whole_or_counts_it_lost() {
         let (mut to, mut from) = blank(20);
         let mut values = Vec::new();
         // A start beyond 32 bits; and so often that it goes round.
@@ -162,7 +162,7 @@ mod tests {
     }
 
     #[test]
-    fn a_tape_ends_when_it_is_read_to_the_end_and_nobody_writes() {
+    fn tape_without_writer_ends_when_read() {
         let (mut to, mut from) = blank(20);
         let bins = [asperity_node::Complex::new(1.0, 2.0), asperity_node::Complex::new(3.0, 4.0)];
         to.push(7, Pairs(bins.iter(), None));

@@ -12,7 +12,8 @@ use super::{NodeMeters, TapeWriter};
 use crate::ForceWriter;
 use crate::timeline::{Reading, Timeline};
 
-/// The places of one graph. Made beforehand; taken over in the tick in which the engine takes over that graph.
+/// The places of one graph. Made beforehand; taken over in the tick in which the engine takes over that
+/// graph.
 pub(crate) struct Wiring {
     /// [`Engine::swaps`] from which on it holds.
     pub(crate) swap: u64,

@@ -50,7 +50,8 @@ impl Capture for Recorder {
             let _ = ask_priority(priority);
             touch_stack::<STACK>();
         }
-        // Nobody holds it but a device that is being closed; it is never waited for, and a panic there does not end it here.
+        // Nobody holds it but a device that is being closed; it is never waited for, and a panic there does
+        // not end it here.
         if let Some(Some(writer)) = self.to.enter().as_deref_mut() {
             writer.capture(block);
         }
@@ -85,14 +86,15 @@ impl Card {
         &self.stream
     }
 
-    /// Wake-ups that were listened to, and frames that one asks for as far as is known: 0 before the first call.
+    /// Wake-ups that were listened to, and frames that one asks for as far as is known: 0 before the first
+    /// call.
     pub(super) fn wakes(&self) -> (u64, u32) {
         let (wakes, frames) = self.give.heard();
         (wakes, frames.max(self.stream.period().unwrap_or(0)))
     }
 
-    /// Whether its host may cut what one wake-up asks for into several calls. JACK never does: there, calls that come at once are a
-    /// machine that was late, and say nothing of the period.
+    /// Whether its host may cut what one wake-up asks for into several calls. JACK never does: there, calls
+    /// that come at once are a machine that was late, and say nothing of the period.
     pub(super) fn bunches(&self) -> bool {
         matches!(self.stream.host(), "pulseaudio" | "pipewire" | "alsa")
     }

@@ -141,7 +141,8 @@ pub struct Ended {
 }
 
 impl Session {
-    /// Opens the device and starts to play, or starts a timer without one. `mic` is where what the device records goes.
+    /// Opens the device and starts to play, or starts a timer without one. `mic` is where what the device
+    /// records goes.
     ///
     /// # Errors
     /// What the device or the system says; nothing runs then.
@@ -210,8 +211,8 @@ impl Session {
         !(gone || given_up)
     }
 
-    /// Looks after the device: what it said, whether it is lost, whether it is back. To be called some tens of times a second.
-    /// Answers what a person should know, once.
+    /// Looks after the device: what it said, whether it is lost, whether it is back. To be called some tens
+    /// of times a second. Answers what a person should know, once.
     ///
     /// # Errors
     /// Where the system gives no thread.

@@ -46,7 +46,8 @@ impl Give {
         self.heard.rate_hz.store(rate_hz, Relaxed);
     }
 
-    /// Wake-ups of the device that are over, and frames that a wake-up asks for, all calls of a bunch together; 0 for none.
+    /// Wake-ups of the device that are over, and frames that a wake-up asks for, all calls of a bunch
+    /// together; 0 for none.
     pub(super) fn heard(&self) -> (u64, u32) {
         let heard = &self.heard;
         (u64::from(heard.wakes.load(Acquire)), heard.period_frames.load(Relaxed))
@@ -108,8 +109,8 @@ impl Wakes {
         over
     }
 
-    /// What wake-ups ask for again and again. The two largest alone say nothing: a device fills its buffer at the start, and makes up for
-    /// a call that came late.
+    /// What wake-ups ask for again and again. The two largest alone say nothing: a device fills its buffer
+    /// at the start, and makes up for a call that came late.
     fn period(&self) -> u32 {
         self.most.iter().rev().copied().find(|frames| *frames > 0).unwrap_or(0)
     }
@@ -119,7 +120,8 @@ impl Wakes {
 mod tests {
     use super::*;
 
-    /// A device that is awake every `every` frames, and then asks for as many calls of `frames` as have come due.
+    /// A device that is awake every `every` frames, and then asks for as many calls of `frames` as have
+    /// come due.
     fn listen(every: u64, frames: u64, prefill: u64, late: &[u64]) -> Wakes {
         let (mut wakes, mut asked) = (Wakes::default(), 0);
         let mut now = 1_000_000_000;
@@ -137,7 +139,7 @@ mod tests {
     }
 
     #[test]
-    fn calls_that_come_in_bunches_are_one_wake_up() {
+    fn bunched_calls_are_one_wake_up() {
         let wakes = listen(128, 73, 292, &[]);
         assert_eq!((wakes.period(), wakes.count), (146, 15));
         // 96 frames are a tick of 2 ms: a call fits, a wake-up of this device does not.
@@ -146,7 +148,7 @@ mod tests {
     }
 
     #[test]
-    fn a_full_buffer_at_the_start_and_a_late_call_are_not_the_period() {
+    fn first_fill_and_late_call_are_not_the_period() {
         assert_eq!(listen(64, 64, 256, &[]).period(), 64);
         assert_eq!(listen(64, 64, 64, &[9]).period(), 64);
         assert_eq!(listen(64, 64, 256, &[9]).period(), 64);
@@ -154,7 +156,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_heard_before_something_is_given_is_told() {
+    fn switch_reports_wake_ups_until_it_is_given_work() {
         let (mut give, mut switch) = switch();
         let mut call = |now_ns| {
             let mut output = [1.0; 64];

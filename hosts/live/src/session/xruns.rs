@@ -3,8 +3,9 @@
 /// What is this long after all else is another gap, in nanoseconds.
 const QUIET_NS: u64 = 300_000_000;
 
-/// Xruns of all streams of a run. The loop over callback times sees a gap, and some hosts report one: most often the same. Between two
-/// times of quiet the larger of both counts is taken, so that a gap that both know of counts once.
+/// Xruns of all streams of a run. The loop over callback times sees a gap, and some hosts report one: most
+/// often the same. Between two times of quiet the larger of both counts is taken, so that a gap that both
+/// know of counts once.
 #[derive(Debug, Default)]
 pub(super) struct Xruns {
     /// Before the last quiet.
@@ -17,7 +18,8 @@ pub(super) struct Xruns {
 }
 
 impl Xruns {
-    /// All so far: `seen` by the loops of all streams, `reported` by the host of the open one. To be called as often as it is told.
+    /// All so far: `seen` by the loops of all streams, `reported` by the host of the open one. To be called
+    /// as often as it is told.
     pub(super) fn count(&mut self, seen: u64, reported: u64, now_ns: u64) -> u64 {
         if [seen, reported] != self.last {
             if now_ns.saturating_sub(self.changed_ns) > QUIET_NS {
@@ -46,7 +48,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_gap_that_the_host_reports_and_the_loop_sees_counts_once() {
+    fn gap_seen_by_host_and_loop_counts_once() {
         let ms = |ms: u64| 5_000_000_000 + ms * 1_000_000;
         let mut xruns = Xruns::default();
         assert_eq!(xruns.count(0, 0, ms(0)), 0);
