@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use asperity_audio::simulated::{Params, Simulated};
 use asperity_audio::{Request, events, open};
-use asperity_live::driver::{Callback, Clock, Options, Ticker, paced, timer};
+use asperity_live::driver::{Callback, Clock, Options, Rates, Ticker, paced, timer};
 use asperity_live::view::Condition;
 use asperity_live::{Meters, SessionOptions};
 use asperity_node::{
@@ -187,14 +187,8 @@ fn a_card_that_is_lost_in_any_way_is_waited_for_and_fades_in_when_it_is_back() {
 struct Panics(u64);
 
 impl Ticker for Panics {
-    fn tick_hz(&self) -> u32 {
-        500
-    }
-    fn rate_hz(&self) -> u32 {
-        48_000
-    }
-    fn channels(&self) -> usize {
-        1
+    fn rates(&self) -> Rates {
+        Rates { tick_hz: 500, rate_hz: 48_000, channels: 1 }
     }
     fn next_tick(&self) -> u64 {
         self.0

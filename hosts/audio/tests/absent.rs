@@ -5,8 +5,8 @@ mod parts;
 
 use std::process::Command;
 
-use asperity_audio::{OpenError, Request, events, hosts, open};
-use parts::Count;
+use asperity_audio::{OpenError, Request, hosts};
+use parts::refusal;
 
 const INSIDE: &str = "ASPERITY_TEST_INSIDE";
 
@@ -42,9 +42,7 @@ fn hosts_without_servers_lists_reasons_and_prints_nothing() {
 fn absent_host_is_an_error_without_fallback() {
     let Some(output) = alone("absent_host_is_an_error_without_fallback") else {
         for host in ["jack", "pulseaudio"] {
-            let (sender, _events) = events();
-            let request = Request { host: Some(host.into()), ..Request::default() };
-            let error = open(&request, Box::new(Count::default()), None, sender).err().unwrap();
+            let error = refusal(&Request { host: Some(host.into()), ..Request::default() });
             assert!(matches!(&error, OpenError::HostAway { host: away, .. } if away == host), "{error}");
         }
         return;

@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use asperity_audio::simulated::{Params, Simulated};
 use asperity_audio::{Event, Process, Stream, events, open};
-use parts::{Count, Each, by_hand, on, wait, wait_for_loss};
+use parts::{Count, Each, by_hand, on, refusal, wait, wait_for_loss};
 
 fn live(card: &Simulated, process: impl Process + 'static) -> (Stream, Receiver<Event>) {
     let (sender, received) = events();
@@ -84,8 +84,7 @@ fn unplugged_device_is_lost_and_reopens_when_back() {
     card.unplug();
     let (reason, _) = wait_for_loss(&received);
     assert!(reason.contains("not available"), "{reason}");
-    let (sender, _events) = events();
-    let error = open(&on(&card), Box::new(Count::default()), None, sender).err().unwrap();
+    let error = refusal(&on(&card));
     assert!(error.to_string().contains("there is no output device `plug`"), "{error}");
     card.plug();
     // The lost stream is still in hand: it does not stand in the way.

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use asperity_audio::{Event, OpenError, Request, events, hosts, open};
 use jack::{AsyncClient, AudioIn, Client, ClientOptions, Control, Port, ProcessHandler, ProcessScope};
-use parts::{Count, Loop, Recorder, play, wait, wait_for_loss};
+use parts::{Count, Loop, Recorder, play, play_told, refusal, wait, wait_for_loss};
 use servers::{Jack, inside};
 
 fn request(rate_hz: u32) -> Request {
@@ -131,8 +131,7 @@ fn server_rate_and_period_are_noted() {
         "{:?}",
         stream.notes()
     );
-    let (sender, _events) = events();
-    let error = open(&request(44_100), Box::new(Count::default()), None, sender).err().unwrap();
+    let error = refusal(&request(44_100));
     assert!(
         matches!(error, OpenError::NoRate { .. }) && error.to_string().contains("at 48000 Hz"),
         "{error}"
@@ -146,17 +145,14 @@ fn server_rate_and_period_are_noted() {
 fn killed_server_is_a_loss_and_the_next_one_opens() {
     let test = "killed_server_is_a_loss_and_the_next_one_opens";
     let Some(server) = inside(test, || Jack::start(48_000, 256)) else { return };
-    let (sender, received) = events();
-    let stream = open(&request(48_000), Box::new(Count::default()), None, sender).unwrap();
-    stream.play().unwrap();
+    let (stream, received) = play_told(&request(48_000));
     wait("a call", || stream.stats().callbacks > 20);
     let killed = Instant::now();
     server.kill();
     let (reason, _) = wait_for_loss(&received);
     println!("killed: lost after {} ms: {reason}", killed.elapsed().as_millis());
     drop(stream);
-    let (sender, _events) = events();
-    let error = open(&request(48_000), Box::new(Count::default()), None, sender).err().unwrap();
+    let error = refusal(&request(48_000));
     println!("then: {error}");
     assert!(matches!(error, OpenError::HostAway { .. }), "{error}");
     let name = std::env::var("JACK_DEFAULT_SERVER").unwrap();
@@ -170,9 +166,7 @@ fn killed_server_is_a_loss_and_the_next_one_opens() {
 fn stopped_server_is_a_loss_and_blocks_nobody() {
     let test = "stopped_server_is_a_loss_and_blocks_nobody";
     let Some(server) = inside(test, || Jack::start(48_000, 256)) else { return };
-    let (sender, received) = events();
-    let stream = open(&request(48_000), Box::new(Count::default()), None, sender).unwrap();
-    stream.play().unwrap();
+    let (stream, received) = play_told(&request(48_000));
     wait("a call", || stream.stats().callbacks > 20);
     let stopped = Instant::now();
     server.stop();
@@ -181,8 +175,7 @@ fn stopped_server_is_a_loss_and_blocks_nobody() {
     let closing = Instant::now();
     drop(stream);
     println!("closed after {} ms", closing.elapsed().as_millis());
-    let (sender, _events) = events();
-    let error = open(&request(48_000), Box::new(Count::default()), None, sender).err().unwrap();
+    let error = refusal(&request(48_000));
     println!("then: {error}");
     assert!(matches!(error, OpenError::HostAway { .. }), "{error}");
     server.go_on();

@@ -8,7 +8,7 @@ use std::process::Command;
 use std::time::{Duration, Instant};
 
 use asperity_audio::{Capture, Event, OpenError, Request, events, hosts, open};
-use parts::{Count, Ear, Loop, Recorder, play, wait, wait_for_loss};
+use parts::{Count, Ear, Loop, Recorder, play, play_told, refusal, wait, wait_for_loss};
 use servers::{Parec, Pulse, inside};
 
 fn request() -> Request {
@@ -89,10 +89,6 @@ fn default_period_is_about_256_frames() {
 fn device_or_channel_not_there_is_refused() {
     let test = "device_or_channel_not_there_is_refused";
     let Some(_) = inside(test, Pulse::start) else { return };
-    let refusal = |request: &Request| {
-        let (sender, _events) = events();
-        open(request, Box::new(Count::default()), None, sender).err().unwrap()
-    };
     let error = refusal(&Request { device: Some("tset".into()), ..request() });
     assert!(
         matches!(error, OpenError::NoDevice { .. }) && error.to_string().contains("pulseaudio:test"),
@@ -112,9 +108,7 @@ fn device_or_channel_not_there_is_refused() {
 #[test]
 fn killed_server_is_a_loss() {
     let Some(server) = inside("killed_server_is_a_loss", Pulse::start) else { return };
-    let (sender, received) = events();
-    let stream = open(&request(), Box::new(Count::default()), None, sender).unwrap();
-    stream.play().unwrap();
+    let (stream, received) = play_told(&request());
     wait("calls", || stream.stats().callbacks > 20);
     let killed = Instant::now();
     server.kill();
@@ -123,8 +117,7 @@ fn killed_server_is_a_loss() {
     std::thread::sleep(Duration::from_millis(100));
     assert_eq!(received.try_iter().count(), 0, "told once");
     drop(stream);
-    let (sender, _events) = events();
-    let error = open(&request(), Box::new(Count::default()), None, sender).err().unwrap();
+    let error = refusal(&request());
     println!("then: {error}");
     assert!(matches!(error, OpenError::HostAway { .. }), "{error}");
 }
@@ -133,9 +126,7 @@ fn killed_server_is_a_loss() {
 fn stopped_server_is_a_loss() {
     let test = "stopped_server_is_a_loss";
     let Some(server) = inside(test, Pulse::start) else { return };
-    let (sender, received) = events();
-    let stream = open(&request(), Box::new(Count::default()), None, sender).unwrap();
-    stream.play().unwrap();
+    let (stream, received) = play_told(&request());
     wait("calls", || stream.stats().callbacks > 20);
     let stopped = Instant::now();
     server.stop();
@@ -144,8 +135,7 @@ fn stopped_server_is_a_loss() {
     let closing = Instant::now();
     drop(stream);
     println!("closed after {} ms", closing.elapsed().as_millis());
-    let (sender, _events) = events();
-    let error = open(&request(), Box::new(Count::default()), None, sender).err().unwrap();
+    let error = refusal(&request());
     println!("then: {error}");
     assert!(matches!(error, OpenError::HostAway { .. }), "{error}");
     server.go_on();

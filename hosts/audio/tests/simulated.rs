@@ -4,7 +4,7 @@ mod parts;
 
 use asperity_audio::simulated::{Params, Simulated, set_plants};
 use asperity_audio::{Format, OpenError, Request, events, open};
-use parts::{Count, Ramp, Recorder, by_hand, on, play, ramp};
+use parts::{Count, Ramp, Recorder, by_hand, on, play, ramp, refusal};
 use proptest::prelude::*;
 
 /// What a card that holds samples in this format makes of a value, written anew: scale, round to the
@@ -281,13 +281,4 @@ fn described_device_calls_with_its_lengths_in_turn() {
     parts::wait("twelve calls", || stream.stats().callbacks >= 12);
     let seen: Vec<usize> = seen.lock().iter().map(|(frames, _)| *frames).take(12).collect();
     assert_eq!(seen, [64, 1, 1024, 97].repeat(3));
-}
-
-fn refusal(request: &Request) -> OpenError {
-    let (sender, _events) = events();
-    let (capture, _) = parts::Ear::new();
-    match open(request, Box::new(Count::default()), Some(Box::new(capture)), sender) {
-        Ok(stream) => panic!("{} was opened", stream.id()),
-        Err(error) => error,
-    }
 }

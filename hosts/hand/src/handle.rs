@@ -2,13 +2,15 @@
 
 use std::collections::VecDeque;
 use std::net::SocketAddr;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::thread::JoinHandle;
+use std::thread::{Builder, JoinHandle};
 use std::time::{Duration, Instant};
 
 use asperity_live::{Sample, SampleWriter};
+use parking_lot::Mutex;
 
+use crate::HandError;
 use crate::servo::passivity::DeviceDamping;
 
 /// Problems that wait to be read; of more, the newest are lost.
@@ -43,6 +45,16 @@ pub struct Handle {
     address: Option<SocketAddr>,
 }
 
+/// Starts a source's thread.
+///
+/// # Errors
+/// The system gives no thread.
+pub(crate) fn spawn(name: &str, run: impl FnOnce() + Send + 'static) -> Result<JoinHandle<()>, HandError> {
+    Builder::new().name(name.to_owned()).spawn(run).map_err(|e| {
+        HandError::missing(format!("no thread for `{name}`: {e}"), "free some memory or processes")
+    })
+}
+
 impl Handle {
     pub(crate) fn new(shared: Arc<Shared>, thread: JoinHandle<()>, address: Option<SocketAddr>) -> Self {
         Self { shared, thread: Some(thread), address }
@@ -65,7 +77,7 @@ impl Handle {
 
     /// What was wrong with the last of them, for a person.
     pub fn last_bad(&self) -> Option<String> {
-        let text = self.shared.text();
+        let text = self.shared.text.lock();
         (!text.bad.is_empty()).then(|| text.bad.clone())
     }
 
@@ -90,7 +102,7 @@ impl Handle {
     /// used is told, and later ones where no good one came for a second.
     pub fn problem(&self) -> Option<String> {
         let (good, bad) = (self.samples() + self.lost(), self.bad());
-        let mut text = self.shared.text();
+        let mut text = self.shared.text.lock();
         text.problems.pop_front().or_else(|| text.unusable(good, bad, Instant::now()))
     }
 
@@ -101,7 +113,7 @@ impl Handle {
 
     /// What is known of the device.
     pub fn device(&self) -> Device {
-        self.shared.text().device.clone()
+        self.shared.text.lock().device.clone()
     }
 }
 
@@ -171,10 +183,6 @@ impl Text {
 }
 
 impl Shared {
-    fn text(&self) -> MutexGuard<'_, Text> {
-        self.text.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
     /// Sends a sample and counts it.
     pub(crate) fn send(&self, writer: &mut SampleWriter, sample: Sample) {
         let counter = if writer.send(sample) { &self.samples } else { &self.lost };
@@ -190,18 +198,18 @@ impl Shared {
     }
 
     pub(crate) fn set_device(&self, device: Device) {
-        self.text().device = device;
+        self.text.lock().device = device;
     }
 
     /// Counts a message that could not be used.
     pub(crate) fn bad(&self, why: String) {
         self.bad.fetch_add(1, Relaxed);
-        self.text().bad = why;
+        self.text.lock().bad = why;
     }
 
     /// Says what went wrong, unless that is what was said last.
     pub(crate) fn trouble(&self, what: String) {
-        let mut text = self.text();
+        let mut text = self.text.lock();
         if text.now.as_ref() != Some(&what) {
             if text.problems.len() < PROBLEMS {
                 text.problems.push_back(what.clone());
@@ -212,7 +220,7 @@ impl Shared {
 
     /// It works; what went wrong before may be said again. `what` is told if something had gone wrong.
     pub(crate) fn well(&self, what: &str) {
-        let mut text = self.text();
+        let mut text = self.text.lock();
         if text.now.take().is_some() && text.problems.len() < PROBLEMS {
             text.problems.push_back(what.to_owned());
         }
@@ -267,6 +275,6 @@ mod tests {
     fn unread_problems_are_bounded() {
         let shared = Shared::default();
         (0..1000).for_each(|i| shared.trouble(format!("problem {i}")));
-        assert_eq!(shared.text().problems.len(), PROBLEMS);
+        assert_eq!(shared.text.lock().problems.len(), PROBLEMS);
     }
 }

@@ -7,15 +7,15 @@ use std::ffi::{c_int, c_uint, c_ulong, c_void};
 use std::path::PathBuf;
 use std::process::Command;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
-use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use asperity_hand::openhaptics::{OpenHapticsOptions, start};
-use asperity_hand::{Frame, Next};
-use asperity_live::{force_model, now_ns, samples};
+use asperity_hand::{Frame, Handle, Next};
+use asperity_live::{SampleReader, force_model, now_ns, samples};
 use assert_no_alloc::{AllocDisabler, assert_no_alloc, violation_count};
 use common::{Floor, newest, problem, until};
 use libloading::{Library, Symbol};
+use parking_lot::{Mutex, MutexGuard};
 
 #[global_allocator]
 static ALLOCATOR: AllocDisabler = AllocDisabler;
@@ -46,7 +46,7 @@ fn build(folder: &tempfile::TempDir, flag: &str) -> PathBuf {
 
 impl Standin {
     fn new() -> Self {
-        let turn = ONE.lock().unwrap_or_else(PoisonError::into_inner);
+        let turn = ONE.lock();
         let folder = tempfile::tempdir().unwrap();
         let path = build(&folder, "-DWHOLE");
         // SAFETY: the stand-in has no initialisers.
@@ -111,6 +111,18 @@ unsafe extern "C" fn forbid(
     CALLS.fetch_add(1, Relaxed);
 }
 
+/// A device that is held 4 mm in a floor of 0.5 N/mm, and pushes.
+fn in_the_floor() -> (Standin, Handle, SampleReader, Floor) {
+    let standin = Standin::new();
+    standin.hand([0.0, -4.0, 0.0]);
+    let (models, reader) = force_model();
+    let floor = Floor::tell(models, 0.5);
+    let (to, from) = samples();
+    let handle = start(standin.options(), to, Some(reader)).unwrap();
+    until("the force", || (standin.force()[1] - 2.0).abs() < 1e-6);
+    (standin, handle, from, floor)
+}
+
 #[test]
 fn touch_hand_has_z_up_and_floor_pushes_device_y() {
     let standin = Standin::new();
@@ -154,12 +166,7 @@ fn touch_hand_has_z_up_and_floor_pushes_device_y() {
 
 #[test]
 fn stalled_graph_and_dropped_source_release_smoothly() {
-    let standin = Standin::new();
-    standin.hand([0.0, -4.0, 0.0]);
-    let (models, reader) = force_model();
-    let floor = Floor::tell(models, 0.5);
-    let handle = start(standin.options(), samples().0, Some(reader)).unwrap();
-    until("the force", || (standin.force()[1] - 2.0).abs() < 1e-6);
+    let (standin, handle, _from, floor) = in_the_floor();
     // The graph stops telling: 100 ms, then 20 ms.
     drop(floor);
     until("no force", || standin.force() == [0.0; 3]);
@@ -199,12 +206,7 @@ fn unplugged_touch_is_reported_once_and_comes_back() {
 
 #[test]
 fn motors_switched_off_start_again_from_0() {
-    let standin = Standin::new();
-    standin.hand([0.0, -4.0, 0.0]);
-    let (models, reader) = force_model();
-    let _floor = Floor::tell(models, 0.5);
-    let handle = start(standin.options(), samples().0, Some(reader)).unwrap();
-    until("the force", || (standin.force()[1] - 2.0).abs() < 1e-6);
+    let (standin, handle, _from, _floor) = in_the_floor();
     standin.set("standin_error_always", 0x201);
     assert!(problem(&handle).contains("switched its force off: HD_EXCEEDED_MAX_FORCE"));
     until("no force", || standin.force()[1] < 0.1);
@@ -230,13 +232,7 @@ fn stalled_servo_is_reported_and_starts_a_new_stroke() {
 
 #[test]
 fn invalid_position_is_counted_and_releases_force() {
-    let standin = Standin::new();
-    standin.hand([0.0, -4.0, 0.0]);
-    let (models, reader) = force_model();
-    let _floor = Floor::tell(models, 0.5);
-    let (to, mut from) = samples();
-    let handle = start(standin.options(), to, Some(reader)).unwrap();
-    until("the force", || (standin.force()[1] - 2.0).abs() < 1e-6);
+    let (standin, handle, mut from, _floor) = in_the_floor();
     standin.hand([0.0, f64::NAN, 0.0]);
     until("no force", || standin.force() == [0.0; 3]);
     assert!(handle.bad() > 0);

@@ -1,7 +1,6 @@
 //! The control side of a running graph: changes it, and looks at it.
 
 use std::collections::HashMap;
-use std::fmt;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::time::Duration;
@@ -20,6 +19,8 @@ use crate::player::{
 use crate::timeline::{Delay, Timeline};
 use crate::view::{Layout, Materials, SourceView, View};
 use crate::{ForceWriter, SampleReader};
+
+opaque_debug!(Conductor);
 
 /// Kinds of nodes that a host feeds with where a hand is.
 pub const HANDS: [&str; 4] = ["osc_input", "pointer_input", "openhaptics_input", "haply_input"];
@@ -133,12 +134,6 @@ impl Source {
             stalled: self.meter.stalled.load(Relaxed),
             samples: total,
         }
-    }
-}
-
-impl fmt::Debug for Conductor {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Conductor").field("controller", &self.controller).finish_non_exhaustive()
     }
 }
 

@@ -5,6 +5,17 @@
 //! read at the tick's own time; after it, sinks are handed on. What happens is counted on the tick thread
 //! and looked at from others.
 
+/// Gives types a `Debug` that shows their name alone, since their queues have none.
+macro_rules! opaque_debug {
+    ($($type:ty),*) => {$(
+        impl std::fmt::Debug for $type {
+            fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                f.debug_struct(stringify!($type)).finish_non_exhaustive()
+            }
+        }
+    )*};
+}
+
 mod apart;
 mod conductor;
 mod dll;

@@ -8,6 +8,8 @@ use asperity_node::{Coil, Guard, Unit};
 
 use crate::driver::Slot;
 
+opaque_debug!(Outlet, Gate);
+
 /// Guards of a device's channels. What is known of coils and movers belongs to the channel: it goes on from
 /// one graph to the next, from a lost device to the one that is back, and from one run to another.
 #[derive(Default)]
@@ -111,12 +113,6 @@ impl Outlet {
     }
 }
 
-impl std::fmt::Debug for Outlet {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Outlet").field("channels", &self.channels.len()).finish_non_exhaustive()
-    }
-}
-
 /// The limiter before a node that plays on a device.
 pub(crate) fn limiter_of(schedule: &Schedule, out: usize) -> Option<usize> {
     let from = schedule.nodes.get(out)?.inputs.first()?.from?;
@@ -169,12 +165,6 @@ pub(crate) fn gate(outlet: Outlet) -> GateControl {
     let seen = Arc::new(Seen { heat, changed: AtomicU64::new(0) });
     let gate = Guards(Arc::new(Slot::new(Gate { outlet, next, share: 1.0, seen: seen.clone() })));
     GateControl { next: input, gate, seen, standing }
-}
-
-impl std::fmt::Debug for Gate {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Gate").field("outlet", &self.outlet).finish_non_exhaustive()
-    }
 }
 
 impl Gate {

@@ -3,6 +3,8 @@
 use ringbuf::traits::{Consumer, Producer, Split};
 use ringbuf::{HeapCons, HeapProd, HeapRb};
 
+opaque_debug!(SampleWriter, SampleReader);
+
 /// Samples that may wait for the tick thread.
 pub const QUEUE: usize = 4096;
 
@@ -49,17 +51,5 @@ impl SampleReader {
     /// Takes the oldest sample. Tick thread.
     pub fn take(&mut self) -> Option<Sample> {
         self.0.try_pop()
-    }
-}
-
-impl std::fmt::Debug for SampleWriter {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("SampleWriter").finish_non_exhaustive()
-    }
-}
-
-impl std::fmt::Debug for SampleReader {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("SampleReader").finish_non_exhaustive()
     }
 }

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use asperity_audio::{Block, Process};
-use asperity_live::driver::{Callback, Options, Ticker, paced, timer};
+use asperity_live::driver::{Callback, Options, Rates, Ticker, paced, timer};
 use asperity_live::{
     Delay, Meters, RemoteClock, Sample, SampleWriter, TIMEOUT_NS, Timeline, now_ns, samples,
 };
@@ -34,14 +34,8 @@ impl Hand {
 }
 
 impl Ticker for Hand {
-    fn tick_hz(&self) -> u32 {
-        500
-    }
-    fn rate_hz(&self) -> u32 {
-        48_000
-    }
-    fn channels(&self) -> usize {
-        2
+    fn rates(&self) -> Rates {
+        Rates { tick_hz: 500, rate_hz: 48_000, channels: 2 }
     }
     fn next_tick(&self) -> u64 {
         self.next

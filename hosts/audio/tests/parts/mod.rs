@@ -2,10 +2,11 @@
 #![allow(dead_code, reason = "no test file uses all of it")]
 
 use std::sync::Arc;
+use std::sync::mpsc::Receiver;
 use std::time::{Duration, Instant};
 
 use asperity_audio::simulated::{Params, Simulated};
-use asperity_audio::{Block, Capture, Captured, Event, Process, Request, Stream, events, open};
+use asperity_audio::{Block, Capture, Captured, Event, OpenError, Process, Request, Stream, events, open};
 use parking_lot::Mutex;
 
 /// A card that calls only when it is told to, and keeps what it hears.
@@ -26,6 +27,23 @@ pub(crate) fn play(request: &Request, process: impl Process + 'static) -> Stream
     stream
 }
 
+/// Opens and plays [`Count`]; answers the stream and its events.
+pub(crate) fn play_told(request: &Request) -> (Stream, Receiver<Event>) {
+    let (sender, received) = events();
+    let stream = open(request, Box::new(Count::default()), None, sender).unwrap();
+    stream.play().unwrap();
+    (stream, received)
+}
+
+/// Why the request is refused.
+pub(crate) fn refusal(request: &Request) -> OpenError {
+    let (sender, _events) = events();
+    match open(request, Box::new(Count::default()), Some(Box::new(Ear::new().0)), sender) {
+        Ok(stream) => panic!("{} was opened", stream.id()),
+        Err(error) => error,
+    }
+}
+
 /// Waits until it is so, at most 20 s.
 pub(crate) fn wait(what: &str, is_so: impl Fn() -> bool) {
     let began = Instant::now();
@@ -36,7 +54,7 @@ pub(crate) fn wait(what: &str, is_so: impl Fn() -> bool) {
 }
 
 /// Waits for the loss of a stream, at most 20 s; answers its reason and what came before.
-pub(crate) fn wait_for_loss(received: &std::sync::mpsc::Receiver<Event>) -> (String, Vec<Event>) {
+pub(crate) fn wait_for_loss(received: &Receiver<Event>) -> (String, Vec<Event>) {
     let mut before = Vec::new();
     loop {
         match received.recv_timeout(Duration::from_secs(20)) {

@@ -30,7 +30,7 @@ use std::time::{Duration, Instant};
 
 use asperity_live::{ForceModel, ForceReader, Sample, SampleWriter, now_ns};
 
-use crate::handle::{Handle, Shared};
+use crate::handle::{Handle, Shared, spawn};
 use crate::servo::{Limits, Servo};
 use crate::{Device, Frame, HandError};
 use link::Link;
@@ -134,10 +134,7 @@ pub fn start(
         sent: [0.0; 3],
         there: true,
     };
-    let thread =
-        thread::Builder::new().name("haply".to_owned()).spawn(move || run.run(link)).map_err(|e| {
-            HandError::missing(format!("no thread for the device: {e}"), "free some memory or processes")
-        })?;
+    let thread = spawn("haply", move || run.run(link))?;
     Ok(Handle::new(shared, thread, None))
 }
 

@@ -26,7 +26,7 @@ use std::time::{Duration, Instant};
 
 use asperity_live::{ForceReader, SampleWriter};
 
-use crate::handle::{Handle, Shared};
+use crate::handle::{Handle, Shared, spawn};
 use crate::servo::{Limits, Servo};
 use crate::{Device, Frame, HandError};
 use callback::{Parked, Signals, Tick};
@@ -123,14 +123,19 @@ pub fn start(
     };
     let tick = Parked::new(tick, signals.clone());
     let most = options.max_force_n;
-    let shared_too = shared.clone();
-    let device = INVALID_HANDLE;
-    let keeper = Keeper { hd, name, most, tick, device, pushes, shared: shared_too, signals, _turn: turn };
+    let keeper = Keeper {
+        hd,
+        name,
+        most,
+        tick,
+        device: INVALID_HANDLE,
+        pushes,
+        shared: shared.clone(),
+        signals,
+        _turn: turn,
+    };
     let (say, hear) = mpsc::sync_channel(1);
-    let thread =
-        thread::Builder::new().name("openhaptics".to_owned()).spawn(move || keeper.run(&say)).map_err(
-            |e| HandError::missing(format!("no thread for the device: {e}"), "free some memory or processes"),
-        )?;
+    let thread = spawn("openhaptics", move || keeper.run(&say))?;
     match hear.recv_timeout(BEGIN) {
         Ok(Ok(())) => Ok(Handle::new(shared, thread, None)),
         Ok(Err(e)) => {

@@ -25,7 +25,7 @@ use std::time::Duration;
 use asperity_live::{Order, RemoteClock, Sample, SampleWriter, now_ns};
 use rosc::OscMessage;
 
-use crate::handle::{Handle, Shared};
+use crate::handle::{Handle, Shared, spawn};
 use crate::{Device, HandError};
 pub use arguments::{Arguments, Reading, parse_arguments};
 use pattern::Pattern;
@@ -133,12 +133,7 @@ pub fn start(options: OscOptions, writer: SampleWriter) -> Result<Handle, HandEr
         newest_ns: 0,
         told: false,
     };
-    let thread = std::thread::Builder::new()
-        .name("osc".to_owned())
-        .spawn(move || ear.listen(socket, address))
-        .map_err(|e| {
-            HandError::missing(format!("no thread for OSC: {e}"), "free some memory or processes")
-        })?;
+    let thread = spawn("osc", move || ear.listen(socket, address))?;
     Ok(Handle::new(shared, thread, Some(address)))
 }
 

@@ -97,7 +97,7 @@ impl<T: Ticker> Process for CallbackHalf<T> {
         self.controls.ask::<STACK>();
         let frames = block.frames();
         let heard = self.stream.dll.callback(block.now_ns, frames as u64);
-        self.controls.heard(block.now_ns, frames, self.stream.dll.line());
+        self.controls.heard(block.now_ns, self.stream.dll.line());
         self.controls.steer(&mut self.ramp);
         if heard.lost > 0 {
             self.controls.meters().xruns.add(1);
@@ -137,7 +137,7 @@ struct Stream {
 
 impl Stream {
     fn new(ticker: &impl Ticker) -> Self {
-        let rates = Rates::of(ticker);
+        let rates = ticker.rates();
         Self {
             rates,
             dll: Dll::new(rates.rate_hz),

@@ -32,8 +32,6 @@ pub struct Controls {
     peak: AtomicU32,
     last_peak: AtomicU32,
     heard_ns: AtomicU64,
-    frames: AtomicU32,
-    period_frames: AtomicU32,
     period_ns: AtomicU64,
     lead_ns: AtomicU64,
     asked: Asked,
@@ -56,8 +54,6 @@ impl Controls {
             peak: AtomicU32::new(0),
             last_peak: AtomicU32::new(0),
             heard_ns: AtomicU64::new(0),
-            frames: AtomicU32::new(0),
-            period_frames: AtomicU32::new(0),
             period_ns: AtomicU64::new(0),
             lead_ns: AtomicU64::new(0),
             asked: Asked::default(),
@@ -100,22 +96,6 @@ impl Controls {
         worse(self.asked.get(), device)
     }
 
-    /// When the device last called, by [`now_ns`]; 0 for never, or without a device.
-    pub fn last_callback_ns(&self) -> u64 {
-        self.heard_ns.load(Relaxed)
-    }
-
-    /// Frames of the last callback; 0 for none.
-    pub fn callback_frames(&self) -> u32 {
-        self.frames.load(Relaxed)
-    }
-
-    /// Frames that a wake-up of the device really asks for: of all callbacks of a bunch, the most in the
-    /// last seconds; 0 for none.
-    pub fn period_frames(&self) -> u32 {
-        self.period_frames.load(Relaxed)
-    }
-
     /// From the time at which a tick reads its inputs to that of the callback which asks for its first
     /// sample, in nanoseconds: the driver's part of the latency.
     pub fn lead_ns(&self) -> u64 {
@@ -151,10 +131,8 @@ impl Controls {
     }
 
     /// Takes note of a callback.
-    pub(super) fn heard(&self, now_ns: u64, frames: usize, line: &Line) {
+    pub(super) fn heard(&self, now_ns: u64, line: &Line) {
         self.heard_ns.store(now_ns, Relaxed);
-        self.frames.store(frames as u32, Relaxed);
-        self.period_frames.store(line.period_frames as u32, Relaxed);
         self.period_ns.store((line.period_frames as f64 * line.frame_ns()) as u64, Relaxed);
     }
 

@@ -16,6 +16,7 @@ mod timer;
 pub use callback::{Callback, CallbackHalf};
 pub use controls::Controls;
 pub use paced::{PacedHalf, paced};
+pub use run::Rates;
 pub(crate) use slot::Slot;
 pub use thread::TickThread;
 pub use timer::timer;
@@ -31,14 +32,8 @@ use crate::realtime::PRIORITY;
 /// A graph that can be run tick by tick. Nothing here may wait, allocate or log; a panic is caught, and
 /// ends the output.
 pub trait Ticker: Send {
-    /// Ticks a second, at least 1.
-    fn tick_hz(&self) -> u32;
-
-    /// Samples a second of the output.
-    fn rate_hz(&self) -> u32;
-
-    /// Channels of the output, at least 1.
-    fn channels(&self) -> usize;
+    /// Rates and channels of the run, which never change.
+    fn rates(&self) -> Rates;
 
     /// The number of the tick that is run next.
     fn next_tick(&self) -> u64;

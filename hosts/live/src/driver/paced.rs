@@ -34,6 +34,8 @@ use crate::now_ns;
 use crate::ramp::Ramp;
 use crate::realtime::Asked;
 
+opaque_debug!(PacedHalf);
+
 /// What the lead has beyond the period.
 const MARGIN_NS: f64 = 1e6;
 /// Callbacks are listened to for this long before the stream begins.
@@ -59,7 +61,7 @@ pub fn paced<T: Ticker + 'static>(
     options: &Options,
 ) -> std::io::Result<(TickThread<T>, PacedHalf)> {
     let controls = Controls::new(options, Some(Asked::default()));
-    let rates = Rates::of(&ticker);
+    let rates = ticker.rates();
     let (to, ring) = HeapRb::new(room(&rates, options)).split();
     let (lines, heard) = triple_buffer::triple_buffer(&Line::default());
     let begin = AtomicU64::new(u64::MAX);
@@ -254,7 +256,7 @@ impl Process for PacedHalf {
         let frames = block.frames();
         let heard = self.dll.callback(block.now_ns, frames as u64);
         self.lines.write(*self.dll.line());
-        self.controls.heard(block.now_ns, frames, self.dll.line());
+        self.controls.heard(block.now_ns, self.dll.line());
         self.controls.steer(&mut self.ramp);
         if heard.lost > 0 {
             self.controls.meters().xruns.add(1);
@@ -324,12 +326,6 @@ impl PacedHalf {
         }
         // Whole frames are pushed, and the room is whole frames.
         self.ring.pop_slice(out)
-    }
-}
-
-impl std::fmt::Debug for PacedHalf {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("PacedHalf").field("line", self.dll.line()).finish_non_exhaustive()
     }
 }
 

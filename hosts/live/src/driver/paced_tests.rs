@@ -156,7 +156,7 @@ fn ring_has_room_for_callbacks_of_any_length() {
         (48_000, 500, 8, 65_536, true),
         (8_000, 100, 2, 65_536, true),
     ] {
-        let rates = Rates::of(&Counter::new(rate_hz, tick_hz, channels, 0));
+        let rates = Rates { tick_hz, rate_hz, channels };
         let options = Options { seen_frames: if seen { frames } else { 0 }, ..options(tick_hz) };
         let ahead = (MARGIN_NS * 2e-9 * f64::from(rate_hz)) as usize + 1;
         let holds = (frames as usize + ahead) * channels + rates.most();

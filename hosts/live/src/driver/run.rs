@@ -13,23 +13,18 @@ pub(super) const RUN_BEHIND: u64 = 16;
 /// How fast a delay may move, as a part of time, so that no speed is falsified by more.
 pub(super) const SLEW: f64 = 0.02;
 
-/// The rates of a ticker, which do not change.
+/// Rates and channels of a run.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Rates {
-    pub(super) tick_hz: u32,
-    pub(super) rate_hz: u32,
-    pub(super) channels: usize,
+pub struct Rates {
+    /// Ticks a second, at least 1.
+    pub tick_hz: u32,
+    /// Samples a second of the output.
+    pub rate_hz: u32,
+    /// Channels of the output, at least 1.
+    pub channels: usize,
 }
 
 impl Rates {
-    pub(super) fn of(ticker: &impl Ticker) -> Self {
-        Self {
-            tick_hz: ticker.tick_hz().max(1),
-            rate_hz: ticker.rate_hz(),
-            channels: ticker.channels().max(1),
-        }
-    }
-
     pub(super) fn tick_ns(&self) -> f64 {
         1e9 / f64::from(self.tick_hz)
     }

@@ -6,7 +6,7 @@ use std::time::Duration;
 use asperity_audio::{Block, Process};
 use asperity_node::time;
 
-use super::{Options, Ticker};
+use super::{Options, Rates, Ticker};
 use crate::meters::Meters;
 use crate::ramp::Ramp;
 
@@ -40,16 +40,8 @@ pub(super) fn value(sample: u64, channel: usize) -> f32 {
 }
 
 impl Ticker for Counter {
-    fn tick_hz(&self) -> u32 {
-        self.tick_hz
-    }
-
-    fn rate_hz(&self) -> u32 {
-        self.rate_hz
-    }
-
-    fn channels(&self) -> usize {
-        self.channels
+    fn rates(&self) -> Rates {
+        Rates { tick_hz: self.tick_hz, rate_hz: self.rate_hz, channels: self.channels }
     }
 
     fn next_tick(&self) -> u64 {
@@ -77,15 +69,7 @@ impl Ticker for Counter {
 
 /// Options without a slow start and without a priority.
 pub(super) fn options(tick_hz: u32) -> Options {
-    Options {
-        priority: None,
-        start_s: 0.0,
-        period_frames: 0,
-        seen_frames: 0,
-        meters: Arc::new(Meters::new(tick_hz)),
-        guards: None,
-        reins: crate::Reins::default(),
-    }
+    Options { priority: None, start_s: 0.0, ..Options::new(Arc::new(Meters::new(tick_hz))) }
 }
 
 /// Calls a device's end for a block, and returns it.

@@ -1,6 +1,6 @@
 //! Ticks on the system's clock, without audio: for force or network sinks, or while a device is lost.
 
-use super::run::{self, RUN_BEHIND, Rates};
+use super::run::{self, RUN_BEHIND};
 use super::{Controls, Options, TickThread, Ticker, sleep};
 use crate::now_ns;
 
@@ -17,7 +17,7 @@ pub fn timer<T: Ticker + 'static>(ticker: T, options: &Options) -> std::io::Resu
 }
 
 fn run<T: Ticker>(mut ticker: T, controls: &Controls) -> T {
-    let rates = Rates::of(&ticker);
+    let rates = ticker.rates();
     let mut samples = vec![0.0; rates.most()];
     let (first, start_ns) = (ticker.next_tick(), now_ns());
     let due_of = |tick: u64| {

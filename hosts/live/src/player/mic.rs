@@ -10,6 +10,8 @@ use ringbuf::{HeapCons, HeapProd, HeapRb};
 
 use crate::dll::Most;
 
+opaque_debug!(MicWriter, MicReader);
+
 /// Seconds of samples that may wait for the tick thread.
 const ROOM_S: f64 = 1.0;
 
@@ -28,12 +30,6 @@ struct Shared {
     heard_ns: AtomicU64,
 }
 
-impl Shared {
-    fn gaps(&self) -> u64 {
-        self.lost.load(Relaxed) + self.missing.load(Relaxed)
-    }
-}
-
 /// Looks on while a device records: waits for something to be heard at the first recorded channel, and
 /// knows of gaps.
 #[derive(Clone, Debug)]
@@ -42,7 +38,7 @@ pub struct Listener(Arc<Shared>);
 impl Listener {
     /// Frames that were recorded and lost, and frames that were not there when a tick wanted them.
     pub fn gaps(&self) -> u64 {
-        self.0.gaps()
+        self.0.lost.load(Relaxed) + self.0.missing.load(Relaxed)
     }
 
     /// Waits for the first sample whose size is above `level`, which is more than 0.
@@ -182,23 +178,6 @@ impl MicReader {
     pub(super) fn skip(&mut self, frames: usize) {
         self.from.skip(frames * self.channels.max(1));
     }
-
-    /// Frames that were lost or missing so far.
-    pub fn gaps(&self) -> u64 {
-        self.shared.gaps()
-    }
-}
-
-impl std::fmt::Debug for MicWriter {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("MicWriter").field("channels", &self.channels).finish_non_exhaustive()
-    }
-}
-
-impl std::fmt::Debug for MicReader {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("MicReader").field("channels", &self.channels).finish_non_exhaustive()
-    }
 }
 
 #[cfg(test)]
@@ -236,7 +215,7 @@ mod tests {
                 longest = longest.max(recorded - at);
             }
         }
-        (longest, gone, reader.gaps())
+        (longest, gone, to.listener().gaps())
     }
 
     #[test]

@@ -19,9 +19,11 @@ use ringbuf::traits::{Consumer, Producer};
 use ringbuf::{HeapCons, HeapProd};
 
 use crate::ForceModel;
-use crate::driver::Ticker;
+use crate::driver::{Rates, Ticker};
 use crate::now_ns;
 use crate::outlet::Seen;
+
+opaque_debug!(Player);
 
 /// Places of what a host feeds to a node that says where a hand is; see the node kinds themselves.
 mod place {
@@ -67,12 +69,6 @@ pub struct Player {
     tick_hz: u32,
     rate_hz: u32,
     channels: usize,
-}
-
-impl std::fmt::Debug for Player {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Player").field("engine", &self.engine).finish_non_exhaustive()
-    }
 }
 
 impl Player {
@@ -212,17 +208,9 @@ impl Player {
 }
 
 impl Ticker for Player {
-    fn tick_hz(&self) -> u32 {
-        self.tick_hz
-    }
-
-    fn rate_hz(&self) -> u32 {
-        self.rate_hz
-    }
-
-    fn channels(&self) -> usize {
+    fn rates(&self) -> Rates {
         // A graph that only records has a device all the same, which plays silence.
-        self.channels.max(1)
+        Rates { tick_hz: self.tick_hz.max(1), rate_hz: self.rate_hz, channels: self.channels.max(1) }
     }
 
     fn next_tick(&self) -> u64 {

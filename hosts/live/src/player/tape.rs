@@ -9,6 +9,8 @@ use asperity_node::{Buffer, Shape, time};
 use ringbuf::traits::{Consumer, Observer, Producer, Split};
 use ringbuf::{HeapCons, HeapProd, HeapRb};
 
+opaque_debug!(TapeReader);
+
 /// How long a tape holds what nobody takes.
 const ROOM_S: f64 = 4.0;
 /// Words before the values of a tick: how many, and where they begin, low half first.
@@ -28,12 +30,6 @@ pub(crate) struct TapeWriter {
 pub struct TapeReader {
     from: HeapCons<u32>,
     lost: Arc<AtomicU64>,
-}
-
-impl std::fmt::Debug for TapeReader {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("TapeReader").finish_non_exhaustive()
-    }
 }
 
 /// A tape for what a sink records; none for one whose type is not settled.

@@ -18,11 +18,12 @@ const MARGIN: Duration = Duration::from_millis(20);
 
 /// An open device, which plays silence until it is given something to play.
 pub(super) struct Card {
-    stream: Stream,
+    pub(super) stream: Stream,
     events: Receiver<Event>,
     give: Give,
-    playing: bool,
-    opened: Instant,
+    /// Whether its driver has begun.
+    pub(super) playing: bool,
+    pub(super) opened: Instant,
 }
 
 /// Where what is recorded goes: the same place for a device and for the one that is opened after it was lost.
@@ -82,10 +83,6 @@ impl Card {
         Request { host: None, device, input_device, ..request.clone() }
     }
 
-    pub(super) fn stream(&self) -> &Stream {
-        &self.stream
-    }
-
     /// Wake-ups that were listened to, and frames that one asks for as far as is known: 0 before the first
     /// call.
     pub(super) fn wakes(&self) -> (u64, u32) {
@@ -104,18 +101,7 @@ impl Card {
         format!("{} ({})", self.stream.name(), self.stream.host())
     }
 
-    pub(super) fn since(&self) -> Duration {
-        self.opened.elapsed()
-    }
-
-    pub(super) fn playing(&self) -> bool {
-        self.playing
-    }
-
-    pub(super) fn note_playing(&mut self) {
-        self.playing = true;
-    }
-
+    /// Gives the device what it plays.
     pub(super) fn give(&mut self, process: Box<dyn Process>) {
         self.give.give(process);
     }

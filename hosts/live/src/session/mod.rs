@@ -26,6 +26,8 @@ pub use custody::{Keeper, Opened, Terms};
 use running::{Driver, Running};
 use xruns::Xruns;
 
+opaque_debug!(Session);
+
 /// How often a lost device is looked for.
 const RETRY: Duration = Duration::from_millis(500);
 /// Longest that a device may take to show its period before a clock is chosen without it.
@@ -123,12 +125,6 @@ impl Loss {
     }
 }
 
-impl std::fmt::Debug for Session {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Session").field("device", &self.name).finish_non_exhaustive()
-    }
-}
-
 /// What is left of a run.
 #[derive(Debug)]
 pub struct Ended {
@@ -177,15 +173,15 @@ impl Session {
                 let card = Card::open(&request, it.mic.as_ref()).map_err(SessionError::Device)?;
                 it.name = card.name();
                 let opened = Opened {
-                    id: card.stream().id(),
+                    id: card.stream.id(),
                     name: it.name.clone(),
-                    channels: it.conductor.channels_of(card.stream().channels()),
+                    channels: it.conductor.channels_of(card.stream.channels()),
                     coils: it.conductor.gate().standing().to_vec(),
                 };
                 it.notices.extend(it.custody.open(&opened).map_err(SessionError::Refused)?);
                 // What comes back after a loss is this one, though it was a default that was asked for.
                 it.options.device = Some(card.pinned(&request));
-                it.notices.extend(card.stream().notes().iter().cloned());
+                it.notices.extend(card.stream.notes().iter().cloned());
                 it.card = Some(card);
                 it.advance()?;
             }
@@ -238,7 +234,7 @@ impl Session {
             (_, Some(_)) => Condition::Lost,
             _ if self.reins().muted() => Condition::Muted,
             // A device that is back and not yet played on.
-            _ if self.card.as_ref().is_some_and(|card| !card.playing()) => Condition::Starting,
+            _ if self.card.as_ref().is_some_and(|card| !card.playing) => Condition::Starting,
             (Some(controls), None) => controls.condition(),
             (None, None) => Condition::Starting,
         }
@@ -251,14 +247,14 @@ impl Session {
         self.views += 1;
         let schedule = self.conductor.schedule().clone();
         let ticks = self.meters.next_tick();
-        let stats = self.card.as_ref().map(|c| c.stream().stats());
+        let stats = self.card.as_ref().map(|c| c.stream.stats());
         let mut view = View {
             number: self.views,
             condition: self.condition(),
             muted: self.reins().muted(),
             clock: self.driver.clock().map_or("", Clock::name).into(),
             device: self.name.clone(),
-            period_frames: self.card.as_ref().and_then(|c| c.stream().period()).unwrap_or(0),
+            period_frames: self.card.as_ref().and_then(|c| c.stream.period()).unwrap_or(0),
             ticks,
             seconds: ticks as f64 / f64::from(schedule.tick_hz),
             timing: self.meters.timing(),
@@ -278,7 +274,7 @@ impl Session {
     }
 
     fn count_xruns(&mut self) -> u64 {
-        let reported = self.card.as_ref().map_or(0, |card| card.stream().stats().xruns);
+        let reported = self.card.as_ref().map_or(0, |card| card.stream.stats().xruns);
         self.xruns.count(self.meters.xruns.get(), reported, now_ns())
     }
 
@@ -336,15 +332,15 @@ impl Session {
 
     /// Hands the ticks to the device once its period is known.
     fn advance(&mut self) -> Result<(), SessionError> {
-        let Some(card) = self.card.as_ref().filter(|card| !card.playing()) else { return Ok(()) };
+        let Some(card) = self.card.as_ref().filter(|card| !card.playing) else { return Ok(()) };
         let (wakes, period) = card.wakes();
         let known = self.options.clock.is_some() || wakes >= ENOUGH;
-        if !known && card.since() < LISTEN {
+        if !known && card.opened.elapsed() < LISTEN {
             return Ok(());
         }
-        let (rate_hz, tick_hz) = (card.stream().rate_hz(), self.conductor.schedule().tick_hz);
+        let (rate_hz, tick_hz) = (card.stream.rate_hz(), self.conductor.schedule().tick_hz);
         // A device that has not called yet may do so in any pieces.
-        let called = if card.bunches() { period } else { card.stream().period().unwrap_or(period) };
+        let called = if card.bunches() { period } else { card.stream.period().unwrap_or(period) };
         let clock = choose(self.options.clock, called.max(1), rate_hz, tick_hz);
         let clock = if period == 0 && self.options.clock.is_none() { Clock::Paced } else { clock };
         let Some(player) = self.driver.take() else { return Ok(()) };
@@ -365,7 +361,7 @@ impl Session {
                 Driver::Thread(Clock::Timer, timer(player, &options).map_err(SessionError::Thread)?)
             }
         };
-        card.note_playing();
+        card.playing = true;
         Ok(())
     }
 
@@ -382,7 +378,7 @@ impl Session {
         let what = if self.options.reconnect { "; it will go on when the device is back" } else { "" };
         self.notices.push(format!("`{}` is lost: {reason}{what}", self.name));
         if let Some(card) = self.card.take() {
-            self.xruns.close(self.meters.xruns.get(), card.stream().stats().xruns, now_ns());
+            self.xruns.close(self.meters.xruns.get(), card.stream.stats().xruns, now_ns());
         }
         let now = Instant::now();
         self.loss = Some(Loss { since: now, tried: now, reason: String::new(), opening: None });
