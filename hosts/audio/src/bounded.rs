@@ -1,4 +1,4 @@
-//! Calls into audio servers that may never answer.
+//! Calls into audio servers that may never return.
 
 use std::collections::BTreeSet;
 use std::panic::{AssertUnwindSafe, catch_unwind};

@@ -52,7 +52,7 @@ macro_rules! with_sample {
 }
 pub(crate) use with_sample;
 
-/// How a device holds a sample.
+/// Sample format of a device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Format {
@@ -79,7 +79,7 @@ pub enum Format {
 }
 
 impl Format {
-    /// All of them, the one to prefer first: floats need no rounding, wide integers little of it.
+    /// All formats, preferred ones first: floats need no rounding, wide integers little.
     pub const ALL: [Self; 10] = [
         Self::F32,
         Self::I32,
@@ -93,7 +93,7 @@ impl Format {
         Self::U8,
     ];
 
-    /// Its name, as a user types it: `f32`, `i16`.
+    /// Name as a user types it: `f32`, `i16`.
     pub fn name(self) -> &'static str {
         match self {
             Self::F32 => "f32",
@@ -113,7 +113,7 @@ impl Format {
         with_sample!(self, T => T::FORMAT)
     }
 
-    /// The format cpal means; none for those nobody here plays (64 bits, DSD).
+    /// Format from cpal's; `None` for unsupported ones (64 bits, DSD).
     pub(crate) fn from_cpal(format: SampleFormat) -> Option<Self> {
         Self::ALL.into_iter().find(|one| one.to_cpal() == format)
     }

@@ -1,4 +1,4 @@
-//! The hosts there are, and what stands in them.
+//! Hosts and their devices.
 
 use std::time::Duration;
 
@@ -8,7 +8,7 @@ use cpal::{Device, HostId};
 use crate::bounded::bounded;
 use crate::simulated;
 
-/// How long a host may take to say what it has.
+/// Longest time that a host may take to list its devices.
 pub(crate) const PATIENCE: Duration = Duration::from_secs(4);
 
 /// The host of simulated cards.
@@ -33,7 +33,7 @@ impl Listed {
         Self { host: host.to_owned(), id, name, device, default_output: false, default_input: false }
     }
 
-    /// What opens exactly this device: `host:id`.
+    /// Id that opens exactly this device: `host:id`.
     pub(crate) fn full_id(&self) -> String {
         format!("{}:{}", self.host, self.id)
     }
@@ -44,13 +44,13 @@ impl Listed {
     }
 }
 
-/// Names of all hosts of this build, the one that is asked for a default device first.
+/// Names of all hosts of this build; the first ones are asked first for a default device.
 pub(crate) fn names() -> Vec<String> {
     let real = cpal::ALL_HOSTS.iter().filter(|id| **id != HostId::Custom).map(ToString::to_string);
     real.chain([SIMULATED.to_owned()]).collect()
 }
 
-/// The devices of a host; the error says why it has none.
+/// Devices of a host; the error says why there are none.
 pub(crate) fn list(host: &str) -> Result<Vec<Listed>, String> {
     if host == SIMULATED {
         return Ok(simulated::devices().into_iter().map(|device| Listed::new(SIMULATED, device)).collect());

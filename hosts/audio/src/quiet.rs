@@ -1,7 +1,7 @@
-//! ALSA's library writes to stderr whatever it dislikes, also while it is only asked what there is. Errors
-//! come back as values.
+//! Silences ALSA's library, which prints its errors to stderr, even for a mere query. Errors come back as
+//! values too.
 
-/// Keeps ALSA's library from printing on the calling thread, from here on. Does not allocate or wait.
+/// Silences ALSA's library on the calling thread from now on. Does not allocate or wait.
 pub(crate) fn hush_alsa() {
     #[cfg(target_os = "linux")]
     {

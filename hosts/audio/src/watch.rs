@@ -1,8 +1,9 @@
-//! Watches a stream from a thread of its own: hosts do not tell all that goes wrong.
+//! Watches a stream from a thread of its own, since hosts do not report everything.
 //!
-//! PulseAudio reports no underruns and says nothing when its server is stopped; ALSA over a Pulse server
-//! that was killed reports 40,000 errors a second until the stream is dropped. So calls are timed here,
-//! errors are counted, and a stream that is lost is closed from here, at once.
+//! PulseAudio reports no underruns, and is silent when its server is stopped. ALSA over a killed Pulse
+//! server reports 40,000
+//! errors a second until the stream is dropped. So the watch times calls, counts errors, and closes a lost
+//! stream at once.
 
 use std::any::Any;
 use std::collections::VecDeque;
@@ -20,42 +21,43 @@ use crate::quiet::hush_alsa;
 use crate::roll::Roll;
 use crate::{Event, Events, now_ns};
 
-/// How often the watch looks.
+/// Time between two looks.
 const PERIOD: Duration = Duration::from_millis(5);
-/// No call for so long is a loss, if it is also ten periods [ns].
+/// Time without a call that is a loss, if it is also ten periods [ns].
 const LOSS_NS: u64 = 1_000_000_000;
-/// How long a device may take to call for the first time [ns].
+/// Longest time before the first call [ns].
 const FIRST_NS: u64 = 2_000_000_000;
-/// A watch that has not looked for so long was held up itself [ns].
+/// A longer time between two looks is a stall of the machine [ns].
 const STANDSTILL_NS: u64 = 250_000_000;
-/// More errors than this at once are a loss ...
+/// More errors than this at once are a loss, ...
 const FLOOD: f64 = 32.0;
-/// ... where so many a second do no harm.
+/// ... but this many a second are tolerated.
 const TOLERATED_HZ: f64 = 20.0;
-/// How long a lost stream that still calls may take to fade, and again until the fade is heard.
+/// Longest fade of a lost stream that still calls, and longest wait until the fade is heard.
 const FADING: Duration = Duration::from_millis(50);
-/// How long a host may take to close a stream that is lost before it is left to a thread: word of the loss
-/// waits for it, so that whoever opens the device again does not find it taken.
+/// Longest wait for a host to close a lost stream before the loss is reported. So whoever reopens the
+/// device does not find it
+/// busy.
 const CLOSING_LOST: Duration = Duration::from_millis(100);
-/// The same for a stream that is dropped.
+/// Longest wait for a host to close a dropped stream.
 pub(crate) const CLOSING: Duration = Duration::from_millis(500);
 
-/// What the stream, its watch and its owner share.
+/// State that the stream, its watch and its owner share.
 pub(crate) struct Shared {
-    /// The streams of cpal, input first; empty when it is over.
+    /// cpal's streams, input first; empty when closed.
     pub(crate) streams: Mutex<Vec<cpal::Stream>>,
-    /// Since when it plays [ns]; 0 while it does not.
+    /// Start of playing [ns]; 0 while it does not play.
     pub(crate) playing_since: std::sync::atomic::AtomicU64,
-    /// Why it was lost.
+    /// Reason of the loss.
     pub(crate) lost: OnceLock<String>,
-    /// Whether the watch is to end.
+    /// Whether the watch must end.
     pub(crate) done: std::sync::atomic::AtomicBool,
-    /// Whether the time between calls says anything: not on a simulated card that is called by hand.
+    /// Whether the time between calls is watched: not on a simulated card that is called by hand.
     pub(crate) timed: bool,
 }
 
 impl Shared {
-    /// Closes the streams, on a thread of its own: a server that hangs would hold the caller.
+    /// Closes the streams on a thread of its own, since a server that hangs would block the caller.
     pub(crate) fn close(&self, patience: Duration) {
         let streams = std::mem::take(&mut *self.streams.lock());
         if streams.is_empty() {
@@ -71,12 +73,12 @@ impl Shared {
     }
 }
 
-/// One side of the stream, as the watch sees it.
+/// The watch's view of one side.
 pub(crate) struct Watched {
     pub(crate) counts: Arc<Counts>,
-    /// From the data callback and from the error callback.
+    /// Messages from the data callback and from the error callback.
     pub(crate) messages: [HeapCons<Message>; 2],
-    /// Errors, as water in a leaking bucket, and how many had been counted when it was last filled.
+    /// Leaky bucket of errors, and the count when it was last filled.
     pub(crate) bucket: f64,
     pub(crate) counted: u64,
 }
@@ -86,7 +88,7 @@ impl Watched {
         Self { counts, messages, bucket: 0.0, counted: 0 }
     }
 
-    /// Takes what has come; answers why the stream is lost, if it is.
+    /// Reads messages and counts; returns why the stream is lost, if it is.
     fn look(&mut self, events: &mut VecDeque<Event>) -> Option<String> {
         let mut lost = None;
         let mut last = String::new();
@@ -109,7 +111,7 @@ impl Watched {
         lost
     }
 
-    /// Why it counts as lost, if it has not called for too long; the time before `since` does not count.
+    /// Why the device is lost by silence, if it is. The time before `since` does not count.
     fn silent(&self, now: u64, since: u64) -> Option<String> {
         let last = self.counts.last_ns.load(Relaxed);
         if last == 0 {
@@ -144,8 +146,7 @@ fn told(panic: Box<dyn Any + Send>) -> String {
     format!("what filled the device's blocks panicked: {}", text.as_deref().unwrap_or("no message"))
 }
 
-/// Tells a device that is silent from a machine that stood still: nobody calls while this thread cannot run
-/// either.
+/// Tells a silent device from a stalled machine, on which this thread does not run either.
 #[derive(Default)]
 struct Awake {
     looked: u64,
@@ -153,7 +154,7 @@ struct Awake {
 }
 
 impl Awake {
-    /// Takes note of a look; answers since when this thread has looked without a pause [ns].
+    /// Notes a look; returns since when looks have come without a stall [ns].
     fn look(&mut self, now: u64) -> u64 {
         if now.saturating_sub(self.looked) > STANDSTILL_NS {
             self.since = now;
@@ -163,7 +164,7 @@ impl Awake {
     }
 }
 
-/// Watches until the stream is lost or done.
+/// Watches until the stream is lost or dropped.
 pub(crate) fn watch(shared: &Shared, mut sides: Vec<Watched>, roll: &Roll, events: &Events) {
     let mut waiting = VecDeque::new();
     let mut awake = Awake::default();
@@ -179,7 +180,7 @@ pub(crate) fn watch(shared: &Shared, mut sides: Vec<Watched>, roll: &Roll, event
             lost = lost.or(said).or(quiet);
         }
         lost = lost.or_else(|| roll.look());
-        // Where nobody reads, what happened is in the counts.
+        // If nobody reads events, the counts still tell.
         waiting.drain(..).for_each(|event| drop(events.try_send(event)));
         if let Some(reason) = lost {
             return lose(shared, &sides, reason, events);
@@ -188,7 +189,7 @@ pub(crate) fn watch(shared: &Shared, mut sides: Vec<Watched>, roll: &Roll, event
     }
 }
 
-/// Waits until an output that still calls has faded and that is heard.
+/// Waits until the fade of a calling output is heard.
 fn fade(counts: &Counts) {
     let limit = FADING.as_nanos() as u64;
     let began = now_ns();
@@ -202,7 +203,7 @@ fn fade(counts: &Counts) {
     }
 }
 
-/// Closes the stream and says so, once.
+/// Closes the stream and reports the loss, once.
 fn lose(shared: &Shared, sides: &[Watched], reason: String, events: &Events) {
     sides.iter().for_each(|side| side.counts.over.store(true, Relaxed));
     // The first side is the output.

@@ -1,5 +1,4 @@
-//! No server runs: what is asked about devices then. A file of its own, since the environment belongs to
-//! the whole process.
+//! Without any server. A test program of its own, since the environment belongs to the whole process.
 
 mod parts;
 
@@ -10,7 +9,7 @@ use parts::refusal;
 
 const INSIDE: &str = "ASPERITY_TEST_INSIDE";
 
-/// Runs the test of that name again where no server can be found. None in the child.
+/// Runs a test again in a child process that finds no server. `None` in the child.
 fn alone(test: &str) -> Option<std::process::Output> {
     if std::env::var(INSIDE).is_ok() {
         return None;

@@ -1,4 +1,4 @@
-//! What goes wrong is told once, in words, and the stream is closed; on the simulated card.
+//! Faults of a simulated card are reported once, in words, and the stream is closed.
 
 mod parts;
 

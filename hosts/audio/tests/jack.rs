@@ -15,7 +15,7 @@ fn request(rate_hz: u32) -> Request {
     Request { host: Some("jack".into()), rate_hz, ..Request::default() }
 }
 
-/// Records a port of JACK, in memory that is there beforehand.
+/// Records a port of JACK into preallocated memory.
 struct Tape {
     port: Port<AudioIn>,
     samples: Vec<f32>,
@@ -35,7 +35,7 @@ impl ProcessHandler for Tape {
     }
 }
 
-/// Records so many samples of the port that `from` names, from the moment on when it is connected.
+/// Records this many samples of the port named by `from`, once it is connected.
 fn record(from: &str, length: usize) -> (AsyncClient<(), Tape>, std::sync::mpsc::Receiver<Vec<f32>>) {
     let (client, _) = Client::new("asperity_ear", ClientOptions::NO_START_SERVER).unwrap();
     let port = client.register_port("in", AudioIn::default()).unwrap();
@@ -50,7 +50,7 @@ fn record(from: &str, length: usize) -> (AsyncClient<(), Tape>, std::sync::mpsc:
     (client, recorded)
 }
 
-/// Two seconds of what port 2 of a stream on channel 2 plays: nothing lost, repeated or reordered.
+/// Two seconds from port 2 of a stream on channel 2: nothing lost, repeated or reordered.
 fn sample_exact(rate_hz: u32, period: u32) {
     let (process, seen) = Recorder::new();
     let (sender, received) = events();

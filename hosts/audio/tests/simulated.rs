@@ -1,4 +1,4 @@
-//! Streams on the simulated card: what is played arrives, bit by bit, whatever the device is like.
+//! Streams on the simulated card: samples arrive bit by bit, whatever the device is like.
 
 mod parts;
 
@@ -7,8 +7,7 @@ use asperity_audio::{Format, OpenError, Request, events, open};
 use parts::{Count, Ramp, Recorder, by_hand, on, play, ramp, refusal};
 use proptest::prelude::*;
 
-/// What a card that holds samples in this format makes of a value, written anew: scale, round to the
-/// nearest, keep in range.
+/// Independent reference of a format's conversion: scale, round to the nearest, clip.
 fn quantized(format: Format, value: f32) -> f64 {
     let full = match format {
         Format::F32 | Format::F64 => return f64::from(value.clamp(-1.0, 1.0)),

@@ -1,10 +1,10 @@
-//! A device's axes and the graph's.
+//! Axes of a device and of the graph.
 
 use asperity_motion::AxisMap;
 
 use crate::HandError;
 
-/// Takes a device's positions to the graph's axes (z up, mm), and forces back again.
+/// Maps a device's positions to the graph's axes (z up, mm), and forces back.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Frame {
     axes: AxisMap,
@@ -12,9 +12,9 @@ pub struct Frame {
 }
 
 impl Frame {
-    /// `axes` names the device's axis for each of the graph's x, y, z, like a trajectory's: `x,-z,y` for a
-    /// device whose vertical is y. `origin_mm` is the point, in the graph's directions, that becomes 0, 0,
-    /// 0.
+    /// `axes`: the device's axis for each of the graph's x, y, z, as for a trajectory: `x,-z,y` for a
+    /// device whose vertical is y.
+    /// `origin_mm`: the point, in the graph's axes, that becomes 0, 0, 0.
     ///
     /// # Errors
     /// Axes that are not x, y and z once each; an origin that is not finite.
@@ -30,14 +30,13 @@ impl Frame {
         Ok(Self { axes, origin: origin_mm })
     }
 
-    /// A position of the device, in mm, in the graph's axes.
+    /// Position of the device in mm, in the graph's axes.
     pub fn position(&self, device_mm: [f64; 3]) -> [f64; 3] {
         let p = self.axes.apply(device_mm);
         [p[0] - self.origin[0], p[1] - self.origin[1], p[2] - self.origin[2]]
     }
 
-    /// A force in the graph's axes, in the device's. The map exchanges and turns axes only, so its inverse
-    /// is its transpose.
+    /// Force in the device's axes. The map permutes and flips axes only, so its inverse is its transpose.
     pub fn force(&self, graph: [f64; 3]) -> [f64; 3] {
         let unit = |i: usize| self.axes.apply([0, 1, 2].map(|k| if k == i { 1.0 } else { 0.0 }));
         [0, 1, 2].map(|i| {

@@ -1,4 +1,4 @@
-//! An Inverse3, played by a stand-in of the service.
+//! An Inverse3, simulated by a stand-in of the service.
 
 mod common;
 
@@ -16,21 +16,21 @@ use common::{Floor, newest, problem, until};
 use parking_lot::Mutex;
 use tungstenite::{Message, WebSocket};
 
-/// What the stand-in does and what it was told.
+/// Behaviour of the stand-in, and the commands it received.
 #[derive(Default)]
 struct Service {
     stop: AtomicBool,
     /// Devices by id.
     devices: Mutex<Vec<&'static str>>,
-    /// Where each is, in m.
+    /// Their position in m.
     at: Mutex<[f64; 3]>,
-    /// What is answered instead of a report.
+    /// Answer instead of a report.
     instead: Mutex<Option<String>>,
     /// Whether it answers at all.
     mute: AtomicBool,
-    /// Whether it sends reports that nobody asked for.
+    /// Whether it sends unrequested reports.
     chatty: AtomicBool,
-    /// Whether it sends as fast as it can, and hears nothing.
+    /// Whether it sends as fast as it can, and reads nothing.
     flood: AtomicBool,
     forces: Mutex<Vec<[f64; 3]>>,
     asked: AtomicU64,
@@ -98,7 +98,7 @@ impl Service {
     }
 }
 
-/// A running stand-in; dropping it kills it, connections and all.
+/// A running stand-in; dropping it kills it with its connections.
 struct Running {
     service: Arc<Service>,
     address: SocketAddr,

@@ -1,4 +1,4 @@
-//! An OpenHaptics device, played by a stand-in library that is built here.
+//! An OpenHaptics device, simulated by a stand-in library that is built here.
 #![cfg(unix)]
 
 mod common;
@@ -23,7 +23,7 @@ static ALLOCATOR: AllocDisabler = AllocDisabler;
 /// The library has one scheduler, and so a process has one device at a time.
 static ONE: Mutex<()> = Mutex::new(());
 
-/// A stand-in of its own: the library, where it lies, and the turn to use it.
+/// A stand-in: the library, its path, and the turn to use it.
 struct Standin {
     library: Library,
     path: PathBuf,

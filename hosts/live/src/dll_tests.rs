@@ -172,8 +172,8 @@ fn server_faster_than_real_time_loses_nothing() {
     }
 }
 
-/// What a paced thread reads ahead of a device, in milliseconds, after each of its callbacks: callbacks of
-/// `frames` come late by what `late` says of the time they are due, in seconds.
+/// Lead of a paced thread after each callback, in milliseconds. Callbacks of `frames` come `late(due)`
+/// seconds after they are due.
 fn leads_ms(frames: u64, seconds: f64, mut late: impl FnMut(f64) -> f64) -> Vec<f64> {
     let mut dll = Dll::new(48_000);
     let period_s = frames as f64 / 48_000.0;
@@ -187,8 +187,9 @@ fn leads_ms(frames: u64, seconds: f64, mut late: impl FnMut(f64) -> f64) -> Vec<
     (0..(seconds / period_s) as u64).map(lead).collect()
 }
 
-/// What was due while a machine stood still is asked for at once after: a stall of up to `longest_s` begins
-/// every `every_s` or so.
+/// Lateness by stalls of a machine: after a stall, everything due is asked for at once. A stall of up to
+/// `longest_s` begins
+/// about every `every_s`.
 fn stalls(every_s: f64, longest_s: f64) -> impl FnMut(f64) -> f64 {
     let (mut stall, mut next, mut count) = ((0.0, 0.0), 2.0 * every_s, 0);
     move |due| {

@@ -1,4 +1,4 @@
-//! What the system was asked for and said to have given is there. A program of its own: it locks its memory.
+//! Granted requests are really in force. A program of its own, since it locks its memory.
 
 #![cfg(target_os = "linux")]
 

@@ -1,4 +1,4 @@
-//! The card itself: calls its streams, keeps what they play, wires output to input.
+//! The card: calls its streams, keeps what they play, wires output to input.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -14,7 +14,7 @@ pub(super) type OutputCall = Box<dyn FnMut(&mut Data, &OutputCallbackInfo) + Sen
 pub(super) type InputCall = Box<dyn FnMut(&Data, &InputCallbackInfo) + Send>;
 pub(super) type ErrorCall = Box<dyn FnMut(Error) + Send>;
 
-/// What calls a stream.
+/// Callback of a stream.
 pub(super) enum Call {
     Output(OutputCall),
     Input(InputCall),
@@ -37,17 +37,17 @@ struct Plant {
     respond: Response,
 }
 
-/// What a card remembers.
+/// State of a card.
 #[derive(Default)]
 pub(super) struct State {
     pub(super) output: Option<Line>,
     pub(super) input: Option<Line>,
     pub(super) unplugged: bool,
-    /// Whether calls are withheld.
+    /// Whether it does not call.
     pub(super) stopped: bool,
-    /// Whether a thread calls the streams.
+    /// Whether a thread calls its streams.
     pub(super) timed: bool,
-    /// Time to do nothing, from the next call on.
+    /// Pause before the next call.
     pub(super) gap: Duration,
     plants: Vec<Plant>,
     played: Vec<f64>,
@@ -81,7 +81,7 @@ impl Card {
         self.lock().played.clone()
     }
 
-    /// Frames of the next call, and their rate. None while nothing plays.
+    /// Frames of the next call, and their rate. `None` while nothing plays.
     pub(super) fn next_call(&self) -> Option<(usize, u32)> {
         let state = self.lock();
         let line = [&state.output, &state.input].into_iter().flatten().find(|line| line.playing)?;
@@ -90,7 +90,7 @@ impl Card {
         Some((frames as usize, line.rate_hz))
     }
 
-    /// Calls what plays, once, with so many frames.
+    /// Calls the playing streams once with this many frames.
     pub(super) fn step(&self, frames: usize) {
         let state = &mut *self.lock();
         if state.unplugged || state.stopped {
@@ -102,7 +102,7 @@ impl Card {
     }
 }
 
-/// Memory for samples of any format.
+/// Buffer for samples of any format.
 fn data(memory: &mut Vec<u64>, samples: usize, format: SampleFormat) -> Data {
     memory.resize((samples * format.sample_size()).div_ceil(8), 0);
     // SAFETY: the memory holds that many samples, is aligned for the largest of them, and any bits are a
@@ -116,7 +116,7 @@ fn ns(frames: u32, rate_hz: u32) -> u64 {
 }
 
 impl State {
-    /// Puts the plant of its description, at rest, between the first output and the first input.
+    /// Sets the described plant, at rest, between the first output and the first input.
     pub(super) fn set_plant(&mut self, respond: Response) {
         self.plants = vec![Plant { output: 0, input: 0, respond }];
     }

@@ -1,4 +1,4 @@
-//! What tests fill and record blocks with.
+//! Common parts of the tests: devices, processes, recordings.
 #![allow(dead_code, reason = "no test file uses all of it")]
 
 use std::sync::Arc;
@@ -9,7 +9,7 @@ use asperity_audio::simulated::{Params, Simulated};
 use asperity_audio::{Block, Capture, Captured, Event, OpenError, Process, Request, Stream, events, open};
 use parking_lot::Mutex;
 
-/// A card that calls only when it is told to, and keeps what it hears.
+/// A card that is called by hand and keeps its output.
 pub(crate) fn by_hand() -> Params {
     Params { speed: 0.0, keep: true, ..Params::default() }
 }
@@ -19,7 +19,7 @@ pub(crate) fn on(card: &Simulated) -> Request {
     Request { device: Some(card.id()), ..Request::default() }
 }
 
-/// Opens and plays, with nobody listening to what happens.
+/// Opens and plays, without reading events.
 pub(crate) fn play(request: &Request, process: impl Process + 'static) -> Stream {
     let (sender, _events) = events();
     let stream = open(request, Box::new(process), None, sender).unwrap();
@@ -44,7 +44,7 @@ pub(crate) fn refusal(request: &Request) -> OpenError {
     }
 }
 
-/// Waits until it is so, at most 20 s.
+/// Waits at most 20 s until `is_so`.
 pub(crate) fn wait(what: &str, is_so: impl Fn() -> bool) {
     let began = Instant::now();
     while !is_so() {
@@ -53,7 +53,7 @@ pub(crate) fn wait(what: &str, is_so: impl Fn() -> bool) {
     }
 }
 
-/// Waits for the loss of a stream, at most 20 s; answers its reason and what came before.
+/// Waits at most 20 s for the loss of a stream; returns its reason and the events before.
 pub(crate) fn wait_for_loss(received: &Receiver<Event>) -> (String, Vec<Event>) {
     let mut before = Vec::new();
     loop {
@@ -83,7 +83,7 @@ impl Process for Ramp {
     }
 }
 
-/// Plays a number that says which sample it is, exactly, for 2^22 samples.
+/// Plays the number of each sample, exactly, for 2^22 samples.
 #[derive(Default)]
 pub(crate) struct Count(usize);
 
@@ -103,7 +103,7 @@ impl Process for Count {
     }
 }
 
-/// Plays what a function says.
+/// Plays the values of a function.
 pub(crate) struct Each<F>(pub(crate) F);
 
 impl<F: FnMut() -> f32 + Send> Process for Each<F> {
@@ -132,7 +132,7 @@ impl Process for Recorder {
     }
 }
 
-/// Keeps what it hears.
+/// Keeps its recording.
 pub(crate) struct Ear(Arc<Mutex<Vec<f32>>>);
 
 impl Ear {
@@ -148,8 +148,9 @@ impl Capture for Ear {
     }
 }
 
-/// A block as it was seen: the number of its first frame, when it was called for, and when the host says
-/// that frame is heard or was at the input [ns].
+/// A block: number of its first frame, time of its call, and time at which the host says that frame is
+/// heard or was at the
+/// input [ns].
 #[derive(Clone, Copy)]
 struct Seen {
     frame: usize,
@@ -157,20 +158,20 @@ struct Seen {
     sounds_ns: u64,
 }
 
-/// What a loop was like: medians in ms, for the first frame of each block heard.
+/// Medians of a loop in ms, over the first frame of each recorded block.
 #[derive(Debug)]
 pub(crate) struct Heard {
-    /// Frames that were played and not heard, after the first that was.
+    /// Frames played and not heard, after the first that was.
     pub(crate) lost: usize,
-    /// From the call that played a frame to the call that heard it.
+    /// Time from the call that played a frame to the call that recorded it.
     pub(crate) whole: f64,
-    /// The output's latency, as the host says.
+    /// Latency of the output, as the host says.
     pub(crate) ahead: f64,
-    /// The input's.
+    /// Latency of the input, as the host says.
     pub(crate) behind: f64,
 }
 
-/// Plays and records one channel in a loop, and keeps what the host says of time.
+/// Plays and records one channel in a loop, with the host's time stamps.
 pub(crate) struct Loop {
     played: Arc<Mutex<Vec<Seen>>>,
     heard: Arc<Mutex<(Vec<Seen>, Vec<f32>)>>,
@@ -212,7 +213,7 @@ impl Loop {
         self.heard.lock().1.len()
     }
 
-    /// Checks that what was heard is what was played, in order and nothing twice, silence apart.
+    /// Checks that the recording is what was played, in order and nothing twice, apart from silence.
     pub(crate) fn check(&self, rate_hz: u32) -> Heard {
         let played = self.played.lock().clone();
         let (blocks, heard) = self.heard.lock().clone();

@@ -1,11 +1,11 @@
-//! The service's JSON, as far as it is used here.
+//! The part of the service's JSON that is used here.
 
 use std::borrow::Cow;
 use std::fmt::Write;
 
 use serde::Deserialize;
 
-/// A device farther away than this is not there \[m\].
+/// Longest valid distance of a device \[m\].
 const FAR_M: f64 = 10.0;
 
 #[derive(Deserialize)]
@@ -33,10 +33,10 @@ struct Vector {
     z: f64,
 }
 
-/// What a report says of one device.
+/// Report of one device.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Heard {
-    /// Where it is, in mm, in its own axes.
+    /// Its position in mm, in its own axes.
     At([f64; 3]),
     /// The report does not have it.
     Gone,
@@ -49,18 +49,18 @@ fn parse(text: &str) -> Result<Report<'_>, String> {
     })
 }
 
-/// The devices in a report, by id.
+/// Ids of the devices in a report.
 ///
 /// # Errors
-/// What is wrong with the text, for a person.
+/// The fault in the text, for a person.
 pub(super) fn devices(text: &str) -> Result<Vec<String>, String> {
     Ok(parse(text)?.inverse3.into_iter().map(|d| d.device_id.into_owned()).collect())
 }
 
-/// Reads where a device is.
+/// Reads the position of a device.
 ///
 /// # Errors
-/// What is wrong with the text, for a person.
+/// The fault in the text, for a person.
 pub(super) fn position(text: &str, id: &str) -> Result<Heard, String> {
     let report = parse(text)?;
     let Some(entry) = report.inverse3.iter().find(|d| d.device_id == id) else {
@@ -75,7 +75,7 @@ pub(super) fn position(text: &str, id: &str) -> Result<Heard, String> {
     Ok(Heard::At(metres.map(|m| m * 1e3)))
 }
 
-/// Writes the command that makes a device push with a finite force \[N\], in its own axes.
+/// Command for a finite force \[N\] of a device, in its own axes.
 pub(super) fn command(id: &str, force: [f64; 3]) -> String {
     let mut text = String::with_capacity(160);
     let id = serde_json::Value::from(id);

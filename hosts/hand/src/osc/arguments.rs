@@ -1,56 +1,57 @@
-//! What the arguments of a message mean.
+//! Meaning of a message's arguments.
 
 use rosc::OscType;
 
 use crate::HandError;
 
-/// Arguments that may be listed.
+/// Most arguments in a list.
 const MOST: usize = 64;
 
 /// Standard gravity \[m/s^2\]: one gram-force is a thousandth of it in newtons.
 const GRAVITY: f64 = 9.806_65;
 
-/// What would do, in every error about a list.
+/// Help in every error of a list.
 const HELP: &str = "list the message's arguments in their order, apart by commas, each with its unit: \
     `x_mm, y_mm, -z_m, force_n, _, time_ms`. There are x, y, z in mm, cm or m; force in n or gf; pressure; \
     stroke (or touch), 0 or 1; time in s, ms, us or ns; `_` for what is not used; and `-` before one that \
     counts the other way";
 
-/// One argument's place among what is read.
+/// Meaning of an argument.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Meaning {
     Skip,
-    /// Axis, and mm in one of its units, with the sign.
+    /// Axis, and signed factor to mm.
     Axis(usize, f64),
-    /// Newtons in one of its units, with the sign.
+    /// Signed factor to N.
     Force(f64),
     Pressure,
     Touch,
-    /// Nanoseconds in one of its units.
+    /// Factor to ns.
     Time(f64),
 }
 
-/// The list of a message's arguments: which is what, in which unit.
+/// Meanings and units of a message's arguments, in order.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Arguments(Vec<Meaning>);
 
-/// What one message says.
+/// Values of a message.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Reading {
     /// x, y, z in mm; 0 for an axis that is not listed.
     pub position: [f64; 3],
-    /// Force in N, at least 0, or pressure from 0 to 1; 0 where neither is listed.
+    /// Force in N, at least 0, or pressure from 0 to 1; 0 if neither is listed.
     pub force: f64,
-    /// Whether the hand touches, where that is listed.
+    /// Whether the hand touches, if listed.
     pub touch: Option<bool>,
-    /// The sender's time in ns, where that is listed.
+    /// Time of the sender in ns, if listed.
     pub time_ns: Option<f64>,
 }
 
-/// Reads a list such as `x_mm, y_mm, -z_m, force_n, _, time_ms`. Spaces and capitals do not matter.
+/// Parses a list such as `x_mm, y_mm, -z_m, force_n, _, time_ms`. Spaces and case do not matter.
 ///
-/// # Errors A word that is not known, a unit that does not belong to it, something listed twice, no axis at
-/// all; the error names what was found and what would do.
+/// # Errors
+/// An unknown word, a wrong unit, a repeated word, or no axis. The error names the fault and the valid
+/// words.
 pub fn parse_arguments(text: &str) -> Result<Arguments, HandError> {
     let fail = |what: String| Err(HandError::option(what, HELP));
     let mut list = Vec::new();
@@ -81,7 +82,7 @@ pub fn parse_arguments(text: &str) -> Result<Arguments, HandError> {
     Ok(Arguments(list))
 }
 
-/// One word: its meaning, and a name under which it must not come again.
+/// Meaning of a word, and the name that must not be repeated.
 fn one(word: &str) -> Result<(Meaning, &'static str), String> {
     if word == "_" {
         return Ok((Meaning::Skip, ""));
@@ -122,20 +123,20 @@ fn one(word: &str) -> Result<(Meaning, &'static str), String> {
 }
 
 impl Arguments {
-    /// How many arguments a message needs.
+    /// Number of arguments that a message needs.
     pub fn needed(&self) -> usize {
         self.0.len()
     }
 
-    /// Whether what the samples carry as force is a pressure from 0 to 1.
+    /// Whether the force of samples is a pressure from 0 to 1.
     pub fn pressure(&self) -> bool {
         self.0.contains(&Meaning::Pressure)
     }
 
-    /// Reads a message's arguments; more than are listed are not looked at.
+    /// Reads a message's arguments; extra ones are ignored.
     ///
     /// # Errors
-    /// Why the message cannot be used, for a person.
+    /// Why the message is unusable, for a person.
     pub fn read(&self, args: &[OscType]) -> Result<Reading, String> {
         if args.len() < self.0.len() {
             return Err(format!("it has {} arguments, {} are listed", args.len(), self.0.len()));

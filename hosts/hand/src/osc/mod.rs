@@ -1,17 +1,22 @@
 //! A hand over the network: Open Sound Control 1.0 in UDP packets.
 //!
-//! Whatever sends positions can be the hand: a tablet's program, a tracker, a script. The option says at
-//! which address pattern the messages come and what their arguments mean, see [`parse_arguments`]. A
-//! sample's time is an argument, where one is listed; else the time tag of its bundle, unless that says
-//! "immediately"; else the arrival. Both of the first are mapped to our clock by the fastest packets, which
-//! takes jitter out. (A `time` sent as a 32-bit float counts milliseconds exactly for 4.6 hours; send a
-//! double or an integer.)
+//! Any sender of positions can be the hand: a tablet's program, a tracker, a script. Options give the
+//! address pattern of the
+//! messages and the meaning of their arguments, see [`parse_arguments`]. The time of a sample is an
+//! argument, if listed; or
+//! else the time tag of its bundle, unless that is "immediately"; or else the arrival. The first two are
+//! mapped to our clock
+//! by the fastest packets, which removes jitter. (A `time` sent as a 32-bit float counts milliseconds
+//! exactly for 4.6 hours;
+//! send a double or an integer.)
 //!
-//! A new stroke begins with every 0 to 1 of a listed `touch`, where the sender's clock is set anew, and
-//! where another sender takes over after a pause. What cannot be used is counted, with the reason of the
-//! last; it never stops the source. Packets are at most 64 KiB, bundles nest at most 8 deep, so memory is
-//! bounded whatever is sent. From the sender's call to the queue it takes 10 us (p50; p99 58 us on a loaded
-//! machine).
+//! A new stroke begins with every 0 to 1 of a listed `touch`, when the sender's clock is set, and when
+//! another sender takes
+//! over after a pause. Unusable messages are counted, with the reason of the last; they never stop the
+//! source. Packets are at
+//! most 64 KiB and bundles nest at most 8 deep, so memory is bounded. From the sender's call to the queue
+//! it takes 10 us
+//! (p50; p99 58 us on a loaded machine).
 
 mod arguments;
 mod packet;
@@ -30,26 +35,26 @@ use crate::{Device, HandError};
 pub use arguments::{Arguments, Reading, parse_arguments};
 use pattern::Pattern;
 
-/// How long the thread waits for a packet before it looks whether it is to stop.
+/// Longest wait for a packet before the thread looks for a stop.
 const WAIT: Duration = Duration::from_millis(50);
-/// How long it waits before a socket that failed is opened again.
+/// Wait before a failed socket is opened again.
 const AGAIN: Duration = Duration::from_millis(500);
-/// Another sender after a longer pause begins a new stroke.
+/// After a longer pause, another sender begins a new stroke [ns].
 const PAUSE_NS: u64 = 50_000_000;
-/// The largest UDP packet.
+/// Largest UDP packet [bytes].
 const PACKET: usize = 65_536;
 
-/// What is listened for.
+/// Options of the receiver.
 #[derive(Clone, Debug, PartialEq)]
 pub struct OscOptions {
-    /// Address and port to listen at; port 0 takes a free one.
+    /// Address and port to listen at; port 0 chooses a free one.
     pub listen: SocketAddr,
-    /// Whether that may be other than this machine's own loopback: then anybody on the network can move the
+    /// Allows an address other than this machine's loopback: then anybody on the network can move the
     /// stylus.
     pub anywhere: bool,
     /// An OSC 1.0 address or address pattern, such as `/pen` or `/wacom/{1,2}/*`.
     pub address: String,
-    /// What the arguments mean.
+    /// Meaning of the arguments.
     pub arguments: Arguments,
 }
 
@@ -60,10 +65,10 @@ impl OscOptions {
         Self { listen, anywhere: false, address: address.into(), arguments }
     }
 
-    /// Whether they could be used, without a look at the port.
+    /// Checks the options without opening the port.
     ///
     /// # Errors
-    /// An address pattern that is none; a listening address beyond loopback without `anywhere`.
+    /// An invalid address pattern; a listening address beyond loopback without `anywhere`.
     pub fn check(&self) -> Result<(), HandError> {
         self.pattern().map(drop)
     }
@@ -80,7 +85,8 @@ impl OscOptions {
     }
 }
 
-/// Reads where to listen: `127.0.0.1:9000`, `localhost:9000`, or a port alone for this machine's loopback.
+/// Parses a listening address: `127.0.0.1:9000`, `localhost:9000`, or a port alone for this machine's
+/// loopback.
 ///
 /// # Errors
 /// Anything else.
@@ -100,8 +106,9 @@ pub fn parse_listen(text: &str) -> Result<SocketAddr, HandError> {
 }
 
 /// Whether two sources cannot listen at these addresses at once: the port is the same, and the IP address
-/// too, or one of them is all addresses of the machine (also those of the other version: a socket at `[::]`
-/// may take packets of IPv4). Port 0 is a free one.
+/// too, or one of them
+/// is all addresses (also those of the other IP version: a socket at `[::]` may take IPv4 packets). Port 0
+/// is a free one.
 pub fn exclude(one: SocketAddr, other: SocketAddr) -> bool {
     let (a, b) = (one.ip().to_canonical(), other.ip().to_canonical());
     let all = a.is_unspecified() || b.is_unspecified();
@@ -158,17 +165,17 @@ struct Ear {
     shared: Arc<Shared>,
     writer: SampleWriter,
     arguments: Arguments,
-    /// The pattern as it was written.
+    /// The pattern as written.
     written: String,
     pattern: Pattern,
-    /// The address that was matched last, and whether it did: senders seldom change it.
+    /// The last address, and whether it matched: senders seldom change it.
     known: (String, bool),
     clock: RemoteClock,
     sender: Option<(SocketAddr, u64)>,
     touched: bool,
     stroke: u32,
     newest_ns: u64,
-    /// Whether a person was told of an address that does not match.
+    /// Whether an address that does not match was reported.
     told: bool,
 }
 
@@ -287,9 +294,9 @@ impl Ear {
     }
 }
 
-/// An NTP time tag in ns since 1900.
+/// NTP time tag in ns since 1900.
 fn ntp_ns(tag: u64) -> f64 {
-    // In integers, and rounded once: a double holds today's count to half a microsecond.
+    // In integers, rounded once: a double holds today's count to half a microsecond.
     let (seconds, fraction) = (tag >> 32, tag & 0xffff_ffff);
     (u128::from(seconds) * 1_000_000_000 + ((u128::from(fraction) * 1_000_000_000) >> 32)) as f64
 }

@@ -1,37 +1,40 @@
-//! Whether a wall of this stiffness can be stable whoever holds the device.
+//! Whether a wall is stable for every hand.
 //!
-//! A spring and damper behind a sampler and a hold are passive where b > K T / 2 + |B|: b is the physical
-//! damping of the device, K and B the wall's stiffness and damping, T the servo's period (J. E. Colgate and
-//! G. Schenkel, "Passivity of a class of sampled-data systems: application to haptic interfaces", American
-//! Control Conference 1994; Journal of Robotic Systems 14, 1997, pp. 37-47). There the wall's velocity is a
-//! plain first difference. A low-pass F behind it, as in [`servo`](crate::servo), changes the damper's
-//! share from
-//! -B cos wT to -B Re(F e^-jwT), which is at most |B| while |F| is at most 1: the bound stays sufficient.
+//! A spring and damper behind a sampler and a hold are passive if b > K T / 2 + |B|: b is the physical
+//! damping of the device,
+//! K and B the wall's stiffness and damping, T the servo's period (J. E. Colgate and G. Schenkel,
+//! "Passivity of a class of
+//! sampled-data systems: application to haptic interfaces", American Control Conference 1994; Journal of
+//! Robotic Systems 14,
+//! 1997, pp. 37-47). There the wall's velocity is a plain first difference. A low-pass F behind it, as in
+//! [`servo`](crate::servo), changes the damper's share from -B cos wT to -B Re(F e^-jwT). That is at most
+//! |B| while |F| is at
+//! most 1, so the bound stays sufficient.
 //!
-//! A delay d of the loop besides the hold costs K d more, to first order: hand in 1 / (T + 2 d) for the rate.
+//! A delay d of the loop besides the hold costs K d more, to first order: use 1 / (T + 2 d) as the rate.
 //!
-//! The bound is about passivity: any passive hand. A given hand may be stable beyond it, since grips add
-//! damping of their own.
+//! The bound is about any passive hand. A given hand may be stable beyond it, since a grip adds damping.
 
-/// Damping of the device itself along the normal, and how it is known.
+/// Damping of the device along the normal, and its source.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum DeviceDamping {
-    /// Measured, or given by whoever knows the device \[N s/m\].
+    /// Measured or given \[N s/m\].
     Known(f64),
-    /// Inferred from the stiffness \[N/mm\] that its maker recommends at most at a servo rate of 1 kHz: a
-    /// passive device that holds it has at least K T / 2.
+    /// Inferred from the largest stiffness \[N/mm\] that its maker recommends at a servo rate of 1 kHz: a
+    /// passive device that
+    /// renders it has at least K T / 2.
     Recommended(f64),
-    /// Not known: [`ASSUMED_NS_PER_M`] is taken.
+    /// Unknown: [`ASSUMED_NS_PER_M`] is used.
     Unknown,
 }
 
-/// Damping that is assumed where none is known \[N s/m\]. We found no figure for a Touch or an Inverse3
-/// that could be relied on; this is a guess on the safe side for a device built to be free of friction, and
-/// every sentence made of it says so.
+/// Assumed damping of an unknown device \[N s/m\]. We found no reliable figure for a Touch or an Inverse3.
+/// This is a guess on
+/// the safe side for a device built without friction, and every sentence made of it says so.
 pub const ASSUMED_NS_PER_M: f64 = 0.1;
 
 impl DeviceDamping {
-    /// The figure \[N s/m\].
+    /// Damping \[N s/m\].
     pub fn ns_per_m(self) -> f64 {
         match self {
             Self::Known(b) => b,
@@ -41,19 +44,19 @@ impl DeviceDamping {
     }
 }
 
-/// What the bound says of one wall on one device.
+/// Result of the bound for a wall on a device.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Passivity {
-    /// Damping that the device would need \[N s/m\]: K T / 2 + |B|.
+    /// Damping that the device needs \[N s/m\]: K T / 2 + |B|.
     pub needed_ns_per_m: f64,
-    /// What it has less what it needs \[N s/m\].
+    /// Its damping less the needed damping \[N s/m\].
     pub margin_ns_per_m: f64,
-    /// Whether the bound is met: above 0, and also at 0 where the maker recommends that very stiffness.
+    /// Whether the bound is met: the margin is above 0, or 0 at the very stiffness that the maker
+    /// recommends.
     pub passive: bool,
-    /// Largest stiffness that is passive with this wall damping \[N/mm\]; 0 where the damping alone is too
-    /// much.
+    /// Largest passive stiffness with this wall damping \[N/mm\]; 0 if the damping alone is too much.
     pub stiffest_n_per_mm: f64,
-    /// The same for a person, with the figures.
+    /// The result as a sentence with figures.
     pub sentence: String,
 }
 
@@ -64,7 +67,7 @@ impl Passivity {
     }
 }
 
-/// Holds a wall's stiffness \[N/mm\] and damping \[N s/m\] against Colgate's bound, at a servo rate in Hz
+/// Checks a wall's stiffness \[N/mm\] and damping \[N s/m\] against Colgate's bound, at a servo rate in Hz
 /// above 0.
 pub fn passivity(
     stiffness_n_per_mm: f64,
@@ -84,7 +87,7 @@ pub fn passivity(
         DeviceDamping::Unknown => "assumed, since it is not known".to_owned(),
     };
     let margin = has - needed;
-    // "At most" includes the most, whatever rounding makes of it.
+    // The recommended stiffness itself counts as passive, despite rounding.
     let at_most = matches!(device, DeviceDamping::Recommended(_)) && margin > -1e-9;
     let passive = margin > 0.0 || at_most;
     let verdict = if passive { "passive, whoever holds it" } else { "may buzz or be unstable in some hands" };

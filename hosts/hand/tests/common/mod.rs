@@ -1,4 +1,4 @@
-//! What the tests of all sources do.
+//! Helpers of the tests of all sources.
 #![allow(dead_code)] // for the tests that include it
 
 use std::sync::Arc;
@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use asperity_hand::Handle;
 use asperity_live::{ForceModel, ForceWriter, Sample, SampleReader, now_ns};
 
-/// A floor at z = 0 of the graph, told anew every millisecond until dropped.
+/// A floor at z = 0 of the graph, published every millisecond until dropped.
 pub(crate) struct Floor(Arc<AtomicBool>, Option<JoinHandle<()>>);
 
 impl Floor {

@@ -1,23 +1,30 @@
-//! A thread with evenly spaced ticks, steered by the device's clock, through a ring.
+//! A thread with evenly spaced ticks, steered by the device's clock, that feeds the device through a ring.
 //!
-//! A tick that begins at position x of the device's frames is due at t(x) - L: t is the line of the
-//! delay-locked loop over callback times, L the lead: the device's real period, since a callback may ask
-//! for that many frames at once, and a margin for waking up and for callbacks that come early. The ring
-//! then holds the period, a tick and the margin at most, whatever happens: the thread has no other measure
-//! than position, so that the fill need not be steered by itself.
+//! A tick that begins at position x of the device's frames is due at t(x) - L. Here t is the line of the
+//! delay-locked loop
+//! over callback times, and L the lead: the device's real period, since a callback may ask for that many
+//! frames at once,
+//! plus a margin for waking up and for early callbacks. The ring then never holds more than the period, a
+//! tick and the
+//! margin. The thread measures by position alone, so the fill of the ring needs no control of its own.
 //!
-//! Measured with a device of 1024 frames at 48 kHz and 500 Hz ticks, on 2 busy cores of a virtual machine:
-//! the hand's times are 2 ms apart within 0.4 us (p1 and p99), the ticks themselves within 28 us; the lead
-//! is 22.4 ms, 21.3 of them the period. With 256 frames beside builds that made it stall, the lead stayed
-//! 6.35 to 6.36 ms over five runs, 5.3 of them the period (11.8 ms where what a late wake-up asks for
-//! counted as its period).
+//! Measured with 1024 frames at 48 kHz and 500 Hz ticks, on 2 busy cores of a virtual machine: readings of
+//! the hand are
+//! 2 ms apart within 0.4 us (p1 and p99), the ticks themselves within 28 us; the lead is 22.4 ms, of which
+//! the period is
+//! 21.3 ms. With 256 frames beside builds that stalled the machine, the lead stayed 6.35 to 6.36 ms over
+//! five runs
+//! (period 5.3 ms).
 //!
-//! A thread that is late runs what is behind at once; beyond 16 ticks it leaves out whole ticks, as far as
-//! the device has said that their time has gone by.
+//! A late thread runs up to 16 late ticks at once. Beyond that it skips whole ticks, as far as the device
+//! has reported
+//! that their time has passed.
 //!
-//! A server that asks faster than time goes by (JACK in freewheel) is more than the thread can keep up
-//! with: what it cannot have is silent and counted, and ticks are left out. A run that was freewheeled for
-//! a second left out 29.9 s of samples, all of them counted. The callback clock renders every one.
+//! A server faster than real time (JACK in freewheel) asks for more than the thread can compute. Missing
+//! samples are silent
+//! and counted, and ticks are skipped: a run in freewheel for one second skipped 29.9 s of samples, all
+//! counted.
+//! The callback clock renders every sample.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicI64, AtomicU64, Ordering::*};
@@ -36,17 +43,16 @@ use crate::realtime::Asked;
 
 opaque_debug!(PacedHalf);
 
-/// What the lead has beyond the period.
+/// Margin of the lead beyond the period [ns].
 const MARGIN_NS: f64 = 1e6;
-/// Callbacks are listened to for this long before the stream begins.
+/// Callbacks are observed for this long before the stream begins [ns].
 const LISTEN_NS: u64 = 100_000_000;
-/// The longest sleep: requests and a moved clock are looked at between.
+/// Longest sleep [ns]. Between sleeps the thread reads requests and the device's clock.
 const NAP_NS: u64 = 5_000_000;
-/// Seconds of samples the ring has room for at least, beside the ticks that may be run behind: a device
-/// that asks in bunches may begin to do so later.
+/// Least room of the ring in seconds, beside late ticks: a device may begin to call in bunches later.
 const ROOM_S: f64 = 2.0;
-/// Periods it has room for at least. It holds one, a tick and the margin, as far as the period is the one
-/// it was made for.
+/// Least room of the ring in periods. It holds one period, a tick and the margin if the period stays as
+/// assumed.
 const ROOM_PERIODS: usize = 3;
 /// Stack that the device's thread touches at its first callback.
 const DEVICE_STACK: usize = 32_768;
@@ -92,14 +98,14 @@ pub fn paced<T: Ticker + 'static>(
     Ok((TickThread::start(controls, |_| pace.run(ticker))?, half))
 }
 
-/// Values that the ring has room for.
+/// Size of the ring in values.
 fn room(rates: &Rates, options: &Options) -> usize {
     let period = options.period_frames.max(options.seen_frames) as usize;
     let frames = ((f64::from(rates.rate_hz) * ROOM_S) as usize).max(ROOM_PERIODS * period);
     frames * rates.channels + (RUN_BEHIND as usize + 2) * rates.most()
 }
 
-/// The thread's end.
+/// The thread's side.
 struct Pace {
     controls: Arc<Controls>,
     stream: Arc<Stream>,
@@ -108,9 +114,9 @@ struct Pace {
     rates: Rates,
     samples: Vec<f32>,
     given_frames: u32,
-    /// L, in nanoseconds.
+    /// The lead L [ns].
     lead_ns: f64,
-    /// The ticker's sample at position 0 of the device.
+    /// Sample of the ticker at position 0 of the device.
     origin: f64,
     read_ns: u64,
 }
@@ -120,19 +126,20 @@ impl Pace {
         if self.begin(&ticker) {
             while !self.over() && self.next(&mut ticker) {}
         }
-        // The device's end is still fading what it has.
+        // The device still fades its last samples.
         while !self.over() && !self.controls.failed() {
             sleep::until(now_ns() + NAP_NS);
         }
         ticker
     }
 
-    /// Whether nobody hears the next tick.
+    /// Whether the next tick would not be heard.
     fn over(&self) -> bool {
         self.controls.down() || (self.controls.stopping() && self.controls.dead())
     }
 
-    /// Waits for the device and chooses where its frames begin to be ours. False where it was stopped before.
+    /// Waits for the device and chooses the position at which the stream begins. False if it is stopped
+    /// before.
     fn begin(&mut self, ticker: &impl Ticker) -> bool {
         let mut since = None;
         loop {
@@ -152,13 +159,13 @@ impl Pace {
         }
     }
 
-    /// The lead that the device needs as it is now.
+    /// Lead that the device needs now [ns].
     fn lead(&self, line: &Line) -> f64 {
         let period = if self.given_frames > 0 { u64::from(self.given_frames) } else { line.period_frames };
         period as f64 * line.frame_ns() + MARGIN_NS + line.early_ns
     }
 
-    /// Sleeps towards the next tick, or runs it where it is due. False where it panicked.
+    /// Sleeps until the next tick, or runs it when it is due. False if it panicked.
     fn next(&mut self, ticker: &mut impl Ticker) -> bool {
         let line = *self.lines.read();
         let tick = ticker.next_tick();
@@ -177,7 +184,7 @@ impl Pace {
         }
         let len = self.rates.len(tick).min(self.samples.len());
         if self.ring.vacant_len() < len {
-            // Nobody plays: the device stands still, or catches up.
+            // The ring is full: the device stands still, or catches up.
             sleep::until(now + NAP_NS);
             return true;
         }
@@ -196,10 +203,10 @@ impl Pace {
         true
     }
 
-    /// Leaves out up to `behind` ticks, as far as their time has gone by unplayed beyond what the ring
-    /// holds. False for none.
+    /// Skips up to `behind` ticks whose time has passed unplayed beyond the ring's content. False if there
+    /// is none.
     fn skip(&mut self, ticker: &mut impl Ticker, behind: u64) -> bool {
-        // The ring first: see where the device's end drops.
+        // Read the ring before `owed`; `PacedHalf::take` writes them in the opposite order.
         let there = (self.ring.occupied_len() / self.rates.channels) as i64;
         let owed = self.stream.owed.load(Acquire) - self.stream.skipped.load(Relaxed) - there;
         let (tick, Ok(owed)) = (ticker.next_tick(), u64::try_from(owed)) else { return false };
@@ -215,22 +222,22 @@ impl Pace {
     }
 }
 
-/// What both ends know of the stream, in frames.
+/// Stream state that both sides share, in frames.
 #[derive(Debug)]
 struct Stream {
-    /// The device's position at which the stream begins; `u64::MAX` before the thread has chosen it.
+    /// Position of the device at which the stream begins; `u64::MAX` until the thread has chosen it.
     begin: AtomicU64,
-    /// Frames of time that went by without the stream, less those that the device's end has dropped for it.
+    /// Frames of time that passed unplayed, less those that the device's side has dropped since.
     owed: AtomicI64,
-    /// Of these, frames that the thread left out.
+    /// Of these, frames that the thread skipped.
     skipped: AtomicI64,
 }
 
-/// What the device calls: takes samples from the ring, and tells the thread the device's time.
+/// The device's side: takes samples from the ring, and reports the device's time to the thread.
 ///
-/// Position in the stream is position in time. What was missing when it was to be played, or went by in a
-/// gap, is owed: as many frames are dropped, or left out by the thread, before anything is played again. So
-/// no latency is ever added.
+/// Position in the stream is position in time. Samples that were missing at their time, or that a gap
+/// passed over, are owed:
+/// as many are dropped, or skipped by the thread, before anything plays again. So latency never grows.
 pub struct PacedHalf {
     controls: Arc<Controls>,
     stream: Arc<Stream>,
@@ -239,7 +246,7 @@ pub struct PacedHalf {
     dll: Dll,
     ramp: Ramp,
     channels: usize,
-    /// Frames that went by without the stream, less those dropped; the thread's skips not taken off.
+    /// Frames owed, without the thread's skips.
     owed: i64,
     began: bool,
 }
@@ -251,7 +258,7 @@ impl Process for PacedHalf {
             self.controls.fail();
             return;
         }
-        // Ticks run on another thread, but one that is late here is heard all the same.
+        // Ticks run on another thread, but a late callback is audible too.
         self.controls.ask_for_device::<DEVICE_STACK>();
         let frames = block.frames();
         let heard = self.dll.callback(block.now_ns, frames as u64);
@@ -283,7 +290,7 @@ impl Process for PacedHalf {
 }
 
 impl PacedHalf {
-    /// Frames of this block that lie before the stream.
+    /// Frames of this block before the stream begins.
     fn silent_before_begin(&mut self, position: u64, frames: u64) -> u64 {
         if self.began {
             return 0;
@@ -306,7 +313,7 @@ impl PacedHalf {
         self.stream.owed.store(self.owed, Release);
     }
 
-    /// Drops what is owed and fills what it can; returns how many values it filled.
+    /// Drops owed frames, then fills `out`; returns how many values it filled.
     fn take(&mut self, out: &mut [f32]) -> usize {
         if self.began {
             let there = (self.ring.occupied_len() / self.channels) as i64;
@@ -314,17 +321,17 @@ impl PacedHalf {
             let drop = owed.min(there).max(0);
             if drop > 0 {
                 self.owed -= drop;
-                // Told before it is done: the thread, which looks at the ring first, then never thinks that
-                // more is owed than is.
+                // Stored before the drop: the thread reads the ring first, so it never sees more owed than
+                // there is.
                 self.stream.owed.store(self.owed, Release);
                 self.ring.skip(drop as usize * self.channels);
             }
-            // What the thread may have pushed since is owed too.
+            // Samples pushed in the meantime are owed too.
             if owed > drop {
                 return 0;
             }
         }
-        // Whole frames are pushed, and the room is whole frames.
+        // The ring holds whole frames, and `out` is whole frames.
         self.ring.pop_slice(out)
     }
 }

@@ -5,8 +5,9 @@ use crate::view::Condition;
 use asperity_node::random::bits;
 use std::time::Duration;
 
-/// A device in real time. What it hears must be the stream at its own position in time, bit for bit, but
-/// for what the meters say was missing.
+/// A device in real time. Its output must be the stream at its own position in time, bit for bit, except
+/// for samples that the
+/// meters count as missing.
 struct Device {
     half: PacedHalf,
     options: Options,
@@ -42,7 +43,7 @@ impl Device {
         (driver, device)
     }
 
-    /// One block when it is time for it; what was heard.
+    /// Plays one block when it is due, and returns it.
     fn call(&mut self, frames: usize) -> Vec<f32> {
         sleep::until(self.start_ns + self.frames * 1_000_000_000 / u64::from(self.rate_hz));
         self.frames += frames as u64;
@@ -62,7 +63,7 @@ impl Device {
             (false, true) => position.saturating_sub(begin),
             _ => 0,
         };
-        // What the meters say beyond time that passed is missing at the end of this block.
+        // Lost samples beyond passed time are missing at the end of this block.
         let missing = self.options.meters.lost_samples.get() - before - passed;
         assert!(missing <= frames as u64 - silent, "{missing} of {frames}");
         if began && lost > 0 {
@@ -87,14 +88,14 @@ impl Device {
         }
     }
 
-    /// Until a hundredth of a second was played, however slowly the thread is begun with.
+    /// Runs until 10 ms were played, however slowly the thread begins.
     fn run_until_played(&mut self, sizes: &[usize]) {
         while self.played < u64::from(self.rate_hz / 100) {
             self.run(20, sizes);
         }
     }
 
-    /// Goes on calling while something else happens, as a device does.
+    /// Keeps calling, as a device does, while `what` runs.
     fn while_it<R>(mut self, what: impl FnOnce() -> R) -> (R, Self) {
         let over = std::sync::atomic::AtomicBool::new(false);
         std::thread::scope(|scope| {
@@ -111,8 +112,7 @@ impl Device {
     }
 }
 
-/// The samples that were computed are those that were played, those dropped or left out for what was
-/// missing, and some ahead.
+/// Computed samples are those played, those dropped or skipped for missing ones, and some ahead.
 fn account(device: &Device, ticker: &Counter, tail_ms: u64) {
     let rate = u64::from(device.rate_hz);
     let passed = device.played + device.options.meters.lost_samples.get();

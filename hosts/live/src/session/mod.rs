@@ -1,4 +1,4 @@
-//! A run from its start to its end: a device is opened, a clock chosen, a lost device waited for.
+//! A run from start to end: opens a device, chooses a clock, waits for a lost device.
 
 mod card;
 mod custody;
@@ -28,39 +28,39 @@ use xruns::Xruns;
 
 opaque_debug!(Session);
 
-/// How often a lost device is looked for.
+/// Time between two attempts to open a lost device.
 const RETRY: Duration = Duration::from_millis(500);
-/// Longest that a device may take to show its period before a clock is chosen without it.
+/// Longest wait for a device's period before a clock is chosen without it.
 const LISTEN: Duration = Duration::from_millis(1000);
-/// Wake-ups after which its period is known.
+/// Wake-ups after which the period is known.
 const ENOUGH: u64 = 8;
 
-/// How a run is started.
+/// Options of a run.
 #[derive(Debug)]
 pub struct SessionOptions {
-    /// The device; none runs without audio.
+    /// The device; `None` runs without audio.
     pub device: Option<Request>,
-    /// What ticks keep time with; chosen by the device's period unless given.
+    /// Clock of the ticks; `None` chooses by the device's period.
     pub clock: Option<Clock>,
-    /// Whether a lost device is waited for.
+    /// Whether to wait for a lost device.
     pub reconnect: bool,
     /// Seconds from silence to full at the start.
     pub start_s: f64,
-    /// Whether the system is asked for real-time priority, locked memory and waking cores.
+    /// Whether to request real-time priority, locked memory and waking cores.
     pub realtime: bool,
-    /// What mutes and stops it, whatever the thread that tends it is doing.
+    /// Mutes and stops it from any thread.
     pub reins: Reins,
-    /// Who knows of the device's coils; none knows nothing, and lets anybody play.
+    /// Knows the heat of the device's coils; `None` lets anybody play.
     pub keeper: Option<Box<dyn Keeper>>,
 }
 
-/// Why there is no run, or no longer one.
+/// Why a run does not start or ends.
 #[derive(Debug)]
 #[non_exhaustive]
 pub enum SessionError {
-    /// The device cannot be had.
+    /// The device cannot be opened.
     Device(OpenError),
-    /// The device may not be played on.
+    /// Playing on the device is not allowed.
     Refused(Diagnostic),
     /// The system gives no thread.
     Thread(std::io::Error),
@@ -89,28 +89,28 @@ struct Loss {
     opening: Option<JoinHandle<Result<Card, OpenError>>>,
 }
 
-/// A run. Dropped, it ramps down and ends as by [`stop`](Session::stop).
+/// A run. Dropping it ramps the output down, as [`stop`](Session::stop) does.
 pub struct Session {
     conductor: Conductor,
     driver: Running,
     card: Option<Card>,
     options: SessionOptions,
     mic: Option<card::Recorder>,
-    /// Looks on while the device records.
+    /// Watches what the device records.
     listener: Option<Listener>,
     meters: Arc<Meters>,
     machine: Option<Machine>,
-    /// What was refused has been said.
+    /// Whether refusals of the system were reported.
     told: bool,
     /// Set while the device is lost.
     loss: Option<Loss>,
-    /// What a device said of itself while it was there, for the view.
+    /// Name of the device for a person, kept while it is lost.
     name: String,
     notices: Vec<String>,
     looked: Instant,
     views: u64,
     xruns: Xruns,
-    /// Dropped last: the output is down then.
+    /// Dropped last, when the output is down.
     custody: Custody,
 }
 
@@ -125,23 +125,23 @@ impl Loss {
     }
 }
 
-/// What is left of a run.
+/// Remains of a run.
 #[derive(Debug)]
 pub struct Ended {
-    /// The engine and all around it; none where a tick never ended.
+    /// The engine with its wiring; `None` if a tick never ended.
     pub player: Option<Player>,
-    /// What controlled it.
+    /// Its control side.
     pub conductor: Conductor,
     /// Figures of the whole run.
     pub view: View,
 }
 
 impl Session {
-    /// Opens the device and starts to play, or starts a timer without one. `mic` is where what the device
-    /// records goes.
+    /// Opens the device and starts to play, or starts a timer without a device. `mic`: queue for recorded
+    /// samples.
     ///
     /// # Errors
-    /// What the device or the system says; nothing runs then.
+    /// The reason of the device or the system; nothing runs then.
     pub fn start(
         conductor: Conductor,
         player: Player,
@@ -179,7 +179,7 @@ impl Session {
                     coils: it.conductor.gate().standing().to_vec(),
                 };
                 it.notices.extend(it.custody.open(&opened).map_err(SessionError::Refused)?);
-                // What comes back after a loss is this one, though it was a default that was asked for.
+                // After a loss, exactly this device is reopened, even if the request named a default.
                 it.options.device = Some(card.pinned(&request));
                 it.notices.extend(card.stream.notes().iter().cloned());
                 it.card = Some(card);
@@ -190,28 +190,29 @@ impl Session {
         Ok(it)
     }
 
-    /// What controls the graph.
+    /// Control side of the graph.
     pub fn conductor(&mut self) -> &mut Conductor {
         &mut self.conductor
     }
 
-    /// What mutes and stops it.
+    /// Mutes and stops it.
     pub fn reins(&self) -> &Reins {
         &self.options.reins
     }
 
-    /// Whether the run goes on: no tick panicked, and there is or may be a device where one was asked for.
+    /// Whether the run goes on: no tick panicked, and the requested device is there or may come back.
     pub fn goes_on(&self) -> bool {
         let gone = self.driver.gone() || self.driver.controls().is_some_and(|c| c.failed());
         let given_up = self.loss.is_some() && !self.options.reconnect;
         !(gone || given_up)
     }
 
-    /// Looks after the device: what it said, whether it is lost, whether it is back. To be called some tens
-    /// of times a second. Answers what a person should know, once.
+    /// Checks the device: reads its events, handles a loss, reopens it. Call it some tens of times a
+    /// second.
+    /// Returns notices for a person, each once.
     ///
     /// # Errors
-    /// Where the system gives no thread.
+    /// The system gives no thread.
     pub fn tend(&mut self) -> Result<Vec<String>, SessionError> {
         self.conductor.collect();
         self.count_xruns();
@@ -233,14 +234,14 @@ impl Session {
             _ if self.reins().stopping() => Condition::Stopping,
             (_, Some(_)) => Condition::Lost,
             _ if self.reins().muted() => Condition::Muted,
-            // A device that is back and not yet played on.
+            // The device is back and does not play yet.
             _ if self.card.as_ref().is_some_and(|card| !card.playing) => Condition::Starting,
             (Some(controls), None) => controls.condition(),
             (None, None) => Condition::Starting,
         }
     }
 
-    /// Figures of the moment.
+    /// Figures now.
     pub fn view(&mut self) -> View {
         let since = self.looked.elapsed();
         self.looked = Instant::now();
@@ -278,7 +279,7 @@ impl Session {
         self.xruns.count(self.meters.xruns.get(), reported, now_ns())
     }
 
-    /// Latency from a hand to the actuator, item by item, in milliseconds.
+    /// Items of the latency from the hand to the actuator, in milliseconds.
     fn latency(&self, view: &View, stats: Option<&Stats>) -> Vec<(String, f64)> {
         if self.driver.controls().is_none() || (self.options.device.is_some() && self.card.is_none()) {
             // Nothing is heard.
@@ -306,14 +307,14 @@ impl Session {
         let player = self.driver.take();
         self.custody.note(&self.conductor.gate().seen);
         let mut view = self.view();
-        // Who is gone says nothing any more.
+        // The stopped driver has no clock and no latency.
         (view.clock, view.latency_ms) = (before.clock, before.latency_ms);
         view.condition =
             if before.condition == Condition::Failed { Condition::Failed } else { Condition::Stopping };
         Ended { player, conductor: self.conductor, view }
     }
 
-    /// What was asked of the system, and what it gave.
+    /// Answers of the system to the real-time requests.
     pub fn grants(&self) -> Option<Grants> {
         let priority = self.driver.controls()?.priority();
         Some(self.machine.as_ref()?.grants(priority))
@@ -330,7 +331,7 @@ impl Session {
         options
     }
 
-    /// Hands the ticks to the device once its period is known.
+    /// Starts the driver once the device's period is known.
     fn advance(&mut self) -> Result<(), SessionError> {
         let Some(card) = self.card.as_ref().filter(|card| !card.playing) else { return Ok(()) };
         let (wakes, period) = card.wakes();
@@ -339,7 +340,7 @@ impl Session {
             return Ok(());
         }
         let (rate_hz, tick_hz) = (card.stream.rate_hz(), self.conductor.schedule().tick_hz);
-        // A device that has not called yet may do so in any pieces.
+        // A device that has not called yet may call with any number of frames.
         let called = if card.bunches() { period } else { card.stream.period().unwrap_or(period) };
         let clock = choose(self.options.clock, called.max(1), rate_hz, tick_hz);
         let clock = if period == 0 && self.options.clock.is_none() { Clock::Paced } else { clock };
@@ -382,7 +383,7 @@ impl Session {
         }
         let now = Instant::now();
         self.loss = Some(Loss { since: now, tried: now, reason: String::new(), opening: None });
-        // Hands and forces go on.
+        // Ticks go on, for hands and forces.
         self.keep_time()
     }
 
@@ -409,7 +410,7 @@ impl Session {
         }
     }
 
-    /// What the system refused, once it is known.
+    /// Reports refusals of the system once.
     fn tell_refusals(&mut self) {
         let asked = self.driver.controls().is_some_and(|c| c.priority() != Grant::NotAsked);
         if self.told || !asked {
