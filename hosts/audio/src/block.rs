@@ -52,6 +52,11 @@ pub trait Capture: Send {
     fn capture(&mut self, block: &Captured<'_>);
 }
 
+/// Duration of frames [ns].
+pub(crate) fn frames_ns(frames: u64, rate_hz: u32) -> u64 {
+    frames * 1_000_000_000 / u64::from(rate_hz.max(1))
+}
+
 static BEGAN: LazyLock<Instant> = LazyLock::new(Instant::now);
 
 /// Monotonic time of this program [ns], from about its start. All times of blocks, input samples and ticks

@@ -9,6 +9,7 @@ use cpal::{InputCallbackInfo, OutputCallbackInfo};
 use ringbuf::HeapProd;
 use ringbuf::traits::Producer;
 
+use crate::block::frames_ns;
 use crate::format::DeviceSample;
 use crate::quiet::hush_alsa;
 use crate::{Block, Capture, Captured, Process, now_ns};
@@ -90,7 +91,7 @@ impl Counts {
         let last = u64::from(place(call.wrapping_sub(1)).load(Relaxed)).max(frames as u64);
         place(call).store(frames.min(u32::MAX as usize) as u32, Relaxed);
         let gap = now.saturating_sub(before);
-        let told = before > 0 && gap > GAP_NS.max(3 * last * 1_000_000_000 / u64::from(self.rate_hz.max(1)));
+        let told = before > 0 && gap > GAP_NS.max(frames_ns(3 * last, self.rate_hz));
         if told {
             self.gaps.fetch_add(1, Relaxed);
             self.longest_gap_ns.fetch_max(gap, Relaxed);
@@ -145,7 +146,7 @@ impl Line {
 
     /// Time from the start of a call to its frame `frames` [ns].
     fn offset_ns(&self, frames: usize) -> u64 {
-        frames as u64 * 1_000_000_000 / u64::from(self.counts.rate_hz.max(1))
+        frames_ns(frames as u64, self.counts.rate_hz)
     }
 
     fn failed(&mut self, panic: Box<dyn Any + Send>) {

@@ -50,13 +50,23 @@ pub(crate) fn names() -> Vec<String> {
     real.chain([SIMULATED.to_owned()]).collect()
 }
 
+/// Whether a host is a mixing server: it takes any width and rate, and converts to those of its device. It also moves a
+/// stream whose device goes away to another one.
+pub(crate) fn is_mixer(host: &str) -> bool {
+    matches!(host, "pulseaudio" | "pipewire")
+}
+
+/// cpal's id of a host.
+pub(crate) fn host_id(name: &str) -> Option<HostId> {
+    cpal::ALL_HOSTS.iter().copied().find(|id| id.to_string() == name)
+}
+
 /// Devices of a host; the error says why there are none.
 pub(crate) fn list(host: &str) -> Result<Vec<Listed>, String> {
     if host == SIMULATED {
         return Ok(simulated::devices().into_iter().map(|device| Listed::new(SIMULATED, device)).collect());
     }
-    let id = cpal::ALL_HOSTS.iter().copied().find(|id| id.to_string() == host);
-    let id = id.ok_or_else(|| "there is no such host".to_owned())?;
+    let id = host_id(host).ok_or_else(|| "there is no such host".to_owned())?;
     let name = host.to_owned();
     let found = bounded(host, PATIENCE, move || look(id, &name));
     found.unwrap_or_else(|| Err(format!("no answer in {} s", PATIENCE.as_secs())))

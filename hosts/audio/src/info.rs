@@ -8,7 +8,7 @@ use serde::Serialize;
 use crate::Format;
 use crate::bounded::bounded;
 use crate::find::Side;
-use crate::hosts::{Listed, PATIENCE, list, names};
+use crate::hosts::{Listed, PATIENCE, is_mixer, list, names};
 use crate::jack;
 use crate::plan::abilities;
 
@@ -145,8 +145,7 @@ fn detail(listed: &Listed) -> DeviceInfo {
         match abilities(listed, side) {
             Ok((ranges, usual)) => {
                 let rate_hz = usual.as_ref().map(|usual| usual.sample_rate());
-                let own = matches!(listed.host.as_str(), "pulseaudio" | "pipewire");
-                let own = usual.filter(|_| own).map(|usual| usual.channels());
+                let own = usual.filter(|_| is_mixer(&listed.host)).map(|usual| usual.channels());
                 let mut side_info = summary(&ranges, rate_hz, own)?;
                 side_info.card_channels =
                     if listed.host == "jack" { jack::card_channels(side) } else { None };

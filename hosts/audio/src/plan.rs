@@ -7,7 +7,7 @@ use cpal::{
 
 use crate::Format;
 use crate::find::Side;
-use crate::hosts::Listed;
+use crate::hosts::{Listed, is_mixer};
 use crate::jack;
 use crate::request::{OpenError, Request};
 
@@ -83,7 +83,7 @@ pub(crate) fn plan(
         notes.extend(jack::note(side, width, card));
     }
     if let Some(rate) = usual.map(|usual| usual.sample_rate())
-        && is_mixer(listed)
+        && is_mixer(&listed.host)
         && rate != request.rate_hz
     {
         notes
@@ -91,11 +91,6 @@ pub(crate) fn plan(
     }
     let config = StreamConfig { channels: width, sample_rate: request.rate_hz, buffer_size };
     Ok(Plan { config, format, notes })
-}
-
-/// Whether the host is a mixing server: it takes any width and rate, and converts to those of its device.
-fn is_mixer(listed: &Listed) -> bool {
-    matches!(listed.host.as_str(), "pulseaudio" | "pipewire")
 }
 
 /// Channels to open the device with. A mixing server: its own number, since it spreads or folds any other.
@@ -112,13 +107,13 @@ fn width(
     let highest = channels.iter().copied().max().unwrap_or(1);
     let all = || ranges.iter().map(SupportedStreamConfigRange::channels);
     let most = match usual {
-        Some(usual) if is_mixer(listed) => usual.channels(),
+        Some(usual) if is_mixer(&listed.host) => usual.channels(),
         _ => all().max().unwrap_or(0),
     };
     let least = |floor: u16| all().filter(|count| *count >= floor).min();
     let width = match listed.host.as_str() {
         _ if highest > most => None,
-        _ if is_mixer(listed) => Some(most),
+        _ if is_mixer(&listed.host) => Some(most),
         "jack" => Some(highest),
         _ => least(highest.max(2)).or_else(|| least(highest)),
     };

@@ -9,16 +9,12 @@
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::time::Duration;
 
-use cpal::HostId;
 use cpal::traits::HostTrait;
 
-use crate::hosts::Listed;
+use crate::hosts::{Listed, host_id, is_mixer};
 
 /// Time from one list to the next.
 const PERIOD: Duration = Duration::from_millis(250);
-
-/// Hosts that move streams.
-const MOVERS: [&str; 2] = ["pulseaudio", "pipewire"];
 
 /// Checks a stream's devices, on a thread of its own, until it is dropped. A host that hangs blocks only
 /// that thread.
@@ -31,7 +27,7 @@ pub(crate) struct Roll {
 impl Roll {
     /// Checks devices by host and id; those of hosts that do not move streams are left out.
     pub(crate) fn new(devices: impl Iterator<Item = (String, String)>) -> std::io::Result<Self> {
-        let devices: Vec<_> = devices.filter(|(host, _)| MOVERS.contains(&host.as_str())).collect();
+        let devices: Vec<_> = devices.filter(|(host, _)| is_mixer(host)).collect();
         let (tell, gone) = channel();
         let (done, wait) = channel();
         if !devices.is_empty() {
@@ -51,9 +47,8 @@ impl Roll {
 /// always end the threads
 /// of a closed PulseAudio connection.
 fn call(devices: Vec<(String, String)>, tell: &Sender<String>, wait: &Receiver<()>) {
-    let host = |name: &str| cpal::ALL_HOSTS.iter().copied().find(|id: &HostId| id.to_string() == name);
     let connect = |(name, id): (String, String)| {
-        let host = host(&name).and_then(|host| cpal::host_from_id(host).ok())?;
+        let host = host_id(&name).and_then(|id| cpal::host_from_id(id).ok())?;
         Some((host, name, id))
     };
     let devices: Vec<_> = devices.into_iter().filter_map(connect).collect();

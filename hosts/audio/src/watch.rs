@@ -16,6 +16,7 @@ use parking_lot::Mutex;
 use ringbuf::HeapCons;
 use ringbuf::traits::Consumer;
 
+use crate::block::frames_ns;
 use crate::callback::{Counts, Message};
 use crate::quiet::hush_alsa;
 use crate::roll::Roll;
@@ -120,8 +121,7 @@ impl Watched {
                 format!("the device is open and has not called once in {:.0} s", FIRST_NS as f64 / 1e9)
             });
         }
-        let ten_periods =
-            10 * u64::from(self.counts.longest()) * 1_000_000_000 / u64::from(self.counts.rate_hz.max(1));
+        let ten_periods = frames_ns(10 * u64::from(self.counts.longest()), self.counts.rate_hz);
         let silence = now.saturating_sub(last.max(since));
         let over = silence > LOSS_NS.max(ten_periods);
         over.then(|| format!("the device has not called for {:.1} s", silence as f64 / 1e9))

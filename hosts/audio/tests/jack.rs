@@ -4,11 +4,11 @@ mod parts;
 #[path = "../../../tests/common/servers.rs"]
 mod servers;
 
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use asperity_audio::{Event, OpenError, Request, events, hosts, open};
 use jack::{AsyncClient, AudioIn, Client, ClientOptions, Control, Port, ProcessHandler, ProcessScope};
-use parts::{Count, Loop, Recorder, play, play_told, refusal, wait, wait_for_loss};
+use parts::{Count, Loop, Recorder, close_and_find_host_away, lose, play, play_told, refusal, wait};
 use servers::{Jack, inside};
 
 fn request(rate_hz: u32) -> Request {
@@ -147,14 +147,8 @@ fn killed_server_is_a_loss_and_the_next_one_opens() {
     let Some(server) = inside(test, || Jack::start(48_000, 256)) else { return };
     let (stream, received) = play_told(&request(48_000));
     wait("a call", || stream.stats().callbacks > 20);
-    let killed = Instant::now();
-    server.kill();
-    let (reason, _) = wait_for_loss(&received);
-    println!("killed: lost after {} ms: {reason}", killed.elapsed().as_millis());
-    drop(stream);
-    let error = refusal(&request(48_000));
-    println!("then: {error}");
-    assert!(matches!(error, OpenError::HostAway { .. }), "{error}");
+    lose("killed", &received, || server.kill());
+    close_and_find_host_away(stream, &request(48_000));
     let name = std::env::var("JACK_DEFAULT_SERVER").unwrap();
     let _next = Jack::named(&name, 48_000, 128).unwrap();
     let again = play(&request(48_000), Count::default());
@@ -168,16 +162,8 @@ fn stopped_server_is_a_loss_and_blocks_nobody() {
     let Some(server) = inside(test, || Jack::start(48_000, 256)) else { return };
     let (stream, received) = play_told(&request(48_000));
     wait("a call", || stream.stats().callbacks > 20);
-    let stopped = Instant::now();
-    server.stop();
-    let (reason, _) = wait_for_loss(&received);
-    println!("stopped: lost after {} ms: {reason}", stopped.elapsed().as_millis());
-    let closing = Instant::now();
-    drop(stream);
-    println!("closed after {} ms", closing.elapsed().as_millis());
-    let error = refusal(&request(48_000));
-    println!("then: {error}");
-    assert!(matches!(error, OpenError::HostAway { .. }), "{error}");
+    lose("stopped", &received, || server.stop());
+    close_and_find_host_away(stream, &request(48_000));
     server.go_on();
     wait("the server to answer again", || {
         let (sender, _events) = events();

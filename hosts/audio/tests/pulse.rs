@@ -5,10 +5,10 @@ mod parts;
 mod servers;
 
 use std::process::Command;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use asperity_audio::{Capture, Event, OpenError, Request, events, hosts, open};
-use parts::{Count, Ear, Loop, Recorder, play, play_told, refusal, wait, wait_for_loss};
+use parts::{Count, Ear, Loop, Recorder, close_and_find_host_away, lose, play, play_told, refusal, wait};
 use servers::{Parec, Pulse, inside};
 
 fn request() -> Request {
@@ -110,16 +110,10 @@ fn killed_server_is_a_loss() {
     let Some(server) = inside("killed_server_is_a_loss", Pulse::start) else { return };
     let (stream, received) = play_told(&request());
     wait("calls", || stream.stats().callbacks > 20);
-    let killed = Instant::now();
-    server.kill();
-    let (reason, _) = wait_for_loss(&received);
-    println!("killed: lost after {} ms: {reason}", killed.elapsed().as_millis());
+    lose("killed", &received, || server.kill());
     std::thread::sleep(Duration::from_millis(100));
     assert_eq!(received.try_iter().count(), 0, "told once");
-    drop(stream);
-    let error = refusal(&request());
-    println!("then: {error}");
-    assert!(matches!(error, OpenError::HostAway { .. }), "{error}");
+    close_and_find_host_away(stream, &request());
 }
 
 #[test]
@@ -128,16 +122,8 @@ fn stopped_server_is_a_loss() {
     let Some(server) = inside(test, Pulse::start) else { return };
     let (stream, received) = play_told(&request());
     wait("calls", || stream.stats().callbacks > 20);
-    let stopped = Instant::now();
-    server.stop();
-    let (reason, _) = wait_for_loss(&received);
-    println!("stopped: lost after {} ms: {reason}", stopped.elapsed().as_millis());
-    let closing = Instant::now();
-    drop(stream);
-    println!("closed after {} ms", closing.elapsed().as_millis());
-    let error = refusal(&request());
-    println!("then: {error}");
-    assert!(matches!(error, OpenError::HostAway { .. }), "{error}");
+    lose("stopped", &received, || server.stop());
+    close_and_find_host_away(stream, &request());
     server.go_on();
     wait("the server to answer again", || {
         let (sender, _events) = events();
@@ -173,15 +159,9 @@ fn alsa_over_a_killed_server_is_a_loss() {
     };
     println!("asked for 1024: {:?}, median {:?}", stream.period_range(), stream.period());
     println!("ahead {:.1} ms", stream.stats().latency_ms);
-    let killed = Instant::now();
-    server.kill();
-    let (reason, _) = wait_for_loss(&received);
-    println!(
-        "killed: lost after {} ms, {} errors: {reason}",
-        killed.elapsed().as_millis(),
-        stream.stats().errors
-    );
+    lose("killed", &received, || server.kill());
     let errors = stream.stats().errors;
+    println!("{errors} errors");
     std::thread::sleep(Duration::from_millis(100));
     assert_eq!(stream.stats().errors, errors, "errors still come");
 }
@@ -227,10 +207,9 @@ fn vanished_device_is_a_loss_without_fallback() {
         stream.play().unwrap();
         wait("calls", || stream.stats().callbacks > 200);
         assert_eq!(stream.lost(), None, "{what}");
-        let unloaded = Instant::now();
-        pactl(&["unload-module", &sink]);
-        let (reason, _) = wait_for_loss(&received);
-        println!("{what}: lost after {} ms: {reason}", unloaded.elapsed().as_millis());
+        let reason = lose(what, &received, || {
+            pactl(&["unload-module", &sink]);
+        });
         assert!(reason.contains("the device is gone: pulseaudio:haptic"), "{what}: {reason}");
     }
 }

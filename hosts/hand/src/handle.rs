@@ -45,9 +45,7 @@ pub struct Handle {
 }
 
 /// Starts a source's thread.
-///
-/// # Errors
-/// The system gives no thread.
+/// Error: the system gives no thread.
 pub(crate) fn spawn(name: &str, run: impl FnOnce() + Send + 'static) -> Result<JoinHandle<()>, HandError> {
     Builder::new().name(name.to_owned()).spawn(run).map_err(|e| {
         HandError::missing(format!("no thread for `{name}`: {e}"), "free some memory or processes")

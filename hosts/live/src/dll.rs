@@ -125,7 +125,7 @@ impl Most {
 }
 
 /// A delay-locked loop over callbacks of any length.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Dll {
     nominal_ns: f64,
     line: Line,
@@ -148,18 +148,7 @@ impl Dll {
     pub fn new(rate_hz: u32) -> Self {
         let nominal_ns = 1e9 / f64::from(rate_hz.max(1));
         let line = Line { slope: nominal_ns, frame_ns: nominal_ns, ..Line::default() };
-        Self {
-            nominal_ns,
-            line,
-            began_ns: 0.0,
-            moved_ns: 0.0,
-            since: 0.0,
-            late: 0.0,
-            gone_ns: 0.0,
-            period: Most::default(),
-            early: Most::default(),
-            shared: (0.0, 0, 0.0),
-        }
+        Self { nominal_ns, line, ..Self::default() }
     }
 
     /// Notes a callback for `frames`. A gap advances the position by the frames lost, and the loop restarts

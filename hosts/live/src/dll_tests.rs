@@ -24,6 +24,12 @@ impl Device {
         heard
     }
 
+    /// Error of the line at its end [ns].
+    fn off_ns(&self) -> f64 {
+        let line = self.dll.line();
+        line.time_ns(line.end()) - self.time_ns
+    }
+
     fn run(&mut self, frames: u64, seconds: f64) {
         let until = self.time_ns + seconds * 1e9;
         while self.time_ns < until {
@@ -79,7 +85,7 @@ fn blocks_of_any_length_give_the_same_line() {
     let p99 = p99_us_off_2ms(spacings(&mut device, (0..3_000).map(|i| sizes[i % 7])));
     assert!(p99 < 3.0, "{p99} us");
     // Half the jitter is what a filter of lateness ends at.
-    let end = device.dll.line().time_ns(device.dll.line().end()) - device.time_ns;
+    let end = device.off_ns();
     assert!((0.0..0.2e6).contains(&end), "{end}");
     let line = *device.dll.line();
     for p in [line.end() - 100.0, line.end() - 0.5, line.end() + 3_000.0] {
@@ -100,7 +106,7 @@ fn gap_is_counted_in_frames_and_time_is_right_at_once() {
         assert_eq!(heard.position, before + heard.lost);
         // The time is right at once.
         device.run(frames, 0.1);
-        let off = device.dll.line().time_ns(device.dll.line().end()) - device.time_ns;
+        let off = device.off_ns();
         assert!(off.abs() < 0.2e6, "{off}");
     }
 }
@@ -118,7 +124,7 @@ fn late_callback_made_up_for_leaves_loop_settled() {
     }
     assert!((950..=970).contains(&lost), "{lost} of 960");
     device.run(64, 0.05);
-    let off = device.dll.line().time_ns(device.dll.line().end()) - device.time_ns;
+    let off = device.off_ns();
     assert!(off.abs() < 0.3e6 && device.dll.settled(), "{off}");
     let before = device.dll.line().end();
     device.time_ns += 20e6;
@@ -132,7 +138,7 @@ fn shared_error_below_a_period_counts_as_lost_time() {
     device.time_ns += 5e6;
     let lost: u64 = (0..50).map(|_| device.call(1024).lost).sum();
     assert!((200..=300).contains(&lost), "{lost} of 240");
-    let off = device.dll.line().time_ns(device.dll.line().end()) - device.time_ns;
+    let off = device.off_ns();
     assert!(off.abs() < 0.5e6, "{off}");
 }
 
@@ -158,7 +164,7 @@ fn bunched_calls_have_the_period_of_the_bunch() {
     }
     device.time_ns += 20e6;
     device.run(1000, 3.0);
-    let off = device.dll.line().time_ns(device.dll.line().end()) - device.time_ns;
+    let off = device.off_ns();
     assert!(off.abs() < 0.1e6 && device.dll.line().period_frames == 1000, "{off}");
 }
 

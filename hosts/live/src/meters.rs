@@ -132,7 +132,7 @@ impl Count {
 }
 
 /// Times and counts of a run.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct Meters {
     tick_ns: u64,
     /// Wake-up lateness of ticks.
@@ -164,22 +164,7 @@ pub struct Meters {
 impl Meters {
     /// Meters for a tick rate. Large: keep it behind a pointer.
     pub fn new(tick_hz: u32) -> Self {
-        Self {
-            tick_ns: 1_000_000_000 / u64::from(tick_hz.max(1)),
-            late: Histogram::default(),
-            compute: Histogram::default(),
-            recovery: Histogram::default(),
-            behind_since: AtomicU64::new(0),
-            next: AtomicU64::new(0),
-            misses: AtomicU64::new(0),
-            woke_late: AtomicU64::new(0),
-            underruns: Count::default(),
-            lost_samples: Count::default(),
-            skipped_ticks: Count::default(),
-            caught_up_ticks: Count::default(),
-            xruns: Count::default(),
-            losses: Count::default(),
-        }
+        Self { tick_ns: 1_000_000_000 / u64::from(tick_hz.max(1)), ..Self::default() }
     }
 
     /// Records a tick. The tick thread only.

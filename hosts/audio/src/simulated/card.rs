@@ -7,6 +7,7 @@ use cpal::{Data, Error, InputCallbackInfo, OutputCallbackInfo, Sample, SampleFor
 use parking_lot::{Mutex, MutexGuard};
 
 use super::{Params, Response};
+use crate::block::frames_ns;
 use crate::format::{DeviceSample, Format, with_sample};
 use crate::now_ns;
 
@@ -110,11 +111,6 @@ fn data(memory: &mut Vec<u64>, samples: usize, format: SampleFormat) -> Data {
     unsafe { Data::from_parts(memory.as_mut_ptr().cast(), samples, format) }
 }
 
-/// Nanoseconds that frames last.
-fn ns(frames: u32, rate_hz: u32) -> u64 {
-    u64::from(frames) * 1_000_000_000 / u64::from(rate_hz.max(1))
-}
-
 impl State {
     /// Sets the described plant, at rest, between the first output and the first input.
     pub(super) fn set_plant(&mut self, respond: Response) {
@@ -129,7 +125,8 @@ impl State {
             let mut data = data(memory, frames * width, format.to_cpal());
             with_sample!(*format, T => data.as_slice_mut::<T>().unwrap_or_default().fill(T::EQUILIBRIUM));
             let now = now_ns();
-            let playback = StreamInstant::from_nanos(now + ns(params.latency_frames, *rate_hz));
+            let playback =
+                StreamInstant::from_nanos(now + frames_ns(u64::from(params.latency_frames), *rate_hz));
             let stamp = cpal::OutputStreamTimestamp { callback: StreamInstant::from_nanos(now), playback };
             call(&mut data, &OutputCallbackInfo::new(stamp));
             with_sample!(*format, T => {

@@ -65,6 +65,25 @@ pub(crate) fn wait_for_loss(received: &Receiver<Event>) -> (String, Vec<Event>) 
     }
 }
 
+/// Causes a loss; prints and returns its reason.
+pub(crate) fn lose(how: &str, received: &Receiver<Event>, cause: impl FnOnce()) -> String {
+    let began = Instant::now();
+    cause();
+    let (reason, _) = wait_for_loss(received);
+    println!("{how}: lost after {} ms: {reason}", began.elapsed().as_millis());
+    reason
+}
+
+/// Closes a lost stream, and checks that its host is away.
+pub(crate) fn close_and_find_host_away(stream: Stream, request: &Request) {
+    let closing = Instant::now();
+    drop(stream);
+    println!("closed after {} ms", closing.elapsed().as_millis());
+    let error = refusal(request);
+    println!("then: {error}");
+    assert!(matches!(error, OpenError::HostAway { .. }), "{error}");
+}
+
 /// A saw from -1.3 to 1.3 over 101 samples.
 pub(crate) fn ramp(at: usize) -> f32 {
     (at % 101) as f32 / 100.0 * 2.6 - 1.3

@@ -23,9 +23,7 @@ pub(super) struct Link {
 
 impl Link {
     /// Connects to `host:port`, also written `ws://host:port`; each step within `patience`.
-    ///
-    /// # Errors
-    /// Nothing answers, or it does not speak WebSocket.
+    /// Error: nothing answers, or it does not speak WebSocket.
     pub(super) fn connect(host: &str, patience: Duration) -> Result<Self, HandError> {
         let absent = |why: String| {
             HandError::missing(
@@ -66,17 +64,13 @@ impl Link {
     }
 
     /// Sends a force, which requests a report.
-    ///
-    /// # Errors
-    /// The connection is lost.
+    /// Error: the connection is lost.
     pub(super) fn ask(&mut self, id: &str, force: [f64; 3]) -> Result<(), String> {
         self.socket.send(Message::text(message::command(id, force))).map_err(|e| e.to_string())
     }
 
     /// The next report; `None` if `stopped`, or if none came until `end`.
-    ///
-    /// # Errors
-    /// The connection is lost.
+    /// Error: the connection is lost.
     pub(super) fn hear(
         &mut self,
         end: Instant,
@@ -101,9 +95,7 @@ impl Link {
 
     /// Discards unrequested messages until `end`, so that the next report is the newest. True if all were
     /// read.
-    ///
-    /// # Errors
-    /// The connection is lost.
+    /// Error: the connection is lost.
     pub(super) fn drain(&mut self, end: Instant) -> Result<bool, String> {
         let set = |link: &Self, on| link.socket.get_ref().set_nonblocking(on).map_err(|e| e.to_string());
         set(self, true)?;

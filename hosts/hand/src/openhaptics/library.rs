@@ -77,9 +77,7 @@ const INSTALL: &str = "install 3D Systems' OpenHaptics and the driver of the dev
 
 impl Hd {
     /// Loads the library at `path`, or else the first default name that the system's loader finds.
-    ///
-    /// # Errors
-    /// Not found, with the names tried; or found, but a function is missing.
+    /// Error: not found, with the names tried; or found, but a function is missing.
     pub(super) fn load(path: Option<&Path>) -> Result<Self, HandError> {
         let wanted = path.map_or_else(|| names().iter().map(PathBuf::from).collect(), |p| vec![p.to_owned()]);
         let mut said = Vec::new();

@@ -18,9 +18,7 @@ const IMMEDIATELY: u64 = 1;
 /// Calls `each` with every message of a datagram in order, and the time tag of its innermost bundle (NTP:
 /// 32 bits of seconds, 32
 /// of their fraction), unless that is "immediately".
-///
-/// # Errors
-/// The fault in the datagram, for a person; messages before it were passed on.
+/// Error: the fault in the datagram, for a person; messages before it were passed on.
 pub(super) fn walk(packet: &[u8], each: &mut impl FnMut(OscMessage, Option<u64>)) -> Result<(), String> {
     bundle_or_message(packet, None, 0, each)
 }

@@ -31,9 +31,7 @@ fn plain(c: u8) -> bool {
 
 impl Pattern {
     /// Parses a plain address or a pattern.
-    ///
-    /// # Errors
-    /// The text is neither.
+    /// Error: the text is neither.
     pub(super) fn parse(text: &str) -> Result<Self, HandError> {
         Self::pieces(text.as_bytes()).map(Self).ok_or_else(|| {
             HandError::option(

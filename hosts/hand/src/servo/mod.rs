@@ -177,9 +177,7 @@ impl Servo {
 
     /// The last force \[N\].
     pub fn force(&self) -> [f64; 3] {
-        let both = plus(self.force, self.beside.map(|x| x * self.level));
-        let over = if size(both) > self.most() { self.most() / size(both) } else { 1.0 };
-        both.map(|x| x * over)
+        at_most(plus(self.force, self.beside.map(|x| x * self.level)), self.most())
     }
 
     /// Current largest force.
@@ -243,13 +241,8 @@ impl Servo {
 
     fn command(&mut self, dt: f64) {
         let goal = self.wanted.map(|x| x * self.level);
-        let change = minus(goal, self.force);
-        let allowed = self.limits.slew_n_per_s * dt;
-        let share = if size(change) > allowed { allowed / size(change) } else { 1.0 };
-        let slewed = plus(self.force, change.map(|x| x * share));
-        let most = self.most();
-        let over = if size(slewed) > most { most / size(slewed) } else { 1.0 };
-        self.force = push_only(slewed.map(|x| x * over), self.plane.normal);
+        let change = at_most(minus(goal, self.force), self.limits.slew_n_per_s * dt);
+        self.force = push_only(at_most(plus(self.force, change), self.most()), self.plane.normal);
     }
 }
 
@@ -257,6 +250,12 @@ impl Servo {
 fn push_only(force: [f64; 3], normal: [f64; 3]) -> [f64; 3] {
     let along = dot(force, normal).min(0.0);
     minus(force, normal.map(|n| n * along))
+}
+
+/// Scales a vector down to a size of at most `most`.
+fn at_most(vector: [f64; 3], most: f64) -> [f64; 3] {
+    let share = if size(vector) > most { most / size(vector) } else { 1.0 };
+    vector.map(|x| x * share)
 }
 
 fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {

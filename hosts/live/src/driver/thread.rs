@@ -24,9 +24,7 @@ pub struct TickThread<T> {
 
 impl<T: Send + 'static> TickThread<T> {
     /// Starts a thread that runs `ticks` and returns the ticker.
-    ///
-    /// # Errors
-    /// The system gives no thread; the ticker is lost then.
+    /// Error: the system gives no thread; the ticker is lost then.
     pub(super) fn start(
         controls: Arc<Controls>,
         ticks: impl FnOnce(&Controls) -> T + Send + 'static,
