@@ -7,8 +7,7 @@ use std::time::Instant;
 #[derive(Debug)]
 pub struct Block<'a> {
     /// Interleaved samples, `channels` a frame, full scale 1; zeroed. Only the requested channels: the
-    /// others stay silent.
-    /// Any length, also 0.
+    /// others stay silent. Any length, also 0.
     pub output: &'a mut [f32],
     /// Samples a frame, at least 1.
     pub channels: usize,
@@ -39,8 +38,7 @@ pub struct Captured<'a> {
 }
 
 /// Fills blocks. The device calls it on its own thread, which must not wait, allocate or panic. After a
-/// panic the device plays
-/// silence and the stream counts as lost.
+/// panic the device plays silence and the stream counts as lost.
 pub trait Process: Send {
     /// Fills a block.
     fn process(&mut self, block: &mut Block<'_>);

@@ -50,8 +50,8 @@ pub(crate) fn names() -> Vec<String> {
     real.chain([SIMULATED.to_owned()]).collect()
 }
 
-/// Whether a host is a mixing server: it takes any width and rate, and converts to those of its device. It also moves a
-/// stream whose device goes away to another one.
+/// Whether a host is a mixing server: it takes any width and rate, and converts to those of its device. It
+/// also moves a stream whose device goes away to another one.
 pub(crate) fn is_mixer(host: &str) -> bool {
     matches!(host, "pulseaudio" | "pipewire")
 }

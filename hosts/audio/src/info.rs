@@ -71,17 +71,16 @@ pub struct SideInfo {
 }
 
 /// Every host of this build, with its devices. Never fails as a whole: a host that does not answer says so
-/// in its note.
-/// Asks all servers at once, and opens devices; takes four seconds if one hangs. The simulated host lists
-/// devices that tests
-/// made; those described by their id ([`simulated`](crate::simulated)) need no listing.
+/// in its note. Asks all servers at once, and opens devices; takes four seconds if one hangs. The simulated
+/// host lists devices that tests made; those described by their id ([`simulated`](crate::simulated)) need
+/// no listing.
 pub fn hosts() -> Vec<HostInfo> {
     std::thread::scope(|scope| {
         // All at once, so that one that hangs delays no other.
         let asked = names().into_iter().map(|name| (name.clone(), scope.spawn(move || host(name))));
         let asked: Vec<_> = asked.collect();
         let panicked =
-            |name| HostInfo { name, note: Some("asking it failed".to_owned()), devices: Vec::new() };
+            |name| HostInfo { name, note: Some("the query failed".to_owned()), devices: Vec::new() };
         asked.into_iter().map(|(name, host)| host.join().unwrap_or_else(|_| panicked(name))).collect()
     })
 }
@@ -103,8 +102,7 @@ pub fn devices() -> Vec<DeviceInfo> {
 }
 
 /// Abilities of a host's devices within `limit`. If one hangs, so would the next: ALSA opens one at a time.
-/// So devices that
-/// lead to another server, which may hang, are asked last.
+/// So devices that lead to another server, which may hang, are asked last.
 fn details(listed: Vec<Listed>, limit: Duration) -> Vec<DeviceInfo> {
     let began = Instant::now();
     let mut order: Vec<usize> = (0..listed.len()).collect();

@@ -5,8 +5,7 @@ use jack::{Client, ClientOptions, PortFlags};
 use crate::find::Side;
 
 /// Ports of the server's card on one side. JACK connects as many channels to them; the channels above lead
-/// nowhere, though cpal
-/// offers 64. `None` if no server answers. Asks the server.
+/// nowhere, though cpal offers 64. `None` if no server answers. Asks the server.
 pub(crate) fn card_channels(side: Side) -> Option<u16> {
     let name = format!("asperity_look_{}", std::process::id());
     let (client, _) = Client::new(&name, ClientOptions::NO_START_SERVER).ok()?;

@@ -1,10 +1,9 @@
 //! Audio devices: lists them, and plays and records on one.
 //!
 //! Only this crate sees cpal. It knows nothing of graphs: a device calls a [`Process`] for every block to
-//! play, and a
-//! [`Capture`] for every recorded block. [`hosts`] lists devices, [`open`] opens exactly the device of a
-//! [`Request`], and
-//! [`Event`]s report what happens to it. [`simulated`] is a sound card for those who have none.
+//! play, and a [`Capture`] for every recorded block. [`hosts`] lists devices, [`open`] opens exactly the
+//! device of a [`Request`], and [`Event`]s report what happens to it. [`simulated`] is a sound card for
+//! those who have none.
 
 mod block;
 mod bounded;

@@ -94,9 +94,8 @@ pub(crate) fn plan(
 }
 
 /// Channels to open the device with. A mixing server: its own number, since it spreads or folds any other.
-/// JACK: as many ports
-/// as needed. Others: the smallest number with room, but not one, which ALSA's converters copy to all
-/// channels.
+/// JACK: as many ports as needed. Others: the smallest number with room, but not one, which ALSA's
+/// converters copy to all channels.
 fn width(
     listed: &Listed,
     side: Side,

@@ -25,8 +25,7 @@ pub struct Request {
     /// Frames a second [Hz]. An unsupported rate is an error.
     pub rate_hz: u32,
     /// Requested frames a call. The device may choose another number: see
-    /// [`Stream::period`](crate::Stream::period). `None`: 256,
-    /// or the server's own on JACK.
+    /// [`Stream::period`](crate::Stream::period). `None`: 256, or the server's own on JACK.
     pub period_frames: Option<u32>,
     /// Sample format. `None`: the first of [`Format::ALL`] that the device supports.
     pub format: Option<Format>,

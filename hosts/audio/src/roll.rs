@@ -1,10 +1,9 @@
 //! Checks whether a device is still there.
 //!
 //! When a device goes away, PulseAudio and PipeWire move its stream to another one, at full level and
-//! without notice; cpal
-//! cannot prevent it. So their devices are listed repeatedly, beside the watch. Not detected: a device that
-//! goes and comes
-//! back under its name between two looks, and a stream that a user moves by hand.
+//! without notice; cpal cannot prevent it. So their devices are listed repeatedly, beside the watch. Not
+//! detected: a device that goes and comes back under its name between two looks, and a stream that a user
+//! moves by hand.
 
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::time::Duration;
@@ -44,8 +43,7 @@ impl Roll {
 }
 
 /// Looks until a device is gone or the roll is dropped. Each device keeps one connection: cpal does not
-/// always end the threads
-/// of a closed PulseAudio connection.
+/// always end the threads of a closed PulseAudio connection.
 fn call(devices: Vec<(String, String)>, tell: &Sender<String>, wait: &Receiver<()>) {
     let connect = |(name, id): (String, String)| {
         let host = host_id(&name).and_then(|id| cpal::host_from_id(id).ok())?;

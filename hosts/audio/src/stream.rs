@@ -2,8 +2,7 @@
 //!
 //! The latency that a host reports ([`Block::ahead_ns`](crate::Block::ahead_ns),
 //! [`Captured::behind_ns`](crate::Captured::behind_ns), [`Stats::latency_ms`]), at 48 kHz, against the
-//! measured time in a loop
-//! from output to input:
+//! measured time in a loop from output to input:
 //!
 //! | host | frames a call | ahead [ms] | behind [ms] | loop [ms] |
 //! |---|---|---|---|---|
@@ -13,10 +12,8 @@
 //! | ALSA over PulseAudio | 682 (of 1024) | 28.3 | | |
 //!
 //! PulseAudio's figure is right within 0.4 ms. JACK counts from the start of its cycle and includes the
-//! card's converters, one
-//! period each way with the dummy driver; a cable within JACK passes neither. ALSA reports its buffer of
-//! two periods, without
-//! the server behind it.
+//! card's converters, one period each way with the dummy driver; a cable within JACK passes neither. ALSA
+//! reports its buffer of two periods, without the server behind it.
 
 use std::sync::atomic::Ordering::Relaxed;
 use std::sync::{Arc, OnceLock};
@@ -110,10 +107,8 @@ impl Work {
 }
 
 /// Opens exactly the requested device. It calls `process` for every block to play, and `capture` for every
-/// recorded block if
-/// input channels are requested. The stream stands still until [`Stream::play`]. Its events go to `events`;
-/// after
-/// [`Event::Lost`](crate::Event::Lost) it is closed, and must be opened again.
+/// recorded block if input channels are requested. The stream stands still until [`Stream::play`]. Its
+/// events go to `events`; after [`Event::Lost`](crate::Event::Lost) it is closed, and must be opened again.
 pub fn open(
     request: &Request,
     process: Box<dyn Process>,

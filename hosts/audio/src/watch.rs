@@ -1,9 +1,8 @@
 //! Watches a stream from a thread of its own, since hosts do not report everything.
 //!
 //! PulseAudio reports no underruns, and is silent when its server is stopped. ALSA over a killed Pulse
-//! server reports 40,000
-//! errors a second until the stream is dropped. So the watch times calls, counts errors, and closes a lost
-//! stream at once.
+//! server reports 40,000 errors a second until the stream is dropped. So the watch times calls, counts
+//! errors, and closes a lost stream at once.
 
 use std::any::Any;
 use std::collections::VecDeque;
@@ -37,8 +36,7 @@ const TOLERATED_HZ: f64 = 20.0;
 /// Longest fade of a lost stream that still calls, and longest wait until the fade is heard.
 const FADING: Duration = Duration::from_millis(50);
 /// Longest wait for a host to close a lost stream before the loss is reported. So whoever reopens the
-/// device does not find it
-/// busy.
+/// device does not find it busy.
 const CLOSING_LOST: Duration = Duration::from_millis(100);
 /// Longest wait for a host to close a dropped stream.
 pub(crate) const CLOSING: Duration = Duration::from_millis(500);
@@ -143,7 +141,10 @@ fn is_loss(kind: ErrorKind) -> bool {
 fn told(panic: Box<dyn Any + Send>) -> String {
     let text = panic.downcast_ref::<&str>().map(|text| (*text).to_owned());
     let text = text.or_else(|| panic.downcast_ref::<String>().cloned());
-    format!("what filled the device's blocks panicked: {}", text.as_deref().unwrap_or("no message"))
+    format!(
+        "the process that fills the device's blocks panicked: {}",
+        text.as_deref().unwrap_or("no message")
+    )
 }
 
 /// Tells a silent device from a stalled machine, on which this thread does not run either.

@@ -13,8 +13,7 @@ pub struct Frame {
 
 impl Frame {
     /// `axes`: the device's axis for each of the graph's x, y, z, as for a trajectory: `x,-z,y` for a
-    /// device whose vertical is y.
-    /// `origin_mm`: the point, in the graph's axes, that becomes 0, 0, 0.
+    /// device whose vertical is y. `origin_mm`: the point, in the graph's axes, that becomes 0, 0, 0.
     ///
     /// # Errors
     /// Axes that are not x, y and z once each; an origin that is not finite.

@@ -44,8 +44,7 @@ pub struct Handle {
     address: Option<SocketAddr>,
 }
 
-/// Starts a source's thread.
-/// Error: the system gives no thread.
+/// Starts a source's thread. Error: the system gives no thread.
 pub(crate) fn spawn(name: &str, run: impl FnOnce() + Send + 'static) -> Result<JoinHandle<()>, HandError> {
     Builder::new().name(name.to_owned()).spawn(run).map_err(|e| {
         HandError::missing(format!("no thread for `{name}`: {e}"), "free some memory or processes")
@@ -95,9 +94,8 @@ impl Handle {
     }
 
     /// Oldest unread problem, or the notice of its end. Each is reported once, and again only after the
-    /// source has worked in
-    /// between. Unusable messages are reported at the first one, and later after a second without a usable
-    /// one.
+    /// source has worked in between. Unusable messages are reported at the first one, and later after a
+    /// second without a usable one.
     pub fn problem(&self) -> Option<String> {
         let (good, bad) = (self.samples() + self.lost(), self.bad());
         let mut text = self.shared.text.lock();

@@ -1,12 +1,9 @@
 //! Sources of a hand's motion, and force feedback.
 //!
 //! A source runs on a thread of its own and sends [`Sample`](asperity_live::Sample)s to the tick thread:
-//! [`osc`] receives
-//! network packets, [`openhaptics`] and [`haply`] read force-feedback devices. A device that can push
-//! evaluates the graph's
-//! [`ForceModel`](asperity_live::ForceModel) in its own loop, by the law in [`servo`]. Each module's
-//! `start` returns a
-//! [`Handle`]; dropping it stops the source.
+//! [`osc`] receives network packets, [`openhaptics`] and [`haply`] read force-feedback devices. A device
+//! that can push evaluates the graph's [`ForceModel`](asperity_live::ForceModel) in its own loop, by the
+//! law in [`servo`]. Each module's `start` returns a [`Handle`]; dropping it stops the source.
 
 mod error;
 mod frame;
@@ -21,10 +18,9 @@ pub use frame::Frame;
 pub use handle::{Device, Handle};
 
 /// Effective servo rate [Hz] of a kind of force sink, for [`passivity`](servo::passivity::passivity): 1 /
-/// (T + 2 d) with the
-/// period T and the delay d of its loop. `openhaptics_force` has [`openhaptics::SERVO_HZ`] and d = 0;
-/// `haply_force`, and any
-/// unknown kind, have [`haply::USUAL_HZ`] and [`haply::DELAY_S`].
+/// (T + 2 d) with the period T and the delay d of its loop. `openhaptics_force` has
+/// [`openhaptics::SERVO_HZ`] and d = 0; `haply_force`, and any unknown kind, have [`haply::USUAL_HZ`] and
+/// [`haply::DELAY_S`].
 pub fn servo_hz(kind: &str) -> f64 {
     match kind {
         "openhaptics_force" => f64::from(openhaptics::SERVO_HZ),

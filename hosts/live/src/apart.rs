@@ -1,14 +1,12 @@
 //! Runs nodes of foreign code, each on a thread of its own.
 //!
 //! A thread cannot be stopped from outside, and nothing can replace the tick thread. So foreign code runs
-//! on a thread that
-//! can be abandoned: the tick thread passes inputs, waits, and takes the outputs. If a call does not return
-//! in time, its
-//! thread stays in it, with all memory that the call may touch, and the graph goes on without the node.
+//! on a thread that can be abandoned: the tick thread passes inputs, waits, and takes the outputs. If a
+//! call does not return in time, its thread stays in it, with all memory that the call may touch, and the
+//! graph goes on without the node.
 //!
 //! Both threads share a standard mutex, also the tick thread: it waits for the answer in any case. Its
-//! futex never
-//! allocates; parking_lot's may, for a thread that waits for the first time.
+//! futex never allocates; parking_lot's may, for a thread that waits for the first time.
 
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};

@@ -32,13 +32,11 @@ pub const FORCES: [&str; 2] = ["openhaptics_force", "haply_force"];
 const SCOPE_S: f64 = 0.25;
 
 /// A call that lasts longer is shown as a fault. A busy machine adds far less;
-/// [`Session::stop`](crate::Session::stop)
-/// waits longer.
+/// [`Session::stop`](crate::Session::stop) waits longer.
 const HANGS: Duration = Duration::from_secs(1);
 
 /// [`NodeView::last_fault`](crate::view::NodeView::last_fault) of a node whose call lasts too long. If
-/// there is a limit, the
-/// engine counts the same fault when the call ends.
+/// there is a limit, the engine counts the same fault when the call ends.
 pub const DOES_NOT_COME_BACK: &str = "does not come back";
 
 /// Queues between nodes and devices, by node id.
@@ -140,9 +138,8 @@ impl Source {
 }
 
 /// Prepares a graph to run in real time: the player for a driver, and its control side. `ends` holds an end
-/// for every node of
-/// [`HANDS`] and [`FORCES`]; a node without one stays silent. `materials`: the textures that a person may
-/// choose.
+/// for every node of [`HANDS`] and [`FORCES`]; a node without one stays silent. `materials`: the textures
+/// that a person may choose.
 pub fn conduct(
     compiled: Compiled,
     graph: &GraphFile,
@@ -262,8 +259,7 @@ impl Conductor {
     }
 
     /// Passes on what sinks recorded since the last call, earlier graphs first. Returns how many ticks were
-    /// lost so far because
-    /// nobody read them for 4 s.
+    /// lost so far because nobody read them for 4 s.
     pub fn recorded(&mut self, mut take: impl FnMut(Recorded<'_>)) -> u64 {
         let mut values = Vec::new();
         for Tape { sink, graph, reader } in &mut self.tapes {

@@ -194,8 +194,7 @@ fn leads_ms(frames: u64, seconds: f64, mut late: impl FnMut(f64) -> f64) -> Vec<
 }
 
 /// Lateness by stalls of a machine: after a stall, everything due is asked for at once. A stall of up to
-/// `longest_s` begins
-/// about every `every_s`.
+/// `longest_s` begins about every `every_s`.
 fn stalls(every_s: f64, longest_s: f64) -> impl FnMut(f64) -> f64 {
     let (mut stall, mut next, mut count) = ((0.0, 0.0), 2.0 * every_s, 0);
     move |due| {

@@ -1,8 +1,7 @@
 //! Local model of the surface under the stylus, for a force-feedback device.
 
 /// Contact model: a plane with a spring and a damper. The device's servo thread evaluates it at its own
-/// rate and position,
-/// so neither a tick nor an audio buffer lies inside the loop of the wall.
+/// rate and position, so neither a tick nor an audio buffer lies inside the loop of the wall.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ForceModel {
     /// A point of the plane \[mm\], in the graph's axes, z up.

@@ -1,10 +1,8 @@
 //! Latency of a graph from the hand to the actuator, as items.
 //!
 //! It is the time from a position of the hand to the sound of its sample. The response lag of a texture to
-//! a change of speed
-//! is another figure: its windows reach into the past, and the latencies that nodes declare balance this
-//! with samples that
-//! they emit early. So only nodes that delay samples count here.
+//! a change of speed is another figure: its windows reach into the past, and the latencies that nodes
+//! declare balance this with samples that they emit early. So only nodes that delay samples count here.
 
 use asperity_graph::Schedule;
 use asperity_node::Latency;

@@ -1,13 +1,11 @@
 //! Runs a graph in real time.
 //!
 //! A driver calls the ticks: the audio callback itself, a thread paced by the callback's clock, or a timer
-//! without audio.
-//! Before a tick, inputs are read at the tick's own time. After it, outputs go to their sinks.
-//! The tick thread counts what happens; other threads read the counts.
+//! without audio. Before a tick, inputs are read at the tick's own time. After it, outputs go to their
+//! sinks. The tick thread counts what happens; other threads read the counts.
 //!
 //! To change one thing, read: `session` for a run and its device, `conductor` for changes of the graph,
-//! `player` for one tick,
-//! `driver` for the clocks, `outlet` for the guards of the device.
+//! `player` for one tick, `driver` for the clocks, `outlet` for the guards of the device.
 
 /// Gives types a `Debug` that shows their name alone, since their queues have none.
 macro_rules! opaque_debug {

@@ -11,8 +11,7 @@ use crate::driver::Slot;
 opaque_debug!(Outlet, Gate);
 
 /// Guards of a device's channels. The state of coils and movers belongs to the channel: it continues from
-/// one graph to the
-/// next, over the loss of a device, and from one run to another.
+/// one graph to the next, over the loss of a device, and from one run to another.
 #[derive(Default)]
 pub struct Outlet {
     channels: Vec<Option<Channel>>,

@@ -45,10 +45,8 @@ fn settled(u: f64) -> f64 {
 /// Envelope over interleaved samples.
 ///
 /// Two gains, each a raised cosine of a position that moves by a fixed step a frame: one for start, mute
-/// and stop, one for
-/// breaks in the stream. A reversed ramp goes back from where it is. Across a break, the last frame decays
-/// while the next
-/// ones rise; the two weights never add up to more than 1.
+/// and stop, one for breaks in the stream. A reversed ramp goes back from where it is. Across a break, the
+/// last frame decays while the next ones rise; the two weights never add up to more than 1.
 #[derive(Clone, Debug)]
 pub struct Ramp {
     rate_hz: f64,

@@ -1,8 +1,7 @@
 //! Real-time requests to the system, and their results.
 //!
 //! A run works without them. The request of an audio callback makes three system calls and allocates
-//! nothing; texts for a
-//! person are made elsewhere from the numbers.
+//! nothing; texts for a person are made elsewhere from the numbers.
 
 use std::fmt;
 use std::fs::File;
@@ -37,7 +36,7 @@ impl fmt::Display for Grant {
         match self {
             Self::NotAsked => f.write_str("not asked for"),
             Self::Granted => f.write_str("granted"),
-            Self::Refused(0) => f.write_str("the system said yes and did not do it"),
+            Self::Refused(0) => f.write_str("the system accepted it but did not do it"),
             Self::Refused(error) => write!(f, "{}", std::io::Error::from_raw_os_error(*error)),
             Self::NotSupported => f.write_str("not supported here"),
         }
@@ -111,8 +110,7 @@ impl Machine {
 }
 
 /// Requests SCHED_FIFO at a priority for the calling thread, and checks it. A thread that is real-time
-/// already keeps its state.
-/// Allocates nothing; at most three system calls. Any thread.
+/// already keeps its state. Allocates nothing; at most three system calls. Any thread.
 pub fn ask_priority(priority: i32) -> Grant {
     os::ask_priority(priority)
 }

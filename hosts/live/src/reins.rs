@@ -13,8 +13,7 @@ const REQUESTS: usize = 256;
 /// Control of a run; every clone controls the same run.
 ///
 /// Muting and stopping never wait: every driver reads them in its next callback, whatever the control
-/// thread is doing.
-/// Requests wait until the control thread takes them.
+/// thread is doing. Requests wait until the control thread takes them.
 #[derive(Clone, Debug, Default)]
 pub struct Reins(Arc<Held>);
 

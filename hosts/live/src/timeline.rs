@@ -1,9 +1,8 @@
 //! Position of a hand at a tick's own time, from samples that come at any time.
 //!
 //! A tick reads the hand a little in the past, so that the samples around that time have arrived: positions
-//! are interpolated
-//! between two samples, and held after the newest. The reading delay is fixed, or follows the lateness of
-//! samples.
+//! are interpolated between two samples, and held after the newest. The reading delay is fixed, or follows
+//! the lateness of samples.
 
 use std::collections::VecDeque;
 
@@ -38,8 +37,7 @@ pub struct Reading {
     /// As in [`Sample::force`].
     pub force: f64,
     /// Stroke number. A new number means that the hand did not move here from the last reading: it was put
-    /// down anew, or comes
-    /// back from a stall.
+    /// down anew, or comes back from a stall.
     pub stroke: u32,
     /// Age of the newest sample at the tick's time [ns]; 0 before any.
     pub age_ns: u64,
@@ -108,8 +106,7 @@ impl Timeline {
     }
 
     /// The hand at a tick's time by [`now_ns`](crate::now_ns), from the samples so far. Takes all waiting
-    /// samples. A time before
-    /// that of the last call counts as the last.
+    /// samples. A time before that of the last call counts as the last.
     pub fn at(&mut self, time_ns: u64) -> Reading {
         let time_ns = time_ns.max(self.last_ns);
         let passed = (time_ns - self.last_ns) as f64;

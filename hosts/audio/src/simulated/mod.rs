@@ -1,11 +1,9 @@
 //! A simulated sound card, for tests and for users who have none.
 //!
 //! The host `simulated` has every device that can be described:
-//! `simulated:frames=97,rate=48000,channels=4,format=i16` is one
-//! (see [`Params`]). It calls in real time and plays to nobody, or to a plant of the program
-//! ([`set_plants`]). A test makes a
-//! named [`Simulated`], opens it as `simulated:NAME`, calls it by hand if needed, reads back its output,
-//! and causes faults.
+//! `simulated:frames=97,rate=48000,channels=4,format=i16` is one (see [`Params`]). It calls in real time
+//! and plays to nobody, or to a plant of the program ([`set_plants`]). A test makes a named [`Simulated`],
+//! opens it as `simulated:NAME`, calls it by hand if needed, reads back its output, and causes faults.
 
 mod card;
 mod device;
@@ -104,8 +102,7 @@ impl Simulated {
     }
 
     /// Everything played since the device was made, if its parameters say `keep`: interleaved, all
-    /// channels, full scale 1,
-    /// exactly as in the device's memory.
+    /// channels, full scale 1, exactly as in the device's memory.
     pub fn played(&self) -> Vec<f64> {
         self.card.played()
     }

@@ -9,8 +9,7 @@ const SPEEDS: std::ops::RangeInclusive<f64> = 0.01..=1000.0;
 
 /// Parameters of a simulated device. As text, missing ones are as in [`Params::default`]:
 /// `frames=64+1+1024,rate=48000,channels=4,inputs=1,format=i16,loopback=1,latency=128,speed=1`. Words that
-/// begin with `plant`
-/// go to the maker of plants ([`set_plants`](super::set_plants)).
+/// begin with `plant` go to the maker of plants ([`set_plants`](super::set_plants)).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Params {
     /// Frames of its calls, in turn. Empty: as requested.

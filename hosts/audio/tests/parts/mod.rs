@@ -168,8 +168,7 @@ impl Capture for Ear {
 }
 
 /// A block: number of its first frame, time of its call, and time at which the host says that frame is
-/// heard or was at the
-/// input [ns].
+/// heard or was at the input [ns].
 #[derive(Clone, Copy)]
 struct Seen {
     frame: usize,

@@ -63,14 +63,12 @@ impl Link {
         Ok(Self { socket })
     }
 
-    /// Sends a force, which requests a report.
-    /// Error: the connection is lost.
+    /// Sends a force, which requests a report. Error: the connection is lost.
     pub(super) fn ask(&mut self, id: &str, force: [f64; 3]) -> Result<(), String> {
         self.socket.send(Message::text(message::command(id, force))).map_err(|e| e.to_string())
     }
 
-    /// The next report; `None` if `stopped`, or if none came until `end`.
-    /// Error: the connection is lost.
+    /// The next report; `None` if `stopped`, or if none came until `end`. Error: the connection is lost.
     pub(super) fn hear(
         &mut self,
         end: Instant,
@@ -94,8 +92,7 @@ impl Link {
     }
 
     /// Discards unrequested messages until `end`, so that the next report is the newest. True if all were
-    /// read.
-    /// Error: the connection is lost.
+    /// read. Error: the connection is lost.
     pub(super) fn drain(&mut self, end: Instant) -> Result<bool, String> {
         let set = |link: &Self, on| link.socket.get_ref().set_nonblocking(on).map_err(|e| e.to_string());
         set(self, true)?;

@@ -49,14 +49,12 @@ fn parse(text: &str) -> Result<Report<'_>, String> {
     })
 }
 
-/// Ids of the devices in a report.
-/// Error: the fault in the text, for a person.
+/// Ids of the devices in a report. Error: the fault in the text, for a person.
 pub(super) fn devices(text: &str) -> Result<Vec<String>, String> {
     Ok(parse(text)?.inverse3.into_iter().map(|d| d.device_id.into_owned()).collect())
 }
 
-/// Reads the position of a device.
-/// Error: the fault in the text, for a person.
+/// Reads the position of a device. Error: the fault in the text, for a person.
 pub(super) fn position(text: &str, id: &str) -> Result<Heard, String> {
     let report = parse(text)?;
     let Some(entry) = report.inverse3.iter().find(|d| d.device_id == id) else {

@@ -1,32 +1,23 @@
 //! Haply's Inverse3, by the Inverse Service.
 //!
 //! The service runs on the same machine and speaks JSON in a WebSocket at localhost:10001. This follows the
-//! protocol of its
-//! version 3.5 as the maker documents it (docs.haply.co, Inverse SDK, "WebSocket Protocol", "Basis
-//! Permutation", tutorial
-//! 01); 3.1 has the same messages. On connecting, the service sends a report with all devices (`inverse3`,
-//! each with
-//! `device_id` and `state.cursor_position` in m). Then it answers each message with one report. Our
-//! messages carry
-//! `commands.set_cursor_force.values` in N; only a message with a force, even 0, is answered. We register
-//! no session profile
-//! and set no basis, so the axes are the maker's: x right, y forward, z up, origin in the base.
+//! protocol of its version 3.5 as the maker documents it (docs.haply.co, Inverse SDK, "WebSocket Protocol",
+//! "Basis Permutation", tutorial 01); 3.1 has the same messages. On connecting, the service sends a report
+//! with all devices (`inverse3`, each with `device_id` and `state.cursor_position` in m). Then it answers
+//! each message with one report. Our messages carry `commands.set_cursor_force.values` in N; only a message
+//! with a force, even 0, is answered. We register no session profile and set no basis, so the axes are the
+//! maker's: x right, y forward, z up, origin in the base.
 //!
 //! The servo is this loop. `rate_hz` times a second it requests the newest report, computes the force by
-//! the law in
-//! [`servo`](crate::servo), and sends it at once, not with the next request. So a hand in contact costs two
-//! exchanges a
-//! period, and the delay in the wall's loop is one exchange. The loop never waits for another thread of
-//! ours. It is not
-//! real-time like a device's own servo: the WebSocket library allocates for each message, and the operating
-//! system wakes
-//! it. A period missed by more than 50 ms restarts from no force.
+//! the law in [`servo`](crate::servo), and sends it at once, not with the next request. So a hand in
+//! contact costs two exchanges a period, and the delay in the wall's loop is one exchange. The loop never
+//! waits for another thread of ours. It is not real-time like a device's own servo: the WebSocket library
+//! allocates for each message, and the operating system wakes it. A period missed by more than 50 ms
+//! restarts from no force.
 //!
 //! The protocol does not tell a device's largest force; [`HaplyOptions::max_force_n`] limits it. The force
-//! of a sample is the
-//! commanded force along the surface's normal. The loss of the service or the device is reported; both are
-//! reconnected when
-//! they are back, with a new stroke.
+//! of a sample is the commanded force along the surface's normal. The loss of the service or the device is
+//! reported; both are reconnected when they are back, with a new stroke.
 
 mod link;
 mod message;
@@ -101,8 +92,7 @@ impl Default for HaplyOptions {
 }
 
 /// Whether two addresses name the same service: with or without `ws://`, and `localhost` for 127.0.0.1 and
-/// ::1. No name is
-/// looked up.
+/// ::1. No name is looked up.
 pub fn same_service(one: &str, other: &str) -> bool {
     link::place(one) == link::place(other)
 }
@@ -110,8 +100,8 @@ pub fn same_service(one: &str, other: &str) -> bool {
 /// Connects to the service and starts the servo. Without `models` the force is always 0.
 ///
 /// # Errors
-/// No service; something else listens there; no device, several without a choice, or not the chosen one; an
-/// invalid option.
+/// No service; something else listens there; no device, several without a choice, or not the
+/// chosen one; an invalid option.
 pub fn start(
     options: HaplyOptions,
     writer: SampleWriter,

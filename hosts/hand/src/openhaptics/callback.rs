@@ -56,8 +56,7 @@ pub(super) struct Tick {
 }
 
 /// A [`Tick`] whose address the library holds. It is lent to the library's thread between [`Parked::lend`]
-/// and the end of its
-/// schedule, and not touched here meanwhile.
+/// and the end of its schedule, and not touched here meanwhile.
 pub(super) struct Parked<T = Tick> {
     tick: NonNull<T>,
     signals: Arc<Signals>,
@@ -78,8 +77,7 @@ impl<T> Parked<T> {
 
     /// The tick.
     ///
-    /// # Safety
-    /// The callback is not scheduled, and was seen not to be inside.
+    /// # Safety The callback is not scheduled, and was seen not to be inside.
     pub(super) unsafe fn mine(&mut self) -> &mut T {
         // SAFETY: made from a box; nobody else has it, by the caller's promise.
         unsafe { self.tick.as_mut() }
@@ -100,8 +98,7 @@ impl<T> Drop for Parked<T> {
 
 /// The callback.
 ///
-/// # Safety
-/// `user` points to a [`Tick`] that nothing else touches while this is scheduled.
+/// # Safety `user` points to a [`Tick`] that nothing else touches while this is scheduled.
 pub(super) unsafe extern "system" fn tick(user: *mut c_void) -> c_uint {
     // SAFETY: the caller's promise.
     let tick = unsafe { &mut *user.cast::<Tick>() };

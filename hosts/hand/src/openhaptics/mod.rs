@@ -1,21 +1,15 @@
 //! Touch, Touch X, Phantom: devices of 3D Systems' OpenHaptics.
 //!
 //! The maker's libHD is loaded only when a graph asks for the device; nothing of it is linked or shipped.
-//! The library's
-//! scheduler calls us at 1 kHz. Each call reads the position, computes the force from the newest
-//! [`ForceModel`](asperity_live::ForceModel) by the law in [`servo`](crate::servo), and sends a sample. The
-//! time of a sample is
-//! that of the reading. Its force is the commanded force along the surface's normal, which for a hand at
-//! rest is how hard it
-//! presses; these devices measure no force.
+//! The library's scheduler calls us at 1 kHz. Each call reads the position, computes the force from the
+//! newest [`ForceModel`](asperity_live::ForceModel) by the law in [`servo`](crate::servo), and sends a
+//! sample. The time of a sample is that of the reading. Its force is the commanded force along the
+//! surface's normal, which for a hand at rest is how hard it presses; these devices measure no force.
 //!
 //! The device's x points right, y up and z at the user, so the default axes are `x,-z,y`. The maker's tools
-//! calibrate the
-//! device. When it switches its motors off itself (too warm, too much force), the force restarts from 0. An
-//! unplugged device
-//! is reported, and reopened when it answers, with a new stroke. A process can have one such source at a
-//! time, since the
-//! library has one scheduler.
+//! calibrate the device. When it switches its motors off itself (too warm, too much force), the force
+//! restarts from 0. An unplugged device is reported, and reopened when it answers, with a new stroke. A
+//! process can have one such source at a time, since the library has one scheduler.
 
 mod callback;
 mod library;
@@ -86,8 +80,8 @@ impl Default for OpenHapticsOptions {
 /// Opens the device and starts its servo. Without `models` the motors stay off.
 ///
 /// # Errors
-/// The library is missing or incomplete; the device does not answer; another source uses it; an invalid
-/// option.
+/// The library is missing or incomplete; the device does not answer; another source uses it; an
+/// invalid option.
 pub fn start(
     options: OpenHapticsOptions,
     writer: SampleWriter,
@@ -329,8 +323,7 @@ impl Keeper {
             (self.hd.unschedule)(handle);
         }
         // The library may stop without waiting for its thread: wait here, as long as it takes, since the
-        // tick is used again. A source
-        // that ends waits less, and leaves the tick to the library.
+        // tick is used again. A source that ends waits less, and leaves the tick to the library.
         while self.signals.inside.load(Acquire) {
             if self.shared.stopped() && begin.elapsed() > 2 * LET_GO {
                 self.shared.set_force(0.0);

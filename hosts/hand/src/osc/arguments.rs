@@ -11,10 +11,10 @@ const MOST: usize = 64;
 const GRAVITY: f64 = 9.806_65;
 
 /// Help in every error of a list.
-const HELP: &str = "list the message's arguments in their order, apart by commas, each with its unit: \
+const HELP: &str = "list the message's arguments in their order, separated by commas, each with its unit: \
     `x_mm, y_mm, -z_m, force_n, _, time_ms`. There are x, y, z in mm, cm or m; force in n or gf; pressure; \
-    stroke (or touch), 0 or 1; time in s, ms, us or ns; `_` for what is not used; and `-` before one that \
-    counts the other way";
+    stroke (or touch), 0 or 1; time in s, ms, us or ns; `_` for what is not used; and `-` before one \
+    to change its sign";
 
 /// Meaning of an argument.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -50,8 +50,8 @@ pub struct Reading {
 /// Parses a list such as `x_mm, y_mm, -z_m, force_n, _, time_ms`. Spaces and case do not matter.
 ///
 /// # Errors
-/// An unknown word, a wrong unit, a repeated word, or no axis. The error names the fault and the valid
-/// words.
+/// An unknown word, a wrong unit, a repeated word, or no axis. The error names the fault and the
+/// valid words.
 pub fn parse_arguments(text: &str) -> Result<Arguments, HandError> {
     let fail = |what: String| Err(HandError::option(what, HELP));
     let mut list = Vec::new();
@@ -106,7 +106,7 @@ fn one(word: &str) -> Result<(Meaning, &'static str), String> {
     let plain = |meaning, name| match (unit, sign < 0.0) {
         (None, false) => Ok((meaning, name)),
         (Some(_), _) => Err(format!("`{word}` has a unit, and {name} has none")),
-        (None, true) => Err(format!("`{word}`: {name} has no other way to count")),
+        (None, true) => Err(format!("`{word}`: {name} takes no `-`")),
     };
     let length = [("mm", 1.0), ("cm", 10.0), ("m", 1000.0)];
     match name {
@@ -116,7 +116,7 @@ fn one(word: &str) -> Result<(Meaning, &'static str), String> {
         "force" => Ok((Meaning::Force(sign * scale(&[("n", 1.0), ("gf", GRAVITY * 1e-3)])?), "force")),
         "pressure" => plain(Meaning::Pressure, "pressure"),
         "stroke" | "touch" => plain(Meaning::Touch, "touch"),
-        "time" if sign < 0.0 => Err(format!("`{word}`: time has no other way to count")),
+        "time" if sign < 0.0 => Err(format!("`{word}`: time takes no `-`")),
         "time" => Ok((Meaning::Time(scale(&[("s", 1e9), ("ms", 1e6), ("us", 1e3), ("ns", 1.0)])?), "time")),
         _ => Err(format!("`{word}` is not known")),
     }
@@ -242,8 +242,8 @@ mod tests {
             ("x_mm, touch, stroke", "`touch` is listed twice"),
             ("x_mm, force_n, pressure", "has a force and a pressure"),
             ("_, force_n", "has none of x, y and z"),
-            ("x_mm, -touch", "no other way to count"),
-            ("x_mm, -time_s", "no other way to count"),
+            ("x_mm, -touch", "takes no `-`"),
+            ("x_mm, -time_s", "takes no `-`"),
             ("x_mm, pressure_n", "pressure has none"),
             ("x_mm, --y_mm", "`--y_mm` is not known"),
         ] {

@@ -1,22 +1,15 @@
 //! A hand over the network: Open Sound Control 1.0 in UDP packets.
 //!
 //! Any sender of positions can be the hand: a tablet's program, a tracker, a script. Options give the
-//! address pattern of the
-//! messages and the meaning of their arguments, see [`parse_arguments`]. The time of a sample is an
-//! argument, if listed; or
-//! else the time tag of its bundle, unless that is "immediately"; or else the arrival. The first two are
-//! mapped to our clock
-//! by the fastest packets, which removes jitter. (A `time` sent as a 32-bit float counts milliseconds
-//! exactly for 4.6 hours;
-//! send a double or an integer.)
+//! address pattern of the messages and the meaning of their arguments, see [`parse_arguments`]. The time of
+//! a sample is an argument, if listed; or else the time tag of its bundle, unless that is "immediately"; or
+//! else the arrival. The first two are mapped to our clock by the fastest packets, which removes jitter. (A
+//! `time` sent as a 32-bit float counts milliseconds exactly for 4.6 hours; send a double or an integer.)
 //!
 //! A new stroke begins with every 0 to 1 of a listed `touch`, when the sender's clock is set, and when
-//! another sender takes
-//! over after a pause. Unusable messages are counted, with the reason of the last; they never stop the
-//! source. Packets are at
-//! most 64 KiB and bundles nest at most 8 deep, so memory is bounded. From the sender's call to the queue
-//! it takes 10 us
-//! (p50; p99 58 us on a loaded machine).
+//! another sender takes over after a pause. Unusable messages are counted, with the reason of the last;
+//! they never stop the source. Packets are at most 64 KiB and bundles nest at most 8 deep, so memory is
+//! bounded. From the sender's call to the queue it takes 10 us (p50; p99 58 us on a loaded machine).
 
 mod arguments;
 mod packet;
@@ -106,9 +99,8 @@ pub fn parse_listen(text: &str) -> Result<SocketAddr, HandError> {
 }
 
 /// Whether two sources cannot listen at these addresses at once: the port is the same, and the IP address
-/// too, or one of them
-/// is all addresses (also those of the other IP version: a socket at `[::]` may take IPv4 packets). Port 0
-/// is a free one.
+/// too, or one of them is all addresses (also those of the other IP version: a socket at `[::]` may take
+/// IPv4 packets). Port 0 is a free one.
 pub fn exclude(one: SocketAddr, other: SocketAddr) -> bool {
     let (a, b) = (one.ip().to_canonical(), other.ip().to_canonical());
     let all = a.is_unspecified() || b.is_unspecified();

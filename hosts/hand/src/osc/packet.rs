@@ -1,10 +1,8 @@
 //! Parses a datagram without trusting it.
 //!
 //! rosc decodes nested bundles and drops nested arrays by recursion. A datagram of 64 KiB can nest 3000
-//! bundles or 60,000
-//! arrays, which overflows the stack. So bundles are walked here to a limited depth, and rosc gets single
-//! messages with few
-//! type tags, which bounds the arrays.
+//! bundles or 60,000 arrays, which overflows the stack. So bundles are walked here to a limited depth, and
+//! rosc gets single messages with few type tags, which bounds the arrays.
 
 use rosc::{OscMessage, OscPacket};
 
@@ -16,9 +14,8 @@ const ARGUMENTS: usize = 256;
 const IMMEDIATELY: u64 = 1;
 
 /// Calls `each` with every message of a datagram in order, and the time tag of its innermost bundle (NTP:
-/// 32 bits of seconds, 32
-/// of their fraction), unless that is "immediately".
-/// Error: the fault in the datagram, for a person; messages before it were passed on.
+/// 32 bits of seconds, 32 of their fraction), unless that is "immediately". Error: the fault in the
+/// datagram, for a person; messages before it were passed on.
 pub(super) fn walk(packet: &[u8], each: &mut impl FnMut(OscMessage, Option<u64>)) -> Result<(), String> {
     bundle_or_message(packet, None, 0, each)
 }

@@ -1,10 +1,8 @@
 //! Address patterns of OSC 1.0.
 //!
 //! rosc's matcher differs from the specification: it takes `[12]` for one or more characters (one), `*` at
-//! the end for at least
-//! one (none or more), and only the first fit of `{a,ab}` (any). So this is our own. It follows all ways
-//! through the pattern
-//! at once, so its time is at most pattern times address.
+//! the end for at least one (none or more), and only the first fit of `{a,ab}` (any). So this is our own.
+//! It follows all ways through the pattern at once, so its time is at most pattern times address.
 
 use crate::HandError;
 
@@ -30,8 +28,7 @@ fn plain(c: u8) -> bool {
 }
 
 impl Pattern {
-    /// Parses a plain address or a pattern.
-    /// Error: the text is neither.
+    /// Parses a plain address or a pattern. Error: the text is neither.
     pub(super) fn parse(text: &str) -> Result<Self, HandError> {
         Self::pieces(text.as_bytes()).map(Self).ok_or_else(|| {
             HandError::option(

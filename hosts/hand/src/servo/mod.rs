@@ -1,33 +1,27 @@
 //! The force law that a device's servo evaluates at its own rate.
 //!
 //! With depth d = n . (p0 - p) in the plane, the force is n (k d - b v), where v is the velocity along n.
-//! It is 0 out of
-//! contact, never against n, and never larger than the model or the device allows. The velocity is a first
-//! difference behind
-//! a first-order low-pass ([`VELOCITY_HZ`]); both use the servo's measured intervals. Around this:
+//! It is 0 out of contact, never against n, and never larger than the model or the device allows. The
+//! velocity is a first difference behind a first-order low-pass ([`VELOCITY_HZ`]); both use the servo's
+//! measured intervals. Around this:
 //!
 //! - A model that is older than [`MODEL_AGE`], invalid or not finite, or a position that is not finite: the
 //!   force goes to 0
 //!   within [`LET_GO`]. When both are valid again, it comes back over [`TAKE_HOLD`], as after a start.
 //! - A motion of the hand is answered at once, but at most at the slew limit. A change of the graph is not:
-//!   the difference
-//!   that a new model makes at the hand's position is carried on and decays with [`SETTLE`] (95 % in 9 ms).
-//! Where that lets
-//!   the force grow, it grows no faster than the largest force in [`RISE`]. So a plane that appears under
-//! the stylus pushes
-//!   it out, and does not kick. With an unchanged model nothing is carried: the wall's own loop has no
-//! delay from this.
+//!   the difference that a new model makes at the hand's position is carried on and decays with [`SETTLE`]
+//!   (95 % in 9 ms). Where that lets the force grow, it grows no faster than the largest force in [`RISE`].
+//!   So a plane that appears under the stylus pushes it out, and does not kick. With an unchanged model
+//!   nothing is carried: the wall's own loop has no delay from this.
 //! - Releasing is never slowed where the force would pull otherwise.
 //!
 //! The graph computes forces beside the plane (friction, drag, a magnet) once a tick. They are added,
-//! smoothed with
-//! [`SETTLE`], in any direction. Invalid input takes them down as well. The sum is limited to the largest
-//! force.
+//! smoothed with [`SETTLE`], in any direction. Invalid input takes them down as well. The sum is limited to
+//! the largest force.
 //!
 //! A step takes about 0.1 us (2 cores of a shared virtual AMD EPYC). On a simulated device of 0.1 kg and
-//! 0.5 N s/m, an
-//! undamped wall at 1 kHz rings on from 1.001 N/mm (eigenvalues of the loop); Colgate's bound is 1.000
-//! N/mm.
+//! 0.5 N s/m, an undamped wall at 1 kHz rings on from 1.001 N/mm (eigenvalues of the loop); Colgate's bound
+//! is 1.000 N/mm.
 
 pub mod passivity;
 

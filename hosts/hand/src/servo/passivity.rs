@@ -1,13 +1,11 @@
 //! Whether a wall is stable for every hand.
 //!
 //! A spring and damper behind a sampler and a hold are passive if b > K T / 2 + |B|: b is the physical
-//! damping of the device,
-//! K and B the wall's stiffness and damping, T the servo's period (J. E. Colgate and G. Schenkel,
-//! "Passivity of a class of
-//! sampled-data systems: application to haptic interfaces", American Control Conference 1994; Journal of
-//! Robotic Systems 14,
-//! 1997, pp. 37-47). There the wall's velocity is a plain first difference. A low-pass F behind it, as in
-//! [`servo`](crate::servo), changes the damper's share from -B cos wT to -B Re(F e^-jwT). That is at most
+//! damping of the device, K and B the wall's stiffness and damping, T the servo's period (J. E. Colgate and
+//! G. Schenkel, "Passivity of a class of sampled-data systems: application to haptic interfaces", American
+//! Control Conference 1994; Journal of Robotic Systems 14, 1997, pp. 37-47). There the wall's velocity is a
+//! plain first difference. A low-pass F behind it, as in [`servo`](crate::servo), changes the damper's
+//! share from -B cos wT to -B Re(F e^-jwT). That is at most
 //! |B| while |F| is at
 //! most 1, so the bound stays sufficient.
 //!
@@ -21,8 +19,7 @@ pub enum DeviceDamping {
     /// Measured or given \[N s/m\].
     Known(f64),
     /// Inferred from the largest stiffness \[N/mm\] that its maker recommends at a servo rate of 1 kHz: a
-    /// passive device that
-    /// renders it has at least K T / 2.
+    /// passive device that renders it has at least K T / 2.
     Recommended(f64),
     /// Unknown: [`ASSUMED_NS_PER_M`] is used.
     Unknown,

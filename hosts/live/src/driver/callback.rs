@@ -1,14 +1,11 @@
 //! Ticks inside the audio callback: the least latency.
 //!
 //! Tick k begins at position x_k = k rate / tick rate of the device's frames, and reads the hand at t(x_k)
-//! - D. Here t is the
-//! line of the delay-locked loop, and D the device's real period (the frames of one wake-up). A callback
-//! runs the ticks that
-//! begin before its end, which is at most D after its beginning. So the last tick reads the hand at the
-//! callback's own time,
-//! and none reads the future. D follows a change of the period by 2 % of time, so ticks are evenly spaced
-//! in the hand's
-//! time, however they bunch in real time. With 64 frames at 48 kHz the delay is 1.3 ms.
+//! - D. Here t is the line of the delay-locked loop, and D the device's real period (the frames of one
+//!   wake-up). A callback runs the ticks that begin before its end, which is at most D after its beginning.
+//!   So the last tick reads the hand at the callback's own time, and none reads the future. D follows a
+//!   change of the period by 2 % of time, so ticks are evenly spaced in the hand's time, however they bunch
+//!   in real time. With 64 frames at 48 kHz the delay is 1.3 ms.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -61,8 +58,7 @@ impl<T: Ticker> Callback<T> {
     }
 
     /// Ramps the output down and returns the ticker, at once if the device no longer calls. `None` if a
-    /// tick does not end within
-    /// a second.
+    /// tick does not end within a second.
     pub fn stop(self) -> Option<T> {
         self.controls.request_stop();
         self.controls.wait_until_down();

@@ -89,16 +89,14 @@ impl Controls {
     }
 
     /// Real-time priority of the tick thread, or of the device's thread if that got less. `NotAsked` until
-    /// both ran, unless the
-    /// tick thread was refused.
+    /// both ran, unless the tick thread was refused.
     pub fn priority(&self) -> Grant {
         let device = self.device_asked.as_ref().map(Asked::get);
         worse(self.asked.get(), device)
     }
 
     /// Time between a tick's reading of its inputs and the callback that asks for its first sample [ns]:
-    /// the driver's part of
-    /// the latency.
+    /// the driver's part of the latency.
     pub fn lead_ns(&self) -> u64 {
         self.lead_ns.load(Relaxed)
     }
@@ -158,8 +156,7 @@ impl Controls {
     }
 
     /// Limits the output by the guards of its channels. One device is open at a time; if another thread has
-    /// the guards, the
-    /// block is silent.
+    /// the guards, the block is silent.
     pub(super) fn hold(&self, output: &mut [f32], channels: usize) {
         let Some(guards) = &self.guards else { return };
         match guards.0.enter().as_deref_mut() {

@@ -71,8 +71,7 @@ impl Clock {
 }
 
 /// The requested clock. By default: the callback if the device's real period is at most one tick, a paced
-/// thread if it is
-/// longer, a timer without a device (`period_frames` 0).
+/// thread if it is longer, a timer without a device (`period_frames` 0).
 pub fn choose(asked: Option<Clock>, period_frames: u32, rate_hz: u32, tick_hz: u32) -> Clock {
     let fits = u64::from(period_frames) * u64::from(tick_hz) <= u64::from(rate_hz);
     match (asked, period_frames) {

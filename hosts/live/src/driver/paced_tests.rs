@@ -6,8 +6,7 @@ use asperity_node::random::bits;
 use std::time::Duration;
 
 /// A device in real time. Its output must be the stream at its own position in time, bit for bit, except
-/// for samples that the
-/// meters count as missing.
+/// for samples that the meters count as missing.
 struct Device {
     half: PacedHalf,
     options: Options,

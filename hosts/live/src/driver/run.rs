@@ -45,8 +45,7 @@ impl Rates {
     }
 
     /// Samples from `origin` to the start of a tick, not rounded to whole samples: a tick at 44.1 kHz and
-    /// 500 Hz has 88 or 89
-    /// samples, but ticks are 2 ms apart.
+    /// 500 Hz has 88 or 89 samples, but ticks are 2 ms apart.
     pub(super) fn samples_from(&self, origin: u64, tick: u64) -> f64 {
         let (tick_hz, rate_hz) = (i128::from(self.tick_hz), i128::from(self.rate_hz));
         (i128::from(tick) * rate_hz - i128::from(origin) * tick_hz) as f64 / tick_hz as f64

@@ -13,11 +13,9 @@ pub(crate) struct Slot<T> {
 }
 
 // SAFETY: a shared slot gives access to the cell only through an `Entered`, and only one exists at a time:
-// `enter` makes it
-// after it has changed `taken` from false to true, and only its drop sets `taken` back. The drop's Release
-// and the next
-// `enter`'s Acquire order all accesses. So the `T` moves between threads, which `Send` allows, and is never
-// used by two.
+// `enter` makes it after it has changed `taken` from false to true, and only its drop sets `taken` back.
+// The drop's Release and the next `enter`'s Acquire order all accesses. So the `T` moves between threads,
+// which `Send` allows, and is never used by two.
 unsafe impl<T: Send> Sync for Slot<T> {}
 
 impl<T> Slot<T> {

@@ -47,8 +47,7 @@ impl Listener {
     }
 
     /// Time of that sample at the device, by [`now_ns`](crate::now_ns): that of the call plus its place in
-    /// the block. The host's
-    /// input latency is not taken off. `None` until it came.
+    /// the block. The host's input latency is not taken off. `None` until it came.
     pub fn heard_ns(&self) -> Option<u64> {
         Some(self.0.heard_ns.load(Acquire)).filter(|ns| *ns > 0)
     }
@@ -64,8 +63,7 @@ pub struct MicWriter {
 }
 
 /// Side of the tick thread. It reads as far behind as the longest recent block is long, so that every tick
-/// finds its samples.
-/// Samples further behind are dropped, so that the delay stays.
+/// finds its samples. Samples further behind are dropped, so that the delay stays.
 pub struct MicReader {
     from: HeapCons<f32>,
     channels: usize,

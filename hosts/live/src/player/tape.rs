@@ -105,8 +105,7 @@ impl ExactSizeIterator for Pairs<'_> {}
 
 impl TapeReader {
     /// Takes the values of the next recorded tick, and returns their start: a tick for controls, a sample
-    /// at the signal's rate for
-    /// audio and frames.
+    /// at the signal's rate for audio and frames.
     pub fn next(&mut self, values: &mut Vec<f32>) -> Option<u64> {
         values.clear();
         // The values may come a moment after their head.

@@ -89,8 +89,7 @@ impl Card {
     }
 
     /// Whether its host may split a wake-up into several calls. JACK never does: calls in quick succession
-    /// come from a late
-    /// machine there.
+    /// come from a late machine there.
     pub(super) fn bunches(&self) -> bool {
         matches!(self.stream.host(), "pulseaudio" | "pipewire" | "alsa")
     }

@@ -208,8 +208,7 @@ impl Session {
     }
 
     /// Checks the device: reads its events, handles a loss, reopens it. Call it some tens of times a
-    /// second.
-    /// Returns notices for a person, each once.
+    /// second. Returns notices for a person, each once.
     ///
     /// # Errors
     /// The system gives no thread.
@@ -288,15 +287,15 @@ impl Session {
         let delay = view.sources.iter().map(|s| s.delay_ms).fold(0.0, f64::max);
         let mut items = Vec::new();
         if !view.sources.is_empty() {
-            items.push(("hand: read behind".to_owned(), delay));
+            items.push(("hand: reading delay".to_owned(), delay));
         }
         let schedule = self.conductor.schedule();
-        items.push(("tick: half of one, until the next".to_owned(), 500.0 / f64::from(schedule.tick_hz)));
+        items.push(("tick: mean wait for the next one".to_owned(), 500.0 / f64::from(schedule.tick_hz)));
         let lead = self.driver.controls().map_or(0.0, |c| c.lead_ns() as f64 * 1e-6);
-        items.push(("clock: read before the callback".to_owned(), lead));
+        items.push(("clock: lead before the callback".to_owned(), lead));
         items.extend(of_graph(schedule));
         if let Some(stats) = stats {
-            items.push(("device: from callback to sound".to_owned(), stats.latency_ms));
+            items.push(("device: callback to sound".to_owned(), stats.latency_ms));
         }
         items
     }

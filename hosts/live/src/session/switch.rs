@@ -110,8 +110,7 @@ impl Wakes {
     }
 
     /// Frames that wake-ups ask for repeatedly: the third largest. The two largest may be exceptions, since
-    /// a device fills its
-    /// buffer at the start and makes up for a late call.
+    /// a device fills its buffer at the start and makes up for a late call.
     fn period(&self) -> u32 {
         self.most.iter().rev().copied().find(|frames| *frames > 0).unwrap_or(0)
     }
