@@ -77,7 +77,8 @@ impl<T> Parked<T> {
 
     /// The tick.
     ///
-    /// # Safety The callback is not scheduled, and was seen not to be inside.
+    /// # Safety
+    /// The callback is not scheduled, and was seen not to be inside.
     pub(super) unsafe fn mine(&mut self) -> &mut T {
         // SAFETY: made from a box; nobody else has it, by the caller's promise.
         unsafe { self.tick.as_mut() }
@@ -98,7 +99,8 @@ impl<T> Drop for Parked<T> {
 
 /// The callback.
 ///
-/// # Safety `user` points to a [`Tick`] that nothing else touches while this is scheduled.
+/// # Safety
+/// `user` points to a [`Tick`] that nothing else touches while this is scheduled.
 pub(super) unsafe extern "system" fn tick(user: *mut c_void) -> c_uint {
     // SAFETY: the caller's promise.
     let tick = unsafe { &mut *user.cast::<Tick>() };

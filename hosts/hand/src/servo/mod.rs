@@ -6,8 +6,8 @@
 //! measured intervals. Around this:
 //!
 //! - A model that is older than [`MODEL_AGE`], invalid or not finite, or a position that is not finite: the
-//!   force goes to 0
-//!   within [`LET_GO`]. When both are valid again, it comes back over [`TAKE_HOLD`], as after a start.
+//!   force goes to 0 within [`LET_GO`]. When both are valid again, it comes back over [`TAKE_HOLD`], as after
+//!   a start.
 //! - A motion of the hand is answered at once, but at most at the slew limit. A change of the graph is not:
 //!   the difference that a new model makes at the hand's position is carried on and decays with [`SETTLE`]
 //!   (95 % in 9 ms). Where that lets the force grow, it grows no faster than the largest force in [`RISE`].
