@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use asperity_audio::{Block, Process};
-use asperity_live::driver::{Callback, Options, Paced, Ticker, Timer};
+use asperity_live::driver::{Callback, Options, Rates, Ticker, paced, timer};
 use asperity_live::{
     Delay, Meters, RemoteClock, Sample, SampleWriter, TIMEOUT_NS, Timeline, now_ns, samples,
 };
@@ -33,14 +33,8 @@ impl Hand {
 }
 
 impl Ticker for Hand {
-    fn tick_hz(&self) -> u32 {
-        500
-    }
-    fn rate_hz(&self) -> u32 {
-        48_000
-    }
-    fn channels(&self) -> usize {
-        2
+    fn rates(&self) -> Rates {
+        Rates { tick_hz: 500, rate_hz: 48_000, channels: 2 }
     }
     fn next_tick(&self) -> u64 {
         self.next
@@ -99,7 +93,7 @@ fn no_driver_allocates_while_it_runs() {
     assert!(driver.controls().meters().skipped_ticks.get() > 0, "gaps were among it");
     assert!(driver.take().expect("the ticker").line.seen().stalls > 0, "stalls too");
 
-    let (driver, mut half) = Paced::new(Hand::new(), &options()).expect("a thread");
+    let (driver, mut half) = paced(Hand::new(), &options()).expect("a thread");
     let began = now_ns();
     let mut frames = 0;
     let mut play = |ms: u64| {
@@ -115,7 +109,7 @@ fn no_driver_allocates_while_it_runs() {
     assert!(driver.controls().meters().next_tick() > 100);
     drop(driver.stop());
 
-    let timer = Timer::new(Hand::new(), &options()).expect("a thread");
+    let timer = timer(Hand::new(), &options()).expect("a thread");
     std::thread::sleep(Duration::from_millis(20));
     assert_eq!(counted(|| std::thread::sleep(Duration::from_millis(100))), 0, "timer");
     drop(timer.stop());

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use asperity_audio::simulated::{Params, Simulated};
 use asperity_audio::{Request, events, open};
-use asperity_live::driver::{Callback, Clock, Options, Paced, Ticker, Timer};
+use asperity_live::driver::{Callback, Clock, Options, Rates, Ticker, paced, timer};
 use asperity_live::view::Condition;
 use asperity_live::{Meters, SessionOptions};
 use asperity_node::{
@@ -194,14 +194,8 @@ fn lost_card_is_waited_for_and_fades_in_when_back() {
 struct Panics(u64);
 
 impl Ticker for Panics {
-    fn tick_hz(&self) -> u32 {
-        500
-    }
-    fn rate_hz(&self) -> u32 {
-        48_000
-    }
-    fn channels(&self) -> usize {
-        1
+    fn rates(&self) -> Rates {
+        Rates { tick_hz: 500, rate_hz: 48_000, channels: 1 }
     }
     fn next_tick(&self) -> u64 {
         self.0
@@ -244,7 +238,7 @@ fn panicking_engine_is_silent_within_20_ms_and_says_so() {
 fn panic_under_a_timer_is_told_and_leaves_a_report() {
     let _alone = real_time();
     let options = Options { priority: None, ..Options::new(Arc::new(Meters::new(500))) };
-    let timer = Timer::new(Panics(0), &options).expect("a thread");
+    let timer = timer(Panics(0), &options).expect("a thread");
     while !timer.controls().failed() {
         std::thread::sleep(Duration::from_millis(2));
     }
@@ -259,7 +253,7 @@ fn panic_under_the_paced_clock_is_silent_within_20_ms() {
     let card = Simulated::new("paced panic", timed(64)).expect("a card");
     let meters = Arc::new(Meters::new(500));
     let options = Options { start_s: 0.0, priority: None, ..Options::new(meters.clone()) };
-    let (driver, half) = Paced::new(Panics(0), &options).expect("a thread");
+    let (driver, half) = paced(Panics(0), &options).expect("a thread");
     let (to, _events) = events();
     let request = Request { device: Some(card.id()), ..Request::default() };
     let stream = open(&request, Box::new(half), None, to).expect("the card");
