@@ -121,10 +121,7 @@ mod tests {
     use super::*;
 
     fn axes(end: f64) -> (Axis, Axis) {
-        (
-            Axis { low: 0.0, high: end, pixels: [60.0, 160.0] },
-            Axis { low: -1.0, high: 1.0, pixels: [100.0, 0.0] },
-        )
+        (Axis::linear((0.0, end), [60.0, 160.0]), Axis::linear((-1.0, 1.0), [100.0, 0.0]))
     }
 
     #[test]
