@@ -1,4 +1,4 @@
-//! The pictures of the README, of a run as it is: `make live-pictures`.
+//! The picture of the page in the README: `make live-pictures`.
 
 #[path = "common/chromium.rs"]
 mod chromium;
@@ -16,8 +16,8 @@ use chromium::{Chromium, Look};
 use common::live::Live;
 use pen::{MM, Pen, RADIUS};
 
-/// With `ASPERITY_PICTURES=FOLDER`: the page and the terminal of a run of graphs/live.ron, painted while a pen strokes. With
-/// `ASPERITY_EVERY_SIZE` too, the page at other sizes.
+/// With `ASPERITY_PICTURES=FOLDER`: paints the page of a run of graphs/live.ron while a pen strokes. With
+/// `ASPERITY_EVERY_SIZE` too: the page at other sizes.
 #[test]
 fn pictures_of_a_run() {
     let Some(folder) = std::env::var_os("ASPERITY_PICTURES").map(std::path::PathBuf::from) else { return };
@@ -25,7 +25,7 @@ fn pictures_of_a_run() {
         [("page", 1440, false), ("desk_dark", 1440, true), ("tablet", 900, false), ("phone", 390, false)];
     let many = if std::env::var_os("ASPERITY_EVERY_SIZE").is_some() { sizes.len() } else { 1 };
     for (name, width, dark) in &sizes[..many] {
-        let Some((live, mut pen)) = painted(&[], *width, *dark) else { return };
+        let Some((live, mut pen)) = painted(*width, *dark) else { return };
         pen.strokes(3.0, 110.0);
         let (mut turn, middle) = (pen.turn, pen.middle);
         let file = folder.join(format!("{name}.png"));
@@ -41,21 +41,15 @@ fn pictures_of_a_run() {
         live.stop().ok();
         few_colours(&file);
     }
-    let terminal = folder.join("terminal.svg");
-    let Some((live, mut pen)) = painted(&["--picture", &terminal.display().to_string()], 800, false) else {
-        return;
-    };
-    pen.strokes(4.0, 110.0);
-    live.stop().ok();
 }
 
 /// A run, and a window on its whole page.
-fn painted(more: &[&str], width: u32, dark: bool) -> Option<(Live, Pen)> {
+fn painted(width: u32, dark: bool) -> Option<(Live, Pen)> {
     let browser = Chromium::start()?;
     // A browser that paints so much without a graphics card holds events back.
     let args =
         ["graphs/live.ron", "--page", "--device", "simulated:frames=256", "--set", "stylus.timeout_ms=200"];
-    let mut live = Live::start(&common::root(), &[&args[..], more].concat());
+    let mut live = Live::start(&common::root(), &args);
     let mut pen = Pen::over(browser, &live.says("the page: "));
     pen.browser.look(&Look { width, height: 800, dark });
     // It is laid out anew for the new width, and painted before the stroke begins.

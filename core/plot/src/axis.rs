@@ -60,8 +60,8 @@ impl Axis {
         a + (self.scaled(value) - self.low) / (self.high - self.low) * (b - a)
     }
 
-    /// Round values in the range with their labels: at least 0.7 `spacing` pixels apart on a linear axis.
-    /// A logarithmic axis has 1, 2 and 5 of every power of ten, or the powers alone where these are too close.
+    /// Round values in the range with their labels. On a linear axis they are at least 0.7 `spacing` pixels
+    /// apart. On a logarithmic axis they are 1, 2 and 5 of every power of ten, or the powers alone.
     pub(super) fn ticks(&self, spacing: f64) -> Vec<(f64, String)> {
         if self.logarithmic {
             return self.powers();

@@ -1,4 +1,4 @@
-//! A texture fitted to a recording: its models over speed and force, and their spectra beside the recorded ones.
+//! A texture fitted to a recording: models over speed and force, and their spectra beside the recorded ones.
 
 use super::axis::{Axis, Panel, padded_range};
 use super::svg::{COLOURS, Svg, polyline};

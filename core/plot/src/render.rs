@@ -89,7 +89,7 @@ impl Render {
         all.into_iter().flatten().collect()
     }
 
-    /// The picture as an SVG document, 1200 pixels wide. The file does not grow with the length of the signals.
+    /// The picture as an SVG document, 1200 pixels wide. Longer signals do not make a larger file.
     pub fn to_svg(&self) -> String {
         let signals = self.signals();
         let map = self.above.as_ref().map(|above| above.laid(TOP));

@@ -4,7 +4,8 @@ use std::fmt::{Display, Write as _};
 
 /// Styles of all pictures: system sans-serif typefaces on a light ground.
 const STYLE: &str = "\
-text{font-family:Inter,'Segoe UI','Helvetica Neue',Arial,'DejaVu Sans',sans-serif;font-size:12px;fill:#52606d}\
+text{font-family:Inter,'Segoe UI','Helvetica Neue',Arial,'DejaVu Sans',sans-serif;\
+font-size:12px;fill:#52606d}\
 .title{font-size:19px;font-weight:600;fill:#1f2933}\
 .head{font-size:13px;font-weight:600;fill:#323f4b}\
 .small{font-size:11px}\

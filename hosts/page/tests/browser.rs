@@ -1,5 +1,6 @@
-//! The page in a browser: a pen on it is heard, what is moved on it is asked for, and it says when the run is gone.
-//! With `ASPERITY_PICTURES=FOLDER` it is painted there, light and dark, for a phone and for a desk.
+//! The page in a browser: pen samples, requests, and the end of a run.
+//!
+//! `ASPERITY_PICTURES=FOLDER` writes pictures of it there: light and dark, for a phone and for a desk.
 
 #[path = "../../../tests/common/chromium.rs"]
 mod chromium;
@@ -39,7 +40,7 @@ impl Stage {
         let stop = Arc::new(AtomicBool::new(false));
         let until = stop.clone();
         let thread = std::thread::spawn(move || {
-            let mut run = made_up::Run::new(None);
+            let mut run = made_up::Run::new();
             feed.publish_layout(run.layout.clone());
             let began = Instant::now();
             for n in 0u32.. {
@@ -97,7 +98,7 @@ fn drain(reader: &mut SampleReader, into: &mut Vec<Sample>) {
 }
 
 #[test]
-fn a_pen_at_250_hz_is_heard_whole_in_place_and_in_order() {
+fn pen_at_250_hz_is_heard_completely_and_in_order() {
     let Some(mut browser) = Chromium::start() else { return };
     let (to, mut from) = samples();
     let stage = Stage::new(Some(to));
@@ -106,13 +107,14 @@ fn a_pen_at_250_hz_is_heard_whole_in_place_and_in_order() {
     browser.until("document.querySelector('#condition').dataset.is === 'playing'");
     let [x, y] = browser.middle("#surface");
     const EVENTS: u32 = 500;
-    // To the right at 0.2 px an event and up and down in a wave, harder and harder: every event has a place of its own.
+    // To the right at 0.2 px an event, up and down in a wave, with rising force: all places differ.
     let at =
         |i: u32| [(x - 50.0 + 0.2 * f64::from(i)).round() + f64::from(i % 5) / 5.0, y - f64::from(i % 40)];
     let force = |i: u32| 0.1 + 0.8 * f64::from(i) / f64::from(EVENTS);
     // Pictures drawn, and views come, while the pen strokes.
     browser.eval(
-        "(() => { window.frames_drawn = 0; const f = () => { window.frames_drawn += 1; requestAnimationFrame(f); }; f(); })()",
+        "(() => { window.frames_drawn = 0; \
+         const f = () => { window.frames_drawn += 1; requestAnimationFrame(f); }; f(); })()",
     );
     let views = stage.page().counts().views;
     let mut heard = Vec::new();
@@ -157,7 +159,8 @@ fn a_pen_at_250_hz_is_heard_whole_in_place_and_in_order() {
     let mut delays: Vec<f64> = strokes.iter().map(|s| (s.arrived_ns - s.time_ns) as f64 / 1e6).collect();
     delays.sort_by(f64::total_cmp);
     println!(
-        "{} events in {seconds:.3} s, {beats} beats, longest step {:.1} ms, event to arrival p50 {:.2} p99 {:.2} ms",
+        "{} events in {seconds:.3} s, {beats} beats, longest step {:.1} ms, \
+         event to arrival p50 {:.2} p99 {:.2} ms",
         strokes.len(),
         steps.iter().fold(0.0f64, |a, &b| a.max(b)),
         delays[delays.len() / 2],
@@ -174,7 +177,7 @@ fn a_pen_at_250_hz_is_heard_whole_in_place_and_in_order() {
 }
 
 #[test]
-fn what_is_moved_on_the_page_is_asked_of_the_run() {
+fn controls_of_the_page_send_requests() {
     let Some(mut browser) = Chromium::start() else { return };
     let mut stage = Stage::new(None);
     browser.look(&DESK);
@@ -219,7 +222,7 @@ fn what_is_moved_on_the_page_is_asked_of_the_run() {
 }
 
 #[test]
-fn the_spectrum_of_a_sine_stands_on_its_bin_with_its_amplitude() {
+fn spectrum_of_a_sine_has_its_bin_and_amplitude() {
     let Some(mut browser) = Chromium::start() else { return };
     let stage = Stage::new(None);
     browser.open(stage.page().url());
@@ -229,22 +232,25 @@ fn the_spectrum_of_a_sine_stands_on_its_bin_with_its_amplitude() {
          const n = 64, x = Float64Array.from({ length: n }, (_, i) => Math.sin(i * i * 0.37) + (i % 7)); \
          const re = x.slice(), im = new Float64Array(n); fft(re, im); let off = 0; \
          for (let k = 0; k < n; k += 1) { let [a, b] = [0, 0]; \
-           for (let i = 0; i < n; i += 1) { a += x[i] * Math.cos(2 * Math.PI * k * i / n); b -= x[i] * Math.sin(2 * Math.PI * k * i / n); } \
+           for (let i = 0; i < n; i += 1) { const at = 2 * Math.PI * k * i / n; \
+             a += x[i] * Math.cos(at); b -= x[i] * Math.sin(at); } \
            off = Math.max(off, Math.abs(re[k] - a), Math.abs(im[k] - b)); } \
-         const sine = Float32Array.from({ length: 1024 }, (_, i) => 0.7 * Math.sin(2 * Math.PI * 80 * i / 1024)); \
+         const sine = Float32Array.from({ length: 1024 }, \
+           (_, i) => 0.7 * Math.sin(2 * Math.PI * 80 * i / 1024)); \
          return [off, Math.abs(amplitudes(sine)[80] - 0.7), amplitudes(sine)[84]]; })()",
     );
     for i in 0..3 {
         assert!(off[i].as_f64().expect("a number") < 1e-6, "{off}");
     }
-    // Brought down from 48 to 6 kHz: what is shown keeps its amplitude, and what would fold onto it is gone.
+    // Decimated from 48 to 6 kHz: the passband keeps its amplitude, and aliases are gone.
     let slow = browser.eval(
         "(async () => { const token = new URLSearchParams(location.search).get('token'); \
          const { slowed, amplitudes } = await import('./spectrum.js?token=' + token); \
          const sine = (bin) => (i) => Math.sin(2 * Math.PI * bin * i / (8 * 2048)); \
          const seen = (bin, at) => { const x = sine(bin); \
            return amplitudes(slowed(Float32Array.from({ length: 17000 }, (_, i) => x(i)), 8, 2048))[at]; }; \
-         return [seen(68, 68), seen(341, 341), seen(2048 - 341, 341), seen(2048 - 68, 68), seen(2048 + 68, 68)]; })()",
+         return [seen(68, 68), seen(341, 341), seen(2048 - 341, 341), \
+           seen(2048 - 68, 68), seen(2048 + 68, 68)]; })()",
     );
     let slow: Vec<f64> = (0..5).map(|i| slow[i].as_f64().expect("a number")).collect();
     println!("200 Hz and 1 kHz {:.5?}, folded {:.7?}", &slow[..2], &slow[2..]);
@@ -253,7 +259,7 @@ fn the_spectrum_of_a_sine_stands_on_its_bin_with_its_amplitude() {
 }
 
 #[test]
-fn the_page_is_drawn_at_every_width_without_a_complaint() {
+fn page_fits_every_width_without_errors() {
     let Some(mut browser) = Chromium::start() else { return };
     let (to, _from) = samples();
     let stage = Stage::new(Some(to));

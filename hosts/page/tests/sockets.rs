@@ -1,4 +1,4 @@
-//! The server over real sockets: who is refused, and what a bad client costs.
+//! The server over real sockets: refusals, limits and bad clients.
 
 mod made_up;
 
@@ -127,7 +127,7 @@ fn until(what: &str, mut is: impl FnMut() -> bool) {
 }
 
 #[test]
-fn every_address_is_refused_without_the_token_and_to_other_hosts_and_origins() {
+fn wrong_token_host_or_origin_is_refused() {
     let stage = stage();
     let (port, token) = (stage.port(), stage.token().to_owned());
     let other = token.chars().rev().collect::<String>();
@@ -177,7 +177,7 @@ fn every_address_is_refused_without_the_token_and_to_other_hosts_and_origins() {
 }
 
 #[test]
-fn files_forbid_and_ask_for_nothing_from_elsewhere() {
+fn files_load_nothing_from_elsewhere() {
     let stage = stage();
     for path in FILES {
         let answer = stage.right(path);
@@ -202,7 +202,7 @@ fn files_forbid_and_ask_for_nothing_from_elsewhere() {
 }
 
 #[test]
-fn of_a_hundred_pages_sixteen_watch_and_the_rest_are_told() {
+fn sixteen_of_a_hundred_pages_are_served() {
     let stage = stage();
     let mut watching = Vec::new();
     let mut refused = 0;
@@ -239,7 +239,7 @@ fn heavy(number: u64) -> View {
 }
 
 #[test]
-fn pages_that_do_not_read_hold_up_nobody_and_are_let_go() {
+fn pages_that_do_not_read_are_disconnected() {
     let stage = stage();
     let silent = stage.watch().expect("a place");
     let mut liar = stage.watch().expect("a place");
@@ -258,7 +258,7 @@ fn pages_that_do_not_read_hold_up_nobody_and_are_let_go() {
     let (mut most_kept, began) = (0, Instant::now());
     let mut gone_after = None;
     let mut n = 0u32;
-    // One reads nothing and says nothing, one reads nothing and says that it does: to that one much is sent.
+    // Neither reads. One is silent, one claims to read: to that one much is sent.
     while n < 600 && (gone_after.is_none() || n < 200) {
         n += 1;
         let view = heavy(u64::from(n));
@@ -282,7 +282,8 @@ fn pages_that_do_not_read_hold_up_nobody_and_are_let_go() {
     let seen = reader.join().expect("it reads");
     times.sort_by(f64::total_cmp);
     println!(
-        "publish of {} kB: p50 {:.0} us, p99 {:.0} us, max {:.0} us; kept {} kB at most; {published} views, {} read by \
+        "publish of {} kB: p50 {:.0} us, p99 {:.0} us, max {:.0} us; kept {} kB at most; \
+         {published} views, {} read by \
          the good page; the others were gone after {gone_after:?}; {counts:?}",
         8192 * 8 * 4 / 1024,
         times[times.len() / 2],
@@ -299,7 +300,7 @@ fn pages_that_do_not_read_hold_up_nobody_and_are_let_go() {
 }
 
 #[test]
-fn a_page_that_says_nothing_is_sent_no_more_than_a_few_views() {
+fn silent_page_is_sent_few_views() {
     let stage = stage();
     let mut silent = stage.watch().expect("a place");
     for n in 1..=100 {
@@ -309,7 +310,7 @@ fn a_page_that_says_nothing_is_sent_no_more_than_a_few_views() {
     until("the first few", || stage.page.counts().views >= AHEAD);
     std::thread::sleep(Duration::from_millis(100));
     assert_eq!(stage.page.counts().views, AHEAD);
-    // What it is sent once it answers is the newest, not what it missed.
+    // Once it answers it gets the newest view, not those it missed.
     let mut seen = 0;
     let mut last = 0;
     while last < 100 {
@@ -323,7 +324,7 @@ fn a_page_that_says_nothing_is_sent_no_more_than_a_few_views() {
 }
 
 #[test]
-fn garbage_and_what_is_too_long_or_too_often_ends_a_connection_and_nothing_else() {
+fn bad_messages_end_only_their_connection() {
     let stage = stage();
     let mut good = stage.watch().expect("a place");
     let hand = [1.0, 0.0, 0.0, f64::NAN, 0.0, 0.5, 1.0].map(f64::to_le_bytes).concat();
@@ -399,7 +400,7 @@ fn idle_connections_keep_no_page_with_token_out() {
 }
 
 #[test]
-fn what_the_graph_has_not_is_refused_with_a_reason_and_what_it_has_is_asked_for() {
+fn requests_are_checked_against_the_layout() {
     let stage = stage();
     let mut socket = stage.watch().expect("a place");
     let mut ask = |text: &str| {
@@ -413,8 +414,8 @@ fn what_the_graph_has_not_is_refused_with_a_reason_and_what_it_has_is_asked_for(
         }
     };
     for (text, why) in [
-        (r#"{"set":{"node":"nobody","param":"gain","value":1}}"#, "nobody has no gain"),
-        (r#"{"set":{"node":"texture","param":"loud","value":1}}"#, "texture has no loud"),
+        (r#"{"set":{"node":"nobody","param":"gain","value":1}}"#, "nobody has no parameter gain"),
+        (r#"{"set":{"node":"texture","param":"loud","value":1}}"#, "texture has no parameter loud"),
         (r#"{"set":{"node":"texture","param":"gain","value":4.01}}"#, "0 to 4"),
         (r#"{"set":{"node":"texture","param":"gain","value":-1e300}}"#, "0 to 4"),
         (r#"{"material":{"node":"texture","name":"../../etc/passwd"}}"#, "no material"),
@@ -443,8 +444,7 @@ fn pages_are_told_that_the_run_has_ended() {
     let mut socket = stage.watch().expect("a place");
     let port = stage.port();
     let ending = std::thread::spawn(move || drop(stage));
-    // A page that is in the middle of telling something is not cut off before it has heard: a browser that cannot write does not
-    // read on.
+    // A page that is sending is not cut off before it has heard: a browser that cannot write stops reading.
     for _ in 0..5 {
         std::thread::sleep(Duration::from_millis(10));
         socket.get_mut().write_all(&[0x8a, 0x80, 0, 0, 0, 0]).expect("it still hears");
@@ -457,7 +457,7 @@ fn pages_are_told_that_the_run_has_ended() {
 }
 
 #[test]
-fn a_port_that_is_taken_and_a_token_that_is_none_are_errors() {
+fn taken_port_and_invalid_token_are_errors() {
     let stage = stage();
     let taken = Options { port: stage.port(), token: None };
     let error = serve(taken, stage.feed.clone(), Reins::default(), None).expect_err("it is taken");
@@ -470,7 +470,7 @@ fn a_port_that_is_taken_and_a_token_that_is_none_are_errors() {
 }
 
 #[test]
-fn the_hand_goes_on_with_another_writer_and_its_strokes_are_numbered_on() {
+fn hand_continues_with_another_writer() {
     let (to, mut first) = samples();
     let reins = Reins::default();
     let page = serve(Options::default(), Arc::new(Feed::new()), reins.clone(), Some(to)).expect("it serves");

@@ -129,7 +129,7 @@ impl Room<'_> {
         for text in texts(name, LONGEST).into_iter().chain(texts(name, SHORT)) {
             for upright in [false, true] {
                 let length = if upright { high[1] - low[1] } else { high[0] - low[0] } - 2.0 * EDGE;
-                for part in [1.0, 0.6] {
+                for part in [1.0, 0.6, 0.4] {
                     let Some(lines) = wrapped(&text, part * length) else { continue };
                     let size = size(&lines, upright);
                     let at = spots([low, high], size).into_iter().find(|at| {

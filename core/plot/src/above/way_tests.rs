@@ -49,21 +49,29 @@ pub(crate) fn lines_of(d: &str) -> Vec<Vec<Point>> {
 
 proptest! {
     #[test]
-    fn every_tick_is_near_a_piece_with_its_effects(stops in walk(), step in 0.5..20.0f64, ticks in 1..20usize) {
+    fn every_tick_is_near_a_piece_with_its_effects(
+        stops in walk(),
+        step in 0.5..20.0f64,
+        ticks in 1..20usize,
+    ) {
         let pieces = pieces_of(stops.iter().copied(), step, ticks);
         // No two places are the same, so that each piece begins at one tick.
         let begins = |p: &Piece| stops.iter().position(|s| s.at == Some(p.from)).unwrap();
         for (k, s) in stops.iter().enumerate().filter(|(_, s)| s.at.is_some()) {
-            let near = |p: &&Piece| (0..ticks).any(|t| begins(p) + t == k) || distance(p.from, s.at.unwrap()) < step;
+            let near = |p: &&Piece| {
+                (0..ticks).any(|t| begins(p) + t == k) || distance(p.from, s.at.unwrap()) < step
+            };
             let of = pieces.iter().rfind(|p| begins(p) <= k).unwrap();
-            prop_assert!(near(&of) && of.effects & s.effects == s.effects && (of.touches || !s.touches), "{s:?}");
+            let holds = of.effects & s.effects == s.effects && (of.touches || !s.touches);
+            prop_assert!(near(&of) && holds, "{s:?}");
         }
         let mut last = 0;
         for (i, p) in pieces.iter().enumerate() {
             // Nothing is made up, and pieces are as long as they must be.
             let next = pieces.get(i + 1);
             let end = next.map_or(stops.len(), begins);
-            prop_assert_eq!(stops[begins(p)..end].iter().filter(|s| s.at.is_some()).fold(0, |all, s| all | s.effects), p.effects);
+            let placed = stops[begins(p)..end].iter().filter(|s| s.at.is_some());
+            prop_assert_eq!(placed.fold(0, |all, s| all | s.effects), p.effects);
             prop_assert!(begins(p) >= last);
             last = begins(p);
             if let Some(next) = next.filter(|next| next.joined) {
