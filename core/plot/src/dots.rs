@@ -94,7 +94,7 @@ impl Dots {
         for (line, (y, _)) in middles.into_iter().enumerate() {
             let (text, class) = self.rows.get(line).map_or((&self.others, "small"), |text| (text, "ink"));
             let shown = fitting(text, label - 14.0, 12.0);
-            let (w, h) = (text_width(&shown, 12.0) + 10.0, ROW - 4.0);
+            let (w, h) = (1.05 * text_width(&shown, 12.0) + 10.0, ROW - 4.0);
             svg.rect([MARGIN, y - h / 2.0], [w, h], "fill=\"#fff\"");
             svg.text([MARGIN, y + 4.0], "start", class, &shown);
         }
