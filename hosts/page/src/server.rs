@@ -258,10 +258,10 @@ async fn answer(stream: TcpStream, router: Router, visitor: Visitor) {
 
 fn router(shared: &Arc<Shared>) -> Router {
     let mut router = Router::new().route("/ws", get(watch)).route("/places", get(places));
-    for file in FILES {
-        let body = with_token(file.text, &shared.token);
-        let answer = move || async move { ([(header::CONTENT_TYPE, file.kind)], body) };
-        router = router.route(file.path, get(answer));
+    for (path, kind, text) in FILES {
+        let body = with_token(text, &shared.token);
+        let answer = move || async move { ([(header::CONTENT_TYPE, *kind)], body) };
+        router = router.route(path, get(answer));
     }
     router
         .fallback(async || (StatusCode::NOT_FOUND, "no such page\n"))
@@ -293,46 +293,31 @@ async fn watch(State(shared): State<Arc<Shared>>, socket: WebSocketUpgrade) -> R
         })
 }
 
-struct File {
-    path: &'static str,
-    kind: &'static str,
-    text: &'static str,
-}
+const SCRIPT: &str = "text/javascript; charset=utf-8";
 
-macro_rules! file {
-    ($path:literal, $name:literal, $kind:literal) => {
-        File { path: $path, kind: $kind, text: include_str!(concat!("../static/", $name)) }
-    };
-}
-
-macro_rules! script {
-    ($name:literal) => {
-        file!($name, $name, "text/javascript; charset=utf-8")
-    };
-}
-
-const FILES: &[File] = &[
-    file!("/", "index.html", "text/html; charset=utf-8"),
-    file!("/page.css", "page.css", "text/css; charset=utf-8"),
-    file!("/icon.svg", "icon.svg", "image/svg+xml"),
-    script!("/main.js"),
-    script!("/link.js"),
-    script!("/hand.js"),
-    script!("/graph.js"),
-    script!("/layers.js"),
-    script!("/scope.js"),
-    script!("/spectrum.js"),
-    script!("/timing.js"),
-    script!("/health.js"),
-    script!("/controls.js"),
-    script!("/draw.js"),
+/// The files of the page: path, content type, text.
+const FILES: &[(&str, &str, &str)] = &[
+    ("/", "text/html; charset=utf-8", include_str!("../static/index.html")),
+    ("/page.css", "text/css; charset=utf-8", include_str!("../static/page.css")),
+    ("/icon.svg", "image/svg+xml", include_str!("../static/icon.svg")),
+    ("/main.js", SCRIPT, include_str!("../static/main.js")),
+    ("/link.js", SCRIPT, include_str!("../static/link.js")),
+    ("/hand.js", SCRIPT, include_str!("../static/hand.js")),
+    ("/graph.js", SCRIPT, include_str!("../static/graph.js")),
+    ("/layers.js", SCRIPT, include_str!("../static/layers.js")),
+    ("/scope.js", SCRIPT, include_str!("../static/scope.js")),
+    ("/spectrum.js", SCRIPT, include_str!("../static/spectrum.js")),
+    ("/timing.js", SCRIPT, include_str!("../static/timing.js")),
+    ("/health.js", SCRIPT, include_str!("../static/health.js")),
+    ("/controls.js", SCRIPT, include_str!("../static/controls.js")),
+    ("/draw.js", SCRIPT, include_str!("../static/draw.js")),
 ];
 
 /// Adds the token to a file's imports and links: every request needs it.
 fn with_token(text: &str, token: &str) -> String {
     let mut text = text.to_owned();
-    for file in FILES.iter().filter(|file| file.path.len() > 1) {
-        let link = format!("\".{}", file.path);
+    for (path, ..) in FILES.iter().filter(|(path, ..)| path.len() > 1) {
+        let link = format!("\".{path}");
         text = text.replace(&format!("{link}\""), &format!("{link}?token={token}\""));
     }
     text

@@ -13,10 +13,6 @@ const STRAY: f64 = 0.1;
 /// Width of a lane, and distance of the first from the path.
 pub(super) const LANE: f64 = 3.0;
 const CLEAR: f64 = 1.0;
-/// Length of path before and after a point that its direction is taken from.
-const AHEAD: f64 = 6.0;
-/// The path turns back where its ends are nearer than this part of its length.
-const BACK: f64 = 0.5;
 /// Cosine of a turn that a lane does not follow.
 const SHARP: f64 = 0.3;
 /// Least length of a drawn lane.
@@ -89,9 +85,9 @@ fn pieces_of(stops: impl Iterator<Item = Stop>, step: f64, ticks: usize) -> Vec<
 pub(super) fn line(pieces: &[Piece], touches: bool) -> String {
     let mut d = String::new();
     for run in pieces.chunk_by(|a, b| b.joined && a.touches == b.touches) {
-        let Some(first) = run.first().filter(|piece| piece.touches == touches) else { continue };
-        let points: Vec<Point> = std::iter::once(first.from).chain(run.iter().map(|p| p.to)).collect();
-        write(&mut d, &points);
+        if run[0].touches == touches {
+            write(&mut d, &straight(&points(run), STRAY));
+        }
     }
     d
 }
@@ -100,16 +96,11 @@ pub(super) fn line(pieces: &[Piece], touches: bool) -> String {
 /// are active together lie side by side, the first nearest to the path.
 pub(super) fn lanes(pieces: &[Piece], effects: usize) -> Vec<String> {
     let mut paths = vec![String::new(); effects.min(u16::BITS as usize)];
-    for chain in pieces.chunk_by(|_, b| b.joined) {
-        let ways = ways(chain);
-        let mut at = 0;
-        for run in chain.chunk_by(|a, b| a.effects == b.effects) {
-            let ways = &ways[at..=at + run.len()];
-            at += run.len();
-            let active = (0..paths.len()).filter(|bit| run[0].effects >> bit & 1 == 1);
-            for (lane, bit) in active.enumerate() {
-                along(&mut paths[bit], run, ways, CLEAR + (lane as f64 + 0.5) * LANE);
-            }
+    for run in pieces.chunk_by(|a, b| b.joined && a.effects == b.effects) {
+        let points = visible(straight(&points(run), STRAY));
+        let active = (0..paths.len()).filter(|bit| run[0].effects >> bit & 1 == 1);
+        for (lane, bit) in active.enumerate() {
+            write_beside(&mut paths[bit], &points, CLEAR + (lane as f64 + 0.5) * LANE);
         }
     }
     paths
@@ -119,101 +110,71 @@ pub(super) fn lanes(pieces: &[Piece], effects: usize) -> Vec<String> {
 pub(super) fn cover(pieces: &[Piece], effects: usize, cells: &mut Cover) {
     let all = u16::MAX >> u16::BITS.saturating_sub(effects as u32).min(15);
     let steps = |length: f64| (length / Cover::CELL).ceil().clamp(1.0, 4096.0);
-    for chain in pieces.chunk_by(|_, b| b.joined) {
-        for (piece, way) in chain.iter().zip(ways(chain)) {
-            let width = CLEAR + LANE * f64::from((piece.effects & all).count_ones());
-            let (count, rows) = (steps(distance(piece.from, piece.to)), steps(width));
-            for i in 0..=count as usize {
-                let part = i as f64 / count;
-                let at: Point = std::array::from_fn(|k| piece.from[k] + part * (piece.to[k] - piece.from[k]));
-                for row in 0..=rows as usize {
-                    let off = row as f64 / rows * width;
-                    cells.add([at[0] - off * way[1], at[1] + off * way[0]]);
-                }
-            }
+    for piece in pieces {
+        let way = direction(piece.from, piece.to);
+        let width = CLEAR + LANE * f64::from((piece.effects & all).count_ones());
+        let (count, rows) = (steps(distance(piece.from, piece.to)), steps(width));
+        for i in 0..=count as usize {
+            let part = i as f64 / count;
+            let at: Point = [0, 1].map(|k| piece.from[k] + part * (piece.to[k] - piece.from[k]));
+            (0..=rows as usize).for_each(|row| cells.add(beside(at, way, row as f64 / rows * width)));
         }
     }
 }
 
-/// Writes the lane of a run of pieces, `off` pixels from the path.
-fn along(d: &mut String, run: &[Piece], ways: &[Point], off: f64) {
-    let beside = |p: Point, way: Point| [p[0] - off * way[1], p[1] + off * way[0]];
-    let Some((first, last)) = run.first().zip(run.last()) else { return };
-    let length: f64 = run.iter().map(|piece| distance(piece.from, piece.to)).sum();
-    if length < LEAST {
-        let (way, more) = (ways[0], 0.5 * (LEAST - length));
-        let [a, b] = [(first.from, -more), (last.to, more)]
-            .map(|(p, by)| beside([p[0] + by * way[0], p[1] + by * way[1]], way));
-        // A path to and fro within so little may end where it began.
-        let b = if distance(a, b) < more { [a[0] + LEAST * way[0], a[1] + LEAST * way[1]] } else { b };
-        return write(d, &[a, b]);
-    }
-    let mut points: Vec<Point> = Vec::with_capacity(run.len() + 1);
-    for (piece, way) in run.iter().zip(ways.windows(2)) {
-        let (mut begin, mut end) = (way[0], way[1]);
-        let turns = dot(begin, end) < SHARP;
-        if turns {
-            let along = [piece.to[0] - piece.from[0], piece.to[1] - piece.from[1]];
-            if dot(along, begin) < dot(along, end) {
-                // It has turned already.
-                write(d, &std::mem::take(&mut points));
-                begin = end;
-            } else {
-                end = begin;
-            }
-        }
-        if points.is_empty() {
-            points.push(beside(piece.from, begin));
-        }
-        points.push(beside(piece.to, end));
-        if turns && end == way[0] {
-            write(d, &std::mem::take(&mut points));
-        }
-    }
-    write(d, &points);
+/// The corners of joined pieces.
+fn points(run: &[Piece]) -> Vec<Point> {
+    run.first().map(|first| first.from).into_iter().chain(run.iter().map(|piece| piece.to)).collect()
 }
 
-/// Direction at each end of the pieces of a chain, as unit vectors.
-fn ways(chain: &[Piece]) -> Vec<Point> {
-    let Some(first) = chain.first() else { return Vec::new() };
-    let points: Vec<Point> = std::iter::once(first.from).chain(chain.iter().map(|p| p.to)).collect();
-    let mut length = 0.0;
-    let lengths: Vec<f64> = std::iter::once(0.0)
-        .chain(points.windows(2).map(|w| {
-            length += distance(w[0], w[1]);
-            length
-        }))
-        .collect();
-    let unit = |a: Point, b: Point| {
-        let length = distance(a, b);
-        (length > 1e-9).then(|| [(b[0] - a[0]) / length, (b[1] - a[1]) / length])
-    };
-    let (mut before, mut after) = (0, 0);
-    let mut last = [1.0, 0.0];
-    let mut ways = Vec::with_capacity(points.len());
-    for (at, point) in points.iter().enumerate() {
-        while lengths[at] - lengths[before] > AHEAD {
-            before += 1;
-        }
-        while after + 1 < points.len() && lengths[after] - lengths[at] < AHEAD {
-            after += 1;
-        }
-        let across = distance(points[before], points[after]);
-        let way = if across < BACK * (lengths[after] - lengths[before]) {
-            unit(points[at.saturating_sub(1)], *point).or_else(|| unit(*point, points[after]))
+/// Removes repeated points. Extends a line that is too short to be seen to [`LEAST`].
+fn visible(mut points: Vec<Point>) -> Vec<Point> {
+    points.dedup();
+    let length: f64 = points.windows(2).map(|w| distance(w[0], w[1])).sum();
+    let (Some(&first), Some(&last)) = (points.first(), points.last()) else { return points };
+    if length >= LEAST {
+        return points;
+    }
+    let way = direction(first, last);
+    let middle = [0, 1].map(|k| 0.5 * (first[k] + last[k]));
+    [-0.5, 0.5].map(|part| [0, 1].map(|k| middle[k] + part * LEAST * way[k])).to_vec()
+}
+
+/// Writes a lane `off` pixels to the right of a line. It is broken at sharp turns.
+fn write_beside(d: &mut String, points: &[Point], off: f64) {
+    let ways: Vec<Point> = points.windows(2).map(|w| direction(w[0], w[1])).collect();
+    let (Some(&first), Some(&last)) = (ways.first(), ways.last()) else { return };
+    let mut lane = vec![beside(points[0], first, off)];
+    for (point, way) in points[1..].iter().zip(ways.windows(2)) {
+        let [before, after] = [way[0], way[1]];
+        if before[0] * after[0] + before[1] * after[1] < SHARP {
+            lane.push(beside(*point, before, off));
+            write(d, &std::mem::take(&mut lane));
+            lane.push(beside(*point, after, off));
         } else {
-            unit(points[before], points[after])
-        };
-        last = way.unwrap_or(last);
-        ways.push(last);
+            let mean = direction([0.0; 2], [before[0] + after[0], before[1] + after[1]]);
+            lane.push(beside(*point, mean, off));
+        }
     }
-    ways
+    lane.push(beside(points[points.len() - 1], last, off));
+    write(d, &lane);
+}
+
+/// The point `off` pixels to the right of another, seen along a direction.
+fn beside(p: Point, way: Point, off: f64) -> Point {
+    [p[0] - off * way[1], p[1] + off * way[0]]
+}
+
+/// Unit vector from one point to another; along x where they are the same.
+fn direction(a: Point, b: Point) -> Point {
+    let length = distance(a, b);
+    if length > 1e-9 { [(b[0] - a[0]) / length, (b[1] - a[1]) / length] } else { [1.0, 0.0] }
 }
 
 /// Writes a line through points, unless they are all the same.
 fn write(d: &mut String, points: &[Point]) {
     let (mut pen, mut line) = (Pen::default(), String::new());
-    straight(points, STRAY).into_iter().for_each(|[x, y]| pen.to(&mut line, x, y));
+    points.iter().for_each(|[x, y]| pen.to(&mut line, *x, *y));
     // After a pen that never moved, the last character is its command.
     if !line.ends_with('l') {
         d.push_str(&line);
@@ -252,10 +213,6 @@ fn beyond(a: Point, b: Point, p: Point) -> f64 {
     } else {
         distance(a, p).min(distance(b, p))
     }
-}
-
-fn dot(a: Point, b: Point) -> f64 {
-    a[0] * b[0] + a[1] * b[1]
 }
 
 fn distance(a: Point, b: Point) -> f64 {

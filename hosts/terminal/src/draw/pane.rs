@@ -106,7 +106,7 @@ impl<'a> Pane<'a> {
     /// Clears the pane and draws a border with a title.
     pub(crate) fn frame(&mut self, title: &str) {
         Clear.render(self.area, self.buffer);
-        Block::bordered().border_style(FAINT).title_style(BOLD).title(title).render(self.area, self.buffer);
+        Block::bordered().border_style(FAINT).title_style(Style::reset().patch(BOLD)).title(title).render(self.area, self.buffer);
     }
 }
 

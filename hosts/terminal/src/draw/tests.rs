@@ -399,5 +399,5 @@ fn time_of_a_frame_is_printed() {
 #[test]
 #[ignore = "prints a frame"]
 fn frame_of_the_docs_is_printed() {
-    println!("{}", text(&mut playing(), (104, 37)));
+    println!("{}", text(&mut playing(), (104, 44)));
 }
