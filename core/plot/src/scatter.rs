@@ -3,7 +3,7 @@
 use super::axis::{Axis, Panel};
 use super::svg::{Svg, escape, fitting, num, polyline, text_width};
 
-/// How a dot is drawn.
+/// Style of a dot.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Mark {
     /// Filled.
@@ -20,7 +20,7 @@ pub struct Dot {
     pub at: [f64; 2],
     /// Tooltip.
     pub name: String,
-    /// How it is drawn.
+    /// Its style.
     pub mark: Mark,
     /// Text beside it; may be empty.
     pub label: String,

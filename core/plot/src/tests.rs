@@ -1,4 +1,4 @@
-//! What all tests of pictures share.
+//! A check that tests of all pictures use.
 
 use std::collections::HashMap;
 

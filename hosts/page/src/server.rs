@@ -41,7 +41,7 @@ const WAITING: usize = 16 * 1024 * 1024;
 /// Longest wait for pages to hear that the run has ended.
 const FAREWELL: Duration = Duration::from_millis(500);
 
-/// How to serve.
+/// Options of a server.
 #[derive(Clone, Debug, Default)]
 pub struct Options {
     /// The port; 0 for any free one.

@@ -1,4 +1,4 @@
-//! What is shown, and how much of it.
+//! View, legend, names and size of the picture from above.
 
 use asperity_scene::space::{Pose, Shape};
 

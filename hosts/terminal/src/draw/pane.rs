@@ -3,6 +3,7 @@
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::style::{Color, Modifier, Style};
+use ratatui::text::Line;
 use ratatui::widgets::{Block, Clear, Widget};
 
 use crate::text::{clean, columns};
@@ -106,7 +107,8 @@ impl<'a> Pane<'a> {
     /// Clears the pane and draws a border with a title.
     pub(crate) fn frame(&mut self, title: &str) {
         Clear.render(self.area, self.buffer);
-        Block::bordered().border_style(FAINT).title_style(Style::reset().patch(BOLD)).title(title).render(self.area, self.buffer);
+        let title = Line::styled(title.to_owned(), Style::reset().patch(BOLD));
+        Block::bordered().border_style(FAINT).title(title).render(self.area, self.buffer);
     }
 }
 
