@@ -47,6 +47,9 @@ const STRAY: f64 = 60.0;
 /// Room beyond the first and last frequency, decades.
 const MARGIN: f64 = 0.02;
 
+/// Name and unit of a panel, and its values of a response.
+type Row<'a> = (&'a str, &'a str, fn(&Measured) -> Trace);
+
 /// Values of a panel: measured dots, and a fitted line.
 #[derive(Default)]
 struct Trace {
@@ -67,7 +70,7 @@ impl Response {
         }
         let (low, high) = (low.log10() - MARGIN, high.log10() + MARGIN);
         let x = Axis { low, high, pixels: [LEFT, RIGHT], logarithmic: true };
-        let panels: [(&str, &str, fn(&Measured) -> Trace); 3] = [
+        let panels: [Row<'_>; 3] = [
             ("Magnitude", &self.unit, magnitude),
             ("Phase", "degrees, latency taken out", phase),
             ("Coherence", "share of the response that follows the drive", coherence),
