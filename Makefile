@@ -102,7 +102,7 @@ pictures: setup
 	    --phase sample_commit:emission=0 --svg docs/compare.svg
 	$(CARGO) bench -p asperity --bench rhythm -- --svg $(abspath docs)/pulses.svg
 
-# And those of a run: the page in a browser while a pen strokes, and the terminal.
+# And that of a run: the page in a browser while a pen strokes.
 live-pictures: setup-tests
 	ASPERITY_PICTURES=$(abspath docs) $(CARGO) test -p asperity --test live pictures::
 

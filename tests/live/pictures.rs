@@ -1,4 +1,4 @@
-//! The pictures of the README, of a run as it is: `make live-pictures`.
+//! The picture of the page in the README: `make live-pictures`.
 
 use std::collections::HashMap;
 use std::fs::File;
@@ -23,7 +23,7 @@ fn pictures_of_a_run() {
         [("page", 1440, false), ("desk_dark", 1440, true), ("tablet", 900, false), ("phone", 390, false)];
     let many = if std::env::var_os("ASPERITY_EVERY_SIZE").is_some() { sizes.len() } else { 1 };
     for (name, width, dark) in &sizes[..many] {
-        let Some((live, mut pen)) = painted(&[], *width, *dark) else { return };
+        let Some((live, mut pen)) = painted(*width, *dark) else { return };
         pen.strokes(3.0, 110.0);
         let (mut turn, middle) = (pen.turn, pen.middle);
         let file = folder.join(format!("{name}.png"));
@@ -39,21 +39,15 @@ fn pictures_of_a_run() {
         live.stop().ok();
         few_colours(&file);
     }
-    let terminal = folder.join("terminal.svg");
-    let Some((live, mut pen)) = painted(&["--picture", &terminal.display().to_string()], 800, false) else {
-        return;
-    };
-    pen.strokes(4.0, 110.0);
-    live.stop().ok();
 }
 
 /// A run, and a window on its whole page.
-fn painted(more: &[&str], width: u32, dark: bool) -> Option<(Live, Pen)> {
+fn painted(width: u32, dark: bool) -> Option<(Live, Pen)> {
     let browser = Chromium::start()?;
     // A browser that paints so much without a graphics card holds events back.
     let args =
         ["graphs/live.ron", "--page", "--device", "simulated:frames=256", "--set", "stylus.timeout_ms=200"];
-    let mut live = Live::start(&harness::root(), &[&args[..], more].concat());
+    let mut live = Live::start(&harness::root(), &args);
     let mut pen = Pen::over(browser, &live.says("the page: "));
     pen.browser.look(&Look { width, height: 800, dark });
     // It is laid out anew for the new width, and painted before the stroke begins.

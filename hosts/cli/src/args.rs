@@ -432,9 +432,6 @@ pub struct Run {
     /// Show the run in the terminal
     #[arg(long)]
     pub tui: bool,
-    /// Write what a terminal would show at the end, as a picture
-    #[arg(long, value_name = "F.svg", hide = true)]
-    pub picture: Option<PathBuf>,
     /// Take changes of the graph, its plugins and the files it reads over as they come
     #[arg(long)]
     pub watch: bool,

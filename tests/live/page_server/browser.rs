@@ -38,7 +38,7 @@ impl Stage {
         let stop = Arc::new(AtomicBool::new(false));
         let until = stop.clone();
         let thread = std::thread::spawn(move || {
-            let mut run = made_up::Run::new(None);
+            let mut run = made_up::Run::new();
             feed.publish_layout(run.layout.clone());
             let began = Instant::now();
             for n in 0u32.. {
@@ -244,7 +244,7 @@ fn the_spectrum_of_a_sine_stands_on_its_bin_with_its_amplitude() {
     for i in 0..3 {
         assert!(off[i].as_f64().expect("a number") < 1e-6, "{off}");
     }
-    // Brought down from 48 to 6 kHz: what is shown keeps its amplitude, and what would fold onto it is gone.
+    // Decimated from 48 to 6 kHz: the passband keeps its amplitude, and aliases are gone.
     let slow = browser.eval(
         "(async () => { const token = new URLSearchParams(location.search).get('token'); \
          const { slowed, amplitudes } = await import('./spectrum.js?token=' + token); \

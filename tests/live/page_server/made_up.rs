@@ -6,7 +6,6 @@ use asperity_live::view::{
     Condition, Layout, LiveLayout, Materials, NodeLayout, NodeView, Request, ScopeLayout, SourceView,
     TimingView, View,
 };
-use asperity_live::{Sample, SampleReader};
 
 /// Views a second.
 const FPS: u64 = 60;
@@ -17,9 +16,6 @@ const EDGES_US: [f64; 20] = [
 
 pub struct Run {
     pub layout: Layout,
-    hand: Option<SampleReader>,
-    last: Sample,
-    heard: u64,
     pub muted: bool,
     number: u64,
     samples: [u64; 4],
@@ -30,12 +26,9 @@ pub struct Run {
 }
 
 impl Run {
-    pub fn new(hand: Option<SampleReader>) -> Self {
+    pub fn new() -> Self {
         Self {
             layout: layout(),
-            hand,
-            last: Sample::default(),
-            heard: 0,
             muted: false,
             number: 0,
             samples: [0; 4],
@@ -46,13 +39,13 @@ impl Run {
         }
     }
 
-    /// Does what was asked for.
+    /// Carries a request out.
     pub fn asked(&mut self, request: &Request) {
         match request {
             Request::Set { node, param, value } => {
                 let node = self.layout.nodes.iter_mut().find(|x| x.id == *node);
                 let live = node.and_then(|x| x.live.iter_mut().find(|x| x.name == *param));
-                live.expect("only what is there is asked for").value = *value;
+                live.expect("requests are checked before").value = *value;
             }
             Request::Material { name, .. } => self.layout.materials[0].chosen = name.clone(),
         }
@@ -61,13 +54,13 @@ impl Run {
     /// The next view, a sixtieth of a second after the one before.
     pub fn view(&mut self) -> View {
         let seconds = self.number as f64 / FPS as f64;
-        let (speed, force) = self.motion(seconds);
+        let (speed, force) = motion(seconds);
         let active = speed > 5.0 && force > 0.05;
-        let (ticks, heard) = (self.number * 500 / FPS, self.heard);
+        let ticks = self.number * 500 / FPS;
         let scopes = self.scopes(speed, force, active);
         self.time_ticks();
         self.number += 1;
-        let values = self.values(speed, force, active);
+        let values = Self::values(speed, force, active);
         let nodes =
             values.into_iter().enumerate().map(|(i, values)| self.node(i, values, ticks, active, seconds));
         let nodes: Vec<NodeView> = nodes.collect();
@@ -104,10 +97,8 @@ impl Run {
             nodes,
             sources: vec![SourceView {
                 id: "stylus".into(),
-                rate_hz: if heard > 0 { 250.0 } else { 0.0 },
                 age_ms: 1.3 + 0.2 * (seconds * 3.0).sin(),
                 delay_ms: 4.0,
-                samples: heard,
                 ..SourceView::default()
             }],
             scopes,
@@ -124,32 +115,6 @@ impl Run {
             .into(),
             peak: if active && !self.muted { 0.31 } else { 0.0 },
             ..View::default()
-        }
-    }
-
-    /// Speed and force: of the hand where there is one, else of a stroke to and fro that rests now and then.
-    fn motion(&mut self, seconds: f64) -> (f64, f64) {
-        let mut got = Vec::new();
-        if let Some(hand) = &mut self.hand {
-            while let Some(sample) = hand.take() {
-                got.push(sample);
-            }
-        }
-        self.heard += got.len() as u64;
-        if let Some(&newest) = got.last() {
-            let before = self.last;
-            self.last = newest;
-            let dt = (newest.time_ns - before.time_ns) as f64 / 1e9;
-            let [dx, dy] = [0, 1].map(|i| newest.position[i] - before.position[i]);
-            let speed =
-                if before.stroke == newest.stroke && newest.force > 0.0 { dx.hypot(dy) / dt } else { 0.0 };
-            return (speed, 3.0 * newest.force);
-        }
-        let rests = seconds % 7.0 > 5.5;
-        if rests {
-            (0.0, 0.0)
-        } else {
-            (90.0 * (2.0 * seconds).sin().abs(), 0.8 + 0.3 * (1.3 * seconds).sin())
         }
     }
 
@@ -182,7 +147,7 @@ impl Run {
     }
 
     fn acceleration(&mut self, speed: f64, force: f64, active: bool) -> f64 {
-        self.phase += std::f64::consts::TAU * (0.0 + speed / 0.45) / 48000.0;
+        self.phase += std::f64::consts::TAU * (speed / 0.45) / 48000.0;
         let (loud, noise) = (force.sqrt() * (speed / 90.0), self.noise());
         if active {
             loud * (4.0 * self.phase.sin() + 1.5 * (2.0 * self.phase).sin() + 0.9 * noise)
@@ -203,11 +168,11 @@ impl Run {
         }
     }
 
-    fn values(&self, speed: f64, force: f64, active: bool) -> Vec<Vec<f32>> {
+    fn values(speed: f64, force: f64, active: bool) -> Vec<Vec<f32>> {
         let (speed, force) = (speed as f32, force as f32);
         let on = if active { 1.0 } else { 0.0 };
         vec![
-            vec![self.last.position[0] as f32, force / 3.0],
+            vec![0.0, force / 3.0],
             vec![speed, speed],
             vec![force],
             vec![speed, force],
@@ -226,7 +191,7 @@ impl Run {
     fn node(&self, i: usize, values: Vec<f32>, ticks: u64, active: bool, seconds: f64) -> NodeView {
         let us = [0.4, 0.9, 0.3, 1.1, 21.4, 9.8, 4.2, 3.3, 0.8, 1.2, 2.2, 0.5, 0.2][i];
         let sleeps = (4..=7).contains(&i) && !active;
-        // Calls stand still while a node sleeps; a made-up run needs no more than that.
+        // The calls of a sleeping node stand still.
         let calls = if sleeps { 1000 } else { ticks + 2000 };
         let fault = i == 12 && seconds > 6.0;
         NodeView {
@@ -240,6 +205,14 @@ impl Run {
             values,
         }
     }
+}
+
+/// Speed and force of a stroke to and fro that rests now and then.
+fn motion(seconds: f64) -> (f64, f64) {
+    if seconds % 7.0 > 5.5 {
+        return (0.0, 0.0);
+    }
+    (90.0 * (2.0 * seconds).sin().abs(), 0.8 + 0.3 * (1.3 * seconds).sin())
 }
 
 fn node(id: &str, kind: &str, inputs: &[[&str; 2]], outputs: &[[&str; 2]]) -> NodeLayout {

@@ -1,4 +1,4 @@
-//! The server over real sockets: who is refused, and what a bad client costs.
+//! The server over real sockets: refusals, limits and bad clients.
 
 use std::io::{ErrorKind, Read, Write};
 use std::net::TcpStream;
@@ -256,7 +256,7 @@ fn pages_that_do_not_read_hold_up_nobody_and_are_let_go() {
     let (mut most_kept, began) = (0, Instant::now());
     let mut gone_after = None;
     let mut n = 0u32;
-    // One reads nothing and says nothing, one reads nothing and says that it does: to that one much is sent.
+    // Neither reads. One is silent, one claims to read: to that one much is sent.
     while n < 600 && (gone_after.is_none() || n < 200) {
         n += 1;
         let view = heavy(u64::from(n));
@@ -309,7 +309,7 @@ fn a_page_that_says_nothing_is_sent_no_more_than_a_few_views() {
     until("the first few", || stage.page.counts().views >= AHEAD);
     std::thread::sleep(Duration::from_millis(100));
     assert_eq!(stage.page.counts().views, AHEAD);
-    // What it is sent once it answers is the newest, not what it missed.
+    // Once it answers it gets the newest view, not those it missed.
     let mut seen = 0;
     let mut last = 0;
     while last < 100 {
@@ -418,8 +418,8 @@ fn request_for_a_missing_part_is_refused_with_a_reason() {
         }
     };
     for (text, why) in [
-        (r#"{"set":{"node":"nobody","param":"gain","value":1}}"#, "nobody has no gain"),
-        (r#"{"set":{"node":"texture","param":"loud","value":1}}"#, "texture has no loud"),
+        (r#"{"set":{"node":"nobody","param":"gain","value":1}}"#, "nobody has no parameter gain"),
+        (r#"{"set":{"node":"texture","param":"loud","value":1}}"#, "texture has no parameter loud"),
         (r#"{"set":{"node":"texture","param":"gain","value":4.01}}"#, "0 to 4"),
         (r#"{"set":{"node":"texture","param":"gain","value":-1e300}}"#, "0 to 4"),
         (r#"{"material":{"node":"texture","name":"../../etc/passwd"}}"#, "no material"),

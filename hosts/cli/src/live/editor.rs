@@ -281,7 +281,7 @@ impl Editor {
 
     /// The order for the graph as it runs.
     fn order(&self, playing: &Playing<'_>) -> Order {
-        let named = [("--report", &self.args.report), ("--picture", &self.args.picture)];
+        let named = [("--report", &self.args.report)];
         Order {
             args: self.args.graph.clone(),
             kinds: self.kinds.clone(),

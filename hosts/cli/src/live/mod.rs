@@ -61,13 +61,7 @@ pub fn run(args: &Run) -> Result<ExitCode, Failure> {
     for id in schedule.allocating() {
         warn(&format!("`{id}` allocates in every tick and is not fit for real time"));
     }
-    distinct_files(
-        &args.graph,
-        schedule,
-        editor.plugins(),
-        &[("--report", &args.report), ("--picture", &args.picture)],
-    )?;
-    let picture_file = args.picture.as_deref().map(Pending::create).transpose()?;
+    distinct_files(&args.graph, schedule, editor.plugins(), &[("--report", &args.report)])?;
     let report_file = args.report.as_deref().map(Pending::create).transpose()?;
     let recordings = Recordings::start(schedule)?;
     let mut hands = Hands::default();
@@ -117,7 +111,7 @@ pub fn run(args: &Run) -> Result<ExitCode, Failure> {
     drop(hands);
     closing::wait_for(LET_GO);
     recordings.drain(&mut ended.conductor);
-    let picture = shows.close();
+    shows.close();
     // What was recorded until then is kept, whatever ended the run and whatever else cannot be written.
     let AllKept { mut written, said, cut } = recordings.keep();
     // Nor does the end of a run wait for somebody who does not read.
@@ -125,12 +119,9 @@ pub fn run(args: &Run) -> Result<ExitCode, Failure> {
     said.iter().for_each(|said| last.say(&format!("warning: {said}")));
     last.close();
     let run = report::Run { args, ended: &ended, grants };
-    let mut keep = |file: Option<Pending>, text: Option<String>| match (file, text) {
-        (Some(file), Some(text)) => file.fill(&text).and_then(Pending::keep).map(|path| written.push(path)),
-        _ => Ok(()),
-    };
-    let pictured = keep(picture_file, picture);
-    let reported = keep(report_file, Some(report::json(&run)));
+    let reported = report_file.map_or(Ok(()), |file| {
+        file.fill(&report::json(&run)).and_then(Pending::keep).map(|path| written.push(path))
+    });
     if !args.quiet {
         print(&report::summary(&run, &written))?;
     }
@@ -141,7 +132,7 @@ pub fn run(args: &Run) -> Result<ExitCode, Failure> {
         }
         _ => Ok(()),
     };
-    outcome.and(came_back).and(pictured).and(reported).and(recorded)?;
+    outcome.and(came_back).and(reported).and(recorded)?;
     Ok(if ended.view.condition == Condition::Failed { ExitCode::FAILURE } else { ExitCode::SUCCESS })
 }
 

@@ -6,22 +6,16 @@ use asperity_live::Reins;
 use asperity_live::view::{Layout, View};
 use asperity_page::{Feed, Page, serve};
 use asperity_terminal::Terminal;
-use asperity_terminal::picture::Follower;
 
 use super::hands::Hands;
 use super::speaker::Speaker;
 use crate::args::Run;
 use crate::failure::Failure;
 
-/// Size of a picture of the terminal.
-const COLUMNS: u16 = 120;
-const ROWS: u16 = 40;
-
 /// The page and the terminal, which hold the reins of the run.
 pub struct Shows {
     page: Option<(Page, Arc<Feed>)>,
     terminal: Option<Terminal>,
-    picture: Option<Follower>,
     layout: Option<Layout>,
     speaker: Speaker,
     begun: bool,
@@ -50,8 +44,7 @@ impl Shows {
             ),
             false => None,
         };
-        let picture = args.picture.is_some().then(Follower::default);
-        let mut it = Self { page, terminal, picture, layout: None, speaker, begun: false };
+        let mut it = Self { page, terminal, layout: None, speaker, begun: false };
         if let (Some((page, _)), Some(terminal)) = (&it.page, &mut it.terminal) {
             terminal.note(&format!("the page: {}", page.url()));
         }
@@ -86,9 +79,6 @@ impl Shows {
             if let Some(terminal) = &mut self.terminal {
                 terminal.layout(layout);
             }
-            if let Some(follower) = &mut self.picture {
-                follower.layout(layout);
-            }
             self.layout = Some(layout.clone());
         }
         if !self.begun && !view.clock.is_empty() && (view.period_frames > 0 || view.device.is_empty()) {
@@ -102,18 +92,14 @@ impl Shows {
             // Nobody can see it any more.
             self.terminal = None;
         }
-        if let Some(follower) = &mut self.picture {
-            follower.take(&view);
-        }
         if let Some((_, feed)) = &self.page {
             feed.publish(view);
         }
     }
 
-    /// Gives the terminal back and closes the page. Answers the picture that was asked for.
-    pub fn close(self) -> Option<String> {
+    /// Gives the terminal back and closes the page.
+    pub fn close(self) {
         self.speaker.close();
-        self.picture.map(|mut follower| follower.svg(COLUMNS, ROWS))
     }
 }
 

@@ -182,7 +182,6 @@ impl Traces {
             acceleration: series(self.acceleration, "acceleration"),
             drive: series(self.drive, drive),
         }
-        .into_figure()
         .to_svg()
     }
 }

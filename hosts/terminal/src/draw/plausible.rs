@@ -1,4 +1,4 @@
-//! A made-up run: a hand strokes a woven surface, and the figures are such as a good machine shows.
+//! A made-up run: a hand strokes a woven surface, with the figures of a good machine.
 
 use std::f64::consts::TAU;
 
@@ -24,8 +24,8 @@ const NODES: [Made; 12] = [
     ("card", "audio_out", "", "", 0.9, false),
 ];
 
-/// Its layout.
-pub(crate) fn layout() -> Layout {
+/// Layout of the run.
+pub(super) fn layout() -> Layout {
     let text = String::from;
     let nodes = NODES.map(|(id, kind, out, unit, _, _)| NodeLayout {
         id: text(id),
@@ -83,8 +83,8 @@ fn parameters(id: &str) -> Vec<LiveLayout> {
     }
 }
 
-/// Its figures at `seconds`, with the samples of the last `since` seconds.
-pub(crate) fn view(seconds: f64, since: f64) -> View {
+/// Figures at `seconds`, with the samples of the last `since` seconds.
+pub(super) fn view(seconds: f64, since: f64) -> View {
     let ticks = (seconds * TICK_HZ) as u64;
     let awake = (seconds / 8.0 * 6.5 * TICK_HZ) as u64;
     let nodes = NODES.map(|(id, _, _, _, us, sleeps)| {
