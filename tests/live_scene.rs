@@ -38,7 +38,7 @@ fn lowered(name: &str) -> (GraphFile, Compiled) {
 
 #[test]
 fn a_card_plays_a_scene_sample_by_sample_as_it_is_rendered() {
-    for name in ["study.ron", "every_effect.ron"] {
+    for name in ["side_by_side.ron", "every_effect.ron"] {
         let card = Simulated::new(name, by_hand()).expect("a card");
         let session = start(lowered(name), SessionOptions { ..options(&card, Clock::Callback) });
         let frames = 5 * 48_000;
@@ -146,7 +146,7 @@ fn a_pen_on_the_page_feels_a_scene() {
 fn felt_by_a_pen(kept: &mut Option<Chromium>) -> Result<(), String> {
     let dir = tempfile::tempdir().expect("a folder");
     let dir = dir.path();
-    let study = fs::read_to_string(graphs("scenes/study.ron")).expect("a shipped scene");
+    let study = fs::read_to_string(graphs("scenes/side_by_side.ron")).expect("a shipped scene");
     fs::write(dir.join("s.ron"), study.replace("\"../", &format!("\"{}/", graphs("").display())))
         .expect("a scene");
     common::run(dir, &["scene", "expand", "s.ron", "--out", "g.ron"]).ok();

@@ -44,7 +44,7 @@ fn handing_over_a_state_and_setting_a_parameter_allocate_nothing() {
 
 /// Whole strokes over the shipped scenes: surfaces of all shapes, all effects, in contact and out of it.
 fn no_tick_of_a_scene_allocates() {
-    for name in ["study.ron", "twelve.ron", "every_effect.ron", "thousand.ron"] {
+    for name in ["side_by_side.ron", "twelve.ron", "every_effect.ron", "thousand.ron"] {
         let source = Source::read(format!("../../graphs/scenes/{name}")).expect("a shipped scene");
         let registry = asperity_nodes::registry();
         let scene = Scene::parse(&source).expect("a scene");

@@ -341,7 +341,7 @@ fn the_shipped_study_leaves_out_what_ones_own_graph_has_not_and_says_so_before_i
 fn a_scene_is_held_against_the_studys_material_where_its_surfaces_are() {
     let dir = tempfile::tempdir().expect("a folder");
     study(dir.path(), "");
-    let scene = std::fs::read_to_string(graphs("scenes/study.ron")).expect("the shipped scene");
+    let scene = std::fs::read_to_string(graphs("scenes/side_by_side.ron")).expect("the shipped scene");
     let folder = graphs("scenes").canonicalize().expect("the folder").display().to_string();
     let scene = scene.replace("\"../", &format!("\"{folder}/../"));
     // The same, but what is on the other side, and which side comes first.

@@ -213,7 +213,9 @@ fn a_wall_that_a_graph_runs_rarely_or_late_is_held_against_its_own_time() {
 #[test]
 fn chatter() {
     let dir = tempfile::tempdir().expect("a folder");
-    for graph in [graph("texture.ron"), scene("every_effect.ron"), scene("study.ron"), corner(&dir, "")] {
+    for graph in
+        [graph("texture.ron"), scene("every_effect.ron"), scene("side_by_side.ron"), corner(&dir, "")]
+    {
         holds("contact_chatter", &subject(Some(&graph)));
     }
     let text = graph("texture.ron");

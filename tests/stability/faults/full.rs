@@ -238,7 +238,7 @@ fn says_that_nobody_can_read(command: &mut Command) -> Result<(), String> {
 fn a_standard_output_that_is_full_is_an_error() {
     let dir = tempfile::tempdir().unwrap();
     (WRITERS[0].prepare)(dir.path());
-    let graph = crate::common::graphs("scenes/study.ron").display().to_string();
+    let graph = crate::common::graphs("scenes/side_by_side.ron").display().to_string();
     let library = crate::common::graphs("models/surfaces/materials.ron").display().to_string();
     for args in [
         &["nodes"][..],
