@@ -189,7 +189,8 @@ fn in_double(setting: &Setting, registry: &Registry) -> Option<GraphFile> {
 
 /// Whether a kind has a parameter `precision` that may be `f64`.
 fn can_be_double(registry: &Registry, kind: &str) -> bool {
-    matches!(has(registry, kind, "precision"), Some(ParamKind::Choice(words)) if words.iter().any(|w| w == "f64"))
+    let f64s = |kind: &ParamKind| matches!(kind, ParamKind::Choice(words) if words.iter().any(|w| w == "f64"));
+    has(registry, kind, "precision").is_some_and(f64s)
 }
 
 /// Spectral convergence of the signal retrieved from frames.
@@ -198,8 +199,8 @@ fn convergence(rendered: &Rendered) -> Option<f64> {
     phase::score(&rendered.frames, &framing, &rendered.signal).ok().map(|s| s.convergence_db)
 }
 
-/// Error of the lag at which a straight stroke over a grating repeats, against the pitch over the speed \[ms\].
-/// None of silence.
+/// Error of the lag at which a straight stroke over a grating repeats, against the pitch over the speed
+/// \[ms\]. None of silence.
 fn repeats(chain: &mut Chain, pitch_mm: f64) -> Option<f64> {
     let (speed_mm_s, [settles_s, seconds]) = lag::STRAIGHT;
     let (felt, rate_hz) = chain.render_output(settles_s + seconds);

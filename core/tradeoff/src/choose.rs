@@ -109,8 +109,8 @@ impl Results {
     /// 1. Drops settings that are [clearly](Figure::clearly) worse than the best in any of the figures.
     /// 2. Keeps the settings that tie for best on the first figure, of these on the second, and so on. Takes
     ///    the one with the lowest load.
-    /// 3. That one may be best by chance. So of all settings left by 1 that are worse than it in no figure, takes
-    ///    the one with the lowest load.
+    /// 3. That one may be best by chance. So of all settings left by 1 that are worse than it in no
+    ///    figure, takes the one with the lowest load.
     pub fn choose(&self, budget: &Budget) -> Option<Choice<'_>> {
         let mut fitting: Vec<&Row> = self.rows.iter().filter(|row| self.fits(row, budget).is_ok()).collect();
         let fit = fitting.len();
@@ -224,8 +224,8 @@ mod tests {
     #[test]
     fn clearly_worse_figure_outweighs_a_little_similarity() {
         use Figure::{Modulation, Perceptual, Spectrum};
-        // 50 bins of 100: 0.916 for 0.905, with a spectrum 20 dB off. The bank of oscillators: 0.924 for 0.901,
-        // with a modulation 4 dB further off.
+        // 50 bins of 100: 0.916 for 0.905, with a spectrum 20 dB off. The bank of oscillators: 0.924 for
+        // 0.901, with a modulation 4 dB further off.
         for (figure, floor, fair, other) in
             [(Spectrum, 0.1, [0.905, 1.7], [0.916, 20.3]), (Modulation, 0.3, [0.901, 3.2], [0.924, 7.4])]
         {

@@ -14,8 +14,8 @@ use crate::prepare::Job;
 use crate::setting::Setting;
 use crate::stroke::StrokeDecl;
 
-/// Digest of settings, strokes, materials, input files, ways of measuring and the version of this program. It is
-/// the same in all shards: folder, machine and build are not in it.
+/// Digest of settings, strokes, materials, input files, ways of measuring and the version of this program. It
+/// is the same in all shards: folder, machine and build are not in it.
 pub(crate) fn of_all(job: &Job<'_>, settings: &[Setting], material: Option<&str>) -> String {
     let t = job.tradeoff;
     let strokes: Vec<String> = t.strokes.iter().map(stroke).collect();

@@ -59,15 +59,15 @@ const TABLE: [Facts; 11] = {
     [
         facts((Perceptual, "perceptual", "perceptual similarity to the physics"), "", 3, None),
         // Pulses of twice the depth are 6 dB in one of five bands: 6 dB over the root of 5 in all.
-        facts((Modulation, "modulation", "modulation error of the envelope against the physics"), "dB", 2, Some(2.7)),
+        facts((Modulation, "modulation", "envelope modulation error against the physics"), "dB", 2, Some(2.7)),
         facts((Spectrum, "spectrum", "long-term spectrum error against the physics"), "dB", 2, Some(6.0)),
         facts((Bands, "bands", "nine-band energy error against the physics"), "dB", 2, Some(6.0)),
         facts((Level, "level", "level error against the physics"), "dB", 2, Some(6.0)),
         facts((Repetition, "repetition", "repetition error against the physics"), "", 3, None),
         facts((Kurtosis, "kurtosis", "kurtosis error against the physics"), "dB", 2, None),
-        facts((Steadiness, "steadiness", "error of the deviation of level against the physics"), "dB", 2, None),
+        facts((Steadiness, "steadiness", "level deviation error against the physics"), "dB", 2, None),
         facts((Pitch, "pitch", "error of the lag at which a grating repeats"), "ms", 2, None),
-        facts((Convergence, "convergence", "spectral convergence against the target magnitudes"), "dB", 2, None),
+        facts((Convergence, "convergence", "spectral convergence to the target magnitudes"), "dB", 2, None),
         facts((Precision, "precision", "error against the same setting in f64"), "dB", 0, None),
     ]
 };

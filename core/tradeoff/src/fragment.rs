@@ -12,7 +12,8 @@ use crate::results::Fragment;
 use crate::setting::LoadedGraph;
 
 impl Fragment {
-    /// Differences of `setting` from the file of its graph. Paths are relative to the file's folder, or absolute.
+    /// Differences of `setting` from the file of its graph. Paths are relative to the file's folder, or
+    /// absolute.
     pub(crate) fn between(base: &LoadedGraph, setting: &GraphFile) -> Self {
         let file = &base.file;
         let mut graph = Vec::new();

@@ -15,8 +15,8 @@ use crate::patch::{Patch, along};
 const HALF_S: f64 = 0.4;
 /// First steps, which are left out while the chain starts.
 const LEFT_OUT: usize = 2;
-/// The two speeds \[mm/s\]. A period covers 64.618 mm, so that anything periodic along the path is met at every
-/// phase.
+/// The two speeds \[mm/s\]. A period covers 64.618 mm, so that anything periodic along the path is met at
+/// every phase.
 const SPEEDS: [f64; 2] = [40.4, 121.145];
 /// Penetration into the floor \[mm\]: 1 N at 0.5 N/mm.
 const DEPTH_MM: f64 = 2.0;
@@ -64,14 +64,14 @@ impl Response {
         self.0.schedule()
     }
 
-    /// Node and output whose level is measured: the last acceleration at the audio rate, otherwise the drive of
-    /// the coil.
+    /// Node and output whose level is measured: the last acceleration at the audio rate, otherwise the drive
+    /// of the coil.
     pub fn output(&self) -> Option<(usize, usize)> {
         self.0.output()
     }
 
-    /// Response lag \[ms\]: from a step from 40 to 121 mm/s until 10, 50 and 90 % of the change of level, over so
-    /// many steps. None where the level does not rise with speed.
+    /// Response lag \[ms\]: from a step from 40 to 121 mm/s until 10, 50 and 90 % of the change of level,
+    /// over so many steps. None where the level does not rise with speed.
     pub fn lag_ms(mut self, steps: usize) -> Option<[f64; 3]> {
         measured(&mut self.0, 0, steps)
     }

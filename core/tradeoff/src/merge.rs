@@ -9,12 +9,12 @@ use crate::results::Results;
 
 impl Results {
     /// Merges shards. Each of them timed the default of the first graph. Medians and loads of the others are
-    /// scaled by the ratio of the defaults, to those of the first shard's machine. All else stays as measured.
-    /// Shards may be [missing](Self::missing_shards).
+    /// scaled by the ratio of the defaults, to those of the first shard's machine. All else stays as
+    /// measured. Shards may be [missing](Self::missing_shards).
     ///
     /// # Errors
-    /// Results of different trade-offs or ways of measuring, a shard twice or without a time of the default, no
-    /// results at all.
+    /// Results of different trade-offs or ways of measuring, a shard twice or without a time of the default,
+    /// no results at all.
     pub fn merge(shards: Vec<(String, Self)>) -> Result<Self, Diagnostic> {
         let wrong = |name: &str, what: String| Diagnostic::new(what).in_file(name);
         let mut shards = shards.into_iter();
@@ -31,7 +31,7 @@ impl Results {
         for (name, shard) in shards {
             if shard.digest != merged.digest || shard.default_row().map(|r| r.key.clone()) != default {
                 let what = format!(
-                    "these results are of another trade-off than those of {first}, or were measured in another way"
+                    "these results are of another trade-off than {first}, or measured in another way"
                 );
                 return Err(wrong(&name, what).help(
                     "merge shards of one trade-off, run with the same file, graphs, seed and options",

@@ -65,8 +65,8 @@ pub(crate) fn idle(batches: &[Batch]) -> Option<Time> {
 
 /// Computes the noise floors.
 ///
-/// Draws of one setting differ by chance alone. The variance of a draw is pooled over all settings. Means of D
-/// draws then differ with a standard deviation of `sqrt(2 / D)` times that of a draw.
+/// Draws of one setting differ by chance alone. The variance of a draw is pooled over all settings. Means of
+/// D draws then differ with a standard deviation of `sqrt(2 / D)` times that of a draw.
 pub(crate) fn find_floors(results: &mut Results) {
     let of = |figure: Figure| {
         let draws =

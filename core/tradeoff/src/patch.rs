@@ -1,7 +1,7 @@
 //! The flat patch of a scene on which strokes are played.
 //!
-//! A graph without a scene has a floor at height 0, and takes strokes as they are. In a scene strokes lie in the
-//! middle of the first flat surface with a stiffness and a texture.
+//! A graph without a scene has a floor at height 0, and takes strokes as they are. In a scene strokes lie in
+//! the middle of the first flat surface with a stiffness and a texture.
 
 use std::sync::Arc;
 
@@ -59,8 +59,9 @@ impl Patch {
         let found = scene.surfaces.iter().find_map(|s| Self::on(s, &scene));
         found.map(Some).ok_or_else(|| {
             Diagnostic::new(format!(
-                "no surface of this scene has room for a stroke: it needs a stiffness, a texture and {LEAST_MM} mm \
-                 of a flat face (a plane, a rectangle, a box; no relief, no sphere) without another surface on it"
+                "no surface of this scene has room for a stroke: it needs a stiffness, a texture and \
+                 {LEAST_MM} mm of a flat face (a plane, a rectangle, a box; no relief, no sphere) \
+                 without another surface on it"
             ))
             .in_file(scene.source.path())
             .help("use a graph, or a scene with a rectangle that has a texture")
@@ -221,7 +222,8 @@ mod tests {
     /// A graph that reads a scene with these surfaces, in a folder.
     fn graph(dir: &std::path::Path, surfaces: &str) -> GraphFile {
         let scene = format!(
-            r#"Scene(version: 1, input: trajectory(file: "t.csv"), output: probe(), surfaces: {{{surfaces}}})"#
+            r#"Scene(version: 1, input: trajectory(file: "t.csv"), output: probe(),
+                surfaces: {{{surfaces}}})"#
         );
         std::fs::write(dir.join("scene.ron"), scene).unwrap();
         let nodes = r#""c": (kind: "contact", params: (scene: "scene.ron"))"#;

@@ -24,8 +24,8 @@ pub struct Job<'a> {
     pub baselines: &'a [LoadedGraph],
     /// Threads for everything but times.
     pub jobs: usize,
-    /// Number of this shard, from 0, and count of shards. Settings are dealt out in turn; the first default is
-    /// in every shard.
+    /// Number of this shard, from 0, and count of shards. Settings are dealt out in turn; the first default
+    /// is in every shard.
     pub shard: (usize, usize),
     /// Folder of finished parts.
     pub folder: &'a Path,
@@ -89,7 +89,8 @@ impl<'a> Prepared<'a> {
     /// Checks a trade-off, its graphs and all files that they read.
     ///
     /// # Errors
-    /// A knob that no graph has, a material that no library has, a stroke that cannot be read or does not fit.
+    /// A knob that no graph has, a material that no library has, a stroke that cannot be read or does not
+    /// fit.
     pub fn new(job: &'a Job<'a>) -> Result<Self, Diagnostic> {
         let tradeoff = job.tradeoff;
         let recorded = tradeoff.strokes.iter().filter_map(|s| s.material.as_ref());

@@ -74,7 +74,8 @@ impl Results {
         if let Some(figure) = first.into_iter().find(|f| !self.pareto_front(*f).is_empty()) {
             let _ = writeln!(
                 out,
-                "![{}]({})\n\nAll pictures, over time: {}.\nOver lag: {}.\ndocs/accuracy.md explains the figures.\n",
+                "![{}]({})\n\nAll pictures, over time: {}.\nOver lag: {}.\n\
+                 docs/accuracy.md explains the figures.\n",
                 figure.title(),
                 Self::picture_name(figure, "time"),
                 self.links("time", Row::load),
@@ -406,7 +407,8 @@ impl Results {
         if let Some(t) = self.idle {
             let _ = writeln!(
                 out,
-                "- idle ticks, which spin for the default's median of {:.1} us: p99.9 {:.1} us, maximum {:.0} us. \
+                "- idle ticks, which spin for the default's median of {:.1} us: p99.9 {:.1} us, \
+                 maximum {:.0} us. \
                  The machine's stalls are in every p99.9 here; a budget leaves them out",
                 t.p50_us, t.p999_us, t.max_us
             );

@@ -43,8 +43,8 @@ impl Prepared<'_> {
     /// Runs the trade-off. After a stop, the results have the settings that are finished.
     ///
     /// # Errors
-    /// A file that cannot be written, another run in the same folder. A setting that does not run is a row with
-    /// its error.
+    /// A file that cannot be written, another run in the same folder. A setting that does not run is a row
+    /// with its error.
     pub fn run(&self, monitor: &dyn Monitor) -> Result<Results, Diagnostic> {
         let (job, tradeoff) = (self.job, self.job.tradeoff);
         let depends_on = format!("{} {} {:?} {:?}", self.digest, job.program, job.machine, job.shard);

@@ -225,7 +225,8 @@ fn shown(value: &Value) -> String {
 }
 
 /// Canonical text of a graph. Nodes and parameters are sorted by name, values are as nodes read them, and
-/// defaults are left out. Files are named relative to the graph's folder, unless the graph names them absolutely.
+/// defaults are left out. Files are named relative to the graph's folder, unless the graph names them
+/// absolutely.
 fn text(graph: &GraphFile, registry: &Registry) -> String {
     let home = graph.source.path().parent().unwrap_or(Path::new(""));
     let mut nodes: Vec<String> = graph.nodes.iter().map(|n| node_text(n, registry, home)).collect();

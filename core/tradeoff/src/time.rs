@@ -1,11 +1,11 @@
 //! Times of settings, measured in turns.
 //!
-//! The settings of a batch alternate with the default and with an idle tick, in an order that changes from round
-//! to round. So other work on the machine affects all alike. The default is in every batch: its ratio puts
-//! batches, and shards from other machines, on one scale.
+//! The settings of a batch alternate with the default and with an idle tick, in an order that changes from
+//! round to round. So other work on the machine affects all alike. The default is in every batch: its ratio
+//! puts batches, and shards from other machines, on one scale.
 //!
-//! A shared machine stalls for milliseconds now and then, and longer ticks meet more stalls. The idle tick spins
-//! for the median tick of the default, at its tick rate. Anything beyond that is a stall.
+//! A shared machine stalls for milliseconds now and then, and longer ticks meet more stalls. The idle tick
+//! spins for the median tick of the default, at its tick rate. Anything beyond that is a stall.
 
 use std::time::Instant;
 
@@ -23,11 +23,11 @@ use crate::patch;
 use crate::results::Time;
 use crate::setting::Setting;
 
-/// Shortest block \[ms\] that the load is measured over. A block is longer where nodes run in every n-th tick, so
-/// that each runs equally often in every block.
+/// Shortest block \[ms\] that the load is measured over. A block is longer where nodes run in every n-th
+/// tick, so that each runs equally often in every block.
 const LOAD_MS: u64 = 8;
-/// Most ticks of a block. Where the periods of all nodes have a longer common multiple, blocks differ by at most
-/// one call of each node.
+/// Most ticks of a block. Where the periods of all nodes have a longer common multiple, blocks differ by at
+/// most one call of each node.
 const MOST_TICKS: u64 = 8000;
 /// Length of the turn that warms up \[ms\].
 const WARM_MS: u64 = 400;
@@ -207,8 +207,8 @@ impl Entry {
 
 /// Share of the machine's stalls in the 99.9th percentile of a tick with this median \[us\], from idle ticks.
 ///
-/// A tick that takes k times as long meets k times as many stalls. So its 99.9th percentile corresponds to the
-/// quantile `1 - 0.001 / k` of the idle tick.
+/// A tick that takes k times as long meets k times as many stalls. So its 99.9th percentile corresponds to
+/// the quantile `1 - 0.001 / k` of the idle tick.
 fn stall_us(idle: &Timing, p50_us: f64) -> f64 {
     let middle = idle.summary().p50_ns as f64;
     if p50_us <= 0.0 || middle <= 0.0 {
@@ -275,8 +275,8 @@ pub(crate) fn batch(
 }
 
 impl Time {
-    /// The time on a machine that is slower by this factor. Only medians and load are scaled: stalls last as long
-    /// on any machine. No percentile is below the median.
+    /// The time on a machine that is slower by this factor. Only medians and load are scaled: stalls last as
+    /// long on any machine. No percentile is below the median.
     #[must_use]
     pub fn scaled(self, factor: f64) -> Self {
         let p50_us = self.p50_us * factor;

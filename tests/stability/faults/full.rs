@@ -108,9 +108,9 @@ fn a_run_on_a_full_disk_says_so_and_its_files_are_whole() {
     must_endure("run");
 }
 
-/// A study: what cannot be written is said, and what was there is kept.
+/// A trade-off: what cannot be written is said, and what was there is kept.
 #[test]
-fn a_study_onto_a_full_disk_fails_and_keeps_what_was_there() {
+fn a_tradeoff_onto_a_full_disk_keeps_what_was_there() {
     must_endure("tradeoff");
 }
 

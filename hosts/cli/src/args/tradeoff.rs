@@ -75,8 +75,8 @@ pub struct Choose {
     /// Include the machine's stalls in the 99.9th percentile
     #[arg(long)]
     pub strict: bool,
-    /// Figures to rank by, the most important first: perceptual, modulation, spectrum, bands, level, repetition,
-    /// kurtosis, steadiness, pitch, convergence, precision; all but the last two, unless given
+    /// Figures to rank by, the most important first: perceptual, modulation, spectrum, bands, level,
+    /// repetition, kurtosis, steadiness, pitch, convergence, precision; all but the last two, unless given
     #[arg(long, value_name = "FIGURE,...", value_delimiter = ',')]
     pub by: Vec<String>,
     /// Required tick rate in Hz

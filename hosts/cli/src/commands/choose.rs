@@ -40,7 +40,8 @@ pub fn run(args: &Choose) -> Result<ExitCode, Failure> {
     if args.json {
         let row = choice.row;
         let out = json!({
-            "setting": row.name, "graph": row.graph, "tick_hz": row.tick_hz, "time": row.time, "lag_ms": row.lag_ms,
+            "setting": row.name, "graph": row.graph, "tick_hz": row.tick_hz, "time": row.time,
+            "lag_ms": row.lag_ms,
             "figures": row.figures, "fragment": row.fragment, "fit": choice.fit,
         });
         print(&format!("{out:#}\n"))?;
