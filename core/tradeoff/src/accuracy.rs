@@ -189,7 +189,8 @@ fn in_double(setting: &Setting, registry: &Registry) -> Option<GraphFile> {
 
 /// Whether a kind has a parameter `precision` that may be `f64`.
 fn can_be_double(registry: &Registry, kind: &str) -> bool {
-    let f64s = |kind: &ParamKind| matches!(kind, ParamKind::Choice(words) if words.iter().any(|w| w == "f64"));
+    let f64s =
+        |kind: &ParamKind| matches!(kind, ParamKind::Choice(words) if words.iter().any(|w| w == "f64"));
     has(registry, kind, "precision").is_some_and(f64s)
 }
 

@@ -23,7 +23,7 @@ pub fn data(name: &str) -> Vec<f64> {
     npy::read(path).unwrap().values.into_f64()
 }
 
-/// A vector's magnitudes: its file, or where only the signal is kept, its transform, which is how the file was made.
+/// Magnitudes of a vector: its file; where only the signal is kept, its transform.
 pub fn vector(name: &str, rate_hz: u32) -> Vec<f32> {
     let framing = phase::framing(rate_hz, 101);
     let from_signal = ["chirp_2500", "taps_2500", "contact_2500"].contains(&name);
