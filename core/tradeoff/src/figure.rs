@@ -59,7 +59,7 @@ const TABLE: [Facts; 11] = {
     [
         facts((Perceptual, "perceptual", "perceptual similarity to the physics"), "", 3, None),
         // Pulses of twice the depth are 6 dB in one of five bands: 6 dB over the root of 5 in all.
-        facts((Modulation, "modulation", "envelope modulation error against the physics"), "dB", 2, Some(2.7)),
+        facts((Modulation, "modulation", "envelope modulation error against physics"), "dB", 2, Some(2.7)),
         facts((Spectrum, "spectrum", "long-term spectrum error against the physics"), "dB", 2, Some(6.0)),
         facts((Bands, "bands", "nine-band energy error against the physics"), "dB", 2, Some(6.0)),
         facts((Level, "level", "level error against the physics"), "dB", 2, Some(6.0)),

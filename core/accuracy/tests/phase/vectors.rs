@@ -1,11 +1,10 @@
-//! The vectors in `tests/data/phase`, as they are and as their published scores.
-#![allow(dead_code, unreachable_pub)] // every test file uses a part of this
+//! The vectors, and their published scores.
 
 use asperity_accuracy::phase::Score;
 use asperity_accuracy::{npy, phase};
 
-/// All vectors and their sample rates.
-pub const VECTORS: [(&str, u32); 9] = [
+/// All vectors, with their sample rates.
+pub(crate) const VECTORS: [(&str, u32); 9] = [
     ("sine_off_2500", 2500),
     ("chirp_2500", 2500),
     ("texture_2500", 2500),
@@ -18,13 +17,13 @@ pub const VECTORS: [(&str, u32); 9] = [
 ];
 
 /// A file's values.
-pub fn data(name: &str) -> Vec<f64> {
+pub(crate) fn data(name: &str) -> Vec<f64> {
     let path = format!("{}/../../tests/data/phase/{name}.npy", env!("CARGO_MANIFEST_DIR"));
     npy::read(path).unwrap().values.into_f64()
 }
 
 /// Magnitudes of a vector: its file; where only the signal is kept, its transform.
-pub fn vector(name: &str, rate_hz: u32) -> Vec<f32> {
+pub(crate) fn vector(name: &str, rate_hz: u32) -> Vec<f32> {
     let framing = phase::framing(rate_hz, 101);
     let from_signal = ["chirp_2500", "taps_2500", "contact_2500"].contains(&name);
     let all = if from_signal {
@@ -37,28 +36,21 @@ pub fn vector(name: &str, rate_hz: u32) -> Vec<f32> {
     all.into_iter().map(|x| x as f32).collect()
 }
 
-/// The same as amplitudes, which is what kernels take.
-pub fn amplitudes(magnitudes: &[f32], rate_hz: u32) -> Vec<f32> {
+/// Magnitudes as amplitudes, for kernels.
+pub(crate) fn amplitudes(magnitudes: &[f32], rate_hz: u32) -> Vec<f32> {
     let scale = phase::framing(rate_hz, 101).bin_scale();
     magnitudes.iter().map(|&m| (f64::from(m) / scale) as f32).collect()
 }
 
 /// Scores a signal whose sample 0 is the first of frame 0.
-pub fn score(magnitudes: &[f32], rate_hz: u32, signal: &[f64]) -> Score {
+pub(crate) fn score(magnitudes: &[f32], rate_hz: u32, signal: &[f64]) -> Score {
     phase::score(magnitudes, &phase::framing(rate_hz, 101), signal).unwrap()
 }
 
 /// `SC_dB`, `gain_dB` and `LTAS_rms_dB` of a method in `sc.json`.
-pub fn published(name: &str, method: &str) -> Option<[f64; 3]> {
+pub(crate) fn published(name: &str, method: &str) -> Option<[f64; 3]> {
     let path = format!("{}/../../tests/data/phase/sc.json", env!("CARGO_MANIFEST_DIR"));
-    let text = std::fs::read_to_string(path).unwrap();
-    // The file is flat enough to be read by its keys alone: vector, method, figure.
-    let after =
-        |text: &str, key: &str| text.split_once(&format!("\"{key}\"")).map(|(_, rest)| rest.to_owned());
-    let method = after(after(&after(&text, "sc")?, name)?.split("\n  }").next()?, method)?;
-    let figure = |key| {
-        let rest = after(&method, key)?;
-        rest.trim_start_matches([':', ' ']).split([',', '\n']).next()?.trim().parse().ok()
-    };
+    let all: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap();
+    let figure = |key| all["sc"][name][method][key].as_f64();
     Some([figure("SC_dB")?, figure("gain_dB")?, figure("LTAS_rms_dB")?])
 }

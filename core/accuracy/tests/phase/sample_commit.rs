@@ -1,11 +1,9 @@
 //! `sample_commit` on the shared vectors.
 
-mod common;
-
 use asperity_accuracy::phase::{self, Score};
 use asperity_dsp::SampleCommit;
 use asperity_dsp::sample_commit::Settings;
-use common::{VECTORS, amplitudes, published, vector};
+use crate::vectors::{VECTORS, amplitudes, published, vector};
 
 /// The signal that is made of magnitude frames, on their own time whatever the emission.
 fn invert(magnitudes: &[f32], rate_hz: u32, settings: Settings, seed: u64) -> Vec<f64> {
@@ -29,7 +27,7 @@ fn invert(magnitudes: &[f32], rate_hz: u32, settings: Settings, seed: u64) -> Ve
 
 fn score(name: &str, rate_hz: u32, settings: Settings, seed: u64) -> Score {
     let magnitudes = vector(name, rate_hz);
-    common::score(&magnitudes, rate_hz, &invert(&magnitudes, rate_hz, settings, seed))
+    crate::vectors::score(&magnitudes, rate_hz, &invert(&magnitudes, rate_hz, settings, seed))
 }
 
 /// Required scores at emission 0 and at -25 [dB], where they are stricter than the published ones.

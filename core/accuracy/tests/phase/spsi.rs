@@ -1,26 +1,9 @@
 //! SPSI and overlap-add against the published scores on the shared vectors.
 
-use asperity_accuracy::{npy, phase};
+use asperity_accuracy::phase;
 use asperity_dsp::{Complex, Float, OverlapAdd, Spsi};
 
-fn data(name: &str) -> Vec<f64> {
-    let path = format!("{}/../../tests/data/phase/{name}.npy", env!("CARGO_MANIFEST_DIR"));
-    npy::read(path).unwrap().values.into_f64()
-}
-
-/// Magnitudes of a vector: its file; where only the signal is kept, its transform.
-fn vector(name: &str, rate_hz: u32) -> Vec<f32> {
-    let framing = phase::framing(rate_hz, 101);
-    let from_signal = ["chirp_2500", "taps_2500", "contact_2500"].contains(&name);
-    let all = if from_signal {
-        let signal = data(&format!("{name}.sig"));
-        let frames = (signal.len() - framing.fft_len) / (rate_hz as usize / 500) + 1;
-        phase::magnitudes(&signal, &framing, frames)
-    } else {
-        data(&format!("{name}.mag"))
-    };
-    all.into_iter().map(|x| x as f32).collect()
-}
+use crate::vectors::{data, vector};
 
 /// The signal that SPSI and overlap-add make of magnitude frames.
 fn invert<T: Float>(magnitudes: &[f32], rate_hz: u32, seed: u64) -> Vec<f64> {
