@@ -1,4 +1,4 @@
-//! What runs per tick does not touch the allocator.
+//! Code that runs per tick does not allocate.
 
 use asperity_accuracy::timing::Recorder;
 use asperity_dsp::sample_commit::{SampleCommit, Settings};

@@ -48,7 +48,7 @@ impl Truth {
 /// Ground truths by index of the stroke, material and draw.
 pub(crate) type Truths = HashMap<(usize, String, u64), Truth>;
 
-/// What to render.
+/// Strokes, materials and draws to render.
 pub(crate) struct Plan<'a> {
     pub strokes: &'a [Stroke],
     /// Materials; one without a name where the graph has its own.

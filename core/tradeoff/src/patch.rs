@@ -202,8 +202,8 @@ pub(crate) fn strokes<'b>(
                 .at(&decl.place.source, decl.place.span)
                 .help("a stroke of a `shape` is shrunk to fit"));
             };
-            stroke = smaller?;
-            let large = stroke.shrunk_to_mm.unwrap_or_default();
+            let (smaller, large) = smaller?;
+            stroke = smaller;
             notes.push(format!(
                 "`{}` is shrunk to {large:.0} mm: `{}` has no room for more",
                 stroke.name, patch.name

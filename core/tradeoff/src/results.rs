@@ -10,7 +10,7 @@ use crate::figure::{Figure, Figures};
 pub(crate) const VERSION: u32 = 2;
 
 /// Results of a trade-off.
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Results {
     /// Version of the format: 2.
     pub version: u32,
@@ -69,7 +69,7 @@ pub struct Machine {
 }
 
 /// Results of a setting.
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Row {
     /// Name: the changed knobs, `default`, or the name of a baseline.
     pub name: String,

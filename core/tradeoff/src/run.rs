@@ -75,13 +75,11 @@ impl Prepared<'_> {
             shards: vec![(job.shard.0 + 1, job.shard.1.max(1))],
             unfinished: self.settings.len() - rows.iter().filter(|r| r.is_finished()).count(),
             cases: self.cases.len(),
-            noise_floor: Default::default(),
-            lag_noise_floor_ms: None,
-            load_noise_floor: None,
             model: mean(model.into_iter()),
             idle: noise::idle(&batches),
             notes: self.notes.clone(),
             rows,
+            ..Results::default()
         };
         noise::find_floors(&mut results);
         Ok(results)

@@ -53,8 +53,6 @@ pub(crate) struct Stroke {
     pub known: Known,
     /// The material of a recording: it is not played over others.
     pub material: Option<String>,
-    /// Extent \[mm\], where it was shrunk to fit on a scene's surface.
-    pub shrunk_to_mm: Option<f64>,
 }
 
 impl Stroke {
@@ -168,15 +166,14 @@ impl StrokeDecl {
         }
     }
 
-    /// A synthetic stroke, no larger than this \[mm\]; none where it comes from a file.
-    pub(crate) fn shrunk(&self, room_mm: f64) -> Option<Result<Stroke, Diagnostic>> {
+    /// A synthetic stroke that fits into this room \[mm\], and its extent; none where it comes from a file.
+    pub(crate) fn shrunk(&self, room_mm: f64) -> Option<Result<(Stroke, f64), Diagnostic>> {
         let From::Made(params) = &self.from else { return None };
         // Tremor and quantisation add to the extent.
         let most = room_mm - 2.0 * params.tremor_mm - 2.0 * params.quantum_mm - 0.5;
         let extent_mm = params.extent_mm.min(most.max(1.0));
         let from = From::Made(Box::new(StrokeParams { extent_mm, ..(**params).clone() }));
-        let smaller = Self { from, ..self.clone() }.open();
-        Some(smaller.map(|s| Stroke { shrunk_to_mm: Some(extent_mm), ..s }))
+        Some(Self { from, ..self.clone() }.open().map(|stroke| (stroke, extent_mm)))
     }
 
     /// Opens the stroke, and reads its file.
@@ -210,6 +207,6 @@ impl StrokeDecl {
                 (seconds, Arc::new(move |t| recording.place_mm(t)), Known::Felt(felt))
             }
         };
-        Ok(Stroke { name, seconds, measured, known, material, shrunk_to_mm: None })
+        Ok(Stroke { name, seconds, measured, known, material })
     }
 }

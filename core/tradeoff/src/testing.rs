@@ -6,7 +6,7 @@ use asperity_diagnostics::Source;
 use asperity_graph::GraphFile;
 
 use crate::figure::{Figure, Figures};
-use crate::results::{Fragment, Results, Row, Time, VERSION};
+use crate::results::{Results, Row, Time, VERSION};
 use crate::{LoadedGraph, Tradeoff};
 
 /// A graph file with these nodes and wires.
@@ -39,22 +39,9 @@ pub(crate) fn row(name: &str) -> Row {
         name: name.into(),
         key: name.into(),
         graph: "g.ron".into(),
-        turned: Vec::new(),
-        grids: Vec::new(),
-        default: false,
-        baseline: false,
         tick_hz: 500,
-        fragment: Fragment::default(),
-        error: None,
-        figures: Figures::new(),
-        draws: Vec::new(),
-        lag_ms: None,
-        lag_draws_ms: Vec::new(),
-        latency_ms: None,
-        faults: 0,
         cases: 1,
-        fails: Default::default(),
-        time: None,
+        ..Row::default()
     }
 }
 
@@ -85,16 +72,14 @@ pub(crate) fn results(rows: Vec<Row>) -> Results {
         seed: 1,
         strokes: vec!["circle (5 s)".into()],
         materials: vec!["canvas".into()],
-        machines: Vec::new(),
         shards: vec![(1, 1)],
-        unfinished: 0,
         cases: 3,
         noise_floor: Figures::from([(Figure::Level, 0.1)]),
         lag_noise_floor_ms: Some(1.0),
         load_noise_floor: Some(1.02),
         model: Figures::from([(Figure::Level, 0.3)]),
         idle: Some(Time { p999_us: 2.0, ..Time::default() }),
-        notes: Vec::new(),
         rows,
+        ..Results::default()
     }
 }

@@ -161,8 +161,7 @@ fn is_library(path: &Path) -> bool {
 /// Its last section is the last there is to say, and its last line is whole.
 fn is_report(path: &Path) -> bool {
     let text = text(path);
-    text.ends_with("\n")
-        && text.lines().last().is_some_and(|line| line.starts_with("- noise floor"))
+    text.ends_with("\n") && text.lines().last().is_some_and(|line| line.starts_with("- noise floor"))
 }
 
 /// A digest, then finished parts. The last line of a killed run may be unfinished, and is ignored.

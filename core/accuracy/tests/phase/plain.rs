@@ -1,11 +1,11 @@
 //! The plain methods of phase retrieval against the published scores on the shared vectors.
 
+use crate::vectors::{VECTORS, amplitudes, published, score, vector};
 use asperity_accuracy::phase::{self, Score};
 use asperity_dsp::griffin_lim::{Options, Start, griffin_lim};
 use asperity_dsp::{
     Complex, Level, OscillatorBank, OverlapAdd, Partials, PhaseVocoder, RandomPhase, StartPhase,
 };
-use crate::vectors::{VECTORS, amplitudes, published, score, vector};
 
 /// The signal that overlap-add makes of the spectra that `f` finds for each frame.
 fn overlap_add(

@@ -1,9 +1,9 @@
 //! `sample_commit` on the shared vectors.
 
+use crate::vectors::{VECTORS, amplitudes, published, vector};
 use asperity_accuracy::phase::{self, Score};
 use asperity_dsp::SampleCommit;
 use asperity_dsp::sample_commit::Settings;
-use crate::vectors::{VECTORS, amplitudes, published, vector};
 
 /// The signal that is made of magnitude frames, on their own time whatever the emission.
 fn invert(magnitudes: &[f32], rate_hz: u32, settings: Settings, seed: u64) -> Vec<f64> {

@@ -199,50 +199,20 @@ mod tests {
 
     /// A setting with a changed node and ticks of 10 us.
     fn row(name: &str, tick_hz: u32) -> Row {
-        let fragment = Fragment { nodes: vec!["\"a\": (kind: \"mix\"),".into()], ..Fragment::default() };
         Row {
             name: name.into(),
             key: name.into(),
             graph: "s/mine.ron".into(),
-            turned: Vec::new(),
-            grids: Vec::new(),
-            default: false,
-            baseline: false,
             tick_hz,
-            fragment,
-            error: None,
+            fragment: Fragment { nodes: vec!["\"a\": (kind: \"mix\"),".into()], ..Fragment::default() },
             figures: Figures::from([(Figure::Bands, 1.0), (Figure::Level, 1.0)]),
-            draws: Vec::new(),
-            lag_ms: None,
-            lag_draws_ms: Vec::new(),
-            latency_ms: None,
-            faults: 0,
-            cases: 0,
-            fails: Default::default(),
             time: Some(Time { p50_us: 10.0, p999_us: 4020.0, stall_us: 4000.0, ..Time::default() }),
+            ..Row::default()
         }
     }
 
     fn results(rows: Vec<Row>) -> Results {
-        Results {
-            version: 0,
-            tradeoff: "s.ron".into(),
-            digest: String::new(),
-            seed: 1,
-            strokes: Vec::new(),
-            materials: Vec::new(),
-            machines: Vec::new(),
-            notes: Vec::new(),
-            shards: vec![(1, 1)],
-            unfinished: 0,
-            cases: 0,
-            noise_floor: Figures::new(),
-            lag_noise_floor_ms: None,
-            load_noise_floor: None,
-            model: Figures::new(),
-            idle: None,
-            rows,
-        }
+        Results { shards: vec![(1, 1)], rows, ..Results::default() }
     }
 
     #[test]

@@ -213,7 +213,7 @@ fn noise_like_noise_has_the_same_figures() {
     assert_eq!(Rhythm::of_noise(&[1.0], 0.0, 8.0), Err(AccuracyError::Rate(0.0)));
 }
 
-/// What SciPy 1.17 says:
+/// The reference is SciPy 1.17:
 ///
 /// ```python
 /// import numpy as np, scipy.signal as ss, scipy.stats as st
