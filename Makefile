@@ -66,13 +66,15 @@ plugins: setup
 	@echo "to have them in every graph and in compare:"
 	@echo "    export ASPERITY_PLUGIN_PATH=$(abspath $(OUT)/plugins)"
 
-# What accuracy costs in time: the shipped study, into docs/tradeoff. Under 15 minutes on 2 cores; stopped, it goes on where it was.
+# What accuracy costs in time: the shipped trade-off. Under 15 minutes on 2 cores; a stopped run resumes.
+# The report and pictures go to docs/tradeoff, the results that `asperity choose` has to graphs/tradeoffs.
 tradeoff: setup
 	$(CARGO) build --release -p asperity -p asperity-rtpghi -p asperity-gsrtisi-la
 	mkdir -p $(OUT)
-	target/release/asperity tradeoff graphs/studies/shipped.ron --out $(OUT)/tradeoff --jobs 2 \
+	target/release/asperity tradeoff graphs/tradeoffs/shipped.ron --out $(OUT)/tradeoff --jobs 2 \
 	    --plugin target/release/librtpghi.so --plugin target/release/libgsrtisi_la.so
-	cp $(OUT)/tradeoff/*.svg $(OUT)/tradeoff/results.csv $(OUT)/tradeoff/results.json $(OUT)/tradeoff/REPORT.md docs/tradeoff/
+	cp $(OUT)/tradeoff/*.svg $(OUT)/tradeoff/results.csv $(OUT)/tradeoff/REPORT.md docs/tradeoff/
+	cp $(OUT)/tradeoff/results.json graphs/tradeoffs/
 
 # Writes the plugin interface's C header anew from its Rust.
 header: setup

@@ -36,7 +36,7 @@ fn state_and_live_parameters_allocate_nothing() {
 /// Whole strokes over the shipped scenes: surfaces of all shapes, all effects, in contact and out of it.
 #[test]
 fn no_tick_of_a_scene_allocates() {
-    for name in ["study.ron", "twelve.ron", "every_effect.ron", "thousand.ron"] {
+    for name in ["side_by_side.ron", "twelve.ron", "every_effect.ron", "thousand.ron"] {
         let graph = graph::lowered(&harness::graphs("scenes").join(name));
         let compiled = graph::compiled(&graph, &asperity_nodes::registry());
         let most = compiled.schedule.duration_ticks().expect("a stroke that ends");

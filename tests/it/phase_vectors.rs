@@ -51,7 +51,7 @@ fn spsi_reaches_the_best_published_scores() {
 }
 
 #[test]
-fn spsi_scores_do_not_hang_on_the_seed_or_the_precision() {
+fn spsi_score_is_the_same_for_any_seed_and_precision() {
     let magnitudes = vector("texture_2500", 2500);
     for seed in 2..6 {
         let y = invert::<f64>(&magnitudes, 2500, seed);
@@ -64,7 +64,7 @@ fn spsi_scores_do_not_hang_on_the_seed_or_the_precision() {
 /// `judge.py` on committed files: `judge.py MAG SIG --fs FS [--offset 7] [--scale 0.9] --json`.
 #[test]
 #[expect(clippy::approx_constant, reason = "-6.28 is a score in dB")]
-fn scores_are_those_of_the_published_convention() {
+fn scores_match_the_published_convention() {
     let cases = [
         ("texture_2500", "contact_2500", 2500, 0, 1.0, [-1.08, -3.23, 3.34, -65.5, 3.662]),
         ("texture_2500", "texture_2500", 2500, 7, 1.0, [-22.92, -0.01, 0.02, -99.6, 5.7903]),

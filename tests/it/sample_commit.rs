@@ -30,14 +30,14 @@ fn score(name: &str, rate_hz: u32, settings: Settings, seed: u64) -> Score {
     harness::retrieval::score(&magnitudes, rate_hz, &invert(&magnitudes, rate_hz, settings, seed))
 }
 
-/// The least that was asked for at emission 0 and at -25, in dB, where it is more than the study's own score.
+/// Required scores at emission 0 and at -25 [dB], where they are stricter than the published ones.
 fn asked(name: &str) -> (f64, f64) {
     match name {
         "texture_2500" => (-25.0, -21.0),
         "contact_2500" => (-24.0, -19.5),
         "taps_2500" => (-24.0, -17.0),
         "two25_2500" => (-35.0, -27.0),
-        // The study had -93.9 and -84.6. What remains of a tone stems from bins 70 dB below it.
+        // Published are -93.9 and -84.6. What remains of a tone stems from bins 70 dB below it.
         "sine_off_2500" => (-74.0, -70.0),
         _ => (0.0, 0.0),
     }
@@ -56,7 +56,7 @@ fn mean(name: &str, rate_hz: u32, settings: Settings, seeds: u64) -> [f64; 3] {
 }
 
 #[test]
-fn sample_commit_reaches_the_scores_of_its_study() {
+fn sample_commit_reaches_the_published_scores() {
     for (name, rate_hz) in VECTORS {
         let (newest_db, centre_db) = asked(name);
         // The setting for each emission. At -25 noise has two answers that last, so that few seeds say

@@ -87,7 +87,7 @@ fn check(dir: &Path, file: &str) -> Value {
 #[test]
 fn shipped_scenes_are_taken_wherever_a_graph_is() {
     let dir = tempfile::tempdir().unwrap();
-    for name in ["study.ron", "twelve.ron", "every_effect.ron", "thousand.ron"] {
+    for name in ["side_by_side.ron", "twelve.ron", "every_effect.ron", "thousand.ron"] {
         let scene = shipped(name);
         let checked = check(dir.path(), &scene);
         assert_eq!(checked["dropped"].as_array().unwrap().len(), 0, "{name}");
@@ -305,7 +305,7 @@ fn both_ways(dir: &Path, scene: &str, seconds: Option<&str>) {
 #[test]
 fn sound_is_the_same_bits_with_everything_built_and_awake() {
     let dir = tempfile::tempdir().unwrap();
-    for name in ["study.ron", "every_effect.ron"] {
+    for name in ["side_by_side.ron", "every_effect.ron"] {
         both_ways(dir.path(), &shipped(name), None);
     }
     both_ways(dir.path(), &shipped("thousand.ron"), Some("3"));

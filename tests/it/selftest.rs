@@ -84,7 +84,7 @@ fn without_a_graph_those_cases_are_left_out_that_look_at_one() {
 
 #[test]
 fn scene_is_tested_and_one_without_motion_not_applicable() {
-    let ran = selftest(&["graphs/scenes/study.ron", "--case", "teleport"]).ok();
+    let ran = selftest(&["graphs/scenes/side_by_side.ron", "--case", "teleport"]).ok();
     assert!(ran.out.contains("holds"), "{}", ran.out);
     let dir = tempfile::tempdir().unwrap();
     let graph = dir.path().join("still.ron");

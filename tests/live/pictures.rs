@@ -12,9 +12,8 @@ use harness::live::Live;
 
 use crate::pen::{MM, Pen, RADIUS};
 
-/// With `ASPERITY_PICTURES=FOLDER`: the page and the terminal of a run of graphs/live.ron, painted while a
-/// pen strokes. With
-/// `ASPERITY_EVERY_SIZE` too, the page at other sizes.
+/// With `ASPERITY_PICTURES=FOLDER`: paints the page of a run of graphs/live.ron while a pen strokes. With
+/// `ASPERITY_EVERY_SIZE` too: the page at other sizes.
 #[test]
 fn pictures_of_a_run() {
     let _alone = real_time();

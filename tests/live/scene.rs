@@ -28,7 +28,7 @@ fn lowered(name: &str) -> (GraphFile, Compiled) {
 #[test]
 fn a_card_plays_a_scene_sample_by_sample_as_it_is_rendered() {
     let _alone = real_time();
-    for name in ["study.ron", "every_effect.ron"] {
+    for name in ["side_by_side.ron", "every_effect.ron"] {
         let card = Simulated::new(name, by_hand()).expect("a card");
         let session = start(lowered(name), SessionOptions { ..options(&card, Clock::Callback) });
         let frames = 5 * 48_000;
@@ -136,12 +136,12 @@ fn a_pen_on_the_page_feels_a_scene() {
     told(|| felt_by_a_pen(&mut kept));
 }
 
-/// The shipped study, expanded to a graph so that what it sends can be recorded.
+/// The shipped side_by_side, expanded to a graph so that what it sends can be recorded.
 fn felt_by_a_pen(kept: &mut Option<Chromium>) -> Result<(), String> {
     let dir = tempfile::tempdir().expect("a folder");
     let dir = dir.path();
-    let study = fs::read_to_string(graphs("scenes/study.ron")).expect("a shipped scene");
-    fs::write(dir.join("s.ron"), study.replace("\"../", &format!("\"{}/", graphs("").display())))
+    let scene = fs::read_to_string(graphs("scenes/side_by_side.ron")).expect("a shipped scene");
+    fs::write(dir.join("s.ron"), scene.replace("\"../", &format!("\"{}/", graphs("").display())))
         .expect("a scene");
     harness::run(dir, &["scene", "expand", "s.ron", "--out", "g.ron"]).ok();
     let text = fs::read_to_string(dir.join("g.ron")).expect("a graph");

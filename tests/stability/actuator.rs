@@ -187,7 +187,7 @@ fn own_limits() {
         let graph = graph(name);
         holds("own_limits", &subject(Some(&graph)));
     }
-    for name in ["every_effect.ron", "study.ron"] {
+    for name in ["every_effect.ron", "side_by_side.ron"] {
         let graph = scene(name);
         holds("own_limits", &subject(Some(&graph)));
     }

@@ -145,7 +145,7 @@ fn tail_of_graph() {
         let graph = graph(name);
         holds("tail_of_graph", &subject(Some(&graph)));
     }
-    for name in ["every_effect.ron", "study.ron", "twelve.ron"] {
+    for name in ["every_effect.ron", "side_by_side.ron", "twelve.ron"] {
         let graph = scene(name);
         holds("tail_of_graph", &subject(Some(&graph)));
     }

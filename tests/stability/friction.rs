@@ -92,10 +92,10 @@ fn beyond_its_bound() {
 
 #[test]
 fn own() {
-    for graph in [scene("every_effect.ron"), scene("study.ron")] {
+    for graph in [scene("every_effect.ron"), scene("side_by_side.ron")] {
         holds("own_friction", &subject(Some(&graph)));
     }
-    let graph = scene("study.ron");
+    let graph = scene("side_by_side.ron");
     let subject = subject(None);
     fails("own_friction", &late(&subject).graph(&graph), "has given");
     // Pushes along what has set off at 80 to 101 mm/s, as the device does and no way that is rubbed.

@@ -65,7 +65,7 @@ fn same_bytes() {
         let graph = graph(name);
         holds("same_bytes", &subject(Some(&graph)));
     }
-    for name in ["every_effect.ron", "study.ron"] {
+    for name in ["every_effect.ron", "side_by_side.ron"] {
         let graph = scene(name);
         holds("same_bytes", &subject(Some(&graph)));
     }

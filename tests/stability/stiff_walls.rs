@@ -220,7 +220,9 @@ fn wall_run_rarely_or_late_is_judged_by_its_own_time() {
 #[test]
 fn chatter() {
     let dir = tempfile::tempdir().expect("a folder");
-    for graph in [graph("texture.ron"), scene("every_effect.ron"), scene("study.ron"), corner(&dir, "")] {
+    for graph in
+        [graph("texture.ron"), scene("every_effect.ron"), scene("side_by_side.ron"), corner(&dir, "")]
+    {
         holds("contact_chatter", &subject(Some(&graph)));
     }
     let text = graph("texture.ron");

@@ -87,10 +87,10 @@ pub enum Command {
     Invert(Invert),
     /// Run every phase-retrieval node over vectors: accuracy, response lag, latency, cost
     Compare(Compare),
-    /// Run many settings of a graph over the same strokes and materials: what each bit of accuracy costs in time
+    /// Measure many settings of a graph over the same strokes and materials: accuracy, time, response lag
     ///
-    /// Finished settings are kept in the folder: a study that was stopped goes on where it was. With --shard a study is split between machines;
-    /// `tradeoff merge` puts the parts together.
+    /// A stopped run resumes where it was. --shard splits a run between machines, and `tradeoff merge` merges the
+    /// results.
     Tradeoff(Tradeoff),
     /// Print the best setting that a budget of time and lag allows, as a fragment to be pasted into a graph
     Choose(Choose),

@@ -11,7 +11,7 @@ use super::judge::{Tally, two_at_a_time};
 /// Commands with arguments that are right, so that what is wrong is the one that is added.
 fn commands() -> Vec<Vec<String>> {
     let graph = graphs("heravi2024.ron").display().to_string();
-    let scene = graphs("scenes/study.ron").display().to_string();
+    let scene = graphs("scenes/side_by_side.ron").display().to_string();
     let vector = root().join("tests/data/phase/texture_2500.mag.npy").display().to_string();
     let library = graphs("models/surfaces/materials.ron").display().to_string();
     let results = root().join("docs/tradeoff/results.json").display().to_string();

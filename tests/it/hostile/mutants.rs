@@ -31,7 +31,7 @@ fn graph() -> String {
 
 /// A scene with whole paths, so that it stands anywhere.
 fn scene() -> Vec<u8> {
-    let text = String::from_utf8(shipped("scenes/study.ron")).expect("text");
+    let text = String::from_utf8(shipped("scenes/side_by_side.ron")).expect("text");
     text.replace("\"../", &format!("\"{}/", graphs("").display())).into_bytes()
 }
 

@@ -110,9 +110,9 @@ fn a_run_on_a_full_disk_says_so_and_its_files_are_whole() {
     must_endure("run");
 }
 
-/// A study: what cannot be written is said, and what was there is kept.
+/// A trade-off: what cannot be written is said, and what was there is kept.
 #[test]
-fn a_study_onto_a_full_disk_fails_and_keeps_what_was_there() {
+fn a_tradeoff_onto_a_full_disk_keeps_what_was_there() {
     must_endure("tradeoff");
 }
 
@@ -243,7 +243,7 @@ fn says_that_nobody_can_read(command: &mut Command) -> Result<(), String> {
 fn a_standard_output_that_is_full_is_an_error() {
     let dir = tempfile::tempdir().unwrap();
     (WRITERS[0].prepare)(dir.path());
-    let graph = harness::graphs("scenes/study.ron").display().to_string();
+    let graph = harness::graphs("scenes/side_by_side.ron").display().to_string();
     let library = harness::graphs("models/surfaces/materials.ron").display().to_string();
     for args in [
         &["nodes"][..],

@@ -128,9 +128,9 @@ fn a_run_that_is_killed_leaves_nothing_half() {
     must_endure("run");
 }
 
-/// A study of hours: what is finished stays, and the same command goes on with the rest.
+/// A long trade-off: finished parts stay, and the same command resumes.
 #[test]
-fn a_study_that_is_killed_leaves_nothing_half_and_goes_on() {
+fn a_tradeoff_that_is_killed_resumes() {
     must_endure("tradeoff");
 }
 

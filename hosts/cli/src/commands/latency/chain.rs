@@ -57,7 +57,7 @@ pub fn prepare(args: &LatencyArgs) -> Result<Vec<Ready>, Failure> {
         let path = draft.path.clone();
         let response = draft.response(&sets)?;
         let nothing = "nothing in this graph is an acceleration, a current or a voltage at the audio rate";
-        let (end, _) = response.heard().ok_or_else(|| Diagnostic::new(nothing).in_file(&path))?;
+        let (end, _) = response.output().ok_or_else(|| Diagnostic::new(nothing).in_file(&path))?;
         Ok(Ready { path, response, end })
     };
     drafts.into_iter().zip(sets).map(ready).collect()

@@ -1,24 +1,23 @@
-//! Progress, and what is asked of the outside while a study runs.
+//! Progress bars, and the stop flag of a run.
 
 use std::io::IsTerminal;
-use std::path::Path;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use asperity_tradeoff::Onlooker;
+use asperity_tradeoff::Monitor;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use super::Stop;
-use crate::failure::{complain, warn};
+use crate::failure::complain;
 use crate::heap;
 
 /// A bar for each stage.
 pub struct Bars {
     stop: Stop,
-    /// Parts of accuracy and of times.
+    /// Counts of parts: of accuracy, and of times.
     lengths: (u64, u64),
     quiet: bool,
-    /// Whether standard error is no terminal: then there are lines, a tenth each.
+    /// Prints a line for each tenth instead, where standard error is no terminal.
     lines: bool,
     bar: Mutex<ProgressBar>,
     told: AtomicBool,
@@ -38,7 +37,7 @@ impl Bars {
     }
 }
 
-impl Onlooker for Bars {
+impl Monitor for Bars {
     fn heap_bytes(&self) -> Option<u64> {
         Some(heap::bytes())
     }
@@ -46,7 +45,7 @@ impl Onlooker for Bars {
     fn stopped(&self) -> bool {
         let stop = self.stop.load(Ordering::Relaxed);
         if stop && !self.told.swap(true, Ordering::Relaxed) {
-            complain("it ends as soon as what it does now is done; what is finished is kept\n");
+            complain("stopping after the current part; finished parts are kept\n");
         }
         stop
     }
@@ -63,17 +62,13 @@ impl Onlooker for Bars {
         }
     }
 
-    fn spoiled(&self, file: &Path) {
-        warn(&format!("{}: the checksum is wrong; this part is measured again", file.display()));
-    }
-
-    fn doing(&self, what: &str) {
+    fn doing(&self, stage: &str) {
         let Ok(mut bar) = self.bar.lock() else { return };
         bar.finish_and_clear();
         if self.quiet {
             return;
         }
-        let length = match what {
+        let length = match stage {
             "accuracy" => self.lengths.0,
             "times" => self.lengths.1,
             _ => 0,
@@ -85,7 +80,7 @@ impl Onlooker for Bars {
         {
             bar.set_style(style);
         }
-        bar.set_message(what.to_owned());
+        bar.set_message(stage.to_owned());
         bar.tick();
     }
 }

@@ -1,15 +1,15 @@
-//! What is not told apart, and times of several batches put together.
+//! The noise floor, and times of several batches on one scale.
 
 use std::collections::HashMap;
 
 use crate::figure::{Figure, Figures};
-use crate::result::{Results, Row, Time};
+use crate::results::{Results, Row, Time};
 use crate::time::Batch;
 
-/// Standard deviations of a difference within which two settings are not told apart: 95 % of differences of equals are less.
+/// Two-sided 95 % quantile of the normal distribution: 95 % of differences by chance are smaller.
 const DEVIATIONS: f64 = 1.96;
 
-/// The middle of some numbers; 0 of none.
+/// Median; 0 of nothing.
 pub(crate) fn median(mut all: Vec<f64>) -> f64 {
     all.sort_by(f64::total_cmp);
     match all.len() {
@@ -19,7 +19,7 @@ pub(crate) fn median(mut all: Vec<f64>) -> f64 {
     }
 }
 
-/// Gives rows the times of their batches, each by its ratio to the default of the same batch.
+/// Gives rows the times of their batches, scaled by the ratio of the batches' defaults.
 pub(crate) fn put_times(rows: &mut [Row], batches: &[Batch]) {
     let middle = median(batches.iter().map(|b| b.anchor.load_percent).collect());
     let mut times = HashMap::new();
@@ -41,12 +41,12 @@ pub(crate) fn put_times(rows: &mut [Row], batches: &[Batch]) {
     }
 }
 
-/// A tick in which nothing is done: the middle of all batches' figures.
-pub(crate) fn empty(batches: &[Batch]) -> Option<Time> {
+/// Time of an idle tick: medians over all batches.
+pub(crate) fn idle(batches: &[Batch]) -> Option<Time> {
     if batches.is_empty() {
         return None;
     }
-    let of = |f: fn(&Time) -> f64| median(batches.iter().map(|b| f(&b.empty)).collect());
+    let of = |f: fn(&Time) -> f64| median(batches.iter().map(|b| f(&b.idle)).collect());
     Some(Time {
         p50_us: of(|t| t.p50_us),
         p99_us: of(|t| t.p99_us),
@@ -55,30 +55,30 @@ pub(crate) fn empty(batches: &[Batch]) -> Option<Time> {
         load_percent: of(|t| t.load_percent),
         cold_us: of(|t| t.cold_us),
         spread: of(|t| t.spread),
-        misses: batches.iter().map(|b| b.empty.misses).sum(),
-        ticks: batches.iter().map(|b| b.empty.ticks).sum(),
+        misses: batches.iter().map(|b| b.idle.misses).sum(),
+        ticks: batches.iter().map(|b| b.idle.ticks).sum(),
         stall_us: of(|t| t.stall_us),
         memory_kib: None,
         faults: 0,
     })
 }
 
-/// Finds how far equals are apart.
+/// Computes the noise floors.
 ///
-/// Draws of one setting differ by chance alone. With a variance of a draw that is pooled over all settings, means of D draws differ with a standard
-/// deviation of `sqrt(2 / D)` times that of a draw.
-pub(crate) fn find(results: &mut Results) {
+/// Draws of one setting differ by chance alone. The variance of a draw is pooled over all settings. Means of
+/// D draws then differ with a standard deviation of `sqrt(2 / D)` times that of a draw.
+pub(crate) fn find_floors(results: &mut Results) {
     let of = |figure: Figure| {
         let draws =
             results.rows.iter().map(|r| r.draws.iter().filter_map(|d| d.get(&figure).copied()).collect());
         Some((figure, pooled(draws)?))
     };
-    let floor: Figures = Figure::ALL.into_iter().filter_map(of).collect();
+    let floor: Figures = Figure::all().filter_map(of).collect();
     let lag = pooled(results.rows.iter().map(|r| r.lag_draws_ms.clone()));
     let spreads: Vec<f64> = results.rows.iter().filter_map(|r| r.time.map(|t| t.spread)).collect();
-    results.floor = floor;
-    results.lag_floor_ms = lag;
-    results.load_floor = (!spreads.is_empty()).then(|| median(spreads));
+    results.noise_floor = floor;
+    results.lag_noise_floor_ms = lag;
+    results.load_noise_floor = (!spreads.is_empty()).then(|| median(spreads));
 }
 
 /// [`DEVIATIONS`] of the difference of two means, from draws of several settings.
@@ -97,51 +97,47 @@ fn pooled(settings: impl Iterator<Item = Vec<f64>>) -> Option<f64> {
 mod tests {
     use super::*;
 
+    fn time(load_percent: f64) -> Time {
+        Time { load_percent, p50_us: 10.0 * load_percent, max_us: 4000.0, ..Time::default() }
+    }
+
+    fn batch(anchor: f64, rows: &[(&str, Time)]) -> Batch {
+        let rows = rows.iter().map(|(key, time)| ((*key).to_owned(), Ok(*time))).collect();
+        Batch { idle: time(0.0), anchor: time(anchor), rows }
+    }
+
     #[test]
-    fn the_floor_is_two_deviations_of_a_difference_of_means() {
-        // Draws 1 and 3: their variance is 2, that of the mean of both 1, that of a difference of two such means 2.
+    fn noise_floor_is_two_deviations_of_a_difference() {
+        // Draws 1 and 3: variance 2; that of the mean of both 1; that of a difference of two such means 2.
         let floor = pooled([vec![1.0, 3.0], vec![11.0, 13.0], vec![5.0]].into_iter()).unwrap();
         assert!((floor - 1.96 * 2f64.sqrt()).abs() < 1e-12);
         assert_eq!(pooled([vec![1.0]].into_iter()), None);
     }
 
     #[test]
-    fn batches_are_put_together_by_their_ratio_to_the_default() {
-        let time = |load_percent: f64| Time {
-            load_percent,
-            p50_us: 10.0 * load_percent,
-            max_us: 4000.0,
-            ..Time::default()
-        };
-        let batch = |anchor: f64, key: &str, load: f64| Batch {
-            empty: time(0.0),
-            anchor: time(anchor),
-            rows: vec![(key.into(), Ok(time(load)))],
-        };
+    fn batches_are_scaled_by_the_ratio_of_their_defaults() {
         let mut rows = ["a", "b", "c"].map(crate::testing::row);
-        // The second was taken while everything took twice as long.
-        put_times(&mut rows, &[batch(1.0, "a", 3.0), batch(2.0, "b", 6.0), batch(1.0, "c", 0.5)]);
+        // Everything took twice as long during the second.
+        let batches = [(1.0, "a", 3.0), (2.0, "b", 6.0), (1.0, "c", 0.5)];
+        put_times(&mut rows, &batches.map(|(anchor, key, load)| batch(anchor, &[(key, time(load))])));
         let loads: Vec<f64> = rows.iter().filter_map(Row::load).collect();
         assert_eq!(loads, [3.0, 3.0, 0.5]);
         assert_eq!(rows[1].time.unwrap().p50_us, 30.0);
-        // A stall takes what it takes.
+        // A stall is not scaled.
         assert_eq!(rows[1].time.unwrap().max_us, 4000.0);
     }
 
     #[test]
-    fn a_setting_of_which_a_node_failed_while_it_was_timed_cannot_be_chosen() {
-        let time = |faults| Ok(Time { load_percent: 1.0, faults, ..Time::default() });
-        let rows = vec![("a".into(), time(0)), ("b".into(), time(3))];
-        let batch =
-            Batch { empty: Time::default(), anchor: Time { load_percent: 1.0, ..Time::default() }, rows };
+    fn setting_with_a_fault_during_timing_is_not_sound() {
+        let time = |faults| Time { faults, ..time(1.0) };
         let mut rows = ["a", "b"].map(crate::testing::row);
         rows[1].faults = 2;
-        put_times(&mut rows, &[batch]);
+        put_times(&mut rows, &[batch(1.0, &[("a", time(0)), ("b", time(3))])]);
         assert_eq!((rows[0].sound(), rows[1].sound(), rows[1].faults), (true, false, 5));
     }
 
     #[test]
-    fn the_middle_of_an_even_number_lies_between() {
+    fn median_of_an_even_count_lies_between() {
         assert_eq!(median(vec![4.0, 1.0, 2.0, 3.0]), 2.5);
         assert_eq!(median(vec![4.0, 1.0, 2.0]), 2.0);
         assert_eq!(median(Vec::new()), 0.0);

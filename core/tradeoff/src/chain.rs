@@ -1,4 +1,4 @@
-//! One run of a setting: what goes where, taken down.
+//! Renders a setting, and records its signals.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -6,6 +6,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use asperity_actuator::{ActuatorProfile, Drive, Dynamics, Plant};
 use asperity_checks::{Rig, Subject, played::Motion};
+use asperity_diagnostics::ron::{Kind, Value};
 use asperity_diagnostics::{Diagnostic, Place};
 use asperity_dsp::Framing;
 use asperity_engine::{Engine, Options};
@@ -13,60 +14,62 @@ use asperity_graph::{GraphFile, Schedule};
 use asperity_node::{Buffer, Latency, NodeKind, Registry, Shape, Unit};
 use asperity_texture::Library;
 
-/// Where a stylus is at a time in s: x, y, z in mm, z up.
+use crate::knob::{has, set};
+
+/// Path of a stylus: x, y, z in mm over the time in s; z is up.
 pub type Path3 = Arc<dyn Fn(f64) -> [f64; 3] + Send + Sync>;
 
-/// A graph under a stylus that goes one of several ways, ready to run.
+/// A compiled graph with a stylus that follows one of several paths.
 pub struct Chain {
     engine: Engine,
     schedule: Arc<Schedule>,
     places: Places,
-    /// Number of the way that is gone.
-    way: Arc<AtomicUsize>,
+    /// Index of the path.
+    path: Arc<AtomicUsize>,
     /// The actuator, at rest.
     plant: Option<Plant>,
-    /// Faults before this run.
+    /// Faults before this render.
     faults: u64,
 }
 
-/// Nodes and outputs where something is heard.
+/// Recorded signals, as indices of node and output.
 #[derive(Clone, Debug, Default)]
 struct Places {
-    /// Frames of magnitudes that a node retrieves phase from, and the first audio behind.
+    /// Magnitudes that a node retrieves phase from, and the first audio signal behind it.
     frames: Option<(usize, usize)>,
     signal: Option<(usize, usize)>,
-    /// Latency of what lies between the two.
+    /// Latency between the two.
     between: Latency,
     /// The last acceleration at the audio rate.
     felt: Option<(usize, usize)>,
-    /// What drives the coil.
+    /// The signal that drives the coil.
     drive: Option<(usize, usize)>,
     plant: Option<Plant>,
 }
 
-/// What was heard in a run.
+/// Recorded signals of a render.
 #[derive(Clone, Debug, Default)]
-pub struct Heard {
-    /// The frames from which phase is retrieved, unscaled as a DFT has them, and how they lie; empty where there are none.
+pub struct Rendered {
+    /// Magnitudes that phase is retrieved from, unscaled as of a DFT; empty where there are none.
     pub frames: Vec<f32>,
-    /// How they lie.
+    /// Layout of the frames.
     pub framing: Option<Framing>,
-    /// What was made of them, at their rate; sample 0 is the first of frame 0.
+    /// The signal retrieved from them, at their rate; sample 0 is the first of frame 0.
     pub signal: Vec<f64>,
-    /// The acceleration nearest to the actuator \[m/s^2\].
+    /// The last acceleration before the actuator \[m/s^2\].
     pub felt: Vec<f32>,
-    /// What drives the coil \[A or V\].
+    /// The signal that drives the coil \[A or V\].
     pub drive: Vec<f32>,
-    /// The acceleration of the simulated handle that this drive leads to \[m/s^2\]; empty where there is no actuator.
+    /// Acceleration of the simulated handle under this drive \[m/s^2\]; empty without an actuator.
     pub handle: Vec<f64>,
-    /// Rate of the last three.
+    /// Rate of `felt`, `drive` and `handle` \[Hz\].
     pub rate_hz: u32,
-    /// How often nodes failed.
+    /// Faults of nodes.
     pub faults: u64,
 }
 
-impl Heard {
-    /// What the hand feels: the handle, or what is nearest to it.
+impl Rendered {
+    /// Acceleration at the hand \[m/s^2\]: of the handle, otherwise `felt`.
     pub fn acceleration(&self) -> Vec<f64> {
         if self.handle.is_empty() {
             self.felt.iter().map(|x| f64::from(*x)).collect()
@@ -75,39 +78,35 @@ impl Heard {
         }
     }
 
-    /// What is furthest down the chain, for comparing one run with another.
-    pub fn last(&self) -> &[f32] {
+    /// The last signal of the chain.
+    pub(crate) fn last(&self) -> &[f32] {
         if self.drive.is_empty() { &self.felt } else { &self.drive }
     }
 }
 
-/// A graph with a material, and a seed of its own.
+/// A graph with another material and seed.
 pub(crate) fn over(graph: &GraphFile, registry: &Registry, material: Option<&str>, seed: u64) -> GraphFile {
     let mut graph = graph.clone();
     graph.seed = seed;
     let Some(material) = material else { return graph };
     for node in graph.nodes.iter_mut().filter(|n| is_network(registry, &n.kind)) {
         let place = node.place.clone();
-        let value = asperity_diagnostics::ron::Value::made(
-            asperity_diagnostics::ron::Kind::Text(material.to_owned()),
-            &place,
-        );
-        crate::knob::set(node, "material", &value);
-        // A scene's network has a slot for each of its surfaces' materials: all are this one.
+        let value = Value::made(Kind::Text(material.to_owned()), &place);
+        set(node, "material", &value);
+        // A scene's network has a slot for each surface: all get this material.
         let more = node.params.iter().find(|p| p.name == "materials").and_then(|p| p.value.list().ok());
         if let Some(slots) = more.map(<[_]>::len) {
-            let all = asperity_diagnostics::ron::Kind::List(vec![value; slots]);
-            crate::knob::set(node, "materials", &asperity_diagnostics::ron::Value::made(all, &place));
+            set(node, "materials", &Value::made(Kind::List(vec![value; slots]), &place));
         }
     }
     graph
 }
 
-/// Looks for materials in the libraries that a graph's networks read.
+/// Checks that the libraries of a graph's networks have these materials.
 ///
 /// # Errors
-/// A material that a library does not have, at its place, with the nearest name; a library that cannot be read.
-pub(crate) fn know<'m>(
+/// A missing material, at its place, with the nearest name; a library that cannot be read.
+pub(crate) fn check_materials<'m>(
     graph: &GraphFile,
     registry: &Registry,
     materials: impl Iterator<Item = &'m (String, Place)> + Clone,
@@ -124,26 +123,26 @@ pub(crate) fn know<'m>(
     Ok(())
 }
 
-/// Whether a kind makes magnitudes of a material of a library.
+/// Whether a kind renders a material of a library.
 pub(crate) fn is_network(registry: &Registry, kind: &str) -> bool {
-    ["library", "material"].iter().all(|param| crate::knob::has(registry, kind, param).is_some())
+    ["library", "material"].iter().all(|param| has(registry, kind, param).is_some())
 }
 
 impl Chain {
-    /// Compiles a graph, with a stylus that goes one of these ways in the place of what moves its own; the first to begin with.
+    /// Compiles a graph. Its stylus is replaced by one that follows the first of these paths.
     ///
     /// # Errors
-    /// What the compiler says; nothing that moves a stylus.
+    /// Those of the compiler; a graph without a stylus.
     pub fn new(
         graph: &GraphFile,
         registry: &Registry,
-        ways: Vec<Path3>,
+        paths: Vec<Path3>,
         options: Options,
     ) -> Result<Self, Diagnostic> {
-        let (way, tick_hz) = (Arc::new(AtomicUsize::new(0)), f64::from(graph.tick_hz));
-        let gone = way.clone();
+        let (path, tick_hz) = (Arc::new(AtomicUsize::new(0)), f64::from(graph.tick_hz));
+        let chosen = path.clone();
         let motion: Motion = Arc::new(move |tick| {
-            ways.get(gone.load(Ordering::Relaxed)).map_or([0.0; 3], |at| at(tick as f64 / tick_hz))
+            paths.get(chosen.load(Ordering::Relaxed)).map_or([0.0; 3], |at| at(tick as f64 / tick_hz))
         });
         let (graph, kinds) = Rig::with_stylus(graph, registry, &motion)
             .map_err(|why| Diagnostic::new(why).in_file(graph.source.path()))?;
@@ -152,40 +151,40 @@ impl Chain {
         let schedule = Arc::new(compiled.schedule.clone());
         let places = Places::new(&schedule, registry)?;
         let plant = places.plant.clone();
-        Ok(Self { engine: Engine::new(compiled, options), schedule, places, way, plant, faults: 0 })
+        Ok(Self { engine: Engine::new(compiled, options), schedule, places, path, plant, faults: 0 })
     }
 
-    /// Begins anew, on another way; one that is not there leaves the stylus at 0.
-    pub fn play(&mut self, way: usize) {
-        self.way.store(way, Ordering::Relaxed);
+    /// Resets the graph, and lets the stylus follow the path of this index.
+    pub(crate) fn play(&mut self, path: usize) {
+        self.path.store(path, Ordering::Relaxed);
         self.faults = self.engine.faults();
         self.engine.reset();
         self.places.plant = self.plant.clone();
     }
 
-    /// How often nodes failed, in all runs.
-    pub fn faults(&self) -> u64 {
+    /// Faults of nodes, in all renders.
+    pub(crate) fn faults(&self) -> u64 {
         self.engine.faults()
     }
 
-    /// What is run.
-    pub fn schedule(&self) -> &Schedule {
+    /// The schedule.
+    pub(crate) fn schedule(&self) -> &Schedule {
         &self.schedule
     }
 
     /// The engine.
-    pub fn engine(&mut self) -> &mut Engine {
+    pub(crate) fn engine(&mut self) -> &mut Engine {
         &mut self.engine
     }
 
-    /// Node and output of the last acceleration at the audio rate, else of what drives the coil.
-    pub fn nearest(&self) -> Option<(usize, usize)> {
+    /// Node and output of the last acceleration at the audio rate; otherwise of the coil's drive.
+    pub(crate) fn output(&self) -> Option<(usize, usize)> {
         self.places.felt.or(self.places.drive)
     }
 
-    /// Declared latency from the frames, or else from anything, to the last acceleration or drive: of ways side by side the longest.
-    pub fn latency(&self) -> Latency {
-        let Some((end, _)) = self.nearest() else { return self.schedule.latency() };
+    /// Declared latency from the frames, or from the inputs, to [`output`](Self::output): the longest path.
+    pub(crate) fn latency(&self) -> Latency {
+        let Some((end, _)) = self.output() else { return self.schedule.latency() };
         let begin = self.places.frames.map(|(node, _)| node);
         let nodes = &self.schedule.nodes;
         let mut late: Vec<Option<Latency>> = vec![None; nodes.len()];
@@ -197,10 +196,10 @@ impl Chain {
         late.get(end).copied().flatten().unwrap_or_default()
     }
 
-    /// Runs for so many seconds and takes everything down.
-    pub fn hear(&mut self, seconds: f64) -> Heard {
+    /// Renders so many seconds, and records all signals.
+    pub fn render(&mut self, seconds: f64) -> Rendered {
         let ticks = (seconds * f64::from(self.schedule.tick_hz)).round() as u64;
-        let mut heard = Heard { rate_hz: self.schedule.audio_hz, ..Heard::default() };
+        let mut out = Rendered { rate_hz: self.schedule.audio_hz, ..Rendered::default() };
         let mut frames = self.places.frames.and_then(|at| Frames::new(&self.schedule, at));
         let mut signal = Vec::new();
         for _ in 0..ticks {
@@ -209,27 +208,26 @@ impl Chain {
                 frames.take(self.engine.output(node, output));
             }
             signal.extend(self.samples(self.places.signal).iter().map(|x| f64::from(*x)));
-            heard.felt.extend_from_slice(self.samples(self.places.felt));
-            let (from, drive) = (heard.drive.len(), self.samples(self.places.drive));
-            heard.drive.extend_from_slice(drive);
+            out.felt.extend_from_slice(self.samples(self.places.felt));
+            let (from, drive) = (out.drive.len(), self.samples(self.places.drive));
+            out.drive.extend_from_slice(drive);
             if let Some(plant) = &mut self.places.plant {
-                heard
-                    .handle
-                    .extend(heard.drive[from..].iter().map(|u| plant.step(f64::from(*u)).acceleration));
+                let step = |u: &f32| plant.step(f64::from(*u)).acceleration;
+                out.handle.extend(out.drive[from..].iter().map(step));
             }
         }
         if let Some(frames) = frames {
-            heard.signal = earlier(signal, self.places.between, frames.framing.rate_hz);
-            (heard.frames, heard.framing) = (frames.values, Some(frames.framing));
+            out.signal = earlier(signal, self.places.between, frames.framing.rate_hz);
+            (out.frames, out.framing) = (frames.values, Some(frames.framing));
         }
-        heard.faults = self.engine.faults() - self.faults;
-        heard
+        out.faults = self.engine.faults() - self.faults;
+        out
     }
 
-    /// Runs for so many seconds and answers the acceleration before the inverse, or what is nearest to it.
-    pub fn felt(&mut self, seconds: f64) -> (Vec<f32>, u32) {
+    /// Renders so many seconds of [`output`](Self::output). Returns the samples and their rate \[Hz\].
+    pub(crate) fn render_output(&mut self, seconds: f64) -> (Vec<f32>, u32) {
         let ticks = (seconds * f64::from(self.schedule.tick_hz)).round() as u64;
-        let at = self.nearest();
+        let at = self.output();
         let mut felt = Vec::new();
         for _ in 0..ticks {
             self.engine.tick();
@@ -246,7 +244,7 @@ impl Chain {
     }
 }
 
-/// A signal without the latency that it has; what came early begins with silence.
+/// A signal without its latency. A negative latency becomes leading silence.
 fn earlier(signal: Vec<f64>, latency: Latency, rate_hz: u32) -> Vec<f64> {
     let (num, den) = latency.as_ratio();
     let late = (i128::from(num) * i128::from(rate_hz)).div_euclid(i128::from(den)) as i64;
@@ -256,7 +254,7 @@ fn earlier(signal: Vec<f64>, latency: Latency, rate_hz: u32) -> Vec<f64> {
     }
 }
 
-/// Frames as they come.
+/// Recorded frames.
 struct Frames {
     framing: Framing,
     values: Vec<f32>,
@@ -280,7 +278,7 @@ impl Frames {
 
     fn take(&mut self, buffer: Option<&Buffer>) {
         if let Some(Buffer::Magnitude { bins, frame: Some((number, _)), .. }) = buffer {
-            // A frame that did not come is one of zeros.
+            // A missing frame is zero.
             self.values.resize(*number as usize * self.framing.bins, 0.0);
             self.values.extend(bins.iter().map(|x| x * self.scale));
         }
@@ -322,7 +320,7 @@ impl Places {
     }
 }
 
-/// The actuator that the last stage before the coil is made for.
+/// The actuator of the last stage before the coil.
 fn plant(schedule: &Schedule, (node, output): (usize, usize)) -> Result<Option<Plant>, Diagnostic> {
     let mut stages = schedule.nodes.iter().filter(|n| n.params.get("handle_mass_g").is_some());
     let Some(stage) = stages.rfind(|n| n.params.get("profile").is_some()) else { return Ok(None) };
@@ -341,16 +339,16 @@ mod tests {
     use super::*;
     use asperity_diagnostics::{Source, Span};
 
-    fn graph(text: &str) -> GraphFile {
+    fn graph(nodes: &str) -> GraphFile {
         let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../graphs/g.ron");
-        let text = format!("Graph(version: 1, nodes: {{{text}}}, wires: [])");
-        GraphFile::parse(&Source::new(path, text)).unwrap()
+        crate::testing::graph_of(path, nodes, "")
     }
 
     #[test]
-    fn all_slots_of_a_scenes_network_have_the_studys_material() {
+    fn all_slots_of_a_scene_get_the_material() {
         let graph = graph(
-            r#""t": (kind: "texture_network", params: (material: "oak", materials: ["cut pile", "canvas"])), "u": (kind: "texture_network", params: (material: "oak"))"#,
+            r#""t": (kind: "texture_network", params: (material: "oak", materials: ["cut pile", "canvas"])),
+            "u": (kind: "texture_network", params: (material: "oak"))"#,
         );
         let registry = asperity_nodes::registry();
         let over = over(&graph, &registry, Some("leather"), 7);
@@ -364,9 +362,10 @@ mod tests {
     }
 
     #[test]
-    fn a_material_that_the_library_does_not_have_is_told_where_it_stands() {
+    fn unknown_material_is_reported_at_its_place() {
         let graph = graph(
-            r#""t": (kind: "texture_network", params: (library: "models/surfaces/materials.ron", material: "oak"))"#,
+            r#""t": (kind: "texture_network",
+                params: (library: "models/surfaces/materials.ron", material: "oak"))"#,
         );
         let registry = asperity_nodes::registry();
         let source = Source::new("s.ron", r#"["canvas", "canvsa"]"#);
@@ -374,8 +373,8 @@ mod tests {
             (name.to_owned(), Place { span: Span { start, end: start + 8 }, source: source.clone() })
         };
         let [known, unknown] = [at("canvas", 1), at("canvsa", 11)];
-        know(&graph, &registry, [&known].into_iter()).unwrap();
-        let e = know(&graph, &registry, [&known, &unknown].into_iter()).unwrap_err().to_string();
+        check_materials(&graph, &registry, [&known].into_iter()).unwrap();
+        let e = check_materials(&graph, &registry, [&known, &unknown].into_iter()).unwrap_err().to_string();
         assert!(e.starts_with("s.ron:1:12:") && e.contains("did you mean `canvas`?"), "{e}");
     }
 }
