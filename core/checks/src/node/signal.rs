@@ -1,30 +1,30 @@
-//! What comes in: signals for any type of port, each a function of a seed and the tick.
+//! Signals for any type of port: each is a function of a seed and the tick.
 
 use asperity_node::{Buffer, Complex, FrameClock, PortType, Shape, random, time};
 
-/// What a source puts out.
+/// A signal at an input.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Signal {
     /// Uniform in -1 to 1; magnitudes 0 to 1.
     Random,
-    /// Zeros that are not known to be silence.
+    /// Zeros that are not marked as silent.
     Zero,
-    /// Below the least normal number, of f64 and of f32.
+    /// Denormal numbers of f64 and of f32.
     Denormal,
     /// Up to 1e6.
     Huge,
-    /// Frames up to 1e30; all else up to 1e6.
+    /// Frames up to 1e30, other signals up to 1e6.
     Enormous,
     /// -2, -1, 0, 1 and 2, held for 37 values each.
     Steps,
     /// NaN, infinities and negative magnitudes among random numbers.
     Bad,
-    /// Random levels from 1e-9 to 1e4, with stretches of silence of random length and frames that do not come.
+    /// Noise at random levels from 1e-9 to 1e4, with silences of random length and frames that do not come.
     Scattered,
 }
 
 impl Signal {
-    /// The word a person reads.
+    /// Its name in texts.
     pub(crate) fn word(self) -> &'static str {
         match self {
             Signal::Random => "random",
@@ -48,7 +48,7 @@ pub(crate) struct Feed {
     clock: Option<FrameClock>,
 }
 
-/// Ticks of a block of [`Signal::Scattered`], in which there is one stretch of silence.
+/// Ticks of a block of [`Signal::Scattered`], which has one silence.
 const BLOCK: u64 = 64;
 
 impl Feed {
@@ -61,7 +61,7 @@ impl Feed {
         Self { signal, seed, port: port.clone(), clock }
     }
 
-    /// Whether nothing comes in this tick.
+    /// Whether the signal is silent in this tick.
     fn is_silent(&self, tick: u64) -> bool {
         if self.signal != Signal::Scattered {
             return false;
@@ -71,7 +71,7 @@ impl Feed {
         draw(2) < 0.2 || (tick % BLOCK).wrapping_sub(start) < len
     }
 
-    /// How loud a tick is.
+    /// Level of a tick.
     fn level(&self, tick: u64) -> f64 {
         match self.signal {
             Signal::Scattered => 10_f64.powf(13.0 * random::uniform(self.seed ^ 0x1e7e, tick / 16) - 9.0),
@@ -97,13 +97,13 @@ impl Feed {
         }
     }
 
-    /// A magnitude: not negative, unless it is to be bad.
+    /// A magnitude: negative only in a bad signal.
     fn magnitude(&self, index: u64) -> f64 {
         let x = self.value(index);
         if self.signal == Signal::Bad { x } else { x.abs() }
     }
 
-    /// Fills a buffer with what comes in a tick; nothing where `muted`.
+    /// Fills a buffer for a tick: silent where `muted`.
     pub(crate) fn fill(&self, buffer: &mut Buffer, tick: u64, tick_hz: u32, muted: bool) {
         let quiet = muted || self.is_silent(tick);
         let level = self.level(tick);
@@ -148,7 +148,7 @@ impl Feed {
         }
     }
 
-    /// Number and first sample of the frame of a tick. Of scattered frames every fourth does not come.
+    /// Number and first sample of the frame of a tick. A fourth of the scattered frames does not come.
     fn frame(&self, tick: u64) -> Option<(u64, u64)> {
         let frame = self.clock.as_ref()?.frame(tick)?;
         let lost =
@@ -168,7 +168,7 @@ mod tests {
     use asperity_node::Unit;
 
     #[test]
-    fn scattered_frames_come_in_and_stay_away_for_long() {
+    fn scattered_signal_has_long_silences() {
         let port = PortType { shape: Shape::Audio { rate_hz: 48_000 }, unit: Unit::NONE, limited: false };
         let feed = Feed::new(Signal::Scattered, 3, &port, 500, 1);
         let mut buffer = Buffer::new(&port, 500);

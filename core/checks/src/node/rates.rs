@@ -1,11 +1,12 @@
-//! Whatever it is put among.
+//! Rates, layouts and wires of every kind.
 
 use asperity_node::{LayoutSpec, RateSpec, Shape, ShapeSpec};
 
-use super::{Found, Not, main, not_applicable};
-use crate::conformance::place::{Conditions, Place};
-use crate::conformance::signal::Signal;
-use crate::conformance::subject::Subject;
+use super::main;
+use super::place::{Conditions, Place};
+use super::signal::Signal;
+use crate::case::{Found, fails, not_applicable};
+use crate::subject::Subject;
 
 /// Ticks in each place.
 const TICKS: u64 = 120;
@@ -25,11 +26,11 @@ fn run(subject: &Subject<'_>, places: &[Conditions]) -> Found {
         ran += 1;
         let ticks = TICKS * u64::from(conditions.every);
         if let Some(wrong) = place.stand(subject, Signal::Random, false)?.run(0..ticks).wrong {
-            return Err(Not::Failed(format!("{wrong} ({conditions})")));
+            return fails(format!("{wrong} ({conditions})"));
         }
     }
     match (ran, refused.first()) {
-        (0, Some(why)) => Err(Not::Failed(format!("refused everywhere; {why}"))),
+        (0, Some(why)) => fails(format!("refused everywhere; {why}")),
         (_, Some(why)) => Ok(format!("{ran} settings; refused in {}: {why}", refused.len())),
         (_, None) => Ok(format!("{ran} settings")),
     }
@@ -56,12 +57,12 @@ pub(super) fn rates(subject: &Subject<'_>) -> Found {
     }
     let ports = || main.inputs.iter().chain(&main.outputs).filter_map(|w| w.port.as_ref());
     let audio = ports().any(|p| matches!(p.shape, Shape::Audio { .. }));
-    let like = subject.kind.descriptor().inputs.iter().any(|i| matches!(i.shape, ShapeSpec::Like(_)));
+    let like = main.kind.descriptor().inputs.iter().any(|i| matches!(i.shape, ShapeSpec::Like(_)));
     if like && audio {
         let control = Conditions { like: ShapeSpec::Control(2), ..first };
         places.extend([100, 333, 1000, 4000].map(|tick_hz| Conditions { tick_hz, ..control }));
     }
-    // Audio must run every tick.
+    // Audio runs in every tick.
     if !audio {
         places.extend([2, 3, 10].map(|every| Conditions { tick_hz: 1000, every, ..first }));
     }
@@ -73,7 +74,7 @@ pub(super) fn layouts(subject: &Subject<'_>) -> Found {
     let any = |s: &ShapeSpec| {
         matches!(s, ShapeSpec::Magnitude(LayoutSpec::Of(_)) | ShapeSpec::Spectrum(LayoutSpec::Of(_)))
     };
-    if !subject.kind.descriptor().inputs.iter().any(|i| any(&i.shape)) {
+    if !main(subject)?.kind.descriptor().inputs.iter().any(|i| any(&i.shape)) {
         return not_applicable("no input takes any layout");
     }
     let frames = [
@@ -99,7 +100,7 @@ pub(super) fn layouts(subject: &Subject<'_>) -> Found {
 
 pub(super) fn unconnected(subject: &Subject<'_>) -> Found {
     let main = main(subject)?;
-    let inputs = &subject.kind.descriptor().inputs;
+    let inputs = &main.kind.descriptor().inputs;
     let optional: Vec<usize> =
         (0..main.inputs.len().min(64)).filter(|&i| inputs.get(i).is_some_and(|p| p.optional)).collect();
     if optional.is_empty() {
@@ -109,7 +110,7 @@ pub(super) fn unconnected(subject: &Subject<'_>) -> Found {
     let mut places: Vec<Conditions> =
         optional.iter().map(|i| Conditions { without: 1 << i, ..main.conditions }).collect();
     places.push(Conditions { without: all, ..main.conditions });
-    // With nothing wired, the graph's rate is what is left.
+    // Without any wire, only the graph's rate is known.
     places.push(Conditions {
         without: all,
         source_hz: 48_000,

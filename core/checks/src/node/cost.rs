@@ -1,16 +1,17 @@
-//! What it costs: memory and time.
+//! Allocations and time of a node.
 
 use std::time::Instant;
 
-use super::{Found, Not, main, not_applicable};
-use crate::conformance::cases::input::somewhere;
-use crate::conformance::signal::Signal;
-use crate::conformance::subject::{Heap, Subject, Touched};
+use super::input::somewhere;
+use super::main;
+use super::signal::Signal;
+use crate::case::{Found, fails, not_applicable};
+use crate::subject::{Heap, Subject, Touched};
 
 /// Ticks on each signal while the heap is watched.
 const TICKS: u64 = 1000;
 
-/// What one function did to the heap.
+/// Allocations of one function.
 struct Counted<'a> {
     heap: &'a dyn Heap,
     what: &'static str,
@@ -42,7 +43,10 @@ impl<'a> Counted<'a> {
         let Touched { taken, freed } = self.sum;
         let (what, touching, calls) = (self.what, self.touching, self.calls);
         self.first.map(|first| {
-            format!("{what} allocated {taken} and freed {freed} times in {touching} of {calls} calls, first at tick {first}")
+            format!(
+                "{what} allocated {taken} and freed {freed} times in {touching} of {calls} calls, \
+                 first at tick {first}"
+            )
         })
     }
 }
@@ -55,7 +59,7 @@ pub(super) fn allocation(subject: &Subject<'_>) -> Found {
     let mut counted = all.map(|what| Counted::new(heap, what));
     let [process, reset, set, save, restore, elapsed] = &mut counted;
     let mut bytes = vec![0; stand.processor.state_size()];
-    let params = &subject.kind.descriptor().params;
+    let params = &main(subject)?.kind.descriptor().params;
     let mut tick = 0;
     for signal in [Signal::Random, Signal::Scattered, Signal::Zero, Signal::Huge, Signal::Bad, Signal::Random]
     {
@@ -67,7 +71,7 @@ pub(super) fn allocation(subject: &Subject<'_>) -> Found {
             stand.conclude(answer);
             tick += 1;
         }
-        // What they answer is seen by other cases.
+        // Other cases look at the answers.
         let it = &mut stand.processor;
         for (i, p) in params.iter().enumerate() {
             if let Some(value) = somewhere(p, 0.3) {
@@ -83,26 +87,30 @@ pub(super) fn allocation(subject: &Subject<'_>) -> Found {
     let found: Vec<String> = counted.iter().filter_map(Counted::found).collect();
     match found.first() {
         Some(what) if allowed => not_applicable(format!("it says that it allocates: {what}")),
-        Some(_) => Err(Not::Failed(found.join("; "))),
+        Some(_) => fails(found.join("; ")),
         None if allowed => not_applicable(format!("it says that it allocates, and did not in {tick} ticks")),
         None => Ok(format!("none in {tick} ticks")),
     }
 }
 
-/// How long a call takes, in microseconds.
+/// Time of a call.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TickTime {
-    /// Half of the calls take less.
+    /// Median \[us\].
     pub median_us: f64,
-    /// 99 of 100 take less.
+    /// 99th percentile \[us\].
     pub p99_us: f64,
-    /// The longest.
+    /// Longest \[us\].
     pub max_us: f64,
-    /// How many were measured.
+    /// Number of calls.
     pub calls: u64,
 }
 
-pub(super) fn time(subject: &Subject<'_>) -> Result<TickTime, String> {
+/// Measures how long a call of the kind takes, for information: no case asks for a bound.
+///
+/// # Errors
+/// The kind cannot be prepared, or it fails.
+pub fn tick_time(subject: &Subject<'_>) -> Result<TickTime, String> {
     subject.doing("time per tick");
     let mut stand = subject.stand(Signal::Random)?;
     let calls = subject.ticks.clamp(100, 20_000);

@@ -1,4 +1,4 @@
-//! One instance, driven directly: what the engine does around a call, without containing anything.
+//! One instance that a case calls itself: as the engine does, but without containing anything.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
@@ -7,12 +7,12 @@ use asperity_node::{
     Buffer, Complex, Fault, InputRef, Inputs, Outputs, Processor, Shape, Status, Tick, time,
 };
 
-use crate::conformance::place::Place;
-use crate::conformance::signal::{Feed, Signal};
-use crate::conformance::subject::Subject;
-use crate::conformance::trace::{Trace, is_finite};
+use crate::buffers::{finite, hash};
+use crate::node::place::Place;
+use crate::node::signal::{Feed, Signal};
+use crate::subject::Subject;
 
-/// Samples of room behind those of a tick, in which nothing may be written.
+/// Samples behind those of a tick, which a node must leave alone.
 const ROOM: usize = 64;
 
 /// An instance with its inputs and outputs.
@@ -25,18 +25,16 @@ pub(crate) struct Stand<'a> {
     pub(crate) inputs: Vec<Buffer>,
     pub(crate) outputs: Vec<Buffer>,
     closes_cycle: bool,
-    /// Nothing comes in.
+    /// Whether the inputs are silent.
     pub(crate) muted: bool,
     calls: u64,
 }
 
-/// What some ticks led to.
+/// Results of some ticks.
 pub(crate) struct Run {
     pub(crate) trace: Trace,
-    /// What first went wrong: a fault, or an output that is not finite.
+    /// The first fault, or the first output that is not finite.
     pub(crate) wrong: Option<String>,
-    /// The last tick with an output that was not finite, or a fault.
-    pub(crate) last_wrong: Option<u64>,
 }
 
 impl<'a> Stand<'a> {
@@ -70,12 +68,12 @@ impl<'a> Stand<'a> {
         Self { processor, place, subject, feeds, map, inputs, outputs, closes_cycle, muted: false, calls: 0 }
     }
 
-    /// Another signal from now on.
+    /// Plays another signal from now on.
     pub(crate) fn play(&mut self, signal: Signal) {
         self.feeds.iter_mut().flatten().for_each(|f| f.signal = signal);
     }
 
-    /// Back to the beginning, with outputs as at the start.
+    /// Resets the node, its inputs and its controls.
     pub(crate) fn reset(&mut self) -> Result<(), String> {
         let processor = &mut self.processor;
         contained(|| processor.reset()).map_err(|f| format!("reset {f}"))?;
@@ -97,7 +95,7 @@ impl<'a> Stand<'a> {
         if self.calls.is_multiple_of(32) {
             self.subject.alive();
         }
-        // What closes a cycle runs before its inputs are there.
+        // A node that closes a cycle runs before its inputs are there.
         if !self.closes_cycle {
             self.fill(tick);
         }
@@ -123,7 +121,7 @@ impl<'a> Stand<'a> {
         }
     }
 
-    /// The calls that the engine makes in a tick, and nothing else: what is measured is measured around this.
+    /// Makes the calls of the engine in a tick, and nothing else, so that it can be measured.
     pub(crate) fn call(&mut self, tick: u64) -> Result<Status, Fault> {
         let _flushed = Flushed::new();
         let hz = self.place.conditions.tick_hz;
@@ -151,7 +149,7 @@ impl<'a> Stand<'a> {
         }
     }
 
-    /// Takes outputs that were said to be silent at their word.
+    /// Silences the outputs that the node says are silent.
     pub(crate) fn conclude(&mut self, answer: Result<Status, Fault>) {
         if matches!(answer, Ok(Status::Quiet | Status::Asleep)) {
             self.outputs.iter_mut().for_each(hush);
@@ -160,10 +158,13 @@ impl<'a> Stand<'a> {
 
     /// The first output that is not finite.
     pub(crate) fn not_finite(&self) -> Option<usize> {
-        self.outputs.iter().position(|b| !is_finite(b))
+        self.outputs.iter().position(|b| !is_well(b))
     }
 
-    /// One tick; `Err` with what went wrong.
+    /// Runs one tick.
+    ///
+    /// # Errors
+    /// A fault, or an output that is not finite.
     pub(crate) fn tick(&mut self, tick: u64, trace: &mut Trace) -> Result<Status, String> {
         self.set_up(tick);
         let answer = self.call(tick);
@@ -176,17 +177,27 @@ impl<'a> Stand<'a> {
         }
     }
 
-    /// All ticks of a range in which the node runs.
+    /// Runs all ticks of a range in which the node is called.
     pub(crate) fn run(&mut self, ticks: std::ops::Range<u64>) -> Run {
-        let mut run =
-            Run { trace: Trace::new(self.outputs.len(), ticks.start), wrong: None, last_wrong: None };
+        let mut run = Run { trace: Trace::new(self.outputs.len(), ticks.start), wrong: None };
         for tick in ticks.filter(|t| t.is_multiple_of(u64::from(self.place.conditions.every))) {
             if let Err(wrong) = self.tick(tick, &mut run.trace) {
                 run.wrong.get_or_insert(wrong);
-                run.last_wrong = Some(tick);
             }
         }
         run
+    }
+
+    /// Writes the mark into every bin of the outputs.
+    pub(crate) fn mark(&mut self) {
+        let mark = f32::from_bits(UNWRITTEN);
+        for buffer in &mut self.outputs {
+            match buffer {
+                Buffer::Magnitude { bins, .. } => bins.fill(mark),
+                Buffer::Spectrum { bins, .. } => bins.fill(Complex::new(mark, mark)),
+                Buffer::Control { .. } | Buffer::Audio { .. } => {}
+            }
+        }
     }
 
     pub(crate) fn output_name(&self, output: usize) -> &str {
@@ -206,12 +217,12 @@ fn view<'b>(
     Tick { index, tick_hz, inputs, outputs: Outputs::new(outputs) }
 }
 
-/// Runs a node's code; a panic is a fault.
+/// Runs a node's code and turns a panic into a fault.
 pub(crate) fn contained<T>(f: impl FnOnce() -> Result<T, Fault>) -> Result<T, Fault> {
     catch_unwind(AssertUnwindSafe(f)).unwrap_or(Err(Fault::Panicked))
 }
 
-/// A fault in words. The loader has one code for an answer that the interface does not know.
+/// A fault in words. The loader has one code for an unknown status.
 pub(crate) fn described(fault: Fault) -> String {
     match fault {
         Fault::Failed(u32::MAX) => format!("{fault} (or answered a status that does not exist)"),
@@ -219,7 +230,7 @@ pub(crate) fn described(fault: Fault) -> String {
     }
 }
 
-/// Nothing comes.
+/// Makes a buffer silent.
 fn hush(buffer: &mut Buffer) {
     match buffer {
         Buffer::Control { changed, .. } => *changed = false,
@@ -231,19 +242,70 @@ fn hush(buffer: &mut Buffer) {
     }
 }
 
-/// What stands in the bins of an output before a call: a NaN that nobody writes.
+/// Mark in the bins of an output before a call: a NaN that no node writes.
 pub(crate) const UNWRITTEN: u32 = 0x7fc0_a5a5;
 
-impl Stand<'_> {
-    /// Puts a mark into every bin of the outputs.
-    pub(crate) fn mark(&mut self) {
-        let mark = f32::from_bits(UNWRITTEN);
-        for buffer in &mut self.outputs {
-            match buffer {
-                Buffer::Magnitude { bins, .. } => bins.fill(mark),
-                Buffer::Spectrum { bins, .. } => bins.fill(Complex::new(mark, mark)),
-                Buffer::Control { .. } | Buffer::Audio { .. } => {}
-            }
-        }
+/// Whether a buffer is finite or silent.
+pub(crate) fn is_well(buffer: &Buffer) -> bool {
+    matches!(buffer, Buffer::Audio { silent: true, .. }) || finite(buffer)
+}
+
+/// Outputs and answers tick by tick, as hashes, so that two runs can be compared to the bit.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Trace {
+    outputs: usize,
+    first: u64,
+    hashes: Vec<u64>,
+}
+
+impl Trace {
+    pub(crate) fn new(outputs: usize, first: u64) -> Self {
+        Self { outputs, first, hashes: Vec::new() }
+    }
+
+    pub(crate) fn push(&mut self, answer: Result<Status, Fault>, outputs: &[Buffer]) {
+        self.push_outputs(outputs.iter());
+        let [which, number] = match answer {
+            Ok(Status::Continue) => [1, 0],
+            Ok(Status::Quiet) => [2, 0],
+            Ok(Status::Asleep) => [3, 0],
+            Ok(Status::Tail(n)) => [4, n],
+            Ok(Status::Error(n)) | Err(Fault::Failed(n)) => [5, u64::from(n)],
+            Err(_) => [6, 0],
+        };
+        self.hashes.push(hash([which, number]));
+    }
+
+    /// Adds outputs alone, where the answer is unknown.
+    pub(crate) fn push_outputs<'b>(&mut self, outputs: impl Iterator<Item = &'b Buffer>) {
+        self.hashes.extend(outputs.map(|buffer| hash(crate::buffers::words(buffer))));
+    }
+
+    /// One number for all of it.
+    pub(crate) fn digest(&self) -> u64 {
+        hash(std::iter::once(self.outputs as u64).chain(self.hashes.iter().copied()))
+    }
+
+    /// The first difference of two runs.
+    pub(crate) fn first_difference(&self, other: &Self, name: impl Fn(usize) -> String) -> Option<String> {
+        let width = self.outputs + 1;
+        let at = self.hashes.iter().zip(&other.hashes).position(|(a, b)| a != b)?;
+        let what = match at % width {
+            o if o < self.outputs => format!("`{}`", name(o)),
+            _ => "its answer".to_owned(),
+        };
+        Some(format!("{what} differs first at call {}", self.first + (at / width) as u64))
+    }
+
+    /// The first difference of the outputs; `other` has no answers.
+    pub(crate) fn first_output_difference(
+        &self,
+        other: &Self,
+        name: impl Fn(usize) -> String,
+    ) -> Option<String> {
+        let ours = self.hashes.chunks(self.outputs + 1).flat_map(|row| &row[..self.outputs]);
+        let at = ours.zip(&other.hashes).position(|(a, b)| a != b)?;
+        let (output, tick) = (name(at % self.outputs), self.first + (at / self.outputs) as u64);
+        Some(format!("`{output}` differs first at tick {tick}"))
     }
 }

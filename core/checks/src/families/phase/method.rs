@@ -1,47 +1,46 @@
-//! Every kind that retrieves phase, between frames that a case plays and what is heard of them.
+//! Every kind that retrieves phase, between played frames and its output.
 
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
 
 use asperity_accuracy::phase::{self, Score};
 use asperity_dsp::Framing;
-use asperity_graph::GraphFile;
 use asperity_node::{Descriptor, FrameLayout, FrameRate, NodeKind, ParamKind, ParamValue};
 
 use crate::case::{Not, holds, not_applicable};
 use crate::played::{Frames, Played};
-use crate::rig::Rig;
-use crate::small::has_to_be_set;
+use crate::rig::{CaseGraph, Rig, has_to_be_set};
 use crate::subject::Subject;
 
 /// Frames a second.
-pub(super) const FRAMES_HZ: u32 = 500;
-/// Bins of a window of 0.1 s at 2500 Hz, with Nyquist's.
-pub(super) const BINS: u32 = 126;
-/// Bins of a window of 0.1 s at 500 Hz, with Nyquist's: as few as there can be, for runs of millions of frames.
-pub(super) const FEW_BINS: u32 = 26;
-/// The most samples by which a method may be early or late and still be followed \[s\].
+pub(crate) const FRAMES_HZ: u32 = 500;
+/// Bins of a window of 0.1 s at 2500 Hz, with that of Nyquist.
+pub(crate) const BINS: u32 = 126;
+/// Bins of a window of 0.1 s at 500 Hz: the least number, for runs of millions of frames.
+pub(crate) const FEW_BINS: u32 = 26;
+/// Largest latency that can be aligned \[s\].
 const MOST_LATE_S: f64 = 1.0;
 
-/// A kind that retrieves phase, in one of the ways in which it can be set.
-pub(super) struct Method {
+/// A kind that retrieves phase, with one of its settings.
+pub(crate) struct Method {
     kind: String,
     set: Option<(String, String)>,
     input: String,
-    /// Whether it answers spectra, so that an `overlap_add` has to follow; else it answers samples.
-    spectrum: bool,
+    /// Whether it gives spectra, so that an `overlap_add` follows; else it gives samples.
+    pub(crate) spectrum: bool,
 }
 
-/// All kinds that retrieve phase, as they are; and with `settings` also with each word of a choice, and with 0 where a whole number may be 0 and is not.
+/// All kinds that retrieve phase. With `settings`, also with each word of a choice, and with 0 for an integer that may
+/// be 0.
 ///
 /// # Errors
 /// There is none.
-pub(super) fn methods(subject: &Subject<'_>, settings: bool) -> Result<Vec<Method>, Not> {
+pub(crate) fn methods(subject: &Subject<'_>, settings: bool) -> Result<Vec<Method>, Not> {
     let mut all = Vec::new();
     for kind in subject.registry().iter() {
         let d = kind.descriptor();
         let Some(how) = d.retrieval() else { continue };
-        // What has to be set is nothing that a case could know.
+        // No case knows a value for a parameter that has to be set.
         if has_to_be_set(d, &[]) {
             continue;
         }
@@ -70,8 +69,8 @@ pub(super) fn methods(subject: &Subject<'_>, settings: bool) -> Result<Vec<Metho
     if all.is_empty() { not_applicable("no kind retrieves phase") } else { Ok(all) }
 }
 
-/// The methods that have this parameter with both of these words, set to the one and to the other.
-pub(super) fn methods_with(subject: &Subject<'_>, param: &str, words: [&str; 2]) -> Vec<[Method; 2]> {
+/// The methods that have a parameter with both of these words, set to the one and to the other.
+pub(crate) fn methods_with(subject: &Subject<'_>, param: &str, words: [&str; 2]) -> Vec<[Method; 2]> {
     let has = |kind: &dyn NodeKind| {
         let param = kind.descriptor().params.iter().find(|p| p.name == param);
         let known = |known: &[std::borrow::Cow<'_, str>]| words.iter().all(|w| known.iter().any(|k| k == w));
@@ -91,8 +90,8 @@ pub(super) fn methods_with(subject: &Subject<'_>, param: &str, words: [&str; 2])
 }
 
 impl Method {
-    /// What a person calls it.
-    pub(super) fn name(&self) -> String {
+    /// Its name in texts.
+    pub(crate) fn name(&self) -> String {
         match &self.set {
             Some((param, value)) => format!("{} ({param}: {value})", self.kind),
             None => self.kind.clone(),
@@ -100,42 +99,37 @@ impl Method {
     }
 
     /// Its kind.
-    pub(super) fn kind(&self) -> &str {
+    pub(crate) fn kind(&self) -> &str {
         &self.kind
     }
 
-    /// A run from the first frame on.
+    /// Begins a run at the first frame.
     ///
     /// # Errors
     /// What the compiler says.
-    pub(super) fn begin(
+    pub(crate) fn begin(
         &self,
         subject: &Subject<'_>,
         layout: FrameLayout,
         frames: Frames,
     ) -> Result<Heard, Not> {
-        let mut graph = GraphFile::empty("the case");
-        graph.tick_hz = layout.frame_rate.num();
-        let (origin, played) = ("the case", "frames of the case");
         let params: Vec<(&str, &str)> = self.set.iter().map(|(p, v)| (p.as_str(), v.as_str())).collect();
-        graph.add_node(played, played, &[], origin)?;
-        graph.add_node("phase", &self.kind, &params, origin)?;
-        graph.add_wire(played, &format!("phase.{}", self.input), origin);
+        let mut graph = CaseGraph::new(layout.frame_rate.num(), 48_000)
+            .plays("frames", Played::magnitudes("frames of the case", layout, frames))?
+            .node("phase", &self.kind, &params)?
+            .wire("frames", &format!("phase.{}", self.input));
         let mut last = "phase";
         if self.spectrum {
-            // A width that a method is set to is that of its overlap-add too, where it has one.
+            // A window that a method is set to is that of its overlap-add too, where it has one.
             let known = |p: &&(&str, &str)| {
                 let kind = subject.registry().get("overlap_add");
                 kind.is_some_and(|k| k.descriptor().params.iter().any(|q| q.name == p.0))
             };
             let same: Vec<(&str, &str)> = params.iter().filter(known).copied().collect();
             last = "synthesis";
-            graph.add_node(last, "overlap_add", &same, origin)?;
-            graph.add_wire("phase", last, origin);
+            graph = graph.node(last, "overlap_add", &same)?.wire("phase", last);
         }
-        graph.add_node("end", "probe", &[], origin)?;
-        graph.add_wire(last, "end", origin);
-        let rig = Rig::of(subject, &graph, &[Played::magnitudes(played, layout, frames)])?;
+        let rig = graph.node("end", "probe", &[])?.wire(last, "end").rig(subject)?;
         let (num, den) = rig.schedule.latency().as_ratio();
         let late = (num * i64::from(layout.rate_hz)).div_euclid(den);
         let most = (MOST_LATE_S * f64::from(layout.rate_hz)) as i64;
@@ -145,19 +139,19 @@ impl Method {
 }
 
 /// A method that runs.
-pub(super) struct Heard {
+pub(crate) struct Heard {
     rig: Rig,
     last: &'static str,
-    /// Samples from a frame's time to that of what comes out.
+    /// Latency from a frame to the output, in samples.
     late: i64,
 }
 
 impl Heard {
-    /// What comes out in so many ticks, added to `to`.
+    /// Runs so many ticks and appends their samples to `to`.
     ///
     /// # Errors
     /// A sample that is not finite, a node that fails.
-    pub(super) fn hear(&mut self, ticks: u64, to: &mut Vec<f64>) -> Result<(), Not> {
+    pub(crate) fn hear(&mut self, ticks: u64, to: &mut Vec<f64>) -> Result<(), Not> {
         for _ in 0..ticks {
             let tick = self.rig.engine.next_tick();
             self.rig.engine.tick();
@@ -171,21 +165,21 @@ impl Heard {
         Ok(())
     }
 
-    /// The same, alone.
+    /// Runs so many ticks. Answers their samples.
     ///
     /// # Errors
     /// As [`hear`](Self::hear).
-    pub(super) fn next(&mut self, ticks: u64) -> Result<Vec<f64>, Not> {
+    pub(crate) fn next(&mut self, ticks: u64) -> Result<Vec<f64>, Not> {
         let mut heard = Vec::new();
         self.hear(ticks, &mut heard)?;
         Ok(heard)
     }
 
-    /// So many ticks of which nothing is kept, but that they are finite.
+    /// Runs so many ticks without keeping the samples.
     ///
     /// # Errors
     /// As [`hear`](Self::hear).
-    pub(super) fn pass(&mut self, ticks: u64) -> Result<(), Not> {
+    pub(crate) fn pass(&mut self, ticks: u64) -> Result<(), Not> {
         let mut heard = Vec::new();
         for _ in 0..ticks {
             heard.clear();
@@ -194,23 +188,23 @@ impl Heard {
         Ok(())
     }
 
-    /// Goes on later without running what lies between.
-    pub(super) fn skip(&mut self, ticks: u64) {
+    /// Skips so many ticks.
+    pub(crate) fn skip(&mut self, ticks: u64) {
         self.rig.engine.skip(ticks);
     }
 
-    /// What is heard of the next so many frames, with sample 0 as the first of the first of them.
+    /// Runs so many ticks. Answers their samples without the latency: sample 0 is the first of the first frame.
     ///
     /// # Errors
     /// As [`hear`](Self::hear).
-    pub(super) fn aligned(&mut self, ticks: u64) -> Result<Vec<f64>, Not> {
+    pub(crate) fn aligned(&mut self, ticks: u64) -> Result<Vec<f64>, Not> {
         let mut heard = vec![0.0; usize::try_from(-self.late).unwrap_or(0)];
         self.hear(ticks, &mut heard)?;
         Ok(heard.split_off(usize::try_from(self.late).unwrap_or(0).min(heard.len())))
     }
 
-    /// Ticks after which a change of the frames has shown in full: two windows, and what it is late.
-    pub(super) fn settles(&self, layout: &FrameLayout) -> u64 {
+    /// Ticks until a change of the frames has settled: two windows and the latency.
+    pub(crate) fn settles(&self, layout: &FrameLayout) -> u64 {
         let frames_hz = u64::from(layout.frame_rate.num());
         let late = self.late.unsigned_abs() * frames_hz / u64::from(layout.rate_hz);
         let window = u64::from(layout.length) * frames_hz / u64::from(layout.rate_hz);
@@ -218,20 +212,20 @@ impl Heard {
     }
 }
 
-/// Windows of 0.1 s, [`FRAMES_HZ`] a second, a frame each tick.
-pub(super) fn layout(rate_hz: u32, bins: u32) -> FrameLayout {
+/// Windows of 0.1 s, [`FRAMES_HZ`] a second, one per tick.
+pub(crate) fn layout(rate_hz: u32, bins: u32) -> FrameLayout {
     layout_at(rate_hz, bins, FRAMES_HZ)
 }
 
-/// Windows of 0.1 s, so many a second, a frame each tick.
-pub(super) fn layout_at(rate_hz: u32, bins: u32, frames_hz: u32) -> FrameLayout {
-    // More than none a second is a rate.
-    let frame_rate = FrameRate::new(frames_hz, 1).unwrap_or_else(|| unreachable!("a constant"));
+/// Windows of 0.1 s, so many a second, one per tick.
+pub(crate) fn layout_at(rate_hz: u32, bins: u32, frames_hz: u32) -> FrameLayout {
+    let frame_rate = FrameRate::new(frames_hz, 1).expect("a rate above 0");
     FrameLayout { rate_hz, length: rate_hz / 10, bins, frame_rate }
 }
 
-/// The amplitude in bin `k` of a sinusoid of amplitude 1 at place `at`, in a periodic Hann window: `sin(pi d) / (pi d (1 - d^2))`.
-pub(super) fn lobe(at: f64, k: usize) -> f64 {
+/// Amplitude in bin `k` of a sinusoid of amplitude 1 at bin `at`, in a periodic Hann window:
+/// `sin(pi d) / (pi d (1 - d^2))`.
+pub(crate) fn lobe(at: f64, k: usize) -> f64 {
     let d = k as f64 - at;
     match d.abs() {
         x if x < 1e-9 => 1.0,
@@ -240,19 +234,19 @@ pub(super) fn lobe(at: f64, k: usize) -> f64 {
     }
 }
 
-/// Frames whose bins are a function of the frame's number and the bin.
-pub(super) fn frames(of: impl Fn(u64, usize) -> f64 + Send + Sync + 'static) -> Frames {
+/// Frames whose bins are a function of the frame and the bin.
+pub(crate) fn frames(of: impl Fn(u64, usize) -> f64 + Send + Sync + 'static) -> Frames {
     Arc::new(move |n, bins| {
         bins.iter_mut().enumerate().for_each(|(k, m)| *m = of(n, k) as f32);
         true
     })
 }
 
-/// How well what is heard has the magnitudes that it was given, of frames that all are `bins`.
+/// Compares the magnitudes of the output with constant frames of `bins`.
 ///
 /// # Errors
-/// Magnitudes of which there is no score.
-pub(super) fn score(layout: &FrameLayout, bins: impl Fn(usize) -> f64, heard: &[f64]) -> Result<Score, Not> {
+/// Magnitudes without a score.
+pub(crate) fn score(layout: &FrameLayout, bins: impl Fn(usize) -> f64, heard: &[f64]) -> Result<Score, Not> {
     let framing = framing(layout);
     // The last window's worth is still to come.
     let frames_hz = u64::from(layout.frame_rate.num());
@@ -262,8 +256,8 @@ pub(super) fn score(layout: &FrameLayout, bins: impl Fn(usize) -> f64, heard: &[
     phase::score(&all, &framing, heard).map_err(|e| Not::Held(e.to_string()))
 }
 
-/// The layout as the figures' crate has it.
-pub(super) fn framing(layout: &FrameLayout) -> Framing {
+/// The layout as the figures take it.
+pub(crate) fn framing(layout: &FrameLayout) -> Framing {
     Framing {
         rate_hz: layout.rate_hz,
         fft_len: layout.length as usize,
@@ -274,17 +268,17 @@ pub(super) fn framing(layout: &FrameLayout) -> Framing {
 }
 
 /// The mean square.
-pub(super) fn power(heard: &[f64]) -> f64 {
+pub(crate) fn power(heard: &[f64]) -> f64 {
     heard.iter().map(|x| x * x).sum::<f64>() / heard.len().max(1) as f64
 }
 
 /// Decibels between two mean squares.
-pub(super) fn decibels(found: f64, wanted: f64) -> f64 {
+pub(crate) fn decibels(found: f64, wanted: f64) -> f64 {
     10.0 * (found.max(f64::MIN_POSITIVE) / wanted).log10()
 }
 
-/// By how much a tone's frequency differs from `hz`, in Hz, and by how much that scatters: by its phase in windows (Hann) of half a second, half a second apart.
-pub(super) fn detuned(heard: &[f64], rate_hz: f64, hz: f64) -> (f64, f64) {
+/// Error of a tone's frequency against `hz`, and its scatter \[Hz\]: from its phase in Hann windows of half a second.
+pub(crate) fn detuned(heard: &[f64], rate_hz: f64, hz: f64) -> (f64, f64) {
     let len = (0.5 * rate_hz) as usize;
     let phases: Vec<f64> = heard
         .chunks_exact(len)

@@ -1,20 +1,21 @@
-//! Whatever comes in.
+//! Inputs of every kind.
 
 use asperity_node::{Buffer, FactValue, Fault, Param, ParamKind, Shape, random};
 
-use super::{Found, Not, main, not_applicable};
-use crate::conformance::place::{Conditions, Place};
-use crate::conformance::signal::Signal;
-use crate::conformance::stand::{Stand, UNWRITTEN, contained, described};
-use crate::conformance::subject::Subject;
-use crate::conformance::trace::{Trace, is_finite};
+use super::main;
+use super::place::{Conditions, Place};
+use super::signal::Signal;
+use super::stand::{Stand, Trace, UNWRITTEN, contained, described, is_well};
+use crate::buffers::words;
+use crate::case::{Found, Not, fails, not_applicable};
+use crate::subject::Subject;
 
 /// Ticks of a run on one signal.
 const TICKS: u64 = 300;
-/// How long a node may take to be well again after what came in was not finite.
+/// Time that a node has to recover from inputs that are not finite \[s\].
 const RECOVERY_S: u64 = 1;
 
-/// A place where a frame is as long as it comes, with a hop of 88 and 89; the main one for kinds without frames.
+/// A place with the longest frames, and hops of 88 and 89 samples.
 const LONG: Conditions = Conditions {
     tick_hz: 500,
     audio_hz: 44_100,
@@ -25,7 +26,7 @@ const LONG: Conditions = Conditions {
     without: 0,
 };
 
-/// The main place, and one at 44.1 kHz where the kind takes that.
+/// The main place, and the one with long frames where the kind takes it.
 fn two_places<'a>(subject: &'a Subject<'_>) -> Result<(&'a Place, Option<Place>), Not> {
     Ok((main(subject)?, Place::settle(subject, &LONG).ok()))
 }
@@ -36,14 +37,14 @@ pub(super) fn on(subject: &Subject<'_>, signal: Signal) -> Found {
         subject.doing(&format!("{}, {} input", place.conditions, signal.word()));
         let run = place.stand(subject, signal, false)?.run(0..TICKS);
         if let Some(wrong) = run.wrong {
-            return Err(Not::Failed(format!("{wrong} ({}, {} input)", place.conditions, signal.word())));
+            return fails(format!("{wrong} ({}, {} input)", place.conditions, signal.word()));
         }
     }
     Ok(format!("{TICKS} ticks"))
 }
 
-/// Random, then what is not finite, then random again. Answers how many ticks after its end the last output was wrong, with
-/// the resets that the engine would do or without.
+/// Plays noise, then values that are not finite, then noise. Answers the ticks from their end to the last wrong
+/// output, with or without the resets of the engine.
 fn recovery(stand: &mut Stand<'_>, hz: u64, resets: bool) -> Result<u64, Not> {
     let (bad, good, end) = (100, 200, 200 + hz * RECOVERY_S + 100);
     let mut last = good;
@@ -56,7 +57,7 @@ fn recovery(stand: &mut Stand<'_>, hz: u64, resets: bool) -> Result<u64, Not> {
         trace.push(answer, &stand.outputs);
         let wrong = answer.is_err() || stand.not_finite().is_some();
         if answer == Err(Fault::Panicked) {
-            return Err(Not::Failed(format!("panicked at tick {tick}")));
+            return fails(format!("panicked at tick {tick}"));
         }
         if wrong && tick < bad {
             return Err(Not::Applicable("it fails on noise already".into()));
@@ -89,9 +90,9 @@ pub(super) fn not_finite(subject: &Subject<'_>) -> Found {
     if helped <= hz * RECOVERY_S {
         return Ok(format!("well again after {helped} ticks, by the reset that the engine does"));
     }
-    Err(Not::Failed(format!(
-        "still not finite, or failing, {RECOVERY_S} s after what came in was well again, and a reset does not help"
-    )))
+    fails(format!(
+        "still not finite, or failing, {RECOVERY_S} s after the input was finite again, and a reset does not help"
+    ))
 }
 
 pub(super) fn missing_frames(subject: &Subject<'_>) -> Found {
@@ -126,14 +127,14 @@ pub(super) fn outputs(subject: &Subject<'_>) -> Found {
             let before = stand.inputs.clone();
             let answer = stand.call(tick);
             if let Some(wrong) = untouched(&stand, &before, place.gate).or_else(|| whole(&stand)) {
-                return Err(Not::Failed(format!("{wrong} at tick {tick} ({})", place.conditions)));
+                return fails(format!("{wrong} at tick {tick} ({})", place.conditions));
             }
             stand.conclude(answer);
         }
         if let Some(n) = unsaid(&stand) {
-            return Err(Not::Failed(format!(
+            return fails(format!(
                 "wrote samples without saying so, so that they count as silence, in {n} of {TICKS} ticks"
-            )));
+            ));
         }
     }
     Ok(if main.outputs.is_empty() {
@@ -143,7 +144,7 @@ pub(super) fn outputs(subject: &Subject<'_>) -> Found {
     })
 }
 
-/// How often the loader found samples that were not said to be written.
+/// Ticks in which the loader found samples that the node did not report.
 fn unsaid(stand: &Stand<'_>) -> Option<u64> {
     stand.processor.facts().iter().find(|f| f.name == "unsaid_writes").and_then(|f| match f.value {
         FactValue::Count(n) if n > 0 => Some(n),
@@ -151,18 +152,13 @@ fn unsaid(stand: &Stand<'_>) -> Option<u64> {
     })
 }
 
-/// Inputs must stay as they came; what a gate has closed is not its own doing.
+/// The first input that the node changed. A gate may close the input that it gates.
 fn untouched(stand: &Stand<'_>, before: &[Buffer], gate: Option<usize>) -> Option<String> {
     let mut pairs = before.iter().zip(&stand.inputs).enumerate().filter(|(i, _)| gate != Some(*i));
-    let differ = |(was, is): (&Buffer, &Buffer)| {
-        let (mut a, mut b) = (Trace::new(1, 0), Trace::new(1, 0));
-        a.push_outputs([was].into_iter());
-        b.push_outputs([is].into_iter());
-        a != b
-    };
-    pairs.find(|(_, pair)| differ(*pair)).map(|(i, _)| format!("wrote to input {i}"))
+    pairs.find(|(_, (was, is))| words(was).ne(words(is))).map(|(i, _)| format!("wrote to input {i}"))
 }
 
+/// The first output that is not written whole, or without a report.
 fn whole(stand: &Stand<'_>) -> Option<String> {
     let unwritten = |x: &f32| x.to_bits() == UNWRITTEN;
     let frame = |bins: &mut dyn Iterator<Item = f32>, there: bool| {
@@ -193,7 +189,7 @@ fn whole(stand: &Stand<'_>) -> Option<String> {
     })
 }
 
-/// A value of a live parameter somewhere in its range.
+/// A value of a live parameter, from the lower end (0) to the upper end (1) of its range.
 pub(super) fn somewhere(p: &Param, at: f64) -> Option<f64> {
     let most = |x: f64| x.clamp(-1e15, 1e15);
     match &p.kind {
@@ -210,7 +206,7 @@ pub(super) fn somewhere(p: &Param, at: f64) -> Option<f64> {
 
 pub(super) fn random_ticks(subject: &Subject<'_>) -> Found {
     let (main, other) = two_places(subject)?;
-    let params = &subject.kind.descriptor().params;
+    let params = &main.kind.descriptor().params;
     // A tenth of them with long frames, which take long.
     let parts = [(Some(main), subject.ticks * 9 / 10), (other.as_ref(), subject.ticks / 10)];
     for (place, ticks) in parts.into_iter().filter_map(|(p, n)| Some((p?, n))) {
@@ -235,17 +231,10 @@ pub(super) fn random_ticks(subject: &Subject<'_>) -> Found {
             let answer = stand.call(tick);
             stand.conclude(answer);
             if let Err(fault) = answer {
-                return Err(Not::Failed(format!(
-                    "{} at tick {tick} ({})",
-                    described(fault),
-                    place.conditions
-                )));
+                return fails(format!("{} at tick {tick} ({})", described(fault), place.conditions));
             }
-            if !stand.outputs.iter().all(is_finite) {
-                return Err(Not::Failed(format!(
-                    "put out what is not finite at tick {tick} ({})",
-                    place.conditions
-                )));
+            if !stand.outputs.iter().all(is_well) {
+                return fails(format!("put out what is not finite at tick {tick} ({})", place.conditions));
             }
         }
     }

@@ -1,33 +1,36 @@
-//! A place for a node: rates and types, settled by the real compiler.
+//! A place for a node: rates and types, settled by the compiler.
 
 use std::fmt;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use asperity_engine::Engine;
-use asperity_graph::{BufferEntry, Compiled, GraphFile, compile};
+use asperity_graph::{BufferEntry, Compiled, compile};
 use asperity_node::{
-    Config, Diagnostic, FrameClock, FrameLayout, FrameRate, Input, LayoutSpec, NodeKind, Params, PortType,
-    Ports, RateSpec, Registry, Setup, Shape, ShapeSpec, Wiring, random,
+    Config, Descriptor, Diagnostic, FrameClock, FrameLayout, FrameRate, Input, LayoutSpec, Node, NodeKind,
+    Output, Params, PortType, Ports, Processor, RateSpec, Registry, Setup, Shape, ShapeSpec, Status, Tick,
+    Unit, UnitSpec, Wiring, random,
 };
 
-use crate::conformance::fixtures::{Probe, Source, Watched, unit};
-use crate::conformance::signal::Signal;
-use crate::conformance::stand::Stand;
-use crate::conformance::subject::Subject;
+use crate::case::Not;
+use crate::node::signal::Signal;
+use crate::node::stand::Stand;
+use crate::played::Played;
+use crate::rig::CaseGraph;
+use crate::subject::Subject;
 
-/// Rates and types that a node is put among.
+/// Rates and types around a node.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Conditions {
     pub(crate) tick_hz: u32,
     pub(crate) audio_hz: u32,
     pub(crate) every: u32,
-    /// Rate of an audio input that takes any.
+    /// Rate of an audio input that takes any rate.
     pub(crate) source_hz: u32,
-    /// Rate, length and bins of a frame input that takes any; 500 frames a second, or as many as there are ticks.
+    /// Rate, length and bins of a frame input that takes any layout. There are 500 frames a second, or one a tick.
     pub(crate) frames: (u32, u32, u32),
-    /// What an input of any kind gets.
+    /// Shape of an input that takes any shape.
     pub(crate) like: ShapeSpec,
-    /// Inputs that stay unconnected, a bit each.
+    /// Inputs that stay unconnected, one bit each.
     pub(crate) without: u64,
 }
 
@@ -104,24 +107,65 @@ const IT: &str = "it";
 /// The seed of every graph here.
 const SEED: u64 = 5;
 
-/// A kind in its place: all that is needed to prepare any number of instances.
+/// A kind in its place, from which any number of instances can be prepared.
+#[derive(Clone)]
 pub(crate) struct Place {
-    kind: Arc<dyn NodeKind>,
+    pub(crate) kind: Arc<dyn NodeKind>,
     pub(crate) conditions: Conditions,
     params: Params,
     pub(crate) inputs: Vec<Wiring>,
     pub(crate) outputs: Vec<Wiring>,
     pub(crate) output_names: Vec<String>,
-    /// What each unconnected input reads: how many values, and which.
+    /// Number of values that each unconnected input reads, and the value.
     pub(crate) constants: Vec<(usize, f64)>,
     pub(crate) gate: Option<usize>,
+}
+
+/// A sink for any output. No graph file can name it.
+struct Probe;
+
+impl Probe {
+    const KIND: &'static str = "a probe";
+}
+
+impl Node for Probe {
+    fn descriptor() -> Descriptor {
+        let input = Input::new("in", ShapeSpec::Like('s'), Unit::NONE).unit_of('u');
+        Descriptor::new(Self::KIND, "Looks on.").input(input).sink()
+    }
+    fn prepare(_: &Setup<'_>) -> Result<Self, Diagnostic> {
+        Ok(Self)
+    }
+    fn process(&mut self, _: &mut Tick<'_>) -> Status {
+        Status::Continue
+    }
+    fn reset(&mut self) {}
+}
+
+/// The kind under test. It keeps the ports to which its parameters led.
+struct Watched {
+    kind: Arc<dyn NodeKind>,
+    ports: OnceLock<Ports>,
+}
+
+impl NodeKind for Watched {
+    fn descriptor(&self) -> &Descriptor {
+        self.kind.descriptor()
+    }
+    fn ports(&self, config: &Config<'_>) -> Result<Ports, Diagnostic> {
+        let ports = self.kind.ports(config)?;
+        Ok(self.ports.get_or_init(|| ports).clone())
+    }
+    fn prepare(&self, setup: &Setup<'_>) -> Result<Box<dyn Processor>, Diagnostic> {
+        self.kind.prepare(setup)
+    }
 }
 
 fn text(errors: &[Diagnostic]) -> String {
     errors.first().map(|e| e.message.clone()).unwrap_or_default()
 }
 
-/// A node with a signal at every input and a probe at every output (or the first `probes`), compiled.
+/// Compiles a graph of the node, with a signal at every input and a probe at the first `probes` outputs.
 fn compiled(
     subject: &Subject<'_>,
     conditions: &Conditions,
@@ -129,27 +173,36 @@ fn compiled(
     probes: usize,
 ) -> Result<Compiled, String> {
     subject.alive();
-    let watched = Arc::new(Watched::new(subject.kind.clone()));
-    let mut registry = Registry::new();
+    let plain = |e: Not| match e {
+        Not::Held(why) | Not::Applicable(why) => why,
+    };
+    let kind = subject.its_kind().map_err(plain)?;
+    let watched = Arc::new(Watched { kind: kind.clone(), ports: OnceLock::new() });
+    let mut registry = Registry::new().with::<Probe>();
     registry.add(watched.clone());
-    registry.add(Arc::new(Probe::new()));
-    let mut graph = GraphFile::empty("conformance");
-    (graph.tick_hz, graph.audio_hz, graph.seed) = (conditions.tick_hz, conditions.audio_hz, SEED);
     let settings: Vec<(&str, &str)> =
         subject.settings.iter().map(|(n, v)| (n.as_str(), v.as_str())).collect();
-    let kind = subject.kind.descriptor().kind.to_string();
-    graph.add_node(IT, &kind, &settings, "--set").map_err(|e| e.message)?;
-    // The first look fails, for nothing is wired, but tells the ports.
+    let CaseGraph { mut graph, .. } = CaseGraph::new(conditions.tick_hz, conditions.audio_hz);
+    graph.seed = SEED;
+    graph.add_node(IT, &kind.descriptor().kind, &settings, "--set").map_err(|e| e.message)?;
+    // The first attempt fails, for nothing is wired, but it settles the ports.
     let first = compile(&graph, &registry, Default::default());
-    let Some(ports) = watched.seen() else {
+    let Some(ports) = watched.ports.get() else {
         return Err(first.err().map(|e| text(&e)).unwrap_or_default());
     };
-    for (i, input) in ports.inputs.iter().enumerate().filter(|(i, _)| {
-        !u32::try_from(*i).is_ok_and(|i| conditions.without.checked_shr(i).is_some_and(|w| w & 1 == 1))
-    }) {
-        let (name, seed) = (format!("conformance source {i}"), SEED + 100 + i as u64);
-        let shape = conditions.shape(input, ports);
-        registry.add(Arc::new(Source::new(&name, shape, unit(&input.unit), input.limited, signal, seed)));
+    let stays_free = |i: usize| {
+        let bit = u32::try_from(i).ok().and_then(|i| conditions.without.checked_shr(i));
+        bit.is_some_and(|bit| bit & 1 == 1)
+    };
+    for (i, input) in ports.inputs.iter().enumerate().filter(|(i, _)| !stays_free(*i)) {
+        let (name, seed) = (format!("a source {i}"), SEED + 100 + i as u64);
+        let unit = match &input.unit {
+            UnitSpec::Is(unit) => unit.clone(),
+            UnitSpec::Of { among, .. } => among.first().cloned().unwrap_or(Unit::NEWTON),
+        };
+        let mut output = Output::new("out", conditions.shape(input, ports), unit);
+        output.limited = input.limited;
+        registry.add(Played::signal(name.clone(), output, signal, seed));
         graph.add_node(&name, &name, &[], "test").map_err(|e| e.message)?;
         graph.add_wire(&name, &format!("{IT}.{}", input.name), "test");
     }
@@ -164,7 +217,8 @@ fn compiled(
     compile(&graph, &registry, Default::default()).map_err(|e| text(&e))
 }
 
-/// With a probe at every output; where that is refused, at the first: some outputs are there with some settings only.
+/// Compiles with a probe at every output. Some outputs exist with some settings only: where that is refused, a
+/// probe at the first output has to do.
 fn compiled_somehow(
     subject: &Subject<'_>,
     conditions: &Conditions,
@@ -180,19 +234,20 @@ impl Place {
     /// # Errors
     /// Why the kind cannot be there.
     pub(crate) fn settle(subject: &Subject<'_>, conditions: &Conditions) -> Result<Self, String> {
+        let kind = subject.its_kind().map_err(|_| "no kind was given")?.clone();
         let schedule = compiled_somehow(subject, conditions, Signal::Random)?.schedule;
         let at = schedule.index_of(IT).ok_or("the node was dropped from its graph")?;
         let node = &schedule.nodes[at];
         let constant = |buffer: usize| match schedule.buffers.get(buffer) {
             Some(BufferEntry::Constant { count, value }) => (*count, *value),
-            // What a host has not given yet.
+            // A host has not fed it yet.
             Some(BufferEntry::Fed(PortType { shape: Shape::Control { count }, .. })) => (*count, 0.0),
             _ => (0, 0.0),
         };
         let inputs = node.inputs.iter();
         let outputs = node.outputs.iter();
         Ok(Self {
-            kind: subject.kind.clone(),
+            kind,
             conditions: *conditions,
             params: node.params.clone(),
             constants: inputs.clone().map(|i| constant(i.reads.buffer as usize)).collect(),
@@ -208,7 +263,7 @@ impl Place {
     /// A new instance with a signal at every input.
     ///
     /// # Errors
-    /// What `prepare` says.
+    /// Those of `prepare`.
     pub(crate) fn stand<'a>(
         &'a self,
         subject: &'a Subject<'a>,
@@ -232,5 +287,39 @@ impl Place {
         let engine = Engine::new(compiled_somehow(subject, &self.conditions, signal)?, Default::default());
         let at = engine.schedule().index_of(IT).ok_or("the node was dropped from its graph")?;
         Ok((engine, at))
+    }
+}
+
+impl<'a> Subject<'a> {
+    /// The place in which most cases put the one kind: the first of a few that it takes.
+    ///
+    /// # Errors
+    /// Why it takes none.
+    pub(crate) fn main(&self) -> Result<&Place, String> {
+        self.main.get_or_init(|| self.find_main()).as_ref().map_err(Clone::clone)
+    }
+
+    fn find_main(&self) -> Result<Place, String> {
+        let first = Conditions::default();
+        let control = Conditions { like: ShapeSpec::Control(2), ..first };
+        let whole = Conditions { frames: (2500, 250, 126), ..first };
+        let frames = Conditions { like: ShapeSpec::Magnitude(LayoutSpec::Of('l')), ..first };
+        // The error of the first place helps most.
+        Place::settle(self, &first)
+            .or_else(|e| [control, whole, frames].iter().find_map(|c| Place::settle(self, c).ok()).ok_or(e))
+    }
+
+    /// A new instance in the main place.
+    ///
+    /// # Errors
+    /// Those of `main`, and of `prepare`.
+    pub(crate) fn stand(&'a self, signal: Signal) -> Result<Stand<'a>, String> {
+        self.main()?.stand(self, signal, false)
+    }
+
+    /// The name of an output of the one kind.
+    pub(crate) fn output_name(&self, output: usize) -> String {
+        let names = self.main().map(|p| p.output_names.as_slice()).unwrap_or_default();
+        names.get(output).cloned().unwrap_or_default()
     }
 }
