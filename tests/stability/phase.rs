@@ -3,12 +3,12 @@
 use std::f64::consts::TAU;
 use std::sync::{Arc, OnceLock};
 
-use asperity_checks::{Subject, wrap};
+use asperity_checks::Subject;
 use asperity_loader::Plugin;
 use asperity_node::{Complex, Fault, NodeKind, Registry, Setup, Status, Tick};
 
 use crate::common::plugins;
-use crate::{effort, fails, holds};
+use crate::{effort, fails, holds, wrap};
 
 /// The built-in kinds and those of the plugins that retrieve phase.
 fn all() -> Subject<'static> {

@@ -74,7 +74,7 @@ impl CaseGraph {
 
 /// Limits of a drive, as its limiter states them.
 #[derive(Clone, Copy, Debug)]
-pub struct DriveLimits {
+pub(crate) struct DriveLimits {
     /// Largest sample \[A or V\].
     pub peak: f64,
     /// Largest step from sample to sample \[A or V\].

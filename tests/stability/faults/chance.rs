@@ -177,7 +177,7 @@ fn endures(rig: &mut impl Rig, ticks: u64, reset_every: u64) -> Result<u64, Stri
 
 /// Faults as rare as they must be for a node to stay in the graph.
 #[test]
-fn nodes_that_fail_now_and_then_are_contained_and_counted_without_a_leak() {
+fn rare_faults_are_contained_and_counted_without_a_leak() {
     let ticks = ticks();
     let faults = endures(&mut faulty(20_000), ticks, u64::MAX).unwrap();
     println!("{faults} faults in {ticks} ticks");
@@ -186,7 +186,7 @@ fn nodes_that_fail_now_and_then_are_contained_and_counted_without_a_leak() {
 
 /// One call of 50 fails, and every node is soon taken out of the graph; then all is put back to the start.
 #[test]
-fn nodes_that_fail_often_are_contained_and_counted_without_a_leak() {
+fn frequent_faults_are_contained_and_counted_without_leak() {
     let ticks = ticks();
     let faults = endures(&mut faulty(50), ticks, 1000).unwrap();
     println!("{faults} faults in {ticks} ticks");

@@ -98,7 +98,7 @@ fn a_new_plugin_on_a_full_disk_is_not_there() {
 
 /// A measurement that cannot be written is said, and the profile that was there is kept.
 #[test]
-fn a_calibration_onto_a_full_disk_fails_and_keeps_what_was_there() {
+fn calibration_onto_full_disk_fails_and_keeps_old_file() {
     must_endure("calibrate");
 }
 
@@ -185,7 +185,7 @@ const TONE: &str = r#"Graph(version: 1, nodes: {
 /// The system's own limits, so that the disk of the other tests is not all that was tried: the largest file that a process may write.
 #[cfg(unix)]
 #[test]
-fn a_file_beyond_the_systems_limit_fails_and_keeps_what_was_there() {
+fn file_beyond_system_limit_fails_and_keeps_old_file() {
     let dir = tempfile::tempdir().unwrap();
     std::fs::write(dir.path().join("g.ron"), TONE).unwrap();
     std::fs::write(dir.path().join("o.wav"), BEFORE).unwrap();

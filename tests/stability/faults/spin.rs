@@ -114,7 +114,7 @@ fn is_counted(view: &View, node: usize) -> Result<(), String> {
 
 /// The tick thread is in a call that does not end. The ring runs dry, and there is nobody to fill it.
 #[test]
-fn a_node_that_spins_without_end_is_silent_counted_and_left_behind() {
+fn spinning_node_is_silenced_counted_and_left_behind() {
     let mut attempts = 0..;
     told(|| {
         let card =
@@ -290,7 +290,7 @@ fn a_program_that_does_not_end_is_found_out() {
 
 /// Calls of 30 ms where 15 may be taken: each is counted, after eight the node is taken out, and what it held up is heard again.
 #[test]
-fn a_node_that_is_slow_again_and_again_is_counted_taken_out_and_the_rest_is_heard() {
+fn slow_node_is_counted_and_cut_out_and_the_rest_plays() {
     let mut attempts = 0..;
     told(|| {
         let card =

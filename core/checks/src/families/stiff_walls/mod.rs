@@ -20,6 +20,8 @@
 
 mod chatter;
 mod quantum;
+#[cfg(test)]
+mod tests;
 
 use std::f64::consts::TAU;
 
