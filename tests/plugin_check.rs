@@ -1,4 +1,5 @@
-//! `asperity plugin check`: a good plugin passes every case, and for every case there is a plugin that fails it.
+//! `asperity plugin check`: a good plugin passes every case, and for every case there is a plugin that fails
+//! it.
 
 mod common;
 

@@ -90,7 +90,8 @@ fn scene_is_checked_and_graph_without_stylus_is_not() {
     assert!(ran.out.contains("holds"), "{}", ran.out);
     let dir = tempfile::tempdir().unwrap();
     let graph = dir.path().join("still.ron");
-    let text = "Graph(version: 1, nodes: {\"s\": (kind: \"sine\"), \"p\": (kind: \"probe\")}, wires: [(\"s\", \"p\")])";
+    let text = "Graph(version: 1, nodes: {\"s\": (kind: \"sine\"), \"p\": (kind: \"probe\")}, \
+                wires: [(\"s\", \"p\")])";
     std::fs::write(&graph, text).unwrap();
     let ran = selftest(&[&graph.display().to_string(), "--case", "teleport"]).ok();
     assert!(ran.out.contains("not applicable  nothing in this graph moves a stylus"), "{}", ran.out);

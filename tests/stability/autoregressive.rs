@@ -42,8 +42,8 @@ fn first(setup: &Setup<'_>) -> Arc<Texture> {
     Arc::new(Texture::read(model).expect("a texture"))
 }
 
-/// The recursion over the signal's own past, as in papers, instead of the kind. Eight samples at 8 kHz hold one at
-/// 1 kHz. `filter` answers the filter at a place.
+/// The recursion over the signal's own past, as in papers, instead of the kind. Eight samples at 8 kHz hold
+/// one at 1 kHz. `filter` answers the filter at a place.
 fn recursion(filter: fn(&Texture, f64, f64) -> Filter) -> Subject<'static> {
     let subject = subject(None);
     let kind = subject.kind(KIND).expect("the kind");
@@ -128,8 +128,8 @@ fn unit(of: u64) -> f64 {
     (random::bits(31, of) >> 11) as f64 / (1_u64 << 53) as f64
 }
 
-/// Two models between which mixtures of coefficients are unstable. Everywhere on the edge that joins them the level is
-/// that of the mixture of line spectral frequencies in closed form, within 1.5 dB.
+/// Two models between which mixtures of coefficients are unstable. Everywhere on the edge that joins them
+/// the level is that of the mixture of line spectral frequencies in closed form, within 1.5 dB.
 fn unstable_edges_hold(subject: &Subject<'_>) -> Found {
     // Sharp resonances that lie apart: their coefficients' mean has roots beyond the unit circle.
     let one = poles(&[(0.98, 50.0), (0.98, 120.0), (0.98, 190.0), (0.98, 260.0)]);
@@ -162,13 +162,14 @@ fn unstable_edges_hold(subject: &Subject<'_>) -> Found {
         (worst, loudest) = (worst.max(off.abs()), loudest.max(wanted.sqrt()));
     }
     Ok(format!(
-        "mixtures of coefficients are unstable at {unstable} of 7 places; levels are within {worst:.2} dB; the loudest place has {loudest:.2} m/s^2, the models 1"
+        "mixtures of coefficients are unstable at {unstable} of 7 places; levels are within {worst:.2} \
+         dB; the loudest place has {loudest:.2} m/s^2, the models 1"
     ))
 }
 
-/// One and eight pairs of poles of radius 0.999 at 1 kHz, at rest for minutes and then let go. The level is that of the
-/// closed form within 1.5 dB. Let go, it falls by 60 dB in 7 s (0.999^n) and to exact silence within 80 s, without a
-/// denormal sample.
+/// One and eight pairs of poles of radius 0.999 at 1 kHz, at rest for minutes and then let go. The level is
+/// that of the closed form within 1.5 dB. Let go, it falls by 60 dB in 7 s (0.999^n) and to exact silence
+/// within 80 s, without a denormal sample.
 fn poles_at_0_999_hold(subject: &Subject<'_>) -> Found {
     let eight: Vec<(f64, f64)> = (0..8).map(|i| (0.999, 40.0 + 50.0 * f64::from(i))).collect();
     let seconds = subject.by_effort(100.0, 300.0, 3600.0);
@@ -204,8 +205,9 @@ fn poles_at_0_999_hold(subject: &Subject<'_>) -> Found {
     Ok(format!("levels are within {worst:.2} dB; silent {last:.0} s after they are let go"))
 }
 
-/// Models without variance beside one that sounds, and ways between them. The silent ones give zeros. On the way the
-/// level is that of the mixed variance within 1.5 dB. The signal dies away to 0 within the time of its poles.
+/// Models without variance beside one that sounds, and ways between them. The silent ones give zeros. On the
+/// way the level is that of the mixed variance within 1.5 dB. The signal dies away to 0 within the time of
+/// its poles.
 fn zero_variance_hold(subject: &Subject<'_>) -> Found {
     let ar = poles(&[(0.95, 80.0), (0.95, 220.0)]);
     let at = |speed: f64, force: f64, rms: f64| model(ar.clone(), rms, [speed, force]);
@@ -253,9 +255,9 @@ fn scattered() -> Vec<Model> {
     (0..20).map(of).collect()
 }
 
-/// Speed and force jump across all triangles in every tick, at 100, 500 and 1000 Hz, between 20 models with poles of
-/// radius 0.98 to 0.999. The rms is at most 1.15 times that of the loudest place, since rotations keep lengths. No
-/// sample is beyond 7 times it.
+/// Speed and force jump across all triangles in every tick, at 100, 500 and 1000 Hz, between 20 models with
+/// poles of radius 0.98 to 0.999. The rms is at most 1.15 times that of the loudest place, since rotations
+/// keep lengths. No sample is beyond 7 times it.
 fn fast_walks_hold(subject: &Subject<'_>) -> Found {
     let models = scattered();
     let seconds = subject.by_effort(10.0, 60.0, 600.0);
@@ -280,8 +282,8 @@ fn fast_walks_hold(subject: &Subject<'_>) -> Found {
     ))
 }
 
-/// Ten minutes at every vertex of 12 models (a minute with effort `Full`). The level is that of the vertex's own model
-/// within 1 dB, in each third of the time.
+/// Ten minutes at every vertex of 12 models (a minute with effort `Full`). The level is that of the vertex's
+/// own model within 1 dB, in each third of the time.
 fn every_vertex_hold(subject: &Subject<'_>) -> Found {
     let of = |i: u64| {
         let pairs: Vec<(f64, f64)> = (0..3).map(|j| (0.97, 30.0 + 380.0 * unit(100 * i + j + 50))).collect();

@@ -1,7 +1,7 @@
 //! Whatever stands in a file: it is read or refused, without a panic, in bounded time and memory.
 //!
-//! The corpora are those of the fuzz targets (`fuzz/corpus`), and what fuzzing found stands in them. A file whose name begins with
-//! `bad_` is one that is refused; all others are taken.
+//! The corpora are those of the fuzz targets (`fuzz/corpus`), and what fuzzing found stands in them. A file
+//! whose name begins with `bad_` is one that is refused; all others are taken.
 
 mod bent;
 mod models;
@@ -50,7 +50,8 @@ fn inputs(name: &str, count: u64) -> Vec<Vec<u8>> {
     [whole, made].concat()
 }
 
-/// Whether a reader comes to an answer about each file within `patience`, without a panic and in the memory that it may hold.
+/// Whether a reader comes to an answer about each file within `patience`, without a panic and in the memory
+/// that it may hold.
 fn endures(reader: Reader, inputs: &[Vec<u8>], patience: Duration) -> Result<(), String> {
     let (answer, answers) = mpsc::channel();
     let files = inputs.to_vec();
@@ -181,7 +182,8 @@ fn the_fuzzers_dictionary_has_every_kind_and_parameter() {
     assert!(std::fs::read_to_string(&path).is_ok_and(|there| there == text), "{} is another", path.display());
 }
 
-/// Mutant: reserves room for as many numbers as the header claims, and only then looks whether they are there.
+/// Mutant: reserves room for as many numbers as the header claims, and only then looks whether they are
+/// there.
 fn reserves_what_is_claimed(bytes: &[u8]) -> bool {
     let head = String::from_utf8_lossy(&bytes[..bytes.len().min(128)]).into_owned();
     let shape = head.split_once("'shape': (").map_or("", |(_, shape)| shape);

@@ -1,6 +1,6 @@
-//! Hard cases, one file per family. A case lives in `core/checks`, and `asperity selftest` runs it too. Here it must
-//! hold for the shipped nodes and graphs, and fail for a mutant: a node that is broken on purpose. Cases that look at
-//! no user's graph or kinds live here alone.
+//! Hard cases, one file per family. A case lives in `core/checks`, and `asperity selftest` runs it too. Here
+//! it must hold for the shipped nodes and graphs, and fail for a mutant: a node that is broken on purpose.
+//! Cases that look at no user's graph or kinds live here alone.
 
 #[path = "../common/mod.rs"]
 mod common;

@@ -147,8 +147,8 @@ fn loops(nodes: usize) -> Sketch {
     graph.node("out", "probe", &[]).wire(&last, "out")
 }
 
-/// The output of the last loop in a tick: the probability that n coins, each thrown until heads, take n + tick throws
-/// at most.
+/// The output of the last loop in a tick: the probability that n coins, each thrown until heads, take n +
+/// tick throws at most.
 fn settling(nodes: usize, tick: u64) -> f64 {
     // By the probability of each number of tails before the n-th head.
     let n = loops_in(nodes) as f64;
@@ -179,9 +179,9 @@ fn many_to_many(nodes: usize) -> Sketch {
     graph
 }
 
-/// Runs every shape. One node alone is refused, as nobody hears it. Each other graph loads and runs without a fault, and
-/// gives its known value within 10^-6. The schedule has at most 3 steps per node, and its lists of paths name at most
-/// 20 nodes per node and 2 10^5 more.
+/// Runs every shape. One node alone is refused, as nobody hears it. Each other graph loads and runs without
+/// a fault, and gives its known value within 10^-6. The schedule has at most 3 steps per node, and its lists
+/// of paths name at most 20 nodes per node and 2 10^5 more.
 fn sizes(subject: &Subject<'_>) -> Found {
     let one = [Played::control(ONE, 1, Unit::NEWTON, Arc::new(|_, out| out.fill(1.0)))];
     let sizes = subject.by_effort(

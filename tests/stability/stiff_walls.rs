@@ -142,9 +142,12 @@ fn under_a_hand() {
 fn corner(dir: &tempfile::TempDir, more: &str) -> GraphFile {
     let path = dir.path().join("corner.ron");
     let text = format!(
-        r#"Scene(version: 1, tick_hz: 1000, audio_hz: 48000, seed: 1, input: stroke(shape: line), {more} surfaces: {{
-            "floor": (shape: plane, effects: (stiffness: (stiffness_n_per_mm: 0.5), damping: (damping_ns_per_m: 0.3))),
-            "block": (shape: box(size_mm: (30, 200, 20)), place_mm: (40, 0, 5), effects: (stiffness: (stiffness_n_per_mm: 0.5))),
+        r#"Scene(version: 1, tick_hz: 1000, audio_hz: 48000, seed: 1, input: stroke(shape: line),
+        {more} surfaces: {{
+            "floor": (shape: plane, effects: (stiffness: (stiffness_n_per_mm: 0.5),
+            damping: (damping_ns_per_m: 0.3))),
+            "block": (shape: box(size_mm: (30, 200, 20)), place_mm: (40, 0, 5),
+            effects: (stiffness: (stiffness_n_per_mm: 0.5))),
         }})"#
     );
     std::fs::write(&path, text).expect("a file");
@@ -161,8 +164,8 @@ fn own_walls() {
         holds("own_wall_in_steps", &subject);
         holds("own_wall_under_a_hand", &subject);
     }
-    // Regression: the hand has to bring the device to rest too, which is 2.6 kg where its swing takes as many ticks of
-    // 10 ms.
+    // Regression: the hand has to bring the device to rest too, which is 2.6 kg where its swing takes as
+    // many ticks of 10 ms.
     let mut slow = graph("texture.ron");
     slow.set("tick_hz=100", "the test").expect("a change");
     holds("own_wall_under_a_hand", &subject(Some(&slow)));

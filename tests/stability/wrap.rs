@@ -5,8 +5,8 @@ use std::sync::Arc;
 pub(crate) use asperity_checks::wrap::{Process, after, wrap};
 use asperity_node::{NodeKind, Setup, Status, Tick};
 
-/// A kind whose nodes run as they are, and then have their outputs changed. The change has a memory for each node, which a
-/// reset leaves alone.
+/// A kind whose nodes run as they are, and then have their outputs changed. The change has a memory for each
+/// node, which a reset leaves alone.
 pub(crate) fn with_memory<M: Default + Send + 'static>(
     inner: Arc<dyn NodeKind>,
     change: impl Fn(&mut M, &mut Tick<'_>) + Clone + Send + Sync + 'static,

@@ -13,8 +13,8 @@ pub(crate) struct Device {
     pub friction_n: f64,
 }
 
-/// A hand on a handle along one direction: a mass between two springs with dampers. Its grip holds the handle, and
-/// its arm holds the hand.
+/// A hand on a handle along one direction: a mass between two springs with dampers. Its grip holds the
+/// handle, and its arm holds the hand.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Hand {
     /// Mass \[kg\].
@@ -27,12 +27,13 @@ pub(crate) struct Hand {
 
 impl Hand {
     /// The hand of J. E. Speich, L. Shao and M. Goldfarb, "Modeling the human hand as it interacts with a
-    /// telemanipulation system", Mechatronics 15, 2005, pp. 1127-1142: five parameters, for one translation below
-    /// 30 Hz. M. J. Fu and M. C. Cavusoglu, "Human-arm-and-hand-dynamic model with variability analyses for a
-    /// stylus-based haptic interface", IEEE Transactions on Systems, Man, and Cybernetics B 42, 2012,
-    /// pp. 1633-1644, model a pen grip of the same order (third, from force to place), and find that people and
-    /// grips differ widely. Cases therefore take it [`varied`](Self::varied), from half to twice of each
-    /// parameter. That also covers errors in these figures, which were not compared with the print.
+    /// telemanipulation system", Mechatronics 15, 2005, pp. 1127-1142: five parameters, for one translation
+    /// below 30 Hz. M. J. Fu and M. C. Cavusoglu, "Human-arm-and-hand-dynamic model with variability
+    /// analyses for a stylus-based haptic interface", IEEE Transactions on Systems, Man, and Cybernetics B
+    /// 42, 2012, pp. 1633-1644, model a pen grip of the same order (third, from force to place), and find
+    /// that people and grips differ widely. Cases therefore take it [`varied`](Self::varied), from half to
+    /// twice of each parameter. That also covers errors in these figures, which were not compared with the
+    /// print.
     pub(crate) const PEN: Self = Self { mass_kg: 1.46, grip: [375.0, 7.9], arm: [48.8, 4.5] };
 
     /// The hand with its mass, grip and arm multiplied by these factors.
@@ -45,8 +46,8 @@ impl Hand {
     }
 }
 
-/// Places of the state: handle (m, m/s), hand (m, m/s), force on the handle (N), and at last the place to which the
-/// hand moves (m).
+/// Places of the state: handle (m, m/s), hand (m, m/s), force on the handle (N), and at last the place to
+/// which the hand moves (m).
 const X: usize = 0;
 const V: usize = 1;
 const XA: usize = 2;
@@ -55,9 +56,10 @@ const U: usize = 4;
 
 /// A handle that moves: the device, perhaps a hand on it, and the places of both.
 ///
-/// The force is constant over a step, so the exponential of its matrix gives the exact motion: only dampers take
-/// energy. Dry friction has the sign of the speed at the beginning of the step, and holds the handle where it turns.
-/// That takes more than true friction, by less than the kinetic energy of one step's change of speed.
+/// The force is constant over a step, so the exponential of its matrix gives the exact motion: only dampers
+/// take energy. Dry friction has the sign of the speed at the beginning of the step, and holds the handle
+/// where it turns. That takes more than true friction, by less than the kinetic energy of one step's change
+/// of speed.
 #[derive(Clone, Debug)]
 pub(crate) struct Handle {
     device: Device,
@@ -144,8 +146,8 @@ fn times(a: &Matrix<6>, x: &[f64; 6]) -> [f64; 6] {
 /// A square matrix, row by row.
 type Matrix<const N: usize> = [[f64; N]; N];
 
-/// `e^A`: the Taylor series of `A / 2^s`, whose norm is at most 1/4, squared `s` times. Where the last rows of the
-/// matrix are 0, it takes a linear system over a time of constant inputs, exactly.
+/// `e^A`: the Taylor series of `A / 2^s`, whose norm is at most 1/4, squared `s` times. Where the last rows
+/// of the matrix are 0, it takes a linear system over a time of constant inputs, exactly.
 fn exponential<const N: usize>(a: &Matrix<N>) -> Matrix<N> {
     let norm = a.iter().map(|row| row.iter().map(|x| x.abs()).sum::<f64>()).fold(0.0, f64::max);
     let squares = if norm > 0.25 { (norm / 0.25).log2().ceil().min(60.0) as i32 } else { 0 };
@@ -201,8 +203,8 @@ impl Loop {
         }
     }
 
-    /// Runs a tick. `force` answers the place that the sensor reads \[mm\] with a force \[N\], to which `beside_n` is
-    /// added. `each` is called after every step.
+    /// Runs a tick. `force` answers the place that the sensor reads \[mm\] with a force \[N\], to which
+    /// `beside_n` is added. `each` is called after every step.
     pub(crate) fn tick(
         &mut self,
         force: impl FnOnce(f64) -> f64,

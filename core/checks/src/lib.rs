@@ -1,9 +1,10 @@
 //! Checks of graphs and nodes: hard cases, each with bounds that must hold.
 //!
-//! A [`Case`] looks at a [`Subject`]: kinds of nodes, and perhaps a user's graph. It puts the kinds into graphs
-//! by the compiler and runs them in the engine ([`Rig`]). Styluses and other inputs are [played](played) from
-//! memory. There is one table of cases, in three parts: [`cases`] over graphs and over kinds, which `asperity
-//! selftest` runs, and [`node_cases`] over one kind, which `asperity plugin check` runs.
+//! A [`Case`] looks at a [`Subject`]: kinds of nodes, and perhaps a user's graph. It puts the kinds into
+//! graphs by the compiler and runs them in the engine ([`Rig`]). Styluses and other inputs are
+//! [played](played) from memory. There is one table of cases, in three parts: [`cases`] over graphs and over
+//! kinds, which `asperity selftest` runs, and [`node_cases`] over one kind, which `asperity plugin check`
+//! runs.
 //!
 //! A case is worth nothing that no fault fails. For each case, the tests at the top of the repository have a
 //! mutant that must fail it: a node that is broken on purpose, by [`wrap`](wrap::wrap).

@@ -42,8 +42,8 @@ impl Played {
     /// The input of a stylus whose place a case feeds.
     pub(crate) const PLACE: &str = "place";
 
-    /// A stylus with the outputs of `like`: `position` is played, `force` is that of a floor at z = 0, and the
-    /// others stay 0.
+    /// A stylus with the outputs of `like`: `position` is played, `force` is that of a floor at z = 0, and
+    /// the others stay 0.
     pub fn stylus(name: &str, like: &Descriptor, motion: Motion) -> Arc<dyn NodeKind> {
         let mut descriptor = Descriptor::new(name.to_owned(), "Plays a motion from memory.");
         descriptor.outputs = like.outputs.clone();

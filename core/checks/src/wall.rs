@@ -124,7 +124,8 @@ impl Wall {
             };
             declared.iter().find_map(find)
         };
-        // A force that is limited for a device comes last. Else it is the wall's whole push, else Hooke's force.
+        // A force that is limited for a device comes last. Else it is the wall's whole push, else Hooke's
+        // force.
         let vector = out_of(&|o| {
             o.limited
                 && o.shape == ShapeSpec::Control(3)
@@ -296,8 +297,8 @@ pub(crate) struct Column {
 }
 
 impl Wall {
-    /// A square grid of columns with a distance of `pitch_mm`. They stand beside round numbers, where surfaces often
-    /// end.
+    /// A square grid of columns with a distance of `pitch_mm`. They stand beside round numbers, where
+    /// surfaces often end.
     pub(crate) fn columns(&mut self, pitch_mm: f64) -> Vec<Column> {
         let half = (REACH_MM / pitch_mm) as usize;
         let place = |i: usize| (i as f64 - half as f64) * pitch_mm + 0.31 * pitch_mm;
@@ -384,7 +385,8 @@ pub(crate) struct Curve {
 }
 
 impl Curve {
-    /// Energy of the wall at a place \[mJ\]: the work to bring a stylus there slowly from the place of least energy.
+    /// Energy of the wall at a place \[mJ\]: the work to bring a stylus there slowly from the place of least
+    /// energy.
     pub(crate) fn energy_mj(&self, x_mm: f64) -> f64 {
         let at = self.points.partition_point(|p| p[0] < x_mm);
         match (at.checked_sub(1).and_then(|i| self.points.get(i)), self.points.get(at)) {
@@ -424,8 +426,8 @@ impl Near {
         Passivity::of(self.law, sampling, 0.0).needed_ns_per_m
     }
 
-    /// Whether it is a pure spring, within 1e-4, without delay. The energy that a motion takes out is then known, not
-    /// only bounded.
+    /// Whether it is a pure spring, within 1e-4, without delay. The energy that a motion takes out is then
+    /// known, not only bounded.
     pub(crate) fn is_hooke(&self) -> bool {
         self.law.damping_ns_per_m == 0.0 && self.sampling.delay_s == 0.0 && self.gentler <= 1e-4
     }
@@ -449,8 +451,9 @@ impl Wall {
         force
     }
 
-    /// The law of the wall at a spot: its force at rest, and the damping that it tells. Where speed adds more, as
-    /// a drag does, that counts. Where it adds less, the force is late or the wall drives, and that is no law.
+    /// The law of the wall at a spot: its force at rest, and the damping that it tells. Where speed adds
+    /// more, as a drag does, that counts. Where it adds less, the force is late or the wall drives, and that
+    /// is no law.
     ///
     /// # Errors
     /// The wall does not push out.

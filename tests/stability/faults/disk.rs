@@ -129,7 +129,8 @@ impl Place {
         Before(writer.makes.iter().map(|made| content(&self.dir.path().join(made.name))).collect())
     }
 
-    /// Names of what is here and was neither given nor asked for; of the folder for what is temporary, with its path.
+    /// Names of what is here and was neither given nor asked for; of the folder for what is temporary, with
+    /// its path.
     pub(super) fn left(&self, writer: &Writer) -> Vec<String> {
         let asked = |name: &OsString| writer.makes.iter().any(|made| name == made.name);
         let here =

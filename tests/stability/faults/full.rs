@@ -1,4 +1,5 @@
-//! A disk that is full: an exit code that says so, a message that names the file, and what was there before is kept.
+//! A disk that is full: an exit code that says so, a message that names the file, and what was there before
+//! is kept.
 
 use std::path::Path;
 use std::process::Command;
@@ -124,7 +125,8 @@ fn is_new(path: &Path) -> bool {
     std::fs::read(path).is_ok_and(|bytes| bytes == [b'n'; 1000])
 }
 
-/// Mutants: one that ignores a write error, one that does not name the file, one that writes in place, one that does not clear up.
+/// Mutants: one that ignores a write error, one that does not name the file, one that writes in place, one
+/// that does not clear up.
 #[test]
 fn writers_that_a_full_disk_harms_are_found_out() {
     if !can_fail() {
@@ -143,9 +145,8 @@ fn writers_that_a_full_disk_harms_are_found_out() {
     let mutants: [(Make, &str); 4] = [
         (
             |_| {
-                sh(
-                    "dd if=new of=.out.1.part bs=64 2>/dev/null && mv .out.1.part out; rm -f .out.1.part; exit 0",
-                )
+                sh("dd if=new of=.out.1.part bs=64 2>/dev/null && mv .out.1.part out; rm -f .out.1.part; \
+                     exit 0")
             },
             "nobody is told",
         ),
@@ -179,10 +180,12 @@ fn on_a_small_disk(script: &str, dir: &Path) -> (Option<i32>, String) {
 const RENDER: &str = r#""$1" render g.ron --seconds 0.3 --out o.wav --quiet"#;
 
 const TONE: &str = r#"Graph(version: 1, nodes: {
-    "tone": (kind: "sine"), "limiter": (kind: "limiter", params: (profile: "hapcoil_one")), "out": (kind: "audio_out"),
+    "tone": (kind: "sine"), "limiter": (kind: "limiter", params: (profile: "hapcoil_one")),
+    "out": (kind: "audio_out"),
 }, wires: [("tone", "limiter"), ("limiter", "out")])"#;
 
-/// The system's own limits, so that the disk of the other tests is not all that was tried: the largest file that a process may write.
+/// The system's own limits, so that the disk of the other tests is not all that was tried: the largest file
+/// that a process may write.
 #[cfg(unix)]
 #[test]
 fn file_beyond_system_limit_fails_and_keeps_old_file() {
@@ -205,8 +208,8 @@ fn a_real_disk_that_is_full_fails_and_keeps_what_was_there() {
     std::fs::write(dir.path().join("g.ron"), TONE).unwrap();
     std::fs::create_dir(dir.path().join("small")).unwrap();
     let inside = format!(
-        "mount -t tmpfs -o size=16k none small || exit 77; cp g.ron small; cd small; printf before > o.wav; {RENDER}; \
-         code=$?; ls -A > ../left; cp o.wav ../; exit $code"
+        "mount -t tmpfs -o size=16k none small || exit 77; cp g.ron small; cd small; printf before > \
+         o.wav; {RENDER}; code=$?; ls -A > ../left; cp o.wav ../; exit $code"
     );
     let script = format!("unshare --user --map-root-user --mount sh -c '{inside}' sh \"$1\" || exit $?");
     let (code, said) = on_a_small_disk(&script, dir.path());

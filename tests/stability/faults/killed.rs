@@ -1,4 +1,5 @@
-//! Killed in mid-write: what was there is untouched, or the new file is whole; what else is left says what it is, and harms nobody.
+//! Killed in mid-write: what was there is untouched, or the new file is whole; what else is left says what
+//! it is, and harms nobody.
 
 use std::path::Path;
 use std::process::Command;
@@ -153,7 +154,8 @@ fn sh(text: &str) -> Command {
     command
 }
 
-/// Mutants: one that writes in place, one whose leftovers nobody knows, one that such a leftover stops for good.
+/// Mutants: one that writes in place, one whose leftovers nobody knows, one that such a leftover stops for
+/// good.
 #[test]
 fn writers_that_a_kill_harms_are_found_out() {
     if !can_fail() {

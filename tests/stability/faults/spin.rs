@@ -1,4 +1,5 @@
-//! A node that does not come back: under the paced driver the output ramps to zero, the fault is counted and named, and the run can be ended.
+//! A node that does not come back: under the paced driver the output ramps to zero, the fault is counted and
+//! named, and the run can be ended.
 
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
@@ -22,7 +23,8 @@ use crate::stage::{STEP, channel, graph, largest_step, tend, timed, voice};
 /// Samples in which the output is down: 20 ms.
 const DOWN: usize = 960;
 
-/// Which of the nodes that spin without end may do so: those of earlier tries are let go, so that they take no core from what comes after.
+/// Which of the nodes that spin without end may do so: those of earlier tries are let go, so that they take
+/// no core from what comes after.
 static TRIES: AtomicU64 = AtomicU64::new(0);
 
 /// A slow wave; in tick `from` and after it calls take this long.
@@ -67,7 +69,8 @@ fn start(card: &Simulated, lasts_s: f64, limit: Duration) -> Session {
     let registry = asperity_nodes::registry().with::<Spins>();
     let (tone, wires) = voice("tone", 80.0, 0.1);
     let nodes = format!(
-        r#""bad": (kind: "spins", params: (lasts_s: {lasts_s:?})), "limiter": (kind: "limiter", params: (profile: "hapcoil_one")),
+        r#""bad": (kind: "spins", params: (lasts_s: {lasts_s:?})), "limiter": (kind: "limiter",
+        params: (profile: "hapcoil_one")),
            "out": (kind: "audio_out"), {tone}"#
     );
     let wires = format!(r#"("bad", "limiter"), ("limiter", "out"), {wires}"#);
@@ -142,7 +145,8 @@ fn spinning_node_is_silenced_counted_and_left_behind() {
         falls_silent(&one).unwrap();
         falls_silent(&two).unwrap();
 
-        // Mutants: a driver that plays what it has again, one that holds the last sample, one that cuts it off; a view that does not count.
+        // Mutants: a driver that plays what it has again, one that holds the last sample, one that cuts it
+        // off; a view that does not count.
         let loud = one.iter().rposition(|y| y.abs() > 0.03).expect("a wave");
         let again: Vec<f64> =
             one[..loud].iter().chain(one[loud - 960..loud].iter().cycle().take(48_000)).copied().collect();
@@ -184,7 +188,8 @@ fn quietly(command: &mut Command) -> Child {
 fn write_spinning(dir: &Path) {
     let graph = format!(
         r#"Graph(version: 1, plugins: [{:?}],
-            nodes: {{"bad": (kind: "told", params: (from: 200, to: 1000000, what: endless)), "guard": (kind: "limiter"), "out": (kind: "audio_out")}},
+            nodes: {{"bad": (kind: "told", params: (from: 200, to: 1000000, what: endless)),
+            "guard": (kind: "limiter"), "out": (kind: "audio_out")}},
             wires: [("bad", "guard"), ("guard", "out")])"#,
         plugins::c("told").display().to_string()
     );
@@ -199,13 +204,15 @@ fn write_beside_a_tone(dir: &Path) {
                 "tone": (kind: "sine", params: (frequency_hz: 200, amplitude: 0.05)),
                 "sum": (kind: "mix"), "guard": (kind: "limiter"), "out": (kind: "audio_out"),
                 "ear": (kind: "file_out", params: (file: "heard.npy"))}},
-            wires: [("bad", "sum.in1"), ("tone", "sum.in2"), ("sum", "guard"), ("guard", "out"), ("guard", "ear")])"#,
+            wires: [("bad", "sum.in1"), ("tone", "sum.in2"), ("sum", "guard"), ("guard", "out"),
+            ("guard", "ear")])"#,
         plugins::c("told").display().to_string()
     );
     std::fs::write(dir.join("g.ron"), graph).expect("a graph");
 }
 
-/// The program with a plugin in an endless loop: the node is cut out, the rest goes on, and the run ends when it is to.
+/// The program with a plugin in an endless loop: the node is cut out, the rest goes on, and the run ends
+/// when it is to.
 #[test]
 fn plugin_that_never_returns_is_cut_out_and_the_graph_goes_on() {
     for (clock, ends) in [("paced", "--seconds"), ("callback", "ctrl-c")] {
@@ -262,7 +269,8 @@ fn run_in_place_with_a_stuck_plugin_ends_in_time() {
     assert!(bad["faults"] == 1 && bad["last_fault"] == DOES_NOT_COME_BACK, "{bad}");
 }
 
-/// Offline there is nobody else to look after it: the third Ctrl-C ends the program, and no half file is left under the name that was asked for.
+/// Offline there is nobody else to look after it: the third Ctrl-C ends the program, and no half file is
+/// left under the name that was asked for.
 #[test]
 fn a_render_with_a_plugin_that_spins_ends_on_the_third_ctrl_c() {
     let dir = tempfile::tempdir().expect("a folder");
@@ -288,7 +296,8 @@ fn a_program_that_does_not_end_is_found_out() {
     ends_on_ctrl_c(child, Duration::from_secs(1)).unwrap_err();
 }
 
-/// Calls of 30 ms where 15 may be taken: each is counted, after eight the node is taken out, and what it held up is heard again.
+/// Calls of 30 ms where 15 may be taken: each is counted, after eight the node is taken out, and what it
+/// held up is heard again.
 #[test]
 fn slow_node_is_counted_and_cut_out_and_the_rest_plays() {
     let mut attempts = 0..;

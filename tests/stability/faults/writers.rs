@@ -47,7 +47,8 @@ const GRAPH: &str = r#"Graph(
 
 const SCENE: &str = r#"Scene(
     version: 1, input: stroke(duration_s: 1), output: audio_out,
-    surfaces: {"wall": (shape: plane, effects: (stiffness: (stiffness_n_per_mm: 0.5), vibration: (frequency_hz: 150, amplitude_m_s2: 3)))},
+    surfaces: {"wall": (shape: plane, effects: (stiffness: (stiffness_n_per_mm: 0.5),
+    vibration: (frequency_hz: 150, amplitude_m_s2: 3)))},
 )
 "#;
 

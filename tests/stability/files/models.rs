@@ -9,7 +9,8 @@ fn layer(r: &mut Random, from: usize, to: usize) -> Layer {
     Layer { weights: r.vector(from * to, 0.5), bias: r.vector(to, 0.1) }
 }
 
-/// Two layers, as the shipped networks are written; and one of operators that only tract runs, written in other ways.
+/// Two layers, as the shipped networks are written; and one of operators that only tract runs, written in
+/// other ways.
 pub(super) fn all() -> [(&'static str, Vec<u8>); 2] {
     let mut r = Random(7);
     let mut w = Writer::new(Spelling::default());

@@ -56,8 +56,8 @@ fn own_models(subject: &Subject<'_>) -> Found {
         }
     }
     Ok(format!(
-        "{slots} slots: levels at {vertices} vertices are within {worst:.2} dB, across them {across_all:.2} times \
-         the loudest place at most"
+        "{slots} slots: levels at {vertices} vertices are within {worst:.2} dB, across them \
+         {across_all:.2} times the loudest place at most"
     ))
 }
 
@@ -115,7 +115,8 @@ fn closed_form(voices: &[Voice], at: [f64; 2]) -> f64 {
     voices.iter().map(|v| v.gain.powi(2) * square(&v.texture.at(at[0], at[1]))).sum()
 }
 
-/// Drives a slot along a way. Answers its rms and its largest sample, as multiples of the rms of the loudest place.
+/// Drives a slot along a way. Answers its rms and its largest sample, as multiples of the rms of the loudest
+/// place.
 ///
 /// # Errors
 /// They are above `most` and `farthest`.
@@ -294,8 +295,8 @@ pub fn square(filter: &Filter) -> f64 {
     square[0]
 }
 
-/// Standard deviation of the mean square over some seconds, as a part of it. For a normal signal the variance of that
-/// mean over N samples is `2 sum_m r(m)^2 / N` (Isserlis 1918).
+/// Standard deviation of the mean square over some seconds, as a part of it. For a normal signal the
+/// variance of that mean over N samples is `2 sum_m r(m)^2 / N` (Isserlis 1918).
 pub fn draw(filter: &Filter, rate_hz: f64, seconds: f64) -> f64 {
     let mut r = vec![0.0; (2.0 * rate_hz) as usize];
     filter.autocovariance(&mut r);
@@ -328,8 +329,8 @@ pub fn radius(ar: &[f64]) -> f64 {
     high
 }
 
-/// Time after which nothing is left of a signal \[s\]: `r^n` of ten times its level is below 1e-30, and the resampler is
-/// empty within another second.
+/// Time after which nothing is left of a signal \[s\]: `r^n` of ten times its level is below 1e-30, and the
+/// resampler is empty within another second.
 pub fn silent_after(radius: f64, rate_hz: f64, rms: f64) -> f64 {
     1.0 + (10.0 * rms.max(1e-20) / 1e-30).ln() / -radius.max(1e-3).ln() / rate_hz
 }

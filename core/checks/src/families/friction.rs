@@ -1,8 +1,8 @@
 //! Friction and drag: forces that only take energy.
 //!
-//! Checked is every kind in the registry that answers a velocity in a slot with a force, alone with a stylus, at every
-//! tick rate. The built-in kinds run with several laws: viscous, Dahl's, LuGre's, soft and stiff. A kind of a plugin
-//! runs with its defaults, if it needs no parameter.
+//! Checked is every kind in the registry that answers a velocity in a slot with a force, alone with a
+//! stylus, at every tick rate. The built-in kinds run with several laws: viscous, Dahl's, LuGre's, soft and
+//! stiff. A kind of a plugin runs with its defaults, if it needs no parameter.
 
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
@@ -310,8 +310,8 @@ fn stiff() -> LuGreSettings {
     }
 }
 
-/// Every kind of friction and drag: the built-in ones with several laws, others with their defaults. A kind that
-/// needs a parameter is left out.
+/// Every kind of friction and drag: the built-in ones with several laws, others with their defaults. A kind
+/// that needs a parameter is left out.
 fn laws(subject: &Subject<'_>) -> Vec<Rub> {
     let of = |kind: &str, name: &'static str, text: &str, law: fn(f64) -> Law| {
         let list = if kind == "friction" { "laws" } else { "drags" };
@@ -430,8 +430,8 @@ impl Rubbed {
         (0..2).for_each(|_| _ = self.at([0.0; 2], normal_n));
     }
 
-    /// Runs a tick with the stylus at a place on the surface \[mm\] under a normal force. Answers the force along it
-    /// \[N\].
+    /// Runs a tick with the stylus at a place on the surface \[mm\] under a normal force. Answers the force
+    /// along it \[N\].
     fn at(&mut self, [x, y]: [f64; 2], normal_n: f64) -> [f64; 2] {
         self.rig.place([x, y, 0.0], true);
         if let Some(normal) = self.normal {

@@ -90,8 +90,8 @@ struct Stage {
     gate: Option<Gate>,
 }
 
-/// A gate over a speed: its node, its input of the speed, its output of whether it is open, and the speed that
-/// opens it, if known.
+/// A gate over a speed: its node, its input of the speed, its output of whether it is open, and the speed
+/// that opens it, if known.
 #[derive(Clone, Copy)]
 struct Gate {
     node: usize,
@@ -181,8 +181,8 @@ impl Stage {
         None
     }
 
-    /// Runs from the first tick, with the inputs of `next` until it gives none. Answers the figures of each of
-    /// some stretches, from and to \[s\].
+    /// Runs from the first tick, with the inputs of `next` until it gives none. Answers the figures of each
+    /// of some stretches, from and to \[s\].
     ///
     /// # Errors
     /// A node fails, or a sample of the drive is not finite.
@@ -293,9 +293,9 @@ fn teleport(subject: &Subject<'_>) -> Found {
     let ((with, peak), (without, usual)) = (play(200.0)?, play(0.0)?);
     let rms = |x: &[f32]| (x.iter().map(|x| f64::from(x * x)).sum::<f64>() / x.len().max(1) as f64).sqrt();
     let (a, b) = (rms(&with), rms(&without));
-    // A texture of random phases has another waveform after the jump. The mean square of noise in a band of B Hz
-    // deviates by 1 / sqrt(B T) over T s: 5 % for 200 Hz over 2 s, so that two differ by 0.3 dB. 1 dB is three
-    // times that.
+    // A texture of random phases has another waveform after the jump. The mean square of noise in a band of
+    // B Hz deviates by 1 / sqrt(B T) over T s: 5 % for 200 Hz over 2 s, so that two differ by 0.3 dB. 1 dB
+    // is three times that.
     let apart = (10.0_f64.powf(1.0 / 20.0) - 1.0) * b;
     holds((a - b).abs() <= apart.max(0.01 * f64::from(usual)), || {
         format!("1 s later its rms is {a:.4}, without the jump {b:.4}")
@@ -410,7 +410,8 @@ fn around(subject: &Subject<'_>) -> Found {
         most = most.max(steps.changes);
     }
     Ok(format!(
-        "the gate of {opens} mm/s stays shut at {:.2} and opens at {:.2} after {:.0} ms; between them it changes once, in steps {most} times at most",
+        "the gate of {opens} mm/s stays shut at {:.2} and opens at {:.2} after {:.0} ms; between them it \
+         changes once, in steps {most} times at most",
         0.98 * opens,
         1.02 * opens,
         1e3 * fast.changed as f64 / hz
@@ -436,8 +437,8 @@ fn circle(seconds: f64) -> [f64; 2] {
     [RADIUS_MM * turn.cos(), RADIUS_MM * turn.sin()]
 }
 
-/// Plays the circle, with the inputs of `wrong` for `wrong_s` from [`BEGINS_S`] on, if there are any. Answers the
-/// figures of that time, and those from a second after it on.
+/// Plays the circle, with the inputs of `wrong` for `wrong_s` from [`BEGINS_S`] on, if there are any.
+/// Answers the figures of that time, and those from a second after it on.
 fn circles(
     stage: &mut Stage,
     wrong_s: f64,

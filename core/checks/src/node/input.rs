@@ -43,8 +43,8 @@ pub(super) fn on(subject: &Subject<'_>, signal: Signal) -> Found {
     Ok(format!("{TICKS} ticks"))
 }
 
-/// Plays noise, then values that are not finite, then noise. Answers the ticks from their end to the last wrong
-/// output, with or without the resets of the engine.
+/// Plays noise, then values that are not finite, then noise. Answers the ticks from their end to the last
+/// wrong output, with or without the resets of the engine.
 fn recovery(stand: &mut Stand<'_>, hz: u64, resets: bool) -> Result<u64, Not> {
     let (bad, good, end) = (100, 200, 200 + hz * RECOVERY_S + 100);
     let mut last = good;
@@ -91,7 +91,8 @@ pub(super) fn not_finite(subject: &Subject<'_>) -> Found {
         return Ok(format!("well again after {helped} ticks, by the reset that the engine does"));
     }
     fails(format!(
-        "still not finite, or failing, {RECOVERY_S} s after the input was finite again, and a reset does not help"
+        "still not finite, or failing, {RECOVERY_S} s after the input was finite again, and a reset does \
+         not help"
     ))
 }
 

@@ -1,11 +1,11 @@
 //! Cases over one kind of node, built in or from a plugin.
 //!
 //! The compiler puts the kind into a graph, with a signal at every input and a probe at every output. A case
-//! then calls its processor as the engine does, but contains nothing: a value that is not finite is found where
-//! it appears. One case runs the same graph in the engine and compares to the bit.
+//! then calls its processor as the engine does, but contains nothing: a value that is not finite is found
+//! where it appears. One case runs the same graph in the engine and compares to the bit.
 //!
-//! The signals are noise, zeros, steps, denormals, values to 1e6 (frames to 1e30), NaN and infinities, and noise
-//! with silences of random length and frames that do not come.
+//! The signals are noise, zeros, steps, denormals, values to 1e6 (frames to 1e30), NaN and infinities, and
+//! noise with silences of random length and frames that do not come.
 
 mod cost;
 mod input;

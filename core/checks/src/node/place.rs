@@ -26,7 +26,8 @@ pub(crate) struct Conditions {
     pub(crate) every: u32,
     /// Rate of an audio input that takes any rate.
     pub(crate) source_hz: u32,
-    /// Rate, length and bins of a frame input that takes any layout. There are 500 frames a second, or one a tick.
+    /// Rate, length and bins of a frame input that takes any layout. There are 500 frames a second, or one a
+    /// tick.
     pub(crate) frames: (u32, u32, u32),
     /// Shape of an input that takes any shape.
     pub(crate) like: ShapeSpec,
@@ -217,8 +218,8 @@ fn compiled(
     compile(&graph, &registry, Default::default()).map_err(|e| text(&e))
 }
 
-/// Compiles with a probe at every output. Some outputs exist with some settings only: where that is refused, a
-/// probe at the first output has to do.
+/// Compiles with a probe at every output. Some outputs exist with some settings only: where that is refused,
+/// a probe at the first output has to do.
 fn compiled_somehow(
     subject: &Subject<'_>,
     conditions: &Conditions,

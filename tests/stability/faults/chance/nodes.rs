@@ -30,7 +30,8 @@ pub(super) fn forget() {
     INJECTED.with(|all| all.iter().for_each(|count| count.set(0)));
 }
 
-/// Decides when to fail. It counts all calls since it was made, so that a reset is no return to the same fault.
+/// Decides when to fail. It counts all calls since it was made, so that a reset is no return to the same
+/// fault.
 struct Dice {
     number: usize,
     one_in: u64,

@@ -179,8 +179,8 @@ pub(super) fn off(subject: &Subject<'_>) -> Found {
         }
     }
     Ok(format!(
-        "off its closed form by at most {:.4} %; {:.1} dB off at {} Hz, nowhere more; {left:.0e} m/s^2 left 0.5 s \
-         after the end",
+        "off its closed form by at most {:.4} %; {:.1} dB off at {} Hz, nowhere more; {left:.0e} m/s^2 \
+         left 0.5 s after the end",
         100.0 * worst,
         apart.0,
         apart.1
@@ -190,9 +190,8 @@ pub(super) fn off(subject: &Subject<'_>) -> Found {
 /// Corner \[Hz\] and damping ratio of the inverse's high-pass: its defaults.
 const CORNER: (f64, f64) = (20.0, std::f64::consts::FRAC_1_SQRT_2);
 
-/// Drive per acceleration of the inverse of `d` \[A or V per m/s^2\], by the bilinear transform that is exact at the
-/// resonance w:
-/// `s = j c tan(pi f / rate)`, `c = w / tan(w / 2 rate)`.
+/// Drive per acceleration of the inverse of `d` \[A or V per m/s^2\], by the bilinear transform that is
+/// exact at the resonance w: `s = j c tan(pi f / rate)`, `c = w / tan(w / 2 rate)`.
 fn inverse(d: &Dynamics, drive: Drive, hz: f64, rate_hz: f64) -> Complex64 {
     let w = d.natural_rad_s();
     let c = w / (w / 2.0 / rate_hz).tan();

@@ -390,8 +390,8 @@ pub(super) fn resonance(subject: &Subject<'_>) -> Found {
         }
     }
     Ok(format!(
-        "{seconds} s each: at most {rms:.3} of the rated current, {stroke:.3} of the stroke; the largest step is \
-         {steepest:.3} of the sine's"
+        "{seconds} s each: at most {rms:.3} of the rated current, {stroke:.3} of the stroke; the largest \
+         step is {steepest:.3} of the sine's"
     ))
 }
 
@@ -404,7 +404,8 @@ fn tone(d: &Dynamics, peak: f64) -> Samples {
     })
 }
 
-/// A wild stylus: a second each of strokes at up to 1.5 m/s, jumps in every tick, taps at 20 Hz, and random heights.
+/// A wild stylus: a second each of strokes at up to 1.5 m/s, jumps in every tick, taps at 20 Hz, and random
+/// heights.
 fn thrown(hz: f64) -> Motion {
     Arc::new(move |tick| {
         let t = tick as f64 / hz;

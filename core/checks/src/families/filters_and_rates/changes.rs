@@ -95,8 +95,8 @@ fn values(d: &Descriptor) -> Vec<(String, Vec<String>)> {
     d.params.iter().filter_map(|p| Some((p.name.to_string(), of(&p.kind)?))).collect()
 }
 
-/// Changes a parameter of `it` from its default to each value and back. Answers the largest step as a part of its
-/// bound.
+/// Changes a parameter of `it` from its default to each value and back. Answers the largest step as a part
+/// of its bound.
 fn change(
     subject: &Subject<'_>,
     graph: &CaseGraph,
@@ -134,7 +134,8 @@ fn change(
             let bound = 1.01 * steps + 2.0 * loudest * steepest;
             holds(step <= bound, || {
                 format!(
-                    "`{param}` to {value}: a step of {step:.4}; both signals and a crossfade make {bound:.4} at most"
+                    "`{param}` to {value}: a step of {step:.4}; both signals and a crossfade make \
+                     {bound:.4} at most"
                 )
             })?;
             let part = if bound > 0.0 { step / bound } else { 0.0 };
@@ -145,8 +146,8 @@ fn change(
             let now = level_db(&running.heard[from..]);
             holds(level.is_none_or(|db| (now - db).abs() < 1.0), || {
                 format!(
-                    "`{param}` to {value}: half a second later the level is {now:.1} dB, and {:.1} dB without a \
-                     change",
+                    "`{param}` to {value}: half a second later the level is {now:.1} dB, and {:.1} dB \
+                     without a change",
                     level.unwrap_or(0.0)
                 )
             })?;

@@ -311,8 +311,8 @@ fn uneven_hops(subject: &Subject<'_>) -> Found {
 
 /// Duration of the silence \[s\].
 const SILENCE_S: f64 = 60.0;
-/// Time beyond its declared tail in which a filter falls silent \[s\]: a first-order high-pass at 2.3 Hz falls to 10^-30
-/// in 5 s.
+/// Time beyond its declared tail in which a filter falls silent \[s\]: a first-order high-pass at 2.3 Hz
+/// falls to 10^-30 in 5 s.
 const FILTER_S: f64 = 5.0;
 /// The same of a graph \[s\], with the time of a 20 Hz low-pass until the stylus is still.
 const GRAPH_S: f64 = 6.0;

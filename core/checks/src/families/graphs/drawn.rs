@@ -88,8 +88,8 @@ fn players(tick_hz: u32) -> Vec<Arc<dyn NodeKind>> {
     all
 }
 
-/// Draws a graph of a subject's kinds. `choose` answers a number below the one that it is given; 0 makes the graph
-/// simpler.
+/// Draws a graph of a subject's kinds. `choose` answers a number below the one that it is given; 0 makes the
+/// graph simpler.
 pub fn drawn(subject: &Subject<'_>, choose: &mut dyn FnMut(usize) -> usize) -> Drawn {
     let tick_hz = [500, 1000, 100, 4000, 441][choose(5)];
     let audio_hz = [48_000, 44_100, 8000, 96_000][choose(4)];

@@ -1,10 +1,10 @@
 //! A texture network that goes wrong: its output is nonsense, or its input is unlike its training.
 //!
-//! Every case but the last runs the subject's graph twice over the same motion, as it is and with the trouble, and
-//! compares the two. A trouble lasts a frame, a window (0.1 s), or for ever. A second after the first two the drive has
-//! its level back. That leaves a margin over what was measured: the window, the memory of the actuator's inverse (0.2 s
-//! from its largest input), and the gain of the limiter, which comes back with a time constant of 0.2 s. After a window
-//! of 1e30 the level was within 0.5 dB after 0.7 s.
+//! Every case but the last runs the subject's graph twice over the same motion, as it is and with the
+//! trouble, and compares the two. A trouble lasts a frame, a window (0.1 s), or for ever. A second after the
+//! first two the drive has its level back. That leaves a margin over what was measured: the window, the
+//! memory of the actuator's inverse (0.2 s from its largest input), and the gain of the limiter, which comes
+//! back with a time constant of 0.2 s. After a window of 1e30 the level was within 0.5 dB after 0.7 s.
 
 mod pulses;
 
@@ -105,8 +105,8 @@ fn spoil(subject: &Subject<'_>, wrongs: &[Wrong]) -> Result<(Beside, String), No
     let off = both.run(&windows, ticks)?;
     let worst = off.iter().map(|(_, db)| db.abs()).fold(0.0, f64::max);
     let found = format!(
-        "{} troubles; the drive peaks at {:.3}; 1 s later the level is off by {worst:.2} dB at most; {} nodes do \
-         not depend on it",
+        "{} troubles; the drive peaks at {:.3}; 1 s later the level is off by {worst:.2} dB at most; {} \
+         nodes do not depend on it",
         wrongs.len(),
         both.largest,
         both.untouched()
@@ -130,8 +130,8 @@ fn one(bins: &mut [f32], value: f32) {
 }
 
 fn not_finite(subject: &Subject<'_>) -> Found {
-    // The engine quarantines a node after eight faults, and forgives one every 10 s: so seven here, then endless
-    // ones.
+    // The engine quarantines a node after eight faults, and forgives one every 10 s: so seven here, then
+    // endless ones.
     let six = |n: u64, bins: &mut [f32]| match n % 3 {
         0 => bins.fill(f32::NAN),
         1 => bins.fill(f32::INFINITY),
@@ -231,14 +231,14 @@ fn out_of_range(subject: &Subject<'_>) -> Found {
     let worst = off.iter().map(|(_, db)| db.abs()).fold(0.0, f64::max);
     let times = told.iter().map(|t| t.2).fold(0.0, f64::max);
     Ok(format!(
-        "inputs {times:.0} times as large: magnitudes up to {out:.3}, {within:.3} in range; the drive peaks at \
-         {:.3}; 1 s later the level is off by {worst:.2} dB",
+        "inputs {times:.0} times as large: magnitudes up to {out:.3}, {within:.3} in range; the drive \
+         peaks at {:.3}; 1 s later the level is off by {worst:.2} dB",
         both.largest
     ))
 }
 
-/// The inputs of the networks, with the factors that make them ten times the largest values of training, or ten times
-/// as large where a network does not state those.
+/// The inputs of the networks, with the factors that make them ten times the largest values of training, or
+/// ten times as large where a network does not state those.
 fn told(rig: &mut Rig) -> Result<Told, Not> {
     let schedule = rig.schedule.clone();
     let mut told: Vec<(usize, usize, Option<f64>)> = Vec::new();
@@ -423,7 +423,8 @@ struct Beside {
 }
 
 impl Beside {
-    /// The subject's graph under `motion` as it is, and with other kinds; the nodes of these indices go wrong.
+    /// The subject's graph under `motion` as it is, and with other kinds; the nodes of these indices go
+    /// wrong.
     ///
     /// # Errors
     /// What the compiler says.
@@ -455,8 +456,8 @@ impl Beside {
         })
     }
 
-    /// Runs both over all windows. Answers the name of each that ends, and the difference of the level after it
-    /// \[dB\].
+    /// Runs both over all windows. Answers the name of each that ends, and the difference of the level after
+    /// it \[dB\].
     ///
     /// # Errors
     /// A requirement that does not hold.

@@ -20,20 +20,20 @@ const DEPTH_MM: f64 = 2.0;
 const SETTLE_S: f64 = 0.5;
 /// Allowed repetition of the envelope beyond that of noise of the same spectrum and length.
 const MORE_REPETITION: f64 = 0.25;
-/// Allowed modulation from 15 to 25 Hz, as a multiple of that noise's: single grains of a coarse sandpaper make it
-/// twice as deep.
+/// Allowed modulation from 15 to 25 Hz, as a multiple of that noise's: single grains of a coarse sandpaper
+/// make it twice as deep.
 const MORE_MODULATION: f64 = 2.5;
 
 /// Rms below which nothing sounds \[m/s^2\].
 const SILENT_M_S2: f64 = 1e-6;
 /// Bumps whose distances vary by less than this part are regular: their rhythm is the surface's.
 const EVEN: f64 = 0.25;
-/// Distance from which on bumps are met one by one, as the pores of wood \[mm\]. They may pulse, but not twice after
-/// the same time.
+/// Distance from which on bumps are met one by one, as the pores of wood \[mm\]. They may pulse, but not
+/// twice after the same time.
 const SINGLE_MM: f64 = 0.4;
 
-/// Speeds at which a repetition with place has other lags \[mm/s\]. Their ratios are not simple, so that few lags are
-/// multiples at all of them.
+/// Speeds at which a repetition with place has other lags \[mm/s\]. Their ratios are not simple, so that few
+/// lags are multiples at all of them.
 const SPEEDS_MM_S: [f64; 3] = [60.0, 82.4, 131.0];
 
 /// A material of the graph.
@@ -76,8 +76,8 @@ pub(super) fn pulses(subject: &Subject<'_>) -> Found {
             let times = if *single { 0.0 } else { ours.pulses() / noise.pulses() };
             holds(more <= MORE_REPETITION && times <= MORE_MODULATION, || {
                 format!(
-                    "{about}: the envelope repeats by {:.2}, that of noise by {:.2}; it is modulated by {:.2} from \
-                     15 to 25 Hz, noise by {:.2}",
+                    "{about}: the envelope repeats by {:.2}, that of noise by {:.2}; it is modulated by \
+                     {:.2} from 15 to 25 Hz, noise by {:.2}",
                     ours.envelope_repetition,
                     noise.envelope_repetition,
                     ours.pulses(),
@@ -92,8 +92,9 @@ pub(super) fn pulses(subject: &Subject<'_>) -> Found {
         return Err(Not::Applicable("no stroke sounds".into()));
     }
     Ok(format!(
-        "{count} strokes of {seconds} s: the envelope repeats by at most {:.2} more than that of noise, and is \
-         modulated {:.1} times as deep; at the same lag at all speeds it repeats by at most {same:.2}",
+        "{count} strokes of {seconds} s: the envelope repeats by at most {:.2} more than that of noise, \
+         and is modulated {:.1} times as deep; at the same lag at all speeds it repeats by at most \
+         {same:.2}",
         worst.0, worst.1
     ))
 }
@@ -170,8 +171,8 @@ fn circle(subject: &Subject<'_>, speed: f64) -> Result<Motion, Not> {
     }))
 }
 
-/// The first material of each family in the library, both of those that repeat with place and of the others. The
-/// graph as it is where it has no library.
+/// The first material of each family in the library, both of those that repeat with place and of the others.
+/// The graph as it is where it has no library.
 fn settings(subject: &Subject<'_>) -> Result<Vec<Setting>, Not> {
     let schedule = subject.compiled(subject.its_graph()?, &[])?.schedule;
     let most = subject.by_effort(2, 4, 100);

@@ -30,8 +30,8 @@ pub(crate) struct Method {
     pub(crate) spectrum: bool,
 }
 
-/// All kinds that retrieve phase. With `settings`, also with each word of a choice, and with 0 for an integer that may
-/// be 0.
+/// All kinds that retrieve phase. With `settings`, also with each word of a choice, and with 0 for an
+/// integer that may be 0.
 ///
 /// # Errors
 /// There is none.
@@ -193,7 +193,8 @@ impl Heard {
         self.rig.engine.skip(ticks);
     }
 
-    /// Runs so many ticks. Answers their samples without the latency: sample 0 is the first of the first frame.
+    /// Runs so many ticks. Answers their samples without the latency: sample 0 is the first of the first
+    /// frame.
     ///
     /// # Errors
     /// As [`hear`](Self::hear).
@@ -277,7 +278,8 @@ pub(crate) fn decibels(found: f64, wanted: f64) -> f64 {
     10.0 * (found.max(f64::MIN_POSITIVE) / wanted).log10()
 }
 
-/// Error of a tone's frequency against `hz`, and its scatter \[Hz\]: from its phase in Hann windows of half a second.
+/// Error of a tone's frequency against `hz`, and its scatter \[Hz\]: from its phase in Hann windows of half
+/// a second.
 pub(crate) fn detuned(heard: &[f64], rate_hz: f64, hz: f64) -> (f64, f64) {
     let len = (0.5 * rate_hz) as usize;
     let phases: Vec<f64> = heard

@@ -1,14 +1,16 @@
-//! Phase retrieval: every kind that takes magnitudes alone and gives spectra or samples, with each of its settings.
+//! Phase retrieval: every kind that takes magnitudes alone and gives spectra or samples, with each of its
+//! settings.
 //!
 //! # Energy
 //!
-//! A stationary signal of variance V has amplitudes `A_k` with `sum A_k^2 = 3 V` on average. Its transforms hold
-//! `N / 2 sum w^2 V` up to Nyquist, the window's `sum w^2` is `3 N / 8`, and an amplitude is a magnitude over `N / 4`.
-//! So magnitudes ask for a mean square of `sum A_k^2 / 3`, and least squares never give more (Griffin and Lim 1984: a
-//! projection). Methods that scale up what overlap-add takes away (`phase_vocoder` by 1.76 dB, `random_phase` by the
-//! overlap) reach it on average too. The 3 dB allow for random draws over 2 s, and for bin 0 and Nyquist, which count
-//! once where all others count twice. Downwards 30 dB are allowed: `random_phase` loses 17 dB by its nature, and
-//! `spsi` 16 dB of a spectrum without peaks.
+//! A stationary signal of variance V has amplitudes `A_k` with `sum A_k^2 = 3 V` on average. Its transforms
+//! hold `N / 2 sum w^2 V` up to Nyquist, the window's `sum w^2` is `3 N / 8`, and an amplitude is a
+//! magnitude over `N / 4`. So magnitudes ask for a mean square of `sum A_k^2 / 3`, and least squares never
+//! give more (Griffin and Lim 1984: a projection). Methods that scale up what overlap-add takes away
+//! (`phase_vocoder` by 1.76 dB, `random_phase` by the overlap) reach it on average too. The 3 dB allow for
+//! random draws over 2 s, and for bin 0 and Nyquist, which count once where all others count twice.
+//! Downwards 30 dB are allowed: `random_phase` loses 17 dB by its nature, and `spsi` 16 dB of a spectrum
+//! without peaks.
 
 mod method;
 
@@ -269,8 +271,8 @@ const START: u64 = 300;
 /// Frames over which a level is measured.
 const LEVEL: u64 = 250;
 
-/// Compares troubled frames with a constant tone: the level must come back after the trouble. Answers the difference
-/// \[dB\], and the mean square from the start of the trouble until it has settled.
+/// Compares troubled frames with a constant tone: the level must come back after the trouble. Answers the
+/// difference \[dB\], and the mean square from the start of the trouble until it has settled.
 fn comes_back(
     subject: &Subject<'_>,
     method: &Method,

@@ -1,10 +1,10 @@
 //! A device that falls on the walls of a graph and rests there.
 //!
-//! Each bounce leaves e^(-pi z) of the speed, until the device no longer leaves the wall: v m w < f. Where two walls
-//! meet and one of them is felt at a time, they take turns: a force of the push's size P changes its side when one is
-//! h deeper than the other. A turn gives P h sqrt(2), and between two turns the damping takes 2 b v^3 m / (3 P), as
-//! with friction that turns late. So the speed is at most the cube root of 3 sqrt(2) h P^2 / (2 b m), and two ticks of
-//! the push.
+//! Each bounce leaves e^(-pi z) of the speed, until the device no longer leaves the wall: v m w < f. Where
+//! two walls meet and one of them is felt at a time, they take turns: a force of the push's size P changes
+//! its side when one is h deeper than the other. A turn gives P h sqrt(2), and between two turns the damping
+//! takes 2 b v^3 m / (3 P), as with friction that turns late. So the speed is at most the cube root of 3
+//! sqrt(2) h P^2 / (2 b m), and two ticks of the push.
 
 use std::f64::consts::PI;
 
@@ -204,8 +204,9 @@ pub(super) fn rests(subject: &Subject<'_>) -> Found {
     }
     wall.sound()?;
     Ok(format!(
-        "{} falls, on {} edges: contact is made {worst} times at most ({bound} are allowed); {fell} went over the \
-         edge; {trembles} rest between two sides that take turns, at {turned:.1} mm/s at most ({fastest:.1})",
+        "{} falls, on {} edges: contact is made {worst} times at most ({bound} are allowed); {fell} went \
+         over the edge; {trembles} rest between two sides that take turns, at {turned:.1} mm/s at most \
+         ({fastest:.1})",
         falls.len(),
         edges.len()
     ))

@@ -1,22 +1,23 @@
 //! Walls: the energy that a sampled wall gives to a device, alone or under a hand.
 //!
-//! Every wall is that of a graph, and the device around it is simulated ([`crate::handle`]). Walls of a kind are all
-//! kinds of floors in the registry, at 500 and 1000 Hz. A user's own wall is the answer of the graph to its stylus, at
-//! its own rate.
+//! Every wall is that of a graph, and the device around it is simulated ([`crate::handle`]). Walls of a kind
+//! are all kinds of floors in the registry, at 500 and 1000 Hz. A user's own wall is the answer of the graph
+//! to its stylus, at its own rate.
 //!
 //! # Energy
 //!
-//! A force F_k that is read at x_k and held over a tick gives `F_k (x_k+1 - x_k)`. A device's damping b takes least at
-//! a speed that is constant from tick to tick: `b sum (x_k+1 - x_k)^2 / T`. The cases play such motions, so no device
-//! with this damping can take what they find. A wall `F = -K x` gives
+//! A force F_k that is read at x_k and held over a tick gives `F_k (x_k+1 - x_k)`. A device's damping b
+//! takes least at a speed that is constant from tick to tick: `b sum (x_k+1 - x_k)^2 / T`. The cases play
+//! such motions, so no device with this damping can take what they find. A wall `F = -K x` gives
 //!
 //! ```text
 //! -K x_k (x_k+1 - x_k) = U(x_k) - U(x_k+1) + K (x_k+1 - x_k)^2 / 2,    U = K x^2 / 2
 //! ```
 //!
-//! Over a closed way this equals a damping of K T/2, and no more where the wall is left on the way, since U is convex.
-//! A damper B gives `-B (x_k - x_k-1) (x_k+1 - x_k) / T`, at most `B sum (x_k+1 - x_k)^2 / T`. So the bound is
-//! K T/2 + B for any way and any device, also where either force is cut off at 0 or at a largest force.
+//! Over a closed way this equals a damping of K T/2, and no more where the wall is left on the way, since U
+//! is convex. A damper B gives `-B (x_k - x_k-1) (x_k+1 - x_k) / T`, at most `B sum (x_k+1 - x_k)^2 / T`. So
+//! the bound is K T/2 + B for any way and any device, also where either force is cut off at 0 or at a
+//! largest force.
 
 mod chatter;
 mod quantum;
@@ -177,8 +178,8 @@ fn own(subject: &Subject<'_>, about: About) -> Found {
     Ok(format!("{tells} (the first of {count} that differ); {}", found.join("; ")))
 }
 
-/// Throws devices at a wall: masses that swing in it from slowly to once in a few ticks, from places all over a
-/// tick's way.
+/// Throws devices at a wall: masses that swing in it from slowly to once in a few ticks, from places all
+/// over a tick's way.
 fn thrown(
     wall: &mut Wall,
     near: &Near,
@@ -212,7 +213,8 @@ fn inside(wall: &mut Wall, near: &Near, subject: &Subject<'_>) -> Found {
     let Swings { most_ns_per_m, at_hz, .. } = swings(wall, near);
     holds(most_ns_per_m <= bound * (1.0 + 1e-6), || {
         format!(
-            "a motion of {at_hz:.0} Hz takes out the energy of {most_ns_per_m:.4} N s/m; the bound is {bound:.4}"
+            "a motion of {at_hz:.0} Hz takes out the energy of {most_ns_per_m:.4} N s/m; the bound is \
+             {bound:.4}"
         )
     })?;
     let chance = by_chance(wall, near, subject.by_effort(10, 50, 2000));
@@ -307,8 +309,9 @@ fn late(wall: &mut Wall, near: &Near, _subject: &Subject<'_>) -> Found {
 /// Positions of a swing.
 const POINTS: u32 = 64;
 
-/// Moves twice through places outside the surface \[mm\], one per run of the wall, at constant speed between them.
-/// Answers the energy that the wall gave on the second round, and that a damper of 1 N s/m would take \[mJ\].
+/// Moves twice through places outside the surface \[mm\], one per run of the wall, at constant speed between
+/// them. Answers the energy that the wall gave on the second round, and that a damper of 1 N s/m would take
+/// \[mJ\].
 fn round(wall: &mut Wall, near: &Near, places_mm: &[f64]) -> (f64, f64) {
     let (every, tick_s) = (wall.every(), near.tick_s());
     let (mut given, mut taken) = (0.0, 0.0);
@@ -333,7 +336,8 @@ fn round(wall: &mut Wall, near: &Near, places_mm: &[f64]) -> (f64, f64) {
     (given, taken)
 }
 
-/// Amplitude and middle of a swing \[mm\], so that Hooke's law holds all over it, with the force of the damping.
+/// Amplitude and middle of a swing \[mm\], so that Hooke's law holds all over it, with the force of the
+/// damping.
 fn swing(near: &Near) -> (f64, f64) {
     let (middle, law) = (0.5 * near.deep_mm, near.law);
     let by_speed = 2e-3 * law.damping_ns_per_m.abs() / near.tick_s();
@@ -341,9 +345,9 @@ fn swing(near: &Near) -> (f64, f64) {
     (0.5 * most, -middle)
 }
 
-/// Energy that swings take out of a wall, as a missing damping \[N s/m\], at every frequency up to half the rate:
-/// measured, and by the closed form `K T/2 sin((1/2 + n) w T) / sin(w T / 2) - B cos((1 + n) w T)` for a delay of n
-/// ticks.
+/// Energy that swings take out of a wall, as a missing damping \[N s/m\], at every frequency up to half the
+/// rate: measured, and by the closed form `K T/2 sin((1/2 + n) w T) / sin(w T / 2) - B cos((1 + n) w T)` for
+/// a delay of n ticks.
 struct Swings {
     /// Largest measured value.
     pub most_ns_per_m: f64,

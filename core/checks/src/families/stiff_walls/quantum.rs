@@ -1,21 +1,21 @@
 //! A wall under a sensor that tells places in steps.
 //!
-//! An error e of the place, at most half a step, is an error of the force of `K e + B (e_k - e_k-1) / T`, at most
-//! `P = K D/2 + B D/T`. It gives at most P per length of way, which the dry friction c of the device takes where
-//! c > P. Below that the balance is
+//! An error e of the place, at most half a step, is an error of the force of `K e + B (e_k - e_k-1) / T`, at
+//! most `P = K D/2 + B D/T`. It gives at most P per length of way, which the dry friction c of the device
+//! takes where c > P. Below that the balance is
 //!
 //! ```text
 //! dE/dt <= (P - c) |v| - (b - K T/2 - B) v^2
 //! ```
 //!
-//! so that the rms speed is at most (P - c) / (b - K T/2 - B) over a time after which the energy is the same again.
-//! The distance: a disturbance of at most F moves a mass in a spring by at most F times the integral of the absolute
-//! impulse response, `coth(pi z / (2 sqrt(1 - z^2))) / K`, with the damping ratio z. Dry friction is part of the
-//! disturbance.
+//! so that the rms speed is at most (P - c) / (b - K T/2 - B) over a time after which the energy is the same
+//! again. The distance: a disturbance of at most F moves a mass in a spring by at most F times the integral
+//! of the absolute impulse response, `coth(pi z / (2 sqrt(1 - z^2))) / K`, with the damping ratio z. Dry
+//! friction is part of the disturbance.
 //!
-//! Without dry friction the device cannot lie still between two steps, where the force is that of one or the other.
-//! Let f be the least difference from the push. A speed that follows `m dv/dt + b v = +-f` or more over a tick has
-//! an rms of at least `f / b sqrt(1 - tanh(s/2) / (s/2))`, s = b T/m, from any start.
+//! Without dry friction the device cannot lie still between two steps, where the force is that of one or the
+//! other. Let f be the least difference from the push. A speed that follows `m dv/dt + b v = +-f` or more
+//! over a tick has an rms of at least `f / b sqrt(1 - tanh(s/2) / (s/2))`, s = b T/m, from any start.
 
 use std::f64::consts::{PI, TAU};
 
@@ -43,8 +43,8 @@ pub(super) fn is_deep(near: &Near) -> bool {
     near.deep_mm >= 20.0 * STEP_MM
 }
 
-/// Energy per way that motions take out beyond the bound without steps \[N\]. They go out and in over 1 to 8 borders
-/// of steps, one a tick: out just before them, in just behind them.
+/// Energy per way that motions take out beyond the bound without steps \[N\]. They go out and in over 1 to 8
+/// borders of steps, one a tick: out just before them, in just behind them.
 fn taken_n(wall: &mut Wall, near: &Near) -> f64 {
     let middle = ((0.5 * near.deep_mm) / STEP_MM).floor();
     let (little, tick_s, every) = (1e-6 * STEP_MM, near.tick_s(), wall.every());
@@ -86,8 +86,8 @@ struct Trembles {
     rms_mm_s: f64,
 }
 
-/// Lets a device settle under a push, and measures how it trembles after that. The push is the wall's force at a
-/// depth of so many steps.
+/// Lets a device settle under a push, and measures how it trembles after that. The push is the wall's force
+/// at a depth of so many steps.
 fn tremble(
     wall: &mut Wall,
     near: &Near,
@@ -206,8 +206,8 @@ pub(super) fn below(wall: &mut Wall, near: &Near, subject: &Subject<'_>) -> Foun
         }
     }
     Ok(format!(
-        "steps of {STEP_MM} mm take {:.1} mN of dry friction, of which a motion gets {:.4}; without friction a \
-         device trembles by {:.4} mm ({:.2} of the bound) and {:.2} mm/s",
+        "steps of {STEP_MM} mm take {:.1} mN of dry friction, of which a motion gets {:.4}; without \
+         friction a device trembles by {:.4} mm ({:.2} of the bound) and {:.2} mm/s",
         1e3 * needed,
         taken / needed,
         most.0,
@@ -232,8 +232,8 @@ pub(super) fn above(wall: &mut Wall, near: &Near, _subject: &Subject<'_>) -> Fou
                 let it = tremble(wall, near, device, rest, (from_mm, still_s, 0.5));
                 holds(it.rms_mm_s == 0.0, || {
                     format!(
-                        "{:.3} kg with {:.1} mN of dry friction, {part} times the needed one, still moves after \
-                         {still_s:.2} s: {:.2e} mm/s",
+                        "{:.3} kg with {:.1} mN of dry friction, {part} times the needed one, still moves \
+                         after {still_s:.2} s: {:.2e} mm/s",
                         device.mass_kg,
                         1e3 * device.friction_n,
                         it.rms_mm_s

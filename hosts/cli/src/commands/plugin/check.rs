@@ -1,8 +1,8 @@
 //! `asperity plugin check`: runs the node cases over a plugin, in a process of its own.
 //!
-//! A plugin that crashes ends the process of the cases. A new process goes on with the next case. A plugin that does
-//! not answer is killed. Not seen are locks and system calls of a plugin, its threads, memory that it does not take
-//! from the C library, and writes to foreign memory that do not crash.
+//! A plugin that crashes ends the process of the cases. A new process goes on with the next case. A plugin
+//! that does not answer is killed. Not seen are locks and system calls of a plugin, its threads, memory that
+//! it does not take from the C library, and writes to foreign memory that do not crash.
 
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
@@ -72,8 +72,8 @@ const FIRST: [&str; 4] = ["descriptor", "prepare", "zero", SURROUNDINGS];
 /// Time limit of an answer of a plugin that is rebuilt while a graph plays.
 const TRIAL: Duration = Duration::from_secs(5);
 
-/// Tries the copy of a plugin's file in another process: its code, which may be damaged, must return and leave the
-/// process as it was. Other failures do not matter here.
+/// Tries the copy of a plugin's file in another process: its code, which may be damaged, must return and
+/// leave the process as it was. Other failures do not matter here.
 ///
 /// # Errors
 /// The way in which the process ended or changed.

@@ -1,5 +1,5 @@
-//! The process in which a plugin's cases run. It reports each step as a line of JSON, so that the last step before a
-//! crash is known. The lines go through its standard input, since a plugin may print.
+//! The process in which a plugin's cases run. It reports each step as a line of JSON, so that the last step
+//! before a crash is known. The lines go through its standard input, since a plugin may print.
 
 use std::cell::{Cell, RefCell};
 use std::fs::File;

@@ -1,9 +1,9 @@
 //! Counts the allocations of a plugin.
 //!
 //! A plugin has an allocator of its own language, which the program's allocator does not see. All of them end
-//! in the C library's `malloc`. On Linux with glibc the program therefore defines `malloc` and its kin itself:
-//! the system's loader binds the calls of every library to them. They count while a [`Counter`] asks for it,
-//! and forward to the names that glibc keeps for this. On other systems nothing is counted.
+//! in the C library's `malloc`. On Linux with glibc the program therefore defines `malloc` and its kin
+//! itself: the system's loader binds the calls of every library to them. They count while a [`Counter`] asks
+//! for it, and forward to the names that glibc keeps for this. On other systems nothing is counted.
 //!
 //! Not counted: memory that a plugin maps itself (`mmap`), or takes from an allocator that is linked into it.
 

@@ -71,7 +71,8 @@ fn handlers() -> Vec<(usize, i64)> {
     let of = |signal| {
         // SAFETY: a struct of numbers and addresses, which may be zero.
         let mut action: libc::sigaction = unsafe { std::mem::zeroed() };
-        // SAFETY: nothing is set; the handler is written to a struct of that type. An unknown signal leaves it alone.
+        // SAFETY: nothing is set; the handler is written to a struct of that type. An unknown signal leaves
+        // it alone.
         unsafe { libc::sigaction(signal, std::ptr::null(), &mut action) };
         (action.sa_sigaction, i64::from(action.sa_flags))
     };
