@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use asperity_checks::conformance::{Heap, Outcome, Subject, Touched, Verdict, cases, tick_time};
+use asperity_checks::{Heap, Outcome, Subject, Touched, Verdict, node_cases, tick_time};
 use asperity_engine::Engine;
 use asperity_graph::GraphFile;
 use asperity_node::{NodeKind, Param, ParamKind};
@@ -25,7 +25,7 @@ impl Heap for Allocations {
 /// A kind with the parameters it must be given. Fewer random ticks than `asperity plugin check` has.
 fn subject(kind: &Arc<dyn NodeKind>) -> Subject<'static> {
     let file = |p: &str| harness::graphs(p).display().to_string();
-    let subject = Subject::new(kind.clone()).ticks(3000).heap(&Allocations);
+    let subject = Subject::one(kind.clone()).ticks(3000).heap(&Allocations);
     match &*kind.descriptor().kind {
         "texture_network" => subject
             .set("model", file("models/surfaces/texture.onnx"))
@@ -57,10 +57,10 @@ fn check(names: &[&str]) {
             subjects.push((format!("{name} in f64"), subject(kind).set("precision", "f64")));
         }
         for (name, subject) in &subjects {
-            for case in cases().iter().filter(|c| names.contains(&c.name) && !is_meant(name, c.name)) {
+            for case in node_cases().iter().filter(|c| names.contains(&c.name) && !is_meant(name, c.name)) {
                 let Outcome { verdict, found } = case.run(subject);
                 println!("{name:20} {:16} {verdict:?} {found}", case.name);
-                if verdict == Verdict::Fail {
+                if verdict == Verdict::Fails {
                     wrong.push(format!("{name}: {}: {found}", case.name));
                 }
             }
@@ -115,7 +115,7 @@ fn no_node_allocates_in_real_time() {
 #[test]
 fn every_case_is_run_here() {
     let here = include_str!("conformance.rs");
-    for case in cases() {
+    for case in node_cases() {
         assert!(
             here.contains(&format!("{:?}", case.name)),
             "{} is not run over the built-in kinds",

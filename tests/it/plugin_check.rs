@@ -3,7 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
-use asperity_checks::conformance::cases;
+use asperity_checks::node_cases;
 use harness::{Ran, plugins, run};
 
 /// Builds the C plugin, broken in one way or not at all.
@@ -79,7 +79,7 @@ const MUTANTS: &[(&str, &str, &str, &str)] = &[
 ];
 
 #[test]
-fn a_broken_plugin_fails_the_case_that_is_about_it() {
+fn broken_plugin_fails_its_case() {
     let dir = tempfile::tempdir().unwrap();
     for (broken, kind, case, found) in MUTANTS {
         fails(dir.path(), broken, kind, case, found);
@@ -87,15 +87,15 @@ fn a_broken_plugin_fails_the_case_that_is_about_it() {
 }
 
 #[test]
-fn there_is_a_broken_plugin_for_every_case() {
-    for case in cases().iter().filter(|c| c.name != "allocation") {
+fn every_case_has_a_broken_plugin() {
+    for case in node_cases().iter().filter(|c| c.name != "allocation") {
         assert!(MUTANTS.iter().any(|m| m.2 == case.name), "no plugin fails {}", case.name);
     }
 }
 
 #[test]
 #[cfg(all(target_os = "linux", target_env = "gnu"))]
-fn what_the_heap_sees_in_process_and_reset_is_counted() {
+fn allocations_in_process_and_reset_are_counted() {
     let dir = tempfile::tempdir().unwrap();
     let found = "process allocated 6000 and freed 6000 times in 6000 of 6000 calls, first at tick 0";
     fails(dir.path(), "ALLOCATES", "low_pass", "allocation", found);
@@ -104,13 +104,13 @@ fn what_the_heap_sees_in_process_and_reset_is_counted() {
 }
 
 #[test]
-fn a_good_plugin_passes_every_case() {
+fn good_plugin_passes_every_case() {
     let dir = tempfile::tempdir().unwrap();
     let ran = check(&built(dir.path(), "NOTHING"), &["--json", "--ticks", "20000"]);
     assert_eq!(ran.code, 0, "{}\n{}", ran.out, ran.err);
     let all: serde_json::Value = serde_json::from_str(&ran.out).expect("JSON");
     let rows = all["cases"].as_array().expect("rows");
-    for case in cases().iter().map(|c| c.name).chain(["surroundings", "time", "other_process"]) {
+    for case in node_cases().iter().map(|c| c.name).chain(["surroundings", "time", "other_process"]) {
         let of: Vec<_> = rows.iter().filter(|r| r["case"] == case).collect();
         assert_eq!(of.len(), 3, "{case} is run for every kind");
         let known = |r: &&serde_json::Value| {
@@ -141,7 +141,7 @@ fn rust_plugins_are_checked_and_their_allocations_counted() {
 }
 
 #[test]
-fn a_crash_is_named_and_the_cases_behind_it_still_run() {
+fn crash_is_named_and_later_cases_still_run() {
     let dir = tempfile::tempdir().unwrap();
     let ran = check(
         &built(dir.path(), "SEGFAULT"),
@@ -166,7 +166,7 @@ fn a_crash_is_named_and_the_cases_behind_it_still_run() {
 }
 
 #[test]
-fn an_abort_an_exit_and_an_endless_loop_are_named() {
+fn abort_exit_and_endless_loop_are_named() {
     let dir = tempfile::tempdir().unwrap();
     fails(dir.path(), "ABORT", "low_pass", "random", "crashed by signal 6 (abort) in case `random`");
     fails(dir.path(), "EXITS", "low_pass", "random", "ended the process with code 3 in case `random`");
@@ -176,7 +176,7 @@ fn an_abort_an_exit_and_an_endless_loop_are_named() {
 }
 
 #[test]
-fn what_does_not_load_is_refused_or_crashes_before_any_case() {
+fn plugin_that_does_not_load_is_refused() {
     let dir = tempfile::tempdir().unwrap();
     let text = dir.path().join("text.so");
     std::fs::write(&text, "not a library").unwrap();
@@ -193,7 +193,7 @@ fn what_does_not_load_is_refused_or_crashes_before_any_case() {
 }
 
 #[test]
-fn what_is_asked_for_must_be_there() {
+fn unknown_kinds_cases_and_settings_are_refused() {
     let dir = tempfile::tempdir().unwrap();
     let good = built(dir.path(), "NOTHING");
     for (args, message) in [

@@ -23,7 +23,7 @@ fn with_low_pass(dir: &tempfile::TempDir, broken: &str) -> (PathBuf, PathBuf) {
 }
 
 #[test]
-fn a_graph_that_holds_is_told_of_in_a_table_and_ends_with_0() {
+fn graph_that_holds_prints_a_table_and_exits_with_0() {
     let ran = selftest(&["graphs/texture.ron", "--case", "teleport"]).ok();
     let lines: Vec<&str> = ran.out.lines().collect();
     let words = |line: &str| line.split_whitespace().take(3).map(str::to_owned).collect::<Vec<_>>();
@@ -35,7 +35,7 @@ fn a_graph_that_holds_is_told_of_in_a_table_and_ends_with_0() {
 }
 
 #[test]
-fn a_broken_plugin_fails_the_case_and_a_good_one_does_not() {
+fn broken_plugin_fails_the_case_and_good_one_holds() {
     let dir = tempfile::tempdir().unwrap();
     for (broken, code, verdict) in [("WRITES_NAN", 1, "fails"), ("NOTHING", 0, "holds")] {
         let (graph, library) = with_low_pass(&dir, broken);
@@ -55,7 +55,7 @@ fn a_broken_plugin_fails_the_case_and_a_good_one_does_not() {
 }
 
 #[test]
-fn what_is_not_there_is_said_before_anything_is_run() {
+fn unknown_names_are_refused_before_any_case_runs() {
     for (args, said) in [
         (vec!["--case", "teleprot"], "did you mean `teleport`?"),
         (vec!["--family", "motoin"], "did you mean `motion`?"),
@@ -74,7 +74,7 @@ fn what_is_not_there_is_said_before_anything_is_run() {
 }
 
 #[test]
-fn without_a_graph_those_cases_are_left_out_that_look_at_one() {
+fn cases_of_graphs_are_skipped_without_a_graph() {
     let ran = selftest(&["--family", "motion"]).ok();
     assert!(!ran.out.contains("teleport") && ran.out.contains(" more look at a graph"), "{}", ran.out);
     // One that is asked for says so itself.
@@ -83,7 +83,7 @@ fn without_a_graph_those_cases_are_left_out_that_look_at_one() {
 }
 
 #[test]
-fn scene_is_tested_and_one_without_motion_not_applicable() {
+fn scene_is_checked_and_graph_without_stylus_is_not() {
     let ran = selftest(&["graphs/scenes/side_by_side.ron", "--case", "teleport"]).ok();
     assert!(ran.out.contains("holds"), "{}", ran.out);
     let dir = tempfile::tempdir().unwrap();

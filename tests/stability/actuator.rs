@@ -3,11 +3,11 @@
 use std::sync::Arc;
 
 use asperity_actuator::{ActuatorProfile, Drive, Dynamics};
-use asperity_checks::{Effort, Not, Piece, Place, Sound, Subject, limited, wrap};
+use asperity_checks::{Effort, Not, Piece, Place, Sound, Subject, limited};
 use asperity_node::{NodeKind, Param, Status};
 use proptest::prelude::*;
 
-use crate::{fails, graph, holds, plugin, scene, subject};
+use crate::{fails, graph, holds, plugin, scene, subject, wrap};
 
 /// A kind whose output is changed sample by sample: by the sample, its number from the first that was asked
 /// for, and the sample before it.

@@ -1,8 +1,7 @@
 //! Whatever stands in a file: it is read or refused, without a panic, in bounded time and memory.
 //!
 //! The corpora are those of the fuzz targets (`fuzz/corpus`), and what fuzzing found stands in them. A file
-//! whose name begins with
-//! `bad_` is one that is refused; all others are taken.
+//! whose name begins with `bad_` is one that is refused; all others are taken.
 
 mod bent;
 mod models;

@@ -2,12 +2,12 @@
 
 use std::sync::Arc;
 
-use asperity_checks::{Effort, Subject, wrap};
+use asperity_checks::{Effort, Subject};
 use asperity_live::{Dll, RemoteClock};
 use asperity_node::random::uniform;
 use asperity_node::{Fault, NodeKind, Param, Status, time};
 
-use crate::{fails, graph, holds, plugin, scene, subject};
+use crate::{fails, graph, holds, plugin, scene, subject, wrap};
 
 /// A kind that changes the samples of its first output, a tick at a time: by the samples, the number of the
 /// call, and ticks a second.
@@ -109,7 +109,7 @@ fn uneven_hops() {
 }
 
 #[test]
-fn a_kind_of_phase_retrieval_that_has_to_be_set_is_left_out() {
+fn phase_retrieval_with_required_parameter_is_left_out() {
     let built_in = subject(None);
     let weights = Param::file("weights", "What it has learned.").required();
     let more = plugin(&built_in.kind("spsi").expect("the kind"), "learned_phase", |d| d.param(weights));
@@ -195,8 +195,8 @@ const TICK_HZ: u32 = 500;
 /// Frames of a device's period.
 const PERIOD: u64 = 1024;
 
-/// A clock for ticks: told of a callback (time in ns, frames), it says when a frame is asked for, and
-/// at which frame a time is.
+/// What ticks keep time with: told of a callback (time in ns, frames), it says when a frame is asked for,
+/// and at which frame a time is.
 trait Follows {
     fn heard(&mut self, now_ns: f64, frames: u64);
     fn time_ns(&self, position: f64) -> f64;
@@ -286,10 +286,10 @@ fn a_clock_that_is_off_by_500_ppm_is_followed_for_an_hour() {
     }
 }
 
-/// Hard: the clock of a hand on another machine is off by 500 ppm for an hour, and its messages are 0 to 8 ms
-/// under way beyond the least. Must: each is at its time within 3 ms.
+/// Hard: the clock of a hand on another machine is off by 500 ppm for an hour, and its messages are 0 to 8
+/// ms under way beyond the least. Must: each is at its time within 3 ms.
 #[test]
-fn a_hand_whose_clock_is_off_by_500_ppm_is_followed_for_an_hour() {
+fn hand_clock_off_by_500_ppm_is_followed_for_an_hour() {
     for ppm in [500.0, -500.0] {
         let (mut clock, mut worst, mut last, mut first) = (RemoteClock::new(), 0.0_f64, 0.0_f64, None);
         let mut unmapped = 0.0_f64;

@@ -2,12 +2,12 @@
 
 use std::sync::Arc;
 
-use asperity_checks::{Effort, Subject, wrap};
+use asperity_checks::{Effort, Subject};
 use asperity_graph::GraphFile;
 use asperity_node::{Buffer, Fault};
 use asperity_texture::Library;
 
-use crate::{effort, fails, graph, holds, scene, subject};
+use crate::{effort, fails, graph, holds, scene, subject, wrap};
 
 /// Shipped graphs that are looked at where there is time.
 const SHIPPED: [&str; 4] = ["heravi2024.ron", "heravi2024_500hz.ron", "voltage_amplifier.ron", "live.ron"];

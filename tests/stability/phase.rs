@@ -3,12 +3,13 @@
 use std::f64::consts::TAU;
 use std::sync::{Arc, OnceLock};
 
-use asperity_checks::{Subject, wrap};
+use asperity_checks::Subject;
 use asperity_loader::Plugin;
 use asperity_node::{Complex, Fault, NodeKind, Registry, Setup, Status, Tick};
 use harness::plugins;
 
-use crate::{effort, fails, holds};
+use harness::plugins;
+use crate::{effort, fails, holds, wrap};
 
 /// The built-in kinds and those of the plugins that retrieve phase.
 fn all() -> Subject<'static> {
@@ -36,7 +37,7 @@ fn mutant(
     subject.with(wrap::wrap(kind, Arc::new(make)))
 }
 
-/// Change of a spectrum by a mutant, from the input, the frame's number and first sample, and the
+/// What a mutant does to a spectrum: with what came in, the frame's number and first sample, and the
 /// spectrum.
 type Change = fn(&mut f64, &[f32], (u64, u64), &mut [Complex<f32>]);
 

@@ -16,12 +16,12 @@ fn ticks() -> u64 {
 
 /// Part of the graph that no fault reaches.
 const CLEAN: (&str, &str) = (
-    r#""stylus": (kind: "stroke", params: (duration_s: 1e6, shape: circle)), "motion": (kind: "velocity"),
-       "speed": (kind: "probe"),
+    r#""stylus": (kind: "stroke", params: (duration_s: 1e6, shape: circle)),
+    "motion": (kind: "velocity"), "speed": (kind: "probe"),
        "tone": (kind: "sine", params: (frequency_hz: 80, amplitude: 0.1)), "guard": (kind: "limiter"),
        "clean": (kind: "audio_out"),"#,
-    r#"("stylus.position", "motion.position"), ("motion.speed", "speed"), ("tone", "guard"),
-       ("guard", "clean"),"#,
+    r#"("stylus.position", "motion.position"), ("motion.speed", "speed"), ("tone", "guard"), ("guard",
+    "clean"),"#,
 );
 
 fn engine(nodes: &str, wires: &str) -> Engine {
@@ -61,12 +61,12 @@ fn faulty(one_in: u64) -> Engine {
     }
     nodes += &format!(
         r#""mix": (kind: "mix", params: (inputs: {mixed})), "limiter": (kind: "limiter"),
-           "out": (kind: "audio_out"),
+        "out": (kind: "audio_out"),
            "forces": (kind: "mix", params: (inputs: {forces})), "force": (kind: "probe"),
            "phase": (kind: "spsi"), "sum": (kind: "overlap_add"), "heard": (kind: "probe"),"#
     );
     wires += r#"("mix", "limiter"), ("limiter", "out"), ("forces", "force"), ("0.frame", "phase"),
-       ("phase", "sum"), ("sum", "heard"),"#;
+    ("phase", "sum"), ("sum", "heard"),"#;
     engine(&nodes, &wires)
 }
 
@@ -178,7 +178,7 @@ fn endures(rig: &mut impl Rig, ticks: u64, reset_every: u64) -> Result<u64, Stri
 
 /// Faults as rare as they must be for a node to stay in the graph.
 #[test]
-fn nodes_failing_rarely_are_contained_without_a_leak() {
+fn rare_faults_are_contained_and_counted_without_a_leak() {
     let ticks = ticks();
     let faults = endures(&mut faulty(20_000), ticks, u64::MAX).unwrap();
     println!("{faults} faults in {ticks} ticks");
@@ -187,7 +187,7 @@ fn nodes_failing_rarely_are_contained_without_a_leak() {
 
 /// One call of 50 fails, and every node is soon taken out of the graph; then all is put back to the start.
 #[test]
-fn nodes_failing_often_are_contained_without_a_leak() {
+fn frequent_faults_are_contained_and_counted_without_leak() {
     let ticks = ticks();
     let faults = endures(&mut faulty(50), ticks, 1000).unwrap();
     println!("{faults} faults in {ticks} ticks");
@@ -207,8 +207,8 @@ fn a_panic_in_the_reset_that_follows_a_panic_is_counted_too() {
     assert_eq!(engine.report(it).expect("a report").faults, 3);
 }
 
-/// As it was: what a panic carried was never freed, and a node that panics less than once in ten seconds does
-/// so for good.
+/// As it was: what a panic carried was never freed, and a node that panics less than once in ten seconds
+/// does so for good.
 #[test]
 fn what_a_panic_carries_is_freed() {
     let mut engine = faulty(50);

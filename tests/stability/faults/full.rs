@@ -100,7 +100,7 @@ fn a_new_plugin_on_a_full_disk_is_not_there() {
 
 /// A measurement that cannot be written is said, and the profile that was there is kept.
 #[test]
-fn calibration_onto_a_full_disk_fails_and_keeps_the_old_file() {
+fn calibration_onto_full_disk_fails_and_keeps_old_file() {
     must_endure("calibrate");
 }
 
@@ -189,7 +189,7 @@ const TONE: &str = r#"Graph(version: 1, nodes: {
 /// that a process may write.
 #[cfg(unix)]
 #[test]
-fn file_beyond_the_systems_limit_fails_and_keeps_the_old_one() {
+fn file_beyond_system_limit_fails_and_keeps_old_file() {
     let dir = tempfile::tempdir().unwrap();
     std::fs::write(dir.path().join("g.ron"), TONE).unwrap();
     std::fs::write(dir.path().join("o.wav"), BEFORE).unwrap();
@@ -210,8 +210,7 @@ fn a_real_disk_that_is_full_fails_and_keeps_what_was_there() {
     std::fs::create_dir(dir.path().join("small")).unwrap();
     let inside = format!(
         "mount -t tmpfs -o size=16k none small || exit 77; cp g.ron small; cd small; printf before > \
-         o.wav; {RENDER}; \
-         code=$?; ls -A > ../left; cp o.wav ../; exit $code"
+         o.wav; {RENDER}; code=$?; ls -A > ../left; cp o.wav ../; exit $code"
     );
     let script = format!("unshare --user --map-root-user --mount sh -c '{inside}' sh \"$1\" || exit $?");
     let (code, said) = on_a_small_disk(&script, dir.path());

@@ -1,5 +1,5 @@
-//! Killed in mid-write: what was there is untouched, or the new file is whole; what else is left says what it
-//! is, and harms nobody.
+//! Killed in mid-write: what was there is untouched, or the new file is whole; what else is left says what
+//! it is, and harms nobody.
 
 use std::path::Path;
 use std::process::Command;

@@ -68,8 +68,8 @@ fn start(card: &Simulated, lasts_s: f64, limit: Duration) -> Session {
     let registry = asperity_nodes::registry().with::<Spins>();
     let (tone, wires) = voice("tone", 80.0, 0.1);
     let nodes = format!(
-        r#""bad": (kind: "spins", params: (lasts_s: {lasts_s:?})),
-           "limiter": (kind: "limiter", params: (profile: "hapcoil_one")),
+        r#""bad": (kind: "spins", params: (lasts_s: {lasts_s:?})), "limiter": (kind: "limiter",
+        params: (profile: "hapcoil_one")),
            "out": (kind: "audio_out"), {tone}"#
     );
     let wires = format!(r#"("bad", "limiter"), ("limiter", "out"), {wires}"#);
@@ -116,7 +116,7 @@ fn is_counted(view: &View, node: usize) -> Result<(), String> {
 
 /// The tick thread is in a call that does not end. The ring runs dry, and there is nobody to fill it.
 #[test]
-fn endless_node_is_silent_counted_and_left_behind() {
+fn spinning_node_is_silenced_counted_and_left_behind() {
     let mut attempts = 0..;
     told(|| {
         let card =
@@ -210,8 +210,8 @@ fn write_beside_a_tone(dir: &Path) {
     std::fs::write(dir.join("g.ron"), graph).expect("a graph");
 }
 
-/// The program with a plugin in an endless loop: the node is cut out, the rest goes on, and the run ends when
-/// it is to.
+/// The program with a plugin in an endless loop: the node is cut out, the rest goes on, and the run ends
+/// when it is to.
 #[test]
 fn plugin_that_never_returns_is_cut_out_and_the_graph_goes_on() {
     for (clock, ends) in [("paced", "--seconds"), ("callback", "ctrl-c")] {
@@ -268,8 +268,8 @@ fn run_in_place_with_a_stuck_plugin_ends_in_time() {
     assert!(bad["faults"] == 1 && bad["last_fault"] == DOES_NOT_COME_BACK, "{bad}");
 }
 
-/// Offline there is nobody else to look after it: the third Ctrl-C ends the program, and no half file is left
-/// under the name that was asked for.
+/// Offline there is nobody else to look after it: the third Ctrl-C ends the program, and no half file is
+/// left under the name that was asked for.
 #[test]
 fn a_render_with_a_plugin_that_spins_ends_on_the_third_ctrl_c() {
     let dir = tempfile::tempdir().expect("a folder");
@@ -295,10 +295,10 @@ fn a_program_that_does_not_end_is_found_out() {
     ends_on_ctrl_c(child, Duration::from_secs(1)).unwrap_err();
 }
 
-/// Calls of 30 ms where 15 may be taken: each is counted, after eight the node is taken out, and what it held
-/// up is heard again.
+/// Calls of 30 ms where 15 may be taken: each is counted, after eight the node is taken out, and what it
+/// held up is heard again.
 #[test]
-fn node_often_slow_is_quarantined_and_the_rest_is_heard() {
+fn slow_node_is_counted_and_cut_out_and_the_rest_plays() {
     let mut attempts = 0..;
     told(|| {
         let card =

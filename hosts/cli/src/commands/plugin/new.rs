@@ -234,7 +234,8 @@ fn write(plan: &Plan<'_>, to: &Path) -> io::Result<String> {
     Ok(library)
 }
 
-/// The versions that the template was built with, for a package of another name: cargo has packages in the order of their names.
+/// The versions that the template was built with, for a package of another name: cargo has packages in the
+/// order of their names.
 fn locked(lock: &str, name: &str) -> String {
     const PACKAGE: &str = "[[package]]\n";
     let mut parts = lock.split(PACKAGE);
