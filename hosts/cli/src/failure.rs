@@ -6,6 +6,7 @@ use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use asperity_diagnostics::{Diagnostic, Place};
+use indicatif::{ProgressBar, ProgressStyle};
 use miette::{GraphicalReportHandler, GraphicalTheme, LabeledSpan, NamedSource};
 
 /// Why a command did not do what it was asked.
@@ -140,6 +141,15 @@ pub fn print(text: &str) -> Result<(), Failure> {
         Err(e) => Err(Failure::Machine(format!("cannot write to the standard output: {e}"))),
         Ok(()) => Ok(()),
     }
+}
+
+/// A progress bar; a quiet one is hidden.
+pub fn progress(steps: u64, template: &str, quiet: bool) -> ProgressBar {
+    let bar = if quiet { ProgressBar::hidden() } else { ProgressBar::new(steps) };
+    if let Ok(style) = ProgressStyle::with_template(template) {
+        bar.set_style(style);
+    }
+    bar
 }
 
 /// Prints a warning in the way of an error.

@@ -13,11 +13,21 @@ use asperity_accuracy::npy;
 use asperity_diagnostics::Diagnostic;
 use tempfile::{NamedTempFile, TempPath};
 
-use crate::args::Format;
 use crate::failure::{Failure, warn, without_path};
 
 pub use journal::keep_all;
 pub use salvage::{GROWING, Recovered, recover, salvage};
+
+/// Sample format of a WAV file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Format {
+    /// 32-bit float
+    F32,
+    /// 24-bit integer
+    I24,
+    /// 16-bit integer
+    I16,
+}
 
 /// End of a name that a file has until it is whole.
 const PART: &str = ".part";
@@ -256,12 +266,10 @@ impl Rows {
     /// Refuses a WAV file of so many samples in all that its header could not say how many.
     pub fn check_wav_length(path: &Path, samples: u64, format: Format) -> Result<(), Diagnostic> {
         let bytes = samples
-            * if format == Format::F32 {
-                4
-            } else if format == Format::I24 {
-                3
-            } else {
-                2
+            * match format {
+                Format::F32 => 4,
+                Format::I24 => 3,
+                Format::I16 => 2,
             };
         if bytes <= MAX_WAV_BYTES {
             return Ok(());

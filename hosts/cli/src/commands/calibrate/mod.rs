@@ -3,31 +3,116 @@
 //! [`bench`] plays sweeps and records them, [`guard`] looks at a quiet one before a loud one is played, the fit is
 //! [`asperity_actuator::identify`], and [`report`] says what came of it.
 
-mod bench;
-mod guard;
 mod report;
+mod sweeps;
 #[cfg(test)]
 mod tests;
 
 use std::io::{BufRead, IsTerminal};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::atomic::Ordering::Relaxed;
-use std::sync::mpsc::{RecvTimeoutError, channel};
+use std::sync::mpsc::{self, RecvTimeoutError};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use asperity_actuator::ActuatorProfile;
 use asperity_actuator::identify::{Findings, IdentifySettings, Trust, identify, write_profile};
 use asperity_diagnostics::{Diagnostic, Source};
+use clap::ValueEnum;
 
-use crate::args::{Calibrate, DriveKind};
-use crate::commands::tone::range;
+use crate::card::{OutputArgs, actuator, range};
 use crate::failure::{Failure, complain, print, warn};
-use crate::live::perform::actuator;
+use crate::leave::stop_flag;
+use crate::number::{channel, number, whole};
 use crate::output::{Pending, keep_all, resolved};
-use crate::render::stop_flag;
-use bench::{Bench, Outcome, Tape};
 use report::Report;
+use sweeps::{Bench, Outcome, Tape};
+
+/// What the amplifier puts out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum DriveKind {
+    /// A current: a transconductance amplifier of `--amps-per-volt`
+    Current,
+    /// A voltage: an ordinary amplifier of `--volts-per-volt`
+    Voltage,
+}
+
+/// Measure an actuator with an accelerometer on its handle, and write its profile
+///
+/// A quiet sweep first, then the measurement, both behind the limiter of the base profile. Exit code 0: the profile is
+/// written; 1: something is wrong with what was measured; 2: with what was asked.
+#[derive(Clone, Debug, clap::Args)]
+#[command(mut_args = crate::number::may_be_negative)]
+pub struct Args {
+    #[command(flatten)]
+    pub output: OutputArgs,
+    /// Device to record from; the same host's default, unless given
+    #[arg(long, value_name = "DEVICE")]
+    pub input_device: Option<String>,
+    /// Channel of the input that the accelerometer is on, from 1
+    #[arg(long, default_value_t = 1, value_name = "N", value_parser = channel)]
+    pub input_channel: u16,
+    /// Where the profile goes; nothing is written unless all succeeds
+    #[arg(long, value_name = "PROFILE.ron")]
+    pub out: PathBuf,
+    /// Mass of the handle with all that is fixed to it, the actuator's housing and the accelerometer included, but not the mover
+    #[arg(long, value_name = "G", value_parser = number(1.0, 10_000.0, "g"))]
+    pub handle_mass_g: f64,
+    /// Measure a second time, with the handle at this mass, which tells the moving mass, too; waits for Enter in between
+    #[arg(long, value_name = "G", value_parser = number(1.0, 10_000.0, "g"))]
+    pub second_mass_g: Option<f64>,
+    /// How well the handle's mass is known: half of the 95 % interval
+    #[arg(long, default_value_t = 1.0, value_name = "PERCENT", value_parser = number(0.01, 50.0, "%"))]
+    pub mass_uncertainty: f64,
+    /// Acceleration in m/s^2 at which the card's input is at full scale: its volts there over the accelerometer's volts per m/s^2
+    #[arg(long, value_name = "M/S2", value_parser = number(1e-3, 1e6, "m/s^2"))]
+    pub accelerometer_full_scale: f64,
+    /// The actuator whose limits hold, and whose figures stand for what is not measured: a shipped profile or a .ron file
+    #[arg(long, default_value = "hapcoil_one", value_name = "PROFILE")]
+    pub base: String,
+    /// Peak of the sweep's current; 0.1 unless given
+    #[arg(long, value_name = "A", value_parser = number(1e-4, 1e4, "A"))]
+    pub amps: Option<f64>,
+    /// Peak of the sweep's voltage, with `--drive voltage`; 0.5 unless given
+    #[arg(long, value_name = "V", conflicts_with = "amps", value_parser = number(1e-4, 1e5, "V"))]
+    pub volts: Option<f64>,
+    /// Lowest frequency
+    #[arg(long, default_value_t = 10.0, value_name = "HZ", value_parser = number(1.0, 1000.0, "Hz"))]
+    pub from_hz: f64,
+    /// Highest frequency; above a few hundred hertz handles bend
+    #[arg(long, default_value_t = 1000.0, value_name = "HZ", value_parser = number(4.0, 20_000.0, "Hz"))]
+    pub to_hz: f64,
+    /// How long the sweep takes
+    #[arg(long, default_value_t = 8.0, value_name = "S", value_parser = number(1.0, 120.0, "s"))]
+    pub seconds: f64,
+    /// Audio rate
+    #[arg(long, default_value_t = 48_000, value_name = "HZ", value_parser = whole(8_000_u32, 192_000, "Hz"))]
+    pub rate: u32,
+    /// Peak volts that the card puts out at full scale
+    #[arg(long, default_value_t = 1.0, value_name = "V", value_parser = number(1e-3, 100.0, "V"))]
+    pub volts_at_full_scale: f64,
+    /// What the amplifier puts out
+    #[arg(long, value_enum, default_value = "current")]
+    pub drive: DriveKind,
+    /// Gain of the current amplifier behind the card; 1 unless given
+    #[arg(long, value_name = "A/V", value_parser = number(1e-3, 100.0, "A/V"))]
+    pub amps_per_volt: Option<f64>,
+    /// Gain of the voltage amplifier behind the card, with `--drive voltage`; 1 unless given
+    #[arg(long, value_name = "V/V", value_parser = number(1e-3, 1000.0, "V/V"))]
+    pub volts_per_volt: Option<f64>,
+    /// Draw magnitude, phase and coherence, measured and fitted
+    #[arg(long, value_name = "P.svg")]
+    pub plot: Option<PathBuf>,
+    /// Write the profile also where it is not to be trusted
+    #[arg(long)]
+    pub anyway: bool,
+    /// Do not wait for Enter before the second measurement
+    #[arg(long, requires = "second_mass_g")]
+    pub yes: bool,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+}
 
 /// Longest that the quiet sweep takes \[s\].
 const QUIET_S: f64 = 2.0;
@@ -35,7 +120,7 @@ const QUIET_S: f64 = 2.0;
 const APART: f64 = 1.05;
 
 /// Runs the command.
-pub fn run(args: &Calibrate) -> Result<ExitCode, Failure> {
+pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     if args.second_mass_g.is_some() && !args.yes && !std::io::stdin().is_terminal() {
         return Err(Diagnostic::new(
             "somebody has to change the handle's mass, and there is no terminal to wait at",
@@ -48,10 +133,7 @@ pub fn run(args: &Calibrate) -> Result<ExitCode, Failure> {
 }
 
 /// Measures and writes. `change` is called when the handle is to weigh so many grams \[g\].
-fn calibrate(
-    args: &Calibrate,
-    change: &mut dyn FnMut(f64) -> Result<(), Failure>,
-) -> Result<ExitCode, Failure> {
+fn calibrate(args: &Args, change: &mut dyn FnMut(f64) -> Result<(), Failure>) -> Result<ExitCode, Failure> {
     let bench = Bench::new(args)?;
     let level = check(args, &bench)?;
     let handles = [("--handle-mass-g", Some(args.handle_mass_g)), ("--second-mass-g", args.second_mass_g)];
@@ -94,7 +176,7 @@ fn calibrate(
 
 /// What the measurements of a run have in common.
 struct Session<'a> {
-    args: &'a Calibrate,
+    args: &'a Args,
     bench: &'a Bench<'a>,
     base: &'a ActuatorProfile,
     settings: IdentifySettings,
@@ -104,13 +186,13 @@ impl Session<'_> {
     /// A quiet sweep; if it is heard, and not too loud, the measurement.
     fn measure(&self, handle_mass_g: f64, level: f64) -> Result<Tape, Failure> {
         let (args, unit) = (self.args, unit(self.args));
-        let quiet = guard::QUIET * level;
+        let quiet = sweeps::QUIET * level;
         complain(&format!("quiet sweep: {quiet:.3} {unit}, on {handle_mass_g} g\n"));
         let heard = match self.bench.play(quiet, args.seconds.min(QUIET_S), handle_mass_g)? {
             Outcome::Whole(tape) => tape,
-            Outcome::Clipped(hz) => return Err(guard::clips_already(args, quiet, hz)),
+            Outcome::Clipped(hz) => return Err(sweeps::clips_already(args, quiet, hz)),
         };
-        let chosen = guard::level(args, &heard, level, self.base, self.settings)?;
+        let chosen = sweeps::level(args, &heard, level, self.base, self.settings)?;
         if let Some(note) = &chosen.note {
             warn(note);
         }
@@ -121,13 +203,13 @@ impl Session<'_> {
         ));
         match self.bench.play(amplitude, args.seconds, handle_mass_g)? {
             Outcome::Whole(tape) => Ok(tape),
-            Outcome::Clipped(hz) => Err(guard::clipped(args, amplitude, hz)),
+            Outcome::Clipped(hz) => Err(sweeps::clipped(args, amplitude, hz)),
         }
     }
 }
 
 /// Whether the options make sense together; answers the level that is asked for \[A or V\].
-fn check(args: &Calibrate, bench: &Bench<'_>) -> Result<f64, Failure> {
+fn check(args: &Args, bench: &Bench<'_>) -> Result<f64, Failure> {
     let wrong = |option: &str, what: String, help: &str| -> Failure {
         Diagnostic::new(what).in_file(option).help(help.to_owned()).into()
     };
@@ -170,7 +252,7 @@ fn check(args: &Calibrate, bench: &Bench<'_>) -> Result<f64, Failure> {
 }
 
 /// The level that is asked for \[A or V\]. What belongs to the other kind of amplifier is an error.
-fn level(args: &Calibrate, bench: &Bench<'_>) -> Result<f64, Failure> {
+fn level(args: &Args, bench: &Bench<'_>) -> Result<f64, Failure> {
     let voltage = args.drive == DriveKind::Voltage;
     let (amps, gain) = (args.amps.is_some(), args.amps_per_volt.is_some());
     let (volts, volts_gain) = (args.volts.is_some(), args.volts_per_volt.is_some());
@@ -208,22 +290,22 @@ fn level(args: &Calibrate, bench: &Bench<'_>) -> Result<f64, Failure> {
 }
 
 /// Unit of the drive.
-fn unit(args: &Calibrate) -> &'static str {
+fn unit(args: &Args) -> &'static str {
     if args.drive == DriveKind::Current { "A" } else { "V" }
 }
 
 /// The option that sets the level.
-fn option(args: &Calibrate) -> &'static str {
+fn option(args: &Args) -> &'static str {
     if args.drive == DriveKind::Current { "--amps" } else { "--volts" }
 }
 
 /// Gain of a current amplifier \[A/V\].
-fn amps_per_volt(args: &Calibrate) -> f64 {
+fn amps_per_volt(args: &Args) -> f64 {
     args.amps_per_volt.unwrap_or(1.0)
 }
 
 /// Gain of a voltage amplifier.
-fn volts_per_volt(args: &Calibrate) -> f64 {
+fn volts_per_volt(args: &Args) -> f64 {
     args.volts_per_volt.unwrap_or(1.0)
 }
 
@@ -263,7 +345,7 @@ fn wait_for_enter(grams: f64) -> Result<(), Failure> {
         "now make the handle weigh {grams} g, with all that is fixed to it but not the mover; then press Enter\n"
     ));
     let stop = stop_flag();
-    let (sent, came) = channel();
+    let (sent, came) = mpsc::channel();
     std::thread::spawn(move || {
         let read = std::io::stdin().lock().read_line(&mut String::new());
         // Nobody waits any more where this fails.

@@ -8,13 +8,12 @@ use asperity_actuator::identify::{Estimate, Findings, Measurement};
 use asperity_plot::{Measured, Response};
 use serde_json::{Map, Value, json};
 
-use super::bench::Tape;
-use super::{amps_per_volt, unit, volts_per_volt};
-use crate::args::{Calibrate, DriveKind};
+use super::sweeps::Tape;
+use super::{Args, DriveKind, amps_per_volt, unit, volts_per_volt};
 
 /// A calibration that is over.
 pub struct Report<'a> {
-    pub args: &'a Calibrate,
+    pub args: &'a Args,
     pub base: &'a ActuatorProfile,
     pub findings: &'a Findings,
     pub tapes: &'a [Tape],

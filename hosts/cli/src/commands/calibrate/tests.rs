@@ -11,10 +11,10 @@ use asperity_actuator::{ActuatorProfile, Quantity};
 use asperity_audio::simulated::{Params, Response, Simulated};
 use clap::Parser;
 
-use super::{calibrate, date};
-use crate::args::{Args, Calibrate, Command};
+use super::{Args, calibrate, date};
 use crate::failure::Failure;
 use crate::simulated::Actuator;
+use crate::{Cli, Command};
 
 const RATE: f64 = 48_000.0;
 
@@ -47,11 +47,11 @@ fn card(name: &str, respond: Response) -> (Simulated, Arc<Mutex<Response>>) {
     (card, plant)
 }
 
-fn args(card: &Simulated, dir: &Path, more: &[&str]) -> Calibrate {
+fn args(card: &Simulated, dir: &Path, more: &[&str]) -> Args {
     let (id, out) = (card.id(), dir.join("found.ron").display().to_string());
     let fixed =
         ["asperity", "calibrate", "--device", &id, "--out", &out, "--accelerometer-full-scale", "100"];
-    let Command::Calibrate(args) = Args::try_parse_from(fixed.iter().chain(more)).unwrap().command else {
+    let Command::Calibrate(args) = Cli::try_parse_from(fixed.iter().chain(more)).unwrap().command else {
         panic!("another command");
     };
     *args

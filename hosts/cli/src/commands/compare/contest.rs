@@ -1,24 +1,24 @@
-//! Every method on every vector.
+//! Every method on every vector: scores, response lag and time.
 //!
-//! Methods take turns on each vector, and all that is repeated in rounds, so that what else the machine
-//! does falls on all alike.
+//! Methods take turns on each vector, and all that is repeated in rounds: disturbances by other programs fall on
+//! all methods alike.
 
 use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
 use std::time::Instant;
 
 use asperity_accuracy::accuracy::{Rhythm, SILENCE_M_S2};
 use asperity_accuracy::phase;
+use asperity_accuracy::response::{Steps, lag_ms};
 use asperity_accuracy::timing::Timing;
-use asperity_engine::Clock;
+use asperity_diagnostics::Diagnostic;
 use asperity_node::Registry;
-use indicatif::{ProgressBar, ProgressStyle};
 
-use super::lag::{Lag, Stimulus};
-use super::published::{Delay, Score};
-use super::vectors::{Set, Vector};
-use crate::failure::Failure;
-use crate::phase::{Chain, How, Method};
+use super::vectors::{Delay, Score, Set, Vector, band, mean_magnitudes};
+use crate::commands::render::Wall;
+use crate::failure::{Failure, progress};
+use crate::phase::{Chain, FRAME_HZ, Frames, How, Method};
 
 /// How often everything is run for its time.
 const ROUNDS: usize = 3;
@@ -59,14 +59,6 @@ pub struct Outcome {
     pub noise: Option<Rhythm>,
 }
 
-struct Wall(Instant);
-
-impl Clock for Wall {
-    fn now_ns(&self) -> u64 {
-        self.0.elapsed().as_nanos() as u64
-    }
-}
-
 /// A method while it is measured.
 struct Entry<'a> {
     method: &'a Method,
@@ -85,7 +77,8 @@ struct Entry<'a> {
 /// None that comes from a method: what fails is said in its row.
 pub fn run(registry: &Registry, methods: &[Method], set: &Set, quiet: bool) -> Result<Outcome, Failure> {
     let (texture, tone) = (Stimulus::texture()?, Stimulus::tone()?);
-    let bar = progress(methods.len() * (ROUNDS * set.vectors.len() + 3), quiet);
+    let steps = methods.len() * (ROUNDS * set.vectors.len() + 3);
+    let bar = progress(steps as u64, "comparing {wide_bar} {percent:>3} %  {eta} left", quiet);
     let mut entries: Vec<Entry<'_>> = methods.iter().map(|m| Entry::new(m, set.vectors.len())).collect();
     let wall = Wall(Instant::now());
     for round in 0..ROUNDS {
@@ -298,13 +291,102 @@ fn sort(rows: &mut [Row]) {
     rows.sort_by_key(|row| ranks.get(&row.label).copied().unwrap_or(usize::MAX));
 }
 
-fn progress(steps: usize, quiet: bool) -> ProgressBar {
-    if quiet {
-        return ProgressBar::hidden();
+// Response lag. The method is given magnitudes whose level steps up by 12 dB and down again every 0.2 to 0.24 s,
+// and in a second run the same without steps. What is heard live, with the method's latency, is compared around
+// every step up. A step is at the tick in which the first louder frame comes.
+
+/// Rate of the stimuli \[Hz\].
+const RATE_HZ: u32 = 2500;
+/// Amplitude after a step up over that before it.
+const RISE: f32 = 4.0;
+/// Most latency with which a method has settled within [`AFTER`], in ms.
+const MOST_LATENCY_MS: f64 = 50.0;
+/// Frames for which a level stands still: two windows. To them come up to [`JITTER`], so that no beat of a method keeps
+/// time with the steps.
+const STAND: usize = 100;
+const JITTER: usize = 20;
+/// What is looked at around a step, in frames.
+const BEFORE: usize = 20;
+const AFTER: usize = 100;
+
+/// What a method is given.
+pub struct Stimulus {
+    stepped: Arc<Frames>,
+    still: Arc<Frames>,
+    /// First sample of every step up.
+    steps: Vec<usize>,
+}
+
+/// What came of it.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Lag {
+    /// Times in ms of 10, 50 and 90 % of the way; none where the method did not follow.
+    pub ms: Option<[f64; 3]>,
+    /// Whether the same frames gave other samples the second time.
+    pub differs: bool,
+}
+
+impl Stimulus {
+    /// A broad noise: mean magnitudes that fall slowly from 400 Hz on, with 120 steps.
+    ///
+    /// # Errors
+    /// None that depends on anything.
+    pub fn texture() -> Result<Self, Diagnostic> {
+        let density = |hz: f64| (hz / 20.0).clamp(0.0, 1.0) * band(hz) / (hz / 400.0).hypot(1.0);
+        let spectrum = mean_magnitudes(&density);
+        let top = spectrum.iter().copied().fold(0.0, f64::max);
+        Self::new(&spectrum.iter().map(|x| (x / top) as f32).collect::<Vec<_>>(), 120)
     }
-    let bar = ProgressBar::new(steps as u64);
-    if let Ok(style) = ProgressStyle::with_template("comparing {wide_bar} {percent:>3} %  {eta} left") {
-        bar.set_style(style);
+
+    /// A sine of 250 Hz, on a bin, with 10 steps.
+    ///
+    /// # Errors
+    /// None that depends on anything.
+    pub fn tone() -> Result<Self, Diagnostic> {
+        let mut spectrum = [0.0; 101];
+        spectrum[24..27].copy_from_slice(&[0.5, 1.0, 0.5]);
+        Self::new(&spectrum, 10)
     }
-    bar
+
+    fn new(spectrum: &[f32], count: usize) -> Result<Self, Diagnostic> {
+        let mut levels = vec![1.0; STAND];
+        let mut frames_of_steps = Vec::new();
+        for k in 0..count {
+            frames_of_steps.push(levels.len());
+            levels.resize(levels.len() + STAND + k * 7 % (JITTER + 1), RISE);
+            levels.resize(levels.len() + STAND + k * 11 % (JITTER + 1), 1.0);
+        }
+        let frames = |levels: &[f32]| {
+            let bins = levels.iter().flat_map(|level| spectrum.iter().map(move |x| x * level));
+            Frames::from_amplitudes(bins.collect(), spectrum.len(), RATE_HZ).map(Arc::new)
+        };
+        let (stepped, still) = (frames(&levels)?, frames(&vec![1.0; levels.len()])?);
+        let steps = frames_of_steps.iter().map(|&n| stepped.start(n as u64) as usize).collect();
+        Ok(Self { stepped, still, steps })
+    }
+
+    /// Drives a method with it.
+    ///
+    /// # Errors
+    /// A method that refuses the frames.
+    pub fn drive(&self, registry: &Registry, method: &Method) -> Result<Lag, Failure> {
+        let hear = |frames| {
+            let mut chain = Chain::new(registry, method, frames, SEED)?;
+            let latency = chain.latency().ms();
+            if latency > MOST_LATENCY_MS {
+                return Err(Failure::Machine(format!(
+                    "its {latency:.0} ms of latency are too many to see it"
+                )));
+            }
+            Ok(chain.live())
+        };
+        let (stepped, still) = (hear(&self.stepped)?, hear(&self.still)?);
+        let samples = |frames: usize| frames * (RATE_HZ / FRAME_HZ) as usize;
+        let steps =
+            Steps { rate_hz: RATE_HZ, at: &self.steps, before: samples(BEFORE), after: samples(AFTER) };
+        // Up to the first step both were given the same, and what comes later cannot be known.
+        let first = self.steps.first().copied().unwrap_or(0);
+        let bits = |signal: &[f32]| signal.iter().take(first).map(|x| x.to_bits()).collect::<Vec<_>>();
+        Ok(Lag { ms: lag_ms(&stepped, &still, &steps), differs: bits(&stepped) != bits(&still) })
+    }
 }

@@ -1,39 +1,60 @@
 //! `asperity compare`: every phase-retrieval node over the same magnitudes, side by side.
 //!
-//! [`vectors`] are what is compared on, [`contest`] runs all methods over them and measures [`lag`], the
-//! rest shows the rows that come of it.
+//! [`contest`] runs all methods over the [`vectors`]; [`report`] shows its rows.
 
-mod builtin;
 mod contest;
-mod files;
-mod lag;
-mod picture;
-mod published;
-mod table;
+mod report;
 #[cfg(test)]
 mod tests;
 mod vectors;
 
 use std::path::Path;
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 use asperity_diagnostics::Diagnostic;
 use asperity_node::Registry;
 
-use crate::args::Compare;
 use crate::failure::{Failure, print};
 use crate::kinds::Kinds;
+use crate::load::PluginArgs;
 use crate::output::{Pending, keep_all, resolved};
 use crate::phase::{Chain, How, Method, retrievers};
 use vectors::Set;
 
+/// Run every phase-retrieval node over vectors: accuracy, response lag, latency, cost
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Folder of vectors, NAME_RATE.mag.npy (float32 [frames, bins], unscaled Hann-windowed DFTs of 0.1 s, 2 ms apart) or
+    /// NAME_RATE.sig.npy (a signal), and sc.json with published scores; a small set is built in
+    #[arg(long, value_name = "DIR")]
+    pub vectors: Option<PathBuf>,
+    /// A node with settings, as a row of its own beside those with all defaults
+    #[arg(long, value_name = "KIND[:param=value,...]")]
+    pub phase: Vec<String>,
+    #[command(flatten)]
+    pub plugins: PluginArgs,
+    /// Draw all figures
+    #[arg(long, value_name = "F.svg")]
+    pub svg: Option<PathBuf>,
+    /// Write all figures, a line for each method and vector
+    #[arg(long, value_name = "F.csv", conflicts_with = "json")]
+    pub csv: Option<PathBuf>,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+    /// Show no progress
+    #[arg(long, short)]
+    pub quiet: bool,
+}
+
 /// Runs the command.
-pub fn run(args: &Compare) -> Result<ExitCode, Failure> {
+pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     let mut kinds = Kinds::new(&args.plugins.plugin);
     let registry = kinds.registry(None)?;
     let set = match &args.vectors {
         Some(dir) => vectors::read(dir)?,
-        None => builtin::set()?,
+        None => vectors::built_in()?,
     };
     let methods = methods(&registry, &args.phase, &set)?;
     let (svg, csv) = (args.svg.as_deref(), args.csv.as_deref());
@@ -62,7 +83,7 @@ pub fn run(args: &Compare) -> Result<ExitCode, Failure> {
     let outcome = contest::run(&registry, &methods, &set, args.quiet)?;
     let published = contest::published(&set);
     let (mut files, mut wrote) = (Vec::new(), String::new());
-    let texts = [(svg, &args.svg, picture::svg as fn(_, _, _) -> _), (csv, &args.csv, files::csv)];
+    let texts = [(svg, &args.svg, report::svg as fn(_, _, _) -> _), (csv, &args.csv, report::csv)];
     for (pending, path, text) in texts {
         if let (Some(pending), Some(path)) = (pending, path) {
             files.push(pending.fill(&text(&set, &outcome, &published[..]))?);
@@ -71,9 +92,9 @@ pub fn run(args: &Compare) -> Result<ExitCode, Failure> {
     }
     keep_all(files)?;
     if args.json {
-        print(&format!("{:#}\n", files::json(&set, &outcome, &published)))?;
+        print(&format!("{:#}\n", report::json(&set, &outcome, &published)))?;
     } else {
-        print(&format!("{}{wrote}", table::text(&set, &outcome, &published)))?;
+        print(&format!("{}{wrote}", report::text(&set, &outcome, &published)))?;
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -2,11 +2,10 @@
 
 use asperity_node::Registry;
 
+use super::contest::{Lag, Stimulus};
 use super::contest::{Outcome, Row, run};
-use super::lag::{Lag, Stimulus};
-use super::published::Delay;
-use super::vectors::{Set, Vector};
-use super::{builtin, files, picture, table};
+use super::report;
+use super::vectors::{Delay, Set, Vector, built_in};
 use crate::phase::Method;
 use crate::phase::testing::{Counter, Tone};
 
@@ -78,8 +77,8 @@ fn a_failing_node_is_a_row_that_says_so_and_the_rest_goes_on() {
         assert!(row.notes.is_empty() && row.scores[0].is_some_and(|s| s.convergence_db < -50.0), "{row:?}");
     }
     let set = set();
-    let (text, svg) = (table::text(&set, &outcome, &[]), picture::svg(&set, &outcome, &[]));
-    let (csv, json) = (files::csv(&set, &outcome, &[]), files::json(&set, &outcome, &[]));
+    let (text, svg) = (report::text(&set, &outcome, &[]), report::svg(&set, &outcome, &[]));
+    let (csv, json) = (report::csv(&set, &outcome, &[]), report::json(&set, &outcome, &[]));
     for label in labels {
         assert!(text.contains(label) && svg.contains(label) && csv.contains(label), "{label}");
     }
@@ -99,12 +98,12 @@ fn tone_repeats_and_has_no_pulses_and_silence_no_rhythm() {
     assert!(row(&outcome.rows, "tone:how=error").rhythm.is_none());
     let noise = outcome.noise.unwrap();
     assert!((noise.kurtosis - 3.0).abs() < 0.3 && noise.pulses() > 0.1, "{noise:?}");
-    let json = files::json(&set(), &outcome, &[]);
+    let json = report::json(&set(), &outcome, &[]);
     assert!(
         json["noise"]["pulses"].is_f64() && json["methods"][0]["rhythm"]["repetition"].is_f64(),
         "{json}"
     );
-    let text = table::text(&set(), &outcome, &[]);
+    let text = report::text(&set(), &outcome, &[]);
     assert!(text.lines().any(|l| l.trim_start().starts_with("Gaussian noise ")), "{text}");
 }
 
@@ -163,7 +162,7 @@ fn a_silent_node_has_no_lag_and_a_long_latency_is_not_taken_for_one() {
 
 #[test]
 fn published_rows_are_those_with_a_score_on_the_vectors() {
-    let set = builtin::set().unwrap_or_else(|e| panic!("{}", e.reason()));
+    let set = built_in().unwrap_or_else(|e| panic!("{}", e.reason()));
     let rows = super::contest::published(&set);
     assert_eq!(rows.len(), 24);
     let row = row(&rows, "scr5x5_centre");

@@ -1,14 +1,14 @@
-//! The vectors that are compared on, from a folder.
+//! The vectors on which methods are compared: built in or from a folder, with the scores that others published.
 
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::f64::consts::{PI, TAU};
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use asperity_accuracy::{npy, phase};
 use asperity_diagnostics::{Diagnostic, Source};
 use serde_json::Value;
 
-use super::published::{self, Published};
 use crate::failure::{Failure, warn};
 use crate::phase::{FRAME_HZ, Frames, check_rate};
 
@@ -140,7 +140,7 @@ impl Set {
 }
 
 /// Files of one vector: magnitudes and signal.
-type Files = [Option<std::path::PathBuf>; 2];
+type Files = [Option<PathBuf>; 2];
 
 /// Reads every vector of a folder, and `sc.json` where it is there.
 ///
@@ -165,7 +165,7 @@ pub fn read(dir: &Path) -> Result<Set, Failure> {
     vectors.sort_by(|a, b| (a.rate_hz, &a.name).cmp(&(b.rate_hz, &b.name)));
     let path = dir.join("sc.json");
     let published = match json(&path)? {
-        Some(scores) => published::read(&scores).map_err(|e| e.in_file(&path))?,
+        Some(scores) => read_published(&scores).map_err(|e| e.in_file(&path))?,
         None => Vec::new(),
     };
     Ok(Set { from: dir.display().to_string(), vectors, published })
@@ -217,4 +217,206 @@ fn vector(name: &str, files: &Files, index: Option<&Value>) -> Result<Vector, Di
         (_, shape) => Err(Diagnostic::new(format!("an array of shape {shape:?} does not fit")).help(NAMES)),
     };
     vector.map_err(|e| e.in_file(path))
+}
+
+/// Where a method's samples lie in time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Delay {
+    /// So many milliseconds late; early where it is negative.
+    Ms(f64),
+    /// It needs the whole signal.
+    Offline,
+    /// Nobody says.
+    Unknown,
+}
+
+/// Agreement of one signal with one vector.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Score {
+    /// Spectral convergence in dB.
+    pub convergence_db: f64,
+    /// Energy over that of the magnitudes in dB.
+    pub level_db: f64,
+    /// Root mean square of the error in dB of the long-term spectrum.
+    pub ltas_rms_db: f64,
+}
+
+impl Score {
+    /// Whether the signal has no energy to speak of; its level and long-term spectrum then say nothing.
+    pub fn is_silent(&self) -> bool {
+        self.level_db < -200.0
+    }
+}
+
+/// A published method.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Published {
+    /// What it is called there.
+    pub name: String,
+    /// Its latency.
+    pub delay: Delay,
+    scores: Vec<(String, Score)>,
+}
+
+impl Published {
+    /// What it reached on a vector.
+    pub fn score(&self, vector: &Vector) -> Option<Score> {
+        self.scores.iter().find(|(name, _)| *name == vector.name).map(|(_, score)| *score)
+    }
+}
+
+/// Reads `{"sc": {VECTOR: {METHOD: {"SC_dB", "gain_dB", "LTAS_rms_dB"}}}, "latency_frames": {METHOD: frames or "offline"}}`.
+///
+/// # Errors
+/// Another structure.
+fn read_published(json: &Value) -> Result<Vec<Published>, Diagnostic> {
+    let fail = |what: &str| Diagnostic::new(format!("these are no published scores: {what}"));
+    let vectors = json.get("sc").and_then(Value::as_object).ok_or_else(|| fail("no object `sc`"))?;
+    let mut all: Vec<Published> = Vec::new();
+    for (vector, methods) in vectors {
+        let methods = methods.as_object().ok_or_else(|| fail(&format!("`{vector}` is no object")))?;
+        for (name, figures) in methods {
+            let number = |key: &str| {
+                let missing = || fail(&format!("`{vector}`, `{name}` has no number `{key}`"));
+                figures.get(key).and_then(Value::as_f64).ok_or_else(missing)
+            };
+            let score = Score {
+                convergence_db: number("SC_dB")?,
+                level_db: number("gain_dB")?,
+                ltas_rms_db: number("LTAS_rms_dB")?,
+            };
+            let at = all.iter().position(|p| p.name == *name).unwrap_or_else(|| {
+                all.push(Published { name: name.clone(), delay: delay(json, name), scores: Vec::new() });
+                all.len() - 1
+            });
+            all[at].scores.push((vector.clone(), score));
+        }
+    }
+    Ok(all)
+}
+
+fn delay(json: &Value, name: &str) -> Delay {
+    match json.get("latency_frames").and_then(|l| l.get(name)) {
+        Some(Value::String(word)) if word == "offline" => Delay::Offline,
+        Some(frames) => frames.as_f64().map_or(Delay::Unknown, |f| Delay::Ms(f * 1e3 / f64::from(FRAME_HZ))),
+        None => Delay::Unknown,
+    }
+}
+
+/// Rate of the built-in vectors \[Hz\].
+const RATE_HZ: u32 = 2500;
+/// Samples of their window.
+const N: usize = RATE_HZ as usize / 10;
+
+const TEXTURE: &[u8] = include_bytes!("../../../../../tests/data/phase/texture_2500.sig.npy");
+const CONTACT: &[u8] = include_bytes!("../../../../../tests/data/phase/contact_2500.sig.npy");
+const TAPS: &[u8] = include_bytes!("../../../../../tests/data/phase/taps_2500.sig.npy");
+const SCORES: &str = include_str!("../../../../../tests/data/phase/sc.json");
+
+/// The built-in vectors with their published scores.
+///
+/// # Errors
+/// None, unless the program was built from broken files.
+pub fn built_in() -> Result<Set, Failure> {
+    let broken = |e: &dyn std::fmt::Display| Failure::Machine(format!("a built-in vector is broken: {e}"));
+    let kept = |name: &str, bytes: &[u8]| {
+        let array = npy::parse(bytes)?;
+        Vector::of_signal(name, RATE_HZ, &array.values.into_f64())
+    };
+    let made = |name: &str, seconds: f64, x: fn(f64) -> f64| {
+        let count = (seconds * f64::from(RATE_HZ)) as usize;
+        let signal: Vec<f64> = (0..count).map(|i| x(i as f64 / f64::from(RATE_HZ))).collect();
+        Vector::of_signal(name, RATE_HZ, &signal)
+    };
+    let vectors = [
+        made("sine_off_2500", 1.0, |t| (TAU * 153.7 * t + 0.3).sin()),
+        made("two25_2500", 2.0, |t| (TAU * 150.0 * t + 0.3).sin() + (TAU * 175.0 * t + 1.1).sin()),
+        made("chirp_2500", 3.0, |t| (TAU * (20.0 * t + 380.0 / 6.0 * t * t)).sin()),
+        kept("texture_2500", TEXTURE),
+        kept("contact_2500", CONTACT),
+        kept("taps_2500", TAPS),
+        smooth("nnsmooth_2500", 2.0),
+    ];
+    let vectors = vectors.into_iter().collect::<Result<_, _>>().map_err(|e| broken(&e))?;
+    let scores = serde_json::from_str(SCORES).map_err(|e| broken(&e))?;
+    let published = read_published(&scores).map_err(|e| broken(&e))?;
+    Ok(Set { from: "built in".into(), vectors, published })
+}
+
+/// Mean magnitudes of a Gaussian noise whose level wavers: the square root of pi/4 of its mean power in every bin.
+fn smooth(name: &str, seconds: f64) -> Result<Vector, Diagnostic> {
+    let spectrum = mean_magnitudes(&resonances);
+    let level = |frame: usize| {
+        let t = (frame as f64 / f64::from(FRAME_HZ)) + 0.05;
+        1.0 + 0.5 * (TAU * 0.7 * t + 0.4).sin() + 0.25 * (TAU * 2.3 * t).sin()
+    };
+    let frames = ((seconds - 0.1) * f64::from(FRAME_HZ)).round() as usize + 1;
+    let frame_energy: f64 = spectrum.iter().map(|s| s * s).sum();
+    let mean_square = (0..frames).map(|n| level(n).powi(2)).sum::<f64>() / frames as f64;
+    let norm = 2.0 / N as f64 * (mean_square * frame_energy).sqrt();
+    let magnitudes = (0..frames).flat_map(|n| spectrum.iter().map(move |s| (level(n) * s / norm) as f32));
+    Vector::new(name, RATE_HZ, magnitudes.collect(), BINS)
+}
+
+/// Mean magnitude in each bin of a Gaussian noise of this amplitude density over frequency in Hz, up to a factor.
+pub fn mean_magnitudes(density: &dyn Fn(f64) -> f64) -> Vec<f64> {
+    const STEPS_A_HZ: i32 = 2;
+    const REACH: i32 = 60 * STEPS_A_HZ;
+    let hz = |i: i32| f64::from(i) / f64::from(STEPS_A_HZ);
+    let window = |i: usize| 0.5 - 0.5 * (TAU * i as f64 / N as f64).cos();
+    // The window's power response around a bin.
+    let response: Vec<f64> = (-REACH..=REACH)
+        .map(|d| {
+            let turn = |i: usize| TAU * hz(d) * i as f64 / f64::from(RATE_HZ);
+            let part = |f: fn(f64) -> f64| (0..N).map(|i| window(i) * f(turn(i))).sum::<f64>();
+            part(f64::cos).powi(2) + part(f64::sin).powi(2)
+        })
+        .collect();
+    let power = |bin: usize| -> f64 {
+        let centre = bin as i32 * 10 * STEPS_A_HZ;
+        let near = response.iter().zip(centre - REACH..=centre + REACH).filter(|(_, f)| *f >= 0);
+        near.map(|(r, f)| r * density(hz(f)).powi(2)).sum()
+    };
+    (0..BINS).map(|bin| (power(bin) * PI / 4.0).sqrt()).collect()
+}
+
+/// 1 in the band, falling as half a cosine to 0 at 950 Hz.
+pub fn band(hz: f64) -> f64 {
+    const EDGE_HZ: f64 = 950.0;
+    0.5 - 0.5 * (PI * ((EDGE_HZ - hz) / (0.08 * EDGE_HZ)).clamp(0.0, 1.0)).cos()
+}
+
+/// Amplitude density of the texture: resonances at 70, 190 and 420 Hz.
+fn resonances(hz: f64) -> f64 {
+    let one = |(at, width, gain): (f64, f64, f64)| gain * width / (2.0 * (hz - at)).hypot(width);
+    let sum: f64 = [(70.0, 30.0, 1.0), (190.0, 60.0, 0.7), (420.0, 140.0, 0.45)].map(one).iter().sum();
+    sum * (hz / 20.0).clamp(0.0, 1.0) * band(hz)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The vectors' own files, which were made elsewhere.
+    #[test]
+    fn built_in_vectors_are_those_of_the_published_scores() {
+        let set = built_in().unwrap();
+        let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/data/phase");
+        for name in ["sine_off_2500", "two25_2500", "texture_2500", "nnsmooth_2500"] {
+            let want = npy::read(format!("{folder}/{name}.mag.npy")).unwrap();
+            let have = set.vectors.iter().find(|v| v.name == name).unwrap();
+            assert_eq!(want.shape, [have.frames.count(), BINS], "{name}");
+            let want = want.values.into_f32();
+            let top = want.iter().copied().fold(0.0, f32::max);
+            let off = have.unscaled.iter().zip(&want).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+            assert!(off < 2e-5 * top, "{name}: {off} of {top}");
+        }
+        let chirp = npy::read(format!("{folder}/chirp_2500.sig.npy")).unwrap().values.into_f64();
+        let want = Vector::of_signal("chirp_2500", RATE_HZ, &chirp).unwrap().unscaled;
+        let have = &set.vectors.iter().find(|v| v.name == "chirp_2500").unwrap().unscaled;
+        let off = have.iter().zip(&want).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+        assert!(have.len() == want.len() && off < 1e-3, "{off}");
+        assert!(set.vectors.iter().all(|v| set.published.iter().any(|p| p.score(v).is_some())));
+        assert_eq!(set.vectors[set.smoothest().unwrap()].name, "nnsmooth_2500");
+    }
 }

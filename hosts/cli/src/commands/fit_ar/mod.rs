@@ -1,9 +1,8 @@
 //! `asperity fit-ar`: from a recording of force, speed and acceleration to a texture of autoregressive models.
 
-mod picture;
 mod report;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
 
@@ -12,11 +11,87 @@ use asperity_autoregressive::TextureFile;
 use asperity_autoregressive::fit::{Band, Criterion, Order, Recording, Settings, Tolerance};
 use asperity_data::recordings::{self, Recorded};
 use asperity_diagnostics::Diagnostic;
+use clap::ValueEnum;
 
-use crate::args::{By, FitAr};
 use crate::failure::{Failure, clean, print, warn};
+use crate::number::{number, whole};
 use crate::output::{Pending, ending, keep_all, resolved};
 use report::Report;
+
+/// By what orders are compared.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum By {
+    /// Akaike's criterion, corrected: what predicts best
+    Aicc,
+    /// Schwarz's criterion: what is right, if any order is; lower orders
+    Bic,
+}
+
+/// Fit a texture of autoregressive models to a recording of force, speed and acceleration
+///
+/// RECORDING is a table, whose first line names its columns: t_s; force_n; vx_mm_s and vy_mm_s, or x_mm and y_mm, or speed_mm_s; ax_m_s2, ay_m_s2, az_m_s2, one
+/// at least, or acceleration_m_s2. Or a WAV file, whose channels are named in recording.ron beside it; or a NumPy array of a row for each
+/// sample. At 1 to 10 kHz; hold speed and force for a second at each of some values.
+#[derive(Clone, Debug, clap::Args)]
+#[command(mut_args = crate::number::may_be_negative)]
+pub struct Args {
+    /// What was recorded: a CSV table, a WAV file or a .npy array
+    pub recording: PathBuf,
+    /// The texture to write
+    #[arg(long, value_name = "M.ron")]
+    pub out: PathBuf,
+    /// What it feels like, in a sentence
+    #[arg(long, value_name = "TEXT")]
+    pub description: Option<String>,
+    /// The models' order; the best, unless given
+    #[arg(long, value_name = "P", conflicts_with_all = ["max_order", "by"], value_parser = whole(1_usize, 64, ""))]
+    pub order: Option<usize>,
+    /// The highest order that is tried
+    #[arg(long, default_value_t = 24, value_name = "P", value_parser = whole(1_usize, 64, ""))]
+    pub max_order: usize,
+    /// By what the best order is chosen
+    #[arg(long, value_enum, default_value = "aicc")]
+    pub by: By,
+    /// Rate of the models
+    #[arg(long, default_value_t = 1000, value_name = "HZ", value_parser = whole(500_u32, 10_000, "Hz"))]
+    pub model_hz: u32,
+    /// Corner of the high-pass against gravity and the hand's motion, to a tenth of the models' rate; 0 for none
+    #[arg(long, default_value_t = 10.0, value_name = "HZ", value_parser = number(0.0, 1000.0, "Hz"))]
+    pub high_pass_hz: f64,
+    /// Shortest piece of constant speed and force that is fitted
+    #[arg(long, default_value_t = 0.2, value_name = "S", value_parser = number(0.05, 10.0, "s"))]
+    pub shortest_s: f64,
+    /// Slower than this is no stroke
+    #[arg(long, default_value_t = 5.0, value_name = "MM/S", value_parser = number(0.0, 10_000.0, "mm/s"))]
+    pub least_speed_mm_s: f64,
+    /// Less force than this is no contact
+    #[arg(long, default_value_t = 0.05, value_name = "N", value_parser = number(0.0, 100.0, "N"))]
+    pub least_force_n: f64,
+    /// How far a constant speed may stray, and how near equal ones are
+    #[arg(long, default_value_t = 10.0, value_name = "MM/S", value_parser = number(0.01, 10_000.0, "mm/s"))]
+    pub speed_tolerance_mm_s: f64,
+    /// How far a constant force may stray, and how near equal ones are
+    #[arg(long, default_value_t = 0.1, value_name = "N", value_parser = number(1e-4, 100.0, "N"))]
+    pub force_tolerance_n: f64,
+    /// The same as a part of either, where that is more
+    #[arg(long, default_value_t = 20.0, value_name = "PERCENT", value_parser = number(0.0, 100.0, "%"))]
+    pub tolerance_percent: f64,
+    /// Most models; where there would be more, more pieces become one
+    #[arg(long, default_value_t = 64, value_name = "N", value_parser = whole(1_usize, 256, ""))]
+    pub most_models: usize,
+    /// What the columns of a .npy array are, such as force_n,speed_mm_s,ax_m_s2; `none` for one to be left out
+    #[arg(long, value_name = "NAME,...", value_delimiter = ',', requires = "rate_hz")]
+    pub columns: Vec<String>,
+    /// Rate of a .npy array
+    #[arg(long, value_name = "HZ", requires = "columns", value_parser = number(1000.0, 10_000.0, "Hz"))]
+    pub rate_hz: Option<f64>,
+    /// Draw the models over speed and force, and their spectra beside those recorded
+    #[arg(long, value_name = "P.svg")]
+    pub plot: Option<PathBuf>,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+}
 
 /// A band that is off by more than this, in dB, is worth a warning, ..
 const FAR_OFF_DB: f64 = 3.0;
@@ -27,7 +102,7 @@ const CHANCES: f64 = 4.0;
 const LITTLE: f64 = 0.25;
 
 /// Runs the command.
-pub fn run(args: &FitAr) -> Result<ExitCode, Failure> {
+pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     check(args)?;
     let create = |path: &Path, option: &str| Pending::create(path).map_err(|f| f.named_by(option));
     let texture_file = create(&args.out, "--out")?;
@@ -78,14 +153,14 @@ pub fn run(args: &FitAr) -> Result<ExitCode, Failure> {
             "of {whole_s:.1} s only {seconds:.1} s are used; what is dropped, and why, stands in the report"
         ));
     }
-    let plot = plot_file.map(|file| file.fill(&picture::svg(&report))).transpose()?;
+    let plot = plot_file.map(|file| file.fill(&report::svg(&report))).transpose()?;
     report.written = keep_all(plot.into_iter().chain([texture_file.fill(&text)?]).collect())?;
     print(&if args.json { report.json() } else { report.text() })?;
     Ok(ExitCode::SUCCESS)
 }
 
 /// Whether what is written is none of what is read.
-fn check(args: &FitAr) -> Result<(), Failure> {
+fn check(args: &Args) -> Result<(), Failure> {
     let wrong = |option: &str, what: String, help: &str| -> Failure {
         Diagnostic::new(what).in_file(option).help(help.to_owned()).into()
     };
@@ -110,7 +185,7 @@ fn check(args: &FitAr) -> Result<(), Failure> {
     Ok(())
 }
 
-fn settings(args: &FitAr) -> Settings {
+fn settings(args: &Args) -> Settings {
     let by = match args.by {
         By::Aicc => Criterion::Aicc,
         By::Bic => Criterion::Bic,
@@ -132,7 +207,7 @@ fn settings(args: &FitAr) -> Settings {
 }
 
 /// What was recorded, by the ending of the file's name.
-fn read(args: &FitAr) -> Result<Recorded, Failure> {
+fn read(args: &Args) -> Result<Recorded, Failure> {
     let path = &args.recording;
     let array = ending(path) == "npy";
     let Some(rate_hz) = args.rate_hz else {

@@ -8,7 +8,7 @@ use asperity_graph::{GraphFile, Schedule};
 use asperity_node::{Latency, Registry};
 use asperity_tradeoff::Response;
 
-use crate::args::LatencyArgs;
+use super::Args;
 use crate::failure::{Failure, complain};
 use crate::load;
 
@@ -35,7 +35,7 @@ pub struct Ready {
 
 /// Makes every graph ready, so that nothing is measured where one of them is wrong. A setting goes to the
 /// graphs that have what it sets, and the others are named; where none has, it is an error.
-pub fn prepare(args: &LatencyArgs) -> Result<Vec<Ready>, Failure> {
+pub fn prepare(args: &Args) -> Result<Vec<Ready>, Failure> {
     let drafts = args.graphs.iter().map(|path| Draft::read(path, args));
     let drafts: Vec<Draft> = drafts.collect::<Result<_, _>>()?;
     let mut sets = vec![Vec::new(); drafts.len()];
@@ -92,7 +92,7 @@ struct Draft {
 }
 
 impl Draft {
-    fn read(path: &Path, args: &LatencyArgs) -> Result<Self, Failure> {
+    fn read(path: &Path, args: &Args) -> Result<Self, Failure> {
         let load::Offline { graph, registry, .. } = load::offline(path, &args.plugins)?;
         Ok(Self { path: path.to_owned(), graph, registry })
     }

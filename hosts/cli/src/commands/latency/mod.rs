@@ -4,22 +4,80 @@
 //! runs it in real time reads the hand a little behind and plays a little ahead; this is declared item by item, and
 //! measured over a loopback from the output to an input.
 
-mod around;
 mod chain;
+mod loopback;
 
 use std::fmt::Write as _;
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 use asperity_diagnostics::Diagnostic;
+use clap::{Arg, ArgGroup};
 use serde_json::{Value, json};
 
-use crate::args::LatencyArgs;
+use crate::card::{ActuatorArgs, OutputArgs};
 use crate::failure::{Failure, print};
-use around::Around;
+use crate::load::PluginArgs;
+use crate::number::{channel, number, whole};
 use chain::Chain;
+use loopback::Loopback;
+
+/// Tell how late graphs answer a hand, and measure what a device adds, over a loopback from its output to its input
+#[derive(Clone, Debug, clap::Args)]
+#[command(mut_args = crate::number::may_be_negative, mut_args = only_with_what_it_is_for)]
+#[command(group = ArgGroup::new("card").args(["host", "device"]).multiple(true))]
+pub struct Args {
+    /// Graphs whose answer to a step of speed is told
+    pub graphs: Vec<PathBuf>,
+    #[command(flatten)]
+    pub output: OutputArgs,
+    /// Device to record from; the same host's default, unless given
+    #[arg(long, value_name = "DEVICE")]
+    pub input_device: Option<String>,
+    /// Channel of the input that the output is joined to
+    #[arg(long, default_value_t = 1, value_name = "N", value_parser = channel)]
+    pub input_channel: u16,
+    /// The loopback is inside the audio server, so that no card adds to it
+    #[arg(long)]
+    pub inside: bool,
+    /// What the input adds, from sound to callback, where it is known
+    #[arg(long, value_name = "MS", conflicts_with = "inside", value_parser = number(0.0, 10_000.0, "ms"))]
+    pub input_latency_ms: Option<f64>,
+    /// How many clicks
+    #[arg(long, default_value_t = 50, value_name = "N", value_parser = whole(3_u32, 10_000, "clicks"))]
+    pub trials: u32,
+    /// Height of a click
+    #[arg(long, default_value_t = 0.1, value_name = "A", value_parser = number(1e-4, 100.0, "A"))]
+    pub amps: f64,
+    /// Level at the input, of full scale, that counts as a click
+    #[arg(long, default_value_t = 0.01, value_name = "LEVEL", value_parser = number(1e-6, 1.0, "of full scale"))]
+    pub level: f64,
+    /// Audio rate
+    #[arg(long, default_value_t = 48_000, value_name = "HZ", value_parser = whole(8_000_u32, 192_000, "Hz"))]
+    pub rate: u32,
+    #[command(flatten)]
+    pub actuator: ActuatorArgs,
+    /// Set a parameter of the graphs that have it: NODE.PARAM=VALUE
+    #[arg(long = "set", value_name = "NODE.PARAM=VALUE")]
+    pub set: Vec<String>,
+    #[command(flatten)]
+    pub plugins: PluginArgs,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Options of graphs need one, all others a device: none is there to be passed over.
+pub fn only_with_what_it_is_for(arg: Arg) -> Arg {
+    match arg.get_id().as_str() {
+        "graphs" | "host" | "device" | "json" | "help" => arg,
+        "set" | "plugin" => arg.requires("graphs"),
+        _ => arg.requires("card"),
+    }
+}
 
 /// Runs the command.
-pub fn run(args: &LatencyArgs) -> Result<ExitCode, Failure> {
+pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     let wanted = args.output.card.device.is_some() || args.output.card.host.is_some();
     if args.graphs.is_empty() && !wanted {
         return Err(Diagnostic::new("there is nothing to measure")
@@ -27,10 +85,10 @@ pub fn run(args: &LatencyArgs) -> Result<ExitCode, Failure> {
             .help("name graphs to see how late they answer, and a device whose output is looped back to its input: --device D")
             .into());
     }
-    let clicks = wanted.then(|| around::prepare(args)).transpose()?;
+    let clicks = wanted.then(|| loopback::prepare(args)).transpose()?;
     let ready = chain::prepare(args)?;
     let chains: Vec<Chain> = ready.into_iter().map(chain::measure).collect::<Result<_, _>>()?;
-    let around = clicks.map(|made| around::measure(args, made)).transpose()?;
+    let around = clicks.map(|made| loopback::measure(args, made)).transpose()?;
     if args.json {
         print(&format!("{:#}\n", as_json(&chains, around.as_ref())))?;
     } else {
@@ -39,7 +97,7 @@ pub fn run(args: &LatencyArgs) -> Result<ExitCode, Failure> {
     Ok(if around.is_some_and(|a| !a.agrees()) { ExitCode::FAILURE } else { ExitCode::SUCCESS })
 }
 
-fn text(chains: &[Chain], around: Option<&Around>) -> String {
+fn text(chains: &[Chain], around: Option<&Loopback>) -> String {
     let mut out = String::new();
     if let Some(a) = around {
         let _ = writeln!(
@@ -90,7 +148,7 @@ fn text(chains: &[Chain], around: Option<&Around>) -> String {
     out
 }
 
-fn as_json(chains: &[Chain], around: Option<&Around>) -> Value {
+fn as_json(chains: &[Chain], around: Option<&Loopback>) -> Value {
     let items = |items: &[(String, f64)]| -> Vec<Value> {
         items.iter().map(|(what, ms)| json!({ "what": what, "ms": ms })).collect()
     };

@@ -14,8 +14,8 @@ use asperity_tradeoff::{Base, Figure, Machine, Order, Prepared, Results, Row, St
 
 use crate::args::{Merge, PluginArgs, Tradeoff, TradeoffCommand};
 use crate::failure::{Failure, be_quiet, print, warn};
+use crate::leave::stop_flag;
 use crate::load;
-use crate::render::stop_flag;
 
 pub use folder::read as read_results;
 use onlooker::Bars;
