@@ -1,4 +1,4 @@
-//! Builds the library that counts what a plugin does to the heap, where there is a way to put it before the system's own.
+//! Builds the library that counts a plugin's allocations, on systems that can preload it.
 
 use std::path::PathBuf;
 use std::process::Command;
@@ -9,7 +9,7 @@ fn main() {
     println!("cargo:rerun-if-env-changed=CC");
     let var = |name: &str| std::env::var(name).unwrap_or_default();
     let out = PathBuf::from(var("OUT_DIR")).join("heap.so");
-    // It forwards to names that only glibc has. Built for this machine or not at all.
+    // It forwards to names that only glibc has. It is built for this machine or not at all.
     let glibc = var("CARGO_CFG_TARGET_OS") == "linux" && var("CARGO_CFG_TARGET_ENV") == "gnu";
     let built = glibc && var("TARGET") == var("HOST") && {
         let cc = std::env::var("CC").unwrap_or_else(|_| "cc".to_owned());
@@ -24,7 +24,7 @@ fn main() {
         }
     };
     if !built {
-        // Empty: there is none.
+        // An empty file stands for no library.
         std::fs::write(&out, []).expect("the build's own folder can be written to");
     }
 }

@@ -326,7 +326,8 @@ pub fn absolute(profile: &str) -> Result<String, Failure> {
 /// Ticks a second of the graphs that commands make.
 pub const TICK_HZ: f64 = 500.0;
 
-/// A graph from its nodes and wires; errors call it `name`. They show no place in its text, which no user wrote.
+/// A graph from its nodes and wires; errors call it `name`. They show no place in its text, which no user
+/// wrote.
 pub fn graph(name: &str, rate_hz: u32, nodes: &str, wires: &str) -> Result<(GraphFile, Compiled), Failure> {
     let text = format!(
         "Graph(version: 1, tick_hz: {TICK_HZ:.0}, audio_hz: {rate_hz}, nodes: {{{nodes}}}, wires: [{wires}])"

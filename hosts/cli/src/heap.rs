@@ -1,4 +1,4 @@
-//! How much memory the program has taken, and how much it may take.
+//! Counts the program's memory, and limits it.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::fs::read_to_string;
@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use asperity_diagnostics::budget;
 
-/// The system's allocator, with a count of the bytes that are out.
+/// The system's allocator, with a count of allocated bytes.
 struct Counted;
 
 static BYTES: AtomicU64 = AtomicU64::new(0);
@@ -15,13 +15,13 @@ static BYTES: AtomicU64 = AtomicU64::new(0);
 #[global_allocator]
 static ALLOCATOR: Counted = Counted;
 
-/// Bytes taken from the heap and not given back. What plugins take by allocators of their own is not among them.
+/// Allocated bytes, without those of plugins with their own allocators.
 pub fn bytes() -> u64 {
     BYTES.load(Ordering::Relaxed)
 }
 
-/// Limits the program to so many bytes, or else to half of the machine's memory. Where the machine does not
-/// tell, there is no limit.
+/// Limits the program to this many bytes, by default to half of the machine's memory. If that is not known,
+/// there is no limit.
 pub fn limit(most: Option<u64>) {
     if let Some(most) = most.or_else(|| Some(of_machine()? / 2)) {
         budget::set(most, bytes);
@@ -33,7 +33,7 @@ fn of_machine() -> Option<u64> {
     let info = read_to_string("/proc/meminfo").ok()?;
     let total = info.lines().find_map(|line| line.strip_prefix("MemTotal:")?.strip_suffix("kB"))?;
     let total = total.trim().parse::<u64>().ok()? << 10;
-    // A group is held to the limits of those above it too.
+    // The limits of parent groups hold too.
     let group = read_to_string("/proc/self/cgroup").unwrap_or_default();
     let group = group.lines().find_map(|line| line.strip_prefix("0::/")).unwrap_or_default();
     let group = Path::new("/sys/fs/cgroup").join(group);
@@ -41,7 +41,8 @@ fn of_machine() -> Option<u64> {
     Some(group.ancestors().filter_map(most).fold(total, u64::min))
 }
 
-// SAFETY: every call is passed on to the system's allocator with what it was given; the count touches no memory that is handed out.
+// SAFETY: every call goes to the system's allocator with the same arguments; the count touches no allocated
+// memory.
 unsafe impl GlobalAlloc for Counted {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         // SAFETY: as of this function.
@@ -81,7 +82,7 @@ unsafe impl GlobalAlloc for Counted {
 #[cfg(test)]
 mod tests {
     #[test]
-    fn what_is_taken_is_counted_until_it_is_given_back() {
+    fn allocation_is_counted_until_freed() {
         let before = super::bytes();
         let much = std::hint::black_box(vec![1_u8; 64 << 20]);
         assert!(super::bytes() >= before + (60 << 20));

@@ -46,7 +46,8 @@ impl Kinds {
         Self { apart, ..self }
     }
 
-    /// For a graph that is inspected: untrusted plugins are left out, and [`judge`](Self::judge) reports them.
+    /// For a graph that is inspected: untrusted plugins are left out, and [`judge`](Self::judge) reports
+    /// them.
     pub fn looking(self) -> Self {
         Self { looks: true, ..self }
     }
@@ -66,12 +67,14 @@ impl Kinds {
         &self.files
     }
 
-    /// Says that a graph plays from now on: new code is tried in another process first, and nobody is asked.
+    /// Says that a graph plays from now on: new code is tried in another process first, and nobody is
+    /// asked.
     pub fn plays(&mut self) {
         self.plays = true;
     }
 
-    /// All kinds that a graph may use: built in, from its own plugins, from `--plugin` and along the plugin path.
+    /// All kinds that a graph may use: built in, from its own plugins, from `--plugin` and along the plugin
+    /// path.
     ///
     /// # Errors
     /// A plugin that the graph or `--plugin` names does not load, or has a kind that exists already.
@@ -130,7 +133,8 @@ impl Kinds {
         !whole.exists() || (!self.plays && self.asked.insert(folder) && ask(place.source.path(), &whole))
     }
 
-    /// Loads a plugin. While a graph plays, new code is tried in another process first: it could end the run.
+    /// Loads a plugin. While a graph plays, new code is tried in another process first: it could end the
+    /// run.
     fn load(&mut self, path: &Path) -> Result<Plugin, Diagnostic> {
         let plays = self.plays;
         self.loader.load_tried(path, |copy| if plays { survives(path, copy.path()) } else { Ok(()) })

@@ -11,8 +11,8 @@ pub const INTERRUPTED: u8 = 130;
 /// Whether the program ends because it wants to.
 static MEANT: AtomicBool = AtomicBool::new(false);
 
-/// From here on, an end that the program did not choose has exit code 1: a plugin that calls `exit` does not
-/// make a run look complete. Call it after parsing the command line, which may end the program too.
+/// From here on, an end that the program did not choose has exit code 1: a plugin that calls `exit` does
+/// not make a run look complete. Call it after parsing the command line, which may end the program too.
 pub fn on_purpose_only() -> Staying {
     #[cfg(unix)]
     {
@@ -58,8 +58,8 @@ pub fn now(code: u8) -> ! {
     std::process::exit(code.into())
 }
 
-/// Set when the user asks to stop. The third time, the program ends at once: what runs may not listen, such as
-/// a plugin in an endless loop.
+/// Set when the user asks to stop. The third time, the program ends at once: what runs may not listen, such
+/// as a plugin in an endless loop.
 ///
 /// The whole program has one flag, also where a command plays several times.
 pub fn stop_flag() -> Arc<AtomicBool> {

@@ -182,7 +182,9 @@ fn as_json(schedule: &Schedule) -> Value {
                 .iter()
                 .zip(node.buffers.clone())
                 .map(|(o, buffer)| {
-                    json!({ "name": o.name, "buffer": buffer, "type": o.port.to_string(), "readers": o.readers })
+                    json!({
+                        "name": o.name, "buffer": buffer, "type": o.port.to_string(), "readers": o.readers,
+                    })
                 })
                 .collect();
             json!({
@@ -220,6 +222,7 @@ fn as_json(schedule: &Schedule) -> Value {
         })
         .collect();
     let (constants, counts) = buffer_counts(schedule);
+    let outputs = counts.into_iter().map(|(k, n)| (k.to_owned(), json!(n)));
     let paths: Vec<Value> = schedule
         .paths
         .iter()
@@ -242,7 +245,7 @@ fn as_json(schedule: &Schedule) -> Value {
         "steps": steps,
         "buffers": {
             "constants": constants,
-            "outputs": counts.into_iter().map(|(k, n)| (k.to_owned(), json!(n))).collect::<serde_json::Map<_, _>>(),
+            "outputs": outputs.collect::<serde_json::Map<_, _>>(),
         },
         "latency": paths,
         "latency_ms": schedule.latency().ms(),

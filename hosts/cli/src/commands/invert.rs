@@ -16,11 +16,12 @@ use crate::phase::{Chain, Frames, How, Method, check_rate};
 /// Turn magnitude frames from NumPy into a signal by a phase-retrieval node
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Phase-retrieval node: KIND, or KIND:param=value,... ; `default` is that of graphs/texture.ron. Offline
-    /// methods: griffin_lim, fast_griffin_lim
+    /// Phase-retrieval node: KIND, or KIND:param=value,... ; `default` is that of graphs/texture.ron.
+    /// Offline methods: griffin_lim, fast_griffin_lim
     #[arg(long, value_name = "KIND[:param=value,...]", default_value = "default")]
     pub phase: String,
-    /// Magnitudes, float32 [frames, bins], 2 ms apart, bin 0 first, of an unscaled Hann-windowed DFT of 0.1 s
+    /// Magnitudes, float32 [frames, bins], 2 ms apart, bin 0 first, of an unscaled Hann-windowed DFT of 0.1
+    /// s
     #[arg(long, value_name = "S.npy")]
     pub magnitudes: PathBuf,
     /// Sample rate of the signal
@@ -82,6 +83,6 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     ))?;
     match chain.map_or(0, |c| c.faults().0) {
         0 => Ok(ExitCode::SUCCESS),
-        n => Err(Failure::Machine(format!("the node failed {n} times; what it failed in is silent"))),
+        n => Err(Failure::Machine(format!("the node failed {n} times; these ticks are silent"))),
     }
 }

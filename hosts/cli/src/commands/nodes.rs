@@ -195,6 +195,7 @@ fn as_json(d: &Descriptor) -> Value {
         .collect();
     json!({
         "kind": d.kind, "summary": d.summary, "inputs": inputs, "outputs": outputs, "params": params,
-        "resume": d.resume.word(), "gate": d.gate, "closes_cycles": d.feedback.is_some(), "sink": d.sink, "timing": d.timing,
+        "resume": d.resume.word(), "gate": d.gate, "closes_cycles": d.feedback.is_some(), "sink": d.sink,
+        "timing": d.timing,
     })
 }

@@ -16,8 +16,8 @@ use crate::output::Pending;
 
 /// Write down what stands behind a channel of the sound card: actuator, volts, amplifier
 ///
-/// The file holds for every graph: no graph can raise its limits, and a graph that contradicts it is refused.
-/// At a terminal, options that are missing are asked for.
+/// The file holds for every graph: no graph can raise its limits, and a graph that contradicts it is
+/// refused. At a terminal, options that are missing are asked for.
 #[derive(Clone, Debug, clap::Args)]
 pub struct Args {
     /// Device: its name or id, as `asperity devices` lists it
@@ -60,7 +60,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     let device: String = given(&args.device, "--device", "Device, as `asperity devices` lists it")?;
     let channel: u16 = given(&args.channel, "--channel", "Channel, from 1")?;
     let profile: String = given(&args.profile, "--profile", "Actuator: a shipped profile or a .ron file")?;
-    let handle: f64 = given(&args.handle_mass_g, "--handle-mass-g", "Mass of what it is fixed to, in g")?;
+    let handle: f64 = given(&args.handle_mass_g, "--handle-mass-g", "Mass of its handle, in g")?;
     card::actuator(("--profile", &profile), &[("--handle-mass-g", handle)])?;
     let full: f64 =
         given(&args.volts_at_full_scale, "--volts-at-full-scale", "Peak volts of the card at full scale")?;

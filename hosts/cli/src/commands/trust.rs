@@ -1,8 +1,8 @@
 //! `asperity trust`: folders whose plugins a graph may load.
 //!
 //! A plugin may do whatever its user may, from the moment it is loaded, and a graph may come from anybody.
-//! So a plugin that a graph names is loaded only from a folder that the user trusts, or if the command line or
-//! `ASPERITY_PLUGIN_PATH` names it too.
+//! So a plugin that a graph names is loaded only from a folder that the user trusts, or if the command line
+//! or `ASPERITY_PLUGIN_PATH` names it too.
 
 use std::io::{BufRead, IsTerminal, Write};
 use std::path::{Path, PathBuf};
@@ -15,9 +15,9 @@ use crate::output;
 
 /// Let graphs load plugins from a folder, or list such folders
 ///
-/// A plugin may do whatever you may, from the moment it is loaded. A plugin that a graph names is loaded only
-/// from a trusted folder, or if --plugin or ASPERITY_PLUGIN_PATH names it too. ASPERITY_TRUST lists more
-/// folders.
+/// A plugin may do whatever you may, from the moment it is loaded. A plugin that a graph names is loaded
+/// only from a trusted folder, or if --plugin or ASPERITY_PLUGIN_PATH names it too. ASPERITY_TRUST lists
+/// more folders.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// The folder; without one, the trusted folders are listed

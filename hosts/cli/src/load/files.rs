@@ -82,7 +82,7 @@ pub fn not_read(
 /// `named` are outputs that options or earlier graphs name.
 ///
 /// # Errors
-/// The file, with both who use it.
+/// The file, with the two that use it.
 pub fn distinct_files(
     args: &GraphArgs,
     schedule: &Schedule,
@@ -159,8 +159,8 @@ impl Watched {
         settled.then(|| now.iter().filter(differs).map(|(path, _)| path.clone()).collect())
     }
 
-    /// Watches the files of the graph that runs from now on. `seen` are the versions from before it was read:
-    /// files that changed meanwhile are reported again.
+    /// Watches the files of the graph that runs from now on. `seen` are the versions from before it was
+    /// read: files that changed meanwhile are reported again.
     pub fn know(&mut self, after: Stamps, seen: &Stamps) {
         self.known = after;
         for (path, stamp) in seen {

@@ -226,8 +226,9 @@ pub fn warnings(schedule: &Schedule) -> Vec<String> {
             && -emission > 0.6 * frames
         {
             out.push(format!(
-                "`{}` emits samples that lie {:.0} % into a window of {frames:.0} frames, and they are too loud: \
-                 too little is known of them. Set `emission` to -{:.0} or nearer to 0, or leave it out",
+                "`{}` emits samples that lie {:.0} % into a window of {frames:.0} frames, \
+                 and they are too loud: too little is known of them. \
+                 Set `emission` to -{:.0} or nearer to 0, or leave it out",
                 node.id,
                 -100.0 * emission / frames,
                 0.5 * frames

@@ -19,7 +19,8 @@ pub fn play(graph: &mut GraphFile, file: &Path) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Lets a hand move the stylus: `--hand KIND[:param=value,...]`. KIND is a kind's name, or that without `_input`.
+/// Lets a hand move the stylus: `--hand KIND[:param=value,...]`. KIND is a kind's name, or that without
+/// `_input`.
 pub fn take_in_hand(graph: &mut GraphFile, text: &str) -> Result<(), Failure> {
     let (name, settings) = text.split_once(':').unwrap_or((text, ""));
     let Some(kind) = HANDS.iter().find(|k| **k == name || k.strip_suffix("_input") == Some(name)) else {
@@ -135,8 +136,10 @@ mod tests {
 
     #[test]
     fn hand_in_scene_wires_stroke_to_contact() {
-        let text = r#"Graph(version: 1, nodes: {"s": (kind: "stroke"), "v": (kind: "velocity"), "c": (kind: "contact")},
-            wires: [("s.position", "v.position"), ("s.position", "c.position"), ("v.spatial", "c.velocity")])"#;
+        let text = r#"Graph(version: 1,
+            nodes: {"s": (kind: "stroke"), "v": (kind: "velocity"), "c": (kind: "contact")},
+            wires: [("s.position", "v.position"), ("s.position", "c.position"),
+                ("v.spatial", "c.velocity")])"#;
         let mut it = graph(text);
         take_in_hand(&mut it, "pointer").expect("it fits");
         let all = wires(&it);

@@ -12,51 +12,50 @@ use super::{Args, DriveKind, amps_per_volt, option, unit, volts_per_volt};
 use crate::card::{DeviceArgs, TICK_HZ, Watching, absolute, graph, play};
 use crate::failure::{Failure, complain};
 
-/// Seconds from silence to full at the start of a session.
+/// Ramp from silence to full level at the start of a session \[s\].
 const START_S: f64 = 0.5;
-/// From here on is recorded: the ramp of the start multiplies what the limiter puts out, and is over by then.
+/// Start of the recording \[s\]: by then the ramp behind the limiter is over.
 const RECORD_S: f64 = START_S + 0.1;
-/// Silence that is recorded before the sweep, which tells the noise.
+/// Silence recorded before the sweep, which gives the noise \[s\].
 const BEFORE_S: f64 = 0.4;
-/// Silence after it, in which latency and ringing end.
+/// Silence recorded after it, in which latency and ringing end \[s\].
 const AFTER_S: f64 = 1.0;
-/// Of the input's full scale, what counts as clipped.
+/// Part of the input's full scale that counts as clipped.
 const CLIPPED: f32 = 0.999;
-/// How often a recording with gaps is made anew.
+/// How often a recording with gaps is tried.
 const ATTEMPTS: usize = 3;
-/// Frames that the device is asked for, unless the command line says otherwise: nobody waits for an answer here, and long blocks
-/// bear a busy machine.
+/// Default buffer size in frames: latency does not matter here, and large buffers tolerate a busy machine.
 const PERIOD: u32 = 1024;
 
-/// What does not change from one sweep to the next.
+/// Settings of all sweeps.
 pub struct Bench<'a> {
     args: &'a Args,
     device: DeviceArgs,
-    /// The base profile as a graph names it.
+    /// The base profile: its name, or an absolute path.
     base: String,
 }
 
-/// A sweep that was played, and what was heard meanwhile; both from the same sample on.
+/// A sweep that was played, and its recording, from the same sample on.
 #[derive(Debug)]
 pub struct Tape {
-    /// Behind the limiter \[A or V\].
+    /// Output of the limiter \[A or V\].
     pub drive: Vec<f32>,
-    /// \[m/s^2\].
+    /// Acceleration of the handle \[m/s^2\].
     pub acceleration: Vec<f32>,
     /// Whether the limiter changed the sweep.
     pub limited: bool,
     /// Mass of the handle \[g\].
     pub handle_mass_g: f64,
-    /// What was asked for \[A or V\].
+    /// Peak of the sweep \[A or V\].
     pub amplitude: f64,
-    /// The device, as a person knows it.
+    /// Name of the device.
     pub device: String,
     rate_hz: f64,
     time_constant_s: f64,
 }
 
 impl Tape {
-    /// As the fit wants it.
+    /// Input of the fit.
     pub fn recording(&self) -> Recording<'_> {
         Recording {
             drive: &self.drive,
@@ -68,7 +67,7 @@ impl Tape {
         }
     }
 
-    /// What was heard before the sweep, and from then on.
+    /// Acceleration before the sweep, and from its start on.
     pub fn parts(&self) -> (&[f32], &[f32]) {
         let at = (BEFORE_S * self.rate_hz) as usize;
         self.acceleration.split_at(at.min(self.acceleration.len()))
@@ -78,21 +77,21 @@ impl Tape {
 /// How a sweep ended.
 #[derive(Debug)]
 pub enum Outcome {
-    /// As it should.
+    /// Completely.
     Whole(Tape),
-    /// The input reached its full scale, and the sweep was stopped there: at this frequency \[Hz\].
+    /// Stopped at this frequency \[Hz\], where the input clipped.
     Clipped(f64),
 }
 
 impl<'a> Bench<'a> {
-    /// A bench for what the command line says.
+    /// A bench for the arguments.
     pub fn new(args: &'a Args) -> Result<Self, Failure> {
         let mut device = args.output.recording_from(args.input_device.as_deref());
         device.card.period.get_or_insert(PERIOD);
         Ok(Self { args, device, base: absolute(&args.base)? })
     }
 
-    /// What a sample of the drive is.
+    /// Unit of the drive.
     pub fn drive(&self) -> Drive {
         match self.args.drive {
             DriveKind::Current => Drive::Current,
@@ -100,7 +99,7 @@ impl<'a> Bench<'a> {
         }
     }
 
-    /// The most that card and amplifier can put out \[A or V\].
+    /// Full scale of card and amplifier \[A or V\].
     pub fn most(&self) -> f64 {
         let gain = match self.drive() {
             Drive::Current => amps_per_volt(self.args),
@@ -109,7 +108,7 @@ impl<'a> Bench<'a> {
         gain * self.args.volts_at_full_scale
     }
 
-    /// The sweep with all its silences, from the first sample of a session on.
+    /// The sweep with its silences, from the first sample of a session on.
     fn sweep(&self, amplitude: f64, seconds: f64) -> SweepSettings {
         SweepSettings {
             from_hz: self.args.from_hz,
@@ -122,15 +121,16 @@ impl<'a> Bench<'a> {
         }
     }
 
-    /// The sweep, the limiter of the base profile behind it, and both recordings.
+    /// Nodes of the measurement: the sweep, the limiter of the base profile, and both recordings.
     fn nodes(&self, sweep: &SweepSettings, handle_mass_g: f64) -> String {
         let a = self.args;
         let (base, unit) = (&self.base, self.drive().unit());
         format!(
-            r#""sweep": (kind: "sweep", params: (from_hz: {:?}, to_hz: {:?}, seconds: {:?}, amplitude: {:?}, fade_ms: {:?},
-                 before_s: {:?}, after_s: {:?}, unit: "{unit}")),
+            r#""sweep": (kind: "sweep", params: (from_hz: {:?}, to_hz: {:?}, seconds: {:?}, amplitude: {:?},
+                 fade_ms: {:?}, before_s: {:?}, after_s: {:?}, unit: "{unit}")),
                "limiter": (kind: "limiter", params: (profile: {base:?}, handle_mass_g: {handle_mass_g:?})),
-               "out": (kind: "audio_out", params: (volts_at_full_scale: {:?}, amps_per_volt: {:?}, volts_per_volt: {:?})),
+               "out": (kind: "audio_out",
+                 params: (volts_at_full_scale: {:?}, amps_per_volt: {:?}, volts_per_volt: {:?})),
                "in": (kind: "audio_in", params: (channel: {}, full_scale: {:?})),
                "driven": (kind: "file_out", params: (file: "driven.npy")),
                "heard": (kind: "file_out", params: (file: "heard.npy")),"#,
@@ -149,7 +149,7 @@ impl<'a> Bench<'a> {
         )
     }
 
-    /// Plays a sweep and records it; where the recording has gaps, again.
+    /// Plays a sweep and records it. A recording with gaps is tried again.
     pub fn play(&self, amplitude: f64, seconds: f64, handle_mass_g: f64) -> Result<Outcome, Failure> {
         for _ in 1..ATTEMPTS {
             match self.play_once(amplitude, seconds, handle_mass_g)? {
@@ -160,7 +160,8 @@ impl<'a> Bench<'a> {
         match self.play_once(amplitude, seconds, handle_mass_g)? {
             Played::To(outcome) => Ok(outcome),
             Played::Broken(what) => Err(Failure::Machine(format!(
-                "{what}, {ATTEMPTS} times in a row: try a longer --period, or a machine with less to do; nothing was written"
+                "{what}, {ATTEMPTS} times in a row: try a longer --period, or a less busy machine; \
+                 nothing was written"
             ))),
         }
     }
@@ -210,19 +211,19 @@ impl<'a> Bench<'a> {
 
 enum Played {
     To(Outcome),
-    /// There are gaps, of which a person is told.
+    /// With gaps, described in words.
     Broken(String),
 }
 
-/// What is recorded.
+/// Both recordings of a sweep.
 struct Log {
     driven: Track,
     heard: Track,
-    /// First sample at which the input is at its full scale.
+    /// First sample at which the input clipped.
     clipped: Option<u64>,
 }
 
-/// Samples of one sink, from a given one on.
+/// Samples of one sink, from number `from` on.
 struct Track {
     from: u64,
     samples: Vec<f32>,
@@ -265,7 +266,7 @@ impl Track {
     }
 }
 
-/// Gaps in what was played or recorded since the ramp of the start.
+/// Counts of gaps since the ramp: of the output, of the recording.
 #[derive(Debug, Default)]
 struct Disturbances {
     before: Option<[u64; 2]>,
@@ -290,7 +291,7 @@ impl Disturbances {
     }
 }
 
-/// Whether the limiter changed anything, the removal of DC aside.
+/// Whether the limiter changed anything beside DC.
 fn limited(ended: &Ended) -> bool {
     let Some(player) = &ended.player else { return false };
     let engine = player.engine();
@@ -301,29 +302,29 @@ fn limited(ended: &Ended) -> bool {
     })
 }
 
-/// The quiet sweep's part of the level.
+/// Level of the quiet sweep as a part of the measurement's.
 pub const QUIET: f64 = 0.1;
-/// Most of the input's full scale that the measurement is to reach.
+/// Largest part of the input's full scale that the measurement may reach.
 const HEADROOM: f64 = 0.7;
-/// Least coherence of the quiet sweep: the measurement's noise is a hundredth of its.
+/// Least coherence of the quiet sweep. The measurement has a hundredth of its relative noise power.
 const HEARD: f64 = 0.3;
-/// Above this coherence the response is known well enough to say what a slower sweep will reach at the resonance.
+/// Above this coherence, the level of a slower sweep at the resonance is predicted.
 const WELL_HEARD: f64 = 0.9;
-/// Below this part of full scale a card's own noise may be what limits the measurement.
+/// Below this part of full scale, the card's own noise may limit the measurement.
 const FAINT: f64 = 0.01;
 
-/// At what level to measure, and what a person should know of it.
+/// Level of the measurement.
 #[derive(Debug, PartialEq)]
 pub struct Level {
-    /// \[A or V\], at most what was asked for.
+    /// Peak \[A or V\], at most the requested one.
     pub amplitude: f64,
-    /// Part of the input's full scale that it will reach.
+    /// Part of the input's full scale that it reaches.
     pub reaches: f64,
-    /// Why it is not as asked, or what might be better.
+    /// Warning for the user: why it is lower, or how to improve it.
     pub note: Option<String>,
 }
 
-/// Whether the quiet sweep was heard, and what level the input bears.
+/// Checks that the input follows the quiet sweep, and answers the highest level without clipping.
 pub fn level(
     args: &Args,
     quiet: &Tape,
@@ -338,8 +339,8 @@ pub fn level(
     let peak = |x: &[f32]| x.iter().map(|x| (f64::from(*x) - mean).abs()).fold(0.0, f64::max);
     if peak(&quiet.acceleration) == 0.0 {
         return Err(refused(format!(
-            "input channel {channel} of {} is silent, not even noise comes from it: is the accelerometer on another channel \
-             (--input-channel), or another device (--input-device)?",
+            "input channel {channel} of {} is silent, without any noise: is the accelerometer on another \
+             channel (--input-channel), or another device (--input-device)?",
             quiet.device
         )));
     }
@@ -359,28 +360,29 @@ pub fn level(
     Ok(choose(args, asked, (most + mean.abs()) / full_scale))
 }
 
-/// The level for an input of which the one that was asked for would reach so much.
+/// The level, if the requested one would reach this part of the input's full scale.
 fn choose(args: &Args, asked: f64, reaches: f64) -> Level {
     let percent = 100.0 * reaches;
     let unit = unit(args);
     if reaches > HEADROOM {
         let amplitude = asked * HEADROOM / reaches;
         let note = format!(
-            "{asked} {unit} would reach {percent:.0} % of the input's full scale, so the level is lowered to {amplitude:.3} {unit} \
-             (a lower gain of the input, and its --accelerometer-full-scale, would leave more)"
+            "{asked} {unit} would reach {percent:.0} % of the input's full scale, \
+             so the level is lowered to {amplitude:.3} {unit} (a lower gain of the input, \
+             and its --accelerometer-full-scale, would leave more)"
         );
         return Level { amplitude, reaches: HEADROOM, note: Some(note) };
     }
     let note = (reaches < FAINT).then(|| {
         format!(
-            "{asked} {unit} reaches {percent:.2} % of the input's full scale only: a higher gain of the input, and its \
-             --accelerometer-full-scale, may lower the noise"
+            "{asked} {unit} reaches only {percent:.2} % of the input's full scale: \
+             a higher gain of the input, and its --accelerometer-full-scale, may lower the noise"
         )
     });
     Level { amplitude: asked, reaches, note }
 }
 
-/// A sweep that nothing at the input follows.
+/// The error for a sweep that the input does not follow.
 fn not_heard(
     args: &Args,
     (before, during): (&[f32], &[f32]),
@@ -394,31 +396,34 @@ fn not_heard(
     let channel = args.output.channel();
     let (input, unit) = (args.input_channel, unit(args));
     format!(
-        "what comes from input channel {input} does not follow the quiet sweep of {amplitude:.3} {unit} on channel {channel}: coherence \
-         {coherence:.2}, {:.0} dB of full scale before the sweep and {:.0} dB from its start on. Is the amplifier on? Does the \
-         actuator move (asperity tone --channel {channel})? Is the accelerometer on another channel (--input-channel)? If all is \
-         right and only faint, raise the level or the input's gain",
+        "input channel {input} does not follow the quiet sweep of {amplitude:.3} {unit} \
+         on channel {channel}: \
+         coherence {coherence:.2}, {:.0} dB of full scale before the sweep and {:.0} dB from its start on. \
+         Is the amplifier on? Does the actuator move (asperity tone --channel {channel})? \
+         Is the accelerometer on another channel (--input-channel)? \
+         If all is right but faint, raise the level or the input's gain",
         db(before),
         db(during)
     )
 }
 
-/// The input reached full scale in the quiet sweep already.
+/// The error for an input that clips in the quiet sweep.
 pub fn clips_already(args: &Args, amplitude: f64, hz: f64) -> Failure {
     let unit = unit(args);
     refused(format!(
-        "input channel {} clips in the quiet sweep of {amplitude:.3} {unit} already (at {hz:.0} Hz): lower the input's gain, and give its \
-         --accelerometer-full-scale; or is this another signal than the accelerometer's?",
+        "input channel {} clips in the quiet sweep of {amplitude:.3} {unit} already (at {hz:.0} Hz): \
+         lower the input's gain, and give its --accelerometer-full-scale; \
+         or is this another signal than the accelerometer's?",
         args.input_channel
     ))
 }
 
-/// The input reached full scale while measuring.
+/// The error for an input that clips in the measurement.
 pub fn clipped(args: &Args, amplitude: f64, hz: f64) -> Failure {
     let (option, unit) = (option(args), unit(args));
     refused(format!(
-        "input channel {} clipped at {hz:.0} Hz, and the sweep was stopped: less than {amplitude:.3} {unit} ({option}), or a lower gain of \
-         the input with its --accelerometer-full-scale",
+        "input channel {} clipped at {hz:.0} Hz, and the sweep was stopped: \
+         try less than {amplitude:.3} {unit} ({option}), or a lower gain of the input with its --accelerometer-full-scale",
         args.input_channel
     ))
 }

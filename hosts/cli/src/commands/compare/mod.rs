@@ -1,4 +1,4 @@
-//! `asperity compare`: every phase-retrieval node over the same magnitudes, side by side.
+//! `asperity compare`: compares all phase-retrieval nodes on the same magnitudes.
 //!
 //! [`contest`] runs all methods over the [`vectors`]; [`report`] shows its rows.
 
@@ -25,11 +25,12 @@ use vectors::Set;
 /// Run every phase-retrieval node over vectors: accuracy, response lag, latency, cost
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Folder of vectors, NAME_RATE.mag.npy (float32 [frames, bins], unscaled Hann-windowed DFTs of 0.1 s, 2 ms apart) or
-    /// NAME_RATE.sig.npy (a signal), and sc.json with published scores; a small set is built in
+    /// Folder of vectors: NAME_RATE.mag.npy (float32 [frames, bins], unscaled Hann-windowed DFTs of 0.1 s,
+    /// 2 ms apart) or NAME_RATE.sig.npy (a signal), and sc.json with published scores. By default the
+    /// built-in set
     #[arg(long, value_name = "DIR")]
     pub vectors: Option<PathBuf>,
-    /// A node with settings, as a row of its own beside those with all defaults
+    /// Node with settings, in a row of its own beside the nodes with defaults
     #[arg(long, value_name = "KIND[:param=value,...]")]
     pub phase: Vec<String>,
     #[command(flatten)]
@@ -63,20 +64,20 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     {
         return Err(Diagnostic::new("the picture and the table cannot both go here").in_file(a).into());
     }
-    // A picture among the vectors does no harm; one in the place of what is read does.
+    // A file in the folder of vectors is harmless, unless it overwrites one that is read.
     for path in [svg, csv].into_iter().flatten() {
         let at = resolved(path);
         let plugin = kinds.files().iter().any(|f| resolved(f) == at);
         let vectors =
             args.vectors.as_ref().is_some_and(|dir| at.parent() == Some(&resolved(dir)) && at.exists());
         if plugin || vectors {
-            return Err(Diagnostic::new("this file is there already, and may be what is compared")
+            return Err(Diagnostic::new("this file is there already, and may be one that is compared")
                 .in_file(path)
                 .help("name another file")
                 .into());
         }
     }
-    // Before minutes of work, so that a folder that is not there is told of at once.
+    // Opened before minutes of work, so that a missing folder is an error at once.
     let pending = |path: Option<&Path>| path.map(Pending::create).transpose();
     let (svg, csv) = (pending(svg)?, pending(csv)?);
 
@@ -99,10 +100,10 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Every kind that retrieves phase with all defaults, and what the user asks for beside them.
+/// Every kind that retrieves phase, with defaults, and the methods of `--phase`.
 ///
 /// # Errors
-/// What a user asks for and cannot be made. A kind that fails without being asked for is left to its row.
+/// A method of `--phase` that cannot be prepared. Other kinds report their failure in their row.
 fn methods(registry: &Registry, asked: &[String], set: &Set) -> Result<Vec<Method>, Failure> {
     let kinds = retrievers(registry);
     let mut all = kinds.iter().map(|d| Method::parse(&d.kind, registry)).collect::<Result<Vec<_>, _>>()?;

@@ -15,7 +15,7 @@ const WIDTH: usize = 108;
 /// Widest label that stands in its row; a longer one has a line of its own.
 const LABEL: usize = 28;
 
-/// A column: two lines of heading, and what each row has there. What the second line counts stands before it.
+/// A column: two lines of heading, and the cell of each row.
 struct TextColumn<'a> {
     head: [String; 2],
     cell: Box<dyn Fn(&Row) -> String + 'a>,
@@ -27,7 +27,7 @@ impl<'a> TextColumn<'a> {
     }
 }
 
-/// Accuracy of all rows, then what each method costs, then what else there is to say.
+/// The result as text: accuracy, rhythm and cost of each method, then remarks.
 pub fn text(set: &Set, outcome: &Outcome, published: &[Row]) -> String {
     let mut out = String::new();
     let (accuracy, rows) = (accuracy(set), outcome.rows.as_slice());
@@ -40,7 +40,8 @@ pub fn text(set: &Set, outcome: &Outcome, published: &[Row]) -> String {
         let name = set.vectors[smooth].short_name();
         let _ = writeln!(
             out,
-            "Level and LTAS (rms error of the long-term spectrum) in dB on {name}, the smoothest over frequency,\n\
+            "Level and LTAS (rms error of the long-term spectrum) in dB on {name}, \
+             the smoothest over frequency,\n\
              where convergence says little and both should be near 0."
         );
     }
@@ -49,18 +50,24 @@ pub fn text(set: &Set, outcome: &Outcome, published: &[Row]) -> String {
         let name = set.smoothest().map_or("", |v| set.vectors[v].short_name());
         let _ = writeln!(
             out,
-            "\nRhythm on the mean spectrum of {name}, held still for 8 s: a texture at constant speed and force.\n\
-             Pulses: modulation depth of the envelope from 15 to 25 Hz. Repetition: largest autocorrelation of the\n\
-             envelope or the wave at lags of 20 to 200 ms. Right is what Gaussian noise of the same spectrum has."
+            "\nRhythm on the mean spectrum of {name}, held still for 8 s: \
+             a texture at constant speed and force.\n\
+             Pulses: modulation depth of the envelope from 15 to 25 Hz. \
+             Repetition: largest autocorrelation of the\n\
+             envelope or the wave at lags of 20 to 200 ms. \
+             Right is what Gaussian noise of the same spectrum has."
         );
         let fair = Row { rhythm: Some(noise), ..Row::new("Gaussian noise", set.vectors.len()) };
         grid(&mut out, &rhythm_columns(), "", &[("", rows), ("for comparison", &[fair])]);
     }
     let _ = writeln!(
         out,
-        "\nResponse lag: ms from a step of 12 dB in the magnitudes until the output is 10, 50, 90 % of the way there.\n\
-         Added latency: ms as declared; early where negative. us/frame: median until there are samples, overlap_add\n\
-         included where the node answers spectra; N is the window's length, and a frame has the vectors' bins."
+        "\nResponse lag: ms from a step of 12 dB in the magnitudes \
+         until the output is 10, 50, 90 % of the way there.\n\
+         Added latency: ms as declared; early where negative. \
+         us/frame: median until there are samples, overlap_add\n\
+         included where the node answers spectra; \
+         N is the window's length, and a frame has the vectors' bins."
     );
     grid(&mut out, &cost(set), "", &[("", rows)]);
     let notes: Vec<String> =
@@ -72,7 +79,7 @@ pub fn text(set: &Set, outcome: &Outcome, published: &[Row]) -> String {
     out
 }
 
-/// What the rates above the columns are counted in; nothing where there is but one.
+/// Unit of the rates above the columns; empty if there is only one rate.
 fn rates_unit(set: &Set) -> &'static str {
     if set.rates().len() == 1 { "" } else { "kHz" }
 }
@@ -150,7 +157,7 @@ fn number(x: f64, decimals: usize) -> String {
     if zero { text.trim_start_matches('-').to_owned() } else { text }
 }
 
-/// What a row is called among those of its group.
+/// Label of a row in its group.
 fn label(group: &str, row: &Row) -> String {
     let note = match row.delay {
         _ if group.is_empty() => String::new(),
@@ -162,7 +169,7 @@ fn label(group: &str, row: &Row) -> String {
     format!("{indent}{}{note}", row.label)
 }
 
-/// Groups of rows under one heading; columns that do not fit beside each other go on below.
+/// Writes groups of rows under one heading. Columns that do not fit into the width go on below.
 fn grid(out: &mut String, columns: &[TextColumn<'_>], counts: &str, groups: &[(&str, &[Row])]) {
     let rows = || groups.iter().flat_map(|(group, rows)| rows.iter().map(move |row| (*group, row)));
     let first = rows().map(|(group, row)| label(group, row).chars().count()).filter(|n| *n <= LABEL).max();
@@ -186,7 +193,7 @@ fn grid(out: &mut String, columns: &[TextColumn<'_>], counts: &str, groups: &[(&
     }
 }
 
-/// Columns beside each other, behind one of labels.
+/// Columns side by side, behind the labels.
 struct Band<'a, 'b> {
     columns: &'a [TextColumn<'b>],
     widths: &'a [usize],
@@ -226,7 +233,7 @@ impl Band<'_, '_> {
     }
 }
 
-/// Everything as JSON.
+/// The result as JSON.
 pub fn json(set: &Set, outcome: &Outcome, published: &[Row]) -> Value {
     let vectors: Vec<Value> = set
         .vectors
@@ -262,7 +269,8 @@ fn row_json(set: &Set, row: &Row) -> Value {
     let (latency, offline) = delay(row.delay);
     json!({
         "label": row.label, "kind": row.kind, "scores": scores, "latency_ms": latency, "offline": offline,
-        "lag_ms": {"texture": row.texture_lag_ms, "tone": row.tone_lag_ms}, "us_a_frame": us, "rhythm": row.rhythm.map(rhythm_json), "notes": row.notes,
+        "lag_ms": {"texture": row.texture_lag_ms, "tone": row.tone_lag_ms}, "us_a_frame": us,
+        "rhythm": row.rhythm.map(rhythm_json), "notes": row.notes,
     })
 }
 
@@ -287,7 +295,7 @@ fn delay(delay: Delay) -> (Option<f64>, bool) {
     }
 }
 
-/// A line for each method and vector; figures that do not depend on the vector are repeated.
+/// The result as CSV: a line for each method and vector. Figures of the method alone are repeated.
 pub fn csv(set: &Set, outcome: &Outcome, published: &[Row]) -> String {
     let mut out = String::from(
         "method,kind,published,vector,rate_hz,convergence_db,level_db,ltas_rms_db,faults,latency_ms,offline,\
@@ -338,7 +346,7 @@ fn quoted(text: &str) -> String {
     }
 }
 
-/// All figures of all methods; published scores as ticks beside them.
+/// The result as a picture, with published scores as ticks.
 pub fn svg(set: &Set, outcome: &Outcome, published: &[Row]) -> String {
     let rows = outcome.rows.as_slice();
     let accuracy = Accuracy { rows, published };
@@ -397,7 +405,9 @@ pub fn svg(set: &Set, outcome: &Outcome, published: &[Row]) -> String {
         title: "Phase retrieval compared".into(),
         subtitles: vec![
             format!("Vectors: {}. Methods by their mean rank in spectral convergence.", set.from),
-            "Orange: least of its column. Level and LTAS on the vector smoothest over frequency, where convergence says little.".into(),
+            "Orange: least of its column. Level and LTAS on the vector smoothest over frequency, \
+             where convergence says little."
+                .into(),
         ],
         rows: rows.iter().map(|r| r.label.clone()).collect(),
         others: "published".into(),
@@ -406,7 +416,7 @@ pub fn svg(set: &Set, outcome: &Outcome, published: &[Row]) -> String {
     .to_svg()
 }
 
-/// Scores of own rows and of published ones.
+/// Scores of measured and published rows.
 struct Accuracy<'a> {
     rows: &'a [Row],
     published: &'a [Row],

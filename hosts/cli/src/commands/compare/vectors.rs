@@ -1,4 +1,5 @@
-//! The vectors on which methods are compared: built in or from a folder, with the scores that others published.
+//! The vectors on which methods are compared: built in or from a folder, with the scores that others
+//! published.
 
 use std::collections::BTreeMap;
 use std::f64::consts::{PI, TAU};
@@ -12,33 +13,33 @@ use serde_json::Value;
 use crate::failure::{Failure, warn};
 use crate::phase::{FRAME_HZ, Frames, check_rate};
 
-/// How long magnitudes are held still for the rhythm of what is made of them, in frames: 8 s that are
-/// looked at.
+/// Frames of steady magnitudes for the rhythm: 8 s, and the edges that do not count.
 const STEADY: usize = 8 * FRAME_HZ as usize + 2 * phase::EDGE_FRAMES;
-/// Bins that are taken of a signal's transform, from bin 0 on: to 1000 Hz.
+/// Bins of a signal's transform, from 0 to 1000 Hz.
 const BINS: usize = 101;
 
-const NAMES: &str = "NAME_RATE.mag.npy holds magnitudes, float32 [frames, bins], 2 ms apart, of unscaled Hann-windowed DFTs of 0.1 s; NAME_RATE.sig.npy the signal they are computed from";
+const NAMES: &str = "NAME_RATE.mag.npy holds magnitudes, float32 [frames, bins], 2 ms apart, of unscaled \
+                     Hann-windowed DFTs of 0.1 s; NAME_RATE.sig.npy the signal they are computed from";
 
 /// Magnitude frames with a name.
 pub struct Vector {
-    /// Name, with the rate at its end where the file has it.
+    /// Name, with the rate at its end if the file has it.
     pub name: String,
     /// Sample rate in Hz.
     pub rate_hz: u32,
-    /// What the nodes are given.
+    /// Input of the nodes.
     pub frames: Arc<Frames>,
-    /// The same as unscaled DFT magnitudes, which the scores are taken of.
+    /// The same as unscaled DFT magnitudes, for the scores.
     pub unscaled: Vec<f32>,
 }
 
-/// Vectors, and scores that others reached on them.
+/// Vectors, with published scores.
 pub struct Set {
-    /// Where they are from, as a person reads it.
+    /// Origin, in words.
     pub from: String,
     /// At least one.
     pub vectors: Vec<Vector>,
-    /// Published scores, where there are any.
+    /// Published scores, if any.
     pub published: Vec<Published>,
 }
 
@@ -89,9 +90,9 @@ impl Vector {
         self.name.strip_suffix(&format!("_{}", self.rate_hz)).unwrap_or(&self.name)
     }
 
-    /// How rough the magnitudes are from bin to bin: the mean second difference of their logarithms, over
-    /// bins within 40 dB of their frame's top. What a network answers that was trained on squared errors,
-    /// the mean spectrum, is smooth.
+    /// Roughness of the magnitudes over frequency: the mean second difference of their logarithms, over
+    /// bins within 40 dB of their frame's maximum. The output of a network trained on squared errors, a
+    /// mean spectrum, is smooth.
     pub fn roughness(&self) -> f64 {
         let bins = self.frames.layout().bins as usize;
         let (mut sum, mut count) = (0.0, 0_u64);
@@ -108,10 +109,10 @@ impl Vector {
 }
 
 impl Set {
-    /// The mean spectrum of the smoothest vector, held still: what a texture is at constant speed and force.
+    /// The mean spectrum of the smoothest vector, held still: a texture at constant speed and force.
     ///
     /// # Errors
-    /// None that depends on anything but the vectors.
+    /// A mean spectrum that cannot be scored.
     pub fn steady(&self) -> Result<Option<Vector>, Diagnostic> {
         let Some(vector) = self.smoothest().and_then(|v| self.vectors.get(v)) else { return Ok(None) };
         let bins = vector.frames.layout().bins as usize;
@@ -124,13 +125,13 @@ impl Set {
         Vector::new("steady", vector.rate_hz, frame.repeat(STEADY), bins).map(Some)
     }
 
-    /// The vector whose magnitudes are smoothest over frequency.
+    /// Index of the vector with the least roughness.
     pub fn smoothest(&self) -> Option<usize> {
         let all = self.vectors.iter().map(Vector::roughness).enumerate();
         all.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(i, _)| i)
     }
 
-    /// The rates of the vectors in Hz, each once, rising.
+    /// Rates of the vectors \[Hz\], each once, rising.
     pub fn rates(&self) -> Vec<u32> {
         let mut rates: Vec<u32> = self.vectors.iter().map(|v| v.rate_hz).collect();
         rates.sort_unstable();
@@ -142,7 +143,7 @@ impl Set {
 /// Files of one vector: magnitudes and signal.
 type Files = [Option<PathBuf>; 2];
 
-/// Reads every vector of a folder, and `sc.json` where it is there.
+/// Reads every vector of a folder, and `sc.json` if it exists.
 ///
 /// # Errors
 /// A folder that cannot be read or has no vectors; everything that is wrong with its files.
@@ -187,7 +188,7 @@ fn list(dir: &Path) -> Result<BTreeMap<String, Files>, Failure> {
     Ok(files)
 }
 
-/// A JSON file, if it is there.
+/// A JSON file, if it exists.
 fn json(path: &Path) -> Result<Option<Value>, Diagnostic> {
     if !path.exists() {
         return Ok(None);
@@ -222,27 +223,27 @@ fn vector(name: &str, files: &Files, index: Option<&Value>) -> Result<Vector, Di
 /// Where a method's samples lie in time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Delay {
-    /// So many milliseconds late; early where it is negative.
+    /// Late by this time \[ms\]; early where it is negative.
     Ms(f64),
     /// It needs the whole signal.
     Offline,
-    /// Nobody says.
+    /// Not published.
     Unknown,
 }
 
 /// Agreement of one signal with one vector.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Score {
-    /// Spectral convergence in dB.
+    /// Spectral convergence \[dB\].
     pub convergence_db: f64,
-    /// Energy over that of the magnitudes in dB.
+    /// Energy relative to that of the magnitudes \[dB\].
     pub level_db: f64,
-    /// Root mean square of the error in dB of the long-term spectrum.
+    /// Root mean square error of the long-term spectrum \[dB\].
     pub ltas_rms_db: f64,
 }
 
 impl Score {
-    /// Whether the signal has no energy to speak of; its level and long-term spectrum then say nothing.
+    /// Whether the signal is silent: its level and long-term spectrum then mean nothing.
     pub fn is_silent(&self) -> bool {
         self.level_db < -200.0
     }
@@ -251,7 +252,7 @@ impl Score {
 /// A published method.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Published {
-    /// What it is called there.
+    /// Its published name.
     pub name: String,
     /// Its latency.
     pub delay: Delay,
@@ -259,13 +260,14 @@ pub struct Published {
 }
 
 impl Published {
-    /// What it reached on a vector.
+    /// Its score on a vector.
     pub fn score(&self, vector: &Vector) -> Option<Score> {
         self.scores.iter().find(|(name, _)| *name == vector.name).map(|(_, score)| *score)
     }
 }
 
-/// Reads `{"sc": {VECTOR: {METHOD: {"SC_dB", "gain_dB", "LTAS_rms_dB"}}}, "latency_frames": {METHOD: frames or "offline"}}`.
+/// Reads `{"sc": {VECTOR: {METHOD: {"SC_dB", "gain_dB", "LTAS_rms_dB"}}},
+/// "latency_frames": {METHOD: frames or "offline"}}`.
 ///
 /// # Errors
 /// Another structure.
@@ -313,7 +315,13 @@ const CONTACT: &[u8] = include_bytes!("../../../../../tests/data/phase/contact_2
 const TAPS: &[u8] = include_bytes!("../../../../../tests/data/phase/taps_2500.sig.npy");
 const SCORES: &str = include_str!("../../../../../tests/data/phase/sc.json");
 
-/// The built-in vectors with their published scores.
+/// The built-in vectors, all at 2500 Hz, with their published scores.
+///
+/// `sine_off`: a sine between two bins. `two25`: two sines 25 Hz apart, which share a window's main lobe.
+/// `chirp`. `texture`: a noise through three resonances. `contact`: the same, switched on and off. `taps`:
+/// decaying sines. `nnsmooth`: the mean magnitudes of the texture, as of a network trained on squared
+/// errors; no signal has them. Noise and taps are files of the tests. The rest is made by the formulas of
+/// the published files, so that their scores hold.
 ///
 /// # Errors
 /// None, unless the program was built from broken files.
@@ -343,7 +351,8 @@ pub fn built_in() -> Result<Set, Failure> {
     Ok(Set { from: "built in".into(), vectors, published })
 }
 
-/// Mean magnitudes of a Gaussian noise whose level wavers: the square root of pi/4 of its mean power in every bin.
+/// Mean magnitudes of a Gaussian noise whose level wavers: the square root of pi/4 of its mean power in
+/// every bin.
 fn smooth(name: &str, seconds: f64) -> Result<Vector, Diagnostic> {
     let spectrum = mean_magnitudes(&resonances);
     let level = |frame: usize| {
@@ -358,13 +367,14 @@ fn smooth(name: &str, seconds: f64) -> Result<Vector, Diagnostic> {
     Vector::new(name, RATE_HZ, magnitudes.collect(), BINS)
 }
 
-/// Mean magnitude in each bin of a Gaussian noise of this amplitude density over frequency in Hz, up to a factor.
+/// Mean magnitude in each bin of a Gaussian noise of this amplitude density over frequency in Hz, up to a
+/// factor.
 pub fn mean_magnitudes(density: &dyn Fn(f64) -> f64) -> Vec<f64> {
     const STEPS_A_HZ: i32 = 2;
     const REACH: i32 = 60 * STEPS_A_HZ;
     let hz = |i: i32| f64::from(i) / f64::from(STEPS_A_HZ);
     let window = |i: usize| 0.5 - 0.5 * (TAU * i as f64 / N as f64).cos();
-    // The window's power response around a bin.
+    // Power response of the window around a bin.
     let response: Vec<f64> = (-REACH..=REACH)
         .map(|d| {
             let turn = |i: usize| TAU * hz(d) * i as f64 / f64::from(RATE_HZ);
@@ -397,9 +407,9 @@ fn resonances(hz: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// The vectors' own files, which were made elsewhere.
+    /// Against the published files, which were made by another program.
     #[test]
-    fn built_in_vectors_are_those_of_the_published_scores() {
+    fn built_in_vectors_match_published_files() {
         let set = built_in().unwrap();
         let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/data/phase");
         for name in ["sine_off_2500", "two25_2500", "texture_2500", "nnsmooth_2500"] {

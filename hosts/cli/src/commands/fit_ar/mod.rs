@@ -1,4 +1,4 @@
-//! `asperity fit-ar`: from a recording of force, speed and acceleration to a texture of autoregressive models.
+//! `asperity fit-ar`: fits a texture of autoregressive models to a recording.
 
 mod report;
 
@@ -18,71 +18,74 @@ use crate::number::{number, whole};
 use crate::output::{Pending, ending, keep_all, resolved};
 use report::Report;
 
-/// By what orders are compared.
+/// Criterion for the order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum By {
-    /// Akaike's criterion, corrected: what predicts best
+    /// Akaike's criterion, corrected: the best prediction
     Aicc,
-    /// Schwarz's criterion: what is right, if any order is; lower orders
+    /// Schwarz's criterion: the true order, if there is one; gives lower orders
     Bic,
 }
 
 /// Fit a texture of autoregressive models to a recording of force, speed and acceleration
 ///
-/// RECORDING is a table, whose first line names its columns: t_s; force_n; vx_mm_s and vy_mm_s, or x_mm and y_mm, or speed_mm_s; ax_m_s2, ay_m_s2, az_m_s2, one
-/// at least, or acceleration_m_s2. Or a WAV file, whose channels are named in recording.ron beside it; or a NumPy array of a row for each
-/// sample. At 1 to 10 kHz; hold speed and force for a second at each of some values.
+/// RECORDING is a table, a WAV file or a NumPy array, at 1 to 10 kHz. The first line of a table names its
+/// columns: t_s; force_n; vx_mm_s and vy_mm_s, or x_mm and y_mm, or speed_mm_s; at least one of ax_m_s2,
+/// ay_m_s2, az_m_s2, or acceleration_m_s2. recording.ron beside a WAV file names its channels. A NumPy
+/// array has a row for each sample. Hold speed and force for a second at each of some values.
 #[derive(Clone, Debug, clap::Args)]
 #[command(mut_args = crate::number::may_be_negative)]
 pub struct Args {
-    /// What was recorded: a CSV table, a WAV file or a .npy array
+    /// Recording: a CSV table, a WAV file or a .npy array
     pub recording: PathBuf,
-    /// The texture to write
+    /// Texture to write
     #[arg(long, value_name = "M.ron")]
     pub out: PathBuf,
-    /// What it feels like, in a sentence
+    /// Sentence that describes how it feels
     #[arg(long, value_name = "TEXT")]
     pub description: Option<String>,
-    /// The models' order; the best, unless given
-    #[arg(long, value_name = "P", conflicts_with_all = ["max_order", "by"], value_parser = whole(1_usize, 64, ""))]
+    /// Order of the models; by default the best
+    #[arg(long, value_name = "P", conflicts_with_all = ["max_order", "by"])]
+    #[arg(value_parser = whole(1_usize, 64, ""))]
     pub order: Option<usize>,
-    /// The highest order that is tried
+    /// Highest order to try
     #[arg(long, default_value_t = 24, value_name = "P", value_parser = whole(1_usize, 64, ""))]
     pub max_order: usize,
-    /// By what the best order is chosen
+    /// Criterion for the best order
     #[arg(long, value_enum, default_value = "aicc")]
     pub by: By,
     /// Rate of the models
     #[arg(long, default_value_t = 1000, value_name = "HZ", value_parser = whole(500_u32, 10_000, "Hz"))]
     pub model_hz: u32,
-    /// Corner of the high-pass against gravity and the hand's motion, to a tenth of the models' rate; 0 for none
+    /// Corner of the high-pass against gravity and the hand's motion, at most a tenth of the models' rate;
+    /// 0 for none
     #[arg(long, default_value_t = 10.0, value_name = "HZ", value_parser = number(0.0, 1000.0, "Hz"))]
     pub high_pass_hz: f64,
-    /// Shortest piece of constant speed and force that is fitted
+    /// Shortest segment of constant speed and force to fit
     #[arg(long, default_value_t = 0.2, value_name = "S", value_parser = number(0.05, 10.0, "s"))]
     pub shortest_s: f64,
-    /// Slower than this is no stroke
+    /// Least speed of a stroke
     #[arg(long, default_value_t = 5.0, value_name = "MM/S", value_parser = number(0.0, 10_000.0, "mm/s"))]
     pub least_speed_mm_s: f64,
-    /// Less force than this is no contact
+    /// Least force of contact
     #[arg(long, default_value_t = 0.05, value_name = "N", value_parser = number(0.0, 100.0, "N"))]
     pub least_force_n: f64,
-    /// How far a constant speed may stray, and how near equal ones are
+    /// Largest deviation of a constant speed, and of equal speeds
     #[arg(long, default_value_t = 10.0, value_name = "MM/S", value_parser = number(0.01, 10_000.0, "mm/s"))]
     pub speed_tolerance_mm_s: f64,
-    /// How far a constant force may stray, and how near equal ones are
+    /// Largest deviation of a constant force, and of equal forces
     #[arg(long, default_value_t = 0.1, value_name = "N", value_parser = number(1e-4, 100.0, "N"))]
     pub force_tolerance_n: f64,
-    /// The same as a part of either, where that is more
+    /// The same as a part of speed and force, if that is more
     #[arg(long, default_value_t = 20.0, value_name = "PERCENT", value_parser = number(0.0, 100.0, "%"))]
     pub tolerance_percent: f64,
-    /// Most models; where there would be more, more pieces become one
+    /// Most models; if there would be more, more segments share one
     #[arg(long, default_value_t = 64, value_name = "N", value_parser = whole(1_usize, 256, ""))]
     pub most_models: usize,
-    /// What the columns of a .npy array are, such as force_n,speed_mm_s,ax_m_s2; `none` for one to be left out
+    /// Columns of a .npy array, such as force_n,speed_mm_s,ax_m_s2; `none` for a column to skip
     #[arg(long, value_name = "NAME,...", value_delimiter = ',', requires = "rate_hz")]
     pub columns: Vec<String>,
-    /// Rate of a .npy array
+    /// Sample rate of a .npy array
     #[arg(long, value_name = "HZ", requires = "columns", value_parser = number(1000.0, 10_000.0, "Hz"))]
     pub rate_hz: Option<f64>,
     /// Draw the models over speed and force, and their spectra beside those recorded
@@ -93,12 +96,12 @@ pub struct Args {
     pub json: bool,
 }
 
-/// A band that is off by more than this, in dB, is worth a warning, ..
+/// A band with a larger error than this \[dB\] causes a warning, ..
 const FAR_OFF_DB: f64 = 3.0;
-/// .. and by so many times what chance makes of a recording of its length.
+/// .. if the error is also this many times the one expected by chance.
 const CHANCES: f64 = 4.0;
 
-/// Less of a recording than this is worth a warning.
+/// Using a smaller part of the recording than this causes a warning.
 const LITTLE: f64 = 0.25;
 
 /// Runs the command.
@@ -111,7 +114,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     let recorded = read(args)?;
     let settings = settings(args);
     let recording = Recording {
-        // Clocks are not exact, and ends of the range are ends.
+        // Clocks are not exact: a rate just outside the range counts as its end.
         rate_hz: recorded.rate_hz.clamp(1000.0, 10_000.0),
         force_n: &recorded.force_n,
         speed_mm_s: &recorded.speed_mm_s,
@@ -142,7 +145,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     let far_off = |band: &&Band| band.off_db().abs() > FAR_OFF_DB.max(CHANCES * band.chance_db(all.seconds));
     if let Some(worst) = all.worst().filter(far_off) {
         warn(&format!(
-            "the band at {:.0} Hz is rendered {:+.1} dB off what was recorded",
+            "the band at {:.0} Hz is rendered {:+.1} dB off the recording",
             worst.centre_hz,
             worst.off_db()
         ));
@@ -150,7 +153,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     let whole_s = recorded.force_n.len() as f64 / recorded.rate_hz;
     if seconds < LITTLE * whole_s {
         warn(&format!(
-            "of {whole_s:.1} s only {seconds:.1} s are used; what is dropped, and why, stands in the report"
+            "only {seconds:.1} s of {whole_s:.1} s are used; the report says what is dropped, and why"
         ));
     }
     let plot = plot_file.map(|file| file.fill(&report::svg(&report))).transpose()?;
@@ -159,7 +162,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Whether what is written is none of what is read.
+/// Refuses outputs in the place of inputs.
 fn check(args: &Args) -> Result<(), Failure> {
     let wrong = |option: &str, what: String, help: &str| -> Failure {
         Diagnostic::new(what).in_file(option).help(help.to_owned()).into()
@@ -206,7 +209,7 @@ fn settings(args: &Args) -> Settings {
     }
 }
 
-/// What was recorded, by the ending of the file's name.
+/// Reads the recording, by the ending of its name.
 fn read(args: &Args) -> Result<Recorded, Failure> {
     let path = &args.recording;
     let array = ending(path) == "npy";

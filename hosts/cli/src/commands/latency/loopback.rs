@@ -1,4 +1,4 @@
-//! What real time adds, measured over a loopback.
+//! Latency of a real-time run, measured over a loopback.
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -14,63 +14,64 @@ use super::Args;
 use crate::card::{TICK_HZ, Watching, graph, output_nodes, play};
 use crate::failure::Failure;
 
-/// Distance of a hand's samples.
+/// Interval of a hand's samples.
 const HAND: Duration = Duration::from_millis(1);
 /// Seconds until the output has ramped up and the clock has settled.
 const SETTLE_S: f64 = 2.5;
 /// Longest that a click is waited for.
 const PATIENCE: Duration = Duration::from_secs(1);
-/// Clicks that nobody hears before the first one that is heard, at most: half a minute, in which somebody may join ports.
+/// Most unheard clicks before the first one that is heard: half a minute, in which a user may connect
+/// ports.
 const SILENT: u32 = 27;
-/// Seconds from silence to full.
+/// Ramp from silence to full level \[s\].
 const START_S: f64 = 0.5;
 
-/// What was declared, and what was measured.
+/// Declared and measured latency.
 pub struct Loopback {
-    /// The device.
+    /// Name of the device.
     pub device: String,
-    /// What ticks kept time with.
+    /// Clock of the ticks.
     pub clock: String,
     /// Frames of a callback.
     pub period_frames: u32,
-    /// Milliseconds of a tick.
+    /// Length of a tick \[ms\].
     pub tick_ms: f64,
-    /// What is declared, item by item.
+    /// Declared items, each in words and \[ms\].
     pub items: Vec<(String, f64)>,
-    /// Each trial.
+    /// Latency of each trial \[ms\].
     pub measured_ms: Vec<f64>,
 }
 
 impl Loopback {
-    /// All items.
+    /// Sum of the declared items.
     pub fn declared_ms(&self) -> f64 {
         self.items.iter().map(|(_, ms)| ms).sum()
     }
 
-    /// The median of the trials.
+    /// Median of the trials.
     pub fn median_ms(&self) -> f64 {
         let mut sorted = self.measured_ms.clone();
         sorted.sort_by(f64::total_cmp);
         sorted.get(sorted.len() / 2).copied().unwrap_or(f64::NAN)
     }
 
-    /// The shortest of them.
+    /// Shortest trial.
     pub fn least_ms(&self) -> f64 {
         self.measured_ms.iter().copied().fold(f64::NAN, f64::min)
     }
 
-    /// The longest of them.
+    /// Longest trial.
     pub fn most_ms(&self) -> f64 {
         self.measured_ms.iter().copied().fold(f64::NAN, f64::max)
     }
 
-    /// Whether both agree within a tick.
+    /// Whether the median and the sum agree within a tick.
     pub fn agrees(&self) -> bool {
         (self.median_ms() - self.declared_ms()).abs() <= self.tick_ms
     }
 }
 
-/// The graph that clicks at a hand's touches and listens for them.
+/// The graph that clicks when a hand touches, and records.
 pub fn prepare(args: &Args) -> Result<(GraphFile, Compiled), Failure> {
     let nodes = format!(
         r#""hand": (kind: "pointer_input", params: (max_force_n: 1.0)),
@@ -85,7 +86,7 @@ pub fn prepare(args: &Args) -> Result<(GraphFile, Compiled), Failure> {
     graph("the measurement", args.rate, &nodes, wires)
 }
 
-/// Plays it.
+/// Plays the graph and measures.
 pub fn measure(args: &Args, made: (GraphFile, Compiled)) -> Result<Loopback, Failure> {
     let (writer, reader) = samples();
     let ends = Ends { hands: HashMap::from([("hand".to_owned(), reader)]), ..Ends::default() };
@@ -104,7 +105,7 @@ pub fn measure(args: &Args, made: (GraphFile, Compiled)) -> Result<Loopback, Fai
     };
     let watching = Watching { view: &mut view, recorded: &mut |_, _, _| {} };
     let card = args.output.recording_from(args.input_device.as_deref());
-    // Long enough for every trial; it ends by itself.
+    // Long enough for every trial; it ends when they are over.
     let ticks = ((SETTLE_S + 3.0 * f64::from(SILENT + args.trials)) * TICK_HZ) as u64;
     let played = play(made, &card, START_S, ends, ticks, watching);
     drop(hand);
@@ -128,7 +129,7 @@ pub fn measure(args: &Args, made: (GraphFile, Compiled)) -> Result<Loopback, Fai
     let tick_ms = 1e3 / TICK_HZ;
     let mut items = trials.items();
     if args.inside {
-        // A cable inside a server has no card on it.
+        // A loopback inside a server goes through no card.
         items.retain(|(what, _)| !what.starts_with("device"));
     } else if let Some(ms) = args.input_latency_ms {
         items.push(("input: from sound to callback, as given".to_owned(), ms));
@@ -143,16 +144,16 @@ pub fn measure(args: &Args, made: (GraphFile, Compiled)) -> Result<Loopback, Fai
     })
 }
 
-/// How the ends of a loopback on JACK are joined while it plays.
+/// Says how to connect the ends of a loopback on JACK.
 fn ports(args: &Args) -> String {
     let (id, out, into) = (std::process::id(), args.output.channel() - 1, args.input_channel - 1);
     format!(
-        "JACK leads clicks back only where ports are joined, here or behind a card: jack_connect cpal_client_{id}_out:out_{out} \
-         cpal_client_{id}_in:in_{into}"
+        "JACK leads clicks back only where ports are joined, here or behind a card: \
+         jack_connect cpal_client_{id}_out:out_{out} cpal_client_{id}_in:in_{into}"
     )
 }
 
-/// A hand that touches when it is told to.
+/// A simulated hand that touches on command.
 struct Hand {
     down: Arc<AtomicBool>,
     /// When it last touched.
@@ -172,7 +173,7 @@ impl Hand {
                 let now = is_down.load(Acquire);
                 let time_ns = now_ns();
                 if now != was {
-                    // Nothing is to be made up between the air and the touch: the step is where it is.
+                    // A new stroke: nothing is interpolated between air and touch.
                     stroke += 1;
                     was = now;
                     if now {
@@ -197,20 +198,20 @@ impl Drop for Hand {
     }
 }
 
-/// One click after the other.
+/// The clicks, one after the other.
 struct Trials {
     wanted: u32,
     level: f32,
     measured_ms: Vec<f64>,
-    /// What was declared at each: a lead follows the device, and a machine that is busy makes it longer in mid-run.
+    /// Items declared at each trial: on a busy machine the lead grows while it runs.
     declared: Vec<Vec<(String, f64)>>,
     missed: u32,
     /// Clicks before the first that was heard.
     silent: u32,
-    /// Since when the hand is down, or up.
+    /// When the hand last moved down or up.
     since: Instant,
     down: bool,
-    /// Waits of unlike length, so that the hand comes at every part of a tick.
+    /// Number of the wait: waits differ, so that the hand comes at every phase of a tick.
     phase: u32,
 }
 
@@ -234,7 +235,7 @@ impl Trials {
         self.measured_ms.len() as u32 + self.missed >= self.wanted || self.silent >= SILENT
     }
 
-    /// Goes on with the trial under way.
+    /// Continues the trial under way.
     fn step(&mut self, hand: &Hand, listener: &Listener, view: &View) {
         // The golden ratio's multiples are spread evenly over a tick.
         let wait = Duration::from_micros(120_000 + u64::from(self.phase.wrapping_mul(1236) % 2000));
@@ -261,7 +262,7 @@ impl Trials {
         }
     }
 
-    /// The median of each item that was declared.
+    /// Median of each declared item.
     fn items(&self) -> Vec<(String, f64)> {
         let names = self.declared.last().into_iter().flatten().map(|(what, _)| what);
         let median = |name: &String| {

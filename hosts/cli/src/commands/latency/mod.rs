@@ -1,8 +1,8 @@
-//! `asperity latency`: how long it takes from a hand to the actuator.
+//! `asperity latency`: time from the hand to the actuator.
 //!
-//! Two things add up. [`chain`]: a graph answers a change of speed late, whatever runs it; this is found offline. [`around`]: what
-//! runs it in real time reads the hand a little behind and plays a little ahead; this is declared item by item, and
-//! measured over a loopback from the output to an input.
+//! Two parts add up. [`chain`]: the response lag of a graph after a change of speed, found offline.
+//! [`loopback`]: reading the hand and buffering in real time, declared item by item, and measured over a
+//! loopback from the output to an input.
 
 mod chain;
 mod loopback;
@@ -22,35 +22,37 @@ use crate::number::{channel, number, whole};
 use chain::Chain;
 use loopback::Loopback;
 
-/// Tell how late graphs answer a hand, and measure what a device adds, over a loopback from its output to its input
+/// Report the response lag of graphs, and measure the latency of a device over a loopback from output to
+/// input
 #[derive(Clone, Debug, clap::Args)]
-#[command(mut_args = crate::number::may_be_negative, mut_args = only_with_what_it_is_for)]
+#[command(mut_args = crate::number::may_be_negative, mut_args = with_graph_or_device)]
 #[command(group = ArgGroup::new("card").args(["host", "device"]).multiple(true))]
 pub struct Args {
-    /// Graphs whose answer to a step of speed is told
+    /// Graphs whose response lag to a step of speed is reported
     pub graphs: Vec<PathBuf>,
     #[command(flatten)]
     pub output: OutputArgs,
-    /// Device to record from; the same host's default, unless given
+    /// Device to record from; by default the same host's default
     #[arg(long, value_name = "DEVICE")]
     pub input_device: Option<String>,
-    /// Channel of the input that the output is joined to
+    /// Channel of the input that is connected to the output
     #[arg(long, default_value_t = 1, value_name = "N", value_parser = channel)]
     pub input_channel: u16,
-    /// The loopback is inside the audio server, so that no card adds to it
+    /// The loopback is inside the audio server, without a card
     #[arg(long)]
     pub inside: bool,
-    /// What the input adds, from sound to callback, where it is known
+    /// Latency of the input from sound to callback, if known
     #[arg(long, value_name = "MS", conflicts_with = "inside", value_parser = number(0.0, 10_000.0, "ms"))]
     pub input_latency_ms: Option<f64>,
-    /// How many clicks
+    /// Number of clicks
     #[arg(long, default_value_t = 50, value_name = "N", value_parser = whole(3_u32, 10_000, "clicks"))]
     pub trials: u32,
     /// Height of a click
     #[arg(long, default_value_t = 0.1, value_name = "A", value_parser = number(1e-4, 100.0, "A"))]
     pub amps: f64,
-    /// Level at the input, of full scale, that counts as a click
-    #[arg(long, default_value_t = 0.01, value_name = "LEVEL", value_parser = number(1e-6, 1.0, "of full scale"))]
+    /// Level at the input that counts as a click, of full scale
+    #[arg(long, default_value_t = 0.01, value_name = "LEVEL")]
+    #[arg(value_parser = number(1e-6, 1.0, "of full scale"))]
     pub level: f64,
     /// Audio rate
     #[arg(long, default_value_t = 48_000, value_name = "HZ", value_parser = whole(8_000_u32, 192_000, "Hz"))]
@@ -67,8 +69,8 @@ pub struct Args {
     pub json: bool,
 }
 
-/// Options of graphs need one, all others a device: none is there to be passed over.
-pub fn only_with_what_it_is_for(arg: Arg) -> Arg {
+/// Refuses options without effect: those of graphs need a graph, all others a device.
+fn with_graph_or_device(arg: Arg) -> Arg {
     match arg.get_id().as_str() {
         "graphs" | "host" | "device" | "json" | "help" => arg,
         "set" | "plugin" => arg.requires("graphs"),
@@ -82,7 +84,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     if args.graphs.is_empty() && !wanted {
         return Err(Diagnostic::new("there is nothing to measure")
             .in_file("asperity latency")
-            .help("name graphs to see how late they answer, and a device whose output is looped back to its input: --device D")
+            .help("name graphs, or a device whose output is connected to its input: --device D")
             .into());
     }
     let clicks = wanted.then(|| loopback::prepare(args)).transpose()?;

@@ -48,13 +48,13 @@ pub struct Cases {
 
 /// Run a plugin's conformance cases in a process of its own
 ///
-/// A crash, an abort or an endless loop is reported with its case, and the cases behind it still run. So are
-/// changes of the process: rounding, signal handlers, working directory, threads left behind. Exit code 0:
-/// all cases that apply pass; 1: one fails; 2: the plugin does not load.
+/// A crash, an abort or an endless loop is reported with its case, and the cases behind it still run. So
+/// are changes of the process: rounding, signal handlers, working directory, threads left behind. Exit code
+/// 0: all cases that apply pass; 1: one fails; 2: the plugin does not load.
 ///
 /// Allocations are counted on Linux with glibc, in the C library's malloc and free. Not seen are locks and
-/// system calls, threads of the plugin, memory from mmap or from an allocator that is linked into the plugin,
-/// and writes to foreign memory that do not crash.
+/// system calls, threads of the plugin, memory from mmap or from an allocator that is linked into the
+/// plugin, and writes to foreign memory that do not crash.
 #[derive(Debug, clap::Args)]
 pub struct CheckPlugin {
     #[command(flatten)]

@@ -60,7 +60,8 @@ static SDK: [(&str, Dir<'_>); 6] = [
 ];
 
 /// Names that a crate, a variable or a library cannot have, separated by spaces.
-const RESERVED: &str = "abstract alloc as asperity asperity_abi asperity_node asperity_sdk asperity_diagnostics \
+const RESERVED: &str = "\
+    abstract alloc as asperity asperity_abi asperity_node asperity_sdk asperity_diagnostics \
     asperity_numbers asperity_state async await become box break build c const continue core crate \
     default deps do dyn else enum examples extern false final fn for gen if impl in incremental let \
     loop m macro match mod move mut override priv proc_macro pthread pub ref return self static std \

@@ -57,11 +57,12 @@ pub struct Args {
     /// Run every node in every tick, also those behind a closed gate
     #[arg(long)]
     pub no_sleep: bool,
-    /// Longest that one call of a node may take; a longer one is a fault of the node, which is faded out. By
-    /// default there is no limit, with --watch 10 ticks
+    /// Longest that one call of a node may take; a longer one is a fault of the node, which is faded out.
+    /// By default there is no limit, with --watch 10 ticks
     #[arg(long, value_name = "US", value_parser = number::whole(1_u64, 10_000_000, "us"))]
     pub limit_us: Option<u64>,
-    /// Run in real time, and take over changes of the graph, its plugins and the files it reads as they come
+    /// Run in real time, and take over changes of the graph, its plugins and the files it reads as they
+    /// come
     #[arg(long)]
     pub watch: bool,
     /// Print errors only

@@ -12,7 +12,6 @@ use crate::failure::Failure;
 use crate::output::{self, Format, Pending, Rows, ending, salvage};
 
 /// Writes a sink's buffer after each tick.
-#[derive(Debug)]
 pub struct Recorder {
     rows: Rows,
     from: From,
@@ -177,7 +176,8 @@ impl Recorder {
         done
     }
 
-    /// Writes values that begin at `start`: a tick for controls, a sample at the signal's rate for audio and frames.
+    /// Writes values that begin at `start`: a tick for controls, a sample at the signal's rate for audio
+    /// and frames.
     pub fn append(&mut self, start: u64, values: &[f32], tick_hz: u32) -> Result<(), Failure> {
         let rate_hz = match self.shape {
             Shape::Control { .. } => tick_hz,
@@ -278,7 +278,6 @@ impl Recorder {
 }
 
 /// The file that `--out` names: every `audio_out` of the graph is a channel.
-#[derive(Debug)]
 pub struct Master {
     rows: Rows,
     nodes: Vec<usize>,

@@ -1,8 +1,8 @@
 //! Changes the graph while it plays, when its files change or the user chooses a material.
 //!
-//! Nothing here waits. Another thread prepares the new graph ([`reloader`](super::reloader)), and [`Editor::tend`]
-//! takes it over when it is ready. Of edits that come meanwhile the newest counts. If files change again, the graph
-//! that is being prepared is abandoned, unless a device was closed for it.
+//! Nothing here waits. Another thread prepares the new graph ([`reloader`](super::reloader)), and
+//! [`Editor::tend`] takes it over when it is ready. Of edits that come meanwhile the newest counts. If
+//! files change again, the graph that is being prepared is abandoned, unless a device was closed for it.
 
 use std::collections::VecDeque;
 use std::path::PathBuf;

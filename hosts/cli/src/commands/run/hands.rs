@@ -53,7 +53,8 @@ impl Hands {
         ids.iter().filter_map(|id| self.open.remove(id)).collect()
     }
 
-    /// Holds devices that were opened for a new graph, and closes those that it does not need, without waiting.
+    /// Holds devices that were opened for a new graph, and closes those that it does not need, without
+    /// waiting.
     pub fn go_on_with(&mut self, opened: Opened, schedule: &Schedule) {
         let mut over: Vec<Held> = self
             .open

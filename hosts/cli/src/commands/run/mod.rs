@@ -59,12 +59,12 @@ pub struct Args {
     /// Run every node in every tick, also those behind a closed gate
     #[arg(long)]
     pub no_sleep: bool,
-    /// Longest that one call of a node may take; a longer one is a fault of the node, which is faded out. By
-    /// default 10 ticks
+    /// Longest that one call of a node may take; a longer one is a fault of the node, which is faded out.
+    /// By default 10 ticks
     #[arg(long, value_name = "US", value_parser = number::whole(1_u64, 10_000_000, "us"))]
     pub limit_us: Option<u64>,
-    /// Call nodes of plugins on the tick thread: some 50 us less for each, but one that never returns ends the
-    /// sound
+    /// Call nodes of plugins on the tick thread: some 50 us less for each, but one that never returns ends
+    /// the sound
     #[arg(long)]
     pub in_place: bool,
     /// Print errors only
@@ -196,9 +196,10 @@ fn hanging(view: &View, layout: &Layout) -> Option<String> {
 impl Stage {
     /// Plays until the end of the stroke, until it is asked to stop, or until it cannot go on.
     ///
-    /// It waits for a slow disk. Where a device is lost it waits for its driver: the callback driver until the
-    /// running tick has ended (1 s at most), the paced driver until its tick thread has ended (0.2 to 0.8 s).
-    /// Pages, edits and recordings wait meanwhile. Devices that push back have threads of their own.
+    /// It waits for a slow disk. Where a device is lost it waits for its driver: the callback driver until
+    /// the running tick has ended (1 s at most), the paced driver until its tick thread has ended (0.2 to
+    /// 0.8 s). Pages, edits and recordings wait meanwhile. Devices that push back have threads of their
+    /// own.
     fn play(&mut self, shows: &mut Shows, ticks: Option<u64>) -> Result<(), Failure> {
         let (began, mut next) = (Instant::now(), Instant::now());
         loop {

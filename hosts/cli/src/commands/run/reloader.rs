@@ -1,5 +1,5 @@
-//! Prepares a changed graph on a thread of its own: compiling takes tenths of a second, and opening a device may
-//! take ten seconds.
+//! Prepares a changed graph on a thread of its own: compiling takes tenths of a second, and opening a
+//! device may take ten seconds.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -250,7 +250,8 @@ fn same_channels(old: &Schedule, new: &Schedule) -> Result<(), String> {
     Err(format!("the channels of the device would change (`{kind}`): stop the run and start it again"))
 }
 
-/// The materials of each network's library, to choose from. Where a scene's surfaces choose, there are none.
+/// The materials of each network's library, to choose from. Where a scene's surfaces choose, there are
+/// none.
 fn materials(schedule: &Schedule) -> Vec<Materials> {
     let told = |n: &ScheduledNode| n.inputs.iter().any(|i| i.name == "material" && i.from.is_some());
     let networks = schedule.nodes.iter().filter(|n| n.kind == "texture_network" && !told(n));

@@ -42,7 +42,8 @@ impl Run<'_> {
         let nodes = layout.nodes.iter().zip(&view.nodes).enumerate().map(|(i, (node, v))| {
             json!({
                 "id": node.id, "kind": node.kind, "calls": v.calls, "slept": v.slept, "us_max": v.max_us,
-                "faults": v.faults, "last_fault": v.last_fault, "quarantined": v.quarantined, "facts": facts(i),
+                "faults": v.faults, "last_fault": v.last_fault, "quarantined": v.quarantined,
+                "facts": facts(i),
             })
         });
         let sources = view

@@ -30,7 +30,8 @@ pub struct Shows {
 }
 
 impl Shows {
-    /// Opens the page and the terminal. Call it before the engine starts, whose panic hook must be the outer one.
+    /// Opens the page and the terminal. Call it before the engine starts, whose panic hook must be the
+    /// outer one.
     pub fn open(args: &Args, reins: &Reins, hands: &mut Hands) -> Result<Self, Failure> {
         let pointer = hands.take_pointer();
         let speaker = Speaker::new(args.quiet || args.tui);

@@ -1,4 +1,5 @@
-//! `asperity scene explain`: every effect, node and model of a scene: whether it is built, why, and its cost.
+//! `asperity scene explain`: every effect, node and model of a scene: whether it is built, why, and its
+//! cost.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
@@ -24,9 +25,9 @@ use crate::kinds::Kinds;
 use crate::load::files::node_files;
 use crate::load::{self, Loaded, OfScene};
 
-/// Longest part of a stroke that is run \[s\].
+/// Longest part of a stroke to run \[s\].
 const MOST_S: f64 = 60.0;
-/// Most surfaces that are told of one by one.
+/// Most surfaces that are listed.
 const MOST_SURFACES: usize = 40;
 
 /// Runs the command.
@@ -58,20 +59,20 @@ pub fn run(args: &Explain) -> Result<ExitCode, Failure> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// What is told.
+/// All that the report shows.
 struct Told<'a> {
     schedule: &'a Schedule,
     of_scene: &'a OfScene,
     account: &'a Account,
 }
 
-/// A kind of effect: whether it is built, why, and what of the graph it is.
+/// A kind of effect: whether it is built, why, and its nodes.
 struct Effect<'a> {
     name: &'static str,
     built: bool,
     why: String,
     nodes: Vec<&'a Work>,
-    /// Ticks in which it was felt.
+    /// Ticks in which it was active.
     active: u64,
 }
 
@@ -138,7 +139,8 @@ impl<'a> Told<'a> {
         );
         let _ = writeln!(
             out,
-            "run for {:.2} s of its stroke; a tick took {} (medians; a node's `us a tick` is a mean, and has its clock in it)",
+            "run for {:.2} s of its stroke; a tick took {} \
+             (medians; a node's `us a tick` is a mean and includes reading the clock)",
             account.ticks as f64 / f64::from(self.schedule.tick_hz),
             spent.join(", ")
         );
@@ -243,13 +245,19 @@ impl<'a> Told<'a> {
             .nodes
             .iter()
             .map(|w| {
-                json!({ "id": w.id, "kind": w.kind, "calls": w.calls, "us_per_call": w.call_us, "us_per_tick": w.tick_us })
+                json!({
+                    "id": w.id, "kind": w.kind, "calls": w.calls, "us_per_call": w.call_us,
+                    "us_per_tick": w.tick_us,
+                })
             })
             .collect();
         let models: Vec<Value> = models(self.scene(), self.schedule, self.account)
             .into_iter()
             .map(|m| {
-                json!({ "file": m.file, "loaded": m.tick_us.is_some(), "us_per_tick": m.tick_us.unwrap_or(0.0), "why": m.why })
+                json!({
+                    "file": m.file, "loaded": m.tick_us.is_some(),
+                    "us_per_tick": m.tick_us.unwrap_or(0.0), "why": m.why,
+                })
             })
             .collect();
         let surfaces: Vec<Value> = self
@@ -288,7 +296,7 @@ fn form(surface: &Touchable) -> &'static str {
     }
 }
 
-/// The effects of a surface by name, with the material of a network's.
+/// Names of a surface's effects, with the material of a network.
 fn names(surface: &Touchable) -> Vec<String> {
     let effects = &surface.effects;
     let mut all = Vec::new();
@@ -313,15 +321,13 @@ fn names(surface: &Touchable) -> Vec<String> {
 /// Figures of one node.
 #[derive(Clone, Debug)]
 pub struct Work {
-    /// Its id.
     pub id: String,
-    /// Its kind.
     pub kind: String,
     /// Calls of `process`.
     pub calls: u64,
     /// Median of a call \[us\].
     pub call_us: f64,
-    /// All its time over all ticks \[us\].
+    /// Mean of its time in a tick \[us\].
     pub tick_us: f64,
 }
 
@@ -336,16 +342,16 @@ pub struct Account {
     pub nodes: Vec<Work>,
     /// Ticks in which each surface was touched.
     pub touched: Vec<u64>,
-    /// Ticks in which each effect was felt: stiffness, damping, and what nodes render in its order.
+    /// Ticks in which each effect was active: stiffness, damping, then the kinds that nodes render.
     pub active: Vec<u64>,
 }
 
 impl Account {
-    /// Runs the graph of a scene with its stroke.
+    /// Runs the graph of a scene with its stroke, and measures.
     pub fn of(compiled: Compiled, sleep: bool, ticks: u64, of_scene: &OfScene) -> Self {
         let nodes: Vec<(String, String)> =
             compiled.schedule.nodes.iter().map(|n| (n.id.clone(), n.kind.clone())).collect();
-        // Walls and volumes are told of apart.
+        // Walls and volumes have an output each.
         let contact = ["surface", "volume"].map(|name| {
             let node = compiled.schedule.nodes.iter().position(|n| n.kind == "contact")?;
             let output = compiled.schedule.nodes[node].outputs.iter().position(|o| o.name == name)?;
@@ -414,17 +420,17 @@ impl Account {
 /// Most materials that are named.
 const MOST_NAMED: usize = 12;
 
-/// A file of which something is made.
+/// A model, library, recording or picture.
 struct Model {
     /// The file.
     pub file: String,
-    /// What the nodes take that read it, all their other work included; none where nobody does \[us a tick\].
+    /// Time of the nodes that read it, with all their work \[us a tick\]; `None` if no node does.
     pub tick_us: Option<f64>,
-    /// For what.
+    /// Its use.
     pub why: String,
 }
 
-/// All that the scene names, and all that its nodes read besides.
+/// Files that the scene names or its nodes read.
 fn models(scene: &Scene, schedule: &Schedule, account: &Account) -> Vec<Model> {
     let mut all = of_network(scene, schedule, account);
     let mut files: BTreeMap<PathBuf, (usize, Vec<String>)> = BTreeMap::new();
@@ -446,7 +452,7 @@ fn models(scene: &Scene, schedule: &Schedule, account: &Account) -> Vec<Model> {
     all
 }
 
-/// Model and library of the network, where the scene has one.
+/// Model and library of the network, if the scene has one.
 fn of_network(scene: &Scene, schedule: &Schedule, account: &Account) -> Vec<Model> {
     let Some(part) = &scene.network else { return Vec::new() };
     let slots = scene.slots(Kind::Network);
@@ -462,7 +468,7 @@ fn of_network(scene: &Scene, schedule: &Schedule, account: &Account) -> Vec<Mode
     let networks = schedule.nodes.iter().filter(|node| node.kind == "texture_network");
     let nodes: Vec<String> = networks.map(|node| node.id.clone()).collect();
     let runs = cost(account, &nodes);
-    // The library is looked up once, when the model is loaded.
+    // The library is read only when the model is loaded.
     [("model", runs), ("library", runs.map(|_| 0.0))]
         .into_iter()
         .map(|(name, tick_us)| {

@@ -35,7 +35,8 @@ pub struct Expand {
     pub out: Option<PathBuf>,
 }
 
-/// Say of every effect, node and model whether it is built, why, and its cost a tick along the scene's stroke
+/// Say of every effect, node and model whether it is built, why, and its cost a tick along the scene's
+/// stroke
 #[derive(Debug, clap::Args)]
 pub struct Explain {
     #[command(flatten)]
@@ -69,7 +70,8 @@ fn expand(args: &Expand) -> Result<ExitCode, Failure> {
     make_absolute(&mut graph, &compiled.schedule);
     let scene = args.scene.graph.display();
     let text = format!(
-        "// What {scene} lowers to. Paths are relative to its folder, and `contact` reads the surfaces in it.\n\
+        "// What {scene} lowers to. Paths are relative to its folder, \
+         and `contact` reads the surfaces in it.\n\
          // Passivity is checked of the scene, not of this graph.\n{graph}"
     );
     let Some(out) = &args.out else {
