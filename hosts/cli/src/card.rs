@@ -18,7 +18,7 @@ use asperity_live::{
 use clap::ValueEnum;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 
-use crate::failure::{Failure, warn};
+use crate::failure::{Failure, warn, wrong};
 use crate::kinds;
 use crate::leave::stop_flag;
 use crate::machine::{Coils, Machine};
@@ -157,16 +157,18 @@ pub fn request(args: &DeviceArgs, schedule: &Schedule) -> Result<Option<Request>
             ("--share", card.share),
         ];
         return match named.iter().find(|(_, is)| *is) {
-            Some((option, _)) => Err(wrong(option, "this graph has nothing to do with a sound card".into())
-                .help("it has no audio_out and no audio_in: leave the option out")
-                .into()),
+            Some((option, _)) => Err(wrong(
+                option,
+                "this graph has nothing to do with a sound card",
+                "it has no audio_out and no audio_in: leave the option out",
+            )),
             None => Ok(None),
         };
     };
     if timer {
         let what = format!("a timer drives no audio device, and `{}` needs one", node.id);
         let help = "leave --clock out, or take the node out of the graph";
-        return Err(wrong("--clock", what).help(help).into());
+        return Err(wrong("--clock", what, help));
     }
     Ok(Some(Request {
         host: card.host.clone(),
@@ -188,12 +190,12 @@ fn channels(args: &DeviceArgs, outs: usize) -> Result<Vec<u16>, Failure> {
     }
     if args.channel.len() != wanted {
         let what = format!("{} channels are named, and the graph has {outs} audio_out", args.channel.len());
-        return Err(wrong("--channel", what).help("one channel for each, such as --channel 3,4").into());
+        return Err(wrong("--channel", what, "one channel for each, such as --channel 3,4"));
     }
     if let Some(twice) = (1..wanted).find(|&i| args.channel[..i].contains(&args.channel[i])) {
         let what = format!("channel {} is named twice", args.channel[twice]);
         let help = "a channel for each audio_out; `mix` adds signals";
-        return Err(wrong("--channel", what).help(help).into());
+        return Err(wrong("--channel", what, help));
     }
     Ok(args.channel.clone())
 }
@@ -201,7 +203,7 @@ fn channels(args: &DeviceArgs, outs: usize) -> Result<Vec<u16>, Failure> {
 fn format(text: &str) -> Result<Format, Failure> {
     Format::ALL.into_iter().find(|f| f.name() == text).ok_or_else(|| {
         let help = one_of(text, Format::ALL.iter().map(|f| f.name()));
-        wrong("--device-format", format!("there is no sample format `{text}`")).help(help).into()
+        wrong("--device-format", format!("there is no sample format `{text}`"), help)
     })
 }
 
@@ -275,15 +277,11 @@ pub fn not_opened(error: SessionError, player: Player) -> Failure {
         }
         _ => None,
     };
-    let d = wrong(option, e.to_string());
+    let d = Diagnostic::new(e.to_string()).in_file(option);
     match help {
         Some(help) => d.help(help).into(),
         None => d.into(),
     }
-}
-
-fn wrong(option: &str, message: String) -> Diagnostic {
-    Diagnostic::new(message).in_file(option)
 }
 
 /// Nodes that stand before every device, from amperes on: `limiter` and `out`.
@@ -410,5 +408,5 @@ pub fn range(option: &str, x: f64, least: f64, most: f64, unit: &str) -> Result<
         return Ok(());
     }
     let message = format!("{x} {unit} is out of range");
-    Err(Diagnostic::new(message).in_file(option).help(format!("{least} to {most} {unit}")).into())
+    Err(wrong(option, message, format!("{least} to {most} {unit}")))
 }

@@ -1,7 +1,7 @@
 //! Errors with their place and exit code, and all messages to the user.
 
 use std::fmt;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -28,6 +28,11 @@ impl From<Vec<Diagnostic>> for Failure {
     fn from(d: Vec<Diagnostic>) -> Self {
         Self::Input(d)
     }
+}
+
+/// The error for a file or option at fault, with help.
+pub fn wrong(at: impl Into<PathBuf>, what: impl Into<String>, help: impl Into<String>) -> Failure {
+    Diagnostic::new(what).in_file(at).help(help).into()
 }
 
 impl Failure {

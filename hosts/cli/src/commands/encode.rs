@@ -13,7 +13,7 @@ use asperity_texture::picture;
 use asperity_texture::{Assignment, BLENDED, Library, LibraryMaterial, Neighbour, VECTOR_LEN};
 use clap::ValueEnum;
 
-use crate::failure::{Failure, clean, print, warn};
+use crate::failure::{Failure, clean, print, warn, wrong};
 use crate::number::whole;
 use crate::output::{resolved, write_text};
 
@@ -79,7 +79,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     if library.materials().iter().any(|m| m.name == name) {
         let what = format!("the library has a material `{}` already", clean(&name));
         if !args.dry_run {
-            return Err(Diagnostic::new(what).in_file(&args.library).help("choose another --name").into());
+            return Err(wrong(&args.library, what, "choose another --name"));
         }
         warn(&what);
     }
@@ -161,10 +161,11 @@ fn encoder(args: &Args, library: &Library) -> Result<Encoder, Failure> {
         (None, Some(own)) => {
             Encoder::load(own).map_err(|e| Failure::from(e).named_by(&args.library.display().to_string()))
         }
-        (None, None) => Err(Diagnostic::new("this library names no encoder")
-            .in_file(&args.library)
-            .help("name one by --encoder FILE.onnx, or in the library by `encoder: \"FILE.onnx\"`")
-            .into()),
+        (None, None) => Err(wrong(
+            &args.library,
+            "this library names no encoder",
+            "name one by --encoder FILE.onnx, or in the library by `encoder: \"FILE.onnx\"`",
+        )),
     }
 }
 

@@ -4,9 +4,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
 
-use asperity_diagnostics::Diagnostic;
-
-use crate::failure::{Failure, print, warn};
+use crate::failure::{Failure, print, warn, wrong};
 use crate::kinds;
 use crate::load::PluginArgs;
 use crate::output::Format;
@@ -40,10 +38,7 @@ pub struct Args {
 /// Runs the command.
 pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     if resolved(&args.out) == resolved(&args.magnitudes) {
-        return Err(Diagnostic::new("these are the magnitudes themselves")
-            .in_file(&args.out)
-            .help("name another file")
-            .into());
+        return Err(wrong(&args.out, "these are the magnitudes themselves", "name another file"));
     }
     let rate = args.rate;
     check_rate(&format!("--rate {rate}"), rate)?;
@@ -62,10 +57,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
         "wav" => Rows::wav(Pending::create(&args.out)?, 1, rate, Format::F32)?,
         "npy" => Rows::npy(Pending::create(&args.out)?, None)?,
         _ => {
-            return Err(Diagnostic::new("cannot tell the format from this name")
-                .in_file(&args.out)
-                .help("a .wav or .npy file")
-                .into());
+            return Err(wrong(&args.out, "cannot tell the format from this name", "a .wav or .npy file"));
         }
     };
     let signal = match (&method.how, &mut chain) {

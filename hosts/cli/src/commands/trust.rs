@@ -10,7 +10,7 @@ use std::process::ExitCode;
 
 use asperity_diagnostics::Diagnostic;
 
-use crate::failure::{Failure, clean, print};
+use crate::failure::{Failure, clean, print, wrong};
 use crate::output;
 
 /// Let graphs load plugins from a folder, or list such folders
@@ -116,7 +116,7 @@ fn remove(folder: &Path) -> Result<(), Failure> {
     let (gone, left): (Vec<_>, Vec<_>) = folders().into_iter().partition(|f| *f == whole || f == folder);
     if gone.is_empty() {
         let what = "this folder is not on the list of trusted ones";
-        return Err(Diagnostic::new(what).in_file(folder).help("see `asperity trust`").into());
+        return Err(wrong(folder, what, "see `asperity trust`"));
     }
     write(&left)
 }

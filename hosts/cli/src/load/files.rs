@@ -10,7 +10,7 @@ use asperity_node::ParamValue;
 
 use super::GraphArgs;
 use crate::commands::render::recorder;
-use crate::failure::Failure;
+use crate::failure::{Failure, wrong};
 use crate::output::resolved;
 
 /// A file that a node reads.
@@ -101,10 +101,11 @@ pub fn distinct_files(
             } else {
                 "would write the same file as"
             };
-            return Err(Diagnostic::new(format!("{} {verb} {who}", seen[first].1))
-                .in_file(path)
-                .help("give each a file of its own")
-                .into());
+            return Err(wrong(
+                path,
+                format!("{} {verb} {who}", seen[first].1),
+                "give each a file of its own",
+            ));
         }
     }
     Ok(())

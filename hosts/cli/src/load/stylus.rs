@@ -2,11 +2,11 @@
 
 use std::path::Path;
 
-use asperity_diagnostics::{Diagnostic, one_of};
+use asperity_diagnostics::one_of;
 use asperity_graph::GraphFile;
 use asperity_live::HANDS;
 
-use crate::failure::Failure;
+use crate::failure::{Failure, wrong};
 
 /// Kinds that play a stroke known beforehand.
 const RECORDED: [&str; 2] = ["trajectory", "stroke"];
@@ -25,10 +25,7 @@ pub fn take_in_hand(graph: &mut GraphFile, text: &str) -> Result<(), Failure> {
     let (name, settings) = text.split_once(':').unwrap_or((text, ""));
     let Some(kind) = HANDS.iter().find(|k| **k == name || k.strip_suffix("_input") == Some(name)) else {
         let names = HANDS.iter().map(|k| k.strip_suffix("_input").unwrap_or(k));
-        return Err(Diagnostic::new(format!("there is no hand `{name}`"))
-            .in_file("--hand")
-            .help(one_of(name, names))
-            .into());
+        return Err(wrong("--hand", format!("there is no hand `{name}`"), one_of(name, names)));
     };
     let i = only(graph, "--hand", "edit the graph: make the node you mean of that kind")?;
     replace(graph, i, kind);
@@ -39,10 +36,11 @@ pub fn take_in_hand(graph: &mut GraphFile, text: &str) -> Result<(), Failure> {
             // Probably the rest of a value with commas.
             let what = format!("there is no `=` in `{setting}`: commas stand between settings");
             let set = format!("--set {id}.{before}=VALUE");
-            return Err(Diagnostic::new(what)
-                .in_file("--hand")
-                .help(format!("KIND:param=value,param=value; a value with commas goes by {set}"))
-                .into());
+            return Err(wrong(
+                "--hand",
+                what,
+                format!("KIND:param=value,param=value; a value with commas goes by {set}"),
+            ));
         };
         graph.set(&format!("{id}.{setting}"), "--hand")?;
         before = param;
@@ -60,7 +58,7 @@ fn only(graph: &GraphFile, option: &str, help: &str) -> Result<usize, Failure> {
     let names: Vec<String> = found.iter().map(|&i| format!("`{}`", graph.nodes[i].id)).collect();
     let found = if names.is_empty() { "none".to_owned() } else { names.join(", ") };
     let message = format!("{option} takes the place of one trajectory, stroke or hand; found {found}");
-    Err(Diagnostic::new(message).in_file(graph.source.path()).help(help).into())
+    Err(wrong(graph.source.path(), message, help))
 }
 
 /// Gives the node that moves the stylus another kind, without the parameters of its old kind.

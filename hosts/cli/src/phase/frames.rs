@@ -9,7 +9,7 @@ use asperity_node::{
     Processor, Setup, ShapeSpec, Status, Tick, Unit, time,
 };
 
-use crate::failure::Failure;
+use crate::failure::{Failure, wrong};
 
 /// Frames a second of magnitudes from NumPy.
 pub const FRAME_HZ: u32 = 500;
@@ -72,10 +72,11 @@ impl Frames {
     pub fn read(path: &Path, rate_hz: u32) -> Result<(Self, u64), Failure> {
         let array = npy::read(path)?;
         let &[_, bins] = array.shape.as_slice() else {
-            return Err(Diagnostic::new(format!("an array of shape {:?} does not fit", array.shape))
-                .in_file(path)
-                .help("two dimensions: [frames, bins]")
-                .into());
+            return Err(wrong(
+                path,
+                format!("an array of shape {:?} does not fit", array.shape),
+                "two dimensions: [frames, bins]",
+            ));
         };
         Ok(Self::from_unscaled(array.values.into_f32(), bins, rate_hz).map_err(|e| e.in_file(path))?)
     }

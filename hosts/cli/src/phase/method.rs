@@ -2,10 +2,10 @@
 
 use asperity_diagnostics::{Source, one_of};
 use asperity_graph::{GraphFile, NodeDecl};
-use asperity_node::{Descriptor, Diagnostic, NodeKind, Registry};
+use asperity_node::{Descriptor, NodeKind, Registry};
 
 use super::offline::{OFFLINE, Offline};
-use crate::failure::Failure;
+use crate::failure::{Failure, wrong};
 
 /// The graph whose phase-retrieval node is `default`, and its name in errors.
 const SHIPPED: (&str, &str) = ("texture.ron (shipped)", include_str!("../../../../graphs/texture.ron"));
@@ -63,10 +63,7 @@ impl Method {
             graph.add_node(ID, kind, &[], OPTION)?;
         } else {
             let names = kinds.iter().copied().chain(["default"]).chain(OFFLINE);
-            return Err(Diagnostic::new(format!("`{kind}` is no phase-retrieval node"))
-                .in_file(OPTION)
-                .help(one_of(kind, names))
-                .into());
+            return Err(wrong(OPTION, format!("`{kind}` is no phase-retrieval node"), one_of(kind, names)));
         }
         for setting in settings.split(',').filter(|s| !s.trim().is_empty()) {
             graph.set(&format!("{ID}.{}", setting.trim()), OPTION)?;

@@ -16,11 +16,11 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use asperity_actuator::ActuatorProfile;
 use asperity_actuator::identify::{Findings, IdentifySettings, Trust, identify, write_profile};
-use asperity_diagnostics::{Diagnostic, Source};
+use asperity_diagnostics::Source;
 use clap::ValueEnum;
 
 use crate::card::{OutputArgs, actuator, range};
-use crate::failure::{Failure, complain, print, warn};
+use crate::failure::{Failure, complain, print, warn, wrong};
 use crate::leave::stop_flag;
 use crate::number::{channel, number, whole};
 use crate::output::{Pending, keep_all, resolved};
@@ -125,12 +125,11 @@ const APART: f64 = 1.05;
 /// Runs the command.
 pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     if args.second_mass_g.is_some() && !args.yes && !std::io::stdin().is_terminal() {
-        return Err(Diagnostic::new(
+        return Err(wrong(
+            "--second-mass-g",
             "the handle's mass must be changed, and there is no terminal to wait at",
-        )
-        .in_file("--second-mass-g")
-        .help("run it at a terminal, or say --yes where the mass changes by itself")
-        .into());
+            "run it at a terminal, or say --yes where the mass changes by itself",
+        ));
     }
     calibrate(args, &mut |grams| if args.yes { Ok(()) } else { wait_for_enter(grams) })
 }
@@ -213,9 +212,6 @@ impl Session<'_> {
 
 /// Refuses options that contradict each other. Answers the requested level \[A or V\].
 fn check(args: &Args, bench: &Bench<'_>) -> Result<f64, Failure> {
-    let wrong = |option: &str, what: String, help: &str| -> Failure {
-        Diagnostic::new(what).in_file(option).help(help.to_owned()).into()
-    };
     let rate = f64::from(args.rate);
     range("--from-hz", args.from_hz, 1.0, (0.45 * rate / 4.0).min(1000.0), "Hz")?;
     let (least, most) = (4.0 * args.from_hz, (0.45 * rate).min(20_000.0));
@@ -235,7 +231,7 @@ fn check(args: &Args, bench: &Bench<'_>) -> Result<f64, Failure> {
     let out = resolved(&args.out);
     if args.base.ends_with(".ron") && resolved(Path::new(&args.base)) == out {
         let help = "give the new profile a name of its own";
-        return Err(wrong("--out", "the base profile is read, and would be overwritten".into(), help));
+        return Err(wrong("--out", "the base profile is read, and would be overwritten", help));
     }
     if args.out.extension().is_none_or(|e| e != "ron") {
         let what = format!("{} would not be found as a profile", args.out.display());
@@ -244,11 +240,7 @@ fn check(args: &Args, bench: &Bench<'_>) -> Result<f64, Failure> {
     if let Some(plot) = &args.plot {
         let plot = resolved(plot);
         if plot == out || plot == resolved(Path::new(&args.base)) {
-            return Err(wrong(
-                "--plot",
-                "this file is the profile".into(),
-                "give the picture a name of its own",
-            ));
+            return Err(wrong("--plot", "this file is the profile", "give the picture a name of its own"));
         }
     }
     Ok(level)
@@ -276,7 +268,7 @@ fn level(args: &Args, bench: &Bench<'_>) -> Result<f64, Failure> {
         ),
     ];
     if let Some((option, _, what, help)) = others.into_iter().find(|(_, given, ..)| *given) {
-        return Err(Diagnostic::new(what).in_file(option).help(help).into());
+        return Err(wrong(option, what, help));
     }
     let level = if voltage { args.volts.unwrap_or(0.5) } else { args.amps.unwrap_or(0.1) };
     let most = bench.most();
@@ -284,10 +276,7 @@ fn level(args: &Args, bench: &Bench<'_>) -> Result<f64, Failure> {
         let (option, unit) = (option(args), unit(args));
         let gain = if voltage { "--volts-per-volt" } else { "--amps-per-volt" };
         let help = format!("at most {most} {unit}, by --volts-at-full-scale and {gain}");
-        return Err(Diagnostic::new(format!("{level} {unit} is out of range"))
-            .in_file(option)
-            .help(help)
-            .into());
+        return Err(wrong(option, format!("{level} {unit} is out of range"), help));
     }
     Ok(level)
 }

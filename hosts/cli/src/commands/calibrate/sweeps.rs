@@ -423,7 +423,8 @@ pub fn clipped(args: &Args, amplitude: f64, hz: f64) -> Failure {
     let (option, unit) = (option(args), unit(args));
     refused(format!(
         "input channel {} clipped at {hz:.0} Hz, and the sweep was stopped: \
-         try less than {amplitude:.3} {unit} ({option}), or a lower gain of the input with its --accelerometer-full-scale",
+         try less than {amplitude:.3} {unit} ({option}), \
+         or a lower gain of the input with its --accelerometer-full-scale",
         args.input_channel
     ))
 }

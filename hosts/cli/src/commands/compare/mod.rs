@@ -15,7 +15,7 @@ use std::process::ExitCode;
 use asperity_diagnostics::Diagnostic;
 use asperity_node::Registry;
 
-use crate::failure::{Failure, print};
+use crate::failure::{Failure, print, wrong};
 use crate::kinds::Kinds;
 use crate::load::PluginArgs;
 use crate::output::{Pending, keep_all, resolved};
@@ -71,10 +71,11 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
         let vectors =
             args.vectors.as_ref().is_some_and(|dir| at.parent() == Some(&resolved(dir)) && at.exists());
         if plugin || vectors {
-            return Err(Diagnostic::new("this file is there already, and may be one that is compared")
-                .in_file(path)
-                .help("name another file")
-                .into());
+            return Err(wrong(
+                path,
+                "this file is there already, and may be one that is compared",
+                "name another file",
+            ));
         }
     }
     // Opened before minutes of work, so that a missing folder is an error at once.

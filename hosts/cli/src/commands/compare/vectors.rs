@@ -10,7 +10,7 @@ use asperity_accuracy::{npy, phase};
 use asperity_diagnostics::{Diagnostic, Source};
 use serde_json::Value;
 
-use crate::failure::{Failure, warn};
+use crate::failure::{Failure, warn, wrong};
 use crate::phase::{FRAME_HZ, Frames, check_rate};
 
 /// Frames of steady magnitudes for the rhythm: 8 s, and the edges that do not count.
@@ -150,7 +150,7 @@ type Files = [Option<PathBuf>; 2];
 pub fn read(dir: &Path) -> Result<Set, Failure> {
     let files = list(dir)?;
     if files.is_empty() {
-        return Err(Diagnostic::new("there are no vectors in this folder").in_file(dir).help(NAMES).into());
+        return Err(wrong(dir, "there are no vectors in this folder", NAMES));
     }
     let index = json(&dir.join("index.json"))?;
     let (mut vectors, mut errors) = (Vec::new(), Vec::new());

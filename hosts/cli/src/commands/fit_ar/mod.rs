@@ -13,7 +13,7 @@ use asperity_data::recordings::{self, Recorded};
 use asperity_diagnostics::Diagnostic;
 use clap::ValueEnum;
 
-use crate::failure::{Failure, clean, print, warn};
+use crate::failure::{Failure, clean, print, warn, wrong};
 use crate::number::{number, whole};
 use crate::output::{Pending, ending, keep_all, resolved};
 use report::Report;
@@ -164,17 +164,14 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
 
 /// Refuses outputs in the place of inputs.
 fn check(args: &Args) -> Result<(), Failure> {
-    let wrong = |option: &str, what: String, help: &str| -> Failure {
-        Diagnostic::new(what).in_file(option).help(help.to_owned()).into()
-    };
     let (out, recording) = (resolved(&args.out), resolved(&args.recording));
     let names = resolved(&recordings::channels_file(&args.recording));
     let own = "give the texture a name of its own";
     if out == recording {
-        return Err(wrong("--out", "the recording is read, and would be overwritten".into(), own));
+        return Err(wrong("--out", "the recording is read, and would be overwritten", own));
     }
     if out == names {
-        return Err(wrong("--out", "this is where the channels of a WAV file are named".into(), own));
+        return Err(wrong("--out", "this is where the channels of a WAV file are named", own));
     }
     if ending(&args.out) != "ron" {
         let what = format!("{} would not be found as a texture", clean(&args.out.display().to_string()));
@@ -183,7 +180,7 @@ fn check(args: &Args) -> Result<(), Failure> {
     let plot = args.plot.as_deref().map(resolved);
     if plot.as_ref().is_some_and(|plot| [&out, &recording, &names].contains(&plot)) {
         let help = "give the picture a name of its own";
-        return Err(wrong("--plot", "this file is read, or is the texture".into(), help));
+        return Err(wrong("--plot", "this file is read, or is the texture", help));
     }
     Ok(())
 }
@@ -215,10 +212,11 @@ fn read(args: &Args) -> Result<Recorded, Failure> {
     let array = ending(path) == "npy";
     let Some(rate_hz) = args.rate_hz else {
         if array {
-            return Err(Diagnostic::new("nothing says what the columns of this array are")
-                .in_file(path)
-                .help("--columns force_n,speed_mm_s,ax_m_s2 --rate-hz 1000, for example")
-                .into());
+            return Err(wrong(
+                path,
+                "nothing says what the columns of this array are",
+                "--columns force_n,speed_mm_s,ax_m_s2 --rate-hz 1000, for example",
+            ));
         }
         let known = ["csv", "wav"].contains(&ending(path).as_str());
         return Ok(recordings::recorded(path).map_err(|e| match &e.help {
@@ -228,7 +226,7 @@ fn read(args: &Args) -> Result<Recorded, Failure> {
     };
     if !array {
         let what = "a table names its own columns and has a clock, and a WAV file's are in recording.ron";
-        return Err(Diagnostic::new(what).in_file("--columns").help("for a .npy array only").into());
+        return Err(wrong("--columns", what, "for a .npy array only"));
     }
     let array = npy::read(path)?;
     let count = args.columns.len();
@@ -238,10 +236,11 @@ fn read(args: &Args) -> Result<Recorded, Failure> {
             .into());
     };
     if columns != count {
-        return Err(Diagnostic::new(format!("{columns} columns, and {count} are named"))
-            .in_file(path)
-            .help("--columns names all, those to be left out as `none`")
-            .into());
+        return Err(wrong(
+            path,
+            format!("{columns} columns, and {count} are named"),
+            "--columns names all, those to be left out as `none`",
+        ));
     }
     let values = array.values.into_f64();
     let of = |(i, name)| (name, values.iter().skip(i).step_by(count).copied().collect());

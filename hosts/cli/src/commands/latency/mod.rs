@@ -11,12 +11,11 @@ use std::fmt::Write as _;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use asperity_diagnostics::Diagnostic;
 use clap::{Arg, ArgGroup};
 use serde_json::{Value, json};
 
 use crate::card::{ActuatorArgs, OutputArgs};
-use crate::failure::{Failure, print};
+use crate::failure::{Failure, print, wrong};
 use crate::load::PluginArgs;
 use crate::number::{channel, number, whole};
 use chain::Chain;
@@ -82,10 +81,11 @@ fn with_graph_or_device(arg: Arg) -> Arg {
 pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     let wanted = args.output.card.device.is_some() || args.output.card.host.is_some();
     if args.graphs.is_empty() && !wanted {
-        return Err(Diagnostic::new("there is nothing to measure")
-            .in_file("asperity latency")
-            .help("name graphs, or a device whose output is connected to its input: --device D")
-            .into());
+        return Err(wrong(
+            "asperity latency",
+            "there is nothing to measure",
+            "name graphs, or a device whose output is connected to its input: --device D",
+        ));
     }
     let clicks = wanted.then(|| loopback::prepare(args)).transpose()?;
     let ready = chain::prepare(args)?;

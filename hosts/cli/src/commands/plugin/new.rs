@@ -10,7 +10,7 @@ use asperity_loader::file_name;
 use clap::ValueEnum;
 use include_dir::{Dir, include_dir};
 
-use crate::failure::{Failure, print};
+use crate::failure::{Failure, print, wrong};
 use crate::phase::OFFLINE;
 
 /// Languages of a plugin.
@@ -73,10 +73,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     let name = checked(&args.name)?;
     let folder = Path::new(&args.name);
     if folder.exists() {
-        return Err(Diagnostic::new("this is there already")
-            .in_file(folder)
-            .help("name another folder")
-            .into());
+        return Err(wrong(folder, "this is there already", "name another folder"));
     }
     // Made beside its place and moved there at the end, so that the folder is complete or missing.
     let parent = folder.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));

@@ -19,7 +19,7 @@ use asperity_live::Outlet;
 use asperity_node::{Buffer, Shape, time};
 use indicatif::ProgressBar;
 
-use crate::failure::{Failure, be_quiet, print, progress};
+use crate::failure::{Failure, be_quiet, print, progress, wrong};
 use crate::kinds::Kinds;
 use crate::leave::{INTERRUPTED, stop_flag};
 use crate::load::files::distinct_files;
@@ -202,10 +202,11 @@ fn split_probe<'t>(text: &'t str, graph: &GraphFile) -> Result<(&'t str, &'t str
 fn nothing_live(args: &Args, schedule: &Schedule) -> Result<(), Failure> {
     let Some((node, _)) = schedule.fed().next() else { return Ok(()) };
     let node = &schedule.nodes[node];
-    Err(Diagnostic::new(format!("`{}` ({}) is live, and a render hears nothing of it", node.id, node.kind))
-        .in_file(&args.graph.graph)
-        .help("play a stroke in its place: --input TRAJ.csv; or run the graph live: asperity run")
-        .into())
+    Err(wrong(
+        &args.graph.graph,
+        format!("`{}` ({}) is live, and a render hears nothing of it", node.id, node.kind),
+        "play a stroke in its place: --input TRAJ.csv; or run the graph live: asperity run",
+    ))
 }
 
 /// Refuses more samples than a WAV file can hold.

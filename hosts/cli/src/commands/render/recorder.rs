@@ -8,7 +8,7 @@ use asperity_graph::{Schedule, ScheduledNode};
 use asperity_live::Outlet;
 use asperity_node::{Buffer, ParamValue, Shape, time};
 
-use crate::failure::Failure;
+use crate::failure::{Failure, wrong};
 use crate::output::{self, Format, Pending, Rows, ending, salvage};
 
 /// Writes a sink's buffer after each tick.
@@ -289,10 +289,11 @@ impl Master {
     pub fn new(path: &Path, schedule: &Schedule, format: Format) -> Result<Self, Failure> {
         let nodes = Self::channels(schedule);
         if nodes.is_empty() {
-            return Err(Diagnostic::new("the graph has no `audio_out`, so there is nothing to write there")
-                .in_file(path)
-                .help("leave --out out, or add an `audio_out`")
-                .into());
+            return Err(wrong(
+                path,
+                "the graph has no `audio_out`, so there is nothing to write there",
+                "leave --out out, or add an `audio_out`",
+            ));
         }
         let rows = match ending(path).as_str() {
             "wav" => Rows::wav(Pending::create(path)?, nodes.len(), schedule.audio_hz, format)?,

@@ -8,7 +8,6 @@ use std::process::ExitCode;
 use std::time::Instant;
 
 use asperity_accuracy::timing::Recorder;
-use asperity_diagnostics::Diagnostic;
 use asperity_engine::{Engine, Options};
 use asperity_graph::{Compiled, Schedule};
 use asperity_node::Buffer;
@@ -16,14 +15,14 @@ use asperity_scene::space::Form;
 use asperity_scene::{Kind, Scene, Touchable};
 use serde_json::{Value, json};
 
-use super::{Explain, no_scene};
+use super::{Explain, load_scene};
 use crate::commands::render::Wall;
 use crate::commands::render::plot::Effects;
 use crate::commands::render::report::dropped_json;
-use crate::failure::{Failure, clean, print};
+use crate::failure::{Failure, clean, print, wrong};
 use crate::kinds::Kinds;
 use crate::load::files::node_files;
-use crate::load::{self, Loaded, OfScene};
+use crate::load::{Loaded, OfScene};
 
 /// Longest part of a stroke to run \[s\].
 const MOST_S: f64 = 60.0;
@@ -33,16 +32,12 @@ const MOST_SURFACES: usize = 40;
 /// Runs the command.
 pub fn run(args: &Explain) -> Result<ExitCode, Failure> {
     let mut kinds = Kinds::new(&args.scene.plugins.plugin);
-    let Loaded { scene, compiled, .. } = load::load(&args.scene, &mut kinds)?;
-    let Some(of_scene) = scene else { return Err(no_scene(&args.scene.graph).into()) };
+    let (Loaded { compiled, .. }, of_scene) = load_scene(&args.scene, &mut kinds)?;
     if let Some((node, _)) = compiled.schedule.fed().next() {
         let node = &compiled.schedule.nodes[node];
         let message =
             format!("`{}` ({}) is live, and nothing is measured without a hand", node.id, node.kind);
-        return Err(Diagnostic::new(message)
-            .in_file(&args.scene.graph)
-            .help("measure a stroke in its place: --input TRAJ.csv")
-            .into());
+        return Err(wrong(&args.scene.graph, message, "measure a stroke in its place: --input TRAJ.csv"));
     }
     let schedule = compiled.schedule.clone();
     let tick_hz = f64::from(schedule.tick_hz);

@@ -5,16 +5,15 @@ mod explain;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use asperity_diagnostics::Diagnostic;
 use asperity_diagnostics::ron::{Kind as Form, Value};
 use asperity_graph::{GraphFile, Schedule};
 use asperity_node::ParamValue;
 use clap::Subcommand;
 
-use crate::failure::{Failure, print};
+use crate::failure::{Failure, print, wrong};
 use crate::kinds::Kinds;
 use crate::load::files::not_read;
-use crate::load::{self, GraphArgs, Loaded};
+use crate::load::{self, GraphArgs, Loaded, OfScene};
 use crate::number::number;
 use crate::output::{resolved, write_text};
 
@@ -63,10 +62,7 @@ pub fn run(command: &Command) -> Result<ExitCode, Failure> {
 /// Prints the graph that a scene lowers to.
 fn expand(args: &Expand) -> Result<ExitCode, Failure> {
     let mut kinds = Kinds::new(&args.scene.plugins.plugin);
-    let Loaded { mut graph, scene, compiled, .. } = load::load(&args.scene, &mut kinds)?;
-    if scene.is_none() {
-        return Err(no_scene(&args.scene.graph).into());
-    }
+    let (Loaded { mut graph, compiled, .. }, _) = load_scene(&args.scene, &mut kinds)?;
     make_absolute(&mut graph, &compiled.schedule);
     let scene = args.scene.graph.display();
     let text = format!(
@@ -81,15 +77,16 @@ fn expand(args: &Expand) -> Result<ExitCode, Failure> {
     let another = "name another file in the same folder";
     if resolved(out) == resolved(&args.scene.graph) {
         let what = "the scene would be overwritten by its graph";
-        return Err(Diagnostic::new(what).in_file(out).help(another).into());
+        return Err(wrong(out, what, another));
     }
     not_read(out, &args.scene, &compiled.schedule, kinds.files(), another)?;
     let folder = |path: &Path| resolved(path).parent().map(Path::to_path_buf);
     if folder(out) != folder(&args.scene.graph) {
-        return Err(Diagnostic::new("the graph's paths are relative to the scene's folder")
-            .in_file(out)
-            .help("name a file in the folder of the scene")
-            .into());
+        return Err(wrong(
+            out,
+            "the graph's paths are relative to the scene's folder",
+            "name a file in the folder of the scene",
+        ));
     }
     write_text(out, &text)?;
     print(&format!("wrote {}\n", out.display()))?;
@@ -109,9 +106,18 @@ fn make_absolute(graph: &mut GraphFile, schedule: &Schedule) {
     }
 }
 
-/// The error for a graph where a scene is wanted.
-fn no_scene(file: &Path) -> Diagnostic {
-    Diagnostic::new("this is a graph, not a scene")
-        .in_file(file)
-        .help("a scene begins with `Scene(`; graphs/scenes has some")
+/// Loads a scene.
+///
+/// # Errors
+/// The file is a graph; everything that is wrong with the scene.
+fn load_scene(args: &GraphArgs, kinds: &mut Kinds) -> Result<(Loaded, OfScene), Failure> {
+    let (graph, scene) = load::read(args, kinds)?;
+    let Some(scene) = scene else {
+        return Err(wrong(
+            &args.graph,
+            "this is a graph, not a scene",
+            "a scene begins with `Scene(`; graphs/scenes has some",
+        ));
+    };
+    Ok((load::compile(args, kinds, graph, None)?, scene))
 }
