@@ -98,10 +98,8 @@ fn subject(args: &SelfTest) -> Result<(Option<GraphFile>, Registry), Failure> {
         strict: false,
         plugins: args.plugins.clone(),
     };
-    let graph = load::read(&of, &mut kinds)?;
-    let registry = kinds.registry(Some(&graph))?;
-    load::compiled(&graph, &of, &registry)?;
-    Ok((Some(graph), registry))
+    let loaded = load::load(&of, &mut kinds)?;
+    Ok((Some(loaded.graph), loaded.registry))
 }
 
 /// Runs a case. Nothing else catches a panic of a plugin that is prepared.

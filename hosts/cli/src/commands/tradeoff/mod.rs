@@ -14,8 +14,8 @@ use asperity_tradeoff::{Figure, Job, LoadedGraph, Machine, Prepared, Results, Ro
 
 use crate::args::{self, Merge, PluginArgs, TradeoffCommand};
 use crate::failure::{Failure, be_quiet, print, warn};
+use crate::leave::stop_flag;
 use crate::load;
-use crate::render::stop_flag;
 
 use bars::Bars;
 pub use folder::read as read_results;
