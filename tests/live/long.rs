@@ -11,7 +11,7 @@ use asperity_audio::simulated::{Params, Simulated};
 use asperity_audio::{Block, Process, Request, events, open};
 use asperity_engine::Options as EngineOptions;
 use asperity_graph::GraphFile;
-use asperity_live::driver::{Callback, Clock, Controls, Options, Paced, Ticker};
+use asperity_live::driver::{Callback, Clock, Controls, Options, Rates, TickThread, Ticker, paced};
 use asperity_live::realtime::Machine;
 use asperity_live::{Ends, Meters, Player, conduct};
 use asperity_node::time;
@@ -26,14 +26,8 @@ const NUMBERS: u64 = 1 << 22;
 struct Numbered(Player);
 
 impl Ticker for Numbered {
-    fn tick_hz(&self) -> u32 {
-        self.0.tick_hz()
-    }
-    fn rate_hz(&self) -> u32 {
-        self.0.rate_hz()
-    }
-    fn channels(&self) -> usize {
-        self.0.channels()
+    fn rates(&self) -> Rates {
+        self.0.rates()
     }
     fn next_tick(&self) -> u64 {
         self.0.next_tick()
@@ -42,7 +36,8 @@ impl Ticker for Numbered {
         // The paced driver's own thread, from its first tick to its last; the device's thread only while it
         // is in our hands.
         bind(true);
-        let span = time::samples(self.next_tick(), self.rate_hz(), self.tick_hz());
+        let Rates { tick_hz, rate_hz, .. } = self.rates();
+        let span = time::samples(self.next_tick(), rate_hz, tick_hz);
         self.0.tick(time_ns, out);
         assert!(out.iter().all(|x| x.abs() <= 1.0));
         out.iter_mut().zip(span).for_each(|(y, n)| *y = (n % NUMBERS + 1) as f32 / (2 * NUMBERS) as f32);
@@ -140,7 +135,7 @@ fn player(tick_hz: u32) -> (asperity_live::Conductor, Player) {
 
 enum Driver {
     Callback(Callback<Numbered>),
-    Paced(Paced<Numbered>),
+    Paced(TickThread<Numbered>),
 }
 
 impl Driver {
@@ -174,7 +169,7 @@ fn run(clock: Clock, tick_hz: u32, frames: u32, ticks: u64) {
             (Driver::Callback(driver), Box::new(Ear::new(half, &heard)))
         }
         _ => {
-            let (driver, half) = Paced::new(Numbered(player), &options).expect("a thread");
+            let (driver, half) = paced(Numbered(player), &options).expect("a thread");
             (Driver::Paced(driver), Box::new(Ear::new(half, &heard)))
         }
     };

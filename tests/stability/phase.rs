@@ -6,10 +6,9 @@ use std::sync::{Arc, OnceLock};
 use asperity_checks::Subject;
 use asperity_loader::Plugin;
 use asperity_node::{Complex, Fault, NodeKind, Registry, Setup, Status, Tick};
-use harness::plugins;
 
-use harness::plugins;
 use crate::{effort, fails, holds, wrap};
+use harness::plugins;
 
 /// The built-in kinds and those of the plugins that retrieve phase.
 fn all() -> Subject<'static> {

@@ -88,7 +88,8 @@ mod tests {
 
     #[test]
     fn knobs_lose_their_nodes_where_the_name_is_unique() {
-        let cases: [(&str, &[(&str, &str)], &str); 5] = [
+        type Knobs<'a> = &'a [(&'a str, &'a str)];
+        let cases: [(&str, Knobs, &str); 5] = [
             (
                 "g.ron: texture.precision=f16 phase.frames=2",
                 &[("texture.precision", "f16"), ("phase.frames", "2")],

@@ -90,7 +90,8 @@ fn unplugged_device_is_lost_and_opens_again_when_back() {
     card.unplug();
     let (reason, _) = wait_for_loss(&received);
     assert!(reason.contains("not available"), "{reason}");
-    let error = refusal(&on(&card));
+    let (sender, _events) = events();
+    let error = open(&on(&card), Box::new(Count::default()), None, sender).err().unwrap();
     assert!(error.to_string().contains("there is no output device `plug`"), "{error}");
     card.plug();
     // The lost stream is still in hand: it does not stand in the way.

@@ -14,7 +14,7 @@ fn request(rate_hz: u32) -> Request {
     Request { host: Some("jack".into()), rate_hz, ..Request::default() }
 }
 
-/// Records a port of JACK into preallocated memory.
+/// Records a port of JACK, in memory that is there beforehand.
 struct Tape {
     port: Port<AudioIn>,
     samples: Vec<f32>,
@@ -34,7 +34,7 @@ impl ProcessHandler for Tape {
     }
 }
 
-/// Records this many samples of the port named by `from`, once it is connected.
+/// Records so many samples of the port that `from` names, from the moment on when it is connected.
 fn record(from: &str, length: usize) -> (AsyncClient<(), Tape>, std::sync::mpsc::Receiver<Vec<f32>>) {
     let (client, _) = Client::new("asperity_ear", ClientOptions::NO_START_SERVER).unwrap();
     let port = client.register_port("in", AudioIn::default()).unwrap();
@@ -49,7 +49,7 @@ fn record(from: &str, length: usize) -> (AsyncClient<(), Tape>, std::sync::mpsc:
     (client, recorded)
 }
 
-/// Two seconds from port 2 of a stream on channel 2: nothing lost, repeated or reordered.
+/// Two seconds of what port 2 of a stream on channel 2 plays: nothing lost, repeated or reordered.
 fn sample_exact(rate_hz: u32, period: u32) {
     let (process, seen) = Recorder::new();
     let (sender, received) = events();
@@ -70,7 +70,7 @@ fn sample_exact(rate_hz: u32, period: u32) {
     }
     assert_eq!(stream.period_range(), Some((period, period)));
     assert!(received.try_iter().all(|event| !matches!(event, Event::Lost { .. })));
-    let mut ahead: Vec<u64> = seen.lock().iter().map(|(_, ahead)| *ahead / 1000).collect();
+    let mut ahead: Vec<u64> = seen.lock().unwrap().iter().map(|(_, ahead)| *ahead / 1000).collect();
     ahead.sort_unstable();
     println!("{rate_hz} Hz, period {period}: ahead {} to {} us", ahead[0], ahead[ahead.len() - 1]);
 }
@@ -129,7 +129,8 @@ fn the_server_sets_rate_and_period_and_the_user_hears_of_it() {
         "{:?}",
         stream.notes()
     );
-    let error = refusal(&request(44_100));
+    let (sender, _events) = events();
+    let error = open(&request(44_100), Box::new(Count::default()), None, sender).err().unwrap();
     assert!(
         matches!(error, OpenError::NoRate { .. }) && error.to_string().contains("at 48000 Hz"),
         "{error}"

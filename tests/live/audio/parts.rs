@@ -4,10 +4,9 @@ use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use asperity_audio::simulated::{Params, Simulated};
-use asperity_audio::{Block, Capture, Captured, Event, OpenError, Process, Request, Stream, events, open};
-use parking_lot::Mutex;
+use asperity_audio::{Block, Capture, Captured, Event, Process, Request, Stream, events, open};
 
-/// A card that is called by hand and keeps its output.
+/// A card that calls only when it is told to, and keeps what it hears.
 pub(crate) fn by_hand() -> Params {
     Params { speed: 0.0, keep: true, ..Params::default() }
 }
@@ -17,7 +16,7 @@ pub(crate) fn on(card: &Simulated) -> Request {
     Request { device: Some(card.id()), ..Request::default() }
 }
 
-/// Opens and plays, without reading events.
+/// Opens and plays, with nobody listening to what happens.
 pub(crate) fn play(request: &Request, process: impl Process + 'static) -> Stream {
     let (sender, _events) = events();
     let stream = open(request, Box::new(process), None, sender).unwrap();
@@ -35,25 +34,6 @@ pub(crate) fn wait_for_loss(received: &std::sync::mpsc::Receiver<Event>) -> (Str
             Err(_) => panic!("no loss was told, only {before:?}"),
         }
     }
-}
-
-/// Causes a loss; prints and returns its reason.
-pub(crate) fn lose(how: &str, received: &Receiver<Event>, cause: impl FnOnce()) -> String {
-    let began = Instant::now();
-    cause();
-    let (reason, _) = wait_for_loss(received);
-    println!("{how}: lost after {} ms: {reason}", began.elapsed().as_millis());
-    reason
-}
-
-/// Closes a lost stream, and checks that its host is away.
-pub(crate) fn close_and_find_host_away(stream: Stream, request: &Request) {
-    let closing = Instant::now();
-    drop(stream);
-    println!("closed after {} ms", closing.elapsed().as_millis());
-    let error = refusal(request);
-    println!("then: {error}");
-    assert!(matches!(error, OpenError::HostAway { .. }), "{error}");
 }
 
 /// A saw from -1.3 to 1.3 over 101 samples.
@@ -74,7 +54,7 @@ impl Process for Ramp {
     }
 }
 
-/// Plays the number of each sample, exactly, for 2^22 samples.
+/// Plays a number that says which sample it is, exactly, for 2^22 samples.
 #[derive(Default)]
 pub(crate) struct Count(usize);
 
@@ -94,7 +74,7 @@ impl Process for Count {
     }
 }
 
-/// Plays the values of a function.
+/// Plays what a function says.
 pub(crate) struct Each<F>(pub(crate) F);
 
 impl<F: FnMut() -> f32 + Send> Process for Each<F> {
@@ -118,12 +98,12 @@ impl Recorder {
 
 impl Process for Recorder {
     fn process(&mut self, block: &mut Block<'_>) {
-        self.1.lock().push((block.frames(), block.ahead_ns));
+        self.1.lock().unwrap().push((block.frames(), block.ahead_ns));
         self.0.process(block);
     }
 }
 
-/// Keeps its recording.
+/// Keeps what it hears.
 pub(crate) struct Ear(Arc<Mutex<Vec<f32>>>);
 
 impl Ear {
@@ -135,7 +115,7 @@ impl Ear {
 
 impl Capture for Ear {
     fn capture(&mut self, block: &Captured<'_>) {
-        self.0.lock().extend_from_slice(block.input);
+        self.0.lock().unwrap().extend_from_slice(block.input);
     }
 }
 
@@ -151,17 +131,17 @@ struct Seen {
 /// Latency of a loop: medians in ms, for the first frame of each block heard.
 #[derive(Debug)]
 pub(crate) struct Heard {
-    /// Frames played and not heard, after the first that was.
+    /// Frames that were played and not heard, after the first that was.
     pub(crate) lost: usize,
-    /// Time from the call that played a frame to the call that recorded it.
+    /// From the call that played a frame to the call that heard it.
     pub(crate) whole: f64,
-    /// Latency of the output, as the host says.
+    /// The output's latency, as the host says.
     pub(crate) ahead: f64,
-    /// Latency of the input, as the host says.
+    /// The input's.
     pub(crate) behind: f64,
 }
 
-/// Plays and records one channel in a loop, with the host's time stamps.
+/// Plays and records one channel in a loop, and keeps what the host says of time.
 pub(crate) struct Loop {
     played: Arc<Mutex<Vec<Seen>>>,
     heard: Arc<Mutex<(Vec<Seen>, Vec<f32>)>>,
@@ -172,7 +152,7 @@ struct LoopOut(Count, Arc<Mutex<Vec<Seen>>>);
 impl Process for LoopOut {
     fn process(&mut self, block: &mut Block<'_>) {
         let sounds_ns = block.now_ns + block.ahead_ns;
-        self.1.lock().push(Seen { frame: self.0.0, called_ns: block.now_ns, sounds_ns });
+        self.1.lock().unwrap().push(Seen { frame: self.0.0, called_ns: block.now_ns, sounds_ns });
         self.0.process(block);
     }
 }
@@ -181,7 +161,7 @@ struct LoopIn(Arc<Mutex<(Vec<Seen>, Vec<f32>)>>);
 
 impl Capture for LoopIn {
     fn capture(&mut self, block: &Captured<'_>) {
-        let mut all = self.0.lock();
+        let mut all = self.0.lock().unwrap();
         let sounds_ns = block.now_ns - block.behind_ns;
         let seen = Seen { frame: all.1.len(), called_ns: block.now_ns, sounds_ns };
         all.0.push(seen);
@@ -200,13 +180,13 @@ impl Loop {
 
     /// Frames that have been recorded.
     pub(crate) fn frames(&self) -> usize {
-        self.heard.lock().1.len()
+        self.heard.lock().unwrap().1.len()
     }
 
-    /// Checks that the recording is what was played, in order and nothing twice, apart from silence.
+    /// Checks that what was heard is what was played, in order and nothing twice, silence apart.
     pub(crate) fn check(&self, rate_hz: u32) -> Heard {
-        let played = self.played.lock().clone();
-        let (blocks, heard) = self.heard.lock().clone();
+        let played = self.played.lock().unwrap().clone();
+        let (blocks, heard) = self.heard.lock().unwrap().clone();
         let number = |sample: f32| (f64::from(sample) * f64::from(1 << 23)) as usize;
         let (mut last, mut lost) = (None, 0);
         for (at, sample) in heard.iter().enumerate().filter(|(_, sample)| **sample != 0.0) {

@@ -1,4 +1,4 @@
-//! Streams on the simulated card: samples arrive bit by bit, whatever the device is like.
+//! Streams on the simulated card: what is played arrives, bit by bit, whatever the device is like.
 
 use asperity_audio::simulated::{Params, Simulated, set_plants};
 use asperity_audio::{Format, OpenError, Request, events, open};
@@ -76,7 +76,7 @@ fn call_longer_than_the_scratch_is_filled_in_pieces() {
     let (process, seen) = Recorder::new();
     let _stream = play(&Request { channels: vec![1, 2], ..on(&card) }, process);
     card.step(100_000);
-    let blocks = seen.lock().clone();
+    let blocks = seen.lock().unwrap().clone();
     assert!(blocks.len() > 1);
     let mut frames = 0;
     for (length, ahead_ns) in &blocks {
@@ -164,7 +164,7 @@ fn plant_is_heard_after_the_latency_and_not_before() {
     for size in [64, 1, 97] {
         card.step(size);
     }
-    let heard = heard.lock().clone();
+    let heard = heard.lock().unwrap().clone();
     assert_eq!(heard.len(), 162 * 2);
     for (at, frame) in heard.chunks(2).enumerate() {
         let wanted = if at < 110 { 0.0 } else { 0.5_f32.powi(at as i32 - 110 + 1) };
@@ -218,7 +218,7 @@ fn sixteen_bits_come_back_unchanged_through_a_loopback() {
     let stream = open(&request, Box::new(Ramp::default()), Some(Box::new(capture)), sender).unwrap();
     stream.play().unwrap();
     card.step(1000);
-    let heard = heard.lock();
+    let heard = heard.lock().unwrap();
     let wanted: Vec<f32> = (0..1000).map(|at| quantized(Format::I16, ramp(at)) as f32).collect();
     assert_eq!(*heard, wanted);
 }
@@ -283,7 +283,7 @@ fn device_described_by_its_id_is_made_on_request() {
     let stream = play(&request, process);
     until("ten calls", || stream.stats().callbacks >= 10);
     assert_eq!((stream.host(), stream.format(), stream.period()), ("simulated", Format::I24, Some(97)));
-    assert!(seen.lock().iter().all(|(frames, _)| *frames == 97));
+    assert!(seen.lock().unwrap().iter().all(|(frames, _)| *frames == 97));
 }
 
 #[test]

@@ -1,9 +1,9 @@
-//! An Inverse3, simulated by a stand-in of the service.
+//! An Inverse3, played by a stand-in of the service.
 
 use std::io::Write;
 use std::net::{SocketAddr, TcpListener, TcpStream};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
+use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
@@ -22,15 +22,15 @@ struct Service {
     stop: AtomicBool,
     /// Devices by id.
     devices: Mutex<Vec<&'static str>>,
-    /// Their position in m.
+    /// Where each is, in m.
     at: Mutex<[f64; 3]>,
     /// Answer instead of a report.
     instead: Mutex<Option<String>>,
     /// Whether it answers at all.
     mute: AtomicBool,
-    /// Whether it sends unrequested reports.
+    /// Whether it sends reports that nobody asked for.
     chatty: AtomicBool,
-    /// Whether it sends as fast as it can, and reads nothing.
+    /// Whether it sends as fast as it can, and hears nothing.
     flood: AtomicBool,
     forces: Mutex<Vec<[f64; 3]>>,
     asked: AtomicU64,
@@ -39,9 +39,9 @@ struct Service {
 
 impl Service {
     fn report(&self) -> String {
-        let [x, y, z] = *self.at.lock();
+        let [x, y, z] = *self.at.lock().unwrap();
         let state = format!(r#"{{"cursor_position":{{"x":{x},"y":{y},"z":{z}}},"control_mode":"force"}}"#);
-        let devices = self.devices.lock();
+        let devices = self.devices.lock().unwrap();
         let list: Vec<_> = devices
             .iter()
             .map(|id| format!(r#"{{"device_id":"{id}","state":{state},"status":{{}}}}"#))
@@ -50,7 +50,7 @@ impl Service {
     }
 
     fn last(&self) -> [f64; 3] {
-        self.forces.lock().last().copied().unwrap_or_default()
+        self.forces.lock().unwrap().last().copied().unwrap_or_default()
     }
 
     fn pour(&self, socket: &mut WebSocket<TcpStream>) {
@@ -81,12 +81,12 @@ impl Service {
             let device = &told["inverse3"][0];
             assert!(device["device_id"].is_string());
             let values = &device["commands"]["set_cursor_force"]["values"];
-            self.forces.lock().push(["x", "y", "z"].map(|k| values[k].as_f64().unwrap()));
+            self.forces.lock().unwrap().push(["x", "y", "z"].map(|k| values[k].as_f64().unwrap()));
             self.asked.fetch_add(1, Relaxed);
             if self.mute.load(Relaxed) {
                 continue;
             }
-            let answer = self.instead.lock().clone().unwrap_or_else(|| self.report());
+            let answer = self.instead.lock().unwrap().clone().unwrap_or_else(|| self.report());
             if self.chatty.load(Relaxed) {
                 let old = answer.replace(r#""z":"#, r#""z":1000"#);
                 let _ = socket.send(Message::text(answer));
@@ -98,7 +98,7 @@ impl Service {
     }
 }
 
-/// A running stand-in; dropping it kills it with its connections.
+/// A running stand-in; dropping it kills it, connections and all.
 struct Running {
     service: Arc<Service>,
     address: SocketAddr,
@@ -145,18 +145,6 @@ impl Drop for Running {
     }
 }
 
-/// A device that is held 4 mm in a floor of 0.5 N/mm, and pushes.
-fn in_the_floor() -> (Running, Handle, SampleReader, Floor) {
-    let running = Running::new(&["049D"]);
-    *running.service.at.lock() = [0.0, 0.0, -0.004];
-    let (to, from) = samples();
-    let (models, reader) = force_model();
-    let floor = Floor::tell(models, 0.5);
-    let handle = start(running.options(), to, Some(reader)).unwrap();
-    until("the force", || running.service.last()[2] > 1.9);
-    (running, handle, from, floor)
-}
-
 fn refused(options: HaplyOptions) -> HandError {
     start(options, samples().0, None).unwrap_err()
 }
@@ -165,7 +153,7 @@ fn refused(options: HaplyOptions) -> HandError {
 fn haply_hand_is_in_mm_and_floor_pushes_along_its_axis() {
     let _alone = real_time();
     let running = Running::new(&["049D"]);
-    *running.service.at.lock() = [0.01, 0.02, 0.116];
+    *running.service.at.lock().unwrap() = [0.01, 0.02, 0.116];
     let (to, mut from) = samples();
     let (models, reader) = force_model();
     let _floor = Floor::tell(models, 0.5);
@@ -183,16 +171,16 @@ fn haply_hand_is_in_mm_and_floor_pushes_along_its_axis() {
             near(s.force, 2.0)
         })
     });
-    *running.service.at.lock() = [0.01, 0.02, 0.0];
+    *running.service.at.lock().unwrap() = [0.01, 0.02, 0.0];
     until("the greatest force", || near(running.service.last()[2], 3.0));
-    *running.service.at.lock() = [0.01, 0.02, 0.13];
+    *running.service.at.lock().unwrap() = [0.01, 0.02, 0.13];
     until("no force", || running.service.last() == [0.0; 3]);
     // In contact a dropped source lets go first, and says goodbye.
-    *running.service.at.lock() = [0.01, 0.02, 0.116];
+    *running.service.at.lock().unwrap() = [0.01, 0.02, 0.116];
     until("the force", || near(running.service.last()[2], 2.0));
     drop(handle);
     until("goodbye", || running.service.closed.load(Relaxed));
-    let forces = running.service.forces.lock();
+    let forces = running.service.forces.lock().unwrap();
     let last: Vec<_> = forces.iter().rev().take(12).map(|f| f[2]).collect();
     assert!(last[0] == 0.0 && last.windows(2).all(|w| w[1] >= w[0]), "{last:?}");
     assert!(last.iter().any(|f| *f > 0.05 && *f < 1.95), "it stepped: {last:?}");
@@ -244,7 +232,7 @@ fn unplugged_device_lets_go_and_goes_on_when_back() {
     until("no force", || running.service.last() == [0.0; 3]);
     assert!(!handle.connected());
     newest(&mut from);
-    running.service.devices.lock().push("049D");
+    running.service.devices.lock().unwrap().push("049D");
     until("samples of a new stroke", || newest(&mut from).is_some_and(|s| s.stroke == 1));
     assert!(handle.connected() && problem(&handle).contains("works again"));
 }
@@ -264,7 +252,7 @@ fn garbage_is_counted_and_lets_go() {
     assert!(handle.last_bad().unwrap().contains("is no report"));
     until("no force", || running.service.last() == [0.0; 3]);
     newest(&mut from);
-    *running.service.instead.lock() = None;
+    *running.service.instead.lock().unwrap() = None;
     until("the force again", || running.service.last()[2] > 1.9);
     assert!(newest(&mut from).is_some() && handle.connected() && handle.losses() == 0);
 }
@@ -294,7 +282,7 @@ fn reports_that_nobody_asked_for_do_not_make_the_hand_lag() {
     // Each time it would lag; a machine that stalls lags now and then.
     let least = (1..=5).map(|n| {
         let place = 0.1 * f64::from(n);
-        *running.service.at.lock() = [place, 0.0, 0.0];
+        *running.service.at.lock().unwrap() = [place, 0.0, 0.0];
         let asked = running.service.asked.load(Relaxed);
         until("the new place", || {
             newest(&mut from).is_some_and(|s| (s.position[0] - 1000.0 * place).abs() < 1e-6)

@@ -9,7 +9,7 @@ use asperity_hand::Handle;
 use asperity_live::{ForceModel, ForceWriter, Sample, SampleReader, now_ns};
 use harness::live::until;
 
-/// A floor at z = 0 of the graph, published every millisecond until dropped.
+/// A floor at z = 0 of the graph, told anew every millisecond until dropped.
 pub(crate) struct Floor(Arc<AtomicBool>, Option<JoinHandle<()>>);
 
 impl Floor {

@@ -1,4 +1,4 @@
-//! An OpenHaptics device, simulated by a stand-in library that is built here.
+//! An OpenHaptics device, played by a stand-in library that is built here.
 #![cfg(unix)]
 
 use std::ffi::{c_int, c_uint, c_ulong, c_void};
@@ -15,7 +15,6 @@ use harness::alone::real_time;
 use harness::counting::allocations;
 use harness::live::until;
 use libloading::{Library, Symbol};
-use parking_lot::{Mutex, MutexGuard};
 
 use super::held::{Floor, newest, problem};
 
@@ -109,18 +108,6 @@ unsafe extern "C" fn forbid(
     CALLS.fetch_add(1, Relaxed);
 }
 
-/// A device that is held 4 mm in a floor of 0.5 N/mm, and pushes.
-fn in_the_floor() -> (Standin, Handle, SampleReader, Floor) {
-    let standin = Standin::new();
-    standin.hand([0.0, -4.0, 0.0]);
-    let (models, reader) = force_model();
-    let floor = Floor::tell(models, 0.5);
-    let (to, from) = samples();
-    let handle = start(standin.options(), to, Some(reader)).unwrap();
-    until("the force", || (standin.force()[1] - 2.0).abs() < 1e-6);
-    (standin, handle, from, floor)
-}
-
 #[test]
 fn openhaptics_hand_has_z_up_and_floor_pushes_along_y() {
     let standin = Standin::new();
@@ -208,8 +195,13 @@ fn unplugged_device_is_told_once_and_goes_on_when_back() {
 }
 
 #[test]
-fn motors_switched_off_start_again_from_0() {
-    let (standin, handle, _from, _floor) = in_the_floor();
+fn motors_that_switch_off_begin_again_from_no_force() {
+    let standin = Standin::new();
+    standin.hand([0.0, -4.0, 0.0]);
+    let (models, reader) = force_model();
+    let _floor = Floor::tell(models, 0.5);
+    let handle = start(standin.options(), samples().0, Some(reader)).unwrap();
+    until("the force", || (standin.force()[1] - 2.0).abs() < 1e-6);
     standin.set("standin_error_always", 0x201);
     assert!(problem(&handle).contains("switched its force off: HD_EXCEEDED_MAX_FORCE"));
     until("no force", || standin.force()[1] < 0.1);
@@ -234,8 +226,14 @@ fn stalled_servo_is_told_and_begins_a_new_stroke() {
 }
 
 #[test]
-fn invalid_position_is_counted_and_releases_force() {
-    let (standin, handle, mut from, _floor) = in_the_floor();
+fn a_position_that_is_not_finite_is_counted_and_lets_go() {
+    let standin = Standin::new();
+    standin.hand([0.0, -4.0, 0.0]);
+    let (models, reader) = force_model();
+    let _floor = Floor::tell(models, 0.5);
+    let (to, mut from) = samples();
+    let handle = start(standin.options(), to, Some(reader)).unwrap();
+    until("the force", || (standin.force()[1] - 2.0).abs() < 1e-6);
     standin.hand([0.0, f64::NAN, 0.0]);
     until("no force", || standin.force() == [0.0; 3]);
     assert!(handle.bad() > 0);
@@ -264,7 +262,7 @@ fn every_kth_reading_is_sent_and_default_limit_is_1_n() {
 }
 
 #[test]
-fn missing_touch_error_has_help() {
+fn what_is_missing_is_told_with_what_to_do() {
     let standin = Standin::new();
     let run = |options| start(options, samples().0, None).unwrap_err();
     let e =

@@ -165,16 +165,12 @@ fn is_report(path: &Path) -> bool {
     text.ends_with("\n") && text.lines().last().is_some_and(|line| line.starts_with("- noise floor"))
 }
 
-/// Kept parts of a study: whole ones, and beside them what says that it is none, and what keeps other
-/// runs out.
-fn is_kept(path: &Path) -> bool {
-    let entries = std::fs::read_dir(path).expect("a folder").map(|e| e.expect("an entry").path());
-    let part = |path: &Path| {
-        path.file_name().is_some_and(|name| name.as_encoded_bytes().starts_with(b"."))
-            && path.extension().is_some_and(|e| e == "part")
-    };
-    let lock = |path: &Path| path.file_name().is_some_and(|name| name == ".lock");
-    entries.into_iter().all(|path| is_json(&path) || part(&path) || lock(&path))
+/// A digest, then finished parts. The last line of a killed run may be unfinished, and is ignored.
+fn is_progress(path: &Path) -> bool {
+    let text = text(path);
+    let whole = text.rsplit_once('\n').map_or("", |(whole, _)| whole);
+    let json = |line: &str| serde_json::from_str::<serde_json::Value>(line).is_ok();
+    path.is_file() && whole.lines().skip(1).all(json)
 }
 
 /// A crate that has all that cargo wants.

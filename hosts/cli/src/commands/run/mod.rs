@@ -141,9 +141,8 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     said.iter().for_each(|said| last.say(&format!("warning: {said}")));
     last.close();
     let run = report::Run { args, ended: &ended, grants };
-    let reported = report_file.map_or(Ok(()), |file| {
-        file.fill(&run.json()).and_then(Pending::keep).map(|path| written.push(path))
-    });
+    let reported = report_file
+        .map_or(Ok(()), |file| file.fill(&run.json()).and_then(Pending::keep).map(|path| written.push(path)));
     if !args.quiet {
         print(&run.summary(&written))?;
     }
