@@ -52,7 +52,7 @@ pub fn run(args: &Choose) -> Result<ExitCode, Failure> {
 }
 
 fn figures(names: &[String]) -> Result<Vec<Figure>, Failure> {
-    let known = || Figure::ALL.into_iter().map(Figure::name);
+    let known = || Figure::all().map(Figure::name);
     let of = |name: &String| {
         Figure::from_name(name.trim()).ok_or_else(|| {
             let d = Diagnostic::new(format!("there is no figure `{name}`")).in_file("--by");
@@ -65,7 +65,7 @@ fn figures(names: &[String]) -> Result<Vec<Figure>, Failure> {
 /// Refuses figures that no setting has.
 fn known(results: &Results, by: &[Figure], from: &str) -> Result<(), Failure> {
     let Some(missing) = by.iter().find(|f| !results.knows(**f)) else { return Ok(()) };
-    let there: Vec<&str> = Figure::ALL.into_iter().filter(|f| results.knows(*f)).map(Figure::name).collect();
+    let there: Vec<&str> = Figure::all().filter(|f| results.knows(*f)).map(Figure::name).collect();
     let there = if there.is_empty() { "none".to_owned() } else { there.join(", ") };
     let d = Diagnostic::new(format!("no setting of {from} has the figure `{}`", missing.name()));
     Err(d.in_file("--by").help(format!("known figures: {there}")).into())
