@@ -298,7 +298,7 @@ fn a_band_that_is_far_off_is_warned_of() {
     let said = ran.err.strip_prefix("warning: the band at ").unwrap_or_else(|| panic!("{}", ran.err));
     let (hz, rest) = said.split_once(" Hz is rendered ").unwrap_or_else(|| panic!("{said}"));
     let (db, rest) = rest.split_once(" dB off").unwrap_or_else(|| panic!("{rest}"));
-    assert_eq!(rest.trim_end(), " what was recorded");
+    assert_eq!(rest.trim_end(), " the recording");
     let [hz, db] = [hz, db].map(|x| x.parse::<f64>().unwrap_or_else(|e| panic!("{x}: {e}")));
     assert!((24.0..=401.0).contains(&hz) && db.abs() > 3.0, "{said}");
     let told = ran.out.split_once("dB, at most ").and_then(|(_, rest)| rest.split_once(" dB"));

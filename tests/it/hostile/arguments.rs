@@ -14,7 +14,7 @@ fn commands() -> Vec<Vec<String>> {
     let scene = graphs("scenes/side_by_side.ron").display().to_string();
     let vector = root().join("tests/data/phase/texture_2500.mag.npy").display().to_string();
     let library = graphs("models/surfaces/materials.ron").display().to_string();
-    let results = root().join("docs/tradeoff/results.json").display().to_string();
+    let results = root().join("graphs/tradeoffs/results.json").display().to_string();
     let card = "simulated:frames=256";
     let all: [&[&str]; 12] = [
         &["check", &graph],

@@ -142,7 +142,7 @@ pub const READERS: [Reader; 13] = [
     },
     Reader {
         name: "r.json",
-        right: || fs::read(root().join("docs/tradeoff/results.json")).expect("results"),
+        right: || fs::read(root().join("graphs/tradeoffs/results.json")).expect("results"),
         args: |f| words(&format!("choose {f} --budget-us 100")),
         outputs: &[],
         mutants: 150,
